@@ -1,0 +1,163 @@
+# Fovea. `make help` lists what can be asked for.
+#
+#   BUILD=dir      where everything goes (default build)
+#   CC= CXX=       compilers (gcc and clang are kept warning-free)
+#   SAN=asan|tsan  sanitizer build (use with its own BUILD)
+#   CROSS=aarch64-linux-gnu-   cross build, tests run by EMULATOR
+
+BUILD    ?= build
+CROSS    ?=
+ifeq ($(origin CC),default)
+CC       := $(CROSS)gcc
+endif
+ifeq ($(origin CXX),default)
+CXX      := $(CROSS)g++
+endif
+AR       := $(CROSS)ar
+EMULATOR ?=
+PREFIX   ?= /usr/local
+MACHINE  := $(shell $(CC) -dumpmachine 2>/dev/null)
+PKG_CONFIG ?= $(if $(CROSS),PKG_CONFIG_LIBDIR=/usr/lib/$(CROSS:-=)/pkgconfig:/usr/share/pkgconfig ,)pkg-config
+
+# ---- flags -----------------------------------------------------------------------------------------------------
+# One baseline for all float code, no contraction: the same bits from every compiler and processor.
+WARN     := -Wall -Wextra -Wshadow -Wundef -Wvla -Wpointer-arith -Wwrite-strings -Werror
+FP       := -ffp-contract=off -fno-math-errno -fsigned-char
+OPT      := -O3 -g
+ifeq ($(SAN),asan)
+OPT      := -O1 -g -fno-omit-frame-pointer -fsanitize=address,undefined -fno-sanitize-recover=all -DFOVEA_SANITIZED=1
+endif
+ifeq ($(SAN),tsan)
+OPT      := -O1 -g -fno-omit-frame-pointer -fsanitize=thread -DFOVEA_SANITIZED=1
+endif
+INCLUDES := -Iinclude -Isrc -I$(BUILD)/generated
+COMMON   := $(OPT) $(FP) $(WARN) $(INCLUDES) -fPIC -fstack-usage -pthread -MMD -MP -D_GNU_SOURCE
+CFLAGS   += -std=c11 $(COMMON) -Wstrict-prototypes -Wmissing-prototypes
+# Eigen: fixed sizes only, scalar code, asserts kept, no heap.
+CXXFLAGS += -std=c++17 $(COMMON) -isystem /usr/include/eigen3 -DEIGEN_DONT_VECTORIZE -DEIGEN_NO_MALLOC
+CXXCORE  := -fno-exceptions -fno-rtti -fno-threadsafe-statics
+LDFLAGS  += $(if $(SAN),$(filter -fsanitize% -fno-sanitize%,$(OPT)),) -pthread
+ifneq (,$(findstring clang,$(CC)))
+COMMON   := $(filter-out -fstack-usage,$(COMMON))
+endif
+
+# ---- sources ---------------------------------------------------------------------------------------------------
+LCMTYPES  := $(wildcard include/lcmtypes/*.lcm)
+LCMGEN    := $(patsubst include/lcmtypes/%.lcm,$(BUILD)/generated/%.c,$(LCMTYPES))
+KERNELS   := $(wildcard src/kernels/*.c src/kernels/c/*.c)
+ifneq (,$(findstring x86_64,$(MACHINE)))
+KERNELS   += $(wildcard src/kernels/x86/*.c)
+endif
+ifneq (,$(findstring aarch64,$(MACHINE)))
+KERNELS   += $(wildcard src/kernels/neon/*.c)
+endif
+ROOMS     := base image features geometry odometry map nn detect segment track message runtime
+CORE_C    := $(KERNELS) $(foreach r,$(ROOMS),$(wildcard src/$(r)/*.c))
+CORE_CXX  := $(foreach r,$(ROOMS),$(wildcard src/$(r)/*.cpp))
+DRIVERS_C := $(wildcard drivers/*.c drivers/sim/*.c drivers/recorded/*.c)
+APP_C     := $(wildcard src/app/*.c)
+
+objs = $(patsubst %.c,$(BUILD)/obj/%.o,$(filter %.c,$(1))) $(patsubst %.cpp,$(BUILD)/obj/%.o,$(filter %.cpp,$(1)))
+GEN_O     := $(patsubst %.c,%.o,$(LCMGEN))
+CORE_O    := $(call objs,$(CORE_C) $(CORE_CXX)) $(GEN_O)
+DRIVERS_O := $(call objs,$(DRIVERS_C))
+APP_O     := $(filter-out $(BUILD)/obj/src/app/main.o,$(call objs,$(APP_C)))
+MAIN_O    := $(BUILD)/obj/src/app/main.o
+
+LIBS_CORE := -llcm
+LIBS_APP  := -llcm -lyaml -lpng -ljpeg -lz -ldl
+
+# ---- what can be asked for -------------------------------------------------------------------------------------
+.DEFAULT_GOAL := all
+.PHONY: all help run test check bench fuzz campaign hil cross size fmt install clean evaluate
+.DELETE_ON_ERROR:
+.SECONDARY:
+
+all: $(BUILD)/fovea $(BUILD)/libfovea.a $(BUILD)/libfovea.so $(BUILD)/fovea.pc  ## build the program and the libraries
+
+help:  ## this list
+	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+
+run:  ## install what is missing, build, and run the tour on the simulated camera
+	@tools/install.sh build
+	@$(MAKE) --no-print-directory all
+	$(BUILD)/fovea run
+
+test:  ## install what is missing, build, and run the tests
+	@tools/install.sh build test
+	@$(MAKE) --no-print-directory all tests
+	@tools/run_tests.sh $(BUILD) $(EMULATOR)
+
+clean:  ## remove everything that was built
+	rm -rf $(BUILD) build-*
+
+fmt:  ## format the sources
+	clang-format -i $$(git ls-files '*.c' '*.h' '*.cpp')
+
+size: all  ## memory of the block by stage, and code size
+	@$(BUILD)/fovea check --memory-only
+	@size $(BUILD)/fovea $(BUILD)/libfovea.so
+
+install: all  ## install program, libraries, headers and message types under PREFIX
+	install -d $(DESTDIR)$(PREFIX)/bin $(DESTDIR)$(PREFIX)/lib/pkgconfig $(DESTDIR)$(PREFIX)/include/fovea \
+	           $(DESTDIR)$(PREFIX)/share/fovea/lcmtypes
+	install -m 755 $(BUILD)/fovea $(DESTDIR)$(PREFIX)/bin/
+	install -m 644 $(BUILD)/libfovea.a $(DESTDIR)$(PREFIX)/lib/
+	install -m 755 $(BUILD)/libfovea.so $(DESTDIR)$(PREFIX)/lib/libfovea.so
+	install -m 644 include/fovea/*.h $(DESTDIR)$(PREFIX)/include/fovea/
+	install -m 644 include/lcmtypes/*.lcm $(DESTDIR)$(PREFIX)/share/fovea/lcmtypes/
+	sed 's|@PREFIX@|$(PREFIX)|' tools/fovea.pc.in >$(DESTDIR)$(PREFIX)/lib/pkgconfig/fovea.pc
+
+# ---- building --------------------------------------------------------------------------------------------------
+$(BUILD)/generated/%.c: include/lcmtypes/%.lcm
+	@mkdir -p $(@D)
+	lcm-gen -c --c-cpath $(@D) --c-hpath $(@D) $<
+$(BUILD)/generated/%.h: $(BUILD)/generated/%.c ;
+$(GEN_O): %.o: %.c
+	$(CC) $(filter-out $(WARN),$(CFLAGS)) -c $< -o $@
+
+# Instruction sets by file name: everything else is the architecture's baseline.
+isa_flags = $(if $(findstring _sse4.c,$(1)),-msse4.2 -mpopcnt)\
+            $(if $(findstring _avx2.c,$(1)),-mavx2 -mbmi -mbmi2 -mpopcnt)\
+            $(if $(findstring _avx512.c,$(1)),-mavx512f -mavx512bw -mavx512dq -mavx512vl -mavx512cd -mbmi -mbmi2 -mpopcnt)\
+            $(if $(findstring _avx512vnni.c,$(1)),-mavx512f -mavx512bw -mavx512dq -mavx512vl -mavx512cd -mavx512vnni -mbmi -mbmi2 -mpopcnt)\
+            $(if $(findstring _avx512icl.c,$(1)),-mavx512f -mavx512bw -mavx512dq -mavx512vl -mavx512cd -mavx512vnni -mavx512vbmi -mavx512vbmi2 -mavx512bitalg -mavx512vpopcntdq -mbmi -mbmi2 -mpopcnt)\
+            $(if $(findstring _dotprod.c,$(1)),-march=armv8.2-a+dotprod)\
+            $(if $(findstring _i8mm.c,$(1)),-march=armv8.2-a+dotprod+i8mm)
+
+$(BUILD)/obj/%.o: %.c Makefile | $(LCMGEN)
+	@mkdir -p $(@D)
+	$(CC) $(CFLAGS) $(call isa_flags,$<) -c $< -o $@
+$(BUILD)/obj/%.o: %.cpp Makefile | $(LCMGEN)
+	@mkdir -p $(@D)
+	$(CXX) $(CXXFLAGS) $(if $(filter src/%,$<),$(CXXCORE)) -c $< -o $@
+
+$(BUILD)/libfovea.a: $(CORE_O)
+	@rm -f $@
+	$(AR) rcs $@ $^
+$(BUILD)/libfovea.so: $(CORE_O)
+	$(CXX) $(LDFLAGS) -shared -Wl,-soname,libfovea.so -o $@ $^ $(LIBS_CORE)
+$(BUILD)/libfovea-app.a: $(APP_O) $(DRIVERS_O)
+	@rm -f $@
+	$(AR) rcs $@ $^
+$(BUILD)/fovea: $(MAIN_O) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
+	$(CXX) $(LDFLAGS) -rdynamic -o $@ $(MAIN_O) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group $(LIBS_APP)
+$(BUILD)/fovea.pc: tools/fovea.pc.in
+	sed 's|@PREFIX@|$(PREFIX)|' $< >$@
+
+# ---- tests: every tests/**/test_*.c(pp) is one program ------------------------------------------------------------
+TESTS_C   := $(shell find tests -name 'test_*.c' 2>/dev/null | sort)
+TESTS_CXX := $(shell find tests -name 'test_*.cpp' 2>/dev/null | sort)
+TESTS     := $(patsubst tests/%.c,$(BUILD)/tests/%,$(TESTS_C)) $(patsubst tests/%.cpp,$(BUILD)/tests/%,$(TESTS_CXX))
+TEST_HELP := $(call objs,$(wildcard tests/common/*.c))
+.PHONY: tests
+tests: $(TESTS)
+
+$(BUILD)/tests/%: $(BUILD)/obj/tests/%.o $(TEST_HELP) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
+	@mkdir -p $(@D)
+	$(CXX) $(LDFLAGS) -o $@ $< $(TEST_HELP) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group \
+	    -lcmocka $(LIBS_APP) $(if $(filter tests/%.cpp,$(wildcard tests/$*.cpp)),$(OPENCV_LIBS)) -lm
+OPENCV_LIBS = -lopencv_calib3d -lopencv_features2d -lopencv_imgcodecs -lopencv_imgproc -lopencv_core
+$(BUILD)/obj/tests/%.o: INCLUDES += -Itests -isystem /usr/include/opencv4
+
+-include $(shell find $(BUILD) -name '*.d' 2>/dev/null)

@@ -1,0 +1,242 @@
+/* The runtime: one block of memory, one loop.
+ *
+ *     struct fovea_config config;
+ *     fovea_config_default(&config);
+ *     config.camera = ...;                                  // from fovea_calibration_read or by hand
+ *     size_t bytes;
+ *     fovea_size(&config, &bytes, &error);
+ *     void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, bytes);
+ *     struct fovea *rt;
+ *     fovea_init(memory, bytes, &config, &rt, &error);
+ *     for (;;) {
+ *         wait for a frame;
+ *         fovea_step(rt, &inputs, &outputs);   publish outputs;
+ *         fovea_work(rt, &grants, &outputs);   publish outputs;
+ *         give the frame back;
+ *     }
+ *
+ * The caller owns the block; there is nothing to destroy. After fovea_init no function here calls the heap, takes a
+ * lock, logs or makes a system call (other than through the clock that the caller may hand in). fovea_step and
+ * fovea_work are functions of (state, inputs, grants): same bits in, same bits out, on every processor.
+ * The block may be moved or copied only through fovea_copy, since it holds addresses of itself. */
+#ifndef FOVEA_FOVEA_H
+#define FOVEA_FOVEA_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "fovea/camera.h"
+#include "fovea/features.h"
+#include "fovea/image.h"
+#include "fovea/source.h"
+#include "fovea/status.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define FOVEA_VERSION "0.1.0"
+
+enum { FOVEA_BLOCK_ALIGNMENT = 64 };
+
+/* ---- configuration ---------------------------------------------------------------------------------------- */
+
+/* Wall and thread-CPU clock for stage times; called twice per stage. Never influences results. */
+typedef void (*fovea_clock_function)(void *context, int64_t *wall_ns, int64_t *cpu_ns);
+
+struct fovea_preview_config {
+    uint32_t period_frames; /* [0, 1000000], default 10: one preview every so many frames; 0: none */
+    uint32_t quality;       /* [1, 100], default 70: JPEG quality in libjpeg's scale */
+    uint32_t level;         /* [0, 7], default 2: pyramid level that is shown */
+};
+
+struct fovea_config {
+    struct fovea_camera camera; /* prepared (fovea_camera_prepare); width x height is the frame size */
+    struct fovea_features_config features;
+    struct fovea_preview_config preview;
+    uint64_t seed; /* of the generator in the state, default 1 */
+
+    /* Static mask: width x height bytes, 0 where features are ignored; NULL: none. Copied by fovea_init. */
+    const uint8_t *mask;
+
+    double T_base_cam[12]; /* row-major 3x4: camera points to the robot's base frame, metres; default identity */
+
+    /* Put before channel names, at most 31 bytes of [A-Za-z0-9_/.-]; default "FOVEA". */
+    char channel_prefix[32];
+
+    /* Publish every n-th message of a kind, [0, 1000000]; 0: never. Defaults 1, statistics 30. */
+    uint32_t features_every, statistics_every, camera_status_every;
+
+    /* Stage clock, or NULL for no stage times. */
+    fovea_clock_function clock;
+    void *clock_context;
+};
+
+void fovea_config_default(struct fovea_config *config);
+
+/* ---- set-up ------------------------------------------------------------------------------------------------ */
+
+struct fovea; /* the runtime's state, at the start of the block */
+
+/* Bytes that fovea_init will need for this configuration. The number comes from running the same carving code without
+ * memory, so the two cannot disagree. Checks the whole configuration. Init-only.
+ * FOVEA_ERROR_ARGUMENT: `error` names the member, what was found and the range. */
+enum fovea_status fovea_size(const struct fovea_config *config, size_t *bytes, struct fovea_error *error);
+
+/* Build the runtime inside `memory` (FOVEA_BLOCK_ALIGNMENT aligned, at least fovea_size bytes; every byte of it is
+ * written). Init-only. On error nothing is usable and `*rt` is untouched. */
+enum fovea_status fovea_init(void *memory, size_t bytes, const struct fovea_config *config, struct fovea **rt,
+                             struct fovea_error *error);
+
+/* The three parts of the block. */
+enum fovea_memory_part {
+    FOVEA_MEMORY_PERSISTENT = 0, /* state that lives from frame to frame */
+    FOVEA_MEMORY_JOB = 1,        /* windows of jobs, living until the job ends */
+    FOVEA_MEMORY_FRAME = 2,      /* scratch, reset each step */
+    FOVEA_MEMORY_PART_COUNT
+};
+
+struct fovea_memory_row {
+    char owner[24]; /* stage or job */
+    enum fovea_memory_part part;
+    size_t bytes;
+};
+
+enum { FOVEA_MEMORY_ROWS_MAX = 48 };
+
+/* The memory table: who takes how much of the block. Rows sum up to the block, padding included. Any thread. */
+struct fovea_memory_table {
+    uint32_t count;
+    struct fovea_memory_row rows[FOVEA_MEMORY_ROWS_MAX];
+};
+enum fovea_status fovea_memory(const struct fovea_config *config, struct fovea_memory_table *table,
+                               struct fovea_error *error);
+
+/* ---- the loop ---------------------------------------------------------------------------------------------- */
+
+/* Jobs that fovea_work advances, in order of priority. */
+enum fovea_job {
+    FOVEA_JOB_PREVIEW = 0, /* JPEG of a pyramid level */
+    FOVEA_JOB_COUNT
+};
+
+/* What the governor allows: the only way in which time influences results. Recorded with every frame. */
+struct fovea_grants {
+    uint32_t features;               /* features asked of this step, at most config.features.count_max */
+    uint32_t units[FOVEA_JOB_COUNT]; /* units of at most 0.25 ms each, by job */
+};
+
+/* Commands, as bits, taken at the start of a step. */
+enum fovea_command {
+    FOVEA_COMMAND_RESET = 1,  /* forget everything learnt since fovea_init; the reset counter rises */
+    FOVEA_COMMAND_PAUSE = 2,  /* frames are counted but not processed until resumed */
+    FOVEA_COMMAND_RESUME = 4,
+    FOVEA_COMMAND_SAVE = 8,   /* the application saves; passed on in outputs.save_asked */
+};
+
+struct fovea_inputs {
+    const struct fovea_frame *frame; /* NULL: none this time */
+    int64_t now_ns;                  /* on the frames' clock: this frame's stamp, or when it was due */
+    enum fovea_source_state source_state;
+    struct fovea_source_counts source_counts;
+    uint32_t commands;      /* enum fovea_command bits */
+    int64_t utc_offset_ns;  /* add to a stamp to get UTC; 0 where not known; copied into messages */
+    struct fovea_grants grants;
+
+    /* Measured by the application, told on in the statistics message only, never used for results. */
+    int64_t latency_ns;     /* from the stamp to the call of fovea_step; 0: unknown */
+    float temperature_c;    /* of the processor; NaN where unknown */
+    uint64_t resident_bytes;
+    uint64_t frames_late;   /* dropped because the loop was busy */
+};
+
+/* One encoded LCM message, in memory of the block, valid until the next fovea_step or fovea_work. */
+struct fovea_message {
+    const char *channel;
+    const uint8_t *data;
+    uint32_t bytes;
+    bool volatile_values; /* holds clock readings: left out when replays are compared */
+};
+
+enum { FOVEA_MESSAGES_MAX = 16 };
+
+struct fovea_outputs {
+    uint32_t message_count;
+    struct fovea_message messages[FOVEA_MESSAGES_MAX];
+    uint32_t units_done[FOVEA_JOB_COUNT];
+    uint32_t jobs_waiting; /* bit per job: has units left to do */
+    bool save_asked;
+};
+
+/* Process one frame, or note that there is none. FOVEA_OK: processed. FOVEA_AGAIN: nothing to process (no frame, paused,
+ * or refused: stamp not after the last one, wrong size or format; counted in the statistics). Never fails on data.
+ * `outputs` is overwritten. Loop thread. */
+enum fovea_status fovea_step(struct fovea *rt, const struct fovea_inputs *inputs, struct fovea_outputs *outputs);
+
+/* Advance the jobs by at most the granted units. `outputs` is overwritten. Loop thread. FOVEA_AGAIN: units are left. */
+enum fovea_status fovea_work(struct fovea *rt, const struct fovea_grants *grants, struct fovea_outputs *outputs);
+
+/* Features of the last processed frame, in memory of the block, valid until the next fovea_step. */
+const struct fovea_feature *fovea_features_get(const struct fovea *rt, uint32_t *count);
+
+/* ---- the governor ------------------------------------------------------------------------------------------ */
+
+/* Grants of the fixed schedule: all features, and per job the guaranteed minimum. For recorded input at full speed. */
+void fovea_grants_fixed(const struct fovea_config *config, struct fovea_grants *grants);
+
+/* Grants from measured time, for frames that come by the clock. A plain struct owned by the application, outside
+ * the block, since clocks must not touch the state. */
+struct fovea_governor {
+    int64_t period_ns;
+    uint32_t features, features_max, features_min;
+    int64_t unit_ns[FOVEA_JOB_COUNT]; /* running estimate of a unit's CPU time */
+    int64_t step_ns;                  /* running estimate of a step's CPU time */
+    uint32_t short_frames, ample_frames;
+};
+
+void fovea_governor_init(struct fovea_governor *governor, const struct fovea_config *config, int64_t period_ns);
+/* Grants for the next step and work: features lowered after sustained shortage, raised again after sustained ease. */
+void fovea_governor_next(struct fovea_governor *governor, const struct fovea_config *config, struct fovea_grants *grants);
+/* Lower `grants->units` to what is left of the period after the step took `step_ns`; minimum kept. */
+void fovea_governor_work(struct fovea_governor *governor, int64_t step_ns, uint32_t jobs_waiting,
+                         struct fovea_grants *grants);
+/* Learn from what the work took. */
+void fovea_governor_learn(struct fovea_governor *governor, int64_t step_ns, int64_t work_ns,
+                          const struct fovea_outputs *work_outputs);
+
+/* ---- looking inside ---------------------------------------------------------------------------------------- */
+
+enum fovea_stage {
+    FOVEA_STAGE_PYRAMID = 0,
+    FOVEA_STAGE_FEATURES = 1,
+    FOVEA_STAGE_ENCODE = 2,
+    FOVEA_STAGE_PREVIEW = 3, /* the job's share of work */
+    FOVEA_STAGE_COUNT
+};
+const char *fovea_stage_name(enum fovea_stage stage);
+const char *fovea_job_name(enum fovea_job job);
+
+struct fovea_stats {
+    uint64_t frames_in, frames_processed, frames_refused, steps_without_frame;
+    uint64_t refused_stamp, refused_format, refused_paused;
+    uint32_t reset_counter;
+    uint32_t features; /* of the last frame */
+    int64_t stage_cpu_ns[FOVEA_STAGE_COUNT], stage_wall_ns[FOVEA_STAGE_COUNT]; /* of the last step and work */
+};
+void fovea_stats_get(const struct fovea *rt, struct fovea_stats *stats);
+
+/* 64-bit FNV-1a hash of everything in the state that may influence later results: equal after equal histories on any
+ * processor of the same word size and byte order. Bounded; not for every frame. Loop thread. */
+uint64_t fovea_state_hash(const struct fovea *rt);
+
+/* Copy a runtime into another block of at least the same size, which may then be stepped on its own. Loop thread. */
+enum fovea_status fovea_copy(const struct fovea *rt, void *memory, size_t bytes, struct fovea **copy);
+
+/* Name of the kernel set that was picked ("c", "sse4", "avx2", "avx512", "neon", "dotprod"). Any thread. */
+const char *fovea_cpu_name(const struct fovea *rt);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

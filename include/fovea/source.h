@@ -1,0 +1,162 @@
+/* Frame sources: cameras, recordings and the simulated camera behind one operations table.
+ *
+ * Life of a source: open -> start -> { dequeue -> requeue }* -> stop -> close. `open` may allocate, read files and
+ * start threads; between `start` and `stop` the calls made on the loop thread (dequeue, requeue, truth) make no heap
+ * call, and wait at most until the deadline. At most `FOVEA_SOURCE_FRAMES_HELD` frames may be held at once. */
+#ifndef FOVEA_SOURCE_H
+#define FOVEA_SOURCE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "fovea/camera.h"
+#include "fovea/image.h"
+#include "fovea/status.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum { FOVEA_SOURCE_FRAMES_HELD = 2 };
+
+/* On which clock a stamp was taken. */
+enum fovea_clock {
+    FOVEA_CLOCK_MONOTONIC = 0, /* CLOCK_MONOTONIC of this host */
+    FOVEA_CLOCK_BOOTTIME = 1,
+    FOVEA_CLOCK_REALTIME = 2, /* UTC since 1970 */
+    FOVEA_CLOCK_RECORDED = 3, /* whatever clock the recording was made with */
+    FOVEA_CLOCK_SIMULATED = 4 /* starts at 0 with the run */
+};
+
+/* Which instant of the exposure a stamp means. */
+enum fovea_stamp_meaning {
+    FOVEA_STAMP_UNKNOWN = 0,
+    FOVEA_STAMP_EXPOSURE_START = 1,
+    FOVEA_STAMP_EXPOSURE_MIDDLE = 2,
+    FOVEA_STAMP_EXPOSURE_END = 3
+};
+
+/* State of a source as the loop and LCM see it. */
+enum fovea_source_state {
+    FOVEA_SOURCE_OK = 0,
+    FOVEA_SOURCE_LATE = 1,      /* a frame is overdue */
+    FOVEA_SOURCE_STALLED = 2,   /* present, but no frame for long */
+    FOVEA_SOURCE_GONE = 3,      /* unplugged */
+    FOVEA_SOURCE_RETURNING = 4, /* being set up again */
+    FOVEA_SOURCE_ENDED = 5      /* recording finished */
+};
+
+struct fovea_frame {
+    struct fovea_image image;
+    int64_t stamp_ns;
+    int64_t exposure_ns; /* 0: not known */
+    enum fovea_clock clock;
+    enum fovea_stamp_meaning stamp_meaning;
+    uint64_t sequence; /* index in the recording, or the driver's counter; gaps mean lost frames */
+    uint32_t slot;     /* the driver's own: which buffer to requeue */
+};
+
+/* Object classes that the simulated camera shows. */
+enum fovea_object_class {
+    FOVEA_OBJECT_BACKGROUND = 0,
+    FOVEA_OBJECT_BALL = 1,
+    FOVEA_OBJECT_CONE = 2,
+    FOVEA_OBJECT_BOX = 3,
+    FOVEA_OBJECT_PERSON = 4, /* a person-sized post */
+    FOVEA_OBJECT_CLASS_COUNT
+};
+
+enum { FOVEA_TRUTH_BOXES_MAX = 128 };
+
+/* Axis-aligned bounds of the visible part of one object, raw-image pixels, max exclusive. */
+struct fovea_truth_box {
+    uint32_t id; /* constant over the run, from 1 */
+    enum fovea_object_class object_class;
+    float x_min_px, y_min_px, x_max_px, y_max_px;
+    float visible_share; /* visible pixels / pixels if nothing occluded it and the image were larger */
+};
+
+/* What is exactly known about a frame. Members that a source does not know are absent: has_pose false,
+ * box_count 0, NULL maps. Maps are owned by the source and valid until the frame is requeued. */
+struct fovea_truth {
+    bool has_pose;
+    double T_world_cam[12]; /* row-major 3x4: camera points (metres) to the world; z of the world is up in `sim:` */
+    uint32_t box_count;
+    struct fovea_truth_box boxes[FOVEA_TRUTH_BOXES_MAX];
+    const float *depth_m;      /* width x height, z of the camera frame; 0: unknown */
+    const uint8_t *class_mask; /* width x height, enum fovea_object_class */
+};
+
+/* How frames of a recording are chosen: first `start`, every `step`-th, last first when `reverse`, at most `frames`
+ * (0: all). Live sources refuse anything but the default. */
+struct fovea_source_selection {
+    uint64_t start;
+    uint64_t step; /* at least 1 */
+    uint64_t frames;
+    bool reverse;
+};
+
+/* What went wrong with single frames since start, counted by the source. */
+struct fovea_source_counts {
+    uint64_t delivered;
+    uint64_t missing;   /* listed but not there */
+    uint64_t damaged;   /* truncated, undecodable, wrong size */
+    uint64_t dropped;   /* lost by the driver or overrun */
+    uint64_t recovered; /* times the camera came back */
+};
+
+struct fovea_source_info {
+    int32_t width, height;
+    enum fovea_pixel_format format;
+    double rate_hz;        /* nominal; 0: not known */
+    uint64_t frame_count;  /* frames that will be delivered; 0: endless or not known */
+    bool live;             /* frames come by the clock and are lost when not taken */
+    bool has_camera;       /* `camera` is the source's own calibration */
+    bool has_truth;
+    struct fovea_camera camera;
+    char camera_origin[256]; /* file that the calibration came from, or "built in" */
+    size_t heap_bytes;       /* what open allocated outside the runtime's block, for the memory table */
+};
+
+struct fovea_source; /* one open source; each driver defines its own */
+
+struct fovea_source_ops {
+    const char *name; /* scheme of the URI */
+    const char *help; /* one line: "DIR   EuRoC data set in ASL layout" */
+
+    /* Mandatory. `address` is what follows "name:" in the URI. On failure `error` holds the line to print and
+     * nothing is left open. Init-only. */
+    enum fovea_status (*open)(const char *address, const struct fovea_source_selection *selection,
+                              struct fovea_source **source, struct fovea_error *error);
+    /* Valid from open to close. */
+    const struct fovea_source_info *(*info)(const struct fovea_source *source);
+    enum fovea_status (*start)(struct fovea_source *source, struct fovea_error *error);
+    /* Wait for a frame until CLOCK_MONOTONIC reaches `deadline_ns` (INT64_MAX: no limit; 0: do not wait).
+     * FOVEA_OK: `frame` is valid until requeued. FOVEA_AGAIN: none in time. FOVEA_END: no more will come.
+     * FOVEA_GONE: the camera is away, keep asking. Negative: the source is beyond repair. Loop thread. */
+    enum fovea_status (*dequeue)(struct fovea_source *source, int64_t deadline_ns, struct fovea_frame *frame);
+    void (*requeue)(struct fovea_source *source, const struct fovea_frame *frame);
+    void (*stop)(struct fovea_source *source);
+    void (*close)(struct fovea_source *source);
+
+    /* Optional (NULL where it does not apply). */
+    enum fovea_status (*truth)(struct fovea_source *source, const struct fovea_frame *frame, struct fovea_truth *truth);
+    void (*counts)(const struct fovea_source *source, struct fovea_source_counts *counts);
+    enum fovea_source_state (*state)(const struct fovea_source *source);
+    /* One line about the first frame of each kind that was skipped since the last call (file and reason), or
+     * FOVEA_AGAIN when there is nothing to say. Off the loop thread. */
+    enum fovea_status (*complaint)(struct fovea_source *source, struct fovea_error *error);
+};
+
+/* All drivers built in, ended by NULL (drivers/table.c). */
+extern const struct fovea_source_ops *const fovea_source_table[];
+
+/* The driver for a URI "name:address" and where its address starts; an error that lists the known names otherwise. */
+enum fovea_status fovea_source_find(const char *uri, const struct fovea_source_ops **ops, const char **address,
+                                    struct fovea_error *error);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

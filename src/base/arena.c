@@ -1,0 +1,43 @@
+#include "base/arena.h"
+
+#include <string.h>
+
+void fv_arena_count(struct fv_arena *arena)
+{
+    *arena = (struct fv_arena){.base = NULL, .capacity = SIZE_MAX};
+}
+
+void fv_arena_init(struct fv_arena *arena, void *base, size_t capacity)
+{
+    *arena = (struct fv_arena){.base = base, .capacity = capacity};
+}
+
+void fv_arena_reset(struct fv_arena *arena)
+{
+    arena->used = 0;
+    arena->exhausted = false;
+}
+
+void *fv_arena_take_raw(struct fv_arena *arena, size_t count, size_t size)
+{
+    const size_t line = FV_CACHE_LINE_BYTES;
+    if (size != 0 && count > (SIZE_MAX / 2 - line) / size) {
+        arena->exhausted = true;
+        return NULL;
+    }
+    const size_t bytes = (count * size + line - 1) / line * line;
+    if (bytes > arena->capacity - arena->used) {
+        arena->exhausted = true;
+        return NULL;
+    }
+    const size_t offset = arena->used;
+    arena->used += bytes;
+    return arena->base == NULL ? NULL : arena->base + offset;
+}
+
+void *fv_arena_take(struct fv_arena *arena, size_t count, size_t size)
+{
+    void *piece = fv_arena_take_raw(arena, count, size);
+    if (piece != NULL) memset(piece, 0, count * size);
+    return piece;
+}

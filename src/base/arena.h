@@ -1,0 +1,41 @@
+/* Arena: hands out pieces of one block that the caller owns, front to back; nothing is ever given back singly.
+ *
+ * The same carving code runs twice: once in counting mode (base NULL), which yields the size, once on real memory.
+ * A piece is aligned to `alignment` and zeroed. In counting mode the piece is NULL: carving code must not write to it.
+ * fv_arena_reset gives all pieces back at once (the frame part, each step; a job's part, when the job ends).
+ * Cost: constant, except for the zeroing. */
+#ifndef FOVEA_BASE_ARENA_H
+#define FOVEA_BASE_ARENA_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum { FV_CACHE_LINE_BYTES = 64 };
+
+struct fv_arena {
+    uint8_t *base;    /* NULL: counting */
+    size_t capacity;  /* bytes at base; SIZE_MAX when counting */
+    size_t used;      /* bytes handed out, padding included */
+    bool exhausted;   /* a piece did not fit; sticky until reset */
+};
+
+void fv_arena_count(struct fv_arena *arena);
+void fv_arena_init(struct fv_arena *arena, void *base, size_t capacity);
+void fv_arena_reset(struct fv_arena *arena);
+
+/* `count` elements of `size` bytes, cache-line aligned. NULL when counting, or when it does not fit (then
+ * arena->exhausted is set). Real-time safe. */
+void *fv_arena_take(struct fv_arena *arena, size_t count, size_t size);
+
+/* The same without zeroing, for large scratch that is written before it is read. */
+void *fv_arena_take_raw(struct fv_arena *arena, size_t count, size_t size);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

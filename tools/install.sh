@@ -1,0 +1,32 @@
+#!/bin/sh
+# Install the Debian packages that a group of targets needs, and only those that are missing.
+# Usage: tools/install.sh GROUP...     (build, test, bench, cross, check, fuzz)
+set -eu
+
+packages() {
+    case $1 in
+    build) echo gcc g++ make pkg-config liblcm-dev liblcm-bin libyaml-dev libpng-dev libjpeg62-turbo-dev \
+                libeigen3-dev zlib1g-dev ;;
+    test)  echo libcmocka-dev libopencv-core-dev libopencv-imgproc-dev libopencv-features2d-dev \
+                libopencv-calib3d-dev libopencv-imgcodecs-dev python3 python3-venv ;;
+    *) echo "tools/install.sh: unknown group '$1'" >&2; exit 2 ;;
+    esac
+}
+
+missing=
+for group in "$@"; do
+    for package in $(packages "$group"); do
+        dpkg-query -W -f '${db:Status-Status}\n' "$package" 2>/dev/null | grep -qx installed || missing="$missing $package"
+    done
+done
+[ -z "$missing" ] && exit 0
+
+sudo=
+if [ "$(id -u)" != 0 ]; then
+    command -v sudo >/dev/null || { echo "tools/install.sh: run as root or install sudo; missing:$missing" >&2; exit 1; }
+    sudo=sudo
+fi
+echo "Installing:$missing"
+$sudo apt-get update -q >/dev/null
+# shellcheck disable=SC2086
+DEBIAN_FRONTEND=noninteractive $sudo apt-get install -y -q --no-install-recommends $missing >/dev/null

@@ -1,0 +1,25 @@
+#!/bin/sh
+# Run every test program of a build and say at the end which failed.
+# Usage: tools/run_tests.sh BUILD [EMULATOR...]
+set -u
+build=$1
+shift
+: "${FOVEA_DATA:=../shared/data}"
+export FOVEA_DATA
+passed=0 failed= log=$build/test.log
+: >"$log"
+for test in $(find "$build/tests" -type f -perm -u+x -name 'test_*' | sort); do
+    if "$@" "$test" >"$build/test.out" 2>&1; then
+        passed=$((passed + 1))
+    else
+        failed="$failed $test"
+        echo "FAILED $test"
+        tail -n 40 "$build/test.out"
+    fi
+    grep -h 'SKIPPED' "$build/test.out"
+    cat "$build/test.out" >>"$log"
+done
+count=$(echo "$failed" | wc -w)
+[ -z "$failed" ] || echo "failed:$failed"
+echo "$passed passed, $count failed"
+[ "$count" -eq 0 ] && [ "$passed" -gt 0 ]
