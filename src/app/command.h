@@ -1,0 +1,26 @@
+/* Commands of the `fovea` program. A command is one row of the table in commands.c: its name, one line of
+ * help and the function that does it, in a file of its own. A row is added when the command works, not
+ * before. */
+#ifndef FOVEA_APP_COMMAND_H
+#define FOVEA_APP_COMMAND_H
+
+/* Exit statuses of every command. */
+enum fv_exit {
+    FV_EXIT_OK = 0,
+    FV_EXIT_FAILED = 1, /* failed while running: the machine, a full disk, a difference found */
+    FV_EXIT_WRONG = 2   /* wrong input: arguments, configuration, calibration, recording */
+};
+
+struct fv_command {
+    const char *name;
+    const char *help;                  /* one line, no full stop */
+    int (*run)(int argc, char **argv); /* argv[0] is the command's name; returns enum fv_exit */
+};
+
+/* All commands, ended by a row whose name is NULL. */
+extern const struct fv_command fv_commands[];
+
+int fv_command_run(int argc, char **argv);    /* the real-time loop */
+int fv_command_config(int argc, char **argv); /* print or check a configuration */
+
+#endif

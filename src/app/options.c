@@ -1,0 +1,134 @@
+#include "app/options.h"
+
+#include <errno.h>
+#include <getopt.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "app/nearest.h"
+#include "app/say.h"
+
+static void help_print(const struct fv_option *options, const char *command, const char *operands)
+{
+    printf("usage: fovea %s [OPTION]...%s%s\n\n", command, *operands ? " " : "", operands);
+    for (const struct fv_option *option = options; option->name != NULL; option++) {
+        int width =
+            printf("  --%s%s%s", option->name, option->value ? " " : "", option->value ? option->value : "");
+        printf("%*s %s\n", width < 26 ? 26 - width : 0, "", option->help);
+    }
+    printf("  --help                   this text\n");
+}
+
+static enum fv_options_result unknown(const struct fv_option *options, const char *command,
+                                      const char *argument)
+{
+    char name[64];
+    if (strncmp(argument, "--", 2) == 0) argument += 2;
+    size_t length = strcspn(argument, "=");
+    snprintf(name, sizeof name, "%.*s", (int)(length < 63 ? length : 63), argument);
+    struct fv_nearest nearest = {.wanted = name};
+    for (const struct fv_option *option = options; option->name != NULL; option++)
+        fv_nearest_offer(&nearest, option->name);
+    fv_say("fovea %s: unknown option '%s%s'%s%s%s ('fovea %s --help' lists all)", command,
+           argument[0] == '-' ? "" : "--", name, nearest.name ? ", nearest is '--" : "",
+           nearest.name ? nearest.name : "", nearest.name ? "'" : "", command);
+    return FV_OPTIONS_WRONG;
+}
+
+static bool count_read(const char *text, uint64_t *value)
+{
+    char *end;
+    if (*text < '0' || *text > '9') return false;
+    errno = 0;
+    unsigned long long number = strtoull(text, &end, 10);
+    if (errno != 0 || *end != '\0' || number > INT64_MAX) return false;
+    *value = number;
+    return true;
+}
+
+static enum fv_options_result store(const struct fv_option *option, const char *command, const char *text)
+{
+    struct fv_option_list *list = option->target;
+    switch (option->kind) {
+    case FV_OPTION_FLAG:
+        *(bool *)option->target = true;
+        return FV_OPTIONS_READ;
+    case FV_OPTION_TEXT:
+        *(const char **)option->target = text;
+        return FV_OPTIONS_READ;
+    case FV_OPTION_COUNT:
+        if (count_read(text, option->target)) return FV_OPTIONS_READ;
+        fv_say("fovea %s: --%s: found '%s', expected a whole number from 0", command, option->name, text);
+        return FV_OPTIONS_WRONG;
+    case FV_OPTION_LIST:
+        if (list->count < FV_OPTION_LIST_MAX) {
+            list->values[list->count++] = text;
+            return FV_OPTIONS_READ;
+        }
+        fv_say("fovea %s: --%s: given more than %d times", command, option->name, FV_OPTION_LIST_MAX);
+        return FV_OPTIONS_WRONG;
+    }
+    return FV_OPTIONS_WRONG;
+}
+
+enum { CODE_HELP = 1000, CODE_FIRST = 1001 };
+
+static void table_fill(const struct fv_option *options, struct option *table)
+{
+    int count = 0;
+    for (; options[count].name != NULL && count < FV_OPTIONS_MAX; count++) {
+        int argument = options[count].kind == FV_OPTION_FLAG ? no_argument : required_argument;
+        table[count] = (struct option){options[count].name, argument, NULL, CODE_FIRST + count};
+    }
+    table[count] = (struct option){"help", no_argument, NULL, CODE_HELP};
+    table[count + 1] = (struct option){0};
+}
+
+static enum fv_options_result operands_check(const char *command, const char *operands, int minimum,
+                                             int maximum, int argc, char **argv)
+{
+    if (argc - optind > maximum) {
+        fv_say("fovea %s: unexpected argument '%s', expected %s%s beside the options", command,
+               argv[optind + maximum], maximum == 0 ? "nothing" : "only ", maximum == 0 ? "" : operands);
+        return FV_OPTIONS_WRONG;
+    }
+    if (argc - optind < minimum) {
+        fv_say("fovea %s: argument missing, expected %s", command, operands);
+        return FV_OPTIONS_WRONG;
+    }
+    return FV_OPTIONS_READ;
+}
+
+enum fv_options_result fv_options_parse(const struct fv_option *options, const char *operands,
+                                        int operands_min, int operands_max, int argc, char **argv, int *first)
+{
+    struct option table[FV_OPTIONS_MAX + 2];
+    const char *command = argv[0];
+    table_fill(options, table);
+    opterr = 0;
+    optind = 0; /* glibc: start afresh, so that one process may parse many times */
+    for (;;) {
+        int code = getopt_long(argc, argv, ":", table, NULL);
+        if (code == -1) break;
+        const char *argument = optind > 0 && optind <= argc ? argv[optind - 1] : "";
+        if (code == CODE_HELP) {
+            help_print(options, command, operands);
+            return FV_OPTIONS_HELP;
+        }
+        if (code == ':') {
+            const struct fv_option *option = &options[optopt - CODE_FIRST];
+            fv_say("fovea %s: --%s: value missing, expected %s", command, option->name, option->value);
+            return FV_OPTIONS_WRONG;
+        }
+        if (code == '?' && optopt >= CODE_HELP) {
+            fv_say("fovea %s: '%s': this option takes no value", command, argument);
+            return FV_OPTIONS_WRONG;
+        }
+        if (code == '?') return unknown(options, command, argument);
+        enum fv_options_result result = store(&options[code - CODE_FIRST], command, optarg);
+        if (result != FV_OPTIONS_READ) return result;
+    }
+    *first = optind;
+    return operands_check(command, operands, operands_min, operands_max, argc, argv);
+}

@@ -1,0 +1,51 @@
+/* Options of a command as a table: getopt_long does the parsing, this adds typed values, help and one-line
+ * errors.
+ *
+ *     struct fv_option options[] = {
+ *         {"frames", "N", FV_OPTION_COUNT, &frames, "stop after N frames"},
+ *         {0},
+ *     };
+ *
+ * `--help` is understood by every command. Init-only. */
+#ifndef FOVEA_APP_OPTIONS_H
+#define FOVEA_APP_OPTIONS_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+enum fv_option_kind {
+    FV_OPTION_FLAG,  /* bool *: set to true; takes no value */
+    FV_OPTION_TEXT,  /* const char **: points into argv */
+    FV_OPTION_COUNT, /* uint64_t *: decimal, 0 to 2^63 - 1 */
+    FV_OPTION_LIST   /* struct fv_option_list *: may be given many times */
+};
+
+struct fv_option {
+    const char *name;
+    const char *value; /* what the help calls the value: "FILE", "N"; NULL for flags */
+    enum fv_option_kind kind;
+    void *target;
+    const char *help;
+};
+
+enum { FV_OPTIONS_MAX = 40, FV_OPTION_LIST_MAX = 64 };
+
+struct fv_option_list {
+    int count;
+    const char *values[FV_OPTION_LIST_MAX];
+};
+
+enum fv_options_result {
+    FV_OPTIONS_READ, /* go on */
+    FV_OPTIONS_HELP, /* help was printed: leave with FV_EXIT_OK */
+    FV_OPTIONS_WRONG /* one line was printed to stderr: leave with FV_EXIT_WRONG */
+};
+
+/* Parse argv[1...]. `operands` tells what may stand beside the options, for the help ("FILE", "" for
+ * nothing); their number must be within [operands_min, operands_max]. After FV_OPTIONS_READ, `*first` is the
+ * index in argv of the first operand (getopt_long moves operands behind the options). */
+enum fv_options_result fv_options_parse(const struct fv_option *options, const char *operands,
+                                        int operands_min, int operands_max, int argc, char **argv,
+                                        int *first);
+
+#endif

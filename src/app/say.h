@@ -1,0 +1,19 @@
+/* One line to a person on stderr. Whatever the text quotes from files or arguments, it stays one line:
+ * control bytes are shown as '?' and the line is cut at 1023 bytes. Off the loop thread. */
+#ifndef FOVEA_APP_SAY_H
+#define FOVEA_APP_SAY_H
+
+#include "app/command.h"
+
+#if defined(__GNUC__)
+#define FV_SAY_FORMAT __attribute__((format(printf, 1, 2)))
+#else
+#define FV_SAY_FORMAT
+#endif
+
+void fv_say(const char *format, ...) FV_SAY_FORMAT;
+/* The same, returning the exit status to leave with. */
+enum fv_exit fv_say_wrong(const char *format, ...) FV_SAY_FORMAT;  /* FV_EXIT_WRONG */
+enum fv_exit fv_say_failed(const char *format, ...) FV_SAY_FORMAT; /* FV_EXIT_FAILED */
+
+#endif
