@@ -113,8 +113,8 @@ $(BUILD)/generated/%.c: include/lcmtypes/%.lcm
 	@mkdir -p $(@D)
 	lcm-gen -c --c-cpath $(@D) --c-hpath $(@D) $<
 $(BUILD)/generated/%.h: $(BUILD)/generated/%.c ;
-$(GEN_O): %.o: %.c
-	$(CC) $(filter-out $(WARN),$(CFLAGS)) -c $< -o $@
+$(GEN_O): %.o: %.c | $(LCMGEN)
+	$(CC) $(filter-out $(WARN),$(CFLAGS)) -fno-strict-aliasing -c $< -o $@
 
 # Instruction sets by file name: everything else is the architecture's baseline.
 isa_flags = $(if $(findstring _sse4.c,$(1)),-msse4.2 -mpopcnt)\
