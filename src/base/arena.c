@@ -38,6 +38,6 @@ void *fv_arena_take_raw(struct fv_arena *arena, size_t count, size_t size)
 void *fv_arena_take(struct fv_arena *arena, size_t count, size_t size)
 {
     void *piece = fv_arena_take_raw(arena, count, size);
-    if (piece != NULL) memset(piece, 0, count * size);
+    if (piece != NULL && !arena->keep) memset(piece, 0, count * size);
     return piece;
 }

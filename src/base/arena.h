@@ -1,7 +1,9 @@
 /* Arena: hands out pieces of one block that the caller owns, front to back; nothing is ever given back singly.
  *
- * The same carving code runs twice: once in counting mode (base NULL), which yields the size, once on real memory.
- * A piece is aligned to `alignment` and zeroed. In counting mode the piece is NULL: carving code must not write to it.
+ * The same carving code runs in three modes, so that they cannot disagree: counting (base NULL), which yields the size;
+ * building, on memory to be zeroed; and rebasing, on a block that was copied from elsewhere and whose contents stay,
+ * where carving only finds the addresses again. So carving code assigns addresses and nothing else: a piece is NULL
+ * when counting, and keeps its old contents when rebasing. Pieces are cache-line aligned.
  * fv_arena_reset gives all pieces back at once (the frame part, each step; a job's part, when the job ends).
  * Cost: constant, except for the zeroing. */
 #ifndef FOVEA_BASE_ARENA_H
@@ -22,13 +24,14 @@ struct fv_arena {
     size_t capacity;  /* bytes at base; SIZE_MAX when counting */
     size_t used;      /* bytes handed out, padding included */
     bool exhausted;   /* a piece did not fit; sticky until reset */
+    bool keep;        /* rebasing: pieces are not zeroed */
 };
 
 void fv_arena_count(struct fv_arena *arena);
 void fv_arena_init(struct fv_arena *arena, void *base, size_t capacity);
 void fv_arena_reset(struct fv_arena *arena);
 
-/* `count` elements of `size` bytes, cache-line aligned. NULL when counting, or when it does not fit (then
+/* `count` elements of `size` bytes, zeroed unless rebasing. NULL when counting, or when it does not fit (then
  * arena->exhausted is set). Real-time safe. */
 void *fv_arena_take(struct fv_arena *arena, size_t count, size_t size);
 

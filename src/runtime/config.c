@@ -1,0 +1,99 @@
+#include "runtime/config.h"
+
+#include <string.h>
+
+void fovea_config_default(struct fovea_config *config)
+{
+    memset(config, 0, sizeof *config);
+    config->features = (struct fovea_features_config){
+        .count_max = 1000, .pyramid_levels = 8, .threshold = 20, .threshold_min = 7};
+    config->preview = (struct fovea_preview_config){.period_frames = 10, .quality = 70, .level = 2};
+    config->seed = 1;
+    config->T_base_cam[0] = config->T_base_cam[5] = config->T_base_cam[10] = 1.0;
+    memcpy(config->channel_prefix, "FOVEA", sizeof "FOVEA");
+    config->features_every = 1;
+    config->statistics_every = 30;
+    config->camera_status_every = 1;
+}
+
+struct range {
+    const char *name;
+    uint64_t value, low, high;
+};
+
+static enum fovea_status check_ranges(const struct range *ranges, size_t count, struct fovea_error *error)
+{
+    for (size_t i = 0; i < count; i++) {
+        if (ranges[i].value < ranges[i].low || ranges[i].value > ranges[i].high) {
+            return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "%s: found %llu, expected %llu to %llu", ranges[i].name,
+                                   (unsigned long long)ranges[i].value, (unsigned long long)ranges[i].low,
+                                   (unsigned long long)ranges[i].high);
+        }
+    }
+    return FOVEA_OK;
+}
+
+static enum fovea_status check_prefix(const char prefix[32], struct fovea_error *error)
+{
+    if (memchr(prefix, 0, 32) == NULL || prefix[0] == 0) {
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "channel_prefix: expected 1 to 31 bytes");
+    }
+    for (const char *c = prefix; *c != 0; c++) {
+        const bool alphanumeric = (*c >= 'a' && *c <= 'z') || (*c >= 'A' && *c <= 'Z') || (*c >= '0' && *c <= '9');
+        if (!alphanumeric && strchr("_/.-", *c) == NULL) {
+            return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                                   "channel_prefix: found byte 0x%02x, expected letters, digits and _ / . -",
+                                   (unsigned char)*c);
+        }
+    }
+    return FOVEA_OK;
+}
+
+/* A rotation must be orthonormal to 1e-3: figures typed with four digits pass, a transposed scale does not. */
+static enum fovea_status check_transform(const double T[12], struct fovea_error *error)
+{
+    for (int i = 0; i < 12; i++) {
+        if (!(T[i] > -1e6 && T[i] < 1e6)) {
+            return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "T_base_cam: element %d is not a finite number", i);
+        }
+    }
+    for (int a = 0; a < 3; a++) {
+        for (int b = a; b < 3; b++) {
+            const double dot = T[4 * a] * T[4 * b] + T[4 * a + 1] * T[4 * b + 1] + T[4 * a + 2] * T[4 * b + 2];
+            const double off = dot - (a == b ? 1.0 : 0.0);
+            if (off > 1e-3 || off < -1e-3) {
+                return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                                       "T_base_cam: rows %d and %d of its rotation are not orthonormal", a, b);
+            }
+        }
+    }
+    const double determinant = T[0] * (T[5] * T[10] - T[6] * T[9]) - T[1] * (T[4] * T[10] - T[6] * T[8]) +
+                               T[2] * (T[4] * T[9] - T[5] * T[8]);
+    if (determinant < 0) {
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "T_base_cam: found a reflection, expected a rotation");
+    }
+    return FOVEA_OK;
+}
+
+enum fovea_status fv_config_check(const struct fovea_config *config, struct fovea_error *error)
+{
+    const struct fovea_features_config *f = &config->features;
+    const struct range ranges[] = {
+        {"camera width", (uint64_t)(int64_t)config->camera.width, FOVEA_IMAGE_WIDTH_MIN, FOVEA_IMAGE_WIDTH_MAX},
+        {"camera height", (uint64_t)(int64_t)config->camera.height, FOVEA_IMAGE_HEIGHT_MIN, FOVEA_IMAGE_HEIGHT_MAX},
+        {"features.count_max", f->count_max, FOVEA_FEATURES_MIN, FOVEA_FEATURES_MAX},
+        {"features.pyramid_levels", f->pyramid_levels, 1, FOVEA_PYRAMID_LEVELS_MAX},
+        {"features.threshold", f->threshold, 2, 100},
+        {"features.threshold_min", f->threshold_min, 2, f->threshold},
+        {"preview.period_frames", config->preview.period_frames, 0, 1000000},
+        {"preview.quality", config->preview.quality, 1, 100},
+        {"preview.level", config->preview.level, 0, f->pyramid_levels - 1},
+        {"features_every", config->features_every, 0, 1000000},
+        {"statistics_every", config->statistics_every, 0, 1000000},
+        {"camera_status_every", config->camera_status_every, 0, 1000000},
+    };
+    enum fovea_status status = check_ranges(ranges, sizeof ranges / sizeof ranges[0], error);
+    if (status == FOVEA_OK) status = check_prefix(config->channel_prefix, error);
+    if (status == FOVEA_OK) status = check_transform(config->T_base_cam, error);
+    return status;
+}

@@ -1,0 +1,52 @@
+#include "runtime/preview.h"
+
+#include <string.h>
+
+enum { BLOCKS_PER_UNIT = 64 }; /* about 0.05 ms here, 0.25 ms on a slow board */
+
+void fv_preview_carve(struct fv_preview *preview, int32_t width, int32_t height, struct fv_arena *persistent,
+                      struct fv_arena *job)
+{
+    preview->width = width;
+    preview->height = height;
+    preview->jpeg_capacity = fv_jpeg_capacity(width, height);
+    preview->state = fv_arena_take(persistent, 1, sizeof *preview->state);
+    preview->pixels = fv_arena_take(job, (size_t)width * (size_t)height, 1);
+    preview->jpeg = fv_arena_take(job, preview->jpeg_capacity, 1);
+}
+
+void fv_preview_ask(struct fv_preview *preview, uint64_t sequence, int64_t stamp_ns)
+{
+    struct fv_preview_state *state = preview->state;
+    if (state->active) return;
+    state->due = true;
+    state->sequence = sequence;
+    state->stamp_ns = stamp_ns;
+}
+
+bool fv_preview_waiting(const struct fv_preview *preview)
+{
+    return preview->state->due || preview->state->active;
+}
+
+bool fv_preview_unit(struct fv_preview *preview, const uint8_t *pixels, int32_t stride_bytes, uint32_t quality)
+{
+    struct fv_preview_state *state = preview->state;
+    if (!state->active) {
+        for (int32_t y = 0; y < preview->height; y++) {
+            memcpy(preview->pixels + (size_t)y * (size_t)preview->width, pixels + (ptrdiff_t)y * stride_bytes,
+                   (size_t)preview->width);
+        }
+        fv_jpeg_start(&state->jpeg, preview->width, preview->height, quality, preview->jpeg, preview->jpeg_capacity);
+        state->due = false;
+        state->active = true;
+        return false;
+    }
+    if (!fv_jpeg_encode(&state->jpeg, preview->pixels, preview->width, BLOCKS_PER_UNIT, preview->jpeg)) return false;
+    state->active = false;
+    if (state->jpeg.overflow) {
+        state->given_up++;
+        return false;
+    }
+    return true;
+}

@@ -1,0 +1,44 @@
+/* The preview job: a JPEG of one pyramid level, for people. Copies its level when it starts, encodes a few blocks per unit,
+ * and yields one message, which carries the stamp of the image that it shows. */
+#ifndef FOVEA_RUNTIME_PREVIEW_H
+#define FOVEA_RUNTIME_PREVIEW_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "base/arena.h"
+#include "fovea/fovea.h"
+#include "message/jpeg.h"
+
+/* Free of addresses, so that it is copied and hashed with the state. */
+struct fv_preview_state {
+    bool due;    /* a frame asked for a preview */
+    bool active; /* pixels are copied and being encoded */
+    uint64_t sequence;
+    int64_t stamp_ns;
+    uint32_t given_up; /* previews that did not fit their buffer */
+    struct fv_jpeg jpeg;
+};
+
+struct fv_preview {
+    struct fv_preview_state *state;
+    uint8_t *pixels; /* width x height, no padding */
+    uint8_t *jpeg;
+    int32_t width, height;
+    size_t jpeg_capacity;
+};
+
+/* Persistent state and job memory for a level of width x height pixels. */
+void fv_preview_carve(struct fv_preview *preview, int32_t width, int32_t height, struct fv_arena *persistent,
+                      struct fv_arena *job);
+
+/* Ask for a preview of the frame that was just processed; an unfinished one goes on first. */
+void fv_preview_ask(struct fv_preview *preview, uint64_t sequence, int64_t stamp_ns);
+
+bool fv_preview_waiting(const struct fv_preview *preview);
+
+/* Do one unit. `pixels` is the level of the last processed frame, whose stamp and sequence are given: the job looks at it
+ * in its first unit only. Returns true when the picture is complete in preview->jpeg, state->jpeg.used bytes. */
+bool fv_preview_unit(struct fv_preview *preview, const uint8_t *pixels, int32_t stride_bytes, uint32_t quality);
+
+#endif

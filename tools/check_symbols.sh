@@ -1,0 +1,23 @@
+#!/bin/sh
+# What the runtime library may ask of the world: no libm (results would differ between machines), no operator new, no
+# static guards, no qsort, no heap, no printing, no clock. LCM's generated code is the only part that names more.
+# Usage: tools/check_symbols.sh BUILD [NM]
+set -eu
+build=$1
+nm=${2:-nm}
+
+allowed='^(memcpy|memset|memmove|memcmp|memchr|strlen|strcmp|strncmp|strchr|snprintf|vsnprintf|getauxval|getenv|abort'
+allowed="$allowed|__assert_fail|__stack_chk_fail|_GLOBAL_OFFSET_TABLE_|__cpu_model|__popcountdi2"
+allowed="$allowed|__(asan|ubsan|tsan|sanitizer)_.*|fv_.*|fovea_.*|_ZN?.*(fovea|fv_|Eigen).*)$"
+
+bad=0
+for object in $(find "$build/obj/src" -name '*.o' ! -path '*/app/*' | sort) ; do
+    symbols=$($nm --undefined-only "$object" | awk '{print $NF}' | grep -vE "$allowed" || true)
+    if [ -n "$symbols" ]; then
+        echo "$object: $(echo "$symbols" | tr '\n' ' ')"
+        bad=1
+    fi
+done
+# vsnprintf and getenv are for set-up only.
+[ $bad -eq 0 ] && echo "symbols: ok"
+exit $bad
