@@ -54,7 +54,7 @@ endif
 ROOMS     := base image features geometry odometry map nn detect segment track message runtime
 CORE_C    := $(KERNELS) $(foreach r,$(ROOMS),$(wildcard src/$(r)/*.c))
 CORE_CXX  := $(foreach r,$(ROOMS),$(wildcard src/$(r)/*.cpp))
-DRIVERS_C := $(wildcard drivers/*.c drivers/sim/*.c drivers/recorded/*.c)
+DRIVERS_C := $(wildcard drivers/*.c drivers/*/*.c)
 APP_C     := $(wildcard src/app/*.c)
 
 objs = $(patsubst %.c,$(BUILD)/obj/%.o,$(filter %.c,$(1))) $(patsubst %.cpp,$(BUILD)/obj/%.o,$(filter %.cpp,$(1)))
