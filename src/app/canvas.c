@@ -1,0 +1,165 @@
+#include "app/canvas.h"
+
+#include <errno.h>
+#include <png.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "app/font.h"
+
+enum { SIDE_MAX = 16384 };
+
+enum fovea_status fv_canvas_create(struct fv_canvas *canvas, int width, int height, uint32_t colour)
+{
+    if (width < 1 || height < 1 || width > SIDE_MAX || height > SIDE_MAX) return FOVEA_ERROR_ARGUMENT;
+    uint8_t *rgb = malloc((size_t)width * (size_t)height * 3);
+    if (rgb == NULL) return FOVEA_ERROR_SYSTEM;
+    *canvas = (struct fv_canvas){width, height, rgb};
+    fv_canvas_fill(canvas, 0, 0, width, height, colour);
+    return FOVEA_OK;
+}
+
+void fv_canvas_free(struct fv_canvas *canvas)
+{
+    free(canvas->rgb);
+    *canvas = (struct fv_canvas){0};
+}
+
+static uint8_t *pixel_at(struct fv_canvas *canvas, int x, int y)
+{
+    return canvas->rgb + ((size_t)y * (size_t)canvas->width + (size_t)x) * 3;
+}
+
+static int clamp(int value, int low, int high)
+{
+    return value < low ? low : value > high ? high : value;
+}
+
+/* Coordinates far outside would overflow an int: they are brought to just beyond the canvas first. */
+static int round_down(float value)
+{
+    if (!(value > -100000.0F)) return -100000;
+    if (value > 100000.0F) return 100000;
+    int whole = (int)value;
+    return (float)whole > value ? whole - 1 : whole;
+}
+
+void fv_canvas_image(struct fv_canvas *canvas, int left, int top, const struct fovea_image *image)
+{
+    int step = image->format == FOVEA_PIXEL_RGB24 ? 3 : 1;
+    if (image->format != FOVEA_PIXEL_GREY8 && image->format != FOVEA_PIXEL_RGB24) return;
+    for (int y = 0; y < image->height; y++) {
+        if (top + y < 0 || top + y >= canvas->height) continue;
+        const uint8_t *row = image->data + (ptrdiff_t)y * image->stride_bytes;
+        for (int x = 0; x < image->width; x++) {
+            if (left + x < 0 || left + x >= canvas->width) continue;
+            uint8_t *to = pixel_at(canvas, left + x, top + y);
+            for (int c = 0; c < 3; c++)
+                to[c] = row[x * step + (step == 3 ? c : 0)];
+        }
+    }
+}
+
+void fv_canvas_blend(struct fv_canvas *canvas, int x, int y, uint32_t colour, float opacity)
+{
+    if (x < 0 || y < 0 || x >= canvas->width || y >= canvas->height || !(opacity > 0.0F)) return;
+    if (opacity > 1.0F) opacity = 1.0F;
+    uint8_t *to = pixel_at(canvas, x, y);
+    for (int c = 0; c < 3; c++) {
+        float goal = (float)((colour >> (16 - 8 * c)) & 0xff);
+        to[c] = (uint8_t)((float)to[c] + (goal - (float)to[c]) * opacity + 0.5F);
+    }
+}
+
+void fv_canvas_fill(struct fv_canvas *canvas, int left, int top, int width, int height, uint32_t colour)
+{
+    int right = clamp(left + width, 0, canvas->width), bottom = clamp(top + height, 0, canvas->height);
+    for (int y = clamp(top, 0, canvas->height); y < bottom; y++)
+        for (int x = clamp(left, 0, canvas->width); x < right; x++)
+            fv_canvas_blend(canvas, x, y, colour, 1.0F);
+}
+
+void fv_canvas_line(struct fv_canvas *canvas, float x0, float y0, float x1, float y1, float thickness,
+                    uint32_t colour)
+{
+    float dx = x1 - x0, dy = y1 - y0, length2 = dx * dx + dy * dy, half = thickness * 0.5F;
+    int left = clamp(round_down((x0 < x1 ? x0 : x1) - half) - 1, 0, canvas->width);
+    int right = clamp(round_down((x0 < x1 ? x1 : x0) + half) + 2, -1, canvas->width - 1);
+    int top = clamp(round_down((y0 < y1 ? y0 : y1) - half) - 1, 0, canvas->height);
+    int bottom = clamp(round_down((y0 < y1 ? y1 : y0) + half) + 2, -1, canvas->height - 1);
+    for (int y = top; y <= bottom; y++)
+        for (int x = left; x <= right; x++) {
+            float px = (float)x - x0, py = (float)y - y0;
+            float along = length2 > 0.0F ? (px * dx + py * dy) / length2 : 0.0F;
+            along = along < 0.0F ? 0.0F : along > 1.0F ? 1.0F : along;
+            float ex = px - along * dx, ey = py - along * dy;
+            fv_canvas_blend(canvas, x, y, colour, half + 0.5F - __builtin_sqrtf(ex * ex + ey * ey));
+        }
+}
+
+static void round_shape(struct fv_canvas *canvas, const float centre[2], float inner, float outer,
+                        uint32_t colour)
+{
+    int left = clamp(round_down(centre[0] - outer) - 1, 0, canvas->width);
+    int right = clamp(round_down(centre[0] + outer) + 2, -1, canvas->width - 1);
+    int top = clamp(round_down(centre[1] - outer) - 1, 0, canvas->height);
+    int bottom = clamp(round_down(centre[1] + outer) + 2, -1, canvas->height - 1);
+    for (int y = top; y <= bottom; y++)
+        for (int x = left; x <= right; x++) {
+            float dx = (float)x - centre[0], dy = (float)y - centre[1];
+            float distance = __builtin_sqrtf(dx * dx + dy * dy);
+            float cover = outer + 0.5F - distance, hole = distance - inner + 0.5F;
+            fv_canvas_blend(canvas, x, y, colour, cover < hole ? cover : hole);
+        }
+}
+
+void fv_canvas_circle(struct fv_canvas *canvas, float x, float y, float radius, float thickness,
+                      uint32_t colour)
+{
+    float half = thickness * 0.5F;
+    round_shape(canvas, (const float[2]){x, y}, radius - half, radius + half, colour);
+}
+
+void fv_canvas_disc(struct fv_canvas *canvas, float x, float y, float radius, uint32_t colour)
+{
+    round_shape(canvas, (const float[2]){x, y}, -1.0F, radius, colour);
+}
+
+void fv_canvas_box(struct fv_canvas *canvas, float x_min, float y_min, float x_max, float y_max,
+                   float thickness, uint32_t colour)
+{
+    float right = x_max - 1.0F, bottom = y_max - 1.0F;
+    fv_canvas_line(canvas, x_min, y_min, right, y_min, thickness, colour);
+    fv_canvas_line(canvas, right, y_min, right, bottom, thickness, colour);
+    fv_canvas_line(canvas, right, bottom, x_min, bottom, thickness, colour);
+    fv_canvas_line(canvas, x_min, bottom, x_min, y_min, thickness, colour);
+}
+
+int fv_canvas_text(struct fv_canvas *canvas, int left, int top, int scale, uint32_t colour, const char *text)
+{
+    for (; *text != '\0'; text++, left += FV_FONT_ADVANCE * scale) {
+        const uint8_t *glyph = fv_font_glyph(*text);
+        for (int y = 0; y < FV_FONT_ROWS; y++)
+            for (int x = 0; x < FV_FONT_COLUMNS; x++)
+                if ((glyph[y] >> (FV_FONT_COLUMNS - 1 - x)) & 1)
+                    fv_canvas_fill(canvas, left + x * scale, top + y * scale, scale, scale, colour);
+    }
+    return left;
+}
+
+int fv_canvas_text_width(int scale, const char *text)
+{
+    return (int)strlen(text) * FV_FONT_ADVANCE * scale;
+}
+
+enum fovea_status fv_canvas_write(const struct fv_canvas *canvas, const char *path, struct fovea_error *error)
+{
+    png_image png = {.version = PNG_IMAGE_VERSION,
+                     .width = (png_uint_32)canvas->width,
+                     .height = (png_uint_32)canvas->height,
+                     .format = PNG_FORMAT_RGB};
+    errno = 0;
+    if (png_image_write_to_file(&png, path, 0, canvas->rgb, 0, NULL)) return FOVEA_OK;
+    return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: cannot be written: %s", path,
+                           errno != 0 ? strerror(errno) : png.message);
+}
