@@ -1,0 +1,251 @@
+#include "message/message.h"
+
+#include <string.h>
+
+#include "fovea_camera_status_t.h"
+#include "fovea_command_t.h"
+#include "fovea_features_t.h"
+#include "fovea_frame_t.h"
+#include "fovea_grants_t.h"
+#include "fovea_inputs_t.h"
+#include "fovea_pose_t.h"
+#include "fovea_preview_t.h"
+#include "fovea_recording_t.h"
+#include "fovea_statistics_t.h"
+
+void fv_message_prepare(void)
+{
+    (void)__fovea_camera_status_t_get_hash();
+    (void)__fovea_command_t_get_hash();
+    (void)__fovea_features_t_get_hash();
+    (void)__fovea_frame_t_get_hash();
+    (void)__fovea_grants_t_get_hash();
+    (void)__fovea_inputs_t_get_hash();
+    (void)__fovea_pose_t_get_hash();
+    (void)__fovea_preview_t_get_hash();
+    (void)__fovea_recording_t_get_hash();
+    (void)__fovea_statistics_t_get_hash();
+}
+
+void fv_message_channel(const char *prefix, enum fv_message_kind kind, char *name)
+{
+    static const char *const suffixes[FV_MESSAGE_KIND_COUNT] = {
+        [FV_MESSAGE_FEATURES] = "FEATURES",   [FV_MESSAGE_STATISTICS] = "STATISTICS",
+        [FV_MESSAGE_PREVIEW] = "PREVIEW",     [FV_MESSAGE_CAMERA_STATUS] = "CAMERA_STATUS",
+        [FV_MESSAGE_COMMAND] = "COMMAND",     [FV_MESSAGE_FRAME] = "FRAME",
+        [FV_MESSAGE_RECORDING] = "RECORDING", [FV_MESSAGE_INPUTS] = "INPUTS",
+        [FV_MESSAGE_GRANTS] = "GRANTS",
+    };
+    const char *parts[3] = {prefix, prefix[0] != '\0' ? "_" : "", suffixes[kind]};
+    size_t used = 0;
+    for (int part = 0; part < 3; part++)
+        for (const char *c = parts[part]; *c != '\0' && used + 1 < FV_MESSAGE_CHANNEL_BYTES; c++)
+            name[used++] = *c;
+    name[used] = '\0';
+}
+
+fovea_stamp_t fv_message_stamp(const struct fovea_frame *frame, int64_t utc_offset_ns)
+{
+    fovea_stamp_t stamp;
+    memset(&stamp, 0, sizeof stamp); /* padding too: stamps are kept in hashed state */
+    stamp.utc_offset_ns = utc_offset_ns;
+    stamp.sequence = -1;
+    if (frame != NULL) {
+        stamp.time_ns = frame->stamp_ns;
+        stamp.clock = (int8_t)frame->clock;
+        stamp.meaning = (int8_t)frame->stamp_meaning;
+        stamp.sequence = (int64_t)frame->sequence;
+    }
+    return stamp;
+}
+
+/* lcm-gen takes sizes as int. */
+static int clamp_capacity(size_t capacity)
+{
+    return capacity > INT32_MAX ? INT32_MAX : (int)capacity;
+}
+
+static uint32_t bytes_or_none(int encoded)
+{
+    return encoded > 0 ? (uint32_t)encoded : 0;
+}
+
+/* ---- features
+ * ---------------------------------------------------------------------------------------------- */
+
+size_t fv_message_features_size_max(uint32_t count_max)
+{
+    fovea_features_t empty;
+    memset(&empty, 0, sizeof empty);
+    return (size_t)fovea_features_t_encoded_size(&empty) + fv_message_features_scratch_bytes(count_max);
+}
+
+size_t fv_message_features_scratch_bytes(uint32_t count_max)
+{
+    return (size_t)count_max * (3 * sizeof(float) + 2);
+}
+
+uint32_t fv_message_features_encode(const struct fv_message_features *in, void *scratch, uint8_t *buffer,
+                                    size_t capacity)
+{
+    float *x_px = scratch, *y_px = x_px + in->count, *size_px = y_px + in->count;
+    uint8_t *level = (uint8_t *)(size_px + in->count), *score = level + in->count;
+    for (uint32_t i = 0; i < in->count; i++) {
+        x_px[i] = in->features[i].x_px;
+        y_px[i] = in->features[i].y_px;
+        size_px[i] = in->features[i].size_px;
+        level[i] = in->features[i].level;
+        score[i] = in->features[i].score;
+    }
+    fovea_features_t message = {
+        .stamp = in->stamp,
+        .reset_counter = (int32_t)in->reset_counter,
+        .width = in->width,
+        .height = in->height,
+        .asked = (int32_t)in->asked,
+        .count = (int32_t)in->count,
+        .x_px = x_px,
+        .y_px = y_px,
+        .size_px = size_px,
+        .level = level,
+        .score = score,
+    };
+    return bytes_or_none(fovea_features_t_encode(buffer, 0, clamp_capacity(capacity), &message));
+}
+
+/* ---- statistics
+ * -------------------------------------------------------------------------------------------- */
+
+size_t fv_message_statistics_size_max(void)
+{
+    /* The longest names that fit the documented limit. */
+    char name[FV_MESSAGE_NAME_BYTES_MAX], *stages[FOVEA_STAGE_COUNT], *jobs[FOVEA_JOB_COUNT];
+    memset(name, 'x', sizeof name - 1);
+    name[sizeof name - 1] = '\0';
+    for (int i = 0; i < FOVEA_STAGE_COUNT; i++)
+        stages[i] = name;
+    for (int i = 0; i < FOVEA_JOB_COUNT; i++)
+        jobs[i] = name;
+    fovea_statistics_t message;
+    memset(&message, 0, sizeof message);
+    message.version = name;
+    message.kernel_set = name;
+    message.stage_count = FOVEA_STAGE_COUNT;
+    message.stage_name = stages;
+    message.job_count = FOVEA_JOB_COUNT;
+    message.job_name = jobs;
+    return (size_t)fovea_statistics_t_encoded_size(&message);
+}
+
+static void fill_counters(fovea_statistics_t *message, const struct fovea_stats *stats,
+                          const struct fovea_inputs *inputs)
+{
+    message->reset_counter = (int32_t)stats->reset_counter;
+    message->frames_in = (int64_t)stats->frames_in;
+    message->frames_processed = (int64_t)stats->frames_processed;
+    message->frames_refused = (int64_t)stats->frames_refused;
+    message->refused_stamp = (int64_t)stats->refused_stamp;
+    message->refused_format = (int64_t)stats->refused_format;
+    message->refused_paused = (int64_t)stats->refused_paused;
+    message->steps_without_frame = (int64_t)stats->steps_without_frame;
+    message->frames_late = (int64_t)inputs->frames_late;
+    message->source_missing = (int64_t)inputs->source_counts.missing;
+    message->source_damaged = (int64_t)inputs->source_counts.damaged;
+    message->source_dropped = (int64_t)inputs->source_counts.dropped;
+    message->source_recovered = (int64_t)inputs->source_counts.recovered;
+    message->features = (int32_t)stats->features;
+    message->features_granted = (int32_t)inputs->grants.features;
+    message->latency_ns = inputs->latency_ns;
+    message->resident_bytes = (int64_t)inputs->resident_bytes;
+    message->temperature_c = inputs->temperature_c;
+}
+
+uint32_t fv_message_statistics_encode(const struct fv_message_statistics *in, uint8_t *buffer,
+                                      size_t capacity)
+{
+    char *stage_names[FOVEA_STAGE_COUNT], *job_names[FOVEA_JOB_COUNT];
+    int64_t stage_cpu_ns[FOVEA_STAGE_COUNT], stage_wall_ns[FOVEA_STAGE_COUNT];
+    int32_t granted[FOVEA_JOB_COUNT], done[FOVEA_JOB_COUNT];
+    int8_t waiting[FOVEA_JOB_COUNT];
+    for (int i = 0; i < FOVEA_STAGE_COUNT; i++) {
+        stage_names[i] = (char *)in->stage_names[i]; /* lcm-gen knows no const; it only reads */
+        stage_cpu_ns[i] = in->stats->stage_cpu_ns[i];
+        stage_wall_ns[i] = in->stats->stage_wall_ns[i];
+    }
+    for (int i = 0; i < FOVEA_JOB_COUNT; i++) {
+        job_names[i] = (char *)in->job_names[i];
+        granted[i] = (int32_t)in->work_grants->units[i];
+        done[i] = (int32_t)in->units_done[i];
+        waiting[i] = (int8_t)((in->jobs_waiting >> i) & 1);
+    }
+    fovea_statistics_t message = {
+        .stamp = in->stamp,
+        .version = (char *)FOVEA_VERSION,
+        .kernel_set = (char *)in->kernel_set,
+        .stage_count = FOVEA_STAGE_COUNT,
+        .stage_name = stage_names,
+        .stage_cpu_ns = stage_cpu_ns,
+        .stage_wall_ns = stage_wall_ns,
+        .job_count = FOVEA_JOB_COUNT,
+        .job_name = job_names,
+        .job_units_granted = granted,
+        .job_units_done = done,
+        .job_waiting = waiting,
+        .memory_persistent_bytes = (int64_t)in->memory_bytes[FOVEA_MEMORY_PERSISTENT],
+        .memory_job_bytes = (int64_t)in->memory_bytes[FOVEA_MEMORY_JOB],
+        .memory_frame_bytes = (int64_t)in->memory_bytes[FOVEA_MEMORY_FRAME],
+    };
+    fill_counters(&message, in->stats, in->inputs);
+    return bytes_or_none(fovea_statistics_t_encode(buffer, 0, clamp_capacity(capacity), &message));
+}
+
+/* ---- camera status and preview
+ * ----------------------------------------------------------------------------- */
+
+size_t fv_message_camera_status_size_max(void)
+{
+    fovea_camera_status_t empty;
+    memset(&empty, 0, sizeof empty);
+    empty.pixel_format = (char *)"";
+    return (size_t)fovea_camera_status_t_encoded_size(&empty) + FV_MESSAGE_NAME_BYTES_MAX;
+}
+
+uint32_t fv_message_camera_status_encode(const struct fv_message_camera_status *in, uint8_t *buffer,
+                                         size_t capacity)
+{
+    fovea_camera_status_t message = {
+        .stamp = in->stamp,
+        .now_ns = in->now_ns,
+        .state = (int8_t)in->state,
+        .width = in->width,
+        .height = in->height,
+        .pixel_format = (char *)in->pixel_format,
+        .exposure_ns = in->exposure_ns,
+        .delivered = (int64_t)in->counts.delivered,
+        .missing = (int64_t)in->counts.missing,
+        .damaged = (int64_t)in->counts.damaged,
+        .dropped = (int64_t)in->counts.dropped,
+        .recovered = (int64_t)in->counts.recovered,
+    };
+    return bytes_or_none(fovea_camera_status_t_encode(buffer, 0, clamp_capacity(capacity), &message));
+}
+
+size_t fv_message_preview_size_max(size_t jpeg_bytes_max)
+{
+    fovea_preview_t empty;
+    memset(&empty, 0, sizeof empty);
+    return (size_t)fovea_preview_t_encoded_size(&empty) + jpeg_bytes_max;
+}
+
+uint32_t fv_message_preview_encode(const struct fv_message_preview *in, uint8_t *buffer, size_t capacity)
+{
+    fovea_preview_t message = {
+        .stamp = in->stamp,
+        .width = in->width,
+        .height = in->height,
+        .scale = in->scale,
+        .size_bytes = (int32_t)in->jpeg_bytes,
+        .jpeg = (uint8_t *)in->jpeg, /* lcm-gen knows no const; it only reads */
+    };
+    return bytes_or_none(fovea_preview_t_encode(buffer, 0, clamp_capacity(capacity), &message));
+}

@@ -1,0 +1,103 @@
+/* Messages: the runtime's results as LCM bytes, encoded into memory that the caller owns.
+ *
+ * Types stand in include/lcmtypes/; encoding goes through lcm-gen's `_encode` (its `_publish` calls the
+ * heap). An encoder returns the bytes written, or 0 when `capacity` is too small; `*_size_max` says what is
+ * always enough, for carving. Values read from clocks go into the statistics message alone. Everything here
+ * is real-time safe, except where it says init-only, and needs fv_message_prepare to have run once in the
+ * process. */
+#ifndef FOVEA_MESSAGE_MESSAGE_H
+#define FOVEA_MESSAGE_MESSAGE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "fovea/fovea.h"
+#include "fovea_stamp_t.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Kinds of message; each has one channel, named <prefix>_<suffix>. */
+enum fv_message_kind {
+    FV_MESSAGE_FEATURES = 0,
+    FV_MESSAGE_STATISTICS,
+    FV_MESSAGE_CAMERA_STATUS,
+    FV_MESSAGE_PREVIEW,
+    FV_MESSAGE_COMMAND, /* in */
+    FV_MESSAGE_FRAME,   /* this and the next three: in recordings only */
+    FV_MESSAGE_RECORDING,
+    FV_MESSAGE_INPUTS,
+    FV_MESSAGE_GRANTS,
+    FV_MESSAGE_KIND_COUNT
+};
+
+enum { FV_MESSAGE_CHANNEL_BYTES = 64, FV_MESSAGE_NAME_BYTES_MAX = 24 };
+
+/* Compute lcm-gen's type hashes, which it stores in unguarded statics when first used. Init-only. */
+void fv_message_prepare(void);
+
+/* "FOVEA" and FV_MESSAGE_FEATURES give "FOVEA_FEATURES"; an empty prefix gives "FEATURES". `name` holds
+ * FV_MESSAGE_CHANNEL_BYTES. */
+void fv_message_channel(const char *prefix, enum fv_message_kind kind, char *name);
+
+/* The stamp of a frame as messages carry it; NULL: no frame yet (time 0, sequence -1). */
+fovea_stamp_t fv_message_stamp(const struct fovea_frame *frame, int64_t utc_offset_ns);
+
+struct fv_message_features {
+    fovea_stamp_t stamp;
+    uint32_t reset_counter;
+    int32_t width, height; /* of the raw image */
+    uint32_t asked;        /* features granted */
+    uint32_t count;
+    const struct fovea_feature *features;
+};
+size_t fv_message_features_size_max(uint32_t count_max);
+/* Scratch that encoding needs, 4-byte aligned: the message holds one array per member. */
+size_t fv_message_features_scratch_bytes(uint32_t count_max);
+uint32_t fv_message_features_encode(const struct fv_message_features *in, void *scratch, uint8_t *buffer,
+                                    size_t capacity);
+
+struct fv_message_statistics {
+    fovea_stamp_t stamp;
+    const char *kernel_set;
+    const struct fovea_stats *stats;
+    const struct fovea_inputs *inputs;      /* of the last step: counters and what the application measured */
+    const struct fovea_grants *work_grants; /* of the last work */
+    const uint32_t *units_done;             /* [FOVEA_JOB_COUNT] in the last work */
+    uint32_t jobs_waiting;                  /* bit per job */
+    const size_t *memory_bytes;             /* [FOVEA_MEMORY_PART_COUNT] */
+    const char *const *stage_names; /* [FOVEA_STAGE_COUNT], at most FV_MESSAGE_NAME_BYTES_MAX with the zero */
+    const char *const *job_names;   /* [FOVEA_JOB_COUNT], likewise */
+};
+size_t fv_message_statistics_size_max(void);
+uint32_t fv_message_statistics_encode(const struct fv_message_statistics *in, uint8_t *buffer,
+                                      size_t capacity);
+
+struct fv_message_camera_status {
+    fovea_stamp_t stamp; /* of the last frame */
+    int64_t now_ns;
+    enum fovea_source_state state;
+    int32_t width, height;
+    const char *pixel_format; /* fovea_pixel_format_name of the last frame */
+    int64_t exposure_ns;
+    struct fovea_source_counts counts;
+};
+size_t fv_message_camera_status_size_max(void);
+uint32_t fv_message_camera_status_encode(const struct fv_message_camera_status *in, uint8_t *buffer,
+                                         size_t capacity);
+
+struct fv_message_preview {
+    fovea_stamp_t stamp; /* of the image shown */
+    int32_t width, height;
+    double scale; /* raw-image pixels per preview pixel */
+    const uint8_t *jpeg;
+    uint32_t jpeg_bytes;
+};
+size_t fv_message_preview_size_max(size_t jpeg_bytes_max);
+uint32_t fv_message_preview_encode(const struct fv_message_preview *in, uint8_t *buffer, size_t capacity);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
