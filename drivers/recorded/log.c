@@ -1,0 +1,226 @@
+#include "fovea/log.h"
+
+#include <errno.h>
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#include "fovea_frame_t.h"
+
+struct fovea_log {
+    FILE *file;
+    char *path;
+    int64_t size, offset; /* bytes of the file; where the next event starts */
+    uint8_t *buffer;
+    size_t capacity;
+};
+
+enum fovea_status fovea_log_open(const char *path, struct fovea_log **log, struct fovea_error *error)
+{
+    FILE *file = fopen(path, "rb");
+    if (file == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: %s", path, strerror(errno));
+    struct stat info;
+    if (fstat(fileno(file), &info) != 0 || !S_ISREG(info.st_mode)) {
+        fclose(file);
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: found something else, expected a log file",
+                               path);
+    }
+    struct fovea_log *opened = calloc(1, sizeof *opened);
+    char *name = strdup(path);
+    if (opened == NULL || name == NULL) {
+        free(opened);
+        free(name);
+        fclose(file);
+        return fovea_error_set(error, FOVEA_ERROR_MEMORY, "%s: no memory to open it", path);
+    }
+    opened->file = file;
+    opened->path = name;
+    opened->size = info.st_size;
+    *log = opened;
+    return FOVEA_OK;
+}
+
+void fovea_log_close(struct fovea_log *log)
+{
+    if (log == NULL) return;
+    fclose(log->file);
+    free(log->path);
+    free(log->buffer);
+    free(log);
+}
+
+static uint32_t read_u32(const uint8_t *bytes)
+{
+    return (uint32_t)bytes[0] << 24 | (uint32_t)bytes[1] << 16 | (uint32_t)bytes[2] << 8 | bytes[3];
+}
+
+static int64_t read_i64(const uint8_t *bytes)
+{
+    return (int64_t)((uint64_t)read_u32(bytes) << 32 | read_u32(bytes + 4));
+}
+
+static enum fovea_status cut_off(const struct fovea_log *log, int64_t needed, struct fovea_error *error)
+{
+    return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                           "%s: byte %" PRId64 ": the event is cut off: found %" PRId64
+                           " bytes to the end of the file, "
+                           "expected %" PRId64,
+                           log->path, log->offset, log->size - log->offset, needed);
+}
+
+/* Header and channel of the event at log->offset; leaves the file at the event's data. */
+static enum fovea_status read_head(struct fovea_log *log, struct fovea_log_event *event,
+                                   struct fovea_error *error)
+{
+    uint8_t head[FOVEA_LOG_HEADER_BYTES];
+    int64_t left = log->size - log->offset;
+    if (left <= 0) return FOVEA_END;
+    if (left < FOVEA_LOG_HEADER_BYTES || fread(head, sizeof head, 1, log->file) != 1)
+        return cut_off(log, FOVEA_LOG_HEADER_BYTES, error);
+    uint32_t sync = read_u32(head), channel_bytes = read_u32(head + 20), data_bytes = read_u32(head + 24);
+    if (sync != FOVEA_LOG_SYNC)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%s: byte %" PRId64 ": found %08" PRIx32 ", expected an LCM event (%08x)",
+                               log->path, log->offset, sync, FOVEA_LOG_SYNC);
+    if (channel_bytes < 1 || channel_bytes >= FOVEA_LOG_CHANNEL_BYTES)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%s: byte %" PRId64 ": channel length: found %" PRIu32 ", expected 1 to %d",
+                               log->path, log->offset + 20, channel_bytes, FOVEA_LOG_CHANNEL_BYTES - 1);
+    if (data_bytes > FOVEA_LOG_DATA_BYTES_MAX)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%s: byte %" PRId64 ": data length: found %" PRIu32 ", expected at most %d",
+                               log->path, log->offset + 24, data_bytes, FOVEA_LOG_DATA_BYTES_MAX);
+    int64_t whole = (int64_t)FOVEA_LOG_HEADER_BYTES + channel_bytes + data_bytes;
+    if (left < whole || fread(event->channel, channel_bytes, 1, log->file) != 1)
+        return cut_off(log, whole, error);
+    event->channel[channel_bytes] = '\0';
+    for (uint32_t i = 0; i < channel_bytes; i++)
+        if (event->channel[i] < ' ' || event->channel[i] > '~')
+            return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                                   "%s: byte %" PRId64
+                                   ": channel name: found byte %d, expected printable ASCII",
+                                   log->path, log->offset + FOVEA_LOG_HEADER_BYTES + i, event->channel[i]);
+    event->offset = log->offset;
+    event->number = read_i64(head + 4);
+    event->time_us = read_i64(head + 12);
+    event->bytes = data_bytes;
+    event->data = NULL;
+    return FOVEA_OK;
+}
+
+/* Make room for `bytes`, which are known to be in the file. */
+static enum fovea_status reserve(struct fovea_log *log, size_t bytes, struct fovea_error *error)
+{
+    if (bytes <= log->capacity && log->buffer != NULL) return FOVEA_OK;
+    size_t capacity = bytes + bytes / 4 + 4096;
+    uint8_t *larger = realloc(log->buffer, capacity);
+    if (larger == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_MEMORY,
+                               "%s: byte %" PRId64 ": no memory for an event of %zu bytes", log->path,
+                               log->offset, bytes);
+    log->buffer = larger;
+    log->capacity = capacity;
+    return FOVEA_OK;
+}
+
+enum fovea_status fovea_log_next(struct fovea_log *log, struct fovea_log_event *event,
+                                 struct fovea_error *error)
+{
+    enum fovea_status status = read_head(log, event, error);
+    if (status == FOVEA_OK) status = reserve(log, event->bytes, error);
+    if (status != FOVEA_OK) return status;
+    int64_t whole = (int64_t)FOVEA_LOG_HEADER_BYTES + (int64_t)strlen(event->channel) + event->bytes;
+    if (event->bytes > 0 && fread(log->buffer, event->bytes, 1, log->file) != 1)
+        return cut_off(log, whole, error); /* shortened while being read */
+    event->data = log->buffer;
+    log->offset += whole;
+    return FOVEA_OK;
+}
+
+enum fovea_status fovea_log_skim(struct fovea_log *log, struct fovea_log_event *event,
+                                 struct fovea_error *error)
+{
+    enum fovea_status status = read_head(log, event, error);
+    if (status != FOVEA_OK) return status;
+    return fovea_log_seek(
+        log, log->offset + FOVEA_LOG_HEADER_BYTES + (int64_t)strlen(event->channel) + event->bytes, error);
+}
+
+enum fovea_status fovea_log_seek(struct fovea_log *log, int64_t offset, struct fovea_error *error)
+{
+    if (fseeko(log->file, offset, SEEK_SET) != 0)
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: byte %" PRId64 ": %s", log->path, offset,
+                               strerror(errno));
+    log->offset = offset;
+    return FOVEA_OK;
+}
+
+bool fovea_log_channel_is(const char *channel, const char *suffix)
+{
+    size_t length = strlen(channel), tail = strlen(suffix);
+    if (length < tail || strcmp(channel + length - tail, suffix) != 0) return false;
+    return length == tail || channel[length - tail - 1] == '_';
+}
+
+/* ---- frames
+ * ------------------------------------------------------------------------------------------------ */
+
+/* Where the members of an encoded fovea.frame_t lie: fixed, since only the last has a variable length. */
+enum {
+    AT_STAMP = 8,
+    AT_CLOCK = 16,
+    AT_MEANING = 17,
+    AT_SEQUENCE = 26,
+    AT_EXPOSURE = 34,
+    AT_WIDTH = 42,
+    AT_HEIGHT = 46,
+    AT_STRIDE = 50,
+    AT_FORMAT = 54,
+    AT_SIZE = 55,
+    AT_DATA = 59
+};
+
+enum fovea_status fovea_log_frame(const char *name, const struct fovea_log_event *event,
+                                  struct fovea_frame *frame, struct fovea_error *error)
+{
+    int64_t start = event->offset + FOVEA_LOG_HEADER_BYTES + (int64_t)strlen(event->channel);
+    const uint8_t *data = event->data;
+    if (event->bytes < AT_DATA || read_i64(data) != __fovea_frame_t_get_hash())
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%s: byte %" PRId64 ": found another type, expected fovea.frame_t", name,
+                               start);
+    if (read_u32(data + AT_SIZE) != event->bytes - AT_DATA)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%s: byte %" PRId64 ": size_bytes: found %" PRIu32 ", expected %" PRIu32, name,
+                               start + AT_SIZE, read_u32(data + AT_SIZE), event->bytes - AT_DATA);
+    struct fovea_frame found = {
+        .image = {.data = data + AT_DATA,
+                  .width = (int32_t)read_u32(data + AT_WIDTH),
+                  .height = (int32_t)read_u32(data + AT_HEIGHT),
+                  .stride_bytes = (int32_t)read_u32(data + AT_STRIDE),
+                  .format = (enum fovea_pixel_format)data[AT_FORMAT],
+                  .size_bytes = event->bytes - AT_DATA},
+        .stamp_ns = read_i64(data + AT_STAMP),
+        .exposure_ns = read_i64(data + AT_EXPOSURE),
+        .clock = (enum fovea_clock)data[AT_CLOCK],
+        .stamp_meaning = (enum fovea_stamp_meaning)data[AT_MEANING],
+        .sequence = (uint64_t)read_i64(data + AT_SEQUENCE),
+    };
+    if (data[AT_CLOCK] > FOVEA_CLOCK_SIMULATED || data[AT_MEANING] > FOVEA_STAMP_EXPOSURE_END)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%s: byte %" PRId64
+                               ": clock and meaning of the stamp: found %d and %d, expected at most %d "
+                               "and %d",
+                               name, start + AT_CLOCK, data[AT_CLOCK], data[AT_MEANING],
+                               FOVEA_CLOCK_SIMULATED, FOVEA_STAMP_EXPOSURE_END);
+    if (fovea_image_check(&found.image) != FOVEA_OK)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%s: byte %" PRId64 ": found an image of %" PRId32 " x %" PRId32
+                               ", stride %" PRId32 ", format %d in %zu bytes, expected a consistent one",
+                               name, start + AT_WIDTH, found.image.width, found.image.height,
+                               found.image.stride_bytes, (int)found.image.format, found.image.size_bytes);
+    *frame = found;
+    return FOVEA_OK;
+}

@@ -1,0 +1,71 @@
+/* Reading LCM log files, as written by `fovea run --record` and by lcm-logger.
+ *
+ * A log is a row of events. Each has a 28-byte header, all big-endian: sync word 0xEDA1DA01 (4), number (8),
+ * microseconds since 1970 (8), channel length (4), data length (4); then channel and data. Logs come from
+ * outside and may be cut off, damaged or hostile: every length is held against the file before it is used,
+ * and an error names file and byte. (lcm_eventlog_read_next_event allocates what the header asks for and
+ * skips damage without a word.)
+ *
+ * Memory: one buffer on the heap, as large as the largest event read. Not real-time safe; one thread per log.
+ */
+#ifndef FOVEA_LOG_H
+#define FOVEA_LOG_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "fovea/source.h"
+#include "fovea/status.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum {
+    FOVEA_LOG_CHANNEL_BYTES = 64, /* LCM's limit, zero included */
+    FOVEA_LOG_HEADER_BYTES = 28,
+    FOVEA_LOG_DATA_BYTES_MAX = 1 << 28
+};
+#define FOVEA_LOG_SYNC 0xEDA1DA01u
+
+struct fovea_log_event {
+    int64_t offset; /* of the event in the file, bytes */
+    int64_t number; /* as the writer counted */
+    int64_t time_us;
+    char channel[FOVEA_LOG_CHANNEL_BYTES];
+    uint32_t bytes;
+    const uint8_t *data; /* in memory of the log, valid until the next read; NULL when skimming */
+};
+
+struct fovea_log;
+
+/* Open a log for reading. FOVEA_ERROR_SYSTEM: cannot be read. FOVEA_ERROR_INPUT: not a regular file. */
+enum fovea_status fovea_log_open(const char *path, struct fovea_log **log, struct fovea_error *error);
+void fovea_log_close(struct fovea_log *log);
+
+/* Next event with its data. FOVEA_END after the last one; FOVEA_ERROR_INPUT: `error` names file, byte, found,
+ * expected. After an error the position is not defined (fovea_log_seek mends that). */
+enum fovea_status fovea_log_next(struct fovea_log *log, struct fovea_log_event *event,
+                                 struct fovea_error *error);
+
+/* The same without reading the data: quick, for making an index. */
+enum fovea_status fovea_log_skim(struct fovea_log *log, struct fovea_log_event *event,
+                                 struct fovea_error *error);
+
+/* Go on with the event at `offset`, from an earlier event, or 0. */
+enum fovea_status fovea_log_seek(struct fovea_log *log, int64_t offset, struct fovea_error *error);
+
+/* Whether the channel's last part is `suffix`: "FOVEA_FRAME" and "FRAME" end in "FRAME", "SUBFRAME" does not.
+ */
+bool fovea_log_channel_is(const char *channel, const char *suffix);
+
+/* Read an event that holds a fovea.frame_t. `frame` points into the event's data; its clock is that of the
+ * recording and its sequence that of the recorded frame. FOVEA_ERROR_INPUT: other type, or sizes that do not
+ * fit; `name` (the file) and the byte stand in `error`. */
+enum fovea_status fovea_log_frame(const char *name, const struct fovea_log_event *event,
+                                  struct fovea_frame *frame, struct fovea_error *error);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
