@@ -155,9 +155,14 @@ tests: $(TESTS)
 
 $(BUILD)/tests/%: $(BUILD)/obj/tests/%.o $(TEST_HELP) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 	@mkdir -p $(@D)
-	$(CXX) $(LDFLAGS) -o $@ $< $(TEST_HELP) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group \
+	$(CXX) $(LDFLAGS) -o $@ $< $(TEST_MORE) $(TEST_HELP) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group \
 	    -lcmocka $(LIBS_APP) $(if $(filter tests/%.cpp,$(wildcard tests/$*.cpp)),$(OPENCV_LIBS)) -lm
+# The checks and benchmarks of kernels, one file per family, make up one program.
+KERNEL_CHECKS := $(call objs,$(filter-out tests/kernels/test_%,$(wildcard tests/kernels/*.c)))
+$(BUILD)/tests/kernels/test_kernels: $(KERNEL_CHECKS)
+$(BUILD)/tests/kernels/test_kernels: TEST_MORE := $(KERNEL_CHECKS)
 OPENCV_LIBS = -lopencv_calib3d -lopencv_features2d -lopencv_imgcodecs -lopencv_imgproc -lopencv_core
-$(BUILD)/obj/tests/%.o: INCLUDES += -Itests -isystem /usr/include/opencv4
+$(BUILD)/obj/tests/%.o: CFLAGS += -Itests
+$(BUILD)/obj/tests/%.o: CXXFLAGS += -Itests -isystem /usr/include/opencv4
 
 -include $(shell find $(BUILD) -name '*.d' 2>/dev/null)
