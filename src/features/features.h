@@ -1,0 +1,49 @@
+/* Features of a frame: FAST corners on every level of the pyramid, spread over the image.
+ *
+ * Corners are those of FAST-9/16 with non-maximum suppression (fast.h) at config.threshold_min; where a cell of the grid
+ * holds any corner of config.threshold, only those count. Each level gets its share of the features, and within a
+ * level every cell gives its best before any gives its second (spread.h). Corners keep FV_FEATURES_BORDER_PX from the
+ * border of their level, so that a descriptor's patch fits.
+ * The order is fixed: by level from fine to coarse, then cell by cell. Integer only up to the final scaling of places. */
+#ifndef FOVEA_FEATURES_FEATURES_H
+#define FOVEA_FEATURES_FEATURES_H
+
+#include <stdint.h>
+
+#include "base/arena.h"
+#include "features/spread.h"
+#include "fovea/features.h"
+#include "image/pyramid.h"
+#include "kernels/kernels.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum { FV_FEATURES_BORDER_PX = 19, FV_FEATURES_PATCH_PX = 31 };
+
+struct fv_features {
+    struct fovea_features_config config;
+    uint32_t count;              /* features of the last frame */
+    struct fovea_feature *list;  /* config.count_max elements */
+    struct fv_corner *corners;   /* the same in pixels of their levels, element by element */
+    uint8_t *scores;             /* three rows of FAST scores */
+    uint16_t *columns;           /* corners of one row */
+    int32_t score_stride_bytes;
+    struct fv_spread spread;
+};
+
+/* Take memory for frames of the pyramid's size from the arena. Fills sizes and addresses only. Init-only. */
+void fv_features_carve(struct fv_features *features, const struct fovea_features_config *config,
+                       const struct fv_pyramid *pyramid, struct fv_arena *frame);
+
+/* Find at most `count_asked` features (cut to config.count_max). `mask`, when not NULL, is level-0 width x height bytes
+ * without padding: no feature where it is 0. Fills features->list, ->corners and ->count; returns the count.
+ * Real-time safe; cost bounded by the number of pixels. */
+uint32_t fv_features_find(struct fv_features *features, const struct fv_kernels *kernels,
+                          const struct fv_pyramid *pyramid, const uint8_t *mask, uint32_t count_asked);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
