@@ -152,6 +152,13 @@ static const struct fovea_yaml_node *following(const struct fovea_yaml_node *nod
     return node == top ? NULL : node->next;
 }
 
+const struct fovea_yaml_node *fovea_yaml_leaf(const struct fovea_yaml_node *node, size_t index)
+{
+    for (const struct fovea_yaml_node *each = node; each != NULL; each = following(each, node))
+        if (each->kind == FOVEA_YAML_SCALAR && index-- == 0) return each;
+    return NULL;
+}
+
 enum fovea_status fovea_yaml_numbers(const struct fovea_yaml_tree *tree, const struct fovea_yaml_node *node,
                                      size_t count_min, size_t count_max, double *values, size_t *count,
                                      struct fovea_error *error)

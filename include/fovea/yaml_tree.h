@@ -62,6 +62,9 @@ enum fovea_status fovea_yaml_require(const struct fovea_yaml_tree *tree, const s
                                      const char *key, const struct fovea_yaml_node **child,
                                      struct fovea_error *error);
 
+/* The scalar number `index` (from 0) at or below `node` in reading order, NULL past the last. */
+const struct fovea_yaml_node *fovea_yaml_leaf(const struct fovea_yaml_node *node, size_t index);
+
 /* Where a node is, for people: "camera_matrix.data[3]"; "the file" for the root. Returns `path`. */
 const char *fovea_yaml_path(const struct fovea_yaml_node *node, char path[FOVEA_YAML_PATH_BYTES]);
 
