@@ -15,13 +15,12 @@ void fv_preview_carve(struct fv_preview *preview, int32_t width, int32_t height,
     preview->jpeg = fv_arena_take(job, preview->jpeg_capacity, 1);
 }
 
-void fv_preview_ask(struct fv_preview *preview, uint64_t sequence, int64_t stamp_ns)
+void fv_preview_ask(struct fv_preview *preview, const struct fv_frame_id *frame)
 {
     struct fv_preview_state *state = preview->state;
     if (state->active) return;
-    state->due = true;
-    state->sequence = sequence;
-    state->stamp_ns = stamp_ns;
+    state->due = 1;
+    state->frame = *frame;
 }
 
 bool fv_preview_waiting(const struct fv_preview *preview)
@@ -38,12 +37,12 @@ bool fv_preview_unit(struct fv_preview *preview, const uint8_t *pixels, int32_t 
                    (size_t)preview->width);
         }
         fv_jpeg_start(&state->jpeg, preview->width, preview->height, quality, preview->jpeg, preview->jpeg_capacity);
-        state->due = false;
-        state->active = true;
+        state->due = 0;
+        state->active = 1;
         return false;
     }
     if (!fv_jpeg_encode(&state->jpeg, preview->pixels, preview->width, BLOCKS_PER_UNIT, preview->jpeg)) return false;
-    state->active = false;
+    state->active = 0;
     if (state->jpeg.overflow) {
         state->given_up++;
         return false;

@@ -10,14 +10,20 @@
 #include "fovea/fovea.h"
 #include "message/jpeg.h"
 
-/* Free of addresses, so that it is copied and hashed with the state. */
-struct fv_preview_state {
-    bool due;    /* a frame asked for a preview */
-    bool active; /* pixels are copied and being encoded */
+/* Which frame a result is about. No addresses and no padding: part of states that are hashed. */
+struct fv_frame_id {
+    int64_t stamp_ns, exposure_ns, utc_offset_ns;
     uint64_t sequence;
-    int64_t stamp_ns;
-    uint32_t given_up; /* previews that did not fit their buffer */
+    uint32_t clock, stamp_meaning, pixel_format, reserved;
+};
+
+struct fv_preview_state {
+    struct fv_frame_id frame;
     struct fv_jpeg jpeg;
+    uint32_t due;      /* a frame asked for a preview */
+    uint32_t active;   /* pixels are copied and being encoded */
+    uint32_t given_up; /* previews that did not fit their buffer */
+    uint32_t reserved;
 };
 
 struct fv_preview {
@@ -32,13 +38,13 @@ struct fv_preview {
 void fv_preview_carve(struct fv_preview *preview, int32_t width, int32_t height, struct fv_arena *persistent,
                       struct fv_arena *job);
 
-/* Ask for a preview of the frame that was just processed; an unfinished one goes on first. */
-void fv_preview_ask(struct fv_preview *preview, uint64_t sequence, int64_t stamp_ns);
+/* Ask for a preview of the frame that was just processed; an unfinished one goes on first. One that was asked for but
+ * not begun must be asked for again with each new frame, since it will look at that. */
+void fv_preview_ask(struct fv_preview *preview, const struct fv_frame_id *frame);
 
 bool fv_preview_waiting(const struct fv_preview *preview);
 
-/* Do one unit. `pixels` is the level of the last processed frame, whose stamp and sequence are given: the job looks at it
- * in its first unit only. Returns true when the picture is complete in preview->jpeg, state->jpeg.used bytes. */
+/* Do one unit. `pixels` is the level of the last processed frame: the job looks at it in its first unit only. Returns true when the picture is complete in preview->jpeg, state->jpeg.used bytes. */
 bool fv_preview_unit(struct fv_preview *preview, const uint8_t *pixels, int32_t stride_bytes, uint32_t quality);
 
 #endif

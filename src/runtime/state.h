@@ -11,17 +11,17 @@
 #include "message/message.h"
 #include "runtime/preview.h"
 
-/* What the runtime itself remembers from frame to frame. No addresses: copied and hashed as bytes. */
+/* What the runtime itself remembers from frame to frame. No addresses and no padding: copied and hashed as bytes. */
 struct fv_state {
-    struct fovea_random random;
-    int64_t last_stamp_ns;
-    uint64_t last_sequence;
+    struct fv_frame_id frame; /* the last processed one */
+    uint64_t steps; /* since fovea_init; the clock of decimation */
     uint64_t frames_in, frames_processed, steps_without_frame;
     uint64_t refused_stamp, refused_format, refused_paused;
-    uint64_t steps;
+    struct fovea_random random;
     uint32_t reset_counter;
     uint32_t features;
-    bool paused, any_frame;
+    uint32_t any_frame; /* a frame was processed since the start or the last reset */
+    uint32_t paused;
 };
 
 /* Clock readings: kept apart from the state, since they must not be hashed. */
@@ -29,26 +29,47 @@ struct fv_times {
     int64_t cpu_ns[FOVEA_STAGE_COUNT], wall_ns[FOVEA_STAGE_COUNT];
 };
 
+/* Buffers and channels of the messages that go out. */
+struct fv_outbox {
+    char channel[FV_MESSAGE_KIND_COUNT][FV_MESSAGE_CHANNEL_BYTES];
+    uint8_t *buffer[FV_MESSAGE_KIND_COUNT]; /* NULL: a kind that the runtime does not send */
+    size_t capacity[FV_MESSAGE_KIND_COUNT];
+    void *features_scratch;
+};
+
 struct fovea {
     struct fovea_config config; /* mask points at the copy below */
-    enum fv_cpu_set cpu;
     struct fv_kernels kernels;
-    struct fv_arena parts[FOVEA_MEMORY_PART_COUNT];
     uint8_t *part_base[FOVEA_MEMORY_PART_COUNT];
     size_t part_bytes[FOVEA_MEMORY_PART_COUNT];
     size_t block_bytes;
 
     struct fv_state *state;
-    uint8_t *mask;
+    uint8_t *mask; /* NULL: none */
     struct fv_pyramid pyramid;
     struct fv_features features;
     struct fv_preview preview;
-    struct fv_message_writer writer; /* buffer and channel names of encoded messages */
+    struct fv_outbox outbox;
+
+    /* Of the last step and work, for the statistics message; clocks or copies of inputs, never hashed. */
     struct fv_times times;
+    struct fovea_inputs inputs;
+    struct fovea_grants work_grants;
+    uint32_t units_done[FOVEA_JOB_COUNT];
 };
 
-/* Carve everything for rt->config out of the three parts; fills `table` when it is not NULL. */
-void fv_runtime_carve(struct fovea *rt, struct fv_arena parts[FOVEA_MEMORY_PART_COUNT],
+/* Give every stage its pieces, for rt->config, from the arenas of the parts. */
+void fv_runtime_carve(struct fovea *rt, struct fv_arena arenas[FOVEA_MEMORY_PART_COUNT],
                       struct fovea_memory_table *table);
+
+/* A frame's identity as messages carry it; NULL-like before the first frame. */
+fovea_stamp_t fv_stamp_of(const struct fv_frame_id *frame);
+
+/* Bracket a stage with clock readings; nothing where the configuration has no clock. */
+struct fv_instant {
+    int64_t wall_ns, cpu_ns;
+};
+struct fv_instant fv_stage_begin(struct fovea *rt);
+void fv_stage_end(struct fovea *rt, enum fovea_stage stage, struct fv_instant begin);
 
 #endif

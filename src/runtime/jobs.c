@@ -1,0 +1,57 @@
+#include "runtime/jobs.h"
+
+void fv_output_add(struct fovea *rt, enum fv_message_kind kind, uint32_t bytes, struct fovea_outputs *outputs)
+{
+    if (bytes == 0 || outputs->message_count >= FOVEA_MESSAGES_MAX) return;
+    outputs->messages[outputs->message_count++] = (struct fovea_message){
+        .channel = rt->outbox.channel[kind],
+        .data = rt->outbox.buffer[kind],
+        .bytes = bytes,
+        .volatile_values = kind == FV_MESSAGE_STATISTICS,
+    };
+}
+
+uint32_t fv_jobs_waiting(const struct fovea *rt)
+{
+    return fv_preview_waiting(&rt->preview) ? 1u << FOVEA_JOB_PREVIEW : 0;
+}
+
+static void send_preview(struct fovea *rt, struct fovea_outputs *outputs)
+{
+    const struct fv_preview *preview = &rt->preview;
+    const struct fv_message_preview message = {
+        .stamp = fv_stamp_of(&preview->state->frame),
+        .width = preview->width,
+        .height = preview->height,
+        .scale = rt->pyramid.levels[rt->config.preview.level].scale,
+        .jpeg = preview->jpeg,
+        .jpeg_bytes = (uint32_t)preview->state->jpeg.used,
+    };
+    fv_output_add(rt, FV_MESSAGE_PREVIEW,
+                  fv_message_preview_encode(&message, rt->outbox.buffer[FV_MESSAGE_PREVIEW],
+                                            rt->outbox.capacity[FV_MESSAGE_PREVIEW]),
+                  outputs);
+}
+
+static uint32_t advance_preview(struct fovea *rt, uint32_t units, struct fovea_outputs *outputs)
+{
+    const struct fv_pyramid_level *level = &rt->pyramid.levels[rt->config.preview.level];
+    uint32_t done = 0;
+    while (done < units && fv_preview_waiting(&rt->preview)) {
+        done++;
+        if (fv_preview_unit(&rt->preview, level->data, level->stride_bytes, rt->config.preview.quality)) {
+            send_preview(rt, outputs);
+            break; /* one message per work call: its buffer is in use until the next */
+        }
+    }
+    return done;
+}
+
+uint32_t fv_job_advance(struct fovea *rt, enum fovea_job job, uint32_t units, struct fovea_outputs *outputs)
+{
+    switch (job) {
+    case FOVEA_JOB_PREVIEW: return advance_preview(rt, units, outputs);
+    case FOVEA_JOB_COUNT: break;
+    }
+    return 0;
+}

@@ -1,0 +1,179 @@
+/* The block: how it is measured, laid out and found again after a copy. */
+#include <string.h>
+
+#include "base/hash.h"
+#include "runtime/config.h"
+#include "runtime/state.h"
+
+enum { PERSISTENT = FOVEA_MEMORY_PERSISTENT, JOB = FOVEA_MEMORY_JOB, FRAME = FOVEA_MEMORY_FRAME };
+
+/* Book what `owner` took since the last entry, part by part. */
+static void book(struct fovea_memory_table *table, const char *owner, const struct fv_arena *arenas, size_t *before)
+{
+    for (int part = 0; part < FOVEA_MEMORY_PART_COUNT; part++) {
+        const size_t bytes = arenas[part].used - before[part];
+        before[part] = arenas[part].used;
+        if (table == NULL || bytes == 0 || table->count >= FOVEA_MEMORY_ROWS_MAX) continue;
+        struct fovea_memory_row *row = &table->rows[table->count++];
+        memset(row, 0, sizeof *row);
+        strncpy(row->owner, owner, sizeof row->owner - 1);
+        row->part = (enum fovea_memory_part)part;
+        row->bytes = bytes;
+    }
+}
+
+static void carve_buffer(struct fv_outbox *outbox, enum fv_message_kind kind, size_t capacity, struct fv_arena *arena)
+{
+    outbox->capacity[kind] = capacity;
+    outbox->buffer[kind] = fv_arena_take(arena, capacity, 1);
+}
+
+static void carve_outbox(struct fovea *rt, struct fv_arena *arena)
+{
+    struct fv_outbox *outbox = &rt->outbox;
+    const uint32_t count_max = rt->config.features.count_max;
+    carve_buffer(outbox, FV_MESSAGE_FEATURES, fv_message_features_size_max(count_max), arena);
+    carve_buffer(outbox, FV_MESSAGE_STATISTICS, fv_message_statistics_size_max(), arena);
+    carve_buffer(outbox, FV_MESSAGE_CAMERA_STATUS, fv_message_camera_status_size_max(), arena);
+    carve_buffer(outbox, FV_MESSAGE_PREVIEW, fv_message_preview_size_max(rt->preview.jpeg_capacity), arena);
+    outbox->features_scratch = fv_arena_take(arena, fv_message_features_scratch_bytes(count_max), 1);
+}
+
+void fv_runtime_carve(struct fovea *rt, struct fv_arena arenas[FOVEA_MEMORY_PART_COUNT],
+                      struct fovea_memory_table *table)
+{
+    const struct fovea_config *config = &rt->config;
+    const int32_t width = config->camera.width, height = config->camera.height;
+    size_t before[FOVEA_MEMORY_PART_COUNT] = {arenas[PERSISTENT].used, arenas[JOB].used, arenas[FRAME].used};
+
+    rt->state = fv_arena_take(&arenas[PERSISTENT], 1, sizeof *rt->state);
+    book(table, "runtime", arenas, before);
+    rt->mask = config->mask == NULL ? NULL : fv_arena_take(&arenas[PERSISTENT], (size_t)width * (size_t)height, 1);
+    book(table, "mask", arenas, before);
+    fv_pyramid_carve(&rt->pyramid, width, height, config->features.pyramid_levels, &arenas[FRAME]);
+    book(table, "pyramid", arenas, before);
+    fv_features_carve(&rt->features, &config->features, width, height, &arenas[PERSISTENT], &arenas[FRAME]);
+    book(table, "features", arenas, before);
+    const struct fv_pyramid_level *level = &rt->pyramid.levels[config->preview.level];
+    fv_preview_carve(&rt->preview, level->width, level->height, &arenas[PERSISTENT], &arenas[JOB]);
+    book(table, "preview", arenas, before);
+    carve_outbox(rt, &arenas[FRAME]);
+    book(table, "messages", arenas, before);
+}
+
+/* Carve in counting mode: fills part_bytes and block_bytes. */
+static enum fovea_status measure(struct fovea *rt, const struct fovea_config *config, struct fovea_memory_table *table,
+                                 struct fovea_error *error)
+{
+    enum fovea_status status = fv_config_check(config, error);
+    if (status != FOVEA_OK) return status;
+    memset(rt, 0, sizeof *rt);
+    rt->config = *config;
+    struct fv_arena arenas[FOVEA_MEMORY_PART_COUNT], head;
+    for (int part = 0; part < FOVEA_MEMORY_PART_COUNT; part++) fv_arena_count(&arenas[part]);
+    fv_arena_count(&head);
+    fv_arena_take(&head, 1, sizeof *rt);
+    if (table != NULL) {
+        *table = (struct fovea_memory_table){.count = 1};
+        memcpy(table->rows[0].owner, "head", sizeof "head");
+        table->rows[0].bytes = head.used;
+    }
+    fv_runtime_carve(rt, arenas, table);
+    rt->block_bytes = head.used;
+    for (int part = 0; part < FOVEA_MEMORY_PART_COUNT; part++) {
+        if (arenas[part].exhausted) return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "memory: sizes overflow");
+        rt->part_bytes[part] = arenas[part].used;
+        rt->block_bytes += arenas[part].used;
+    }
+    return FOVEA_OK;
+}
+
+enum fovea_status fovea_size(const struct fovea_config *config, size_t *bytes, struct fovea_error *error)
+{
+    struct fovea rt;
+    const enum fovea_status status = measure(&rt, config, NULL, error);
+    if (status == FOVEA_OK) *bytes = rt.block_bytes;
+    return status;
+}
+
+enum fovea_status fovea_memory(const struct fovea_config *config, struct fovea_memory_table *table,
+                               struct fovea_error *error)
+{
+    struct fovea rt;
+    struct fovea_memory_table rows;
+    const enum fovea_status status = measure(&rt, config, &rows, error);
+    if (status == FOVEA_OK) *table = rows;
+    return status;
+}
+
+/* Point a measured runtime at the block that it stands at the start of. */
+static void place(struct fovea *rt, bool keep)
+{
+    uint8_t *next = (uint8_t *)rt + rt->block_bytes;
+    struct fv_arena arenas[FOVEA_MEMORY_PART_COUNT];
+    for (int part = FOVEA_MEMORY_PART_COUNT - 1; part >= 0; part--) {
+        next -= rt->part_bytes[part];
+        rt->part_base[part] = next;
+        fv_arena_init(&arenas[part], next, rt->part_bytes[part]);
+        arenas[part].keep = keep;
+    }
+    fv_runtime_carve(rt, arenas, NULL);
+    if (rt->mask != NULL && keep) rt->config.mask = rt->mask;
+}
+
+static enum fovea_status check_block(const void *memory, size_t bytes, size_t needed, struct fovea_error *error)
+{
+    if (memory == NULL || (uintptr_t)memory % FOVEA_BLOCK_ALIGNMENT != 0) {
+        return fovea_error_set(error, FOVEA_ERROR_MEMORY, "memory: found address %p, expected a multiple of %d", memory,
+                               FOVEA_BLOCK_ALIGNMENT);
+    }
+    if (bytes < needed) {
+        return fovea_error_set(error, FOVEA_ERROR_MEMORY, "memory: found %zu bytes, expected at least %zu", bytes, needed);
+    }
+    return FOVEA_OK;
+}
+
+enum fovea_status fovea_init(void *memory, size_t bytes, const struct fovea_config *config, struct fovea **rt,
+                             struct fovea_error *error)
+{
+    struct fovea measured;
+    enum fv_cpu_set cpu;
+    enum fovea_status status = measure(&measured, config, NULL, error);
+    if (status == FOVEA_OK) status = check_block(memory, bytes, measured.block_bytes, error);
+    if (status == FOVEA_OK) status = fv_cpu_from_environment(&cpu, error);
+    if (status != FOVEA_OK) return status;
+
+    memset(memory, 0, bytes);
+    struct fovea *built = memory;
+    *built = measured;
+    place(built, false);
+    fv_kernels_init(&built->kernels, cpu);
+    if (built->mask != NULL) {
+        memcpy(built->mask, config->mask, (size_t)config->camera.width * (size_t)config->camera.height);
+        built->config.mask = built->mask;
+    }
+    fv_features_init(&built->features, &built->config.features, built->mask);
+    fv_message_prepare();
+    for (int kind = 0; kind < FV_MESSAGE_KIND_COUNT; kind++) {
+        fv_message_channel(config->channel_prefix, (enum fv_message_kind)kind, built->outbox.channel[kind]);
+    }
+    fovea_random_seed(&built->state->random, config->seed);
+    *rt = built;
+    return FOVEA_OK;
+}
+
+enum fovea_status fovea_copy(const struct fovea *rt, void *memory, size_t bytes, struct fovea **copy)
+{
+    const enum fovea_status status = check_block(memory, bytes, rt->block_bytes, NULL);
+    if (status != FOVEA_OK) return status;
+    memcpy(memory, rt, rt->block_bytes);
+    place(memory, true);
+    *copy = memory;
+    return FOVEA_OK;
+}
+
+uint64_t fovea_state_hash(const struct fovea *rt)
+{
+    uint64_t hash = fv_hash(FV_HASH_START, rt->part_base[PERSISTENT], rt->part_bytes[PERSISTENT]);
+    return fv_hash(hash, rt->part_base[JOB], rt->part_bytes[JOB]);
+}
