@@ -17,7 +17,13 @@ AR       := $(CROSS)ar
 EMULATOR ?=
 PREFIX   ?= /usr/local
 MACHINE  := $(shell $(CC) -dumpmachine 2>/dev/null)
-PKG_CONFIG ?= $(if $(CROSS),PKG_CONFIG_LIBDIR=/usr/lib/$(CROSS:-=)/pkgconfig:/usr/share/pkgconfig ,)pkg-config
+
+ifneq (,$(findstring aarch64,$(CROSS)))
+SYSROOT  := $(BUILD)/sysroot
+SYSLIBS  := $(SYSROOT)/usr/lib/aarch64-linux-gnu:$(SYSROOT)/lib/aarch64-linux-gnu
+SYSFLAGS := -isystem $(SYSROOT)/usr/include
+LDFLAGS  += -L$(SYSROOT)/usr/lib/aarch64-linux-gnu -L$(SYSROOT)/lib/aarch64-linux-gnu -Wl,-rpath-link=$(SYSLIBS)
+endif
 
 # ---- flags -----------------------------------------------------------------------------------------------------
 # One baseline for all float code, no contraction: the same bits from every compiler and processor.
@@ -30,7 +36,7 @@ endif
 ifeq ($(SAN),tsan)
 OPT      := -O1 -g -fno-omit-frame-pointer -fsanitize=thread -DFOVEA_SANITIZED=1
 endif
-INCLUDES := -Iinclude -Isrc -I$(BUILD)/generated
+INCLUDES := -Iinclude -Isrc -I$(BUILD)/generated $(SYSFLAGS)
 COMMON   := $(OPT) $(FP) $(WARN) $(INCLUDES) -fPIC -fstack-usage -pthread -MMD -MP -D_GNU_SOURCE
 CFLAGS   += -std=c11 $(COMMON) -Wstrict-prototypes -Wmissing-prototypes
 # Eigen: fixed sizes only, scalar code, asserts kept, no heap.
@@ -87,6 +93,30 @@ test:  ## install what is missing, build, and run the tests
 	@tools/install.sh build test
 	@$(MAKE) --no-print-directory all tests
 	@tools/run_tests.sh $(BUILD) $(EMULATOR)
+
+# Everything else that must hold: other compiler, layers, symbols, style, sanitizers.
+check:  ## layers, symbols, stack, clang build, clang-tidy, tests under asan+ubsan and tsan
+	@tools/install.sh build test check
+	@$(MAKE) --no-print-directory all
+	@tools/check_layers.sh
+	@tools/check_symbols.sh $(BUILD)
+	@tools/check_stack.sh $(BUILD)
+	@tools/check_headers.sh
+	@$(MAKE) --no-print-directory BUILD=build-clang CC=clang CXX=clang++ all tests
+	@tools/run_tests.sh build-clang
+	@tools/check_tidy.sh
+	@$(MAKE) --no-print-directory BUILD=build-asan SAN=asan all tests
+	@tools/run_tests.sh build-asan
+	@$(MAKE) --no-print-directory BUILD=build-tsan SAN=tsan all tests
+	@tools/run_tests.sh build-tsan
+
+QEMU = qemu-aarch64 -L /usr/aarch64-linux-gnu -E LD_LIBRARY_PATH=$(CURDIR)/build-aarch64/sysroot/usr/lib/aarch64-linux-gnu:$(CURDIR)/build-aarch64/sysroot/lib/aarch64-linux-gnu
+CROSSMAKE = $(MAKE) --no-print-directory BUILD=build-aarch64 CROSS=aarch64-linux-gnu-
+cross:  ## build for aarch64 and run the tests under qemu-user
+	@tools/install.sh build test cross
+	@tools/make_sysroot.sh build-aarch64/sysroot
+	@$(CROSSMAKE) all tests
+	@tools/run_tests.sh build-aarch64 $(QEMU)
 
 clean:  ## remove everything that was built
 	rm -rf $(BUILD) build-*
@@ -147,7 +177,7 @@ $(BUILD)/fovea.pc: tools/fovea.pc.in
 
 # ---- tests: every tests/**/test_*.c(pp) is one program ------------------------------------------------------------
 TESTS_C   := $(shell find tests -name 'test_*.c' 2>/dev/null | sort)
-TESTS_CXX := $(shell find tests -name 'test_*.cpp' 2>/dev/null | sort)
+TESTS_CXX := $(if $(CROSS)$(SAN),,$(shell find tests -name 'test_*.cpp' 2>/dev/null | sort))  # need OpenCV
 TESTS     := $(patsubst tests/%.c,$(BUILD)/tests/%,$(TESTS_C)) $(patsubst tests/%.cpp,$(BUILD)/tests/%,$(TESTS_CXX))
 TEST_HELP := $(call objs,$(wildcard tests/common/*.c))
 .PHONY: tests

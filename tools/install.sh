@@ -1,6 +1,6 @@
 #!/bin/sh
 # Install the Debian packages that a group of targets needs, and only those that are missing.
-# Usage: tools/install.sh GROUP...     (build, test, bench, cross, check, fuzz)
+# Usage: tools/install.sh GROUP...     (see packages below)
 set -eu
 
 packages() {
@@ -9,6 +9,9 @@ packages() {
                 libeigen3-dev zlib1g-dev ;;
     test)  echo libcmocka-dev libopencv-core-dev libopencv-imgproc-dev libopencv-features2d-dev \
                 libopencv-calib3d-dev libopencv-imgcodecs-dev python3 python3-venv ;;
+    check) echo clang clang-tidy libclang-rt-14-dev python3 ;;
+    cross) echo gcc-aarch64-linux-gnu g++-aarch64-linux-gnu qemu-user ;;
+    fuzz)  echo clang libclang-rt-14-dev ;;
     *) echo "tools/install.sh: unknown group '$1'" >&2; exit 2 ;;
     esac
 }
