@@ -33,6 +33,9 @@ OPT      := -O3 -g
 ifeq ($(SAN),asan)
 OPT      := -O1 -g -fno-omit-frame-pointer -fsanitize=address,undefined -fno-sanitize-recover=all -DFOVEA_SANITIZED=1
 endif
+ifeq ($(SAN),fuzz)
+OPT      := -O1 -g -fno-omit-frame-pointer -fsanitize=address,undefined,fuzzer-no-link -fno-sanitize-recover=all -DFOVEA_SANITIZED=1
+endif
 ifeq ($(SAN),tsan)
 OPT      := -O1 -g -fno-omit-frame-pointer -fsanitize=thread -DFOVEA_SANITIZED=1
 endif
@@ -117,6 +120,20 @@ cross:  ## build for aarch64 and run the tests under qemu-user
 	@tools/make_sysroot.sh build-aarch64/sysroot
 	@$(CROSSMAKE) all tests
 	@tools/run_tests.sh build-aarch64 $(QEMU)
+
+# Every tests/fuzz/fuzz_*.c is a libFuzzer target; its corpus of past findings and seeds is tests/fuzz/corpus/NAME.
+FUZZ_SECONDS ?= 60
+FUZZERS := $(patsubst tests/fuzz/%.c,build-fuzz/fuzz/%,$(wildcard tests/fuzz/fuzz_*.c))
+FUZZMAKE = $(MAKE) --no-print-directory BUILD=build-fuzz SAN=fuzz CC=clang CXX=clang++
+fuzz:  ## fuzz every parser of outside input for FUZZ_SECONDS each, under asan+ubsan
+	@tools/install.sh build fuzz
+	@$(FUZZMAKE) fuzzers
+	@tools/run_fuzzers.sh build-fuzz $(FUZZ_SECONDS)
+.PHONY: fuzzers
+fuzzers: $(FUZZERS)
+$(BUILD)/fuzz/%: $(BUILD)/obj/tests/fuzz/%.o $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
+	@mkdir -p $(@D)
+	$(CXX) $(LDFLAGS) -fsanitize=fuzzer -o $@ $< -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group $(LIBS_APP)
 
 clean:  ## remove everything that was built
 	rm -rf $(BUILD) build-*
