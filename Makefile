@@ -2,10 +2,12 @@
 #
 #   BUILD=dir      where everything goes (default build)
 #   CC= CXX=       compilers (gcc and clang are kept warning-free)
+#   V=1            show whole commands
 #   SAN=asan|tsan  sanitizer build (use with its own BUILD)
 #   CROSS=aarch64-linux-gnu-   cross build, tests run by EMULATOR
 
 BUILD    ?= build
+Q        := $(if $(V),,@)
 CROSS    ?=
 ifeq ($(origin CC),default)
 CC       := $(CROSS)gcc
@@ -133,7 +135,8 @@ fuzz:  ## fuzz every parser of outside input for FUZZ_SECONDS each, under asan+u
 fuzzers: $(FUZZERS)
 $(BUILD)/fuzz/%: $(BUILD)/obj/tests/fuzz/%.o $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 	@mkdir -p $(@D)
-	$(CXX) $(LDFLAGS) -fsanitize=fuzzer -o $@ $< -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group $(LIBS_APP)
+	@echo "  link $@"
+	$(Q)$(CXX) $(LDFLAGS) -fsanitize=fuzzer -o $@ $< -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group $(LIBS_APP)
 
 clean:  ## remove everything that was built
 	rm -rf $(BUILD) build-*
@@ -158,7 +161,7 @@ install: all  ## install program, libraries, headers and message types under PRE
 # ---- building --------------------------------------------------------------------------------------------------
 $(BUILD)/generated/%.c: include/lcmtypes/%.lcm
 	@mkdir -p $(@D)
-	lcm-gen -c --c-cpath $(@D) --c-hpath $(@D) $<
+	$(Q)lcm-gen -c --c-cpath $(@D) --c-hpath $(@D) $<
 $(BUILD)/generated/%.h: $(BUILD)/generated/%.c ;
 $(GEN_O): %.o: %.c | $(LCMGEN)
 	$(CC) $(filter-out $(WARN),$(CFLAGS)) -fno-strict-aliasing -c $< -o $@
@@ -174,21 +177,25 @@ isa_flags = $(if $(findstring _sse4.c,$(1)),-msse4.2 -mpopcnt)\
 
 $(BUILD)/obj/%.o: %.c Makefile | $(LCMGEN)
 	@mkdir -p $(@D)
-	$(CC) $(CFLAGS) $(call isa_flags,$<) -c $< -o $@
+	@echo "  $(notdir $(CC)) $<"
+	$(Q)$(CC) $(CFLAGS) $(call isa_flags,$<) -c $< -o $@
 $(BUILD)/obj/%.o: %.cpp Makefile | $(LCMGEN)
 	@mkdir -p $(@D)
-	$(CXX) $(CXXFLAGS) $(if $(filter src/%,$<),$(CXXCORE)) -c $< -o $@
+	@echo "  $(notdir $(CXX)) $<"
+	$(Q)$(CXX) $(CXXFLAGS) $(if $(filter src/%,$<),$(CXXCORE)) -c $< -o $@
 
 $(BUILD)/libfovea.a: $(CORE_O)
 	@rm -f $@
-	$(AR) rcs $@ $^
+	$(Q)$(AR) rcs $@ $^
 $(BUILD)/libfovea.so: $(CORE_O)
-	$(CXX) $(LDFLAGS) -shared -Wl,-soname,libfovea.so -o $@ $^ $(LIBS_CORE)
+	@echo "  link $@"
+	$(Q)$(CXX) $(LDFLAGS) -shared -Wl,-soname,libfovea.so -o $@ $^ $(LIBS_CORE)
 $(BUILD)/libfovea-app.a: $(APP_O) $(DRIVERS_O)
 	@rm -f $@
-	$(AR) rcs $@ $^
+	$(Q)$(AR) rcs $@ $^
 $(BUILD)/fovea: $(MAIN_O) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
-	$(CXX) $(LDFLAGS) -rdynamic -o $@ $(MAIN_O) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group $(LIBS_APP)
+	@echo "  link $@"
+	$(Q)$(CXX) $(LDFLAGS) -rdynamic -o $@ $(MAIN_O) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group $(LIBS_APP)
 $(BUILD)/fovea.pc: tools/fovea.pc.in
 	sed 's|@PREFIX@|$(PREFIX)|' $< >$@
 
@@ -202,7 +209,8 @@ tests: $(TESTS)
 
 $(BUILD)/tests/%: $(BUILD)/obj/tests/%.o $(TEST_HELP) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 	@mkdir -p $(@D)
-	$(CXX) $(LDFLAGS) -o $@ $< $(TEST_MORE) $(TEST_HELP) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group \
+	@echo "  link $@"
+	$(Q)$(CXX) $(LDFLAGS) -o $@ $< $(TEST_MORE) $(TEST_HELP) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group \
 	    -lcmocka $(LIBS_APP) $(if $(filter tests/%.cpp,$(wildcard tests/$*.cpp)),$(OPENCV_LIBS)) -lm
 # The checks and benchmarks of kernels, one file per family, make up one program.
 KERNEL_CHECKS := $(call objs,$(filter-out tests/kernels/test_%,$(wildcard tests/kernels/*.c)))

@@ -189,9 +189,8 @@ static void process(struct fovea *rt, const struct fovea_inputs *inputs)
     fv_stage_end(rt, FOVEA_STAGE_PYRAMID, begin);
 
     begin = fv_stage_begin(rt);
-    const uint32_t asked = inputs->grants.features < rt->config.features.count_max ? inputs->grants.features
-                                                                                  : rt->config.features.count_max;
-    rt->state->features = fv_features_find(&rt->features, &rt->kernels, &rt->pyramid, asked);
+    rt->state->features =
+        fv_features_find(&rt->features, &rt->kernels, &rt->pyramid, rt->mask, inputs->grants.features);
     fv_stage_end(rt, FOVEA_STAGE_FEATURES, begin);
 }
 
@@ -236,7 +235,7 @@ enum fovea_status fovea_work(struct fovea *rt, const struct fovea_grants *grants
 const struct fovea_feature *fovea_features_get(const struct fovea *rt, uint32_t *count)
 {
     *count = rt->state->features;
-    return rt->features.features;
+    return rt->features.list;
 }
 
 const char *fovea_stage_name(enum fovea_stage stage)

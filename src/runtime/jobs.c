@@ -23,7 +23,7 @@ static void send_preview(struct fovea *rt, struct fovea_outputs *outputs)
         .stamp = fv_stamp_of(&preview->state->frame),
         .width = preview->width,
         .height = preview->height,
-        .scale = rt->pyramid.levels[rt->config.preview.level].scale,
+        .scale = (double)fv_pyramid_scale(rt->config.preview.level),
         .jpeg = preview->jpeg,
         .jpeg_bytes = (uint32_t)preview->state->jpeg.used,
     };
@@ -35,11 +35,11 @@ static void send_preview(struct fovea *rt, struct fovea_outputs *outputs)
 
 static uint32_t advance_preview(struct fovea *rt, uint32_t units, struct fovea_outputs *outputs)
 {
-    const struct fv_pyramid_level *level = &rt->pyramid.levels[rt->config.preview.level];
+    const struct fv_level *level = &rt->pyramid.level[rt->config.preview.level];
     uint32_t done = 0;
     while (done < units && fv_preview_waiting(&rt->preview)) {
         done++;
-        if (fv_preview_unit(&rt->preview, level->data, level->stride_bytes, rt->config.preview.quality)) {
+        if (fv_preview_unit(&rt->preview, level->pixels, level->stride_bytes, rt->config.preview.quality)) {
             send_preview(rt, outputs);
             break; /* one message per work call: its buffer is in use until the next */
         }

@@ -52,9 +52,9 @@ void fv_runtime_carve(struct fovea *rt, struct fv_arena arenas[FOVEA_MEMORY_PART
     book(table, "mask", arenas, before);
     fv_pyramid_carve(&rt->pyramid, width, height, config->features.pyramid_levels, &arenas[FRAME]);
     book(table, "pyramid", arenas, before);
-    fv_features_carve(&rt->features, &config->features, width, height, &arenas[PERSISTENT], &arenas[FRAME]);
+    fv_features_carve(&rt->features, &config->features, &rt->pyramid, &arenas[FRAME]);
     book(table, "features", arenas, before);
-    const struct fv_pyramid_level *level = &rt->pyramid.levels[config->preview.level];
+    const struct fv_level *level = &rt->pyramid.level[config->preview.level];
     fv_preview_carve(&rt->preview, level->width, level->height, &arenas[PERSISTENT], &arenas[JOB]);
     book(table, "preview", arenas, before);
     carve_outbox(rt, &arenas[FRAME]);
@@ -152,7 +152,6 @@ enum fovea_status fovea_init(void *memory, size_t bytes, const struct fovea_conf
         memcpy(built->mask, config->mask, (size_t)config->camera.width * (size_t)config->camera.height);
         built->config.mask = built->mask;
     }
-    fv_features_init(&built->features, &built->config.features, built->mask);
     fv_message_prepare();
     for (int kind = 0; kind < FV_MESSAGE_KIND_COUNT; kind++) {
         fv_message_channel(config->channel_prefix, (enum fv_message_kind)kind, built->outbox.channel[kind]);
