@@ -1,0 +1,315 @@
+/* Camera models. Radial-tangential: D. C. Brown, "Close-range camera calibration" (1971), with the rational
+ * terms of Claus and Fitzgibbon as OpenCV orders them. Equidistant: J. Kannala and S. Brandt, "A generic
+ * camera model and calibration method for conventional, wide-angle, and fish-eye lenses" (PAMI 2006),
+ * radially symmetric part. */
+#include "fovea/camera.h"
+
+#include <stdbool.h>
+
+#include "fovea/elementary.h"
+
+enum { SCAN_STEPS = 2048, BISECTIONS = 48, AZIMUTHS = 16, RADIAL_STEPS = 60, PLANE_STEPS = 20 };
+
+static const double field_limit_radtan_rad = 1.56; /* the image plane reaches infinity at pi/2 */
+static const double field_min_rad = 0.02;          /* a lens that folds back earlier is a wrong calibration */
+static const double residual_max = 1e-9;           /* of unprojection, on the plane at distance 1 */
+
+/* ---- radial-tangential
+ * --------------------------------------------------------------------------------------- */
+
+/* Radial factor at r2 and its derivative by r2. False where the rational model's pole has been passed. */
+static bool fv_radial_scale(const double *k, double r2, double *scale, double *derivative)
+{
+    double above = 1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]));
+    double below = 1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7]));
+    double above_derivative = k[0] + r2 * (2 * k[1] + r2 * 3 * k[4]);
+    double below_derivative = k[5] + r2 * (2 * k[6] + r2 * 3 * k[7]);
+    if (!(below > 1e-9)) return false;
+    *scale = above / below;
+    *derivative = (above_derivative - *scale * below_derivative) / below;
+    return true;
+}
+
+/* Distort a point of the plane at distance 1; `j` is the 2x2 derivative, row-major. */
+static bool fv_radtan_distort(const double *k, double x, double y, double out[2], double j[4])
+{
+    double r2 = x * x + y * y, scale, derivative;
+    if (!fv_radial_scale(k, r2, &scale, &derivative)) return false;
+    double p1 = k[2], p2 = k[3];
+    out[0] = x * scale + 2 * p1 * x * y + p2 * (r2 + 2 * x * x);
+    out[1] = y * scale + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y;
+    j[0] = scale + 2 * x * x * derivative + 2 * p1 * y + 6 * p2 * x;
+    j[1] = 2 * x * y * derivative + 2 * p1 * x + 2 * p2 * y;
+    j[2] = j[1];
+    j[3] = scale + 2 * y * y * derivative + 6 * p1 * y + 2 * p2 * x;
+    return true;
+}
+
+/* One-to-one at this angle: the derivative keeps its orientation in every direction. */
+static bool fv_radtan_monotone(const double *k, double angle_rad)
+{
+    double r = fovea_tan(angle_rad), first = fovea_atan2(k[2], k[3]);
+    int azimuths = k[2] != 0 || k[3] != 0 ? AZIMUTHS : 1;
+    for (int i = 0; i < azimuths; i++) {
+        double azimuth = first + i * (2 * FOVEA_PI / AZIMUTHS), out[2], j[4];
+        if (!fv_radtan_distort(k, r * fovea_cos(azimuth), r * fovea_sin(azimuth), out, j)) return false;
+        if (!(j[0] * j[3] - j[1] * j[2] > 0 && j[0] + j[3] > 0)) return false;
+    }
+    return true;
+}
+
+/* Radius on the undistorted plane whose purely radial distortion gives `distorted`: Newton kept inside a
+ * bracket. */
+static double fv_radtan_radius(const double *k, double distorted, double radius_max)
+{
+    double low = 0, high = radius_max, r = distorted < radius_max ? distorted : radius_max, scale, derivative;
+    for (int i = 0; i < RADIAL_STEPS; i++) {
+        if (!fv_radial_scale(k, r * r, &scale, &derivative)) return high;
+        double error = r * scale - distorted, slope = scale + 2 * r * r * derivative;
+        if (error > 0)
+            high = r;
+        else
+            low = r;
+        double next = r - error / slope;
+        if (!(slope > 0 && next >= low && next <= high)) next = 0.5 * (low + high);
+        double step = next - r;
+        r = next;
+        if (step < 1e-13 * (1 + r) && step > -1e-13 * (1 + r)) break;
+    }
+    return r;
+}
+
+/* Undistorted plane point of distorted (u, v), and the derivative of distortion there. */
+static bool fv_radtan_undistort(const struct fovea_camera *camera, double u, double v, double out[2],
+                                double j[4])
+{
+    const double *k = camera->k;
+    double radius_max = fovea_tan(camera->field_max_rad), distorted = __builtin_sqrt(u * u + v * v);
+    double ratio = distorted > 0 ? fv_radtan_radius(k, distorted, radius_max) / distorted : 1;
+    double x = u * ratio, y = v * ratio, got[2];
+    bool close = false;
+    for (int i = 0; i < PLANE_STEPS; i++) {
+        if (!fv_radtan_distort(k, x, y, got, j)) return false;
+        double a = u - got[0], b = v - got[1], determinant = j[0] * j[3] - j[1] * j[2];
+        close = a * a + b * b <= residual_max * residual_max;
+        if (!(determinant > 0) || a * a + b * b <= 1e-28 * (1 + distorted * distorted)) break;
+        x += (j[3] * a - j[1] * b) / determinant;
+        y += (j[0] * b - j[2] * a) / determinant;
+    }
+    out[0] = x;
+    out[1] = y;
+    return close && x * x + y * y <= radius_max * radius_max * (1 + 1e-12);
+}
+
+static enum fovea_status fv_radtan_project(const struct fovea_camera *camera, const double p[3],
+                                           double pixel[2], double jacobian[6])
+{
+    if (!(p[2] > 0)) return FOVEA_ERROR_ARGUMENT;
+    double w = 1 / p[2], x = p[0] * w, y = p[1] * w, r2 = x * x + y * y;
+    double field = camera->field_max_rad;
+    if (!(r2 <= field * field)) { /* tan a > a: only then is the tangent needed to tell */
+        double radius_max = fovea_tan(field);
+        if (!(r2 <= radius_max * radius_max)) return FOVEA_ERROR_ARGUMENT;
+    }
+    double out[2], j[4];
+    if (!fv_radtan_distort(camera->k, x, y, out, j)) return FOVEA_ERROR_ARGUMENT;
+    pixel[0] = camera->fx * out[0] + camera->cx;
+    pixel[1] = camera->fy * out[1] + camera->cy;
+    if (jacobian) {
+        double fx = camera->fx * w, fy = camera->fy * w;
+        jacobian[0] = fx * j[0];
+        jacobian[1] = fx * j[1];
+        jacobian[2] = -fx * (j[0] * x + j[1] * y);
+        jacobian[3] = fy * j[2];
+        jacobian[4] = fy * j[3];
+        jacobian[5] = -fy * (j[2] * x + j[3] * y);
+    }
+    return FOVEA_OK;
+}
+
+static enum fovea_status fv_radtan_unproject(const struct fovea_camera *camera, double u, double v,
+                                             double bearing[3], double jacobian[6])
+{
+    double plane[2], j[4];
+    if (!fv_radtan_undistort(camera, u, v, plane, j)) return FOVEA_ERROR_ARGUMENT;
+    double x = plane[0], y = plane[1], n = 1 / __builtin_sqrt(x * x + y * y + 1), n3 = n * n * n;
+    bearing[0] = x * n;
+    bearing[1] = y * n;
+    bearing[2] = n;
+    if (jacobian) {
+        double d = 1 / (j[0] * j[3] - j[1] * j[2]), fx = d / camera->fx, fy = d / camera->fy;
+        double inverse[4] = {j[3] * fx, -j[1] * fy, -j[2] * fx, j[0] * fy}; /* d(plane)/d(pixel) */
+        double by_plane[6] = {n - x * x * n3, -x * y * n3, -x * y * n3, n - y * y * n3, -x * n3, -y * n3};
+        for (int row = 0; row < 3; row++)
+            for (int column = 0; column < 2; column++)
+                jacobian[2 * row + column] =
+                    by_plane[2 * row] * inverse[column] + by_plane[2 * row + 1] * inverse[2 + column];
+    }
+    return FOVEA_OK;
+}
+
+/* ---- equidistant
+ * --------------------------------------------------------------------------------------------- */
+
+static double fv_equidistant_distort(const double *k, double angle, double *slope)
+{
+    double a2 = angle * angle;
+    *slope = 1 + a2 * (3 * k[0] + a2 * (5 * k[1] + a2 * (7 * k[2] + a2 * 9 * k[3])));
+    return angle * (1 + a2 * (k[0] + a2 * (k[1] + a2 * (k[2] + a2 * k[3]))));
+}
+
+static enum fovea_status fv_equidistant_project(const struct fovea_camera *camera, const double p[3],
+                                                double pixel[2], double jacobian[6])
+{
+    double r2 = p[0] * p[0] + p[1] * p[1], r = __builtin_sqrt(r2), n2 = r2 + p[2] * p[2];
+    double angle = fovea_atan2(r, p[2]), slope;
+    if (!(n2 > 0 && angle <= camera->field_max_rad) || (!(r > 0) && !(p[2] > 0))) return FOVEA_ERROR_ARGUMENT;
+    double distorted = fv_equidistant_distort(camera->k, angle, &slope);
+    /* On the axis every direction is radial, and the ratio has the limit 1/z. */
+    bool axis = !(r > 1e-12 * p[2]);
+    double c = axis ? 1 : p[0] / r, s = axis ? 0 : p[1] / r, across = axis ? 1 / p[2] : distorted / r;
+    pixel[0] = camera->fx * across * p[0] + camera->cx;
+    pixel[1] = camera->fy * across * p[1] + camera->cy;
+    if (jacobian) {
+        double along = slope * p[2] / n2, depth = -slope * r / n2, mixed = (along - across) * c * s;
+        jacobian[0] = camera->fx * (across * s * s + along * c * c);
+        jacobian[1] = camera->fx * mixed;
+        jacobian[2] = camera->fx * depth * c;
+        jacobian[3] = camera->fy * mixed;
+        jacobian[4] = camera->fy * (across * c * c + along * s * s);
+        jacobian[5] = camera->fy * depth * s;
+    }
+    return FOVEA_OK;
+}
+
+/* Angle whose distortion is `distorted`; negative where there is none within the field. */
+static double fv_equidistant_angle(const struct fovea_camera *camera, double distorted)
+{
+    double low = 0, high = camera->field_max_rad, slope;
+    double limit = fv_equidistant_distort(camera->k, high, &slope);
+    if (!(distorted <= limit)) return -1;
+    double angle = distorted < high ? distorted : high;
+    for (int i = 0; i < RADIAL_STEPS; i++) {
+        double error = fv_equidistant_distort(camera->k, angle, &slope) - distorted;
+        if (error > 0)
+            high = angle;
+        else
+            low = angle;
+        double next = angle - error / slope;
+        if (!(slope > 0 && next >= low && next <= high)) next = 0.5 * (low + high);
+        double step = next - angle;
+        angle = next;
+        if (step < 1e-15 && step > -1e-15) break;
+    }
+    return angle;
+}
+
+static enum fovea_status fv_equidistant_unproject(const struct fovea_camera *camera, double u, double v,
+                                                  double bearing[3], double jacobian[6])
+{
+    double distorted = __builtin_sqrt(u * u + v * v), slope;
+    double angle = fv_equidistant_angle(camera, distorted);
+    if (!(angle >= 0)) return FOVEA_ERROR_ARGUMENT;
+    (void)fv_equidistant_distort(camera->k, angle, &slope);
+    bool axis = !(distorted > 1e-12);
+    double c = axis ? 1 : u / distorted, s = axis ? 0 : v / distorted;
+    double sine = fovea_sin(angle), cosine = fovea_cos(angle), across = axis ? 1 : sine / distorted;
+    if (!(slope > 0)) return FOVEA_ERROR_ARGUMENT;
+    bearing[0] = axis ? u : sine * c;
+    bearing[1] = axis ? v : sine * s;
+    bearing[2] = cosine;
+    if (jacobian) {
+        double along = cosine / slope, fx = 1 / camera->fx, fy = 1 / camera->fy;
+        jacobian[0] = fx * (along * c * c + across * s * s);
+        jacobian[1] = fy * (along - across) * c * s;
+        jacobian[2] = fx * (along - across) * c * s;
+        jacobian[3] = fy * (along * s * s + across * c * c);
+        jacobian[4] = -fx * sine / slope * c;
+        jacobian[5] = -fy * sine / slope * s;
+    }
+    return FOVEA_OK;
+}
+
+/* ---- both
+ * ------------------------------------------------------------------------------------------------------ */
+
+static bool fv_monotone(const struct fovea_camera *camera, double angle_rad)
+{
+    if (camera->lens == FOVEA_LENS_RADTAN) return fv_radtan_monotone(camera->k, angle_rad);
+    double slope;
+    (void)fv_equidistant_distort(camera->k, angle_rad, &slope);
+    return slope > 0;
+}
+
+static bool fv_finite(double v)
+{
+    return v - v == 0;
+}
+
+static enum fovea_status fv_camera_check(const struct fovea_camera *c, struct fovea_error *error)
+{
+    const enum fovea_status bad = FOVEA_ERROR_INPUT;
+    if (c->lens != FOVEA_LENS_RADTAN && c->lens != FOVEA_LENS_EQUIDISTANT)
+        return fovea_error_set(error, bad, "camera lens: found %d, expected 0 (radtan) or 1 (equidistant)",
+                               (int)c->lens);
+    if (!(fv_finite(c->fx) && fv_finite(c->fy) && c->fx > 0 && c->fy > 0))
+        return fovea_error_set(error, bad, "camera fx fy: found %g %g, expected finite numbers above 0",
+                               c->fx, c->fy);
+    if (c->width < 0 || c->height < 0 || (c->width == 0) != (c->height == 0))
+        return fovea_error_set(error, bad, "camera size: found %d x %d, expected both above 0, or 0 x 0",
+                               c->width, c->height);
+    if (!(fv_finite(c->cx) && fv_finite(c->cy)))
+        return fovea_error_set(error, bad, "camera cx cy: found %g %g, expected finite numbers", c->cx,
+                               c->cy);
+    if (c->width > 0 && !(c->cx > -2.0 * c->width && c->cx < 2.0 * c->width && c->cy > -2.0 * c->height &&
+                          c->cy < 2.0 * c->height))
+        return fovea_error_set(error, bad,
+                               "camera cx cy: found %g %g, expected within two sizes of a %d x %d image",
+                               c->cx, c->cy, c->width, c->height);
+    for (int i = 0; i < FOVEA_LENS_COEFFICIENTS; i++)
+        if (!fv_finite(c->k[i]))
+            return fovea_error_set(error, bad,
+                                   "camera distortion coefficient %d: found %g, expected a finite number",
+                                   i + 1, c->k[i]);
+    return FOVEA_OK;
+}
+
+enum fovea_status fovea_camera_prepare(struct fovea_camera *camera, struct fovea_error *error)
+{
+    enum fovea_status status = fv_camera_check(camera, error);
+    if (status != FOVEA_OK) return status;
+    double limit = camera->lens == FOVEA_LENS_RADTAN ? field_limit_radtan_rad : FOVEA_PI;
+    double low = 0, high = limit;
+    bool folds = false;
+    for (int i = 1; i <= SCAN_STEPS && !folds; i++) {
+        double angle = limit * i / SCAN_STEPS;
+        folds = !fv_monotone(camera, angle);
+        *(folds ? &high : &low) = angle;
+    }
+    for (int i = 0; i < BISECTIONS && folds; i++) {
+        double middle = 0.5 * (low + high);
+        *(fv_monotone(camera, middle) ? &low : &high) = middle;
+    }
+    if (low < field_min_rad)
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT,
+            "camera distortion: folds back at %.4f rad from the axis, expected at least %.2f rad", low,
+            field_min_rad);
+    camera->field_max_rad = low;
+    return FOVEA_OK;
+}
+
+enum fovea_status fovea_camera_project(const struct fovea_camera *camera, const double point[3],
+                                       double pixel[2], double jacobian[6])
+{
+    return camera->lens == FOVEA_LENS_RADTAN ? fv_radtan_project(camera, point, pixel, jacobian)
+                                             : fv_equidistant_project(camera, point, pixel, jacobian);
+}
+
+enum fovea_status fovea_camera_unproject(const struct fovea_camera *camera, const double pixel[2],
+                                         double bearing[3], double jacobian[6])
+{
+    double u = (pixel[0] - camera->cx) / camera->fx, v = (pixel[1] - camera->cy) / camera->fy;
+    return camera->lens == FOVEA_LENS_RADTAN ? fv_radtan_unproject(camera, u, v, bearing, jacobian)
+                                             : fv_equidistant_unproject(camera, u, v, bearing, jacobian);
+}
