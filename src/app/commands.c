@@ -4,5 +4,6 @@
 #include <stddef.h>
 
 const struct fv_command fv_commands[] = {
+    {"config", "print the commented configuration, or check a file", fv_command_config},
     {NULL, NULL, NULL},
 };

@@ -3,9 +3,9 @@
 #include <string.h>
 
 #include "app/command.h"
-#include "app/nearest.h"
 #include "app/say.h"
 #include "fovea/fovea.h"
+#include "fovea/text.h"
 
 static void help_print(void)
 {
@@ -18,12 +18,15 @@ static void help_print(void)
 
 static int unknown(const char *name)
 {
-    struct fv_nearest nearest = {.wanted = name};
-    for (const struct fv_command *command = fv_commands; command->name != NULL; command++)
-        fv_nearest_offer(&nearest, command->name);
+    enum { NAMES_MAX = 64 };
+    const char *names[NAMES_MAX];
+    size_t count = 0;
+    for (; fv_commands[count].name != NULL && count < NAMES_MAX; count++)
+        names[count] = fv_commands[count].name;
+    const char *nearest = fovea_text_nearest(name, names, count);
     return fv_say_wrong("fovea: unknown %s '%s'%s%s%s ('fovea help' lists all)",
-                        name[0] == '-' ? "option" : "command", name, nearest.name ? ", nearest is '" : "",
-                        nearest.name ? nearest.name : "", nearest.name ? "'" : "");
+                        name[0] == '-' ? "option" : "command", name, nearest ? ", nearest is '" : "",
+                        nearest ? nearest : "", nearest ? "'" : "");
 }
 
 static const struct fv_command *command_find(const char *name)

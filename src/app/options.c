@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "app/nearest.h"
 #include "app/say.h"
+#include "fovea/text.h"
 
 static void help_print(const struct fv_option *options, const char *command, const char *operands)
 {
@@ -27,12 +27,14 @@ static enum fv_options_result unknown(const struct fv_option *options, const cha
     if (strncmp(argument, "--", 2) == 0) argument += 2;
     size_t length = strcspn(argument, "=");
     snprintf(name, sizeof name, "%.*s", (int)(length < 63 ? length : 63), argument);
-    struct fv_nearest nearest = {.wanted = name};
-    for (const struct fv_option *option = options; option->name != NULL; option++)
-        fv_nearest_offer(&nearest, option->name);
+    const char *names[FV_OPTIONS_MAX];
+    size_t count = 0;
+    for (; options[count].name != NULL && count < FV_OPTIONS_MAX; count++)
+        names[count] = options[count].name;
+    const char *nearest = fovea_text_nearest(name, names, count);
     fv_say("fovea %s: unknown option '%s%s'%s%s%s ('fovea %s --help' lists all)", command,
-           argument[0] == '-' ? "" : "--", name, nearest.name ? ", nearest is '--" : "",
-           nearest.name ? nearest.name : "", nearest.name ? "'" : "", command);
+           argument[0] == '-' ? "" : "--", name, nearest ? ", nearest is '--" : "", nearest ? nearest : "",
+           nearest ? "'" : "", command);
     return FV_OPTIONS_WRONG;
 }
 

@@ -1,0 +1,310 @@
+#include "app/config.h"
+
+#include <stdarg.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "fovea/yaml_tree.h"
+
+void fv_config_default(struct fv_config *config)
+{
+    memset(config, 0, sizeof *config);
+    fovea_config_default(&config->runtime);
+    snprintf(config->source, sizeof config->source, "sim:");
+    snprintf(config->lcm_url, sizeof config->lcm_url, "udpm://239.255.76.67:7667");
+    config->priority = 40;
+    config->cpu = -1;
+    config->lock_memory = true;
+}
+
+/* ---- reading
+ * ----------------------------------------------------------------------------------------------- */
+
+struct reading {
+    struct fv_config *config;
+    const struct fovea_yaml_tree *tree;
+    struct fovea_error *error;
+    bool from_set;
+};
+
+static size_t choice_count(const struct fv_config_key *key)
+{
+    size_t count = 0;
+    while (key->choices[count] != NULL)
+        count++;
+    return count;
+}
+
+static enum fovea_status take_text(const struct fv_config_key *key, char *target, const char *value,
+                                   size_t *stored)
+{
+    size_t bytes = strlen(value);
+    if (bytes > (size_t)key->max) return FOVEA_ERROR_INPUT;
+    memcpy(target, value, bytes + 1);
+    *stored = bytes;
+    return FOVEA_OK;
+}
+
+static enum fovea_status take(const struct reading *r, const struct fv_config_key *key,
+                              const struct fovea_yaml_node *node)
+{
+    char *target = (char *)r->config + key->offset;
+    int64_t whole = 0;
+    size_t index = 0;
+    const char *text = NULL;
+    enum fovea_status status = FOVEA_OK;
+    switch (key->kind) {
+    case FV_CONFIG_U32:
+    case FV_CONFIG_I32:
+        status = fovea_yaml_integer(r->tree, node, key->min, key->max, &whole, r->error);
+        if (status == FOVEA_OK && key->kind == FV_CONFIG_U32) *(uint32_t *)target = (uint32_t)whole;
+        if (status == FOVEA_OK && key->kind == FV_CONFIG_I32) *(int32_t *)target = (int32_t)whole;
+        return status;
+    case FV_CONFIG_U64:
+        status = fovea_yaml_integer(r->tree, node, key->min, key->max, &whole, r->error);
+        if (status == FOVEA_OK) *(uint64_t *)target = (uint64_t)whole;
+        return status;
+    case FV_CONFIG_BOOL:
+        return fovea_yaml_bool(r->tree, node, (bool *)target, r->error);
+    case FV_CONFIG_TEXT:
+        status = fovea_yaml_string(r->tree, node, (size_t)key->max, &text, r->error);
+        return status == FOVEA_OK ? take_text(key, target, text, &index) : status;
+    case FV_CONFIG_CHOICE:
+        status = fovea_yaml_choice(r->tree, node, key->choices, choice_count(key), &index, r->error);
+        if (status == FOVEA_OK) *(int *)target = (int)index;
+        return status;
+    case FV_CONFIG_TRANSFORM:
+        return fovea_yaml_numbers(r->tree, node, 12, 12, (double *)target, NULL, r->error);
+    }
+    return FOVEA_ERROR_UNSUPPORTED;
+}
+
+/* "features" of "features.count_max"; empty for keys outside sections. */
+static size_t section_length(const char *name)
+{
+    const char *dot = strchr(name, '.');
+    return dot != NULL ? (size_t)(dot - name) : 0;
+}
+
+static const struct fv_config_key *key_find(const char *name)
+{
+    for (size_t i = 0; i < fv_config_key_count; i++)
+        if (strcmp(fv_config_keys[i].name, name) == 0) return &fv_config_keys[i];
+    return NULL;
+}
+
+static bool is_section(const char *name)
+{
+    for (size_t i = 0; i < fv_config_key_count; i++) {
+        size_t length = section_length(fv_config_keys[i].name);
+        if (length > 0 && strncmp(fv_config_keys[i].name, name, length) == 0 && name[length] == '\0')
+            return true;
+    }
+    return false;
+}
+
+/* The nearest full name to `name`, or the one whose last part is `name` (a key written outside its section).
+ */
+static const char *name_nearest(const char *name)
+{
+    const char *names[FV_CONFIG_KEYS_MAX], *leaves[FV_CONFIG_KEYS_MAX];
+    for (size_t i = 0; i < fv_config_key_count; i++) {
+        names[i] = fv_config_keys[i].name;
+        leaves[i] = names[i] + section_length(names[i]) + (strchr(names[i], '.') != NULL);
+    }
+    const char *nearest = fovea_text_nearest(name, names, fv_config_key_count);
+    if (nearest != NULL) return nearest;
+    const char *dot = strrchr(name, '.');
+    const char *leaf = fovea_text_nearest(dot != NULL ? dot + 1 : name, leaves, fv_config_key_count);
+    for (size_t i = 0; leaf != NULL && i < fv_config_key_count; i++)
+        if (leaves[i] == leaf) return names[i];
+    return NULL;
+}
+
+static enum fovea_status unknown(const struct reading *r, const struct fovea_yaml_node *node,
+                                 const char *name)
+{
+    char path[FOVEA_YAML_PATH_BYTES];
+    static char section[64];
+    const char *nearest = name_nearest(name);
+    size_t length = 0;
+    /* A section may be mistyped as a whole: then its name is what is near. */
+    for (size_t i = 0; nearest == NULL && i < fv_config_key_count; i++) {
+        length = section_length(fv_config_keys[i].name);
+        if (length == 0 || length >= sizeof section) continue;
+        snprintf(section, sizeof section, "%.*s", (int)length, fv_config_keys[i].name);
+        const char *const one[] = {section};
+        nearest = fovea_text_nearest(name, one, 1);
+    }
+    return fovea_error_set(
+        r->error, FOVEA_ERROR_INPUT,
+        "%s:%u: %s: found an unknown key, expected a known one%s%s%s ('fovea config' lists all)",
+        r->tree->file, node->line, fovea_yaml_path(node, path), nearest ? ", nearest is '" : "",
+        nearest ? nearest : "", nearest ? "'" : "");
+}
+
+static enum fovea_status take_key(const struct reading *r, const struct fovea_yaml_node *node,
+                                  const char *name)
+{
+    const struct fv_config_key *key = key_find(name);
+    if (key == NULL) return unknown(r, node, name);
+    enum fovea_status status = take(r, key, node);
+    if (status == FOVEA_OK) r->config->line[key - fv_config_keys] = r->from_set ? FV_CONFIG_SET : node->line;
+    return status;
+}
+
+static enum fovea_status take_tree(const struct reading *r)
+{
+    const struct fovea_yaml_node *root = r->tree->root;
+    if (root->kind != FOVEA_YAML_MAPPING)
+        return fovea_yaml_refuse(r->tree, root, "keys with values ('fovea config' shows how)", r->error);
+    for (const struct fovea_yaml_node *node = root->first; node != NULL; node = node->next) {
+        enum fovea_status status = FOVEA_OK;
+        if (!is_section(node->key)) {
+            status = take_key(r, node, node->key);
+            if (status != FOVEA_OK) return status;
+            continue;
+        }
+        bool empty = node->kind == FOVEA_YAML_SCALAR && !node->quoted && node->value[0] == '\0';
+        if (node->kind != FOVEA_YAML_MAPPING && !empty)
+            return fovea_yaml_refuse(r->tree, node, "a section with keys in it", r->error);
+        for (const struct fovea_yaml_node *child = node->first; child != NULL; child = child->next) {
+            char name[128];
+            snprintf(name, sizeof name, "%.60s.%.60s", node->key, child->key);
+            status = take_key(r, child, name);
+            if (status != FOVEA_OK) return status;
+        }
+    }
+    return FOVEA_OK;
+}
+
+enum fovea_status fv_config_parse(struct fv_config *config, const char *name, const char *text, size_t bytes,
+                                  struct fovea_error *error)
+{
+    struct fovea_yaml_tree *tree;
+    enum fovea_status status = fovea_yaml_parse(name, text, bytes, &tree, error);
+    if (status != FOVEA_OK) return status;
+    snprintf(config->file, sizeof config->file, "%s", name);
+    struct reading reading = {config, tree, error, false};
+    status = take_tree(&reading);
+    fovea_yaml_free(tree);
+    return status;
+}
+
+enum fovea_status fv_config_read(struct fv_config *config, const char *path, struct fovea_error *error)
+{
+    char *text;
+    size_t bytes;
+    enum fovea_status status = fovea_text_read(path, FOVEA_YAML_BYTES_MAX, &text, &bytes, error);
+    if (status != FOVEA_OK) return status;
+    status = fv_config_parse(config, path, text, bytes, error);
+    free(text);
+    return status;
+}
+
+/* ---- --set
+ * ------------------------------------------------------------------------------------------------- */
+
+static enum fovea_status set_refuse(const char *key, const char *found, const char *expected,
+                                    struct fovea_error *error)
+{
+    char quoted[FOVEA_TEXT_QUOTED_BYTES];
+    return fovea_error_set(error, FOVEA_ERROR_INPUT, "--set: %s: found %s, expected %s", key,
+                           fovea_text_quote(found, quoted, sizeof quoted), expected);
+}
+
+/* The line number of a text that has but one line says nothing: "--set:1: key" becomes "--set: key". */
+static void drop_line(struct fovea_error *error)
+{
+    static const char with[] = "--set:1: ", without[] = "--set: ";
+    if (error == NULL || strncmp(error->text, with, sizeof with - 1) != 0) return;
+    memmove(error->text + sizeof without - 1, error->text + sizeof with - 1,
+            strlen(error->text + sizeof with - 1) + 1);
+    memcpy(error->text, without, sizeof without - 1);
+}
+
+static enum fovea_status set_parsed(struct fv_config *config, const char *name, const char *value,
+                                    struct fovea_error *error)
+{
+    enum { VALUE_MAX = 2048 };
+    char text[VALUE_MAX + 256];
+    if (strlen(value) > VALUE_MAX || strpbrk(value, "\n\r#") != NULL)
+        return set_refuse(name, value, "a value in one line", error);
+    int section = (int)section_length(name);
+    int bytes = section > 0 ? snprintf(text, sizeof text, "{%.*s: {%s: %s}}", section, name,
+                                       name + section + 1, value)
+                            : snprintf(text, sizeof text, "{%s: %s}", name, value);
+    struct fovea_yaml_tree *tree;
+    enum fovea_status status = fovea_yaml_parse("--set", text, (size_t)bytes, &tree, error);
+    if (status == FOVEA_OK) {
+        struct reading reading = {config, tree, error, true};
+        status = take_tree(&reading);
+        fovea_yaml_free(tree);
+    }
+    drop_line(error);
+    return status;
+}
+
+enum fovea_status fv_config_set(struct fv_config *config, const char *assignment, struct fovea_error *error)
+{
+    char name[64], quoted[FOVEA_TEXT_QUOTED_BYTES];
+    size_t length = strcspn(assignment, "=");
+    if (assignment[length] == '\0' || length == 0 || length >= sizeof name)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "--set: found %s, expected key=value",
+                               fovea_text_quote(assignment, quoted, sizeof quoted));
+    snprintf(name, sizeof name, "%.*s", (int)length, assignment);
+    const char *value = assignment + length + 1;
+    const struct fv_config_key *key = key_find(name);
+    if (key == NULL) {
+        const char *nearest = name_nearest(name);
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT,
+            "--set: %s: found an unknown key, expected a known one%s%s%s ('fovea config' lists all)",
+            fovea_text_quote(name, quoted, sizeof quoted), nearest ? ", nearest is '" : "",
+            nearest ? nearest : "", nearest ? "'" : "");
+    }
+    if (key->kind != FV_CONFIG_TEXT) return set_parsed(config, name, value, error);
+    /* Texts are taken as they stand: "sim:" would otherwise need quotes within the shell's. */
+    size_t stored;
+    if (take_text(key, (char *)config + key->offset, value, &stored) != FOVEA_OK)
+        return set_refuse(name, value, "a shorter text", error);
+    config->line[key - fv_config_keys] = FV_CONFIG_SET;
+    return FOVEA_OK;
+}
+
+/* ---- checks
+ * ------------------------------------------------------------------------------------------------ */
+
+void fv_config_locate(const struct fv_config *config, struct fovea_error *error)
+{
+    char text[FOVEA_ERROR_TEXT_BYTES];
+    if (error == NULL) return;
+    for (size_t i = 0; i < fv_config_key_count; i++) {
+        size_t length = strlen(fv_config_keys[i].name);
+        if (strncmp(error->text, fv_config_keys[i].name, length) != 0 || error->text[length] != ':') continue;
+        memcpy(text, error->text, sizeof text);
+        if (config->line[i] == 0)
+            fovea_error_set(error, error->status, "default: %s", text);
+        else if (config->line[i] == FV_CONFIG_SET)
+            fovea_error_set(error, error->status, "--set: %s", text);
+        else
+            fovea_error_set(error, error->status, "%.200s:%u: %s", config->file, config->line[i], text);
+        return;
+    }
+}
+
+enum fovea_status fv_config_check(const struct fv_config *config, struct fovea_error *error)
+{
+    struct fovea_config runtime = config->runtime;
+    size_t bytes;
+    if (runtime.camera.width == 0) {
+        runtime.camera =
+            (struct fovea_camera){.width = 640, .height = 480, .fx = 400, .fy = 400, .cx = 320, .cy = 240};
+        enum fovea_status status = fovea_camera_prepare(&runtime.camera, error);
+        if (status != FOVEA_OK) return status;
+    }
+    enum fovea_status status = fovea_size(&runtime, &bytes, error);
+    if (status == FOVEA_OK) return FOVEA_OK;
+    fv_config_locate(config, error);
+    return FOVEA_ERROR_INPUT;
+}

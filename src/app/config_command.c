@@ -1,0 +1,36 @@
+/* fovea config: print the commented configuration, or check a file. */
+#include <stddef.h>
+
+#include "app/command.h"
+#include "app/config.h"
+#include "app/options.h"
+#include "app/say.h"
+
+int fv_command_config(int argc, char **argv)
+{
+    const char *file = NULL;
+    struct fv_option_list sets = {0};
+    const struct fv_option options[] = {
+        {"check", "FILE", FV_OPTION_TEXT, &file,
+         "read FILE and tell what is wrong with it, or that nothing is"},
+        {"set", "KEY=VALUE", FV_OPTION_LIST, &sets, "override a key"},
+        {0},
+    };
+    int first;
+    enum fv_options_result result = fv_options_parse(options, "", 0, 0, argc, argv, &first);
+    if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
+
+    static struct fv_config config;
+    struct fovea_error error;
+    fv_config_default(&config);
+    if (file != NULL && fv_config_read(&config, file, &error) != FOVEA_OK)
+        return fv_say_wrong("%s", error.text);
+    for (int i = 0; i < sets.count; i++)
+        if (fv_config_set(&config, sets.values[i], &error) != FOVEA_OK) return fv_say_wrong("%s", error.text);
+    if (fv_config_check(&config, &error) != FOVEA_OK) return fv_say_wrong("%s", error.text);
+    if (file != NULL)
+        printf("%s: fine\n", file);
+    else
+        fv_config_print(stdout, &config, true);
+    return FV_EXIT_OK;
+}

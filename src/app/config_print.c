@@ -1,0 +1,150 @@
+/* The configuration as commented YAML. */
+#include <inttypes.h>
+#include <string.h>
+
+#include "app/config.h"
+#include "fovea/text.h"
+
+enum { COMMENT_COLUMNS = 110 };
+
+/* Words of `text`, broken into comment lines. `column` is where the line stands; returns where it ends. */
+static int wrap(FILE *file, int indent, int column, const char *text)
+{
+    while (*text != '\0') {
+        int length = (int)strcspn(text, " ");
+        if (column + 1 + length > COMMENT_COLUMNS) {
+            fprintf(file, "\n%*s#  ", indent, "");
+            column = indent + 3;
+        }
+        column += fprintf(file, " %.*s", length, text);
+        text += length;
+        text += strspn(text, " ");
+    }
+    return column;
+}
+
+static void range_write(const struct fv_config_key *key, char *range, size_t bytes)
+{
+    const char *unit = key->unit, *space = unit[0] != '\0' ? " " : "";
+    size_t used = 0;
+    switch (key->kind) {
+    case FV_CONFIG_U32:
+    case FV_CONFIG_U64:
+    case FV_CONFIG_I32:
+        snprintf(range, bytes, "[%" PRId64 " to %" PRId64 "%s%s]", key->min, key->max, space, unit);
+        return;
+    case FV_CONFIG_BOOL:
+        snprintf(range, bytes, "[true | false]");
+        return;
+    case FV_CONFIG_CHOICE:
+        for (size_t i = 0; key->choices[i] != NULL && used < bytes; i++)
+            used +=
+                (size_t)snprintf(range + used, bytes - used, "%s%s", i > 0 ? " | " : "[", key->choices[i]);
+        if (used < bytes) snprintf(range + used, bytes - used, "]");
+        return;
+    case FV_CONFIG_TEXT:
+    case FV_CONFIG_TRANSFORM:
+        snprintf(range, bytes, "[%s]", unit[0] != '\0' ? unit : "text");
+        return;
+    }
+}
+
+static void comment(FILE *file, const struct fv_config_key *key, int indent)
+{
+    char range[128] = "";
+    int column = fprintf(file, "%*s#", indent, "");
+    range_write(key, range, sizeof range);
+    column = wrap(file, indent, column, key->help);
+    column = wrap(file, indent, column, range);
+    if (key->cost != NULL) {
+        column = wrap(file, indent, column, "Cost of raising it:");
+        column = wrap(file, indent, column, key->cost);
+    }
+    fprintf(file, "\n");
+}
+
+/* The shortest of the usual lengths that reads back to the same number, wherever the locale puts its point.
+ */
+static void number(FILE *file, double value)
+{
+    char text[40];
+    for (int digits = 15; digits <= 17; digits++) {
+        double back;
+        snprintf(text, sizeof text, "%.*g", digits, value);
+        if (fovea_text_number(text, &back) && back == value) break;
+    }
+    fputs(text, file);
+}
+
+static void quoted(FILE *file, const char *text)
+{
+    fputc('"', file);
+    for (; *text != '\0'; text++) {
+        unsigned char byte = (unsigned char)*text;
+        if (byte == '"' || byte == '\\')
+            fprintf(file, "\\%c", byte);
+        else if (byte < 0x20 || byte == 0x7f)
+            fprintf(file, "\\x%02x", byte);
+        else
+            fputc(byte, file);
+    }
+    fputc('"', file);
+}
+
+static void value_print(FILE *file, const struct fv_config *config, const struct fv_config_key *key)
+{
+    const char *at = (const char *)config + key->offset;
+    switch (key->kind) {
+    case FV_CONFIG_U32:
+        fprintf(file, "%" PRIu32, *(const uint32_t *)at);
+        return;
+    case FV_CONFIG_U64:
+        fprintf(file, "%" PRIu64, *(const uint64_t *)at);
+        return;
+    case FV_CONFIG_I32:
+        fprintf(file, "%" PRId32, *(const int32_t *)at);
+        return;
+    case FV_CONFIG_BOOL:
+        fputs(*(const bool *)at ? "true" : "false", file);
+        return;
+    case FV_CONFIG_TEXT:
+        quoted(file, at);
+        return;
+    case FV_CONFIG_CHOICE:
+        fputs(key->choices[*(const int *)at], file);
+        return;
+    case FV_CONFIG_TRANSFORM:
+        for (int i = 0; i < 12; i++) {
+            fputs(i == 0 ? "[[" : i % 4 == 0 ? "], [" : ", ", file);
+            number(file, ((const double *)at)[i]);
+        }
+        fputs("]]", file);
+        return;
+    }
+}
+
+void fv_config_print(FILE *file, const struct fv_config *config, bool commented)
+{
+    const char *section = "";
+    if (commented)
+        fprintf(file,
+                "# Configuration of Fovea %s. Any key may be left out; 'fovea run --set key=value' overrides "
+                "one.\n",
+                FOVEA_VERSION);
+    for (size_t i = 0; i < fv_config_key_count; i++) {
+        const struct fv_config_key *key = &fv_config_keys[i];
+        const char *dot = strchr(key->name, '.');
+        size_t length = dot != NULL ? (size_t)(dot - key->name) : 0;
+        int indent = length > 0 ? 2 : 0;
+        if (length > 0 && (strncmp(section, key->name, length) != 0 || section[length] != '.')) {
+            fprintf(file, "%s%.*s:\n", commented ? "\n" : "", (int)length, key->name);
+            section = key->name;
+        } else if (commented) {
+            fprintf(file, "\n");
+        }
+        if (commented) comment(file, key, indent);
+        fprintf(file, "%*s%s: ", indent, "", dot != NULL ? dot + 1 : key->name);
+        value_print(file, config, key);
+        fprintf(file, "\n");
+    }
+}
