@@ -2,7 +2,7 @@
 #include <stddef.h>
 
 #include "app/command.h"
-#include "app/config.h"
+#include "app/settings.h"
 #include "app/options.h"
 #include "app/say.h"
 
@@ -20,17 +20,18 @@ int fv_command_config(int argc, char **argv)
     enum fv_options_result result = fv_options_parse(options, "", 0, 0, argc, argv, &first);
     if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
 
-    static struct fv_config config;
+    static struct fv_settings settings;
     struct fovea_error error;
-    fv_config_default(&config);
-    if (file != NULL && fv_config_read(&config, file, &error) != FOVEA_OK)
+    fv_settings_default(&settings);
+    if (file != NULL && fv_settings_read(&settings, file, &error) != FOVEA_OK)
         return fv_say_wrong("%s", error.text);
     for (int i = 0; i < sets.count; i++)
-        if (fv_config_set(&config, sets.values[i], &error) != FOVEA_OK) return fv_say_wrong("%s", error.text);
-    if (fv_config_check(&config, &error) != FOVEA_OK) return fv_say_wrong("%s", error.text);
+        if (fv_settings_set(&settings, sets.values[i], &error) != FOVEA_OK)
+            return fv_say_wrong("%s", error.text);
+    if (fv_settings_check(&settings, &error) != FOVEA_OK) return fv_say_wrong("%s", error.text);
     if (file != NULL)
         printf("%s: fine\n", file);
     else
-        fv_config_print(stdout, &config, true);
+        fv_settings_print(stdout, &settings, true);
     return FV_EXIT_OK;
 }

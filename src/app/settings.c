@@ -1,33 +1,34 @@
-#include "app/config.h"
+#include "app/settings.h"
 
 #include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "fovea/yaml_tree.h"
+#include "runtime/config.h"
 
-void fv_config_default(struct fv_config *config)
+void fv_settings_default(struct fv_settings *settings)
 {
-    memset(config, 0, sizeof *config);
-    fovea_config_default(&config->runtime);
-    snprintf(config->source, sizeof config->source, "sim:");
-    snprintf(config->lcm_url, sizeof config->lcm_url, "udpm://239.255.76.67:7667");
-    config->priority = 40;
-    config->cpu = -1;
-    config->lock_memory = true;
+    memset(settings, 0, sizeof *settings);
+    fovea_config_default(&settings->runtime);
+    snprintf(settings->source, sizeof settings->source, "sim:");
+    snprintf(settings->lcm_url, sizeof settings->lcm_url, "udpm://239.255.76.67:7667");
+    settings->priority = 40;
+    settings->cpu = -1;
+    settings->lock_memory = true;
 }
 
 /* ---- reading
  * ----------------------------------------------------------------------------------------------- */
 
 struct reading {
-    struct fv_config *config;
+    struct fv_settings *settings;
     const struct fovea_yaml_tree *tree;
     struct fovea_error *error;
     bool from_set;
 };
 
-static size_t choice_count(const struct fv_config_key *key)
+static size_t choice_count(const struct fv_settings_key *key)
 {
     size_t count = 0;
     while (key->choices[count] != NULL)
@@ -35,7 +36,7 @@ static size_t choice_count(const struct fv_config_key *key)
     return count;
 }
 
-static enum fovea_status take_text(const struct fv_config_key *key, char *target, const char *value,
+static enum fovea_status take_text(const struct fv_settings_key *key, char *target, const char *value,
                                    size_t *stored)
 {
     size_t bytes = strlen(value);
@@ -45,35 +46,35 @@ static enum fovea_status take_text(const struct fv_config_key *key, char *target
     return FOVEA_OK;
 }
 
-static enum fovea_status take(const struct reading *r, const struct fv_config_key *key,
+static enum fovea_status take(const struct reading *r, const struct fv_settings_key *key,
                               const struct fovea_yaml_node *node)
 {
-    char *target = (char *)r->config + key->offset;
+    char *target = (char *)r->settings + key->offset;
     int64_t whole = 0;
     size_t index = 0;
     const char *text = NULL;
     enum fovea_status status = FOVEA_OK;
     switch (key->kind) {
-    case FV_CONFIG_U32:
-    case FV_CONFIG_I32:
+    case FV_SETTINGS_U32:
+    case FV_SETTINGS_I32:
         status = fovea_yaml_integer(r->tree, node, key->min, key->max, &whole, r->error);
-        if (status == FOVEA_OK && key->kind == FV_CONFIG_U32) *(uint32_t *)target = (uint32_t)whole;
-        if (status == FOVEA_OK && key->kind == FV_CONFIG_I32) *(int32_t *)target = (int32_t)whole;
+        if (status == FOVEA_OK && key->kind == FV_SETTINGS_U32) *(uint32_t *)target = (uint32_t)whole;
+        if (status == FOVEA_OK && key->kind == FV_SETTINGS_I32) *(int32_t *)target = (int32_t)whole;
         return status;
-    case FV_CONFIG_U64:
+    case FV_SETTINGS_U64:
         status = fovea_yaml_integer(r->tree, node, key->min, key->max, &whole, r->error);
         if (status == FOVEA_OK) *(uint64_t *)target = (uint64_t)whole;
         return status;
-    case FV_CONFIG_BOOL:
+    case FV_SETTINGS_BOOL:
         return fovea_yaml_bool(r->tree, node, (bool *)target, r->error);
-    case FV_CONFIG_TEXT:
+    case FV_SETTINGS_TEXT:
         status = fovea_yaml_string(r->tree, node, (size_t)key->max, &text, r->error);
         return status == FOVEA_OK ? take_text(key, target, text, &index) : status;
-    case FV_CONFIG_CHOICE:
+    case FV_SETTINGS_CHOICE:
         status = fovea_yaml_choice(r->tree, node, key->choices, choice_count(key), &index, r->error);
         if (status == FOVEA_OK) *(int *)target = (int)index;
         return status;
-    case FV_CONFIG_TRANSFORM:
+    case FV_SETTINGS_TRANSFORM:
         return fovea_yaml_numbers(r->tree, node, 12, 12, (double *)target, NULL, r->error);
     }
     return FOVEA_ERROR_UNSUPPORTED;
@@ -86,18 +87,18 @@ static size_t section_length(const char *name)
     return dot != NULL ? (size_t)(dot - name) : 0;
 }
 
-static const struct fv_config_key *key_find(const char *name)
+static const struct fv_settings_key *key_find(const char *name)
 {
-    for (size_t i = 0; i < fv_config_key_count; i++)
-        if (strcmp(fv_config_keys[i].name, name) == 0) return &fv_config_keys[i];
+    for (size_t i = 0; i < fv_settings_key_count; i++)
+        if (strcmp(fv_settings_keys[i].name, name) == 0) return &fv_settings_keys[i];
     return NULL;
 }
 
 static bool is_section(const char *name)
 {
-    for (size_t i = 0; i < fv_config_key_count; i++) {
-        size_t length = section_length(fv_config_keys[i].name);
-        if (length > 0 && strncmp(fv_config_keys[i].name, name, length) == 0 && name[length] == '\0')
+    for (size_t i = 0; i < fv_settings_key_count; i++) {
+        size_t length = section_length(fv_settings_keys[i].name);
+        if (length > 0 && strncmp(fv_settings_keys[i].name, name, length) == 0 && name[length] == '\0')
             return true;
     }
     return false;
@@ -107,16 +108,16 @@ static bool is_section(const char *name)
  */
 static const char *name_nearest(const char *name)
 {
-    const char *names[FV_CONFIG_KEYS_MAX], *leaves[FV_CONFIG_KEYS_MAX];
-    for (size_t i = 0; i < fv_config_key_count; i++) {
-        names[i] = fv_config_keys[i].name;
+    const char *names[FV_SETTINGS_KEYS_MAX], *leaves[FV_SETTINGS_KEYS_MAX];
+    for (size_t i = 0; i < fv_settings_key_count; i++) {
+        names[i] = fv_settings_keys[i].name;
         leaves[i] = names[i] + section_length(names[i]) + (strchr(names[i], '.') != NULL);
     }
-    const char *nearest = fovea_text_nearest(name, names, fv_config_key_count);
+    const char *nearest = fovea_text_nearest(name, names, fv_settings_key_count);
     if (nearest != NULL) return nearest;
     const char *dot = strrchr(name, '.');
-    const char *leaf = fovea_text_nearest(dot != NULL ? dot + 1 : name, leaves, fv_config_key_count);
-    for (size_t i = 0; leaf != NULL && i < fv_config_key_count; i++)
+    const char *leaf = fovea_text_nearest(dot != NULL ? dot + 1 : name, leaves, fv_settings_key_count);
+    for (size_t i = 0; leaf != NULL && i < fv_settings_key_count; i++)
         if (leaves[i] == leaf) return names[i];
     return NULL;
 }
@@ -129,10 +130,10 @@ static enum fovea_status unknown(const struct reading *r, const struct fovea_yam
     const char *nearest = name_nearest(name);
     size_t length = 0;
     /* A section may be mistyped as a whole: then its name is what is near. */
-    for (size_t i = 0; nearest == NULL && i < fv_config_key_count; i++) {
-        length = section_length(fv_config_keys[i].name);
+    for (size_t i = 0; nearest == NULL && i < fv_settings_key_count; i++) {
+        length = section_length(fv_settings_keys[i].name);
         if (length == 0 || length >= sizeof section) continue;
-        snprintf(section, sizeof section, "%.*s", (int)length, fv_config_keys[i].name);
+        snprintf(section, sizeof section, "%.*s", (int)length, fv_settings_keys[i].name);
         const char *const one[] = {section};
         nearest = fovea_text_nearest(name, one, 1);
     }
@@ -146,10 +147,11 @@ static enum fovea_status unknown(const struct reading *r, const struct fovea_yam
 static enum fovea_status take_key(const struct reading *r, const struct fovea_yaml_node *node,
                                   const char *name)
 {
-    const struct fv_config_key *key = key_find(name);
+    const struct fv_settings_key *key = key_find(name);
     if (key == NULL) return unknown(r, node, name);
     enum fovea_status status = take(r, key, node);
-    if (status == FOVEA_OK) r->config->line[key - fv_config_keys] = r->from_set ? FV_CONFIG_SET : node->line;
+    if (status == FOVEA_OK)
+        r->settings->line[key - fv_settings_keys] = r->from_set ? FV_SETTINGS_SET : node->line;
     return status;
 }
 
@@ -178,26 +180,26 @@ static enum fovea_status take_tree(const struct reading *r)
     return FOVEA_OK;
 }
 
-enum fovea_status fv_config_parse(struct fv_config *config, const char *name, const char *text, size_t bytes,
-                                  struct fovea_error *error)
+enum fovea_status fv_settings_parse(struct fv_settings *settings, const char *name, const char *text,
+                                    size_t bytes, struct fovea_error *error)
 {
     struct fovea_yaml_tree *tree;
     enum fovea_status status = fovea_yaml_parse(name, text, bytes, &tree, error);
     if (status != FOVEA_OK) return status;
-    snprintf(config->file, sizeof config->file, "%s", name);
-    struct reading reading = {config, tree, error, false};
+    snprintf(settings->file, sizeof settings->file, "%s", name);
+    struct reading reading = {settings, tree, error, false};
     status = take_tree(&reading);
     fovea_yaml_free(tree);
     return status;
 }
 
-enum fovea_status fv_config_read(struct fv_config *config, const char *path, struct fovea_error *error)
+enum fovea_status fv_settings_read(struct fv_settings *settings, const char *path, struct fovea_error *error)
 {
     char *text;
     size_t bytes;
     enum fovea_status status = fovea_text_read(path, FOVEA_YAML_BYTES_MAX, &text, &bytes, error);
     if (status != FOVEA_OK) return status;
-    status = fv_config_parse(config, path, text, bytes, error);
+    status = fv_settings_parse(settings, path, text, bytes, error);
     free(text);
     return status;
 }
@@ -223,7 +225,7 @@ static void drop_line(struct fovea_error *error)
     memcpy(error->text, without, sizeof without - 1);
 }
 
-static enum fovea_status set_parsed(struct fv_config *config, const char *name, const char *value,
+static enum fovea_status set_parsed(struct fv_settings *settings, const char *name, const char *value,
                                     struct fovea_error *error)
 {
     enum { VALUE_MAX = 2048 };
@@ -237,7 +239,7 @@ static enum fovea_status set_parsed(struct fv_config *config, const char *name, 
     struct fovea_yaml_tree *tree;
     enum fovea_status status = fovea_yaml_parse("--set", text, (size_t)bytes, &tree, error);
     if (status == FOVEA_OK) {
-        struct reading reading = {config, tree, error, true};
+        struct reading reading = {settings, tree, error, true};
         status = take_tree(&reading);
         fovea_yaml_free(tree);
     }
@@ -245,7 +247,8 @@ static enum fovea_status set_parsed(struct fv_config *config, const char *name, 
     return status;
 }
 
-enum fovea_status fv_config_set(struct fv_config *config, const char *assignment, struct fovea_error *error)
+enum fovea_status fv_settings_set(struct fv_settings *settings, const char *assignment,
+                                  struct fovea_error *error)
 {
     char name[64], quoted[FOVEA_TEXT_QUOTED_BYTES];
     size_t length = strcspn(assignment, "=");
@@ -254,7 +257,7 @@ enum fovea_status fv_config_set(struct fv_config *config, const char *assignment
                                fovea_text_quote(assignment, quoted, sizeof quoted));
     snprintf(name, sizeof name, "%.*s", (int)length, assignment);
     const char *value = assignment + length + 1;
-    const struct fv_config_key *key = key_find(name);
+    const struct fv_settings_key *key = key_find(name);
     if (key == NULL) {
         const char *nearest = name_nearest(name);
         return fovea_error_set(
@@ -263,48 +266,45 @@ enum fovea_status fv_config_set(struct fv_config *config, const char *assignment
             fovea_text_quote(name, quoted, sizeof quoted), nearest ? ", nearest is '" : "",
             nearest ? nearest : "", nearest ? "'" : "");
     }
-    if (key->kind != FV_CONFIG_TEXT) return set_parsed(config, name, value, error);
+    if (key->kind != FV_SETTINGS_TEXT) return set_parsed(settings, name, value, error);
     /* Texts are taken as they stand: "sim:" would otherwise need quotes within the shell's. */
     size_t stored;
-    if (take_text(key, (char *)config + key->offset, value, &stored) != FOVEA_OK)
+    if (take_text(key, (char *)settings + key->offset, value, &stored) != FOVEA_OK)
         return set_refuse(name, value, "a shorter text", error);
-    config->line[key - fv_config_keys] = FV_CONFIG_SET;
+    settings->line[key - fv_settings_keys] = FV_SETTINGS_SET;
     return FOVEA_OK;
 }
 
 /* ---- checks
  * ------------------------------------------------------------------------------------------------ */
 
-void fv_config_locate(const struct fv_config *config, struct fovea_error *error)
+void fv_settings_locate(const struct fv_settings *settings, struct fovea_error *error)
 {
     char text[FOVEA_ERROR_TEXT_BYTES];
     if (error == NULL) return;
-    for (size_t i = 0; i < fv_config_key_count; i++) {
-        size_t length = strlen(fv_config_keys[i].name);
-        if (strncmp(error->text, fv_config_keys[i].name, length) != 0 || error->text[length] != ':') continue;
+    for (size_t i = 0; i < fv_settings_key_count; i++) {
+        size_t length = strlen(fv_settings_keys[i].name);
+        if (strncmp(error->text, fv_settings_keys[i].name, length) != 0 || error->text[length] != ':')
+            continue;
         memcpy(text, error->text, sizeof text);
-        if (config->line[i] == 0)
+        if (settings->line[i] == 0)
             fovea_error_set(error, error->status, "default: %s", text);
-        else if (config->line[i] == FV_CONFIG_SET)
+        else if (settings->line[i] == FV_SETTINGS_SET)
             fovea_error_set(error, error->status, "--set: %s", text);
         else
-            fovea_error_set(error, error->status, "%.200s:%u: %s", config->file, config->line[i], text);
+            fovea_error_set(error, error->status, "%.200s:%u: %s", settings->file, settings->line[i], text);
         return;
     }
 }
 
-enum fovea_status fv_config_check(const struct fv_config *config, struct fovea_error *error)
+enum fovea_status fv_settings_check(const struct fv_settings *settings, struct fovea_error *error)
 {
-    struct fovea_config runtime = config->runtime;
-    size_t bytes;
-    if (runtime.camera.width == 0) {
-        runtime.camera =
-            (struct fovea_camera){.width = 640, .height = 480, .fx = 400, .fy = 400, .cx = 320, .cy = 240};
-        enum fovea_status status = fovea_camera_prepare(&runtime.camera, error);
-        if (status != FOVEA_OK) return status;
+    struct fovea_config runtime = settings->runtime;
+    if (runtime.camera.width == 0) { /* not known before the source is open */
+        runtime.camera.width = FOVEA_IMAGE_WIDTH_MIN;
+        runtime.camera.height = FOVEA_IMAGE_HEIGHT_MIN;
     }
-    enum fovea_status status = fovea_size(&runtime, &bytes, error);
-    if (status == FOVEA_OK) return FOVEA_OK;
-    fv_config_locate(config, error);
+    if (fv_config_check(&runtime, error) == FOVEA_OK) return FOVEA_OK;
+    fv_settings_locate(settings, error);
     return FOVEA_ERROR_INPUT;
 }

@@ -1,19 +1,20 @@
 /* Every key of the configuration. To add one: a member of the struct with its default, and a row here. */
-#include "app/config.h"
+#include "app/settings.h"
 
-#define AT(member) offsetof(struct fv_config, member)
-#define TEXT_OF(member) FV_CONFIG_TEXT, AT(member), 0, (int64_t)sizeof(((struct fv_config *)0)->member) - 1
+#define AT(member) offsetof(struct fv_settings, member)
+#define TEXT_OF(member)                                                                                      \
+    FV_SETTINGS_TEXT, AT(member), 0, (int64_t)sizeof(((struct fv_settings *)0)->member) - 1
 
 static const char *const rates[] = {"auto", "max", "real", NULL};
 
-const struct fv_config_key fv_config_keys[] = {
+const struct fv_settings_key fv_settings_keys[] = {
     {"source", TEXT_OF(source), "URI", NULL,
      "where frames come from: name:address, for example sim: or euroc:DIR ('fovea run --help' lists the "
      "names)",
      NULL},
     {"camera", TEXT_OF(camera), "file", NULL, "calibration to use; empty: the one that belongs to the source",
      NULL},
-    {"T_base_cam", FV_CONFIG_TRANSFORM, AT(runtime.T_base_cam), -1000000, 1000000, "m", NULL,
+    {"T_base_cam", FV_SETTINGS_TRANSFORM, AT(runtime.T_base_cam), -1000000, 1000000, "m", NULL,
      "three rows of four numbers [R t] that take points of the camera frame (x right, y down, z forward) to "
      "the "
      "robot's base frame (x forward, y left, z up)",
@@ -22,60 +23,60 @@ const struct fv_config_key fv_config_keys[] = {
      "PNG of the size of the frames, black where features are to be ignored (the robot's own parts); empty: "
      "none",
      NULL},
-    {"rate", FV_CONFIG_CHOICE, AT(rate), 0, 2, "", rates,
+    {"rate", FV_SETTINGS_CHOICE, AT(rate), 0, 2, "", rates,
      "max: every frame is processed, grants follow a fixed schedule; real: frames come by the clock, late "
      "ones are "
      "dropped; auto: real for cameras, max for recordings and the simulated camera",
      NULL},
-    {"seed", FV_CONFIG_U64, AT(runtime.seed), 0, INT64_MAX, "", NULL,
+    {"seed", FV_SETTINGS_U64, AT(runtime.seed), 0, INT64_MAX, "", NULL,
      "start of the random numbers of the run", NULL},
 
     {"lcm_url", TEXT_OF(lcm_url), "URL", NULL,
      "where messages are sent, as LCM understands it; empty: nowhere", NULL},
-    {"lcm_ttl", FV_CONFIG_U32, AT(lcm_ttl), 0, 255, "hops", NULL,
+    {"lcm_ttl", FV_SETTINGS_U32, AT(lcm_ttl), 0, 255, "hops", NULL,
      "how far UDP multicast travels: 0 stays on this host, 1 on this network",
-     "every host on the way gets all traffic"},
+     "every host on the way gets all the traffic"},
     {"channel_prefix", TEXT_OF(runtime.channel_prefix), "", NULL,
      "put before channel names, so that several cameras (one process each) can be told apart; letters, "
      "digits and "
      "_ / . -",
      NULL},
-    {"features_every", FV_CONFIG_U32, AT(runtime.features_every), 0, 1000000, "frames", NULL,
+    {"features_every", FV_SETTINGS_U32, AT(runtime.features_every), 0, 1000000, "frames", NULL,
      "send every n-th features message; 0: none", NULL},
-    {"statistics_every", FV_CONFIG_U32, AT(runtime.statistics_every), 0, 1000000, "frames", NULL,
+    {"statistics_every", FV_SETTINGS_U32, AT(runtime.statistics_every), 0, 1000000, "frames", NULL,
      "send every n-th statistics message; 0: none", NULL},
-    {"camera_status_every", FV_CONFIG_U32, AT(runtime.camera_status_every), 0, 1000000, "frames", NULL,
+    {"camera_status_every", FV_SETTINGS_U32, AT(runtime.camera_status_every), 0, 1000000, "frames", NULL,
      "send every n-th camera status message; 0: none", NULL},
     {"record", TEXT_OF(record), "file", NULL, "record the run for replay; empty: do not", NULL},
 
-    {"features.count_max", FV_CONFIG_U32, AT(runtime.features.count_max), FOVEA_FEATURES_MIN,
+    {"features.count_max", FV_SETTINGS_U32, AT(runtime.features.count_max), FOVEA_FEATURES_MIN,
      FOVEA_FEATURES_MAX, "features", NULL, "corners asked of every frame, spread over the image",
-     "step time and memory grow with it"},
-    {"features.pyramid_levels", FV_CONFIG_U32, AT(runtime.features.pyramid_levels), 1,
+     "step time and memory in proportion"},
+    {"features.pyramid_levels", FV_SETTINGS_U32, AT(runtime.features.pyramid_levels), 1,
      FOVEA_PYRAMID_LEVELS_MAX, "levels", NULL, "of the pyramid, each 1.2 times smaller than the one below",
      "all eight take about 3.2 times the time and memory of one"},
-    {"features.threshold", FV_CONFIG_U32, AT(runtime.features.threshold), 2, 100, "grey levels", NULL,
+    {"features.threshold", FV_SETTINGS_U32, AT(runtime.features.threshold), 2, 100, "grey levels", NULL,
      "FAST contrast that is tried first in every cell", NULL},
-    {"features.threshold_min", FV_CONFIG_U32, AT(runtime.features.threshold_min), 2, 100, "grey levels", NULL,
-     "FAST contrast where a cell would stay empty; at most features.threshold", NULL},
+    {"features.threshold_min", FV_SETTINGS_U32, AT(runtime.features.threshold_min), 2, 100, "grey levels",
+     NULL, "FAST contrast where a cell would stay empty; at most features.threshold", NULL},
 
-    {"preview.period_frames", FV_CONFIG_U32, AT(runtime.preview.period_frames), 0, 1000000, "frames", NULL,
+    {"preview.period_frames", FV_SETTINGS_U32, AT(runtime.preview.period_frames), 0, 1000000, "frames", NULL,
      "one JPEG preview every so many frames; 0: none", NULL},
-    {"preview.quality", FV_CONFIG_U32, AT(runtime.preview.quality), 1, 100, "", NULL,
+    {"preview.quality", FV_SETTINGS_U32, AT(runtime.preview.quality), 1, 100, "", NULL,
      "JPEG quality in libjpeg's scale", "bytes per preview"},
-    {"preview.level", FV_CONFIG_U32, AT(runtime.preview.level), 0, FOVEA_PYRAMID_LEVELS_MAX - 1, "", NULL,
+    {"preview.level", FV_SETTINGS_U32, AT(runtime.preview.level), 0, FOVEA_PYRAMID_LEVELS_MAX - 1, "", NULL,
      "pyramid level that is shown, less than features.pyramid_levels; 0 is the whole size", NULL},
 
-    {"loop.priority", FV_CONFIG_U32, AT(priority), 0, 99, "", NULL,
+    {"loop.priority", FV_SETTINGS_U32, AT(priority), 0, 99, "", NULL,
      "SCHED_FIFO priority of the loop thread, where permitted; 0: ordinary scheduling",
-     "everything of lower priority on that processor waits"},
-    {"loop.cpu", FV_CONFIG_I32, AT(cpu), -1, 1023, "", NULL, "processor that the loop is bound to; -1: any",
+     "everything of lower priority on its processor waits longer"},
+    {"loop.cpu", FV_SETTINGS_I32, AT(cpu), -1, 1023, "", NULL, "processor that the loop is bound to; -1: any",
      NULL},
-    {"loop.lock_memory", FV_CONFIG_BOOL, AT(lock_memory), 0, 1, "", NULL,
+    {"loop.lock_memory", FV_SETTINGS_BOOL, AT(lock_memory), 0, 1, "", NULL,
      "keep the runtime's memory from being paged out, where permitted", NULL},
 };
 
-const size_t fv_config_key_count = sizeof fv_config_keys / sizeof fv_config_keys[0];
+const size_t fv_settings_key_count = sizeof fv_settings_keys / sizeof fv_settings_keys[0];
 
-_Static_assert(sizeof fv_config_keys / sizeof fv_config_keys[0] <= FV_CONFIG_KEYS_MAX,
-               "raise FV_CONFIG_KEYS_MAX");
+_Static_assert(sizeof fv_settings_keys / sizeof fv_settings_keys[0] <= FV_SETTINGS_KEYS_MAX,
+               "raise FV_SETTINGS_KEYS_MAX");

@@ -2,7 +2,7 @@
 #include <inttypes.h>
 #include <string.h>
 
-#include "app/config.h"
+#include "app/settings.h"
 #include "fovea/text.h"
 
 enum { COMMENT_COLUMNS = 110 };
@@ -23,42 +23,43 @@ static int wrap(FILE *file, int indent, int column, const char *text)
     return column;
 }
 
-static void range_write(const struct fv_config_key *key, char *range, size_t bytes)
+static void range_write(const struct fv_settings_key *key, char *range, size_t bytes)
 {
     const char *unit = key->unit, *space = unit[0] != '\0' ? " " : "";
     size_t used = 0;
     switch (key->kind) {
-    case FV_CONFIG_U32:
-    case FV_CONFIG_U64:
-    case FV_CONFIG_I32:
+    case FV_SETTINGS_U32:
+    case FV_SETTINGS_U64:
+    case FV_SETTINGS_I32:
         snprintf(range, bytes, "[%" PRId64 " to %" PRId64 "%s%s]", key->min, key->max, space, unit);
         return;
-    case FV_CONFIG_BOOL:
+    case FV_SETTINGS_BOOL:
         snprintf(range, bytes, "[true | false]");
         return;
-    case FV_CONFIG_CHOICE:
+    case FV_SETTINGS_CHOICE:
         for (size_t i = 0; key->choices[i] != NULL && used < bytes; i++)
             used +=
                 (size_t)snprintf(range + used, bytes - used, "%s%s", i > 0 ? " | " : "[", key->choices[i]);
         if (used < bytes) snprintf(range + used, bytes - used, "]");
         return;
-    case FV_CONFIG_TEXT:
-    case FV_CONFIG_TRANSFORM:
+    case FV_SETTINGS_TEXT:
+    case FV_SETTINGS_TRANSFORM:
         snprintf(range, bytes, "[%s]", unit[0] != '\0' ? unit : "text");
         return;
     }
 }
 
-static void comment(FILE *file, const struct fv_config_key *key, int indent)
+static void comment(FILE *file, const struct fv_settings_key *key, int indent)
 {
     char range[128] = "";
     int column = fprintf(file, "%*s#", indent, "");
     range_write(key, range, sizeof range);
-    column = wrap(file, indent, column, key->help);
+    wrap(file, indent, column, key->help);
+    column = fprintf(file, "\n%*s#", indent, "") - 1;
     column = wrap(file, indent, column, range);
     if (key->cost != NULL) {
-        column = wrap(file, indent, column, "Cost of raising it:");
-        column = wrap(file, indent, column, key->cost);
+        column = wrap(file, indent, column, "raising it costs:");
+        wrap(file, indent, column, key->cost);
     }
     fprintf(file, "\n");
 }
@@ -91,29 +92,29 @@ static void quoted(FILE *file, const char *text)
     fputc('"', file);
 }
 
-static void value_print(FILE *file, const struct fv_config *config, const struct fv_config_key *key)
+static void value_print(FILE *file, const struct fv_settings *settings, const struct fv_settings_key *key)
 {
-    const char *at = (const char *)config + key->offset;
+    const char *at = (const char *)settings + key->offset;
     switch (key->kind) {
-    case FV_CONFIG_U32:
+    case FV_SETTINGS_U32:
         fprintf(file, "%" PRIu32, *(const uint32_t *)at);
         return;
-    case FV_CONFIG_U64:
+    case FV_SETTINGS_U64:
         fprintf(file, "%" PRIu64, *(const uint64_t *)at);
         return;
-    case FV_CONFIG_I32:
+    case FV_SETTINGS_I32:
         fprintf(file, "%" PRId32, *(const int32_t *)at);
         return;
-    case FV_CONFIG_BOOL:
+    case FV_SETTINGS_BOOL:
         fputs(*(const bool *)at ? "true" : "false", file);
         return;
-    case FV_CONFIG_TEXT:
+    case FV_SETTINGS_TEXT:
         quoted(file, at);
         return;
-    case FV_CONFIG_CHOICE:
+    case FV_SETTINGS_CHOICE:
         fputs(key->choices[*(const int *)at], file);
         return;
-    case FV_CONFIG_TRANSFORM:
+    case FV_SETTINGS_TRANSFORM:
         for (int i = 0; i < 12; i++) {
             fputs(i == 0 ? "[[" : i % 4 == 0 ? "], [" : ", ", file);
             number(file, ((const double *)at)[i]);
@@ -123,7 +124,7 @@ static void value_print(FILE *file, const struct fv_config *config, const struct
     }
 }
 
-void fv_config_print(FILE *file, const struct fv_config *config, bool commented)
+void fv_settings_print(FILE *file, const struct fv_settings *settings, bool commented)
 {
     const char *section = "";
     if (commented)
@@ -131,8 +132,8 @@ void fv_config_print(FILE *file, const struct fv_config *config, bool commented)
                 "# Configuration of Fovea %s. Any key may be left out; 'fovea run --set key=value' overrides "
                 "one.\n",
                 FOVEA_VERSION);
-    for (size_t i = 0; i < fv_config_key_count; i++) {
-        const struct fv_config_key *key = &fv_config_keys[i];
+    for (size_t i = 0; i < fv_settings_key_count; i++) {
+        const struct fv_settings_key *key = &fv_settings_keys[i];
         const char *dot = strchr(key->name, '.');
         size_t length = dot != NULL ? (size_t)(dot - key->name) : 0;
         int indent = length > 0 ? 2 : 0;
@@ -144,7 +145,7 @@ void fv_config_print(FILE *file, const struct fv_config *config, bool commented)
         }
         if (commented) comment(file, key, indent);
         fprintf(file, "%*s%s: ", indent, "", dot != NULL ? dot + 1 : key->name);
-        value_print(file, config, key);
+        value_print(file, settings, key);
         fprintf(file, "\n");
     }
 }

@@ -1,0 +1,102 @@
+/* Configuration: one YAML file, one table of keys (settings_keys.c), one struct.
+ *
+ * A key is a row of the table: name, type, unit, range, what it does and what raising it costs. Defaults come
+ * from fovea_config_default and fv_settings_default, so that the library and the program cannot disagree.
+ * Values are taken in this order: defaults, the file, `--set`. All of it is init-only. */
+#ifndef FOVEA_APP_SETTINGS_H
+#define FOVEA_APP_SETTINGS_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+
+#include "fovea/fovea.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum fv_rate {
+    FV_RATE_AUTO = 0, /* `real` for live sources, `max` for others */
+    FV_RATE_MAX = 1,  /* every frame is processed, grants follow the fixed schedule */
+    FV_RATE_REAL = 2  /* frames come by the clock, late ones are dropped, grants come from the governor */
+};
+
+enum { FV_SETTINGS_PATH_BYTES = 1024, FV_SETTINGS_KEYS_MAX = 128 };
+
+struct fv_settings {
+    struct fovea_config runtime; /* camera and mask pixels are filled in when the source is open */
+
+    char source[FV_SETTINGS_PATH_BYTES]; /* URI */
+    char camera[FV_SETTINGS_PATH_BYTES]; /* calibration file; "": the source's own */
+    char mask[FV_SETTINGS_PATH_BYTES];   /* picture; "": none */
+    int rate;                            /* enum fv_rate */
+    char lcm_url[256];                   /* "": nothing is sent */
+    uint32_t lcm_ttl;
+    char record[FV_SETTINGS_PATH_BYTES]; /* "": none */
+    uint32_t priority;                   /* SCHED_FIFO; 0: ordinary scheduling */
+    int32_t cpu;                         /* -1: any */
+    bool lock_memory;
+
+    /* Where each key was set, by index in the table: 0 default, FV_SETTINGS_SET given by --set, else line of
+     * `file`. */
+    uint32_t line[FV_SETTINGS_KEYS_MAX];
+    char file[FV_SETTINGS_PATH_BYTES];
+};
+
+#define FV_SETTINGS_SET UINT32_MAX
+
+void fv_settings_default(struct fv_settings *settings);
+
+/* Read a file, or `bytes` of text that errors call `name`, over what `settings` holds. FOVEA_ERROR_INPUT:
+ * `error` names file, line, key, what was found, what was expected and, for an unknown key, the nearest known
+ * one; `settings` is then partly changed. */
+enum fovea_status fv_settings_read(struct fv_settings *settings, const char *path, struct fovea_error *error);
+enum fovea_status fv_settings_parse(struct fv_settings *settings, const char *name, const char *text,
+                                    size_t bytes, struct fovea_error *error);
+
+/* Take one "key=value". */
+enum fovea_status fv_settings_set(struct fv_settings *settings, const char *assignment,
+                                  struct fovea_error *error);
+
+/* Check what concerns several keys at once, by the runtime's own checks. The camera may still be missing. */
+enum fovea_status fv_settings_check(const struct fv_settings *settings, struct fovea_error *error);
+
+/* When an error line starts with a key's name, put before it where that key was set ("robot.yaml:12: "). */
+void fv_settings_locate(const struct fv_settings *settings, struct fovea_error *error);
+
+/* Write as YAML that reads back to the same values; with every key's help as comments when `commented`. */
+void fv_settings_print(FILE *file, const struct fv_settings *settings, bool commented);
+
+/* ---- the table
+ * --------------------------------------------------------------------------------------------- */
+
+enum fv_settings_kind {
+    FV_SETTINGS_U32,
+    FV_SETTINGS_U64,
+    FV_SETTINGS_I32,
+    FV_SETTINGS_BOOL,
+    FV_SETTINGS_TEXT,     /* char[max + 1] */
+    FV_SETTINGS_CHOICE,   /* int: index into choices */
+    FV_SETTINGS_TRANSFORM /* double[12], row-major 3x4 */
+};
+
+struct fv_settings_key {
+    const char *name; /* "key" or "section.key"; keys of a section stand together */
+    enum fv_settings_kind kind;
+    size_t offset;              /* in struct fv_settings */
+    int64_t min, max;           /* of numbers; texts: bytes */
+    const char *unit;           /* "" where it has none */
+    const char *const *choices; /* ended by NULL; CHOICE only */
+    const char *help;           /* what it does */
+    const char *cost;           /* of raising it; NULL where there is none */
+};
+
+extern const struct fv_settings_key fv_settings_keys[];
+extern const size_t fv_settings_key_count;
+
+#ifdef __cplusplus
+}
+#endif
+#endif
