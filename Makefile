@@ -54,7 +54,7 @@ endif
 
 # ---- sources ---------------------------------------------------------------------------------------------------
 LCMTYPES  := $(wildcard include/lcmtypes/*.lcm)
-LCMGEN    := $(patsubst include/lcmtypes/%.lcm,$(BUILD)/generated/%.c,$(LCMTYPES))
+LCMGEN    := $(patsubst include/lcmtypes/%.lcm,$(BUILD)/generated/%.c,$(LCMTYPES)) $(BUILD)/generated/fovea_fields.h
 KERNELS   := $(wildcard src/kernels/*.c src/kernels/c/*.c)
 ifneq (,$(findstring x86_64,$(MACHINE)))
 KERNELS   += $(wildcard src/kernels/x86/*.c)
@@ -69,7 +69,7 @@ DRIVERS_C := $(wildcard drivers/*.c drivers/*/*.c)
 APP_C     := $(wildcard src/app/*.c)
 
 objs = $(patsubst %.c,$(BUILD)/obj/%.o,$(filter %.c,$(1))) $(patsubst %.cpp,$(BUILD)/obj/%.o,$(filter %.cpp,$(1)))
-GEN_O     := $(patsubst %.c,%.o,$(LCMGEN))
+GEN_O     := $(patsubst %.c,%.o,$(filter %.c,$(LCMGEN)))
 CORE_O    := $(call objs,$(CORE_C) $(CORE_CXX)) $(GEN_O)
 DRIVERS_O := $(call objs,$(DRIVERS_C))
 APP_O     := $(filter-out $(BUILD)/obj/src/app/main.o,$(call objs,$(APP_C)))
@@ -163,8 +163,12 @@ $(BUILD)/generated/%.c: include/lcmtypes/%.lcm
 	@mkdir -p $(@D)
 	$(Q)lcm-gen -c --c-cpath $(@D) --c-hpath $(@D) $<
 $(BUILD)/generated/%.h: $(BUILD)/generated/%.c ;
+$(BUILD)/generated/fovea_fields.h: tools/lcm_fields.awk $(LCMTYPES)
+	@mkdir -p $(@D)
+	awk -f $< $(LCMTYPES) >$@
 $(GEN_O): %.o: %.c | $(LCMGEN)
-	$(CC) $(filter-out $(WARN),$(CFLAGS)) -fno-strict-aliasing -c $< -o $@
+	$(CC) $(filter-out $(WARN),$(CFLAGS)) -fno-strict-aliasing $(if $(filter asan,$(SAN)),-fno-sanitize=undefined) \
+	    -c $< -o $@
 
 # Instruction sets by file name: everything else is the architecture's baseline.
 isa_flags = $(if $(findstring _sse4.c,$(1)),-msse4.2 -mpopcnt)\

@@ -1,0 +1,268 @@
+#include "message/fields.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "fovea_fields.h"
+
+enum { TYPE_COUNT = (int)(sizeof fv_types / sizeof fv_types[0]) };
+
+static const uint8_t wire_bytes[] = {
+    [FV_WIRE_INT8] = 1,  [FV_WIRE_BYTE] = 1,  [FV_WIRE_BOOLEAN] = 1, [FV_WIRE_INT16] = 2,
+    [FV_WIRE_INT32] = 4, [FV_WIRE_INT64] = 8, [FV_WIRE_FLOAT] = 4,   [FV_WIRE_DOUBLE] = 8,
+};
+
+const struct fv_type *fv_message_types(int32_t *count)
+{
+    *count = TYPE_COUNT;
+    return fv_types;
+}
+
+static uint64_t read_big(const uint8_t *data, uint32_t bytes)
+{
+    uint64_t value = 0;
+    for (uint32_t i = 0; i < bytes; i++)
+        value = value << 8 | data[i];
+    return value;
+}
+
+static int64_t read_integer(enum fv_wire wire, const uint8_t *data)
+{
+    uint64_t value = read_big(data, wire_bytes[wire]);
+    switch (wire) {
+    case FV_WIRE_INT8:
+        return (int8_t)value;
+    case FV_WIRE_INT16:
+        return (int16_t)value;
+    case FV_WIRE_INT32:
+        return (int32_t)value;
+    default:
+        return (int64_t)value;
+    }
+}
+
+const struct fv_type *fv_message_type_of(const uint8_t *data, size_t bytes)
+{
+    if (bytes < 8) return NULL;
+    int64_t hash = (int64_t)read_big(data, 8);
+    for (int i = 0; i < TYPE_COUNT; i++)
+        if (fv_types[i].hash() == hash) return &fv_types[i];
+    return NULL;
+}
+
+/* ---- walking
+ * ----------------------------------------------------------------------------------------------- */
+
+void fv_message_walk(struct fv_walk *walk, const struct fv_type *type, const uint8_t *data, size_t bytes)
+{
+    memset(walk, 0, sizeof *walk);
+    walk->data = data;
+    walk->bytes = bytes;
+    walk->at = 8; /* the hash */
+    walk->level[0].type = type;
+}
+
+static enum fovea_status problem(struct fv_walk *walk, const char *text)
+{
+    walk->problem = text;
+    return FOVEA_ERROR_INPUT;
+}
+
+/* "parts[2].name" from the levels down to the present field. */
+static void write_path(const struct fv_walk *walk, char *path)
+{
+    int used = 0;
+    for (int i = 0; i <= walk->depth && used < FV_PATH_BYTES; i++) {
+        const struct fv_field *field = &walk->level[i].type->fields[walk->level[i].field];
+        bool number = field->array && (field->wire == FV_WIRE_STRUCT || field->wire == FV_WIRE_STRING);
+        used += snprintf(path + used, (size_t)(FV_PATH_BYTES - used), "%s%s", i > 0 ? "." : "", field->name);
+        if (number && used < FV_PATH_BYTES)
+            used += snprintf(path + used, (size_t)(FV_PATH_BYTES - used), "[%" PRId32 "]",
+                             walk->level[i].element);
+    }
+}
+
+static enum fovea_status read_string(struct fv_walk *walk, struct fv_leaf *leaf)
+{
+    if (walk->bytes - walk->at < 4) return problem(walk, "a string's length is cut off");
+    uint64_t length = read_big(walk->data + walk->at, 4);
+    if (length < 1 || length > walk->bytes - walk->at - 4)
+        return problem(walk, "a string's length does not fit the message");
+    leaf->data = walk->data + walk->at + 4;
+    if (memchr(leaf->data, 0, length) != leaf->data + length - 1)
+        return problem(walk, "a string does not end in its only zero");
+    leaf->offset = walk->at + 4;
+    leaf->bytes = (uint32_t)length;
+    leaf->count = 1;
+    walk->at += 4 + length;
+    walk->level[walk->depth].element++;
+    return FOVEA_OK;
+}
+
+static enum fovea_status read_numbers(struct fv_walk *walk, const struct fv_field *field, int32_t count,
+                                      struct fv_leaf *leaf)
+{
+    uint64_t bytes = (uint64_t)count * wire_bytes[field->wire];
+    if (bytes > walk->bytes - walk->at) return problem(walk, "a field reaches past the end of the message");
+    leaf->data = walk->data + walk->at;
+    leaf->offset = walk->at;
+    leaf->bytes = (uint32_t)bytes;
+    leaf->count = (uint32_t)count;
+    if (!field->array && field->wire < FV_WIRE_FLOAT) {
+        int64_t value = read_integer(field->wire, leaf->data);
+        bool fits = value >= 0 && value <= INT32_MAX;
+        walk->level[walk->depth].values[walk->level[walk->depth].field] = fits ? (int32_t)value : -1;
+    }
+    walk->at += bytes;
+    walk->level[walk->depth].field++;
+    return FOVEA_OK;
+}
+
+enum fovea_status fv_message_leaf(struct fv_walk *walk, struct fv_leaf *leaf)
+{
+    for (;;) { /* every turn consumes bytes, ends a field, or ends a struct */
+        const struct fv_type *type = walk->level[walk->depth].type;
+        int32_t *field_number = &walk->level[walk->depth].field, *element = &walk->level[walk->depth].element;
+        if (*field_number == type->field_count) {
+            if (walk->depth == 0)
+                return walk->at == walk->bytes ? FOVEA_END : problem(walk, "bytes follow the last field");
+            walk->depth--;
+            walk->level[walk->depth].element++;
+            continue;
+        }
+        const struct fv_field *field = &type->fields[*field_number];
+        int32_t count =
+            field->count_field < 0 ? field->count : walk->level[walk->depth].values[field->count_field];
+        if (count < 0) return problem(walk, "a count is negative");
+        bool numbers = field->wire != FV_WIRE_STRING && field->wire != FV_WIRE_STRUCT;
+        if (!numbers && *element == count) {
+            (*field_number)++;
+            *element = 0;
+            continue;
+        }
+        if (field->wire == FV_WIRE_STRUCT) {
+            if (walk->depth + 1 == FV_NESTING_MAX) return problem(walk, "types nest too deep");
+            if (walk->at == walk->bytes) return problem(walk, "a field reaches past the end of the message");
+            walk->depth++;
+            memset(&walk->level[walk->depth], 0, sizeof walk->level[0]);
+            walk->level[walk->depth].type = &fv_types[field->nested];
+            continue;
+        }
+        write_path(walk, leaf->path);
+        leaf->wire = field->wire;
+        return numbers ? read_numbers(walk, field, count, leaf) : read_string(walk, leaf);
+    }
+}
+
+bool fv_message_check(const char *type, const uint8_t *data, size_t bytes, const char **why, size_t *at)
+{
+    const struct fv_type *found = fv_message_type_of(data, bytes);
+    if (found == NULL || strcmp(found->name, type) != 0) {
+        *why = found == NULL ? "of no known type" : found->name;
+        *at = 0;
+        return false;
+    }
+    struct fv_walk walk;
+    struct fv_leaf leaf;
+    fv_message_walk(&walk, found, data, bytes);
+    enum fovea_status status;
+    do
+        status = fv_message_leaf(&walk, &leaf);
+    while (status == FOVEA_OK);
+    *why = walk.problem;
+    *at = walk.at;
+    return status == FOVEA_END;
+}
+
+/* ---- comparing
+ * --------------------------------------------------------------------------------------------- */
+
+static void write_value(const struct fv_leaf *leaf, uint32_t element, char *text)
+{
+    const uint8_t *data =
+        leaf->data + (size_t)element * (leaf->wire == FV_WIRE_STRING ? 0 : wire_bytes[leaf->wire]);
+    union {
+        uint32_t bits;
+        float value;
+    } single;
+    union {
+        uint64_t bits;
+        double value;
+    } twice;
+    switch (leaf->wire) {
+    case FV_WIRE_STRING:
+        snprintf(text, FV_VALUE_BYTES, "\"%.56s\"", (const char *)data);
+        break;
+    case FV_WIRE_FLOAT:
+        single.bits = (uint32_t)read_big(data, 4);
+        snprintf(text, FV_VALUE_BYTES, "%.9g (%08" PRIx32 ")", (double)single.value, single.bits);
+        break;
+    case FV_WIRE_DOUBLE:
+        twice.bits = read_big(data, 8);
+        snprintf(text, FV_VALUE_BYTES, "%.17g (%016" PRIx64 ")", twice.value, twice.bits);
+        break;
+    case FV_WIRE_BYTE:
+        snprintf(text, FV_VALUE_BYTES, "%u", data[0]);
+        break;
+    default:
+        snprintf(text, FV_VALUE_BYTES, "%" PRId64, read_integer(leaf->wire, data));
+        break;
+    }
+}
+
+/* Name the first element that differs between two leaves of the same path. False: none does. */
+static bool leaves_differ(const struct fv_leaf *expected, const struct fv_leaf *found,
+                          struct fv_difference *difference)
+{
+    if (expected->bytes == found->bytes && memcmp(expected->data, found->data, found->bytes) == 0)
+        return false;
+    uint32_t element = 0, step = expected->wire == FV_WIRE_STRING ? 0 : wire_bytes[expected->wire];
+    while (step > 0 && memcmp(expected->data + element * step, found->data + element * step, step) == 0)
+        element++;
+    if (expected->count > 1)
+        snprintf(difference->field, FV_PATH_BYTES, "%.80s[%" PRIu32 "]", expected->path, element);
+    else
+        memcpy(difference->field, expected->path, FV_PATH_BYTES);
+    write_value(expected, element, difference->expected);
+    write_value(found, element, difference->found);
+    return true;
+}
+
+static void describe(enum fovea_status status, const struct fv_walk *walk, char *text)
+{
+    snprintf(text, FV_VALUE_BYTES, "%s",
+             status == FOVEA_OK    ? "a field"
+             : status == FOVEA_END ? "end"
+                                   : walk->problem);
+}
+
+bool fv_message_compare(const uint8_t *expected, size_t expected_bytes, const uint8_t *found,
+                        size_t found_bytes, struct fv_difference *difference)
+{
+    memset(difference, 0, sizeof *difference);
+    if (expected_bytes == found_bytes && memcmp(expected, found, found_bytes) == 0) return true;
+    const struct fv_type *type = fv_message_type_of(expected, expected_bytes);
+    const struct fv_type *found_type = fv_message_type_of(found, found_bytes);
+    if (type == NULL || type != found_type) {
+        snprintf(difference->expected, FV_VALUE_BYTES, "%s", type != NULL ? type->name : "an unknown type");
+        snprintf(difference->found, FV_VALUE_BYTES, "%s",
+                 found_type != NULL ? found_type->name : "an unknown type");
+        return false;
+    }
+    struct fv_walk walks[2];
+    struct fv_leaf leaves[2];
+    fv_message_walk(&walks[0], type, expected, expected_bytes);
+    fv_message_walk(&walks[1], type, found, found_bytes);
+    for (;;) {
+        enum fovea_status first = fv_message_leaf(&walks[0], &leaves[0]);
+        enum fovea_status second = fv_message_leaf(&walks[1], &leaves[1]);
+        if (first == FOVEA_OK && second == FOVEA_OK) {
+            if (leaves_differ(&leaves[0], &leaves[1], difference)) return false;
+            continue;
+        }
+        describe(first, &walks[0], difference->expected);
+        describe(second, &walks[1], difference->found);
+        return false;
+    }
+}

@@ -1,0 +1,54 @@
+# Turn .lcm type definitions into a C table of their fields (see src/message/fields.h), on standard output.
+# Usage: awk -f tools/lcm_fields.awk include/lcmtypes/*.lcm
+# Understands what our types use: one struct per file, scalars, one-dimensional arrays, nested types of the same package.
+
+function fail(text) { print FILENAME ":" FNR ": " text >"/dev/stderr"; failed = 1; exit 1 }
+
+FNR == 1 { in_comment = 0 }
+{
+    sub(/\/\/.*/, "")
+    while (match($0, /\/\*[^*]*\*\//)) $0 = substr($0, 1, RSTART - 1) " " substr($0, RSTART + RLENGTH)
+    if (in_comment) { if (!sub(/^.*\*\//, "")) next; in_comment = 0 }
+    if (sub(/\/\*.*/, "")) in_comment = 1
+}
+/^ *(package|const) / || /^ *}? *$/ { next }
+/^ *struct / { type = $2; types[++type_count] = type; index_of[type] = type_count - 1; next }
+/^ *[a-z0-9_.]+ +[a-z0-9_]+(\[[a-z0-9_]+\])? *; *$/ {
+    sub(/;.*/, "")
+    kind = $1
+    sub(/^fovea\./, "", kind)
+    name = $2
+    size = ""
+    if (match(name, /\[.*\]/)) { size = substr(name, RSTART + 1, RLENGTH - 2); name = substr(name, 1, RSTART - 1) }
+    n = ++field_count[type]
+    names[type, n] = name; kinds[type, n] = kind; sizes[type, n] = size; position[type, name] = n - 1
+    next
+}
+{ fail("found \"" $0 "\", expected one field per line") }
+
+END {
+    if (failed) exit 1
+    primitive["int8_t"] = "INT8"; primitive["int16_t"] = "INT16"; primitive["int32_t"] = "INT32"
+    primitive["int64_t"] = "INT64"; primitive["byte"] = "BYTE"; primitive["boolean"] = "BOOLEAN"
+    primitive["float"] = "FLOAT"; primitive["double"] = "DOUBLE"; primitive["string"] = "STRING"
+    for (t = 1; t <= type_count; t++) printf "#include \"fovea_%s.h\"\n", types[t]
+    for (t = 1; t <= type_count; t++) {
+        type = types[t]
+        printf "\nstatic const struct fv_field fields_of_%s[] = {\n", type
+        for (n = 1; n <= field_count[type]; n++) {
+            kind = kinds[type, n]; size = sizes[type, n]
+            wire = kind in primitive ? primitive[kind] : "STRUCT"
+            if (wire == "STRUCT" && !(kind in index_of)) { print type ": unknown type " kind >"/dev/stderr"; exit 1 }
+            fixed = size == "" ? 1 : (size ~ /^[0-9]+$/ ? size : 0)
+            if (!fixed && !((type, size) in position)) { print type ": unknown count " size >"/dev/stderr"; exit 1 }
+            printf "    {\"%s\", FV_WIRE_%s, %d, %d, %d, %d},\n", names[type, n], wire, size != "", fixed, \
+                   fixed ? -1 : position[type, size], wire == "STRUCT" ? index_of[kind] : -1
+        }
+        print "};"
+    }
+    print "\nstatic const struct fv_type fv_types[] = {"
+    for (t = 1; t <= type_count; t++)
+        printf "    {\"fovea.%s\", fields_of_%s, %d, __fovea_%s_get_hash},\n", types[t], types[t], field_count[types[t]], \
+               types[t]
+    print "};"
+}
