@@ -1,0 +1,69 @@
+/* Recording a run as an LCM log: header, frames, inputs, grants and messages, so that `fovea replay` needs
+ * nothing else.
+ *
+ * The loop thread copies into a preallocated ring and never waits, allocates or enters the system; a thread
+ * of its own writes. When the disk is full or the ring overflows because the disk is slow, the recording ends
+ * at a whole event, that is said once on stderr, what came later is counted, and the run goes on. For
+ * recorded input at full speed fv_recorder_pace lets the loop wait for the disk instead.
+ *
+ *     fv_recorder_open(&setup, &recorder, &error);          // before the loop
+ *     for each turn:
+ *         fv_recorder_pace(recorder);                        // only with --rate max, before the turn
+ *         fovea_step(...);  fv_recorder_step(recorder, &inputs, &outputs);
+ *         fovea_work(...);  fv_recorder_work(recorder, &inputs, &grants, &outputs);
+ *     fv_recorder_close(recorder, &summary);                 // after the loop
+ *
+ * Every function takes NULL for "not recording". */
+#ifndef FOVEA_APP_RECORDER_H
+#define FOVEA_APP_RECORDER_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "app/settings.h"
+#include "fovea/fovea.h"
+
+struct fv_recorder;
+
+struct fv_recorder_setup {
+    const char *path;                   /* replaced if it exists */
+    const struct fv_settings *settings; /* as the runtime was initialised: camera fitted, mask loaded */
+    const char *kernel_set;
+    bool real_time;
+    size_t frame_bytes; /* of the largest frame */
+    size_t ring_bytes;  /* 0: room for 24 frames, at least 4 MiB */
+};
+
+/* Create the file, the ring and the thread. Init-only. */
+enum fovea_status fv_recorder_open(const struct fv_recorder_setup *setup, struct fv_recorder **recorder,
+                                   struct fovea_error *error);
+
+/* Record what a step was given and what it gave. After fovea_step, while frame and outputs are valid. Loop
+ * thread, real-time safe. */
+void fv_recorder_step(struct fv_recorder *recorder, const struct fovea_inputs *inputs,
+                      const struct fovea_outputs *outputs);
+
+/* The same for a work; `inputs` are those of the step before. Loop thread, real-time safe. */
+void fv_recorder_work(struct fv_recorder *recorder, const struct fovea_inputs *inputs,
+                      const struct fovea_grants *grants, const struct fovea_outputs *outputs);
+
+/* Wait until the ring has room for a turn with two of the largest frames. Not for frames that come by the
+ * clock. */
+void fv_recorder_pace(struct fv_recorder *recorder);
+
+struct fv_recorder_summary {
+    uint64_t events, bytes; /* written; whole events only */
+    uint64_t turns_lost;    /* steps that came after the recording had ended */
+    bool complete;          /* everything was written */
+    char reason[192];       /* why not, "" when complete */
+};
+
+/* Bytes that the recorder takes outside the runtime's block, for the memory table. */
+size_t fv_recorder_bytes(const struct fv_recorder *recorder);
+
+/* Write what is left, sync, close, free. `summary` may be NULL. FOVEA_OK: complete. FOVEA_ERROR_SYSTEM: it
+ * ended early; that has been said. */
+enum fovea_status fv_recorder_close(struct fv_recorder *recorder, struct fv_recorder_summary *summary);
+
+#endif

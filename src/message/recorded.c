@@ -1,0 +1,210 @@
+#include "message/recorded.h"
+
+#include <string.h>
+
+#include "message/fields.h"
+#include "message/message.h"
+
+#include "fovea_frame_t.h"
+#include "fovea_grants_t.h"
+#include "fovea_inputs_t.h"
+
+size_t fv_message_frame_size_max(size_t image_bytes)
+{
+    fovea_frame_t empty;
+    memset(&empty, 0, sizeof empty);
+    return (size_t)fovea_frame_t_encoded_size(&empty) + image_bytes;
+}
+
+size_t fv_message_inputs_size_max(void)
+{
+    fovea_inputs_t empty;
+    memset(&empty, 0, sizeof empty);
+    return (size_t)fovea_inputs_t_encoded_size(&empty) + FOVEA_JOB_COUNT * sizeof(int32_t);
+}
+
+size_t fv_message_grants_size_max(void)
+{
+    fovea_grants_t empty;
+    memset(&empty, 0, sizeof empty);
+    return (size_t)fovea_grants_t_encoded_size(&empty) + FOVEA_JOB_COUNT * sizeof(int32_t);
+}
+
+size_t fv_message_frame_image_bytes(const struct fovea_frame *frame)
+{
+    const struct fovea_image *image = &frame->image;
+    if (image->format == FOVEA_PIXEL_MJPEG) return image->size_bytes;
+    size_t bytes = fovea_image_bytes(image->format, image->height, image->stride_bytes);
+    return bytes < image->size_bytes ? bytes : image->size_bytes;
+}
+
+static int clamp_capacity(size_t capacity)
+{
+    return capacity > INT32_MAX ? INT32_MAX : (int)capacity;
+}
+
+uint32_t fv_message_frame_encode(const struct fovea_frame *frame, int64_t utc_offset_ns, uint8_t *buffer,
+                                 size_t capacity)
+{
+    const fovea_frame_t message = {
+        .stamp = fv_message_stamp(frame, utc_offset_ns),
+        .exposure_ns = frame->exposure_ns,
+        .width = frame->image.width,
+        .height = frame->image.height,
+        .stride_bytes = frame->image.stride_bytes,
+        .pixel_format = (int8_t)frame->image.format,
+        .size_bytes = (int32_t)fv_message_frame_image_bytes(frame),
+        .data = (uint8_t *)frame->image.data, /* lcm-gen knows no const; it only reads */
+    };
+    int bytes = fovea_frame_t_encode(buffer, 0, clamp_capacity(capacity), &message);
+    return bytes > 0 ? (uint32_t)bytes : 0;
+}
+
+uint32_t fv_message_inputs_encode(const struct fovea_inputs *inputs, uint8_t *buffer, size_t capacity)
+{
+    int32_t units[FOVEA_JOB_COUNT];
+    for (int job = 0; job < FOVEA_JOB_COUNT; job++)
+        units[job] = (int32_t)inputs->grants.units[job];
+    const fovea_inputs_t message = {
+        .has_frame = inputs->frame != NULL,
+        .now_ns = inputs->now_ns,
+        .source_state = (int8_t)inputs->source_state,
+        .delivered = (int64_t)inputs->source_counts.delivered,
+        .missing = (int64_t)inputs->source_counts.missing,
+        .damaged = (int64_t)inputs->source_counts.damaged,
+        .dropped = (int64_t)inputs->source_counts.dropped,
+        .recovered = (int64_t)inputs->source_counts.recovered,
+        .commands = (int32_t)inputs->commands,
+        .utc_offset_ns = inputs->utc_offset_ns,
+        .latency_ns = inputs->latency_ns,
+        .frames_late = (int64_t)inputs->frames_late,
+        .resident_bytes = (int64_t)inputs->resident_bytes,
+        .temperature_c = inputs->temperature_c,
+        .features = (int32_t)inputs->grants.features,
+        .job_count = FOVEA_JOB_COUNT,
+        .units = units,
+    };
+    int bytes = fovea_inputs_t_encode(buffer, 0, clamp_capacity(capacity), &message);
+    return bytes > 0 ? (uint32_t)bytes : 0;
+}
+
+uint32_t fv_message_grants_encode(int64_t now_ns, const struct fovea_grants *grants, uint8_t *buffer,
+                                  size_t capacity)
+{
+    int32_t units[FOVEA_JOB_COUNT];
+    for (int job = 0; job < FOVEA_JOB_COUNT; job++)
+        units[job] = (int32_t)grants->units[job];
+    const fovea_grants_t message = {
+        .now_ns = now_ns,
+        .features = (int32_t)grants->features,
+        .job_count = FOVEA_JOB_COUNT,
+        .units = units,
+    };
+    int bytes = fovea_grants_t_encode(buffer, 0, clamp_capacity(capacity), &message);
+    return bytes > 0 ? (uint32_t)bytes : 0;
+}
+
+/* ---- back
+ * --------------------------------------------------------------------------------------------------- */
+
+/* Reads the numbers of a checked message in the order of its fields. */
+struct reader {
+    struct fv_walk walk;
+    struct fv_leaf leaf;
+};
+
+static uint64_t next_bits(struct reader *reader)
+{
+    uint64_t bits = 0;
+    if (fv_message_leaf(&reader->walk, &reader->leaf) == FOVEA_OK && reader->leaf.count > 0)
+        for (uint32_t i = 0; i < reader->leaf.bytes / reader->leaf.count; i++)
+            bits = bits << 8 | reader->leaf.data[i];
+    return bits;
+}
+
+static int32_t next_i32(struct reader *reader)
+{
+    return (int32_t)(uint32_t)next_bits(reader);
+}
+
+static int64_t next_i64(struct reader *reader)
+{
+    return (int64_t)next_bits(reader);
+}
+
+/* features, job_count and units: the common end of inputs and grants. */
+static bool next_grants(struct reader *reader, struct fovea_grants *grants, const char **problem, size_t *at)
+{
+    int32_t features = next_i32(reader), jobs = next_i32(reader);
+    size_t jobs_at = reader->leaf.offset;
+    memset(grants, 0, sizeof *grants);
+    grants->features = (uint32_t)features;
+    if (features < 0 || jobs > FOVEA_JOB_COUNT) {
+        *problem = features < 0 ? "fewer than no features are granted"
+                                : "there are jobs that this program does not have";
+        *at = features < 0 ? jobs_at - 4 : jobs_at;
+        return false;
+    }
+    if (jobs == 0) return true;
+    next_bits(reader);
+    for (int job = 0; job < jobs; job++) {
+        const uint8_t *data = reader->leaf.data + 4 * job;
+        grants->units[job] =
+            (uint32_t)data[0] << 24 | (uint32_t)data[1] << 16 | (uint32_t)data[2] << 8 | data[3];
+    }
+    return true;
+}
+
+static bool begin(struct reader *reader, const char *type, const uint8_t *data, size_t bytes,
+                  const char **problem, size_t *at)
+{
+    if (!fv_message_check(type, data, bytes, problem, at)) return false;
+    fv_message_walk(&reader->walk, fv_message_type_of(data, bytes), data, bytes);
+    return true;
+}
+
+bool fv_message_inputs_decode(const uint8_t *data, size_t bytes, struct fovea_inputs *inputs, bool *has_frame,
+                              const char **problem, size_t *at)
+{
+    struct reader reader;
+    if (!begin(&reader, "fovea.inputs_t", data, bytes, problem, at)) return false;
+    struct fovea_inputs found;
+    memset(&found, 0, sizeof found);
+    bool frame = next_bits(&reader) != 0;
+    found.now_ns = next_i64(&reader);
+    uint64_t source_state = next_bits(&reader);
+    if (source_state > FOVEA_SOURCE_ENDED) {
+        *problem = "the source's state is none of ours";
+        *at = reader.leaf.offset;
+        return false;
+    }
+    found.source_state = (enum fovea_source_state)source_state;
+    found.source_counts.delivered = next_bits(&reader);
+    found.source_counts.missing = next_bits(&reader);
+    found.source_counts.damaged = next_bits(&reader);
+    found.source_counts.dropped = next_bits(&reader);
+    found.source_counts.recovered = next_bits(&reader);
+    found.commands = (uint32_t)next_bits(&reader);
+    found.utc_offset_ns = next_i64(&reader);
+    found.latency_ns = next_i64(&reader);
+    found.frames_late = next_bits(&reader);
+    found.resident_bytes = next_bits(&reader);
+    uint32_t temperature = (uint32_t)next_bits(&reader);
+    memcpy(&found.temperature_c, &temperature, sizeof temperature);
+    if (!next_grants(&reader, &found.grants, problem, at)) return false;
+    *inputs = found;
+    *has_frame = frame;
+    return true;
+}
+
+bool fv_message_grants_decode(const uint8_t *data, size_t bytes, struct fovea_grants *grants,
+                              const char **problem, size_t *at)
+{
+    struct reader reader;
+    if (!begin(&reader, "fovea.grants_t", data, bytes, problem, at)) return false;
+    (void)next_i64(&reader); /* now_ns */
+    struct fovea_grants found;
+    if (!next_grants(&reader, &found, problem, at)) return false;
+    *grants = found;
+    return true;
+}

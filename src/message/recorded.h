@@ -1,0 +1,44 @@
+/* What recordings hold besides published messages: frames, inputs and grants, into the caller's memory and
+ * back.
+ *
+ * Encoders: real-time safe, return the bytes written or 0 when `capacity` is too small. Decoders take events
+ * from outside: they check the message first, allocate nothing, and leave outputs untouched when they refuse.
+ */
+#ifndef FOVEA_MESSAGE_RECORDED_H
+#define FOVEA_MESSAGE_RECORDED_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "fovea/fovea.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+size_t fv_message_frame_size_max(size_t image_bytes);
+size_t fv_message_inputs_size_max(void);
+size_t fv_message_grants_size_max(void);
+
+/* The pixels that count: all planes at the frame's stride, or all of a compressed picture. */
+size_t fv_message_frame_image_bytes(const struct fovea_frame *frame);
+
+uint32_t fv_message_frame_encode(const struct fovea_frame *frame, int64_t utc_offset_ns, uint8_t *buffer,
+                                 size_t capacity);
+uint32_t fv_message_inputs_encode(const struct fovea_inputs *inputs, uint8_t *buffer, size_t capacity);
+uint32_t fv_message_grants_encode(int64_t now_ns, const struct fovea_grants *grants, uint8_t *buffer,
+                                  size_t capacity);
+
+/* `has_frame` says whether a frame went with these inputs; inputs->frame is NULL. Jobs that this build does
+ * not have are refused, jobs that the recording did not have get no units. On refusal `*problem` and `*at`
+ * (byte within the message) say why and where. */
+bool fv_message_inputs_decode(const uint8_t *data, size_t bytes, struct fovea_inputs *inputs, bool *has_frame,
+                              const char **problem, size_t *at);
+bool fv_message_grants_decode(const uint8_t *data, size_t bytes, struct fovea_grants *grants,
+                              const char **problem, size_t *at);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
