@@ -10,7 +10,9 @@
 
 #include "kernels/cpu.h"
 
+#include "kernels/contracts/fast.h"
 #include "kernels/contracts/grey.h"
+#include "kernels/contracts/pyramid.h"
 
 #ifdef __cplusplus
 extern "C" {

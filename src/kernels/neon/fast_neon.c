@@ -1,0 +1,90 @@
+#include "kernels/kernels.h"
+
+#include <arm_neon.h>
+
+#define MIN vminq_u8
+#define MAX vmaxq_u8
+#define load vld1q_u8
+
+/* Of the arcs of nine, the best weakest pixel (brightest) and the best strongest one (darkest). Two arcs that differ
+ * in their ends share eight pixels: min over them once, then the better of the two ends. */
+static inline void best_arcs(const uint8x16_t p[16], uint8x16_t *brightest, uint8x16_t *darkest)
+{
+    uint8x16_t low[8], high[8];
+    for (int j = 0; j < 8; j++) {
+        low[j] = MIN(p[2 * j + 1], p[(2 * j + 2) & 15]);
+        high[j] = MAX(p[2 * j + 1], p[(2 * j + 2) & 15]);
+    }
+    uint8x16_t low4[8], high4[8];
+    for (int j = 0; j < 8; j++) {
+        low4[j] = MIN(low[j], low[(j + 1) & 7]);
+        high4[j] = MAX(high[j], high[(j + 1) & 7]);
+    }
+    uint8x16_t bright = vdupq_n_u8(0), dark = vdupq_n_u8(255);
+    for (int j = 0; j < 8; j++) {
+        const uint8x16_t one_end = p[2 * j], other_end = p[(2 * j + 9) & 15];
+        bright = MAX(bright, MIN(MIN(low4[j], low4[(j + 2) & 7]), MAX(one_end, other_end)));
+        dark = MIN(dark, MAX(MAX(high4[j], high4[(j + 2) & 7]), MIN(one_end, other_end)));
+    }
+    *brightest = bright;
+    *darkest = dark;
+}
+
+static inline int any(uint8x16_t v)
+{
+    return vmaxvq_u32(vreinterpretq_u32_u8(v)) != 0;
+}
+
+/* Whether both opposite pairs hold a pixel beyond the threshold on the same side, in any lane. */
+static inline int any_beyond(const uint8x16_t *p, int first, int second, uint8x16_t above, uint8x16_t below)
+{
+    const uint8x16_t bright = MIN(MAX(p[first], p[first + 8]), MAX(p[second], p[second + 8]));
+    const uint8x16_t dark = MAX(MIN(p[first], p[first + 8]), MIN(p[second], p[second + 8]));
+    return any(vorrq_u8(vcgtq_u8(bright, above), vcltq_u8(dark, below)));
+}
+
+void fv_k_fast_score_u8__neon(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes, int32_t count,
+                              int32_t threshold)
+{
+    const ptrdiff_t s = stride_bytes;
+    const uint8x16_t t = vdupq_n_u8((uint8_t)threshold), one = vdupq_n_u8(1);
+    for (int32_t i = 0; i < count; i += 16) {
+        const uint8_t *c = pixels + i;
+        const uint8x16_t centre = load(c), above = vqaddq_u8(centre, t), below = vqsubq_u8(centre, t);
+        uint8x16_t p[16], score = vdupq_n_u8(0);
+        p[0] = load(c - 3 * s), p[8] = load(c + 3 * s), p[4] = load(c + 3), p[12] = load(c - 3);
+        if (any_beyond(p, 0, 4, above, below)) {
+            p[2] = load(c - 2 * s + 2), p[10] = load(c + 2 * s - 2);
+            p[6] = load(c + 2 * s + 2), p[14] = load(c - 2 * s - 2);
+            if (any_beyond(p, 2, 6, above, below)) {
+                p[1] = load(c - 3 * s + 1), p[3] = load(c - s + 3), p[5] = load(c + s + 3), p[7] = load(c + 3 * s + 1);
+                p[9] = load(c + 3 * s - 1), p[11] = load(c + s - 3), p[13] = load(c - s - 3);
+                p[15] = load(c - 3 * s - 1);
+                uint8x16_t bright, dark;
+                best_arcs(p, &bright, &dark);
+                const uint8x16_t best = MAX(vqsubq_u8(bright, centre), vqsubq_u8(centre, dark));
+                score = vandq_u8(vcgtq_u8(best, t), vsubq_u8(best, one));
+            }
+        }
+        vst1q_u8(scores + i, score);
+    }
+}
+
+int32_t fv_k_fast_peaks_u8__neon(uint16_t *columns, const uint8_t *above, const uint8_t *row, const uint8_t *below,
+                                 int32_t count)
+{
+    int32_t found = 0;
+    for (int32_t i = 0; i < count; i += 16) {
+        const uint8x16_t centre = load(row + i);
+        if (!any(centre)) continue;
+        uint8x16_t around = MAX(load(row + i - 1), load(row + i + 1));
+        around = MAX(around, MAX(MAX(load(above + i - 1), load(above + i)), load(above + i + 1)));
+        around = MAX(around, MAX(MAX(load(below + i - 1), load(below + i)), load(below + i + 1)));
+        /* Narrowing by 4 leaves one nibble per lane: a 64-bit mask. */
+        const uint8x8_t nibbles = vshrn_n_u16(vreinterpretq_u16_u8(vcgtq_u8(centre, around)), 4);
+        uint64_t peaks = vget_lane_u64(vreinterpret_u64_u8(nibbles), 0) & UINT64_C(0x1111111111111111);
+        if (count - i < 16) peaks &= (UINT64_C(1) << 4 * (count - i)) - 1u;
+        for (; peaks != 0; peaks &= peaks - 1) columns[found++] = (uint16_t)(i + (__builtin_ctzll(peaks) >> 2));
+    }
+    return found;
+}
