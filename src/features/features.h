@@ -1,16 +1,17 @@
 /* Features of a frame: FAST corners on every level of the pyramid, spread over the image.
  *
  * Corners are those of FAST-9/16 with non-maximum suppression (fast.h) at config.threshold_min; where a cell of the grid
- * holds any corner of config.threshold, only those count. Each level gets its share of the features, and within a
- * level every cell gives its best before any gives its second (spread.h). Corners keep FV_FEATURES_BORDER_PX from the
+ * holds any corner of config.threshold, only those count. Each level gets its share of the features, what
+ * a coarse level lacks goes to the finer ones, and within a level every cell gives its best before any gives its second (spread.h). Corners keep FV_FEATURES_BORDER_PX from the
  * border of their level, so that a descriptor's patch fits.
- * The order is fixed: by level from fine to coarse, then cell by cell. Integer only up to the final scaling of places. */
+ * The order is fixed: by level from coarse to fine, then cell by cell. Integer only up to the final scaling of places. */
 #ifndef FOVEA_FEATURES_FEATURES_H
 #define FOVEA_FEATURES_FEATURES_H
 
 #include <stdint.h>
 
 #include "base/arena.h"
+#include "features/fast.h"
 #include "features/spread.h"
 #include "fovea/features.h"
 #include "image/pyramid.h"
@@ -24,12 +25,10 @@ enum { FV_FEATURES_BORDER_PX = 19, FV_FEATURES_PATCH_PX = 31 };
 
 struct fv_features {
     struct fovea_features_config config;
-    uint32_t count;              /* features of the last frame */
-    struct fovea_feature *list;  /* config.count_max elements */
-    struct fv_corner *corners;   /* the same in pixels of their levels, element by element */
-    uint8_t *scores;             /* three rows of FAST scores */
-    uint16_t *columns;           /* corners of one row */
-    int32_t score_stride_bytes;
+    uint32_t count;             /* features of the last frame */
+    struct fovea_feature *list; /* config.count_max elements */
+    struct fv_corner *corners;  /* the same in pixels of their levels, element by element */
+    struct fv_fast_scratch fast;
     struct fv_spread spread;
 };
 

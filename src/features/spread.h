@@ -39,9 +39,8 @@ struct fv_spread {
     int32_t cell_px, columns, rows;
 };
 
-/* Take memory for levels of at most width x height and `count_max` corners in all. Fills sizes and addresses only. */
-void fv_spread_carve(struct fv_spread *spread, int32_t width, int32_t height, uint32_t count_max,
-                     struct fv_arena *frame);
+/* Take memory for grids of at most `count_max` cells. Fills sizes and addresses only. Init-only. */
+void fv_spread_carve(struct fv_spread *spread, uint32_t count_max, struct fv_arena *frame);
 
 /* Start a level of which about `share` corners will be picked. Clears the cells. */
 void fv_spread_begin(struct fv_spread *spread, int32_t width, int32_t height, uint32_t share);
