@@ -12,7 +12,10 @@
 
 #include "kernels/contracts/fast.h"
 #include "kernels/contracts/grey.h"
+#include "kernels/contracts/hamming.h"
+#include "kernels/contracts/orb.h"
 #include "kernels/contracts/pyramid.h"
+#include "kernels/contracts/remap.h"
 
 #ifdef __cplusplus
 extern "C" {

@@ -1,0 +1,124 @@
+#include "kernels/kernels.h"
+
+#include <arm_neon.h>
+
+static inline uint16x8_t fv_blur7_column(const uint8_t *const rows[7], int32_t x)
+{
+    const uint16x8_t outer = vaddl_u8(vld1_u8(rows[0] + x), vld1_u8(rows[6] + x));
+    const uint16x8_t middle = vaddl_u8(vld1_u8(rows[1] + x), vld1_u8(rows[5] + x));
+    const uint16x8_t inner = vaddl_u8(vld1_u8(rows[2] + x), vld1_u8(rows[4] + x));
+    uint16x8_t sum = vmull_u8(vld1_u8(rows[3] + x), vdup_n_u8(56));
+    sum = vmlaq_n_u16(sum, outer, 18);
+    sum = vmlaq_n_u16(sum, middle, 34);
+    return vmlaq_n_u16(sum, inner, 48);
+}
+
+/* Four outputs: widening products, rounded and narrowed. */
+static inline uint16x4_t fv_blur7_four(const uint16_t *column)
+{
+    uint32x4_t sum = vmull_n_u16(vld1_u16(column), 56);
+    sum = vmlaq_n_u32(sum, vaddl_u16(vld1_u16(column - 3), vld1_u16(column + 3)), 18);
+    sum = vmlaq_n_u32(sum, vaddl_u16(vld1_u16(column - 2), vld1_u16(column + 2)), 34);
+    sum = vmlaq_n_u32(sum, vaddl_u16(vld1_u16(column - 1), vld1_u16(column + 1)), 48);
+    return vrshrn_n_u32(sum, 16);
+}
+
+void fv_k_blur7_row_u8__neon(uint8_t *out, const uint8_t *const rows[7], int32_t width, uint16_t *scratch)
+{
+    if (width < 8) {
+        fv_k_blur7_row_u8__c(out, rows, width, scratch);
+        return;
+    }
+    uint16_t *column = scratch + 8;
+    for (int32_t x = 0;; x += 8) {
+        if (x > width - 8) x = width - 8; /* the last vector overlaps the one before */
+        vst1q_u16(column + x, fv_blur7_column(rows, x));
+        if (x == width - 8) break;
+    }
+    for (int32_t i = 1; i <= FV_BLUR7_RADIUS; i++) {
+        column[-i] = column[i];
+        column[width - 1 + i] = column[width - 1 - i];
+    }
+    for (int32_t x = 0;; x += 8) {
+        if (x > width - 8) x = width - 8;
+        vst1_u8(out + x, vmovn_u16(vcombine_u16(fv_blur7_four(column + x), fv_blur7_four(column + x + 4))));
+        if (x == width - 8) break;
+    }
+}
+
+/* Products with |u| in unsigned words. Over 15 rows of the circle the weights of one lane add up to at most
+ * 174 (the columns 5 and 13), and 174 x 255 fits; over 31 rows they would not, so the upper and the lower
+ * half have their own sums. Left and right are subtracted at the end. */
+struct fv_moment_words {
+    uint16x8_t left, right; /* sums of |u| I, lanes folded in two */
+};
+
+static inline uint16x8_t fv_moments_rows(struct fv_moment_words *words, const uint8_t *row,
+                                         uint8x16_t left_mask, uint8x16_t right_mask, uint8x16_t left_u,
+                                         uint8x16_t right_u)
+{
+    const uint8x16_t left = vandq_u8(vld1q_u8(row - 16), left_mask);
+    const uint8x16_t right = vandq_u8(vld1q_u8(row), right_mask);
+    words->left = vmlal_u8(words->left, vget_low_u8(left), vget_low_u8(left_u));
+    words->right = vmlal_u8(words->right, vget_low_u8(right), vget_low_u8(right_u));
+    const uint16x8_t left_far = vmull_high_u8(left, left_u), right_far = vmull_high_u8(right, right_u);
+    words->left = vaddq_u16(words->left, left_far);
+    words->right = vaddq_u16(words->right, right_far);
+    return vaddq_u16(vpaddlq_u8(left), vpaddlq_u8(right));
+}
+
+static inline int32_t fv_moments_side(const struct fv_moment_words *words)
+{
+    return (int32_t)vaddlvq_u16(words->right) - (int32_t)vaddlvq_u16(words->left);
+}
+
+void fv_k_moments_u8__neon(int32_t *m, const uint8_t *image, ptrdiff_t stride, const int32_t *centres,
+                           int32_t count)
+{
+    static const uint8_t ramp[16] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+    const uint8x16_t right_u = vld1q_u8(ramp), left_u = vsubq_u8(vdupq_n_u8(16), right_u);
+    uint8x16_t left_mask[FV_MOMENTS_RADIUS + 1], right_mask[FV_MOMENTS_RADIUS + 1];
+    for (int v = 0; v <= FV_MOMENTS_RADIUS; v++) {
+        const uint8x16_t half = vdupq_n_u8(fv_moments_half_width[v]);
+        left_mask[v] = vcleq_u8(left_u, half);
+        right_mask[v] = vcleq_u8(right_u, half);
+    }
+    for (int32_t k = 0; k < count; k++) {
+        const uint8_t *row = image + centres[k];
+        const struct fv_moment_words none = {vdupq_n_u16(0), vdupq_n_u16(0)};
+        struct fv_moment_words below = none, above = none;
+        int32x4_t m01 = vdupq_n_s32(0);
+        fv_moments_rows(&below, row, left_mask[0], right_mask[0], left_u, right_u);
+        int32_t m10 = fv_moments_side(&below);
+        below = none;
+        for (int v = 1; v <= FV_MOMENTS_RADIUS; v++) {
+            const uint16x8_t down =
+                fv_moments_rows(&below, row + v * stride, left_mask[v], right_mask[v], left_u, right_u);
+            const uint16x8_t up =
+                fv_moments_rows(&above, row - v * stride, left_mask[v], right_mask[v], left_u, right_u);
+            const int16x8_t across = vreinterpretq_s16_u16(vsubq_u16(down, up));
+            m01 = vmlal_n_s16(m01, vget_low_s16(across), (int16_t)v);
+            m01 = vmlal_n_s16(m01, vget_high_s16(across), (int16_t)v);
+        }
+        m[2 * k] = m10 + fv_moments_side(&below) + fv_moments_side(&above);
+        m[2 * k + 1] = vaddvq_s32(m01);
+    }
+}
+
+void fv_k_brief_u8__neon(uint8_t descriptor[FV_DESCRIPTOR_BYTES], const uint8_t *centre,
+                         const int32_t first[FV_BRIEF_BITS], const int32_t second[FV_BRIEF_BITS])
+{
+    /* Sampled into arrays first: the vector loads below come long after the byte stores that they need. */
+    uint8_t a[FV_BRIEF_BITS], b[FV_BRIEF_BITS];
+    for (int i = 0; i < FV_BRIEF_BITS; i++) {
+        a[i] = centre[first[i]];
+        b[i] = centre[second[i]];
+    }
+    static const uint8_t bit_of_lane[16] = {1, 2, 4, 8, 16, 32, 64, 128, 1, 2, 4, 8, 16, 32, 64, 128};
+    const uint8x16_t bits = vld1q_u8(bit_of_lane);
+    for (int i = 0; i < FV_BRIEF_BITS; i += 16) {
+        const uint8x16_t less = vandq_u8(vcltq_u8(vld1q_u8(a + i), vld1q_u8(b + i)), bits);
+        descriptor[i / 8] = vaddv_u8(vget_low_u8(less));
+        descriptor[i / 8 + 1] = vaddv_u8(vget_high_u8(less));
+    }
+}

@@ -1,0 +1,111 @@
+#include "kernels/kernels.h"
+
+#include <immintrin.h>
+
+/* As the SSE4 variant, twice as wide; all shuffles stay within lanes but for the last pack. */
+static inline __m256i fv_blur7_column(const uint8_t *const rows[7], int32_t x)
+{
+    __m256i r[7];
+    for (int i = 0; i < 7; i++)
+        r[i] = _mm256_cvtepu8_epi16(_mm_loadu_si128((const __m128i *)(rows[i] + x)));
+    const __m256i outer = _mm256_mullo_epi16(_mm256_add_epi16(r[0], r[6]), _mm256_set1_epi16(18));
+    const __m256i middle = _mm256_mullo_epi16(_mm256_add_epi16(r[1], r[5]), _mm256_set1_epi16(34));
+    const __m256i inner = _mm256_mullo_epi16(_mm256_add_epi16(r[2], r[4]), _mm256_set1_epi16(48));
+    const __m256i centre = _mm256_mullo_epi16(r[3], _mm256_set1_epi16(56));
+    const __m256i sum = _mm256_add_epi16(_mm256_add_epi16(outer, middle), _mm256_add_epi16(inner, centre));
+    return _mm256_xor_si256(sum, _mm256_set1_epi16(INT16_MIN));
+}
+
+static inline __m256i fv_blur7_sixteen(const uint16_t *column)
+{
+    const __m256i a = _mm256_loadu_si256((const __m256i *)(column - 3));
+    const __m256i b = _mm256_loadu_si256((const __m256i *)(column - 1));
+    const __m256i c = _mm256_loadu_si256((const __m256i *)(column + 1));
+    const __m256i d = _mm256_loadu_si256((const __m256i *)(column + 3));
+    const __m256i bias = _mm256_set1_epi32(256 * 32768 + 32768);
+    const __m256i even =
+        _mm256_add_epi32(_mm256_add_epi32(_mm256_madd_epi16(a, _mm256_set1_epi32(34 << 16 | 18)),
+                                          _mm256_madd_epi16(b, _mm256_set1_epi32(56 << 16 | 48))),
+                         _mm256_add_epi32(_mm256_madd_epi16(c, _mm256_set1_epi32(34 << 16 | 48)),
+                                          _mm256_madd_epi16(d, _mm256_set1_epi32(18))));
+    const __m256i odd =
+        _mm256_add_epi32(_mm256_add_epi32(_mm256_madd_epi16(a, _mm256_set1_epi32(18 << 16)),
+                                          _mm256_madd_epi16(b, _mm256_set1_epi32(48 << 16 | 34))),
+                         _mm256_add_epi32(_mm256_madd_epi16(c, _mm256_set1_epi32(48 << 16 | 56)),
+                                          _mm256_madd_epi16(d, _mm256_set1_epi32(18 << 16 | 34))));
+    return _mm256_blend_epi16(_mm256_srli_epi32(_mm256_add_epi32(even, bias), 16),
+                              _mm256_add_epi32(odd, bias), 0xaa);
+}
+
+void fv_k_blur7_row_u8__avx2(uint8_t *out, const uint8_t *const rows[7], int32_t width, uint16_t *scratch)
+{
+    if (width < 32) {
+        fv_k_blur7_row_u8__c(out, rows, width, scratch);
+        return;
+    }
+    uint16_t *column = scratch + 16;
+    for (int32_t x = 0;; x += 16) {
+        if (x > width - 16) x = width - 16; /* the last vector overlaps the one before */
+        _mm256_storeu_si256((__m256i *)(column + x), fv_blur7_column(rows, x));
+        if (x == width - 16) break;
+    }
+    for (int32_t i = 1; i <= FV_BLUR7_RADIUS; i++) {
+        column[-i] = column[i];
+        column[width - 1 + i] = column[width - 1 - i];
+    }
+    for (int32_t x = 0;; x += 32) {
+        if (x > width - 32) x = width - 32;
+        const __m256i packed =
+            _mm256_packus_epi16(fv_blur7_sixteen(column + x), fv_blur7_sixteen(column + x + 16));
+        _mm256_storeu_si256((__m256i *)(out + x), _mm256_permute4x64_epi64(packed, 0xd8));
+        if (x == width - 32) break;
+    }
+}
+
+void fv_k_moments_u8__avx2(int32_t *m, const uint8_t *image, ptrdiff_t stride, const int32_t *centres,
+                           int32_t count)
+{
+    const __m256i u = _mm256_setr_epi8(-16, -15, -14, -13, -12, -11, -10, -9, -8, -7, -6, -5, -4, -3, -2, -1,
+                                       0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+    const __m256i ones = _mm256_set1_epi8(1), one_words = _mm256_set1_epi16(1);
+    __m256i mask[FV_MOMENTS_RADIUS + 1];
+    for (int v = 0; v <= FV_MOMENTS_RADIUS; v++)
+        mask[v] =
+            _mm256_cmpgt_epi8(_mm256_set1_epi8((char)(fv_moments_half_width[v] + 1)), _mm256_abs_epi8(u));
+    for (int32_t k = 0; k < count; k++) {
+        const uint8_t *row = image + centres[k] - 16;
+        const __m256i middle = _mm256_and_si256(_mm256_loadu_si256((const __m256i *)row), mask[0]);
+        __m256i m10 = _mm256_madd_epi16(_mm256_maddubs_epi16(middle, u), one_words);
+        __m256i m01 = _mm256_setzero_si256();
+        for (int v = 1; v <= FV_MOMENTS_RADIUS; v++) {
+            const __m256i below =
+                _mm256_and_si256(_mm256_loadu_si256((const __m256i *)(row + v * stride)), mask[v]);
+            const __m256i above =
+                _mm256_and_si256(_mm256_loadu_si256((const __m256i *)(row - v * stride)), mask[v]);
+            const __m256i along =
+                _mm256_add_epi16(_mm256_maddubs_epi16(below, u), _mm256_maddubs_epi16(above, u));
+            const __m256i across =
+                _mm256_sub_epi16(_mm256_maddubs_epi16(below, ones), _mm256_maddubs_epi16(above, ones));
+            m10 = _mm256_add_epi32(m10, _mm256_madd_epi16(along, one_words));
+            m01 = _mm256_add_epi32(m01, _mm256_madd_epi16(across, _mm256_set1_epi16((int16_t)v)));
+        }
+        const __m256i pairs = _mm256_hadd_epi32(m10, m01);
+        const __m128i sum = _mm_add_epi32(_mm256_castsi256_si128(pairs), _mm256_extracti128_si256(pairs, 1));
+        _mm_storel_epi64((__m128i *)(m + 2 * k), _mm_hadd_epi32(sum, sum));
+    }
+}
+
+void fv_k_brief_u8__avx2(uint8_t descriptor[FV_DESCRIPTOR_BYTES], const uint8_t *centre,
+                         const int32_t first[FV_BRIEF_BITS], const int32_t second[FV_BRIEF_BITS])
+{
+    const __m256i low_byte = _mm256_set1_epi32(255);
+    for (int i = 0; i < FV_DESCRIPTOR_BYTES; i++) {
+        const __m256i at_a = _mm256_loadu_si256((const __m256i *)(first + 8 * i));
+        const __m256i at_b = _mm256_loadu_si256((const __m256i *)(second + 8 * i));
+        const __m256i a =
+            _mm256_and_si256(_mm256_i32gather_epi32((const int *)(const void *)centre, at_a, 1), low_byte);
+        const __m256i b =
+            _mm256_and_si256(_mm256_i32gather_epi32((const int *)(const void *)centre, at_b, 1), low_byte);
+        descriptor[i] = (uint8_t)_mm256_movemask_ps(_mm256_castsi256_ps(_mm256_cmpgt_epi32(b, a)));
+    }
+}

@@ -1,0 +1,129 @@
+#include "kernels/kernels.h"
+
+#include <immintrin.h>
+
+/* Columns of eight pixels. The sums go up to 65280; moved down by 32768 they fit the signed words of pmaddwd.
+ */
+static inline __m128i fv_blur7_column(const uint8_t *const rows[7], int32_t x)
+{
+    __m128i r[7];
+    for (int i = 0; i < 7; i++)
+        r[i] = _mm_cvtepu8_epi16(_mm_loadl_epi64((const __m128i *)(rows[i] + x)));
+    const __m128i outer = _mm_mullo_epi16(_mm_add_epi16(r[0], r[6]), _mm_set1_epi16(18));
+    const __m128i middle = _mm_mullo_epi16(_mm_add_epi16(r[1], r[5]), _mm_set1_epi16(34));
+    const __m128i inner = _mm_mullo_epi16(_mm_add_epi16(r[2], r[4]), _mm_set1_epi16(48));
+    const __m128i centre = _mm_mullo_epi16(r[3], _mm_set1_epi16(56));
+    const __m128i sum = _mm_add_epi16(_mm_add_epi16(outer, middle), _mm_add_epi16(inner, centre));
+    return _mm_xor_si128(sum, _mm_set1_epi16(INT16_MIN));
+}
+
+/* Eight outputs as words: the same four loads serve the even and the odd pixels. */
+static inline __m128i fv_blur7_eight(const uint16_t *column)
+{
+    const __m128i a = _mm_loadu_si128((const __m128i *)(column - 3));
+    const __m128i b = _mm_loadu_si128((const __m128i *)(column - 1));
+    const __m128i c = _mm_loadu_si128((const __m128i *)(column + 1));
+    const __m128i d = _mm_loadu_si128((const __m128i *)(column + 3));
+    const __m128i bias = _mm_set1_epi32(256 * 32768 + 32768);
+    const __m128i even = _mm_add_epi32(_mm_add_epi32(_mm_madd_epi16(a, _mm_set1_epi32(34 << 16 | 18)),
+                                                     _mm_madd_epi16(b, _mm_set1_epi32(56 << 16 | 48))),
+                                       _mm_add_epi32(_mm_madd_epi16(c, _mm_set1_epi32(34 << 16 | 48)),
+                                                     _mm_madd_epi16(d, _mm_set1_epi32(18))));
+    const __m128i odd = _mm_add_epi32(_mm_add_epi32(_mm_madd_epi16(a, _mm_set1_epi32(18 << 16)),
+                                                    _mm_madd_epi16(b, _mm_set1_epi32(48 << 16 | 34))),
+                                      _mm_add_epi32(_mm_madd_epi16(c, _mm_set1_epi32(48 << 16 | 56)),
+                                                    _mm_madd_epi16(d, _mm_set1_epi32(18 << 16 | 34))));
+    return _mm_blend_epi16(_mm_srli_epi32(_mm_add_epi32(even, bias), 16), _mm_add_epi32(odd, bias), 0xaa);
+}
+
+void fv_k_blur7_row_u8__sse4(uint8_t *out, const uint8_t *const rows[7], int32_t width, uint16_t *scratch)
+{
+    if (width < 16) {
+        fv_k_blur7_row_u8__c(out, rows, width, scratch);
+        return;
+    }
+    uint16_t *column = scratch + 8;
+    for (int32_t x = 0;; x += 8) {
+        if (x > width - 8) x = width - 8; /* the last vector overlaps the one before */
+        _mm_storeu_si128((__m128i *)(column + x), fv_blur7_column(rows, x));
+        if (x == width - 8) break;
+    }
+    for (int32_t i = 1; i <= FV_BLUR7_RADIUS; i++) {
+        column[-i] = column[i];
+        column[width - 1 + i] = column[width - 1 - i];
+    }
+    for (int32_t x = 0;; x += 16) {
+        if (x > width - 16) x = width - 16;
+        const __m128i low = fv_blur7_eight(column + x), high = fv_blur7_eight(column + x + 8);
+        _mm_storeu_si128((__m128i *)(out + x), _mm_packus_epi16(low, high));
+        if (x == width - 16) break;
+    }
+}
+
+/* Both moments of the columns -16..-1 or 0..15 + 1 of the circle: `u` holds the columns' weights. */
+struct fv_moment_sums {
+    __m128i m10, m01;
+};
+
+static inline void fv_moments_rows(struct fv_moment_sums *sums, __m128i below, __m128i above, __m128i u,
+                                   int v)
+{
+    const __m128i ones = _mm_set1_epi8(1);
+    const __m128i along = _mm_add_epi16(_mm_maddubs_epi16(below, u), _mm_maddubs_epi16(above, u));
+    const __m128i across = _mm_sub_epi16(_mm_maddubs_epi16(below, ones), _mm_maddubs_epi16(above, ones));
+    sums->m10 = _mm_add_epi32(sums->m10, _mm_madd_epi16(along, _mm_set1_epi16(1)));
+    sums->m01 = _mm_add_epi32(sums->m01, _mm_madd_epi16(across, _mm_set1_epi16((int16_t)v)));
+}
+
+void fv_k_moments_u8__sse4(int32_t *m, const uint8_t *image, ptrdiff_t stride, const int32_t *centres,
+                           int32_t count)
+{
+    const __m128i u_left =
+        _mm_setr_epi8(-16, -15, -14, -13, -12, -11, -10, -9, -8, -7, -6, -5, -4, -3, -2, -1);
+    const __m128i u_right = _mm_setr_epi8(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+    __m128i left_mask[FV_MOMENTS_RADIUS + 1], right_mask[FV_MOMENTS_RADIUS + 1];
+    for (int v = 0; v <= FV_MOMENTS_RADIUS; v++) {
+        const __m128i half = _mm_set1_epi8((char)fv_moments_half_width[v]);
+        left_mask[v] = _mm_cmpgt_epi8(u_left, _mm_sub_epi8(_mm_set1_epi8(-1), half));
+        right_mask[v] = _mm_cmpgt_epi8(_mm_add_epi8(half, _mm_set1_epi8(1)), u_right);
+    }
+    for (int32_t k = 0; k < count; k++) {
+        const uint8_t *row = image + centres[k];
+        struct fv_moment_sums sums = {_mm_setzero_si128(), _mm_setzero_si128()};
+        const __m128i zero = _mm_setzero_si128();
+        fv_moments_rows(&sums, _mm_and_si128(_mm_loadu_si128((const __m128i *)(row - 16)), left_mask[0]),
+                        zero, u_left, 0);
+        fv_moments_rows(&sums, _mm_and_si128(_mm_loadu_si128((const __m128i *)row), right_mask[0]), zero,
+                        u_right, 0);
+        for (int v = 1; v <= FV_MOMENTS_RADIUS; v++) {
+            const uint8_t *below = row + v * stride, *above = row - v * stride;
+            fv_moments_rows(
+                &sums, _mm_and_si128(_mm_loadu_si128((const __m128i *)(below - 16)), left_mask[v]),
+                _mm_and_si128(_mm_loadu_si128((const __m128i *)(above - 16)), left_mask[v]), u_left, v);
+            fv_moments_rows(&sums, _mm_and_si128(_mm_loadu_si128((const __m128i *)below), right_mask[v]),
+                            _mm_and_si128(_mm_loadu_si128((const __m128i *)above), right_mask[v]), u_right,
+                            v);
+        }
+        const __m128i pairs = _mm_hadd_epi32(sums.m10, sums.m01);
+        _mm_storel_epi64((__m128i *)(m + 2 * k), _mm_hadd_epi32(pairs, pairs));
+    }
+}
+
+void fv_k_brief_u8__sse4(uint8_t descriptor[FV_DESCRIPTOR_BYTES], const uint8_t *centre,
+                         const int32_t first[FV_BRIEF_BITS], const int32_t second[FV_BRIEF_BITS])
+{
+    /* Sampled into arrays first: the vector loads below come long after the byte stores that they need. */
+    uint8_t a[FV_BRIEF_BITS], b[FV_BRIEF_BITS];
+    for (int i = 0; i < FV_BRIEF_BITS; i++) {
+        a[i] = centre[first[i]];
+        b[i] = centre[second[i]];
+    }
+    for (int i = 0; i < FV_BRIEF_BITS; i += 16) {
+        const __m128i x = _mm_loadu_si128((const __m128i *)(a + i));
+        const __m128i y = _mm_loadu_si128((const __m128i *)(b + i));
+        const __m128i not_less = _mm_cmpeq_epi8(_mm_max_epu8(x, y), x);
+        const unsigned bits = ~(unsigned)_mm_movemask_epi8(not_less);
+        descriptor[i / 8] = (uint8_t)bits;
+        descriptor[i / 8 + 1] = (uint8_t)(bits >> 8);
+    }
+}
