@@ -1,0 +1,30 @@
+/* Small dense symmetric systems, our own LDL^T: no pivoting, fixed order of operations. Real-time safe. */
+#ifndef FOVEA_GEOMETRY_LINEAR_H
+#define FOVEA_GEOMETRY_LINEAR_H
+
+#include <stdbool.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum { FV_LDLT_SIZE_MAX = 128 };
+
+/* Factor the symmetric positive definite n x n matrix A (row-major, lower triangle read) in place: unit lower
+ * triangle L below the diagonal, D on it. False where a pivot is not safely positive. */
+bool fv_ldlt_factor(double *A, int n);
+/* Solve with the factors, in place. */
+void fv_ldlt_back(const double *A, int n, double *b);
+/* Both: b becomes A^-1 b; A is overwritten. */
+bool fv_ldlt_solve(double *A, int n, double *b);
+
+/* Inverse of a symmetric 3x3 given as xx xy xz yy yz zz. False when it is not safely positive definite. */
+bool fv_invert_symmetric3(const double S[6], double inverse[6]);
+
+/* Eigenvectors (rows of V, by falling eigenvalue) of a symmetric 3x3 matrix, by cyclic Jacobi rotations. */
+void fv_eigen_symmetric3(const double S[9], double values[3], double V[9]);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
