@@ -1,0 +1,310 @@
+/* The runtime: sizes, refusals, determinism, copies, jobs, decimation. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "fovea/elementary.h"
+#include "fovea/fovea.h"
+
+enum { WIDTH = 321, HEIGHT = 243 };
+
+static struct fovea_config config;
+static struct fovea_error error;
+static uint8_t picture[WIDTH * HEIGHT];
+
+static int setup(void **state)
+{
+    (void)state;
+    struct fovea_random random;
+    fovea_random_seed(&random, 11);
+    for (int block = 0; block < 600; block++) {
+        const uint32_t x = fovea_random_below(&random, WIDTH - 20), y = fovea_random_below(&random, HEIGHT - 20);
+        const uint32_t size = 4 + fovea_random_below(&random, 16), grey = fovea_random_below(&random, 256);
+        for (uint32_t row = y; row < y + size; row++) memset(&picture[row * WIDTH + x], (int)grey, size);
+    }
+    fovea_config_default(&config);
+    config.camera = (struct fovea_camera){.width = WIDTH, .height = HEIGHT, .fx = 200, .fy = 200, .cx = 160, .cy = 120};
+    assert_int_equal(fovea_camera_prepare(&config.camera, &error), FOVEA_OK);
+    return 0;
+}
+
+struct made {
+    void *memory;
+    size_t bytes;
+    struct fovea *rt;
+};
+
+static struct made make(uint8_t fill)
+{
+    struct made made = {0};
+    assert_int_equal(fovea_size(&config, &made.bytes, &error), FOVEA_OK);
+    made.memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, made.bytes);
+    memset(made.memory, fill, made.bytes);
+    assert_int_equal(fovea_init(made.memory, made.bytes, &config, &made.rt, &error), FOVEA_OK);
+    return made;
+}
+
+static struct fovea_frame frame_at(int64_t stamp_ns)
+{
+    return (struct fovea_frame){
+        .image = {.data = picture, .width = WIDTH, .height = HEIGHT, .stride_bytes = WIDTH, .format = FOVEA_PIXEL_GREY8,
+                  .size_bytes = sizeof picture},
+        .stamp_ns = stamp_ns,
+        .sequence = (uint64_t)(stamp_ns / 1000),
+    };
+}
+
+static enum fovea_status step(struct fovea *rt, const struct fovea_frame *frame, struct fovea_outputs *outputs)
+{
+    struct fovea_inputs inputs = {.frame = frame, .now_ns = frame ? frame->stamp_ns : 0};
+    fovea_grants_fixed(&config, &inputs.grants);
+    return fovea_step(rt, &inputs, outputs);
+}
+
+static const struct fovea_message *find(const struct fovea_outputs *outputs, const char *channel)
+{
+    for (uint32_t i = 0; i < outputs->message_count; i++) {
+        if (strcmp(outputs->messages[i].channel, channel) == 0) return &outputs->messages[i];
+    }
+    return NULL;
+}
+
+static void size_and_table_agree(void **state)
+{
+    (void)state;
+    size_t bytes, sum = 0;
+    struct fovea_memory_table table;
+    assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_OK);
+    assert_int_equal(fovea_memory(&config, &table, &error), FOVEA_OK);
+    for (uint32_t i = 0; i < table.count; i++) sum += table.rows[i].bytes;
+    assert_int_equal(sum, bytes);
+    void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, bytes);
+    struct fovea *rt;
+    assert_int_equal(fovea_init(memory, bytes - 1, &config, &rt, &error), FOVEA_ERROR_MEMORY);
+    assert_int_equal(fovea_init((uint8_t *)memory + 8, bytes, &config, &rt, &error), FOVEA_ERROR_MEMORY);
+    assert_int_equal(fovea_init(memory, bytes, &config, &rt, &error), FOVEA_OK);
+    free(memory);
+}
+
+static void bad_configurations_are_refused(void **state)
+{
+    (void)state;
+    size_t bytes = 77;
+    const struct fovea_config good = config;
+    config.features.count_max = 4001;
+    assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
+    assert_string_equal(error.text, "features.count_max: found 4001, expected 100 to 4000");
+    config = good;
+    config.camera.width = -5;
+    assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
+    config = good;
+    config.T_base_cam[0] = 2;
+    assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
+    config = good;
+    config.T_base_cam[0] = -1;
+    assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
+    config = good;
+    memcpy(config.channel_prefix, "a b", 4);
+    assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
+    config = good;
+    assert_int_equal(bytes, 77);
+}
+
+static void frames_are_processed_and_odd_ones_refused(void **state)
+{
+    (void)state;
+    struct made made = make(0);
+    struct fovea_outputs outputs;
+    struct fovea_frame frame = frame_at(1000000);
+    assert_int_equal(step(made.rt, &frame, &outputs), FOVEA_OK);
+    uint32_t count;
+    const struct fovea_feature *features = fovea_features_get(made.rt, &count);
+    assert_in_range(count, 100, config.features.count_max);
+    for (uint32_t i = 0; i < count; i++) {
+        assert_true(features[i].x_px >= 0 && features[i].x_px < WIDTH);
+        assert_true(features[i].y_px >= 0 && features[i].y_px < HEIGHT);
+    }
+    assert_non_null(find(&outputs, "FOVEA_FEATURES"));
+    assert_int_equal(step(made.rt, &frame, &outputs), FOVEA_AGAIN); /* the same stamp again */
+    frame = frame_at(500000);
+    assert_int_equal(step(made.rt, &frame, &outputs), FOVEA_AGAIN); /* back in time */
+    frame = frame_at(2000000);
+    frame.image.width--;
+    assert_int_equal(step(made.rt, &frame, &outputs), FOVEA_AGAIN);
+    frame = frame_at(2000000);
+    frame.image.size_bytes--;
+    assert_int_equal(step(made.rt, &frame, &outputs), FOVEA_AGAIN);
+    assert_int_equal(step(made.rt, NULL, &outputs), FOVEA_AGAIN);
+    assert_non_null(find(&outputs, "FOVEA_CAMERA_STATUS"));
+    assert_null(find(&outputs, "FOVEA_FEATURES"));
+    frame = frame_at(2000000);
+    assert_int_equal(step(made.rt, &frame, &outputs), FOVEA_OK);
+
+    struct fovea_stats stats;
+    fovea_stats_get(made.rt, &stats);
+    assert_int_equal(stats.frames_in, 6);
+    assert_int_equal(stats.frames_processed, 2);
+    assert_int_equal(stats.refused_stamp, 2);
+    assert_int_equal(stats.refused_format, 2);
+    assert_int_equal(stats.frames_refused, 4);
+    assert_int_equal(stats.steps_without_frame, 1);
+    free(made.memory);
+}
+
+static void commands_pause_resume_and_reset(void **state)
+{
+    (void)state;
+    struct made made = make(0);
+    struct fovea_outputs outputs;
+    struct fovea_frame frame = frame_at(5000000);
+    struct fovea_inputs inputs = {.frame = &frame, .commands = FOVEA_COMMAND_PAUSE};
+    fovea_grants_fixed(&config, &inputs.grants);
+    assert_int_equal(fovea_step(made.rt, &inputs, &outputs), FOVEA_AGAIN);
+    inputs.commands = FOVEA_COMMAND_RESUME | FOVEA_COMMAND_SAVE;
+    assert_int_equal(fovea_step(made.rt, &inputs, &outputs), FOVEA_OK);
+    assert_true(outputs.save_asked);
+    frame.stamp_ns = 1000; /* after a reset time may start anew */
+    inputs.commands = FOVEA_COMMAND_RESET;
+    assert_int_equal(fovea_step(made.rt, &inputs, &outputs), FOVEA_OK);
+    struct fovea_stats stats;
+    fovea_stats_get(made.rt, &stats);
+    assert_int_equal(stats.reset_counter, 1);
+    assert_int_equal(stats.refused_paused, 1);
+    free(made.memory);
+}
+
+/* Run both for a while with the same inputs: every message must agree to the byte. */
+static void compare_runs(struct fovea *a, struct fovea *b, int first, int steps)
+{
+    static struct fovea_outputs from_a, from_b;
+    for (int i = first; i < first + steps; i++) {
+        struct fovea_frame frame = frame_at((i + 1) * 1000000);
+        for (int phase = 0; phase < 2; phase++) {
+            struct fovea_grants grants;
+            fovea_grants_fixed(&config, &grants);
+            if (phase == 0) {
+                step(a, &frame, &from_a);
+                step(b, &frame, &from_b);
+            } else {
+                fovea_work(a, &grants, &from_a);
+                fovea_work(b, &grants, &from_b);
+            }
+            assert_int_equal(from_a.message_count, from_b.message_count);
+            for (uint32_t m = 0; m < from_a.message_count; m++) {
+                if (from_a.messages[m].volatile_values) continue;
+                assert_string_equal(from_a.messages[m].channel, from_b.messages[m].channel);
+                assert_int_equal(from_a.messages[m].bytes, from_b.messages[m].bytes);
+                assert_memory_equal(from_a.messages[m].data, from_b.messages[m].data, from_a.messages[m].bytes);
+            }
+        }
+        assert_true(fovea_state_hash(a) == fovea_state_hash(b));
+    }
+}
+
+static void results_do_not_depend_on_what_memory_held(void **state)
+{
+    (void)state;
+    struct made a = make(0x00), b = make(0xff);
+    compare_runs(a.rt, b.rt, 0, 30);
+    free(a.memory);
+    free(b.memory);
+}
+
+static void a_copy_goes_on_alone(void **state)
+{
+    (void)state;
+    struct made a = make(0), twin = make(0), b = {0};
+    compare_runs(a.rt, twin.rt, 0, 11); /* stop in the middle of a preview */
+    b.memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, a.bytes);
+    memset(b.memory, 0x77, a.bytes);
+    assert_int_equal(fovea_copy(a.rt, b.memory, a.bytes - 1, &b.rt), FOVEA_ERROR_MEMORY);
+    assert_int_equal(fovea_copy(a.rt, b.memory, a.bytes, &b.rt), FOVEA_OK);
+    memset(a.memory, 0xee, a.bytes); /* nothing may point back */
+    compare_runs(twin.rt, b.rt, 11, 30);
+    free(a.memory);
+    free(b.memory);
+    free(twin.memory);
+}
+
+static void preview_takes_the_granted_units_and_keeps_its_stamp(void **state)
+{
+    (void)state;
+    config.preview.period_frames = 1000;
+    struct made made = make(0);
+    struct fovea_outputs outputs;
+    int previews = 0, works = 0;
+    for (int i = 0; i < 100; i++) {
+        struct fovea_frame frame = frame_at((i + 1) * 1000000);
+        step(made.rt, &frame, &outputs);
+        const bool waiting = (outputs.jobs_waiting & 1u << FOVEA_JOB_PREVIEW) != 0;
+        struct fovea_grants grants = {.units = {[FOVEA_JOB_PREVIEW] = 2}};
+        fovea_work(made.rt, &grants, &outputs);
+        assert_true(outputs.units_done[FOVEA_JOB_PREVIEW] <= 2);
+        assert_true(waiting == (outputs.units_done[FOVEA_JOB_PREVIEW] > 0));
+        works += waiting;
+        previews += find(&outputs, "FOVEA_PREVIEW") != NULL;
+    }
+    assert_int_equal(previews, 1);
+    assert_true(works > 3);
+    config.preview.period_frames = 10;
+    free(made.memory);
+}
+
+static void masked_pixels_give_no_features(void **state)
+{
+    (void)state;
+    uint8_t *mask = malloc(WIDTH * HEIGHT);
+    for (int i = 0; i < WIDTH * HEIGHT; i++) mask[i] = i % WIDTH < WIDTH / 2 ? 0 : 255;
+    config.mask = mask;
+    struct made made = make(0);
+    free(mask); /* the runtime has its own copy */
+    config.mask = NULL;
+    struct fovea_outputs outputs;
+    struct fovea_frame frame = frame_at(1000000);
+    step(made.rt, &frame, &outputs);
+    uint32_t count;
+    const struct fovea_feature *features = fovea_features_get(made.rt, &count);
+    assert_true(count > 50);
+    for (uint32_t i = 0; i < count; i++) assert_true(features[i].x_px > WIDTH / 2 - 2);
+    free(made.memory);
+}
+
+static void decimation_is_kept(void **state)
+{
+    (void)state;
+    config.features_every = 3;
+    config.camera_status_every = 0;
+    struct made made = make(0);
+    int features = 0, status = 0;
+    for (int i = 0; i < 30; i++) {
+        struct fovea_outputs outputs;
+        struct fovea_frame frame = frame_at((i + 1) * 1000000);
+        step(made.rt, &frame, &outputs);
+        features += find(&outputs, "FOVEA_FEATURES") != NULL;
+        status += find(&outputs, "FOVEA_CAMERA_STATUS") != NULL;
+    }
+    assert_int_equal(features, 10);
+    assert_int_equal(status, 0);
+    config.features_every = config.camera_status_every = 1;
+    free(made.memory);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(size_and_table_agree),
+        cmocka_unit_test(bad_configurations_are_refused),
+        cmocka_unit_test(frames_are_processed_and_odd_ones_refused),
+        cmocka_unit_test(commands_pause_resume_and_reset),
+        cmocka_unit_test(results_do_not_depend_on_what_memory_held),
+        cmocka_unit_test(a_copy_goes_on_alone),
+        cmocka_unit_test(preview_takes_the_granted_units_and_keeps_its_stamp),
+        cmocka_unit_test(masked_pixels_give_no_features),
+        cmocka_unit_test(decimation_is_kept),
+    };
+    return cmocka_run_group_tests(tests, setup, NULL);
+}
