@@ -26,6 +26,7 @@ enum { WIDTH = 320, HEIGHT = 240, STEPS = 10000, PICTURES = 4 };
 /* ---- traps --------------------------------------------------------------------------------------------------- */
 
 static volatile int armed;
+void *volatile planted_piece; /* seen from outside, so that a planted call is not optimised away */
 
 static void trip(void)
 {
@@ -177,7 +178,6 @@ enum planted { NOTHING, A_HEAP_CALL, A_SYSTEM_CALL, A_LOCK };
 static int run_child(enum planted planted, int steps, int *filtered)
 {
     static pthread_mutex_t mutex = PTHREAD_MUTEX_INITIALIZER;
-    static void *volatile kept;
     int pipe_ends[2], status = 0;
     assert_int_equal(pipe(pipe_ends), 0);
     const pid_t child = fork();
@@ -186,7 +186,7 @@ static int run_child(enum planted planted, int steps, int *filtered)
         if (!filter && write(pipe_ends[1], &filter, 1) != 1) _exit(3);
         armed = 1;
         const uint64_t messages = run_steps(steps);
-        if (planted == A_HEAP_CALL) kept = malloc(16); /* stored, so that it is not optimised away */
+        if (planted == A_HEAP_CALL) planted_piece = malloc(16);
         if (planted == A_SYSTEM_CALL) syscall(SYS_getppid);
         if (planted == A_LOCK) pthread_mutex_lock(&mutex);
         armed = 0;
