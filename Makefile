@@ -138,6 +138,12 @@ $(BUILD)/fuzz/%: $(BUILD)/obj/tests/fuzz/%.o $(BUILD)/libfovea-app.a $(BUILD)/li
 	@echo "  link $@"
 	$(Q)$(CXX) $(LDFLAGS) -fsanitize=fuzzer -o $@ $< -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group $(LIBS_APP)
 
+bench:  ## install what is missing, then time every stage and kernel beside OpenCV: build/bench.json and the README's table
+	@tools/install.sh build bench
+	@$(MAKE) --no-print-directory $(BUILD)/bench
+	$(BUILD)/bench --json $(BUILD)/bench.json --readme README.md --commit "$$(git describe --always --dirty 2>/dev/null)" \
+	    --compiler "$$($(CC) --version | head -n 1)" --flags "$(OPT) $(FP)"
+
 clean:  ## remove everything that was built
 	rm -rf $(BUILD) build-*
 
@@ -220,6 +226,11 @@ $(BUILD)/tests/%: $(BUILD)/obj/tests/%.o $(TEST_HELP) $(BUILD)/libfovea-app.a $(
 KERNEL_CHECKS := $(call objs,$(filter-out tests/kernels/test_%,$(wildcard tests/kernels/*.c)))
 $(BUILD)/tests/kernels/test_kernels: $(KERNEL_CHECKS)
 $(BUILD)/tests/kernels/test_kernels: TEST_MORE := $(KERNEL_CHECKS)
+# The benchmarks beside OpenCV, one file per room, make up one program.
+BENCH_O := $(call objs,$(wildcard tests/bench/*.cpp)) $(KERNEL_CHECKS)
+$(BUILD)/bench: $(BENCH_O) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
+	$(CXX) $(LDFLAGS) -o $@ $(BENCH_O) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group \
+	    $(OPENCV_LIBS) $(LIBS_APP) -lm
 OPENCV_LIBS = -lopencv_calib3d -lopencv_features2d -lopencv_imgcodecs -lopencv_imgproc -lopencv_core
 $(BUILD)/obj/tests/%.o: CFLAGS += -Itests
 $(BUILD)/obj/tests/%.o: CXXFLAGS += -Itests -isystem /usr/include/opencv4

@@ -9,6 +9,8 @@ packages() {
                 libeigen3-dev zlib1g-dev ;;
     test)  echo libcmocka-dev libopencv-core-dev libopencv-imgproc-dev libopencv-features2d-dev \
                 libopencv-calib3d-dev libopencv-imgcodecs-dev python3 python3-venv ;;
+    bench) echo libopencv-core-dev libopencv-imgproc-dev libopencv-features2d-dev libopencv-calib3d-dev \
+                libopencv-imgcodecs-dev opencv-doc ;;
     check) echo clang clang-tidy libclang-rt-14-dev python3 ;;
     cross) echo gcc-aarch64-linux-gnu g++-aarch64-linux-gnu qemu-user ;;
     fuzz)  echo clang libclang-rt-14-dev ;;
