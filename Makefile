@@ -23,7 +23,7 @@ MACHINE  := $(shell $(CC) -dumpmachine 2>/dev/null)
 ifneq (,$(findstring aarch64,$(CROSS)))
 SYSROOT  := $(BUILD)/sysroot
 SYSLIBS  := $(SYSROOT)/usr/lib/aarch64-linux-gnu:$(SYSROOT)/lib/aarch64-linux-gnu
-SYSFLAGS := -isystem $(SYSROOT)/usr/include
+SYSFLAGS := -isystem $(SYSROOT)/usr/include/aarch64-linux-gnu -isystem $(SYSROOT)/usr/include
 LDFLAGS  += -L$(SYSROOT)/usr/lib/aarch64-linux-gnu -L$(SYSROOT)/lib/aarch64-linux-gnu -Wl,-rpath-link=$(SYSLIBS)
 endif
 
