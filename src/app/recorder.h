@@ -48,7 +48,7 @@ void fv_recorder_step(struct fv_recorder *recorder, const struct fovea_inputs *i
 void fv_recorder_work(struct fv_recorder *recorder, const struct fovea_inputs *inputs,
                       const struct fovea_grants *grants, const struct fovea_outputs *outputs);
 
-/* Wait until the ring has room for a turn with two of the largest frames. Not for frames that come by the
+/* Wait until the ring has room for a whole turn. Not for frames that come by the
  * clock. */
 void fv_recorder_pace(struct fv_recorder *recorder);
 

@@ -1,0 +1,368 @@
+#include "app/recorder.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <inttypes.h>
+#include <pthread.h>
+#include <signal.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "app/recording_header.h"
+#include "app/say.h"
+#include "app/thread.h"
+#include "base/ring.h"
+#include "fovea/log.h"
+#include "message/message.h"
+#include "message/recorded.h"
+
+enum {
+    RING_FRAMES = 24,
+    RING_BYTES_MIN = 4 << 20,
+    TURN_EXTRA_BYTES = 256 << 10, /* inputs, grants and messages of one turn */
+    WRITE_BYTES_MAX = 1 << 20,
+    POLL_NS = 4000000
+};
+
+enum ending { RUNNING = 0, ENDED_SLOW = 1, ENDED_FAILED = 2 };
+
+struct fv_recorder {
+    struct fv_ring ring;
+    void *ring_memory;
+    size_t turn_bytes; /* room that pace waits for */
+    char path[FV_SETTINGS_PATH_BYTES];
+    char channels[FV_MESSAGE_KIND_COUNT][FV_MESSAGE_CHANNEL_BYTES];
+
+    /* The loop thread's. */
+    uint8_t *header; /* encoded recording_t, sent with the first turn since it needs a time */
+    uint32_t header_bytes;
+    bool started;
+    int64_t event_number;
+    uint64_t turns_lost;
+
+    /* Shared. */
+    atomic_int ending; /* enum ending; set by either thread, once */
+    atomic_bool stop;  /* no more will come */
+
+    /* The writer's. */
+    pthread_t thread;
+    int file;
+    uint64_t events, bytes;
+    char reason[192];
+};
+
+/* ---- the loop's side
+ * ---------------------------------------------------------------------------------------- */
+
+static void write_big(uint8_t *out, uint64_t value, int bytes)
+{
+    for (int i = bytes - 1; i >= 0; i--, value >>= 8)
+        out[i] = (uint8_t)value;
+}
+
+/* Room for an event with at most `bytes_max` of data; NULL ends the recording. */
+static uint8_t *event_begin(struct fv_recorder *recorder, const char *channel, size_t bytes_max)
+{
+    if (atomic_load_explicit(&recorder->ending, memory_order_relaxed) != RUNNING) return NULL;
+    size_t channel_bytes = strlen(channel);
+    uint8_t *event = fv_ring_reserve(&recorder->ring, FOVEA_LOG_HEADER_BYTES + channel_bytes + bytes_max);
+    if (event == NULL) {
+        int running = RUNNING;
+        atomic_compare_exchange_strong(&recorder->ending, &running, ENDED_SLOW);
+        return NULL;
+    }
+    memcpy(event + FOVEA_LOG_HEADER_BYTES, channel, channel_bytes);
+    return event;
+}
+
+static void event_end(struct fv_recorder *recorder, uint8_t *event, const char *channel, int64_t time_us,
+                      uint32_t bytes)
+{
+    size_t channel_bytes = strlen(channel);
+    write_big(event, FOVEA_LOG_SYNC, 4);
+    write_big(event + 4, (uint64_t)recorder->event_number++, 8);
+    write_big(event + 12, (uint64_t)time_us, 8);
+    write_big(event + 20, channel_bytes, 4);
+    write_big(event + 24, bytes, 4);
+    fv_ring_commit(&recorder->ring, FOVEA_LOG_HEADER_BYTES + channel_bytes + bytes);
+}
+
+static uint8_t *data_of(uint8_t *event, const char *channel)
+{
+    return event + FOVEA_LOG_HEADER_BYTES + strlen(channel);
+}
+
+static void record_copy(struct fv_recorder *recorder, const char *channel, int64_t time_us,
+                        const uint8_t *data, uint32_t bytes)
+{
+    uint8_t *event = event_begin(recorder, channel, bytes);
+    if (event == NULL) return;
+    memcpy(data_of(event, channel), data, bytes);
+    event_end(recorder, event, channel, time_us, bytes);
+}
+
+static void record_messages(struct fv_recorder *recorder, int64_t time_us,
+                            const struct fovea_outputs *outputs)
+{
+    for (uint32_t i = 0; i < outputs->message_count; i++)
+        record_copy(recorder, outputs->messages[i].channel, time_us, outputs->messages[i].data,
+                    outputs->messages[i].bytes);
+}
+
+static void record_frame(struct fv_recorder *recorder, int64_t time_us, const struct fovea_inputs *inputs)
+{
+    const char *channel = recorder->channels[FV_MESSAGE_FRAME];
+    size_t size = fv_message_frame_size_max(fv_message_frame_image_bytes(inputs->frame));
+    uint8_t *event = event_begin(recorder, channel, size);
+    if (event != NULL)
+        event_end(
+            recorder, event, channel, time_us,
+            fv_message_frame_encode(inputs->frame, inputs->utc_offset_ns, data_of(event, channel), size));
+}
+
+static int64_t event_time_us(const struct fovea_inputs *inputs)
+{
+    return (inputs->now_ns + inputs->utc_offset_ns) / 1000;
+}
+
+void fv_recorder_step(struct fv_recorder *recorder, const struct fovea_inputs *inputs,
+                      const struct fovea_outputs *outputs)
+{
+    if (recorder == NULL) return;
+    if (atomic_load_explicit(&recorder->ending, memory_order_relaxed) != RUNNING) {
+        recorder->turns_lost++;
+        return;
+    }
+    int64_t time_us = event_time_us(inputs);
+    if (!recorder->started)
+        record_copy(recorder, recorder->channels[FV_MESSAGE_RECORDING], time_us, recorder->header,
+                    recorder->header_bytes);
+    recorder->started = true;
+    if (inputs->frame != NULL) record_frame(recorder, time_us, inputs);
+    const char *channel = recorder->channels[FV_MESSAGE_INPUTS];
+    size_t size = fv_message_inputs_size_max();
+    uint8_t *event = event_begin(recorder, channel, size);
+    if (event != NULL)
+        event_end(recorder, event, channel, time_us,
+                  fv_message_inputs_encode(inputs, data_of(event, channel), size));
+    record_messages(recorder, time_us, outputs);
+}
+
+void fv_recorder_work(struct fv_recorder *recorder, const struct fovea_inputs *inputs,
+                      const struct fovea_grants *grants, const struct fovea_outputs *outputs)
+{
+    if (recorder == NULL) return;
+    int64_t time_us = event_time_us(inputs);
+    const char *channel = recorder->channels[FV_MESSAGE_GRANTS];
+    size_t size = fv_message_grants_size_max();
+    uint8_t *event = event_begin(recorder, channel, size);
+    if (event == NULL) return;
+    event_end(recorder, event, channel, time_us,
+              fv_message_grants_encode(inputs->now_ns, grants, data_of(event, channel), size));
+    record_messages(recorder, time_us, outputs);
+}
+
+static void sleep_a_little(void)
+{
+    const struct timespec pause = {.tv_nsec = POLL_NS};
+    nanosleep(&pause, NULL);
+}
+
+void fv_recorder_pace(struct fv_recorder *recorder)
+{
+    if (recorder == NULL) return;
+    while (fv_ring_room(&recorder->ring) < recorder->turn_bytes && atomic_load(&recorder->ending) == RUNNING)
+        sleep_a_little();
+}
+
+/* ---- the writer
+ * --------------------------------------------------------------------------------------------- */
+
+static uint32_t read_big(const uint8_t *data)
+{
+    return (uint32_t)data[0] << 24 | (uint32_t)data[1] << 16 | (uint32_t)data[2] << 8 | data[3];
+}
+
+/* How many whole events lie within the first `limit` bytes of `data`, at least one; and their bytes. */
+static size_t whole_events(const uint8_t *data, size_t bytes, size_t limit, uint64_t *events)
+{
+    size_t at = 0;
+    *events = 0;
+    while (at < bytes) {
+        size_t event = FOVEA_LOG_HEADER_BYTES + (size_t)read_big(data + at + 20) + read_big(data + at + 24);
+        if (at + event > limit && at > 0) break;
+        at += event;
+        (*events)++;
+    }
+    return at;
+}
+
+static void fail(struct fv_recorder *recorder, const char *reason)
+{
+    snprintf(recorder->reason, sizeof recorder->reason, "%s", reason);
+    atomic_store(&recorder->ending, ENDED_FAILED);
+    /* The file shall end at a whole event. */
+    if (ftruncate(recorder->file, (off_t)recorder->bytes) != 0)
+        snprintf(recorder->reason, sizeof recorder->reason,
+                 "%s, and its end could not be cut to a whole event", reason);
+}
+
+/* Write one run of whole events from the ring. False: nothing to do, or the disk refused. */
+static bool write_some(struct fv_recorder *recorder)
+{
+    size_t bytes;
+    uint64_t events;
+    const uint8_t *data = fv_ring_peek(&recorder->ring, &bytes);
+    if (data == NULL) return false;
+    bytes = whole_events(data, bytes, WRITE_BYTES_MAX, &events);
+    for (size_t done = 0; done < bytes;) {
+        ssize_t wrote = write(recorder->file, data + done, bytes - done);
+        if (wrote < 0 && errno == EINTR) continue;
+        if (wrote <= 0) {
+            char reason[96];
+            size_t whole = done > 0 ? whole_events(data, bytes, done, &events) : 0;
+            if (whole > 0 && whole <= done) { /* those before the one that was cut are good */
+                recorder->bytes += whole;
+                recorder->events += events;
+            }
+            const char *text = wrote < 0 ? strerrordesc_np(errno) : "nothing is written any more";
+            snprintf(reason, sizeof reason, "%s", text);
+            fail(recorder, reason);
+            return false;
+        }
+        done += (size_t)wrote;
+    }
+    recorder->bytes += bytes;
+    recorder->events += events;
+    fv_ring_release(&recorder->ring, bytes);
+    return true;
+}
+
+static void say_ended(struct fv_recorder *recorder)
+{
+    if (atomic_load(&recorder->ending) == ENDED_SLOW)
+        snprintf(
+            recorder->reason, sizeof recorder->reason,
+            "the disk is too slow: %zu MiB waited to be written; record to a faster disk or fewer frames",
+            recorder->ring.capacity >> 20);
+    fv_say("%s: recording ended after %" PRIu64 " events (%" PRIu64 " bytes): %s; the run goes on",
+           recorder->path, recorder->events, recorder->bytes, recorder->reason);
+}
+
+static void *write_all(void *context)
+{
+    struct fv_recorder *recorder = context;
+    for (;;) {
+        bool stopping = atomic_load_explicit(&recorder->stop, memory_order_acquire);
+        int ending =
+            atomic_load(&recorder->ending); /* read first: what was committed before it is still written */
+        while (write_some(recorder))
+            ;
+        if (ending != RUNNING || atomic_load(&recorder->ending) == ENDED_FAILED) break;
+        if (stopping) return NULL;
+        sleep_a_little();
+    }
+    say_ended(recorder);
+    return NULL;
+}
+
+/* ---- opening and closing
+ * ------------------------------------------------------------------------------------ */
+
+static void release(struct fv_recorder *recorder)
+{
+    if (recorder->file >= 0) close(recorder->file);
+    free(recorder->header);
+    free(recorder->ring_memory);
+    free(recorder);
+}
+
+static enum fovea_status start_thread(struct fv_recorder *recorder, struct fovea_error *error)
+{
+    int failed = fv_thread_start(&recorder->thread, write_all, recorder);
+    if (failed == 0) return FOVEA_OK;
+    return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: no thread to write it: %s", recorder->path,
+                           strerror(failed));
+}
+
+static enum fovea_status make_ring(struct fv_recorder *recorder, const struct fv_recorder_setup *setup,
+                                   struct fovea_error *error)
+{
+    size_t turn = setup->frame_bytes + TURN_EXTRA_BYTES;
+    size_t bytes = setup->ring_bytes != 0 ? setup->ring_bytes : RING_FRAMES * setup->frame_bytes;
+    if (setup->ring_bytes == 0 && bytes < RING_BYTES_MIN) bytes = RING_BYTES_MIN;
+    size_t least = 2 * (turn + recorder->header_bytes) + 4096;
+    if (bytes < least) bytes = least;
+    recorder->turn_bytes = turn + (recorder->started ? 0 : recorder->header_bytes);
+    recorder->ring_memory = aligned_alloc(64, (bytes + 63) / 64 * 64);
+    if (recorder->ring_memory == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_MEMORY, "%s: no memory for %zu bytes of buffer",
+                               recorder->path, bytes);
+    memset(recorder->ring_memory, 0, bytes); /* touch every page before the loop */
+    fv_ring_init(&recorder->ring, recorder->ring_memory, bytes);
+    return FOVEA_OK;
+}
+
+enum fovea_status fv_recorder_open(const struct fv_recorder_setup *setup, struct fv_recorder **recorder,
+                                   struct fovea_error *error)
+{
+    struct fv_recorder *opened = aligned_alloc(64, (sizeof *opened + 63) / 64 * 64);
+    if (opened == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_MEMORY, "%s: no memory to record", setup->path);
+    memset(opened, 0, sizeof *opened);
+    snprintf(opened->path, sizeof opened->path, "%s", setup->path);
+    fv_message_prepare();
+    for (int kind = 0; kind < FV_MESSAGE_KIND_COUNT; kind++)
+        fv_message_channel(setup->settings->runtime.channel_prefix, (enum fv_message_kind)kind,
+                           opened->channels[kind]);
+    signal(SIGXFSZ, SIG_IGN); /* a file size limit shall end the recording, not the run */
+    enum fovea_status status = FOVEA_OK;
+    opened->file = open(setup->path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
+    if (opened->file < 0)
+        status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: cannot be written: %s", setup->path,
+                                 strerror(errno));
+    if (status == FOVEA_OK)
+        status = fv_recording_header_encode(setup->settings, setup->kernel_set, setup->real_time,
+                                            &opened->header, &opened->header_bytes, error);
+    if (status == FOVEA_OK) status = make_ring(opened, setup, error);
+    if (status == FOVEA_OK) status = start_thread(opened, error);
+    if (status != FOVEA_OK) {
+        release(opened);
+        return status;
+    }
+    *recorder = opened;
+    return FOVEA_OK;
+}
+
+size_t fv_recorder_bytes(const struct fv_recorder *recorder)
+{
+    return recorder == NULL
+               ? 0
+               : sizeof *recorder + recorder->ring.capacity + recorder->header_bytes + FV_THREAD_STACK_BYTES;
+}
+
+enum fovea_status fv_recorder_close(struct fv_recorder *recorder, struct fv_recorder_summary *summary)
+{
+    struct fv_recorder_summary told = {.complete = true};
+    if (recorder != NULL) {
+        atomic_store_explicit(&recorder->stop, true, memory_order_release);
+        pthread_join(recorder->thread, NULL);
+        told.complete = atomic_load(&recorder->ending) == RUNNING;
+        if (told.complete && fdatasync(recorder->file) != 0 && errno != EINVAL && errno != EROFS) {
+            fail(recorder, strerrordesc_np(errno));
+            say_ended(recorder);
+            told.complete = false;
+        }
+        told.events = recorder->events;
+        told.bytes = recorder->bytes;
+        told.turns_lost = recorder->turns_lost;
+        memcpy(told.reason, recorder->reason, sizeof told.reason);
+        release(recorder);
+    }
+    if (summary != NULL) *summary = told;
+    return told.complete ? FOVEA_OK : FOVEA_ERROR_SYSTEM;
+}

@@ -1,0 +1,214 @@
+#include "app/recording_header.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/hash.h"
+#include "fovea/calibration.h"
+#include "message/fields.h"
+
+#include "fovea_recording_t.h"
+
+#if defined(__clang__)
+#define COMPILER "clang " __clang_version__
+#elif defined(__GNUC__)
+#define COMPILER "gcc " __VERSION__
+#else
+#define COMPILER "unknown compiler"
+#endif
+#if defined(__x86_64__)
+#define PROCESSOR "x86_64"
+#elif defined(__aarch64__)
+#define PROCESSOR "aarch64"
+#else
+#define PROCESSOR "unknown processor"
+#endif
+
+enum { PARTS_MAX = 3 };
+
+static void add_part(fovea_recording_t *message, const char *name, const char *origin, const void *data,
+                     size_t bytes)
+{
+    message->parts[message->part_count++] = (fovea_recording_part_t){
+        .name = (char *)name, /* lcm-gen knows no const; it only reads */
+        .origin = (char *)origin,
+        .hash = (int64_t)fv_hash(FV_HASH_START, data, bytes),
+        .size_bytes = (int32_t)bytes,
+        .data = (uint8_t *)data,
+    };
+}
+
+/* The settings as YAML text that reads back to the same values. The caller frees it. */
+static char *settings_text(const struct fv_settings *settings, size_t *bytes)
+{
+    char *text = NULL;
+    FILE *stream = open_memstream(&text, bytes);
+    if (stream == NULL) return NULL;
+    fv_settings_print(stream, settings, false);
+    if (fclose(stream) == 0) return text;
+    free(text);
+    return NULL;
+}
+
+static enum fovea_status encode(const fovea_recording_t *message, uint8_t **data, uint32_t *bytes,
+                                struct fovea_error *error)
+{
+    int size = fovea_recording_t_encoded_size(message);
+    uint8_t *buffer = malloc((size_t)size);
+    if (buffer == NULL || fovea_recording_t_encode(buffer, 0, size, message) != size) {
+        free(buffer);
+        return fovea_error_set(error, FOVEA_ERROR_MEMORY,
+                               "no memory for the header of a recording (%d bytes)", size);
+    }
+    *data = buffer;
+    *bytes = (uint32_t)size;
+    return FOVEA_OK;
+}
+
+enum fovea_status fv_recording_header_encode(const struct fv_settings *settings, const char *kernel_set,
+                                             bool real_time, uint8_t **data, uint32_t *bytes,
+                                             struct fovea_error *error)
+{
+    const struct fovea_camera *camera = &settings->runtime.camera;
+    struct fovea_calibration calibration = {.camera = *camera};
+    char calibration_text[FOVEA_CALIBRATION_BYTES_MAX];
+    enum fovea_status status =
+        fovea_calibration_format_text(FOVEA_CALIBRATION_ROS, &calibration, calibration_text, NULL, error);
+    if (status != FOVEA_OK) return status;
+    size_t text_bytes = 0;
+    char *text = settings_text(settings, &text_bytes);
+    if (text == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory for the header of a recording");
+    fovea_recording_part_t parts[PARTS_MAX];
+    fovea_recording_t message = {
+        .format = FOVEA_RECORDING_T_FORMAT,
+        .version = (char *)FOVEA_VERSION,
+        .machine = (char *)(PROCESSOR ", " COMPILER),
+        .kernel_set = (char *)kernel_set,
+        .source = (char *)settings->source,
+        .real_time = real_time,
+        .channel_prefix = (char *)settings->runtime.channel_prefix,
+        .parts = parts,
+    };
+    add_part(&message, "configuration", settings->file, text, text_bytes);
+    add_part(&message, "calibration", settings->camera, calibration_text, strlen(calibration_text));
+    if (settings->runtime.mask != NULL)
+        add_part(&message, "mask", settings->mask, settings->runtime.mask,
+                 (size_t)camera->width * (size_t)camera->height);
+    status = encode(&message, data, bytes, error);
+    free(text);
+    return status;
+}
+
+/* ---- back
+ * --------------------------------------------------------------------------------------------------- */
+
+struct source {
+    const char *name;
+    int64_t offset;
+};
+
+static enum fovea_status check_hashes(const struct source *from, const fovea_recording_t *message,
+                                      struct fovea_error *error)
+{
+    for (int32_t i = 0; i < message->part_count; i++) {
+        const fovea_recording_part_t *part = &message->parts[i];
+        uint64_t hash = fv_hash(FV_HASH_START, part->data, (size_t)part->size_bytes);
+        if (hash != (uint64_t)part->hash)
+            return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                                   "%s: byte %" PRId64 ": %.64s: found hash %016" PRIx64
+                                   ", expected %016" PRIx64,
+                                   from->name, from->offset, part->name, hash, (uint64_t)part->hash);
+    }
+    return FOVEA_OK;
+}
+
+static const fovea_recording_part_t *find_part(const fovea_recording_t *message, const char *name)
+{
+    for (int32_t i = 0; i < message->part_count; i++)
+        if (strcmp(message->parts[i].name, name) == 0) return &message->parts[i];
+    return NULL;
+}
+
+static enum fovea_status read_mask(const struct source *from, const fovea_recording_part_t *part,
+                                   struct fv_recording_header *header, struct fovea_error *error)
+{
+    struct fovea_config *config = &header->settings.runtime;
+    int64_t expected = (int64_t)config->camera.width * config->camera.height;
+    if (part->size_bytes != expected)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%s: byte %" PRId64 ": mask: found %" PRId32 " bytes, expected %" PRId64,
+                               from->name, from->offset, part->size_bytes, expected);
+    header->mask = malloc((size_t)expected);
+    if (header->mask == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_MEMORY, "%s: no memory for the mask", from->name);
+    memcpy(header->mask, part->data, (size_t)expected);
+    config->mask = header->mask;
+    return FOVEA_OK;
+}
+
+static enum fovea_status read_parts(const struct source *from, const fovea_recording_t *message,
+                                    struct fv_recording_header *header, struct fovea_error *error)
+{
+    enum fovea_status status = check_hashes(from, message, error);
+    if (status != FOVEA_OK) return status;
+    const fovea_recording_part_t *configuration = find_part(message, "configuration");
+    const fovea_recording_part_t *calibration = find_part(message, "calibration");
+    const fovea_recording_part_t *mask = find_part(message, "mask");
+    if (configuration == NULL || calibration == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: byte %" PRId64 ": found no %s, expected one",
+                               from->name, from->offset,
+                               configuration == NULL ? "configuration" : "calibration");
+    char label[160];
+    snprintf(label, sizeof label, "%.128s: configuration", from->name);
+    status = fv_settings_parse(&header->settings, label, (const char *)configuration->data,
+                               (size_t)configuration->size_bytes, error);
+    struct fovea_calibration read;
+    if (status == FOVEA_OK) {
+        snprintf(label, sizeof label, "%.128s: calibration", from->name);
+        status = fovea_calibration_parse(label, (const char *)calibration->data,
+                                         (size_t)calibration->size_bytes, NULL, &read, error);
+    }
+    if (status != FOVEA_OK) return status;
+    header->settings.runtime.camera = read.camera;
+    return mask != NULL ? read_mask(from, mask, header, error) : FOVEA_OK;
+}
+
+enum fovea_status fv_recording_header_decode(const char *name, int64_t offset, const uint8_t *data,
+                                             size_t bytes, struct fv_recording_header *header,
+                                             struct fovea_error *error)
+{
+    const struct source from = {name, offset};
+    const char *problem;
+    size_t at;
+    memset(header, 0, sizeof *header);
+    fv_settings_default(&header->settings);
+    if (!fv_message_check("fovea.recording_t", data, bytes, &problem, &at))
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: byte %" PRId64 ": header of a recording: %s",
+                               name, offset + (int64_t)at, problem);
+    fovea_recording_t message;
+    memset(&message, 0, sizeof message);
+    enum fovea_status status = FOVEA_OK;
+    if (fovea_recording_t_decode(data, 0, (int)bytes, &message) < 0)
+        status = fovea_error_set(error, FOVEA_ERROR_INPUT,
+                                 "%s: byte %" PRId64 ": the header cannot be decoded", name, offset);
+    else if (message.format != FOVEA_RECORDING_T_FORMAT)
+        status = fovea_error_set(error, FOVEA_ERROR_UNSUPPORTED,
+                                 "%s: byte %" PRId64 ": found recording format %" PRId32 ", expected %d",
+                                 name, offset + 8, message.format, FOVEA_RECORDING_T_FORMAT);
+    else
+        status = read_parts(&from, &message, header, error);
+    if (status == FOVEA_OK) {
+        header->real_time = message.real_time;
+        snprintf(header->version, sizeof header->version, "%s", message.version);
+        snprintf(header->machine, sizeof header->machine, "%s", message.machine);
+        snprintf(header->kernel_set, sizeof header->kernel_set, "%s", message.kernel_set);
+    } else {
+        free(header->mask);
+        header->mask = NULL;
+    }
+    fovea_recording_t_decode_cleanup(&message);
+    return status;
+}

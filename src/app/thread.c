@@ -1,0 +1,23 @@
+#include "app/thread.h"
+
+#include <sched.h>
+#include <signal.h>
+
+int fv_thread_start(pthread_t *thread, void *(*run)(void *), void *context)
+{
+    pthread_attr_t attributes;
+    const struct sched_param ordinary = {.sched_priority = 0};
+    sigset_t all, before;
+    int failed = pthread_attr_init(&attributes);
+    if (failed != 0) return failed;
+    pthread_attr_setstacksize(&attributes, FV_THREAD_STACK_BYTES);
+    pthread_attr_setinheritsched(&attributes, PTHREAD_EXPLICIT_SCHED);
+    pthread_attr_setschedpolicy(&attributes, SCHED_OTHER);
+    pthread_attr_setschedparam(&attributes, &ordinary);
+    sigfillset(&all);
+    pthread_sigmask(SIG_SETMASK, &all, &before);
+    failed = pthread_create(thread, &attributes, run, context);
+    pthread_sigmask(SIG_SETMASK, &before, NULL);
+    pthread_attr_destroy(&attributes);
+    return failed;
+}

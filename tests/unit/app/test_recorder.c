@@ -1,0 +1,324 @@
+/* Recording: what is read back is what went in; a full, limited or slow disk ends the recording and nothing
+ * else. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+#include <lcm/lcm.h>
+
+#include "app/recorder.h"
+#include "app/recording_header.h"
+#include "fovea/log.h"
+#include "message/recorded.h"
+
+enum { WIDTH = 640, HEIGHT = 480, IMAGE_BYTES = WIDTH * HEIGHT };
+
+static uint8_t pixels[IMAGE_BYTES], mask[IMAGE_BYTES];
+static char folder[] = "/tmp/fovea-test-XXXXXX";
+static char path[96];
+
+static void make_settings(struct fv_settings *settings)
+{
+    fv_settings_default(settings);
+    struct fovea_camera camera = {.width = WIDTH,
+                                  .height = HEIGHT,
+                                  .lens = FOVEA_LENS_RADTAN,
+                                  .fx = 458.654,
+                                  .fy = 457.296,
+                                  .cx = 367.215,
+                                  .cy = 248.375,
+                                  .k = {-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05}};
+    assert_int_equal(fovea_camera_prepare(&camera, NULL), FOVEA_OK);
+    settings->runtime.camera = camera;
+    settings->runtime.mask = mask;
+    settings->runtime.seed = 1234567890123456789u;
+    settings->runtime.T_base_cam[3] = 0.1;
+    snprintf(settings->runtime.channel_prefix, sizeof settings->runtime.channel_prefix, "ROBOT/LEFT");
+    for (int i = 0; i < IMAGE_BYTES; i++)
+        mask[i] = i % 3 == 0;
+}
+
+static struct fv_recorder *open_recorder(size_t ring_bytes)
+{
+    struct fv_settings *settings = malloc(sizeof *settings);
+    make_settings(settings);
+    struct fv_recorder_setup setup = {.path = path,
+                                      .settings = settings,
+                                      .kernel_set = "c",
+                                      .frame_bytes = IMAGE_BYTES,
+                                      .ring_bytes = ring_bytes};
+    struct fv_recorder *recorder = NULL;
+    struct fovea_error error;
+    if (fv_recorder_open(&setup, &recorder, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    free(settings);
+    return recorder;
+}
+
+/* Turn n: every fourth has no frame; each has one message in the step and one in the work. */
+static void record_turn(struct fv_recorder *recorder, uint32_t n)
+{
+    struct fovea_frame frame = {.image = {.data = pixels,
+                                          .width = WIDTH,
+                                          .height = HEIGHT,
+                                          .stride_bytes = WIDTH,
+                                          .format = FOVEA_PIXEL_GREY8,
+                                          .size_bytes = IMAGE_BYTES},
+                                .stamp_ns = 1000000000LL + n * 10000000LL,
+                                .exposure_ns = 777,
+                                .clock = FOVEA_CLOCK_SIMULATED,
+                                .stamp_meaning = FOVEA_STAMP_EXPOSURE_MIDDLE,
+                                .sequence = n};
+    memset(pixels, (int)n, sizeof pixels);
+    struct fovea_inputs inputs = {.frame = n % 4 == 3 ? NULL : &frame,
+                                  .now_ns = frame.stamp_ns,
+                                  .source_state = FOVEA_SOURCE_LATE,
+                                  .source_counts = {n, 1, 2, 3, 4},
+                                  .commands = n % 5 == 0 ? FOVEA_COMMAND_RESET : 0,
+                                  .utc_offset_ns = 50,
+                                  .latency_ns = 60,
+                                  .temperature_c = 61.5f,
+                                  .resident_bytes = 62,
+                                  .frames_late = 63};
+    inputs.grants.features = 500 + n;
+    inputs.grants.units[0] = n;
+    uint8_t data[8] = {1, 2, 3, 4, 5, 6, 7, (uint8_t)n};
+    struct fovea_outputs outputs = {.message_count = 1};
+    outputs.messages[0] = (struct fovea_message){.channel = "ROBOT/LEFT_X", .data = data, .bytes = 8};
+    fv_recorder_step(recorder, &inputs, &outputs);
+    struct fovea_grants grants = {.features = 400, .units = {n + 7}};
+    fv_recorder_work(recorder, &inputs, &grants, &outputs);
+}
+
+static void expect_event(struct fovea_log *log, struct fovea_log_event *event, const char *channel)
+{
+    struct fovea_error error = {0};
+    if (fovea_log_next(log, event, &error) != FOVEA_OK) fail_msg("expected %s: %s", channel, error.text);
+    assert_string_equal(event->channel, channel);
+}
+
+static void check_header(const struct fovea_log_event *event)
+{
+    struct fv_recording_header *header = malloc(sizeof *header);
+    struct fv_settings *settings = malloc(sizeof *settings);
+    struct fovea_error error;
+    make_settings(settings);
+    if (fv_recording_header_decode(path, event->offset, event->data, event->bytes, header, &error) !=
+        FOVEA_OK)
+        fail_msg("%s", error.text);
+    const struct fovea_config *found = &header->settings.runtime, *expected = &settings->runtime;
+    assert_memory_equal(&found->camera, &expected->camera, sizeof found->camera);
+    assert_memory_equal(found->T_base_cam, expected->T_base_cam, sizeof found->T_base_cam);
+    assert_true(found->seed == expected->seed);
+    assert_string_equal(found->channel_prefix, "ROBOT/LEFT");
+    assert_memory_equal(header->mask, mask, sizeof mask);
+    assert_ptr_equal(found->mask, header->mask);
+    free(header->mask);
+
+    uint8_t *damaged = malloc(event->bytes); /* one bit of the mask: its hash tells */
+    memcpy(damaged, event->data, event->bytes);
+    damaged[event->bytes - 1] ^= 1;
+    assert_int_equal(fv_recording_header_decode(path, event->offset, damaged, event->bytes, header, &error),
+                     FOVEA_ERROR_INPUT);
+    assert_non_null(strstr(error.text, "mask: found hash"));
+    free(damaged);
+    free(settings);
+    free(header);
+}
+
+static void check_turn(struct fovea_log *log, uint32_t n)
+{
+    struct fovea_log_event event;
+    struct fovea_error error;
+    const char *why;
+    size_t at;
+    if (n % 4 != 3) {
+        struct fovea_frame frame;
+        expect_event(log, &event, "ROBOT/LEFT_FRAME");
+        if (fovea_log_frame(path, &event, &frame, &error) != FOVEA_OK) fail_msg("%s", error.text);
+        assert_true(frame.stamp_ns == 1000000000LL + n * 10000000LL && frame.sequence == n &&
+                    frame.exposure_ns == 777);
+        assert_true(frame.clock == FOVEA_CLOCK_SIMULATED &&
+                    frame.stamp_meaning == FOVEA_STAMP_EXPOSURE_MIDDLE);
+        assert_true(frame.image.width == WIDTH && frame.image.height == HEIGHT &&
+                    frame.image.stride_bytes == WIDTH);
+        for (int i = 0; i < IMAGE_BYTES; i += 997)
+            assert_int_equal(frame.image.data[i], n & 255);
+    }
+    struct fovea_inputs inputs;
+    bool has_frame;
+    expect_event(log, &event, "ROBOT/LEFT_INPUTS");
+    assert_true(fv_message_inputs_decode(event.data, event.bytes, &inputs, &has_frame, &why, &at));
+    assert_true(has_frame == (n % 4 != 3) && inputs.now_ns == 1000000000LL + n * 10000000LL);
+    assert_true(inputs.source_state == FOVEA_SOURCE_LATE && inputs.source_counts.delivered == n &&
+                inputs.source_counts.recovered == 4 && inputs.commands == (n % 5 == 0) &&
+                inputs.utc_offset_ns == 50 && inputs.latency_ns == 60 && inputs.temperature_c == 61.5f &&
+                inputs.resident_bytes == 62 && inputs.frames_late == 63 &&
+                inputs.grants.features == 500 + n && inputs.grants.units[0] == n);
+    assert_true(event.time_us == (inputs.now_ns + 50) / 1000);
+    expect_event(log, &event, "ROBOT/LEFT_X");
+    assert_int_equal(event.data[7], n & 255);
+    struct fovea_grants grants;
+    expect_event(log, &event, "ROBOT/LEFT_GRANTS");
+    assert_true(fv_message_grants_decode(event.data, event.bytes, &grants, &why, &at));
+    assert_true(grants.features == 400 && grants.units[0] == n + 7);
+    expect_event(log, &event, "ROBOT/LEFT_X");
+}
+
+static void test_round_trip(void **state)
+{
+    (void)state;
+    enum { TURNS = 100 };
+    struct fv_recorder *recorder = open_recorder(0);
+    for (uint32_t n = 0; n < TURNS; n++) {
+        fv_recorder_pace(recorder);
+        record_turn(recorder, n);
+    }
+    struct fv_recorder_summary summary;
+    assert_int_equal(fv_recorder_close(recorder, &summary), FOVEA_OK);
+    assert_true(summary.complete && summary.turns_lost == 0 &&
+                summary.events == 1 + 4 * TURNS + TURNS * 3 / 4);
+
+    struct fovea_log *log;
+    struct fovea_log_event event;
+    struct fovea_error error;
+    assert_int_equal(fovea_log_open(path, &log, &error), FOVEA_OK);
+    expect_event(log, &event, "ROBOT/LEFT_RECORDING");
+    check_header(&event);
+    for (uint32_t n = 0; n < TURNS; n++)
+        check_turn(log, n);
+    assert_int_equal(fovea_log_next(log, &event, &error), FOVEA_END);
+    fovea_log_close(log);
+
+    lcm_eventlog_t *standard = lcm_eventlog_create(path, "r"); /* LCM's own tools read it */
+    uint64_t events = 0;
+    for (lcm_eventlog_event_t *e; (e = lcm_eventlog_read_next_event(standard)) != NULL; events++) {
+        assert_int_equal(e->eventnum, events);
+        lcm_eventlog_free_event(e);
+    }
+    lcm_eventlog_destroy(standard);
+    assert_int_equal(events, summary.events);
+}
+
+/* Every event of the file is whole; returns their number. */
+static uint64_t count_whole(void)
+{
+    struct fovea_log *log;
+    struct fovea_log_event event;
+    struct fovea_error error;
+    uint64_t events = 0;
+    enum fovea_status status;
+    assert_int_equal(fovea_log_open(path, &log, &error), FOVEA_OK);
+    while ((status = fovea_log_next(log, &event, &error)) == FOVEA_OK)
+        events++;
+    if (status != FOVEA_END) fail_msg("%s", error.text);
+    fovea_log_close(log);
+    return events;
+}
+
+static void test_limited_file(void **state)
+{
+    (void)state;
+    struct rlimit before, limit;
+    getrlimit(RLIMIT_FSIZE, &before);
+    limit = before;
+    limit.rlim_cur = 10000001;
+    setrlimit(RLIMIT_FSIZE, &limit);
+    struct fv_recorder *recorder = open_recorder(0);
+    for (uint32_t n = 0; n < 200; n++) {
+        fv_recorder_pace(recorder);
+        record_turn(recorder, n);
+    }
+    struct fv_recorder_summary summary;
+    assert_int_equal(fv_recorder_close(recorder, &summary), FOVEA_ERROR_SYSTEM);
+    setrlimit(RLIMIT_FSIZE, &before);
+    struct stat info;
+    stat(path, &info);
+    assert_string_equal(summary.reason, "File too large");
+    assert_true(summary.turns_lost > 0 && !summary.complete);
+    assert_int_equal(info.st_size, summary.bytes);
+    assert_true(info.st_size > 10000001 - IMAGE_BYTES - 4096);
+    assert_int_equal(count_whole(), summary.events);
+}
+
+static void test_full_disk(void **state)
+{
+    (void)state;
+    snprintf(path, sizeof path, "/dev/full");
+    struct fv_recorder *recorder = open_recorder(0);
+    for (uint32_t n = 0; n < 50; n++) {
+        fv_recorder_pace(recorder);
+        record_turn(recorder, n);
+    }
+    struct fv_recorder_summary summary;
+    assert_int_equal(fv_recorder_close(recorder, &summary), FOVEA_ERROR_SYSTEM);
+    snprintf(path, sizeof path, "%s/log", folder);
+    assert_non_null(strstr(summary.reason, "No space left on device"));
+    assert_int_equal(summary.bytes, 0);
+}
+
+static void test_slow_disk(void **state)
+{
+    (void)state;
+    char pipe_path[64];
+    snprintf(pipe_path, sizeof pipe_path, "%s/pipe", folder);
+    assert_int_equal(mkfifo(pipe_path, 0600), 0);
+    int reader = open(pipe_path, O_RDONLY | O_NONBLOCK); /* takes nothing until the recording has ended */
+    assert_true(reader >= 0);
+    snprintf(path, sizeof path, "%s", pipe_path);
+    struct fv_recorder *recorder = open_recorder(0);
+    for (uint32_t n = 0; n < 100; n++)
+        record_turn(recorder, n);
+    fcntl(reader, F_SETFL, 0);
+    if (fork() == 0) { /* drain, so that the writer can finish */
+        static char buffer[65536];
+        close(STDOUT_FILENO);
+        while (read(reader, buffer, sizeof buffer) > 0)
+            ;
+        _exit(0);
+    }
+    struct fv_recorder_summary summary;
+    assert_int_equal(fv_recorder_close(recorder, &summary), FOVEA_ERROR_SYSTEM);
+    close(reader);
+    snprintf(path, sizeof path, "%s/log", folder);
+    assert_non_null(strstr(summary.reason, "the disk is too slow"));
+    assert_in_range(summary.turns_lost, 60, 99);
+    assert_true(summary.events > 5 * 10);
+}
+
+static void test_cannot_open(void **state)
+{
+    (void)state;
+    struct fv_settings *settings = malloc(sizeof *settings);
+    make_settings(settings);
+    struct fv_recorder_setup setup = {.path = "/nonexistent/log", .settings = settings, .kernel_set = "c"};
+    struct fv_recorder *recorder = NULL;
+    struct fovea_error error;
+    assert_int_equal(fv_recorder_open(&setup, &recorder, &error), FOVEA_ERROR_SYSTEM);
+    assert_string_equal(error.text, "/nonexistent/log: cannot be written: No such file or directory");
+    assert_null(recorder);
+    free(settings);
+}
+
+int main(void)
+{
+    if (mkdtemp(folder) == NULL) return 1;
+    snprintf(path, sizeof path, "%s/log", folder);
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_round_trip),  cmocka_unit_test(test_limited_file),
+        cmocka_unit_test(test_full_disk),   cmocka_unit_test(test_slow_disk),
+        cmocka_unit_test(test_cannot_open),
+    };
+    int failed = cmocka_run_group_tests(tests, NULL, NULL);
+    char command[64];
+    snprintf(command, sizeof command, "rm -rf %s", folder);
+    return system(command) != 0 ? 1 : failed;
+}
