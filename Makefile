@@ -144,6 +144,13 @@ bench:  ## install what is missing, then time every stage and kernel beside Open
 	$(BUILD)/bench --json $(BUILD)/bench.json --readme README.md --commit "$$(git describe --always --dirty 2>/dev/null)" \
 	    --compiler "$$($(CC) --version | head -n 1)" --flags "$(OPT) $(FP)"
 
+$(BUILD)/venv/evo:
+	python3 -m venv $(BUILD)/venv
+	$(BUILD)/venv/bin/pip install -q evo numpy
+	@touch $@
+evaluate: all $(BUILD)/venv/evo  ## run the recordings with truth over seeds and starts, and rewrite the committed table
+	$(BUILD)/venv/bin/python tools/evaluate/evaluate.py --fovea $(BUILD)/fovea --output tools/evaluate/odometry.md
+
 clean:  ## remove everything that was built
 	rm -rf $(BUILD) build-*
 

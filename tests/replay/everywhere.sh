@@ -1,0 +1,65 @@
+#!/bin/sh
+# A recording replays bit for bit wherever it was made: every kernel set, gcc and clang, libc's FMA and AVX2 variants masked,
+# and aarch64 under qemu, in both directions. Builds that do not exist are named and skipped, unless --all asks for them.
+# Usage: tests/replay/everywhere.sh [--all] [FRAMES]
+set -u
+cd "$(dirname "$0")/../.."
+all=
+[ "${1:-}" = --all ] && all=1 && shift
+frames=${1:-200}
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+failures=0 checks=0
+
+sysroot=$PWD/build-aarch64/sysroot
+qemu="qemu-aarch64 -L /usr/aarch64-linux-gnu -E LD_LIBRARY_PATH=$sysroot/usr/lib/aarch64-linux-gnu:$sysroot/lib/aarch64-linux-gnu"
+
+run() { # run NAME COMMAND...: count it, show the output of what failed
+    name=$1
+    shift
+    checks=$((checks + 1))
+    if "$@" >"$folder/out" 2>&1; then
+        echo "ok    $name"
+    else
+        echo "FAILED $name"
+        tail -n 5 "$folder/out"
+        failures=$((failures + 1))
+    fi
+}
+
+have() {
+    [ -x "$1" ] && return 0
+    echo "SKIPPED $1: not built"
+    [ -n "$all" ] && failures=$((failures + 1))
+    return 1
+}
+
+record() { # record LOG COMMAND...
+    log=$1
+    shift
+    "$@" run --source 'sim:?seed=5&width=320&height=240' --frames "$frames" --record "$log" --set preview.period_frames=7
+}
+
+run "record on x86" record "$folder/x86.lcm" build/fovea
+for set in c sse4 avx2 avx512; do
+    FOVEA_CPU=$set build/fovea config >/dev/null 2>&1
+    if grep -q "$(echo $set | sed 's/sse4/sse4_2/;s/avx512/avx512bw/;s/^c$/fpu/')" /proc/cpuinfo; then
+        run "replay with FOVEA_CPU=$set" env FOVEA_CPU=$set build/fovea replay "$folder/x86.lcm" --verify
+    else
+        echo "SKIPPED FOVEA_CPU=$set: this processor lacks it"
+    fi
+done
+run "replay with libc's FMA and AVX2 masked" env \
+    GLIBC_TUNABLES=glibc.cpu.hwcaps=-AVX2_Usable,-AVX2,-FMA_Usable,-FMA,-FMA4_Usable,-AVX512F,-ERMS \
+    build/fovea replay "$folder/x86.lcm" --verify
+have build-clang/fovea && run "replay with the clang build" build-clang/fovea replay "$folder/x86.lcm" --verify
+if have build-aarch64/fovea; then
+    run "replay the x86 recording on aarch64" $qemu build-aarch64/fovea replay "$folder/x86.lcm" --verify
+    run "replay it on aarch64 with the C kernels" env FOVEA_CPU=c $qemu build-aarch64/fovea replay "$folder/x86.lcm" --verify
+    run "record on aarch64" record "$folder/arm.lcm" $qemu build-aarch64/fovea
+    run "replay the aarch64 recording on x86" build/fovea replay "$folder/arm.lcm" --verify
+fi
+for again in 1 2 3; do run "record again ($again)" record "$folder/again$again.lcm" build/fovea; done
+run "runs are identical" build/fovea replay "$folder/again1.lcm" --verify
+echo "$((checks - failures)) passed, $failures failed"
+[ $failures -eq 0 ]
