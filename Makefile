@@ -68,6 +68,9 @@ CORE_CXX  := $(foreach r,$(ROOMS),$(wildcard src/$(r)/*.cpp))
 DRIVERS_C := $(wildcard drivers/*.c drivers/*/*.c)
 APP_C     := $(wildcard src/app/*.c)
 
+# The video plug-in is built where OpenCV's videoio is installed; nothing else here needs it.
+VIDEO_PLUGIN := $(if $(SAN)$(CROSS),,$(if $(wildcard /usr/include/opencv4/opencv2/videoio.hpp),$(BUILD)/fovea-video.so))
+
 objs = $(patsubst %.c,$(BUILD)/obj/%.o,$(filter %.c,$(1))) $(patsubst %.cpp,$(BUILD)/obj/%.o,$(filter %.cpp,$(1)))
 GEN_O     := $(patsubst %.c,%.o,$(filter %.c,$(LCMGEN)))
 CORE_O    := $(call objs,$(CORE_C) $(CORE_CXX)) $(GEN_O)
@@ -84,7 +87,7 @@ LIBS_APP  := -llcm -lyaml -lpng -ljpeg -lz -ldl
 .DELETE_ON_ERROR:
 .SECONDARY:
 
-all: $(BUILD)/fovea $(BUILD)/libfovea.a $(BUILD)/libfovea.so $(BUILD)/fovea.pc  ## build the program and the libraries
+all: $(VIDEO_PLUGIN) $(BUILD)/fovea $(BUILD)/libfovea.a $(BUILD)/libfovea.so $(BUILD)/fovea.pc  ## build the program and the libraries
 
 help:  ## this list
 	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -213,6 +216,9 @@ $(BUILD)/libfovea-app.a: $(APP_O) $(DRIVERS_O)
 $(BUILD)/fovea: $(MAIN_O) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 	@echo "  link $@"
 	$(Q)$(CXX) $(LDFLAGS) -rdynamic -o $@ $(MAIN_O) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group $(LIBS_APP)
+$(BUILD)/fovea-video.so: drivers/video.cpp $(BUILD)/obj/src/base/status.o Makefile
+	$(Q)$(CXX) $(filter-out -fstack-usage,$(CXXFLAGS)) -isystem /usr/include/opencv4 -fvisibility=hidden -shared -Wl,-Bsymbolic \
+	    -o $@ $< $(BUILD)/obj/src/base/status.o -lopencv_videoio -lopencv_core
 $(BUILD)/fovea.pc: tools/fovea.pc.in
 	sed 's|@PREFIX@|$(PREFIX)|' $< >$@
 

@@ -1,0 +1,56 @@
+/* PNG and JPEG from memory to 8-bit grey levels.
+ *
+ * Colour is turned into grey by one integer formula on every machine (ITU-R BT.601 weights in 15 bits, as
+ * OpenCV): grey = (9798 R + 19235 G + 3735 B + 16384) >> 15. A JPEG in YCbCr gives its luma channel, which is
+ * that formula applied before compression, through the accurate integer transform (JDCT_ISLOW), which is
+ * exact over all of libjpeg-turbo's instruction sets. PNG: 16-bit samples give their high byte, alpha is
+ * dropped.
+ *
+ * Images are hostile: sizes are held against FOVEA_IMAGE_*, memory is bounded, truncated or corrupt data is
+ * an error and never a half-filled frame. Allocates; for the reader thread, any number of threads. */
+#ifndef FOVEA_RECORDED_DECODE_H
+#define FOVEA_RECORDED_DECODE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "fovea/status.h"
+
+enum { FV_DECODE_FILE_BYTES_MAX = 1 << 26 };
+
+struct fv_decode_image {
+    uint8_t *pixels; /* stride_bytes x height, owned by the caller; undefined after an error */
+    int32_t width, height, stride_bytes;
+};
+
+/* Size that the header states. FOVEA_ERROR_INPUT: neither PNG nor JPEG, or of a size that Fovea does not
+ * take; `reason` says what was found, without a file name. */
+enum fovea_status fv_decode_probe(const uint8_t *data, size_t bytes, int32_t *width, int32_t *height,
+                                  struct fovea_error *reason);
+
+/* Decode into `image`, whose size must be that of the data. */
+enum fovea_status fv_decode_grey(const uint8_t *data, size_t bytes, const struct fv_decode_image *image,
+                                 struct fovea_error *reason);
+
+/* A buffer for whole files that is used again. Start with {0}. */
+struct fv_file_buffer {
+    uint8_t *data;
+    size_t bytes, capacity;
+};
+
+/* Read a regular file of at most FV_DECODE_FILE_BYTES_MAX. FOVEA_GONE: there is none. FOVEA_ERROR_INPUT: it
+ * cannot be read; `reason` does not name the file. */
+enum fovea_status fv_file_read(struct fv_file_buffer *buffer, const char *path, struct fovea_error *reason);
+void fv_file_free(struct fv_file_buffer *buffer);
+
+/* For the two decoders. */
+void fv_decode_rgb_row(const uint8_t *rgb, uint8_t *grey, int32_t width);
+enum fovea_status fv_decode_check_size(int64_t width, int64_t height, struct fovea_error *reason);
+enum fovea_status fv_decode_png(const uint8_t *data, size_t bytes, const struct fv_decode_image *image,
+                                struct fovea_error *reason);
+enum fovea_status fv_decode_jpeg(const uint8_t *data, size_t bytes, const struct fv_decode_image *image,
+                                 struct fovea_error *reason);
+enum fovea_status fv_decode_jpeg_probe(const uint8_t *data, size_t bytes, int32_t *width, int32_t *height,
+                                       struct fovea_error *reason);
+
+#endif

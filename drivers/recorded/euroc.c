@@ -1,0 +1,76 @@
+/* EuRoC data sets in ASL layout: mav0/cam0/{data.csv,data/,sensor.yaml},
+ * mav0/state_groundtruth_estimate0/data.csv. Burri et al., "The EuRoC micro aerial vehicle datasets", IJRR
+ * 2016. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "fovea/text.h"
+#include "lines.h"
+#include "listing.h"
+#include "player.h"
+
+static enum fovea_status read_list(struct fv_listing *listing, const char *path, struct fovea_error *error)
+{
+    struct fv_lines lines;
+    enum fovea_status status = fv_lines_open(&lines, path, error);
+    if (status != FOVEA_OK) return status;
+    while ((status = fv_lines_next(&lines, ",", error)) == FOVEA_OK) {
+        int64_t stamp_ns;
+        if (!fovea_text_integer(lines.fields[0], &stamp_ns))
+            status = fv_lines_refuse(&lines, "timestamp", lines.fields[0], "whole nanoseconds", error);
+        else if (lines.field_count < 2)
+            status = fv_lines_refuse(&lines, "filename", NULL, "the file of the frame", error);
+        else
+            status = fv_listing_add(listing, stamp_ns, lines.fields[1], error);
+        if (status != FOVEA_OK) break;
+    }
+    fv_lines_close(&lines);
+    return status == FOVEA_END ? FOVEA_OK : status;
+}
+
+/* What stands beside the list, as far as it is there. */
+static enum fovea_status read_extras(struct fv_listing *listing, const char *cam, const char *mav,
+                                     struct fovea_source_info *info, struct fovea_error *error)
+{
+    char path[FV_PATH_BYTES];
+    double T_body_cam[12];
+    bool has_T_body_cam = false;
+    enum fovea_status status = fv_path_join(path, cam, "sensor.yaml", error);
+    if (status != FOVEA_OK || !fv_path_exists(path)) return status;
+    status = fv_info_set_calibration(info, path, T_body_cam, &has_T_body_cam, error);
+    if (status != FOVEA_OK || !has_T_body_cam) return status;
+    status = fv_path_join(path, mav, "state_groundtruth_estimate0/data.csv", error);
+    if (status != FOVEA_OK || !fv_path_exists(path)) return status;
+    struct fv_poses poses;
+    status = fv_poses_read(path, FV_POSES_EUROC, T_body_cam, &poses, error);
+    if (status == FOVEA_OK) fv_listing_set_poses(listing, &poses);
+    return status;
+}
+
+static enum fovea_status open_euroc(const char *address, const struct fovea_source_selection *selection,
+                                    struct fovea_source **source, struct fovea_error *error)
+{
+    char mav[FV_PATH_BYTES], cam[FV_PATH_BYTES], data[FV_PATH_BYTES], list[FV_PATH_BYTES];
+    struct fovea_source_info info = {.rate_hz = 0.0};
+    enum fovea_status status = fv_path_join(mav, address, "mav0", error);
+    if (status == FOVEA_OK && !fv_path_exists(mav)) {
+        status = fv_path_join(cam, address, "cam0", error);
+        if (status == FOVEA_OK && fv_path_exists(cam)) status = fv_path_join(mav, address, ".", error);
+    }
+    if (status == FOVEA_OK) status = fv_path_join(cam, mav, "cam0", error);
+    if (status == FOVEA_OK) status = fv_path_join(data, cam, "data", error);
+    if (status == FOVEA_OK) status = fv_path_join(list, cam, "data.csv", error);
+    if (status != FOVEA_OK) return status;
+    struct fv_listing *listing = fv_listing_new(data);
+    if (listing == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", address);
+    status = read_list(listing, list, error);
+    if (status == FOVEA_OK) status = read_extras(listing, cam, mav, &info, error);
+    if (status != FOVEA_OK) {
+        fv_listing_free(listing);
+        return status;
+    }
+    return fv_listing_open(listing, list, selection, &info, source, error);
+}
+
+const struct fovea_source_ops fovea_source_euroc =
+    FV_PLAYER_OPS("euroc", "DIR   EuRoC data set in ASL layout (DIR/mav0/cam0)", open_euroc);

@@ -1,0 +1,117 @@
+/* KITTI odometry sequences: times.txt, image_0/NNNNNN.png (grey) or image_2 (colour), calib.txt, poses.txt.
+ * Geiger, Lenz, Urtasun, "Are we ready for autonomous driving?", CVPR 2012. Its images are rectified: no
+ * distortion. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "lines.h"
+#include "listing.h"
+#include "player.h"
+
+/* Names are the frames' numbers; which extension is found by the first that is there. */
+static enum fovea_status read_list(struct fv_listing *listing, const char *times, const char *images,
+                                   struct fovea_error *error)
+{
+    static const char *const extensions[] = {"png", "jpg"};
+    char name[32], path[FV_PATH_BYTES];
+    const char *extension = extensions[0];
+    for (size_t i = 0; i < 2; ++i) {
+        snprintf(name, sizeof name, "000000.%s", extensions[i]);
+        const enum fovea_status joined = fv_path_join(path, images, name, error);
+        if (joined != FOVEA_OK) return joined;
+        if (!fv_path_exists(path)) continue;
+        extension = extensions[i];
+        break;
+    }
+    struct fv_lines lines;
+    enum fovea_status status = fv_lines_open(&lines, times, error);
+    if (status != FOVEA_OK) return status;
+    while ((status = fv_lines_next(&lines, "", error)) == FOVEA_OK) {
+        int64_t stamp_ns;
+        snprintf(name, sizeof name, "%06zu.%s", fv_listing_count(listing), extension);
+        status = fv_stamp_from_seconds(lines.fields[0], &stamp_ns)
+                     ? fv_listing_add(listing, stamp_ns, name, error)
+                     : fv_lines_refuse(&lines, "time", lines.fields[0], "seconds", error);
+        if (status != FOVEA_OK) break;
+    }
+    fv_lines_close(&lines);
+    return status == FOVEA_END ? FOVEA_OK : status;
+}
+
+/* The row "P0: fx 0 cx tx 0 fy cy ty 0 0 1 tz". */
+static enum fovea_status take_projection(const struct fv_lines *lines, struct fovea_source_info *info,
+                                         struct fovea_error *error)
+{
+    double P[12];
+    const enum fovea_status status = fv_lines_numbers(lines, lines->fields[0], 1, 12, P, error);
+    if (status != FOVEA_OK) return status;
+    const bool projection = P[0] > 0.001 && P[0] < 1e6 && P[5] > 0.001 && P[5] < 1e6 && P[1] == 0 &&
+                            P[4] == 0 && P[8] == 0 && P[9] == 0 && P[10] == 1 && P[2] > -1e5 && P[2] < 1e5 &&
+                            P[6] > -1e5 && P[6] < 1e5;
+    if (!projection)
+        return fv_lines_refuse(lines, lines->fields[0], lines->fields[1],
+                               "a projection fx 0 cx tx 0 fy cy ty 0 0 1 tz", error);
+    info->camera =
+        (struct fovea_camera){.lens = FOVEA_LENS_RADTAN, .fx = P[0], .fy = P[5], .cx = P[2], .cy = P[6]};
+    info->has_camera = true;
+    snprintf(info->camera_origin, sizeof info->camera_origin, "%s", lines->file);
+    return FOVEA_OK;
+}
+
+static enum fovea_status read_calibration(const char *path, const char *key, struct fovea_source_info *info,
+                                          struct fovea_error *error)
+{
+    struct fv_lines lines;
+    enum fovea_status status = fv_lines_open(&lines, path, error);
+    if (status != FOVEA_OK) return status;
+    while (!info->has_camera && (status = fv_lines_next(&lines, "", error)) == FOVEA_OK)
+        if (strcmp(lines.fields[0], key) == 0 && (status = take_projection(&lines, info, error)) != FOVEA_OK)
+            break;
+    if (status == FOVEA_END)
+        status = fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: found no line '%s', expected it", path, key);
+    fv_lines_close(&lines);
+    return status;
+}
+
+static enum fovea_status read_extras(struct fv_listing *listing, const char *folder, const char *key,
+                                     struct fovea_source_info *info, struct fovea_error *error)
+{
+    char path[FV_PATH_BYTES];
+    enum fovea_status status = fv_path_join(path, folder, "calib.txt", error);
+    if (status == FOVEA_OK && fv_path_exists(path)) status = read_calibration(path, key, info, error);
+    if (status != FOVEA_OK || (status = fv_path_join(path, folder, "poses.txt", error)) != FOVEA_OK)
+        return status;
+    if (!fv_path_exists(path)) return FOVEA_OK;
+    struct fv_poses poses;
+    status = fv_poses_read_kitti(path, &poses, error);
+    if (status == FOVEA_OK) fv_listing_set_poses(listing, &poses);
+    return status;
+}
+
+static enum fovea_status open_kitti(const char *address, const struct fovea_source_selection *selection,
+                                    struct fovea_source **source, struct fovea_error *error)
+{
+    char times[FV_PATH_BYTES], images[FV_PATH_BYTES];
+    struct fovea_source_info info = {.rate_hz = 0.0};
+    const char *key = "P0:";
+    enum fovea_status status = fv_path_join(times, address, "times.txt", error);
+    if (status == FOVEA_OK) status = fv_path_join(images, address, "image_0", error);
+    if (status == FOVEA_OK && !fv_path_exists(images)) {
+        key = "P2:";
+        status = fv_path_join(images, address, "image_2", error);
+    }
+    if (status != FOVEA_OK) return status;
+    struct fv_listing *listing = fv_listing_new(images);
+    if (listing == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", address);
+    status = read_list(listing, times, images, error);
+    if (status == FOVEA_OK) status = read_extras(listing, address, key, &info, error);
+    if (status != FOVEA_OK) {
+        fv_listing_free(listing);
+        return status;
+    }
+    return fv_listing_open(listing, times, selection, &info, source, error);
+}
+
+const struct fovea_source_ops fovea_source_kitti =
+    FV_PLAYER_OPS("kitti", "DIR   KITTI odometry sequence (DIR/image_0, DIR/times.txt)", open_kitti);

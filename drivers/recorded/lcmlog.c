@@ -1,0 +1,206 @@
+/* LCM logs with fovea.frame_t messages: our own recordings, and logs of other programs that publish the type.
+ * Any channel whose last part is FRAME; frames as recorded, in any pixel format; compressed ones are decoded
+ * to grey here. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "decode.h"
+#include "fovea/log.h"
+#include "listing.h"
+#include "player.h"
+
+struct recording {
+    char *path;
+    struct fovea_log *log;
+    int64_t *offsets; /* of the frames' events */
+    size_t count, capacity;
+    char channel[FOVEA_LOG_CHANNEL_BYTES]; /* of the first frame; frames on others are another camera's */
+    struct fovea_error damage;             /* where the log could not be read further; empty text: nowhere */
+};
+
+static void close_recording(void *argument)
+{
+    struct recording *recording = argument;
+    if (recording == NULL) return;
+    if (recording->log != NULL) fovea_log_close(recording->log);
+    free(recording->offsets);
+    free(recording->path);
+    free(recording);
+}
+
+/* ---- index
+ * ------------------------------------------------------------------------------------------------- */
+
+static enum fovea_status add_offset(struct recording *recording, int64_t offset, struct fovea_error *error)
+{
+    if (recording->count == recording->capacity) {
+        const size_t larger = recording->capacity == 0 ? 1024 : 2 * recording->capacity;
+        int64_t *moved =
+            larger > FV_LISTING_FRAMES_MAX ? NULL : realloc(recording->offsets, larger * sizeof *moved);
+        if (moved == NULL)
+            return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: no memory for an index of %zu frames",
+                                   recording->path, larger);
+        recording->offsets = moved;
+        recording->capacity = larger;
+    }
+    recording->offsets[recording->count++] = offset;
+    return FOVEA_OK;
+}
+
+/* Find the frames. What follows damage is lost and told as one damaged frame at the end. */
+static enum fovea_status make_index(struct recording *recording, struct fovea_error *error)
+{
+    struct fovea_log_event event;
+    enum fovea_status status;
+    while ((status = fovea_log_skim(recording->log, &event, &recording->damage)) == FOVEA_OK) {
+        if (!fovea_log_channel_is(event.channel, "FRAME")) continue;
+        if (recording->count == 0) memcpy(recording->channel, event.channel, sizeof recording->channel);
+        if (strcmp(event.channel, recording->channel) != 0) continue;
+        if ((status = add_offset(recording, event.offset, error)) != FOVEA_OK) return status;
+    }
+    if (status == FOVEA_END) recording->damage.text[0] = '\0';
+    if (recording->count > 0) return FOVEA_OK;
+    if (status != FOVEA_END) return fovea_error_set(error, status, "%s", recording->damage.text);
+    return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                           "%s: found no frames, expected fovea.frame_t on a channel ...FRAME",
+                           recording->path);
+}
+
+/* ---- frames
+ * ------------------------------------------------------------------------------------------------ */
+
+static enum fovea_status read_frame(struct recording *recording, uint64_t index, struct fovea_frame *frame,
+                                    struct fovea_error *error)
+{
+    struct fovea_log_event event;
+    enum fovea_status status = fovea_log_seek(recording->log, recording->offsets[index], error);
+    if (status == FOVEA_OK) status = fovea_log_next(recording->log, &event, error);
+    if (status == FOVEA_OK) status = fovea_log_frame(recording->path, &event, frame, error);
+    return status;
+}
+
+static enum fovea_status fill(const struct fovea_image *from, struct fv_slot *slot, const char *path,
+                              uint64_t index, struct fovea_error *error)
+{
+    struct fovea_image *to = &slot->frame.image;
+    if (from->format == FOVEA_PIXEL_MJPEG && to->format == FOVEA_PIXEL_GREY8) {
+        const struct fv_decode_image target = {.pixels = slot->pixels,
+                                               .width = to->width,
+                                               .height = to->height,
+                                               .stride_bytes = to->stride_bytes};
+        struct fovea_error reason = {.text = ""};
+        const enum fovea_status status = fv_decode_grey(from->data, from->size_bytes, &target, &reason);
+        if (status == FOVEA_OK) return FOVEA_OK;
+        return fovea_error_set(error, status, "%s: frame %llu: %.256s", path, (unsigned long long)index,
+                               reason.text);
+    }
+    if (from->format != to->format || from->width != to->width || from->height != to->height)
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT, "%s: frame %llu: found %d x %d %s, expected %d x %d %s", path,
+            (unsigned long long)index, from->width, from->height, fovea_pixel_format_name(from->format),
+            to->width, to->height, fovea_pixel_format_name(to->format));
+    const size_t bytes = fovea_image_bytes(from->format, from->height, from->stride_bytes);
+    if (bytes > slot->capacity_bytes)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%s: frame %llu: found a stride of %d bytes, expected that of the first", path,
+                               (unsigned long long)index, from->stride_bytes);
+    memcpy(slot->pixels, from->data, bytes);
+    to->stride_bytes = from->stride_bytes;
+    to->size_bytes = bytes;
+    return FOVEA_OK;
+}
+
+static enum fovea_status fetch(void *argument, uint64_t index, struct fv_slot *slot,
+                               struct fovea_error *error)
+{
+    struct recording *recording = argument;
+    struct fovea_frame frame;
+    if (index == recording->count) { /* the place of what could not be read */
+        *error = recording->damage;
+        return FOVEA_ERROR_INPUT;
+    }
+    enum fovea_status status = read_frame(recording, index, &frame, error);
+    if (status == FOVEA_OK) status = fill(&frame.image, slot, recording->path, index, error);
+    if (status != FOVEA_OK) return status == FOVEA_END ? FOVEA_ERROR_INPUT : status;
+    slot->frame.stamp_ns = frame.stamp_ns;
+    slot->frame.exposure_ns = frame.exposure_ns;
+    slot->frame.clock = frame.clock;
+    slot->frame.stamp_meaning = frame.stamp_meaning;
+    slot->frame.sequence = frame.sequence;
+    return FOVEA_OK;
+}
+
+static enum fovea_status stamp(void *argument, uint64_t index, int64_t *stamp_ns)
+{
+    struct recording *recording = argument;
+    struct fovea_frame frame;
+    if (index == recording->count && index > 0) --index;
+    const enum fovea_status status = read_frame(recording, index, &frame, NULL);
+    if (status == FOVEA_OK) *stamp_ns = frame.stamp_ns;
+    return status;
+}
+
+static const struct fv_recording_ops lcmlog_ops = {.fetch = fetch, .stamp = stamp, .close = close_recording};
+
+/* ---- opening
+ * ----------------------------------------------------------------------------------------------- */
+
+/* Size and format from the first frame that can be read, rate from the first two. */
+static enum fovea_status describe(struct recording *recording, const struct fovea_source_selection *selection,
+                                  struct fovea_source_info *info, size_t *frame_bytes,
+                                  struct fovea_error *error)
+{
+    struct fovea_error why = {.text = ""};
+    enum fovea_status status = FOVEA_ERROR_INPUT;
+    struct fovea_frame frame;
+    for (uint64_t i = 0; i < recording->count && status != FOVEA_OK; ++i) {
+        status = read_frame(recording, i, &frame, i == 0 ? &why : NULL);
+        if (status != FOVEA_OK) continue;
+        *info = (struct fovea_source_info){
+            .width = frame.image.width, .height = frame.image.height, .format = frame.image.format};
+        *frame_bytes = frame.image.size_bytes;
+        if (frame.image.format != FOVEA_PIXEL_MJPEG) continue;
+        info->format = FOVEA_PIXEL_GREY8;
+        *frame_bytes = 0;
+        status = fv_decode_probe(frame.image.data, frame.image.size_bytes, &info->width, &info->height,
+                                 i == 0 ? &why : NULL);
+    }
+    if (status != FOVEA_OK)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%s: found no frame that can be read among %zu; the first: %.256s",
+                               recording->path, recording->count, why.text);
+    int64_t first_ns, second_ns;
+    if (recording->count > 1 && stamp(recording, 0, &first_ns) == FOVEA_OK &&
+        stamp(recording, 1, &second_ns) == FOVEA_OK && second_ns > first_ns &&
+        (first_ns >= 0 || second_ns < INT64_MAX + first_ns))
+        info->rate_hz = 1e9 / (double)(second_ns - first_ns) / (double)selection->step;
+    info->heap_bytes =
+        sizeof *recording + recording->capacity * sizeof recording->offsets[0] + frame.image.size_bytes;
+    return FOVEA_OK;
+}
+
+static enum fovea_status open_lcmlog(const char *address, const struct fovea_source_selection *selection,
+                                     struct fovea_source **source, struct fovea_error *error)
+{
+    struct fovea_source_info info;
+    size_t frame_bytes = 0;
+    struct recording *recording = calloc(1, sizeof *recording);
+    if (recording == NULL || (recording->path = strdup(address)) == NULL) {
+        free(recording);
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", address);
+    }
+    enum fovea_status status = fovea_log_open(address, &recording->log, error);
+    if (status == FOVEA_OK) status = make_index(recording, error);
+    if (status == FOVEA_OK) status = describe(recording, selection, &info, &frame_bytes, error);
+    if (status != FOVEA_OK) {
+        close_recording(recording);
+        return status;
+    }
+    const uint64_t count = recording->count + (recording->damage.text[0] != '\0');
+    return fv_player_open(&lcmlog_ops, recording, count, frame_bytes, address, selection, &info, source,
+                          error);
+}
+
+const struct fovea_source_ops fovea_source_lcmlog =
+    FV_PLAYER_OPS("lcmlog", "FILE  frames in an LCM log (fovea.frame_t)", open_lcmlog);

@@ -1,0 +1,287 @@
+#include "listing.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "decode.h"
+#include "fovea/calibration.h"
+#include "player.h"
+
+struct listed {
+    int64_t stamp_ns;
+    size_t name; /* offset into `names` */
+};
+
+struct fv_listing {
+    char *folder;
+    struct listed *frames;
+    size_t count, capacity;
+    char *names;
+    size_t names_bytes, names_capacity;
+    struct fv_poses poses;
+    struct fv_file_buffer file;
+};
+
+/* ---- paths
+ * ------------------------------------------------------------------------------------------------- */
+
+enum fovea_status fv_path_join(char path[FV_PATH_BYTES], const char *folder, const char *name,
+                               struct fovea_error *error)
+{
+    const char *slash = folder[0] == '\0' || folder[strlen(folder) - 1] == '/' ? "" : "/";
+    if (snprintf(path, FV_PATH_BYTES, "%s%s%s", folder, slash, name) < FV_PATH_BYTES) return FOVEA_OK;
+    return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                           "%.64s...: found a path of more than %d bytes, expected less", folder,
+                           FV_PATH_BYTES - 1);
+}
+
+bool fv_path_exists(const char *path)
+{
+    return access(path, F_OK) == 0;
+}
+
+enum fovea_status fv_info_set_calibration(struct fovea_source_info *info, const char *path,
+                                          double T_body_cam[12], bool *has_T_body_cam,
+                                          struct fovea_error *error)
+{
+    struct fovea_calibration calibration;
+    const enum fovea_status status = fovea_calibration_read(path, NULL, &calibration, error);
+    if (status != FOVEA_OK) return status;
+    info->camera = calibration.camera;
+    info->has_camera = true;
+    info->rate_hz = calibration.rate_hz;
+    snprintf(info->camera_origin, sizeof info->camera_origin, "%s", path);
+    if (T_body_cam != NULL) {
+        memcpy(T_body_cam, calibration.T_body_cam, sizeof calibration.T_body_cam);
+        *has_T_body_cam = calibration.has_T_body_cam;
+    }
+    return FOVEA_OK;
+}
+
+/* ---- the list
+ * ---------------------------------------------------------------------------------------------- */
+
+struct fv_listing *fv_listing_new(const char *folder)
+{
+    struct fv_listing *listing = calloc(1, sizeof *listing);
+    if (listing != NULL && (listing->folder = strdup(folder)) == NULL) {
+        free(listing);
+        listing = NULL;
+    }
+    return listing;
+}
+
+void fv_listing_free(struct fv_listing *listing)
+{
+    if (listing == NULL) return;
+    free(listing->folder);
+    free(listing->frames);
+    free(listing->names);
+    fv_poses_free(&listing->poses);
+    fv_file_free(&listing->file);
+    free(listing);
+}
+
+static bool grow(void **memory, size_t needed, size_t *capacity, size_t size)
+{
+    if (needed <= *capacity) return true;
+    size_t larger = *capacity < 1024 ? 1024 : *capacity;
+    while (larger < needed)
+        larger *= 2;
+    void *moved = realloc(*memory, larger * size);
+    if (moved == NULL) return false;
+    *memory = moved;
+    *capacity = larger;
+    return true;
+}
+
+enum fovea_status fv_listing_add(struct fv_listing *listing, int64_t stamp_ns, const char *name,
+                                 struct fovea_error *error)
+{
+    const size_t bytes = strlen(name) + 1;
+    void *frames = listing->frames, *names = listing->names;
+    if (listing->count >= FV_LISTING_FRAMES_MAX)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%s: found more than %d frames, expected at most that", listing->folder,
+                               (int)FV_LISTING_FRAMES_MAX);
+    const bool fits = grow(&frames, listing->count + 1, &listing->capacity, sizeof listing->frames[0]);
+    listing->frames = frames;
+    const bool name_fits = grow(&names, listing->names_bytes + bytes, &listing->names_capacity, 1);
+    listing->names = names;
+    if (!fits || !name_fits)
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory for the list of frames",
+                               listing->folder);
+    memcpy(listing->names + listing->names_bytes, name, bytes);
+    listing->frames[listing->count++] = (struct listed){.stamp_ns = stamp_ns, .name = listing->names_bytes};
+    listing->names_bytes += bytes;
+    return FOVEA_OK;
+}
+
+size_t fv_listing_count(const struct fv_listing *listing)
+{
+    return listing->count;
+}
+
+void fv_listing_set_poses(struct fv_listing *listing, const struct fv_poses *poses)
+{
+    listing->poses = *poses;
+}
+
+/* ---- for the player
+ * ---------------------------------------------------------------------------------------- */
+
+static enum fovea_status frame_path(const struct fv_listing *listing, uint64_t index,
+                                    char path[FV_PATH_BYTES], struct fovea_error *error)
+{
+    return fv_path_join(path, listing->folder, listing->names + listing->frames[index].name, error);
+}
+
+static enum fovea_status fetch(void *recording, uint64_t index, struct fv_slot *slot,
+                               struct fovea_error *error)
+{
+    struct fv_listing *listing = recording;
+    const struct fovea_image *image = &slot->frame.image;
+    const struct fv_decode_image target = {.pixels = slot->pixels,
+                                           .width = image->width,
+                                           .height = image->height,
+                                           .stride_bytes = image->stride_bytes};
+    char path[FV_PATH_BYTES];
+    struct fovea_error reason = {.text = ""};
+    enum fovea_status status = frame_path(listing, index, path, error);
+    if (status != FOVEA_OK) return status;
+    status = fv_file_read(&listing->file, path, &reason);
+    if (status == FOVEA_OK)
+        status = fv_decode_grey(listing->file.data, listing->file.bytes, &target, &reason);
+    if (status != FOVEA_OK) return fovea_error_set(error, status, "%s: %.256s", path, reason.text);
+    slot->frame.stamp_ns = listing->frames[index].stamp_ns;
+    slot->frame.exposure_ns = 0;
+    slot->frame.clock = FOVEA_CLOCK_RECORDED;
+    slot->frame.stamp_meaning = FOVEA_STAMP_UNKNOWN;
+    slot->frame.sequence = index;
+    return FOVEA_OK;
+}
+
+static enum fovea_status stamp(void *recording, uint64_t index, int64_t *stamp_ns)
+{
+    *stamp_ns = ((struct fv_listing *)recording)->frames[index].stamp_ns;
+    return FOVEA_OK;
+}
+
+static enum fovea_status truth(const void *recording, const struct fovea_frame *frame,
+                               struct fovea_truth *truth)
+{
+    const struct fv_listing *listing = recording;
+    truth->has_pose = fv_poses_at(&listing->poses, frame->stamp_ns, frame->sequence, truth->T_world_cam);
+    truth->box_count = 0;
+    truth->depth_m = NULL;
+    truth->class_mask = NULL;
+    return FOVEA_OK;
+}
+
+static void close_listing(void *recording)
+{
+    fv_listing_free(recording);
+}
+
+static const struct fv_recording_ops listing_ops = {
+    .fetch = fetch, .stamp = stamp, .truth = truth, .close = close_listing};
+
+/* ---- opening
+ * ----------------------------------------------------------------------------------------------- */
+
+enum { PROBES = 5 };
+
+struct probe {
+    int32_t width, height;
+};
+
+static enum fovea_status probe_frame(struct fv_listing *listing, uint64_t index, struct probe *probe,
+                                     struct fovea_error *error)
+{
+    char path[FV_PATH_BYTES];
+    struct fovea_error reason = {.text = ""};
+    enum fovea_status status = frame_path(listing, index, path, error);
+    if (status != FOVEA_OK) return status;
+    status = fv_file_read(&listing->file, path, &reason);
+    if (status == FOVEA_OK)
+        status =
+            fv_decode_probe(listing->file.data, listing->file.bytes, &probe->width, &probe->height, &reason);
+    return status == FOVEA_OK ? status : fovea_error_set(error, status, "%s: %.256s", path, reason.text);
+}
+
+/* The size that most probed frames have, the earlier one when equally many. All frames are asked when none of
+ * the five can be read. */
+static enum fovea_status find_size(struct fv_listing *listing, const char *list_file,
+                                   struct fovea_source_info *info, struct fovea_error *error)
+{
+    struct probe probes[PROBES];
+    struct fovea_error why = {.text = ""};
+    int found = 0, best = 0, best_votes = 0;
+    for (uint64_t i = 0; i < PROBES && i < listing->count; ++i)
+        found += probe_frame(listing, i * listing->count / PROBES, &probes[found],
+                             found == 0 ? &why : NULL) == FOVEA_OK;
+    for (uint64_t i = 0; found == 0 && i < listing->count; ++i)
+        found += probe_frame(listing, i, &probes[0], i == 0 ? &why : NULL) == FOVEA_OK;
+    if (found == 0)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%s: found no frame that can be read among %zu; the first is %.300s",
+                               list_file, listing->count, why.text);
+    for (int i = 0; i < found; ++i) {
+        int votes = 0;
+        for (int j = 0; j < found; ++j)
+            votes += probes[i].width == probes[j].width && probes[i].height == probes[j].height;
+        if (votes > best_votes) {
+            best = i;
+            best_votes = votes;
+        }
+    }
+    info->width = probes[best].width;
+    info->height = probes[best].height;
+    info->format = FOVEA_PIXEL_GREY8;
+    return FOVEA_OK;
+}
+
+/* Frames per second from the median of the first steps between stamps, so that gaps do not matter. */
+static double find_rate(const struct fv_listing *listing)
+{
+    enum { STEPS = 101 };
+    int64_t steps[STEPS];
+    size_t count = 0;
+    for (size_t i = 1; i < listing->count && count < STEPS; ++i) {
+        const int64_t before = listing->frames[i - 1].stamp_ns, now = listing->frames[i].stamp_ns;
+        if (before >= now || (before < 0 && now > INT64_MAX + before)) continue;
+        size_t at = count++;
+        for (; at > 0 && steps[at - 1] > now - before; --at)
+            steps[at] = steps[at - 1];
+        steps[at] = now - before;
+    }
+    return count == 0 ? 0.0 : 1e9 / (double)steps[count / 2];
+}
+
+enum fovea_status fv_listing_open(struct fv_listing *listing, const char *list_file,
+                                  const struct fovea_source_selection *selection,
+                                  struct fovea_source_info *info, struct fovea_source **source,
+                                  struct fovea_error *error)
+{
+    enum fovea_status status = FOVEA_OK;
+    if (listing->count == 0)
+        status = fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: found no frames, expected at least one",
+                                 list_file);
+    if (status == FOVEA_OK) status = find_size(listing, list_file, info, error);
+    if (status == FOVEA_OK && info->has_camera && info->camera.width == 0)
+        status = fovea_calibration_fit(&info->camera, info->width, info->height, false, info->camera_origin,
+                                       error);
+    if (status != FOVEA_OK) {
+        fv_listing_free(listing);
+        return status;
+    }
+    if (info->rate_hz <= 0.0) info->rate_hz = find_rate(listing);
+    if (selection->step > 1) info->rate_hz /= (double)selection->step;
+    info->has_truth = listing->poses.count > 0;
+    info->heap_bytes = sizeof *listing + listing->capacity * sizeof listing->frames[0] +
+                       listing->names_capacity + listing->poses.heap_bytes + listing->file.capacity;
+    return fv_player_open(&listing_ops, listing, listing->count, 0, list_file, selection, info, source,
+                          error);
+}

@@ -1,0 +1,42 @@
+/* Data sets whose frames are PNG or JPEG files: the list of them, and the player's way to fetch one. */
+#ifndef FOVEA_RECORDED_LISTING_H
+#define FOVEA_RECORDED_LISTING_H
+
+#include "fovea/source.h"
+#include "poses.h"
+
+enum { FV_LISTING_FRAMES_MAX = 1 << 22, FV_PATH_BYTES = 4096 };
+
+struct fv_listing; /* owns the list, the poses and the reader's buffer */
+
+/* An empty list of files below `folder` (joined with '/'; "" for none). NULL: out of memory. */
+struct fv_listing *fv_listing_new(const char *folder);
+void fv_listing_free(struct fv_listing *listing);
+
+enum fovea_status fv_listing_add(struct fv_listing *listing, int64_t stamp_ns, const char *name,
+                                 struct fovea_error *error);
+size_t fv_listing_count(const struct fv_listing *listing);
+
+/* Poses become the listing's own. */
+void fv_listing_set_poses(struct fv_listing *listing, const struct fv_poses *poses);
+
+/* Make a source of a finished list. The frame size is the one that most of five frames, spread over the list,
+ * state. `info` holds what the data set says of itself: camera (0 x 0 becomes the frame size), camera_origin,
+ * rate_hz (0: taken from the stamps). `list_file` names the list in errors. The listing is owned by the
+ * source, and freed on error. */
+enum fovea_status fv_listing_open(struct fv_listing *listing, const char *list_file,
+                                  const struct fovea_source_selection *selection,
+                                  struct fovea_source_info *info, struct fovea_source **source,
+                                  struct fovea_error *error);
+
+/* "a/b", or an error when it does not fit FV_PATH_BYTES. */
+enum fovea_status fv_path_join(char path[FV_PATH_BYTES], const char *folder, const char *name,
+                               struct fovea_error *error);
+bool fv_path_exists(const char *path);
+
+/* A data set's own calibration file into `info`; T_body_cam too when it states one. */
+enum fovea_status fv_info_set_calibration(struct fovea_source_info *info, const char *path,
+                                          double T_body_cam[12], bool *has_T_body_cam,
+                                          struct fovea_error *error);
+
+#endif

@@ -1,0 +1,375 @@
+#include "player.h"
+
+#include <errno.h>
+#include <pthread.h>
+#include <semaphore.h>
+#include <signal.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+/* Slot numbers between two threads: one writes `head`, the other `tail`; never more than FV_PLAYER_SLOTS
+ * inside. */
+enum { RING = 8 };
+struct ring {
+    _Atomic uint32_t head;
+    uint8_t slots[RING];
+    _Alignas(64) _Atomic uint32_t tail;
+};
+
+static void ring_push(struct ring *ring, uint8_t slot)
+{
+    const uint32_t head = atomic_load_explicit(&ring->head, memory_order_relaxed);
+    ring->slots[head % RING] = slot;
+    atomic_store_explicit(&ring->head, head + 1, memory_order_release);
+}
+
+static bool ring_pop(struct ring *ring, uint8_t *slot)
+{
+    const uint32_t tail = atomic_load_explicit(&ring->tail, memory_order_relaxed);
+    if (tail == atomic_load_explicit(&ring->head, memory_order_acquire)) return false;
+    *slot = ring->slots[tail % RING];
+    atomic_store_explicit(&ring->tail, tail + 1, memory_order_release);
+    return true;
+}
+
+struct fovea_source {
+    const struct fv_recording_ops *ops;
+    void *recording;
+    struct fovea_source_info info;
+
+    /* The order of play: index = first + step * position, `count` of them (UINT64_MAX: until the end). */
+    uint64_t first, count;
+    int64_t step;
+    int64_t mirror_ns; /* reverse: stamp becomes mirror_ns - stamp */
+    bool reverse;
+
+    struct fv_slot slots[FV_PLAYER_SLOTS];
+    uint8_t *pixels;
+    struct ring ready, free;
+    sem_t ready_count, free_count;
+
+    pthread_t reader;
+    bool started;
+    _Atomic bool quit, ended;
+    struct fovea_source_counts end_counts; /* written before `ended` */
+
+    /* Loop thread only. */
+    bool held[FV_PLAYER_SLOTS];
+    uint32_t held_count;
+    struct fovea_source_counts counts;
+    bool seen_end;
+
+    /* Between the reader and whoever asks for complaints; never the loop. */
+    pthread_mutex_t complaints_lock;
+    bool complained[2];
+    struct fovea_error complaints[2];
+};
+
+/* Unsigned, since stamps may be anything. */
+static int64_t mirrored(const struct fovea_source *source, int64_t stamp_ns)
+{
+    return (int64_t)((uint64_t)source->mirror_ns - (uint64_t)stamp_ns);
+}
+
+/* ---- reader thread
+ * ----------------------------------------------------------------------------------------- */
+
+static void complain(struct fovea_source *source, int kind, const struct fovea_error *error)
+{
+    pthread_mutex_lock(&source->complaints_lock);
+    if (!source->complained[kind]) source->complaints[kind] = *error;
+    source->complained[kind] = true;
+    pthread_mutex_unlock(&source->complaints_lock);
+}
+
+/* The next frame that can be had, from `*position` on. FOVEA_END: there is none. */
+static enum fovea_status fetch_next(struct fovea_source *source, uint64_t *position, struct fv_slot *slot,
+                                    struct fovea_source_counts *counts)
+{
+    while (*position < source->count && !atomic_load_explicit(&source->quit, memory_order_relaxed)) {
+        const uint64_t index = source->first + (uint64_t)source->step * *position;
+        struct fovea_error error = {.text = ""};
+        const enum fovea_status status = source->ops->fetch(source->recording, index, slot, &error);
+        if (status == FOVEA_END) break;
+        ++*position;
+        if (status == FOVEA_OK) {
+            if (source->reverse) slot->frame.stamp_ns = mirrored(source, slot->frame.stamp_ns);
+            counts->delivered++;
+            slot->counts = *counts;
+            return FOVEA_OK;
+        }
+        const bool missing = status == FOVEA_GONE;
+        ++*(missing ? &counts->missing : &counts->damaged);
+        complain(source, missing ? 0 : 1, &error);
+    }
+    return FOVEA_END;
+}
+
+static void *read_frames(void *argument)
+{
+    struct fovea_source *source = argument;
+    struct fovea_source_counts counts = {0};
+    uint64_t position = 0;
+    for (;;) {
+        uint8_t slot;
+        while (sem_wait(&source->free_count) != 0)
+            continue; /* interrupted */
+        if (atomic_load(&source->quit) || !ring_pop(&source->free, &slot)) return NULL;
+        if (fetch_next(source, &position, &source->slots[slot], &counts) != FOVEA_OK) break;
+        ring_push(&source->ready, slot);
+        sem_post(&source->ready_count);
+    }
+    source->end_counts = counts;
+    atomic_store_explicit(&source->ended, true, memory_order_release);
+    sem_post(&source->ready_count);
+    return NULL;
+}
+
+/* ---- open and close
+ * ---------------------------------------------------------------------------------------- */
+
+static enum fovea_status set_order(struct fovea_source *source, uint64_t count, const char *origin,
+                                   const struct fovea_source_selection *selection, struct fovea_error *error)
+{
+    if (selection->step == 0 || selection->step > INT64_MAX)
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "step: found %llu, expected at least 1",
+                               (unsigned long long)selection->step);
+    if (count == 0 && selection->reverse)
+        return fovea_error_set(error, FOVEA_ERROR_UNSUPPORTED,
+                               "%s: reverse: its frames can only be played in order, expected no reverse",
+                               origin);
+    if (count > 0 && selection->start >= count)
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                               "%s: start: found %llu, expected less than its %llu frames", origin,
+                               (unsigned long long)selection->start, (unsigned long long)count);
+    uint64_t chosen = count > 0 ? (count - selection->start - 1) / selection->step + 1 : UINT64_MAX;
+    source->first = selection->start;
+    source->step = (int64_t)selection->step;
+    source->reverse = selection->reverse;
+    if (selection->reverse) {
+        source->first += (chosen - 1) * selection->step;
+        source->step = -source->step;
+    }
+    if (selection->frames > 0 && selection->frames < chosen) chosen = selection->frames;
+    source->count = chosen;
+    source->info.frame_count = chosen == UINT64_MAX ? 0 : chosen;
+    if (!selection->reverse) return FOVEA_OK;
+    int64_t last_played_ns, first_played_ns;
+    const uint64_t last = source->first + (uint64_t)source->step * (chosen - 1);
+    if (source->ops->stamp(source->recording, source->first, &first_played_ns) != FOVEA_OK ||
+        source->ops->stamp(source->recording, last, &last_played_ns) != FOVEA_OK)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%s: the stamps of its ends cannot be read, expected for reverse", origin);
+    source->mirror_ns = (int64_t)((uint64_t)first_played_ns + (uint64_t)last_played_ns);
+    return FOVEA_OK;
+}
+
+static enum fovea_status make_slots(struct fovea_source *source, size_t frame_bytes,
+                                    struct fovea_error *error)
+{
+    const struct fovea_source_info *info = &source->info;
+    const int32_t row_bytes = fovea_image_stride_min(info->format, info->width);
+    const int32_t stride = (row_bytes + 63) / 64 * 64;
+    const size_t image_bytes = fovea_image_bytes(info->format, info->height, stride);
+    const size_t needed = image_bytes > frame_bytes ? image_bytes : frame_bytes;
+    const size_t slot_bytes = (needed + 127) / 64 * 64; /* a line more, for kernels that read past the end */
+    if (posix_memalign((void **)&source->pixels, 64, slot_bytes * FV_PLAYER_SLOTS) != 0) {
+        source->pixels = NULL;
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "out of memory for %d frames of %zu bytes",
+                               FV_PLAYER_SLOTS, slot_bytes);
+    }
+    memset(source->pixels, 0, slot_bytes * FV_PLAYER_SLOTS);
+    for (uint32_t i = 0; i < FV_PLAYER_SLOTS; ++i) {
+        struct fv_slot *slot = &source->slots[i];
+        slot->pixels = source->pixels + i * slot_bytes;
+        slot->capacity_bytes = needed;
+        slot->frame.slot = i;
+        slot->frame.image = (struct fovea_image){.data = slot->pixels,
+                                                 .width = info->width,
+                                                 .height = info->height,
+                                                 .stride_bytes = stride,
+                                                 .format = info->format,
+                                                 .size_bytes = image_bytes};
+    }
+    source->info.heap_bytes += slot_bytes * FV_PLAYER_SLOTS + sizeof *source;
+    return FOVEA_OK;
+}
+
+enum fovea_status fv_player_open(const struct fv_recording_ops *ops, void *recording, uint64_t count,
+                                 size_t frame_bytes, const char *origin,
+                                 const struct fovea_source_selection *selection,
+                                 const struct fovea_source_info *info, struct fovea_source **source,
+                                 struct fovea_error *error)
+{
+    struct fovea_source *made;
+    if (posix_memalign((void **)&made, 64, sizeof *made) != 0) {
+        ops->close(recording);
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", origin);
+    }
+    memset(made, 0, sizeof *made);
+    made->ops = ops;
+    made->recording = recording;
+    made->info = *info;
+    pthread_mutex_init(&made->complaints_lock, NULL);
+    enum fovea_status status = set_order(made, count, origin, selection, error);
+    if (status == FOVEA_OK) status = make_slots(made, frame_bytes, error);
+    if (status != FOVEA_OK) {
+        fv_player_close(made);
+        return status;
+    }
+    *source = made;
+    return FOVEA_OK;
+}
+
+void fv_player_close(struct fovea_source *source)
+{
+    fv_player_stop(source);
+    source->ops->close(source->recording);
+    pthread_mutex_destroy(&source->complaints_lock);
+    free(source->pixels);
+    free(source);
+}
+
+const struct fovea_source_info *fv_player_info(const struct fovea_source *source)
+{
+    return &source->info;
+}
+
+/* ---- start and stop
+ * ---------------------------------------------------------------------------------------- */
+
+static int start_reader(struct fovea_source *source)
+{
+    const struct sched_param normal = {.sched_priority = 0};
+    pthread_attr_t attributes;
+    sigset_t all, before;
+    int failed = pthread_attr_init(&attributes);
+    if (failed != 0) return failed;
+    pthread_attr_setstacksize(&attributes, FV_PLAYER_STACK_BYTES);
+    pthread_attr_setinheritsched(&attributes, PTHREAD_EXPLICIT_SCHED); /* the loop may be under SCHED_FIFO */
+    pthread_attr_setschedpolicy(&attributes, SCHED_OTHER);
+    pthread_attr_setschedparam(&attributes, &normal);
+    sigfillset(&all);
+    pthread_sigmask(SIG_SETMASK, &all, &before);
+    failed = pthread_create(&source->reader, &attributes, read_frames, source);
+    pthread_sigmask(SIG_SETMASK, &before, NULL);
+    pthread_attr_destroy(&attributes);
+    return failed;
+}
+
+enum fovea_status fv_player_start(struct fovea_source *source, struct fovea_error *error)
+{
+    if (source->started)
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "the recording is being played already");
+    memset(&source->ready, 0, sizeof source->ready);
+    memset(&source->free, 0, sizeof source->free);
+    memset(source->held, 0, sizeof source->held);
+    source->held_count = 0;
+    source->counts = (struct fovea_source_counts){0};
+    source->seen_end = false;
+    atomic_store(&source->quit, false);
+    atomic_store(&source->ended, false);
+    for (uint8_t i = 0; i < FV_PLAYER_SLOTS; ++i)
+        ring_push(&source->free, i);
+    sem_init(&source->ready_count, 0, 0);
+    sem_init(&source->free_count, 0, FV_PLAYER_SLOTS);
+    const int failed = start_reader(source);
+    if (failed != 0) {
+        sem_destroy(&source->ready_count);
+        sem_destroy(&source->free_count);
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "the reader thread cannot be started: %s",
+                               strerror(failed));
+    }
+    source->started = true;
+    return FOVEA_OK;
+}
+
+void fv_player_stop(struct fovea_source *source)
+{
+    if (!source->started) return;
+    atomic_store(&source->quit, true);
+    sem_post(&source->free_count);
+    pthread_join(source->reader, NULL);
+    sem_destroy(&source->ready_count);
+    sem_destroy(&source->free_count);
+    source->started = false;
+}
+
+/* ---- loop thread
+ * ------------------------------------------------------------------------------------------- */
+
+/* One count per ready frame, and one for the end. */
+static bool wait_ready(struct fovea_source *source, int64_t deadline_ns)
+{
+    if (sem_trywait(&source->ready_count) == 0) return true;
+    if (deadline_ns <= 0) return false;
+    if (deadline_ns == INT64_MAX) return sem_wait(&source->ready_count) == 0;
+    const struct timespec deadline = {.tv_sec = deadline_ns / 1000000000,
+                                      .tv_nsec = deadline_ns % 1000000000};
+    return sem_clockwait(&source->ready_count, CLOCK_MONOTONIC, &deadline) == 0;
+}
+
+enum fovea_status fv_player_dequeue(struct fovea_source *source, int64_t deadline_ns,
+                                    struct fovea_frame *frame)
+{
+    if (!source->started || source->held_count >= FOVEA_SOURCE_FRAMES_HELD) return FOVEA_ERROR_ARGUMENT;
+    if (!wait_ready(source, deadline_ns)) return FOVEA_AGAIN;
+    uint8_t slot;
+    if (!ring_pop(&source->ready, &slot)) {
+        (void)atomic_load_explicit(&source->ended, memory_order_acquire);
+        source->counts = source->end_counts;
+        source->seen_end = true;
+        sem_post(&source->ready_count); /* the end stays the end */
+        return FOVEA_END;
+    }
+    source->held[slot] = true;
+    source->held_count++;
+    source->counts = source->slots[slot].counts;
+    *frame = source->slots[slot].frame;
+    return FOVEA_OK;
+}
+
+void fv_player_requeue(struct fovea_source *source, const struct fovea_frame *frame)
+{
+    if (!source->started || frame->slot >= FV_PLAYER_SLOTS || !source->held[frame->slot]) return;
+    source->held[frame->slot] = false;
+    source->held_count--;
+    ring_push(&source->free, (uint8_t)frame->slot);
+    sem_post(&source->free_count);
+}
+
+enum fovea_status fv_player_truth(struct fovea_source *source, const struct fovea_frame *frame,
+                                  struct fovea_truth *truth)
+{
+    if (source->ops->truth == NULL || !source->info.has_truth) return FOVEA_ERROR_UNSUPPORTED;
+    struct fovea_frame recorded = *frame;
+    if (source->reverse) recorded.stamp_ns = mirrored(source, frame->stamp_ns);
+    return source->ops->truth(source->recording, &recorded, truth);
+}
+
+void fv_player_counts(const struct fovea_source *source, struct fovea_source_counts *counts)
+{
+    *counts = source->counts;
+}
+
+enum fovea_source_state fv_player_state(const struct fovea_source *source)
+{
+    return source->seen_end ? FOVEA_SOURCE_ENDED : FOVEA_SOURCE_OK;
+}
+
+enum fovea_status fv_player_complaint(struct fovea_source *source, struct fovea_error *error)
+{
+    enum fovea_status status = FOVEA_AGAIN;
+    pthread_mutex_lock(&source->complaints_lock);
+    for (int kind = 0; kind < 2 && status == FOVEA_AGAIN; ++kind) {
+        if (!source->complained[kind]) continue;
+        source->complained[kind] = false;
+        if (error != NULL) *error = source->complaints[kind];
+        status = FOVEA_OK;
+    }
+    pthread_mutex_unlock(&source->complaints_lock);
+    return status;
+}

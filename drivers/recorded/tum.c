@@ -1,0 +1,65 @@
+/* Recordings in the layout of the TUM RGB-D benchmark: rgb.txt, groundtruth.txt; camera.yaml where somebody
+ * put one. Sturm et al., "A benchmark for the evaluation of RGB-D SLAM systems", IROS 2012. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "lines.h"
+#include "listing.h"
+#include "player.h"
+
+static enum fovea_status read_list(struct fv_listing *listing, const char *path, struct fovea_error *error)
+{
+    struct fv_lines lines;
+    enum fovea_status status = fv_lines_open(&lines, path, error);
+    if (status != FOVEA_OK) return status;
+    while ((status = fv_lines_next(&lines, "", error)) == FOVEA_OK) {
+        int64_t stamp_ns;
+        if (!fv_stamp_from_seconds(lines.fields[0], &stamp_ns))
+            status = fv_lines_refuse(&lines, "timestamp", lines.fields[0], "seconds", error);
+        else if (lines.field_count < 2)
+            status = fv_lines_refuse(&lines, "filename", NULL, "the file of the frame", error);
+        else
+            status = fv_listing_add(listing, stamp_ns, lines.fields[1], error);
+        if (status != FOVEA_OK) break;
+    }
+    fv_lines_close(&lines);
+    return status == FOVEA_END ? FOVEA_OK : status;
+}
+
+static enum fovea_status read_extras(struct fv_listing *listing, const char *folder,
+                                     struct fovea_source_info *info, struct fovea_error *error)
+{
+    static const double identity[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0}; /* its poses are the camera's */
+    char path[FV_PATH_BYTES];
+    enum fovea_status status = fv_path_join(path, folder, "camera.yaml", error);
+    if (status == FOVEA_OK && fv_path_exists(path))
+        status = fv_info_set_calibration(info, path, NULL, NULL, error);
+    if (status != FOVEA_OK || (status = fv_path_join(path, folder, "groundtruth.txt", error)) != FOVEA_OK)
+        return status;
+    if (!fv_path_exists(path)) return FOVEA_OK;
+    struct fv_poses poses;
+    status = fv_poses_read(path, FV_POSES_TUM, identity, &poses, error);
+    if (status == FOVEA_OK) fv_listing_set_poses(listing, &poses);
+    return status;
+}
+
+static enum fovea_status open_tum(const char *address, const struct fovea_source_selection *selection,
+                                  struct fovea_source **source, struct fovea_error *error)
+{
+    char list[FV_PATH_BYTES];
+    struct fovea_source_info info = {.rate_hz = 0.0};
+    enum fovea_status status = fv_path_join(list, address, "rgb.txt", error);
+    if (status != FOVEA_OK) return status;
+    struct fv_listing *listing = fv_listing_new(address);
+    if (listing == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", address);
+    status = read_list(listing, list, error);
+    if (status == FOVEA_OK) status = read_extras(listing, address, &info, error);
+    if (status != FOVEA_OK) {
+        fv_listing_free(listing);
+        return status;
+    }
+    return fv_listing_open(listing, list, selection, &info, source, error);
+}
+
+const struct fovea_source_ops fovea_source_tum =
+    FV_PLAYER_OPS("tum", "DIR   recording in TUM RGB-D layout (DIR/rgb.txt)", open_tum);

@@ -1,0 +1,53 @@
+/* The drivers built in. A new driver adds its table here; tests/unit/drivers/test_source_conformance.c then
+ * runs against it. */
+#include <stdio.h>
+#include <string.h>
+
+#include "fovea/source.h"
+#include "fovea/text.h"
+#include "recorded/player.h"
+
+const struct fovea_source_ops *const fovea_source_table[] = {
+    &fovea_source_euroc,
+    &fovea_source_tum,
+    &fovea_source_kitti,
+    &fovea_source_images,
+    &fovea_source_lcmlog,
+    &fovea_source_video,
+    NULL,
+};
+
+enum { NAMES_MAX = 32 };
+
+static enum fovea_status unknown_name(const char *uri, size_t length, struct fovea_error *error)
+{
+    const char *names[NAMES_MAX];
+    char list[256] = "", word[64], quoted[FOVEA_TEXT_QUOTED_BYTES];
+    size_t count = 0;
+    for (; fovea_source_table[count] != NULL && count < NAMES_MAX; ++count) {
+        names[count] = fovea_source_table[count]->name;
+        const size_t used = strlen(list);
+        snprintf(list + used, sizeof list - used, "%s%s:", count > 0 ? " " : "", names[count]);
+    }
+    snprintf(word, sizeof word, "%.*s", (int)(length < sizeof word ? length : sizeof word - 1), uri);
+    const char *nearest = fovea_text_nearest(word, names, count);
+    return fovea_error_set(error, FOVEA_ERROR_INPUT, "source: found %s, expected one of %s%s%s%s",
+                           fovea_text_quote(uri, quoted, sizeof quoted), list,
+                           nearest != NULL ? " (did you mean " : "", nearest != NULL ? nearest : "",
+                           nearest != NULL ? ":?)" : "");
+}
+
+enum fovea_status fovea_source_find(const char *uri, const struct fovea_source_ops **ops,
+                                    const char **address, struct fovea_error *error)
+{
+    const char *colon = strchr(uri, ':');
+    const size_t length = colon != NULL ? (size_t)(colon - uri) : strlen(uri);
+    for (size_t i = 0; colon != NULL && fovea_source_table[i] != NULL; ++i) {
+        const char *name = fovea_source_table[i]->name;
+        if (strlen(name) != length || memcmp(name, uri, length) != 0) continue;
+        *ops = fovea_source_table[i];
+        *address = colon + 1;
+        return FOVEA_OK;
+    }
+    return unknown_name(uri, length, error);
+}
