@@ -287,12 +287,14 @@ void fv_settings_locate(const struct fv_settings *settings, struct fovea_error *
         if (strncmp(error->text, fv_settings_keys[i].name, length) != 0 || error->text[length] != ':')
             continue;
         memcpy(text, error->text, sizeof text);
-        if (settings->line[i] == 0)
-            fovea_error_set(error, error->status, "default: %s", text);
-        else if (settings->line[i] == FV_SETTINGS_SET)
+        if (settings->line[i] == FV_SETTINGS_SET)
             fovea_error_set(error, error->status, "--set: %s", text);
-        else
+        else if (settings->line[i] > 0)
             fovea_error_set(error, error->status, "%.200s:%u: %s", settings->file, settings->line[i], text);
+        else /* a default that what was set does not go with */
+            fovea_error_set(error, error->status, "%.200s: %.*s (default)%s",
+                            settings->file[0] != '\0' ? settings->file : "--set", (int)length, text,
+                            text + length);
         return;
     }
 }
