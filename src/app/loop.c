@@ -1,0 +1,266 @@
+#include "app/loop.h"
+
+#include <math.h>
+#include <time.h>
+
+#include "app/heap.h"
+#include "app/realtime.h"
+
+static const int64_t second_ns = 1000000000;
+static const int64_t poll_ns = 100000000;      /* how long to wait before looking at `stop` again */
+static const int64_t gap_max_ns = 10000000000; /* a longer gap between stamps is not waited for */
+
+static int64_t clock_ns(clockid_t clock)
+{
+    struct timespec now;
+    clock_gettime(clock, &now);
+    return (int64_t)now.tv_sec * second_ns + now.tv_nsec;
+}
+
+static int64_t now_ns(void)
+{
+    return clock_ns(CLOCK_MONOTONIC);
+}
+
+static bool stopped(const struct fv_loop *loop)
+{
+    return atomic_load_explicit(&loop->shared->stop, memory_order_relaxed);
+}
+
+static void sleep_until(const struct fv_loop *loop, int64_t due_ns)
+{
+    for (int64_t now = now_ns(); now < due_ns && !stopped(loop); now = now_ns()) {
+        int64_t until = due_ns - now > poll_ns ? now + poll_ns : due_ns;
+        struct timespec time = {.tv_sec = until / second_ns, .tv_nsec = until % second_ns};
+        clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &time, NULL);
+    }
+}
+
+/* ---- pace
+ * -------------------------------------------------------------------------------------------------- */
+
+/* When a frame of a source that is not live is due. `asked_ns`: when the loop began to ask for it. */
+static int64_t due_of(struct fv_loop *loop, const struct fovea_frame *frame, int64_t asked_ns)
+{
+    int64_t now = now_ns(), gap = 0;
+    bool odd =
+        __builtin_sub_overflow(frame->stamp_ns, loop->last_stamp_ns, &gap) || gap <= 0 || gap > gap_max_ns;
+    if (!loop->any_frame) {
+        loop->last_due_ns = now;
+    } else if (odd) { /* repeats, goes back or leaps: a new start, one period on */
+        loop->last_due_ns = (loop->last_due_ns > now ? loop->last_due_ns : now) + loop->period_ns;
+    } else {
+        loop->last_due_ns += gap;
+        /* Waiting for the source is not the loop's lateness: the schedule moves on with it. */
+        int64_t waited_from = loop->last_due_ns > asked_ns ? loop->last_due_ns : asked_ns;
+        if (now > waited_from) loop->last_due_ns += now - waited_from;
+    }
+    loop->last_stamp_ns = frame->stamp_ns;
+    loop->any_frame = true;
+    return loop->last_due_ns;
+}
+
+/* Whether to drop a frame that was due `late_ns` ago; tells apart a busy loop from one that had no processor.
+ */
+static bool too_late(struct fv_loop *loop, int64_t late_ns)
+{
+    if (late_ns <= FV_LOOP_QUEUE * loop->period_ns) {
+        loop->mark_wall_ns = now_ns();
+        loop->mark_cpu_ns = clock_ns(CLOCK_THREAD_CPUTIME_ID);
+        return false;
+    }
+    int64_t wall_ns = now_ns() - loop->mark_wall_ns;
+    int64_t cpu_ns = clock_ns(CLOCK_THREAD_CPUTIME_ID) - loop->mark_cpu_ns;
+    loop->counts.late++;
+    if (cpu_ns < wall_ns / 2) loop->counts.starved++;
+    return true;
+}
+
+/* ---- taking a frame
+ * ---------------------------------------------------------------------------------------- */
+
+enum taken { TAKEN_FRAME, TAKEN_NONE, TAKEN_END };
+
+static enum taken take_frame(struct fv_loop *loop, struct fovea_frame *frame, int64_t *late_ns)
+{
+    const bool live = loop->ops->info(loop->source)->live;
+    const int64_t patience_ns = live && 2 * loop->period_ns < poll_ns ? 2 * loop->period_ns : poll_ns;
+    int64_t asked_ns = now_ns();
+    while (!stopped(loop)) {
+        int64_t deadline_ns = now_ns() + patience_ns;
+        enum fovea_status status = loop->ops->dequeue(loop->source, deadline_ns, frame);
+        if (status == FOVEA_GONE) sleep_until(loop, deadline_ns);
+        if (status == FOVEA_END || status < 0) {
+            loop->status = status;
+            return TAKEN_END;
+        }
+        if (status != FOVEA_OK) {
+            if (live) return TAKEN_NONE;
+            continue;
+        }
+        loop->counts.in++;
+        if (live || !loop->real_time) return TAKEN_FRAME;
+        int64_t due_ns = due_of(loop, frame, asked_ns);
+        sleep_until(loop, due_ns);
+        *late_ns = now_ns() - due_ns;
+        if (!too_late(loop, *late_ns)) return TAKEN_FRAME;
+        loop->ops->requeue(loop->source, frame);
+        asked_ns = now_ns();
+    }
+    return TAKEN_END;
+}
+
+static clockid_t clock_of(const struct fovea_frame *frame)
+{
+    return frame->clock == FOVEA_CLOCK_BOOTTIME   ? CLOCK_BOOTTIME
+           : frame->clock == FOVEA_CLOCK_REALTIME ? CLOCK_REALTIME
+                                                  : CLOCK_MONOTONIC;
+}
+
+/* Times of a live frame. Recordings carry stamps of another clock: there, latency is what pacing measured. */
+static void tell_times(const struct fv_loop *loop, const struct fovea_frame *frame, int64_t late_ns,
+                       struct fovea_inputs *inputs)
+{
+    bool live = loop->ops->info(loop->source)->live;
+    inputs->now_ns = frame != NULL ? frame->stamp_ns : loop->last_stamp_ns;
+    inputs->latency_ns = loop->real_time && !live ? late_ns : 0;
+    if (!live) return;
+    clockid_t clock = frame != NULL ? clock_of(frame) : CLOCK_MONOTONIC;
+    int64_t now = clock_ns(clock);
+    inputs->utc_offset_ns = clock != CLOCK_REALTIME ? clock_ns(CLOCK_REALTIME) - now : 0;
+    if (frame != NULL) inputs->latency_ns = now - frame->stamp_ns;
+    if (frame == NULL) inputs->now_ns = now;
+}
+
+static void fill_inputs(struct fv_loop *loop, const struct fovea_frame *frame, int64_t late_ns,
+                        struct fovea_inputs *inputs)
+{
+    *inputs = (struct fovea_inputs){.frame = frame, .frames_late = loop->counts.late};
+    tell_times(loop, frame, late_ns, inputs);
+    if (loop->ops->state != NULL) inputs->source_state = loop->ops->state(loop->source);
+    if (loop->ops->counts != NULL) loop->ops->counts(loop->source, &inputs->source_counts);
+    if (loop->hooks.commands != NULL) inputs->commands = loop->hooks.commands(loop->hooks.context);
+    inputs->temperature_c = atomic_load_explicit(&loop->shared->temperature_c, memory_order_relaxed);
+    inputs->resident_bytes = atomic_load_explicit(&loop->shared->resident_bytes, memory_order_relaxed);
+    if (loop->real_time)
+        fovea_governor_next(&loop->governor, loop->config, &inputs->grants);
+    else
+        fovea_grants_fixed(loop->config, &inputs->grants);
+}
+
+/* ---- one turn
+ * ---------------------------------------------------------------------------------------------- */
+
+static void publish(const struct fv_loop *loop, const struct fovea_outputs *outputs)
+{
+    if (loop->hooks.publish == NULL) return;
+    for (uint32_t i = 0; i < outputs->message_count; i++)
+        loop->hooks.publish(loop->hooks.context, &outputs->messages[i]);
+}
+
+struct span {
+    int64_t wall_ns, cpu_ns;
+};
+
+static struct span span_begin(void)
+{
+    struct span span;
+    fv_timing_clock(NULL, &span.wall_ns, &span.cpu_ns);
+    return span;
+}
+
+static struct span span_end(struct span begin)
+{
+    struct span end = span_begin();
+    return (struct span){end.wall_ns - begin.wall_ns, end.cpu_ns - begin.cpu_ns};
+}
+
+static void pair_add(struct fv_times_pair *pair, struct span span)
+{
+    fv_histogram_add(&pair->cpu, span.cpu_ns);
+    fv_histogram_add(&pair->wall, span.wall_ns);
+}
+
+/* Times of processed frames only: a step without a frame would flatter them. */
+static void account(struct fv_loop *loop, struct span step, struct span work, int64_t latency_ns)
+{
+    struct fv_timings *timings = loop->timings;
+    struct span frame = {step.wall_ns + work.wall_ns, step.cpu_ns + work.cpu_ns};
+    struct fovea_stats stats;
+    fovea_stats_get(loop->rt, &stats);
+    for (int i = 0; i < FOVEA_STAGE_COUNT; i++)
+        pair_add(&timings->stages[i], (struct span){stats.stage_wall_ns[i], stats.stage_cpu_ns[i]});
+    pair_add(&timings->step, step);
+    pair_add(&timings->work, work);
+    pair_add(&timings->frame, frame);
+    if (loop->real_time) fv_histogram_add(&timings->latency, latency_ns);
+    fv_curve_add(&timings->step_curve, step.cpu_ns);
+    fv_curve_add(&timings->frame_curve, frame.cpu_ns);
+    atomic_store_explicit(&loop->shared->features, stats.features, memory_order_relaxed);
+    atomic_store_explicit(&loop->shared->step_ns, step.cpu_ns, memory_order_relaxed);
+}
+
+static void turn(struct fv_loop *loop, const struct fovea_frame *frame, int64_t late_ns)
+{
+    struct fovea_inputs inputs;
+    struct fovea_outputs outputs;
+    fill_inputs(loop, frame, late_ns, &inputs);
+    struct fovea_grants grants = inputs.grants;
+
+    if (loop->hooks.step_begin != NULL) loop->hooks.step_begin(loop->hooks.context, &inputs);
+    struct span begin = span_begin();
+    enum fovea_status status = fovea_step(loop->rt, &inputs, &outputs);
+    struct span step = span_end(begin);
+    publish(loop, &outputs);
+
+    if (loop->real_time) fovea_governor_work(&loop->governor, step.cpu_ns, outputs.jobs_waiting, &grants);
+    if (loop->hooks.work_begin != NULL) loop->hooks.work_begin(loop->hooks.context, &inputs, &grants);
+    begin = span_begin();
+    fovea_work(loop->rt, &grants, &outputs);
+    struct span work = span_end(begin);
+    publish(loop, &outputs);
+
+    if (loop->real_time) fovea_governor_learn(&loop->governor, step.cpu_ns, work.cpu_ns, &outputs);
+    if (status == FOVEA_OK) account(loop, step, work, inputs.latency_ns);
+    loop->counts.processed += status == FOVEA_OK;
+    loop->counts.refused += frame != NULL && status != FOVEA_OK;
+    loop->counts.without_frame += frame == NULL;
+    atomic_store_explicit(&loop->shared->frames, loop->counts.in, memory_order_relaxed);
+    atomic_store_explicit(&loop->shared->dropped, loop->counts.late, memory_order_relaxed);
+}
+
+static void prepare(struct fv_loop *loop)
+{
+    double rate_hz = loop->ops->info(loop->source)->rate_hz;
+    loop->period_ns =
+        rate_hz >= 0.1 && rate_hz <= 10000.0 ? (int64_t)((double)second_ns / rate_hz) : second_ns / 30;
+    fovea_governor_init(&loop->governor, loop->config, loop->period_ns);
+    loop->counts = (struct fv_loop_counts){0};
+    loop->status = FOVEA_OK;
+    loop->any_frame = false;
+}
+
+void fv_loop_run(struct fv_loop *loop)
+{
+    struct fovea_frame frame;
+    int64_t late_ns = 0;
+    prepare(loop);
+    fv_stack_touch();
+    struct span begin = span_begin();
+    loop->mark_wall_ns = begin.wall_ns;
+    loop->mark_cpu_ns = begin.cpu_ns;
+    fv_heap_arm();
+    for (;;) {
+        enum taken taken = take_frame(loop, &frame, &late_ns);
+        if (taken == TAKEN_END) break;
+        turn(loop, taken == TAKEN_FRAME ? &frame : NULL, late_ns);
+        if (taken == TAKEN_FRAME) loop->ops->requeue(loop->source, &frame);
+        if (loop->frames_max > 0 && loop->counts.in >= loop->frames_max) break;
+    }
+    fv_heap_disarm();
+    loop->heap_calls = fv_heap_calls();
+    struct span whole = span_end(begin);
+    loop->wall_ns = whole.wall_ns;
+    loop->cpu_ns = whole.cpu_ns;
+    if (loop->ops->counts != NULL) loop->ops->counts(loop->source, &loop->source_counts);
+}

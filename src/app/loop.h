@@ -1,0 +1,85 @@
+/* The real-time loop: dequeue, step, publish, work, publish, requeue.
+ *
+ * Runs on a thread of its own, which from the first frame to the last makes no heap call and only these
+ * system calls: clock_gettime, clock_nanosleep, what the source's dequeue needs, and LCM's send. The thread
+ * that started it watches signals, the terminal and /proc meanwhile, and talks to it through struct
+ * fv_loop_shared only.
+ *
+ * Frames of a source that is not live are paced by their stamps when `real_time` is set. A frame is late by
+ * the time since it was due, or since it was asked for when the source itself was slow; one that is late by
+ * more than FV_LOOP_QUEUE frame periods is dropped and counted, as a camera's driver with that many buffers
+ * would. Until then the loop catches up, so that no frame is dropped for which there was processor time. */
+#ifndef FOVEA_APP_LOOP_H
+#define FOVEA_APP_LOOP_H
+
+#include <stdatomic.h>
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "app/timing.h"
+#include "fovea/fovea.h"
+#include "fovea/source.h"
+
+enum { FV_LOOP_QUEUE = 4 };
+
+/* Between the loop and the thread that watches it. */
+struct fv_loop_shared {
+    atomic_bool stop;                /* set by the watcher: end after this frame */
+    _Atomic uint64_t resident_bytes; /* set by the watcher */
+    _Atomic float temperature_c;     /* set by the watcher */
+    _Atomic uint64_t frames, dropped, features;
+    _Atomic int64_t step_ns;
+};
+
+/* What the loop does with what comes out, and where commands come from; each may be NULL. Called on the
+ * loop's thread: no heap, no waiting. */
+struct fv_loop_hooks {
+    void *context;
+    uint32_t (*commands)(void *context); /* enum fovea_command bits that came since the last call */
+    void (*step_begin)(void *context, const struct fovea_inputs *inputs);
+    void (*work_begin)(void *context, const struct fovea_inputs *inputs, const struct fovea_grants *grants);
+    void (*publish)(void *context, const struct fovea_message *message);
+};
+
+struct fv_loop_counts {
+    uint64_t in;        /* frames taken from the source */
+    uint64_t processed; /* of these: went through a step */
+    uint64_t refused;   /* of these: not taken by the step (stamp, format, paused) */
+    uint64_t late;      /* of these: dropped since the loop was busy or had no processor time */
+    uint64_t starved;   /* of the late: the loop had less than half of a processor while the frame waited */
+    uint64_t without_frame;
+};
+
+struct fv_loop {
+    /* Given by the caller. */
+    struct fovea *rt;
+    const struct fovea_config *config;
+    const struct fovea_source_ops *ops;
+    struct fovea_source *source;
+    bool real_time;
+    uint64_t frames_max; /* 0: no limit */
+    struct fv_loop_hooks hooks;
+    struct fv_timings *timings; /* fv_timings_init */
+    struct fv_loop_shared *shared;
+
+    /* Results, when the loop has ended. */
+    struct fv_loop_counts counts;
+    struct fovea_source_counts source_counts;
+    enum fovea_status
+        status; /* FOVEA_END, FOVEA_OK (stopped, or frames_max reached), negative: the source failed */
+    uint64_t heap_calls;
+    int64_t wall_ns, cpu_ns;
+
+    /* The loop's own. */
+    struct fovea_governor governor;
+    int64_t period_ns; /* nominal time between frames */
+    int64_t last_stamp_ns, last_due_ns;
+    int64_t mark_wall_ns, mark_cpu_ns; /* when the loop last was in time */
+    bool any_frame;
+};
+
+/* Run until the source ends, `frames_max` is reached or `shared->stop` is set. The source must have been
+ * started. */
+void fv_loop_run(struct fv_loop *loop);
+
+#endif

@@ -1,0 +1,14 @@
+/* The static mask: a PNG of the size of the frames, black where features are ignored. */
+#ifndef FOVEA_APP_MASK_H
+#define FOVEA_APP_MASK_H
+
+#include <stdint.h>
+
+#include "fovea/status.h"
+
+/* Read into memory from malloc: width x height bytes, 0 or 255 (levels below 128 count as black).
+ * FOVEA_ERROR_INPUT: not a PNG, or not of that size. Init-only. */
+enum fovea_status fv_mask_read(const char *path, int32_t width, int32_t height, uint8_t **mask,
+                               struct fovea_error *error);
+
+#endif

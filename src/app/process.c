@@ -1,0 +1,58 @@
+#include "app/process.h"
+
+#include <math.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <string.h>
+
+static uint64_t status_kib(const char *key)
+{
+    char line[256];
+    unsigned long long kib = 0;
+    FILE *file = fopen("/proc/self/status", "re");
+    if (file == NULL) return 0;
+    while (fgets(line, sizeof line, file) != NULL)
+        if (strncmp(line, key, strlen(key)) == 0 && sscanf(line + strlen(key), " %llu kB", &kib) == 1) break;
+    fclose(file);
+    return kib;
+}
+
+uint64_t fv_process_resident_bytes(void)
+{
+    return status_kib("VmRSS:") * 1024;
+}
+
+uint64_t fv_process_resident_max_bytes(void)
+{
+    return status_kib("VmHWM:") * 1024;
+}
+
+static bool line_read(const char *path, char *line, int bytes)
+{
+    FILE *file = fopen(path, "re");
+    if (file == NULL) return false;
+    bool read = fgets(line, bytes, file) != NULL;
+    fclose(file);
+    return read;
+}
+
+float fv_process_temperature_c(void)
+{
+    enum { ZONES_MAX = 16 };
+    float hottest = NAN;
+    bool of_processor = false;
+    for (int zone = 0; zone < ZONES_MAX; zone++) {
+        char path[64], line[64];
+        long milli;
+        snprintf(path, sizeof path, "/sys/class/thermal/thermal_zone%d/temp", zone);
+        if (!line_read(path, line, sizeof line) || sscanf(line, "%ld", &milli) != 1) continue;
+        snprintf(path, sizeof path, "/sys/class/thermal/thermal_zone%d/type", zone);
+        bool processor = line_read(path, line, sizeof line) &&
+                         (strcasestr(line, "cpu") != NULL || strcasestr(line, "soc") != NULL ||
+                          strcasestr(line, "x86_pkg") != NULL);
+        float celsius = (float)milli * 1e-3F;
+        if (processor == of_processor ? !(celsius <= hottest) : processor) hottest = celsius;
+        of_processor = of_processor || processor;
+    }
+    return hottest;
+}

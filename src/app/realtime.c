@@ -1,0 +1,89 @@
+#include "app/realtime.h"
+
+#include <errno.h>
+#include <sched.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+enum fovea_status fv_memory_map(size_t bytes, bool lock, void **memory, bool *locked, struct fovea_error *why)
+{
+    void *mapped = mmap(NULL, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    if (mapped == MAP_FAILED)
+        return fovea_error_set(why, FOVEA_ERROR_SYSTEM, "no %zu bytes of memory: %s", bytes, strerror(errno));
+    *locked = lock && mlock(mapped, bytes) == 0;
+    if (lock && !*locked) {
+        struct rlimit limit = {0};
+        getrlimit(RLIMIT_MEMLOCK, &limit);
+        fovea_error_set(why, FOVEA_OK,
+                        "memory is not locked: %s; the limit is %llu KiB (ulimit -l), %zu are needed",
+                        strerror(errno), (unsigned long long)limit.rlim_cur / 1024, bytes / 1024 + 1);
+    }
+    size_t page = (size_t)sysconf(_SC_PAGESIZE);
+    for (size_t at = 0; at < bytes; at += page)
+        ((volatile char *)mapped)[at] = 0;
+    *memory = mapped;
+    return FOVEA_OK;
+}
+
+void fv_memory_unmap(void *memory, size_t bytes)
+{
+    munmap(memory, bytes);
+}
+
+static enum fovea_status start(pthread_t *thread, uint32_t priority, int32_t cpu, void *(*body)(void *),
+                               void *argument, int *failure)
+{
+    pthread_attr_t attributes;
+    *failure = pthread_attr_init(&attributes);
+    if (*failure == 0) *failure = pthread_attr_setstacksize(&attributes, FV_THREAD_STACK_BYTES);
+    if (*failure == 0 && priority > 0) {
+        struct sched_param parameter = {.sched_priority = (int)priority};
+        pthread_attr_setinheritsched(&attributes, PTHREAD_EXPLICIT_SCHED);
+        pthread_attr_setschedpolicy(&attributes, SCHED_FIFO);
+        *failure = pthread_attr_setschedparam(&attributes, &parameter);
+    }
+    if (*failure == 0 && cpu >= 0) {
+        cpu_set_t set;
+        CPU_ZERO(&set);
+        CPU_SET((unsigned)cpu, &set);
+        *failure = pthread_attr_setaffinity_np(&attributes, sizeof set, &set);
+    }
+    if (*failure == 0) *failure = pthread_create(thread, &attributes, body, argument);
+    pthread_attr_destroy(&attributes);
+    return *failure == 0 ? FOVEA_OK : FOVEA_ERROR_SYSTEM;
+}
+
+enum fovea_status fv_thread_start(pthread_t *thread, uint32_t priority, int32_t cpu, void *(*body)(void *),
+                                  void *argument, struct fv_thread_rights *rights, struct fovea_error *error)
+{
+    int failure;
+    *rights = (struct fv_thread_rights){.fifo = priority > 0, .bound = cpu >= 0};
+    if (start(thread, priority, cpu, body, argument, &failure) == FOVEA_OK) return FOVEA_OK;
+    if (failure == EPERM && priority > 0) {
+        fovea_error_set(&rights->why, FOVEA_OK,
+                        "no SCHED_FIFO: not permitted; 'ulimit -r %u' or CAP_SYS_NICE would permit it",
+                        (unsigned)priority);
+        rights->fifo = false;
+        if (start(thread, 0, cpu, body, argument, &failure) == FOVEA_OK) return FOVEA_OK;
+    }
+    if (failure == EINVAL && cpu >= 0) {
+        fovea_error_set(&rights->why, FOVEA_OK, "not bound to processor %d: there is no such one%s%s",
+                        (int)cpu, rights->why.text[0] != '\0' ? "; " : "",
+                        rights->why.text[0] != '\0' ? "no SCHED_FIFO" : "");
+        rights->bound = false;
+        if (start(thread, rights->fifo ? priority : 0, -1, body, argument, &failure) == FOVEA_OK)
+            return FOVEA_OK;
+    }
+    return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "the loop's thread could not be started: %s",
+                           strerror(failure));
+}
+
+void fv_stack_touch(void)
+{
+    volatile char stack[FV_THREAD_STACK_BYTES * 3 / 4];
+    for (size_t at = 0; at < sizeof stack; at += 1024)
+        stack[at] = 0;
+}

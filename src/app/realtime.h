@@ -1,0 +1,38 @@
+/* Real-time means of the system: memory that stays, and a thread that runs first. Init-only. What the system
+ * does not permit is no error: it is told, with what would mend it. */
+#ifndef FOVEA_APP_REALTIME_H
+#define FOVEA_APP_REALTIME_H
+
+#include <pthread.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "fovea/status.h"
+
+enum { FV_THREAD_STACK_BYTES = 256 * 1024 };
+
+/* Map `bytes` of zeroed memory, lock it when asked to, and touch every page. Whether it could be locked is in
+ * `*locked`; if not, `why` tells. FOVEA_ERROR_SYSTEM: no memory. */
+enum fovea_status fv_memory_map(size_t bytes, bool lock, void **memory, bool *locked,
+                                struct fovea_error *why);
+void fv_memory_unmap(void *memory, size_t bytes);
+
+struct fv_thread_rights {
+    bool fifo;              /* runs under SCHED_FIFO */
+    bool bound;             /* runs on the processor that was asked for */
+    struct fovea_error why; /* what was not permitted, one line; "" when nothing was asked in vain */
+};
+
+/* Start a thread with a stack of FV_THREAD_STACK_BYTES under SCHED_FIFO `priority` (0:
+ * ordinary) on processor `cpu` (-1: any). What is not permitted is left out and told in `rights`. */
+enum fovea_status fv_thread_start(pthread_t *thread, uint32_t priority, int32_t cpu, void *(*body)(void *),
+                                  void *argument, struct fv_thread_rights *rights, struct fovea_error *error);
+
+/* Touch most of the calling thread's stack, so that the loop meets no page fault there. */
+void fv_stack_touch(void);
+
+/* Touch most of the calling thread's stack, so that the loop meets no page fault there. */
+void fv_stack_touch(void);
+
+#endif
