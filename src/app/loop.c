@@ -151,13 +151,6 @@ static void fill_inputs(struct fv_loop *loop, const struct fovea_frame *frame, i
 /* ---- one turn
  * ---------------------------------------------------------------------------------------------- */
 
-static void publish(const struct fv_loop *loop, const struct fovea_outputs *outputs)
-{
-    if (loop->hooks.publish == NULL) return;
-    for (uint32_t i = 0; i < outputs->message_count; i++)
-        loop->hooks.publish(loop->hooks.context, &outputs->messages[i]);
-}
-
 struct span {
     int64_t wall_ns, cpu_ns;
 };
@@ -202,23 +195,23 @@ static void account(struct fv_loop *loop, struct span step, struct span work, in
 
 static void turn(struct fv_loop *loop, const struct fovea_frame *frame, int64_t late_ns)
 {
+    const struct fv_loop_hooks *hooks = &loop->hooks;
     struct fovea_inputs inputs;
     struct fovea_outputs outputs;
+    if (hooks->pace != NULL && !loop->real_time) hooks->pace(hooks->context);
     fill_inputs(loop, frame, late_ns, &inputs);
     struct fovea_grants grants = inputs.grants;
 
-    if (loop->hooks.step_begin != NULL) loop->hooks.step_begin(loop->hooks.context, &inputs);
     struct span begin = span_begin();
     enum fovea_status status = fovea_step(loop->rt, &inputs, &outputs);
     struct span step = span_end(begin);
-    publish(loop, &outputs);
+    if (hooks->step_done != NULL) hooks->step_done(hooks->context, &inputs, &outputs);
 
     if (loop->real_time) fovea_governor_work(&loop->governor, step.cpu_ns, outputs.jobs_waiting, &grants);
-    if (loop->hooks.work_begin != NULL) loop->hooks.work_begin(loop->hooks.context, &inputs, &grants);
     begin = span_begin();
     fovea_work(loop->rt, &grants, &outputs);
     struct span work = span_end(begin);
-    publish(loop, &outputs);
+    if (hooks->work_done != NULL) hooks->work_done(hooks->context, &inputs, &grants, &outputs);
 
     if (loop->real_time) fovea_governor_learn(&loop->governor, step.cpu_ns, work.cpu_ns, &outputs);
     if (status == FOVEA_OK) account(loop, step, work, inputs.latency_ns);

@@ -31,14 +31,15 @@ struct fv_loop_shared {
     _Atomic int64_t step_ns;
 };
 
-/* What the loop does with what comes out, and where commands come from; each may be NULL. Called on the
- * loop's thread: no heap, no waiting. */
+/* What happens around a step and a work; each may be NULL. Called on the loop's thread: no heap, and no
+ * waiting but in `pace`. Outputs are valid during the call. */
 struct fv_loop_hooks {
     void *context;
+    void (*pace)(void *context);         /* before a turn, when frames do not come by the clock */
     uint32_t (*commands)(void *context); /* enum fovea_command bits that came since the last call */
-    void (*step_begin)(void *context, const struct fovea_inputs *inputs);
-    void (*work_begin)(void *context, const struct fovea_inputs *inputs, const struct fovea_grants *grants);
-    void (*publish)(void *context, const struct fovea_message *message);
+    void (*step_done)(void *context, const struct fovea_inputs *inputs, const struct fovea_outputs *outputs);
+    void (*work_done)(void *context, const struct fovea_inputs *inputs, const struct fovea_grants *grants,
+                      const struct fovea_outputs *outputs);
 };
 
 struct fv_loop_counts {

@@ -1,0 +1,36 @@
+/* What a run was like: a short summary, JSON, and a picture of the timings. Off the loop thread. */
+#ifndef FOVEA_APP_REPORT_H
+#define FOVEA_APP_REPORT_H
+
+#include <stdio.h>
+
+#include "app/loop.h"
+
+struct fv_report {
+    const char *source; /* URI */
+    const char *kernel_set;
+    int32_t width, height;
+    const struct fv_loop *loop; /* after it has ended */
+    size_t part_bytes[FOVEA_MEMORY_PART_COUNT];
+    size_t block_bytes;
+    uint64_t resident_bytes, resident_max_bytes;
+};
+
+/* Bytes per part of the block. */
+void fv_report_parts(const struct fovea_memory_table *table, size_t part_bytes[FOVEA_MEMORY_PART_COUNT]);
+const char *fv_report_part_name(enum fovea_memory_part part);
+
+void fv_report_summary(FILE *file, const struct fv_report *report);
+
+/* JSON: frames {in processed dropped tracked lost ...}; stages by name, step, work, frame, each with mean_ns
+ * p50_ns p99_ns max_ns of the loop thread's CPU time and the same of wall time as wall_*; memory;
+ * heap_calls_after_init (null where this build cannot count). Frames that were dropped came too late or were
+ * lost by the source; tracked and lost count frames with and without a pose, of those for which one was
+ * sought. */
+void fv_report_json(FILE *file, const struct fv_report *report);
+
+/* FOVEA_ERROR_SYSTEM: the picture could not be written. */
+enum fovea_status fv_report_picture(const char *path, const struct fv_report *report,
+                                    struct fovea_error *error);
+
+#endif

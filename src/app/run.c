@@ -1,0 +1,348 @@
+/* fovea run: the real-time loop on one source. */
+#include <errno.h>
+#include <inttypes.h>
+#include <math.h>
+#include <signal.h>
+#include <string.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "app/command.h"
+#include "app/loop.h"
+#include "app/process.h"
+#include "app/realtime.h"
+#include "app/recorder.h"
+#include "app/report.h"
+#include "app/say.h"
+#include "app/setup.h"
+#include "app/transport.h"
+
+#define TIMINGS_FILE "fovea-timings.png"
+
+struct run {
+    struct fv_setup_options options;
+    struct fovea_source_selection selection;
+    const char *stats_path, *timings_path;
+    bool quiet;
+
+    struct fv_settings settings;
+    struct fv_setup setup;
+    FILE *stats;
+    void *memory;
+    size_t bytes;
+    struct fv_transport *transport;
+    struct fv_recorder *recorder;
+    struct fv_loop_shared shared;
+    struct fv_timings timings;
+    struct fv_loop loop;
+    pthread_t watcher;
+};
+
+/* ---- around the loop: called on its thread
+ * ----------------------------------------------------------------- */
+
+static void pace(void *context)
+{
+    fv_recorder_pace(((struct run *)context)->recorder);
+}
+
+static uint32_t commands(void *context)
+{
+    return fv_transport_commands(((struct run *)context)->transport);
+}
+
+static void step_done(void *context, const struct fovea_inputs *inputs, const struct fovea_outputs *outputs)
+{
+    struct run *run = context;
+    fv_transport_publish(run->transport, outputs);
+    fv_recorder_step(run->recorder, inputs, outputs);
+}
+
+static void work_done(void *context, const struct fovea_inputs *inputs, const struct fovea_grants *grants,
+                      const struct fovea_outputs *outputs)
+{
+    struct run *run = context;
+    fv_transport_publish(run->transport, outputs);
+    fv_recorder_work(run->recorder, inputs, grants, outputs);
+}
+
+static void *loop_body(void *argument)
+{
+    struct run *run = argument;
+    fv_loop_run(&run->loop);
+    pthread_kill(run->watcher, SIGUSR1);
+    return NULL;
+}
+
+/* ---- set-up
+ * ------------------------------------------------------------------------------------------------ */
+
+static enum fv_options_result options_read(struct run *run, int argc, char **argv)
+{
+    const struct fv_option options[] = {
+        {"config", "FILE", FV_OPTION_TEXT, &run->options.config, "configuration ('fovea config' prints one)"},
+        {"source", "URI", FV_OPTION_TEXT, &run->options.source, "where frames come from (default sim:)"},
+        {"camera", "FILE", FV_OPTION_TEXT, &run->options.camera, "calibration, instead of the source's own"},
+        {"rate", "max|real", FV_OPTION_TEXT, &run->options.rate,
+         "every frame, or by the clock with late ones dropped"},
+        {"frames", "N", FV_OPTION_COUNT, &run->selection.frames, "end after N frames"},
+        {"start", "N", FV_OPTION_COUNT, &run->selection.start, "begin with frame N of the recording, from 0"},
+        {"step", "K", FV_OPTION_COUNT, &run->selection.step, "take every K-th frame of the recording"},
+        {"reverse", NULL, FV_OPTION_FLAG, &run->selection.reverse, "last frame first"},
+        {"stats", "FILE", FV_OPTION_TEXT, &run->stats_path, "write times, counts and memory as JSON"},
+        {"timings", "FILE", FV_OPTION_TEXT, &run->timings_path,
+         "where to draw the timings (default " TIMINGS_FILE " here; 'none')"},
+        {"record", "FILE", FV_OPTION_TEXT, &run->options.record, "record the run for 'fovea replay'"},
+        {"set", "KEY=VALUE", FV_OPTION_LIST, &run->options.sets, "override a key of the configuration"},
+        {"quiet", NULL, FV_OPTION_FLAG, &run->quiet, "no status line and no summary"},
+        {0},
+    };
+    int first;
+    run->selection.step = 1;
+    return fv_options_parse(options, "", 0, 0, argc, argv, &first);
+}
+
+static enum fv_exit outputs_check(struct run *run)
+{
+    if (run->selection.step == 0)
+        return fv_say_wrong("fovea run: --step: found 0, expected a whole number from 1");
+    if (run->stats_path != NULL && (run->stats = fopen(run->stats_path, "we")) == NULL)
+        return fv_say_wrong("fovea run: --stats: %s: cannot be written: %s", run->stats_path,
+                            strerror(errno));
+    if (run->timings_path == NULL || strcmp(run->timings_path, "none") == 0) return FV_EXIT_OK;
+    FILE *probe = fopen(run->timings_path, "ae");
+    if (probe == NULL)
+        return fv_say_wrong("fovea run: --timings: %s: cannot be written: %s", run->timings_path,
+                            strerror(errno));
+    fclose(probe);
+    return FV_EXIT_OK;
+}
+
+/* SIGUSR1 is the loop's sign that it has ended. Blocked before any thread starts, so that all inherit it. */
+static void signals_block(sigset_t *set)
+{
+    sigemptyset(set);
+    sigaddset(set, SIGINT);
+    sigaddset(set, SIGTERM);
+    sigaddset(set, SIGUSR1);
+    pthread_sigmask(SIG_BLOCK, set, NULL);
+    signal(SIGPIPE, SIG_IGN);
+}
+
+static enum fovea_status runtime_open(struct run *run, struct fovea_error *error)
+{
+    struct fovea_config *config = &run->settings.runtime;
+    bool locked;
+    config->clock = fv_timing_clock;
+    enum fovea_status status = fovea_size(config, &run->bytes, error);
+    if (status == FOVEA_OK)
+        status = fv_memory_map(run->bytes, run->settings.lock_memory, &run->memory, &locked, error);
+    if (status != FOVEA_OK) return status;
+    if (run->settings.lock_memory && !locked) fv_say("fovea run: %s", error->text);
+    return fovea_init(run->memory, run->bytes, config, &run->loop.rt, error);
+}
+
+static bool is_real_time(const struct run *run)
+{
+    return run->settings.rate == FV_RATE_REAL ||
+           (run->settings.rate == FV_RATE_AUTO && run->setup.ops->info(run->setup.source)->live);
+}
+
+/* A message that cannot be sent is no reason not to run: the recording and the statistics are still of use.
+ */
+static void transport_open(struct run *run)
+{
+    struct fovea_error error;
+    const char *prefix = run->settings.runtime.channel_prefix;
+    enum fovea_status status =
+        fv_transport_open(run->settings.lcm_url, run->settings.lcm_ttl, &run->transport, &error);
+    if (status == FOVEA_OK && run->transport != NULL)
+        status = fv_transport_listen(run->transport, prefix, &error);
+    if (status != FOVEA_OK) fv_say("fovea run: no LCM messages: %s", error.text);
+}
+
+static enum fovea_status recorder_open(struct run *run, struct fovea_error *error)
+{
+    if (run->settings.record[0] == '\0') return FOVEA_OK;
+    const struct fovea_source_info *info = run->setup.ops->info(run->setup.source);
+    struct fv_recorder_setup setup = {
+        .path = run->settings.record,
+        .settings = &run->settings,
+        .kernel_set = fovea_cpu_name(run->loop.rt),
+        .real_time = run->loop.real_time,
+        .frame_bytes =
+            fovea_image_bytes(info->format, info->height, fovea_image_stride_min(info->format, info->width)),
+    };
+    return fv_recorder_open(&setup, &run->recorder, error);
+}
+
+static enum fovea_status open_all(struct run *run, struct fovea_error *error)
+{
+    enum fovea_status status = fv_setup_settings(&run->options, &run->settings, error);
+    if (status == FOVEA_OK) status = fv_setup_open(&run->settings, &run->selection, &run->setup, error);
+    if (status != FOVEA_OK) return status;
+    run->loop.real_time = is_real_time(run);
+    status = runtime_open(run, error);
+    if (status == FOVEA_OK) status = recorder_open(run, error);
+    if (status == FOVEA_OK) transport_open(run);
+    return status;
+}
+
+static void close_all(struct run *run)
+{
+    fv_recorder_close(run->recorder, NULL);
+    fv_transport_close(run->transport);
+    fv_setup_close(&run->setup);
+    if (run->memory != NULL) fv_memory_unmap(run->memory, run->bytes);
+    if (run->stats != NULL) fclose(run->stats);
+}
+
+/* ---- watching
+ * ---------------------------------------------------------------------------------------------- */
+
+static void complaints(struct run *run)
+{
+    struct fovea_error error;
+    if (run->setup.ops->complaint == NULL) return;
+    while (run->setup.ops->complaint(run->setup.source, &error) != FOVEA_AGAIN)
+        fv_say("%s", error.text);
+}
+
+static void status_line(struct run *run, uint64_t frames_before, double seconds)
+{
+    uint64_t frames = atomic_load(&run->shared.frames), dropped = atomic_load(&run->shared.dropped);
+    fprintf(stderr,
+            "\r  frame %" PRIu64 "  %.1f Hz  step %.2f ms  %" PRIu64 " corners  %" PRIu64
+            " dropped  %.1f MiB \033[K",
+            frames, (double)(frames - frames_before) / seconds,
+            (double)atomic_load(&run->shared.step_ns) * 1e-6, atomic_load(&run->shared.features), dropped,
+            (double)atomic_load(&run->shared.resident_bytes) / 1048576.0);
+}
+
+/* Until the loop has ended: signals, the terminal, what the process looks like. */
+static void watch(struct run *run, const sigset_t *signals)
+{
+    const struct timespec wait = {.tv_nsec = 250000000};
+    bool terminal = !run->quiet && isatty(STDERR_FILENO);
+    uint64_t frames_before = 0;
+    int64_t wall_before = 0, wall, cpu;
+    fv_timing_clock(NULL, &wall_before, &cpu);
+    for (;;) {
+        atomic_store(&run->shared.resident_bytes, fv_process_resident_bytes());
+        atomic_store(&run->shared.temperature_c, fv_process_temperature_c());
+        complaints(run);
+        int got = sigtimedwait(signals, NULL, &wait);
+        if (got == SIGUSR1) break;
+        if (got == SIGINT || got == SIGTERM) atomic_store(&run->shared.stop, true);
+        fv_timing_clock(NULL, &wall, &cpu);
+        if (!terminal || wall - wall_before < 200000000) continue;
+        status_line(run, frames_before, (double)(wall - wall_before) * 1e-9);
+        frames_before = atomic_load(&run->shared.frames);
+        wall_before = wall;
+    }
+    if (terminal) fprintf(stderr, "\r\033[K");
+    complaints(run);
+}
+
+static enum fovea_status run_loop(struct run *run, const sigset_t *signals, struct fovea_error *error)
+{
+    struct fv_thread_rights rights;
+    pthread_t thread;
+    struct fv_loop *loop = &run->loop;
+    loop->config = &run->settings.runtime;
+    loop->ops = run->setup.ops;
+    loop->source = run->setup.source;
+    loop->frames_max = run->selection.frames;
+    loop->timings = &run->timings;
+    loop->shared = &run->shared;
+    loop->hooks = (struct fv_loop_hooks){run, pace, commands, step_done, work_done};
+    fv_timings_init(&run->timings);
+    atomic_store(&run->shared.temperature_c, NAN);
+    run->watcher = pthread_self();
+
+    enum fovea_status status = loop->ops->start(loop->source, error);
+    if (status != FOVEA_OK) return status;
+    status =
+        fv_thread_start(&thread, run->settings.priority, run->settings.cpu, loop_body, run, &rights, error);
+    if (status != FOVEA_OK) return status;
+    if (rights.why.text[0] != '\0') fv_say("fovea run: %s", rights.why.text);
+    watch(run, signals);
+    pthread_join(thread, NULL);
+    if (loop->status < 0)
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.200s: the source failed (%s)",
+                               run->settings.source, fovea_status_name(loop->status));
+    return FOVEA_OK;
+}
+
+/* ---- the end
+ * ----------------------------------------------------------------------------------------------- */
+
+static enum fv_exit report_write(struct run *run)
+{
+    struct fovea_memory_table table;
+    struct fovea_error error;
+    struct fv_report report = {
+        .source = run->settings.source,
+        .kernel_set = fovea_cpu_name(run->loop.rt),
+        .width = run->settings.runtime.camera.width,
+        .height = run->settings.runtime.camera.height,
+        .loop = &run->loop,
+        .block_bytes = run->bytes,
+        .resident_bytes = fv_process_resident_bytes(),
+        .resident_max_bytes = fv_process_resident_max_bytes(),
+    };
+    if (fovea_memory(&run->settings.runtime, &table, &error) == FOVEA_OK)
+        fv_report_parts(&table, report.part_bytes);
+    if (run->stats != NULL) {
+        fv_report_json(run->stats, &report);
+        bool failed = ferror(run->stats) != 0;
+        failed = fclose(run->stats) != 0 || failed;
+        run->stats = NULL;
+        if (failed) return fv_say_failed("%s: cannot be written", run->stats_path);
+    }
+    if (!run->quiet) fv_report_summary(stdout, &report);
+    const char *path = run->timings_path != NULL ? run->timings_path : TIMINGS_FILE;
+    if (strcmp(path, "none") == 0) return FV_EXIT_OK;
+    if (fv_report_picture(path, &report, &error) != FOVEA_OK)
+        return run->timings_path != NULL ? fv_say_failed("%s", error.text)
+                                         : (fv_say("%s", error.text), FV_EXIT_OK);
+    if (!run->quiet) printf("  timings are drawn in %s\n", path);
+    return FV_EXIT_OK;
+}
+
+static void recorder_end(struct run *run)
+{
+    struct fv_recorder_summary summary;
+    if (run->recorder == NULL) return;
+    fv_recorder_close(run->recorder, &summary);
+    run->recorder = NULL;
+    if (run->quiet) return;
+    printf("  recorded %" PRIu64 " events, %.1f MB, in %s%s%s\n", summary.events,
+           (double)summary.bytes * 1e-6, run->settings.record, summary.complete ? "" : ": incomplete, ",
+           summary.complete ? "" : summary.reason);
+}
+
+int fv_command_run(int argc, char **argv)
+{
+    static struct run run; /* large, and zeroed */
+    struct fovea_error error = {0};
+    sigset_t signals;
+    enum fv_options_result result = options_read(&run, argc, argv);
+    if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
+    enum fv_exit end = outputs_check(&run);
+    if (end != FV_EXIT_OK) return end;
+    signals_block(&signals);
+
+    enum fovea_status status = open_all(&run, &error);
+    if (status == FOVEA_OK) {
+        status = run_loop(&run, &signals, &error);
+        if (run.setup.ops != NULL) run.setup.ops->stop(run.setup.source);
+    }
+    if (status == FOVEA_OK)
+        end = report_write(&run);
+    else
+        end = (fv_say("%s", error.text), fv_setup_exit(status));
+    recorder_end(&run);
+    close_all(&run);
+    return end;
+}

@@ -1,0 +1,108 @@
+#include "app/setup.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "app/mask.h"
+#include "fovea/calibration.h"
+
+static enum fovea_status set(struct fv_settings *settings, const char *key, const char *value,
+                             struct fovea_error *error)
+{
+    char assignment[FV_SETTINGS_PATH_BYTES + 64];
+    if (value == NULL) return FOVEA_OK;
+    int length = snprintf(assignment, sizeof assignment, "%s=%s", key, value);
+    if (length >= (int)sizeof assignment)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "--%s: found %d bytes, expected at most %d", key,
+                               length, FV_SETTINGS_PATH_BYTES - 1);
+    enum fovea_status status = fv_settings_set(settings, assignment, error);
+    /* "--set: rate: found" would name an option that nobody gave. */
+    if (status != FOVEA_OK && error != NULL && strncmp(error->text, "--set: ", 7) == 0) {
+        char *text = error->text;
+        memmove(text + 2, text + 7, strlen(text + 7) + 1);
+    }
+    return status;
+}
+
+enum fovea_status fv_setup_settings(const struct fv_setup_options *options, struct fv_settings *settings,
+                                    struct fovea_error *error)
+{
+    enum fovea_status status = FOVEA_OK;
+    fv_settings_default(settings);
+    if (options->config != NULL) status = fv_settings_read(settings, options->config, error);
+    for (int i = 0; i < options->sets.count && status == FOVEA_OK; i++)
+        status = fv_settings_set(settings, options->sets.values[i], error);
+    if (status == FOVEA_OK) status = set(settings, "source", options->source, error);
+    if (status == FOVEA_OK) status = set(settings, "camera", options->camera, error);
+    if (status == FOVEA_OK) status = set(settings, "rate", options->rate, error);
+    if (status == FOVEA_OK) status = set(settings, "record", options->record, error);
+    return status == FOVEA_OK ? fv_settings_check(settings, error) : status;
+}
+
+static enum fovea_status camera_fit(struct fv_settings *settings, const struct fovea_source_info *info,
+                                    struct fovea_error *error)
+{
+    struct fovea_camera *camera = &settings->runtime.camera;
+    const char *origin = settings->camera;
+    if (settings->camera[0] != '\0') {
+        struct fovea_calibration calibration;
+        enum fovea_status status = fovea_calibration_read(settings->camera, NULL, &calibration, error);
+        if (status != FOVEA_OK) return status;
+        *camera = calibration.camera;
+    } else if (info->has_camera) {
+        *camera = info->camera;
+        origin = info->camera_origin;
+    } else {
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT,
+            "%.200s: camera: found no calibration with this source, expected --camera FILE",
+            settings->source);
+    }
+    if (camera->width == 0 && camera->height == 0) {
+        camera->width = info->width;
+        camera->height = info->height;
+    }
+    if (camera->width != info->width || camera->height != info->height)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%.200s: image size: found %d x %d, expected %d x %d as the frames of %.100s",
+                               origin, camera->width, camera->height, info->width, info->height,
+                               settings->source);
+    enum fovea_status status = fovea_camera_prepare(camera, error);
+    if (status != FOVEA_OK && error != NULL) {
+        char text[FOVEA_ERROR_TEXT_BYTES];
+        memcpy(text, error->text, sizeof text);
+        fovea_error_set(error, status, "%.200s: %s", origin, text);
+    }
+    return status;
+}
+
+enum fovea_status fv_setup_open(struct fv_settings *settings, const struct fovea_source_selection *selection,
+                                struct fv_setup *setup, struct fovea_error *error)
+{
+    const char *address;
+    *setup = (struct fv_setup){0};
+    enum fovea_status status = fovea_source_find(settings->source, &setup->ops, &address, error);
+    if (status == FOVEA_OK) status = setup->ops->open(address, selection, &setup->source, error);
+    if (status != FOVEA_OK) return status;
+    const struct fovea_source_info *info = setup->ops->info(setup->source);
+    status = camera_fit(settings, info, error);
+    if (status == FOVEA_OK && settings->mask[0] != '\0') {
+        status = fv_mask_read(settings->mask, info->width, info->height, &setup->mask, error);
+        settings->runtime.mask = setup->mask;
+    }
+    if (status == FOVEA_OK) status = fv_settings_check(settings, error);
+    if (status != FOVEA_OK) fv_setup_close(setup);
+    return status;
+}
+
+void fv_setup_close(struct fv_setup *setup)
+{
+    if (setup->source != NULL) setup->ops->close(setup->source);
+    free(setup->mask);
+    *setup = (struct fv_setup){0};
+}
+
+enum fv_exit fv_setup_exit(enum fovea_status status)
+{
+    return status == FOVEA_ERROR_SYSTEM || status == FOVEA_ERROR_MEMORY ? FV_EXIT_FAILED : FV_EXIT_WRONG;
+}

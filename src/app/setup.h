@@ -1,0 +1,37 @@
+/* From settings to something that runs: the source opened, the camera and the mask found and fitted. What
+ * `fovea run` and `fovea check` share. Init-only. */
+#ifndef FOVEA_APP_SETUP_H
+#define FOVEA_APP_SETUP_H
+
+#include "app/command.h"
+#include "app/options.h"
+#include "app/settings.h"
+#include "fovea/source.h"
+
+/* Options that every command with a configuration has. */
+struct fv_setup_options {
+    const char *config, *source, *camera, *rate, *record;
+    struct fv_option_list sets;
+};
+
+/* Defaults, then the file, then --set, then the options of their own; all checked. */
+enum fovea_status fv_setup_settings(const struct fv_setup_options *options, struct fv_settings *settings,
+                                    struct fovea_error *error);
+
+struct fv_setup {
+    const struct fovea_source_ops *ops;
+    struct fovea_source *source; /* open, not started */
+    uint8_t *mask;               /* NULL: none */
+};
+
+/* Open settings->source, and fill in settings->runtime.camera and .mask. FOVEA_ERROR_SYSTEM: the machine's
+ * fault; other errors are wrong input. Nothing is left open on error. */
+enum fovea_status fv_setup_open(struct fv_settings *settings, const struct fovea_source_selection *selection,
+                                struct fv_setup *setup, struct fovea_error *error);
+void fv_setup_close(struct fv_setup *setup);
+
+/* The exit status that goes with an error: FV_EXIT_FAILED for FOVEA_ERROR_SYSTEM and FOVEA_ERROR_MEMORY, else
+ * FV_EXIT_WRONG. */
+enum fv_exit fv_setup_exit(enum fovea_status status);
+
+#endif
