@@ -1,0 +1,222 @@
+/* The configuration: it prints what it reads, and says precisely what is wrong. */
+#include <locale.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "app/settings.h"
+
+static struct fv_settings settings, back;
+static struct fovea_error error;
+
+static char *printed(const struct fv_settings *from, bool commented)
+{
+    char *text = NULL;
+    size_t bytes = 0;
+    FILE *file = open_memstream(&text, &bytes);
+    fv_settings_print(file, from, commented);
+    fclose(file);
+    return text;
+}
+
+static enum fovea_status parse(const char *text)
+{
+    fv_settings_default(&settings);
+    return fv_settings_parse(&settings, "robot.yaml", text, strlen(text), &error);
+}
+
+/* Everything but where it was set. */
+static void assert_same(struct fv_settings *a, struct fv_settings *b)
+{
+    memset(a->line, 0, sizeof a->line);
+    memset(b->line, 0, sizeof b->line);
+    memset(a->file, 0, sizeof a->file);
+    memset(b->file, 0, sizeof b->file);
+    assert_memory_equal(a, b, sizeof *a);
+}
+
+static void test_default_reads_back(void **state)
+{
+    (void)state;
+    for (int commented = 0; commented < 2; commented++) {
+        fv_settings_default(&settings);
+        char *text = printed(&settings, commented != 0);
+        memset(&back, 0, sizeof back);
+        memset(&back, 0x55,
+               offsetof(struct fv_settings, line)); /* every key must be printed to overwrite this */
+        struct fv_settings filled = back;
+        assert_int_equal(fv_settings_parse(&back, "printed", text, strlen(text), &error), FOVEA_OK);
+        for (size_t i = 0; i < fv_settings_key_count; i++) {
+            assert_true(back.line[i] > 0);
+            size_t at = fv_settings_keys[i].offset;
+            assert_true(memcmp((char *)&back + at, (char *)&filled + at, 1) != 0);
+        }
+        fv_settings_default(&back);
+        assert_int_equal(fv_settings_parse(&back, "printed", text, strlen(text), &error), FOVEA_OK);
+        assert_same(&settings, &back);
+        free(text);
+    }
+}
+
+static void test_changed_values_read_back(void **state)
+{
+    (void)state;
+    const char *const changes[] = {
+        "source=images:/a \"b\"\\c/*.png",
+        "camera=\xc3\xa9t\xc3\xa9.yaml",
+        "T_base_cam=[[0, 0, 1, 0.1], [-1, 0, 0, 1e-17], [0, -1, 0, 0.333333333333333314]]",
+        "rate=real",
+        "seed=9223372036854775807",
+        "lcm_url=",
+        "lcm_ttl=3",
+        "channel_prefix=LEFT/cam-1.a_b",
+        "features.count_max=321",
+        "features.threshold=30",
+        "preview.level=1",
+        "loop.cpu=1",
+        "loop.lock_memory=false",
+    };
+    fv_settings_default(&settings);
+    for (size_t i = 0; i < sizeof changes / sizeof changes[0]; i++)
+        assert_int_equal(fv_settings_set(&settings, changes[i], &error), FOVEA_OK);
+    assert_int_equal(fv_settings_check(&settings, &error), FOVEA_OK);
+    assert_string_equal(settings.source, "images:/a \"b\"\\c/*.png");
+    assert_int_equal(settings.runtime.features.count_max, 321);
+    assert_int_equal(settings.cpu, 1);
+    assert_true(settings.runtime.T_base_cam[7] == 1e-17);
+    char *text = printed(&settings, true);
+    fv_settings_default(&back);
+    assert_int_equal(fv_settings_parse(&back, "printed", text, strlen(text), &error), FOVEA_OK);
+    assert_same(&settings, &back);
+    free(text);
+}
+
+struct wrong {
+    const char *text;
+    const char *names[4]; /* all must stand in the line */
+};
+
+static void test_wrong_files(void **state)
+{
+    (void)state;
+    const struct wrong cases[] = {
+        {"featurs:\n  count_max: 5\n", {"robot.yaml:1:", "featurs", "unknown key", "nearest is 'features'"}},
+        {"features:\n  cuont_max: 500\n", {"robot.yaml:2:", "features.cuont_max", "'features.count_max'"}},
+        {"seed: 1\ncount_max: 500\n", {"robot.yaml:2:", "count_max", "unknown", "'features.count_max'"}},
+        {"zzzz: 1\n", {"robot.yaml:1:", "zzzz", "unknown key"}},
+        {"features:\n  count_max: many\n", {"robot.yaml:2:", "features.count_max", "'many'", "whole number"}},
+        {"features:\n  count_max: 99\n", {"robot.yaml:2:", "features.count_max", "'99'", "[100, 4000]"}},
+        {"features:\n  count_max: \"500\"\n",
+         {"robot.yaml:2:", "features.count_max", "'500'", "whole number"}},
+        {"features:\n  count_max: 500.5\n", {"robot.yaml:2:", "features.count_max", "'500.5'"}},
+        {"features:\n  count_max: [500]\n", {"robot.yaml:2:", "features.count_max", "a list of 1"}},
+        {"features: 500\n", {"robot.yaml:1:", "features", "section"}},
+        {"seed: 1\n\nseed: 2\n", {"robot.yaml:3:", "seed", "first on line 1", "each key once"}},
+        {"rate: fast\n", {"robot.yaml:1:", "rate", "'fast'", "auto, max, real"}},
+        {"loop:\n  lock_memory: perhaps\n",
+         {"robot.yaml:2:", "loop.lock_memory", "'perhaps'", "true or false"}},
+        {"T_base_cam: [1, 2, 3]\n", {"robot.yaml:1:", "T_base_cam", "a list of 3", "12 numbers"}},
+        {"T_base_cam: [1,0,0,0,0,1,0,0,0,0,1,.nan]\n",
+         {"robot.yaml:1:", "T_base_cam[11]", "'.nan'", "finite"}},
+        {"lcm_ttl: -1\n", {"robot.yaml:1:", "lcm_ttl", "'-1'", "[0, 255]"}},
+        {"lcm_url:\n", {"robot.yaml:1:", "lcm_url"}},
+        {"channel_prefix: aaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaa\n",
+         {"robot.yaml:1:", "channel_prefix", "at most 31 bytes"}},
+        {"seed: 1\n  bad: [\n", {"robot.yaml:2:"}},
+        {"- 1\n- 2\n", {"robot.yaml:1:", "list"}},
+        {"seed: *x\n", {"robot.yaml:1:", "alias"}},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        assert_int_equal(parse(cases[i].text), FOVEA_ERROR_INPUT);
+        for (int n = 0; n < 4 && cases[i].names[n] != NULL; n++)
+            if (strstr(error.text, cases[i].names[n]) == NULL)
+                fail_msg("case %zu: '%s' is not in: %s", i, cases[i].names[n], error.text);
+        assert_null(strchr(error.text, '\n'));
+    }
+}
+
+static void test_wrong_together(void **state)
+{
+    (void)state;
+    const struct wrong cases[] = {
+        {"features:\n  threshold: 10\n  threshold_min: 11\n",
+         {"robot.yaml:3:", "features.threshold_min", "11", "10"}},
+        {"features:\n  threshold: 5\n",
+         {"robot.yaml:", "features.threshold_min (default)", "found 7", "2 to 5"}},
+        {"features:\n  pyramid_levels: 3\npreview:\n  level: 3\n",
+         {"robot.yaml:4:", "preview.level", "found 3"}},
+        {"channel_prefix: \"a b\"\n", {"robot.yaml:1:", "channel_prefix"}},
+        {"T_base_cam: [2,0,0,0,0,1,0,0,0,0,1,0]\n", {"robot.yaml:1:", "T_base_cam", "orthonormal"}},
+        {"T_base_cam: [-1,0,0,0,0,1,0,0,0,0,1,0]\n", {"robot.yaml:1:", "T_base_cam", "reflection"}},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        assert_int_equal(parse(cases[i].text), FOVEA_OK);
+        assert_int_equal(fv_settings_check(&settings, &error), FOVEA_ERROR_INPUT);
+        for (int n = 0; n < 4 && cases[i].names[n] != NULL; n++)
+            if (strstr(error.text, cases[i].names[n]) == NULL)
+                fail_msg("case %zu: '%s' is not in: %s", i, cases[i].names[n], error.text);
+    }
+}
+
+static void test_wrong_assignments(void **state)
+{
+    (void)state;
+    const struct wrong cases[] = {
+        {"seed", {"--set: ", "'seed'", "key=value"}},
+        {"=5", {"--set: ", "key=value"}},
+        {"sed=5", {"--set: ", "'sed'", "unknown", "'seed'"}},
+        {"count_max=500", {"--set: ", "'features.count_max'"}},
+        {"features.count_max=", {"--set: ", "features.count_max", "whole number"}},
+        {"features.count_max=5", {"--set: features.count_max: found '5'", "[100, 4000]"}},
+        {"seed=1\nlcm_ttl: 5", {"--set: seed", "one line"}},
+        {"seed=1}, {a: b", {"--set:"}},
+        {"loop.cpu=0x1", {"--set: loop.cpu", "'0x1'"}},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        fv_settings_default(&settings);
+        assert_int_equal(fv_settings_set(&settings, cases[i].text, &error), FOVEA_ERROR_INPUT);
+        for (int n = 0; n < 4 && cases[i].names[n] != NULL; n++)
+            if (strstr(error.text, cases[i].names[n]) == NULL)
+                fail_msg("case %zu: '%s' is not in: %s", i, cases[i].names[n], error.text);
+        assert_null(strchr(error.text, '\n'));
+    }
+    char *longest = malloc(5000);
+    memset(longest, 'x', 4999);
+    memcpy(longest, "source=", 7);
+    longest[4999] = '\0';
+    assert_int_equal(fv_settings_set(&settings, longest, &error), FOVEA_ERROR_INPUT);
+    free(longest);
+}
+
+static void test_every_key_is_ranged(void **state)
+{
+    (void)state;
+    for (size_t i = 0; i < fv_settings_key_count; i++) {
+        const struct fv_settings_key *key = &fv_settings_keys[i];
+        if (key->kind != FV_SETTINGS_U32 && key->kind != FV_SETTINGS_I32) continue;
+        char assignment[128];
+        fv_settings_default(&settings);
+        snprintf(assignment, sizeof assignment, "%s=%lld", key->name, (long long)key->max + 1);
+        assert_int_equal(fv_settings_set(&settings, assignment, &error), FOVEA_ERROR_INPUT);
+        snprintf(assignment, sizeof assignment, "%s=%lld", key->name, (long long)key->min - 1);
+        assert_int_equal(fv_settings_set(&settings, assignment, &error), FOVEA_ERROR_INPUT);
+        snprintf(assignment, sizeof assignment, "%s=%lld", key->name, (long long)key->max);
+        assert_int_equal(fv_settings_set(&settings, assignment, &error), FOVEA_OK);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_default_reads_back), cmocka_unit_test(test_changed_values_read_back),
+        cmocka_unit_test(test_wrong_files),        cmocka_unit_test(test_wrong_together),
+        cmocka_unit_test(test_wrong_assignments),  cmocka_unit_test(test_every_key_is_ranged),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
