@@ -1,0 +1,359 @@
+#include "sim.h"
+
+#include <string.h>
+
+/* Tile by tile: which surfaces may show, which is nearest at every pixel, then its texture. Where neighbouring pixels show
+ * different surfaces, four samples per pixel smooth the edge. Loops run over arrays of samples so that the compiler
+ * can use vectors; every operation is a plain IEEE one, so the result does not depend on whether it does. */
+
+enum { SAMPLES = FV_SIM_TILE_PIXELS };
+
+/* ---- which surface ------------------------------------------------------------------------------------------ */
+
+static void trace_face(const struct fv_sim_surface *s, const float *restrict x, const float *restrict y, int32_t count,
+                       float *restrict best, int32_t *restrict hit, int32_t number)
+{
+    const float a = s->inverse_z[0], b = s->inverse_z[1], c = s->inverse_z[2];
+    const float ua = s->u[0], ub = s->u[1], uc = s->u[2], va = s->v[0], vb = s->v[1], vc = s->v[2];
+    for (int32_t i = 0; i < count; i++) {
+        const float iz = a * x[i] + b * y[i] + c, u = ua * x[i] + ub * y[i] + uc, v = va * x[i] + vb * y[i] + vc;
+        const int32_t seen = (iz > best[i]) & (u >= 0.0f) & (v >= 0.0f) & (u <= iz) & (v <= iz);
+        best[i] = seen ? iz : best[i];
+        hit[i] = seen ? number : hit[i];
+    }
+}
+
+static void trace_disc(const struct fv_sim_surface *s, const float *restrict x, const float *restrict y, int32_t count,
+                       float *restrict best, int32_t *restrict hit, int32_t number)
+{
+    for (int32_t i = 0; i < count; i++) {
+        const float iz = s->inverse_z[0] * x[i] + s->inverse_z[1] * y[i] + s->inverse_z[2];
+        const float u = s->u[0] * x[i] + s->u[1] * y[i] + s->u[2] - 0.5f * iz;
+        const float v = s->v[0] * x[i] + s->v[1] * y[i] + s->v[2] - 0.5f * iz;
+        const int32_t seen = (iz > best[i]) & (u * u + v * v <= 0.25f * iz * iz);
+        best[i] = seen ? iz : best[i];
+        hit[i] = seen ? number : hit[i];
+    }
+}
+
+/* |D t - p|^2 - s^2 = q0 + q1 s + q2 s^2 with s = t D.a - p.a, for D = (x, y, 1): A t^2 - 2 B t + C = 0 with constant C > 0
+ * (the camera is outside), so that 1/t = (B + sqrt(B^2 - A C)) / C is the nearer meeting. */
+static void trace_round(const struct fv_sim_surface *s, const float *restrict x, const float *restrict y, int32_t count,
+                        float *restrict best, int32_t *restrict hit, int32_t number)
+{
+    const float px = s->p[0], py = s->p[1], pz = s->p[2], ax = s->a[0], ay = s->a[1], az = s->a[2];
+    const float k = s->k, lean = s->k * s->pa - 0.5f * s->q1, c = s->c, over = 1.0f / s->c, pa = s->pa, height = s->height;
+    for (int32_t i = 0; i < count; i++) {
+        const float da = ax * x[i] + ay * y[i] + az, dp = px * x[i] + py * y[i] + pz;
+        const float qa = x[i] * x[i] + y[i] * y[i] + 1.0f - k * da * da, qb = dp - lean * da;
+        const float square = qb * qb - qa * c, positive = square > 0.0f ? square : 0.0f;
+        const float iz = (qb + __builtin_sqrtf(positive)) * over, up = da - pa * iz; /* up = s / z */
+        const int32_t seen = (square >= 0.0f) & (iz > best[i]) & (up >= 0.0f) & (up <= height * iz);
+        best[i] = seen ? iz : best[i];
+        hit[i] = seen ? number : hit[i];
+    }
+}
+
+void fv_sim_trace(const struct fv_sim_view *view, const uint16_t *list, int32_t list_count, const float *x,
+                  const float *y, int32_t count, float *inverse_z, int32_t *hit)
+{
+    for (int32_t i = 0; i < count; i++) {
+        inverse_z[i] = 0.0f;
+        hit[i] = -1;
+    }
+    for (int32_t k = 0; k < list_count; k++) {
+        const struct fv_sim_surface *s = &view->surface[list[k]];
+        if (s->is_round)
+            trace_round(s, x, y, count, inverse_z, hit, k);
+        else if (s->disc)
+            trace_disc(s, x, y, count, inverse_z, hit, k);
+        else
+            trace_face(s, x, y, count, inverse_z, hit, k);
+    }
+}
+
+/* ---- what it looks like ------------------------------------------------------------------------------------- */
+
+/* Where in the texture and at which level. */
+struct look {
+    float u[SAMPLES], v[SAMPLES], area[SAMPLES]; /* texels of the base; area of the footprint in them */
+    int32_t fixed_u[SAMPLES], fixed_v[SAMPLES];  /* 256ths of a texel of the level */
+    int32_t level[SAMPLES];
+    int32_t light[SAMPLES]; /* 256 is plain */
+};
+
+static void look_face(const struct fv_sim_surface *s, const float *restrict x, const float *restrict y, int32_t count,
+                      float pixel_area, struct look *restrict look)
+{
+    const float a = s->inverse_z[0], b = s->inverse_z[1], c = s->inverse_z[2];
+    const float ua = s->u[0], ub = s->u[1], uc = s->u[2], va = s->v[0], vb = s->v[1], vc = s->v[2];
+    const float area = s->area * pixel_area, slant = s->slant, tu = s->tex_u, tv = s->tex_v, du = s->tex_du, dv = s->tex_dv;
+    for (int32_t i = 0; i < count; i++) {
+        const float z = 1.0f / (a * x[i] + b * y[i] + c);
+        const float u = (ua * x[i] + ub * y[i] + uc) * z, v = (va * x[i] + vb * y[i] + vc) * z;
+        look->u[i] = tu + u * du;
+        look->v[i] = tv + v * dv;
+        /* Area of the footprint, times the root of the slant (1 / cosine of incidence): halfway between the area and
+         * the square of its long side, so that texture seen at a grazing angle neither blurs away nor sparkles. */
+        look->area[i] = area * z * z * z * __builtin_sqrtf(z * slant);
+    }
+}
+
+/* Angle of (x, y) in turns, [-0.5, 0.5]; polynomial of the arc tangent good to 1e-4 rad. */
+static inline float turns(float y, float x)
+{
+    const float ax = __builtin_fabsf(x), ay = __builtin_fabsf(y), low = ax < ay ? ax : ay, high = ax < ay ? ay : ax;
+    const float q = low / (high + 1e-20f), s = q * q;
+    float angle = ((-0.0464964749f * s + 0.15931422f) * s - 0.327622764f) * s * q + q;
+    angle = ay > ax ? 1.57079637f - angle : angle;
+    angle = x < 0.0f ? 3.14159274f - angle : angle;
+    return (y < 0.0f ? -angle : angle) * 0.159154943f;
+}
+
+static void look_round(const struct fv_sim_surface *s, const float *restrict x, const float *restrict y,
+                       const float *restrict inverse_z, int32_t count, float pixel_area, struct look *restrict look)
+{
+    const float area = s->area * pixel_area, over = 1.0f / s->height;
+    for (int32_t i = 0; i < count; i++) {
+        const float z = 1.0f / inverse_z[i], dx = x[i] * z - s->p[0], dy = y[i] * z - s->p[1], dz = z - s->p[2];
+        const float up = dx * s->a[0] + dy * s->a[1] + dz * s->a[2];
+        const float c1 = dx * s->e1[0] + dy * s->e1[1] + dz * s->e1[2], c2 = dx * s->e2[0] + dy * s->e2[1] + dz * s->e2[2];
+        look->u[i] = (turns(c2, c1) + 0.5f) * s->tex_du;
+        look->v[i] = (1.0f - up * over) * s->tex_dv;
+        look->area[i] = area * z * z * 1.4f;
+        /* Outward normal: the gradient of distance^2 - radius^2. */
+        const float bend = 0.5f * s->q1 + s->q2 * up + up;
+        const float nx = dx - bend * s->a[0], ny = dy - bend * s->a[1], nz = dz - bend * s->a[2];
+        const float cosine = (nx * s->sun[0] + ny * s->sun[1] + nz * s->sun[2]) / __builtin_sqrtf(nx * nx + ny * ny + nz * nz + 1e-12f);
+        look->light[i] = (int32_t)(s->light * (180.0f + 80.0f * cosine));
+    }
+}
+
+/* Level and fixed-point texel of every sample. Half-octaves of length are octaves of area, which the exponent of a float
+ * counts; the factor 0.7 puts the switch at the geometric middle between two levels. The scale of level l is
+ * 2^-(l / 2), times 5/7 for odd l (texture.c), made from its bits. */
+static void find_texels(const struct fv_sim_texture *texture, int32_t count, struct look *restrict look)
+{
+    const int32_t one = 0x3F800000, five_sevenths = 0x3F36DB6E, last = texture->level_count - 1;
+    const float width = texture->u_max, height = texture->v_max;
+    int32_t bits[SAMPLES];
+    float scale[SAMPLES];
+    for (int32_t i = 0; i < count; i++)
+        look->area[i] *= 0.70710678f;
+    memcpy(bits, look->area, (size_t)count * sizeof *bits);
+    for (int32_t i = 0; i < count; i++) {
+        int32_t level = (bits[i] >> 23) - 126;
+        level = level < 0 ? 0 : level;
+        level = level > last ? last : level;
+        look->level[i] = level;
+        bits[i] = one - (-(level & 1) & (one - five_sevenths)) - ((level >> 1) << 23);
+    }
+    memcpy(scale, bits, (size_t)count * sizeof *bits);
+    for (int32_t i = 0; i < count; i++) {
+        const float fine = scale[i] * 256.0f;
+        const int32_t u_last = (int32_t)(width * fine) - 128, v_last = (int32_t)(height * fine) - 128;
+        int32_t u = (int32_t)(look->u[i] * fine) - 128, v = (int32_t)(look->v[i] * fine) - 128;
+        u = u < u_last ? u : u_last;
+        v = v < v_last ? v : v_last;
+        look->fixed_u[i] = u > 0 ? u : 0;
+        look->fixed_v[i] = v > 0 ? v : 0;
+    }
+}
+
+/* Bilinear, in 1/256 grey levels. */
+static void fetch(const struct fv_sim_texture *texture, const struct look *restrict look, int32_t count, uint16_t *restrict out)
+{
+    for (int32_t i = 0; i < count; i++) {
+        const struct fv_sim_level *l = &texture->level[look->level[i]];
+        const int32_t fu = look->fixed_u[i] & 255, fv = look->fixed_v[i] & 255;
+        const uint8_t *t = l->texels + (ptrdiff_t)(look->fixed_v[i] >> 8) * l->stride + (look->fixed_u[i] >> 8);
+        const uint8_t *b = t + l->stride;
+        const int32_t top = t[0] * 256 + (t[1] - t[0]) * fu, bottom = b[0] * 256 + (b[1] - b[0]) * fu;
+        out[i] = (uint16_t)(top + (((bottom - top) * fv) >> 8));
+    }
+}
+
+static void shade(const struct fv_sim_surface *s, const float *x, const float *y, const float *inverse_z, int32_t count,
+                  float pixel_area, uint16_t *restrict out)
+{
+    struct look look;
+    if (s->is_round) {
+        look_round(s, x, y, inverse_z, count, pixel_area, &look);
+    } else {
+        const int32_t light = (int32_t)(s->light * 256.0f);
+        look_face(s, x, y, count, pixel_area, &look);
+        for (int32_t i = 0; i < count; i++)
+            look.light[i] = light;
+    }
+    find_texels(s->texture, count, &look);
+    fetch(s->texture, &look, count, out);
+    for (int32_t i = 0; i < count; i++) {
+        const int32_t value = out[i] * look.light[i] >> 8;
+        out[i] = (uint16_t)(value < 65535 ? value : 65535);
+    }
+}
+
+/* Trace and shade samples; `seen` takes surface index + 1. */
+static void see(const struct fv_sim_view *view, const uint16_t *list, int32_t list_count, const float *x, const float *y,
+                int32_t count, float pixel_area, uint16_t *restrict light, uint16_t *restrict seen)
+{
+    float inverse_z[SAMPLES], px[SAMPLES], py[SAMPLES], pz[SAMPLES];
+    int32_t hit[SAMPLES], at[SAMPLES + 1];
+    uint16_t out[SAMPLES];
+    fv_sim_trace(view, list, list_count, x, y, count, inverse_z, hit);
+    for (int32_t i = 0; i < count; i++) {
+        light[i] = 0;
+        seen[i] = 0;
+    }
+    for (int32_t k = 0, left = count; k < list_count && left > 0; k++) {
+        int32_t n = 0;
+        for (int32_t i = 0; i < count; i++) {
+            at[n] = i;
+            n += hit[i] == k;
+        }
+        if (n == 0) continue;
+        left -= n;
+        for (int32_t j = 0; j < n; j++) {
+            px[j] = x[at[j]];
+            py[j] = y[at[j]];
+            pz[j] = inverse_z[at[j]];
+        }
+        shade(&view->surface[list[k]], px, py, pz, n, pixel_area, out);
+        for (int32_t j = 0; j < n; j++) {
+            light[at[j]] = out[j];
+            seen[at[j]] = (uint16_t)(list[k] + 1);
+        }
+    }
+}
+
+/* ---- tiles -------------------------------------------------------------------------------------------------- */
+
+struct job {
+    const struct fv_sim_view *view;
+    const struct fv_sim_raster *raster;
+    struct fv_sim_canvas *canvas;
+    int32_t y_begin, y_end;
+};
+
+static void first_pass(const struct job *job, int32_t tile, const uint16_t *list, int32_t count, bool covered)
+{
+    const struct fv_sim_raster *raster = job->raster;
+    const int32_t tx = tile % raster->tiles_x * FV_SIM_TILE, ty = tile / raster->tiles_x * FV_SIM_TILE;
+    const int32_t r0 = job->y_begin > ty ? job->y_begin - ty : 0, r1 = job->y_end < ty + FV_SIM_TILE ? job->y_end - ty : FV_SIM_TILE;
+    const int32_t columns = raster->width - tx < FV_SIM_TILE ? raster->width - tx : FV_SIM_TILE;
+    const size_t first = (size_t)tile * FV_SIM_TILE_PIXELS + (size_t)(r0 * FV_SIM_TILE);
+    uint16_t light[SAMPLES], seen[SAMPLES];
+    if (r1 <= r0) return;
+    const int32_t samples = (r1 - r0) * FV_SIM_TILE;
+    if (covered) {
+        shade(&job->view->surface[list[0]], raster->x + first, raster->y + first, NULL, samples, raster->pixel_area[tile], light);
+        for (int32_t i = 0; i < samples; i++)
+            seen[i] = (uint16_t)(list[0] + 1);
+    } else {
+        see(job->view, list, count, raster->x + first, raster->y + first, samples, raster->pixel_area[tile], light, seen);
+    }
+    for (int32_t r = r0; r < r1; r++) {
+        const size_t to = (size_t)(ty + r) * (size_t)raster->width + (size_t)tx;
+        memcpy(job->canvas->linear + to, light + (r - r0) * FV_SIM_TILE, (size_t)columns * sizeof *light);
+        memcpy(job->canvas->surface + to, seen + (r - r0) * FV_SIM_TILE, (size_t)columns * sizeof *seen);
+    }
+}
+
+/* Where in the tile pixels border on another surface; returns how many. */
+static int32_t find_edges(const struct job *job, int32_t tx, int32_t ty, uint8_t *list)
+{
+    const int32_t width = job->raster->width, y_first = ty > job->y_begin ? ty : job->y_begin;
+    const int32_t y_last = ty + FV_SIM_TILE < job->y_end ? ty + FV_SIM_TILE : job->y_end;
+    const int32_t x_last = tx + FV_SIM_TILE < width ? tx + FV_SIM_TILE : width;
+    int32_t count = 0;
+    for (int32_t y = y_first; y < y_last; y++) {
+        const uint16_t *row = job->canvas->surface + (size_t)y * (size_t)width;
+        const uint16_t *above = y > job->y_begin ? row - width : row, *below = y + 1 < job->y_end ? row + width : row;
+        for (int32_t x = tx; x < x_last; x++) {
+            const uint16_t here = row[x], left = row[x > 0 ? x - 1 : x], right = row[x + 1 < width ? x + 1 : x];
+            list[count] = (uint8_t)((y - ty) * FV_SIM_TILE + x - tx);
+            count += (here != left) | (here != right) | (here != above[x]) | (here != below[x]);
+        }
+    }
+    return count;
+}
+
+/* Four samples on a rotated grid, in eighths of a pixel. */
+static const float sub_x[4] = {-0.125f, 0.375f, -0.375f, 0.125f}, sub_y[4] = {-0.375f, -0.125f, 0.125f, 0.375f};
+
+static void second_pass(const struct job *job, int32_t tile, const uint16_t *list, int32_t count)
+{
+    const struct fv_sim_raster *raster = job->raster;
+    const int32_t tx = tile % raster->tiles_x * FV_SIM_TILE, ty = tile / raster->tiles_x * FV_SIM_TILE;
+    const float *tile_x = raster->x + (size_t)tile * FV_SIM_TILE_PIXELS, *tile_y = raster->y + (size_t)tile * FV_SIM_TILE_PIXELS;
+    uint8_t edge[SAMPLES + 1];
+    uint16_t light[SAMPLES], seen[SAMPLES];
+    float x[SAMPLES], y[SAMPLES];
+    const int32_t edges = find_edges(job, tx, ty, edge);
+    for (int32_t first = 0; first < edges; first += SAMPLES / 4) {
+        const int32_t n = edges - first < SAMPLES / 4 ? edges - first : SAMPLES / 4;
+        for (int32_t j = 0; j < n; j++) {
+            /* Bearings between pixels from the differences to the neighbours in the tile. */
+            const int32_t p = edge[first + j], c = p % FV_SIM_TILE, r = p / FV_SIM_TILE;
+            const int32_t h = c + 1 < FV_SIM_TILE && tx + c + 1 < raster->width ? p : p - 1;
+            const int32_t v = r + 1 < FV_SIM_TILE && ty + r + 1 < raster->height ? p : p - FV_SIM_TILE;
+            const float xx = tile_x[h + 1] - tile_x[h], yx = tile_y[h + 1] - tile_y[h];
+            const float xy = tile_x[v + FV_SIM_TILE] - tile_x[v], yy = tile_y[v + FV_SIM_TILE] - tile_y[v];
+            for (int32_t k = 0; k < 4; k++) {
+                x[4 * j + k] = tile_x[p] + sub_x[k] * xx + sub_y[k] * xy;
+                y[4 * j + k] = tile_y[p] + sub_x[k] * yx + sub_y[k] * yy;
+            }
+        }
+        see(job->view, list, count, x, y, 4 * n, raster->pixel_area[tile], light, seen);
+        for (int32_t j = 0; j < n; j++) {
+            const int32_t p = edge[first + j], sum = light[4 * j] + light[4 * j + 1] + light[4 * j + 2] + light[4 * j + 3];
+            const size_t to = (size_t)(ty + p / FV_SIM_TILE) * (size_t)raster->width + (size_t)(tx + p % FV_SIM_TILE);
+            job->canvas->linear[to] = (uint16_t)(sum / 4);
+        }
+    }
+}
+
+/* The two passes over a block of tiles share its list of candidates. */
+static void block_pass(const struct job *job, int32_t bx, int32_t by, bool second)
+{
+    const struct fv_sim_raster *raster = job->raster;
+    uint16_t in_block[FV_SIM_SURFACES_MAX], in_tile[FV_SIM_SURFACES_MAX];
+    struct fv_sim_rect bound = {1e9f, -1e9f, 1e9f, -1e9f};
+    const int32_t x_end = bx + FV_SIM_BLOCK_TILES < raster->tiles_x ? bx + FV_SIM_BLOCK_TILES : raster->tiles_x;
+    const int32_t y_end = by + FV_SIM_BLOCK_TILES < raster->tiles_y ? by + FV_SIM_BLOCK_TILES : raster->tiles_y;
+    for (int32_t y = by; y < y_end; y++) {
+        for (int32_t x = bx; x < x_end; x++) {
+            const struct fv_sim_rect *tile = &raster->bound[y * raster->tiles_x + x];
+            if (tile->x_min < bound.x_min) bound.x_min = tile->x_min;
+            if (tile->x_max > bound.x_max) bound.x_max = tile->x_max;
+            if (tile->y_min < bound.y_min) bound.y_min = tile->y_min;
+            if (tile->y_max > bound.y_max) bound.y_max = tile->y_max;
+        }
+    }
+    bool covered;
+    const int32_t block_count = fv_sim_view_cull(job->view, NULL, 0, &bound, in_block, &covered);
+    for (int32_t y = by; y < y_end; y++) {
+        if ((y + 1) * FV_SIM_TILE <= job->y_begin || y * FV_SIM_TILE >= job->y_end) continue;
+        for (int32_t x = bx; x < x_end; x++) {
+            const int32_t tile = y * raster->tiles_x + x;
+            const int32_t count = fv_sim_view_cull(job->view, in_block, block_count, &raster->bound[tile], in_tile, &covered);
+            if (!second)
+                first_pass(job, tile, in_tile, count, covered);
+            else if (!covered)
+                second_pass(job, tile, in_tile, count);
+        }
+    }
+}
+
+void fv_sim_render(const struct fv_sim_view *view, const struct fv_sim_raster *raster, int32_t y_begin, int32_t y_end,
+                   struct fv_sim_canvas *canvas)
+{
+    const struct job job = {view, raster, canvas, y_begin, y_end};
+    const int32_t first = y_begin / FV_SIM_TILE / FV_SIM_BLOCK_TILES * FV_SIM_BLOCK_TILES;
+    for (int32_t pass = 0; pass < 2; pass++) {
+        for (int32_t by = first; by < raster->tiles_y && by * FV_SIM_TILE < y_end; by += FV_SIM_BLOCK_TILES) {
+            for (int32_t bx = 0; bx < raster->tiles_x; bx += FV_SIM_BLOCK_TILES)
+                block_pass(&job, bx, by, pass == 1);
+        }
+    }
+}

@@ -1,0 +1,297 @@
+#include "sim.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { BLUR_STEPS = 8, ROLLING_ROWS = 4 };
+
+/* ---- the camera --------------------------------------------------------------------------------------------- */
+
+/* Calibration with the asked field of view across; coefficients like those of a common machine-vision lens, scaled
+ * so that they bend equally at the edge of any field. */
+static enum fovea_status make_camera(const struct fv_sim_options *o, struct fovea_camera *camera, struct fovea_error *error)
+{
+    const double half = 0.5 * o->fov_deg * FOVEA_PI / 180.0;
+    double edge = fovea_tan(half); /* distorted radius at the left and right edge */
+    *camera = (struct fovea_camera){.width = o->width, .height = o->height, .lens = FOVEA_LENS_RADTAN};
+    camera->cx = 0.5 * (o->width - 1) + 3.2;
+    camera->cy = 0.5 * (o->height - 1) - 1.7;
+    if (o->lens == FV_SIM_LENS_RADTAN) {
+        const double scale = 0.84 / edge < 1.0 ? 0.84 / edge : 1.0, s2 = scale * scale;
+        camera->k[0] = -0.28 * s2;
+        camera->k[1] = 0.075 * s2 * s2;
+        camera->k[2] = 2e-4;
+        camera->k[3] = -1e-4;
+        const double r2 = edge * edge;
+        edge *= 1.0 + camera->k[0] * r2 + camera->k[1] * r2 * r2;
+    } else if (o->lens == FV_SIM_LENS_EQUIDISTANT) {
+        camera->lens = FOVEA_LENS_EQUIDISTANT;
+        camera->k[0] = 0.02;
+        camera->k[1] = -0.012;
+        camera->k[2] = 0.004;
+        camera->k[3] = -0.0008;
+        const double h2 = half * half;
+        edge = half * (1.0 + h2 * (camera->k[0] + h2 * (camera->k[1] + h2 * (camera->k[2] + h2 * camera->k[3]))));
+    }
+    camera->fx = 0.5 * o->width / edge;
+    camera->fy = camera->fx * 1.001;
+    return fovea_camera_prepare(camera, error);
+}
+
+double fv_sim_frame_time(const struct fovea_source *source, uint64_t index)
+{
+    const double delay = source->options.rolling ? 0.5 * source->options.readout_ms : 0.0;
+    return source->options.time_s + (double)index / source->options.rate_hz + (0.5 * source->options.exposure_ms + delay) * 1e-3;
+}
+
+/* ---- opening ------------------------------------------------------------------------------------------------ */
+
+static void sim_close(struct fovea_source *source)
+{
+    if (source == NULL) return;
+    fv_sim_world_free(&source->world);
+    fv_sim_raster_free(&source->raster);
+    free(source->canvas.linear);
+    free(source->canvas.surface);
+    free(source->blurred);
+    for (int32_t i = 0; i < FOVEA_SOURCE_FRAMES_HELD; i++)
+        free(source->image[i]);
+    free(source->depth_m);
+    free(source->class_mask);
+    free(source->object_map);
+    free(source);
+}
+
+static bool allocate(struct fovea_source *source)
+{
+    const size_t pixels = (size_t)source->options.width * (size_t)source->options.height;
+    const size_t tiles = pixels / FV_SIM_TILE_PIXELS + 1;
+    source->canvas.linear = calloc(pixels, sizeof(uint16_t));
+    source->canvas.surface = calloc(pixels, sizeof(uint16_t));
+    source->depth_m = calloc(pixels, sizeof(float));
+    source->class_mask = calloc(pixels, 1);
+    source->object_map = calloc(pixels, 1);
+    bool fine = source->canvas.linear && source->canvas.surface && source->depth_m && source->class_mask && source->object_map;
+    if (source->options.blur) {
+        source->blurred = calloc(pixels, sizeof(uint16_t));
+        fine = fine && source->blurred != NULL;
+    }
+    for (int32_t i = 0; i < FOVEA_SOURCE_FRAMES_HELD; i++) {
+        source->image[i] = calloc(pixels, 1);
+        fine = fine && source->image[i] != NULL;
+    }
+    size_t bytes = sizeof *source + pixels * (2 * sizeof(uint16_t) + sizeof(float) + 2 + FOVEA_SOURCE_FRAMES_HELD) +
+                   tiles * (FV_SIM_TILE_PIXELS * 2 * sizeof(float) + sizeof(struct fv_sim_rect) + sizeof(float)) +
+                   (source->options.blur ? pixels * sizeof(uint16_t) : 0);
+    for (int32_t i = 0; i < source->world.texture_count; i++)
+        bytes += source->world.texture[i].bytes;
+    source->info.heap_bytes = bytes;
+    return fine;
+}
+
+/* Frames on the trajectory that the selection leaves. */
+static enum fovea_status select_frames(struct fovea_source *source, struct fovea_error *error)
+{
+    const struct fovea_source_selection *s = &source->selection;
+    const uint64_t all = source->options.frames;
+    if (s->step == 0) return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "sim: step: found 0, expected at least 1");
+    if (all == 0) {
+        if (s->reverse && s->frames == 0)
+            return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "sim: an endless trajectory cannot run in reverse; give frames=N");
+        source->deliverable = s->frames;
+        return FOVEA_OK;
+    }
+    if (s->start >= all)
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "sim: start: found %llu, expected less than the %llu frames of the trajectory",
+                               (unsigned long long)s->start, (unsigned long long)all);
+    const uint64_t left = (all - s->start - 1) / s->step + 1;
+    source->deliverable = s->frames != 0 && s->frames < left ? s->frames : left;
+    return FOVEA_OK;
+}
+
+static enum fovea_status sim_open(const char *address, const struct fovea_source_selection *selection,
+                                  struct fovea_source **out, struct fovea_error *error)
+{
+    struct fv_sim_options options;
+    enum fovea_status status = fv_sim_options_parse(address, &options, error);
+    if (status != FOVEA_OK) return status;
+    struct fovea_source *source = calloc(1, sizeof *source);
+    if (source == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "sim: out of memory");
+    source->options = options;
+    source->selection = selection != NULL ? *selection : (struct fovea_source_selection){.step = 1};
+    status = select_frames(source, error);
+    if (status == FOVEA_OK) status = make_camera(&options, &source->info.camera, error);
+    if (status == FOVEA_OK && !fv_sim_raster_create(&source->raster, &source->info.camera))
+        status = fovea_error_set(error, FOVEA_ERROR_INPUT, "sim: fov: found %g, but the corners of a %d x %d image look too far aside; expected less",
+                                 options.fov_deg, (int)options.width, (int)options.height);
+    if (status == FOVEA_OK && (!fv_sim_world_build(&source->world, &options) || !allocate(source)))
+        status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "sim: out of memory");
+    if (status != FOVEA_OK) {
+        sim_close(source);
+        return status;
+    }
+    fv_sim_motion_create(&source->motion, &options, &source->world);
+    struct fovea_source_info *info = &source->info;
+    info->width = options.width;
+    info->height = options.height;
+    info->format = FOVEA_PIXEL_GREY8;
+    info->rate_hz = options.rate_hz / (double)source->selection.step;
+    info->frame_count = source->deliverable;
+    info->has_camera = true;
+    info->has_truth = true;
+    snprintf(info->camera_origin, sizeof info->camera_origin, "built in");
+    *out = source;
+    return FOVEA_OK;
+}
+
+/* ---- frames ------------------------------------------------------------------------------------------------- */
+
+static const struct fovea_source_info *sim_info(const struct fovea_source *source)
+{
+    return &source->info;
+}
+
+static enum fovea_status sim_start(struct fovea_source *source, struct fovea_error *error)
+{
+    (void)error;
+    source->started = true;
+    return FOVEA_OK;
+}
+
+static void sim_stop(struct fovea_source *source)
+{
+    source->started = false;
+    memset(source->held, 0, sizeof source->held);
+}
+
+static struct fv_sim_rect rows_bound(const struct fv_sim_raster *raster, int32_t y_begin, int32_t y_end)
+{
+    struct fv_sim_rect all = {1e9f, -1e9f, 1e9f, -1e9f};
+    for (int32_t ty = y_begin / FV_SIM_TILE; ty * FV_SIM_TILE < y_end; ty++) {
+        for (int32_t tx = 0; tx < raster->tiles_x; tx++) {
+            const struct fv_sim_rect *b = &raster->bound[ty * raster->tiles_x + tx];
+            all.x_min = b->x_min < all.x_min ? b->x_min : all.x_min;
+            all.x_max = b->x_max > all.x_max ? b->x_max : all.x_max;
+            all.y_min = b->y_min < all.y_min ? b->y_min : all.y_min;
+            all.y_max = b->y_max > all.y_max ? b->y_max : all.y_max;
+        }
+    }
+    return all;
+}
+
+void fv_sim_look(struct fovea_source *source, double time_s, int32_t y_begin, int32_t y_end)
+{
+    double T_world_cam[12];
+    const struct fv_sim_rect bound = rows_bound(&source->raster, y_begin, y_end);
+    fv_sim_world_place(&source->world, time_s);
+    fv_sim_motion_pose(&source->motion, time_s, T_world_cam);
+    fv_sim_view_set(&source->view, &source->world, T_world_cam, &bound);
+}
+
+double fv_sim_row_delay(const struct fovea_source *source, int32_t y_begin, int32_t y_end)
+{
+    if (!source->options.rolling) return 0.0;
+    return ((0.5 * (y_begin + y_end) / source->options.height) - 0.5) * source->options.readout_ms * 1e-3;
+}
+
+int32_t fv_sim_band_rows(const struct fovea_source *source)
+{
+    return source->options.rolling ? ROLLING_ROWS : source->options.height;
+}
+
+/* One picture at a time: rows in bands that share an instant. */
+static void render_instant(struct fovea_source *source, double time_s)
+{
+    const int32_t height = source->options.height, band = fv_sim_band_rows(source);
+    for (int32_t y = 0; y < height; y += band) {
+        const int32_t end = y + band < height ? y + band : height;
+        fv_sim_look(source, time_s + fv_sim_row_delay(source, y, end), y, end);
+        fv_sim_render(&source->view, &source->raster, y, end, &source->canvas);
+    }
+}
+
+static const uint16_t *render_exposure(struct fovea_source *source, double time_s)
+{
+    const size_t pixels = (size_t)source->options.width * (size_t)source->options.height;
+    if (!source->options.blur) {
+        render_instant(source, time_s);
+        return source->canvas.linear;
+    }
+    memset(source->blurred, 0, pixels * sizeof(uint16_t));
+    for (int32_t k = 0; k < BLUR_STEPS; k++) {
+        const double share = (k + 0.5) / BLUR_STEPS - 0.5;
+        render_instant(source, time_s + share * source->options.exposure_ms * 1e-3);
+        for (size_t i = 0; i < pixels; i++)
+            source->blurred[i] = (uint16_t)(source->blurred[i] + source->canvas.linear[i] / BLUR_STEPS);
+    }
+    return source->blurred;
+}
+
+static uint64_t frame_index(const struct fovea_source *source, uint64_t n)
+{
+    const struct fovea_source_selection *s = &source->selection;
+    return s->start + s->step * (s->reverse ? source->deliverable - 1 - n : n);
+}
+
+static enum fovea_status sim_dequeue(struct fovea_source *source, int64_t deadline_ns, struct fovea_frame *frame)
+{
+    (void)deadline_ns; /* a frame is always at hand: it is rendered now */
+    if (!source->started || (source->deliverable != 0 && source->delivered == source->deliverable)) return FOVEA_END;
+    uint32_t slot = 0;
+    while (slot < FOVEA_SOURCE_FRAMES_HELD && source->held[slot])
+        slot++;
+    if (slot == FOVEA_SOURCE_FRAMES_HELD) return FOVEA_AGAIN;
+    const struct fv_sim_options *o = &source->options;
+    const int32_t pixels = o->width * o->height;
+    const uint64_t n = source->delivered, index = frame_index(source, n);
+    const uint16_t *linear = render_exposure(source, fv_sim_frame_time(source, index));
+    fv_sim_sensor(linear, pixels, o->light, o->noise, o->seed ^ (index + 1) * 0x9E3779B97F4A7C15u, source->image[slot]);
+    source->image_index[slot] = index;
+    source->held[slot] = true;
+    source->delivered++;
+    /* Stamps count the frames that were asked for, so they rise in reverse too, and the clock starts at 0. */
+    *frame = (struct fovea_frame){
+        .image = {source->image[slot], o->width, o->height, o->width, FOVEA_PIXEL_GREY8, (size_t)pixels},
+        .stamp_ns = (int64_t)((double)(n * source->selection.step) / o->rate_hz * 1e9 + 0.5),
+        .exposure_ns = (int64_t)(o->exposure_ms * 1e6 + 0.5),
+        .clock = FOVEA_CLOCK_SIMULATED,
+        .stamp_meaning = FOVEA_STAMP_EXPOSURE_MIDDLE,
+        .sequence = n,
+        .slot = slot,
+    };
+    return FOVEA_OK;
+}
+
+static void sim_requeue(struct fovea_source *source, const struct fovea_frame *frame)
+{
+    if (frame->slot < FOVEA_SOURCE_FRAMES_HELD) source->held[frame->slot] = false;
+}
+
+static void sim_counts(const struct fovea_source *source, struct fovea_source_counts *counts)
+{
+    *counts = (struct fovea_source_counts){.delivered = source->delivered};
+}
+
+static enum fovea_source_state sim_state(const struct fovea_source *source)
+{
+    const bool ended = source->deliverable != 0 && source->delivered == source->deliverable;
+    return ended ? FOVEA_SOURCE_ENDED : FOVEA_SOURCE_OK;
+}
+
+const struct fovea_source_ops fovea_source_sim = {
+    .name = "sim",
+    .help = "[TRAJECTORY][?OPTION=VALUE&...]   simulated camera: tour (default), orbit, corridor, rotate, stopgo, fast, kidnap, "
+            "wander, still; options seed width height rate frames lens fov noise blur rolling exposure readout objects textures "
+            "light time (drivers/sim/README.md)",
+    .open = sim_open,
+    .info = sim_info,
+    .start = sim_start,
+    .dequeue = sim_dequeue,
+    .requeue = sim_requeue,
+    .stop = sim_stop,
+    .close = sim_close,
+    .truth = fv_sim_truth,
+    .counts = sim_counts,
+    .state = sim_state,
+};
