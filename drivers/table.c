@@ -6,8 +6,10 @@
 #include "fovea/source.h"
 #include "fovea/text.h"
 #include "recorded/player.h"
+#include "sim/sim.h"
 
 const struct fovea_source_ops *const fovea_source_table[] = {
+    &fovea_source_sim,
     &fovea_source_euroc,
     &fovea_source_tum,
     &fovea_source_kitti,

@@ -2,8 +2,9 @@
 
 #include <string.h>
 
-/* Where the camera is: closed forms of time, so that any frame can be asked for. Positions are sums of slow sinusoids or
- * B-splines, so accelerations are continuous and bounded; a hand adds its tremble (up to 0.16 m/s, 0.9 m/s^2). */
+/* Where the camera is: closed forms of time, so that any frame can be asked for. Positions are sums of slow
+ * sinusoids or B-splines, so accelerations are continuous and bounded; a hand adds its tremble (up to 0.16
+ * m/s, 0.9 m/s^2). */
 
 struct pose {
     double position[3], yaw, pitch, roll; /* yaw anticlockwise from +x, pitch up */
@@ -11,7 +12,8 @@ struct pose {
 
 static const double kidnap_leave_s = 14.0, kidnap_return_s = 17.0, kidnap_back_s = 12.0;
 
-/* ---- orientation -------------------------------------------------------------------------------------------- */
+/* ---- orientation
+ * -------------------------------------------------------------------------------------------- */
 
 static void pose_matrix(const struct pose *pose, double T[12])
 {
@@ -34,11 +36,13 @@ static void look_at(struct pose *pose, double x, double y, double z)
     pose->pitch = fovea_atan2(dz, __builtin_sqrt(dx * dx + dy * dy));
 }
 
-/* ---- a hand's tremble --------------------------------------------------------------------------------------- */
+/* ---- a hand's tremble
+ * --------------------------------------------------------------------------------------- */
 
 static double tremble(const double *phase, double t)
 {
-    return 1.00 * fovea_sin(2.0 * t + phase[0]) + 0.40 * fovea_sin(5.3 * t + phase[1]) + 0.10 * fovea_sin(11.9 * t + phase[2]);
+    return 1.00 * fovea_sin(2.0 * t + phase[0]) + 0.40 * fovea_sin(5.3 * t + phase[1]) +
+           0.10 * fovea_sin(11.9 * t + phase[2]);
 }
 
 static void hand(const struct fv_sim_motion *m, double t, double amount, struct pose *pose)
@@ -50,7 +54,8 @@ static void hand(const struct fv_sim_motion *m, double t, double amount, struct 
     pose->roll += 0.022 * amount * tremble(m->phase + 15, t * 1.03);
 }
 
-/* ---- splines ------------------------------------------------------------------------------------------------ */
+/* ---- splines
+ * ------------------------------------------------------------------------------------------------ */
 
 static void spline_add(struct fv_sim_motion *m, double x, double y, double z, double yaw, double pitch)
 {
@@ -100,13 +105,15 @@ static void spline_ring(struct fv_sim_motion *m, double speed)
     }
 }
 
-/* The tour: round the room, a stop, a turn on the spot, out of the door, round the corridor, back in, a quick look. */
+/* The tour: round the room, a stop, a turn on the spot, out of the door, round the corridor, back in, a quick
+ * look. */
 static void spline_tour(struct fv_sim_motion *m)
 {
     const double half = 0.5 * FOVEA_PI, lane_y = -m->lane[1], door_y = -m->room[1];
     for (int32_t i = 0; i < 14; i++) {
         const double angle = half + 2.0 * FOVEA_PI * (i + 7.6) / 14.0 - FOVEA_PI * 0.1;
-        spline_add(m, 1.7 * fovea_cos(angle), 1.25 * fovea_sin(angle), 1.45 + 0.15 * fovea_sin(0.9 * i), angle + FOVEA_PI - 4.0 * half, -0.12);
+        spline_add(m, 1.7 * fovea_cos(angle), 1.25 * fovea_sin(angle), 1.45 + 0.15 * fovea_sin(0.9 * i),
+                   angle + FOVEA_PI - 4.0 * half, -0.12);
     }
     for (int32_t i = 0; i < 5; i++)
         spline_add(m, 0.0, -1.3, 1.45, 5.0 * half, -0.1);
@@ -117,7 +124,8 @@ static void spline_tour(struct fv_sim_motion *m)
     spline_add(m, 0.0, door_y - 0.1, 1.40, 7.1 * half, -0.05);
     spline_add(m, 0.1, door_y - 0.8, 1.40, 7.45 * half, -0.05);
     spline_add(m, 0.5, lane_y + 0.2, 1.40, 7.8 * half, -0.05);
-    const double length = fv_sim_ring_length(m->lane, camera_corner_m), straight = 2.0 * (m->lane[0] - camera_corner_m);
+    const double length = fv_sim_ring_length(m->lane, camera_corner_m),
+                 straight = 2.0 * (m->lane[0] - camera_corner_m);
     const int32_t count = 34;
     for (int32_t i = 0; i <= count; i++) {
         double position[2], ahead[2], heading;
@@ -137,7 +145,8 @@ static void spline_tour(struct fv_sim_motion *m)
     spline_add(m, -0.2, -1.3, 1.45, 14.2 * half, -0.1);
 }
 
-/* ---- trajectories ------------------------------------------------------------------------------------------- */
+/* ---- trajectories
+ * ------------------------------------------------------------------------------------------- */
 
 static void orbit(const struct fv_sim_motion *m, double t, struct pose *pose)
 {
@@ -148,7 +157,8 @@ static void orbit(const struct fv_sim_motion *m, double t, struct pose *pose)
     pose->position[1] = 1.45 * reach * fovea_sin(angle);
     pose->position[2] = 1.45 + 0.15 * fovea_sin(0.41 * t + p[24]);
     pose->roll = 0.0;
-    look_at(pose, 0.7 * fovea_sin(0.19 * t + p[25]), 0.6 * fovea_sin(0.16 * t + p[26]), 1.05 + 0.2 * fovea_sin(0.29 * t + p[27]));
+    look_at(pose, 0.7 * fovea_sin(0.19 * t + p[25]), 0.6 * fovea_sin(0.16 * t + p[26]),
+            1.05 + 0.2 * fovea_sin(0.29 * t + p[27]));
     hand(m, t, 1.0, pose);
 }
 
@@ -197,7 +207,8 @@ static void rotate(const struct fv_sim_motion *m, double t, struct pose *pose)
     hand(m, t, 1.0, pose);
     for (int32_t i = 0; i < 3; i++)
         pose->position[i] = spot.position[i]; /* exactly: only the turning trembles */
-    pose->yaw += p[21] + m->direction * (1.6 * fovea_sin(0.35 * t + p[22]) + 0.4 * fovea_sin(0.83 * t + p[23]));
+    pose->yaw +=
+        p[21] + m->direction * (1.6 * fovea_sin(0.35 * t + p[22]) + 0.4 * fovea_sin(0.83 * t + p[23]));
     pose->pitch += -0.08 + 0.14 * fovea_sin(0.52 * t + p[24]);
 }
 
@@ -214,7 +225,8 @@ static void kidnap(const struct fv_sim_motion *m, double t, struct pose *pose)
     }
 }
 
-/* ---- outside ------------------------------------------------------------------------------------------------ */
+/* ---- outside
+ * ------------------------------------------------------------------------------------------------ */
 
 void fv_sim_motion_create(struct fv_sim_motion *motion, const struct fv_sim_options *options,
                           const struct fv_sim_world *world)
@@ -254,16 +266,28 @@ void fv_sim_motion_pose(const struct fv_sim_motion *m, double t, double T_world_
         spline_pose(m, t, m->direction, &pose);
         hand(m, t, 0.35, &pose);
         break;
-    case FV_SIM_ROTATE: rotate(m, t, &pose); break;
-    case FV_SIM_STOPGO: orbit(m, stopgo_time(t), &pose); break;
+    case FV_SIM_ROTATE:
+        rotate(m, t, &pose);
+        break;
+    case FV_SIM_STOPGO:
+        orbit(m, stopgo_time(t), &pose);
+        break;
     case FV_SIM_FAST:
         orbit(m, 0.6 * t, &pose);
         pose.yaw += m->direction * fast_turn(t);
         break;
-    case FV_SIM_KIDNAP: kidnap(m, t, &pose); break;
-    case FV_SIM_WANDER: wander(m, t, &pose); break;
-    case FV_SIM_STILL: orbit(m, 0.0, &pose); break;
-    default: orbit(m, t, &pose); break;
+    case FV_SIM_KIDNAP:
+        kidnap(m, t, &pose);
+        break;
+    case FV_SIM_WANDER:
+        wander(m, t, &pose);
+        break;
+    case FV_SIM_STILL:
+        orbit(m, 0.0, &pose);
+        break;
+    default:
+        orbit(m, t, &pose);
+        break;
     }
     pose_matrix(&pose, T_world_cam);
 }

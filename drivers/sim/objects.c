@@ -1,10 +1,11 @@
 #include "sim.h"
 
-/* Moving objects: four classes, each of one size, on closed lanes that keep clear of the camera and the furniture but
- * cross in the picture, so that they occlude one another. */
+/* Moving objects: four classes, each of one size, on closed lanes that keep clear of the camera and the
+ * furniture but cross in the picture, so that they occlude one another. */
 
 static const double ball_radius_m = 0.15;
-static const double cone_radius_m = 0.18, cone_height_m = 0.50, cone_plate_m = 0.40, cone_plate_height_m = 0.03;
+static const double cone_radius_m = 0.18, cone_height_m = 0.50, cone_plate_m = 0.40,
+                    cone_plate_height_m = 0.03;
 static const double box_size_m[3] = {0.40, 0.30, 0.30};
 static const double leg_radius_m = 0.14, leg_height_m = 0.85;
 static const double torso_radius_m = 0.22, torso_base_m = 0.60, torso_height_m = 0.92;
@@ -13,7 +14,8 @@ static const double head_radius_m = 0.115, head_base_m = 1.485; /* top at 1.715 
 enum { VARIANTS = 3 };
 static const double ring_corner_m = 0.9;
 
-/* ---- lanes -------------------------------------------------------------------------------------------------- */
+/* ---- lanes
+ * -------------------------------------------------------------------------------------------------- */
 
 double fv_sim_ring_length(const double half[2], double corner)
 {
@@ -24,7 +26,8 @@ void fv_sim_ring(const double half[2], double corner, double along, double posit
 {
     const double arc = 0.5 * FOVEA_PI * corner, length = fv_sim_ring_length(half, corner);
     along -= length * fovea_floor(along / length);
-    /* Anticlockwise from the middle of nothing: side k runs in direction k * 90 degrees, then an arc to the left. */
+    /* Anticlockwise from the middle of nothing: side k runs in direction k * 90 degrees, then an arc to the
+     * left. */
     for (int32_t k = 0; k < 4; k++) {
         const double straight = 2.0 * (((k & 1) ? half[1] : half[0]) - corner), turn = 0.5 * FOVEA_PI * k;
         const double c = (k == 0) - (k == 2), s = (k == 1) - (k == 3); /* cos and sin of turn */
@@ -60,10 +63,12 @@ void fv_sim_object_pose(const struct fv_sim_world *world, const struct fv_sim_ob
     const double c = fovea_cos(angle), s = fovea_sin(angle);
     position[0] = o->center[0] + o->radius[0] * wobble * c;
     position[1] = o->center[1] + o->radius[1] * wobble * s;
-    *heading = fovea_atan2(o->radius[1] * (wobble * c * o->rate + slope * s), o->radius[0] * (slope * c - wobble * s * o->rate));
+    *heading = fovea_atan2(o->radius[1] * (wobble * c * o->rate + slope * s),
+                           o->radius[0] * (slope * c - wobble * s * o->rate));
 }
 
-/* ---- creation ----------------------------------------------------------------------------------------------- */
+/* ---- creation
+ * ----------------------------------------------------------------------------------------------- */
 
 static double draw(struct fovea_random *random, double low, double high)
 {
@@ -106,10 +111,12 @@ static void choose_ellipse(struct fv_sim_object *o, const struct fv_sim_world *w
     o->wobble_phase = draw(random, 0.0, 2.0 * FOVEA_PI);
 }
 
-static void choose_ring(struct fv_sim_object *o, const struct fv_sim_world *world, int32_t number, struct fovea_random *random)
+static void choose_ring(struct fv_sim_object *o, const struct fv_sim_world *world, int32_t number,
+                        struct fovea_random *random)
 {
     /* Persons keep to the side; low things may be nearer to the middle. */
-    const double aside = (o->object_class == FOVEA_OBJECT_PERSON ? 0.80 : draw(random, 0.45, 0.8)) * ((number & 1) ? 1.0 : -1.0);
+    const double aside = (o->object_class == FOVEA_OBJECT_PERSON ? 0.80 : draw(random, 0.45, 0.8)) *
+                         ((number & 1) ? 1.0 : -1.0);
     o->on_ring = true;
     o->radius[0] = world->lane[0] + aside;
     o->radius[1] = world->lane[1] + aside;
@@ -119,8 +126,10 @@ static void choose_ring(struct fv_sim_object *o, const struct fv_sim_world *worl
 
 void fv_sim_objects_create(struct fv_sim_world *world, const struct fv_sim_options *options)
 {
-    static const enum fovea_object_class order[4] = {FOVEA_OBJECT_PERSON, FOVEA_OBJECT_BALL, FOVEA_OBJECT_BOX, FOVEA_OBJECT_CONE};
-    static const enum fv_sim_material material[5] = {FV_SIM_CLOTHES, FV_SIM_BALL, FV_SIM_CONE, FV_SIM_PARCEL, FV_SIM_CLOTHES};
+    static const enum fovea_object_class order[4] = {FOVEA_OBJECT_PERSON, FOVEA_OBJECT_BALL, FOVEA_OBJECT_BOX,
+                                                     FOVEA_OBJECT_CONE};
+    static const enum fv_sim_material material[5] = {FV_SIM_CLOTHES, FV_SIM_BALL, FV_SIM_CONE, FV_SIM_PARCEL,
+                                                     FV_SIM_CLOTHES};
     uint16_t variant[FOVEA_OBJECT_CLASS_COUNT][VARIANTS] = {{0}}, head[VARIANTS] = {0};
     struct fovea_random random;
     fovea_random_seed(&random, world->seed ^ 0x0B7EC75u);
@@ -144,10 +153,11 @@ void fv_sim_objects_create(struct fv_sim_world *world, const struct fv_sim_optio
     }
 }
 
-/* ---- placing ------------------------------------------------------------------------------------------------ */
+/* ---- placing
+ * ------------------------------------------------------------------------------------------------ */
 
-static struct fv_sim_round *put_round(struct fv_sim_world *world, const double position[2], double z, double height,
-                                      uint16_t texture, double heading, int32_t id)
+static struct fv_sim_round *put_round(struct fv_sim_world *world, const double position[2], double z,
+                                      double height, uint16_t texture, double heading, int32_t id)
 {
     struct fv_sim_round *round = fv_sim_world_round(world, position[0], position[1], z, height, texture);
     if (round == NULL) return NULL;
@@ -157,13 +167,14 @@ static struct fv_sim_round *put_round(struct fv_sim_world *world, const double p
     return round;
 }
 
-static void put_ball(struct fv_sim_world *world, const struct fv_sim_object *o, const double position[2], double heading,
-                     double time_s, int32_t id)
+static void put_ball(struct fv_sim_world *world, const struct fv_sim_object *o, const double position[2],
+                     double heading, double time_s, int32_t id)
 {
     const double c = fovea_cos(heading), s = fovea_sin(heading), r = ball_radius_m;
     const double way = o->rate * time_s * (o->on_ring ? 1.0 : 0.5 * (o->radius[0] + o->radius[1]));
     const double roll = (way < 0.0 ? -way : way) / r, cr = fovea_cos(roll), sr = fovea_sin(roll);
-    struct fv_sim_round *round = fv_sim_world_round(world, position[0] + r * s, position[1] - r * c, r, 2.0 * r, o->texture);
+    struct fv_sim_round *round =
+        fv_sim_world_round(world, position[0] + r * s, position[1] - r * c, r, 2.0 * r, o->texture);
     if (round == NULL) return;
     /* It rolls about the horizontal axis across its way. */
     round->axis[0] = -s;
@@ -177,7 +188,8 @@ static void put_ball(struct fv_sim_world *world, const struct fv_sim_object *o, 
     round->object = (uint16_t)id;
 }
 
-static void put_cone(struct fv_sim_world *world, const struct fv_sim_object *o, const double position[2], double heading, int32_t id)
+static void put_cone(struct fv_sim_world *world, const struct fv_sim_object *o, const double position[2],
+                     double heading, int32_t id)
 {
     const double slope = cone_radius_m / cone_height_m, z = cone_plate_height_m;
     struct fv_sim_round *round = put_round(world, position, z, cone_height_m - z, o->texture, heading, id);
@@ -196,11 +208,14 @@ static void put_cone(struct fv_sim_world *world, const struct fv_sim_object *o, 
     }
 }
 
-static void put_person(struct fv_sim_world *world, const struct fv_sim_object *o, const double position[2], double heading, int32_t id)
+static void put_person(struct fv_sim_world *world, const struct fv_sim_object *o, const double position[2],
+                       double heading, int32_t id)
 {
     struct fv_sim_round *legs = put_round(world, position, 0.0, leg_height_m, o->texture, heading, id);
-    struct fv_sim_round *torso = put_round(world, position, torso_base_m, torso_height_m, o->texture, heading, id);
-    struct fv_sim_round *head = put_round(world, position, head_base_m, 2.0 * head_radius_m, o->texture_head, heading, id);
+    struct fv_sim_round *torso =
+        put_round(world, position, torso_base_m, torso_height_m, o->texture, heading, id);
+    struct fv_sim_round *head =
+        put_round(world, position, head_base_m, 2.0 * head_radius_m, o->texture_head, heading, id);
     if (head == NULL) return;
     legs->q0 = leg_radius_m * leg_radius_m;
     legs->light = 0.6f;

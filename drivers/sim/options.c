@@ -5,7 +5,8 @@
 
 #include "fovea/text.h"
 
-/* ---- the table of options ----------------------------------------------------------------------------------- */
+/* ---- the table of options
+ * ----------------------------------------------------------------------------------- */
 
 enum kind { KIND_U64, KIND_I32, KIND_REAL, KIND_FLAG, KIND_LENS, KIND_TEXTURES };
 
@@ -41,7 +42,8 @@ enum { OPTIONS = sizeof option_table / sizeof option_table[0] };
 static const char *const trajectory_name[FV_SIM_TRAJECTORY_COUNT] = {
     "tour", "orbit", "corridor", "rotate", "stopgo", "fast", "kidnap", "wander", "still"};
 
-/* ---- values ------------------------------------------------------------------------------------------------- */
+/* ---- values
+ * ------------------------------------------------------------------------------------------------- */
 
 enum { WORD_BYTES = 96 }; /* longer names and values are cut, and then fit nothing */
 
@@ -73,14 +75,16 @@ static bool store_number(void *to, const struct option *option, const char *text
         *(double *)to = value;
         return true;
     }
-    if (!fovea_text_integer(text, &whole) || (double)whole < option->low || (double)whole > option->high) return false;
+    if (!fovea_text_integer(text, &whole) || (double)whole < option->low || (double)whole > option->high)
+        return false;
     if (option->kind == KIND_U64) *(uint64_t *)to = (uint64_t)whole;
     if (option->kind == KIND_I32) *(int32_t *)to = (int32_t)whole;
     if (option->kind == KIND_FLAG) *(bool *)to = whole != 0;
     return true;
 }
 
-static enum fovea_status unknown(const char *what, const char *found, const char *const *names, size_t count, struct fovea_error *error)
+static enum fovea_status unknown(const char *what, const char *found, const char *const *names, size_t count,
+                                 struct fovea_error *error)
 {
     char quoted[FOVEA_TEXT_QUOTED_BYTES], list[256];
     const char *like = fovea_text_nearest(found, names, count);
@@ -90,12 +94,16 @@ static enum fovea_status unknown(const char *what, const char *found, const char
         used += (size_t)snprintf(list + used, sizeof list - used, "%s%s", i == 0 ? "" : " ", names[i]);
     fovea_text_quote(found, quoted, sizeof quoted);
     if (like != NULL)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "sim: unknown %s %s, did you mean '%s'? Expected one of: %s", what, quoted, like, list);
-    return fovea_error_set(error, FOVEA_ERROR_INPUT, "sim: unknown %s %s; expected one of: %s", what, quoted, list);
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "sim: unknown %s %s, did you mean '%s'? Expected one of: %s", what, quoted,
+                               like, list);
+    return fovea_error_set(error, FOVEA_ERROR_INPUT, "sim: unknown %s %s; expected one of: %s", what, quoted,
+                           list);
 }
 
 /* One "name=value". */
-static enum fovea_status parse_option(char *text, struct fv_sim_options *options, struct given *given, struct fovea_error *error)
+static enum fovea_status parse_option(char *text, struct fv_sim_options *options, struct given *given,
+                                      struct fovea_error *error)
 {
     char quoted[FOVEA_TEXT_QUOTED_BYTES];
     const char *names[OPTIONS];
@@ -108,30 +116,40 @@ static enum fovea_status parse_option(char *text, struct fv_sim_options *options
     }
     if (option == NULL) return unknown("option", text, names, OPTIONS, error);
     if (value == NULL)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "sim: %s: found no value, expected %s=VALUE (%s)", text, text, option->unit);
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "sim: %s: found no value, expected %s=VALUE (%s)",
+                               text, text, option->unit);
     if (option->offset == AT(fov_deg)) given->fov = true;
     if (option->offset == AT(frames)) given->frames = true;
     void *to = (char *)options + option->offset;
     const bool word = option->kind == KIND_LENS || option->kind == KIND_TEXTURES;
     if (word ? store_word(to, option->kind, value) : store_number(to, option, value)) return FOVEA_OK;
     fovea_text_quote(value, quoted, sizeof quoted);
-    if (word) return fovea_error_set(error, FOVEA_ERROR_INPUT, "sim: %s: found %s, expected %s", text, quoted, option->unit);
-    return fovea_error_set(error, FOVEA_ERROR_INPUT, "sim: %s: found %s, expected %s in [%.15g, %.15g] (%s)", text, quoted,
-                           option->kind == KIND_REAL ? "a number" : "a whole number", option->low, option->high, option->unit);
+    if (word)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "sim: %s: found %s, expected %s", text, quoted,
+                               option->unit);
+    return fovea_error_set(error, FOVEA_ERROR_INPUT, "sim: %s: found %s, expected %s in [%.15g, %.15g] (%s)",
+                           text, quoted, option->kind == KIND_REAL ? "a number" : "a whole number",
+                           option->low, option->high, option->unit);
 }
 
 static enum fovea_status check_together(const struct fv_sim_options *options, struct fovea_error *error)
 {
     const double period_ms = 1000.0 / options->rate_hz;
     if (options->exposure_ms > period_ms)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "sim: exposure: found %g ms, expected at most the frame period of %g ms (rate=%g)", options->exposure_ms,
-                               period_ms, options->rate_hz);
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT,
+            "sim: exposure: found %g ms, expected at most the frame period of %g ms (rate=%g)",
+            options->exposure_ms, period_ms, options->rate_hz);
     if (options->rolling && options->readout_ms > period_ms)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "sim: readout: found %g ms, expected at most the frame period of %g ms (rate=%g)", options->readout_ms,
-                               period_ms, options->rate_hz);
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT,
+            "sim: readout: found %g ms, expected at most the frame period of %g ms (rate=%g)",
+            options->readout_ms, period_ms, options->rate_hz);
     const double widest = options->lens == FV_SIM_LENS_EQUIDISTANT ? 130.0 : 110.0;
     if (options->fov_deg > widest)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "sim: fov: found %g, expected at most %g degrees with this lens", options->fov_deg, widest);
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "sim: fov: found %g, expected at most %g degrees with this lens",
+                               options->fov_deg, widest);
     return FOVEA_OK;
 }
 
@@ -147,18 +165,29 @@ static void next_word(const char **at, const char *stops, char word[WORD_BYTES])
 static int32_t default_objects(enum fv_sim_trajectory trajectory)
 {
     switch (trajectory) {
-    case FV_SIM_CORRIDOR: return 4;
-    case FV_SIM_TOUR: return 8;
-    case FV_SIM_WANDER: return 12;
-    default: return 6;
+    case FV_SIM_CORRIDOR:
+        return 4;
+    case FV_SIM_TOUR:
+        return 8;
+    case FV_SIM_WANDER:
+        return 12;
+    default:
+        return 6;
     }
 }
 
-enum fovea_status fv_sim_options_parse(const char *address, struct fv_sim_options *options, struct fovea_error *error)
+enum fovea_status fv_sim_options_parse(const char *address, struct fv_sim_options *options,
+                                       struct fovea_error *error)
 {
-    struct fv_sim_options o = {
-        .trajectory = FV_SIM_TRAJECTORY_COUNT, .seed = 1, .width = 640, .height = 480, .rate_hz = 30.0, .noise = 2.0,
-        .exposure_ms = 5.0, .readout_ms = 20.0, .light = 1.0};
+    struct fv_sim_options o = {.trajectory = FV_SIM_TRAJECTORY_COUNT,
+                               .seed = 1,
+                               .width = 640,
+                               .height = 480,
+                               .rate_hz = 30.0,
+                               .noise = 2.0,
+                               .exposure_ms = 5.0,
+                               .readout_ms = 20.0,
+                               .light = 1.0};
     struct given given = {false, false};
     char word[WORD_BYTES];
     next_word(&address, "?", word);
@@ -166,7 +195,8 @@ enum fovea_status fv_sim_options_parse(const char *address, struct fv_sim_option
         if (strcmp(word, trajectory_name[i]) == 0) o.trajectory = (enum fv_sim_trajectory)i;
     }
     if (word[0] == '\0') o.trajectory = FV_SIM_TOUR;
-    if (o.trajectory == FV_SIM_TRAJECTORY_COUNT) return unknown("trajectory", word, trajectory_name, FV_SIM_TRAJECTORY_COUNT, error);
+    if (o.trajectory == FV_SIM_TRAJECTORY_COUNT)
+        return unknown("trajectory", word, trajectory_name, FV_SIM_TRAJECTORY_COUNT, error);
     o.objects = default_objects(o.trajectory);
     while (*address != '\0') {
         address++;

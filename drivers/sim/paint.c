@@ -2,9 +2,11 @@
 
 #include <string.h>
 
-/* ---- brushes ------------------------------------------------------------------------------------------------ */
+/* ---- brushes
+ * ------------------------------------------------------------------------------------------------ */
 
-void fv_sim_brush_open(struct fv_sim_brush *brush, struct fv_sim_texture *texture, double texels_per_m, uint64_t seed)
+void fv_sim_brush_open(struct fv_sim_brush *brush, struct fv_sim_texture *texture, double texels_per_m,
+                       uint64_t seed)
 {
     brush->texels = texture->texels;
     brush->width = texture->width;
@@ -38,10 +40,12 @@ void fv_sim_fill(struct fv_sim_brush *brush, int32_t x0, int32_t y0, int32_t x1,
     y1 = clamp(y1, 0, brush->height);
     if (x1 <= x0) return;
     for (int32_t y = y0; y < y1; y++)
-        memset(brush->texels + (size_t)y * (size_t)brush->stride + x0, clamp(grey, 0, 255), (size_t)(x1 - x0));
+        memset(brush->texels + (size_t)y * (size_t)brush->stride + x0, clamp(grey, 0, 255),
+               (size_t)(x1 - x0));
 }
 
-void fv_sim_frame(struct fv_sim_brush *brush, int32_t x0, int32_t y0, int32_t x1, int32_t y1, int32_t thick, int32_t grey)
+void fv_sim_frame(struct fv_sim_brush *brush, int32_t x0, int32_t y0, int32_t x1, int32_t y1, int32_t thick,
+                  int32_t grey)
 {
     fv_sim_fill(brush, x0, y0, x1, y0 + thick, grey);
     fv_sim_fill(brush, x0, y1 - thick, x1, y1, grey);
@@ -92,8 +96,10 @@ static int32_t lattice(int32_t x, int32_t y, uint32_t seed)
     return (int32_t)(h & 255u) - 128;
 }
 
-/* One row of one octave, added in units of 1/256 grey level: cubic fade between lattice values, 8-bit fractions. */
-static void noise_row(int32_t *sum, int32_t x0, int32_t x1, int32_t y, int32_t cell, int32_t amplitude, uint32_t seed)
+/* One row of one octave, added in units of 1/256 grey level: cubic fade between lattice values, 8-bit
+ * fractions. */
+static void noise_row(int32_t *sum, int32_t x0, int32_t x1, int32_t y, int32_t cell, int32_t amplitude,
+                      uint32_t seed)
 {
     const int32_t cy = y / cell, fy = (y % cell) * 256 / cell, sy = fy * fy * (768 - 2 * fy) >> 16;
     int32_t left = 0, right = 0, last = INT32_MIN;
@@ -136,10 +142,11 @@ void fv_sim_noise(struct fv_sim_brush *brush, int32_t x0, int32_t y0, int32_t x1
     }
 }
 
-/* ---- materials ---------------------------------------------------------------------------------------------- */
+/* ---- materials
+ * ---------------------------------------------------------------------------------------------- */
 
-/* Courses of stones with joints: bricks, blocks, tiles, boards. Sizes in texels; `shift` moves every other course by
- * half a stone, or by a random amount. */
+/* Courses of stones with joints: bricks, blocks, tiles, boards. Sizes in texels; `shift` moves every other
+ * course by half a stone, or by a random amount. */
 struct courses {
     int32_t width, height, joint, grey, spread, joint_grey;
     bool random_shift, half_shift;
@@ -149,7 +156,9 @@ static void paint_courses(struct fv_sim_brush *b, const struct courses *c)
 {
     fv_sim_fill(b, 0, 0, b->width, b->height, c->joint_grey);
     for (int32_t y = 0, row = 0; y < b->height; y += c->height, row++) {
-        int32_t shift = c->random_shift ? fv_sim_draw(b, 0, c->width - 1) : c->half_shift && (row & 1) ? c->width / 2 : 0;
+        int32_t shift = c->random_shift              ? fv_sim_draw(b, 0, c->width - 1)
+                        : c->half_shift && (row & 1) ? c->width / 2
+                                                     : 0;
         for (int32_t x = -shift; x < b->width; x += c->width) {
             const int32_t grey = c->grey + fv_sim_draw(b, -c->spread, c->spread);
             fv_sim_fill(b, x, y, x + c->width - c->joint, y + c->height - c->joint, grey);
@@ -163,7 +172,8 @@ static void paint_speckle(struct fv_sim_brush *b, int32_t per_m2, int32_t mm_low
     const int32_t count = (int32_t)(area * per_m2 / (unit < 1 ? 1 : unit));
     for (int32_t i = 0; i < count; i++) {
         const int32_t x = fv_sim_draw(b, 0, b->width - 1), y = fv_sim_draw(b, 0, b->height - 1);
-        const int32_t w = fv_sim_mm(b, fv_sim_draw(b, mm_low, mm_high)), h = fv_sim_mm(b, fv_sim_draw(b, mm_low, mm_high));
+        const int32_t w = fv_sim_mm(b, fv_sim_draw(b, mm_low, mm_high)),
+                      h = fv_sim_mm(b, fv_sim_draw(b, mm_low, mm_high));
         fv_sim_fill(b, x, y, x + w, y + h, fv_sim_draw(b, 20, 235));
     }
 }
@@ -188,12 +198,16 @@ static void paint_carpet(struct fv_sim_brush *b)
     fv_sim_fill(b, 0, 0, b->width, b->height, 120);
     for (int32_t y = 0; y < b->height; y += cell) {
         for (int32_t x = 0; x < b->width; x += cell) {
-            const int32_t grey = fv_sim_draw(b, 80, 150), kind = fv_sim_draw(b, 0, 3), other = fv_sim_draw(b, 50, 190);
+            const int32_t grey = fv_sim_draw(b, 80, 150), kind = fv_sim_draw(b, 0, 3),
+                          other = fv_sim_draw(b, 50, 190);
             fv_sim_fill(b, x, y, x + cell, y + cell, grey);
             if (kind == 0) fv_sim_disc(b, x + cell / 2, y + cell / 2, cell / fv_sim_draw(b, 3, 6), other);
-            if (kind == 1) fv_sim_frame(b, x + cell / 5, y + cell / 5, x + cell * 4 / 5, y + cell * 4 / 5, cell / 8 + 1, other);
+            if (kind == 1)
+                fv_sim_frame(b, x + cell / 5, y + cell / 5, x + cell * 4 / 5, y + cell * 4 / 5, cell / 8 + 1,
+                             other);
             if (kind == 2) {
-                const int32_t tx[3] = {x, x + cell, x + fv_sim_draw(b, 0, cell)}, ty[3] = {y, y + fv_sim_draw(b, 0, cell), y + cell};
+                const int32_t tx[3] = {x, x + cell, x + fv_sim_draw(b, 0, cell)},
+                              ty[3] = {y, y + fv_sim_draw(b, 0, cell), y + cell};
                 fv_sim_triangle(b, tx, ty, other);
             }
         }
@@ -207,7 +221,8 @@ static void paint_clutter(struct fv_sim_brush *b)
     for (int32_t size = fv_sim_mm(b, 400); size >= 2; size = size * 2 / 3) {
         for (int32_t i = 0; i < 9; i++) {
             const int32_t x = fv_sim_draw(b, 0, b->width), y = fv_sim_draw(b, 0, b->height);
-            fv_sim_fill(b, x, y, x + fv_sim_draw(b, size / 2, size), y + fv_sim_draw(b, size / 2, size), fv_sim_draw(b, 15, 240));
+            fv_sim_fill(b, x, y, x + fv_sim_draw(b, size / 2, size), y + fv_sim_draw(b, size / 2, size),
+                        fv_sim_draw(b, 15, 240));
         }
     }
     fv_sim_noise(b, 0, 0, b->width, b->height, 32, 2, 24, 180);
@@ -222,18 +237,23 @@ static void paint_carton(struct fv_sim_brush *b, int32_t grey)
     fv_sim_fill(b, at, 0, at + tape, b->height, grey + 45);
     for (int32_t i = 0; i < 3; i++) {
         const int32_t x = fv_sim_draw(b, 0, b->width * 3 / 4), y = fv_sim_draw(b, 0, b->height * 3 / 4);
-        fv_sim_poster(b, x, y, x + b->width / 4 + fv_sim_draw(b, 0, b->width / 6), y + b->height / 5 + fv_sim_draw(b, 0, b->height / 8));
+        fv_sim_poster(b, x, y, x + b->width / 4 + fv_sim_draw(b, 0, b->width / 6),
+                      y + b->height / 5 + fv_sim_draw(b, 0, b->height / 8));
     }
 }
 
-/* Bands and fields in strong contrast, at the proportions of the object: they are what tells the classes apart. */
+/* Bands and fields in strong contrast, at the proportions of the object: they are what tells the classes
+ * apart. */
 static void paint_ball(struct fv_sim_brush *b)
 {
-    const int32_t panels = fv_sim_draw(b, 5, 8), dark = fv_sim_draw(b, 20, 90), bright = fv_sim_draw(b, 170, 245);
+    const int32_t panels = fv_sim_draw(b, 5, 8), dark = fv_sim_draw(b, 20, 90),
+                  bright = fv_sim_draw(b, 170, 245);
     for (int32_t i = 0; i < panels; i++)
-        fv_sim_fill(b, b->width * i / panels, 0, b->width * (i + 1) / panels, b->height, (i & 1) ? dark : bright);
+        fv_sim_fill(b, b->width * i / panels, 0, b->width * (i + 1) / panels, b->height,
+                    (i & 1) ? dark : bright);
     for (int32_t i = 0; i < panels; i++)
-        fv_sim_disc(b, b->width * (2 * i + 1) / (2 * panels), b->height / 2, b->width / (4 * panels), (i & 1) ? bright : dark);
+        fv_sim_disc(b, b->width * (2 * i + 1) / (2 * panels), b->height / 2, b->width / (4 * panels),
+                    (i & 1) ? bright : dark);
     fv_sim_noise(b, 0, 0, b->width, b->height, 16, 2, 14, 170);
 }
 
@@ -249,7 +269,8 @@ static void paint_cone(struct fv_sim_brush *b)
 
 static void paint_clothes(struct fv_sim_brush *b)
 {
-    const int32_t grey = fv_sim_draw(b, 30, 200), kind = fv_sim_draw(b, 0, 3), other = clamp(grey + (grey > 120 ? -80 : 80), 0, 255);
+    const int32_t grey = fv_sim_draw(b, 30, 200), kind = fv_sim_draw(b, 0, 3),
+                  other = clamp(grey + (grey > 120 ? -80 : 80), 0, 255);
     fv_sim_fill(b, 0, 0, b->width, b->height, grey);
     for (int32_t i = 0; kind == 0 && i < 8; i++)
         fv_sim_fill(b, 0, b->height * i / 8, b->width, b->height * i / 8 + b->height / 18, other);
@@ -257,8 +278,10 @@ static void paint_clothes(struct fv_sim_brush *b)
         fv_sim_fill(b, b->width * i / 6, 0, b->width * i / 6 + b->width / 14, b->height, other);
     if (kind == 2) fv_sim_fill(b, 0, b->height / 2, b->width, b->height, other);
     for (int32_t i = 0; i < 5; i++) {
-        const int32_t x = fv_sim_draw(b, 0, b->width), y = fv_sim_draw(b, b->height / 6, b->height), s = b->width / 12 + 1;
-        fv_sim_fill(b, x, y, x + fv_sim_draw(b, s, 2 * s), y + fv_sim_draw(b, s, 2 * s), fv_sim_draw(b, 10, 245));
+        const int32_t x = fv_sim_draw(b, 0, b->width), y = fv_sim_draw(b, b->height / 6, b->height),
+                      s = b->width / 12 + 1;
+        fv_sim_fill(b, x, y, x + fv_sim_draw(b, s, 2 * s), y + fv_sim_draw(b, s, 2 * s),
+                    fv_sim_draw(b, 10, 245));
     }
     fv_sim_noise(b, 0, 0, b->width, b->height, 32, 2, 30, 180);
 }
@@ -269,11 +292,13 @@ static void paint_head(struct fv_sim_brush *b)
     fv_sim_fill(b, 0, 0, b->width, b->height * 2 / 5, fv_sim_draw(b, 20, 90));
     fv_sim_fill(b, 0, 0, b->width / 2, b->height * 3 / 5, fv_sim_draw(b, 20, 90));
     for (int32_t i = 0; i < 2; i++)
-        fv_sim_fill(b, b->width * (60 + 16 * i) / 100, b->height / 2, b->width * (66 + 16 * i) / 100, b->height * 56 / 100, 25);
+        fv_sim_fill(b, b->width * (60 + 16 * i) / 100, b->height / 2, b->width * (66 + 16 * i) / 100,
+                    b->height * 56 / 100, 25);
     fv_sim_noise(b, 0, 0, b->width, b->height, 16, 2, 16, 170);
 }
 
-void fv_sim_paint(struct fv_sim_texture *texture, enum fv_sim_material material, double texels_per_m, uint64_t seed)
+void fv_sim_paint(struct fv_sim_texture *texture, enum fv_sim_material material, double texels_per_m,
+                  uint64_t seed)
 {
     struct fv_sim_brush brush, *b = &brush;
     fv_sim_brush_open(b, texture, texels_per_m, seed);
@@ -285,31 +310,39 @@ void fv_sim_paint(struct fv_sim_texture *texture, enum fv_sim_material material,
         paint_speckle(b, 6, 8, 40);
         break;
     case FV_SIM_BRICK:
-        paint_courses(b, &(struct courses){fv_sim_mm(b, 240), fv_sim_mm(b, 80), fv_sim_mm(b, 14), fv_sim_draw(b, 90, 130), 32, 175, false, true});
+        paint_courses(b, &(struct courses){fv_sim_mm(b, 240), fv_sim_mm(b, 80), fv_sim_mm(b, 14),
+                                           fv_sim_draw(b, 90, 130), 32, 175, false, true});
         fv_sim_noise(b, 0, 0, w, h, fv_sim_mm(b, 900), 2, 34, 190);
         break;
     case FV_SIM_PANEL:
-        paint_courses(b, &(struct courses){fv_sim_mm(b, 420), fv_sim_mm(b, 900), fv_sim_mm(b, 18), fv_sim_draw(b, 120, 160), 20, 60, false, false});
+        paint_courses(b, &(struct courses){fv_sim_mm(b, 420), fv_sim_mm(b, 900), fv_sim_mm(b, 18),
+                                           fv_sim_draw(b, 120, 160), 20, 60, false, false});
         fv_sim_noise(b, 0, 0, w, h, fv_sim_mm(b, 500), 2, 44, 190);
         break;
     case FV_SIM_BLOCKS:
-        paint_courses(b, &(struct courses){fv_sim_mm(b, 500), fv_sim_mm(b, 250), fv_sim_mm(b, 16), fv_sim_draw(b, 130, 165), 18, 95, false, true});
+        paint_courses(b, &(struct courses){fv_sim_mm(b, 500), fv_sim_mm(b, 250), fv_sim_mm(b, 16),
+                                           fv_sim_draw(b, 130, 165), 18, 95, false, true});
         fv_sim_noise(b, 0, 0, w, h, fv_sim_mm(b, 1000), 2, 46, 195);
         break;
     case FV_SIM_PARQUET:
-        paint_courses(b, &(struct courses){fv_sim_mm(b, 700), fv_sim_mm(b, 110), 1, fv_sim_draw(b, 105, 140), 30, 55, true, false});
+        paint_courses(b, &(struct courses){fv_sim_mm(b, 700), fv_sim_mm(b, 110), 1, fv_sim_draw(b, 105, 140),
+                                           30, 55, true, false});
         paint_grain(b, 12);
         fv_sim_noise(b, 0, 0, w, h, fv_sim_mm(b, 1500), 4, 32, 180);
         paint_speckle(b, 2, 15, 70);
         break;
     case FV_SIM_TILES:
-        paint_courses(b, &(struct courses){fv_sim_mm(b, 400), fv_sim_mm(b, 400), fv_sim_mm(b, 14), fv_sim_draw(b, 120, 150), 34, 65, false, false});
+        paint_courses(b, &(struct courses){fv_sim_mm(b, 400), fv_sim_mm(b, 400), fv_sim_mm(b, 14),
+                                           fv_sim_draw(b, 120, 150), 34, 65, false, false});
         fv_sim_noise(b, 0, 0, w, h, fv_sim_mm(b, 800), 2, 42, 200);
         paint_speckle(b, 3, 15, 60);
         break;
-    case FV_SIM_CARPET: paint_carpet(b); break;
+    case FV_SIM_CARPET:
+        paint_carpet(b);
+        break;
     case FV_SIM_CEILING:
-        paint_courses(b, &(struct courses){fv_sim_mm(b, 600), fv_sim_mm(b, 600), fv_sim_mm(b, 25), 185, 10, 130, false, false});
+        paint_courses(b, &(struct courses){fv_sim_mm(b, 600), fv_sim_mm(b, 600), fv_sim_mm(b, 25), 185, 10,
+                                           130, false, false});
         fv_sim_noise(b, 0, 0, w, h, fv_sim_mm(b, 300), 2, 26, 190);
         paint_speckle(b, 2, 40, 150);
         break;
@@ -323,8 +356,12 @@ void fv_sim_paint(struct fv_sim_texture *texture, enum fv_sim_material material,
         fv_sim_noise(b, 0, 0, w, h, 64, 2, 46, 200);
         paint_speckle(b, 40, 15, 60);
         break;
-    case FV_SIM_CARTON: paint_carton(b, fv_sim_draw(b, 110, 160)); break;
-    case FV_SIM_BOOKS: fv_sim_books(b, 0, 0, w, h); break;
+    case FV_SIM_CARTON:
+        paint_carton(b, fv_sim_draw(b, 110, 160));
+        break;
+    case FV_SIM_BOOKS:
+        fv_sim_books(b, 0, 0, w, h);
+        break;
     case FV_SIM_METAL:
         fv_sim_fill(b, 0, 0, w, h, fv_sim_draw(b, 70, 150));
         fv_sim_noise(b, 0, 0, w, h, 32, 2, 18, 170);
@@ -332,12 +369,25 @@ void fv_sim_paint(struct fv_sim_texture *texture, enum fv_sim_material material,
         fv_sim_poster(b, w / 5, h / 6, w * 3 / 5, h / 2);
         paint_speckle(b, 20, 10, 60);
         break;
-    case FV_SIM_CLUTTER: paint_clutter(b); break;
-    case FV_SIM_BALL: paint_ball(b); break;
-    case FV_SIM_CONE: paint_cone(b); break;
-    case FV_SIM_PARCEL: paint_carton(b, fv_sim_draw(b, 60, 200)); break;
-    case FV_SIM_CLOTHES: paint_clothes(b); break;
-    case FV_SIM_FACE_SKIN: paint_head(b); break;
-    case FV_SIM_MATERIAL_COUNT: break;
+    case FV_SIM_CLUTTER:
+        paint_clutter(b);
+        break;
+    case FV_SIM_BALL:
+        paint_ball(b);
+        break;
+    case FV_SIM_CONE:
+        paint_cone(b);
+        break;
+    case FV_SIM_PARCEL:
+        paint_carton(b, fv_sim_draw(b, 60, 200));
+        break;
+    case FV_SIM_CLOTHES:
+        paint_clothes(b);
+        break;
+    case FV_SIM_FACE_SKIN:
+        paint_head(b);
+        break;
+    case FV_SIM_MATERIAL_COUNT:
+        break;
     }
 }

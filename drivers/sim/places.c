@@ -2,9 +2,9 @@
 
 #include <stddef.h>
 
-/* The places: a furnished room, a corridor that runs in a ring, a hall, and a house of room and corridor. The camera's
- * ways (motion.c) and the objects' (objects.c) keep clear of what is built here: along the walls furniture is at most
- * 0.65 m deep; what stands freely in the hall's middle is lower than 0.95 m. */
+/* The places: a furnished room, a corridor that runs in a ring, a hall, and a house of room and corridor. The
+ * camera's ways (motion.c) and the objects' (objects.c) keep clear of what is built here: along the walls
+ * furniture is at most 0.65 m deep; what stands freely in the hall's middle is lower than 0.95 m. */
 
 enum { SIDES = 15, ALL = 31, CLOSED = 63 };
 
@@ -14,7 +14,7 @@ struct builder {
     struct fv_sim_world *world;
     struct fovea_random random;
     uint16_t wood[2], fabric, carton[2], books[2], metal, clutter[2];
-    uint16_t floor; /* texture that furniture throws shade on */
+    uint16_t floor;                       /* texture that furniture throws shade on */
     double floor_x, floor_y, floor_scale; /* world of the texture's top left corner; texels per metre */
 };
 
@@ -43,8 +43,8 @@ static void builder_open(struct builder *b, struct fv_sim_world *world, uint64_t
 }
 
 /* Wall from a to b (a on the left as one looks at it), standing on z. */
-static void wall(struct fv_sim_world *world, double ax, double ay, double bx, double by, double z, double height,
-                 uint16_t texture, double light)
+static void wall(struct fv_sim_world *world, double ax, double ay, double bx, double by, double z,
+                 double height, uint16_t texture, double light)
 {
     const double origin[3] = {ax, ay, z}, u[3] = {bx - ax, by - ay, 0.0}, v[3] = {0.0, 0.0, height};
     fv_sim_world_face(world, origin, u, v, texture, light);
@@ -52,7 +52,8 @@ static void wall(struct fv_sim_world *world, double ax, double ay, double bx, do
 
 static enum fv_sim_material wall_material(struct builder *b)
 {
-    static const enum fv_sim_material choice[] = {FV_SIM_PLASTER, FV_SIM_BRICK, FV_SIM_PANEL, FV_SIM_BLOCKS, FV_SIM_PLASTER};
+    static const enum fv_sim_material choice[] = {FV_SIM_PLASTER, FV_SIM_BRICK, FV_SIM_PANEL, FV_SIM_BLOCKS,
+                                                  FV_SIM_PLASTER};
     return choice[pick(b, 5)];
 }
 
@@ -63,29 +64,33 @@ static enum fv_sim_material floor_material(struct builder *b)
 }
 
 /* Four walls that look inward (or outward, seen from all round) on the rectangle (cx +- hx, cy +- hy). */
-static void four_walls(struct builder *b, double cx, double cy, double hx, double hy, double height, double scale,
-                       bool inward)
+static void four_walls(struct builder *b, double cx, double cy, double hx, double hy, double height,
+                       double scale, bool inward)
 {
     static const double x[5] = {1, 1, -1, -1, 1}, y[5] = {1, -1, -1, 1, 1};
     for (int32_t k = 0; k < 4; k++) {
         const int32_t from = inward ? k : k + 1, to = inward ? k + 1 : k;
         const double length = (k & 1) ? 2.0 * hx : 2.0 * hy;
-        const uint16_t texture = fv_sim_world_texture(b->world, wall_material(b), length, height, scale, true);
-        wall(b->world, cx + x[from] * hx, cy + y[from] * hy, cx + x[to] * hx, cy + y[to] * hy, 0.0, height, texture,
-             0.92 + 0.05 * k);
+        const uint16_t texture =
+            fv_sim_world_texture(b->world, wall_material(b), length, height, scale, true);
+        wall(b->world, cx + x[from] * hx, cy + y[from] * hy, cx + x[to] * hx, cy + y[to] * hy, 0.0, height,
+             texture, 0.92 + 0.05 * k);
     }
 }
 
-static void floor_and_ceiling(struct builder *b, double cx, double cy, double hx, double hy, double height, double scale)
+static void floor_and_ceiling(struct builder *b, double cx, double cy, double hx, double hy, double height,
+                              double scale)
 {
-    const double origin[3] = {cx - hx, cy - hy, 0.0}, ux[3] = {2.0 * hx, 0.0, 0.0}, uy[3] = {0.0, 2.0 * hy, 0.0};
+    const double origin[3] = {cx - hx, cy - hy, 0.0}, ux[3] = {2.0 * hx, 0.0, 0.0},
+                 uy[3] = {0.0, 2.0 * hy, 0.0};
     const double above[3] = {cx - hx, cy + hy, height}, down[3] = {0.0, -2.0 * hy, 0.0};
     b->floor = fv_sim_world_texture(b->world, floor_material(b), 2.0 * hx, 2.0 * hy, scale, false);
     b->floor_x = cx - hx;
     b->floor_y = cy + hy;
     b->floor_scale = (double)b->world->texture[b->floor].width / (2.0 * hx);
     fv_sim_world_face(b->world, origin, ux, uy, b->floor, 1.0);
-    const uint16_t ceiling = fv_sim_world_texture(b->world, FV_SIM_CEILING, 2.0 * hx, 2.0 * hy, scale * 0.5, false);
+    const uint16_t ceiling =
+        fv_sim_world_texture(b->world, FV_SIM_CEILING, 2.0 * hx, 2.0 * hy, scale * 0.5, false);
     fv_sim_world_face(b->world, above, ux, down, ceiling, 0.95);
 }
 
@@ -93,9 +98,9 @@ static void shade(struct builder *b, double x, double y, double sx, double sy)
 {
     struct fv_sim_texture *floor = &b->world->texture[b->floor];
     const double k = b->floor_scale;
-    fv_sim_paint_shade(floor, (int32_t)((x - sx / 2 - b->floor_x) * k), (int32_t)((b->floor_y - y - sy / 2) * k),
-                       (int32_t)((x + sx / 2 - b->floor_x) * k), (int32_t)((b->floor_y - y + sy / 2) * k),
-                       (int32_t)(0.25 * k), 130);
+    fv_sim_paint_shade(floor, (int32_t)((x - sx / 2 - b->floor_x) * k),
+                       (int32_t)((b->floor_y - y - sy / 2) * k), (int32_t)((x + sx / 2 - b->floor_x) * k),
+                       (int32_t)((b->floor_y - y + sy / 2) * k), (int32_t)(0.25 * k), 130);
 }
 
 static void box(struct builder *b, double x, double y, double z, double sx, double sy, double sz, double yaw,
@@ -106,8 +111,9 @@ static void box(struct builder *b, double x, double y, double z, double sx, doub
     fv_sim_world_box(b->world, center, z, size, yaw, side, top, faces, detail_per_m);
 }
 
-/* ---- furniture: built as standing against a wall to its back; (x, y) the middle, (ax, ay) the direction along the wall,
- * (nx, ny) out of it. Sizes in metres: along, out, up. ---------------------------------------------------------- */
+/* ---- furniture: built as standing against a wall to its back; (x, y) the middle, (ax, ay) the direction
+ * along the wall, (nx, ny) out of it. Sizes in metres: along, out, up.
+ * ---------------------------------------------------------- */
 
 struct stand {
     double x, y, ax, ay, nx, ny;
@@ -126,7 +132,8 @@ static double put_table(struct builder *b, const struct stand *s)
     const double width = draw(b, 1.1, 1.6), depth = 0.6;
     part(b, s, 0.0, depth / 2, 0.70, width, depth, 0.05, b->wood[0], b->wood[0], CLOSED);
     for (int32_t i = 0; i < 4; i++) {
-        const double along = (width / 2 - 0.06) * ((i & 1) ? 1 : -1), out = depth / 2 + 0.24 * ((i & 2) ? 1 : -1);
+        const double along = (width / 2 - 0.06) * ((i & 1) ? 1 : -1),
+                     out = depth / 2 + 0.24 * ((i & 2) ? 1 : -1);
         part(b, s, along, out, 0.0, 0.06, 0.06, 0.70, b->wood[1], b->wood[1], SIDES);
     }
     for (int32_t i = 0; i < 3; i++) {
@@ -163,7 +170,8 @@ static double put_cupboard(struct builder *b, const struct stand *s)
     const double width = draw(b, 0.7, 1.0), height = draw(b, 0.8, 1.7);
     const uint16_t side = pick(b, 2) ? b->metal : b->wood[1];
     part(b, s, 0.0, 0.25, 0.0, width, 0.5, height, side, b->wood[0], ALL);
-    part(b, s, draw(b, -0.2, 0.2), 0.25, height, 0.3, 0.26, draw(b, 0.15, 0.35), b->clutter[0], b->clutter[1], ALL);
+    part(b, s, draw(b, -0.2, 0.2), 0.25, height, 0.3, 0.26, draw(b, 0.15, 0.35), b->clutter[0], b->clutter[1],
+         ALL);
     return width;
 }
 
@@ -175,18 +183,21 @@ static double put_shelf(struct builder *b, const struct stand *s)
 
 static double put_bin(struct builder *b, const struct stand *s)
 {
-    const double radius = draw(b, 0.15, 0.22), height = draw(b, 0.4, 0.6), x = s->x + s->nx * 0.3, y = s->y + s->ny * 0.3;
+    const double radius = draw(b, 0.15, 0.22), height = draw(b, 0.4, 0.6), x = s->x + s->nx * 0.3,
+                 y = s->y + s->ny * 0.3;
     shade(b, x, y, 2 * radius, 2 * radius);
     struct fv_sim_round *round = fv_sim_world_round(b->world, x, y, 0.0, height, b->metal);
     if (round != NULL) round->q0 = radius * radius;
-    const double lid[3] = {x - radius, y - radius, height}, u[3] = {2 * radius, 0, 0}, v[3] = {0, 2 * radius, 0};
+    const double lid[3] = {x - radius, y - radius, height}, u[3] = {2 * radius, 0, 0},
+                 v[3] = {0, 2 * radius, 0};
     struct fv_sim_face *face = fv_sim_world_face(b->world, lid, u, v, b->clutter[0], 0.7);
     if (face != NULL) face->disc = true;
     return 2 * radius + 0.1;
 }
 
 /* Furniture along one wall from its left end (as seen from inside), with gaps. */
-static void furnish_wall(struct builder *b, double ax, double ay, double bx, double by, double free_from, double free_to)
+static void furnish_wall(struct builder *b, double ax, double ay, double bx, double by, double free_from,
+                         double free_to)
 {
     const double dx = bx - ax, dy = by - ay, length = __builtin_sqrt(dx * dx + dy * dy);
     struct stand s = {.ax = dx / length, .ay = dy / length, .nx = dy / length, .ny = -dx / length};
@@ -200,18 +211,31 @@ static void furnish_wall(struct builder *b, double ax, double ay, double bx, dou
         s.y = ay + s.ay * (at + 0.8);
         double width = 0.0;
         switch (pick(b, 7)) {
-        case 0: width = put_table(b, &s); break;
-        case 1: width = put_sofa(b, &s); break;
-        case 2: width = put_crates(b, &s); break;
-        case 3: width = put_cupboard(b, &s); break;
-        case 4: width = put_bin(b, &s); break;
-        default: width = put_shelf(b, &s); break;
+        case 0:
+            width = put_table(b, &s);
+            break;
+        case 1:
+            width = put_sofa(b, &s);
+            break;
+        case 2:
+            width = put_crates(b, &s);
+            break;
+        case 3:
+            width = put_cupboard(b, &s);
+            break;
+        case 4:
+            width = put_bin(b, &s);
+            break;
+        default:
+            width = put_shelf(b, &s);
+            break;
         }
         at += 0.8 + width / 2 + draw(b, 0.05, 0.9);
     }
 }
 
-static void furnish(struct builder *b, double cx, double cy, double hx, double hy, double door_from, double door_to)
+static void furnish(struct builder *b, double cx, double cy, double hx, double hy, double door_from,
+                    double door_to)
 {
     furnish_wall(b, cx + hx, cy + hy, cx + hx, cy - hy, 1e9, 1e9);
     furnish_wall(b, cx + hx, cy - hy, cx - hx, cy - hy, door_from, door_to);
@@ -282,12 +306,14 @@ void fv_sim_place_house(struct fv_sim_world *world)
     for (int32_t k = 0; k < 2; k++) {
         struct fv_sim_face *face = &world->face[first + 4 * k + 1];
         const struct fv_sim_face whole = *face;
-        const double length = k ? 2.0 * (hx + thick) : 2.0 * hx, start = k ? -(hx + thick) : hx, sign = k ? 1.0 : -1.0;
+        const double length = k ? 2.0 * (hx + thick) : 2.0 * hx, start = k ? -(hx + thick) : hx,
+                     sign = k ? 1.0 : -1.0;
         const double near = sign > 0 ? (door_right - start) / length : (start - door_left) / length;
         const double far = sign > 0 ? (door_left - start) / length : (start - door_right) / length;
         const double cut[3][4] = {{0, near, 0, 1}, {far, 1, 0, 1}, {near, far, lintel / height, 1}};
         for (int32_t c = 0; c < 3; c++) {
-            if (c > 0) face = fv_sim_world_face(world, whole.origin, whole.u, whole.v, whole.texture, whole.light);
+            if (c > 0)
+                face = fv_sim_world_face(world, whole.origin, whole.u, whole.v, whole.texture, whole.light);
             if (face == NULL) return;
             for (int32_t i = 0; i < 3; i++) {
                 face->origin[i] = whole.origin[i] + cut[c][0] * whole.u[i] + cut[c][2] * whole.v[i];
@@ -303,7 +329,8 @@ void fv_sim_place_house(struct fv_sim_world *world)
     /* Jambs and the underside of the lintel. */
     wall(world, door_left, -hy, door_left, -hy - thick, 0.0, lintel, b->wood[0], 0.8);
     wall(world, door_right, -hy - thick, door_right, -hy, 0.0, lintel, b->wood[0], 0.9);
-    const double under[3] = {door_right, -hy, lintel}, u[3] = {door_left - door_right, 0, 0}, v[3] = {0, -thick, 0};
+    const double under[3] = {door_right, -hy, lintel}, u[3] = {door_left - door_right, 0, 0},
+                 v[3] = {0, -thick, 0};
     fv_sim_world_face(world, under, u, v, b->wood[1], 0.6);
     furnish(b, 0.0, 0.0, hx, hy, hx - door_left - 0.6, hx - door_right + 0.6);
     corridor_clutter(b, ring_x, ring_y);
@@ -319,9 +346,11 @@ void fv_sim_place_hall(struct fv_sim_world *world)
     four_walls(b, 0.0, 0.0, hx, hy, height, 64.0, true);
     floor_and_ceiling(b, 0.0, 0.0, hx, hy, height, 54.0);
     furnish(b, 0.0, 0.0, hx, hy, 1e9, 1e9);
-    /* Pillars and racks round the free middle (|x| < 8, |y| < 5.5), low islands in it, banners under the ceiling. */
+    /* Pillars and racks round the free middle (|x| < 8, |y| < 5.5), low islands in it, banners under the
+     * ceiling. */
     for (int32_t i = 0; i < 14; i++) {
-        const double angle = i * (2.0 * FOVEA_PI / 14.0) + 0.2, x = 10.6 * fovea_cos(angle), y = 7.9 * fovea_sin(angle);
+        const double angle = i * (2.0 * FOVEA_PI / 14.0) + 0.2, x = 10.6 * fovea_cos(angle),
+                     y = 7.9 * fovea_sin(angle);
         if (i % 2) {
             box(b, x, y, 0.0, 0.5, 0.5, height, 0.0, b->metal, b->metal, SIDES);
             continue;
@@ -330,10 +359,13 @@ void fv_sim_place_hall(struct fv_sim_world *world)
         box(b, x, y, 2.2, 0.8, 0.5, draw(b, 0.4, 0.8), angle, b->carton[0], b->carton[1], ALL);
     }
     for (int32_t i = 0; i < 12; i++) {
-        const double x = -7.0 + 2.8 * (i % 6) + draw(b, -0.5, 0.5), y = (i < 6 ? -2.6 : 2.6) + draw(b, -1.2, 1.2), yaw = draw(b, 0.0, 1.5);
+        const double x = -7.0 + 2.8 * (i % 6) + draw(b, -0.5, 0.5),
+                     y = (i < 6 ? -2.6 : 2.6) + draw(b, -1.2, 1.2), yaw = draw(b, 0.0, 1.5);
         const double low = draw(b, 0.35, 0.6);
-        box(b, x, y, 0.0, draw(b, 0.5, 1.0), draw(b, 0.5, 0.8), low, yaw, b->carton[i & 1], b->carton[1], ALL);
-        box(b, x + 0.05, y, low, 0.35, 0.3, draw(b, 0.15, 0.3), yaw + 0.5, b->clutter[i & 1], b->clutter[0], ALL);
+        box(b, x, y, 0.0, draw(b, 0.5, 1.0), draw(b, 0.5, 0.8), low, yaw, b->carton[i & 1], b->carton[1],
+            ALL);
+        box(b, x + 0.05, y, low, 0.35, 0.3, draw(b, 0.15, 0.3), yaw + 0.5, b->clutter[i & 1], b->clutter[0],
+            ALL);
     }
     for (int32_t i = 0; i < 8; i++) {
         const double x = -9.0 + 2.6 * i, y = (i & 1) ? 4.0 : -4.0;

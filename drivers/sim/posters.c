@@ -1,6 +1,7 @@
 #include "paint.h"
 
-/* What hangs and stands on walls: posters, shelves of books, doors, windows; and how light falls on a wall. */
+/* What hangs and stands on walls: posters, shelves of books, doors, windows; and how light falls on a wall.
+ */
 
 static int32_t clamp(int32_t value, int32_t low, int32_t high)
 {
@@ -18,7 +19,8 @@ static void poster_print(struct fv_sim_brush *b, int32_t x0, int32_t y0, int32_t
         while (x < end) {
             const int32_t width = fv_sim_draw(b, height / 3 + 1, height), kind = fv_sim_draw(b, 0, 4);
             if (kind < 3) fv_sim_fill(b, x, y, x + clamp(width - 1, 1, end - x), y + height - 1, ink);
-            if (kind == 1) fv_sim_fill(b, x + width / 3, y + height / 4, x + width, y + height / 2, 255 - ink);
+            if (kind == 1)
+                fv_sim_fill(b, x + width / 3, y + height / 4, x + width, y + height / 2, 255 - ink);
             if (kind == 2) fv_sim_fill(b, x, y, x + width / 2, y + height / 2, 255 - ink);
             x += width + 1;
         }
@@ -31,13 +33,15 @@ static void poster_shapes(struct fv_sim_brush *b, int32_t x0, int32_t y0, int32_
     const int32_t w = x1 - x0, h = y1 - y0;
     for (int32_t i = 0; i < 14; i++) {
         const int32_t grey = fv_sim_draw(b, 10, 245);
-        const int32_t x = x0 + fv_sim_draw(b, 0, w), y = y0 + fv_sim_draw(b, 0, h), s = fv_sim_draw(b, 2, clamp(w / 3, 3, 4000));
+        const int32_t x = x0 + fv_sim_draw(b, 0, w), y = y0 + fv_sim_draw(b, 0, h),
+                      s = fv_sim_draw(b, 2, clamp(w / 3, 3, 4000));
         if (i % 3 == 0) {
             const int32_t r = clamp(s / 2, 1, clamp((x1 - x < x - x0 ? x1 - x : x - x0), 1, 4000));
             const int32_t room = y1 - y < y - y0 ? y1 - y : y - y0;
             fv_sim_disc(b, x, y, clamp(r, 0, room > 0 ? room : 0), grey);
         } else if (i % 3 == 1) {
-            fv_sim_fill(b, x, y, clamp(x + s, x0, x1), clamp(y + fv_sim_draw(b, 2, clamp(h / 3, 3, 4000)), y0, y1), grey);
+            fv_sim_fill(b, x, y, clamp(x + s, x0, x1),
+                        clamp(y + fv_sim_draw(b, 2, clamp(h / 3, 3, 4000)), y0, y1), grey);
         } else {
             int32_t tx[3], ty[3];
             for (int32_t k = 0; k < 3; k++) {
@@ -69,7 +73,8 @@ static void poster_checks(struct fv_sim_brush *b, int32_t x0, int32_t y0, int32_
     const int32_t cell = clamp((x1 - x0) / fv_sim_draw(b, 4, 9), 2, 4000);
     for (int32_t y = y0; y < y1; y += cell) {
         for (int32_t x = x0; x < x1; x += cell)
-            fv_sim_fill(b, x, y, clamp(x + cell, x0, x1), clamp(y + cell, y0, y1), fv_sim_draw(b, 0, 2) ? fv_sim_draw(b, 10, 110) : fv_sim_draw(b, 150, 250));
+            fv_sim_fill(b, x, y, clamp(x + cell, x0, x1), clamp(y + cell, y0, y1),
+                        fv_sim_draw(b, 0, 2) ? fv_sim_draw(b, 10, 110) : fv_sim_draw(b, 150, 250));
     }
 }
 
@@ -107,8 +112,10 @@ void fv_sim_books(struct fv_sim_brush *b, int32_t x0, int32_t y0, int32_t x1, in
         const int32_t top = y0 + (y1 - y0) * s / shelves, bottom = y0 + (y1 - y0) * (s + 1) / shelves - board;
         fv_sim_fill(b, x0, bottom, x1, bottom + board, fv_sim_draw(b, 120, 150));
         for (int32_t x = x0 + board; x < x1 - board;) {
-            const int32_t width = fv_sim_mm(b, fv_sim_draw(b, 18, 70)), gap = fv_sim_draw(b, 0, 12) == 0 ? fv_sim_mm(b, 90) : 1;
-            const int32_t height = (bottom - top) * fv_sim_draw(b, 55, 95) / 100, grey = fv_sim_draw(b, 20, 235);
+            const int32_t width = fv_sim_mm(b, fv_sim_draw(b, 18, 70)),
+                          gap = fv_sim_draw(b, 0, 12) == 0 ? fv_sim_mm(b, 90) : 1;
+            const int32_t height = (bottom - top) * fv_sim_draw(b, 55, 95) / 100,
+                          grey = fv_sim_draw(b, 20, 235);
             const int32_t right = clamp(x + width, x, x1 - board);
             fv_sim_fill(b, x, bottom - height, right, bottom, grey);
             const int32_t band = bottom - height + height * fv_sim_draw(b, 10, 60) / 100;
@@ -159,7 +166,8 @@ static int32_t hang(struct fv_sim_brush *b, int32_t x)
         return width + fv_sim_mm(b, 100);
     }
     if (kind == 2) {
-        const int32_t width = fv_sim_mm(b, fv_sim_draw(b, 700, 1300)), top = floor - fv_sim_mm(b, fv_sim_draw(b, 1500, 2100));
+        const int32_t width = fv_sim_mm(b, fv_sim_draw(b, 700, 1300)),
+                      top = floor - fv_sim_mm(b, fv_sim_draw(b, 1500, 2100));
         fv_sim_books(b, x, top, x + width, top + fv_sim_mm(b, 900));
         return width;
     }
@@ -195,8 +203,8 @@ void fv_sim_paint_wall(struct fv_sim_texture *texture, double texels_per_m, uint
     fv_sim_fill(b, 0, fv_sim_mm(b, 60), b->width, fv_sim_mm(b, 90), 100);
 }
 
-void fv_sim_paint_shade(struct fv_sim_texture *texture, int32_t x0, int32_t y0, int32_t x1, int32_t y1, int32_t soft,
-                        int32_t strength)
+void fv_sim_paint_shade(struct fv_sim_texture *texture, int32_t x0, int32_t y0, int32_t x1, int32_t y1,
+                        int32_t soft, int32_t strength)
 {
     if (soft < 1) soft = 1;
     for (int32_t y = clamp(y0 - soft, 0, texture->height); y < clamp(y1 + soft, 0, texture->height); y++) {
@@ -215,7 +223,8 @@ void fv_sim_paint_light(struct fv_sim_texture *texture, double texels_per_m, uin
     const int32_t w = texture->width, h = texture->height, near = (int32_t)(texels_per_m * 0.7);
     struct fovea_random random;
     fovea_random_seed(&random, seed);
-    const int32_t pool = (int32_t)(texels_per_m * 2.6), at = (int32_t)fovea_random_below(&random, (uint32_t)pool);
+    const int32_t pool = (int32_t)(texels_per_m * 2.6),
+                  at = (int32_t)fovea_random_below(&random, (uint32_t)pool);
     for (int32_t y = 0; y < h; y++) {
         const int32_t ey = clamp((y < h - 1 - y ? y : h - 1 - y) * 256 / near, 0, 256);
         for (int32_t x = 0; x < w; x++) {

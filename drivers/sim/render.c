@@ -2,29 +2,32 @@
 
 #include <string.h>
 
-/* Tile by tile: which surfaces may show, which is nearest at every pixel, then its texture. Where neighbouring pixels show
- * different surfaces, four samples per pixel smooth the edge. Loops run over arrays of samples so that the compiler
- * can use vectors; every operation is a plain IEEE one, so the result does not depend on whether it does. */
+/* Tile by tile: which surfaces may show, which is nearest at every pixel, then its texture. Where
+ * neighbouring pixels show different surfaces, four samples per pixel smooth the edge. Loops run over arrays
+ * of samples so that the compiler can use vectors; every operation is a plain IEEE one, so the result does
+ * not depend on whether it does. */
 
 enum { SAMPLES = FV_SIM_TILE_PIXELS };
 
-/* ---- which surface ------------------------------------------------------------------------------------------ */
+/* ---- which surface
+ * ------------------------------------------------------------------------------------------ */
 
-static void trace_face(const struct fv_sim_surface *s, const float *restrict x, const float *restrict y, int32_t count,
-                       float *restrict best, int32_t *restrict hit, int32_t number)
+static void trace_face(const struct fv_sim_surface *s, const float *restrict x, const float *restrict y,
+                       int32_t count, float *restrict best, int32_t *restrict hit, int32_t number)
 {
     const float a = s->inverse_z[0], b = s->inverse_z[1], c = s->inverse_z[2];
     const float ua = s->u[0], ub = s->u[1], uc = s->u[2], va = s->v[0], vb = s->v[1], vc = s->v[2];
     for (int32_t i = 0; i < count; i++) {
-        const float iz = a * x[i] + b * y[i] + c, u = ua * x[i] + ub * y[i] + uc, v = va * x[i] + vb * y[i] + vc;
+        const float iz = a * x[i] + b * y[i] + c, u = ua * x[i] + ub * y[i] + uc,
+                    v = va * x[i] + vb * y[i] + vc;
         const int32_t seen = (iz > best[i]) & (u >= 0.0f) & (v >= 0.0f) & (u <= iz) & (v <= iz);
         best[i] = seen ? iz : best[i];
         hit[i] = seen ? number : hit[i];
     }
 }
 
-static void trace_disc(const struct fv_sim_surface *s, const float *restrict x, const float *restrict y, int32_t count,
-                       float *restrict best, int32_t *restrict hit, int32_t number)
+static void trace_disc(const struct fv_sim_surface *s, const float *restrict x, const float *restrict y,
+                       int32_t count, float *restrict best, int32_t *restrict hit, int32_t number)
 {
     for (int32_t i = 0; i < count; i++) {
         const float iz = s->inverse_z[0] * x[i] + s->inverse_z[1] * y[i] + s->inverse_z[2];
@@ -36,13 +39,14 @@ static void trace_disc(const struct fv_sim_surface *s, const float *restrict x, 
     }
 }
 
-/* |D t - p|^2 - s^2 = q0 + q1 s + q2 s^2 with s = t D.a - p.a, for D = (x, y, 1): A t^2 - 2 B t + C = 0 with constant C > 0
- * (the camera is outside), so that 1/t = (B + sqrt(B^2 - A C)) / C is the nearer meeting. */
-static void trace_round(const struct fv_sim_surface *s, const float *restrict x, const float *restrict y, int32_t count,
-                        float *restrict best, int32_t *restrict hit, int32_t number)
+/* |D t - p|^2 - s^2 = q0 + q1 s + q2 s^2 with s = t D.a - p.a, for D = (x, y, 1): A t^2 - 2 B t + C = 0 with
+ * constant C > 0 (the camera is outside), so that 1/t = (B + sqrt(B^2 - A C)) / C is the nearer meeting. */
+static void trace_round(const struct fv_sim_surface *s, const float *restrict x, const float *restrict y,
+                        int32_t count, float *restrict best, int32_t *restrict hit, int32_t number)
 {
     const float px = s->p[0], py = s->p[1], pz = s->p[2], ax = s->a[0], ay = s->a[1], az = s->a[2];
-    const float k = s->k, lean = s->k * s->pa - 0.5f * s->q1, c = s->c, over = 1.0f / s->c, pa = s->pa, height = s->height;
+    const float k = s->k, lean = s->k * s->pa - 0.5f * s->q1, c = s->c, over = 1.0f / s->c, pa = s->pa,
+                height = s->height;
     for (int32_t i = 0; i < count; i++) {
         const float da = ax * x[i] + ay * y[i] + az, dp = px * x[i] + py * y[i] + pz;
         const float qa = x[i] * x[i] + y[i] * y[i] + 1.0f - k * da * da, qb = dp - lean * da;
@@ -72,7 +76,8 @@ void fv_sim_trace(const struct fv_sim_view *view, const uint16_t *list, int32_t 
     }
 }
 
-/* ---- what it looks like ------------------------------------------------------------------------------------- */
+/* ---- what it looks like
+ * ------------------------------------------------------------------------------------- */
 
 /* Where in the texture and at which level. */
 struct look {
@@ -82,19 +87,21 @@ struct look {
     int32_t light[SAMPLES]; /* 256 is plain */
 };
 
-static void look_face(const struct fv_sim_surface *s, const float *restrict x, const float *restrict y, int32_t count,
-                      float pixel_area, struct look *restrict look)
+static void look_face(const struct fv_sim_surface *s, const float *restrict x, const float *restrict y,
+                      int32_t count, float pixel_area, struct look *restrict look)
 {
     const float a = s->inverse_z[0], b = s->inverse_z[1], c = s->inverse_z[2];
     const float ua = s->u[0], ub = s->u[1], uc = s->u[2], va = s->v[0], vb = s->v[1], vc = s->v[2];
-    const float area = s->area * pixel_area, slant = s->slant, tu = s->tex_u, tv = s->tex_v, du = s->tex_du, dv = s->tex_dv;
+    const float area = s->area * pixel_area, slant = s->slant, tu = s->tex_u, tv = s->tex_v, du = s->tex_du,
+                dv = s->tex_dv;
     for (int32_t i = 0; i < count; i++) {
         const float z = 1.0f / (a * x[i] + b * y[i] + c);
         const float u = (ua * x[i] + ub * y[i] + uc) * z, v = (va * x[i] + vb * y[i] + vc) * z;
         look->u[i] = tu + u * du;
         look->v[i] = tv + v * dv;
-        /* Area of the footprint, times the root of the slant (1 / cosine of incidence): halfway between the area and
-         * the square of its long side, so that texture seen at a grazing angle neither blurs away nor sparkles. */
+        /* Area of the footprint, times the root of the slant (1 / cosine of incidence): halfway between the
+         * area and the square of its long side, so that texture seen at a grazing angle neither blurs away
+         * nor sparkles. */
         look->area[i] = area * z * z * z * __builtin_sqrtf(z * slant);
     }
 }
@@ -102,7 +109,8 @@ static void look_face(const struct fv_sim_surface *s, const float *restrict x, c
 /* Angle of (x, y) in turns, [-0.5, 0.5]; polynomial of the arc tangent good to 1e-4 rad. */
 static inline float turns(float y, float x)
 {
-    const float ax = __builtin_fabsf(x), ay = __builtin_fabsf(y), low = ax < ay ? ax : ay, high = ax < ay ? ay : ax;
+    const float ax = __builtin_fabsf(x), ay = __builtin_fabsf(y), low = ax < ay ? ax : ay,
+                high = ax < ay ? ay : ax;
     const float q = low / (high + 1e-20f), s = q * q;
     float angle = ((-0.0464964749f * s + 0.15931422f) * s - 0.327622764f) * s * q + q;
     angle = ay > ax ? 1.57079637f - angle : angle;
@@ -111,27 +119,31 @@ static inline float turns(float y, float x)
 }
 
 static void look_round(const struct fv_sim_surface *s, const float *restrict x, const float *restrict y,
-                       const float *restrict inverse_z, int32_t count, float pixel_area, struct look *restrict look)
+                       const float *restrict inverse_z, int32_t count, float pixel_area,
+                       struct look *restrict look)
 {
     const float area = s->area * pixel_area, over = 1.0f / s->height;
     for (int32_t i = 0; i < count; i++) {
-        const float z = 1.0f / inverse_z[i], dx = x[i] * z - s->p[0], dy = y[i] * z - s->p[1], dz = z - s->p[2];
+        const float z = 1.0f / inverse_z[i], dx = x[i] * z - s->p[0], dy = y[i] * z - s->p[1],
+                    dz = z - s->p[2];
         const float up = dx * s->a[0] + dy * s->a[1] + dz * s->a[2];
-        const float c1 = dx * s->e1[0] + dy * s->e1[1] + dz * s->e1[2], c2 = dx * s->e2[0] + dy * s->e2[1] + dz * s->e2[2];
+        const float c1 = dx * s->e1[0] + dy * s->e1[1] + dz * s->e1[2],
+                    c2 = dx * s->e2[0] + dy * s->e2[1] + dz * s->e2[2];
         look->u[i] = (turns(c2, c1) + 0.5f) * s->tex_du;
         look->v[i] = (1.0f - up * over) * s->tex_dv;
         look->area[i] = area * z * z * 1.4f;
         /* Outward normal: the gradient of distance^2 - radius^2. */
         const float bend = 0.5f * s->q1 + s->q2 * up + up;
         const float nx = dx - bend * s->a[0], ny = dy - bend * s->a[1], nz = dz - bend * s->a[2];
-        const float cosine = (nx * s->sun[0] + ny * s->sun[1] + nz * s->sun[2]) / __builtin_sqrtf(nx * nx + ny * ny + nz * nz + 1e-12f);
+        const float cosine = (nx * s->sun[0] + ny * s->sun[1] + nz * s->sun[2]) /
+                             __builtin_sqrtf(nx * nx + ny * ny + nz * nz + 1e-12f);
         look->light[i] = (int32_t)(s->light * (180.0f + 80.0f * cosine));
     }
 }
 
-/* Level and fixed-point texel of every sample. Half-octaves of length are octaves of area, which the exponent of a float
- * counts; the factor 0.7 puts the switch at the geometric middle between two levels. The scale of level l is
- * 2^-(l / 2), times 5/7 for odd l (texture.c), made from its bits. */
+/* Level and fixed-point texel of every sample. Half-octaves of length are octaves of area, which the exponent
+ * of a float counts; the factor 0.7 puts the switch at the geometric middle between two levels. The scale of
+ * level l is 2^-(l / 2), times 5/7 for odd l (texture.c), made from its bits. */
 static void find_texels(const struct fv_sim_texture *texture, int32_t count, struct look *restrict look)
 {
     const int32_t one = 0x3F800000, five_sevenths = 0x3F36DB6E, last = texture->level_count - 1;
@@ -161,20 +173,22 @@ static void find_texels(const struct fv_sim_texture *texture, int32_t count, str
 }
 
 /* Bilinear, in 1/256 grey levels. */
-static void fetch(const struct fv_sim_texture *texture, const struct look *restrict look, int32_t count, uint16_t *restrict out)
+static void fetch(const struct fv_sim_texture *texture, const struct look *restrict look, int32_t count,
+                  uint16_t *restrict out)
 {
     for (int32_t i = 0; i < count; i++) {
         const struct fv_sim_level *l = &texture->level[look->level[i]];
         const int32_t fu = look->fixed_u[i] & 255, fv = look->fixed_v[i] & 255;
-        const uint8_t *t = l->texels + (ptrdiff_t)(look->fixed_v[i] >> 8) * l->stride + (look->fixed_u[i] >> 8);
+        const uint8_t *t =
+            l->texels + (ptrdiff_t)(look->fixed_v[i] >> 8) * l->stride + (look->fixed_u[i] >> 8);
         const uint8_t *b = t + l->stride;
         const int32_t top = t[0] * 256 + (t[1] - t[0]) * fu, bottom = b[0] * 256 + (b[1] - b[0]) * fu;
         out[i] = (uint16_t)(top + (((bottom - top) * fv) >> 8));
     }
 }
 
-static void shade(const struct fv_sim_surface *s, const float *x, const float *y, const float *inverse_z, int32_t count,
-                  float pixel_area, uint16_t *restrict out)
+static void shade(const struct fv_sim_surface *s, const float *x, const float *y, const float *inverse_z,
+                  int32_t count, float pixel_area, uint16_t *restrict out)
 {
     struct look look;
     if (s->is_round) {
@@ -194,8 +208,9 @@ static void shade(const struct fv_sim_surface *s, const float *x, const float *y
 }
 
 /* Trace and shade samples; `seen` takes surface index + 1. */
-static void see(const struct fv_sim_view *view, const uint16_t *list, int32_t list_count, const float *x, const float *y,
-                int32_t count, float pixel_area, uint16_t *restrict light, uint16_t *restrict seen)
+static void see(const struct fv_sim_view *view, const uint16_t *list, int32_t list_count, const float *x,
+                const float *y, int32_t count, float pixel_area, uint16_t *restrict light,
+                uint16_t *restrict seen)
 {
     float inverse_z[SAMPLES], px[SAMPLES], py[SAMPLES], pz[SAMPLES];
     int32_t hit[SAMPLES], at[SAMPLES + 1];
@@ -226,7 +241,8 @@ static void see(const struct fv_sim_view *view, const uint16_t *list, int32_t li
     }
 }
 
-/* ---- tiles -------------------------------------------------------------------------------------------------- */
+/* ---- tiles
+ * -------------------------------------------------------------------------------------------------- */
 
 struct job {
     const struct fv_sim_view *view;
@@ -239,18 +255,21 @@ static void first_pass(const struct job *job, int32_t tile, const uint16_t *list
 {
     const struct fv_sim_raster *raster = job->raster;
     const int32_t tx = tile % raster->tiles_x * FV_SIM_TILE, ty = tile / raster->tiles_x * FV_SIM_TILE;
-    const int32_t r0 = job->y_begin > ty ? job->y_begin - ty : 0, r1 = job->y_end < ty + FV_SIM_TILE ? job->y_end - ty : FV_SIM_TILE;
+    const int32_t r0 = job->y_begin > ty ? job->y_begin - ty : 0,
+                  r1 = job->y_end < ty + FV_SIM_TILE ? job->y_end - ty : FV_SIM_TILE;
     const int32_t columns = raster->width - tx < FV_SIM_TILE ? raster->width - tx : FV_SIM_TILE;
     const size_t first = (size_t)tile * FV_SIM_TILE_PIXELS + (size_t)(r0 * FV_SIM_TILE);
     uint16_t light[SAMPLES], seen[SAMPLES];
     if (r1 <= r0) return;
     const int32_t samples = (r1 - r0) * FV_SIM_TILE;
     if (covered) {
-        shade(&job->view->surface[list[0]], raster->x + first, raster->y + first, NULL, samples, raster->pixel_area[tile], light);
+        shade(&job->view->surface[list[0]], raster->x + first, raster->y + first, NULL, samples,
+              raster->pixel_area[tile], light);
         for (int32_t i = 0; i < samples; i++)
             seen[i] = (uint16_t)(list[0] + 1);
     } else {
-        see(job->view, list, count, raster->x + first, raster->y + first, samples, raster->pixel_area[tile], light, seen);
+        see(job->view, list, count, raster->x + first, raster->y + first, samples, raster->pixel_area[tile],
+            light, seen);
     }
     for (int32_t r = r0; r < r1; r++) {
         const size_t to = (size_t)(ty + r) * (size_t)raster->width + (size_t)tx;
@@ -268,9 +287,11 @@ static int32_t find_edges(const struct job *job, int32_t tx, int32_t ty, uint8_t
     int32_t count = 0;
     for (int32_t y = y_first; y < y_last; y++) {
         const uint16_t *row = job->canvas->surface + (size_t)y * (size_t)width;
-        const uint16_t *above = y > job->y_begin ? row - width : row, *below = y + 1 < job->y_end ? row + width : row;
+        const uint16_t *above = y > job->y_begin ? row - width : row,
+                       *below = y + 1 < job->y_end ? row + width : row;
         for (int32_t x = tx; x < x_last; x++) {
-            const uint16_t here = row[x], left = row[x > 0 ? x - 1 : x], right = row[x + 1 < width ? x + 1 : x];
+            const uint16_t here = row[x], left = row[x > 0 ? x - 1 : x],
+                           right = row[x + 1 < width ? x + 1 : x];
             list[count] = (uint8_t)((y - ty) * FV_SIM_TILE + x - tx);
             count += (here != left) | (here != right) | (here != above[x]) | (here != below[x]);
         }
@@ -279,13 +300,15 @@ static int32_t find_edges(const struct job *job, int32_t tx, int32_t ty, uint8_t
 }
 
 /* Four samples on a rotated grid, in eighths of a pixel. */
-static const float sub_x[4] = {-0.125f, 0.375f, -0.375f, 0.125f}, sub_y[4] = {-0.375f, -0.125f, 0.125f, 0.375f};
+static const float sub_x[4] = {-0.125f, 0.375f, -0.375f, 0.125f},
+                   sub_y[4] = {-0.375f, -0.125f, 0.125f, 0.375f};
 
 static void second_pass(const struct job *job, int32_t tile, const uint16_t *list, int32_t count)
 {
     const struct fv_sim_raster *raster = job->raster;
     const int32_t tx = tile % raster->tiles_x * FV_SIM_TILE, ty = tile / raster->tiles_x * FV_SIM_TILE;
-    const float *tile_x = raster->x + (size_t)tile * FV_SIM_TILE_PIXELS, *tile_y = raster->y + (size_t)tile * FV_SIM_TILE_PIXELS;
+    const float *tile_x = raster->x + (size_t)tile * FV_SIM_TILE_PIXELS,
+                *tile_y = raster->y + (size_t)tile * FV_SIM_TILE_PIXELS;
     uint8_t edge[SAMPLES + 1];
     uint16_t light[SAMPLES], seen[SAMPLES];
     float x[SAMPLES], y[SAMPLES];
@@ -306,8 +329,10 @@ static void second_pass(const struct job *job, int32_t tile, const uint16_t *lis
         }
         see(job->view, list, count, x, y, 4 * n, raster->pixel_area[tile], light, seen);
         for (int32_t j = 0; j < n; j++) {
-            const int32_t p = edge[first + j], sum = light[4 * j] + light[4 * j + 1] + light[4 * j + 2] + light[4 * j + 3];
-            const size_t to = (size_t)(ty + p / FV_SIM_TILE) * (size_t)raster->width + (size_t)(tx + p % FV_SIM_TILE);
+            const int32_t p = edge[first + j],
+                          sum = light[4 * j] + light[4 * j + 1] + light[4 * j + 2] + light[4 * j + 3];
+            const size_t to =
+                (size_t)(ty + p / FV_SIM_TILE) * (size_t)raster->width + (size_t)(tx + p % FV_SIM_TILE);
             job->canvas->linear[to] = (uint16_t)(sum / 4);
         }
     }
@@ -319,8 +344,10 @@ static void block_pass(const struct job *job, int32_t bx, int32_t by, bool secon
     const struct fv_sim_raster *raster = job->raster;
     uint16_t in_block[FV_SIM_SURFACES_MAX], in_tile[FV_SIM_SURFACES_MAX];
     struct fv_sim_rect bound = {1e9f, -1e9f, 1e9f, -1e9f};
-    const int32_t x_end = bx + FV_SIM_BLOCK_TILES < raster->tiles_x ? bx + FV_SIM_BLOCK_TILES : raster->tiles_x;
-    const int32_t y_end = by + FV_SIM_BLOCK_TILES < raster->tiles_y ? by + FV_SIM_BLOCK_TILES : raster->tiles_y;
+    const int32_t x_end =
+        bx + FV_SIM_BLOCK_TILES < raster->tiles_x ? bx + FV_SIM_BLOCK_TILES : raster->tiles_x;
+    const int32_t y_end =
+        by + FV_SIM_BLOCK_TILES < raster->tiles_y ? by + FV_SIM_BLOCK_TILES : raster->tiles_y;
     for (int32_t y = by; y < y_end; y++) {
         for (int32_t x = bx; x < x_end; x++) {
             const struct fv_sim_rect *tile = &raster->bound[y * raster->tiles_x + x];
@@ -336,7 +363,8 @@ static void block_pass(const struct job *job, int32_t bx, int32_t by, bool secon
         if ((y + 1) * FV_SIM_TILE <= job->y_begin || y * FV_SIM_TILE >= job->y_end) continue;
         for (int32_t x = bx; x < x_end; x++) {
             const int32_t tile = y * raster->tiles_x + x;
-            const int32_t count = fv_sim_view_cull(job->view, in_block, block_count, &raster->bound[tile], in_tile, &covered);
+            const int32_t count =
+                fv_sim_view_cull(job->view, in_block, block_count, &raster->bound[tile], in_tile, &covered);
             if (!second)
                 first_pass(job, tile, in_tile, count, covered);
             else if (!covered)
@@ -345,8 +373,8 @@ static void block_pass(const struct job *job, int32_t bx, int32_t by, bool secon
     }
 }
 
-void fv_sim_render(const struct fv_sim_view *view, const struct fv_sim_raster *raster, int32_t y_begin, int32_t y_end,
-                   struct fv_sim_canvas *canvas)
+void fv_sim_render(const struct fv_sim_view *view, const struct fv_sim_raster *raster, int32_t y_begin,
+                   int32_t y_end, struct fv_sim_canvas *canvas)
 {
     const struct job job = {view, raster, canvas, y_begin, y_end};
     const int32_t first = y_begin / FV_SIM_TILE / FV_SIM_BLOCK_TILES * FV_SIM_BLOCK_TILES;

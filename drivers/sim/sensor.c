@@ -1,7 +1,8 @@
 #include "sim.h"
 
-/* Noise of a sensor: the sum of four random bytes is nearly normal (its ends lie at 3.4 standard deviations). The bytes
- * come from 64 generators side by side (xorshift32, Marsaglia 2003), so that vectors can be used. */
+/* Noise of a sensor: the sum of four random bytes is nearly normal (its ends lie at 3.4 standard deviations).
+ * The bytes come from 64 generators side by side (xorshift32, Marsaglia 2003), so that vectors can be used.
+ */
 
 enum { LANES = 64 };
 
@@ -16,7 +17,8 @@ static void advance(uint32_t *restrict state)
     }
 }
 
-void fv_sim_sensor(const uint16_t *linear, int32_t count, double light, double noise, uint64_t seed, uint8_t *grey)
+void fv_sim_sensor(const uint16_t *linear, int32_t count, double light, double noise, uint64_t seed,
+                   uint8_t *grey)
 {
     uint32_t state[LANES];
     struct fovea_random random;
@@ -24,7 +26,8 @@ void fv_sim_sensor(const uint16_t *linear, int32_t count, double light, double n
     for (int32_t j = 0; j < LANES; j++)
         state[j] = fovea_random_u32(&random) | 1u;
     /* Linear is in 1/256 grey levels; the four bytes have a standard deviation of 147.8 about 510. */
-    const int32_t gain = (int32_t)(light * 256.0 + 0.5), spread = (int32_t)(noise * 256.0 * 256.0 / 147.8 + 0.5);
+    const int32_t gain = (int32_t)(light * 256.0 + 0.5),
+                  spread = (int32_t)(noise * 256.0 * 256.0 / 147.8 + 0.5);
     for (int32_t i = 0; i < count; i += LANES) {
         const int32_t n = count - i < LANES ? count - i : LANES;
         advance(state);

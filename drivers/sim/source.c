@@ -6,11 +6,13 @@
 
 enum { BLUR_STEPS = 8, ROLLING_ROWS = 4 };
 
-/* ---- the camera --------------------------------------------------------------------------------------------- */
+/* ---- the camera
+ * --------------------------------------------------------------------------------------------- */
 
-/* Calibration with the asked field of view across; coefficients like those of a common machine-vision lens, scaled
- * so that they bend equally at the edge of any field. */
-static enum fovea_status make_camera(const struct fv_sim_options *o, struct fovea_camera *camera, struct fovea_error *error)
+/* Calibration with the asked field of view across; coefficients like those of a common machine-vision lens,
+ * scaled so that they bend equally at the edge of any field. */
+static enum fovea_status make_camera(const struct fv_sim_options *o, struct fovea_camera *camera,
+                                     struct fovea_error *error)
 {
     const double half = 0.5 * o->fov_deg * FOVEA_PI / 180.0;
     double edge = fovea_tan(half); /* distorted radius at the left and right edge */
@@ -32,7 +34,8 @@ static enum fovea_status make_camera(const struct fv_sim_options *o, struct fove
         camera->k[2] = 0.004;
         camera->k[3] = -0.0008;
         const double h2 = half * half;
-        edge = half * (1.0 + h2 * (camera->k[0] + h2 * (camera->k[1] + h2 * (camera->k[2] + h2 * camera->k[3]))));
+        edge = half *
+               (1.0 + h2 * (camera->k[0] + h2 * (camera->k[1] + h2 * (camera->k[2] + h2 * camera->k[3]))));
     }
     camera->fx = 0.5 * o->width / edge;
     camera->fy = camera->fx * 1.001;
@@ -42,10 +45,12 @@ static enum fovea_status make_camera(const struct fv_sim_options *o, struct fove
 double fv_sim_frame_time(const struct fovea_source *source, uint64_t index)
 {
     const double delay = source->options.rolling ? 0.5 * source->options.readout_ms : 0.0;
-    return source->options.time_s + (double)index / source->options.rate_hz + (0.5 * source->options.exposure_ms + delay) * 1e-3;
+    return source->options.time_s + (double)index / source->options.rate_hz +
+           (0.5 * source->options.exposure_ms + delay) * 1e-3;
 }
 
-/* ---- opening ------------------------------------------------------------------------------------------------ */
+/* ---- opening
+ * ------------------------------------------------------------------------------------------------ */
 
 static void sim_close(struct fovea_source *source)
 {
@@ -72,7 +77,8 @@ static bool allocate(struct fovea_source *source)
     source->depth_m = calloc(pixels, sizeof(float));
     source->class_mask = calloc(pixels, 1);
     source->object_map = calloc(pixels, 1);
-    bool fine = source->canvas.linear && source->canvas.surface && source->depth_m && source->class_mask && source->object_map;
+    bool fine = source->canvas.linear && source->canvas.surface && source->depth_m && source->class_mask &&
+                source->object_map;
     if (source->options.blur) {
         source->blurred = calloc(pixels, sizeof(uint16_t));
         fine = fine && source->blurred != NULL;
@@ -81,9 +87,10 @@ static bool allocate(struct fovea_source *source)
         source->image[i] = calloc(pixels, 1);
         fine = fine && source->image[i] != NULL;
     }
-    size_t bytes = sizeof *source + pixels * (2 * sizeof(uint16_t) + sizeof(float) + 2 + FOVEA_SOURCE_FRAMES_HELD) +
-                   tiles * (FV_SIM_TILE_PIXELS * 2 * sizeof(float) + sizeof(struct fv_sim_rect) + sizeof(float)) +
-                   (source->options.blur ? pixels * sizeof(uint16_t) : 0);
+    size_t bytes =
+        sizeof *source + pixels * (2 * sizeof(uint16_t) + sizeof(float) + 2 + FOVEA_SOURCE_FRAMES_HELD) +
+        tiles * (FV_SIM_TILE_PIXELS * 2 * sizeof(float) + sizeof(struct fv_sim_rect) + sizeof(float)) +
+        (source->options.blur ? pixels * sizeof(uint16_t) : 0);
     for (int32_t i = 0; i < source->world.texture_count; i++)
         bytes += source->world.texture[i].bytes;
     source->info.heap_bytes = bytes;
@@ -95,15 +102,18 @@ static enum fovea_status select_frames(struct fovea_source *source, struct fovea
 {
     const struct fovea_source_selection *s = &source->selection;
     const uint64_t all = source->options.frames;
-    if (s->step == 0) return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "sim: step: found 0, expected at least 1");
+    if (s->step == 0)
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "sim: step: found 0, expected at least 1");
     if (all == 0) {
         if (s->reverse && s->frames == 0)
-            return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "sim: an endless trajectory cannot run in reverse; give frames=N");
+            return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                                   "sim: an endless trajectory cannot run in reverse; give frames=N");
         source->deliverable = s->frames;
         return FOVEA_OK;
     }
     if (s->start >= all)
-        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "sim: start: found %llu, expected less than the %llu frames of the trajectory",
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                               "sim: start: found %llu, expected less than the %llu frames of the trajectory",
                                (unsigned long long)s->start, (unsigned long long)all);
     const uint64_t left = (all - s->start - 1) / s->step + 1;
     source->deliverable = s->frames != 0 && s->frames < left ? s->frames : left;
@@ -123,8 +133,10 @@ static enum fovea_status sim_open(const char *address, const struct fovea_source
     status = select_frames(source, error);
     if (status == FOVEA_OK) status = make_camera(&options, &source->info.camera, error);
     if (status == FOVEA_OK && !fv_sim_raster_create(&source->raster, &source->info.camera))
-        status = fovea_error_set(error, FOVEA_ERROR_INPUT, "sim: fov: found %g, but the corners of a %d x %d image look too far aside; expected less",
-                                 options.fov_deg, (int)options.width, (int)options.height);
+        status = fovea_error_set(
+            error, FOVEA_ERROR_INPUT,
+            "sim: fov: found %g, but the corners of a %d x %d image look too far aside; expected less",
+            options.fov_deg, (int)options.width, (int)options.height);
     if (status == FOVEA_OK && (!fv_sim_world_build(&source->world, &options) || !allocate(source)))
         status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "sim: out of memory");
     if (status != FOVEA_OK) {
@@ -145,7 +157,8 @@ static enum fovea_status sim_open(const char *address, const struct fovea_source
     return FOVEA_OK;
 }
 
-/* ---- frames ------------------------------------------------------------------------------------------------- */
+/* ---- frames
+ * ------------------------------------------------------------------------------------------------- */
 
 static const struct fovea_source_info *sim_info(const struct fovea_source *source)
 {
@@ -234,10 +247,12 @@ static uint64_t frame_index(const struct fovea_source *source, uint64_t n)
     return s->start + s->step * (s->reverse ? source->deliverable - 1 - n : n);
 }
 
-static enum fovea_status sim_dequeue(struct fovea_source *source, int64_t deadline_ns, struct fovea_frame *frame)
+static enum fovea_status sim_dequeue(struct fovea_source *source, int64_t deadline_ns,
+                                     struct fovea_frame *frame)
 {
     (void)deadline_ns; /* a frame is always at hand: it is rendered now */
-    if (!source->started || (source->deliverable != 0 && source->delivered == source->deliverable)) return FOVEA_END;
+    if (!source->started || (source->deliverable != 0 && source->delivered == source->deliverable))
+        return FOVEA_END;
     uint32_t slot = 0;
     while (slot < FOVEA_SOURCE_FRAMES_HELD && source->held[slot])
         slot++;
@@ -246,7 +261,8 @@ static enum fovea_status sim_dequeue(struct fovea_source *source, int64_t deadli
     const int32_t pixels = o->width * o->height;
     const uint64_t n = source->delivered, index = frame_index(source, n);
     const uint16_t *linear = render_exposure(source, fv_sim_frame_time(source, index));
-    fv_sim_sensor(linear, pixels, o->light, o->noise, o->seed ^ (index + 1) * 0x9E3779B97F4A7C15u, source->image[slot]);
+    fv_sim_sensor(linear, pixels, o->light, o->noise, o->seed ^ (index + 1) * 0x9E3779B97F4A7C15u,
+                  source->image[slot]);
     source->image_index[slot] = index;
     source->held[slot] = true;
     source->delivered++;
@@ -281,8 +297,10 @@ static enum fovea_source_state sim_state(const struct fovea_source *source)
 
 const struct fovea_source_ops fovea_source_sim = {
     .name = "sim",
-    .help = "[TRAJECTORY][?OPTION=VALUE&...]   simulated camera: tour (default), orbit, corridor, rotate, stopgo, fast, kidnap, "
-            "wander, still; options seed width height rate frames lens fov noise blur rolling exposure readout objects textures "
+    .help = "[TRAJECTORY][?OPTION=VALUE&...]   simulated camera: tour (default), orbit, corridor, rotate, "
+            "stopgo, fast, kidnap, "
+            "wander, still; options seed width height rate frames lens fov noise blur rolling exposure "
+            "readout objects textures "
             "light time (drivers/sim/README.md)",
     .open = sim_open,
     .info = sim_info,

@@ -2,7 +2,8 @@
 
 #include <stdlib.h>
 
-/* ---- raster: a bearing for every pixel ---------------------------------------------------------------------- */
+/* ---- raster: a bearing for every pixel
+ * ---------------------------------------------------------------------- */
 
 /* Normalised coordinates (x, y) = (X/Z, Y/Z) of a pixel. */
 static bool normalised(const struct fovea_camera *camera, double px, double py, double *x, double *y)
@@ -18,7 +19,8 @@ static bool normalised(const struct fovea_camera *camera, double px, double py, 
 static bool fill_tile(struct fv_sim_raster *raster, const struct fovea_camera *camera, int32_t tx, int32_t ty)
 {
     const int32_t tile = ty * raster->tiles_x + tx;
-    float *x = raster->x + (size_t)tile * FV_SIM_TILE_PIXELS, *y = raster->y + (size_t)tile * FV_SIM_TILE_PIXELS;
+    float *x = raster->x + (size_t)tile * FV_SIM_TILE_PIXELS,
+          *y = raster->y + (size_t)tile * FV_SIM_TILE_PIXELS;
     struct fv_sim_rect bound = {1e9f, -1e9f, 1e9f, -1e9f};
     double nx, ny, mx = 0.0, my = 0.0;
     /* One pixel of margin all round, for samples between pixels. Pixels past the image repeat its edge. */
@@ -42,7 +44,8 @@ static bool fill_tile(struct fv_sim_raster *raster, const struct fovea_camera *c
             }
         }
     }
-    const double width = (double)bound.x_max - (double)bound.x_min, height = (double)bound.y_max - (double)bound.y_min;
+    const double width = (double)bound.x_max - (double)bound.x_min,
+                 height = (double)bound.y_max - (double)bound.y_min;
     bound.x_max += (float)(width / FV_SIM_TILE); /* the far margin, where the edge was repeated */
     bound.y_max += (float)(height / FV_SIM_TILE);
     raster->bound[tile] = bound;
@@ -51,7 +54,8 @@ static bool fill_tile(struct fv_sim_raster *raster, const struct fovea_camera *c
     raster->pixel_area[tile] = 1.0f;
     if (fovea_camera_project(camera, (const double[3]){mx, my, 1.0}, pixel, j) != FOVEA_OK) return false;
     const double det = j[0] * j[4] - j[1] * j[3];
-    if (det > 0.0) raster->pixel_area[tile] = (float)(__builtin_sqrt(__builtin_sqrt(mx * mx + my * my + 1.0)) / det);
+    if (det > 0.0)
+        raster->pixel_area[tile] = (float)(__builtin_sqrt(__builtin_sqrt(mx * mx + my * my + 1.0)) / det);
     return true;
 }
 
@@ -66,7 +70,8 @@ bool fv_sim_raster_create(struct fv_sim_raster *raster, const struct fovea_camer
     raster->y = malloc(tiles * FV_SIM_TILE_PIXELS * sizeof(float));
     raster->bound = malloc(tiles * sizeof *raster->bound);
     raster->pixel_area = malloc(tiles * sizeof(float));
-    if (raster->x == NULL || raster->y == NULL || raster->bound == NULL || raster->pixel_area == NULL) return false;
+    if (raster->x == NULL || raster->y == NULL || raster->bound == NULL || raster->pixel_area == NULL)
+        return false;
     for (int32_t ty = 0; ty < raster->tiles_y; ty++) {
         for (int32_t tx = 0; tx < raster->tiles_x; tx++) {
             if (!fill_tile(raster, camera, tx, ty)) return false;
@@ -84,7 +89,8 @@ void fv_sim_raster_free(struct fv_sim_raster *raster)
     *raster = (struct fv_sim_raster){0};
 }
 
-/* ---- surfaces in the camera frame --------------------------------------------------------------------------- */
+/* ---- surfaces in the camera frame
+ * --------------------------------------------------------------------------- */
 
 static const double near_m = 0.05;
 
@@ -119,8 +125,8 @@ static void store3(float out[3], const double in[3])
         out[i] = (float)in[i];
 }
 
-/* Bounds of corner points in the normalised plane; everything when one is beside or behind the camera. false: all of
- * them are behind. */
+/* Bounds of corner points in the normalised plane; everything when one is beside or behind the camera. false:
+ * all of them are behind. */
 static bool set_bounds(struct fv_sim_surface *s, const double (*corner)[3], int32_t count, double *z_min)
 {
     int32_t behind = 0;
@@ -149,11 +155,13 @@ static bool set_bounds(struct fv_sim_surface *s, const double (*corner)[3], int3
 
 static bool outside(const struct fv_sim_surface *s, const struct fv_sim_rect *bound)
 {
-    return s->x_min > bound->x_max || s->x_max < bound->x_min || s->y_min > bound->y_max || s->y_max < bound->y_min;
+    return s->x_min > bound->x_max || s->x_max < bound->x_min || s->y_min > bound->y_max ||
+           s->y_max < bound->y_min;
 }
 
-static bool set_face(struct fv_sim_surface *s, const struct fv_sim_face *face, const struct fv_sim_texture *texture,
-                     const double T[12], const struct fv_sim_rect *bound)
+static bool set_face(struct fv_sim_surface *s, const struct fv_sim_face *face,
+                     const struct fv_sim_texture *texture, const double T[12],
+                     const struct fv_sim_rect *bound)
 {
     double o[3], u[3], v[3], n[3], corner[4][3], z_min;
     move(T, face->origin, o);
@@ -200,8 +208,9 @@ static double radius_square(const struct fv_sim_round *round, double s)
     return round->q0 + round->q1 * s + round->q2 * s * s;
 }
 
-static bool set_round(struct fv_sim_surface *s, const struct fv_sim_round *round, const struct fv_sim_texture *texture,
-                      const double T[12], const struct fv_sim_rect *bound)
+static bool set_round(struct fv_sim_surface *s, const struct fv_sim_round *round,
+                      const struct fv_sim_texture *texture, const double T[12],
+                      const struct fv_sim_rect *bound)
 {
     double p[3], a[3], e1[3], e2[3], corner[8][3], z_min, square = radius_square(round, 0.0);
     move(T, round->base, p);
@@ -217,11 +226,12 @@ static bool set_round(struct fv_sim_surface *s, const struct fv_sim_round *round
     const double radius = __builtin_sqrt(square);
     for (int32_t k = 0; k < 8; k++) {
         for (int32_t i = 0; i < 3; i++)
-            corner[k][i] = p[i] + ((k & 1) ? round->height : 0.0) * a[i] + ((k & 2) ? radius : -radius) * e1[i] +
-                           ((k & 4) ? radius : -radius) * e2[i];
+            corner[k][i] = p[i] + ((k & 1) ? round->height : 0.0) * a[i] +
+                           ((k & 2) ? radius : -radius) * e1[i] + ((k & 4) ? radius : -radius) * e2[i];
     }
     if (!set_bounds(s, (const double(*)[3])corner, 8, &z_min) || outside(s, bound)) return false;
-    const double k = 1.0 + round->q2, pa = dot(p, a), c = dot(p, p) - k * pa * pa + round->q1 * pa - round->q0;
+    const double k = 1.0 + round->q2, pa = dot(p, a),
+                 c = dot(p, p) - k * pa * pa + round->q1 * pa - round->q0;
     if (c <= 0.0) return false; /* the camera is inside */
     store3(s->p, p);
     store3(s->a, a);
@@ -241,7 +251,8 @@ static bool set_round(struct fv_sim_surface *s, const struct fv_sim_round *round
     s->tex_du = (float)texture->width;
     s->tex_dv = (float)texture->height;
     /* Texels per metre, squared: across by the girth, along by the height. */
-    s->area = (float)((double)texture->width / (2.0 * FOVEA_PI * radius) * (double)texture->height / round->height);
+    s->area =
+        (float)((double)texture->width / (2.0 * FOVEA_PI * radius) * (double)texture->height / round->height);
     s->slant = (float)(z_min > near_m ? 1.0 / z_min : 1.0 / near_m); /* nearest: for depth culling */
     s->light = round->light;
     s->texture = texture;
@@ -257,16 +268,19 @@ void fv_sim_view_set(struct fv_sim_view *view, const struct fv_sim_world *world,
     int32_t count = 0;
     for (int32_t i = 0; i < world->face_count; i++) {
         const struct fv_sim_face *face = &world->face[i];
-        if (set_face(&view->surface[count], face, &world->texture[face->texture], T_world_cam, bound)) count++;
+        if (set_face(&view->surface[count], face, &world->texture[face->texture], T_world_cam, bound))
+            count++;
     }
     for (int32_t i = 0; i < world->round_count; i++) {
         const struct fv_sim_round *round = &world->round[i];
-        if (set_round(&view->surface[count], round, &world->texture[round->texture], T_world_cam, bound)) count++;
+        if (set_round(&view->surface[count], round, &world->texture[round->texture], T_world_cam, bound))
+            count++;
     }
     view->surface_count = count;
 }
 
-/* ---- what may be seen in a rectangle of bearings ------------------------------------------------------------ */
+/* ---- what may be seen in a rectangle of bearings
+ * ------------------------------------------------------------ */
 
 /* Smallest and largest value of an affine function over a rectangle. */
 static inline float affine_max(const float f[3], const struct fv_sim_rect *r)
@@ -279,8 +293,10 @@ static inline float affine_min(const float f[3], const struct fv_sim_rect *r)
     return f[2] + f[0] * (f[0] > 0.0f ? r->x_min : r->x_max) + f[1] * (f[1] > 0.0f ? r->y_min : r->y_max);
 }
 
-/* Whether a surface may show in the rectangle, its largest 1/z there, and, when it fills the rectangle, its smallest. */
-static bool may_show(const struct fv_sim_surface *s, const struct fv_sim_rect *r, float *nearest, float *filled)
+/* Whether a surface may show in the rectangle, its largest 1/z there, and, when it fills the rectangle, its
+ * smallest. */
+static bool may_show(const struct fv_sim_surface *s, const struct fv_sim_rect *r, float *nearest,
+                     float *filled)
 {
     *filled = -1.0f;
     if (outside(s, r)) return false;

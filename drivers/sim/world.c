@@ -2,7 +2,8 @@
 
 #include <string.h>
 
-/* ---- building blocks ---------------------------------------------------------------------------------------- */
+/* ---- building blocks
+ * ---------------------------------------------------------------------------------------- */
 
 /* A seed of its own for the n-th thing made (SplitMix64's finaliser). */
 static uint64_t seed_for(uint64_t seed, uint64_t n)
@@ -29,7 +30,8 @@ uint16_t fv_sim_world_texture(struct fv_sim_world *world, enum fv_sim_material m
     }
     world->texture_count++;
     /* Repeated textures: the same material always looks the same, and walls hang the same things. */
-    const uint64_t seed = seed_for(world->seed, world->repeated ? 1000u + (uint64_t)material : (uint64_t)index);
+    const uint64_t seed =
+        seed_for(world->seed, world->repeated ? 1000u + (uint64_t)material : (uint64_t)index);
     fv_sim_paint(texture, material, texels_per_m, seed);
     if (wall) {
         const uint64_t hung = world->repeated ? seed_for(world->seed, 2000) : seed_for(seed, 1);
@@ -67,7 +69,8 @@ static void take_piece(struct fv_sim_world *world, struct fv_sim_face *face, dou
 {
     const struct fv_sim_texture *t = &world->texture[face->texture];
     struct fovea_random random;
-    fovea_random_seed(&random, seed_for(world->seed, world->repeated ? 7u : 5000u + (uint64_t)world->face_count));
+    fovea_random_seed(&random,
+                      seed_for(world->seed, world->repeated ? 7u : 5000u + (uint64_t)world->face_count));
     int32_t du = (int32_t)(width_m * texels_per_m), dv = (int32_t)(height_m * texels_per_m);
     if (du > t->width) du = t->width;
     if (dv > t->height) dv = t->height;
@@ -79,8 +82,8 @@ static void take_piece(struct fv_sim_world *world, struct fv_sim_face *face, dou
     face->tex_dv = -(float)dv;
 }
 
-void fv_sim_world_box(struct fv_sim_world *world, const double center[2], double z, const double size[3], double yaw,
-                      uint16_t side, uint16_t top, uint32_t faces, double texels_per_m)
+void fv_sim_world_box(struct fv_sim_world *world, const double center[2], double z, const double size[3],
+                      double yaw, uint16_t side, uint16_t top, uint32_t faces, double texels_per_m)
 {
     const double c = fovea_cos(yaw), s = fovea_sin(yaw);
     /* Corners go round anticlockwise from (-x, -y); side k runs from corner k to k + 1 and faces outward. */
@@ -115,20 +118,25 @@ void fv_sim_world_box(struct fv_sim_world *world, const double center[2], double
     }
 }
 
-struct fv_sim_round *fv_sim_world_round(struct fv_sim_world *world, double x, double y, double z, double height,
-                                        uint16_t texture)
+struct fv_sim_round *fv_sim_world_round(struct fv_sim_world *world, double x, double y, double z,
+                                        double height, uint16_t texture)
 {
     if (world->round_count == FV_SIM_ROUNDS_MAX) {
         world->full = true;
         return NULL;
     }
     struct fv_sim_round *round = &world->round[world->round_count++];
-    *round = (struct fv_sim_round){
-        .base = {x, y, z}, .axis = {0.0, 0.0, 1.0}, .side = {1.0, 0.0, 0.0}, .height = height, .light = 1.0f, .texture = texture};
+    *round = (struct fv_sim_round){.base = {x, y, z},
+                                   .axis = {0.0, 0.0, 1.0},
+                                   .side = {1.0, 0.0, 0.0},
+                                   .height = height,
+                                   .light = 1.0f,
+                                   .texture = texture};
     return round;
 }
 
-/* ---- whole worlds ------------------------------------------------------------------------------------------- */
+/* ---- whole worlds
+ * ------------------------------------------------------------------------------------------- */
 
 bool fv_sim_world_build(struct fv_sim_world *world, const struct fv_sim_options *options)
 {
@@ -136,10 +144,18 @@ bool fv_sim_world_build(struct fv_sim_world *world, const struct fv_sim_options 
     world->seed = seed_for(options->seed, 0);
     world->repeated = options->repeated;
     switch (options->trajectory) {
-    case FV_SIM_TOUR: fv_sim_place_house(world); break;
-    case FV_SIM_CORRIDOR: fv_sim_place_corridor(world); break;
-    case FV_SIM_WANDER: fv_sim_place_hall(world); break;
-    default: fv_sim_place_room(world, options->trajectory == FV_SIM_KIDNAP); break;
+    case FV_SIM_TOUR:
+        fv_sim_place_house(world);
+        break;
+    case FV_SIM_CORRIDOR:
+        fv_sim_place_corridor(world);
+        break;
+    case FV_SIM_WANDER:
+        fv_sim_place_hall(world);
+        break;
+    default:
+        fv_sim_place_room(world, options->trajectory == FV_SIM_KIDNAP);
+        break;
     }
     fv_sim_objects_create(world, options);
     world->static_faces = world->face_count;
