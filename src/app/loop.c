@@ -238,7 +238,7 @@ void fv_loop_run(struct fv_loop *loop)
     struct fovea_frame frame;
     int64_t late_ns = 0;
     prepare(loop);
-    fv_stack_touch();
+    fv_realtime_touch_stack();
     struct span begin = span_begin();
     loop->mark_wall_ns = begin.wall_ns;
     loop->mark_cpu_ns = begin.cpu_ns;

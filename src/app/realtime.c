@@ -8,7 +8,8 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-enum fovea_status fv_memory_map(size_t bytes, bool lock, void **memory, bool *locked, struct fovea_error *why)
+enum fovea_status fv_realtime_map(size_t bytes, bool lock, void **memory, bool *locked,
+                                  struct fovea_error *why)
 {
     void *mapped = mmap(NULL, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
     if (mapped == MAP_FAILED)
@@ -28,7 +29,7 @@ enum fovea_status fv_memory_map(size_t bytes, bool lock, void **memory, bool *lo
     return FOVEA_OK;
 }
 
-void fv_memory_unmap(void *memory, size_t bytes)
+void fv_realtime_unmap(void *memory, size_t bytes)
 {
     munmap(memory, bytes);
 }
@@ -56,11 +57,12 @@ static enum fovea_status start(pthread_t *thread, uint32_t priority, int32_t cpu
     return *failure == 0 ? FOVEA_OK : FOVEA_ERROR_SYSTEM;
 }
 
-enum fovea_status fv_thread_start(pthread_t *thread, uint32_t priority, int32_t cpu, void *(*body)(void *),
-                                  void *argument, struct fv_thread_rights *rights, struct fovea_error *error)
+enum fovea_status fv_realtime_start(pthread_t *thread, uint32_t priority, int32_t cpu, void *(*body)(void *),
+                                    void *argument, struct fv_realtime_rights *rights,
+                                    struct fovea_error *error)
 {
     int failure;
-    *rights = (struct fv_thread_rights){.fifo = priority > 0, .bound = cpu >= 0};
+    *rights = (struct fv_realtime_rights){.fifo = priority > 0, .bound = cpu >= 0};
     if (start(thread, priority, cpu, body, argument, &failure) == FOVEA_OK) return FOVEA_OK;
     if (failure == EPERM && priority > 0) {
         fovea_error_set(&rights->why, FOVEA_OK,
@@ -81,7 +83,7 @@ enum fovea_status fv_thread_start(pthread_t *thread, uint32_t priority, int32_t 
                            strerror(failure));
 }
 
-void fv_stack_touch(void)
+void fv_realtime_touch_stack(void)
 {
     volatile char stack[FV_THREAD_STACK_BYTES * 3 / 4];
     for (size_t at = 0; at < sizeof stack; at += 1024)

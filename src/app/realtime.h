@@ -8,17 +8,16 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "app/thread.h" /* FV_THREAD_STACK_BYTES */
 #include "fovea/status.h"
-
-enum { FV_THREAD_STACK_BYTES = 256 * 1024 };
 
 /* Map `bytes` of zeroed memory, lock it when asked to, and touch every page. Whether it could be locked is in
  * `*locked`; if not, `why` tells. FOVEA_ERROR_SYSTEM: no memory. */
-enum fovea_status fv_memory_map(size_t bytes, bool lock, void **memory, bool *locked,
-                                struct fovea_error *why);
-void fv_memory_unmap(void *memory, size_t bytes);
+enum fovea_status fv_realtime_map(size_t bytes, bool lock, void **memory, bool *locked,
+                                  struct fovea_error *why);
+void fv_realtime_unmap(void *memory, size_t bytes);
 
-struct fv_thread_rights {
+struct fv_realtime_rights {
     bool fifo;              /* runs under SCHED_FIFO */
     bool bound;             /* runs on the processor that was asked for */
     struct fovea_error why; /* what was not permitted, one line; "" when nothing was asked in vain */
@@ -26,13 +25,14 @@ struct fv_thread_rights {
 
 /* Start a thread with a stack of FV_THREAD_STACK_BYTES under SCHED_FIFO `priority` (0:
  * ordinary) on processor `cpu` (-1: any). What is not permitted is left out and told in `rights`. */
-enum fovea_status fv_thread_start(pthread_t *thread, uint32_t priority, int32_t cpu, void *(*body)(void *),
-                                  void *argument, struct fv_thread_rights *rights, struct fovea_error *error);
+enum fovea_status fv_realtime_start(pthread_t *thread, uint32_t priority, int32_t cpu, void *(*body)(void *),
+                                    void *argument, struct fv_realtime_rights *rights,
+                                    struct fovea_error *error);
 
 /* Touch most of the calling thread's stack, so that the loop meets no page fault there. */
-void fv_stack_touch(void);
+void fv_realtime_touch_stack(void);
 
 /* Touch most of the calling thread's stack, so that the loop meets no page fault there. */
-void fv_stack_touch(void);
+void fv_realtime_touch_stack(void);
 
 #endif

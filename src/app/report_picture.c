@@ -32,7 +32,7 @@ static void title(struct fv_canvas *canvas, const struct fv_report *report)
     char line[160];
     snprintf(line, sizeof line, "%.60s  %d x %d  %" PRIu64 " frames  kernel set %s", report->source,
              report->width, report->height, report->loop->counts.processed, report->kernel_set);
-    fv_canvas_text(canvas, LEFT, 12, 2, INK, line);
+    fv_canvas_text(canvas, LEFT, 12, fv_canvas_text_width(2, line) > RIGHT - LEFT ? 1 : 2, INK, line);
     int x = fv_canvas_text(canvas, LEFT, 40, 1, INK, "ms of the loop's processor time over the run:  ");
     x = fv_canvas_text(canvas, x, 40, 1, STEP, "step (mean)   ");
     x = fv_canvas_text(canvas, x, 40, 1, FRAME, "step and work together (mean)   ");

@@ -136,7 +136,7 @@ static enum fovea_status runtime_open(struct run *run, struct fovea_error *error
     config->clock = fv_timing_clock;
     enum fovea_status status = fovea_size(config, &run->bytes, error);
     if (status == FOVEA_OK)
-        status = fv_memory_map(run->bytes, run->settings.lock_memory, &run->memory, &locked, error);
+        status = fv_realtime_map(run->bytes, run->settings.lock_memory, &run->memory, &locked, error);
     if (status != FOVEA_OK) return status;
     if (run->settings.lock_memory && !locked) fv_say("fovea run: %s", error->text);
     return fovea_init(run->memory, run->bytes, config, &run->loop.rt, error);
@@ -193,7 +193,7 @@ static void close_all(struct run *run)
     fv_recorder_close(run->recorder, NULL);
     fv_transport_close(run->transport);
     fv_setup_close(&run->setup);
-    if (run->memory != NULL) fv_memory_unmap(run->memory, run->bytes);
+    if (run->memory != NULL) fv_realtime_unmap(run->memory, run->bytes);
     if (run->stats != NULL) fclose(run->stats);
 }
 
@@ -246,7 +246,7 @@ static void watch(struct run *run, const sigset_t *signals)
 
 static enum fovea_status run_loop(struct run *run, const sigset_t *signals, struct fovea_error *error)
 {
-    struct fv_thread_rights rights;
+    struct fv_realtime_rights rights;
     pthread_t thread;
     struct fv_loop *loop = &run->loop;
     loop->config = &run->settings.runtime;
@@ -263,7 +263,7 @@ static enum fovea_status run_loop(struct run *run, const sigset_t *signals, stru
     enum fovea_status status = loop->ops->start(loop->source, error);
     if (status != FOVEA_OK) return status;
     status =
-        fv_thread_start(&thread, run->settings.priority, run->settings.cpu, loop_body, run, &rights, error);
+        fv_realtime_start(&thread, run->settings.priority, run->settings.cpu, loop_body, run, &rights, error);
     if (status != FOVEA_OK) return status;
     if (rights.why.text[0] != '\0') fv_say("fovea run: %s", rights.why.text);
     watch(run, signals);
