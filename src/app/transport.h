@@ -1,7 +1,7 @@
 /* LCM: messages out from the loop thread, commands in through a thread of their own and a wait-free ring.
  *
  * Sending an encoded message through LCM's UDP provider makes no heap call (tests/realtime holds it to that);
- * it takes LCM's transmit mutex and one sendmsg per 1,400 bytes. What a remote party sends is checked before
+ * it takes LCM's transmit mutex and one sendmsg per 64 KiB. What a remote party sends is checked before
  * it is decoded. Every function takes NULL for "nothing is sent". */
 #ifndef FOVEA_APP_TRANSPORT_H
 #define FOVEA_APP_TRANSPORT_H

@@ -1,0 +1,251 @@
+#include "app/transport.h"
+
+#include <arpa/inet.h>
+#include <errno.h>
+#include <inttypes.h>
+#include <netinet/in.h>
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <time.h>
+#include <unistd.h>
+
+#include <lcm/lcm.h>
+
+#include "app/say.h"
+#include "app/thread.h"
+#include "app/transport_address.h"
+#include "base/ring.h"
+#include "message/fields.h"
+#include "message/message.h"
+
+#include "fovea_command_t.h"
+
+enum {
+    COMMAND_RING_BYTES = 256,
+    COMMANDS_PER_CALL = 32,
+    LISTEN_TIMEOUT_MS = 100,
+    KNOWN_COMMANDS = FOVEA_COMMAND_RESET | FOVEA_COMMAND_PAUSE | FOVEA_COMMAND_RESUME | FOVEA_COMMAND_SAVE
+};
+
+struct fv_transport {
+    struct fv_ring commands; /* of uint32_t, from the listener to the loop */
+    uint8_t commands_memory[COMMAND_RING_BYTES];
+    lcm_t *out;
+    char url[FV_TRANSPORT_URL_BYTES];
+    uint64_t sent, sent_bytes, failed; /* the loop's */
+
+    bool listening;
+    pthread_t listener;
+    atomic_bool stop;
+    char channel[FV_MESSAGE_CHANNEL_BYTES];
+    atomic_uint_fast64_t commands_taken, commands_refused;
+};
+
+/* ---- addresses
+ * ---------------------------------------------------------------------------------------------- */
+
+int fv_transport_udpm(const char *url, struct sockaddr_in *address)
+{
+    static const char scheme[] = "udpm://";
+    char host[64] = "239.255.76.67";
+    long port = 7667;
+    if (strncmp(url, scheme, sizeof scheme - 1) != 0) return strstr(url, "://") != NULL ? 0 : -1;
+    const char *at = url + sizeof scheme - 1;
+    size_t length = strcspn(at, ":?");
+    if (length >= sizeof host) return -1;
+    if (length > 0) {
+        memcpy(host, at, length);
+        host[length] = '\0';
+    }
+    at += length;
+    if (*at == ':') {
+        char *end;
+        port = strtol(at + 1, &end, 10);
+        if (end == at + 1 || (*end != '\0' && *end != '?')) return -1;
+    }
+    memset(address, 0, sizeof *address);
+    address->sin_family = AF_INET;
+    address->sin_port = htons((uint16_t)port);
+    if (port < 1 || port > 65535 || inet_pton(AF_INET, host, &address->sin_addr) != 1 ||
+        !IN_MULTICAST(ntohl(address->sin_addr.s_addr)))
+        return -1;
+    return 1;
+}
+
+/* The URL with the time-to-live, unless it states one. */
+static void complete_url(const char *url, uint32_t ttl, char complete[FV_TRANSPORT_URL_BYTES])
+{
+    bool add = strncmp(url, "udpm://", 7) == 0 && strstr(url, "ttl=") == NULL;
+    if (add)
+        snprintf(complete, FV_TRANSPORT_URL_BYTES, "%s%cttl=%" PRIu32, url,
+                 strchr(url, '?') != NULL ? '&' : '?', ttl);
+    else
+        snprintf(complete, FV_TRANSPORT_URL_BYTES, "%s", url);
+}
+
+/* LCM's own test of the route prints several lines and gives no reason, so ask first. */
+static enum fovea_status check_route(const char *url, const struct sockaddr_in *address,
+                                     struct fovea_error *error)
+{
+    int probe = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+    int failed =
+        probe < 0 || connect(probe, (const struct sockaddr *)address, sizeof *address) != 0 ? errno : 0;
+    if (probe >= 0) close(probe);
+    if (failed == 0) return FOVEA_OK;
+    return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: no route for LCM messages (%s); this mends it: %s",
+                           url, strerror(failed), FV_TRANSPORT_MEND);
+}
+
+/* ---- out
+ * ---------------------------------------------------------------------------------------------------- */
+
+static enum fovea_status create(const char *url, uint32_t ttl, char complete[FV_TRANSPORT_URL_BYTES],
+                                lcm_t **lcm, struct fovea_error *error)
+{
+    struct sockaddr_in address;
+    int kind = fv_transport_udpm(url, &address);
+    if (kind < 0)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "lcm_url: found \"%s\", expected an LCM URL like udpm://239.255.76.67:7667",
+                               url);
+    enum fovea_status status = kind == 1 ? check_route(url, &address, error) : FOVEA_OK;
+    if (status != FOVEA_OK) return status;
+    complete_url(url, ttl, complete);
+    *lcm = lcm_create(complete);
+    if (*lcm == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: LCM cannot use this URL", url);
+    return FOVEA_OK;
+}
+
+enum fovea_status fv_transport_open(const char *url, uint32_t ttl, struct fv_transport **transport,
+                                    struct fovea_error *error)
+{
+    if (url[0] == '\0') {
+        *transport = NULL;
+        return FOVEA_OK;
+    }
+    struct fv_transport *opened = aligned_alloc(64, (sizeof *opened + 63) / 64 * 64);
+    if (opened == NULL) return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory for LCM");
+    memset(opened, 0, sizeof *opened);
+    fv_ring_init(&opened->commands, opened->commands_memory, sizeof opened->commands_memory);
+    enum fovea_status status = create(url, ttl, opened->url, &opened->out, error);
+    if (status != FOVEA_OK) {
+        free(opened);
+        return status;
+    }
+    *transport = opened;
+    return FOVEA_OK;
+}
+
+void fv_transport_publish(struct fv_transport *transport, const struct fovea_outputs *outputs)
+{
+    if (transport == NULL) return;
+    for (uint32_t i = 0; i < outputs->message_count; i++) {
+        const struct fovea_message *message = &outputs->messages[i];
+        if (lcm_publish(transport->out, message->channel, message->data, message->bytes) == 0) {
+            transport->sent++;
+            transport->sent_bytes += message->bytes;
+        } else {
+            transport->failed++;
+        }
+    }
+}
+
+/* ---- in
+ * ----------------------------------------------------------------------------------------------------- */
+
+static void take_command(const lcm_recv_buf_t *received, const char *channel, void *context)
+{
+    struct fv_transport *transport = context;
+    const char *problem;
+    size_t at;
+    fovea_command_t command;
+    (void)channel;
+    bool good = fv_message_check("fovea.command_t", received->data, received->data_size, &problem, &at) &&
+                fovea_command_t_decode(received->data, 0, (int)received->data_size, &command) >= 0 &&
+                command.commands != 0 && (command.commands & ~KNOWN_COMMANDS) == 0;
+    uint32_t bits = good ? (uint32_t)command.commands : 0;
+    uint8_t *room = good ? fv_ring_reserve(&transport->commands, sizeof bits) : NULL;
+    if (room == NULL) {
+        atomic_fetch_add(&transport->commands_refused, 1);
+        return;
+    }
+    memcpy(room, &bits, sizeof bits);
+    fv_ring_commit(&transport->commands, sizeof bits);
+    atomic_fetch_add(&transport->commands_taken, 1);
+}
+
+static void *listen_for_commands(void *context)
+{
+    struct fv_transport *transport = context;
+    lcm_t *in = lcm_create(transport->url);
+    /* LCM tests here whether its own messages come back, for up to ten seconds: why this is done off the
+     * loop. */
+    if (in == NULL || lcm_subscribe(in, transport->channel, take_command, transport) == NULL) {
+        fv_say("%s: LCM messages do not come back on this host, so commands will not be heard; this mends "
+               "it: %s",
+               transport->url, FV_TRANSPORT_MEND);
+    } else {
+        while (!atomic_load(&transport->stop))
+            if (lcm_handle_timeout(in, LISTEN_TIMEOUT_MS) < 0) break;
+    }
+    if (in != NULL) lcm_destroy(in);
+    return NULL;
+}
+
+enum fovea_status fv_transport_listen(struct fv_transport *transport, const char *prefix,
+                                      struct fovea_error *error)
+{
+    if (transport == NULL || transport->listening) return FOVEA_OK;
+    fv_message_prepare();
+    fv_message_channel(prefix, FV_MESSAGE_COMMAND, transport->channel);
+    int failed = fv_thread_start(&transport->listener, listen_for_commands, transport);
+    if (failed != 0)
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "no thread to listen for commands: %s",
+                               strerror(failed));
+    transport->listening = true;
+    return FOVEA_OK;
+}
+
+uint32_t fv_transport_commands(struct fv_transport *transport)
+{
+    uint32_t all = 0;
+    if (transport == NULL) return 0;
+    for (int i = 0; i < COMMANDS_PER_CALL; i++) {
+        size_t bytes;
+        uint32_t bits;
+        const uint8_t *data = fv_ring_peek(&transport->commands, &bytes);
+        if (data == NULL) break;
+        memcpy(&bits, data, sizeof bits);
+        fv_ring_release(&transport->commands, sizeof bits);
+        if (bits & (FOVEA_COMMAND_PAUSE | FOVEA_COMMAND_RESUME))
+            all &= ~(uint32_t)(FOVEA_COMMAND_PAUSE | FOVEA_COMMAND_RESUME);
+        all |= bits;
+    }
+    return all;
+}
+
+void fv_transport_counts(const struct fv_transport *transport, struct fv_transport_counts *counts)
+{
+    memset(counts, 0, sizeof *counts);
+    if (transport == NULL) return;
+    counts->sent = transport->sent;
+    counts->sent_bytes = transport->sent_bytes;
+    counts->failed = transport->failed;
+    counts->commands = atomic_load(&transport->commands_taken);
+    counts->commands_refused = atomic_load(&transport->commands_refused);
+}
+
+void fv_transport_close(struct fv_transport *transport)
+{
+    if (transport == NULL) return;
+    if (transport->listening) {
+        atomic_store(&transport->stop, true);
+        pthread_join(transport->listener, NULL);
+    }
+    lcm_destroy(transport->out);
+    free(transport);
+}

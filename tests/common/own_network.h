@@ -1,0 +1,14 @@
+/* A network of the test's own: nothing but a loopback, so that multicast can be taken away and mended without
+ * touching the machine. Must be entered before any thread exists. */
+#ifndef FOVEA_TESTS_OWN_NETWORK_H
+#define FOVEA_TESTS_OWN_NETWORK_H
+
+#include <stdbool.h>
+
+/* Enter a new network namespace; its loopback is down. False: not permitted here. */
+bool own_network_enter(void);
+
+/* Loopback up, multicast on, route 224.0.0.0/4 through it: what `fovea check` tells people to do. */
+bool own_network_mend(void);
+
+#endif

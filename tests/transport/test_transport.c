@@ -1,0 +1,222 @@
+/* LCM in a network of the test's own: the missing route is found and mended, sending makes no heap call,
+ * commands come in and hostile ones do not. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include <cmocka.h>
+#include <lcm/lcm.h>
+
+#include "app/transport.h"
+#include "common/own_network.h"
+
+#include "fovea_command_t.h"
+
+#define URL "udpm://239.255.76.67:7667"
+
+#ifndef FOVEA_SANITIZED
+/* Count this thread's heap calls. */
+static _Thread_local volatile uint64_t
+    heap_calls; /* compilers believe that malloc writes no variable of ours */
+void *__libc_malloc(size_t bytes);
+void *__libc_calloc(size_t count, size_t bytes);
+void *__libc_realloc(void *piece, size_t bytes);
+void __libc_free(void *piece);
+void *malloc(size_t bytes)
+{
+    heap_calls++;
+    return __libc_malloc(bytes);
+}
+void *calloc(size_t count, size_t bytes)
+{
+    heap_calls++;
+    return __libc_calloc(count, bytes);
+}
+void *realloc(void *piece, size_t bytes)
+{
+    heap_calls++;
+    return __libc_realloc(piece, bytes);
+}
+void free(void *piece)
+{
+    heap_calls += piece != NULL;
+    __libc_free(piece);
+}
+#endif
+
+static bool own_network;
+
+static void sleep_ms(long ms)
+{
+    struct timespec pause = {.tv_sec = ms / 1000, .tv_nsec = ms % 1000 * 1000000};
+    nanosleep(&pause, NULL);
+}
+
+static void test_missing_route(void **state)
+{
+    (void)state;
+    struct fovea_error error;
+    if (!own_network) {
+        print_message("SKIPPED test_missing_route: no network namespace of its own\n");
+        skip();
+    }
+    assert_int_equal(fv_transport_check(URL, 0, &error), FOVEA_ERROR_SYSTEM);
+    assert_non_null(strstr(error.text, FV_TRANSPORT_MEND));
+    assert_non_null(strstr(error.text, "no route"));
+    assert_true(own_network_mend());
+    if (fv_transport_check(URL, 0, &error) != FOVEA_OK) fail_msg("%s", error.text);
+}
+
+static void test_urls(void **state)
+{
+    (void)state;
+    static const char *const wrong[] = {
+        "udpm",
+        "udpm://1.2.3.4:7667",
+        "udpm://239.255.76.67:0",
+        "udpm://239.255.76.67:x",
+        "udpm://239.255.76.67:70000",
+        "udpm://nonsense",
+        "nothing://",
+        "udpm://99999999999999999999999999999999999999999999999999999999999999999999"};
+    struct fv_transport *transport = NULL;
+    struct fovea_error error;
+    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
+        enum fovea_status status = fv_transport_open(wrong[i], 0, &transport, &error);
+        assert_true(status == FOVEA_ERROR_INPUT || (i == 6 && status == FOVEA_ERROR_SYSTEM));
+        assert_non_null(strstr(error.text, wrong[i]));
+    }
+    assert_int_equal(fv_transport_open("", 0, &transport, &error), FOVEA_OK);
+    assert_null(transport);
+    fv_transport_publish(NULL, &(struct fovea_outputs){0});
+    assert_int_equal(fv_transport_commands(NULL), 0);
+    fv_transport_close(NULL);
+}
+
+static void test_no_heap_call(void **state)
+{
+    (void)state;
+#ifdef FOVEA_SANITIZED
+    print_message("SKIPPED test_no_heap_call: sanitizers own the heap\n");
+    skip();
+#else
+    static uint8_t data[100000]; /* about 70 fragments */
+    struct fv_transport *transport = NULL;
+    struct fovea_error error;
+    struct fv_transport_counts counts;
+    if (fv_transport_open(URL, 0, &transport, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    struct fovea_outputs outputs = {.message_count = 2};
+    outputs.messages[0] = (struct fovea_message){.channel = "T_SMALL", .data = data, .bytes = 100};
+    outputs.messages[1] = (struct fovea_message){.channel = "T_LARGE", .data = data, .bytes = sizeof data};
+    uint64_t before = heap_calls;
+    void *volatile planted = malloc(1); /* is seen, and so is its end */
+    free(planted);
+    assert_int_equal(heap_calls, before + 2);
+    before = heap_calls;
+    for (int i = 0; i < 1000; i++) {
+        fv_transport_publish(transport, &outputs);
+        (void)fv_transport_commands(transport);
+    }
+    assert_int_equal(heap_calls, before);
+    fv_transport_counts(transport, &counts);
+    assert_int_equal(counts.sent, 2000);
+    assert_int_equal(counts.failed, 0);
+    fv_transport_close(transport);
+#endif
+}
+
+static void send_command(lcm_t *lcm, int32_t bits)
+{
+    uint8_t data[64];
+    fovea_command_t command = {.utime = 1, .commands = bits};
+    int bytes = fovea_command_t_encode(data, 0, sizeof data, &command);
+    assert_int_equal(lcm_publish(lcm, "T/A_COMMAND", data, (unsigned)bytes), 0);
+}
+
+/* Wait until as many were taken and refused. */
+static void expect_counts(struct fv_transport *transport, uint64_t taken, uint64_t refused)
+{
+    struct fv_transport_counts counts;
+    for (int i = 0; i < 200; i++) {
+        fv_transport_counts(transport, &counts);
+        if (counts.commands >= taken && counts.commands_refused >= refused) break;
+        sleep_ms(10);
+    }
+    assert_int_equal(counts.commands, taken);
+    assert_int_equal(counts.commands_refused, refused);
+}
+
+static void test_commands(void **state)
+{
+    (void)state;
+    struct fv_transport *transport = NULL;
+    struct fovea_error error;
+    if (fv_transport_open(URL, 0, &transport, &error) != FOVEA_OK ||
+        fv_transport_listen(transport, "T/A", &error) != FOVEA_OK)
+        fail_msg("%s", error.text);
+    lcm_t *lcm = lcm_create(URL "?ttl=0");
+    assert_non_null(lcm);
+    struct fv_transport_counts counts = {0};
+    for (int i = 0; i < 100 && counts.commands == 0; i++) { /* until the listener is there */
+        send_command(lcm, FOVEA_COMMAND_SAVE);
+        sleep_ms(50);
+        fv_transport_counts(transport, &counts);
+    }
+    sleep_ms(200);
+    fv_transport_counts(transport, &counts);
+    assert_true(counts.commands > 0);
+    uint64_t base = counts.commands;
+    assert_int_equal(fv_transport_commands(transport), FOVEA_COMMAND_SAVE);
+    assert_int_equal(fv_transport_commands(transport), 0);
+
+    send_command(lcm, FOVEA_COMMAND_PAUSE);
+    send_command(lcm, FOVEA_COMMAND_RESET);
+    send_command(lcm, FOVEA_COMMAND_RESUME); /* the later of the two counts */
+    expect_counts(transport, base + 3, 0);
+    assert_int_equal(fv_transport_commands(transport), FOVEA_COMMAND_RESET | FOVEA_COMMAND_RESUME);
+
+    uint8_t hostile[24] = {0};
+    lcm_publish(lcm, "T/A_COMMAND", hostile, sizeof hostile);
+    lcm_publish(lcm, "T/A_COMMAND", hostile, 3);
+    send_command(lcm, 0);
+    send_command(lcm, 1 << 20);
+    expect_counts(transport, base + 3, 4);
+    assert_int_equal(fv_transport_commands(transport), 0);
+
+    for (int i = 0; i < 100; i++) { /* more than the ring holds, slower than LCM's own queue overflows */
+        send_command(lcm, FOVEA_COMMAND_SAVE);
+        sleep_ms(2);
+    }
+    sleep_ms(200);
+    for (int i = 0; i < 10; i++)
+        (void)fv_transport_commands(transport);
+    fv_transport_counts(transport, &counts);
+    assert_true(counts.commands_refused > 4);
+    send_command(lcm, FOVEA_COMMAND_RESET);
+    sleep_ms(300);
+    assert_int_equal(fv_transport_commands(transport), FOVEA_COMMAND_RESET);
+    lcm_destroy(lcm);
+    fv_transport_close(transport);
+}
+
+int main(void)
+{
+    own_network = own_network_enter();
+    struct fovea_error error;
+    if (!own_network && fv_transport_check(URL, 0, &error) != FOVEA_OK) {
+        printf("SKIPPED test_transport: no network namespace of its own, and %s\n", error.text);
+        return 0;
+    }
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_missing_route),
+        cmocka_unit_test(test_urls),
+        cmocka_unit_test(test_no_heap_call),
+        cmocka_unit_test(test_commands),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
