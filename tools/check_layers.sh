@@ -12,8 +12,8 @@ allowed() { # rooms that a room may include besides itself
     geometry) echo "base kernels" ;;
     nn)       echo "base kernels" ;;
     features) echo "base kernels image geometry" ;;
-    odometry) echo "base kernels image geometry features" ;;
-    map)      echo "base kernels image geometry features odometry" ;;
+    map)      echo "base kernels image geometry features" ;;
+    odometry) echo "base kernels image geometry features map" ;;
     detect)   echo "base kernels nn" ;;
     segment)  echo "base kernels nn" ;;
     track)    echo "base geometry" ;;

@@ -1,0 +1,64 @@
+/* Monocular visual odometry: where the camera is, from its images alone.
+ *
+ * Features are matched against landmarks of the local map, predicted by a motion model; the pose minimises the robust
+ * pixel error of the matches. Keyframes are kept when the view has changed; their landmarks and poses are optimised
+ * together by a job. The world frame is the camera frame of the first keyframe; without a scale source its unit is
+ * such that the median depth at the start is 1.
+ *
+ * After Klein and Murray (ISMAR 2007) and Mur-Artal, Montiel and Tardos (T-RO 2015). */
+#ifndef FOVEA_ODOMETRY_H
+#define FOVEA_ODOMETRY_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum fovea_tracking_state {
+    FOVEA_TRACKING_STARTING = 0, /* no map yet: waiting for enough parallax between two views */
+    FOVEA_TRACKING_OK = 1,       /* pose from at least inliers_good landmarks */
+    FOVEA_TRACKING_WEAK = 2,     /* pose from fewer, but at least FOVEA_POSED_INLIERS_MIN */
+    FOVEA_TRACKING_LOST = 3      /* no pose */
+};
+
+/* A frame counts as posed only with at least so many landmarks that agree with the pose. */
+enum { FOVEA_POSED_INLIERS_MIN = 20 };
+
+enum fovea_scale_source {
+    FOVEA_SCALE_FREE = 0,          /* arbitrary: the unit is the median depth at the start */
+    FOVEA_SCALE_CAMERA_HEIGHT = 1, /* metres, from the height of the camera over the floor */
+    FOVEA_SCALE_ODOMETRY = 2       /* metres, from wheel or leg odometry */
+};
+
+enum { FOVEA_ODOMETRY_KEYFRAMES_MAX = 256, FOVEA_ODOMETRY_LANDMARKS_MAX = 20000 };
+
+struct fovea_odometry_config {
+    bool enabled;            /* default true */
+    uint32_t keyframes;      /* [8, 256], default 40: keyframes kept; memory about 130 kB each at 1000 features */
+    uint32_t landmarks;      /* [1000, 20000], default 6000: landmarks kept; memory about 250 B each */
+    uint32_t window;         /* [3, 12], default 8: keyframes optimised together; time grows with the square */
+    uint32_t inliers_good;   /* [20, 200], default 40: fewer inliers make the state `weak` */
+    uint32_t lost_frames_reset; /* [1, 10000], default 15: frames lost before a new map is started */
+};
+
+/* What is known about the last processed frame. */
+struct fovea_pose {
+    enum fovea_tracking_state state;
+    bool posed;             /* T_world_cam holds */
+    double T_world_cam[12]; /* row-major 3x4 */
+    /* Covariance of the pose relative to its reference keyframe: upper triangle by rows of the 6x6 matrix over
+     * (x y z, rotation x y z) in the camera frame; lengths in the world's unit, angles in rad. */
+    double covariance[21];
+    uint32_t matches, inliers; /* landmarks matched, and of them those that agree */
+    float quality;             /* share of the landmarks predicted to be visible that are inliers, [0, 1] */
+    uint32_t reset_counter;    /* rises whenever a new map is started after the first */
+    uint32_t keyframes, landmarks; /* in the map */
+    enum fovea_scale_source scale_source;
+};
+
+#ifdef __cplusplus
+}
+#endif
+#endif
