@@ -229,7 +229,7 @@ int fv_essential_five_point(const struct fv_pair pairs[5], double E[FV_ESSENTIAL
     for (int i = 0; i < 3; i++)
         fv_reduced_row(C[4 + 2 * i], C[5 + 2 * i], B[i]);
     fv_determinant(B, polynomial);
-    int count = fv_polynomial_roots(polynomial, 10, -100, 100, roots), found = 0;
+    int count = fv_polynomial_roots(polynomial, 10, -1000, 1000, roots), found = 0;
     for (int k = 0; k < count; k++) {
         double x, y, z = roots[k];
         if (!fv_back_substitute(B, z, &x, &y)) continue;

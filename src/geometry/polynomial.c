@@ -25,7 +25,7 @@ static double fv_value_and_slope(const double *c, int degree, double x, double *
 static double fv_bracketed_root(const double *c, int degree, double low, double high, double at_low,
                                 double tolerance)
 {
-    double x = 0.5 * (low + high);
+    double x = 0.5 * (low + high), before = high - low;
     for (int i = 0; i < 60; i++) {
         double slope, v = fv_value_and_slope(c, degree, x, &slope);
         if (v == 0) return x;
@@ -34,8 +34,10 @@ static double fv_bracketed_root(const double *c, int degree, double low, double 
         else
             high = x;
         double next = x - v / slope;
-        if (!(next > low && next < high)) next = 0.5 * (low + high);
+        /* Newton's iteration creeps far from the root of a high power: then halve. */
+        if (!(next > low && next < high) || fv_abs(next - x) > 0.5 * before) next = 0.5 * (low + high);
         double step = fv_abs(next - x);
+        before = step;
         x = next;
         if (step <= tolerance * (1 + fv_abs(x))) break;
     }
