@@ -4,13 +4,13 @@
 #include <string.h>
 
 enum { MAX_REJECTED = 5 };
-static const double HUBER2 = 5.991;      /* 95 % of chi-square with 2 degrees of freedom */
-static const double CONVERGED = 1e-6;    /* relative fall of the cost that is not worth another iteration */
+static const double HUBER2 = 5.991;   /* 95 % of chi-square with 2 degrees of freedom */
+static const double CONVERGED = 1e-6; /* relative fall of the cost that is not worth another iteration */
 static const double DEPTH_MIN = 1e-6;
-static const double BEHIND_CHI2 = 1e3;   /* what an observation behind the camera costs */
+static const double BEHIND_CHI2 = 1e3; /* what an observation behind the camera costs */
 
-void fv_bundle_carve(struct fv_bundle *bundle, uint32_t poses_max, uint32_t landmarks_max, uint32_t observations_max,
-                     struct fv_arena *job)
+void fv_bundle_carve(struct fv_bundle *bundle, uint32_t poses_max, uint32_t landmarks_max,
+                     uint32_t observations_max, struct fv_arena *job)
 {
     const size_t n = 6 * FV_BUNDLE_FREE_POSES_MAX;
     bundle->poses_max = poses_max;
@@ -28,7 +28,8 @@ void fv_bundle_carve(struct fv_bundle *bundle, uint32_t poses_max, uint32_t land
     bundle->tried_chi2 = fv_arena_take(job, observations_max, sizeof(float));
 }
 
-/* ---- one observation ---------------------------------------------------------------------------------------- */
+/* ---- one observation
+ * ---------------------------------------------------------------------------------------- */
 
 static void transform(const struct fv_bundle_pose *pose, const double X[3], double p[3])
 {
@@ -37,7 +38,8 @@ static void transform(const struct fv_bundle_pose *pose, const double X[3], doub
     }
 }
 
-bool fv_bundle_residual(const struct fv_bundle_observation *observation, const double p[3], double r[2], double J[6])
+bool fv_bundle_residual(const struct fv_bundle_observation *observation, const double p[3], double r[2],
+                        double J[6])
 {
     const double *b = observation->bearing, *A = observation->A;
     const double depth = b[0] * p[0] + b[1] * p[1] + b[2] * p[2];
@@ -67,7 +69,8 @@ static double huber_cost(double chi2)
     return chi2 <= HUBER2 ? 0.5 * chi2 : sqrt(HUBER2 * chi2) - 0.5 * HUBER2;
 }
 
-/* What one observation adds to the normal equations: weighted residual, J for the point (2x3, world), P for the pose. */
+/* What one observation adds to the normal equations: weighted residual, J for the point (2x3, world), P for
+ * the pose. */
 struct linear {
     double r[2], weight;
     double J[6];  /* dr/dX */
@@ -76,8 +79,8 @@ struct linear {
     bool valid;
 };
 
-static void linearise(const struct fv_bundle *bundle, const struct fv_bundle_observation *observation, const double X[3],
-                      struct linear *out)
+static void linearise(const struct fv_bundle *bundle, const struct fv_bundle_observation *observation,
+                      const double X[3], struct linear *out)
 {
     const struct fv_bundle_pose *pose = &bundle->poses[observation->pose];
     double p[3], D[6];
@@ -89,7 +92,8 @@ static void linearise(const struct fv_bundle *bundle, const struct fv_bundle_obs
     for (int row = 0; row < 2; row++) {
         const double *d = D + 3 * row;
         double *P = out->P + 6 * row, *J = out->J + 3 * row;
-        for (int i = 0; i < 3; i++) J[i] = d[0] * pose->R[i] + d[1] * pose->R[3 + i] + d[2] * pose->R[6 + i];
+        for (int i = 0; i < 3; i++)
+            J[i] = d[0] * pose->R[i] + d[1] * pose->R[3 + i] + d[2] * pose->R[6 + i];
         P[0] = p[1] * d[2] - p[2] * d[1]; /* d . (w x p) = w . (p x d) */
         P[1] = p[2] * d[0] - p[0] * d[2];
         P[2] = p[0] * d[1] - p[1] * d[0];
@@ -99,7 +103,8 @@ static void linearise(const struct fv_bundle *bundle, const struct fv_bundle_obs
     }
 }
 
-/* ---- one landmark ------------------------------------------------------------------------------------------- */
+/* ---- one landmark
+ * ------------------------------------------------------------------------------------------- */
 
 /* Inverse of a symmetric positive 3x3 (V is full, row-major). False when it is not positive. */
 static bool invert_3(const double V[9], double out[9])
@@ -121,7 +126,8 @@ static bool invert_3(const double V[9], double out[9])
 enum { OBSERVATIONS_PER_LANDMARK_MAX = 64 };
 
 /* Damped 3x3 block and gradient of a landmark from its linearised observations. */
-static bool landmark_block(const struct linear *linear, uint32_t count, double lambda, double inverse[9], double g[3])
+static bool landmark_block(const struct linear *linear, uint32_t count, double lambda, double inverse[9],
+                           double g[3])
 {
     double V[9] = {0};
     memset(g, 0, 3 * sizeof *g);
@@ -130,10 +136,12 @@ static bool landmark_block(const struct linear *linear, uint32_t count, double l
         const double *J = linear[k].J, w = linear[k].weight;
         for (int i = 0; i < 3; i++) {
             g[i] -= w * (J[i] * linear[k].r[0] + J[3 + i] * linear[k].r[1]);
-            for (int j = 0; j < 3; j++) V[3 * i + j] += w * (J[i] * J[j] + J[3 + i] * J[3 + j]);
+            for (int j = 0; j < 3; j++)
+                V[3 * i + j] += w * (J[i] * J[j] + J[3 + i] * J[3 + j]);
         }
     }
-    for (int i = 0; i < 3; i++) V[4 * i] += lambda * V[4 * i] + 1e-12;
+    for (int i = 0; i < 3; i++)
+        V[4 * i] += lambda * V[4 * i] + 1e-12;
     return invert_3(V, inverse);
 }
 
@@ -142,7 +150,8 @@ static void coupling(const struct linear *linear, double W[18])
 {
     const double *P = linear->P, *J = linear->J, w = linear->weight;
     for (int i = 0; i < 6; i++) {
-        for (int j = 0; j < 3; j++) W[3 * i + j] = w * (P[i] * J[j] + P[6 + i] * J[3 + j]);
+        for (int j = 0; j < 3; j++)
+            W[3 * i + j] = w * (P[i] * J[j] + P[6 + i] * J[3 + j]);
     }
 }
 
@@ -164,7 +173,8 @@ static void add_pose_block(struct fv_bundle *bundle, const struct linear *linear
     const double *P = linear->P, w = linear->weight;
     for (size_t i = 0; i < 6; i++) {
         double *row = bundle->S + (at + i) * n + at;
-        for (size_t j = 0; j <= i; j++) row[j] += w * (P[i] * P[j] + P[6 + i] * P[6 + j]);
+        for (size_t j = 0; j <= i; j++)
+            row[j] += w * (P[i] * P[j] + P[6 + i] * P[6 + j]);
         bundle->g[at + i] -= w * (P[i] * linear->r[0] + P[6 + i] * linear->r[1]);
         bundle->diagonal[at + i] += w * (P[i] * P[i] + P[6 + i] * P[6 + i]);
     }
@@ -176,7 +186,8 @@ static void subtract_pair(double *S, size_t n, size_t a, size_t b, const double 
     for (size_t i = 0; i < 6; i++) {
         double *row = S + (6 * a + i) * n + 6 * b;
         const double y0 = Y[3 * i], y1 = Y[3 * i + 1], y2 = Y[3 * i + 2];
-        for (size_t j = 0; j < 6; j++) row[j] -= y0 * W[3 * j] + y1 * W[3 * j + 1] + y2 * W[3 * j + 2];
+        for (size_t j = 0; j < 6; j++)
+            row[j] -= y0 * W[3 * j] + y1 * W[3 * j + 1] + y2 * W[3 * j + 2];
     }
 }
 
@@ -196,9 +207,11 @@ static uint32_t fold(struct fv_bundle *bundle, const struct fv_bundle_landmark *
         double Y[18];
         for (int i = 0; i < 6; i++) {
             for (int j = 0; j < 3; j++) {
-                Y[3 * i + j] = W[k][3 * i] * inverse[j] + W[k][3 * i + 1] * inverse[3 + j] + W[k][3 * i + 2] * inverse[6 + j];
+                Y[3 * i + j] = W[k][3 * i] * inverse[j] + W[k][3 * i + 1] * inverse[3 + j] +
+                               W[k][3 * i + 2] * inverse[6 + j];
             }
-            bundle->g[6 * (size_t)linear[k].free + (size_t)i] -= Y[3 * i] * g[0] + Y[3 * i + 1] * g[1] + Y[3 * i + 2] * g[2];
+            bundle->g[6 * (size_t)linear[k].free + (size_t)i] -=
+                Y[3 * i] * g[0] + Y[3 * i + 1] * g[1] + Y[3 * i + 2] * g[2];
         }
         for (uint32_t m = 0; m <= k; m++) {
             if (!linear[m].valid || linear[m].free < 0) continue;
@@ -221,7 +234,8 @@ static uint32_t fold(struct fv_bundle *bundle, const struct fv_bundle_landmark *
     return pairs;
 }
 
-/* ---- the reduced system ------------------------------------------------------------------------------------- */
+/* ---- the reduced system
+ * ------------------------------------------------------------------------------------- */
 
 /* LDL^T in the lower triangle, then the solution into `x`. False: not positive definite. */
 static bool solve_ldlt(double *S, size_t n, const double *g, double *x)
@@ -237,35 +251,42 @@ static bool solve_ldlt(double *S, size_t n, const double *g, double *x)
         for (size_t i = j + 1; i < n; i++) {
             double *Li = S + i * n;
             double sum = Li[j];
-            for (size_t k = 0; k < j; k++) sum -= Li[k] * Lj[k];
+            for (size_t k = 0; k < j; k++)
+                sum -= Li[k] * Lj[k];
             Li[j] = sum;
         }
     }
     for (size_t i = 0; i < n; i++) {
         double sum = g[i];
-        for (size_t k = 0; k < i; k++) sum -= S[i * n + k] * x[k];
+        for (size_t k = 0; k < i; k++)
+            sum -= S[i * n + k] * x[k];
         x[i] = sum;
     }
-    for (size_t i = 0; i < n; i++) x[i] /= S[i * n + i];
+    for (size_t i = 0; i < n; i++)
+        x[i] /= S[i * n + i];
     for (size_t i = n; i-- > 0;) {
-        for (size_t k = 0; k < i; k++) x[k] -= S[i * n + k] * x[i];
+        for (size_t k = 0; k < i; k++)
+            x[k] -= S[i * n + k] * x[i];
     }
     return true;
 }
 
-/* exp of a rotation vector times R, by the quaternion of the half angle to third order, normalised: steps are small, and
- * what is lost is corrected by the next iteration. */
+/* exp of a rotation vector times R, by the quaternion of the half angle to third order, normalised: steps are
+ * small, and what is lost is corrected by the next iteration. */
 static void rotate_by(const double w[3], const double R[9], double out[9])
 {
     const double h2 = 0.25 * (w[0] * w[0] + w[1] * w[1] + w[2] * w[2]);
     const double s = 0.5 * (1.0 - h2 / 6.0);
     double q[4] = {1.0 - h2 / 2.0, s * w[0], s * w[1], s * w[2]};
     const double norm = 1.0 / sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
-    for (int i = 0; i < 4; i++) q[i] *= norm;
+    for (int i = 0; i < 4; i++)
+        q[i] *= norm;
     const double M[9] = {
-        1 - 2 * (q[2] * q[2] + q[3] * q[3]), 2 * (q[1] * q[2] - q[0] * q[3]),     2 * (q[1] * q[3] + q[0] * q[2]),
-        2 * (q[1] * q[2] + q[0] * q[3]),     1 - 2 * (q[1] * q[1] + q[3] * q[3]), 2 * (q[2] * q[3] - q[0] * q[1]),
-        2 * (q[1] * q[3] - q[0] * q[2]),     2 * (q[2] * q[3] + q[0] * q[1]),     1 - 2 * (q[1] * q[1] + q[2] * q[2]),
+        1 - 2 * (q[2] * q[2] + q[3] * q[3]), 2 * (q[1] * q[2] - q[0] * q[3]),
+        2 * (q[1] * q[3] + q[0] * q[2]),     2 * (q[1] * q[2] + q[0] * q[3]),
+        1 - 2 * (q[1] * q[1] + q[3] * q[3]), 2 * (q[2] * q[3] - q[0] * q[1]),
+        2 * (q[1] * q[3] - q[0] * q[2]),     2 * (q[2] * q[3] + q[0] * q[1]),
+        1 - 2 * (q[1] * q[1] + q[2] * q[2]),
     };
     for (int i = 0; i < 3; i++) {
         for (int j = 0; j < 3; j++) {
@@ -280,7 +301,8 @@ static void step_pose(const struct fv_bundle_pose *pose, const double step[6], s
     *out = *pose;
     rotate_by(step, pose->R, out->R);
     rotate_by(step, column, turned);
-    for (int i = 0; i < 3; i++) out->t[i] = turned[3 * i] + step[3 + i];
+    for (int i = 0; i < 3; i++)
+        out->t[i] = turned[3 * i] + step[3 + i];
 }
 
 static void begin_linearise(struct fv_bundle *bundle)
@@ -310,14 +332,16 @@ static void reject(struct fv_bundle *bundle)
 static void solve(struct fv_bundle *bundle)
 {
     const size_t n = 6 * (size_t)bundle->free_poses;
-    for (size_t i = 0; i < n; i++) bundle->S[i * n + i] += bundle->lambda * bundle->diagonal[i] + 1e-9;
+    for (size_t i = 0; i < n; i++)
+        bundle->S[i * n + i] += bundle->lambda * bundle->diagonal[i] + 1e-9;
     if (n > 0 && !solve_ldlt(bundle->S, n, bundle->g, bundle->step)) {
         reject(bundle);
         return;
     }
     bundle->gain_predicted = 0;
     for (size_t i = 0; i < n; i++) {
-        bundle->gain_predicted += 0.5 * bundle->step[i] * (bundle->lambda * bundle->diagonal[i] * bundle->step[i] + bundle->g[i]);
+        bundle->gain_predicted +=
+            0.5 * bundle->step[i] * (bundle->lambda * bundle->diagonal[i] * bundle->step[i] + bundle->g[i]);
     }
     for (uint32_t i = 0; i < bundle->pose_count; i++) {
         const struct fv_bundle_pose *pose = &bundle->poses[i];
@@ -332,7 +356,8 @@ static void solve(struct fv_bundle *bundle)
     bundle->phase = FV_BUNDLE_TRY;
 }
 
-/* ---- trying a step ------------------------------------------------------------------------------------------ */
+/* ---- trying a step
+ * ------------------------------------------------------------------------------------------ */
 
 /* Back-substitute one landmark, and what its observations cost after the step. */
 static uint32_t try_landmark(struct fv_bundle *bundle, uint32_t index)
@@ -350,7 +375,8 @@ static uint32_t try_landmark(struct fv_bundle *bundle, uint32_t index)
             coupling(&linear[k], W);
             const double *step = bundle->step + 6 * linear[k].free;
             for (int i = 0; i < 6; i++) {
-                for (int j = 0; j < 3; j++) rest[j] -= W[3 * i + j] * step[i];
+                for (int j = 0; j < 3; j++)
+                    rest[j] -= W[3 * i + j] * step[i];
             }
         }
         for (int i = 0; i < 3; i++) {
@@ -375,10 +401,12 @@ static void accept(struct fv_bundle *bundle)
     for (uint32_t i = 0; i < bundle->landmark_count; i++) {
         memcpy(bundle->landmarks[i].X, bundle->tried_X + 3 * (size_t)i, 3 * sizeof(double));
     }
-    for (uint32_t i = 0; i < bundle->observation_count; i++) bundle->observations[i].chi2 = bundle->tried_chi2[i];
+    for (uint32_t i = 0; i < bundle->observation_count; i++)
+        bundle->observations[i].chi2 = bundle->tried_chi2[i];
 }
 
-/* The step was tried on all landmarks: keep it or not, and change the damping by how well the model foresaw it. */
+/* The step was tried on all landmarks: keep it or not, and change the damping by how well the model foresaw
+ * it. */
 static void judge(struct fv_bundle *bundle)
 {
     const double gain = bundle->cost - bundle->cost_tried;
@@ -402,7 +430,8 @@ static void judge(struct fv_bundle *bundle)
     }
 }
 
-/* ---- life --------------------------------------------------------------------------------------------------- */
+/* ---- life
+ * --------------------------------------------------------------------------------------------------- */
 
 static double cost_of(struct fv_bundle *bundle)
 {
@@ -425,7 +454,8 @@ static double cost_of(struct fv_bundle *bundle)
 void fv_bundle_start(struct fv_bundle *bundle, uint32_t iterations)
 {
     bundle->free_poses = 0;
-    for (uint32_t i = 0; i < bundle->pose_count; i++) bundle->free_poses += bundle->poses[i].free >= 0;
+    for (uint32_t i = 0; i < bundle->pose_count; i++)
+        bundle->free_poses += bundle->poses[i].free >= 0;
     bundle->iterations = bundle->rejected = 0;
     bundle->iterations_max = iterations;
     bundle->lambda = 1e-4;
@@ -444,7 +474,9 @@ bool fv_bundle_unit(struct fv_bundle *bundle)
         }
         if (bundle->next_landmark == bundle->landmark_count) bundle->phase = FV_BUNDLE_SOLVE;
         break;
-    case FV_BUNDLE_SOLVE: solve(bundle); break;
+    case FV_BUNDLE_SOLVE:
+        solve(bundle);
+        break;
     case FV_BUNDLE_TRY:
         while (bundle->next_landmark < bundle->landmark_count && pairs < FV_BUNDLE_UNIT_PAIRS) {
             pairs += try_landmark(bundle, bundle->next_landmark++);
@@ -452,7 +484,8 @@ bool fv_bundle_unit(struct fv_bundle *bundle)
         if (bundle->next_landmark == bundle->landmark_count) judge(bundle);
         break;
     case FV_BUNDLE_IDLE:
-    case FV_BUNDLE_DONE: break;
+    case FV_BUNDLE_DONE:
+        break;
     }
     return bundle->phase == FV_BUNDLE_DONE || bundle->phase == FV_BUNDLE_IDLE;
 }

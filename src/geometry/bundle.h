@@ -1,19 +1,22 @@
-/* Bundle adjustment of a window: camera poses and landmarks that together explain where the landmarks were seen.
+/* Bundle adjustment of a window: camera poses and landmarks that together explain where the landmarks were
+ * seen.
  *
- * Levenberg-Marquardt (Marquardt's diagonal scaling, Nielsen's damping update: Madsen, Nielsen, Tingleff, "Methods for
- * non-linear least squares problems", 2004) on the Schur complement of the landmarks (Triggs et al., "Bundle adjustment: a
- * modern synthesis", 2000), with Huber's robust weights. Everything is doubles, scalar, in a fixed order.
+ * Levenberg-Marquardt (Marquardt's diagonal scaling, Nielsen's damping update: Madsen, Nielsen, Tingleff,
+ * "Methods for non-linear least squares problems", 2004) on the Schur complement of the landmarks (Triggs et
+ * al., "Bundle adjustment: a modern synthesis", 2000), with Huber's robust weights. Everything is doubles,
+ * scalar, in a fixed order.
  *
- * An observation is a unit bearing b with the 2x3 derivative A = d(pixel)/d(point) of the camera model at b, divided by the
- * feature's standard deviation in pixels. The residual of a point p in the camera frame is r = A p / (b . p): zero on the
- * bearing, since A b = 0, and equal to the pixel error to first order for every lens. Its derivative is
- * dr/dp = (A - r b^T) / (b . p).
+ * An observation is a unit bearing b with the 2x3 derivative A = d(pixel)/d(point) of the camera model at b,
+ * divided by the feature's standard deviation in pixels. The residual of a point p in the camera frame is r =
+ * A p / (b . p): zero on the bearing, since A b = 0, and equal to the pixel error to first order for every
+ * lens. Its derivative is dr/dp = (A - r b^T) / (b . p).
  *
- * Poses are T_cam_world = [R | t]; a step (w, v) takes p to p + w x p + v. Gauge: at least one pose must be fixed; with
- * one, scale is held by the damping alone.
+ * Poses are T_cam_world = [R | t]; a step (w, v) takes p to p + w x p + v. Gauge: at least one pose must be
+ * fixed; with one, scale is held by the damping alone.
  *
- * Resumable: fv_bundle_unit does a bounded piece (FV_BUNDLE_UNIT_PAIRS block products, or one reduced solution) and can
- * be called again whenever there is time. No addresses but those that carving sets. Real-time safe but for carving. */
+ * Resumable: fv_bundle_unit does a bounded piece (FV_BUNDLE_UNIT_PAIRS block products, or one reduced
+ * solution) and can be called again whenever there is time. No addresses but those that carving sets.
+ * Real-time safe but for carving. */
 #ifndef FOVEA_GEOMETRY_BUNDLE_H
 #define FOVEA_GEOMETRY_BUNDLE_H
 
@@ -45,8 +48,8 @@ struct fv_bundle_observation {
 };
 
 struct fv_bundle_landmark {
-    double X[3];            /* world */
-    uint32_t first, count;  /* its observations */
+    double X[3];           /* world */
+    uint32_t first, count; /* its observations */
 };
 
 enum fv_bundle_phase {
@@ -71,32 +74,36 @@ struct fv_bundle {
     enum fv_bundle_phase phase;
     uint32_t free_poses, next_landmark;
     uint32_t iterations, iterations_max, rejected;
-    double lambda, nu;              /* damping and its growth */
-    double cost, cost_tried;        /* half the sum of robust squared residuals */
+    double lambda, nu;       /* damping and its growth */
+    double cost, cost_tried; /* half the sum of robust squared residuals */
     double gain_predicted;
 
-    double *S, *g, *step;           /* reduced system: (6 n)^2 lower triangle, 6 n, 6 n */
-    double *diagonal;               /* of the undamped pose blocks, 6 n */
-    struct fv_bundle_pose *tried;   /* poses after the step under trial */
-    double *tried_X;                /* landmarks likewise, 3 each */
+    double *S, *g, *step;         /* reduced system: (6 n)^2 lower triangle, 6 n, 6 n */
+    double *diagonal;             /* of the undamped pose blocks, 6 n */
+    struct fv_bundle_pose *tried; /* poses after the step under trial */
+    double *tried_X;              /* landmarks likewise, 3 each */
     float *tried_chi2;
 };
 
-/* Take memory for a window of at most so many poses (all, fixed ones included), landmarks and observations. */
-void fv_bundle_carve(struct fv_bundle *bundle, uint32_t poses_max, uint32_t landmarks_max, uint32_t observations_max,
-                     struct fv_arena *job);
+/* Take memory for a window of at most so many poses (all, fixed ones included), landmarks and observations.
+ */
+void fv_bundle_carve(struct fv_bundle *bundle, uint32_t poses_max, uint32_t landmarks_max,
+                     uint32_t observations_max, struct fv_arena *job);
 
-/* Begin on the problem that the caller has filled in: at least one fixed pose, at most FV_BUNDLE_FREE_POSES_MAX free ones,
- * numbered from 0 in `free`. Does at most `iterations` accepted or rejected steps. */
+/* Begin on the problem that the caller has filled in: at least one fixed pose, at most
+ * FV_BUNDLE_FREE_POSES_MAX free ones, numbered from 0 in `free`. Does at most `iterations` accepted or
+ * rejected steps. */
 void fv_bundle_start(struct fv_bundle *bundle, uint32_t iterations);
 
-/* Do one unit. Returns true when finished: iterations used up, converged, or no step lowers the cost. The poses and
- * landmarks then hold the best found, observations their chi2. */
+/* Do one unit. Returns true when finished: iterations used up, converged, or no step lowers the cost. The
+ * poses and landmarks then hold the best found, observations their chi2. */
 bool fv_bundle_unit(struct fv_bundle *bundle);
 
-/* Residual of an observation for a point in the camera frame, and its derivative J (2x3) where that is not NULL. False:
- * the point is behind the camera or too close to it, outputs untouched. For pose refinement and tests too. */
-bool fv_bundle_residual(const struct fv_bundle_observation *observation, const double p[3], double r[2], double J[6]);
+/* Residual of an observation for a point in the camera frame, and its derivative J (2x3) where that is not
+ * NULL. False: the point is behind the camera or too close to it, outputs untouched. For pose refinement and
+ * tests too. */
+bool fv_bundle_residual(const struct fv_bundle_observation *observation, const double p[3], double r[2],
+                        double J[6]);
 
 #ifdef __cplusplus
 }

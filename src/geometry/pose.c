@@ -1,0 +1,198 @@
+#include "geometry/pose.h"
+
+#include <string.h>
+
+#include "geometry/linear.h"
+#include "geometry/sample.h"
+#include "geometry/vec.h"
+
+static const double chi_square_95_2 = 5.991;
+
+/* ---- sampling
+ * ------------------------------------------------------------------------------------------------ */
+
+/* Squared sine of the angle between bearing and point (1 when behind): what MSAC adds up. */
+static double fv_angle2(const struct fv_se3 *T, const struct fv_sight *s)
+{
+    double q[3];
+    fv_se3_apply(T, s->point, q);
+    double along = fv_dot3(q, s->bearing), square = fv_dot3(q, q);
+    return along > 0 ? 1 - along * along / square : 1;
+}
+
+static double fv_sample_cost(const struct fv_se3 *T, const struct fv_sight *sights, uint32_t count,
+                             double limit2, double best)
+{
+    double cost = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        double r2 = fv_angle2(T, &sights[i]);
+        cost += r2 < limit2 ? r2 : limit2;
+        if ((i & 15) == 15 && cost >= best) return cost;
+    }
+    return cost;
+}
+
+/* Angular Gauss-Newton over the sights below the threshold: the local optimisation. */
+static void fv_angular_refine(const struct fv_sight *sights, uint32_t count, double limit2, int steps,
+                              struct fv_se3 *T)
+{
+    for (int step = 0; step < steps; step++) {
+        double A[36] = {0}, g[6] = {0};
+        for (uint32_t i = 0; i < count; i++) {
+            if (fv_angle2(T, &sights[i]) >= limit2) continue;
+            /* Residual b x q / |q|, whose length is the sine; its derivative by q, the length held, is [b]x /
+             * |q|. */
+            double q[3], r[3];
+            const double *b = sights[i].bearing;
+            fv_se3_apply(T, sights[i].point, q);
+            double inverse = 1 / fv_norm3(q);
+            fv_cross3(b, q, r);
+            const double S[9] = {0, -b[2], b[1], b[2], 0, -b[0], -b[1], b[0], 0};
+            for (int k = 0; k < 3; k++) {
+                double row[6], residual = r[k] * inverse;
+                for (int c = 0; c < 3; c++)
+                    row[c] = S[3 * k + c] * inverse;
+                fv_cross3(q, row, row + 3); /* s . (w x q) = w . (q x s) */
+                for (int a = 0; a < 6; a++) {
+                    g[a] -= row[a] * residual;
+                    for (int c = 0; c <= a; c++)
+                        A[6 * a + c] += row[a] * row[c];
+                }
+            }
+        }
+        for (int a = 0; a < 6; a++)
+            A[7 * a] *= 1 + 1e-9;
+        if (!fv_ldlt_solve(A, 6, g)) return;
+        fv_se3_move(T, g);
+    }
+}
+
+uint32_t fv_pose_sample(struct fv_sight *sights, uint32_t count, const struct fv_sampling *sampling,
+                        struct fovea_random *random, struct fv_se3 *T_cam_world)
+{
+    if (count < 4) return 0;
+    double limit2 = sampling->threshold_rad * sampling->threshold_rad, whole = limit2 * count, cost = whole;
+    struct fv_se3 best;
+    fv_se3_identity(&best);
+    uint32_t bound = sampling->iterations_max;
+    for (uint32_t iteration = 0; iteration < bound; iteration++) {
+        uint32_t index[3];
+        double bearings[3][3], points[3][3];
+        struct fv_se3 T[FV_P3P_SOLUTIONS_MAX];
+        fv_sample_distinct(random, count, 3, index);
+        for (int k = 0; k < 3; k++) {
+            fv_copy3(sights[index[k]].bearing, bearings[k]);
+            fv_copy3(sights[index[k]].point, points[k]);
+        }
+        int solutions = fv_p3p(bearings, points, T), improved = -1;
+        for (int k = 0; k < solutions; k++) {
+            double now = fv_sample_cost(&T[k], sights, count, limit2, cost);
+            if (now < cost) {
+                cost = now;
+                best = T[k];
+                improved = k;
+            }
+        }
+        if (improved < 0) continue;
+        struct fv_se3 moved = best;
+        fv_angular_refine(sights, count, 4 * limit2, 1, &moved);
+        fv_angular_refine(sights, count, limit2, 1, &moved);
+        double now = fv_sample_cost(&moved, sights, count, limit2, cost);
+        if (now < cost) {
+            cost = now;
+            best = moved;
+        }
+        uint32_t needed = fv_sample_bound(1 - cost / whole, 3, sampling->confidence);
+        if (needed < bound) bound = needed;
+    }
+    uint32_t inliers = 0;
+    for (uint32_t i = 0; i < count; i++)
+        inliers += fv_angle2(&best, &sights[i]) < limit2;
+    if (inliers < 4) return 0;
+    for (uint32_t i = 0; i < count; i++)
+        sights[i].inlier = fv_angle2(&best, &sights[i]) < limit2;
+    *T_cam_world = best;
+    return inliers;
+}
+
+/* ---- refinement
+ * ---------------------------------------------------------------------------------------------- */
+
+/* Weighted squared pixel error; derivative rows by the small motion when `rows` is not NULL. Negative: out of
+ * sight. */
+static double fv_pixel_error(const struct fovea_camera *camera, const struct fv_se3 *T,
+                             const struct fv_sight *s, double residual[2], double rows[12])
+{
+    double q[3], pixel[2], J[6];
+    fv_se3_apply(T, s->point, q);
+    if (fovea_camera_project(camera, q, pixel, rows ? J : 0) != FOVEA_OK) return -1;
+    residual[0] = s->pixel[0] - pixel[0];
+    residual[1] = s->pixel[1] - pixel[1];
+    if (rows)
+        for (int r = 0; r < 2; r++) {
+            fv_copy3(J + 3 * r, rows + 6 * r);
+            fv_cross3(q, J + 3 * r, rows + 6 * r + 3);
+        }
+    return s->weight * (residual[0] * residual[0] + residual[1] * residual[1]);
+}
+
+static void fv_accumulate(double A[36], double g[6], const double rows[12], const double residual[2],
+                          double weight)
+{
+    for (int a = 0; a < 6; a++) {
+        double u = weight * rows[a], v = weight * rows[6 + a];
+        g[a] += u * residual[0] + v * residual[1];
+        for (int c = 0; c <= a; c++)
+            A[6 * a + c] += u * rows[c] + v * rows[6 + c];
+    }
+}
+
+static bool fv_refine_step(const struct fovea_camera *camera, const struct fv_sight *sights, uint32_t count,
+                           struct fv_se3 *T, double *moved)
+{
+    double A[36] = {0}, g[6] = {0};
+    for (uint32_t i = 0; i < count; i++) {
+        double residual[2], rows[12];
+        if (!sights[i].inlier) continue;
+        double error2 = fv_pixel_error(camera, T, &sights[i], residual, rows);
+        if (error2 < 0) continue;
+        double robust = error2 > chi_square_95_2 ? __builtin_sqrt(chi_square_95_2 / error2) : 1; /* Huber */
+        fv_accumulate(A, g, rows, residual, robust * sights[i].weight);
+    }
+    for (int a = 0; a < 6; a++)
+        A[7 * a] *= 1 + 1e-9;
+    if (!fv_ldlt_solve(A, 6, g)) return false;
+    fv_se3_move(T, g);
+    *moved = fv_dot3(g + 3, g + 3) + fv_dot3(g, g) / (fv_dot3(T->t, T->t) + 1);
+    return true;
+}
+
+bool fv_pose_refine(const struct fovea_camera *camera, struct fv_sight *sights, uint32_t count, int rounds,
+                    int steps, struct fv_se3 *T_cam_world, struct fv_pose_fit *fit)
+{
+    struct fv_se3 T = *T_cam_world;
+    double residual[2], rows[12], unused[6] = {0};
+    for (int round = 0; round < rounds; round++) {
+        double moved = 1;
+        for (int step = 0; step < steps && moved > 1e-14; step++)
+            if (!fv_refine_step(camera, sights, count, &T, &moved)) return false;
+        for (uint32_t i = 0; i < count; i++) {
+            double error2 = fv_pixel_error(camera, &T, &sights[i], residual, 0);
+            sights[i].inlier = error2 >= 0 && error2 < chi_square_95_2;
+        }
+    }
+    fv_so3_orthonormalise(T.R);
+    memset(fit, 0, sizeof *fit);
+    for (uint32_t i = 0; i < count; i++) {
+        double error2 = sights[i].inlier ? fv_pixel_error(camera, &T, &sights[i], residual, rows) : -1;
+        if (error2 < 0) continue;
+        fit->inliers++;
+        fit->cost += error2;
+        fv_accumulate(fit->information, unused, rows, residual, sights[i].weight);
+    }
+    for (int a = 0; a < 6; a++)
+        for (int c = a + 1; c < 6; c++)
+            fit->information[6 * a + c] = fit->information[6 * c + a];
+    *T_cam_world = T;
+    return true;
+}

@@ -1,0 +1,59 @@
+/* Pose of a calibrated camera from points and their bearings: minimal solver, sampling, and refinement.
+ *
+ * T_cam_world takes points of the world to the camera. Minimal solver: M. Persson and K. Nordberg, "Lambda
+ * twist: an accurate fast robust perspective three point (P3P) solver" (ECCV 2018); the pencil is split as by
+ * Y. Ding et al., "Revisiting the P3P problem" (CVPR 2023). Sampling: MSAC with local optimisation.
+ * Refinement minimises pixel errors through the exact camera model. Real-time safe, any thread; no heap. */
+#ifndef FOVEA_GEOMETRY_POSE_H
+#define FOVEA_GEOMETRY_POSE_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "fovea/camera.h"
+#include "fovea/elementary.h"
+#include "geometry/essential.h"
+#include "geometry/se3.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum { FV_P3P_SOLUTIONS_MAX = 4 };
+
+/* A point of the world, where it was seen, and how sure that is. */
+struct fv_sight {
+    double point[3];   /* world */
+    double bearing[3]; /* unit, camera */
+    double pixel[2];   /* raw image */
+    double weight;     /* 1 / sigma_px^2 of the key point */
+    bool inlier;       /* in: use it (refinement starts from all that are set); out: fits the pose */
+};
+
+/* Poses from three sights (bearings only); returns their number, at most 4. */
+int fv_p3p(const double bearings[3][3], const double points[3][3],
+           struct fv_se3 T_cam_world[FV_P3P_SOLUTIONS_MAX]);
+
+/* Robust pose by P3P samples on bearings. Residual: angle between bearing and point. Sets `inlier` of every
+ * sight and `T_cam_world` on success; returns the number of inliers, 0 (all untouched) when none was found.
+ */
+uint32_t fv_pose_sample(struct fv_sight *sights, uint32_t count, const struct fv_sampling *sampling,
+                        struct fovea_random *random, struct fv_se3 *T_cam_world);
+
+struct fv_pose_fit {
+    uint32_t inliers; /* sights with weighted squared error below the chi-square bound 5.991 (95 %, 2 dof) */
+    double cost;      /* sum of their weighted squared errors, px^2 */
+    double information[36]; /* of the inliers, row-major, order as in fv_se3_move (camera side, translation
+                               first) */
+};
+
+/* Refine T_cam_world over all sights by Gauss-Newton with Huber weights, in `rounds` of `steps`; after each
+ * round sights are sorted anew into inliers and outliers, so that none is lost for good. Sights behind the
+ * camera or past the field are outliers. False when the system is singular (pose untouched). */
+bool fv_pose_refine(const struct fovea_camera *camera, struct fv_sight *sights, uint32_t count, int rounds,
+                    int steps, struct fv_se3 *T_cam_world, struct fv_pose_fit *fit);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
