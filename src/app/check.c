@@ -1,0 +1,329 @@
+/* fovea check: will this configuration run on this machine, and with what memory? One line per question, each
+ * ok, warning or failed, with what to do about it. */
+#include <inttypes.h>
+#include <malloc.h>
+#include <math.h>
+#include <stdarg.h>
+#include <string.h>
+#include <sys/resource.h>
+#include <time.h>
+
+#include "app/command.h"
+#include "app/loop.h"
+#include "app/process.h"
+#include "app/realtime.h"
+#include "app/report.h"
+#include "app/say.h"
+#include "app/setup.h"
+#include "app/transport.h"
+#include "kernels/cpu.h"
+
+struct check {
+    struct fv_setup_options options;
+    bool memory_only, bench;
+    struct fv_settings settings;
+    struct fv_setup setup;
+    size_t source_bytes; /* of the heap that opening the source took */
+    void *memory;
+    size_t bytes;
+    struct fovea *rt;
+    bool failed;
+};
+
+enum verdict { OK, WARNING, FAILED };
+
+static void line(struct check *check, enum verdict verdict, const char *what, const char *format, ...)
+    __attribute__((format(printf, 4, 5)));
+
+static void line(struct check *check, enum verdict verdict, const char *what, const char *format, ...)
+{
+    static const char *const names[] = {"ok", "warning", "failed"};
+    va_list arguments;
+    va_start(arguments, format);
+    printf("%-8s %-12s ", names[verdict], what);
+    vprintf(format, arguments);
+    printf("\n");
+    va_end(arguments);
+    if (verdict == FAILED) check->failed = true;
+}
+
+/* ---- memory
+ * ------------------------------------------------------------------------------------------------ */
+
+/* Bytes in use on the C library's heap, mapped pieces included. */
+static size_t heap_bytes(void)
+{
+    struct mallinfo2 info = mallinfo2();
+    return info.uordblks + info.hblkhd;
+}
+
+static void memory_row(const char *owner, const char *part, size_t bytes)
+{
+    printf("  %-24s %-11s %10zu\n", owner, part, bytes);
+}
+
+static enum fovea_status memory_print(struct check *check, size_t lcm_bytes, struct fovea_error *error)
+{
+    struct fovea_memory_table table;
+    size_t parts[FOVEA_MEMORY_PART_COUNT];
+    enum fovea_status status = fovea_memory(&check->settings.runtime, &table, error);
+    if (status != FOVEA_OK) return status;
+    printf("memory of %s, %d x %d, in bytes\n", check->settings.source, check->settings.runtime.camera.width,
+           check->settings.runtime.camera.height);
+    for (uint32_t i = 0; i < table.count; i++)
+        memory_row(table.rows[i].owner, fv_report_part_name(table.rows[i].part), table.rows[i].bytes);
+    fv_report_parts(&table, parts);
+    for (int part = 0; part < FOVEA_MEMORY_PART_COUNT; part++)
+        memory_row("all", fv_report_part_name((enum fovea_memory_part)part), parts[part]);
+    memory_row("the block", "", check->bytes);
+    memory_row("source", "outside", check->source_bytes);
+    if (lcm_bytes > 0) memory_row("LCM", "outside", lcm_bytes);
+    memory_row("timings", "outside", sizeof(struct fv_timings));
+    memory_row("stack of the loop", "outside", FV_THREAD_STACK_BYTES);
+    if (check->settings.mask[0] != '\0')
+        memory_row("mask, until started", "outside",
+                   (size_t)check->settings.runtime.camera.width *
+                       (size_t)check->settings.runtime.camera.height);
+    return FOVEA_OK;
+}
+
+/* ---- the machine
+ * ------------------------------------------------------------------------------------------- */
+
+static void kernels_check(struct check *check)
+{
+    enum fv_cpu_set best = fv_cpu_best(fv_cpu_detect());
+    const char *picked = fovea_cpu_name(check->rt);
+    if (strcmp(picked, fv_cpu_set_name(best)) == 0)
+        line(check, OK, "kernels", "set %s, the best for this processor", picked);
+    else
+        line(check, WARNING, "kernels", "set %s, though this processor has %s: unset FOVEA_CPU", picked,
+             fv_cpu_set_name(best));
+}
+
+static void *nothing(void *argument)
+{
+    return argument;
+}
+
+static void rights_check(struct check *check)
+{
+    struct fv_realtime_rights rights;
+    struct fovea_error error = {0};
+    struct rlimit limit = {0};
+    pthread_t thread;
+    uint32_t priority = check->settings.priority;
+    getrlimit(RLIMIT_RTPRIO, &limit);
+    if (fv_realtime_start(&thread, priority, check->settings.cpu, nothing, NULL, &rights, &error) !=
+        FOVEA_OK) {
+        line(check, FAILED, "scheduling", "%s", error.text);
+        return;
+    }
+    pthread_join(thread, NULL);
+    if (rights.why.text[0] != '\0')
+        line(check, WARNING, "scheduling",
+             "%s (for good: 'USER - rtprio %" PRIu32 "' in /etc/security/limits.conf)", rights.why.text,
+             priority);
+    else if (priority == 0)
+        line(check, WARNING, "scheduling",
+             "ordinary, as loop.priority is 0: other programs may delay the loop");
+    else
+        line(check, OK, "scheduling", "SCHED_FIFO priority %" PRIu32 "%s", priority,
+             rights.bound ? ", bound to its processor" : "");
+}
+
+static void lock_check(struct check *check, bool locked, const char *why)
+{
+    if (!check->settings.lock_memory)
+        line(check, WARNING, "memory lock", "not asked for: loop.lock_memory is false");
+    else if (!locked)
+        line(check, WARNING, "memory lock",
+             "%s (for good: 'USER - memlock unlimited' in /etc/security/limits.conf)", why);
+    else
+        line(check, OK, "memory lock", "the block is locked");
+}
+
+static void governor_check(struct check *check)
+{
+    char text[64] = "";
+    FILE *file = fopen("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor", "re");
+    if (file == NULL) return; /* virtual machines have none */
+    if (fscanf(file, "%63s", text) == 1 && strcmp(text, "performance") != 0)
+        line(check, WARNING, "clock rate",
+             "governor '%s' lets times vary: sudo cpupower frequency-set -g performance", text);
+    else
+        line(check, OK, "clock rate", "governor 'performance'");
+    fclose(file);
+}
+
+static void lcm_check(struct check *check)
+{
+    struct fovea_error error = {0};
+    if (check->settings.lcm_url[0] == '\0')
+        line(check, WARNING, "LCM", "nothing is sent: lcm_url is empty");
+    else if (fv_transport_check(check->settings.lcm_url, check->settings.lcm_ttl, &error) == FOVEA_OK)
+        line(check, OK, "LCM", "a message over %s reaches a subscriber on this host",
+             check->settings.lcm_url);
+    else
+        line(check, FAILED, "LCM", "%s", error.text);
+}
+
+static size_t lcm_bytes(const struct check *check)
+{
+    struct fovea_error error;
+    struct fv_transport *transport = NULL;
+    size_t before = heap_bytes();
+    if (fv_transport_open(check->settings.lcm_url, check->settings.lcm_ttl, &transport, &error) != FOVEA_OK)
+        return 0;
+    size_t bytes = heap_bytes() - before;
+    fv_transport_close(transport);
+    return bytes;
+}
+
+/* ---- the camera
+ * -------------------------------------------------------------------------------------------- */
+
+static void camera_check(struct check *check)
+{
+    const struct fovea_source_ops *ops = check->setup.ops;
+    struct fovea_source *source = check->setup.source;
+    struct fovea_error error;
+    struct fovea_frame frame;
+    int64_t begin_ns, now_ns, cpu_ns;
+    const int64_t patience_ns = 5000000000;
+    if (ops->start(source, &error) != FOVEA_OK) {
+        line(check, FAILED, "camera", "%s", error.text);
+        return;
+    }
+    fv_timing_clock(NULL, &begin_ns, &cpu_ns);
+    enum fovea_status status = FOVEA_AGAIN;
+    for (now_ns = begin_ns;
+         (status == FOVEA_AGAIN || status == FOVEA_GONE) && now_ns < begin_ns + patience_ns;) {
+        status = ops->dequeue(source, begin_ns + patience_ns, &frame);
+        fv_timing_clock(NULL, &now_ns, &cpu_ns);
+        if (status == FOVEA_GONE) nanosleep(&(struct timespec){.tv_nsec = 50000000}, NULL);
+    }
+    if (status == FOVEA_OK) {
+        line(check, OK, "camera", "%s answers: %d x %d %s after %.0f ms", check->settings.source,
+             frame.image.width, frame.image.height, fovea_pixel_format_name(frame.image.format),
+             (double)(now_ns - begin_ns) * 1e-6);
+        ops->requeue(source, &frame);
+    } else {
+        line(check, FAILED, "camera",
+             "%s gives no frame within 5 s (%s): is it plugged in, and used by nobody else?",
+             check->settings.source, fovea_status_name(status));
+    }
+    ops->stop(source);
+    while (ops->complaint != NULL && ops->complaint(source, &error) != FOVEA_AGAIN)
+        line(check, WARNING, "frames", "%s", error.text);
+}
+
+/* ---- bench
+ * ------------------------------------------------------------------------------------------------- */
+
+static void *loop_body(void *argument)
+{
+    fv_loop_run(argument);
+    return NULL;
+}
+
+/* Frames at full speed through the loop; what 99 of 100 need must fit in 85 % of a period (the governor's
+ * share). */
+static enum fovea_status bench(struct check *check, struct fovea_error *error)
+{
+    static struct fv_timings timings;
+    static struct fv_loop_shared shared;
+    struct fv_realtime_rights rights;
+    pthread_t thread;
+    struct fv_loop loop = {.rt = check->rt,
+                           .config = &check->settings.runtime,
+                           .ops = check->setup.ops,
+                           .source = check->setup.source,
+                           .frames_max = 600,
+                           .timings = &timings,
+                           .shared = &shared};
+    fv_timings_init(&timings);
+    enum fovea_status status = loop.ops->start(loop.source, error);
+    if (status != FOVEA_OK) return status;
+    status = fv_realtime_start(&thread, check->settings.priority, check->settings.cpu, loop_body, &loop,
+                               &rights, error);
+    if (status != FOVEA_OK) return status;
+    pthread_join(thread, NULL);
+    loop.ops->stop(loop.source);
+    if (loop.counts.processed < 30)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%.200s: found %" PRIu64 " frames, expected 30 for a measurement",
+                               check->settings.source, loop.counts.processed);
+    double p99_ms = (double)fv_histogram_percentile(&timings.frame.cpu, 0.99) * 1e-6;
+    double mean_ms = (double)fv_histogram_mean(&timings.frame.cpu) * 1e-6;
+    line(check, OK, "frame rate",
+         "this board can hold %.0f Hz: of %" PRIu64 " frames at %d x %d 99 %% took at most %.2f ms "
+         "(mean %.2f), 85 %% of a period is used",
+         850.0 / p99_ms, loop.counts.processed, check->settings.runtime.camera.width,
+         check->settings.runtime.camera.height, p99_ms, mean_ms);
+    double rate_hz = loop.ops->info(loop.source)->rate_hz;
+    if (rate_hz > 850.0 / p99_ms)
+        line(check, WARNING, "frame rate",
+             "the source gives %.1f Hz: lower features.count_max or the camera's rate", rate_hz);
+    return FOVEA_OK;
+}
+
+/* ---- the command
+ * ------------------------------------------------------------------------------------------- */
+
+static enum fovea_status check_all(struct check *check, struct fovea_error *error)
+{
+    struct fovea_source_selection selection = {.step = 1};
+    struct fovea_config *config = &check->settings.runtime;
+    enum fovea_status status = fv_setup_settings(&check->options, &check->settings, error);
+    if (status != FOVEA_OK) return status;
+    size_t before = heap_bytes();
+    status = fv_setup_open(&check->settings, &selection, &check->setup, error);
+    if (status != FOVEA_OK) return status;
+    check->source_bytes = heap_bytes() - before;
+    config->clock = fv_timing_clock;
+    bool locked = false;
+    struct fovea_error why = {0};
+    status = fovea_size(config, &check->bytes, error);
+    if (status == FOVEA_OK) status = memory_print(check, check->memory_only ? 0 : lcm_bytes(check), error);
+    if (status != FOVEA_OK || check->memory_only) return status;
+    status = fv_realtime_map(check->bytes, check->settings.lock_memory, &check->memory, &locked, &why);
+    if (status != FOVEA_OK) return fovea_error_set(error, status, "%s", why.text);
+    status = fovea_init(check->memory, check->bytes, config, &check->rt, error);
+    if (status != FOVEA_OK) return status;
+    printf("\n");
+    kernels_check(check);
+    rights_check(check);
+    lock_check(check, locked, why.text);
+    governor_check(check);
+    lcm_check(check);
+    if (!check->bench) camera_check(check);
+    return check->bench ? bench(check, error) : FOVEA_OK;
+}
+
+int fv_command_check(int argc, char **argv)
+{
+    static struct check check;
+    struct fovea_error error = {0};
+    const struct fv_option options[] = {
+        {"config", "FILE", FV_OPTION_TEXT, &check.options.config, "configuration to check"},
+        {"source", "URI", FV_OPTION_TEXT, &check.options.source, "where frames come from (default sim:)"},
+        {"camera", "FILE", FV_OPTION_TEXT, &check.options.camera, "calibration, instead of the source's own"},
+        {"set", "KEY=VALUE", FV_OPTION_LIST, &check.options.sets, "override a key of the configuration"},
+        {"memory-only", NULL, FV_OPTION_FLAG, &check.memory_only, "print the memory table and nothing else"},
+        {"bench", NULL, FV_OPTION_FLAG, &check.bench, "measure the frame rate that this board can hold"},
+        {0},
+    };
+    int first;
+    enum fv_options_result result = fv_options_parse(options, "", 0, 0, argc, argv, &first);
+    if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
+    enum fovea_status status = check_all(&check, &error);
+    fv_setup_close(&check.setup);
+    if (check.memory != NULL) fv_realtime_unmap(check.memory, check.bytes);
+    if (status != FOVEA_OK) {
+        fflush(stdout);
+        fv_say("%s", error.text);
+        return fv_setup_exit(status);
+    }
+    return check.failed ? FV_EXIT_FAILED : FV_EXIT_OK;
+}
