@@ -148,17 +148,19 @@ static bool is_real_time(const struct run *run)
            (run->settings.rate == FV_RATE_AUTO && run->setup.ops->info(run->setup.source)->live);
 }
 
-/* A message that cannot be sent is no reason not to run: the recording and the statistics are still of use.
- */
-static void transport_open(struct run *run)
+/* A machine that cannot send messages is no reason not to run: the recording and the statistics are still of
+ * use. A malformed URL is. */
+static enum fovea_status transport_open(struct run *run, struct fovea_error *error)
 {
-    struct fovea_error error;
     const char *prefix = run->settings.runtime.channel_prefix;
     enum fovea_status status =
-        fv_transport_open(run->settings.lcm_url, run->settings.lcm_ttl, &run->transport, &error);
-    if (status == FOVEA_OK && run->transport != NULL)
-        status = fv_transport_listen(run->transport, prefix, &error);
-    if (status != FOVEA_OK) fv_say("fovea run: no LCM messages: %s", error.text);
+        fv_transport_open(run->settings.lcm_url, run->settings.lcm_ttl, &run->transport, error);
+    if (status == FOVEA_OK) status = fv_transport_listen(run->transport, prefix, error);
+    if (status == FOVEA_OK) return FOVEA_OK;
+    fv_settings_locate(&run->settings, error);
+    if (status == FOVEA_ERROR_INPUT) return status;
+    fv_say("fovea run: no LCM messages: %s", error->text);
+    return FOVEA_OK;
 }
 
 static enum fovea_status recorder_open(struct run *run, struct fovea_error *error)
@@ -184,8 +186,7 @@ static enum fovea_status open_all(struct run *run, struct fovea_error *error)
     run->loop.real_time = is_real_time(run);
     status = runtime_open(run, error);
     if (status == FOVEA_OK) status = recorder_open(run, error);
-    if (status == FOVEA_OK) transport_open(run);
-    return status;
+    return status == FOVEA_OK ? transport_open(run, error) : status;
 }
 
 static void close_all(struct run *run)

@@ -136,6 +136,9 @@ enum fovea_status fv_transport_open(const char *url, uint32_t ttl, struct fv_tra
         free(opened);
         return status;
     }
+    /* LCM makes its transmit mutex on the heap when the first message goes out: not on the loop thread, then.
+     * The channel is the one of LCM's own test messages. */
+    lcm_publish(opened->out, "LCM_SELF_TEST", "lcm self test", 13);
     *transport = opened;
     return FOVEA_OK;
 }
