@@ -1,5 +1,6 @@
 // The video plug-in: OpenCV's VideoCapture behind the C interface of recorded/video_plugin.h.
 #include <opencv2/core.hpp>
+#include <opencv2/core/utils/logger.hpp>
 #include <opencv2/videoio.hpp>
 
 #include <exception>
@@ -89,6 +90,8 @@ enum fovea_status plugin_open(const char *path, fovea_video **video, int32_t *wi
                               double *rate_hz, fovea_error *error)
 try {
     cv::setNumThreads(1);
+    cv::utils::logging::setLogLevel(
+        cv::utils::logging::LOG_LEVEL_SILENT); /* errors are told by us, in one line */
     return open_file(path, video, width, height, rate_hz, error);
 } catch (const std::exception &problem) {
     return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: OpenCV cannot open it: %.200s", path,
@@ -121,7 +124,7 @@ void plugin_close(fovea_video *video)
 } // namespace
 
 extern "C" {
-extern const struct fovea_video_plugin fovea_video_plugin_1;
+extern __attribute__((visibility("default"))) const struct fovea_video_plugin fovea_video_plugin_1;
 const struct fovea_video_plugin fovea_video_plugin_1 = {FOVEA_VIDEO_PLUGIN_VERSION, plugin_open, plugin_skip,
                                                         plugin_read, plugin_close};
 }

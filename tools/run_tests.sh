@@ -5,7 +5,7 @@ set -u
 build=$1
 shift
 : "${FOVEA_DATA:=../shared/data}"
-export FOVEA_DATA
+export FOVEA_DATA FOVEA_PLUGINS="$build"
 passed=0 failed= log=$build/test.log
 : >"$log"
 for test in $(find "$build/tests" -type f -perm -u+x -name 'test_*' | sort); do

@@ -149,11 +149,11 @@ static enum fovea_status set_order(struct fovea_source *source, uint64_t count, 
     source->first = selection->start;
     source->step = (int64_t)selection->step;
     source->reverse = selection->reverse;
+    if (selection->frames > 0 && selection->frames < chosen) chosen = selection->frames;
     if (selection->reverse) {
         source->first += (chosen - 1) * selection->step;
         source->step = -source->step;
     }
-    if (selection->frames > 0 && selection->frames < chosen) chosen = selection->frames;
     source->count = chosen;
     source->info.frame_count = chosen == UINT64_MAX ? 0 : chosen;
     if (!selection->reverse) return FOVEA_OK;
@@ -315,8 +315,9 @@ static bool wait_ready(struct fovea_source *source, int64_t deadline_ns)
 enum fovea_status fv_player_dequeue(struct fovea_source *source, int64_t deadline_ns,
                                     struct fovea_frame *frame)
 {
-    if (!source->started || source->held_count >= FOVEA_SOURCE_FRAMES_HELD) return FOVEA_ERROR_ARGUMENT;
-    if (!wait_ready(source, deadline_ns)) return FOVEA_AGAIN;
+    if (!source->started) return FOVEA_END;
+    if (source->held_count >= FOVEA_SOURCE_FRAMES_HELD || !wait_ready(source, deadline_ns))
+        return FOVEA_AGAIN;
     uint8_t slot;
     if (!ring_pop(&source->ready, &slot)) {
         (void)atomic_load_explicit(&source->ended, memory_order_acquire);

@@ -9,8 +9,7 @@
  * fovea_source_ops.counts tells those up to the frame dequeued last, so that they do not depend on how far
  * ahead the reader is.
  *
- * Order: of the recording's frames take start, start + step, ...; turn them round if `reverse`; keep the
- * first `frames`. Played in reverse, a frame's stamp is mirrored inside the range that is played (first +
+ * Played in reverse, a frame's stamp is mirrored inside the range that is played (first +
  * last - stamp), so that time still goes forward; its sequence stays the index in the recording. */
 #ifndef FOVEA_RECORDED_PLAYER_H
 #define FOVEA_RECORDED_PLAYER_H

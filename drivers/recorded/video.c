@@ -2,9 +2,11 @@
  * the folder that $FOVEA_PLUGINS names. Frames can only be read in order, so a start is reached by skipping.
  */
 #include <dlfcn.h>
+#include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "decode.h"
@@ -115,9 +117,13 @@ static enum fovea_status open_video(const char *address, const struct fovea_sour
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", address);
     }
     enum fovea_status status = FOVEA_OK;
-    if (!fv_path_exists(address))
-        status = fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: cannot be opened: No such file or directory",
-                                 address);
+    struct stat about;
+    if (stat(address, &about) != 0)
+        status =
+            fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: cannot be opened: %s", address, strerror(errno));
+    else if (!S_ISREG(about.st_mode)) /* OpenCV takes folders and pipes for anything at all */
+        status =
+            fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: found no regular file, expected a video", address);
     if (status == FOVEA_OK) status = load(recording, error);
     if (status == FOVEA_OK) status = open_video_file(recording, &info, error);
     struct fovea_error reason = {.text = ""};

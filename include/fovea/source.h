@@ -88,8 +88,8 @@ struct fovea_truth {
     const uint8_t *class_mask; /* width x height, enum fovea_object_class */
 };
 
-/* How frames of a recording are chosen: first `start`, every `step`-th, last first when `reverse`, at most `frames`
- * (0: all). Live sources refuse anything but the default. */
+/* How frames of a recording are chosen: start, start + step, start + 2 step, ..., at most `frames` of them (0: all);
+ * played last first when `reverse`, with stamps that still rise. Live sources refuse anything but the default. */
 struct fovea_source_selection {
     uint64_t start;
     uint64_t step; /* at least 1 */
@@ -134,7 +134,8 @@ struct fovea_source_ops {
     enum fovea_status (*start)(struct fovea_source *source, struct fovea_error *error);
     /* Wait for a frame until CLOCK_MONOTONIC reaches `deadline_ns` (INT64_MAX: no limit; 0: do not wait).
      * FOVEA_OK: `frame` is valid until requeued. FOVEA_AGAIN: none in time. FOVEA_END: no more will come.
-     * FOVEA_GONE: the camera is away, keep asking. Negative: the source is beyond repair. Loop thread. */
+     * FOVEA_GONE: the camera is away, keep asking. Negative: the source is beyond repair. Loop thread.
+     * FOVEA_AGAIN comes at once while FOVEA_SOURCE_FRAMES_HELD frames are held, and early after a signal. */
     enum fovea_status (*dequeue)(struct fovea_source *source, int64_t deadline_ns, struct fovea_frame *frame);
     void (*requeue)(struct fovea_source *source, const struct fovea_frame *frame);
     void (*stop)(struct fovea_source *source);

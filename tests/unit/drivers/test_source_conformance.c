@@ -1,0 +1,559 @@
+/* What every source must do, held against every driver of the table. A driver without a row here fails.
+ * Recordings are written by the test; those of $FOVEA_DATA are played too where they are. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <malloc.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "common/datasets.h"
+#include "fovea/source.h"
+
+/* ---- heap calls of one thread, and pieces not given back
+ * ---------------------------------------------------- */
+
+static _Thread_local volatile unsigned long *watched_calls;
+
+#ifndef FOVEA_SANITIZED
+static _Atomic long pieces;
+void *__libc_malloc(size_t bytes);
+void *__libc_calloc(size_t count, size_t bytes);
+void *__libc_realloc(void *old, size_t bytes);
+void *__libc_memalign(size_t alignment, size_t bytes);
+void __libc_free(void *memory);
+static const bool can_watch = true;
+
+static void *note(void *piece)
+{
+    if (watched_calls != NULL) *watched_calls += 1;
+    if (piece != NULL) atomic_fetch_add_explicit(&pieces, 1, memory_order_relaxed);
+    return piece;
+}
+
+void *malloc(size_t bytes)
+{
+    return note(__libc_malloc(bytes));
+}
+
+void *calloc(size_t count, size_t bytes)
+{
+    return note(__libc_calloc(count, bytes));
+}
+
+void *realloc(void *old, size_t bytes)
+{
+    if (old != NULL) atomic_fetch_sub_explicit(&pieces, 1, memory_order_relaxed);
+    return note(__libc_realloc(old, bytes));
+}
+
+int posix_memalign(void **piece, size_t alignment, size_t bytes)
+{
+    *piece = note(__libc_memalign(alignment, bytes));
+    return *piece == NULL;
+}
+
+void *aligned_alloc(size_t alignment, size_t bytes)
+{
+    return note(__libc_memalign(alignment, bytes));
+}
+
+void free(void *memory)
+{
+    if (watched_calls != NULL) *watched_calls += 1;
+    if (memory != NULL) atomic_fetch_sub_explicit(&pieces, 1, memory_order_relaxed);
+    __libc_free(memory);
+}
+
+static long pieces_now(void)
+{
+    return atomic_load(&pieces);
+}
+#else
+static const bool can_watch = false;
+static long pieces_now(void)
+{
+    return 0;
+}
+#endif
+
+/* ---- the drivers
+ * ------------------------------------------------------------------------------------------- */
+
+static char folder[FV_TEST_PATH_BYTES];
+
+struct row {
+    const char *name;
+    const char *(*make)(const char *folder); /* writes the recording; NULL: `address` stands */
+    const char *address;
+    bool in_order_only;   /* cannot be played in reverse, does not know its length */
+    const char *wrong[4]; /* addresses that must be refused */
+    char made[FV_TEST_PATH_BYTES];
+};
+
+static struct row rows[] = {
+    {.name = "sim",
+     .address = "orbit?width=96&height=64",
+     .wrong = {"orbits", "orbit?widht=3", "orbit?width=x"}},
+    {.name = "euroc", .make = fv_test_euroc, .wrong = {"/nonexistent", "/", ""}},
+    {.name = "tum", .make = fv_test_tum, .wrong = {"/nonexistent", "/", ""}},
+    {.name = "kitti", .make = fv_test_kitti, .wrong = {"/nonexistent", "/", ""}},
+    {.name = "images", .make = fv_test_images, .wrong = {"/nonexistent/*.png", "/", "", "/dev/null"}},
+    {.name = "lcmlog", .make = fv_test_lcmlog, .wrong = {"/nonexistent", "/", "", "/dev/null"}},
+    {.name = "video",
+     .make = fv_test_video,
+     .in_order_only = true,
+     .wrong = {"/nonexistent", "/", "", "/dev/null"}},
+};
+
+static struct row *row_of(const struct fovea_source_ops *ops)
+{
+    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; ++i)
+        if (strcmp(rows[i].name, ops->name) == 0) return &rows[i];
+    fail_msg("driver '%s' has no row in this test: add one", ops->name);
+    return NULL;
+}
+
+static const struct fovea_source_selection everything = {.step = 1};
+static const struct fovea_source_selection some = {.step = 1, .frames = FV_TEST_FRAMES};
+
+static struct fovea_source *open_with(const struct fovea_source_ops *ops,
+                                      const struct fovea_source_selection *selection)
+{
+    struct fovea_source *source = NULL;
+    struct fovea_error error = {.text = ""};
+    if (ops->open(row_of(ops)->address, selection, &source, &error) != FOVEA_OK)
+        fail_msg("%s:%s: %s", ops->name, row_of(ops)->address, error.text);
+    return source;
+}
+
+static void start(const struct fovea_source_ops *ops, struct fovea_source *source)
+{
+    struct fovea_error error = {.text = ""};
+    if (ops->start(source, &error) != FOVEA_OK) fail_msg("%s: %s", ops->name, error.text);
+}
+
+/* Drivers to be tested: all but the video where its plug-in is not built. */
+static const struct fovea_source_ops *next_driver(size_t *i)
+{
+    while (fovea_source_table[*i] != NULL) {
+        const struct fovea_source_ops *ops = fovea_source_table[(*i)++];
+        struct fovea_source *source;
+        struct fovea_error error;
+        if (strcmp(ops->name, "video") != 0) return ops;
+        const enum fovea_status status = ops->open(row_of(ops)->address, &everything, &source, &error);
+        if (status == FOVEA_OK) ops->close(source);
+        if (status != FOVEA_ERROR_UNSUPPORTED) return ops;
+        static bool told;
+        if (!told) print_message("SKIPPED video: %s\n", error.text);
+        told = true;
+    }
+    return NULL;
+}
+
+static int64_t now_ns(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
+}
+
+static uint64_t hash_image(const struct fovea_image *image)
+{
+    uint64_t hash = 0xcbf29ce484222325u;
+    const int32_t row_bytes = fovea_image_stride_min(image->format, image->width);
+    for (int32_t y = 0; y < image->height; ++y)
+        for (int32_t x = 0; x < row_bytes; ++x)
+            hash = (hash ^ image->data[(size_t)y * (size_t)image->stride_bytes + (size_t)x]) * 0x100000001b3u;
+    return hash;
+}
+
+struct played {
+    size_t count;
+    struct {
+        uint64_t hash, sequence;
+        int64_t stamp_ns;
+        bool has_pose;
+        double x_m;
+    } frames[64];
+};
+
+/* Play to the end, or until 64 frames; heap calls made meanwhile are added to `calls`. */
+static void play(const struct fovea_source_ops *ops, struct fovea_source *source, struct played *played,
+                 volatile unsigned long *calls)
+{
+    static struct fovea_truth truth;
+    struct fovea_frame frame;
+    struct fovea_source_counts counts;
+    enum fovea_status status = FOVEA_AGAIN;
+    memset(played, 0, sizeof *played); /* compared as a whole */
+    for (int64_t end_ns = now_ns() + 20000000000; played->count < 64 && now_ns() < end_ns;) {
+        watched_calls = calls;
+        status = ops->dequeue(source, now_ns() + 1000000000, &frame);
+        bool has_pose = false;
+        if (status == FOVEA_OK && ops->truth != NULL && ops->info(source)->has_truth)
+            has_pose = ops->truth(source, &frame, &truth) == FOVEA_OK && truth.has_pose;
+        if (ops->counts != NULL) ops->counts(source, &counts);
+        watched_calls = NULL;
+        if (status == FOVEA_AGAIN) continue;
+        if (status != FOVEA_OK) break;
+        assert_int_equal(fovea_image_check(&frame.image), FOVEA_OK);
+        assert_int_equal(frame.image.width, ops->info(source)->width);
+        assert_int_equal(frame.image.height, ops->info(source)->height);
+        assert_int_equal(frame.image.format, ops->info(source)->format);
+        const size_t i = played->count++;
+        played->frames[i].hash = hash_image(&frame.image);
+        played->frames[i].sequence = frame.sequence;
+        played->frames[i].stamp_ns = frame.stamp_ns;
+        played->frames[i].has_pose = has_pose;
+        played->frames[i].x_m = has_pose ? truth.T_world_cam[3] : 0.0;
+        if (i > 0) assert_true(frame.stamp_ns > played->frames[i - 1].stamp_ns);
+        watched_calls = calls;
+        ops->requeue(source, &frame);
+        watched_calls = NULL;
+    }
+    assert_true(status == FOVEA_OK || status == FOVEA_END);
+    if (ops->counts != NULL) assert_int_equal(counts.delivered, played->count);
+}
+
+static void play_again(const struct fovea_source_ops *ops, const struct fovea_source_selection *selection,
+                       struct played *played)
+{
+    struct fovea_source *source = open_with(ops, selection);
+    start(ops, source);
+    play(ops, source, played, NULL);
+    ops->stop(source);
+    ops->close(source);
+}
+
+/* ---- tests
+ * ------------------------------------------------------------------------------------------------- */
+
+static void test_table(void **state)
+{
+    (void)state;
+    const struct fovea_source_ops *ops = NULL;
+    const char *address = NULL;
+    struct fovea_error error;
+    for (size_t i = 0; fovea_source_table[i] != NULL; ++i) {
+        const struct fovea_source_ops *each = fovea_source_table[i];
+        char uri[64];
+        assert_true(each->open && each->info && each->start && each->dequeue && each->requeue && each->stop &&
+                    each->close);
+        assert_true(each->help != NULL && strchr(each->help, '\n') == NULL);
+        snprintf(uri, sizeof uri, "%s:a:b", each->name);
+        assert_int_equal(fovea_source_find(uri, &ops, &address, &error), FOVEA_OK);
+        assert_ptr_equal(ops, each);
+        assert_string_equal(address, "a:b");
+        assert_non_null(row_of(each));
+    }
+    ops = NULL;
+    assert_int_equal(fovea_source_find("euorc:x", &ops, &address, &error), FOVEA_ERROR_INPUT);
+    assert_non_null(strstr(error.text, "did you mean euroc:?"));
+    assert_int_equal(fovea_source_find("euroc", &ops, &address, &error), FOVEA_ERROR_INPUT);
+    assert_int_equal(fovea_source_find("", &ops, &address, &error), FOVEA_ERROR_INPUT);
+    assert_null(ops);
+}
+
+static void test_wrong_addresses(void **state)
+{
+    (void)state;
+    size_t i = 0;
+    for (const struct fovea_source_ops *ops; (ops = next_driver(&i)) != NULL;) {
+        for (size_t j = 0; j < 4 && row_of(ops)->wrong[j] != NULL; ++j) {
+            struct fovea_source *source = NULL;
+            struct fovea_error error = {.text = ""};
+            const enum fovea_status status = ops->open(row_of(ops)->wrong[j], &everything, &source, &error);
+            if (status >= 0) fail_msg("%s:%s was opened", ops->name, row_of(ops)->wrong[j]);
+            assert_null(source);
+            assert_int_equal(error.status, status);
+            assert_true(strlen(error.text) > 10 && strchr(error.text, '\n') == NULL);
+        }
+    }
+}
+
+static void test_info(void **state)
+{
+    (void)state;
+    size_t i = 0;
+    for (const struct fovea_source_ops *ops; (ops = next_driver(&i)) != NULL;) {
+        struct fovea_source *source = open_with(ops, &some);
+        const struct fovea_source_info *info = ops->info(source);
+        assert_true(info->width >= FOVEA_IMAGE_WIDTH_MIN && info->width <= FOVEA_IMAGE_WIDTH_MAX);
+        assert_true(info->height >= FOVEA_IMAGE_HEIGHT_MIN && info->height <= FOVEA_IMAGE_HEIGHT_MAX);
+        assert_true(info->format < FOVEA_PIXEL_FORMAT_COUNT);
+        assert_true(info->rate_hz > 0 && info->rate_hz < 1000);
+        assert_true(info->heap_bytes > 0);
+        if (!row_of(ops)->in_order_only) assert_int_equal(info->frame_count, FV_TEST_FRAMES);
+        if (info->has_camera) {
+            assert_int_equal(info->camera.width, info->width);
+            assert_int_equal(info->camera.height, info->height);
+            assert_true(info->camera.fx > 0 && info->camera.field_max_rad > 0);
+            assert_true(info->camera_origin[0] != '\0');
+        }
+        ops->close(source);
+    }
+}
+
+static void test_play_without_heap(void **state)
+{
+    (void)state;
+    size_t i = 0;
+    for (const struct fovea_source_ops *ops; (ops = next_driver(&i)) != NULL;) {
+        struct played first, second;
+        struct fovea_frame frame;
+        volatile unsigned long calls = 0;
+        struct fovea_source *source = open_with(ops, &some);
+        assert_int_equal(ops->dequeue(source, 0, &frame), FOVEA_END); /* not started */
+        start(ops, source);
+        play(ops, source, &first, &calls);
+        assert_int_equal(first.count, FV_TEST_FRAMES);
+        assert_int_equal(ops->dequeue(source, INT64_MAX, &frame), FOVEA_END); /* and stays so */
+        assert_int_equal(ops->dequeue(source, 0, &frame), FOVEA_END);
+        if (ops->state != NULL) assert_int_equal(ops->state(source), FOVEA_SOURCE_ENDED);
+        ops->stop(source);
+        ops->close(source);
+        if (can_watch && calls != 0) fail_msg("%s: %lu heap calls on the loop thread", ops->name, calls);
+        play_again(ops, &some, &second);
+        assert_memory_equal(&first, &second, sizeof first.count + first.count * sizeof first.frames[0]);
+    }
+}
+
+static void test_heap_watch_sees(void **state)
+{
+    (void)state;
+    volatile unsigned long calls = 0;
+    if (!can_watch) skip();
+    void *(*volatile allocate)(size_t) =
+        malloc; /* by address, so that the compiler does not know what it calls */
+    void (*volatile give_back)(void *) = free;
+    watched_calls = &calls;
+    give_back(allocate(16));
+    watched_calls = NULL;
+    assert_true(calls >= 2);
+}
+
+static void test_hold_limit(void **state)
+{
+    (void)state;
+    size_t i = 0;
+    for (const struct fovea_source_ops *ops; (ops = next_driver(&i)) != NULL;) {
+        struct fovea_source *source = open_with(ops, &some);
+        struct fovea_frame held[FOVEA_SOURCE_FRAMES_HELD], more;
+        start(ops, source);
+        for (int j = 0; j < FOVEA_SOURCE_FRAMES_HELD; ++j)
+            assert_int_equal(ops->dequeue(source, INT64_MAX, &held[j]), FOVEA_OK);
+        const int64_t before_ns = now_ns();
+        assert_int_equal(ops->dequeue(source, INT64_MAX, &more),
+                         FOVEA_AGAIN); /* at once, whatever the deadline */
+        assert_true(now_ns() - before_ns < 1000000000);
+        const uint64_t hash = hash_image(&held[0].image);
+        for (int j = 0; j < FV_TEST_FRAMES - FOVEA_SOURCE_FRAMES_HELD;
+             ++j) { /* the rest goes through the second place */
+            ops->requeue(source, &held[1]);
+            assert_int_equal(ops->dequeue(source, INT64_MAX, &held[1]), FOVEA_OK);
+        }
+        assert_true(hash == hash_image(&held[0].image)); /* untouched while held */
+        ops->requeue(source, &held[0]);
+        ops->requeue(source, &held[1]);
+        assert_int_equal(ops->dequeue(source, INT64_MAX, &more), FOVEA_END);
+        ops->stop(source);
+        ops->close(source);
+    }
+}
+
+static void test_deadlines(void **state)
+{
+    (void)state;
+    size_t i = 0;
+    for (const struct fovea_source_ops *ops; (ops = next_driver(&i)) != NULL;) {
+        struct fovea_source *source = open_with(ops, &some);
+        struct fovea_frame frame;
+        start(ops, source);
+        for (int j = 0; j < FV_TEST_FRAMES; ++j) {
+            const int64_t before_ns = now_ns();
+            const enum fovea_status status =
+                ops->dequeue(source, j % 2 == 0 ? 0 : before_ns + 2000000, &frame);
+            assert_true(now_ns() - before_ns < 500000000);
+            assert_true(status == FOVEA_OK || status == FOVEA_AGAIN);
+            if (status == FOVEA_OK) ops->requeue(source, &frame);
+        }
+        ops->stop(source); /* in the middle */
+        ops->close(source);
+    }
+}
+
+static void test_selection(void **state)
+{
+    (void)state;
+    size_t i = 0;
+    for (const struct fovea_source_ops *ops; (ops = next_driver(&i)) != NULL;) {
+        const struct fovea_source_selection third = {.start = 1, .step = 3, .frames = 3};
+        const struct fovea_source_selection turned = {.start = 1, .step = 3, .frames = 3, .reverse = true};
+        const struct fovea_source_selection none = {.step = 0};
+        struct fovea_source *source = NULL;
+        struct fovea_error error = {.text = ""};
+        struct played all, chosen;
+        assert_true(ops->open(row_of(ops)->address, &none, &source, &error) < 0);
+        assert_true(strlen(error.text) > 0);
+        play_again(ops, &some, &all);
+        play_again(ops, &third, &chosen);
+        assert_int_equal(chosen.count, 3);
+        for (size_t j = 0; j < 3; ++j)
+            assert_true(chosen.frames[j].hash == all.frames[1 + 3 * j].hash);
+        if (row_of(ops)->in_order_only) {
+            assert_int_equal(ops->open(row_of(ops)->address, &turned, &source, &error),
+                             FOVEA_ERROR_UNSUPPORTED);
+            continue;
+        }
+        play_again(ops, &turned, &chosen);
+        assert_int_equal(chosen.count, 3);
+        for (size_t j = 0; j < 3; ++j) {
+            assert_true(chosen.frames[j].hash == all.frames[7 - 3 * j].hash);
+            assert_int_equal(chosen.frames[j].has_pose, all.frames[7 - 3 * j].has_pose);
+            assert_true(chosen.frames[j].x_m == all.frames[7 - 3 * j].x_m); /* truth goes with the picture */
+        }
+    }
+}
+
+static void test_start_past_the_end(void **state)
+{
+    (void)state;
+    size_t i = 0;
+    for (const struct fovea_source_ops *ops; (ops = next_driver(&i)) != NULL;) {
+        const struct fovea_source_selection late = {.start = 1000000, .step = 1, .frames = 1};
+        struct fovea_source *source = NULL;
+        struct fovea_error error = {.text = ""};
+        if (row_of(ops)->make == NULL || row_of(ops)->in_order_only)
+            continue; /* endless, or finds out on the way */
+        assert_int_equal(ops->open(row_of(ops)->address, &late, &source, &error), FOVEA_ERROR_ARGUMENT);
+        assert_non_null(strstr(error.text, "start: found 1000000"));
+    }
+}
+
+static void test_no_leaks(void **state)
+{
+    (void)state;
+    size_t i = 0;
+    for (const struct fovea_source_ops *ops; (ops = next_driver(&i)) != NULL;) {
+        long before = 0;
+        struct played played;
+        struct fovea_source *source = NULL;
+        struct fovea_error error;
+        for (int round = 0; round < 6; ++round) {
+            if (round == 2) before = pieces_now(); /* libraries have set themselves up by then */
+            play_again(ops, &some, &played);
+            source = open_with(ops, &some); /* never started */
+            ops->close(source);
+            source = open_with(ops, &some); /* closed without a stop, frames held */
+            start(ops, source);
+            struct fovea_frame frame;
+            assert_int_equal(ops->dequeue(source, INT64_MAX, &frame), FOVEA_OK);
+            ops->stop(source);
+            ops->close(source);
+            for (size_t j = 0; j < 4 && row_of(ops)->wrong[j] != NULL; ++j)
+                assert_true(ops->open(row_of(ops)->wrong[j], &everything, &source, &error) < 0);
+        }
+        if (pieces_now() != before) fail_msg("%s: %ld pieces of heap lost", ops->name, pieces_now() - before);
+    }
+}
+
+static void test_real_recordings(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *uri, *folder;
+        int32_t width, height;
+        uint64_t count;
+        double fx;
+    } real[] = {
+        {"euroc:", "euroc_mh05_a", 752, 480, 270, 458.654},
+        {"kitti:", "kitti00_a", 1241, 376, 80, 718.856},
+        {"kitti:", "kitti06_a", 1226, 370, 51, 707.0912},
+        {"tum:", "handheld_7scenes_a", 640, 480, 250, 585.0},
+        {"images:", "vamr_checkerboard/images", 752, 480, 92, 0},
+    };
+    const char *data = getenv("FOVEA_DATA");
+    if (data == NULL) data = "../shared/data";
+    for (size_t i = 0; i < sizeof real / sizeof real[0]; ++i) {
+        char uri[FV_TEST_PATH_BYTES];
+        const struct fovea_source_ops *ops;
+        const char *address;
+        struct fovea_source *source;
+        struct fovea_error error;
+        struct fovea_frame frame;
+        snprintf(uri, sizeof uri, "%s%s/%s", real[i].uri, data, real[i].folder);
+        assert_int_equal(fovea_source_find(uri, &ops, &address, &error), FOVEA_OK);
+        if (access(address, R_OK) != 0) {
+            print_message("SKIPPED %s: not there\n", real[i].folder);
+            continue;
+        }
+        const struct fovea_source_selection few = {.step = 10};
+        if (ops->open(address, &few, &source, &error) != FOVEA_OK) fail_msg("%s", error.text);
+        const struct fovea_source_info *info = ops->info(source);
+        assert_int_equal(info->width, real[i].width);
+        assert_int_equal(info->height, real[i].height);
+        assert_int_equal(info->frame_count, (real[i].count + 9) / 10);
+        assert_int_equal(info->has_camera, real[i].fx > 0);
+        if (info->has_camera) assert_true(info->camera.fx == real[i].fx);
+        start(ops, source);
+        static struct fovea_truth truth;
+        size_t frames = 0, poses = 0;
+        for (enum fovea_status status; (status = ops->dequeue(source, INT64_MAX, &frame)) != FOVEA_END;) {
+            assert_int_equal(status, FOVEA_OK);
+            ++frames;
+            if (info->has_truth && ops->truth(source, &frame, &truth) == FOVEA_OK && truth.has_pose) ++poses;
+            ops->requeue(source, &frame);
+        }
+        assert_int_equal(frames, info->frame_count);
+        if (info->has_truth) assert_int_equal(poses, frames);
+        assert_int_equal(info->has_truth, real[i].fx > 0);
+        ops->stop(source);
+        ops->close(source);
+    }
+}
+
+static int make_recordings(void **state)
+{
+    (void)state;
+    fv_test_folder(folder);
+    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; ++i) {
+        if (rows[i].make == NULL) continue;
+        snprintf(rows[i].made, sizeof rows[i].made, "%s", rows[i].make(folder));
+        rows[i].address = rows[i].made;
+    }
+    return 0;
+}
+
+static int remove_recordings(void **state)
+{
+    (void)state;
+    fv_test_folder_remove(folder);
+    return 0;
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_table),
+        cmocka_unit_test(test_wrong_addresses),
+        cmocka_unit_test(test_info),
+        cmocka_unit_test(test_play_without_heap),
+        cmocka_unit_test(test_heap_watch_sees),
+        cmocka_unit_test(test_hold_limit),
+        cmocka_unit_test(test_deadlines),
+        cmocka_unit_test(test_selection),
+        cmocka_unit_test(test_start_past_the_end),
+        cmocka_unit_test(test_no_leaks),
+        cmocka_unit_test(test_real_recordings),
+    };
+    return cmocka_run_group_tests(tests, make_recordings, remove_recordings);
+}
