@@ -213,6 +213,7 @@ int main(int argc, char **argv)
     std::printf("%s; %s; %s; commit %s; OpenCV %s; image: %s\n", facts.machine.c_str(), facts.compiler.c_str(),
                 facts.flags.c_str(), facts.commit.c_str(), facts.opencv.c_str(), facts.image.c_str());
 
+    bench_image_set(input.image.data, input.image.step);
     std::vector<Result> results;
     for (const bench::Stage *stage : bench::stages())
         if (chosen(stage->name, filter)) run_stage(*stage, input, results);

@@ -105,11 +105,19 @@ void check_equal(struct check *check, const char *what, const void *expected, co
     check_fail(check, "%s differs at byte %zu of %zu: C gives %u, found %u", what, i, bytes, e[i], f[i]);
 }
 
+static uint8_t *image;
+
+enum { ROWS = BENCH_HEIGHT + 16 };
+
+void bench_image_set(const uint8_t *pixels, size_t stride_bytes)
+{
+    bench_image();
+    for (int y = 0; y < BENCH_HEIGHT; y++) memcpy(image + y * BENCH_STRIDE, pixels + (size_t)y * stride_bytes, BENCH_WIDTH);
+}
+
 const uint8_t *bench_image(void)
 {
-    static uint8_t *image;
     if (image != NULL) return image;
-    enum { ROWS = BENCH_HEIGHT + 16 };
     struct check draw = {.random = 7};
     image = aligned_alloc(64, BENCH_STRIDE * ROWS);
     if (image == NULL) abort();

@@ -64,6 +64,8 @@ void check_release(struct check *check);
  * machine, with edges, texture and noise. Made once. */
 enum { BENCH_STRIDE = 832 };
 const uint8_t *bench_image(void);
+/* Put a real image of that size in its place. */
+void bench_image_set(const uint8_t *pixels, size_t stride_bytes);
 /* Scratch of at least 8 MiB, 64-byte aligned, for outputs of benchmarks. */
 uint8_t *bench_scratch(void);
 

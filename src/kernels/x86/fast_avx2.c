@@ -5,13 +5,15 @@
 #define MIN _mm256_min_epu8
 #define MAX _mm256_max_epu8
 
+enum { STRETCH = 1024 }; /* pixels whose groups are listed at once */
+
 static inline __m256i load(const uint8_t *p)
 {
     return _mm256_loadu_si256((const __m256i *)p);
 }
 
-/* Of the arcs of nine, the best weakest pixel (brightest) and the best strongest one (darkest). Two arcs that differ
- * in their ends share eight pixels: min over them once, then the better of the two ends. */
+/* Of the arcs of nine, the best weakest pixel (brightest) and the best strongest one (darkest). Two arcs that
+ * differ in their ends share eight pixels: min over them once, then the better of the two ends. */
 static inline void best_arcs(const __m256i p[16], __m256i *brightest, __m256i *darkest)
 {
     __m256i low[8], high[8];
@@ -34,45 +36,86 @@ static inline void best_arcs(const __m256i p[16], __m256i *brightest, __m256i *d
     *darkest = dark;
 }
 
-/* Whether both opposite pairs hold a pixel beyond the threshold on the same side, in any lane. */
-static inline int any_beyond(const __m256i *p, int first, int second, __m256i above, __m256i below)
+/* Of two opposite pairs: the brighter of each, then the darker of the two; and the other way round. */
+static inline void pairs(const uint8_t *first, const uint8_t *first8, const uint8_t *second,
+                         const uint8_t *second8, __m256i *bright, __m256i *dark)
 {
-    const __m256i bright = MIN(MAX(p[first], p[first + 8]), MAX(p[second], p[second + 8]));
-    const __m256i dark = MAX(MIN(p[first], p[first + 8]), MIN(p[second], p[second + 8]));
-    const __m256i beyond = _mm256_or_si256(_mm256_subs_epu8(bright, above), _mm256_subs_epu8(below, dark));
-    return !_mm256_testz_si256(beyond, beyond);
+    const __m256i a = load(first), b = load(first8), c = load(second), d = load(second8);
+    *bright = MIN(*bright, MIN(MAX(a, b), MAX(c, d)));
+    *dark = MAX(*dark, MAX(MIN(a, b), MIN(c, d)));
+}
+
+/* Bit k of the result: pixel k may be a corner. */
+static inline uint32_t candidates(const uint8_t *c, ptrdiff_t s, __m256i t)
+{
+    const __m256i centre = load(c);
+    __m256i bright = _mm256_set1_epi8(-1), dark = _mm256_setzero_si256();
+    pairs(c - 3 * s, c + 3 * s, c + 3, c - 3, &bright, &dark);
+    pairs(c - 2 * s + 2, c + 2 * s - 2, c + 2 * s + 2, c - 2 * s - 2, &bright, &dark);
+    const __m256i above = _mm256_adds_epu8(centre, t), below = _mm256_subs_epu8(centre, t);
+    const __m256i within = _mm256_and_si256(_mm256_cmpeq_epi8(MIN(bright, above), bright),
+                                            _mm256_cmpeq_epi8(MAX(dark, below), dark));
+    return ~(uint32_t)_mm256_movemask_epi8(within);
+}
+
+/* Sixteen pixels at each of two places. */
+static inline __m256i both(const uint8_t *a, const uint8_t *b, ptrdiff_t offset)
+{
+    return _mm256_loadu2_m128i((const __m128i *)(b + offset), (const __m128i *)(a + offset));
+}
+
+static inline void score_groups(uint8_t *scores_a, uint8_t *scores_b, const uint8_t *a, const uint8_t *b,
+                                ptrdiff_t s, __m256i t1)
+{
+    const __m256i p[16] = {
+        both(a, b, -3 * s), both(a, b, -3 * s + 1), both(a, b, -2 * s + 2), both(a, b, -s + 3),
+        both(a, b, 3),      both(a, b, s + 3),      both(a, b, 2 * s + 2),  both(a, b, 3 * s + 1),
+        both(a, b, 3 * s),  both(a, b, 3 * s - 1),  both(a, b, 2 * s - 2),  both(a, b, s - 3),
+        both(a, b, -3),     both(a, b, -s - 3),     both(a, b, -2 * s - 2), both(a, b, -3 * s - 1)};
+    const __m256i centre = both(a, b, 0);
+    __m256i bright, dark;
+    best_arcs(p, &bright, &dark);
+    const __m256i best = MAX(_mm256_subs_epu8(bright, centre), _mm256_subs_epu8(centre, dark));
+    const __m256i corner = _mm256_cmpeq_epi8(MAX(best, t1), best);
+    const __m256i score = _mm256_and_si256(corner, _mm256_sub_epi8(best, _mm256_set1_epi8(1)));
+    _mm_storeu_si128((__m128i *)scores_a, _mm256_castsi256_si128(score));
+    _mm_storeu_si128((__m128i *)scores_b, _mm256_extracti128_si256(score, 1));
+}
+
+/* Two passes over a stretch of the row. The first asks of every group of sixteen pixels whether any of them
+ * has, in each of four opposite pairs of the circle, a pixel beyond the threshold on the same side: nine
+ * contiguous ones hold one of every pair. The second scores the groups that passed. Listing them instead of
+ * branching spares the mispredictions. */
+static void score_stretch(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes, int32_t count,
+                          int32_t threshold)
+{
+    const __m256i t = _mm256_set1_epi8((char)threshold), t1 = _mm256_set1_epi8((char)(threshold + 1));
+    int32_t groups[STRETCH / 16 + 2], found = 0;
+    for (int32_t i = 0; i < count; i += 32) {
+        const uint32_t lanes = candidates(pixels + i, stride_bytes, t);
+        _mm256_storeu_si256((__m256i *)(scores + i), _mm256_setzero_si256());
+        groups[found] = i;
+        found += (lanes & 0xffff) != 0;
+        groups[found] = i + 16;
+        found += (lanes >> 16) != 0;
+    }
+    groups[found] = count; /* an odd last group is paired with the pixels past the end */
+    for (int32_t k = 0; k < found; k += 2) {
+        const int32_t a = groups[k], b = groups[k + 1];
+        score_groups(scores + a, scores + b, pixels + a, pixels + b, stride_bytes, t1);
+    }
 }
 
 void fv_k_fast_score_u8__avx2(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes, int32_t count,
                               int32_t threshold)
 {
-    const ptrdiff_t s = stride_bytes;
-    const __m256i t = _mm256_set1_epi8((char)threshold), t1 = _mm256_set1_epi8((char)(threshold + 1));
-    const __m256i one = _mm256_set1_epi8(1);
-    for (int32_t i = 0; i < count; i += 32) {
-        const uint8_t *c = pixels + i;
-        const __m256i centre = load(c), above = _mm256_adds_epu8(centre, t), below = _mm256_subs_epu8(centre, t);
-        __m256i p[16], score = _mm256_setzero_si256();
-        p[0] = load(c - 3 * s), p[8] = load(c + 3 * s), p[4] = load(c + 3), p[12] = load(c - 3);
-        if (any_beyond(p, 0, 4, above, below)) {
-            p[2] = load(c - 2 * s + 2), p[10] = load(c + 2 * s - 2);
-            p[6] = load(c + 2 * s + 2), p[14] = load(c - 2 * s - 2);
-            if (any_beyond(p, 2, 6, above, below)) {
-                p[1] = load(c - 3 * s + 1), p[3] = load(c - s + 3), p[5] = load(c + s + 3), p[7] = load(c + 3 * s + 1);
-                p[9] = load(c + 3 * s - 1), p[11] = load(c + s - 3), p[13] = load(c - s - 3);
-                p[15] = load(c - 3 * s - 1);
-                __m256i bright, dark;
-                best_arcs(p, &bright, &dark);
-                const __m256i best = MAX(_mm256_subs_epu8(bright, centre), _mm256_subs_epu8(centre, dark));
-                score = _mm256_and_si256(_mm256_cmpeq_epi8(MAX(best, t1), best), _mm256_sub_epi8(best, one));
-            }
-        }
-        _mm256_storeu_si256((__m256i *)(scores + i), score);
-    }
+    for (int32_t i = 0; i < count; i += STRETCH)
+        score_stretch(scores + i, pixels + i, stride_bytes, count - i < STRETCH ? count - i : STRETCH,
+                      threshold);
 }
 
-int32_t fv_k_fast_peaks_u8__avx2(uint16_t *columns, const uint8_t *above, const uint8_t *row, const uint8_t *below,
-                                 int32_t count)
+int32_t fv_k_fast_peaks_u8__avx2(uint16_t *columns, const uint8_t *above, const uint8_t *row,
+                                 const uint8_t *below, int32_t count)
 {
     int32_t found = 0;
     for (int32_t i = 0; i < count; i += 32) {
@@ -85,7 +128,8 @@ int32_t fv_k_fast_peaks_u8__avx2(uint16_t *columns, const uint8_t *above, const 
         const __m256i lower = _mm256_cmpeq_epi8(_mm256_subs_epu8(centre, around), _mm256_setzero_si256());
         uint32_t peaks = ~(uint32_t)_mm256_movemask_epi8(lower);
         if (count - i < 32) peaks &= (1u << (count - i)) - 1u;
-        for (; peaks != 0; peaks &= peaks - 1) columns[found++] = (uint16_t)(i + __builtin_ctz(peaks));
+        for (; peaks != 0; peaks &= peaks - 1)
+            columns[found++] = (uint16_t)(i + __builtin_ctz(peaks));
     }
     return found;
 }

@@ -5,13 +5,15 @@
 #define MIN _mm_min_epu8
 #define MAX _mm_max_epu8
 
+enum { STRETCH = 1024 }; /* pixels whose groups are listed at once */
+
 static inline __m128i load(const uint8_t *p)
 {
     return _mm_loadu_si128((const __m128i *)p);
 }
 
-/* Of the arcs of nine, the best weakest pixel (brightest) and the best strongest one (darkest). Two arcs that differ
- * in their ends share eight pixels: min over them once, then the better of the two ends. */
+/* Of the arcs of nine, the best weakest pixel (brightest) and the best strongest one (darkest). Two arcs that
+ * differ in their ends share eight pixels: min over them once, then the better of the two ends. */
 static inline void best_arcs(const __m128i p[16], __m128i *brightest, __m128i *darkest)
 {
     __m128i low[8], high[8];
@@ -34,45 +36,69 @@ static inline void best_arcs(const __m128i p[16], __m128i *brightest, __m128i *d
     *darkest = dark;
 }
 
-/* Whether both opposite pairs hold a pixel beyond the threshold on the same side, in any lane. */
-static inline int any_beyond(const __m128i *p, int first, int second, __m128i above, __m128i below)
+/* Of two opposite pairs: the brighter of each, then the darker of the two; and the other way round. */
+static inline void pairs(const uint8_t *first, const uint8_t *first8, const uint8_t *second,
+                         const uint8_t *second8, __m128i *bright, __m128i *dark)
 {
-    const __m128i bright = MIN(MAX(p[first], p[first + 8]), MAX(p[second], p[second + 8]));
-    const __m128i dark = MAX(MIN(p[first], p[first + 8]), MIN(p[second], p[second + 8]));
-    const __m128i beyond = _mm_or_si128(_mm_subs_epu8(bright, above), _mm_subs_epu8(below, dark));
+    const __m128i a = load(first), b = load(first8), c = load(second), d = load(second8);
+    *bright = MIN(*bright, MIN(MAX(a, b), MAX(c, d)));
+    *dark = MAX(*dark, MAX(MIN(a, b), MIN(c, d)));
+}
+
+/* Bit k of the result: group k of sixteen pixels at c may hold corners. */
+static inline uint32_t candidates(const uint8_t *c, ptrdiff_t s, __m128i t)
+{
+    const __m128i centre = load(c);
+    __m128i bright = _mm_set1_epi8(-1), dark = _mm_setzero_si128();
+    pairs(c - 3 * s, c + 3 * s, c + 3, c - 3, &bright, &dark);
+    pairs(c - 2 * s + 2, c + 2 * s - 2, c + 2 * s + 2, c - 2 * s - 2, &bright, &dark);
+    const __m128i beyond =
+        MAX(_mm_subs_epu8(bright, _mm_adds_epu8(centre, t)), _mm_subs_epu8(_mm_subs_epu8(centre, t), dark));
     return !_mm_testz_si128(beyond, beyond);
+}
+
+static inline void score_group(uint8_t *scores, const uint8_t *c, ptrdiff_t s, __m128i t1)
+{
+    const __m128i p[16] = {load(c - 3 * s), load(c - 3 * s + 1), load(c - 2 * s + 2), load(c - s + 3),
+                           load(c + 3),     load(c + s + 3),     load(c + 2 * s + 2), load(c + 3 * s + 1),
+                           load(c + 3 * s), load(c + 3 * s - 1), load(c + 2 * s - 2), load(c + s - 3),
+                           load(c - 3),     load(c - s - 3),     load(c - 2 * s - 2), load(c - 3 * s - 1)};
+    const __m128i centre = load(c);
+    __m128i bright, dark;
+    best_arcs(p, &bright, &dark);
+    const __m128i best = MAX(_mm_subs_epu8(bright, centre), _mm_subs_epu8(centre, dark));
+    const __m128i corner = _mm_cmpeq_epi8(MAX(best, t1), best);
+    _mm_storeu_si128((__m128i *)scores, _mm_and_si128(corner, _mm_sub_epi8(best, _mm_set1_epi8(1))));
+}
+
+/* Two passes over a stretch of the row. The first asks of every group of sixteen pixels whether any of them
+ * has, in each of four opposite pairs of the circle, a pixel beyond the threshold on the same side: nine
+ * contiguous ones hold one of every pair. The second scores the groups that passed. Listing them instead of
+ * branching spares the mispredictions. */
+static void score_stretch(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes, int32_t count,
+                          int32_t threshold)
+{
+    const __m128i t = _mm_set1_epi8((char)threshold), t1 = _mm_set1_epi8((char)(threshold + 1));
+    int32_t groups[STRETCH / 16 + 1], found = 0;
+    for (int32_t i = 0; i < count; i += 16) {
+        _mm_storeu_si128((__m128i *)(scores + i), _mm_setzero_si128());
+        groups[found] = i;
+        found += (int32_t)candidates(pixels + i, stride_bytes, t);
+    }
+    for (int32_t k = 0; k < found; k++)
+        score_group(scores + groups[k], pixels + groups[k], stride_bytes, t1);
 }
 
 void fv_k_fast_score_u8__sse4(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes, int32_t count,
                               int32_t threshold)
 {
-    const ptrdiff_t s = stride_bytes;
-    const __m128i t = _mm_set1_epi8((char)threshold), t1 = _mm_set1_epi8((char)(threshold + 1));
-    const __m128i one = _mm_set1_epi8(1);
-    for (int32_t i = 0; i < count; i += 16) {
-        const uint8_t *c = pixels + i;
-        const __m128i centre = load(c), above = _mm_adds_epu8(centre, t), below = _mm_subs_epu8(centre, t);
-        __m128i p[16], score = _mm_setzero_si128();
-        p[0] = load(c - 3 * s), p[8] = load(c + 3 * s), p[4] = load(c + 3), p[12] = load(c - 3);
-        if (any_beyond(p, 0, 4, above, below)) {
-            p[2] = load(c - 2 * s + 2), p[10] = load(c + 2 * s - 2);
-            p[6] = load(c + 2 * s + 2), p[14] = load(c - 2 * s - 2);
-            if (any_beyond(p, 2, 6, above, below)) {
-                p[1] = load(c - 3 * s + 1), p[3] = load(c - s + 3), p[5] = load(c + s + 3), p[7] = load(c + 3 * s + 1);
-                p[9] = load(c + 3 * s - 1), p[11] = load(c + s - 3), p[13] = load(c - s - 3);
-                p[15] = load(c - 3 * s - 1);
-                __m128i bright, dark;
-                best_arcs(p, &bright, &dark);
-                const __m128i best = MAX(_mm_subs_epu8(bright, centre), _mm_subs_epu8(centre, dark));
-                score = _mm_and_si128(_mm_cmpeq_epi8(MAX(best, t1), best), _mm_sub_epi8(best, one));
-            }
-        }
-        _mm_storeu_si128((__m128i *)(scores + i), score);
-    }
+    for (int32_t i = 0; i < count; i += STRETCH)
+        score_stretch(scores + i, pixels + i, stride_bytes, count - i < STRETCH ? count - i : STRETCH,
+                      threshold);
 }
 
-int32_t fv_k_fast_peaks_u8__sse4(uint16_t *columns, const uint8_t *above, const uint8_t *row, const uint8_t *below,
-                                 int32_t count)
+int32_t fv_k_fast_peaks_u8__sse4(uint16_t *columns, const uint8_t *above, const uint8_t *row,
+                                 const uint8_t *below, int32_t count)
 {
     int32_t found = 0;
     for (int32_t i = 0; i < count; i += 16) {
@@ -85,7 +111,8 @@ int32_t fv_k_fast_peaks_u8__sse4(uint16_t *columns, const uint8_t *above, const 
         const __m128i lower = _mm_cmpeq_epi8(_mm_subs_epu8(centre, around), _mm_setzero_si128());
         uint32_t peaks = (uint32_t)_mm_movemask_epi8(lower) ^ 0xffffu;
         if (count - i < 16) peaks &= (1u << (count - i)) - 1u;
-        for (; peaks != 0; peaks &= peaks - 1) columns[found++] = (uint16_t)(i + __builtin_ctz(peaks));
+        for (; peaks != 0; peaks &= peaks - 1)
+            columns[found++] = (uint16_t)(i + __builtin_ctz(peaks));
     }
     return found;
 }
