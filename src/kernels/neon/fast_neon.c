@@ -6,6 +6,8 @@
 #define MAX vmaxq_u8
 #define load vld1q_u8
 
+enum { STRETCH = 1024 }; /* pixels whose groups are listed at once */
+
 /* Of the arcs of nine, the best weakest pixel (brightest) and the best strongest one (darkest). Two arcs that differ
  * in their ends share eight pixels: min over them once, then the better of the two ends. */
 static inline void best_arcs(const uint8x16_t p[16], uint8x16_t *brightest, uint8x16_t *darkest)
@@ -35,39 +37,59 @@ static inline int any(uint8x16_t v)
     return vmaxvq_u32(vreinterpretq_u32_u8(v)) != 0;
 }
 
-/* Whether both opposite pairs hold a pixel beyond the threshold on the same side, in any lane. */
-static inline int any_beyond(const uint8x16_t *p, int first, int second, uint8x16_t above, uint8x16_t below)
+/* Of two opposite pairs: the brighter of each, then the darker of the two; and the other way round. */
+static inline void pairs(const uint8_t *first, const uint8_t *first8, const uint8_t *second, const uint8_t *second8,
+                         uint8x16_t *bright, uint8x16_t *dark)
 {
-    const uint8x16_t bright = MIN(MAX(p[first], p[first + 8]), MAX(p[second], p[second + 8]));
-    const uint8x16_t dark = MAX(MIN(p[first], p[first + 8]), MIN(p[second], p[second + 8]));
-    return any(vorrq_u8(vcgtq_u8(bright, above), vcltq_u8(dark, below)));
+    const uint8x16_t a = load(first), b = load(first8), c = load(second), d = load(second8);
+    *bright = MIN(*bright, MIN(MAX(a, b), MAX(c, d)));
+    *dark = MAX(*dark, MAX(MIN(a, b), MIN(c, d)));
+}
+
+/* Whether any of sixteen pixels may be a corner. */
+static inline int candidates(const uint8_t *c, ptrdiff_t s, uint8x16_t t)
+{
+    const uint8x16_t centre = load(c);
+    uint8x16_t bright = vdupq_n_u8(255), dark = vdupq_n_u8(0);
+    pairs(c - 3 * s, c + 3 * s, c + 3, c - 3, &bright, &dark);
+    pairs(c - 2 * s + 2, c + 2 * s - 2, c + 2 * s + 2, c - 2 * s - 2, &bright, &dark);
+    return any(vorrq_u8(vcgtq_u8(bright, vqaddq_u8(centre, t)), vcltq_u8(dark, vqsubq_u8(centre, t))));
+}
+
+static inline void score_group(uint8_t *scores, const uint8_t *c, ptrdiff_t s, uint8x16_t t)
+{
+    const uint8x16_t p[16] = {load(c - 3 * s),     load(c - 3 * s + 1), load(c - 2 * s + 2), load(c - s + 3),
+                              load(c + 3),         load(c + s + 3),     load(c + 2 * s + 2), load(c + 3 * s + 1),
+                              load(c + 3 * s),     load(c + 3 * s - 1), load(c + 2 * s - 2), load(c + s - 3),
+                              load(c - 3),         load(c - s - 3),     load(c - 2 * s - 2), load(c - 3 * s - 1)};
+    const uint8x16_t centre = load(c);
+    uint8x16_t bright, dark;
+    best_arcs(p, &bright, &dark);
+    const uint8x16_t best = MAX(vqsubq_u8(bright, centre), vqsubq_u8(centre, dark));
+    vst1q_u8(scores, vandq_u8(vcgtq_u8(best, t), vsubq_u8(best, vdupq_n_u8(1))));
+}
+
+/* Two passes over a stretch of the row. The first asks of every group of sixteen pixels whether any of them has, in each of
+ * four opposite pairs of the circle, a pixel beyond the threshold on the same side: nine contiguous ones hold one of every
+ * pair. The second scores the groups that passed. Listing them instead of branching spares the mispredictions. */
+static void score_stretch(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes, int32_t count,
+                          int32_t threshold)
+{
+    const uint8x16_t t = vdupq_n_u8((uint8_t)threshold);
+    int32_t groups[STRETCH / 16 + 1], found = 0;
+    for (int32_t i = 0; i < count; i += 16) {
+        vst1q_u8(scores + i, vdupq_n_u8(0));
+        groups[found] = i;
+        found += candidates(pixels + i, stride_bytes, t);
+    }
+    for (int32_t k = 0; k < found; k++) score_group(scores + groups[k], pixels + groups[k], stride_bytes, t);
 }
 
 void fv_k_fast_score_u8__neon(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes, int32_t count,
                               int32_t threshold)
 {
-    const ptrdiff_t s = stride_bytes;
-    const uint8x16_t t = vdupq_n_u8((uint8_t)threshold), one = vdupq_n_u8(1);
-    for (int32_t i = 0; i < count; i += 16) {
-        const uint8_t *c = pixels + i;
-        const uint8x16_t centre = load(c), above = vqaddq_u8(centre, t), below = vqsubq_u8(centre, t);
-        uint8x16_t p[16], score = vdupq_n_u8(0);
-        p[0] = load(c - 3 * s), p[8] = load(c + 3 * s), p[4] = load(c + 3), p[12] = load(c - 3);
-        if (any_beyond(p, 0, 4, above, below)) {
-            p[2] = load(c - 2 * s + 2), p[10] = load(c + 2 * s - 2);
-            p[6] = load(c + 2 * s + 2), p[14] = load(c - 2 * s - 2);
-            if (any_beyond(p, 2, 6, above, below)) {
-                p[1] = load(c - 3 * s + 1), p[3] = load(c - s + 3), p[5] = load(c + s + 3), p[7] = load(c + 3 * s + 1);
-                p[9] = load(c + 3 * s - 1), p[11] = load(c + s - 3), p[13] = load(c - s - 3);
-                p[15] = load(c - 3 * s - 1);
-                uint8x16_t bright, dark;
-                best_arcs(p, &bright, &dark);
-                const uint8x16_t best = MAX(vqsubq_u8(bright, centre), vqsubq_u8(centre, dark));
-                score = vandq_u8(vcgtq_u8(best, t), vsubq_u8(best, one));
-            }
-        }
-        vst1q_u8(scores + i, score);
-    }
+    for (int32_t i = 0; i < count; i += STRETCH)
+        score_stretch(scores + i, pixels + i, stride_bytes, count - i < STRETCH ? count - i : STRETCH, threshold);
 }
 
 int32_t fv_k_fast_peaks_u8__neon(uint16_t *columns, const uint8_t *above, const uint8_t *row, const uint8_t *below,
