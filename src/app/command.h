@@ -23,5 +23,6 @@ extern const struct fv_command fv_commands[];
 int fv_command_run(int argc, char **argv);    /* the real-time loop */
 int fv_command_check(int argc, char **argv);  /* will it run here */
 int fv_command_config(int argc, char **argv); /* print or check a configuration */
+int fv_command_replay(int argc, char **argv); /* run a recording again */
 
 #endif

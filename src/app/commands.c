@@ -7,5 +7,6 @@ const struct fv_command fv_commands[] = {
     {"run", "run the loop on a camera, a recording or the simulated camera", fv_command_run},
     {"check", "tell whether a configuration will run on this machine, and its memory", fv_command_check},
     {"config", "print the commented configuration, or check a file", fv_command_config},
+    {"replay", "run a recording again and compare every message", fv_command_replay},
     {NULL, NULL, NULL},
 };

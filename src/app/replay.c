@@ -1,0 +1,275 @@
+#include "app/replay.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "app/recording_header.h"
+#include "fovea/log.h"
+#include "message/fields.h"
+#include "message/message.h"
+#include "message/recorded.h"
+
+struct replay {
+    const char *path;
+    struct fovea_log *log;
+    struct fovea_log_event event;
+    struct fv_recording_header header;
+    char channels[FV_MESSAGE_KIND_COUNT][FV_MESSAGE_CHANNEL_BYTES];
+    void *memory;
+    struct fovea *rt;
+
+    struct fovea_frame frame; /* the last one, its pixels in `pixels` */
+    bool frame_waits;         /* read, but no inputs yet */
+    uint8_t *pixels;
+    size_t pixels_capacity;
+
+    int64_t now_ns, stamp_ns;
+    uint64_t sequence; /* of the last frame, for telling where a difference is */
+    struct fovea_outputs outputs;
+    uint32_t compared; /* of outputs.messages */
+
+    bool stop_at_difference;
+    fv_replay_function sent;
+    void *context;
+    struct fv_replay_result *result;
+};
+
+static int64_t data_offset(const struct fovea_log_event *event)
+{
+    return event->offset + FOVEA_LOG_HEADER_BYTES + (int64_t)strlen(event->channel);
+}
+
+static enum fovea_status refuse(const struct replay *replay, size_t at, const char *text,
+                                struct fovea_error *error)
+{
+    return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: byte %" PRId64 ": %s: %s", replay->path,
+                           data_offset(&replay->event) + (int64_t)at, replay->event.channel, text);
+}
+
+/* ---- building
+ * ----------------------------------------------------------------------------------------------- */
+
+static enum fovea_status read_header(struct replay *replay, struct fovea_error *error)
+{
+    enum fovea_status status = fovea_log_next(replay->log, &replay->event, error);
+    if (status == FOVEA_END)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: byte 0: found nothing, expected a recording",
+                               replay->path);
+    if (status != FOVEA_OK) return status;
+    if (!fovea_log_channel_is(replay->event.channel, "RECORDING"))
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT,
+            "%s: byte 0: found a log that begins with channel %s, expected a recording of fovea run "
+            "(..._RECORDING)",
+            replay->path, replay->event.channel);
+    status = fv_recording_header_decode(replay->path, data_offset(&replay->event), replay->event.data,
+                                        replay->event.bytes, &replay->header, error);
+    if (status != FOVEA_OK) return status;
+    for (int kind = 0; kind < FV_MESSAGE_KIND_COUNT; kind++)
+        fv_message_channel(replay->header.settings.runtime.channel_prefix, (enum fv_message_kind)kind,
+                           replay->channels[kind]);
+    snprintf(replay->result->recorded_by, sizeof replay->result->recorded_by, "Fovea %s on %s, kernels %s",
+             replay->header.version, replay->header.machine, replay->header.kernel_set);
+    return FOVEA_OK;
+}
+
+static enum fovea_status build(struct replay *replay, struct fovea_error *error)
+{
+    const struct fovea_config *config = &replay->header.settings.runtime;
+    struct fovea_error inner;
+    size_t bytes = 0;
+    enum fovea_status status = fovea_size(config, &bytes, &inner);
+    if (status == FOVEA_OK) {
+        replay->memory =
+            aligned_alloc(FOVEA_BLOCK_ALIGNMENT, (bytes + FOVEA_BLOCK_ALIGNMENT - 1) / FOVEA_BLOCK_ALIGNMENT *
+                                                     FOVEA_BLOCK_ALIGNMENT);
+        if (replay->memory == NULL)
+            return fovea_error_set(error, FOVEA_ERROR_MEMORY, "%s: no memory for a block of %zu bytes",
+                                   replay->path, bytes);
+        status = fovea_init(replay->memory, bytes, config, &replay->rt, &inner);
+    }
+    if (status != FOVEA_OK)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%.200s: configuration: %.300s", replay->path,
+                               inner.text);
+    replay->result->kernel_set = fovea_cpu_name(replay->rt);
+    return FOVEA_OK;
+}
+
+/* ---- comparing
+ * ---------------------------------------------------------------------------------------------- */
+
+static void note_difference(struct replay *replay, const char *channel, const char *field, const char *found,
+                            const char *expected)
+{
+    struct fv_replay_result *result = replay->result;
+    if (result->different) return;
+    result->different = true;
+    snprintf(result->difference, sizeof result->difference,
+             "%.160s: frame %" PRId64 " (stamp %" PRId64 " ns): %s: %s%sfound %s, expected %s", replay->path,
+             (int64_t)replay->sequence, replay->stamp_ns, channel, field, field[0] != '\0' ? ": " : "", found,
+             expected);
+}
+
+/* A recorded message: the next that the runtime sent must be the same. */
+static void compare(struct replay *replay)
+{
+    const struct fovea_log_event *event = &replay->event;
+    if (replay->compared == replay->outputs.message_count) {
+        note_difference(replay, event->channel, "", "no more messages", "one as recorded");
+        return;
+    }
+    const struct fovea_message *message = &replay->outputs.messages[replay->compared++];
+    struct fv_difference difference;
+    if (strcmp(message->channel, event->channel) != 0) {
+        note_difference(replay, event->channel, "", message->channel, "this channel");
+    } else if (message->volatile_values) {
+        replay->result->messages_left_out++;
+    } else if (fv_message_compare(event->data, event->bytes, message->data, message->bytes, &difference)) {
+        replay->result->messages_equal++;
+        replay->result->bytes_equal += message->bytes;
+    } else {
+        note_difference(replay, event->channel, difference.field, difference.found, difference.expected);
+    }
+}
+
+/* Before the next step or work: everything that was sent must have been in the recording. */
+static void expect_none_left(struct replay *replay)
+{
+    if (replay->compared < replay->outputs.message_count)
+        note_difference(replay, replay->outputs.messages[replay->compared].channel, "", "a message",
+                        "none, as recorded");
+    replay->compared = 0;
+    replay->outputs.message_count = 0;
+}
+
+/* ---- feeding
+ * ------------------------------------------------------------------------------------------------ */
+
+static enum fovea_status take_frame(struct replay *replay, struct fovea_error *error)
+{
+    struct fovea_frame frame;
+    enum fovea_status status = fovea_log_frame(replay->path, &replay->event, &frame, error);
+    if (status != FOVEA_OK) return status;
+    if (replay->frame_waits)
+        return refuse(replay, 0, "found a second frame for one step, expected inputs", error);
+    if (frame.image.size_bytes > replay->pixels_capacity) {
+        uint8_t *larger = realloc(replay->pixels, frame.image.size_bytes);
+        if (larger == NULL)
+            return fovea_error_set(error, FOVEA_ERROR_MEMORY, "%s: no memory for a frame of %zu bytes",
+                                   replay->path, frame.image.size_bytes);
+        replay->pixels = larger;
+        replay->pixels_capacity = frame.image.size_bytes;
+    }
+    memcpy(replay->pixels, frame.image.data, frame.image.size_bytes);
+    frame.image.data = replay->pixels;
+    replay->frame = frame;
+    replay->frame_waits = true;
+    return FOVEA_OK;
+}
+
+static enum fovea_status check_grants(const struct replay *replay, const struct fovea_grants *grants,
+                                      struct fovea_error *error)
+{
+    uint32_t most = replay->header.settings.runtime.features.count_max;
+    char text[96];
+    if (grants->features <= most) return FOVEA_OK;
+    snprintf(text, sizeof text, "found %" PRIu32 " features granted, expected at most %" PRIu32,
+             grants->features, most);
+    return refuse(replay, 0, text, error);
+}
+
+static enum fovea_status step(struct replay *replay, struct fovea_error *error)
+{
+    struct fovea_inputs inputs;
+    bool has_frame;
+    const char *problem;
+    size_t at;
+    if (!fv_message_inputs_decode(replay->event.data, replay->event.bytes, &inputs, &has_frame, &problem,
+                                  &at))
+        return refuse(replay, at, problem, error);
+    if (has_frame != replay->frame_waits)
+        return refuse(replay, 8,
+                      has_frame ? "found inputs that had a frame, expected the frame before them"
+                                : "found inputs without a frame, expected those of the frame before",
+                      error);
+    enum fovea_status status = check_grants(replay, &inputs.grants, error);
+    if (status != FOVEA_OK) return status;
+    expect_none_left(replay);
+    if (has_frame) {
+        inputs.frame = &replay->frame;
+        replay->stamp_ns = replay->frame.stamp_ns;
+        replay->sequence = replay->frame.sequence;
+        replay->result->frames++;
+    }
+    replay->frame_waits = false;
+    replay->now_ns = inputs.now_ns;
+    fovea_step(replay->rt, &inputs, &replay->outputs);
+    replay->result->steps++;
+    if (replay->sent != NULL) replay->sent(replay->context, replay->now_ns, &replay->outputs);
+    return FOVEA_OK;
+}
+
+static enum fovea_status work(struct replay *replay, struct fovea_error *error)
+{
+    struct fovea_grants grants;
+    const char *problem;
+    size_t at;
+    if (!fv_message_grants_decode(replay->event.data, replay->event.bytes, &grants, &problem, &at))
+        return refuse(replay, at, problem, error);
+    if (replay->result->works == replay->result->steps)
+        return refuse(replay, 0, "found work without a step before it", error);
+    enum fovea_status status = check_grants(replay, &grants, error);
+    if (status != FOVEA_OK) return status;
+    expect_none_left(replay);
+    fovea_work(replay->rt, &grants, &replay->outputs);
+    replay->result->works++;
+    if (replay->sent != NULL) replay->sent(replay->context, replay->now_ns, &replay->outputs);
+    return FOVEA_OK;
+}
+
+static enum fovea_status feed(struct replay *replay, struct fovea_error *error)
+{
+    enum fovea_status status;
+    while ((status = fovea_log_next(replay->log, &replay->event, error)) == FOVEA_OK) {
+        const char *channel = replay->event.channel;
+        if (strcmp(channel, replay->channels[FV_MESSAGE_FRAME]) == 0)
+            status = take_frame(replay, error);
+        else if (strcmp(channel, replay->channels[FV_MESSAGE_INPUTS]) == 0)
+            status = step(replay, error);
+        else if (strcmp(channel, replay->channels[FV_MESSAGE_GRANTS]) == 0)
+            status = work(replay, error);
+        else
+            compare(replay);
+        if (status != FOVEA_OK) return status;
+        if (replay->result->different && replay->stop_at_difference) return FOVEA_OK;
+    }
+    replay->result->cut = replay->frame_waits || replay->compared < replay->outputs.message_count ||
+                          replay->result->works < replay->result->steps;
+    return status == FOVEA_END ? FOVEA_OK : status;
+}
+
+enum fovea_status fv_replay(const char *path, bool stop_at_difference, fv_replay_function sent, void *context,
+                            struct fv_replay_result *result, struct fovea_error *error)
+{
+    struct replay *replay = calloc(1, sizeof *replay);
+    memset(result, 0, sizeof *result);
+    if (replay == NULL) return fovea_error_set(error, FOVEA_ERROR_MEMORY, "%s: no memory to replay", path);
+    replay->path = path;
+    replay->stop_at_difference = stop_at_difference;
+    replay->sent = sent;
+    replay->context = context;
+    replay->result = result;
+    fv_message_prepare();
+    enum fovea_status status = fovea_log_open(path, &replay->log, error);
+    if (status == FOVEA_OK) status = read_header(replay, error);
+    if (status == FOVEA_OK) status = build(replay, error);
+    if (status == FOVEA_OK) status = feed(replay, error);
+    fovea_log_close(replay->log);
+    free(replay->header.mask);
+    free(replay->memory);
+    free(replay->pixels);
+    free(replay);
+    return status;
+}

@@ -1,0 +1,35 @@
+/* Replaying a recording: the runtime is built again from the header, fed the recorded frames, inputs and
+ * grants, and what it sends is held against what it sent then, message by message and bit by bit.
+ *
+ * Messages with clock readings (fovea_message.volatile_values) are left out of the comparison. A log comes
+ * from outside: whatever is in it, the outcome is a replay or one line that names file and byte. Memory: the
+ * runtime's block, one frame, one event. Init-only (not for the loop). */
+#ifndef FOVEA_APP_REPLAY_H
+#define FOVEA_APP_REPLAY_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "fovea/fovea.h"
+
+struct fv_replay_result {
+    uint64_t frames, steps, works;
+    uint64_t messages_equal, bytes_equal; /* compared and found equal */
+    uint64_t messages_left_out;           /* with clock readings */
+    bool cut;                             /* the recording ends within a turn */
+    bool different;
+    char difference[512];   /* one line: frame, channel, field, both values */
+    char recorded_by[192];  /* version, machine and kernel set of the recording */
+    const char *kernel_set; /* of this replay */
+};
+
+/* Called with what every step and work sends; may be NULL. */
+typedef void (*fv_replay_function)(void *context, int64_t now_ns, const struct fovea_outputs *outputs);
+
+/* Run a recording until its end or, when `stop_at_difference`, the first difference (noted in either case).
+ * FOVEA_OK: the recording was read to the end, or a difference was found. Else `error` says what is wrong
+ * with it and `result` tells how far the replay came. */
+enum fovea_status fv_replay(const char *path, bool stop_at_difference, fv_replay_function sent, void *context,
+                            struct fv_replay_result *result, struct fovea_error *error);
+
+#endif

@@ -1,0 +1,93 @@
+/* fovea replay: run a recording again, and verify or publish what it gives. */
+#include <inttypes.h>
+#include <stdio.h>
+#include <string.h>
+#include <time.h>
+
+#include "app/command.h"
+#include "app/options.h"
+#include "app/replay.h"
+#include "app/say.h"
+#include "app/setup.h"
+#include "app/transport.h"
+
+struct sending {
+    struct fv_transport *transport;
+    bool paced, started;
+    int64_t first_ns, begin_ns; /* stamp of the first turn, and when it was sent */
+};
+
+static int64_t monotonic_ns(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
+}
+
+static void send(void *context, int64_t now_ns, const struct fovea_outputs *outputs)
+{
+    struct sending *sending = context;
+    if (!sending->started) {
+        sending->first_ns = now_ns;
+        sending->begin_ns = monotonic_ns();
+        sending->started = true;
+    }
+    int64_t wait_ns;
+    if (sending->paced && !__builtin_sub_overflow(now_ns, sending->first_ns, &wait_ns)) {
+        wait_ns -= monotonic_ns() - sending->begin_ns;
+        if (wait_ns > 0 && wait_ns < 10000000000) {
+            struct timespec wait = {.tv_sec = wait_ns / 1000000000, .tv_nsec = wait_ns % 1000000000};
+            nanosleep(&wait, NULL);
+        }
+    }
+    fv_transport_publish(sending->transport, outputs);
+}
+
+static enum fv_exit tell(const char *path, bool verify, enum fovea_status status,
+                         const struct fv_replay_result *result, const struct fovea_error *error)
+{
+    if (result->recorded_by[0] != '\0')
+        printf("  recorded by %s; replayed with kernels %s\n", result->recorded_by,
+               result->kernel_set != NULL ? result->kernel_set : "none");
+    printf("  %" PRIu64 " frames, %" PRIu64 " steps, %" PRIu64 " works%s\n", result->frames, result->steps,
+           result->works, result->cut ? "; the recording ends within a turn" : "");
+    if (verify)
+        printf("  %" PRIu64 " messages (%" PRIu64 " bytes) equal bit for bit, %" PRIu64
+               " with clock readings left out\n",
+               result->messages_equal, result->bytes_equal, result->messages_left_out);
+    fflush(stdout);
+    if (status != FOVEA_OK) return (fv_say("%s", error->text), fv_setup_exit(status));
+    if (result->different)
+        return verify ? fv_say_failed("%s", result->difference)
+                      : (fv_say("%s", result->difference), FV_EXIT_OK);
+    if (verify && result->messages_equal == 0)
+        return fv_say_failed("%s: found no message to compare, so nothing is verified", path);
+    return FV_EXIT_OK;
+}
+
+int fv_command_replay(int argc, char **argv)
+{
+    bool verify = false;
+    const char *url = "", *rate = "real";
+    const struct fv_option options[] = {
+        {"verify", NULL, FV_OPTION_FLAG, &verify, "compare every message and name the first difference"},
+        {"lcm-url", "URL", FV_OPTION_TEXT, &url, "send the messages to this LCM address, on this host"},
+        {"rate", "max|real", FV_OPTION_TEXT, &rate, "pace of sending (real)"},
+        {0},
+    };
+    int first;
+    struct fovea_error error = {0};
+    struct fv_replay_result result;
+    struct sending sending = {0};
+    enum fv_options_result read = fv_options_parse(options, "FILE", 1, 1, argc, argv, &first);
+    if (read != FV_OPTIONS_READ) return read == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
+    if (strcmp(rate, "max") != 0 && strcmp(rate, "real") != 0)
+        return fv_say_wrong("fovea replay: --rate: found \"%s\", expected max or real", rate);
+    sending.paced = strcmp(rate, "real") == 0;
+    enum fovea_status status = fv_transport_open(url, 0, &sending.transport, &error);
+    if (status != FOVEA_OK) return (fv_say("%s", error.text), fv_setup_exit(status));
+    status =
+        fv_replay(argv[first], verify, sending.transport != NULL ? send : NULL, &sending, &result, &error);
+    fv_transport_close(sending.transport);
+    return tell(argv[first], verify, status, &result, &error);
+}
