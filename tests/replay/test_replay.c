@@ -1,0 +1,326 @@
+/* Recording and replaying a short run: equal bit for bit; every kind of change to the log is found and named;
+ * damaged logs end in one line. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "app/recorder.h"
+#include "app/replay.h"
+#include "fovea/log.h"
+
+enum { WIDTH = 160, HEIGHT = 120, TURNS = 40 };
+
+static char folder[] = "/tmp/fovea-test-XXXXXX";
+static char good[64], changed[64];
+static uint8_t *whole; /* the good log's bytes */
+static size_t whole_bytes;
+
+/* ---- a short run
+ * -------------------------------------------------------------------------------------------- */
+
+/* Bright squares that wander over a dark ground. */
+static void paint(uint8_t *pixels, uint32_t n)
+{
+    memset(pixels, 40, WIDTH * HEIGHT);
+    for (uint32_t square = 0; square < 30; square++) {
+        uint32_t x0 = (square * 37 + n) % (WIDTH - 12), y0 = (square * 53 + n / 2) % (HEIGHT - 12);
+        for (uint32_t y = y0; y < y0 + 9; y++)
+            memset(pixels + y * WIDTH + x0, (int)(120 + square * 4), 9);
+    }
+}
+
+static void make_settings(struct fv_settings *settings)
+{
+    fv_settings_default(settings);
+    struct fovea_config *config = &settings->runtime;
+    config->camera =
+        (struct fovea_camera){.width = WIDTH, .height = HEIGHT, .fx = 150, .fy = 150, .cx = 80, .cy = 60};
+    assert_int_equal(fovea_camera_prepare(&config->camera, NULL), FOVEA_OK);
+    config->features.count_max = 200;
+    config->preview.period_frames = 5;
+    config->preview.level = 0;
+    config->statistics_every = 4;
+}
+
+static void record_turns(struct fovea *rt, const struct fovea_config *config, struct fv_recorder *recorder)
+{
+    static uint8_t pixels[WIDTH * HEIGHT];
+    for (uint32_t n = 0; n < TURNS; n++) {
+        struct fovea_frame frame = {.image = {.data = pixels,
+                                              .width = WIDTH,
+                                              .height = HEIGHT,
+                                              .stride_bytes = WIDTH,
+                                              .format = FOVEA_PIXEL_GREY8,
+                                              .size_bytes = sizeof pixels},
+                                    .stamp_ns = 1000 + n * 50000000LL,
+                                    .clock = FOVEA_CLOCK_SIMULATED,
+                                    .stamp_meaning = FOVEA_STAMP_EXPOSURE_MIDDLE,
+                                    .sequence = n};
+        struct fovea_inputs inputs = {.frame = n % 11 == 10 ? NULL : &frame,
+                                      .now_ns = frame.stamp_ns,
+                                      .commands = n == 20 ? FOVEA_COMMAND_RESET : 0,
+                                      .utc_offset_ns = 77};
+        struct fovea_outputs outputs;
+        paint(pixels, n);
+        fovea_grants_fixed(config, &inputs.grants);
+        inputs.grants.features = 150 + n;
+        fv_recorder_pace(recorder);
+        fovea_step(rt, &inputs, &outputs);
+        fv_recorder_step(recorder, &inputs, &outputs);
+        struct fovea_grants grants = inputs.grants;
+        grants.units[FOVEA_JOB_PREVIEW] = n % 3;
+        fovea_work(rt, &grants, &outputs);
+        fv_recorder_work(recorder, &inputs, &grants, &outputs);
+    }
+}
+
+static void make_recording(void)
+{
+    struct fv_settings *settings = malloc(sizeof *settings);
+    struct fovea_error error;
+    struct fovea *rt;
+    struct fv_recorder *recorder;
+    size_t bytes;
+    make_settings(settings);
+    if (fovea_size(&settings->runtime, &bytes, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    void *memory = aligned_alloc(64, (bytes + 63) / 64 * 64);
+    assert_int_equal(fovea_init(memory, bytes, &settings->runtime, &rt, &error), FOVEA_OK);
+    struct fv_recorder_setup setup = {
+        .path = good, .settings = settings, .kernel_set = fovea_cpu_name(rt), .frame_bytes = WIDTH * HEIGHT};
+    if (fv_recorder_open(&setup, &recorder, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    record_turns(rt, &settings->runtime, recorder);
+    assert_int_equal(fv_recorder_close(recorder, NULL), FOVEA_OK);
+    free(memory);
+    free(settings);
+    FILE *file = fopen(good, "rb");
+    fseek(file, 0, SEEK_END);
+    whole_bytes = (size_t)ftell(file);
+    rewind(file);
+    whole = malloc(whole_bytes);
+    assert_int_equal(fread(whole, 1, whole_bytes, file), whole_bytes);
+    fclose(file);
+}
+
+/* ---- changing it
+ * -------------------------------------------------------------------------------------------- */
+
+static void write_changed(const uint8_t *bytes, size_t count)
+{
+    FILE *file = fopen(changed, "wb");
+    assert_int_equal(fwrite(bytes, 1, count, file), count);
+    fclose(file);
+}
+
+/* Offset in the file of the data of the n-th event on a channel. */
+static size_t find_data(const char *channel, int n)
+{
+    struct fovea_log *log;
+    struct fovea_log_event event;
+    struct fovea_error error;
+    size_t found = 0;
+    assert_int_equal(fovea_log_open(good, &log, &error), FOVEA_OK);
+    while (found == 0 && fovea_log_skim(log, &event, &error) == FOVEA_OK)
+        if (strcmp(event.channel, channel) == 0 && n-- == 0)
+            found = (size_t)event.offset + FOVEA_LOG_HEADER_BYTES + strlen(channel);
+    fovea_log_close(log);
+    assert_true(found > 0);
+    return found;
+}
+
+/* Replay the good log with one byte flipped. */
+static enum fovea_status replay_flipped(size_t at, uint8_t bits, struct fv_replay_result *result,
+                                        struct fovea_error *error)
+{
+    whole[at] ^= bits;
+    write_changed(whole, whole_bytes);
+    whole[at] ^= bits;
+    return fv_replay(changed, true, NULL, NULL, result, error);
+}
+
+static void expect_difference(const char *channel, int n, size_t offset, const char *field,
+                              const char *values)
+{
+    struct fv_replay_result result;
+    struct fovea_error error;
+    if (replay_flipped(find_data(channel, n) + offset, 1, &result, &error) != FOVEA_OK)
+        fail_msg("%s", error.text);
+    assert_true(result.different);
+    if (strstr(result.difference, channel) == NULL || strstr(result.difference, field) == NULL ||
+        strstr(result.difference, values) == NULL)
+        fail_msg("%s: %s", field, result.difference);
+}
+
+/* ---- tests
+ * -------------------------------------------------------------------------------------------------- */
+
+static void test_equal(void **state)
+{
+    (void)state;
+    struct fv_replay_result result;
+    struct fovea_error error;
+    if (fv_replay(good, true, NULL, NULL, &result, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    if (result.different) fail_msg("%s", result.difference);
+    assert_false(result.cut);
+    assert_int_equal(result.frames, TURNS - 3);
+    assert_int_equal(result.steps, TURNS);
+    assert_int_equal(result.works, TURNS);
+    assert_int_equal(result.messages_left_out, TURNS / 4);
+    assert_true(result.messages_equal > 2 * TURNS - 3); /* features, camera status and some previews */
+}
+
+static void test_differences(void **state)
+{
+    (void)state;
+    /* Offsets by the wire format: hash 8, stamp 8+1+1+8+8, then the fields in order. */
+    expect_difference("FOVEA_FEATURES", 7, 8 + 7, "stamp.time_ns", "found 350001000, expected 350001001");
+    expect_difference("FOVEA_FEATURES", 7, 34 + 4 + 3, "width", "found 160, expected 161");
+    expect_difference("FOVEA_FEATURES", 7, 54 + 4 * 5, "x_px[5]", "found ");
+    expect_difference("FOVEA_CAMERA_STATUS", 3, 34 + 8, "state", "found 0, expected 1");
+    expect_difference("FOVEA_PREVIEW", 0, 54 + 100, "jpeg[100]", "found ");
+    expect_difference("FOVEA_FEATURES", 0, 3, "", "expected an unknown type");
+}
+
+static void test_changed_inputs(void **state)
+{
+    (void)state;
+    struct fv_replay_result result;
+    struct fovea_error error;
+    /* A pixel within square 15: a corner more in this frame. */
+    size_t frame = find_data("FOVEA_FRAME", 2) + 59;
+    size_t inside = 44 * WIDTH + 117;
+    assert_int_equal(replay_flipped(frame + inside, 0x80, &result, &error), FOVEA_OK);
+    assert_true(result.different);
+    assert_non_null(strstr(result.difference, "frame 2 (stamp 100001000 ns): FOVEA_FEATURES"));
+    /* One unit more for the preview: it comes earlier. */
+    assert_int_equal(replay_flipped(find_data("FOVEA_GRANTS", 0) + 24 + 3, 0x7f, &result, &error), FOVEA_OK);
+    assert_true(result.different);
+    /* More features than the configuration allows are refused, not tried. */
+    assert_int_equal(replay_flipped(find_data("FOVEA_GRANTS", 4) + 16, 0x7f, &result, &error),
+                     FOVEA_ERROR_INPUT);
+    assert_non_null(strstr(error.text, "features granted, expected at most 200"));
+    /* Clock readings are nobody's business. */
+    assert_int_equal(replay_flipped(find_data("FOVEA_STATISTICS", 2) + 40, 1, &result, &error), FOVEA_OK);
+    assert_false(result.different);
+    /* A part of the header that does not fit its hash. */
+    assert_int_equal(replay_flipped(find_data("FOVEA_RECORDING", 0) + 400, 1, &result, &error),
+                     FOVEA_ERROR_INPUT);
+    assert_non_null(strstr(error.text, "configuration: found hash"));
+}
+
+static void test_missing_message(void **state)
+{
+    (void)state;
+    struct fv_replay_result result;
+    struct fovea_error error;
+    size_t data = find_data("FOVEA_FEATURES", 5),
+           event = data - strlen("FOVEA_FEATURES") - FOVEA_LOG_HEADER_BYTES;
+    size_t bytes = (size_t)whole[event + 27] | (size_t)whole[event + 26] << 8;
+    size_t end = data + bytes;
+    uint8_t *shorter = malloc(whole_bytes);
+    memcpy(shorter, whole, event);
+    memcpy(shorter + event, whole + end, whole_bytes - end);
+    write_changed(shorter, whole_bytes - (end - event));
+    assert_int_equal(fv_replay(changed, true, NULL, NULL, &result, &error), FOVEA_OK);
+    assert_true(result.different);
+    assert_non_null(strstr(result.difference, "frame 5"));
+    assert_non_null(strstr(result.difference, "found FOVEA_FEATURES, expected this channel"));
+    free(shorter);
+}
+
+static void test_not_a_recording(void **state)
+{
+    (void)state;
+    struct fv_replay_result result;
+    struct fovea_error error;
+    write_changed(whole, 0);
+    assert_int_equal(fv_replay(changed, true, NULL, NULL, &result, &error), FOVEA_ERROR_INPUT);
+    assert_non_null(strstr(error.text, "byte 0: found nothing, expected a recording"));
+    write_changed((const uint8_t *)"# a text file, and not a short one at that", 42);
+    assert_int_equal(fv_replay(changed, true, NULL, NULL, &result, &error), FOVEA_ERROR_INPUT);
+    assert_non_null(strstr(error.text, "byte 0: found 23206120, expected an LCM event (eda1da01)"));
+    size_t frame = find_data("FOVEA_FRAME", 0) - strlen("FOVEA_FRAME") - FOVEA_LOG_HEADER_BYTES;
+    write_changed(whole + frame, whole_bytes - frame);
+    assert_int_equal(fv_replay(changed, true, NULL, NULL, &result, &error), FOVEA_ERROR_INPUT);
+    assert_non_null(strstr(error.text, "begins with channel FOVEA_FRAME, expected a recording of fovea run"));
+    assert_int_equal(fv_replay("/nonexistent", true, NULL, NULL, &result, &error), FOVEA_ERROR_SYSTEM);
+    assert_int_equal(fv_replay("/tmp", true, NULL, NULL, &result, &error), FOVEA_ERROR_INPUT);
+}
+
+/* Cut anywhere: never a difference, and either a whole number of events or the byte where the last one
+ * begins. */
+static void test_cut_off(void **state)
+{
+    (void)state;
+    struct fv_replay_result result;
+    struct fovea_error error;
+    uint32_t refused = 0;
+    for (size_t cut = whole_bytes - 1; cut > 2000; cut -= cut / 37 + 1) {
+        write_changed(whole, cut);
+        enum fovea_status status = fv_replay(changed, true, NULL, NULL, &result, &error);
+        assert_false(result.different);
+        if (status == FOVEA_ERROR_INPUT) {
+            assert_non_null(strstr(error.text, "the event is cut off"));
+            refused++;
+        } else {
+            assert_int_equal(status, FOVEA_OK);
+        }
+    }
+    assert_true(refused > 50);
+}
+
+static void test_mutated(void **state)
+{
+    (void)state;
+    uint64_t seed = 7;
+    uint8_t *copy = malloc(whole_bytes);
+    uint32_t outcomes[3] = {0};
+    size_t header = find_data("FOVEA_FRAME", 0);
+    for (int round = 0; round < 300; round++) {
+        memcpy(copy, whole, whole_bytes);
+        for (int flips = 0; flips < 1 + round % 5; flips++) {
+            seed = seed * 6364136223846793005u + 1442695040888963407u;
+            size_t span = round % 2 == 0 ? header : whole_bytes;
+            copy[(size_t)(seed >> 20) % span] ^= (uint8_t)(1u << (seed >> 61));
+        }
+        write_changed(copy, whole_bytes);
+        struct fv_replay_result result;
+        struct fovea_error error = {0};
+        enum fovea_status status = fv_replay(changed, true, NULL, NULL, &result, &error);
+        if (status != FOVEA_OK) {
+            assert_true(strncmp(error.text, changed, strlen(changed)) == 0);
+            assert_null(strchr(error.text, '\n'));
+        }
+        outcomes[status != FOVEA_OK ? 0 : result.different ? 1 : 2]++;
+    }
+    print_message("300 mutated logs: %u refused, %u different, %u equal\n", outcomes[0], outcomes[1],
+                  outcomes[2]);
+    assert_true(outcomes[0] > 100 && outcomes[1] > 10);
+    free(copy);
+}
+
+int main(void)
+{
+    if (mkdtemp(folder) == NULL) return 1;
+    snprintf(good, sizeof good, "%s/good", folder);
+    snprintf(changed, sizeof changed, "%s/changed", folder);
+    make_recording();
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_equal),           cmocka_unit_test(test_differences),
+        cmocka_unit_test(test_changed_inputs),  cmocka_unit_test(test_missing_message),
+        cmocka_unit_test(test_not_a_recording), cmocka_unit_test(test_cut_off),
+        cmocka_unit_test(test_mutated),
+    };
+    int failed = cmocka_run_group_tests(tests, NULL, NULL);
+    unlink(good);
+    unlink(changed);
+    rmdir(folder);
+    free(whole);
+    return failed;
+}
