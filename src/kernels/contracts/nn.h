@@ -1,0 +1,70 @@
+/* Contracts of the int8 network kernels.
+ *
+ * Activations are unsigned bytes, weights signed bytes, accumulators 32 bits wide (wrapping). Requantisation is the one of
+ * gemmlowp, exactly: high product with 31 fractional bits rounded half up, then a shift right rounded half away from zero
+ * (fv_nn_requantize in kernels/nn_requantize.h). Every variant gives the same bits. */
+#ifndef FOVEA_KERNELS_CONTRACTS_NN_H
+#define FOVEA_KERNELS_CONTRACTS_NN_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+/* A matrix product: n outputs from k inputs each. Arrays per channel hold n rounded up to 16 entries. */
+struct fv_nn_gemm {
+    int32_t k, k4, n;            /* k4 = (k + 3) / 4 */
+    const int8_t *weights;       /* [n / 16][k4][16][4], zero where k or n is padding; 64-byte aligned */
+    const int32_t *bias, *multiplier, *shift; /* 64-byte aligned; shift in [-31, 30] */
+    const uint8_t *table;        /* 256 bytes applied to the result, or NULL */
+    int32_t zero_out, act_min, act_max; /* added, then clamped to [act_min, act_max] in [0, 255] */
+    int32_t row_sum_factor;      /* times the sum of the row's k inputs, added to each accumulator */
+};
+
+/* out[i ldo + c] = table[clamp(requantize(bias[c] + sum_k a[i lda + k] w[c][k] + factor sum_k a[i lda + k]) + zero)]
+ * for i < m, c < n. Reads a row's bytes up to 4 k4 rounded up to 64; writes exactly n bytes per row. */
+typedef void fv_k_nn_gemm_u8_fn(const struct fv_nn_gemm *gemm, const uint8_t *a, ptrdiff_t lda, uint8_t *out, ptrdiff_t ldo,
+                                int32_t m);
+
+/* The accumulators themselves: out[i ldo + c] for c < n rounded up to 16, without requantisation. Reads as above. */
+typedef void fv_k_nn_gemm_i32_fn(const struct fv_nn_gemm *gemm, const uint8_t *a, ptrdiff_t lda, int32_t *out, ptrdiff_t ldo,
+                                 int32_t m);
+
+/* A depthwise convolution with one output per channel. */
+struct fv_nn_depthwise {
+    int32_t in_h, in_w, channels, in_stride; /* stride: bytes from pixel to pixel, rows follow without gap */
+    int32_t out_w, out_stride;
+    int32_t kh, kw, stride_y, stride_x, dilation_y, dilation_x, pad_top, pad_left;
+    int32_t planes, c16;                      /* weights are the sum of 1..3 planes; channels rounded up to 16 */
+    const int8_t *weights;                    /* [planes][kh kw][c16]; 64-byte aligned */
+    const int32_t *bias, *multiplier, *shift; /* c16 each */
+    const uint8_t *table;
+    int32_t zero_in, zero_out, act_min, act_max; /* outside the image the input is zero_in */
+};
+
+/* One output row y. `in` is the image's first pixel, `out` the row's. `scratch`: 64-byte aligned, 256 bytes times
+ * ceil(kh / 4) times min((out_w - 1) stride_x + (kw - 1) dilation_x + 1, max(72, (kw - 1) dilation_x + 1)). May read 64
+ * bytes past the image; writes exactly `channels` bytes per output pixel. */
+typedef void fv_k_nn_depthwise_u8_fn(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out, int32_t y,
+                                     uint8_t *scratch);
+
+/* out[i] = table[in[i]], i < count; in == out is allowed. */
+typedef void fv_k_nn_table_u8_fn(const uint8_t *table, const uint8_t *in, uint8_t *out, int32_t count);
+
+/* Parameters of an element-wise sum; both inputs are moved by 20 bits before their multipliers. */
+struct fv_nn_add {
+    int32_t zero_a, zero_b, zero_out, m_a, s_a, m_b, s_b, m_out, s_out; /* s_a and s_b in [-31, 0] */
+    int32_t act_min, act_max;
+};
+
+/* out[i] = clamp(requantize(requantize(a') + requantize(b')) + zero_out), a' = (a[i] - zero_a) 2^20; a == out or
+ * b == out is allowed. */
+typedef void fv_k_nn_add_u8_fn(const struct fv_nn_add *add, const uint8_t *a, const uint8_t *b, uint8_t *out,
+                               int32_t count);
+
+/* out[i] = max(a[i], b[i]); a == out is allowed. */
+typedef void fv_k_nn_max_u8_fn(const uint8_t *a, const uint8_t *b, uint8_t *out, int32_t count);
+
+/* Transpose bytes: out[c ldo + r] = in[r ldi + c], r < rows, c < columns. */
+typedef void fv_k_nn_transpose_u8_fn(const uint8_t *in, ptrdiff_t ldi, uint8_t *out, ptrdiff_t ldo, int32_t rows,
+                                     int32_t columns);
+
+#endif

@@ -1,0 +1,172 @@
+/* TFLite_Detection_PostProcess: boxes from centre-size encodings and anchors, then non-maximum suppression, either over
+ * each anchor's best class ("fast") or class by class ("regular"). Order of ties as in the reference: lower index first.
+ * Outputs: boxes [n][ymin xmin ymax xmax], classes, scores, count; unused entries are zero. */
+#include <string.h>
+
+#include "fovea/elementary.h"
+#include "nn/run.h"
+
+struct state {
+    const struct fv_op_detection *p;
+    const uint8_t *scores;
+    const float *table;  /* score by byte */
+    float *boxes;        /* [anchors][4] */
+    int32_t *order;      /* anchors by falling score */
+    uint8_t *score;      /* byte score that is sorted by */
+    uint8_t *active;
+    int32_t columns;
+};
+
+static void decode_boxes(const struct fv_nn_call *call, const struct state *s)
+{
+    const struct fv_op_detection *p = s->p;
+    const float *anchor = (const float *)(const void *)(call->model->base + p->anchor_data);
+    const float *table = (const float *)(const void *)(call->model->base + p->box_table);
+    const uint8_t *code = call->in[0];
+    for (int32_t i = 0; i < p->anchors; ++i, anchor += 4, code += 4) {
+        const double y = (double)table[code[0]] / p->y_scale, x = (double)table[code[1]] / p->x_scale;
+        const double h = (double)table[code[2]] / p->h_scale, w = (double)table[code[3]] / p->w_scale;
+        const float cy = (float)(y * anchor[2] + anchor[0]), cx = (float)(x * anchor[3] + anchor[1]);
+        const float half_h = (float)(0.5 * fovea_exp(h) * anchor[2]), half_w = (float)(0.5 * fovea_exp(w) * anchor[3]);
+        float *box = s->boxes + (ptrdiff_t)i * 4;
+        box[0] = cy - half_h;
+        box[1] = cx - half_w;
+        box[2] = cy + half_h;
+        box[3] = cx + half_w;
+    }
+}
+
+static float overlap(const float *a, const float *b)
+{
+    const float area_a = (a[2] - a[0]) * (a[3] - a[1]), area_b = (b[2] - b[0]) * (b[3] - b[1]);
+    if (!(area_a > 0.0f) || !(area_b > 0.0f)) return 0.0f;
+    const float y0 = a[0] > b[0] ? a[0] : b[0], x0 = a[1] > b[1] ? a[1] : b[1];
+    const float y1 = a[2] < b[2] ? a[2] : b[2], x1 = a[3] < b[3] ? a[3] : b[3];
+    const float h = y1 - y0 > 0.0f ? y1 - y0 : 0.0f, w = x1 - x0 > 0.0f ? x1 - x0 : 0.0f;
+    const float both = h * w;
+    return both / (area_a + area_b - both);
+}
+
+/* Anchors whose score passes the threshold, highest first (counting sort by the byte, stable). Returns how many. */
+static int32_t sort_by_score(const struct state *s)
+{
+    int32_t count[257] = {0}, total = 0;
+    for (int32_t i = 0; i < s->p->anchors; ++i) {
+        if (s->table[s->score[i]] >= s->p->score_threshold) ++count[s->score[i]];
+    }
+    for (int v = 255; v >= 0; --v) {
+        const int32_t n = count[v];
+        count[v] = total;
+        total += n;
+    }
+    for (int32_t i = 0; i < s->p->anchors; ++i) {
+        if (s->table[s->score[i]] >= s->p->score_threshold) s->order[count[s->score[i]]++] = i;
+    }
+    return total;
+}
+
+/* Greedy suppression; the selected anchors end up at the front of `order`. Returns how many. */
+static int32_t suppress(const struct state *s, int32_t limit)
+{
+    const int32_t total = sort_by_score(s);
+    int32_t selected = 0;
+    memset(s->active, 1, (size_t)total);
+    for (int32_t i = 0; i < total && selected < limit; ++i) {
+        if (!s->active[i]) continue;
+        const int32_t chosen = s->order[i];
+        for (int32_t j = i + 1; j < total; ++j) {
+            if (!s->active[j]) continue;
+            const float iou = overlap(s->boxes + (ptrdiff_t)chosen * 4, s->boxes + (ptrdiff_t)s->order[j] * 4);
+            if (iou > s->p->iou_threshold) s->active[j] = 0;
+        }
+        s->order[selected++] = chosen;
+    }
+    return selected;
+}
+
+static void write_detection(const struct fv_nn_call *call, const struct state *s, int32_t slot, int32_t anchor, int32_t class_)
+{
+    memcpy((float *)(void *)call->out[0] + (ptrdiff_t)slot * 4, s->boxes + (ptrdiff_t)anchor * 4, 4 * sizeof(float));
+    ((float *)(void *)call->out[1])[slot] = (float)class_;
+    ((float *)(void *)call->out[2])[slot] = s->table[s->scores[(ptrdiff_t)anchor * s->columns + s->p->class_offset + class_]];
+}
+
+/* Best class of an anchor that is below (value, class) in the order of falling score and rising index. */
+static int32_t next_class(const struct state *s, int32_t anchor, int32_t after)
+{
+    const uint8_t *score = s->scores + (ptrdiff_t)anchor * s->columns + s->p->class_offset;
+    int32_t best = -1;
+    for (int32_t c = 0; c < s->p->classes; ++c) {
+        if (after >= 0 && (score[c] > score[after] || (score[c] == score[after] && c <= after))) continue;
+        if (best < 0 || score[c] > score[best]) best = c;
+    }
+    return best;
+}
+
+static int32_t fast(const struct fv_nn_call *call, const struct state *s)
+{
+    const struct fv_op_detection *p = s->p;
+    for (int32_t i = 0; i < p->anchors; ++i) {
+        const uint8_t *score = s->scores + (ptrdiff_t)i * s->columns + p->class_offset;
+        uint8_t best = 0;
+        for (int32_t c = 0; c < p->classes; ++c) best = score[c] > best ? score[c] : best;
+        s->score[i] = best;
+    }
+    const int32_t selected = suppress(s, p->max_detections);
+    const int32_t per = p->max_per_anchor < p->classes ? p->max_per_anchor : p->classes;
+    for (int32_t i = 0; i < selected; ++i) {
+        int32_t class_ = -1;
+        for (int32_t k = 0; k < per; ++k) {
+            class_ = next_class(s, s->order[i], class_);
+            write_detection(call, s, i * per + k, s->order[i], class_);
+        }
+    }
+    return selected;
+}
+
+static int32_t regular(const struct fv_nn_call *call, const struct state *s, int32_t *found)
+{
+    const struct fv_op_detection *p = s->p;
+    int32_t total = 0; /* found: pairs anchor, class, by falling score */
+    for (int32_t c = 0; c < p->classes; ++c) {
+        for (int32_t i = 0; i < p->anchors; ++i) s->score[i] = s->scores[(ptrdiff_t)i * s->columns + p->class_offset + c];
+        const int32_t selected = suppress(s, p->per_class);
+        for (int32_t i = 0; i < selected; ++i) {
+            const uint8_t score = s->score[s->order[i]];
+            int32_t at = total;
+            while (at > 0 && s->scores[(ptrdiff_t)found[2 * at - 2] * s->columns + p->class_offset + found[2 * at - 1]] < score) --at;
+            if (at >= p->max_detections) continue;
+            total = total < p->max_detections ? total + 1 : total;
+            memmove(found + 2 * at + 2, found + 2 * at, (size_t)(total - 1 - at) * 2 * sizeof *found);
+            found[2 * at] = s->order[i];
+            found[2 * at + 1] = c;
+        }
+    }
+    for (int32_t i = 0; i < total; ++i) write_detection(call, s, i, found[2 * i], found[2 * i + 1]);
+    return total;
+}
+
+void fv_nn_op_detection(const struct fv_nn_call *call, int32_t begin, int32_t end)
+{
+    (void)begin, (void)end;
+    const struct fv_op_detection *p = &call->op->u.detection;
+    const size_t n = (size_t)p->anchors;
+    uint8_t *scratch = call->scratch;
+    const struct state s = {
+        .p = p,
+        .scores = call->in[1],
+        .table = (const float *)(const void *)(call->model->base + p->score_table),
+        .boxes = (float *)(void *)scratch,
+        .order = (int32_t *)(void *)(scratch + 16 * n),
+        .score = scratch + 20 * n,
+        .active = scratch + 21 * n,
+        .columns = p->classes + p->class_offset,
+    };
+    int32_t *found = (int32_t *)(void *)(scratch + 32 * n);
+    const size_t slots = (size_t)p->max_detections * (size_t)p->max_per_anchor;
+    memset(call->out[0], 0, slots * 16);
+    memset(call->out[1], 0, slots * 4);
+    memset(call->out[2], 0, slots * 4);
+    decode_boxes(call, &s);
+    *(float *)(void *)call->out[3] = (float)(p->regular_nms ? regular(call, &s, found) : fast(call, &s));
+}

@@ -1,0 +1,179 @@
+/* Operators that treat elements one by one: arithmetic with broadcasting, moves of bytes, conversions. */
+#include <string.h>
+
+#include "kernels/nn_requantize.h"
+#include "nn/run.h"
+
+enum { CHUNK = 4096, FILL_CHUNK = 16384 };
+
+/* Byte offsets of row `row` of a six-axis walk, for operands with the strides given; the last axis is the row. */
+static void row_offsets(const int32_t dims[6], int32_t row, const int32_t *const *strides, ptrdiff_t *offsets, int count)
+{
+    for (int i = 0; i < count; ++i) offsets[i] = 0;
+    for (int axis = 4; axis >= 0; --axis) {
+        const int32_t at = row % dims[axis];
+        row /= dims[axis];
+        for (int i = 0; i < count; ++i) offsets[i] += (ptrdiff_t)at * strides[i][axis];
+    }
+}
+
+static int32_t binary_value(const struct fv_op_binary *p, int32_t a, int32_t b)
+{
+    if (p->function == FV_BINARY_MAX) return a > b ? a : b;
+    if (p->function == FV_BINARY_MIN) return a < b ? a : b;
+    const int32_t x = a - p->zero_a, y = b - p->zero_b;
+    int32_t value;
+    if (p->function == FV_BINARY_MUL) {
+        value = fv_nn_requantize(x * y, p->m_out, p->s_out);
+    } else if (p->function == FV_BINARY_PRELU) {
+        value = x >= 0 ? fv_nn_requantize(x, p->m_a, p->s_a) : fv_nn_requantize(x * y, p->m_out, p->s_out);
+    } else {
+        const int32_t u = fv_nn_requantize(x * (1 << 20), p->m_a, p->s_a);
+        const int32_t v = fv_nn_requantize(y * (1 << 20), p->m_b, p->s_b);
+        const uint32_t sum = p->function == FV_BINARY_ADD ? (uint32_t)u + (uint32_t)v : (uint32_t)u - (uint32_t)v;
+        value = fv_nn_requantize((int32_t)sum, p->m_out, p->s_out);
+    }
+    return fv_nn_clamp(fv_nn_sum(value, p->zero_out), p->act_min, p->act_max);
+}
+
+static struct fv_nn_add add_of(const struct fv_op_binary *p)
+{
+    return (struct fv_nn_add){.zero_a = p->zero_a, .zero_b = p->zero_b, .zero_out = p->zero_out, .m_a = p->m_a,
+                              .s_a = p->s_a, .m_b = p->m_b, .s_b = p->s_b, .m_out = p->m_out, .s_out = p->s_out,
+                              .act_min = p->act_min, .act_max = p->act_max};
+}
+
+void fv_nn_op_binary(const struct fv_nn_call *call, int32_t begin, int32_t end)
+{
+    const struct fv_op_binary *p = &call->op->u.binary;
+    const int32_t *strides[3] = {p->a, p->b, p->out};
+    const int32_t count = p->dims[5];
+    const int packed = p->a[5] == 1 && p->b[5] == 1 && p->out[5] == 1;
+    const struct fv_nn_add add = add_of(p);
+    const uint8_t *table = p->table == 0 ? NULL : call->model->base + p->table;
+    for (int32_t row = begin; row < end; ++row) {
+        ptrdiff_t at[3];
+        row_offsets(p->dims, row, strides, at, 3);
+        const uint8_t *a = call->in[0] + at[0], *b = call->in[1] + at[1];
+        uint8_t *out = call->out[0] + at[2];
+        if (packed && p->function == FV_BINARY_ADD) {
+            call->kernels->nn_add_u8(&add, a, b, out, count);
+            if (table != NULL) call->kernels->nn_table_u8(table, out, out, count);
+            continue;
+        }
+        for (int32_t i = 0; i < count; ++i) {
+            const int32_t v = binary_value(p, a[(ptrdiff_t)i * p->a[5]], b[(ptrdiff_t)i * p->b[5]]);
+            out[(ptrdiff_t)i * p->out[5]] = table == NULL ? (uint8_t)v : table[v];
+        }
+    }
+}
+
+static void copy_row(const struct fv_op_copy *p, const uint8_t *table, const struct fv_kernels *kernels, const uint8_t *src,
+                     uint8_t *dst)
+{
+    const int32_t count = p->dims[5], size = p->element_bytes;
+    const int packed = p->src[5] == size && p->dst[5] == size;
+    if (packed && table == NULL) {
+        memmove(dst, src, (size_t)count * (size_t)size);
+    } else if (packed) {
+        kernels->nn_table_u8(table, src, dst, count);
+    } else if (size == 1) {
+        for (int32_t i = 0; i < count; ++i, src += p->src[5], dst += p->dst[5]) *dst = table == NULL ? *src : table[*src];
+    } else {
+        for (int32_t i = 0; i < count; ++i, src += p->src[5], dst += p->dst[5]) memmove(dst, src, (size_t)size);
+    }
+}
+
+/* Rows that share all axes but the last two form a matrix; when bytes run along opposite axes it is a transposition. */
+static int is_transpose(const struct fv_op_copy *p)
+{
+    return p->element_bytes == 1 && p->table == 0 && p->src[4] == 1 && p->dst[5] == 1 && p->src[5] > 1 && p->dst[4] > 1;
+}
+
+void fv_nn_op_copy(const struct fv_nn_call *call, int32_t begin, int32_t end)
+{
+    const struct fv_op_copy *p = &call->op->u.copy;
+    const int32_t *strides[2] = {p->src, p->dst};
+    const uint8_t *table = p->table == 0 ? NULL : call->model->base + p->table;
+    const int transpose = is_transpose(p);
+    for (int32_t row = begin; row < end;) {
+        ptrdiff_t at[2];
+        row_offsets(p->dims, row, strides, at, 2);
+        const uint8_t *src = call->in[0] + p->src_first + at[0];
+        uint8_t *dst = call->out[0] + p->dst_first + at[1];
+        if (transpose) { /* rows up to the end of axis 4 at once */
+            const int32_t left = p->dims[4] - row % p->dims[4], rows = left < end - row ? left : end - row;
+            call->kernels->nn_transpose_u8(src, p->src[5], dst, p->dst[4], p->dims[5], rows);
+            row += rows;
+        } else {
+            copy_row(p, table, call->kernels, src, dst);
+            ++row;
+        }
+    }
+}
+
+void fv_nn_op_fill(const struct fv_nn_call *call, int32_t begin, int32_t end)
+{
+    const struct fv_op_fill *p = &call->op->u.fill;
+    const int64_t first = (int64_t)begin * FILL_CHUNK, past = (int64_t)end * FILL_CHUNK;
+    const int64_t last = past < p->bytes ? past : p->bytes;
+    memset(call->out[0] + first, p->value, (size_t)(last - first));
+}
+
+static int32_t chunk_end(int32_t end, int32_t count)
+{
+    return (int64_t)end * CHUNK < count ? end * CHUNK : count;
+}
+
+void fv_nn_op_dequantize(const struct fv_nn_call *call, int32_t begin, int32_t end)
+{
+    const struct fv_op_dequantize *p = &call->op->u.dequantize;
+    const float *table = (const float *)(const void *)(call->model->base + p->table);
+    float *out = (float *)(void *)call->out[0];
+    const int32_t last = chunk_end(end, p->count);
+    for (int32_t i = begin * CHUNK; i < last; ++i) out[i] = table[call->in[0][i]];
+}
+
+/* Nearest integer, halves away from zero; NaN and what lies far outside go to the ends. */
+static int32_t round_away(float value)
+{
+    if (!(value < 100000.0f)) return 100000;
+    if (value < -100000.0f) return -100000;
+    const int32_t whole = (int32_t)value;
+    const float rest = value - (float)whole;
+    return whole + (rest >= 0.5f ? 1 : 0) - (rest <= -0.5f ? 1 : 0);
+}
+
+void fv_nn_op_quantize(const struct fv_nn_call *call, int32_t begin, int32_t end)
+{
+    const struct fv_op_quantize *p = &call->op->u.quantize;
+    const float *in = (const float *)(const void *)call->in[0];
+    const int32_t last = chunk_end(end, p->count);
+    for (int32_t i = begin * CHUNK; i < last; ++i) {
+        call->out[0][i] = (uint8_t)fv_nn_clamp(round_away(in[i] / p->scale) + p->zero, 0, 255);
+    }
+}
+
+static int64_t load_integer(const struct fv_model_tensor *t, const uint8_t *in, int32_t i)
+{
+    if (t->type == FV_TYPE_I32) return ((const int32_t *)(const void *)in)[i];
+    if (t->type == FV_TYPE_I64) return ((const int64_t *)(const void *)in)[i];
+    if (t->type == FV_TYPE_U8) return in[i] - ((t->flags & FV_TENSOR_SIGNED) != 0 ? 128 : 0);
+    const float value = ((const float *)(const void *)in)[i];
+    if (!(value < 2147483520.0f)) return INT32_MAX;
+    return value < -2147483520.0f ? INT32_MIN : (int64_t)value;
+}
+
+void fv_nn_op_cast(const struct fv_nn_call *call, int32_t begin, int32_t end)
+{
+    const struct fv_model_tensor *from = &call->model->tensors[call->op->inputs[0]];
+    const struct fv_model_tensor *to = &call->model->tensors[call->op->outputs[0]];
+    const int32_t last = chunk_end(end, call->op->u.cast.count);
+    for (int32_t i = begin * CHUNK; i < last; ++i) {
+        const int64_t value = load_integer(from, call->in[0], i);
+        if (to->type == FV_TYPE_I32) ((int32_t *)(void *)call->out[0])[i] = (int32_t)value;
+        else if (to->type == FV_TYPE_I64) ((int64_t *)(void *)call->out[0])[i] = value;
+        else if (to->type == FV_TYPE_F32) ((float *)(void *)call->out[0])[i] = (float)value;
+        else call->out[0][i] = (uint8_t)(value + ((to->flags & FV_TENSOR_SIGNED) != 0 ? 128 : 0));
+    }
+}

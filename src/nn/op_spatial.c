@@ -1,0 +1,174 @@
+/* Pooling, reduction and resizing. */
+#include <string.h>
+
+#include "kernels/nn_requantize.h"
+#include "nn/run.h"
+
+/* The window's part inside the image: kernel indices [first, last). */
+static void window_part(int32_t start, int32_t size, int32_t kernel, int32_t *first, int32_t *last)
+{
+    *first = start < 0 ? -start : 0;
+    *last = start + kernel > size ? size - start : kernel;
+    if (*last < *first) *last = *first;
+}
+
+static void max_pixel(const struct fv_nn_call *call, const uint8_t *corner, int32_t ky, int32_t ky_end, int32_t kx,
+                      int32_t kx_end, uint8_t *out)
+{
+    const struct fv_op_pool *p = &call->op->u.pool;
+    const struct fv_op_image *im = &p->image;
+    const ptrdiff_t line = (ptrdiff_t)im->in_w * im->in_stride;
+    memset(out, 0, (size_t)im->in_c);
+    for (int32_t y = ky; y < ky_end; ++y) {
+        for (int32_t x = kx; x < kx_end; ++x) {
+            call->kernels->nn_max_u8(out, corner + y * line + (ptrdiff_t)x * im->in_stride, out, im->in_c);
+        }
+    }
+    if (p->act_min == 0 && p->act_max == 255) return;
+    for (int32_t c = 0; c < im->in_c; ++c) out[c] = (uint8_t)fv_nn_clamp(out[c], p->act_min, p->act_max);
+}
+
+/* int8 averages round halves away from the original zero, uint8 ones half up. */
+static int32_t average_of(int32_t sum, int32_t count, int32_t is_signed)
+{
+    if (count == 0) return 0;
+    if (!is_signed) return (sum + count / 2) / count;
+    sum -= 128 * count;
+    return (sum > 0 ? (sum + count / 2) / count : (sum - count / 2) / count) + 128;
+}
+
+static void average_pixel(const struct fv_op_pool *p, const uint8_t *corner, int32_t ky, int32_t ky_end, int32_t kx,
+                          int32_t kx_end, uint8_t *out)
+{
+    const struct fv_op_image *im = &p->image;
+    const ptrdiff_t line = (ptrdiff_t)im->in_w * im->in_stride;
+    const int32_t count = (ky_end - ky) * (kx_end - kx);
+    for (int32_t c0 = 0; c0 < im->in_c; c0 += 64) {
+        const int32_t n = im->in_c - c0 < 64 ? im->in_c - c0 : 64;
+        int32_t sum[64] = {0};
+        for (int32_t y = ky; y < ky_end; ++y) {
+            for (int32_t x = kx; x < kx_end; ++x) {
+                const uint8_t *in = corner + y * line + (ptrdiff_t)x * im->in_stride + c0;
+                for (int32_t c = 0; c < n; ++c) sum[c] += in[c];
+            }
+        }
+        for (int32_t c = 0; c < n; ++c) {
+            out[c0 + c] = (uint8_t)fv_nn_clamp(average_of(sum[c], count, p->is_signed), p->act_min, p->act_max);
+        }
+    }
+}
+
+void fv_nn_op_pool(const struct fv_nn_call *call, int32_t begin, int32_t end)
+{
+    const struct fv_op_pool *p = &call->op->u.pool;
+    const struct fv_op_image *im = &p->image;
+    const struct fv_op_window *w = &p->window;
+    for (int32_t row = begin; row < end; ++row) {
+        const ptrdiff_t image = (ptrdiff_t)(row / im->out_h) * im->in_h;
+        const int32_t iy = row % im->out_h * w->stride_y - w->pad_top;
+        uint8_t *out = call->out[0] + (ptrdiff_t)row * im->out_w * im->out_stride;
+        int32_t ky, ky_end, kx, kx_end;
+        window_part(iy, im->in_h, w->kh, &ky, &ky_end);
+        for (int32_t x = 0; x < im->out_w; ++x, out += im->out_stride) {
+            const int32_t ix = x * w->stride_x - w->pad_left;
+            window_part(ix, im->in_w, w->kw, &kx, &kx_end);
+            const uint8_t *corner = call->in[0] + ((image + iy) * im->in_w + ix) * im->in_stride;
+            if (p->average) average_pixel(p, corner, ky, ky_end, kx, kx_end, out);
+            else max_pixel(call, corner, ky, ky_end, kx, kx_end, out);
+        }
+    }
+}
+
+/* One result: the sum (mean) or extreme over the dropped axes. */
+static int32_t reduce_one(const struct fv_op_reduce *p, const uint8_t *in)
+{
+    int32_t sum = 0, low = 255, high = 0;
+    for (int32_t i = 0; i < p->count[0]; ++i) {
+        for (int32_t j = 0; j < p->count[1]; ++j) {
+            for (int32_t k = 0; k < p->count[2]; ++k) {
+                const uint8_t *at = in + (ptrdiff_t)i * p->inner[0] + (ptrdiff_t)j * p->inner[1] + (ptrdiff_t)k * p->inner[2];
+                for (int32_t l = 0; l < p->count[3]; ++l, at += p->inner[3]) {
+                    sum += *at;
+                    if (*at < low) low = *at;
+                    if (*at > high) high = *at;
+                }
+            }
+        }
+    }
+    if (p->function == FV_REDUCE_MAX) return high;
+    if (p->function == FV_REDUCE_MIN) return low;
+    const int32_t scaled = fv_nn_requantize(sum - p->zero_in * p->elements, p->multiplier, p->shift);
+    return fv_nn_clamp(fv_nn_sum(scaled, p->zero_out), 0, 255);
+}
+
+void fv_nn_op_reduce(const struct fv_nn_call *call, int32_t begin, int32_t end)
+{
+    const struct fv_op_reduce *p = &call->op->u.reduce;
+    for (int32_t row = begin; row < end; ++row) {
+        const int32_t k = row % p->dims[2], j = row / p->dims[2] % p->dims[1], i = row / p->dims[2] / p->dims[1];
+        const uint8_t *in = call->in[0] + (ptrdiff_t)i * p->outer[0] + (ptrdiff_t)j * p->outer[1] + (ptrdiff_t)k * p->outer[2];
+        for (int32_t l = 0; l < p->dims[3]; ++l) {
+            call->out[0][(ptrdiff_t)row * p->dims[3] + l] = (uint8_t)reduce_one(p, in + (ptrdiff_t)l * p->outer[3]);
+        }
+    }
+}
+
+struct entry {
+    int32_t low, high, weight;
+};
+
+static float weight_of(const struct entry *entry)
+{
+    float weight;
+    memcpy(&weight, &entry->weight, sizeof weight);
+    return weight;
+}
+
+/* uint8: float arithmetic in the reference's order, 0.5 added and cut off. */
+static void blend_float(const uint8_t *const corner[4], float dy, float dx, uint8_t *out, int32_t count)
+{
+    for (int32_t c = 0; c < count; ++c) {
+        const float top = (float)corner[0][c] * (1.0f - dy) * (1.0f - dx);
+        const float bottom = (float)corner[1][c] * dy * (1.0f - dx);
+        const float top_right = (float)corner[2][c] * (1.0f - dy) * dx;
+        const float bottom_right = (float)corner[3][c] * dy * dx;
+        const float value = top + bottom + top_right + bottom_right + 0.5f;
+        out[c] = value < 0.0f ? 0 : value < 256.0f ? (uint8_t)value : 255;
+    }
+}
+
+/* int8: 10 fractional bits per axis, rounded half away from the original zero. */
+static void blend_fixed(const uint8_t *const corner[4], int32_t dy, int32_t dx, uint8_t *out, int32_t count)
+{
+    const int64_t weight[4] = {(int64_t)(1024 - dy) * (1024 - dx), (int64_t)dy * (1024 - dx), (int64_t)(1024 - dy) * dx,
+                               (int64_t)dy * dx};
+    for (int32_t c = 0; c < count; ++c) {
+        int64_t sum = 0;
+        for (int i = 0; i < 4; ++i) sum += weight[i] * (corner[i][c] - 128);
+        const int64_t value = (sum + (sum > 0 ? 1 << 19 : -(1 << 19))) / (1 << 20);
+        out[c] = (uint8_t)(value + 128);
+    }
+}
+
+void fv_nn_op_resize(const struct fv_nn_call *call, int32_t begin, int32_t end)
+{
+    const struct fv_op_resize *p = &call->op->u.resize;
+    const struct fv_op_image *im = &p->image;
+    const struct entry *rows = (const struct entry *)(const void *)(call->model->base + p->rows);
+    const struct entry *columns = (const struct entry *)(const void *)(call->model->base + p->columns);
+    const ptrdiff_t line = (ptrdiff_t)im->in_w * im->in_stride;
+    for (int32_t row = begin; row < end; ++row) {
+        const uint8_t *image = call->in[0] + (ptrdiff_t)(row / im->out_h) * im->in_h * line;
+        const struct entry *y = &rows[row % im->out_h];
+        uint8_t *out = call->out[0] + (ptrdiff_t)row * im->out_w * im->out_stride;
+        for (int32_t i = 0; i < im->out_w; ++i, out += im->out_stride) {
+            const struct entry *x = &columns[i];
+            const uint8_t *left = image + (ptrdiff_t)x->low * im->in_stride, *right = image + (ptrdiff_t)x->high * im->in_stride;
+            const uint8_t *const corner[4] = {left + y->low * line, left + y->high * line, right + y->low * line,
+                                              right + y->high * line};
+            if (p->mode == FV_RESIZE_NEAREST) memcpy(out, corner[0], (size_t)im->in_c);
+            else if (p->mode == FV_RESIZE_FLOAT) blend_float(corner, weight_of(y), weight_of(x), out, im->in_c);
+            else blend_fixed(corner, y->weight, x->weight, out, im->in_c);
+        }
+    }
+}

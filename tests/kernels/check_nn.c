@@ -1,0 +1,294 @@
+#include "kernels/check.h"
+
+#include <stdio.h>
+#include <string.h>
+
+enum { SLACK = 64 };
+
+/* Multipliers, shifts and biases as real models have them, and at the ends of their ranges. */
+static void fill_scaling(struct check *check, int32_t *bias, int32_t *multiplier, int32_t *shift, int32_t count)
+{
+    const int32_t extreme = check_between(check, 0, 3) == 0;
+    for (int32_t i = 0; i < count; ++i) {
+        bias[i] = check_between(check, -200000, 200000);
+        multiplier[i] = (int32_t)(0x40000000u + check_random(check) % 0x40000000u);
+        shift[i] = extreme ? check_between(check, -20, 2) : check_between(check, -12, -4);
+        if (extreme && check_between(check, 0, 5) == 0) multiplier[i] = 0x40000000;
+    }
+}
+
+static void draw_range(struct check *check, int32_t *zero, int32_t *low, int32_t *high)
+{
+    *zero = check_between(check, 0, 255);
+    *low = check_between(check, 0, 1) ? 0 : *zero;
+    *high = check_between(check, 0, 2) ? 255 : check_between(check, *low, 255);
+}
+
+static struct fv_nn_gemm draw_gemm(struct check *check, int32_t k, int32_t n)
+{
+    const int32_t k4 = (k + 3) / 4, n16 = (n + 15) / 16 * 16;
+    int8_t *weights = check_buffer(check, (size_t)(n16 * k4 * 4), 64, SLACK);
+    check_fill(check, weights, (size_t)(n16 * k4 * 4));
+    for (int32_t c = 0; c < n16; ++c) { /* padding is zero by contract */
+        for (int32_t i = 0; i < k4 * 4; ++i) {
+            if (c >= n || i >= k) weights[((c / 16 * k4 + i / 4) * 16 + c % 16) * 4 + i % 4] = 0;
+        }
+    }
+    int32_t *bias = check_buffer(check, (size_t)n16 * 4, 64, SLACK), *multiplier = check_buffer(check, (size_t)n16 * 4, 64, SLACK);
+    int32_t *shift = check_buffer(check, (size_t)n16 * 4, 64, SLACK);
+    fill_scaling(check, bias, multiplier, shift, n16);
+    struct fv_nn_gemm g = {.k = k, .k4 = k4, .n = n, .weights = weights, .bias = bias, .multiplier = multiplier, .shift = shift};
+    draw_range(check, &g.zero_out, &g.act_min, &g.act_max);
+    g.row_sum_factor = check_between(check, 0, 1) ? 0 : check_between(check, -128, 127);
+    if (check_between(check, 0, 3) == 0) {
+        uint8_t *table = check_buffer(check, 256, 1, 0);
+        check_fill(check, table, 256);
+        g.table = table;
+    }
+    return g;
+}
+
+void check_nn_gemm_u8(struct check *check, fv_k_nn_gemm_u8_fn *reference, fv_k_nn_gemm_u8_fn *variant)
+{
+    const int32_t k = check_between(check, 1, 150), n = check_between(check, 1, 150), m = check_between(check, 1, 40);
+    const struct fv_nn_gemm g = draw_gemm(check, k, n);
+    const ptrdiff_t lda = k + check_between(check, 0, 9), ldo = n + check_between(check, 0, 9);
+    uint8_t *a = check_buffer(check, (size_t)((m - 1) * lda + k), 1, SLACK);
+    check_fill(check, a, (size_t)((m - 1) * lda + k));
+    const size_t bytes = (size_t)((m - 1) * ldo + n);
+    uint8_t *expected = check_buffer(check, bytes, 1, 0), *found = check_buffer(check, bytes, 1, 0);
+    reference(&g, a, lda, expected, ldo, m);
+    variant(&g, a, lda, found, ldo, m);
+    check_equal(check, "out", expected, found, bytes);
+}
+
+void check_nn_gemm_i32(struct check *check, fv_k_nn_gemm_i32_fn *reference, fv_k_nn_gemm_i32_fn *variant)
+{
+    const int32_t k = check_between(check, 1, 300), n = check_between(check, 1, 90), m = check_between(check, 1, 24);
+    const struct fv_nn_gemm g = draw_gemm(check, k, n);
+    const ptrdiff_t lda = k + check_between(check, 0, 9), ldo = (n + 15) / 16 * 16;
+    uint8_t *a = check_buffer(check, (size_t)((m - 1) * lda + k), 1, SLACK);
+    check_fill(check, a, (size_t)((m - 1) * lda + k));
+    const size_t bytes = (size_t)(m * ldo) * 4;
+    int32_t *expected = check_buffer(check, bytes, 64, 0), *found = check_buffer(check, bytes, 64, 0);
+    reference(&g, a, lda, expected, ldo, m);
+    variant(&g, a, lda, found, ldo, m);
+    check_equal(check, "accumulators", expected, found, bytes);
+}
+
+/* What stays the same over calls of one benchmark. */
+struct bench_gemm {
+    struct fv_nn_gemm g;
+    uint8_t *a;
+};
+
+static struct bench_gemm *bench_gemm_inputs(struct check *check)
+{
+    enum { M = 361, K = 256, N = 256 };
+    if (check->kept == NULL) {
+        struct bench_gemm *b = check_buffer(check, sizeof *b, 8, 0);
+        b->g = draw_gemm(check, K, N);
+        b->g.row_sum_factor = 0;
+        b->g.table = NULL;
+        b->a = check_buffer(check, M * K, 64, SLACK);
+        check_fill(check, b->a, M * K);
+        check->kept = b;
+    }
+    snprintf(check->size, sizeof check->size, "361x256x256");
+    return check->kept;
+}
+
+void bench_nn_gemm_u8(struct check *check, fv_k_nn_gemm_u8_fn *variant)
+{
+    const struct bench_gemm *b = bench_gemm_inputs(check);
+    variant(&b->g, b->a, 256, bench_scratch(), 256, 361);
+}
+
+void bench_nn_gemm_i32(struct check *check, fv_k_nn_gemm_i32_fn *variant)
+{
+    const struct bench_gemm *b = bench_gemm_inputs(check);
+    variant(&b->g, b->a, 256, (int32_t *)(void *)bench_scratch(), 256, 361);
+}
+
+static struct fv_nn_depthwise draw_depthwise(struct check *check)
+{
+    struct fv_nn_depthwise d = {.kh = check_between(check, 1, 5), .kw = check_between(check, 1, 5)};
+    if (check_between(check, 0, 1)) d.kh = d.kw = 3;
+    d.channels = check_between(check, 1, 150);
+    d.in_stride = d.channels + check_between(check, 0, 1) * check_between(check, 0, 20);
+    d.out_stride = d.channels + check_between(check, 0, 1) * check_between(check, 0, 20);
+    d.in_h = check_between(check, 1, 9);
+    d.in_w = check_between(check, 1, check_between(check, 0, 3) == 0 ? 170 : 20);
+    d.stride_y = d.stride_x = check_between(check, 1, 3);
+    d.dilation_y = check_between(check, 1, 2);
+    d.dilation_x = check_between(check, 1, 3);
+    d.pad_top = check_between(check, 0, 3);
+    d.pad_left = check_between(check, 0, 3);
+    d.out_w = (d.in_w + 4) / d.stride_x + 1;
+    d.planes = check_between(check, 0, 2) == 0 ? 2 : 1;
+    d.c16 = (d.channels + 15) / 16 * 16;
+    int8_t *weights = check_buffer(check, (size_t)(d.planes * d.kh * d.kw * d.c16), 64, SLACK);
+    check_fill(check, weights, (size_t)(d.planes * d.kh * d.kw * d.c16));
+    int32_t *bias = check_buffer(check, (size_t)d.c16 * 4, 64, SLACK), *multiplier = check_buffer(check, (size_t)d.c16 * 4, 64, SLACK);
+    int32_t *shift = check_buffer(check, (size_t)d.c16 * 4, 64, SLACK);
+    fill_scaling(check, bias, multiplier, shift, d.c16);
+    d.weights = weights;
+    d.bias = bias;
+    d.multiplier = multiplier;
+    d.shift = shift;
+    d.zero_in = check_between(check, 0, 255);
+    draw_range(check, &d.zero_out, &d.act_min, &d.act_max);
+    return d;
+}
+
+static uint8_t *depthwise_scratch(struct check *check, const struct fv_nn_depthwise *d)
+{
+    const int32_t span = (d->kw - 1) * d->dilation_x + 1, all = (d->out_w - 1) * d->stride_x + span;
+    const int32_t most = span > 72 ? span : 72;
+    return check_buffer(check, (size_t)(all < most ? all : most) * 256 * (size_t)((d->kh + 3) / 4), 64, 0);
+}
+
+void check_nn_depthwise_u8(struct check *check, fv_k_nn_depthwise_u8_fn *reference, fv_k_nn_depthwise_u8_fn *variant)
+{
+    struct fv_nn_depthwise d = draw_depthwise(check);
+    if (check_between(check, 0, 3) == 0) {
+        uint8_t *table = check_buffer(check, 256, 1, 0);
+        check_fill(check, table, 256);
+        d.table = table;
+    }
+    const size_t in_bytes = (size_t)((d.in_h * d.in_w - 1) * d.in_stride + d.channels);
+    uint8_t *in = check_buffer(check, in_bytes, 1, SLACK);
+    check_fill(check, in, in_bytes);
+    const size_t bytes = (size_t)((d.out_w - 1) * d.out_stride + d.channels);
+    uint8_t *expected = check_buffer(check, bytes, 1, 0), *found = check_buffer(check, bytes, 1, 0);
+    const int32_t y = check_between(check, 0, (d.in_h + 4) / d.stride_y);
+    uint8_t *scratch = depthwise_scratch(check, &d);
+    reference(&d, in, expected, y, scratch);
+    variant(&d, in, found, y, scratch);
+    check_equal(check, "row", expected, found, bytes);
+}
+
+void bench_nn_depthwise_u8(struct check *check, fv_k_nn_depthwise_u8_fn *variant)
+{
+    enum { SIDE = 38, CHANNELS = 256 };
+    struct fv_nn_depthwise *d = check->kept;
+    if (d == NULL) {
+        d = check_buffer(check, sizeof *d, 8, 0);
+        *d = draw_depthwise(check);
+        d->kh = d->kw = 3;
+        d->stride_x = d->stride_y = d->dilation_x = d->dilation_y = d->pad_left = d->pad_top = d->planes = 1;
+        d->in_w = d->out_w = d->in_h = SIDE;
+        d->channels = d->c16 = d->in_stride = d->out_stride = CHANNELS;
+        d->weights = check_buffer(check, 9 * CHANNELS, 64, SLACK);
+        int32_t *scaling[3];
+        for (int i = 0; i < 3; ++i) scaling[i] = check_buffer(check, CHANNELS * 4, 64, SLACK);
+        fill_scaling(check, scaling[0], scaling[1], scaling[2], CHANNELS);
+        d->bias = scaling[0];
+        d->multiplier = scaling[1];
+        d->shift = scaling[2];
+        d->act_min = d->zero_out;
+        check->kept = d;
+    }
+    snprintf(check->size, sizeof check->size, "38x38x256, 3x3");
+    for (int32_t y = 0; y < SIDE; ++y) variant(d, bench_scratch(), bench_scratch() + (1 << 20) + y * SIDE * CHANNELS, y, bench_scratch() + (4 << 20));
+}
+
+void check_nn_table_u8(struct check *check, fv_k_nn_table_u8_fn *reference, fv_k_nn_table_u8_fn *variant)
+{
+    const int32_t count = check_between(check, 1, 400);
+    uint8_t *table = check_buffer(check, 256, 1, 0), *in = check_buffer(check, (size_t)count, 1, 0);
+    uint8_t *expected = check_buffer(check, (size_t)count, 1, 0), *found = check_buffer(check, (size_t)count, 1, 0);
+    check_fill(check, table, 256);
+    check_fill(check, in, (size_t)count);
+    reference(table, in, expected, count);
+    if (check_between(check, 0, 1)) {
+        memcpy(found, in, (size_t)count);
+        variant(table, found, found, count);
+    } else {
+        variant(table, in, found, count);
+    }
+    check_equal(check, "out", expected, found, (size_t)count);
+}
+
+void bench_nn_table_u8(struct check *check, fv_k_nn_table_u8_fn *variant)
+{
+    static const uint8_t table[256] = {1, 2, 3};
+    snprintf(check->size, sizeof check->size, "65536");
+    variant(table, bench_scratch(), bench_scratch() + (1 << 20), 65536);
+}
+
+static struct fv_nn_add draw_add(struct check *check)
+{
+    struct fv_nn_add p = {.zero_a = check_between(check, 0, 255), .zero_b = check_between(check, 0, 255)};
+    draw_range(check, &p.zero_out, &p.act_min, &p.act_max);
+    p.m_a = (int32_t)(0x40000000u + check_random(check) % 0x40000000u);
+    p.m_b = (int32_t)(0x40000000u + check_random(check) % 0x40000000u);
+    p.m_out = (int32_t)(0x40000000u + check_random(check) % 0x40000000u);
+    p.s_a = check_between(check, 0, 3) == 0 ? check_between(check, -20, 0) : check_between(check, -3, 0);
+    p.s_b = check_between(check, 0, 3) == 0 ? check_between(check, -20, 0) : check_between(check, -3, 0);
+    p.s_out = check_between(check, -22, -16);
+    return p;
+}
+
+void check_nn_add_u8(struct check *check, fv_k_nn_add_u8_fn *reference, fv_k_nn_add_u8_fn *variant)
+{
+    const int32_t count = check_between(check, 1, 300);
+    const struct fv_nn_add p = draw_add(check);
+    uint8_t *a = check_buffer(check, (size_t)count, 1, 0), *b = check_buffer(check, (size_t)count, 1, 0);
+    uint8_t *expected = check_buffer(check, (size_t)count, 1, 0), *found = check_buffer(check, (size_t)count, 1, 0);
+    check_fill(check, a, (size_t)count);
+    check_fill(check, b, (size_t)count);
+    reference(&p, a, b, expected, count);
+    if (check_between(check, 0, 1)) {
+        memcpy(found, a, (size_t)count);
+        variant(&p, found, b, found, count);
+    } else {
+        variant(&p, a, b, found, count);
+    }
+    check_equal(check, "out", expected, found, (size_t)count);
+}
+
+void bench_nn_add_u8(struct check *check, fv_k_nn_add_u8_fn *variant)
+{
+    const struct fv_nn_add p = draw_add(check);
+    snprintf(check->size, sizeof check->size, "65536");
+    variant(&p, bench_scratch(), bench_scratch() + (1 << 20), bench_scratch() + (2 << 20), 65536);
+}
+
+void check_nn_max_u8(struct check *check, fv_k_nn_max_u8_fn *reference, fv_k_nn_max_u8_fn *variant)
+{
+    const int32_t count = check_between(check, 1, 300);
+    uint8_t *a = check_buffer(check, (size_t)count, 1, 0), *b = check_buffer(check, (size_t)count, 1, 0);
+    uint8_t *expected = check_buffer(check, (size_t)count, 1, 0), *found = check_buffer(check, (size_t)count, 1, 0);
+    check_fill(check, a, (size_t)count);
+    check_fill(check, b, (size_t)count);
+    memcpy(found, a, (size_t)count);
+    reference(a, b, expected, count);
+    variant(found, b, found, count);
+    check_equal(check, "out", expected, found, (size_t)count);
+}
+
+void bench_nn_max_u8(struct check *check, fv_k_nn_max_u8_fn *variant)
+{
+    snprintf(check->size, sizeof check->size, "65536");
+    variant(bench_scratch(), bench_scratch() + (1 << 20), bench_scratch() + (2 << 20), 65536);
+}
+
+void check_nn_transpose_u8(struct check *check, fv_k_nn_transpose_u8_fn *reference, fv_k_nn_transpose_u8_fn *variant)
+{
+    const int32_t rows = check_between(check, 1, 60), columns = check_between(check, 1, 60);
+    const ptrdiff_t ldi = columns + check_between(check, 0, 9), ldo = rows + check_between(check, 0, 9);
+    const size_t in_bytes = (size_t)((rows - 1) * ldi + columns), bytes = (size_t)((columns - 1) * ldo + rows);
+    uint8_t *in = check_buffer(check, in_bytes, 1, 0);
+    uint8_t *expected = check_buffer(check, bytes, 1, 0), *found = check_buffer(check, bytes, 1, 0);
+    check_fill(check, in, in_bytes);
+    reference(in, ldi, expected, ldo, rows, columns);
+    variant(in, ldi, found, ldo, rows, columns);
+    check_equal(check, "out", expected, found, bytes);
+}
+
+void bench_nn_transpose_u8(struct check *check, fv_k_nn_transpose_u8_fn *variant)
+{
+    snprintf(check->size, sizeof check->size, "784x144");
+    variant(bench_scratch(), 144, bench_scratch() + (1 << 20), 784, 784, 144);
+}

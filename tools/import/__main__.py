@@ -1,0 +1,71 @@
+"""tools/import: turn an int8 or uint8 .tflite file into a Fovea model file (.fvm).
+
+    python3 tools/import MODEL.tflite [-o MODEL.fvm] [--labels FILE] [--decoder NAME] ...
+    python3 tools/import MODEL.tflite --check IMAGE... [--layers] [--set avx2]
+
+Needs the packages tflite and numpy; --check also ai-edge-litert and pillow. See README.md beside this file."""
+import argparse
+import os
+import sys
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+
+import graph as graph_module  # noqa: E402
+import plan as plan_module  # noqa: E402
+import use  # noqa: E402
+from lower import Lowering  # noqa: E402
+from write import Writer  # noqa: E402
+
+
+def convert(path, arguments=None, fold=True):
+    """Returns the file's bytes and a dictionary of figures."""
+    graph = graph_module.read(path)
+    net = Lowering(graph, fold).run()
+    arena, bound = plan_module.plan(net)
+    writer = Writer(net, arena)
+    labels, preprocess, decoder = use.describe(path, graph, net, arguments)
+    name = os.path.splitext(os.path.basename(path))[0]
+    data = writer.bytes(name, labels, preprocess, decoder)
+    figures = dict(operators=len(graph.ops), steps=len(net.steps), macs=sum(s.macs for s in net.steps),
+                   weights=len(net.data), arena=arena, bound=bound, file=len(data), graph=graph, net=net)
+    return data, figures
+
+
+def print_operators(graph):
+    counts = {}
+    for op in graph.ops:
+        counts[op.name] = counts.get(op.name, 0) + 1
+    print("operators: " + ", ".join(f"{n} {name}" for name, n in sorted(counts.items())))
+
+
+def main():
+    parser = argparse.ArgumentParser(prog="tools/import", description=__doc__.split("\n")[0])
+    parser.add_argument("model")
+    parser.add_argument("-o", "--output", help="the .fvm file (default: beside the model)")
+    parser.add_argument("--check", nargs="*", metavar="IMAGE", help="compare with the reference on images and noise")
+    parser.add_argument("--layers", action="store_true", help="compare every operator, not only the outputs")
+    parser.add_argument("--set", help="kernel set for --check: c, avx2, avx512, neon, dotprod, i8mm")
+    parser.add_argument("--no-fold", action="store_true", help="merge nothing, for finding faults")
+    use.add_arguments(parser)
+    arguments = parser.parse_args()
+    try:
+        data, figures = convert(arguments.model, arguments, not arguments.no_fold)
+    except (graph_module.ImportProblem, OSError) as problem:
+        print(f"{arguments.model}: {problem}", file=sys.stderr)
+        return 2
+    print_operators(figures["graph"])
+    print(f"steps {figures['steps']}, multiply-accumulates {figures['macs'] / 1e6:.1f} million, constants "
+          f"{figures['weights'] / 1024:.0f} KiB, arena {figures['arena'] / 1024:.0f} KiB (no plan can go below "
+          f"{figures['bound'] / 1024:.0f})")
+    if arguments.check is not None:
+        import check
+        return 1 if check.check(arguments.model, data, arguments.check, arguments.layers, arguments.set) else 0
+    output = arguments.output or os.path.splitext(arguments.model)[0] + ".fvm"
+    with open(output, "wb") as file:
+        file.write(data)
+    print(f"{output}: {len(data)} bytes")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

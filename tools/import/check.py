@@ -1,0 +1,139 @@
+"""Comparing the engine with the reference interpreter (LiteRT, BUILTIN_REF): outputs, and layers one by one.
+
+Needs the packages ai-edge-litert and pillow. Inputs are the photographs, resized, and noise."""
+import numpy as np
+
+from engine import Engine, Progress
+
+
+def mended(path):
+    """The file with quantised dimensions that its tensors do not have set to 0: the reference refuses them, though
+    they mean nothing where a tensor has one scale or one axis."""
+    import tflite
+    with open(path, "rb") as file:
+        raw = bytearray(file.read())
+    graph = tflite.Model.GetRootAs(raw, 0).Subgraphs(0)
+    for i in range(graph.TensorsLength()):
+        tensor = graph.Tensors(i)
+        q = tensor.Quantization()
+        if q is None or q.QuantizedDimension() < max(1, tensor.ShapeLength()):
+            continue
+        at = q._tab.Pos + q._tab.Offset(16)
+        raw[at:at + 4] = bytes(4)
+    return bytes(raw)
+
+
+def reference(path):
+    from ai_edge_litert.interpreter import Interpreter, OpResolverType
+    interpreter = Interpreter(model_content=mended(path), num_threads=1, experimental_preserve_all_tensors=True,
+                              experimental_op_resolver_type=OpResolverType.BUILTIN_REF)
+    interpreter.allocate_tensors()
+    return interpreter
+
+
+def image_input(path, detail):
+    from PIL import Image
+    shape = detail["shape"]
+    image = Image.open(path)
+    if len(shape) != 4 or shape[3] not in (1, 3):
+        raise SystemExit(f"--check: the input has shape {list(shape)}, images need [1, h, w, 1 or 3]")
+    image = image.convert("L" if shape[3] == 1 else "RGB").resize((int(shape[2]), int(shape[1])))
+    pixels = np.asarray(image, np.uint8).reshape(shape)
+    return as_type(pixels, detail)
+
+
+def as_type(pixels, detail):
+    if detail["dtype"] == np.int8:
+        return (pixels.astype(np.int16) - 128).astype(np.int8)
+    if detail["dtype"] == np.float32:
+        return (pixels.astype(np.float32) / np.float32(127.5) - np.float32(1)).astype(np.float32)
+    return pixels.astype(detail["dtype"])
+
+
+def noise_input(detail, seed):
+    random = np.random.default_rng(seed)
+    return as_type(random.integers(0, 256, detail["shape"]).astype(np.uint8), detail)
+
+
+def difference(found, expected):
+    """'' when equal; floats may differ by 1e-5."""
+    if tuple(found.shape) != tuple(expected.shape):
+        if found.size != expected.size:
+            return f"shape {list(found.shape)}, expected {list(expected.shape)}"
+        found = found.reshape(expected.shape)
+    if found.dtype == np.float32:
+        worst = float(np.max(np.abs(found - expected), initial=0))
+        return "" if worst <= 1e-5 else f"floats differ by up to {worst:g}"
+    wrong = found != expected
+    if not wrong.any():
+        return ""
+    at = tuple(int(i) for i in np.argwhere(wrong)[0])
+    return f"{int(wrong.sum())} of {wrong.size} values differ, first at {list(at)}: found {found[at]}, " \
+           f"expected {expected[at]}"
+
+
+def compare(interpreter, engine, inputs, layers):
+    """Run both; returns lines of what differs."""
+    details = interpreter.get_input_details()
+    for number, (detail, value) in enumerate(zip(details, inputs)):
+        interpreter.set_tensor(detail["index"], value)
+        engine.set_input(number, value)
+    interpreter.invoke()
+    problems = []
+    progress = Progress(0, 0)
+    for number in range(len(engine.ops)):
+        engine.run_op(progress)
+        if not layers:
+            continue
+        op = engine.ops[number]
+        for t in op[9:9 + op[4]]:
+            source = int(engine.tensors[t][13])
+            if source < 0 or op[2] < 0:
+                continue
+            try:
+                expected = interpreter.get_tensor(source)
+            except ValueError:
+                continue
+            found = engine.tensor(t)
+            if found.size != expected.size or complete(engine, number, t) is False:
+                continue
+            text = difference(found, expected)
+            if text:
+                problems.append(f"operator {int(op[2])} (step {number}, tensor {source}): {text}")
+    for number, detail in enumerate(interpreter.get_output_details()):
+        text = difference(engine.tensor(engine.outputs[number]), interpreter.get_tensor(detail["index"]))
+        if text:
+            problems.append(f"output {number} ({detail['name']}): {text}")
+    return problems
+
+
+def complete(engine, number, tensor):
+    """Whether no later operator writes the same tensor (fills and pieces of concatenations come first)."""
+    storage = engine.tensors[tensor][14]
+    span = (engine.tensors[tensor][10], engine.tensors[tensor][10] + engine.tensors[tensor][9])
+    source = engine.ops[number][2]
+    for later in engine.ops[number + 1:]:
+        if later[2] != source and later[2] >= 0:
+            break
+        for t in later[9:9 + later[4]]:
+            if engine.tensors[t][14] == storage and engine.tensors[t][10] < span[1]:
+                return False
+    return True
+
+
+def check(path, data, images, layers, kernel_set=None, noise=3):
+    """Print one line per input; returns the number of inputs that differ."""
+    interpreter = reference(path)
+    engine = Engine(data, kernel_set)
+    details = interpreter.get_input_details()
+    cases = [(image, [image_input(image, d) for d in details]) for image in images]
+    cases += [(f"noise {seed}", [noise_input(d, seed + 17 * i) for i, d in enumerate(details)])
+              for seed in range(noise)]
+    wrong = 0
+    for name, inputs in cases:
+        problems = compare(interpreter, engine, inputs, layers)
+        print(f"{'DIFFERS' if problems else 'equal  '} {name}")
+        for line in problems[:20]:
+            print(f"    {line}")
+        wrong += bool(problems)
+    return wrong

@@ -1,0 +1,153 @@
+"""Reading a .tflite file into plain Python objects.
+
+All 8-bit tensors are shown in unsigned form: an int8 value q is held as q + 128, with its zero point moved by 128 as
+well. Quantised arithmetic only ever sees (value - zero point), so both forms describe the same numbers and the engine
+needs one set of kernels. `signed` remembers the original form for the few operators that round around zero."""
+from dataclasses import dataclass, field
+
+import numpy as np
+import tflite
+
+CODE_NAMES = {v: k for k, v in vars(tflite.BuiltinOperator).items() if isinstance(v, int)}
+TYPE_NAMES = {v: k for k, v in vars(tflite.TensorType).items() if isinstance(v, int)}
+DTYPES = {"UINT8": np.uint8, "INT8": np.int8, "INT32": np.int32, "INT64": np.int64, "FLOAT32": np.float32,
+          "BOOL": np.uint8, "INT16": np.int16}
+
+
+class ImportProblem(Exception):
+    """Something that stops the import; its text is the one line for the user."""
+
+
+@dataclass
+class Tensor:
+    index: int
+    name: str
+    type: str
+    shape: tuple
+    scale: np.ndarray          # float32, empty when not quantised
+    zero: np.ndarray           # int64, in the file's own form
+    axis: int
+    data: np.ndarray = None    # constant in the file's own form
+
+    @property
+    def signed(self):
+        return self.type == "INT8"
+
+    @property
+    def is8(self):
+        return self.type in ("INT8", "UINT8")
+
+    @property
+    def bias8(self):
+        return 128 if self.signed else 0
+
+    @property
+    def zero_u8(self):
+        return (int(self.zero[0]) if len(self.zero) else 0) + self.bias8
+
+    @property
+    def scale0(self):
+        return np.float32(self.scale[0]) if len(self.scale) else np.float32(0)
+
+    @property
+    def size(self):
+        return int(np.prod(self.shape, dtype=np.int64)) if len(self.shape) else 1
+
+    def unsigned(self):
+        """The constant as uint8 in unsigned form."""
+        return (self.data.astype(np.int16) + self.bias8).astype(np.uint8)
+
+
+@dataclass
+class Op:
+    index: int
+    name: str
+    code: int
+    inputs: list
+    outputs: list
+    options: object
+    custom: dict = field(default_factory=dict)
+
+
+@dataclass
+class Graph:
+    tensors: list
+    ops: list
+    inputs: list
+    outputs: list
+    metadata: dict
+
+
+def _options(op, name):
+    table = op.BuiltinOptions()
+    if table is None:
+        return None
+    kinds = {v: k for k, v in vars(tflite.BuiltinOptions).items() if isinstance(v, int)}
+    cls = getattr(tflite, kinds[op.BuiltinOptionsType()], None)
+    if cls is None:
+        return None
+    options = cls()
+    options.Init(table.Bytes, table.Pos)
+    return options
+
+
+def _custom(op):
+    if op.CustomOptionsLength() == 0:
+        return {}
+    from flatbuffers import flexbuffers
+    return flexbuffers.Loads(bytes(op.CustomOptionsAsNumpy().tobytes()))
+
+
+def _tensor(model, index, t):
+    kind = TYPE_NAMES[t.Type()]
+    if kind not in DTYPES:
+        raise ImportProblem(f"tensor {index} {t.Name()!r} has type {kind}, which no operator here can hold")
+    q = t.Quantization()
+    scale = np.zeros(0, np.float32)
+    zero = np.zeros(0, np.int64)
+    axis = 0
+    if q is not None and q.ScaleLength():
+        scale = q.ScaleAsNumpy().astype(np.float32)
+        zero = q.ZeroPointAsNumpy().astype(np.int64) if q.ZeroPointLength() else np.zeros(len(scale), np.int64)
+        axis = q.QuantizedDimension()
+    shape = tuple(int(v) for v in t.ShapeAsNumpy()) if t.ShapeLength() else ()
+    data = None
+    buffer = model.Buffers(t.Buffer())
+    if buffer.DataLength():
+        raw = buffer.DataAsNumpy().tobytes()
+        count = int(np.prod(shape, dtype=np.int64)) if shape else 1
+        dtype = np.dtype(DTYPES[kind])
+        if len(raw) < count * dtype.itemsize:
+            raise ImportProblem(f"tensor {index}: {len(raw)} bytes of data, expected {count * dtype.itemsize}")
+        data = np.frombuffer(raw, dtype, count).reshape(shape)
+    name = t.Name().decode("utf-8", "replace") if t.Name() else ""
+    return Tensor(index, name, kind, shape, scale, zero, axis, data)
+
+
+def read(path):
+    with open(path, "rb") as file:
+        raw = file.read()
+    if raw[4:8] != b"TFL3":
+        raise ImportProblem(f"{path}: byte 4: found {raw[4:8]!r}, expected b'TFL3': not a .tflite file")
+    model = tflite.Model.GetRootAs(raw, 0)
+    if model.SubgraphsLength() != 1:
+        raise ImportProblem(f"{path}: {model.SubgraphsLength()} subgraphs, expected 1")
+    g = model.Subgraphs(0)
+    tensors = [_tensor(model, i, g.Tensors(i)) for i in range(g.TensorsLength())]
+    ops = []
+    for i in range(g.OperatorsLength()):
+        op = g.Operators(i)
+        code = model.OperatorCodes(op.OpcodeIndex())
+        number = max(code.BuiltinCode(), code.DeprecatedBuiltinCode())
+        name = CODE_NAMES[number]
+        if name == "CUSTOM":
+            name = code.CustomCode().decode()
+        ops.append(Op(i, name, number, [int(v) for v in op.InputsAsNumpy()],
+                      [int(v) for v in op.OutputsAsNumpy()], _options(op, name),
+                      _custom(op) if number == tflite.BuiltinOperator.CUSTOM else {}))
+    metadata = {}
+    for i in range(model.MetadataLength()):
+        entry = model.Metadata(i)
+        data = model.Buffers(entry.Buffer())
+        metadata[entry.Name().decode()] = data.DataAsNumpy().tobytes() if data.DataLength() else b""
+    return Graph(tensors, ops, [int(v) for v in g.InputsAsNumpy()], [int(v) for v in g.OutputsAsNumpy()], metadata)

@@ -1,0 +1,175 @@
+"""From the .tflite graph to the engine's operators: the walk, views, and the table of operators."""
+import numpy as np
+
+import quant
+from fold import Folder
+from graph import ImportProblem
+from layout import ARENA_SLACK
+from net import Net
+
+UNARY = ("LOGISTIC", "TANH", "RELU", "RELU6", "RELU_N1_TO_1", "RELU_0_TO_1", "LEAKY_RELU", "HARD_SWISH")
+
+
+class Lowering:
+    """Holds the walk's state: which engine value stands for each tensor of the file."""
+
+    def __init__(self, graph, fold=True):
+        self.g = graph
+        self.net = Net()
+        self.folder = Folder(graph)
+        self.fold = fold
+        self.val = {}            # tensor -> value
+        self.pads = {}           # tensor -> (top, left) taken over by its consumers
+        self.skip = set()        # operators merged into others
+        self.place = {}          # tensor -> (concat tensor, channel offset)
+        self.concat_storage = {}
+
+    # ---- values ------------------------------------------------------------------------------------------------
+    def tensor(self, t):
+        return self.g.tensors[t]
+
+    def const_int(self, t, op, what):
+        tensor = self.tensor(t)
+        if tensor.data is None:
+            raise ImportProblem(f"operator {op.index} {op.name}: {what} is computed at run time; only constants work")
+        return [int(v) for v in np.ravel(tensor.data)]
+
+    def input(self, t):
+        """The value of tensor t, wherever it lies."""
+        if t not in self.val:
+            tensor = self.tensor(t)
+            if tensor.data is None:
+                raise ImportProblem(f"tensor {t} {tensor.name!r} is read before any operator writes it")
+            raw = tensor.unsigned() if tensor.is8 else tensor.data
+            raw = np.ascontiguousarray(raw).tobytes()
+            self.val[t] = self.net.value(self.net.storage(len(raw), raw), tensor)
+        return self.val[t]
+
+    def dense_input(self, t):
+        """The same, packed: copies once when the value is a slice of another."""
+        index = self.input(t)
+        value = self.net.values[index]
+        if not value.dense:
+            self.val[t] = self.copy_dense(index, self.tensor(t))
+        return self.val[t]
+
+    def copy_dense(self, index, tensor, table=None):
+        import lower_data
+        out = self.net.value(self.net.storage(max(1, tensor.size)), tensor)
+        lower_data.emit_copy(self, None, index, out, table=table)
+        return out
+
+    def output(self, t, shape=None):
+        """A new packed value for tensor t, or its place inside a concatenation."""
+        tensor = self.tensor(t)
+        if t in self.place and shape is None:
+            target, channel = self.place[t]
+            final = self.tensor(target)
+            if target not in self.concat_storage:
+                self.concat_storage[target] = self.net.storage(final.size)
+            pixel = final.shape[-1]
+            self.val[t] = self.net.value(self.concat_storage[target], tensor, offset=channel, pixel=pixel)
+        else:
+            from layout import TYPE_BYTES
+            size = tensor.size if shape is None else int(np.prod(shape, dtype=np.int64))
+            self.val[t] = self.net.value(self.net.storage(size * TYPE_BYTES[tensor.type]), tensor, shape=shape)
+        return self.val[t]
+
+    def alias(self, t_out, index):
+        """Tensor t_out is the same bytes as a value that exists."""
+        v = self.net.values[index]
+        self.val[t_out] = self.net.derive(index, shape=self.tensor(t_out).shape or v.shape, source=t_out)
+        out = self.net.values[self.val[t_out]]
+        tensor = self.tensor(t_out)
+        out.scale, out.zero, out.signed, out.type = float(tensor.scale0), tensor.zero_u8 if tensor.is8 else 0, \
+            tensor.signed, tensor.type
+        return self.val[t_out]
+
+    # ---- the walk ------------------------------------------------------------------------------------------------
+    def run(self):
+        import lower_conv
+        import lower_data
+        import lower_math
+        table = {}
+        for module in (lower_conv, lower_data, lower_math):
+            table.update(module.OPERATORS)
+        missing = sorted({op.name for op in self.g.ops if op.name not in table and op.name not in UNARY})
+        if missing:
+            raise ImportProblem("; ".join(self.describe_missing(op) for op in self.g.ops if op.name in missing))
+        for t in self.g.inputs:
+            if self.tensor(t).data is None:
+                self.net.inputs.append(self.output(t))
+        if self.fold:
+            self.plan_concats()
+        for op in self.g.ops:
+            if op.index in self.skip:
+                continue
+            if op.name in UNARY:
+                self.unary(op)
+            else:
+                table[op.name](self, op)
+        for t in self.g.outputs:
+            self.net.outputs.append(self.dense_input(t))
+        self.finish_lifetimes()
+        return self.net
+
+    def describe_missing(self, op):
+        def shapes(indices):
+            return " ".join(f"{self.tensor(t).type.lower()}{list(self.tensor(t).shape)}" for t in indices if t >= 0)
+        return f"operator {op.index} {op.name}: not supported; inputs {shapes(op.inputs)}, outputs {shapes(op.outputs)}"
+
+    def plan_concats(self):
+        """Let producers write straight into a concatenation along the last axis where nothing must be rescaled."""
+        direct = ("CONV_2D", "DEPTHWISE_CONV_2D", "ADD", "MUL", "SUB", "MAX_POOL_2D", "AVERAGE_POOL_2D")
+        ends = {self.folder.chain(op.outputs[0])[0] for op in self.g.ops if op.name in direct}
+        seen = set()
+        for op in self.g.ops:
+            if op.name != "CONCATENATION":
+                continue
+            out = self.tensor(op.outputs[0])
+            axis = op.options.Axis() % max(1, len(out.shape))
+            if len(out.shape) != 4 or axis != 3 or not out.is8 or out.shape[3] % 8:
+                continue
+            channel = 0
+            for t in op.inputs:
+                tensor = self.tensor(t)
+                same = tensor.scale0 == out.scale0 and tensor.zero_u8 == out.zero_u8 and tensor.type == out.type
+                if t in ends and same and t not in self.g.outputs and t not in seen and op.inputs.count(t) == 1:
+                    self.place[t] = (op.outputs[0], channel)
+                    seen.add(t)
+                channel += tensor.shape[3]
+
+    def unary(self, op):
+        found = self.folder.unary_table(op)
+        if found is None:
+            raise ImportProblem(self.describe_missing(op))
+        self.apply_table(op, found[0], op.outputs[0], found[1])
+
+    def apply_table(self, op, t_in, t_out, table):
+        import lower_data
+        if self.fold:
+            last, more, merged = self.folder.chain(t_out)
+            if more is not None:
+                table, t_out = more[table], last
+                self.skip.update(o.index for o in merged)
+        if np.array_equal(table, quant.IDENTITY) and t_out not in self.place and t_in not in self.g.inputs:
+            self.alias(t_out, self.input(t_in))
+            return
+        source = self.input(t_in)
+        lower_data.emit_copy(self, op, source, self.output(t_out), table=table)
+
+    def merge_after(self, t):
+        """Tensor and table that a convolution (or other 8-bit producer) of t ends with."""
+        if not self.fold:
+            return t, 0
+        last, table, merged = self.folder.chain(t)
+        self.skip.update(o.index for o in merged)
+        return last, self.net.blob(table) if table is not None and not np.array_equal(table, quant.IDENTITY) else 0
+
+    def finish_lifetimes(self):
+        net = self.net
+        for i in net.inputs:
+            net.storages[net.values[i].storage].first = -1
+        for i in net.outputs:
+            net.storages[net.values[i].storage].last = len(net.steps)
+        self.arena_slack = ARENA_SLACK

@@ -1,0 +1,271 @@
+"""Convolutions and fully connected layers: weights packed for the kernels, everything constant put into the bias.
+
+The engine multiplies unsigned activations x by signed weights w. With zero points zx, zw the reference sums
+(x - zx)(w - zw). Weights are stored as ws = w - 128 (uint8) or w (int8); zw' is the zero point in that form. Then
+sum (x - zx)(ws - zw') = sum x ws - zw' sum x - zx sum (ws - zw'): the last term goes into the bias, the second is a
+row sum, needed only where zw' is not 0 (legacy uint8 models). Padding contributes zx, thus nothing."""
+import numpy as np
+
+import quant
+from fold import activation_of
+from graph import ImportProblem
+from layout import CONV_PIXELS, DEPTHWISE_COLUMNS
+from net import pad_to
+
+
+def signed_weights(tensor):
+    """Weights as int32 in signed form, and their zero point in that form."""
+    data = tensor.data.astype(np.int32)
+    zero = int(tensor.zero[0]) if len(tensor.zero) else 0
+    return (data - 128, zero - 128) if tensor.type == "UINT8" else (data, zero)
+
+
+def channel_multipliers(ti, tw, to, channels):
+    """Multiplier and shift per output channel (PopulateConvolutionQuantizationParams)."""
+    if tw.type == "UINT8":
+        product = np.float32(ti.scale0 * tw.scale0)
+        pairs = [quant.quantize_multiplier(float(product) / float(to.scale0))] * channels
+    else:
+        scales = tw.scale if len(tw.scale) == channels else np.repeat(tw.scale[:1], channels)
+        pairs = [quant.quantize_multiplier(float(ti.scale0) * float(s) / float(to.scale0)) for s in scales]
+    return np.array([p[0] for p in pairs], np.int64), np.array([p[1] for p in pairs], np.int32)
+
+
+def same_padding(size, out, kernel, stride, dilation):
+    return max((out - 1) * stride + (kernel - 1) * dilation + 1 - size, 0) // 2
+
+
+def pack_gemm(weights, k4):
+    """[n][k] int8 -> [n / 16][k / 4][16][4], zero filled."""
+    n, k = weights.shape
+    full = np.zeros((pad_to(n, 16), k4 * 4), np.int8)
+    full[:n, :k] = weights
+    return full.reshape(-1, 16, k4, 4).transpose(0, 2, 1, 3)
+
+
+def padded(values, count, dtype=np.int32):
+    out = np.zeros(count, np.int64)
+    out[:len(values)] = values
+    return ((out + (1 << 31)) % (1 << 32) - (1 << 31)).astype(dtype)
+
+
+def check8(low, op, *tensors):
+    for t in tensors:
+        if not low.tensor(t).is8:
+            raise ImportProblem(low.describe_missing(low.g.ops[op.index]))
+
+
+def window(low, op, t_in, kh, kw, out_shape):
+    """Stride, dilation and padding of the operator with a folded PAD before it."""
+    o = op.options
+    sy, sx = o.StrideH(), o.StrideW()
+    dy = o.DilationHFactor() if hasattr(o, "DilationHFactor") else 1
+    dx = o.DilationWFactor() if hasattr(o, "DilationWFactor") else 1
+    height, width = low.tensor(t_in).shape[1:3]
+    top = left = 0
+    if o.Padding() == 0:
+        top = same_padding(height, out_shape[1], kh, sy, dy)
+        left = same_padding(width, out_shape[2], kw, sx, dx)
+    extra = low.pads.get(t_in, (0, 0))
+    return dict(kh=kh, kw=kw, stride_y=sy, stride_x=sx, dilation_y=dy, dilation_x=dx, pad_top=top + extra[0],
+                pad_left=left + extra[1])
+
+
+def image(low, index_in, index_out):
+    vi, vo = low.net.values[index_in], low.net.values[index_out]
+    n, h, w, c = vi.shape
+    _, oh, ow, oc = vo.shape
+    return dict(batch=n, in_h=h, in_w=w, in_c=c, in_stride=vi.pixel, out_h=oh, out_w=ow, out_c=oc,
+                out_stride=vo.pixel)
+
+
+def bias_of(low, op, channels):
+    if len(op.inputs) < 3 or op.inputs[2] < 0:
+        return np.zeros(channels, np.int64)
+    tensor = low.tensor(op.inputs[2])
+    if tensor.data is None:
+        raise ImportProblem(f"operator {op.index} {op.name}: the bias is computed at run time; only constants work")
+    return np.ravel(tensor.data).astype(np.int64)
+
+
+def emit_gemm(low, op, index_in, index_out, weights, w_zero, bias, mult, shift, geometry, act, table, single=0):
+    """One convolution as a matrix product: weights [n][k] in signed form."""
+    net = low.net
+    vi, vo = net.values[index_in], net.values[index_out]
+    n, k = weights.shape
+    k4, n16 = pad_to(k, 4) // 4, pad_to(n, 16)
+    total = bias - vi.zero * (weights.astype(np.int64) - w_zero).sum(axis=1)
+    p = image(low, index_in, index_out)
+    p.update(geometry)
+    p.update(k=k, k4=k4, zero_in=vi.zero, zero_out=act[2], act_min=act[0], act_max=act[1], row_sum_factor=-w_zero,
+             single_rounding=single, weights=net.blob(pack_gemm(weights.astype(np.int8), k4)),
+             bias=net.blob(padded(total, n16)), multiplier=net.blob(padded(mult, n16)),
+             shift=net.blob(padded(shift, n16)), table=table)
+    pointwise = all(p[x] == 1 for x in ("kh", "kw", "stride_x", "stride_y")) and not p["pad_top"] and \
+        not p["pad_left"] and p["in_h"] == p["out_h"] and p["in_w"] == p["out_w"]
+    pixels = p["batch"] * p["out_h"] * p["out_w"]
+    macs = pixels * n * k
+    scratch = 0 if pointwise else CONV_PIXELS * pad_to(k4 * 4, 64) + 64
+    if single:
+        scratch += n16 * 4 * CONV_PIXELS
+    net.step("CONV", op, [index_in], [index_out], p, p["batch"] * p["out_h"], macs,
+             cost=pixels * n16 * (k4 * 4 + 16), scratch=scratch)
+
+
+def conv_2d(low, op):
+    t_in, t_w, t_out = op.inputs[0], op.inputs[1], op.outputs[0]
+    check8(low, op, t_in, t_w, t_out)
+    ti, tw, to = low.tensor(t_in), low.tensor(t_w), low.tensor(t_out)
+    if tw.data is None:
+        raise ImportProblem(f"operator {op.index} CONV_2D: the weights are computed at run time; only constants work")
+    oc, kh, kw, wc = tw.shape
+    geometry = window(low, op, t_in, kh, kw, to.shape)
+    act = quant.activation_range(activation_of(op), to.scale0, to.zero_u8) + (to.zero_u8,)
+    weights, w_zero = signed_weights(tw)
+    mult, shift = channel_multipliers(ti, tw, to, oc)
+    bias = bias_of(low, op, oc)
+    source = low.input(t_in)
+    last, table = low.merge_after(t_out)
+    out = low.output(last)
+    groups = ti.shape[3] // wc
+    if groups == 1:
+        emit_gemm(low, op, source, out, weights.reshape(oc, -1), w_zero, bias, mult, shift, geometry, act, table)
+        return
+    per = oc // groups
+    vi, vo = low.net.values[source], low.net.values[out]
+    for g in range(groups):
+        part = slice(g * per, (g + 1) * per)
+        a = low.net.derive(source, vi.offset + g * wc, vi.shape[:3] + (wc,), vi.pixel)
+        b = low.net.derive(out, vo.offset + g * per, vo.shape[:3] + (per,), vo.pixel)
+        emit_gemm(low, op, a, b, weights[part].reshape(per, -1), w_zero, bias[part], mult[part], shift[part],
+                  geometry, act, table)
+
+
+def depthwise_conv_2d(low, op):
+    t_in, t_w, t_out = op.inputs[0], op.inputs[1], op.outputs[0]
+    check8(low, op, t_in, t_w, t_out)
+    ti, tw, to = low.tensor(t_in), low.tensor(t_w), low.tensor(t_out)
+    if tw.data is None:
+        raise ImportProblem(f"operator {op.index} DEPTHWISE_CONV_2D: weights are computed at run time")
+    _, kh, kw, oc = tw.shape
+    multiplier = oc // ti.shape[3]
+    geometry = window(low, op, t_in, kh, kw, to.shape)
+    act = quant.activation_range(activation_of(op), to.scale0, to.zero_u8) + (to.zero_u8,)
+    weights, w_zero = signed_weights(tw)
+    mult, shift = channel_multipliers(ti, tw, to, oc)
+    bias = bias_of(low, op, oc)
+    source = low.input(t_in)
+    last, table = low.merge_after(t_out)
+    out = low.output(last)
+    if ti.shape[3] == 1:
+        emit_gemm(low, op, source, out, weights.reshape(kh * kw, oc).T, w_zero, bias, mult, shift, geometry, act,
+                  table)
+        return
+    if multiplier > 1:
+        source = repeat_channels(low, op, source, multiplier)
+    emit_depthwise(low, op, source, out, weights.reshape(kh * kw, oc) - w_zero, bias, mult, shift, geometry, act,
+                   table)
+
+
+def repeat_channels(low, op, source, times):
+    import lower_data
+    v = low.net.values[source]
+    n, h, w, c = v.shape
+    storage = low.net.storage(n * h * w * c * times)
+    wide = low.net.derive(source, 0, (n, h, w, c * times))
+    low.net.values[wide].storage = storage
+    lower_data.emit_strided(low, op, source, wide, (n * h * w, c, times), (v.pixel, 1, 0), (c * times, times, 1))
+    return wide
+
+
+def emit_depthwise(low, op, source, out, weights, bias, mult, shift, geometry, act, table):
+    """`weights` [taps][channels] without zero point, up to +-255: split into planes of int8 that add up to them."""
+    net = low.net
+    vi = net.values[source]
+    taps, channels = weights.shape
+    c16 = pad_to(channels, 16)
+    planes, rest = [], weights.copy()
+    while rest.any() or not planes:
+        plane = np.clip(rest, -128, 127)
+        full = np.zeros((taps, c16), np.int8)
+        full[:, :channels] = plane
+        planes.append(full)
+        rest = rest - plane
+    total = bias - vi.zero * weights.astype(np.int64).sum(axis=0)
+    p = image(low, source, out)
+    p.update(geometry)
+    p.update(zero_in=vi.zero, zero_out=act[2], act_min=act[0], act_max=act[1], planes=len(planes), c16=c16,
+             weights=net.blob(np.stack(planes)), bias=net.blob(padded(total, c16)),
+             multiplier=net.blob(padded(mult, c16)), shift=net.blob(padded(shift, c16)), table=table)
+    pixels = p["batch"] * p["out_h"] * p["out_w"]
+    columns = min((p["out_w"] - 1) * p["stride_x"] + (p["kw"] - 1) * p["dilation_x"] + 1,
+                  max(DEPTHWISE_COLUMNS, (p["kw"] - 1) * p["dilation_x"] + 1))
+    net.step("DEPTHWISE", op, [source], [out], p, p["batch"] * p["out_h"], pixels * taps * channels,
+             cost=pixels * channels * (taps * 4 + 60), scratch=columns * 256 * ((p["kh"] + 3) // 4))
+
+
+def fully_connected(low, op):
+    t_in, t_w, t_out = op.inputs[0], op.inputs[1], op.outputs[0]
+    check8(low, op, t_in, t_w, t_out)
+    ti, tw, to = low.tensor(t_in), low.tensor(t_w), low.tensor(t_out)
+    if tw.data is None:
+        raise ImportProblem(f"operator {op.index} FULLY_CONNECTED: weights are computed at run time")
+    oc, k = tw.shape[-2:]
+    batch = ti.size // k
+    act = quant.activation_range(activation_of(op), to.scale0, to.zero_u8) + (to.zero_u8,)
+    weights, w_zero = signed_weights(tw)
+    source = low.dense_input(t_in)
+    source = low.net.derive(source, shape=(1, 1, batch, k))
+    last, table = low.merge_after(t_out)
+    out = low.output(last)
+    wide = low.net.derive(out, shape=(1, 1, batch, oc))
+    mult, shift = fully_connected_scale(ti, tw, to, oc)
+    geometry = dict(kh=1, kw=1, stride_y=1, stride_x=1, dilation_y=1, dilation_x=1, pad_top=0, pad_left=0)
+    emit_gemm(low, op, source, wide, weights.reshape(oc, k), w_zero, bias_of(low, op, oc), mult, shift, geometry, act,
+              table, single=1)
+
+
+def fully_connected_scale(ti, tw, to, channels):
+    """LiteRT rounds acc * (double scale) once; the double's bits travel as two words (low in multiplier)."""
+    if tw.type == "UINT8":
+        product = np.float32(ti.scale0 * tw.scale0)
+        real = np.full(channels, float(product) / float(to.scale0))
+    else:
+        scales = tw.scale if len(tw.scale) == channels else np.repeat(tw.scale[:1], channels)
+        real = np.array([float(ti.scale0) * float(s) / float(to.scale0) for s in scales])
+    bits = real.astype("<f8").view("<i4").reshape(-1, 2)
+    return bits[:, 0].astype(np.int64), bits[:, 1]
+
+
+def transpose_conv(low, op):
+    t_w, t_in, t_out = op.inputs[1], op.inputs[2], op.outputs[0]
+    check8(low, op, t_in, t_w, t_out)
+    ti, tw, to = low.tensor(t_in), low.tensor(t_w), low.tensor(t_out)
+    if tw.data is None:
+        raise ImportProblem(f"operator {op.index} TRANSPOSE_CONV: weights are computed at run time")
+    oc, kh, kw, _ = tw.shape
+    o = op.options
+    bias = np.zeros(oc, np.int64)
+    if len(op.inputs) > 3 and op.inputs[3] >= 0:
+        bias = np.ravel(low.tensor(op.inputs[3]).data).astype(np.int64)
+    top = left = 0
+    if o.Padding() == 0:
+        top = same_padding(to.shape[1], ti.shape[1], kh, o.StrideH(), 1)
+        left = same_padding(to.shape[2], ti.shape[2], kw, o.StrideW(), 1)
+    low_act, high_act = quant.activation_range(activation_of(op), to.scale0, to.zero_u8)
+    weights, w_zero = signed_weights(tw)
+    mult, shift = channel_multipliers(ti, tw, to, oc)
+    source = low.input(t_in)
+    out = low.output(t_out)
+    net = low.net
+    p = image(low, source, out)
+    p.update(kh=kh, kw=kw, stride_y=o.StrideH(), stride_x=o.StrideW(), dilation_y=1, dilation_x=1, pad_top=top,
+             pad_left=left, zero_in=net.values[source].zero, zero_weights=w_zero, zero_out=to.zero_u8,
+             act_min=low_act, act_max=high_act, weights=net.blob(weights.astype(np.int8)),
+             bias=net.blob(padded(bias, oc)), multiplier=net.blob(padded(mult, oc)), shift=net.blob(padded(shift, oc)))
+    macs = ti.size * oc * kh * kw
+    net.step("TRANSPOSE_CONV", op, [source], [out], p, p["batch"] * p["out_h"], macs, cost=macs * 8)
+
+
+OPERATORS = {"CONV_2D": conv_2d, "DEPTHWISE_CONV_2D": depthwise_conv_2d, "FULLY_CONNECTED": fully_connected,
+             "TRANSPOSE_CONV": transpose_conv}

@@ -1,0 +1,263 @@
+"""Arithmetic on 8-bit tensors other than convolutions: element-wise, pooling, reduction, resizing, softmax, heads."""
+import numpy as np
+
+import quant
+from fold import activation_of, binary_params
+from graph import ImportProblem
+from layout import BINARY, TYPE_BYTES
+from lower_conv import check8, image, same_padding
+from lower_data import coalesce, dense_strides, value_strides
+
+f32 = np.float32
+
+
+def float_bits(value):
+    return int(f32(value).view(np.int32))
+
+
+def binary(low, op):
+    a, b, t_out = op.inputs[0], op.inputs[1], op.outputs[0]
+    check8(low, op, a, b, t_out)
+    found = low.folder.unary_table(op)
+    if found is not None and low.fold:
+        low.apply_table(op, found[0], t_out, found[1])
+        return
+    ta, tb, to = low.tensor(a), low.tensor(b), low.tensor(t_out)
+    p = binary_params(op.name, ta, tb, to, activation_of(op))
+    va, vb = low.input(a), low.input(b)
+    last, table = low.merge_after(t_out)
+    out = low.output(last)
+    net = low.net
+    shape = to.shape
+
+    def strides(index):
+        v = net.values[index]
+        full = (1,) * (len(shape) - len(v.shape)) + v.shape
+        real = (0,) * (len(shape) - len(v.shape)) + value_strides(v)
+        return [0 if n == 1 else s for n, s in zip(full, real)]
+    vo = net.values[out]
+    d, sa, sb, so = coalesce(shape or (1,), strides(va) or [0], strides(vb) or [0], value_strides(vo) or [1])
+    q = {f"dim{i}": d[i] for i in range(6)}
+    q.update({f"a{i}": sa[i] for i in range(6)})
+    q.update({f"b{i}": sb[i] for i in range(6)})
+    q.update({f"o{i}": so[i] for i in range(6)})
+    q.update(p, function=BINARY[op.name], table=table)
+    same = vo.dense and sa == so
+    net.step("BINARY", op, [va, vb], [out], q, int(np.prod(d[:5], dtype=np.int64)), cost=to.size * 24,
+             in_place=bool(same))
+
+
+def pool(low, op):
+    t_in, t_out = op.inputs[0], op.outputs[0]
+    check8(low, op, t_in, t_out)
+    ti, to = low.tensor(t_in), low.tensor(t_out)
+    o = op.options
+    kh, kw, sy, sx = o.FilterHeight(), o.FilterWidth(), o.StrideH(), o.StrideW()
+    top = left = 0
+    if o.Padding() == 0:
+        top = same_padding(ti.shape[1], to.shape[1], kh, sy, 1)
+        left = same_padding(ti.shape[2], to.shape[2], kw, sx, 1)
+    source = low.input(t_in)
+    out = low.output(t_out)
+    lo, hi = quant.activation_range(activation_of(op), to.scale0, to.zero_u8)
+    p = image(low, source, out)
+    p.update(kh=kh, kw=kw, stride_y=sy, stride_x=sx, dilation_y=1, dilation_x=1, pad_top=top, pad_left=left,
+             average=int(op.name == "AVERAGE_POOL_2D"), is_signed=int(ti.signed), act_min=lo, act_max=hi)
+    low.net.step("POOL", op, [source], [out], p, p["batch"] * p["out_h"], cost=to.size * (kh * kw * 2 + 8))
+
+
+def reduce(low, op):
+    t_in, t_out = op.inputs[0], op.outputs[0]
+    check8(low, op, t_in, t_out)
+    ti, to = low.tensor(t_in), low.tensor(t_out)
+    axes = low.const_int(op.inputs[1], op, "the axes")
+    source = low.dense_input(t_in)
+    out = low.output(t_out)
+    shape = ti.shape
+    chosen = {a % len(shape) for a in axes}
+    strides = dense_strides(shape)
+    keep = [(shape[i], strides[i]) for i in range(len(shape)) if i not in chosen and shape[i] != 1]
+    drop = [(shape[i], strides[i]) for i in range(len(shape)) if i in chosen and shape[i] != 1]
+
+    def four(axes_left, name, stride_name, p):
+        merged = []
+        for n, s in axes_left:
+            if merged and merged[-1][1] == n * s:
+                merged[-1] = (merged[-1][0] * n, s)
+            else:
+                merged.append((n, s))
+        if len(merged) > 4:
+            raise ImportProblem(low.describe_missing(op) + " (more than 4 separate axes)")
+        merged = [(1, 0)] * (4 - len(merged)) + merged
+        for i, (n, s) in enumerate(merged):
+            p[f"{name}{i}"], p[f"{stride_name}{i}"] = n, s
+        return merged
+    p = {}
+    kept = four(keep, "dim", "outer", p)
+    four(drop, "count", "inner", p)
+    elements = int(np.prod([n for n, _ in drop], dtype=np.int64)) if drop else 1
+    p.update(elements=elements, zero_in=ti.zero_u8, zero_out=to.zero_u8, multiplier=0, shift=0, function=0)
+    if op.name == "MEAN":
+        mult, shift = quant.quantize_multiplier(float(ti.scale0) / float(to.scale0))
+        drop_bits = min(elements.bit_length() - 1, 32, 31 + shift)
+        p.update(function=0, multiplier=(mult << drop_bits) // elements, shift=shift - drop_bits)
+    else:
+        p["function"] = {"REDUCE_MAX": 1, "REDUCE_MIN": 2}[op.name]
+    rows = kept[0][0] * kept[1][0] * kept[2][0]
+    low.net.step("REDUCE", op, [source], [out], p, rows, cost=ti.size * 4)
+
+
+def resize(low, op):
+    t_in, t_out = op.inputs[0], op.outputs[0]
+    check8(low, op, t_in, t_out)
+    ti, to = low.tensor(t_in), low.tensor(t_out)
+    o = op.options
+    align, half = bool(o.AlignCorners()), bool(o.HalfPixelCenters())
+    source = low.input(t_in)
+    out = low.output(t_out)
+    p = image(low, source, out)
+    nearest = op.name == "RESIZE_NEAREST_NEIGHBOR"
+    p["mode"] = 0 if nearest else (2 if ti.signed else 1)
+    make = nearest_entries if nearest else (fixed_entries if ti.signed else float_entries)
+    p["rows_table"] = low.net.blob(make(ti.shape[1], to.shape[1], align, half))
+    p["columns_table"] = low.net.blob(make(ti.shape[2], to.shape[2], align, half))
+    low.net.step("RESIZE", op, [source], [out], p, p["batch"] * p["out_h"], cost=to.size * (2 if nearest else 24))
+
+
+def scale_of(n_in, n_out, align):
+    return f32(f32(n_in - 1) / f32(n_out - 1)) if align and n_out > 1 else f32(f32(n_in) / f32(n_out))
+
+
+def nearest_entries(n_in, n_out, align, half):
+    """Index of the source for each target (GetNearestNeighbor), three words each for one layout with bilinear."""
+    scale, offset, out = scale_of(n_in, n_out, align), f32(0.5 if half else 0.0), []
+    for i in range(n_out):
+        x = f32(f32(f32(i) + offset) * scale)
+        k = int(quant.round_away_f32(x)) if align else int(np.floor(x))
+        k = min(k, n_in - 1)
+        out.append((max(0, k) if half else k, 0, 0))
+    return np.array(out, np.int32)
+
+
+def float_entries(n_in, n_out, align, half):
+    """Lower and upper neighbour and the float weight of the upper one, as its bits."""
+    scale, out = scale_of(n_in, n_out, align), []
+    for i in range(n_out):
+        x = f32(f32(f32(f32(i) + f32(0.5)) * scale) - f32(0.5)) if half else f32(f32(i) * scale)
+        low, high = max(int(np.floor(x)), 0), min(int(np.ceil(x)), n_in - 1)
+        out.append((low, high, float_bits(f32(x - f32(low)))))
+    return np.array(out, np.int32)
+
+
+def fixed_entries(n_in, n_out, align, half):
+    """The same with 10 fractional bits (ResizeBilinearInteger)."""
+    scale = (((1 << 10) * (n_in - 1) + (n_out - 1) // 2) // (n_out - 1)) if align and n_out > 1 else \
+        ((1 << 10) * n_in + n_out // 2) // n_out
+    out = []
+    for i in range(n_out):
+        x = i * scale + (scale // 2 - (1 << 9) if half else 0)
+        low = max(int(x / 1024), 0)
+        high = min(int((x + 1023) / 1024), n_in - 1)
+        out.append((low, high, x - 1024 * low))
+    return np.array(out, np.int32)
+
+
+def softmax(low, op):
+    t_in, t_out = op.inputs[0], op.outputs[0]
+    check8(low, op, t_in, t_out)
+    ti = low.tensor(t_in)
+    source = low.dense_input(t_in)
+    out = low.output(t_out)
+    depth = ti.shape[-1]
+    outer = ti.size // depth
+    exps = quant.softmax_table(op.options.Beta(), ti.scale0)
+    low.net.step("SOFTMAX", op, [source], [out], dict(outer=outer, depth=depth, table=low.net.blob(exps)), outer,
+                 cost=ti.size * 16 + outer * 64)
+
+
+def arg_max(low, op):
+    ti, to = low.tensor(op.inputs[0]), low.tensor(op.outputs[0])
+    check8(low, op, op.inputs[0])
+    axis = low.const_int(op.inputs[1], op, "the axis")[0] % len(ti.shape)
+    source = low.dense_input(op.inputs[0])
+    out = low.output(op.outputs[0])
+    outer = int(np.prod(ti.shape[:axis], dtype=np.int64))
+    inner = int(np.prod(ti.shape[axis + 1:], dtype=np.int64))
+    p = dict(outer=outer, axis=ti.shape[axis], inner=inner, element_bytes=TYPE_BYTES[to.type],
+             minimum=int(op.name == "ARG_MIN"))
+    low.net.step("ARG_MAX", op, [source], [out], p, outer, cost=ti.size * 4)
+
+
+def batch_matmul(low, op):
+    a, b, t_out = op.inputs[0], op.inputs[1], op.outputs[0]
+    check8(low, op, a, b, t_out)
+    ta, tb, to = low.tensor(a), low.tensor(b), low.tensor(t_out)
+    va, vb = low.dense_input(a), low.dense_input(b)
+    out = low.output(t_out)
+    m, n = to.shape[-2:]
+    k = ta.shape[-2] if op.options.AdjX() else ta.shape[-1]
+    mult, shift = quant.quantize_multiplier(float(f32(f32(ta.scale0 * tb.scale0)) / f32(1)) / float(to.scale0))
+    batch = to.shape[:-2]
+
+    def batch_strides(shape):
+        s = list(dense_strides(shape))[:-2]
+        n_axes = [1] * (len(batch) - len(s)) + list(shape[:-2])
+        s = [0] * (len(batch) - len(s)) + s
+        return [0 if n == 1 else v for n, v in zip(n_axes, s)]
+    axes = [(n_, x, y) for n_, x, y in zip(batch, batch_strides(ta.shape), batch_strides(tb.shape)) if n_ != 1]
+    merged = []
+    for axis in axes:
+        if merged and merged[-1][1] == axis[0] * axis[1] and merged[-1][2] == axis[0] * axis[2]:
+            merged[-1] = (merged[-1][0] * axis[0], axis[1], axis[2])
+        else:
+            merged.append(axis)
+    if len(merged) > 2:
+        raise ImportProblem(low.describe_missing(op) + " (more than 2 separate batch axes)")
+    merged = [(1, 0, 0)] * (2 - len(merged)) + merged
+    row, col = ta.shape[-1], 1
+    if op.options.AdjX():
+        row, col = 1, ta.shape[-1]
+    b_row, b_col = (1, tb.shape[-1]) if op.options.AdjY() else (tb.shape[-1], 1)
+    p = dict(batch0=merged[0][0], batch1=merged[1][0], a_batch0=merged[0][1], a_batch1=merged[1][1],
+             b_batch0=merged[0][2], b_batch1=merged[1][2], m=m, k=k, n=n, a_row=row, a_column=col, b_row=b_row,
+             b_column=b_col, zero_a=ta.zero_u8, zero_b=tb.zero_u8, zero_out=to.zero_u8, multiplier=mult, shift=shift)
+    macs = to.size * k
+    low.net.step("BATCH_MATMUL", op, [va, vb], [out], p, merged[0][0] * merged[1][0] * m, macs, cost=macs * 8)
+
+
+def detection_postprocess(low, op):
+    """TFLite_Detection_PostProcess: boxes from anchors, then class-wise suppression, four float outputs."""
+    boxes, scores, anchors = (low.tensor(t) for t in op.inputs[:3])
+    check8(low, op, *op.inputs[:3])
+    if anchors.data is None:
+        raise ImportProblem(f"operator {op.index} {op.name}: anchors are computed at run time")
+    o = op.custom
+    count = boxes.shape[1]
+    limit = int(o["max_detections"])
+    per_anchor = int(o.get("max_classes_per_detection", 1))
+    slots = limit * per_anchor
+    shapes = [(1, slots, 4), (1, slots), (1, slots), (1,)]
+    outs = [low.output(t, shape) for t, shape in zip(op.outputs, shapes)]
+    vb, vs = low.dense_input(op.inputs[0]), low.dense_input(op.inputs[1])
+    columns = scores.shape[-1]
+    classes = int(o["num_classes"])
+
+    def floats(t):
+        scale, zero = f32(t.scale0), f32(t.zero_u8)
+        return np.array([f32(f32(f32(v) - zero) * scale) for v in range(256)], np.float32)
+    data = floats(anchors)[anchors.unsigned()]
+    p = dict(anchors=count, classes=classes, class_offset=columns - classes, max_detections=limit,
+             max_per_anchor=per_anchor, per_class=int(o.get("detections_per_class", 100)),
+             regular_nms=int(bool(o.get("use_regular_nms", False))),
+             score_threshold=float_bits(o["nms_score_threshold"]), iou_threshold=float_bits(o["nms_iou_threshold"]),
+             y_scale=float_bits(o["y_scale"]), x_scale=float_bits(o["x_scale"]), h_scale=float_bits(o["h_scale"]),
+             w_scale=float_bits(o["w_scale"]), anchor_data=low.net.blob(data), box_table=low.net.blob(floats(boxes)),
+             score_table=low.net.blob(floats(scores)))
+    low.net.step("DETECTION", op, [vb, vs], outs, p, 1, cost=scores.size * 8, scratch=count * 32 + slots * 64 + 64)
+
+
+OPERATORS = {name: binary for name in BINARY}
+OPERATORS.update({"MAX_POOL_2D": pool, "AVERAGE_POOL_2D": pool, "MEAN": reduce, "REDUCE_MAX": reduce,
+                  "REDUCE_MIN": reduce, "RESIZE_NEAREST_NEIGHBOR": resize, "RESIZE_BILINEAR": resize,
+                  "SOFTMAX": softmax, "ARG_MAX": arg_max, "ARG_MIN": arg_max, "BATCH_MATMUL": batch_matmul,
+                  "TFLite_Detection_PostProcess": detection_postprocess})
