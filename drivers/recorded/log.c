@@ -20,7 +20,7 @@ struct fovea_log {
 enum fovea_status fovea_log_open(const char *path, struct fovea_log **log, struct fovea_error *error)
 {
     FILE *file = fopen(path, "rb");
-    if (file == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: %s", path, strerror(errno));
+    if (file == NULL) return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: cannot be opened: %s", path, strerror(errno));
     struct stat info;
     if (fstat(fileno(file), &info) != 0 || !S_ISREG(info.st_mode)) {
         fclose(file);

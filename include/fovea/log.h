@@ -39,7 +39,7 @@ struct fovea_log_event {
 
 struct fovea_log;
 
-/* Open a log for reading. FOVEA_ERROR_SYSTEM: cannot be read. FOVEA_ERROR_INPUT: not a regular file. */
+/* Open a log for reading. FOVEA_ERROR_INPUT: cannot be opened, or not a regular file. */
 enum fovea_status fovea_log_open(const char *path, struct fovea_log **log, struct fovea_error *error);
 void fovea_log_close(struct fovea_log *log);
 

@@ -20,6 +20,9 @@ struct fv_command {
 /* All commands, ended by a row whose name is NULL. */
 extern const struct fv_command fv_commands[];
 
+/* All of the program: find the command in argv[1] and run it. Returns the exit status. */
+int fv_dispatch(int argc, char **argv);
+
 int fv_command_run(int argc, char **argv);    /* the real-time loop */
 int fv_command_check(int argc, char **argv);  /* will it run here */
 int fv_command_config(int argc, char **argv); /* print or check a configuration */

@@ -175,7 +175,8 @@ static enum fovea_status recorder_open(struct run *run, struct fovea_error *erro
         .frame_bytes =
             fovea_image_bytes(info->format, info->height, fovea_image_stride_min(info->format, info->width)),
     };
-    return fv_recorder_open(&setup, &run->recorder, error);
+    /* A file that cannot be made is a wrong name; later troubles with it are the machine's. */
+    return fv_recorder_open(&setup, &run->recorder, error) == FOVEA_OK ? FOVEA_OK : FOVEA_ERROR_INPUT;
 }
 
 static enum fovea_status open_all(struct run *run, struct fovea_error *error)

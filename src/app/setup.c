@@ -39,24 +39,28 @@ enum fovea_status fv_setup_settings(const struct fv_setup_options *options, stru
     return status == FOVEA_OK ? fv_settings_check(settings, error) : status;
 }
 
+/* The file is looked at before the source is opened: what is quickly wrong is quickly said. */
+static enum fovea_status camera_read(struct fv_settings *settings, struct fovea_error *error)
+{
+    struct fovea_calibration calibration;
+    if (settings->camera[0] == '\0') return FOVEA_OK;
+    enum fovea_status status = fovea_calibration_read(settings->camera, NULL, &calibration, error);
+    if (status == FOVEA_OK) settings->runtime.camera = calibration.camera;
+    return status;
+}
+
 static enum fovea_status camera_fit(struct fv_settings *settings, const struct fovea_source_info *info,
                                     struct fovea_error *error)
 {
     struct fovea_camera *camera = &settings->runtime.camera;
-    const char *origin = settings->camera;
-    if (settings->camera[0] != '\0') {
-        struct fovea_calibration calibration;
-        enum fovea_status status = fovea_calibration_read(settings->camera, NULL, &calibration, error);
-        if (status != FOVEA_OK) return status;
-        *camera = calibration.camera;
-    } else if (info->has_camera) {
+    const char *origin = settings->camera[0] != '\0' ? settings->camera : info->camera_origin;
+    if (settings->camera[0] == '\0') {
+        if (!info->has_camera)
+            return fovea_error_set(
+                error, FOVEA_ERROR_INPUT,
+                "%.200s: camera: found no calibration with this source, expected --camera FILE",
+                settings->source);
         *camera = info->camera;
-        origin = info->camera_origin;
-    } else {
-        return fovea_error_set(
-            error, FOVEA_ERROR_INPUT,
-            "%.200s: camera: found no calibration with this source, expected --camera FILE",
-            settings->source);
     }
     if (camera->width == 0 && camera->height == 0) {
         camera->width = info->width;
@@ -81,7 +85,8 @@ enum fovea_status fv_setup_open(struct fv_settings *settings, const struct fovea
 {
     const char *address;
     *setup = (struct fv_setup){0};
-    enum fovea_status status = fovea_source_find(settings->source, &setup->ops, &address, error);
+    enum fovea_status status = camera_read(settings, error);
+    if (status == FOVEA_OK) status = fovea_source_find(settings->source, &setup->ops, &address, error);
     if (status == FOVEA_OK) status = setup->ops->open(address, selection, &setup->source, error);
     if (status != FOVEA_OK) return status;
     const struct fovea_source_info *info = setup->ops->info(setup->source);

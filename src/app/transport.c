@@ -87,6 +87,15 @@ static void complete_url(const char *url, uint32_t ttl, char complete[FV_TRANSPO
         snprintf(complete, FV_TRANSPORT_URL_BYTES, "%s", url);
 }
 
+/* Of LCM's providers those that can carry messages out; it would print a line of its own about others. */
+static bool provider_known(const char *url)
+{
+    static const char *const providers[] = {"udpm://", "tcpq://", "file://", "memq://"};
+    for (size_t i = 0; i < sizeof providers / sizeof providers[0]; i++)
+        if (strncmp(url, providers[i], strlen(providers[i])) == 0) return true;
+    return false;
+}
+
 /* LCM's own test of the route prints several lines and gives no reason, so ask first. */
 static enum fovea_status check_route(const char *url, const struct sockaddr_in *address,
                                      struct fovea_error *error)
@@ -108,7 +117,7 @@ static enum fovea_status create(const char *url, uint32_t ttl, char complete[FV_
 {
     struct sockaddr_in address;
     int kind = fv_transport_udpm(url, &address);
-    if (kind < 0)
+    if (kind < 0 || !provider_known(url))
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "lcm_url: found \"%s\", expected an LCM URL like udpm://239.255.76.67:7667",
                                url);
@@ -192,8 +201,9 @@ static void *listen_for_commands(void *context)
                "it: %s",
                transport->url, FV_TRANSPORT_MEND);
     } else {
+        /* Without a connection (tcpq) LCM would select() on descriptor -1, which aborts. */
         while (!atomic_load(&transport->stop))
-            if (lcm_handle_timeout(in, LISTEN_TIMEOUT_MS) < 0) break;
+            if (lcm_get_fileno(in) < 0 || lcm_handle_timeout(in, LISTEN_TIMEOUT_MS) < 0) break;
     }
     if (in != NULL) lcm_destroy(in);
     return NULL;

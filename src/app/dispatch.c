@@ -1,0 +1,58 @@
+/* Finding the command that was asked for. */
+#include <stdio.h>
+#include <string.h>
+
+#include "app/command.h"
+#include "app/say.h"
+#include "fovea/fovea.h"
+#include "fovea/text.h"
+
+static void help_print(void)
+{
+    printf("usage: fovea COMMAND [OPTION]...\n\n");
+    for (const struct fv_command *command = fv_commands; command->name != NULL; command++)
+        printf("  %-10s %s\n", command->name, command->help);
+    printf("  %-10s %s\n", "help", "this list; 'fovea COMMAND --help' tells the options of one");
+    printf("\n  --version  print the version\n");
+}
+
+static int unknown(const char *name)
+{
+    enum { NAMES_MAX = 64 };
+    const char *names[NAMES_MAX];
+    size_t count = 0;
+    for (; fv_commands[count].name != NULL && count < NAMES_MAX; count++)
+        names[count] = fv_commands[count].name;
+    const char *nearest = fovea_text_nearest(name, names, count);
+    return fv_say_wrong("fovea: unknown %s '%s'%s%s%s ('fovea help' lists all)",
+                        name[0] == '-' ? "option" : "command", name, nearest ? ", nearest is '" : "",
+                        nearest ? nearest : "", nearest ? "'" : "");
+}
+
+static const struct fv_command *command_find(const char *name)
+{
+    for (const struct fv_command *command = fv_commands; command->name != NULL; command++)
+        if (strcmp(command->name, name) == 0) return command;
+    return NULL;
+}
+
+int fv_dispatch(int argc, char **argv)
+{
+    if (argc < 2) return fv_say_wrong("fovea: no command given ('fovea help' lists all)");
+    if (strcmp(argv[1], "--version") == 0) {
+        printf("fovea %s\n", FOVEA_VERSION);
+        return FV_EXIT_OK;
+    }
+    bool help = strcmp(argv[1], "help") == 0 || strcmp(argv[1], "--help") == 0;
+    if (help && argc == 2) {
+        help_print();
+        return FV_EXIT_OK;
+    }
+    const struct fv_command *command = command_find(argv[help ? 2 : 1]);
+    if (command == NULL) return unknown(argv[help ? 2 : 1]);
+    if (help) {
+        char *arguments[] = {argv[2], (char[]){"--help"}, NULL};
+        return command->run(2, arguments);
+    }
+    return command->run(argc - 1, argv + 1);
+}
