@@ -8,7 +8,12 @@ void fv_features_carve(struct fv_features *features, const struct fovea_features
     features->list = fv_arena_take(frame, config->count_max, sizeof *features->list);
     features->corners = fv_arena_take(frame, config->count_max, sizeof *features->corners);
     fv_fast_carve(&features->fast, pyramid->level[0].width, frame);
-    fv_spread_carve(&features->spread, config->count_max, frame);
+    int32_t width[FOVEA_PYRAMID_LEVELS_MAX], height[FOVEA_PYRAMID_LEVELS_MAX];
+    for (uint32_t i = 0; i < pyramid->levels; i++) {
+        width[i] = pyramid->level[i].width;
+        height[i] = pyramid->level[i].height;
+    }
+    fv_spread_carve(&features->spread, pyramid->levels, width, height, config->count_max, frame);
 }
 
 /* Places of a level's pixels in the mask: 1.2^level in 16 bits of fraction, pixel centre to pixel. */
@@ -32,22 +37,9 @@ static void find_in_level(struct fv_features *features, const struct fv_kernels 
         for (int32_t i = 0; i < fast.count; i++) {
             const int32_t x = fast.columns[i];
             if (mask_row != NULL && mask_row[raw_pixel(level, x)] == 0) continue;
-            fv_spread_offer(&features->spread, x, fast.y, fast.scores[x]);
+            fv_spread_offer(&features->spread, level, x, fast.y, fast.scores[x]);
         }
     }
-}
-
-/* Shares of the levels fall by 5/6 from each to the next, as their side lengths do. */
-static uint32_t share_of(uint32_t level, uint32_t levels, uint32_t count)
-{
-    uint64_t part = 0, sum = 0, weight = 1;
-    for (uint32_t i = 0; i < levels; i++) weight *= 6;
-    for (uint32_t i = 0; i < levels; i++) {
-        sum += weight;
-        if (i == level) part = weight;
-        weight = weight / 6 * 5;
-    }
-    return (uint32_t)((count * part + sum / 2) / sum);
 }
 
 static void fill_list(struct fv_features *features)
@@ -68,17 +60,9 @@ uint32_t fv_features_find(struct fv_features *features, const struct fv_kernels 
                           const struct fv_pyramid *pyramid, const uint8_t *mask, uint32_t count_asked)
 {
     const uint32_t asked = count_asked < features->config.count_max ? count_asked : features->config.count_max;
-    uint32_t due = 0; /* asked of the levels so far: what a coarse level lacks goes to the finer ones */
-    features->count = 0;
-    for (uint32_t level = pyramid->levels; level-- > 0;) {
-        const struct fv_level *from = &pyramid->level[level];
-        const uint32_t share = share_of(level, pyramid->levels, asked);
-        due = level == 0 ? asked : due + share < asked ? due + share : asked;
-        fv_spread_begin(&features->spread, from->width, from->height, due - features->count);
-        find_in_level(features, kernels, pyramid, level, mask);
-        features->count += fv_spread_pick(&features->spread, due - features->count, (uint8_t)features->config.threshold,
-                                          (uint8_t)level, features->corners + features->count);
-    }
+    fv_spread_begin(&features->spread, asked);
+    for (uint32_t level = pyramid->levels; level-- > 0;) find_in_level(features, kernels, pyramid, level, mask);
+    features->count = fv_spread_pick(&features->spread, asked, (uint8_t)features->config.threshold, features->corners);
     fill_list(features);
     return features->count;
 }

@@ -1,9 +1,8 @@
 /* Features of a frame: FAST corners on every level of the pyramid, spread over the image.
  *
  * Corners are those of FAST-9/16 with non-maximum suppression (fast.h) at config.threshold_min; where a cell of the grid
- * holds any corner of config.threshold, only those count. Each level gets its share of the features, what
- * a coarse level lacks goes to the finer ones, and within a level every cell gives its best before any gives its second (spread.h). Corners keep FV_FEATURES_BORDER_PX from the
- * border of their level, so that a descriptor's patch fits.
+ * holds any corner of config.threshold, only those count. They are picked so that they cover the image, with a share for
+ * each level (spread.h), and keep FV_FEATURES_BORDER_PX from the border of their level, so that a descriptor's patch fits.
  * The order is fixed: by level from coarse to fine, then cell by cell. Integer only up to the final scaling of places. */
 #ifndef FOVEA_FEATURES_FEATURES_H
 #define FOVEA_FEATURES_FEATURES_H

@@ -3,12 +3,32 @@
 #include <stdbool.h>
 #include <string.h>
 
-enum { CELL_MIN_PX = 4 };
+enum { CELL_MIN_PX = 4, FIELDS = FV_SPREAD_COVER * FV_SPREAD_COVER };
 
-void fv_spread_carve(struct fv_spread *spread, uint32_t count_max, struct fv_arena *frame)
+/* Shares of the levels fall by 5/6 from each to the next, as their side lengths do. */
+static uint32_t share_of(uint32_t level, uint32_t levels, uint32_t count)
 {
-    spread->cells_max = count_max;
-    spread->cells = fv_arena_take(frame, count_max, sizeof *spread->cells);
+    uint64_t part = 0, sum = 0, weight = 1;
+    for (uint32_t i = 0; i < levels; i++) weight *= 6;
+    for (uint32_t i = 0; i < levels; i++) {
+        sum += weight;
+        if (i == level) part = weight;
+        weight = weight / 6 * 5;
+    }
+    return (uint32_t)((count * part + sum / 2) / sum);
+}
+
+void fv_spread_carve(struct fv_spread *spread, uint32_t levels, const int32_t width[], const int32_t height[],
+                     uint32_t count_max, struct fv_arena *frame)
+{
+    spread->levels = levels;
+    spread->cover = fv_arena_take(frame, FIELDS, sizeof *spread->cover);
+    for (uint32_t i = 0; i < levels; i++) {
+        struct fv_spread_level *level = &spread->level[i];
+        *level = (struct fv_spread_level){.width = width[i], .height = height[i]};
+        level->cells_max = share_of(i, levels, count_max) + 1;
+        level->cells = fv_arena_take(frame, level->cells_max, sizeof *level->cells);
+    }
 }
 
 /* Largest integer whose square is at most `value`: bit by bit. */
@@ -20,25 +40,40 @@ static int32_t square_root(uint32_t value)
     return (int32_t)root;
 }
 
-void fv_spread_begin(struct fv_spread *spread, int32_t width, int32_t height, uint32_t share)
+static void begin_level(struct fv_spread_level *level, uint32_t share)
 {
-    const uint32_t cells = share < 1 ? 1 : share > spread->cells_max ? spread->cells_max : share;
-    spread->width = width;
-    spread->height = height;
-    spread->cell_px = square_root((uint32_t)width * (uint32_t)height / cells);
-    if (spread->cell_px < CELL_MIN_PX) spread->cell_px = CELL_MIN_PX;
+    const uint32_t cells = share < 1 ? 1 : share < level->cells_max ? share : level->cells_max;
+    level->cell_px = square_root((uint32_t)level->width * (uint32_t)level->height / cells);
+    if (level->cell_px < CELL_MIN_PX) level->cell_px = CELL_MIN_PX;
     /* Cells cut by the border make more than asked: widen until they fit, at most until one cell covers all. */
-    for (;; spread->cell_px++) {
-        spread->columns = (width + spread->cell_px - 1) / spread->cell_px;
-        spread->rows = (height + spread->cell_px - 1) / spread->cell_px;
-        if ((uint32_t)spread->columns * (uint32_t)spread->rows <= spread->cells_max) break;
+    for (;; level->cell_px++) {
+        level->columns = (level->width + level->cell_px - 1) / level->cell_px;
+        level->rows = (level->height + level->cell_px - 1) / level->cell_px;
+        if ((uint32_t)level->columns * (uint32_t)level->rows <= level->cells_max) break;
     }
-    memset(spread->cells, 0, (size_t)(spread->columns * spread->rows) * sizeof *spread->cells);
+    memset(level->cells, 0, (size_t)(level->columns * level->rows) * sizeof *level->cells);
 }
 
-void fv_spread_offer(struct fv_spread *spread, int32_t x, int32_t y, uint8_t score)
+void fv_spread_begin(struct fv_spread *spread, uint32_t count)
 {
-    struct fv_spread_cell *cell = &spread->cells[y / spread->cell_px * spread->columns + x / spread->cell_px];
+    memset(spread->cover, 0, FIELDS * sizeof *spread->cover);
+    for (uint32_t i = 0; i < spread->levels; i++) begin_level(&spread->level[i], share_of(i, spread->levels, count));
+}
+
+static struct fv_spread_cell *cell_at(const struct fv_spread_level *level, int32_t x, int32_t y)
+{
+    return &level->cells[y / level->cell_px * level->columns + x / level->cell_px];
+}
+
+void fv_spread_offer(struct fv_spread *spread, uint32_t level, int32_t x, int32_t y, uint8_t score)
+{
+    const struct fv_spread_level *at = &spread->level[level];
+    const int32_t column = x * FV_SPREAD_COVER / at->width, row = y * FV_SPREAD_COVER / at->height;
+    const struct fv_corner corner = {.x = (uint16_t)x, .y = (uint16_t)y, .level = (uint8_t)level, .score = score};
+    struct fv_corner *field = &spread->cover[row * FV_SPREAD_COVER + column];
+    if (score > field->score) *field = corner;
+
+    struct fv_spread_cell *cell = cell_at(at, x, y);
     int place = cell->count;
     while (place > 0 && cell->best[place - 1].score < score) place--;
     if (place == FV_SPREAD_KEPT) return;
@@ -49,63 +84,117 @@ void fv_spread_offer(struct fv_spread *spread, int32_t x, int32_t y, uint8_t sco
     cell->best[place].score = score;
 }
 
-/* Where a cell has a corner of the higher threshold, its weaker ones are dropped. */
-static void drop_weak(struct fv_spread *spread, int32_t cells, uint8_t threshold)
+/* Mark the corner of a field as taken in the cell of its level. Where six stronger ones have pushed it out, it takes the place
+ * of the weakest that is still free. False where all six are taken already. */
+static bool take_field(const struct fv_spread *spread, const struct fv_corner *field)
 {
-    for (int32_t i = 0; i < cells; i++) {
-        struct fv_spread_cell *cell = &spread->cells[i];
-        if (cell->count == 0 || cell->best[0].score < threshold) continue;
-        while (cell->best[cell->count - 1].score < threshold) cell->count--;
+    struct fv_spread_cell *cell = cell_at(&spread->level[field->level], field->x, field->y);
+    int place = 0;
+    while (place < cell->count && (cell->best[place].x != field->x || cell->best[place].y != field->y)) place++;
+    if (place == cell->count) {
+        place--;
+        while (place >= 0 && cell->best[place].taken) place--;
+        if (place < 0) return false;
+        cell->best[place].x = field->x;
+        cell->best[place].y = field->y;
+        cell->best[place].score = field->score;
     }
+    cell->best[place].taken = 1;
+    cell->taken++;
+    return true;
 }
 
-/* In a round of which only `room` corners fit: the score that still is taken, and how many of exactly that score. */
-static uint8_t cut(const struct fv_spread *spread, int32_t cells, int round, uint32_t room, uint32_t *ties)
+/* The lowest score that is taken when only `room` fit, and how many of exactly that score. */
+static uint8_t cut(const uint32_t histogram[256], uint32_t room, uint32_t *ties)
 {
-    uint32_t histogram[256] = {0};
-    for (int32_t i = 0; i < cells; i++)
-        if (spread->cells[i].count > round) histogram[spread->cells[i].best[round].score]++;
     int score = 255;
-    while (histogram[score] <= room) room -= histogram[score--];
+    while (score > 0 && histogram[score] <= room) room -= histogram[score--];
     *ties = room;
     return (uint8_t)score;
 }
 
-/* Rounds: how many of its corners every cell gives is left in its count. */
-static void share_out(struct fv_spread *spread, int32_t cells, uint32_t count)
+/* Whether a corner of this score makes the cut; counts the ties down. */
+static bool passes(uint8_t score, uint8_t lowest, uint32_t *ties)
 {
-    for (int round = 0; round < FV_SPREAD_KEPT; round++) {
-        uint32_t offered = 0, ties = 0;
-        for (int32_t i = 0; i < cells; i++) offered += spread->cells[i].count > round;
-        if (offered <= count) {
-            count -= offered;
-            continue;
-        }
-        const uint8_t last = cut(spread, cells, round, count, &ties);
-        for (int32_t i = 0; i < cells; i++) {
-            struct fv_spread_cell *cell = &spread->cells[i];
-            if (cell->count <= round) continue;
-            const uint8_t score = cell->best[round].score;
-            const bool taken = score > last || (score == last && ties > 0);
-            if (score == last && ties > 0) ties--;
-            cell->count = (uint8_t)(taken ? round + 1 : round);
-        }
-        return;
+    if (score != lowest) return score > lowest;
+    if (*ties == 0) return false;
+    (*ties)--;
+    return true;
+}
+
+/* The cover's corners, the strongest `count` where there are more. Adds what each level gave to taken[]. */
+static void take_cover(const struct fv_spread *spread, uint32_t count, uint32_t taken[])
+{
+    uint32_t histogram[256] = {0}, ties;
+    for (int i = 0; i < FIELDS; i++)
+        if (spread->cover[i].score > 0) histogram[spread->cover[i].score]++;
+    const uint8_t lowest = cut(histogram, count, &ties);
+    for (int i = 0; i < FIELDS; i++) {
+        const struct fv_corner *field = &spread->cover[i];
+        if (field->score > 0 && passes(field->score, lowest, &ties) && take_field(spread, field)) taken[field->level]++;
     }
 }
 
-uint32_t fv_spread_pick(struct fv_spread *spread, uint32_t count, uint8_t threshold, uint8_t level,
-                        struct fv_corner *corners)
+/* Index of the strongest free corner that a cell has to offer, or -1. */
+static int next_of(const struct fv_spread_cell *cell, uint8_t threshold)
 {
-    const int32_t cells = spread->columns * spread->rows;
-    uint32_t picked = 0;
-    drop_weak(spread, cells, threshold);
-    share_out(spread, cells, count);
+    int i = 0;
+    while (i < cell->count && cell->best[i].taken) i++;
+    if (i == cell->count) return -1;
+    return cell->best[0].score >= threshold && cell->best[i].score < threshold ? -1 : i;
+}
+
+/* One round: each cell that gave at most `round` corners gives its next. Returns how many were taken. */
+static uint32_t take_round(struct fv_spread_level *level, int round, uint32_t room, uint8_t threshold)
+{
+    const int32_t cells = level->columns * level->rows;
+    uint32_t histogram[256] = {0}, ties, taken = 0;
     for (int32_t i = 0; i < cells; i++) {
-        const struct fv_spread_cell *cell = &spread->cells[i];
+        const int next = level->cells[i].taken <= round ? next_of(&level->cells[i], threshold) : -1;
+        if (next >= 0) histogram[level->cells[i].best[next].score]++;
+    }
+    const uint8_t lowest = cut(histogram, room, &ties);
+    for (int32_t i = 0; i < cells; i++) {
+        struct fv_spread_cell *cell = &level->cells[i];
+        const int next = cell->taken <= round ? next_of(cell, threshold) : -1;
+        if (next < 0 || !passes(cell->best[next].score, lowest, &ties)) continue;
+        cell->best[next].taken = 1;
+        cell->taken++;
+        taken++;
+    }
+    return taken;
+}
+
+static uint32_t copy_taken(const struct fv_spread_level *level, uint8_t number, struct fv_corner *corners)
+{
+    uint32_t count = 0;
+    for (int32_t i = 0; i < level->columns * level->rows; i++) {
+        const struct fv_spread_cell *cell = &level->cells[i];
         for (int k = 0; k < cell->count; k++)
-            corners[picked++] = (struct fv_corner){
-                .x = cell->best[k].x, .y = cell->best[k].y, .level = level, .score = cell->best[k].score};
+            if (cell->best[k].taken)
+                corners[count++] = (struct fv_corner){
+                    .x = cell->best[k].x, .y = cell->best[k].y, .level = number, .score = cell->best[k].score};
+    }
+    return count;
+}
+
+uint32_t fv_spread_pick(struct fv_spread *spread, uint32_t count, uint8_t threshold, struct fv_corner *corners)
+{
+    uint32_t covered[FOVEA_PYRAMID_LEVELS_MAX] = {0}, left = count, due = 0, picked = 0;
+    take_cover(spread, count, covered);
+    for (uint32_t i = 0; i < spread->levels; i++) left -= covered[i];
+
+    /* `left` is what the cover has not used; `due` what the levels so far should have given in all. */
+    for (uint32_t i = spread->levels; i-- > 0;) {
+        due = i == 0 ? count : due + share_of(i, spread->levels, count);
+        uint32_t room = due > picked + covered[i] ? due - picked - covered[i] : 0;
+        if (room > left) room = left;
+        for (int round = 0; round < FV_SPREAD_KEPT && room > 0; round++) {
+            const uint32_t taken = take_round(&spread->level[i], round, room, threshold);
+            room -= taken;
+            left -= taken;
+        }
+        picked += copy_taken(&spread->level[i], (uint8_t)i, corners + picked);
     }
     return picked;
 }

@@ -1,21 +1,25 @@
 /* Spread: pick corners so that they cover the image rather than crowd on its strongest texture.
  *
- * A level is cut into square cells, about as many as the features asked of it. Each cell keeps its FV_SPREAD_KEPT
- * strongest corners (ties: the earlier in raster order) and, when any of them reaches `threshold`, forgets those below.
- * Picking goes in rounds: first the best of every cell, then the second best, and so on; in the round that does not fit
- * any more the strongest are taken, ties in raster order of cells. Bounded, integer, deterministic. */
+ * Two grids. The *cover* cuts the frame into FV_SPREAD_COVER x FV_SPREAD_COVER fields; each remembers its strongest
+ * corner over all levels, and that one is picked first: no textured part of the view stays empty. Then each level is cut into square
+ * cells, about as many as its share of the features. A cell keeps its FV_SPREAD_KEPT strongest corners, and when any of
+ * them reaches `threshold` those below do not count. The rest of a level's share is picked in rounds: cells that gave none yet
+ * give their best, then those that gave one their second, and so on; in the round that does not fit any more the strongest are taken.
+ * What a coarse level lacks goes to the finer ones. Ties go to the earlier in raster order; corners of the cover to the coarser
+ * level. All integer, bounded and deterministic. */
 #ifndef FOVEA_FEATURES_SPREAD_H
 #define FOVEA_FEATURES_SPREAD_H
 
 #include <stdint.h>
 
 #include "base/arena.h"
+#include "fovea/features.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
-enum { FV_SPREAD_KEPT = 6 };
+enum { FV_SPREAD_KEPT = 6, FV_SPREAD_COVER = 16 };
 
 /* A corner in pixels of its level. */
 struct fv_corner {
@@ -25,32 +29,38 @@ struct fv_corner {
 };
 
 struct fv_spread_cell {
-    uint8_t count;
+    uint8_t count, taken;
     struct {
         uint16_t x, y;
-        uint8_t score;
+        uint8_t score, taken;
     } best[FV_SPREAD_KEPT]; /* strongest first */
 };
 
-struct fv_spread {
-    uint32_t cells_max;
+struct fv_spread_level {
     struct fv_spread_cell *cells;
-    int32_t width, height; /* of the level in work */
-    int32_t cell_px, columns, rows;
+    int32_t width, height;                  /* of the level */
+    int32_t cell_px, columns, rows;         /* of the grid */
+    uint32_t cells_max;
 };
 
-/* Take memory for grids of at most `count_max` cells. Fills sizes and addresses only. Init-only. */
-void fv_spread_carve(struct fv_spread *spread, uint32_t count_max, struct fv_arena *frame);
+struct fv_spread {
+    uint32_t levels;
+    struct fv_spread_level level[FOVEA_PYRAMID_LEVELS_MAX];
+    struct fv_corner *cover; /* FV_SPREAD_COVER^2 fields, score 0: empty */
+};
 
-/* Start a level of which about `share` corners will be picked. Clears the cells. */
-void fv_spread_begin(struct fv_spread *spread, int32_t width, int32_t height, uint32_t share);
+/* Take memory for `count_max` corners from levels of these sizes. Fills sizes and addresses only. Init-only. */
+void fv_spread_carve(struct fv_spread *spread, uint32_t levels, const int32_t width[], const int32_t height[],
+                     uint32_t count_max, struct fv_arena *frame);
 
-/* Offer a corner; calls come in raster order. Constant time. */
-void fv_spread_offer(struct fv_spread *spread, int32_t x, int32_t y, uint8_t score);
+/* Start a frame of which at most `count` (at most count_max) corners will be picked. */
+void fv_spread_begin(struct fv_spread *spread, uint32_t count);
 
-/* Pick at most `count` corners into `corners`, cell by cell in raster order; returns how many. */
-uint32_t fv_spread_pick(struct fv_spread *spread, uint32_t count, uint8_t threshold, uint8_t level,
-                        struct fv_corner *corners);
+/* Offer a corner; calls come by level from coarse to fine, in raster order. Constant time. */
+void fv_spread_offer(struct fv_spread *spread, uint32_t level, int32_t x, int32_t y, uint8_t score);
+
+/* Pick at most `count` corners, by level from coarse to fine and cell by cell; returns how many. */
+uint32_t fv_spread_pick(struct fv_spread *spread, uint32_t count, uint8_t threshold, struct fv_corner *corners);
 
 #ifdef __cplusplus
 }
