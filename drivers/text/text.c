@@ -171,7 +171,7 @@ static int distance(const char *a, size_t m, const char *b, size_t n)
 const char *fovea_text_nearest(const char *word, const char *const *names, size_t name_count)
 {
     const size_t length = strnlen(word, COMPARED);
-    const int allowed = length < 3 ? 1 : (int)(length / 3);
+    const int allowed = length < 8 ? 1 : (int)(length / 4);
     const char *nearest = NULL;
     int least = allowed + 1;
     for (size_t i = 0; i < name_count; ++i) {

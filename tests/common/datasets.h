@@ -9,6 +9,10 @@
 
 #include "fovea/source.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 enum { FV_TEST_WIDTH = 96, FV_TEST_HEIGHT = 64, FV_TEST_FRAMES = 12, FV_TEST_PATH_BYTES = 512 };
 
 /* A new folder that fv_test_folder_remove takes away with all that is in it. Returns `path`. */
@@ -45,4 +49,7 @@ const char *fv_test_images(const char *folder);
 const char *fv_test_lcmlog(const char *folder);
 const char *fv_test_video(const char *folder); /* motion JPEG in AVI */
 
+#ifdef __cplusplus
+}
+#endif
 #endif
