@@ -10,6 +10,7 @@
 #ifndef FOVEA_FEATURES_ORB_H
 #define FOVEA_FEATURES_ORB_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 #include "base/arena.h"
@@ -24,14 +25,27 @@ extern "C" {
 /* Corners closer than this to the border of their level have no whole patch. */
 enum { FV_ORB_MARGIN_PX = 19 };
 
+/* Orientation is one of so many directions, 1.4 degrees apart (Rublee et al. take 30): then the turned
+ * pattern comes out of a table, and a quarter turn of it is a swap of coordinates. */
+enum { FV_ORB_DIRECTIONS = 256, FV_ORB_QUARTER = FV_ORB_DIRECTIONS / 4 };
+
+enum { FV_ORB_SAMPLES = 2 * FV_BRIEF_BITS };
+
+/* Places of the samples, x and y in turn, the first members of all pairs before the second ones. */
+struct fv_orb_pattern {
+    int8_t xy[2 * FV_ORB_SAMPLES];
+};
+
 struct fv_orb {
     uint32_t count_max;
-    float *angle_rad;     /* of each corner, clockwise in the image from +x, [-pi, pi] */
-    uint8_t *descriptors; /* FV_DESCRIPTOR_BYTES each, 64-byte aligned */
-    uint8_t *smooth;      /* the smoothed level in work; rows far from corners are undefined */
-    uint8_t *row_needed;  /* one flag per row of it */
-    uint16_t *row;        /* scratch of the blur */
-    int32_t *centres;     /* offsets of the corners of one level */
+    float *angle_rad;              /* of each corner, clockwise in the image from +x, (-pi, pi] */
+    uint8_t *descriptors;          /* FV_DESCRIPTOR_BYTES each, 64-byte aligned */
+    struct fv_orb_pattern *turned; /* the pattern in the directions of the first quarter */
+    bool turned_ready;             /* filled by the first describe */
+    uint8_t *smooth;               /* the smoothed level in work; rows far from corners are undefined */
+    uint8_t *row_needed;           /* one flag per row of it */
+    uint16_t *row;                 /* scratch of the blur */
+    int32_t *centres;              /* offsets of the corners of one level */
     int32_t *moments;
 };
 
@@ -46,16 +60,19 @@ void fv_orb_carve(struct fv_orb *orb, uint32_t count_max, const struct fv_pyrami
 void fv_orb_describe(struct fv_orb *orb, const struct fv_kernels *kernels, const struct fv_pyramid *pyramid,
                      const struct fv_corner *corners, uint32_t count);
 
-/* Direction of the centroid with the moments m10, m01; 0 where both are 0. */
-float fv_orb_angle(int32_t m10, int32_t m01);
+/* Direction of the centroid with the moments m10, m01 (|m| < 2^31): the nearest of FV_ORB_DIRECTIONS, counted
+ * from +x towards +y; 0 where both are 0. Integer only. */
+uint8_t fv_orb_direction(int32_t m10, int32_t m01);
 
-/* Byte offsets of the 2 x 256 samples for an angle and a stride: first those of the first members of the
- * pairs. */
-enum { FV_ORB_SAMPLES = 2 * FV_BRIEF_BITS };
-void fv_orb_steer(float angle_rad, int32_t stride_bytes, int32_t offsets[FV_ORB_SAMPLES]);
+/* Angle of a direction, (-pi, pi]. */
+float fv_orb_angle(uint8_t direction);
 
-/* The unturned places of the samples in the same order: x then y. */
-extern const float fv_orb_pattern[2][FV_ORB_SAMPLES];
+/* The pattern turned by an angle, rounded to whole pixels with OpenCV's arithmetic and so to the same pixels.
+ */
+void fv_orb_turn(float angle_rad, struct fv_orb_pattern *turned);
+
+/* The unturned places: x of all samples, then y of all. */
+extern const int8_t fv_orb_places[2][FV_ORB_SAMPLES];
 
 #ifdef __cplusplus
 }

@@ -89,28 +89,29 @@ void bench_moments_u8(struct check *check, fv_k_moments_u8_fn *variant)
 
 void check_brief_u8(struct check *check, fv_k_brief_u8_fn *reference, fv_k_brief_u8_fn *variant)
 {
-    const struct patch patch = random_patch(check, 24);
-    const uint8_t *centre = patch.image + random_centre(check, &patch, 24);
-    int32_t first[FV_BRIEF_BITS], second[FV_BRIEF_BITS];
-    for (int i = 0; i < FV_BRIEF_BITS; i++) {
-        first[i] = check_between(check, -21, 21) * patch.stride + check_between(check, -21, 21);
-        second[i] = check_between(check, -21, 21) * patch.stride + check_between(check, -21, 21);
-    }
-    uint8_t *expected = check_buffer(check, FV_DESCRIPTOR_BYTES, 1, 0),
-            *found = check_buffer(check, FV_DESCRIPTOR_BYTES, 1, 0);
-    reference(expected, centre, first, second);
-    variant(found, centre, first, second);
+    enum { REACH = 21, MARGIN = REACH + 3 };
+    const struct patch patch = random_patch(check, MARGIN);
+    const uint8_t *centre = patch.image + random_centre(check, &patch, MARGIN);
+    int8_t places[4 * FV_BRIEF_BITS];
+    for (int i = 0; i < 4 * FV_BRIEF_BITS; i++)
+        places[i] = (int8_t)check_between(check, -REACH, REACH);
+    const int32_t sign = check_between(check, 0, 1) ? 1 : -1, upright = check_between(check, 0, 1);
+    const int32_t along = upright ? sign : sign * patch.stride,
+                  across = upright ? sign * patch.stride : -sign;
+    uint8_t *expected = check_buffer(check, FV_DESCRIPTOR_BYTES, 1, 0);
+    uint8_t *found = check_buffer(check, FV_DESCRIPTOR_BYTES, 1, 0);
+    reference(expected, centre, places, along, across);
+    variant(found, centre, places, along, across);
     check_equal(check, "descriptor", expected, found, FV_DESCRIPTOR_BYTES);
 }
 
 void bench_brief_u8(struct check *check, fv_k_brief_u8_fn *variant)
 {
     strcpy(check->size, "1000 features");
-    int32_t first[FV_BRIEF_BITS], second[FV_BRIEF_BITS];
-    for (int i = 0; i < FV_BRIEF_BITS; i++) {
-        first[i] = (i * 31 % 37 - 18) * BENCH_STRIDE + i * 17 % 37 - 18;
-        second[i] = (i * 29 % 37 - 18) * BENCH_STRIDE + i * 13 % 37 - 18;
-    }
+    int8_t places[4 * FV_BRIEF_BITS];
+    for (int i = 0; i < 4 * FV_BRIEF_BITS; i++)
+        places[i] = (int8_t)(i * 31 % 37 - 18);
     for (int i = 0; i < BENCH_FEATURES; i++)
-        variant(bench_scratch() + FV_DESCRIPTOR_BYTES * i, bench_image() + bench_centre(i), first, second);
+        variant(bench_scratch() + FV_DESCRIPTOR_BYTES * i, bench_image() + bench_centre(i), places, 1,
+                BENCH_STRIDE);
 }

@@ -1,7 +1,7 @@
 /* ORB against OpenCV's, on real images with every kernel set of this processor:
  *  - smoothing equals cv::GaussianBlur(7x7, 2, 2) bit for bit;
  *  - descriptors equal, bit for bit, OpenCV's formula written out here over cv::GaussianBlur's image;
- *  - orientation lies within the error of OpenCV's own approximate arc tangent;
+ *  - orientation is the nearest of our directions, within the error of OpenCV's approximate arc tangent;
  *  - cv::ORB::compute itself, whose blur of a sub-image is floating point, gives nearly the same bits.
  *
  *   test_orb_opencv [FOLDER [LIMIT]]     default: up to 24 images of $FOVEA_DATA */
@@ -55,7 +55,7 @@ void formula(const cv::Mat &smooth, cv::Point at, float angle, uint8_t descripto
     const float a = static_cast<float>(std::cos(static_cast<double>(angle)));
     const float b = static_cast<float>(std::sin(static_cast<double>(angle)));
     const auto value = [&](int sample) {
-        const float px = fv_orb_pattern[0][sample], py = fv_orb_pattern[1][sample];
+        const float px = fv_orb_places[0][sample], py = fv_orb_places[1][sample];
         const int x = cvRound(px * a - py * b), y = cvRound(px * b + py * a);
         return smooth.at<uint8_t>(at.y + y, at.x + x);
     };
@@ -234,6 +234,9 @@ int main(int argc, char **argv)
     std::printf("cv::ORB::compute: %.3f %% of bits differ, %.1f %% of descriptors are the same\n", 100 * bits,
                 100.0 * static_cast<double>(totals.cv_same) /
                     static_cast<double>(std::max<size_t>(1, totals.cv_points)));
-    /* fastAtan2 errs by up to about 0.01 degrees. */
-    return totals.points > 500 && totals.angle_worst < 0.02 * degree && bits < 0.005 ? 0 : 1;
+    /* Half a step between directions; fastAtan2 errs by up to about 0.01 degrees. */
+    return totals.points > 500 && totals.angle_worst < (180.0 / FV_ORB_DIRECTIONS + 0.02) * degree &&
+                   bits < 0.005
+               ? 0
+               : 1;
 }

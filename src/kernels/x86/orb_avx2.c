@@ -43,10 +43,11 @@ void fv_k_blur7_row_u8__avx2(uint8_t *out, const uint8_t *const rows[7], int32_t
         fv_k_blur7_row_u8__c(out, rows, width, scratch);
         return;
     }
+    const uint8_t *const row[7] = {rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6]};
     uint16_t *column = scratch + 16;
     for (int32_t x = 0;; x += 16) {
         if (x > width - 16) x = width - 16; /* the last vector overlaps the one before */
-        _mm256_storeu_si256((__m256i *)(column + x), fv_blur7_column(rows, x));
+        _mm256_storeu_si256((__m256i *)(column + x), fv_blur7_column(row, x));
         if (x == width - 16) break;
     }
     for (int32_t i = 1; i <= FV_BLUR7_RADIUS; i++) {
@@ -95,17 +96,21 @@ void fv_k_moments_u8__avx2(int32_t *m, const uint8_t *image, ptrdiff_t stride, c
     }
 }
 
-void fv_k_brief_u8__avx2(uint8_t descriptor[FV_DESCRIPTOR_BYTES], const uint8_t *centre,
-                         const int32_t first[FV_BRIEF_BITS], const int32_t second[FV_BRIEF_BITS])
+static inline __m256i fv_brief_eight(const uint8_t *centre, const int8_t *places, __m256i step)
 {
-    const __m256i low_byte = _mm256_set1_epi32(255);
-    for (int i = 0; i < FV_DESCRIPTOR_BYTES; i++) {
-        const __m256i at_a = _mm256_loadu_si256((const __m256i *)(first + 8 * i));
-        const __m256i at_b = _mm256_loadu_si256((const __m256i *)(second + 8 * i));
-        const __m256i a =
-            _mm256_and_si256(_mm256_i32gather_epi32((const int *)(const void *)centre, at_a, 1), low_byte);
-        const __m256i b =
-            _mm256_and_si256(_mm256_i32gather_epi32((const int *)(const void *)centre, at_b, 1), low_byte);
+    const __m256i place = _mm256_cvtepi8_epi16(_mm_loadu_si128((const __m128i *)places));
+    const __m256i words =
+        _mm256_i32gather_epi32((const int *)(const void *)centre, _mm256_madd_epi16(place, step), 1);
+    return _mm256_and_si256(words, _mm256_set1_epi32(255));
+}
+
+void fv_k_brief_u8__avx2(uint8_t descriptor[FV_DESCRIPTOR_BYTES], const uint8_t *centre,
+                         const int8_t places[4 * FV_BRIEF_BITS], int32_t along, int32_t across)
+{
+    const __m256i step = _mm256_set1_epi32((int32_t)((uint32_t)across << 16 | (uint16_t)along));
+    for (int i = 0; i < FV_DESCRIPTOR_BYTES; i++, places += 16) {
+        const __m256i a = fv_brief_eight(centre, places, step);
+        const __m256i b = fv_brief_eight(centre, places + 2 * FV_BRIEF_BITS, step);
         descriptor[i] = (uint8_t)_mm256_movemask_ps(_mm256_castsi256_ps(_mm256_cmpgt_epi32(b, a)));
     }
 }

@@ -37,10 +37,11 @@ static inline __m512i fv_blur7_thirtytwo(const uint16_t *column)
 
 void fv_k_blur7_row_u8__avx512(uint8_t *out, const uint8_t *const rows[7], int32_t width, uint16_t *scratch)
 {
+    const uint8_t *const row[7] = {rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6]};
     uint16_t *column = scratch + 16;
     for (int32_t x = 0; x < width; x += 32) {
         const __mmask32 mask = width - x >= 32 ? 0xffffffffu : (1u << (width - x)) - 1u;
-        _mm512_mask_storeu_epi16(column + x, mask, fv_blur7_column(rows, x, mask));
+        _mm512_mask_storeu_epi16(column + x, mask, fv_blur7_column(row, x, mask));
     }
     for (int32_t i = 1; i <= FV_BLUR7_RADIUS; i++) {
         column[-i] = column[i];
@@ -86,16 +87,22 @@ void fv_k_moments_u8__avx512(int32_t *m, const uint8_t *image, ptrdiff_t stride,
     }
 }
 
-void fv_k_brief_u8__avx512(uint8_t descriptor[FV_DESCRIPTOR_BYTES], const uint8_t *centre,
-                           const int32_t first[FV_BRIEF_BITS], const int32_t second[FV_BRIEF_BITS])
+static inline __m512i fv_brief_sixteen(const uint8_t *centre, const int8_t *places, __m512i step)
 {
-    const __m512i low_byte = _mm512_set1_epi32(255);
-    for (int i = 0; i < FV_BRIEF_BITS; i += 16) {
-        const __m512i a = _mm512_i32gather_epi32(_mm512_loadu_si512(first + i), centre, 1);
-        const __m512i b = _mm512_i32gather_epi32(_mm512_loadu_si512(second + i), centre, 1);
-        const __mmask16 less =
-            _mm512_cmplt_epu32_mask(_mm512_and_si512(a, low_byte), _mm512_and_si512(b, low_byte));
-        descriptor[i / 8] = (uint8_t)less;
-        descriptor[i / 8 + 1] = (uint8_t)(less >> 8);
+    const __m512i place = _mm512_cvtepi8_epi16(_mm256_loadu_si256((const __m256i *)places));
+    const __m512i words = _mm512_i32gather_epi32(_mm512_madd_epi16(place, step), centre, 1);
+    return _mm512_and_si512(words, _mm512_set1_epi32(255));
+}
+
+void fv_k_brief_u8__avx512(uint8_t descriptor[FV_DESCRIPTOR_BYTES], const uint8_t *centre,
+                           const int8_t places[4 * FV_BRIEF_BITS], int32_t along, int32_t across)
+{
+    const __m512i step = _mm512_set1_epi32((int32_t)((uint32_t)across << 16 | (uint16_t)along));
+    for (int i = 0; i < FV_DESCRIPTOR_BYTES; i += 2, places += 32) {
+        const __m512i a = fv_brief_sixteen(centre, places, step);
+        const __m512i b = fv_brief_sixteen(centre, places + 2 * FV_BRIEF_BITS, step);
+        const __mmask16 less = _mm512_cmplt_epu32_mask(a, b);
+        descriptor[i] = (uint8_t)less;
+        descriptor[i + 1] = (uint8_t)(less >> 8);
     }
 }

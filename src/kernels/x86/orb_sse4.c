@@ -42,10 +42,11 @@ void fv_k_blur7_row_u8__sse4(uint8_t *out, const uint8_t *const rows[7], int32_t
         fv_k_blur7_row_u8__c(out, rows, width, scratch);
         return;
     }
+    const uint8_t *const row[7] = {rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6]};
     uint16_t *column = scratch + 8;
     for (int32_t x = 0;; x += 8) {
         if (x > width - 8) x = width - 8; /* the last vector overlaps the one before */
-        _mm_storeu_si128((__m128i *)(column + x), fv_blur7_column(rows, x));
+        _mm_storeu_si128((__m128i *)(column + x), fv_blur7_column(row, x));
         if (x == width - 8) break;
     }
     for (int32_t i = 1; i <= FV_BLUR7_RADIUS; i++) {
@@ -109,21 +110,33 @@ void fv_k_moments_u8__sse4(int32_t *m, const uint8_t *image, ptrdiff_t stride, c
     }
 }
 
-void fv_k_brief_u8__sse4(uint8_t descriptor[FV_DESCRIPTOR_BYTES], const uint8_t *centre,
-                         const int32_t first[FV_BRIEF_BITS], const int32_t second[FV_BRIEF_BITS])
+/* Sampled into arrays first: the vector loads that compare come long after the byte stores that they need. */
+static inline void fv_brief_sample(uint8_t samples[2 * FV_BRIEF_BITS], const uint8_t *centre,
+                                   const int8_t *places, __m128i step)
 {
-    /* Sampled into arrays first: the vector loads below come long after the byte stores that they need. */
-    uint8_t a[FV_BRIEF_BITS], b[FV_BRIEF_BITS];
-    for (int i = 0; i < FV_BRIEF_BITS; i++) {
-        a[i] = centre[first[i]];
-        b[i] = centre[second[i]];
+    for (int i = 0; i < 2 * FV_BRIEF_BITS; i += 4) {
+        const __m128i place = _mm_cvtepi8_epi16(_mm_loadl_epi64((const __m128i *)(places + 2 * i)));
+        const __m128i offset = _mm_madd_epi16(place, step);
+        const uint64_t low = (uint64_t)_mm_cvtsi128_si64(offset),
+                       high = (uint64_t)_mm_extract_epi64(offset, 1);
+        samples[i] = centre[(int32_t)low];
+        samples[i + 1] = centre[(int64_t)low >> 32];
+        samples[i + 2] = centre[(int32_t)high];
+        samples[i + 3] = centre[(int64_t)high >> 32];
     }
+}
+
+void fv_k_brief_u8__sse4(uint8_t descriptor[FV_DESCRIPTOR_BYTES], const uint8_t *centre,
+                         const int8_t places[4 * FV_BRIEF_BITS], int32_t along, int32_t across)
+{
+    uint8_t samples[2 * FV_BRIEF_BITS];
+    fv_brief_sample(samples, centre, places,
+                    _mm_set1_epi32((int32_t)((uint32_t)across << 16 | (uint16_t)along)));
     for (int i = 0; i < FV_BRIEF_BITS; i += 16) {
-        const __m128i x = _mm_loadu_si128((const __m128i *)(a + i));
-        const __m128i y = _mm_loadu_si128((const __m128i *)(b + i));
-        const __m128i not_less = _mm_cmpeq_epi8(_mm_max_epu8(x, y), x);
-        const unsigned bits = ~(unsigned)_mm_movemask_epi8(not_less);
-        descriptor[i / 8] = (uint8_t)bits;
-        descriptor[i / 8 + 1] = (uint8_t)(bits >> 8);
+        const __m128i a = _mm_loadu_si128((const __m128i *)(samples + i));
+        const __m128i b = _mm_loadu_si128((const __m128i *)(samples + FV_BRIEF_BITS + i));
+        const unsigned less = ~(unsigned)_mm_movemask_epi8(_mm_cmpeq_epi8(_mm_max_epu8(a, b), a));
+        descriptor[i / 8] = (uint8_t)less;
+        descriptor[i / 8 + 1] = (uint8_t)(less >> 8);
     }
 }
