@@ -4,7 +4,10 @@
 
 #include "fovea/elementary.h"
 
-enum { REACH_PX = 18 }; /* of the samples: 13 sqrt(2), rounded */
+enum {
+    REACH_PX = 18, /* of the samples: 13 sqrt(2), rounded */
+    GROUP = 32     /* corners at a time */
+};
 
 void fv_orb_carve(struct fv_orb *orb, uint32_t count_max, const struct fv_pyramid *pyramid,
                   struct fv_arena *frame)
@@ -18,8 +21,6 @@ void fv_orb_carve(struct fv_orb *orb, uint32_t count_max, const struct fv_pyrami
     orb->smooth = fv_arena_take_raw(frame, (size_t)largest->height, (size_t)largest->stride_bytes);
     orb->row_needed = fv_arena_take(frame, (size_t)largest->height, 1);
     orb->row = fv_arena_take_raw(frame, (size_t)largest->width + FV_BLUR7_PAD, sizeof *orb->row);
-    orb->centres = fv_arena_take(frame, count_max, sizeof *orb->centres);
-    orb->moments = fv_arena_take(frame, 2 * (size_t)count_max, sizeof *orb->moments);
 }
 
 uint8_t fv_orb_direction(int32_t m10, int32_t m01)
@@ -75,13 +76,20 @@ static const uint8_t *reflected_row(const struct fv_level *level, int32_t y)
     return level->pixels + (ptrdiff_t)y * level->stride_bytes;
 }
 
-static void smooth_needed(struct fv_orb *orb, const struct fv_kernels *kernels, const struct fv_level *level,
-                          const struct fv_corner *corners, uint32_t count)
+/* Flag the rows that descriptors will sample. */
+static void mark_rows(struct fv_orb *orb, const struct fv_level *level, const struct fv_corner *corners,
+                      uint32_t count)
 {
     memset(orb->row_needed, 0, (size_t)level->height);
     for (uint32_t i = 0; i < count; i++)
         memset(orb->row_needed + corners[i].y - REACH_PX, 1, 2 * REACH_PX + 1);
-    for (int32_t y = 0; y < level->height; y++) {
+}
+
+/* Smooth the flagged ones of the rows [from, to). */
+static void smooth_rows(struct fv_orb *orb, const struct fv_kernels *kernels, const struct fv_level *level,
+                        int32_t from, int32_t to)
+{
+    for (int32_t y = from; y < to; y++) {
         if (!orb->row_needed[y]) continue;
         const uint8_t *rows[2 * FV_BLUR7_RADIUS + 1];
         for (int i = 0; i <= 2 * FV_BLUR7_RADIUS; i++)
@@ -100,20 +108,33 @@ static void describe_one(const struct fv_orb *orb, const struct fv_kernels *kern
                       across[quarter]);
 }
 
-/* Corners of one level, whose results go to the same places of `angle_rad` and `descriptors`. */
+/* Corners of one level, whose results go to the same places of `angle_rad` and `descriptors`. They come
+ * roughly from top to bottom: in small groups, and with no more smoothed than the group needs, all stays in
+ * the nearest cache. */
 static void describe_level(struct fv_orb *orb, const struct fv_kernels *kernels, const struct fv_level *level,
                            const struct fv_corner *corners, uint32_t count, float *angle_rad,
                            uint8_t *descriptors)
 {
-    for (uint32_t i = 0; i < count; i++)
-        orb->centres[i] = corners[i].y * level->stride_bytes + corners[i].x;
-    kernels->moments_u8(orb->moments, level->pixels, level->stride_bytes, orb->centres, (int32_t)count);
-    smooth_needed(orb, kernels, level, corners, count);
-    for (uint32_t i = 0; i < count; i++) {
-        const uint8_t direction = fv_orb_direction(orb->moments[2 * i], orb->moments[2 * i + 1]);
-        angle_rad[i] = fv_orb_angle(direction);
-        describe_one(orb, kernels, orb->smooth + orb->centres[i], level->stride_bytes, direction,
-                     descriptors + (size_t)i * FV_DESCRIPTOR_BYTES);
+    int32_t centres[GROUP], moments[2 * GROUP], smoothed = 0;
+    mark_rows(orb, level, corners, count);
+    for (uint32_t start = 0; start < count; start += GROUP) {
+        const int group = count - start < GROUP ? (int)(count - start) : GROUP;
+        int32_t end = smoothed;
+        for (int i = 0; i < group; i++) {
+            const struct fv_corner *corner = &corners[start + (uint32_t)i];
+            centres[i] = corner->y * level->stride_bytes + corner->x;
+            if (end < corner->y + REACH_PX + 1) end = corner->y + REACH_PX + 1;
+        }
+        smooth_rows(orb, kernels, level, smoothed, end);
+        smoothed = end;
+        kernels->moments_u8(moments, level->pixels, level->stride_bytes, centres, group);
+        for (int i = 0; i < group; i++) {
+            const uint32_t k = start + (uint32_t)i;
+            const uint8_t direction = fv_orb_direction(moments[2 * i], moments[2 * i + 1]);
+            angle_rad[k] = fv_orb_angle(direction);
+            describe_one(orb, kernels, orb->smooth + centres[i], level->stride_bytes, direction,
+                         descriptors + (size_t)k * FV_DESCRIPTOR_BYTES);
+        }
     }
 }
 

@@ -45,8 +45,6 @@ struct fv_orb {
     uint8_t *smooth;               /* the smoothed level in work; rows far from corners are undefined */
     uint8_t *row_needed;           /* one flag per row of it */
     uint16_t *row;                 /* scratch of the blur */
-    int32_t *centres;              /* offsets of the corners of one level */
-    int32_t *moments;
 };
 
 /* Take memory for `count_max` corners in a pyramid of this size. Fills sizes and addresses only. Init-only.
