@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "app/utf8.h"
 #include "fovea/yaml_tree.h"
 #include "runtime/config.h"
 
@@ -269,6 +270,7 @@ enum fovea_status fv_settings_set(struct fv_settings *settings, const char *assi
     if (key->kind != FV_SETTINGS_TEXT) return set_parsed(settings, name, value, error);
     /* Texts are taken as they stand: "sim:" would otherwise need quotes within the shell's. */
     size_t stored;
+    if (!fv_utf8_check(value)) return set_refuse(name, value, "UTF-8 text", error);
     if (take_text(key, (char *)settings + key->offset, value, &stored) != FOVEA_OK)
         return set_refuse(name, value, "a shorter text", error);
     settings->line[key - fv_settings_keys] = FV_SETTINGS_SET;

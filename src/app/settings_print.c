@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "app/settings.h"
+#include "app/utf8.h"
 #include "fovea/text.h"
 
 enum { COMMENT_COLUMNS = 110 };
@@ -77,17 +78,24 @@ static void number(FILE *file, double value)
     fputs(text, file);
 }
 
+/* What YAML lets stand in double quotes as itself: not its line breaks, not control characters. */
+static bool stands_as_itself(uint32_t code)
+{
+    return (code >= 0x20 && code < 0x7f) || (code >= 0xa0 && code != 0x2028 && code != 0x2029 &&
+                                             code != 0xfeff && code != 0xfffe && code != 0xffff);
+}
+
 static void quoted(FILE *file, const char *text)
 {
+    uint32_t code;
     fputc('"', file);
-    for (; *text != '\0'; text++) {
-        unsigned char byte = (unsigned char)*text;
-        if (byte == '"' || byte == '\\')
-            fprintf(file, "\\%c", byte);
-        else if (byte < 0x20 || byte == 0x7f)
-            fprintf(file, "\\x%02x", byte);
+    for (int bytes; (bytes = fv_utf8_decode(text, &code)) > 0; text += bytes) {
+        if (code == '"' || code == '\\')
+            fprintf(file, "\\%c", (int)code);
+        else if (stands_as_itself(code))
+            fprintf(file, "%.*s", bytes, text);
         else
-            fputc(byte, file);
+            fprintf(file, "\\u%04x", (unsigned)code);
     }
     fputc('"', file);
 }

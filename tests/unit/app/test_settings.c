@@ -69,7 +69,7 @@ static void test_changed_values_read_back(void **state)
     (void)state;
     const char *const changes[] = {
         "source=images:/a \"b\"\\c/*.png",
-        "camera=\xc3\xa9t\xc3\xa9.yaml",
+        "camera=\xc3\xa9t\xc3\xa9\xc2\x85\xe2\x80\xa8\xf0\x9f\x93\xb7.yaml",
         "T_base_cam=[[0, 0, 1, 0.1], [-1, 0, 0, 1e-17], [0, -1, 0, 0.333333333333333314]]",
         "rate=real",
         "seed=9223372036854775807",
@@ -176,6 +176,8 @@ static void test_wrong_assignments(void **state)
         {"features.count_max=5", {"--set: features.count_max: found '5'", "[100, 4000]"}},
         {"seed=1\nlcm_ttl: 5", {"--set: seed", "one line"}},
         {"seed=1}, {a: b", {"--set:"}},
+        {"source=\xff\xfe", {"--set: source", "UTF-8"}},
+        {"mask=\xc0\x80", {"--set: mask", "UTF-8"}},
         {"loop.cpu=0x1", {"--set: loop.cpu", "'0x1'"}},
     };
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {

@@ -1,0 +1,15 @@
+/* UTF-8, as RFC 3629 has it. Init-only. */
+#ifndef FOVEA_APP_UTF8_H
+#define FOVEA_APP_UTF8_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+/* Bytes of the code point that `text` starts with, which goes to `*code`; 0 for malformed, overlong or
+ * surrogate sequences and at the end of the text. */
+int fv_utf8_decode(const char *text, uint32_t *code);
+
+/* Whether the whole text is well-formed. */
+bool fv_utf8_check(const char *text);
+
+#endif
