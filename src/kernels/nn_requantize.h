@@ -19,6 +19,12 @@ static inline int32_t fv_nn_clamp(int32_t value, int32_t low, int32_t high)
     return value < low ? low : value > high ? high : value;
 }
 
+/* The byte that leaves a layer: cut to 16 bits (which changes nothing that the final range lets through), moved, clamped. */
+static inline uint8_t fv_nn_output(int32_t scaled, int32_t zero, int32_t low, int32_t high)
+{
+    return (uint8_t)fv_nn_clamp(fv_nn_clamp(scaled, -32768, 32767) + zero, low, high);
+}
+
 /* Sum modulo 2^32: what every variant computes, and no undefined overflow for models with absurd multipliers. */
 static inline int32_t fv_nn_sum(int32_t a, int32_t b)
 {

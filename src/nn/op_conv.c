@@ -148,10 +148,12 @@ void fv_nn_op_depthwise(const struct fv_nn_call *call, int32_t begin, int32_t en
         .table = o->table == 0 ? NULL : base + o->table,
         .zero_in = o->zero_in, .zero_out = o->zero_out, .act_min = o->act_min, .act_max = o->act_max,
     };
-    for (int32_t row = begin; row < end; ++row) {
+    for (int32_t row = begin; row < end;) { /* image by image of the batch */
+        const int32_t first = row % im->out_h, left = im->out_h - first, rows = left < end - row ? left : end - row;
         const uint8_t *image = call->in[0] + (ptrdiff_t)(row / im->out_h) * im->in_h * im->in_w * im->in_stride;
         uint8_t *out = call->out[0] + (ptrdiff_t)row * im->out_w * im->out_stride;
-        call->kernels->nn_depthwise_u8(&d, image, out, row % im->out_h, call->scratch);
+        call->kernels->nn_depthwise_u8(&d, image, out, first, first + rows, call->scratch);
+        row += rows;
     }
 }
 

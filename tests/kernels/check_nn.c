@@ -114,7 +114,7 @@ static struct fv_nn_depthwise draw_depthwise(struct check *check)
 {
     struct fv_nn_depthwise d = {.kh = check_between(check, 1, 5), .kw = check_between(check, 1, 5)};
     if (check_between(check, 0, 1)) d.kh = d.kw = 3;
-    d.channels = check_between(check, 1, 150);
+    d.channels = check_between(check, 0, 2) ? check_between(check, 1, 150) : 8 * check_between(check, 1, 18);
     d.in_stride = d.channels + check_between(check, 0, 1) * check_between(check, 0, 20);
     d.out_stride = d.channels + check_between(check, 0, 1) * check_between(check, 0, 20);
     d.in_h = check_between(check, 1, 9);
@@ -159,13 +159,13 @@ void check_nn_depthwise_u8(struct check *check, fv_k_nn_depthwise_u8_fn *referen
     const size_t in_bytes = (size_t)((d.in_h * d.in_w - 1) * d.in_stride + d.channels);
     uint8_t *in = check_buffer(check, in_bytes, 1, SLACK);
     check_fill(check, in, in_bytes);
-    const size_t bytes = (size_t)((d.out_w - 1) * d.out_stride + d.channels);
+    const int32_t y = check_between(check, 0, (d.in_h + 4) / d.stride_y), rows = check_between(check, 1, 3);
+    const size_t bytes = (size_t)((rows * d.out_w - 1) * d.out_stride + d.channels);
     uint8_t *expected = check_buffer(check, bytes, 1, 0), *found = check_buffer(check, bytes, 1, 0);
-    const int32_t y = check_between(check, 0, (d.in_h + 4) / d.stride_y);
     uint8_t *scratch = depthwise_scratch(check, &d);
-    reference(&d, in, expected, y, scratch);
-    variant(&d, in, found, y, scratch);
-    check_equal(check, "row", expected, found, bytes);
+    reference(&d, in, expected, y, y + rows, scratch);
+    variant(&d, in, found, y, y + rows, scratch);
+    check_equal(check, "rows", expected, found, bytes);
 }
 
 void bench_nn_depthwise_u8(struct check *check, fv_k_nn_depthwise_u8_fn *variant)
@@ -190,7 +190,7 @@ void bench_nn_depthwise_u8(struct check *check, fv_k_nn_depthwise_u8_fn *variant
         check->kept = d;
     }
     snprintf(check->size, sizeof check->size, "38x38x256, 3x3");
-    for (int32_t y = 0; y < SIDE; ++y) variant(d, bench_scratch(), bench_scratch() + (1 << 20) + y * SIDE * CHANNELS, y, bench_scratch() + (4 << 20));
+    variant(d, bench_scratch(), bench_scratch() + (1 << 20), 0, SIDE, bench_scratch() + (4 << 20));
 }
 
 void check_nn_table_u8(struct check *check, fv_k_nn_table_u8_fn *reference, fv_k_nn_table_u8_fn *variant)

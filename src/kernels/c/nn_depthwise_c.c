@@ -15,15 +15,21 @@ static int32_t accumulate(const struct fv_nn_depthwise *d, const uint8_t *in, in
     return (int32_t)sum;
 }
 
-void fv_k_nn_depthwise_u8__c(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out, int32_t y, uint8_t *scratch)
+static void row(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out, int32_t y)
 {
-    (void)scratch;
     for (int32_t x = 0; x < d->out_w; ++x) {
         for (int32_t c = 0; c < d->channels; ++c) {
             const int32_t acc = accumulate(d, in, y, x, c);
-            const int32_t scaled = fv_nn_sum(fv_nn_requantize(acc, d->multiplier[c], d->shift[c]), d->zero_out);
-            const uint8_t value = (uint8_t)fv_nn_clamp(scaled, d->act_min, d->act_max);
+            const int32_t scaled = fv_nn_requantize(acc, d->multiplier[c], d->shift[c]);
+            const uint8_t value = fv_nn_output(scaled, d->zero_out, d->act_min, d->act_max);
             out[(ptrdiff_t)x * d->out_stride + c] = d->table == NULL ? value : d->table[value];
         }
     }
+}
+
+void fv_k_nn_depthwise_u8__c(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out, int32_t begin, int32_t end,
+                             uint8_t *scratch)
+{
+    (void)scratch;
+    for (int32_t y = begin; y < end; ++y) row(d, in, out + (ptrdiff_t)(y - begin) * d->out_w * d->out_stride, y);
 }

@@ -23,8 +23,8 @@ void fv_k_nn_gemm_u8__c(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t 
         const int32_t row_sum = sum_of(g, a + i * lda);
         for (int32_t c = 0; c < g->n; ++c) {
             const int32_t acc = accumulate(g, a + i * lda, row_sum, c);
-            const int32_t scaled = fv_nn_sum(fv_nn_requantize(acc, g->multiplier[c], g->shift[c]), g->zero_out);
-            const uint8_t value = (uint8_t)fv_nn_clamp(scaled, g->act_min, g->act_max);
+            const int32_t scaled = fv_nn_requantize(acc, g->multiplier[c], g->shift[c]);
+            const uint8_t value = fv_nn_output(scaled, g->zero_out, g->act_min, g->act_max);
             out[i * ldo + c] = g->table == NULL ? value : g->table[value];
         }
     }

@@ -40,11 +40,11 @@ struct fv_nn_depthwise {
     int32_t zero_in, zero_out, act_min, act_max; /* outside the image the input is zero_in */
 };
 
-/* One output row y. `in` is the image's first pixel, `out` the row's. `scratch`: 64-byte aligned, 256 bytes times
+/* Output rows [begin, end). `in` is the image's first pixel, `out` that of row `begin`. `scratch`: 64-byte aligned, 256 bytes times
  * ceil(kh / 4) times min((out_w - 1) stride_x + (kw - 1) dilation_x + 1, max(72, (kw - 1) dilation_x + 1)). May read 64
  * bytes past the image; writes exactly `channels` bytes per output pixel. */
-typedef void fv_k_nn_depthwise_u8_fn(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out, int32_t y,
-                                     uint8_t *scratch);
+typedef void fv_k_nn_depthwise_u8_fn(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out, int32_t begin,
+                                     int32_t end, uint8_t *scratch);
 
 /* out[i] = table[in[i]], i < count; in == out is allowed. */
 typedef void fv_k_nn_table_u8_fn(const uint8_t *table, const uint8_t *in, uint8_t *out, int32_t count);

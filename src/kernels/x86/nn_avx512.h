@@ -1,0 +1,89 @@
+/* What the AVX-512 network kernels share: exact requantisation of 16 accumulators, packing of 64, byte tables. Included by
+ * files of one instruction set each; everything is inlined there. */
+#ifndef FOVEA_KERNELS_X86_NN_AVX512_H
+#define FOVEA_KERNELS_X86_NN_AVX512_H
+
+#include <immintrin.h>
+#include <stdint.h>
+#include <string.h>
+
+#define FV_INLINE static inline __attribute__((always_inline))
+
+/* Constants of 16 channels: see fv_nn_requantize. Even and odd channels take turns in the 64-bit products. */
+struct scale16 {
+    __m512i multiplier, multiplier_odd, half_even, half_odd, fix_even, fix_odd, right_even, right_odd;
+};
+
+FV_INLINE void half_of(__m512i shift, __m512i *half, __m512i *fix, __m512i *right)
+{
+    const __m512i one = _mm512_set1_epi64(1);
+    const __mmask8 down = _mm512_cmplt_epi64_mask(shift, _mm512_setzero_si512());
+    const __m512i at = _mm512_sub_epi64(_mm512_set1_epi64(30), shift);
+    *half = _mm512_sllv_epi64(one, at);
+    *half = _mm512_mask_add_epi64(*half, down, *half, _mm512_set1_epi64(INT64_C(1) << 30));
+    *fix = _mm512_maskz_set1_epi64(down, INT64_C(1) << 31);
+    *right = _mm512_sub_epi64(_mm512_set1_epi64(31), shift);
+}
+
+FV_INLINE void load_scale(struct scale16 *s, const int32_t *multiplier, const int32_t *shift)
+{
+    const __m512i m = _mm512_loadu_si512(multiplier), h = _mm512_loadu_si512(shift);
+    s->multiplier = m;
+    s->multiplier_odd = _mm512_srli_epi64(m, 32);
+    half_of(_mm512_srai_epi64(_mm512_slli_epi64(h, 32), 32), &s->half_even, &s->fix_even, &s->right_even);
+    half_of(_mm512_srai_epi64(h, 32), &s->half_odd, &s->fix_odd, &s->right_odd);
+}
+
+/* `above_zero`: results below zero will be clamped to zero anyway, so the rounding of negative ones does not matter. */
+FV_INLINE __m512i requantize(__m512i acc, const struct scale16 *s, const int above_zero)
+{
+    __m512i even = _mm512_mul_epi32(acc, s->multiplier);
+    __m512i odd = _mm512_mul_epi32(_mm512_srli_epi64(acc, 32), s->multiplier_odd);
+    const __mmask8 even_negative = above_zero ? 0 : _mm512_movepi64_mask(even);
+    const __mmask8 odd_negative = above_zero ? 0 : _mm512_movepi64_mask(odd);
+    even = _mm512_add_epi64(even, s->half_even);
+    odd = _mm512_add_epi64(odd, s->half_odd);
+    if (!above_zero) {
+        even = _mm512_mask_sub_epi64(even, even_negative, even, s->fix_even);
+        odd = _mm512_mask_sub_epi64(odd, odd_negative, odd, s->fix_odd);
+    }
+    even = _mm512_srav_epi64(even, s->right_even);
+    odd = _mm512_srav_epi64(odd, s->right_odd);
+    return _mm512_mask_shuffle_epi32(even, 0xAAAA, odd, _MM_PERM_CCAA);
+}
+
+/* Lanes of 4 x 16 results to 64 bytes per 128-bit lane: [a b c d] of that lane, moved by `zero` and clamped. */
+FV_INLINE __m512i pack_lanes(__m512i a, __m512i b, __m512i c, __m512i d, __m512i zero, __m512i low, __m512i high)
+{
+    const __m512i ab = _mm512_adds_epi16(_mm512_packs_epi32(a, b), zero);
+    const __m512i cd = _mm512_adds_epi16(_mm512_packs_epi32(c, d), zero);
+    return _mm512_min_epu8(_mm512_max_epu8(_mm512_packus_epi16(ab, cd), low), high);
+}
+
+/* Table lookup of 64 bytes. With VBMI in registers, else through memory. */
+struct table64 {
+    __m512i part[4];
+};
+
+FV_INLINE void load_table(struct table64 *t, const uint8_t *table)
+{
+    for (int i = 0; i < 4; ++i) t->part[i] = table == NULL ? _mm512_setzero_si512() : _mm512_loadu_si512(table + 64 * i);
+}
+
+FV_INLINE __m512i look_up(__m512i index, const struct table64 *t, const uint8_t *table)
+{
+#ifdef __AVX512VBMI__
+    (void)table;
+    const __m512i low = _mm512_permutex2var_epi8(t->part[0], index, t->part[1]);
+    const __m512i high = _mm512_permutex2var_epi8(t->part[2], index, t->part[3]);
+    return _mm512_mask_mov_epi8(low, _mm512_movepi8_mask(index), high);
+#else
+    (void)t;
+    uint8_t bytes[64];
+    _mm512_storeu_si512(bytes, index);
+    for (int i = 0; i < 64; ++i) bytes[i] = table[bytes[i]];
+    return _mm512_loadu_si512(bytes);
+#endif
+}
+
+#endif

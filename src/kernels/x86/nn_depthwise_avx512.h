@@ -1,0 +1,270 @@
+/* Depthwise convolution with vpdpbusd, for the files of the VNNI and the Ice Lake set.
+ *
+ * The bytes of up to four rows are interleaved, so that one 32-bit lane holds one channel's column of the kernel, and each
+ * column of the kernel costs one vpdpbusd per 16 channels. Two ways, by the number of channels:
+ *  - blocks: 64 channels at a time; each input column is interleaved once into scratch and used by all outputs over it;
+ *  - flat: few channels; a row of pixels is one run of bytes in which outputs j and inputs j + kx channels belong together,
+ *    with the weights repeating every `channels` bytes. Rows are copied with their borders, columns sorted by stride. */
+#ifndef FOVEA_KERNELS_X86_NN_DEPTHWISE_AVX512_H
+#define FOVEA_KERNELS_X86_NN_DEPTHWISE_AVX512_H
+
+#include "kernels/kernels.h"
+#include "kernels/x86/nn_avx512.h"
+
+enum { STEPS_MAX = 40, COLUMNS_MAX = 72 };
+
+/* What 64 neighbouring outputs share. A step is one plane of weights, one group of four kernel rows, one kernel column. */
+struct lanes {
+    __m512i weights[STEPS_MAX][4];
+    __m512i bias[4];
+    struct scale16 scale[4];
+    struct table64 table;
+    __m512i zero, low, high;
+    __mmask64 mask;
+};
+
+FV_INLINE void interleave(__m512i a, __m512i b, __m512i c, __m512i d, __m512i out[4])
+{
+    const __m512i ab_low = _mm512_unpacklo_epi8(a, b), ab_high = _mm512_unpackhi_epi8(a, b);
+    const __m512i cd_low = _mm512_unpacklo_epi8(c, d), cd_high = _mm512_unpackhi_epi8(c, d);
+    out[0] = _mm512_unpacklo_epi16(ab_low, cd_low);
+    out[1] = _mm512_unpackhi_epi16(ab_low, cd_low);
+    out[2] = _mm512_unpacklo_epi16(ab_high, cd_high);
+    out[3] = _mm512_unpackhi_epi16(ab_high, cd_high);
+}
+
+/* Prepare 64 lanes that stand for channels first, first + 1, ... (modulo `period` when it is not 0). */
+static inline void load_lanes(struct lanes *l, const struct fv_nn_depthwise *d, int32_t first, int32_t period)
+{
+    const int32_t groups = (d->kh + 3) / 4;
+    int32_t channel[64], scaling[3][64];
+    int8_t column[4][64];
+    for (int32_t i = 0; i < 64; ++i) {
+        channel[i] = period != 0 ? (first + i) % period : first + i;
+        if (channel[i] >= d->c16) channel[i] = d->c16 - 1; /* lanes that are not stored */
+    }
+    for (int32_t q = 0, n = 0; q < 4; ++q) { /* the order in which interleaving leaves them */
+        for (int32_t lane = 0; lane < 4; ++lane) {
+            for (int32_t i = 0; i < 4; ++i, ++n) {
+                const int32_t c = channel[16 * lane + 4 * q + i];
+                scaling[0][n] = d->bias[c];
+                scaling[1][n] = d->multiplier[c];
+                scaling[2][n] = d->shift[c];
+            }
+        }
+    }
+    for (int32_t q = 0; q < 4; ++q) {
+        l->bias[q] = _mm512_loadu_si512(scaling[0] + 16 * q);
+        load_scale(&l->scale[q], scaling[1] + 16 * q, scaling[2] + 16 * q);
+    }
+    for (int32_t step = 0; step < d->planes * groups * d->kw; ++step) {
+        const int32_t kx = step % d->kw, group = step / d->kw % groups, plane = step / d->kw / groups;
+        for (int32_t r = 0; r < 4; ++r) {
+            const int32_t ky = 4 * group + r;
+            const int8_t *w = d->weights + ((ptrdiff_t)(plane * d->kh + ky) * d->kw + kx) * d->c16;
+            for (int32_t i = 0; i < 64; ++i) column[r][i] = ky < d->kh ? w[channel[i]] : 0;
+        }
+        interleave(_mm512_loadu_si512(column[0]), _mm512_loadu_si512(column[1]), _mm512_loadu_si512(column[2]),
+                   _mm512_loadu_si512(column[3]), l->weights[step]);
+    }
+    load_table(&l->table, d->table);
+    l->zero = _mm512_set1_epi16((short)d->zero_out);
+    l->low = _mm512_set1_epi8((char)d->act_min);
+    l->high = _mm512_set1_epi8((char)d->act_max);
+}
+
+FV_INLINE void finish(const struct lanes *l, const struct fv_nn_depthwise *d, const __m512i acc[4], uint8_t *out, __mmask64 mask,
+                      const int above)
+{
+    __m512i bytes = pack_lanes(requantize(acc[0], &l->scale[0], above), requantize(acc[1], &l->scale[1], above),
+                               requantize(acc[2], &l->scale[2], above), requantize(acc[3], &l->scale[3], above), l->zero, l->low,
+                               l->high);
+    if (d->table != NULL) bytes = look_up(bytes, &l->table, d->table);
+    _mm512_mask_storeu_epi8(out, mask, bytes);
+}
+
+/* ---- blocks of 64 channels ---------------------------------------------------------------------------------- */
+
+static inline const uint8_t *input_row(const struct fv_nn_depthwise *d, const uint8_t *in, int32_t y, int32_t ky)
+{
+    const int32_t iy = y * d->stride_y - d->pad_top + ky * d->dilation_y;
+    return ky >= d->kh || iy < 0 || iy >= d->in_h ? NULL : in + (ptrdiff_t)iy * d->in_w * d->in_stride;
+}
+
+/* Interleave input columns [first, first + count) of the rows for output row y. */
+static inline void interleave_columns(const struct fv_nn_depthwise *d, const uint8_t *in, int32_t y, int32_t first, int32_t count,
+                                      __mmask64 mask, uint8_t *scratch)
+{
+    const __m512i border = _mm512_set1_epi8((char)d->zero_in);
+    const int32_t groups = (d->kh + 3) / 4;
+    for (int32_t g = 0; g < groups; ++g) {
+        const uint8_t *row[4];
+        for (int32_t r = 0; r < 4; ++r) row[r] = input_row(d, in, y, 4 * g + r);
+        uint8_t *to = scratch + (ptrdiff_t)g * count * 256;
+        for (int32_t i = 0; i < count; ++i, to += 256) {
+            const int32_t x = first + i;
+            const int inside = x >= 0 && x < d->in_w;
+            const ptrdiff_t at = (ptrdiff_t)x * d->in_stride;
+            __m512i v[4], out[4];
+            for (int r = 0; r < 4; ++r) v[r] = inside && row[r] != NULL ? _mm512_maskz_loadu_epi8(mask, row[r] + at) : border;
+            interleave(v[0], v[1], v[2], v[3], out);
+            for (int q = 0; q < 4; ++q) _mm512_store_si512(to + 64 * q, out[q]);
+        }
+    }
+}
+
+FV_INLINE void block_outputs(const struct lanes *l, const struct fv_nn_depthwise *d, const uint8_t *scratch, int32_t columns,
+                             int32_t outputs, uint8_t *out, const int KW, const int GROUPS, const int PLANES, const int above)
+{
+    for (int32_t x = 0; x < outputs; ++x, out += d->out_stride) {
+        __m512i acc[4] = {l->bias[0], l->bias[1], l->bias[2], l->bias[3]};
+        for (int s = 0; s < PLANES * GROUPS * KW; ++s) {
+            const int kx = s % KW, g = s / KW % GROUPS;
+            const uint8_t *from = scratch + ((ptrdiff_t)g * columns + x * d->stride_x + kx * d->dilation_x) * 256;
+#pragma GCC unroll 4
+            for (int q = 0; q < 4; ++q) acc[q] = _mm512_dpbusd_epi32(acc[q], _mm512_load_si512(from + 64 * q), l->weights[s][q]);
+        }
+        finish(l, d, acc, out, l->mask, above);
+    }
+}
+
+static inline void block_row(const struct lanes *l, const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out, int32_t y,
+                             uint8_t *scratch, int above)
+{
+    const int32_t span = (d->kw - 1) * d->dilation_x + 1, groups = (d->kh + 3) / 4;
+    const int32_t most = span > COLUMNS_MAX ? 1 : (COLUMNS_MAX - span) / d->stride_x + 1;
+    for (int32_t x = 0, count; x < d->out_w; x += count) {
+        count = d->out_w - x < most ? d->out_w - x : most;
+        const int32_t columns = (count - 1) * d->stride_x + span;
+        interleave_columns(d, in, y, x * d->stride_x - d->pad_left, columns, l->mask, scratch);
+        uint8_t *to = out + (ptrdiff_t)x * d->out_stride;
+        const int small = d->kw == 3 && groups == 1;
+        if (small && d->planes == 1 && above) block_outputs(l, d, scratch, columns, count, to, 3, 1, 1, 1);
+        else if (small && d->planes == 1) block_outputs(l, d, scratch, columns, count, to, 3, 1, 1, 0);
+        else if (small && d->planes == 2 && above) block_outputs(l, d, scratch, columns, count, to, 3, 1, 2, 1);
+        else block_outputs(l, d, scratch, columns, count, to, d->kw, groups, d->planes, 0);
+    }
+}
+
+static inline void by_blocks(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out, int32_t begin, int32_t end,
+                             uint8_t *scratch, int above)
+{
+    struct lanes l;
+    for (int32_t c = 0; c < d->channels; c += 64) {
+        load_lanes(&l, d, c, 0);
+        l.mask = d->channels - c >= 64 ? ~UINT64_C(0) : ~UINT64_C(0) >> (64 - (d->channels - c));
+        for (int32_t y = begin; y < end; ++y) {
+            block_row(&l, d, in + c, out + c + (ptrdiff_t)(y - begin) * d->out_w * d->out_stride, y, scratch, above);
+        }
+    }
+}
+
+/* ---- flat rows ------------------------------------------------------------------------------------------------ */
+
+/* Bytes of one copied row: for each remainder modulo the stride, the columns with it side by side, and room to read past. */
+static inline ptrdiff_t flat_part(const struct fv_nn_depthwise *d)
+{
+    const int32_t span = (d->kw - 1) * d->dilation_x + 1, all = (d->out_w - 1) * d->stride_x + span;
+    return (ptrdiff_t)((all + d->stride_x - 1) / d->stride_x) * d->channels + 64;
+}
+
+static inline int flat_fits(const struct fv_nn_depthwise *d)
+{
+    const int32_t span = (d->kw - 1) * d->dilation_x + 1, all = (d->out_w - 1) * d->stride_x + span;
+    const int32_t most = span > COLUMNS_MAX ? span : COLUMNS_MAX;
+    const ptrdiff_t room = (ptrdiff_t)(all < most ? all : most) * 256 * ((d->kh + 3) / 4);
+    const int32_t blocks = (d->channels + 63) / 64;
+    return d->kh <= 4 && d->planes * d->kw <= STEPS_MAX && d->channels * 5 < blocks * 64 * 4 && d->out_stride == d->channels &&
+           flat_part(d) * d->stride_x * d->kh <= room;
+}
+
+static inline void copy_flat(const struct fv_nn_depthwise *d, const uint8_t *row, uint8_t *to, ptrdiff_t part)
+{
+    const int32_t span = (d->kw - 1) * d->dilation_x + 1, all = (d->out_w - 1) * d->stride_x + span;
+    const __mmask64 mask = ~UINT64_C(0) >> (64 - (d->channels < 64 ? d->channels : 64));
+    if (row == NULL) {
+        memset(to, d->zero_in, (size_t)(part * d->stride_x));
+        return;
+    }
+    if (d->stride_x == 1 && d->in_stride == d->channels) {
+        const int32_t left = d->pad_left < all ? d->pad_left : all, middle = all - left < d->in_w ? all - left : d->in_w;
+        memset(to, d->zero_in, (size_t)(left * d->channels));
+        memcpy(to + left * d->channels, row, (size_t)(middle * d->channels));
+        memset(to + (left + middle) * d->channels, d->zero_in, (size_t)((all - left - middle) * d->channels));
+        return;
+    }
+    for (int32_t i = 0; i < all; ++i) {
+        uint8_t *at = to + i % d->stride_x * part + (ptrdiff_t)(i / d->stride_x) * d->channels;
+        const int32_t x = i - d->pad_left;
+        if (x < 0 || x >= d->in_w) memset(at, d->zero_in, (size_t)d->channels);
+        else if (d->channels <= 64) _mm512_mask_storeu_epi8(at, mask, _mm512_maskz_loadu_epi8(mask, row + (ptrdiff_t)x * d->in_stride));
+        else memcpy(at, row + (ptrdiff_t)x * d->in_stride, (size_t)d->channels);
+    }
+}
+
+/* Outputs j, j + step, ... of one row; rows lie `pitch` bytes apart. */
+FV_INLINE void flat_outputs(const struct lanes *l, const struct fv_nn_depthwise *d, const uint8_t *rows, ptrdiff_t pitch,
+                            ptrdiff_t part, int32_t j, int32_t step, int32_t total, uint8_t *out, const int KH, const int KW,
+                            const int PLANES, const int above)
+{
+    const __m512i none = _mm512_setzero_si512();
+    for (; j < total; j += step) {
+        __m512i acc[4] = {l->bias[0], l->bias[1], l->bias[2], l->bias[3]};
+        for (int kx = 0; kx < KW; ++kx) {
+            const int32_t column = kx * d->dilation_x;
+            const uint8_t *from = rows + column % d->stride_x * part + (ptrdiff_t)(column / d->stride_x) * d->channels + j;
+            __m512i v[4];
+            interleave(_mm512_loadu_si512(from), KH > 1 ? _mm512_loadu_si512(from + pitch) : none,
+                       KH > 2 ? _mm512_loadu_si512(from + 2 * pitch) : none, KH > 3 ? _mm512_loadu_si512(from + 3 * pitch) : none, v);
+            for (int p = 0; p < PLANES; ++p) {
+#pragma GCC unroll 4
+                for (int q = 0; q < 4; ++q) acc[q] = _mm512_dpbusd_epi32(acc[q], v[q], l->weights[p * KW + kx][q]);
+            }
+        }
+        const __mmask64 mask = total - j >= 64 ? ~UINT64_C(0) : ~UINT64_C(0) >> (64 - (total - j));
+        finish(l, d, acc, out + j, mask, above);
+    }
+}
+
+static inline int32_t common_divisor(int32_t a, int32_t b)
+{
+    while (b != 0) {
+        const int32_t rest = a % b;
+        a = b;
+        b = rest;
+    }
+    return a;
+}
+
+static inline void by_flat_rows(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out, int32_t begin, int32_t end,
+                                uint8_t *scratch, int above)
+{
+    const int32_t phases = d->channels / common_divisor(d->channels, 64), total = d->out_w * d->channels;
+    const ptrdiff_t part = flat_part(d), pitch = part * d->stride_x;
+    const int small = d->kh == 3 && d->kw == 3;
+    struct lanes l;
+    int32_t loaded = -1;
+    for (int32_t y = begin; y < end; ++y, out += total) {
+        for (int32_t ky = 0; ky < d->kh; ++ky) copy_flat(d, input_row(d, in, y, ky), scratch + ky * pitch, part);
+        for (int32_t p = 0; p < phases && p * 64 < total; ++p) {
+            if (loaded != p) load_lanes(&l, d, p * 64 % d->channels, d->channels);
+            loaded = p;
+            const int32_t step = phases * 64;
+            if (small && d->planes == 1 && above) flat_outputs(&l, d, scratch, pitch, part, p * 64, step, total, out, 3, 3, 1, 1);
+            else if (small && d->planes == 1) flat_outputs(&l, d, scratch, pitch, part, p * 64, step, total, out, 3, 3, 1, 0);
+            else if (small && above) flat_outputs(&l, d, scratch, pitch, part, p * 64, step, total, out, 3, 3, d->planes, 1);
+            else flat_outputs(&l, d, scratch, pitch, part, p * 64, step, total, out, d->kh, d->kw, d->planes, 0);
+        }
+    }
+}
+
+static inline void depthwise(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out, int32_t begin, int32_t end,
+                             uint8_t *scratch)
+{
+    const int above = d->act_min >= d->zero_out;
+    if (flat_fits(d)) by_flat_rows(d, in, out, begin, end, scratch, above);
+    else if (d->planes * ((d->kh + 3) / 4) * d->kw <= STEPS_MAX) by_blocks(d, in, out, begin, end, scratch, above);
+    else fv_k_nn_depthwise_u8__c(d, in, out, begin, end, scratch);
+}
+
+#endif
