@@ -5,6 +5,7 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <fcntl.h>
+#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -265,6 +266,14 @@ static void test_full_disk(void **state)
     assert_int_equal(summary.bytes, 0);
 }
 
+static void *drain(void *context) /* so that the writer can finish */
+{
+    static char buffer[65536];
+    while (read(*(int *)context, buffer, sizeof buffer) > 0)
+        ;
+    return NULL;
+}
+
 static void test_slow_disk(void **state)
 {
     (void)state;
@@ -278,15 +287,11 @@ static void test_slow_disk(void **state)
     for (uint32_t n = 0; n < 100; n++)
         record_turn(recorder, n);
     fcntl(reader, F_SETFL, 0);
-    if (fork() == 0) { /* drain, so that the writer can finish */
-        static char buffer[65536];
-        close(STDOUT_FILENO);
-        while (read(reader, buffer, sizeof buffer) > 0)
-            ;
-        _exit(0);
-    }
+    pthread_t thread;
+    assert_int_equal(pthread_create(&thread, NULL, drain, &reader), 0);
     struct fv_recorder_summary summary;
     assert_int_equal(fv_recorder_close(recorder, &summary), FOVEA_ERROR_SYSTEM);
+    pthread_join(thread, NULL);
     close(reader);
     snprintf(path, sizeof path, "%s/log", folder);
     assert_non_null(strstr(summary.reason, "the disk is too slow"));
