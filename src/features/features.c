@@ -30,10 +30,11 @@ static void find_in_level(struct fv_features *features, const struct fv_kernels 
     const struct fv_level *from = &pyramid->level[level];
     const int32_t mask_width = pyramid->level[0].width;
     struct fv_fast fast;
-    fv_fast_begin(&fast, kernels, from->pixels, from->stride_bytes, from->width, from->height, FV_FEATURES_BORDER_PX,
-                  (int32_t)features->config.threshold_min, &features->fast);
+    fv_fast_begin(&fast, kernels, from->pixels, from->stride_bytes, from->width, from->height,
+                  FV_FEATURES_BORDER_PX, (int32_t)features->config.threshold_min, &features->fast);
     while (fv_fast_next(&fast)) {
-        const uint8_t *mask_row = mask == NULL ? NULL : mask + (ptrdiff_t)raw_pixel(level, fast.y) * mask_width;
+        const uint8_t *mask_row =
+            mask == NULL ? NULL : mask + (ptrdiff_t)raw_pixel(level, fast.y) * mask_width;
         for (int32_t i = 0; i < fast.count; i++) {
             const int32_t x = fast.columns[i];
             if (mask_row != NULL && mask_row[raw_pixel(level, x)] == 0) continue;
@@ -59,10 +60,13 @@ static void fill_list(struct fv_features *features)
 uint32_t fv_features_find(struct fv_features *features, const struct fv_kernels *kernels,
                           const struct fv_pyramid *pyramid, const uint8_t *mask, uint32_t count_asked)
 {
-    const uint32_t asked = count_asked < features->config.count_max ? count_asked : features->config.count_max;
-    fv_spread_begin(&features->spread, asked);
-    for (uint32_t level = pyramid->levels; level-- > 0;) find_in_level(features, kernels, pyramid, level, mask);
-    features->count = fv_spread_pick(&features->spread, asked, (uint8_t)features->config.threshold, features->corners);
+    const uint32_t asked =
+        count_asked < features->config.count_max ? count_asked : features->config.count_max;
+    fv_spread_begin(&features->spread, asked, (uint8_t)features->config.threshold);
+    for (uint32_t level = pyramid->levels; level-- > 0;)
+        find_in_level(features, kernels, pyramid, level, mask);
+    features->count =
+        fv_spread_pick(&features->spread, features->corners);
     fill_list(features);
     return features->count;
 }

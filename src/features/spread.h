@@ -1,12 +1,13 @@
 /* Spread: pick corners so that they cover the image rather than crowd on its strongest texture.
  *
- * Two grids. The *cover* cuts the frame into FV_SPREAD_COVER x FV_SPREAD_COVER fields; each remembers its strongest
- * corner over all levels, and that one is picked first: no textured part of the view stays empty. Then each level is cut into square
- * cells, about as many as its share of the features. A cell keeps its FV_SPREAD_KEPT strongest corners, and when any of
- * them reaches `threshold` those below do not count. The rest of a level's share is picked in rounds: cells that gave none yet
- * give their best, then those that gave one their second, and so on; in the round that does not fit any more the strongest are taken.
- * What a coarse level lacks goes to the finer ones. Ties go to the earlier in raster order; corners of the cover to the coarser
- * level. All integer, bounded and deterministic. */
+ * Two grids. The *cover* cuts the frame into FV_SPREAD_COVER x FV_SPREAD_COVER fields; each remembers its
+ * strongest corner over all levels, and that one is picked first: no textured part of the view stays empty.
+ * Then each level is cut into square cells, about as many as its share of the features. A cell keeps its
+ * FV_SPREAD_KEPT strongest corners, and when any of them reaches `threshold` those below do not count. The
+ * rest of a level's share is picked in rounds: cells that gave none yet give their best, then those that gave
+ * one their second, and so on; in the round that does not fit any more the strongest are taken. What a coarse
+ * level lacks goes to the finer ones, what is then left to the coarser. Ties go to the earlier in raster order; corners of the cover to the
+ * coarser level. All integer, bounded and deterministic. */
 #ifndef FOVEA_FEATURES_SPREAD_H
 #define FOVEA_FEATURES_SPREAD_H
 
@@ -38,29 +39,36 @@ struct fv_spread_cell {
 
 struct fv_spread_level {
     struct fv_spread_cell *cells;
-    int32_t width, height;                  /* of the level */
-    int32_t cell_px, columns, rows;         /* of the grid */
+    int32_t width, height;             /* of the level */
+    int32_t cell_px, columns, rows;    /* of the grid */
+    uint32_t per_cell;                 /* 2^32 / cell_px, rounded up: division by multiplying */
+    uint32_t per_field_x, per_field_y; /* 2^32 FV_SPREAD_COVER / width or height */
     uint32_t cells_max;
 };
 
 struct fv_spread {
     uint32_t levels;
+    uint32_t count; /* asked of this frame */
+    uint8_t threshold;
     struct fv_spread_level level[FOVEA_PYRAMID_LEVELS_MAX];
     struct fv_corner *cover; /* FV_SPREAD_COVER^2 fields, score 0: empty */
 };
 
-/* Take memory for `count_max` corners from levels of these sizes. Fills sizes and addresses only. Init-only. */
+/* Take memory for `count_max` corners from levels of these sizes. Fills sizes and addresses only. Init-only.
+ */
 void fv_spread_carve(struct fv_spread *spread, uint32_t levels, const int32_t width[], const int32_t height[],
                      uint32_t count_max, struct fv_arena *frame);
 
-/* Start a frame of which at most `count` (at most count_max) corners will be picked. */
-void fv_spread_begin(struct fv_spread *spread, uint32_t count);
+/* Start a frame of which at most `count` (at most count_max) corners will be picked; where a cell has corners
+ * of `threshold`, weaker ones do not count. */
+void fv_spread_begin(struct fv_spread *spread, uint32_t count, uint8_t threshold);
 
-/* Offer a corner; calls come by level from coarse to fine, in raster order. Constant time. */
+/* Offer a corner with a score of at least 1; calls come by level from coarse to fine, in raster order.
+ * Constant time. */
 void fv_spread_offer(struct fv_spread *spread, uint32_t level, int32_t x, int32_t y, uint8_t score);
 
-/* Pick at most `count` corners, by level from coarse to fine and cell by cell; returns how many. */
-uint32_t fv_spread_pick(struct fv_spread *spread, uint32_t count, uint8_t threshold, struct fv_corner *corners);
+/* Pick the corners, by level from coarse to fine and cell by cell; returns how many. */
+uint32_t fv_spread_pick(struct fv_spread *spread, struct fv_corner *corners);
 
 #ifdef __cplusplus
 }

@@ -39,8 +39,8 @@ void check_fast_peaks_u8(struct check *check, fv_k_fast_peaks_u8_fn *reference, 
             for (int k = 0; k < 3; k++)
                 if (check_between(check, 0, 9)) rows[k][i] = 0;
     uint16_t *expected = check_buffer(check, columns_bytes, 2, 0), *found = check_buffer(check, columns_bytes, 2, 0);
-    const int32_t n = reference(expected, rows[0] + 1, rows[1] + 1, rows[2] + 1, count);
-    const int32_t m = variant(found, rows[0] + 1, rows[1] + 1, rows[2] + 1, count);
+    const int32_t n = reference(expected, rows[0], rows[1], rows[2], 1, count + 1);
+    const int32_t m = variant(found, rows[0], rows[1], rows[2], 1, count + 1);
     if (n != m) check_fail(check, "C finds %d peaks, found %d", n, m);
     check_equal(check, "columns", expected, found, columns_bytes);
 }
@@ -56,7 +56,7 @@ void bench_fast_peaks_u8(struct check *check, fv_k_fast_peaks_u8_fn *variant)
                                   BENCH_WIDTH - 6, 20);
     }
     for (int y = 4; y < BENCH_HEIGHT - 4; y++) {
-        const uint8_t *row = scores + y * BENCH_STRIDE + 1;
-        variant(columns, row - BENCH_STRIDE, row, row + BENCH_STRIDE, BENCH_WIDTH - 8);
+        const uint8_t *row = scores + y * BENCH_STRIDE;
+        variant(columns, row - BENCH_STRIDE, row, row + BENCH_STRIDE, 1, BENCH_WIDTH - 7);
     }
 }

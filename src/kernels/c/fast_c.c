@@ -3,8 +3,9 @@
 #include <stdbool.h>
 
 /* The circle, from the top clockwise. */
-static const int8_t circle[16][2] = {{0, -3}, {1, -3},  {2, -2},  {3, -1},  {3, 0},  {3, 1},  {2, 2},  {1, 3},
-                                     {0, 3},  {-1, 3},  {-2, 2},  {-3, 1},  {-3, 0}, {-3, -1}, {-2, -2}, {-1, -3}};
+static const int8_t circle[16][2] = {{0, -3}, {1, -3},  {2, -2},  {3, -1}, {3, 0},  {3, 1},
+                                     {2, 2},  {1, 3},   {0, 3},   {-1, 3}, {-2, 2}, {-3, 1},
+                                     {-3, 0}, {-3, -1}, {-2, -2}, {-1, -3}};
 
 static int32_t smaller(int32_t a, int32_t b)
 {
@@ -56,14 +57,15 @@ void fv_k_fast_score_u8__c(uint8_t *scores, const uint8_t *pixels, ptrdiff_t str
     }
 }
 
-int32_t fv_k_fast_peaks_u8__c(uint16_t *columns, const uint8_t *above, const uint8_t *row, const uint8_t *below,
-                              int32_t count)
+int32_t fv_k_fast_peaks_u8__c(uint16_t *columns, const uint8_t *above, const uint8_t *row,
+                              const uint8_t *below, int32_t from, int32_t to)
 {
     int32_t found = 0;
-    for (int32_t x = 0; x < count; x++) {
+    for (int32_t x = from; x < to; x++) {
         if (row[x] == 0) continue;
         int32_t around = larger(row[x - 1], row[x + 1]);
-        for (int32_t dx = -1; dx <= 1; dx++) around = larger(around, larger(above[x + dx], below[x + dx]));
+        for (int32_t dx = -1; dx <= 1; dx++)
+            around = larger(around, larger(above[x + dx], below[x + dx]));
         if (row[x] > around) columns[found++] = (uint16_t)x;
     }
     return found;

@@ -115,10 +115,10 @@ void fv_k_fast_score_u8__avx2(uint8_t *scores, const uint8_t *pixels, ptrdiff_t 
 }
 
 int32_t fv_k_fast_peaks_u8__avx2(uint16_t *columns, const uint8_t *above, const uint8_t *row,
-                                 const uint8_t *below, int32_t count)
+                                 const uint8_t *below, int32_t from, int32_t to)
 {
     int32_t found = 0;
-    for (int32_t i = 0; i < count; i += 32) {
+    for (int32_t i = from; i < to; i += 32) {
         const __m256i centre = load(row + i);
         if (_mm256_testz_si256(centre, centre)) continue;
         __m256i around = MAX(load(row + i - 1), load(row + i + 1));
@@ -127,7 +127,7 @@ int32_t fv_k_fast_peaks_u8__avx2(uint16_t *columns, const uint8_t *above, const 
         /* A lane of the saturated difference is zero where the centre is not greater. */
         const __m256i lower = _mm256_cmpeq_epi8(_mm256_subs_epu8(centre, around), _mm256_setzero_si256());
         uint32_t peaks = ~(uint32_t)_mm256_movemask_epi8(lower);
-        if (count - i < 32) peaks &= (1u << (count - i)) - 1u;
+        if (to - i < 32) peaks &= (1u << (to - i)) - 1u;
         for (; peaks != 0; peaks &= peaks - 1)
             columns[found++] = (uint16_t)(i + __builtin_ctz(peaks));
     }

@@ -119,17 +119,17 @@ void fv_k_fast_score_u8__avx512(uint8_t *scores, const uint8_t *pixels, ptrdiff_
 }
 
 int32_t fv_k_fast_peaks_u8__avx512(uint16_t *columns, const uint8_t *above, const uint8_t *row,
-                                   const uint8_t *below, int32_t count)
+                                   const uint8_t *below, int32_t from, int32_t to)
 {
     int32_t found = 0;
-    for (int32_t i = 0; i < count; i += 64) {
+    for (int32_t i = from; i < to; i += 64) {
         const __m512i centre = load(row + i);
         if (_mm512_test_epi8_mask(centre, centre) == 0) continue;
         __m512i around = MAX(load(row + i - 1), load(row + i + 1));
         around = MAX(around, MAX(MAX(load(above + i - 1), load(above + i)), load(above + i + 1)));
         around = MAX(around, MAX(MAX(load(below + i - 1), load(below + i)), load(below + i + 1)));
         uint64_t peaks = _mm512_cmpgt_epu8_mask(centre, around);
-        if (count - i < 64) peaks &= (UINT64_C(1) << (count - i)) - 1u;
+        if (to - i < 64) peaks &= (UINT64_C(1) << (to - i)) - 1u;
         for (; peaks != 0; peaks &= peaks - 1)
             columns[found++] = (uint16_t)(i + __builtin_ctzll(peaks));
     }

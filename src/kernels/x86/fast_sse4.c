@@ -98,10 +98,10 @@ void fv_k_fast_score_u8__sse4(uint8_t *scores, const uint8_t *pixels, ptrdiff_t 
 }
 
 int32_t fv_k_fast_peaks_u8__sse4(uint16_t *columns, const uint8_t *above, const uint8_t *row,
-                                 const uint8_t *below, int32_t count)
+                                 const uint8_t *below, int32_t from, int32_t to)
 {
     int32_t found = 0;
-    for (int32_t i = 0; i < count; i += 16) {
+    for (int32_t i = from; i < to; i += 16) {
         const __m128i centre = load(row + i);
         if (_mm_testz_si128(centre, centre)) continue;
         __m128i around = MAX(load(row + i - 1), load(row + i + 1));
@@ -110,7 +110,7 @@ int32_t fv_k_fast_peaks_u8__sse4(uint16_t *columns, const uint8_t *above, const 
         /* A lane of the saturated difference is zero where the centre is not greater. */
         const __m128i lower = _mm_cmpeq_epi8(_mm_subs_epu8(centre, around), _mm_setzero_si128());
         uint32_t peaks = (uint32_t)_mm_movemask_epi8(lower) ^ 0xffffu;
-        if (count - i < 16) peaks &= (1u << (count - i)) - 1u;
+        if (to - i < 16) peaks &= (1u << (to - i)) - 1u;
         for (; peaks != 0; peaks &= peaks - 1)
             columns[found++] = (uint16_t)(i + __builtin_ctz(peaks));
     }
