@@ -6,8 +6,8 @@
  * FV_SPREAD_KEPT strongest corners, and when any of them reaches `threshold` those below do not count. The
  * rest of a level's share is picked in rounds: cells that gave none yet give their best, then those that gave
  * one their second, and so on; in the round that does not fit any more the strongest are taken. What a coarse
- * level lacks goes to the finer ones, what is then left to the coarser. Ties go to the earlier in raster order; corners of the cover to the
- * coarser level. All integer, bounded and deterministic. */
+ * level lacks goes to the finer ones, what is then left to the coarser. Ties go to the earlier in raster order;
+ * corners of the cover to the coarser level. All integer, bounded and deterministic. */
 #ifndef FOVEA_FEATURES_SPREAD_H
 #define FOVEA_FEATURES_SPREAD_H
 
