@@ -118,16 +118,30 @@ uint32_t fv_pose_sample(struct fv_sight *sights, uint32_t count, const struct fv
 /* ---- refinement
  * ---------------------------------------------------------------------------------------------- */
 
-/* Weighted squared pixel error; derivative rows by the small motion when `rows` is not NULL. Negative: out of
- * sight. */
-static double fv_pixel_error(const struct fovea_camera *camera, const struct fv_se3 *T,
-                             const struct fv_sight *s, double residual[2], double rows[12])
+bool fv_sight_error(const double bearing[3], const double A[6], const double q[3], double error[2],
+                    double J[6])
 {
-    double q[3], pixel[2], J[6];
+    double along = fv_dot3(bearing, q);
+    if (!(along > 1e-9)) return false;
+    double inverse = 1 / along;
+    error[0] = fv_dot3(A, q) * inverse;
+    error[1] = fv_dot3(A + 3, q) * inverse;
+    if (J)
+        for (int i = 0; i < 3; i++) {
+            J[i] = (A[i] - error[0] * bearing[i]) * inverse;
+            J[3 + i] = (A[3 + i] - error[1] * bearing[i]) * inverse;
+        }
+    return true;
+}
+
+/* Weighted squared pixel error; derivative rows by the small motion when `rows` is not NULL. Negative:
+ * behind. */
+static double fv_pixel_error(const struct fv_se3 *T, const struct fv_sight *s, double residual[2],
+                             double rows[12])
+{
+    double q[3], J[6];
     fv_se3_apply(T, s->point, q);
-    if (fovea_camera_project(camera, q, pixel, rows ? J : 0) != FOVEA_OK) return -1;
-    residual[0] = s->pixel[0] - pixel[0];
-    residual[1] = s->pixel[1] - pixel[1];
+    if (!fv_sight_error(s->bearing, s->A, q, residual, rows ? J : 0)) return -1;
     if (rows)
         for (int r = 0; r < 2; r++) {
             fv_copy3(J + 3 * r, rows + 6 * r);
@@ -141,20 +155,19 @@ static void fv_accumulate(double A[36], double g[6], const double rows[12], cons
 {
     for (int a = 0; a < 6; a++) {
         double u = weight * rows[a], v = weight * rows[6 + a];
-        g[a] += u * residual[0] + v * residual[1];
+        g[a] -= u * residual[0] + v * residual[1];
         for (int c = 0; c <= a; c++)
             A[6 * a + c] += u * rows[c] + v * rows[6 + c];
     }
 }
 
-static bool fv_refine_step(const struct fovea_camera *camera, const struct fv_sight *sights, uint32_t count,
-                           struct fv_se3 *T, double *moved)
+static bool fv_refine_step(const struct fv_sight *sights, uint32_t count, struct fv_se3 *T, double *moved)
 {
     double A[36] = {0}, g[6] = {0};
     for (uint32_t i = 0; i < count; i++) {
         double residual[2], rows[12];
         if (!sights[i].inlier) continue;
-        double error2 = fv_pixel_error(camera, T, &sights[i], residual, rows);
+        double error2 = fv_pixel_error(T, &sights[i], residual, rows);
         if (error2 < 0) continue;
         double robust = error2 > chi_square_95_2 ? __builtin_sqrt(chi_square_95_2 / error2) : 1; /* Huber */
         fv_accumulate(A, g, rows, residual, robust * sights[i].weight);
@@ -167,24 +180,24 @@ static bool fv_refine_step(const struct fovea_camera *camera, const struct fv_si
     return true;
 }
 
-bool fv_pose_refine(const struct fovea_camera *camera, struct fv_sight *sights, uint32_t count, int rounds,
-                    int steps, struct fv_se3 *T_cam_world, struct fv_pose_fit *fit)
+bool fv_pose_refine(struct fv_sight *sights, uint32_t count, int rounds, int steps,
+                    struct fv_se3 *T_cam_world, struct fv_pose_fit *fit)
 {
     struct fv_se3 T = *T_cam_world;
     double residual[2], rows[12], unused[6] = {0};
     for (int round = 0; round < rounds; round++) {
         double moved = 1;
         for (int step = 0; step < steps && moved > 1e-14; step++)
-            if (!fv_refine_step(camera, sights, count, &T, &moved)) return false;
+            if (!fv_refine_step(sights, count, &T, &moved)) return false;
         for (uint32_t i = 0; i < count; i++) {
-            double error2 = fv_pixel_error(camera, &T, &sights[i], residual, 0);
+            double error2 = fv_pixel_error(&T, &sights[i], residual, 0);
             sights[i].inlier = error2 >= 0 && error2 < chi_square_95_2;
         }
     }
     fv_so3_orthonormalise(T.R);
     memset(fit, 0, sizeof *fit);
     for (uint32_t i = 0; i < count; i++) {
-        double error2 = sights[i].inlier ? fv_pixel_error(camera, &T, &sights[i], residual, rows) : -1;
+        double error2 = sights[i].inlier ? fv_pixel_error(&T, &sights[i], residual, rows) : -1;
         if (error2 < 0) continue;
         fit->inliers++;
         fit->cost += error2;

@@ -3,14 +3,14 @@
  * T_cam_world takes points of the world to the camera. Minimal solver: M. Persson and K. Nordberg, "Lambda
  * twist: an accurate fast robust perspective three point (P3P) solver" (ECCV 2018); the pencil is split as by
  * Y. Ding et al., "Revisiting the P3P problem" (CVPR 2023). Sampling: MSAC with local optimisation.
- * Refinement minimises pixel errors through the exact camera model. Real-time safe, any thread; no heap. */
+ * Refinement minimises pixel errors, on bearings with the lens's Jacobian. Real-time safe, any thread; no
+ * heap. */
 #ifndef FOVEA_GEOMETRY_POSE_H
 #define FOVEA_GEOMETRY_POSE_H
 
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "fovea/camera.h"
 #include "fovea/elementary.h"
 #include "geometry/essential.h"
 #include "geometry/se3.h"
@@ -21,14 +21,21 @@ extern "C" {
 
 enum { FV_P3P_SOLUTIONS_MAX = 4 };
 
-/* A point of the world, where it was seen, and how sure that is. */
+/* A point of the world, where it was seen, and how sure that is. Pixel errors need no projection through the
+ * lens: near the bearing b, a point q of the camera frame lies e = A q / (b q) pixels from the key point, A =
+ * d(pixel)/d(point) at b, A b = 0. That is exact to first order, and outliers need no more. */
 struct fv_sight {
     double point[3];   /* world */
     double bearing[3]; /* unit, camera */
-    double pixel[2];   /* raw image */
+    double A[6];       /* 2x3 row-major, px */
     double weight;     /* 1 / sigma_px^2 of the key point */
     bool inlier;       /* in: use it (refinement starts from all that are set); out: fits the pose */
 };
+
+/* Pixel error of a point q of the camera frame, and, when `J` is not NULL, its 2x3 derivative by q. False:
+ * behind. */
+bool fv_sight_error(const double bearing[3], const double A[6], const double q[3], double error[2],
+                    double J[6]);
 
 /* Poses from three sights (bearings only); returns their number, at most 4. */
 int fv_p3p(const double bearings[3][3], const double points[3][3],
@@ -50,8 +57,8 @@ struct fv_pose_fit {
 /* Refine T_cam_world over all sights by Gauss-Newton with Huber weights, in `rounds` of `steps`; after each
  * round sights are sorted anew into inliers and outliers, so that none is lost for good. Sights behind the
  * camera or past the field are outliers. False when the system is singular (pose untouched). */
-bool fv_pose_refine(const struct fovea_camera *camera, struct fv_sight *sights, uint32_t count, int rounds,
-                    int steps, struct fv_se3 *T_cam_world, struct fv_pose_fit *fit);
+bool fv_pose_refine(struct fv_sight *sights, uint32_t count, int rounds, int steps,
+                    struct fv_se3 *T_cam_world, struct fv_pose_fit *fit);
 
 #ifdef __cplusplus
 }
