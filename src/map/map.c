@@ -1,0 +1,313 @@
+#include "map/map.h"
+
+#include <string.h>
+
+#include "geometry/vec.h"
+
+void fv_map_carve(struct fv_map *map, const struct fv_map_limits *limits, struct fv_arena *arena)
+{
+    map->limits = *limits;
+    map->columns = (limits->width + FV_MAP_CELL_PX - 1) / FV_MAP_CELL_PX;
+    map->rows = (limits->height + FV_MAP_CELL_PX - 1) / FV_MAP_CELL_PX;
+    size_t views = limits->keyframes + 2, features = views * limits->features;
+    map->state = fv_arena_take(arena, 1, sizeof *map->state);
+    map->keyframes = fv_arena_take(arena, views, sizeof *map->keyframes);
+    map->landmarks = fv_arena_take(arena, limits->landmarks, sizeof *map->landmarks);
+    map->free_landmarks = fv_arena_take(arena, limits->landmarks, sizeof *map->free_landmarks);
+    map->keypoints = fv_arena_take(arena, features, sizeof *map->keypoints);
+    map->descriptors = fv_arena_take(arena, features, FV_MAP_DESCRIPTOR_BYTES);
+    map->links = fv_arena_take(arena, features, sizeof *map->links);
+    map->order = fv_arena_take(arena, features, sizeof *map->order);
+    map->cells = fv_arena_take(arena, views * (size_t)(map->columns * map->rows + 1), sizeof *map->cells);
+}
+
+void fv_map_reset(struct fv_map *map)
+{
+    for (uint32_t i = 0; i < map->limits.keyframes + 2; i++) {
+        uint32_t generation = map->keyframes[i].generation + 1;
+        memset(&map->keyframes[i], 0, sizeof *map->keyframes);
+        map->keyframes[i].generation = generation;
+        map->keyframes[i].parent = FV_MAP_NONE;
+    }
+    for (uint32_t i = 0; i < map->limits.landmarks; i++) {
+        uint32_t generation = map->landmarks[i].generation + 1;
+        memset(&map->landmarks[i], 0, sizeof *map->landmarks);
+        map->landmarks[i].generation = generation;
+        map->free_landmarks[i] = map->limits.landmarks - 1 - i;
+    }
+    memset(map->state, 0, sizeof *map->state);
+    map->state->free_count = map->limits.landmarks;
+}
+
+struct fv_view fv_map_view(const struct fv_map *map, uint32_t slot)
+{
+    size_t first = (size_t)slot * map->limits.features;
+    struct fv_view view = {.frame = map->keyframes + slot,
+                           .points = map->keypoints + first,
+                           .descriptors = map->descriptors + first * FV_MAP_DESCRIPTOR_BYTES,
+                           .landmark = map->links + first,
+                           .order = map->order + first,
+                           .cells = map->cells + (size_t)slot * (size_t)(map->columns * map->rows + 1)};
+    return view;
+}
+
+static int32_t fv_clamp(int32_t v, int32_t low, int32_t high)
+{
+    return v < low ? low : v > high ? high : v;
+}
+
+static int32_t fv_cell_of(const struct fv_map *map, const struct fv_keypoint *p)
+{
+    int32_t column = fv_clamp((int32_t)p->x_px / FV_MAP_CELL_PX, 0, map->columns - 1);
+    int32_t row = fv_clamp((int32_t)p->y_px / FV_MAP_CELL_PX, 0, map->rows - 1);
+    return row * map->columns + column;
+}
+
+void fv_map_sort_view(const struct fv_map *map, uint32_t slot)
+{
+    struct fv_view view = fv_map_view(map, slot);
+    int32_t cells = map->columns * map->rows;
+    memset(view.cells, 0, (size_t)(cells + 1) * sizeof *view.cells);
+    for (uint32_t i = 0; i < view.frame->features; i++)
+        view.cells[fv_cell_of(map, &view.points[i]) + 1]++;
+    for (int32_t c = 0; c < cells; c++)
+        view.cells[c + 1] = (uint16_t)(view.cells[c + 1] + view.cells[c]);
+    /* Place from the back, moving each cell's end down to its start, then mend the ends. */
+    for (uint32_t i = view.frame->features; i-- > 0;)
+        view.order[--view.cells[fv_cell_of(map, &view.points[i]) + 1]] = (uint16_t)i;
+    for (int32_t c = 0; c < cells; c++)
+        view.cells[c] = view.cells[c + 1];
+    view.cells[cells] = (uint16_t)view.frame->features;
+}
+
+void fv_map_copy_view(struct fv_map *map, uint32_t from, uint32_t to)
+{
+    struct fv_view a = fv_map_view(map, from), b = fv_map_view(map, to);
+    uint32_t generation = b.frame->generation + 1, count = a.frame->features;
+    *b.frame = *a.frame;
+    b.frame->generation = generation;
+    b.frame->landmarks = 0;
+    memcpy(b.points, a.points, count * sizeof *b.points);
+    memcpy(b.descriptors, a.descriptors, (size_t)count * FV_MAP_DESCRIPTOR_BYTES);
+    memcpy(b.order, a.order, count * sizeof *b.order);
+    memcpy(b.cells, a.cells, (size_t)(map->columns * map->rows + 1) * sizeof *b.cells);
+    for (uint32_t i = 0; i < count; i++)
+        b.landmark[i] = FV_MAP_NONE;
+}
+
+/* ---- keyframes
+ * ----------------------------------------------------------------------------------------------- */
+
+static int32_t fv_oldest_keyframe(const struct fv_map *map)
+{
+    int32_t oldest = FV_MAP_NONE;
+    for (uint32_t i = 0; i < map->limits.keyframes; i++)
+        if (map->keyframes[i].used &&
+            (oldest == FV_MAP_NONE || map->keyframes[i].number < map->keyframes[oldest].number))
+            oldest = (int32_t)i;
+    return oldest;
+}
+
+uint32_t fv_map_add_keyframe(struct fv_map *map, uint32_t from)
+{
+    if (map->state->keyframe_count == map->limits.keyframes)
+        fv_map_remove_keyframe(map, (uint32_t)fv_oldest_keyframe(map));
+    uint32_t slot = 0;
+    while (map->keyframes[slot].used)
+        slot++;
+    fv_map_copy_view(map, from, slot);
+    map->keyframes[slot].used = true;
+    map->keyframes[slot].number = map->state->keyframe_number++;
+    map->state->keyframe_count++;
+    return slot;
+}
+
+void fv_map_remove_keyframe(struct fv_map *map, uint32_t slot)
+{
+    struct fv_view view = fv_map_view(map, slot);
+    for (uint32_t i = 0; i < view.frame->features; i++) {
+        int32_t landmark = view.landmark[i];
+        if (landmark == FV_MAP_NONE) continue;
+        fv_map_unlink(map, (uint32_t)landmark, slot);
+        if (map->landmarks[landmark].observer_count == 0) fv_map_remove_landmark(map, (uint32_t)landmark);
+    }
+    for (uint32_t i = 0; i < map->limits.keyframes + 2; i++) /* children hang on to the grandparent */
+        if (map->keyframes[i].parent == (int32_t)slot) map->keyframes[i].parent = view.frame->parent;
+    view.frame->used = false;
+    view.frame->generation++;
+    view.frame->features = 0;
+    map->state->keyframe_count--;
+}
+
+void fv_map_make_room(struct fv_map *map, uint32_t wanted)
+{
+    while (map->state->free_count < wanted && map->state->keyframe_count > 2)
+        fv_map_remove_keyframe(map, (uint32_t)fv_oldest_keyframe(map));
+}
+
+/* ---- landmarks
+ * ----------------------------------------------------------------------------------------------- */
+
+int32_t fv_map_add_landmark(struct fv_map *map, const double point[3], uint64_t frame_number)
+{
+    if (map->state->free_count == 0) return FV_MAP_NONE;
+    uint32_t slot = map->free_landmarks[--map->state->free_count];
+    struct fv_landmark *l = &map->landmarks[slot];
+    uint32_t generation = l->generation + 1;
+    memset(l, 0, sizeof *l);
+    l->generation = generation;
+    l->used = true;
+    l->born = frame_number;
+    l->expected = l->found = 1;
+    fv_copy3(point, l->point);
+    map->state->landmark_count++;
+    return (int32_t)slot;
+}
+
+void fv_map_remove_landmark(struct fv_map *map, uint32_t landmark)
+{
+    struct fv_landmark *l = &map->landmarks[landmark];
+    while (l->observer_count > 0)
+        fv_map_unlink(map, landmark, l->observers[l->observer_count - 1].keyframe);
+    l->used = false;
+    l->generation++;
+    map->free_landmarks[map->state->free_count++] = landmark;
+    map->state->landmark_count--;
+}
+
+bool fv_map_link(struct fv_map *map, uint32_t landmark, uint32_t keyframe, uint32_t feature)
+{
+    struct fv_landmark *l = &map->landmarks[landmark];
+    struct fv_view view = fv_map_view(map, keyframe);
+    if (view.landmark[feature] != FV_MAP_NONE) return false;
+    for (uint32_t i = 0; i < l->observer_count; i++)
+        if (l->observers[i].keyframe == keyframe) return false;
+    if (l->observer_count == FV_MAP_OBSERVERS_MAX) fv_map_unlink(map, landmark, l->observers[1].keyframe);
+    struct fv_observer observer = {(uint16_t)keyframe, (uint16_t)feature};
+    l->observers[l->observer_count++] = observer;
+    view.landmark[feature] = (int32_t)landmark;
+    view.frame->landmarks++;
+    return true;
+}
+
+void fv_map_unlink(struct fv_map *map, uint32_t landmark, uint32_t keyframe)
+{
+    struct fv_landmark *l = &map->landmarks[landmark];
+    for (uint32_t i = 0; i < l->observer_count; i++) {
+        if (l->observers[i].keyframe != keyframe) continue;
+        struct fv_view view = fv_map_view(map, keyframe);
+        view.landmark[l->observers[i].feature] = FV_MAP_NONE;
+        view.frame->landmarks--;
+        l->observer_count--;
+        for (uint32_t k = i; k < l->observer_count; k++)
+            l->observers[k] = l->observers[k + 1];
+        return;
+    }
+}
+
+static uint32_t fv_hamming(const uint8_t *a, const uint8_t *b)
+{
+    uint32_t distance = 0;
+    for (int i = 0; i < FV_MAP_DESCRIPTOR_BYTES; i += 8) {
+        uint64_t x, y;
+        memcpy(&x, a + i, 8);
+        memcpy(&y, b + i, 8);
+        x ^= y;
+        x -= (x >> 1) & 0x5555555555555555u;
+        x = (x & 0x3333333333333333u) + ((x >> 2) & 0x3333333333333333u);
+        x = (x + (x >> 4)) & 0x0f0f0f0f0f0f0f0fu;
+        distance += (uint32_t)((x * 0x0101010101010101u) >> 56);
+    }
+    return distance;
+}
+
+static const uint8_t *fv_observed_descriptor(const struct fv_map *map, struct fv_observer o)
+{
+    return map->descriptors +
+           ((size_t)o.keyframe * map->limits.features + o.feature) * FV_MAP_DESCRIPTOR_BYTES;
+}
+
+void fv_map_refresh_landmark(struct fv_map *map, uint32_t landmark)
+{
+    struct fv_landmark *l = &map->landmarks[landmark];
+    double mean[3] = {0};
+    uint32_t best = 0, best_sum = UINT32_MAX;
+    for (uint32_t i = 0; i < l->observer_count; i++) {
+        struct fv_view view = fv_map_view(map, l->observers[i].keyframe);
+        double q[3], ray[3];
+        fv_se3_apply(&view.frame->T_cam_world, l->point, q);
+        double distance = fv_norm3(q);
+        if (i == 0) {
+            l->distance = (float)distance;
+            l->level = (uint8_t)view.points[l->observers[0].feature].level;
+        }
+        fv_rotate_back3(view.frame->T_cam_world.R, q, ray);
+        for (int k = 0; k < 3; k++)
+            mean[k] += ray[k] / (distance > 1e-12 ? distance : 1e-12);
+        uint32_t sum = 0;
+        for (uint32_t j = 0; j < l->observer_count; j++)
+            sum += fv_hamming(fv_observed_descriptor(map, l->observers[i]),
+                              fv_observed_descriptor(map, l->observers[j]));
+        if (sum < best_sum) {
+            best_sum = sum;
+            best = i;
+        }
+    }
+    if (l->observer_count == 0) return;
+    (void)fv_normalise3(mean);
+    for (int k = 0; k < 3; k++)
+        l->direction[k] = (float)mean[k];
+    memcpy(l->descriptor, fv_observed_descriptor(map, l->observers[best]), FV_MAP_DESCRIPTOR_BYTES);
+}
+
+/* ---- guided search
+ * ------------------------------------------------------------------------------------------- */
+
+enum { CANDIDATES_MAX = 96 };
+
+/* Features of the view within the square around (x, y); cut at CANDIDATES_MAX. */
+static int32_t fv_gather(const struct fv_map *map, const struct fv_view *view, double x, double y,
+                         double radius, int level_min, int level_max, bool only_free, uint16_t *candidates)
+{
+    int32_t c0 = fv_clamp((int32_t)(x - radius) / FV_MAP_CELL_PX, 0, map->columns - 1);
+    int32_t c1 = fv_clamp((int32_t)(x + radius) / FV_MAP_CELL_PX, 0, map->columns - 1);
+    int32_t r0 = fv_clamp((int32_t)(y - radius) / FV_MAP_CELL_PX, 0, map->rows - 1);
+    int32_t r1 = fv_clamp((int32_t)(y + radius) / FV_MAP_CELL_PX, 0, map->rows - 1);
+    int32_t count = 0;
+    for (int32_t r = r0; r <= r1; r++) {
+        /* Cells of a row follow each other in `order`. */
+        uint32_t first = view->cells[r * map->columns + c0], last = view->cells[r * map->columns + c1 + 1];
+        for (uint32_t k = first; k < last && count < CANDIDATES_MAX; k++) {
+            const struct fv_keypoint *p = &view->points[view->order[k]];
+            double dx = (double)p->x_px - x, dy = (double)p->y_px - y;
+            if (dx * dx + dy * dy > radius * radius || (int)p->level < level_min || (int)p->level > level_max)
+                continue;
+            if (only_free && view->landmark[view->order[k]] != FV_MAP_NONE) continue;
+            candidates[count++] = view->order[k];
+        }
+    }
+    return count;
+}
+
+struct fv_found fv_map_search(const struct fv_map *map, const struct fv_kernels *kernels, uint32_t slot,
+                              double x_px, double y_px, double radius_px, int level_min, int level_max,
+                              const uint8_t *descriptor, bool only_free)
+{
+    struct fv_found found = {FV_MAP_NONE, 256, 256};
+    uint16_t candidates[CANDIDATES_MAX], distances[CANDIDATES_MAX];
+    if (!(x_px > -1e4 && x_px < 1e5 && y_px > -1e4 && y_px < 1e5)) return found;
+    struct fv_view view = fv_map_view(map, slot);
+    int32_t count = fv_gather(map, &view, x_px, y_px, radius_px, level_min, level_max, only_free, candidates);
+    if (count == 0) return found;
+    kernels->hamming_some_u8(distances, descriptor, view.descriptors, candidates, count);
+    for (int32_t k = 0; k < count; k++) {
+        if (distances[k] < found.distance) {
+            found.second = found.distance;
+            found.distance = distances[k];
+            found.feature = candidates[k];
+        } else if (distances[k] < found.second) {
+            found.second = distances[k];
+        }
+    }
+    return found;
+}

@@ -1,0 +1,99 @@
+/* Window optimisation: the newest keyframes and the landmarks that they see, adjusted together; a job.
+ *
+ * Levenberg-Marquardt on robust (Huber) pixel errors; landmarks are eliminated by the Schur complement, the
+ * reduced system of poses is solved by our own LDL^T. After B. Triggs et al., "Bundle adjustment: a modern
+ * synthesis" (2000). The window is copied into job memory when the job starts; the copy is worked on in
+ * units; the commit writes back what still holds by (slot, generation). Keyframes outside the window that see
+ * its landmarks take part unmoved. State holds no addresses. Real-time safe; every unit is bounded. */
+#ifndef FOVEA_MAP_WINDOW_H
+#define FOVEA_MAP_WINDOW_H
+
+#include "map/map.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum {
+    FV_WINDOW_KEYFRAMES_MAX = 12,
+    FV_WINDOW_FIXED_MAX = 20,
+    FV_WINDOW_POSES_MAX = FV_WINDOW_KEYFRAMES_MAX + FV_WINDOW_FIXED_MAX,
+    FV_WINDOW_SYSTEM_MAX = 6 * FV_WINDOW_KEYFRAMES_MAX
+};
+
+struct fv_window_limits {
+    uint32_t keyframes;    /* moved, [2, FV_WINDOW_KEYFRAMES_MAX] */
+    uint32_t landmarks;    /* [100, 4000] */
+    uint32_t observations; /* of all of them */
+    uint32_t passes;       /* over the window: one more than Levenberg-Marquardt steps; [4, 20] */
+};
+
+struct fv_window_pose {
+    struct fv_se3 T_cam_world, before; /* in work, and as last accepted */
+    struct fv_se3 at_start;
+    uint32_t slot, generation;
+    int32_t column; /* of its block in the reduced system; -1: not moved */
+    uint32_t reserved;
+};
+
+struct fv_window_landmark {
+    double point[3], before[3];
+    double inverse[6]; /* of its damped 3x3 block */
+    double gradient[3];
+    uint32_t slot, generation;
+    uint32_t first, count; /* observations */
+};
+
+struct fv_window_observation {
+    float bearing[3], A[6], weight;
+    uint32_t pose;
+    double cross[18]; /* 6x3 block between pose and landmark */
+};
+
+enum fv_window_phase { FV_WINDOW_IDLE = 0, FV_WINDOW_PASS = 1, FV_WINDOW_DONE = 2 };
+
+struct fv_window_state {
+    enum fv_window_phase phase;
+    uint32_t pose_count, moved_count, landmark_count, observation_count;
+    uint32_t next;     /* landmark of the pass */
+    uint32_t pass;     /* passes completed */
+    bool step_pending; /* the pass applies `step` first */
+    bool accepted_any;
+    double damping, cost, cost_before;
+    double step[FV_WINDOW_SYSTEM_MAX];
+    double gradient[FV_WINDOW_SYSTEM_MAX];
+    double system[FV_WINDOW_SYSTEM_MAX * FV_WINDOW_SYSTEM_MAX]; /* row-major with 6 * moved_count columns */
+    struct fv_window_pose poses[FV_WINDOW_POSES_MAX];
+    uint64_t keyframe_number; /* newest keyframe when the job started */
+};
+
+struct fv_window {
+    struct fv_window_limits limits;
+    struct fv_window_state *state;
+    struct fv_window_landmark *landmarks;
+    struct fv_window_observation *observations;
+};
+
+void fv_window_carve(struct fv_window *window, const struct fv_window_limits *limits, struct fv_arena *job);
+
+/* Copy the window around keyframe `newest`. False when there is nothing to optimise (then the job stays
+ * idle). */
+bool fv_window_start(struct fv_window *window, struct fv_map *map, uint32_t newest);
+
+/* One unit of work; true when units are left. */
+bool fv_window_unit(struct fv_window *window);
+
+/* Write the result to the map: poses, landmarks, and what hangs on them (keyframes and landmarks outside the
+ * window move with their parent or reference); observations that do not fit are unlinked. Ends the job. */
+struct fv_window_result {
+    uint32_t moved_keyframes, moved_landmarks, dropped_observations;
+    double cost_before, cost_after;
+};
+struct fv_window_result fv_window_commit(struct fv_window *window, struct fv_map *map);
+
+void fv_window_abort(struct fv_window *window);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
