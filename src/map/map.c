@@ -289,17 +289,12 @@ static int32_t fv_gather(const struct fv_map *map, const struct fv_view *view, d
     return count;
 }
 
-struct fv_found fv_map_search(const struct fv_map *map, const struct fv_kernels *kernels, uint32_t slot,
-                              double x_px, double y_px, double radius_px, int level_min, int level_max,
-                              const uint8_t *descriptor, bool only_free)
+static struct fv_found fv_nearest(const struct fv_kernels *kernels, const struct fv_view *view,
+                                  const uint16_t *candidates, int32_t count, const uint8_t *descriptor)
 {
     struct fv_found found = {FV_MAP_NONE, 256, 256};
-    uint16_t candidates[CANDIDATES_MAX], distances[CANDIDATES_MAX];
-    if (!(x_px > -1e4 && x_px < 1e5 && y_px > -1e4 && y_px < 1e5)) return found;
-    struct fv_view view = fv_map_view(map, slot);
-    int32_t count = fv_gather(map, &view, x_px, y_px, radius_px, level_min, level_max, only_free, candidates);
-    if (count == 0) return found;
-    kernels->hamming_some_u8(distances, descriptor, view.descriptors, candidates, count);
+    uint16_t distances[CANDIDATES_MAX];
+    if (count > 0) kernels->hamming_some_u8(distances, descriptor, view->descriptors, candidates, count);
     for (int32_t k = 0; k < count; k++) {
         if (distances[k] < found.distance) {
             found.second = found.distance;
@@ -310,4 +305,46 @@ struct fv_found fv_map_search(const struct fv_map *map, const struct fv_kernels 
         }
     }
     return found;
+}
+
+struct fv_found fv_map_search(const struct fv_map *map, const struct fv_kernels *kernels, uint32_t slot,
+                              double x_px, double y_px, double radius_px, int level_min, int level_max,
+                              const uint8_t *descriptor, bool only_free)
+{
+    const struct fv_found none = {FV_MAP_NONE, 256, 256};
+    uint16_t candidates[CANDIDATES_MAX];
+    if (!(x_px > -1e4 && x_px < 1e5 && y_px > -1e4 && y_px < 1e5)) return none;
+    struct fv_view view = fv_map_view(map, slot);
+    int32_t count = fv_gather(map, &view, x_px, y_px, radius_px, level_min, level_max, only_free, candidates);
+    return fv_nearest(kernels, &view, candidates, count, descriptor);
+}
+
+struct fv_found fv_map_search_line(const struct fv_map *map, const struct fv_kernels *kernels, uint32_t slot,
+                                   const double box[4], const double normal[3], double limit_rad,
+                                   int level_min, int level_max, const uint8_t *descriptor)
+{
+    static const double scales[] = {1, 1.2, 1.44, 1.728, 2.0736, 2.48832, 2.985984, 3.5831808};
+    uint16_t candidates[CANDIDATES_MAX];
+    int32_t count = 0, corner[4];
+    for (int i = 0; i < 4; i++) {
+        double margin = i < 2 ? -6 : 6, limit = (i & 1 ? map->rows : map->columns) * FV_MAP_CELL_PX - 1;
+        double v = box[i] + margin;
+        corner[i] = (int32_t)(v > 0 ? (v < limit ? v : limit) : 0) / FV_MAP_CELL_PX;
+    }
+    struct fv_view view = fv_map_view(map, slot);
+    for (int32_t r = corner[1]; r <= corner[3]; r++) {
+        uint32_t first = view.cells[r * map->columns + corner[0]],
+                 last = view.cells[r * map->columns + corner[2] + 1];
+        for (uint32_t k = first; k < last && count < CANDIDATES_MAX; k++) {
+            uint32_t f = view.order[k];
+            const struct fv_keypoint *p = &view.points[f];
+            if (view.landmark[f] != FV_MAP_NONE || (int)p->level < level_min || (int)p->level > level_max)
+                continue;
+            double off = normal[0] * (double)p->bearing[0] + normal[1] * (double)p->bearing[1] +
+                         normal[2] * (double)p->bearing[2];
+            if (off * off > limit_rad * limit_rad * scales[p->level & 7] * scales[p->level & 7]) continue;
+            candidates[count++] = (uint16_t)f;
+        }
+    }
+    return fv_nearest(kernels, &view, candidates, count, descriptor);
 }

@@ -160,6 +160,12 @@ struct fv_found fv_map_search(const struct fv_map *map, const struct fv_kernels 
                               double x_px, double y_px, double radius_px, int level_min, int level_max,
                               const uint8_t *descriptor, bool only_free);
 
+/* The feature without landmark nearest to `descriptor` within `box` (x0 y0 x1 y1, px) whose bearing lies
+ * within limit_rad times its level's scale of the plane with the unit normal `normal` (the view's frame). */
+struct fv_found fv_map_search_line(const struct fv_map *map, const struct fv_kernels *kernels, uint32_t slot,
+                                   const double box[4], const double normal[3], double limit_rad,
+                                   int level_min, int level_max, const uint8_t *descriptor);
+
 #ifdef __cplusplus
 }
 #endif

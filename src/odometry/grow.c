@@ -1,0 +1,268 @@
+/* New landmarks of a keyframe: features without one are matched along epipolar lines in its neighbours,
+ * triangulated, checked, and looked for in the other neighbours. */
+#include <string.h>
+
+#include "geometry/triangulate.h"
+#include "geometry/vec.h"
+#include "odometry/odometry.h"
+
+enum { UNIT_FEATURES = 128, DISTANCE_GROW_MAX = 50, DISTANCE_FUSE_MAX = 50, CULL_EXPECTED_MIN = 8 };
+
+static const double cos_parallax_max = 0.99985; /* 1 degree */
+static const double chi_square_95_2 = 5.991;
+static const double baseline_share_min = 0.01; /* of the median depth: nearer neighbours give no depth */
+static const double depth_near = 0.15; /* of the median depth: where the search along the line starts */
+
+/* ---- neighbours
+ * ------------------------------------------------------------------------------------------------ */
+
+static bool fv_baseline_serves(const struct fv_odometry *o, uint32_t a, uint32_t b)
+{
+    struct fv_se3 T_world_b, T;
+    fv_se3_invert(&o->map.keyframes[b].T_cam_world, &T_world_b);
+    fv_se3_compose(&o->map.keyframes[a].T_cam_world, &T_world_b, &T);
+    return fv_norm3(T.t) > baseline_share_min * o->map.keyframes[a].depth;
+}
+
+static void fv_begin_grow(struct fv_odometry *o, uint32_t keyframe)
+{
+    struct fv_grow_state *g = &o->state->grow;
+    memset(g, 0, sizeof *g);
+    uint16_t shared[FOVEA_ODOMETRY_KEYFRAMES_MAX];
+    fv_odometry_count_shared(o, keyframe, shared);
+    shared[keyframe] = 0;
+    while (g->neighbour_count < FV_GROW_NEIGHBOURS_MAX) {
+        uint32_t best = 0;
+        for (uint32_t k = 1; k < o->map.limits.keyframes; k++)
+            if (shared[k] > shared[best]) best = k;
+        if (shared[best] == 0) break;
+        shared[best] = 0;
+        if (!fv_baseline_serves(o, keyframe, best)) continue;
+        g->neighbour_generations[g->neighbour_count] = o->map.keyframes[best].generation;
+        g->neighbours[g->neighbour_count++] = best;
+    }
+    g->keyframe = keyframe;
+    g->generation = o->map.keyframes[keyframe].generation;
+    g->phase = FV_GROW_TRIANGULATE;
+}
+
+/* ---- matching along the epipolar line
+ * ----------------------------------------------------------------------------- */
+
+/* From keyframe a to neighbour b. */
+struct line_search {
+    struct fv_view a, b;
+    struct fv_se3 T_b_a, T_a_b;
+    double depth;
+};
+
+static void fv_line_begin(const struct fv_odometry *o, uint32_t a, uint32_t b, struct line_search *search)
+{
+    struct fv_se3 T_world_a;
+    search->a = fv_map_view(&o->map, a);
+    search->b = fv_map_view(&o->map, b);
+    fv_se3_invert(&search->a.frame->T_cam_world, &T_world_a);
+    fv_se3_compose(&search->b.frame->T_cam_world, &T_world_a, &search->T_b_a);
+    fv_se3_invert(&search->T_b_a, &search->T_a_b);
+    search->depth = search->a.frame->depth;
+}
+
+/* Box of the part of the line between the nearest plausible depth and infinity; false when it is out of
+ * sight. */
+static bool fv_line_box(const struct fv_odometry *o, const struct line_search *search,
+                        const double bearing[3], double box[4])
+{
+    double q[3], far[2], near[2];
+    fv_rotate3(search->T_b_a.R, bearing, q);
+    if (fovea_camera_project(&o->camera, q, far, 0) != FOVEA_OK) return false;
+    double along = depth_near * search->depth;
+    bool seen = false;
+    for (int attempt = 0; attempt < 4 && !seen; attempt++, along *= 2) {
+        double p[3] = {along * bearing[0], along * bearing[1], along * bearing[2]};
+        fv_se3_apply(&search->T_b_a, p, q);
+        seen = fovea_camera_project(&o->camera, q, near, 0) == FOVEA_OK;
+    }
+    if (!seen) return false;
+    box[0] = far[0] < near[0] ? far[0] : near[0];
+    box[1] = far[1] < near[1] ? far[1] : near[1];
+    box[2] = far[0] < near[0] ? near[0] : far[0];
+    box[3] = far[1] < near[1] ? near[1] : far[1];
+    return box[2] > 0 && box[3] > 0 && box[0] < o->map.limits.width && box[1] < o->map.limits.height;
+}
+
+static double fv_keypoint_error2(const struct fv_keypoint *p, const double q[3])
+{
+    double b[3], A[6], e[2];
+    for (int i = 0; i < 3; i++)
+        b[i] = (double)p->bearing[i];
+    for (int i = 0; i < 6; i++)
+        A[i] = (double)p->A[i];
+    return fv_sight_error(b, A, q, e, 0) ? (double)p->weight * (e[0] * e[0] + e[1] * e[1]) : 1e9;
+}
+
+/* Triangulate and check: parallax, errors in both views, and sizes that agree with the levels. `point` in a's
+ * frame. */
+static bool fv_new_point(const struct line_search *search, const struct fv_keypoint *p,
+                         const struct fv_keypoint *r, double point[3])
+{
+    double x1[3], x2[3], q[3], cosine;
+    for (int i = 0; i < 3; i++) {
+        x1[i] = (double)p->bearing[i];
+        x2[i] = (double)r->bearing[i];
+    }
+    if (!fv_triangulate(&search->T_b_a, x1, x2, point, &cosine) || cosine > cos_parallax_max) return false;
+    fv_se3_apply(&search->T_b_a, point, q);
+    if (fv_keypoint_error2(p, point) > chi_square_95_2 || fv_keypoint_error2(r, q) > chi_square_95_2)
+        return false;
+    double distances = fv_norm3(q) / fv_norm3(point),
+           levels = fv_level_scale(r->level) / fv_level_scale(p->level);
+    double agreement = distances * levels; /* twice as far should look half as large: product 1 */
+    return agreement < 1.8 && agreement > 1 / 1.8;
+}
+
+static void fv_grow_feature(struct fv_odometry *o, const struct fv_kernels *kernels,
+                            const struct line_search *search, uint32_t neighbour, uint32_t feature)
+{
+    const struct fv_keypoint *p = &search->a.points[feature];
+    double bearing[3], normal[3], box[4], q[3], point[3], world[3];
+    for (int i = 0; i < 3; i++)
+        bearing[i] = (double)p->bearing[i];
+    if (!fv_line_box(o, search, bearing, box)) return;
+    fv_rotate3(search->T_b_a.R, bearing, q);
+    fv_cross3(search->T_b_a.t, q, normal);
+    if (!fv_normalise3(normal)) return;
+    struct fv_found found = fv_map_search_line(
+        &o->map, kernels, neighbour, box, normal, 2.0 / o->focal_px, (int)p->level - 2, (int)p->level + 2,
+        search->a.descriptors + (size_t)feature * FV_MAP_DESCRIPTOR_BYTES);
+    if (found.feature == FV_MAP_NONE || found.distance > DISTANCE_GROW_MAX ||
+        found.distance > 0.9 * found.second)
+        return;
+    if (!fv_new_point(search, p, &search->b.points[found.feature], point)) return;
+    fv_se3_apply_inverse(&search->a.frame->T_cam_world, point, world);
+    int32_t landmark = fv_map_add_landmark(&o->map, world, o->state->frame_number);
+    if (landmark == FV_MAP_NONE) return;
+    (void)fv_map_link(&o->map, (uint32_t)landmark, o->state->grow.keyframe, feature);
+    (void)fv_map_link(&o->map, (uint32_t)landmark, neighbour, (uint32_t)found.feature);
+    fv_map_refresh_landmark(&o->map, (uint32_t)landmark);
+    o->state->grow.created++;
+}
+
+static bool fv_neighbour_holds(const struct fv_odometry *o, uint32_t i)
+{
+    const struct fv_grow_state *g = &o->state->grow;
+    const struct fv_keyframe *k = &o->map.keyframes[g->neighbours[i]];
+    return k->used && k->generation == g->neighbour_generations[i];
+}
+
+static void fv_triangulate_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
+{
+    struct fv_grow_state *g = &o->state->grow;
+    if (g->neighbour == g->neighbour_count) {
+        g->phase = FV_GROW_FUSE;
+        g->next = 0;
+        return;
+    }
+    struct fv_view view = fv_map_view(&o->map, g->keyframe);
+    if (fv_neighbour_holds(o, g->neighbour)) {
+        struct line_search search;
+        fv_line_begin(o, g->keyframe, g->neighbours[g->neighbour], &search);
+        for (uint32_t done = 0; done < UNIT_FEATURES && g->next < view.frame->features; g->next++) {
+            if (view.landmark[g->next] != FV_MAP_NONE) continue;
+            fv_grow_feature(o, kernels, &search, g->neighbours[g->neighbour], g->next);
+            done++;
+        }
+    } else {
+        g->next = view.frame->features;
+    }
+    if (g->next == view.frame->features) {
+        g->neighbour++;
+        g->next = 0;
+    }
+}
+
+/* ---- fusing
+ * ---------------------------------------------------------------------------------------------------- */
+
+/* Look for a landmark in a keyframe that does not see it yet. */
+static void fv_fuse(struct fv_odometry *o, const struct fv_kernels *kernels, uint32_t landmark,
+                    uint32_t keyframe)
+{
+    struct fv_landmark *l = &o->map.landmarks[landmark];
+    struct fv_view view = fv_map_view(&o->map, keyframe);
+    double q[3], pixel[2];
+    for (uint32_t k = 0; k < l->observer_count; k++)
+        if (l->observers[k].keyframe == keyframe) return;
+    fv_se3_apply(&view.frame->T_cam_world, l->point, q);
+    if (fovea_camera_project(&o->camera, q, pixel, 0) != FOVEA_OK || pixel[0] < 0 || pixel[1] < 0 ||
+        pixel[0] >= o->map.limits.width || pixel[1] >= o->map.limits.height)
+        return;
+    double ratio = (double)l->distance / fv_norm3(q);
+    int level = l->level;
+    for (; ratio > 1.0954 && level < FOVEA_PYRAMID_LEVELS_MAX; ratio /= 1.2)
+        level++;
+    for (; ratio < 0.9129 && level > -1; ratio *= 1.2)
+        level--;
+    if (level < 0 || level >= FOVEA_PYRAMID_LEVELS_MAX) return;
+    struct fv_found found =
+        fv_map_search(&o->map, kernels, keyframe, pixel[0], pixel[1], 3 * fv_level_scale((uint32_t)level),
+                      level - 1, level + 1, l->descriptor, true);
+    if (found.feature == FV_MAP_NONE || found.distance > DISTANCE_FUSE_MAX ||
+        fv_keypoint_error2(&view.points[found.feature], q) > chi_square_95_2)
+        return;
+    if (fv_map_link(&o->map, landmark, keyframe, (uint32_t)found.feature))
+        fv_map_refresh_landmark(&o->map, landmark);
+}
+
+static void fv_fuse_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
+{
+    struct fv_grow_state *g = &o->state->grow;
+    struct fv_view view = fv_map_view(&o->map, g->keyframe);
+    for (uint32_t done = 0; done < UNIT_FEATURES / 2 && g->next < view.frame->features; g->next++) {
+        int32_t landmark = view.landmark[g->next];
+        if (landmark == FV_MAP_NONE || o->map.landmarks[landmark].observer_count >= 4) continue;
+        for (uint32_t i = 0; i < g->neighbour_count; i++)
+            if (fv_neighbour_holds(o, i)) fv_fuse(o, kernels, (uint32_t)landmark, g->neighbours[i]);
+        done++;
+    }
+    if (g->next == view.frame->features) {
+        g->phase = FV_GROW_IDLE;
+        if (g->keyframe == o->state->newest) o->state->keyframe_matches = view.frame->landmarks;
+    }
+}
+
+/* ---- the job's part
+ * -------------------------------------------------------------------------------------------- */
+
+bool fv_odometry_grow_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
+{
+    struct fv_odometry_state *s = o->state;
+    struct fv_grow_state *g = &s->grow;
+    if (g->phase == FV_GROW_IDLE) {
+        if (s->pending_count == 0) return false;
+        uint32_t keyframe = (uint32_t)s->pending[0];
+        s->pending_count--;
+        for (uint32_t i = 0; i < s->pending_count; i++)
+            s->pending[i] = s->pending[i + 1];
+        if (o->map.keyframes[keyframe].used) fv_begin_grow(o, keyframe);
+        return true;
+    }
+    if (!o->map.keyframes[g->keyframe].used || o->map.keyframes[g->keyframe].generation != g->generation)
+        g->phase = FV_GROW_IDLE;
+    else if (g->phase == FV_GROW_TRIANGULATE)
+        fv_triangulate_unit(o, kernels);
+    else
+        fv_fuse_unit(o, kernels);
+    return g->phase != FV_GROW_IDLE || s->pending_count > 0;
+}
+
+void fv_odometry_cull(struct fv_odometry *o)
+{
+    for (uint32_t i = 0; i < o->map.limits.landmarks; i++) {
+        const struct fv_landmark *l = &o->map.landmarks[i];
+        if (!l->used) continue;
+        bool lost = l->expected >= CULL_EXPECTED_MIN && l->found * 4u < l->expected;
+        bool thin = l->observer_count < 2;
+        bool old = o->state->frame_number - l->born > 15 && l->observer_count < 3 && l->found < 5;
+        if (lost || thin || old) fv_map_remove_landmark(&o->map, i);
+    }
+}

@@ -1,0 +1,84 @@
+/* Whether a frame becomes a keyframe, and making it one. */
+#include "geometry/vec.h"
+#include "odometry/odometry.h"
+
+enum {
+    FRAMES_APART_MIN = 2,  /* between keyframes, unless matches run out */
+    LANDMARKS_ROOM = 1000, /* free slots that growing should find */
+    MATCHES_LOW = 100      /* fewer, and any change of view is worth a keyframe */
+};
+
+static const double kept_share = 0.8; /* of the matches of the last keyframe, below which one is needed */
+static const double kept_share_urgent = 0.5;    /* at which it may not wait */
+static const double parallax_wanted_rad = 0.12; /* travelled over median depth: a new keyframe adds depth */
+static const double parallax_least_rad = 0.01;  /* less is standing still or turning: no keyframe is of use */
+
+/* Median depth of the current sights, by halving. */
+static double fv_current_depth(const struct fv_odometry *o)
+{
+    const struct fv_keyframe *frame = &o->map.keyframes[fv_map_current(&o->map)];
+    double low = 1e-4, high = 1e5;
+    for (int step = 0; step < 24; step++) {
+        double middle = __builtin_sqrt(low * high);
+        uint32_t below = 0;
+        for (uint32_t i = 0; i < o->state->recent_count; i++) {
+            double q[3];
+            fv_se3_apply(&frame->T_cam_world, o->map.landmarks[o->recent[i].landmark].point, q);
+            below += q[2] < middle;
+        }
+        *(2 * below > o->state->recent_count ? &high : &low) = middle;
+    }
+    return __builtin_sqrt(low * high);
+}
+
+static double fv_distance_to(const struct fv_odometry *o, uint32_t keyframe)
+{
+    struct fv_se3 T_world_cam, T;
+    fv_se3_invert(&o->map.keyframes[fv_map_current(&o->map)].T_cam_world, &T_world_cam);
+    fv_se3_compose(&o->map.keyframes[keyframe].T_cam_world, &T_world_cam, &T);
+    return fv_norm3(T.t);
+}
+
+bool fv_odometry_keyframe_needed(const struct fv_odometry *o, uint32_t inliers)
+{
+    const struct fv_odometry_state *s = o->state;
+    uint64_t apart = s->frame_number - s->keyframe_frame;
+    double share = (double)inliers / (s->keyframe_matches > 0 ? s->keyframe_matches : 1);
+    double parallax = fv_distance_to(o, s->newest) / fv_current_depth(o);
+    if (s->pending_count == FV_GROW_PENDING_MAX || parallax < parallax_least_rad) return false;
+    if (share < kept_share_urgent || inliers < MATCHES_LOW / 2) return true;
+    if (apart < FRAMES_APART_MIN) return false;
+    return share < kept_share || parallax > parallax_wanted_rad || inliers < MATCHES_LOW;
+}
+
+void fv_odometry_queue(struct fv_odometry *o, uint32_t keyframe)
+{
+    if (o->state->pending_count < FV_GROW_PENDING_MAX)
+        o->state->pending[o->state->pending_count++] = (int32_t)keyframe;
+}
+
+void fv_odometry_make_keyframe(struct fv_odometry *o)
+{
+    struct fv_odometry_state *s = o->state;
+    fv_map_make_room(&o->map, LANDMARKS_ROOM < o->map.limits.landmarks / 4 ? LANDMARKS_ROOM
+                                                                           : o->map.limits.landmarks / 4);
+    struct fv_view current = fv_map_view(&o->map, fv_map_current(&o->map));
+    double depth = fv_current_depth(o);
+    uint32_t slot = fv_map_add_keyframe(&o->map, fv_map_current(&o->map));
+    struct fv_keyframe *keyframe = &o->map.keyframes[slot];
+    keyframe->parent = (int32_t)s->newest;
+    keyframe->depth = depth;
+    for (uint32_t f = 0; f < current.frame->features; f++) {
+        int32_t landmark = current.landmark[f];
+        /* Making room may have taken landmarks that the frame had matched. */
+        if (landmark == FV_MAP_NONE || !o->map.landmarks[landmark].used) continue;
+        if (fv_map_link(&o->map, (uint32_t)landmark, slot, f))
+            fv_map_refresh_landmark(&o->map, (uint32_t)landmark);
+    }
+    current.frame->parent = (int32_t)slot;
+    s->newest = slot;
+    s->keyframe_frame = s->frame_number;
+    s->keyframe_matches = keyframe->landmarks;
+    s->job_wanted = true;
+    fv_odometry_queue(o, slot);
+}

@@ -1,0 +1,188 @@
+#include "odometry/odometry.h"
+
+#include <string.h>
+
+#include "geometry/vec.h"
+
+enum {
+    WINDOW_LANDMARKS = 1200,
+    WINDOW_OBSERVATIONS = 9000,
+    WINDOW_PASSES = 6,
+    LOCAL_MAX = 3000,
+    DROP_AFTER_KEYFRAMES = 10
+};
+
+static const double sigma_px = 1.0; /* of a key point of level 0; a level's scale multiplies it */
+
+void fv_odometry_carve(struct fv_odometry *o, const struct fovea_odometry_config *config,
+                       const struct fovea_camera *camera, uint32_t features_max, struct fv_arena *persistent,
+                       struct fv_arena *job, struct fv_arena *frame)
+{
+    memset(o, 0, sizeof *o);
+    o->config = *config;
+    o->camera = *camera;
+    o->focal_px = __builtin_sqrt(camera->fx * camera->fy);
+    o->local_max = LOCAL_MAX;
+    fv_bearing_carve(&o->bearings, camera->width, camera->height, persistent);
+    const struct fv_map_limits limits = {config->keyframes, config->landmarks, features_max, camera->width,
+                                         camera->height};
+    fv_map_carve(&o->map, &limits, persistent);
+    o->state = fv_arena_take(persistent, 1, sizeof *o->state);
+    o->recent = fv_arena_take(persistent, features_max, sizeof *o->recent);
+    const struct fv_window_limits window = {config->window, WINDOW_LANDMARKS, WINDOW_OBSERVATIONS,
+                                            WINDOW_PASSES};
+    fv_window_carve(&o->window, &window, job);
+    o->sights = fv_arena_take_raw(frame, features_max, sizeof *o->sights);
+    o->sight_feature = fv_arena_take_raw(frame, features_max, sizeof *o->sight_feature);
+    o->match_distance = fv_arena_take_raw(frame, features_max, sizeof *o->match_distance);
+    o->local = fv_arena_take_raw(frame, LOCAL_MAX, sizeof *o->local);
+    o->pairs = fv_arena_take_raw(frame, features_max, sizeof *o->pairs);
+    o->inlier = fv_arena_take_raw(frame, features_max, sizeof *o->inlier);
+    o->nearest = fv_arena_take_raw(frame, features_max, sizeof *o->nearest);
+    o->second = fv_arena_take_raw(frame, features_max, sizeof *o->second);
+    o->gathered = fv_arena_take_raw(frame, LOCAL_MAX, FV_MAP_DESCRIPTOR_BYTES);
+}
+
+static void fv_begin(struct fv_odometry *o)
+{
+    struct fv_odometry_state *s = o->state;
+    fv_map_reset(&o->map);
+    fv_window_abort(&o->window);
+    s->state = FOVEA_TRACKING_STARTING;
+    s->waiting = s->moving_known = s->job_wanted = false;
+    s->lost_frames = s->recent_count = s->pending_count = s->waiting_frames = 0;
+    s->keyframe_matches = 0;
+    memset(&s->grow, 0, sizeof s->grow);
+}
+
+void fv_odometry_init(struct fv_odometry *o, uint64_t seed)
+{
+    fv_bearing_init(&o->bearings, &o->camera);
+    fovea_random_seed(&o->state->random, seed);
+    fv_begin(o);
+}
+
+void fv_odometry_reset(struct fv_odometry *o)
+{
+    o->state->reset_counter++;
+    fv_begin(o);
+}
+
+void fv_odometry_fill_view(struct fv_odometry *o, const struct fv_odometry_input *input)
+{
+    struct fv_view view = fv_map_view(&o->map, fv_map_current(&o->map));
+    uint32_t count = 0;
+    for (uint32_t i = 0; i < input->count && count < o->map.limits.features; i++) {
+        const struct fovea_feature *f = &input->features[i];
+        double bearing[3], A[6], scale = sigma_px * fv_level_scale(f->level);
+        if (!fv_bearing_of(&o->bearings, &o->camera, (double)f->x_px, (double)f->y_px, bearing, A)) continue;
+        struct fv_keypoint *p = &view.points[count];
+        for (int k = 0; k < 3; k++)
+            p->bearing[k] = (float)bearing[k];
+        for (int k = 0; k < 6; k++)
+            p->A[k] = (float)A[k];
+        p->x_px = f->x_px;
+        p->y_px = f->y_px;
+        p->weight = (float)(1 / (scale * scale));
+        p->level = f->level;
+        memcpy(view.descriptors + (size_t)count * FV_MAP_DESCRIPTOR_BYTES,
+               input->descriptors + (size_t)i * FV_MAP_DESCRIPTOR_BYTES, FV_MAP_DESCRIPTOR_BYTES);
+        view.landmark[count++] = FV_MAP_NONE;
+    }
+    view.frame->features = count;
+    view.frame->stamp_ns = input->stamp_ns;
+    fv_map_sort_view(&o->map, fv_map_current(&o->map));
+}
+
+/* ---- the step
+ * -------------------------------------------------------------------------------------------------- */
+
+static void fv_write_pose(struct fv_odometry *o)
+{
+    struct fovea_pose *pose = &o->state->pose;
+    struct fv_se3 T;
+    fv_se3_invert(&o->map.keyframes[fv_map_current(&o->map)].T_cam_world, &T);
+    for (int r = 0; r < 3; r++) {
+        for (int c = 0; c < 3; c++)
+            pose->T_world_cam[4 * r + c] = T.R[3 * r + c];
+        pose->T_world_cam[4 * r + 3] = T.t[r];
+    }
+    pose->posed = true;
+}
+
+static void fv_track_step(struct fv_odometry *o, const struct fv_kernels *kernels)
+{
+    struct fv_odometry_state *s = o->state;
+    uint32_t inliers = fv_odometry_track(o, kernels);
+    if (inliers == 0) {
+        s->state = FOVEA_TRACKING_LOST;
+        s->moving_known = false;
+        if (++s->lost_frames > o->config.lost_frames_reset) fv_odometry_reset(o);
+        return;
+    }
+    s->lost_frames = 0;
+    s->state = inliers >= o->config.inliers_good ? FOVEA_TRACKING_OK : FOVEA_TRACKING_WEAK;
+    if (fv_odometry_keyframe_needed(o, inliers)) fv_odometry_make_keyframe(o);
+    fv_write_pose(o);
+}
+
+void fv_odometry_step(struct fv_odometry *o, const struct fv_kernels *kernels,
+                      const struct fv_odometry_input *input)
+{
+    struct fv_odometry_state *s = o->state;
+    memset(&s->pose, 0, sizeof s->pose);
+    s->frame_number++;
+    fv_odometry_fill_view(o, input);
+    if (s->state != FOVEA_TRACKING_STARTING) {
+        fv_track_step(o, kernels);
+    } else if (fv_odometry_start(o, kernels)) {
+        s->state = FOVEA_TRACKING_OK;
+        fv_write_pose(o);
+    }
+    s->pose.state = s->state;
+    s->pose.reset_counter = s->reset_counter;
+    s->pose.keyframes = o->map.state->keyframe_count;
+    s->pose.landmarks = o->map.state->landmark_count;
+}
+
+/* ---- the job
+ * --------------------------------------------------------------------------------------------------- */
+
+bool fv_odometry_job_waiting(const struct fv_odometry *o)
+{
+    const struct fv_odometry_state *s = o->state;
+    return s->pending_count > 0 || s->grow.phase != FV_GROW_IDLE || s->job_wanted ||
+           o->window.state->phase != FV_WINDOW_IDLE;
+}
+
+/* The window of the newest keyframe: started, advanced, or committed. */
+static void fv_window_job(struct fv_odometry *o)
+{
+    struct fv_odometry_state *s = o->state;
+    struct fv_window_state *w = o->window.state;
+    if (w->phase == FV_WINDOW_IDLE) {
+        s->job_wanted = false;
+        if (!fv_window_start(&o->window, &o->map, s->newest)) fv_window_abort(&o->window);
+        return;
+    }
+    if (w->phase == FV_WINDOW_PASS) {
+        (void)fv_window_unit(&o->window);
+        return;
+    }
+    if (o->map.state->keyframe_number > w->keyframe_number + DROP_AFTER_KEYFRAMES)
+        fv_window_abort(&o->window);
+    else
+        (void)fv_window_commit(&o->window, &o->map);
+    fv_odometry_cull(o);
+}
+
+bool fv_odometry_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
+{
+    struct fv_odometry_state *s = o->state;
+    /* New landmarks come first: tracking needs them, and the window works on its own copy. */
+    if (s->pending_count > 0 || s->grow.phase != FV_GROW_IDLE)
+        (void)fv_odometry_grow_unit(o, kernels);
+    else if (s->job_wanted || o->window.state->phase != FV_WINDOW_IDLE)
+        fv_window_job(o);
+    return fv_odometry_job_waiting(o);
+}

@@ -1,0 +1,145 @@
+/* Visual odometry: the stage behind include/fovea/odometry.h.
+ *
+ * A step (fv_odometry_step) gives the pose of a frame: start.c finds the first two keyframes, track.c the
+ * pose against the local map, keyframe.c decides whether the frame becomes a keyframe. A job
+ * (fv_odometry_unit) does the rest in units: grow.c triangulates and fuses new landmarks of a keyframe, then
+ * the window is optimised and committed. Between frames the pose is carried along when a commit moves the
+ * keyframe that it hangs on.
+ *
+ * struct fv_odometry holds sizes and addresses only; everything else is in the three arenas, without
+ * addresses. */
+#ifndef FOVEA_ODOMETRY_ODOMETRY_H
+#define FOVEA_ODOMETRY_ODOMETRY_H
+
+#include "base/arena.h"
+#include "fovea/camera.h"
+#include "fovea/elementary.h"
+#include "fovea/features.h"
+#include "fovea/odometry.h"
+#include "geometry/bearing.h"
+#include "geometry/pose.h"
+#include "kernels/kernels.h"
+#include "map/map.h"
+#include "map/window.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum { FV_GROW_NEIGHBOURS_MAX = 5, FV_GROW_PENDING_MAX = 4, FV_LOCAL_KEYFRAMES_MAX = 12 };
+
+/* Where the growing of a keyframe stands. */
+enum fv_grow_phase { FV_GROW_IDLE = 0, FV_GROW_TRIANGULATE = 1, FV_GROW_FUSE = 2 };
+
+struct fv_grow_state {
+    enum fv_grow_phase phase;
+    uint32_t keyframe, generation;
+    uint32_t neighbour_count, neighbour, next; /* in work */
+    uint32_t neighbours[FV_GROW_NEIGHBOURS_MAX], neighbour_generations[FV_GROW_NEIGHBOURS_MAX];
+    uint32_t created;
+};
+
+/* A landmark as the last frame saw it. */
+struct fv_recent {
+    uint32_t landmark, generation;
+    uint32_t level;
+};
+
+struct fv_odometry_state {
+    enum fovea_tracking_state state;
+    bool moving_known;    /* `motion` holds */
+    bool waiting;         /* a start's reference frame is held */
+    bool job_wanted;      /* a keyframe was made since the last window */
+    struct fv_se3 motion; /* T_camera_lastcamera of the last two frames */
+    struct fovea_random random;
+    uint64_t frame_number;
+    uint64_t keyframe_frame; /* number of the frame that became the last keyframe */
+    uint32_t lost_frames, reset_counter, waiting_frames;
+    uint32_t recent_count;
+    uint32_t newest;           /* slot of the newest keyframe */
+    uint32_t keyframe_matches; /* landmarks that the newest keyframe was tracked on */
+    int32_t pending[FV_GROW_PENDING_MAX];
+    uint32_t pending_count;
+    struct fv_grow_state grow;
+    struct fovea_pose pose; /* of the last frame */
+};
+
+struct fv_odometry {
+    struct fovea_odometry_config config;
+    struct fovea_camera camera;
+    double focal_px; /* mean, for thresholds in pixels */
+    struct fv_bearing_table bearings;
+    struct fv_map map;
+    struct fv_window window;
+    struct fv_odometry_state *state;
+    struct fv_recent *recent; /* features_max */
+    /* Frame part. */
+    struct fv_sight *sights;  /* of the matched features */
+    uint32_t *sight_feature;  /* feature of each sight */
+    uint16_t *match_distance; /* by feature */
+    uint32_t *local;          /* landmarks of the local map */
+    struct fv_pair *pairs;    /* start */
+    uint8_t *inlier;
+    uint32_t *nearest, *second;
+    uint8_t *gathered; /* descriptors of landmarks, for search without prediction */
+    uint32_t local_max;
+};
+
+/* What a step is given: the frame's features, in any order. */
+struct fv_odometry_input {
+    int64_t stamp_ns;
+    uint32_t count;
+    const struct fovea_feature *features;
+    const uint8_t *descriptors; /* 32 bytes each */
+};
+
+/* Take memory from the three parts. Fills sizes and addresses only. Init-only. */
+void fv_odometry_carve(struct fv_odometry *odometry, const struct fovea_odometry_config *config,
+                       const struct fovea_camera *camera, uint32_t features_max, struct fv_arena *persistent,
+                       struct fv_arena *job, struct fv_arena *frame);
+void fv_odometry_init(struct fv_odometry *odometry, uint64_t seed);
+
+/* Forget the map and start again; the reset counter rises. Real-time safe. */
+void fv_odometry_reset(struct fv_odometry *odometry);
+
+/* Pose of a frame. Writes state->pose. Real-time safe: bounded by the features and landmarks configured. */
+void fv_odometry_step(struct fv_odometry *odometry, const struct fv_kernels *kernels,
+                      const struct fv_odometry_input *input);
+
+/* One unit of the map's job, at most about 0.25 ms; true when units are left. Real-time safe. */
+bool fv_odometry_unit(struct fv_odometry *odometry, const struct fv_kernels *kernels);
+bool fv_odometry_job_waiting(const struct fv_odometry *odometry);
+
+/* ---- between the stage's own files
+ * ------------------------------------------------------------------------------ */
+
+static inline double fv_level_scale(uint32_t level)
+{
+    static const double scales[FOVEA_PYRAMID_LEVELS_MAX] = {1,      1.2,     1.44,     1.728,
+                                                            2.0736, 2.48832, 2.985984, 3.5831808};
+    return scales[level & 7];
+}
+
+/* Fill the current view from the frame's features. */
+void fv_odometry_fill_view(struct fv_odometry *odometry, const struct fv_odometry_input *input);
+/* Try to make the first map from the waiting frame and the current one; true when done. */
+bool fv_odometry_start(struct fv_odometry *odometry, const struct fv_kernels *kernels);
+/* Pose of the current view against the local map; number of inliers (0: failed). */
+uint32_t fv_odometry_track(struct fv_odometry *odometry, const struct fv_kernels *kernels);
+/* Whether the current view should become a keyframe, and making it one. */
+bool fv_odometry_keyframe_needed(const struct fv_odometry *odometry, uint32_t inliers);
+void fv_odometry_make_keyframe(struct fv_odometry *odometry);
+/* Queue a keyframe for growing. */
+void fv_odometry_queue(struct fv_odometry *odometry, uint32_t keyframe);
+/* One unit of growing; true when units are left. */
+bool fv_odometry_grow_unit(struct fv_odometry *odometry, const struct fv_kernels *kernels);
+/* Drop landmarks that are not found again. */
+void fv_odometry_cull(struct fv_odometry *odometry);
+/* How many landmarks other keyframes share with a view's links; `shared` by slot, limits.keyframes elements.
+ */
+void fv_odometry_count_shared(const struct fv_odometry *odometry, uint32_t slot, uint16_t *shared);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

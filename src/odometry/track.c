@@ -1,0 +1,291 @@
+/* The pose of a frame against the local map. */
+#include <string.h>
+
+#include "geometry/linear.h"
+#include "geometry/vec.h"
+#include "odometry/odometry.h"
+
+enum {
+    DISTANCE_TRACK_MAX = 80, /* Hamming, where the place is predicted */
+    INLIERS_FIRST_MIN = 12,  /* of the first stage, to go on */
+    RELOCALISE_MATCHES_MIN = 15
+};
+
+static const double radius_first_px = 12, radius_wide_px = 30; /* times the level's scale */
+
+/* Take feature `f` for a landmark, unless a nearer one has it. */
+static void fv_take(struct fv_odometry *o, const struct fv_view *view, uint32_t f, uint32_t landmark,
+                    uint32_t distance)
+{
+    if (view->landmark[f] != FV_MAP_NONE && o->match_distance[f] <= distance) return;
+    view->landmark[f] = (int32_t)landmark;
+    o->match_distance[f] = (uint16_t)distance;
+}
+
+static void fv_clear_matches(struct fv_odometry *o, const struct fv_view *view)
+{
+    for (uint32_t f = 0; f < view->frame->features; f++) {
+        view->landmark[f] = FV_MAP_NONE;
+        o->match_distance[f] = UINT16_MAX;
+    }
+}
+
+static bool fv_project_landmark(const struct fv_odometry *o, const struct fv_se3 *T,
+                                const struct fv_landmark *l, double q[3], double pixel[2])
+{
+    fv_se3_apply(T, l->point, q);
+    if (fovea_camera_project(&o->camera, q, pixel, 0) != FOVEA_OK) return false;
+    return pixel[0] >= 0 && pixel[1] >= 0 && pixel[0] < o->map.limits.width &&
+           pixel[1] < o->map.limits.height;
+}
+
+/* First stage: the landmarks of the last frame around where `T` predicts them. */
+static uint32_t fv_match_recent(struct fv_odometry *o, const struct fv_kernels *kernels,
+                                const struct fv_view *view, const struct fv_se3 *T, double radius_px)
+{
+    uint32_t matches = 0;
+    fv_clear_matches(o, view);
+    for (uint32_t i = 0; i < o->state->recent_count; i++) {
+        const struct fv_recent *r = &o->recent[i];
+        const struct fv_landmark *l = &o->map.landmarks[r->landmark];
+        double q[3], pixel[2];
+        if (!l->used || l->generation != r->generation || !fv_project_landmark(o, T, l, q, pixel)) continue;
+        struct fv_found found = fv_map_search(&o->map, kernels, fv_map_current(&o->map), pixel[0], pixel[1],
+                                              radius_px * fv_level_scale(r->level), (int)r->level - 1,
+                                              (int)r->level + 1, l->descriptor, false);
+        if (found.feature == FV_MAP_NONE || found.distance > DISTANCE_TRACK_MAX ||
+            found.distance > 0.9 * found.second)
+            continue;
+        fv_take(o, view, (uint32_t)found.feature, r->landmark, found.distance);
+        matches++;
+    }
+    return matches;
+}
+
+/* Sights of all matched features; returns their number. */
+static uint32_t fv_collect_sights(struct fv_odometry *o, const struct fv_view *view)
+{
+    uint32_t count = 0;
+    for (uint32_t f = 0; f < view->frame->features; f++) {
+        if (view->landmark[f] == FV_MAP_NONE) continue;
+        struct fv_sight *s = &o->sights[count];
+        const struct fv_keypoint *p = &view->points[f];
+        fv_copy3(o->map.landmarks[view->landmark[f]].point, s->point);
+        for (int k = 0; k < 3; k++)
+            s->bearing[k] = (double)p->bearing[k];
+        for (int k = 0; k < 6; k++)
+            s->A[k] = (double)p->A[k];
+        s->weight = (double)p->weight;
+        s->inlier = true;
+        o->sight_feature[count++] = f;
+    }
+    return count;
+}
+
+/* Refine over all matches, forget those that do not fit. */
+static uint32_t fv_refine(struct fv_odometry *o, const struct fv_view *view, int rounds, int steps,
+                          struct fv_se3 *T, struct fv_pose_fit *fit)
+{
+    uint32_t count = fv_collect_sights(o, view);
+    if (count < 6 || !fv_pose_refine(o->sights, count, rounds, steps, T, fit)) return 0;
+    for (uint32_t i = 0; i < count; i++)
+        if (!o->sights[i].inlier) view->landmark[o->sight_feature[i]] = FV_MAP_NONE;
+    return fit->inliers;
+}
+
+/* ---- local map
+ * ----------------------------------------------------------------------------------------------- */
+
+void fv_odometry_count_shared(const struct fv_odometry *o, uint32_t slot, uint16_t *shared)
+{
+    struct fv_view view = fv_map_view(&o->map, slot);
+    memset(shared, 0, o->map.limits.keyframes * sizeof *shared);
+    for (uint32_t f = 0; f < view.frame->features; f++) {
+        if (view.landmark[f] == FV_MAP_NONE) continue;
+        const struct fv_landmark *l = &o->map.landmarks[view.landmark[f]];
+        for (uint32_t k = 0; k < l->observer_count; k++)
+            shared[l->observers[k].keyframe]++;
+    }
+}
+
+/* Landmarks of the keyframes with most votes in `shared` (which is used up), except those matched already. */
+static uint32_t fv_gather_local(struct fv_odometry *o, const struct fv_view *view, uint16_t *shared)
+{
+    uint32_t count = 0, mark = ++o->map.state->mark;
+    shared[o->state->newest] = UINT16_MAX; /* always */
+    for (uint32_t f = 0; f < view->frame->features; f++)
+        if (view->landmark[f] != FV_MAP_NONE) o->map.landmarks[view->landmark[f]].mark = mark;
+    for (int round = 0; round < FV_LOCAL_KEYFRAMES_MAX; round++) {
+        uint32_t best = 0;
+        for (uint32_t k = 1; k < o->map.limits.keyframes; k++)
+            if (shared[k] > shared[best]) best = k;
+        if (shared[best] == 0) break;
+        shared[best] = 0;
+        struct fv_view from = fv_map_view(&o->map, best);
+        for (uint32_t f = 0; f < from.frame->features && count < o->local_max; f++) {
+            if (from.landmark[f] == FV_MAP_NONE || o->map.landmarks[from.landmark[f]].mark == mark) continue;
+            o->map.landmarks[from.landmark[f]].mark = mark;
+            o->local[count++] = (uint32_t)from.landmark[f];
+        }
+    }
+    return count;
+}
+
+/* Level at which a landmark should appear at this distance. */
+static int fv_predict_level(const struct fv_landmark *l, double distance)
+{
+    double ratio = (double)l->distance / distance; /* nearer than the reference: larger, so a coarser level */
+    int level = l->level;
+    for (; ratio > 1.0954 && level < FOVEA_PYRAMID_LEVELS_MAX; ratio /= 1.2)
+        level++;
+    for (; ratio < 0.9129 && level > -1; ratio *= 1.2)
+        level--;
+    return level;
+}
+
+/* Second stage: the rest of the local map, close to where the refined pose sees it. Returns how many are in
+ * view. */
+static uint32_t fv_match_local(struct fv_odometry *o, const struct fv_kernels *kernels,
+                               const struct fv_view *view, const struct fv_se3 *T, double widen)
+{
+    uint16_t shared[FOVEA_ODOMETRY_KEYFRAMES_MAX];
+    fv_odometry_count_shared(o, fv_map_current(&o->map), shared);
+    uint32_t count = fv_gather_local(o, view, shared), visible = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        struct fv_landmark *l = &o->map.landmarks[o->local[i]];
+        double q[3], pixel[2], ray[3];
+        if (!fv_project_landmark(o, T, l, q, pixel)) continue;
+        double distance = fv_norm3(q);
+        fv_rotate_back3(T->R, q, ray);
+        double cosine = ((double)l->direction[0] * ray[0] + (double)l->direction[1] * ray[1] +
+                         (double)l->direction[2] * ray[2]) /
+                        distance;
+        int level = fv_predict_level(l, distance);
+        if (cosine < 0.5 || level < 0 || level >= FOVEA_PYRAMID_LEVELS_MAX) continue;
+        visible++;
+        l->expected++;
+        double radius = widen * (cosine > 0.998 ? 3 : 5) * fv_level_scale((uint32_t)level);
+        struct fv_found found = fv_map_search(&o->map, kernels, fv_map_current(&o->map), pixel[0], pixel[1],
+                                              radius, level - 1, level + 1, l->descriptor, true);
+        if (found.feature == FV_MAP_NONE || found.distance > DISTANCE_TRACK_MAX ||
+            found.distance > 0.9 * found.second)
+            continue;
+        fv_take(o, view, (uint32_t)found.feature, o->local[i], found.distance);
+    }
+    return visible;
+}
+
+/* ---- without prediction
+ * ---------------------------------------------------------------------------------------- */
+
+/* Pose by P3P samples over matches of descriptors alone, against the keyframes near the last pose. */
+static bool fv_relocalise(struct fv_odometry *o, const struct fv_kernels *kernels, const struct fv_view *view,
+                          struct fv_se3 *T)
+{
+    fv_clear_matches(o, view);
+    for (uint32_t i = 0; i < o->state->recent_count; i++) { /* votes come from what was seen last */
+        const struct fv_recent *r = &o->recent[i];
+        if (i < view->frame->features && o->map.landmarks[r->landmark].used &&
+            o->map.landmarks[r->landmark].generation == r->generation)
+            view->landmark[i] = (int32_t)r->landmark;
+    }
+    uint16_t shared[FOVEA_ODOMETRY_KEYFRAMES_MAX];
+    fv_odometry_count_shared(o, fv_map_current(&o->map), shared);
+    fv_clear_matches(o, view);
+    uint32_t count = fv_gather_local(o, view, shared);
+    for (uint32_t i = 0; i < count; i++)
+        memcpy(o->gathered + (size_t)i * FV_MAP_DESCRIPTOR_BYTES, o->map.landmarks[o->local[i]].descriptor,
+               FV_MAP_DESCRIPTOR_BYTES);
+    kernels->hamming_two_u8(o->nearest, o->second, view->descriptors, (int32_t)view->frame->features,
+                            o->gathered, (int32_t)count);
+    uint32_t matches = 0;
+    for (uint32_t f = 0; f < view->frame->features; f++) {
+        uint32_t distance = o->nearest[f] >> FV_MATCH_INDEX_BITS;
+        if (o->nearest[f] == FV_MATCH_NONE || distance > 60 ||
+            distance > 0.8 * (o->second[f] >> FV_MATCH_INDEX_BITS))
+            continue;
+        view->landmark[f] = (int32_t)o->local[o->nearest[f] & 0xffff];
+        matches++;
+    }
+    if (matches < RELOCALISE_MATCHES_MIN) return false;
+    uint32_t sights = fv_collect_sights(o, view);
+    struct fv_sampling sampling = {4.0 / o->focal_px, 0.99, 200};
+    if (fv_pose_sample(o->sights, sights, &sampling, &o->state->random, T) < RELOCALISE_MATCHES_MIN)
+        return false;
+    for (uint32_t i = 0; i < sights; i++)
+        if (!o->sights[i].inlier) view->landmark[o->sight_feature[i]] = FV_MAP_NONE;
+    return true;
+}
+
+/* ---- the whole
+ * ------------------------------------------------------------------------------------------------- */
+
+/* Remember what this frame saw, for the next one and for the landmarks' records. */
+static void fv_remember(struct fv_odometry *o, const struct fv_view *view)
+{
+    o->state->recent_count = 0;
+    for (uint32_t f = 0; f < view->frame->features; f++) {
+        if (view->landmark[f] == FV_MAP_NONE) continue;
+        struct fv_landmark *l = &o->map.landmarks[view->landmark[f]];
+        l->found++;
+        if (l->expected < l->found) l->expected = l->found;
+        if (l->expected > 60000) {
+            l->expected /= 2;
+            l->found /= 2;
+        }
+        struct fv_recent recent = {(uint32_t)view->landmark[f], l->generation, view->points[f].level};
+        o->recent[o->state->recent_count++] = recent;
+    }
+}
+
+/* First stage: a rough pose with matches to build on. */
+static bool fv_rough_pose(struct fv_odometry *o, const struct fv_kernels *kernels, const struct fv_view *view,
+                          const struct fv_se3 *last, struct fv_se3 *T, struct fv_pose_fit *fit)
+{
+    if (o->state->state != FOVEA_TRACKING_LOST) {
+        *T = *last;
+        if (o->state->moving_known) fv_se3_compose(&o->state->motion, last, T);
+        struct fv_se3 predicted = *T;
+        uint32_t matches = fv_match_recent(o, kernels, view, T, radius_first_px);
+        if (matches >= INLIERS_FIRST_MIN && fv_refine(o, view, 2, 4, T, fit) >= INLIERS_FIRST_MIN)
+            return true;
+        *T = predicted;
+        matches = fv_match_recent(o, kernels, view, T, radius_wide_px);
+        if (matches >= INLIERS_FIRST_MIN && fv_refine(o, view, 3, 5, T, fit) >= INLIERS_FIRST_MIN)
+            return true;
+    }
+    return fv_relocalise(o, kernels, view, T) && fv_refine(o, view, 3, 5, T, fit) >= INLIERS_FIRST_MIN;
+}
+
+uint32_t fv_odometry_track(struct fv_odometry *o, const struct fv_kernels *kernels)
+{
+    struct fv_view view = fv_map_view(&o->map, fv_map_current(&o->map));
+    struct fv_se3 last = view.frame->T_cam_world, T, inverse;
+    struct fv_pose_fit fit;
+    if (!fv_rough_pose(o, kernels, &view, &last, &T, &fit)) return 0;
+    uint32_t known = fit.inliers, visible = fv_match_local(o, kernels, &view, &T, 1);
+    o->state->pose.matches = fv_collect_sights(o, &view);
+    uint32_t inliers = fv_refine(o, &view, 2, 4, &T, &fit);
+    if (inliers < FOVEA_POSED_INLIERS_MIN) return 0;
+    fv_se3_invert(&last, &inverse);
+    fv_se3_compose(&T, &inverse, &o->state->motion);
+    o->state->moving_known = o->state->state != FOVEA_TRACKING_LOST;
+    view.frame->T_cam_world = T;
+    o->state->pose.inliers = inliers;
+    o->state->pose.quality = (float)inliers / (float)(visible + known);
+    if (o->state->pose.quality > 1) o->state->pose.quality = 1;
+    double covariance[36] = {0};
+    for (int column = 0; column < 6; column++) {
+        double A[36], unit[6] = {0};
+        unit[column] = 1;
+        memcpy(A, fit.information, sizeof A);
+        if (fv_ldlt_solve(A, 6, unit))
+            for (int row = 0; row < 6; row++)
+                covariance[6 * row + column] = unit[row];
+    }
+    for (int row = 0, k = 0; row < 6; row++)
+        for (int column = row; column < 6; column++, k++)
+            o->state->pose.covariance[k] = covariance[6 * row + column];
+    fv_remember(o, &view);
+    return inliers;
+}
