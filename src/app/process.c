@@ -3,16 +3,17 @@
 #include <math.h>
 #include <stdbool.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 static uint64_t status_kib(const char *key)
 {
     char line[256];
-    unsigned long long kib = 0;
+    uint64_t kib = 0;
     FILE *file = fopen("/proc/self/status", "re");
     if (file == NULL) return 0;
     while (fgets(line, sizeof line, file) != NULL)
-        if (strncmp(line, key, strlen(key)) == 0 && sscanf(line + strlen(key), " %llu kB", &kib) == 1) break;
+        if (strncmp(line, key, strlen(key)) == 0) kib = strtoull(line + strlen(key), NULL, 10);
     fclose(file);
     return kib;
 }
@@ -43,14 +44,13 @@ float fv_process_temperature_c(void)
     bool of_processor = false;
     for (int zone = 0; zone < ZONES_MAX; zone++) {
         char path[64], line[64];
-        long milli;
         snprintf(path, sizeof path, "/sys/class/thermal/thermal_zone%d/temp", zone);
-        if (!line_read(path, line, sizeof line) || sscanf(line, "%ld", &milli) != 1) continue;
+        if (!line_read(path, line, sizeof line)) continue;
+        float celsius = (float)strtol(line, NULL, 10) * 1e-3F;
         snprintf(path, sizeof path, "/sys/class/thermal/thermal_zone%d/type", zone);
         bool processor = line_read(path, line, sizeof line) &&
                          (strcasestr(line, "cpu") != NULL || strcasestr(line, "soc") != NULL ||
                           strcasestr(line, "x86_pkg") != NULL);
-        float celsius = (float)milli * 1e-3F;
         if (processor == of_processor ? !(celsius <= hottest) : processor) hottest = celsius;
         of_processor = of_processor || processor;
     }
