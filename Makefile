@@ -36,7 +36,8 @@ ifeq ($(SAN),asan)
 OPT      := -O1 -g -fno-omit-frame-pointer -fsanitize=address,undefined -fno-sanitize-recover=all -DFOVEA_SANITIZED=1
 endif
 ifeq ($(SAN),fuzz)
-OPT      := -O1 -g -fno-omit-frame-pointer -fsanitize=address,undefined,fuzzer-no-link -fno-sanitize-recover=all -DFOVEA_SANITIZED=1
+OPT      := -O1 -g -fno-omit-frame-pointer -fsanitize=address,undefined,fuzzer-no-link -fno-sanitize-recover=all \
+            -DFOVEA_SANITIZED=1 -DFUZZING_BUILD_MODE_UNSAFE_FOR_PRODUCTION
 endif
 ifeq ($(SAN),tsan)
 OPT      := -O1 -g -fno-omit-frame-pointer -fsanitize=thread -DFOVEA_SANITIZED=1

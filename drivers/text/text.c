@@ -171,12 +171,14 @@ static int distance(const char *a, size_t m, const char *b, size_t n)
 const char *fovea_text_nearest(const char *word, const char *const *names, size_t name_count)
 {
     const size_t length = strnlen(word, COMPARED);
-    const int allowed = length < 8 ? 1 : (int)(length / 4);
     const char *nearest = NULL;
-    int least = allowed + 1;
+    int least = COMPARED + 1;
     for (size_t i = 0; i < name_count; ++i) {
-        const int d = distance(word, length, names[i], strnlen(names[i], COMPARED));
-        if (d < least) {
+        const size_t name_length = strnlen(names[i], COMPARED);
+        const size_t longer = length > name_length ? length : name_length;
+        const int allowed = longer < 3 ? 0 : longer < 8 ? 1 : (int)(longer / 4);
+        const int d = distance(word, length, names[i], name_length);
+        if (d <= allowed && d < least) {
             least = d;
             nearest = names[i];
         }

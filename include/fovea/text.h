@@ -34,8 +34,8 @@ const char *fovea_text_quote(const char *text, char *quoted, size_t bytes);
 enum { FOVEA_TEXT_QUOTED_BYTES = 208 }; /* enough for every result of fovea_text_quote */
 
 /* The name most like `word` by edit distance (Damerau-Levenshtein with adjacent swaps, case ignored) when at
- * most a quarter of the letters (at least one) differ; NULL when none is. Names and words are compared over
- * their first 64 bytes. */
+ * most a quarter of the longer one's letters differ (one of three to seven letters, none of fewer); NULL when
+ * none is. Names and words are compared over their first 64 bytes. */
 const char *fovea_text_nearest(const char *word, const char *const *names, size_t name_count);
 
 #ifdef __cplusplus
