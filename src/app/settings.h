@@ -30,6 +30,7 @@ struct fv_settings {
 
     char source[FV_SETTINGS_PATH_BYTES]; /* URI */
     char camera[FV_SETTINGS_PATH_BYTES]; /* calibration file; "": the source's own */
+    bool camera_scale;                   /* fit a calibration of another size by scaling it */
     char mask[FV_SETTINGS_PATH_BYTES];   /* picture; "": none */
     int rate;                            /* enum fv_rate */
     char lcm_url[256];                   /* "": nothing is sent */

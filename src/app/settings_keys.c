@@ -14,6 +14,8 @@ const struct fv_settings_key fv_settings_keys[] = {
      NULL},
     {"camera", TEXT_OF(camera), "file", NULL, "calibration to use; empty: the one that belongs to the source",
      NULL},
+    {"camera_scale", FV_SETTINGS_BOOL, AT(camera_scale), 0, 1, "", NULL,
+     "scale a calibration that was made at another size of the same shape; false: refuse it", NULL},
     {"T_base_cam", FV_SETTINGS_TRANSFORM, AT(runtime.T_base_cam), -1000000, 1000000, "m", NULL,
      "three rows of four numbers [R t] that take points of the camera frame (x right, y down, z forward) to "
      "the "

@@ -62,22 +62,7 @@ static enum fovea_status camera_fit(struct fv_settings *settings, const struct f
                 settings->source);
         *camera = info->camera;
     }
-    if (camera->width == 0 && camera->height == 0) {
-        camera->width = info->width;
-        camera->height = info->height;
-    }
-    if (camera->width != info->width || camera->height != info->height)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "%.200s: image size: found %d x %d, expected %d x %d as the frames of %.100s",
-                               origin, camera->width, camera->height, info->width, info->height,
-                               settings->source);
-    enum fovea_status status = fovea_camera_prepare(camera, error);
-    if (status != FOVEA_OK && error != NULL) {
-        char text[FOVEA_ERROR_TEXT_BYTES];
-        memcpy(text, error->text, sizeof text);
-        fovea_error_set(error, status, "%.200s: %s", origin, text);
-    }
-    return status;
+    return fovea_calibration_fit(camera, info->width, info->height, settings->camera_scale, origin, error);
 }
 
 enum fovea_status fv_setup_open(struct fv_settings *settings, const struct fovea_source_selection *selection,
