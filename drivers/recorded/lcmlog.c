@@ -8,6 +8,7 @@
 #include "decode.h"
 #include "fovea/log.h"
 #include "listing.h"
+#include "log_calibration.h"
 #include "player.h"
 
 struct recording {
@@ -16,7 +17,9 @@ struct recording {
     int64_t *offsets; /* of the frames' events */
     size_t count, capacity;
     char channel[FOVEA_LOG_CHANNEL_BYTES]; /* of the first frame; frames on others are another camera's */
-    struct fovea_error damage;             /* where the log could not be read further; empty text: nowhere */
+    struct fovea_calibration calibration;  /* from the head of our own recordings */
+    bool has_calibration;
+    struct fovea_error damage; /* where the log could not be read further; empty text: nowhere */
 };
 
 static void close_recording(void *argument)
@@ -46,6 +49,20 @@ static enum fovea_status add_offset(struct recording *recording, int64_t offset,
     }
     recording->offsets[recording->count++] = offset;
     return FOVEA_OK;
+}
+
+/* The head of a recording of ours, where there is one, is the first event. */
+static enum fovea_status read_head(struct recording *recording, struct fovea_error *error)
+{
+    struct fovea_log_event event;
+    if (fovea_log_next(recording->log, &event, NULL) == FOVEA_OK &&
+        fovea_log_channel_is(event.channel, "RECORDING")) {
+        const enum fovea_status status =
+            fv_log_calibration(recording->path, &event, &recording->calibration, error);
+        if (status < 0) return status;
+        recording->has_calibration = status == FOVEA_OK;
+    }
+    return fovea_log_seek(recording->log, 0, error);
 }
 
 /* Find the frames. What follows damage is lost and told as one damaged frame at the end. */
@@ -170,6 +187,11 @@ static enum fovea_status describe(struct recording *recording, const struct fove
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "%s: found no frame that can be read among %zu; the first: %.256s",
                                recording->path, recording->count, why.text);
+    if (recording->has_calibration) {
+        info->has_camera = true;
+        info->camera = recording->calibration.camera;
+        snprintf(info->camera_origin, sizeof info->camera_origin, "%.240s", recording->path);
+    }
     int64_t first_ns, second_ns;
     if (recording->count > 1 && stamp(recording, 0, &first_ns) == FOVEA_OK &&
         stamp(recording, 1, &second_ns) == FOVEA_OK && second_ns > first_ns &&
@@ -191,6 +213,7 @@ static enum fovea_status open_lcmlog(const char *address, const struct fovea_sou
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", address);
     }
     enum fovea_status status = fovea_log_open(address, &recording->log, error);
+    if (status == FOVEA_OK) status = read_head(recording, error);
     if (status == FOVEA_OK) status = make_index(recording, error);
     if (status == FOVEA_OK) status = describe(recording, selection, &info, &frame_bytes, error);
     if (status != FOVEA_OK) {

@@ -18,7 +18,9 @@
 #include "../../../drivers/recorded/decode.h"
 #include "../../../drivers/recorded/lines.h"
 #include "../../../drivers/recorded/poses.h"
+#include "../../../drivers/recorded/log_calibration.h"
 #include "common/datasets.h"
+#include "fovea_recording_t.h"
 
 static char folder[FV_TEST_PATH_BYTES];
 static const struct fovea_source_selection everything = {.step = 1};
@@ -404,6 +406,62 @@ static void test_poses(void **state)
     }
 }
 
+/* ---- the head of a recording
+ * ------------------------------------------------------------------------------- */
+
+static void test_log_calibration(void **state)
+{
+    (void)state;
+    char calibration[] = "image_width: 96\nimage_height: 64\ndistortion_model: plumb_bob\nD: []\n"
+                         "K: [80, 0, 48, 0, 81, 32, 0, 0, 1]\n";
+    fovea_recording_part_t parts[2] = {{.name = (char *)"configuration",
+                                        .origin = (char *)"",
+                                        .size_bytes = 3,
+                                        .data = (uint8_t *)calibration},
+                                       {.name = (char *)"calibration",
+                                        .origin = (char *)"c.yaml",
+                                        .size_bytes = sizeof calibration - 1,
+                                        .data = (uint8_t *)calibration}};
+    fovea_recording_t head = {.format = 1,
+                              .version = (char *)"0",
+                              .machine = (char *)"m",
+                              .kernel_set = (char *)"c",
+                              .source = (char *)"sim:",
+                              .channel_prefix = (char *)"FOVEA",
+                              .part_count = 2,
+                              .parts = parts};
+    uint8_t bytes[1024];
+    const int size = fovea_recording_t_encode(bytes, 0, sizeof bytes, &head);
+    assert_true(size > 0);
+    struct fovea_log_event event = {.channel = "FOVEA_RECORDING", .bytes = (uint32_t)size, .data = bytes};
+    struct fovea_calibration found;
+    struct fovea_error error = {.text = ""};
+    if (fv_log_calibration("x.log", &event, &found, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    assert_true(found.camera.fy == 81 && found.camera.width == 96);
+    head.part_count = 1;
+    event.bytes = (uint32_t)fovea_recording_t_encode(bytes, 0, sizeof bytes, &head);
+    assert_int_equal(fv_log_calibration("x.log", &event, &found, &error), FOVEA_AGAIN);
+    head.part_count = 2;
+    fovea_recording_t_encode(bytes, 0, sizeof bytes, &head);
+    for (uint32_t cut = 8; cut < (uint32_t)size;
+         ++cut) { /* in memory of just that size, so that reading past it is seen */
+        uint8_t *part = malloc(cut);
+        assert_non_null(part);
+        memcpy(part, bytes, cut);
+        event.bytes = cut;
+        event.data = part;
+        assert_int_equal(fv_log_calibration("x.log", &event, &found, &error), FOVEA_ERROR_INPUT);
+        assert_memory_equal(error.text, "x.log: byte ", 12);
+        free(part);
+    }
+    event.data = bytes;
+    event.bytes = (uint32_t)size;
+    memcpy(strstr((char *)bytes + size - (int)sizeof calibration, "image_w"), "image_x", 7);
+    assert_int_equal(fv_log_calibration("x.log", &event, &found, &error), FOVEA_ERROR_INPUT);
+    assert_string_equal(
+        error.text, "x.log: calibration:1: the file: found the key 'image_xidth', expected 'image_width'");
+}
+
 static int make(void **state)
 {
     (void)state;
@@ -432,6 +490,7 @@ int main(void)
         cmocka_unit_test(test_natural_order),
         cmocka_unit_test(test_stamps),
         cmocka_unit_test(test_poses),
+        cmocka_unit_test(test_log_calibration),
     };
     return cmocka_run_group_tests(tests, make, clean);
 }
