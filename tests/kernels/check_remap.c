@@ -2,8 +2,8 @@
 
 static struct fv_remap_block random_block(struct check *check, int32_t width, int32_t height)
 {
-    struct fv_remap_block block = {.x = check_between(check, 0, width - FV_REMAP_WINDOW_COLUMNS),
-                                   .y = check_between(check, 0, height - FV_REMAP_WINDOW_ROWS)};
+    struct fv_remap_block block = {.x = (int16_t)check_between(check, 0, width - FV_REMAP_WINDOW_COLUMNS),
+                                   .y = (int16_t)check_between(check, 0, height - FV_REMAP_WINDOW_ROWS)};
     for (int i = 0; i < FV_REMAP_BLOCK; i++) {
         static const uint8_t rows[3] = {0, FV_REMAP_ROW_1, FV_REMAP_ROW_1 | FV_REMAP_ROW_2};
         block.at[i] = (uint8_t)(check_between(check, 0, 14) | rows[check_between(check, 0, 2)]);
@@ -52,8 +52,8 @@ void bench_remap_row_u8(struct check *check, fv_k_remap_row_u8_fn *variant)
     for (int y = 0; !made && y < BENCH_HEIGHT; y++)
         for (int k = 0; k < BLOCKS; k++) {
             struct fv_remap_block *block = &map[y][k];
-            block->x = k * FV_REMAP_BLOCK;
-            block->y = y > BENCH_HEIGHT - 4 ? BENCH_HEIGHT - 4 : y;
+            block->x = (int16_t)(k * FV_REMAP_BLOCK);
+            block->y = (int16_t)(y > BENCH_HEIGHT - 4 ? BENCH_HEIGHT - 4 : y);
             for (int i = 0; i < FV_REMAP_BLOCK; i++) {
                 block->at[i] = (uint8_t)(i | (k + i > BLOCKS ? FV_REMAP_ROW_1 : 0));
                 block->fx[i] = (uint8_t)((k + 7 * i) % 64);

@@ -14,7 +14,7 @@ void fv_k_remap_row_u8__c(uint8_t *out, const uint8_t *source, ptrdiff_t stride,
     for (int32_t k = 0; k < count; k++, out += FV_REMAP_BLOCK) {
         const struct fv_remap_block *block = &blocks[k];
         if (block->y == FV_REMAP_SCATTERED) {
-            const struct fv_remap_pixel *pixel = scattered + block->x;
+            const struct fv_remap_pixel *pixel = scattered + block->first;
             for (int i = 0; i < FV_REMAP_BLOCK; i++, pixel++)
                 out[i] = pixel->x < 0 ? 0
                                       : fv_remap_blend(source + pixel->y * stride + pixel->x, stride,

@@ -21,11 +21,14 @@ enum {
     FV_REMAP_SCATTERED = -1  /* of `y`: the block does not fit a window */
 };
 
-/* A window block: top left corner of the window in the source. A scattered block (y == FV_REMAP_SCATTERED): x
- * is the index of its first entry in the table of scattered pixels, and at, fx, fy are unused zeros. */
+/* A window block: x, y is the top left corner of the window in the source. A scattered block (y == FV_REMAP_SCATTERED):
+ * `first` is the index of its first entry in the table of scattered pixels. */
 struct fv_remap_block {
-    int32_t x, y;
-    uint8_t at[FV_REMAP_BLOCK];
+    int16_t x, y;
+    union {
+        uint8_t at[FV_REMAP_BLOCK];
+        uint32_t first;
+    };
     uint8_t fx[FV_REMAP_BLOCK], fy[FV_REMAP_BLOCK]; /* 0..63 */
 };
 
