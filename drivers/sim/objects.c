@@ -14,8 +14,7 @@ static const double head_radius_m = 0.115, head_base_m = 1.485; /* top at 1.715 
 enum { VARIANTS = 3 };
 static const double ring_corner_m = 0.9;
 
-/* ---- lanes
- * -------------------------------------------------------------------------------------------------- */
+/* ---- lanes ------------------------------------------------------------------------------------------- */
 
 double fv_sim_ring_length(const double half[2], double corner)
 {
@@ -67,8 +66,7 @@ void fv_sim_object_pose(const struct fv_sim_world *world, const struct fv_sim_ob
                            o->radius[0] * (slope * c - wobble * s * o->rate));
 }
 
-/* ---- creation
- * ----------------------------------------------------------------------------------------------- */
+/* ---- creation ---------------------------------------------------------------------------------------- */
 
 static double draw(struct fovea_random *random, double low, double high)
 {
@@ -153,8 +151,44 @@ void fv_sim_objects_create(struct fv_sim_world *world, const struct fv_sim_optio
     }
 }
 
-/* ---- placing
- * ------------------------------------------------------------------------------------------------ */
+/* Nearest that a person comes to the camera between two times. */
+static double clearance(const struct fv_sim_world *world, const struct fv_sim_object *o,
+                        const struct fv_sim_motion *motion, double begin_s, double end_s)
+{
+    double least = 1e9;
+    for (double t = begin_s; t < end_s; t += 0.1) {
+        double position[2], heading, T_world_cam[12];
+        fv_sim_object_pose(world, o, t, position, &heading);
+        fv_sim_motion_pose(motion, t, T_world_cam);
+        const double dx = position[0] - T_world_cam[3], dy = position[1] - T_world_cam[7],
+                     square = dx * dx + dy * dy;
+        if (square < least) least = square;
+    }
+    return __builtin_sqrt(least);
+}
+
+void fv_sim_objects_clear(struct fv_sim_world *world, const struct fv_sim_motion *motion, double begin_s,
+                          double end_s)
+{
+    const double enough_m = 0.75;
+    enum { TRIES = 24 };
+    for (int32_t i = 0; i < world->object_count; i++) {
+        struct fv_sim_object *o = &world->object[i];
+        if (o->object_class != FOVEA_OBJECT_PERSON) continue;
+        double best = -1.0, best_phase = o->phase;
+        for (int32_t k = 0; k < TRIES && best < enough_m; k++) {
+            const double least = clearance(world, o, motion, begin_s, end_s);
+            if (least > best) {
+                best = least;
+                best_phase = o->phase;
+            }
+            o->phase += 0.53;
+        }
+        o->phase = best_phase;
+    }
+}
+
+/* ---- placing ----------------------------------------------------------------------------------------- */
 
 static struct fv_sim_round *put_round(struct fv_sim_world *world, const double position[2], double z,
                                       double height, uint16_t texture, double heading, int32_t id)

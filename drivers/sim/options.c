@@ -5,8 +5,7 @@
 
 #include "fovea/text.h"
 
-/* ---- the table of options
- * ----------------------------------------------------------------------------------- */
+/* ---- the table of options ---------------------------------------------------------------------------- */
 
 enum kind { KIND_U64, KIND_I32, KIND_REAL, KIND_FLAG, KIND_LENS, KIND_TEXTURES };
 
@@ -42,8 +41,7 @@ enum { OPTIONS = sizeof option_table / sizeof option_table[0] };
 static const char *const trajectory_name[FV_SIM_TRAJECTORY_COUNT] = {
     "tour", "orbit", "corridor", "rotate", "stopgo", "fast", "kidnap", "wander", "still"};
 
-/* ---- values
- * ------------------------------------------------------------------------------------------------- */
+/* ---- values ------------------------------------------------------------------------------------------ */
 
 enum { WORD_BYTES = 96 }; /* longer names and values are cut, and then fit nothing */
 

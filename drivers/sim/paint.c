@@ -2,8 +2,7 @@
 
 #include <string.h>
 
-/* ---- brushes
- * ------------------------------------------------------------------------------------------------ */
+/* ---- brushes ----------------------------------------------------------------------------------------- */
 
 void fv_sim_brush_open(struct fv_sim_brush *brush, struct fv_sim_texture *texture, double texels_per_m,
                        uint64_t seed)
@@ -142,8 +141,7 @@ void fv_sim_noise(struct fv_sim_brush *brush, int32_t x0, int32_t y0, int32_t x1
     }
 }
 
-/* ---- materials
- * ---------------------------------------------------------------------------------------------- */
+/* ---- materials --------------------------------------------------------------------------------------- */
 
 /* Courses of stones with joints: bricks, blocks, tiles, boards. Sizes in texels; `shift` moves every other
  * course by half a stone, or by a random amount. */
@@ -212,7 +210,7 @@ static void paint_carpet(struct fv_sim_brush *b)
             }
         }
     }
-    fv_sim_noise(b, 0, 0, b->width, b->height, fv_sim_mm(b, 400), 2, 40, 190);
+    fv_sim_noise(b, 0, 0, b->width, b->height, fv_sim_mm(b, 400), 2, 26, 190);
 }
 
 static void paint_clutter(struct fv_sim_brush *b)
@@ -240,6 +238,21 @@ static void paint_carton(struct fv_sim_brush *b, int32_t grey)
         fv_sim_poster(b, x, y, x + b->width / 4 + fv_sim_draw(b, 0, b->width / 6),
                       y + b->height / 5 + fv_sim_draw(b, 0, b->height / 8));
     }
+}
+
+/* A parcel is told from a carton by its broad edges and crossed bands. */
+static void paint_parcel(struct fv_sim_brush *b)
+{
+    const int32_t w = b->width, h = b->height, grey = fv_sim_draw(b, 130, 200), dark = fv_sim_draw(b, 15, 60),
+                  band = w / 9;
+    fv_sim_fill(b, 0, 0, w, h, grey);
+    const int32_t x[4][3] = {{0, band, w}, {band, w, w - band}, {w, w - band, 0}, {w - band, 0, band}};
+    const int32_t y[4][3] = {{0, 0, h}, {0, h, h}, {0, 0, h}, {0, h, h}};
+    for (int32_t i = 0; i < 4; i++)
+        fv_sim_triangle(b, x[i], y[i], dark);
+    fv_sim_frame(b, 0, 0, w, h, w / 11, dark);
+    fv_sim_fill(b, w * 38 / 100, h * 40 / 100, w * 62 / 100, h * 60 / 100, 240);
+    fv_sim_noise(b, 0, 0, w, h, 16, 2, 14, 170);
 }
 
 /* Bands and fields in strong contrast, at the proportions of the object: they are what tells the classes
@@ -306,7 +319,7 @@ void fv_sim_paint(struct fv_sim_texture *texture, enum fv_sim_material material,
     switch (material) {
     case FV_SIM_PLASTER:
         fv_sim_fill(b, 0, 0, w, h, fv_sim_draw(b, 135, 180));
-        fv_sim_noise(b, 0, 0, w, h, fv_sim_mm(b, 1200), 2, 42, 185);
+        fv_sim_noise(b, 0, 0, w, h, fv_sim_mm(b, 1200), 2, 30, 185);
         paint_speckle(b, 6, 8, 40);
         break;
     case FV_SIM_BRICK:
@@ -317,12 +330,12 @@ void fv_sim_paint(struct fv_sim_texture *texture, enum fv_sim_material material,
     case FV_SIM_PANEL:
         paint_courses(b, &(struct courses){fv_sim_mm(b, 420), fv_sim_mm(b, 900), fv_sim_mm(b, 18),
                                            fv_sim_draw(b, 120, 160), 20, 60, false, false});
-        fv_sim_noise(b, 0, 0, w, h, fv_sim_mm(b, 500), 2, 44, 190);
+        fv_sim_noise(b, 0, 0, w, h, fv_sim_mm(b, 500), 2, 28, 195);
         break;
     case FV_SIM_BLOCKS:
         paint_courses(b, &(struct courses){fv_sim_mm(b, 500), fv_sim_mm(b, 250), fv_sim_mm(b, 16),
                                            fv_sim_draw(b, 130, 165), 18, 95, false, true});
-        fv_sim_noise(b, 0, 0, w, h, fv_sim_mm(b, 1000), 2, 46, 195);
+        fv_sim_noise(b, 0, 0, w, h, fv_sim_mm(b, 1000), 2, 32, 195);
         break;
     case FV_SIM_PARQUET:
         paint_courses(b, &(struct courses){fv_sim_mm(b, 700), fv_sim_mm(b, 110), 1, fv_sim_draw(b, 105, 140),
@@ -334,7 +347,7 @@ void fv_sim_paint(struct fv_sim_texture *texture, enum fv_sim_material material,
     case FV_SIM_TILES:
         paint_courses(b, &(struct courses){fv_sim_mm(b, 400), fv_sim_mm(b, 400), fv_sim_mm(b, 14),
                                            fv_sim_draw(b, 120, 150), 34, 65, false, false});
-        fv_sim_noise(b, 0, 0, w, h, fv_sim_mm(b, 800), 2, 42, 200);
+        fv_sim_noise(b, 0, 0, w, h, fv_sim_mm(b, 800), 2, 30, 195);
         paint_speckle(b, 3, 15, 60);
         break;
     case FV_SIM_CARPET:
@@ -379,7 +392,7 @@ void fv_sim_paint(struct fv_sim_texture *texture, enum fv_sim_material material,
         paint_cone(b);
         break;
     case FV_SIM_PARCEL:
-        paint_carton(b, fv_sim_draw(b, 60, 200));
+        paint_parcel(b);
         break;
     case FV_SIM_CLOTHES:
         paint_clothes(b);

@@ -111,10 +111,10 @@ static void box(struct builder *b, double x, double y, double z, double sx, doub
     fv_sim_world_box(b->world, center, z, size, yaw, side, top, faces, detail_per_m);
 }
 
-/* ---- furniture: built as standing against a wall to its back; (x, y) the middle, (ax, ay) the direction
- * along the wall, (nx, ny) out of it. Sizes in metres: along, out, up.
- * ---------------------------------------------------------- */
+/* ---- furniture --------------------------------------------------------------------------------------- */
 
+/* Against a wall: (x, y) on the wall, (ax, ay) the direction along it, (nx, ny) out of it. Sizes: along, out,
+ * up. */
 struct stand {
     double x, y, ax, ay, nx, ny;
 };
@@ -355,7 +355,7 @@ void fv_sim_place_hall(struct fv_sim_world *world)
             box(b, x, y, 0.0, 0.5, 0.5, height, 0.0, b->metal, b->metal, SIDES);
             continue;
         }
-        box(b, x, y, 0.0, 1.6, 0.6, 2.2, angle, b->clutter[(i / 2) & 1], b->wood[0], ALL);
+        box(b, x, y, 0.0, 1.6, 0.6, 2.2, angle, b->books[(i / 2) & 1], b->wood[0], ALL);
         box(b, x, y, 2.2, 0.8, 0.5, draw(b, 0.4, 0.8), angle, b->carton[0], b->carton[1], ALL);
     }
     for (int32_t i = 0; i < 12; i++) {

@@ -198,6 +198,14 @@ void fv_sim_paint_wall(struct fv_sim_texture *texture, double texels_per_m, uint
         }
         x += hang(b, x) + fv_sim_mm(b, fv_sim_draw(b, 60, 380));
     }
+    /* High walls: large banners above. */
+    const int32_t above = b->height - fv_sim_mm(b, 2700);
+    for (x = fv_sim_mm(b, 400); above > fv_sim_mm(b, 1000) && x < b->width - fv_sim_mm(b, 2000);) {
+        const int32_t width = fv_sim_mm(b, fv_sim_draw(b, 700, 2000)),
+                      top = fv_sim_mm(b, fv_sim_draw(b, 250, 700));
+        fv_sim_poster(b, x, top, x + width, clamp(top + fv_sim_mm(b, fv_sim_draw(b, 700, 2400)), top, above));
+        x += width + fv_sim_mm(b, fv_sim_draw(b, 150, 900));
+    }
     /* A skirting board and a cable duct: long straight lines, as rooms have. */
     fv_sim_fill(b, 0, b->height - fv_sim_mm(b, 90), b->width, b->height, 70);
     fv_sim_fill(b, 0, fv_sim_mm(b, 60), b->width, fv_sim_mm(b, 90), 100);

@@ -9,8 +9,7 @@
 
 enum { SAMPLES = FV_SIM_TILE_PIXELS };
 
-/* ---- which surface
- * ------------------------------------------------------------------------------------------ */
+/* ---- which surface ----------------------------------------------------------------------------------- */
 
 static void trace_face(const struct fv_sim_surface *s, const float *restrict x, const float *restrict y,
                        int32_t count, float *restrict best, int32_t *restrict hit, int32_t number)
@@ -76,13 +75,19 @@ void fv_sim_trace(const struct fv_sim_view *view, const uint16_t *list, int32_t 
     }
 }
 
-/* ---- what it looks like
- * ------------------------------------------------------------------------------------- */
+/* ---- what it looks like ------------------------------------------------------------------------------ */
+
+/* Floats and their bits. */
+union punned {
+    float real[SAMPLES];
+    int32_t bits[SAMPLES];
+};
 
 /* Where in the texture and at which level. */
 struct look {
-    float u[SAMPLES], v[SAMPLES], area[SAMPLES]; /* texels of the base; area of the footprint in them */
-    int32_t fixed_u[SAMPLES], fixed_v[SAMPLES];  /* 256ths of a texel of the level */
+    float u[SAMPLES], v[SAMPLES];               /* texels of the base */
+    union punned area;                          /* of the footprint, in those texels */
+    int32_t fixed_u[SAMPLES], fixed_v[SAMPLES]; /* 256ths of a texel of the level */
     int32_t level[SAMPLES];
     int32_t light[SAMPLES]; /* 256 is plain */
 };
@@ -102,7 +107,7 @@ static void look_face(const struct fv_sim_surface *s, const float *restrict x, c
         /* Area of the footprint, times the root of the slant (1 / cosine of incidence): halfway between the
          * area and the square of its long side, so that texture seen at a grazing angle neither blurs away
          * nor sparkles. */
-        look->area[i] = area * z * z * z * __builtin_sqrtf(z * slant);
+        look->area.real[i] = area * z * z * z * __builtin_sqrtf(z * slant);
     }
 }
 
@@ -131,7 +136,7 @@ static void look_round(const struct fv_sim_surface *s, const float *restrict x, 
                     c2 = dx * s->e2[0] + dy * s->e2[1] + dz * s->e2[2];
         look->u[i] = (turns(c2, c1) + 0.5f) * s->tex_du;
         look->v[i] = (1.0f - up * over) * s->tex_dv;
-        look->area[i] = area * z * z * 1.4f;
+        look->area.real[i] = area * z * z * 1.4f;
         /* Outward normal: the gradient of distance^2 - radius^2. */
         const float bend = 0.5f * s->q1 + s->q2 * up + up;
         const float nx = dx - bend * s->a[0], ny = dy - bend * s->a[1], nz = dz - bend * s->a[2];
@@ -148,21 +153,18 @@ static void find_texels(const struct fv_sim_texture *texture, int32_t count, str
 {
     const int32_t one = 0x3F800000, five_sevenths = 0x3F36DB6E, last = texture->level_count - 1;
     const float width = texture->u_max, height = texture->v_max;
-    int32_t bits[SAMPLES];
-    float scale[SAMPLES];
+    union punned scale;
     for (int32_t i = 0; i < count; i++)
-        look->area[i] *= 0.70710678f;
-    memcpy(bits, look->area, (size_t)count * sizeof *bits);
+        look->area.real[i] *= 0.70710678f;
     for (int32_t i = 0; i < count; i++) {
-        int32_t level = (bits[i] >> 23) - 126;
+        int32_t level = (look->area.bits[i] >> 23) - 126;
         level = level < 0 ? 0 : level;
         level = level > last ? last : level;
         look->level[i] = level;
-        bits[i] = one - (-(level & 1) & (one - five_sevenths)) - ((level >> 1) << 23);
+        scale.bits[i] = one - (-(level & 1) & (one - five_sevenths)) - ((level >> 1) << 23);
     }
-    memcpy(scale, bits, (size_t)count * sizeof *bits);
     for (int32_t i = 0; i < count; i++) {
-        const float fine = scale[i] * 256.0f;
+        const float fine = scale.real[i] * 256.0f;
         const int32_t u_last = (int32_t)(width * fine) - 128, v_last = (int32_t)(height * fine) - 128;
         int32_t u = (int32_t)(look->u[i] * fine) - 128, v = (int32_t)(look->v[i] * fine) - 128;
         u = u < u_last ? u : u_last;
@@ -172,18 +174,38 @@ static void find_texels(const struct fv_sim_texture *texture, int32_t count, str
     }
 }
 
-/* Bilinear, in 1/256 grey levels. */
+/* The four texels round every sample: upper and lower pair, the left one in the low byte. */
 static void fetch(const struct fv_sim_texture *texture, const struct look *restrict look, int32_t count,
-                  uint16_t *restrict out)
+                  uint16_t *restrict upper, uint16_t *restrict lower)
 {
     for (int32_t i = 0; i < count; i++) {
         const struct fv_sim_level *l = &texture->level[look->level[i]];
-        const int32_t fu = look->fixed_u[i] & 255, fv = look->fixed_v[i] & 255;
         const uint8_t *t =
             l->texels + (ptrdiff_t)(look->fixed_v[i] >> 8) * l->stride + (look->fixed_u[i] >> 8);
-        const uint8_t *b = t + l->stride;
-        const int32_t top = t[0] * 256 + (t[1] - t[0]) * fu, bottom = b[0] * 256 + (b[1] - b[0]) * fu;
-        out[i] = (uint16_t)(top + (((bottom - top) * fv) >> 8));
+        upper[i] = (uint16_t)(t[0] | t[1] << 8);
+        lower[i] = (uint16_t)(t[l->stride] | t[l->stride + 1] << 8);
+    }
+}
+
+/* Bilinear in 16 bits: rows modulo 2^16 (their true values fit), halved so that their difference has a sign.
+ * Out in 1/256 grey levels. */
+static void blend(const struct look *restrict look, int32_t count, const uint16_t *restrict upper,
+                  const uint16_t *restrict lower, uint16_t *restrict out)
+{
+    int16_t value[SAMPLES];
+    for (int32_t i = 0; i < count; i++) {
+        const uint16_t fu = (uint16_t)(look->fixed_u[i] & 255), t = upper[i], b = lower[i];
+        const uint16_t top =
+            (uint16_t)((uint16_t)(t << 8) + (uint16_t)((uint16_t)((t >> 8) - (t & 255)) * fu));
+        const uint16_t bottom =
+            (uint16_t)((uint16_t)(b << 8) + (uint16_t)((uint16_t)((b >> 8) - (b & 255)) * fu));
+        const int16_t high = (int16_t)(top >> 1), low = (int16_t)(bottom >> 1);
+        const int16_t fv = (int16_t)((look->fixed_v[i] & 255) << 7), step = (int16_t)(low - high);
+        value[i] = (int16_t)(high + (int16_t)(((int32_t)step * fv) >> 16) * 2);
+    }
+    for (int32_t i = 0; i < count; i++) {
+        const int32_t bright = value[i] * look->light[i] >> 7;
+        out[i] = (uint16_t)(bright < 65535 ? bright : 65535);
     }
 }
 
@@ -191,6 +213,7 @@ static void shade(const struct fv_sim_surface *s, const float *x, const float *y
                   int32_t count, float pixel_area, uint16_t *restrict out)
 {
     struct look look;
+    uint16_t upper[SAMPLES], lower[SAMPLES];
     if (s->is_round) {
         look_round(s, x, y, inverse_z, count, pixel_area, &look);
     } else {
@@ -200,11 +223,8 @@ static void shade(const struct fv_sim_surface *s, const float *x, const float *y
             look.light[i] = light;
     }
     find_texels(s->texture, count, &look);
-    fetch(s->texture, &look, count, out);
-    for (int32_t i = 0; i < count; i++) {
-        const int32_t value = out[i] * look.light[i] >> 8;
-        out[i] = (uint16_t)(value < 65535 ? value : 65535);
-    }
+    fetch(s->texture, &look, count, upper, lower);
+    blend(&look, count, upper, lower, out);
 }
 
 /* Trace and shade samples; `seen` takes surface index + 1. */
@@ -222,12 +242,15 @@ static void see(const struct fv_sim_view *view, const uint16_t *list, int32_t li
     }
     for (int32_t k = 0, left = count; k < list_count && left > 0; k++) {
         int32_t n = 0;
+        for (int32_t i = 0; i < count; i++)
+            n += hit[i] == k; /* with vectors; most candidates turn out to be hidden */
+        if (n == 0) continue;
+        left -= n;
+        n = 0;
         for (int32_t i = 0; i < count; i++) {
             at[n] = i;
             n += hit[i] == k;
         }
-        if (n == 0) continue;
-        left -= n;
         for (int32_t j = 0; j < n; j++) {
             px[j] = x[at[j]];
             py[j] = y[at[j]];
@@ -241,8 +264,7 @@ static void see(const struct fv_sim_view *view, const uint16_t *list, int32_t li
     }
 }
 
-/* ---- tiles
- * -------------------------------------------------------------------------------------------------- */
+/* ---- tiles ------------------------------------------------------------------------------------------- */
 
 struct job {
     const struct fv_sim_view *view;
@@ -278,22 +300,41 @@ static void first_pass(const struct job *job, int32_t tile, const uint16_t *list
     }
 }
 
-/* Where in the tile pixels border on another surface; returns how many. */
+/* A step between surfaces of less than this (1/256 grey levels) needs no smoothing. */
+static const int32_t edge_step = 5 * 256;
+
+static inline bool steps(const struct fv_sim_canvas *canvas, size_t here, size_t there)
+{
+    const int32_t d = canvas->linear[here] - canvas->linear[there];
+    return canvas->surface[here] != canvas->surface[there] && (d > edge_step || d < -edge_step);
+}
+
+/* Where in the tile pixels border on another surface and differ in brightness; returns how many. */
 static int32_t find_edges(const struct job *job, int32_t tx, int32_t ty, uint8_t *list)
 {
     const int32_t width = job->raster->width, y_first = ty > job->y_begin ? ty : job->y_begin;
     const int32_t y_last = ty + FV_SIM_TILE < job->y_end ? ty + FV_SIM_TILE : job->y_end;
-    const int32_t x_last = tx + FV_SIM_TILE < width ? tx + FV_SIM_TILE : width;
+    const int32_t columns = width - tx < FV_SIM_TILE ? width - tx : FV_SIM_TILE;
     int32_t count = 0;
     for (int32_t y = y_first; y < y_last; y++) {
-        const uint16_t *row = job->canvas->surface + (size_t)y * (size_t)width;
-        const uint16_t *above = y > job->y_begin ? row - width : row,
-                       *below = y + 1 < job->y_end ? row + width : row;
-        for (int32_t x = tx; x < x_last; x++) {
-            const uint16_t here = row[x], left = row[x > 0 ? x - 1 : x],
-                           right = row[x + 1 < width ? x + 1 : x];
-            list[count] = (uint8_t)((y - ty) * FV_SIM_TILE + x - tx);
-            count += (here != left) | (here != right) | (here != above[x]) | (here != below[x]);
+        const size_t start = (size_t)y * (size_t)width + (size_t)tx,
+                     up = y > job->y_begin ? (size_t)width : 0;
+        const size_t down = y + 1 < job->y_end ? (size_t)width : 0;
+        const uint16_t *row = job->canvas->surface + start;
+        uint16_t line[FV_SIM_TILE + 2], any = 0;
+        line[0] = row[tx > 0 ? -1 : 0];
+        memcpy(line + 1, row, (size_t)columns * sizeof *row);
+        line[columns + 1] = row[tx + columns < width ? columns : columns - 1];
+        for (int32_t c = 0; c < columns; c++)
+            any |= (line[c] ^ line[c + 1]) | (line[c + 1] ^ line[c + 2]) | (row[c] ^ row[c - (ptrdiff_t)up]) |
+                   (row[c] ^ row[c + (ptrdiff_t)down]);
+        if (any == 0) continue;
+        for (int32_t c = 0; c < columns; c++) {
+            const size_t here = start + (size_t)c, left = tx + c > 0 ? here - 1 : here;
+            const size_t right = tx + c + 1 < width ? here + 1 : here;
+            if (steps(job->canvas, here, left) || steps(job->canvas, here, right) ||
+                steps(job->canvas, here, here - up) || steps(job->canvas, here, here + down))
+                list[count++] = (uint8_t)((y - ty) * FV_SIM_TILE + c);
         }
     }
     return count;
@@ -309,7 +350,7 @@ static void second_pass(const struct job *job, int32_t tile, const uint16_t *lis
     const int32_t tx = tile % raster->tiles_x * FV_SIM_TILE, ty = tile / raster->tiles_x * FV_SIM_TILE;
     const float *tile_x = raster->x + (size_t)tile * FV_SIM_TILE_PIXELS,
                 *tile_y = raster->y + (size_t)tile * FV_SIM_TILE_PIXELS;
-    uint8_t edge[SAMPLES + 1];
+    uint8_t edge[SAMPLES];
     uint16_t light[SAMPLES], seen[SAMPLES];
     float x[SAMPLES], y[SAMPLES];
     const int32_t edges = find_edges(job, tx, ty, edge);

@@ -21,8 +21,7 @@
 #include "fovea/elementary.h"
 #include "fovea/source.h"
 
-/* ---- options (options.c)
- * ----------------------------------------------------------------------------------- */
+/* ---- options (options.c) ----------------------------------------------------------------------------- */
 
 enum fv_sim_trajectory {
     FV_SIM_TOUR,
@@ -61,8 +60,7 @@ struct fv_sim_options {
 enum fovea_status fv_sim_options_parse(const char *address, struct fv_sim_options *options,
                                        struct fovea_error *error);
 
-/* ---- textures (texture.c, paint.c)
- * ------------------------------------------------------------------------- */
+/* ---- textures (texture.c, paint.c) ------------------------------------------------------------------- */
 
 enum { FV_SIM_LEVELS_MAX = 24, FV_SIM_TEXTURES_MAX = 64 };
 
@@ -123,8 +121,7 @@ void fv_sim_paint_shade(struct fv_sim_texture *texture, int32_t x0, int32_t y0, 
 /* Darken towards the edges and by large soft pools, as lamps light a room. */
 void fv_sim_paint_light(struct fv_sim_texture *texture, double texels_per_m, uint64_t seed);
 
-/* ---- world (world.c, places.c, objects.c)
- * ------------------------------------------------------------------ */
+/* ---- world (world.c, places.c, objects.c) ------------------------------------------------------------ */
 
 enum { FV_SIM_FACES_MAX = 1152, FV_SIM_ROUNDS_MAX = 192, FV_SIM_OBJECTS_MAX = 48 };
 
@@ -201,8 +198,7 @@ void fv_sim_object_pose(const struct fv_sim_world *world, const struct fv_sim_ob
 void fv_sim_ring(const double half[2], double corner, double along, double position[2], double *heading);
 double fv_sim_ring_length(const double half[2], double corner);
 
-/* ---- motion (motion.c)
- * ------------------------------------------------------------------------------------- */
+/* ---- motion (motion.c) ------------------------------------------------------------------------------- */
 
 enum { FV_SIM_SPLINE_MAX = 160, FV_SIM_PHASES = 32 };
 
@@ -220,9 +216,12 @@ void fv_sim_motion_create(struct fv_sim_motion *motion, const struct fv_sim_opti
 /* Frames of one showing at `rate_hz`; 0: endless. */
 uint64_t fv_sim_motion_frames(enum fv_sim_trajectory trajectory, double rate_hz);
 void fv_sim_motion_pose(const struct fv_sim_motion *motion, double time_s, double T_world_cam[12]);
+/* Move persons along their lanes until they keep clear of the camera between two times, as far as 24 tries
+ * allow. */
+void fv_sim_objects_clear(struct fv_sim_world *world, const struct fv_sim_motion *motion, double begin_s,
+                          double end_s);
 
-/* ---- view and rendering (view.c, render.c, sensor.c)
- * ------------------------------------------------------- */
+/* ---- view and rendering (view.c, render.c, sensor.c) ------------------------------------------------- */
 
 enum {
     FV_SIM_TILE = 16,
@@ -290,8 +289,7 @@ void fv_sim_trace(const struct fv_sim_view *view, const uint16_t *list, int32_t 
 void fv_sim_sensor(const uint16_t *linear, int32_t count, double light, double noise, uint64_t seed,
                    uint8_t *grey);
 
-/* ---- the source (source.c, truth.c)
- * ------------------------------------------------------------------------ */
+/* ---- the source (source.c, truth.c) ------------------------------------------------------------------ */
 
 struct fovea_source {
     struct fovea_source_info info;
@@ -305,7 +303,8 @@ struct fovea_source {
     uint8_t *image[FOVEA_SOURCE_FRAMES_HELD];
     uint64_t image_index[FOVEA_SOURCE_FRAMES_HELD]; /* trajectory frame shown in it */
     bool held[FOVEA_SOURCE_FRAMES_HELD];
-    uint64_t delivered, deliverable;
+    uint64_t selected, deliverable; /* frames that start and step leave, and of them played; 0: endless */
+    uint64_t delivered;
     bool started;
     uint16_t *blurred; /* sum of instants, only with blur */
     float *depth_m;    /* truth; pages untouched until asked for */

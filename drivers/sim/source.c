@@ -6,8 +6,7 @@
 
 enum { BLUR_STEPS = 8, ROLLING_ROWS = 4 };
 
-/* ---- the camera
- * --------------------------------------------------------------------------------------------- */
+/* ---- the camera -------------------------------------------------------------------------------------- */
 
 /* Calibration with the asked field of view across; coefficients like those of a common machine-vision lens,
  * scaled so that they bend equally at the edge of any field. */
@@ -49,8 +48,7 @@ double fv_sim_frame_time(const struct fovea_source *source, uint64_t index)
            (0.5 * source->options.exposure_ms + delay) * 1e-3;
 }
 
-/* ---- opening
- * ------------------------------------------------------------------------------------------------ */
+/* ---- opening ----------------------------------------------------------------------------------------- */
 
 static void sim_close(struct fovea_source *source)
 {
@@ -97,7 +95,8 @@ static bool allocate(struct fovea_source *source)
     return fine;
 }
 
-/* Frames on the trajectory that the selection leaves. */
+/* Frames on the trajectory that the selection leaves: start, start + step, ...; turned round; the first
+ * `frames` of them. */
 static enum fovea_status select_frames(struct fovea_source *source, struct fovea_error *error)
 {
     const struct fovea_source_selection *s = &source->selection;
@@ -105,18 +104,18 @@ static enum fovea_status select_frames(struct fovea_source *source, struct fovea
     if (s->step == 0)
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "sim: step: found 0, expected at least 1");
     if (all == 0) {
-        if (s->reverse && s->frames == 0)
+        if (s->reverse)
             return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                                   "sim: an endless trajectory cannot run in reverse; give frames=N");
+                                   "sim: reverse: the trajectory is endless, expected ?frames=N");
         source->deliverable = s->frames;
         return FOVEA_OK;
     }
     if (s->start >= all)
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                               "sim: start: found %llu, expected less than the %llu frames of the trajectory",
+                               "sim: start: found %llu, expected less than the trajectory's %llu frames",
                                (unsigned long long)s->start, (unsigned long long)all);
-    const uint64_t left = (all - s->start - 1) / s->step + 1;
-    source->deliverable = s->frames != 0 && s->frames < left ? s->frames : left;
+    source->selected = (all - s->start - 1) / s->step + 1;
+    source->deliverable = s->frames != 0 && s->frames < source->selected ? s->frames : source->selected;
     return FOVEA_OK;
 }
 
@@ -144,6 +143,12 @@ static enum fovea_status sim_open(const char *address, const struct fovea_source
         return status;
     }
     fv_sim_motion_create(&source->motion, &options, &source->world);
+    if (options.trajectory == FV_SIM_TOUR) {
+        /* Here the ways cross, at the door; elsewhere they are apart by construction. */
+        const double seconds = options.frames == 0 ? 600.0 : (double)options.frames / options.rate_hz;
+        fv_sim_objects_clear(&source->world, &source->motion, options.time_s,
+                             options.time_s + (seconds < 600.0 ? seconds : 600.0));
+    }
     struct fovea_source_info *info = &source->info;
     info->width = options.width;
     info->height = options.height;
@@ -157,8 +162,7 @@ static enum fovea_status sim_open(const char *address, const struct fovea_source
     return FOVEA_OK;
 }
 
-/* ---- frames
- * ------------------------------------------------------------------------------------------------- */
+/* ---- frames ------------------------------------------------------------------------------------------ */
 
 static const struct fovea_source_info *sim_info(const struct fovea_source *source)
 {
@@ -244,7 +248,14 @@ static const uint16_t *render_exposure(struct fovea_source *source, double time_
 static uint64_t frame_index(const struct fovea_source *source, uint64_t n)
 {
     const struct fovea_source_selection *s = &source->selection;
-    return s->start + s->step * (s->reverse ? source->deliverable - 1 - n : n);
+    return s->start + s->step * (s->reverse ? source->selected - 1 - n : n);
+}
+
+/* Stamps rise in reverse too: they are mirrored inside the range that is played. */
+static int64_t frame_stamp(const struct fovea_source *source, uint64_t n)
+{
+    const uint64_t like = source->selection.reverse ? source->deliverable - 1 - n : n;
+    return (int64_t)((double)frame_index(source, like) / source->options.rate_hz * 1e9 + 0.5);
 }
 
 static enum fovea_status sim_dequeue(struct fovea_source *source, int64_t deadline_ns,
@@ -266,14 +277,13 @@ static enum fovea_status sim_dequeue(struct fovea_source *source, int64_t deadli
     source->image_index[slot] = index;
     source->held[slot] = true;
     source->delivered++;
-    /* Stamps count the frames that were asked for, so they rise in reverse too, and the clock starts at 0. */
     *frame = (struct fovea_frame){
         .image = {source->image[slot], o->width, o->height, o->width, FOVEA_PIXEL_GREY8, (size_t)pixels},
-        .stamp_ns = (int64_t)((double)(n * source->selection.step) / o->rate_hz * 1e9 + 0.5),
+        .stamp_ns = frame_stamp(source, n),
         .exposure_ns = (int64_t)(o->exposure_ms * 1e6 + 0.5),
         .clock = FOVEA_CLOCK_SIMULATED,
         .stamp_meaning = FOVEA_STAMP_EXPOSURE_MIDDLE,
-        .sequence = n,
+        .sequence = index,
         .slot = slot,
     };
     return FOVEA_OK;

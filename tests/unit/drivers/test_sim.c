@@ -1,0 +1,282 @@
+/* The simulated camera's frames: the same bits from every machine, compiler and way of asking; life of the
+ * source. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <string.h>
+#include <time.h>
+
+#include <cmocka.h>
+
+#include "fovea/source.h"
+
+static struct fovea_source *open_source(const char *address, const struct fovea_source_selection *selection)
+{
+    const struct fovea_source_ops *ops;
+    const char *rest;
+    char uri[256];
+    struct fovea_source *source = NULL;
+    struct fovea_error error;
+    snprintf(uri, sizeof uri, "sim:%s", address);
+    assert_int_equal(fovea_source_find(uri, &ops, &rest, &error), FOVEA_OK);
+    if (ops->open(rest, selection, &source, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    assert_int_equal(ops->start(source, &error), FOVEA_OK);
+    return source;
+}
+
+static const struct fovea_source_ops *sim_ops(void)
+{
+    const struct fovea_source_ops *ops = NULL;
+    const char *rest;
+    struct fovea_error error;
+    assert_int_equal(fovea_source_find("sim:", &ops, &rest, &error), FOVEA_OK);
+    return ops;
+}
+
+static void close_source(struct fovea_source *source)
+{
+    sim_ops()->stop(source);
+    sim_ops()->close(source);
+}
+
+/* 64-bit FNV-1a. */
+static uint64_t hash_bytes(uint64_t hash, const void *data, size_t bytes)
+{
+    const uint8_t *p = data;
+    for (size_t i = 0; i < bytes; i++)
+        hash = (hash ^ p[i]) * 0x100000001B3u;
+    return hash;
+}
+
+static const uint64_t hash_start = 0xCBF29CE484222325u;
+
+static uint64_t hash_frame(const struct fovea_frame *frame)
+{
+    return hash_bytes(hash_start, frame->image.data,
+                      (size_t)frame->image.width * (size_t)frame->image.height);
+}
+
+static uint64_t hash_at(const char *address, uint64_t start, uint64_t *truth_hash)
+{
+    struct fovea_frame frame;
+    static struct fovea_truth truth;
+    const struct fovea_source_selection selection = {.start = start, .step = 1};
+    struct fovea_source *source = open_source(address, &selection);
+    assert_int_equal(sim_ops()->dequeue(source, 0, &frame), FOVEA_OK);
+    const uint64_t hash = hash_frame(&frame);
+    if (truth_hash != NULL) {
+        const size_t pixels = (size_t)frame.image.width * (size_t)frame.image.height;
+        assert_int_equal(sim_ops()->truth(source, &frame, &truth), FOVEA_OK);
+        *truth_hash = hash_bytes(hash_start, truth.T_world_cam, sizeof truth.T_world_cam);
+        *truth_hash = hash_bytes(*truth_hash, truth.depth_m, pixels * sizeof(float));
+        *truth_hash = hash_bytes(*truth_hash, truth.class_mask, pixels);
+        for (uint32_t i = 0; i < truth.box_count; i++) {
+            const struct fovea_truth_box *b = &truth.boxes[i];
+            const float values[5] = {b->x_min_px, b->y_min_px, b->x_max_px, b->y_max_px, b->visible_share};
+            *truth_hash = hash_bytes(*truth_hash, &b->id, sizeof b->id);
+            *truth_hash = hash_bytes(*truth_hash, values, sizeof values);
+        }
+    }
+    sim_ops()->requeue(source, &frame);
+    close_source(source);
+    return hash;
+}
+
+/* Change these only when the pictures are meant to change: recordings and measurements depend on them. */
+static const struct {
+    const char *address;
+    uint64_t frame, image, truth;
+} golden[] = {
+    {"tour?width=320&height=240", 0, 0xaba3463eb8fa23d4u, 0xffe903a97c009f98u},
+    {"tour?width=320&height=240&objects=16", 1100, 0x17c259678687edf4u, 0x579d57d38e0e90d8u},
+    {"orbit", 123, 0xa0008626895c15edu, 0xf2a47beb7ff7c428u},
+    {"orbit?seed=99&width=320&height=240&lens=equidistant&objects=24&noise=5", 77, 0xe4bd2cbd1c6e3f9du,
+     0xc79ab9d21ab061bbu},
+    {"corridor?width=320&height=240&textures=repeated", 400, 0x18cb50ef29a71d07u, 0x7d6680fac897c8b0u},
+    {"rotate?width=200&height=130&lens=pinhole", 50, 0xfdde55eeab76a898u, 0x40c14abd1c8bce2cu},
+    {"stopgo?width=160&height=120&seed=4", 300, 0x06fe22a773a6c877u, 0x586ccb907aa377abu},
+    {"fast?width=320&height=240&blur=1&exposure=15", 100, 0xbabefd42045790a9u, 0x73044f71c6eb7c06u},
+    {"kidnap?width=320&height=240", 440, 0xecc95967a22f3fa5u, 0x4cb478db8569d963u},
+    {"wander?width=320&height=240&objects=30", 100000, 0x19ef2d8f1d257899u, 0x100d79ea5b90061bu},
+    {"still?width=320&height=240&rolling=1&light=0.5", 9, 0x29d5c005cf78336cu, 0x3b8d7f545f447b0eu},
+    {"orbit?width=320&height=240&rolling=1&blur=1&objects=12", 200, 0x26a39147d7348e36u, 0x3c4a51d233af1a97u},
+};
+
+static void test_golden(void **state)
+{
+    (void)state;
+    int wrong = 0;
+    for (size_t i = 0; i < sizeof golden / sizeof golden[0]; i++) {
+        uint64_t truth;
+        const uint64_t image = hash_at(golden[i].address, golden[i].frame, &truth);
+        if (image == golden[i].image && truth == golden[i].truth) continue;
+        wrong++;
+        print_message("    {\"%s\", %d, 0x%016llxu, 0x%016llxu},\n", golden[i].address, (int)golden[i].frame,
+                      (unsigned long long)image, (unsigned long long)truth);
+    }
+    assert_int_equal(wrong, 0);
+}
+
+static void test_seeds_differ(void **state)
+{
+    (void)state;
+    uint64_t seen[12];
+    for (int seed = 0; seed < 12; seed++) {
+        char address[64];
+        snprintf(address, sizeof address, "orbit?seed=%d&width=160&height=120", seed);
+        seen[seed] = hash_at(address, 0, NULL);
+        for (int other = 0; other < seed; other++)
+            assert_true(seen[other] != seen[seed]);
+    }
+}
+
+/* Any way of asking for a frame gives the same one. */
+static void test_order_does_not_matter(void **state)
+{
+    (void)state;
+    static const char *const addresses[] = {"orbit?width=160&height=120&frames=9",
+                                            "tour?width=160&height=120&frames=9&blur=1&rolling=1"};
+    for (size_t n = 0; n < 2; n++) {
+        uint64_t forward[9];
+        int64_t stamp[9];
+        struct fovea_frame frame;
+        struct fovea_source *source = open_source(addresses[n], NULL);
+        for (int i = 0; i < 9; i++) {
+            assert_int_equal(sim_ops()->dequeue(source, 0, &frame), FOVEA_OK);
+            forward[i] = hash_frame(&frame);
+            stamp[i] = frame.stamp_ns;
+            assert_int_equal(frame.sequence, i);
+            sim_ops()->requeue(source, &frame);
+        }
+        assert_int_equal(sim_ops()->dequeue(source, 0, &frame), FOVEA_END);
+        assert_int_equal(sim_ops()->state(source), FOVEA_SOURCE_ENDED);
+        close_source(source);
+        /* From 1 in steps of 3: frames 1, 4, 7; turned round; the first two. */
+        const struct fovea_source_selection selection = {.start = 1, .step = 3, .frames = 2, .reverse = true};
+        source = open_source(addresses[n], &selection);
+        assert_int_equal(sim_ops()->info(source)->frame_count, 2);
+        const int expected[2] = {7, 4};
+        int64_t last = -1;
+        for (int i = 0; i < 2; i++) {
+            assert_int_equal(sim_ops()->dequeue(source, 0, &frame), FOVEA_OK);
+            assert_int_equal(frame.sequence, expected[i]);
+            assert_true(hash_frame(&frame) == forward[expected[i]]);
+            assert_true(frame.stamp_ns == stamp[expected[1 - i]]);
+            assert_true(frame.stamp_ns > last);
+            last = frame.stamp_ns;
+            sim_ops()->requeue(source, &frame);
+        }
+        assert_int_equal(sim_ops()->dequeue(source, 0, &frame), FOVEA_END);
+        close_source(source);
+    }
+}
+
+static void test_frames_say_what_they_are(void **state)
+{
+    (void)state;
+    struct fovea_frame a, b, c;
+    struct fovea_source *source = open_source("still?width=96&height=80&rate=20&exposure=4&noise=3", NULL);
+    const struct fovea_source_info *info = sim_ops()->info(source);
+    assert_true(info->has_camera && info->has_truth && !info->live);
+    assert_int_equal(info->width, 96);
+    assert_int_equal(info->camera.width, 96);
+    assert_true(info->camera.field_max_rad > 0.5);
+    assert_int_equal(info->frame_count, 600);
+    assert_true(info->heap_bytes > 1000000);
+    assert_int_equal(sim_ops()->dequeue(source, 0, &a), FOVEA_OK);
+    assert_int_equal(sim_ops()->dequeue(source, 0, &b), FOVEA_OK);
+    assert_int_equal(sim_ops()->dequeue(source, 0, &c), FOVEA_AGAIN); /* two may be held */
+    assert_int_equal(fovea_image_check(&a.image), FOVEA_OK);
+    assert_int_equal(a.stamp_ns, 0);
+    assert_int_equal(b.stamp_ns, 50000000);
+    assert_int_equal(b.exposure_ns, 4000000);
+    assert_int_equal(b.clock, FOVEA_CLOCK_SIMULATED);
+    assert_int_equal(b.stamp_meaning, FOVEA_STAMP_EXPOSURE_MIDDLE);
+    sim_ops()->requeue(source, &a);
+    assert_int_equal(sim_ops()->dequeue(source, 0, &c), FOVEA_OK);
+    struct fovea_source_counts counts;
+    sim_ops()->counts(source, &counts);
+    assert_int_equal(counts.delivered, 3);
+    close_source(source);
+}
+
+/* Noise has the standard deviation that was asked for, is new in every frame, and nothing else moves when all
+ * stands. */
+static void test_noise(void **state)
+{
+    (void)state;
+    struct fovea_frame a, b;
+    struct fovea_source *source = open_source("still?objects=0&noise=3", NULL);
+    assert_int_equal(sim_ops()->dequeue(source, 0, &a), FOVEA_OK);
+    assert_int_equal(sim_ops()->dequeue(source, 0, &b), FOVEA_OK);
+    double sum = 0, square = 0;
+    int count = 0;
+    for (int32_t i = 0; i < 640 * 480; i++) {
+        if (a.image.data[i] < 30 || a.image.data[i] > 225) continue; /* not clipped */
+        const double d = (double)a.image.data[i] - b.image.data[i];
+        sum += d;
+        square += d * d;
+        count++;
+    }
+    const double mean = sum / count, variance = square / count - mean * mean;
+    print_message("noise 3: difference of two frames has mean %.3f, variance %.2f (expected 18.2)\n", mean,
+                  variance);
+    assert_true(mean > -0.03 && mean < 0.03);
+    assert_true(variance > 17.4 && variance < 19.0);
+    close_source(source);
+    source = open_source("still?objects=0&noise=0", NULL);
+    assert_int_equal(sim_ops()->dequeue(source, 0, &a), FOVEA_OK);
+    assert_int_equal(sim_ops()->dequeue(source, 0, &b), FOVEA_OK);
+    assert_memory_equal(a.image.data, b.image.data, 640 * 480);
+    close_source(source);
+}
+
+static double thread_ms(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+    return (double)now.tv_sec * 1e3 + (double)now.tv_nsec * 1e-6;
+}
+
+/* Printed, and only held to a generous bound: the machine may be busy, emulated or instrumented. */
+static void test_timing(void **state)
+{
+    (void)state;
+    static const char *const names[] = {"tour", "orbit", "corridor", "wander"};
+    for (size_t n = 0; n < 4; n++) {
+        const struct fovea_source_selection selection = {.start = 5, .step = 37};
+        struct fovea_frame frame;
+        const double begin = thread_ms();
+        struct fovea_source *source = open_source(names[n], &selection);
+        const double opened = thread_ms();
+        double most = 0.0;
+        enum { FRAMES = 20 };
+        for (int i = 0; i < FRAMES; i++) {
+            const double before = thread_ms();
+            assert_int_equal(sim_ops()->dequeue(source, 0, &frame), FOVEA_OK);
+            const double took = thread_ms() - before;
+            if (took > most) most = took;
+            sim_ops()->requeue(source, &frame);
+        }
+        print_message("%-9s open %.0f ms, %.1f MiB; 640x480 frame mean %.2f ms, at most %.2f ms\n", names[n],
+                      opened - begin, (double)sim_ops()->info(source)->heap_bytes / 1048576.0,
+                      (thread_ms() - opened) / FRAMES, most);
+        assert_true((thread_ms() - opened) / FRAMES < 1000.0);
+        close_source(source);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_golden),
+        cmocka_unit_test(test_seeds_differ),
+        cmocka_unit_test(test_order_does_not_matter),
+        cmocka_unit_test(test_frames_say_what_they_are),
+        cmocka_unit_test(test_noise),
+        cmocka_unit_test(test_timing),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,118 @@
+/* Options of the simulated camera: what is taken, and that every wrong one is refused in one telling line. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#include <cmocka.h>
+
+#include "../../../drivers/sim/sim.h"
+
+static void test_defaults(void **state)
+{
+    (void)state;
+    struct fv_sim_options o;
+    struct fovea_error error;
+    assert_int_equal(fv_sim_options_parse("", &o, &error), FOVEA_OK);
+    assert_int_equal(o.trajectory, FV_SIM_TOUR);
+    assert_int_equal(o.width, 640);
+    assert_int_equal(o.height, 480);
+    assert_int_equal(o.frames, 68 * 30);
+    assert_int_equal(fv_sim_options_parse("wander", &o, &error), FOVEA_OK);
+    assert_int_equal(o.frames, 0);
+    assert_int_equal(fv_sim_options_parse("orbit?", &o, &error), FOVEA_OK);
+}
+
+static void test_values(void **state)
+{
+    (void)state;
+    struct fv_sim_options o;
+    struct fovea_error error;
+    const char *uri = "orbit?seed=7&width=752&height=480&rate=20&frames=11&lens=equidistant&fov=100.5&noise="
+                      "0.5&blur=1&rolling=1"
+                      "&exposure=12.5&readout=30&objects=3&textures=repeated&light=1.5&time=4.25";
+    assert_int_equal(fv_sim_options_parse(uri, &o, &error), FOVEA_OK);
+    assert_int_equal(o.seed, 7);
+    assert_int_equal(o.width, 752);
+    assert_int_equal(o.frames, 11);
+    assert_int_equal(o.lens, FV_SIM_LENS_EQUIDISTANT);
+    assert_true(o.rate_hz == 20.0 && o.fov_deg == 100.5 && o.noise == 0.5 && o.exposure_ms == 12.5);
+    assert_true(o.readout_ms == 30.0 && o.light == 1.5 && o.time_s == 4.25);
+    assert_true(o.blur && o.rolling && o.repeated);
+    assert_int_equal(o.objects, 3);
+}
+
+static const struct {
+    const char *address, *says[3];
+} wrong[] = {
+    {"orbitt", {"trajectory", "'orbitt'", "'orbit'"}},
+    {"zzzzzzzz", {"trajectory", "'zzzzzzzz'", "corridor"}},
+    {"orbit?sede=3", {"option", "'sede'", "'seed'"}},
+    {"orbit?seed", {"seed", "no value", "integer"}},
+    {"orbit?seed=", {"seed", "''", "whole number"}},
+    {"orbit?seed=-1", {"seed", "'-1'", "whole number"}},
+    {"orbit?width=64.5", {"width", "'64.5'", "[64, 2048]"}},
+    {"orbit?width=63", {"width", "'63'", "[64, 2048]"}},
+    {"orbit?height=99999999999999999999", {"height", "'99999999999999999999'", "pixels"}},
+    {"orbit?rate=nan", {"rate", "'nan'", "a number"}},
+    {"orbit?rate=0", {"rate", "'0'", "[1, 1000]"}},
+    {"orbit?lens=fisheye", {"lens", "'fisheye'", "equidistant"}},
+    {"orbit?textures=none", {"textures", "'none'", "repeated"}},
+    {"orbit?blur=2", {"blur", "'2'", "[0, 1]"}},
+    {"orbit?noise=1e9", {"noise", "'1e9'", "[0, 20]"}},
+    {"orbit?objects=49", {"objects", "'49'", "[0, 48]"}},
+    {"orbit?exposure=50", {"exposure", "50", "frame period"}},
+    {"orbit?fov=120", {"fov", "120", "110"}},
+    {"orbit?seed=1&=3", {"option", "''", "seed"}},
+};
+
+static void test_wrong_ones_are_refused(void **state)
+{
+    (void)state;
+    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; i++) {
+        struct fv_sim_options o;
+        memset(&o, 0x5A, sizeof o);
+        const struct fv_sim_options before = o;
+        struct fovea_error error = {FOVEA_OK, ""};
+        const enum fovea_status status = fv_sim_options_parse(wrong[i].address, &o, &error);
+        if (status != FOVEA_ERROR_INPUT) print_error("%s: status %d\n", wrong[i].address, status);
+        assert_int_equal(status, FOVEA_ERROR_INPUT);
+        assert_memory_equal(&o, &before, sizeof o);
+        assert_null(strchr(error.text, '\n'));
+        for (size_t k = 0; k < 3; k++) {
+            if (strstr(error.text, wrong[i].says[k]) == NULL)
+                print_error("%s: no %s in: %s\n", wrong[i].address, wrong[i].says[k], error.text);
+            assert_non_null(strstr(error.text, wrong[i].says[k]));
+        }
+    }
+}
+
+static void test_open_refuses_what_cannot_be(void **state)
+{
+    (void)state;
+    struct fovea_source *source = NULL;
+    struct fovea_error error;
+    const struct fovea_source_selection late = {.start = 900, .step = 1}, still = {.step = 0},
+                                        back = {.step = 1, .reverse = true};
+    assert_int_equal(fovea_source_sim.open("orbit", &late, &source, &error), FOVEA_ERROR_ARGUMENT);
+    assert_int_equal(fovea_source_sim.open("orbit", &still, &source, &error), FOVEA_ERROR_ARGUMENT);
+    assert_int_equal(fovea_source_sim.open("wander", &back, &source, &error), FOVEA_ERROR_ARGUMENT);
+    /* A tall fisheye image whose corners would look backward. */
+    assert_int_equal(
+        fovea_source_sim.open("orbit?lens=equidistant&fov=130&width=640&height=1280", NULL, &source, &error),
+        FOVEA_ERROR_INPUT);
+    assert_non_null(strstr(error.text, "fov"));
+    assert_null(source);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_defaults),
+        cmocka_unit_test(test_values),
+        cmocka_unit_test(test_wrong_ones_are_refused),
+        cmocka_unit_test(test_open_refuses_what_cannot_be),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
