@@ -217,7 +217,7 @@ static void paint_clutter(struct fv_sim_brush *b)
 {
     fv_sim_fill(b, 0, 0, b->width, b->height, fv_sim_draw(b, 60, 180));
     for (int32_t size = fv_sim_mm(b, 400); size >= 2; size = size * 2 / 3) {
-        for (int32_t i = 0; i < 9; i++) {
+        for (int32_t i = 0; i < 24; i++) {
             const int32_t x = fv_sim_draw(b, 0, b->width), y = fv_sim_draw(b, 0, b->height);
             fv_sim_fill(b, x, y, x + fv_sim_draw(b, size / 2, size), y + fv_sim_draw(b, size / 2, size),
                         fv_sim_draw(b, 15, 240));

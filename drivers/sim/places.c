@@ -35,8 +35,8 @@ static void builder_open(struct builder *b, struct fv_sim_world *world, uint64_t
     for (int32_t i = 0; i < 2; i++) {
         b->wood[i] = fv_sim_world_texture(world, FV_SIM_WOOD, 1.4, 1.4, detail_per_m, false);
         b->carton[i] = fv_sim_world_texture(world, FV_SIM_CARTON, 0.9, 0.9, detail_per_m, false);
-        b->books[i] = fv_sim_world_texture(world, FV_SIM_BOOKS, 1.1, 2.0, detail_per_m, false);
-        b->clutter[i] = fv_sim_world_texture(world, FV_SIM_CLUTTER, 1.2, 1.2, detail_per_m, false);
+        b->books[i] = fv_sim_world_texture(world, FV_SIM_BOOKS, 2.4, 2.6, detail_per_m, false);
+        b->clutter[i] = fv_sim_world_texture(world, FV_SIM_CLUTTER, 2.0, 2.0, detail_per_m, false);
     }
     b->fabric = fv_sim_world_texture(world, FV_SIM_FABRIC, 1.4, 1.0, detail_per_m, false);
     b->metal = fv_sim_world_texture(world, FV_SIM_METAL, 0.9, 1.2, detail_per_m, false);
@@ -369,6 +369,6 @@ void fv_sim_place_hall(struct fv_sim_world *world)
     }
     for (int32_t i = 0; i < 8; i++) {
         const double x = -9.0 + 2.6 * i, y = (i & 1) ? 4.0 : -4.0;
-        box(b, x, y, 3.0, 1.3, 0.04, 1.5, draw(b, -0.8, 0.8), b->books[i & 1], b->wood[0], CLOSED);
+        box(b, x, y, 3.0, 1.3, 0.04, 1.5, draw(b, -0.8, 0.8), b->clutter[i & 1], b->wood[0], CLOSED);
     }
 }

@@ -89,19 +89,18 @@ static const struct {
     const char *address;
     uint64_t frame, image, truth;
 } golden[] = {
-    {"tour?width=320&height=240", 0, 0xaba3463eb8fa23d4u, 0xffe903a97c009f98u},
-    {"tour?width=320&height=240&objects=16", 1100, 0x17c259678687edf4u, 0x579d57d38e0e90d8u},
-    {"orbit", 123, 0xa0008626895c15edu, 0xf2a47beb7ff7c428u},
-    {"orbit?seed=99&width=320&height=240&lens=equidistant&objects=24&noise=5", 77, 0xe4bd2cbd1c6e3f9du,
-     0xc79ab9d21ab061bbu},
-    {"corridor?width=320&height=240&textures=repeated", 400, 0x18cb50ef29a71d07u, 0x7d6680fac897c8b0u},
-    {"rotate?width=200&height=130&lens=pinhole", 50, 0xfdde55eeab76a898u, 0x40c14abd1c8bce2cu},
-    {"stopgo?width=160&height=120&seed=4", 300, 0x06fe22a773a6c877u, 0x586ccb907aa377abu},
-    {"fast?width=320&height=240&blur=1&exposure=15", 100, 0xbabefd42045790a9u, 0x73044f71c6eb7c06u},
-    {"kidnap?width=320&height=240", 440, 0xecc95967a22f3fa5u, 0x4cb478db8569d963u},
-    {"wander?width=320&height=240&objects=30", 100000, 0x19ef2d8f1d257899u, 0x100d79ea5b90061bu},
-    {"still?width=320&height=240&rolling=1&light=0.5", 9, 0x29d5c005cf78336cu, 0x3b8d7f545f447b0eu},
-    {"orbit?width=320&height=240&rolling=1&blur=1&objects=12", 200, 0x26a39147d7348e36u, 0x3c4a51d233af1a97u},
+    {"tour?width=320&height=240", 0, 0x5c2f98d8f0f25124u, 0xffe903a97c009f98u},
+    {"tour?width=320&height=240&objects=16", 1100, 0xb43c89ef984f1ba9u, 0x579d57d38e0e90d8u},
+    {"orbit", 123, 0xd612b5657fb78b64u, 0xf2a47beb7ff7c428u},
+    {"orbit?seed=99&width=320&height=240&lens=equidistant&objects=24&noise=5", 77, 0xbe0f2c866db8fcb1u, 0xc79ab9d21ab061bbu},
+    {"corridor?width=320&height=240&textures=repeated", 400, 0x24e226016ea34c88u, 0x7d6680fac897c8b0u},
+    {"rotate?width=200&height=130&lens=pinhole", 50, 0x6b811a20a9fcd384u, 0x40c14abd1c8bce2cu},
+    {"stopgo?width=160&height=120&seed=4", 300, 0x6f4f0def59cc3491u, 0x586ccb907aa377abu},
+    {"fast?width=320&height=240&blur=1&exposure=15", 100, 0x329ac02d388bec4au, 0x73044f71c6eb7c06u},
+    {"kidnap?width=320&height=240", 440, 0x8845c6e21f01b815u, 0x4cb478db8569d963u},
+    {"wander?width=320&height=240&objects=30", 100000, 0x21ef566e1fdfc5dbu, 0x100d79ea5b90061bu},
+    {"still?width=320&height=240&rolling=1&light=0.5", 9, 0x54c9b2de552ff2aau, 0x3b8d7f545f447b0eu},
+    {"orbit?width=320&height=240&rolling=1&blur=1&objects=12", 200, 0x2723867d72431949u, 0x3c4a51d233af1a97u},
 };
 
 static void test_golden(void **state)
