@@ -146,9 +146,10 @@ static void look_round(const struct fv_sim_surface *s, const float *restrict x, 
     }
 }
 
-/* Level and fixed-point texel of every sample. Half-octaves of length are octaves of area, which the exponent of a float
- * counts: level l for footprints of 2^(l-1) to 2^l texels of the base, so that a level's texel is never smaller than the
- * pixel. The scale of level l is 2^-(l / 2), times 5/7 for odd l (texture.c), made from its bits. */
+/* Level and fixed-point texel of every sample. Half-octaves of length are octaves of area, which the exponent
+ * of a float counts: level l for footprints of 2^(l-1) to 2^l texels of the base, so that a level's texel is
+ * never smaller than the pixel. The scale of level l is 2^-(l / 2), times 5/7 for odd l (texture.c), made
+ * from its bits. */
 static void find_texels(const struct fv_sim_texture *texture, int32_t count, struct look *restrict look)
 {
     const int32_t one = 0x3F800000, five_sevenths = 0x3F36DB6E, last = texture->level_count - 1;

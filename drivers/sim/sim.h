@@ -303,7 +303,7 @@ struct fovea_source {
     uint8_t *image[FOVEA_SOURCE_FRAMES_HELD];
     uint64_t image_index[FOVEA_SOURCE_FRAMES_HELD]; /* trajectory frame shown in it */
     bool held[FOVEA_SOURCE_FRAMES_HELD];
-    uint64_t selected, deliverable; /* frames that start and step leave, and of them played; 0: endless */
+    uint64_t deliverable; /* frames that the selection leaves; 0: endless */
     uint64_t delivered;
     bool started;
     uint16_t *blurred; /* sum of instants, only with blur */

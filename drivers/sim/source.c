@@ -95,27 +95,25 @@ static bool allocate(struct fovea_source *source)
     return fine;
 }
 
-/* Frames on the trajectory that the selection leaves: start, start + step, ...; turned round; the first
- * `frames` of them. */
+/* Frames on the trajectory that the selection leaves: start, start + step, ... `frames` of them; then turned
+ * round. */
 static enum fovea_status select_frames(struct fovea_source *source, struct fovea_error *error)
 {
     const struct fovea_source_selection *s = &source->selection;
     const uint64_t all = source->options.frames;
     if (s->step == 0)
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "sim: step: found 0, expected at least 1");
-    if (all == 0) {
-        if (s->reverse)
-            return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                                   "sim: reverse: the trajectory is endless, expected ?frames=N");
-        source->deliverable = s->frames;
-        return FOVEA_OK;
-    }
+    source->deliverable = s->frames;
+    if (all == 0 && s->frames == 0 && s->reverse)
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                               "sim: reverse: the trajectory is endless, expected a number of frames");
+    if (all == 0) return FOVEA_OK;
     if (s->start >= all)
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
                                "sim: start: found %llu, expected less than the trajectory's %llu frames",
                                (unsigned long long)s->start, (unsigned long long)all);
-    source->selected = (all - s->start - 1) / s->step + 1;
-    source->deliverable = s->frames != 0 && s->frames < source->selected ? s->frames : source->selected;
+    const uint64_t left = (all - s->start - 1) / s->step + 1;
+    if (s->frames == 0 || s->frames > left) source->deliverable = left;
     return FOVEA_OK;
 }
 
@@ -248,7 +246,7 @@ static const uint16_t *render_exposure(struct fovea_source *source, double time_
 static uint64_t frame_index(const struct fovea_source *source, uint64_t n)
 {
     const struct fovea_source_selection *s = &source->selection;
-    return s->start + s->step * (s->reverse ? source->selected - 1 - n : n);
+    return s->start + s->step * (s->reverse ? source->deliverable - 1 - n : n);
 }
 
 /* Stamps rise in reverse too: they are mirrored inside the range that is played. */

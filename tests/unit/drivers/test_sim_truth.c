@@ -390,7 +390,8 @@ static void check_pictures(const char *address, uint64_t start, uint64_t later)
                  high = differences[count * 9 / 10];
     print_message("%s frames %d and %d: %d %% of pixels compared, difference median %.1f, 90 %% %.1f grey "
                   "levels; shift of %d tiles median %.3f, rms %.3f px\n",
-                  address, (int)start, (int)later, count * 100 / (width * height), median, high, tiles, shift[tiles / 2], rms);
+                  address, (int)start, (int)later, count * 100 / (width * height), median, high, tiles,
+                  shift[tiles / 2], rms);
     assert_true(count > width * height / 2);
     assert_true(tiles >= 40);
     assert_true(median <= 3.0 && high <= 16.0);
