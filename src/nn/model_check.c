@@ -164,7 +164,7 @@ static const char *check_conv(const struct check *c)
     const int64_t pitch = ((int64_t)p->k4 * 4 + 63) / 64 * 64;
     REQUIRE(conv.single_rounding, between(p->single_rounding, 0, pointwise), "not 0 or 1, or not for this window");
     REQUIRE(conv.shift, p->single_rounding || shifts_fit(c, p->shift, n16), "a shift is out of range");
-    int64_t scratch = pointwise ? 0 : FV_MODEL_CONV_PIXELS * pitch;
+    int64_t scratch = pointwise ? 0 : FV_MODEL_CONV_PIXELS * pitch + FV_MODEL_SLACK_BYTES;
     if (p->single_rounding) scratch += (int64_t)n16 * 4 * FV_MODEL_CONV_PIXELS;
     *c->word = 14;
     return scratch == 0 || scratch_bytes(c) >= scratch ? NULL : "scratch is too small";

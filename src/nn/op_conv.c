@@ -25,19 +25,20 @@ static struct fv_nn_gemm gemm_of(const struct fv_nn_call *call)
     };
 }
 
-/* One kernel row of one output pixel: kw pixels of in_c bytes, zero_in outside the image. */
+/* Copy in pieces of 16 bytes: up to 15 bytes past the end are read (tensors have slack) and written (the next run, or the
+ * slack of the scratch, comes there). Short runs are many, and a call of memcpy for each costs more than the bytes. */
+static inline void copy_run(uint8_t *to, const uint8_t *from, int32_t bytes)
+{
+    for (int32_t i = 0; i < bytes; i += 16) memcpy(to + i, from + i, 16);
+}
+
+/* One kernel row of one output pixel at a border or with gaps: kw pixels of in_c bytes, zero_in outside the image. */
 static void gather_run(const struct fv_op_conv *c, const uint8_t *line, int32_t ix, uint8_t *to)
 {
     const struct fv_op_image *im = &c->image;
-    const int32_t step = c->window.dilation_x;
-    const int inside = line != NULL && ix >= 0 && ix + (c->window.kw - 1) * step < im->in_w;
-    if (inside && step == 1 && im->in_stride == im->in_c) {
-        memcpy(to, line + (ptrdiff_t)ix * im->in_stride, (size_t)c->window.kw * (size_t)im->in_c);
-        return;
-    }
-    for (int32_t kx = 0; kx < c->window.kw; ++kx, ix += step, to += im->in_c) {
+    for (int32_t kx = 0; kx < c->window.kw; ++kx, ix += c->window.dilation_x, to += im->in_c) {
         if (line == NULL || ix < 0 || ix >= im->in_w) memset(to, c->zero_in, (size_t)im->in_c);
-        else memcpy(to, line + (ptrdiff_t)ix * im->in_stride, (size_t)im->in_c);
+        else copy_run(to, line + (ptrdiff_t)ix * im->in_stride, im->in_c);
     }
 }
 
@@ -46,14 +47,19 @@ static void gather(const struct fv_nn_call *call, int32_t first, int32_t count, 
     const struct fv_op_conv *c = &call->op->u.conv;
     const struct fv_op_image *im = &c->image;
     const struct fv_op_window *w = &c->window;
+    const int32_t run = w->kw * im->in_c;
+    const int whole = w->dilation_x == 1 && im->in_stride == im->in_c; /* a kernel row is one run of bytes */
     int32_t x = first % im->out_w, y = first / im->out_w % im->out_h, n = first / im->out_w / im->out_h;
     for (int32_t i = 0; i < count; ++i, rows += pitch) {
         const uint8_t *image = call->in[0] + (ptrdiff_t)n * im->in_h * im->in_w * im->in_stride;
         uint8_t *to = rows;
-        for (int32_t ky = 0; ky < w->kh; ++ky, to += (ptrdiff_t)w->kw * im->in_c) {
+        const int32_t ix = x * w->stride_x - w->pad_left;
+        const int inside = whole && ix >= 0 && ix + w->kw <= im->in_w;
+        for (int32_t ky = 0; ky < w->kh; ++ky, to += run) {
             const int32_t iy = y * w->stride_y - w->pad_top + ky * w->dilation_y;
             const uint8_t *line = iy < 0 || iy >= im->in_h ? NULL : image + (ptrdiff_t)iy * im->in_w * im->in_stride;
-            gather_run(c, line, x * w->stride_x - w->pad_left, to);
+            if (inside && line != NULL) copy_run(to, line + (ptrdiff_t)ix * im->in_stride, run);
+            else gather_run(c, line, ix, to);
         }
         if (++x == im->out_w) {
             x = 0;

@@ -33,7 +33,7 @@ static int32_t binary_value(const struct fv_op_binary *p, int32_t a, int32_t b)
         const uint32_t sum = p->function == FV_BINARY_ADD ? (uint32_t)u + (uint32_t)v : (uint32_t)u - (uint32_t)v;
         value = fv_nn_requantize((int32_t)sum, p->m_out, p->s_out);
     }
-    return fv_nn_clamp(fv_nn_sum(value, p->zero_out), p->act_min, p->act_max);
+    return fv_nn_output(value, p->zero_out, p->act_min, p->act_max);
 }
 
 static struct fv_nn_add add_of(const struct fv_op_binary *p)

@@ -12,7 +12,7 @@ void fv_k_nn_add_u8__c(const struct fv_nn_add *p, const uint8_t *a, const uint8_
         const int32_t x = fv_nn_requantize((a[i] - p->zero_a) * (1 << 20), p->m_a, p->s_a);
         const int32_t y = fv_nn_requantize((b[i] - p->zero_b) * (1 << 20), p->m_b, p->s_b);
         const int32_t sum = fv_nn_requantize(fv_nn_sum(x, y), p->m_out, p->s_out);
-        out[i] = (uint8_t)fv_nn_clamp(fv_nn_sum(sum, p->zero_out), p->act_min, p->act_max);
+        out[i] = fv_nn_output(sum, p->zero_out, p->act_min, p->act_max);
     }
 }
 

@@ -25,13 +25,17 @@ FV_INLINE void half_of(__m512i shift, __m512i *half, __m512i *fix, __m512i *righ
     *right = _mm512_sub_epi64(_mm512_set1_epi64(31), shift);
 }
 
-FV_INLINE void load_scale(struct scale16 *s, const int32_t *multiplier, const int32_t *shift)
+FV_INLINE void load_scale_of(struct scale16 *s, __m512i m, __m512i h)
 {
-    const __m512i m = _mm512_loadu_si512(multiplier), h = _mm512_loadu_si512(shift);
     s->multiplier = m;
     s->multiplier_odd = _mm512_srli_epi64(m, 32);
     half_of(_mm512_srai_epi64(_mm512_slli_epi64(h, 32), 32), &s->half_even, &s->fix_even, &s->right_even);
     half_of(_mm512_srai_epi64(h, 32), &s->half_odd, &s->fix_odd, &s->right_odd);
+}
+
+FV_INLINE void load_scale(struct scale16 *s, const int32_t *multiplier, const int32_t *shift)
+{
+    load_scale_of(s, _mm512_loadu_si512(multiplier), _mm512_loadu_si512(shift));
 }
 
 /* `above_zero`: results below zero will be clamped to zero anyway, so the rounding of negative ones does not matter. */

@@ -11,7 +11,7 @@
 #include "kernels/kernels.h"
 #include "kernels/x86/nn_avx512.h"
 
-enum { STEPS_MAX = 40, COLUMNS_MAX = 72 };
+enum { STEPS_MAX = 20, COLUMNS_MAX = 72, PHASES_MAX = 3 };
 
 /* What 64 neighbouring outputs share. A step is one plane of weights, one group of four kernel rows, one kernel column. */
 struct lanes {
@@ -33,36 +33,52 @@ FV_INLINE void interleave(__m512i a, __m512i b, __m512i c, __m512i d, __m512i ou
     out[3] = _mm512_unpackhi_epi16(ab_high, cd_high);
 }
 
+/* 64 elements of a per-channel array from channel `first` on, cyclic when `period` is not 0; past the end the last pad repeats. */
+static inline void spread(void *to, const void *from, size_t size, int32_t first, int32_t period, int32_t c16)
+{
+    uint8_t *out = to;
+    const uint8_t *in = from;
+    const int32_t end = period != 0 ? period : c16;
+    for (int32_t n = 0, at = first; n < 64;) {
+        const int32_t count = end - at < 64 - n ? end - at : 64 - n;
+        memcpy(out + (size_t)n * size, in + (size_t)at * size, (size_t)count * size);
+        n += count;
+        at = period != 0 ? 0 : c16 - (64 - n < c16 ? 64 - n : c16); /* lanes past the channels are never stored */
+    }
+}
+
+/* Words of 64 channels in the order in which interleaving leaves the channels: out[q] holds 4 q .. 4 q + 3 of each 16. */
+static inline void transpose_words(const int32_t *words, __m512i out[4])
+{
+    __m512i in[4];
+    for (int i = 0; i < 4; ++i) in[i] = _mm512_loadu_si512(words + 16 * i);
+    const __m512i a = _mm512_shuffle_i32x4(in[0], in[1], 0x44), b = _mm512_shuffle_i32x4(in[2], in[3], 0x44);
+    const __m512i c = _mm512_shuffle_i32x4(in[0], in[1], 0xEE), d = _mm512_shuffle_i32x4(in[2], in[3], 0xEE);
+    out[0] = _mm512_shuffle_i32x4(a, b, 0x88);
+    out[1] = _mm512_shuffle_i32x4(a, b, 0xDD);
+    out[2] = _mm512_shuffle_i32x4(c, d, 0x88);
+    out[3] = _mm512_shuffle_i32x4(c, d, 0xDD);
+}
+
 /* Prepare 64 lanes that stand for channels first, first + 1, ... (modulo `period` when it is not 0). */
 static inline void load_lanes(struct lanes *l, const struct fv_nn_depthwise *d, int32_t first, int32_t period)
 {
     const int32_t groups = (d->kh + 3) / 4;
-    int32_t channel[64], scaling[3][64];
-    int8_t column[4][64];
-    for (int32_t i = 0; i < 64; ++i) {
-        channel[i] = period != 0 ? (first + i) % period : first + i;
-        if (channel[i] >= d->c16) channel[i] = d->c16 - 1; /* lanes that are not stored */
-    }
-    for (int32_t q = 0, n = 0; q < 4; ++q) { /* the order in which interleaving leaves them */
-        for (int32_t lane = 0; lane < 4; ++lane) {
-            for (int32_t i = 0; i < 4; ++i, ++n) {
-                const int32_t c = channel[16 * lane + 4 * q + i];
-                scaling[0][n] = d->bias[c];
-                scaling[1][n] = d->multiplier[c];
-                scaling[2][n] = d->shift[c];
-            }
-        }
-    }
-    for (int32_t q = 0; q < 4; ++q) {
-        l->bias[q] = _mm512_loadu_si512(scaling[0] + 16 * q);
-        load_scale(&l->scale[q], scaling[1] + 16 * q, scaling[2] + 16 * q);
-    }
+    int32_t words[64];
+    __m512i multiplier[4], shift[4];
+    spread(words, d->bias, 4, first, period, d->c16);
+    transpose_words(words, l->bias);
+    spread(words, d->multiplier, 4, first, period, d->c16);
+    transpose_words(words, multiplier);
+    spread(words, d->shift, 4, first, period, d->c16);
+    transpose_words(words, shift);
+    for (int32_t q = 0; q < 4; ++q) load_scale_of(&l->scale[q], multiplier[q], shift[q]);
     for (int32_t step = 0; step < d->planes * groups * d->kw; ++step) {
         const int32_t kx = step % d->kw, group = step / d->kw % groups, plane = step / d->kw / groups;
-        for (int32_t r = 0; r < 4; ++r) {
-            const int32_t ky = 4 * group + r;
-            const int8_t *w = d->weights + ((ptrdiff_t)(plane * d->kh + ky) * d->kw + kx) * d->c16;
-            for (int32_t i = 0; i < 64; ++i) column[r][i] = ky < d->kh ? w[channel[i]] : 0;
+        int8_t column[4][64] = {{0}};
+        for (int32_t r = 0; r < 4 && 4 * group + r < d->kh; ++r) {
+            const int8_t *w = d->weights + ((ptrdiff_t)(plane * d->kh + 4 * group + r) * d->kw + kx) * d->c16;
+            spread(column[r], w, 1, first, period, d->c16);
         }
         interleave(_mm512_loadu_si512(column[0]), _mm512_loadu_si512(column[1]), _mm512_loadu_si512(column[2]),
                    _mm512_loadu_si512(column[3]), l->weights[step]);
@@ -168,6 +184,16 @@ static inline ptrdiff_t flat_part(const struct fv_nn_depthwise *d)
     return (ptrdiff_t)((all + d->stride_x - 1) / d->stride_x) * d->channels + 64;
 }
 
+static inline int32_t common_divisor(int32_t a, int32_t b)
+{
+    while (b != 0) {
+        const int32_t rest = a % b;
+        a = b;
+        b = rest;
+    }
+    return a;
+}
+
 static inline int flat_fits(const struct fv_nn_depthwise *d)
 {
     const int32_t span = (d->kw - 1) * d->dilation_x + 1, all = (d->out_w - 1) * d->stride_x + span;
@@ -175,7 +201,7 @@ static inline int flat_fits(const struct fv_nn_depthwise *d)
     const ptrdiff_t room = (ptrdiff_t)(all < most ? all : most) * 256 * ((d->kh + 3) / 4);
     const int32_t blocks = (d->channels + 63) / 64;
     return d->kh <= 4 && d->planes * d->kw <= STEPS_MAX && d->channels * 5 < blocks * 64 * 4 && d->out_stride == d->channels &&
-           flat_part(d) * d->stride_x * d->kh <= room;
+           flat_part(d) * d->stride_x * d->kh <= room && d->channels / common_divisor(d->channels, 64) <= PHASES_MAX;
 }
 
 static inline void copy_flat(const struct fv_nn_depthwise *d, const uint8_t *row, uint8_t *to, ptrdiff_t part)
@@ -226,34 +252,23 @@ FV_INLINE void flat_outputs(const struct lanes *l, const struct fv_nn_depthwise 
     }
 }
 
-static inline int32_t common_divisor(int32_t a, int32_t b)
-{
-    while (b != 0) {
-        const int32_t rest = a % b;
-        a = b;
-        b = rest;
-    }
-    return a;
-}
-
 static inline void by_flat_rows(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out, int32_t begin, int32_t end,
                                 uint8_t *scratch, int above)
 {
     const int32_t phases = d->channels / common_divisor(d->channels, 64), total = d->out_w * d->channels;
     const ptrdiff_t part = flat_part(d), pitch = part * d->stride_x;
     const int small = d->kh == 3 && d->kw == 3;
-    struct lanes l;
-    int32_t loaded = -1;
+    struct lanes lanes[PHASES_MAX];
+    for (int32_t p = 0; p < phases; ++p) load_lanes(&lanes[p], d, p * 64 % d->channels, d->channels);
     for (int32_t y = begin; y < end; ++y, out += total) {
         for (int32_t ky = 0; ky < d->kh; ++ky) copy_flat(d, input_row(d, in, y, ky), scratch + ky * pitch, part);
         for (int32_t p = 0; p < phases && p * 64 < total; ++p) {
-            if (loaded != p) load_lanes(&l, d, p * 64 % d->channels, d->channels);
-            loaded = p;
+            const struct lanes *l = &lanes[p];
             const int32_t step = phases * 64;
-            if (small && d->planes == 1 && above) flat_outputs(&l, d, scratch, pitch, part, p * 64, step, total, out, 3, 3, 1, 1);
-            else if (small && d->planes == 1) flat_outputs(&l, d, scratch, pitch, part, p * 64, step, total, out, 3, 3, 1, 0);
-            else if (small && above) flat_outputs(&l, d, scratch, pitch, part, p * 64, step, total, out, 3, 3, d->planes, 1);
-            else flat_outputs(&l, d, scratch, pitch, part, p * 64, step, total, out, d->kh, d->kw, d->planes, 0);
+            if (small && d->planes == 1 && above) flat_outputs(l, d, scratch, pitch, part, p * 64, step, total, out, 3, 3, 1, 1);
+            else if (small && d->planes == 1) flat_outputs(l, d, scratch, pitch, part, p * 64, step, total, out, 3, 3, 1, 0);
+            else if (small && above) flat_outputs(l, d, scratch, pitch, part, p * 64, step, total, out, 3, 3, d->planes, 1);
+            else flat_outputs(l, d, scratch, pitch, part, p * 64, step, total, out, d->kh, d->kw, d->planes, 0);
         }
     }
 }

@@ -6,7 +6,7 @@
 #include "kernels/kernels.h"
 #include "kernels/x86/nn_avx512.h"
 
-enum { CHUNK_ROWS = 48, TILE_ROWS_MAX = 12 };
+enum { CHUNK_ROWS = 48, CHUNK_ROWS_MAX = 72, TILE_ROWS_MAX = 12 };
 
 struct tile_job {
     const struct fv_nn_gemm *g;
@@ -145,7 +145,7 @@ static inline void gemm_u8(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff
     const int above = g->act_min >= g->zero_out;
     struct tile_job j = {.g = g, .lda = lda};
     struct store_job s;
-    int32_t sums[CHUNK_ROWS];
+    int32_t sums[CHUNK_ROWS_MAX];
     s.zero = _mm512_set1_epi16((short)g->zero_out);
     s.low = _mm512_set1_epi8((char)g->act_min);
     s.high = _mm512_set1_epi8((char)g->act_max);
@@ -153,8 +153,8 @@ static inline void gemm_u8(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff
     s.ldo = ldo;
     s.lookup = g->table;
     load_table(&s.table, g->table);
-    for (int32_t i = 0; i < m; i += CHUNK_ROWS) {
-        const int32_t rows = m - i < CHUNK_ROWS ? m - i : CHUNK_ROWS;
+    for (int32_t i = 0, rows; i < m; i += rows) {
+        rows = m - i <= CHUNK_ROWS_MAX ? m - i : CHUNK_ROWS;
         if (g->row_sum_factor != 0) sum_rows(g, a + i * lda, lda, rows, sums);
         for (int32_t b = 0, count; b < blocks; b += count) {
             count = next_blocks(blocks - b);
