@@ -128,10 +128,11 @@ struct fv_op_copy {
 struct fv_op_fill {
     int32_t bytes, value;
 };
-enum fv_resize { FV_RESIZE_NEAREST, FV_RESIZE_FLOAT, FV_RESIZE_FIXED };
+enum fv_resize { FV_RESIZE_NEAREST, FV_RESIZE_FLOAT, FV_RESIZE_FIXED, FV_RESIZE_EXACT };
 struct fv_op_resize {
     struct fv_op_image image;
     int32_t mode, rows, columns; /* tables of 3 words per output row or column: lower, upper, weight of the upper one */
+    int32_t bits;                /* EXACT: weights are multiples of 2^-bits, where float arithmetic makes no error */
 };
 struct fv_op_softmax {
     int32_t outer, depth, table; /* int32[256]: exp(-d) in Q0.31 by distance from the maximum, -1: left out */

@@ -161,7 +161,7 @@ static const char *check_conv(const struct check *c)
     REQUIRE(conv.shift, constant(c, p->shift, (int64_t)n16 * 4, 64), "shifts lie outside the file");
     REQUIRE(conv.table, table_fits(c, p->table), "the table lies outside the file");
     const int pointwise = is_pointwise(&p->image, &p->window);
-    const int64_t pitch = ((int64_t)p->k4 * 4 + 63) / 64 * 64;
+    const int64_t pitch = ((int64_t)p->k4 * 4 + 15 + 63) / 64 * 64;
     REQUIRE(conv.single_rounding, between(p->single_rounding, 0, pointwise), "not 0 or 1, or not for this window");
     REQUIRE(conv.shift, p->single_rounding || shifts_fit(c, p->shift, n16), "a shift is out of range");
     int64_t scratch = pointwise ? 0 : FV_MODEL_CONV_PIXELS * pitch + FV_MODEL_SLACK_BYTES;
@@ -279,11 +279,11 @@ static int entries_fit(const struct check *c, int32_t offset, int32_t count, int
     return good;
 }
 
-static int weights_fit(const struct check *c, int32_t offset, int32_t count)
+static int weights_fit(const struct check *c, int32_t offset, int32_t count, int32_t low, int32_t high)
 {
     const int32_t *entry = words_at(c, offset);
     int good = 1;
-    for (int32_t i = 0; i < count; ++i, entry += 3) good &= between(entry[2], -4096, 4096);
+    for (int32_t i = 0; i < count; ++i, entry += 3) good &= between(entry[2], low, high);
     return good;
 }
 
@@ -293,12 +293,14 @@ static const char *check_resize(const struct check *c)
     const char *fault = check_image(c, &p->image);
     if (fault != NULL) return fault;
     REQUIRE(resize.image.out_c, p->image.in_c == p->image.out_c, "not the input's channels");
-    REQUIRE(resize.mode, between(p->mode, FV_RESIZE_NEAREST, FV_RESIZE_FIXED), "no such mode");
+    REQUIRE(resize.mode, between(p->mode, FV_RESIZE_NEAREST, FV_RESIZE_EXACT), "no such mode");
     REQUIRE(resize.rows, entries_fit(c, p->rows, p->image.out_h, p->image.in_h), "the table is outside the file or the image");
     REQUIRE(resize.columns, entries_fit(c, p->columns, p->image.out_w, p->image.in_w), "the table is outside the file or the image");
-    if (p->mode != FV_RESIZE_FIXED) return NULL;
-    REQUIRE(resize.rows, weights_fit(c, p->rows, p->image.out_h), "a weight is out of range");
-    REQUIRE(resize.columns, weights_fit(c, p->columns, p->image.out_w), "a weight is out of range");
+    if (p->mode != FV_RESIZE_FIXED && p->mode != FV_RESIZE_EXACT) return NULL;
+    REQUIRE(resize.bits, between(p->bits, 0, 7), "out of range");
+    const int32_t low = p->mode == FV_RESIZE_FIXED ? -4096 : 0, high = p->mode == FV_RESIZE_FIXED ? 4096 : 1 << p->bits;
+    REQUIRE(resize.rows, weights_fit(c, p->rows, p->image.out_h, low, high), "a weight is out of range");
+    REQUIRE(resize.columns, weights_fit(c, p->columns, p->image.out_w, low, high), "a weight is out of range");
     return NULL;
 }
 

@@ -42,31 +42,38 @@ static void gather_run(const struct fv_op_conv *c, const uint8_t *line, int32_t 
     }
 }
 
+/* Kernel row ky of `count` neighbouring output pixels of one row, the first at x. */
+static void gather_line(const struct fv_op_conv *c, const uint8_t *image, int32_t y, int32_t x, int32_t ky, int32_t count,
+                        uint8_t *rows, ptrdiff_t pitch)
+{
+    const struct fv_op_image *im = &c->image;
+    const struct fv_op_window *w = &c->window;
+    const int whole = w->dilation_x == 1 && im->in_stride == im->in_c; /* a kernel row is one run of bytes */
+    const int32_t run = w->kw * im->in_c, iy = y * w->stride_y - w->pad_top + ky * w->dilation_y;
+    const uint8_t *line = iy < 0 || iy >= im->in_h ? NULL : image + (ptrdiff_t)iy * im->in_w * im->in_stride;
+    uint8_t *to = rows + (ptrdiff_t)ky * run;
+    for (int32_t i = 0; i < count; ++i, to += pitch) {
+        const int32_t ix = (x + i) * w->stride_x - w->pad_left;
+        if (whole && line != NULL && ix >= 0 && ix + w->kw <= im->in_w) copy_run(to, line + (ptrdiff_t)ix * im->in_stride, run);
+        else gather_run(c, line, ix, to);
+    }
+}
+
 static void gather(const struct fv_nn_call *call, int32_t first, int32_t count, uint8_t *rows, ptrdiff_t pitch)
 {
     const struct fv_op_conv *c = &call->op->u.conv;
     const struct fv_op_image *im = &c->image;
-    const struct fv_op_window *w = &c->window;
-    const int32_t run = w->kw * im->in_c;
-    const int whole = w->dilation_x == 1 && im->in_stride == im->in_c; /* a kernel row is one run of bytes */
     int32_t x = first % im->out_w, y = first / im->out_w % im->out_h, n = first / im->out_w / im->out_h;
-    for (int32_t i = 0; i < count; ++i, rows += pitch) {
+    while (count > 0) {
+        const int32_t part = im->out_w - x < count ? im->out_w - x : count;
         const uint8_t *image = call->in[0] + (ptrdiff_t)n * im->in_h * im->in_w * im->in_stride;
-        uint8_t *to = rows;
-        const int32_t ix = x * w->stride_x - w->pad_left;
-        const int inside = whole && ix >= 0 && ix + w->kw <= im->in_w;
-        for (int32_t ky = 0; ky < w->kh; ++ky, to += run) {
-            const int32_t iy = y * w->stride_y - w->pad_top + ky * w->dilation_y;
-            const uint8_t *line = iy < 0 || iy >= im->in_h ? NULL : image + (ptrdiff_t)iy * im->in_w * im->in_stride;
-            if (inside && line != NULL) copy_run(to, line + (ptrdiff_t)ix * im->in_stride, run);
-            else gather_run(c, line, ix, to);
-        }
-        if (++x == im->out_w) {
-            x = 0;
-            if (++y == im->out_h) {
-                y = 0;
-                ++n;
-            }
+        for (int32_t ky = 0; ky < c->window.kh; ++ky) gather_line(c, image, y, x, ky, part, rows, pitch);
+        rows += part * pitch;
+        count -= part;
+        x = 0;
+        if (++y == im->out_h) {
+            y = 0;
+            ++n;
         }
     }
 }
@@ -115,7 +122,7 @@ void fv_nn_op_conv(const struct fv_nn_call *call, int32_t begin, int32_t end)
     const struct fv_nn_gemm gemm = gemm_of(call);
     const int32_t last = end * c->image.out_w;
     const int pointwise = is_pointwise(c);
-    const ptrdiff_t pitch = pointwise ? c->image.in_stride : (c->k4 * 4 + 63) / 64 * 64;
+    const ptrdiff_t pitch = pointwise ? c->image.in_stride : (c->k4 * 4 + 15 + 63) / 64 * 64; /* room for copy_run */
     const ptrdiff_t out_stride = c->image.out_stride;
     if (pointwise && !c->single_rounding) {
         const ptrdiff_t first = (ptrdiff_t)begin * c->image.out_w;

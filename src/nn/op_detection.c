@@ -38,6 +38,7 @@ static void decode_boxes(const struct fv_nn_call *call, const struct state *s)
 
 static float overlap(const float *a, const float *b)
 {
+    if (b[0] >= a[2] || a[0] >= b[2] || b[1] >= a[3] || a[1] >= b[3]) return 0.0f; /* most pairs are apart */
     const float area_a = (a[2] - a[0]) * (a[3] - a[1]), area_b = (b[2] - b[0]) * (b[3] - b[1]);
     if (!(area_a > 0.0f) || !(area_b > 0.0f)) return 0.0f;
     const float y0 = a[0] > b[0] ? a[0] : b[0], x0 = a[1] > b[1] ? a[1] : b[1];

@@ -51,14 +51,17 @@ void fv_nn_op_binary(const struct fv_nn_call *call, int32_t begin, int32_t end)
     const int packed = p->a[5] == 1 && p->b[5] == 1 && p->out[5] == 1;
     const struct fv_nn_add add = add_of(p);
     const uint8_t *table = p->table == 0 ? NULL : call->model->base + p->table;
-    for (int32_t row = begin; row < end; ++row) {
+    const int sums = packed && p->function == FV_BINARY_ADD && table == NULL;
+    for (int32_t row = begin, rows; row < end; row += rows) {
         ptrdiff_t at[3];
         row_offsets(p->dims, row, strides, at, 3);
         const uint8_t *a = call->in[0] + at[0], *b = call->in[1] + at[1];
         uint8_t *out = call->out[0] + at[2];
-        if (packed && p->function == FV_BINARY_ADD) {
-            call->kernels->nn_add_u8(&add, a, b, out, count);
-            if (table != NULL) call->kernels->nn_table_u8(table, out, out, count);
+        rows = 1;
+        if (sums) { /* rows up to the end of axis 4 at once */
+            const int32_t left = p->dims[4] - row % p->dims[4];
+            rows = left < end - row ? left : end - row;
+            call->kernels->nn_add_u8(&add, a, p->a[4], b, p->b[4], out, p->out[4], rows, count);
             continue;
         }
         for (int32_t i = 0; i < count; ++i) {

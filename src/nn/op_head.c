@@ -68,9 +68,28 @@ void fv_nn_op_softmax(const struct fv_nn_call *call, int32_t begin, int32_t end)
     }
 }
 
+/* The largest along the last axis, which is packed. */
+static void arg_max_rows(const struct fv_nn_call *call, int32_t begin, int32_t end)
+{
+    const struct fv_op_arg_max *p = &call->op->u.arg_max;
+    int32_t best[64];
+    for (int32_t row = begin, count; row < end; row += count) {
+        count = end - row < 64 ? end - row : 64;
+        call->kernels->nn_argmax_u8(call->in[0] + (ptrdiff_t)row * p->axis, p->axis, best, count);
+        for (int32_t i = 0; i < count; ++i) {
+            if (p->element_bytes == 8) ((int64_t *)(void *)call->out[0])[row + i] = best[i];
+            else ((int32_t *)(void *)call->out[0])[row + i] = best[i];
+        }
+    }
+}
+
 void fv_nn_op_arg_max(const struct fv_nn_call *call, int32_t begin, int32_t end)
 {
     const struct fv_op_arg_max *p = &call->op->u.arg_max;
+    if (p->inner == 1 && !p->minimum) {
+        arg_max_rows(call, begin, end);
+        return;
+    }
     for (int32_t row = begin; row < end; ++row) {
         for (int32_t i = 0; i < p->inner; ++i) {
             const uint8_t *in = call->in[0] + (ptrdiff_t)row * p->axis * p->inner + i;

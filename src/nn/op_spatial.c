@@ -157,10 +157,16 @@ void fv_nn_op_resize(const struct fv_nn_call *call, int32_t begin, int32_t end)
     const struct entry *rows = (const struct entry *)(const void *)(call->model->base + p->rows);
     const struct entry *columns = (const struct entry *)(const void *)(call->model->base + p->columns);
     const ptrdiff_t line = (ptrdiff_t)im->in_w * im->in_stride;
+    const struct fv_nn_blend blend = {.channels = im->in_c, .in_stride = im->in_stride, .out_w = im->out_w,
+                                      .out_stride = im->out_stride, .bits = p->bits, .columns = &columns->low};
     for (int32_t row = begin; row < end; ++row) {
         const uint8_t *image = call->in[0] + (ptrdiff_t)(row / im->out_h) * im->in_h * line;
         const struct entry *y = &rows[row % im->out_h];
         uint8_t *out = call->out[0] + (ptrdiff_t)row * im->out_w * im->out_stride;
+        if (p->mode == FV_RESIZE_EXACT) {
+            call->kernels->nn_blend_u8(&blend, image + y->low * line, image + y->high * line, y->weight, out);
+            continue;
+        }
         for (int32_t i = 0; i < im->out_w; ++i, out += im->out_stride) {
             const struct entry *x = &columns[i];
             const uint8_t *left = image + (ptrdiff_t)x->low * im->in_stride, *right = image + (ptrdiff_t)x->high * im->in_stride;

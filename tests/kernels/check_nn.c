@@ -232,27 +232,30 @@ static struct fv_nn_add draw_add(struct check *check)
 
 void check_nn_add_u8(struct check *check, fv_k_nn_add_u8_fn *reference, fv_k_nn_add_u8_fn *variant)
 {
-    const int32_t count = check_between(check, 1, 300);
+    const int32_t count = check_between(check, 0, 1) ? check_between(check, 1, 300) : 16 * check_between(check, 1, 2);
+    const int32_t rows = check_between(check, 1, 9);
+    const ptrdiff_t lda = count + check_between(check, 0, 20), ldb = count + check_between(check, 0, 20);
+    const size_t bytes_a = (size_t)((rows - 1) * lda + count), bytes_b = (size_t)((rows - 1) * ldb + count);
     const struct fv_nn_add p = draw_add(check);
-    uint8_t *a = check_buffer(check, (size_t)count, 1, 0), *b = check_buffer(check, (size_t)count, 1, 0);
-    uint8_t *expected = check_buffer(check, (size_t)count, 1, 0), *found = check_buffer(check, (size_t)count, 1, 0);
-    check_fill(check, a, (size_t)count);
-    check_fill(check, b, (size_t)count);
-    reference(&p, a, b, expected, count);
-    if (check_between(check, 0, 1)) {
-        memcpy(found, a, (size_t)count);
-        variant(&p, found, b, found, count);
-    } else {
-        variant(&p, a, b, found, count);
+    uint8_t *a = check_buffer(check, bytes_a, 1, 0), *b = check_buffer(check, bytes_b, 1, 0);
+    uint8_t *expected = check_buffer(check, bytes_a, 1, 0), *found = check_buffer(check, bytes_a, 1, 0);
+    check_fill(check, a, bytes_a);
+    check_fill(check, b, bytes_b);
+    const int in_place = check_between(check, 0, 1);
+    if (in_place) {
+        memcpy(found, a, bytes_a);
+        memcpy(expected, a, bytes_a);
     }
-    check_equal(check, "out", expected, found, (size_t)count);
+    reference(&p, a, lda, b, ldb, expected, lda, rows, count);
+    variant(&p, in_place ? found : a, lda, b, ldb, found, lda, rows, count);
+    check_equal(check, "out", expected, found, bytes_a);
 }
 
 void bench_nn_add_u8(struct check *check, fv_k_nn_add_u8_fn *variant)
 {
     const struct fv_nn_add p = draw_add(check);
     snprintf(check->size, sizeof check->size, "65536");
-    variant(&p, bench_scratch(), bench_scratch() + (1 << 20), bench_scratch() + (2 << 20), 65536);
+    variant(&p, bench_scratch(), 256, bench_scratch() + (1 << 20), 256, bench_scratch() + (2 << 20), 256, 256, 256);
 }
 
 void check_nn_max_u8(struct check *check, fv_k_nn_max_u8_fn *reference, fv_k_nn_max_u8_fn *variant)
@@ -291,4 +294,63 @@ void bench_nn_transpose_u8(struct check *check, fv_k_nn_transpose_u8_fn *variant
 {
     snprintf(check->size, sizeof check->size, "784x144");
     variant(bench_scratch(), 144, bench_scratch() + (1 << 20), 784, 784, 144);
+}
+
+void check_nn_blend_u8(struct check *check, fv_k_nn_blend_u8_fn *reference, fv_k_nn_blend_u8_fn *variant)
+{
+    const int32_t in_w = check_between(check, 1, 20), out_w = check_between(check, 1, 30), bits = check_between(check, 0, 7);
+    struct fv_nn_blend p = {.channels = check_between(check, 1, 70), .out_w = out_w, .bits = bits};
+    p.in_stride = p.channels + check_between(check, 0, 5);
+    p.out_stride = p.channels + check_between(check, 0, 5);
+    int32_t *columns = check_buffer(check, (size_t)out_w * 12, 4, 0);
+    for (int32_t x = 0; x < out_w; ++x) {
+        columns[3 * x] = check_between(check, 0, in_w - 1);
+        columns[3 * x + 1] = check_between(check, 0, in_w - 1);
+        columns[3 * x + 2] = check_between(check, 0, 1 << bits);
+    }
+    p.columns = columns;
+    const size_t in_bytes = (size_t)((in_w - 1) * p.in_stride + p.channels), bytes = (size_t)((out_w - 1) * p.out_stride + p.channels);
+    uint8_t *top = check_buffer(check, in_bytes, 1, SLACK), *bottom = check_buffer(check, in_bytes, 1, SLACK);
+    uint8_t *expected = check_buffer(check, bytes, 1, 0), *found = check_buffer(check, bytes, 1, 0);
+    check_fill(check, top, in_bytes);
+    check_fill(check, bottom, in_bytes);
+    const int32_t weight = check_between(check, 0, 1 << bits);
+    reference(&p, top, bottom, weight, expected);
+    variant(&p, top, bottom, weight, found);
+    check_equal(check, "row", expected, found, bytes);
+}
+
+void bench_nn_blend_u8(struct check *check, fv_k_nn_blend_u8_fn *variant)
+{
+    struct fv_nn_blend *p = check->kept;
+    if (p == NULL) {
+        p = check_buffer(check, sizeof *p, 8, 0);
+        int32_t *columns = check_buffer(check, 513 * 12, 4, 0);
+        for (int32_t x = 0; x < 513; ++x) {
+            columns[3 * x] = x / 16;
+            columns[3 * x + 1] = x / 16 + (x < 512);
+            columns[3 * x + 2] = x % 16;
+        }
+        *p = (struct fv_nn_blend){.channels = 21, .in_stride = 21, .out_w = 513, .out_stride = 21, .bits = 4, .columns = columns};
+        check->kept = p;
+    }
+    snprintf(check->size, sizeof check->size, "row of 513x21");
+    variant(p, bench_scratch(), bench_scratch() + 4096, 7, bench_scratch() + (1 << 20));
+}
+
+void check_nn_argmax_u8(struct check *check, fv_k_nn_argmax_u8_fn *reference, fv_k_nn_argmax_u8_fn *variant)
+{
+    const int32_t axis = check_between(check, 1, check_between(check, 0, 1) ? 40 : 200), count = check_between(check, 1, 20);
+    uint8_t *in = check_buffer(check, (size_t)(axis * count), 1, SLACK);
+    int32_t *expected = check_buffer(check, (size_t)count * 4, 4, 0), *found = check_buffer(check, (size_t)count * 4, 4, 0);
+    check_fill(check, in, (size_t)(axis * count));
+    reference(in, axis, expected, count);
+    variant(in, axis, found, count);
+    check_equal(check, "indices", expected, found, (size_t)count * 4);
+}
+
+void bench_nn_argmax_u8(struct check *check, fv_k_nn_argmax_u8_fn *variant)
+{
+    snprintf(check->size, sizeof check->size, "4096 x 21");
+    variant(bench_scratch(), 21, (int32_t *)(void *)(bench_scratch() + (1 << 20)), 4096);
 }

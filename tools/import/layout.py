@@ -41,7 +41,7 @@ PARAMS = {
               ["elements", "multiplier", "shift", "zero_in", "zero_out"],
     "COPY": _six("dim") + _six("src") + _six("dst") + ["src_first", "dst_first", "element_bytes", "table"],
     "FILL": ["bytes", "value"],
-    "RESIZE": _IMAGE + ["mode", "rows_table", "columns_table"],
+    "RESIZE": _IMAGE + ["mode", "rows_table", "columns_table", "bits"],
     "SOFTMAX": ["outer", "depth", "table"],
     "ARG_MAX": ["outer", "axis", "inner", "element_bytes", "minimum"],
     "DEQUANTIZE": ["count", "table"],

@@ -105,7 +105,7 @@ def emit_gemm(low, op, index_in, index_out, weights, w_zero, bias, mult, shift, 
         not p["pad_left"] and p["in_h"] == p["out_h"] and p["in_w"] == p["out_w"]
     pixels = p["batch"] * p["out_h"] * p["out_w"]
     macs = pixels * n * k
-    scratch = 0 if pointwise else CONV_PIXELS * pad_to(k4 * 4, 64) + 64
+    scratch = 0 if pointwise else CONV_PIXELS * pad_to(k4 * 4 + 15, 64) + 64
     if single:
         scratch += n16 * 4 * CONV_PIXELS
     net.step("CONV", op, [index_in], [index_out], p, p["batch"] * p["out_h"], macs,

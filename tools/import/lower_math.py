@@ -119,8 +119,13 @@ def resize(low, op):
     nearest = op.name == "RESIZE_NEAREST_NEIGHBOR"
     p["mode"] = 0 if nearest else (2 if ti.signed else 1)
     make = nearest_entries if nearest else (fixed_entries if ti.signed else float_entries)
-    p["rows_table"] = low.net.blob(make(ti.shape[1], to.shape[1], align, half))
-    p["columns_table"] = low.net.blob(make(ti.shape[2], to.shape[2], align, half))
+    tables = [make(ti.shape[i], to.shape[i], align, half) for i in (1, 2)]
+    bits = exact_bits(tables) if p["mode"] == 1 else None
+    if bits is not None:
+        p.update(mode=3, bits=bits)
+        for table in tables:
+            table[:, 2] = (table[:, 2].view(np.float32) * (1 << bits)).astype(np.int32)
+    p["rows_table"], p["columns_table"] = (low.net.blob(table) for table in tables)
     low.net.step("RESIZE", op, [source], [out], p, p["batch"] * p["out_h"], cost=to.size * (2 if nearest else 24))
 
 
@@ -147,6 +152,17 @@ def float_entries(n_in, n_out, align, half):
         low, high = max(int(np.floor(x)), 0), min(int(np.ceil(x)), n_in - 1)
         out.append((low, high, float_bits(f32(x - f32(low)))))
     return np.array(out, np.int32)
+
+
+def exact_bits(tables):
+    """Smallest b for which all weights are multiples of 2^-b in [0, 1]. With b up to 7 no float operation of the
+    reference rounds (8 + 2 b bits), so integers give the same result."""
+    weights = np.concatenate([np.ascontiguousarray(t[:, 2]).view(np.float32) for t in tables])
+    for b in range(8):
+        scaled = weights * (1 << b)
+        if ((scaled == np.floor(scaled)) & (weights >= 0) & (weights <= 1)).all():
+            return b
+    return None
 
 
 def fixed_entries(n_in, n_out, align, half):

@@ -55,13 +55,29 @@ struct fv_nn_add {
     int32_t act_min, act_max;
 };
 
-/* out[i] = clamp(requantize(requantize(a') + requantize(b')) + zero_out), a' = (a[i] - zero_a) 2^20; a == out or
- * b == out is allowed. */
-typedef void fv_k_nn_add_u8_fn(const struct fv_nn_add *add, const uint8_t *a, const uint8_t *b, uint8_t *out,
-                               int32_t count);
+/* out[r ldo + i] = clamp(requantize(requantize(a') + requantize(b')) + zero_out), a' = (a[r lda + i] - zero_a) 2^20, for
+ * r < rows, i < count; a == out or b == out with the same stride is allowed. */
+typedef void fv_k_nn_add_u8_fn(const struct fv_nn_add *add, const uint8_t *a, ptrdiff_t lda, const uint8_t *b, ptrdiff_t ldb,
+                               uint8_t *out, ptrdiff_t ldo, int32_t rows, int32_t count);
 
 /* out[i] = max(a[i], b[i]); a == out is allowed. */
 typedef void fv_k_nn_max_u8_fn(const uint8_t *a, const uint8_t *b, uint8_t *out, int32_t count);
+
+/* One row of a bilinear resize whose weights are multiples of 2^-bits, bits <= 7. Entries as in the model file: lower and
+ * upper source column, weight of the upper one in [0, 2^bits]. */
+struct fv_nn_blend {
+    int32_t channels, in_stride, out_w, out_stride, bits;
+    const int32_t *columns; /* [out_w][3] */
+};
+
+/* out[x out_stride + c] = (2^(2 bits - 1) + sum over the four neighbours of weight times value) >> 2 bits, where `top` and
+ * `bottom` are the source rows and `weight` in [0, 2^bits] that of the bottom one. Reads up to 64 bytes past a pixel;
+ * writes exactly `channels` bytes per pixel. */
+typedef void fv_k_nn_blend_u8_fn(const struct fv_nn_blend *p, const uint8_t *top, const uint8_t *bottom, int32_t weight,
+                                 uint8_t *out);
+
+/* out[i] = index of the first largest of in[i axis .. i axis + axis - 1], i < count. Reads up to 64 bytes past the end. */
+typedef void fv_k_nn_argmax_u8_fn(const uint8_t *in, int32_t axis, int32_t *out, int32_t count);
 
 /* Transpose bytes: out[c ldo + r] = in[r ldi + c], r < rows, c < columns. */
 typedef void fv_k_nn_transpose_u8_fn(const uint8_t *in, ptrdiff_t ldi, uint8_t *out, ptrdiff_t ldo, int32_t rows,

@@ -30,18 +30,66 @@ FV_INLINE __m512i sum64(const struct sum_job *j, __m512i a, __m512i b, const int
     return _mm512_permutexvar_epi32(order, pack_lanes(r[0], r[1], r[2], r[3], j->zero_out, j->low, j->high));
 }
 
-FV_INLINE void sums(const struct sum_job *j, const uint8_t *a, const uint8_t *b, uint8_t *out, int32_t count, const int half_a,
-                    const int half_b)
+/* 64 bytes: of one row, or of 64 / count rows. */
+FV_INLINE __m512i load_rows(const uint8_t *from, ptrdiff_t stride, int32_t count, __mmask64 mask)
 {
-    for (int32_t i = 0; i < count; i += 64) {
-        const __mmask64 mask = count - i >= 64 ? ~UINT64_C(0) : ~UINT64_C(0) >> (64 - (count - i));
-        const __m512i va = _mm512_maskz_loadu_epi8(mask, a + i), vb = _mm512_maskz_loadu_epi8(mask, b + i);
-        _mm512_mask_storeu_epi8(out + i, mask, sum64(j, va, vb, half_a, half_b));
+    if (count == 16) {
+        __m512i v = _mm512_castsi128_si512(_mm_loadu_si128((const __m128i *)(const void *)from));
+        v = _mm512_inserti32x4(v, _mm_loadu_si128((const __m128i *)(const void *)(from + stride)), 1);
+        v = _mm512_inserti32x4(v, _mm_loadu_si128((const __m128i *)(const void *)(from + 2 * stride)), 2);
+        return _mm512_inserti32x4(v, _mm_loadu_si128((const __m128i *)(const void *)(from + 3 * stride)), 3);
+    }
+    if (count == 32) {
+        const __m512i v = _mm512_castsi256_si512(_mm256_loadu_si256((const __m256i *)(const void *)from));
+        return _mm512_inserti64x4(v, _mm256_loadu_si256((const __m256i *)(const void *)(from + stride)), 1);
+    }
+    return _mm512_maskz_loadu_epi8(mask, from);
+}
+
+FV_INLINE void store_rows(uint8_t *to, ptrdiff_t stride, int32_t count, __mmask64 mask, __m512i v)
+{
+    if (count == 16) {
+        _mm_storeu_si128((__m128i *)(void *)to, _mm512_castsi512_si128(v));
+        _mm_storeu_si128((__m128i *)(void *)(to + stride), _mm512_extracti32x4_epi32(v, 1));
+        _mm_storeu_si128((__m128i *)(void *)(to + 2 * stride), _mm512_extracti32x4_epi32(v, 2));
+        _mm_storeu_si128((__m128i *)(void *)(to + 3 * stride), _mm512_extracti32x4_epi32(v, 3));
+    } else if (count == 32) {
+        _mm256_storeu_si256((__m256i *)(void *)to, _mm512_castsi512_si256(v));
+        _mm256_storeu_si256((__m256i *)(void *)(to + stride), _mm512_extracti64x4_epi64(v, 1));
+    } else {
+        _mm512_mask_storeu_epi8(to, mask, v);
     }
 }
 
-void fv_k_nn_add_u8__avx512(const struct fv_nn_add *p, const uint8_t *a, const uint8_t *b, uint8_t *out, int32_t count)
+struct operands {
+    const uint8_t *a, *b;
+    uint8_t *out;
+    ptrdiff_t lda, ldb, ldo;
+    int32_t rows, count;
+};
+
+FV_INLINE void sums(const struct sum_job *j, const struct operands *o, const int half_a, const int half_b)
 {
+    const int32_t group = o->count == 16 ? 4 : o->count == 32 ? 2 : 1;
+    int32_t r = 0;
+    for (; r + group <= o->rows && group > 1; r += group) { /* several short rows at once */
+        const __m512i va = load_rows(o->a + r * o->lda, o->lda, o->count, 0), vb = load_rows(o->b + r * o->ldb, o->ldb, o->count, 0);
+        store_rows(o->out + r * o->ldo, o->ldo, o->count, 0, sum64(j, va, vb, half_a, half_b));
+    }
+    for (; r < o->rows; ++r) {
+        for (int32_t i = 0; i < o->count; i += 64) {
+            const __mmask64 mask = o->count - i >= 64 ? ~UINT64_C(0) : ~UINT64_C(0) >> (64 - (o->count - i));
+            const __m512i va = _mm512_maskz_loadu_epi8(mask, o->a + r * o->lda + i);
+            const __m512i vb = _mm512_maskz_loadu_epi8(mask, o->b + r * o->ldb + i);
+            _mm512_mask_storeu_epi8(o->out + r * o->ldo + i, mask, sum64(j, va, vb, half_a, half_b));
+        }
+    }
+}
+
+void fv_k_nn_add_u8__avx512(const struct fv_nn_add *p, const uint8_t *a, ptrdiff_t lda, const uint8_t *b, ptrdiff_t ldb, uint8_t *out,
+                            ptrdiff_t ldo, int32_t rows, int32_t count)
+{
+    const struct operands o = {.a = a, .b = b, .out = out, .lda = lda, .ldb = ldb, .ldo = ldo, .rows = rows, .count = count};
     struct sum_job j = {
         .zero_a = _mm512_set1_epi32(p->zero_a),
         .zero_b = _mm512_set1_epi32(p->zero_b),
@@ -52,9 +100,9 @@ void fv_k_nn_add_u8__avx512(const struct fv_nn_add *p, const uint8_t *a, const u
     load_scale_of(&j.a, _mm512_set1_epi32(p->m_a), _mm512_set1_epi32(p->s_a));
     load_scale_of(&j.b, _mm512_set1_epi32(p->m_b), _mm512_set1_epi32(p->s_b));
     load_scale_of(&j.out, _mm512_set1_epi32(p->m_out), _mm512_set1_epi32(p->s_out));
-    if (p->m_a == 1 << 30 && p->s_a == 0) sums(&j, a, b, out, count, 1, 0);
-    else if (p->m_b == 1 << 30 && p->s_b == 0) sums(&j, a, b, out, count, 0, 1);
-    else sums(&j, a, b, out, count, 0, 0);
+    if (p->m_a == 1 << 30 && p->s_a == 0) sums(&j, &o, 1, 0);
+    else if (p->m_b == 1 << 30 && p->s_b == 0) sums(&j, &o, 0, 1);
+    else sums(&j, &o, 0, 0);
 }
 
 void fv_k_nn_max_u8__avx512(const uint8_t *a, const uint8_t *b, uint8_t *out, int32_t count)
@@ -62,5 +110,38 @@ void fv_k_nn_max_u8__avx512(const uint8_t *a, const uint8_t *b, uint8_t *out, in
     for (int32_t i = 0; i < count; i += 64) {
         const __mmask64 mask = count - i >= 64 ? ~UINT64_C(0) : ~UINT64_C(0) >> (64 - (count - i));
         _mm512_mask_storeu_epi8(out + i, mask, _mm512_max_epu8(_mm512_maskz_loadu_epi8(mask, a + i), _mm512_maskz_loadu_epi8(mask, b + i)));
+    }
+}
+
+/* 32 channels of one output pixel from the four corners, in 16-bit then 32-bit arithmetic. */
+FV_INLINE __m256i blend32(const uint8_t *const corner[4], ptrdiff_t c, __m512i top, __m512i bottom, __m512i pair, __m512i half, __m128i shift)
+{
+    __m512i v[4];
+#pragma GCC unroll 4
+    for (int i = 0; i < 4; ++i) v[i] = _mm512_cvtepu8_epi16(_mm256_loadu_si256((const __m256i *)(const void *)(corner[i] + c)));
+    const __m512i left = _mm512_add_epi16(_mm512_mullo_epi16(v[0], top), _mm512_mullo_epi16(v[1], bottom));
+    const __m512i right = _mm512_add_epi16(_mm512_mullo_epi16(v[2], top), _mm512_mullo_epi16(v[3], bottom));
+    __m512i low = _mm512_madd_epi16(_mm512_unpacklo_epi16(left, right), pair);
+    __m512i high = _mm512_madd_epi16(_mm512_unpackhi_epi16(left, right), pair);
+    low = _mm512_srl_epi32(_mm512_add_epi32(low, half), shift);
+    high = _mm512_srl_epi32(_mm512_add_epi32(high, half), shift);
+    return _mm512_cvtepi16_epi8(_mm512_packus_epi32(low, high));
+}
+
+void fv_k_nn_blend_u8__avx512(const struct fv_nn_blend *p, const uint8_t *top, const uint8_t *bottom, int32_t weight, uint8_t *out)
+{
+    const int32_t one = 1 << p->bits;
+    const __m512i upper = _mm512_set1_epi16((short)(one - weight)), lower = _mm512_set1_epi16((short)weight);
+    const __m512i half = _mm512_set1_epi32((1 << 2 * p->bits) >> 1);
+    const __m128i shift = _mm_cvtsi32_si128(2 * p->bits);
+    for (int32_t x = 0; x < p->out_w; ++x, out += p->out_stride) {
+        const int32_t *entry = p->columns + (ptrdiff_t)3 * x;
+        const ptrdiff_t left = (ptrdiff_t)entry[0] * p->in_stride, right = (ptrdiff_t)entry[1] * p->in_stride;
+        const uint8_t *const corner[4] = {top + left, bottom + left, top + right, bottom + right};
+        const __m512i pair = _mm512_set1_epi32((int32_t)((uint32_t)entry[2] << 16 | (uint32_t)(one - entry[2])));
+        for (int32_t c = 0; c < p->channels; c += 32) {
+            const __mmask32 mask = p->channels - c >= 32 ? ~UINT32_C(0) : ~UINT32_C(0) >> (32 - (p->channels - c));
+            _mm256_mask_storeu_epi8(out + c, mask, blend32(corner, c, upper, lower, pair, half, shift));
+        }
     }
 }

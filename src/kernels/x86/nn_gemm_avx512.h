@@ -62,19 +62,41 @@ struct store_job {
     const uint8_t *lookup;
 };
 
+/* `group` rows of BLOCKS blocks fill one register of bytes. */
+FV_INLINE void store_bytes(const struct store_job *s, __m512i bytes, int32_t first, int32_t rows, const int BLOCKS)
+{
+    uint8_t *out = s->out + first * s->ldo;
+    if (BLOCKS >= 3) {
+        _mm512_mask_storeu_epi8(out, s->mask, bytes);
+    } else if (BLOCKS == 2) {
+        _mm256_mask_storeu_epi8(out, (__mmask32)s->mask, _mm512_castsi512_si256(bytes));
+        if (rows > 1) _mm256_mask_storeu_epi8(out + s->ldo, (__mmask32)s->mask, _mm512_extracti64x4_epi64(bytes, 1));
+    } else {
+        _mm_mask_storeu_epi8(out, (__mmask16)s->mask, _mm512_castsi512_si128(bytes));
+        if (rows > 1) _mm_mask_storeu_epi8(out + s->ldo, (__mmask16)s->mask, _mm512_extracti32x4_epi32(bytes, 1));
+        if (rows > 2) _mm_mask_storeu_epi8(out + 2 * s->ldo, (__mmask16)s->mask, _mm512_extracti32x4_epi32(bytes, 2));
+        if (rows > 3) _mm_mask_storeu_epi8(out + 3 * s->ldo, (__mmask16)s->mask, _mm512_extracti32x4_epi32(bytes, 3));
+    }
+}
+
 FV_INLINE void tile_u8(const struct tile_job *j, const struct store_job *s, const int ROWS, const int BLOCKS, const int above)
 {
+    const int group = BLOCKS == 1 ? 4 : BLOCKS == 2 ? 2 : 1;
     __m512i acc[24];
     accumulate(j, ROWS, BLOCKS, acc);
 #pragma GCC unroll 12
-    for (int i = 0; i < ROWS; ++i) {
+    for (int i = 0; i < ROWS; i += group) {
         if (i >= j->rows) break;
         __m512i r[4];
 #pragma GCC unroll 4
-        for (int b = 0; b < 4; ++b) r[b] = b < BLOCKS ? requantize(acc[i * BLOCKS + b], &s->scale[b], above) : r[0];
+        for (int b = 0; b < 4; ++b) {
+            const int row = i + b / BLOCKS;
+            const int used = BLOCKS == 3 ? b < 3 : row < ROWS;
+            r[b] = used ? requantize(acc[row * BLOCKS + b % BLOCKS], &s->scale[b % BLOCKS], above) : r[0];
+        }
         __m512i bytes = pack_lanes(r[0], r[1], r[2], r[3], s->zero, s->low, s->high);
         if (s->lookup != NULL) bytes = look_up(bytes, &s->table, s->lookup);
-        _mm512_mask_storeu_epi8(s->out + i * s->ldo, s->mask, _mm512_permutexvar_epi32(s->order, bytes));
+        store_bytes(s, _mm512_permutexvar_epi32(s->order, bytes), i, j->rows - i, BLOCKS);
     }
 }
 
