@@ -53,10 +53,10 @@ static enum fovea_status read_list(const struct reader *r, node *list, size_t co
     int64_t row_count, col_count;
     if ((status = fovea_yaml_integer(r->tree, rows, 0, 64, &row_count, r->error)) != FOVEA_OK) return status;
     if ((status = fovea_yaml_integer(r->tree, cols, 0, 64, &col_count, r->error)) != FOVEA_OK) return status;
-    if ((size_t)(row_count * col_count) == found) return FOVEA_OK;
+    const long long product = row_count * col_count;
+    if ((size_t)product == found) return FOVEA_OK;
     char expected[64];
-    snprintf(expected, sizeof expected, "a list of rows x cols = %lld numbers",
-             (long long)(row_count * col_count));
+    snprintf(expected, sizeof expected, "a list of rows x cols = %lld numbers", product);
     return fovea_yaml_refuse(r->tree, *data, expected, r->error);
 }
 
@@ -85,7 +85,7 @@ static enum fovea_status read_camera_matrix(const struct reader *r, node *matrix
     static const size_t pinhole[4] = {0, 4, 2, 5};
     static const size_t fixed[5] = {1, 3, 6, 7, 8};
     static const double fixed_value[5] = {0, 0, 0, 0, 1};
-    double K[9];
+    double K[9] = {0};
     size_t count;
     node *data;
     const enum fovea_status status = read_list(r, matrix, 9, 9, K, &count, &data);
@@ -105,7 +105,7 @@ static enum fovea_status read_distortion(const struct reader *r, node *list)
 {
     struct fovea_camera *camera = &r->calibration->camera;
     const size_t held = camera->lens == FOVEA_LENS_EQUIDISTANT ? 4 : FOVEA_LENS_COEFFICIENTS;
-    double k[14];
+    double k[14] = {0};
     size_t count;
     node *data;
     const enum fovea_status status = read_list(r, list, 0, 14, k, &count, &data);
@@ -133,7 +133,7 @@ static enum fovea_status read_distortion(const struct reader *r, node *list)
 /* A rigid 4x4 or 3x4 transform; the rotation must be orthonormal to 1e-3, right-handed. */
 static enum fovea_status read_transform(const struct reader *r, node *list, double T[12])
 {
-    double values[16];
+    double values[16] = {0};
     size_t count;
     node *data;
     const enum fovea_status status = read_list(r, list, 12, 16, values, &count, &data);
@@ -195,7 +195,7 @@ static enum fovea_status read_resolution(const struct reader *r, node *parent)
 static enum fovea_status read_intrinsics(const struct reader *r, node *parent)
 {
     static const size_t order[4] = {0, 1, 2, 3};
-    double values[4];
+    double values[4] = {0};
     node *list;
     enum fovea_status status = fovea_yaml_require(r->tree, parent, "intrinsics", &list, r->error);
     if (status != FOVEA_OK) return status;
@@ -343,7 +343,7 @@ static enum fovea_status read_kalibr(const struct reader *r, node *camera)
     if (status != FOVEA_OK) return status;
     node *transform = fovea_yaml_child(camera, "T_cam_imu");
     if (transform == NULL) return FOVEA_OK;
-    double T_cam_body[12];
+    double T_cam_body[12] = {0};
     if ((status = read_transform(r, transform, T_cam_body)) != FOVEA_OK) return status;
     invert(T_cam_body, r->calibration->T_body_cam);
     r->calibration->has_T_body_cam = true;

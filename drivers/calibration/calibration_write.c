@@ -67,7 +67,7 @@ static void put_matrix(struct writer *w, const char *key, bool opencv, int rows,
         opencv ? "%s: !!opencv-matrix\n   rows: %d\n   cols: %d\n   dt: d\n   data: ["
                : "%s:\n  rows: %d\n  cols: %d\n  data: [",
         key, rows, cols);
-    put_numbers(w, values, (size_t)(rows * cols));
+    put_numbers(w, values, (size_t)rows * (size_t)cols);
     put(w, "]\n");
 }
 

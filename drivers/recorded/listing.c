@@ -216,7 +216,7 @@ static enum fovea_status probe_frame(struct fv_listing *listing, uint64_t index,
 static enum fovea_status find_size(struct fv_listing *listing, const char *list_file,
                                    struct fovea_source_info *info, struct fovea_error *error)
 {
-    struct probe probes[PROBES];
+    struct probe probes[PROBES] = {{0}};
     struct fovea_error why = {.text = ""};
     int found = 0, best = 0, best_votes = 0;
     for (uint64_t i = 0; i < PROBES && i < listing->count; ++i)
@@ -257,7 +257,8 @@ static double find_rate(const struct fv_listing *listing)
             steps[at] = steps[at - 1];
         steps[at] = now - before;
     }
-    return count == 0 ? 0.0 : 1e9 / (double)steps[count / 2];
+    const size_t middle = count / 2;
+    return count == 0 ? 0.0 : 1e9 / (double)steps[middle];
 }
 
 enum fovea_status fv_listing_open(struct fv_listing *listing, const char *list_file,

@@ -67,5 +67,5 @@ enum fovea_status fv_log_calibration(const char *name, const struct fovea_log_ev
     if (!cursor.short_of) return FOVEA_AGAIN;
     return fovea_error_set(error, FOVEA_ERROR_INPUT,
                            "%s: byte %lld: found a length past the end of the message, expected less", name,
-                           (long long)(start + (int64_t)cursor.at));
+                           (long long)start + (long long)cursor.at);
 }

@@ -13,7 +13,7 @@
 /* Slot numbers between two threads: one writes `head`, the other `tail`; never more than FV_PLAYER_SLOTS
  * inside. */
 enum { RING = 8 };
-struct ring {
+struct ring { /* NOLINT(clang-analyzer-optin.performance.Padding): a cache line for each writer */
     _Atomic uint32_t head;
     uint8_t slots[RING];
     _Alignas(64) _Atomic uint32_t tail;
@@ -35,7 +35,7 @@ static bool ring_pop(struct ring *ring, uint8_t *slot)
     return true;
 }
 
-struct fovea_source {
+struct fovea_source { /* NOLINT(clang-analyzer-optin.performance.Padding): in order of meaning */
     const struct fv_recording_ops *ops;
     void *recording;
     struct fovea_source_info info;
@@ -272,8 +272,8 @@ enum fovea_status fv_player_start(struct fovea_source *source, struct fovea_erro
     source->seen_end = false;
     atomic_store(&source->quit, false);
     atomic_store(&source->ended, false);
-    for (uint8_t i = 0; i < FV_PLAYER_SLOTS; ++i)
-        ring_push(&source->free, i);
+    for (int i = 0; i < FV_PLAYER_SLOTS; ++i)
+        ring_push(&source->free, (uint8_t)i);
     sem_init(&source->ready_count, 0, 0);
     sem_init(&source->free_count, 0, FV_PLAYER_SLOTS);
     const int failed = start_reader(source);

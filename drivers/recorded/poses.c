@@ -37,17 +37,17 @@ static enum fovea_status parse_pose(const struct fv_lines *lines, enum fv_poses_
     return FOVEA_OK;
 }
 
-static enum fovea_status grow(void **list, size_t count, size_t *capacity, size_t size,
-                              struct fovea_error *error)
+/* Room for one element more than `count`: the list itself, moved if need be, or NULL. */
+static void *grow(void *list, size_t count, size_t *capacity, size_t size, struct fovea_error *error)
 {
-    if (count < *capacity) return FOVEA_OK;
+    if (list != NULL && count < *capacity) return list;
     const size_t larger = *capacity == 0 ? 256 : *capacity * 2;
-    void *moved = realloc(*list, larger * size);
+    void *moved = realloc(list, larger * size);
     if (moved == NULL)
-        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "out of memory for %zu poses", larger);
-    *list = moved;
-    *capacity = larger;
-    return FOVEA_OK;
+        fovea_error_set(error, FOVEA_ERROR_SYSTEM, "out of memory for %zu poses", larger);
+    else
+        *capacity = larger;
+    return moved;
 }
 
 static enum fovea_status read_by_stamp(struct fv_lines *lines, enum fv_poses_layout layout,
@@ -56,11 +56,10 @@ static enum fovea_status read_by_stamp(struct fv_lines *lines, enum fv_poses_lay
     size_t capacity = 0;
     enum fovea_status status;
     while ((status = fv_lines_next(lines, layout == FV_POSES_EUROC ? "," : "", error)) == FOVEA_OK) {
-        void *list = poses->by_stamp;
-        status = grow(&list, poses->count, &capacity, sizeof(struct fv_pose), error);
+        struct fv_pose *list = grow(poses->by_stamp, poses->count, &capacity, sizeof *list, error);
+        if (list == NULL) return FOVEA_ERROR_SYSTEM;
         poses->by_stamp = list;
-        if (status != FOVEA_OK) return status;
-        struct fv_pose *pose = &poses->by_stamp[poses->count];
+        struct fv_pose *pose = &list[poses->count];
         if ((status = parse_pose(lines, layout, pose, error)) != FOVEA_OK) return status;
         if (poses->count > 0 && pose->stamp_ns <= pose[-1].stamp_ns)
             return fv_lines_refuse(lines, "timestamp", lines->fields[0], "one later than on the line before",
@@ -77,11 +76,10 @@ static enum fovea_status read_by_index(struct fv_lines *lines, struct fv_poses *
     size_t capacity = 0;
     enum fovea_status status;
     while ((status = fv_lines_next(lines, "", error)) == FOVEA_OK) {
-        void *list = poses->by_index;
-        status = grow(&list, poses->count, &capacity, sizeof poses->by_index[0], error);
+        double(*list)[12] = grow(poses->by_index, poses->count, &capacity, sizeof *list, error);
+        if (list == NULL) return FOVEA_ERROR_SYSTEM;
         poses->by_index = list;
-        if (status != FOVEA_OK) return status;
-        status = fv_lines_numbers(lines, "pose", 0, 12, poses->by_index[poses->count], error);
+        status = fv_lines_numbers(lines, "pose", 0, 12, list[poses->count], error);
         if (status != FOVEA_OK) return status;
         poses->count++;
     }

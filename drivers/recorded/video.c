@@ -125,7 +125,7 @@ static enum fovea_status open_video(const char *address, const struct fovea_sour
         status =
             fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: found no regular file, expected a video", address);
     if (status == FOVEA_OK) status = load(recording, error);
-    if (status == FOVEA_OK) status = open_video_file(recording, &info, error);
+    if (status == FOVEA_OK && recording->plugin != NULL) status = open_video_file(recording, &info, error);
     struct fovea_error reason = {.text = ""};
     if (status == FOVEA_OK && (status = fv_decode_check_size(info.width, info.height, &reason)) != FOVEA_OK)
         fovea_error_set(error, status, "%s: %.256s", address, reason.text);
