@@ -29,10 +29,10 @@ enum fovea_status fv_realtime_start(pthread_t *thread, uint32_t priority, int32_
                                     void *argument, struct fv_realtime_rights *rights,
                                     struct fovea_error *error);
 
-/* Touch most of the calling thread's stack, so that the loop meets no page fault there. */
+/* Touch half of the calling thread's stack, so that the loop meets no page fault there. */
 void fv_realtime_touch_stack(void);
 
-/* Touch most of the calling thread's stack, so that the loop meets no page fault there. */
+/* Touch half of the calling thread's stack, so that the loop meets no page fault there. */
 void fv_realtime_touch_stack(void);
 
 #endif
