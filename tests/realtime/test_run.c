@@ -1,0 +1,179 @@
+/* fovea run from end to end, each run in a process of its own: the simulated camera and every recording come
+ * through to the end without a heap call of the loop and within 32 MiB; the JSON and the picture are there; a
+ * signal ends it. */
+#include <setjmp.h>
+#include <signal.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "app/command.h"
+#include "app/heap.h"
+#include "fovea/yaml_tree.h"
+
+enum { RESIDENT_MAX_BYTES = 32 << 20, ARGUMENTS_MAX = 24 };
+
+static char folder[] = "/tmp/fovea_run_XXXXXX";
+static char stats_path[64], picture_path[64];
+
+static pid_t begin(const char *source, const char *const more[])
+{
+    const char *words[ARGUMENTS_MAX + 1] = {"fovea",    "run",       "--quiet",   "--set",
+                                            "lcm_url=", "--source",  source,      "--stats",
+                                            stats_path, "--timings", picture_path};
+    int argc = 11;
+    for (int i = 0; more != NULL && more[i] != NULL && argc < ARGUMENTS_MAX; i++)
+        words[argc++] = more[i];
+    fflush(NULL);
+    pid_t child = fork();
+    if (child == 0) {
+        char *argv[ARGUMENTS_MAX + 1]; /* getopt_long moves them about */
+        for (int i = 0; i <= argc; i++)
+            argv[i] = i < argc ? strdup(words[i]) : NULL;
+        exit(fv_dispatch(argc, argv));
+    }
+    return child;
+}
+
+static int end(pid_t child)
+{
+    int status = -1;
+    waitpid(child, &status, 0);
+    return WIFEXITED(status) ? WEXITSTATUS(status) : 1000 + status;
+}
+
+static struct fovea_yaml_tree *stats_read(void)
+{
+    struct fovea_yaml_tree *tree;
+    struct fovea_error error;
+    if (fovea_yaml_read(stats_path, &tree, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    return tree;
+}
+
+static int64_t value(const struct fovea_yaml_tree *tree, const char *section, const char *key)
+{
+    int64_t whole = -1;
+    struct fovea_error error;
+    const struct fovea_yaml_node *node = section != NULL ? fovea_yaml_child(tree->root, section) : tree->root;
+    node = node != NULL ? fovea_yaml_child(node, key) : NULL;
+    if (node == NULL) fail_msg("no %s in the JSON", key);
+    if (fovea_yaml_integer(tree, node, 0, INT64_MAX, &whole, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    return whole;
+}
+
+static void assert_fine(const char *source, int64_t frames, const char *const more[])
+{
+    struct stat info;
+    int status = end(begin(source, more));
+    if (status != FV_EXIT_OK) fail_msg("%s: exit status %d", source, status);
+    struct fovea_yaml_tree *tree = stats_read();
+    assert_int_equal(value(tree, "frames", "in"), frames);
+    assert_int_equal(value(tree, "frames", "processed"), frames);
+    assert_int_equal(value(tree, "frames", "dropped"), 0);
+    assert_true(value(tree, "step", "p99_ns") > 0);
+    if (fv_heap_counted()) {
+        assert_int_equal(value(tree, NULL, "heap_calls_after_init"), 0);
+        int64_t resident = value(tree, "memory", "resident_max_bytes");
+        if (resident > RESIDENT_MAX_BYTES) fail_msg("%s: %lld bytes resident", source, (long long)resident);
+    }
+    fovea_yaml_free(tree);
+    assert_int_equal(stat(picture_path, &info), 0);
+    assert_true(info.st_size > 1000);
+}
+
+static void test_simulated(void **state)
+{
+    const char *const some[] = {"--frames", "120", NULL};
+    const char *const recorded[] = {"--frames", "60", "--record", "/dev/null", NULL};
+    (void)state;
+    assert_fine("sim:", 120, some);
+    assert_fine("sim:orbit?lens=equidistant&width=752", 60, recorded);
+}
+
+static void test_recordings(void **state)
+{
+    static const struct {
+        const char *scheme, *name;
+        int64_t frames;
+    } recordings[] = {
+        {"euroc", "euroc_mh05_a", 270},
+        {"kitti", "kitti00_a", 80},
+        {"kitti", "kitti06_a", 51},
+        {"tum", "handheld_7scenes_a", 250},
+    };
+    const char *data = getenv("FOVEA_DATA");
+    (void)state;
+    for (size_t i = 0; i < sizeof recordings / sizeof recordings[0]; i++) {
+        char path[512], source[640];
+        snprintf(path, sizeof path, "%s/%s", data != NULL ? data : "../shared/data", recordings[i].name);
+        snprintf(source, sizeof source, "%s:%s", recordings[i].scheme, path);
+        if (access(path, R_OK) != 0) {
+            print_message("SKIPPED %s: not there\n", source);
+            continue;
+        }
+        assert_fine(source, recordings[i].frames, NULL);
+    }
+}
+
+static void test_signals_end_cleanly(void **state)
+{
+    const int signals[] = {SIGINT, SIGTERM};
+    const char *const real[] = {"--rate", "real", NULL};
+    (void)state;
+    for (int i = 0; i < 2; i++) {
+        pid_t child = begin("sim:wander", real);
+        sleep(1);
+        kill(child, signals[i]);
+        assert_int_equal(end(child), FV_EXIT_OK);
+        struct fovea_yaml_tree *tree = stats_read();
+        assert_true(value(tree, "frames", "processed") > 0);
+        fovea_yaml_free(tree);
+    }
+}
+
+static void test_unwritable_results_fail(void **state)
+{
+    const char *const full[] = {"--frames", "5", "--stats", "/dev/full", NULL};
+    (void)state;
+    if (access("/dev/full", W_OK) != 0) {
+        print_message("SKIPPED /dev/full: not there\n");
+        return;
+    }
+    assert_int_equal(end(begin("sim:still", full)), FV_EXIT_FAILED);
+}
+
+static int folder_make(void **state)
+{
+    (void)state;
+    if (mkdtemp(folder) == NULL) return 1;
+    snprintf(stats_path, sizeof stats_path, "%s/stats.json", folder);
+    snprintf(picture_path, sizeof picture_path, "%s/timings.png", folder);
+    return 0;
+}
+
+static int folder_remove(void **state)
+{
+    (void)state;
+    unlink(stats_path);
+    unlink(picture_path);
+    return rmdir(folder);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_simulated),
+        cmocka_unit_test(test_recordings),
+        cmocka_unit_test(test_signals_end_cleanly),
+        cmocka_unit_test(test_unwritable_results_fail),
+    };
+    return cmocka_run_group_tests(tests, folder_make, folder_remove);
+}
