@@ -136,11 +136,12 @@ fuzz:  ## fuzz every parser of outside input for FUZZ_SECONDS each, under asan+u
 	@$(FUZZMAKE) fuzzers
 	@tools/run_fuzzers.sh build-fuzz $(FUZZ_SECONDS)
 .PHONY: fuzzers
+FUZZ_HELP := $(BUILD)/obj/tests/common/short_run.o
 fuzzers: $(FUZZERS)
-$(BUILD)/fuzz/%: $(BUILD)/obj/tests/fuzz/%.o $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
+$(BUILD)/fuzz/%: $(BUILD)/obj/tests/fuzz/%.o $(FUZZ_HELP) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 	@mkdir -p $(@D)
 	@echo "  link $@"
-	$(Q)$(CXX) $(LDFLAGS) -fsanitize=fuzzer -o $@ $< -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group $(LIBS_APP)
+	$(Q)$(CXX) $(LDFLAGS) -fsanitize=fuzzer -o $@ $< $(FUZZ_HELP) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group $(LIBS_APP)
 
 bench:  ## install what is missing, then time every stage and kernel beside OpenCV: build/bench.json and the README's table
 	@tools/install.sh build bench

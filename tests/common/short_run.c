@@ -1,0 +1,102 @@
+#include "common/short_run.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "app/recorder.h"
+
+static void expect(enum fovea_status status, const struct fovea_error *error)
+{
+    if (status == FOVEA_OK) return;
+    fprintf(stderr, "short run: %s\n", error->text);
+    exit(1);
+}
+
+/* Bright squares that wander over a dark ground. */
+static void paint(uint8_t *pixels, uint32_t width, uint32_t height, uint32_t n)
+{
+    memset(pixels, 40, (size_t)width * height);
+    for (uint32_t square = 0; square < 30; square++) {
+        uint32_t x0 = (square * 37 + n) % (width - 12), y0 = (square * 53 + n / 2) % (height - 12);
+        for (uint32_t y = y0; y < y0 + 9; y++)
+            memset(pixels + y * width + x0, (int)(120 + square * 4), 9);
+    }
+}
+
+static void make_settings(const struct short_run *run, struct fv_settings *settings)
+{
+    struct fovea_error error;
+    struct fovea_config *config = &settings->runtime;
+    fv_settings_default(settings);
+    config->camera = (struct fovea_camera){.width = run->width,
+                                           .height = run->height,
+                                           .fx = run->width,
+                                           .fy = run->width,
+                                           .cx = 0.5 * run->width,
+                                           .cy = 0.5 * run->height};
+    expect(fovea_camera_prepare(&config->camera, &error), &error);
+    config->features.count_max = run->features;
+    config->preview.period_frames = 5;
+    config->preview.level = 0;
+    config->statistics_every = 4;
+}
+
+static void record_turns(const struct short_run *run, struct fovea *rt, const struct fovea_config *config,
+                         struct fv_recorder *recorder)
+{
+    size_t bytes = (size_t)run->width * (size_t)run->height;
+    uint8_t *pixels = malloc(bytes);
+    for (uint32_t n = 0; n < run->turns; n++) {
+        struct fovea_frame frame = {.image = {.data = pixels,
+                                              .width = run->width,
+                                              .height = run->height,
+                                              .stride_bytes = run->width,
+                                              .format = FOVEA_PIXEL_GREY8,
+                                              .size_bytes = bytes},
+                                    .stamp_ns = 1000 + n * 50000000LL,
+                                    .clock = FOVEA_CLOCK_SIMULATED,
+                                    .stamp_meaning = FOVEA_STAMP_EXPOSURE_MIDDLE,
+                                    .sequence = n};
+        struct fovea_inputs inputs = {.frame = n % 11 == 10 ? NULL : &frame,
+                                      .now_ns = frame.stamp_ns,
+                                      .commands = n == 20 ? FOVEA_COMMAND_RESET : 0,
+                                      .utc_offset_ns = 77};
+        struct fovea_outputs outputs;
+        paint(pixels, (uint32_t)run->width, (uint32_t)run->height, n);
+        fovea_grants_fixed(config, &inputs.grants);
+        uint32_t granted = run->features - 50 + n;
+        inputs.grants.features = granted < run->features ? granted : run->features;
+        fv_recorder_pace(recorder);
+        fovea_step(rt, &inputs, &outputs);
+        fv_recorder_step(recorder, &inputs, &outputs);
+        struct fovea_grants grants = inputs.grants;
+        grants.units[FOVEA_JOB_PREVIEW] = n % 3;
+        fovea_work(rt, &grants, &outputs);
+        fv_recorder_work(recorder, &inputs, &grants, &outputs);
+    }
+    free(pixels);
+}
+
+void short_run_record(const char *path, const struct short_run *run)
+{
+    struct fv_settings *settings = malloc(sizeof *settings);
+    struct fovea_error error;
+    struct fovea *rt = NULL;
+    struct fv_recorder *recorder = NULL;
+    size_t bytes = 0;
+    make_settings(run, settings);
+    expect(fovea_size(&settings->runtime, &bytes, &error), &error);
+    void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, (bytes + 63) / 64 * 64);
+    expect(fovea_init(memory, bytes, &settings->runtime, &rt, &error), &error);
+    struct fv_recorder_setup setup = {.path = path,
+                                      .settings = settings,
+                                      .kernel_set = fovea_cpu_name(rt),
+                                      .frame_bytes = (size_t)run->width * (size_t)run->height};
+    expect(fv_recorder_open(&setup, &recorder, &error), &error);
+    record_turns(run, rt, &settings->runtime, recorder);
+    snprintf(error.text, sizeof error.text, "%s: not complete", path);
+    expect(fv_recorder_close(recorder, NULL), &error);
+    free(memory);
+    free(settings);
+}
