@@ -197,6 +197,9 @@ isa_flags = $(if $(findstring _sse4.c,$(1)),-msse4.2 -mpopcnt)\
             $(if $(findstring _dotprod.c,$(1)),-march=armv8.2-a+dotprod)\
             $(if $(findstring _i8mm.c,$(1)),-march=armv8.2-a+dotprod+i8mm)
 
+# Only the application may see the drivers' own headers.
+$(BUILD)/obj/src/app/%.o: CFLAGS += -I.
+
 $(BUILD)/obj/%.o: %.c Makefile | $(LCMGEN)
 	@mkdir -p $(@D)
 	@echo "  $(notdir $(CC)) $<"

@@ -27,5 +27,8 @@ int fv_command_run(int argc, char **argv);    /* the real-time loop */
 int fv_command_check(int argc, char **argv);  /* will it run here */
 int fv_command_config(int argc, char **argv); /* print or check a configuration */
 int fv_command_replay(int argc, char **argv); /* run a recording again */
+int fv_command_features(int argc, char **argv); /* features of a picture */
+int fv_command_match(int argc, char **argv);    /* matches of two pictures */
+int fv_command_rectify(int argc, char **argv);  /* a picture without distortion */
 
 #endif

@@ -8,5 +8,8 @@ const struct fv_command fv_commands[] = {
     {"check", "tell whether a configuration will run on this machine, and its memory", fv_command_check},
     {"config", "print the commented configuration, or check a file", fv_command_config},
     {"replay", "run a recording again and compare every message", fv_command_replay},
+    {"features", "find, describe and draw the features of a picture", fv_command_features},
+    {"match", "match the features of two pictures", fv_command_match},
+    {"rectify", "take the lens's distortion out of a picture", fv_command_rectify},
     {NULL, NULL, NULL},
 };

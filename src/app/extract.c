@@ -1,0 +1,77 @@
+#include "app/extract.h"
+
+#include <inttypes.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "app/mask.h"
+#include "app/picture.h"
+#include "fovea/fovea.h"
+
+enum fovea_status fv_extract_config(uint64_t max, struct fovea_features_config *config,
+                                    struct fovea_error *error)
+{
+    static struct fovea_config defaults;
+    if (max < FOVEA_FEATURES_MIN || max > FOVEA_FEATURES_MAX)
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "--max: found %" PRIu64 ", expected %d to %d",
+                               max, FOVEA_FEATURES_MIN, FOVEA_FEATURES_MAX);
+    fovea_config_default(&defaults);
+    *config = defaults.features;
+    config->count_max = (uint32_t)max;
+    return FOVEA_OK;
+}
+
+static void carve(struct fv_extract *extract, const struct fovea_features_config *config,
+                  struct fv_arena *arena)
+{
+    fv_pyramid_carve(&extract->pyramid, extract->image.width, extract->image.height, config->pyramid_levels,
+                     arena);
+    fv_features_carve(&extract->features, config, &extract->pyramid, arena);
+    fv_orb_carve(&extract->orb, config->count_max, &extract->pyramid, arena);
+}
+
+static enum fovea_status take_memory(struct fv_extract *extract, const struct fovea_features_config *config,
+                                     struct fovea_error *error)
+{
+    struct fv_arena arena;
+    fv_arena_count(&arena);
+    carve(extract, config, &arena);
+    const size_t bytes = (arena.used + FV_CACHE_LINE_BYTES - 1) / FV_CACHE_LINE_BYTES * FV_CACHE_LINE_BYTES;
+    extract->memory = aligned_alloc(FV_CACHE_LINE_BYTES, bytes);
+    if (extract->memory == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "out of memory: %zu bytes", bytes);
+    fv_arena_init(&arena, extract->memory, bytes);
+    carve(extract, config, &arena);
+    return FOVEA_OK;
+}
+
+enum fovea_status fv_extract(const char *path, const char *mask_path,
+                             const struct fovea_features_config *config, struct fv_extract *extract,
+                             struct fovea_error *error)
+{
+    enum fv_cpu_set cpu;
+    uint8_t *mask = NULL;
+    memset(extract, 0, sizeof *extract);
+    enum fovea_status status = fv_cpu_from_environment(&cpu, error);
+    if (status == FOVEA_OK) status = fv_picture_read(path, &extract->image, error);
+    if (status == FOVEA_OK && mask_path != NULL)
+        status = fv_mask_read(mask_path, extract->image.width, extract->image.height, &mask, error);
+    if (status == FOVEA_OK) status = take_memory(extract, config, error);
+    if (status == FOVEA_OK) {
+        fv_kernels_init(&extract->kernels, cpu);
+        fv_pyramid_build(&extract->pyramid, &extract->kernels, &extract->image);
+        const uint32_t count = fv_features_find(&extract->features, &extract->kernels, &extract->pyramid,
+                                                mask, config->count_max);
+        fv_orb_describe(&extract->orb, &extract->kernels, &extract->pyramid, extract->features.corners,
+                        count);
+    }
+    free(mask);
+    return status;
+}
+
+void fv_extract_free(struct fv_extract *extract)
+{
+    free((void *)(uintptr_t)extract->image.data);
+    free(extract->memory);
+    memset(extract, 0, sizeof *extract);
+}

@@ -1,0 +1,29 @@
+/* Features and descriptors of one picture, for the commands that look at pictures: the stages of the loop on
+ * memory of their own. The heap is used. */
+#ifndef FOVEA_APP_EXTRACT_H
+#define FOVEA_APP_EXTRACT_H
+
+#include "features/features.h"
+#include "features/orb.h"
+
+struct fv_extract {
+    struct fovea_image image; /* data from malloc */
+    struct fv_kernels kernels;
+    struct fv_pyramid pyramid;
+    struct fv_features features;
+    struct fv_orb orb;
+    void *memory;
+};
+
+/* Read a picture and find its features; `mask_path` may be NULL. Errors are one line. Freed with
+ * fv_extract_free, also after errors. */
+enum fovea_status fv_extract(const char *path, const char *mask_path,
+                             const struct fovea_features_config *config, struct fv_extract *extract,
+                             struct fovea_error *error);
+void fv_extract_free(struct fv_extract *extract);
+
+/* Take what the commands' options say, checked: `max` in [FOVEA_FEATURES_MIN, FOVEA_FEATURES_MAX]. */
+enum fovea_status fv_extract_config(uint64_t max, struct fovea_features_config *config,
+                                    struct fovea_error *error);
+
+#endif

@@ -1,0 +1,97 @@
+/* fovea features: what the feature stage sees in a picture. */
+#include <stdio.h>
+
+#include "app/canvas.h"
+#include "app/command.h"
+#include "app/extract.h"
+#include "app/options.h"
+#include "app/say.h"
+#include "fovea/elementary.h"
+
+/* From fine (warm) to coarse (cold) levels. */
+static const uint32_t level_colour[FOVEA_PYRAMID_LEVELS_MAX] = {0xff5544, 0xff9933, 0xffdd33, 0xaadd33,
+                                                                0x44cc66, 0x33ccbb, 0x4499ff, 0xbb77ff};
+
+/* Each feature as a circle of a third of its patch, with a hand that shows its direction. */
+static enum fovea_status draw(const struct fv_extract *extract, const char *path, struct fovea_error *error)
+{
+    struct fv_canvas canvas;
+    enum fovea_status status = fv_canvas_create(&canvas, extract->image.width, extract->image.height, 0);
+    if (status != FOVEA_OK) return fovea_error_set(error, status, "%.300s: out of memory", path);
+    fv_canvas_image(&canvas, 0, 0, &extract->image);
+    for (uint32_t i = 0; i < extract->features.count; i++) {
+        const struct fovea_feature *f = &extract->features.list[i];
+        const uint32_t colour = level_colour[f->level];
+        const float radius = f->size_px / 6, angle = extract->orb.angle_rad[i];
+        fv_canvas_circle(&canvas, f->x_px, f->y_px, radius, 1, colour);
+        fv_canvas_line(&canvas, f->x_px, f->y_px, f->x_px + radius * (float)fovea_cos(angle),
+                       f->y_px + radius * (float)fovea_sin(angle), 1, colour);
+    }
+    status = fv_canvas_write(&canvas, path, error);
+    fv_canvas_free(&canvas);
+    return status;
+}
+
+static void print_json(const struct fv_extract *extract)
+{
+    printf("{\"width\": %d, \"height\": %d, \"kernel_set\": \"%s\", \"features\": [", extract->image.width,
+           extract->image.height, fv_cpu_set_name(extract->kernels.set));
+    for (uint32_t i = 0; i < extract->features.count; i++) {
+        const struct fovea_feature *f = &extract->features.list[i];
+        printf("%s\n  {\"x_px\": %.4f, \"y_px\": %.4f, \"size_px\": %.3f, \"level\": %d, \"score\": %d, "
+               "\"angle_rad\": %.6f, "
+               "\"descriptor\": \"",
+               i == 0 ? "" : ",", (double)f->x_px, (double)f->y_px, (double)f->size_px, f->level, f->score,
+               (double)extract->orb.angle_rad[i]);
+        for (int k = 0; k < FV_DESCRIPTOR_BYTES; k++)
+            printf("%02x", extract->orb.descriptors[(size_t)i * FV_DESCRIPTOR_BYTES + (size_t)k]);
+        printf("\"}");
+    }
+    printf("\n]}\n");
+}
+
+static void print_summary(const struct fv_extract *extract)
+{
+    uint32_t on_level[FOVEA_PYRAMID_LEVELS_MAX] = {0};
+    for (uint32_t i = 0; i < extract->features.count; i++)
+        on_level[extract->features.list[i].level]++;
+    printf("%u features in %d x %d pixels, by level:", extract->features.count, extract->image.width,
+           extract->image.height);
+    for (uint32_t level = 0; level < extract->pyramid.levels; level++)
+        printf(" %u", on_level[level]);
+    printf("\n");
+}
+
+int fv_command_features(int argc, char **argv)
+{
+    uint64_t max = 500;
+    const char *picture = NULL, *mask = NULL;
+    bool json = false;
+    const struct fv_option options[] = {
+        {"max", "N", FV_OPTION_COUNT, &max, "features asked for (default 500)"},
+        {"mask", "FILE", FV_OPTION_TEXT, &mask,
+         "PNG of the picture's size, black where features are ignored"},
+        {"draw", "FILE", FV_OPTION_TEXT, &picture, "write the picture with its features as PNG"},
+        {"json", NULL, FV_OPTION_FLAG, &json, "print every feature with its descriptor"},
+        {0},
+    };
+    int first;
+    const enum fv_options_result result = fv_options_parse(options, "IMAGE", 1, 1, argc, argv, &first);
+    if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
+
+    struct fovea_features_config config;
+    struct fovea_error error;
+    struct fv_extract extract;
+    if (fv_extract_config(max, &config, &error) != FOVEA_OK) return fv_say_wrong("%s", error.text);
+    enum fv_exit status = FV_EXIT_OK;
+    if (fv_extract(argv[first], mask, &config, &extract, &error) != FOVEA_OK)
+        status = fv_say_wrong("%s", error.text);
+    else if (picture != NULL && draw(&extract, picture, &error) != FOVEA_OK)
+        status = fv_say_failed("%s", error.text);
+    else if (json)
+        print_json(&extract);
+    else
+        print_summary(&extract);
+    fv_extract_free(&extract);
+    return status;
+}

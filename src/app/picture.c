@@ -1,0 +1,58 @@
+#include "app/picture.h"
+
+#include <errno.h>
+#include <png.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "drivers/recorded/decode.h"
+
+static enum fovea_status decode(const struct fv_file_buffer *file, struct fovea_image *image,
+                                struct fovea_error *reason)
+{
+    struct fv_decode_image into = {0};
+    enum fovea_status status = fv_decode_probe(file->data, file->bytes, &into.width, &into.height, reason);
+    if (status != FOVEA_OK) return status;
+    into.stride_bytes = into.width;
+    const size_t bytes = (size_t)into.width * (size_t)into.height;
+    into.pixels = malloc(bytes);
+    if (into.pixels == NULL) return fovea_error_set(reason, FOVEA_ERROR_SYSTEM, "out of memory");
+    status = fv_decode_grey(file->data, file->bytes, &into, reason);
+    if (status != FOVEA_OK) {
+        free(into.pixels);
+        return status;
+    }
+    image->data = into.pixels;
+    image->width = into.width;
+    image->height = into.height;
+    image->stride_bytes = into.stride_bytes;
+    image->format = FOVEA_PIXEL_GREY8;
+    image->size_bytes = bytes;
+    return FOVEA_OK;
+}
+
+enum fovea_status fv_picture_read(const char *path, struct fovea_image *image, struct fovea_error *error)
+{
+    struct fv_file_buffer file = {0};
+    struct fovea_error reason;
+    enum fovea_status status = fv_file_read(&file, path, &reason);
+    if (status == FOVEA_GONE)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%.300s: found no such file, expected a PNG or JPEG picture", path);
+    if (status == FOVEA_OK) status = decode(&file, image, &reason);
+    fv_file_free(&file);
+    return status == FOVEA_OK ? FOVEA_OK
+                              : fovea_error_set(error, status, "%.300s: %.200s", path, reason.text);
+}
+
+enum fovea_status fv_picture_write(const char *path, const struct fovea_image *image,
+                                   struct fovea_error *error)
+{
+    png_image png = {.version = PNG_IMAGE_VERSION, .format = PNG_FORMAT_GRAY};
+    png.width = (png_uint_32)image->width;
+    png.height = (png_uint_32)image->height;
+    errno = 0;
+    if (png_image_write_to_file(&png, path, 0, image->data, image->stride_bytes, NULL)) return FOVEA_OK;
+    return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.300s: cannot write: %s", path,
+                           errno != 0 ? strerror(errno) : png.message);
+}

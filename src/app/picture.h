@@ -1,0 +1,16 @@
+/* Pictures as files: PNG and JPEG read as grey levels, grey levels written as PNG. For commands; the heap is
+ * used. */
+#ifndef FOVEA_APP_PICTURE_H
+#define FOVEA_APP_PICTURE_H
+
+#include "fovea/image.h"
+#include "fovea/status.h"
+
+/* Read a picture. image->data is from malloc, to be given to free(). Errors name the file. */
+enum fovea_status fv_picture_read(const char *path, struct fovea_image *image, struct fovea_error *error);
+
+/* Write a grey8 image. FOVEA_ERROR_SYSTEM: `error` names the file and the reason. */
+enum fovea_status fv_picture_write(const char *path, const struct fovea_image *image,
+                                   struct fovea_error *error);
+
+#endif

@@ -1,0 +1,137 @@
+/* fovea rectify: a picture without its lens's distortion. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "app/command.h"
+#include "app/options.h"
+#include "app/picture.h"
+#include "app/say.h"
+#include "fovea/calibration.h"
+#include "image/rectify.h"
+
+struct request {
+    const char *camera, *which, *shape, *size, *calibration;
+    bool keep_all, scale;
+};
+
+/* "WxH", or the picture's own size. */
+static bool read_size(const char *text, const struct fovea_image *image, int32_t *width, int32_t *height)
+{
+    char after;
+    *width = image->width;
+    *height = image->height;
+    return text == NULL || sscanf(text, "%5dx%5d%c", width, height, &after) == 2;
+}
+
+static enum fovea_status choose_view(const struct request *request, const struct fovea_camera *camera,
+                                     const struct fovea_image *image, struct fv_view *view,
+                                     struct fovea_error *error)
+{
+    int32_t width, height;
+    const bool cylinder = request->shape != NULL && strcmp(request->shape, "cylinder") == 0;
+    if (request->shape != NULL && !cylinder && strcmp(request->shape, "pinhole") != 0)
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                               "--view: found '%.100s', expected pinhole or cylinder", request->shape);
+    if (cylinder && request->calibration != NULL)
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                               "--write-camera: calibration files hold no cylinder, expected --view pinhole");
+    if (!read_size(request->size, image, &width, &height))
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "--size: found '%.100s', expected WIDTHxHEIGHT",
+                               request->size);
+    return fv_view_choose(camera, cylinder ? FV_VIEW_CYLINDER : FV_VIEW_PINHOLE,
+                          request->keep_all ? FV_VIEW_KEEP_ALL : FV_VIEW_CROP, width, height, view, error);
+}
+
+static enum fovea_status write_camera(const char *path, const struct fv_view *view, struct fovea_error *error)
+{
+    struct fovea_calibration calibration = {0};
+    calibration.camera.width = view->width;
+    calibration.camera.height = view->height;
+    calibration.camera.lens = FOVEA_LENS_RADTAN;
+    calibration.camera.fx = view->fx;
+    calibration.camera.fy = view->fy;
+    calibration.camera.cx = view->cx;
+    calibration.camera.cy = view->cy;
+    return fovea_calibration_write(path, FOVEA_CALIBRATION_ROS, &calibration, NULL, error);
+}
+
+/* Map, resample, write. */
+static enum fovea_status resample(const struct fovea_camera *camera, const struct fv_view *view,
+                                  const struct fovea_image *image, const char *path,
+                                  struct fovea_error *error)
+{
+    struct fv_rectify rectify;
+    struct fv_kernels kernels;
+    struct fv_arena arena;
+    enum fv_cpu_set cpu;
+    enum fovea_status status = fv_cpu_from_environment(&cpu, error);
+    if (status != FOVEA_OK) return status;
+    fv_kernels_init(&kernels, cpu);
+    fv_arena_count(&arena);
+    fv_rectify_carve(&rectify, camera, view, &arena);
+    const size_t out_bytes = (size_t)rectify.stride_bytes * (size_t)view->height;
+    fv_arena_take_raw(&arena, out_bytes, 1);
+    const size_t bytes = (arena.used + FV_CACHE_LINE_BYTES - 1) / FV_CACHE_LINE_BYTES * FV_CACHE_LINE_BYTES;
+    void *memory = aligned_alloc(FV_CACHE_LINE_BYTES, bytes);
+    if (memory == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "out of memory: %zu bytes", bytes);
+    fv_arena_init(&arena, memory, bytes);
+    fv_rectify_carve(&rectify, camera, view, &arena);
+    uint8_t *out = fv_arena_take_raw(&arena, out_bytes, 1);
+    fv_rectify_run(&rectify, &kernels, image->data, image->stride_bytes, out);
+    const struct fovea_image result = {
+        out, view->width, view->height, rectify.stride_bytes, FOVEA_PIXEL_GREY8, out_bytes};
+    status = fv_picture_write(path, &result, error);
+    free(memory);
+    return status;
+}
+
+static enum fovea_status rectify(const struct request *request, const char *in, const char *out,
+                                 struct fovea_error *error)
+{
+    struct fovea_calibration calibration;
+    struct fovea_image image = {0};
+    struct fv_view view;
+    enum fovea_status status = fovea_calibration_read(request->camera, request->which, &calibration, error);
+    if (status == FOVEA_OK) status = fv_picture_read(in, &image, error);
+    if (status == FOVEA_OK)
+        status = fovea_calibration_fit(&calibration.camera, image.width, image.height, request->scale,
+                                       request->camera, error);
+    if (status == FOVEA_OK) status = choose_view(request, &calibration.camera, &image, &view, error);
+    if (status == FOVEA_OK) status = resample(&calibration.camera, &view, &image, out, error);
+    if (status == FOVEA_OK && request->calibration != NULL)
+        status = write_camera(request->calibration, &view, error);
+    if (status == FOVEA_OK)
+        printf("%s of %d x %d pixels, f %.4f, centre %.4f %.4f\n",
+               view.shape == FV_VIEW_PINHOLE ? "pinhole" : "cylinder", view.width, view.height, view.fx,
+               view.cx, view.cy);
+    free((void *)(uintptr_t)image.data);
+    return status;
+}
+
+int fv_command_rectify(int argc, char **argv)
+{
+    struct request request = {0};
+    const struct fv_option options[] = {
+        {"camera", "FILE", FV_OPTION_TEXT, &request.camera,
+         "calibration of the camera that took the picture"},
+        {"which", "NAME", FV_OPTION_TEXT, &request.which, "camera of a camchain (default the first)"},
+        {"scale-camera", NULL, FV_OPTION_FLAG, &request.scale,
+         "scale a calibration that was made at another resolution"},
+        {"view", "SHAPE", FV_OPTION_TEXT, &request.shape, "pinhole (default) or cylinder, for wide fisheyes"},
+        {"keep-all", NULL, FV_OPTION_FLAG, &request.keep_all,
+         "show all that the camera sees, with black margins"},
+        {"size", "WxH", FV_OPTION_TEXT, &request.size, "size of the result (default that of the picture)"},
+        {"write-camera", "FILE", FV_OPTION_TEXT, &request.calibration,
+         "write the result's own calibration (ROS camera_info)"},
+        {0},
+    };
+    int first;
+    const enum fv_options_result result = fv_options_parse(options, "IN OUT", 2, 2, argc, argv, &first);
+    if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
+    if (request.camera == NULL) return fv_say_wrong("rectify: no camera, expected --camera FILE");
+    struct fovea_error error;
+    const enum fovea_status status = rectify(&request, argv[first], argv[first + 1], &error);
+    if (status == FOVEA_OK) return FV_EXIT_OK;
+    return status == FOVEA_ERROR_SYSTEM ? fv_say_failed("%s", error.text) : fv_say_wrong("%s", error.text);
+}
