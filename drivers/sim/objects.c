@@ -118,7 +118,8 @@ static void choose_ring(struct fv_sim_object *o, const struct fv_sim_world *worl
     o->on_ring = true;
     o->radius[0] = world->lane[0] + aside;
     o->radius[1] = world->lane[1] + aside;
-    o->rate = draw(random, 0.3, 0.9) * (fovea_random_below(random, 2) ? 1.0 : -1.0);
+    o->rate = draw(random, 0.3, 0.9);
+    if (fovea_random_below(random, 2)) o->rate = -o->rate;
     o->phase = draw(random, 0.0, fv_sim_ring_length(o->radius, ring_corner_m));
 }
 

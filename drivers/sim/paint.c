@@ -219,8 +219,8 @@ static void paint_clutter(struct fv_sim_brush *b)
     for (int32_t size = fv_sim_mm(b, 400); size >= 2; size = size * 2 / 3) {
         for (int32_t i = 0; i < 24; i++) {
             const int32_t x = fv_sim_draw(b, 0, b->width), y = fv_sim_draw(b, 0, b->height);
-            fv_sim_fill(b, x, y, x + fv_sim_draw(b, size / 2, size), y + fv_sim_draw(b, size / 2, size),
-                        fv_sim_draw(b, 15, 240));
+            const int32_t w = fv_sim_draw(b, size / 2, size), h = fv_sim_draw(b, size / 2, size);
+            fv_sim_fill(b, x, y, x + w, y + h, fv_sim_draw(b, 15, 240));
         }
     }
     fv_sim_noise(b, 0, 0, b->width, b->height, 32, 2, 24, 180);
@@ -235,8 +235,9 @@ static void paint_carton(struct fv_sim_brush *b, int32_t grey)
     fv_sim_fill(b, at, 0, at + tape, b->height, grey + 45);
     for (int32_t i = 0; i < 3; i++) {
         const int32_t x = fv_sim_draw(b, 0, b->width * 3 / 4), y = fv_sim_draw(b, 0, b->height * 3 / 4);
-        fv_sim_poster(b, x, y, x + b->width / 4 + fv_sim_draw(b, 0, b->width / 6),
-                      y + b->height / 5 + fv_sim_draw(b, 0, b->height / 8));
+        const int32_t w = b->width / 4 + fv_sim_draw(b, 0, b->width / 6);
+        const int32_t h = b->height / 5 + fv_sim_draw(b, 0, b->height / 8);
+        fv_sim_poster(b, x, y, x + w, y + h);
     }
 }
 
@@ -293,8 +294,8 @@ static void paint_clothes(struct fv_sim_brush *b)
     for (int32_t i = 0; i < 5; i++) {
         const int32_t x = fv_sim_draw(b, 0, b->width), y = fv_sim_draw(b, b->height / 6, b->height),
                       s = b->width / 12 + 1;
-        fv_sim_fill(b, x, y, x + fv_sim_draw(b, s, 2 * s), y + fv_sim_draw(b, s, 2 * s),
-                    fv_sim_draw(b, 10, 245));
+        const int32_t w = fv_sim_draw(b, s, 2 * s), h = fv_sim_draw(b, s, 2 * s);
+        fv_sim_fill(b, x, y, x + w, y + h, fv_sim_draw(b, 10, 245));
     }
     fv_sim_noise(b, 0, 0, b->width, b->height, 32, 2, 30, 180);
 }

@@ -137,9 +137,9 @@ static double put_table(struct builder *b, const struct stand *s)
         part(b, s, along, out, 0.0, 0.06, 0.06, 0.70, b->wood[1], b->wood[1], SIDES);
     }
     for (int32_t i = 0; i < 3; i++) {
-        const double size = draw(b, 0.14, 0.32);
-        part(b, s, width * (i - 1) * 0.32, depth / 2, 0.75, size, draw(b, 0.1, 0.3), draw(b, 0.12, 0.42),
-             b->clutter[i & 1], b->clutter[1], ALL);
+        const double size = draw(b, 0.14, 0.32), deep = draw(b, 0.1, 0.3), high = draw(b, 0.12, 0.42);
+        part(b, s, width * (i - 1) * 0.32, depth / 2, 0.75, size, deep, high, b->clutter[i & 1],
+             b->clutter[1], ALL);
     }
     return width;
 }
@@ -170,8 +170,8 @@ static double put_cupboard(struct builder *b, const struct stand *s)
     const double width = draw(b, 0.7, 1.0), height = draw(b, 0.8, 1.7);
     const uint16_t side = pick(b, 2) ? b->metal : b->wood[1];
     part(b, s, 0.0, 0.25, 0.0, width, 0.5, height, side, b->wood[0], ALL);
-    part(b, s, draw(b, -0.2, 0.2), 0.25, height, 0.3, 0.26, draw(b, 0.15, 0.35), b->clutter[0], b->clutter[1],
-         ALL);
+    const double along = draw(b, -0.2, 0.2), high = draw(b, 0.15, 0.35);
+    part(b, s, along, 0.25, height, 0.3, 0.26, high, b->clutter[0], b->clutter[1], ALL);
     return width;
 }
 
@@ -361,9 +361,8 @@ void fv_sim_place_hall(struct fv_sim_world *world)
     for (int32_t i = 0; i < 12; i++) {
         const double x = -7.0 + 2.8 * (i % 6) + draw(b, -0.5, 0.5),
                      y = (i < 6 ? -2.6 : 2.6) + draw(b, -1.2, 1.2), yaw = draw(b, 0.0, 1.5);
-        const double low = draw(b, 0.35, 0.6);
-        box(b, x, y, 0.0, draw(b, 0.5, 1.0), draw(b, 0.5, 0.8), low, yaw, b->carton[i & 1], b->carton[1],
-            ALL);
+        const double low = draw(b, 0.35, 0.6), length = draw(b, 0.5, 1.0), width = draw(b, 0.5, 0.8);
+        box(b, x, y, 0.0, length, width, low, yaw, b->carton[i & 1], b->carton[1], ALL);
         box(b, x + 0.05, y, low, 0.35, 0.3, draw(b, 0.15, 0.3), yaw + 0.5, b->clutter[i & 1], b->clutter[0],
             ALL);
     }

@@ -196,7 +196,8 @@ void fv_sim_paint_wall(struct fv_sim_texture *texture, double texels_per_m, uint
             b->random = first;
             continue;
         }
-        x += hang(b, x) + fv_sim_mm(b, fv_sim_draw(b, 60, 380));
+        x += hang(b, x);
+        x += fv_sim_mm(b, fv_sim_draw(b, 60, 380));
     }
     /* High walls: large banners above. */
     const int32_t above = b->height - fv_sim_mm(b, 2700);
