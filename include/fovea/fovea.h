@@ -29,6 +29,7 @@
 #include "fovea/camera.h"
 #include "fovea/features.h"
 #include "fovea/image.h"
+#include "fovea/odometry.h"
 #include "fovea/source.h"
 #include "fovea/status.h"
 
@@ -54,6 +55,7 @@ struct fovea_preview_config {
 struct fovea_config {
     struct fovea_camera camera; /* prepared (fovea_camera_prepare); width x height is the frame size */
     struct fovea_features_config features;
+    struct fovea_odometry_config odometry;
     struct fovea_preview_config preview;
     uint64_t seed; /* of the generator in the state, default 1 */
 
@@ -66,7 +68,7 @@ struct fovea_config {
     char channel_prefix[32];
 
     /* Publish every n-th message of a kind, [0, 1000000]; 0: never. Defaults 1, statistics 30. */
-    uint32_t features_every, statistics_every, camera_status_every;
+    uint32_t pose_every, features_every, statistics_every, camera_status_every;
 
     /* Stage clock, or NULL for no stage times. */
     fovea_clock_function clock;
@@ -117,7 +119,8 @@ enum fovea_status fovea_memory(const struct fovea_config *config, struct fovea_m
 
 /* Jobs that fovea_work advances, in order of priority. */
 enum fovea_job {
-    FOVEA_JOB_PREVIEW = 0, /* JPEG of a pyramid level */
+    FOVEA_JOB_MAP = 0,     /* new landmarks, then window optimisation */
+    FOVEA_JOB_PREVIEW = 1, /* JPEG of a pyramid level */
     FOVEA_JOB_COUNT
 };
 
@@ -180,6 +183,9 @@ enum fovea_status fovea_work(struct fovea *rt, const struct fovea_grants *grants
 /* Features of the last processed frame, in memory of the block, valid until the next fovea_step. */
 const struct fovea_feature *fovea_features_get(const struct fovea *rt, uint32_t *count);
 
+/* Pose of the last processed frame. */
+void fovea_pose_get(const struct fovea *rt, struct fovea_pose *pose);
+
 /* ---- the governor ------------------------------------------------------------------------------------------ */
 
 /* Grants of the fixed schedule: all features, and per job the guaranteed minimum. For recorded input at full speed. */
@@ -210,8 +216,10 @@ void fovea_governor_learn(struct fovea_governor *governor, int64_t step_ns, int6
 enum fovea_stage {
     FOVEA_STAGE_PYRAMID = 0,
     FOVEA_STAGE_FEATURES = 1,
-    FOVEA_STAGE_ENCODE = 2,
-    FOVEA_STAGE_PREVIEW = 3, /* the job's share of work */
+    FOVEA_STAGE_ODOMETRY = 2,
+    FOVEA_STAGE_ENCODE = 3,
+    FOVEA_STAGE_MAP = 4,     /* jobs' shares of work */
+    FOVEA_STAGE_PREVIEW = 5,
     FOVEA_STAGE_COUNT
 };
 const char *fovea_stage_name(enum fovea_stage stage);

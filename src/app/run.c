@@ -15,6 +15,7 @@
 #include "app/report.h"
 #include "app/say.h"
 #include "app/setup.h"
+#include "app/trajectory.h"
 #include "app/transport.h"
 
 #define TIMINGS_FILE "fovea-timings.png"
@@ -22,7 +23,7 @@
 struct run {
     struct fv_setup_options options;
     struct fovea_source_selection selection;
-    const char *stats_path, *timings_path;
+    const char *stats_path, *timings_path, *trajectory_path;
     bool quiet;
 
     struct fv_settings settings;
@@ -32,6 +33,8 @@ struct run {
     size_t bytes;
     struct fv_transport *transport;
     struct fv_recorder *recorder;
+    struct fv_trajectory *trajectory;
+    uint64_t processed; /* frames, as the runtime counted them after the last step */
     struct fv_loop_shared shared;
     struct fv_timings timings;
     struct fv_loop loop;
@@ -56,6 +59,14 @@ static void step_done(void *context, const struct fovea_inputs *inputs, const st
     struct run *run = context;
     fv_transport_publish(run->transport, outputs);
     fv_recorder_step(run->recorder, inputs, outputs);
+    struct fovea_stats stats;
+    fovea_stats_get(run->loop.rt, &stats);
+    if (stats.frames_processed != run->processed) { /* not refused: the pose is this frame's */
+        struct fovea_pose pose;
+        run->processed = stats.frames_processed;
+        fovea_pose_get(run->loop.rt, &pose);
+        fv_trajectory_add(run->trajectory, inputs->frame->stamp_ns, &pose);
+    }
 }
 
 static void work_done(void *context, const struct fovea_inputs *inputs, const struct fovea_grants *grants,
@@ -92,6 +103,8 @@ static enum fv_options_result options_read(struct run *run, int argc, char **arg
         {"stats", "FILE", FV_OPTION_TEXT, &run->stats_path, "write times, counts and memory as JSON"},
         {"timings", "FILE", FV_OPTION_TEXT, &run->timings_path,
          "where to draw the timings (default " TIMINGS_FILE " here; 'none')"},
+        {"trajectory", "FILE", FV_OPTION_TEXT, &run->trajectory_path,
+         "write T_world_cam of every posed frame, as published, in TUM format"},
         {"record", "FILE", FV_OPTION_TEXT, &run->options.record, "record the run for 'fovea replay'"},
         {"set", "KEY=VALUE", FV_OPTION_LIST, &run->options.sets, "override a key of the configuration"},
         {"quiet", NULL, FV_OPTION_FLAG, &run->quiet, "no status line and no summary"},
@@ -187,6 +200,8 @@ static enum fovea_status open_all(struct run *run, struct fovea_error *error)
     run->loop.real_time = is_real_time(run);
     status = runtime_open(run, error);
     if (status == FOVEA_OK) status = recorder_open(run, error);
+    if (status == FOVEA_OK && run->trajectory_path != NULL)
+        status = fv_trajectory_open(run->trajectory_path, &run->trajectory, error);
     return status == FOVEA_OK ? transport_open(run, error) : status;
 }
 
@@ -194,6 +209,7 @@ static void close_all(struct run *run)
 {
     fv_recorder_close(run->recorder, NULL);
     fv_transport_close(run->transport);
+    fv_trajectory_close(run->trajectory, NULL);
     fv_setup_close(&run->setup);
     if (run->memory != NULL) fv_realtime_unmap(run->memory, run->bytes);
     if (run->stats != NULL) fclose(run->stats);
@@ -233,6 +249,7 @@ static void watch(struct run *run, const sigset_t *signals)
         atomic_store(&run->shared.resident_bytes, fv_process_resident_bytes());
         atomic_store(&run->shared.temperature_c, fv_process_temperature_c());
         complaints(run);
+        fv_trajectory_drain(run->trajectory);
         int got = sigtimedwait(signals, NULL, &wait);
         if (got == SIGUSR1) break;
         if (got == SIGINT || got == SIGTERM) atomic_store(&run->shared.stop, true);
@@ -345,6 +362,8 @@ int fv_command_run(int argc, char **argv)
     else
         end = (fv_say("%s", error.text), fv_setup_exit(status));
     recorder_end(&run);
+    if (fv_trajectory_close(run.trajectory, &error) != FOVEA_OK && end == FV_EXIT_OK) end = fv_say_failed("%s", error.text);
+    run.trajectory = NULL;
     close_all(&run);
     return end;
 }

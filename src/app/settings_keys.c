@@ -43,6 +43,8 @@ const struct fv_settings_key fv_settings_keys[] = {
      "digits and "
      "_ / . -",
      NULL},
+    {"pose_every", FV_SETTINGS_U32, AT(runtime.pose_every), 0, 1000000, "frames", NULL,
+     "send every n-th pose message; 0: none", NULL},
     {"features_every", FV_SETTINGS_U32, AT(runtime.features_every), 0, 1000000, "frames", NULL,
      "send every n-th features message; 0: none", NULL},
     {"statistics_every", FV_SETTINGS_U32, AT(runtime.statistics_every), 0, 1000000, "frames", NULL,
@@ -61,6 +63,19 @@ const struct fv_settings_key fv_settings_keys[] = {
      "FAST contrast that is tried first in every cell", NULL},
     {"features.threshold_min", FV_SETTINGS_U32, AT(runtime.features.threshold_min), 2, 100, "grey levels",
      NULL, "FAST contrast where a cell would stay empty; at most features.threshold", NULL},
+
+    {"odometry.enabled", FV_SETTINGS_BOOL, AT(runtime.odometry.enabled), 0, 1, "", NULL,
+     "estimate the camera's motion", NULL},
+    {"odometry.keyframes", FV_SETTINGS_U32, AT(runtime.odometry.keyframes), 8, FOVEA_ODOMETRY_KEYFRAMES_MAX,
+     "keyframes", NULL, "kept in the map; the most redundant goes when it is full", "memory: 90 kB each"},
+    {"odometry.landmarks", FV_SETTINGS_U32, AT(runtime.odometry.landmarks), 1000, FOVEA_ODOMETRY_LANDMARKS_MAX,
+     "landmarks", NULL, "kept in the map; the one not seen for longest goes when it is full", "memory: 200 B each"},
+    {"odometry.window", FV_SETTINGS_U32, AT(runtime.odometry.window), 3, 12, "keyframes", NULL,
+     "optimised together after each new one", "time with the square"},
+    {"odometry.inliers_good", FV_SETTINGS_U32, AT(runtime.odometry.inliers_good), 20, 200, "landmarks", NULL,
+     "a pose from fewer is called weak", NULL},
+    {"odometry.lost_frames_reset", FV_SETTINGS_U32, AT(runtime.odometry.lost_frames_reset), 1, 10000, "frames", NULL,
+     "lost for so long, a new map is started", NULL},
 
     {"preview.period_frames", FV_SETTINGS_U32, AT(runtime.preview.period_frames), 0, 1000000, "frames", NULL,
      "one JPEG preview every so many frames; 0: none", NULL},

@@ -123,8 +123,6 @@ static bool invert_3(const double V[9], double out[9])
     return true;
 }
 
-enum { OBSERVATIONS_PER_LANDMARK_MAX = 64 };
-
 /* Damped 3x3 block and gradient of a landmark from its linearised observations. */
 static bool landmark_block(const struct linear *linear, uint32_t count, double lambda, double inverse[9],
                            double g[3])
@@ -155,11 +153,19 @@ static void coupling(const struct linear *linear, double W[18])
     }
 }
 
+/* Squared residual of an observation, kept for the caller; returns what it costs. */
+static double note_chi2(const double r[2], bool valid, float *kept)
+{
+    const double chi2 = valid ? r[0] * r[0] + r[1] * r[1] : BEHIND_CHI2;
+    *kept = valid ? (float)(chi2 < 1e30 ? chi2 : 1e30) : INFINITY;
+    return huber_cost(chi2);
+}
+
 static uint32_t linearise_all(const struct fv_bundle *bundle, const struct fv_bundle_landmark *landmark,
                               struct linear *linear)
 {
     const uint32_t count =
-        landmark->count < OBSERVATIONS_PER_LANDMARK_MAX ? landmark->count : OBSERVATIONS_PER_LANDMARK_MAX;
+        landmark->count < FV_BUNDLE_SEEN_MAX ? landmark->count : FV_BUNDLE_SEEN_MAX;
     for (uint32_t k = 0; k < count; k++) {
         linearise(bundle, &bundle->observations[landmark->first + k], landmark->X, &linear[k]);
     }
@@ -194,9 +200,13 @@ static void subtract_pair(double *S, size_t n, size_t a, size_t b, const double 
 /* Fold one landmark into the reduced system. Returns the block products done. */
 static uint32_t fold(struct fv_bundle *bundle, const struct fv_bundle_landmark *landmark)
 {
-    struct linear linear[OBSERVATIONS_PER_LANDMARK_MAX];
-    double W[OBSERVATIONS_PER_LANDMARK_MAX][18], inverse[9], g[3];
+    struct linear linear[FV_BUNDLE_SEEN_MAX];
+    double W[FV_BUNDLE_SEEN_MAX][18], inverse[9], g[3];
     const uint32_t count = linearise_all(bundle, landmark, linear);
+    for (uint32_t k = 0; k < count; k++) {
+        struct fv_bundle_observation *observation = &bundle->observations[landmark->first + k];
+        bundle->cost += note_chi2(linear[k].r, linear[k].valid, &observation->chi2);
+    }
     if (!landmark_block(linear, count, bundle->lambda, inverse, g)) return count;
     const size_t n = 6 * (size_t)bundle->free_poses;
     uint32_t pairs = count;
@@ -311,6 +321,7 @@ static void begin_linearise(struct fv_bundle *bundle)
     memset(bundle->S, 0, n * n * sizeof(double));
     memset(bundle->g, 0, n * sizeof(double));
     memset(bundle->diagonal, 0, n * sizeof(double));
+    bundle->cost = 0;
     bundle->next_landmark = 0;
     bundle->phase = FV_BUNDLE_LINEARISE;
 }
@@ -363,7 +374,7 @@ static void solve(struct fv_bundle *bundle)
 static uint32_t try_landmark(struct fv_bundle *bundle, uint32_t index)
 {
     const struct fv_bundle_landmark *landmark = &bundle->landmarks[index];
-    struct linear linear[OBSERVATIONS_PER_LANDMARK_MAX];
+    struct linear linear[FV_BUNDLE_SEEN_MAX];
     double inverse[9], g[3], *X = bundle->tried_X + 3 * (size_t)index;
     const uint32_t count = linearise_all(bundle, landmark, linear);
     memcpy(X, landmark->X, 3 * sizeof(double));
@@ -383,14 +394,12 @@ static uint32_t try_landmark(struct fv_bundle *bundle, uint32_t index)
             X[i] += inverse[3 * i] * rest[0] + inverse[3 * i + 1] * rest[1] + inverse[3 * i + 2] * rest[2];
         }
     }
-    for (uint32_t k = 0; k < landmark->count; k++) {
+    for (uint32_t k = 0; k < count; k++) {
         const struct fv_bundle_observation *observation = &bundle->observations[landmark->first + k];
         double p[3], r[2];
         transform(&bundle->tried[observation->pose], X, p);
         const bool valid = fv_bundle_residual(observation, p, r, NULL);
-        const double chi2 = valid ? r[0] * r[0] + r[1] * r[1] : BEHIND_CHI2;
-        bundle->cost_tried += huber_cost(chi2);
-        bundle->tried_chi2[landmark->first + k] = valid ? (float)(chi2 < 1e30 ? chi2 : 1e30) : INFINITY;
+        bundle->cost_tried += note_chi2(r, valid, &bundle->tried_chi2[landmark->first + k]);
     }
     return 3 * count + 1;
 }
@@ -422,8 +431,8 @@ static void judge(struct fv_bundle *bundle)
     bundle->rejected = 0;
     bundle->iterations++;
     const bool converged = gain <= CONVERGED * bundle->cost;
-    bundle->cost = bundle->cost_tried;
     if (converged || bundle->iterations >= bundle->iterations_max) {
+        bundle->cost = bundle->cost_tried;
         bundle->phase = FV_BUNDLE_DONE;
     } else {
         begin_linearise(bundle);
@@ -432,24 +441,6 @@ static void judge(struct fv_bundle *bundle)
 
 /* ---- life
  * --------------------------------------------------------------------------------------------------- */
-
-static double cost_of(struct fv_bundle *bundle)
-{
-    double cost = 0;
-    for (uint32_t i = 0; i < bundle->landmark_count; i++) {
-        const struct fv_bundle_landmark *landmark = &bundle->landmarks[i];
-        for (uint32_t k = 0; k < landmark->count; k++) {
-            struct fv_bundle_observation *observation = &bundle->observations[landmark->first + k];
-            double p[3], r[2];
-            transform(&bundle->poses[observation->pose], landmark->X, p);
-            const bool valid = fv_bundle_residual(observation, p, r, NULL);
-            const double chi2 = valid ? r[0] * r[0] + r[1] * r[1] : BEHIND_CHI2;
-            observation->chi2 = valid ? (float)(chi2 < 1e30 ? chi2 : 1e30) : INFINITY;
-            cost += huber_cost(chi2);
-        }
-    }
-    return cost;
-}
 
 void fv_bundle_start(struct fv_bundle *bundle, uint32_t iterations)
 {
@@ -460,8 +451,13 @@ void fv_bundle_start(struct fv_bundle *bundle, uint32_t iterations)
     bundle->iterations_max = iterations;
     bundle->lambda = 1e-4;
     bundle->nu = 2;
-    bundle->cost = cost_of(bundle);
     begin_linearise(bundle);
+}
+
+/* All landmarks are folded in and the cost is known. */
+static void linearised(struct fv_bundle *bundle)
+{
+    bundle->phase = bundle->iterations < bundle->iterations_max ? FV_BUNDLE_SOLVE : FV_BUNDLE_DONE;
 }
 
 bool fv_bundle_unit(struct fv_bundle *bundle)
@@ -472,7 +468,7 @@ bool fv_bundle_unit(struct fv_bundle *bundle)
         while (bundle->next_landmark < bundle->landmark_count && pairs < FV_BUNDLE_UNIT_PAIRS) {
             pairs += fold(bundle, &bundle->landmarks[bundle->next_landmark++]);
         }
-        if (bundle->next_landmark == bundle->landmark_count) bundle->phase = FV_BUNDLE_SOLVE;
+        if (bundle->next_landmark == bundle->landmark_count) linearised(bundle);
         break;
     case FV_BUNDLE_SOLVE:
         solve(bundle);

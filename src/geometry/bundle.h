@@ -31,6 +31,7 @@ extern "C" {
 
 enum {
     FV_BUNDLE_FREE_POSES_MAX = 16, /* cost of the reduced system grows with the cube */
+    FV_BUNDLE_SEEN_MAX = 32, /* observations of one landmark that count; more are passed over */
     FV_BUNDLE_UNIT_PAIRS = 800
 };
 

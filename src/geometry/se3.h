@@ -13,6 +13,10 @@ struct fv_se3 {
     double t[3];
 };
 
+/* From and to the rows of a 3x4 matrix, as public structs hold transforms. */
+void fv_se3_from_rows(const double rows[12], struct fv_se3 *T);
+void fv_se3_to_rows(const struct fv_se3 *T, double rows[12]);
+
 void fv_se3_identity(struct fv_se3 *T);
 /* out = A B. `out` may be either input. */
 void fv_se3_compose(const struct fv_se3 *A, const struct fv_se3 *B, struct fv_se3 *out);

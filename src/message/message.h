@@ -20,7 +20,9 @@ extern "C" {
 
 /* Kinds of message; each has one channel, named <prefix>_<suffix>. */
 enum fv_message_kind {
-    FV_MESSAGE_FEATURES = 0,
+    FV_MESSAGE_POSE = 0,    /* of the base in `odom` */
+    FV_MESSAGE_CAMERA_POSE, /* of the camera in `world` */
+    FV_MESSAGE_FEATURES,
     FV_MESSAGE_STATISTICS,
     FV_MESSAGE_CAMERA_STATUS,
     FV_MESSAGE_PREVIEW,
@@ -43,6 +45,17 @@ void fv_message_channel(const char *prefix, enum fv_message_kind kind, char *nam
 
 /* The stamp of a frame as messages carry it; NULL: no frame yet (time 0, sequence -1). */
 fovea_stamp_t fv_message_stamp(const struct fovea_frame *frame, int64_t utc_offset_ns);
+
+struct fv_message_pose {
+    fovea_stamp_t stamp;
+    const char *parent_frame, *child_frame; /* at most FV_MESSAGE_NAME_BYTES_MAX with the zero */
+    const struct fovea_pose *pose;          /* state, covariance and counts */
+    double position[3], orientation[4];     /* T_parent_child; looked at only when pose->posed */
+    int64_t reference_keyframe;             /* -1: none */
+    int64_t latency_ns;
+};
+size_t fv_message_pose_size_max(void);
+uint32_t fv_message_pose_encode(const struct fv_message_pose *in, uint8_t *buffer, size_t capacity);
 
 struct fv_message_features {
     fovea_stamp_t stamp;

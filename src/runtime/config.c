@@ -7,10 +7,17 @@ void fovea_config_default(struct fovea_config *config)
     memset(config, 0, sizeof *config);
     config->features = (struct fovea_features_config){
         .count_max = 1000, .pyramid_levels = 8, .threshold = 20, .threshold_min = 7};
+    config->odometry = (struct fovea_odometry_config){.enabled = true,
+                                                      .keyframes = 40,
+                                                      .landmarks = 6000,
+                                                      .window = 8,
+                                                      .inliers_good = 40,
+                                                      .lost_frames_reset = 15};
     config->preview = (struct fovea_preview_config){.period_frames = 10, .quality = 70, .level = 2};
     config->seed = 1;
     config->T_base_cam[0] = config->T_base_cam[5] = config->T_base_cam[10] = 1.0;
     memcpy(config->channel_prefix, "FOVEA", sizeof "FOVEA");
+    config->pose_every = 1;
     config->features_every = 1;
     config->statistics_every = 30;
     config->camera_status_every = 1;
@@ -85,9 +92,15 @@ enum fovea_status fv_config_check(const struct fovea_config *config, struct fove
         {"features.pyramid_levels", f->pyramid_levels, 1, FOVEA_PYRAMID_LEVELS_MAX},
         {"features.threshold", f->threshold, 2, 100},
         {"features.threshold_min", f->threshold_min, 2, f->threshold},
+        {"odometry.keyframes", config->odometry.keyframes, 8, FOVEA_ODOMETRY_KEYFRAMES_MAX},
+        {"odometry.landmarks", config->odometry.landmarks, 1000, FOVEA_ODOMETRY_LANDMARKS_MAX},
+        {"odometry.window", config->odometry.window, 3, 12},
+        {"odometry.inliers_good", config->odometry.inliers_good, 20, 200},
+        {"odometry.lost_frames_reset", config->odometry.lost_frames_reset, 1, 10000},
         {"preview.period_frames", config->preview.period_frames, 0, 1000000},
         {"preview.quality", config->preview.quality, 1, 100},
         {"preview.level", config->preview.level, 0, f->pyramid_levels - 1},
+        {"pose_every", config->pose_every, 0, 1000000},
         {"features_every", config->features_every, 0, 1000000},
         {"statistics_every", config->statistics_every, 0, 1000000},
         {"camera_status_every", config->camera_status_every, 0, 1000000},

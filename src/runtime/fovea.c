@@ -31,6 +31,7 @@ static void reset(struct fovea *rt)
     state->features = 0;
     memset(rt->preview.state, 0, sizeof *rt->preview.state);
     fovea_random_seed(&state->random, rt->config.seed);
+    if (rt->config.odometry.enabled) fv_odometry_reset(&rt->odometry);
 }
 
 static void take_commands(struct fovea *rt, uint32_t commands, struct fovea_outputs *outputs)
@@ -79,106 +80,11 @@ static void remember(struct fv_state *state, const struct fovea_frame *frame, in
     state->frames_processed++;
 }
 
-/* ---- encode ------------------------------------------------------------------------------------------------- */
-
-fovea_stamp_t fv_stamp_of(const struct fv_frame_id *id)
-{
-    const struct fovea_frame frame = {
-        .stamp_ns = id->stamp_ns,
-        .exposure_ns = id->exposure_ns,
-        .clock = (enum fovea_clock)id->clock,
-        .stamp_meaning = (enum fovea_stamp_meaning)id->stamp_meaning,
-        .sequence = id->sequence,
-    };
-    return fv_message_stamp(&frame, id->utc_offset_ns);
-}
-
-static fovea_stamp_t last_stamp(const struct fovea *rt)
-{
-    return rt->state->any_frame ? fv_stamp_of(&rt->state->frame) : fv_message_stamp(NULL, 0);
-}
-
-static void encode_features(struct fovea *rt, uint32_t asked, struct fovea_outputs *outputs)
-{
-    struct fv_message_features message = {
-        .stamp = last_stamp(rt),
-        .reset_counter = rt->state->reset_counter,
-        .width = rt->config.camera.width,
-        .height = rt->config.camera.height,
-        .asked = asked,
-    };
-    message.features = fovea_features_get(rt, &message.count);
-    struct fv_outbox *outbox = &rt->outbox;
-    fv_output_add(rt, FV_MESSAGE_FEATURES,
-                  fv_message_features_encode(&message, outbox->features_scratch, outbox->buffer[FV_MESSAGE_FEATURES],
-                                             outbox->capacity[FV_MESSAGE_FEATURES]),
-                  outputs);
-}
-
-static void encode_camera_status(struct fovea *rt, const struct fovea_inputs *inputs, struct fovea_outputs *outputs)
-{
-    const struct fv_message_camera_status message = {
-        .stamp = last_stamp(rt),
-        .now_ns = inputs->now_ns,
-        .state = inputs->source_state,
-        .width = rt->config.camera.width,
-        .height = rt->config.camera.height,
-        .pixel_format = fovea_pixel_format_name((enum fovea_pixel_format)rt->state->frame.pixel_format),
-        .exposure_ns = rt->state->frame.exposure_ns,
-        .counts = inputs->source_counts,
-    };
-    fv_output_add(rt, FV_MESSAGE_CAMERA_STATUS,
-                  fv_message_camera_status_encode(&message, rt->outbox.buffer[FV_MESSAGE_CAMERA_STATUS],
-                                                  rt->outbox.capacity[FV_MESSAGE_CAMERA_STATUS]),
-                  outputs);
-}
-
-static void encode_statistics(struct fovea *rt, struct fovea_outputs *outputs)
-{
-    const char *stages[FOVEA_STAGE_COUNT], *jobs[FOVEA_JOB_COUNT];
-    for (int i = 0; i < FOVEA_STAGE_COUNT; i++) stages[i] = fovea_stage_name((enum fovea_stage)i);
-    for (int i = 0; i < FOVEA_JOB_COUNT; i++) jobs[i] = fovea_job_name((enum fovea_job)i);
-    struct fovea_stats stats;
-    fovea_stats_get(rt, &stats);
-    const struct fv_message_statistics message = {
-        .stamp = last_stamp(rt),
-        .kernel_set = fovea_cpu_name(rt),
-        .stats = &stats,
-        .inputs = &rt->inputs,
-        .work_grants = &rt->work_grants,
-        .units_done = rt->units_done,
-        .jobs_waiting = fv_jobs_waiting(rt),
-        .memory_bytes = rt->part_bytes,
-        .stage_names = stages,
-        .job_names = jobs,
-    };
-    fv_output_add(rt, FV_MESSAGE_STATISTICS,
-                  fv_message_statistics_encode(&message, rt->outbox.buffer[FV_MESSAGE_STATISTICS],
-                                               rt->outbox.capacity[FV_MESSAGE_STATISTICS]),
-                  outputs);
-}
-
-static bool every(uint64_t steps, uint32_t period)
-{
-    return period != 0 && steps % period == 0;
-}
-
-static void encode(struct fovea *rt, const struct fovea_inputs *inputs, bool processed, struct fovea_outputs *outputs)
-{
-    const struct fovea_config *config = &rt->config;
-    const uint64_t steps = rt->state->steps;
-    if (processed && every(rt->state->frames_processed - 1, config->features_every)) {
-        encode_features(rt, inputs->grants.features, outputs);
-    }
-    if (every(steps, config->camera_status_every)) encode_camera_status(rt, inputs, outputs);
-    if (every(steps, config->statistics_every)) encode_statistics(rt, outputs);
-}
-
 /* ---- the loop ----------------------------------------------------------------------------------------------- */
 
 static void ask_preview(struct fovea *rt)
 {
-    const bool due = every(rt->state->frames_processed - 1, rt->config.preview.period_frames);
+    const bool due = fv_every(rt->state->frames_processed - 1, rt->config.preview.period_frames);
     if (due || rt->preview.state->due) fv_preview_ask(&rt->preview, &rt->state->frame);
 }
 
@@ -191,7 +97,19 @@ static void process(struct fovea *rt, const struct fovea_inputs *inputs)
     begin = fv_stage_begin(rt);
     rt->state->features =
         fv_features_find(&rt->features, &rt->kernels, &rt->pyramid, rt->mask, inputs->grants.features);
+    if (rt->config.odometry.enabled) {
+        fv_orb_describe(&rt->orb, &rt->kernels, &rt->pyramid, rt->features.corners, rt->features.count);
+    }
     fv_stage_end(rt, FOVEA_STAGE_FEATURES, begin);
+
+    if (!rt->config.odometry.enabled) return;
+    begin = fv_stage_begin(rt);
+    const struct fv_odometry_input input = {.stamp_ns = inputs->frame->stamp_ns,
+                                            .count = rt->features.count,
+                                            .features = rt->features.list,
+                                            .descriptors = rt->orb.descriptors};
+    fv_odometry_step(&rt->odometry, &rt->kernels, &input);
+    fv_stage_end(rt, FOVEA_STAGE_ODOMETRY, begin);
 }
 
 enum fovea_status fovea_step(struct fovea *rt, const struct fovea_inputs *inputs, struct fovea_outputs *outputs)
@@ -206,7 +124,7 @@ enum fovea_status fovea_step(struct fovea *rt, const struct fovea_inputs *inputs
         ask_preview(rt);
     }
     const struct fv_instant begin = fv_stage_begin(rt);
-    encode(rt, inputs, processed, outputs);
+    fv_encode(rt, inputs, processed, outputs);
     fv_stage_end(rt, FOVEA_STAGE_ENCODE, begin);
     rt->inputs.frame = NULL; /* the caller's, and gone after this */
     rt->state->steps++;
@@ -214,7 +132,8 @@ enum fovea_status fovea_step(struct fovea *rt, const struct fovea_inputs *inputs
     return processed ? FOVEA_OK : FOVEA_AGAIN;
 }
 
-static const enum fovea_stage stage_of_job[FOVEA_JOB_COUNT] = {[FOVEA_JOB_PREVIEW] = FOVEA_STAGE_PREVIEW};
+static const enum fovea_stage stage_of_job[FOVEA_JOB_COUNT] = {[FOVEA_JOB_MAP] = FOVEA_STAGE_MAP,
+                                                              [FOVEA_JOB_PREVIEW] = FOVEA_STAGE_PREVIEW};
 
 enum fovea_status fovea_work(struct fovea *rt, const struct fovea_grants *grants, struct fovea_outputs *outputs)
 {
@@ -238,15 +157,24 @@ const struct fovea_feature *fovea_features_get(const struct fovea *rt, uint32_t 
     return rt->features.list;
 }
 
+void fovea_pose_get(const struct fovea *rt, struct fovea_pose *pose)
+{
+    if (rt->config.odometry.enabled) {
+        *pose = rt->odometry.state->pose;
+    } else {
+        memset(pose, 0, sizeof *pose);
+    }
+}
+
 const char *fovea_stage_name(enum fovea_stage stage)
 {
-    static const char *const names[FOVEA_STAGE_COUNT] = {"pyramid", "features", "encode", "preview"};
+    static const char *const names[FOVEA_STAGE_COUNT] = {"pyramid", "features", "odometry", "encode", "map", "preview"};
     return stage >= 0 && stage < FOVEA_STAGE_COUNT ? names[stage] : "unknown";
 }
 
 const char *fovea_job_name(enum fovea_job job)
 {
-    static const char *const names[FOVEA_JOB_COUNT] = {"preview"};
+    static const char *const names[FOVEA_JOB_COUNT] = {"map", "preview"};
     return job >= 0 && job < FOVEA_JOB_COUNT ? names[job] : "unknown";
 }
 

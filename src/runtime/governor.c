@@ -6,6 +6,8 @@
 #include "fovea/fovea.h"
 
 enum {
+    MAP_UNITS_MIN = 24,          /* a window of five iterations within six frames */
+    MAP_UNITS_FIXED = 32,
     PREVIEW_UNITS_MIN = 4,       /* a preview of 376x240 in 6 frames */
     PREVIEW_UNITS_FIXED = 8,
     SHORT_FRAMES_TO_ACT = 15,    /* half a second at 30 Hz: a single slow frame changes nothing */
@@ -15,8 +17,10 @@ enum {
     UNIT_FIRST_GUESS_NS = 250000 /* the bound that units are built to */
 };
 
-static const uint32_t units_min[FOVEA_JOB_COUNT] = {[FOVEA_JOB_PREVIEW] = PREVIEW_UNITS_MIN};
-static const uint32_t units_fixed[FOVEA_JOB_COUNT] = {[FOVEA_JOB_PREVIEW] = PREVIEW_UNITS_FIXED};
+static const uint32_t units_min[FOVEA_JOB_COUNT] = {[FOVEA_JOB_MAP] = MAP_UNITS_MIN,
+                                                  [FOVEA_JOB_PREVIEW] = PREVIEW_UNITS_MIN};
+static const uint32_t units_fixed[FOVEA_JOB_COUNT] = {[FOVEA_JOB_MAP] = MAP_UNITS_FIXED,
+                                                    [FOVEA_JOB_PREVIEW] = PREVIEW_UNITS_FIXED};
 
 void fovea_grants_fixed(const struct fovea_config *config, struct fovea_grants *grants)
 {

@@ -13,7 +13,9 @@ void fv_output_add(struct fovea *rt, enum fv_message_kind kind, uint32_t bytes, 
 
 uint32_t fv_jobs_waiting(const struct fovea *rt)
 {
-    return fv_preview_waiting(&rt->preview) ? 1u << FOVEA_JOB_PREVIEW : 0;
+    uint32_t waiting = fv_preview_waiting(&rt->preview) ? 1u << FOVEA_JOB_PREVIEW : 0;
+    if (rt->config.odometry.enabled && fv_odometry_job_waiting(&rt->odometry)) waiting |= 1u << FOVEA_JOB_MAP;
+    return waiting;
 }
 
 static void send_preview(struct fovea *rt, struct fovea_outputs *outputs)
@@ -47,9 +49,18 @@ static uint32_t advance_preview(struct fovea *rt, uint32_t units, struct fovea_o
     return done;
 }
 
+static uint32_t advance_map(struct fovea *rt, uint32_t units)
+{
+    uint32_t done = 0;
+    if (!rt->config.odometry.enabled) return 0;
+    for (; done < units && fv_odometry_job_waiting(&rt->odometry); done++) fv_odometry_unit(&rt->odometry, &rt->kernels);
+    return done;
+}
+
 uint32_t fv_job_advance(struct fovea *rt, enum fovea_job job, uint32_t units, struct fovea_outputs *outputs)
 {
     switch (job) {
+    case FOVEA_JOB_MAP: return advance_map(rt, units);
     case FOVEA_JOB_PREVIEW: return advance_preview(rt, units, outputs);
     case FOVEA_JOB_COUNT: break;
     }

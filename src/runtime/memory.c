@@ -32,6 +32,8 @@ static void carve_outbox(struct fovea *rt, struct fv_arena *arena)
 {
     struct fv_outbox *outbox = &rt->outbox;
     const uint32_t count_max = rt->config.features.count_max;
+    carve_buffer(outbox, FV_MESSAGE_POSE, fv_message_pose_size_max(), arena);
+    carve_buffer(outbox, FV_MESSAGE_CAMERA_POSE, fv_message_pose_size_max(), arena);
     carve_buffer(outbox, FV_MESSAGE_FEATURES, fv_message_features_size_max(count_max), arena);
     carve_buffer(outbox, FV_MESSAGE_STATISTICS, fv_message_statistics_size_max(), arena);
     carve_buffer(outbox, FV_MESSAGE_CAMERA_STATUS, fv_message_camera_status_size_max(), arena);
@@ -54,6 +56,14 @@ void fv_runtime_carve(struct fovea *rt, struct fv_arena arenas[FOVEA_MEMORY_PART
     book(table, "pyramid", arenas, before);
     fv_features_carve(&rt->features, &config->features, &rt->pyramid, &arenas[FRAME]);
     book(table, "features", arenas, before);
+    if (config->odometry.enabled) {
+        const uint32_t count_max = config->features.count_max;
+        fv_orb_carve(&rt->orb, count_max, &rt->pyramid, &arenas[FRAME]);
+        book(table, "descriptors", arenas, before);
+        fv_odometry_carve(&rt->odometry, &config->odometry, &rt->config.camera, count_max, &arenas[PERSISTENT],
+                          &arenas[JOB], &arenas[FRAME]);
+        book(table, "odometry", arenas, before);
+    }
     const struct fv_level *level = &rt->pyramid.level[config->preview.level];
     fv_preview_carve(&rt->preview, level->width, level->height, &arenas[PERSISTENT], &arenas[JOB]);
     book(table, "preview", arenas, before);
@@ -152,6 +162,7 @@ enum fovea_status fovea_init(void *memory, size_t bytes, const struct fovea_conf
         memcpy(built->mask, config->mask, (size_t)config->camera.width * (size_t)config->camera.height);
         built->config.mask = built->mask;
     }
+    if (config->odometry.enabled) fv_odometry_init(&built->odometry, config->seed);
     fv_message_prepare();
     for (int kind = 0; kind < FV_MESSAGE_KIND_COUNT; kind++) {
         fv_message_channel(config->channel_prefix, (enum fv_message_kind)kind, built->outbox.channel[kind]);

@@ -7,8 +7,10 @@
 #include "fovea/elementary.h"
 #include "fovea/fovea.h"
 #include "image/pyramid.h"
+#include "features/orb.h"
 #include "kernels/kernels.h"
 #include "message/message.h"
+#include "odometry/odometry.h"
 #include "runtime/preview.h"
 
 /* What the runtime itself remembers from frame to frame. No addresses and no padding: copied and hashed as bytes. */
@@ -48,6 +50,8 @@ struct fovea {
     uint8_t *mask; /* NULL: none */
     struct fv_pyramid pyramid;
     struct fv_features features;
+    struct fv_orb orb;
+    struct fv_odometry odometry;
     struct fv_preview preview;
     struct fv_outbox outbox;
 
@@ -64,6 +68,15 @@ void fv_runtime_carve(struct fovea *rt, struct fv_arena arenas[FOVEA_MEMORY_PART
 
 /* A frame's identity as messages carry it; NULL-like before the first frame. */
 fovea_stamp_t fv_stamp_of(const struct fv_frame_id *frame);
+
+/* Whether the n-th of something is due when every period-th is; never for period 0. */
+static inline bool fv_every(uint64_t n, uint32_t period)
+{
+    return period != 0 && n % period == 0;
+}
+
+/* Messages of a step that processed a frame, or of one that had none. */
+void fv_encode(struct fovea *rt, const struct fovea_inputs *inputs, bool processed, struct fovea_outputs *outputs);
 
 /* Bracket a stage with clock readings; nothing where the configuration has no clock. */
 struct fv_instant {

@@ -13,6 +13,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <sys/prctl.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
@@ -142,7 +143,8 @@ static int build(void **state)
     config.preview.period_frames = 3;
     if (fovea_camera_prepare(&config.camera, &error) != FOVEA_OK) return -1;
     if (fovea_size(&config, &bytes, &error) != FOVEA_OK) return -1;
-    void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, (bytes + 63) / 64 * 64);
+    void *memory = mmap(NULL, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    if (memory == MAP_FAILED) return -1;
     return fovea_init(memory, bytes, &config, &rt, &error) == FOVEA_OK ? 0 : -1;
 }
 

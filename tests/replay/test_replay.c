@@ -126,7 +126,7 @@ static void test_changed_inputs(void **state)
     assert_true(result.different);
     assert_non_null(strstr(result.difference, "frame 2 (stamp 100001000 ns): FOVEA_FEATURES"));
     /* One unit more for the preview: it comes earlier. */
-    assert_int_equal(replay_flipped(find_data("FOVEA_GRANTS", 0) + 24 + 3, 0x7f, &result, &error), FOVEA_OK);
+    assert_int_equal(replay_flipped(find_data("FOVEA_GRANTS", 0) + 24 + 4 * FOVEA_JOB_PREVIEW + 3, 0x7f, &result, &error), FOVEA_OK);
     assert_true(result.different);
     /* More features than the configuration allows are refused, not tried. */
     assert_int_equal(replay_flipped(find_data("FOVEA_GRANTS", 4) + 16, 0x7f, &result, &error),

@@ -1,0 +1,47 @@
+/* The pose message. */
+#include <math.h>
+#include <string.h>
+
+#include "fovea_pose_t.h"
+#include "message/message.h"
+
+size_t fv_message_pose_size_max(void)
+{
+    fovea_pose_t message;
+    char name[FV_MESSAGE_NAME_BYTES_MAX];
+    memset(&message, 0, sizeof message);
+    memset(name, 'x', sizeof name);
+    name[sizeof name - 1] = 0;
+    message.parent_frame = message.child_frame = name;
+    return (size_t)fovea_pose_t_encoded_size(&message);
+}
+
+/* Frame names are constants of the runtime; lcm-gen's struct lacks the const. */
+static char *name_of(const char *name)
+{
+    return (char *)(uintptr_t)name;
+}
+
+uint32_t fv_message_pose_encode(const struct fv_message_pose *in, uint8_t *buffer, size_t capacity)
+{
+    const struct fovea_pose *pose = in->pose;
+    fovea_pose_t message;
+    memset(&message, 0, sizeof message);
+    message.stamp = in->stamp;
+    message.state = (int8_t)pose->state;
+    message.reset_counter = (int32_t)pose->reset_counter;
+    message.parent_frame = name_of(in->parent_frame);
+    message.child_frame = name_of(in->child_frame);
+    for (int i = 0; i < 3; i++) message.position[i] = pose->posed ? in->position[i] : (double)NAN;
+    for (int i = 0; i < 4; i++) message.orientation[i] = pose->posed ? in->orientation[i] : (double)NAN;
+    for (int i = 0; i < 21; i++) message.covariance[i] = pose->posed ? pose->covariance[i] : (double)NAN;
+    message.reference_keyframe = in->reference_keyframe;
+    message.quality = pose->quality;
+    message.inliers = (int32_t)pose->inliers;
+    message.scale = 1.0;
+    message.scale_sigma = (double)NAN;
+    message.scale_source = (int8_t)pose->scale_source;
+    message.latency_ns = in->latency_ns;
+    const int encoded = fovea_pose_t_encode(buffer, 0, capacity > INT32_MAX ? INT32_MAX : (int)capacity, &message);
+    return encoded > 0 ? (uint32_t)encoded : 0;
+}

@@ -1,0 +1,124 @@
+/* The last stage of a step: results become LCM messages. */
+#include <string.h>
+
+#include "geometry/se3.h"
+#include "runtime/jobs.h"
+#include "runtime/state.h"
+
+fovea_stamp_t fv_stamp_of(const struct fv_frame_id *id)
+{
+    const struct fovea_frame frame = {
+        .stamp_ns = id->stamp_ns,
+        .exposure_ns = id->exposure_ns,
+        .clock = (enum fovea_clock)id->clock,
+        .stamp_meaning = (enum fovea_stamp_meaning)id->stamp_meaning,
+        .sequence = id->sequence,
+    };
+    return fv_message_stamp(&frame, id->utc_offset_ns);
+}
+
+static fovea_stamp_t last_stamp(const struct fovea *rt)
+{
+    return rt->state->any_frame ? fv_stamp_of(&rt->state->frame) : fv_message_stamp(NULL, 0);
+}
+
+/* The base's frame at the start is `odom`, the first camera's is `world`. */
+static void encode_pose(struct fovea *rt, const struct fovea_inputs *inputs, enum fv_message_kind kind,
+                        struct fovea_outputs *outputs)
+{
+    const struct fv_odometry_state *state = rt->odometry.state;
+    struct fv_se3 T_parent_child, T_base_cam, T_cam_base;
+    fv_se3_from_rows(state->pose.T_world_cam, &T_parent_child);
+    if (kind == FV_MESSAGE_POSE) {
+        fv_se3_from_rows(rt->config.T_base_cam, &T_base_cam);
+        fv_se3_invert(&T_base_cam, &T_cam_base);
+        fv_se3_compose(&T_base_cam, &T_parent_child, &T_parent_child);
+        fv_se3_compose(&T_parent_child, &T_cam_base, &T_parent_child);
+    }
+    struct fv_message_pose message = {
+        .stamp = last_stamp(rt),
+        .parent_frame = kind == FV_MESSAGE_POSE ? "odom" : "world",
+        .child_frame = kind == FV_MESSAGE_POSE ? "base" : "camera",
+        .pose = &state->pose,
+        .reference_keyframe = state->pose.posed ? (int64_t)rt->odometry.map.keyframes[state->newest].number : -1,
+        .latency_ns = inputs->latency_ns,
+    };
+    memcpy(message.position, T_parent_child.t, sizeof message.position);
+    fv_so3_to_quaternion(T_parent_child.R, message.orientation);
+    fv_output_add(rt, kind, fv_message_pose_encode(&message, rt->outbox.buffer[kind], rt->outbox.capacity[kind]), outputs);
+}
+
+static void encode_features(struct fovea *rt, uint32_t asked, struct fovea_outputs *outputs)
+{
+    struct fv_message_features message = {
+        .stamp = last_stamp(rt),
+        .reset_counter = rt->state->reset_counter,
+        .width = rt->config.camera.width,
+        .height = rt->config.camera.height,
+        .asked = asked,
+    };
+    message.features = fovea_features_get(rt, &message.count);
+    struct fv_outbox *outbox = &rt->outbox;
+    fv_output_add(rt, FV_MESSAGE_FEATURES,
+                  fv_message_features_encode(&message, outbox->features_scratch, outbox->buffer[FV_MESSAGE_FEATURES],
+                                             outbox->capacity[FV_MESSAGE_FEATURES]),
+                  outputs);
+}
+
+static void encode_camera_status(struct fovea *rt, const struct fovea_inputs *inputs, struct fovea_outputs *outputs)
+{
+    const struct fv_message_camera_status message = {
+        .stamp = last_stamp(rt),
+        .now_ns = inputs->now_ns,
+        .state = inputs->source_state,
+        .width = rt->config.camera.width,
+        .height = rt->config.camera.height,
+        .pixel_format = fovea_pixel_format_name((enum fovea_pixel_format)rt->state->frame.pixel_format),
+        .exposure_ns = rt->state->frame.exposure_ns,
+        .counts = inputs->source_counts,
+    };
+    fv_output_add(rt, FV_MESSAGE_CAMERA_STATUS,
+                  fv_message_camera_status_encode(&message, rt->outbox.buffer[FV_MESSAGE_CAMERA_STATUS],
+                                                  rt->outbox.capacity[FV_MESSAGE_CAMERA_STATUS]),
+                  outputs);
+}
+
+static void encode_statistics(struct fovea *rt, struct fovea_outputs *outputs)
+{
+    const char *stages[FOVEA_STAGE_COUNT], *jobs[FOVEA_JOB_COUNT];
+    for (int i = 0; i < FOVEA_STAGE_COUNT; i++) stages[i] = fovea_stage_name((enum fovea_stage)i);
+    for (int i = 0; i < FOVEA_JOB_COUNT; i++) jobs[i] = fovea_job_name((enum fovea_job)i);
+    struct fovea_stats stats;
+    fovea_stats_get(rt, &stats);
+    const struct fv_message_statistics message = {
+        .stamp = last_stamp(rt),
+        .kernel_set = fovea_cpu_name(rt),
+        .stats = &stats,
+        .inputs = &rt->inputs,
+        .work_grants = &rt->work_grants,
+        .units_done = rt->units_done,
+        .jobs_waiting = fv_jobs_waiting(rt),
+        .memory_bytes = rt->part_bytes,
+        .stage_names = stages,
+        .job_names = jobs,
+    };
+    fv_output_add(rt, FV_MESSAGE_STATISTICS,
+                  fv_message_statistics_encode(&message, rt->outbox.buffer[FV_MESSAGE_STATISTICS],
+                                               rt->outbox.capacity[FV_MESSAGE_STATISTICS]),
+                  outputs);
+}
+
+void fv_encode(struct fovea *rt, const struct fovea_inputs *inputs, bool processed, struct fovea_outputs *outputs)
+{
+    const struct fovea_config *config = &rt->config;
+    const uint64_t steps = rt->state->steps;
+    if (processed && config->odometry.enabled && fv_every(rt->state->frames_processed - 1, config->pose_every)) {
+        encode_pose(rt, inputs, FV_MESSAGE_POSE, outputs);
+        encode_pose(rt, inputs, FV_MESSAGE_CAMERA_POSE, outputs);
+    }
+    if (processed && fv_every(rt->state->frames_processed - 1, config->features_every)) {
+        encode_features(rt, inputs->grants.features, outputs);
+    }
+    if (fv_every(steps, config->camera_status_every)) encode_camera_status(rt, inputs, outputs);
+    if (fv_every(steps, config->statistics_every)) encode_statistics(rt, outputs);
+}
