@@ -166,6 +166,25 @@ size: all  ## memory of the block by stage, and code size
 	@$(BUILD)/fovea check --memory-only
 	@size $(BUILD)/fovea $(BUILD)/libfovea.so
 
+# ---- message types for other languages, and examples of their use ------------------------------------------------
+# lcm-spy shows messages in full with: CLASSPATH=build/fovea-types.jar lcm-spy
+jar:  ## install what is missing and build the jar of message types for lcm-spy and Java
+	@tools/install.sh build jar
+	@$(MAKE) --no-print-directory $(BUILD)/fovea-types.jar
+$(BUILD)/fovea-types.jar: $(LCMTYPES)
+	@rm -rf $(BUILD)/java && mkdir -p $(BUILD)/java/classes
+	lcm-gen -j --jpath $(BUILD)/java $(LCMTYPES)
+	javac -nowarn -cp /usr/share/java/lcm.jar -d $(BUILD)/java/classes $(BUILD)/java/fovea/*.java
+	jar cf $@ -C $(BUILD)/java/classes fovea
+python-types: $(BUILD)/python/fovea/__init__.py  ## make the message types for Python
+$(BUILD)/python/fovea/__init__.py: $(LCMTYPES)
+	@rm -rf $(BUILD)/python && mkdir -p $(BUILD)/python
+	lcm-gen -p --ppath $(BUILD)/python $(LCMTYPES)
+$(BUILD)/subscribe: $(BUILD)/obj/tools/subscribers/subscribe.o $(GEN_O)
+	@echo "  link $@"
+	$(Q)$(CC) $(LDFLAGS) -o $@ $^ -llcm
+.PHONY: jar python-types
+
 install: all  ## install program, libraries, headers and message types under PREFIX
 	install -d $(DESTDIR)$(PREFIX)/bin $(DESTDIR)$(PREFIX)/lib/pkgconfig $(DESTDIR)$(PREFIX)/include/fovea \
 	           $(DESTDIR)$(PREFIX)/share/fovea/lcmtypes
@@ -233,7 +252,12 @@ TESTS_CXX := $(if $(CROSS)$(SAN),,$(shell find tests -name 'test_*.cpp' 2>/dev/n
 TESTS     := $(patsubst tests/%.c,$(BUILD)/tests/%,$(TESTS_C)) $(patsubst tests/%.cpp,$(BUILD)/tests/%,$(TESTS_CXX))
 TEST_HELP := $(call objs,$(wildcard tests/common/*.c))
 .PHONY: tests
-tests: $(TESTS)
+tests: $(TESTS) $(BUILD)/subscribe $(BUILD)/python/fovea/__init__.py $(if $(CROSS)$(SAN),,$(BUILD)/venv-lcm/ready)
+
+# LCM for the Python subscriber comes from PyPI; where that cannot be reached its test says so and is skipped.
+$(BUILD)/venv-lcm/ready:
+	@{ python3 -m venv $(BUILD)/venv-lcm && timeout 120 $(BUILD)/venv-lcm/bin/pip install -q --disable-pip-version-check lcm \
+	    && touch $@; } || echo "found no Python package lcm: its subscriber will not be tested"
 
 $(BUILD)/tests/%: $(BUILD)/obj/tests/%.o $(TEST_HELP) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 	@mkdir -p $(@D)

@@ -13,6 +13,7 @@ packages() {
                 libopencv-imgcodecs-dev opencv-doc ;;
     check) echo clang clang-tidy libclang-rt-14-dev python3 ;;
     cross) echo gcc-aarch64-linux-gnu g++-aarch64-linux-gnu qemu-user ;;
+    jar)   echo default-jdk-headless liblcm-java ;;
     fuzz)  echo clang libclang-rt-14-dev ;;
     *) echo "tools/install.sh: unknown group '$1'" >&2; exit 2 ;;
     esac

@@ -1,0 +1,216 @@
+/* The example subscribers in C and Python each receive every message of 1,000 frames at 200 Hz, in a network
+ * of the test's own. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <libgen.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "app/transport.h"
+#include "common/own_network.h"
+#include "fovea/fovea.h"
+
+#define URL "udpm://239.255.76.67:7667"
+
+enum { FRAMES = 1000, PERIOD_NS = 5000000, WIDTH = 320, HEIGHT = 240 };
+
+static char build[512]; /* folder that this program was built into */
+
+/* ---- subscribers
+ * -------------------------------------------------------------------------------------------- */
+
+struct subscriber {
+    pid_t process;
+    FILE *output;
+};
+
+/* Start one and wait until it listens. */
+static void start(struct subscriber *subscriber, char *const arguments[])
+{
+    int ends[2];
+    char line[256];
+    assert_int_equal(pipe(ends), 0);
+    subscriber->process = fork();
+    if (subscriber->process == 0) {
+        dup2(ends[1], STDOUT_FILENO);
+        close(ends[0]);
+        close(ends[1]);
+        execv(arguments[0], arguments);
+        _exit(127);
+    }
+    close(ends[1]);
+    subscriber->output = fdopen(ends[0], "r");
+    if (fgets(line, sizeof line, subscriber->output) == NULL || strcmp(line, "listening\n") != 0)
+        fail_msg("%s does not listen", arguments[0]);
+}
+
+/* Wait for its end; it must have got as many messages as were sent on each channel. */
+static void expect(struct subscriber *subscriber, const char *name, const uint64_t sent[4])
+{
+    static const char *const suffixes[4] = {"FEATURES", "CAMERA_STATUS", "STATISTICS", "PREVIEW"};
+    uint64_t got[4] = {0};
+    char line[256], suffix[64];
+    unsigned long long messages;
+    int status;
+    while (fgets(line, sizeof line, subscriber->output) != NULL) {
+        print_message("  %s: %s", name, line);
+        if (sscanf(line, "%63s %llu messages", suffix, &messages) == 2)
+            for (int i = 0; i < 4; i++)
+                if (strcmp(suffix, suffixes[i]) == 0) got[i] = messages;
+    }
+    fclose(subscriber->output);
+    waitpid(subscriber->process, &status, 0);
+    for (int i = 0; i < 4; i++)
+        if (got[i] != sent[i])
+            fail_msg("%s: %s: found %llu messages, expected %llu", name, suffixes[i],
+                     (unsigned long long)got[i], (unsigned long long)sent[i]);
+    assert_true(WIFEXITED(status) && WEXITSTATUS(status) == 0);
+}
+
+/* ---- the run
+ * ------------------------------------------------------------------------------------------------ */
+
+static void count_and_publish(struct fv_transport *transport, const struct fovea_outputs *outputs,
+                              uint64_t sent[4])
+{
+    static const char *const suffixes[4] = {"_FEATURES", "_CAMERA_STATUS", "_STATISTICS", "_PREVIEW"};
+    for (uint32_t m = 0; m < outputs->message_count; m++)
+        for (int i = 0; i < 4; i++)
+            sent[i] += strstr(outputs->messages[m].channel, suffixes[i]) != NULL;
+    fv_transport_publish(transport, outputs);
+}
+
+/* 1,000 frames of noise, which is full of corners, at 200 Hz through the runtime and out. */
+static void run(struct fovea *rt, const struct fovea_config *config, struct fv_transport *transport,
+                uint64_t sent[4])
+{
+    static uint8_t pixels[WIDTH * HEIGHT];
+    struct timespec due;
+    uint32_t noise = 1;
+    clock_gettime(CLOCK_MONOTONIC, &due);
+    for (int i = 0; i < WIDTH * HEIGHT; i++)
+        pixels[i] = (uint8_t)((noise = noise * 1664525u + 1013904223u) >> 24);
+    for (uint32_t n = 0; n < FRAMES; n++) {
+        struct fovea_frame frame = {.image = {.data = pixels,
+                                              .width = WIDTH,
+                                              .height = HEIGHT,
+                                              .stride_bytes = WIDTH,
+                                              .format = FOVEA_PIXEL_GREY8,
+                                              .size_bytes = sizeof pixels},
+                                    .stamp_ns = 1 + (int64_t)n * PERIOD_NS,
+                                    .sequence = n};
+        struct fovea_inputs inputs = {.frame = &frame, .now_ns = frame.stamp_ns};
+        struct fovea_outputs outputs;
+        fovea_grants_fixed(config, &inputs.grants);
+        clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &due, NULL);
+        fovea_step(rt, &inputs, &outputs);
+        count_and_publish(transport, &outputs, sent);
+        fovea_work(rt, &inputs.grants, &outputs);
+        count_and_publish(transport, &outputs, sent);
+        due.tv_nsec += PERIOD_NS;
+        due.tv_sec += due.tv_nsec / 1000000000;
+        due.tv_nsec %= 1000000000;
+    }
+}
+
+static void run_runtime(uint64_t sent[4])
+{
+    struct fovea_config config;
+    struct fovea_error error;
+    struct fv_transport *transport = NULL;
+    struct fovea *rt;
+    size_t bytes;
+    fovea_config_default(&config);
+    config.camera =
+        (struct fovea_camera){.width = WIDTH, .height = HEIGHT, .fx = 300, .fy = 300, .cx = 160, .cy = 120};
+    assert_int_equal(fovea_camera_prepare(&config.camera, &error), FOVEA_OK);
+    if (fovea_size(&config, &bytes, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, (bytes + 63) / 64 * 64);
+    assert_int_equal(fovea_init(memory, bytes, &config, &rt, &error), FOVEA_OK);
+    if (fv_transport_open(URL, 0, &transport, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    run(rt, &config, transport, sent);
+    struct fv_transport_counts counts;
+    fv_transport_counts(transport, &counts);
+    assert_int_equal(counts.failed, 0);
+    fv_transport_close(transport);
+    free(memory);
+}
+
+static void test_every_message(void **state)
+{
+    (void)state;
+    char in_c[640], python[640], types[640];
+    snprintf(in_c, sizeof in_c, "%s/subscribe", build);
+    snprintf(python, sizeof python, "%s/venv-lcm/bin/python", build);
+    snprintf(types, sizeof types, "%s/python", build);
+    char *const c_arguments[] = {in_c, (char *)"--quiet", (char *)"--idle", (char *)"3", NULL};
+    char *const python_arguments[] = {python,
+                                      (char *)"tools/subscribers/subscribe.py",
+                                      (char *)"--quiet",
+                                      (char *)"--idle",
+                                      (char *)"3",
+                                      (char *)"--types",
+                                      types,
+                                      NULL};
+    char ready[640];
+    snprintf(ready, sizeof ready, "%s/venv-lcm/ready", build);
+    bool with_python = access(ready, R_OK) == 0;
+    struct subscriber first, second;
+    uint64_t sent[4] = {0};
+    start(&first, c_arguments);
+    if (with_python)
+        start(&second, python_arguments);
+    else
+        print_message("SKIPPED the Python subscriber: no Python package lcm in %s/venv-lcm\n", build);
+    run_runtime(sent);
+    assert_int_equal(sent[0], FRAMES);
+    expect(&first, "C", sent);
+    if (with_python) expect(&second, "Python", sent);
+}
+
+/* Under qemu-user a child would need the kernel to know the format. */
+static bool can_start_children(void)
+{
+    int status = 0;
+    char program[640];
+    snprintf(program, sizeof program, "%s/subscribe", build);
+    pid_t child = fork();
+    if (child == 0) {
+        close(STDERR_FILENO);
+        execl(program, program, "--help", (char *)NULL);
+        _exit(127);
+    }
+    waitpid(child, &status, 0);
+    return WIFEXITED(status) && WEXITSTATUS(status) == 2; /* usage */
+}
+
+int main(int argc, char **argv)
+{
+    char path[512];
+    ssize_t length = readlink("/proc/self/exe", path, sizeof path - 1);
+    (void)argc;
+    (void)argv;
+    if (length <= 0) return 1;
+    path[length] = '\0';
+    snprintf(build, sizeof build, "%s", dirname(dirname(dirname(path))));
+    if (!can_start_children()) {
+        printf(
+            "SKIPPED test_subscribers: programs of this architecture cannot be started from an emulator\n");
+        return 0;
+    }
+    struct fovea_error error;
+    if (!(own_network_enter() && own_network_mend()) && fv_transport_check(URL, 0, &error) != FOVEA_OK) {
+        printf("SKIPPED test_subscribers: no network namespace of its own, and %s\n", error.text);
+        return 0;
+    }
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_every_message)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,164 @@
+/* Listen to Fovea's messages: print each, and at the end how many came on each channel and whether any is
+ * missing.
+ *
+ *     subscribe [--url URL] [--prefix FOVEA] [--idle SECONDS] [--quiet]
+ *
+ * Ends on SIGINT, or when nothing has come for --idle seconds. Build it against the installed types with
+ *     cc subscribe.c fovea_*_t.c $(pkg-config --cflags --libs lcm)      (lcm-gen -c FOLDER/fovea_*.lcm)
+ *
+ * Nothing may be lost between the network and this program, so two buffers must be large enough:
+ *  - the socket's: recv_buf_size in the URL; the kernel allows net.core.rmem_max (sysctl), often only 208
+ * KiB, which holds about ten messages of 1,000 features;
+ *  - LCM's queue of each subscription: 30 messages unless set. */
+#include <inttypes.h>
+#include <signal.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include <lcm/lcm.h>
+
+#include "fovea_camera_status_t.h"
+#include "fovea_features_t.h"
+#include "fovea_pose_t.h"
+#include "fovea_preview_t.h"
+#include "fovea_statistics_t.h"
+
+enum { QUEUE_MESSAGES = 1000, KINDS = 5 };
+
+static volatile sig_atomic_t stop;
+
+/* What came on one channel. Gaps are counted by the frame number, where the message has one per frame. */
+struct channel {
+    const char *suffix;
+    uint64_t messages, bytes, gaps, malformed;
+    int64_t first, last; /* frame numbers */
+};
+static struct channel channels[KINDS] = {{.suffix = "POSE"},
+                                         {.suffix = "FEATURES"},
+                                         {.suffix = "CAMERA_STATUS"},
+                                         {.suffix = "STATISTICS"},
+                                         {.suffix = "PREVIEW"}};
+static bool quiet;
+
+static void on_signal(int number)
+{
+    (void)number;
+    stop = 1;
+}
+
+static void count(struct channel *channel, const lcm_recv_buf_t *received, int64_t sequence)
+{
+    if (channel->messages == 0)
+        channel->first = sequence;
+    else if (sequence > channel->last + 1)
+        channel->gaps += (uint64_t)(sequence - channel->last - 1);
+    channel->last = sequence;
+    channel->messages++;
+    channel->bytes += received->data_size;
+}
+
+static void print_stamp(const char *name, const fovea_stamp_t *stamp)
+{
+    printf("%s: frame %" PRId64 " at %.6f s: ", name, stamp->sequence, (double)stamp->time_ns * 1e-9);
+}
+
+/* One handler per type: decode, count, print, give back what decoding allocated. */
+#define HANDLER(TYPE, INDEX, ...)                                                                            \
+    static void on_##TYPE(const lcm_recv_buf_t *received, const char *name, void *context)                   \
+    {                                                                                                        \
+        fovea_##TYPE message;                                                                                \
+        (void)context;                                                                                       \
+        memset(&message, 0, sizeof message);                                                                 \
+        if (fovea_##TYPE##_decode(received->data, 0, (int)received->data_size, &message) < 0) {              \
+            channels[INDEX].malformed++;                                                                     \
+            return;                                                                                          \
+        }                                                                                                    \
+        count(&channels[INDEX], received, message.stamp.sequence);                                           \
+        if (!quiet) {                                                                                        \
+            print_stamp(name, &message.stamp);                                                               \
+            printf(__VA_ARGS__);                                                                             \
+        }                                                                                                    \
+        fovea_##TYPE##_decode_cleanup(&message);                                                             \
+    }
+HANDLER(pose_t, 0, "state %d, position %.3f %.3f %.3f\n", message.state, message.position[0],
+        message.position[1], message.position[2])
+HANDLER(features_t, 1, "%" PRId32 " of %" PRId32 " features\n", message.count, message.asked)
+HANDLER(camera_status_t, 2, "state %d, %" PRId32 " x %" PRId32 " %s, %" PRId64 " dropped\n", message.state,
+        message.width, message.height, message.pixel_format, message.dropped)
+HANDLER(statistics_t, 3, "%" PRId64 " frames in, %" PRId64 " processed, latency %.2f ms, %s kernels\n",
+        message.frames_in, message.frames_processed, (double)message.latency_ns * 1e-6, message.kernel_set)
+HANDLER(preview_t, 4, "%" PRId32 " x %" PRId32 ", %" PRId32 " bytes of JPEG\n", message.width, message.height,
+        message.size_bytes)
+
+static double now_s(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
+}
+
+/* Until told to stop, or nothing has come for `idle_s` (0: for ever). */
+static void listen_to(lcm_t *lcm, double idle_s)
+{
+    double last_s = now_s();
+    while (!stop && (idle_s == 0 || now_s() - last_s < idle_s))
+        if (lcm_handle_timeout(lcm, 100) > 0) last_s = now_s();
+}
+
+static int report(void)
+{
+    for (int i = 0; i < KINDS; i++) {
+        const struct channel *c = &channels[i];
+        if (c->messages > 0 || c->malformed > 0)
+            printf("%s %" PRIu64 " messages, %" PRIu64 " bytes, frames %" PRId64 " to %" PRId64 ", %" PRIu64
+                   " malformed\n",
+                   c->suffix, c->messages, c->bytes, c->first, c->last, c->malformed);
+    }
+    /* Features and camera status come with every frame unless decimated; then gaps are no loss. */
+    if (channels[1].messages > 0) printf("missing %" PRIu64 "\n", channels[1].gaps);
+    return channels[1].gaps > 0 ? 1 : 0;
+}
+
+int main(int argc, char **argv)
+{
+    const char *url = "udpm://239.255.76.67:7667?ttl=0&recv_buf_size=2097152", *prefix = "FOVEA";
+    static const lcm_msg_handler_t handlers[KINDS] = {on_pose_t, on_features_t, on_camera_status_t,
+                                                      on_statistics_t, on_preview_t};
+    double idle_s = 0;
+    for (int i = 1; i < argc; i++) {
+        if (strcmp(argv[i], "--quiet") == 0)
+            quiet = true;
+        else if (i + 1 < argc && strcmp(argv[i], "--url") == 0)
+            url = argv[++i];
+        else if (i + 1 < argc && strcmp(argv[i], "--prefix") == 0)
+            prefix = argv[++i];
+        else if (i + 1 < argc && strcmp(argv[i], "--idle") == 0)
+            idle_s = atof(argv[++i]);
+        else
+            return fprintf(stderr,
+                           "usage: subscribe [--url URL] [--prefix FOVEA] [--idle SECONDS] [--quiet]\n"),
+                   2;
+    }
+    lcm_t *lcm = lcm_create(url);
+    if (lcm == NULL) return fprintf(stderr, "subscribe: %s: LCM cannot use this URL\n", url), 1;
+    for (int i = 0; i < KINDS; i++) {
+        char name[64];
+        snprintf(name, sizeof name, "%s_%s", prefix, channels[i].suffix);
+        lcm_subscription_t *subscription = lcm_subscribe(lcm, name, handlers[i], NULL);
+        if (subscription == NULL)
+            return fprintf(stderr, "subscribe: %s: cannot listen; 'fovea check' tells what is missing\n",
+                           url),
+                   1;
+        lcm_subscription_set_queue_capacity(subscription, QUEUE_MESSAGES);
+    }
+    signal(SIGINT, on_signal);
+    signal(SIGTERM, on_signal);
+    printf("listening\n");
+    fflush(stdout);
+    listen_to(lcm, idle_s);
+    lcm_destroy(lcm);
+    return report();
+}

@@ -1,0 +1,104 @@
+#!/usr/bin/env python3
+"""Listen to Fovea's messages: print each, and at the end how many came on each channel and whether any is missing.
+
+Needs the Python package `lcm` (pip install lcm) and the types, made by `make python-types` (lcm-gen -p); their folder is
+build/python unless --types names another. About buffers see subscribe.c: what holds there holds here, and Python is
+slower, so both are large.
+"""
+import argparse
+import os
+import signal
+import sys
+import time
+
+here = os.path.dirname(os.path.abspath(__file__))
+parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+parser.add_argument("--url", default="udpm://239.255.76.67:7667?ttl=0&recv_buf_size=2097152", help="LCM URL")
+parser.add_argument("--prefix", default="FOVEA", help="channel_prefix of the runtime")
+parser.add_argument("--idle", type=float, default=0, help="end when nothing has come for so many seconds; 0: never")
+parser.add_argument("--quiet", action="store_true", help="print the summary only")
+parser.add_argument("--types", default=os.path.join(here, "..", "..", "build", "python"), help="folder of the types")
+options = parser.parse_args()
+sys.path.insert(0, options.types)
+
+try:
+    import lcm
+except ImportError:
+    sys.exit("subscribe.py: found no package lcm, expected it from: pip install lcm")
+try:
+    import fovea
+except ImportError:
+    sys.exit(f"subscribe.py: found no types in {options.types}, expected them from: make python-types")
+
+TELL = {
+    "POSE": (fovea.pose_t, lambda m: "state %d, position %.3f %.3f %.3f" % (m.state, *m.position)),
+    "FEATURES": (fovea.features_t, lambda m: f"{m.count} of {m.asked} features"),
+    "CAMERA_STATUS": (fovea.camera_status_t, lambda m: f"state {m.state}, {m.width} x {m.height} {m.pixel_format}"),
+    "STATISTICS": (fovea.statistics_t, lambda m: f"{m.frames_in} frames in, {m.frames_processed} processed"),
+    "PREVIEW": (fovea.preview_t, lambda m: f"{m.width} x {m.height}, {m.size_bytes} bytes of JPEG"),
+}
+
+
+class Channel:
+    """What came on one channel."""
+
+    def __init__(self):
+        self.messages = self.bytes = self.gaps = self.malformed = 0
+        self.first = self.last = -1
+
+    def count(self, data, sequence):
+        if self.messages == 0:
+            self.first = sequence
+        elif sequence > self.last + 1:
+            self.gaps += sequence - self.last - 1
+        self.last = sequence
+        self.messages += 1
+        self.bytes += len(data)
+
+
+channels = {suffix: Channel() for suffix in TELL}
+
+
+def on_message(name, data):
+    suffix = name[len(options.prefix) + 1:]
+    kind, tell = TELL[suffix]
+    try:
+        message = kind.decode(data)
+    except (ValueError, TypeError, IndexError) as problem:
+        channels[suffix].malformed += 1
+        print(f"{name}: {problem}", file=sys.stderr)
+        return
+    channels[suffix].count(data, message.stamp.sequence)
+    if not options.quiet:
+        print(f"{name}: frame {message.stamp.sequence} at {message.stamp.time_ns * 1e-9:.6f} s: {tell(message)}")
+
+
+stopping = False
+
+
+def on_signal(*_):
+    global stopping
+    stopping = True
+
+
+def listen():
+    connection = lcm.LCM(options.url)
+    for suffix in TELL:
+        connection.subscribe(f"{options.prefix}_{suffix}", on_message).set_queue_capacity(1000)
+    signal.signal(signal.SIGINT, on_signal)
+    signal.signal(signal.SIGTERM, on_signal)
+    print("listening", flush=True)
+    last = time.monotonic()
+    while not stopping and (options.idle == 0 or time.monotonic() - last < options.idle):
+        if connection.handle_timeout(100) > 0:
+            last = time.monotonic()
+
+
+listen()
+for suffix, channel in channels.items():
+    if channel.messages > 0 or channel.malformed > 0:
+        print(f"{suffix} {channel.messages} messages, {channel.bytes} bytes, frames {channel.first} to {channel.last}, "
+              f"{channel.malformed} malformed")
+if channels["FEATURES"].messages > 0:
+    print(f"missing {channels['FEATURES'].gaps}")
+sys.exit(1 if channels["FEATURES"].gaps > 0 else 0)
