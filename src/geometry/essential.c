@@ -97,30 +97,39 @@ static double fv_residual_row(const struct fv_se3 *T, const double E[9], const d
     return c * inverse;
 }
 
+/* Normal equations of the pairs below the threshold (Tukey weights), and the tangents of t that they are in. */
+static void fv_normal_equations(const struct fv_pair *pairs, uint32_t count, double threshold_rad,
+                                const struct fv_se3 *T, double u[3], double v[3], double A[25], double g[5])
+{
+    double limit2 = threshold_rad * threshold_rad, E[9], row[5];
+    fv_essential_from_motion(T, E);
+    fv_tangent_basis(T->t, u, v);
+    memset(A, 0, 25 * sizeof *A);
+    memset(g, 0, 5 * sizeof *g);
+    for (uint32_t i = 0; i < count; i++) {
+        double r = fv_residual_row(T, E, u, v, &pairs[i], row), r2 = r * r;
+        if (r2 > limit2) continue;
+        double share = r2 / limit2, weight = (1 - share) * (1 - share);
+        for (int a = 0; a < 5; a++) {
+            double scaled = weight * row[a];
+            g[a] += scaled * r;
+            for (int b = a; b < 5; b++)
+                A[5 * a + b] += scaled * row[b];
+        }
+    }
+    for (int a = 0; a < 5; a++) {
+        for (int b = 0; b < a; b++)
+            A[5 * a + b] = A[5 * b + a];
+        A[6 * a] *= 1 + 1e-9;
+    }
+}
+
 void fv_essential_refine(const struct fv_pair *pairs, uint32_t count, double threshold_rad, int steps,
                          struct fv_se3 *T)
 {
-    double limit2 = threshold_rad * threshold_rad;
     for (int step = 0; step < steps; step++) {
-        double E[9], u[3], v[3], A[25] = {0}, g[5] = {0}, row[5];
-        fv_essential_from_motion(T, E);
-        fv_tangent_basis(T->t, u, v);
-        for (uint32_t i = 0; i < count; i++) {
-            double r = fv_residual_row(T, E, u, v, &pairs[i], row), r2 = r * r;
-            if (r2 > limit2) continue;
-            double share = r2 / limit2, weight = (1 - share) * (1 - share); /* Tukey */
-            for (int a = 0; a < 5; a++) {
-                double scaled = weight * row[a];
-                g[a] += scaled * r;
-                for (int b = a; b < 5; b++)
-                    A[5 * a + b] += scaled * row[b];
-            }
-        }
-        for (int a = 0; a < 5; a++) {
-            for (int b = 0; b < a; b++)
-                A[5 * a + b] = A[5 * b + a];
-            A[6 * a] *= 1 + 1e-9;
-        }
+        double u[3], v[3], A[25], g[5];
+        fv_normal_equations(pairs, count, threshold_rad, T, u, v, A, g);
         if (!fv_ldlt_solve(A, 5, g)) return;
         double turn[3] = {-g[0], -g[1], -g[2]}, exp[9], R[9];
         fv_so3_exp(turn, exp);
@@ -130,6 +139,21 @@ void fv_essential_refine(const struct fv_pair *pairs, uint32_t count, double thr
             T->t[i] -= g[3] * u[i] + g[4] * v[i];
         (void)fv_normalise3(T->t);
     }
+}
+
+double fv_essential_direction_sigma(const struct fv_pair *pairs, uint32_t count, double threshold_rad,
+                                    double sigma_rad, const struct fv_se3 *T)
+{
+    double u[3], v[3], A[25], g[5], variance = 0;
+    fv_normal_equations(pairs, count, threshold_rad, T, u, v, A, g);
+    if (!fv_ldlt_factor(A, 5)) return FOVEA_PI;
+    for (int k = 3; k < 5; k++) {
+        double unit[5] = {0};
+        unit[k] = 1;
+        fv_ldlt_back(A, 5, unit);
+        variance += unit[k];
+    }
+    return sigma_rad * __builtin_sqrt(variance);
 }
 
 /* MSAC cost: truncated squares, given up as soon as `best` is passed. */

@@ -192,6 +192,7 @@ static void fv_end_pass(struct fv_window *w)
     struct fv_window_state *s = w->state;
     bool first = s->pass == 0, better = first || s->cost < s->cost_before || !s->step_pending;
     s->pass++;
+    if (first) s->cost_at_start = s->cost;
     bool last = s->pass >= w->limits.passes;
     if (better) {
         bool converged = !first && s->step_pending && s->cost > s->cost_before * (1 - 1e-4);

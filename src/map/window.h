@@ -59,7 +59,7 @@ struct fv_window_state {
     uint32_t pass;     /* passes completed */
     bool step_pending; /* the pass applies `step` first */
     bool accepted_any;
-    double damping, cost, cost_before;
+    double damping, cost, cost_before, cost_at_start;
     double step[FV_WINDOW_SYSTEM_MAX];
     double gradient[FV_WINDOW_SYSTEM_MAX];
     double system[FV_WINDOW_SYSTEM_MAX * FV_WINDOW_SYSTEM_MAX]; /* row-major with 6 * moved_count columns */
@@ -87,7 +87,7 @@ bool fv_window_unit(struct fv_window *window);
  * window move with their parent or reference); observations that do not fit are unlinked. Ends the job. */
 struct fv_window_result {
     uint32_t moved_keyframes, moved_landmarks, dropped_observations;
-    double cost_before, cost_after;
+    double cost_at_start, cost; /* robust, weighted px^2 */
 };
 struct fv_window_result fv_window_commit(struct fv_window *window, struct fv_map *map);
 

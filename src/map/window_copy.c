@@ -217,7 +217,7 @@ static void fv_move_landmarks(const struct fv_window_state *s, struct fv_map *ma
 struct fv_window_result fv_window_commit(struct fv_window *w, struct fv_map *map)
 {
     struct fv_window_state *s = w->state;
-    struct fv_window_result result = {0, 0, 0, s->cost_before, s->cost};
+    struct fv_window_result result = {0, 0, 0, s->cost_at_start, s->cost_before};
     s->phase = FV_WINDOW_IDLE;
     if (!s->accepted_any) return result;
     map->state->mark++;

@@ -17,6 +17,7 @@ enum {
 };
 
 static const double ratio_max = 0.8;
+static const double direction_sigma_max_rad = 0.02; /* of the baseline; more, and the first map may be bent */
 static const double essential_chi_square = 3.841, homography_chi_square = 5.991; /* 95 % of 1 and 2 dof */
 static const double cos_parallax_full = 0.99985;                                 /* 1 degree */
 static const double cos_parallax_some = 0.99998;                                 /* 0.36 degree */
@@ -139,7 +140,9 @@ static uint32_t fv_two_view(struct fv_odometry *o, uint32_t count, struct fv_se3
                 fv_homography_residual2(H, &o->pairs[i]) < sampling.threshold_rad * sampling.threshold_rad;
     }
     uint32_t with_parallax, points = fv_count_points(o, count, o->inlier, T, &with_parallax);
-    return points >= 0.7 * fit && with_parallax >= LANDMARKS_MIN ? with_parallax : 0;
+    double spread = fv_essential_direction_sigma(o->pairs, count, sampling.threshold_rad, sigma_rad, T);
+    bool good = points >= 0.7 * fit && with_parallax >= LANDMARKS_MIN && spread < direction_sigma_max_rad;
+    return good ? with_parallax : 0;
 }
 
 /* Median depth (camera 1) of the points, by halving the interval of log depths: no sorting. */

@@ -1,0 +1,235 @@
+/* Window optimisation on a synthetic map: noise on poses, points and pixels must shrink to what the pixels
+ * allow. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "fovea/camera.h"
+#include "fovea/elementary.h"
+#include "geometry/vec.h"
+#include "map/window.h"
+
+enum { VIEWS = 8, POINTS = 400, WINDOW = 5 };
+
+struct fixture {
+    struct fv_map map;
+    struct fv_window window;
+    struct fovea_camera camera;
+    struct fv_se3 truth[VIEWS];
+    double points[POINTS][3];
+    uint32_t landmark[POINTS];
+    void *memory[2];
+};
+
+static double uniform(struct fovea_random *random, double low, double high)
+{
+    return low + (high - low) * fovea_random_unit(random);
+}
+
+static void carve(struct fixture *f)
+{
+    const struct fv_map_limits limits = {VIEWS + 2, 1000, POINTS, 752, 480};
+    const struct fv_window_limits window = {WINDOW, 600, 5000, 8};
+    struct fv_arena arena[2];
+    for (int k = 0; k < 2; k++)
+        fv_arena_count(&arena[k]);
+    fv_map_carve(&f->map, &limits, &arena[0]);
+    fv_window_carve(&f->window, &window, &arena[1]);
+    for (int k = 0; k < 2; k++) {
+        size_t bytes = (arena[k].used + 63) / 64 * 64;
+        f->memory[k] = aligned_alloc(64, bytes);
+        fv_arena_init(&arena[k], f->memory[k], bytes);
+    }
+    fv_map_carve(&f->map, &limits, &arena[0]);
+    fv_window_carve(&f->window, &window, &arena[1]);
+    fv_map_reset(&f->map);
+}
+
+/* A row of views that look at a cloud; the first `exact` poses and no points are exact. */
+static void build(struct fixture *f, uint64_t seed, double pose_noise, double point_noise, double pixel_noise,
+                  double outliers, int exact)
+{
+    struct fovea_random random;
+    fovea_random_seed(&random, seed);
+    const struct fovea_camera camera = {
+        752,     480,     FOVEA_LENS_RADTAN, 458.654,
+        457.296, 367.215, 248.375,           {-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05},
+        0};
+    memset(f, 0, sizeof *f);
+    f->camera = camera;
+    assert_int_equal(fovea_camera_prepare(&f->camera, NULL), FOVEA_OK);
+    carve(f);
+    for (int i = 0; i < POINTS; i++) {
+        f->points[i][0] = uniform(&random, -5, 11);
+        f->points[i][1] = uniform(&random, -3, 3);
+        f->points[i][2] = uniform(&random, 4, 9);
+        double start[3];
+        for (int k = 0; k < 3; k++)
+            start[k] = f->points[i][k] + point_noise * fovea_random_normal(&random);
+        f->landmark[i] = (uint32_t)fv_map_add_landmark(&f->map, start, 0);
+    }
+    for (int v = 0; v < VIEWS; v++) {
+        double turn[3] = {uniform(&random, -.05, .05), uniform(&random, -.05, .05),
+                          uniform(&random, -.05, .05)};
+        fv_so3_exp(turn, f->truth[v].R);
+        f->truth[v].t[0] = -0.8 * v;
+        f->truth[v].t[1] = uniform(&random, -.1, .1);
+        f->truth[v].t[2] = uniform(&random, -.1, .1);
+        struct fv_view view = fv_map_view(&f->map, fv_map_current(&f->map));
+        uint32_t seen[POINTS], count = 0;
+        for (uint32_t i = 0; i < POINTS; i++) {
+            double q[3], pixel[2], bearing[3], J[6];
+            fv_se3_apply(&f->truth[v], f->points[i], q);
+            if (fovea_camera_project(&f->camera, q, pixel, NULL) != FOVEA_OK) continue;
+            if (uniform(&random, 0, 1) < outliers) pixel[0] += uniform(&random, -60, 60);
+            for (int k = 0; k < 2; k++)
+                pixel[k] += pixel_noise * fovea_random_normal(&random);
+            if (pixel[0] < 0 || pixel[1] < 0 || pixel[0] > 751 || pixel[1] > 479 ||
+                fovea_camera_unproject(&f->camera, pixel, bearing, NULL) != FOVEA_OK ||
+                fovea_camera_project(&f->camera, bearing, pixel, J) != FOVEA_OK)
+                continue;
+            struct fv_keypoint *p = &view.points[count];
+            for (int k = 0; k < 3; k++)
+                p->bearing[k] = (float)bearing[k];
+            for (int k = 0; k < 6; k++)
+                p->A[k] = (float)J[k];
+            p->x_px = (float)pixel[0];
+            p->y_px = (float)pixel[1];
+            p->weight = 1;
+            p->level = 0;
+            seen[count++] = i;
+        }
+        view.frame->features = count;
+        view.frame->T_cam_world = f->truth[v];
+        view.frame->parent = v > 0 ? v - 1 : FV_MAP_NONE;
+        double step[6];
+        for (int k = 0; k < 6; k++)
+            step[k] = v < exact ? 0 : pose_noise * fovea_random_normal(&random) * (k < 3 ? 1 : 0.2);
+        fv_se3_move(&view.frame->T_cam_world, step);
+        fv_map_sort_view(&f->map, fv_map_current(&f->map));
+        uint32_t slot = fv_map_add_keyframe(&f->map, fv_map_current(&f->map));
+        for (uint32_t k = 0; k < count; k++)
+            assert_true(fv_map_link(&f->map, f->landmark[seen[k]], slot, k));
+    }
+}
+
+static void destroy(struct fixture *f)
+{
+    free(f->memory[0]);
+    free(f->memory[1]);
+}
+
+static double pose_error(const struct fixture *f, int first, int last)
+{
+    double worst = 0;
+    for (int v = first; v <= last; v++) {
+        struct fv_se3 inverse, D;
+        fv_se3_invert(&f->map.keyframes[v].T_cam_world, &inverse);
+        fv_se3_compose(&f->truth[v], &inverse, &D);
+        worst = fmax(worst, fv_norm3(D.t));
+    }
+    return worst;
+}
+
+static double median_point_error(const struct fixture *f)
+{
+    double low = 0, high = 10;
+    for (int step = 0; step < 50; step++) {
+        double middle = 0.5 * (low + high);
+        int below = 0, all = 0;
+        for (int i = 0; i < POINTS; i++) {
+            const struct fv_landmark *l = &f->map.landmarks[f->landmark[i]];
+            if (!l->used || l->observer_count < 4) continue;
+            double d[3];
+            fv_subtract3(l->point, f->points[i], d);
+            all++;
+            below += fv_norm3(d) < middle;
+        }
+        *(2 * below > all ? &high : &low) = middle;
+    }
+    return low;
+}
+
+static struct fv_window_result run(struct fixture *f, uint32_t newest, int *units)
+{
+    assert_true(fv_window_start(&f->window, &f->map, newest));
+    *units = 1;
+    while (fv_window_unit(&f->window))
+        assert_true(++*units < 500);
+    return fv_window_commit(&f->window, &f->map);
+}
+
+static void exact_pixels_give_the_truth(void **state)
+{
+    (void)state;
+    struct fixture f;
+    build(&f, 51, 0.03, 0.1, 0, 0, 3); /* the three outside the window are exact and hold it */
+    int units;
+    struct fv_window_result result = run(&f, VIEWS - 1, &units);
+    printf("units %d, cost %.3g to %.3g, pose %.2e, point %.2e\n", units, result.cost_at_start, result.cost,
+           pose_error(&f, 3, 7), median_point_error(&f));
+    assert_int_equal(result.moved_keyframes, WINDOW);
+    assert_true(result.cost < 1e-3 * result.cost_at_start);
+    assert_true(pose_error(&f, 3, 7) < 1e-4 && median_point_error(&f) < 1e-3);
+    destroy(&f);
+}
+
+static void noise_and_outliers_are_borne(void **state)
+{
+    (void)state;
+    struct fixture f;
+    build(&f, 52, 0.02, 0.05, 0.7, 0.05, 3);
+    int units;
+    struct fv_window_result result = run(&f, VIEWS - 1, &units);
+    printf("units %d, cost %.0f to %.0f, dropped %u, pose %.4f, point %.4f\n", units, result.cost_at_start,
+           result.cost, result.dropped_observations, pose_error(&f, 3, 7), median_point_error(&f));
+    assert_true(pose_error(&f, 3, 7) < 0.03 && median_point_error(&f) < 0.05);
+    assert_in_range(result.dropped_observations, 40, 260);
+    destroy(&f);
+}
+
+/* What happened to the map since the start of the job: a landmark gone, another born on a moved keyframe. */
+static void commit_respects_what_changed(void **state)
+{
+    (void)state;
+    struct fixture f;
+    build(&f, 53, 0.03, 0.1, 0.3, 0, 3);
+    assert_true(fv_window_start(&f.window, &f.map, VIEWS - 1));
+    while (fv_window_unit(&f.window))
+        ;
+    fv_map_remove_landmark(&f.map, f.landmark[7]);
+    const double place[3] = {1, 2, 3};
+    int32_t reused = fv_map_add_landmark(&f.map, place, 1);
+    assert_int_equal(reused, f.landmark[7]); /* same slot, new generation */
+    struct fv_view view = fv_map_view(&f.map, VIEWS - 1);
+    uint32_t feature = 0;
+    while (view.landmark[feature] != FV_MAP_NONE)
+        feature++;
+    assert_true(fv_map_link(&f.map, (uint32_t)reused, VIEWS - 1, feature));
+    struct fv_se3 before = f.map.keyframes[VIEWS - 1].T_cam_world;
+    double seen_before[3], seen_after[3];
+    fv_se3_apply(&before, place, seen_before);
+    (void)fv_window_commit(&f.window, &f.map);
+    fv_se3_apply(&f.map.keyframes[VIEWS - 1].T_cam_world, f.map.landmarks[reused].point, seen_after);
+    for (int k = 0; k < 3; k++)
+        assert_true(fabs(seen_before[k] - seen_after[k]) < 1e-9); /* it moved with its keyframe */
+    assert_true(memcmp(&before, &f.map.keyframes[VIEWS - 1].T_cam_world, sizeof before) != 0);
+    destroy(&f);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(exact_pixels_give_the_truth),
+        cmocka_unit_test(noise_and_outliers_are_borne),
+        cmocka_unit_test(commit_respects_what_changed),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
