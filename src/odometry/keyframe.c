@@ -8,7 +8,7 @@ enum {
     MATCHES_LOW = 100      /* fewer, and any change of view is worth a keyframe */
 };
 
-static const double kept_share = 0.8; /* of the matches of the last keyframe, below which one is needed */
+static const double kept_share = 0.7; /* of the matches of the last keyframe, below which one is needed */
 static const double kept_share_urgent = 0.5;    /* at which it may not wait */
 static const double parallax_wanted_rad = 0.12; /* travelled over median depth: a new keyframe adds depth */
 static const double parallax_least_rad = 0.01;  /* less is standing still or turning: no keyframe is of use */
