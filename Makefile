@@ -190,6 +190,7 @@ install: all  ## install program, libraries, headers and message types under PRE
 	           $(DESTDIR)$(PREFIX)/share/fovea/lcmtypes
 	install -m 755 $(BUILD)/fovea $(DESTDIR)$(PREFIX)/bin/
 	install -m 644 $(BUILD)/libfovea.a $(DESTDIR)$(PREFIX)/lib/
+	$(if $(VIDEO_PLUGIN),install -D -m 755 $(VIDEO_PLUGIN) $(DESTDIR)$(PREFIX)/lib/fovea/fovea-video.so)
 	install -m 755 $(BUILD)/libfovea.so $(DESTDIR)$(PREFIX)/lib/libfovea.so
 	install -m 644 include/fovea/*.h $(DESTDIR)$(PREFIX)/include/fovea/
 	install -m 644 include/lcmtypes/*.lcm $(DESTDIR)$(PREFIX)/share/fovea/lcmtypes/
