@@ -137,7 +137,7 @@ void fv_sim_objects_create(struct fv_sim_world *world, const struct fv_sim_optio
             variant[c][k] = fv_sim_world_texture(world, material[c], 1.0, 1.0, 128.0, false);
     }
     for (int32_t k = 0; k < VARIANTS && k * 4 < options->objects; k++)
-        head[k] = fv_sim_world_texture(world, FV_SIM_FACE_SKIN, 1.0, 1.0, 64.0, false);
+        head[k] = fv_sim_world_texture(world, FV_SIM_HEAD, 1.0, 1.0, 64.0, false);
     const bool has_room = world->room[0] > 0.0, has_ring = world->lane[0] > 0.0;
     for (int32_t i = 0; i < options->objects; i++) {
         struct fv_sim_object *o = &world->object[world->object_count++];

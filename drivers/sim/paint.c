@@ -311,77 +311,86 @@ static void paint_head(struct fv_sim_brush *b)
     fv_sim_noise(b, 0, 0, b->width, b->height, 16, 2, 16, 170);
 }
 
+static void paint_wood(struct fv_sim_brush *b)
+{
+    paint_courses(
+        b, &(struct courses){b->width, b->height / 4 + 1, 2, fv_sim_draw(b, 90, 150), 18, 50, true, false});
+    paint_grain(b, 18);
+    fv_sim_noise(b, 0, 0, b->width, b->height, 48, 3, 30, 190);
+}
+
+static void paint_fabric(struct fv_sim_brush *b)
+{
+    fv_sim_fill(b, 0, 0, b->width, b->height, fv_sim_draw(b, 60, 170));
+    fv_sim_noise(b, 0, 0, b->width, b->height, 64, 2, 46, 200);
+    paint_speckle(b, 40, 15, 60);
+}
+
+static void paint_metal(struct fv_sim_brush *b)
+{
+    const int32_t w = b->width, h = b->height;
+    fv_sim_fill(b, 0, 0, w, h, fv_sim_draw(b, 70, 150));
+    fv_sim_noise(b, 0, 0, w, h, 32, 2, 18, 170);
+    fv_sim_frame(b, 3, 3, w - 3, h - 3, 3, 40);
+    fv_sim_poster(b, w / 5, h / 6, w * 3 / 5, h / 2);
+    paint_speckle(b, 20, 10, 60);
+}
+
+/* Walls, floors and ceilings: courses of stones (none: plain), grain, clouds of noise, specks. Lengths in mm.
+ */
+struct laid {
+    int32_t width, height, joint, grey_low, grey_high, spread, joint_grey;
+    bool random_shift, half_shift;
+    int32_t grain, cell, finest, amplitude, fall, specks_per_m2, speck_low, speck_high;
+};
+
+static const struct laid laid_table[] = {
+    [FV_SIM_PLASTER] = {0, 0, 0, 135, 180, 0, 0, false, false, 0, 1200, 2, 30, 185, 6, 8, 40},
+    [FV_SIM_BRICK] = {240, 80, 14, 90, 130, 32, 175, false, true, 0, 900, 2, 34, 190, 0, 0, 0},
+    [FV_SIM_PANEL] = {420, 900, 18, 120, 160, 20, 60, false, false, 0, 500, 2, 28, 195, 0, 0, 0},
+    [FV_SIM_BLOCKS] = {500, 250, 16, 130, 165, 18, 95, false, true, 0, 1000, 2, 32, 195, 0, 0, 0},
+    [FV_SIM_PARQUET] = {700, 110, 1, 105, 140, 30, 55, true, false, 12, 1500, 4, 32, 180, 2, 15, 70},
+    [FV_SIM_TILES] = {400, 400, 14, 120, 150, 34, 65, false, false, 0, 800, 2, 30, 195, 3, 15, 60},
+    [FV_SIM_CEILING] = {600, 600, 25, 185, 185, 10, 130, false, false, 0, 300, 2, 26, 190, 2, 40, 150},
+};
+
+static void paint_laid(struct fv_sim_brush *b, const struct laid *l)
+{
+    const int32_t grey = fv_sim_draw(b, l->grey_low, l->grey_high);
+    if (l->width == 0)
+        fv_sim_fill(b, 0, 0, b->width, b->height, grey);
+    else
+        paint_courses(b, &(struct courses){fv_sim_mm(b, l->width), fv_sim_mm(b, l->height),
+                                           fv_sim_mm(b, l->joint), grey, l->spread, l->joint_grey,
+                                           l->random_shift, l->half_shift});
+    if (l->grain > 0) paint_grain(b, l->grain);
+    fv_sim_noise(b, 0, 0, b->width, b->height, fv_sim_mm(b, l->cell), l->finest, l->amplitude, l->fall);
+    if (l->specks_per_m2 > 0) paint_speckle(b, l->specks_per_m2, l->speck_low, l->speck_high);
+}
+
 void fv_sim_paint(struct fv_sim_texture *texture, enum fv_sim_material material, double texels_per_m,
                   uint64_t seed)
 {
     struct fv_sim_brush brush, *b = &brush;
     fv_sim_brush_open(b, texture, texels_per_m, seed);
-    const int32_t w = b->width, h = b->height;
     switch (material) {
-    case FV_SIM_PLASTER:
-        fv_sim_fill(b, 0, 0, w, h, fv_sim_draw(b, 135, 180));
-        fv_sim_noise(b, 0, 0, w, h, fv_sim_mm(b, 1200), 2, 30, 185);
-        paint_speckle(b, 6, 8, 40);
-        break;
-    case FV_SIM_BRICK:
-        paint_courses(b, &(struct courses){fv_sim_mm(b, 240), fv_sim_mm(b, 80), fv_sim_mm(b, 14),
-                                           fv_sim_draw(b, 90, 130), 32, 175, false, true});
-        fv_sim_noise(b, 0, 0, w, h, fv_sim_mm(b, 900), 2, 34, 190);
-        break;
-    case FV_SIM_PANEL:
-        paint_courses(b, &(struct courses){fv_sim_mm(b, 420), fv_sim_mm(b, 900), fv_sim_mm(b, 18),
-                                           fv_sim_draw(b, 120, 160), 20, 60, false, false});
-        fv_sim_noise(b, 0, 0, w, h, fv_sim_mm(b, 500), 2, 28, 195);
-        break;
-    case FV_SIM_BLOCKS:
-        paint_courses(b, &(struct courses){fv_sim_mm(b, 500), fv_sim_mm(b, 250), fv_sim_mm(b, 16),
-                                           fv_sim_draw(b, 130, 165), 18, 95, false, true});
-        fv_sim_noise(b, 0, 0, w, h, fv_sim_mm(b, 1000), 2, 32, 195);
-        break;
-    case FV_SIM_PARQUET:
-        paint_courses(b, &(struct courses){fv_sim_mm(b, 700), fv_sim_mm(b, 110), 1, fv_sim_draw(b, 105, 140),
-                                           30, 55, true, false});
-        paint_grain(b, 12);
-        fv_sim_noise(b, 0, 0, w, h, fv_sim_mm(b, 1500), 4, 32, 180);
-        paint_speckle(b, 2, 15, 70);
-        break;
-    case FV_SIM_TILES:
-        paint_courses(b, &(struct courses){fv_sim_mm(b, 400), fv_sim_mm(b, 400), fv_sim_mm(b, 14),
-                                           fv_sim_draw(b, 120, 150), 34, 65, false, false});
-        fv_sim_noise(b, 0, 0, w, h, fv_sim_mm(b, 800), 2, 30, 195);
-        paint_speckle(b, 3, 15, 60);
-        break;
     case FV_SIM_CARPET:
         paint_carpet(b);
         break;
-    case FV_SIM_CEILING:
-        paint_courses(b, &(struct courses){fv_sim_mm(b, 600), fv_sim_mm(b, 600), fv_sim_mm(b, 25), 185, 10,
-                                           130, false, false});
-        fv_sim_noise(b, 0, 0, w, h, fv_sim_mm(b, 300), 2, 26, 190);
-        paint_speckle(b, 2, 40, 150);
-        break;
     case FV_SIM_WOOD:
-        paint_courses(b, &(struct courses){w, h / 4 + 1, 2, fv_sim_draw(b, 90, 150), 18, 50, true, false});
-        paint_grain(b, 18);
-        fv_sim_noise(b, 0, 0, w, h, 48, 3, 30, 190);
+        paint_wood(b);
         break;
     case FV_SIM_FABRIC:
-        fv_sim_fill(b, 0, 0, w, h, fv_sim_draw(b, 60, 170));
-        fv_sim_noise(b, 0, 0, w, h, 64, 2, 46, 200);
-        paint_speckle(b, 40, 15, 60);
+        paint_fabric(b);
         break;
     case FV_SIM_CARTON:
         paint_carton(b, fv_sim_draw(b, 110, 160));
         break;
     case FV_SIM_BOOKS:
-        fv_sim_books(b, 0, 0, w, h);
+        fv_sim_books(b, 0, 0, b->width, b->height);
         break;
     case FV_SIM_METAL:
-        fv_sim_fill(b, 0, 0, w, h, fv_sim_draw(b, 70, 150));
-        fv_sim_noise(b, 0, 0, w, h, 32, 2, 18, 170);
-        fv_sim_frame(b, 3, 3, w - 3, h - 3, 3, 40);
-        fv_sim_poster(b, w / 5, h / 6, w * 3 / 5, h / 2);
-        paint_speckle(b, 20, 10, 60);
+        paint_metal(b);
         break;
     case FV_SIM_CLUTTER:
         paint_clutter(b);
@@ -398,10 +407,11 @@ void fv_sim_paint(struct fv_sim_texture *texture, enum fv_sim_material material,
     case FV_SIM_CLOTHES:
         paint_clothes(b);
         break;
-    case FV_SIM_FACE_SKIN:
+    case FV_SIM_HEAD:
         paint_head(b);
         break;
-    case FV_SIM_MATERIAL_COUNT:
+    default:
+        paint_laid(b, &laid_table[material]);
         break;
     }
 }

@@ -106,7 +106,7 @@ enum fv_sim_material {
     FV_SIM_CONE,
     FV_SIM_PARCEL,
     FV_SIM_CLOTHES,
-    FV_SIM_FACE_SKIN,
+    FV_SIM_HEAD,
     FV_SIM_MATERIAL_COUNT
 };
 
