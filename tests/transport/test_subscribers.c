@@ -22,6 +22,10 @@
 
 enum { FRAMES = 1000, PERIOD_NS = 5000000, WIDTH = 320, HEIGHT = 240 };
 
+enum { CHANNELS = 6 };
+static const char *const suffixes[CHANNELS] = {"FEATURES", "CAMERA_STATUS", "STATISTICS",
+                                               "PREVIEW",  "POSE",          "CAMERA_POSE"};
+
 static char build[512]; /* folder that this program was built into */
 
 /* ---- subscribers
@@ -53,22 +57,21 @@ static void start(struct subscriber *subscriber, char *const arguments[])
 }
 
 /* Wait for its end; it must have got as many messages as were sent on each channel. */
-static void expect(struct subscriber *subscriber, const char *name, const uint64_t sent[4])
+static void expect(struct subscriber *subscriber, const char *name, const uint64_t sent[CHANNELS])
 {
-    static const char *const suffixes[4] = {"FEATURES", "CAMERA_STATUS", "STATISTICS", "PREVIEW"};
-    uint64_t got[4] = {0};
+    uint64_t got[CHANNELS] = {0};
     char line[256], suffix[64];
     unsigned long long messages;
     int status;
     while (fgets(line, sizeof line, subscriber->output) != NULL) {
         print_message("  %s: %s", name, line);
         if (sscanf(line, "%63s %llu messages", suffix, &messages) == 2)
-            for (int i = 0; i < 4; i++)
+            for (int i = 0; i < CHANNELS; i++)
                 if (strcmp(suffix, suffixes[i]) == 0) got[i] = messages;
     }
     fclose(subscriber->output);
     waitpid(subscriber->process, &status, 0);
-    for (int i = 0; i < 4; i++)
+    for (int i = 0; i < CHANNELS; i++)
         if (got[i] != sent[i])
             fail_msg("%s: %s: found %llu messages, expected %llu", name, suffixes[i],
                      (unsigned long long)got[i], (unsigned long long)sent[i]);
@@ -79,18 +82,17 @@ static void expect(struct subscriber *subscriber, const char *name, const uint64
  * ------------------------------------------------------------------------------------------------ */
 
 static void count_and_publish(struct fv_transport *transport, const struct fovea_outputs *outputs,
-                              uint64_t sent[4])
+                              uint64_t sent[CHANNELS])
 {
-    static const char *const suffixes[4] = {"_FEATURES", "_CAMERA_STATUS", "_STATISTICS", "_PREVIEW"};
     for (uint32_t m = 0; m < outputs->message_count; m++)
-        for (int i = 0; i < 4; i++)
-            sent[i] += strstr(outputs->messages[m].channel, suffixes[i]) != NULL;
+        for (int i = 0; i < CHANNELS; i++)
+            sent[i] += strcmp(outputs->messages[m].channel + strlen("FOVEA_"), suffixes[i]) == 0;
     fv_transport_publish(transport, outputs);
 }
 
 /* 1,000 frames of noise, which is full of corners, at 200 Hz through the runtime and out. */
 static void run(struct fovea *rt, const struct fovea_config *config, struct fv_transport *transport,
-                uint64_t sent[4])
+                uint64_t sent[CHANNELS])
 {
     static uint8_t pixels[WIDTH * HEIGHT];
     struct timespec due;
@@ -121,7 +123,7 @@ static void run(struct fovea *rt, const struct fovea_config *config, struct fv_t
     }
 }
 
-static void run_runtime(uint64_t sent[4])
+static void run_runtime(uint64_t sent[CHANNELS])
 {
     struct fovea_config config;
     struct fovea_error error;
@@ -164,14 +166,15 @@ static void test_every_message(void **state)
     snprintf(ready, sizeof ready, "%s/venv-lcm/ready", build);
     bool with_python = access(ready, R_OK) == 0;
     struct subscriber first, second;
-    uint64_t sent[4] = {0};
+    uint64_t sent[CHANNELS] = {0};
     start(&first, c_arguments);
     if (with_python)
         start(&second, python_arguments);
     else
         print_message("SKIPPED the Python subscriber: no Python package lcm in %s/venv-lcm\n", build);
     run_runtime(sent);
-    assert_int_equal(sent[0], FRAMES);
+    assert_int_equal(sent[0], FRAMES); /* features */
+    assert_int_equal(sent[4], FRAMES); /* poses */
     expect(&first, "C", sent);
     if (with_python) expect(&second, "Python", sent);
 }

@@ -26,7 +26,7 @@
 #include "fovea_preview_t.h"
 #include "fovea_statistics_t.h"
 
-enum { QUEUE_MESSAGES = 1000, KINDS = 5 };
+enum { QUEUE_MESSAGES = 1000, KINDS = 6 };
 
 static volatile sig_atomic_t stop;
 
@@ -36,11 +36,9 @@ struct channel {
     uint64_t messages, bytes, gaps, malformed;
     int64_t first, last; /* frame numbers */
 };
-static struct channel channels[KINDS] = {{.suffix = "POSE"},
-                                         {.suffix = "FEATURES"},
-                                         {.suffix = "CAMERA_STATUS"},
-                                         {.suffix = "STATISTICS"},
-                                         {.suffix = "PREVIEW"}};
+static struct channel channels[KINDS] = {{.suffix = "POSE"},          {.suffix = "FEATURES"},
+                                         {.suffix = "CAMERA_STATUS"}, {.suffix = "STATISTICS"},
+                                         {.suffix = "PREVIEW"},       {.suffix = "CAMERA_POSE"}};
 static bool quiet;
 
 static void on_signal(int number)
@@ -66,31 +64,31 @@ static void print_stamp(const char *name, const fovea_stamp_t *stamp)
 }
 
 /* One handler per type: decode, count, print, give back what decoding allocated. */
-#define HANDLER(TYPE, INDEX, ...)                                                                            \
+#define HANDLER(TYPE, ...)                                                                                   \
     static void on_##TYPE(const lcm_recv_buf_t *received, const char *name, void *context)                   \
     {                                                                                                        \
         fovea_##TYPE message;                                                                                \
-        (void)context;                                                                                       \
+        struct channel *channel = context;                                                                   \
         memset(&message, 0, sizeof message);                                                                 \
         if (fovea_##TYPE##_decode(received->data, 0, (int)received->data_size, &message) < 0) {              \
-            channels[INDEX].malformed++;                                                                     \
+            channel->malformed++;                                                                            \
             return;                                                                                          \
         }                                                                                                    \
-        count(&channels[INDEX], received, message.stamp.sequence);                                           \
+        count(channel, received, message.stamp.sequence);                                                    \
         if (!quiet) {                                                                                        \
             print_stamp(name, &message.stamp);                                                               \
             printf(__VA_ARGS__);                                                                             \
         }                                                                                                    \
         fovea_##TYPE##_decode_cleanup(&message);                                                             \
     }
-HANDLER(pose_t, 0, "state %d, position %.3f %.3f %.3f\n", message.state, message.position[0],
+HANDLER(pose_t, "state %d, position %.3f %.3f %.3f\n", message.state, message.position[0],
         message.position[1], message.position[2])
-HANDLER(features_t, 1, "%" PRId32 " of %" PRId32 " features\n", message.count, message.asked)
-HANDLER(camera_status_t, 2, "state %d, %" PRId32 " x %" PRId32 " %s, %" PRId64 " dropped\n", message.state,
+HANDLER(features_t, "%" PRId32 " of %" PRId32 " features\n", message.count, message.asked)
+HANDLER(camera_status_t, "state %d, %" PRId32 " x %" PRId32 " %s, %" PRId64 " dropped\n", message.state,
         message.width, message.height, message.pixel_format, message.dropped)
-HANDLER(statistics_t, 3, "%" PRId64 " frames in, %" PRId64 " processed, latency %.2f ms, %s kernels\n",
+HANDLER(statistics_t, "%" PRId64 " frames in, %" PRId64 " processed, latency %.2f ms, %s kernels\n",
         message.frames_in, message.frames_processed, (double)message.latency_ns * 1e-6, message.kernel_set)
-HANDLER(preview_t, 4, "%" PRId32 " x %" PRId32 ", %" PRId32 " bytes of JPEG\n", message.width, message.height,
+HANDLER(preview_t, "%" PRId32 " x %" PRId32 ", %" PRId32 " bytes of JPEG\n", message.width, message.height,
         message.size_bytes)
 
 static double now_s(void)
@@ -125,8 +123,8 @@ static int report(void)
 int main(int argc, char **argv)
 {
     const char *url = "udpm://239.255.76.67:7667?ttl=0&recv_buf_size=2097152", *prefix = "FOVEA";
-    static const lcm_msg_handler_t handlers[KINDS] = {on_pose_t, on_features_t, on_camera_status_t,
-                                                      on_statistics_t, on_preview_t};
+    static const lcm_msg_handler_t handlers[KINDS] = {on_pose_t,       on_features_t, on_camera_status_t,
+                                                      on_statistics_t, on_preview_t,  on_pose_t};
     double idle_s = 0;
     for (int i = 1; i < argc; i++) {
         if (strcmp(argv[i], "--quiet") == 0)
@@ -147,7 +145,7 @@ int main(int argc, char **argv)
     for (int i = 0; i < KINDS; i++) {
         char name[64];
         snprintf(name, sizeof name, "%s_%s", prefix, channels[i].suffix);
-        lcm_subscription_t *subscription = lcm_subscribe(lcm, name, handlers[i], NULL);
+        lcm_subscription_t *subscription = lcm_subscribe(lcm, name, handlers[i], &channels[i]);
         if (subscription == NULL)
             return fprintf(stderr, "subscribe: %s: cannot listen; 'fovea check' tells what is missing\n",
                            url),

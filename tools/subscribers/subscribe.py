@@ -30,8 +30,14 @@ try:
 except ImportError:
     sys.exit(f"subscribe.py: found no types in {options.types}, expected them from: make python-types")
 
+
+def tell_pose(m):
+    return "state %d, position %.3f %.3f %.3f" % (m.state, *m.position)
+
+
 TELL = {
-    "POSE": (fovea.pose_t, lambda m: "state %d, position %.3f %.3f %.3f" % (m.state, *m.position)),
+    "POSE": (fovea.pose_t, tell_pose),
+    "CAMERA_POSE": (fovea.pose_t, tell_pose),
     "FEATURES": (fovea.features_t, lambda m: f"{m.count} of {m.asked} features"),
     "CAMERA_STATUS": (fovea.camera_status_t, lambda m: f"state {m.state}, {m.width} x {m.height} {m.pixel_format}"),
     "STATISTICS": (fovea.statistics_t, lambda m: f"{m.frames_in} frames in, {m.frames_processed} processed"),
