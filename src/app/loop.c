@@ -198,6 +198,7 @@ static void turn(struct fv_loop *loop, const struct fovea_frame *frame, int64_t 
     const struct fv_loop_hooks *hooks = &loop->hooks;
     struct fovea_inputs inputs;
     struct fovea_outputs outputs;
+    struct fovea_pose pose;
     if (hooks->pace != NULL && !loop->real_time) hooks->pace(hooks->context);
     fill_inputs(loop, frame, late_ns, &inputs);
     struct fovea_grants grants = inputs.grants;
@@ -205,7 +206,9 @@ static void turn(struct fv_loop *loop, const struct fovea_frame *frame, int64_t 
     struct span begin = span_begin();
     enum fovea_status status = fovea_step(loop->rt, &inputs, &outputs);
     struct span step = span_end(begin);
-    if (hooks->step_done != NULL) hooks->step_done(hooks->context, &inputs, &outputs);
+    fovea_pose_get(loop->rt, &pose);
+    if (hooks->step_done != NULL)
+        hooks->step_done(hooks->context, &inputs, &outputs, status == FOVEA_OK ? &pose : NULL);
 
     if (loop->real_time) fovea_governor_work(&loop->governor, step.cpu_ns, outputs.jobs_waiting, &grants);
     begin = span_begin();
@@ -216,6 +219,8 @@ static void turn(struct fv_loop *loop, const struct fovea_frame *frame, int64_t 
     if (loop->real_time) fovea_governor_learn(&loop->governor, step.cpu_ns, work.cpu_ns, &outputs);
     if (status == FOVEA_OK) account(loop, step, work, inputs.latency_ns);
     loop->counts.processed += status == FOVEA_OK;
+    loop->counts.tracked += status == FOVEA_OK && pose.posed;
+    loop->counts.lost += status == FOVEA_OK && pose.state == FOVEA_TRACKING_LOST;
     loop->counts.refused += frame != NULL && status != FOVEA_OK;
     loop->counts.without_frame += frame == NULL;
     atomic_store_explicit(&loop->shared->frames, loop->counts.in, memory_order_relaxed);

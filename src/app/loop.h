@@ -37,7 +37,9 @@ struct fv_loop_hooks {
     void *context;
     void (*pace)(void *context);         /* before a turn, when frames do not come by the clock */
     uint32_t (*commands)(void *context); /* enum fovea_command bits that came since the last call */
-    void (*step_done)(void *context, const struct fovea_inputs *inputs, const struct fovea_outputs *outputs);
+    /* `pose` is that of this frame; NULL when none was processed. */
+    void (*step_done)(void *context, const struct fovea_inputs *inputs, const struct fovea_outputs *outputs,
+                      const struct fovea_pose *pose);
     void (*work_done)(void *context, const struct fovea_inputs *inputs, const struct fovea_grants *grants,
                       const struct fovea_outputs *outputs);
 };
@@ -45,6 +47,8 @@ struct fv_loop_hooks {
 struct fv_loop_counts {
     uint64_t in;        /* frames taken from the source */
     uint64_t processed; /* of these: went through a step */
+    uint64_t tracked;   /* of the processed: with a pose */
+    uint64_t lost;      /* of the processed: state `lost`; the rest was looking for a start */
     uint64_t refused;   /* of these: not taken by the step (stamp, format, paused) */
     uint64_t late;      /* of these: dropped since the loop was busy or had no processor time */
     uint64_t starved;   /* of the late: the loop had less than half of a processor while the frame waited */

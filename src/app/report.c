@@ -61,8 +61,8 @@ static void frames_json(FILE *file, const struct fv_loop *loop)
     const struct fovea_source_counts *source = &loop->source_counts;
     fprintf(file,
             "  \"frames\": {\"in\": %" PRIu64 ", \"processed\": %" PRIu64 ", \"dropped\": %" PRIu64
-            ", \"tracked\": 0, \"lost\": 0,\n",
-            counts->in, counts->processed, counts->late + source->dropped);
+            ", \"tracked\": %" PRIu64 ", \"lost\": %" PRIu64 ",\n",
+            counts->in, counts->processed, counts->late + source->dropped, counts->tracked, counts->lost);
     fprintf(file,
             "             \"refused\": %" PRIu64 ", \"late\": %" PRIu64 ", \"late_without_cpu\": %" PRIu64
             ", \"steps_without_frame\": %" PRIu64 ",\n",

@@ -9,6 +9,7 @@
 
 #include "app/command.h"
 #include "app/loop.h"
+#include "app/path_picture.h"
 #include "app/process.h"
 #include "app/realtime.h"
 #include "app/recorder.h"
@@ -19,11 +20,12 @@
 #include "app/transport.h"
 
 #define TIMINGS_FILE "fovea-timings.png"
+#define PATH_FILE "fovea-path.png"
 
 struct run {
     struct fv_setup_options options;
     struct fovea_source_selection selection;
-    const char *stats_path, *timings_path, *trajectory_path;
+    const char *stats_path, *timings_path, *trajectory_path, *picture_path;
     bool quiet;
 
     struct fv_settings settings;
@@ -34,7 +36,7 @@ struct run {
     struct fv_transport *transport;
     struct fv_recorder *recorder;
     struct fv_trajectory *trajectory;
-    uint64_t processed; /* frames, as the runtime counted them after the last step */
+    struct fovea_truth truth; /* of the last posed frame */
     struct fv_loop_shared shared;
     struct fv_timings timings;
     struct fv_loop loop;
@@ -46,7 +48,10 @@ struct run {
 
 static void pace(void *context)
 {
-    fv_recorder_pace(((struct run *)context)->recorder);
+    struct run *run = context;
+    fv_recorder_pace(run->recorder);
+    while (!fv_trajectory_room(run->trajectory))
+        nanosleep(&(struct timespec){.tv_nsec = 1000000}, NULL);
 }
 
 static uint32_t commands(void *context)
@@ -54,19 +59,21 @@ static uint32_t commands(void *context)
     return fv_transport_commands(((struct run *)context)->transport);
 }
 
-static void step_done(void *context, const struct fovea_inputs *inputs, const struct fovea_outputs *outputs)
+static void step_done(void *context, const struct fovea_inputs *inputs, const struct fovea_outputs *outputs,
+                      const struct fovea_pose *pose)
 {
     struct run *run = context;
     fv_transport_publish(run->transport, outputs);
     fv_recorder_step(run->recorder, inputs, outputs);
-    struct fovea_stats stats;
-    fovea_stats_get(run->loop.rt, &stats);
-    if (stats.frames_processed != run->processed) { /* not refused: the pose is this frame's */
-        struct fovea_pose pose;
-        run->processed = stats.frames_processed;
-        fovea_pose_get(run->loop.rt, &pose);
-        fv_trajectory_add(run->trajectory, inputs->frame->stamp_ns, &pose);
+    if (pose == NULL || !pose->posed) return;
+    struct fv_trajectory_sample sample = {.stamp_ns = inputs->frame->stamp_ns};
+    const struct fovea_source_ops *ops = run->setup.ops;
+    memcpy(sample.T_world_cam, pose->T_world_cam, sizeof sample.T_world_cam);
+    if (ops->truth != NULL && ops->truth(run->setup.source, inputs->frame, &run->truth) == FOVEA_OK) {
+        sample.has_truth = run->truth.has_pose;
+        memcpy(sample.truth, run->truth.T_world_cam, sizeof sample.truth);
     }
+    fv_trajectory_add(run->trajectory, &sample);
 }
 
 static void work_done(void *context, const struct fovea_inputs *inputs, const struct fovea_grants *grants,
@@ -105,6 +112,8 @@ static enum fv_options_result options_read(struct run *run, int argc, char **arg
          "where to draw the timings (default " TIMINGS_FILE " here; 'none')"},
         {"trajectory", "FILE", FV_OPTION_TEXT, &run->trajectory_path,
          "write T_world_cam of every posed frame, as published, in TUM format"},
+        {"path", "FILE", FV_OPTION_TEXT, &run->picture_path,
+         "where to draw the path, against the truth if known (default " PATH_FILE " here; 'none')"},
         {"record", "FILE", FV_OPTION_TEXT, &run->options.record, "record the run for 'fovea replay'"},
         {"set", "KEY=VALUE", FV_OPTION_LIST, &run->options.sets, "override a key of the configuration"},
         {"quiet", NULL, FV_OPTION_FLAG, &run->quiet, "no status line and no summary"},
@@ -115,6 +124,17 @@ static enum fv_options_result options_read(struct run *run, int argc, char **arg
     return fv_options_parse(options, "", 0, 0, argc, argv, &first);
 }
 
+/* A name given on the command line must be writable; better said now than after an hour. */
+static enum fv_exit picture_probe(const char *option, const char *path)
+{
+    if (path == NULL || strcmp(path, "none") == 0) return FV_EXIT_OK;
+    FILE *probe = fopen(path, "ae");
+    if (probe == NULL)
+        return fv_say_wrong("fovea run: --%s: %s: cannot be written: %s", option, path, strerror(errno));
+    fclose(probe);
+    return FV_EXIT_OK;
+}
+
 static enum fv_exit outputs_check(struct run *run)
 {
     if (run->selection.step == 0)
@@ -122,13 +142,8 @@ static enum fv_exit outputs_check(struct run *run)
     if (run->stats_path != NULL && (run->stats = fopen(run->stats_path, "we")) == NULL)
         return fv_say_wrong("fovea run: --stats: %s: cannot be written: %s", run->stats_path,
                             strerror(errno));
-    if (run->timings_path == NULL || strcmp(run->timings_path, "none") == 0) return FV_EXIT_OK;
-    FILE *probe = fopen(run->timings_path, "ae");
-    if (probe == NULL)
-        return fv_say_wrong("fovea run: --timings: %s: cannot be written: %s", run->timings_path,
-                            strerror(errno));
-    fclose(probe);
-    return FV_EXIT_OK;
+    enum fv_exit end = picture_probe("timings", run->timings_path);
+    return end == FV_EXIT_OK ? picture_probe("path", run->picture_path) : end;
 }
 
 /* SIGUSR1 is the loop's sign that it has ended. Blocked before any thread starts, so that all inherit it. */
@@ -200,8 +215,7 @@ static enum fovea_status open_all(struct run *run, struct fovea_error *error)
     run->loop.real_time = is_real_time(run);
     status = runtime_open(run, error);
     if (status == FOVEA_OK) status = recorder_open(run, error);
-    if (status == FOVEA_OK && run->trajectory_path != NULL)
-        status = fv_trajectory_open(run->trajectory_path, &run->trajectory, error);
+    if (status == FOVEA_OK) status = fv_trajectory_open(run->trajectory_path, &run->trajectory, error);
     return status == FOVEA_OK ? transport_open(run, error) : status;
 }
 
@@ -209,7 +223,7 @@ static void close_all(struct run *run)
 {
     fv_recorder_close(run->recorder, NULL);
     fv_transport_close(run->transport);
-    fv_trajectory_close(run->trajectory, NULL);
+    fv_trajectory_close(run->trajectory);
     fv_setup_close(&run->setup);
     if (run->memory != NULL) fv_realtime_unmap(run->memory, run->bytes);
     if (run->stats != NULL) fclose(run->stats);
@@ -296,10 +310,59 @@ static enum fovea_status run_loop(struct run *run, const sigset_t *signals, stru
 /* ---- the end
  * ----------------------------------------------------------------------------------------------- */
 
+static enum fv_exit stats_write(struct run *run, const struct fv_report *report)
+{
+    if (run->stats == NULL) return FV_EXIT_OK;
+    fv_report_json(run->stats, report);
+    bool failed = ferror(run->stats) != 0;
+    failed = fclose(run->stats) != 0 || failed;
+    run->stats = NULL;
+    return failed ? fv_say_failed("%s: cannot be written", run->stats_path) : FV_EXIT_OK;
+}
+
+/* A picture that was asked for must be there; the one that is drawn unasked may fail. */
+static enum fv_exit picture_told(const struct run *run, const char *asked, const char *path, const char *what,
+                                 enum fovea_status status, const struct fovea_error *error)
+{
+    if (status != FOVEA_OK) fv_say("%s", error->text);
+    if (status != FOVEA_OK && asked != NULL) return FV_EXIT_FAILED;
+    if (status == FOVEA_OK && !run->quiet) printf("  %s drawn in %s\n", what, path);
+    return FV_EXIT_OK;
+}
+
+static enum fv_exit pictures_draw(const struct run *run, const struct fv_report *report,
+                                  const struct fv_trajectory_summary *path)
+{
+    struct fovea_error error;
+    const char *timings_file = run->timings_path != NULL ? run->timings_path : TIMINGS_FILE;
+    const char *path_file = run->picture_path != NULL ? run->picture_path : PATH_FILE;
+    enum fv_exit end = FV_EXIT_OK, other = FV_EXIT_OK;
+    if (strcmp(timings_file, "none") != 0)
+        end = picture_told(run, run->timings_path, timings_file, "timings are",
+                           fv_report_picture(timings_file, report, &error), &error);
+    if (strcmp(path_file, "none") != 0 && (path->samples > 0 || run->picture_path != NULL))
+        other = picture_told(run, run->picture_path, path_file, "the path is",
+                             fv_path_picture(path_file, report->source, path, &error), &error);
+    return end != FV_EXIT_OK ? end : other;
+}
+
+static void path_tell(const struct run *run, const struct fv_trajectory_summary *path)
+{
+    const struct fv_loop_counts *counts = &run->loop.counts;
+    if (!run->settings.runtime.odometry.enabled) return;
+    printf("  posed %" PRIu64 " of %" PRIu64 " frames, lost %" PRIu64, counts->tracked, counts->processed,
+           counts->lost);
+    if (isfinite(path->error_m))
+        printf("; RMS error %.4g m (%.2f %%) of a path of %.4g m, after alignment", path->error_m,
+               100.0 * path->error_m / path->truth_length_m, path->truth_length_m);
+    printf("\n");
+}
+
 static enum fv_exit report_write(struct run *run)
 {
     struct fovea_memory_table table;
     struct fovea_error error;
+    struct fv_trajectory_summary path;
     struct fv_report report = {
         .source = run->settings.source,
         .kernel_set = fovea_cpu_name(run->loop.rt),
@@ -312,21 +375,14 @@ static enum fv_exit report_write(struct run *run)
     };
     if (fovea_memory(&run->settings.runtime, &table, &error) == FOVEA_OK)
         fv_report_parts(&table, report.part_bytes);
-    if (run->stats != NULL) {
-        fv_report_json(run->stats, &report);
-        bool failed = ferror(run->stats) != 0;
-        failed = fclose(run->stats) != 0 || failed;
-        run->stats = NULL;
-        if (failed) return fv_say_failed("%s: cannot be written", run->stats_path);
-    }
+    fv_trajectory_finish(run->trajectory, &path);
     if (!run->quiet) fv_report_summary(stdout, &report);
-    const char *path = run->timings_path != NULL ? run->timings_path : TIMINGS_FILE;
-    if (strcmp(path, "none") == 0) return FV_EXIT_OK;
-    if (fv_report_picture(path, &report, &error) != FOVEA_OK)
-        return run->timings_path != NULL ? fv_say_failed("%s", error.text)
-                                         : (fv_say("%s", error.text), FV_EXIT_OK);
-    if (!run->quiet) printf("  timings are drawn in %s\n", path);
-    return FV_EXIT_OK;
+    if (!run->quiet) path_tell(run, &path);
+    enum fv_exit end = stats_write(run, &report), pictures = pictures_draw(run, &report, &path);
+    if (path.failed || path.lost > 0)
+        return fv_say_failed("%s: %" PRIu64 " poses could not be written",
+                             run->trajectory_path != NULL ? run->trajectory_path : "path", path.lost);
+    return end != FV_EXIT_OK ? end : pictures;
 }
 
 static void recorder_end(struct run *run)
@@ -362,8 +418,6 @@ int fv_command_run(int argc, char **argv)
     else
         end = (fv_say("%s", error.text), fv_setup_exit(status));
     recorder_end(&run);
-    if (fv_trajectory_close(run.trajectory, &error) != FOVEA_OK && end == FV_EXIT_OK) end = fv_say_failed("%s", error.text);
-    run.trajectory = NULL;
     close_all(&run);
     return end;
 }

@@ -1,23 +1,65 @@
-/* The path of a run as a TUM trajectory file: "stamp_s x y z qx qy qz qw", T_world_cam of every posed frame as it was
- * published at that frame. The loop's thread puts poses into a ring; the watching thread writes them. */
+/* The camera's path: from the loop thread through a wait-free ring to whoever writes it to a file and holds
+ * it against the truth. All memory is taken at open, whatever the length of the run.
+ *
+ * The file has the TUM format: one line "time x y z qx qy qz qw" per posed frame, time in seconds,
+ * T_world_cam as it was published with that frame. The error is the root mean square distance of the camera
+ * centres to the truth after the best similarity transform (Umeyama, PAMI 1991), from running sums. */
 #ifndef FOVEA_APP_TRAJECTORY_H
 #define FOVEA_APP_TRAJECTORY_H
 
-#include "fovea/odometry.h"
+#include <stdbool.h>
+#include <stdint.h>
+
 #include "fovea/status.h"
+
+enum { FV_TRAJECTORY_POINTS_MAX = 4096 };
 
 struct fv_trajectory;
 
-/* Create the file. FOVEA_ERROR_INPUT: it cannot be written. */
-enum fovea_status fv_trajectory_open(const char *path, struct fv_trajectory **trajectory, struct fovea_error *error);
+struct fv_trajectory_sample {
+    int64_t stamp_ns;
+    double T_world_cam[12];
+    bool has_truth;
+    double truth[12]; /* T_world_cam in the truth's world */
+};
 
-/* Loop's thread: wait-free, no heap. A frame without a pose is passed over. NULL trajectory: nothing happens. */
-void fv_trajectory_add(struct fv_trajectory *trajectory, int64_t stamp_ns, const struct fovea_pose *pose);
+/* `path` may be NULL: no file. FOVEA_ERROR_INPUT: the file cannot be made. Init-only. */
+enum fovea_status fv_trajectory_open(const char *path, struct fv_trajectory **trajectory,
+                                     struct fovea_error *error);
 
-/* Watching thread: write what has come. */
+/* Hand over one posed frame. False, and counted, when the ring is full. Loop thread, real-time safe. */
+bool fv_trajectory_add(struct fv_trajectory *trajectory, const struct fv_trajectory_sample *sample);
+/* Whether there is room for another; for a loop that may wait. Loop thread. */
+bool fv_trajectory_room(struct fv_trajectory *trajectory);
+
+/* Write and sum up what has come. The thread that opened it; at least four times a second. */
 void fv_trajectory_drain(struct fv_trajectory *trajectory);
 
-/* Write the rest and close. FOVEA_ERROR_SYSTEM: something was not written (disk full, or the ring overran). */
-enum fovea_status fv_trajectory_close(struct fv_trajectory *trajectory, struct fovea_error *error);
+struct fv_trajectory_summary {
+    uint64_t samples, lost; /* written; not written since the ring was full */
+    uint64_t with_truth;
+    double truth_length_m;              /* of the path through the posed frames */
+    double error_m;                     /* root mean square; NaN with fewer than three samples or no extent */
+    double scale;                       /* from the trajectory's unit to the truth's metres */
+    double rotation[9], translation[3]; /* p_truth = scale R p + t */
+    bool failed;                        /* the file could not be written whole */
+
+    /* Camera centres for a picture: at most FV_TRAJECTORY_POINTS_MAX, evenly thinned; owned by the
+     * trajectory. */
+    uint32_t points;
+    const double (*centres)[3], (*truths)[3]; /* truths is NULL unless every sample had truth */
+};
+
+/* Drain, and sum up; valid until closed. */
+void fv_trajectory_finish(struct fv_trajectory *trajectory, struct fv_trajectory_summary *summary);
+void fv_trajectory_close(struct fv_trajectory *trajectory);
+
+/* Best similarity of points p to points q (Umeyama), from sums over samples about any origin: n, sum p, sum
+ * q, sum q p^T (row-major), sum |p|^2, sum |q|^2. False without extent. */
+struct fv_similarity_sums {
+    double n, p[3], q[3], qp[9], pp, qq;
+};
+bool fv_similarity_fit(const struct fv_similarity_sums *sums, double *scale, double rotation[9],
+                       double translation[3], double *rms);
 
 #endif

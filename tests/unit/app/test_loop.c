@@ -194,10 +194,12 @@ static void test_slow_source_drops_nothing(void **state)
 static bool busy;
 static int64_t stall_ns;
 
-static void stall(void *context, const struct fovea_inputs *inputs, const struct fovea_outputs *outputs)
+static void stall(void *context, const struct fovea_inputs *inputs, const struct fovea_outputs *outputs,
+                  const struct fovea_pose *pose)
 {
     (void)context;
     (void)outputs;
+    (void)pose;
     if (inputs->frame == NULL || inputs->frame->sequence != 10) return;
     int64_t until = now_ns() + stall_ns;
     if (!busy) pause_ns(stall_ns);
@@ -233,12 +235,14 @@ static void test_late_frames(void **state)
     assert_int_equal(timings.latency.count, loop.counts.processed);
 }
 
-static void grab(void *context, const struct fovea_inputs *inputs, const struct fovea_outputs *outputs)
+static void grab(void *context, const struct fovea_inputs *inputs, const struct fovea_outputs *outputs,
+                 const struct fovea_pose *pose)
 {
     void *volatile piece = malloc(16);
     (void)context;
     (void)inputs;
     (void)outputs;
+    (void)pose;
     free(piece);
 }
 

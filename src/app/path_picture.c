@@ -1,0 +1,167 @@
+#include "app/path_picture.h"
+
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "app/canvas.h"
+#include "geometry/linear.h"
+
+enum {
+    SIDE = 760,
+    MARGIN = 60,
+    TOP = 70,
+    INK = 0x222222,
+    GREY = 0xe4e4e4,
+    OURS = 0x1f5fa8,
+    TRUTH = 0xe08214
+};
+
+/* From points to pixels: two orthogonal directions, a centre and a scale, equal for both. */
+struct view {
+    double axis[2][3], centre[2], px_per_unit;
+};
+
+/* Our points in the truth's world, or as they are. */
+static void placed(const struct fv_trajectory_summary *summary, uint32_t i, double p[3])
+{
+    const double *c = summary->centres[i];
+    memcpy(p, c, 3 * sizeof *p);
+    if (!isfinite(summary->scale)) return;
+    for (int r = 0; r < 3; r++) {
+        const double *R = summary->rotation + 3 * r;
+        p[r] = summary->scale * (R[0] * c[0] + R[1] * c[1] + R[2] * c[2]) + summary->translation[r];
+    }
+}
+
+static double along(const double axis[3], const double p[3])
+{
+    return axis[0] * p[0] + axis[1] * p[1] + axis[2] * p[2];
+}
+
+static void widen(struct view *view, const double p[3], double low[2], double high[2])
+{
+    for (int a = 0; a < 2; a++) {
+        double at = along(view->axis[a], p);
+        if (at < low[a]) low[a] = at;
+        if (at > high[a]) high[a] = at;
+    }
+}
+
+static void directions(const struct fv_trajectory_summary *summary, struct view *view)
+{
+    double mean[3] = {0}, S[9] = {0}, values[3], V[9], p[3];
+    for (uint32_t i = 0; i < summary->points; i++) {
+        placed(summary, i, p);
+        for (int r = 0; r < 3; r++)
+            mean[r] += p[r] / summary->points;
+    }
+    for (uint32_t i = 0; i < summary->points; i++) {
+        placed(summary, i, p);
+        for (int r = 0; r < 3; r++)
+            for (int c = 0; c < 3; c++)
+                S[3 * r + c] += (p[r] - mean[r]) * (p[c] - mean[c]);
+    }
+    fv_eigen_symmetric3(S, values, V);
+    memcpy(view->axis, V, sizeof view->axis);
+    for (int a = 0; a < 2;
+         a++) { /* the same path gives the same picture: the largest component is positive */
+        int big = 0;
+        for (int r = 1; r < 3; r++)
+            if (fabs(view->axis[a][r]) > fabs(view->axis[a][big])) big = r;
+        for (int r = 0; r < 3 && view->axis[a][big] < 0.0; r++)
+            if (r != big) view->axis[a][r] = -view->axis[a][r];
+        if (view->axis[a][big] < 0.0) view->axis[a][big] = -view->axis[a][big];
+    }
+}
+
+static void view_fit(const struct fv_trajectory_summary *summary, struct view *view)
+{
+    double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY}, p[3];
+    directions(summary, view);
+    for (uint32_t i = 0; i < summary->points; i++) {
+        placed(summary, i, p);
+        widen(view, p, low, high);
+        if (summary->truths != NULL) widen(view, summary->truths[i], low, high);
+    }
+    double extent = high[0] - low[0] > high[1] - low[1] ? high[0] - low[0] : high[1] - low[1];
+    for (int a = 0; a < 2; a++)
+        view->centre[a] = (low[a] + high[a]) / 2;
+    view->px_per_unit = extent > 0.0 ? (SIDE - 2 * MARGIN) / extent : 1.0;
+}
+
+static void to_pixel(const struct view *view, const double p[3], float pixel[2])
+{
+    pixel[0] = (float)(SIDE / 2.0 + (along(view->axis[0], p) - view->centre[0]) * view->px_per_unit);
+    pixel[1] = (float)(TOP + SIDE / 2.0 - (along(view->axis[1], p) - view->centre[1]) * view->px_per_unit);
+}
+
+static void grid(struct fv_canvas *canvas, const struct view *view, const char *unit)
+{
+    char label[64];
+    double tick = 1e-6;
+    for (int i = 0; tick * view->px_per_unit < 70.0 && i < 48; i++)
+        tick *= i % 3 == 1 ? 2.5 : 2.0;
+    const double middle[2] = {SIDE / 2.0, TOP + SIDE / 2.0};
+    for (int k = -12; k <= 12; k++) {
+        float x = (float)(middle[0] + k * tick * view->px_per_unit),
+              y = (float)(middle[1] + k * tick * view->px_per_unit);
+        if (x > MARGIN / 2 && x < SIDE - MARGIN / 2)
+            fv_canvas_line(canvas, x, TOP, x, TOP + SIDE - MARGIN / 2, 1.0F, GREY);
+        if (y > TOP && y < TOP + SIDE - MARGIN / 2)
+            fv_canvas_line(canvas, MARGIN / 2, y, SIDE - MARGIN / 2, y, 1.0F, GREY);
+    }
+    snprintf(label, sizeof label, "one square is %.4g %s", tick, unit);
+    fv_canvas_text(canvas, MARGIN / 2, TOP + SIDE - 20, 1, INK, label);
+}
+
+static void draw(struct fv_canvas *canvas, const struct fv_trajectory_summary *summary,
+                 const struct view *view)
+{
+    float last[2], pixel[2];
+    double p[3];
+    for (uint32_t i = 0; summary->truths != NULL && i < summary->points; i++) {
+        to_pixel(view, summary->truths[i], pixel);
+        if (i > 0) fv_canvas_line(canvas, last[0], last[1], pixel[0], pixel[1], 3.0F, TRUTH);
+        memcpy(last, pixel, sizeof last);
+    }
+    for (uint32_t i = 0; i < summary->points; i++) {
+        placed(summary, i, p);
+        to_pixel(view, p, pixel);
+        if (i > 0)
+            fv_canvas_line(canvas, last[0], last[1], pixel[0], pixel[1], 1.4F, OURS);
+        else
+            fv_canvas_circle(canvas, pixel[0], pixel[1], 6.0F, 1.5F, OURS);
+        memcpy(last, pixel, sizeof last);
+    }
+    if (summary->points > 0) fv_canvas_disc(canvas, last[0], last[1], 4.0F, OURS);
+}
+
+enum fovea_status fv_path_picture(const char *path, const char *name,
+                                  const struct fv_trajectory_summary *summary, struct fovea_error *error)
+{
+    struct fv_canvas canvas;
+    struct view view;
+    char line[200];
+    enum fovea_status status = fv_canvas_create(&canvas, SIDE, TOP + SIDE, 0xffffff);
+    if (status != FOVEA_OK) return fovea_error_set(error, status, "%s: no memory for the picture", path);
+    const bool aligned = isfinite(summary->scale);
+    if (summary->points > 0) {
+        view_fit(summary, &view);
+        grid(&canvas, &view, aligned ? "m" : "of the path's own unit");
+        draw(&canvas, summary, &view);
+    }
+    snprintf(line, sizeof line, "%.60s: %" PRIu64 " posed frames", name, summary->samples);
+    fv_canvas_text(&canvas, MARGIN / 2, 14, fv_canvas_text_width(2, line) > SIDE - MARGIN ? 1 : 2, INK, line);
+    int x = fv_canvas_text(&canvas, MARGIN / 2, 44, 1, OURS, "path (ring: start, dot: end)   ");
+    if (aligned) {
+        x = fv_canvas_text(&canvas, x, 44, 1, TRUTH, "truth   ");
+        snprintf(line, sizeof line, "RMS error %.4g m over %.4g m", summary->error_m,
+                 summary->truth_length_m);
+        fv_canvas_text(&canvas, x, 44, 1, INK, line);
+    }
+    status = fv_canvas_write(&canvas, path, error);
+    fv_canvas_free(&canvas);
+    return status;
+}

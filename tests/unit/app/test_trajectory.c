@@ -1,0 +1,180 @@
+/* The trajectory: its file, its bounded points, and the fit to the truth. */
+#include <math.h>
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "app/trajectory.h"
+#include "fovea/elementary.h"
+
+/* Rotation by `angle` about a unit axis (Rodrigues), row-major 3x4 with zero translation. */
+static void rotation_about(const double axis[3], double angle, double T[12])
+{
+    double c = fovea_cos(angle), s = fovea_sin(angle), t = 1 - c;
+    const double K[9] = {0, -axis[2], axis[1], axis[2], 0, -axis[0], -axis[1], axis[0], 0};
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++)
+            T[4 * i + j] = (i == j ? c : 0) + s * K[3 * i + j] + t * axis[i] * axis[j];
+    T[3] = T[7] = T[11] = 0;
+}
+
+static void random_rotation(struct fovea_random *random, double T[12])
+{
+    double axis[3], norm = 0;
+    for (int i = 0; i < 3; i++) {
+        axis[i] = fovea_random_normal(random);
+        norm += axis[i] * axis[i];
+    }
+    for (int i = 0; i < 3; i++)
+        axis[i] /= sqrt(norm);
+    rotation_about(axis, (fovea_random_unit(random) * 2 - 1) * FOVEA_PI, T);
+}
+
+/* `dimensions`: of the point set: 3 in general, 2 in a plane, 1 on a line. */
+static void fit_known(struct fovea_random *random, int dimensions, double noise)
+{
+    struct fv_trajectory *trajectory;
+    struct fovea_error error;
+    struct fv_trajectory_summary summary;
+    double T[12], turn[12], axes[12], expected2 = 0;
+    const double scale = 0.3 + fovea_random_unit(random) * 4;
+    const int count = 500;
+    random_rotation(random, turn);
+    random_rotation(random, axes);
+    assert_int_equal(fv_trajectory_open(NULL, &trajectory, &error), FOVEA_OK);
+    random_rotation(random, T);
+    for (int n = 0; n < count; n++) {
+        struct fv_trajectory_sample sample = {.stamp_ns = n, .has_truth = true};
+        double p[3] = {0, 0, 0};
+        for (int d = 0; d < dimensions; d++) {
+            double along = fovea_random_normal(random) * (3 - d);
+            for (int i = 0; i < 3; i++)
+                p[i] += along * axes[4 * i + d];
+        }
+        memcpy(sample.T_world_cam, T, sizeof T);
+        for (int i = 0; i < 3; i++) {
+            sample.T_world_cam[4 * i + 3] = p[i] + 50;
+            double q = 700 - 100 * i, e = noise * fovea_random_normal(random);
+            for (int j = 0; j < 3; j++)
+                q += scale * turn[4 * i + j] * (p[j] + 50);
+            sample.truth[4 * i + 3] = q + e;
+            expected2 += e * e;
+        }
+        assert_true(fv_trajectory_add(trajectory, &sample));
+        if (n % 100 == 0) fv_trajectory_drain(trajectory);
+    }
+    fv_trajectory_finish(trajectory, &summary);
+    assert_int_equal(summary.samples, count);
+    assert_true(fabs(summary.scale - scale) < 1e-6 + noise * 0.1);
+    assert_true(fabs(summary.error_m - sqrt(expected2 / count)) < 1e-5 + noise * 0.05);
+    /* The transform takes every point to its truth. */
+    double sum2 = 0;
+    for (uint32_t n = 0; n < summary.points; n++)
+        for (int i = 0; i < 3; i++) {
+            double q = summary.translation[i];
+            for (int j = 0; j < 3; j++)
+                q += summary.scale * summary.rotation[3 * i + j] * summary.centres[n][j];
+            sum2 += (q - summary.truths[n][i]) * (q - summary.truths[n][i]);
+        }
+    assert_true(fabs(sqrt(sum2 / summary.points) - summary.error_m) < 1e-5 + noise * 1e-3);
+    fv_trajectory_close(trajectory);
+}
+
+static void test_similarity_is_found(void **state)
+{
+    (void)state;
+    struct fovea_random random;
+    fovea_random_seed(&random, 3);
+    for (int turn = 0; turn < 30; turn++)
+        for (int dimensions = 1; dimensions <= 3; dimensions++) {
+            fit_known(&random, dimensions, 0);
+            fit_known(&random, dimensions, 0.01);
+        }
+}
+
+static void test_no_extent(void **state)
+{
+    (void)state;
+    struct fv_trajectory *trajectory;
+    struct fv_trajectory_summary summary;
+    struct fv_trajectory_sample sample = {.has_truth = true,
+                                          .T_world_cam = {1, 0, 0, 4, 0, 1, 0, 5, 0, 0, 1, 6}};
+    assert_int_equal(fv_trajectory_open(NULL, &trajectory, NULL), FOVEA_OK);
+    for (int i = 0; i < 10; i++)
+        fv_trajectory_add(trajectory, &sample);
+    fv_trajectory_finish(trajectory, &summary);
+    assert_true(isnan(summary.error_m));
+    fv_trajectory_close(trajectory);
+    fv_trajectory_finish(NULL, &summary);
+    assert_int_equal(summary.samples, 0);
+}
+
+static void test_file_and_points(void **state)
+{
+    (void)state;
+    enum { COUNT = 30001 };
+    char path[] = "/tmp/fovea_trajectory_XXXXXX";
+    close(mkstemp(path));
+    struct fv_trajectory *trajectory;
+    struct fv_trajectory_summary summary;
+    struct fovea_error error;
+    struct fovea_random random;
+    fovea_random_seed(&random, 9);
+    static struct fv_trajectory_sample samples[COUNT];
+    assert_int_equal(fv_trajectory_open(path, &trajectory, &error), FOVEA_OK);
+    for (int n = 0; n < COUNT; n++) {
+        samples[n].stamp_ns = 1403638127245096960 + (int64_t)n * 50000000;
+        random_rotation(&random, samples[n].T_world_cam);
+        for (int i = 0; i < 3; i++)
+            samples[n].T_world_cam[4 * i + 3] = n + i * 0.25;
+        while (!fv_trajectory_add(trajectory, &samples[n]))
+            fv_trajectory_drain(trajectory);
+    }
+    fv_trajectory_finish(trajectory, &summary);
+    assert_int_equal(summary.samples, COUNT);
+    assert_true(summary.points > FV_TRAJECTORY_POINTS_MAX / 4 && summary.points <= FV_TRAJECTORY_POINTS_MAX);
+    double stride = summary.centres[1][0] - summary.centres[0][0];
+    for (uint32_t i = 0; i < summary.points; i++)
+        assert_true(summary.centres[i][0] == stride * i);
+    fv_trajectory_close(trajectory);
+
+    FILE *file = fopen(path, "r");
+    for (int n = 0; n < COUNT; n++) {
+        long long seconds, rest;
+        double t[3], q[4], R[9];
+        assert_int_equal(fscanf(file, "%lld.%lld %lf %lf %lf %lf %lf %lf %lf", &seconds, &rest, &t[0], &t[1],
+                                &t[2], &q[0], &q[1], &q[2], &q[3]),
+                         9);
+        assert_int_equal(seconds * 1000000000 + rest, samples[n].stamp_ns);
+        assert_true(t[0] == n && t[2] == n + 0.5);
+        const double x = q[0], y = q[1], z = q[2], w = q[3];
+        const double expected[9] = {
+            1 - 2 * (y * y + z * z), 2 * (x * y - w * z),     2 * (x * z + w * y),
+            2 * (x * y + w * z),     1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
+            2 * (x * z - w * y),     2 * (y * z + w * x),     1 - 2 * (x * x + y * y)};
+        memcpy(R, expected, sizeof R);
+        for (int i = 0; i < 9; i++)
+            assert_true(fabs(R[i] - samples[n].T_world_cam[i / 3 * 4 + i % 3]) < 1e-7);
+    }
+    fclose(file);
+    unlink(path);
+    assert_int_equal(fv_trajectory_open("/nowhere/path.tum", &trajectory, &error), FOVEA_ERROR_INPUT);
+    assert_non_null(strstr(error.text, "/nowhere/path.tum"));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_similarity_is_found),
+        cmocka_unit_test(test_no_extent),
+        cmocka_unit_test(test_file_and_points),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
