@@ -304,6 +304,14 @@ static const char *check_resize(const struct check *c)
     return NULL;
 }
 
+/* Exponentials fall from one and end with -1 for what is left out. */
+static int exps_fit(const int32_t *exps)
+{
+    int good = exps[0] == INT32_MAX;
+    for (int32_t i = 1; i < 256; ++i) good &= exps[i] >= -1 && exps[i] <= exps[i - 1];
+    return good;
+}
+
 static const char *check_softmax(const struct check *c)
 {
     const struct fv_op_softmax *p = &c->op->u.softmax;
@@ -311,7 +319,8 @@ static const char *check_softmax(const struct check *c)
     if (fault != NULL) return fault;
     const int64_t bytes = (int64_t)p->outer * p->depth;
     REQUIRE(softmax.depth, p->outer >= 1 && p->depth >= 1 && bytes <= input(c, 0)->bytes && bytes <= output(c, 0)->bytes, "does not fit the tensors");
-    REQUIRE(softmax.table, constant(c, p->table, 1024, 4), "the table lies outside the file");
+    REQUIRE(softmax.depth, p->depth <= 4000, "more values than the sum can hold");
+    REQUIRE(softmax.table, constant(c, p->table, 1024, 4) && exps_fit(words_at(c, p->table)), "the table is outside the file or no exponential");
     *c->word = 13;
     return c->op->rows == p->outer ? NULL : "rows do not match the shape";
 }

@@ -99,19 +99,18 @@ void fv_nn_op_copy(const struct fv_nn_call *call, int32_t begin, int32_t end)
     const int32_t *strides[2] = {p->src, p->dst};
     const uint8_t *table = p->table == 0 ? NULL : call->model->base + p->table;
     const int transpose = is_transpose(p);
-    for (int32_t row = begin; row < end;) {
+    for (int32_t row = begin, rows; row < end; row += rows) { /* rows up to the end of axis 4 at once */
         ptrdiff_t at[2];
         row_offsets(p->dims, row, strides, at, 2);
         const uint8_t *src = call->in[0] + p->src_first + at[0];
         uint8_t *dst = call->out[0] + p->dst_first + at[1];
-        if (transpose) { /* rows up to the end of axis 4 at once */
-            const int32_t left = p->dims[4] - row % p->dims[4], rows = left < end - row ? left : end - row;
+        const int32_t left = p->dims[4] - row % p->dims[4];
+        rows = left < end - row ? left : end - row;
+        if (transpose) {
             call->kernels->nn_transpose_u8(src, p->src[5], dst, p->dst[4], p->dims[5], rows);
-            row += rows;
-        } else {
-            copy_row(p, table, call->kernels, src, dst);
-            ++row;
+            continue;
         }
+        for (int32_t i = 0; i < rows; ++i, src += p->src[4], dst += p->dst[4]) copy_row(p, table, call->kernels, src, dst);
     }
 }
 

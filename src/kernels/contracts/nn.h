@@ -79,6 +79,11 @@ typedef void fv_k_nn_blend_u8_fn(const struct fv_nn_blend *p, const uint8_t *top
 /* out[i] = index of the first largest of in[i axis .. i axis + axis - 1], i < count. Reads up to 64 bytes past the end. */
 typedef void fv_k_nn_argmax_u8_fn(const uint8_t *in, int32_t axis, int32_t *out, int32_t count);
 
+/* Softmax of rows of `depth` packed bytes, gemmlowp's fixed point with 12 integer bits in the sum. `exps`: 256 words, exp of
+ * minus the distance from the row's largest value in Q0.31, -1 where the term is left out; exps[0] is 2^31 - 1 and they fall;
+ * depth is at most 4000, so that the sum fits. */
+typedef void fv_k_nn_softmax_u8_fn(const int32_t *exps, const uint8_t *in, uint8_t *out, int32_t depth, int32_t rows);
+
 /* Transpose bytes: out[c ldo + r] = in[r ldi + c], r < rows, c < columns. */
 typedef void fv_k_nn_transpose_u8_fn(const uint8_t *in, ptrdiff_t ldi, uint8_t *out, ptrdiff_t ldo, int32_t rows,
                                      int32_t columns);
