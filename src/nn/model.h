@@ -39,7 +39,7 @@ enum {
     FV_MODEL_ARENA_BYTES_MAX = 1 << 28,
     FV_MODEL_IO_MAX = 16,
     FV_MODEL_LABELS_MAX = 4096,
-    FV_MODEL_CONV_PIXELS = 24,      /* output pixels gathered at a time */
+    FV_MODEL_CONV_PIXELS = 48,      /* output pixels gathered at a time */
     FV_MODEL_DEPTHWISE_COLUMNS = 72 /* input columns interleaved at a time (more when the kernel is wider) */
 };
 

@@ -4,7 +4,7 @@ MAGIC = b"FVM\x01"
 ALIGN = 64
 HEADER_BYTES = 512
 TENSOR_WORDS, OP_WORDS, PARAM_WORDS = 16, 64, 48
-CONV_PIXELS = 24           # output pixels gathered at a time
+CONV_PIXELS = 48           # output pixels gathered at a time
 DEPTHWISE_COLUMNS = 72     # input columns interleaved at a time
 ARENA_SLACK = 64           # bytes that kernels may read past the last tensor
 
