@@ -8,7 +8,7 @@
 
 enum { UNIT_FEATURES = 256, DISTANCE_GROW_MAX = 50, DISTANCE_FUSE_MAX = 50, CULL_EXPECTED_MIN = 8 };
 
-static const double cos_parallax_max = 0.99998; /* 0.36 degrees */
+static const double cos_parallax_max = 0.99996; /* half a degree */
 static const double chi_square_95_2 = 5.991;
 static const double baseline_share_min = 0.03; /* of the median depth: nearer neighbours give no depth */
 static const double depth_near = 0.15; /* of the median depth: where the search along the line starts */

@@ -12,7 +12,7 @@
 enum {
     MATCHES_MIN = 80,       /* fewer, and the waiting frame is exchanged */
     DISTANCE_MAX = 64,      /* Hamming */
-    LANDMARKS_MIN = 60,     /* with the full parallax, to start on */
+    LANDMARKS_MIN = 50,     /* with the full parallax, to start on */
     WAITING_FRAMES_MAX = 60 /* then the view has changed too much to hope */
 };
 
