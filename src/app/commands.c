@@ -11,5 +11,7 @@ const struct fv_command fv_commands[] = {
     {"features", "find, describe and draw the features of a picture", fv_command_features},
     {"match", "match the features of two pictures", fv_command_match},
     {"rectify", "take the lens's distortion out of a picture", fv_command_rectify},
+    {"detect", "find objects in pictures with an int8 network", fv_command_detect},
+    {"model", "tell what a model file holds, needs and how fast it runs here", fv_command_model},
     {NULL, NULL, NULL},
 };

@@ -53,8 +53,12 @@ def zipped_labels(path):
         with zipfile.ZipFile(path) as archive:
             names = [n for n in archive.namelist() if n.endswith(".txt")]
             text = archive.read(names[0]).decode("utf-8") if names else ""
-    except zipfile.BadZipFile:
+    except (zipfile.BadZipFile, OSError):
         return []
+    if text.lstrip().startswith("{"):  # a dictionary that holds `names` by class
+        import ast
+        names = ast.literal_eval(text.strip()).get("names", {})
+        return [str(names.get(i, "")) for i in range(max(names) + 1)] if names else []
     return [line.strip() for line in text.splitlines()]
 
 

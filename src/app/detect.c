@@ -1,0 +1,152 @@
+/* fovea detect: what a network finds in pictures, as JSON lines and drawn. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "app/canvas.h"
+#include "app/colour.h"
+#include "app/options.h"
+#include "app/say.h"
+#include "detect/decode.h"
+#include "nn/run.h"
+
+struct engine {
+    struct fv_model_file file;
+    struct fv_kernels kernels;
+    uint8_t *arena;
+    struct fv_detect_scratch *scratch;
+    struct fovea_detection found[FOVEA_DETECTIONS_MAX];
+    int32_t count;
+    uint64_t units; /* run so many at a time; 0: all */
+};
+
+static enum fovea_status engine_open(struct engine *engine, const char *path, struct fovea_error *error)
+{
+    enum fv_cpu_set set;
+    enum fovea_status status = fv_cpu_from_environment(&set, error);
+    if (status == FOVEA_OK) status = fv_model_file_read(path, &engine->file, error);
+    if (status != FOVEA_OK) return status;
+    fv_kernels_init(&engine->kernels, set);
+    engine->arena = aligned_alloc(64, (fv_nn_arena_bytes(&engine->file.model) + 63) / 64 * 64);
+    engine->scratch = calloc(1, sizeof *engine->scratch);
+    if (engine->arena == NULL || engine->scratch == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.300s: out of memory", path);
+    memset(engine->arena, 0, fv_nn_arena_bytes(&engine->file.model));
+    return FOVEA_OK;
+}
+
+static void engine_close(struct engine *engine)
+{
+    free(engine->arena);
+    free(engine->scratch);
+    fv_model_file_free(&engine->file);
+}
+
+static enum fovea_status look_at(struct engine *engine, const struct fovea_image *image)
+{
+    const struct fv_model *model = &engine->file.model;
+    struct fv_detect_view view;
+    const enum fovea_status status = fv_detect_view(model, image, &view);
+    if (status != FOVEA_OK) return status;
+    fv_detect_fill(model, image, &view, engine->arena, 0, model->header->preprocess.height);
+    struct fv_nn_progress progress = {0, 0};
+    const uint32_t units = engine->units == 0 || engine->units > 1u << 30 ? 1u << 30 : (uint32_t)engine->units;
+    uint32_t done;
+    while (fv_nn_run(model, &engine->kernels, engine->arena, &progress, units, &done) == FOVEA_AGAIN) continue;
+    engine->count = fv_detect_decode(model, engine->arena, &view, engine->scratch, engine->found, FOVEA_DETECTIONS_MAX);
+    return FOVEA_OK;
+}
+
+/* A string as JSON; bytes below space are dropped, others pass. */
+static void print_text(const char *text)
+{
+    putchar('"');
+    for (; *text != '\0'; ++text) {
+        if (*text == '"' || *text == '\\') putchar('\\');
+        if ((unsigned char)*text >= ' ') putchar(*text);
+    }
+    putchar('"');
+}
+
+static const char *label_of(const struct engine *engine, int32_t class_id)
+{
+    const char *label = fv_model_label(&engine->file.model, class_id + engine->file.model.header->decode.first_label);
+    return label == NULL ? "" : label;
+}
+
+static void print_line(const struct engine *engine, const char *path, const struct fovea_image *image)
+{
+    printf("{\"image\": ");
+    print_text(path);
+    printf(", \"width\": %d, \"height\": %d, \"detections\": [", image->width, image->height);
+    for (int32_t i = 0; i < engine->count; ++i) {
+        const struct fovea_detection *d = &engine->found[i];
+        printf("%s{\"class\": %d, \"label\": ", i == 0 ? "" : ", ", d->class_id);
+        print_text(label_of(engine, d->class_id));
+        printf(", \"score\": %.6f, \"box_px\": [%.3f, %.3f, %.3f, %.3f]}", (double)d->score, (double)d->x_min_px, (double)d->y_min_px,
+               (double)d->x_max_px, (double)d->y_max_px);
+    }
+    printf("]}\n");
+}
+
+/* dir/name.png with the boxes and their labels. */
+static enum fovea_status draw(const struct engine *engine, const char *path, const struct fovea_image *image, const char *folder,
+                              struct fovea_error *error)
+{
+    static const uint32_t colours[6] = {0xff5544, 0x44cc66, 0x4499ff, 0xffdd33, 0xbb77ff, 0x33ccbb};
+    const char *slash = strrchr(path, '/'), *name = slash == NULL ? path : slash + 1;
+    const char *dot = strrchr(name, '.');
+    char target[1024];
+    snprintf(target, sizeof target, "%.600s/%.*s.png", folder, (int)(dot == NULL ? strlen(name) : (size_t)(dot - name)), name);
+    struct fv_canvas canvas;
+    enum fovea_status status = fv_canvas_create(&canvas, image->width, image->height, 0);
+    if (status != FOVEA_OK) return fovea_error_set(error, status, "%.300s: out of memory", target);
+    fv_canvas_image(&canvas, 0, 0, image);
+    for (int32_t i = engine->count - 1; i >= 0; --i) {
+        const struct fovea_detection *d = &engine->found[i];
+        const uint32_t colour = colours[d->class_id % 6];
+        char text[96];
+        snprintf(text, sizeof text, "%.60s %d%%", label_of(engine, d->class_id), (int)(d->score * 100.0f + 0.5f));
+        fv_canvas_box(&canvas, d->x_min_px, d->y_min_px, d->x_max_px, d->y_max_px, 2, colour);
+        const int left = (int)d->x_min_px + 2, top = (int)d->y_min_px + 2;
+        fv_canvas_fill(&canvas, left, top, fv_canvas_text_width(1, text) + 4, FV_CANVAS_TEXT_HEIGHT + 4, colour);
+        fv_canvas_text(&canvas, left + 2, top + 2, 1, 0x000000, text);
+    }
+    status = fv_canvas_write(&canvas, target, error);
+    fv_canvas_free(&canvas);
+    return status;
+}
+
+int fv_command_detect(int argc, char **argv)
+{
+    struct engine engine = {.count = 0};
+    const char *model = NULL, *folder = NULL;
+    const struct fv_option options[] = {
+        {"model", "FILE", FV_OPTION_TEXT, &model, "model file (.fvm) made by tools/import"},
+        {"draw", "DIR", FV_OPTION_TEXT, &folder, "write each picture with its boxes as PNG into this folder"},
+        {"units", "N", FV_OPTION_COUNT, &engine.units, "run so many units at a time, as in the loop (same results)"},
+        {0},
+    };
+    int first;
+    const enum fv_options_result result = fv_options_parse(options, "IMAGE...", 1, 1 << 20, argc, argv, &first);
+    if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
+    if (model == NULL) return fv_say_wrong("detect: --model FILE is missing");
+    struct fovea_error error;
+    if (engine_open(&engine, model, &error) != FOVEA_OK) return fv_say_wrong("%s", error.text);
+    int status = FV_EXIT_OK;
+    for (int i = first; i < argc && status == FV_EXIT_OK; ++i) {
+        struct fovea_image image;
+        if (fv_colour_read(argv[i], &image, &error) != FOVEA_OK) {
+            status = fv_say_wrong("%s", error.text);
+            break;
+        }
+        if (look_at(&engine, &image) != FOVEA_OK) {
+            status = fv_say_wrong("%s: its first input is not an image of 1 or 3 channels", model);
+        } else {
+            print_line(&engine, argv[i], &image);
+            if (folder != NULL && draw(&engine, argv[i], &image, folder, &error) != FOVEA_OK) status = fv_say_failed("%s", error.text);
+        }
+        free((void *)(uintptr_t)image.data);
+    }
+    engine_close(&engine);
+    return status;
+}

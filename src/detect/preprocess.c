@@ -1,0 +1,130 @@
+#include "detect/preprocess.h"
+
+#include <string.h>
+
+#include "nn/run.h"
+
+enum { WEIGHT_BITS = 11, WEIGHT_ONE = 1 << WEIGHT_BITS };
+
+enum fovea_status fv_detect_view(const struct fv_model *model, const struct fovea_image *image, struct fv_detect_view *view)
+{
+    const struct fv_model_preprocess *p = &model->header->preprocess;
+    const struct fv_model_tensor *t = &model->tensors[model->inputs[0]];
+    const int colours = p->channels == 1 || p->channels == 3;
+    const int fits = t->rank == 4 && t->dims[0] == 1 && t->dims[1] == p->height && t->dims[2] == p->width && t->dims[3] == p->channels &&
+                     (t->type == FV_TYPE_U8 || t->type == FV_TYPE_F32) && (t->flags & FV_TENSOR_CONST) == 0;
+    const int readable = image->format == FOVEA_PIXEL_GREY8 || image->format == FOVEA_PIXEL_RGB24 || image->format == FOVEA_PIXEL_BGR24;
+    if (!colours || !fits || !readable || image->width < 1 || image->height < 1) return FOVEA_ERROR_UNSUPPORTED;
+    *view = (struct fv_detect_view){.image_width = image->width, .image_height = image->height, .width = p->width, .height = p->height};
+    if (p->fit == FV_FIT_LETTERBOX) {
+        if ((int64_t)p->width * image->height < (int64_t)p->height * image->width) {
+            view->height = (int32_t)(((int64_t)image->height * p->width * 2 + image->width) / (2 * (int64_t)image->width));
+        } else {
+            view->width = (int32_t)(((int64_t)image->width * p->height * 2 + image->height) / (2 * (int64_t)image->height));
+        }
+        view->width = view->width < 1 ? 1 : view->width;
+        view->height = view->height < 1 ? 1 : view->height;
+        view->left = (p->width - view->width) / 2;
+        view->top = (p->height - view->height) / 2;
+    }
+    view->scale_x = (float)view->width / (float)image->width;
+    view->scale_y = (float)view->height / (float)image->height;
+    return FOVEA_OK;
+}
+
+/* Lower neighbour and weight of the upper one for target `at` of `count` over `size` source pixels. */
+static void source_of(int32_t at, int32_t count, int32_t size, int32_t *low, int32_t *high, int32_t *weight)
+{
+    /* (at + 0.5) size / count - 0.5 in units of 1 / WEIGHT_ONE, rounded down */
+    const int64_t position = ((int64_t)(2 * at + 1) * size * WEIGHT_ONE / count - WEIGHT_ONE) / 2;
+    const int64_t clamped = position < 0 ? 0 : position;
+    *low = (int32_t)(clamped >> WEIGHT_BITS);
+    *weight = (int32_t)(clamped & (WEIGHT_ONE - 1));
+    if (*low >= size - 1) {
+        *low = size - 1;
+        *weight = 0;
+    }
+    *high = *low + 1 < size ? *low + 1 : *low;
+}
+
+/* Red, green and blue of one interpolated pixel. */
+static void sample(const struct fovea_image *image, const uint8_t *upper, const uint8_t *lower, int32_t wy, int32_t left, int32_t right,
+                   int32_t wx, uint8_t rgb[3])
+{
+    const int32_t channels = image->format == FOVEA_PIXEL_GREY8 ? 1 : 3;
+    for (int32_t c = 0; c < channels; ++c) {
+        const int32_t a = upper[left * channels + c] * (WEIGHT_ONE - wx) + upper[right * channels + c] * wx;
+        const int32_t b = lower[left * channels + c] * (WEIGHT_ONE - wx) + lower[right * channels + c] * wx;
+        const int64_t sum = (int64_t)a * (WEIGHT_ONE - wy) + (int64_t)b * wy;
+        rgb[c] = (uint8_t)((sum + (INT64_C(1) << (2 * WEIGHT_BITS - 1))) >> (2 * WEIGHT_BITS));
+    }
+    if (channels == 1) {
+        rgb[1] = rgb[2] = rgb[0];
+    } else if (image->format == FOVEA_PIXEL_BGR24) {
+        const uint8_t blue = rgb[0];
+        rgb[0] = rgb[2];
+        rgb[2] = blue;
+    }
+}
+
+/* Input values by pixel value and channel. */
+struct tables {
+    uint8_t byte[3][256];
+    float real[3][256];
+};
+
+static void make_tables(const struct fv_model *model, struct tables *t)
+{
+    const struct fv_model_preprocess *p = &model->header->preprocess;
+    const struct fv_model_tensor *in = &model->tensors[model->inputs[0]];
+    for (int32_t c = 0; c < 3; ++c) {
+        for (int32_t v = 0; v < 256; ++v) {
+            const float real = ((float)v - p->mean[c]) * p->scale[c];
+            const float quantised = real / in->scale + (float)in->zero + 0.5f;
+            t->real[c][v] = real;
+            t->byte[c][v] = quantised < 0.0f ? 0 : quantised < 256.0f ? (uint8_t)quantised : 255;
+        }
+    }
+}
+
+static void put(const struct fv_model *model, const struct tables *t, uint8_t *input, ptrdiff_t at, const uint8_t rgb[3])
+{
+    const struct fv_model_preprocess *p = &model->header->preprocess;
+    const int real = model->tensors[model->inputs[0]].type == FV_TYPE_F32;
+    uint8_t value[3] = {rgb[0], rgb[1], rgb[2]};
+    if (p->channels == 1) value[0] = (uint8_t)((9798 * rgb[0] + 19235 * rgb[1] + 3735 * rgb[2] + 16384) >> 15);
+    if (p->order == 1) {
+        value[0] = rgb[2];
+        value[2] = rgb[0];
+    }
+    for (int32_t c = 0; c < p->channels; ++c) {
+        if (real) memcpy(input + (at * p->channels + c) * 4, &t->real[c][value[c]], 4);
+        else input[at * p->channels + c] = t->byte[c][value[c]];
+    }
+}
+
+void fv_detect_fill(const struct fv_model *model, const struct fovea_image *image, const struct fv_detect_view *view, uint8_t *arena,
+                    int32_t begin, int32_t end)
+{
+    const struct fv_model_preprocess *p = &model->header->preprocess;
+    uint8_t *input = fv_nn_tensor(model, arena, model->inputs[0]);
+    const uint8_t border[3] = {(uint8_t)p->pad, (uint8_t)p->pad, (uint8_t)p->pad};
+    struct tables tables;
+    make_tables(model, &tables);
+    for (int32_t y = begin; y < end; ++y) {
+        const int32_t iy = y - view->top;
+        int32_t up = 0, down = 0, wy = 0;
+        if (iy >= 0 && iy < view->height) source_of(iy, view->height, image->height, &up, &down, &wy);
+        const uint8_t *upper = image->data + (ptrdiff_t)up * image->stride_bytes, *lower = image->data + (ptrdiff_t)down * image->stride_bytes;
+        for (int32_t x = 0; x < p->width; ++x) {
+            const int32_t ix = x - view->left;
+            uint8_t rgb[3] = {border[0], border[1], border[2]};
+            if (iy >= 0 && iy < view->height && ix >= 0 && ix < view->width) {
+                int32_t left, right, wx;
+                source_of(ix, view->width, image->width, &left, &right, &wx);
+                sample(image, upper, lower, wy, left, right, wx, rgb);
+            }
+            put(model, &tables, input, (ptrdiff_t)y * p->width + x, rgb);
+        }
+    }
+}
