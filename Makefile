@@ -274,6 +274,11 @@ BENCH_O := $(call objs,$(wildcard tests/bench/*.cpp)) $(KERNEL_CHECKS)
 $(BUILD)/bench: $(BENCH_O) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 	$(CXX) $(LDFLAGS) -o $@ $(BENCH_O) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group \
 	    $(OPENCV_LIBS) $(LIBS_APP) -lm
+# The armed proof brings its own malloc, so it is linked with the library alone.
+$(BUILD)/tests/realtime/test_armed: $(BUILD)/obj/tests/realtime/test_armed.o $(BUILD)/libfovea.a
+	@mkdir -p $(@D)
+	@echo "  link $@"
+	$(Q)$(CXX) $(LDFLAGS) -o $@ $^ -lcmocka $(LIBS_CORE) -lm
 OPENCV_LIBS = -lopencv_calib3d -lopencv_features2d -lopencv_imgcodecs -lopencv_imgproc -lopencv_core
 $(BUILD)/obj/tests/%.o: CFLAGS += -Itests
 $(BUILD)/obj/tests/%.o: CXXFLAGS += -Itests -isystem /usr/include/opencv4
