@@ -188,7 +188,7 @@ static void test_cut_off(void **state)
     struct fv_replay_result result;
     struct fovea_error error;
     uint32_t refused = 0;
-    for (size_t cut = whole_bytes - 1; cut > 2000; cut -= cut / 37 + 1) {
+    for (size_t cut = whole_bytes - 1; cut > 2000; cut -= cut / 12 + 1) {
         write_changed(whole, cut);
         enum fovea_status status = fv_replay(changed, true, NULL, NULL, &result, &error);
         assert_false(result.different);
@@ -199,7 +199,7 @@ static void test_cut_off(void **state)
             assert_int_equal(status, FOVEA_OK);
         }
     }
-    assert_true(refused > 50);
+    assert_true(refused > 20);
 }
 
 static void test_mutated(void **state)
@@ -209,7 +209,7 @@ static void test_mutated(void **state)
     uint8_t *copy = malloc(whole_bytes);
     uint32_t outcomes[3] = {0};
     size_t header = find_data("FOVEA_FRAME", 0);
-    for (int round = 0; round < 300; round++) {
+    for (int round = 0; round < 100; round++) {
         memcpy(copy, whole, whole_bytes);
         for (int flips = 0; flips < 1 + round % 5; flips++) {
             seed = seed * 6364136223846793005u + 1442695040888963407u;
@@ -226,9 +226,9 @@ static void test_mutated(void **state)
         }
         outcomes[status != FOVEA_OK ? 0 : result.different ? 1 : 2]++;
     }
-    print_message("300 mutated logs: %u refused, %u different, %u equal\n", outcomes[0], outcomes[1],
+    print_message("100 mutated logs: %u refused, %u different, %u equal\n", outcomes[0], outcomes[1],
                   outcomes[2]);
-    assert_true(outcomes[0] > 100 && outcomes[1] > 10);
+    assert_true(outcomes[0] > 30 && outcomes[1] > 5);
     free(copy);
 }
 
