@@ -146,43 +146,87 @@ static void look_round(const struct fv_sim_surface *s, const float *restrict x, 
     }
 }
 
-/* Level and fixed-point texel of every sample. Half-octaves of length are octaves of area, which the exponent
- * of a float counts: level l for footprints of 2^(l-1) to 2^l texels of the base, so that a level's texel is
- * never smaller than the pixel. The scale of level l is 2^-(l / 2), times 5/7 for odd l (texture.c), made
- * from its bits. */
-static void find_texels(const struct fv_sim_texture *texture, int32_t count, struct look *restrict look)
+/* Level for a footprint, from the bits of its area. Half-octaves of length are octaves of area, which the
+ * exponent of a float counts: level l for footprints of 2^(l-1) to 2^l texels of the base, so that a level's
+ * texel is never smaller than the pixel. */
+static inline int32_t level_of(int32_t area_bits, int32_t last)
 {
-    const int32_t one = 0x3F800000, five_sevenths = 0x3F36DB6E, last = texture->level_count - 1;
-    const float width = texture->u_max, height = texture->v_max;
-    union punned scale;
+    const int32_t level = (area_bits >> 23) - 126, low = level < 0 ? 0 : level;
+    return low > last ? last : low;
+}
+
+/* Bits of the scale of a level: 2^-(level / 2), times 5/7 for odd ones (texture.c). */
+static inline int32_t scale_bits(int32_t level)
+{
+    const int32_t one = 0x3F800000, five_sevenths = 0x3F36DB6E;
+    return one - (-(level & 1) & (one - five_sevenths)) - ((level >> 1) << 23);
+}
+
+/* 256ths of a texel of a level, from texels of the base and 256 times the level's scale; kept inside. */
+static inline int32_t texel_at(float base, float size, float fine)
+{
+    const int32_t last = (int32_t)(size * fine) - 128, at = (int32_t)(base * fine) - 128,
+                  low = at < last ? at : last;
+    return low > 0 ? low : 0;
+}
+
+/* Whether all samples have one level (as mostly); then only level[0] is set. */
+static bool find_levels(const struct fv_sim_texture *texture, int32_t count, struct look *restrict look)
+{
+    const int32_t last = texture->level_count - 1;
+    int32_t least = INT32_MAX, most = 0; /* positive floats are in the order of their bits */
     for (int32_t i = 0; i < count; i++) {
-        int32_t level = (look->area.bits[i] >> 23) - 126;
-        level = level < 0 ? 0 : level;
-        level = level > last ? last : level;
-        look->level[i] = level;
-        scale.bits[i] = one - (-(level & 1) & (one - five_sevenths)) - ((level >> 1) << 23);
+        least = look->area.bits[i] < least ? look->area.bits[i] : least;
+        most = look->area.bits[i] > most ? look->area.bits[i] : most;
     }
-    for (int32_t i = 0; i < count; i++) {
-        const float fine = scale.real[i] * 256.0f;
-        const int32_t u_last = (int32_t)(width * fine) - 128, v_last = (int32_t)(height * fine) - 128;
-        int32_t u = (int32_t)(look->u[i] * fine) - 128, v = (int32_t)(look->v[i] * fine) - 128;
-        u = u < u_last ? u : u_last;
-        v = v < v_last ? v : v_last;
-        look->fixed_u[i] = u > 0 ? u : 0;
-        look->fixed_v[i] = v > 0 ? v : 0;
-    }
+    look->level[0] = level_of(least, last);
+    if (look->level[0] == level_of(most, last)) return true;
+    for (int32_t i = 0; i < count; i++)
+        look->level[i] = level_of(look->area.bits[i], last);
+    return false;
 }
 
 /* The four texels round every sample: upper and lower pair, the left one in the low byte. */
-static void fetch(const struct fv_sim_texture *texture, const struct look *restrict look, int32_t count,
-                  uint16_t *restrict upper, uint16_t *restrict lower)
+static void fetch_one_level(const struct fv_sim_texture *texture, int32_t count, struct look *restrict look,
+                            uint16_t *restrict upper, uint16_t *restrict lower)
 {
+    const struct fv_sim_level *l = &texture->level[look->level[0]];
+    const uint8_t *top = l->texels, *bottom = l->texels + l->stride;
+    const float width = texture->u_max, height = texture->v_max;
+    const int32_t stride = l->stride, bits = scale_bits(look->level[0]);
+    int32_t at[SAMPLES];
+    float fine;
+    memcpy(&fine, &bits, sizeof fine);
+    fine *= 256.0f;
+    for (int32_t i = 0; i < count; i++) {
+        look->fixed_u[i] = texel_at(look->u[i], width, fine);
+        look->fixed_v[i] = texel_at(look->v[i], height, fine);
+        at[i] = (look->fixed_v[i] >> 8) * stride + (look->fixed_u[i] >> 8);
+    }
+    for (int32_t i = 0; i < count; i++) {
+        const uint8_t *t = top + at[i], *b = bottom + at[i];
+        upper[i] = (uint16_t)(t[0] | t[1] << 8);
+        lower[i] = (uint16_t)(b[0] | b[1] << 8);
+    }
+}
+
+static void fetch_levels(const struct fv_sim_texture *texture, int32_t count, struct look *restrict look,
+                         uint16_t *restrict upper, uint16_t *restrict lower)
+{
+    const float width = texture->u_max, height = texture->v_max;
+    union punned scale;
+    for (int32_t i = 0; i < count; i++)
+        scale.bits[i] = scale_bits(look->level[i]);
+    for (int32_t i = 0; i < count; i++) {
+        look->fixed_u[i] = texel_at(look->u[i], width, scale.real[i] * 256.0f);
+        look->fixed_v[i] = texel_at(look->v[i], height, scale.real[i] * 256.0f);
+    }
     for (int32_t i = 0; i < count; i++) {
         const struct fv_sim_level *l = &texture->level[look->level[i]];
-        const uint8_t *t =
-            l->texels + (ptrdiff_t)(look->fixed_v[i] >> 8) * l->stride + (look->fixed_u[i] >> 8);
+        const uint8_t *t = l->texels + (look->fixed_v[i] >> 8) * l->stride + (look->fixed_u[i] >> 8),
+                      *b = t + l->stride;
         upper[i] = (uint16_t)(t[0] | t[1] << 8);
-        lower[i] = (uint16_t)(t[l->stride] | t[l->stride + 1] << 8);
+        lower[i] = (uint16_t)(b[0] | b[1] << 8);
     }
 }
 
@@ -221,8 +265,10 @@ static void shade(const struct fv_sim_surface *s, const float *x, const float *y
         for (int32_t i = 0; i < count; i++)
             look.light[i] = light;
     }
-    find_texels(s->texture, count, &look);
-    fetch(s->texture, &look, count, upper, lower);
+    if (find_levels(s->texture, count, &look))
+        fetch_one_level(s->texture, count, &look, upper, lower);
+    else
+        fetch_levels(s->texture, count, &look, upper, lower);
     blend(&look, count, upper, lower, out);
 }
 

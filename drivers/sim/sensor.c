@@ -26,15 +26,15 @@ void fv_sim_sensor(const uint16_t *linear, int32_t count, double light, double n
     for (int32_t j = 0; j < LANES; j++)
         state[j] = fovea_random_u32(&random) | 1u;
     /* Linear is in 1/256 grey levels; the four bytes have a standard deviation of 147.8 about 510. */
-    const int32_t gain = (int32_t)(light * 256.0 + 0.5),
-                  spread = (int32_t)(noise * 256.0 * 256.0 / 147.8 + 0.5);
+    const uint16_t gain = (uint16_t)(light * 256.0 + 0.5);
+    const int16_t spread = (int16_t)(noise * 256.0 * 256.0 / 147.8 + 0.5);
     for (int32_t i = 0; i < count; i += LANES) {
         const int32_t n = count - i < LANES ? count - i : LANES;
         advance(state);
         for (int32_t j = 0; j < n; j++) {
             const uint32_t s = state[j];
             const int32_t sum = (int32_t)((s & 255u) + (s >> 8 & 255u) + (s >> 16 & 255u) + (s >> 24)) - 510;
-            int32_t value = ((linear[i + j] * gain >> 8) + (sum * spread >> 8) + 128) >> 8;
+            int32_t value = ((linear[i + j] * gain >> 8) + ((int16_t)sum * spread >> 8) + 128) >> 8;
             value = value < 0 ? 0 : value;
             grey[i + j] = (uint8_t)(value > 255 ? 255 : value);
         }
