@@ -17,6 +17,7 @@ CXX      := $(CROSS)g++
 endif
 AR       := $(CROSS)ar
 EMULATOR ?=
+JOBS     ?= $(shell nproc)
 PREFIX   ?= /usr/local
 MACHINE  := $(shell $(CC) -dumpmachine 2>/dev/null)
 
@@ -95,32 +96,32 @@ help:  ## this list
 
 run:  ## install what is missing, build, and run the tour on the simulated camera
 	@tools/install.sh build
-	@$(MAKE) --no-print-directory all
+	@$(MAKE) --no-print-directory -j$(JOBS) all
 	$(BUILD)/fovea run
 
 test:  ## install what is missing, build, and run the tests
 	@tools/install.sh build test
-	@$(MAKE) --no-print-directory all tests
+	@$(MAKE) --no-print-directory -j$(JOBS) all tests
 	@tools/run_tests.sh $(BUILD) $(EMULATOR)
 
 # Everything else that must hold: other compiler, layers, symbols, style, sanitizers.
 check:  ## layers, symbols, stack, clang build, clang-tidy, tests under asan+ubsan and tsan
 	@tools/install.sh build test check
-	@$(MAKE) --no-print-directory all
+	@$(MAKE) --no-print-directory -j$(JOBS) all
 	@tools/check_layers.sh
 	@tools/check_symbols.sh $(BUILD)
 	@tools/check_stack.sh $(BUILD)
 	@tools/check_headers.sh
-	@$(MAKE) --no-print-directory BUILD=build-clang CC=clang CXX=clang++ all tests
+	@$(MAKE) --no-print-directory -j$(JOBS) BUILD=build-clang CC=clang CXX=clang++ all tests
 	@tools/run_tests.sh build-clang
 	@tools/check_tidy.sh
-	@$(MAKE) --no-print-directory BUILD=build-asan SAN=asan all tests
+	@$(MAKE) --no-print-directory -j$(JOBS) BUILD=build-asan SAN=asan all tests
 	@tools/run_tests.sh build-asan
-	@$(MAKE) --no-print-directory BUILD=build-tsan SAN=tsan all tests
+	@$(MAKE) --no-print-directory -j$(JOBS) BUILD=build-tsan SAN=tsan all tests
 	@tools/run_tests.sh build-tsan
 
 QEMU = qemu-aarch64 -L /usr/aarch64-linux-gnu -E LD_LIBRARY_PATH=$(CURDIR)/build-aarch64/sysroot/usr/lib/aarch64-linux-gnu:$(CURDIR)/build-aarch64/sysroot/lib/aarch64-linux-gnu
-CROSSMAKE = $(MAKE) --no-print-directory BUILD=build-aarch64 CROSS=aarch64-linux-gnu-
+CROSSMAKE = $(MAKE) --no-print-directory -j$(JOBS) BUILD=build-aarch64 CROSS=aarch64-linux-gnu-
 cross:  ## build for aarch64 and run the tests under qemu-user
 	@tools/install.sh build test cross
 	@tools/make_sysroot.sh build-aarch64/sysroot
@@ -130,7 +131,7 @@ cross:  ## build for aarch64 and run the tests under qemu-user
 # Every tests/fuzz/fuzz_*.c is a libFuzzer target; its corpus of past findings and seeds is tests/fuzz/corpus/NAME.
 FUZZ_SECONDS ?= 60
 FUZZERS := $(patsubst tests/fuzz/%.c,build-fuzz/fuzz/%,$(wildcard tests/fuzz/fuzz_*.c))
-FUZZMAKE = $(MAKE) --no-print-directory BUILD=build-fuzz SAN=fuzz CC=clang CXX=clang++
+FUZZMAKE = $(MAKE) --no-print-directory -j$(JOBS) BUILD=build-fuzz SAN=fuzz CC=clang CXX=clang++
 fuzz:  ## fuzz every parser of outside input for FUZZ_SECONDS each, under asan+ubsan
 	@tools/install.sh build fuzz
 	@$(FUZZMAKE) fuzzers
@@ -220,11 +221,11 @@ isa_flags = $(if $(findstring _sse4.c,$(1)),-msse4.2 -mpopcnt)\
 # Only the application may see the drivers' own headers.
 $(BUILD)/obj/src/app/%.o: CFLAGS += -I.
 
-$(BUILD)/obj/%.o: %.c Makefile | $(LCMGEN)
+$(BUILD)/obj/%.o: %.c | $(LCMGEN)
 	@mkdir -p $(@D)
 	@echo "  $(notdir $(CC)) $<"
 	$(Q)$(CC) $(CFLAGS) $(call isa_flags,$<) -c $< -o $@
-$(BUILD)/obj/%.o: %.cpp Makefile | $(LCMGEN)
+$(BUILD)/obj/%.o: %.cpp | $(LCMGEN)
 	@mkdir -p $(@D)
 	@echo "  $(notdir $(CXX)) $<"
 	$(Q)$(CXX) $(CXXFLAGS) $(if $(filter src/%,$<),$(CXXCORE)) -c $< -o $@
