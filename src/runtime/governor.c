@@ -7,7 +7,7 @@
 
 enum {
     MAP_UNITS_MIN = 24,          /* a window of five iterations within six frames */
-    MAP_UNITS_FIXED = 32,
+    MAP_UNITS_FIXED = 40,        /* keyframes of a car follow each other by two frames */
     PREVIEW_UNITS_MIN = 4,       /* a preview of 376x240 in 6 frames */
     PREVIEW_UNITS_FIXED = 8,
     SHORT_FRAMES_TO_ACT = 15,    /* half a second at 30 Hz: a single slow frame changes nothing */
