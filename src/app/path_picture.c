@@ -11,6 +11,7 @@
 enum {
     SIDE = 760,
     MARGIN = 60,
+    EDGE = 30,
     TOP = 70,
     INK = 0x222222,
     GREY = 0xe4e4e4,
@@ -107,13 +108,11 @@ static void grid(struct fv_canvas *canvas, const struct view *view, const char *
     for (int k = -12; k <= 12; k++) {
         float x = (float)(middle[0] + k * tick * view->px_per_unit),
               y = (float)(middle[1] + k * tick * view->px_per_unit);
-        if (x > MARGIN / 2 && x < SIDE - MARGIN / 2)
-            fv_canvas_line(canvas, x, TOP, x, TOP + SIDE - MARGIN / 2, 1.0F, GREY);
-        if (y > TOP && y < TOP + SIDE - MARGIN / 2)
-            fv_canvas_line(canvas, MARGIN / 2, y, SIDE - MARGIN / 2, y, 1.0F, GREY);
+        if (x > EDGE && x < SIDE - EDGE) fv_canvas_line(canvas, x, TOP, x, TOP + SIDE - EDGE, 1.0F, GREY);
+        if (y > TOP && y < TOP + SIDE - EDGE) fv_canvas_line(canvas, EDGE, y, SIDE - EDGE, y, 1.0F, GREY);
     }
     snprintf(label, sizeof label, "one square is %.4g %s", tick, unit);
-    fv_canvas_text(canvas, MARGIN / 2, TOP + SIDE - 20, 1, INK, label);
+    fv_canvas_text(canvas, EDGE, TOP + SIDE - 20, 1, INK, label);
 }
 
 static void draw(struct fv_canvas *canvas, const struct fv_trajectory_summary *summary,
@@ -153,8 +152,8 @@ enum fovea_status fv_path_picture(const char *path, const char *name,
         draw(&canvas, summary, &view);
     }
     snprintf(line, sizeof line, "%.60s: %" PRIu64 " posed frames", name, summary->samples);
-    fv_canvas_text(&canvas, MARGIN / 2, 14, fv_canvas_text_width(2, line) > SIDE - MARGIN ? 1 : 2, INK, line);
-    int x = fv_canvas_text(&canvas, MARGIN / 2, 44, 1, OURS, "path (ring: start, dot: end)   ");
+    fv_canvas_text(&canvas, EDGE, 14, fv_canvas_text_width(2, line) > SIDE - MARGIN ? 1 : 2, INK, line);
+    int x = fv_canvas_text(&canvas, EDGE, 44, 1, OURS, "path (ring: start, dot: end)   ");
     if (aligned) {
         x = fv_canvas_text(&canvas, x, 44, 1, TRUTH, "truth   ");
         snprintf(line, sizeof line, "RMS error %.4g m over %.4g m", summary->error_m,
