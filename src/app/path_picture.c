@@ -24,18 +24,6 @@ struct view {
     double axis[2][3], centre[2], px_per_unit;
 };
 
-/* Our points in the truth's world, or as they are. */
-static void placed(const struct fv_trajectory_summary *summary, uint32_t i, double p[3])
-{
-    const double *c = summary->centres[i];
-    memcpy(p, c, 3 * sizeof *p);
-    if (!isfinite(summary->scale)) return;
-    for (int r = 0; r < 3; r++) {
-        const double *R = summary->rotation + 3 * r;
-        p[r] = summary->scale * (R[0] * c[0] + R[1] * c[1] + R[2] * c[2]) + summary->translation[r];
-    }
-}
-
 static double along(const double axis[3], const double p[3])
 {
     return axis[0] * p[0] + axis[1] * p[1] + axis[2] * p[2];
@@ -53,16 +41,20 @@ static void widen(struct view *view, const double p[3], double low[2], double hi
 static void directions(const struct fv_trajectory_summary *summary, struct view *view)
 {
     double mean[3] = {0}, S[9] = {0}, values[3], V[9], p[3];
+    double count = 0.0;
     for (uint32_t i = 0; i < summary->points; i++) {
-        placed(summary, i, p);
+        if (isnan(summary->centres[i][0])) continue;
         for (int r = 0; r < 3; r++)
-            mean[r] += p[r] / summary->points;
+            mean[r] += summary->centres[i][r];
+        count += 1.0;
     }
     for (uint32_t i = 0; i < summary->points; i++) {
-        placed(summary, i, p);
+        if (isnan(summary->centres[i][0])) continue;
+        for (int r = 0; r < 3; r++)
+            p[r] = summary->centres[i][r] - mean[r] / count;
         for (int r = 0; r < 3; r++)
             for (int c = 0; c < 3; c++)
-                S[3 * r + c] += (p[r] - mean[r]) * (p[c] - mean[c]);
+                S[3 * r + c] += p[r] * p[c];
     }
     fv_eigen_symmetric3(S, values, V);
     memcpy(view->axis, V, sizeof view->axis);
@@ -79,11 +71,10 @@ static void directions(const struct fv_trajectory_summary *summary, struct view 
 
 static void view_fit(const struct fv_trajectory_summary *summary, struct view *view)
 {
-    double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY}, p[3];
+    double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY};
     directions(summary, view);
     for (uint32_t i = 0; i < summary->points; i++) {
-        placed(summary, i, p);
-        widen(view, p, low, high);
+        widen(view, summary->centres[i], low, high); /* NaN widens nothing */
         if (summary->truths != NULL) widen(view, summary->truths[i], low, high);
     }
     double extent = high[0] - low[0] > high[1] - low[1] ? high[0] - low[0] : high[1] - low[1];
@@ -118,23 +109,24 @@ static void grid(struct fv_canvas *canvas, const struct view *view, const char *
 static void draw(struct fv_canvas *canvas, const struct fv_trajectory_summary *summary,
                  const struct view *view)
 {
-    float last[2], pixel[2];
-    double p[3];
+    float last[2] = {0}, pixel[2];
     for (uint32_t i = 0; summary->truths != NULL && i < summary->points; i++) {
         to_pixel(view, summary->truths[i], pixel);
         if (i > 0) fv_canvas_line(canvas, last[0], last[1], pixel[0], pixel[1], 3.0F, TRUTH);
         memcpy(last, pixel, sizeof last);
     }
+    bool drawn = false;
     for (uint32_t i = 0; i < summary->points; i++) {
-        placed(summary, i, p);
-        to_pixel(view, p, pixel);
-        if (i > 0)
-            fv_canvas_line(canvas, last[0], last[1], pixel[0], pixel[1], 1.4F, OURS);
-        else
+        if (isnan(summary->centres[i][0])) continue;
+        to_pixel(view, summary->centres[i], pixel);
+        if (!drawn || summary->map_of[i] != summary->map_of[i - 1])
             fv_canvas_circle(canvas, pixel[0], pixel[1], 6.0F, 1.5F, OURS);
+        else
+            fv_canvas_line(canvas, last[0], last[1], pixel[0], pixel[1], 1.4F, OURS);
         memcpy(last, pixel, sizeof last);
+        drawn = true;
     }
-    if (summary->points > 0) fv_canvas_disc(canvas, last[0], last[1], 4.0F, OURS);
+    if (drawn) fv_canvas_disc(canvas, last[0], last[1], 4.0F, OURS);
 }
 
 enum fovea_status fv_path_picture(const char *path, const char *name,
@@ -153,11 +145,11 @@ enum fovea_status fv_path_picture(const char *path, const char *name,
     }
     snprintf(line, sizeof line, "%.60s: %" PRIu64 " posed frames", name, summary->samples);
     fv_canvas_text(&canvas, EDGE, 14, fv_canvas_text_width(2, line) > SIDE - MARGIN ? 1 : 2, INK, line);
-    int x = fv_canvas_text(&canvas, EDGE, 44, 1, OURS, "path (ring: start, dot: end)   ");
+    int x = fv_canvas_text(&canvas, EDGE, 44, 1, OURS, "path (rings: a map starts, dot: end)   ");
     if (aligned) {
         x = fv_canvas_text(&canvas, x, 44, 1, TRUTH, "truth   ");
-        snprintf(line, sizeof line, "RMS error %.4g m over %.4g m", summary->error_m,
-                 summary->truth_length_m);
+        snprintf(line, sizeof line, "RMS error %.4g m over %.4g m, %" PRIu32 " map%s", summary->error_m,
+                 summary->truth_length_m, summary->maps, summary->maps == 1 ? "" : "s");
         fv_canvas_text(&canvas, x, 44, 1, INK, line);
     }
     status = fv_canvas_write(&canvas, path, error);

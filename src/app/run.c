@@ -66,7 +66,7 @@ static void step_done(void *context, const struct fovea_inputs *inputs, const st
     fv_transport_publish(run->transport, outputs);
     fv_recorder_step(run->recorder, inputs, outputs);
     if (pose == NULL || !pose->posed) return;
-    struct fv_trajectory_sample sample = {.stamp_ns = inputs->frame->stamp_ns};
+    struct fv_trajectory_sample sample = {.stamp_ns = inputs->frame->stamp_ns, .map = pose->reset_counter};
     const struct fovea_source_ops *ops = run->setup.ops;
     memcpy(sample.T_world_cam, pose->T_world_cam, sizeof sample.T_world_cam);
     if (ops->truth != NULL && ops->truth(run->setup.source, inputs->frame, &run->truth) == FOVEA_OK) {
@@ -353,8 +353,9 @@ static void path_tell(const struct run *run, const struct fv_trajectory_summary 
     printf("  posed %" PRIu64 " of %" PRIu64 " frames, lost %" PRIu64, counts->tracked, counts->processed,
            counts->lost);
     if (isfinite(path->error_m))
-        printf("; RMS error %.4g m (%.2f %%) of a path of %.4g m, after alignment", path->error_m,
-               100.0 * path->error_m / path->truth_length_m, path->truth_length_m);
+        printf("; RMS error %.4g m (%.2f %%) of a path of %.4g m, %s", path->error_m,
+               100.0 * path->error_m / path->truth_length_m, path->truth_length_m,
+               path->maps == 1 ? "aligned" : "each map aligned by itself");
     printf("\n");
 }
 

@@ -12,15 +12,23 @@
 
 enum { RING_BYTES = 1 << 20 };
 
+/* One world, aligned by itself. Sums are taken about its first sample, which keeps their digits. */
+struct map {
+    struct fv_similarity_sums sums;
+    double origin_p[3], origin_q[3];
+};
+
 struct fv_trajectory {
     struct fv_ring ring;
     FILE *file;
     uint64_t lost; /* the loop's */
 
     uint64_t samples, with_truth;
-    struct fv_similarity_sums sums;
-    double origin_p[3], origin_q[3], last_truth[3], truth_length_m;
+    double last_truth[3], truth_length_m;
+    uint32_t last_map, maps; /* reset counter of the last sample; worlds so far */
+    struct map map[FV_TRAJECTORY_MAPS_MAX];
     uint32_t points, stride;
+    uint8_t map_of[FV_TRAJECTORY_POINTS_MAX];
     double centres[FV_TRAJECTORY_POINTS_MAX][3], truths[FV_TRAJECTORY_POINTS_MAX][3];
     bool failed;
     uint8_t memory[RING_BYTES];
@@ -84,21 +92,29 @@ static void line_write(struct fv_trajectory *trajectory, const struct fv_traject
     if (written < 0) trajectory->failed = true;
 }
 
-static void sums_add(struct fv_trajectory *trajectory, const double centre[3], const double truth[3])
+static void length_add(struct fv_trajectory *trajectory, const double truth[3])
 {
-    struct fv_similarity_sums *sums = &trajectory->sums;
-    double p[3], q[3], step2 = 0.0;
-    if (trajectory->with_truth == 0) {
-        memcpy(trajectory->origin_p, centre, sizeof p);
-        memcpy(trajectory->origin_q, truth, sizeof q);
-        memcpy(trajectory->last_truth, truth, sizeof q);
-    }
+    double step2 = 0.0;
     for (int i = 0; i < 3; i++) {
-        p[i] = centre[i] - trajectory->origin_p[i];
-        q[i] = truth[i] - trajectory->origin_q[i];
-        double step = truth[i] - trajectory->last_truth[i];
+        double step = trajectory->with_truth > 0 ? truth[i] - trajectory->last_truth[i] : 0.0;
         step2 += step * step;
         trajectory->last_truth[i] = truth[i];
+    }
+    trajectory->with_truth++;
+    trajectory->truth_length_m += __builtin_sqrt(step2);
+}
+
+static void sums_add(struct map *map, const double centre[3], const double truth[3])
+{
+    struct fv_similarity_sums *sums = &map->sums;
+    double p[3], q[3];
+    if (sums->n == 0.0) {
+        memcpy(map->origin_p, centre, sizeof p);
+        memcpy(map->origin_q, truth, sizeof q);
+    }
+    for (int i = 0; i < 3; i++) {
+        p[i] = centre[i] - map->origin_p[i];
+        q[i] = truth[i] - map->origin_q[i];
     }
     for (int i = 0; i < 3; i++) {
         sums->p[i] += p[i];
@@ -109,8 +125,12 @@ static void sums_add(struct fv_trajectory *trajectory, const double centre[3], c
             sums->qp[3 * i + j] += q[i] * p[j];
     }
     sums->n += 1.0;
-    trajectory->with_truth++;
-    trajectory->truth_length_m += __builtin_sqrt(step2);
+}
+
+/* Of the world of the last sample; FV_TRAJECTORY_MAPS_MAX for those that are too many to judge. */
+static uint32_t map_index(const struct fv_trajectory *trajectory)
+{
+    return trajectory->maps <= FV_TRAJECTORY_MAPS_MAX ? trajectory->maps - 1 : FV_TRAJECTORY_MAPS_MAX;
 }
 
 static void point_keep(struct fv_trajectory *trajectory, const double centre[3], const double truth[3])
@@ -120,12 +140,14 @@ static void point_keep(struct fv_trajectory *trajectory, const double centre[3],
         for (uint32_t i = 0; i < FV_TRAJECTORY_POINTS_MAX / 2; i++) {
             memcpy(trajectory->centres[i], trajectory->centres[2 * i], sizeof trajectory->centres[i]);
             memcpy(trajectory->truths[i], trajectory->truths[2 * i], sizeof trajectory->truths[i]);
+            trajectory->map_of[i] = trajectory->map_of[2 * i];
         }
         trajectory->points /= 2;
         trajectory->stride *= 2;
     }
     memcpy(trajectory->centres[trajectory->points], centre, sizeof trajectory->centres[0]);
     memcpy(trajectory->truths[trajectory->points], truth, sizeof trajectory->truths[0]);
+    trajectory->map_of[trajectory->points] = (uint8_t)map_index(trajectory);
     trajectory->points++;
 }
 
@@ -133,9 +155,13 @@ static void take(struct fv_trajectory *trajectory, const struct fv_trajectory_sa
 {
     const double *T = sample->T_world_cam, *Q = sample->truth;
     const double centre[3] = {T[3], T[7], T[11]}, truth[3] = {Q[3], Q[7], Q[11]};
+    if (trajectory->maps == 0 || sample->map != trajectory->last_map) trajectory->maps++;
+    trajectory->last_map = sample->map;
     line_write(trajectory, sample);
     point_keep(trajectory, centre, truth);
-    if (sample->has_truth) sums_add(trajectory, centre, truth);
+    if (sample->has_truth) length_add(trajectory, truth);
+    if (sample->has_truth && map_index(trajectory) < FV_TRAJECTORY_MAPS_MAX)
+        sums_add(&trajectory->map[map_index(trajectory)], centre, truth);
     trajectory->samples++;
 }
 
@@ -152,6 +178,50 @@ void fv_trajectory_drain(struct fv_trajectory *trajectory)
     }
 }
 
+struct fit {
+    bool found;
+    double scale, rotation[9], translation[3];
+};
+
+static void align_point(const struct map *map, const struct fit *fit, double point[3])
+{
+    double from[3];
+    for (int i = 0; i < 3; i++)
+        from[i] = point[i] - map->origin_p[i];
+    for (int i = 0; i < 3; i++) {
+        const double *R = fit->rotation + 3 * i;
+        double turned = R[0] * from[0] + R[1] * from[1] + R[2] * from[2];
+        point[i] = fit->found ? fit->scale * turned + fit->translation[i] + map->origin_q[i] : NAN;
+    }
+}
+
+/* Fit every map, and sum up their errors. */
+static void judge(struct fv_trajectory *trajectory, struct fv_trajectory_summary *summary)
+{
+    struct fit fits[FV_TRAJECTORY_MAPS_MAX + 1] = {0};
+    double sum2 = 0.0, judged = 0.0, most = 0.0;
+    for (uint32_t i = 0; i < trajectory->maps && i < FV_TRAJECTORY_MAPS_MAX; i++) {
+        const struct fv_similarity_sums *sums = &trajectory->map[i].sums;
+        struct fit *fit = &fits[i];
+        double rms;
+        fit->found =
+            sums->n >= 3.0 && fv_similarity_fit(sums, &fit->scale, fit->rotation, fit->translation, &rms);
+        if (!fit->found) continue;
+        sum2 += sums->n * rms * rms;
+        judged += sums->n;
+        if (sums->n > most) summary->scale = fit->scale;
+        if (sums->n > most) most = sums->n;
+    }
+    if (!(judged > 0.0)) return;
+    summary->judged = (uint64_t)judged;
+    summary->error_m = __builtin_sqrt(sum2 / judged);
+    for (uint32_t i = 0; i < trajectory->points; i++) {
+        uint8_t map = trajectory->map_of[i];
+        align_point(&trajectory->map[map < FV_TRAJECTORY_MAPS_MAX ? map : 0], &fits[map],
+                    trajectory->centres[i]);
+    }
+}
+
 void fv_trajectory_finish(struct fv_trajectory *trajectory, struct fv_trajectory_summary *summary)
 {
     *summary = (struct fv_trajectory_summary){.error_m = NAN, .scale = NAN};
@@ -163,26 +233,15 @@ void fv_trajectory_finish(struct fv_trajectory *trajectory, struct fv_trajectory
     }
     summary->samples = trajectory->samples;
     summary->lost = trajectory->lost;
-    summary->with_truth = trajectory->with_truth;
+    summary->maps = trajectory->maps;
     summary->truth_length_m = trajectory->truth_length_m;
     summary->failed = trajectory->failed;
     summary->points = trajectory->points;
     summary->centres = (const double(*)[3])trajectory->centres;
+    summary->map_of = trajectory->map_of;
     if (trajectory->with_truth == trajectory->samples)
         summary->truths = (const double(*)[3])trajectory->truths;
-    double scale, rotation[9], translation[3], rms;
-    if (trajectory->with_truth < 3 ||
-        !fv_similarity_fit(&trajectory->sums, &scale, rotation, translation, &rms))
-        return;
-    summary->scale = scale;
-    summary->error_m = rms;
-    memcpy(summary->rotation, rotation, sizeof rotation);
-    for (int i = 0; i < 3; i++) { /* sums were taken about the first samples */
-        double turned = 0.0;
-        for (int j = 0; j < 3; j++)
-            turned += rotation[3 * i + j] * trajectory->origin_p[j];
-        summary->translation[i] = translation[i] + trajectory->origin_q[i] - scale * turned;
-    }
+    judge(trajectory, summary);
 }
 
 void fv_trajectory_close(struct fv_trajectory *trajectory)

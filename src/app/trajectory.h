@@ -3,7 +3,9 @@
  *
  * The file has the TUM format: one line "time x y z qx qy qz qw" per posed frame, time in seconds,
  * T_world_cam as it was published with that frame. The error is the root mean square distance of the camera
- * centres to the truth after the best similarity transform (Umeyama, PAMI 1991), from running sums. */
+ * centres to the truth after the best similarity transform (Umeyama, PAMI 1991), from running sums. Maps that
+ * were started anew after a loss are each aligned by themselves: the first FV_TRAJECTORY_MAPS_MAX of them,
+ * later ones are not judged. */
 #ifndef FOVEA_APP_TRAJECTORY_H
 #define FOVEA_APP_TRAJECTORY_H
 
@@ -12,12 +14,13 @@
 
 #include "fovea/status.h"
 
-enum { FV_TRAJECTORY_POINTS_MAX = 4096 };
+enum { FV_TRAJECTORY_POINTS_MAX = 4096, FV_TRAJECTORY_MAPS_MAX = 64 };
 
 struct fv_trajectory;
 
 struct fv_trajectory_sample {
     int64_t stamp_ns;
+    uint32_t map; /* the reset counter: poses of different maps have different worlds */
     double T_world_cam[12];
     bool has_truth;
     double truth[12]; /* T_world_cam in the truth's world */
@@ -37,17 +40,19 @@ void fv_trajectory_drain(struct fv_trajectory *trajectory);
 
 struct fv_trajectory_summary {
     uint64_t samples, lost; /* written; not written since the ring was full */
-    uint64_t with_truth;
-    double truth_length_m;              /* of the path through the posed frames */
-    double error_m;                     /* root mean square; NaN with fewer than three samples or no extent */
-    double scale;                       /* from the trajectory's unit to the truth's metres */
-    double rotation[9], translation[3]; /* p_truth = scale R p + t */
-    bool failed;                        /* the file could not be written whole */
+    uint32_t maps;          /* worlds that the samples are in */
+    uint64_t judged;        /* samples that the error is of: with truth, in maps of some extent */
+    double truth_length_m;  /* of the path through the samples with truth */
+    double error_m;         /* root mean square; NaN when nothing could be judged */
+    double scale; /* from the trajectory's unit to metres, of the map with most samples; NaN likewise */
+    bool failed;  /* the file could not be written whole */
 
     /* Camera centres for a picture: at most FV_TRAJECTORY_POINTS_MAX, evenly thinned; owned by the
-     * trajectory. */
+     * trajectory. With an error they are aligned to the truth, and those that could not be are NaN. `map_of`
+     * counts maps from 0. */
     uint32_t points;
     const double (*centres)[3], (*truths)[3]; /* truths is NULL unless every sample had truth */
+    const uint8_t *map_of;
 };
 
 /* Drain, and sum up; valid until closed. */

@@ -74,14 +74,12 @@ static void fit_known(struct fovea_random *random, int dimensions, double noise)
     assert_int_equal(summary.samples, count);
     assert_true(fabs(summary.scale - scale) < 1e-6 + noise * 0.1);
     assert_true(fabs(summary.error_m - sqrt(expected2 / count)) < 1e-5 + noise * 0.05);
-    /* The transform takes every point to its truth. */
+    /* Points for the picture are aligned. */
     double sum2 = 0;
     for (uint32_t n = 0; n < summary.points; n++)
         for (int i = 0; i < 3; i++) {
-            double q = summary.translation[i];
-            for (int j = 0; j < 3; j++)
-                q += summary.scale * summary.rotation[3 * i + j] * summary.centres[n][j];
-            sum2 += (q - summary.truths[n][i]) * (q - summary.truths[n][i]);
+            double off = summary.centres[n][i] - summary.truths[n][i];
+            sum2 += off * off;
         }
     assert_true(fabs(sqrt(sum2 / summary.points) - summary.error_m) < 1e-5 + noise * 1e-3);
     fv_trajectory_close(trajectory);
@@ -97,6 +95,47 @@ static void test_similarity_is_found(void **state)
             fit_known(&random, dimensions, 0);
             fit_known(&random, dimensions, 0.01);
         }
+}
+
+/* Maps of different worlds are aligned one by one; one without extent is left out, and too many are no harm.
+ */
+static void test_several_maps(void **state)
+{
+    (void)state;
+    struct fv_trajectory *trajectory;
+    struct fv_trajectory_summary summary;
+    struct fovea_random random;
+    fovea_random_seed(&random, 21);
+    assert_int_equal(fv_trajectory_open(NULL, &trajectory, NULL), FOVEA_OK);
+    const int per_map = 50, maps = FV_TRAJECTORY_MAPS_MAX + 10;
+    for (int map = 0; map < maps; map++) {
+        double turn[12], scale = 0.5 + fovea_random_unit(&random);
+        random_rotation(&random, turn);
+        for (int n = 0; n < per_map; n++) {
+            struct fv_trajectory_sample sample = {.map = (uint32_t)map * 2 + 7, .has_truth = true};
+            memcpy(sample.T_world_cam, turn, sizeof turn);
+            for (int i = 0; i < 3; i++)
+                sample.truth[4 * i + 3] = map == 3 ? 5.0 : fovea_random_normal(&random) + map;
+            for (int i = 0; i < 3; i++) {
+                double p = i;
+                for (int j = 0; j < 3; j++)
+                    p += turn[4 * j + i] * sample.truth[4 * j + 3] / scale;
+                sample.T_world_cam[4 * i + 3] = p;
+            }
+            fv_trajectory_add(trajectory, &sample);
+        }
+        fv_trajectory_drain(trajectory);
+    }
+    fv_trajectory_finish(trajectory, &summary);
+    assert_int_equal(summary.maps, maps);
+    assert_int_equal(summary.judged, (FV_TRAJECTORY_MAPS_MAX - 1) * per_map);
+    assert_true(summary.error_m < 1e-6);
+    for (uint32_t n = 0; n < summary.points; n++) {
+        bool left_out = summary.map_of[n] == 3 || summary.map_of[n] >= FV_TRAJECTORY_MAPS_MAX;
+        assert_int_equal(isnan(summary.centres[n][0]) != 0, left_out);
+        if (!left_out) assert_true(fabs(summary.centres[n][1] - summary.truths[n][1]) < 1e-6);
+    }
+    fv_trajectory_close(trajectory);
 }
 
 static void test_no_extent(void **state)
@@ -173,6 +212,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_similarity_is_found),
+        cmocka_unit_test(test_several_maps),
         cmocka_unit_test(test_no_extent),
         cmocka_unit_test(test_file_and_points),
     };
