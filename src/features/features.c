@@ -1,5 +1,7 @@
 #include "features/features.h"
 
+#include "features/refine.h"
+
 void fv_features_carve(struct fv_features *features, const struct fovea_features_config *config,
                        const struct fv_pyramid *pyramid, struct fv_arena *frame)
 {
@@ -68,5 +70,6 @@ uint32_t fv_features_find(struct fv_features *features, const struct fv_kernels 
     features->count =
         fv_spread_pick(&features->spread, features->corners);
     fill_list(features);
+    fv_refine_corners(kernels, pyramid, features->corners, features->count, features->list);
     return features->count;
 }

@@ -27,7 +27,7 @@ struct fv_features {
     struct fovea_features_config config;
     uint32_t count;             /* features of the last frame */
     struct fovea_feature *list; /* config.count_max elements */
-    struct fv_corner *corners;  /* the same in pixels of their levels, element by element */
+    struct fv_corner *corners;  /* the same in whole pixels of their levels, element by element */
     struct fv_fast_scratch fast;
     struct fv_spread spread;
 };

@@ -10,6 +10,7 @@
 
 #include "kernels/cpu.h"
 
+#include "kernels/contracts/corner.h"
 #include "kernels/contracts/fast.h"
 #include "kernels/contracts/grey.h"
 #include "kernels/contracts/hamming.h"
