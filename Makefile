@@ -85,7 +85,7 @@ LIBS_APP  := -llcm -lyaml -lpng -ljpeg -lz -ldl
 
 # ---- what can be asked for -------------------------------------------------------------------------------------
 .DEFAULT_GOAL := all
-.PHONY: all help run test check bench fuzz campaign hil cross size fmt install clean evaluate
+.PHONY: all help run test check bench fuzz campaign cross size fmt install clean evaluate
 .DELETE_ON_ERROR:
 .SECONDARY:
 
@@ -156,6 +156,9 @@ $(BUILD)/venv/evo:
 	@touch $@
 evaluate: all $(BUILD)/venv/evo  ## run the recordings with truth over seeds and starts, and rewrite the committed table
 	$(BUILD)/venv/bin/python tools/evaluate/evaluate.py --fovea $(BUILD)/fovea --output tools/evaluate/odometry.md
+
+campaign: all  ## the long proofs, resumable: hours; tools/campaign.sh --sample takes five minutes
+	@tools/campaign.sh
 
 clean:  ## remove everything that was built
 	rm -rf $(BUILD) build-*

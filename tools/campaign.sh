@@ -1,0 +1,64 @@
+#!/bin/sh
+# The long proofs, each with a verdict line; goes on after a failure and fails at the end. Finished parts are remembered in
+# BUILD/campaign, so that an interrupted campaign goes on where it stopped (remove the folder to begin anew).
+# Usage: tools/campaign.sh [--sample]     --sample: about five minutes, nothing remembered
+set -u
+cd "$(dirname "$0")/.."
+build=build
+done_folder=$build/campaign
+sample=
+[ "${1:-}" = --sample ] && sample=1
+mkdir -p "$done_folder"
+failed=
+
+part() { # part NAME COMMAND...
+    name=$1
+    shift
+    [ -z "$sample" ] && [ -f "$done_folder/$name" ] && { echo "done before  $name"; return; }
+    if "$@" >"$done_folder/$name.log" 2>&1; then
+        echo "ok           $name"
+        [ -n "$sample" ] || touch "$done_folder/$name"
+    else
+        echo "FAILED       $name"
+        tail -n 15 "$done_folder/$name.log"
+        failed="$failed $name"
+    fi
+}
+
+# The simulated camera at 60 Hz by the clock: no frame dropped for which the loop had processor time, memory as at the start.
+realtime() {
+    stats=$done_folder/realtime.json
+    $build/fovea run --source 'sim:wander?rate=60' --rate real --frames "$1" --stats "$stats" --timings none --quiet \
+        --set 'lcm_url=' || return 1
+    late=$(sed -n 's/.*"late": \([0-9]*\).*/\1/p' "$stats" | head -n 1)
+    starved=$(sed -n 's/.*"late_without_cpu": \([0-9]*\).*/\1/p' "$stats" | head -n 1)
+    heap=$(sed -n 's/.*"heap_calls_after_init": \([0-9]*\).*/\1/p' "$stats" | head -n 1)
+    echo "late $late, of these without processor time $starved, heap calls $heap"
+    [ "$late" -eq "$starved" ] && [ "$heap" -eq 0 ]
+}
+
+# Runs of any length stay in the block: resident memory after a long run is that after a short one, to a page or two.
+wander() {
+    for frames in 600 "$1"; do
+        $build/fovea run --source 'sim:wander?width=320&height=240' --frames "$frames" --timings none --quiet \
+            --stats "$done_folder/wander.json" --set 'lcm_url=' || return 1
+        resident=$(sed -n 's/.*"resident_bytes": \([0-9]*\).*/\1/p' "$done_folder/wander.json" | head -n 1)
+        echo "$frames frames: $resident bytes resident"
+        [ "$frames" = 600 ] && first=$resident
+    done
+    [ "$resident" -le $((first + 262144)) ]
+}
+
+if [ -n "$sample" ]; then
+    part realtime realtime 3600
+    part wander wander 3000
+    part everywhere tests/replay/everywhere.sh 100
+    part fuzz make --no-print-directory fuzz FUZZ_SECONDS=8
+else
+    part realtime realtime 36000
+    part wander wander 108000
+    part everywhere tests/replay/everywhere.sh --all 200
+    part fuzz make --no-print-directory fuzz FUZZ_SECONDS=1200
+    part bare-debian tools/try_bare_debian.sh
+fi
+[ -z "$failed" ] || { echo "failed:$failed"; exit 1; }
