@@ -15,6 +15,7 @@
 #include "app/report.h"
 #include "app/say.h"
 #include "app/setup.h"
+#include "app/trajectory.h"
 #include "app/transport.h"
 #include "kernels/cpu.h"
 
@@ -79,6 +80,7 @@ static enum fovea_status memory_print(struct check *check, size_t lcm_bytes, str
     memory_row("source", "outside", check->source_bytes);
     if (lcm_bytes > 0) memory_row("LCM", "outside", lcm_bytes);
     memory_row("timings", "outside", sizeof(struct fv_timings));
+    memory_row("trajectory", "outside", fv_trajectory_bytes());
     memory_row("stack of the loop", "outside", FV_THREAD_STACK_BYTES);
     if (check->settings.mask[0] != '\0')
         memory_row("mask, until started", "outside",

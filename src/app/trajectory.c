@@ -10,7 +10,7 @@
 #include "base/ring.h"
 #include "geometry/se3.h"
 
-enum { RING_BYTES = 1 << 20 };
+enum { RING_BYTES = 1 << 19 }; /* two seconds at 1 kHz */
 
 /* One world, aligned by itself. Sums are taken about its first sample, which keeps their digits. */
 struct map {
@@ -33,6 +33,11 @@ struct fv_trajectory {
     bool failed;
     uint8_t memory[RING_BYTES];
 };
+
+size_t fv_trajectory_bytes(void)
+{
+    return sizeof(struct fv_trajectory);
+}
 
 enum fovea_status fv_trajectory_open(const char *path, struct fv_trajectory **trajectory,
                                      struct fovea_error *error)

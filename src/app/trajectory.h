@@ -10,6 +10,7 @@
 #define FOVEA_APP_TRAJECTORY_H
 
 #include <stdbool.h>
+#include <stddef.h>
 #include <stdint.h>
 
 #include "fovea/status.h"
@@ -25,6 +26,9 @@ struct fv_trajectory_sample {
     bool has_truth;
     double truth[12]; /* T_world_cam in the truth's world */
 };
+
+/* Bytes that an open trajectory takes. */
+size_t fv_trajectory_bytes(void);
 
 /* `path` may be NULL: no file. FOVEA_ERROR_INPUT: the file cannot be made. Init-only. */
 enum fovea_status fv_trajectory_open(const char *path, struct fv_trajectory **trajectory,
