@@ -18,12 +18,10 @@ void fv_features_carve(struct fv_features *features, const struct fovea_features
     fv_spread_carve(&features->spread, pyramid->levels, width, height, config->count_max, frame);
 }
 
-/* Places of a level's pixels in the mask: 1.2^level in 16 bits of fraction, pixel centre to pixel. */
+/* The pixel of the frame in which a pixel of a level has its centre. */
 static int32_t raw_pixel(uint32_t level, int32_t level_px)
 {
-    static const int32_t scale_q16[FOVEA_PYRAMID_LEVELS_MAX] = {65536,  78643,  94372,  113246,
-                                                                135895, 163074, 195689, 234827};
-    return (int32_t)(((int64_t)(2 * level_px + 1) * scale_q16[level]) >> 17);
+    return (int32_t)(((int64_t)(2 * level_px + 1) * fv_pyramid_scale_q16(level)) >> 17);
 }
 
 static void find_in_level(struct fv_features *features, const struct fv_kernels *kernels,

@@ -1,9 +1,11 @@
 #include "features/spread.h"
 
+#include "image/pyramid.h"
+
 #include <stdbool.h>
 #include <string.h>
 
-enum { CELL_MIN_PX = 4, FIELDS = FV_SPREAD_COVER * FV_SPREAD_COVER };
+enum { CELL_MIN_PX = 4 };
 
 /* Shares of the levels fall by 5/6 from each to the next, as their side lengths do. */
 static uint32_t share_of(uint32_t level, uint32_t levels, uint32_t count)
@@ -23,10 +25,13 @@ void fv_spread_carve(struct fv_spread *spread, uint32_t levels, const int32_t wi
                      uint32_t count_max, struct fv_arena *frame)
 {
     spread->levels = levels;
-    spread->cover = fv_arena_take(frame, FIELDS, sizeof *spread->cover);
+    spread->cover = fv_arena_take(frame, FV_SPREAD_FIELDS, sizeof *spread->cover);
     for (uint32_t i = 0; i < levels; i++) {
         struct fv_spread_level *level = &spread->level[i];
+        const uint64_t scale = (uint64_t)fv_pyramid_scale_q16(i) * (FV_SPREAD_COVER / 2) << 16;
         *level = (struct fv_spread_level){.width = width[i], .height = height[i]};
+        level->field_x = (uint32_t)(scale / (uint32_t)width[0]);
+        level->field_y = (uint32_t)(scale / (uint32_t)height[0]);
         level->cells_max = share_of(i, levels, count_max) + 1;
         level->cells = fv_arena_take(frame, level->cells_max, sizeof *level->cells);
     }
@@ -41,8 +46,7 @@ static int32_t square_root(uint32_t value)
     return (int32_t)root;
 }
 
-/* 2^32 / divisor rounded up. For numerators up to 2^16 and divisors up to 2^12 multiplied() divides exactly.
- */
+/* 2^32 / divisor rounded up: for numerators and divisors below 2^16 multiplied() divides exactly. */
 static uint32_t inverse(int32_t divisor)
 {
     return (uint32_t)((UINT64_C(0x100000000) + (uint32_t)divisor - 1) / (uint32_t)divisor);
@@ -66,8 +70,6 @@ static void begin_level(struct fv_spread_level *level, uint32_t share)
         if ((uint32_t)level->columns * (uint32_t)level->rows <= level->cells_max) break;
     }
     level->per_cell = inverse(level->cell_px);
-    level->per_field_x = inverse(level->width);
-    level->per_field_y = inverse(level->height);
     memset(level->cells, 0, (size_t)(level->columns * level->rows) * sizeof *level->cells);
 }
 
@@ -75,7 +77,7 @@ void fv_spread_begin(struct fv_spread *spread, uint32_t count, uint8_t threshold
 {
     spread->count = count;
     spread->threshold = threshold;
-    memset(spread->cover, 0, FIELDS * sizeof *spread->cover);
+    memset(spread->cover, 0, FV_SPREAD_FIELDS * sizeof *spread->cover);
     for (uint32_t i = 0; i < spread->levels; i++)
         begin_level(&spread->level[i], share_of(i, spread->levels, count));
 }
@@ -85,12 +87,17 @@ static struct fv_spread_cell *cell_at(const struct fv_spread_level *level, int32
     return &level->cells[multiplied(y, level->per_cell) * level->columns + multiplied(x, level->per_cell)];
 }
 
+/* The field in which a pixel of a level has its centre. */
+static int32_t field_of(const struct fv_spread_level *level, int32_t x, int32_t y)
+{
+    return multiplied(2 * y + 1, level->field_y) * FV_SPREAD_COVER + multiplied(2 * x + 1, level->field_x);
+}
+
 void fv_spread_offer(struct fv_spread *spread, uint32_t level, int32_t x, int32_t y, uint8_t score)
 {
     const struct fv_spread_level *at = &spread->level[level];
-    const int32_t column = multiplied(FV_SPREAD_COVER * x, at->per_field_x);
-    const int32_t row = multiplied(FV_SPREAD_COVER * y, at->per_field_y);
-    struct fv_corner *field = &spread->cover[row * FV_SPREAD_COVER + column];
+    const int32_t index = field_of(at, x, y);
+    struct fv_corner *field = &spread->cover[index];
     if (score > field->score)
         *field =
             (struct fv_corner){.x = (uint16_t)x, .y = (uint16_t)y, .level = (uint8_t)level, .score = score};
@@ -107,10 +114,83 @@ void fv_spread_offer(struct fv_spread *spread, uint32_t level, int32_t x, int32_
     cell->best[place].x = (uint16_t)x;
     cell->best[place].y = (uint16_t)y;
     cell->best[place].score = score;
+    cell->best[place].field = (uint8_t)index;
+    cell->best[place].taken = 0;
 }
 
-/* Mark the corner of a field as taken in the cell of its level. Where six stronger ones have pushed it out,
- * it takes the place of the weakest that is still free. False where all six are taken already. */
+/* Corners of a level by score, those only that may be picked for their strength. */
+struct ranking {
+    uint32_t total, room; /* of them `room` are picked */
+    uint32_t of_score[256];
+};
+
+static void rank(struct fv_spread_level *level, uint8_t threshold, struct ranking *ranking)
+{
+    *ranking = (struct ranking){0};
+    for (int32_t i = 0; i < level->columns * level->rows; i++) {
+        struct fv_spread_cell *cell = &level->cells[i];
+        cell->eligible = cell->count;
+        if (cell->count > 0 && cell->best[0].score >= threshold)
+            while (cell->best[cell->eligible - 1].score < threshold)
+                cell->eligible--;
+        for (int k = 0; k < cell->eligible; k++)
+            ranking->of_score[cell->best[k].score]++;
+        ranking->total += cell->eligible;
+    }
+}
+
+/* Share `count` picks out: coarse to fine, each level up to what it and the coarser ones are due; then what
+ * is left, fine to coarse. */
+static void share_out(const struct fv_spread *spread, uint32_t count, struct ranking rankings[])
+{
+    uint32_t due = 0, done = 0;
+    for (uint32_t i = spread->levels; i-- > 0;) {
+        due += share_of(i, spread->levels, count);
+        if (due > count || i == 0) due = count;
+        const uint32_t room = due - done;
+        rankings[i].room = room < rankings[i].total ? room : rankings[i].total;
+        done += rankings[i].room;
+    }
+    for (uint32_t i = 0; i < spread->levels && done < count; i++) {
+        const uint32_t more = rankings[i].total - rankings[i].room, left = count - done;
+        rankings[i].room += more < left ? more : left;
+        done += more < left ? more : left;
+    }
+}
+
+/* Take the strongest of a level into its cells' flags, and note their fields. */
+static void take_strongest(struct fv_spread_level *level, const struct ranking *ranking, bool has[])
+{
+    uint32_t room = ranking->room;
+    int lowest = 255; /* the lowest score that is taken; `room` becomes how many of exactly that score */
+    while (lowest > 0 && ranking->of_score[lowest] <= room)
+        room -= ranking->of_score[lowest--];
+    for (int32_t i = 0; i < level->columns * level->rows; i++) {
+        struct fv_spread_cell *cell = &level->cells[i];
+        for (int k = 0; k < cell->count; k++) {
+            const int score = cell->best[k].score;
+            const bool taken = k < cell->eligible && (score > lowest || (score == lowest && room > 0));
+            if (taken && score == lowest) room--;
+            if (taken) has[cell->best[k].field] = true;
+            cell->best[k].taken = taken;
+        }
+    }
+}
+
+/* How many fields are to be filled: the empty ones that have a corner, until enough fields hold one. */
+static uint32_t fields_to_fill(const struct fv_spread *spread, const bool has[])
+{
+    uint32_t held = 0, empty = 0;
+    for (int i = 0; i < FV_SPREAD_FIELDS; i++) {
+        held += has[i];
+        empty += !has[i] && spread->cover[i].score > 0;
+    }
+    const uint32_t wanted = held < FV_SPREAD_WANTED ? FV_SPREAD_WANTED - held : 0;
+    return empty < wanted ? empty : wanted;
+}
+
+/* Mark the corner of a field as taken in the cell of its level. Where stronger ones have pushed it out, it
+ * takes the place of the weakest that is still free. False where all are taken already. */
 static bool take_field(const struct fv_spread *spread, const struct fv_corner *field)
 {
     struct fv_spread_cell *cell = cell_at(&spread->level[field->level], field->x, field->y);
@@ -127,72 +207,26 @@ static bool take_field(const struct fv_spread *spread, const struct fv_corner *f
         cell->best[place].score = field->score;
     }
     cell->best[place].taken = 1;
-    cell->taken++;
     return true;
 }
 
-/* The lowest score that is taken when only `room` fit, and how many of exactly that score. */
-static uint8_t cut(const uint32_t histogram[256], uint32_t room, uint32_t *ties)
+/* Fill up to `room` empty fields, those with the strongest corners; returns how many were filled. */
+static uint32_t fill_fields(const struct fv_spread *spread, const bool has[], uint32_t room)
 {
-    int score = 255;
-    while (score > 0 && histogram[score] <= room)
-        room -= histogram[score--];
-    *ties = room;
-    return (uint8_t)score;
-}
-
-/* Whether a corner of this score makes the cut; counts the ties down. */
-static bool passes(uint8_t score, uint8_t lowest, uint32_t *ties)
-{
-    if (score != lowest) return score > lowest;
-    if (*ties == 0) return false;
-    (*ties)--;
-    return true;
-}
-
-/* The cover's corners, the strongest `count` where there are more. Adds what each level gave to taken[]. */
-static void take_cover(const struct fv_spread *spread, uint32_t count, uint32_t taken[])
-{
-    uint32_t histogram[256] = {0}, ties;
-    for (int i = 0; i < FIELDS; i++)
-        if (spread->cover[i].score > 0) histogram[spread->cover[i].score]++;
-    const uint8_t lowest = cut(histogram, count, &ties);
-    for (int i = 0; i < FIELDS; i++) {
+    uint32_t of_score[256] = {0}, filled = 0;
+    for (int i = 0; i < FV_SPREAD_FIELDS; i++)
+        if (!has[i]) of_score[spread->cover[i].score]++;
+    int lowest = 255;
+    while (lowest > 1 && of_score[lowest] <= room)
+        room -= of_score[lowest--];
+    for (int i = 0; i < FV_SPREAD_FIELDS; i++) {
         const struct fv_corner *field = &spread->cover[i];
-        if (field->score > 0 && passes(field->score, lowest, &ties) && take_field(spread, field))
-            taken[field->level]++;
+        if (has[i] || field->score < lowest || field->score == 0) continue;
+        if (field->score == lowest && room == 0) continue;
+        if (field->score == lowest) room--;
+        filled += take_field(spread, field);
     }
-}
-
-/* Index of the strongest free corner that a cell has to offer, or -1. */
-static int next_of(const struct fv_spread_cell *cell, uint8_t threshold)
-{
-    int i = 0;
-    while (i < cell->count && cell->best[i].taken)
-        i++;
-    if (i == cell->count) return -1;
-    return cell->best[0].score >= threshold && cell->best[i].score < threshold ? -1 : i;
-}
-
-/* One round: each cell that gave at most `round` corners gives its next. Returns how many were taken. */
-static uint32_t take_round(struct fv_spread_level *level, int round, uint32_t room, uint8_t threshold)
-{
-    const int32_t cells = level->columns * level->rows;
-    uint32_t histogram[256] = {0}, ties, taken = 0;
-    for (int32_t i = 0; i < cells; i++) {
-        const int next = level->cells[i].taken <= round ? next_of(&level->cells[i], threshold) : -1;
-        if (next >= 0) histogram[level->cells[i].best[next].score]++;
-    }
-    const uint8_t lowest = cut(histogram, room, &ties);
-    for (int32_t i = 0; i < cells; i++) {
-        struct fv_spread_cell *cell = &level->cells[i];
-        const int next = cell->taken <= round ? next_of(cell, threshold) : -1;
-        if (next < 0 || !passes(cell->best[next].score, lowest, &ties)) continue;
-        cell->best[next].taken = 1;
-        cell->taken++;
-        taken++;
-    }
-    return taken;
+    return filled;
 }
 
 static uint32_t copy_taken(const struct fv_spread_level *level, uint8_t number, struct fv_corner *corners)
@@ -210,34 +244,45 @@ static uint32_t copy_taken(const struct fv_spread_level *level, uint8_t number, 
     return count;
 }
 
-/* Rounds until `room` is used up or the level has nothing left; returns how many were taken. */
-static uint32_t take_rounds(struct fv_spread_level *level, uint32_t room, uint8_t threshold)
+/* Take up to `room` more of a level in the order of its cells; returns how many. */
+static uint32_t top_up(struct fv_spread_level *level, uint32_t room)
 {
     uint32_t taken = 0;
-    for (int round = 0; round < FV_SPREAD_KEPT && taken < room; round++)
-        taken += take_round(level, round, room - taken, threshold);
+    for (int32_t i = 0; i < level->columns * level->rows; i++)
+        for (int k = 0; k < level->cells[i].eligible && taken < room; k++) {
+            taken += !level->cells[i].best[k].taken;
+            level->cells[i].best[k].taken = 1;
+        }
     return taken;
 }
 
 uint32_t fv_spread_pick(struct fv_spread *spread, struct fv_corner *corners)
 {
-    uint32_t taken[FOVEA_PYRAMID_LEVELS_MAX] = {0}, left = spread->count, due = 0, done = 0, picked = 0;
-    take_cover(spread, spread->count, taken);
+    /* Fields to fill cost strong corners, whose loss empties further fields: a few turns come close. Each
+     * looks ahead by what the last one added, so that rather too many strong ones are given up, and some
+     * taken back at the end. */
+    enum { TURNS = 4 };
+    struct ranking rankings[FOVEA_PYRAMID_LEVELS_MAX];
+    bool has[FV_SPREAD_FIELDS];
+    uint32_t strong = spread->count, fill = 0, picked = 0;
     for (uint32_t i = 0; i < spread->levels; i++)
-        left -= taken[i];
-
-    /* Coarse to fine, each level up to what it and the coarser ones are due; then what is left, fine to
-     * coarse. */
-    for (uint32_t i = spread->levels; i-- > 0;) {
-        due += share_of(i, spread->levels, spread->count);
-        const uint32_t room = due > done + taken[i] ? due - done - taken[i] : 0;
-        const uint32_t more = take_rounds(&spread->level[i], room < left ? room : left, spread->threshold);
-        left -= more;
-        done += taken[i] + more;
+        rank(&spread->level[i], spread->threshold, &rankings[i]);
+    for (int turn = 0; turn < TURNS; turn++) {
+        const uint32_t before = fill;
+        memset(has, 0, sizeof has);
+        share_out(spread, strong, rankings);
+        for (uint32_t i = 0; i < spread->levels; i++)
+            take_strongest(&spread->level[i], &rankings[i], has);
+        fill = fields_to_fill(spread, has);
+        const uint32_t ahead = fill + (turn > 0 && fill > before ? fill - before : 0);
+        if (turn < TURNS - 1) strong = spread->count > ahead ? spread->count - ahead : 0;
     }
+    uint32_t left = spread->count;
+    for (uint32_t i = 0; i < spread->levels; i++)
+        left -= rankings[i].room;
+    left -= fill_fields(spread, has, fill < left ? fill : left);
     for (uint32_t i = 0; i < spread->levels && left > 0; i++)
-        left -= take_rounds(&spread->level[i], left, spread->threshold);
-
+        left -= top_up(&spread->level[i], left);
     for (uint32_t i = spread->levels; i-- > 0;)
         picked += copy_taken(&spread->level[i], (uint8_t)i, corners + picked);
     return picked;

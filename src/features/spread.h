@@ -1,13 +1,13 @@
 /* Spread: pick corners so that they cover the image rather than crowd on its strongest texture.
  *
- * Two grids. The *cover* cuts the frame into FV_SPREAD_COVER x FV_SPREAD_COVER fields; each remembers its
- * strongest corner over all levels, and that one is picked first: no textured part of the view stays empty.
- * Then each level is cut into square cells, about as many as its share of the features. A cell keeps its
- * FV_SPREAD_KEPT strongest corners, and when any of them reaches `threshold` those below do not count. The
- * rest of a level's share is picked in rounds: cells that gave none yet give their best, then those that gave
- * one their second, and so on; in the round that does not fit any more the strongest are taken. What a coarse
- * level lacks goes to the finer ones, what is then left to the coarser. Ties go to the earlier in raster order;
- * corners of the cover to the coarser level. All integer, bounded and deterministic. */
+ * Each level is due a share of the features, which falls by 5/6 from level to level, and gives its strongest
+ * corners. It is cut into square cells, about as many as its share: a cell gives at most FV_SPREAD_KEPT, and
+ * when any of its corners reaches `threshold` those below do not count. What a coarse level lacks goes to the
+ * finer ones, what is then left to the coarser. Beside that, the frame is cut into FV_SPREAD_COVER x
+ * FV_SPREAD_COVER fields: where the strong corners leave fields empty, the strongest corner of such a field
+ * over all levels takes the place of the weakest elsewhere, until FV_SPREAD_WANTED fields hold one. Strong
+ * corners match best, covered fields tie the geometry down. Ties go to the earlier in raster order; corners
+ * of the fields to the coarser level. Integer, bounded, deterministic. */
 #ifndef FOVEA_FEATURES_SPREAD_H
 #define FOVEA_FEATURES_SPREAD_H
 
@@ -20,7 +20,12 @@
 extern "C" {
 #endif
 
-enum { FV_SPREAD_KEPT = 6, FV_SPREAD_COVER = 16 };
+enum {
+    FV_SPREAD_KEPT = 8,
+    FV_SPREAD_COVER = 16,
+    FV_SPREAD_FIELDS = FV_SPREAD_COVER * FV_SPREAD_COVER,
+    FV_SPREAD_WANTED = FV_SPREAD_FIELDS * 7 / 8
+};
 
 /* A corner in pixels of its level. */
 struct fv_corner {
@@ -30,19 +35,20 @@ struct fv_corner {
 };
 
 struct fv_spread_cell {
-    uint8_t count, taken;
+    uint8_t count;    /* kept */
+    uint8_t eligible; /* of them, the first so many may be picked for their strength */
     struct {
         uint16_t x, y;
-        uint8_t score, taken;
+        uint8_t score, field, taken;
     } best[FV_SPREAD_KEPT]; /* strongest first */
 };
 
 struct fv_spread_level {
     struct fv_spread_cell *cells;
-    int32_t width, height;             /* of the level */
-    int32_t cell_px, columns, rows;    /* of the grid */
-    uint32_t per_cell;                 /* 2^32 / cell_px, rounded up: division by multiplying */
-    uint32_t per_field_x, per_field_y; /* 2^32 FV_SPREAD_COVER / width or height */
+    int32_t width, height;          /* of the level */
+    int32_t cell_px, columns, rows; /* of the grid */
+    uint32_t per_cell;              /* 2^32 / cell_px, rounded up: division by multiplying */
+    uint32_t field_x, field_y;      /* fields per half pixel of this level, 32 bits of fraction */
     uint32_t cells_max;
 };
 

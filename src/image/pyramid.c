@@ -9,6 +9,13 @@ float fv_pyramid_scale(uint32_t level)
     return scale[level < FOVEA_PYRAMID_LEVELS_MAX ? level : FOVEA_PYRAMID_LEVELS_MAX - 1];
 }
 
+int32_t fv_pyramid_scale_q16(uint32_t level)
+{
+    static const int32_t scale[FOVEA_PYRAMID_LEVELS_MAX] = {65536,  78643,  94372,  113246,
+                                                            135895, 163074, 195689, 234827};
+    return scale[level];
+}
+
 int32_t fv_pyramid_next(int32_t pixels)
 {
     const int32_t rest = pixels % 6;

@@ -38,6 +38,9 @@ struct fv_pyramid {
 /* 1.2^level: level-0 pixels per pixel of a level. */
 float fv_pyramid_scale(uint32_t level);
 
+/* The same in 16 bits of fraction, for integer code; level below FOVEA_PYRAMID_LEVELS_MAX. */
+int32_t fv_pyramid_scale_q16(uint32_t level);
+
 /* Width (or height) of the level after one of `pixels`. */
 int32_t fv_pyramid_next(int32_t pixels);
 

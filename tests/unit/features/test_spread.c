@@ -10,6 +10,7 @@
 #include "common/carved.h"
 #include "features/spread.h"
 #include "fovea/elementary.h"
+#include "image/pyramid.h"
 
 enum { LEVELS = 3, COUNT_MAX = 600 };
 
@@ -36,8 +37,9 @@ static uint32_t fields_with_corner(const struct fv_corner *corners, uint32_t cou
     bool has[FV_SPREAD_COVER][FV_SPREAD_COVER] = {{false}};
     uint32_t fields = 0;
     for (uint32_t i = 0; i < count; i++) {
-        bool *field = &has[corners[i].y * FV_SPREAD_COVER / height[corners[i].level]]
-                          [corners[i].x * FV_SPREAD_COVER / width[corners[i].level]];
+        const float x = fv_pyramid_to_raw(corners[i].level, corners[i].x) + 0.5f;
+        const float y = fv_pyramid_to_raw(corners[i].level, corners[i].y) + 0.5f;
+        bool *field = &has[(int)(y * FV_SPREAD_COVER / (float)height[0])][(int)(x * FV_SPREAD_COVER / (float)width[0])];
         fields += !*field;
         *field = true;
     }
@@ -57,7 +59,7 @@ static void picks_exactly_what_is_asked_where_there_is_enough(void **state)
         for (uint32_t i = 0; i < count; i++)
             for (uint32_t k = 0; k < i; k++) assert_memory_not_equal(&corners[i], &corners[k], sizeof corners[i]);
         for (uint32_t i = 1; i < count; i++) assert_true(corners[i].level <= corners[i - 1].level);
-        if (count >= 256) assert_int_equal(fields_with_corner(corners, count), 256);
+        if (count >= 256) assert_true(fields_with_corner(corners, count) >= FV_SPREAD_WANTED);
     }
     free(memory);
 }
