@@ -4,6 +4,8 @@
  *   test_kernels NAME...             check the kernels whose name contains NAME
  *   test_kernels --seed S NAME       repeat a failure
  *   test_kernels --bench [NAME...]   time each variant: nanoseconds per image, and how many times C
+ *   test_kernels --times N VARIANT   do the work of that benchmark N times (to count instructions, to profile)
+ *   test_kernels --list              names of the variants that this processor can run
  *
  * Variants that the processor lacks are named and skipped. FOVEA_CPU caps what is run. */
 #include "kernels/check.h"
@@ -29,6 +31,29 @@ static struct options {
 } options;
 
 static struct check current;
+
+static void run_times(const struct kernel_variant *variant, long times)
+{
+    current = (struct check){.random = 1, .kernel = variant->kernel, .isa = variant->isa};
+    for (long i = 0; i < times; i++) variant->bench(&current);
+    check_release(&current);
+}
+
+/* Options about single variants; true when there was one. */
+static bool run_single(int argc, char **argv)
+{
+    const bool list = argc == 2 && strcmp(argv[1], "--list") == 0;
+    const bool times = argc == 4 && strcmp(argv[1], "--times") == 0;
+    for (int i = 0; i < kernel_variant_count; i++) {
+        const struct kernel_variant *variant = &kernel_variants[i];
+        char name[96];
+        snprintf(name, sizeof name, "%s__%s", variant->kernel, variant->isa);
+        if ((variant->bit & options.isas) != variant->bit) continue;
+        if (list) printf("%s\n", name);
+        if (times && strcmp(name, argv[3]) == 0) run_times(variant, strtol(argv[2], NULL, 10));
+    }
+    return list || times;
+}
 
 static bool chosen(const struct kernel_variant *variant)
 {
@@ -125,6 +150,7 @@ int main(int argc, char **argv)
         return 2;
     }
     options.isas = fv_cpu_detect() & fv_cpu_allowed(cap);
+    if (run_single(argc, argv)) return 0;
     int first = 1;
     while (first < argc && strncmp(argv[first], "--", 2) == 0) {
         if (strcmp(argv[first], "--bench") == 0) {

@@ -1,0 +1,46 @@
+/* A plug-in for qemu's user mode that counts executed instructions: qemu-aarch64 -plugin count.so,limit=... PROGRAM.
+ *
+ * Debian ships qemu's plug-in interface without its header, so the few calls that are needed are declared here (interface version
+ * 1, qemu 4.2 and later; docs/devel/tcg-plugins.rst of qemu). Counts each translation block by its length, on every
+ * thread together, and prints the sum at exit on stderr. */
+#include <inttypes.h>
+#include <stdbool.h>
+#include <stdio.h>
+
+typedef uint64_t qemu_plugin_id_t;
+struct qemu_plugin_tb;
+struct qemu_info_t;
+enum { INLINE_ADD_U64 = 0 };
+
+extern void qemu_plugin_register_vcpu_tb_trans_cb(qemu_plugin_id_t id,
+                                                  void (*call)(qemu_plugin_id_t id, struct qemu_plugin_tb *block));
+extern size_t qemu_plugin_tb_n_insns(const struct qemu_plugin_tb *block);
+extern void qemu_plugin_register_vcpu_tb_exec_inline(struct qemu_plugin_tb *block, int operation, void *counter,
+                                                     uint64_t value);
+extern void qemu_plugin_register_atexit_cb(qemu_plugin_id_t id, void (*call)(qemu_plugin_id_t id, void *context),
+                                           void *context);
+
+__attribute__((visibility("default"))) int qemu_plugin_version = 1;
+int qemu_plugin_install(qemu_plugin_id_t id, const struct qemu_info_t *info, int argc, char **argv);
+
+static uint64_t instructions; /* qemu adds without a lock: exact for one busy thread at a time */
+
+static void translated(qemu_plugin_id_t id, struct qemu_plugin_tb *block)
+{
+    (void)id;
+    qemu_plugin_register_vcpu_tb_exec_inline(block, INLINE_ADD_U64, &instructions, qemu_plugin_tb_n_insns(block));
+}
+
+static void ended(qemu_plugin_id_t id, void *context)
+{
+    (void)id, (void)context;
+    fprintf(stderr, "instructions %" PRIu64 "\n", instructions);
+}
+
+int qemu_plugin_install(qemu_plugin_id_t id, const struct qemu_info_t *info, int argc, char **argv)
+{
+    (void)info, (void)argc, (void)argv;
+    qemu_plugin_register_vcpu_tb_trans_cb(id, translated);
+    qemu_plugin_register_atexit_cb(id, ended, NULL);
+    return 0;
+}
