@@ -18,6 +18,7 @@ enum fovea_status fv_extract_config(uint64_t max, struct fovea_features_config *
     fovea_config_default(&defaults);
     *config = defaults.features;
     config->count_max = (uint32_t)max;
+    config->per_cell = FV_SPREAD_KEPT; /* the strongest: pictures are to be matched, not a motion tied down */
     return FOVEA_OK;
 }
 

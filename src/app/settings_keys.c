@@ -63,6 +63,8 @@ const struct fv_settings_key fv_settings_keys[] = {
      "FAST contrast that is tried first in every cell", NULL},
     {"features.threshold_min", FV_SETTINGS_U32, AT(runtime.features.threshold_min), 2, 100, "grey levels",
      NULL, "FAST contrast where a cell would stay empty; at most features.threshold", NULL},
+    {"features.per_cell", FV_SETTINGS_U32, AT(runtime.features.per_cell), 1, 8, "features", NULL,
+     "that a cell of the grid may give: low spreads them evenly, high takes the strongest", NULL},
 
     {"odometry.enabled", FV_SETTINGS_BOOL, AT(runtime.odometry.enabled), 0, 1, "", NULL,
      "estimate the camera's motion", NULL},

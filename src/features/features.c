@@ -62,11 +62,11 @@ uint32_t fv_features_find(struct fv_features *features, const struct fv_kernels 
 {
     const uint32_t asked =
         count_asked < features->config.count_max ? count_asked : features->config.count_max;
-    fv_spread_begin(&features->spread, asked, (uint8_t)features->config.threshold);
+    fv_spread_begin(&features->spread, asked, (uint8_t)features->config.threshold,
+                    (uint8_t)features->config.per_cell);
     for (uint32_t level = pyramid->levels; level-- > 0;)
         find_in_level(features, kernels, pyramid, level, mask);
-    features->count =
-        fv_spread_pick(&features->spread, features->corners);
+    features->count = fv_spread_pick(&features->spread, features->corners);
     fill_list(features);
     fv_refine_corners(kernels, pyramid, features->corners, features->count, features->list);
     return features->count;

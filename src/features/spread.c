@@ -73,8 +73,9 @@ static void begin_level(struct fv_spread_level *level, uint32_t share)
     memset(level->cells, 0, (size_t)(level->columns * level->rows) * sizeof *level->cells);
 }
 
-void fv_spread_begin(struct fv_spread *spread, uint32_t count, uint8_t threshold)
+void fv_spread_begin(struct fv_spread *spread, uint32_t count, uint8_t threshold, uint8_t per_cell)
 {
+    spread->per_cell = per_cell;
     spread->count = count;
     spread->threshold = threshold;
     memset(spread->cover, 0, FV_SPREAD_FIELDS * sizeof *spread->cover);
@@ -124,12 +125,12 @@ struct ranking {
     uint32_t of_score[256];
 };
 
-static void rank(struct fv_spread_level *level, uint8_t threshold, struct ranking *ranking)
+static void rank(struct fv_spread_level *level, uint8_t threshold, int per_cell, struct ranking *ranking)
 {
     *ranking = (struct ranking){0};
     for (int32_t i = 0; i < level->columns * level->rows; i++) {
         struct fv_spread_cell *cell = &level->cells[i];
-        cell->eligible = cell->count;
+        cell->eligible = (uint8_t)(cell->count < per_cell ? cell->count : per_cell);
         if (cell->count > 0 && cell->best[0].score >= threshold)
             while (cell->best[cell->eligible - 1].score < threshold)
                 cell->eligible--;
@@ -137,6 +138,20 @@ static void rank(struct fv_spread_level *level, uint8_t threshold, struct rankin
             ranking->of_score[cell->best[k].score]++;
         ranking->total += cell->eligible;
     }
+}
+
+/* Rank all levels; cells may give more than planned where the count would not be reached otherwise. */
+static void rank_levels(struct fv_spread *spread, struct ranking rankings[])
+{
+    uint32_t total = 0;
+    int per_cell = spread->per_cell;
+    do {
+        total = 0;
+        for (uint32_t i = 0; i < spread->levels; i++) {
+            rank(&spread->level[i], spread->threshold, per_cell, &rankings[i]);
+            total += rankings[i].total;
+        }
+    } while (total < spread->count && ++per_cell <= FV_SPREAD_KEPT);
 }
 
 /* Share `count` picks out: coarse to fine, each level up to what it and the coarser ones are due; then what
@@ -265,8 +280,7 @@ uint32_t fv_spread_pick(struct fv_spread *spread, struct fv_corner *corners)
     struct ranking rankings[FOVEA_PYRAMID_LEVELS_MAX];
     bool has[FV_SPREAD_FIELDS];
     uint32_t strong = spread->count, fill = 0, picked = 0;
-    for (uint32_t i = 0; i < spread->levels; i++)
-        rank(&spread->level[i], spread->threshold, &rankings[i]);
+    rank_levels(spread, rankings);
     for (int turn = 0; turn < TURNS; turn++) {
         const uint32_t before = fill;
         memset(has, 0, sizeof has);

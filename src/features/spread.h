@@ -1,13 +1,14 @@
 /* Spread: pick corners so that they cover the image rather than crowd on its strongest texture.
  *
  * Each level is due a share of the features, which falls by 5/6 from level to level, and gives its strongest
- * corners. It is cut into square cells, about as many as its share: a cell gives at most FV_SPREAD_KEPT, and
- * when any of its corners reaches `threshold` those below do not count. What a coarse level lacks goes to the
- * finer ones, what is then left to the coarser. Beside that, the frame is cut into FV_SPREAD_COVER x
- * FV_SPREAD_COVER fields: where the strong corners leave fields empty, the strongest corner of such a field
- * over all levels takes the place of the weakest elsewhere, until FV_SPREAD_WANTED fields hold one. Strong
- * corners match best, covered fields tie the geometry down. Ties go to the earlier in raster order; corners
- * of the fields to the coarser level. Integer, bounded, deterministic. */
+ * corners. It is cut into square cells, about as many as its share: a cell gives at most `per_cell` (more
+ * where too few would be found), and when any of its corners reaches `threshold` those below do not count.
+ * What a coarse level lacks goes to the finer ones, what is then left to the coarser. Beside that, the frame
+ * is cut into FV_SPREAD_COVER x FV_SPREAD_COVER fields: where the strong corners leave fields empty, the
+ * strongest corner of such a field over all levels takes the place of the weakest elsewhere, until
+ * FV_SPREAD_WANTED fields hold one. Strong corners match best, covered fields tie the geometry down. Ties go
+ * to the earlier in raster order; corners of the fields to the coarser level. Integer, bounded,
+ * deterministic. */
 #ifndef FOVEA_FEATURES_SPREAD_H
 #define FOVEA_FEATURES_SPREAD_H
 
@@ -55,7 +56,7 @@ struct fv_spread_level {
 struct fv_spread {
     uint32_t levels;
     uint32_t count; /* asked of this frame */
-    uint8_t threshold;
+    uint8_t threshold, per_cell;
     struct fv_spread_level level[FOVEA_PYRAMID_LEVELS_MAX];
     struct fv_corner *cover; /* FV_SPREAD_COVER^2 fields, score 0: empty */
 };
@@ -66,8 +67,8 @@ void fv_spread_carve(struct fv_spread *spread, uint32_t levels, const int32_t wi
                      uint32_t count_max, struct fv_arena *frame);
 
 /* Start a frame of which at most `count` (at most count_max) corners will be picked; where a cell has corners
- * of `threshold`, weaker ones do not count. */
-void fv_spread_begin(struct fv_spread *spread, uint32_t count, uint8_t threshold);
+ * of `threshold`, weaker ones do not count; a cell gives `per_cell` [1, FV_SPREAD_KEPT]. */
+void fv_spread_begin(struct fv_spread *spread, uint32_t count, uint8_t threshold, uint8_t per_cell);
 
 /* Offer a corner with a score of at least 1; calls come by level from coarse to fine, in raster order.
  * Constant time. */

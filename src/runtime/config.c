@@ -6,7 +6,7 @@ void fovea_config_default(struct fovea_config *config)
 {
     memset(config, 0, sizeof *config);
     config->features = (struct fovea_features_config){
-        .count_max = 1000, .pyramid_levels = 8, .threshold = 20, .threshold_min = 7};
+        .count_max = 1000, .pyramid_levels = 8, .threshold = 20, .threshold_min = 7, .per_cell = 2};
     config->odometry = (struct fovea_odometry_config){.enabled = true,
                                                       .keyframes = 40,
                                                       .landmarks = 6000,
@@ -92,6 +92,7 @@ enum fovea_status fv_config_check(const struct fovea_config *config, struct fove
         {"features.pyramid_levels", f->pyramid_levels, 1, FOVEA_PYRAMID_LEVELS_MAX},
         {"features.threshold", f->threshold, 2, 100},
         {"features.threshold_min", f->threshold_min, 2, f->threshold},
+        {"features.per_cell", f->per_cell, 1, 8},
         {"odometry.keyframes", config->odometry.keyframes, 8, FOVEA_ODOMETRY_KEYFRAMES_MAX},
         {"odometry.landmarks", config->odometry.landmarks, 1000, FOVEA_ODOMETRY_LANDMARKS_MAX},
         {"odometry.window", config->odometry.window, 3, 12},

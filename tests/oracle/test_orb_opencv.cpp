@@ -36,7 +36,7 @@ Described describe(bench::Pyramid &made, const struct fv_kernels &kernels)
 {
     struct fv_features features;
     struct fv_orb orb;
-    const struct fovea_features_config config = {1000, made.pyramid.levels, 20, 7};
+    const struct fovea_features_config config = {1000, made.pyramid.levels, 20, 7, 8};
     bench::Block features_block(
         [&](struct fv_arena *arena) { fv_features_carve(&features, &config, &made.pyramid, arena); });
     bench::Block orb_block([&](struct fv_arena *arena) { fv_orb_carve(&orb, 1000, &made.pyramid, arena); });

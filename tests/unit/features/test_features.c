@@ -14,7 +14,7 @@
 enum { WIDTH = 320, HEIGHT = 240 };
 
 static const struct fovea_features_config config = {
-    .count_max = 500, .pyramid_levels = 8, .threshold = 20, .threshold_min = 7};
+    .count_max = 500, .pyramid_levels = 8, .threshold = 20, .threshold_min = 7, .per_cell = 3};
 
 struct stage {
     struct fv_pyramid pyramid;

@@ -53,7 +53,7 @@ static void picks_exactly_what_is_asked_where_there_is_enough(void **state)
     struct fv_corner corners[COUNT_MAX];
     void *memory = carved(carve, &spread);
     for (uint32_t count = 1; count <= COUNT_MAX; count += 37) {
-        fv_spread_begin(&spread, count, 20);
+        fv_spread_begin(&spread, count, 20, 3);
         for (uint32_t level = LEVELS; level-- > 0;) offer_random(&spread, level, 4, 1);
         assert_int_equal(fv_spread_pick(&spread, corners), count);
         for (uint32_t i = 0; i < count; i++)
@@ -70,9 +70,9 @@ static void picks_all_where_there_are_few(void **state)
     struct fv_spread spread;
     struct fv_corner corners[COUNT_MAX];
     void *memory = carved(carve, &spread);
-    fv_spread_begin(&spread, 100, 20);
+    fv_spread_begin(&spread, 100, 20, 3);
     assert_int_equal(fv_spread_pick(&spread, corners), 0);
-    fv_spread_begin(&spread, 100, 20);
+    fv_spread_begin(&spread, 100, 20, 3);
     fv_spread_offer(&spread, 2, 30, 30, 9);
     fv_spread_offer(&spread, 0, 639, 479, 9);
     assert_int_equal(fv_spread_pick(&spread, corners), 2);
@@ -87,13 +87,13 @@ static void a_strong_corner_silences_the_weak_ones_of_its_cell(void **state)
     struct fv_spread spread;
     struct fv_corner corners[COUNT_MAX];
     void *memory = carved(carve, &spread);
-    fv_spread_begin(&spread, 100, 20);
+    fv_spread_begin(&spread, 100, 20, 3);
     fv_spread_offer(&spread, 0, 100, 100, 19);
     fv_spread_offer(&spread, 0, 104, 100, 20);
     fv_spread_offer(&spread, 0, 108, 100, 19);
     assert_int_equal(fv_spread_pick(&spread, corners), 1);
     assert_int_equal(corners[0].x, 104);
-    fv_spread_begin(&spread, 100, 21);
+    fv_spread_begin(&spread, 100, 21, 3);
     fv_spread_offer(&spread, 0, 100, 100, 19);
     fv_spread_offer(&spread, 0, 104, 100, 20);
     fv_spread_offer(&spread, 0, 108, 100, 19);
@@ -107,7 +107,7 @@ static void the_strongest_win_and_ties_go_to_the_first(void **state)
     struct fv_spread spread;
     struct fv_corner corners[COUNT_MAX];
     void *memory = carved(carve, &spread);
-    fv_spread_begin(&spread, 3, 20);
+    fv_spread_begin(&spread, 3, 20, 3);
     for (int32_t i = 0; i < 10; i++) fv_spread_offer(&spread, 0, 20 + 60 * i, 20, i == 7 ? 90 : 40);
     assert_int_equal(fv_spread_pick(&spread, corners), 3);
     uint32_t places = 0; /* in no order that is promised within a cell */
@@ -124,7 +124,7 @@ static void weak_corners_do_not_displace_strong_ones(void **state)
     struct fv_corner before[COUNT_MAX], after[COUNT_MAX];
     void *memory = carved(carve, &spread);
     for (int with_noise = 0; with_noise < 2; with_noise++) {
-        fv_spread_begin(&spread, 300, 20);
+        fv_spread_begin(&spread, 300, 20, 3);
         for (int32_t y = 20; y < 460; y += 2)
             for (int32_t x = 20; x < 620; x += 2) {
                 if (x % 40 == 20 && y % 40 == 20) fv_spread_offer(&spread, 0, x, y, 100);
