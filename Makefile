@@ -146,8 +146,8 @@ $(BUILD)/fuzz/%: $(BUILD)/obj/tests/fuzz/%.o $(FUZZ_HELP) $(BUILD)/libfovea-app.
 
 bench:  ## install what is missing, then time every stage and kernel beside OpenCV: build/bench.json and the README's table
 	@tools/install.sh build bench
-	@$(MAKE) --no-print-directory $(BUILD)/bench
-	$(BUILD)/bench --json $(BUILD)/bench.json --readme README.md --commit "$$(git describe --always --dirty 2>/dev/null)" \
+	@$(MAKE) --no-print-directory $(BUILD)/bench $(BUILD)/fovea
+	$(BUILD)/bench --program $(BUILD)/fovea --json $(BUILD)/bench.json --readme README.md --commit "$$(git describe --always --dirty 2>/dev/null)" \
 	    --compiler "$$($(CC) --version | head -n 1)" --flags "$(OPT) $(FP)"
 
 $(BUILD)/venv/evo:

@@ -1,6 +1,6 @@
 /* make bench: every stage and kernel beside OpenCV's function. See bench.h.
  *
- *   bench [--json FILE] [--readme FILE] [--commit TEXT] [--compiler TEXT] [--flags TEXT] [NAME...]
+ *   bench [--program FOVEA] [--json FILE] [--readme FILE] [--commit TEXT] [--compiler TEXT] [--flags TEXT] [NAME...]
  *
  * With NAMEs only rows whose name contains one of them are run, and the README is left alone. */
 #include "bench/bench.h"
@@ -185,6 +185,33 @@ void run_kernel(const std::string &kernel, const Input &input, std::vector<Resul
     }
 }
 
+/* The whole step and frame on a real recording, as the program itself measures them. Several rows without a peer. */
+void run_program(const std::string &program, std::vector<Result> &results)
+{
+    const std::string recording = data_folder() + "/euroc_mh05_a", stats = program + "-bench-stats.json";
+    if (!std::filesystem::exists(recording) || !std::filesystem::exists(program)) {
+        std::printf("SKIPPED the step on a recording: no %s or no %s\n", recording.c_str(), program.c_str());
+        return;
+    }
+    for (const char *set : {"", "sse4", "neon", "c"}) {
+        const std::string command = "FOVEA_CPU=" + std::string(set) + " '" + program + "' run --source 'euroc:" + recording +
+                                    "' --quiet --timings none --stats '" + stats + "' >/dev/null 2>&1";
+        if (std::system(command.c_str()) != 0) continue; /* a set that this processor lacks */
+        const cv::FileStorage file(stats, cv::FileStorage::READ | cv::FileStorage::FORMAT_JSON);
+        std::filesystem::remove(stats);
+        for (const char *part : {"step", "frame"}) {
+            const double p50_ns = static_cast<double>(file[part]["p50_ns"]);
+            const std::string isa = set[0] != '\0' ? set : fv_cpu_set_name(fv_cpu_best(fv_cpu_detect()));
+            results.push_back({std::string(part) + ", EuRoC MH_05, median", "752x480", isa, p50_ns * 1e-3, "", 0});
+            report(results.back());
+        }
+    }
+    std::stable_sort(results.begin(), results.end(), [](const Result &a, const Result &b) {
+        return (a.name.rfind("step", 0) == 0 ? 0 : a.name.rfind("frame", 0) == 0 ? 1 : 2) <
+               (b.name.rfind("step", 0) == 0 ? 0 : b.name.rfind("frame", 0) == 0 ? 1 : 2);
+    });
+}
+
 std::string machine()
 {
     std::ifstream info("/proc/cpuinfo");
@@ -221,6 +248,7 @@ int main(int argc, char **argv)
         if (kernel_variants[i].bit == 0 && chosen(kernel_variants[i].kernel, filter))
             run_kernel(kernel_variants[i].kernel, input, results);
 
+    if (options.count("program") && filter.empty()) run_program(options["program"], results);
     if (results.empty()) {
         std::printf("no row of that name\n");
         return 1;
