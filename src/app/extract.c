@@ -1,6 +1,7 @@
 #include "app/extract.h"
 
 #include <inttypes.h>
+#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -46,7 +47,25 @@ static enum fovea_status take_memory(struct fv_extract *extract, const struct fo
     return FOVEA_OK;
 }
 
-enum fovea_status fv_extract(const char *path, const char *mask_path,
+static enum fovea_status make_mask(const struct fovea_image *image, const struct fv_extract_ignore *ignore,
+                                   uint8_t **mask, struct fovea_error *error)
+{
+    const bool fixed = ignore->mask_path != NULL;
+    if (fixed) {
+        const enum fovea_status status =
+            fv_mask_read(ignore->mask_path, image->width, image->height, mask, error);
+        if (status != FOVEA_OK) return status;
+    } else if (ignore->box_count > 0) {
+        *mask = malloc((size_t)image->width * (size_t)image->height);
+        if (*mask == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "out of memory");
+    }
+    if (*mask != NULL)
+        fv_mask_compose(*mask, fixed ? *mask : NULL, image->width, image->height, ignore->boxes,
+                        ignore->box_count);
+    return FOVEA_OK;
+}
+
+enum fovea_status fv_extract(const char *path, const struct fv_extract_ignore *ignore,
                              const struct fovea_features_config *config, struct fv_extract *extract,
                              struct fovea_error *error)
 {
@@ -55,8 +74,7 @@ enum fovea_status fv_extract(const char *path, const char *mask_path,
     memset(extract, 0, sizeof *extract);
     enum fovea_status status = fv_cpu_from_environment(&cpu, error);
     if (status == FOVEA_OK) status = fv_picture_read(path, &extract->image, error);
-    if (status == FOVEA_OK && mask_path != NULL)
-        status = fv_mask_read(mask_path, extract->image.width, extract->image.height, &mask, error);
+    if (status == FOVEA_OK && ignore != NULL) status = make_mask(&extract->image, ignore, &mask, error);
     if (status == FOVEA_OK) status = take_memory(extract, config, error);
     if (status == FOVEA_OK) {
         fv_kernels_init(&extract->kernels, cpu);

@@ -4,6 +4,7 @@
 #define FOVEA_APP_EXTRACT_H
 
 #include "features/features.h"
+#include "features/mask.h"
 #include "features/orb.h"
 
 struct fv_extract {
@@ -15,9 +16,16 @@ struct fv_extract {
     void *memory;
 };
 
-/* Read a picture and find its features; `mask_path` may be NULL. Errors are one line. Freed with
+/* Where not to look: a picture (NULL: none) and boxes. */
+struct fv_extract_ignore {
+    const char *mask_path;
+    const struct fv_mask_box *boxes;
+    uint32_t box_count;
+};
+
+/* Read a picture and find its features; `ignore` may be NULL. Errors are one line. Freed with
  * fv_extract_free, also after errors. */
-enum fovea_status fv_extract(const char *path, const char *mask_path,
+enum fovea_status fv_extract(const char *path, const struct fv_extract_ignore *ignore,
                              const struct fovea_features_config *config, struct fv_extract *extract,
                              struct fovea_error *error);
 void fv_extract_free(struct fv_extract *extract);

@@ -62,15 +62,25 @@ static void print_summary(const struct fv_extract *extract)
     printf("\n");
 }
 
+static bool read_box(const char *text, struct fv_mask_box *box)
+{
+    char after;
+    return sscanf(text, "%f,%f,%f,%f%c", &box->x_min, &box->y_min, &box->x_max, &box->y_max, &after) == 4 &&
+           box->x_max > box->x_min && box->y_max > box->y_min;
+}
+
 int fv_command_features(int argc, char **argv)
 {
     uint64_t max = 500;
     const char *picture = NULL, *mask = NULL;
     bool json = false;
+    struct fv_option_list ignored = {0};
     const struct fv_option options[] = {
         {"max", "N", FV_OPTION_COUNT, &max, "features asked for (default 500)"},
         {"mask", "FILE", FV_OPTION_TEXT, &mask,
          "PNG of the picture's size, black where features are ignored"},
+        {"ignore", "X,Y,X,Y", FV_OPTION_LIST, &ignored,
+         "box without features, in pixels: its min, then its max; may be repeated"},
         {"draw", "FILE", FV_OPTION_TEXT, &picture, "write the picture with its features as PNG"},
         {"json", NULL, FV_OPTION_FLAG, &json, "print every feature with its descriptor"},
         {0},
@@ -83,8 +93,14 @@ int fv_command_features(int argc, char **argv)
     struct fovea_error error;
     struct fv_extract extract;
     if (fv_extract_config(max, &config, &error) != FOVEA_OK) return fv_say_wrong("%s", error.text);
+    struct fv_mask_box boxes[FV_OPTION_LIST_MAX];
+    for (int i = 0; i < ignored.count; i++)
+        if (!read_box(ignored.values[i], &boxes[i]))
+            return fv_say_wrong("--ignore: found '%.100s', expected four numbers: min x, min y, max x, max y",
+                                ignored.values[i]);
+    const struct fv_extract_ignore ignore = {mask, boxes, (uint32_t)ignored.count};
     enum fv_exit status = FV_EXIT_OK;
-    if (fv_extract(argv[first], mask, &config, &extract, &error) != FOVEA_OK)
+    if (fv_extract(argv[first], &ignore, &config, &extract, &error) != FOVEA_OK)
         status = fv_say_wrong("%s", error.text);
     else if (picture != NULL && draw(&extract, picture, &error) != FOVEA_OK)
         status = fv_say_failed("%s", error.text);
