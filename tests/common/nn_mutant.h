@@ -1,0 +1,63 @@
+/* Running a model file that may be hostile: what the mutation test and the fuzz target share. */
+#ifndef FOVEA_TESTS_NN_MUTANT_H
+#define FOVEA_TESTS_NN_MUTANT_H
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "detect/decode.h"
+#include "nn/run.h"
+
+enum { NN_MUTANT_ARENA_MAX = 1 << 22, NN_MUTANT_UNITS_MAX = 60 };
+
+/* State the size and the checksum that the bytes have, so that the checks behind them are reached. */
+static inline void nn_mutant_seal(uint8_t *data, size_t bytes)
+{
+    if (bytes < FV_MODEL_HEADER_BYTES) return;
+    const uint32_t size = (uint32_t)bytes, crc = fv_model_checksum(data + 16, bytes - 16);
+    memcpy(data + 8, &size, 4);
+    memcpy(data + 12, &crc, 4);
+}
+
+/* Open, and when that succeeds run some units and the decoder in memory of exactly the stated size. `data`: 64-byte aligned.
+ * Returns whether the model was taken. */
+static inline int nn_mutant_run(const uint8_t *data, size_t bytes)
+{
+    struct fv_model model;
+    struct fovea_error error;
+    struct fv_kernels kernels;
+    if (fv_model_open(data, bytes, "mutant", &model, &error) != FOVEA_OK) {
+        if (strlen(error.text) < 10 || strchr(error.text, '\n') != NULL) abort();
+        return 0;
+    }
+    if (fv_nn_arena_bytes(&model) > NN_MUTANT_ARENA_MAX) return 1;
+    void *raw = NULL;
+    if (posix_memalign(&raw, 64, fv_nn_arena_bytes(&model)) != 0) abort();
+    uint8_t *arena = raw;
+    memset(arena, 0x37, fv_nn_arena_bytes(&model));
+    struct fv_nn_progress progress = {0, 0};
+    uint32_t done;
+    fv_kernels_init(&kernels, FV_CPU_SET_COUNT - 1);
+#if defined(__x86_64__)
+    fv_kernels_init(&kernels, FV_CPU_AVX512);
+#endif
+    for (int i = 0; i < NN_MUTANT_UNITS_MAX; ++i) {
+        if (progress.op < (int32_t)model.header->op_count && model.ops[progress.op].row_cost > 1 << 26) break;
+        if (fv_nn_run(&model, &kernels, arena, &progress, 1, &done) != FOVEA_AGAIN) break;
+    }
+    uint8_t pixels[16 * 16 * 3] = {1, 2, 3};
+    const struct fovea_image image = {.data = pixels, .width = 16, .height = 16, .stride_bytes = 48, .format = FOVEA_PIXEL_RGB24, .size_bytes = sizeof pixels};
+    struct fv_detect_view view;
+    if (fv_detect_view(&model, &image, &view) == FOVEA_OK) {
+        fv_detect_fill(&model, &image, &view, arena, 0, model.header->preprocess.height);
+        struct fv_detect_scratch *scratch = malloc(sizeof *scratch);
+        struct fovea_detection found[FOVEA_DETECTIONS_MAX];
+        if (scratch == NULL) abort();
+        fv_detect_decode(&model, arena, &view, scratch, found, FOVEA_DETECTIONS_MAX);
+        free(scratch);
+    }
+    free(arena);
+    return 1;
+}
+
+#endif

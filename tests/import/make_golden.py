@@ -1,0 +1,71 @@
+"""Write tests/golden/nn_operators.bin: one small model for each operator with inputs and the reference's outputs.
+
+Records, each part at a multiple of 64 bytes: a head of 64 bytes (name of 40 bytes, then the byte counts of model, inputs
+and outputs as 32-bit words, and how many of the leading outputs' bytes count), the model file, the inputs, the outputs, in
+the order of the model's own lists and in unsigned form. Needs what tests/import/operators.py needs."""
+import os
+import struct
+import sys
+import tempfile
+
+import numpy as np
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+sys.path.insert(0, HERE)
+
+import operators  # noqa: E402
+from operators import Case, CASES, Lowering, Writer, check, graph_module, plan_module  # noqa: E402
+
+
+def raw(array):
+    array = np.ascontiguousarray(array)
+    return (array.view(np.uint8) ^ 128).tobytes() if array.dtype == np.int8 else array.tobytes()
+
+
+def padded(data):
+    return data + bytes(-len(data) % 64)
+
+
+def record(name, kind, seed):
+    case = Case(kind, seed)
+    inputs, outputs = CASES[name](case)
+    with tempfile.NamedTemporaryFile(suffix=".tflite") as file:
+        file.write(case.b.bytes(inputs, outputs))
+        file.flush()
+        interpreter = check.reference(file.name)
+        graph = graph_module.read(file.name)
+    net = Lowering(graph).run()
+    arena, _ = plan_module.plan(net)
+    model = Writer(net, arena).bytes(name, [], [0], [0])
+    details = interpreter.get_input_details()
+    values = [check.noise_input(d, seed + i) for i, d in enumerate(details)]
+    for detail, value in zip(details, values):
+        interpreter.set_tensor(detail["index"], value)
+    interpreter.invoke()
+    results = [interpreter.get_tensor(d["index"]) for d in interpreter.get_output_details()]
+    if name == "TFLite_Detection_PostProcess":
+        count = int(results[3].ravel()[0])
+        for i in range(3):  # the reference leaves unused entries as they were, the engine clears them
+            results[i][:, count:] = 0
+    ins, outs = b"".join(raw(v) for v in values), b"".join(raw(v) for v in results)
+    head = struct.pack("<40s3I12x", f"{name} {kind}".encode()[:39], len(model), len(ins), len(outs))
+    return padded(head) + padded(model) + padded(ins) + padded(outs)
+
+
+def main():
+    out = bytearray()
+    for number, name in enumerate(CASES):
+        kinds = ["uint8"] if name == "TFLite_Detection_PostProcess" else ["int8"] if name == "BATCH_MATMUL" else \
+            ["int8", "uint8"] if "CONV" in name or name in ("FULLY_CONNECTED", "ADD", "SOFTMAX") else \
+            [["int8", "uint8"][number % 2]]
+        for kind in kinds:
+            seed = next(s for s in range(100) if operators.run(name, kind, s, "c") == "")
+            out += record(name, kind, seed)
+    target = os.path.join(HERE, "..", "golden", "nn_operators.bin")
+    with open(target, "wb") as file:
+        file.write(out)
+    print(f"{target}: {len(out)} bytes")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,162 @@
+/* Damaged model files are refused with a reason, or run within their memory (the sanitizer build watches). */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <stdio.h>
+
+#include "common/nn_golden.h"
+#include "common/nn_mutant.h"
+#include "fovea/elementary.h"
+
+static struct nn_golden golden;
+
+static int read_golden(void **state)
+{
+    (void)state;
+    golden = nn_golden_read();
+    return golden.count < 40 ? -1 : 0;
+}
+
+static int free_golden(void **state)
+{
+    (void)state;
+    free(golden.data);
+    return 0;
+}
+
+static uint8_t *copy_of(const struct nn_golden_model *g)
+{
+    void *copy = NULL;
+    if (posix_memalign(&copy, 64, g->model_bytes) != 0) abort();
+    memcpy(copy, g->model, g->model_bytes);
+    return copy;
+}
+
+static void refused(const uint8_t *data, size_t bytes, const char *text)
+{
+    struct fv_model model = {.base = NULL};
+    struct fovea_error error = {.status = FOVEA_OK};
+    assert_int_equal(fv_model_open(data, bytes, "file", &model, &error), FOVEA_ERROR_INPUT);
+    if (strstr(error.text, text) == NULL) fail_msg("found '%s', expected '%s'", error.text, text);
+    assert_null(model.base);
+}
+
+static void foreign_and_cut_files(void **state)
+{
+    (void)state;
+    const struct nn_golden_model *g = &golden.models[0];
+    uint8_t *data = copy_of(g);
+    refused(data, 100, "file's size is 100");
+    refused(data, g->model_bytes - 64, "stated size");
+    data[g->model_bytes - 100] ^= 1;
+    refused(data, g->model_bytes, "checksum");
+    data[0] = 'X';
+    refused(data, g->model_bytes, "not a Fovea model");
+    memcpy(data, g->model, g->model_bytes);
+    data[4] = 9;
+    refused(data, g->model_bytes, "version is 9");
+    free(data);
+}
+
+static int32_t *op_words(uint8_t *data, int32_t op)
+{
+    uint32_t ops;
+    memcpy(&ops, data + 32, 4);
+    return (int32_t *)(void *)(data + ops + 256 * (size_t)op);
+}
+
+/* One word of the first operator record set to a value, sealed, and the reason for which it is refused. */
+static void hostile_words(void **state)
+{
+    (void)state;
+    const struct {
+        int32_t word, value;
+        const char *text;
+    } cases[] = {
+        {0, 99, "unknown kind"}, {3, 7, "operand count"}, {5, 100000, "no such tensor"}, {13, 1000000, "rows do not match"},
+        {14, 100000, "no such tensor"}, {15, 0, "row cost"}, {16, -1, "side of the image"}, {17, 1 << 19, "does not fit its tensor"},
+        {20, 1, "pixels overlap"}, {25, 0, "window"}, {33, 3, "kernel height"}, {34, 1, "k / 4"}, {35, 300, "zero points"},
+        {41, 1 << 30, "weights lie outside"}, {42, 4, "biases lie outside"}, {45, 1 << 28, "table lies outside"},
+    };
+    const struct nn_golden_model *g = NULL;
+    for (int i = 0; i < golden.count && g == NULL; ++i) {
+        if (strstr(golden.models[i].name, "CONV_2D int8") == golden.models[i].name) g = &golden.models[i];
+    }
+    assert_non_null(g);
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; ++i) {
+        uint8_t *data = copy_of(g);
+        op_words(data, 0)[cases[i].word] = cases[i].value;
+        if (cases[i].word == 20) op_words(data, 0)[19] = 2; /* two channels at a distance of one */
+        nn_mutant_seal(data, g->model_bytes);
+        refused(data, g->model_bytes, cases[i].text);
+        free(data);
+    }
+}
+
+/* The operator's own output as its input: read before it is written. */
+static void cycle(void **state)
+{
+    (void)state;
+    const struct nn_golden_model *g = &golden.models[0];
+    uint8_t *data = copy_of(g);
+    op_words(data, 0)[5] = op_words(data, 0)[9];
+    nn_mutant_seal(data, g->model_bytes);
+    refused(data, g->model_bytes, "nothing wrote before");
+    free(data);
+}
+
+static void mutate(struct fovea_random *random, uint8_t *data, uint32_t bytes)
+{
+    uint32_t tensors, ops, tensor_count, op_count;
+    memcpy(&tensor_count, data + 20, 4);
+    memcpy(&tensors, data + 24, 4);
+    memcpy(&op_count, data + 28, 4);
+    memcpy(&ops, data + 32, 4);
+    static const int32_t values[8] = {0, 1, -1, 0x7FFFFFFF, (int32_t)0x80000000, 255, 65536, 3};
+    const uint32_t starts[4] = {16, tensors, ops, 512}, sizes[4] = {496, tensor_count * 64, op_count * 256, bytes - 512};
+    for (uint32_t n = fovea_random_below(random, 3) + 1; n > 0; --n) {
+        const uint32_t part = fovea_random_below(random, 4), at = starts[part] + fovea_random_below(random, sizes[part] / 4) * 4;
+        int32_t word;
+        if (at + 4 > bytes) continue;
+        memcpy(&word, data + at, 4);
+        switch (fovea_random_below(random, 4)) {
+        case 0: word ^= (int32_t)(1u << fovea_random_below(random, 32)); break;
+        case 1: word = values[fovea_random_below(random, 8)]; break;
+        case 2: word = (int32_t)((uint32_t)word + fovea_random_below(random, 17) - 8); break;
+        default: word = (int32_t)((uint32_t)word << fovea_random_below(random, 4)); break;
+        }
+        memcpy(data + at, &word, 4);
+    }
+}
+
+static void ten_thousand_mutants(void **state)
+{
+    (void)state;
+    struct fovea_random random;
+    int taken = 0;
+    fovea_random_seed(&random, 20);
+    for (int i = 0; i < 10000; ++i) {
+        const struct nn_golden_model *g = &golden.models[i % golden.count];
+        uint8_t *data = copy_of(g);
+        mutate(&random, data, g->model_bytes);
+        nn_mutant_seal(data, g->model_bytes);
+        taken += nn_mutant_run(data, g->model_bytes);
+        free(data);
+    }
+    printf("%d of 10000 mutants were harmless enough to run\n", taken);
+    assert_in_range(taken, 500, 9000);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(foreign_and_cut_files),
+        cmocka_unit_test(hostile_words),
+        cmocka_unit_test(cycle),
+        cmocka_unit_test(ten_thousand_mutants),
+    };
+    return cmocka_run_group_tests(tests, read_golden, free_golden);
+}

@@ -1,0 +1,128 @@
+/* Small models, one for each operator, give the reference interpreter's outputs bit for bit (floats to 1e-5): with every
+ * kernel set, unit by unit, and with the state moved between units. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "common/nn_golden.h"
+#include "nn/run.h"
+
+static struct nn_golden golden;
+
+static int read_golden(void **state)
+{
+    (void)state;
+    golden = nn_golden_read();
+    return golden.count < 40 ? -1 : 0;
+}
+
+static int free_golden(void **state)
+{
+    (void)state;
+    free(golden.data);
+    return 0;
+}
+
+static uint8_t *new_arena(const struct fv_model *model, const struct nn_golden_model *g)
+{
+    uint8_t *arena = aligned_alloc(64, nn_golden_padded(fv_nn_arena_bytes(model)));
+    assert_non_null(arena);
+    memset(arena, 0xA5, nn_golden_padded(fv_nn_arena_bytes(model)));
+    const uint8_t *from = g->inputs;
+    for (uint32_t i = 0; i < model->header->input_count; ++i) {
+        const size_t bytes = (size_t)model->tensors[model->inputs[i]].bytes;
+        memcpy(fv_nn_tensor(model, arena, model->inputs[i]), from, bytes);
+        from += bytes;
+    }
+    assert_int_equal(from - g->inputs, g->input_bytes);
+    return arena;
+}
+
+static void compare(const struct fv_model *model, const struct nn_golden_model *g, uint8_t *arena, const char *how)
+{
+    const uint8_t *expected = g->outputs;
+    for (uint32_t i = 0; i < model->header->output_count; ++i) {
+        const struct fv_model_tensor *t = &model->tensors[model->outputs[i]];
+        const uint8_t *found = fv_nn_tensor(model, arena, model->outputs[i]);
+        if (t->type == FV_TYPE_F32) {
+            for (int32_t k = 0; k < t->bytes / 4; ++k) {
+                float a, b;
+                memcpy(&a, found + 4 * k, 4);
+                memcpy(&b, expected + 4 * k, 4);
+                if (!(a - b < 1e-5f && b - a < 1e-5f)) fail_msg("%s, %s: output %u[%d] is %g, expected %g", g->name, how, i, k, (double)a, (double)b);
+            }
+        } else {
+            for (int32_t k = 0; k < t->bytes; ++k) {
+                if (found[k] != expected[k]) fail_msg("%s, %s: output %u byte %d is %d, expected %d", g->name, how, i, k, found[k], expected[k]);
+            }
+        }
+        expected += t->bytes;
+    }
+    assert_int_equal(expected - g->outputs, g->output_bytes);
+}
+
+static void open_model(const struct nn_golden_model *g, struct fv_model *model)
+{
+    struct fovea_error error;
+    if (fv_model_open(g->model, g->model_bytes, g->name, model, &error) != FOVEA_OK) fail_msg("%s", error.text);
+}
+
+static void with_every_kernel_set(void **state)
+{
+    (void)state;
+    for (int set = 0; set < FV_CPU_SET_COUNT; ++set) {
+        struct fv_kernels kernels;
+        fv_kernels_init(&kernels, (enum fv_cpu_set)set);
+        for (int i = 0; i < golden.count; ++i) {
+            struct fv_model model;
+            struct fv_nn_progress progress = {0, 0};
+            uint32_t done;
+            open_model(&golden.models[i], &model);
+            uint8_t *arena = new_arena(&model, &golden.models[i]);
+            assert_int_equal(fv_nn_run(&model, &kernels, arena, &progress, UINT32_MAX, &done), FOVEA_OK);
+            assert_int_equal(done, fv_nn_units(&model));
+            compare(&model, &golden.models[i], arena, fv_cpu_set_name((enum fv_cpu_set)set));
+            free(arena);
+        }
+    }
+}
+
+/* After each unit the arena and the progress are copied elsewhere and the run goes on there. */
+static void unit_by_unit_while_moving(void **state)
+{
+    (void)state;
+    struct fv_kernels kernels;
+    fv_kernels_init(&kernels, FV_CPU_C);
+    for (int i = 0; i < golden.count; ++i) {
+        struct fv_model model;
+        struct fv_nn_progress progress = {0, 0};
+        enum fovea_status status = FOVEA_AGAIN;
+        uint32_t units = 0;
+        open_model(&golden.models[i], &model);
+        uint8_t *arena = new_arena(&model, &golden.models[i]);
+        while (status == FOVEA_AGAIN) {
+            uint32_t done;
+            status = fv_nn_run(&model, &kernels, arena, &progress, 1, &done);
+            units += done;
+            uint8_t *other = aligned_alloc(64, nn_golden_padded(fv_nn_arena_bytes(&model)));
+            memcpy(other, arena, fv_nn_arena_bytes(&model));
+            memset(arena, 0x5A, fv_nn_arena_bytes(&model));
+            free(arena);
+            arena = other;
+        }
+        assert_int_equal(units, fv_nn_units(&model));
+        compare(&model, &golden.models[i], arena, "moved");
+        free(arena);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(with_every_kernel_set),
+        cmocka_unit_test(unit_by_unit_while_moving),
+    };
+    return cmocka_run_group_tests(tests, read_golden, free_golden);
+}
