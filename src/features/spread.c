@@ -5,18 +5,18 @@
 #include <stdbool.h>
 #include <string.h>
 
-enum { CELL_MIN_PX = 4 };
+enum { OVER_EVEN = 6, OVER_STRONGEST = 30, CELL_MIN_PX = 4 };
 
-/* Shares of the levels fall by 5/6 from each to the next, as their side lengths do. */
-static uint32_t share_of(uint32_t level, uint32_t levels, uint32_t count)
+/* Shares of the levels fall by (over - 1) / over from each to the next. */
+static uint32_t share_of(uint32_t level, uint32_t levels, uint32_t count, uint32_t over)
 {
     uint64_t part = 0, sum = 0, weight = 1;
     for (uint32_t i = 0; i < levels; i++)
-        weight *= 6;
+        weight *= over;
     for (uint32_t i = 0; i < levels; i++) {
         sum += weight;
         if (i == level) part = weight;
-        weight = weight / 6 * 5;
+        weight = weight / over * (over - 1);
     }
     return (uint32_t)((count * part + sum / 2) / sum);
 }
@@ -32,7 +32,7 @@ void fv_spread_carve(struct fv_spread *spread, uint32_t levels, const int32_t wi
         *level = (struct fv_spread_level){.width = width[i], .height = height[i]};
         level->field_x = (uint32_t)(scale / (uint32_t)width[0]);
         level->field_y = (uint32_t)(scale / (uint32_t)height[0]);
-        level->cells_max = share_of(i, levels, count_max) + 1;
+        level->cells_max = share_of(i, levels, count_max, OVER_EVEN) + 1;
         level->cells = fv_arena_take(frame, level->cells_max, sizeof *level->cells);
     }
 }
@@ -80,7 +80,7 @@ void fv_spread_begin(struct fv_spread *spread, uint32_t count, uint8_t threshold
     spread->threshold = threshold;
     memset(spread->cover, 0, FV_SPREAD_FIELDS * sizeof *spread->cover);
     for (uint32_t i = 0; i < spread->levels; i++)
-        begin_level(&spread->level[i], share_of(i, spread->levels, count));
+        begin_level(&spread->level[i], share_of(i, spread->levels, count, OVER_EVEN));
 }
 
 static struct fv_spread_cell *cell_at(const struct fv_spread_level *level, int32_t x, int32_t y)
@@ -158,9 +158,10 @@ static void rank_levels(struct fv_spread *spread, struct ranking rankings[])
  * is left, fine to coarse. */
 static void share_out(const struct fv_spread *spread, uint32_t count, struct ranking rankings[])
 {
+    const uint32_t over = spread->per_cell < FV_SPREAD_KEPT ? OVER_EVEN : OVER_STRONGEST;
     uint32_t due = 0, done = 0;
     for (uint32_t i = spread->levels; i-- > 0;) {
-        due += share_of(i, spread->levels, count);
+        due += share_of(i, spread->levels, count, over);
         if (due > count || i == 0) due = count;
         const uint32_t room = due - done;
         rankings[i].room = room < rankings[i].total ? room : rankings[i].total;
