@@ -94,6 +94,30 @@ static int32_t field_of(const struct fv_spread_level *level, int32_t x, int32_t 
     return multiplied(2 * y + 1, level->field_y) * FV_SPREAD_COVER + multiplied(2 * x + 1, level->field_x);
 }
 
+static uint64_t kept_of(int32_t x, int32_t y, uint8_t score, int32_t field)
+{
+    return (uint64_t)score << 40 | (uint64_t)(0xffff - y) << 24 | (uint64_t)(0xffff - x) << 8 |
+           (uint64_t)field;
+}
+
+static uint8_t score_of(uint64_t kept)
+{
+    return (uint8_t)(kept >> 40);
+}
+
+static uint8_t field_of_kept(uint64_t kept)
+{
+    return (uint8_t)kept;
+}
+
+static struct fv_corner corner_of(uint64_t kept, uint8_t level)
+{
+    return (struct fv_corner){.x = (uint16_t)(0xffff - (kept >> 8 & 0xffff)),
+                              .y = (uint16_t)(0xffff - (kept >> 24 & 0xffff)),
+                              .level = level,
+                              .score = score_of(kept)};
+}
+
 void fv_spread_offer(struct fv_spread *spread, uint32_t level, int32_t x, int32_t y, uint8_t score)
 {
     const struct fv_spread_level *at = &spread->level[level];
@@ -104,19 +128,16 @@ void fv_spread_offer(struct fv_spread *spread, uint32_t level, int32_t x, int32_
             (struct fv_corner){.x = (uint16_t)x, .y = (uint16_t)y, .level = (uint8_t)level, .score = score};
 
     struct fv_spread_cell *cell = cell_at(at, x, y);
-    if (cell->count > 0 && score < spread->threshold && cell->best[0].score >= spread->threshold) return;
-    int place = cell->count;
-    while (place > 0 && cell->best[place - 1].score < score)
-        place--;
-    if (place == FV_SPREAD_KEPT) return;
-    if (cell->count < FV_SPREAD_KEPT) cell->count++;
-    for (int i = cell->count - 1; i > place; i--)
-        cell->best[i] = cell->best[i - 1];
-    cell->best[place].x = (uint16_t)x;
-    cell->best[place].y = (uint16_t)y;
-    cell->best[place].score = score;
-    cell->best[place].field = (uint8_t)index;
-    cell->best[place].taken = 0;
+    if (score < spread->threshold && score_of(cell->best[0]) >= spread->threshold) return;
+    /* The smaller of each pair moves on: no branch to mispredict, where the strength of corners is anyone's
+     * guess. */
+    uint64_t moving = kept_of(x, y, score, index);
+    for (int i = 0; i < FV_SPREAD_KEPT; i++) {
+        const uint64_t here = cell->best[i];
+        cell->best[i] = here > moving ? here : moving;
+        moving = here > moving ? moving : here;
+    }
+    cell->count = (uint8_t)(cell->count + (cell->count < FV_SPREAD_KEPT));
 }
 
 /* Corners of a level by score, those only that may be picked for their strength. */
@@ -131,11 +152,11 @@ static void rank(struct fv_spread_level *level, uint8_t threshold, int per_cell,
     for (int32_t i = 0; i < level->columns * level->rows; i++) {
         struct fv_spread_cell *cell = &level->cells[i];
         cell->eligible = (uint8_t)(cell->count < per_cell ? cell->count : per_cell);
-        if (cell->count > 0 && cell->best[0].score >= threshold)
-            while (cell->best[cell->eligible - 1].score < threshold)
+        if (cell->count > 0 && score_of(cell->best[0]) >= threshold)
+            while (score_of(cell->best[cell->eligible - 1]) < threshold)
                 cell->eligible--;
         for (int k = 0; k < cell->eligible; k++)
-            ranking->of_score[cell->best[k].score]++;
+            ranking->of_score[score_of(cell->best[k])]++;
         ranking->total += cell->eligible;
     }
 }
@@ -183,12 +204,14 @@ static void take_strongest(struct fv_spread_level *level, const struct ranking *
         room -= ranking->of_score[lowest--];
     for (int32_t i = 0; i < level->columns * level->rows; i++) {
         struct fv_spread_cell *cell = &level->cells[i];
-        for (int k = 0; k < cell->count; k++) {
-            const int score = cell->best[k].score;
-            const bool taken = k < cell->eligible && (score > lowest || (score == lowest && room > 0));
+        cell->taken = 0;
+        for (int k = 0; k < cell->eligible; k++) {
+            const int score = score_of(cell->best[k]);
+            const bool taken = score > lowest || (score == lowest && room > 0);
             if (taken && score == lowest) room--;
-            if (taken) has[cell->best[k].field] = true;
-            cell->best[k].taken = taken;
+            if (!taken) break;
+            has[field_of_kept(cell->best[k])] = true;
+            cell->taken |= (uint8_t)(1u << k);
         }
     }
 }
@@ -207,22 +230,21 @@ static uint32_t fields_to_fill(const struct fv_spread *spread, const bool has[])
 
 /* Mark the corner of a field as taken in the cell of its level. Where stronger ones have pushed it out, it
  * takes the place of the weakest that is still free. False where all are taken already. */
-static bool take_field(const struct fv_spread *spread, const struct fv_corner *field)
+static bool take_field(const struct fv_spread *spread, const struct fv_corner *field, int32_t index)
 {
     struct fv_spread_cell *cell = cell_at(&spread->level[field->level], field->x, field->y);
+    const uint64_t kept = kept_of(field->x, field->y, field->score, index);
     int place = 0;
-    while (place < cell->count && (cell->best[place].x != field->x || cell->best[place].y != field->y))
+    while (place < cell->count && cell->best[place] != kept)
         place++;
     if (place == cell->count) {
         place--;
-        while (place >= 0 && cell->best[place].taken)
+        while (place >= 0 && (cell->taken >> place & 1))
             place--;
         if (place < 0) return false;
-        cell->best[place].x = field->x;
-        cell->best[place].y = field->y;
-        cell->best[place].score = field->score;
+        cell->best[place] = kept;
     }
-    cell->best[place].taken = 1;
+    cell->taken |= (uint8_t)(1u << place);
     return true;
 }
 
@@ -240,7 +262,7 @@ static uint32_t fill_fields(const struct fv_spread *spread, const bool has[], ui
         if (has[i] || field->score < lowest || field->score == 0) continue;
         if (field->score == lowest && room == 0) continue;
         if (field->score == lowest) room--;
-        filled += take_field(spread, field);
+        filled += take_field(spread, field, i);
     }
     return filled;
 }
@@ -248,15 +270,9 @@ static uint32_t fill_fields(const struct fv_spread *spread, const bool has[], ui
 static uint32_t copy_taken(const struct fv_spread_level *level, uint8_t number, struct fv_corner *corners)
 {
     uint32_t count = 0;
-    for (int32_t i = 0; i < level->columns * level->rows; i++) {
-        const struct fv_spread_cell *cell = &level->cells[i];
-        for (int k = 0; k < cell->count; k++)
-            if (cell->best[k].taken)
-                corners[count++] = (struct fv_corner){.x = cell->best[k].x,
-                                                      .y = cell->best[k].y,
-                                                      .level = number,
-                                                      .score = cell->best[k].score};
-    }
+    for (int32_t i = 0; i < level->columns * level->rows; i++)
+        for (int k = 0; k < level->cells[i].count; k++)
+            if (level->cells[i].taken >> k & 1) corners[count++] = corner_of(level->cells[i].best[k], number);
     return count;
 }
 
@@ -266,8 +282,8 @@ static uint32_t top_up(struct fv_spread_level *level, uint32_t room)
     uint32_t taken = 0;
     for (int32_t i = 0; i < level->columns * level->rows; i++)
         for (int k = 0; k < level->cells[i].eligible && taken < room; k++) {
-            taken += !level->cells[i].best[k].taken;
-            level->cells[i].best[k].taken = 1;
+            taken += !(level->cells[i].taken >> k & 1);
+            level->cells[i].taken |= (uint8_t)(1u << k);
         }
     return taken;
 }

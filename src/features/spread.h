@@ -1,15 +1,15 @@
 /* Spread: pick corners so that they cover the image rather than crowd on its strongest texture.
  *
  * Each level is due a share of the features, which falls by 5/6 from level to level, as side lengths do, and
- * gives its strongest corners. (Where only strength counts, per_cell being FV_SPREAD_KEPT, it falls by 29/30: coarse
- * corners are less exact but survive blur and change of scale; measured on the Oxford affine sets.) It is cut into square cells, about as many as its share: a cell gives at most `per_cell` (more
- * where too few would be found), and when any of its corners reaches `threshold` those below do not count.
- * What a coarse level lacks goes to the finer ones, what is then left to the coarser. Beside that, the frame
- * is cut into FV_SPREAD_COVER x FV_SPREAD_COVER fields: where the strong corners leave fields empty, the
- * strongest corner of such a field over all levels takes the place of the weakest elsewhere, until
- * FV_SPREAD_WANTED fields hold one. Strong corners match best, covered fields tie the geometry down. Ties go
- * to the earlier in raster order; corners of the fields to the coarser level. Integer, bounded,
- * deterministic. */
+ * gives its strongest corners. (Where only strength counts, per_cell being FV_SPREAD_KEPT, it falls by 29/30:
+ * coarse corners are less exact but survive blur and change of scale; measured on the Oxford affine sets.) It
+ * is cut into square cells, about as many as its share: a cell gives at most `per_cell` (more where too few
+ * would be found), and when any of its corners reaches `threshold` those below do not count. What a coarse
+ * level lacks goes to the finer ones, what is then left to the coarser. Beside that, the frame is cut into
+ * FV_SPREAD_COVER x FV_SPREAD_COVER fields: where the strong corners leave fields empty, the strongest corner
+ * of such a field over all levels takes the place of the weakest elsewhere, until FV_SPREAD_WANTED fields
+ * hold one. Strong corners match best, covered fields tie the geometry down. Ties go to the earlier in raster
+ * order; corners of the fields to the coarser level. Integer, bounded, deterministic. */
 #ifndef FOVEA_FEATURES_SPREAD_H
 #define FOVEA_FEATURES_SPREAD_H
 
@@ -37,12 +37,13 @@ struct fv_corner {
 };
 
 struct fv_spread_cell {
+    /* Strongest first, 0 where there is none. A kept corner is one number that orders them: score, then 2^16
+     * - 1 - y and 2^16 - 1 - x (the earlier in raster order is the larger), then its field; 8, 16, 16 and 8
+     * bits. */
+    uint64_t best[FV_SPREAD_KEPT];
     uint8_t count;    /* kept */
     uint8_t eligible; /* of them, the first so many may be picked for their strength */
-    struct {
-        uint16_t x, y;
-        uint8_t score, field, taken;
-    } best[FV_SPREAD_KEPT]; /* strongest first */
+    uint8_t taken;    /* a bit for each that is picked */
 };
 
 struct fv_spread_level {
