@@ -1,0 +1,130 @@
+/* fovea features, match and rectify on a drawn picture, and on wrong input. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "app/command.h"
+#include "app/picture.h"
+#include "fovea/elementary.h"
+
+enum { WIDTH = 400, HEIGHT = 300 };
+
+static char folder[] = "/tmp/fovea-picture-XXXXXX";
+static char in[64], out[64], camera[64];
+
+static int set_up(void **state)
+{
+    (void)state;
+    static uint8_t pixels[WIDTH * HEIGHT];
+    struct fovea_random random;
+    struct fovea_error error;
+    if (mkdtemp(folder) == NULL) return -1;
+    snprintf(in, sizeof in, "%s/in.png", folder);
+    snprintf(out, sizeof out, "%s/out.png", folder);
+    snprintf(camera, sizeof camera, "%s/camera.yaml", folder);
+    fovea_random_seed(&random, 2);
+    memset(pixels, 90, sizeof pixels);
+    for (int n = 0; n < 400; n++) {
+        const int x = (int)fovea_random_below(&random, WIDTH - 24),
+                  y = (int)fovea_random_below(&random, HEIGHT - 24);
+        const int grey = (int)fovea_random_below(&random, 256),
+                  size = 5 + (int)fovea_random_below(&random, 18);
+        for (int row = y; row < y + size; row++)
+            memset(pixels + row * WIDTH + x, grey, (size_t)size);
+    }
+    const struct fovea_image image = {pixels, WIDTH, HEIGHT, WIDTH, FOVEA_PIXEL_GREY8, sizeof pixels};
+    if (fv_picture_write(in, &image, &error) != FOVEA_OK) return -1;
+    FILE *file = fopen(camera, "w");
+    if (file == NULL) return -1;
+    fprintf(file,
+            "image_width: %d\nimage_height: %d\ncamera_matrix:\n  data: [300, 0, 200, 0, 300, 150, 0, 0, 1]\n"
+            "distortion_model: plumb_bob\ndistortion_coefficients:\n  data: [-0.2, 0.03, 0, 0, 0]\n",
+            WIDTH, HEIGHT);
+    return fclose(file);
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    unlink(in);
+    unlink(out);
+    unlink(camera);
+    return rmdir(folder);
+}
+
+/* Run a command with up to 7 arguments, ended by NULL. */
+static int call(int (*command)(int, char **), const char *const arguments[])
+{
+    char copies[8][128], *argv[9];
+    int argc = 0;
+    for (; arguments[argc] != NULL; argc++) {
+        snprintf(copies[argc], sizeof copies[argc], "%s", arguments[argc]);
+        argv[argc] = copies[argc];
+    }
+    argv[argc] = NULL;
+    return command(argc, argv);
+}
+#define CALL(command, ...) call(command, (const char *const[]){__VA_ARGS__, NULL})
+
+static void size_of(const char *path, int width, int height)
+{
+    struct fovea_image image;
+    struct fovea_error error;
+    assert_int_equal(fv_picture_read(path, &image, &error), FOVEA_OK);
+    assert_int_equal(image.width, width);
+    assert_int_equal(image.height, height);
+    free((void *)(uintptr_t)image.data);
+    unlink(path);
+}
+
+static void commands_write_pictures(void **state)
+{
+    (void)state;
+    assert_int_equal(CALL(fv_command_features, "features", in, "--draw", out), FV_EXIT_OK);
+    size_of(out, WIDTH, HEIGHT);
+    assert_int_equal(CALL(fv_command_match, "match", in, in, "--draw", out), FV_EXIT_OK);
+    size_of(out, 2 * WIDTH, HEIGHT);
+    assert_int_equal(CALL(fv_command_rectify, "rectify", in, out, "--camera", camera), FV_EXIT_OK);
+    size_of(out, WIDTH, HEIGHT);
+    assert_int_equal(CALL(fv_command_rectify, "rectify", in, out, "--camera", camera, "--size", "320x200"),
+                     FV_EXIT_OK);
+    size_of(out, 320, 200);
+    assert_int_equal(CALL(fv_command_rectify, "rectify", in, out, "--camera", camera, "--view", "cylinder"),
+                     FV_EXIT_OK);
+    size_of(out, WIDTH, HEIGHT);
+}
+
+static void wrong_input_is_told(void **state)
+{
+    (void)state;
+    assert_int_equal(CALL(fv_command_features, "features", "nowhere.png"), FV_EXIT_WRONG);
+    assert_int_equal(CALL(fv_command_features, "features", camera), FV_EXIT_WRONG);
+    assert_int_equal(CALL(fv_command_features, "features", in, "--max", "7"), FV_EXIT_WRONG);
+    assert_int_equal(CALL(fv_command_features, "features", in, "--ignore", "4,4,2"), FV_EXIT_WRONG);
+    assert_int_equal(CALL(fv_command_features, "features", in, "--draw", "/nowhere/x.png"), FV_EXIT_FAILED);
+    assert_int_equal(CALL(fv_command_match, "match", in), FV_EXIT_WRONG);
+    assert_int_equal(CALL(fv_command_match, "match", in, in, "--ratio", "0"), FV_EXIT_WRONG);
+    assert_int_equal(CALL(fv_command_rectify, "rectify", in, out), FV_EXIT_WRONG);
+    assert_int_equal(CALL(fv_command_rectify, "rectify", in, out, "--camera", in), FV_EXIT_WRONG);
+    assert_int_equal(CALL(fv_command_rectify, "rectify", in, out, "--camera", camera, "--view", "cube"),
+                     FV_EXIT_WRONG);
+    assert_int_equal(CALL(fv_command_rectify, "rectify", in, out, "--camera", camera, "--size", "9x9"),
+                     FV_EXIT_WRONG);
+    assert_int_not_equal(access(out, F_OK), 0);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(commands_write_pictures),
+        cmocka_unit_test(wrong_input_is_told),
+    };
+    return cmocka_run_group_tests(tests, set_up, tear_down);
+}
