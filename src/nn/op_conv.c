@@ -43,19 +43,27 @@ static void gather_run(const struct fv_op_conv *c, const uint8_t *line, int32_t 
 }
 
 /* Kernel row ky of `count` neighbouring output pixels of one row, the first at x. */
-static void gather_line(const struct fv_op_conv *c, const uint8_t *image, int32_t y, int32_t x, int32_t ky, int32_t count,
+static void gather_line(const struct fv_nn_call *call, const uint8_t *image, int32_t y, int32_t x, int32_t ky, int32_t count,
                         uint8_t *rows, ptrdiff_t pitch)
 {
+    const struct fv_op_conv *c = &call->op->u.conv;
     const struct fv_op_image *im = &c->image;
     const struct fv_op_window *w = &c->window;
     const int whole = w->dilation_x == 1 && im->in_stride == im->in_c; /* a kernel row is one run of bytes */
     const int32_t run = w->kw * im->in_c, iy = y * w->stride_y - w->pad_top + ky * w->dilation_y;
     const uint8_t *line = iy < 0 || iy >= im->in_h ? NULL : image + (ptrdiff_t)iy * im->in_w * im->in_stride;
     uint8_t *to = rows + (ptrdiff_t)ky * run;
-    for (int32_t i = 0; i < count; ++i, to += pitch) {
+    for (int32_t i = 0, some; i < count; i += some, to += some * pitch) {
         const int32_t ix = (x + i) * w->stride_x - w->pad_left;
-        if (whole && line != NULL && ix >= 0 && ix + w->kw <= im->in_w) copy_run(to, line + (ptrdiff_t)ix * im->in_stride, run);
-        else gather_run(c, line, ix, to);
+        const int inside = whole && line != NULL && ix >= 0 && ix + w->kw <= im->in_w;
+        some = 1;
+        if (inside) { /* as many as follow without touching the right border */
+            const int32_t fit = (im->in_w - w->kw - ix) / w->stride_x + 1;
+            some = fit < count - i ? fit : count - i;
+            call->kernels->nn_gather_u8(line + (ptrdiff_t)ix * im->in_stride, (ptrdiff_t)w->stride_x * im->in_stride, to, pitch, run, some);
+        } else {
+            gather_run(c, line, ix, to);
+        }
     }
 }
 
@@ -67,7 +75,7 @@ static void gather(const struct fv_nn_call *call, int32_t first, int32_t count, 
     while (count > 0) {
         const int32_t part = im->out_w - x < count ? im->out_w - x : count;
         const uint8_t *image = call->in[0] + (ptrdiff_t)n * im->in_h * im->in_w * im->in_stride;
-        for (int32_t ky = 0; ky < c->window.kh; ++ky) gather_line(c, image, y, x, ky, part, rows, pitch);
+        for (int32_t ky = 0; ky < c->window.kh; ++ky) gather_line(call, image, y, x, ky, part, rows, pitch);
         rows += part * pitch;
         count -= part;
         x = 0;

@@ -382,3 +382,22 @@ void bench_nn_softmax_u8(struct check *check, fv_k_nn_softmax_u8_fn *variant)
     snprintf(check->size, sizeof check->size, "4116 x 16");
     variant(check->kept, bench_scratch(), bench_scratch() + (1 << 20), 16, 4116);
 }
+
+void check_nn_gather_u8(struct check *check, fv_k_nn_gather_u8_fn *reference, fv_k_nn_gather_u8_fn *variant)
+{
+    const int32_t run = check_between(check, 1, 300), count = check_between(check, 1, 12), step = check_between(check, 1, 200);
+    const ptrdiff_t pitch = run + 15 + check_between(check, 0, 30);
+    const size_t in_bytes = (size_t)((count - 1) * step + run), bytes = (size_t)(count * pitch);
+    uint8_t *in = check_buffer(check, in_bytes, 1, 15);
+    uint8_t *expected = check_buffer(check, bytes, 1, 0), *found = check_buffer(check, bytes, 1, 0);
+    check_fill(check, in, in_bytes);
+    reference(in, step, expected, pitch, run, count);
+    variant(in, step, found, pitch, run, count);
+    for (int32_t i = 0; i < count; ++i) check_equal(check, "run", expected + i * pitch, found + i * pitch, (size_t)run);
+}
+
+void bench_nn_gather_u8(struct check *check, fv_k_nn_gather_u8_fn *variant)
+{
+    snprintf(check->size, sizeof check->size, "784 runs of 192");
+    variant(bench_scratch(), 64, bench_scratch() + (1 << 20), 640, 192, 784);
+}

@@ -1,3 +1,5 @@
+#include <string.h>
+
 #include "kernels/kernels.h"
 #include "kernels/nn_requantize.h"
 
@@ -55,5 +57,13 @@ void fv_k_nn_argmax_u8__c(const uint8_t *in, int32_t axis, int32_t *out, int32_t
         for (int32_t k = 1; k < axis; ++k) {
             if (in[k] > in[out[i]]) out[i] = k;
         }
+    }
+}
+
+/* Short runs are many, and a call of memcpy for each costs more than the bytes: pieces of 16 are moved inline. */
+void fv_k_nn_gather_u8__c(const uint8_t *in, ptrdiff_t step, uint8_t *out, ptrdiff_t pitch, int32_t run, int32_t count)
+{
+    for (int32_t i = 0; i < count; ++i, in += step, out += pitch) {
+        for (int32_t at = 0; at < run; at += 16) memcpy(out + at, in + at, 16);
     }
 }

@@ -49,6 +49,10 @@ typedef void fv_k_nn_depthwise_u8_fn(const struct fv_nn_depthwise *d, const uint
 /* out[i] = table[in[i]], i < count; in == out is allowed. */
 typedef void fv_k_nn_table_u8_fn(const uint8_t *table, const uint8_t *in, uint8_t *out, int32_t count);
 
+/* Copy `count` runs of `run` bytes: run i from `in + i step` to `out + i pitch`, in order; pitch >= run + 15. Reads and writes up
+ * to 15 bytes past a run (what is written there is not specified). */
+typedef void fv_k_nn_gather_u8_fn(const uint8_t *in, ptrdiff_t step, uint8_t *out, ptrdiff_t pitch, int32_t run, int32_t count);
+
 /* Parameters of an element-wise sum; both inputs are moved by 20 bits before their multipliers. */
 struct fv_nn_add {
     int32_t zero_a, zero_b, zero_out, m_a, s_a, m_b, s_b, m_out, s_out; /* s_a and s_b in [-31, 0] */

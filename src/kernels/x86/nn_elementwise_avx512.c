@@ -145,3 +145,13 @@ void fv_k_nn_blend_u8__avx512(const struct fv_nn_blend *p, const uint8_t *top, c
         }
     }
 }
+
+void fv_k_nn_gather_u8__avx512(const uint8_t *in, ptrdiff_t step, uint8_t *out, ptrdiff_t pitch, int32_t run, int32_t count)
+{
+    const int32_t whole = run / 64 * 64;
+    const __mmask64 rest = run == whole ? 0 : ~UINT64_C(0) >> (64 - (run - whole));
+    for (int32_t i = 0; i < count; ++i, in += step, out += pitch) {
+        for (int32_t at = 0; at < whole; at += 64) _mm512_storeu_si512(out + at, _mm512_loadu_si512(in + at));
+        if (rest != 0) _mm512_mask_storeu_epi8(out + whole, rest, _mm512_maskz_loadu_epi8(rest, in + whole));
+    }
+}
