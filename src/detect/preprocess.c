@@ -4,7 +4,7 @@
 
 #include "nn/run.h"
 
-enum { WEIGHT_BITS = 11, WEIGHT_ONE = 1 << WEIGHT_BITS };
+enum { WEIGHT_BITS = 15, WEIGHT_ONE = 1 << WEIGHT_BITS };
 
 enum fovea_status fv_detect_view(const struct fv_model *model, const struct fovea_image *image, struct fv_detect_view *view)
 {

@@ -1,6 +1,6 @@
 /* From a camera image to a network's input tensor.
  *
- * Bilinear with 11-bit weights, pixel centres aligned (target x looks at (x + 0.5) scale - 0.5), edges repeated: integer
+ * Bilinear with 15-bit weights, pixel centres aligned (target x looks at (x + 0.5) scale - 0.5), edges repeated: integer
  * arithmetic only. Letterboxing keeps the shape, centres the image and fills the rest. Colours are reordered; a grey image
  * gives three equal channels, a colour image gives a grey one by BT.601. Values go through a table of 256 made from the
  * model's mean and scale and the input's quantisation. */
