@@ -149,6 +149,7 @@ bench:  ## install what is missing, then time every stage and kernel beside Open
 	@$(MAKE) --no-print-directory $(BUILD)/bench $(BUILD)/fovea
 	$(BUILD)/bench --program $(BUILD)/fovea --json $(BUILD)/bench.json --readme README.md --commit "$$(git describe --always --dirty 2>/dev/null)" \
 	    --compiler "$$($(CC) --version | head -n 1)" --flags "$(OPT) $(FP)"
+	@tools/bench_networks.sh $(BUILD)
 
 $(BUILD)/venv/evo:
 	python3 -m venv $(BUILD)/venv
