@@ -52,6 +52,33 @@ def record(name, kind, seed):
     return padded(head) + padded(model) + padded(ins) + padded(outs)
 
 
+def detector(target):
+    """A small network of random weights with a FOMO head, for tests of preprocessing, slicing and decoding."""
+    import use
+    case = Case("int8", 5)
+    x = case.q((1, 48, 64, 3), 1 / 255, -128)
+    shape, source, scale = (48, 64), x, 1 / 255
+    for channels in (8, 16, 3):
+        weights, scales = case.weights((channels, 3, 3, case.b.tensors[source][1][3]), channels, 0)
+        shape = (shape[0] // 2, shape[1] // 2)
+        k = 9 * case.b.tensors[source][1][3]
+        out_scale = scale * float(np.mean(scales)) * 40 * np.sqrt(k)
+        y = case.q((1, *shape, channels), out_scale, 0)
+        case.b.op("CONV_2D", [source, weights, case.bias(channels, scale, scales)], [y], "Conv2D", StrideH=2, StrideW=2,
+                  DilationHFactor=1, DilationWFactor=1, Padding=0, FusedActivationFunction=1 if channels > 3 else 0)
+        source, scale = y, out_scale
+    z = case.q((1, *shape, 3), 1 / 256, -128)
+    case.b.op("SOFTMAX", [source], [z], "Softmax", Beta=1.0)
+    with tempfile.NamedTemporaryFile(suffix=".tflite") as file:
+        file.write(case.b.bytes([x], [z]))
+        file.flush()
+        graph = graph_module.read(file.name)
+        net = Lowering(graph).run()
+        arena, _ = plan_module.plan(net)
+        with open(target, "wb") as out:
+            out.write(Writer(net, arena).bytes("detector", *use.describe(file.name, graph, net, None)))
+
+
 def main():
     out = bytearray()
     for number, name in enumerate(CASES):
@@ -61,6 +88,7 @@ def main():
         for kind in kinds:
             seed = next(s for s in range(100) if operators.run(name, kind, s, "c") == "")
             out += record(name, kind, seed)
+    detector(os.path.join(HERE, "..", "golden", "detector.fvm"))
     target = os.path.join(HERE, "..", "golden", "nn_operators.bin")
     with open(target, "wb") as file:
         file.write(out)

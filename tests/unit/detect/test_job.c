@@ -1,0 +1,149 @@
+/* The detection job: the same boxes however it is sliced, with the stamp of the image that was looked at; suppression. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "detect/job.h"
+
+enum { WIDTH = 160, HEIGHT = 90 };
+
+static uint8_t *file;
+static struct fv_model model;
+static uint8_t pixels[WIDTH * HEIGHT];
+
+static int set_up(void **state)
+{
+    (void)state;
+    FILE *in = fopen("tests/golden/detector.fvm", "rb");
+    if (in == NULL) return -1;
+    fseek(in, 0, SEEK_END);
+    const size_t bytes = (size_t)ftell(in);
+    rewind(in);
+    file = aligned_alloc(64, (bytes + 63) / 64 * 64);
+    const int good = file != NULL && fread(file, 1, bytes, in) == bytes;
+    fclose(in);
+    struct fovea_error error;
+    for (int i = 0; i < WIDTH * HEIGHT; ++i) pixels[i] = (uint8_t)((i % WIDTH / 20 * 37 + i / WIDTH / 15 * 91) ^ (i * 7 & 15));
+    return good && fv_model_open(file, bytes, "detector", &model, &error) == FOVEA_OK ? 0 : -1;
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    free(file);
+    return 0;
+}
+
+static void *carve(struct fv_detect_memory *memory)
+{
+    struct fv_arena count, build;
+    fv_arena_count(&count);
+    fv_detect_carve(memory, &count, &model, sizeof pixels);
+    void *block = aligned_alloc(64, count.used);
+    fv_arena_init(&build, block, count.used);
+    fv_detect_carve(memory, &build, &model, sizeof pixels);
+    assert_false(build.exhausted);
+    return block;
+}
+
+static const struct fovea_image image = {.data = pixels, .width = WIDTH, .height = HEIGHT, .stride_bytes = WIDTH, .format = FOVEA_PIXEL_GREY8,
+                                         .size_bytes = sizeof pixels};
+
+static void slices_give_the_same(void **state)
+{
+    (void)state;
+    struct fv_kernels kernels;
+    struct fv_detect_memory whole, sliced;
+    void *a = carve(&whole), *b = carve(&sliced);
+    uint32_t done;
+    fv_kernels_init(&kernels, FV_CPU_C);
+    assert_int_equal(fv_detect_start(&whole, &model, &image, 77, 5), FOVEA_OK);
+    assert_int_equal(fv_detect_start(&whole, &model, &image, 78, 6), FOVEA_AGAIN);
+    assert_int_equal(fv_detect_advance(&whole, &model, &kernels, UINT32_MAX, &done), FOVEA_OK);
+    const uint32_t units = done;
+    assert_int_equal(fv_detect_start(&sliced, &model, &image, 77, 5), FOVEA_OK);
+    uint32_t steps = 0;
+    while (fv_detect_advance(&sliced, &model, &kernels, 1, &done) == FOVEA_AGAIN) {
+        assert_int_equal(done, 1);
+        assert_int_equal(sliced.job->found_sequence, 0);
+        ++steps;
+    }
+    assert_int_equal(steps + 1, units);
+    assert_in_range(whole.job->count, 1, 100);
+    assert_int_equal(whole.job->count, sliced.job->count);
+    assert_memory_equal(whole.job->found, sliced.job->found, sizeof whole.job->found);
+    assert_int_equal(sliced.job->found_sequence, 5);
+    assert_int_equal(sliced.job->found_stamp_ns, 77);
+    for (int32_t i = 0; i < whole.job->count; ++i) {
+        const struct fovea_detection *d = &whole.job->found[i];
+        assert_true(d->x_min_px >= -0.5f && d->x_max_px <= WIDTH - 0.5f && d->x_min_px < d->x_max_px);
+        assert_true(d->y_min_px >= -0.5f && d->y_max_px <= HEIGHT - 0.5f && d->y_min_px < d->y_max_px);
+        assert_true(i == 0 || d->score <= whole.job->found[i - 1].score);
+    }
+    free(a);
+    free(b);
+}
+
+static void what_does_not_fit_is_refused(void **state)
+{
+    (void)state;
+    struct fv_detect_memory memory;
+    void *block = carve(&memory);
+    struct fovea_image wrong = image;
+    wrong.format = FOVEA_PIXEL_YUYV;
+    assert_int_equal(fv_detect_start(&memory, &model, &wrong, 1, 1), FOVEA_ERROR_UNSUPPORTED);
+    wrong = image;
+    wrong.height = HEIGHT * 2;
+    assert_int_equal(fv_detect_start(&memory, &model, &wrong, 1, 1), FOVEA_ERROR_UNSUPPORTED);
+    free(block);
+}
+
+static void suppression_by_class_or_across(void **state)
+{
+    (void)state;
+    const struct fovea_detection list[4] = {{0, 0, 10, 10, 0.9f, 1}, {1, 1, 11, 11, 0.8f, 1}, {1, 1, 11, 11, 0.7f, 2}, {20, 20, 30, 30, 0.6f, 1}};
+    struct fovea_detection work[4];
+    uint8_t dropped[4];
+    memcpy(work, list, sizeof list);
+    assert_int_equal(fv_detect_suppress(work, 4, 0.5f, 0, dropped), 3);
+    assert_int_equal(work[1].class_id, 2);
+    memcpy(work, list, sizeof list);
+    assert_int_equal(fv_detect_suppress(work, 4, 0.5f, 1, dropped), 2);
+    assert_true(work[1].score == 0.6f);
+    memcpy(work, list, sizeof list);
+    assert_int_equal(fv_detect_suppress(work, 4, 0.9f, 1, dropped), 3);
+}
+
+/* A letterboxed view maps the input back to the image. */
+static void letterbox_keeps_the_shape(void **state)
+{
+    (void)state;
+    struct fv_detect_view view;
+    struct fv_model_header header = *model.header;
+    struct fv_model boxed = model;
+    header.preprocess.fit = FV_FIT_LETTERBOX;
+    boxed.header = &header;
+    assert_int_equal(fv_detect_view(&boxed, &image, &view), FOVEA_OK);
+    assert_int_equal(view.width, 64);
+    assert_int_equal(view.height, 36);
+    assert_int_equal(view.left, 0);
+    assert_int_equal(view.top, 6);
+    assert_true(view.scale_x == view.scale_y);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(slices_give_the_same),
+        cmocka_unit_test(what_does_not_fit_is_refused),
+        cmocka_unit_test(suppression_by_class_or_across),
+        cmocka_unit_test(letterbox_keeps_the_shape),
+    };
+    return cmocka_run_group_tests(tests, set_up, tear_down);
+}
