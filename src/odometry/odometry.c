@@ -137,6 +137,7 @@ void fv_odometry_step(struct fv_odometry *o, const struct fv_kernels *kernels,
         fv_track_step(o, kernels);
     } else if (fv_odometry_start(o, kernels)) {
         s->state = FOVEA_TRACKING_OK;
+        fv_odometry_confirm(o);
         fv_write_pose(o);
     }
     s->pose.state = s->state;

@@ -126,6 +126,8 @@ void fv_odometry_fill_view(struct fv_odometry *odometry, const struct fv_odometr
 bool fv_odometry_start(struct fv_odometry *odometry, const struct fv_kernels *kernels);
 /* Pose of the current view against the local map; number of inliers (0: failed). */
 uint32_t fv_odometry_track(struct fv_odometry *odometry, const struct fv_kernels *kernels);
+/* Inliers and covariance of the first pose, from the first map. */
+void fv_odometry_confirm(struct fv_odometry *odometry);
 /* Whether the current view should become a keyframe, and making it one. */
 bool fv_odometry_keyframe_needed(const struct fv_odometry *odometry, uint32_t inliers);
 void fv_odometry_make_keyframe(struct fv_odometry *odometry);

@@ -20,7 +20,8 @@ static const double ratio_max = 0.8;
 static const double direction_sigma_max_rad = 0.02; /* of the baseline; more, and the first map may be bent */
 static const double essential_chi_square = 3.841, homography_chi_square = 5.991; /* 95 % of 1 and 2 dof */
 static const double cos_parallax_full = 0.99985;                                 /* 1 degree */
-/* 0.63 degree: of points with less, noise decides which pass, and those look too near and shrink the first steps. */
+/* 0.63 degree: of points with less, noise decides which pass, and those look too near and shrink the first
+ * steps. */
 static const double cos_parallax_some = 0.99994;
 
 /* Matches of the waiting view's features in the current one: nearest, clearly nearer than the second, one to

@@ -257,6 +257,34 @@ static bool fv_rough_pose(struct fv_odometry *o, const struct fv_kernels *kernel
     return fv_relocalise(o, kernels, view, T) && fv_refine(o, view, 3, 5, T, fit) >= INLIERS_FIRST_MIN;
 }
 
+/* Covariance of the pose: the inverse of the information that the inliers give. */
+static void fv_write_covariance(struct fv_odometry *o, const struct fv_pose_fit *fit)
+{
+    double covariance[36] = {0};
+    for (int column = 0; column < 6; column++) {
+        double A[36], unit[6] = {0};
+        unit[column] = 1;
+        memcpy(A, fit->information, sizeof A);
+        if (fv_ldlt_solve(A, 6, unit))
+            for (int row = 0; row < 6; row++)
+                covariance[6 * row + column] = unit[row];
+    }
+    for (int row = 0, k = 0; row < 6; row++)
+        for (int column = row; column < 6; column++, k++)
+            o->state->pose.covariance[k] = covariance[6 * row + column];
+}
+
+void fv_odometry_confirm(struct fv_odometry *o)
+{
+    struct fv_view view = fv_map_view(&o->map, fv_map_current(&o->map));
+    struct fv_se3 T = view.frame->T_cam_world;
+    struct fv_pose_fit fit;
+    uint32_t inliers = fv_refine(o, &view, 1, 3, &T, &fit);
+    if (inliers == 0) return;
+    o->state->pose.inliers = inliers;
+    fv_write_covariance(o, &fit);
+}
+
 uint32_t fv_odometry_track(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
     struct fv_view view = fv_map_view(&o->map, fv_map_current(&o->map));
@@ -274,18 +302,7 @@ uint32_t fv_odometry_track(struct fv_odometry *o, const struct fv_kernels *kerne
     o->state->pose.inliers = inliers;
     o->state->pose.quality = (float)inliers / (float)(visible + known);
     if (o->state->pose.quality > 1) o->state->pose.quality = 1;
-    double covariance[36] = {0};
-    for (int column = 0; column < 6; column++) {
-        double A[36], unit[6] = {0};
-        unit[column] = 1;
-        memcpy(A, fit.information, sizeof A);
-        if (fv_ldlt_solve(A, 6, unit))
-            for (int row = 0; row < 6; row++)
-                covariance[6 * row + column] = unit[row];
-    }
-    for (int row = 0, k = 0; row < 6; row++)
-        for (int column = row; column < 6; column++, k++)
-            o->state->pose.covariance[k] = covariance[6 * row + column];
+    fv_write_covariance(o, &fit);
     fv_remember(o, &view);
     return inliers;
 }

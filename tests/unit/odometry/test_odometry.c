@@ -1,0 +1,212 @@
+/* Odometry on the simulated camera, whose truth is exact: poses, honesty when turning, standing or carried
+ * off, the same bits with every kernel set. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "features/features.h"
+#include "features/orb.h"
+#include "fovea/source.h"
+#include "odometry/odometry.h"
+
+enum { FRAMES_MAX = 200, UNITS = 40, FEATURES = 1000 };
+
+/* What a run left behind, frame by frame. */
+struct record {
+    int frames;
+    struct fovea_pose pose[FRAMES_MAX];
+    double truth[FRAMES_MAX][3];
+    uint64_t hash;
+};
+static struct record records[2];
+
+struct rig {
+    struct fv_kernels kernels;
+    struct fv_pyramid pyramid;
+    struct fv_features features;
+    struct fv_orb orb;
+    struct fv_odometry odometry;
+    struct fv_arena arenas[3];
+    void *memory[3];
+};
+
+static void carve(struct rig *rig, const struct fovea_camera *camera)
+{
+    const struct fovea_features_config features = {FEATURES, 8, 20, 7};
+    const struct fovea_odometry_config config = {.enabled = true,
+                                                 .keyframes = 40,
+                                                 .landmarks = 6000,
+                                                 .window = 8,
+                                                 .inliers_good = 40,
+                                                 .lost_frames_reset = 15};
+    struct fv_arena *frame = &rig->arenas[2];
+    fv_pyramid_carve(&rig->pyramid, camera->width, camera->height, 8, frame);
+    fv_features_carve(&rig->features, &features, &rig->pyramid, frame);
+    fv_orb_carve(&rig->orb, FEATURES, &rig->pyramid, frame);
+    fv_odometry_carve(&rig->odometry, &config, camera, FEATURES, &rig->arenas[0], &rig->arenas[1], frame);
+}
+
+static void build_rig(struct rig *rig, const struct fovea_camera *camera, enum fv_cpu_set set)
+{
+    fv_kernels_init(&rig->kernels, set);
+    for (int k = 0; k < 3; k++)
+        fv_arena_count(&rig->arenas[k]);
+    carve(rig, camera);
+    for (int k = 0; k < 3; k++) {
+        size_t bytes = (rig->arenas[k].used + 63) / 64 * 64;
+        rig->memory[k] = aligned_alloc(64, bytes);
+        memset(rig->memory[k], 0x5a, bytes); /* nothing may depend on what was there */
+        fv_arena_init(&rig->arenas[k], rig->memory[k], bytes);
+    }
+    carve(rig, camera);
+    fv_odometry_init(&rig->odometry, 1);
+}
+
+static void hash_pose(uint64_t *hash, const struct fovea_pose *pose)
+{
+    const uint8_t *bytes = (const uint8_t *)pose->T_world_cam;
+    for (size_t i = 0; i < sizeof pose->T_world_cam; i++)
+        *hash = (*hash ^ bytes[i]) * 1099511628211u;
+    *hash = (*hash ^ pose->inliers) * 1099511628211u;
+}
+
+static void run(const char *uri, int start, int frames, enum fv_cpu_set set, struct record *record)
+{
+    const struct fovea_source_ops *ops;
+    const char *address;
+    struct fovea_error error;
+    struct fovea_source *source;
+    const struct fovea_source_selection all = {(uint64_t)start, 1, (uint64_t)frames, false};
+    if (fovea_source_find(uri, &ops, &address, &error) || ops->open(address, &all, &source, &error) ||
+        ops->start(source, &error))
+        fail_msg("%s", error.text);
+    struct fovea_camera camera = ops->info(source)->camera;
+    assert_int_equal(fovea_camera_prepare(&camera, &error), FOVEA_OK);
+    static struct rig rig;
+    build_rig(&rig, &camera, set);
+    memset(record, 0, sizeof *record);
+    record->hash = 14695981039346656037u;
+    struct fovea_frame frame;
+    static struct fovea_truth truth;
+    while (record->frames < frames && ops->dequeue(source, INT64_MAX, &frame) == FOVEA_OK) {
+        fv_pyramid_build(&rig.pyramid, &rig.kernels, &frame.image);
+        uint32_t count = fv_features_find(&rig.features, &rig.kernels, &rig.pyramid, NULL, FEATURES);
+        fv_orb_describe(&rig.orb, &rig.kernels, &rig.pyramid, rig.features.corners, count);
+        const struct fv_odometry_input input = {.stamp_ns = frame.stamp_ns,
+                                                .count = count,
+                                                .features = rig.features.list,
+                                                .descriptors = rig.orb.descriptors};
+        fv_odometry_step(&rig.odometry, &rig.kernels, &input);
+        for (int unit = 0; unit < UNITS && fv_odometry_job_waiting(&rig.odometry); unit++)
+            (void)fv_odometry_unit(&rig.odometry, &rig.kernels);
+        assert_int_equal(ops->truth(source, &frame, &truth), FOVEA_OK);
+        int n = record->frames++;
+        record->pose[n] = rig.odometry.state->pose;
+        for (int i = 0; i < 3; i++)
+            record->truth[n][i] = truth.T_world_cam[4 * i + 3];
+        hash_pose(&record->hash, &record->pose[n]);
+        ops->requeue(source, &frame);
+    }
+    ops->stop(source);
+    ops->close(source);
+    for (int k = 0; k < 3; k++)
+        free(rig.memory[k]);
+}
+
+static double travelled(const struct record *r, int a, int b, bool truth)
+{
+    double sum = 0;
+    for (int i = 0; i < 3; i++) {
+        double d = truth ? r->truth[b][i] - r->truth[a][i]
+                         : r->pose[b].T_world_cam[4 * i + 3] - r->pose[a].T_world_cam[4 * i + 3];
+        sum += d * d;
+    }
+    return sqrt(sum);
+}
+
+static void an_orbit_is_followed_at_constant_scale(void **state)
+{
+    (void)state;
+    struct record *r = &records[0];
+    run("sim:orbit?width=480&height=360", 0, 200, FV_CPU_SET_COUNT - 1, r);
+    int first = 0, posed = 0;
+    while (first < r->frames && !r->pose[first].posed)
+        first++;
+    assert_true(first <= 30);
+    double low = 1e9, high = 0;
+    for (int n = first; n < r->frames; n++) {
+        assert_true(r->pose[n].posed && r->pose[n].state == FOVEA_TRACKING_OK);
+        assert_true(r->pose[n].inliers >= FOVEA_POSED_INLIERS_MIN && r->pose[n].covariance[0] > 0);
+        posed++;
+        if (n - first < 75) continue;
+        double scale = travelled(r, n - 60, n, false) / travelled(r, n - 60, n, true);
+        low = fmin(low, scale);
+        high = fmax(high, scale);
+    }
+    printf("orbit: first pose %d, scale over two seconds from %.4f to %.4f\n", first, low, high);
+    assert_true(posed > 150 && high / low < 1.05);
+}
+
+static void turning_on_the_spot_is_no_translation(void **state)
+{
+    (void)state;
+    run("sim:rotate?width=480&height=360", 0, 90, FV_CPU_SET_COUNT - 1, &records[0]);
+    for (int n = 0; n < records[0].frames; n++)
+        assert_true(!records[0].pose[n].posed && records[0].pose[n].state == FOVEA_TRACKING_STARTING);
+}
+
+static void being_carried_off_is_noticed(void **state)
+{
+    (void)state;
+    struct record *r = &records[0];
+    run("sim:kidnap?width=480&height=360", 340, 100, FV_CPU_SET_COUNT - 1,
+        r); /* carried off at 14 s, frame 420 */
+    assert_true(r->pose[78].posed);
+    for (int n = 85; n < r->frames; n++)
+        assert_true(!r->pose[n].posed || r->pose[n].reset_counter > r->pose[78].reset_counter);
+}
+
+static void standing_still_neither_drifts_nor_makes_keyframes(void **state)
+{
+    (void)state;
+    struct record *r = &records[0];
+    run("sim:stopgo?width=480&height=360", 0, 170, FV_CPU_SET_COUNT - 1, r);
+    int still = 0, keyframes = 0;
+    double moved = 0;
+    for (int n = 20; n < r->frames; n++) {
+        if (!r->pose[n].posed || !r->pose[n - 20].posed || travelled(r, n - 20, n, true) > 1e-9) continue;
+        still++;
+        keyframes += r->pose[n].keyframes > r->pose[n - 1].keyframes;
+        moved = fmax(moved, travelled(r, n - 10, n, false));
+    }
+    printf("stopgo: %d frames still, largest change over ten frames %.5f of the depth\n", still, moved);
+    assert_true(still > 20 && keyframes == 0 && moved < 0.01);
+}
+
+static void kernel_sets_give_the_same_bits(void **state)
+{
+    (void)state;
+    run("sim:orbit?width=320&height=240", 0, 60, FV_CPU_C, &records[0]);
+    run("sim:orbit?width=320&height=240", 0, 60, FV_CPU_SET_COUNT - 1, &records[1]);
+    assert_true(records[0].pose[59].posed);
+    assert_true(records[0].hash == records[1].hash);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(an_orbit_is_followed_at_constant_scale),
+        cmocka_unit_test(turning_on_the_spot_is_no_translation),
+        cmocka_unit_test(being_carried_off_is_noticed),
+        cmocka_unit_test(standing_still_neither_drifts_nor_makes_keyframes),
+        cmocka_unit_test(kernel_sets_give_the_same_bits),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
