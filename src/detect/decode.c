@@ -204,52 +204,66 @@ static void decode_yolov2(struct job *j)
     }
 }
 
-/* FOMO: cells of a class that touch (8 neighbours) are one object; its box is theirs, its score the best. */
+/* A grid of cells by classes, of which the first is background. */
+struct grid {
+    const struct output *o;
+    int32_t w, h, classes, class_id;
+    float threshold;
+};
+
+struct cells {
+    int32_t x0, x1, y0, y1;
+    float score;
+};
+
+static int is_object(const struct grid *g, int32_t cell)
+{
+    return value_at(g->o, (int64_t)cell * g->classes + g->class_id + 1) >= g->threshold;
+}
+
+/* All cells that touch `start` (8 neighbours) over other cells of the object; each enters the stack once. */
+static struct cells grow(const struct grid *g, int32_t start, uint8_t *seen, int32_t *stack)
+{
+    struct cells c = {.x0 = g->w, .x1 = -1, .y0 = g->h, .y1 = -1, .score = 0};
+    int32_t top = 1;
+    stack[0] = start;
+    seen[start] = 1;
+    while (top > 0) {
+        const int32_t cell = stack[--top], x = cell % g->w, y = cell / g->w;
+        const float value = value_at(g->o, (int64_t)cell * g->classes + g->class_id + 1);
+        c.score = value > c.score ? value : c.score;
+        c.x0 = x < c.x0 ? x : c.x0;
+        c.x1 = x > c.x1 ? x : c.x1;
+        c.y0 = y < c.y0 ? y : c.y0;
+        c.y1 = y > c.y1 ? y : c.y1;
+        for (int32_t k = 0; k < 9; ++k) {
+            const int32_t nx = x + k % 3 - 1, ny = y + k / 3 - 1, next = ny * g->w + nx;
+            if (nx < 0 || nx >= g->w || ny < 0 || ny >= g->h || seen[next] || !is_object(g, next)) continue;
+            seen[next] = 1;
+            stack[top++] = next;
+        }
+    }
+    return c;
+}
+
+/* FOMO: cells of a class that touch are one object; its box is theirs, its score the best. */
 static void decode_fomo(struct job *j)
 {
     const struct output *o = &j->out[0];
     const struct fv_model_preprocess *p = &j->model->header->preprocess;
     if (o->t->rank != 4) return;
-    const int32_t h = o->t->dims[1], w = o->t->dims[2], classes = o->t->dims[3];
-    const float cell_w = (float)p->width / (float)w, cell_h = (float)p->height / (float)h;
-    if ((int64_t)h * w > (int64_t)sizeof j->s->seen / 4) return;
-    int32_t *stack = (int32_t *)(void *)j->s->candidates; /* a cell enters it once at most; moved before candidates are kept */
-    uint8_t *seen = j->s->seen;
-    struct fovea_detection *found = (struct fovea_detection *)(void *)(j->s->seen + sizeof j->s->seen / 4);
-    const int32_t most = (int32_t)(sizeof j->s->seen * 3 / 4 / sizeof *found);
-    int32_t count = 0;
-    if ((int64_t)h * w * 4 > (int64_t)sizeof j->s->candidates) return;
-    for (int32_t c = 1; c < classes; ++c) {
-        memset(seen, 0, (size_t)(h * w));
-        for (int32_t start = 0; start < h * w && count < most; ++start) {
-            if (seen[start] || !(value_at(o, (int64_t)start * classes + c) >= threshold_of(j, c - 1))) continue;
-            int32_t top = 1, x0 = w, x1 = -1, y0 = h, y1 = -1;
-            float score = 0;
-            stack[0] = start;
-            seen[start] = 1;
-            while (top > 0) {
-                const int32_t cell = stack[--top], x = cell % w, y = cell / w;
-                const float value = value_at(o, (int64_t)cell * classes + c);
-                score = value > score ? value : score;
-                x0 = x < x0 ? x : x0;
-                x1 = x > x1 ? x : x1;
-                y0 = y < y0 ? y : y0;
-                y1 = y > y1 ? y : y1;
-                for (int32_t k = 0; k < 9; ++k) {
-                    const int32_t nx = x + k % 3 - 1, ny = y + k / 3 - 1, next = ny * w + nx;
-                    if (nx < 0 || nx >= w || ny < 0 || ny >= h || seen[next]) continue;
-                    if (!(value_at(o, (int64_t)next * classes + c) >= threshold_of(j, c - 1))) continue;
-                    seen[next] = 1;
-                    stack[top++] = next;
-                }
-            }
-            found[count++] = (struct fovea_detection){.x_min_px = (float)x0 * cell_w, .y_min_px = (float)y0 * cell_h,
-                                                      .x_max_px = (float)(x1 + 1) * cell_w, .y_max_px = (float)(y1 + 1) * cell_h,
-                                                      .score = score, .class_id = c - 1};
+    struct grid g = {.o = o, .h = o->t->dims[1], .w = o->t->dims[2], .classes = o->t->dims[3]};
+    const int64_t cells = (int64_t)g.h * g.w;
+    const float cell_w = (float)p->width / (float)g.w, cell_h = (float)p->height / (float)g.h;
+    if (cells > FV_DETECT_CELLS_MAX) return;
+    for (g.class_id = 0; g.class_id < g.classes - 1; ++g.class_id) {
+        g.threshold = threshold_of(j, g.class_id);
+        memset(j->s->seen, 0, (size_t)cells);
+        for (int32_t start = 0; start < cells; ++start) {
+            if (j->s->seen[start] || !is_object(&g, start)) continue;
+            const struct cells c = grow(&g, start, j->s->seen, j->s->stack);
+            add_box(j, (float)c.x0 * cell_w, (float)c.y0 * cell_h, (float)(c.x1 + 1) * cell_w, (float)(c.y1 + 1) * cell_h, c.score, g.class_id);
         }
-    }
-    for (int32_t i = 0; i < count; ++i) {
-        add_box(j, found[i].x_min_px, found[i].y_min_px, found[i].x_max_px, found[i].y_max_px, found[i].score, found[i].class_id);
     }
 }
 

@@ -12,12 +12,16 @@ extern "C" {
 
 enum { FV_DETECT_CANDIDATES_MAX = 1000 };
 
+/* Cells of the largest grid that the FOMO decoder takes. */
+enum { FV_DETECT_CELLS_MAX = 128 * 128 };
+
 /* Scratch of the decoders, in job memory. */
 struct fv_detect_scratch {
     struct fovea_detection candidates[FV_DETECT_CANDIDATES_MAX];
     int32_t count, smallest; /* the candidate of the lowest score once the list is full */
     uint8_t dropped[FV_DETECT_CANDIDATES_MAX];
-    uint8_t seen[65536]; /* cells of a grid */
+    uint8_t seen[FV_DETECT_CELLS_MAX]; /* cells already part of an object */
+    int32_t stack[FV_DETECT_CELLS_MAX];
 };
 
 /* Decode the outputs of a finished run into at most `capacity` detections by falling score (ties: order of the outputs).
