@@ -10,7 +10,7 @@ packages() {
     test)  echo libcmocka-dev libopencv-core-dev libopencv-imgproc-dev libopencv-features2d-dev \
                 libopencv-calib3d-dev libopencv-imgcodecs-dev python3 python3-venv ;;
     bench) echo libopencv-core-dev libopencv-imgproc-dev libopencv-features2d-dev libopencv-calib3d-dev \
-                libopencv-imgcodecs-dev opencv-doc ;;
+                libopencv-imgcodecs-dev opencv-doc python3 python3-venv ;;
     check) echo clang clang-tidy libclang-rt-14-dev python3 ;;
     cross) echo gcc-aarch64-linux-gnu g++-aarch64-linux-gnu qemu-user llvm ;;
     jar)   echo default-jdk-headless liblcm-java ;;
