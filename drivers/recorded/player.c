@@ -351,6 +351,17 @@ enum fovea_status fv_player_truth(struct fovea_source *source, const struct fove
     return source->ops->truth(source->recording, &recorded, truth);
 }
 
+enum fovea_status fv_player_truth_pose(struct fovea_source *source, const struct fovea_frame *frame,
+                                       double T_world_cam[12])
+{
+    struct fovea_truth truth = {.has_pose = false};
+    const enum fovea_status status = fv_player_truth(source, frame, &truth);
+    if (status != FOVEA_OK) return status;
+    if (!truth.has_pose) return FOVEA_ERROR_UNSUPPORTED;
+    memcpy(T_world_cam, truth.T_world_cam, sizeof truth.T_world_cam);
+    return FOVEA_OK;
+}
+
 void fv_player_counts(const struct fovea_source *source, struct fovea_source_counts *counts)
 {
     *counts = source->counts;

@@ -62,6 +62,8 @@ void fv_player_stop(struct fovea_source *source);
 void fv_player_close(struct fovea_source *source);
 enum fovea_status fv_player_truth(struct fovea_source *source, const struct fovea_frame *frame,
                                   struct fovea_truth *truth);
+enum fovea_status fv_player_truth_pose(struct fovea_source *source, const struct fovea_frame *frame,
+                                       double T_world_cam[12]);
 void fv_player_counts(const struct fovea_source *source, struct fovea_source_counts *counts);
 enum fovea_source_state fv_player_state(const struct fovea_source *source);
 enum fovea_status fv_player_complaint(struct fovea_source *source, struct fovea_error *error);
@@ -71,8 +73,8 @@ enum fovea_status fv_player_complaint(struct fovea_source *source, struct fovea_
     {                                                                                                        \
         .name = (name_), .help = (help_), .open = (open_), .info = fv_player_info, .start = fv_player_start, \
         .dequeue = fv_player_dequeue, .requeue = fv_player_requeue, .stop = fv_player_stop,                  \
-        .close = fv_player_close, .truth = fv_player_truth, .counts = fv_player_counts,                      \
-        .state = fv_player_state, .complaint = fv_player_complaint                                           \
+        .close = fv_player_close, .truth = fv_player_truth, .truth_pose = fv_player_truth_pose,              \
+        .counts = fv_player_counts, .state = fv_player_state, .complaint = fv_player_complaint               \
     }
 
 extern const struct fovea_source_ops fovea_source_euroc, fovea_source_tum, fovea_source_kitti,

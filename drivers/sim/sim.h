@@ -321,6 +321,8 @@ int32_t fv_sim_band_rows(const struct fovea_source *source);
 double fv_sim_row_delay(const struct fovea_source *source, int32_t y_begin, int32_t y_end);
 enum fovea_status fv_sim_truth(struct fovea_source *source, const struct fovea_frame *frame,
                                struct fovea_truth *truth);
+enum fovea_status fv_sim_truth_pose(struct fovea_source *source, const struct fovea_frame *frame,
+                                    double T_world_cam[12]);
 
 extern const struct fovea_source_ops fovea_source_sim;
 

@@ -318,6 +318,7 @@ const struct fovea_source_ops fovea_source_sim = {
     .stop = sim_stop,
     .close = sim_close,
     .truth = fv_sim_truth,
+    .truth_pose = fv_sim_truth_pose,
     .counts = sim_counts,
     .state = sim_state,
 };

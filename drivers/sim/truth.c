@@ -193,3 +193,12 @@ enum fovea_status fv_sim_truth(struct fovea_source *source, const struct fovea_f
     truth->class_mask = source->class_mask;
     return FOVEA_OK;
 }
+
+enum fovea_status fv_sim_truth_pose(struct fovea_source *source, const struct fovea_frame *frame,
+                                    double T_world_cam[12])
+{
+    if (frame->slot >= FOVEA_SOURCE_FRAMES_HELD || !source->held[frame->slot]) return FOVEA_ERROR_ARGUMENT;
+    fv_sim_motion_pose(&source->motion, fv_sim_frame_time(source, source->image_index[frame->slot]),
+                       T_world_cam);
+    return FOVEA_OK;
+}

@@ -1,7 +1,7 @@
 /* Frame sources: cameras, recordings and the simulated camera behind one operations table.
  *
  * Life of a source: open -> start -> { dequeue -> requeue }* -> stop -> close. `open` may allocate, read files and
- * start threads; between `start` and `stop` the calls made on the loop thread (dequeue, requeue, truth) make no heap
+ * start threads; between `start` and `stop` the calls made on the loop thread (dequeue, requeue, truth, truth_pose) make no heap
  * call, and wait at most until the deadline. At most `FOVEA_SOURCE_FRAMES_HELD` frames may be held at once. */
 #ifndef FOVEA_SOURCE_H
 #define FOVEA_SOURCE_H
@@ -143,6 +143,9 @@ struct fovea_source_ops {
 
     /* Optional (NULL where it does not apply). */
     enum fovea_status (*truth)(struct fovea_source *source, const struct fovea_frame *frame, struct fovea_truth *truth);
+    /* The pose of `truth` alone, in microseconds where the maps may take as long as a frame. FOVEA_ERROR_UNSUPPORTED:
+     * the pose of this frame is not known. */
+    enum fovea_status (*truth_pose)(struct fovea_source *source, const struct fovea_frame *frame, double T_world_cam[12]);
     void (*counts)(const struct fovea_source *source, struct fovea_source_counts *counts);
     enum fovea_source_state (*state)(const struct fovea_source *source);
     /* One line about the first frame of each kind that was skipped since the last call (file and reason), or

@@ -309,7 +309,8 @@ int fv_command_check(int argc, char **argv)
     struct fovea_error error = {0};
     const struct fv_option options[] = {
         {"config", "FILE", FV_OPTION_TEXT, &check.options.config, "configuration to check"},
-        {"source", "URI", FV_OPTION_TEXT, &check.options.source, "where frames come from (default sim:)"},
+        {"source", "URI", FV_OPTION_TEXT, &check.options.source,
+         "sim: euroc:DIR tum:DIR kitti:DIR images:GLOB lcmlog:FILE video:FILE (default sim:)"},
         {"camera", "FILE", FV_OPTION_TEXT, &check.options.camera, "calibration, instead of the source's own"},
         {"set", "KEY=VALUE", FV_OPTION_LIST, &check.options.sets, "override a key of the configuration"},
         {"memory-only", NULL, FV_OPTION_FLAG, &check.memory_only, "print the memory table and nothing else"},

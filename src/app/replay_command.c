@@ -46,6 +46,7 @@ static void send(void *context, int64_t now_ns, const struct fovea_outputs *outp
 static enum fv_exit tell(const char *path, bool verify, enum fovea_status status,
                          const struct fv_replay_result *result, const struct fovea_error *error)
 {
+    if (status != FOVEA_OK && result->steps == 0) return (fv_say("%s", error->text), fv_setup_exit(status));
     if (result->recorded_by[0] != '\0')
         printf("  recorded by %s; replayed with kernels %s\n", result->recorded_by,
                result->kernel_set != NULL ? result->kernel_set : "none");

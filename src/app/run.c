@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "app/command.h"
+#include "app/files.h"
 #include "app/loop.h"
 #include "app/path_picture.h"
 #include "app/process.h"
@@ -36,7 +37,6 @@ struct run {
     struct fv_transport *transport;
     struct fv_recorder *recorder;
     struct fv_trajectory *trajectory;
-    struct fovea_truth truth; /* of the last posed frame */
     struct fv_loop_shared shared;
     struct fv_timings timings;
     struct fv_loop loop;
@@ -69,10 +69,8 @@ static void step_done(void *context, const struct fovea_inputs *inputs, const st
     struct fv_trajectory_sample sample = {.stamp_ns = inputs->frame->stamp_ns, .map = pose->reset_counter};
     const struct fovea_source_ops *ops = run->setup.ops;
     memcpy(sample.T_world_cam, pose->T_world_cam, sizeof sample.T_world_cam);
-    if (ops->truth != NULL && ops->truth(run->setup.source, inputs->frame, &run->truth) == FOVEA_OK) {
-        sample.has_truth = run->truth.has_pose;
-        memcpy(sample.truth, run->truth.T_world_cam, sizeof sample.truth);
-    }
+    sample.has_truth = ops->truth_pose != NULL &&
+                       ops->truth_pose(run->setup.source, inputs->frame, sample.truth) == FOVEA_OK;
     fv_trajectory_add(run->trajectory, &sample);
 }
 
@@ -99,7 +97,8 @@ static enum fv_options_result options_read(struct run *run, int argc, char **arg
 {
     const struct fv_option options[] = {
         {"config", "FILE", FV_OPTION_TEXT, &run->options.config, "configuration ('fovea config' prints one)"},
-        {"source", "URI", FV_OPTION_TEXT, &run->options.source, "where frames come from (default sim:)"},
+        {"source", "URI", FV_OPTION_TEXT, &run->options.source,
+         "sim: euroc:DIR tum:DIR kitti:DIR images:GLOB lcmlog:FILE video:FILE (default sim:)"},
         {"camera", "FILE", FV_OPTION_TEXT, &run->options.camera, "calibration, instead of the source's own"},
         {"rate", "max|real", FV_OPTION_TEXT, &run->options.rate,
          "every frame, or by the clock with late ones dropped"},
@@ -135,11 +134,34 @@ static enum fv_exit picture_probe(const char *option, const char *path)
     return FV_EXIT_OK;
 }
 
-static enum fv_exit outputs_check(struct run *run)
+/* Settings, and that nothing that is read would be written over. */
+static enum fovea_status settings_read(struct run *run, struct fovea_error *error)
 {
     if (run->selection.step == 0)
-        return fv_say_wrong("fovea run: --step: found 0, expected a whole number from 1");
-    if (run->stats_path != NULL && (run->stats = fopen(run->stats_path, "we")) == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "fovea run: --step: found 0, expected a whole number from 1");
+    enum fovea_status status = fv_setup_settings(&run->options, &run->settings, error);
+    if (status != FOVEA_OK) return status;
+    const char *address = strchr(run->settings.source, ':');
+    const struct fv_file written[] = {
+        {"--record", run->settings.record},     {"--stats", run->stats_path},
+        {"--trajectory", run->trajectory_path}, {"--timings", run->timings_path},
+        {"--path", run->picture_path},          {0},
+    };
+    const struct fv_file read[] = {
+        {"--source", address != NULL ? address + 1 : NULL},
+        {"--config", run->options.config},
+        {"--camera", run->settings.camera},
+        {"mask", run->settings.mask},
+        {0},
+    };
+    return fv_files_apart(written, read, error);
+}
+
+/* Results of an earlier run are kept until there are new ones to write. */
+static enum fv_exit outputs_check(struct run *run)
+{
+    if (run->stats_path != NULL && (run->stats = fopen(run->stats_path, "ae")) == NULL)
         return fv_say_wrong("fovea run: --stats: %s: cannot be written: %s", run->stats_path,
                             strerror(errno));
     enum fv_exit end = picture_probe("timings", run->timings_path);
@@ -209,8 +231,7 @@ static enum fovea_status recorder_open(struct run *run, struct fovea_error *erro
 
 static enum fovea_status open_all(struct run *run, struct fovea_error *error)
 {
-    enum fovea_status status = fv_setup_settings(&run->options, &run->settings, error);
-    if (status == FOVEA_OK) status = fv_setup_open(&run->settings, &run->selection, &run->setup, error);
+    enum fovea_status status = fv_setup_open(&run->settings, &run->selection, &run->setup, error);
     if (status != FOVEA_OK) return status;
     run->loop.real_time = is_real_time(run);
     status = runtime_open(run, error);
@@ -313,8 +334,10 @@ static enum fovea_status run_loop(struct run *run, const sigset_t *signals, stru
 static enum fv_exit stats_write(struct run *run, const struct fv_report *report)
 {
     if (run->stats == NULL) return FV_EXIT_OK;
+    bool failed =
+        ftruncate(fileno(run->stats), 0) != 0 && errno != EINVAL; /* EINVAL: not a file of its own */
     fv_report_json(run->stats, report);
-    bool failed = ferror(run->stats) != 0;
+    failed = failed || ferror(run->stats) != 0;
     failed = fclose(run->stats) != 0 || failed;
     run->stats = NULL;
     return failed ? fv_say_failed("%s: cannot be written", run->stats_path) : FV_EXIT_OK;
@@ -405,11 +428,13 @@ int fv_command_run(int argc, char **argv)
     sigset_t signals;
     enum fv_options_result result = options_read(&run, argc, argv);
     if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
+    enum fovea_status status = settings_read(&run, &error);
+    if (status != FOVEA_OK) return (fv_say("%s", error.text), fv_setup_exit(status));
     enum fv_exit end = outputs_check(&run);
     if (end != FV_EXIT_OK) return end;
     signals_block(&signals);
 
-    enum fovea_status status = open_all(&run, &error);
+    status = open_all(&run, &error);
     if (status == FOVEA_OK) {
         status = run_loop(&run, &signals, &error);
         if (run.setup.ops != NULL) run.setup.ops->stop(run.setup.source);

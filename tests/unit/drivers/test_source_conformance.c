@@ -191,6 +191,7 @@ static void play(const struct fovea_source_ops *ops, struct fovea_source *source
                  volatile unsigned long *calls)
 {
     static struct fovea_truth truth;
+    double pose_alone[12];
     struct fovea_frame frame;
     struct fovea_source_counts counts;
     enum fovea_status status = FOVEA_AGAIN;
@@ -201,10 +202,14 @@ static void play(const struct fovea_source_ops *ops, struct fovea_source *source
         bool has_pose = false;
         if (status == FOVEA_OK && ops->truth != NULL && ops->info(source)->has_truth)
             has_pose = ops->truth(source, &frame, &truth) == FOVEA_OK && truth.has_pose;
+        bool has_pose_alone = status == FOVEA_OK && ops->truth_pose != NULL &&
+                              ops->truth_pose(source, &frame, pose_alone) == FOVEA_OK;
         if (ops->counts != NULL) ops->counts(source, &counts);
         watched_calls = NULL;
         if (status == FOVEA_AGAIN) continue;
         if (status != FOVEA_OK) break;
+        assert_int_equal(has_pose_alone, has_pose);
+        if (has_pose) assert_memory_equal(pose_alone, truth.T_world_cam, sizeof pose_alone);
         assert_int_equal(fovea_image_check(&frame.image), FOVEA_OK);
         assert_int_equal(frame.image.width, ops->info(source)->width);
         assert_int_equal(frame.image.height, ops->info(source)->height);

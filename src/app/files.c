@@ -1,0 +1,38 @@
+#include "app/files.h"
+
+#include <stdbool.h>
+#include <string.h>
+#include <sys/stat.h>
+
+static bool same(const char *one, const char *other)
+{
+    struct stat a, b;
+    if (one == NULL || other == NULL || *one == '\0' || *other == '\0') return false;
+    if (stat(one, &a) == 0) {
+        return S_ISREG(a.st_mode) && stat(other, &b) == 0 && a.st_dev == b.st_dev && a.st_ino == b.st_ino;
+    }
+    return strcmp(one, other) == 0 && strcmp(one, "none") != 0; /* neither is there yet; 'none' is no file */
+}
+
+static enum fovea_status apart(const struct fv_file *written, const struct fv_file *others,
+                               struct fovea_error *error)
+{
+    for (; others->option != NULL; others++) {
+        if (same(written->path, others->path))
+            return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                                   "%s: found %.300s, the file of %s, expected another file", written->option,
+                                   written->path, others->option);
+    }
+    return FOVEA_OK;
+}
+
+enum fovea_status fv_files_apart(const struct fv_file *written, const struct fv_file *read,
+                                 struct fovea_error *error)
+{
+    for (; written->option != NULL; written++) {
+        enum fovea_status status = apart(written, read, error);
+        if (status == FOVEA_OK) status = apart(written, written + 1, error);
+        if (status != FOVEA_OK) return status;
+    }
+    return FOVEA_OK;
+}
