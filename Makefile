@@ -239,7 +239,7 @@ $(BUILD)/libfovea.a: $(CORE_O)
 	$(Q)$(AR) rcs $@ $^
 $(BUILD)/libfovea.so: $(CORE_O)
 	@echo "  link $@"
-	$(Q)$(CXX) $(LDFLAGS) -shared -Wl,-soname,libfovea.so -o $@ $^ $(LIBS_CORE)
+	$(Q)$(CXX) $(LDFLAGS) -shared -Wl,-soname,libfovea.so -Wl,--version-script=tools/libfovea.map -o $@ $^ $(LIBS_CORE)
 $(BUILD)/libfovea-app.a: $(APP_O) $(DRIVERS_O)
 	@rm -f $@
 	$(Q)$(AR) rcs $@ $^
