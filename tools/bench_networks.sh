@@ -16,6 +16,6 @@ if [ ! -x "$python" ]; then
         exit 0
     }
 fi
-make --no-print-directory BUILD="$build" "$build/libfovea.so" "$build/fovea" >/dev/null
+make --no-print-directory BUILD="$build" "$build/libfovea.a" "$build/fovea" >/dev/null
 # shellcheck disable=SC2086
 BUILD=$build "$python" tools/import/benchmark.py --program "$build/fovea" --json "$build/bench_networks.json" $models

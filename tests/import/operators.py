@@ -2,7 +2,7 @@
 
     python3 tests/import/operators.py [--set c|avx2|...] [--rounds N] [NAME...]
 
-Needs tflite, numpy, flatbuffers, ai-edge-litert and pillow; build/libfovea.so is the engine (or $FOVEA_LIBRARY)."""
+Needs tflite, numpy, flatbuffers, ai-edge-litert and pillow; build/libfovea.a is the engine (or $FOVEA_LIBRARY)."""
 import argparse
 import os
 import sys

@@ -1,6 +1,7 @@
-"""The engine in this process: build/libfovea.so through ctypes, for comparing with the reference interpreter."""
+"""The engine in this process: build/libfovea.a through ctypes, for comparing with the reference interpreter."""
 import ctypes
 import os
+import subprocess
 
 import numpy as np
 
@@ -24,10 +25,16 @@ def aligned(count):
 
 
 def library():
-    path = os.environ.get("FOVEA_LIBRARY", os.path.join(os.environ.get("BUILD", os.path.join(ROOT, "build")),
-                                                         "libfovea.so"))
-    if not os.path.exists(path):
-        raise SystemExit(f"{path}: not there; `make` builds it")
+    """The engine with its internal functions: linked from the archive, since the shared library exports only the public ones."""
+    build = os.environ.get("BUILD", os.path.join(ROOT, "build"))
+    path = os.environ.get("FOVEA_LIBRARY", os.path.join(build, "libfovea-internal.so"))
+    archive = os.path.join(build, "libfovea.a")
+    if "FOVEA_LIBRARY" not in os.environ:
+        if not os.path.exists(archive):
+            raise SystemExit(f"{archive}: not there; `make` builds it")
+        if not os.path.exists(path) or os.path.getmtime(path) < os.path.getmtime(archive):
+            subprocess.run([os.environ.get("CXX", "c++"), "-shared", "-o", path, "-Wl,--whole-archive", archive,
+                            "-Wl,--no-whole-archive", "-llcm", "-ljpeg", "-pthread"], check=True)
     return ctypes.CDLL(path)
 
 
