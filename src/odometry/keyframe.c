@@ -5,6 +5,7 @@
 enum {
     FRAMES_APART_MIN = 2,  /* between keyframes, unless matches run out */
     LANDMARKS_ROOM = 1000, /* free slots that growing should find */
+    STILL_FRAMES = 8,      /* in one place: standing, and a keyframe would only repeat the last */
     MATCHES_LOW = 100      /* fewer, and any change of view is worth a keyframe */
 };
 
@@ -12,6 +13,8 @@ static const double kept_share = 0.7; /* of the matches of the last keyframe, be
 static const double kept_share_urgent = 0.5;    /* at which it may not wait */
 static const double parallax_wanted_rad = 0.12; /* travelled over median depth: a new keyframe adds depth */
 static const double parallax_least_rad = 0.01;  /* less is standing still or turning: no keyframe is of use */
+
+static const double still_move_rad = 0.002; /* above the noise of a standing camera's pose */
 
 /* Median depth of the current sights, by halving. */
 static double fv_current_depth(const struct fv_odometry *o)
@@ -39,12 +42,32 @@ static double fv_distance_to(const struct fv_odometry *o, uint32_t keyframe)
     return fv_norm3(T.t);
 }
 
-bool fv_odometry_keyframe_needed(const struct fv_odometry *o, uint32_t inliers)
+/* Count the frames for which the camera has stayed within `still_move_rad` of one place, seen from the scene. */
+static void fv_note_stillness(struct fv_odometry *o, double depth)
+{
+    struct fv_odometry_state *s = o->state;
+    const struct fv_se3 *T = &o->map.keyframes[fv_map_current(&o->map)].T_cam_world;
+    const double origin[3] = {0, 0, 0};
+    double place[3], between[3];
+    fv_se3_apply_inverse(T, origin, place);
+    fv_subtract3(place, s->still_place, between);
+    if (fv_norm3(between) < still_move_rad * depth) {
+        s->still_frames++;
+    } else {
+        s->still_frames = 0;
+        fv_copy3(place, s->still_place);
+    }
+}
+
+bool fv_odometry_keyframe_needed(struct fv_odometry *o, uint32_t inliers)
 {
     const struct fv_odometry_state *s = o->state;
     uint64_t apart = s->frame_number - s->keyframe_frame;
     double share = (double)inliers / (s->keyframe_matches > 0 ? s->keyframe_matches : 1);
-    double parallax = fv_distance_to(o, s->newest) / fv_current_depth(o);
+    double depth = fv_current_depth(o);
+    double parallax = fv_distance_to(o, s->newest) / depth;
+    fv_note_stillness(o, depth);
+    if (s->still_frames >= STILL_FRAMES) return false;
     if (s->pending_count == FV_GROW_PENDING_MAX || parallax < parallax_least_rad) return false;
     if (share < kept_share_urgent || inliers < MATCHES_LOW / 2) return true;
     if (apart < FRAMES_APART_MIN) return false;

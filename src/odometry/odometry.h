@@ -55,6 +55,8 @@ struct fv_odometry_state {
     uint64_t frame_number;
     uint64_t keyframe_frame; /* number of the frame that became the last keyframe */
     uint32_t lost_frames, reset_counter, waiting_frames;
+    uint32_t still_frames;  /* for which the camera has stayed at still_place */
+    double still_place[3];  /* world */
     uint32_t recent_count;
     uint32_t newest;           /* slot of the newest keyframe */
     uint32_t keyframe_matches; /* landmarks that the newest keyframe was tracked on */
@@ -129,7 +131,7 @@ uint32_t fv_odometry_track(struct fv_odometry *odometry, const struct fv_kernels
 /* Inliers and covariance of the first pose, from the first map. */
 void fv_odometry_confirm(struct fv_odometry *odometry);
 /* Whether the current view should become a keyframe, and making it one. */
-bool fv_odometry_keyframe_needed(const struct fv_odometry *odometry, uint32_t inliers);
+bool fv_odometry_keyframe_needed(struct fv_odometry *odometry, uint32_t inliers);
 void fv_odometry_make_keyframe(struct fv_odometry *odometry);
 /* Queue a keyframe for growing. */
 void fv_odometry_queue(struct fv_odometry *odometry, uint32_t keyframe);
