@@ -5,6 +5,6 @@ set -eu
 flags="-std=c11 -D_GNU_SOURCE -Iinclude -Isrc -Ibuild/generated -Itests -fsigned-char"
 # shellcheck disable=SC2086
 git ls-files 'src/*.c' 'drivers/*.c' | grep -vE '/(neon|x86)/' |
-    xargs -P 2 -n 1 clang-tidy --quiet --warnings-as-errors='*' 2>/dev/null -- $flags ||
+    xargs -P 2 -I '{}' clang-tidy --quiet --warnings-as-errors='*' '{}' -- $flags 2>/dev/null ||
     { echo "tidy: findings above"; exit 1; }
 echo "tidy: ok"

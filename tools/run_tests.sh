@@ -10,6 +10,8 @@ export FOVEA_DATA FOVEA_PLUGINS="$build"
 export TSAN_OPTIONS="ignore_noninstrumented_modules=1 ${TSAN_OPTIONS:-}"
 # Tests that judge memory of the process, or take minutes when emulated, ask for this.
 [ $# -eq 0 ] || export FOVEA_EMULATED=1
+# Speed is judged in the ordinary build alone.
+[ "$build" != build ] || export FOVEA_TIMED=1
 passed=0 failed= log=$build/test.log
 : >"$log"
 for test in $(find "$build/tests" -type f -perm -u+x -name 'test_*' | sort); do
