@@ -16,8 +16,7 @@ const char *fovea_calibration_format_name(enum fovea_calibration_format format)
     return (unsigned)format < FOVEA_CALIBRATION_FORMAT_COUNT ? format_names[format] : NULL;
 }
 
-/* ---- text
- * -------------------------------------------------------------------------------------------------- */
+/* ---- text -------------------------------------------------------------------------------------------- */
 
 struct writer {
     char *text;
@@ -78,8 +77,7 @@ static void put_list(struct writer *w, const char *key, const double *values, si
     put(w, "]\n");
 }
 
-/* ---- the formats
- * ------------------------------------------------------------------------------------------- */
+/* ---- the formats ------------------------------------------------------------------------------------- */
 
 /* Coefficients that the file lists: 4 for equidistant, 4, 5 or 8 for radial-tangential, as few as say
  * everything. */
@@ -180,8 +178,7 @@ static void write_euroc(struct writer *w, const struct fovea_calibration *c)
     put_list(w, "distortion_coefficients", m->k, 4);
 }
 
-/* ---- what a format cannot hold
- * ----------------------------------------------------------------------------- */
+/* ---- what a format cannot hold ----------------------------------------------------------------------- */
 
 static enum fovea_status refuse_lossy(enum fovea_calibration_format format, const struct fovea_camera *camera,
                                       struct fovea_error *error)
@@ -225,8 +222,7 @@ static void name_lost(enum fovea_calibration_format format, const struct fovea_c
                     rate ? " rate_hz" : "", name ? " name" : "");
 }
 
-/* ---- writing
- * ----------------------------------------------------------------------------------------------- */
+/* ---- writing ----------------------------------------------------------------------------------------- */
 
 enum fovea_status fovea_calibration_format_text(enum fovea_calibration_format format,
                                                 const struct fovea_calibration *calibration,

@@ -80,8 +80,7 @@ void fv_decode_rgb_row(const uint8_t *rgb, uint8_t *grey, int32_t width)
         grey[x] = (uint8_t)((9798u * rgb[0] + 19235u * rgb[1] + 3735u * rgb[2] + 16384u) >> 15);
 }
 
-/* ---- files
- * ------------------------------------------------------------------------------------------------- */
+/* ---- files ------------------------------------------------------------------------------------------- */
 
 static enum fovea_status read_whole(struct fv_file_buffer *buffer, int descriptor, struct fovea_error *reason)
 {

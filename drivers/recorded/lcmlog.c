@@ -32,8 +32,7 @@ static void close_recording(void *argument)
     free(recording);
 }
 
-/* ---- index
- * ------------------------------------------------------------------------------------------------- */
+/* ---- index ------------------------------------------------------------------------------------------- */
 
 static enum fovea_status add_offset(struct recording *recording, int64_t offset, struct fovea_error *error)
 {
@@ -84,8 +83,7 @@ static enum fovea_status make_index(struct recording *recording, struct fovea_er
                            recording->path);
 }
 
-/* ---- frames
- * ------------------------------------------------------------------------------------------------ */
+/* ---- frames ------------------------------------------------------------------------------------------ */
 
 static enum fovea_status read_frame(struct recording *recording, uint64_t index, struct fovea_frame *frame,
                                     struct fovea_error *error)
@@ -160,8 +158,7 @@ static enum fovea_status stamp(void *argument, uint64_t index, int64_t *stamp_ns
 
 static const struct fv_recording_ops lcmlog_ops = {.fetch = fetch, .stamp = stamp, .close = close_recording};
 
-/* ---- opening
- * ----------------------------------------------------------------------------------------------- */
+/* ---- opening ----------------------------------------------------------------------------------------- */
 
 /* Size and format from the first frame that can be read, rate from the first two. */
 static enum fovea_status describe(struct recording *recording, const struct fovea_source_selection *selection,

@@ -24,8 +24,7 @@ struct fv_listing {
     struct fv_file_buffer file;
 };
 
-/* ---- paths
- * ------------------------------------------------------------------------------------------------- */
+/* ---- paths ------------------------------------------------------------------------------------------- */
 
 enum fovea_status fv_path_join(char path[FV_PATH_BYTES], const char *folder, const char *name,
                                struct fovea_error *error)
@@ -60,8 +59,7 @@ enum fovea_status fv_info_set_calibration(struct fovea_source_info *info, const 
     return FOVEA_OK;
 }
 
-/* ---- the list
- * ---------------------------------------------------------------------------------------------- */
+/* ---- the list ---------------------------------------------------------------------------------------- */
 
 struct fv_listing *fv_listing_new(const char *folder)
 {
@@ -129,8 +127,7 @@ void fv_listing_set_poses(struct fv_listing *listing, const struct fv_poses *pos
     listing->poses = *poses;
 }
 
-/* ---- for the player
- * ---------------------------------------------------------------------------------------- */
+/* ---- for the player ---------------------------------------------------------------------------------- */
 
 static enum fovea_status frame_path(const struct fv_listing *listing, uint64_t index,
                                     char path[FV_PATH_BYTES], struct fovea_error *error)
@@ -188,8 +185,7 @@ static void close_listing(void *recording)
 static const struct fv_recording_ops listing_ops = {
     .fetch = fetch, .stamp = stamp, .truth = truth, .close = close_listing};
 
-/* ---- opening
- * ----------------------------------------------------------------------------------------------- */
+/* ---- opening ----------------------------------------------------------------------------------------- */
 
 enum { PROBES = 5 };
 

@@ -164,8 +164,7 @@ bool fovea_log_channel_is(const char *channel, const char *suffix)
     return length == tail || channel[length - tail - 1] == '_';
 }
 
-/* ---- frames
- * ------------------------------------------------------------------------------------------------ */
+/* ---- frames ------------------------------------------------------------------------------------------ */
 
 /* Where the members of an encoded fovea.frame_t lie: fixed, since only the last has a variable length. */
 enum {

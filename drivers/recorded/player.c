@@ -74,8 +74,7 @@ static int64_t mirrored(const struct fovea_source *source, int64_t stamp_ns)
     return (int64_t)((uint64_t)source->mirror_ns - (uint64_t)stamp_ns);
 }
 
-/* ---- reader thread
- * ----------------------------------------------------------------------------------------- */
+/* ---- reader thread ----------------------------------------------------------------------------------- */
 
 static void complain(struct fovea_source *source, int kind, const struct fovea_error *error)
 {
@@ -128,8 +127,7 @@ static void *read_frames(void *argument)
     return NULL;
 }
 
-/* ---- open and close
- * ---------------------------------------------------------------------------------------- */
+/* ---- open and close ---------------------------------------------------------------------------------- */
 
 static enum fovea_status set_order(struct fovea_source *source, uint64_t count, const char *origin,
                                    const struct fovea_source_selection *selection, struct fovea_error *error)
@@ -238,8 +236,7 @@ const struct fovea_source_info *fv_player_info(const struct fovea_source *source
     return &source->info;
 }
 
-/* ---- start and stop
- * ---------------------------------------------------------------------------------------- */
+/* ---- start and stop ---------------------------------------------------------------------------------- */
 
 static int start_reader(struct fovea_source *source)
 {
@@ -298,8 +295,7 @@ void fv_player_stop(struct fovea_source *source)
     source->started = false;
 }
 
-/* ---- loop thread
- * ------------------------------------------------------------------------------------------- */
+/* ---- loop thread ------------------------------------------------------------------------------------- */
 
 /* One count per ready frame, and one for the end. */
 static bool wait_ready(struct fovea_source *source, int64_t deadline_ns)

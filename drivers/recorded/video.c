@@ -31,8 +31,7 @@ static void close_recording(void *argument)
     free(recording);
 }
 
-/* ---- the plug-in
- * ------------------------------------------------------------------------------------------- */
+/* ---- the plug-in ------------------------------------------------------------------------------------- */
 
 static bool program_folder(char folder[FV_PATH_BYTES])
 {
@@ -72,8 +71,7 @@ static enum fovea_status load(struct recording *recording, struct fovea_error *e
     return FOVEA_OK;
 }
 
-/* ---- frames
- * ------------------------------------------------------------------------------------------------ */
+/* ---- frames ------------------------------------------------------------------------------------------ */
 
 static enum fovea_status open_video_file(struct recording *recording, struct fovea_source_info *info,
                                          struct fovea_error *error)

@@ -9,8 +9,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-/* ---- whole files
- * ------------------------------------------------------------------------------------------- */
+/* ---- whole files ------------------------------------------------------------------------------------- */
 
 /* Read until the end or one byte past the limit, so that the caller sees that there was more. */
 static enum fovea_status read_all(int descriptor, const char *path, size_t max_bytes, char **text,
@@ -63,8 +62,7 @@ enum fovea_status fovea_text_read(const char *path, size_t max_bytes, char **tex
     return status;
 }
 
-/* ---- numbers
- * ----------------------------------------------------------------------------------------------- */
+/* ---- numbers ----------------------------------------------------------------------------------------- */
 
 /* Shape of a decimal number, checked by hand since strtod also takes blanks, hexadecimal, "nan" and
  * "infinity". */
@@ -111,8 +109,7 @@ bool fovea_text_integer(const char *text, int64_t *value)
     return true;
 }
 
-/* ---- error lines
- * ------------------------------------------------------------------------------------------- */
+/* ---- error lines ------------------------------------------------------------------------------------- */
 
 const char *fovea_text_quote(const char *text, char *quoted, size_t bytes)
 {

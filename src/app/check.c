@@ -48,8 +48,7 @@ static void line(struct check *check, enum verdict verdict, const char *what, co
     if (verdict == FAILED) check->failed = true;
 }
 
-/* ---- memory
- * ------------------------------------------------------------------------------------------------ */
+/* ---- memory ------------------------------------------------------------------------------------------ */
 
 /* Bytes in use on the C library's heap, mapped pieces included. */
 static size_t heap_bytes(void)
@@ -89,8 +88,7 @@ static enum fovea_status memory_print(struct check *check, size_t lcm_bytes, str
     return FOVEA_OK;
 }
 
-/* ---- the machine
- * ------------------------------------------------------------------------------------------- */
+/* ---- the machine ------------------------------------------------------------------------------------- */
 
 static void kernels_check(struct check *check)
 {
@@ -182,8 +180,7 @@ static size_t lcm_bytes(const struct check *check)
     return bytes;
 }
 
-/* ---- the camera
- * -------------------------------------------------------------------------------------------- */
+/* ---- the camera -------------------------------------------------------------------------------------- */
 
 static void camera_check(struct check *check)
 {
@@ -220,8 +217,7 @@ static void camera_check(struct check *check)
         line(check, WARNING, "frames", "%s", error.text);
 }
 
-/* ---- bench
- * ------------------------------------------------------------------------------------------------- */
+/* ---- bench ------------------------------------------------------------------------------------------- */
 
 static void *loop_body(void *argument)
 {
@@ -270,8 +266,7 @@ static enum fovea_status bench(struct check *check, struct fovea_error *error)
     return FOVEA_OK;
 }
 
-/* ---- the command
- * ------------------------------------------------------------------------------------------- */
+/* ---- the command ------------------------------------------------------------------------------------- */
 
 static enum fovea_status check_all(struct check *check, struct fovea_error *error)
 {

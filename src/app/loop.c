@@ -36,8 +36,7 @@ static void sleep_until(const struct fv_loop *loop, int64_t due_ns)
     }
 }
 
-/* ---- pace
- * -------------------------------------------------------------------------------------------------- */
+/* ---- pace -------------------------------------------------------------------------------------------- */
 
 /* When a frame of a source that is not live is due. `asked_ns`: when the loop began to ask for it. */
 static int64_t due_of(struct fv_loop *loop, const struct fovea_frame *frame, int64_t asked_ns)
@@ -76,8 +75,7 @@ static bool too_late(struct fv_loop *loop, int64_t late_ns)
     return true;
 }
 
-/* ---- taking a frame
- * ---------------------------------------------------------------------------------------- */
+/* ---- taking a frame ---------------------------------------------------------------------------------- */
 
 enum taken { TAKEN_FRAME, TAKEN_NONE, TAKEN_END };
 
@@ -148,8 +146,7 @@ static void fill_inputs(struct fv_loop *loop, const struct fovea_frame *frame, i
         fovea_grants_fixed(loop->config, &inputs->grants);
 }
 
-/* ---- one turn
- * ---------------------------------------------------------------------------------------------- */
+/* ---- one turn ---------------------------------------------------------------------------------------- */
 
 struct span {
     int64_t wall_ns, cpu_ns;

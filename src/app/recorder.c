@@ -55,8 +55,7 @@ struct fv_recorder {
     char reason[192];
 };
 
-/* ---- the loop's side
- * ---------------------------------------------------------------------------------------- */
+/* ---- the loop's side --------------------------------------------------------------------------------- */
 
 static void write_big(uint8_t *out, uint64_t value, int bytes)
 {
@@ -179,8 +178,7 @@ void fv_recorder_pace(struct fv_recorder *recorder)
         sleep_a_little();
 }
 
-/* ---- the writer
- * --------------------------------------------------------------------------------------------- */
+/* ---- the writer -------------------------------------------------------------------------------------- */
 
 static uint32_t read_big(const uint8_t *data)
 {
@@ -270,8 +268,7 @@ static void *write_all(void *context)
     return NULL;
 }
 
-/* ---- opening and closing
- * ------------------------------------------------------------------------------------ */
+/* ---- opening and closing ----------------------------------------------------------------------------- */
 
 static void release(struct fv_recorder *recorder)
 {

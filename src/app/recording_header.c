@@ -102,8 +102,7 @@ enum fovea_status fv_recording_header_encode(const struct fv_settings *settings,
     return status;
 }
 
-/* ---- back
- * --------------------------------------------------------------------------------------------------- */
+/* ---- back -------------------------------------------------------------------------------------------- */
 
 struct source {
     const char *name;

@@ -48,8 +48,7 @@ static enum fovea_status refuse(const struct replay *replay, size_t at, const ch
                            data_offset(&replay->event) + (int64_t)at, replay->event.channel, text);
 }
 
-/* ---- building
- * ----------------------------------------------------------------------------------------------- */
+/* ---- building ---------------------------------------------------------------------------------------- */
 
 static enum fovea_status read_header(struct replay *replay, struct fovea_error *error)
 {
@@ -97,8 +96,7 @@ static enum fovea_status build(struct replay *replay, struct fovea_error *error)
     return FOVEA_OK;
 }
 
-/* ---- comparing
- * ---------------------------------------------------------------------------------------------- */
+/* ---- comparing --------------------------------------------------------------------------------------- */
 
 static void note_difference(struct replay *replay, const char *channel, const char *field, const char *found,
                             const char *expected)
@@ -144,8 +142,7 @@ static void expect_none_left(struct replay *replay)
     replay->outputs.message_count = 0;
 }
 
-/* ---- feeding
- * ------------------------------------------------------------------------------------------------ */
+/* ---- feeding ----------------------------------------------------------------------------------------- */
 
 static enum fovea_status take_frame(struct replay *replay, struct fovea_error *error)
 {

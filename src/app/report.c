@@ -18,8 +18,7 @@ const char *fv_report_part_name(enum fovea_memory_part part)
     return part >= 0 && part < FOVEA_MEMORY_PART_COUNT ? names[part] : "unknown";
 }
 
-/* ---- JSON
- * -------------------------------------------------------------------------------------------------- */
+/* ---- JSON -------------------------------------------------------------------------------------------- */
 
 static void text_json(FILE *file, const char *text)
 {
@@ -107,8 +106,7 @@ void fv_report_json(FILE *file, const struct fv_report *report)
         fprintf(file, "  \"heap_calls_after_init\": null\n}\n");
 }
 
-/* ---- summary
- * ----------------------------------------------------------------------------------------------- */
+/* ---- summary ----------------------------------------------------------------------------------------- */
 
 static void row(FILE *file, const char *name, const struct fv_histogram *histogram)
 {

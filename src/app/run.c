@@ -43,8 +43,7 @@ struct run {
     pthread_t watcher;
 };
 
-/* ---- around the loop: called on its thread
- * ----------------------------------------------------------------- */
+/* ---- around the loop: called on its thread ----------------------------------------------------------- */
 
 static void pace(void *context)
 {
@@ -90,8 +89,7 @@ static void *loop_body(void *argument)
     return NULL;
 }
 
-/* ---- set-up
- * ------------------------------------------------------------------------------------------------ */
+/* ---- set-up ------------------------------------------------------------------------------------------ */
 
 static enum fv_options_result options_read(struct run *run, int argc, char **argv)
 {
@@ -250,8 +248,7 @@ static void close_all(struct run *run)
     if (run->stats != NULL) fclose(run->stats);
 }
 
-/* ---- watching
- * ---------------------------------------------------------------------------------------------- */
+/* ---- watching ---------------------------------------------------------------------------------------- */
 
 static void complaints(struct run *run)
 {
@@ -328,8 +325,7 @@ static enum fovea_status run_loop(struct run *run, const sigset_t *signals, stru
     return FOVEA_OK;
 }
 
-/* ---- the end
- * ----------------------------------------------------------------------------------------------- */
+/* ---- the end ----------------------------------------------------------------------------------------- */
 
 static enum fv_exit stats_write(struct run *run, const struct fv_report *report)
 {

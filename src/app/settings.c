@@ -19,8 +19,7 @@ void fv_settings_default(struct fv_settings *settings)
     settings->lock_memory = true;
 }
 
-/* ---- reading
- * ----------------------------------------------------------------------------------------------- */
+/* ---- reading ----------------------------------------------------------------------------------------- */
 
 struct reading {
     struct fv_settings *settings;
@@ -205,8 +204,7 @@ enum fovea_status fv_settings_read(struct fv_settings *settings, const char *pat
     return status;
 }
 
-/* ---- --set
- * ------------------------------------------------------------------------------------------------- */
+/* ---- --set ------------------------------------------------------------------------------------------- */
 
 static enum fovea_status set_refuse(const char *key, const char *found, const char *expected,
                                     struct fovea_error *error)
@@ -277,8 +275,7 @@ enum fovea_status fv_settings_set(struct fv_settings *settings, const char *assi
     return FOVEA_OK;
 }
 
-/* ---- checks
- * ------------------------------------------------------------------------------------------------ */
+/* ---- checks ------------------------------------------------------------------------------------------ */
 
 void fv_settings_locate(const struct fv_settings *settings, struct fovea_error *error)
 {

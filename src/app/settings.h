@@ -70,8 +70,7 @@ void fv_settings_locate(const struct fv_settings *settings, struct fovea_error *
 /* Write as YAML that reads back to the same values; with every key's help as comments when `commented`. */
 void fv_settings_print(FILE *file, const struct fv_settings *settings, bool commented);
 
-/* ---- the table
- * --------------------------------------------------------------------------------------------- */
+/* ---- the table --------------------------------------------------------------------------------------- */
 
 enum fv_settings_kind {
     FV_SETTINGS_U32,

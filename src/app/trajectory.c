@@ -56,8 +56,7 @@ enum fovea_status fv_trajectory_open(const char *path, struct fv_trajectory **tr
     return FOVEA_OK;
 }
 
-/* ---- loop thread
- * ------------------------------------------------------------------------------------------- */
+/* ---- loop thread ------------------------------------------------------------------------------------- */
 
 bool fv_trajectory_room(struct fv_trajectory *trajectory)
 {
@@ -77,8 +76,7 @@ bool fv_trajectory_add(struct fv_trajectory *trajectory, const struct fv_traject
     return true;
 }
 
-/* ---- the other side
- * ---------------------------------------------------------------------------------------- */
+/* ---- the other side ---------------------------------------------------------------------------------- */
 
 static void line_write(struct fv_trajectory *trajectory, const struct fv_trajectory_sample *sample)
 {

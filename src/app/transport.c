@@ -45,8 +45,7 @@ struct fv_transport {
     atomic_uint_fast64_t commands_taken, commands_refused;
 };
 
-/* ---- addresses
- * ---------------------------------------------------------------------------------------------- */
+/* ---- addresses --------------------------------------------------------------------------------------- */
 
 int fv_transport_udpm(const char *url, struct sockaddr_in *address)
 {
@@ -109,8 +108,7 @@ static enum fovea_status check_route(const char *url, const struct sockaddr_in *
                            url, strerror(failed), FV_TRANSPORT_MEND);
 }
 
-/* ---- out
- * ---------------------------------------------------------------------------------------------------- */
+/* ---- out --------------------------------------------------------------------------------------------- */
 
 static enum fovea_status create(const char *url, uint32_t ttl, char complete[FV_TRANSPORT_URL_BYTES],
                                 lcm_t **lcm, struct fovea_error *error)
@@ -166,8 +164,7 @@ void fv_transport_publish(struct fv_transport *transport, const struct fovea_out
     }
 }
 
-/* ---- in
- * ----------------------------------------------------------------------------------------------------- */
+/* ---- in ---------------------------------------------------------------------------------------------- */
 
 static void take_command(const lcm_recv_buf_t *received, const char *channel, void *context)
 {

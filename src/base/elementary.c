@@ -23,8 +23,7 @@ static double fv_polynomial(const double *c, int count, double x)
     return sum;
 }
 
-/* ---- circle functions
- * -------------------------------------------------------------------------------------- */
+/* ---- circle functions -------------------------------------------------------------------------------- */
 
 /* pi/2 in three parts: 33 bits, the next 33 bits, and 53 more. */
 static const double half_pi_1 = 0x1.921fb544p+0, half_pi_2 = 0x1.0b4611a6p-34,
@@ -162,8 +161,7 @@ double fovea_asin(double sine)
     return fovea_atan2(sine, fv_other_leg(sine));
 }
 
-/* ---- exponential and logarithm
- * ------------------------------------------------------------------------------- */
+/* ---- exponential and logarithm ----------------------------------------------------------------------- */
 
 static const double ln2_head = 0x1.62e42feep-1, ln2_tail = 0x1.a39ef35793c76p-33;
 static const double exp_series[] = {1.0 / 6,        1.0 / 24,        1.0 / 120,         1.0 / 720,

@@ -14,8 +14,7 @@ static const double field_limit_radtan_rad = 1.56; /* the image plane reaches in
 static const double field_min_rad = 0.02;          /* a lens that folds back earlier is a wrong calibration */
 static const double residual_max = 1e-9;           /* of unprojection, on the plane at distance 1 */
 
-/* ---- radial-tangential
- * --------------------------------------------------------------------------------------- */
+/* ---- radial-tangential ------------------------------------------------------------------------------- */
 
 /* Radial factor at r2 and its derivative by r2. False where the rational model's pole has been passed. */
 static bool fv_radial_scale(const double *k, double r2, double *scale, double *derivative)
@@ -148,8 +147,7 @@ static enum fovea_status fv_radtan_unproject(const struct fovea_camera *camera, 
     return FOVEA_OK;
 }
 
-/* ---- equidistant
- * --------------------------------------------------------------------------------------------- */
+/* ---- equidistant ------------------------------------------------------------------------------------- */
 
 static double fv_equidistant_distort(const double *k, double angle, double *slope)
 {
@@ -230,8 +228,7 @@ static enum fovea_status fv_equidistant_unproject(const struct fovea_camera *cam
     return FOVEA_OK;
 }
 
-/* ---- both
- * ------------------------------------------------------------------------------------------------------ */
+/* ---- both -------------------------------------------------------------------------------------------- */
 
 static bool fv_monotone(const struct fovea_camera *camera, double angle_rad)
 {

@@ -8,8 +8,7 @@
 
 static const double chi_square_95_2 = 5.991;
 
-/* ---- sampling
- * ------------------------------------------------------------------------------------------------ */
+/* ---- sampling ---------------------------------------------------------------------------------------- */
 
 /* Squared sine of the angle between bearing and point (1 when behind): what MSAC adds up. */
 static double fv_angle2(const struct fv_se3 *T, const struct fv_sight *s)
@@ -115,8 +114,7 @@ uint32_t fv_pose_sample(struct fv_sight *sights, uint32_t count, const struct fv
     return inliers;
 }
 
-/* ---- refinement
- * ---------------------------------------------------------------------------------------------- */
+/* ---- refinement -------------------------------------------------------------------------------------- */
 
 bool fv_sight_error(const double bearing[3], const double A[6], const double q[3], double error[2],
                     double J[6])

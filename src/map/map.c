@@ -95,8 +95,7 @@ void fv_map_copy_view(struct fv_map *map, uint32_t from, uint32_t to)
         b.landmark[i] = FV_MAP_NONE;
 }
 
-/* ---- keyframes
- * ----------------------------------------------------------------------------------------------- */
+/* ---- keyframes --------------------------------------------------------------------------------------- */
 
 static int32_t fv_oldest_keyframe(const struct fv_map *map)
 {
@@ -145,8 +144,7 @@ void fv_map_make_room(struct fv_map *map, uint32_t wanted)
         fv_map_remove_keyframe(map, (uint32_t)fv_oldest_keyframe(map));
 }
 
-/* ---- landmarks
- * ----------------------------------------------------------------------------------------------- */
+/* ---- landmarks --------------------------------------------------------------------------------------- */
 
 int32_t fv_map_add_landmark(struct fv_map *map, const double point[3], uint64_t frame_number)
 {
@@ -260,8 +258,7 @@ void fv_map_refresh_landmark(struct fv_map *map, uint32_t landmark)
     memcpy(l->descriptor, fv_observed_descriptor(map, l->observers[best]), FV_MAP_DESCRIPTOR_BYTES);
 }
 
-/* ---- guided search
- * ------------------------------------------------------------------------------------------- */
+/* ---- guided search ----------------------------------------------------------------------------------- */
 
 enum { CANDIDATES_MAX = 96 };
 

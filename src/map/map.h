@@ -145,8 +145,7 @@ void fv_map_unlink(struct fv_map *map, uint32_t landmark, uint32_t keyframe);
 /* Recompute direction and distance from observers, and take the descriptor nearest to the others. */
 void fv_map_refresh_landmark(struct fv_map *map, uint32_t landmark);
 
-/* ---- guided search
- * ------------------------------------------------------------------------------------------- */
+/* ---- guided search ----------------------------------------------------------------------------------- */
 
 struct fv_found {
     int32_t feature; /* FV_MAP_NONE: none */

@@ -23,8 +23,7 @@ void fv_window_abort(struct fv_window *window)
     window->state->phase = FV_WINDOW_IDLE;
 }
 
-/* ---- a pass: apply the pending step, linearise, eliminate
- * -------------------------------------------------------- */
+/* ---- a pass: apply the pending step, linearise, eliminate -------------------------------------------- */
 
 /* Point moved by what the poses' step leaves for it. */
 static void fv_move_point(struct fv_window *w, struct fv_window_landmark *l)

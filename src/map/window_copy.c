@@ -5,8 +5,7 @@
 #include "geometry/vec.h"
 #include "map/window.h"
 
-/* ---- start
- * --------------------------------------------------------------------------------------------------- */
+/* ---- start ------------------------------------------------------------------------------------------- */
 
 static int32_t fv_pose_of(const struct fv_window_state *s, uint32_t slot)
 {
@@ -132,8 +131,7 @@ bool fv_window_start(struct fv_window *w, struct fv_map *map, uint32_t newest)
     return true;
 }
 
-/* ---- commit
- * -------------------------------------------------------------------------------------------------- */
+/* ---- commit ------------------------------------------------------------------------------------------ */
 
 static const double misfit_square = 5.991; /* 95 % of chi-square with 2 degrees of freedom */
 

@@ -71,8 +71,7 @@ static uint32_t bytes_or_none(int encoded)
     return encoded > 0 ? (uint32_t)encoded : 0;
 }
 
-/* ---- features
- * ---------------------------------------------------------------------------------------------- */
+/* ---- features ---------------------------------------------------------------------------------------- */
 
 size_t fv_message_features_size_max(uint32_t count_max)
 {
@@ -114,8 +113,7 @@ uint32_t fv_message_features_encode(const struct fv_message_features *in, void *
     return bytes_or_none(fovea_features_t_encode(buffer, 0, clamp_capacity(capacity), &message));
 }
 
-/* ---- statistics
- * -------------------------------------------------------------------------------------------- */
+/* ---- statistics -------------------------------------------------------------------------------------- */
 
 size_t fv_message_statistics_size_max(void)
 {
@@ -200,8 +198,7 @@ uint32_t fv_message_statistics_encode(const struct fv_message_statistics *in, ui
     return bytes_or_none(fovea_statistics_t_encode(buffer, 0, clamp_capacity(capacity), &message));
 }
 
-/* ---- camera status and preview
- * ----------------------------------------------------------------------------- */
+/* ---- camera status and preview ----------------------------------------------------------------------- */
 
 size_t fv_message_camera_status_size_max(void)
 {

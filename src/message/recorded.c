@@ -104,8 +104,7 @@ uint32_t fv_message_grants_encode(int64_t now_ns, const struct fovea_grants *gra
     return bytes > 0 ? (uint32_t)bytes : 0;
 }
 
-/* ---- back
- * --------------------------------------------------------------------------------------------------- */
+/* ---- back -------------------------------------------------------------------------------------------- */
 
 /* Reads the numbers of a checked message in the order of its fields. */
 struct reader {

@@ -13,8 +13,7 @@ static const double chi_square_95_2 = 5.991;
 static const double baseline_share_min = 0.03; /* of the median depth: nearer neighbours give no depth */
 static const double depth_near = 0.15; /* of the median depth: where the search along the line starts */
 
-/* ---- neighbours
- * ------------------------------------------------------------------------------------------------ */
+/* ---- neighbours -------------------------------------------------------------------------------------- */
 
 static bool fv_baseline_serves(const struct fv_odometry *o, uint32_t a, uint32_t b)
 {
@@ -46,8 +45,7 @@ static void fv_begin_grow(struct fv_odometry *o, uint32_t keyframe)
     g->phase = FV_GROW_TRIANGULATE;
 }
 
-/* ---- matching along the epipolar line
- * ----------------------------------------------------------------------------- */
+/* ---- matching along the epipolar line ---------------------------------------------------------------- */
 
 /* From keyframe a to neighbour b. */
 struct line_search {
@@ -180,8 +178,7 @@ static void fv_triangulate_unit(struct fv_odometry *o, const struct fv_kernels *
     }
 }
 
-/* ---- fusing
- * ---------------------------------------------------------------------------------------------------- */
+/* ---- fusing ------------------------------------------------------------------------------------------ */
 
 /* Look for a landmark in a keyframe that does not see it yet. */
 static void fv_fuse(struct fv_odometry *o, const struct fv_kernels *kernels, uint32_t landmark,
@@ -230,8 +227,7 @@ static void fv_fuse_unit(struct fv_odometry *o, const struct fv_kernels *kernels
     }
 }
 
-/* ---- the job's part
- * -------------------------------------------------------------------------------------------- */
+/* ---- the job's part ---------------------------------------------------------------------------------- */
 
 bool fv_odometry_grow_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
 {

@@ -94,8 +94,7 @@ void fv_odometry_fill_view(struct fv_odometry *o, const struct fv_odometry_input
     fv_map_sort_view(&o->map, fv_map_current(&o->map));
 }
 
-/* ---- the step
- * -------------------------------------------------------------------------------------------------- */
+/* ---- the step ---------------------------------------------------------------------------------------- */
 
 static void fv_write_pose(struct fv_odometry *o)
 {
@@ -146,8 +145,7 @@ void fv_odometry_step(struct fv_odometry *o, const struct fv_kernels *kernels,
     s->pose.landmarks = o->map.state->landmark_count;
 }
 
-/* ---- the job
- * --------------------------------------------------------------------------------------------------- */
+/* ---- the job ----------------------------------------------------------------------------------------- */
 
 bool fv_odometry_job_waiting(const struct fv_odometry *o)
 {

@@ -112,8 +112,7 @@ void fv_odometry_step(struct fv_odometry *odometry, const struct fv_kernels *ker
 bool fv_odometry_unit(struct fv_odometry *odometry, const struct fv_kernels *kernels);
 bool fv_odometry_job_waiting(const struct fv_odometry *odometry);
 
-/* ---- between the stage's own files
- * ------------------------------------------------------------------------------ */
+/* ---- between the stage's own files ------------------------------------------------------------------- */
 
 static inline double fv_level_scale(uint32_t level)
 {

@@ -93,8 +93,7 @@ static uint32_t fv_refine(struct fv_odometry *o, const struct fv_view *view, int
     return fit->inliers;
 }
 
-/* ---- local map
- * ----------------------------------------------------------------------------------------------- */
+/* ---- local map --------------------------------------------------------------------------------------- */
 
 void fv_odometry_count_shared(const struct fv_odometry *o, uint32_t slot, uint16_t *shared)
 {
@@ -175,8 +174,7 @@ static uint32_t fv_match_local(struct fv_odometry *o, const struct fv_kernels *k
     return visible;
 }
 
-/* ---- without prediction
- * ---------------------------------------------------------------------------------------- */
+/* ---- without prediction ------------------------------------------------------------------------------ */
 
 /* Pose by P3P samples over matches of descriptors alone, against the keyframes near the last pose. */
 static bool fv_relocalise(struct fv_odometry *o, const struct fv_kernels *kernels, const struct fv_view *view,
@@ -217,8 +215,7 @@ static bool fv_relocalise(struct fv_odometry *o, const struct fv_kernels *kernel
     return true;
 }
 
-/* ---- the whole
- * ------------------------------------------------------------------------------------------------- */
+/* ---- the whole --------------------------------------------------------------------------------------- */
 
 /* Remember what this frame saw, for the next one and for the landmarks' records. */
 static void fv_remember(struct fv_odometry *o, const struct fv_view *view)

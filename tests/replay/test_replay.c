@@ -35,8 +35,7 @@ static void make_recording(void)
     fclose(file);
 }
 
-/* ---- changing it
- * -------------------------------------------------------------------------------------------- */
+/* ---- changing it ------------------------------------------------------------------------------------- */
 
 static void write_changed(const uint8_t *bytes, size_t count)
 {
@@ -84,8 +83,7 @@ static void expect_difference(const char *channel, int n, size_t offset, const c
         fail_msg("%s: %s", field, result.difference);
 }
 
-/* ---- tests
- * -------------------------------------------------------------------------------------------------- */
+/* ---- tests ------------------------------------------------------------------------------------------- */
 
 static void test_equal(void **state)
 {

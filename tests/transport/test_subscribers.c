@@ -28,8 +28,7 @@ static const char *const suffixes[CHANNELS] = {"FEATURES", "CAMERA_STATUS", "STA
 
 static char build[512]; /* folder that this program was built into */
 
-/* ---- subscribers
- * -------------------------------------------------------------------------------------------- */
+/* ---- subscribers ------------------------------------------------------------------------------------- */
 
 struct subscriber {
     pid_t process;
@@ -78,8 +77,7 @@ static void expect(struct subscriber *subscriber, const char *name, const uint64
     assert_true(WIFEXITED(status) && WEXITSTATUS(status) == 0);
 }
 
-/* ---- the run
- * ------------------------------------------------------------------------------------------------ */
+/* ---- the run ----------------------------------------------------------------------------------------- */
 
 static void count_and_publish(struct fv_transport *transport, const struct fovea_outputs *outputs,
                               uint64_t sent[CHANNELS])

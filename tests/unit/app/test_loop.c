@@ -18,8 +18,7 @@
 
 enum { SIDE = 64, FRAMES_MAX = 400 };
 
-/* ---- a source
- * ---------------------------------------------------------------------------------------------- */
+/* ---- a source ---------------------------------------------------------------------------------------- */
 
 struct fovea_source {
     struct fovea_source_info info;
@@ -76,8 +75,7 @@ static void requeue(struct fovea_source *from, const struct fovea_frame *frame)
 static const struct fovea_source_ops ops = {
     .name = "made", .info = info, .dequeue = dequeue, .requeue = requeue};
 
-/* ---- a loop around it
- * -------------------------------------------------------------------------------------- */
+/* ---- a loop around it -------------------------------------------------------------------------------- */
 
 static struct fovea_config config;
 static struct fv_timings timings;
@@ -258,8 +256,7 @@ static void test_planted_heap_call_is_counted(void **state)
     assert_int_equal(loop.heap_calls, 200);
 }
 
-/* ---- JSON, which is YAML too
- * ------------------------------------------------------------------------------- */
+/* ---- JSON, which is YAML too ------------------------------------------------------------------------- */
 
 static int64_t whole(const struct fovea_yaml_tree *tree, const struct fovea_yaml_node *node, const char *key)
 {

@@ -23,8 +23,7 @@ enum { TEXT_MAX = 1 << 15, ARGUMENTS_MAX = 24, SECONDS_MAX = 60 };
 static char folder[] = "/tmp/fovea_wrong_XXXXXX";
 static int cases;
 
-/* ---- running one case
- * -------------------------------------------------------------------------------------- */
+/* ---- running one case -------------------------------------------------------------------------------- */
 
 static size_t read_all(int fd, char *text)
 {
@@ -114,8 +113,7 @@ static void file_write(const char *name, const char *text, size_t bytes)
     fclose(file);
 }
 
-/* ---- arguments
- * --------------------------------------------------------------------------------------------- */
+/* ---- arguments --------------------------------------------------------------------------------------- */
 
 static const char *const wrong_arguments[][2] = {
     {"fovea", "no command"},
@@ -194,8 +192,7 @@ static void test_arguments(void **state)
         assert_refused(wrong_arguments[i][0], wrong_arguments[i][1]);
 }
 
-/* ---- configurations
- * ---------------------------------------------------------------------------------------- */
+/* ---- configurations ---------------------------------------------------------------------------------- */
 
 static const char *const wrong_values[] = {"",          "~",     "[1, 2]", "{a: 1}",
                                            "\"\\x01\"", "1e400", "0x10",   "12 apples"};
@@ -309,8 +306,7 @@ static void test_mutated_configurations(void **state)
     free(valid);
 }
 
-/* ---- calibrations
- * ------------------------------------------------------------------------------------------ */
+/* ---- calibrations ------------------------------------------------------------------------------------ */
 
 static const char calibration[] = "image_width: 640\n"
                                   "image_height: 480\n"

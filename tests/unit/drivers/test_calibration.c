@@ -37,8 +37,7 @@ static void refused(enum fovea_status status, const char *text, const char *line
     assert_int_equal(error.status, status);
 }
 
-/* ---- formats
- * ----------------------------------------------------------------------------------------------- */
+/* ---- formats ----------------------------------------------------------------------------------------- */
 
 static void test_ros(void **state)
 {
@@ -136,8 +135,7 @@ static void test_euroc(void **state)
     assert_true(c.rate_hz == 20 && c.camera.k[3] == 1.76187114e-05 && c.T_body_cam[7] == -0.064676986768);
 }
 
-/* ---- round trip
- * -------------------------------------------------------------------------------------------- */
+/* ---- round trip -------------------------------------------------------------------------------------- */
 
 static void random_camera(struct fovea_random *random, enum fovea_lens lens, int coefficients,
                           struct fovea_calibration *c)
@@ -249,8 +247,7 @@ static void test_write_file_and_lost(void **state)
     fv_test_folder_remove(folder);
 }
 
-/* ---- fitting
- * ----------------------------------------------------------------------------------------------- */
+/* ---- fitting ----------------------------------------------------------------------------------------- */
 
 static void test_fit(void **state)
 {
@@ -273,8 +270,7 @@ static void test_fit(void **state)
     assert_non_null(strstr(error.text, "expected the shape of the frames"));
 }
 
-/* ---- wrong files
- * ------------------------------------------------------------------------------------------- */
+/* ---- wrong files ------------------------------------------------------------------------------------- */
 
 #define MATRIX "camera_matrix: {rows: 3, cols: 3, data: [500, 0, 320, 0, 500, 240, 0, 0, 1]}\n"
 #define SIZE "image_width: 640\nimage_height: 480\n"

@@ -27,8 +27,7 @@
 static char folder[FV_TEST_PATH_BYTES];
 static const struct fovea_source_selection everything = {.step = 1};
 
-/* ---- pictures
- * ---------------------------------------------------------------------------------------------- */
+/* ---- pictures ---------------------------------------------------------------------------------------- */
 
 enum { W = FV_TEST_WIDTH, H = FV_TEST_HEIGHT, STRIDE = 128 };
 
@@ -158,8 +157,7 @@ static void test_size_limits(void **state)
     free(file);
 }
 
-/* ---- playing
- * ----------------------------------------------------------------------------------------------- */
+/* ---- playing ----------------------------------------------------------------------------------------- */
 
 static struct fovea_source *open_uri(const char *uri, const struct fovea_source_selection *selection,
                                      const struct fovea_source_ops **ops)
@@ -372,8 +370,7 @@ static void test_natural_order(void **state)
     ops->close(source);
 }
 
-/* ---- text files
- * -------------------------------------------------------------------------------------------- */
+/* ---- text files -------------------------------------------------------------------------------------- */
 
 static void test_stamps(void **state)
 {
@@ -437,8 +434,7 @@ static void test_poses(void **state)
     }
 }
 
-/* ---- the head of a recording
- * ------------------------------------------------------------------------------- */
+/* ---- the head of a recording ------------------------------------------------------------------------- */
 
 static void test_log_calibration(void **state)
 {

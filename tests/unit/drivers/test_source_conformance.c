@@ -18,8 +18,7 @@
 #include "common/datasets.h"
 #include "fovea/source.h"
 
-/* ---- heap calls of one thread, and pieces not given back
- * ---------------------------------------------------- */
+/* ---- heap calls of one thread, and pieces not given back --------------------------------------------- */
 
 static _Thread_local volatile unsigned long *watched_calls;
 
@@ -85,8 +84,7 @@ static long pieces_now(void)
 }
 #endif
 
-/* ---- the drivers
- * ------------------------------------------------------------------------------------------- */
+/* ---- the drivers ------------------------------------------------------------------------------------- */
 
 static char folder[FV_TEST_PATH_BYTES];
 
@@ -239,8 +237,7 @@ static void play_again(const struct fovea_source_ops *ops, const struct fovea_so
     ops->close(source);
 }
 
-/* ---- tests
- * ------------------------------------------------------------------------------------------------- */
+/* ---- tests ------------------------------------------------------------------------------------------- */
 
 static void test_table(void **state)
 {

@@ -56,8 +56,7 @@ static enum fovea_status try_source(const char *scheme, const char *address, str
     return FOVEA_OK;
 }
 
-/* ---- by hand
- * ----------------------------------------------------------------------------------------------- */
+/* ---- by hand ----------------------------------------------------------------------------------------- */
 
 struct wrong {
     const char *scheme, *file; /* below the recording; NULL text: removed */
@@ -199,8 +198,7 @@ static void test_stamps_out_of_order(void **state)
     fv_test_folder_remove(top);
 }
 
-/* ---- by mutation
- * ------------------------------------------------------------------------------------------- */
+/* ---- by mutation ------------------------------------------------------------------------------------- */
 
 static void mutate(struct fovea_random *random, uint8_t *bytes, size_t *count)
 {
