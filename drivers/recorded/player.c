@@ -10,30 +10,7 @@
 #include <string.h>
 #include <time.h>
 
-/* Slot numbers between two threads: one writes `head`, the other `tail`; never more than FV_PLAYER_SLOTS
- * inside. */
-enum { RING = 8 };
-struct ring { /* NOLINT(clang-analyzer-optin.performance.Padding): a cache line for each writer */
-    _Atomic uint32_t head;
-    uint8_t slots[RING];
-    _Alignas(64) _Atomic uint32_t tail;
-};
-
-static void ring_push(struct ring *ring, uint8_t slot)
-{
-    const uint32_t head = atomic_load_explicit(&ring->head, memory_order_relaxed);
-    ring->slots[head % RING] = slot;
-    atomic_store_explicit(&ring->head, head + 1, memory_order_release);
-}
-
-static bool ring_pop(struct ring *ring, uint8_t *slot)
-{
-    const uint32_t tail = atomic_load_explicit(&ring->tail, memory_order_relaxed);
-    if (tail == atomic_load_explicit(&ring->head, memory_order_acquire)) return false;
-    *slot = ring->slots[tail % RING];
-    atomic_store_explicit(&ring->tail, tail + 1, memory_order_release);
-    return true;
-}
+#include "../ring.h"
 
 struct fovea_source { /* NOLINT(clang-analyzer-optin.performance.Padding): in order of meaning */
     const struct fv_recording_ops *ops;
@@ -48,7 +25,7 @@ struct fovea_source { /* NOLINT(clang-analyzer-optin.performance.Padding): in or
 
     struct fv_slot slots[FV_PLAYER_SLOTS];
     uint8_t *pixels;
-    struct ring ready, free;
+    struct fv_slot_ring ready, free;
     sem_t ready_count, free_count;
 
     pthread_t reader;
@@ -116,9 +93,9 @@ static void *read_frames(void *argument)
         uint8_t slot;
         while (sem_wait(&source->free_count) != 0)
             continue; /* interrupted */
-        if (atomic_load(&source->quit) || !ring_pop(&source->free, &slot)) return NULL;
+        if (atomic_load(&source->quit) || !fv_ring_pop(&source->free, &slot)) return NULL;
         if (fetch_next(source, &position, &source->slots[slot], &counts) != FOVEA_OK) break;
-        ring_push(&source->ready, slot);
+        fv_ring_push(&source->ready, slot);
         sem_post(&source->ready_count);
     }
     source->end_counts = counts;
@@ -270,7 +247,7 @@ enum fovea_status fv_player_start(struct fovea_source *source, struct fovea_erro
     atomic_store(&source->quit, false);
     atomic_store(&source->ended, false);
     for (int i = 0; i < FV_PLAYER_SLOTS; ++i)
-        ring_push(&source->free, (uint8_t)i);
+        fv_ring_push(&source->free, (uint8_t)i);
     sem_init(&source->ready_count, 0, 0);
     sem_init(&source->free_count, 0, FV_PLAYER_SLOTS);
     const int failed = start_reader(source);
@@ -315,7 +292,7 @@ enum fovea_status fv_player_dequeue(struct fovea_source *source, int64_t deadlin
     if (source->held_count >= FOVEA_SOURCE_FRAMES_HELD || !wait_ready(source, deadline_ns))
         return FOVEA_AGAIN;
     uint8_t slot;
-    if (!ring_pop(&source->ready, &slot)) {
+    if (!fv_ring_pop(&source->ready, &slot)) {
         (void)atomic_load_explicit(&source->ended, memory_order_acquire);
         source->counts = source->end_counts;
         source->seen_end = true;
@@ -334,7 +311,7 @@ void fv_player_requeue(struct fovea_source *source, const struct fovea_frame *fr
     if (!source->started || frame->slot >= FV_PLAYER_SLOTS || !source->held[frame->slot]) return;
     source->held[frame->slot] = false;
     source->held_count--;
-    ring_push(&source->free, (uint8_t)frame->slot);
+    fv_ring_push(&source->free, (uint8_t)frame->slot);
     sem_post(&source->free_count);
 }
 

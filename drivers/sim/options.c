@@ -3,132 +3,46 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "fovea/text.h"
+#include "../text/uri_options.h"
 
 /* ---- the table of options ---------------------------------------------------------------------------- */
 
-enum kind { KIND_U64, KIND_I32, KIND_REAL, KIND_FLAG, KIND_LENS, KIND_TEXTURES };
-
-struct option {
-    const char *name;
-    enum kind kind;
-    size_t offset;
-    double low, high;
-    const char *unit;
-};
+static const char *const lens_name[] = {"radtan", "equidistant", "pinhole", NULL};
+static const char *const textures_name[] = {"natural", "repeated", NULL};
 
 #define AT(member) offsetof(struct fv_sim_options, member)
-static const struct option option_table[] = {
-    {"seed", KIND_U64, AT(seed), 0, 9007199254740992.0, "integer"},
-    {"width", KIND_I32, AT(width), 64, 2048, "pixels"},
-    {"height", KIND_I32, AT(height), 64, 2048, "pixels"},
-    {"rate", KIND_REAL, AT(rate_hz), 1, 1000, "Hz"},
-    {"frames", KIND_U64, AT(frames), 0, 9007199254740992.0, "frames, 0: endless"},
-    {"lens", KIND_LENS, AT(lens), 0, 0, "radtan, equidistant or pinhole"},
-    {"fov", KIND_REAL, AT(fov_deg), 30, 130, "degrees across"},
-    {"noise", KIND_REAL, AT(noise), 0, 20, "grey levels"},
-    {"blur", KIND_FLAG, AT(blur), 0, 1, "0 or 1"},
-    {"rolling", KIND_FLAG, AT(rolling), 0, 1, "0 or 1"},
-    {"exposure", KIND_REAL, AT(exposure_ms), 0.05, 100, "milliseconds"},
-    {"readout", KIND_REAL, AT(readout_ms), 0, 100, "milliseconds"},
-    {"objects", KIND_I32, AT(objects), 0, FV_SIM_OBJECTS_MAX, "moving objects"},
-    {"textures", KIND_TEXTURES, AT(repeated), 0, 0, "natural or repeated"},
-    {"light", KIND_REAL, AT(light), 0.1, 4, "factor of brightness"},
-    {"time", KIND_REAL, AT(time_s), 0, 100000, "seconds"},
+static const struct fv_uri_option option_table[] = {
+    {"seed", FV_URI_U64, AT(seed), 0, 9007199254740992.0, "integer", NULL},
+    {"width", FV_URI_I32, AT(width), 64, 2048, "pixels", NULL},
+    {"height", FV_URI_I32, AT(height), 64, 2048, "pixels", NULL},
+    {"rate", FV_URI_REAL, AT(rate_hz), 1, 1000, "Hz", NULL},
+    {"frames", FV_URI_U64, AT(frames), 0, 9007199254740992.0, "frames, 0: endless", NULL},
+    {"lens", FV_URI_WORD, AT(lens), 0, 0, "radtan, equidistant or pinhole", lens_name},
+    {"fov", FV_URI_REAL, AT(fov_deg), 30, 130, "degrees across", NULL},
+    {"noise", FV_URI_REAL, AT(noise), 0, 20, "grey levels", NULL},
+    {"blur", FV_URI_FLAG, AT(blur), 0, 1, "0 or 1", NULL},
+    {"rolling", FV_URI_FLAG, AT(rolling), 0, 1, "0 or 1", NULL},
+    {"exposure", FV_URI_REAL, AT(exposure_ms), 0.05, 100, "milliseconds", NULL},
+    {"readout", FV_URI_REAL, AT(readout_ms), 0, 100, "milliseconds", NULL},
+    {"objects", FV_URI_I32, AT(objects), 0, FV_SIM_OBJECTS_MAX, "moving objects", NULL},
+    {"textures", FV_URI_WORD, AT(textures), 0, 0, "natural or repeated", textures_name},
+    {"light", FV_URI_REAL, AT(light), 0.1, 4, "factor of brightness", NULL},
+    {"time", FV_URI_REAL, AT(time_s), 0, 100000, "seconds", NULL},
 };
-enum { OPTIONS = sizeof option_table / sizeof option_table[0] };
+static const struct fv_uri_table options_table = {
+    "sim", option_table, sizeof option_table / sizeof option_table[0], NULL, NULL};
 
 static const char *const trajectory_name[FV_SIM_TRAJECTORY_COUNT] = {
     "tour", "orbit", "corridor", "rotate", "stopgo", "fast", "kidnap", "wander", "still"};
 
-/* ---- values ------------------------------------------------------------------------------------------ */
-
-enum { WORD_BYTES = 96 }; /* longer names and values are cut, and then fit nothing */
-
-struct given {
-    bool fov, frames;
-};
-
-static bool store_word(void *to, enum kind kind, const char *value)
+static bool was_given(uint64_t given, size_t offset)
 {
-    static const char *const lens[3] = {"radtan", "equidistant", "pinhole"};
-    if (kind == KIND_TEXTURES) {
-        *(bool *)to = strcmp(value, "repeated") == 0;
-        return *(bool *)to || strcmp(value, "natural") == 0;
-    }
-    for (int32_t i = 0; i < 3; i++) {
-        if (strcmp(value, lens[i]) != 0) continue;
-        *(enum fv_sim_lens *)to = (enum fv_sim_lens)i;
-        return true;
-    }
+    for (size_t i = 0; i < options_table.count; i++)
+        if (option_table[i].offset == offset) return (given >> i & 1) != 0;
     return false;
 }
 
-static bool store_number(void *to, const struct option *option, const char *text)
-{
-    double value;
-    int64_t whole;
-    if (option->kind == KIND_REAL) {
-        if (!fovea_text_number(text, &value) || value < option->low || value > option->high) return false;
-        *(double *)to = value;
-        return true;
-    }
-    if (!fovea_text_integer(text, &whole) || (double)whole < option->low || (double)whole > option->high)
-        return false;
-    if (option->kind == KIND_U64) *(uint64_t *)to = (uint64_t)whole;
-    if (option->kind == KIND_I32) *(int32_t *)to = (int32_t)whole;
-    if (option->kind == KIND_FLAG) *(bool *)to = whole != 0;
-    return true;
-}
-
-static enum fovea_status unknown(const char *what, const char *found, const char *const *names, size_t count,
-                                 struct fovea_error *error)
-{
-    char quoted[FOVEA_TEXT_QUOTED_BYTES], list[256];
-    const char *like = fovea_text_nearest(found, names, count);
-    size_t used = 0;
-    list[0] = '\0';
-    for (size_t i = 0; i < count && used < sizeof list; i++)
-        used += (size_t)snprintf(list + used, sizeof list - used, "%s%s", i == 0 ? "" : " ", names[i]);
-    fovea_text_quote(found, quoted, sizeof quoted);
-    if (like != NULL)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "sim: unknown %s %s, did you mean '%s'? Expected one of: %s", what, quoted,
-                               like, list);
-    return fovea_error_set(error, FOVEA_ERROR_INPUT, "sim: unknown %s %s; expected one of: %s", what, quoted,
-                           list);
-}
-
-/* One "name=value". */
-static enum fovea_status parse_option(char *text, struct fv_sim_options *options, struct given *given,
-                                      struct fovea_error *error)
-{
-    char quoted[FOVEA_TEXT_QUOTED_BYTES];
-    const char *names[OPTIONS];
-    const struct option *option = NULL;
-    char *value = strchr(text, '=');
-    if (value != NULL) *value++ = '\0';
-    for (size_t i = 0; i < OPTIONS; i++) {
-        names[i] = option_table[i].name;
-        if (strcmp(text, names[i]) == 0) option = &option_table[i];
-    }
-    if (option == NULL) return unknown("option", text, names, OPTIONS, error);
-    if (value == NULL)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "sim: %s: found no value, expected %s=VALUE (%s)",
-                               text, text, option->unit);
-    if (option->offset == AT(fov_deg)) given->fov = true;
-    if (option->offset == AT(frames)) given->frames = true;
-    void *to = (char *)options + option->offset;
-    const bool word = option->kind == KIND_LENS || option->kind == KIND_TEXTURES;
-    if (word ? store_word(to, option->kind, value) : store_number(to, option, value)) return FOVEA_OK;
-    fovea_text_quote(value, quoted, sizeof quoted);
-    if (word)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "sim: %s: found %s, expected %s", text, quoted,
-                               option->unit);
-    return fovea_error_set(error, FOVEA_ERROR_INPUT, "sim: %s: found %s, expected %s in [%.15g, %.15g] (%s)",
-                           text, quoted, option->kind == KIND_REAL ? "a number" : "a whole number",
-                           option->low, option->high, option->unit);
-}
+/* ---- values ------------------------------------------------------------------------------------------ */
 
 static enum fovea_status check_together(const struct fv_sim_options *options, struct fovea_error *error)
 {
@@ -149,15 +63,6 @@ static enum fovea_status check_together(const struct fv_sim_options *options, st
                                "sim: fov: found %g, expected at most %g degrees with this lens",
                                options->fov_deg, widest);
     return FOVEA_OK;
-}
-
-/* The next piece of `*at` up to a character of `stops`, cut to fit `word`; `*at` moves behind it. */
-static void next_word(const char **at, const char *stops, char word[WORD_BYTES])
-{
-    const size_t length = strcspn(*at, stops), kept = length < WORD_BYTES - 1 ? length : WORD_BYTES - 1;
-    memcpy(word, *at, kept);
-    word[kept] = '\0';
-    *at += length;
 }
 
 static int32_t default_objects(enum fv_sim_trajectory trajectory)
@@ -186,26 +91,22 @@ enum fovea_status fv_sim_options_parse(const char *address, struct fv_sim_option
                                .exposure_ms = 5.0,
                                .readout_ms = 20.0,
                                .light = 1.0};
-    struct given given = {false, false};
-    char word[WORD_BYTES];
-    next_word(&address, "?", word);
+    char word[FV_URI_WORD_BYTES];
+    uint64_t given;
+    fv_uri_next_word(&address, "?", word);
     for (int32_t i = 0; i < FV_SIM_TRAJECTORY_COUNT; i++) {
         if (strcmp(word, trajectory_name[i]) == 0) o.trajectory = (enum fv_sim_trajectory)i;
     }
     if (word[0] == '\0') o.trajectory = FV_SIM_TOUR;
     if (o.trajectory == FV_SIM_TRAJECTORY_COUNT)
-        return unknown("trajectory", word, trajectory_name, FV_SIM_TRAJECTORY_COUNT, error);
+        return fv_uri_unknown("sim", "trajectory", word, trajectory_name, FV_SIM_TRAJECTORY_COUNT, error);
     o.objects = default_objects(o.trajectory);
-    while (*address != '\0') {
-        address++;
-        next_word(&address, "&", word);
-        if (word[0] == '\0') continue;
-        const enum fovea_status status = parse_option(word, &o, &given, error);
-        if (status != FOVEA_OK) return status;
-    }
-    if (!given.fov) o.fov_deg = o.lens == FV_SIM_LENS_EQUIDISTANT ? 105.0 : 80.0;
-    if (!given.frames) o.frames = fv_sim_motion_frames(o.trajectory, o.rate_hz);
-    const enum fovea_status status = check_together(&o, error);
+    if (*address != '\0') address++;
+    enum fovea_status status = fv_uri_options_parse(&options_table, address, &o, &given, error);
+    if (status != FOVEA_OK) return status;
+    if (!was_given(given, AT(fov_deg))) o.fov_deg = o.lens == FV_SIM_LENS_EQUIDISTANT ? 105.0 : 80.0;
+    if (!was_given(given, AT(frames))) o.frames = fv_sim_motion_frames(o.trajectory, o.rate_hz);
+    status = check_together(&o, error);
     if (status == FOVEA_OK) *options = o;
     return status;
 }

@@ -38,6 +38,8 @@ enum fv_sim_trajectory {
 
 enum fv_sim_lens { FV_SIM_LENS_RADTAN, FV_SIM_LENS_EQUIDISTANT, FV_SIM_LENS_PINHOLE };
 
+enum fv_sim_textures { FV_SIM_TEXTURES_NATURAL, FV_SIM_TEXTURES_REPEATED };
+
 struct fv_sim_options {
     enum fv_sim_trajectory trajectory;
     uint64_t seed;
@@ -50,7 +52,7 @@ struct fv_sim_options {
     bool blur, rolling;
     double exposure_ms, readout_ms;
     int32_t objects;
-    bool repeated; /* textures */
+    enum fv_sim_textures textures;
     double light;
     double time_s; /* of frame 0 on the trajectory */
 };

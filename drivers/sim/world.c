@@ -140,7 +140,7 @@ bool fv_sim_world_build(struct fv_sim_world *world, const struct fv_sim_options 
 {
     memset(world, 0, sizeof *world);
     world->seed = seed_for(options->seed, 0);
-    world->repeated = options->repeated;
+    world->repeated = options->textures == FV_SIM_TEXTURES_REPEATED;
     switch (options->trajectory) {
     case FV_SIM_TOUR:
         fv_sim_place_house(world);

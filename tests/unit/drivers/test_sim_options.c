@@ -39,7 +39,7 @@ static void test_values(void **state)
     assert_int_equal(o.lens, FV_SIM_LENS_EQUIDISTANT);
     assert_true(o.rate_hz == 20.0 && o.fov_deg == 100.5 && o.noise == 0.5 && o.exposure_ms == 12.5);
     assert_true(o.readout_ms == 30.0 && o.light == 1.5 && o.time_s == 4.25);
-    assert_true(o.blur && o.rolling && o.repeated);
+    assert_true(o.blur && o.rolling && o.textures == FV_SIM_TEXTURES_REPEATED);
     assert_int_equal(o.objects, 3);
 }
 
