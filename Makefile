@@ -190,6 +190,12 @@ $(BUILD)/subscribe: $(BUILD)/obj/tools/subscribers/subscribe.o $(GEN_O)
 	$(Q)$(CC) $(LDFLAGS) -o $@ $^ -llcm
 .PHONY: jar python-types
 
+# ---- the visual vocabulary: trained once, committed; tools/vocabulary/train.sh trains it again --------------------
+$(BUILD)/obj/src/map/vocabulary.o: src/map/vocabulary.bin
+$(BUILD)/train-vocabulary: $(BUILD)/obj/tools/vocabulary/train.o $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
+	@echo "  link $@"
+	$(Q)$(CXX) $(LDFLAGS) -o $@ $< -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group $(LIBS_APP)
+
 install: all  ## install program, libraries, headers and message types under PREFIX
 	install -d $(DESTDIR)$(PREFIX)/bin $(DESTDIR)$(PREFIX)/lib/pkgconfig $(DESTDIR)$(PREFIX)/include/fovea \
 	           $(DESTDIR)$(PREFIX)/share/fovea/lcmtypes

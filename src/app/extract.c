@@ -65,15 +65,14 @@ static enum fovea_status make_mask(const struct fovea_image *image, const struct
     return FOVEA_OK;
 }
 
-enum fovea_status fv_extract(const char *path, const struct fv_extract_ignore *ignore,
+/* The stages over extract->image. */
+static enum fovea_status run(const struct fv_extract_ignore *ignore,
                              const struct fovea_features_config *config, struct fv_extract *extract,
                              struct fovea_error *error)
 {
     enum fv_cpu_set cpu;
     uint8_t *mask = NULL;
-    memset(extract, 0, sizeof *extract);
     enum fovea_status status = fv_cpu_from_environment(&cpu, error);
-    if (status == FOVEA_OK) status = fv_picture_read(path, &extract->image, error);
     if (status == FOVEA_OK && ignore != NULL) status = make_mask(&extract->image, ignore, &mask, error);
     if (status == FOVEA_OK) status = take_memory(extract, config, error);
     if (status == FOVEA_OK) {
@@ -86,6 +85,28 @@ enum fovea_status fv_extract(const char *path, const struct fv_extract_ignore *i
     }
     free(mask);
     return status;
+}
+
+enum fovea_status fv_extract(const char *path, const struct fv_extract_ignore *ignore,
+                             const struct fovea_features_config *config, struct fv_extract *extract,
+                             struct fovea_error *error)
+{
+    memset(extract, 0, sizeof *extract);
+    const enum fovea_status status = fv_picture_read(path, &extract->image, error);
+    return status == FOVEA_OK ? run(ignore, config, extract, error) : status;
+}
+
+enum fovea_status fv_extract_image(const struct fovea_image *image, const struct fv_extract_ignore *ignore,
+                                   const struct fovea_features_config *config, struct fv_extract *extract,
+                                   struct fovea_error *error)
+{
+    memset(extract, 0, sizeof *extract);
+    uint8_t *pixels = malloc(image->size_bytes);
+    if (pixels == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "out of memory");
+    memcpy(pixels, image->data, image->size_bytes);
+    extract->image = *image;
+    extract->image.data = pixels;
+    return run(ignore, config, extract, error);
 }
 
 void fv_extract_free(struct fv_extract *extract)

@@ -28,6 +28,10 @@ struct fv_extract_ignore {
 enum fovea_status fv_extract(const char *path, const struct fv_extract_ignore *ignore,
                              const struct fovea_features_config *config, struct fv_extract *extract,
                              struct fovea_error *error);
+/* The same for an image in memory, which is copied. */
+enum fovea_status fv_extract_image(const struct fovea_image *image, const struct fv_extract_ignore *ignore,
+                                   const struct fovea_features_config *config, struct fv_extract *extract,
+                                   struct fovea_error *error);
 void fv_extract_free(struct fv_extract *extract);
 
 /* Take what the commands' options say, checked: `max` in [FOVEA_FEATURES_MIN, FOVEA_FEATURES_MAX]. */
