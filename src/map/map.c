@@ -14,6 +14,7 @@ void fv_map_carve(struct fv_map *map, const struct fv_map_limits *limits, struct
     map->keyframes = fv_arena_take(arena, views, sizeof *map->keyframes);
     map->landmarks = fv_arena_take(arena, limits->landmarks, sizeof *map->landmarks);
     map->free_landmarks = fv_arena_take(arena, limits->landmarks, sizeof *map->free_landmarks);
+    map->edges = fv_arena_take(arena, FV_MAP_EDGES_MAX, sizeof *map->edges);
     map->keypoints = fv_arena_take(arena, features, sizeof *map->keypoints);
     map->descriptors = fv_arena_take(arena, features, FV_MAP_DESCRIPTOR_BYTES);
     map->links = fv_arena_take(arena, features, sizeof *map->links);
@@ -35,8 +36,11 @@ void fv_map_reset(struct fv_map *map)
         map->landmarks[i].generation = generation;
         map->free_landmarks[i] = map->limits.landmarks - 1 - i;
     }
+    memset(map->edges, 0, FV_MAP_EDGES_MAX * sizeof *map->edges);
     memset(map->state, 0, sizeof *map->state);
     map->state->free_count = map->limits.landmarks;
+    map->state->map_next = 1;
+    fv_sim3_identity(&map->state->S_map_odom);
 }
 
 struct fv_view fv_map_view(const struct fv_map *map, uint32_t slot)
@@ -97,25 +101,18 @@ void fv_map_copy_view(struct fv_map *map, uint32_t from, uint32_t to)
 
 /* ---- keyframes --------------------------------------------------------------------------------------- */
 
-static int32_t fv_oldest_keyframe(const struct fv_map *map)
-{
-    int32_t oldest = FV_MAP_NONE;
-    for (uint32_t i = 0; i < map->limits.keyframes; i++)
-        if (map->keyframes[i].used &&
-            (oldest == FV_MAP_NONE || map->keyframes[i].number < map->keyframes[oldest].number))
-            oldest = (int32_t)i;
-    return oldest;
-}
-
 uint32_t fv_map_add_keyframe(struct fv_map *map, uint32_t from)
 {
     if (map->state->keyframe_count == map->limits.keyframes)
-        fv_map_remove_keyframe(map, (uint32_t)fv_oldest_keyframe(map));
+        fv_map_remove_keyframe(map, fv_map_most_redundant(map));
     uint32_t slot = 0;
     while (map->keyframes[slot].used)
         slot++;
     fv_map_copy_view(map, from, slot);
     map->keyframes[slot].used = true;
+    map->keyframes[slot].held = false;
+    map->keyframes[slot].redundancy = 0;
+    map->keyframes[slot].map_id = map->state->map_id;
     map->keyframes[slot].number = map->state->keyframe_number++;
     map->state->keyframe_count++;
     return slot;
@@ -138,12 +135,6 @@ void fv_map_remove_keyframe(struct fv_map *map, uint32_t slot)
     map->state->keyframe_count--;
 }
 
-void fv_map_make_room(struct fv_map *map, uint32_t wanted)
-{
-    while (map->state->free_count < wanted && map->state->keyframe_count > 2)
-        fv_map_remove_keyframe(map, (uint32_t)fv_oldest_keyframe(map));
-}
-
 /* ---- landmarks --------------------------------------------------------------------------------------- */
 
 int32_t fv_map_add_landmark(struct fv_map *map, const double point[3], uint64_t frame_number)
@@ -155,7 +146,7 @@ int32_t fv_map_add_landmark(struct fv_map *map, const double point[3], uint64_t 
     memset(l, 0, sizeof *l);
     l->generation = generation;
     l->used = true;
-    l->born = frame_number;
+    l->born = l->seen = frame_number;
     l->expected = l->found = 1;
     fv_copy3(point, l->point);
     map->state->landmark_count++;
@@ -201,6 +192,21 @@ void fv_map_unlink(struct fv_map *map, uint32_t landmark, uint32_t keyframe)
             l->observers[k] = l->observers[k + 1];
         return;
     }
+}
+
+void fv_map_fuse_landmarks(struct fv_map *map, uint32_t keep, uint32_t drop)
+{
+    struct fv_landmark *from = &map->landmarks[drop], *to = &map->landmarks[keep];
+    while (from->observer_count > 0) {
+        struct fv_observer o = from->observers[from->observer_count - 1];
+        fv_map_unlink(map, drop, o.keyframe);
+        if (to->observer_count < FV_MAP_OBSERVERS_MAX) (void)fv_map_link(map, keep, o.keyframe, o.feature);
+    }
+    to->found = (uint16_t)(to->found + from->found / 2);
+    if (to->expected < to->found) to->expected = to->found;
+    if (to->seen < from->seen) to->seen = from->seen;
+    fv_map_remove_landmark(map, drop);
+    fv_map_refresh_landmark(map, keep);
 }
 
 static uint32_t fv_hamming(const uint8_t *a, const uint8_t *b)

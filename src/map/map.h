@@ -7,7 +7,15 @@
  *
  * Besides the keyframes there are two more views: that of the current frame, and that of the frame that the
  * start waits on. World points are doubles; a feature's bearing and Jacobian are floats (6e-8 rad). Real-time
- * safe; no heap. */
+ * safe; no heap.
+ *
+ * Several maps may share the pools: each keyframe names its map, and maps have worlds of their own. Landmarks belong
+ * to the map of their observers; links never join keyframes of two maps.
+ *
+ * Rules of a full pool (keep.c). Keyframes: the most redundant one goes; redundancy is the share of its landmarks
+ * that at least FV_MAP_ENOUGH_OBSERVERS others see as well. The newest FV_MAP_KEEP_NEWEST of them stay, and those that an
+ * edge of a loop holds go only when no other is left. Landmarks: a hand goes round the pool and takes those that were not
+ * seen for FV_MAP_UNSEEN_FRAMES frames, first those with few observers. */
 #ifndef FOVEA_MAP_MAP_H
 #define FOVEA_MAP_MAP_H
 
@@ -16,6 +24,7 @@
 
 #include "base/arena.h"
 #include "geometry/se3.h"
+#include "geometry/sim3.h"
 #include "kernels/kernels.h"
 
 #ifdef __cplusplus
@@ -26,6 +35,11 @@ enum {
     FV_MAP_OBSERVERS_MAX = 12, /* keyframes that a landmark remembers */
     FV_MAP_DESCRIPTOR_BYTES = 32,
     FV_MAP_CELL_PX = 24, /* of the grid in which a view's features are looked up */
+    FV_MAP_KEYFRAMES_MAX = 256,
+    FV_MAP_EDGES_MAX = 128,      /* of closed loops; the oldest gives way */
+    FV_MAP_ENOUGH_OBSERVERS = 3, /* besides a keyframe, that make it redundant for a landmark */
+    FV_MAP_KEEP_NEWEST = 16,     /* keyframes that are never culled: odometry and its window work on them */
+    FV_MAP_UNSEEN_FRAMES = 60,   /* before a landmark may be taken from a full pool */
     FV_MAP_NONE = -1
 };
 
@@ -47,8 +61,10 @@ struct fv_keyframe {
     uint32_t landmarks;  /* of its features */
     int32_t parent;      /* slot of the keyframe that its pose is bound to; FV_MAP_NONE: none */
     double depth;        /* median depth of its landmarks when it was made */
+    uint32_t map_id;     /* of the map that it belongs to */
+    uint16_t redundancy; /* thousandths of its landmarks that enough others see; as last rated */
     bool used;
-    uint8_t reserved[7];
+    bool held; /* an edge of a loop ends here */
 };
 
 struct fv_observer {
@@ -61,7 +77,7 @@ struct fv_landmark {
     float distance;           /* from the reference camera, world units */
     uint32_t generation;      /* of the slot */
     uint32_t mark;            /* scratch of gathering: last round that met it */
-    uint64_t born;            /* number of the frame */
+    uint64_t born, seen;      /* numbers of frames: first, and last found */
     uint16_t expected, found; /* frames in which it should have been, and was, seen; both halved when large */
     uint16_t observer_count;
     uint8_t level; /* of the reference observation */
@@ -70,11 +86,23 @@ struct fv_landmark {
     uint8_t descriptor[FV_MAP_DESCRIPTOR_BYTES];
 };
 
+/* Two keyframes that a closed loop ties together. */
+struct fv_map_edge {
+    uint32_t a, b, generation_a, generation_b;
+};
+
 struct fv_map_state {
     uint64_t keyframe_number; /* of the next keyframe */
     uint32_t keyframe_count, landmark_count;
     uint32_t free_count; /* of the list of free landmark slots */
     uint32_t mark;
+    uint32_t map_id;     /* of the map that is being made or tracked */
+    uint32_t map_next;   /* id of the next map; ids are never used again before a reset */
+    uint32_t edge_count; /* edges written, modulo FV_MAP_EDGES_MAX the next one's place */
+    uint32_t hand;       /* landmark slot at which the search for room goes on */
+    /* REP-105: takes points of the continuous frame that poses are published in to the world of the current map.
+     * Corrections of the map change it, and not the pose in `odom`. */
+    struct fv_sim3 S_map_odom;
 };
 
 struct fv_map_limits {
@@ -89,6 +117,7 @@ struct fv_map {
     struct fv_keyframe *keyframes; /* limits.keyframes, then the current frame, then the start's reference */
     struct fv_landmark *landmarks;
     uint32_t *free_landmarks;
+    struct fv_map_edge *edges; /* FV_MAP_EDGES_MAX */
     struct fv_keypoint
         *keypoints; /* of view v: limits.features from v * limits.features; likewise the next four */
     uint8_t *descriptors;
@@ -127,13 +156,14 @@ void fv_map_sort_view(const struct fv_map *map, uint32_t slot);
 /* Copy a view with its frame to another slot; links are not copied. The slot's generation rises. */
 void fv_map_copy_view(struct fv_map *map, uint32_t from, uint32_t to);
 
-/* Make a keyframe of a view (current or waiting). Frees the keyframe of lowest number when no slot is free.
- * Returns its slot. */
+/* Make a keyframe of a view (current or waiting), in the current map. When no slot is free, the most redundant keyframe
+ * goes. Returns its slot. */
 uint32_t fv_map_add_keyframe(struct fv_map *map, uint32_t from);
 /* Drop a keyframe; landmarks that are left with no observer go with it. */
 void fv_map_remove_keyframe(struct fv_map *map, uint32_t slot);
-/* Drop the oldest keyframes until `wanted` landmark slots are free; at least two keyframes stay. */
-void fv_map_make_room(struct fv_map *map, uint32_t wanted);
+/* Free `wanted` landmark slots, by the rules above; `frame_number` is now. When no landmark may go, the most
+ * redundant keyframes do; at least two stay. */
+void fv_map_make_room(struct fv_map *map, uint32_t wanted, uint64_t frame_number);
 
 /* A new landmark without observers; FV_MAP_NONE when the pool is full. */
 int32_t fv_map_add_landmark(struct fv_map *map, const double point[3], uint64_t frame_number);
@@ -144,6 +174,41 @@ bool fv_map_link(struct fv_map *map, uint32_t landmark, uint32_t keyframe, uint3
 void fv_map_unlink(struct fv_map *map, uint32_t landmark, uint32_t keyframe);
 /* Recompute direction and distance from observers, and take the descriptor nearest to the others. */
 void fv_map_refresh_landmark(struct fv_map *map, uint32_t landmark);
+
+/* Make one of two landmarks that are the same thing: `keep` gets what `drop` has, as far as it has room and keyframes do
+ * not see both; `drop` goes. */
+void fv_map_fuse_landmarks(struct fv_map *map, uint32_t keep, uint32_t drop);
+
+/* ---- covisibility, redundancy and maps (keep.c) ---------------------------------------------------------- */
+
+/* A keyframe that shares landmarks with another. */
+struct fv_neighbour {
+    uint32_t slot, generation, shared;
+};
+
+/* How many landmarks each keyframe shares with a view's links; `shared` by slot, limits.keyframes elements. */
+void fv_map_count_shared(const struct fv_map *map, uint32_t slot, uint16_t *shared);
+/* The keyframes that share at least `shared_min` landmarks with a keyframe, most first (of equals the newer), at most
+ * `max` (itself left out). Returns their number. */
+uint32_t fv_map_neighbours(const struct fv_map *map, uint32_t slot, uint32_t shared_min,
+                           struct fv_neighbour *neighbours, uint32_t max);
+static inline bool fv_map_holds(const struct fv_map *map, uint32_t slot, uint32_t generation)
+{
+    return map->keyframes[slot].used && map->keyframes[slot].generation == generation;
+}
+
+/* Rate a keyframe's redundancy anew. To be called for a keyframe and its neighbours when it has its landmarks. */
+void fv_map_rate_keyframe(struct fv_map *map, uint32_t slot);
+/* The keyframe that would go next. */
+uint32_t fv_map_most_redundant(struct fv_map *map);
+
+/* Remember that a loop ties keyframes a and b. */
+void fv_map_add_edge(struct fv_map *map, uint32_t a, uint32_t b);
+/* Begin another map in the same pools; its world is new, S_map_odom is the identity. */
+void fv_map_begin_another(struct fv_map *map);
+/* Drop all keyframes of a map, with their landmarks. */
+void fv_map_drop(struct fv_map *map, uint32_t map_id);
+uint32_t fv_map_count_keyframes(const struct fv_map *map, uint32_t map_id);
 
 /* ---- guided search ----------------------------------------------------------------------------------- */
 

@@ -28,7 +28,7 @@ static void fv_begin_grow(struct fv_odometry *o, uint32_t keyframe)
     struct fv_grow_state *g = &o->state->grow;
     memset(g, 0, sizeof *g);
     uint16_t shared[FOVEA_ODOMETRY_KEYFRAMES_MAX];
-    fv_odometry_count_shared(o, keyframe, shared);
+    fv_map_count_shared(&o->map, keyframe, shared);
     shared[keyframe] = 0;
     while (g->neighbour_count < FV_GROW_NEIGHBOURS_MAX) {
         uint32_t best = 0;
@@ -178,6 +178,19 @@ static void fv_triangulate_unit(struct fv_odometry *o, const struct fv_kernels *
     }
 }
 
+/* The keyframe is finished: it, and those that now share its landmarks, have another redundancy. */
+static void fv_end_grow(struct fv_odometry *o)
+{
+    struct fv_neighbour neighbours[FV_LOCAL_KEYFRAMES_MAX];
+    uint32_t keyframe = o->state->grow.keyframe,
+             count = fv_map_neighbours(&o->map, keyframe, 1, neighbours, FV_LOCAL_KEYFRAMES_MAX);
+    fv_map_rate_keyframe(&o->map, keyframe);
+    for (uint32_t i = 0; i < count; i++)
+        fv_map_rate_keyframe(&o->map, neighbours[i].slot);
+    if (keyframe == o->state->newest) o->state->keyframe_matches = o->map.keyframes[keyframe].landmarks;
+    o->state->grow.phase = FV_GROW_IDLE;
+}
+
 /* ---- fusing ------------------------------------------------------------------------------------------ */
 
 /* Look for a landmark in a keyframe that does not see it yet. */
@@ -221,10 +234,7 @@ static void fv_fuse_unit(struct fv_odometry *o, const struct fv_kernels *kernels
             if (fv_neighbour_holds(o, i)) fv_fuse(o, kernels, (uint32_t)landmark, g->neighbours[i]);
         done++;
     }
-    if (g->next == view.frame->features) {
-        g->phase = FV_GROW_IDLE;
-        if (g->keyframe == o->state->newest) o->state->keyframe_matches = view.frame->landmarks;
-    }
+    if (g->next == view.frame->features) fv_end_grow(o);
 }
 
 /* ---- the job's part ---------------------------------------------------------------------------------- */

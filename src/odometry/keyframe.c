@@ -84,7 +84,8 @@ void fv_odometry_make_keyframe(struct fv_odometry *o)
 {
     struct fv_odometry_state *s = o->state;
     fv_map_make_room(&o->map, LANDMARKS_ROOM < o->map.limits.landmarks / 4 ? LANDMARKS_ROOM
-                                                                           : o->map.limits.landmarks / 4);
+                                                                           : o->map.limits.landmarks / 4,
+                     s->frame_number);
     struct fv_view current = fv_map_view(&o->map, fv_map_current(&o->map));
     double depth = fv_current_depth(o);
     uint32_t slot = fv_map_add_keyframe(&o->map, fv_map_current(&o->map));

@@ -138,9 +138,6 @@ void fv_odometry_queue(struct fv_odometry *odometry, uint32_t keyframe);
 bool fv_odometry_grow_unit(struct fv_odometry *odometry, const struct fv_kernels *kernels);
 /* Drop landmarks that are not found again. */
 void fv_odometry_cull(struct fv_odometry *odometry);
-/* How many landmarks other keyframes share with a view's links; `shared` by slot, limits.keyframes elements.
- */
-void fv_odometry_count_shared(const struct fv_odometry *odometry, uint32_t slot, uint16_t *shared);
 
 #ifdef __cplusplus
 }

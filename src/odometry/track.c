@@ -95,18 +95,6 @@ static uint32_t fv_refine(struct fv_odometry *o, const struct fv_view *view, int
 
 /* ---- local map --------------------------------------------------------------------------------------- */
 
-void fv_odometry_count_shared(const struct fv_odometry *o, uint32_t slot, uint16_t *shared)
-{
-    struct fv_view view = fv_map_view(&o->map, slot);
-    memset(shared, 0, o->map.limits.keyframes * sizeof *shared);
-    for (uint32_t f = 0; f < view.frame->features; f++) {
-        if (view.landmark[f] == FV_MAP_NONE) continue;
-        const struct fv_landmark *l = &o->map.landmarks[view.landmark[f]];
-        for (uint32_t k = 0; k < l->observer_count; k++)
-            shared[l->observers[k].keyframe]++;
-    }
-}
-
 /* Landmarks of the keyframes with most votes in `shared` (which is used up), except those matched already. */
 static uint32_t fv_gather_local(struct fv_odometry *o, const struct fv_view *view, uint16_t *shared)
 {
@@ -148,7 +136,7 @@ static uint32_t fv_match_local(struct fv_odometry *o, const struct fv_kernels *k
                                const struct fv_view *view, const struct fv_se3 *T, double widen)
 {
     uint16_t shared[FOVEA_ODOMETRY_KEYFRAMES_MAX];
-    fv_odometry_count_shared(o, fv_map_current(&o->map), shared);
+    fv_map_count_shared(&o->map, fv_map_current(&o->map), shared);
     uint32_t count = fv_gather_local(o, view, shared), visible = 0;
     for (uint32_t i = 0; i < count; i++) {
         struct fv_landmark *l = &o->map.landmarks[o->local[i]];
@@ -188,7 +176,7 @@ static bool fv_relocalise(struct fv_odometry *o, const struct fv_kernels *kernel
             view->landmark[i] = (int32_t)r->landmark;
     }
     uint16_t shared[FOVEA_ODOMETRY_KEYFRAMES_MAX];
-    fv_odometry_count_shared(o, fv_map_current(&o->map), shared);
+    fv_map_count_shared(&o->map, fv_map_current(&o->map), shared);
     fv_clear_matches(o, view);
     uint32_t count = fv_gather_local(o, view, shared);
     for (uint32_t i = 0; i < count; i++)
@@ -225,6 +213,7 @@ static void fv_remember(struct fv_odometry *o, const struct fv_view *view)
         if (view->landmark[f] == FV_MAP_NONE) continue;
         struct fv_landmark *l = &o->map.landmarks[view->landmark[f]];
         l->found++;
+        l->seen = o->state->frame_number;
         if (l->expected < l->found) l->expected = l->found;
         if (l->expected > 60000) {
             l->expected /= 2;

@@ -1,0 +1,228 @@
+/* Alignment of two cameras' landmarks by a similarity: closed form, robust sampling, refinement. */
+#include <string.h>
+
+#include "geometry/linear.h"
+#include "geometry/pose.h"
+#include "geometry/sample.h"
+#include "geometry/sim3.h"
+#include "geometry/vec.h"
+
+static const double huber_square = 5.991; /* 95 % of chi-square with 2 degrees of freedom */
+
+/* ---- closed form ----------------------------------------------------------------------------------------- */
+
+/* Eigenvector of the largest eigenvalue of a symmetric 4x4 matrix, by cyclic Jacobi rotations. */
+static void fv_largest_eigenvector4(double N[16], double q[4])
+{
+    double V[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
+    for (int sweep = 0; sweep < 8; sweep++) {
+        for (int a = 0; a < 3; a++)
+            for (int b = a + 1; b < 4; b++) {
+                double off = N[4 * a + b];
+                if (off == 0) continue;
+                double theta = (N[5 * b] - N[5 * a]) / (2 * off), root = __builtin_sqrt(theta * theta + 1);
+                double t = 1 / (theta >= 0 ? theta + root : theta - root), c = 1 / __builtin_sqrt(t * t + 1),
+                       s = t * c;
+                for (int k = 0; k < 4; k++) {
+                    double x = N[4 * k + a], y = N[4 * k + b];
+                    N[4 * k + a] = c * x - s * y;
+                    N[4 * k + b] = s * x + c * y;
+                }
+                for (int k = 0; k < 4; k++) {
+                    double x = N[4 * a + k], y = N[4 * b + k], u = V[4 * a + k], v = V[4 * b + k];
+                    N[4 * a + k] = c * x - s * y;
+                    N[4 * b + k] = s * x + c * y;
+                    V[4 * a + k] = c * u - s * v;
+                    V[4 * b + k] = s * u + c * v;
+                }
+            }
+    }
+    int best = 0;
+    for (int k = 1; k < 4; k++)
+        if (N[5 * k] > N[5 * best]) best = k;
+    for (int k = 0; k < 4; k++)
+        q[k] = V[4 * best + k];
+}
+
+bool fv_sim3_align(const double (*a)[3], const double (*b)[3], uint32_t count, struct fv_sim3 *S)
+{
+    if (count < 3) return false;
+    double ma[3] = {0}, mb[3] = {0}, M[9] = {0}, spread[9] = {0}, values[3], V[9];
+    for (uint32_t i = 0; i < count; i++)
+        for (int k = 0; k < 3; k++) {
+            ma[k] += a[i][k] / count;
+            mb[k] += b[i][k] / count;
+        }
+    for (uint32_t i = 0; i < count; i++) {
+        double x[3], y[3];
+        fv_subtract3(a[i], ma, x);
+        fv_subtract3(b[i], mb, y);
+        for (int r = 0; r < 3; r++)
+            for (int c = 0; c < 3; c++) {
+                M[3 * r + c] += y[r] * x[c];
+                spread[3 * r + c] += y[r] * y[c];
+            }
+    }
+    fv_eigen_symmetric3(spread, values, V);
+    if (!(values[1] > 1e-6 * values[0])) return false; /* on a line, or in one place */
+    double N[16] = {M[0] + M[4] + M[8], M[5] - M[7], M[6] - M[2],         M[1] - M[3],
+                    M[5] - M[7],        M[0] - M[4] - M[8], M[1] + M[3],  M[6] + M[2],
+                    M[6] - M[2],        M[1] + M[3],        M[4] - M[0] - M[8], M[5] + M[7],
+                    M[1] - M[3],        M[6] + M[2],        M[5] + M[7],  M[8] - M[0] - M[4]};
+    double q[4], along = 0;
+    fv_largest_eigenvector4(N, q);
+    fv_so3_from_quaternion(q, S->R);
+    for (int r = 0; r < 3; r++) /* sum of x . R y */
+        for (int c = 0; c < 3; c++)
+            along += S->R[3 * r + c] * M[3 * c + r];
+    S->s = along / (spread[0] + spread[4] + spread[8]);
+    if (!(S->s > 1e-6 && S->s < 1e6)) return false;
+    double turned[3];
+    fv_rotate3(S->R, mb, turned);
+    for (int k = 0; k < 3; k++)
+        S->t[k] = ma[k] - S->s * turned[k];
+    return true;
+}
+
+/* ---- errors and sampling --------------------------------------------------------------------------------- */
+
+bool fv_sim3_errors(const struct fv_meeting *m, const struct fv_sim3 *S_a_b, const struct fv_sim3 *S_b_a,
+                    double square[2])
+{
+    double q[3], e[2];
+    fv_sim3_apply(S_a_b, m->point_b, q);
+    if (!fv_sight_error(m->bearing_a, m->A_a, q, e, 0)) return false;
+    square[0] = m->weight_a * (e[0] * e[0] + e[1] * e[1]);
+    fv_sim3_apply(S_b_a, m->point_a, q);
+    if (!fv_sight_error(m->bearing_b, m->A_b, q, e, 0)) return false;
+    square[1] = m->weight_b * (e[0] * e[0] + e[1] * e[1]);
+    return true;
+}
+
+static bool fv_meeting_agrees(const struct fv_meeting *m, const struct fv_sim3 *S_a_b, const struct fv_sim3 *S_b_a,
+                              double limit)
+{
+    double square[2];
+    return fv_sim3_errors(m, S_a_b, S_b_a, square) && square[0] < limit && square[1] < limit;
+}
+
+void fv_sim3_search_begin(struct fv_sim3_search *search, uint32_t samples_max)
+{
+    memset(search, 0, sizeof *search);
+    fv_sim3_identity(&search->best);
+    search->bound = samples_max;
+}
+
+bool fv_sim3_search_more(struct fv_sim3_search *search, const struct fv_meeting *meetings, uint32_t count,
+                         uint32_t samples, double limit, struct fovea_random *random)
+{
+    if (count < 3) return false;
+    for (uint32_t n = 0; n < samples && search->done < search->bound; n++, search->done++) {
+        uint32_t index[3], inliers = 0;
+        double a[3][3], b[3][3];
+        struct fv_sim3 S, inverse;
+        fv_sample_distinct(random, count, 3, index);
+        for (int k = 0; k < 3; k++) {
+            fv_copy3(meetings[index[k]].point_a, a[k]);
+            fv_copy3(meetings[index[k]].point_b, b[k]);
+        }
+        if (!fv_sim3_align((const double(*)[3])a, (const double(*)[3])b, 3, &S)) continue;
+        fv_sim3_invert(&S, &inverse);
+        for (uint32_t i = 0; i < count; i++) {
+            inliers += fv_meeting_agrees(&meetings[i], &S, &inverse, limit);
+            if (inliers + (count - 1 - i) <= search->best_inliers) break;
+        }
+        if (inliers <= search->best_inliers) continue;
+        search->best = S;
+        search->best_inliers = inliers;
+        uint32_t bound = fv_sample_bound((double)inliers / count, 3, 0.999);
+        if (bound < search->bound) search->bound = bound;
+    }
+    return search->done < search->bound;
+}
+
+/* ---- refinement ------------------------------------------------------------------------------------------ */
+
+/* Add one camera's rows to the system: error e with weight, derivative J by the moved point, whose derivative by the
+ * step is given. */
+static void fv_add_rows(const double e[2], double weight, const double rows[14], double H[49], double g[7])
+{
+    for (int a = 0; a < 7; a++) {
+        double u = weight * rows[a], v = weight * rows[7 + a];
+        g[a] -= u * e[0] + v * e[1];
+        for (int c = 0; c <= a; c++)
+            H[7 * a + c] += u * rows[c] + v * rows[7 + c];
+    }
+}
+
+static double fv_huber_weight(double weight, const double e[2])
+{
+    double square = weight * (e[0] * e[0] + e[1] * e[1]);
+    return square > huber_square ? weight * __builtin_sqrt(huber_square / square) : weight;
+}
+
+/* The step x moves S_a_b to (u, exp w, exp sigma) applied after it: q' = exp(sigma) exp(w) q + u. */
+static void fv_meeting_system(const struct fv_meeting *m, const struct fv_sim3 *S_a_b, const struct fv_sim3 *S_b_a,
+                              double H[49], double g[7])
+{
+    double q[3], p[3], e[2], J[6], rows[14];
+    fv_sim3_apply(S_a_b, m->point_b, q);
+    if (fv_sight_error(m->bearing_a, m->A_a, q, e, J)) {
+        for (int r = 0; r < 2; r++) {
+            fv_copy3(J + 3 * r, rows + 7 * r);
+            fv_cross3(q, J + 3 * r, rows + 7 * r + 3);
+            rows[7 * r + 6] = fv_dot3(J + 3 * r, q);
+        }
+        fv_add_rows(e, fv_huber_weight(m->weight_a, e), rows, H, g);
+    }
+    /* The other way: p = S^-1 (a), and a step on the left of S acts on a as its inverse. */
+    fv_sim3_apply(S_b_a, m->point_a, p);
+    if (!fv_sight_error(m->bearing_b, m->A_b, p, e, J)) return;
+    for (int r = 0; r < 2; r++) {
+        double back[3], turned[3]; /* derivative by a */
+        for (int k = 0; k < 3; k++)
+            back[k] = 0;
+        fv_rotate_back3(S_b_a->R, J + 3 * r, back);
+        for (int k = 0; k < 3; k++)
+            back[k] *= -S_b_a->s;
+        fv_cross3(m->point_a, back, turned);
+        fv_copy3(back, rows + 7 * r);
+        fv_copy3(turned, rows + 7 * r + 3);
+        rows[7 * r + 6] = fv_dot3(back, m->point_a);
+    }
+    fv_add_rows(e, fv_huber_weight(m->weight_b, e), rows, H, g);
+}
+
+static bool fv_sim3_step(const struct fv_meeting *meetings, uint32_t count, struct fv_sim3 *S_a_b)
+{
+    double H[49] = {0}, g[7] = {0};
+    struct fv_sim3 S_b_a, step, moved;
+    fv_sim3_invert(S_a_b, &S_b_a);
+    for (uint32_t i = 0; i < count; i++)
+        if (meetings[i].inlier) fv_meeting_system(&meetings[i], S_a_b, &S_b_a, H, g);
+    for (int a = 0; a < 7; a++)
+        H[8 * a] *= 1 + 1e-9;
+    if (!fv_ldlt_solve(H, 7, g)) return false;
+    fv_so3_exp(g + 3, step.R);
+    fv_copy3(g, step.t);
+    step.s = fovea_exp(g[6] > 1 ? 1 : g[6] < -1 ? -1 : g[6]);
+    fv_sim3_compose(&step, S_a_b, &moved);
+    fv_so3_orthonormalise(moved.R);
+    *S_a_b = moved;
+    return true;
+}
+
+uint32_t fv_sim3_refine(struct fv_meeting *meetings, uint32_t count, double limit, int steps, struct fv_sim3 *S_a_b)
+{
+    struct fv_sim3 S = *S_a_b, inverse;
+    for (int step = 0; step < steps; step++)
+        if (!fv_sim3_step(meetings, count, &S)) return 0;
+    uint32_t inliers = 0;
+    fv_sim3_invert(&S, &inverse);
+    for (uint32_t i = 0; i < count; i++) {
+        meetings[i].inlier = fv_meeting_agrees(&meetings[i], &S, &inverse, limit);
+        inliers += meetings[i].inlier;
+    }
+    *S_a_b = S;
+    return inliers;
+}
