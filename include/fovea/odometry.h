@@ -54,7 +54,8 @@ struct fovea_pose {
     uint32_t matches, inliers; /* landmarks matched, and of them those that agree */
     float quality;             /* share of the landmarks predicted to be visible that are inliers, [0, 1] */
     uint32_t reset_counter;    /* rises whenever a new map is started after the first */
-    uint32_t keyframes, landmarks; /* in the map */
+    uint32_t map_id;               /* of the map whose world this is; 0: the first */
+    uint32_t keyframes, landmarks; /* in all maps */
     enum fovea_scale_source scale_source;
 };
 

@@ -65,7 +65,7 @@ static void step_done(void *context, const struct fovea_inputs *inputs, const st
     fv_transport_publish(run->transport, outputs);
     fv_recorder_step(run->recorder, inputs, outputs);
     if (pose == NULL || !pose->posed) return;
-    struct fv_trajectory_sample sample = {.stamp_ns = inputs->frame->stamp_ns, .map = pose->reset_counter};
+    struct fv_trajectory_sample sample = {.stamp_ns = inputs->frame->stamp_ns, .map = pose->map_id};
     const struct fovea_source_ops *ops = run->setup.ops;
     memcpy(sample.T_world_cam, pose->T_world_cam, sizeof sample.T_world_cam);
     sample.has_truth = ops->truth_pose != NULL &&

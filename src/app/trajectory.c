@@ -14,6 +14,7 @@ enum { RING_BYTES = 1 << 19 }; /* two seconds at 1 kHz */
 
 /* One world, aligned by itself. Sums are taken about its first sample, which keeps their digits. */
 struct map {
+    uint32_t id;
     struct fv_similarity_sums sums;
     double origin_p[3], origin_q[3];
 };
@@ -25,7 +26,8 @@ struct fv_trajectory {
 
     uint64_t samples, with_truth;
     double last_truth[3], truth_length_m;
-    uint32_t last_map, maps; /* reset counter of the last sample; worlds so far */
+    uint32_t last_id, last,
+        maps; /* world of the last sample, and its index; worlds so far, those met again not counted */
     struct map map[FV_TRAJECTORY_MAPS_MAX];
     uint32_t points, stride;
     uint8_t map_of[FV_TRAJECTORY_POINTS_MAX];
@@ -130,10 +132,20 @@ static void sums_add(struct map *map, const double centre[3], const double truth
     sums->n += 1.0;
 }
 
-/* Of the world of the last sample; FV_TRAJECTORY_MAPS_MAX for those that are too many to judge. */
-static uint32_t map_index(const struct fv_trajectory *trajectory)
+/* Note the world of a sample: one met before, or a new one. Its index, FV_TRAJECTORY_MAPS_MAX for those that
+ * are too many to judge. */
+static void map_enter(struct fv_trajectory *trajectory, uint32_t id)
 {
-    return trajectory->maps <= FV_TRAJECTORY_MAPS_MAX ? trajectory->maps - 1 : FV_TRAJECTORY_MAPS_MAX;
+    uint32_t known = trajectory->maps < FV_TRAJECTORY_MAPS_MAX ? trajectory->maps : FV_TRAJECTORY_MAPS_MAX,
+             i = 0;
+    while (i < known && trajectory->map[i].id != id)
+        i++;
+    if (i == FV_TRAJECTORY_MAPS_MAX && trajectory->maps > i && id == trajectory->last_id) return;
+    trajectory->last = i;
+    trajectory->last_id = id;
+    if (i < known) return;
+    if (i < FV_TRAJECTORY_MAPS_MAX) trajectory->map[i].id = id;
+    trajectory->maps++;
 }
 
 static void point_keep(struct fv_trajectory *trajectory, const double centre[3], const double truth[3])
@@ -150,7 +162,7 @@ static void point_keep(struct fv_trajectory *trajectory, const double centre[3],
     }
     memcpy(trajectory->centres[trajectory->points], centre, sizeof trajectory->centres[0]);
     memcpy(trajectory->truths[trajectory->points], truth, sizeof trajectory->truths[0]);
-    trajectory->map_of[trajectory->points] = (uint8_t)map_index(trajectory);
+    trajectory->map_of[trajectory->points] = (uint8_t)trajectory->last;
     trajectory->points++;
 }
 
@@ -158,13 +170,12 @@ static void take(struct fv_trajectory *trajectory, const struct fv_trajectory_sa
 {
     const double *T = sample->T_world_cam, *Q = sample->truth;
     const double centre[3] = {T[3], T[7], T[11]}, truth[3] = {Q[3], Q[7], Q[11]};
-    if (trajectory->maps == 0 || sample->map != trajectory->last_map) trajectory->maps++;
-    trajectory->last_map = sample->map;
+    map_enter(trajectory, sample->map);
     line_write(trajectory, sample);
     point_keep(trajectory, centre, truth);
     if (sample->has_truth) length_add(trajectory, truth);
-    if (sample->has_truth && map_index(trajectory) < FV_TRAJECTORY_MAPS_MAX)
-        sums_add(&trajectory->map[map_index(trajectory)], centre, truth);
+    if (sample->has_truth && trajectory->last < FV_TRAJECTORY_MAPS_MAX)
+        sums_add(&trajectory->map[trajectory->last], centre, truth);
     trajectory->samples++;
 }
 

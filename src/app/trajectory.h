@@ -21,7 +21,7 @@ struct fv_trajectory;
 
 struct fv_trajectory_sample {
     int64_t stamp_ns;
-    uint32_t map; /* the reset counter: poses of different maps have different worlds */
+    uint32_t map; /* poses of different maps have different worlds */
     double T_world_cam[12];
     bool has_truth;
     double truth[12]; /* T_world_cam in the truth's world */

@@ -37,9 +37,11 @@ void fv_map_reset(struct fv_map *map)
         map->free_landmarks[i] = map->limits.landmarks - 1 - i;
     }
     memset(map->edges, 0, FV_MAP_EDGES_MAX * sizeof *map->edges);
+    uint32_t map_id = map->state->map_next;
     memset(map->state, 0, sizeof *map->state);
     map->state->free_count = map->limits.landmarks;
-    map->state->map_next = 1;
+    map->state->map_id = map_id;
+    map->state->map_next = map_id + 1;
     fv_sim3_identity(&map->state->S_map_odom);
 }
 

@@ -97,7 +97,7 @@ struct fv_map_state {
     uint32_t free_count; /* of the list of free landmark slots */
     uint32_t mark;
     uint32_t map_id;     /* of the map that is being made or tracked */
-    uint32_t map_next;   /* id of the next map; ids are never used again before a reset */
+    uint32_t map_next;   /* id of the next map; ids are never used again */
     uint32_t edge_count; /* edges written, modulo FV_MAP_EDGES_MAX the next one's place */
     uint32_t hand;       /* landmark slot at which the search for room goes on */
     /* REP-105: takes points of the continuous frame that poses are published in to the world of the current map.

@@ -42,7 +42,8 @@ static double fv_distance_to(const struct fv_odometry *o, uint32_t keyframe)
     return fv_norm3(T.t);
 }
 
-/* Count the frames for which the camera has stayed within `still_move_rad` of one place, seen from the scene. */
+/* Count the frames for which the camera has stayed within `still_move_rad` of one place, seen from the scene.
+ */
 static void fv_note_stillness(struct fv_odometry *o, double depth)
 {
     struct fv_odometry_state *s = o->state;
@@ -83,14 +84,13 @@ void fv_odometry_queue(struct fv_odometry *o, uint32_t keyframe)
 void fv_odometry_make_keyframe(struct fv_odometry *o)
 {
     struct fv_odometry_state *s = o->state;
-    fv_map_make_room(&o->map, LANDMARKS_ROOM < o->map.limits.landmarks / 4 ? LANDMARKS_ROOM
-                                                                           : o->map.limits.landmarks / 4,
-                     s->frame_number);
+    fv_map_make_room(
+        &o->map, LANDMARKS_ROOM < o->map.limits.landmarks / 4 ? LANDMARKS_ROOM : o->map.limits.landmarks / 4,
+        s->frame_number);
     struct fv_view current = fv_map_view(&o->map, fv_map_current(&o->map));
     double depth = fv_current_depth(o);
     uint32_t slot = fv_map_add_keyframe(&o->map, fv_map_current(&o->map));
     struct fv_keyframe *keyframe = &o->map.keyframes[slot];
-    keyframe->parent = (int32_t)s->newest;
     keyframe->depth = depth;
     for (uint32_t f = 0; f < current.frame->features; f++) {
         int32_t landmark = current.landmark[f];

@@ -9,7 +9,8 @@ enum {
     WINDOW_OBSERVATIONS = 9000,
     WINDOW_PASSES = 6,
     LOCAL_MAX = 3000,
-    DROP_AFTER_KEYFRAMES = 10
+    DROP_AFTER_KEYFRAMES = 10,
+    MAP_KEYFRAMES_MIN = 5
 };
 
 static const double sigma_px = 1.0; /* of a key point of level 0; a level's scale multiplies it */
@@ -32,6 +33,7 @@ void fv_odometry_carve(struct fv_odometry *o, const struct fovea_odometry_config
     const struct fv_window_limits window = {config->window, WINDOW_LANDMARKS, WINDOW_OBSERVATIONS,
                                             WINDOW_PASSES};
     fv_window_carve(&o->window, &window, job);
+    fv_relocaliser_carve(&o->relocaliser, config->keyframes, persistent, frame);
     o->sights = fv_arena_take_raw(frame, features_max, sizeof *o->sights);
     o->sight_feature = fv_arena_take_raw(frame, features_max, sizeof *o->sight_feature);
     o->match_distance = fv_arena_take_raw(frame, features_max, sizeof *o->match_distance);
@@ -48,6 +50,7 @@ static void fv_begin(struct fv_odometry *o)
     struct fv_odometry_state *s = o->state;
     fv_map_reset(&o->map);
     fv_window_abort(&o->window);
+    fv_relocaliser_reset(&o->relocaliser);
     s->state = FOVEA_TRACKING_STARTING;
     s->waiting = s->moving_known = s->job_wanted = false;
     s->lost_frames = s->recent_count = s->pending_count = s->waiting_frames = 0;
@@ -109,6 +112,20 @@ static void fv_write_pose(struct fv_odometry *o)
     pose->posed = true;
 }
 
+/* Lost for long: try to make another map beside those that are kept. A map too small to be met again goes. */
+static void fv_start_another(struct fv_odometry *o, const struct fv_kernels *kernels)
+{
+    struct fv_odometry_state *s = o->state;
+    const uint32_t map_id = o->map.state->map_id;
+    if (!fv_odometry_start(o, kernels)) return;
+    if (fv_map_count_keyframes(&o->map, map_id) < MAP_KEYFRAMES_MIN) fv_map_drop(&o->map, map_id);
+    s->lost_frames = 0;
+    s->reset_counter++;
+    s->state = FOVEA_TRACKING_OK;
+    fv_odometry_confirm(o);
+    fv_write_pose(o);
+}
+
 static void fv_track_step(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
     struct fv_odometry_state *s = o->state;
@@ -116,10 +133,11 @@ static void fv_track_step(struct fv_odometry *o, const struct fv_kernels *kernel
     if (inliers == 0) {
         s->state = FOVEA_TRACKING_LOST;
         s->moving_known = false;
-        if (++s->lost_frames > o->config.lost_frames_reset) fv_odometry_reset(o);
+        if (++s->lost_frames > o->config.lost_frames_reset) fv_start_another(o, kernels);
         return;
     }
     s->lost_frames = 0;
+    s->waiting = false;
     s->state = inliers >= o->config.inliers_good ? FOVEA_TRACKING_OK : FOVEA_TRACKING_WEAK;
     if (fv_odometry_keyframe_needed(o, inliers)) fv_odometry_make_keyframe(o);
     fv_write_pose(o);
@@ -141,6 +159,7 @@ void fv_odometry_step(struct fv_odometry *o, const struct fv_kernels *kernels,
     }
     s->pose.state = s->state;
     s->pose.reset_counter = s->reset_counter;
+    s->pose.map_id = o->map.state->map_id;
     s->pose.keyframes = o->map.state->keyframe_count;
     s->pose.landmarks = o->map.state->landmark_count;
 }
@@ -151,7 +170,7 @@ bool fv_odometry_job_waiting(const struct fv_odometry *o)
 {
     const struct fv_odometry_state *s = o->state;
     return s->pending_count > 0 || s->grow.phase != FV_GROW_IDLE || s->job_wanted ||
-           o->window.state->phase != FV_WINDOW_IDLE;
+           o->window.state->phase != FV_WINDOW_IDLE || fv_odometry_index_waiting(o);
 }
 
 /* The window of the newest keyframe: started, advanced, or committed. */
@@ -183,5 +202,7 @@ bool fv_odometry_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
         (void)fv_odometry_grow_unit(o, kernels);
     else if (s->job_wanted || o->window.state->phase != FV_WINDOW_IDLE)
         fv_window_job(o);
+    else if (fv_odometry_index_waiting(o))
+        fv_odometry_index_unit(o, kernels);
     return fv_odometry_job_waiting(o);
 }

@@ -21,6 +21,7 @@
 #include "kernels/kernels.h"
 #include "map/map.h"
 #include "map/window.h"
+#include "odometry/relocalise.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -55,8 +56,8 @@ struct fv_odometry_state {
     uint64_t frame_number;
     uint64_t keyframe_frame; /* number of the frame that became the last keyframe */
     uint32_t lost_frames, reset_counter, waiting_frames;
-    uint32_t still_frames;  /* for which the camera has stayed at still_place */
-    double still_place[3];  /* world */
+    uint32_t still_frames; /* for which the camera has stayed at still_place */
+    double still_place[3]; /* world */
     uint32_t recent_count;
     uint32_t newest;           /* slot of the newest keyframe */
     uint32_t keyframe_matches; /* landmarks that the newest keyframe was tracked on */
@@ -73,6 +74,7 @@ struct fv_odometry {
     struct fv_bearing_table bearings;
     struct fv_map map;
     struct fv_window window;
+    struct fv_relocaliser relocaliser;
     struct fv_odometry_state *state;
     struct fv_recent *recent; /* features_max */
     /* Frame part. */
@@ -127,6 +129,15 @@ void fv_odometry_fill_view(struct fv_odometry *odometry, const struct fv_odometr
 bool fv_odometry_start(struct fv_odometry *odometry, const struct fv_kernels *kernels);
 /* Pose of the current view against the local map; number of inliers (0: failed). */
 uint32_t fv_odometry_track(struct fv_odometry *odometry, const struct fv_kernels *kernels);
+/* Pieces of tracking that relocalisation shares: forget the view's matches; make sights of them, returning
+ * their number; refine over them and forget those that do not fit; match the local map around them (`widen`
+ * times the usual radius), returning how many landmarks are in view. */
+void fv_odometry_clear_matches(struct fv_odometry *odometry, const struct fv_view *view);
+uint32_t fv_odometry_collect_sights(struct fv_odometry *odometry, const struct fv_view *view);
+uint32_t fv_odometry_refine(struct fv_odometry *odometry, const struct fv_view *view, int rounds, int steps,
+                            struct fv_se3 *T, struct fv_pose_fit *fit);
+uint32_t fv_odometry_match_local(struct fv_odometry *odometry, const struct fv_kernels *kernels,
+                                 const struct fv_view *view, const struct fv_se3 *T, double widen);
 /* Inliers and covariance of the first pose, from the first map. */
 void fv_odometry_confirm(struct fv_odometry *odometry);
 /* Whether the current view should become a keyframe, and making it one. */

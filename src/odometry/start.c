@@ -172,7 +172,10 @@ static void fv_make_first_map(struct fv_odometry *o, uint32_t count, struct fv_s
         T->t[i] *= scale;
     fv_se3_identity(&o->map.keyframes[fv_map_waiting(&o->map)].T_cam_world);
     o->map.keyframes[fv_map_current(&o->map)].T_cam_world = *T;
+    if (o->map.state->keyframe_count > 0) fv_map_begin_another(&o->map);
+    fv_map_make_room(&o->map, count, o->state->frame_number);
     uint32_t first = fv_map_add_keyframe(&o->map, fv_map_waiting(&o->map));
+    o->map.keyframes[first].parent = FV_MAP_NONE;
     uint32_t second = fv_map_add_keyframe(&o->map, fv_map_current(&o->map));
     o->map.keyframes[first].depth = o->map.keyframes[second].depth = 1;
     o->map.keyframes[second].parent = (int32_t)first;

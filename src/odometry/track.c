@@ -7,8 +7,7 @@
 
 enum {
     DISTANCE_TRACK_MAX = 80, /* Hamming, where the place is predicted */
-    INLIERS_FIRST_MIN = 12,  /* of the first stage, to go on */
-    RELOCALISE_MATCHES_MIN = 15
+    INLIERS_FIRST_MIN = 12   /* of the first stage, to go on */
 };
 
 static const double radius_first_px = 12, radius_wide_px = 30; /* times the level's scale */
@@ -22,7 +21,7 @@ static void fv_take(struct fv_odometry *o, const struct fv_view *view, uint32_t 
     o->match_distance[f] = (uint16_t)distance;
 }
 
-static void fv_clear_matches(struct fv_odometry *o, const struct fv_view *view)
+void fv_odometry_clear_matches(struct fv_odometry *o, const struct fv_view *view)
 {
     for (uint32_t f = 0; f < view->frame->features; f++) {
         view->landmark[f] = FV_MAP_NONE;
@@ -44,7 +43,7 @@ static uint32_t fv_match_recent(struct fv_odometry *o, const struct fv_kernels *
                                 const struct fv_view *view, const struct fv_se3 *T, double radius_px)
 {
     uint32_t matches = 0;
-    fv_clear_matches(o, view);
+    fv_odometry_clear_matches(o, view);
     for (uint32_t i = 0; i < o->state->recent_count; i++) {
         const struct fv_recent *r = &o->recent[i];
         const struct fv_landmark *l = &o->map.landmarks[r->landmark];
@@ -63,7 +62,7 @@ static uint32_t fv_match_recent(struct fv_odometry *o, const struct fv_kernels *
 }
 
 /* Sights of all matched features; returns their number. */
-static uint32_t fv_collect_sights(struct fv_odometry *o, const struct fv_view *view)
+uint32_t fv_odometry_collect_sights(struct fv_odometry *o, const struct fv_view *view)
 {
     uint32_t count = 0;
     for (uint32_t f = 0; f < view->frame->features; f++) {
@@ -83,10 +82,10 @@ static uint32_t fv_collect_sights(struct fv_odometry *o, const struct fv_view *v
 }
 
 /* Refine over all matches, forget those that do not fit. */
-static uint32_t fv_refine(struct fv_odometry *o, const struct fv_view *view, int rounds, int steps,
-                          struct fv_se3 *T, struct fv_pose_fit *fit)
+uint32_t fv_odometry_refine(struct fv_odometry *o, const struct fv_view *view, int rounds, int steps,
+                            struct fv_se3 *T, struct fv_pose_fit *fit)
 {
-    uint32_t count = fv_collect_sights(o, view);
+    uint32_t count = fv_odometry_collect_sights(o, view);
     if (count < 6 || !fv_pose_refine(o->sights, count, rounds, steps, T, fit)) return 0;
     for (uint32_t i = 0; i < count; i++)
         if (!o->sights[i].inlier) view->landmark[o->sight_feature[i]] = FV_MAP_NONE;
@@ -132,8 +131,8 @@ static int fv_predict_level(const struct fv_landmark *l, double distance)
 
 /* Second stage: the rest of the local map, close to where the refined pose sees it. Returns how many are in
  * view. */
-static uint32_t fv_match_local(struct fv_odometry *o, const struct fv_kernels *kernels,
-                               const struct fv_view *view, const struct fv_se3 *T, double widen)
+uint32_t fv_odometry_match_local(struct fv_odometry *o, const struct fv_kernels *kernels,
+                                 const struct fv_view *view, const struct fv_se3 *T, double widen)
 {
     uint16_t shared[FOVEA_ODOMETRY_KEYFRAMES_MAX];
     fv_map_count_shared(&o->map, fv_map_current(&o->map), shared);
@@ -160,47 +159,6 @@ static uint32_t fv_match_local(struct fv_odometry *o, const struct fv_kernels *k
         fv_take(o, view, (uint32_t)found.feature, o->local[i], found.distance);
     }
     return visible;
-}
-
-/* ---- without prediction ------------------------------------------------------------------------------ */
-
-/* Pose by P3P samples over matches of descriptors alone, against the keyframes near the last pose. */
-static bool fv_relocalise(struct fv_odometry *o, const struct fv_kernels *kernels, const struct fv_view *view,
-                          struct fv_se3 *T)
-{
-    fv_clear_matches(o, view);
-    for (uint32_t i = 0; i < o->state->recent_count; i++) { /* votes come from what was seen last */
-        const struct fv_recent *r = &o->recent[i];
-        if (i < view->frame->features && o->map.landmarks[r->landmark].used &&
-            o->map.landmarks[r->landmark].generation == r->generation)
-            view->landmark[i] = (int32_t)r->landmark;
-    }
-    uint16_t shared[FOVEA_ODOMETRY_KEYFRAMES_MAX];
-    fv_map_count_shared(&o->map, fv_map_current(&o->map), shared);
-    fv_clear_matches(o, view);
-    uint32_t count = fv_gather_local(o, view, shared);
-    for (uint32_t i = 0; i < count; i++)
-        memcpy(o->gathered + (size_t)i * FV_MAP_DESCRIPTOR_BYTES, o->map.landmarks[o->local[i]].descriptor,
-               FV_MAP_DESCRIPTOR_BYTES);
-    kernels->hamming_two_u8(o->nearest, o->second, view->descriptors, (int32_t)view->frame->features,
-                            o->gathered, (int32_t)count);
-    uint32_t matches = 0;
-    for (uint32_t f = 0; f < view->frame->features; f++) {
-        uint32_t distance = o->nearest[f] >> FV_MATCH_INDEX_BITS;
-        if (o->nearest[f] == FV_MATCH_NONE || distance > 60 ||
-            distance > 0.8 * (o->second[f] >> FV_MATCH_INDEX_BITS))
-            continue;
-        view->landmark[f] = (int32_t)o->local[o->nearest[f] & 0xffff];
-        matches++;
-    }
-    if (matches < RELOCALISE_MATCHES_MIN) return false;
-    uint32_t sights = fv_collect_sights(o, view);
-    struct fv_sampling sampling = {4.0 / o->focal_px, 0.99, 200};
-    if (fv_pose_sample(o->sights, sights, &sampling, &o->state->random, T) < RELOCALISE_MATCHES_MIN)
-        return false;
-    for (uint32_t i = 0; i < sights; i++)
-        if (!o->sights[i].inlier) view->landmark[o->sight_feature[i]] = FV_MAP_NONE;
-    return true;
 }
 
 /* ---- the whole --------------------------------------------------------------------------------------- */
@@ -233,14 +191,15 @@ static bool fv_rough_pose(struct fv_odometry *o, const struct fv_kernels *kernel
         if (o->state->moving_known) fv_se3_compose(&o->state->motion, last, T);
         struct fv_se3 predicted = *T;
         uint32_t matches = fv_match_recent(o, kernels, view, T, radius_first_px);
-        if (matches >= INLIERS_FIRST_MIN && fv_refine(o, view, 2, 4, T, fit) >= INLIERS_FIRST_MIN)
+        if (matches >= INLIERS_FIRST_MIN && fv_odometry_refine(o, view, 2, 4, T, fit) >= INLIERS_FIRST_MIN)
             return true;
         *T = predicted;
         matches = fv_match_recent(o, kernels, view, T, radius_wide_px);
-        if (matches >= INLIERS_FIRST_MIN && fv_refine(o, view, 3, 5, T, fit) >= INLIERS_FIRST_MIN)
+        if (matches >= INLIERS_FIRST_MIN && fv_odometry_refine(o, view, 3, 5, T, fit) >= INLIERS_FIRST_MIN)
             return true;
     }
-    return fv_relocalise(o, kernels, view, T) && fv_refine(o, view, 3, 5, T, fit) >= INLIERS_FIRST_MIN;
+    if (o->state->state == FOVEA_TRACKING_LOST) return fv_odometry_relocalise(o, kernels, T, fit);
+    return fv_odometry_try_keyframe(o, kernels, o->state->newest, FOVEA_POSED_INLIERS_MIN, T, fit);
 }
 
 /* Covariance of the pose: the inverse of the information that the inliers give. */
@@ -265,7 +224,7 @@ void fv_odometry_confirm(struct fv_odometry *o)
     struct fv_view view = fv_map_view(&o->map, fv_map_current(&o->map));
     struct fv_se3 T = view.frame->T_cam_world;
     struct fv_pose_fit fit;
-    uint32_t inliers = fv_refine(o, &view, 1, 3, &T, &fit);
+    uint32_t inliers = fv_odometry_refine(o, &view, 1, 3, &T, &fit);
     if (inliers == 0) return;
     o->state->pose.inliers = inliers;
     fv_write_covariance(o, &fit);
@@ -277,9 +236,9 @@ uint32_t fv_odometry_track(struct fv_odometry *o, const struct fv_kernels *kerne
     struct fv_se3 last = view.frame->T_cam_world, T, inverse;
     struct fv_pose_fit fit;
     if (!fv_rough_pose(o, kernels, &view, &last, &T, &fit)) return 0;
-    uint32_t known = fit.inliers, visible = fv_match_local(o, kernels, &view, &T, 1);
-    o->state->pose.matches = fv_collect_sights(o, &view);
-    uint32_t inliers = fv_refine(o, &view, 2, 4, &T, &fit);
+    uint32_t known = fit.inliers, visible = fv_odometry_match_local(o, kernels, &view, &T, 1);
+    o->state->pose.matches = fv_odometry_collect_sights(o, &view);
+    uint32_t inliers = fv_odometry_refine(o, &view, 2, 4, &T, &fit);
     if (inliers < FOVEA_POSED_INLIERS_MIN) return 0;
     fv_se3_invert(&last, &inverse);
     fv_se3_compose(&T, &inverse, &o->state->motion);

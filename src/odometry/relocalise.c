@@ -1,0 +1,176 @@
+#include "odometry/relocalise.h"
+
+#include <string.h>
+
+#include "geometry/vec.h"
+#include "odometry/odometry.h"
+
+enum {
+    DISTANCE_MAX = 60, /* Hamming, of a match without prediction */
+    MATCHES_MIN = 15,  /* to sample on */
+    SAMPLES_MAX = 300,
+    SAMPLED_INLIERS_MIN = 12,
+    SHARED_SAME_PLACE = 20, /* landmarks shared, by which two candidates are one place */
+    SAME_PLACE_MAX = 12     /* neighbours looked at for that */
+};
+
+static const double ratio_max = 0.85;
+static const double least_score = 0.12 * FV_PLACE_ONE; /* below, views have no more in common than any two */
+static const double inlier_share_min = 0.5;            /* of the matches of the guided search */
+
+void fv_relocaliser_carve(struct fv_relocaliser *r, uint32_t keyframes, struct fv_arena *persistent,
+                          struct fv_arena *frame)
+{
+    fv_place_carve(&r->place, keyframes, persistent);
+    r->index = fv_arena_take(persistent, 1, sizeof *r->index);
+    r->words = fv_arena_take_raw(frame, 1, sizeof *r->words);
+    r->scores = fv_arena_take_raw(frame, keyframes, sizeof *r->scores);
+}
+
+void fv_relocaliser_reset(struct fv_relocaliser *r)
+{
+    fv_place_clear(&r->place);
+    memset(r->index, 0, sizeof *r->index);
+}
+
+/* ---- the index --------------------------------------------------------------------------------------- */
+
+/* A keyframe without an entry; FV_MAP_NONE: all have one. */
+static int32_t fv_unindexed(const struct fv_odometry *o)
+{
+    for (uint32_t k = 0; k < o->map.limits.keyframes; k++)
+        if (o->map.keyframes[k].used &&
+            !fv_place_holds(&o->relocaliser.place, k, o->map.keyframes[k].generation))
+            return (int32_t)k;
+    return FV_MAP_NONE;
+}
+
+bool fv_odometry_index_waiting(const struct fv_odometry *o)
+{
+    return fv_unindexed(o) != FV_MAP_NONE;
+}
+
+void fv_odometry_index_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
+{
+    struct fv_index_state *index = o->relocaliser.index;
+    if (!index->busy || !fv_map_holds(&o->map, index->slot, index->generation)) {
+        const int32_t slot = fv_unindexed(o);
+        index->busy = slot != FV_MAP_NONE;
+        if (!index->busy) return;
+        index->slot = (uint32_t)slot;
+        index->generation = o->map.keyframes[slot].generation;
+        index->next = 0;
+        fv_place_words_begin(&index->words);
+    }
+    const struct fv_view view = fv_map_view(&o->map, index->slot);
+    const uint32_t left = view.frame->features - index->next,
+                   some = left < FV_PLACE_UNIT ? left : FV_PLACE_UNIT;
+    fv_place_words_add(&index->words, kernels,
+                       view.descriptors + (size_t)index->next * FV_MAP_DESCRIPTOR_BYTES, some);
+    index->next += some;
+    if (index->next < view.frame->features) return;
+    fv_place_insert(&o->relocaliser.place, index->slot, index->generation, &index->words);
+    index->busy = false;
+}
+
+/* ---- one candidate ----------------------------------------------------------------------------------- */
+
+/* Landmarks that a keyframe sees, into o->local from `count` on; returns the new count. */
+static uint32_t fv_gather_keyframe(struct fv_odometry *o, uint32_t slot, uint32_t mark, uint32_t count)
+{
+    const struct fv_view view = fv_map_view(&o->map, slot);
+    for (uint32_t f = 0; f < view.frame->features && count < FV_RELOCALISE_LANDMARKS; f++) {
+        if (view.landmark[f] == FV_MAP_NONE || o->map.landmarks[view.landmark[f]].mark == mark) continue;
+        struct fv_landmark *l = &o->map.landmarks[view.landmark[f]];
+        l->mark = mark;
+        memcpy(o->gathered + (size_t)count * FV_MAP_DESCRIPTOR_BYTES, l->descriptor, FV_MAP_DESCRIPTOR_BYTES);
+        o->local[count++] = (uint32_t)view.landmark[f];
+    }
+    return count;
+}
+
+/* Match the view's descriptors with those of the landmarks around a keyframe; each landmark is given to the
+ * nearest. */
+static uint32_t fv_match_keyframe(struct fv_odometry *o, const struct fv_kernels *kernels,
+                                  const struct fv_view *view, uint32_t slot)
+{
+    struct fv_neighbour neighbours[FV_RELOCALISE_NEIGHBOURS];
+    const uint32_t mark = ++o->map.state->mark;
+    uint32_t near = fv_map_neighbours(&o->map, slot, 1, neighbours, FV_RELOCALISE_NEIGHBOURS);
+    uint32_t count = fv_gather_keyframe(o, slot, mark, 0), matches = 0;
+    for (uint32_t i = 0; i < near; i++)
+        count = fv_gather_keyframe(o, neighbours[i].slot, mark, count);
+    kernels->hamming_two_u8(o->nearest, o->second, view->descriptors, (int32_t)view->frame->features,
+                            o->gathered, (int32_t)count);
+    fv_odometry_clear_matches(o, view);
+    for (uint32_t f = 0; f < view->frame->features; f++) {
+        const uint32_t distance = o->nearest[f] >> FV_MATCH_INDEX_BITS;
+        if (o->nearest[f] == FV_MATCH_NONE || distance > DISTANCE_MAX ||
+            distance > ratio_max * (o->second[f] >> FV_MATCH_INDEX_BITS))
+            continue;
+        view->landmark[f] = (int32_t)o->local[o->nearest[f] & 0xffff];
+        matches++;
+    }
+    return matches;
+}
+
+bool fv_odometry_try_keyframe(struct fv_odometry *o, const struct fv_kernels *kernels, uint32_t slot,
+                              uint32_t least, struct fv_se3 *T, struct fv_pose_fit *fit)
+{
+    const struct fv_view view = fv_map_view(&o->map, fv_map_current(&o->map));
+    if (fv_match_keyframe(o, kernels, &view, slot) < MATCHES_MIN) return false;
+    const uint32_t sights = fv_odometry_collect_sights(o, &view);
+    const struct fv_sampling sampling = {4.0 / o->focal_px, 0.99, SAMPLES_MAX};
+    if (fv_pose_sample(o->sights, sights, &sampling, &o->state->random, T) < SAMPLED_INLIERS_MIN)
+        return false;
+    for (uint32_t i = 0; i < sights; i++)
+        if (!o->sights[i].inlier) view.landmark[o->sight_feature[i]] = FV_MAP_NONE;
+    if (fv_odometry_refine(o, &view, 3, 5, T, fit) < SAMPLED_INLIERS_MIN) return false;
+    (void)fv_odometry_match_local(o, kernels, &view, T, 2);
+    const uint32_t matches = fv_odometry_collect_sights(o, &view);
+    return fv_odometry_refine(o, &view, 3, 5, T, fit) >= least && fit->inliers > inlier_share_min * matches;
+}
+
+/* ---- all candidates ---------------------------------------------------------------------------------- */
+
+/* The frame hangs on this keyframe from now on, in its map. */
+static void fv_enter(struct fv_odometry *o, uint32_t slot)
+{
+    struct fv_odometry_state *s = o->state;
+    s->newest = slot;
+    s->keyframe_frame = s->frame_number;
+    s->keyframe_matches = o->map.keyframes[slot].landmarks;
+    o->map.keyframes[fv_map_current(&o->map)].parent = (int32_t)slot;
+    if (o->map.state->map_id == o->map.keyframes[slot].map_id) return;
+    o->map.state->map_id = o->map.keyframes[slot].map_id;
+    fv_sim3_identity(&o->map.state->S_map_odom);
+}
+
+bool fv_odometry_relocalise(struct fv_odometry *o, const struct fv_kernels *kernels, struct fv_se3 *T,
+                            struct fv_pose_fit *fit)
+{
+    struct fv_relocaliser *r = &o->relocaliser;
+    const struct fv_view view = fv_map_view(&o->map, fv_map_current(&o->map));
+    struct fv_place_set among = {{0}};
+    for (uint32_t k = 0; k < o->map.limits.keyframes; k++)
+        if (o->map.keyframes[k].used && fv_place_holds(&r->place, k, o->map.keyframes[k].generation))
+            fv_place_set_add(&among, k);
+    fv_place_words_begin(r->words);
+    fv_place_words_add(r->words, kernels, view.descriptors, view.frame->features);
+    fv_place_scores(&r->place, r->words, &among, r->scores);
+    for (int attempt = 0; attempt < FV_RELOCALISE_TRIES; attempt++) {
+        struct fv_place_candidate best;
+        struct fv_neighbour same[SAME_PLACE_MAX];
+        if (fv_place_best(r->scores, o->map.limits.keyframes, (uint32_t)least_score, &best, 1) == 0) break;
+        if (fv_odometry_try_keyframe(o, kernels, best.slot, FV_RELOCALISED_INLIERS_MIN, T, fit)) {
+            fv_enter(o, best.slot);
+            return true;
+        }
+        r->scores[best.slot] = 0; /* and its neighbours: the next try is another place */
+        const uint32_t count = fv_map_neighbours(&o->map, best.slot, SHARED_SAME_PLACE, same, SAME_PLACE_MAX);
+        for (uint32_t i = 0; i < count; i++)
+            r->scores[same[i].slot] = 0;
+    }
+    fv_odometry_clear_matches(o, &view);
+    return false;
+}
