@@ -275,7 +275,7 @@ $(BUILD)/tests/%: $(BUILD)/obj/tests/%.o $(TEST_HELP) $(BUILD)/libfovea-app.a $(
 	@mkdir -p $(@D)
 	@echo "  link $@"
 	$(Q)$(CXX) $(LDFLAGS) -o $@ $< $(TEST_MORE) $(TEST_HELP) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group \
-	    -lcmocka $(LIBS_APP) $(if $(filter tests/%.cpp,$(wildcard tests/$*.cpp)),$(OPENCV_LIBS)) -lm
+	    -lcmocka $(LIBS_APP) $(if $(filter tests/%.cpp,$(wildcard tests/$*.cpp)),$(OPENCV_LIBS)) $(ORACLE_LIBS) -lm
 # The checks and benchmarks of kernels, one file per family, make up one program.
 KERNEL_CHECKS := $(call objs,$(filter-out tests/kernels/test_%,$(wildcard tests/kernels/*.c)))
 $(BUILD)/tests/kernels/test_kernels: $(KERNEL_CHECKS)
@@ -291,6 +291,10 @@ $(BUILD)/tests/realtime/test_armed: $(BUILD)/obj/tests/realtime/test_armed.o $(B
 	@echo "  link $@"
 	$(Q)$(CXX) $(LDFLAGS) -o $@ $^ -lcmocka $(LIBS_CORE) -lm
 OPENCV_LIBS = -lopencv_calib3d -lopencv_features2d -lopencv_imgcodecs -lopencv_imgproc -lopencv_core
+# Optimisers are held against Ceres.
+BESIDE_CERES := map/test_pose_graph
+$(BESIDE_CERES:%=$(BUILD)/tests/unit/%): ORACLE_LIBS := -lceres -lglog
+$(BESIDE_CERES:%=$(BUILD)/obj/tests/unit/%.o): CXXFLAGS += -UEIGEN_NO_MALLOC
 $(BUILD)/obj/tests/%.o: CFLAGS += -Itests
 $(BUILD)/obj/tests/%.o: CXXFLAGS += -Itests -isystem /usr/include/opencv4
 

@@ -8,7 +8,7 @@ packages() {
     build) echo gcc g++ make pkg-config liblcm-dev liblcm-bin libyaml-dev libpng-dev libjpeg62-turbo-dev \
                 libeigen3-dev zlib1g-dev ;;
     test)  echo libcmocka-dev libopencv-core-dev libopencv-imgproc-dev libopencv-features2d-dev \
-                libopencv-calib3d-dev libopencv-imgcodecs-dev python3 python3-venv ;;
+                libopencv-calib3d-dev libopencv-imgcodecs-dev libceres-dev python3 python3-venv ;;
     bench) echo libopencv-core-dev libopencv-imgproc-dev libopencv-features2d-dev libopencv-calib3d-dev \
                 libopencv-imgcodecs-dev opencv-doc python3 python3-venv ;;
     check) echo clang clang-tidy libclang-rt-14-dev python3 ;;

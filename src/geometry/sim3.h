@@ -69,8 +69,9 @@ void fv_sim3_search_begin(struct fv_sim3_search *search, uint32_t samples_max);
 bool fv_sim3_search_more(struct fv_sim3_search *search, const struct fv_meeting *meetings, uint32_t count,
                          uint32_t samples, double limit, struct fovea_random *random);
 
-/* Refine S_a_b on the errors of both cameras by Gauss-Newton with Huber weights, `steps` times, over those marked as
- * inliers; afterwards all are sorted anew with `limit`. Returns the number of inliers, 0 when the system is singular. */
+/* Refine S_a_b on the errors of both cameras, pixels and (they alone give the scale, where both stand in one place)
+ * distances, by Gauss-Newton with Huber weights, `steps` times, over those marked as inliers; afterwards all are sorted
+ * anew with `limit`. Returns the number of inliers, 0 when the system is singular. */
 uint32_t fv_sim3_refine(struct fv_meeting *meetings, uint32_t count, double limit, int steps, struct fv_sim3 *S_a_b);
 
 #ifdef __cplusplus

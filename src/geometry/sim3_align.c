@@ -8,6 +8,9 @@
 #include "geometry/vec.h"
 
 static const double huber_square = 5.991; /* 95 % of chi-square with 2 degrees of freedom */
+/* Pixels alone leave the scale open when both cameras stand in one place, so distances are held against each other. */
+static const double distance_sigma = 0.05; /* relative, of a landmark's distance */
+static const double distance_ratio_max = 1.5;
 
 /* ---- closed form ----------------------------------------------------------------------------------------- */
 
@@ -86,12 +89,18 @@ bool fv_sim3_align(const double (*a)[3], const double (*b)[3], uint32_t count, s
 
 /* ---- errors and sampling --------------------------------------------------------------------------------- */
 
+static bool fv_distances_agree(const double q[3], const double p[3])
+{
+    double ratio2 = fv_dot3(q, q) / fv_dot3(p, p), bound = distance_ratio_max * distance_ratio_max;
+    return ratio2 < bound && ratio2 * bound > 1;
+}
+
 bool fv_sim3_errors(const struct fv_meeting *m, const struct fv_sim3 *S_a_b, const struct fv_sim3 *S_b_a,
                     double square[2])
 {
     double q[3], e[2];
     fv_sim3_apply(S_a_b, m->point_b, q);
-    if (!fv_sight_error(m->bearing_a, m->A_a, q, e, 0)) return false;
+    if (!fv_distances_agree(q, m->point_a) || !fv_sight_error(m->bearing_a, m->A_a, q, e, 0)) return false;
     square[0] = m->weight_a * (e[0] * e[0] + e[1] * e[1]);
     fv_sim3_apply(S_b_a, m->point_a, q);
     if (!fv_sight_error(m->bearing_b, m->A_b, q, e, 0)) return false;
@@ -143,54 +152,59 @@ bool fv_sim3_search_more(struct fv_sim3_search *search, const struct fv_meeting 
 
 /* ---- refinement ------------------------------------------------------------------------------------------ */
 
-/* Add one camera's rows to the system: error e with weight, derivative J by the moved point, whose derivative by the
- * step is given. */
-static void fv_add_rows(const double e[2], double weight, const double rows[14], double H[49], double g[7])
+static void fv_add_row(double e, double weight, const double row[7], double H[49], double g[7])
 {
     for (int a = 0; a < 7; a++) {
-        double u = weight * rows[a], v = weight * rows[7 + a];
-        g[a] -= u * e[0] + v * e[1];
+        double u = weight * row[a];
+        g[a] -= u * e;
         for (int c = 0; c <= a; c++)
-            H[7 * a + c] += u * rows[c] + v * rows[7 + c];
+            H[7 * a + c] += u * row[c];
     }
 }
 
-static double fv_huber_weight(double weight, const double e[2])
+static double fv_huber_weight(double weight, double square)
 {
-    double square = weight * (e[0] * e[0] + e[1] * e[1]);
+    square *= weight;
     return square > huber_square ? weight * __builtin_sqrt(huber_square / square) : weight;
 }
 
-/* The step x moves S_a_b to (u, exp w, exp sigma) applied after it: q' = exp(sigma) exp(w) q + u. */
+/* Rows of one camera, for the errors of a point q of its frame: two of pixels, one of distance. A step moves `place` by
+ * u + w x place + sigma place; q goes with it, or, with `back`, against it through the inverse transform. */
+static void fv_camera_rows(const double bearing[3], const double A[6], double weight, const double q[3],
+                           double distance, const double place[3], const struct fv_sim3 *back, double H[49], double g[7])
+{
+    double e[3], J[9], row[7], along = 1 / (distance * distance_sigma);
+    if (!fv_sight_error(bearing, A, q, e, J)) return;
+    e[2] = fv_dot3(bearing, q) * along - 1 / distance_sigma;
+    for (int k = 0; k < 3; k++)
+        J[6 + k] = bearing[k] * along;
+    double pixel = fv_huber_weight(weight, e[0] * e[0] + e[1] * e[1]), depth = fv_huber_weight(1, e[2] * e[2]);
+    for (int r = 0; r < 3; r++) {
+        double by_place[3];
+        if (back) {
+            fv_rotate_back3(back->R, J + 3 * r, by_place);
+            for (int k = 0; k < 3; k++)
+                by_place[k] *= -back->s;
+        } else {
+            fv_copy3(J + 3 * r, by_place);
+        }
+        fv_copy3(by_place, row);
+        fv_cross3(place, by_place, row + 3);
+        row[6] = fv_dot3(by_place, place);
+        fv_add_row(e[r], r < 2 ? pixel : depth, row, H, g);
+    }
+}
+
+/* The step x moves S_a_b to (u, exp w, exp sigma) applied after it: q' = exp(sigma) exp(w) q + u. Seen from b, it moves
+ * the points of a by its inverse. */
 static void fv_meeting_system(const struct fv_meeting *m, const struct fv_sim3 *S_a_b, const struct fv_sim3 *S_b_a,
                               double H[49], double g[7])
 {
-    double q[3], p[3], e[2], J[6], rows[14];
+    double q[3];
     fv_sim3_apply(S_a_b, m->point_b, q);
-    if (fv_sight_error(m->bearing_a, m->A_a, q, e, J)) {
-        for (int r = 0; r < 2; r++) {
-            fv_copy3(J + 3 * r, rows + 7 * r);
-            fv_cross3(q, J + 3 * r, rows + 7 * r + 3);
-            rows[7 * r + 6] = fv_dot3(J + 3 * r, q);
-        }
-        fv_add_rows(e, fv_huber_weight(m->weight_a, e), rows, H, g);
-    }
-    /* The other way: p = S^-1 (a), and a step on the left of S acts on a as its inverse. */
-    fv_sim3_apply(S_b_a, m->point_a, p);
-    if (!fv_sight_error(m->bearing_b, m->A_b, p, e, J)) return;
-    for (int r = 0; r < 2; r++) {
-        double back[3], turned[3]; /* derivative by a */
-        for (int k = 0; k < 3; k++)
-            back[k] = 0;
-        fv_rotate_back3(S_b_a->R, J + 3 * r, back);
-        for (int k = 0; k < 3; k++)
-            back[k] *= -S_b_a->s;
-        fv_cross3(m->point_a, back, turned);
-        fv_copy3(back, rows + 7 * r);
-        fv_copy3(turned, rows + 7 * r + 3);
-        rows[7 * r + 6] = fv_dot3(back, m->point_a);
-    }
-    fv_add_rows(e, fv_huber_weight(m->weight_b, e), rows, H, g);
+    fv_camera_rows(m->bearing_a, m->A_a, m->weight_a, q, fv_norm3(m->point_a), q, 0, H, g);
+    fv_sim3_apply(S_b_a, m->point_a, q);
+    fv_camera_rows(m->bearing_b, m->A_b, m->weight_b, q, fv_norm3(m->point_b), m->point_a, S_b_a, H, g);
 }
 
 static bool fv_sim3_step(const struct fv_meeting *meetings, uint32_t count, struct fv_sim3 *S_a_b)

@@ -1,0 +1,262 @@
+/* Similarities: the group's own laws, and alignment of landmarks known to two cameras against synthetic truth. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <math.h>
+#include <string.h>
+
+#include "geometry/sim3.h"
+#include "geometry/vec.h"
+
+enum { MEETINGS = 120 };
+static const double focal_px = 450, limit = 9.21;
+
+static double uniform(struct fovea_random *random, double low, double high)
+{
+    return low + (high - low) * fovea_random_unit(random);
+}
+
+static void random_step(struct fovea_random *random, double size, double x[7])
+{
+    for (int i = 0; i < 7; i++)
+        x[i] = size * uniform(random, -1, 1);
+}
+
+static double difference(const struct fv_sim3 *A, const struct fv_sim3 *B)
+{
+    double worst = fabs(A->s - B->s);
+    for (int i = 0; i < 9; i++)
+        worst = fmax(worst, fabs(A->R[i] - B->R[i]));
+    for (int i = 0; i < 3; i++)
+        worst = fmax(worst, fabs(A->t[i] - B->t[i]));
+    return worst;
+}
+
+/* exp is a homomorphism along each direction, log its inverse; from steps of 1e-9 to large ones, mixed with pure
+ * rotation, pure scale and pure translation. */
+static void test_exponential(void **context)
+{
+    (void)context;
+    struct fovea_random random;
+    fovea_random_seed(&random, 11);
+    for (int n = 0; n < 2000; n++) {
+        double x[7], half[7], back[7];
+        random_step(&random, pow(10, uniform(&random, -9, 0.3)), x);
+        if (n % 5 == 1) x[3] = x[4] = x[5] = 0;
+        if (n % 5 == 2) x[6] = 0;
+        if (n % 5 == 3) x[6] *= 1e-4;
+        if (n % 5 == 4) x[3] *= 1e-5, x[4] *= 1e-5, x[5] *= 1e-5;
+        for (int i = 0; i < 7; i++)
+            half[i] = x[i] / 2;
+        struct fv_sim3 S, H, twice;
+        fv_sim3_exp(x, &S);
+        fv_sim3_exp(half, &H);
+        fv_sim3_compose(&H, &H, &twice);
+        assert_true(difference(&S, &twice) < 1e-11);
+        fv_sim3_log(&S, back);
+        double size = 0, off = 0;
+        for (int i = 0; i < 7; i++) {
+            size += x[i] * x[i];
+            off += (back[i] - x[i]) * (back[i] - x[i]);
+        }
+        assert_true(sqrt(off) < 1e-8 * sqrt(size) + 1e-14);
+    }
+}
+
+/* The matrix of the exponential is the limit of many small steps. */
+static void test_exponential_by_steps(void **context)
+{
+    (void)context;
+    const double x[7] = {0.7, -0.4, 1.1, 0.5, 0.9, -0.3, 0.6};
+    double small[7];
+    for (int i = 0; i < 7; i++)
+        small[i] = x[i] / 1048576;
+    struct fv_sim3 S, step;
+    fv_sim3_exp(x, &S);
+    fv_so3_exp(small + 3, step.R); /* to first order, the translation as it is */
+    memcpy(step.t, small, sizeof step.t);
+    step.s = fovea_exp(small[6]);
+    for (int k = 0; k < 20; k++)
+        fv_sim3_compose(&step, &step, &step);
+    assert_true(difference(&S, &step) < 1e-5);
+}
+
+static void test_group(void **context)
+{
+    (void)context;
+    struct fovea_random random;
+    fovea_random_seed(&random, 5);
+    for (int n = 0; n < 200; n++) {
+        double x[7], y[7], p[3] = {uniform(&random, -3, 3), 1, 2}, q[3], r[3];
+        struct fv_sim3 A, B, C, I, one;
+        random_step(&random, 1, x);
+        random_step(&random, 1, y);
+        fv_sim3_exp(x, &A);
+        fv_sim3_exp(y, &B);
+        fv_sim3_compose(&A, &B, &C);
+        fv_sim3_apply(&B, p, q);
+        fv_sim3_apply(&A, q, q);
+        fv_sim3_apply(&C, p, r);
+        for (int i = 0; i < 3; i++)
+            assert_true(fabs(q[i] - r[i]) < 1e-12);
+        fv_sim3_invert(&A, &I);
+        fv_sim3_compose(&A, &I, &C);
+        fv_sim3_identity(&one);
+        assert_true(difference(&C, &one) < 1e-12);
+
+        /* A camera's pose follows its world: points are seen in the same direction, further by the scale. */
+        struct fv_se3 T, moved;
+        fv_so3_exp(y + 3, T.R);
+        fv_copy3(y, T.t);
+        moved = T;
+        fv_sim3_move_pose(&A, &moved);
+        double seen[3], seen_moved[3];
+        fv_se3_apply(&T, p, seen);
+        fv_sim3_apply(&A, p, q);
+        fv_se3_apply(&moved, q, seen_moved);
+        for (int i = 0; i < 3; i++)
+            assert_true(fabs(seen_moved[i] - A.s * seen[i]) < 1e-11);
+    }
+}
+
+/* ---- alignment ------------------------------------------------------------------------------------------- */
+
+static void look(const double p[3], struct fovea_random *random, double noise_px, double bearing[3], double A[6])
+{
+    double x = p[0] / p[2] + noise_px * fovea_random_normal(random) / focal_px,
+           y = p[1] / p[2] + noise_px * fovea_random_normal(random) / focal_px, n = sqrt(x * x + y * y + 1), f = focal_px * n;
+    const double b[3] = {x / n, y / n, 1 / n}, J[6] = {f, 0, -f * x, 0, f, -f * y};
+    memcpy(bearing, b, sizeof b);
+    memcpy(A, J, sizeof J);
+}
+
+static void make_meetings(struct fovea_random *random, double outliers, double noise_px, const struct fv_sim3 *S_a_b,
+                          struct fv_meeting *meetings)
+{
+    struct fv_sim3 S_b_a;
+    fv_sim3_invert(S_a_b, &S_b_a);
+    for (int i = 0; i < MEETINGS; i++) {
+        struct fv_meeting *m = &meetings[i];
+        memset(m, 0, sizeof *m);
+        double depth = uniform(random, 2, 8);
+        const double p[3] = {depth * uniform(random, -0.5, 0.5), depth * uniform(random, -0.4, 0.4), depth};
+        fv_copy3(p, m->point_a);
+        fv_sim3_apply(&S_b_a, p, m->point_b);
+        look(m->point_a, random, noise_px, m->bearing_a, m->A_a);
+        look(m->point_b, random, noise_px, m->bearing_b, m->A_b);
+        m->weight_a = m->weight_b = 1;
+        for (int k = 0; k < 3; k++) { /* landmarks are off as well, mostly along the ray */
+            m->point_a[k] *= 1 + 0.002 * noise_px * fovea_random_normal(random);
+            m->point_b[k] *= 1 + 0.002 * noise_px * fovea_random_normal(random);
+        }
+        if (i < outliers * MEETINGS) {
+            const double other[3] = {uniform(random, -3, 3), uniform(random, -3, 3), uniform(random, 2, 8)};
+            fv_copy3(other, m->point_b);
+            look(other, random, noise_px, m->bearing_b, m->A_b);
+        }
+    }
+}
+
+static void random_similarity(struct fovea_random *random, struct fv_sim3 *S)
+{
+    double x[7];
+    random_step(random, 0.3, x);
+    x[6] *= 4; /* scales of 0.3 to 3.3 */
+    fv_sim3_exp(x, S);
+}
+
+static void test_alignment_exact(void **context)
+{
+    (void)context;
+    struct fovea_random random;
+    fovea_random_seed(&random, 21);
+    for (int n = 0; n < 200; n++) {
+        struct fv_sim3 truth, found;
+        double a[6][3], b[6][3];
+        random_similarity(&random, &truth);
+        for (int i = 0; i < 6; i++) {
+            for (int k = 0; k < 3; k++)
+                b[i][k] = uniform(&random, -2, 2);
+            fv_sim3_apply(&truth, b[i], a[i]);
+        }
+        assert_true(fv_sim3_align((const double(*)[3])a, (const double(*)[3])b, n % 2 ? 3 : 6, &found));
+        assert_true(difference(&truth, &found) < 1e-8);
+        for (int i = 0; i < 6; i++) /* on a line there is no answer */
+            for (int k = 0; k < 3; k++)
+                b[i][k] = i * (k + 1.0);
+        assert_false(fv_sim3_align((const double(*)[3])a, (const double(*)[3])b, 6, &found));
+    }
+}
+
+static void test_search_and_refinement(void **context)
+{
+    (void)context;
+    const double shares[] = {0, 0.3, 0.5};
+    struct fovea_random random;
+    fovea_random_seed(&random, 3);
+    static struct fv_meeting meetings[MEETINGS];
+    for (int n = 0; n < 90; n++) {
+        struct fv_sim3 truth, found, off, inverse;
+        double share = shares[n % 3], x[7];
+        random_similarity(&random, &truth);
+        make_meetings(&random, share, 0.7, &truth, meetings);
+        struct fv_sim3_search search;
+        fv_sim3_search_begin(&search, 300);
+        while (fv_sim3_search_more(&search, meetings, MEETINGS, 7, limit, &random))
+            ;
+        assert_true(search.best_inliers > 0.5 * (1 - share) * MEETINGS);
+        found = search.best;
+        for (int i = 0; i < MEETINGS; i++) {
+            double square[2];
+            fv_sim3_invert(&found, &inverse);
+            meetings[i].inlier =
+                fv_sim3_errors(&meetings[i], &found, &inverse, square) && square[0] < limit && square[1] < limit;
+        }
+        uint32_t inliers = 0;
+        for (int round = 0; round < 3; round++)
+            inliers = fv_sim3_refine(meetings, MEETINGS, limit, 4, &found);
+        assert_true(inliers >= 0.85 * (1 - share) * MEETINGS);
+        for (int i = 0; i < share * MEETINGS; i++)
+            if (meetings[i].inlier) inliers--;
+        assert_true(inliers >= 0.85 * (1 - share) * MEETINGS); /* few outliers among them */
+        fv_sim3_invert(&truth, &inverse);
+        fv_sim3_compose(&inverse, &found, &off);
+        fv_sim3_log(&off, x);
+        assert_true(fabs(x[6]) < 0.003);
+        assert_true(sqrt(x[3] * x[3] + x[4] * x[4] + x[5] * x[5]) < 0.003);
+        assert_true(sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2]) < 0.015 * 5 / truth.s);
+    }
+}
+
+/* Chance alone does not make a similarity. */
+static void test_search_without_truth(void **context)
+{
+    (void)context;
+    struct fovea_random random;
+    struct fv_sim3 truth;
+    static struct fv_meeting meetings[MEETINGS];
+    fovea_random_seed(&random, 8);
+    fv_sim3_identity(&truth);
+    for (int n = 0; n < 20; n++) {
+        make_meetings(&random, 1, 0.7, &truth, meetings);
+        struct fv_sim3_search search;
+        fv_sim3_search_begin(&search, 300);
+        while (fv_sim3_search_more(&search, meetings, MEETINGS, 40, limit, &random))
+            ;
+        assert_int_equal(search.done, 300);
+        assert_true(search.best_inliers < 12);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_exponential),          cmocka_unit_test(test_exponential_by_steps),
+        cmocka_unit_test(test_group),                cmocka_unit_test(test_alignment_exact),
+        cmocka_unit_test(test_search_and_refinement), cmocka_unit_test(test_search_without_truth),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
