@@ -92,7 +92,7 @@ LIBS_APP  := -llcm -lyaml -lpng -ljpeg -lz -ldl
 all: $(VIDEO_PLUGIN) $(BUILD)/fovea $(BUILD)/libfovea.a $(BUILD)/libfovea.so $(BUILD)/fovea.pc  ## build the program and the libraries
 
 help:  ## this list
-	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "  make %-10s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
+	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
 
 run:  ## install what is missing, build, and run the tour on the simulated camera
 	@tools/install.sh build

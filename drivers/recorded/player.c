@@ -12,7 +12,12 @@
 
 #include "../ring.h"
 
-struct fovea_source { /* NOLINT(clang-analyzer-optin.performance.Padding): in order of meaning */
+enum {
+    COMPLAINTS_BYTES = 32768, /* some 300 lines */
+    COMPLAINTS_PATIENCE_NS = 500000000
+};
+
+struct fovea_source {
     const struct fv_recording_ops *ops;
     void *recording;
     struct fovea_source_info info;
@@ -40,9 +45,14 @@ struct fovea_source { /* NOLINT(clang-analyzer-optin.performance.Padding): in or
     bool seen_end;
 
     /* Between the reader and whoever asks for complaints; never the loop. */
-    pthread_mutex_t complaints_lock;
-    bool complained[2];
-    struct fovea_error complaints[2];
+    struct complaints {
+        pthread_mutex_t lock;
+        pthread_cond_t room;
+        char text[COMPLAINTS_BYTES]; /* lines, each with the zero byte at its end */
+        size_t bytes;
+        uint64_t unnamed; /* since nobody asked in time */
+        bool nobody_asks;
+    } complaints;
 };
 
 /* Unsigned, since stamps may be anything. */
@@ -53,12 +63,27 @@ static int64_t mirrored(const struct fovea_source *source, int64_t stamp_ns)
 
 /* ---- reader thread ----------------------------------------------------------------------------------- */
 
-static void complain(struct fovea_source *source, int kind, const struct fovea_error *error)
+/* Every frame that is skipped is named. When many are missing at once the reader, which only skips, waits a
+ * while for the lines to be fetched; it stops doing so where nobody fetches them. */
+static void complain(struct complaints *complaints, const struct fovea_error *error)
 {
-    pthread_mutex_lock(&source->complaints_lock);
-    if (!source->complained[kind]) source->complaints[kind] = *error;
-    source->complained[kind] = true;
-    pthread_mutex_unlock(&source->complaints_lock);
+    const size_t bytes = strlen(error->text) + 1;
+    struct timespec until;
+    clock_gettime(CLOCK_MONOTONIC, &until);
+    until.tv_nsec += COMPLAINTS_PATIENCE_NS;
+    until.tv_sec += until.tv_nsec / 1000000000;
+    until.tv_nsec %= 1000000000;
+    pthread_mutex_lock(&complaints->lock);
+    while (complaints->bytes + bytes > COMPLAINTS_BYTES && !complaints->nobody_asks)
+        if (pthread_cond_clockwait(&complaints->room, &complaints->lock, CLOCK_MONOTONIC, &until) != 0)
+            complaints->nobody_asks = true;
+    if (complaints->bytes + bytes <= COMPLAINTS_BYTES) {
+        memcpy(complaints->text + complaints->bytes, error->text, bytes);
+        complaints->bytes += bytes;
+    } else {
+        complaints->unnamed++;
+    }
+    pthread_mutex_unlock(&complaints->lock);
 }
 
 /* The next frame that can be had, from `*position` on. FOVEA_END: there is none. */
@@ -79,7 +104,7 @@ static enum fovea_status fetch_next(struct fovea_source *source, uint64_t *posit
         }
         const bool missing = status == FOVEA_GONE;
         ++*(missing ? &counts->missing : &counts->damaged);
-        complain(source, missing ? 0 : 1, &error);
+        complain(&source->complaints, &error);
     }
     return FOVEA_END;
 }
@@ -188,7 +213,8 @@ enum fovea_status fv_player_open(const struct fv_recording_ops *ops, void *recor
     made->ops = ops;
     made->recording = recording;
     made->info = *info;
-    pthread_mutex_init(&made->complaints_lock, NULL);
+    pthread_mutex_init(&made->complaints.lock, NULL);
+    pthread_cond_init(&made->complaints.room, NULL);
     enum fovea_status status = set_order(made, count, origin, selection, error);
     if (status == FOVEA_OK) status = make_slots(made, frame_bytes, error);
     if (status != FOVEA_OK) {
@@ -203,7 +229,8 @@ void fv_player_close(struct fovea_source *source)
 {
     fv_player_stop(source);
     source->ops->close(source->recording);
-    pthread_mutex_destroy(&source->complaints_lock);
+    pthread_mutex_destroy(&source->complaints.lock);
+    pthread_cond_destroy(&source->complaints.room);
     free(source->pixels);
     free(source);
 }
@@ -244,6 +271,7 @@ enum fovea_status fv_player_start(struct fovea_source *source, struct fovea_erro
     source->held_count = 0;
     source->counts = (struct fovea_source_counts){0};
     source->seen_end = false;
+    source->complaints.nobody_asks = false;
     atomic_store(&source->quit, false);
     atomic_store(&source->ended, false);
     for (int i = 0; i < FV_PLAYER_SLOTS; ++i)
@@ -266,6 +294,10 @@ void fv_player_stop(struct fovea_source *source)
     if (!source->started) return;
     atomic_store(&source->quit, true);
     sem_post(&source->free_count);
+    pthread_mutex_lock(&source->complaints.lock);
+    source->complaints.nobody_asks = true;
+    pthread_cond_signal(&source->complaints.room);
+    pthread_mutex_unlock(&source->complaints.lock);
     pthread_join(source->reader, NULL);
     sem_destroy(&source->ready_count);
     sem_destroy(&source->free_count);
@@ -347,14 +379,23 @@ enum fovea_source_state fv_player_state(const struct fovea_source *source)
 
 enum fovea_status fv_player_complaint(struct fovea_source *source, struct fovea_error *error)
 {
-    enum fovea_status status = FOVEA_AGAIN;
-    pthread_mutex_lock(&source->complaints_lock);
-    for (int kind = 0; kind < 2 && status == FOVEA_AGAIN; ++kind) {
-        if (!source->complained[kind]) continue;
-        source->complained[kind] = false;
-        if (error != NULL) *error = source->complaints[kind];
-        status = FOVEA_OK;
+    struct complaints *complaints = &source->complaints;
+    enum fovea_status status = FOVEA_OK;
+    pthread_mutex_lock(&complaints->lock);
+    complaints->nobody_asks = false;
+    if (complaints->bytes > 0) {
+        const size_t bytes = strlen(complaints->text) + 1;
+        fovea_error_set(error, FOVEA_ERROR_INPUT, "%s", complaints->text);
+        complaints->bytes -= bytes;
+        memmove(complaints->text, complaints->text + bytes, complaints->bytes);
+        pthread_cond_signal(&complaints->room);
+    } else if (complaints->unnamed > 0) {
+        fovea_error_set(error, FOVEA_ERROR_INPUT, "%llu more frames were missing or damaged and are not named",
+                        (unsigned long long)complaints->unnamed);
+        complaints->unnamed = 0;
+    } else {
+        status = FOVEA_AGAIN;
     }
-    pthread_mutex_unlock(&source->complaints_lock);
+    pthread_mutex_unlock(&complaints->lock);
     return status;
 }

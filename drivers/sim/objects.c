@@ -157,6 +157,7 @@ static double clearance(const struct fv_sim_world *world, const struct fv_sim_ob
                         const struct fv_sim_motion *motion, double begin_s, double end_s)
 {
     double least = 1e9;
+    /* NOLINTNEXTLINE(clang-analyzer-security.FloatLoopCounter): some tenths of a second more or less are no matter */
     for (double t = begin_s; t < end_s; t += 0.1) {
         double position[2], heading, T_world_cam[12];
         fv_sim_object_pose(world, o, t, position, &heading);

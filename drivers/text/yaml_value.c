@@ -32,8 +32,10 @@ const char *fovea_yaml_path(const struct fovea_yaml_node *node, char path[FOVEA_
 enum fovea_status fovea_yaml_refuse(const struct fovea_yaml_tree *tree, const struct fovea_yaml_node *node,
                                     const char *expected, struct fovea_error *error)
 {
-    char path[FOVEA_YAML_PATH_BYTES], found[FOVEA_TEXT_QUOTED_BYTES];
-    if (node->kind == FOVEA_YAML_SCALAR)
+    char path[FOVEA_YAML_PATH_BYTES], quoted[FOVEA_TEXT_QUOTED_BYTES], found[FOVEA_TEXT_QUOTED_BYTES + 16];
+    if (node->kind == FOVEA_YAML_SCALAR && node->quoted) /* "0" is no number */
+        snprintf(found, sizeof found, "the text %s", fovea_text_quote(node->value, quoted, sizeof quoted));
+    else if (node->kind == FOVEA_YAML_SCALAR)
         fovea_text_quote(node->value, found, sizeof found);
     else
         snprintf(found, sizeof found, "a %s of %u", node->kind == FOVEA_YAML_MAPPING ? "mapping" : "list",

@@ -148,8 +148,8 @@ struct fovea_source_ops {
     enum fovea_status (*truth_pose)(struct fovea_source *source, const struct fovea_frame *frame, double T_world_cam[12]);
     void (*counts)(const struct fovea_source *source, struct fovea_source_counts *counts);
     enum fovea_source_state (*state)(const struct fovea_source *source);
-    /* One line about the first frame of each kind that was skipped since the last call (file and reason), or
-     * FOVEA_AGAIN when there is nothing to say. Off the loop thread. */
+    /* One line about the next frame that was skipped (file and reason), FOVEA_AGAIN when there is nothing to say. To be
+     * asked a few times a second. Off the loop thread. */
     enum fovea_status (*complaint)(struct fovea_source *source, struct fovea_error *error);
 };
 

@@ -7,6 +7,7 @@
 #include <string.h>
 #include <sys/resource.h>
 #include <time.h>
+#include <unistd.h>
 
 #include "app/command.h"
 #include "app/loop.h"
@@ -16,7 +17,8 @@
 #include "app/say.h"
 #include "app/setup.h"
 #include "app/trajectory.h"
-#include "app/transport.h"
+#include "app/recorder.h"
+#include "app/transport_url.h"
 #include "kernels/cpu.h"
 
 struct check {
@@ -28,7 +30,7 @@ struct check {
     void *memory;
     size_t bytes;
     struct fovea *rt;
-    bool failed;
+    bool failed, wrong; /* a line failed; because of wrong input */
 };
 
 enum verdict { OK, WARNING, FAILED };
@@ -62,6 +64,18 @@ static void memory_row(const char *owner, const char *part, size_t bytes)
     printf("  %-24s %-11s %10zu\n", owner, part, bytes);
 }
 
+/* What recording takes, or would take. */
+static size_t recorder_bytes(const struct check *check)
+{
+    const struct fv_recorder_setup setup = {
+        .settings = &check->settings,
+        .kernel_set = "",
+        .real_time = fv_setup_real_time(&check->settings, &check->setup),
+        .frame_bytes = fv_setup_frame_bytes(&check->setup),
+    };
+    return fv_recorder_bytes(&setup);
+}
+
 static enum fovea_status memory_print(struct check *check, size_t lcm_bytes, struct fovea_error *error)
 {
     struct fovea_memory_table table;
@@ -81,6 +95,7 @@ static enum fovea_status memory_print(struct check *check, size_t lcm_bytes, str
     memory_row("timings", "outside", sizeof(struct fv_timings));
     memory_row("trajectory", "outside", fv_trajectory_bytes());
     memory_row("stack of the loop", "outside", FV_THREAD_STACK_BYTES);
+    memory_row("recorder, if recording", "outside", recorder_bytes(check));
     if (check->settings.mask[0] != '\0')
         memory_row("mask, until started", "outside",
                    (size_t)check->settings.runtime.camera.width *
@@ -120,10 +135,13 @@ static void rights_check(struct check *check)
         return;
     }
     pthread_join(thread, NULL);
-    if (rights.why.text[0] != '\0')
+    if (rights.why.text[0] != '\0' && priority > 0 && !rights.fifo)
         line(check, WARNING, "scheduling",
              "%s (for good: 'USER - rtprio %" PRIu32 "' in /etc/security/limits.conf)", rights.why.text,
              priority);
+    else if (rights.why.text[0] != '\0')
+        line(check, WARNING, "scheduling", "%s: set loop.cpu to one from 0 to %ld, or to -1", rights.why.text,
+             sysconf(_SC_NPROCESSORS_CONF) - 1);
     else if (priority == 0)
         line(check, WARNING, "scheduling",
              "ordinary, as loop.priority is 0: other programs may delay the loop");
@@ -158,14 +176,28 @@ static void governor_check(struct check *check)
 
 static void lcm_check(struct check *check)
 {
+    const char *url = check->settings.lcm_url;
     struct fovea_error error = {0};
-    if (check->settings.lcm_url[0] == '\0')
+    if (url[0] == '\0') {
         line(check, WARNING, "LCM", "nothing is sent: lcm_url is empty");
-    else if (fv_transport_check(check->settings.lcm_url, check->settings.lcm_ttl, &error) == FOVEA_OK)
-        line(check, OK, "LCM", "a message over %s reaches a subscriber on this host",
-             check->settings.lcm_url);
-    else
+        return;
+    }
+    if (fv_transport_check(url, check->settings.lcm_ttl, &error) != FOVEA_OK) {
         line(check, FAILED, "LCM", "%s", error.text);
+        check->wrong |= error.status == FOVEA_ERROR_INPUT;
+        return;
+    }
+    switch (fv_transport_kind_of(url)) {
+    case FV_TRANSPORT_UDPM:
+        line(check, OK, "LCM", "a message over %s reaches a subscriber on this host", url);
+        return;
+    case FV_TRANSPORT_TCPQ:
+        line(check, WARNING, "LCM", "the server at %s answers, but the loop waits for it: udpm:// never waits", url);
+        return;
+    default:
+        line(check, WARNING, "LCM", "%s has no subscribers: udpm:// has", url);
+        return;
+    }
 }
 
 static size_t lcm_bytes(const struct check *check)
@@ -273,6 +305,10 @@ static enum fovea_status check_all(struct check *check, struct fovea_error *erro
     struct fovea_source_selection selection = {.step = 1};
     struct fovea_config *config = &check->settings.runtime;
     enum fovea_status status = fv_setup_settings(&check->options, &check->settings, error);
+    if (status == FOVEA_OK && check->settings.lcm_url[0] != '\0') {
+        status = fv_transport_url_check(check->settings.lcm_url, error);
+        if (status != FOVEA_OK) fv_settings_locate(&check->settings, error);
+    }
     if (status != FOVEA_OK) return status;
     size_t before = heap_bytes();
     status = fv_setup_open(&check->settings, &selection, &check->setup, error);
@@ -307,6 +343,7 @@ int fv_command_check(int argc, char **argv)
         {"source", "URI", FV_OPTION_TEXT, &check.options.source,
          "sim: euroc:DIR tum:DIR kitti:DIR images:GLOB lcmlog:FILE video:FILE (default sim:)"},
         {"camera", "FILE", FV_OPTION_TEXT, &check.options.camera, "calibration, instead of the source's own"},
+        {"rate", "max|real", FV_OPTION_TEXT, &check.options.rate, "as for run: memory of the recorder depends on it"},
         {"set", "KEY=VALUE", FV_OPTION_LIST, &check.options.sets, "override a key of the configuration"},
         {"memory-only", NULL, FV_OPTION_FLAG, &check.memory_only, "print the memory table and nothing else"},
         {"bench", NULL, FV_OPTION_FLAG, &check.bench, "measure the frame rate that this board can hold"},
@@ -323,5 +360,5 @@ int fv_command_check(int argc, char **argv)
         fv_say("%s", error.text);
         return fv_setup_exit(status);
     }
-    return check.failed ? FV_EXIT_FAILED : FV_EXIT_OK;
+    return check.wrong ? FV_EXIT_WRONG : check.failed ? FV_EXIT_FAILED : FV_EXIT_OK;
 }

@@ -28,6 +28,7 @@ static enum fovea_status read_file(const char *path, uint8_t **data, size_t *byt
     fclose(file);
     if (good) return FOVEA_OK;
     free(*data);
+    *data = NULL;
     return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.300s: cannot be read", path);
 }
 
@@ -143,10 +144,10 @@ static enum fovea_status read_bmp(const char *path, const uint8_t *data, size_t 
 
 enum fovea_status fv_colour_read(const char *path, struct fovea_image *image, struct fovea_error *error)
 {
-    uint8_t *data;
-    size_t bytes;
+    uint8_t *data = NULL;
+    size_t bytes = 0;
     enum fovea_status status = read_file(path, &data, &bytes, error);
-    if (status != FOVEA_OK) return status;
+    if (data == NULL) return status;
     static const uint8_t png[4] = {0x89, 'P', 'N', 'G'};
     if (bytes > 4 && memcmp(data, png, 4) == 0) status = read_png(path, data, bytes, image, error);
     else if (bytes > 4 && data[0] == 0xFF && data[1] == 0xD8) status = read_jpeg(path, data, bytes, image, error);
@@ -161,7 +162,7 @@ enum fovea_status fv_model_file_read(const char *path, struct fv_model_file *fil
     enum fovea_status status = read_file(path, &file->data, &file->bytes, error);
     if (status != FOVEA_OK) return status;
     status = fv_model_open(file->data, file->bytes, path, &file->model, error);
-    if (status != FOVEA_OK) free(file->data);
+    if (status != FOVEA_OK) fv_model_file_free(file);
     return status;
 }
 

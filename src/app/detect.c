@@ -131,7 +131,10 @@ int fv_command_detect(int argc, char **argv)
     if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
     if (model == NULL) return fv_say_wrong("detect: --model FILE is missing");
     struct fovea_error error;
-    if (engine_open(&engine, model, &error) != FOVEA_OK) return fv_say_wrong("%s", error.text);
+    if (engine_open(&engine, model, &error) != FOVEA_OK) {
+        engine_close(&engine);
+        return fv_say_wrong("%s", error.text);
+    }
     int status = FV_EXIT_OK;
     for (int i = first; i < argc && status == FV_EXIT_OK; ++i) {
         struct fovea_image image;

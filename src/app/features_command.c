@@ -1,5 +1,6 @@
 /* fovea features: what the feature stage sees in a picture. */
 #include <stdio.h>
+#include <string.h>
 
 #include "app/canvas.h"
 #include "app/command.h"
@@ -7,6 +8,7 @@
 #include "app/options.h"
 #include "app/say.h"
 #include "fovea/elementary.h"
+#include "fovea/text.h"
 
 /* From fine (warm) to coarse (cold) levels. */
 static const uint32_t level_colour[FOVEA_PYRAMID_LEVELS_MAX] = {0xff5544, 0xff9933, 0xffdd33, 0xaadd33,
@@ -64,9 +66,19 @@ static void print_summary(const struct fv_extract *extract)
 
 static bool read_box(const char *text, struct fv_mask_box *box)
 {
-    char after;
-    return sscanf(text, "%f,%f,%f,%f%c", &box->x_min, &box->y_min, &box->x_max, &box->y_max, &after) == 4 &&
-           box->x_max > box->x_min && box->y_max > box->y_min;
+    float *const sides[4] = {&box->x_min, &box->y_min, &box->x_max, &box->y_max};
+    for (int i = 0; i < 4; i++) {
+        char word[32];
+        double value;
+        size_t length = strcspn(text, ",");
+        if (length >= sizeof word || (text[length] == ',') != (i < 3)) return false;
+        memcpy(word, text, length);
+        word[length] = '\0';
+        if (!fovea_text_number(word, &value) || value < -1e6 || value > 1e6) return false;
+        *sides[i] = (float)value;
+        text += length + (i < 3);
+    }
+    return box->x_max > box->x_min && box->y_max > box->y_min;
 }
 
 int fv_command_features(int argc, char **argv)

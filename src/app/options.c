@@ -38,13 +38,13 @@ static enum fv_options_result unknown(const struct fv_option *options, const cha
     return FV_OPTIONS_WRONG;
 }
 
-static bool count_read(const char *text, uint64_t *value)
+static bool count_read(const char *text, uint64_t least, uint64_t *value)
 {
     char *end;
     if (*text < '0' || *text > '9') return false;
     errno = 0;
     unsigned long long number = strtoull(text, &end, 10);
-    if (errno != 0 || *end != '\0' || number > INT64_MAX) return false;
+    if (errno != 0 || *end != '\0' || number < least || number > INT64_MAX) return false;
     *value = number;
     return true;
 }
@@ -60,8 +60,10 @@ static enum fv_options_result store(const struct fv_option *option, const char *
         *(const char **)option->target = text;
         return FV_OPTIONS_READ;
     case FV_OPTION_COUNT:
-        if (count_read(text, option->target)) return FV_OPTIONS_READ;
-        fv_say("fovea %s: --%s: found '%s', expected a whole number from 0", command, option->name, text);
+    case FV_OPTION_POSITIVE:
+        if (count_read(text, option->kind == FV_OPTION_POSITIVE, option->target)) return FV_OPTIONS_READ;
+        fv_say("fovea %s: --%s: found '%s', expected a whole number from %d", command, option->name, text,
+               option->kind == FV_OPTION_POSITIVE);
         return FV_OPTIONS_WRONG;
     case FV_OPTION_LIST:
         if (list->count < FV_OPTION_LIST_MAX) {

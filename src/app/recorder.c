@@ -21,8 +21,7 @@
 #include "message/recorded.h"
 
 enum {
-    RING_FRAMES = 24,
-    RING_BYTES_MIN = 4 << 20,
+    PACED_FRAMES = 4, /* the loop waits for the disk: no need to hold more */
     TURN_EXTRA_BYTES = 256 << 10, /* inputs, grants and messages of one turn */
     WRITE_BYTES_MAX = 1 << 20,
     POLL_NS = 4000000
@@ -74,6 +73,7 @@ static uint8_t *event_begin(struct fv_recorder *recorder, const char *channel, s
         atomic_compare_exchange_strong(&recorder->ending, &running, ENDED_SLOW);
         return NULL;
     }
+    /* NOLINTNEXTLINE(bugprone-not-null-terminated-result): the format of logs wants the bytes alone */
     memcpy(event + FOVEA_LOG_HEADER_BYTES, channel, channel_bytes);
     return event;
 }
@@ -145,9 +145,10 @@ void fv_recorder_step(struct fv_recorder *recorder, const struct fovea_inputs *i
     const char *channel = recorder->channels[FV_MESSAGE_INPUTS];
     size_t size = fv_message_inputs_size_max();
     uint8_t *event = event_begin(recorder, channel, size);
+    uint64_t hash = fv_recording_frame_hash(inputs->frame);
     if (event != NULL)
         event_end(recorder, event, channel, time_us,
-                  fv_message_inputs_encode(inputs, data_of(event, channel), size));
+                  fv_message_inputs_encode(inputs, hash, data_of(event, channel), size));
     record_messages(recorder, time_us, outputs);
 }
 
@@ -286,16 +287,20 @@ static enum fovea_status start_thread(struct fv_recorder *recorder, struct fovea
                            strerror(failed));
 }
 
+static size_t ring_bytes(const struct fv_recorder_setup *setup, size_t header_bytes)
+{
+    const size_t turn = setup->frame_bytes + TURN_EXTRA_BYTES, least = 2 * (turn + header_bytes) + 4096;
+    const size_t frames = setup->real_time ? setup->settings->record_buffer : PACED_FRAMES;
+    const size_t bytes = setup->ring_bytes != 0 ? setup->ring_bytes : frames * setup->frame_bytes;
+    return ((bytes > least ? bytes : least) + 63) / 64 * 64;
+}
+
 static enum fovea_status make_ring(struct fv_recorder *recorder, const struct fv_recorder_setup *setup,
                                    struct fovea_error *error)
 {
-    size_t turn = setup->frame_bytes + TURN_EXTRA_BYTES;
-    size_t bytes = setup->ring_bytes != 0 ? setup->ring_bytes : RING_FRAMES * setup->frame_bytes;
-    if (setup->ring_bytes == 0 && bytes < RING_BYTES_MIN) bytes = RING_BYTES_MIN;
-    size_t least = 2 * (turn + recorder->header_bytes) + 4096;
-    if (bytes < least) bytes = least;
-    recorder->turn_bytes = turn + (recorder->started ? 0 : recorder->header_bytes);
-    recorder->ring_memory = aligned_alloc(64, (bytes + 63) / 64 * 64);
+    const size_t bytes = ring_bytes(setup, recorder->header_bytes);
+    recorder->turn_bytes = setup->frame_bytes + TURN_EXTRA_BYTES + recorder->header_bytes;
+    recorder->ring_memory = aligned_alloc(64, bytes);
     if (recorder->ring_memory == NULL)
         return fovea_error_set(error, FOVEA_ERROR_MEMORY, "%s: no memory for %zu bytes of buffer",
                                recorder->path, bytes);
@@ -335,11 +340,16 @@ enum fovea_status fv_recorder_open(const struct fv_recorder_setup *setup, struct
     return FOVEA_OK;
 }
 
-size_t fv_recorder_bytes(const struct fv_recorder *recorder)
+size_t fv_recorder_bytes(const struct fv_recorder_setup *setup)
 {
-    return recorder == NULL
-               ? 0
-               : sizeof *recorder + recorder->ring.capacity + recorder->header_bytes + FV_THREAD_STACK_BYTES;
+    struct fovea_error error;
+    uint8_t *header = NULL;
+    uint32_t header_bytes = 0;
+    if (fv_recording_header_encode(setup->settings, setup->kernel_set, setup->real_time, &header, &header_bytes,
+                                   &error) != FOVEA_OK)
+        return 0;
+    free(header);
+    return sizeof(struct fv_recorder) + ring_bytes(setup, header_bytes) + header_bytes + FV_THREAD_STACK_BYTES;
 }
 
 enum fovea_status fv_recorder_close(struct fv_recorder *recorder, struct fv_recorder_summary *summary)

@@ -32,7 +32,7 @@ struct fv_recorder_setup {
     const char *kernel_set;
     bool real_time;
     size_t frame_bytes; /* of the largest frame */
-    size_t ring_bytes;  /* 0: room for 24 frames, at least 4 MiB */
+    size_t ring_bytes;  /* 0: settings->record_buffer frames when real_time, else a few, as the loop waits then */
 };
 
 /* Create the file, the ring and the thread. Init-only. */
@@ -59,8 +59,9 @@ struct fv_recorder_summary {
     char reason[192];       /* why not, "" when complete */
 };
 
-/* Bytes that the recorder takes outside the runtime's block, for the memory table. */
-size_t fv_recorder_bytes(const struct fv_recorder *recorder);
+/* Bytes that a recorder so set up takes outside the runtime's block, for the memory table; its path does not matter.
+ * Init-only. */
+size_t fv_recorder_bytes(const struct fv_recorder_setup *setup);
 
 /* Write what is left, sync, close, free. `summary` may be NULL. FOVEA_OK: complete. FOVEA_ERROR_SYSTEM: it
  * ended early; that has been said. */

@@ -8,6 +8,7 @@
 #include "base/hash.h"
 #include "fovea/calibration.h"
 #include "message/fields.h"
+#include "message/recorded.h"
 
 #include "fovea_recording_t.h"
 
@@ -210,4 +211,10 @@ enum fovea_status fv_recording_header_decode(const char *name, int64_t offset, c
     }
     fovea_recording_t_decode_cleanup(&message);
     return status;
+}
+
+uint64_t fv_recording_frame_hash(const struct fovea_frame *frame)
+{
+    if (frame == NULL) return 0;
+    return fv_hash_bulk(FV_HASH_START, frame->image.data, fv_message_frame_image_bytes(frame));
 }

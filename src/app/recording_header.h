@@ -8,6 +8,7 @@
 #include <stdint.h>
 
 #include "app/settings.h"
+#include "fovea/source.h"
 #include "fovea/status.h"
 
 /* Encode the header of a run whose settings are complete (camera fitted, mask loaded). `*data` is the
@@ -29,5 +30,8 @@ struct fv_recording_header {
 enum fovea_status fv_recording_header_decode(const char *name, int64_t offset, const uint8_t *data,
                                              size_t bytes, struct fv_recording_header *header,
                                              struct fovea_error *error);
+
+/* Hash of a frame's pixels as a recording holds them; 0 for NULL. Real-time safe. */
+uint64_t fv_recording_frame_hash(const struct fovea_frame *frame);
 
 #endif

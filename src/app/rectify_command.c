@@ -8,6 +8,7 @@
 #include "app/picture.h"
 #include "app/say.h"
 #include "fovea/calibration.h"
+#include "fovea/text.h"
 #include "image/rectify.h"
 
 struct request {
@@ -18,10 +19,19 @@ struct request {
 /* "WxH", or the picture's own size. */
 static bool read_size(const char *text, const struct fovea_image *image, int32_t *width, int32_t *height)
 {
-    char after;
-    *width = image->width;
-    *height = image->height;
-    return text == NULL || sscanf(text, "%5dx%5d%c", width, height, &after) == 2;
+    char word[16];
+    int64_t across = image->width, down = image->height;
+    if (text != NULL) {
+        const size_t length = strcspn(text, "x");
+        if (length >= sizeof word || text[length] == '\0') return false;
+        memcpy(word, text, length);
+        word[length] = '\0';
+        if (!fovea_text_integer(word, &across) || !fovea_text_integer(text + length + 1, &down)) return false;
+        if (across < 0 || across > 99999 || down < 0 || down > 99999) return false; /* the view knows its own bounds */
+    }
+    *width = (int32_t)across;
+    *height = (int32_t)down;
+    return true;
 }
 
 static enum fovea_status choose_view(const struct request *request, const struct fovea_camera *camera,

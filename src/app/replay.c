@@ -142,6 +142,17 @@ static void expect_none_left(struct replay *replay)
     replay->outputs.message_count = 0;
 }
 
+/* The frame must be the one that the recorded run was given. */
+static void compare_pixels(struct replay *replay, uint64_t expected)
+{
+    const uint64_t found = fv_recording_frame_hash(&replay->frame);
+    char texts[2][32];
+    if (found == expected) return;
+    snprintf(texts[0], sizeof texts[0], "%016" PRIx64, found);
+    snprintf(texts[1], sizeof texts[1], "%016" PRIx64, expected);
+    note_difference(replay, replay->channels[FV_MESSAGE_FRAME], "hash of the pixels", texts[0], texts[1]);
+}
+
 /* ---- feeding ----------------------------------------------------------------------------------------- */
 
 static enum fovea_status take_frame(struct replay *replay, struct fovea_error *error)
@@ -181,9 +192,10 @@ static enum fovea_status step(struct replay *replay, struct fovea_error *error)
 {
     struct fovea_inputs inputs;
     bool has_frame;
+    uint64_t hash;
     const char *problem;
     size_t at;
-    if (!fv_message_inputs_decode(replay->event.data, replay->event.bytes, &inputs, &has_frame, &problem,
+    if (!fv_message_inputs_decode(replay->event.data, replay->event.bytes, &inputs, &has_frame, &hash, &problem,
                                   &at))
         return refuse(replay, at, problem, error);
     if (has_frame != replay->frame_waits)
@@ -199,6 +211,7 @@ static enum fovea_status step(struct replay *replay, struct fovea_error *error)
         replay->stamp_ns = replay->frame.stamp_ns;
         replay->sequence = replay->frame.sequence;
         replay->result->frames++;
+        compare_pixels(replay, hash);
     }
     replay->frame_waits = false;
     replay->now_ns = inputs.now_ns;

@@ -102,7 +102,7 @@ static enum fv_options_result options_read(struct run *run, int argc, char **arg
          "every frame, or by the clock with late ones dropped"},
         {"frames", "N", FV_OPTION_COUNT, &run->selection.frames, "end after N frames"},
         {"start", "N", FV_OPTION_COUNT, &run->selection.start, "begin with frame N of the recording, from 0"},
-        {"step", "K", FV_OPTION_COUNT, &run->selection.step, "take every K-th frame of the recording"},
+        {"step", "K", FV_OPTION_POSITIVE, &run->selection.step, "take every K-th frame of the recording"},
         {"reverse", NULL, FV_OPTION_FLAG, &run->selection.reverse, "last frame first"},
         {"stats", "FILE", FV_OPTION_TEXT, &run->stats_path, "write times, counts and memory as JSON"},
         {"timings", "FILE", FV_OPTION_TEXT, &run->timings_path,
@@ -135,9 +135,6 @@ static enum fv_exit picture_probe(const char *option, const char *path)
 /* Settings, and that nothing that is read would be written over. */
 static enum fovea_status settings_read(struct run *run, struct fovea_error *error)
 {
-    if (run->selection.step == 0)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "fovea run: --step: found 0, expected a whole number from 1");
     enum fovea_status status = fv_setup_settings(&run->options, &run->settings, error);
     if (status != FOVEA_OK) return status;
     const char *address = strchr(run->settings.source, ':');
@@ -190,12 +187,6 @@ static enum fovea_status runtime_open(struct run *run, struct fovea_error *error
     return fovea_init(run->memory, run->bytes, config, &run->loop.rt, error);
 }
 
-static bool is_real_time(const struct run *run)
-{
-    return run->settings.rate == FV_RATE_REAL ||
-           (run->settings.rate == FV_RATE_AUTO && run->setup.ops->info(run->setup.source)->live);
-}
-
 /* A machine that cannot send messages is no reason not to run: the recording and the statistics are still of
  * use. A malformed URL is. */
 static enum fovea_status transport_open(struct run *run, struct fovea_error *error)
@@ -214,24 +205,24 @@ static enum fovea_status transport_open(struct run *run, struct fovea_error *err
 static enum fovea_status recorder_open(struct run *run, struct fovea_error *error)
 {
     if (run->settings.record[0] == '\0') return FOVEA_OK;
-    const struct fovea_source_info *info = run->setup.ops->info(run->setup.source);
     struct fv_recorder_setup setup = {
         .path = run->settings.record,
         .settings = &run->settings,
         .kernel_set = fovea_cpu_name(run->loop.rt),
         .real_time = run->loop.real_time,
-        .frame_bytes =
-            fovea_image_bytes(info->format, info->height, fovea_image_stride_min(info->format, info->width)),
+        .frame_bytes = fv_setup_frame_bytes(&run->setup),
     };
     /* A file that cannot be made is a wrong name; later troubles with it are the machine's. */
-    return fv_recorder_open(&setup, &run->recorder, error) == FOVEA_OK ? FOVEA_OK : FOVEA_ERROR_INPUT;
+    if (fv_recorder_open(&setup, &run->recorder, error) == FOVEA_OK) return FOVEA_OK;
+    fv_settings_blame(&run->settings, "record", error);
+    return FOVEA_ERROR_INPUT;
 }
 
 static enum fovea_status open_all(struct run *run, struct fovea_error *error)
 {
     enum fovea_status status = fv_setup_open(&run->settings, &run->selection, &run->setup, error);
     if (status != FOVEA_OK) return status;
-    run->loop.real_time = is_real_time(run);
+    run->loop.real_time = fv_setup_real_time(&run->settings, &run->setup);
     status = runtime_open(run, error);
     if (status == FOVEA_OK) status = recorder_open(run, error);
     if (status == FOVEA_OK) status = fv_trajectory_open(run->trajectory_path, &run->trajectory, error);

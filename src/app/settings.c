@@ -14,6 +14,7 @@ void fv_settings_default(struct fv_settings *settings)
     fovea_config_default(&settings->runtime);
     snprintf(settings->source, sizeof settings->source, "sim:");
     snprintf(settings->lcm_url, sizeof settings->lcm_url, "udpm://239.255.76.67:7667");
+    settings->record_buffer = 10;
     settings->priority = 40;
     settings->cpu = -1;
     settings->lock_memory = true;
@@ -296,6 +297,18 @@ void fv_settings_locate(const struct fv_settings *settings, struct fovea_error *
                             text + length);
         return;
     }
+}
+
+void fv_settings_blame(const struct fv_settings *settings, const char *key, struct fovea_error *error)
+{
+    char text[FOVEA_ERROR_TEXT_BYTES];
+    const uint32_t line = settings->line[key_find(key) - fv_settings_keys];
+    const size_t length = strlen(key);
+    if (error == NULL || line == 0 || line == FV_SETTINGS_SET) return;
+    memcpy(text, error->text, sizeof text);
+    const bool named = strncmp(text, key, length) == 0 && text[length] == ':';
+    fovea_error_set(error, error->status, "%.200s:%u: %s%s%.280s", settings->file, line, named ? "" : key,
+                    named ? "" : ": ", text);
 }
 
 enum fovea_status fv_settings_check(const struct fv_settings *settings, struct fovea_error *error)

@@ -36,6 +36,7 @@ struct fv_settings {
     char lcm_url[256];                   /* "": nothing is sent */
     uint32_t lcm_ttl;
     char record[FV_SETTINGS_PATH_BYTES]; /* "": none */
+    uint32_t record_buffer;              /* frames that may wait for the disk in real time */
     uint32_t priority;                   /* SCHED_FIFO; 0: ordinary scheduling */
     int32_t cpu;                         /* -1: any */
     bool lock_memory;
@@ -66,6 +67,9 @@ enum fovea_status fv_settings_check(const struct fv_settings *settings, struct f
 
 /* When an error line starts with a key's name, put before it where that key was set ("robot.yaml:12: "). */
 void fv_settings_locate(const struct fv_settings *settings, struct fovea_error *error);
+
+/* The value of `key` led to `error`: when it stands in the file, put file, line and key before the line. */
+void fv_settings_blame(const struct fv_settings *settings, const char *key, struct fovea_error *error);
 
 /* Write as YAML that reads back to the same values; with every key's help as comments when `commented`. */
 void fv_settings_print(FILE *file, const struct fv_settings *settings, bool commented);

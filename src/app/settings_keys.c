@@ -34,7 +34,7 @@ const struct fv_settings_key fv_settings_keys[] = {
      "start of the random numbers of the run", NULL},
 
     {"lcm_url", TEXT_OF(lcm_url), "URL", NULL,
-     "where messages are sent, as LCM understands it; empty: nowhere", NULL},
+     "where messages are sent, as LCM understands it: udpm:// for robots (the loop waits for others); empty: nowhere", NULL},
     {"lcm_ttl", FV_SETTINGS_U32, AT(lcm_ttl), 0, 255, "hops", NULL,
      "how far UDP multicast travels: 0 stays on this host, 1 on this network",
      "every host on the way gets all the traffic"},
@@ -52,6 +52,8 @@ const struct fv_settings_key fv_settings_keys[] = {
     {"camera_status_every", FV_SETTINGS_U32, AT(runtime.camera_status_every), 0, 1000000, "frames", NULL,
      "send every n-th camera status message; 0: none", NULL},
     {"record", TEXT_OF(record), "file", NULL, "record the run for replay; empty: do not", NULL},
+    {"record_buffer", FV_SETTINGS_U32, AT(record_buffer), 4, 1000, "frames", NULL,
+     "that may wait in memory for a slow disk when frames come by the clock; with more the recording ends", "memory: a frame each"},
 
     {"features.count_max", FV_SETTINGS_U32, AT(runtime.features.count_max), FOVEA_FEATURES_MIN,
      FOVEA_FEATURES_MAX, "features", NULL, "corners asked of every frame, spread over the image",

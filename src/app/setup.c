@@ -46,6 +46,7 @@ static enum fovea_status camera_read(struct fv_settings *settings, struct fovea_
     if (settings->camera[0] == '\0') return FOVEA_OK;
     enum fovea_status status = fovea_calibration_read(settings->camera, NULL, &calibration, error);
     if (status == FOVEA_OK) settings->runtime.camera = calibration.camera;
+    if (status != FOVEA_OK) fv_settings_blame(settings, "camera", error);
     return status;
 }
 
@@ -71,14 +72,19 @@ enum fovea_status fv_setup_open(struct fv_settings *settings, const struct fovea
     const char *address;
     *setup = (struct fv_setup){0};
     enum fovea_status status = camera_read(settings, error);
-    if (status == FOVEA_OK) status = fovea_source_find(settings->source, &setup->ops, &address, error);
-    if (status == FOVEA_OK) status = setup->ops->open(address, selection, &setup->source, error);
     if (status != FOVEA_OK) return status;
+    status = fovea_source_find(settings->source, &setup->ops, &address, error);
+    if (status == FOVEA_OK) status = setup->ops->open(address, selection, &setup->source, error);
+    if (status != FOVEA_OK) {
+        fv_settings_blame(settings, "source", error);
+        return status;
+    }
     const struct fovea_source_info *info = setup->ops->info(setup->source);
     status = camera_fit(settings, info, error);
     if (status == FOVEA_OK && settings->mask[0] != '\0') {
         status = fv_mask_read(settings->mask, info->width, info->height, &setup->mask, error);
         settings->runtime.mask = setup->mask;
+        if (status != FOVEA_OK) fv_settings_blame(settings, "mask", error);
     }
     if (status == FOVEA_OK) status = fv_settings_check(settings, error);
     if (status != FOVEA_OK) fv_setup_close(setup);
@@ -90,6 +96,17 @@ void fv_setup_close(struct fv_setup *setup)
     if (setup->source != NULL) setup->ops->close(setup->source);
     free(setup->mask);
     *setup = (struct fv_setup){0};
+}
+
+bool fv_setup_real_time(const struct fv_settings *settings, const struct fv_setup *setup)
+{
+    return settings->rate == FV_RATE_REAL || (settings->rate == FV_RATE_AUTO && setup->ops->info(setup->source)->live);
+}
+
+size_t fv_setup_frame_bytes(const struct fv_setup *setup)
+{
+    const struct fovea_source_info *info = setup->ops->info(setup->source);
+    return fovea_image_bytes(info->format, info->height, fovea_image_stride_min(info->format, info->width));
 }
 
 enum fv_exit fv_setup_exit(enum fovea_status status)

@@ -30,6 +30,10 @@ enum fovea_status fv_setup_open(struct fv_settings *settings, const struct fovea
                                 struct fv_setup *setup, struct fovea_error *error);
 void fv_setup_close(struct fv_setup *setup);
 
+/* Whether frames come by the clock, and the bytes of one. */
+bool fv_setup_real_time(const struct fv_settings *settings, const struct fv_setup *setup);
+size_t fv_setup_frame_bytes(const struct fv_setup *setup);
+
 /* The exit status that goes with an error: FV_EXIT_FAILED for FOVEA_ERROR_SYSTEM and FOVEA_ERROR_MEMORY, else
  * FV_EXIT_WRONG. */
 enum fv_exit fv_setup_exit(enum fovea_status status);

@@ -1,23 +1,17 @@
 #include "app/transport.h"
 
-#include <arpa/inet.h>
-#include <errno.h>
 #include <inttypes.h>
-#include <netinet/in.h>
 #include <pthread.h>
 #include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/socket.h>
-#include <time.h>
-#include <unistd.h>
 
 #include <lcm/lcm.h>
 
 #include "app/say.h"
 #include "app/thread.h"
-#include "app/transport_address.h"
+#include "app/transport_url.h"
 #include "base/ring.h"
 #include "message/fields.h"
 #include "message/message.h"
@@ -45,83 +39,15 @@ struct fv_transport {
     atomic_uint_fast64_t commands_taken, commands_refused;
 };
 
-/* ---- addresses --------------------------------------------------------------------------------------- */
-
-int fv_transport_udpm(const char *url, struct sockaddr_in *address)
-{
-    static const char scheme[] = "udpm://";
-    char host[64] = "239.255.76.67";
-    long port = 7667;
-    if (strncmp(url, scheme, sizeof scheme - 1) != 0) return strstr(url, "://") != NULL ? 0 : -1;
-    const char *at = url + sizeof scheme - 1;
-    size_t length = strcspn(at, ":?");
-    if (length >= sizeof host) return -1;
-    if (length > 0) {
-        memcpy(host, at, length);
-        host[length] = '\0';
-    }
-    at += length;
-    if (*at == ':') {
-        char *end;
-        port = strtol(at + 1, &end, 10);
-        if (end == at + 1 || (*end != '\0' && *end != '?')) return -1;
-    }
-    memset(address, 0, sizeof *address);
-    address->sin_family = AF_INET;
-    address->sin_port = htons((uint16_t)port);
-    if (port < 1 || port > 65535 || inet_pton(AF_INET, host, &address->sin_addr) != 1 ||
-        !IN_MULTICAST(ntohl(address->sin_addr.s_addr)))
-        return -1;
-    return 1;
-}
-
-/* The URL with the time-to-live, unless it states one. */
-static void complete_url(const char *url, uint32_t ttl, char complete[FV_TRANSPORT_URL_BYTES])
-{
-    bool add = strncmp(url, "udpm://", 7) == 0 && strstr(url, "ttl=") == NULL;
-    if (add)
-        snprintf(complete, FV_TRANSPORT_URL_BYTES, "%s%cttl=%" PRIu32, url,
-                 strchr(url, '?') != NULL ? '&' : '?', ttl);
-    else
-        snprintf(complete, FV_TRANSPORT_URL_BYTES, "%s", url);
-}
-
-/* Of LCM's providers those that can carry messages out; it would print a line of its own about others. */
-static bool provider_known(const char *url)
-{
-    static const char *const providers[] = {"udpm://", "tcpq://", "file://", "memq://"};
-    for (size_t i = 0; i < sizeof providers / sizeof providers[0]; i++)
-        if (strncmp(url, providers[i], strlen(providers[i])) == 0) return true;
-    return false;
-}
-
-/* LCM's own test of the route prints several lines and gives no reason, so ask first. */
-static enum fovea_status check_route(const char *url, const struct sockaddr_in *address,
-                                     struct fovea_error *error)
-{
-    int probe = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
-    int failed =
-        probe < 0 || connect(probe, (const struct sockaddr *)address, sizeof *address) != 0 ? errno : 0;
-    if (probe >= 0) close(probe);
-    if (failed == 0) return FOVEA_OK;
-    return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: no route for LCM messages (%s); this mends it: %s",
-                           url, strerror(failed), FV_TRANSPORT_MEND);
-}
-
 /* ---- out --------------------------------------------------------------------------------------------- */
 
 static enum fovea_status create(const char *url, uint32_t ttl, char complete[FV_TRANSPORT_URL_BYTES],
                                 lcm_t **lcm, struct fovea_error *error)
 {
-    struct sockaddr_in address;
-    int kind = fv_transport_udpm(url, &address);
-    if (kind < 0 || !provider_known(url))
-        return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "lcm_url: found \"%s\", expected an LCM URL like udpm://239.255.76.67:7667",
-                               url);
-    enum fovea_status status = kind == 1 ? check_route(url, &address, error) : FOVEA_OK;
+    enum fovea_status status = fv_transport_url_check(url, error);
+    if (status == FOVEA_OK) status = fv_transport_reachable(url, error);
     if (status != FOVEA_OK) return status;
-    complete_url(url, ttl, complete);
+    fv_transport_url_complete(url, ttl, complete);
     *lcm = lcm_create(complete);
     if (*lcm == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: LCM cannot use this URL", url);
     return FOVEA_OK;

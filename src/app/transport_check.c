@@ -12,7 +12,7 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "app/transport_address.h"
+#include "app/transport_url.h"
 
 enum { TRIES = 10, TRY_MS = 50 };
 
@@ -77,7 +77,8 @@ enum fovea_status fv_transport_check(const char *url, uint32_t ttl, struct fovea
     struct sockaddr_in address;
     enum fovea_status status = fv_transport_open(url, ttl, &transport, error);
     if (status != FOVEA_OK || transport == NULL) return status;
-    if (fv_transport_udpm(url, &address) == 1) { /* other providers have no multicast that could be missing */
+    if (fv_transport_kind_of(url) == FV_TRANSPORT_UDPM) { /* what can be known of the others, opening has found */
+        fv_transport_udpm(url, &address);
         const char *what;
         int listener = open_listener(&address, &what);
         if (listener < 0) {

@@ -5,6 +5,7 @@
 
 #include <stddef.h>
 #include <stdint.h>
+#include <string.h>
 
 #ifdef __cplusplus
 extern "C" {
@@ -17,6 +18,21 @@ static inline uint64_t fv_hash(uint64_t hash, const void *data, size_t bytes)
     const uint8_t *byte = (const uint8_t *)data;
     for (size_t i = 0; i < bytes; i++) hash = (hash ^ byte[i]) * UINT64_C(1099511628211);
     return hash;
+}
+
+/* The same for much data at once, several bytes a cycle: four interleaved FNV-1a hashes over words of 8 bytes
+ * (little-endian processors), then fv_hash over the four and the bytes that are left. */
+static inline uint64_t fv_hash_bulk(uint64_t hash, const void *data, size_t bytes)
+{
+    const uint8_t *from = (const uint8_t *)data;
+    uint64_t lane[4], word[4];
+    size_t at = 0;
+    for (uint64_t i = 0; i < 4; i++) lane[i] = hash + i;
+    for (; at + sizeof word <= bytes; at += sizeof word) {
+        memcpy(word, from + at, sizeof word);
+        for (int i = 0; i < 4; i++) lane[i] = (lane[i] ^ word[i]) * UINT64_C(1099511628211);
+    }
+    return fv_hash(fv_hash(hash, lane, sizeof lane), from + at, bytes - at);
 }
 
 #ifdef __cplusplus

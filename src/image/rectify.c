@@ -28,7 +28,7 @@ static bool place_of(const struct fv_view *view, const struct fovea_camera *came
     if (x >= view->width || !fv_view_to_raw(view, camera, x, y, raw)) return false;
     for (int i = 0; i < 2; i++) {
         const double at = raw[i] * FRACTION + 0.5;
-        if (!(at >= -FRACTION / 2 && at <= (size[i] - 0.5) * FRACTION)) return false;
+        if (!(at >= -0.5 * FRACTION && at <= (size[i] - 0.5) * FRACTION)) return false;
         const int32_t whole = (int32_t)fovea_floor(at), last = (size[i] - 1) * FRACTION - 1;
         place[i] = whole < 0 ? 0 : whole > last ? last : whole;
     }

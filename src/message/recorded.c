@@ -60,13 +60,15 @@ uint32_t fv_message_frame_encode(const struct fovea_frame *frame, int64_t utc_of
     return bytes > 0 ? (uint32_t)bytes : 0;
 }
 
-uint32_t fv_message_inputs_encode(const struct fovea_inputs *inputs, uint8_t *buffer, size_t capacity)
+uint32_t fv_message_inputs_encode(const struct fovea_inputs *inputs, uint64_t frame_hash, uint8_t *buffer,
+                                  size_t capacity)
 {
     int32_t units[FOVEA_JOB_COUNT];
     for (int job = 0; job < FOVEA_JOB_COUNT; job++)
         units[job] = (int32_t)inputs->grants.units[job];
     const fovea_inputs_t message = {
         .has_frame = inputs->frame != NULL,
+        .frame_hash = (int64_t)frame_hash,
         .now_ns = inputs->now_ns,
         .source_state = (int8_t)inputs->source_state,
         .delivered = (int64_t)inputs->source_counts.delivered,
@@ -163,13 +165,14 @@ static bool begin(struct reader *reader, const char *type, const uint8_t *data, 
 }
 
 bool fv_message_inputs_decode(const uint8_t *data, size_t bytes, struct fovea_inputs *inputs, bool *has_frame,
-                              const char **problem, size_t *at)
+                              uint64_t *frame_hash, const char **problem, size_t *at)
 {
     struct reader reader;
     if (!begin(&reader, "fovea.inputs_t", data, bytes, problem, at)) return false;
     struct fovea_inputs found;
     memset(&found, 0, sizeof found);
     bool frame = next_bits(&reader) != 0;
+    uint64_t hash = next_bits(&reader);
     found.now_ns = next_i64(&reader);
     uint64_t source_state = next_bits(&reader);
     if (source_state > FOVEA_SOURCE_ENDED) {
@@ -193,6 +196,7 @@ bool fv_message_inputs_decode(const uint8_t *data, size_t bytes, struct fovea_in
     if (!next_grants(&reader, &found.grants, problem, at)) return false;
     *inputs = found;
     *has_frame = frame;
+    *frame_hash = hash;
     return true;
 }
 

@@ -26,15 +26,16 @@ size_t fv_message_frame_image_bytes(const struct fovea_frame *frame);
 
 uint32_t fv_message_frame_encode(const struct fovea_frame *frame, int64_t utc_offset_ns, uint8_t *buffer,
                                  size_t capacity);
-uint32_t fv_message_inputs_encode(const struct fovea_inputs *inputs, uint8_t *buffer, size_t capacity);
+uint32_t fv_message_inputs_encode(const struct fovea_inputs *inputs, uint64_t frame_hash, uint8_t *buffer,
+                                  size_t capacity);
 uint32_t fv_message_grants_encode(int64_t now_ns, const struct fovea_grants *grants, uint8_t *buffer,
                                   size_t capacity);
 
-/* `has_frame` says whether a frame went with these inputs; inputs->frame is NULL. Jobs that this build does
- * not have are refused, jobs that the recording did not have get no units. On refusal `*problem` and `*at`
- * (byte within the message) say why and where. */
+/* `has_frame` and `frame_hash` tell of the frame that went with these inputs; inputs->frame is NULL. Jobs that
+ * this build does not have are refused, jobs that the recording did not have get no units. On refusal
+ * `*problem` and `*at` (byte within the message) say why and where. */
 bool fv_message_inputs_decode(const uint8_t *data, size_t bytes, struct fovea_inputs *inputs, bool *has_frame,
-                              const char **problem, size_t *at);
+                              uint64_t *frame_hash, const char **problem, size_t *at);
 bool fv_message_grants_decode(const uint8_t *data, size_t bytes, struct fovea_grants *grants,
                               const char **problem, size_t *at);
 

@@ -156,8 +156,15 @@ static void check_turn(struct fovea_log *log, uint32_t n)
     }
     struct fovea_inputs inputs;
     bool has_frame;
+    uint64_t hash;
     expect_event(log, &event, "ROBOT/LEFT_INPUTS");
-    assert_true(fv_message_inputs_decode(event.data, event.bytes, &inputs, &has_frame, &why, &at));
+    assert_true(fv_message_inputs_decode(event.data, event.bytes, &inputs, &has_frame, &hash, &why, &at));
+    memset(pixels, n & 255, sizeof pixels);
+    const struct fovea_frame same = {
+        .image = {pixels, WIDTH, HEIGHT, WIDTH, FOVEA_PIXEL_GREY8, IMAGE_BYTES}};
+    assert_true(hash == (has_frame ? fv_recording_frame_hash(&same) : 0));
+    pixels[IMAGE_BYTES - 7] ^= 1;
+    assert_true(hash != fv_recording_frame_hash(&same));
     assert_true(has_frame == (n % 4 != 3) && inputs.now_ns == 1000000000LL + n * 10000000LL);
     assert_true(inputs.source_state == FOVEA_SOURCE_LATE && inputs.source_counts.delivered == n &&
                 inputs.source_counts.recovered == 4 && inputs.commands == (n % 5 == 0) &&
@@ -283,7 +290,7 @@ static void test_slow_disk(void **state)
     int reader = open(pipe_path, O_RDONLY | O_NONBLOCK); /* takes nothing until the recording has ended */
     assert_true(reader >= 0);
     snprintf(path, sizeof path, "%s", pipe_path);
-    struct fv_recorder *recorder = open_recorder(0);
+    struct fv_recorder *recorder = open_recorder(24 * IMAGE_BYTES);
     for (uint32_t n = 0; n < 100; n++)
         record_turn(recorder, n);
     fcntl(reader, F_SETFL, 0);

@@ -128,7 +128,8 @@ static const char *const wrong_arguments[][2] = {
     {"fovea run --frames 1e3", "--frames|'1e3'"},
     {"fovea run --frames 99999999999999999999", "--frames|'99999999999999999999'"},
     {"fovea run --start 1.5", "--start|'1.5'"},
-    {"fovea run --step 0", "--step|found 0"},
+    {"fovea run --step 0", "--step|'0'|from 1"},
+    {"fovea run --step -2", "--step|'-2'|from 1"},
     {"fovea run --step x", "--step|'x'"},
     {"fovea run --reverse=yes", "--reverse|no value"},
     {"fovea run -z", "-z"},
@@ -145,6 +146,8 @@ static const char *const wrong_arguments[][2] = {
     {"fovea run --stats @/text.yaml --config @/text.yaml", "--stats|@/text.yaml|--config"},
     {"fovea run --stats @/one --trajectory @/one", "--stats|@/one|--trajectory"},
     {"fovea run --camera @/none.yaml", "@/none.yaml"},
+    {"fovea run --config @/camera.yaml", "@/camera.yaml:2: camera: |/none/cam.yaml"},
+    {"fovea run --config @/record.yaml --frames 1 --timings none", "@/record.yaml:1: record: |/none/run.lcm"},
     {"fovea run --set", "--set|value missing"},
     {"fovea run --set seed", "--set|seed"},
     {"fovea run --set sed=1", "--set|sed|'seed'"},
@@ -153,6 +156,11 @@ static const char *const wrong_arguments[][2] = {
     {"fovea run --set preview.level=7 --set features.pyramid_levels=3", "preview.level|--set"},
     {"fovea run --set lcm_url=http://here --timings none", "lcm_url|http://here"},
     {"fovea run --set lcm_url=udpm://1.2.3.4:7667 --timings none", "lcm_url|1.2.3.4"},
+    {"fovea run --set lcm_url=file://@/x.log --timings none", "lcm_url|@/x.log|mode=w"},
+    {"fovea run --set lcm_url=udpm://239.255.76.67:7667?ttl=x --timings none", "lcm_url|ttl=0 to 255"},
+    {"fovea run --set lcm_url=udpm://239.255.76.67:7667?lot=1 --timings none", "lcm_url|lot=1|recv_buf_size"},
+    {"fovea check --set lcm_url=udpm://:7667", "lcm_url|udpm://:7667"},
+    {"fovea run --set lcm_ttl=\"0\"", "lcm_ttl|the text '0'"},
     {"fovea run --set mask=@/none.png --timings none", "mask|@/none.png"},
     {"fovea run --set mask=@/text.yaml --timings none", "mask|@/text.yaml"},
     {"fovea run --source", "--source|value missing"},
@@ -164,6 +172,8 @@ static const char *const wrong_arguments[][2] = {
     {"fovea run --source sim:orbit?seed=x", "seed|'x'"},
     {"fovea run --source sim:orbit?width=10", "width|10"},
     {"fovea run --source sim:orbit?width", "width"},
+    {"fovea run --source sim:?seed=1&width=320&seed=2", "seed|second time"},
+    {"fovea run --source sim:?seed=-1", "seed|[0, 9007199254740992]"},
     {"fovea run --source euroc:", "mav0"},
     {"fovea run --source euroc:@/none", "@/none"},
     {"fovea run --source euroc:@", "@"},
@@ -187,7 +197,10 @@ static const char *const wrong_arguments[][2] = {
 static void test_arguments(void **state)
 {
     (void)state;
+    static const char camera[] = "seed: 1\ncamera: /none/cam.yaml\n", record[] = "record: /none/run.lcm\nlcm_url: ''\n";
     file_write("text.yaml", "seed: 1\n", 8);
+    file_write("camera.yaml", camera, sizeof camera - 1);
+    file_write("record.yaml", record, sizeof record - 1);
     for (size_t i = 0; i < sizeof wrong_arguments / sizeof wrong_arguments[0]; i++)
         assert_refused(wrong_arguments[i][0], wrong_arguments[i][1]);
 }
@@ -387,7 +400,8 @@ static int folder_make(void **state)
 
 static int folder_remove(void **state)
 {
-    const char *const names[] = {"text.yaml", "value.yaml", "key.yaml", "mutated.yaml", "cam.yaml"};
+    const char *const names[] = {"text.yaml",    "camera.yaml", "record.yaml", "value.yaml", "key.yaml",
+                                       "mutated.yaml", "cam.yaml"};
     (void)state;
     for (size_t i = 0; i < sizeof names / sizeof names[0]; i++) {
         char path[256];

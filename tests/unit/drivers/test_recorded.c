@@ -263,15 +263,58 @@ static void test_damage_is_counted_and_named(void **state)
         ops->requeue(source, &frame);
     }
     assert_int_equal(ops->dequeue(source, INT64_MAX, &frame), FOVEA_END);
-    struct fovea_error first = {.text = ""}, second = {.text = ""};
-    assert_int_equal(ops->complaint(source, &first), FOVEA_OK);
-    assert_int_equal(ops->complaint(source, &second), FOVEA_OK);
+    for (int i = 2; i < 10; ++i) { /* each is named, in order */
+        struct fovea_error error = {.text = ""};
+        char file[32];
+        assert_int_equal(ops->complaint(source, &error), FOVEA_OK);
+        snprintf(file, sizeof file, "%06d.png: ", i);
+        assert_non_null(strstr(error.text, file));
+        if (i == 2) assert_non_null(strstr(error.text, "cannot be opened: No such file or directory"));
+        if (i == 3) assert_non_null(strstr(error.text, "damaged PNG near byte"));
+    }
     assert_int_equal(ops->complaint(source, NULL), FOVEA_AGAIN);
-    assert_non_null(strstr(first.text, "000002.png: cannot be opened: No such file or directory"));
-    assert_non_null(strstr(second.text, "000003.png: damaged PNG near byte"));
     ops->stop(source);
     ops->close(source);
     fv_test_folder_remove(top);
+}
+
+static enum fovea_status fetch_nothing(void *recording, uint64_t index, struct fv_slot *slot,
+                                       struct fovea_error *error)
+{
+    (void)recording;
+    (void)slot;
+    return fovea_error_set(error, FOVEA_GONE, "frame %04d of a folder with rather a long name: not there", (int)index);
+}
+
+static void close_missing(void *recording)
+{
+    (void)recording;
+}
+
+/* Thousands of missing frames: all named where somebody asks; where nobody does, the reader goes on and counts. */
+static void test_many_missing(void **state)
+{
+    (void)state;
+    enum { MANY = 3000 };
+    static const struct fv_recording_ops nothing = {.fetch = fetch_nothing, .close = close_missing};
+    const struct fovea_source_info info = {.width = W, .height = 1, .format = FOVEA_PIXEL_GREY8};
+    for (int asked = 0; asked < 2; ++asked) {
+        struct fovea_source *source;
+        struct fovea_error error;
+        struct fovea_frame frame;
+        unsigned named = 0, unnamed = 0;
+        assert_int_equal(fv_player_open(&nothing, NULL, MANY, 0, "nothing", &everything, &info, &source, &error), FOVEA_OK);
+        assert_int_equal(fv_player_start(source, &error), FOVEA_OK);
+        while (asked && fv_player_dequeue(source, 0, &frame) == FOVEA_AGAIN)
+            for (; fv_player_complaint(source, &error) == FOVEA_OK; ++named)
+                assert_int_equal(strtol(error.text + strlen("frame "), NULL, 10), named);
+        assert_int_equal(fv_player_dequeue(source, INT64_MAX, &frame), FOVEA_END);
+        for (; fv_player_complaint(source, &error) == FOVEA_OK; ++named)
+            if (strstr(error.text, "more frames") != NULL) unnamed = (unsigned)strtoul(error.text, NULL, 10) - 1;
+        assert_int_equal(named + unnamed, MANY);
+        assert_true(asked ? unnamed == 0 : unnamed > 0);
+        fv_player_close(source);
+    }
 }
 
 static int64_t now_ns(void)
@@ -512,6 +555,7 @@ int main(void)
         cmocka_unit_test(test_size_limits),
         cmocka_unit_test(test_pictures_and_truth),
         cmocka_unit_test(test_damage_is_counted_and_named),
+        cmocka_unit_test(test_many_missing),
         cmocka_unit_test(test_deadline_passes_while_decoding),
         cmocka_unit_test(test_start_again),
         cmocka_unit_test(test_natural_order),
