@@ -59,6 +59,12 @@ static bool store_number(void *to, const struct fv_uri_option *option, const cha
     return true;
 }
 
+/* Behind the point, for a bound: none where it is whole. */
+static int digits_of(double bound)
+{
+    return bound == (double)(int64_t)bound ? 0 : 2;
+}
+
 static enum fovea_status store(const struct fv_uri_table *table, const struct fv_uri_option *option,
                                const char *value, void *options, struct fovea_error *error)
 {
@@ -70,10 +76,10 @@ static enum fovea_status store(const struct fv_uri_table *table, const struct fv
     if (word)
         return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: %s: found %s, expected %s", table->scheme,
                                option->name, quoted, option->unit);
-    return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: %s: found %s, expected %s in [%.15g, %.15g] (%s)",
+    return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: %s: found %s, expected %s in [%.*f, %.*f] (%s)",
                            table->scheme, option->name, quoted,
-                           option->kind == FV_URI_REAL ? "a number" : "a whole number", option->low,
-                           option->high, option->unit);
+                           option->kind == FV_URI_REAL ? "a number" : "a whole number", digits_of(option->low),
+                           option->low, digits_of(option->high), option->high, option->unit);
 }
 
 /* One "name=value". */
@@ -90,6 +96,9 @@ static enum fovea_status parse_option(const struct fv_uri_table *table, char *te
         names[i] = table->options[i].name;
         if (strcmp(text, names[i]) != 0) continue;
         option = &table->options[i];
+        if (*given >> i & 1)
+            return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: %s: found a second time, expected once",
+                                   table->scheme, text);
         *given |= UINT64_C(1) << i;
     }
     names[table->count] = table->other_prefix;
