@@ -6,6 +6,7 @@
 #include "fovea/source.h"
 #include "fovea/text.h"
 #include "recorded/player.h"
+#include "sequence.h"
 #include "sim/sim.h"
 
 const struct fovea_source_ops *const fovea_source_table[] = {
@@ -16,6 +17,7 @@ const struct fovea_source_ops *const fovea_source_table[] = {
     &fovea_source_images,
     &fovea_source_lcmlog,
     &fovea_source_video,
+    &fovea_source_sequence,
     NULL,
 };
 

@@ -110,6 +110,11 @@ static struct row rows[] = {
      .make = fv_test_video,
      .in_order_only = true,
      .wrong = {"/nonexistent", "/", "", "/dev/null"}},
+    {.name = "sequence",
+     .address = "sim:orbit?width=96&height=64&frames=5 then "
+                "sim:orbit?width=96&height=64&fov=70&frames=40[start=9,step=2,frames=16,reverse]",
+     .in_order_only = true,
+     .wrong = {"", "sim:orbit then ", "sim:orbit[steps=2]", "sequence:sim:"}},
 };
 
 static struct row *row_of(const struct fovea_source_ops *ops)

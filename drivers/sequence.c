@@ -1,0 +1,459 @@
+/* Several recordings played one after the other, as if one camera had made them.
+ *
+ *     sequence:PART then PART ...       PART: URI, or URI[start=N,step=N,frames=N,reverse]
+ *
+ * All parts are open from the start; each goes on one period after the last frame of the one before. Frames
+ * come as the first part's camera would have seen them: a part with another calibration is resampled
+ * (bilinear, edge pixels repeated beyond its border). Truth goes with the picture, so parts of different
+ * recordings have different worlds. `sequence` of a frame counts all frames played. Live sources cannot be
+ * parts. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "fovea/source.h"
+#include "fovea/text.h"
+#include "sequence.h"
+
+enum { PARTS_MAX = 8, ADDRESS_MAX = 4096, FRACTION_BITS = 5, PLACE_MAX = 1 << (16 - FRACTION_BITS) };
+
+/* Where a pixel comes from: pixels of the part's image times 2^FRACTION_BITS, within its border. */
+struct from {
+    uint16_t x, y;
+};
+
+struct part {
+    const struct fovea_source_ops *ops;
+    struct fovea_source *source;
+    struct from *map; /* NULL: the picture fits as it is */
+};
+
+struct held {
+    bool used;
+    uint32_t part;
+    struct fovea_frame own; /* as the part gave it */
+    uint8_t *pixels;        /* of a resampled picture */
+};
+
+struct fovea_source { /* NOLINT(clang-analyzer-optin.performance.Padding): in order of meaning */
+    struct fovea_source_info info;
+    struct fovea_source_selection selection;
+    struct part parts[PARTS_MAX];
+    uint32_t count, playing;
+    bool started;
+    struct held held[FOVEA_SOURCE_FRAMES_HELD];
+    uint64_t position; /* of the next frame among all */
+    uint64_t delivered;
+    int64_t period_ns, last_ns; /* stamp of the last frame, moved */
+    int64_t move_ns;            /* added to stamps of the part that plays */
+    bool any, begun;            /* a frame came; the part that plays has given one */
+};
+
+/* ---- reading the address ------------------------------------------------------------------------------- */
+
+static enum fovea_status read_option(const char *option, struct fovea_source_selection *selection,
+                                     struct fovea_error *error)
+{
+    struct {
+        const char *name;
+        uint64_t *value;
+    } const names[] = {
+        {"start=", &selection->start}, {"step=", &selection->step}, {"frames=", &selection->frames}};
+    char quoted[FOVEA_TEXT_QUOTED_BYTES];
+    if (strcmp(option, "reverse") == 0) {
+        selection->reverse = true;
+        return FOVEA_OK;
+    }
+    for (size_t i = 0; i < sizeof names / sizeof names[0]; i++) {
+        int64_t value;
+        const size_t length = strlen(names[i].name);
+        if (strncmp(option, names[i].name, length) != 0) continue;
+        if (!fovea_text_integer(option + length, &value) || value < 0) break;
+        *names[i].value = (uint64_t)value;
+        return FOVEA_OK;
+    }
+    return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                           "sequence: found %s, expected start=N, step=N, frames=N or reverse",
+                           fovea_text_quote(option, quoted, sizeof quoted));
+}
+
+/* Take the brackets at the end of a part off it. */
+static enum fovea_status read_selection(char *text, struct fovea_source_selection *selection,
+                                        struct fovea_error *error)
+{
+    *selection = (struct fovea_source_selection){.step = 1};
+    const size_t length = strlen(text);
+    char *open = strrchr(text, '[');
+    if (open == NULL || text[length - 1] != ']') return FOVEA_OK;
+    text[length - 1] = '\0';
+    *open = '\0';
+    for (char *option = open + 1, *end; option != NULL; option = end) {
+        end = strchr(option, ',');
+        if (end != NULL) *end++ = '\0';
+        const enum fovea_status status = read_option(option, selection, error);
+        if (status != FOVEA_OK) return status;
+    }
+    return FOVEA_OK;
+}
+
+static enum fovea_status open_part(struct fovea_source *source, char *text, struct fovea_error *error)
+{
+    struct fovea_source_selection selection;
+    char quoted[FOVEA_TEXT_QUOTED_BYTES];
+    const char *address;
+    if (source->count == PARTS_MAX)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "sequence: found more than %d parts", PARTS_MAX);
+    struct part *part = &source->parts[source->count];
+    enum fovea_status status = read_selection(text, &selection, error);
+    if (status == FOVEA_OK) status = fovea_source_find(text, &part->ops, &address, error);
+    if (status != FOVEA_OK) return status;
+    if (part->ops == &fovea_source_sequence)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "sequence: found %s as a part, expected no sequence",
+                               fovea_text_quote(text, quoted, sizeof quoted));
+    status = part->ops->open(address, &selection, &part->source, error);
+    if (status != FOVEA_OK) return status;
+    source->count++;
+    if (part->ops->info(part->source)->live)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "sequence: found the live source %s, expected recordings",
+                               fovea_text_quote(text, quoted, sizeof quoted));
+    return FOVEA_OK;
+}
+
+/* ---- one camera for all -------------------------------------------------------------------------------- */
+
+static bool same_camera(const struct fovea_source_info *a, const struct fovea_source_info *b)
+{
+    const struct fovea_camera *p = &a->camera, *q = &b->camera;
+    if (a->width != b->width || a->height != b->height || a->format != b->format) return false;
+    if (!a->has_camera || !b->has_camera) return true;
+    return p->lens == q->lens && p->fx == q->fx && p->fy == q->fy && p->cx == q->cx && p->cy == q->cy &&
+           memcmp(p->k, q->k, sizeof p->k) == 0;
+}
+
+static uint16_t fixed(double place, int32_t size)
+{
+    const double most = size - 1;
+    return (uint16_t)((place < 0 ? 0 : place > most ? most : place) * (1 << FRACTION_BITS) + 0.5);
+}
+
+static enum fovea_status make_map(const struct fovea_source_info *to, struct part *part,
+                                  struct fovea_error *error)
+{
+    const struct fovea_source_info *from = part->ops->info(part->source);
+    if (same_camera(to, from)) return FOVEA_OK;
+    if (!to->has_camera || !from->has_camera || to->format != FOVEA_PIXEL_GREY8 ||
+        from->format != FOVEA_PIXEL_GREY8 || from->width > PLACE_MAX || from->height > PLACE_MAX)
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT,
+            "sequence: found a part of %d x %d pixels after one of %d x %d, expected the same "
+            "or grey pictures of known cameras, at most %d each way",
+            from->width, from->height, to->width, to->height, PLACE_MAX);
+    part->map = malloc((size_t)to->width * (size_t)to->height * sizeof *part->map);
+    if (part->map == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "sequence: out of memory");
+    struct from *at = part->map;
+    for (int32_t y = 0; y < to->height; y++)
+        for (int32_t x = 0; x < to->width; x++, at++) {
+            const double pixel[2] = {x, y};
+            double bearing[3], place[2] = {0, 0};
+            *at = (struct from){0, 0}; /* where the lens sees nothing: the corner */
+            if (fovea_camera_unproject(&to->camera, pixel, bearing, NULL) != FOVEA_OK ||
+                fovea_camera_project(&from->camera, bearing, place, NULL) != FOVEA_OK)
+                continue;
+            *at = (struct from){fixed(place[0], from->width), fixed(place[1], from->height)};
+        }
+    return FOVEA_OK;
+}
+
+/* Bilinear, rounded. */
+static void resample(const struct fovea_source_info *info, const struct from *map,
+                     const struct fovea_image *from, uint8_t *to)
+{
+    const int32_t one = 1 << FRACTION_BITS;
+    const size_t count = (size_t)info->width * (size_t)info->height;
+    for (size_t i = 0; i < count; i++) {
+        const int32_t x = map[i].x >> FRACTION_BITS, y = map[i].y >> FRACTION_BITS;
+        const int32_t u = map[i].x & (one - 1), v = map[i].y & (one - 1);
+        const uint8_t *row = from->data + (size_t)y * (size_t)from->stride_bytes + x;
+        const uint8_t *below = v > 0 ? row + from->stride_bytes : row;
+        const int32_t right = u > 0;
+        const int32_t upper = row[0] * (one - u) + row[right] * u,
+                      lower = below[0] * (one - u) + below[right] * u;
+        to[i] = (uint8_t)((upper * (one - v) + lower * v + one * one / 2) >> (2 * FRACTION_BITS));
+    }
+}
+
+/* ---- open and close ------------------------------------------------------------------------------------ */
+
+static void sequence_close(struct fovea_source *source)
+{
+    for (uint32_t i = 0; i < source->count; i++) {
+        source->parts[i].ops->close(source->parts[i].source);
+        free(source->parts[i].map);
+    }
+    for (int i = 0; i < FOVEA_SOURCE_FRAMES_HELD; i++)
+        free(source->held[i].pixels);
+    free(source);
+}
+
+static enum fovea_status open_parts(struct fovea_source *source, char *text, struct fovea_error *error)
+{
+    static const char between[] = " then ";
+    enum fovea_status status = FOVEA_OK;
+    for (char *part = text, *next; part != NULL && status == FOVEA_OK; part = next) {
+        next = strstr(part, between);
+        if (next != NULL) {
+            *next = '\0';
+            next += sizeof between - 1;
+        }
+        status = open_part(source, part, error);
+    }
+    return status;
+}
+
+static uint64_t frames_of(const struct fovea_source_selection *selection, uint64_t all)
+{
+    const uint64_t left = all > selection->start ? (all - selection->start - 1) / selection->step + 1 : 0;
+    return selection->frames > 0 && selection->frames < left ? selection->frames : left;
+}
+
+static enum fovea_status unite(struct fovea_source *source, struct fovea_error *error)
+{
+    struct fovea_source_info *info = &source->info;
+    *info = *source->parts[0].ops->info(source->parts[0].source);
+    const size_t bytes = (size_t)info->width * (size_t)info->height;
+    uint64_t frames = 0;
+    bool known = true, maps = false;
+    info->heap_bytes = sizeof *source;
+    info->has_truth = true;
+    for (uint32_t i = 0; i < source->count; i++) {
+        const enum fovea_status status = make_map(info, &source->parts[i], error);
+        if (status != FOVEA_OK) return status;
+        const struct fovea_source_info *own = source->parts[i].ops->info(source->parts[i].source);
+        known = known && own->frame_count > 0;
+        frames += own->frame_count;
+        maps = maps || source->parts[i].map != NULL;
+        info->heap_bytes +=
+            own->heap_bytes + (source->parts[i].map != NULL ? bytes * sizeof(struct from) : 0);
+        info->has_truth = info->has_truth && own->has_truth;
+    }
+    for (int i = 0; maps && i < FOVEA_SOURCE_FRAMES_HELD; i++) {
+        source->held[i].pixels = malloc(bytes);
+        if (source->held[i].pixels == NULL)
+            return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "sequence: out of memory");
+        info->heap_bytes += bytes;
+    }
+    source->period_ns = (int64_t)(1e9 / (info->rate_hz > 0 ? info->rate_hz : 30));
+    info->frame_count = known ? frames_of(&source->selection, frames) : source->selection.frames;
+    info->rate_hz /= (double)source->selection.step;
+    if (known && info->frame_count == 0)
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                               "start: found %llu, expected less than %llu frames",
+                               (unsigned long long)source->selection.start, (unsigned long long)frames);
+    return FOVEA_OK;
+}
+
+static enum fovea_status sequence_open(const char *address, const struct fovea_source_selection *selection,
+                                       struct fovea_source **opened, struct fovea_error *error)
+{
+    char text[ADDRESS_MAX];
+    if (selection->step == 0)
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "step: found 0, expected at least 1");
+    if (selection->reverse)
+        return fovea_error_set(
+            error, FOVEA_ERROR_UNSUPPORTED,
+            "sequence: cannot be played in reverse as a whole, expected [reverse] after a part");
+    if (strlen(address) >= sizeof text)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "sequence: found %zu bytes, expected less than %d",
+                               strlen(address), ADDRESS_MAX);
+    struct fovea_source *source = calloc(1, sizeof *source);
+    if (source == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "sequence: out of memory");
+    source->selection = *selection;
+    strcpy(text, address);
+    enum fovea_status status = open_parts(source, text, error);
+    if (status == FOVEA_OK) status = unite(source, error);
+    if (status != FOVEA_OK)
+        sequence_close(source);
+    else
+        *opened = source;
+    return status;
+}
+
+/* ---- playing ------------------------------------------------------------------------------------------- */
+
+static const struct fovea_source_info *sequence_info(const struct fovea_source *source)
+{
+    return &source->info;
+}
+
+static void sequence_stop(struct fovea_source *source)
+{
+    for (uint32_t i = 0; source->started && i < source->count; i++)
+        source->parts[i].ops->stop(source->parts[i].source);
+    source->started = false;
+}
+
+static enum fovea_status sequence_start(struct fovea_source *source, struct fovea_error *error)
+{
+    for (uint32_t i = 0; i < source->count; i++) {
+        const enum fovea_status status = source->parts[i].ops->start(source->parts[i].source, error);
+        if (status == FOVEA_OK) continue;
+        while (i-- > 0)
+            source->parts[i].ops->stop(source->parts[i].source);
+        return status;
+    }
+    source->started = true;
+    return FOVEA_OK;
+}
+
+/* Whether a frame is among those selected; counts it. */
+static bool chosen(struct fovea_source *source)
+{
+    const uint64_t position = source->position++;
+    return position >= source->selection.start &&
+           (position - source->selection.start) % source->selection.step == 0;
+}
+
+/* The stamp of a frame of the part that plays, moved behind the part before. */
+static int64_t moved_stamp(struct fovea_source *source, int64_t stamp_ns)
+{
+    if (!source->begun)
+        source->move_ns =
+            source->any
+                ? (int64_t)((uint64_t)source->last_ns + (uint64_t)source->period_ns - (uint64_t)stamp_ns)
+                : 0;
+    source->begun = source->any = true;
+    return source->last_ns = (int64_t)((uint64_t)stamp_ns + (uint64_t)source->move_ns);
+}
+
+static void hand_out(struct fovea_source *source, uint32_t slot, struct fovea_frame *frame)
+{
+    struct held *held = &source->held[slot];
+    const struct part *part = &source->parts[held->part];
+    *frame = held->own;
+    frame->stamp_ns = source->last_ns;
+    frame->clock = FOVEA_CLOCK_RECORDED;
+    frame->sequence = source->position - 1;
+    frame->slot = slot;
+    if (part->map == NULL) return;
+    resample(&source->info, part->map, &held->own.image, held->pixels);
+    frame->image =
+        (struct fovea_image){.data = held->pixels,
+                             .width = source->info.width,
+                             .height = source->info.height,
+                             .stride_bytes = source->info.width,
+                             .format = FOVEA_PIXEL_GREY8,
+                             .size_bytes = (size_t)source->info.width * (size_t)source->info.height};
+}
+
+static enum fovea_status sequence_dequeue(struct fovea_source *source, int64_t deadline_ns,
+                                          struct fovea_frame *frame)
+{
+    uint32_t slot = 0;
+    if (!source->started) return FOVEA_END;
+    while (slot < FOVEA_SOURCE_FRAMES_HELD && source->held[slot].used)
+        slot++;
+    if (slot == FOVEA_SOURCE_FRAMES_HELD) return FOVEA_AGAIN;
+    if (source->selection.frames > 0 && source->delivered == source->selection.frames)
+        source->playing = source->count;
+    while (source->playing < source->count) {
+        struct part *part = &source->parts[source->playing];
+        struct held *held = &source->held[slot];
+        const enum fovea_status status = part->ops->dequeue(part->source, deadline_ns, &held->own);
+        if (status == FOVEA_END) {
+            source->playing++;
+            source->begun = false;
+            continue;
+        }
+        if (status != FOVEA_OK) return status;
+        (void)moved_stamp(source, held->own.stamp_ns);
+        if (!chosen(source)) {
+            part->ops->requeue(part->source, &held->own);
+            continue;
+        }
+        held->used = true;
+        held->part = source->playing;
+        source->delivered++;
+        hand_out(source, slot, frame);
+        return FOVEA_OK;
+    }
+    return FOVEA_END;
+}
+
+static void sequence_requeue(struct fovea_source *source, const struct fovea_frame *frame)
+{
+    struct held *held = &source->held[frame->slot];
+    const struct part *part = &source->parts[held->part];
+    part->ops->requeue(part->source, &held->own);
+    held->used = false;
+}
+
+/* ---- the rest of the table -------------------------------------------------------------------------------
+ */
+
+static enum fovea_status sequence_truth(struct fovea_source *source, const struct fovea_frame *frame,
+                                        struct fovea_truth *truth)
+{
+    const struct held *held = &source->held[frame->slot];
+    const struct part *part = &source->parts[held->part];
+    if (part->ops->truth == NULL) return FOVEA_ERROR_UNSUPPORTED;
+    const enum fovea_status status = part->ops->truth(part->source, &held->own, truth);
+    if (status != FOVEA_OK || part->map == NULL) return status;
+    truth->box_count = 0; /* these and the maps belong to the part's own picture */
+    truth->depth_m = NULL;
+    truth->class_mask = NULL;
+    return FOVEA_OK;
+}
+
+static enum fovea_status sequence_truth_pose(struct fovea_source *source, const struct fovea_frame *frame,
+                                             double T_world_cam[12])
+{
+    const struct held *held = &source->held[frame->slot];
+    const struct part *part = &source->parts[held->part];
+    if (part->ops->truth_pose == NULL) return FOVEA_ERROR_UNSUPPORTED;
+    return part->ops->truth_pose(part->source, &held->own, T_world_cam);
+}
+
+static void sequence_counts(const struct fovea_source *source, struct fovea_source_counts *counts)
+{
+    *counts = (struct fovea_source_counts){.delivered = source->delivered};
+    for (uint32_t i = 0; i < source->count; i++) {
+        struct fovea_source_counts own = {0};
+        if (source->parts[i].ops->counts != NULL) source->parts[i].ops->counts(source->parts[i].source, &own);
+        counts->missing += own.missing;
+        counts->damaged += own.damaged;
+        counts->dropped += own.dropped;
+        counts->recovered += own.recovered;
+    }
+}
+
+static enum fovea_source_state sequence_state(const struct fovea_source *source)
+{
+    return source->playing == source->count ? FOVEA_SOURCE_ENDED : FOVEA_SOURCE_OK;
+}
+
+static enum fovea_status sequence_complaint(struct fovea_source *source, struct fovea_error *error)
+{
+    for (uint32_t i = 0; i < source->count; i++)
+        if (source->parts[i].ops->complaint != NULL &&
+            source->parts[i].ops->complaint(source->parts[i].source, error) != FOVEA_AGAIN)
+            return FOVEA_OK;
+    return FOVEA_AGAIN;
+}
+
+const struct fovea_source_ops fovea_source_sequence = {
+    .name = "sequence",
+    .help = "URI[SELECTION] then URI[SELECTION]...   recordings one after the other",
+    .open = sequence_open,
+    .info = sequence_info,
+    .start = sequence_start,
+    .dequeue = sequence_dequeue,
+    .requeue = sequence_requeue,
+    .stop = sequence_stop,
+    .close = sequence_close,
+    .truth = sequence_truth,
+    .truth_pose = sequence_truth_pose,
+    .counts = sequence_counts,
+    .state = sequence_state,
+    .complaint = sequence_complaint,
+};
