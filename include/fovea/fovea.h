@@ -27,6 +27,7 @@
 #include <stdint.h>
 
 #include "fovea/camera.h"
+#include "fovea/detect.h"
 #include "fovea/features.h"
 #include "fovea/image.h"
 #include "fovea/odometry.h"
@@ -56,6 +57,7 @@ struct fovea_config {
     struct fovea_camera camera; /* prepared (fovea_camera_prepare); width x height is the frame size */
     struct fovea_features_config features;
     struct fovea_odometry_config odometry;
+    struct fovea_detect_config detect;
     struct fovea_preview_config preview;
     uint64_t seed; /* of the generator in the state, default 1 */
 
@@ -120,7 +122,8 @@ enum fovea_status fovea_memory(const struct fovea_config *config, struct fovea_m
 /* Jobs that fovea_work advances, in order of priority. */
 enum fovea_job {
     FOVEA_JOB_MAP = 0,     /* new landmarks, then window optimisation */
-    FOVEA_JOB_PREVIEW = 1, /* JPEG of a pyramid level */
+    FOVEA_JOB_DETECT = 1,  /* a network that looks for objects */
+    FOVEA_JOB_PREVIEW = 2, /* JPEG of a pyramid level */
     FOVEA_JOB_COUNT
 };
 
@@ -186,6 +189,12 @@ const struct fovea_feature *fovea_features_get(const struct fovea *rt, uint32_t 
 /* Pose of the last processed frame. */
 void fovea_pose_get(const struct fovea *rt, struct fovea_pose *pose);
 
+/* What the last completed look of the detector found; `looks` is 0 without one. Valid until the next fovea_work. */
+void fovea_detections_get(const struct fovea *rt, struct fovea_detections *detections);
+
+/* Name of a class of the configured model, "" where it has none. Any thread. */
+const char *fovea_detect_label(const struct fovea *rt, int32_t class_id);
+
 /* ---- the governor ------------------------------------------------------------------------------------------ */
 
 /* Grants of the fixed schedule: all features, and per job the guaranteed minimum. For recorded input at full speed. */
@@ -219,7 +228,8 @@ enum fovea_stage {
     FOVEA_STAGE_ODOMETRY = 2,
     FOVEA_STAGE_ENCODE = 3,
     FOVEA_STAGE_MAP = 4,     /* jobs' shares of work */
-    FOVEA_STAGE_PREVIEW = 5,
+    FOVEA_STAGE_DETECT = 5,
+    FOVEA_STAGE_PREVIEW = 6,
     FOVEA_STAGE_COUNT
 };
 const char *fovea_stage_name(enum fovea_stage stage);

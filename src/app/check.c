@@ -94,6 +94,7 @@ static enum fovea_status memory_print(struct check *check, size_t lcm_bytes, str
     if (lcm_bytes > 0) memory_row("LCM", "outside", lcm_bytes);
     memory_row("timings", "outside", sizeof(struct fv_timings));
     memory_row("trajectory", "outside", fv_trajectory_bytes());
+    if (check->setup.model.data != NULL) memory_row("model", "outside", check->setup.model.bytes);
     memory_row("stack of the loop", "outside", FV_THREAD_STACK_BYTES);
     memory_row("recorder, if recording", "outside", recorder_bytes(check));
     if (check->settings.mask[0] != '\0')

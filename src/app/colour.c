@@ -159,8 +159,12 @@ enum fovea_status fv_colour_read(const char *path, struct fovea_image *image, st
 
 enum fovea_status fv_model_file_read(const char *path, struct fv_model_file *file, struct fovea_error *error)
 {
+    *file = (struct fv_model_file){.data = NULL};
     enum fovea_status status = read_file(path, &file->data, &file->bytes, error);
-    if (status != FOVEA_OK) return status;
+    if (status != FOVEA_OK) {
+        file->data = NULL;
+        return status;
+    }
     status = fv_model_open(file->data, file->bytes, path, &file->model, error);
     if (status != FOVEA_OK) fv_model_file_free(file);
     return status;

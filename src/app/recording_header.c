@@ -27,7 +27,7 @@
 #define PROCESSOR "unknown processor"
 #endif
 
-enum { PARTS_MAX = 3 };
+enum { PARTS_MAX = 4 };
 
 static void add_part(fovea_recording_t *message, const char *name, const char *origin, const void *data,
                      size_t bytes)
@@ -98,6 +98,8 @@ enum fovea_status fv_recording_header_encode(const struct fv_settings *settings,
     if (settings->runtime.mask != NULL)
         add_part(&message, "mask", settings->mask, settings->runtime.mask,
                  (size_t)camera->width * (size_t)camera->height);
+    if (settings->runtime.detect.model != NULL)
+        add_part(&message, "model", settings->model, settings->runtime.detect.model, settings->runtime.detect.model_bytes);
     status = encode(&message, data, bytes, error);
     free(text);
     return status;
@@ -149,6 +151,20 @@ static enum fovea_status read_mask(const struct source *from, const fovea_record
     return FOVEA_OK;
 }
 
+/* What the bytes are is for fovea_init to check. */
+static enum fovea_status read_model(const struct source *from, const fovea_recording_part_t *part,
+                                    struct fv_recording_header *header, struct fovea_error *error)
+{
+    const size_t bytes = (size_t)part->size_bytes;
+    header->model = aligned_alloc(64, (bytes + 127) / 64 * 64);
+    if (header->model == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_MEMORY, "%s: no memory for the model", from->name);
+    memcpy(header->model, part->data, bytes);
+    header->settings.runtime.detect.model = header->model;
+    header->settings.runtime.detect.model_bytes = bytes;
+    return FOVEA_OK;
+}
+
 static enum fovea_status read_parts(const struct source *from, const fovea_recording_t *message,
                                     struct fv_recording_header *header, struct fovea_error *error)
 {
@@ -157,6 +173,7 @@ static enum fovea_status read_parts(const struct source *from, const fovea_recor
     const fovea_recording_part_t *configuration = find_part(message, "configuration");
     const fovea_recording_part_t *calibration = find_part(message, "calibration");
     const fovea_recording_part_t *mask = find_part(message, "mask");
+    const fovea_recording_part_t *model = find_part(message, "model");
     if (configuration == NULL || calibration == NULL)
         return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: byte %" PRId64 ": found no %s, expected one",
                                from->name, from->offset,
@@ -173,7 +190,8 @@ static enum fovea_status read_parts(const struct source *from, const fovea_recor
     }
     if (status != FOVEA_OK) return status;
     header->settings.runtime.camera = read.camera;
-    return mask != NULL ? read_mask(from, mask, header, error) : FOVEA_OK;
+    if (mask != NULL) status = read_mask(from, mask, header, error);
+    return model != NULL && status == FOVEA_OK ? read_model(from, model, header, error) : status;
 }
 
 enum fovea_status fv_recording_header_decode(const char *name, int64_t offset, const uint8_t *data,
@@ -207,7 +225,9 @@ enum fovea_status fv_recording_header_decode(const char *name, int64_t offset, c
         snprintf(header->kernel_set, sizeof header->kernel_set, "%s", message.kernel_set);
     } else {
         free(header->mask);
+        free(header->model);
         header->mask = NULL;
+        header->model = NULL;
     }
     fovea_recording_t_decode_cleanup(&message);
     return status;

@@ -21,6 +21,7 @@ enum fovea_status fv_recording_header_encode(const struct fv_settings *settings,
 struct fv_recording_header {
     struct fv_settings settings;
     uint8_t *mask;
+    void *model; /* the caller's to free, too; settings.runtime.detect.model points to it */
     bool real_time;
     char version[32], machine[96], kernel_set[32];
 };

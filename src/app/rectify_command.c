@@ -35,7 +35,7 @@ static bool read_size(const char *text, const struct fovea_image *image, int32_t
 }
 
 static enum fovea_status choose_view(const struct request *request, const struct fovea_camera *camera,
-                                     const struct fovea_image *image, struct fv_view *view,
+                                     const struct fovea_image *image, struct fv_rectified *view,
                                      struct fovea_error *error)
 {
     int32_t width, height;
@@ -53,7 +53,7 @@ static enum fovea_status choose_view(const struct request *request, const struct
                           request->keep_all ? FV_VIEW_KEEP_ALL : FV_VIEW_CROP, width, height, view, error);
 }
 
-static enum fovea_status write_camera(const char *path, const struct fv_view *view, struct fovea_error *error)
+static enum fovea_status write_camera(const char *path, const struct fv_rectified *view, struct fovea_error *error)
 {
     struct fovea_calibration calibration = {0};
     calibration.camera.width = view->width;
@@ -67,7 +67,7 @@ static enum fovea_status write_camera(const char *path, const struct fv_view *vi
 }
 
 /* Map, resample, write. */
-static enum fovea_status resample(const struct fovea_camera *camera, const struct fv_view *view,
+static enum fovea_status resample(const struct fovea_camera *camera, const struct fv_rectified *view,
                                   const struct fovea_image *image, const char *path,
                                   struct fovea_error *error)
 {
@@ -101,7 +101,7 @@ static enum fovea_status rectify(const struct request *request, const char *in, 
 {
     struct fovea_calibration calibration;
     struct fovea_image image = {0};
-    struct fv_view view;
+    struct fv_rectified view;
     enum fovea_status status = fovea_calibration_read(request->camera, request->which, &calibration, error);
     if (status == FOVEA_OK) status = fv_picture_read(in, &image, error);
     if (status == FOVEA_OK)

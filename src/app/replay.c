@@ -278,6 +278,7 @@ enum fovea_status fv_replay(const char *path, bool stop_at_difference, fv_replay
     if (status == FOVEA_OK) status = feed(replay, error);
     fovea_log_close(replay->log);
     free(replay->header.mask);
+    free(replay->header.model);
     free(replay->memory);
     free(replay->pixels);
     free(replay);

@@ -15,6 +15,7 @@
 #include "app/realtime.h"
 #include "app/recorder.h"
 #include "app/report.h"
+#include "app/results.h"
 #include "app/say.h"
 #include "app/setup.h"
 #include "app/trajectory.h"
@@ -26,7 +27,7 @@
 struct run {
     struct fv_setup_options options;
     struct fovea_source_selection selection;
-    const char *stats_path, *timings_path, *trajectory_path, *picture_path;
+    const char *stats_path, *timings_path, *trajectory_path, *picture_path, *detections_path;
     bool quiet;
 
     struct fv_settings settings;
@@ -37,6 +38,8 @@ struct run {
     struct fv_transport *transport;
     struct fv_recorder *recorder;
     struct fv_trajectory *trajectory;
+    struct fv_results *results;
+    uint64_t looks; /* of the detector, whose results were handed on */
     struct fv_loop_shared shared;
     struct fv_timings timings;
     struct fv_loop loop;
@@ -49,7 +52,7 @@ static void pace(void *context)
 {
     struct run *run = context;
     fv_recorder_pace(run->recorder);
-    while (!fv_trajectory_room(run->trajectory))
+    while (!fv_trajectory_room(run->trajectory) || !fv_results_room(run->results))
         nanosleep(&(struct timespec){.tv_nsec = 1000000}, NULL);
 }
 
@@ -79,6 +82,11 @@ static void work_done(void *context, const struct fovea_inputs *inputs, const st
     struct run *run = context;
     fv_transport_publish(run->transport, outputs);
     fv_recorder_work(run->recorder, inputs, grants, outputs);
+    struct fovea_detections detections;
+    fovea_detections_get(run->loop.rt, &detections);
+    if (detections.looks == run->looks) return;
+    run->looks = detections.looks;
+    fv_results_detections(run->results, &detections);
 }
 
 static void *loop_body(void *argument)
@@ -111,6 +119,8 @@ static enum fv_options_result options_read(struct run *run, int argc, char **arg
          "write T_world_cam of every posed frame, as published, in TUM format"},
         {"path", "FILE", FV_OPTION_TEXT, &run->picture_path,
          "where to draw the path, against the truth if known (default " PATH_FILE " here; 'none')"},
+        {"model", "FILE", FV_OPTION_TEXT, &run->options.model, "network that looks for objects (.fvm, made by tools/import)"},
+        {"detections", "FILE", FV_OPTION_TEXT, &run->detections_path, "write what it finds as COCO results JSON"},
         {"record", "FILE", FV_OPTION_TEXT, &run->options.record, "record the run for 'fovea replay'"},
         {"set", "KEY=VALUE", FV_OPTION_LIST, &run->options.sets, "override a key of the configuration"},
         {"quiet", NULL, FV_OPTION_FLAG, &run->quiet, "no status line and no summary"},
@@ -141,13 +151,15 @@ static enum fovea_status settings_read(struct run *run, struct fovea_error *erro
     const struct fv_file written[] = {
         {"--record", run->settings.record},     {"--stats", run->stats_path},
         {"--trajectory", run->trajectory_path}, {"--timings", run->timings_path},
-        {"--path", run->picture_path},          {0},
+        {"--path", run->picture_path},          {"--detections", run->detections_path},
+        {0},
     };
     const struct fv_file read[] = {
         {"--source", address != NULL ? address + 1 : NULL},
         {"--config", run->options.config},
         {"--camera", run->settings.camera},
         {"mask", run->settings.mask},
+        {"--model", run->settings.model},
         {0},
     };
     return fv_files_apart(written, read, error);
@@ -159,7 +171,10 @@ static enum fv_exit outputs_check(struct run *run)
     if (run->stats_path != NULL && (run->stats = fopen(run->stats_path, "ae")) == NULL)
         return fv_say_wrong("fovea run: --stats: %s: cannot be written: %s", run->stats_path,
                             strerror(errno));
-    enum fv_exit end = picture_probe("timings", run->timings_path);
+    if (run->detections_path != NULL && run->settings.model[0] == '\0')
+        return fv_say_wrong("fovea run: --detections: found no network, expected --model FILE");
+    enum fv_exit end = picture_probe("detections", run->detections_path);
+    if (end == FV_EXIT_OK) end = picture_probe("timings", run->timings_path);
     return end == FV_EXIT_OK ? picture_probe("path", run->picture_path) : end;
 }
 
@@ -226,6 +241,7 @@ static enum fovea_status open_all(struct run *run, struct fovea_error *error)
     status = runtime_open(run, error);
     if (status == FOVEA_OK) status = recorder_open(run, error);
     if (status == FOVEA_OK) status = fv_trajectory_open(run->trajectory_path, &run->trajectory, error);
+    if (status == FOVEA_OK) status = fv_results_open(run->detections_path, &run->results, error);
     return status == FOVEA_OK ? transport_open(run, error) : status;
 }
 
@@ -234,6 +250,7 @@ static void close_all(struct run *run)
     fv_recorder_close(run->recorder, NULL);
     fv_transport_close(run->transport);
     fv_trajectory_close(run->trajectory);
+    fv_results_close(run->results, NULL);
     fv_setup_close(&run->setup);
     if (run->memory != NULL) fv_realtime_unmap(run->memory, run->bytes);
     if (run->stats != NULL) fclose(run->stats);
@@ -273,6 +290,7 @@ static void watch(struct run *run, const sigset_t *signals)
         atomic_store(&run->shared.temperature_c, fv_process_temperature_c());
         complaints(run);
         fv_trajectory_drain(run->trajectory);
+        fv_results_drain(run->results);
         int got = sigtimedwait(signals, NULL, &wait);
         if (got == SIGUSR1) break;
         if (got == SIGINT || got == SIGTERM) atomic_store(&run->shared.stop, true);
@@ -389,10 +407,13 @@ static enum fv_exit report_write(struct run *run)
     fv_trajectory_finish(run->trajectory, &path);
     if (!run->quiet) fv_report_summary(stdout, &report);
     if (!run->quiet) path_tell(run, &path);
+    enum fovea_status results = fv_results_close(run->results, &error);
+    run->results = NULL;
     enum fv_exit end = stats_write(run, &report), pictures = pictures_draw(run, &report, &path);
     if (path.failed || path.lost > 0)
         return fv_say_failed("%s: %" PRIu64 " poses could not be written",
                              run->trajectory_path != NULL ? run->trajectory_path : "path", path.lost);
+    if (results != FOVEA_OK) return fv_say_failed("%s", error.text);
     return end != FV_EXIT_OK ? end : pictures;
 }
 

@@ -62,6 +62,8 @@ static enum fovea_status take(const struct reading *r, const struct fv_settings_
         if (status == FOVEA_OK && key->kind == FV_SETTINGS_U32) *(uint32_t *)target = (uint32_t)whole;
         if (status == FOVEA_OK && key->kind == FV_SETTINGS_I32) *(int32_t *)target = (int32_t)whole;
         return status;
+    case FV_SETTINGS_REAL:
+        return fovea_yaml_number(r->tree, node, (double)key->min, (double)key->max, (double *)target, r->error);
     case FV_SETTINGS_U64:
         status = fovea_yaml_integer(r->tree, node, key->min, key->max, &whole, r->error);
         if (status == FOVEA_OK) *(uint64_t *)target = (uint64_t)whole;

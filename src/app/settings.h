@@ -37,6 +37,7 @@ struct fv_settings {
     uint32_t lcm_ttl;
     char record[FV_SETTINGS_PATH_BYTES]; /* "": none */
     uint32_t record_buffer;              /* frames that may wait for the disk in real time */
+    char model[FV_SETTINGS_PATH_BYTES];  /* "": no detection; the runtime gets its bytes when the source is open */
     uint32_t priority;                   /* SCHED_FIFO; 0: ordinary scheduling */
     int32_t cpu;                         /* -1: any */
     bool lock_memory;
@@ -80,6 +81,7 @@ enum fv_settings_kind {
     FV_SETTINGS_U32,
     FV_SETTINGS_U64,
     FV_SETTINGS_I32,
+    FV_SETTINGS_REAL, /* double */
     FV_SETTINGS_BOOL,
     FV_SETTINGS_TEXT,     /* char[max + 1] */
     FV_SETTINGS_CHOICE,   /* int: index into choices */

@@ -81,6 +81,17 @@ const struct fv_settings_key fv_settings_keys[] = {
     {"odometry.lost_frames_reset", FV_SETTINGS_U32, AT(runtime.odometry.lost_frames_reset), 1, 10000, "frames", NULL,
      "lost for so long, a new map is started", NULL},
 
+    {"detect.model", TEXT_OF(model), "file", NULL, "network that looks for objects (.fvm, made by tools/import); empty: none",
+     NULL},
+    {"detect.period_frames", FV_SETTINGS_U32, AT(runtime.detect.period_frames), 1, 1000000, "frames", NULL,
+     "look at every so-manieth frame, when the network has finished by then", NULL},
+    {"detect.count_max", FV_SETTINGS_U32, AT(runtime.detect.count_max), 1, FOVEA_DETECTIONS_MAX, "detections", NULL,
+     "of one image, best first", "size of the message"},
+    {"detect.score_threshold", FV_SETTINGS_REAL, AT(runtime.detect.score_threshold), 0, 1, "", NULL,
+     "score that a detection needs at least; the model's own thresholds hold where they are higher", NULL},
+    {"detect.iou_threshold", FV_SETTINGS_REAL, AT(runtime.detect.iou_threshold), 0, 1, "", NULL,
+     "overlap (intersection over union) above which the lesser of two boxes goes; 0: the model's own", NULL},
+
     {"preview.period_frames", FV_SETTINGS_U32, AT(runtime.preview.period_frames), 0, 1000000, "frames", NULL,
      "one JPEG preview every so many frames; 0: none", NULL},
     {"preview.quality", FV_SETTINGS_U32, AT(runtime.preview.quality), 1, 100, "", NULL,

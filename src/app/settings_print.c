@@ -32,6 +32,7 @@ static void range_write(const struct fv_settings_key *key, char *range, size_t b
     case FV_SETTINGS_U32:
     case FV_SETTINGS_U64:
     case FV_SETTINGS_I32:
+    case FV_SETTINGS_REAL:
         snprintf(range, bytes, "[%" PRId64 " to %" PRId64 "%s%s]", key->min, key->max, space, unit);
         return;
     case FV_SETTINGS_BOOL:
@@ -112,6 +113,9 @@ static void value_print(FILE *file, const struct fv_settings *settings, const st
         return;
     case FV_SETTINGS_I32:
         fprintf(file, "%" PRId32, *(const int32_t *)at);
+        return;
+    case FV_SETTINGS_REAL:
+        number(file, *(const double *)at);
         return;
     case FV_SETTINGS_BOOL:
         fputs(*(const bool *)at ? "true" : "false", file);

@@ -6,20 +6,23 @@
 #include "app/mask.h"
 #include "fovea/calibration.h"
 
+/* `key` may stand in a section, of which the option's name has nothing. */
 static enum fovea_status set(struct fv_settings *settings, const char *key, const char *value,
                              struct fovea_error *error)
 {
+    const char *dot = strchr(key, '.');
+    const size_t section = dot != NULL ? (size_t)(dot + 1 - key) : 0;
     char assignment[FV_SETTINGS_PATH_BYTES + 64];
     if (value == NULL) return FOVEA_OK;
     int length = snprintf(assignment, sizeof assignment, "%s=%s", key, value);
     if (length >= (int)sizeof assignment)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "--%s: found %d bytes, expected at most %d", key,
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "--%s: found %d bytes, expected at most %d", key + section,
                                length, FV_SETTINGS_PATH_BYTES - 1);
     enum fovea_status status = fv_settings_set(settings, assignment, error);
     /* "--set: rate: found" would name an option that nobody gave. */
     if (status != FOVEA_OK && error != NULL && strncmp(error->text, "--set: ", 7) == 0) {
         char *text = error->text;
-        memmove(text + 2, text + 7, strlen(text + 7) + 1);
+        memmove(text + 2, text + 7 + section, strlen(text + 7 + section) + 1);
     }
     return status;
 }
@@ -36,6 +39,7 @@ enum fovea_status fv_setup_settings(const struct fv_setup_options *options, stru
     if (status == FOVEA_OK) status = set(settings, "camera", options->camera, error);
     if (status == FOVEA_OK) status = set(settings, "rate", options->rate, error);
     if (status == FOVEA_OK) status = set(settings, "record", options->record, error);
+    if (status == FOVEA_OK) status = set(settings, "detect.model", options->model, error);
     return status == FOVEA_OK ? fv_settings_check(settings, error) : status;
 }
 
@@ -47,6 +51,15 @@ static enum fovea_status camera_read(struct fv_settings *settings, struct fovea_
     enum fovea_status status = fovea_calibration_read(settings->camera, NULL, &calibration, error);
     if (status == FOVEA_OK) settings->runtime.camera = calibration.camera;
     if (status != FOVEA_OK) fv_settings_blame(settings, "camera", error);
+    return status;
+}
+
+static enum fovea_status model_read(struct fv_settings *settings, struct fv_setup *setup, struct fovea_error *error)
+{
+    if (settings->model[0] == '\0') return FOVEA_OK;
+    enum fovea_status status = fv_model_file_read(settings->model, &setup->model, error);
+    settings->runtime.detect.model = setup->model.data;
+    settings->runtime.detect.model_bytes = setup->model.bytes;
     return status;
 }
 
@@ -72,11 +85,14 @@ enum fovea_status fv_setup_open(struct fv_settings *settings, const struct fovea
     const char *address;
     *setup = (struct fv_setup){0};
     enum fovea_status status = camera_read(settings, error);
-    if (status != FOVEA_OK) return status;
+    if (status == FOVEA_OK && (status = model_read(settings, setup, error)) != FOVEA_OK)
+        fv_settings_blame(settings, "detect.model", error);
+    if (status != FOVEA_OK) return (fv_setup_close(setup), status);
     status = fovea_source_find(settings->source, &setup->ops, &address, error);
     if (status == FOVEA_OK) status = setup->ops->open(address, selection, &setup->source, error);
     if (status != FOVEA_OK) {
         fv_settings_blame(settings, "source", error);
+        fv_setup_close(setup);
         return status;
     }
     const struct fovea_source_info *info = setup->ops->info(setup->source);
@@ -95,6 +111,7 @@ void fv_setup_close(struct fv_setup *setup)
 {
     if (setup->source != NULL) setup->ops->close(setup->source);
     free(setup->mask);
+    fv_model_file_free(&setup->model);
     *setup = (struct fv_setup){0};
 }
 

@@ -3,6 +3,7 @@
 #ifndef FOVEA_APP_SETUP_H
 #define FOVEA_APP_SETUP_H
 
+#include "app/colour.h"
 #include "app/command.h"
 #include "app/options.h"
 #include "app/settings.h"
@@ -10,7 +11,7 @@
 
 /* Options that every command with a configuration has. */
 struct fv_setup_options {
-    const char *config, *source, *camera, *rate, *record;
+    const char *config, *source, *camera, *rate, *record, *model;
     struct fv_option_list sets;
 };
 
@@ -22,9 +23,10 @@ struct fv_setup {
     const struct fovea_source_ops *ops;
     struct fovea_source *source; /* open, not started */
     uint8_t *mask;               /* NULL: none */
+    struct fv_model_file model;  /* data NULL: none */
 };
 
-/* Open settings->source, and fill in settings->runtime.camera and .mask. FOVEA_ERROR_SYSTEM: the machine's
+/* Open settings->source, and fill in settings->runtime.camera, .mask and .detect.model. FOVEA_ERROR_SYSTEM: the machine's
  * fault; other errors are wrong input. Nothing is left open on error. */
 enum fovea_status fv_setup_open(struct fv_settings *settings, const struct fovea_source_selection *selection,
                                 struct fv_setup *setup, struct fovea_error *error);

@@ -15,18 +15,47 @@ enum { FV_DETECT_CANDIDATES_MAX = 1000 };
 /* Cells of the largest grid that the FOMO decoder takes. */
 enum { FV_DETECT_CELLS_MAX = 128 * 128 };
 
+/* Stricter limits than the model's own; 0 leaves one as it is. */
+struct fv_detect_limits {
+    float score, iou;
+    int32_t count;
+};
+
+struct fv_detect_candidate {
+    struct fovea_detection found;
+    int32_t order; /* in the outputs */
+};
+
+enum fv_decode_phase { FV_DECODE_SCAN = 0, FV_DECODE_SORT, FV_DECODE_SUPPRESS };
+struct fv_detect_progress {
+    int64_t at;          /* item of the scan, or candidate of the suppression, that comes next */
+    int32_t phase, left; /* candidates that the suppression has left so far */
+};
+
 /* Scratch of the decoders, in job memory. */
 struct fv_detect_scratch {
-    struct fovea_detection candidates[FV_DETECT_CANDIDATES_MAX];
-    int32_t count, smallest; /* the candidate of the lowest score once the list is full */
+    struct fv_detect_progress progress;
+    int32_t count, offered; /* candidates held; ever */
+    struct fv_detect_candidate heap[FV_DETECT_CANDIDATES_MAX];
+    struct fovea_detection candidates[FV_DETECT_CANDIDATES_MAX]; /* by falling score, once sorted */
     uint8_t dropped[FV_DETECT_CANDIDATES_MAX];
     uint8_t seen[FV_DETECT_CELLS_MAX]; /* cells already part of an object */
     int32_t stack[FV_DETECT_CELLS_MAX];
 };
 
-/* Decode the outputs of a finished run into at most `capacity` detections by falling score (ties: order of the outputs).
- * Returns how many. Outputs whose shape does not fit the decoder give none. Real-time safe; at most a pass over the outputs
- * plus FV_DETECT_CANDIDATES_MAX^2 / 2 box comparisons. */
+/* Whether the model's decoder gives boxes at all. */
+int fv_detect_gives_boxes(const struct fv_model *model);
+
+/* Decode the outputs of a finished run in units of bounded cost: start, then unit until FOVEA_OK, then take. Outputs whose
+ * shape does not fit the decoder give nothing. Real-time safe. */
+void fv_detect_decode_start(struct fv_detect_scratch *scratch);
+enum fovea_status fv_detect_decode_unit(const struct fv_model *model, uint8_t *arena, const struct fv_detect_view *view,
+                                        const struct fv_detect_limits *limits, struct fv_detect_scratch *scratch);
+/* At most `capacity` detections by falling score (ties: order of the outputs). Returns how many. */
+int32_t fv_detect_decode_take(const struct fv_model *model, const struct fv_detect_limits *limits, const struct fv_detect_scratch *scratch,
+                              struct fovea_detection *detections, int32_t capacity);
+
+/* All units at once, with the model's own limits. */
 int32_t fv_detect_decode(const struct fv_model *model, uint8_t *arena, const struct fv_detect_view *view,
                          struct fv_detect_scratch *scratch, struct fovea_detection *detections, int32_t capacity);
 

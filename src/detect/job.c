@@ -1,6 +1,6 @@
 #include "detect/job.h"
 
-#include <string.h>
+#include "detect/pixel.h"
 
 /* Input rows filled in one unit: about 0.25 ms at 20 ns per pixel. */
 static int32_t rows_per_unit(const struct fv_model *model)
@@ -23,22 +23,21 @@ enum fovea_status fv_detect_start(const struct fv_detect_memory *memory, const s
 {
     struct fv_detect_job *job = memory->job;
     if (job->phase != FV_DETECT_IDLE) return FOVEA_AGAIN;
-    const size_t bytes = (size_t)image->stride_bytes * (size_t)image->height;
     struct fv_detect_view view;
-    if (bytes > memory->pixel_bytes || bytes > image->size_bytes) return FOVEA_ERROR_UNSUPPORTED;
     const enum fovea_status status = fv_detect_view(model, image, &view);
     if (status != FOVEA_OK) return status;
-    memcpy(memory->pixels, image->data, bytes);
+    struct fovea_image copied;
+    if (fv_pixel_copy(image, memory->pixels, memory->pixel_bytes, &copied) != FOVEA_OK) return FOVEA_ERROR_UNSUPPORTED;
     job->view = view;
     job->phase = FV_DETECT_FILL;
     job->row = 0;
     job->progress = (struct fv_nn_progress){0, 0};
     job->stamp_ns = stamp_ns;
     job->sequence = sequence;
-    job->width = image->width;
-    job->height = image->height;
-    job->stride_bytes = image->stride_bytes;
-    job->format = (int32_t)image->format;
+    job->width = copied.width;
+    job->height = copied.height;
+    job->stride_bytes = copied.stride_bytes;
+    job->format = (int32_t)copied.format;
     return FOVEA_OK;
 }
 
@@ -47,7 +46,7 @@ static void fill_some(const struct fv_detect_memory *memory, const struct fv_mod
     struct fv_detect_job *job = memory->job;
     const struct fovea_image image = {.data = memory->pixels, .width = job->width, .height = job->height,
                                       .stride_bytes = job->stride_bytes, .format = (enum fovea_pixel_format)job->format,
-                                      .size_bytes = (size_t)job->stride_bytes * (size_t)job->height};
+                                      .size_bytes = memory->pixel_bytes};
     const int32_t height = model->header->preprocess.height, rows = rows_per_unit(model);
     const int32_t end = rows < height - job->row ? job->row + rows : height;
     fv_detect_fill(model, &image, &job->view, memory->arena, job->row, end);
@@ -55,13 +54,23 @@ static void fill_some(const struct fv_detect_memory *memory, const struct fv_mod
     if (end == height) job->phase = FV_DETECT_RUN;
 }
 
-static void finish(const struct fv_detect_memory *memory, const struct fv_model *model)
+static void decode_some(const struct fv_detect_memory *memory, const struct fv_model *model)
 {
     struct fv_detect_job *job = memory->job;
-    job->count = fv_detect_decode(model, memory->arena, &job->view, memory->scratch, job->found, FOVEA_DETECTIONS_MAX);
+    if (fv_detect_decode_unit(model, memory->arena, &job->view, &memory->limits, memory->scratch) != FOVEA_OK) return;
+    job->count = fv_detect_decode_take(model, &memory->limits, memory->scratch, job->found, FOVEA_DETECTIONS_MAX);
     job->found_stamp_ns = job->stamp_ns;
     job->found_sequence = job->sequence;
     job->phase = FV_DETECT_IDLE;
+}
+
+static void run_some(const struct fv_detect_memory *memory, const struct fv_model *model, const struct fv_kernels *kernels,
+                     uint32_t units, uint32_t *ran)
+{
+    struct fv_detect_job *job = memory->job;
+    if (fv_nn_run(model, kernels, memory->arena, &job->progress, units, ran) != FOVEA_OK) return;
+    fv_detect_decode_start(memory->scratch);
+    job->phase = FV_DETECT_DECODE;
 }
 
 enum fovea_status fv_detect_advance(const struct fv_detect_memory *memory, const struct fv_model *model, const struct fv_kernels *kernels,
@@ -74,9 +83,9 @@ enum fovea_status fv_detect_advance(const struct fv_detect_memory *memory, const
         if (job->phase == FV_DETECT_FILL) {
             fill_some(memory, model);
         } else if (job->phase == FV_DETECT_RUN) {
-            if (fv_nn_run(model, kernels, memory->arena, &job->progress, units - *done, &ran) == FOVEA_OK) job->phase = FV_DETECT_DECODE;
+            run_some(memory, model, kernels, units - *done, &ran);
         } else {
-            finish(memory, model);
+            decode_some(memory, model);
         }
         *done += ran;
     }

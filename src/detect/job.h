@@ -35,12 +35,13 @@ struct fv_detect_memory {
     uint8_t *pixels, *arena;
     size_t pixel_bytes;
     struct fv_detect_scratch *scratch;
+    struct fv_detect_limits limits; /* the caller sets them after carving; all 0 unless set */
 };
 
 /* Carve the pieces for images of up to `pixel_bytes` bytes. Works in counting mode. Init-only. */
 void fv_detect_carve(struct fv_detect_memory *memory, struct fv_arena *arena, const struct fv_model *model, size_t pixel_bytes);
 
-/* Take an image: its pixels are copied. FOVEA_AGAIN: the job is under way, nothing was taken. FOVEA_ERROR_UNSUPPORTED: the
+/* Take an image: its pixels are copied, without what lies between rows. FOVEA_AGAIN: the job is under way, nothing was taken. FOVEA_ERROR_UNSUPPORTED: the
  * image's format or size does not fit. */
 enum fovea_status fv_detect_start(const struct fv_detect_memory *memory, const struct fv_model *model, const struct fovea_image *image,
                                   int64_t stamp_ns, uint64_t sequence);

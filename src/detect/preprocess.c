@@ -2,6 +2,7 @@
 
 #include <string.h>
 
+#include "detect/pixel.h"
 #include "nn/run.h"
 
 enum { WEIGHT_BITS = 15, WEIGHT_ONE = 1 << WEIGHT_BITS };
@@ -13,8 +14,7 @@ enum fovea_status fv_detect_view(const struct fv_model *model, const struct fove
     const int colours = p->channels == 1 || p->channels == 3;
     const int fits = t->rank == 4 && t->dims[0] == 1 && t->dims[1] == p->height && t->dims[2] == p->width && t->dims[3] == p->channels &&
                      (t->type == FV_TYPE_U8 || t->type == FV_TYPE_F32) && (t->flags & FV_TENSOR_CONST) == 0;
-    const int readable = image->format == FOVEA_PIXEL_GREY8 || image->format == FOVEA_PIXEL_RGB24 || image->format == FOVEA_PIXEL_BGR24;
-    if (!colours || !fits || !readable || image->width < 1 || image->height < 1) return FOVEA_ERROR_UNSUPPORTED;
+    if (!colours || !fits || !fv_pixel_known(image->format) || image->width < 1 || image->height < 1) return FOVEA_ERROR_UNSUPPORTED;
     *view = (struct fv_detect_view){.image_width = image->width, .image_height = image->height, .width = p->width, .height = p->height};
     if (p->fit == FV_FIT_LETTERBOX) {
         if ((int64_t)p->width * image->height < (int64_t)p->height * image->width) {
@@ -87,6 +87,19 @@ static void make_tables(const struct fv_model *model, struct tables *t)
     }
 }
 
+/* The same for formats whose pixels must be made first. */
+static void sample_made(const struct fovea_image *image, const int32_t rows[2], int32_t wy, const int32_t columns[2], int32_t wx, bool luma,
+                        uint8_t rgb[3])
+{
+    uint8_t p[4][3];
+    for (int k = 0; k < 4; ++k) fv_pixel_fetch(image, columns[k & 1], rows[k >> 1], luma, p[k]);
+    for (int c = 0; c < 3; ++c) {
+        const int32_t a = p[0][c] * (WEIGHT_ONE - wx) + p[1][c] * wx, b = p[2][c] * (WEIGHT_ONE - wx) + p[3][c] * wx;
+        const int64_t sum = (int64_t)a * (WEIGHT_ONE - wy) + (int64_t)b * wy;
+        rgb[c] = (uint8_t)((sum + (INT64_C(1) << (2 * WEIGHT_BITS - 1))) >> (2 * WEIGHT_BITS));
+    }
+}
+
 static void put(const struct fv_model *model, const struct tables *t, uint8_t *input, ptrdiff_t at, const uint8_t rgb[3])
 {
     const struct fv_model_preprocess *p = &model->header->preprocess;
@@ -109,6 +122,7 @@ void fv_detect_fill(const struct fv_model *model, const struct fovea_image *imag
     const struct fv_model_preprocess *p = &model->header->preprocess;
     uint8_t *input = fv_nn_tensor(model, arena, model->inputs[0]);
     const uint8_t border[3] = {(uint8_t)p->pad, (uint8_t)p->pad, (uint8_t)p->pad};
+    const bool plain = image->format == FOVEA_PIXEL_GREY8 || image->format == FOVEA_PIXEL_RGB24 || image->format == FOVEA_PIXEL_BGR24;
     struct tables tables;
     make_tables(model, &tables);
     for (int32_t y = begin; y < end; ++y) {
@@ -122,7 +136,9 @@ void fv_detect_fill(const struct fv_model *model, const struct fovea_image *imag
             if (iy >= 0 && iy < view->height && ix >= 0 && ix < view->width) {
                 int32_t left, right, wx;
                 source_of(ix, view->width, image->width, &left, &right, &wx);
-                sample(image, upper, lower, wy, left, right, wx, rgb);
+                const int32_t rows[2] = {up, down}, columns[2] = {left, right};
+                if (plain) sample(image, upper, lower, wy, left, right, wx, rgb);
+                else sample_made(image, rows, wy, columns, wx, p->channels == 1, rgb);
             }
             put(model, &tables, input, (ptrdiff_t)y * p->width + x, rgb);
         }

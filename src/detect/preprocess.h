@@ -22,7 +22,7 @@ struct fv_detect_view {
 };
 
 /* Whether the model takes images at all (a first input of 8-bit or float [1, h, w, 1 or 3]) and `image` has a format that
- * can be read: grey8, rgb24 or bgr24. Fills `view`. Real-time safe.
+ * can be read: all but the compressed ones (detect/pixel.h). Fills `view`. Real-time safe.
  * FOVEA_ERROR_UNSUPPORTED: it does not. */
 enum fovea_status fv_detect_view(const struct fv_model *model, const struct fovea_image *image, struct fv_detect_view *view);
 

@@ -6,7 +6,7 @@
 
 enum { FRACTION = 64, COLUMN_MAX = 14, ROW_MAX = 2 };
 
-bool fv_view_to_raw(const struct fv_view *view, const struct fovea_camera *camera, double x_px, double y_px,
+bool fv_view_to_raw(const struct fv_rectified *view, const struct fovea_camera *camera, double x_px, double y_px,
                     double raw_px[2])
 {
     const double x = (x_px - view->cx) / view->fx, y = (y_px - view->cy) / view->fy;
@@ -20,7 +20,7 @@ bool fv_view_to_raw(const struct fv_view *view, const struct fovea_camera *camer
 
 /* One output pixel's place in the raw image in 1/64 pixel. False: outside. The image reaches half a pixel
  * beyond the outermost pixel centres; there the outermost pixels are repeated. */
-static bool place_of(const struct fv_view *view, const struct fovea_camera *camera, int32_t x, int32_t y,
+static bool place_of(const struct fv_rectified *view, const struct fovea_camera *camera, int32_t x, int32_t y,
                      int32_t place[2])
 {
     double raw[2];
@@ -40,7 +40,7 @@ struct fv_places {
     int32_t at[FV_REMAP_BLOCK][2]; /* 1/64 pixels */
 };
 
-static void block_places(const struct fv_view *view, const struct fovea_camera *camera, int32_t x, int32_t y,
+static void block_places(const struct fv_rectified *view, const struct fovea_camera *camera, int32_t x, int32_t y,
                          struct fv_places *places)
 {
     for (int i = 0; i < FV_REMAP_BLOCK; i++)
@@ -112,7 +112,7 @@ static uint32_t fill_map(const struct fv_rectify *rectify, const struct fovea_ca
 }
 
 void fv_rectify_carve(struct fv_rectify *rectify, const struct fovea_camera *camera,
-                      const struct fv_view *view, struct fv_arena *persistent)
+                      const struct fv_rectified *view, struct fv_arena *persistent)
 {
     const struct fv_rectify empty = {
         .view = *view, .source_width = camera->width, .source_height = camera->height};

@@ -34,14 +34,14 @@ enum fv_view_fit {
                             there are black margins */
 };
 
-struct fv_view {
+struct fv_rectified {
     enum fv_view_shape shape;
     int32_t width, height; /* pixels */
     double fx, fy, cx, cy; /* pixels, for the cylinder's fx pixels per radian */
 };
 
 struct fv_rectify {
-    struct fv_view view;
+    struct fv_rectified view;
     int32_t source_width, source_height;
     int32_t blocks_per_row, stride_bytes; /* of the output: FV_REMAP_BLOCK * blocks_per_row or more */
     struct fv_remap_block *blocks;        /* view.height rows */
@@ -53,17 +53,22 @@ struct fv_rectify {
  * square pixels and its own centre. FOVEA_ERROR_ARGUMENT: the camera sees too little for that; `error` says
  * so. Init-only. */
 enum fovea_status fv_view_choose(const struct fovea_camera *camera, enum fv_view_shape shape,
-                                 enum fv_view_fit fit, int32_t width, int32_t height, struct fv_view *view,
+                                 enum fv_view_fit fit, int32_t width, int32_t height, struct fv_rectified *view,
                                  struct fovea_error *error);
 
 /* Where a pixel of the view looks, in the raw image. Returns false where the camera does not see it. */
-bool fv_view_to_raw(const struct fv_view *view, const struct fovea_camera *camera, double x_px, double y_px,
+bool fv_view_to_raw(const struct fv_rectified *view, const struct fovea_camera *camera, double x_px, double y_px,
                     double raw_px[2]);
+
+/* Where the view shows a raw pixel, which may lie outside it. Returns false where it cannot show it. Bounded; real-time
+ * safe. */
+bool fv_view_from_raw(const struct fv_rectified *view, const struct fovea_camera *camera, double x_px, double y_px,
+                      double view_px[2]);
 
 /* Take the map for this camera and view. Computes it, to know its size: some 100 ms when counting, as much
  * again when building, when the map is filled in. Init-only. */
 void fv_rectify_carve(struct fv_rectify *rectify, const struct fovea_camera *camera,
-                      const struct fv_view *view, struct fv_arena *persistent);
+                      const struct fv_rectified *view, struct fv_arena *persistent);
 
 /* Resample a grey image of the camera's size into `out`: view.height rows of rectify->stride_bytes. Pixels
  * that the camera does not see are 0. Real-time safe: cost proportional to the output's pixels. */

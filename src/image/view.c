@@ -84,7 +84,7 @@ static bool border_bounds(const struct fovea_camera *camera, enum fv_view_shape 
 }
 
 enum fovea_status fv_view_choose(const struct fovea_camera *camera, enum fv_view_shape shape,
-                                 enum fv_view_fit fit, int32_t width, int32_t height, struct fv_view *view,
+                                 enum fv_view_fit fit, int32_t width, int32_t height, struct fv_rectified *view,
                                  struct fovea_error *error)
 {
     struct bounds outer, inner;
@@ -114,4 +114,14 @@ enum fovea_status fv_view_choose(const struct fovea_camera *camera, enum fv_view
     view->cx = 0.5 * (width - 1) - f * 0.5 * (shown->low[0] + shown->high[0]);
     view->cy = 0.5 * (height - 1) - f * 0.5 * (shown->low[1] + shown->high[1]);
     return FOVEA_OK;
+}
+
+bool fv_view_from_raw(const struct fv_rectified *view, const struct fovea_camera *camera, double x_px, double y_px,
+                      double view_px[2])
+{
+    double at[2];
+    if (!normalised(camera, view->shape, x_px, y_px, at)) return false;
+    view_px[0] = view->fx * at[0] + view->cx;
+    view_px[1] = view->fy * at[1] + view->cy;
+    return true;
 }

@@ -4,6 +4,7 @@
 
 #include "fovea_camera_status_t.h"
 #include "fovea_command_t.h"
+#include "fovea_detections_t.h"
 #include "fovea_features_t.h"
 #include "fovea_frame_t.h"
 #include "fovea_grants_t.h"
@@ -17,6 +18,7 @@ void fv_message_prepare(void)
 {
     (void)__fovea_camera_status_t_get_hash();
     (void)__fovea_command_t_get_hash();
+    (void)__fovea_detections_t_get_hash();
     (void)__fovea_features_t_get_hash();
     (void)__fovea_frame_t_get_hash();
     (void)__fovea_grants_t_get_hash();
@@ -35,7 +37,7 @@ void fv_message_channel(const char *prefix, enum fv_message_kind kind, char *nam
         [FV_MESSAGE_PREVIEW] = "PREVIEW",     [FV_MESSAGE_CAMERA_STATUS] = "CAMERA_STATUS",
         [FV_MESSAGE_COMMAND] = "COMMAND",     [FV_MESSAGE_FRAME] = "FRAME",
         [FV_MESSAGE_RECORDING] = "RECORDING", [FV_MESSAGE_INPUTS] = "INPUTS",
-        [FV_MESSAGE_GRANTS] = "GRANTS",
+        [FV_MESSAGE_GRANTS] = "GRANTS",       [FV_MESSAGE_DETECTIONS] = "DETECTIONS",
     };
     const char *parts[3] = {prefix, prefix[0] != '\0' ? "_" : "", suffixes[kind]};
     size_t used = 0;

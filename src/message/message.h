@@ -26,6 +26,7 @@ enum fv_message_kind {
     FV_MESSAGE_STATISTICS,
     FV_MESSAGE_CAMERA_STATUS,
     FV_MESSAGE_PREVIEW,
+    FV_MESSAGE_DETECTIONS,
     FV_MESSAGE_COMMAND, /* in */
     FV_MESSAGE_FRAME,   /* this and the next three: in recordings only */
     FV_MESSAGE_RECORDING,
@@ -109,6 +110,25 @@ struct fv_message_preview {
 };
 size_t fv_message_preview_size_max(size_t jpeg_bytes_max);
 uint32_t fv_message_preview_encode(const struct fv_message_preview *in, uint8_t *buffer, size_t capacity);
+
+struct fv_message_detections {
+    fovea_stamp_t stamp; /* of the image looked at */
+    uint32_t reset_counter;
+    const char *model;
+    int32_t width, height;  /* of the raw image */
+    int8_t rectified_shape; /* enum fv_view_shape; -1: none */
+    double rectified[4];    /* fx fy cx cy */
+    uint32_t count;
+    const struct fovea_detection *detections;
+    const char *const *names;         /* of the classes, one per detection */
+    const float (*rectified_boxes)[4]; /* x_min y_min x_max y_max per detection */
+};
+/* For labels of at most `label_bytes` bytes and a model's name of at most `name_bytes`, zeros not counted. */
+size_t fv_message_detections_size_max(uint32_t count_max, size_t name_bytes, size_t label_bytes);
+/* Scratch that encoding needs, 8-byte aligned. */
+size_t fv_message_detections_scratch_bytes(uint32_t count_max);
+uint32_t fv_message_detections_encode(const struct fv_message_detections *in, void *scratch, uint8_t *buffer,
+                                      size_t capacity);
 
 #ifdef __cplusplus
 }

@@ -13,6 +13,7 @@ void fovea_config_default(struct fovea_config *config)
                                                       .window = 8,
                                                       .inliers_good = 40,
                                                       .lost_frames_reset = 15};
+    config->detect = (struct fovea_detect_config){.period_frames = 1, .count_max = 100};
     config->preview = (struct fovea_preview_config){.period_frames = 10, .quality = 70, .level = 2};
     config->seed = 1;
     config->T_base_cam[0] = config->T_base_cam[5] = config->T_base_cam[10] = 1.0;
@@ -82,6 +83,12 @@ static enum fovea_status check_transform(const double T[12], struct fovea_error 
     return FOVEA_OK;
 }
 
+static enum fovea_status check_share(const char *name, double value, struct fovea_error *error)
+{
+    if (value >= 0.0 && value <= 1.0) return FOVEA_OK;
+    return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "%s: found %g, expected 0 to 1", name, value);
+}
+
 enum fovea_status fv_config_check(const struct fovea_config *config, struct fovea_error *error)
 {
     const struct fovea_features_config *f = &config->features;
@@ -98,6 +105,8 @@ enum fovea_status fv_config_check(const struct fovea_config *config, struct fove
         {"odometry.window", config->odometry.window, 3, 12},
         {"odometry.inliers_good", config->odometry.inliers_good, 20, 200},
         {"odometry.lost_frames_reset", config->odometry.lost_frames_reset, 1, 10000},
+        {"detect.period_frames", config->detect.period_frames, 1, 1000000},
+        {"detect.count_max", config->detect.count_max, 1, FOVEA_DETECTIONS_MAX},
         {"preview.period_frames", config->preview.period_frames, 0, 1000000},
         {"preview.quality", config->preview.quality, 1, 100},
         {"preview.level", config->preview.level, 0, f->pyramid_levels - 1},
@@ -107,6 +116,8 @@ enum fovea_status fv_config_check(const struct fovea_config *config, struct fove
         {"camera_status_every", config->camera_status_every, 0, 1000000},
     };
     enum fovea_status status = check_ranges(ranges, sizeof ranges / sizeof ranges[0], error);
+    if (status == FOVEA_OK) status = check_share("detect.score_threshold", config->detect.score_threshold, error);
+    if (status == FOVEA_OK) status = check_share("detect.iou_threshold", config->detect.iou_threshold, error);
     if (status == FOVEA_OK) status = check_prefix(config->channel_prefix, error);
     if (status == FOVEA_OK) status = check_transform(config->T_base_cam, error);
     return status;

@@ -32,6 +32,7 @@ static void reset(struct fovea *rt)
     memset(rt->preview.state, 0, sizeof *rt->preview.state);
     fovea_random_seed(&state->random, rt->config.seed);
     if (rt->config.odometry.enabled) fv_odometry_reset(&rt->odometry);
+    fv_detection_reset(&rt->detection);
 }
 
 static void take_commands(struct fovea *rt, uint32_t commands, struct fovea_outputs *outputs)
@@ -88,6 +89,12 @@ static void ask_preview(struct fovea *rt)
     if (due || rt->preview.state->due) fv_preview_ask(&rt->preview, &rt->state->frame);
 }
 
+static void offer_detection(struct fovea *rt, const struct fovea_frame *frame)
+{
+    if (!fv_every(rt->state->frames_processed - 1, rt->config.detect.period_frames)) return;
+    fv_detection_offer(&rt->detection, frame, &rt->state->frame, &rt->pyramid);
+}
+
 static void process(struct fovea *rt, const struct fovea_inputs *inputs)
 {
     struct fv_instant begin = fv_stage_begin(rt);
@@ -121,6 +128,7 @@ enum fovea_status fovea_step(struct fovea *rt, const struct fovea_inputs *inputs
     if (processed) {
         remember(rt->state, inputs->frame, inputs->utc_offset_ns);
         process(rt, inputs);
+        offer_detection(rt, inputs->frame);
         ask_preview(rt);
     }
     const struct fv_instant begin = fv_stage_begin(rt);
@@ -133,6 +141,7 @@ enum fovea_status fovea_step(struct fovea *rt, const struct fovea_inputs *inputs
 }
 
 static const enum fovea_stage stage_of_job[FOVEA_JOB_COUNT] = {[FOVEA_JOB_MAP] = FOVEA_STAGE_MAP,
+                                                              [FOVEA_JOB_DETECT] = FOVEA_STAGE_DETECT,
                                                               [FOVEA_JOB_PREVIEW] = FOVEA_STAGE_PREVIEW};
 
 enum fovea_status fovea_work(struct fovea *rt, const struct fovea_grants *grants, struct fovea_outputs *outputs)
@@ -166,15 +175,25 @@ void fovea_pose_get(const struct fovea *rt, struct fovea_pose *pose)
     }
 }
 
+void fovea_detections_get(const struct fovea *rt, struct fovea_detections *detections)
+{
+    fv_detection_get(&rt->detection, detections);
+}
+
+const char *fovea_detect_label(const struct fovea *rt, int32_t class_id)
+{
+    return fv_detection_label(&rt->detection, class_id);
+}
+
 const char *fovea_stage_name(enum fovea_stage stage)
 {
-    static const char *const names[FOVEA_STAGE_COUNT] = {"pyramid", "features", "odometry", "encode", "map", "preview"};
+    static const char *const names[FOVEA_STAGE_COUNT] = {"pyramid", "features", "odometry", "encode", "map", "detect", "preview"};
     return stage >= 0 && stage < FOVEA_STAGE_COUNT ? names[stage] : "unknown";
 }
 
 const char *fovea_job_name(enum fovea_job job)
 {
-    static const char *const names[FOVEA_JOB_COUNT] = {"map", "preview"};
+    static const char *const names[FOVEA_JOB_COUNT] = {"map", "detect", "preview"};
     return job >= 0 && job < FOVEA_JOB_COUNT ? names[job] : "unknown";
 }
 

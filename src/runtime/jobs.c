@@ -15,6 +15,7 @@ uint32_t fv_jobs_waiting(const struct fovea *rt)
 {
     uint32_t waiting = fv_preview_waiting(&rt->preview) ? 1u << FOVEA_JOB_PREVIEW : 0;
     if (rt->config.odometry.enabled && fv_odometry_job_waiting(&rt->odometry)) waiting |= 1u << FOVEA_JOB_MAP;
+    if (fv_detection_waiting(&rt->detection)) waiting |= 1u << FOVEA_JOB_DETECT;
     return waiting;
 }
 
@@ -57,10 +58,23 @@ static uint32_t advance_map(struct fovea *rt, uint32_t units)
     return done;
 }
 
+/* One message per work call: its buffer is in use until the next. */
+static uint32_t advance_detection(struct fovea *rt, uint32_t units, struct fovea_outputs *outputs)
+{
+    uint32_t done = 0;
+    if (!fv_detection_advance(&rt->detection, &rt->config, &rt->kernels, units, &done)) return done;
+    fv_output_add(rt, FV_MESSAGE_DETECTIONS,
+                  fv_detection_encode(&rt->detection, &rt->config, rt->state->reset_counter,
+                                      rt->outbox.buffer[FV_MESSAGE_DETECTIONS], rt->outbox.capacity[FV_MESSAGE_DETECTIONS]),
+                  outputs);
+    return done;
+}
+
 uint32_t fv_job_advance(struct fovea *rt, enum fovea_job job, uint32_t units, struct fovea_outputs *outputs)
 {
     switch (job) {
     case FOVEA_JOB_MAP: return advance_map(rt, units);
+    case FOVEA_JOB_DETECT: return advance_detection(rt, units, outputs);
     case FOVEA_JOB_PREVIEW: return advance_preview(rt, units, outputs);
     case FOVEA_JOB_COUNT: break;
     }

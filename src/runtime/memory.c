@@ -38,6 +38,9 @@ static void carve_outbox(struct fovea *rt, struct fv_arena *arena)
     carve_buffer(outbox, FV_MESSAGE_STATISTICS, fv_message_statistics_size_max(), arena);
     carve_buffer(outbox, FV_MESSAGE_CAMERA_STATUS, fv_message_camera_status_size_max(), arena);
     carve_buffer(outbox, FV_MESSAGE_PREVIEW, fv_message_preview_size_max(rt->preview.jpeg_capacity), arena);
+    if (rt->detection.enabled) {
+        carve_buffer(outbox, FV_MESSAGE_DETECTIONS, fv_detection_message_bytes(&rt->detection, &rt->config), arena);
+    }
     outbox->features_scratch = fv_arena_take(arena, fv_message_features_scratch_bytes(count_max), 1);
 }
 
@@ -64,6 +67,8 @@ void fv_runtime_carve(struct fovea *rt, struct fv_arena arenas[FOVEA_MEMORY_PART
                           &arenas[JOB], &arenas[FRAME]);
         book(table, "odometry", arenas, before);
     }
+    fv_detection_carve(&rt->detection, config, &arenas[PERSISTENT], &arenas[JOB], &arenas[FRAME]);
+    book(table, "detection", arenas, before);
     const struct fv_level *level = &rt->pyramid.level[config->preview.level];
     fv_preview_carve(&rt->preview, level->width, level->height, &arenas[PERSISTENT], &arenas[JOB]);
     book(table, "preview", arenas, before);
@@ -79,6 +84,8 @@ static enum fovea_status measure(struct fovea *rt, const struct fovea_config *co
     if (status != FOVEA_OK) return status;
     memset(rt, 0, sizeof *rt);
     rt->config = *config;
+    status = fv_detection_prepare(&rt->detection, config, error);
+    if (status != FOVEA_OK) return status;
     struct fv_arena arenas[FOVEA_MEMORY_PART_COUNT], head;
     for (int part = 0; part < FOVEA_MEMORY_PART_COUNT; part++) fv_arena_count(&arenas[part]);
     fv_arena_count(&head);

@@ -9,6 +9,7 @@
 #include "base/arena.h"
 #include "fovea/fovea.h"
 #include "message/jpeg.h"
+#include "message/message.h"
 
 /* Which frame a result is about. No addresses and no padding: part of states that are hashed. */
 struct fv_frame_id {
@@ -16,6 +17,9 @@ struct fv_frame_id {
     uint64_t sequence;
     uint32_t clock, stamp_meaning, pixel_format, reserved;
 };
+
+/* As messages carry it. */
+fovea_stamp_t fv_stamp_of(const struct fv_frame_id *frame);
 
 struct fv_preview_state {
     struct fv_frame_id frame;

@@ -11,6 +11,7 @@
 #include "kernels/kernels.h"
 #include "message/message.h"
 #include "odometry/odometry.h"
+#include "runtime/detection.h"
 #include "runtime/preview.h"
 
 /* What the runtime itself remembers from frame to frame. No addresses and no padding: copied and hashed as bytes. */
@@ -52,6 +53,7 @@ struct fovea {
     struct fv_features features;
     struct fv_orb orb;
     struct fv_odometry odometry;
+    struct fv_detection detection;
     struct fv_preview preview;
     struct fv_outbox outbox;
 
@@ -65,9 +67,6 @@ struct fovea {
 /* Give every stage its pieces, for rt->config, from the arenas of the parts. */
 void fv_runtime_carve(struct fovea *rt, struct fv_arena arenas[FOVEA_MEMORY_PART_COUNT],
                       struct fovea_memory_table *table);
-
-/* A frame's identity as messages carry it; NULL-like before the first frame. */
-fovea_stamp_t fv_stamp_of(const struct fv_frame_id *frame);
 
 /* Whether the n-th of something is due when every period-th is; never for period 0. */
 static inline bool fv_every(uint64_t n, uint32_t period)

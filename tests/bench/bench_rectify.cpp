@@ -31,9 +31,9 @@ void opencv_camera(const struct fovea_camera &camera, cv::Mat &K, cv::Mat &D)
     D = (cv::Mat_<double>(1, 4) << camera.k[0], camera.k[1], camera.k[2], camera.k[3]);
 }
 
-struct fv_view crop(const struct fovea_camera &camera)
+struct fv_rectified crop(const struct fovea_camera &camera)
 {
-    struct fv_view view;
+    struct fv_rectified view;
     fv_view_choose(&camera, FV_VIEW_PINHOLE, FV_VIEW_CROP, camera.width, camera.height, &view, nullptr);
     return view;
 }
@@ -41,7 +41,7 @@ struct fv_view crop(const struct fovea_camera &camera)
 Run remap_opencv(const Input &input)
 {
     const struct fovea_camera camera = drone();
-    const struct fv_view view = crop(camera);
+    const struct fv_rectified view = crop(camera);
     cv::Mat K, D, map_1, map_2;
     opencv_camera(camera, K, D);
     const cv::Mat P = (cv::Mat_<double>(3, 3) << view.fx, 0, view.cx, 0, view.fy, view.cy, 0, 0, 1);
@@ -57,7 +57,7 @@ const bench::Stage rectify(
     "rectify to a pinhole", "752x480", "remap, linear, fixed-point maps",
     [](const Input &input, const struct fv_kernels &kernels) -> Run {
         const struct fovea_camera camera = drone();
-        const struct fv_view view = crop(camera);
+        const struct fv_rectified view = crop(camera);
         auto map = std::make_shared<struct fv_rectify>();
         auto block = std::make_shared<bench::Block>(
             [&](struct fv_arena *arena) { fv_rectify_carve(map.get(), &camera, &view, arena); });

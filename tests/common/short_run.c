@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "app/recorder.h"
+#include "common/detector.h"
 
 static void expect(enum fovea_status status, const struct fovea_error *error)
 {
@@ -37,6 +38,7 @@ static void make_settings(const struct short_run *run, struct fv_settings *setti
                                            .cy = 0.5 * run->height};
     expect(fovea_camera_prepare(&config->camera, &error), &error);
     config->features.count_max = run->features;
+    if (run->detect) config->detect.model = detector_model(&config->detect.model_bytes);
     config->preview.period_frames = 5;
     config->preview.level = 0;
     config->statistics_every = 4;
@@ -72,6 +74,7 @@ static void record_turns(const struct short_run *run, struct fovea *rt, const st
         fv_recorder_step(recorder, &inputs, &outputs);
         struct fovea_grants grants = inputs.grants;
         grants.units[FOVEA_JOB_PREVIEW] = n % 3;
+        grants.units[FOVEA_JOB_DETECT] = n % 5;
         fovea_work(rt, &grants, &outputs);
         fv_recorder_work(recorder, &inputs, &grants, &outputs);
     }

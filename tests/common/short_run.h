@@ -2,11 +2,13 @@
 #ifndef FOVEA_TESTS_SHORT_RUN_H
 #define FOVEA_TESTS_SHORT_RUN_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 struct short_run {
     int32_t width, height;
     uint32_t turns;    /* every eleventh has no frame; the 20th resets */
+    bool detect;       /* with the detector of the tests */
     uint32_t features; /* most per frame; granted are 50 fewer at first, one more each turn */
 };
 

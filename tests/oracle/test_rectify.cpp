@@ -33,7 +33,7 @@ struct fovea_camera camera_of(enum fovea_lens lens, int width, int height, doubl
     return camera;
 }
 
-cv::Mat rectified(const struct fovea_camera &camera, const struct fv_view &view, const cv::Mat &image,
+cv::Mat rectified(const struct fovea_camera &camera, const struct fv_rectified &view, const cv::Mat &image,
                   const struct fv_kernels &kernels)
 {
     struct fv_rectify rectify;
@@ -68,7 +68,7 @@ cv::Mat smooth_image(int width, int height)
 bool check_exact(const char *name, const struct fovea_camera &camera, enum fv_view_shape shape,
                  enum fv_view_fit fit, int width, int height, const std::vector<struct fv_kernels> &sets)
 {
-    struct fv_view view;
+    struct fv_rectified view;
     struct fovea_error error;
     if (fv_view_choose(&camera, shape, fit, width, height, &view, &error) != FOVEA_OK) {
         std::printf("FAILED %s: %s\n", name, error.text);
@@ -103,7 +103,7 @@ bool check_exact(const char *name, const struct fovea_camera &camera, enum fv_vi
 bool check_identity(const struct fv_kernels &kernels)
 {
     const struct fovea_camera camera = camera_of(FOVEA_LENS_RADTAN, 333, 222, 300, 300, 160, 110, {});
-    const struct fv_view view = {FV_VIEW_PINHOLE, 333, 222, 300, 300, 160, 110};
+    const struct fv_rectified view = {FV_VIEW_PINHOLE, 333, 222, 300, 300, 160, 110};
     cv::Mat image(222, 333, CV_8U);
     cv::RNG(4).fill(image, cv::RNG::UNIFORM, 0, 256);
     const cv::Mat out = rectified(camera, view, image, kernels);
@@ -124,7 +124,7 @@ bool check_remap(const struct fv_kernels &kernels)
     const struct fovea_camera camera =
         camera_of(FOVEA_LENS_RADTAN, 752, 480, 458.654, 457.296, 367.215, 248.375,
                   {-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05});
-    struct fv_view view;
+    struct fv_rectified view;
     if (fv_view_choose(&camera, FV_VIEW_PINHOLE, FV_VIEW_CROP, 752, 480, &view, nullptr) != FOVEA_OK)
         return false;
     const cv::Mat K = (cv::Mat_<double>(3, 3) << camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1);
@@ -190,7 +190,7 @@ bool check_board(const struct fv_kernels &kernels)
     }
     const struct fovea_camera camera = camera_of(FOVEA_LENS_RADTAN, 752, 480, 420.506712, 420.610940,
                                                  355.208298, 250.336787, {-0.296609, 0.080818});
-    struct fv_view view;
+    struct fv_rectified view;
     if (fv_view_choose(&camera, FV_VIEW_PINHOLE, FV_VIEW_CROP, 752, 480, &view, nullptr) != FOVEA_OK)
         return false;
     std::vector<double> straight, raw;

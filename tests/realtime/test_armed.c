@@ -28,6 +28,7 @@ int main(void)
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include "common/detector.h"
 #include "fovea/elementary.h"
 #include "fovea/fovea.h"
 
@@ -148,6 +149,8 @@ static int build(void **state)
     fovea_config_default(&config);
     config.camera = (struct fovea_camera){.width = WIDTH, .height = HEIGHT, .fx = 200, .fy = 200, .cx = 160, .cy = 120};
     config.preview.period_frames = 3;
+    config.detect.model = detector_model(&config.detect.model_bytes);
+    if (config.detect.model == NULL) return -1;
     if (fovea_camera_prepare(&config.camera, &error) != FOVEA_OK) return -1;
     if (fovea_size(&config, &bytes, &error) != FOVEA_OK) return -1;
     void *memory = mmap(NULL, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
@@ -169,6 +172,8 @@ static uint64_t run_steps(int steps)
         };
         struct fovea_inputs inputs = {.frame = i % 20 == 19 ? NULL : &frame, .now_ns = frame.stamp_ns};
         inputs.grants.features = 500;
+        inputs.grants.units[FOVEA_JOB_MAP] = (uint32_t)(i % 11);
+        inputs.grants.units[FOVEA_JOB_DETECT] = (uint32_t)(i % 3);
         inputs.grants.units[FOVEA_JOB_PREVIEW] = (uint32_t)(i % 7);
         if (i % 100 == 50) inputs.commands = FOVEA_COMMAND_PAUSE;
         if (i % 100 == 55) inputs.commands = FOVEA_COMMAND_RESUME | FOVEA_COMMAND_SAVE;

@@ -24,7 +24,7 @@ static size_t whole_bytes;
 
 static void make_recording(void)
 {
-    const struct short_run run = {.width = WIDTH, .height = HEIGHT, .turns = TURNS, .features = 200};
+    const struct short_run run = {.width = WIDTH, .height = HEIGHT, .turns = TURNS, .features = 200, .detect = true};
     short_run_record(good, &run);
     FILE *file = fopen(good, "rb");
     fseek(file, 0, SEEK_END);
@@ -108,6 +108,7 @@ static void test_differences(void **state)
     expect_difference("FOVEA_FEATURES", 7, 34 + 4 + 3, "width", "found 160, expected 161");
     expect_difference("FOVEA_FEATURES", 7, 54 + 4 * 5, "x_px[5]", "found ");
     expect_difference("FOVEA_CAMERA_STATUS", 3, 34 + 8, "state", "found 0, expected 1");
+    expect_difference("FOVEA_DETECTIONS", 1, 8 + 7, "stamp.time_ns", "found ");
     expect_difference("FOVEA_PREVIEW", 0, 54 + 100, "jpeg[100]", "found ");
     expect_difference("FOVEA_FEATURES", 0, 3, "", "expected an unknown type");
 }
@@ -133,6 +134,10 @@ static void test_changed_inputs(void **state)
     /* Clock readings are nobody's business. */
     assert_int_equal(replay_flipped(find_data("FOVEA_STATISTICS", 2) + 40, 1, &result, &error), FOVEA_OK);
     assert_false(result.different);
+    /* Units of the network: its results come in another frame. */
+    assert_int_equal(replay_flipped(find_data("FOVEA_GRANTS", 1) + 24 + 4 * FOVEA_JOB_DETECT + 3, 0x7f, &result, &error), FOVEA_OK);
+    assert_true(result.different);
+    assert_non_null(strstr(result.difference, "FOVEA_DETECTIONS"));
     /* A part of the header that does not fit its hash. */
     assert_int_equal(replay_flipped(find_data("FOVEA_RECORDING", 0) + 400, 1, &result, &error),
                      FOVEA_ERROR_INPUT);

@@ -13,6 +13,7 @@
 
 #include "fovea_camera_status_t.h"
 #include "fovea_command_t.h"
+#include "fovea_detections_t.h"
 #include "fovea_features_t.h"
 #include "fovea_frame_t.h"
 #include "fovea_grants_t.h"
@@ -38,7 +39,7 @@
     }
 #define EVERY_TYPE(X)                                                                                        \
     X(camera_status_t)                                                                                       \
-    X(command_t) X(features_t) X(frame_t) X(grants_t) X(inputs_t) X(pose_t) X(preview_t) X(recording_part_t) \
+    X(command_t) X(detections_t) X(features_t) X(frame_t) X(grants_t) X(inputs_t) X(pose_t) X(preview_t) X(recording_part_t) \
         X(recording_t) X(stamp_t) X(statistics_t)
 EVERY_TYPE(ROUND_TRIP)
 

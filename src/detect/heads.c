@@ -1,0 +1,326 @@
+#include "detect/heads.h"
+
+#include <string.h>
+
+#include "fovea/elementary.h"
+#include "nn/run.h"
+
+static int64_t count_of(const struct fv_head_output *o)
+{
+    int64_t count = 1;
+    for (int32_t i = 0; i < o->t->rank; ++i) count *= o->t->dims[i];
+    return count;
+}
+
+static float value_at(const struct fv_head_output *o, int64_t i)
+{
+    if (o->t->type == FV_TYPE_F32) return ((const float *)(const void *)o->data)[i];
+    if (o->t->type == FV_TYPE_U8) return o->t->scale * (float)(o->data[i] - o->t->zero);
+    if (o->t->type == FV_TYPE_I32) return (float)((const int32_t *)(const void *)o->data)[i];
+    return (float)((const int64_t *)(const void *)o->data)[i];
+}
+
+static float threshold_of(const struct fv_head_job *j, int32_t class_id)
+{
+    const float own = j->thresholds != NULL && class_id < j->d->classes ? j->thresholds[class_id] : j->d->score_threshold;
+    return own > j->score_threshold ? own : j->score_threshold;
+}
+
+static float clamped(float value, float high)
+{
+    return value > 0.0f ? (value < high ? value : high) : 0.0f;
+}
+
+/* A box in input pixels (corner coordinates) to image pixels, cut at the image. */
+static void add_box(struct fv_head_job *j, float x0, float y0, float x1, float y1, float score, int32_t class_id)
+{
+    const struct fv_detect_view *v = j->view;
+    const float width = (float)v->image_width, height = (float)v->image_height;
+    const struct fovea_detection found = {
+        .x_min_px = clamped((x0 - (float)v->left) / v->scale_x, width) - 0.5f,
+        .y_min_px = clamped((y0 - (float)v->top) / v->scale_y, height) - 0.5f,
+        .x_max_px = clamped((x1 - (float)v->left) / v->scale_x, width) - 0.5f,
+        .y_max_px = clamped((y1 - (float)v->top) / v->scale_y, height) - 0.5f,
+        .score = score,
+        .class_id = class_id,
+    };
+    if (found.x_max_px > found.x_min_px && found.y_max_px > found.y_min_px) fv_detect_keep(j->s, &found);
+}
+
+static void add_centred(struct fv_head_job *j, float x, float y, float w, float h, float score, int32_t class_id)
+{
+    const struct fv_model_preprocess *p = &j->model->header->preprocess;
+    const float sx = j->d->normalised ? (float)p->width : 1.0f, sy = j->d->normalised ? (float)p->height : 1.0f;
+    add_box(j, (x - w * 0.5f) * sx, (y - h * 0.5f) * sy, (x + w * 0.5f) * sx, (y + h * 0.5f) * sy, score, class_id);
+}
+
+static float sigmoid(float x)
+{
+    return (float)(1.0 / (1.0 + fovea_exp(-(double)x)));
+}
+
+/* ---- classifiers ------------------------------------------------------------------------------------------- */
+
+static int64_t classifier_items(const struct fv_head_job *j, int64_t *cost)
+{
+    *cost = 1;
+    return count_of(&j->out[0]);
+}
+
+static void classifier_scan(struct fv_head_job *j, int64_t begin, int64_t end)
+{
+    const struct fv_model_preprocess *p = &j->model->header->preprocess;
+    const int32_t background = j->d->background ? 1 : 0;
+    for (int64_t i = begin > background ? begin : background; i < end; ++i) {
+        const float score = value_at(&j->out[0], i);
+        const int32_t class_id = (int32_t)i - background;
+        if (score >= threshold_of(j, class_id)) add_box(j, 0, 0, (float)p->width, (float)p->height, score, class_id);
+    }
+}
+
+/* ---- SSD: the outputs of TFLite_Detection_PostProcess ------------------------------------------------------ */
+
+static int64_t ssd_items(const struct fv_head_job *j, int64_t *cost)
+{
+    *cost = 6;
+    if (j->model->header->output_count < 4) return 0;
+    const int64_t slots = count_of(&j->out[2]);
+    if (count_of(&j->out[0]) < slots * 4 || count_of(&j->out[1]) < slots) return 0;
+    const float given = value_at(&j->out[3], 0);
+    return given > 0.0f && given < (float)slots ? (int64_t)given : (given > 0.0f ? slots : 0);
+}
+
+static void ssd_scan(struct fv_head_job *j, int64_t begin, int64_t end)
+{
+    const struct fv_model_preprocess *p = &j->model->header->preprocess;
+    const struct fv_head_output *b = &j->out[0];
+    const float w = (float)p->width, h = (float)p->height;
+    for (int64_t i = begin; i < end; ++i) {
+        const float score = value_at(&j->out[2], i), class_value = value_at(&j->out[1], i);
+        const int32_t class_id = class_value >= 0.0f && class_value < 4096.0f ? (int32_t)class_value : 0;
+        if (!(score >= threshold_of(j, class_id))) continue;
+        add_box(j, value_at(b, 4 * i + 1) * w, value_at(b, 4 * i) * h, value_at(b, 4 * i + 3) * w, value_at(b, 4 * i + 2) * h, score, class_id);
+    }
+}
+
+/* ---- SSD before its post-processing ------------------------------------------------------------------------
+ * Box encodings [n][4] and scores [n][1 + classes] with the anchors of the file; class 0 is background. */
+
+static int64_t ssd_raw_columns(const struct fv_head_job *j)
+{
+    const int64_t n = count_of(&j->out[0]) / 4;
+    return n > 0 ? count_of(&j->out[1]) / n : 0;
+}
+
+static int64_t ssd_raw_items(const struct fv_head_job *j, int64_t *cost)
+{
+    const struct fv_model_header *h = j->model->header;
+    if (h->output_count < 2 || j->d->anchor_data < FV_MODEL_HEADER_BYTES || j->d->anchor_data % 4 != 0) return 0;
+    const int64_t n = count_of(&j->out[0]) / 4, columns = ssd_raw_columns(j);
+    *cost = columns;
+    return columns < 2 || j->d->anchor_data + n * 16 > (int64_t)h->file_bytes ? 0 : n;
+}
+
+static void ssd_raw_box(struct fv_head_job *j, int64_t i, float score, int32_t class_id)
+{
+    const struct fv_model_preprocess *p = &j->model->header->preprocess;
+    const float *anchor = (const float *)(const void *)(j->model->base + j->d->anchor_data) + 4 * i, *scale = j->d->box_scales;
+    const float cy = value_at(&j->out[0], 4 * i) / scale[0] * anchor[2] + anchor[0];
+    const float cx = value_at(&j->out[0], 4 * i + 1) / scale[1] * anchor[3] + anchor[1];
+    const float bh = (float)fovea_exp((double)value_at(&j->out[0], 4 * i + 2) / (double)scale[2]) * anchor[2];
+    const float bw = (float)fovea_exp((double)value_at(&j->out[0], 4 * i + 3) / (double)scale[3]) * anchor[3];
+    add_box(j, (cx - bw * 0.5f) * (float)p->width, (cy - bh * 0.5f) * (float)p->height, (cx + bw * 0.5f) * (float)p->width,
+            (cy + bh * 0.5f) * (float)p->height, score, class_id);
+}
+
+static void ssd_raw_scan(struct fv_head_job *j, int64_t begin, int64_t end)
+{
+    const int64_t columns = ssd_raw_columns(j);
+    for (int64_t i = begin; i < end; ++i) {
+        for (int64_t c = 1; c < columns; ++c) {
+            const float score = value_at(&j->out[1], i * columns + c);
+            if (score >= threshold_of(j, (int32_t)c - 1)) ssd_raw_box(j, i, score, (int32_t)c - 1);
+        }
+    }
+}
+
+/* ---- YOLOv5: rows of centre, size, objectness, classes ----------------------------------------------------- */
+
+static int32_t yolov5_columns(const struct fv_head_job *j)
+{
+    const struct fv_model_tensor *t = j->out[0].t;
+    return t->rank > 0 ? t->dims[t->rank - 1] : 0;
+}
+
+static int64_t yolov5_items(const struct fv_head_job *j, int64_t *cost)
+{
+    const int32_t columns = yolov5_columns(j);
+    *cost = columns;
+    return columns < 6 ? 0 : count_of(&j->out[0]) / columns;
+}
+
+static void yolov5_scan(struct fv_head_job *j, int64_t begin, int64_t end)
+{
+    const struct fv_head_output *o = &j->out[0];
+    const int32_t columns = yolov5_columns(j);
+    for (int64_t r = begin; r < end; ++r) {
+        const int64_t at = r * columns;
+        const float object = value_at(o, at + 4);
+        for (int32_t c = 0; c < columns - 5; ++c) {
+            const float score = object * value_at(o, at + 5 + c);
+            if (score >= threshold_of(j, c)) add_centred(j, value_at(o, at), value_at(o, at + 1), value_at(o, at + 2), value_at(o, at + 3), score, c);
+        }
+    }
+}
+
+/* ---- YOLOv8 and YOLO11: columns of centre, size, classes; the best class of each counts -------------------- */
+
+static int64_t yolov8_items(const struct fv_head_job *j, int64_t *cost)
+{
+    const struct fv_model_tensor *t = j->out[0].t;
+    if (t->rank < 2) return 0;
+    const int64_t n = t->dims[t->rank - 1];
+    *cost = count_of(&j->out[0]) / n;
+    return *cost > 4 ? n : 0;
+}
+
+static void yolov8_scan(struct fv_head_job *j, int64_t begin, int64_t end)
+{
+    const struct fv_head_output *o = &j->out[0];
+    const int64_t n = o->t->dims[o->t->rank - 1], rows = count_of(o) / n;
+    for (int64_t i = begin; i < end; ++i) {
+        int32_t best = 0;
+        float score = value_at(o, 4 * n + i);
+        for (int32_t c = 1; c < rows - 4; ++c) {
+            const float other = value_at(o, (4 + c) * n + i);
+            if (other > score) {
+                score = other;
+                best = c;
+            }
+        }
+        if (score >= threshold_of(j, best)) add_centred(j, value_at(o, i), value_at(o, n + i), value_at(o, 2 * n + i), value_at(o, 3 * n + i), score, best);
+    }
+}
+
+/* ---- YOLOv2 and its tiny kin: a grid of cells with several anchors each, everything before its activation ---- */
+
+enum { EXP_COST = 16 }; /* an exponential beside a value read */
+
+static int64_t yolov2_items(const struct fv_head_job *j, int64_t *cost)
+{
+    const struct fv_model_tensor *t = j->out[0].t;
+    const int32_t anchors = j->d->anchor_count;
+    if (t->rank != 4 || anchors < 1 || t->dims[3] % anchors != 0 || t->dims[3] / anchors < 6) return 0;
+    *cost = (int64_t)t->dims[3] / anchors * EXP_COST;
+    return (int64_t)t->dims[1] * t->dims[2] * anchors;
+}
+
+static void yolov2_box(struct fv_head_job *j, int64_t item, int64_t at, float score, int32_t class_id)
+{
+    const struct fv_head_output *o = &j->out[0];
+    const struct fv_model_preprocess *p = &j->model->header->preprocess;
+    const int32_t h = o->t->dims[1], w = o->t->dims[2], anchors = j->d->anchor_count;
+    const int32_t a = (int32_t)(item % anchors), x = (int32_t)(item / anchors % w), y = (int32_t)(item / anchors / w);
+    const float cx = ((float)x + sigmoid(value_at(o, at))) / (float)w * (float)p->width;
+    const float cy = ((float)y + sigmoid(value_at(o, at + 1))) / (float)h * (float)p->height;
+    const float bw = j->d->anchors[2 * a] * (float)fovea_exp((double)value_at(o, at + 2)) / (float)w * (float)p->width;
+    const float bh = j->d->anchors[2 * a + 1] * (float)fovea_exp((double)value_at(o, at + 3)) / (float)h * (float)p->height;
+    add_box(j, cx - bw * 0.5f, cy - bh * 0.5f, cx + bw * 0.5f, cy + bh * 0.5f, score, class_id);
+}
+
+static void yolov2_scan(struct fv_head_job *j, int64_t begin, int64_t end)
+{
+    const struct fv_head_output *o = &j->out[0];
+    const int32_t columns = o->t->dims[3] / j->d->anchor_count, classes = columns - 5;
+    for (int64_t i = begin; i < end; ++i) {
+        const int64_t at = i * columns;
+        const float object = sigmoid(value_at(o, at + 4));
+        double sum = 0, largest = (double)value_at(o, at + 5);
+        for (int32_t c = 1; c < classes; ++c) largest = (double)value_at(o, at + 5 + c) > largest ? (double)value_at(o, at + 5 + c) : largest;
+        for (int32_t c = 0; c < classes; ++c) sum += fovea_exp((double)value_at(o, at + 5 + c) - largest);
+        for (int32_t c = 0; c < classes; ++c) {
+            const float score = object * (float)(fovea_exp((double)value_at(o, at + 5 + c) - largest) / sum);
+            if (score >= threshold_of(j, c)) yolov2_box(j, i, at, score, c);
+        }
+    }
+}
+
+/* ---- FOMO: cells of a class that touch are one object; its box is theirs, its score the best ---------------- */
+
+/* A grid of cells by classes, of which the first is background. */
+struct grid {
+    const struct fv_head_output *o;
+    int32_t w, h, classes, class_id;
+    float threshold;
+};
+
+struct cells {
+    int32_t x0, x1, y0, y1;
+    float score;
+};
+
+static int is_object(const struct grid *g, int32_t cell)
+{
+    return value_at(g->o, (int64_t)cell * g->classes + g->class_id + 1) >= g->threshold;
+}
+
+/* All cells that touch `start` (8 neighbours) over other cells of the object; each enters the stack once. */
+static struct cells grow(const struct grid *g, int32_t start, uint8_t *seen, int32_t *stack)
+{
+    struct cells c = {.x0 = g->w, .x1 = -1, .y0 = g->h, .y1 = -1, .score = 0};
+    int32_t top = 1;
+    stack[0] = start;
+    seen[start] = 1;
+    while (top > 0) {
+        const int32_t cell = stack[--top], x = cell % g->w, y = cell / g->w;
+        const float value = value_at(g->o, (int64_t)cell * g->classes + g->class_id + 1);
+        c.score = value > c.score ? value : c.score;
+        c.x0 = x < c.x0 ? x : c.x0;
+        c.x1 = x > c.x1 ? x : c.x1;
+        c.y0 = y < c.y0 ? y : c.y0;
+        c.y1 = y > c.y1 ? y : c.y1;
+        for (int32_t k = 0; k < 9; ++k) {
+            const int32_t nx = x + k % 3 - 1, ny = y + k / 3 - 1, next = ny * g->w + nx;
+            if (nx < 0 || nx >= g->w || ny < 0 || ny >= g->h || seen[next] || !is_object(g, next)) continue;
+            seen[next] = 1;
+            stack[top++] = next;
+        }
+    }
+    return c;
+}
+
+static int64_t fomo_items(const struct fv_head_job *j, int64_t *cost)
+{
+    const struct fv_model_tensor *t = j->out[0].t;
+    if (t->rank != 4 || (int64_t)t->dims[1] * t->dims[2] > FV_DETECT_CELLS_MAX) return 0;
+    *cost = 8 * (int64_t)t->dims[1] * t->dims[2];
+    return t->dims[3] - 1;
+}
+
+static void fomo_scan(struct fv_head_job *j, int64_t begin, int64_t end)
+{
+    const struct fv_head_output *o = &j->out[0];
+    const struct fv_model_preprocess *p = &j->model->header->preprocess;
+    struct grid g = {.o = o, .h = o->t->dims[1], .w = o->t->dims[2], .classes = o->t->dims[3]};
+    const int32_t cells = g.h * g.w;
+    const float cell_w = (float)p->width / (float)g.w, cell_h = (float)p->height / (float)g.h;
+    for (g.class_id = (int32_t)begin; g.class_id < (int32_t)end; ++g.class_id) {
+        g.threshold = threshold_of(j, g.class_id);
+        memset(j->s->seen, 0, (size_t)cells);
+        for (int32_t start = 0; start < cells; ++start) {
+            if (j->s->seen[start] || !is_object(&g, start)) continue;
+            const struct cells c = grow(&g, start, j->s->seen, j->s->stack);
+            add_box(j, (float)c.x0 * cell_w, (float)c.y0 * cell_h, (float)(c.x1 + 1) * cell_w, (float)(c.y1 + 1) * cell_h, c.score, g.class_id);
+        }
+    }
+}
+
+const struct fv_head *fv_head_of(int32_t decoder)
+{
+    static const struct fv_head heads[FV_DECODER_COUNT] = {
+        [FV_DECODER_CLASSIFIER] = {classifier_items, classifier_scan, 0}, [FV_DECODER_SSD] = {ssd_items, ssd_scan, 0},
+        [FV_DECODER_SSD_RAW] = {ssd_raw_items, ssd_raw_scan, 1},          [FV_DECODER_YOLOV5] = {yolov5_items, yolov5_scan, 1},
+        [FV_DECODER_YOLOV8] = {yolov8_items, yolov8_scan, 1},             [FV_DECODER_YOLOV2] = {yolov2_items, yolov2_scan, 1},
+        [FV_DECODER_FOMO] = {fomo_items, fomo_scan, 0}};
+    return decoder >= 0 && decoder < FV_DECODER_COUNT && heads[decoder].scan != NULL ? &heads[decoder] : NULL;
+}

@@ -1,0 +1,205 @@
+#include "runtime/detection.h"
+
+#include <stddef.h>
+#include <string.h>
+
+enum {
+    BOXES_PER_UNIT = 16, /* of 8 points each, about 1 us per point here */
+    PIXEL_BYTES_MAX = 3  /* of the formats that the detector reads */
+};
+
+/* ---- set-up ------------------------------------------------------------------------------------------------ */
+
+static enum fovea_status check_use(const struct fv_model *model, struct fovea_error *error)
+{
+    const struct fv_model_decode *decode = &model->header->decode;
+    const uint8_t pixel = 0;
+    const struct fovea_image image = {.data = &pixel, .width = 1, .height = 1, .stride_bytes = 1, .format = FOVEA_PIXEL_GREY8, .size_bytes = 1};
+    struct fv_detect_view view;
+    if (fv_detect_view(model, &image, &view) != FOVEA_OK) {
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "detect.model: expected a first input that is an image of 1 or 3 channels");
+    }
+    if (!fv_detect_gives_boxes(model)) {
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "detect.model: found decoder %d, expected one that gives boxes", decode->kind);
+    }
+    return FOVEA_OK;
+}
+
+enum fovea_status fv_detection_prepare(struct fv_detection *detection, const struct fovea_config *config, struct fovea_error *error)
+{
+    *detection = (struct fv_detection){.enabled = false};
+    if (config->detect.model == NULL) return FOVEA_OK;
+    enum fovea_status status = fv_model_open(config->detect.model, config->detect.model_bytes, "detect.model", &detection->model, error);
+    if (status == FOVEA_OK) status = check_use(&detection->model, error);
+    if (status != FOVEA_OK) return status;
+    /* As `fovea rectify` does unasked; a lens too wide for a pinhole gets a cylinder. */
+    for (int shape = FV_VIEW_PINHOLE; shape <= FV_VIEW_CYLINDER && !detection->has_view; shape++) {
+        detection->has_view = fv_view_choose(&config->camera, (enum fv_view_shape)shape, FV_VIEW_CROP, config->camera.width,
+                                             config->camera.height, &detection->view, NULL) == FOVEA_OK;
+    }
+    detection->enabled = true;
+    return FOVEA_OK;
+}
+
+void fv_detection_carve(struct fv_detection *detection, const struct fovea_config *config, struct fv_arena *persistent,
+                        struct fv_arena *job, struct fv_arena *frame)
+{
+    if (!detection->enabled) return;
+    const size_t pixels = (size_t)config->camera.width * (size_t)config->camera.height;
+    detection->state = fv_arena_take(persistent, 1, sizeof *detection->state);
+    fv_detect_carve(&detection->memory, job, &detection->model, pixels * PIXEL_BYTES_MAX);
+    detection->memory.limits = (struct fv_detect_limits){.score = (float)config->detect.score_threshold,
+                                                         .iou = (float)config->detect.iou_threshold,
+                                                         .count = (int32_t)config->detect.count_max};
+    detection->message_scratch = fv_arena_take(frame, fv_message_detections_scratch_bytes(config->detect.count_max), 1);
+}
+
+/* A label as messages carry it. */
+static const char *label_of(const struct fv_model *model, int32_t class_id)
+{
+    const char *label = fv_model_label(model, class_id + model->header->decode.first_label);
+    return label != NULL ? label : "";
+}
+
+size_t fv_detection_message_bytes(const struct fv_detection *detection, const struct fovea_config *config)
+{
+    size_t longest = 0;
+    for (uint32_t i = 0; i < detection->model.header->label_count; i++) {
+        const size_t bytes = strlen(fv_model_label(&detection->model, (int32_t)i));
+        longest = bytes > longest ? bytes : longest;
+    }
+    return fv_message_detections_size_max(config->detect.count_max, sizeof detection->model.header->name, longest);
+}
+
+/* ---- the job ----------------------------------------------------------------------------------------------- */
+
+void fv_detection_reset(struct fv_detection *detection)
+{
+    if (!detection->enabled) return;
+    detection->memory.job->phase = FV_DETECT_IDLE;
+    detection->state->mapping = 0;
+}
+
+bool fv_detection_waiting(const struct fv_detection *detection)
+{
+    return detection->enabled && (detection->memory.job->phase != FV_DETECT_IDLE || detection->state->mapping != 0);
+}
+
+void fv_detection_offer(struct fv_detection *detection, const struct fovea_frame *frame, const struct fv_frame_id *id,
+                        const struct fv_pyramid *pyramid)
+{
+    if (!detection->enabled || fv_detection_waiting(detection)) return;
+    const struct fv_level *level = &pyramid->level[0];
+    const struct fovea_image grey = {.data = level->pixels,
+                                     .width = level->width,
+                                     .height = level->height,
+                                     .stride_bytes = level->stride_bytes,
+                                     .format = FOVEA_PIXEL_GREY8,
+                                     .size_bytes = (size_t)level->stride_bytes * (size_t)level->height};
+    enum fovea_status status = fv_detect_start(&detection->memory, &detection->model, &frame->image, id->stamp_ns, id->sequence);
+    if (status == FOVEA_ERROR_UNSUPPORTED) status = fv_detect_start(&detection->memory, &detection->model, &grey, id->stamp_ns, id->sequence);
+    if (status == FOVEA_OK) detection->state->frame = *id;
+}
+
+/* The box in the rectified image around the corners and edge middles of one in the raw image; points that the view does not
+ * show are left out. Empty where none is shown. */
+static void rectify_box(const struct fv_detection *detection, const struct fovea_camera *camera, const struct fovea_detection *found,
+                        float box[4])
+{
+    const double x[3] = {(double)found->x_min_px, 0.5 * ((double)found->x_min_px + (double)found->x_max_px), (double)found->x_max_px};
+    const double y[3] = {(double)found->y_min_px, 0.5 * ((double)found->y_min_px + (double)found->y_max_px), (double)found->y_max_px};
+    double low[2] = {1e9, 1e9}, high[2] = {-1e9, -1e9};
+    for (int i = 0; i < 9; i++) {
+        double at[2];
+        if (i == 4 || !fv_view_from_raw(&detection->view, camera, x[i % 3], y[i / 3], at)) continue;
+        for (int k = 0; k < 2; k++) {
+            low[k] = at[k] < low[k] ? at[k] : low[k];
+            high[k] = at[k] > high[k] ? at[k] : high[k];
+        }
+    }
+    const bool shown = high[0] > low[0] && high[1] > low[1];
+    for (int k = 0; k < 2; k++) {
+        box[k] = shown ? (float)low[k] : 0.0f;
+        box[2 + k] = shown ? (float)high[k] : 0.0f;
+    }
+}
+
+/* One unit of boxes; true when all are done. */
+static bool map_some(struct fv_detection *detection, const struct fovea_camera *camera)
+{
+    struct fv_detection_state *state = detection->state;
+    const struct fv_detect_job *job = detection->memory.job;
+    const uint32_t count = (uint32_t)job->count;
+    const uint32_t end = count - state->mapped > BOXES_PER_UNIT ? state->mapped + BOXES_PER_UNIT : count;
+    for (; state->mapped < end; state->mapped++) {
+        float *box = state->rectified[state->mapped];
+        memset(box, 0, 4 * sizeof *box);
+        if (detection->has_view) rectify_box(detection, camera, &job->found[state->mapped], box);
+    }
+    return state->mapped == count;
+}
+
+bool fv_detection_advance(struct fv_detection *detection, const struct fovea_config *config, const struct fv_kernels *kernels,
+                          uint32_t units, uint32_t *done)
+{
+    struct fv_detection_state *state = detection->state;
+    *done = 0;
+    if (!fv_detection_waiting(detection) || units == 0) return false;
+    if (!state->mapping) {
+        if (fv_detect_advance(&detection->memory, &detection->model, kernels, units, done) != FOVEA_OK) return false;
+        state->mapping = 1;
+        state->mapped = 0;
+    }
+    while (*done < units) {
+        ++*done;
+        if (!map_some(detection, &config->camera)) continue;
+        state->mapping = 0;
+        state->found_frame = state->frame;
+        state->looks++;
+        return true;
+    }
+    return false;
+}
+
+/* ---- what was found ---------------------------------------------------------------------------------------- */
+
+uint32_t fv_detection_encode(const struct fv_detection *detection, const struct fovea_config *config, uint32_t reset_counter,
+                             uint8_t *buffer, size_t capacity)
+{
+    const struct fv_detect_job *job = detection->memory.job;
+    const char *names[FOVEA_DETECTIONS_MAX];
+    for (int32_t i = 0; i < job->count; i++) names[i] = label_of(&detection->model, job->found[i].class_id);
+    const struct fv_message_detections message = {
+        .stamp = fv_stamp_of(&detection->state->found_frame),
+        .reset_counter = reset_counter,
+        .model = detection->model.header->name,
+        .width = config->camera.width,
+        .height = config->camera.height,
+        .rectified_shape = detection->has_view ? (int8_t)detection->view.shape : -1,
+        .rectified = {detection->view.fx, detection->view.fy, detection->view.cx, detection->view.cy},
+        .count = (uint32_t)job->count,
+        .detections = job->found,
+        .names = names,
+        .rectified_boxes = detection->state->rectified,
+    };
+    return fv_message_detections_encode(&message, detection->message_scratch, buffer, capacity);
+}
+
+void fv_detection_get(const struct fv_detection *detection, struct fovea_detections *detections)
+{
+    memset(detections, 0, sizeof *detections);
+    if (!detection->enabled || detection->state->looks == 0) return;
+    const struct fv_detect_job *job = detection->memory.job;
+    *detections = (struct fovea_detections){
+        .looks = detection->state->looks,
+        .stamp_ns = detection->state->found_frame.stamp_ns,
+        .sequence = detection->state->found_frame.sequence,
+        .count = (uint32_t)job->count,
+        .list = job->found,
+    };
+}
+
+const char *fv_detection_label(const struct fv_detection *detection, int32_t class_id)
+{
+    return detection->enabled ? label_of(&detection->model, class_id) : "";
+}

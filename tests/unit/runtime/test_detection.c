@@ -1,0 +1,225 @@
+/* Detection within the runtime: the same boxes however the work is sliced, each with the stamp of its image; limits; refusals;
+ * boxes in the rectified image. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "common/detector.h"
+#include "fovea/fovea.h"
+#include "image/rectify.h"
+#include "nn/model.h"
+
+#include "fovea_detections_t.h"
+
+enum { WIDTH = 320, HEIGHT = 240, FRAMES = 60 };
+
+static struct fovea_config config;
+static struct fovea_error error;
+static uint8_t picture[WIDTH * HEIGHT];
+
+static int setup(void **state)
+{
+    (void)state;
+    for (int i = 0; i < WIDTH * HEIGHT; i++) picture[i] = (uint8_t)((i % WIDTH / 20 * 37 + i / WIDTH / 15 * 91) ^ (i * 7 & 15));
+    fovea_config_default(&config);
+    config.camera = (struct fovea_camera){.width = WIDTH, .height = HEIGHT, .fx = 200, .fy = 205, .cx = 161, .cy = 118, .k = {-0.2, 0.04, 1e-3, -5e-4}};
+    config.odometry.enabled = false;
+    config.detect.model = detector_model(&config.detect.model_bytes);
+    if (config.detect.model == NULL) return -1;
+    return fovea_camera_prepare(&config.camera, &error) == FOVEA_OK ? 0 : -1;
+}
+
+struct made {
+    void *memory;
+    struct fovea *rt;
+};
+
+static struct made make(void)
+{
+    struct made made = {0};
+    size_t bytes = 0;
+    assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_OK);
+    made.memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, bytes);
+    assert_int_equal(fovea_init(made.memory, bytes, &config, &made.rt, &error), FOVEA_OK);
+    return made;
+}
+
+/* One turn with so many units; the detections message, or NULL. */
+static const struct fovea_message *turn(struct fovea *rt, int i, uint32_t units)
+{
+    static struct fovea_outputs outputs;
+    const struct fovea_frame frame = {
+        .image = {.data = picture, .width = WIDTH, .height = HEIGHT, .stride_bytes = WIDTH, .format = FOVEA_PIXEL_GREY8, .size_bytes = sizeof picture},
+        .stamp_ns = (i + 1) * 1000,
+        .sequence = (uint64_t)i + 100,
+    };
+    struct fovea_inputs inputs = {.frame = &frame, .now_ns = frame.stamp_ns};
+    fovea_grants_fixed(&config, &inputs.grants);
+    fovea_step(rt, &inputs, &outputs);
+    const bool waited = (outputs.jobs_waiting & 1u << FOVEA_JOB_DETECT) != 0;
+    inputs.grants.units[FOVEA_JOB_DETECT] = units;
+    fovea_work(rt, &inputs.grants, &outputs);
+    assert_true(outputs.units_done[FOVEA_JOB_DETECT] <= units);
+    assert_true(waited == (outputs.units_done[FOVEA_JOB_DETECT] > 0) || units == 0);
+    for (uint32_t m = 0; m < outputs.message_count; m++)
+        if (strcmp(outputs.messages[m].channel, "FOVEA_DETECTIONS") == 0) return &outputs.messages[m];
+    return NULL;
+}
+
+static void slices_give_the_same_with_the_stamp_of_the_image(void **state)
+{
+    (void)state;
+    struct made whole = make(), sliced = make();
+    struct fovea_detections all, some;
+    fovea_detections_get(whole.rt, &all);
+    assert_int_equal(all.looks, 0);
+    assert_non_null(turn(whole.rt, 0, 100000));
+    fovea_detections_get(whole.rt, &all);
+    assert_int_equal(all.looks, 1);
+    assert_in_range(all.count, 1, 100);
+    int looked_at = 0, looks = 0;
+    for (int i = 0; i < FRAMES; i++) {
+        const struct fovea_message *message = turn(sliced.rt, i, 2);
+        if (message == NULL) continue;
+        fovea_detections_t decoded;
+        assert_int_equal(fovea_detections_t_decode(message->data, 0, (int)message->bytes, &decoded), message->bytes);
+        fovea_detections_get(sliced.rt, &some);
+        assert_int_equal(some.looks, ++looks);
+        assert_int_equal(some.sequence, 100 + looked_at);
+        assert_int_equal(decoded.stamp.time_ns, (looked_at + 1) * 1000);
+        assert_true(i > looked_at + 2); /* over several frames */
+        assert_int_equal(some.count, all.count);
+        assert_memory_equal(some.list, all.list, all.count * sizeof *all.list);
+        assert_int_equal(decoded.count, all.count);
+        for (uint32_t d = 0; d < all.count; d++) {
+            assert_true(decoded.score[d] == all.list[d].score && decoded.x_max_px[d] == all.list[d].x_max_px);
+            assert_string_equal(decoded.class_name[d], fovea_detect_label(sliced.rt, decoded.class_id[d]));
+        }
+        fovea_detections_t_decode_cleanup(&decoded);
+        looked_at = i + 1;
+    }
+    assert_true(looks > 2);
+    free(whole.memory);
+    free(sliced.memory);
+}
+
+static void limits_hold(void **state)
+{
+    (void)state;
+    struct fovea_detections all, fewer;
+    struct made made = make(), limited;
+    turn(made.rt, 0, 100000);
+    fovea_detections_get(made.rt, &all);
+    assert_true(all.count > 2);
+    config.detect.count_max = 2;
+    limited = make();
+    turn(limited.rt, 0, 100000);
+    fovea_detections_get(limited.rt, &fewer);
+    assert_int_equal(fewer.count, 2);
+    assert_memory_equal(fewer.list, all.list, 2 * sizeof *all.list);
+    free(limited.memory);
+    config.detect.count_max = 100;
+    config.detect.score_threshold = (double)all.list[1].score;
+    limited = make();
+    turn(limited.rt, 0, 100000);
+    fovea_detections_get(limited.rt, &fewer);
+    assert_true(fewer.count >= 2 && fewer.list[fewer.count - 1].score >= all.list[1].score);
+    assert_true(fewer.count == all.count || all.list[fewer.count].score < all.list[1].score);
+    free(limited.memory);
+    config.detect.score_threshold = 0;
+    free(made.memory);
+}
+
+/* Every point of the raw box's border must lie in the rectified box, and each of its sides be touched. */
+static void rectified_boxes_hold_the_raw_ones(void **state)
+{
+    (void)state;
+    struct made made = make();
+    struct fv_rectified view;
+    fovea_detections_t out;
+    const struct fovea_message *message = turn(made.rt, 0, 100000);
+    assert_int_equal(fovea_detections_t_decode(message->data, 0, (int)message->bytes, &out), message->bytes);
+    assert_int_equal(fv_view_choose(&config.camera, FV_VIEW_PINHOLE, FV_VIEW_CROP, WIDTH, HEIGHT, &view, &error), FOVEA_OK);
+    assert_int_equal(out.rectified_shape, FV_VIEW_PINHOLE);
+    assert_true(out.rectified_fx == view.fx && out.rectified_cy == view.cy);
+    for (int d = 0; d < out.count; d++) {
+        double low[2] = {1e9, 1e9}, high[2] = {-1e9, -1e9};
+        for (int i = 0; i < 4 * 2; i++) { /* corners and middles of the sides, by the way back */
+            const double share[8][2] = {{0, 0}, {.5, 0}, {1, 0}, {1, .5}, {1, 1}, {.5, 1}, {0, 1}, {0, .5}};
+            const double x = (double)out.x_min_px[d] + share[i][0] * (double)(out.x_max_px[d] - out.x_min_px[d]);
+            const double y = (double)out.y_min_px[d] + share[i][1] * (double)(out.y_max_px[d] - out.y_min_px[d]);
+            double at[2], raw[2];
+            assert_true(fv_view_from_raw(&view, &config.camera, x, y, at));
+            assert_true(fv_view_to_raw(&view, &config.camera, at[0], at[1], raw));
+            assert_true(__builtin_fabs(raw[0] - x) < 1e-6 && __builtin_fabs(raw[1] - y) < 1e-6);
+            for (int k = 0; k < 2; k++) {
+                low[k] = at[k] < low[k] ? at[k] : low[k];
+                high[k] = at[k] > high[k] ? at[k] : high[k];
+            }
+        }
+        assert_true(__builtin_fabs((double)out.rectified_x_min_px[d] - low[0]) < 1e-3);
+        assert_true(__builtin_fabs((double)out.rectified_y_min_px[d] - low[1]) < 1e-3);
+        assert_true(__builtin_fabs((double)out.rectified_x_max_px[d] - high[0]) < 1e-3);
+        assert_true(__builtin_fabs((double)out.rectified_y_max_px[d] - high[1]) < 1e-3);
+    }
+    fovea_detections_t_decode_cleanup(&out);
+    free(made.memory);
+}
+
+static void a_reset_forgets_the_look_under_way(void **state)
+{
+    (void)state;
+    struct made made = make();
+    struct fovea_outputs outputs;
+    turn(made.rt, 0, 3);
+    const struct fovea_inputs reset = {.frame = NULL, .commands = FOVEA_COMMAND_RESET};
+    fovea_step(made.rt, &reset, &outputs);
+    assert_int_equal(outputs.jobs_waiting & 1u << FOVEA_JOB_DETECT, 0);
+    struct fovea_detections found;
+    assert_non_null(turn(made.rt, 7, 100000));
+    fovea_detections_get(made.rt, &found);
+    assert_int_equal(found.sequence, 107);
+    assert_int_equal(found.looks, 1);
+    free(made.memory);
+}
+
+static void wrong_models_are_refused(void **state)
+{
+    (void)state;
+    const struct fovea_config good = config;
+    size_t bytes;
+    uint8_t *copy = aligned_alloc(64, (config.detect.model_bytes + 63) / 64 * 64);
+    memcpy(copy, config.detect.model, config.detect.model_bytes);
+    config.detect.model = copy;
+    copy[config.detect.model_bytes / 2] ^= 1;
+    assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_ERROR_INPUT);
+    assert_non_null(strstr(error.text, "detect.model: byte 12"));
+    copy[config.detect.model_bytes / 2] ^= 1;
+    struct fv_model_header *header = (struct fv_model_header *)(void *)copy;
+    header->decode.kind = FV_DECODER_SEGMENT;
+    header->checksum = fv_model_checksum(copy + 16, config.detect.model_bytes - 16);
+    assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
+    assert_string_equal(error.text, "detect.model: found decoder 8, expected one that gives boxes");
+    config = good;
+    config.detect.score_threshold = 1.5;
+    assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
+    assert_string_equal(error.text, "detect.score_threshold: found 1.5, expected 0 to 1");
+    config = good;
+    free(copy);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(slices_give_the_same_with_the_stamp_of_the_image),
+        cmocka_unit_test(limits_hold),
+        cmocka_unit_test(rectified_boxes_hold_the_raw_ones),
+        cmocka_unit_test(a_reset_forgets_the_look_under_way),
+        cmocka_unit_test(wrong_models_are_refused),
+    };
+    return cmocka_run_group_tests(tests, setup, NULL);
+}
