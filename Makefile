@@ -264,12 +264,17 @@ TESTS_CXX := $(if $(CROSS)$(SAN),,$(shell find tests -name 'test_*.cpp' 2>/dev/n
 TESTS     := $(patsubst tests/%.c,$(BUILD)/tests/%,$(TESTS_C)) $(patsubst tests/%.cpp,$(BUILD)/tests/%,$(TESTS_CXX))
 TEST_HELP := $(call objs,$(wildcard tests/common/*.c))
 .PHONY: tests
-tests: $(TESTS) $(BUILD)/subscribe $(BUILD)/python/fovea/__init__.py $(if $(CROSS)$(SAN),,$(BUILD)/venv-lcm/ready)
+tests: $(TESTS) $(BUILD)/subscribe $(BUILD)/python/fovea/__init__.py $(if $(CROSS)$(SAN),,$(BUILD)/venv-lcm/ready $(BUILD)/venv-import/ready)
 
 # LCM for the Python subscriber comes from PyPI; where that cannot be reached its test says so and is skipped.
 $(BUILD)/venv-lcm/ready:
 	@{ python3 -m venv $(BUILD)/venv-lcm && timeout 120 $(BUILD)/venv-lcm/bin/pip install -q --disable-pip-version-check lcm \
 	    && touch $@; } || echo "found no Python package lcm: its subscriber will not be tested"
+
+# What tools/import needs, for the test that imports a real network.
+$(BUILD)/venv-import/ready:
+	@{ python3 -m venv $(BUILD)/venv-import && timeout 180 $(BUILD)/venv-import/bin/pip install -q --disable-pip-version-check tflite numpy flatbuffers \
+	    && touch $@; } || echo "found no Python packages tflite and numpy: no network will be imported in tests"
 
 $(BUILD)/tests/%: $(BUILD)/obj/tests/%.o $(TEST_HELP) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 	@mkdir -p $(@D)

@@ -2,11 +2,12 @@
 
 #include "detect/pixel.h"
 
-/* Input rows filled in one unit: about 0.25 ms at 20 ns per pixel. */
+/* Input rows filled in one unit: about 0.1 ms here, 0.25 ms on a slow board. */
 static int32_t rows_per_unit(const struct fv_model *model)
 {
+    enum { PIXELS = 9600 };
     const int32_t width = model->header->preprocess.width;
-    return width >= 12000 ? 1 : 12000 / (width < 1 ? 1 : width);
+    return width >= PIXELS ? 1 : PIXELS / (width < 1 ? 1 : width);
 }
 
 void fv_detect_carve(struct fv_detect_memory *memory, struct fv_arena *arena, const struct fv_model *model, size_t pixel_bytes)

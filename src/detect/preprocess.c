@@ -116,31 +116,55 @@ static void put(const struct fv_model *model, const struct tables *t, uint8_t *i
     }
 }
 
+enum { BLOCK_ROWS = 16 }; /* that share where a column looks: the division there costs more than the sample */
+
+/* Where rows of a block look. */
+struct block {
+    int32_t begin, count;
+    int32_t shown[BLOCK_ROWS], up[BLOCK_ROWS], down[BLOCK_ROWS], wy[BLOCK_ROWS];
+};
+
+static void block_begin(const struct fovea_image *image, const struct fv_detect_view *view, int32_t begin, int32_t end, struct block *b)
+{
+    b->begin = begin;
+    b->count = end - begin < BLOCK_ROWS ? end - begin : BLOCK_ROWS;
+    for (int32_t i = 0; i < b->count; ++i) {
+        const int32_t iy = begin + i - view->top;
+        b->shown[i] = iy >= 0 && iy < view->height;
+        if (b->shown[i]) source_of(iy, view->height, image->height, &b->up[i], &b->down[i], &b->wy[i]);
+    }
+}
+
+static void fill_column(const struct fv_model *model, const struct tables *tables, const struct fovea_image *image,
+                        const struct fv_detect_view *view, const struct block *b, int32_t x, uint8_t *input)
+{
+    const struct fv_model_preprocess *p = &model->header->preprocess;
+    const bool plain = image->format == FOVEA_PIXEL_GREY8 || image->format == FOVEA_PIXEL_RGB24 || image->format == FOVEA_PIXEL_BGR24;
+    const int32_t ix = x - view->left, is_shown = ix >= 0 && ix < view->width;
+    int32_t columns[2] = {0, 0}, wx = 0;
+    if (is_shown) source_of(ix, view->width, image->width, &columns[0], &columns[1], &wx);
+    for (int32_t i = 0; i < b->count; ++i) {
+        uint8_t rgb[3] = {(uint8_t)p->pad, (uint8_t)p->pad, (uint8_t)p->pad};
+        const int32_t rows[2] = {b->up[i], b->down[i]};
+        if (is_shown && b->shown[i] && plain) {
+            sample(image, image->data + (ptrdiff_t)rows[0] * image->stride_bytes, image->data + (ptrdiff_t)rows[1] * image->stride_bytes,
+                   b->wy[i], columns[0], columns[1], wx, rgb);
+        } else if (is_shown && b->shown[i]) {
+            sample_made(image, rows, b->wy[i], columns, wx, p->channels == 1, rgb);
+        }
+        put(model, tables, input, (ptrdiff_t)(b->begin + i) * p->width + x, rgb);
+    }
+}
+
 void fv_detect_fill(const struct fv_model *model, const struct fovea_image *image, const struct fv_detect_view *view, uint8_t *arena,
                     int32_t begin, int32_t end)
 {
-    const struct fv_model_preprocess *p = &model->header->preprocess;
     uint8_t *input = fv_nn_tensor(model, arena, model->inputs[0]);
-    const uint8_t border[3] = {(uint8_t)p->pad, (uint8_t)p->pad, (uint8_t)p->pad};
-    const bool plain = image->format == FOVEA_PIXEL_GREY8 || image->format == FOVEA_PIXEL_RGB24 || image->format == FOVEA_PIXEL_BGR24;
     struct tables tables;
+    struct block block = {.count = 0};
     make_tables(model, &tables);
-    for (int32_t y = begin; y < end; ++y) {
-        const int32_t iy = y - view->top;
-        int32_t up = 0, down = 0, wy = 0;
-        if (iy >= 0 && iy < view->height) source_of(iy, view->height, image->height, &up, &down, &wy);
-        const uint8_t *upper = image->data + (ptrdiff_t)up * image->stride_bytes, *lower = image->data + (ptrdiff_t)down * image->stride_bytes;
-        for (int32_t x = 0; x < p->width; ++x) {
-            const int32_t ix = x - view->left;
-            uint8_t rgb[3] = {border[0], border[1], border[2]};
-            if (iy >= 0 && iy < view->height && ix >= 0 && ix < view->width) {
-                int32_t left, right, wx;
-                source_of(ix, view->width, image->width, &left, &right, &wx);
-                const int32_t rows[2] = {up, down}, columns[2] = {left, right};
-                if (plain) sample(image, upper, lower, wy, left, right, wx, rgb);
-                else sample_made(image, rows, wy, columns, wx, p->channels == 1, rgb);
-            }
-            put(model, &tables, input, (ptrdiff_t)y * p->width + x, rgb);
-        }
+    for (int32_t y = begin; y < end; y += block.count) {
+        block_begin(image, view, y, end, &block);
+        for (int32_t x = 0; x < model->header->preprocess.width; ++x) fill_column(model, &tables, image, view, &block, x, input);
     }
 }

@@ -139,6 +139,18 @@ static enum fovea_status check_tensors(const struct fv_model *m, const char *nam
     return FOVEA_OK;
 }
 
+/* Whether scratch shares bytes of the arena with an operand: what is kept there (indices among others) must stay as written. */
+static int scratch_is_shared(const struct fv_model *m, const struct fv_model_op *op)
+{
+    const struct fv_model_tensor *s = &m->tensors[op->scratch];
+    for (int32_t i = 0; i < op->input_count + op->output_count; ++i) {
+        const struct fv_model_tensor *t = &m->tensors[i < op->input_count ? op->inputs[i] : op->outputs[i - op->input_count]];
+        if ((t->flags & FV_TENSOR_CONST) != 0) continue;
+        if (t->offset < (int64_t)s->offset + s->bytes && s->offset < (int64_t)t->offset + t->bytes) return 1;
+    }
+    return 0;
+}
+
 /* Inputs were written before and outputs are no constants: `written` holds a bit per storage record. */
 static const char *order_fault(const struct fv_model *m, const struct fv_model_op *op, uint8_t *written, int32_t *word)
 {
@@ -163,6 +175,7 @@ static const char *order_fault(const struct fv_model *m, const struct fv_model_o
     *word = 14;
     if (op->scratch < -1 || op->scratch >= count) return "no such tensor";
     if (op->scratch >= 0 && (m->tensors[op->scratch].flags & FV_TENSOR_CONST) != 0) return "scratch is a constant";
+    if (op->scratch >= 0 && scratch_is_shared(m, op)) return "scratch shares memory with an operand";
     *word = 15;
     if (op->row_cost < 1) return "row cost below 1";
     return NULL;

@@ -2,6 +2,8 @@
 
 #include <string.h>
 
+#include "nn/run.h"
+
 /* One operator under inspection; `word` is the record word looked at, for the error text. */
 struct check {
     const struct fv_model *m;
@@ -456,7 +458,7 @@ static const char *check_detection(const struct check *c)
     *c->word = 14;
     if (scratch_bytes(c) < (int64_t)p->anchors * 32 + slots * 64 + 64) return "scratch is too small";
     *c->word = 13;
-    return c->op->rows == 1 ? NULL : "rows is not 1";
+    return c->op->rows == fv_nn_detection_rows(p) ? NULL : "rows is not what its steps make";
 }
 
 const char *fv_model_check_op(const struct fv_model *model, const struct fv_model_op *op, int32_t *word)

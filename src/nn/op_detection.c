@@ -1,10 +1,21 @@
 /* TFLite_Detection_PostProcess: boxes from centre-size encodings and anchors, then non-maximum suppression, either over
- * each anchor's best class ("fast") or class by class ("regular"). Order of ties as in the reference: lower index first.
+ * each anchor's best class ("fast") or class by class ("regular"). A row of the operator is a step of bounded cost. Order of ties as in the reference: lower index first.
  * Outputs: boxes [n][ymin xmin ymax xmax], classes, scores, count; unused entries are zero. */
 #include <string.h>
 
 #include "fovea/elementary.h"
 #include "nn/run.h"
+
+enum {
+    ANCHORS_PER_STEP = 64,
+    PAIRS_PER_STEP = 1 << 17 /* boxes compared by a step, some 0.2 ms here */
+};
+
+/* What goes on from step to step, in scratch behind everything else. */
+struct run {
+    int32_t total, next, selected; /* sorted anchors, the one that comes next, those selected */
+    int32_t found;                 /* pairs of anchor and class so far */
+};
 
 struct state {
     const struct fv_op_detection *p;
@@ -14,16 +25,18 @@ struct state {
     int32_t *order;      /* anchors by falling score */
     uint8_t *score;      /* byte score that is sorted by */
     uint8_t *active;
+    int32_t *found;      /* pairs of anchor and class, by falling score */
+    struct run *run;
     int32_t columns;
 };
 
-static void decode_boxes(const struct fv_nn_call *call, const struct state *s)
+static void decode_boxes(const struct fv_nn_call *call, const struct state *s, int32_t begin, int32_t end)
 {
     const struct fv_op_detection *p = s->p;
-    const float *anchor = (const float *)(const void *)(call->model->base + p->anchor_data);
+    const float *anchor = (const float *)(const void *)(call->model->base + p->anchor_data) + 4 * (ptrdiff_t)begin;
     const float *table = (const float *)(const void *)(call->model->base + p->box_table);
-    const uint8_t *code = call->in[0];
-    for (int32_t i = 0; i < p->anchors; ++i, anchor += 4, code += 4) {
+    const uint8_t *code = call->in[0] + 4 * (ptrdiff_t)begin;
+    for (int32_t i = begin; i < end; ++i, anchor += 4, code += 4) {
         const double y = (double)table[code[0]] / p->y_scale, x = (double)table[code[1]] / p->x_scale;
         const double h = (double)table[code[2]] / p->h_scale, w = (double)table[code[3]] / p->w_scale;
         const float cy = (float)(y * anchor[2] + anchor[0]), cx = (float)(x * anchor[3] + anchor[1]);
@@ -66,23 +79,30 @@ static int32_t sort_by_score(const struct state *s)
     return total;
 }
 
-/* Greedy suppression; the selected anchors end up at the front of `order`. Returns how many. */
-static int32_t suppress(const struct state *s, int32_t limit)
+/* Prepare the greedy suppression of the anchors whose byte scores stand in s->score. */
+static void suppress_begin(const struct state *s)
 {
-    const int32_t total = sort_by_score(s);
-    int32_t selected = 0;
-    memset(s->active, 1, (size_t)total);
-    for (int32_t i = 0; i < total && selected < limit; ++i) {
-        if (!s->active[i]) continue;
-        const int32_t chosen = s->order[i];
-        for (int32_t j = i + 1; j < total; ++j) {
+    s->run->total = sort_by_score(s);
+    s->run->next = 0;
+    s->run->selected = 0;
+    memset(s->active, 1, (size_t)s->run->total);
+}
+
+/* Select up to `count` more anchors, but no more than `limit` in all; they end up at the front of `order`. */
+static void suppress_some(const struct state *s, int32_t count, int32_t limit)
+{
+    struct run *run = s->run;
+    for (; run->next < run->total && count > 0 && run->selected < limit; ++run->next) {
+        if (!s->active[run->next]) continue;
+        const int32_t chosen = s->order[run->next];
+        for (int32_t j = run->next + 1; j < run->total; ++j) {
             if (!s->active[j]) continue;
             const float iou = overlap(s->boxes + (ptrdiff_t)chosen * 4, s->boxes + (ptrdiff_t)s->order[j] * 4);
             if (iou > s->p->iou_threshold) s->active[j] = 0;
         }
-        s->order[selected++] = chosen;
+        s->order[run->selected++] = chosen;
+        --count;
     }
-    return selected;
 }
 
 static void write_detection(const struct fv_nn_call *call, const struct state *s, int32_t slot, int32_t anchor, int32_t class_)
@@ -104,54 +124,122 @@ static int32_t next_class(const struct state *s, int32_t anchor, int32_t after)
     return best;
 }
 
-static int32_t fast(const struct fv_nn_call *call, const struct state *s)
+/* ---- steps: each row of the operator is one -------------------------------------------------------------------- */
+
+/* Selections of a class that one step makes. */
+static int32_t share(const struct fv_op_detection *p)
 {
-    const struct fv_op_detection *p = s->p;
-    for (int32_t i = 0; i < p->anchors; ++i) {
-        const uint8_t *score = s->scores + (ptrdiff_t)i * s->columns + p->class_offset;
+    const int32_t most = PAIRS_PER_STEP / p->anchors;
+    return most < 1 ? 1 : most;
+}
+
+static int32_t steps_per_class(const struct fv_op_detection *p)
+{
+    const int32_t limit = p->per_class < p->anchors ? p->per_class : p->anchors;
+    return limit < 1 ? 1 : (limit - 1) / share(p) + 1;
+}
+
+int32_t fv_nn_detection_rows(const struct fv_op_detection *p)
+{
+    const int32_t decode = (p->anchors - 1) / ANCHORS_PER_STEP + 1;
+    const int64_t rows = decode + (p->regular_nms ? (int64_t)p->classes * steps_per_class(p) : (int64_t)p->max_detections + 1) + 1;
+    return rows > 1 << 30 ? -1 : (int32_t)rows;
+}
+
+static void best_scores(const struct state *s, int32_t begin, int32_t end)
+{
+    for (int32_t i = begin; i < end; ++i) {
+        const uint8_t *score = s->scores + (ptrdiff_t)i * s->columns + s->p->class_offset;
         uint8_t best = 0;
-        for (int32_t c = 0; c < p->classes; ++c) best = score[c] > best ? score[c] : best;
+        for (int32_t c = 0; c < s->p->classes; ++c) best = score[c] > best ? score[c] : best;
         s->score[i] = best;
     }
-    const int32_t selected = suppress(s, p->max_detections);
+}
+
+static void write_fast(const struct fv_nn_call *call, const struct state *s)
+{
+    const struct fv_op_detection *p = s->p;
     const int32_t per = p->max_per_anchor < p->classes ? p->max_per_anchor : p->classes;
-    for (int32_t i = 0; i < selected; ++i) {
+    for (int32_t i = 0; i < s->run->selected; ++i) {
         int32_t class_ = -1;
         for (int32_t k = 0; k < per; ++k) {
             class_ = next_class(s, s->order[i], class_);
             write_detection(call, s, i * per + k, s->order[i], class_);
         }
     }
-    return selected;
+    *(float *)(void *)call->out[3] = (float)s->run->selected;
 }
 
-static int32_t regular(const struct fv_nn_call *call, const struct state *s, int32_t *found)
+/* Pairs of anchor and class by falling score take in what class `c` has left. */
+static void merge_class(const struct state *s, int32_t c)
 {
     const struct fv_op_detection *p = s->p;
-    int32_t total = 0; /* found: pairs anchor, class, by falling score */
-    for (int32_t c = 0; c < p->classes; ++c) {
-        for (int32_t i = 0; i < p->anchors; ++i) s->score[i] = s->scores[(ptrdiff_t)i * s->columns + p->class_offset + c];
-        const int32_t selected = suppress(s, p->per_class);
-        for (int32_t i = 0; i < selected; ++i) {
-            const uint8_t score = s->score[s->order[i]];
-            int32_t at = total;
-            while (at > 0 && s->scores[(ptrdiff_t)found[2 * at - 2] * s->columns + p->class_offset + found[2 * at - 1]] < score) --at;
-            if (at >= p->max_detections) continue;
-            total = total < p->max_detections ? total + 1 : total;
-            memmove(found + 2 * at + 2, found + 2 * at, (size_t)(total - 1 - at) * 2 * sizeof *found);
-            found[2 * at] = s->order[i];
-            found[2 * at + 1] = c;
-        }
+    int32_t *found = s->found, total = s->run->found;
+    for (int32_t i = 0; i < s->run->selected; ++i) {
+        const uint8_t score = s->score[s->order[i]];
+        int32_t at = total;
+        while (at > 0 && s->scores[(ptrdiff_t)found[2 * at - 2] * s->columns + p->class_offset + found[2 * at - 1]] < score) --at;
+        if (at >= p->max_detections) continue;
+        total = total < p->max_detections ? total + 1 : total;
+        memmove(found + 2 * at + 2, found + 2 * at, (size_t)(total - 1 - at) * 2 * sizeof *found);
+        found[2 * at] = s->order[i];
+        found[2 * at + 1] = c;
     }
-    for (int32_t i = 0; i < total; ++i) write_detection(call, s, i, found[2 * i], found[2 * i + 1]);
-    return total;
+    s->run->found = total;
+}
+
+static void regular_step(const struct state *s, int32_t step)
+{
+    const struct fv_op_detection *p = s->p;
+    const int32_t steps = steps_per_class(p), c = step / steps;
+    if (step % steps == 0) {
+        for (int32_t i = 0; i < p->anchors; ++i) s->score[i] = s->scores[(ptrdiff_t)i * s->columns + p->class_offset + c];
+        suppress_begin(s);
+    }
+    suppress_some(s, share(p), p->per_class);
+    if (step % steps == steps - 1) merge_class(s, c);
+}
+
+static void write_regular(const struct fv_nn_call *call, const struct state *s)
+{
+    for (int32_t i = 0; i < s->run->found; ++i) write_detection(call, s, i, s->found[2 * i], s->found[2 * i + 1]);
+    *(float *)(void *)call->out[3] = (float)s->run->found;
+}
+
+static void clear_outputs(const struct fv_nn_call *call, const struct state *s)
+{
+    const size_t slots = (size_t)s->p->max_detections * (size_t)s->p->max_per_anchor;
+    memset(call->out[0], 0, slots * 16);
+    memset(call->out[1], 0, slots * 4);
+    memset(call->out[2], 0, slots * 4);
+    *s->run = (struct run){0, 0, 0, 0};
+}
+
+static void step(const struct fv_nn_call *call, const struct state *s, int32_t row)
+{
+    const struct fv_op_detection *p = s->p;
+    const int32_t decode = (p->anchors - 1) / ANCHORS_PER_STEP + 1, begin = row * ANCHORS_PER_STEP;
+    if (row == 0) clear_outputs(call, s);
+    if (row < decode) {
+        const int32_t end = p->anchors - begin > ANCHORS_PER_STEP ? begin + ANCHORS_PER_STEP : p->anchors;
+        decode_boxes(call, s, begin, end);
+        if (!p->regular_nms) best_scores(s, begin, end);
+    } else if (row == call->op->rows - 1) {
+        if (p->regular_nms) write_regular(call, s);
+        else write_fast(call, s);
+    } else if (p->regular_nms) {
+        regular_step(s, row - decode);
+    } else if (row == decode) {
+        suppress_begin(s);
+    } else {
+        suppress_some(s, 1, p->max_detections);
+    }
 }
 
 void fv_nn_op_detection(const struct fv_nn_call *call, int32_t begin, int32_t end)
 {
-    (void)begin, (void)end;
     const struct fv_op_detection *p = &call->op->u.detection;
-    const size_t n = (size_t)p->anchors;
+    const size_t n = (size_t)p->anchors, slots = (size_t)p->max_detections * (size_t)p->max_per_anchor;
     uint8_t *scratch = call->scratch;
     const struct state s = {
         .p = p,
@@ -161,13 +249,9 @@ void fv_nn_op_detection(const struct fv_nn_call *call, int32_t begin, int32_t en
         .order = (int32_t *)(void *)(scratch + 16 * n),
         .score = scratch + 20 * n,
         .active = scratch + 21 * n,
+        .found = (int32_t *)(void *)(scratch + 32 * n),
+        .run = (struct run *)(void *)(scratch + 32 * n + 16 * slots),
         .columns = p->classes + p->class_offset,
     };
-    int32_t *found = (int32_t *)(void *)(scratch + 32 * n);
-    const size_t slots = (size_t)p->max_detections * (size_t)p->max_per_anchor;
-    memset(call->out[0], 0, slots * 16);
-    memset(call->out[1], 0, slots * 4);
-    memset(call->out[2], 0, slots * 4);
-    decode_boxes(call, &s);
-    *(float *)(void *)call->out[3] = (float)(p->regular_nms ? regular(call, &s, found) : fast(call, &s));
+    for (int32_t row = begin; row < end; ++row) step(call, &s, row);
 }

@@ -50,6 +50,9 @@ fv_nn_op_fn fv_nn_op_conv, fv_nn_op_depthwise, fv_nn_op_binary, fv_nn_op_pool, f
     fv_nn_op_fill, fv_nn_op_resize, fv_nn_op_softmax, fv_nn_op_arg_max, fv_nn_op_dequantize, fv_nn_op_quantize,
     fv_nn_op_cast, fv_nn_op_matmul, fv_nn_op_transpose_conv, fv_nn_op_detection;
 
+/* Rows that the steps of a detection make; -1: too many. */
+int32_t fv_nn_detection_rows(const struct fv_op_detection *p);
+
 #ifdef __cplusplus
 }
 #endif

@@ -269,7 +269,18 @@ def detection_postprocess(low, op):
              y_scale=float_bits(o["y_scale"]), x_scale=float_bits(o["x_scale"]), h_scale=float_bits(o["h_scale"]),
              w_scale=float_bits(o["w_scale"]), anchor_data=low.net.blob(data), box_table=low.net.blob(floats(boxes)),
              score_table=low.net.blob(floats(scores)))
-    low.net.step("DETECTION", op, [vb, vs], outs, p, 1, cost=scores.size * 8, scratch=count * 32 + slots * 64 + 64)
+    rows, step_cost = detection_steps(p)
+    low.net.step("DETECTION", op, [vb, vs], outs, p, rows, cost=rows * step_cost, scratch=count * 32 + slots * 64 + 64)
+
+
+def detection_steps(p):
+    """Steps as src/nn/op_detection.c makes them, and the cost of one: 24 multiply-accumulates per pair of boxes."""
+    anchors, decode = p["anchors"], (p["anchors"] - 1) // 64 + 1
+    if not p["regular_nms"]:
+        return decode + p["max_detections"] + 2, max(24 * anchors, 64 * (1200 + 8 * p["classes"]))
+    share = max((1 << 17) // anchors, 1)
+    per_class = (max(min(p["per_class"], anchors), 1) - 1) // share + 1
+    return decode + p["classes"] * per_class + 1, 24 * min(share, max(p["per_class"], 1)) * anchors
 
 
 OPERATORS = {name: binary for name in BINARY}
