@@ -5,6 +5,7 @@
 
 #include "fovea/source.h"
 #include "fovea/text.h"
+#include "live/live.h"
 #include "recorded/player.h"
 #include "sequence.h"
 #include "sim/sim.h"
@@ -18,6 +19,7 @@ const struct fovea_source_ops *const fovea_source_table[] = {
     &fovea_source_lcmlog,
     &fovea_source_video,
     &fovea_source_sequence,
+    &fovea_source_v4l2,
     NULL,
 };
 

@@ -32,6 +32,20 @@ enum fovea_status fv_decode_probe(const uint8_t *data, size_t bytes, int32_t *wi
 enum fovea_status fv_decode_grey(const uint8_t *data, size_t bytes, const struct fv_decode_image *image,
                                  struct fovea_error *reason);
 
+/* A JPEG decoder for cameras: it is made once for pictures of one width, and then makes no heap call. libjpeg
+ * takes its memory from an arena of the decoder's, which is emptied before each picture, so that nothing of a
+ * damaged picture outlives it. Baseline pictures of one scan; Huffman tables may be missing, as in most
+ * cameras' MJPEG. One thread at a time. */
+struct fv_jpeg_decoder;
+enum fovea_status fv_jpeg_decoder_open(int32_t width, struct fv_jpeg_decoder **decoder,
+                                       struct fovea_error *error);
+void fv_jpeg_decoder_close(struct fv_jpeg_decoder *decoder);
+/* Memory of the decoder's own; `*most` (or NULL): what a picture has needed of it so far. */
+size_t fv_jpeg_decoder_bytes(const struct fv_jpeg_decoder *decoder, size_t *most);
+/* As fv_decode_jpeg, with the same bits. */
+enum fovea_status fv_jpeg_decode(struct fv_jpeg_decoder *decoder, const uint8_t *data, size_t bytes,
+                                 const struct fv_decode_image *image, struct fovea_error *reason);
+
 /* A buffer for whole files that is used again. Start with {0}. */
 struct fv_file_buffer {
     uint8_t *data;

@@ -29,8 +29,8 @@ static const struct fv_uri_option option_table[] = {
     {"light", FV_URI_REAL, AT(light), 0.1, 4, "factor of brightness", NULL},
     {"time", FV_URI_REAL, AT(time_s), 0, 100000, "seconds", NULL},
 };
-static const struct fv_uri_table options_table = {
-    "sim", option_table, sizeof option_table / sizeof option_table[0], NULL, NULL};
+static const struct fv_uri_table options_table = {"sim", option_table,
+                                                  sizeof option_table / sizeof option_table[0], NULL, NULL};
 
 static const char *const trajectory_name[FV_SIM_TRAJECTORY_COUNT] = {
     "tour", "orbit", "corridor", "rotate", "stopgo", "fast", "kidnap", "wander", "still"};

@@ -31,6 +31,7 @@ enum fovea_pixel_format {
     FOVEA_PIXEL_BAYER_GRBG8 = 12,
     FOVEA_PIXEL_BAYER_GBRG8 = 13,
     FOVEA_PIXEL_MJPEG = 14,
+    FOVEA_PIXEL_Y14 = 15, /* 14 significant low bits */
     FOVEA_PIXEL_FORMAT_COUNT
 };
 

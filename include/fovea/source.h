@@ -43,7 +43,7 @@ enum fovea_source_state {
     FOVEA_SOURCE_LATE = 1,      /* a frame is overdue */
     FOVEA_SOURCE_STALLED = 2,   /* present, but no frame for long */
     FOVEA_SOURCE_GONE = 3,      /* unplugged */
-    FOVEA_SOURCE_RETURNING = 4, /* being set up again */
+    FOVEA_SOURCE_RETURNING = 4, /* being set up, or set up and its first frame awaited */
     FOVEA_SOURCE_ENDED = 5      /* recording finished */
 };
 
@@ -89,7 +89,7 @@ struct fovea_truth {
 };
 
 /* How frames of a recording are chosen: start, start + step, start + 2 step, ..., at most `frames` of them (0: all);
- * played last first when `reverse`, with stamps that still rise. Live sources refuse anything but the default. */
+ * played last first when `reverse`, with stamps that still rise. Live sources refuse anything but a number of frames. */
 struct fovea_source_selection {
     uint64_t start;
     uint64_t step; /* at least 1 */

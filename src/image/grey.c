@@ -25,6 +25,7 @@ void fv_grey_convert(uint8_t *grey, int32_t stride_bytes, const struct fv_kernel
         case FOVEA_PIXEL_YU12: memcpy(out, row, (size_t)width); break;
         case FOVEA_PIXEL_Y10: kernels->grey_shift_u16(out, row, width, 2); break;
         case FOVEA_PIXEL_Y12: kernels->grey_shift_u16(out, row, width, 4); break;
+        case FOVEA_PIXEL_Y14: kernels->grey_shift_u16(out, row, width, 6); break;
         case FOVEA_PIXEL_Y16: kernels->grey_shift_u16(out, row, width, 8); break;
         case FOVEA_PIXEL_YUYV: kernels->grey_pick_u8(out, row, width, 0); break;
         case FOVEA_PIXEL_UYVY: kernels->grey_pick_u8(out, row, width, 1); break;

@@ -1,7 +1,7 @@
 /* Grey levels from what cameras deliver.
  *
  *   grey8, NV12, YU12   the luma plane, copied
- *   Y10, Y12, Y16       the 8 high bits of the significant ones: shifted right by 2, 4, 8; 255 where bits above are set
+ *   Y10, Y12, Y14, Y16  the 8 high bits of the significant ones: shifted right by 2, 4, 6, 8; 255 where bits above are set
  *   YUYV, UYVY          the luma bytes
  *   RGB24, BGR24        (9798 R + 19235 G + 3735 B + 16384) >> 15: BT.601 luma, OpenCV's integers
  *   Bayer               the 3x3 binomial filter, (1 2 1; 2 4 2; 1 2 1) rounded half up, borders mirrored about the edge

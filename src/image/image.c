@@ -25,6 +25,7 @@ static const struct layout layouts[FOVEA_PIXEL_FORMAT_COUNT] = {
     [FOVEA_PIXEL_BAYER_BGGR8] = {"bayer_bggr8", 2, 2, true, true},
     [FOVEA_PIXEL_BAYER_GRBG8] = {"bayer_grbg8", 2, 2, true, true},
     [FOVEA_PIXEL_BAYER_GBRG8] = {"bayer_gbrg8", 2, 2, true, true},
+    [FOVEA_PIXEL_Y14] = {"y14", 4, 2, false, false},
     [FOVEA_PIXEL_MJPEG] = {"mjpeg", 0, 0, false, false},
 };
 

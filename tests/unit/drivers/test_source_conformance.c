@@ -16,6 +16,7 @@
 #include <unistd.h>
 
 #include "common/datasets.h"
+#include "common/fake_camera.h"
 #include "fovea/source.h"
 
 /* ---- heap calls of one thread, and pieces not given back --------------------------------------------- */
@@ -92,6 +93,7 @@ struct row {
     const char *name;
     const char *(*make)(const char *folder); /* writes the recording; NULL: `address` stands */
     const char *address;
+    bool live;            /* stamps are of the clock; only a number of frames can be chosen */
     bool in_order_only;   /* cannot be played in reverse, does not know its length */
     const char *wrong[4]; /* addresses that must be refused */
     char made[FV_TEST_PATH_BYTES];
@@ -115,6 +117,10 @@ static struct row rows[] = {
                 "sim:orbit?width=96&height=64&fov=70&frames=40[start=9,step=2,frames=16,reverse]",
      .in_order_only = true,
      .wrong = {"", "sim:orbit then ", "sim:orbit[steps=2]", "sequence:sim:"}},
+    {.name = "v4l2", /* the fake device, set up below */
+     .live = true,
+     .address = "/dev/video0?format=GREY",
+     .wrong = {"/dev/video9", "video0", "/dev/video0?widht=3", "/dev/video0?control.gain=1000"}},
 };
 
 static struct row *row_of(const struct fovea_source_ops *ops)
@@ -240,6 +246,9 @@ static void play_again(const struct fovea_source_ops *ops, const struct fovea_so
     play(ops, source, played, NULL);
     ops->stop(source);
     ops->close(source);
+    if (row_of(ops)->live)
+        for (size_t i = 0; i < played->count; ++i)
+            played->frames[i].stamp_ns = 0; /* another time each time */
 }
 
 /* ---- tests ------------------------------------------------------------------------------------------- */
@@ -330,6 +339,8 @@ static void test_play_without_heap(void **state)
         ops->close(source);
         if (can_watch && calls != 0) fail_msg("%s: %lu heap calls on the loop thread", ops->name, calls);
         play_again(ops, &some, &second);
+        for (size_t j = 0; j < first.count && row_of(ops)->live; ++j)
+            first.frames[j].stamp_ns = 0;
         assert_memory_equal(&first, &second, sizeof first.count + first.count * sizeof first.frames[0]);
     }
 }
@@ -411,6 +422,12 @@ static void test_selection(void **state)
         struct played all, chosen;
         assert_true(ops->open(row_of(ops)->address, &none, &source, &error) < 0);
         assert_true(strlen(error.text) > 0);
+        if (row_of(ops)->live) {
+            assert_int_equal(ops->open(row_of(ops)->address, &third, &source, &error), FOVEA_ERROR_ARGUMENT);
+            const struct fovea_source_selection reversed = {.step = 1, .frames = 3, .reverse = true};
+            assert_int_equal(ops->open(row_of(ops)->address, &reversed, &source, &error), FOVEA_ERROR_UNSUPPORTED);
+            continue;
+        }
         play_again(ops, &some, &all);
         play_again(ops, &third, &chosen);
         assert_int_equal(chosen.count, 3);
@@ -532,6 +549,10 @@ static int make_recordings(void **state)
 {
     (void)state;
     fv_test_folder(folder);
+    fake_begin();
+    struct fake_camera *camera = fake_new();
+    camera->rate_hz = 0;
+    fake_plug(camera, "/dev/video0");
     for (size_t i = 0; i < sizeof rows / sizeof rows[0]; ++i) {
         if (rows[i].make == NULL) continue;
         snprintf(rows[i].made, sizeof rows[i].made, "%s", rows[i].make(folder));
@@ -543,6 +564,7 @@ static int make_recordings(void **state)
 static int remove_recordings(void **state)
 {
     (void)state;
+    fake_end();
     fv_test_folder_remove(folder);
     return 0;
 }

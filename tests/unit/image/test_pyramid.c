@@ -108,6 +108,7 @@ static int32_t grey_of(enum fovea_pixel_format format, int32_t stride, int32_t x
     switch (format) {
     case FOVEA_PIXEL_Y10: return word / 4 > 255 ? 255 : word / 4;
     case FOVEA_PIXEL_Y12: return word / 16 > 255 ? 255 : word / 16;
+    case FOVEA_PIXEL_Y14: return word / 64 > 255 ? 255 : word / 64;
     case FOVEA_PIXEL_Y16: return word / 256;
     case FOVEA_PIXEL_YUYV: return row[2 * x];
     case FOVEA_PIXEL_UYVY: return row[2 * x + 1];
@@ -141,7 +142,8 @@ static void every_format_becomes_grey_as_documented(void **state)
     for (int set = 0; set < FV_CPU_SET_COUNT; set++) {
         struct fv_kernels kernels;
         fv_kernels_init(&kernels, (enum fv_cpu_set)set);
-        for (int format = 0; format < FOVEA_PIXEL_MJPEG; format++) {
+        for (int format = 0; format < FOVEA_PIXEL_FORMAT_COUNT; format++) {
+            if (format == FOVEA_PIXEL_MJPEG) continue;
             const enum fovea_pixel_format f = (enum fovea_pixel_format)format;
             const int32_t stride = fovea_image_stride_min(f, W) + 6;
             const struct fovea_image frame = {pixels, W, H, stride, f, fovea_image_bytes(f, H, stride)};

@@ -1,0 +1,583 @@
+#include "live.h"
+
+#include <errno.h>
+#include <poll.h>
+#include <pthread.h>
+#include <semaphore.h>
+#include <signal.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/eventfd.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "../recorded/decode.h"
+#include "../ring.h"
+#include "complaints.h"
+
+enum { STACK_BYTES = 256 * 1024, URI_BYTES = 256 };
+
+enum complaint { TOLD, AWAY, REFUSED, BROKEN, DAMAGED, STAMPS };
+
+struct slot {
+    struct fovea_frame frame;
+    uint32_t buffer;  /* of the device, to give back: raw frames */
+    uint8_t *decoded; /* MJPEG */
+};
+
+/* What the camera thread counts and others read; each is written by one thread. */
+struct tallies {
+    _Atomic uint64_t damaged, dropped, recovered;
+};
+
+struct fovea_source { /* NOLINT(clang-analyzer-optin.performance.Padding): in order of meaning */
+    const struct fv_live_ops *ops;
+    void *device;
+    char uri[URI_BYTES];
+    struct fovea_source_info info;
+    struct fv_recovery_times times;
+    size_t frame_bytes_min;
+    uint32_t slot_count;
+    uint64_t frames_max; /* 0: no limit */
+    int64_t readout_ns;
+
+    struct fv_jpeg_decoder *jpeg; /* NULL: raw frames */
+    uint8_t *decoded;
+    struct slot slots[FV_LIVE_BUFFERS_MAX];
+    struct fv_slot_ring ready, free;
+    sem_t ready_count;
+    int wake_fd; /* to the camera thread: a slot is free, or quit */
+
+    pthread_t thread;
+    bool started, scheduled;
+    _Atomic bool quit;
+    struct tallies tallies;
+    _Atomic int phase; /* of the recovery's view */
+    _Atomic int64_t mark_ns;
+
+    /* Camera thread only. */
+    struct fv_recovery recovery;
+    struct fv_order order;
+    uint32_t out; /* slots that the loop has, ready or held */
+    bool slot_free[FV_LIVE_BUFFERS_MAX];
+    bool set_up;
+
+    /* Loop thread only. */
+    bool held[FV_LIVE_BUFFERS_MAX];
+    uint32_t held_count;
+    uint64_t delivered;
+
+    struct fv_complaints complaints;
+};
+
+static int64_t clock_ns(clockid_t clock)
+{
+    struct timespec now;
+    clock_gettime(clock, &now);
+    return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
+}
+
+static int64_t now_ns(void)
+{
+    return clock_ns(CLOCK_MONOTONIC);
+}
+
+void fv_live_tell(struct fovea_source *source, const struct fovea_error *line)
+{
+    fv_complaints_add(&source->complaints, TOLD, line);
+}
+
+enum fovea_status fv_live_complaint(struct fovea_source *source, struct fovea_error *error)
+{
+    return fv_complaints_take(&source->complaints, error);
+}
+
+/* ---- camera thread: recovery
+ * ------------------------------------------------------------------------------- */
+
+static bool quitting(const struct fovea_source *source)
+{
+    return atomic_load_explicit(&source->quit, memory_order_relaxed);
+}
+
+/* Tell the loop where recovery stands. */
+static void show(struct fovea_source *source)
+{
+    atomic_store_explicit(&source->mark_ns, source->recovery.view.mark_ns, memory_order_relaxed);
+    atomic_store_explicit(&source->phase, (int)source->recovery.view.phase, memory_order_release);
+    atomic_store_explicit(&source->tallies.recovered, source->recovery.recovered, memory_order_relaxed);
+}
+
+static void count(_Atomic uint64_t *tally, uint64_t more)
+{
+    atomic_store_explicit(tally, atomic_load_explicit(tally, memory_order_relaxed) + more,
+                          memory_order_relaxed);
+}
+
+/* Sleep until then, or until woken. */
+static void pause_until(struct fovea_source *source, int64_t until_ns)
+{
+    struct timespec time = {0};
+    const int64_t left_ns = until_ns - now_ns();
+    if (left_ns <= 0) return;
+    time.tv_sec = left_ns / 1000000000;
+    time.tv_nsec = left_ns % 1000000000;
+    struct pollfd wake = {.fd = source->wake_fd, .events = POLLIN};
+    ppoll(&wake, 1, &time, NULL); /* take_back notes that it was woken */
+}
+
+/* Slots that came back from the loop; a buffer of the device is given back to it while it streams. */
+static enum fovea_status take_back(struct fovea_source *source, struct fovea_error *error)
+{
+    enum fovea_status status = FOVEA_OK;
+    uint64_t woken;
+    uint8_t slot;
+    if (read(source->wake_fd, &woken, sizeof woken) < 0) woken = 0; /* not woken: nothing to take note of */
+    while (fv_ring_pop(&source->free, &slot)) {
+        source->slot_free[slot] = true;
+        source->out--;
+        if (source->jpeg == NULL && source->set_up && status == FOVEA_OK)
+            status = source->ops->give(source->device, source->slots[slot].buffer, error);
+    }
+    return status;
+}
+
+/* The loop may still look at the device's buffers: wait until it has given them back. */
+static void take_all_back(struct fovea_source *source)
+{
+    struct fovea_error unused;
+    source->set_up = false; /* nothing goes back to the device any more */
+    take_back(source, &unused);
+    while (source->jpeg == NULL && source->out > 0 && !quitting(source)) {
+        pause_until(source, now_ns() + 10000000);
+        take_back(source, &unused);
+    }
+}
+
+static void tear_down(struct fovea_source *source)
+{
+    if (!source->set_up) return;
+    take_all_back(source);
+    source->ops->tear_down(source->device);
+}
+
+static void broken(struct fovea_source *source, enum fovea_status status, const struct fovea_error *error)
+{
+    if (error->text[0] != '\0')
+        fv_complaints_add(&source->complaints, status == FOVEA_GONE ? AWAY : BROKEN, error);
+    fv_recovery_broken(&source->recovery, status, now_ns());
+    show(source);
+    tear_down(source);
+}
+
+static void try_set_up(struct fovea_source *source)
+{
+    struct fovea_error error = {.text = ""};
+    enum fovea_status status = source->ops->find(source->device, &error);
+    if (status == FOVEA_OK) {
+        if (source->recovery.view.phase == FV_RECOVERY_ABSENT) {
+            source->recovery.view =
+                (struct fv_recovery_view){.phase = FV_RECOVERY_LOOKING, .mark_ns = now_ns()};
+            show(source);
+        }
+        status = source->ops->set_up(source->device, &error);
+    }
+    fv_recovery_tried(&source->recovery, status, now_ns());
+    if (status == FOVEA_OK) {
+        source->set_up = true;
+        fv_order_again(&source->order);
+    }
+    if (error.text[0] != '\0')
+        fv_complaints_add(&source->complaints, status == FOVEA_GONE ? AWAY : REFUSED, &error);
+    show(source);
+}
+
+/* ---- camera thread: frames
+ * --------------------------------------------------------------------------------- */
+
+static void read_clocks(struct fv_order_now *now)
+{
+    now->clock_ns[FOVEA_CLOCK_MONOTONIC] = clock_ns(CLOCK_MONOTONIC);
+    now->clock_ns[FOVEA_CLOCK_BOOTTIME] = clock_ns(CLOCK_BOOTTIME);
+    now->clock_ns[FOVEA_CLOCK_REALTIME] = clock_ns(CLOCK_REALTIME);
+}
+
+/* The picture of a buffer into the frame. FOVEA_ERROR_INPUT: damaged. */
+static enum fovea_status fill_image(struct fovea_source *source, const struct fv_live_buffer *buffer,
+                                    struct slot *slot, struct fovea_error *error)
+{
+    struct fovea_image *image = &slot->frame.image;
+    if (buffer->damaged)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: the driver marks frames as damaged",
+                               source->uri);
+    if (source->jpeg != NULL) {
+        const struct fv_decode_image grey = {.pixels = slot->decoded,
+                                             .width = image->width,
+                                             .height = image->height,
+                                             .stride_bytes = image->stride_bytes};
+        struct fovea_error reason = {.text = ""};
+        const enum fovea_status status =
+            fv_jpeg_decode(source->jpeg, buffer->data, buffer->bytes, &grey, &reason);
+        return status == FOVEA_OK ? status
+                                  : fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: frame skipped: %.256s",
+                                                    source->uri, reason.text);
+    }
+    const size_t needed = fovea_image_bytes(image->format, image->height, buffer->stride_bytes);
+    /* The last row need not be padded. */
+    const int32_t padding = buffer->stride_bytes - fovea_image_stride_min(image->format, image->width);
+    const size_t least = source->frame_bytes_min > 0 ? source->frame_bytes_min : needed - (size_t)padding;
+    if (buffer->bytes < least)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: frame skipped: found %zu bytes, expected %zu",
+                               source->uri, buffer->bytes, needed);
+    image->data = buffer->data;
+    image->stride_bytes = buffer->stride_bytes;
+    image->size_bytes = needed;
+    return FOVEA_OK;
+}
+
+static enum fovea_status fill_order(struct fovea_source *source, const struct fv_live_buffer *buffer,
+                                    struct slot *slot, struct fovea_error *error)
+{
+    struct fv_order_now now;
+    const uint64_t replaced = source->order.replaced;
+    read_clocks(&now);
+    const enum fv_order_verdict verdict = fv_order_frame(&source->order, &buffer->stamp, &now, &slot->frame);
+    if (source->order.replaced > replaced) {
+        fovea_error_set(error, FOVEA_OK,
+                        "%s: found stamps that are not of the last 10 s on any clock; the time of arrival "
+                        "takes their place",
+                        source->uri);
+        fv_complaints_add(&source->complaints, STAMPS, error);
+    }
+    if (verdict == FV_ORDER_GOOD) return FOVEA_OK;
+    return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: frame skipped: its stamp %s", source->uri,
+                           verdict == FV_ORDER_REPEATED ? "is that of the frame before"
+                                                        : "lies before that of the frame before");
+}
+
+static int free_slot(const struct fovea_source *source)
+{
+    for (uint32_t i = 0; i < source->slot_count; ++i)
+        if (source->slot_free[i]) return (int)i;
+    return -1;
+}
+
+static void hand_over(struct fovea_source *source, int slot)
+{
+    source->slot_free[slot] = false;
+    source->out++;
+    source->slots[slot].frame.slot = (uint32_t)slot;
+    if (source->recovery.view.phase == FV_RECOVERY_FIRST)
+        fv_complaints_forget(&source->complaints, AWAY, BROKEN);
+    fv_recovery_good(&source->recovery, now_ns());
+    show(source);
+    fv_ring_push(&source->ready, (uint8_t)slot);
+    sem_post(&source->ready_count);
+}
+
+/* One filled buffer: to the loop, or counted as bad and back to the device. Not FOVEA_OK: streaming is
+ * broken. */
+static enum fovea_status use_buffer(struct fovea_source *source, const struct fv_live_buffer *buffer,
+                                    int free, struct fovea_error *error)
+{
+    struct slot *slot = &source->slots[free];
+    count(&source->tallies.dropped, fv_order_count(&source->order, &buffer->stamp));
+    enum fovea_status status = fill_image(source, buffer, slot, error);
+    if (status == FOVEA_OK) status = fill_order(source, buffer, slot, error);
+    const bool good = status == FOVEA_OK;
+    slot->buffer = buffer->index;
+    if (good) hand_over(source, free);
+    if (good && source->jpeg == NULL) return FOVEA_OK;
+    if (!good) {
+        count(&source->tallies.damaged, 1);
+        fv_complaints_add(&source->complaints, DAMAGED, error);
+    }
+    error->text[0] = '\0';
+    status = source->ops->give(source->device, buffer->index, error);
+    if (status != FOVEA_OK || good || !fv_recovery_bad(&source->recovery)) return status;
+    return fovea_error_set(error, FOVEA_ERROR_SYSTEM,
+                           "%s: found %u damaged frames in a row: the camera is set up again", source->uri,
+                           source->recovery.times.bad_frames);
+}
+
+/* Wait for a buffer, at most until it is time to give up waiting. */
+static void stream(struct fovea_source *source)
+{
+    struct fovea_error error = {.text = ""};
+    struct fv_live_buffer buffer;
+    const int64_t begin_ns = now_ns();
+    enum fovea_status status = take_back(source, &error);
+    const int slot = free_slot(source);
+    if (status == FOVEA_OK && slot < 0) { /* the loop has them all */
+        pause_until(source, begin_ns + 100000000);
+        return;
+    }
+    if (status == FOVEA_OK)
+        status = source->ops->take(source->device, begin_ns + 100000000, source->wake_fd, &buffer, &error);
+    if (status == FOVEA_OK) status = use_buffer(source, &buffer, slot, &error);
+    if (status == FOVEA_AGAIN && fv_recovery_waited_enough(&source->recovery, now_ns()))
+        status =
+            fovea_error_set(&error, FOVEA_ERROR_SYSTEM, "%s: no frame for %.1f s: the camera is set up again",
+                            source->uri, (double)(now_ns() - source->recovery.view.mark_ns) * 1e-9);
+    if (status != FOVEA_OK && status != FOVEA_AGAIN) broken(source, status, &error);
+}
+
+static void *run(void *argument)
+{
+    struct fovea_source *source = argument;
+    while (!quitting(source)) {
+        if (fv_recovery_streams(&source->recovery)) {
+            stream(source);
+        } else if (now_ns() < source->recovery.next_ns) {
+            struct fovea_error unused;
+            take_back(source, &unused);
+            pause_until(source, source->recovery.next_ns);
+        } else {
+            try_set_up(source);
+        }
+    }
+    if (source->set_up) source->ops->tear_down(source->device);
+    source->set_up = false;
+    return NULL;
+}
+
+/* ---- open and close
+ * ---------------------------------------------------------------------------------------- */
+
+enum fovea_status fv_live_selection(const char *scheme, const struct fovea_source_selection *selection,
+                                    struct fovea_error *error)
+{
+    if (selection->start == 0 && selection->step == 1 && !selection->reverse) return FOVEA_OK;
+    const bool reverse = selection->start == 0 && selection->step == 1;
+    return fovea_error_set(error, reverse ? FOVEA_ERROR_UNSUPPORTED : FOVEA_ERROR_ARGUMENT,
+                           "%s: %s: found one, expected none: a camera gives its frames as they come", scheme,
+                           reverse                ? "reverse"
+                           : selection->step != 1 ? "step"
+                                                  : "start");
+}
+
+static enum fovea_status make_decoder(struct fovea_source *source, struct fovea_error *error)
+{
+    const int32_t stride = (source->info.width + 63) / 64 * 64;
+    const size_t bytes = (size_t)stride * (size_t)source->info.height + 64;
+    const size_t slot_bytes = (bytes + 63) / 64 * 64;
+    enum fovea_status status = fv_jpeg_decoder_open(source->info.width, &source->jpeg, error);
+    if (status != FOVEA_OK) return status;
+    if (posix_memalign((void **)&source->decoded, 64, slot_bytes * FV_LIVE_DECODED) != 0) {
+        source->decoded = NULL;
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", source->uri);
+    }
+    memset(source->decoded, 0, slot_bytes * FV_LIVE_DECODED);
+    source->slot_count = FV_LIVE_DECODED;
+    for (uint32_t i = 0; i < FV_LIVE_DECODED; ++i) {
+        source->slots[i].decoded = source->decoded + i * slot_bytes;
+        source->slots[i].frame.image =
+            (struct fovea_image){.data = source->slots[i].decoded,
+                                 .stride_bytes = stride,
+                                 .size_bytes = (size_t)stride * (size_t)source->info.height};
+    }
+    source->info.format = FOVEA_PIXEL_GREY8;
+    source->info.heap_bytes += slot_bytes * FV_LIVE_DECODED + fv_jpeg_decoder_bytes(source->jpeg, NULL);
+    return FOVEA_OK;
+}
+
+static void release(struct fovea_source *source)
+{
+    source->ops->close(source->device);
+    if (source->wake_fd >= 0) close(source->wake_fd);
+    fv_complaints_close(&source->complaints);
+    fv_jpeg_decoder_close(source->jpeg);
+    free(source->decoded);
+    free(source);
+}
+
+enum fovea_status fv_live_open(const struct fv_live_ops *ops, void *device, const struct fv_live_setup *setup,
+                               const struct fovea_source_selection *selection, struct fovea_source **out,
+                               struct fovea_error *error)
+{
+    struct fovea_source *source;
+    if (posix_memalign((void **)&source, 64, sizeof *source) != 0) {
+        ops->close(device);
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", setup->uri);
+    }
+    memset(source, 0, sizeof *source);
+    source->ops = ops;
+    source->device = device;
+    source->info = setup->info;
+    source->info.live = true;
+    source->info.frame_count = selection->frames;
+    source->info.heap_bytes += sizeof *source;
+    source->frames_max = selection->frames;
+    source->frame_bytes_min = setup->frame_bytes_min;
+    source->readout_ns = setup->readout_ns;
+    source->slot_count = setup->buffers;
+    snprintf(source->uri, sizeof source->uri, "%s", setup->uri);
+    if (setup->times != NULL)
+        source->times = *setup->times;
+    else
+        fv_recovery_times_default(&source->times, setup->info.rate_hz);
+    fv_complaints_open(&source->complaints);
+    source->wake_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    enum fovea_status status = FOVEA_OK;
+    if (source->wake_fd < 0)
+        status =
+            fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: no eventfd: %s", source->uri, strerror(errno));
+    if (status == FOVEA_OK && setup->info.format == FOVEA_PIXEL_MJPEG) status = make_decoder(source, error);
+    if (status != FOVEA_OK) {
+        release(source);
+        return status;
+    }
+    for (uint32_t i = 0; i < source->slot_count; ++i) {
+        source->slots[i].frame.image.width = source->info.width;
+        source->slots[i].frame.image.height = source->info.height;
+        source->slots[i].frame.image.format = source->info.format;
+    }
+    *out = source;
+    return FOVEA_OK;
+}
+
+void fv_live_close(struct fovea_source *source)
+{
+    fv_live_stop(source);
+    release(source);
+}
+
+const struct fovea_source_info *fv_live_info(const struct fovea_source *source)
+{
+    return &source->info;
+}
+
+/* ---- start and stop
+ * ---------------------------------------------------------------------------------------- */
+
+static int start_thread(struct fovea_source *source)
+{
+    pthread_attr_t attributes;
+    sigset_t all, before;
+    int failed = pthread_attr_init(&attributes);
+    if (failed != 0) return failed;
+    pthread_attr_setstacksize(&attributes, STACK_BYTES);
+    sigfillset(&all);
+    pthread_sigmask(SIG_SETMASK, &all, &before);
+    failed = pthread_create(&source->thread, &attributes, run, source);
+    pthread_sigmask(SIG_SETMASK, &before, NULL);
+    pthread_attr_destroy(&attributes);
+    return failed;
+}
+
+enum fovea_status fv_live_start(struct fovea_source *source, struct fovea_error *error)
+{
+    if (source->started)
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "%s: started already", source->uri);
+    memset(&source->ready, 0, sizeof source->ready);
+    memset(&source->free, 0, sizeof source->free);
+    memset(source->held, 0, sizeof source->held);
+    memset(&source->tallies, 0, sizeof source->tallies);
+    for (uint32_t i = 0; i < FV_LIVE_BUFFERS_MAX; ++i)
+        source->slot_free[i] = i < source->slot_count;
+    source->held_count = source->out = 0;
+    source->delivered = 0;
+    source->scheduled = false;
+    atomic_store(&source->quit, false);
+    fv_recovery_start(&source->recovery, &source->times, now_ns());
+    fv_order_start(&source->order, source->readout_ns);
+    show(source);
+    sem_init(&source->ready_count, 0, 0);
+    const int failed = start_thread(source);
+    if (failed != 0) {
+        sem_destroy(&source->ready_count);
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: the camera thread cannot be started: %s",
+                               source->uri, strerror(failed));
+    }
+    source->started = true;
+    return FOVEA_OK;
+}
+
+static void wake(struct fovea_source *source)
+{
+    const uint64_t one = 1;
+    if (write(source->wake_fd, &one, sizeof one) < 0) return; /* full: it is awake already */
+}
+
+void fv_live_stop(struct fovea_source *source)
+{
+    if (!source->started) return;
+    atomic_store(&source->quit, true);
+    wake(source);
+    pthread_join(source->thread, NULL);
+    sem_destroy(&source->ready_count);
+    source->started = false;
+}
+
+/* ---- loop thread
+ * ------------------------------------------------------------------------------------------- */
+
+/* The camera thread is worth as much as the one that waits for it. */
+static void take_over_scheduling(struct fovea_source *source)
+{
+    struct sched_param parameter;
+    int policy;
+    source->scheduled = true;
+    if (pthread_getschedparam(pthread_self(), &policy, &parameter) == 0)
+        pthread_setschedparam(source->thread, policy, &parameter);
+}
+
+static bool wait_ready(struct fovea_source *source, int64_t deadline_ns)
+{
+    if (sem_trywait(&source->ready_count) == 0) return true;
+    if (deadline_ns <= 0) return false;
+    if (deadline_ns == INT64_MAX) return sem_wait(&source->ready_count) == 0;
+    const struct timespec deadline = {.tv_sec = deadline_ns / 1000000000,
+                                      .tv_nsec = deadline_ns % 1000000000};
+    return sem_clockwait(&source->ready_count, CLOCK_MONOTONIC, &deadline) == 0;
+}
+
+static bool finished(const struct fovea_source *source)
+{
+    return source->frames_max > 0 && source->delivered >= source->frames_max;
+}
+
+enum fovea_status fv_live_dequeue(struct fovea_source *source, int64_t deadline_ns, struct fovea_frame *frame)
+{
+    uint8_t slot;
+    if (!source->started || finished(source)) return FOVEA_END;
+    if (!source->scheduled) take_over_scheduling(source);
+    if (source->held_count >= FOVEA_SOURCE_FRAMES_HELD) return FOVEA_AGAIN;
+    if (!wait_ready(source, deadline_ns) || !fv_ring_pop(&source->ready, &slot))
+        return fv_live_state(source) == FOVEA_SOURCE_GONE ? FOVEA_GONE : FOVEA_AGAIN;
+    source->held[slot] = true;
+    source->held_count++;
+    source->delivered++;
+    *frame = source->slots[slot].frame;
+    return FOVEA_OK;
+}
+
+void fv_live_requeue(struct fovea_source *source, const struct fovea_frame *frame)
+{
+    if (!source->started || frame->slot >= source->slot_count || !source->held[frame->slot]) return;
+    source->held[frame->slot] = false;
+    source->held_count--;
+    fv_ring_push(&source->free, (uint8_t)frame->slot);
+    wake(source);
+}
+
+void fv_live_counts(const struct fovea_source *source, struct fovea_source_counts *counts)
+{
+    *counts = (struct fovea_source_counts){
+        .delivered = source->delivered,
+        .damaged = atomic_load_explicit(&source->tallies.damaged, memory_order_relaxed),
+        .dropped = atomic_load_explicit(&source->tallies.dropped, memory_order_relaxed),
+        .recovered = atomic_load_explicit(&source->tallies.recovered, memory_order_relaxed),
+    };
+}
+
+enum fovea_source_state fv_live_state(const struct fovea_source *source)
+{
+    if (finished(source)) return FOVEA_SOURCE_ENDED;
+    struct fv_recovery_view view;
+    view.phase = (enum fv_recovery_phase)atomic_load_explicit(&source->phase, memory_order_acquire);
+    view.mark_ns = atomic_load_explicit(&source->mark_ns, memory_order_relaxed);
+    return fv_recovery_state(&source->times, view, now_ns());
+}

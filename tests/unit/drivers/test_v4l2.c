@@ -1,0 +1,329 @@
+/* The V4L2 driver on a fake device: options, negotiation, controls, stamps, every pixel format. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <errno.h>
+#include <stdio.h>
+#include <string.h>
+#include <time.h>
+
+#include "common/fake_camera.h"
+#include "common/live_source.h"
+
+static const struct fovea_source_selection everything = {.step = 1};
+static const struct fovea_source_ops *ops;
+
+static int begin(void **state)
+{
+    const char *address;
+    (void)state;
+    fake_begin();
+    return fovea_source_find("v4l2:/dev/video0", &ops, &address, NULL) == FOVEA_OK ? 0 : -1;
+}
+
+static int end(void **state)
+{
+    (void)state;
+    fake_end();
+    return 0;
+}
+
+/* ---- opening ----------------------------------------------------------------------------------------- */
+
+static void test_wrong_options(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *address, *says[3];
+    } wrong[] = {
+        {"", {"''", "path", "/dev/video0"}},
+        {"video0", {"'video0'", "path", "/dev"}},
+        {"/dev/video7", {"/dev/video7", "found no such device", "plugged in"}},
+        {"/dev/video0?widht=640", {"'widht'", "did you mean 'width'", "height"}},
+        {"/dev/video0?width=640", {"height", "found none", "width and height"}},
+        {"/dev/video0?width=7&height=64", {"width", "'7'", "[64, 4096]"}},
+        {"/dev/video0?format=YUV9", {"format", "'YUV9'", "GREY"}},
+        {"/dev/video0?rate=0", {"rate", "'0'", "Hz"}},
+        {"/dev/video0?shift=4", {"shift", "found 4", "Y16"}},
+        {"/dev/video0?format=Y16&shift=3", {"shift", "found 3", "2, 4, 6 or 8"}},
+        {"/dev/video0?exposure=5&auto_exposure=1", {"exposure", "auto_exposure=1", "one of them"}},
+        {"/dev/video0?gain=5&auto_gain=1", {"gain", "auto_gain=1", "one of them"}},
+        {"/dev/video0?exposure=500", {"exposure", "500", "[0.3, 204.7]"}},
+        {"/dev/video0?gain=256", {"gain", "256", "[0, 255]"}},
+        {"/dev/video0?buffers=2", {"buffers", "'2'", "[3, 8]"}},
+        {"/dev/video0?control.brightnes=3", {"control", "'brightnes'", "did you mean 'brightness'"}},
+        {"/dev/video0?control.brightness=3", {"control.brightness", "found 3", "steps of 4"}},
+        {"/dev/video0?control.brightness=99", {"control.brightness", "found 99", "[-64, 64]"}},
+        {"/dev/video0?control.brightness=x", {"control.brightness", "'x'", "a whole number"}},
+        {"/dev/video0?control.auto_exposure=Sports",
+         {"control.auto_exposure", "'Sports'", "row of the menu"}},
+        {"/dev/video0?control.auto_exposure=2", {"control.auto_exposure", "'2'", "row of the menu"}},
+        {"/dev/video0?control.gain", {"control.gain", "no value", "VALUE"}},
+    };
+    fake_plug(fake_new(), "/dev/video0");
+    for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; ++i) {
+        struct fovea_source *source = NULL;
+        struct fovea_error error = {.text = ""};
+        const enum fovea_status status = ops->open(wrong[i].address, &everything, &source, &error);
+        if (status != FOVEA_ERROR_INPUT) fail_msg("%s: %d %s", wrong[i].address, status, error.text);
+        assert_null(source);
+        for (int k = 0; k < 3; ++k)
+            if (strstr(error.text, wrong[i].says[k]) == NULL)
+                fail_msg("%s: no \"%s\" in: %s", wrong[i].address, wrong[i].says[k], error.text);
+    }
+}
+
+static void test_negotiation_is_told(void **state)
+{
+    (void)state;
+    struct fake_camera *camera = fake_new();
+    camera->rate_hz = 25;
+    fake_plug(camera, "/dev/video0");
+    struct fovea_source *source = fv_test_open("/dev/video0?width=640&height=480&rate=60&format=YUYV");
+    const struct fovea_source_info *info = ops->info(source);
+    assert_int_equal(info->width, 96);
+    assert_int_equal(info->height, 64);
+    assert_int_equal(info->format, FOVEA_PIXEL_YUYV);
+    assert_true(info->rate_hz == 25.0 && info->live && !info->has_camera);
+    struct fovea_error error;
+    assert_int_equal(ops->complaint(source, &error), FOVEA_OK);
+    assert_non_null(strstr(error.text, "width: asked 640, the camera gives 96"));
+    assert_non_null(strstr(error.text, "height: asked 480, the camera gives 64"));
+    assert_non_null(strstr(error.text, "rate: asked 60, the camera gives 25"));
+    assert_int_equal(ops->complaint(source, &error), FOVEA_AGAIN);
+    ops->close(source);
+    source = fv_test_open(
+        "/dev/video0?width=96&height=64&rate=25&format=GREY"); /* nothing differs: nothing is told */
+    assert_int_equal(ops->complaint(source, &error), FOVEA_AGAIN);
+    ops->close(source);
+    memset(camera->formats, 0, sizeof camera->formats);
+    camera->formats[0] = V4L2_PIX_FMT_H264;
+    camera->formats[1] = V4L2_PIX_FMT_YUYV;
+    fake_plug(camera, "/dev/video0");
+    source = fv_test_open("/dev/video0"); /* the one that can be read */
+    assert_int_equal(ops->info(source)->format, FOVEA_PIXEL_YUYV);
+    ops->close(source);
+    source = NULL;
+    assert_int_equal(ops->open("/dev/video0?format=GREY", &everything, &source, &error), FOVEA_ERROR_INPUT);
+    assert_non_null(strstr(error.text, "expected GREY; the camera gives: H264 YUYV"));
+}
+
+static void test_open_refused(void **state)
+{
+    (void)state;
+    static const struct {
+        int reason;
+        const char *says;
+    } rows[] = {{EBUSY, "another program"}, {EACCES, "group video"}, {ENODEV, "away"}};
+    struct fake_camera *camera = fake_new();
+    fake_plug(camera, "/dev/video0");
+    for (size_t i = 0; i < 3; ++i) {
+        struct fovea_source *source = NULL;
+        struct fovea_error error = {.text = ""};
+        fake_fail(camera, 0, rows[i].reason, 1);
+        assert_true(ops->open("/dev/video0", &everything, &source, &error) < 0);
+        assert_non_null(strstr(error.text, rows[i].says));
+        assert_null(source);
+        camera->failures[0].times = 0;
+    }
+}
+
+static int64_t value_of(const struct fake_camera *camera, uint32_t id)
+{
+    fake_lock();
+    const int64_t value = fake_control(camera, id)->value;
+    fake_unlock();
+    return value;
+}
+
+static void test_controls(void **state)
+{
+    (void)state;
+    struct fake_camera *camera = fake_new();
+    fake_plug(camera, "/dev/video0");
+    struct fovea_source *source = fv_test_open("/dev/video0?exposure=5&gain=40&control.brightness=-8");
+    assert_int_equal(value_of(camera, V4L2_CID_EXPOSURE_AUTO), V4L2_EXPOSURE_MANUAL);
+    assert_int_equal(value_of(camera, V4L2_CID_EXPOSURE_ABSOLUTE), 50);
+    assert_int_equal(value_of(camera, V4L2_CID_AUTOGAIN), 0);
+    assert_int_equal(value_of(camera, V4L2_CID_GAIN), 40);
+    assert_int_equal(value_of(camera, V4L2_CID_BRIGHTNESS), -8);
+    ops->close(source);
+    source = fv_test_open("/dev/video0?auto_exposure=0&auto_gain=1&control.exposure_time_absolute=77");
+    assert_int_equal(value_of(camera, V4L2_CID_EXPOSURE_AUTO), V4L2_EXPOSURE_MANUAL);
+    assert_int_equal(value_of(camera, V4L2_CID_AUTOGAIN), 1);
+    assert_int_equal(value_of(camera, V4L2_CID_EXPOSURE_ABSOLUTE), 77);
+    ops->close(source);
+    source = fv_test_open("/dev/video0?auto_exposure=1");
+    assert_int_equal(value_of(camera, V4L2_CID_EXPOSURE_AUTO), V4L2_EXPOSURE_APERTURE_PRIORITY);
+    ops->close(source);
+    source = fv_test_open("/dev/video0?control.auto_exposure=Manual Mode");
+    assert_int_equal(value_of(camera, V4L2_CID_EXPOSURE_AUTO), V4L2_EXPOSURE_MANUAL);
+    ops->close(source);
+    camera->controls[0].refuses = EIO;
+    struct fovea_error error;
+    assert_int_equal(ops->open("/dev/video0?control.brightness=8", &everything, &source, &error),
+                     FOVEA_ERROR_INPUT);
+    assert_non_null(strstr(error.text, "control.brightness: the camera refuses 8"));
+}
+
+static void test_selection(void **state)
+{
+    (void)state;
+    const struct fovea_source_selection wrong[] = {
+        {.start = 3, .step = 1}, {.step = 2}, {.step = 1, .reverse = true}};
+    const struct fovea_source_selection few = {.step = 1, .frames = 5};
+    struct fovea_source *source = NULL;
+    struct fovea_error error;
+    struct fovea_frame frame;
+    fake_plug(fake_new(), "/dev/video0");
+    for (int i = 0; i < 3; ++i)
+        assert_true(ops->open("/dev/video0", &wrong[i], &source, &error) < 0);
+    assert_int_equal(ops->open("/dev/video0", &few, &source, &error), FOVEA_OK);
+    assert_int_equal(ops->start(source, &error), FOVEA_OK);
+    for (int i = 0; i < 5; ++i)
+        fv_test_next_frame(source);
+    assert_int_equal(ops->dequeue(source, INT64_MAX, &frame), FOVEA_END);
+    assert_int_equal(ops->state(source), FOVEA_SOURCE_ENDED);
+    fv_test_finish(source);
+}
+
+/* ---- pictures ---------------------------------------------------------------------------------------- */
+
+static void check_format(struct fake_camera *camera, const char *name, enum fovea_pixel_format expected)
+{
+    char address[64];
+    snprintf(address, sizeof address, "/dev/video0?format=%s", name);
+    struct fovea_source *source = fv_test_start(address);
+    assert_int_equal(ops->info(source)->format, expected);
+    uint64_t first = UINT64_MAX;
+    for (int i = 0; i < 6; ++i) {
+        struct fovea_frame frame;
+        assert_int_equal(ops->dequeue(source, fv_test_now_ns() + 5000000000, &frame), FOVEA_OK);
+        if (i == 0) first = camera->made - 1 - (camera->made - 1 - frame.sequence);
+        assert_int_equal(fovea_image_check(&frame.image), FOVEA_OK);
+        assert_int_equal(frame.image.format, expected);
+        assert_int_equal(frame.image.width, 96);
+        assert_int_equal(frame.image.stride_bytes,
+                         fovea_image_stride_min(expected, 96) + camera->stride_padding);
+        const size_t bytes = fovea_image_bytes(expected, 64, frame.image.stride_bytes);
+        for (size_t k = 0; k < bytes; ++k)
+            if (frame.image.data[k] != (uint8_t)(k + 37 * (size_t)frame.sequence))
+                fail_msg("%s: frame %d differs at byte %zu", name, i, k);
+        ops->requeue(source, &frame);
+    }
+    assert_true(first != UINT64_MAX);
+    fv_test_finish(source);
+}
+
+static void test_formats(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *name;
+        enum fovea_pixel_format format;
+    } rows[] = {
+        {"GREY", FOVEA_PIXEL_GREY8},       {"Y10", FOVEA_PIXEL_Y10},
+        {"Y12", FOVEA_PIXEL_Y12},          {"Y16", FOVEA_PIXEL_Y16},
+        {"Y16&shift=2", FOVEA_PIXEL_Y10},  {"Y16&shift=4", FOVEA_PIXEL_Y12},
+        {"Y16&shift=6", FOVEA_PIXEL_Y14},  {"YUYV", FOVEA_PIXEL_YUYV},
+        {"UYVY", FOVEA_PIXEL_UYVY},        {"NV12", FOVEA_PIXEL_NV12},
+        {"YU12", FOVEA_PIXEL_YU12},        {"RGGB", FOVEA_PIXEL_BAYER_RGGB8},
+        {"BGGR", FOVEA_PIXEL_BAYER_BGGR8}, {"GRBG", FOVEA_PIXEL_BAYER_GRBG8},
+        {"GBRG", FOVEA_PIXEL_BAYER_GBRG8}, {"RGB3", FOVEA_PIXEL_RGB24},
+        {"BGR3", FOVEA_PIXEL_BGR24},
+    };
+    for (int variant = 0; variant < 3; ++variant) { /* plain, padded rows, planes in the interface */
+        for (size_t i = 0; i < sizeof rows / sizeof rows[0]; ++i) {
+            fake_begin();
+            struct fake_camera *camera = fake_new();
+            camera->rate_hz = 0;
+            camera->stride_padding = variant == 1 ? 32 : 0;
+            camera->planes = variant == 2;
+            fake_plug(camera, "/dev/video0");
+            check_format(camera, rows[i].name, rows[i].format);
+            fake_end();
+        }
+    }
+    fake_begin();
+}
+
+static void test_stamps(void **state)
+{
+    (void)state;
+    static const struct {
+        enum fake_stamps stamps;
+        const char *options;
+        enum fovea_clock clock;
+        enum fovea_stamp_meaning meaning;
+    } rows[] = {
+        {FAKE_STAMPS_MONOTONIC, "", FOVEA_CLOCK_MONOTONIC, FOVEA_STAMP_EXPOSURE_START},
+        {FAKE_STAMPS_MONOTONIC, "?exposure=5", FOVEA_CLOCK_MONOTONIC, FOVEA_STAMP_EXPOSURE_MIDDLE},
+        {FAKE_STAMPS_END, "?exposure=5", FOVEA_CLOCK_MONOTONIC, FOVEA_STAMP_EXPOSURE_END},
+        {FAKE_STAMPS_END, "?exposure=5&readout=10", FOVEA_CLOCK_MONOTONIC, FOVEA_STAMP_EXPOSURE_MIDDLE},
+        {FAKE_STAMPS_REALTIME, "", FOVEA_CLOCK_MONOTONIC, FOVEA_STAMP_UNKNOWN},
+        {FAKE_STAMPS_STRANGE, "", FOVEA_CLOCK_MONOTONIC, FOVEA_STAMP_UNKNOWN},
+    };
+    struct fake_camera *camera = fake_new();
+    fake_plug(camera, "/dev/video0");
+    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; ++i) {
+        char address[64];
+        camera->stamps = rows[i].stamps;
+        snprintf(address, sizeof address, "/dev/video0%s", rows[i].options);
+        fake_lock();
+        camera->controls[3].value = V4L2_EXPOSURE_APERTURE_PRIORITY;
+        fake_unlock();
+        struct fovea_source *source = fv_test_start(address);
+        int64_t last_ns = 0;
+        for (int k = 0; k < 4; ++k) {
+            const struct fovea_frame frame = fv_test_next_frame(source);
+            assert_int_equal(frame.clock, rows[i].clock);
+            assert_int_equal(frame.stamp_meaning, rows[i].meaning);
+            assert_true(frame.stamp_ns > last_ns && frame.stamp_ns < fv_test_now_ns() + 20000000);
+            assert_true(frame.stamp_ns > fv_test_now_ns() - 8000000000);
+            last_ns = frame.stamp_ns;
+            assert_int_equal(frame.exposure_ns, strstr(rows[i].options, "exposure") != NULL ? 5000000 : 0);
+        }
+        if (rows[i].stamps == FAKE_STAMPS_STRANGE)
+            assert_true(fv_test_complains_of(source, "time of arrival"));
+        fv_test_finish(source);
+    }
+}
+
+static void test_bad_stamps_are_skipped(void **state)
+{
+    (void)state;
+    struct fake_camera *camera = fake_new();
+    fake_plug(camera, "/dev/video0");
+    for (int kind = FAKE_STAMPS_REPEATED; kind <= FAKE_STAMPS_BACKWARD; ++kind) {
+        camera->stamps = (enum fake_stamps)kind;
+        struct fovea_source *source = fv_test_start("/dev/video0");
+        int64_t last_ns = 0;
+        for (int k = 0; k < 20; ++k) {
+            const struct fovea_frame frame = fv_test_next_frame(source);
+            assert_true(frame.stamp_ns > last_ns);
+            last_ns = frame.stamp_ns;
+        }
+        const struct fovea_source_counts counts = fv_test_counts(source);
+        assert_true(counts.damaged >= 6 && counts.delivered == 20);
+        assert_true(
+            fv_test_complains_of(source, kind == FAKE_STAMPS_REPEATED ? "is that of" : "lies before"));
+        fv_test_finish(source);
+    }
+}
+
+#define TEST(name) cmocka_unit_test_setup_teardown(name, begin, end)
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        TEST(test_wrong_options), TEST(test_negotiation_is_told),
+        TEST(test_open_refused),  TEST(test_controls),
+        TEST(test_selection),     TEST(test_formats),
+        TEST(test_stamps),        TEST(test_bad_stamps_are_skipped),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
