@@ -71,6 +71,7 @@ void fv_pixel_fetch(const struct fovea_image *image, int32_t x, int32_t y, bool 
     case FOVEA_PIXEL_GREY8: memset(rgb, row[x], 3); return;
     case FOVEA_PIXEL_Y10: from_words(row + 2 * x, 2, rgb); return;
     case FOVEA_PIXEL_Y12: from_words(row + 2 * x, 4, rgb); return;
+    case FOVEA_PIXEL_Y14: from_words(row + 2 * x, 6, rgb); return;
     case FOVEA_PIXEL_Y16: from_words(row + 2 * x, 8, rgb); return;
     case FOVEA_PIXEL_YUYV: from_packed(row + 4 * (x / 2), x, 0, luma, rgb); return;
     case FOVEA_PIXEL_UYVY: from_packed(row + 4 * (x / 2), x, 1, luma, rgb); return;
