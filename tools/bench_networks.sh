@@ -9,13 +9,10 @@ if [ -z "$models" ]; then
     echo "SKIPPED networks: no .tflite files in $FOVEA_DATA/models"
     exit 0
 fi
-python=${FOVEA_PYTHON:-$build/networks-venv/bin/python}
-if [ ! -x "$python" ]; then
-    python3 -m venv "$build/networks-venv" && "$python" -m pip install -q tflite numpy flatbuffers ai-edge-litert pillow pycocotools || {
-        echo "SKIPPED networks: the packages tflite, numpy and ai-edge-litert cannot be installed"
-        exit 0
-    }
-fi
+python=$(tools/networks_python.sh "$build") || {
+    echo "SKIPPED networks: the packages tflite, numpy and ai-edge-litert cannot be installed"
+    exit 0
+}
 make --no-print-directory BUILD="$build" "$build/libfovea.a" "$build/fovea" >/dev/null
 # shellcheck disable=SC2086
 BUILD=$build "$python" tools/import/benchmark.py --program "$build/fovea" --json "$build/bench_networks.json" $models

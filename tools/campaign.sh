@@ -54,11 +54,13 @@ if [ -n "$sample" ]; then
     part wander wander 3000
     part everywhere tests/replay/everywhere.sh 100
     part fuzz make --no-print-directory fuzz FUZZ_SECONDS=8
+    part networks tools/check_networks.sh "$build" 1
 else
     part realtime realtime 36000
     part wander wander 108000
     part everywhere tests/replay/everywhere.sh --all 200
     part fuzz make --no-print-directory fuzz FUZZ_SECONDS=1200
+    part networks tools/check_networks.sh "$build" 40
     part bare-debian tools/try_bare_debian.sh
 fi
 [ -z "$failed" ] || { echo "failed:$failed"; exit 1; }

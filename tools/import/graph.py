@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import tflite
 
+import constant
+
 CODE_NAMES = {v: k for k, v in vars(tflite.BuiltinOperator).items() if isinstance(v, int)}
 TYPE_NAMES = {v: k for k, v in vars(tflite.TensorType).items() if isinstance(v, int)}
 DTYPES = {"UINT8": np.uint8, "INT8": np.int8, "INT32": np.int32, "INT64": np.int64, "FLOAT32": np.float32,
@@ -150,4 +152,6 @@ def read(path):
         entry = model.Metadata(i)
         data = model.Buffers(entry.Buffer())
         metadata[entry.Name().decode()] = data.DataAsNumpy().tobytes() if data.DataLength() else b""
-    return Graph(tensors, ops, [int(v) for v in g.InputsAsNumpy()], [int(v) for v in g.OutputsAsNumpy()], metadata)
+    graph = Graph(tensors, ops, [int(v) for v in g.InputsAsNumpy()], [int(v) for v in g.OutputsAsNumpy()], metadata)
+    constant.fold(graph)
+    return graph

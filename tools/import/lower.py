@@ -23,6 +23,17 @@ class Lowering:
         self.skip = set()        # operators merged into others
         self.place = {}          # tensor -> (concat tensor, channel offset)
         self.concat_storage = {}
+        self.before_dequantize = self.detection_inputs()  # real tensor -> the 8-bit one that it is made of
+
+    def detection_inputs(self):
+        """Real inputs of detection post-processing, which reads the 8-bit tensors before them itself."""
+        made = {op.outputs[0]: op.inputs[0] for op in self.g.ops if op.name == "DEQUANTIZE"}
+        readers = {}
+        for op in self.g.ops:
+            for t in op.inputs:
+                readers.setdefault(t, set()).add(op.name)
+        return {t: made[t] for t, names in readers.items()
+                if t in made and names == {"TFLite_Detection_PostProcess"} and t not in self.g.outputs}
 
     # ---- values ------------------------------------------------------------------------------------------------
     def tensor(self, t):

@@ -52,7 +52,7 @@ def padded(values, count, dtype=np.int32):
 def check8(low, op, *tensors):
     for t in tensors:
         if not low.tensor(t).is8:
-            raise ImportProblem(low.describe_missing(low.g.ops[op.index]))
+            raise ImportProblem(low.describe_missing(op))
 
 
 def window(low, op, t_in, kh, kw, out_shape):

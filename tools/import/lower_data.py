@@ -297,14 +297,20 @@ def quantize(low, op):
                  (ti.size + 4095) // 4096, cost=ti.size * 32)
 
 
+def dequantize_table(tensor):
+    """Real numbers by byte, multiplied in double as the reference does."""
+    return np.array([np.float32(float(tensor.scale0) * (v - tensor.zero_u8)) for v in range(256)], np.float32)
+
+
 def dequantize(low, op):
     ti = low.tensor(op.inputs[0])
     if not ti.is8 or low.tensor(op.outputs[0]).type != "FLOAT32":
         raise ImportProblem(low.describe_missing(op))
+    if op.outputs[0] in low.before_dequantize:
+        return
     source = low.dense_input(op.inputs[0])
     out = low.output(op.outputs[0])
-    table = np.array([np.float32(float(ti.scale0) * (v - ti.zero_u8)) for v in range(256)], np.float32)
-    low.net.step("DEQUANTIZE", op, [source], [out], dict(count=ti.size, table=low.net.blob(table)),
+    low.net.step("DEQUANTIZE", op, [source], [out], dict(count=ti.size, table=low.net.blob(dequantize_table(ti))),
                  (ti.size + 4095) // 4096, cost=ti.size * 4)
 
 

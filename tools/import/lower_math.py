@@ -6,7 +6,7 @@ from fold import activation_of, binary_params
 from graph import ImportProblem
 from layout import BINARY, TYPE_BYTES
 from lower_conv import check8, image, same_padding
-from lower_data import coalesce, dense_strides, value_strides
+from lower_data import coalesce, dense_strides, dequantize_table, value_strides
 
 f32 = np.float32
 
@@ -243,9 +243,10 @@ def batch_matmul(low, op):
 
 def detection_postprocess(low, op):
     """TFLite_Detection_PostProcess: boxes from anchors, then class-wise suppression, four float outputs."""
-    boxes, scores, anchors = (low.tensor(t) for t in op.inputs[:3])
-    check8(low, op, *op.inputs[:3])
-    if anchors.data is None:
+    t_boxes, t_scores = (low.before_dequantize.get(t, t) for t in op.inputs[:2])
+    boxes, scores, anchors = (low.tensor(t) for t in (t_boxes, t_scores, op.inputs[2]))
+    check8(low, op, t_boxes, t_scores)
+    if anchors.data is None or not (anchors.is8 or anchors.type == "FLOAT32"):
         raise ImportProblem(f"operator {op.index} {op.name}: anchors are computed at run time")
     o = op.custom
     count = boxes.shape[1]
@@ -254,21 +255,23 @@ def detection_postprocess(low, op):
     slots = limit * per_anchor
     shapes = [(1, slots, 4), (1, slots), (1, slots), (1,)]
     outs = [low.output(t, shape) for t, shape in zip(op.outputs, shapes)]
-    vb, vs = low.dense_input(op.inputs[0]), low.dense_input(op.inputs[1])
+    vb, vs = low.dense_input(t_boxes), low.dense_input(t_scores)
     columns = scores.shape[-1]
     classes = int(o["num_classes"])
 
-    def floats(t):
+    def floats(t, number):
+        if number in low.before_dequantize:  # DEQUANTIZE multiplies in double
+            return dequantize_table(t)
         scale, zero = f32(t.scale0), f32(t.zero_u8)
         return np.array([f32(f32(f32(v) - zero) * scale) for v in range(256)], np.float32)
-    data = floats(anchors)[anchors.unsigned()]
+    data = floats(anchors, -1)[anchors.unsigned()] if anchors.is8 else np.asarray(anchors.data, np.float32)
     p = dict(anchors=count, classes=classes, class_offset=columns - classes, max_detections=limit,
              max_per_anchor=per_anchor, per_class=int(o.get("detections_per_class", 100)),
              regular_nms=int(bool(o.get("use_regular_nms", False))),
              score_threshold=float_bits(o["nms_score_threshold"]), iou_threshold=float_bits(o["nms_iou_threshold"]),
              y_scale=float_bits(o["y_scale"]), x_scale=float_bits(o["x_scale"]), h_scale=float_bits(o["h_scale"]),
-             w_scale=float_bits(o["w_scale"]), anchor_data=low.net.blob(data), box_table=low.net.blob(floats(boxes)),
-             score_table=low.net.blob(floats(scores)))
+             w_scale=float_bits(o["w_scale"]), anchor_data=low.net.blob(data), box_table=low.net.blob(floats(boxes, op.inputs[0])),
+             score_table=low.net.blob(floats(scores, op.inputs[1])))
     rows, step_cost = detection_steps(p)
     low.net.step("DETECTION", op, [vb, vs], outs, p, rows, cost=rows * step_cost, scratch=count * 32 + slots * 64 + 64)
 

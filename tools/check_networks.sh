@@ -1,0 +1,29 @@
+#!/bin/sh
+# The int8 engine against LiteRT's reference kernels, bit for bit: every operator, forms of them that real models have, and every
+# model of $FOVEA_DATA on photographs and noise, on every kernel set of this processor.
+# Usage: tools/check_networks.sh BUILD [ROUNDS]
+set -u
+build=$1
+rounds=${2:-20}
+: "${FOVEA_DATA:=../shared/data}"
+python=$(tools/networks_python.sh "$build") || {
+    echo "SKIPPED networks: the packages tflite, numpy and ai-edge-litert cannot be installed"
+    exit 0
+}
+make --no-print-directory BUILD="$build" "$build/libfovea.a" >/dev/null
+export BUILD="$build"
+failed=0
+sets="c neon dotprod"
+[ "$(uname -m)" = x86_64 ] && sets="c avx2 avx512"
+for set in $sets; do
+    for test in operators variants; do
+        echo "== $test, kernel set $set"
+        "$python" "tests/import/$test.py" --set "$set" --rounds "$rounds" || failed=1
+    done
+    for model in "$FOVEA_DATA"/models/*.tflite; do
+        [ -f "$model" ] || { echo "SKIPPED models: no .tflite files in $FOVEA_DATA/models"; break; }
+        echo "== $(basename "$model"), kernel set $set"
+        "$python" tools/import "$model" --set "$set" --check "$FOVEA_DATA"/images/*.jpg "$FOVEA_DATA"/images/*.bmp || failed=1
+    done
+done
+exit $failed

@@ -1,0 +1,56 @@
+"""Operators on shapes and other whole numbers that are known at import: converters leave them where a size was open
+(SHAPE, STRIDED_SLICE, PACK before a RESHAPE or TRANSPOSE_CONV). Their results become constants."""
+import numpy as np
+
+WHOLE = ("INT32", "INT64")
+
+
+def _strided_slice(op, values):
+    x, begin, end, stride = values
+    o, index = op.options, []
+    if o.EllipsisMask() or o.NewAxisMask() or (hasattr(o, "Offset") and o.Offset()):
+        return None
+    for i in range(len(begin)):
+        if o.ShrinkAxisMask() >> i & 1:
+            index.append(int(begin[i]))
+        else:
+            index.append(slice(None if o.BeginMask() >> i & 1 else int(begin[i]),
+                               None if o.EndMask() >> i & 1 else int(end[i]), int(stride[i])))
+    return x[tuple(index)]
+
+
+EVALUATE = {
+    "STRIDED_SLICE": _strided_slice,
+    "PACK": lambda op, v: np.stack(v, op.options.Axis()),
+    "CONCATENATION": lambda op, v: np.concatenate(v, op.options.Axis()),
+    "RESHAPE": lambda op, v: v[0],
+    "SQUEEZE": lambda op, v: v[0],
+    "EXPAND_DIMS": lambda op, v: v[0],
+    "CAST": lambda op, v: v[0],
+    "GATHER": lambda op, v: np.take(v[0], v[1], op.options.Axis() if op.options else 0),
+    "ADD": lambda op, v: v[0] + v[1],
+    "SUB": lambda op, v: v[0] - v[1],
+    "MUL": lambda op, v: v[0] * v[1],
+    "FLOOR_DIV": lambda op, v: v[0] // v[1],
+    "MAXIMUM": lambda op, v: np.maximum(*v),
+    "MINIMUM": lambda op, v: np.minimum(*v),
+    "REDUCE_PROD": lambda op, v: np.prod(v[0], axis=tuple(np.ravel(v[1])), keepdims=bool(op.options.KeepDims())),
+}
+
+
+def fold(graph):
+    """Evaluate what can be; the operators that stay keep their numbers."""
+    left = []
+    for op in graph.ops:
+        tensors = [graph.tensors[t] for t in op.inputs if t >= 0]
+        out = graph.tensors[op.outputs[0]]
+        value = None
+        if op.name == "SHAPE":
+            value = np.array(tensors[0].shape)
+        elif op.name in EVALUATE and out.type in WHOLE and all(t.data is not None and t.type in WHOLE for t in tensors):
+            value = EVALUATE[op.name](op, [t.data for t in tensors])
+        if value is None or np.size(value) != out.size:
+            left.append(op)
+        else:
+            out.data = np.asarray(value, np.int32 if out.type == "INT32" else np.int64).reshape(out.shape)
+    graph.ops = left
