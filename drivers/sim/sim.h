@@ -125,7 +125,7 @@ void fv_sim_paint_light(struct fv_sim_texture *texture, double texels_per_m, uin
 
 /* ---- world (world.c, places.c, objects.c) ------------------------------------------------------------ */
 
-enum { FV_SIM_FACES_MAX = 1152, FV_SIM_ROUNDS_MAX = 192, FV_SIM_OBJECTS_MAX = 48 };
+enum { FV_SIM_FACES_MAX = 1408, FV_SIM_ROUNDS_MAX = 192, FV_SIM_OBJECTS_MAX = 48 };
 
 struct fv_sim_face {
     double origin[3], u[3], v[3];       /* u and v are perpendicular; u x v points to the side that is seen */

@@ -32,5 +32,6 @@ int fv_command_match(int argc, char **argv);    /* matches of two pictures */
 int fv_command_rectify(int argc, char **argv);  /* a picture without distortion */
 int fv_command_detect(int argc, char **argv);  /* what a network finds in pictures */
 int fv_command_model(int argc, char **argv);   /* what a model file holds */
+int fv_command_export(int argc, char **argv);  /* frames and truth as files */
 
 #endif

@@ -13,5 +13,6 @@ const struct fv_command fv_commands[] = {
     {"rectify", "take the lens's distortion out of a picture", fv_command_rectify},
     {"detect", "find objects in pictures with an int8 network", fv_command_detect},
     {"model", "tell what a model file holds, needs and how fast it runs here", fv_command_model},
+    {"export", "write the frames of a source, and their truth, as files", fv_command_export},
     {NULL, NULL, NULL},
 };

@@ -1,0 +1,169 @@
+/* fovea export: frames of any source as PNG files, with their truth as COCO annotations where the source knows it.
+ *
+ * DIR/000000.png ..., DIR/truth.json and, with --masks, DIR/000000.mask.png (the class of every pixel). For training
+ * and evaluating detectors and trackers. Boxes are COCO's: [left, top, width, height], (0, 0) the corner of the first
+ * pixel; `track_id` is constant over the run and `visible` the visible share. */
+#include <errno.h>
+#include <inttypes.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#include "app/command.h"
+#include "app/options.h"
+#include "app/picture.h"
+#include "app/say.h"
+#include "fovea/source.h"
+
+static const char *const class_names[FOVEA_OBJECT_CLASS_COUNT] = {"background", "ball", "cone", "box", "person"};
+
+enum { PATH_BYTES = 1024 };
+
+struct export {
+    const char *folder;
+    bool masks;
+    const struct fovea_source_ops *ops;
+    struct fovea_source *source;
+    FILE *images, *annotations; /* the two lists of the JSON, joined at the end */
+    uint64_t frames, boxes;
+};
+
+static enum fovea_status write_picture(const struct export *export, const char *suffix, const struct fovea_image *image,
+                                       struct fovea_error *error)
+{
+    char path[PATH_BYTES];
+    snprintf(path, sizeof path, "%.900s/%06" PRIu64 "%s.png", export->folder, export->frames, suffix);
+    return fv_picture_write(path, image, error);
+}
+
+static enum fovea_status write_truth(struct export *export, const struct fovea_frame *frame, struct fovea_error *error)
+{
+    struct fovea_truth truth;
+    memset(&truth, 0, sizeof truth);
+    if (export->ops->truth == NULL || export->ops->truth(export->source, frame, &truth) != FOVEA_OK) return FOVEA_OK;
+    for (uint32_t i = 0; i < truth.box_count; i++) {
+        const struct fovea_truth_box *b = &truth.boxes[i];
+        const double w = (double)(b->x_max_px - b->x_min_px), h = (double)(b->y_max_px - b->y_min_px);
+        fprintf(export->annotations,
+                "%s\n  {\"id\": %" PRIu64 ", \"image_id\": %" PRIu64 ", \"category_id\": %d, \"track_id\": %u, "
+                "\"bbox\": [%.2f, %.2f, %.2f, %.2f], \"area\": %.2f, \"iscrowd\": 0, \"visible\": %.4f}",
+                export->boxes == 0 ? "" : ",", export->boxes + 1, export->frames, (int)b->object_class, b->id,
+                (double)b->x_min_px, (double)b->y_min_px, w, h, w * h, (double)b->visible_share);
+        export->boxes++;
+    }
+    if (!export->masks || truth.class_mask == NULL) return FOVEA_OK;
+    const struct fovea_image mask = {.data = truth.class_mask,
+                                     .width = frame->image.width,
+                                     .height = frame->image.height,
+                                     .stride_bytes = frame->image.width,
+                                     .format = FOVEA_PIXEL_GREY8};
+    return write_picture(export, ".mask", &mask, error);
+}
+
+static enum fovea_status write_frame(struct export *export, const struct fovea_frame *frame, struct fovea_error *error)
+{
+    if (frame->image.format != FOVEA_PIXEL_GREY8)
+        return fovea_error_set(error, FOVEA_ERROR_UNSUPPORTED, "export: found frames in colour, expected grey ones");
+    fprintf(export->images,
+            "%s\n  {\"id\": %" PRIu64 ", \"file_name\": \"%06" PRIu64 ".png\", \"width\": %d, \"height\": %d, "
+            "\"stamp_ns\": %" PRId64 "}",
+            export->frames == 0 ? "" : ",", export->frames, export->frames, frame->image.width, frame->image.height,
+            frame->stamp_ns);
+    enum fovea_status status = write_picture(export, "", &frame->image, error);
+    if (status == FOVEA_OK) status = write_truth(export, frame, error);
+    export->frames++;
+    return status;
+}
+
+static enum fovea_status write_frames(struct export *export, struct fovea_error *error)
+{
+    struct fovea_frame frame;
+    enum fovea_status status = export->ops->start(export->source, error);
+    if (status < 0) return status;
+    while ((status = export->ops->dequeue(export->source, INT64_MAX, &frame)) != FOVEA_END) {
+        if (status < 0) return fovea_error_set(error, status, "export: the source failed");
+        if (status != FOVEA_OK) continue;
+        const enum fovea_status written = write_frame(export, &frame, error);
+        export->ops->requeue(export->source, &frame);
+        if (written != FOVEA_OK) return written;
+    }
+    export->ops->stop(export->source);
+    return FOVEA_OK;
+}
+
+static void append(FILE *to, FILE *from)
+{
+    char part[4096];
+    rewind(from);
+    for (size_t n; (n = fread(part, 1, sizeof part, from)) > 0;)
+        fwrite(part, 1, n, to);
+}
+
+static enum fovea_status write_json(const struct export *export, struct fovea_error *error)
+{
+    char path[PATH_BYTES];
+    snprintf(path, sizeof path, "%.900s/truth.json", export->folder);
+    FILE *file = fopen(path, "w");
+    if (file == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: %s", path, strerror(errno));
+    fprintf(file, "{\"images\": [");
+    append(file, export->images);
+    fprintf(file, "\n], \"annotations\": [");
+    append(file, export->annotations);
+    fprintf(file, "\n], \"categories\": [");
+    for (int c = 1; c < FOVEA_OBJECT_CLASS_COUNT; c++)
+        fprintf(file, "%s\n  {\"id\": %d, \"name\": \"%s\"}", c == 1 ? "" : ",", c, class_names[c]);
+    fprintf(file, "\n]}\n");
+    const bool failed = ferror(file) != 0;
+    if (fclose(file) != 0 || failed)
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: %s", path, strerror(errno));
+    return FOVEA_OK;
+}
+
+static enum fovea_status run(struct export *export, struct fovea_error *error)
+{
+    if (mkdir(export->folder, 0777) != 0)
+        return fovea_error_set(error, errno == EEXIST ? FOVEA_ERROR_INPUT : FOVEA_ERROR_SYSTEM, "%.300s: %s", export->folder,
+                               errno == EEXIST ? "exists; expected a folder to be made" : strerror(errno));
+    export->images = tmpfile();
+    export->annotations = tmpfile();
+    enum fovea_status status = FOVEA_OK;
+    if (export->images == NULL || export->annotations == NULL)
+        status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "export: no temporary file: %s", strerror(errno));
+    if (status == FOVEA_OK) status = write_frames(export, error);
+    if (status == FOVEA_OK) status = write_json(export, error);
+    if (export->images != NULL) fclose(export->images);
+    if (export->annotations != NULL) fclose(export->annotations);
+    return status;
+}
+
+int fv_command_export(int argc, char **argv)
+{
+    struct export export = {0};
+    struct fovea_source_selection selection = {.step = 1};
+    const char *uri = "sim:", *address;
+    const struct fv_option options[] = {
+        {"source", "URI", FV_OPTION_TEXT, &uri, "where frames come from (default sim:)"},
+        {"frames", "N", FV_OPTION_COUNT, &selection.frames, "end after N frames"},
+        {"start", "N", FV_OPTION_COUNT, &selection.start, "begin with frame N, from 0"},
+        {"step", "K", FV_OPTION_COUNT, &selection.step, "take every K-th frame"},
+        {"masks", NULL, FV_OPTION_FLAG, &export.masks, "also write the class of every pixel"},
+        {0},
+    };
+    int first;
+    const enum fv_options_result result = fv_options_parse(options, "DIR", 1, 1, argc, argv, &first);
+    if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
+    struct fovea_error error;
+    export.folder = argv[first];
+    if (selection.step == 0) return fv_say_wrong("--step: found 0, expected at least 1");
+    if (fovea_source_find(uri, &export.ops, &address, &error) != FOVEA_OK) return fv_say_wrong("%s", error.text);
+    if (export.ops->open(address, &selection, &export.source, &error) != FOVEA_OK) return fv_say_wrong("%s", error.text);
+    enum fovea_status status = FOVEA_OK;
+    if (selection.frames == 0 && export.ops->info(export.source)->frame_count == 0)
+        status = fovea_error_set(&error, FOVEA_ERROR_INPUT, "export: the source is endless: --frames N is missing");
+    if (status == FOVEA_OK) status = run(&export, &error);
+    export.ops->close(export.source);
+    if (status != FOVEA_OK)
+        return status == FOVEA_ERROR_SYSTEM ? fv_say_failed("%s", error.text) : fv_say_wrong("%s", error.text);
+    printf("%" PRIu64 " frames, %" PRIu64 " boxes in %s\n", export.frames, export.boxes, export.folder);
+    return FV_EXIT_OK;
+}
