@@ -1,0 +1,206 @@
+/* Heads of detectors against boxes computed elsewhere (tests/import/make_decoders.py): the same boxes, in the same order, to
+ * 1e-5; in units as at once; thresholds by class; the best of too many candidates. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "detect/decode.h"
+
+enum { WIDTH = 96, HEIGHT = 64, BYTES_MAX = 1 << 16, LINE_MAX_BYTES = 2 * BYTES_MAX + 16 };
+
+static struct fv_detect_scratch scratch;
+static uint8_t arena[BYTES_MAX];
+static struct fv_model_header header;
+static struct fv_model_tensor tensors[2];
+static const int32_t inputs[1] = {0}, outputs[1] = {1};
+static float thresholds[8];
+static const struct fv_model model = {.base = (const uint8_t *)thresholds, .header = &header, .tensors = tensors, .inputs = inputs, .outputs = outputs};
+static char line[LINE_MAX_BYTES];
+
+static void describe(int32_t kind, int32_t width, int32_t height)
+{
+    memset(&header, 0, sizeof header);
+    memset(tensors, 0, sizeof tensors);
+    header.input_count = header.output_count = 1;
+    header.preprocess.width = width;
+    header.preprocess.height = height;
+    header.preprocess.channels = 3;
+    header.decode.kind = kind;
+    header.decode.max_detections = 300;
+    tensors[0] = (struct fv_model_tensor){.rank = 4, .dims = {1, height, width, 3}};
+    tensors[1] = (struct fv_model_tensor){.storage = 1};
+}
+
+static struct fv_detect_view view_of(int32_t width, int32_t height)
+{
+    const uint8_t pixel = 0;
+    const struct fovea_image image = {.data = &pixel, .width = width, .height = height, .stride_bytes = width, .format = FOVEA_PIXEL_GREY8};
+    struct fv_detect_view view;
+    assert_int_equal(fv_detect_view(&model, &image, &view), FOVEA_OK);
+    return view;
+}
+
+/* ---- against the other computation ---------------------------------------------------------------------------- */
+
+/* "head NAME d0 d1 d2 [d3] scale zero classes normalised agnostic score iou anchors..." */
+static void read_head(void)
+{
+    char *at = line + 5, *name = strsep(&at, " ");
+    const int32_t kind = strcmp(name, "yolov5") == 0 ? FV_DECODER_YOLOV5 : strcmp(name, "yolov8") == 0 ? FV_DECODER_YOLOV8 : FV_DECODER_YOLOV2;
+    describe(kind, WIDTH, HEIGHT);
+    struct fv_model_tensor *out = &tensors[1];
+    struct fv_model_decode *d = &header.decode;
+    out->rank = kind == FV_DECODER_YOLOV2 ? 4 : 3;
+    for (int i = 0; i < out->rank; i++) out->dims[i] = (int32_t)strtol(at, &at, 10);
+    out->scale = strtof(at, &at);
+    out->zero = (int32_t)strtol(at, &at, 10);
+    d->classes = (int32_t)strtol(at, &at, 10);
+    d->normalised = (int32_t)strtol(at, &at, 10);
+    d->class_agnostic = (int32_t)strtol(at, &at, 10);
+    d->score_threshold = strtof(at, &at);
+    d->iou_threshold = strtof(at, &at);
+    float *anchor = d->anchors;
+    for (char *end = at; anchor < d->anchors + 16; at = end) {
+        *anchor = strtof(at, &end);
+        if (end == at) break;
+        anchor++;
+    }
+    d->anchor_count = (int32_t)(anchor - d->anchors) / 2;
+}
+
+static void read_bytes(void)
+{
+    const size_t count = strspn(line, "0123456789abcdef") / 2;
+    assert_in_range(count, 1, BYTES_MAX);
+    for (size_t i = 0; i < count; i++) {
+        const char hex[3] = {line[2 * i], line[2 * i + 1], 0};
+        arena[i] = (uint8_t)strtoul(hex, NULL, 16);
+    }
+}
+
+static void near_to(double found, double expected, double scale)
+{
+    if (!(__builtin_fabs(found - expected) <= 1e-5 * scale)) fail_msg("found %.9g, expected %.9g", found, expected);
+}
+
+static void heads_give_what_they_stand_for(void **state)
+{
+    (void)state;
+    static struct fovea_detection found[FOVEA_DETECTIONS_MAX];
+    FILE *file = fopen("tests/golden/decoders.txt", "r");
+    assert_non_null(file);
+    int cases = 0, boxes = 0;
+    int32_t count = 0, at = 0;
+    while (fgets(line, sizeof line, file) != NULL) {
+        if (strncmp(line, "head ", 5) == 0) {
+            read_head();
+            assert_non_null(fgets(line, sizeof line, file));
+            read_bytes();
+            const struct fv_detect_view view = view_of(WIDTH, HEIGHT);
+            count = fv_detect_decode(&model, arena, &view, &scratch, found, FOVEA_DETECTIONS_MAX);
+            at = 0;
+            cases++;
+        } else if (strncmp(line, "box ", 4) == 0) {
+            int class_id;
+            double v[5];
+            assert_int_equal(sscanf(line, "box %d %lf %lf %lf %lf %lf", &class_id, &v[0], &v[1], &v[2], &v[3], &v[4]), 6);
+            assert_true(at < count);
+            const struct fovea_detection *d = &found[at++];
+            assert_int_equal(d->class_id, class_id);
+            near_to((double)d->score, v[0], v[0] > 1 ? v[0] : 1);
+            near_to((double)d->x_min_px + 0.5, v[1], WIDTH);
+            near_to((double)d->y_min_px + 0.5, v[2], WIDTH);
+            near_to((double)d->x_max_px + 0.5, v[3], WIDTH);
+            near_to((double)d->y_max_px + 0.5, v[4], WIDTH);
+            boxes++;
+        } else {
+            assert_int_equal(at, count);
+        }
+    }
+    fclose(file);
+    assert_int_equal(cases, 12);
+    assert_true(boxes > 200);
+}
+
+/* ---- thresholds, and too many candidates ------------------------------------------------------------------------ */
+
+/* A YOLOv5 output of n rows of two classes: boxes side by side on a grid, scores by `score`. */
+static void make_rows(int32_t n, uint8_t (*score)(int32_t row, int32_t class_id))
+{
+    describe(FV_DECODER_YOLOV5, 256, 256);
+    tensors[1].rank = 3;
+    tensors[1].dims[0] = 1;
+    tensors[1].dims[1] = n;
+    tensors[1].dims[2] = 7;
+    tensors[1].scale = 1.0f / 255;
+    header.decode.classes = 2;
+    header.decode.normalised = 1;
+    header.decode.iou_threshold = 0.5f;
+    for (int32_t i = 0; i < n; i++) {
+        const uint8_t row[7] = {(uint8_t)(i % 64 * 4), (uint8_t)(i / 64 * 4), 2, 2, 255, score(i, 0), score(i, 1)};
+        memcpy(arena + 7 * i, row, sizeof row);
+    }
+}
+
+static uint8_t rising(int32_t row, int32_t class_id)
+{
+    return class_id == 0 ? (uint8_t)(10 + row / 10) : 0;
+}
+
+static uint8_t both(int32_t row, int32_t class_id)
+{
+    return (uint8_t)(row == 3 ? 100 + class_id : 0);
+}
+
+static void the_best_of_too_many_are_kept(void **state)
+{
+    (void)state;
+    enum { ROWS = 2000 };
+    static struct fovea_detection found[FOVEA_DETECTIONS_MAX];
+    make_rows(ROWS, rising);
+    header.decode.score_threshold = 0.001f;
+    const struct fv_detect_view view = view_of(256, 256);
+    assert_int_equal(fv_detect_decode(&model, arena, &view, &scratch, found, FOVEA_DETECTIONS_MAX), FOVEA_DETECTIONS_MAX);
+    for (int i = 0; i < FOVEA_DETECTIONS_MAX; i++) {
+        /* scores fall by one step every ten; among equals the earlier row comes first */
+        const int32_t row = ROWS - 10 - i / 10 * 10 + i % 10;
+        assert_true(found[i].score == 1.0f * ((1.0f / 255) * (float)(10 + row / 10)));
+        near_to((double)found[i].x_min_px + 0.5, (row % 64 * 4 - 1) / 255.0 * 256 < 0 ? 0 : (row % 64 * 4 - 1) / 255.0 * 256, 256);
+    }
+}
+
+static void thresholds_by_class_hold(void **state)
+{
+    (void)state;
+    struct fovea_detection found[4];
+    make_rows(8, both);
+    const struct fv_detect_view view = view_of(256, 256);
+    header.decode.score_threshold = 0.2f;
+    header.decode.class_agnostic = 0;
+    assert_int_equal(fv_detect_decode(&model, arena, &view, &scratch, found, 4), 2);
+    assert_int_equal(found[0].class_id, 1);
+    thresholds[1] = 0.2f; /* of class 0, at offset 4 */
+    thresholds[2] = 0.5f;
+    header.decode.thresholds = 4;
+    assert_int_equal(fv_detect_decode(&model, arena, &view, &scratch, found, 4), 1);
+    assert_int_equal(found[0].class_id, 0);
+    header.decode.class_agnostic = 1;
+    thresholds[2] = 0.2f;
+    assert_int_equal(fv_detect_decode(&model, arena, &view, &scratch, found, 4), 1);
+    assert_int_equal(found[0].class_id, 1);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(heads_give_what_they_stand_for),
+        cmocka_unit_test(the_best_of_too_many_are_kept),
+        cmocka_unit_test(thresholds_by_class_hold),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
