@@ -14,5 +14,17 @@ python=$(tools/networks_python.sh "$build") || {
     exit 0
 }
 make --no-print-directory BUILD="$build" "$build/libfovea.a" "$build/fovea" >/dev/null
+export BUILD="$build"
 # shellcheck disable=SC2086
-BUILD=$build "$python" tools/import/benchmark.py --program "$build/fovea" --json "$build/bench_networks.json" $models
+"$python" tools/import/benchmark.py --program "$build/fovea" --json "$build/bench_networks.json" $models
+[ "$(uname -m)" = x86_64 ] || exit 0
+# Both held to AVX2: ours by its own choice of kernels, the other by hiding what the processor has beyond.
+${CC:-gcc} -O2 -shared -fPIC -o "$build/hold_avx2.so" tools/import/hold_avx2.c
+if LD_PRELOAD="$build/hold_avx2.so" true 2>&1 | grep -q hold_avx2; then
+    echo "SKIPPED networks on AVX2 alone: LiteRT cannot be held to it here"
+else
+    echo "both held to AVX2:"
+    # shellcheck disable=SC2086
+    LD_PRELOAD="$build/hold_avx2.so" FOVEA_CPU=avx2 "$python" tools/import/benchmark.py --set avx2 --program "$build/fovea" \
+        --json "$build/bench_networks_avx2.json" $models
+fi
