@@ -37,7 +37,7 @@ static inline int nn_mutant_run(const uint8_t *data, size_t bytes)
     memset(arena, 0x37, fv_nn_arena_bytes(&model));
     struct fv_nn_progress progress = {0, 0};
     uint32_t done;
-    fv_kernels_init(&kernels, FV_CPU_SET_COUNT - 1);
+    fv_kernels_init(&kernels, fv_cpu_best(fv_cpu_detect()));
 #if defined(__x86_64__)
     fv_kernels_init(&kernels, FV_CPU_AVX512);
 #endif
