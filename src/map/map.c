@@ -9,7 +9,7 @@ void fv_map_carve(struct fv_map *map, const struct fv_map_limits *limits, struct
     map->limits = *limits;
     map->columns = (limits->width + FV_MAP_CELL_PX - 1) / FV_MAP_CELL_PX;
     map->rows = (limits->height + FV_MAP_CELL_PX - 1) / FV_MAP_CELL_PX;
-    size_t views = limits->keyframes + 2, features = views * limits->features;
+    size_t views = fv_map_view_count(map), features = views * limits->features;
     map->state = fv_arena_take(arena, 1, sizeof *map->state);
     map->keyframes = fv_arena_take(arena, views, sizeof *map->keyframes);
     map->landmarks = fv_arena_take(arena, limits->landmarks, sizeof *map->landmarks);
@@ -24,7 +24,7 @@ void fv_map_carve(struct fv_map *map, const struct fv_map_limits *limits, struct
 
 void fv_map_reset(struct fv_map *map)
 {
-    for (uint32_t i = 0; i < map->limits.keyframes + 2; i++) {
+    for (uint32_t i = 0; i < fv_map_view_count(map); i++) {
         uint32_t generation = map->keyframes[i].generation + 1;
         memset(&map->keyframes[i], 0, sizeof *map->keyframes);
         map->keyframes[i].generation = generation;
@@ -129,7 +129,7 @@ void fv_map_remove_keyframe(struct fv_map *map, uint32_t slot)
         fv_map_unlink(map, (uint32_t)landmark, slot);
         if (map->landmarks[landmark].observer_count == 0) fv_map_remove_landmark(map, (uint32_t)landmark);
     }
-    for (uint32_t i = 0; i < map->limits.keyframes + 2; i++) /* children hang on to the grandparent */
+    for (uint32_t i = 0; i < fv_map_view_count(map); i++) /* children hang on to the grandparent */
         if (map->keyframes[i].parent == (int32_t)slot) map->keyframes[i].parent = view.frame->parent;
     view.frame->used = false;
     view.frame->generation++;

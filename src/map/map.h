@@ -5,8 +5,8 @@
  * kept in step by the functions below, and nothing else writes them. State holds no addresses: the addresses
  * are in struct fv_map, which carving fills again after a copy.
  *
- * Besides the keyframes there are two more views: that of the current frame, and that of the frame that the
- * start waits on. World points are doubles; a feature's bearing and Jacobian are floats (6e-8 rad). Real-time
+ * Besides the keyframes there are more views: that of the current frame, and those of the FV_MAP_WAITING_MAX frames that
+ * a start waits on; links of these are the start's own scratch. World points are doubles; a feature's bearing and Jacobian are floats (6e-8 rad). Real-time
  * safe; no heap.
  *
  * Several maps may share the pools: each keyframe names its map, and maps have worlds of their own. Landmarks belong
@@ -36,6 +36,7 @@ enum {
     FV_MAP_DESCRIPTOR_BYTES = 32,
     FV_MAP_CELL_PX = 24, /* of the grid in which a view's features are looked up */
     FV_MAP_KEYFRAMES_MAX = 256,
+    FV_MAP_WAITING_MAX = 8,      /* frames held while a start waits for parallax */
     FV_MAP_EDGES_MAX = 128,      /* of closed loops; the oldest gives way */
     FV_MAP_ENOUGH_OBSERVERS = 3, /* besides a keyframe, that make it redundant for a landmark */
     FV_MAP_KEEP_NEWEST = 16,     /* keyframes that are never culled: odometry and its window work on them */
@@ -114,7 +115,7 @@ struct fv_map {
     struct fv_map_limits limits;
     int32_t columns, rows;
     struct fv_map_state *state;
-    struct fv_keyframe *keyframes; /* limits.keyframes, then the current frame, then the start's reference */
+    struct fv_keyframe *keyframes; /* limits.keyframes, then the current frame, then the waiting ones */
     struct fv_landmark *landmarks;
     uint32_t *free_landmarks;
     struct fv_map_edge *edges; /* FV_MAP_EDGES_MAX */
@@ -146,9 +147,13 @@ static inline uint32_t fv_map_current(const struct fv_map *map)
 {
     return map->limits.keyframes;
 }
-static inline uint32_t fv_map_waiting(const struct fv_map *map)
+static inline uint32_t fv_map_waiting(const struct fv_map *map, uint32_t i)
 {
-    return map->limits.keyframes + 1;
+    return map->limits.keyframes + 1 + i;
+}
+static inline uint32_t fv_map_view_count(const struct fv_map *map)
+{
+    return map->limits.keyframes + 1 + FV_MAP_WAITING_MAX;
 }
 
 /* Sort the view's features into its grid. */

@@ -2,6 +2,7 @@
 
 #include <string.h>
 
+#include "fovea/elementary.h"
 #include "geometry/linear.h"
 #include "geometry/pose.h"
 #include "geometry/vec.h"
@@ -222,4 +223,69 @@ bool fv_window_unit(struct fv_window *w)
     }
     if (s->next == s->landmark_count) fv_end_pass(w);
     return s->phase == FV_WINDOW_PASS;
+}
+
+/* ---- filled by hand ---------------------------------------------------------------------------------- */
+
+void fv_window_clear(struct fv_window *w)
+{
+    memset(w->state, 0, sizeof *w->state);
+    w->state->damping = 1e-4;
+}
+
+uint32_t fv_window_put_pose(struct fv_window *w, const struct fv_se3 *T_cam_world, bool moved)
+{
+    struct fv_window_state *s = w->state;
+    struct fv_window_pose *p = &s->poses[s->pose_count];
+    p->T_cam_world = p->before = p->at_start = *T_cam_world;
+    p->column = moved ? 6 * (int32_t)s->moved_count++ : -1;
+    return s->pose_count++;
+}
+
+void fv_window_put_landmark(struct fv_window *w, const double point[3])
+{
+    struct fv_window_landmark *l = &w->landmarks[w->state->landmark_count++];
+    memset(l, 0, sizeof *l);
+    fv_copy3(point, l->point);
+    fv_copy3(point, l->before);
+    l->first = w->state->observation_count;
+}
+
+void fv_window_put_observation(struct fv_window *w, const struct fv_keypoint *p, uint32_t pose)
+{
+    struct fv_window_observation *o = &w->observations[w->state->observation_count++];
+    memset(o, 0, sizeof *o);
+    memcpy(o->bearing, p->bearing, sizeof o->bearing);
+    memcpy(o->A, p->A, sizeof o->A);
+    o->weight = p->weight;
+    o->pose = pose;
+    w->landmarks[w->state->landmark_count - 1].count++;
+}
+
+void fv_window_begin(struct fv_window *w)
+{
+    fv_begin_pass(w->state);
+}
+
+double fv_window_direction_sigma(struct fv_window *w, uint32_t pose)
+{
+    struct fv_window_state *s = w->state;
+    const struct fv_window_pose *p = &s->poses[pose];
+    const int n = 6 * (int)s->moved_count;
+    double t[3], variance = 0;
+    fv_copy3(p->before.t, t);
+    double length = fv_norm3(t);
+    if (p->column < 0 || !fv_normalise3(t) || !fv_ldlt_factor(s->system, n)) return FOVEA_PI;
+    /* A small motion moves t by its translation and by its rotation: rows d(t)/d(motion), without the part along t. */
+    for (int axis = 0; axis < 3; axis++) {
+        double e[3] = {axis == 0, axis == 1, axis == 2}, row[6];
+        for (int i = 0; i < 3; i++) row[i] = e[i] - t[axis] * t[i];
+        const double whole[3] = {t[0] * length, t[1] * length, t[2] * length};
+        fv_cross3(whole, row, row + 3); /* e . (w x t) = w . (t x e) */
+        memset(s->step, 0, (size_t)n * sizeof *s->step);
+        memcpy(s->step + p->column, row, sizeof row);
+        fv_ldlt_back(s->system, n, s->step);
+        for (int i = 0; i < 6; i++) variance += row[i] * s->step[p->column + i];
+    }
+    return __builtin_sqrt(variance) / length;
 }

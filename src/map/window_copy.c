@@ -65,28 +65,17 @@ static void fv_number_columns(struct fv_window_state *s, const struct fv_map *ma
         if (held || i != oldest) s->poses[i].column = 6 * (int32_t)s->moved_count++;
 }
 
-static bool fv_add_observations(struct fv_window *w, const struct fv_map *map, const struct fv_landmark *l,
-                                struct fv_window_landmark *copy)
+static void fv_add_observations(struct fv_window *w, const struct fv_map *map, const struct fv_landmark *l)
 {
     struct fv_window_state *s = w->state;
-    if (s->observation_count + l->observer_count > w->limits.observations) return false;
-    copy->first = s->observation_count;
     for (uint32_t k = 0; k < l->observer_count; k++) {
         uint32_t slot = l->observers[k].keyframe;
         int32_t pose = fv_pose_of(s, slot);
         if (pose < 0 && s->pose_count < FV_WINDOW_POSES_MAX) pose = (int32_t)fv_add_pose(s, map, slot);
         if (pose < 0) continue;
-        struct fv_window_observation *o = &w->observations[s->observation_count++];
         struct fv_view view = fv_map_view(map, slot);
-        const struct fv_keypoint *p = &view.points[l->observers[k].feature];
-        memset(o, 0, sizeof *o);
-        memcpy(o->bearing, p->bearing, sizeof o->bearing);
-        memcpy(o->A, p->A, sizeof o->A);
-        o->weight = p->weight;
-        o->pose = (uint32_t)pose;
+        fv_window_put_observation(w, &view.points[l->observers[k].feature], (uint32_t)pose);
     }
-    copy->count = s->observation_count - copy->first;
-    return true;
 }
 
 static void fv_copy_landmarks(struct fv_window *w, struct fv_map *map, uint32_t in_window,
@@ -99,15 +88,12 @@ static void fv_copy_landmarks(struct fv_window *w, struct fv_map *map, uint32_t 
             if (view.landmark[f] == FV_MAP_NONE) continue;
             struct fv_landmark *l = &map->landmarks[view.landmark[f]];
             if (l->mark == map->state->mark || l->observer_count < observers_min) continue;
+            if (s->observation_count + l->observer_count > w->limits.observations) return;
             l->mark = map->state->mark;
-            struct fv_window_landmark *copy = &w->landmarks[s->landmark_count];
-            memset(copy, 0, sizeof *copy);
-            fv_copy3(l->point, copy->point);
-            fv_copy3(l->point, copy->before);
-            copy->slot = (uint32_t)view.landmark[f];
-            copy->generation = l->generation;
-            if (!fv_add_observations(w, map, l, copy)) return;
-            s->landmark_count++;
+            fv_window_put_landmark(w, l->point);
+            w->landmarks[s->landmark_count - 1].slot = (uint32_t)view.landmark[f];
+            w->landmarks[s->landmark_count - 1].generation = l->generation;
+            fv_add_observations(w, map, l);
         }
     }
 }
@@ -115,7 +101,7 @@ static void fv_copy_landmarks(struct fv_window *w, struct fv_map *map, uint32_t 
 bool fv_window_start(struct fv_window *w, struct fv_map *map, uint32_t newest)
 {
     struct fv_window_state *s = w->state;
-    memset(s, 0, sizeof *s);
+    fv_window_clear(w);
     fv_pick_keyframes(w, map, newest);
     uint32_t in_window = s->pose_count;
     if (in_window < 2) return false;
@@ -125,9 +111,8 @@ bool fv_window_start(struct fv_window *w, struct fv_map *map, uint32_t newest)
     fv_copy_landmarks(w, map, in_window, 2);
     fv_number_columns(s, map, in_window);
     if (s->moved_count == 0 || s->landmark_count < 10) return false;
-    s->damping = 1e-4;
     s->keyframe_number = map->keyframes[newest].number;
-    s->phase = FV_WINDOW_PASS;
+    fv_window_begin(w);
     return true;
 }
 

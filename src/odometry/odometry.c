@@ -39,6 +39,7 @@ void fv_odometry_carve(struct fv_odometry *o, const struct fovea_odometry_config
     o->match_distance = fv_arena_take_raw(frame, features_max, sizeof *o->match_distance);
     o->local = fv_arena_take_raw(frame, LOCAL_MAX, sizeof *o->local);
     o->pairs = fv_arena_take_raw(frame, features_max, sizeof *o->pairs);
+    o->tracks = fv_arena_take_raw(frame, features_max, sizeof *o->tracks);
     o->inlier = fv_arena_take_raw(frame, features_max, sizeof *o->inlier);
     o->nearest = fv_arena_take_raw(frame, features_max, sizeof *o->nearest);
     o->second = fv_arena_take_raw(frame, features_max, sizeof *o->second);
@@ -52,8 +53,8 @@ static void fv_begin(struct fv_odometry *o)
     fv_window_abort(&o->window);
     fv_relocaliser_reset(&o->relocaliser);
     s->state = FOVEA_TRACKING_STARTING;
-    s->waiting = s->moving_known = s->job_wanted = false;
-    s->lost_frames = s->recent_count = s->pending_count = s->waiting_frames = 0;
+    s->moving_known = s->job_wanted = false;
+    s->lost_frames = s->recent_count = s->pending_count = s->start.count = 0;
     s->keyframe_matches = 0;
     memset(&s->grow, 0, sizeof s->grow);
 }
@@ -137,7 +138,7 @@ static void fv_track_step(struct fv_odometry *o, const struct fv_kernels *kernel
         return;
     }
     s->lost_frames = 0;
-    s->waiting = false;
+    s->start.count = 0;
     s->state = inliers >= o->config.inliers_good ? FOVEA_TRACKING_OK : FOVEA_TRACKING_WEAK;
     if (fv_odometry_keyframe_needed(o, inliers)) fv_odometry_make_keyframe(o);
     fv_write_pose(o);

@@ -1,6 +1,6 @@
 /* Visual odometry: the stage behind include/fovea/odometry.h.
  *
- * A step (fv_odometry_step) gives the pose of a frame: start.c finds the first two keyframes, track.c the
+ * A step (fv_odometry_step) gives the pose of a frame: start.c finds the first keyframes, track.c the
  * pose against the local map, keyframe.c decides whether the frame becomes a keyframe. A job
  * (fv_odometry_unit) does the rest in units: grow.c triangulates and fuses new landmarks of a keyframe, then
  * the window is optimised and committed. Between frames the pose is carried along when a commit moves the
@@ -22,6 +22,7 @@
 #include "map/map.h"
 #include "map/window.h"
 #include "odometry/relocalise.h"
+#include "odometry/start.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -49,13 +50,13 @@ struct fv_recent {
 struct fv_odometry_state {
     enum fovea_tracking_state state;
     bool moving_known;    /* `motion` holds */
-    bool waiting;         /* a start's reference frame is held */
     bool job_wanted;      /* a keyframe was made since the last window */
     struct fv_se3 motion; /* T_camera_lastcamera of the last two frames */
     struct fovea_random random;
     uint64_t frame_number;
     uint64_t keyframe_frame; /* number of the frame that became the last keyframe */
-    uint32_t lost_frames, reset_counter, waiting_frames;
+    uint32_t lost_frames, reset_counter;
+    struct fv_start_state start;
     uint32_t still_frames; /* for which the camera has stayed at still_place */
     double still_place[3]; /* world */
     uint32_t recent_count;
@@ -83,6 +84,7 @@ struct fv_odometry {
     uint16_t *match_distance; /* by feature */
     uint32_t *local;          /* landmarks of the local map */
     struct fv_pair *pairs;    /* start */
+    struct fv_track *tracks;  /* start: of each pair */
     uint8_t *inlier;
     uint32_t *nearest, *second;
     uint8_t *gathered; /* descriptors of landmarks, for search without prediction */
@@ -123,9 +125,22 @@ static inline double fv_level_scale(uint32_t level)
     return scales[level & 7];
 }
 
+/* A key point that sees a point of the world. */
+static inline void fv_sight_from(const struct fv_keypoint *p, const double point[3], struct fv_sight *s)
+{
+    for (int k = 0; k < 3; k++) {
+        s->point[k] = point[k];
+        s->bearing[k] = (double)p->bearing[k];
+    }
+    for (int k = 0; k < 6; k++)
+        s->A[k] = (double)p->A[k];
+    s->weight = (double)p->weight;
+    s->inlier = true;
+}
+
 /* Fill the current view from the frame's features. */
 void fv_odometry_fill_view(struct fv_odometry *odometry, const struct fv_odometry_input *input);
-/* Try to make the first map from the waiting frame and the current one; true when done. */
+/* Try to make the first map from the waiting frames and the current one; true when done. */
 bool fv_odometry_start(struct fv_odometry *odometry, const struct fv_kernels *kernels);
 /* Pose of the current view against the local map; number of inliers (0: failed). */
 uint32_t fv_odometry_track(struct fv_odometry *odometry, const struct fv_kernels *kernels);

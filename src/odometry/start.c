@@ -1,35 +1,72 @@
-/* The first map, from two views: matches without prediction, essential matrix and homography, a model test,
- * and triangulation with enough parallax. Scores and the share of 0.45 in the model test: Mur-Artal, Montiel,
- * Tardos, "ORB-SLAM: a versatile and accurate monocular SLAM system" (T-RO 2015), section IV. */
+/* The first map: which views to look at, and whether to believe what they say. */
+#include "odometry/start.h"
+
 #include <string.h>
 
-#include "geometry/essential.h"
-#include "geometry/homography.h"
-#include "geometry/triangulate.h"
 #include "geometry/vec.h"
 #include "odometry/odometry.h"
 
 enum {
-    MATCHES_MIN = 80,       /* fewer, and the waiting frame is exchanged */
-    DISTANCE_MAX = 64,      /* Hamming */
-    LANDMARKS_MIN = 50,     /* with the full parallax, to start on */
+    MATCHES_MIN = 80,     /* fewer, and the first view is given up */
+    MATCHES_WANTED = 150, /* fewer, and a later one takes its place for the next frame */
+    DISTANCE_MAX = 64,    /* Hamming */
+    TRACKS_MAX = 800,     /* more bring nothing but time */
     WAITING_FRAMES_MAX = 60 /* then the view has changed too much to hope */
 };
 
 static const double ratio_max = 0.8;
-static const double direction_sigma_max_rad = 0.02; /* of the baseline; more, and the first map may be bent */
-static const double essential_chi_square = 3.841, homography_chi_square = 5.991; /* 95 % of 1 and 2 dof */
-static const double cos_parallax_full = 0.99985;                                 /* 1 degree */
-/* 0.63 degree: of points with less, noise decides which pass, and those look too near and shrink the first
- * steps. */
-static const double cos_parallax_some = 0.99994;
+static const double direction_sigma_max_rad = 0.05; /* of the baseline; more, and the first map may be bent */
+static const double points_share_min = 0.6;         /* of the tracks, that must fit in all views */
+static const double rival_cost_min = 1.15;          /* times the best one's: less, and it is too early to choose */
 
-/* Matches of the waiting view's features in the current one: nearest, clearly nearer than the second, one to
- * one. Pairs go to odometry->pairs; nearest[k] and second[k] are rewritten to the features of pair k. */
-static uint32_t fv_match_views(struct fv_odometry *o, const struct fv_kernels *kernels)
+/* ---- waiting views ----------------------------------------------------------------------------------- */
+
+static void fv_drop_first(struct fv_start_state *s)
 {
-    struct fv_view a = fv_map_view(&o->map, fv_map_waiting(&o->map));
-    struct fv_view b = fv_map_view(&o->map, fv_map_current(&o->map));
+    const uint32_t slot = s->slots[0];
+    s->count--;
+    for (uint32_t i = 0; i < s->count; i++) {
+        s->slots[i] = s->slots[i + 1];
+        s->frames[i] = s->frames[i + 1];
+    }
+    s->slots[s->count] = slot;
+}
+
+/* Every second one goes, the first stays. */
+static void fv_thin_out(struct fv_start_state *s)
+{
+    for (uint32_t i = 1; 2 * i < s->count; i++) {
+        const uint32_t slot = s->slots[i];
+        s->slots[i] = s->slots[2 * i];
+        s->slots[2 * i] = slot;
+        s->frames[i] = s->frames[2 * i];
+    }
+    s->count = (s->count + 1) / 2;
+    s->stride *= 2;
+}
+
+/* Hold the current view, unless it follows the last one too closely. */
+static void fv_hold(struct fv_odometry *o)
+{
+    struct fv_start_state *s = &o->state->start;
+    if (s->count == 0) {
+        s->stride = 1;
+        for (uint32_t i = 0; i < FV_MAP_WAITING_MAX; i++)
+            s->slots[i] = fv_map_waiting(&o->map, i);
+    }
+    if (s->count > 0 && o->state->frame_number - s->frames[s->count - 1] < s->stride) return;
+    if (s->count == FV_MAP_WAITING_MAX) fv_thin_out(s);
+    s->frames[s->count] = o->state->frame_number;
+    fv_map_copy_view(&o->map, fv_map_current(&o->map), s->slots[s->count++]);
+}
+
+/* ---- matching ---------------------------------------------------------------------------------------- */
+
+/* Matches of one view's features in another: nearest, clearly nearer than the second, one to one. nearest[k] and second[k]
+ * are rewritten to the features of match k; returns their number. */
+static uint32_t fv_match_views(struct fv_odometry *o, const struct fv_kernels *kernels, uint32_t from, uint32_t to)
+{
+    const struct fv_view a = fv_map_view(&o->map, from), b = fv_map_view(&o->map, to);
     uint32_t count_a = a.frame->features, count_b = b.frame->features, count = 0;
     kernels->hamming_two_u8(o->nearest, o->second, a.descriptors, (int32_t)count_a, b.descriptors,
                             (int32_t)count_b);
@@ -48,178 +85,207 @@ static uint32_t fv_match_views(struct fv_odometry *o, const struct fv_kernels *k
             continue;
         o->match_distance[feature] =
             0; /* taken: an equal one later is left out, unless it is a perfect match */
-        for (int k = 0; k < 3; k++) {
-            o->pairs[count].x1[k] = (double)a.points[i].bearing[k];
-            o->pairs[count].x2[k] = (double)b.points[feature].bearing[k];
-        }
         o->nearest[count] = i;
         o->second[count++] = feature;
     }
     return count;
 }
 
-/* Sum of what residuals leave of the chi-square bound, for the model test. */
-static double fv_score(const double M[9], bool essential, const struct fv_pair *pairs, uint32_t count,
-                       double sigma_rad)
+/* Matches to pairs of bearings and tracks of the first and the last view; when there are too many, an even choice. */
+static uint32_t fv_take_pairs(struct fv_odometry *o, uint32_t count, const struct fv_start_bundle *b)
 {
-    double limit = essential ? essential_chi_square : homography_chi_square, score = 0,
-           inverse = 1 / (sigma_rad * sigma_rad);
-    for (uint32_t i = 0; i < count; i++) {
-        double r2 = inverse * (essential ? fv_essential_residual2(M, &pairs[i])
-                                         : fv_homography_residual2(M, &pairs[i]));
-        score += r2 < limit ? homography_chi_square - r2 : 0;
+    const uint32_t last = b->view_count - 1, limit = TRACKS_MAX < o->window.limits.landmarks ? TRACKS_MAX
+                                                                                              : o->window.limits.landmarks;
+    const uint32_t taken = count < limit ? count : limit;
+    const struct fv_view from = fv_map_view(&o->map, b->slots[0]), to = fv_map_view(&o->map, b->slots[last]);
+    for (uint32_t n = 0; n < taken; n++) {
+        const uint32_t k = (uint32_t)((uint64_t)n * count / taken), i = o->nearest[k], feature = o->second[k];
+        for (int axis = 0; axis < 3; axis++) {
+            o->pairs[n].x1[axis] = (double)from.points[i].bearing[axis];
+            o->pairs[n].x2[axis] = (double)to.points[feature].bearing[axis];
+        }
+        for (int v = 0; v < FV_START_VIEWS_MAX; v++)
+            o->tracks[n].feature[v] = FV_MAP_NONE;
+        o->tracks[n].feature[0] = (int32_t)i;
+        o->tracks[n].feature[last] = (int32_t)feature;
     }
-    return score;
+    return taken;
 }
 
-/* Triangulate a pair; false when it is not in front of both cameras or does not fit. */
-static bool fv_pair_point(const struct fv_pair *pair, const struct fv_se3 *T_2_1, double limit_rad,
-                          double point[3], double *cos_parallax)
+/* Find the tracks in the views in between. */
+static void fv_extend_tracks(struct fv_odometry *o, const struct fv_kernels *kernels, uint32_t tracks,
+                             const struct fv_start_bundle *b)
 {
-    double q[3], r[3];
-    if (!fv_triangulate(T_2_1, pair->x1, pair->x2, point, cos_parallax)) return false;
-    fv_se3_apply(T_2_1, point, q);
-    fv_cross3(q, pair->x2, r);
-    double limit2 = limit_rad * limit_rad;
-    if (fv_dot3(r, r) > limit2 * fv_dot3(q, q)) return false;
-    fv_cross3(point, pair->x1, r);
-    return fv_dot3(r, r) <= limit2 * fv_dot3(point, point);
-}
-
-/* Points that a motion gives, and how many of them with full parallax. */
-static uint32_t fv_count_points(const struct fv_odometry *o, uint32_t count, const uint8_t *inlier,
-                                const struct fv_se3 *T, uint32_t *with_parallax)
-{
-    uint32_t points = 0;
-    *with_parallax = 0;
-    for (uint32_t i = 0; i < count; i++) {
-        double point[3], cosine;
-        if (!inlier[i] || !fv_pair_point(&o->pairs[i], T, 2.5 / o->focal_px, point, &cosine)) continue;
-        points++;
-        *with_parallax += cosine < cos_parallax_full;
-    }
-    return points;
-}
-
-/* The best motion of the homography, when it is clearly better than the second best. */
-static bool fv_plane_motion(const struct fv_odometry *o, uint32_t count, const double H[9], struct fv_se3 *T)
-{
-    struct fv_se3 candidates[4];
-    double ratio;
-    int motions = fv_homography_motions(H, candidates, &ratio);
-    uint32_t best = 0, second = 0;
-    for (int k = 0; k < motions; k++) {
-        uint32_t with_parallax, points = fv_count_points(o, count, o->inlier, &candidates[k], &with_parallax);
-        if (points > best) {
-            second = best;
-            best = points;
-            *T = candidates[k];
-        } else if (points > second) {
-            second = points;
+    const struct fv_view first = fv_map_view(&o->map, b->slots[0]);
+    for (uint32_t f = 0; f < first.frame->features; f++)
+        first.landmark[f] = FV_MAP_NONE;
+    for (uint32_t n = 0; n < tracks; n++)
+        first.landmark[o->tracks[n].feature[0]] = (int32_t)n;
+    for (uint32_t v = 1; v + 1 < b->view_count; v++) {
+        uint32_t count = fv_match_views(o, kernels, b->slots[0], b->slots[v]);
+        for (uint32_t k = 0; k < count; k++) {
+            int32_t track = first.landmark[o->nearest[k]];
+            if (track != FV_MAP_NONE) o->tracks[track].feature[v] = (int32_t)o->second[k];
         }
     }
-    return best > 0 && second < 0.75 * best;
 }
 
-/* Relative motion of the two views; number of points with parallax, 0: no start. */
-static uint32_t fv_two_view(struct fv_odometry *o, uint32_t count, struct fv_se3 *T)
+/* ---- choosing ---------------------------------------------------------------------------------------- */
+
+/* The first view held, some of those in between, and the current one. */
+static void fv_choose_views(const struct fv_odometry *o, struct fv_start_bundle *b)
 {
-    struct fv_sampling sampling = {2.0 / o->focal_px, 0.999, 300};
-    double H[9], E[9], sigma_rad = 1 / o->focal_px;
-    uint32_t fit_h = fv_homography_estimate(o->pairs, count, &sampling, &o->state->random, H, o->inlier);
-    struct fv_se3 plane;
-    bool plane_known = fit_h > 0 && fv_plane_motion(o, count, H, &plane);
-    uint32_t fit = fv_essential_estimate(o->pairs, count, &sampling, &o->state->random, T, o->inlier);
-    if (fit < MATCHES_MIN / 2) return 0;
-    fv_essential_from_motion(T, E);
-    double score_e = fv_score(E, true, o->pairs, count, sigma_rad);
-    double score_h = fit_h ? fv_score(H, false, o->pairs, count, sigma_rad) : 0;
-    if (score_h > 0.45 * (score_h + score_e)) {
-        if (!plane_known) return 0;
-        *T = plane;
-        for (uint32_t i = 0; i < count; i++)
-            o->inlier[i] =
-                fv_homography_residual2(H, &o->pairs[i]) < sampling.threshold_rad * sampling.threshold_rad;
+    const struct fv_start_state *s = &o->state->start;
+    const uint32_t between = s->count - 1, middle = between < FV_START_MIDDLE_MAX ? between : FV_START_MIDDLE_MAX;
+    const double span = (double)(o->state->frame_number - s->frames[0]);
+    b->view_count = middle + 2;
+    b->slots[0] = s->slots[0];
+    b->share[0] = 0;
+    for (uint32_t m = 0; m < middle; m++) {
+        const uint32_t at = 1 + (2 * m + 1) * between / (2 * middle);
+        b->slots[m + 1] = s->slots[at];
+        b->share[m + 1] = (double)(s->frames[at] - s->frames[0]) / span;
     }
-    uint32_t with_parallax, points = fv_count_points(o, count, o->inlier, T, &with_parallax);
-    double spread = fv_essential_direction_sigma(o->pairs, count, sampling.threshold_rad, sigma_rad, T);
-    bool good = points >= 0.7 * fit && with_parallax >= LANDMARKS_MIN && spread < direction_sigma_max_rad;
-    return good ? with_parallax : 0;
+    b->slots[middle + 1] = fv_map_current(&o->map);
+    b->share[middle + 1] = 1;
 }
 
-/* Median depth (camera 1) of the points, by halving the interval of log depths: no sorting. */
-static double fv_median_depth(const struct fv_odometry *o, uint32_t count, const struct fv_se3 *T)
+/* Bundle every motion that two views allow; true when one of them is to be believed. */
+static bool fv_choose(struct fv_odometry *o, const struct fv_kernels *kernels, uint32_t tracks,
+                      struct fv_start_bundle *best)
+{
+    struct fv_se3 motions[FV_START_MOTIONS_MAX];
+    struct fv_start_bundle candidate = *best;
+    const uint32_t count = fv_start_motions(o, tracks, motions);
+    if (count == 0) return false;
+    fv_extend_tracks(o, kernels, tracks, best);
+    uint32_t at = FV_START_MOTIONS_MAX, last = 0;
+    double rival = 1e300;
+    for (uint32_t k = 0; k < count; k++) {
+        if (!fv_start_adjust(o, tracks, &motions[k], &candidate)) continue;
+        last = k;
+        if (at < count && candidate.cost >= best->cost) {
+            rival = candidate.cost < rival ? candidate.cost : rival;
+            continue;
+        }
+        if (at < count) rival = best->cost;
+        *best = candidate;
+        at = k;
+    }
+    if (at >= count || rival < rival_cost_min * best->cost) return false;
+    if (best->points < points_share_min * tracks || best->parallax_points < FV_START_POINTS_MIN ||
+        best->direction_sigma > direction_sigma_max_rad)
+        return false;
+    return at == last || fv_start_adjust(o, tracks, &motions[at], best);
+}
+
+/* ---- the map ----------------------------------------------------------------------------------------- */
+
+/* What makes the median depth of the points that will be landmarks 1. */
+static double fv_unit_scale(const struct fv_odometry *o, uint32_t tracks)
 {
     double low = 1e-3, high = 1e4;
-    for (int step = 0; step < 40; step++) {
-        double middle = __builtin_sqrt(low * high), point[3], cosine;
+    for (int step = 0; step < 30; step++) {
+        double middle = __builtin_sqrt(low * high);
         uint32_t below = 0, all = 0;
-        for (uint32_t i = 0; i < count; i++) {
-            if (!o->inlier[i] || !fv_triangulate(T, o->pairs[i].x1, o->pairs[i].x2, point, &cosine)) continue;
-            if (cosine > cos_parallax_some) continue;
+        for (uint32_t i = 0; i < tracks; i++) {
+            if (!o->inlier[i]) continue;
             all++;
-            below += point[2] < middle;
+            below += o->window.landmarks[i].before[2] < middle;
         }
         *(2 * below > all ? &high : &low) = middle;
     }
-    return __builtin_sqrt(low * high);
+    return 1 / __builtin_sqrt(low * high);
 }
 
-static void fv_make_first_map(struct fv_odometry *o, uint32_t count, struct fv_se3 *T)
+static void fv_add_track(struct fv_odometry *o, const struct fv_start_bundle *b, const uint32_t *keyframes,
+                         uint32_t track, double scale)
 {
-    double scale = 1 / fv_median_depth(o, count, T);
-    for (int i = 0; i < 3; i++)
-        T->t[i] *= scale;
-    fv_se3_identity(&o->map.keyframes[fv_map_waiting(&o->map)].T_cam_world);
-    o->map.keyframes[fv_map_current(&o->map)].T_cam_world = *T;
+    const uint32_t last = b->view_count - 1;
+    const struct fv_view current = fv_map_view(&o->map, fv_map_current(&o->map));
+    double point[3];
+    for (int k = 0; k < 3; k++)
+        point[k] = scale * o->window.landmarks[track].before[k];
+    int32_t landmark = fv_map_add_landmark(&o->map, point, o->state->frame_number);
+    if (landmark == FV_MAP_NONE) return;
+    for (uint32_t v = 0; v <= last; v++)
+        if (o->tracks[track].feature[v] != FV_MAP_NONE)
+            (void)fv_map_link(&o->map, (uint32_t)landmark, keyframes[v], (uint32_t)o->tracks[track].feature[v]);
+    fv_map_refresh_landmark(&o->map, (uint32_t)landmark);
+    const uint32_t feature = (uint32_t)o->tracks[track].feature[last];
+    current.landmark[feature] = landmark;
+    const struct fv_recent recent = {(uint32_t)landmark, o->map.landmarks[landmark].generation,
+                                     current.points[feature].level};
+    o->recent[o->state->recent_count++] = recent;
+}
+
+static void fv_make_first_map(struct fv_odometry *o, uint32_t tracks, const struct fv_start_bundle *b)
+{
+    struct fv_odometry_state *s = o->state;
+    uint32_t keyframes[FV_START_VIEWS_MAX];
+    for (uint32_t i = 0; i < tracks; i++)
+        o->inlier[i] = fv_start_point_serves(o, b, i);
+    const double scale = fv_unit_scale(o, tracks);
     if (o->map.state->keyframe_count > 0) fv_map_begin_another(&o->map);
-    fv_map_make_room(&o->map, count, o->state->frame_number);
-    uint32_t first = fv_map_add_keyframe(&o->map, fv_map_waiting(&o->map));
-    o->map.keyframes[first].parent = FV_MAP_NONE;
-    uint32_t second = fv_map_add_keyframe(&o->map, fv_map_current(&o->map));
-    o->map.keyframes[first].depth = o->map.keyframes[second].depth = 1;
-    o->map.keyframes[second].parent = (int32_t)first;
-    struct fv_view current = fv_map_view(&o->map, fv_map_current(&o->map));
-    current.frame->parent = (int32_t)second;
-    o->state->recent_count = 0;
-    for (uint32_t i = 0; i < count; i++) {
-        double point[3], cosine;
-        if (!o->inlier[i] || !fv_pair_point(&o->pairs[i], T, 2.5 / o->focal_px, point, &cosine) ||
-            cosine > cos_parallax_some)
-            continue;
-        int32_t landmark = fv_map_add_landmark(&o->map, point, o->state->frame_number);
-        if (landmark == FV_MAP_NONE) break;
-        (void)fv_map_link(&o->map, (uint32_t)landmark, first, o->nearest[i]);
-        (void)fv_map_link(&o->map, (uint32_t)landmark, second, o->second[i]);
-        fv_map_refresh_landmark(&o->map, (uint32_t)landmark);
-        current.landmark[o->second[i]] = landmark;
-        struct fv_recent recent = {(uint32_t)landmark, o->map.landmarks[landmark].generation,
-                                   current.points[o->second[i]].level};
-        o->recent[o->state->recent_count++] = recent;
+    fv_map_make_room(&o->map, tracks, s->frame_number);
+    for (uint32_t v = 0; v < b->view_count; v++) {
+        struct fv_se3 *T = &o->map.keyframes[b->slots[v]].T_cam_world;
+        *T = b->T_view_first[v];
+        for (int i = 0; i < 3; i++)
+            T->t[i] *= scale;
+        keyframes[v] = fv_map_add_keyframe(&o->map, b->slots[v]);
+        o->map.keyframes[keyframes[v]].depth = 1;
+        o->map.keyframes[keyframes[v]].parent = v > 0 ? (int32_t)keyframes[v - 1] : FV_MAP_NONE;
     }
-    o->state->newest = second;
-    o->state->keyframe_frame = o->state->frame_number;
-    o->state->keyframe_matches = o->state->recent_count;
-    o->state->job_wanted = true;
-    o->state->moving_known = false;
-    fv_odometry_queue(o, second);
+    s->newest = keyframes[b->view_count - 1];
+    o->map.keyframes[fv_map_current(&o->map)].parent = (int32_t)s->newest;
+    s->recent_count = 0;
+    for (uint32_t i = 0; i < tracks; i++)
+        if (o->inlier[i]) fv_add_track(o, b, keyframes, i, scale);
+    s->keyframe_frame = s->frame_number;
+    s->keyframe_matches = s->recent_count;
+    s->job_wanted = true;
+    s->moving_known = false;
+    fv_odometry_queue(o, s->newest);
+}
+
+/* Matches of the first view that serves; those that do not are dropped, at most half of them in one frame. */
+static uint32_t fv_match_first(struct fv_odometry *o, const struct fv_kernels *kernels)
+{
+    struct fv_start_state *s = &o->state->start;
+    for (int attempt = 0; attempt < 2 && s->count > 0; attempt++) {
+        uint32_t count = fv_match_views(o, kernels, s->slots[0], fv_map_current(&o->map));
+        if (count >= MATCHES_MIN) return count;
+        for (uint32_t drop = (s->count + 1) / 2; drop > 0; drop--)
+            fv_drop_first(s);
+    }
+    s->count = 0;
+    return 0;
 }
 
 bool fv_odometry_start(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
-    struct fv_odometry_state *s = o->state;
-    uint32_t count = s->waiting ? fv_match_views(o, kernels) : 0;
-    if (!s->waiting || count < MATCHES_MIN || ++s->waiting_frames > WAITING_FRAMES_MAX) {
-        fv_map_copy_view(&o->map, fv_map_current(&o->map), fv_map_waiting(&o->map));
-        s->waiting = true;
-        s->waiting_frames = 0;
-        return false;
+    struct fv_start_state *s = &o->state->start;
+    fv_window_abort(&o->window);
+    uint32_t matches = s->count > 0 ? fv_match_first(o, kernels) : 0;
+    if (s->count >= 2) {
+        struct fv_start_bundle bundle;
+        memset(&bundle, 0, sizeof bundle);
+        fv_choose_views(o, &bundle);
+        const uint32_t tracks = fv_take_pairs(o, matches, &bundle);
+        if (fv_choose(o, kernels, tracks, &bundle)) {
+            fv_make_first_map(o, tracks, &bundle);
+            fv_window_abort(&o->window);
+            s->count = 0;
+            o->state->pose.matches = tracks;
+            o->state->pose.inliers = o->state->recent_count;
+            return true;
+        }
     }
-    struct fv_se3 T;
-    if (!fv_two_view(o, count, &T)) return false;
-    fv_make_first_map(o, count, &T);
-    s->waiting = false;
-    s->pose.matches = count;
-    s->pose.inliers = s->recent_count;
-    return true;
+    fv_window_abort(&o->window);
+    if (s->count > 1 &&
+        (matches < MATCHES_WANTED || o->state->frame_number - s->frames[0] > WAITING_FRAMES_MAX))
+        fv_drop_first(s);
+    fv_hold(o);
+    return false;
 }

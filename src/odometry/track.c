@@ -67,15 +67,7 @@ uint32_t fv_odometry_collect_sights(struct fv_odometry *o, const struct fv_view 
     uint32_t count = 0;
     for (uint32_t f = 0; f < view->frame->features; f++) {
         if (view->landmark[f] == FV_MAP_NONE) continue;
-        struct fv_sight *s = &o->sights[count];
-        const struct fv_keypoint *p = &view->points[f];
-        fv_copy3(o->map.landmarks[view->landmark[f]].point, s->point);
-        for (int k = 0; k < 3; k++)
-            s->bearing[k] = (double)p->bearing[k];
-        for (int k = 0; k < 6; k++)
-            s->A[k] = (double)p->A[k];
-        s->weight = (double)p->weight;
-        s->inlier = true;
+        fv_sight_from(&view->points[f], o->map.landmarks[view->landmark[f]].point, &o->sights[count]);
         o->sight_feature[count++] = f;
     }
     return count;

@@ -1,0 +1,104 @@
+/* Motions that may explain the matches of two views. Sampling finds the essential matrix that most of them fit; a plane or a
+ * shallow scene leaves others that fit about as well, so the motions of the homography are followed to their own
+ * minimum, too. */
+#include "geometry/essential.h"
+#include "geometry/homography.h"
+#include "geometry/triangulate.h"
+#include "geometry/vec.h"
+#include "odometry/odometry.h"
+
+enum { FIT_MIN = 40, REFINE_STEPS = 8 };
+
+static const double threshold_px = 2.0;
+static const double place_limit_px = 3;
+static const double far_depth = 2000; /* of a point without parallax, in baselines */
+static const double same_rotation_rad = 0.01, same_direction_cosine = 0.99;
+static const double mismatch_share_max = 0.5;
+static const double cost_share_max = 1.5; /* of the best one's cost, above which a motion is out of the question */
+
+bool fv_start_place_point(const struct fv_odometry *o, const struct fv_pair *pair, const struct fv_se3 *T,
+                          double point[3])
+{
+    const double limit = place_limit_px / o->focal_px, limit2 = limit * limit;
+    double cosine, q[3], cross[3];
+    if (!fv_triangulate(T, pair->x1, pair->x2, point, &cosine) || fv_norm3(point) > far_depth)
+        for (int k = 0; k < 3; k++)
+            point[k] = far_depth * pair->x1[k];
+    fv_cross3(point, pair->x1, cross);
+    if (fv_dot3(cross, cross) > limit2 * fv_dot3(point, point)) return false;
+    fv_se3_apply(T, point, q);
+    fv_cross3(q, pair->x2, cross);
+    return fv_dot3(q, pair->x2) > 0 && fv_dot3(cross, cross) <= limit2 * fv_dot3(q, q);
+}
+
+/* Truncated squares of the residuals; a point that cannot be placed counts as a mismatch. `parallax`: points with enough
+ * of it to start on. */
+static double fv_motion_cost(const struct fv_odometry *o, uint32_t count, const struct fv_se3 *T, uint32_t *parallax)
+{
+    double E[9], cost = 0, limit = threshold_px / o->focal_px, limit2 = limit * limit;
+    fv_essential_from_motion(T, E);
+    *parallax = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        double point[3], r2 = fv_essential_residual2(E, &o->pairs[i]);
+        if (r2 > limit2 || !fv_start_place_point(o, &o->pairs[i], T, point)) r2 = limit2;
+        cost += r2;
+        *parallax += r2 < limit2 && fv_start_parallax_px(o, T, point) >= FV_START_PARALLAX_PX;
+    }
+    return cost / limit2;
+}
+
+static bool fv_same_motion(const struct fv_se3 *A, const struct fv_se3 *B)
+{
+    double R[9], turn[3], Bt[9];
+    for (int i = 0; i < 9; i++)
+        Bt[i] = B->R[3 * (i % 3) + i / 3];
+    fv_multiply33(A->R, Bt, R);
+    fv_so3_log(R, turn);
+    return fv_norm3(turn) < same_rotation_rad && fv_dot3(A->t, B->t) > same_direction_cosine;
+}
+
+/* Keep the list sorted by cost and free of repetitions. */
+static uint32_t fv_add_motion(struct fv_odometry *o, uint32_t pairs, const struct fv_se3 *T, uint32_t count,
+                              struct fv_se3 *list, double *costs)
+{
+    uint32_t parallax;
+    double cost = fv_motion_cost(o, pairs, T, &parallax);
+    if (cost > mismatch_share_max * pairs || parallax < FV_START_POINTS_MIN / 2) return count;
+    for (uint32_t i = 0; i < count; i++)
+        if (fv_same_motion(&list[i], T)) {
+            if (cost < costs[i]) {
+                costs[i] = cost;
+                list[i] = *T;
+            }
+            return count;
+        }
+    if (count == FV_START_MOTIONS_MAX) return count;
+    uint32_t at = count;
+    for (; at > 0 && costs[at - 1] > cost; at--) {
+        list[at] = list[at - 1];
+        costs[at] = costs[at - 1];
+    }
+    list[at] = *T;
+    costs[at] = cost;
+    return count + 1;
+}
+
+uint32_t fv_start_motions(struct fv_odometry *o, uint32_t count, struct fv_se3 T[FV_START_MOTIONS_MAX])
+{
+    const struct fv_sampling sampling = {threshold_px / o->focal_px, 0.999, 300};
+    double H[9], ratio, costs[FV_START_MOTIONS_MAX];
+    struct fv_se3 motion, planes[4];
+    uint32_t found = 0, fit_plane = fv_homography_estimate(o->pairs, count, &sampling, &o->state->random, H, o->inlier);
+    uint32_t fit = fv_essential_estimate(o->pairs, count, &sampling, &o->state->random, &motion, o->inlier);
+    if (fit >= FIT_MIN) found = fv_add_motion(o, count, &motion, found, T, costs);
+    int plane_count = fit_plane >= FIT_MIN ? fv_homography_motions(H, planes, &ratio) : 0;
+    for (int k = 0; k < plane_count; k++) {
+        fv_essential_refine(o->pairs, count, 2 * sampling.threshold_rad, REFINE_STEPS, &planes[k]);
+        fv_essential_refine(o->pairs, count, 1.5 * sampling.threshold_rad, REFINE_STEPS, &planes[k]);
+        found = fv_add_motion(o, count, &planes[k], found, T, costs);
+    }
+    uint32_t kept = 0;
+    while (kept < found && costs[kept] <= cost_share_max * costs[0] + 10)
+        kept++;
+    return kept;
+}
