@@ -276,16 +276,19 @@ double fv_window_direction_sigma(struct fv_window *w, uint32_t pose)
     fv_copy3(p->before.t, t);
     double length = fv_norm3(t);
     if (p->column < 0 || !fv_normalise3(t) || !fv_ldlt_factor(s->system, n)) return FOVEA_PI;
-    /* A small motion moves t by its translation and by its rotation: rows d(t)/d(motion), without the part along t. */
+    /* A small motion moves t by its translation and by its rotation: rows d(t)/d(motion), without the part
+     * along t. */
     for (int axis = 0; axis < 3; axis++) {
         double e[3] = {axis == 0, axis == 1, axis == 2}, row[6];
-        for (int i = 0; i < 3; i++) row[i] = e[i] - t[axis] * t[i];
+        for (int i = 0; i < 3; i++)
+            row[i] = e[i] - t[axis] * t[i];
         const double whole[3] = {t[0] * length, t[1] * length, t[2] * length};
         fv_cross3(whole, row, row + 3); /* e . (w x t) = w . (t x e) */
         memset(s->step, 0, (size_t)n * sizeof *s->step);
         memcpy(s->step + p->column, row, sizeof row);
         fv_ldlt_back(s->system, n, s->step);
-        for (int i = 0; i < 6; i++) variance += row[i] * s->step[p->column + i];
+        for (int i = 0; i < 6; i++)
+            variance += row[i] * s->step[p->column + i];
     }
     return __builtin_sqrt(variance) / length;
 }

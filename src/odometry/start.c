@@ -7,17 +7,17 @@
 #include "odometry/odometry.h"
 
 enum {
-    MATCHES_MIN = 80,     /* fewer, and the first view is given up */
-    MATCHES_WANTED = 150, /* fewer, and a later one takes its place for the next frame */
-    DISTANCE_MAX = 64,    /* Hamming */
-    TRACKS_MAX = 800,     /* more bring nothing but time */
+    MATCHES_MIN = 80,       /* fewer, and the first view is given up */
+    MATCHES_WANTED = 150,   /* fewer, and a later one takes its place for the next frame */
+    DISTANCE_MAX = 64,      /* Hamming */
+    TRACKS_MAX = 800,       /* more bring nothing but time */
     WAITING_FRAMES_MAX = 60 /* then the view has changed too much to hope */
 };
 
 static const double ratio_max = 0.8;
 static const double direction_sigma_max_rad = 0.05; /* of the baseline; more, and the first map may be bent */
 static const double points_share_min = 0.6;         /* of the tracks, that must fit in all views */
-static const double rival_cost_min = 1.15;          /* times the best one's: less, and it is too early to choose */
+static const double rival_cost_min = 1.15; /* times the best one's: less, and it is too early to choose */
 
 /* ---- waiting views ----------------------------------------------------------------------------------- */
 
@@ -62,9 +62,10 @@ static void fv_hold(struct fv_odometry *o)
 
 /* ---- matching ---------------------------------------------------------------------------------------- */
 
-/* Matches of one view's features in another: nearest, clearly nearer than the second, one to one. nearest[k] and second[k]
- * are rewritten to the features of match k; returns their number. */
-static uint32_t fv_match_views(struct fv_odometry *o, const struct fv_kernels *kernels, uint32_t from, uint32_t to)
+/* Matches of one view's features in another: nearest, clearly nearer than the second, one to one. nearest[k]
+ * and second[k] are rewritten to the features of match k; returns their number. */
+static uint32_t fv_match_views(struct fv_odometry *o, const struct fv_kernels *kernels, uint32_t from,
+                               uint32_t to)
 {
     const struct fv_view a = fv_map_view(&o->map, from), b = fv_map_view(&o->map, to);
     uint32_t count_a = a.frame->features, count_b = b.frame->features, count = 0;
@@ -91,11 +92,12 @@ static uint32_t fv_match_views(struct fv_odometry *o, const struct fv_kernels *k
     return count;
 }
 
-/* Matches to pairs of bearings and tracks of the first and the last view; when there are too many, an even choice. */
+/* Matches to pairs of bearings and tracks of the first and the last view; when there are too many, an even
+ * choice. */
 static uint32_t fv_take_pairs(struct fv_odometry *o, uint32_t count, const struct fv_start_bundle *b)
 {
-    const uint32_t last = b->view_count - 1, limit = TRACKS_MAX < o->window.limits.landmarks ? TRACKS_MAX
-                                                                                              : o->window.limits.landmarks;
+    const uint32_t last = b->view_count - 1,
+                   limit = TRACKS_MAX < o->window.limits.landmarks ? TRACKS_MAX : o->window.limits.landmarks;
     const uint32_t taken = count < limit ? count : limit;
     const struct fv_view from = fv_map_view(&o->map, b->slots[0]), to = fv_map_view(&o->map, b->slots[last]);
     for (uint32_t n = 0; n < taken; n++) {
@@ -136,7 +138,8 @@ static void fv_extend_tracks(struct fv_odometry *o, const struct fv_kernels *ker
 static void fv_choose_views(const struct fv_odometry *o, struct fv_start_bundle *b)
 {
     const struct fv_start_state *s = &o->state->start;
-    const uint32_t between = s->count - 1, middle = between < FV_START_MIDDLE_MAX ? between : FV_START_MIDDLE_MAX;
+    const uint32_t between = s->count - 1,
+                   middle = between < FV_START_MIDDLE_MAX ? between : FV_START_MIDDLE_MAX;
     const double span = (double)(o->state->frame_number - s->frames[0]);
     b->view_count = middle + 2;
     b->slots[0] = s->slots[0];
@@ -210,7 +213,8 @@ static void fv_add_track(struct fv_odometry *o, const struct fv_start_bundle *b,
     if (landmark == FV_MAP_NONE) return;
     for (uint32_t v = 0; v <= last; v++)
         if (o->tracks[track].feature[v] != FV_MAP_NONE)
-            (void)fv_map_link(&o->map, (uint32_t)landmark, keyframes[v], (uint32_t)o->tracks[track].feature[v]);
+            (void)fv_map_link(&o->map, (uint32_t)landmark, keyframes[v],
+                              (uint32_t)o->tracks[track].feature[v]);
     fv_map_refresh_landmark(&o->map, (uint32_t)landmark);
     const uint32_t feature = (uint32_t)o->tracks[track].feature[last];
     current.landmark[feature] = landmark;

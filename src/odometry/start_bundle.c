@@ -1,11 +1,12 @@
-/* Bundle adjustment of a start: the first view fixed, the others and the points of all tracks moved, in the window's own
- * memory and by its optimiser. */
+/* Bundle adjustment of a start: the first view fixed, the others and the points of all tracks moved, in the
+ * window's own memory and by its optimiser. */
 #include "geometry/vec.h"
 #include "odometry/odometry.h"
 
-static const double chi_square_95_2 = 5.991, error_max = 9; /* px^2 of level 0: a mismatch says no more than that */
+static const double chi_square_95_2 = 5.991,
+                    error_max = 9;          /* px^2 of level 0: a mismatch says no more than that */
 static const double parallax_some_px = 2.5; /* of a landmark: less, and noise decides how far it is */
-static const double point_share_min = 0.5;                      /* of the tracks, that fit the motion before both cameras */
+static const double point_share_min = 0.5;  /* of the tracks, that fit the motion before both cameras */
 
 /* inlier[track] holds a bit for each view in which the track takes part. */
 static bool fv_takes_part(const struct fv_odometry *o, uint32_t track, uint32_t view)
@@ -43,7 +44,8 @@ static bool fv_place_view(struct fv_odometry *o, uint32_t count, const struct fv
     fv_so3_exp(turn, T->R);
     for (uint32_t i = 0; i < count; i++) {
         if (o->inlier[i] == 0 || o->tracks[i].feature[v] == FV_MAP_NONE) continue;
-        fv_sight_from(&view.points[o->tracks[i].feature[v]], o->window.landmarks[i].point, &o->sights[sights]);
+        fv_sight_from(&view.points[o->tracks[i].feature[v]], o->window.landmarks[i].point,
+                      &o->sights[sights]);
         o->sight_feature[sights++] = i;
     }
     if (sights < FOVEA_POSED_INLIERS_MIN || !fv_pose_refine(o->sights, sights, 3, 4, T, &fit)) return false;
@@ -59,7 +61,8 @@ static void fv_fill(struct fv_odometry *o, uint32_t count, const struct fv_start
     for (uint32_t v = 0; v < b->view_count; v++)
         (void)fv_window_put_pose(w, &b->T_view_first[v], v > 0);
     for (uint32_t i = 0; i < count; i++) {
-        const double point[3] = {w->landmarks[i].point[0], w->landmarks[i].point[1], w->landmarks[i].point[2]};
+        const double point[3] = {w->landmarks[i].point[0], w->landmarks[i].point[1],
+                                 w->landmarks[i].point[2]};
         fv_window_put_landmark(w, point);
         for (uint32_t v = 0; v < b->view_count; v++)
             if (fv_takes_part(o, i, v))
@@ -80,7 +83,8 @@ double fv_start_parallax_px(const struct fv_odometry *o, const struct fv_se3 *T,
 }
 
 /* Weighted squared error of a track in a view, at most `error_max`. */
-static double fv_track_error(const struct fv_odometry *o, const struct fv_start_bundle *b, uint32_t track, uint32_t v)
+static double fv_track_error(const struct fv_odometry *o, const struct fv_start_bundle *b, uint32_t track,
+                             uint32_t v)
 {
     struct fv_sight s;
     double q[3], e[2];
@@ -93,7 +97,8 @@ static double fv_track_error(const struct fv_odometry *o, const struct fv_start_
 }
 
 /* Sum of a track's errors; `fits` tells whether all are small. */
-static double fv_track_cost(const struct fv_odometry *o, const struct fv_start_bundle *b, uint32_t track, bool *fits)
+static double fv_track_cost(const struct fv_odometry *o, const struct fv_start_bundle *b, uint32_t track,
+                            bool *fits)
 {
     double cost = 0;
     *fits = true;
@@ -110,10 +115,12 @@ bool fv_start_point_serves(const struct fv_odometry *o, const struct fv_start_bu
 {
     bool fits;
     (void)fv_track_cost(o, b, track, &fits);
-    return fits && fv_start_parallax_px(o, &b->T_view_first[b->view_count - 1], o->window.landmarks[track].before) >= parallax_some_px;
+    return fits && fv_start_parallax_px(o, &b->T_view_first[b->view_count - 1],
+                                        o->window.landmarks[track].before) >= parallax_some_px;
 }
 
-bool fv_start_adjust(struct fv_odometry *o, uint32_t count, const struct fv_se3 *T_last_first, struct fv_start_bundle *b)
+bool fv_start_adjust(struct fv_odometry *o, uint32_t count, const struct fv_se3 *T_last_first,
+                     struct fv_start_bundle *b)
 {
     struct fv_window *w = &o->window;
     const uint32_t last = b->view_count - 1;
@@ -137,7 +144,8 @@ bool fv_start_adjust(struct fv_odometry *o, uint32_t count, const struct fv_se3 
         b->cost += fv_track_cost(o, b, i, &fits);
         if (!fits) continue;
         b->points++;
-        b->parallax_points += fv_start_parallax_px(o, &b->T_view_first[last], w->landmarks[i].before) >= FV_START_PARALLAX_PX;
+        b->parallax_points +=
+            fv_start_parallax_px(o, &b->T_view_first[last], w->landmarks[i].before) >= FV_START_PARALLAX_PX;
     }
     return true;
 }

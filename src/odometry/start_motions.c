@@ -1,6 +1,6 @@
-/* Motions that may explain the matches of two views. Sampling finds the essential matrix that most of them fit; a plane or a
- * shallow scene leaves others that fit about as well, so the motions of the homography are followed to their own
- * minimum, too. */
+/* Motions that may explain the matches of two views. Sampling finds the essential matrix that most of them
+ * fit; a plane or a shallow scene leaves others that fit about as well, so the motions of the homography are
+ * followed to their own minimum, too. */
 #include "geometry/essential.h"
 #include "geometry/homography.h"
 #include "geometry/triangulate.h"
@@ -14,7 +14,8 @@ static const double place_limit_px = 3;
 static const double far_depth = 2000; /* of a point without parallax, in baselines */
 static const double same_rotation_rad = 0.01, same_direction_cosine = 0.99;
 static const double mismatch_share_max = 0.5;
-static const double cost_share_max = 1.5; /* of the best one's cost, above which a motion is out of the question */
+static const double cost_share_max =
+    1.5; /* of the best one's cost, above which a motion is out of the question */
 
 bool fv_start_place_point(const struct fv_odometry *o, const struct fv_pair *pair, const struct fv_se3 *T,
                           double point[3])
@@ -31,9 +32,10 @@ bool fv_start_place_point(const struct fv_odometry *o, const struct fv_pair *pai
     return fv_dot3(q, pair->x2) > 0 && fv_dot3(cross, cross) <= limit2 * fv_dot3(q, q);
 }
 
-/* Truncated squares of the residuals; a point that cannot be placed counts as a mismatch. `parallax`: points with enough
- * of it to start on. */
-static double fv_motion_cost(const struct fv_odometry *o, uint32_t count, const struct fv_se3 *T, uint32_t *parallax)
+/* Truncated squares of the residuals; a point that cannot be placed counts as a mismatch. `parallax`: points
+ * with enough of it to start on. */
+static double fv_motion_cost(const struct fv_odometry *o, uint32_t count, const struct fv_se3 *T,
+                             uint32_t *parallax)
 {
     double E[9], cost = 0, limit = threshold_px / o->focal_px, limit2 = limit * limit;
     fv_essential_from_motion(T, E);
@@ -88,7 +90,8 @@ uint32_t fv_start_motions(struct fv_odometry *o, uint32_t count, struct fv_se3 T
     const struct fv_sampling sampling = {threshold_px / o->focal_px, 0.999, 300};
     double H[9], ratio, costs[FV_START_MOTIONS_MAX];
     struct fv_se3 motion, planes[4];
-    uint32_t found = 0, fit_plane = fv_homography_estimate(o->pairs, count, &sampling, &o->state->random, H, o->inlier);
+    uint32_t found = 0,
+             fit_plane = fv_homography_estimate(o->pairs, count, &sampling, &o->state->random, H, o->inlier);
     uint32_t fit = fv_essential_estimate(o->pairs, count, &sampling, &o->state->random, &motion, o->inlier);
     if (fit >= FIT_MIN) found = fv_add_motion(o, count, &motion, found, T, costs);
     int plane_count = fit_plane >= FIT_MIN ? fv_homography_motions(H, planes, &ratio) : 0;
