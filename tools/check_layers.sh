@@ -39,7 +39,7 @@ for room in src/*/; do
         while IFS=: read -r file line header; do
             case $header in
             fovea/*) continue ;;
-            fovea_*_t.h | fovea_fields.h) [ "$room" = message ] || [ "$room" = app ] || echo "$file:$line: only message/ and app/ see LCM types" ;;
+            fovea_*_t.h | bot_core_*_t.h | fovea_fields.h) [ "$room" = message ] || [ "$room" = app ] || echo "$file:$line: only message/ and app/ see LCM types" ;;
             */*)
                 below=${header%%/*}
                 [ "$below" = "$room" ] && continue

@@ -4,19 +4,25 @@
 
 function fail(text) { print FILENAME ":" FNR ": " text >"/dev/stderr"; failed = 1; exit 1 }
 
-FNR == 1 { in_comment = 0 }
+FNR == 1 { in_comment = 0; pkg = "" }
 {
     sub(/\/\/.*/, "")
     while (match($0, /\/\*[^*]*\*\//)) $0 = substr($0, 1, RSTART - 1) " " substr($0, RSTART + RLENGTH)
     if (in_comment) { if (!sub(/^.*\*\//, "")) next; in_comment = 0 }
     if (sub(/\/\*.*/, "")) in_comment = 1
 }
-/^ *(package|const) / || /^ *}? *$/ { next }
-/^ *struct / { type = $2; types[++type_count] = type; index_of[type] = type_count - 1; next }
+/^ *package / { pkg = $2; sub(/;.*/, "", pkg); next }
+/^ *const / || /^ *}? *$/ { next }
+# A type goes by its name in C.
+/^ *struct / {
+    type = pkg "_" $2
+    types[++type_count] = type; index_of[type] = type_count - 1; full[type] = pkg "." $2
+    next
+}
 /^ *[a-z0-9_.]+ +[a-z0-9_]+(\[[a-z0-9_]+\])? *; *$/ {
     sub(/;.*/, "")
     kind = $1
-    sub(/^fovea\./, "", kind)
+    sub(/\./, "_", kind)
     name = $2
     size = ""
     if (match(name, /\[.*\]/)) { size = substr(name, RSTART + 1, RLENGTH - 2); name = substr(name, 1, RSTART - 1) }
@@ -31,7 +37,7 @@ END {
     primitive["int8_t"] = "INT8"; primitive["int16_t"] = "INT16"; primitive["int32_t"] = "INT32"
     primitive["int64_t"] = "INT64"; primitive["byte"] = "BYTE"; primitive["boolean"] = "BOOLEAN"
     primitive["float"] = "FLOAT"; primitive["double"] = "DOUBLE"; primitive["string"] = "STRING"
-    for (t = 1; t <= type_count; t++) printf "#include \"fovea_%s.h\"\n", types[t]
+    for (t = 1; t <= type_count; t++) printf "#include \"%s.h\"\n", types[t]
     for (t = 1; t <= type_count; t++) {
         type = types[t]
         printf "\nstatic const struct fv_field fields_of_%s[] = {\n", type
@@ -48,7 +54,6 @@ END {
     }
     print "\nstatic const struct fv_type fv_types[] = {"
     for (t = 1; t <= type_count; t++)
-        printf "    {\"fovea.%s\", fields_of_%s, %d, __fovea_%s_get_hash},\n", types[t], types[t], field_count[types[t]], \
-               types[t]
+        printf "    {\"%s\", fields_of_%s, %d, __%s_get_hash},\n", full[types[t]], types[t], field_count[types[t]], types[t]
     print "};"
 }

@@ -27,6 +27,8 @@ static const struct fv_uri_option option_table[] = {
     {"objects", FV_URI_I32, AT(objects), 0, FV_SIM_OBJECTS_MAX, "moving objects", NULL},
     {"textures", FV_URI_WORD, AT(textures), 0, 0, "natural or repeated", textures_name},
     {"light", FV_URI_REAL, AT(light), 0.1, 4, "factor of brightness", NULL},
+    {"odometry", FV_URI_REAL, AT(odometry_hz), 0, 1000, "Hz", NULL},
+    {"odometry_noise", FV_URI_REAL, AT(odometry_noise), 0, 1, "of a step, relative", NULL},
     {"time", FV_URI_REAL, AT(time_s), 0, 100000, "seconds", NULL},
 };
 static const struct fv_uri_table options_table = {"sim", option_table,
@@ -90,7 +92,9 @@ enum fovea_status fv_sim_options_parse(const char *address, struct fv_sim_option
                                .noise = 2.0,
                                .exposure_ms = 5.0,
                                .readout_ms = 20.0,
-                               .light = 1.0};
+                               .light = 1.0,
+                               .odometry_hz = 100.0,
+                               .odometry_noise = 0.05};
     char word[FV_URI_WORD_BYTES];
     uint64_t given;
     fv_uri_next_word(&address, "?", word);

@@ -55,6 +55,7 @@ struct fv_sim_options {
     enum fv_sim_textures textures;
     double light;
     double time_s; /* of frame 0 on the trajectory */
+    double odometry_hz, odometry_noise; /* samples per second; deviation of each step's length, relative */
 };
 
 /* Parse what follows "sim:" in the URI. Every error is one line that names the option, what was found and
@@ -293,6 +294,13 @@ void fv_sim_sensor(const uint16_t *linear, int32_t count, double light, double n
 
 /* ---- the source (source.c, truth.c) ------------------------------------------------------------------ */
 
+/* Where odometry stands. */
+struct fv_sim_odometry {
+    uint64_t count;            /* samples given */
+    double last[12];           /* true T_world_cam of the last one */
+    double R[9], position[3];  /* what it told: T_odom_base */
+};
+
 struct fovea_source {
     struct fovea_source_info info;
     struct fovea_source_selection selection;
@@ -308,6 +316,7 @@ struct fovea_source {
     uint64_t deliverable; /* frames that the selection leaves; 0: endless */
     uint64_t delivered;
     bool started;
+    struct fv_sim_odometry odometry;
     uint16_t *blurred; /* sum of instants, only with blur */
     float *depth_m;    /* truth; pages untouched until asked for */
     uint8_t *class_mask;
@@ -325,6 +334,9 @@ enum fovea_status fv_sim_truth(struct fovea_source *source, const struct fovea_f
                                struct fovea_truth *truth);
 enum fovea_status fv_sim_truth_pose(struct fovea_source *source, const struct fovea_frame *frame,
                                     double T_world_cam[12]);
+
+uint32_t fv_sim_odometry(struct fovea_source *source, const struct fovea_frame *frame,
+                         struct fovea_odometry_sample *samples, uint32_t count_max);
 
 extern const struct fovea_source_ops fovea_source_sim;
 

@@ -309,7 +309,7 @@ const struct fovea_source_ops fovea_source_sim = {
             "stopgo, fast, kidnap, "
             "wander, still; options seed width height rate frames lens fov noise blur rolling exposure "
             "readout objects textures "
-            "light time (drivers/sim/README.md)",
+            "light odometry odometry_noise time (drivers/sim/README.md)",
     .open = sim_open,
     .info = sim_info,
     .start = sim_start,
@@ -319,6 +319,7 @@ const struct fovea_source_ops fovea_source_sim = {
     .close = sim_close,
     .truth = fv_sim_truth,
     .truth_pose = fv_sim_truth_pose,
+    .odometry = fv_sim_odometry,
     .counts = sim_counts,
     .state = sim_state,
 };

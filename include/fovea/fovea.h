@@ -58,6 +58,7 @@ struct fovea_config {
     struct fovea_features_config features;
     struct fovea_odometry_config odometry;
     struct fovea_detect_config detect;
+    struct fovea_scale_config scale;
     struct fovea_preview_config preview;
     uint64_t seed; /* of the generator in the state, default 1 */
 
@@ -141,6 +142,13 @@ enum fovea_command {
     FOVEA_COMMAND_SAVE = 8,   /* the application saves; passed on in outputs.save_asked */
 };
 
+enum { FOVEA_INPUT_ODOMETRY_MAX = 64, FOVEA_INPUT_BOXES_MAX = 64 };
+
+/* Around something that may move on its own: raw-image pixels, max exclusive. */
+struct fovea_box {
+    float x_min_px, y_min_px, x_max_px, y_max_px;
+};
+
 struct fovea_inputs {
     const struct fovea_frame *frame; /* NULL: none this time */
     int64_t now_ns;                  /* on the frames' clock: this frame's stamp, or when it was due */
@@ -149,6 +157,17 @@ struct fovea_inputs {
     uint32_t commands;      /* enum fovea_command bits */
     int64_t utc_offset_ns;  /* add to a stamp to get UTC; 0 where not known; copied into messages */
     struct fovea_grants grants;
+
+    /* Wheel or leg odometry that has come since the last step, in order of time. */
+    uint32_t odometry_count;
+    struct fovea_odometry_sample odometry[FOVEA_INPUT_ODOMETRY_MAX];
+
+    /* What moves in an image: features in it never enter the map. The boxes of the image with this stamp, which may be
+     * an earlier one (a detector takes its time; boxes then grow with their age) or that of this frame. */
+    bool has_boxes; /* false: nothing new */
+    int64_t boxes_stamp_ns;
+    uint32_t box_count;
+    struct fovea_box boxes[FOVEA_INPUT_BOXES_MAX];
 
     /* Measured by the application, told on in the statistics message only, never used for results. */
     int64_t latency_ns;     /* from the stamp to the call of fovea_step; 0: unknown */
@@ -186,7 +205,7 @@ enum fovea_status fovea_work(struct fovea *rt, const struct fovea_grants *grants
 /* Features of the last processed frame, in memory of the block, valid until the next fovea_step. */
 const struct fovea_feature *fovea_features_get(const struct fovea *rt, uint32_t *count);
 
-/* Pose of the last processed frame. */
+/* Pose of the last processed frame, as published. */
 void fovea_pose_get(const struct fovea *rt, struct fovea_pose *pose);
 
 /* What the last completed look of the detector found; `looks` is 0 without one. Valid until the next fovea_work. */
@@ -194,6 +213,9 @@ void fovea_detections_get(const struct fovea *rt, struct fovea_detections *detec
 
 /* Name of a class of the configured model, "" where it has none. Any thread. */
 const char *fovea_detect_label(const struct fovea *rt, int32_t class_id);
+/* Keyframes of the map by slot, the first `count_max` of odometry.keyframes slots; returns how many were written. A slot
+ * whose number has changed holds another keyframe. Bounded. Loop thread. */
+uint32_t fovea_keyframes_get(const struct fovea *rt, struct fovea_keyframe *list, uint32_t count_max);
 
 /* ---- the governor ------------------------------------------------------------------------------------------ */
 

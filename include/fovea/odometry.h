@@ -32,6 +32,19 @@ enum fovea_scale_source {
     FOVEA_SCALE_ODOMETRY = 2       /* metres, from wheel or leg odometry */
 };
 
+struct fovea_scale_config {
+    enum fovea_scale_source source; /* default FOVEA_SCALE_FREE */
+    double camera_height_m;         /* [0.01, 1000], default 1: of the camera over the floor; for camera_height */
+    bool allow_unscaled; /* default false: send the bot_core pose also while the scale is not known */
+};
+
+/* Where the robot is by its wheels or legs: T_odom_base, in a frame of odometry's own. */
+struct fovea_odometry_sample {
+    int64_t stamp_ns;      /* on the frames' clock */
+    double position_m[3];
+    double orientation[4]; /* unit quaternion w x y z */
+};
+
 enum { FOVEA_ODOMETRY_KEYFRAMES_MAX = 256, FOVEA_ODOMETRY_LANDMARKS_MAX = 20000 };
 
 struct fovea_odometry_config {
@@ -47,16 +60,31 @@ struct fovea_odometry_config {
 struct fovea_pose {
     enum fovea_tracking_state state;
     bool posed;             /* T_world_cam holds */
-    double T_world_cam[12]; /* row-major 3x4 */
+    double T_world_cam[12]; /* row-major 3x4; the world's unit is the metre unless the scale is free */
     /* Covariance of the pose relative to its reference keyframe: upper triangle by rows of the 6x6 matrix over
-     * (x y z, rotation x y z) in the camera frame; lengths in the world's unit, angles in rad. */
+     * (x y z, rotation x y z) in the camera frame; lengths in the world's unit, angles in rad. What is uncertain
+     * about the scale is not in it. */
     double covariance[21];
     uint32_t matches, inliers; /* landmarks matched, and of them those that agree */
     float quality;             /* share of the landmarks predicted to be visible that are inliers, [0, 1] */
     uint32_t reset_counter;    /* rises whenever a new map is started after the first */
     uint32_t map_id;               /* of the map whose world this is; 0: the first */
     uint32_t keyframes, landmarks; /* in all maps */
-    enum fovea_scale_source scale_source;
+    enum fovea_scale_source scale_source; /* FOVEA_SCALE_FREE until a scale is known */
+    double scale;       /* world's units per unit of the map; 1 when free */
+    double scale_sigma; /* one standard deviation of the scale, relative; 0 when free */
+
+    /* The same pose relative to a keyframe, which later optimisation may move: row-major 3x4, unit of the map. */
+    uint64_t reference_keyframe; /* its number; holds when posed */
+    double T_keyframe_cam[12];
+};
+
+/* A keyframe as its map has it now: row-major 3x4 in the map's own world and unit, which no scale touches. */
+struct fovea_keyframe {
+    bool used;
+    uint32_t map_id;
+    uint64_t number; /* counts all keyframes of the run */
+    double T_world_cam[12];
 };
 
 #ifdef __cplusplus

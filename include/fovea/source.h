@@ -12,6 +12,7 @@
 
 #include "fovea/camera.h"
 #include "fovea/image.h"
+#include "fovea/odometry.h"
 #include "fovea/status.h"
 
 #ifdef __cplusplus
@@ -146,6 +147,10 @@ struct fovea_source_ops {
     /* The pose of `truth` alone, in microseconds where the maps may take as long as a frame. FOVEA_ERROR_UNSUPPORTED:
      * the pose of this frame is not known. */
     enum fovea_status (*truth_pose)(struct fovea_source *source, const struct fovea_frame *frame, double T_world_cam[12]);
+    /* Wheel or leg odometry of the robot that carries the camera, of the time after the last call up to this frame's
+     * stamp: at most `count_max` samples, the rest comes with the next call. Returns their number. */
+    uint32_t (*odometry)(struct fovea_source *source, const struct fovea_frame *frame,
+                         struct fovea_odometry_sample *samples, uint32_t count_max);
     void (*counts)(const struct fovea_source *source, struct fovea_source_counts *counts);
     enum fovea_source_state (*state)(const struct fovea_source *source);
     /* One line about the next frame that was skipped (file and reason), FOVEA_AGAIN when there is nothing to say. To be

@@ -144,6 +144,7 @@ static void fill_inputs(struct fv_loop *loop, const struct fovea_frame *frame, i
         fovea_governor_next(&loop->governor, loop->config, &inputs->grants);
     else
         fovea_grants_fixed(loop->config, &inputs->grants);
+    if (loop->hooks.sense != NULL) loop->hooks.sense(loop->hooks.context, inputs);
 }
 
 /* ---- one turn ---------------------------------------------------------------------------------------- */

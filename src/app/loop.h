@@ -37,6 +37,8 @@ struct fv_loop_hooks {
     void *context;
     void (*pace)(void *context);         /* before a turn, when frames do not come by the clock */
     uint32_t (*commands)(void *context); /* enum fovea_command bits that came since the last call */
+    /* Fill in the odometry and boxes that have come; the rest of `inputs` is set. */
+    void (*sense)(void *context, struct fovea_inputs *inputs);
     /* `pose` is that of this frame; NULL when none was processed. */
     void (*step_done)(void *context, const struct fovea_inputs *inputs, const struct fovea_outputs *outputs,
                       const struct fovea_pose *pose);

@@ -9,6 +9,7 @@
 
 #include "app/command.h"
 #include "app/files.h"
+#include "app/final_path.h"
 #include "app/loop.h"
 #include "app/path_picture.h"
 #include "app/process.h"
@@ -27,7 +28,7 @@
 struct run {
     struct fv_setup_options options;
     struct fovea_source_selection selection;
-    const char *stats_path, *timings_path, *trajectory_path, *picture_path, *detections_path;
+    const char *stats_path, *timings_path, *trajectory_path, *final_path, *picture_path, *detections_path;
     bool quiet;
 
     struct fv_settings settings;
@@ -40,6 +41,7 @@ struct run {
     struct fv_trajectory *trajectory;
     struct fv_results *results;
     uint64_t looks; /* of the detector, whose results were handed on */
+    struct fv_final *final;
     struct fv_loop_shared shared;
     struct fv_timings timings;
     struct fv_loop loop;
@@ -52,7 +54,8 @@ static void pace(void *context)
 {
     struct run *run = context;
     fv_recorder_pace(run->recorder);
-    while (!fv_trajectory_room(run->trajectory) || !fv_results_room(run->results))
+    while (!fv_trajectory_room(run->trajectory) || !fv_final_room(run->final) ||
+           !fv_results_room(run->results))
         nanosleep(&(struct timespec){.tv_nsec = 1000000}, NULL);
 }
 
@@ -61,19 +64,62 @@ static uint32_t commands(void *context)
     return fv_transport_commands(((struct run *)context)->transport);
 }
 
+/* On the frames' clock; the messages' is UTC. */
+static uint32_t odometry_heard(struct run *run, const struct fovea_inputs *inputs,
+                               struct fovea_odometry_sample *samples)
+{
+    uint32_t count = fv_transport_odometry(run->transport, samples, FOVEA_INPUT_ODOMETRY_MAX);
+    for (uint32_t i = 0; i < count; i++)
+        samples[i].stamp_ns -= inputs->utc_offset_ns;
+    return count;
+}
+
+static void boxes_from_truth(struct run *run, struct fovea_inputs *inputs)
+{
+    struct fovea_truth truth;
+    const struct fovea_source_ops *ops = run->setup.ops;
+    if (ops->truth == NULL || ops->truth(run->setup.source, inputs->frame, &truth) != FOVEA_OK) return;
+    inputs->has_boxes = true;
+    inputs->boxes_stamp_ns = inputs->frame->stamp_ns;
+    for (uint32_t i = 0; i < truth.box_count && inputs->box_count < FOVEA_INPUT_BOXES_MAX; i++) {
+        const struct fovea_truth_box *b = &truth.boxes[i];
+        inputs->boxes[inputs->box_count++] =
+            (struct fovea_box){b->x_min_px, b->y_min_px, b->x_max_px, b->y_max_px};
+    }
+}
+
+static void sense(void *context, struct fovea_inputs *inputs)
+{
+    struct run *run = context;
+    const struct fovea_source_ops *ops = run->setup.ops;
+    if (run->settings.runtime.scale.source == FOVEA_SCALE_ODOMETRY) {
+        if (ops->odometry == NULL)
+            inputs->odometry_count = odometry_heard(run, inputs, inputs->odometry);
+        else if (inputs->frame != NULL)
+            inputs->odometry_count = ops->odometry(run->setup.source, inputs->frame, inputs->odometry,
+                                                   FOVEA_INPUT_ODOMETRY_MAX);
+    }
+    if (run->settings.movable_boxes == FV_MOVABLE_TRUTH && inputs->frame != NULL)
+        boxes_from_truth(run, inputs);
+}
+
 static void step_done(void *context, const struct fovea_inputs *inputs, const struct fovea_outputs *outputs,
                       const struct fovea_pose *pose)
 {
     struct run *run = context;
     fv_transport_publish(run->transport, outputs);
     fv_recorder_step(run->recorder, inputs, outputs);
+    fv_final_look(run->final, run->loop.rt);
     if (pose == NULL || !pose->posed) return;
-    struct fv_trajectory_sample sample = {.stamp_ns = inputs->frame->stamp_ns, .map = pose->map_id};
+    struct fv_trajectory_sample sample = {.stamp_ns = inputs->frame->stamp_ns,
+                                          .map = pose->map_id,
+                                          .metric = pose->scale_source != FOVEA_SCALE_FREE};
     const struct fovea_source_ops *ops = run->setup.ops;
     memcpy(sample.T_world_cam, pose->T_world_cam, sizeof sample.T_world_cam);
     sample.has_truth = ops->truth_pose != NULL &&
                        ops->truth_pose(run->setup.source, inputs->frame, sample.truth) == FOVEA_OK;
     fv_trajectory_add(run->trajectory, &sample);
+    fv_final_frame(run->final, pose, &sample);
 }
 
 static void work_done(void *context, const struct fovea_inputs *inputs, const struct fovea_grants *grants,
@@ -87,6 +133,7 @@ static void work_done(void *context, const struct fovea_inputs *inputs, const st
     if (detections.looks == run->looks) return;
     run->looks = detections.looks;
     fv_results_detections(run->results, &detections);
+    fv_final_look(run->final, run->loop.rt);
 }
 
 static void *loop_body(void *argument)
@@ -117,6 +164,8 @@ static enum fv_options_result options_read(struct run *run, int argc, char **arg
          "where to draw the timings (default " TIMINGS_FILE " here; 'none')"},
         {"trajectory", "FILE", FV_OPTION_TEXT, &run->trajectory_path,
          "write T_world_cam of every posed frame, as published, in TUM format"},
+        {"trajectory-final", "FILE", FV_OPTION_TEXT, &run->final_path,
+         "the same after all optimisation, written at the end"},
         {"path", "FILE", FV_OPTION_TEXT, &run->picture_path,
          "where to draw the path, against the truth if known (default " PATH_FILE " here; 'none')"},
         {"model", "FILE", FV_OPTION_TEXT, &run->options.model, "network that looks for objects (.fvm, made by tools/import)"},
@@ -152,6 +201,7 @@ static enum fovea_status settings_read(struct run *run, struct fovea_error *erro
         {"--record", run->settings.record},     {"--stats", run->stats_path},
         {"--trajectory", run->trajectory_path}, {"--timings", run->timings_path},
         {"--path", run->picture_path},          {"--detections", run->detections_path},
+        {"--trajectory-final", run->final_path},
         {0},
     };
     const struct fv_file read[] = {
@@ -209,7 +259,10 @@ static enum fovea_status transport_open(struct run *run, struct fovea_error *err
     const char *prefix = run->settings.runtime.channel_prefix;
     enum fovea_status status =
         fv_transport_open(run->settings.lcm_url, run->settings.lcm_ttl, &run->transport, error);
-    if (status == FOVEA_OK) status = fv_transport_listen(run->transport, prefix, error);
+    bool odometry = run->settings.runtime.scale.source == FOVEA_SCALE_ODOMETRY;
+    if (status == FOVEA_OK)
+        status = fv_transport_listen(run->transport, prefix, odometry ? run->settings.odometry_channel : NULL,
+                                     error);
     if (status == FOVEA_OK) return FOVEA_OK;
     fv_settings_locate(&run->settings, error);
     if (status == FOVEA_ERROR_INPUT) return status;
@@ -242,6 +295,8 @@ static enum fovea_status open_all(struct run *run, struct fovea_error *error)
     if (status == FOVEA_OK) status = recorder_open(run, error);
     if (status == FOVEA_OK) status = fv_trajectory_open(run->trajectory_path, &run->trajectory, error);
     if (status == FOVEA_OK) status = fv_results_open(run->detections_path, &run->results, error);
+    if (status == FOVEA_OK && run->final_path != NULL)
+        status = fv_final_open(run->final_path, &run->final, error);
     return status == FOVEA_OK ? transport_open(run, error) : status;
 }
 
@@ -251,6 +306,7 @@ static void close_all(struct run *run)
     fv_transport_close(run->transport);
     fv_trajectory_close(run->trajectory);
     fv_results_close(run->results, NULL);
+    fv_final_close(run->final);
     fv_setup_close(&run->setup);
     if (run->memory != NULL) fv_realtime_unmap(run->memory, run->bytes);
     if (run->stats != NULL) fclose(run->stats);
@@ -291,6 +347,7 @@ static void watch(struct run *run, const sigset_t *signals)
         complaints(run);
         fv_trajectory_drain(run->trajectory);
         fv_results_drain(run->results);
+        fv_final_drain(run->final);
         int got = sigtimedwait(signals, NULL, &wait);
         if (got == SIGUSR1) break;
         if (got == SIGINT || got == SIGTERM) atomic_store(&run->shared.stop, true);
@@ -315,7 +372,7 @@ static enum fovea_status run_loop(struct run *run, const sigset_t *signals, stru
     loop->frames_max = run->selection.frames;
     loop->timings = &run->timings;
     loop->shared = &run->shared;
-    loop->hooks = (struct fv_loop_hooks){run, pace, commands, step_done, work_done};
+    loop->hooks = (struct fv_loop_hooks){run, pace, commands, sense, step_done, work_done};
     fv_timings_init(&run->timings);
     atomic_store(&run->shared.temperature_c, NAN);
     run->watcher = pthread_self();
@@ -374,16 +431,24 @@ static enum fv_exit pictures_draw(const struct run *run, const struct fv_report 
     return end != FV_EXIT_OK ? end : other;
 }
 
-static void path_tell(const struct run *run, const struct fv_trajectory_summary *path)
+static void error_tell(const char *of, const struct fv_trajectory_summary *path)
+{
+    if (!isfinite(path->error_m)) return;
+    printf("; %sRMS error %.4g m (%.2f %%) of a path of %.4g m, %s", of, path->error_m,
+           100.0 * path->error_m / path->truth_length_m, path->truth_length_m,
+           path->maps == 1 ? "aligned" : "each map aligned by itself");
+    if (path->metric) printf(", scale off by %+.2f %%", 100.0 * (1.0 / path->scale - 1.0));
+}
+
+static void path_tell(const struct run *run, const struct fv_trajectory_summary *path,
+                      const struct fv_trajectory_summary *final)
 {
     const struct fv_loop_counts *counts = &run->loop.counts;
     if (!run->settings.runtime.odometry.enabled) return;
     printf("  posed %" PRIu64 " of %" PRIu64 " frames, lost %" PRIu64, counts->tracked, counts->processed,
            counts->lost);
-    if (isfinite(path->error_m))
-        printf("; RMS error %.4g m (%.2f %%) of a path of %.4g m, %s", path->error_m,
-               100.0 * path->error_m / path->truth_length_m, path->truth_length_m,
-               path->maps == 1 ? "aligned" : "each map aligned by itself");
+    error_tell("", path);
+    error_tell("after all optimisation ", final);
     printf("\n");
 }
 
@@ -391,7 +456,7 @@ static enum fv_exit report_write(struct run *run)
 {
     struct fovea_memory_table table;
     struct fovea_error error;
-    struct fv_trajectory_summary path;
+    struct fv_trajectory_summary path, final;
     struct fv_report report = {
         .source = run->settings.source,
         .kernel_set = fovea_cpu_name(run->loop.rt),
@@ -405,8 +470,9 @@ static enum fv_exit report_write(struct run *run)
     if (fovea_memory(&run->settings.runtime, &table, &error) == FOVEA_OK)
         fv_report_parts(&table, report.part_bytes);
     fv_trajectory_finish(run->trajectory, &path);
+    fv_final_finish(run->final, run->loop.rt, &final);
     if (!run->quiet) fv_report_summary(stdout, &report);
-    if (!run->quiet) path_tell(run, &path);
+    if (!run->quiet) path_tell(run, &path, &final);
     enum fovea_status results = fv_results_close(run->results, &error);
     run->results = NULL;
     enum fv_exit end = stats_write(run, &report), pictures = pictures_draw(run, &report, &path);
@@ -414,6 +480,8 @@ static enum fv_exit report_write(struct run *run)
         return fv_say_failed("%s: %" PRIu64 " poses could not be written",
                              run->trajectory_path != NULL ? run->trajectory_path : "path", path.lost);
     if (results != FOVEA_OK) return fv_say_failed("%s", error.text);
+    if (final.failed || final.lost > 0)
+        return fv_say_failed("%s: %" PRIu64 " poses could not be written", run->final_path, final.lost);
     return end != FV_EXIT_OK ? end : pictures;
 }
 

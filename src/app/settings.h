@@ -23,6 +23,9 @@ enum fv_rate {
     FV_RATE_REAL = 2  /* frames come by the clock, late ones are dropped, grants come from the governor */
 };
 
+/* Where boxes around movable things come from. */
+enum fv_movable_boxes { FV_MOVABLE_NONE = 0, FV_MOVABLE_TRUTH = 1 };
+
 enum { FV_SETTINGS_PATH_BYTES = 1024, FV_SETTINGS_KEYS_MAX = 128 };
 
 struct fv_settings {
@@ -35,6 +38,8 @@ struct fv_settings {
     int rate;                            /* enum fv_rate */
     char lcm_url[256];                   /* "": nothing is sent */
     uint32_t lcm_ttl;
+    char odometry_channel[64];           /* of bot_core.pose_t, for scale.source: odometry; "": none */
+    int movable_boxes;                   /* enum fv_movable_boxes */
     char record[FV_SETTINGS_PATH_BYTES]; /* "": none */
     uint32_t record_buffer;              /* frames that may wait for the disk in real time */
     char model[FV_SETTINGS_PATH_BYTES];  /* "": no detection; the runtime gets its bytes when the source is open */

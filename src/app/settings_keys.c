@@ -5,6 +5,8 @@
 #define TEXT_OF(member)                                                                                      \
     FV_SETTINGS_TEXT, AT(member), 0, (int64_t)sizeof(((struct fv_settings *)0)->member) - 1
 
+static const char *const scale_sources[] = {"free", "camera_height", "odometry", NULL};
+static const char *const movable_boxes[] = {"none", "truth", NULL};
 static const char *const rates[] = {"auto", "max", "real", NULL};
 
 const struct fv_settings_key fv_settings_keys[] = {
@@ -24,6 +26,10 @@ const struct fv_settings_key fv_settings_keys[] = {
     {"mask", TEXT_OF(mask), "file", NULL,
      "PNG of the size of the frames, black where features are to be ignored (the robot's own parts); empty: "
      "none",
+     NULL},
+    {"movable_boxes", FV_SETTINGS_CHOICE, AT(movable_boxes), 0, 1, "", movable_boxes,
+     "boxes in which no features are taken, since what they show moves on its own. none; truth: of all moving objects of "
+     "the simulated camera, which takes as long again as rendering",
      NULL},
     {"rate", FV_SETTINGS_CHOICE, AT(rate), 0, 2, "", rates,
      "max: every frame is processed, grants follow a fixed schedule; real: frames come by the clock, late "
@@ -92,6 +98,19 @@ const struct fv_settings_key fv_settings_keys[] = {
     {"detect.iou_threshold", FV_SETTINGS_REAL, AT(runtime.detect.iou_threshold), 0, 1, "", NULL,
      "overlap (intersection over union) above which the lesser of two boxes goes; 0: the model's own", NULL},
 
+    {"scale.source", FV_SETTINGS_CHOICE, AT(runtime.scale.source), 0, 2, "", scale_sources,
+     "where metres come from. free: nowhere, the unit is arbitrary; camera_height: from the floor that the camera sees "
+     "(set scale.camera_height_m, and T_base_cam unless the camera looks level); odometry: from wheels or legs "
+     "(scale.odometry_channel)",
+     NULL},
+    {"scale.camera_height_m", FV_SETTINGS_REAL, AT(runtime.scale.camera_height_m), 0, 1000, "m", NULL,
+     "height of the camera's optical centre over the floor, at least 0.01", NULL},
+    {"scale.odometry_channel", TEXT_OF(odometry_channel), "LCM channel", NULL,
+     "where odometry comes as bot_core.pose_t (include/lcmtypes/): pose of the base in a frame of its own, utime in UTC, "
+     "or on the clock of the frames where their UTC is not known",
+     NULL},
+    {"scale.allow_unscaled", FV_SETTINGS_BOOL, AT(runtime.scale.allow_unscaled), 0, 1, "", NULL,
+     "send the bot_core pose also while its unit is arbitrary; such a pose cannot say so", NULL},
     {"preview.period_frames", FV_SETTINGS_U32, AT(runtime.preview.period_frames), 0, 1000000, "frames", NULL,
      "one JPEG preview every so many frames; 0: none", NULL},
     {"preview.quality", FV_SETTINGS_U32, AT(runtime.preview.quality), 1, 100, "", NULL,

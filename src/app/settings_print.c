@@ -114,11 +114,11 @@ static void value_print(FILE *file, const struct fv_settings *settings, const st
     case FV_SETTINGS_I32:
         fprintf(file, "%" PRId32, *(const int32_t *)at);
         return;
-    case FV_SETTINGS_REAL:
-        number(file, *(const double *)at);
-        return;
     case FV_SETTINGS_BOOL:
         fputs(*(const bool *)at ? "true" : "false", file);
+        return;
+    case FV_SETTINGS_REAL:
+        number(file, *(const double *)at);
         return;
     case FV_SETTINGS_TEXT:
         quoted(file, at);

@@ -32,7 +32,7 @@ struct fv_trajectory {
     uint32_t points, stride;
     uint8_t map_of[FV_TRAJECTORY_POINTS_MAX];
     double centres[FV_TRAJECTORY_POINTS_MAX][3], truths[FV_TRAJECTORY_POINTS_MAX][3];
-    bool failed;
+    bool failed, metric;
     uint8_t memory[RING_BYTES];
 };
 
@@ -171,6 +171,7 @@ static void take(struct fv_trajectory *trajectory, const struct fv_trajectory_sa
     const double *T = sample->T_world_cam, *Q = sample->truth;
     const double centre[3] = {T[3], T[7], T[11]}, truth[3] = {Q[3], Q[7], Q[11]};
     map_enter(trajectory, sample->map);
+    trajectory->metric = sample->metric;
     line_write(trajectory, sample);
     point_keep(trajectory, centre, truth);
     if (sample->has_truth) length_add(trajectory, truth);
@@ -250,6 +251,7 @@ void fv_trajectory_finish(struct fv_trajectory *trajectory, struct fv_trajectory
     summary->maps = trajectory->maps;
     summary->truth_length_m = trajectory->truth_length_m;
     summary->failed = trajectory->failed;
+    summary->metric = trajectory->metric;
     summary->points = trajectory->points;
     summary->centres = (const double(*)[3])trajectory->centres;
     summary->map_of = trajectory->map_of;

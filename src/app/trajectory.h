@@ -23,6 +23,7 @@ struct fv_trajectory_sample {
     int64_t stamp_ns;
     uint32_t map; /* poses of different maps have different worlds */
     double T_world_cam[12];
+    bool metric;  /* the scale was known: lengths are metres */
     bool has_truth;
     double truth[12]; /* T_world_cam in the truth's world */
 };
@@ -49,6 +50,7 @@ struct fv_trajectory_summary {
     double truth_length_m;  /* of the path through the samples with truth */
     double error_m;         /* root mean square; NaN when nothing could be judged */
     double scale; /* from the trajectory's unit to metres, of the map with most samples; NaN likewise */
+    bool metric;  /* the last sample was in metres, so that the scale should be 1 */
     bool failed;  /* the file could not be written whole */
 
     /* Camera centres for a picture: at most FV_TRAJECTORY_POINTS_MAX, evenly thinned; owned by the

@@ -16,11 +16,13 @@
 #include "message/fields.h"
 #include "message/message.h"
 
+#include "bot_core_pose_t.h"
 #include "fovea_command_t.h"
 
 enum {
     COMMAND_RING_BYTES = 256,
     COMMANDS_PER_CALL = 32,
+    ODOMETRY_RING_BYTES = 1 << 15, /* half a second at 1 kHz */
     LISTEN_TIMEOUT_MS = 100,
     KNOWN_COMMANDS = FOVEA_COMMAND_RESET | FOVEA_COMMAND_PAUSE | FOVEA_COMMAND_RESUME | FOVEA_COMMAND_SAVE
 };
@@ -28,6 +30,8 @@ enum {
 struct fv_transport {
     struct fv_ring commands; /* of uint32_t, from the listener to the loop */
     uint8_t commands_memory[COMMAND_RING_BYTES];
+    struct fv_ring odometry; /* of struct fovea_odometry_sample, likewise */
+    uint8_t odometry_memory[ODOMETRY_RING_BYTES];
     lcm_t *out;
     char url[FV_TRANSPORT_URL_BYTES];
     uint64_t sent, sent_bytes, failed; /* the loop's */
@@ -36,7 +40,8 @@ struct fv_transport {
     pthread_t listener;
     atomic_bool stop;
     char channel[FV_MESSAGE_CHANNEL_BYTES];
-    atomic_uint_fast64_t commands_taken, commands_refused;
+    char odometry_channel[FV_MESSAGE_CHANNEL_BYTES]; /* "": none */
+    atomic_uint_fast64_t commands_taken, commands_refused, odometry_taken, odometry_refused;
 };
 
 /* ---- out --------------------------------------------------------------------------------------------- */
@@ -64,6 +69,7 @@ enum fovea_status fv_transport_open(const char *url, uint32_t ttl, struct fv_tra
     if (opened == NULL) return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory for LCM");
     memset(opened, 0, sizeof *opened);
     fv_ring_init(&opened->commands, opened->commands_memory, sizeof opened->commands_memory);
+    fv_ring_init(&opened->odometry, opened->odometry_memory, sizeof opened->odometry_memory);
     enum fovea_status status = create(url, ttl, opened->url, &opened->out, error);
     if (status != FOVEA_OK) {
         free(opened);
@@ -113,16 +119,63 @@ static void take_command(const lcm_recv_buf_t *received, const char *channel, vo
     atomic_fetch_add(&transport->commands_taken, 1);
 }
 
+/* A pose as odometry: finite, with a quaternion that is one, at a time that nanoseconds can tell. */
+static bool odometry_from(const bot_core_pose_t *pose, struct fovea_odometry_sample *sample)
+{
+    const double *q = pose->orientation;
+    double norm2 = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
+    if (!(norm2 > 0.98 && norm2 < 1.02) || pose->utime < 0 || pose->utime > INT64_MAX / 1000) return false;
+    sample->stamp_ns = pose->utime * 1000;
+    for (int i = 0; i < 4; i++)
+        sample->orientation[i] = q[i] / __builtin_sqrt(norm2);
+    for (int i = 0; i < 3; i++) {
+        if (!(pose->pos[i] > -1e9 && pose->pos[i] < 1e9)) return false;
+        sample->position_m[i] = pose->pos[i];
+    }
+    return true;
+}
+
+static void take_odometry(const lcm_recv_buf_t *received, const char *channel, void *context)
+{
+    struct fv_transport *transport = context;
+    const char *problem;
+    size_t at;
+    bot_core_pose_t pose;
+    struct fovea_odometry_sample sample;
+    (void)channel;
+    bool good = fv_message_check("bot_core.pose_t", received->data, received->data_size, &problem, &at) &&
+                bot_core_pose_t_decode(received->data, 0, (int)received->data_size, &pose) >= 0 &&
+                odometry_from(&pose, &sample);
+    uint8_t *room = good ? fv_ring_reserve(&transport->odometry, sizeof sample) : NULL;
+    if (room == NULL) {
+        atomic_fetch_add(&transport->odometry_refused, 1);
+        return;
+    }
+    memcpy(room, &sample, sizeof sample);
+    fv_ring_commit(&transport->odometry, sizeof sample);
+    atomic_fetch_add(&transport->odometry_taken, 1);
+}
+
+static bool subscribe(struct fv_transport *transport, lcm_t *in)
+{
+    if (lcm_subscribe(in, transport->channel, take_command, transport) == NULL) return false;
+    if (transport->odometry_channel[0] == '\0') return true;
+    lcm_subscription_t *subscription =
+        lcm_subscribe(in, transport->odometry_channel, take_odometry, transport);
+    return subscription != NULL && lcm_subscription_set_queue_capacity(subscription, 256) == 0;
+}
+
 static void *listen_for_commands(void *context)
 {
     struct fv_transport *transport = context;
     lcm_t *in = lcm_create(transport->url);
     /* LCM tests here whether its own messages come back, for up to ten seconds: why this is done off the
      * loop. */
-    if (in == NULL || lcm_subscribe(in, transport->channel, take_command, transport) == NULL) {
-        fv_say("%s: LCM messages do not come back on this host, so commands will not be heard; this mends "
+    if (in == NULL || !subscribe(transport, in)) {
+        fv_say("%s: LCM messages do not come back on this host, so commands%s will not be heard; this mends "
                "it: %s",
-               transport->url, FV_TRANSPORT_MEND);
+               transport->url, transport->odometry_channel[0] != '\0' ? " and odometry" : "",
+               FV_TRANSPORT_MEND);
     } else {
         /* Without a connection (tcpq) LCM would select() on descriptor -1, which aborts. */
         while (!atomic_load(&transport->stop))
@@ -133,11 +186,13 @@ static void *listen_for_commands(void *context)
 }
 
 enum fovea_status fv_transport_listen(struct fv_transport *transport, const char *prefix,
-                                      struct fovea_error *error)
+                                      const char *odometry_channel, struct fovea_error *error)
 {
     if (transport == NULL || transport->listening) return FOVEA_OK;
     fv_message_prepare();
     fv_message_channel(prefix, FV_MESSAGE_COMMAND, transport->channel);
+    snprintf(transport->odometry_channel, sizeof transport->odometry_channel, "%s",
+             odometry_channel != NULL ? odometry_channel : "");
     int failed = fv_thread_start(&transport->listener, listen_for_commands, transport);
     if (failed != 0)
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "no thread to listen for commands: %s",
@@ -164,6 +219,21 @@ uint32_t fv_transport_commands(struct fv_transport *transport)
     return all;
 }
 
+uint32_t fv_transport_odometry(struct fv_transport *transport, struct fovea_odometry_sample *samples,
+                               uint32_t count_max)
+{
+    uint32_t count = 0;
+    if (transport == NULL) return 0;
+    for (; count < count_max; count++) {
+        size_t bytes;
+        const uint8_t *data = fv_ring_peek(&transport->odometry, &bytes);
+        if (data == NULL) break;
+        memcpy(&samples[count], data, sizeof samples[count]);
+        fv_ring_release(&transport->odometry, sizeof samples[count]);
+    }
+    return count;
+}
+
 void fv_transport_counts(const struct fv_transport *transport, struct fv_transport_counts *counts)
 {
     memset(counts, 0, sizeof *counts);
@@ -173,6 +243,8 @@ void fv_transport_counts(const struct fv_transport *transport, struct fv_transpo
     counts->failed = transport->failed;
     counts->commands = atomic_load(&transport->commands_taken);
     counts->commands_refused = atomic_load(&transport->commands_refused);
+    counts->odometry = atomic_load(&transport->odometry_taken);
+    counts->odometry_refused = atomic_load(&transport->odometry_refused);
 }
 
 void fv_transport_close(struct fv_transport *transport)

@@ -26,10 +26,10 @@ struct fv_transport;
 enum fovea_status fv_transport_open(const char *url, uint32_t ttl, struct fv_transport **transport,
                                     struct fovea_error *error);
 
-/* Listen for fovea.command_t on <prefix>_COMMAND, in a thread of its own, which says on stderr when it
- * cannot. Init-only. */
+/* Listen for fovea.command_t on <prefix>_COMMAND, and for bot_core.pose_t on `odometry_channel` unless that is
+ * NULL or empty, in a thread of its own, which says on stderr when it cannot. Init-only. */
 enum fovea_status fv_transport_listen(struct fv_transport *transport, const char *prefix,
-                                      struct fovea_error *error);
+                                      const char *odometry_channel, struct fovea_error *error);
 
 /* Send the messages of a step or a work. Failures are counted, never waited for. Loop thread, no heap call.
  */
@@ -39,9 +39,15 @@ void fv_transport_publish(struct fv_transport *transport, const struct fovea_out
  * Loop thread, wait-free. */
 uint32_t fv_transport_commands(struct fv_transport *transport);
 
+/* Odometry that has come since the last call, oldest first, at most `count_max`; what there is no room for waits.
+ * Stamps are those of the messages in nanoseconds. Returns the number. Loop thread, wait-free. */
+uint32_t fv_transport_odometry(struct fv_transport *transport, struct fovea_odometry_sample *samples,
+                               uint32_t count_max);
+
 struct fv_transport_counts {
     uint64_t sent, sent_bytes, failed;
     uint64_t commands, commands_refused; /* understood; malformed or unknown bits */
+    uint64_t odometry, odometry_refused; /* taken; malformed, or no room since the loop was busy */
 };
 void fv_transport_counts(const struct fv_transport *transport, struct fv_transport_counts *counts);
 

@@ -38,8 +38,10 @@ void fv_map_reset(struct fv_map *map)
     }
     memset(map->edges, 0, FV_MAP_EDGES_MAX * sizeof *map->edges);
     uint32_t map_id = map->state->map_next;
+    uint64_t keyframe_number = map->state->keyframe_number; /* goes on: numbers name keyframes in messages */
     memset(map->state, 0, sizeof *map->state);
     map->state->free_count = map->limits.landmarks;
+    map->state->keyframe_number = keyframe_number;
     map->state->map_id = map_id;
     map->state->map_next = map_id + 1;
     fv_sim3_identity(&map->state->S_map_odom);

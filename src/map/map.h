@@ -56,7 +56,7 @@ struct fv_keypoint {
 struct fv_keyframe {
     struct fv_se3 T_cam_world;
     int64_t stamp_ns;
-    uint64_t number;     /* counts keyframes since the reset, oldest lowest */
+    uint64_t number;     /* counts keyframes, oldest lowest; never starts anew */
     uint32_t generation; /* of the slot */
     uint32_t features;   /* in its view */
     uint32_t landmarks;  /* of its features */

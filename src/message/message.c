@@ -2,6 +2,7 @@
 
 #include <string.h>
 
+#include "bot_core_pose_t.h"
 #include "fovea_camera_status_t.h"
 #include "fovea_command_t.h"
 #include "fovea_detections_t.h"
@@ -16,6 +17,7 @@
 
 void fv_message_prepare(void)
 {
+    (void)__bot_core_pose_t_get_hash();
     (void)__fovea_camera_status_t_get_hash();
     (void)__fovea_command_t_get_hash();
     (void)__fovea_detections_t_get_hash();
@@ -38,6 +40,7 @@ void fv_message_channel(const char *prefix, enum fv_message_kind kind, char *nam
         [FV_MESSAGE_COMMAND] = "COMMAND",     [FV_MESSAGE_FRAME] = "FRAME",
         [FV_MESSAGE_RECORDING] = "RECORDING", [FV_MESSAGE_INPUTS] = "INPUTS",
         [FV_MESSAGE_GRANTS] = "GRANTS",       [FV_MESSAGE_DETECTIONS] = "DETECTIONS",
+        [FV_MESSAGE_BOT_CORE_POSE] = "BOT_CORE_POSE",
     };
     const char *parts[3] = {prefix, prefix[0] != '\0' ? "_" : "", suffixes[kind]};
     size_t used = 0;

@@ -22,6 +22,7 @@ extern "C" {
 enum fv_message_kind {
     FV_MESSAGE_POSE = 0,    /* of the base in `odom` */
     FV_MESSAGE_CAMERA_POSE, /* of the camera in `world` */
+    FV_MESSAGE_BOT_CORE_POSE, /* of the base in `odom`, as bot_core.pose_t */
     FV_MESSAGE_FEATURES,
     FV_MESSAGE_STATISTICS,
     FV_MESSAGE_CAMERA_STATUS,
@@ -50,13 +51,23 @@ fovea_stamp_t fv_message_stamp(const struct fovea_frame *frame, int64_t utc_offs
 struct fv_message_pose {
     fovea_stamp_t stamp;
     const char *parent_frame, *child_frame; /* at most FV_MESSAGE_NAME_BYTES_MAX with the zero */
-    const struct fovea_pose *pose;          /* state, covariance and counts */
+    const struct fovea_pose *pose;          /* state, scale and counts */
     double position[3], orientation[4];     /* T_parent_child; looked at only when pose->posed */
+    double covariance[21];                  /* of the child; likewise */
     int64_t reference_keyframe;             /* -1: none */
     int64_t latency_ns;
 };
 size_t fv_message_pose_size_max(void);
 uint32_t fv_message_pose_encode(const struct fv_message_pose *in, uint8_t *buffer, size_t capacity);
+
+/* The same as bot_core.pose_t, for programs that know it. */
+struct fv_message_bot_core_pose {
+    int64_t utime; /* microseconds */
+    double position[3], velocity[3], orientation[4], rotation_rate[3];
+};
+size_t fv_message_bot_core_pose_size(void);
+uint32_t fv_message_bot_core_pose_encode(const struct fv_message_bot_core_pose *in, uint8_t *buffer,
+                                         size_t capacity);
 
 struct fv_message_features {
     fovea_stamp_t stamp;

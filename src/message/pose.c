@@ -1,7 +1,8 @@
-/* The pose message. */
+/* The pose messages: our own, and bot_core's. */
 #include <math.h>
 #include <string.h>
 
+#include "bot_core_pose_t.h"
 #include "fovea_pose_t.h"
 #include "message/message.h"
 
@@ -34,14 +35,31 @@ uint32_t fv_message_pose_encode(const struct fv_message_pose *in, uint8_t *buffe
     message.child_frame = name_of(in->child_frame);
     for (int i = 0; i < 3; i++) message.position[i] = pose->posed ? in->position[i] : (double)NAN;
     for (int i = 0; i < 4; i++) message.orientation[i] = pose->posed ? in->orientation[i] : (double)NAN;
-    for (int i = 0; i < 21; i++) message.covariance[i] = pose->posed ? pose->covariance[i] : (double)NAN;
+    for (int i = 0; i < 21; i++) message.covariance[i] = pose->posed ? in->covariance[i] : (double)NAN;
     message.reference_keyframe = in->reference_keyframe;
     message.quality = pose->quality;
     message.inliers = (int32_t)pose->inliers;
-    message.scale = 1.0;
-    message.scale_sigma = (double)NAN;
+    message.scale = pose->scale;
+    message.scale_sigma = pose->scale_source == FOVEA_SCALE_FREE ? (double)NAN : pose->scale_sigma;
     message.scale_source = (int8_t)pose->scale_source;
     message.latency_ns = in->latency_ns;
     const int encoded = fovea_pose_t_encode(buffer, 0, capacity > INT32_MAX ? INT32_MAX : (int)capacity, &message);
+    return encoded > 0 ? (uint32_t)encoded : 0;
+}
+
+size_t fv_message_bot_core_pose_size(void)
+{
+    const bot_core_pose_t message = {0};
+    return (size_t)bot_core_pose_t_encoded_size(&message);
+}
+
+uint32_t fv_message_bot_core_pose_encode(const struct fv_message_bot_core_pose *in, uint8_t *buffer, size_t capacity)
+{
+    bot_core_pose_t message = {.utime = in->utime};
+    memcpy(message.pos, in->position, sizeof message.pos);
+    memcpy(message.vel, in->velocity, sizeof message.vel);
+    memcpy(message.orientation, in->orientation, sizeof message.orientation);
+    memcpy(message.rotation_rate, in->rotation_rate, sizeof message.rotation_rate);
+    const int encoded = bot_core_pose_t_encode(buffer, 0, capacity > INT32_MAX ? INT32_MAX : (int)capacity, &message);
     return encoded > 0 ? (uint32_t)encoded : 0;
 }

@@ -18,9 +18,11 @@ size_t fv_message_frame_size_max(size_t image_bytes)
 
 size_t fv_message_inputs_size_max(void)
 {
+    enum { SAMPLE_BYTES = 8 * 8, BOX_BYTES = 4 * 4 };
     fovea_inputs_t empty;
     memset(&empty, 0, sizeof empty);
-    return (size_t)fovea_inputs_t_encoded_size(&empty) + FOVEA_JOB_COUNT * sizeof(int32_t);
+    return (size_t)fovea_inputs_t_encoded_size(&empty) + FOVEA_JOB_COUNT * sizeof(int32_t) +
+           FOVEA_INPUT_ODOMETRY_MAX * SAMPLE_BYTES + FOVEA_INPUT_BOXES_MAX * BOX_BYTES;
 }
 
 size_t fv_message_grants_size_max(void)
@@ -60,12 +62,32 @@ uint32_t fv_message_frame_encode(const struct fovea_frame *frame, int64_t utc_of
     return bytes > 0 ? (uint32_t)bytes : 0;
 }
 
+/* What a step was told of the robot's motion and of things that move; false: more than there is room for. */
+static bool fill_lists(const struct fovea_inputs *inputs, fovea_odometry_sample_t *samples, fovea_box_t *boxes)
+{
+    if (inputs->odometry_count > FOVEA_INPUT_ODOMETRY_MAX || inputs->box_count > FOVEA_INPUT_BOXES_MAX)
+        return false;
+    for (uint32_t i = 0; i < inputs->odometry_count; i++) {
+        samples[i].stamp_ns = inputs->odometry[i].stamp_ns;
+        memcpy(samples[i].position, inputs->odometry[i].position_m, sizeof samples[i].position);
+        memcpy(samples[i].orientation, inputs->odometry[i].orientation, sizeof samples[i].orientation);
+    }
+    for (uint32_t i = 0; i < inputs->box_count; i++) {
+        const struct fovea_box *b = &inputs->boxes[i];
+        boxes[i] = (fovea_box_t){b->x_min_px, b->y_min_px, b->x_max_px, b->y_max_px};
+    }
+    return true;
+}
+
 uint32_t fv_message_inputs_encode(const struct fovea_inputs *inputs, uint64_t frame_hash, uint8_t *buffer,
                                   size_t capacity)
 {
     int32_t units[FOVEA_JOB_COUNT];
+    fovea_odometry_sample_t samples[FOVEA_INPUT_ODOMETRY_MAX];
+    fovea_box_t boxes[FOVEA_INPUT_BOXES_MAX];
     for (int job = 0; job < FOVEA_JOB_COUNT; job++)
         units[job] = (int32_t)inputs->grants.units[job];
+    if (!fill_lists(inputs, samples, boxes)) return 0;
     const fovea_inputs_t message = {
         .has_frame = inputs->frame != NULL,
         .frame_hash = (int64_t)frame_hash,
@@ -82,6 +104,12 @@ uint32_t fv_message_inputs_encode(const struct fovea_inputs *inputs, uint64_t fr
         .frames_late = (int64_t)inputs->frames_late,
         .resident_bytes = (int64_t)inputs->resident_bytes,
         .temperature_c = inputs->temperature_c,
+        .odometry_count = (int32_t)inputs->odometry_count,
+        .odometry = samples,
+        .has_boxes = inputs->has_boxes,
+        .boxes_stamp_ns = inputs->boxes_stamp_ns,
+        .box_count = (int32_t)inputs->box_count,
+        .boxes = boxes,
         .features = (int32_t)inputs->grants.features,
         .job_count = FOVEA_JOB_COUNT,
         .units = units,
@@ -164,6 +192,61 @@ static bool begin(struct reader *reader, const char *type, const uint8_t *data, 
     return true;
 }
 
+static uint64_t big(const uint8_t *data, uint32_t bytes)
+{
+    uint64_t bits = 0;
+    for (uint32_t i = 0; i < bytes; i++)
+        bits = bits << 8 | data[i];
+    return bits;
+}
+
+static void next_doubles(struct reader *reader, double *values, int count)
+{
+    if (fv_message_leaf(&reader->walk, &reader->leaf) != FOVEA_OK) return;
+    for (int i = 0; i < count; i++) {
+        uint64_t bits = big(reader->leaf.data + 8 * i, 8);
+        memcpy(&values[i], &bits, sizeof bits);
+    }
+}
+
+/* The next field as a number of elements, at most `most`. */
+static bool next_count(struct reader *reader, uint32_t most, uint32_t *count, const char **problem, size_t *at)
+{
+    int32_t found = next_i32(reader);
+    *count = (uint32_t)found;
+    if (found >= 0 && (uint32_t)found <= most) return true;
+    *problem = "there are more elements than a step can take";
+    *at = reader->leaf.offset;
+    return false;
+}
+
+static bool next_odometry(struct reader *reader, struct fovea_inputs *found, const char **problem, size_t *at)
+{
+    if (!next_count(reader, FOVEA_INPUT_ODOMETRY_MAX, &found->odometry_count, problem, at)) return false;
+    for (uint32_t i = 0; i < found->odometry_count; i++) {
+        found->odometry[i].stamp_ns = next_i64(reader);
+        next_doubles(reader, found->odometry[i].position_m, 3);
+        next_doubles(reader, found->odometry[i].orientation, 4);
+    }
+    return true;
+}
+
+static bool next_boxes(struct reader *reader, struct fovea_inputs *found, const char **problem, size_t *at)
+{
+    found->has_boxes = next_bits(reader) != 0;
+    found->boxes_stamp_ns = next_i64(reader);
+    if (!next_count(reader, FOVEA_INPUT_BOXES_MAX, &found->box_count, problem, at)) return false;
+    for (uint32_t i = 0; i < found->box_count; i++) {
+        float *sides[4] = {&found->boxes[i].x_min_px, &found->boxes[i].y_min_px, &found->boxes[i].x_max_px,
+                           &found->boxes[i].y_max_px};
+        for (int k = 0; k < 4; k++) {
+            uint32_t bits = (uint32_t)next_bits(reader);
+            memcpy(sides[k], &bits, sizeof bits);
+        }
+    }
+    return true;
+}
+
 bool fv_message_inputs_decode(const uint8_t *data, size_t bytes, struct fovea_inputs *inputs, bool *has_frame,
                               uint64_t *frame_hash, const char **problem, size_t *at)
 {
@@ -193,7 +276,9 @@ bool fv_message_inputs_decode(const uint8_t *data, size_t bytes, struct fovea_in
     found.resident_bytes = next_bits(&reader);
     uint32_t temperature = (uint32_t)next_bits(&reader);
     memcpy(&found.temperature_c, &temperature, sizeof temperature);
-    if (!next_grants(&reader, &found.grants, problem, at)) return false;
+    if (!next_odometry(&reader, &found, problem, at) || !next_boxes(&reader, &found, problem, at) ||
+        !next_grants(&reader, &found.grants, problem, at))
+        return false;
     *inputs = found;
     *has_frame = frame;
     *frame_hash = hash;

@@ -14,6 +14,7 @@ void fovea_config_default(struct fovea_config *config)
                                                       .inliers_good = 40,
                                                       .lost_frames_reset = 15};
     config->detect = (struct fovea_detect_config){.period_frames = 1, .count_max = 100};
+    config->scale.camera_height_m = 1;
     config->preview = (struct fovea_preview_config){.period_frames = 10, .quality = 70, .level = 2};
     config->seed = 1;
     config->T_base_cam[0] = config->T_base_cam[5] = config->T_base_cam[10] = 1.0;
@@ -89,6 +90,18 @@ static enum fovea_status check_share(const char *name, double value, struct fove
     return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "%s: found %g, expected 0 to 1", name, value);
 }
 
+static enum fovea_status check_scale(const struct fovea_scale_config *scale, struct fovea_error *error)
+{
+    if ((unsigned)scale->source > FOVEA_SCALE_ODOMETRY) {
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "scale.source: found %d, expected 0 to 2", (int)scale->source);
+    }
+    if (!(scale->camera_height_m >= 0.01 && scale->camera_height_m <= 1000)) {
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "scale.camera_height_m: found %g, expected 0.01 to 1000",
+                               scale->camera_height_m);
+    }
+    return FOVEA_OK;
+}
+
 enum fovea_status fv_config_check(const struct fovea_config *config, struct fovea_error *error)
 {
     const struct fovea_features_config *f = &config->features;
@@ -119,6 +132,7 @@ enum fovea_status fv_config_check(const struct fovea_config *config, struct fove
     if (status == FOVEA_OK) status = check_share("detect.score_threshold", config->detect.score_threshold, error);
     if (status == FOVEA_OK) status = check_share("detect.iou_threshold", config->detect.iou_threshold, error);
     if (status == FOVEA_OK) status = check_prefix(config->channel_prefix, error);
+    if (status == FOVEA_OK) status = check_scale(&config->scale, error);
     if (status == FOVEA_OK) status = check_transform(config->T_base_cam, error);
     return status;
 }

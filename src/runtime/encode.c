@@ -1,7 +1,7 @@
 /* The last stage of a step: results become LCM messages. */
 #include <string.h>
 
-#include "geometry/se3.h"
+#include "runtime/encode_pose.h"
 #include "runtime/jobs.h"
 #include "runtime/state.h"
 
@@ -22,37 +22,11 @@ static fovea_stamp_t last_stamp(const struct fovea *rt)
     return rt->state->any_frame ? fv_stamp_of(&rt->state->frame) : fv_message_stamp(NULL, 0);
 }
 
-/* The base's frame at the start is `odom`, the first camera's is `world`. */
-static void encode_pose(struct fovea *rt, const struct fovea_inputs *inputs, enum fv_message_kind kind,
-                        struct fovea_outputs *outputs)
-{
-    const struct fv_odometry_state *state = rt->odometry.state;
-    struct fv_se3 T_parent_child, T_base_cam, T_cam_base;
-    fv_se3_from_rows(state->pose.T_world_cam, &T_parent_child);
-    if (kind == FV_MESSAGE_POSE) {
-        fv_se3_from_rows(rt->config.T_base_cam, &T_base_cam);
-        fv_se3_invert(&T_base_cam, &T_cam_base);
-        fv_se3_compose(&T_base_cam, &T_parent_child, &T_parent_child);
-        fv_se3_compose(&T_parent_child, &T_cam_base, &T_parent_child);
-    }
-    struct fv_message_pose message = {
-        .stamp = last_stamp(rt),
-        .parent_frame = kind == FV_MESSAGE_POSE ? "odom" : "world",
-        .child_frame = kind == FV_MESSAGE_POSE ? "base" : "camera",
-        .pose = &state->pose,
-        .reference_keyframe = state->pose.posed ? (int64_t)rt->odometry.map.keyframes[state->newest].number : -1,
-        .latency_ns = inputs->latency_ns,
-    };
-    memcpy(message.position, T_parent_child.t, sizeof message.position);
-    fv_so3_to_quaternion(T_parent_child.R, message.orientation);
-    fv_output_add(rt, kind, fv_message_pose_encode(&message, rt->outbox.buffer[kind], rt->outbox.capacity[kind]), outputs);
-}
-
 static void encode_features(struct fovea *rt, uint32_t asked, struct fovea_outputs *outputs)
 {
     struct fv_message_features message = {
         .stamp = last_stamp(rt),
-        .reset_counter = rt->state->reset_counter,
+        .reset_counter = fv_reset_counter(rt),
         .width = rt->config.camera.width,
         .height = rt->config.camera.height,
         .asked = asked,
@@ -112,10 +86,8 @@ void fv_encode(struct fovea *rt, const struct fovea_inputs *inputs, bool process
 {
     const struct fovea_config *config = &rt->config;
     const uint64_t steps = rt->state->steps;
-    if (processed && config->odometry.enabled && fv_every(rt->state->frames_processed - 1, config->pose_every)) {
-        encode_pose(rt, inputs, FV_MESSAGE_POSE, outputs);
-        encode_pose(rt, inputs, FV_MESSAGE_CAMERA_POSE, outputs);
-    }
+    if (processed && config->odometry.enabled)
+        fv_encode_poses(rt, inputs, fv_every(rt->state->frames_processed - 1, config->pose_every), outputs);
     if (processed && fv_every(rt->state->frames_processed - 1, config->features_every)) {
         encode_features(rt, inputs->grants.features, outputs);
     }

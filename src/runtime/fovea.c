@@ -102,8 +102,9 @@ static void process(struct fovea *rt, const struct fovea_inputs *inputs)
     fv_stage_end(rt, FOVEA_STAGE_PYRAMID, begin);
 
     begin = fv_stage_begin(rt);
+    const uint8_t *mask = fv_boxes_mask(&rt->boxes, rt->mask, inputs->frame->stamp_ns);
     rt->state->features =
-        fv_features_find(&rt->features, &rt->kernels, &rt->pyramid, rt->mask, inputs->grants.features);
+        fv_features_find(&rt->features, &rt->kernels, &rt->pyramid, mask, inputs->grants.features);
     if (rt->config.odometry.enabled) {
         fv_orb_describe(&rt->orb, &rt->kernels, &rt->pyramid, rt->features.corners, rt->features.count);
     }
@@ -116,6 +117,7 @@ static void process(struct fovea *rt, const struct fovea_inputs *inputs)
                                             .features = rt->features.list,
                                             .descriptors = rt->orb.descriptors};
     fv_odometry_step(&rt->odometry, &rt->kernels, &input);
+    fv_scale_step(&rt->scale, &rt->odometry);
     fv_stage_end(rt, FOVEA_STAGE_ODOMETRY, begin);
 }
 
@@ -124,6 +126,10 @@ enum fovea_status fovea_step(struct fovea *rt, const struct fovea_inputs *inputs
     memset(outputs, 0, sizeof *outputs);
     rt->inputs = *inputs;
     take_commands(rt, inputs->commands, outputs);
+    if (rt->config.odometry.enabled) {
+        fv_scale_observe(&rt->scale, inputs->odometry, inputs->odometry_count);
+        if (inputs->has_boxes) fv_boxes_take(&rt->boxes, inputs->boxes_stamp_ns, inputs->boxes, inputs->box_count);
+    }
     const bool processed = admit(rt, inputs->frame);
     if (processed) {
         remember(rt->state, inputs->frame, inputs->utc_offset_ns);
@@ -169,7 +175,7 @@ const struct fovea_feature *fovea_features_get(const struct fovea *rt, uint32_t 
 void fovea_pose_get(const struct fovea *rt, struct fovea_pose *pose)
 {
     if (rt->config.odometry.enabled) {
-        *pose = rt->odometry.state->pose;
+        *pose = rt->scale.state->pose;
     } else {
         memset(pose, 0, sizeof *pose);
     }
@@ -183,6 +189,22 @@ void fovea_detections_get(const struct fovea *rt, struct fovea_detections *detec
 const char *fovea_detect_label(const struct fovea *rt, int32_t class_id)
 {
     return fv_detection_label(&rt->detection, class_id);
+}
+
+uint32_t fovea_keyframes_get(const struct fovea *rt, struct fovea_keyframe *list, uint32_t count_max)
+{
+    const struct fv_map *map = &rt->odometry.map;
+    if (!rt->config.odometry.enabled) return 0;
+    const uint32_t count = count_max < map->limits.keyframes ? count_max : map->limits.keyframes;
+    for (uint32_t i = 0; i < count; i++) {
+        struct fv_se3 T_world_cam;
+        fv_se3_invert(&map->keyframes[i].T_cam_world, &T_world_cam);
+        list[i].used = map->keyframes[i].used;
+        list[i].map_id = map->keyframes[i].map_id;
+        list[i].number = map->keyframes[i].number;
+        fv_se3_to_rows(&T_world_cam, list[i].T_world_cam);
+    }
+    return count;
 }
 
 const char *fovea_stage_name(enum fovea_stage stage)
@@ -208,7 +230,7 @@ void fovea_stats_get(const struct fovea *rt, struct fovea_stats *stats)
         .refused_stamp = state->refused_stamp,
         .refused_format = state->refused_format,
         .refused_paused = state->refused_paused,
-        .reset_counter = state->reset_counter,
+        .reset_counter = fv_reset_counter(rt),
         .features = state->features,
     };
     memcpy(stats->stage_cpu_ns, rt->times.cpu_ns, sizeof stats->stage_cpu_ns);

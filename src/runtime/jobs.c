@@ -11,10 +11,15 @@ void fv_output_add(struct fovea *rt, enum fv_message_kind kind, uint32_t bytes, 
     };
 }
 
+static bool map_waiting(const struct fovea *rt)
+{
+    return fv_odometry_job_waiting(&rt->odometry) || fv_scale_waiting(&rt->scale, &rt->odometry);
+}
+
 uint32_t fv_jobs_waiting(const struct fovea *rt)
 {
     uint32_t waiting = fv_preview_waiting(&rt->preview) ? 1u << FOVEA_JOB_PREVIEW : 0;
-    if (rt->config.odometry.enabled && fv_odometry_job_waiting(&rt->odometry)) waiting |= 1u << FOVEA_JOB_MAP;
+    if (rt->config.odometry.enabled && map_waiting(rt)) waiting |= 1u << FOVEA_JOB_MAP;
     if (fv_detection_waiting(&rt->detection)) waiting |= 1u << FOVEA_JOB_DETECT;
     return waiting;
 }
@@ -54,7 +59,12 @@ static uint32_t advance_map(struct fovea *rt, uint32_t units)
 {
     uint32_t done = 0;
     if (!rt->config.odometry.enabled) return 0;
-    for (; done < units && fv_odometry_job_waiting(&rt->odometry); done++) fv_odometry_unit(&rt->odometry, &rt->kernels);
+    for (; done < units && map_waiting(rt); done++) {
+        if (fv_scale_waiting(&rt->scale, &rt->odometry))
+            fv_scale_unit(&rt->scale, &rt->odometry);
+        else
+            fv_odometry_unit(&rt->odometry, &rt->kernels);
+    }
     return done;
 }
 

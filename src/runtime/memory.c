@@ -34,6 +34,7 @@ static void carve_outbox(struct fovea *rt, struct fv_arena *arena)
     const uint32_t count_max = rt->config.features.count_max;
     carve_buffer(outbox, FV_MESSAGE_POSE, fv_message_pose_size_max(), arena);
     carve_buffer(outbox, FV_MESSAGE_CAMERA_POSE, fv_message_pose_size_max(), arena);
+    carve_buffer(outbox, FV_MESSAGE_BOT_CORE_POSE, fv_message_bot_core_pose_size(), arena);
     carve_buffer(outbox, FV_MESSAGE_FEATURES, fv_message_features_size_max(count_max), arena);
     carve_buffer(outbox, FV_MESSAGE_STATISTICS, fv_message_statistics_size_max(), arena);
     carve_buffer(outbox, FV_MESSAGE_CAMERA_STATUS, fv_message_camera_status_size_max(), arena);
@@ -66,6 +67,10 @@ void fv_runtime_carve(struct fovea *rt, struct fv_arena arenas[FOVEA_MEMORY_PART
         fv_odometry_carve(&rt->odometry, &config->odometry, &rt->config.camera, count_max, &arenas[PERSISTENT],
                           &arenas[JOB], &arenas[FRAME]);
         book(table, "odometry", arenas, before);
+        fv_scale_carve(&rt->scale, &config->scale, config->T_base_cam, &arenas[PERSISTENT], &arenas[FRAME]);
+        book(table, "scale", arenas, before);
+        fv_boxes_carve(&rt->boxes, width, height, &arenas[PERSISTENT], &arenas[FRAME]);
+        book(table, "boxes", arenas, before);
     }
     fv_detection_carve(&rt->detection, config, &arenas[PERSISTENT], &arenas[JOB], &arenas[FRAME]);
     book(table, "detection", arenas, before);
@@ -170,6 +175,7 @@ enum fovea_status fovea_init(void *memory, size_t bytes, const struct fovea_conf
         built->config.mask = built->mask;
     }
     if (config->odometry.enabled) fv_odometry_init(&built->odometry, config->seed);
+    if (config->odometry.enabled) fv_scale_init(&built->scale, config->seed);
     fv_message_prepare();
     for (int kind = 0; kind < FV_MESSAGE_KIND_COUNT; kind++) {
         fv_message_channel(config->channel_prefix, (enum fv_message_kind)kind, built->outbox.channel[kind]);

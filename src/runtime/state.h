@@ -12,6 +12,8 @@
 #include "message/message.h"
 #include "odometry/odometry.h"
 #include "runtime/detection.h"
+#include "odometry/scale.h"
+#include "runtime/boxes.h"
 #include "runtime/preview.h"
 
 /* What the runtime itself remembers from frame to frame. No addresses and no padding: copied and hashed as bytes. */
@@ -25,6 +27,10 @@ struct fv_state {
     uint32_t features;
     uint32_t any_frame; /* a frame was processed since the start or the last reset */
     uint32_t paused;
+    /* For the velocity of the base: its pose when last posed (odom), when, and in which world and unit. */
+    double base[12];
+    int64_t base_ns;
+    uint32_t base_known, base_world;
 };
 
 /* Clock readings: kept apart from the state, since they must not be hashed. */
@@ -54,6 +60,8 @@ struct fovea {
     struct fv_orb orb;
     struct fv_odometry odometry;
     struct fv_detection detection;
+    struct fv_scale scale;
+    struct fv_boxes boxes;
     struct fv_preview preview;
     struct fv_outbox outbox;
 
@@ -67,6 +75,12 @@ struct fovea {
 /* Give every stage its pieces, for rt->config, from the arenas of the parts. */
 void fv_runtime_carve(struct fovea *rt, struct fv_arena arenas[FOVEA_MEMORY_PART_COUNT],
                       struct fovea_memory_table *table);
+
+/* How often a new world was started: by command, or since tracking was lost for long. */
+static inline uint32_t fv_reset_counter(const struct fovea *rt)
+{
+    return rt->config.odometry.enabled ? rt->odometry.state->reset_counter : rt->state->reset_counter;
+}
 
 /* Whether the n-th of something is due when every period-th is; never for period 0. */
 static inline bool fv_every(uint64_t n, uint32_t period)

@@ -146,7 +146,7 @@ static void test_commands(void **state)
     struct fv_transport *transport = NULL;
     struct fovea_error error;
     if (fv_transport_open(URL, 0, &transport, &error) != FOVEA_OK ||
-        fv_transport_listen(transport, "T/A", &error) != FOVEA_OK)
+        fv_transport_listen(transport, "T/A", NULL, &error) != FOVEA_OK)
         fail_msg("%s", error.text);
     lcm_t *lcm = lcm_create(URL "?ttl=0");
     assert_non_null(lcm);

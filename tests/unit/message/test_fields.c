@@ -11,6 +11,8 @@
 
 #include "message/fields.h"
 
+#include "bot_core_pose_t.h"
+#include "fovea_box_t.h"
 #include "fovea_camera_status_t.h"
 #include "fovea_command_t.h"
 #include "fovea_detections_t.h"
@@ -18,6 +20,7 @@
 #include "fovea_frame_t.h"
 #include "fovea_grants_t.h"
 #include "fovea_inputs_t.h"
+#include "fovea_odometry_sample_t.h"
 #include "fovea_pose_t.h"
 #include "fovea_preview_t.h"
 #include "fovea_recording_part_t.h"
@@ -26,28 +29,41 @@
 #include "fovea_statistics_t.h"
 
 /* Decode with the generated code, encode again: the bytes written, or -1. */
-#define ROUND_TRIP(T)                                                                                        \
-    static int round_trip_##T(const uint8_t *in, size_t bytes, uint8_t *out, size_t capacity)                \
+#define ROUND_TRIP(P, T)                                                                                     \
+    static int round_trip_##P##_##T(const uint8_t *in, size_t bytes, uint8_t *out, size_t capacity)          \
     {                                                                                                        \
-        fovea_##T message;                                                                                   \
+        P##_##T message;                                                                                     \
         memset(&message, 0, sizeof message);                                                                 \
-        int used = fovea_##T##_decode(in, 0, (int)bytes, &message);                                          \
-        int written = used == (int)bytes ? fovea_##T##_encode(out, 0, (int)capacity, &message) : -1;         \
-        if (written >= 0) assert_int_equal(written, fovea_##T##_encoded_size(&message));                     \
-        fovea_##T##_decode_cleanup(&message);                                                                \
+        int used = P##_##T##_decode(in, 0, (int)bytes, &message);                                            \
+        int written = used == (int)bytes ? P##_##T##_encode(out, 0, (int)capacity, &message) : -1;           \
+        if (written >= 0) assert_int_equal(written, P##_##T##_encoded_size(&message));                       \
+        P##_##T##_decode_cleanup(&message);                                                                  \
         return written;                                                                                      \
     }
 #define EVERY_TYPE(X)                                                                                        \
-    X(camera_status_t)                                                                                       \
-    X(command_t) X(detections_t) X(features_t) X(frame_t) X(grants_t) X(inputs_t) X(pose_t) X(preview_t) X(recording_part_t) \
-        X(recording_t) X(stamp_t) X(statistics_t)
+    X(bot_core, pose_t)                                                                                      \
+    X(fovea, box_t)                                                                                          \
+    X(fovea, camera_status_t)                                                                                \
+    X(fovea, command_t)                                                                                      \
+    X(fovea, detections_t)                                                                                   \
+    X(fovea, features_t)                                                                                     \
+    X(fovea, frame_t)                                                                                        \
+    X(fovea, grants_t)                                                                                       \
+    X(fovea, inputs_t)                                                                                       \
+    X(fovea, odometry_sample_t)                                                                              \
+    X(fovea, pose_t)                                                                                         \
+    X(fovea, preview_t)                                                                                      \
+    X(fovea, recording_part_t)                                                                               \
+    X(fovea, recording_t)                                                                                    \
+    X(fovea, stamp_t)                                                                                        \
+    X(fovea, statistics_t)
 EVERY_TYPE(ROUND_TRIP)
 
 static const struct {
     const char *name;
     int (*round_trip)(const uint8_t *, size_t, uint8_t *, size_t);
 } trips[] = {
-#define ROW(T) {"fovea." #T, round_trip_##T},
+#define ROW(P, T) {#P "." #T, round_trip_##P##_##T},
     EVERY_TYPE(ROW)};
 
 static uint64_t seed = 1;

@@ -1,0 +1,103 @@
+#include "sim.h"
+
+#include <string.h>
+
+/* Odometry of the body that carries the camera, at a rate of its own and with errors of each step: what wheels or legs
+ * would tell. The body's frame is the camera's, so T_base_cam is the identity. A body that is carried off does not
+ * turn its wheels: such steps are left out. */
+
+static const double carried_off_m_s = 20.0;
+
+static void relative(const double a[12], const double b[12], double R[9], double t[3])
+{
+    for (int r = 0; r < 3; r++) {
+        t[r] = 0;
+        for (int k = 0; k < 3; k++)
+            t[r] += a[4 * k + r] * (b[4 * k + 3] - a[4 * k + 3]);
+        for (int c = 0; c < 3; c++)
+            R[3 * r + c] = a[r] * b[c] + a[4 + r] * b[4 + c] + a[8 + r] * b[8 + c];
+    }
+}
+
+/* Unit quaternion of a rotation whose trace may have any sign: the largest of its four parts comes first. */
+static void quaternion(const double R[9], double q[4])
+{
+    double t = R[0] + R[4] + R[8], squares[4] = {t, R[0], R[4], R[8]};
+    int best = 0;
+    for (int i = 1; i < 4; i++)
+        if (squares[i] > squares[best]) best = i;
+    double s = 0.5 * __builtin_sqrt((best == 0 ? 1 + t : 1 + 2 * squares[best] - t)), f = 0.25 / s;
+    const double w[3] = {R[7] - R[5], R[2] - R[6], R[3] - R[1]}, v[3] = {R[5] + R[7], R[2] + R[6], R[1] + R[3]};
+    q[0] = best == 0 ? s : f * w[best - 1];
+    for (int i = 0; i < 3; i++)
+        q[i + 1] = best == 0 ? f * w[i] : best == i + 1 ? s : f * v[3 - i - (best - 1)];
+    for (int i = 0; i < 4 && q[0] < 0; i++)
+        q[i] = i == 0 ? q[0] : -q[i];
+    if (q[0] < 0) q[0] = -q[0];
+}
+
+/* R <- R S, and its rows made orthonormal again. */
+static void turn(double R[9], const double S[9])
+{
+    double P[9];
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 3; c++)
+            P[3 * r + c] = R[3 * r] * S[c] + R[3 * r + 1] * S[3 + c] + R[3 * r + 2] * S[6 + c];
+    for (int r = 0; r < 2; r++) {
+        for (int k = 0; k < r; k++) {
+            double along = P[0] * P[3] + P[1] * P[4] + P[2] * P[5];
+            for (int c = 0; c < 3; c++)
+                P[3 * r + c] -= along * P[c];
+        }
+        double n = __builtin_sqrt(P[3 * r] * P[3 * r] + P[3 * r + 1] * P[3 * r + 1] + P[3 * r + 2] * P[3 * r + 2]);
+        for (int c = 0; c < 3; c++)
+            P[3 * r + c] /= n;
+    }
+    P[6] = P[1] * P[5] - P[2] * P[4];
+    P[7] = P[2] * P[3] - P[0] * P[5];
+    P[8] = P[0] * P[4] - P[1] * P[3];
+    memcpy(R, P, sizeof P);
+}
+
+static void step(struct fovea_source *source, double time_s, double step_s)
+{
+    struct fv_sim_odometry *o = &source->odometry;
+    struct fovea_random random;
+    double T[12], R[9], t[3], moved2 = 0;
+    fv_sim_motion_pose(&source->motion, time_s, T);
+    if (o->count == 0) memcpy(o->last, T, sizeof T);
+    relative(o->last, T, R, t);
+    memcpy(o->last, T, sizeof T);
+    for (int i = 0; i < 3; i++)
+        moved2 += t[i] * t[i];
+    if (moved2 > carried_off_m_s * carried_off_m_s * step_s * step_s) return;
+    fovea_random_seed(&random, source->options.seed ^ (o->count + 1) * 0xD1B54A32D192ED03u);
+    double stretch = 1 + source->options.odometry_noise * fovea_random_normal(&random);
+    for (int r = 0; r < 3; r++)
+        for (int k = 0; k < 3; k++)
+            o->position[r] += stretch * o->R[3 * r + k] * t[k];
+    turn(o->R, R);
+}
+
+uint32_t fv_sim_odometry(struct fovea_source *source, const struct fovea_frame *frame,
+                         struct fovea_odometry_sample *samples, uint32_t count_max)
+{
+    const struct fv_sim_options *options = &source->options;
+    struct fv_sim_odometry *o = &source->odometry;
+    uint32_t count = 0;
+    if (options->odometry_hz == 0 || source->selection.reverse) return 0;
+    const double begin_s = (double)source->selection.start / options->rate_hz;
+    if (o->count == 0) memcpy(o->R, (const double[9]){1, 0, 0, 0, 1, 0, 0, 0, 1}, sizeof o->R);
+    while (count < count_max) {
+        const double stamp_s = begin_s + (double)o->count / options->odometry_hz;
+        struct fovea_odometry_sample *sample = &samples[count];
+        sample->stamp_ns = (int64_t)(stamp_s * 1e9 + 0.5);
+        if (sample->stamp_ns > frame->stamp_ns) break;
+        step(source, fv_sim_frame_time(source, 0) + stamp_s, 1 / options->odometry_hz);
+        o->count++;
+        memcpy(sample->position_m, o->position, sizeof o->position);
+        quaternion(o->R, sample->orientation);
+        count++;
+    }
+    return count;
+}

@@ -1,0 +1,134 @@
+#include "geometry/plane.h"
+
+#include "geometry/linear.h"
+#include "geometry/sample.h"
+#include "geometry/vec.h"
+
+enum { REFINEMENTS = 4 };
+
+static const double sigma_best = 0.02; /* relative: no floor is flatter, no point better */
+static const double gate = 2.5;        /* standard deviations */
+static const double sigma_max = 0.1;   /* of the height: worse is no answer */
+
+/* Of a point's height over or under the plane, in its standard deviations; positive: below the plane. */
+static double fv_plane_residual(const double down[3], double height, const struct fv_plane_point *point)
+{
+    return (fv_dot3(down, point->p) - height) / (height * point->sigma);
+}
+
+/* Points weigh by how well they are known, the best count 1. */
+static double fv_plane_weight(const struct fv_plane_point *point)
+{
+    return point->sigma > sigma_best ? sigma_best / point->sigma : 1;
+}
+
+static double fv_plane_score(const struct fv_plane_point *points, uint32_t count, const double down[3],
+                             double height)
+{
+    double score = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        double e = fv_plane_residual(down, height, &points[i]), share = e * e / (gate * gate);
+        if (share < 1)
+            score += fv_plane_weight(&points[i]) * (1 - share);
+        else if (e > 0)
+            score -= fv_plane_weight(&points[i]);
+    }
+    return score;
+}
+
+/* A hypothesis; false for points that give none, or one too far from what is expected. */
+static bool fv_plane_hypothesis(const struct fv_plane_point *points, uint32_t count,
+                                const struct fv_plane_prior *prior, bool three, struct fovea_random *random,
+                                double down[3], double *height)
+{
+    uint32_t index[3];
+    double a[3], b[3];
+    fv_sample_distinct(random, count, 3, index);
+    const double *p = points[index[0]].p;
+    fv_copy3(prior->down, down);
+    if (three) {
+        fv_subtract3(points[index[1]].p, p, a);
+        fv_subtract3(points[index[2]].p, p, b);
+        fv_cross3(a, b, down);
+        if (!fv_normalise3(down)) return false;
+        if (fv_dot3(down, prior->down) < 0)
+            for (int i = 0; i < 3; i++)
+                down[i] = -down[i];
+    }
+    *height = fv_dot3(down, p);
+    return *height > 1e-9 && fv_dot3(down, prior->down) > fovea_cos(prior->off_max_rad);
+}
+
+/* Weighted least squares over the inliers. The plane is x p = 1 with x = down / height, so that a relative
+ * error of height is the residual x p - 1; the prior holds x to prior->down / height across the direction.
+ * `information`: of x. False when the system is singular. */
+static bool fv_plane_refine(const struct fv_plane_point *points, uint32_t count,
+                            const struct fv_plane_prior *prior, double down[3], double *height,
+                            double information[9], uint32_t *inliers)
+{
+    double A[9] = {0}, b[3] = {0}, weight = 1 / (prior->sigma_rad * prior->sigma_rad) * *height * *height;
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 3; c++)
+            A[3 * r + c] = weight * ((r == c) - prior->down[r] * prior->down[c]);
+    *inliers = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        const double *p = points[i].p;
+        double e = fv_plane_residual(down, *height, &points[i]);
+        if (e * e > gate * gate) continue;
+        double w = 1 / (points[i].sigma * points[i].sigma);
+        for (int r = 0; r < 3; r++) {
+            for (int c = 0; c < 3; c++)
+                A[3 * r + c] += w * p[r] * p[c];
+            b[r] += w * p[r];
+        }
+        (*inliers)++;
+    }
+    for (int i = 0; i < 9; i++)
+        information[i] = A[i];
+    if (!fv_ldlt_solve(A, 3, b)) return false;
+    double norm = fv_norm3(b);
+    if (!(norm > 1e-12)) return false;
+    for (int i = 0; i < 3; i++)
+        down[i] = b[i] / norm;
+    *height = 1 / norm;
+    return true;
+}
+
+/* Relative deviation of the height: that of |x| = 1 / height, by the inverse of the information. */
+static double fv_plane_sigma(const double information[9], const double down[3], double height)
+{
+    double A[9], v[3];
+    for (int i = 0; i < 9; i++)
+        A[i] = information[i];
+    fv_copy3(down, v);
+    if (!fv_ldlt_solve(A, 3, v)) return 1;
+    double variance = fv_dot3(down, v);
+    return variance > 0 ? height * __builtin_sqrt(variance) : 1;
+}
+
+bool fv_plane_estimate(const struct fv_plane_point *points, uint32_t count,
+                       const struct fv_plane_prior *prior, uint32_t samples, uint32_t inliers_min,
+                       struct fovea_random *random, struct fv_plane *plane)
+{
+    double best = 0, down[3], height, information[9];
+    struct fv_plane found = {.height = 0};
+    if (count < inliers_min || count < 3) return false;
+    for (uint32_t k = 0; k < samples; k++) {
+        if (!fv_plane_hypothesis(points, count, prior, k % 2 == 1, random, down, &height)) continue;
+        double score = fv_plane_score(points, count, down, height);
+        if (score <= best) continue;
+        best = score;
+        fv_copy3(down, found.down);
+        found.height = height;
+    }
+    if (!(found.height > 0)) return false;
+    for (int k = 0; k < REFINEMENTS; k++)
+        if (!fv_plane_refine(points, count, prior, found.down, &found.height, information, &found.inliers))
+            return false;
+    if (fv_dot3(found.down, prior->down) < fovea_cos(prior->off_max_rad)) return false;
+    found.support = fv_plane_score(points, count, found.down, found.height);
+    found.sigma = fv_plane_sigma(information, found.down, found.height);
+    if (found.inliers < inliers_min || !(found.support > 0) || !(found.sigma < sigma_max)) return false;
+    *plane = found;
+    return true;
+}

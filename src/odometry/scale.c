@@ -1,0 +1,176 @@
+#include "odometry/scale.h"
+
+#include <string.h>
+
+#include "geometry/vec.h"
+
+enum { KEYFRAMES_BEHIND_MAX = 3 };
+
+static const double drift = 0.015; /* of the scale of a monocular map, relative, from keyframe to keyframe */
+/* Floors are not flat, and robots nod on them: no fit is surer than this, relative. */
+static const double floor_sigma_least = 0.03;
+static const double surprise = 3; /* standard deviations; measurements further off count for less */
+
+void fv_scale_carve(struct fv_scale *scale, const struct fovea_scale_config *config, const double T_base_cam[12],
+                    struct fv_arena *persistent, struct fv_arena *frame)
+{
+    memset(scale, 0, sizeof *scale);
+    scale->config = *config;
+    fv_se3_from_rows(T_base_cam, &scale->T_base_cam);
+    const double *R = scale->T_base_cam.R;
+    /* An identity is what stands there unless configured; base and camera axes never agree on a robot. */
+    bool turned = R[0] < 0.999 || R[4] < 0.999;
+    for (int i = 0; i < 3; i++)
+        scale->down[i] = turned ? -R[6 + i] : i == 1;
+    scale->state = fv_arena_take(persistent, 1, sizeof *scale->state);
+    scale->points = fv_arena_take_raw(frame, FV_PLANE_POINTS_MAX, sizeof *scale->points);
+}
+
+void fv_scale_init(struct fv_scale *scale, uint64_t seed)
+{
+    fovea_random_seed(&scale->state->random, seed);
+}
+
+/* A new map: its unit is another. Odometry itself goes on. */
+static void fv_scale_forget(struct fv_scale_state *s, uint32_t map)
+{
+    s->started = s->known = s->metric = s->leg_open = false;
+    s->log_scale = s->variance = 0;
+    s->frame_count = 0;
+    s->leg_count = s->fitted = 0;
+    s->map = map;
+    memset(s->inner, 0, sizeof s->inner);
+    memset(s->outer, 0, sizeof s->outer);
+}
+
+void fv_scale_measure(struct fv_scale *scale, double log_scale, double variance)
+{
+    struct fv_scale_state *s = scale->state;
+    if (!s->known) {
+        s->known = true;
+        s->log_scale = log_scale;
+        s->variance = variance;
+        return;
+    }
+    s->variance += drift * drift;
+    double innovation = log_scale - s->log_scale, expected = s->variance + variance;
+    double far2 = innovation * innovation / (surprise * surprise * expected);
+    if (far2 > 1) variance *= far2;
+    double gain = s->variance / (s->variance + variance);
+    s->log_scale += gain * innovation;
+    s->variance *= 1 - gain;
+}
+
+/* ---- camera height
+ * -------------------------------------------------------------------------------------------- */
+
+void fv_scale_unit(struct fv_scale *scale, const struct fv_odometry *o)
+{
+    struct fv_plane floor;
+    scale->state->fitted = o->map.state->keyframe_number;
+    if (!fv_scale_find_floor(scale, o, &floor)) {
+        scale->state->variance += scale->state->known ? drift * drift : 0;
+        return;
+    }
+    double log_scale = fovea_log(scale->config.camera_height_m / floor.height);
+    fv_scale_measure(scale, log_scale, floor.sigma * floor.sigma + floor_sigma_least * floor_sigma_least);
+}
+
+bool fv_scale_waiting(const struct fv_scale *scale, const struct fv_odometry *o)
+{
+    const struct fv_scale_state *s = scale->state;
+    uint64_t behind = o->map.state->keyframe_number - s->fitted;
+    if (scale->config.source != FOVEA_SCALE_CAMERA_HEIGHT || !o->state->pose.posed ||
+        s->map != o->state->pose.map_id || behind == 0)
+        return false;
+    /* After the window is settled, unless it never is. */
+    return behind >= KEYFRAMES_BEHIND_MAX || !fv_odometry_job_waiting(o);
+}
+
+/* ---- publishing
+ * ------------------------------------------------------------------------------------------------ */
+
+/* Lengths of a covariance (upper triangle by rows, translation first) in another unit. */
+static void fv_scale_covariance(double covariance[21], double factor)
+{
+    for (int row = 0, k = 0; row < 6; row++)
+        for (int column = row; column < 6; column++, k++)
+            covariance[k] *= (row < 3 ? factor : 1) * (column < 3 ? factor : 1);
+}
+
+static void fv_scale_publish(struct fv_scale_state *s, double factor)
+{
+    struct fovea_pose *pose = &s->pose;
+    for (int i = 0; i < 3; i++) {
+        double inner = pose->T_world_cam[4 * i + 3];
+        s->outer[i] += factor * (inner - s->inner[i]);
+        s->inner[i] = inner;
+        pose->T_world_cam[4 * i + 3] = s->outer[i];
+    }
+    fv_scale_covariance(pose->covariance, factor);
+}
+
+static void fv_scale_note_frame(struct fv_scale_state *s, int64_t stamp_ns, const double at[3])
+{
+    if (s->frame_count == FV_SCALE_FRAMES_MAX) { /* odometry is late or has ended: give up the oldest */
+        memmove(s->frames, s->frames + 1, (FV_SCALE_FRAMES_MAX - 1) * sizeof s->frames[0]);
+        s->frame_count--;
+        s->leg_open = false;
+    }
+    s->frames[s->frame_count].stamp_ns = stamp_ns;
+    fv_copy3(at, s->frames[s->frame_count++].at);
+}
+
+/* A map's first pose: what is known of its start is used at once. */
+static void fv_scale_first(struct fv_scale *scale, const struct fv_odometry *o)
+{
+    static const double origin[3] = {0, 0, 0};
+    struct fv_scale_state *s = scale->state;
+    s->started = true;
+    if (scale->config.source == FOVEA_SCALE_CAMERA_HEIGHT) fv_scale_unit(scale, o);
+    for (uint32_t k = 0; k < o->map.limits.keyframes && s->frame_count == 0; k++)
+        if (o->map.keyframes[k].used && k != o->state->newest &&
+            o->map.keyframes[k].map_id == s->map)
+            fv_scale_note_frame(s, o->map.keyframes[k].stamp_ns, origin);
+}
+
+/* The pose relative to the newest keyframe, in the unit of the map. */
+static void fv_scale_refer(struct fv_scale_state *s, const struct fv_odometry *o)
+{
+    const struct fv_keyframe *keyframe = &o->map.keyframes[o->state->newest];
+    struct fv_se3 T;
+    fv_se3_from_rows(s->pose.T_world_cam, &T);
+    fv_se3_compose(&keyframe->T_cam_world, &T, &T);
+    fv_se3_to_rows(&T, s->pose.T_keyframe_cam);
+    s->pose.reference_keyframe = keyframe->number;
+}
+
+void fv_scale_step(struct fv_scale *scale, const struct fv_odometry *o)
+{
+    struct fv_scale_state *s = scale->state;
+    if (s->map != o->state->pose.map_id) fv_scale_forget(s, o->state->pose.map_id);
+    s->pose = o->state->pose;
+    s->pose.scale = 1;
+    if (!s->pose.posed) {
+        s->leg_open = false;
+        s->frame_count = 0;
+        return;
+    }
+    fv_scale_refer(s, o);
+    if (!s->started) fv_scale_first(scale, o);
+    if (scale->config.source == FOVEA_SCALE_ODOMETRY) {
+        const double *T = s->pose.T_world_cam, at[3] = {T[3], T[7], T[11]};
+        fv_scale_note_frame(s, o->map.keyframes[fv_map_current(&o->map)].stamp_ns, at);
+        fv_scale_walk(scale);
+    }
+    if (s->known && !s->metric) { /* from now on in metres, from the world's origin */
+        s->metric = true;
+        memset(s->inner, 0, sizeof s->inner);
+        memset(s->outer, 0, sizeof s->outer);
+    }
+    fv_scale_publish(s, s->known ? fovea_exp(s->log_scale) : 1);
+    if (!s->known) return;
+    s->pose.scale = fovea_exp(s->log_scale);
+    s->pose.scale_sigma = __builtin_sqrt(s->variance);
+    s->pose.scale_source = scale->config.source;
+}

@@ -1,0 +1,98 @@
+/* Metric scale of a monocular map, from the height of the camera over the floor or from wheel or leg
+ * odometry, and the pose that is published with it.
+ *
+ * The map keeps the unit that it was started with. What is estimated is one number, metres per unit of the
+ * map, and it acts on what is published alone: the published position moves by `scale` times what the inner
+ * one moves, so that a better estimate bends the path but does not tear it. Only when the scale becomes known
+ * the unit changes, and all that was published before is to be multiplied (the message says so by its
+ * scale_source).
+ *
+ * camera_height: a unit of work after each keyframe fits the floor to the landmarks below the camera
+ * (geometry/plane.h); the logarithm of the scale is then filtered (Kalman, one state, drifting with every
+ * keyframe since the scale of a monocular map does). odometry: over legs of some length, the camera's
+ * displacement by odometry is divided by that in the map; the middle of the last legs counts, and their
+ * spread gives the uncertainty. A new map starts with the scale unknown.
+ *
+ * State holds no addresses. Real-time safe: every function is bounded; no heap. */
+#ifndef FOVEA_ODOMETRY_SCALE_H
+#define FOVEA_ODOMETRY_SCALE_H
+
+#include "base/arena.h"
+#include "fovea/elementary.h"
+#include "fovea/odometry.h"
+#include "geometry/plane.h"
+#include "geometry/se3.h"
+#include "odometry/odometry.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum { FV_SCALE_PLACES_MAX = 512, FV_SCALE_FRAMES_MAX = 32, FV_SCALE_LEGS_MAX = 64 };
+
+/* Where the camera was, by odometry or by the map. */
+struct fv_scale_place {
+    int64_t stamp_ns;
+    double at[3];
+};
+
+struct fv_scale_state {
+    struct fovea_pose pose; /* as published */
+    bool started; /* the map has given a pose */
+    bool known, metric; /* the scale is known; it has been published */
+    double log_scale, variance; /* natural logarithm of metres per unit, and its variance */
+    uint32_t map;               /* that all this belongs to */
+
+    /* What was published last: its position goes on from here. */
+    double inner[3], outer[3];
+
+    /* camera_height */
+    struct fovea_random random;
+    uint64_t fitted; /* number of the map's next keyframe when the floor was last fitted */
+
+    /* odometry */
+    uint64_t place_count;                                /* that have come; the last ones are kept, in a ring */
+    struct fv_scale_place places[FV_SCALE_PLACES_MAX];   /* by odometry */
+    uint32_t frame_count;                                /* waiting for odometry to reach them */
+    struct fv_scale_place frames[FV_SCALE_FRAMES_MAX];   /* by the map, unit of the map */
+    bool leg_open;
+    double leg_inner[3], leg_outer[3];                   /* where the leg under way began */
+    uint64_t leg_count;
+    double legs[FV_SCALE_LEGS_MAX];                      /* log ratios of the last ones, in a ring */
+};
+
+struct fv_scale {
+    struct fovea_scale_config config;
+    struct fv_se3 T_base_cam;
+    double down[3]; /* of the floor, camera frame: base -z, or camera y where T_base_cam turns nothing */
+    struct fv_scale_state *state;
+    struct fv_plane_point *points; /* FV_PLANE_POINTS_MAX */
+};
+
+void fv_scale_carve(struct fv_scale *scale, const struct fovea_scale_config *config, const double T_base_cam[12],
+                    struct fv_arena *persistent, struct fv_arena *frame);
+void fv_scale_init(struct fv_scale *scale, uint64_t seed);
+
+/* Odometry that has come, in order of time. Samples not after the last one are passed over. */
+void fv_scale_observe(struct fv_scale *scale, const struct fovea_odometry_sample *samples, uint32_t count);
+
+/* After a frame's pose is known: state->pose becomes what is published. */
+void fv_scale_step(struct fv_scale *scale, const struct fv_odometry *odometry);
+
+/* The floor's turn to be fitted, and one unit that does it. */
+bool fv_scale_waiting(const struct fv_scale *scale, const struct fv_odometry *odometry);
+void fv_scale_unit(struct fv_scale *scale, const struct fv_odometry *odometry);
+
+/* ---- between the files of the stage */
+
+/* Take a measurement of the scale's logarithm. */
+void fv_scale_measure(struct fv_scale *scale, double log_scale, double variance);
+/* Fit the floor to the map as the current frame sees it; false when none is found. */
+bool fv_scale_find_floor(struct fv_scale *scale, const struct fv_odometry *odometry, struct fv_plane *floor);
+/* Hold frames that wait against odometry. */
+void fv_scale_walk(struct fv_scale *scale);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

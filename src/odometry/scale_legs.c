@@ -1,0 +1,130 @@
+/* The scale from wheel or leg odometry: what the camera moved by odometry over what it moved in the map. */
+#include <string.h>
+
+#include "geometry/vec.h"
+#include "odometry/scale.h"
+
+static const double leg_least_m = 0.2;      /* shorter ones measure noise */
+static const double inner_least = 1e-3;     /* units of the map: less is no motion, whatever odometry says */
+static const double ratio_off_max = 2.0;    /* of logarithms: a leg further off measures a wheel in the air */
+static const double sigma_leg_least = 0.01; /* of one leg, relative */
+static const double sigma_few = 0.1;        /* of one leg, while there are too few to show their spread */
+static const double sigma_least = 0.005;    /* of them all: what no number of legs takes away */
+enum { LEGS_FEW = 6 };
+
+void fv_scale_observe(struct fv_scale *scale, const struct fovea_odometry_sample *samples, uint32_t count)
+{
+    struct fv_scale_state *s = scale->state;
+    if (scale->config.source != FOVEA_SCALE_ODOMETRY) return;
+    for (uint32_t i = 0; i < count && i < FV_SCALE_PLACES_MAX; i++) {
+        int64_t last = s->places[(s->place_count - 1) % FV_SCALE_PLACES_MAX].stamp_ns;
+        if (s->place_count > 0 && samples[i].stamp_ns <= last) continue;
+        struct fv_se3 T_odom_base;
+        fv_so3_from_quaternion(samples[i].orientation, T_odom_base.R);
+        fv_copy3(samples[i].position_m, T_odom_base.t);
+        struct fv_scale_place *place = &s->places[s->place_count++ % FV_SCALE_PLACES_MAX];
+        place->stamp_ns = samples[i].stamp_ns;
+        fv_se3_apply(&T_odom_base, scale->T_base_cam.t, place->at);
+    }
+}
+
+/* -1: odometry has not come so far yet; 0: it begins later or has a gap there; 1: found. */
+static int fv_scale_place_at(const struct fv_scale_state *s, int64_t stamp_ns, double at[3])
+{
+    static const int64_t gap_most_ns = 500000000;
+    uint64_t oldest = s->place_count > FV_SCALE_PLACES_MAX ? s->place_count - FV_SCALE_PLACES_MAX : 0;
+    if (s->place_count == 0 || s->places[(s->place_count - 1) % FV_SCALE_PLACES_MAX].stamp_ns < stamp_ns)
+        return -1;
+    uint64_t low = oldest, high = s->place_count - 1; /* the first one not before the stamp */
+    while (low < high) {
+        uint64_t middle = low + (high - low) / 2;
+        if (s->places[middle % FV_SCALE_PLACES_MAX].stamp_ns < stamp_ns)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    const struct fv_scale_place *b = &s->places[low % FV_SCALE_PLACES_MAX];
+    if (b->stamp_ns == stamp_ns) return (fv_copy3(b->at, at), 1);
+    if (low == oldest) return 0;
+    const struct fv_scale_place *a = &s->places[(low - 1) % FV_SCALE_PLACES_MAX];
+    if (b->stamp_ns - a->stamp_ns > gap_most_ns) return 0;
+    double share = (double)(stamp_ns - a->stamp_ns) / (double)(b->stamp_ns - a->stamp_ns);
+    for (int i = 0; i < 3; i++)
+        at[i] = a->at[i] + share * (b->at[i] - a->at[i]);
+    return 1;
+}
+
+static void fv_scale_sort(double *values, uint32_t count)
+{
+    for (uint32_t i = 1; i < count; i++) {
+        double value = values[i];
+        uint32_t at = i;
+        for (; at > 0 && values[at - 1] > value; at--)
+            values[at] = values[at - 1];
+        values[at] = value;
+    }
+}
+
+/* Mean of the legs within three deviations of their median; the deviation is that of their middle (1.4826
+ * times the median of distances, for normal errors). */
+static void fv_scale_settle(struct fv_scale_state *s)
+{
+    double sorted[FV_SCALE_LEGS_MAX], off[FV_SCALE_LEGS_MAX], sum = 0;
+    uint32_t count = s->leg_count < FV_SCALE_LEGS_MAX ? (uint32_t)s->leg_count : FV_SCALE_LEGS_MAX, used = 0;
+    if (count == 0) return;
+    memcpy(sorted, s->legs, count * sizeof sorted[0]);
+    fv_scale_sort(sorted, count);
+    double middle = 0.5 * (sorted[(count - 1) / 2] + sorted[count / 2]);
+    for (uint32_t i = 0; i < count; i++)
+        off[i] = fv_abs(sorted[i] - middle);
+    fv_scale_sort(off, count);
+    double sigma = 1.4826 * off[count / 2];
+    if (sigma < sigma_leg_least) sigma = sigma_leg_least;
+    for (uint32_t i = 0; i < count; i++) {
+        if (fv_abs(sorted[i] - middle) > 3 * sigma) continue;
+        sum += sorted[i];
+        used++;
+    }
+    if (count < LEGS_FEW && sigma < sigma_few) sigma = sigma_few;
+    s->known = true;
+    s->log_scale = sum / used;
+    s->variance = sigma * sigma / used + sigma_least * sigma_least;
+}
+
+static void fv_scale_leg(struct fv_scale_state *s, const double inner[3], const double outer[3])
+{
+    double by_map[3], by_odometry[3];
+    fv_subtract3(inner, s->leg_inner, by_map);
+    fv_subtract3(outer, s->leg_outer, by_odometry);
+    double moved = fv_norm3(by_odometry), seen = fv_norm3(by_map);
+    bool begin = !s->leg_open;
+    if (!begin && moved >= leg_least_m && seen > inner_least) {
+        double ratio = fovea_log(moved / seen);
+        begin = true;
+        if (!s->known || fv_abs(ratio - s->log_scale) < ratio_off_max) {
+            s->legs[s->leg_count++ % FV_SCALE_LEGS_MAX] = ratio;
+            fv_scale_settle(s);
+        }
+    }
+    if (!begin) return;
+    fv_copy3(inner, s->leg_inner);
+    fv_copy3(outer, s->leg_outer);
+    s->leg_open = true;
+}
+
+void fv_scale_walk(struct fv_scale *scale)
+{
+    struct fv_scale_state *s = scale->state;
+    uint32_t done = 0;
+    for (; done < s->frame_count; done++) {
+        double outer[3];
+        int found = fv_scale_place_at(s, s->frames[done].stamp_ns, outer);
+        if (found < 0) break;
+        if (found == 0)
+            s->leg_open = false;
+        else
+            fv_scale_leg(s, s->frames[done].at, outer);
+    }
+    memmove(s->frames, s->frames + done, (s->frame_count - done) * sizeof s->frames[0]);
+    s->frame_count -= done;
+}
