@@ -71,6 +71,24 @@ static int32_t fv_cell_of(const struct fv_map *map, const struct fv_keypoint *p)
     return row * map->columns + column;
 }
 
+static const double sigma_px = 1.0; /* of a key point of level 0; a level's scale multiplies it */
+
+bool fv_map_set_keypoint(struct fv_keypoint *p, const struct fv_bearing_table *bearings,
+                         const struct fovea_camera *camera, float x_px, float y_px, uint32_t level)
+{
+    double bearing[3], A[6], scale = sigma_px * fv_level_scale(level);
+    if (!fv_bearing_of(bearings, camera, (double)x_px, (double)y_px, bearing, A)) return false;
+    for (int k = 0; k < 3; k++)
+        p->bearing[k] = (float)bearing[k];
+    for (int k = 0; k < 6; k++)
+        p->A[k] = (float)A[k];
+    p->x_px = x_px;
+    p->y_px = y_px;
+    p->weight = (float)(1 / (scale * scale));
+    p->level = level;
+    return true;
+}
+
 void fv_map_sort_view(const struct fv_map *map, uint32_t slot)
 {
     struct fv_view view = fv_map_view(map, slot);

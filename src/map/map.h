@@ -24,6 +24,8 @@
 
 #include "base/arena.h"
 #include "geometry/se3.h"
+#include "fovea/features.h"
+#include "geometry/bearing.h"
 #include "geometry/sim3.h"
 #include "kernels/kernels.h"
 
@@ -156,6 +158,16 @@ static inline uint32_t fv_map_view_count(const struct fv_map *map)
     return map->limits.keyframes + 1 + FV_MAP_WAITING_MAX;
 }
 
+/* Size of a level's pixels in those of level 0. */
+static inline double fv_level_scale(uint32_t level)
+{
+    static const double scales[FOVEA_PYRAMID_LEVELS_MAX] = {1,      1.2,     1.44,     1.728,
+                                                            2.0736, 2.48832, 2.985984, 3.5831808};
+    return scales[level & 7];
+}
+/* Make a view's feature of a place in the image. False: the lens model knows no bearing there. */
+bool fv_map_set_keypoint(struct fv_keypoint *point, const struct fv_bearing_table *bearings,
+                         const struct fovea_camera *camera, float x_px, float y_px, uint32_t level);
 /* Sort the view's features into its grid. */
 void fv_map_sort_view(const struct fv_map *map, uint32_t slot);
 /* Copy a view with its frame to another slot; links are not copied. The slot's generation rises. */

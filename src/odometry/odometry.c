@@ -13,8 +13,6 @@ enum {
     MAP_KEYFRAMES_MIN = 5
 };
 
-static const double sigma_px = 1.0; /* of a key point of level 0; a level's scale multiplies it */
-
 void fv_odometry_carve(struct fv_odometry *o, const struct fovea_odometry_config *config,
                        const struct fovea_camera *camera, uint32_t features_max, struct fv_arena *persistent,
                        struct fv_arena *job, struct fv_arena *frame)
@@ -78,17 +76,7 @@ void fv_odometry_fill_view(struct fv_odometry *o, const struct fv_odometry_input
     uint32_t count = 0;
     for (uint32_t i = 0; i < input->count && count < o->map.limits.features; i++) {
         const struct fovea_feature *f = &input->features[i];
-        double bearing[3], A[6], scale = sigma_px * fv_level_scale(f->level);
-        if (!fv_bearing_of(&o->bearings, &o->camera, (double)f->x_px, (double)f->y_px, bearing, A)) continue;
-        struct fv_keypoint *p = &view.points[count];
-        for (int k = 0; k < 3; k++)
-            p->bearing[k] = (float)bearing[k];
-        for (int k = 0; k < 6; k++)
-            p->A[k] = (float)A[k];
-        p->x_px = f->x_px;
-        p->y_px = f->y_px;
-        p->weight = (float)(1 / (scale * scale));
-        p->level = f->level;
+        if (!fv_map_set_keypoint(&view.points[count], &o->bearings, &o->camera, f->x_px, f->y_px, f->level)) continue;
         memcpy(view.descriptors + (size_t)count * FV_MAP_DESCRIPTOR_BYTES,
                input->descriptors + (size_t)i * FV_MAP_DESCRIPTOR_BYTES, FV_MAP_DESCRIPTOR_BYTES);
         view.landmark[count++] = FV_MAP_NONE;

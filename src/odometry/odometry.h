@@ -118,13 +118,6 @@ bool fv_odometry_job_waiting(const struct fv_odometry *odometry);
 
 /* ---- between the stage's own files ------------------------------------------------------------------- */
 
-static inline double fv_level_scale(uint32_t level)
-{
-    static const double scales[FOVEA_PYRAMID_LEVELS_MAX] = {1,      1.2,     1.44,     1.728,
-                                                            2.0736, 2.48832, 2.985984, 3.5831808};
-    return scales[level & 7];
-}
-
 /* A key point that sees a point of the world. */
 static inline void fv_sight_from(const struct fv_keypoint *p, const double point[3], struct fv_sight *s)
 {

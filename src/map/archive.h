@@ -1,0 +1,108 @@
+/* A map as a file: written in units while the loop runs, read and checked before it starts.
+ *
+ * Layout, all little-endian, numbers as IEEE 754 and two's complement:
+ *
+ *     header     FV_ARCHIVE_HEADER_BYTES: magic, version, byte order mark, size, calibration, counts
+ *     landmarks  each FV_ARCHIVE_LANDMARK_BYTES and 4 bytes per observer (keyframe slot, feature)
+ *     keyframes  each FV_ARCHIVE_KEYFRAME_BYTES and FV_ARCHIVE_FEATURE_BYTES per feature
+ *     edges      of closed loops, 16 bytes each
+ *     checksum   8 bytes, FNV-1a of all before
+ *
+ * Bearings, grids, redundancy and the place index are not stored: they follow from the rest.
+ *
+ * Writing: the map's jobs rest while it goes on, so that poses and points stay as they are, but frames may still add
+ * and remove keyframes and landmarks. So links are stored from both ends with the generations of their slots, and
+ * reading keeps those that agree. Without a buffer the units pass all the same: what becomes of the bytes does not touch the state.
+ *
+ * Reading trusts nothing: every number is checked before it is used, errors name the byte. */
+#ifndef FOVEA_MAP_ARCHIVE_H
+#define FOVEA_MAP_ARCHIVE_H
+
+#include <stddef.h>
+
+#include "fovea/camera.h"
+#include "fovea/status.h"
+#include "geometry/bearing.h"
+#include "map/map.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum {
+    FV_ARCHIVE_VERSION = 1,
+    FV_ARCHIVE_HEADER_BYTES = 192,
+    FV_ARCHIVE_LANDMARK_BYTES = 104,
+    FV_ARCHIVE_OBSERVER_BYTES = 4,
+    FV_ARCHIVE_KEYFRAME_BYTES = 144,
+    FV_ARCHIVE_FEATURE_BYTES = 52,
+    FV_ARCHIVE_EDGE_BYTES = 16,
+    FV_ARCHIVE_CHECKSUM_BYTES = 8,
+    FV_ARCHIVE_UNIT_LANDMARKS = 1024, /* slots looked at in a unit */
+    FV_ARCHIVE_UNIT_FEATURES = 1024   /* written in a unit */
+};
+
+/* Most bytes that a map within these limits takes. */
+size_t fv_archive_bytes_max(const struct fv_map_limits *limits);
+
+/* ---- writing ----------------------------------------------------------------------------------------- */
+
+enum fv_archive_phase {
+    FV_ARCHIVE_IDLE = 0,
+    FV_ARCHIVE_LANDMARKS = 1,
+    FV_ARCHIVE_KEYFRAMES = 2,
+    FV_ARCHIVE_EDGES = 3,
+    FV_ARCHIVE_DONE = 4 /* all is written; fv_archive_take ends it */
+};
+
+struct fv_archive_state {
+    uint64_t at;           /* bytes so far */
+    uint64_t record_at;    /* where the keyframe in work begins */
+    uint64_t frame_number; /* when it began */
+    enum fv_archive_phase phase;
+    uint32_t slot, feature; /* next */
+    uint32_t generation;    /* of the keyframe in work */
+    uint32_t features;      /* that its record promises */
+    uint32_t landmarks, keyframes, edges;
+    uint32_t reserved;
+};
+
+void fv_archive_begin(struct fv_archive_state *archive, uint64_t frame_number);
+static inline bool fv_archive_busy(const struct fv_archive_state *archive)
+{
+    return archive->phase != FV_ARCHIVE_IDLE && archive->phase != FV_ARCHIVE_DONE;
+}
+/* One unit: a part of the map goes into `out`, which may be NULL; nothing beyond `capacity`. Real-time safe. */
+void fv_archive_unit(struct fv_archive_state *archive, const struct fv_map *map, const struct fovea_camera *camera,
+                     uint8_t *out, size_t capacity);
+/* When all is written: bytes of the file, and idle again; 0 else. */
+size_t fv_archive_take(struct fv_archive_state *archive);
+/* Put the checksum at the end of a written file. A pass over all bytes: not for the loop. */
+void fv_archive_seal(uint8_t *data, size_t bytes);
+
+/* ---- reading ----------------------------------------------------------------------------------------- */
+
+/* What a file says of itself. */
+struct fv_archive_info {
+    struct fovea_camera camera;
+    uint32_t landmarks, keyframes, edges;
+    uint32_t landmark_slots, keyframe_slots, features_max; /* that reading it needs */
+    uint32_t map_id, map_next;
+    uint64_t keyframe_number, frame_number;
+};
+
+/* Check size, magic, version, byte order and checksum, and read the header. `name` is for errors, which are
+ * FOVEA_ERROR_INPUT and name the byte. Init-only. */
+enum fovea_status fv_archive_info(const uint8_t *data, size_t bytes, const char *name, struct fv_archive_info *info,
+                                  struct fovea_error *error);
+
+/* Fill the map from a file that was made with this camera. FOVEA_ERROR_INPUT: the file is damaged, from another
+ * camera, or needs more than the map's limits; the map is empty then. Init-only. */
+enum fovea_status fv_archive_read(const uint8_t *data, size_t bytes, const char *name, struct fv_map *map,
+                                  const struct fovea_camera *camera, const struct fv_bearing_table *bearings,
+                                  struct fv_archive_info *info, struct fovea_error *error);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,379 @@
+#include <string.h>
+
+#include "base/hash.h"
+#include "geometry/vec.h"
+#include "map/archive.h"
+
+/* ---- bytes ------------------------------------------------------------------------------------------- */
+
+/* Where reading stands. After the first error nothing is read any more, and values are 0. */
+struct reader {
+    const uint8_t *data;
+    size_t bytes, at; /* bytes: without the checksum */
+    const char *name;
+    struct fovea_error *error;
+    enum fovea_status status;
+};
+
+static void refuse(struct reader *r, size_t at, const char *what, int64_t found, const char *expected)
+{
+    if (r->status != FOVEA_OK) return;
+    r->status = fovea_error_set(r->error, FOVEA_ERROR_INPUT, "%.200s: byte %zu: %s: found %lld, expected %s", r->name,
+                                at, what, (long long)found, expected);
+}
+
+static uint64_t get(struct reader *r, int bytes)
+{
+    uint64_t value = 0;
+    if (r->status == FOVEA_OK && r->bytes - r->at < (size_t)bytes)
+        refuse(r, r->at, "bytes left", (int64_t)(r->bytes - r->at), "more: the counts promise more than there is");
+    if (r->status != FOVEA_OK) return 0;
+    for (int i = 0; i < bytes; i++)
+        value |= (uint64_t)r->data[r->at + (size_t)i] << (8 * i);
+    r->at += (size_t)bytes;
+    return value;
+}
+
+static uint32_t get_u32(struct reader *r)
+{
+    return (uint32_t)get(r, 4);
+}
+
+/* An index below `bound`. */
+static uint32_t get_index(struct reader *r, uint32_t bound, const char *what, const char *expected)
+{
+    const size_t at = r->at;
+    const uint32_t value = get_u32(r);
+    if (value >= bound) refuse(r, at, what, value, expected);
+    return r->status == FOVEA_OK ? value : 0;
+}
+
+/* Finite and within +-limit. */
+static double get_double(struct reader *r, double limit, const char *what)
+{
+    const size_t at = r->at;
+    const uint64_t bits = get(r, 8);
+    double value;
+    memcpy(&value, &bits, sizeof value);
+    if (value >= -limit && value <= limit) return value;
+    if (r->status == FOVEA_OK)
+        r->status = fovea_error_set(r->error, FOVEA_ERROR_INPUT, "%.200s: byte %zu: %s: found %g, expected a number within %g",
+                                    r->name, at, what, value, limit);
+    return 0;
+}
+
+static float get_float(struct reader *r, float low, float high, const char *what)
+{
+    const size_t at = r->at;
+    const uint32_t bits = get_u32(r);
+    float value;
+    memcpy(&value, &bits, sizeof value);
+    if (value >= low && value <= high) return value;
+    if (r->status == FOVEA_OK)
+        r->status = fovea_error_set(r->error, FOVEA_ERROR_INPUT, "%.200s: byte %zu: %s: found %g, expected %g to %g",
+                                    r->name, at, what, (double)value, (double)low, (double)high);
+    return 0;
+}
+
+static void get_bytes(struct reader *r, uint8_t *to, uint32_t bytes)
+{
+    if (r->status == FOVEA_OK && r->bytes - r->at < bytes)
+        refuse(r, r->at, "bytes left", (int64_t)(r->bytes - r->at), "more: the counts promise more than there is");
+    if (r->status != FOVEA_OK) return;
+    memcpy(to, r->data + r->at, bytes);
+    r->at += bytes;
+}
+
+/* ---- header ------------------------------------------------------------------------------------------ */
+
+static void read_envelope(struct reader *r)
+{
+    if (r->bytes < FV_ARCHIVE_HEADER_BYTES + FV_ARCHIVE_CHECKSUM_BYTES) {
+        refuse(r, r->bytes, "size of the file", (int64_t)r->bytes, "at least 200 bytes of a map");
+        return;
+    }
+    if (memcmp(r->data, "FOVEAMAP", 8) != 0) {
+        refuse(r, 0, "first byte", r->data[0], "FOVEAMAP: this is not a map");
+        return;
+    }
+    r->at = 8;
+    const uint32_t version = get_u32(r), order = get_u32(r);
+    if (order == 0x04030201) refuse(r, 12, "byte order mark", order, "that of a little-endian file");
+    if (version != FV_ARCHIVE_VERSION) refuse(r, 8, "version", version, "1: made by another Fovea");
+    if (order != 0x01020304) refuse(r, 12, "byte order mark", order, "16909060");
+    const uint64_t bytes = get(r, 8);
+    if (bytes != r->bytes) refuse(r, 16, "size stated", (int64_t)bytes, "that of the file: it is cut, or something was added");
+    if (r->status != FOVEA_OK) return;
+    struct reader end = *r;
+    end.at = r->bytes - FV_ARCHIVE_CHECKSUM_BYTES;
+    const uint64_t stated = get(&end, 8);
+    const uint64_t found = fv_hash(FV_HASH_START, r->data, r->bytes - FV_ARCHIVE_CHECKSUM_BYTES);
+    if (found != stated) {
+        r->status = fovea_error_set(r->error, FOVEA_ERROR_INPUT,
+                                    "%.200s: byte %zu: checksum: found %016llx, expected %016llx: the file is damaged",
+                                    r->name, r->bytes - FV_ARCHIVE_CHECKSUM_BYTES, (unsigned long long)found,
+                                    (unsigned long long)stated);
+        return;
+    }
+    r->bytes -= FV_ARCHIVE_CHECKSUM_BYTES;
+}
+
+static void read_header(struct reader *r, struct fv_archive_info *info)
+{
+    struct fovea_camera *camera = &info->camera;
+    const char *size = "an image's size", *pool = "the size of a pool";
+    camera->width = (int32_t)get_index(r, 65536, "width", size);
+    camera->height = (int32_t)get_index(r, 65536, "height", size);
+    camera->lens = (enum fovea_lens)get_index(r, 2, "lens", "0 or 1");
+    info->features_max = get_index(r, 65536, "features", pool);
+    camera->fx = get_double(r, 1e6, "fx");
+    camera->fy = get_double(r, 1e6, "fy");
+    camera->cx = get_double(r, 1e6, "cx");
+    camera->cy = get_double(r, 1e6, "cy");
+    for (int i = 0; i < FOVEA_LENS_COEFFICIENTS; i++)
+        camera->k[i] = get_double(r, 1e6, "distortion");
+    info->landmarks = get_u32(r);
+    info->keyframes = get_u32(r);
+    info->edges = get_u32(r);
+    info->landmark_slots = get_index(r, 1 << 20, "landmark slots", pool);
+    info->keyframe_slots = get_index(r, 1 << 12, "keyframe slots", pool);
+    info->map_id = get_u32(r);
+    info->map_next = get_u32(r);
+    (void)get_u32(r);
+    info->keyframe_number = get(r, 8);
+    info->frame_number = get(r, 8);
+    (void)get(r, 8);
+    if (info->landmarks > info->landmark_slots) refuse(r, 136, "landmarks", info->landmarks, "at most the slots");
+    if (info->keyframes > info->keyframe_slots) refuse(r, 140, "keyframes", info->keyframes, "at most the slots");
+    if (info->edges > FV_MAP_EDGES_MAX) refuse(r, 144, "edges", info->edges, "at most 128");
+}
+
+enum fovea_status fv_archive_info(const uint8_t *data, size_t bytes, const char *name, struct fv_archive_info *info,
+                                  struct fovea_error *error)
+{
+    struct reader r = {data, bytes, 0, name, error, FOVEA_OK};
+    memset(info, 0, sizeof *info);
+    read_envelope(&r);
+    if (r.status == FOVEA_OK) read_header(&r, info);
+    return r.status;
+}
+
+/* ---- records ----------------------------------------------------------------------------------------- */
+
+static void read_landmark(struct reader *r, struct fv_map *map)
+{
+    const size_t at = r->at;
+    const uint32_t slot = get_index(r, map->limits.landmarks, "landmark slot",
+                                    "less than odometry.landmarks: raise it to that of the run that saved the map");
+    struct fv_landmark *l = &map->landmarks[slot];
+    if (l->used) refuse(r, at, "landmark slot", slot, "one that comes once");
+    if (r->status != FOVEA_OK) return;
+    l->generation = get_u32(r);
+    for (int i = 0; i < 3; i++)
+        l->point[i] = get_double(r, 1e12, "coordinate");
+    for (int i = 0; i < 3; i++)
+        l->direction[i] = get_float(r, -1.001F, 1.001F, "direction");
+    l->distance = get_float(r, 0, 1e12F, "distance");
+    l->born = get(r, 8);
+    l->seen = get(r, 8);
+    l->expected = (uint16_t)get(r, 2);
+    l->found = (uint16_t)get(r, 2);
+    const uint32_t level = (uint32_t)get(r, 2), observers = (uint32_t)get(r, 2);
+    if (level >= FOVEA_PYRAMID_LEVELS_MAX) refuse(r, at + 68, "level", level, "at most 7");
+    if (observers > FV_MAP_OBSERVERS_MAX) refuse(r, at + 70, "observers", observers, "at most 12");
+    get_bytes(r, l->descriptor, FV_MAP_DESCRIPTOR_BYTES);
+    for (uint32_t i = 0; i < observers && r->status == FOVEA_OK; i++) {
+        const size_t here = r->at;
+        l->observers[i].keyframe = (uint16_t)get(r, 2);
+        l->observers[i].feature = (uint16_t)get(r, 2);
+        if (l->observers[i].keyframe >= map->limits.keyframes)
+            refuse(r, here, "keyframe slot", l->observers[i].keyframe,
+                   "less than odometry.keyframes: raise it to that of the run that saved the map");
+    }
+    if (r->status != FOVEA_OK) return;
+    l->level = (uint8_t)level;
+    l->observer_count = (uint16_t)observers;
+    l->used = true;
+    map->state->landmark_count++;
+}
+
+static void read_pose(struct reader *r, struct fv_se3 *T)
+{
+    const size_t at = r->at;
+    for (int i = 0; i < 9; i++)
+        T->R[i] = get_double(r, 1.001, "rotation");
+    for (int i = 0; i < 3; i++)
+        T->t[i] = get_double(r, 1e12, "translation");
+    for (int a = 0; a < 3; a++)
+        for (int b = a; b < 3; b++) {
+            const double off = fv_dot3(T->R + 3 * a, T->R + 3 * b) - (a == b ? 1 : 0);
+            if (off > 1e-6 || off < -1e-6) refuse(r, at, "rows of a rotation", 10 * a + b, "them orthonormal");
+        }
+}
+
+static void read_features(struct reader *r, struct fv_map *map, const struct fovea_camera *camera,
+                          const struct fv_bearing_table *bearings, uint32_t slot)
+{
+    struct fv_view view = fv_map_view(map, slot);
+    for (uint32_t f = 0; f < view.frame->features && r->status == FOVEA_OK; f++) {
+        const size_t at = r->at;
+        const float x = get_float(r, 0, (float)camera->width, "x"), y = get_float(r, 0, (float)camera->height, "y");
+        const uint32_t level = get_index(r, FOVEA_PYRAMID_LEVELS_MAX, "level", "at most 7");
+        const uint32_t landmark = get_u32(r), generation = get_u32(r);
+        get_bytes(r, view.descriptors + (size_t)f * FV_MAP_DESCRIPTOR_BYTES, FV_MAP_DESCRIPTOR_BYTES);
+        if (r->status == FOVEA_OK && !fv_map_set_keypoint(&view.points[f], bearings, camera, x, y, level))
+            refuse(r, at, "feature", f, "a pixel that the lens model knows");
+        const bool holds = landmark < map->limits.landmarks && map->landmarks[landmark].used &&
+                           map->landmarks[landmark].generation == generation;
+        view.landmark[f] = holds ? (int32_t)landmark : FV_MAP_NONE;
+    }
+}
+
+static void read_keyframe(struct reader *r, struct fv_map *map, const struct fovea_camera *camera,
+                          const struct fv_bearing_table *bearings)
+{
+    const size_t at = r->at;
+    const uint32_t slot = get_index(r, map->limits.keyframes, "keyframe slot",
+                                    "less than odometry.keyframes: raise it to that of the run that saved the map");
+    struct fv_keyframe *k = &map->keyframes[slot];
+    if (k->used) refuse(r, at, "keyframe slot", slot, "one that comes once");
+    if (r->status != FOVEA_OK) return;
+    k->generation = get_u32(r);
+    k->number = get(r, 8);
+    k->stamp_ns = (int64_t)get(r, 8);
+    k->map_id = get_u32(r);
+    k->parent = (int32_t)get_u32(r);
+    k->depth = get_double(r, 1e12, "depth");
+    read_pose(r, &k->T_cam_world);
+    const size_t features_at = r->at;
+    const uint32_t features = get_u32(r);
+    k->held = get_u32(r) != 0;
+    if (features > map->limits.features)
+        refuse(r, features_at, "features", features,
+               "at most features.count_max: raise it to that of the run that saved the map");
+    if (k->number >= map->state->keyframe_number)
+        refuse(r, at + 8, "number", (int64_t)k->number, "less than that of the next keyframe");
+    if (!(k->depth > 0)) refuse(r, at + 32, "depth", 0, "more than 0");
+    if (k->map_id >= map->state->map_next) refuse(r, at + 24, "map", k->map_id, "less than the next map's");
+    if (r->status != FOVEA_OK) return;
+    k->features = features;
+    k->used = true;
+    map->state->keyframe_count++;
+    read_features(r, map, camera, bearings, slot);
+}
+
+static void read_edge(struct reader *r, struct fv_map *map)
+{
+    struct fv_map_edge e;
+    e.a = get_index(r, map->limits.keyframes, "keyframe of an edge", "less than odometry.keyframes");
+    e.b = get_index(r, map->limits.keyframes, "keyframe of an edge", "less than odometry.keyframes");
+    e.generation_a = get_u32(r);
+    e.generation_b = get_u32(r);
+    if (r->status == FOVEA_OK && fv_map_holds(map, e.a, e.generation_a) && fv_map_holds(map, e.b, e.generation_b) &&
+        e.a != e.b)
+        fv_map_add_edge(map, e.a, e.b);
+}
+
+/* ---- making it whole --------------------------------------------------------------------------------- */
+
+/* Observers whose keyframes link back, each keyframe once. */
+static void mend_landmark(struct fv_map *map, uint32_t slot)
+{
+    struct fv_landmark *l = &map->landmarks[slot];
+    uint16_t kept = 0;
+    for (uint32_t i = 0; i < l->observer_count; i++) {
+        const struct fv_observer o = l->observers[i];
+        const struct fv_view view = fv_map_view(map, o.keyframe);
+        bool again = false;
+        for (uint32_t j = 0; j < kept; j++)
+            again = again || l->observers[j].keyframe == o.keyframe;
+        if (!again && view.frame->used && o.feature < view.frame->features && view.landmark[o.feature] == (int32_t)slot)
+            l->observers[kept++] = o;
+    }
+    l->observer_count = kept;
+}
+
+/* Links whose landmarks know of them; then what follows from links. */
+static void mend_keyframe(struct fv_map *map, uint32_t slot)
+{
+    struct fv_view view = fv_map_view(map, slot);
+    view.frame->landmarks = 0;
+    for (uint32_t f = 0; f < view.frame->features; f++) {
+        if (view.landmark[f] == FV_MAP_NONE) continue;
+        const struct fv_landmark *l = &map->landmarks[view.landmark[f]];
+        bool known = false;
+        for (uint32_t i = 0; i < l->observer_count; i++)
+            known = known || (l->observers[i].keyframe == slot && l->observers[i].feature == f);
+        if (!known) view.landmark[f] = FV_MAP_NONE;
+        view.frame->landmarks += known;
+    }
+    /* A parent is older, so that chains of parents end. */
+    const int32_t parent = view.frame->parent;
+    if (parent < 0 || parent >= (int32_t)map->limits.keyframes || !map->keyframes[parent].used ||
+        map->keyframes[parent].number >= view.frame->number)
+        view.frame->parent = FV_MAP_NONE;
+    fv_map_sort_view(map, slot);
+}
+
+static void mend(struct fv_map *map)
+{
+    for (uint32_t i = 0; i < map->limits.landmarks; i++)
+        if (map->landmarks[i].used) mend_landmark(map, i);
+    for (uint32_t k = 0; k < map->limits.keyframes; k++)
+        if (map->keyframes[k].used) mend_keyframe(map, k);
+    map->state->free_count = 0;
+    for (uint32_t i = map->limits.landmarks; i-- > 0;) {
+        struct fv_landmark *l = &map->landmarks[i];
+        if (l->used && l->observer_count == 0) {
+            l->used = false;
+            map->state->landmark_count--;
+        }
+        if (!l->used) map->free_landmarks[map->state->free_count++] = i;
+    }
+    for (uint32_t k = 0; k < map->limits.keyframes; k++)
+        if (map->keyframes[k].used) fv_map_rate_keyframe(map, k);
+}
+
+static bool same_camera(const struct fovea_camera *a, const struct fovea_camera *b)
+{
+    bool same = a->width == b->width && a->height == b->height && a->lens == b->lens;
+    const double p[4] = {a->fx, a->fy, a->cx, a->cy}, q[4] = {b->fx, b->fy, b->cx, b->cy};
+    for (int i = 0; i < 4; i++)
+        same = same && p[i] - q[i] < 1e-6 && q[i] - p[i] < 1e-6;
+    for (int i = 0; i < FOVEA_LENS_COEFFICIENTS; i++)
+        same = same && a->k[i] - b->k[i] < 1e-9 && b->k[i] - a->k[i] < 1e-9;
+    return same;
+}
+
+enum fovea_status fv_archive_read(const uint8_t *data, size_t bytes, const char *name, struct fv_map *map,
+                                  const struct fovea_camera *camera, const struct fv_bearing_table *bearings,
+                                  struct fv_archive_info *info, struct fovea_error *error)
+{
+    struct reader r = {data, bytes, FV_ARCHIVE_HEADER_BYTES, name, error, fv_archive_info(data, bytes, name, info, error)};
+    if (r.status != FOVEA_OK) return r.status;
+    r.bytes -= FV_ARCHIVE_CHECKSUM_BYTES;
+    if (!same_camera(&info->camera, camera))
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%.200s: byte 24: camera: found %d x %d with f %.6g %.6g c %.6g %.6g, expected this run's %d x %d "
+                               "with f %.6g %.6g c %.6g %.6g and its distortion",
+                               name, info->camera.width, info->camera.height, info->camera.fx, info->camera.fy,
+                               info->camera.cx, info->camera.cy, camera->width, camera->height, camera->fx, camera->fy,
+                               camera->cx, camera->cy);
+    fv_map_reset(map);
+    map->state->keyframe_number = info->keyframe_number;
+    map->state->map_id = info->map_id;
+    map->state->map_next = info->map_next;
+    if (info->map_id >= info->map_next) refuse(&r, 156, "map", info->map_id, "less than the next map's");
+    for (uint32_t i = 0; i < info->landmarks && r.status == FOVEA_OK; i++)
+        read_landmark(&r, map);
+    for (uint32_t i = 0; i < info->keyframes && r.status == FOVEA_OK; i++)
+        read_keyframe(&r, map, camera, bearings);
+    for (uint32_t i = 0; i < info->edges && r.status == FOVEA_OK; i++)
+        read_edge(&r, map);
+    if (r.at != r.bytes) refuse(&r, r.at, "bytes left", (int64_t)(r.bytes - r.at), "none");
+    if (r.status == FOVEA_OK)
+        mend(map);
+    else
+        fv_map_reset(map);
+    return r.status;
+}

@@ -1,0 +1,232 @@
+#include <string.h>
+
+#include "base/hash.h"
+#include "map/archive.h"
+
+size_t fv_archive_bytes_max(const struct fv_map_limits *limits)
+{
+    const size_t landmark = FV_ARCHIVE_LANDMARK_BYTES + FV_MAP_OBSERVERS_MAX * FV_ARCHIVE_OBSERVER_BYTES;
+    const size_t keyframe = FV_ARCHIVE_KEYFRAME_BYTES + (size_t)limits->features * FV_ARCHIVE_FEATURE_BYTES;
+    return FV_ARCHIVE_HEADER_BYTES + limits->landmarks * landmark + limits->keyframes * keyframe +
+           FV_MAP_EDGES_MAX * FV_ARCHIVE_EDGE_BYTES + FV_ARCHIVE_CHECKSUM_BYTES;
+}
+
+/* ---- bytes ------------------------------------------------------------------------------------------- */
+
+/* A place in the file; `at` goes on where there is no room, so that sizes do not depend on the buffer. */
+struct pen {
+    uint8_t *out;
+    size_t capacity;
+    uint64_t at;
+};
+
+static void put(struct pen *pen, uint64_t value, int bytes)
+{
+    if (pen->out != NULL && pen->at + (uint64_t)bytes <= pen->capacity)
+        for (int i = 0; i < bytes; i++)
+            pen->out[pen->at + (uint64_t)i] = (uint8_t)(value >> (8 * i));
+    pen->at += (uint64_t)bytes;
+}
+
+static void put_bytes(struct pen *pen, const uint8_t *from, uint32_t bytes)
+{
+    if (pen->out != NULL && pen->at + bytes <= pen->capacity) memcpy(pen->out + pen->at, from, bytes);
+    pen->at += bytes;
+}
+
+static void put_float(struct pen *pen, float value)
+{
+    uint32_t bits;
+    memcpy(&bits, &value, sizeof bits);
+    put(pen, bits, 4);
+}
+
+static void put_double(struct pen *pen, double value)
+{
+    uint64_t bits;
+    memcpy(&bits, &value, sizeof bits);
+    put(pen, bits, 8);
+}
+
+static void put_doubles(struct pen *pen, const double *values, int count)
+{
+    for (int i = 0; i < count; i++)
+        put_double(pen, values[i]);
+}
+
+/* ---- records ----------------------------------------------------------------------------------------- */
+
+static void write_landmark(struct pen *pen, const struct fv_landmark *l, uint32_t slot)
+{
+    put(pen, slot, 4);
+    put(pen, l->generation, 4);
+    put_doubles(pen, l->point, 3);
+    for (int i = 0; i < 3; i++)
+        put_float(pen, l->direction[i]);
+    put_float(pen, l->distance);
+    put(pen, l->born, 8);
+    put(pen, l->seen, 8);
+    put(pen, l->expected, 2);
+    put(pen, l->found, 2);
+    put(pen, l->level, 2);
+    put(pen, l->observer_count, 2);
+    put_bytes(pen, l->descriptor, FV_MAP_DESCRIPTOR_BYTES);
+    for (uint32_t i = 0; i < l->observer_count; i++) {
+        put(pen, l->observers[i].keyframe, 2);
+        put(pen, l->observers[i].feature, 2);
+    }
+}
+
+static void write_keyframe(struct pen *pen, const struct fv_keyframe *k, uint32_t slot)
+{
+    put(pen, slot, 4);
+    put(pen, k->generation, 4);
+    put(pen, k->number, 8);
+    put(pen, (uint64_t)k->stamp_ns, 8);
+    put(pen, k->map_id, 4);
+    put(pen, (uint32_t)k->parent, 4);
+    put_double(pen, k->depth);
+    put_doubles(pen, k->T_cam_world.R, 9);
+    put_doubles(pen, k->T_cam_world.t, 3);
+    put(pen, k->features, 4);
+    put(pen, k->held, 4);
+}
+
+static void write_feature(struct pen *pen, const struct fv_map *map, const struct fv_view *view, uint32_t f)
+{
+    const int32_t landmark = view->landmark[f];
+    put_float(pen, view->points[f].x_px);
+    put_float(pen, view->points[f].y_px);
+    put(pen, view->points[f].level, 4);
+    put(pen, (uint32_t)landmark, 4);
+    put(pen, landmark == FV_MAP_NONE ? 0 : map->landmarks[landmark].generation, 4);
+    put_bytes(pen, view->descriptors + (size_t)f * FV_MAP_DESCRIPTOR_BYTES, FV_MAP_DESCRIPTOR_BYTES);
+}
+
+static void write_header(struct pen *pen, const struct fv_archive_state *archive, const struct fv_map *map,
+                         const struct fovea_camera *camera, uint64_t bytes)
+{
+    put_bytes(pen, (const uint8_t *)"FOVEAMAP", 8);
+    put(pen, FV_ARCHIVE_VERSION, 4);
+    put(pen, 0x01020304, 4);
+    put(pen, bytes, 8);
+    put(pen, (uint32_t)camera->width, 4);
+    put(pen, (uint32_t)camera->height, 4);
+    put(pen, (uint32_t)camera->lens, 4);
+    put(pen, map->limits.features, 4);
+    const double parameters[4] = {camera->fx, camera->fy, camera->cx, camera->cy};
+    put_doubles(pen, parameters, 4);
+    put_doubles(pen, camera->k, FOVEA_LENS_COEFFICIENTS);
+    put(pen, archive->landmarks, 4);
+    put(pen, archive->keyframes, 4);
+    put(pen, archive->edges, 4);
+    put(pen, map->limits.landmarks, 4);
+    put(pen, map->limits.keyframes, 4);
+    put(pen, map->state->map_id, 4);
+    put(pen, map->state->map_next, 4);
+    put(pen, 0, 4);
+    put(pen, map->state->keyframe_number, 8);
+    put(pen, archive->frame_number, 8);
+    put(pen, 0, 8);
+}
+
+/* ---- units ------------------------------------------------------------------------------------------- */
+
+void fv_archive_begin(struct fv_archive_state *archive, uint64_t frame_number)
+{
+    if (fv_archive_busy(archive)) return;
+    *archive = (struct fv_archive_state){
+        .at = FV_ARCHIVE_HEADER_BYTES, .frame_number = frame_number, .phase = FV_ARCHIVE_LANDMARKS};
+}
+
+static void landmarks_unit(struct fv_archive_state *archive, const struct fv_map *map, struct pen *pen)
+{
+    const uint32_t left = map->limits.landmarks - archive->slot;
+    const uint32_t end = archive->slot + (left < FV_ARCHIVE_UNIT_LANDMARKS ? left : FV_ARCHIVE_UNIT_LANDMARKS);
+    for (; archive->slot < end; archive->slot++) {
+        if (!map->landmarks[archive->slot].used) continue;
+        write_landmark(pen, &map->landmarks[archive->slot], archive->slot);
+        archive->landmarks++;
+    }
+    if (archive->slot < map->limits.landmarks) return;
+    archive->slot = 0;
+    archive->feature = UINT32_MAX;
+    archive->phase = FV_ARCHIVE_KEYFRAMES;
+}
+
+/* A keyframe's record, then its features in pieces. When the keyframe goes meanwhile, so does what was written of it. */
+static void keyframes_unit(struct fv_archive_state *archive, const struct fv_map *map, struct pen *pen)
+{
+    if (archive->feature != UINT32_MAX && !fv_map_holds(map, archive->slot, archive->generation)) {
+        pen->at = archive->record_at;
+        archive->feature = UINT32_MAX;
+        archive->keyframes--;
+        archive->slot++;
+    }
+    if (archive->feature == UINT32_MAX) {
+        while (archive->slot < map->limits.keyframes && !map->keyframes[archive->slot].used)
+            archive->slot++;
+        if (archive->slot == map->limits.keyframes) {
+            archive->phase = FV_ARCHIVE_EDGES;
+            return;
+        }
+        archive->record_at = pen->at;
+        archive->generation = map->keyframes[archive->slot].generation;
+        archive->features = map->keyframes[archive->slot].features;
+        archive->feature = 0;
+        archive->keyframes++;
+        write_keyframe(pen, &map->keyframes[archive->slot], archive->slot);
+    }
+    const struct fv_view view = fv_map_view(map, archive->slot);
+    const uint32_t left = archive->features - archive->feature;
+    const uint32_t end = archive->feature + (left < FV_ARCHIVE_UNIT_FEATURES ? left : FV_ARCHIVE_UNIT_FEATURES);
+    for (; archive->feature < end; archive->feature++)
+        write_feature(pen, map, &view, archive->feature);
+    if (archive->feature < archive->features) return;
+    archive->feature = UINT32_MAX;
+    archive->slot++;
+}
+
+static void edges_unit(struct fv_archive_state *archive, const struct fv_map *map, const struct fovea_camera *camera,
+                       struct pen *pen)
+{
+    for (uint32_t i = 0; i < FV_MAP_EDGES_MAX && i < map->state->edge_count; i++) {
+        const struct fv_map_edge *e = &map->edges[i];
+        if (!fv_map_holds(map, e->a, e->generation_a) || !fv_map_holds(map, e->b, e->generation_b)) continue;
+        put(pen, e->a, 4);
+        put(pen, e->b, 4);
+        put(pen, e->generation_a, 4);
+        put(pen, e->generation_b, 4);
+        archive->edges++;
+    }
+    pen->at += FV_ARCHIVE_CHECKSUM_BYTES;
+    struct pen head = {pen->out, pen->capacity, 0};
+    write_header(&head, archive, map, camera, pen->at);
+    archive->phase = FV_ARCHIVE_DONE;
+}
+
+void fv_archive_unit(struct fv_archive_state *archive, const struct fv_map *map, const struct fovea_camera *camera,
+                     uint8_t *out, size_t capacity)
+{
+    struct pen pen = {out, capacity, archive->at};
+    if (archive->phase == FV_ARCHIVE_LANDMARKS)
+        landmarks_unit(archive, map, &pen);
+    else if (archive->phase == FV_ARCHIVE_KEYFRAMES)
+        keyframes_unit(archive, map, &pen);
+    else if (archive->phase == FV_ARCHIVE_EDGES)
+        edges_unit(archive, map, camera, &pen);
+    archive->at = pen.at;
+}
+
+size_t fv_archive_take(struct fv_archive_state *archive)
+{
+    if (archive->phase != FV_ARCHIVE_DONE) return 0;
+    archive->phase = FV_ARCHIVE_IDLE;
+    return (size_t)archive->at;
+}
+
+void fv_archive_seal(uint8_t *data, size_t bytes)
+{
+    struct pen pen = {data, bytes, bytes - FV_ARCHIVE_CHECKSUM_BYTES};
+    put(&pen, fv_hash(FV_HASH_START, data, bytes - FV_ARCHIVE_CHECKSUM_BYTES), 8);
+}
