@@ -65,6 +65,12 @@ struct fovea_config {
     /* Static mask: width x height bytes, 0 where features are ignored; NULL: none. Copied by fovea_init. */
     const uint8_t *mask;
 
+    /* A map saved earlier with the same camera, to begin with; NULL: none. Read by fovea_init only. The name is for
+     * errors, for example the file's path. */
+    const uint8_t *map;
+    size_t map_bytes;
+    const char *map_name;
+
     double T_base_cam[12]; /* row-major 3x4: camera points to the robot's base frame, metres; default identity */
 
     /* Put before channel names, at most 31 bytes of [A-Za-z0-9_/.-]; default "FOVEA". */
@@ -139,7 +145,7 @@ enum fovea_command {
     FOVEA_COMMAND_RESET = 1,  /* forget everything learnt since fovea_init; the reset counter rises */
     FOVEA_COMMAND_PAUSE = 2,  /* frames are counted but not processed until resumed */
     FOVEA_COMMAND_RESUME = 4,
-    FOVEA_COMMAND_SAVE = 8,   /* the application saves; passed on in outputs.save_asked */
+    FOVEA_COMMAND_SAVE = 8,   /* save the map: in units of the map's job, to where fovea_map_save_to said */
 };
 
 enum { FOVEA_INPUT_ODOMETRY_MAX = 64, FOVEA_INPUT_BOXES_MAX = 64 };
@@ -191,7 +197,7 @@ struct fovea_outputs {
     struct fovea_message messages[FOVEA_MESSAGES_MAX];
     uint32_t units_done[FOVEA_JOB_COUNT];
     uint32_t jobs_waiting; /* bit per job: has units left to do */
-    bool save_asked;
+    size_t map_bytes; /* of a work: the map was saved, in so many bytes; 0: not in this one */
 };
 
 /* Process one frame, or note that there is none. FOVEA_OK: processed. FOVEA_AGAIN: nothing to process (no frame, paused,
@@ -241,6 +247,23 @@ void fovea_governor_work(struct fovea_governor *governor, int64_t step_ns, uint3
 /* Learn from what the work took. */
 void fovea_governor_learn(struct fovea_governor *governor, int64_t step_ns, int64_t work_ns,
                           const struct fovea_outputs *work_outputs);
+
+/* ---- maps kept --------------------------------------------------------------------------------------------- */
+
+/* Most bytes that a saved map of this configuration takes. Any thread. */
+size_t fovea_map_bytes_max(const struct fovea_config *config);
+
+/* Where FOVEA_COMMAND_SAVE writes: a buffer of the caller's, to be left alone until outputs.map_bytes tells that all is
+ * there; NULL: nowhere. Outside the state: with or without a buffer, runs are equal. A buffer that is too small gets
+ * what fits: outputs.map_bytes tells. Loop thread, real-time safe. */
+void fovea_map_save_to(struct fovea *rt, uint8_t *buffer, size_t bytes);
+
+/* Put in the checksum that makes saved bytes a file. Any thread; not for the loop, as it reads them all. */
+void fovea_map_seal(uint8_t *data, size_t bytes);
+
+/* Save in one go, when no loop runs: returns the bytes of the sealed file, 0 when the buffer is too small or there is no
+ * odometry. */
+size_t fovea_map_save(struct fovea *rt, uint8_t *buffer, size_t bytes);
 
 /* ---- looking inside ---------------------------------------------------------------------------------------- */
 

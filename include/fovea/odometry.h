@@ -54,6 +54,7 @@ struct fovea_odometry_config {
     uint32_t window;         /* [3, 12], default 8: keyframes optimised together; time grows with the square */
     uint32_t inliers_good;   /* [20, 200], default 40: fewer inliers make the state `weak` */
     uint32_t lost_frames_reset; /* [1, 10000], default 15: frames lost before a new map is started */
+    bool localise_only;      /* default false: the map that is loaded stays as it is; no other is started */
 };
 
 /* What is known about the last processed frame. */

@@ -27,7 +27,7 @@
 #define PROCESSOR "unknown processor"
 #endif
 
-enum { PARTS_MAX = 4 };
+enum { PARTS_MAX = 5 };
 
 static void add_part(fovea_recording_t *message, const char *name, const char *origin, const void *data,
                      size_t bytes)
@@ -98,6 +98,8 @@ enum fovea_status fv_recording_header_encode(const struct fv_settings *settings,
     if (settings->runtime.mask != NULL)
         add_part(&message, "mask", settings->mask, settings->runtime.mask,
                  (size_t)camera->width * (size_t)camera->height);
+    if (settings->runtime.map != NULL)
+        add_part(&message, "map", settings->map_load, settings->runtime.map, settings->runtime.map_bytes);
     if (settings->runtime.detect.model != NULL)
         add_part(&message, "model", settings->model, settings->runtime.detect.model, settings->runtime.detect.model_bytes);
     status = encode(&message, data, bytes, error);
@@ -152,6 +154,19 @@ static enum fovea_status read_mask(const struct source *from, const fovea_record
 }
 
 /* What the bytes are is for fovea_init to check. */
+static enum fovea_status read_map(const struct source *from, const fovea_recording_part_t *part,
+                                  struct fv_recording_header *header, struct fovea_error *error)
+{
+    const size_t bytes = (size_t)part->size_bytes;
+    header->map = malloc(bytes + 1);
+    if (header->map == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_MEMORY, "%s: no memory for the map", from->name);
+    memcpy(header->map, part->data, bytes);
+    header->settings.runtime.map = header->map;
+    header->settings.runtime.map_bytes = bytes;
+    return FOVEA_OK;
+}
+
 static enum fovea_status read_model(const struct source *from, const fovea_recording_part_t *part,
                                     struct fv_recording_header *header, struct fovea_error *error)
 {
@@ -174,6 +189,7 @@ static enum fovea_status read_parts(const struct source *from, const fovea_recor
     const fovea_recording_part_t *calibration = find_part(message, "calibration");
     const fovea_recording_part_t *mask = find_part(message, "mask");
     const fovea_recording_part_t *model = find_part(message, "model");
+    const fovea_recording_part_t *map = find_part(message, "map");
     if (configuration == NULL || calibration == NULL)
         return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: byte %" PRId64 ": found no %s, expected one",
                                from->name, from->offset,
@@ -191,6 +207,7 @@ static enum fovea_status read_parts(const struct source *from, const fovea_recor
     if (status != FOVEA_OK) return status;
     header->settings.runtime.camera = read.camera;
     if (mask != NULL) status = read_mask(from, mask, header, error);
+    if (map != NULL && status == FOVEA_OK) status = read_map(from, map, header, error);
     return model != NULL && status == FOVEA_OK ? read_model(from, model, header, error) : status;
 }
 
@@ -226,7 +243,8 @@ enum fovea_status fv_recording_header_decode(const char *name, int64_t offset, c
     } else {
         free(header->mask);
         free(header->model);
-        header->mask = NULL;
+        free(header->map);
+        header->mask = header->map = NULL;
         header->model = NULL;
     }
     fovea_recording_t_decode_cleanup(&message);

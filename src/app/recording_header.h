@@ -1,4 +1,4 @@
-/* The first message of a recording: configuration, calibration and mask as bytes with their hashes, so that a
+/* The first message of a recording: configuration, calibration, mask and loaded map as bytes with their hashes, so that a
  * replay needs no other file. */
 #ifndef FOVEA_APP_RECORDING_HEADER_H
 #define FOVEA_APP_RECORDING_HEADER_H
@@ -21,6 +21,7 @@ enum fovea_status fv_recording_header_encode(const struct fv_settings *settings,
 struct fv_recording_header {
     struct fv_settings settings;
     uint8_t *mask;
+    uint8_t *map; /* the caller's to free; settings.runtime.map points to it */
     void *model; /* the caller's to free, too; settings.runtime.detect.model points to it */
     bool real_time;
     char version[32], machine[96], kernel_set[32];

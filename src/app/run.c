@@ -10,6 +10,7 @@
 #include "app/command.h"
 #include "app/files.h"
 #include "app/final_path.h"
+#include "app/keeper.h"
 #include "app/loop.h"
 #include "app/path_picture.h"
 #include "app/process.h"
@@ -42,6 +43,7 @@ struct run {
     struct fv_results *results;
     uint64_t looks; /* of the detector, whose results were handed on */
     struct fv_final *final;
+    struct fv_keeper keeper;
     struct fv_loop_shared shared;
     struct fv_timings timings;
     struct fv_loop loop;
@@ -61,7 +63,8 @@ static void pace(void *context)
 
 static uint32_t commands(void *context)
 {
-    return fv_transport_commands(((struct run *)context)->transport);
+    struct run *run = context;
+    return fv_keeper_commands(&run->keeper, fv_transport_commands(run->transport));
 }
 
 /* On the frames' clock; the messages' is UTC. */
@@ -128,6 +131,7 @@ static void work_done(void *context, const struct fovea_inputs *inputs, const st
     struct run *run = context;
     fv_transport_publish(run->transport, outputs);
     fv_recorder_work(run->recorder, inputs, grants, outputs);
+    fv_keeper_work(&run->keeper, outputs);
     struct fovea_detections detections;
     fovea_detections_get(run->loop.rt, &detections);
     if (detections.looks == run->looks) return;
@@ -171,6 +175,8 @@ static enum fv_options_result options_read(struct run *run, int argc, char **arg
         {"model", "FILE", FV_OPTION_TEXT, &run->options.model, "network that looks for objects (.fvm, made by tools/import)"},
         {"detections", "FILE", FV_OPTION_TEXT, &run->detections_path, "write what it finds as COCO results JSON"},
         {"record", "FILE", FV_OPTION_TEXT, &run->options.record, "record the run for 'fovea replay'"},
+        {"map", "FILE", FV_OPTION_TEXT, &run->options.map, "begin with a map that was saved"},
+        {"save-map", "FILE", FV_OPTION_TEXT, &run->options.save_map, "save the map at the end, and on the command `save`"},
         {"set", "KEY=VALUE", FV_OPTION_LIST, &run->options.sets, "override a key of the configuration"},
         {"quiet", NULL, FV_OPTION_FLAG, &run->quiet, "no status line and no summary"},
         {0},
@@ -199,6 +205,7 @@ static enum fovea_status settings_read(struct run *run, struct fovea_error *erro
     const char *address = strchr(run->settings.source, ':');
     const struct fv_file written[] = {
         {"--record", run->settings.record},     {"--stats", run->stats_path},
+        {"--save-map", run->settings.map_save},
         {"--trajectory", run->trajectory_path}, {"--timings", run->timings_path},
         {"--path", run->picture_path},          {"--detections", run->detections_path},
         {"--trajectory-final", run->final_path},
@@ -346,6 +353,7 @@ static void watch(struct run *run, const sigset_t *signals)
         atomic_store(&run->shared.temperature_c, fv_process_temperature_c());
         complaints(run);
         fv_trajectory_drain(run->trajectory);
+        fv_keeper_tend(&run->keeper);
         fv_results_drain(run->results);
         fv_final_drain(run->final);
         int got = sigtimedwait(signals, NULL, &wait);
@@ -374,6 +382,9 @@ static enum fovea_status run_loop(struct run *run, const sigset_t *signals, stru
     loop->shared = &run->shared;
     loop->hooks = (struct fv_loop_hooks){run, pace, commands, sense, step_done, work_done};
     fv_timings_init(&run->timings);
+    run->keeper.path = run->settings.map_save;
+    run->keeper.rt = loop->rt;
+    run->keeper.config = loop->config;
     atomic_store(&run->shared.temperature_c, NAN);
     run->watcher = pthread_self();
 
@@ -515,6 +526,7 @@ int fv_command_run(int argc, char **argv)
         status = run_loop(&run, &signals, &error);
         if (run.setup.ops != NULL) run.setup.ops->stop(run.setup.source);
     }
+    if (status == FOVEA_OK) status = fv_keeper_end(&run.keeper, &error);
     if (status == FOVEA_OK)
         end = report_write(&run);
     else

@@ -35,6 +35,7 @@ struct fv_settings {
     char camera[FV_SETTINGS_PATH_BYTES]; /* calibration file; "": the source's own */
     bool camera_scale;                   /* fit a calibration of another size by scaling it */
     char mask[FV_SETTINGS_PATH_BYTES];   /* picture; "": none */
+    char map_load[FV_SETTINGS_PATH_BYTES], map_save[FV_SETTINGS_PATH_BYTES]; /* "": none */
     int rate;                            /* enum fv_rate */
     char lcm_url[256];                   /* "": nothing is sent */
     uint32_t lcm_ttl;

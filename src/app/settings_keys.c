@@ -111,6 +111,12 @@ const struct fv_settings_key fv_settings_keys[] = {
      NULL},
     {"scale.allow_unscaled", FV_SETTINGS_BOOL, AT(runtime.scale.allow_unscaled), 0, 1, "", NULL,
      "send the bot_core pose also while its unit is arbitrary; such a pose cannot say so", NULL},
+    {"map.load", TEXT_OF(map_load), "file", NULL, "map to begin with, saved with the same calibration; empty: none", NULL},
+    {"map.save", TEXT_OF(map_save), "file", NULL,
+     "where the map is saved at the end of the run and on the command `save`; empty: nowhere", NULL},
+    {"map.localise_only", FV_SETTINGS_BOOL, AT(runtime.odometry.localise_only), 0, 1, "", NULL,
+     "keep the map as it was loaded: find the camera in it and add nothing", NULL},
+
     {"preview.period_frames", FV_SETTINGS_U32, AT(runtime.preview.period_frames), 0, 1000000, "frames", NULL,
      "one JPEG preview every so many frames; 0: none", NULL},
     {"preview.quality", FV_SETTINGS_U32, AT(runtime.preview.quality), 1, 100, "", NULL,

@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "app/map_file.h"
 #include "app/mask.h"
 #include "fovea/calibration.h"
 
@@ -39,6 +40,8 @@ enum fovea_status fv_setup_settings(const struct fv_setup_options *options, stru
     if (status == FOVEA_OK) status = set(settings, "camera", options->camera, error);
     if (status == FOVEA_OK) status = set(settings, "rate", options->rate, error);
     if (status == FOVEA_OK) status = set(settings, "record", options->record, error);
+    if (status == FOVEA_OK) status = set(settings, "map.load", options->map, error);
+    if (status == FOVEA_OK) status = set(settings, "map.save", options->save_map, error);
     if (status == FOVEA_OK) status = set(settings, "detect.model", options->model, error);
     return status == FOVEA_OK ? fv_settings_check(settings, error) : status;
 }
@@ -79,6 +82,21 @@ static enum fovea_status camera_fit(struct fv_settings *settings, const struct f
     return fovea_calibration_fit(camera, info->width, info->height, settings->camera_scale, origin, error);
 }
 
+static enum fovea_status map_read(struct fv_settings *settings, struct fv_setup *setup, struct fovea_error *error)
+{
+    struct fovea_config *config = &settings->runtime;
+    enum fovea_status status = FOVEA_OK;
+    if (settings->map_load[0] != '\0')
+        status = fv_map_file_read(settings->map_load, &setup->map, &config->map_bytes, error);
+    else if (config->odometry.localise_only)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "map.localise_only: found true without a map, expected map.load to name one");
+    if (status != FOVEA_OK) fv_settings_blame(settings, "map.load", error);
+    config->map = setup->map;
+    config->map_name = settings->map_load;
+    return status;
+}
+
 enum fovea_status fv_setup_open(struct fv_settings *settings, const struct fovea_source_selection *selection,
                                 struct fv_setup *setup, struct fovea_error *error)
 {
@@ -102,6 +120,7 @@ enum fovea_status fv_setup_open(struct fv_settings *settings, const struct fovea
         settings->runtime.mask = setup->mask;
         if (status != FOVEA_OK) fv_settings_blame(settings, "mask", error);
     }
+    if (status == FOVEA_OK) status = map_read(settings, setup, error);
     if (status == FOVEA_OK) status = fv_settings_check(settings, error);
     if (status != FOVEA_OK) fv_setup_close(setup);
     return status;
@@ -111,6 +130,7 @@ void fv_setup_close(struct fv_setup *setup)
 {
     if (setup->source != NULL) setup->ops->close(setup->source);
     free(setup->mask);
+    free(setup->map);
     fv_model_file_free(&setup->model);
     *setup = (struct fv_setup){0};
 }

@@ -11,7 +11,7 @@
 
 /* Options that every command with a configuration has. */
 struct fv_setup_options {
-    const char *config, *source, *camera, *rate, *record, *model;
+    const char *config, *source, *camera, *rate, *record, *model, *map, *save_map;
     struct fv_option_list sets;
 };
 
@@ -22,7 +22,7 @@ enum fovea_status fv_setup_settings(const struct fv_setup_options *options, stru
 struct fv_setup {
     const struct fovea_source_ops *ops;
     struct fovea_source *source; /* open, not started */
-    uint8_t *mask;               /* NULL: none */
+    uint8_t *mask, *map;         /* NULL: none */
     struct fv_model_file model;  /* data NULL: none */
 };
 

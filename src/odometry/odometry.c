@@ -32,6 +32,7 @@ void fv_odometry_carve(struct fv_odometry *o, const struct fovea_odometry_config
                                             WINDOW_PASSES};
     fv_window_carve(&o->window, &window, job);
     fv_relocaliser_carve(&o->relocaliser, config->keyframes, persistent, frame);
+    o->archive = fv_arena_take(persistent, 1, sizeof *o->archive);
     o->sights = fv_arena_take_raw(frame, features_max, sizeof *o->sights);
     o->sight_feature = fv_arena_take_raw(frame, features_max, sizeof *o->sight_feature);
     o->match_distance = fv_arena_take_raw(frame, features_max, sizeof *o->match_distance);
@@ -55,6 +56,7 @@ static void fv_begin(struct fv_odometry *o)
     s->lost_frames = s->recent_count = s->pending_count = s->start.count = 0;
     s->keyframe_matches = 0;
     memset(&s->grow, 0, sizeof s->grow);
+    if (o->config.localise_only) s->state = FOVEA_TRACKING_LOST;
 }
 
 void fv_odometry_init(struct fv_odometry *o, uint64_t seed)
@@ -67,7 +69,38 @@ void fv_odometry_init(struct fv_odometry *o, uint64_t seed)
 void fv_odometry_reset(struct fv_odometry *o)
 {
     o->state->reset_counter++;
-    fv_begin(o);
+    if (!o->config.localise_only) {
+        fv_begin(o);
+        return;
+    }
+    o->state->state = FOVEA_TRACKING_LOST; /* what is known was known at the start */
+    o->state->moving_known = false;
+    o->state->recent_count = o->state->lost_frames = 0;
+}
+
+void fv_odometry_save_begin(struct fv_odometry *o)
+{
+    fv_archive_begin(o->archive, o->state->frame_number);
+}
+
+enum fovea_status fv_odometry_load(struct fv_odometry *o, const struct fv_kernels *kernels, const uint8_t *data,
+                                   size_t bytes, const char *name, struct fovea_error *error)
+{
+    struct fv_odometry_state *s = o->state;
+    struct fv_archive_info info;
+    const enum fovea_status status =
+        fv_archive_read(data, bytes, name, &o->map, &o->camera, &o->bearings, &info, error);
+    if (status != FOVEA_OK || o->map.state->keyframe_count == 0) return status;
+    s->frame_number = s->keyframe_frame = info.frame_number;
+    s->state = FOVEA_TRACKING_LOST;
+    s->newest = 0;
+    for (uint32_t k = 0; k < o->map.limits.keyframes; k++)
+        if (o->map.keyframes[k].used &&
+            (!o->map.keyframes[s->newest].used || o->map.keyframes[k].number > o->map.keyframes[s->newest].number))
+            s->newest = k;
+    while (fv_odometry_index_waiting(o))
+        fv_odometry_index_unit(o, kernels);
+    return FOVEA_OK;
 }
 
 void fv_odometry_fill_view(struct fv_odometry *o, const struct fv_odometry_input *input)
@@ -122,13 +155,13 @@ static void fv_track_step(struct fv_odometry *o, const struct fv_kernels *kernel
     if (inliers == 0) {
         s->state = FOVEA_TRACKING_LOST;
         s->moving_known = false;
-        if (++s->lost_frames > o->config.lost_frames_reset) fv_start_another(o, kernels);
+        if (++s->lost_frames > o->config.lost_frames_reset && !o->config.localise_only) fv_start_another(o, kernels);
         return;
     }
     s->lost_frames = 0;
     s->start.count = 0;
     s->state = inliers >= o->config.inliers_good ? FOVEA_TRACKING_OK : FOVEA_TRACKING_WEAK;
-    if (fv_odometry_keyframe_needed(o, inliers)) fv_odometry_make_keyframe(o);
+    if (!o->config.localise_only && fv_odometry_keyframe_needed(o, inliers)) fv_odometry_make_keyframe(o);
     fv_write_pose(o);
 }
 
@@ -158,7 +191,7 @@ void fv_odometry_step(struct fv_odometry *o, const struct fv_kernels *kernels,
 bool fv_odometry_job_waiting(const struct fv_odometry *o)
 {
     const struct fv_odometry_state *s = o->state;
-    return s->pending_count > 0 || s->grow.phase != FV_GROW_IDLE || s->job_wanted ||
+    return fv_archive_busy(o->archive) || s->pending_count > 0 || s->grow.phase != FV_GROW_IDLE || s->job_wanted ||
            o->window.state->phase != FV_WINDOW_IDLE || fv_odometry_index_waiting(o);
 }
 
@@ -186,6 +219,10 @@ static void fv_window_job(struct fv_odometry *o)
 bool fv_odometry_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
     struct fv_odometry_state *s = o->state;
+    if (fv_archive_busy(o->archive)) { /* the rest waits, so that the map stays as it is */
+        fv_archive_unit(o->archive, &o->map, &o->camera, o->save_to, o->save_capacity);
+        return true;
+    }
     /* New landmarks come first: tracking needs them, and the window works on its own copy. */
     if (s->pending_count > 0 || s->grow.phase != FV_GROW_IDLE)
         (void)fv_odometry_grow_unit(o, kernels);

@@ -19,6 +19,7 @@
 #include "geometry/bearing.h"
 #include "geometry/pose.h"
 #include "kernels/kernels.h"
+#include "map/archive.h"
 #include "map/map.h"
 #include "map/window.h"
 #include "odometry/relocalise.h"
@@ -76,6 +77,9 @@ struct fv_odometry {
     struct fv_map map;
     struct fv_window window;
     struct fv_relocaliser relocaliser;
+    struct fv_archive_state *archive; /* of the map that is being saved */
+    uint8_t *save_to;                 /* the caller's buffer, or NULL: what becomes of the bytes is outside the state */
+    size_t save_capacity;
     struct fv_odometry_state *state;
     struct fv_recent *recent; /* features_max */
     /* Frame part. */
@@ -115,6 +119,13 @@ void fv_odometry_step(struct fv_odometry *odometry, const struct fv_kernels *ker
 /* One unit of the map's job, at most about 0.25 ms; true when units are left. Real-time safe. */
 bool fv_odometry_unit(struct fv_odometry *odometry, const struct fv_kernels *kernels);
 bool fv_odometry_job_waiting(const struct fv_odometry *odometry);
+
+/* Begin to save the map: the job does it first, in units; fv_archive_take(o->archive) tells when all is written. */
+void fv_odometry_save_begin(struct fv_odometry *odometry);
+/* Take a saved map instead of an empty one; the state is `lost` until the camera is found in it. Errors as fv_archive_read.
+ * Init-only. */
+enum fovea_status fv_odometry_load(struct fv_odometry *odometry, const struct fv_kernels *kernels, const uint8_t *data,
+                                   size_t bytes, const char *name, struct fovea_error *error);
 
 /* ---- between the stage's own files ------------------------------------------------------------------- */
 

@@ -35,12 +35,12 @@ static void reset(struct fovea *rt)
     fv_detection_reset(&rt->detection);
 }
 
-static void take_commands(struct fovea *rt, uint32_t commands, struct fovea_outputs *outputs)
+static void take_commands(struct fovea *rt, uint32_t commands)
 {
     if (commands & FOVEA_COMMAND_RESET) reset(rt);
     if (commands & FOVEA_COMMAND_PAUSE) rt->state->paused = 1;
     if (commands & FOVEA_COMMAND_RESUME) rt->state->paused = 0;
-    outputs->save_asked = (commands & FOVEA_COMMAND_SAVE) != 0;
+    if ((commands & FOVEA_COMMAND_SAVE) && rt->config.odometry.enabled) fv_odometry_save_begin(&rt->odometry);
 }
 
 /* Whether there is a frame to process; counts what is refused. */
@@ -125,7 +125,7 @@ enum fovea_status fovea_step(struct fovea *rt, const struct fovea_inputs *inputs
 {
     memset(outputs, 0, sizeof *outputs);
     rt->inputs = *inputs;
-    take_commands(rt, inputs->commands, outputs);
+    take_commands(rt, inputs->commands);
     if (rt->config.odometry.enabled) {
         fv_scale_observe(&rt->scale, inputs->odometry, inputs->odometry_count);
         if (inputs->has_boxes) fv_boxes_take(&rt->boxes, inputs->boxes_stamp_ns, inputs->boxes, inputs->box_count);

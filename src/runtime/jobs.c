@@ -55,7 +55,7 @@ static uint32_t advance_preview(struct fovea *rt, uint32_t units, struct fovea_o
     return done;
 }
 
-static uint32_t advance_map(struct fovea *rt, uint32_t units)
+static uint32_t advance_map(struct fovea *rt, uint32_t units, struct fovea_outputs *outputs)
 {
     uint32_t done = 0;
     if (!rt->config.odometry.enabled) return 0;
@@ -65,6 +65,7 @@ static uint32_t advance_map(struct fovea *rt, uint32_t units)
         else
             fv_odometry_unit(&rt->odometry, &rt->kernels);
     }
+    outputs->map_bytes = fv_archive_take(rt->odometry.archive);
     return done;
 }
 
@@ -83,7 +84,7 @@ static uint32_t advance_detection(struct fovea *rt, uint32_t units, struct fovea
 uint32_t fv_job_advance(struct fovea *rt, enum fovea_job job, uint32_t units, struct fovea_outputs *outputs)
 {
     switch (job) {
-    case FOVEA_JOB_MAP: return advance_map(rt, units);
+    case FOVEA_JOB_MAP: return advance_map(rt, units, outputs);
     case FOVEA_JOB_DETECT: return advance_detection(rt, units, outputs);
     case FOVEA_JOB_PREVIEW: return advance_preview(rt, units, outputs);
     case FOVEA_JOB_COUNT: break;

@@ -174,8 +174,15 @@ enum fovea_status fovea_init(void *memory, size_t bytes, const struct fovea_conf
         memcpy(built->mask, config->mask, (size_t)config->camera.width * (size_t)config->camera.height);
         built->config.mask = built->mask;
     }
-    if (config->odometry.enabled) fv_odometry_init(&built->odometry, config->seed);
-    if (config->odometry.enabled) fv_scale_init(&built->scale, config->seed);
+    if (config->odometry.enabled) {
+        fv_odometry_init(&built->odometry, config->seed);
+        fv_scale_init(&built->scale, config->seed);
+        if (config->map != NULL)
+            status = fv_odometry_load(&built->odometry, &built->kernels, config->map, config->map_bytes,
+                                      config->map_name != NULL ? config->map_name : "map", error);
+        if (status != FOVEA_OK) return status;
+    }
+    built->config.map = NULL; /* the caller's, and read */
     fv_message_prepare();
     for (int kind = 0; kind < FV_MESSAGE_KIND_COUNT; kind++) {
         fv_message_channel(config->channel_prefix, (enum fv_message_kind)kind, built->outbox.channel[kind]);
