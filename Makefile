@@ -137,7 +137,7 @@ fuzz:  ## fuzz every parser of outside input for FUZZ_SECONDS each, under asan+u
 	@$(FUZZMAKE) fuzzers
 	@tools/run_fuzzers.sh build-fuzz $(FUZZ_SECONDS)
 .PHONY: fuzzers
-FUZZ_HELP := $(BUILD)/obj/tests/common/short_run.o
+FUZZ_HELP := $(call objs,tests/common/short_run.c tests/common/small_map.c)
 fuzzers: $(FUZZERS)
 $(BUILD)/fuzz/%: $(BUILD)/obj/tests/fuzz/%.o $(FUZZ_HELP) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 	@mkdir -p $(@D)

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "common/datasets.h"
+#include "common/small_map.h"
 #include "fovea/calibration.h"
 
 static void write_pictures(const char *corpus)
@@ -48,6 +49,25 @@ static void write_calibrations(const char *corpus)
     }
 }
 
+static void write_maps(const char *corpus)
+{
+    struct small_map small;
+    struct fovea_random random;
+    fv_test_make_folder(fv_test_path(corpus, "fuzz_map"));
+    small_map_make(&small);
+    fovea_random_seed(&random, 1);
+    for (int keyframes = 0; keyframes < 3; keyframes++) {
+        char name[64];
+        size_t bytes;
+        uint8_t *data = small_map_save(&small, &bytes);
+        snprintf(name, sizeof name, "fuzz_map/keyframes%d.map", keyframes);
+        fv_test_write(fv_test_path(corpus, name), data, bytes);
+        free(data);
+        small_map_grow(&small, &random);
+    }
+    small_map_free(&small);
+}
+
 static void write_rest(const char *corpus)
 {
     size_t bytes;
@@ -74,6 +94,7 @@ int main(int argc, char **argv)
     }
     write_pictures(argv[1]);
     write_calibrations(argv[1]);
+    write_maps(argv[1]);
     write_rest(argv[1]);
     return 0;
 }

@@ -1,0 +1,147 @@
+#include "common/small_map.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+static void carve(struct small_map *small, struct fv_arena *arena)
+{
+    const struct fv_map_limits limits = {SMALL_MAP_KEYFRAMES, SMALL_MAP_LANDMARKS, SMALL_MAP_FEATURES, 320, 240};
+    fv_bearing_carve(&small->bearings, 320, 240, arena);
+    fv_map_carve(&small->map, &limits, arena);
+}
+
+void small_map_make(struct small_map *small)
+{
+    struct fv_arena arena;
+    memset(small, 0, sizeof *small);
+    small->camera = (struct fovea_camera){
+        .width = 320, .height = 240, .fx = 210, .fy = 211, .cx = 160.5, .cy = 119, .k = {-0.1, 0.01}};
+    if (fovea_camera_prepare(&small->camera, NULL) != FOVEA_OK) abort();
+    fv_arena_count(&arena);
+    carve(small, &arena);
+    const size_t bytes = arena.used;
+    small->memory = aligned_alloc(FV_CACHE_LINE_BYTES, bytes);
+    fv_arena_init(&arena, small->memory, bytes);
+    carve(small, &arena);
+    fv_bearing_init(&small->bearings, &small->camera);
+    fv_map_reset(&small->map);
+}
+
+void small_map_free(struct small_map *small)
+{
+    free(small->memory);
+}
+
+static void make_view(struct small_map *small, struct fovea_random *random)
+{
+    const struct fv_view view = fv_map_view(&small->map, fv_map_current(&small->map));
+    uint32_t count = 0;
+    while (count < SMALL_MAP_FEATURES - fovea_random_below(random, 3)) {
+        const float x = (float)fovea_random_below(random, 3190) / 10, y = (float)fovea_random_below(random, 2390) / 10;
+        const uint32_t level = fovea_random_below(random, 8);
+        if (!fv_map_set_keypoint(&view.points[count], &small->bearings, &small->camera, x, y, level)) continue;
+        for (int i = 0; i < FV_MAP_DESCRIPTOR_BYTES; i++)
+            view.descriptors[(size_t)count * FV_MAP_DESCRIPTOR_BYTES + (size_t)i] = (uint8_t)fovea_random_u32(random);
+        view.landmark[count++] = FV_MAP_NONE;
+    }
+    view.frame->features = count;
+    view.frame->depth = 1 + fovea_random_unit(random);
+    view.frame->stamp_ns = (int64_t)fovea_random_u32(random);
+    double turn[3];
+    for (int i = 0; i < 3; i++) {
+        turn[i] = 0.3 * fovea_random_normal(random);
+        view.frame->T_cam_world.t[i] = fovea_random_normal(random);
+    }
+    fv_so3_exp(turn, view.frame->T_cam_world.R);
+    fv_map_sort_view(&small->map, fv_map_current(&small->map));
+}
+
+void small_map_grow(struct small_map *small, struct fovea_random *random)
+{
+    struct fv_map *map = &small->map;
+    make_view(small, random);
+    fv_map_make_room(map, 40, 1000);
+    const int32_t before = map->state->keyframe_count > 0 ? map->keyframes[fv_map_current(map)].parent : FV_MAP_NONE;
+    const uint32_t slot = fv_map_add_keyframe(map, fv_map_current(map));
+    map->keyframes[slot].parent = before != FV_MAP_NONE && map->keyframes[before].used ? before : FV_MAP_NONE;
+    for (uint32_t f = 0; f < map->keyframes[slot].features; f++) {
+        uint32_t landmark = fovea_random_below(random, SMALL_MAP_LANDMARKS);
+        if (f % 3 == 0) {
+            const double point[3] = {fovea_random_normal(random), fovea_random_normal(random), 4};
+            const int32_t made = fv_map_add_landmark(map, point, 5);
+            if (made == FV_MAP_NONE) continue;
+            landmark = (uint32_t)made;
+        } else if (f % 3 == 1 || !map->landmarks[landmark].used) {
+            continue;
+        }
+        if (fv_map_link(map, landmark, slot, f)) fv_map_refresh_landmark(map, landmark);
+    }
+    if (before != FV_MAP_NONE && map->keyframes[before].used && before != (int32_t)slot && slot % 3 == 0)
+        fv_map_add_edge(map, (uint32_t)before, slot);
+    map->keyframes[fv_map_current(map)].parent = (int32_t)slot;
+}
+
+uint8_t *small_map_save(const struct small_map *small, size_t *bytes)
+{
+    const size_t capacity = fv_archive_bytes_max(&small->map.limits);
+    uint8_t *data = malloc(capacity);
+    struct fv_archive_state archive = {0};
+    fv_archive_begin(&archive, 77);
+    while (fv_archive_busy(&archive))
+        fv_archive_unit(&archive, &small->map, &small->camera, data, capacity);
+    *bytes = fv_archive_take(&archive);
+    if (*bytes > capacity) abort();
+    fv_archive_seal(data, *bytes);
+    return data;
+}
+
+static const char *keyframe_trouble(const struct fv_map *map, uint32_t slot)
+{
+    const struct fv_view view = fv_map_view(map, slot);
+    uint32_t links = 0;
+    if (view.frame->features > map->limits.features) return "a keyframe has too many features";
+    for (uint32_t f = 0; f < view.frame->features; f++) {
+        if (view.landmark[f] == FV_MAP_NONE) continue;
+        if (view.landmark[f] < 0 || (uint32_t)view.landmark[f] >= map->limits.landmarks) return "a link leads nowhere";
+        const struct fv_landmark *l = &map->landmarks[view.landmark[f]];
+        bool known = false;
+        for (uint32_t i = 0; i < l->observer_count; i++)
+            known = known || (l->observers[i].keyframe == slot && l->observers[i].feature == f);
+        if (!l->used || !known) return "a landmark does not know its observer";
+        links++;
+    }
+    const int32_t parent = view.frame->parent;
+    if (parent != FV_MAP_NONE && (parent < 0 || (uint32_t)parent >= map->limits.keyframes ||
+                                  !map->keyframes[parent].used || parent == (int32_t)slot))
+        return "a parent is none";
+    return links == view.frame->landmarks ? NULL : "a keyframe's landmarks are miscounted";
+}
+
+const char *small_map_trouble(const struct fv_map *map)
+{
+    uint32_t landmarks = 0, keyframes = 0;
+    for (uint32_t i = 0; i < map->limits.landmarks; i++) {
+        const struct fv_landmark *l = &map->landmarks[i];
+        if (!l->used) continue;
+        landmarks++;
+        if (l->observer_count == 0 || l->observer_count > FV_MAP_OBSERVERS_MAX) return "a landmark has no observers";
+        for (uint32_t k = 0; k < l->observer_count; k++) {
+            const struct fv_observer o = l->observers[k];
+            if (o.keyframe >= map->limits.keyframes || !map->keyframes[o.keyframe].used ||
+                o.feature >= map->keyframes[o.keyframe].features ||
+                fv_map_view(map, o.keyframe).landmark[o.feature] != (int32_t)i)
+                return "an observer does not know its landmark";
+        }
+    }
+    for (uint32_t k = 0; k < map->limits.keyframes; k++) {
+        if (!map->keyframes[k].used) continue;
+        keyframes++;
+        const char *trouble = keyframe_trouble(map, k);
+        if (trouble != NULL) return trouble;
+    }
+    if (landmarks != map->state->landmark_count || keyframes != map->state->keyframe_count) return "pools are miscounted";
+    if (map->state->free_count != map->limits.landmarks - landmarks) return "free landmarks are miscounted";
+    for (uint32_t i = 0; i < map->state->free_count; i++)
+        if (map->landmarks[map->free_landmarks[i]].used) return "a free landmark is used";
+    return NULL;
+}

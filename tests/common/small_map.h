@@ -1,0 +1,27 @@
+/* A small made-up map, and whether a map is whole. For tests and fuzzers. */
+#ifndef FOVEA_TESTS_COMMON_SMALL_MAP_H
+#define FOVEA_TESTS_COMMON_SMALL_MAP_H
+
+#include "fovea/elementary.h"
+#include "map/archive.h"
+
+struct small_map {
+    struct fovea_camera camera;
+    struct fv_bearing_table bearings;
+    struct fv_map map;
+    void *memory;
+};
+
+enum { SMALL_MAP_KEYFRAMES = 10, SMALL_MAP_LANDMARKS = 400, SMALL_MAP_FEATURES = 120 };
+
+/* Empty pools for a camera of 320 x 240 pixels. */
+void small_map_make(struct small_map *small);
+void small_map_free(struct small_map *small);
+/* One more keyframe with features, some of which see landmarks of earlier ones and some new ones. */
+void small_map_grow(struct small_map *small, struct fovea_random *random);
+/* The map as sealed bytes from malloc. */
+uint8_t *small_map_save(const struct small_map *small, size_t *bytes);
+/* NULL when links, counts and lists agree; else what does not. */
+const char *small_map_trouble(const struct fv_map *map);
+
+#endif

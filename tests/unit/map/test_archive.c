@@ -1,0 +1,250 @@
+/* Maps as files: there and back without loss, also when the map changes while it is written; damaged, hostile and foreign
+ * files refused with the byte, or read into a map that is whole. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+/* cmocka needs the above */
+#include <cmocka.h>
+
+#include "common/small_map.h"
+
+static enum fovea_status read_into(struct small_map *small, const uint8_t *data, size_t bytes, struct fovea_error *error)
+{
+    struct fv_archive_info info;
+    error->text[0] = '\0';
+    const enum fovea_status status = fv_archive_read(data, bytes, "a.map", &small->map, &small->camera, &small->bearings,
+                                                     &info, error);
+    if (status != FOVEA_OK && (strstr(error->text, "a.map: byte ") != error->text || strchr(error->text, '\n') != NULL))
+        fail_msg("refused without the byte: %s", error->text);
+    if (status != FOVEA_OK && strstr(error->text, "expected") == NULL) fail_msg("nothing expected: %s", error->text);
+    return status;
+}
+
+static struct small_map *filled(uint64_t seed, uint32_t keyframes)
+{
+    struct small_map *small = malloc(sizeof *small);
+    struct fovea_random random;
+    fovea_random_seed(&random, seed);
+    small_map_make(small);
+    for (uint32_t k = 0; k < keyframes; k++)
+        small_map_grow(small, &random);
+    assert_null(small_map_trouble(&small->map));
+    return small;
+}
+
+static void give_back(struct small_map *small)
+{
+    small_map_free(small);
+    free(small);
+}
+
+static void test_there_and_back(void **state)
+{
+    (void)state;
+    for (uint64_t seed = 1; seed <= 8; seed++) {
+        struct small_map *from = filled(seed, (uint32_t)(3 + 3 * seed)), *to = filled(seed + 100, 4);
+        struct fovea_error error;
+        size_t bytes, again_bytes;
+        uint8_t *data = small_map_save(from, &bytes);
+        if (read_into(to, data, bytes, &error) != FOVEA_OK) fail_msg("%s", error.text);
+        assert_null(small_map_trouble(&to->map));
+        assert_int_equal(to->map.state->landmark_count, from->map.state->landmark_count);
+        assert_int_equal(to->map.state->keyframe_count, from->map.state->keyframe_count);
+        uint8_t *again = small_map_save(to, &again_bytes);
+        assert_int_equal(again_bytes, bytes);
+        assert_memory_equal(again, data, bytes);
+        for (uint32_t k = 0; k < from->map.limits.keyframes; k++) { /* what is not stored is made again */
+            const struct fv_view a = fv_map_view(&from->map, k), b = fv_map_view(&to->map, k);
+            if (!a.frame->used) continue;
+            assert_memory_equal(a.points, b.points, a.frame->features * sizeof *a.points);
+            assert_memory_equal(a.order, b.order, a.frame->features * sizeof *a.order);
+            assert_int_equal(a.frame->landmarks, b.frame->landmarks);
+        }
+        free(again);
+        free(data);
+        give_back(from);
+        give_back(to);
+    }
+}
+
+/* Keyframes come and go between the units: what is read is whole, and has what stayed all the time. */
+static void test_saved_while_it_changes(void **state)
+{
+    (void)state;
+    const uint64_t seeds = 40;
+    uint32_t lost = 0, units = 0;
+    for (uint64_t seed = 1; seed <= seeds; seed++) {
+        struct small_map *from = filled(seed, 14), *to = filled(seed, 2);
+        struct fv_archive_state archive = {0};
+        struct fovea_random random;
+        struct fovea_error error;
+        uint32_t before[SMALL_MAP_KEYFRAMES];
+        const size_t capacity = fv_archive_bytes_max(&from->map.limits);
+        uint8_t *data = malloc(capacity);
+        fovea_random_seed(&random, seed);
+        for (uint32_t k = 0; k < SMALL_MAP_KEYFRAMES; k++)
+            before[k] = from->map.keyframes[k].used ? from->map.keyframes[k].generation : 0;
+        fv_archive_begin(&archive, 5);
+        for (; fv_archive_busy(&archive); units++) {
+            fv_archive_unit(&archive, &from->map, &from->camera, data, capacity);
+            if (fovea_random_below(&random, 3) == 0) small_map_grow(from, &random);
+            if (fovea_random_below(&random, 5) == 0)
+                fv_map_remove_keyframe(&from->map, fv_map_most_redundant(&from->map));
+        }
+        const size_t bytes = fv_archive_take(&archive);
+        fv_archive_seal(data, bytes);
+        if (read_into(to, data, bytes, &error) != FOVEA_OK) fail_msg("seed %u: %s", (unsigned)seed, error.text);
+        const char *trouble = small_map_trouble(&to->map);
+        if (trouble != NULL) fail_msg("seed %u: %s", (unsigned)seed, trouble);
+        for (uint32_t k = 0; k < SMALL_MAP_KEYFRAMES; k++)
+            lost += before[k] != 0 && fv_map_holds(&from->map, k, before[k]) && !fv_map_holds(&to->map, k, before[k]);
+        free(data);
+        give_back(from);
+        give_back(to);
+    }
+    assert_int_equal(lost, 0);
+    assert_in_range(units, seeds * 6, seeds * (SMALL_MAP_KEYFRAMES + 6));
+}
+
+static void test_without_a_buffer_the_units_are_the_same(void **state)
+{
+    (void)state;
+    struct small_map *small = filled(3, 9);
+    struct fv_archive_state with = {0}, without = {0}, short_one = {0};
+    const size_t capacity = fv_archive_bytes_max(&small->map.limits);
+    uint8_t *data = malloc(capacity), small_buffer[1000 + 64];
+    memset(small_buffer, 0xee, sizeof small_buffer);
+    fv_archive_begin(&with, 5);
+    fv_archive_begin(&without, 5);
+    fv_archive_begin(&short_one, 5);
+    while (fv_archive_busy(&with)) {
+        fv_archive_unit(&with, &small->map, &small->camera, data, capacity);
+        fv_archive_unit(&without, &small->map, &small->camera, NULL, 0);
+        fv_archive_unit(&short_one, &small->map, &small->camera, small_buffer, 1000);
+        assert_memory_equal(&with, &without, sizeof with);
+        assert_memory_equal(&with, &short_one, sizeof with);
+    }
+    for (int i = 1000; i < 1064; i++)
+        assert_int_equal(small_buffer[i], 0xee);
+    free(data);
+    give_back(small);
+}
+
+static void test_damaged_files_are_refused(void **state)
+{
+    (void)state;
+    struct small_map *from = filled(4, 8), *to = filled(5, 2);
+    struct fovea_random random;
+    struct fovea_error error;
+    size_t bytes;
+    uint8_t *data = small_map_save(from, &bytes), *bad = malloc(2 * bytes);
+    fovea_random_seed(&random, 8);
+    for (int n = 0; n < 1000; n++) {
+        size_t length = bytes;
+        memcpy(bad, data, bytes);
+        if (n % 4 == 0) {
+            length = fovea_random_below(&random, (uint32_t)bytes);
+        } else if (n % 4 == 1) { /* a run of noise */
+            const size_t at = fovea_random_below(&random, (uint32_t)bytes);
+            for (size_t i = at; i < bytes && i < at + 1 + (size_t)n; i++)
+                bad[i] = (uint8_t)(bad[i] + 1 + fovea_random_below(&random, 255));
+        } else if (n % 4 == 2) { /* something added, or doubled */
+            length += 1 + fovea_random_below(&random, (uint32_t)bytes - 1);
+            memcpy(bad + bytes, data, length - bytes);
+        } else {
+            bad[fovea_random_below(&random, (uint32_t)bytes)] ^= (uint8_t)(1u << fovea_random_below(&random, 8));
+        }
+        if (read_into(to, bad, length, &error) == FOVEA_OK) fail_msg("damage %d was read", n);
+    }
+    free(bad);
+    free(data);
+    give_back(from);
+    give_back(to);
+}
+
+/* Files whose checksum fits whatever they say: refused, or read into a map that is whole. */
+static void test_hostile_files_do_no_harm(void **state)
+{
+    (void)state;
+    struct small_map *from = filled(6, 8), *to = filled(5, 2);
+    struct fovea_random random;
+    struct fovea_error error;
+    size_t bytes;
+    uint32_t refused = 0;
+    uint8_t *data = small_map_save(from, &bytes), *bad = malloc(bytes);
+    fovea_random_seed(&random, 9);
+    for (int n = 0; n < 3000; n++) {
+        memcpy(bad, data, bytes);
+        for (uint32_t flips = 1 + fovea_random_below(&random, 4); flips > 0; flips--) {
+            uint32_t at = fovea_random_below(&random, n % 3 == 0 ? 192 : (uint32_t)bytes);
+            bad[at] = (uint8_t)(n % 2 == 0 ? fovea_random_u32(&random) : 0xff);
+        }
+        fv_archive_seal(bad, bytes);
+        refused += read_into(to, bad, bytes, &error) != FOVEA_OK;
+        const char *trouble = small_map_trouble(&to->map);
+        if (trouble != NULL) fail_msg("file %d: %s", n, trouble);
+    }
+    assert_in_range(refused, 300, 2999);
+    free(bad);
+    free(data);
+    give_back(from);
+    give_back(to);
+}
+
+static void test_foreign_files_are_refused(void **state)
+{
+    (void)state;
+    struct small_map *from = filled(6, 5), *to = filled(5, 2);
+    struct fovea_error error;
+    size_t bytes;
+    uint8_t *data = small_map_save(from, &bytes);
+    const struct {
+        size_t at;
+        uint8_t value;
+        const char *expected;
+    } cases[] = {
+        {0, 'G', "byte 0: first byte"},
+        {8, 2, "byte 8: version: found 2, expected 1"},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        const uint8_t kept = data[cases[i].at];
+        data[cases[i].at] = cases[i].value;
+        assert_int_equal(read_into(to, data, bytes, &error), FOVEA_ERROR_INPUT);
+        if (strstr(error.text, cases[i].expected) == NULL) fail_msg("%s", error.text);
+        data[cases[i].at] = kept;
+    }
+    for (int i = 0; i < 2; i++) { /* the mark as a big-endian writer would leave it */
+        const uint8_t kept = data[12 + i];
+        data[12 + i] = data[15 - i];
+        data[15 - i] = kept;
+    }
+    assert_int_equal(read_into(to, data, bytes, &error), FOVEA_ERROR_INPUT);
+    assert_non_null(strstr(error.text, "byte 12: byte order mark"));
+    free(data);
+    data = small_map_save(from, &bytes);
+    to->camera.fx += 0.01;
+    assert_int_equal(read_into(to, data, bytes, &error), FOVEA_ERROR_INPUT);
+    assert_non_null(strstr(error.text, "byte 24: camera: found 320 x 240"));
+    to->camera.fx -= 0.01;
+    assert_int_equal(read_into(to, data, bytes, &error), FOVEA_OK);
+    free(data);
+    give_back(from);
+    give_back(to);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_there_and_back),
+        cmocka_unit_test(test_saved_while_it_changes),
+        cmocka_unit_test(test_without_a_buffer_the_units_are_the_same),
+        cmocka_unit_test(test_damaged_files_are_refused),
+        cmocka_unit_test(test_hostile_files_do_no_harm),
+        cmocka_unit_test(test_foreign_files_are_refused),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
