@@ -111,6 +111,7 @@ const struct fv_settings_key fv_settings_keys[] = {
      NULL},
     {"scale.allow_unscaled", FV_SETTINGS_BOOL, AT(runtime.scale.allow_unscaled), 0, 1, "", NULL,
      "send the bot_core pose also while its unit is arbitrary; such a pose cannot say so", NULL},
+
     {"map.load", TEXT_OF(map_load), "file", NULL, "map to begin with, saved with the same calibration; empty: none", NULL},
     {"map.save", TEXT_OF(map_save), "file", NULL,
      "where the map is saved at the end of the run and on the command `save`; empty: nowhere", NULL},
