@@ -1,7 +1,19 @@
 #!/bin/sh
-# Run every test program of a build and say at the end which failed.
-# Usage: tools/run_tests.sh BUILD [EMULATOR...]
+# Run the test programs of a build, as many at a time as there are processors, those that look at the clock or the network
+# alone; say which failed, what was skipped and which took longest.
+# Usage: tools/run_tests.sh BUILD [EMULATOR...]     FOVEA_TESTS="unit/base/test_ring ..." runs only these
 set -u
+
+if [ "$1" = --one ]; then # --one BUILD TEST [EMULATOR...]
+    build=$2 test=$3
+    shift 3
+    name=$(echo "${test#"$build"/tests/}" | tr / -)
+    begin=$(date +%s%N)
+    "$@" "$test" >"$build/test-log/$name.out" 2>&1 && verdict=passed || verdict=failed
+    echo "$verdict $test $name $((($(date +%s%N) - begin) / 1000000))" >>"$build/test-log/verdicts"
+    exit 0
+fi
+
 build=$1
 shift
 : "${FOVEA_DATA:=../shared/data}"
@@ -12,20 +24,33 @@ export TSAN_OPTIONS="ignore_noninstrumented_modules=1 ${TSAN_OPTIONS:-}"
 [ $# -eq 0 ] || export FOVEA_EMULATED=1
 # Speed is judged in the ordinary build alone.
 [ "$build" != build ] || export FOVEA_TIMED=1
-passed=0 failed= log=$build/test.log
-: >"$log"
-for test in $(find "$build/tests" -type f -perm -u+x -name 'test_*' | sort); do
-    if "$@" "$test" >"$build/test.out" 2>&1; then
-        passed=$((passed + 1))
-    else
-        failed="$failed $test"
-        echo "FAILED $test"
-        tail -n 40 "$build/test.out"
-    fi
-    grep -h 'SKIPPED' "$build/test.out"
-    cat "$build/test.out" >>"$log"
+
+if [ -n "${FOVEA_TESTS:-}" ]; then
+    tests=$(for name in $FOVEA_TESTS; do echo "$build/tests/$name"; done)
+else
+    tests=$(find "$build/tests" -type f -perm -u+x -name 'test_*' | sort)
+fi
+alone=$(for test in $tests; do
+    name=${test#"$build"/}
+    case $name in */realtime/* | */transport/*) echo "$test"; continue ;; esac
+    [ -n "${FOVEA_TIMED:-}" ] && grep -qs FOVEA_TIMED "$name.c" "$name.cpp" && echo "$test"
+done)
+together=$(echo "$tests" | grep -vxF "${alone:-none}")
+
+rm -rf "$build/test-log"
+mkdir -p "$build/test-log"
+printf '%s\n' $together | xargs -P "$(nproc)" -I '{}' "$0" --one "$build" '{}' "$@"
+for test in $alone; do "$0" --one "$build" "$test" "$@"; done
+
+sort -k 2 "$build/test-log/verdicts" | while read -r verdict test name _; do
+    out=$build/test-log/$name.out
+    [ "$verdict" = passed ] || { echo "FAILED $test"; tail -n 40 "$out"; }
+    grep -h 'SKIPPED' "$out"
 done
-count=$(echo "$failed" | wc -w)
-[ -z "$failed" ] || echo "failed:$failed"
-echo "$passed passed, $count failed"
-[ "$count" -eq 0 ] && [ "$passed" -gt 0 ]
+sort -k 4 -n -r "$build/test-log/verdicts" | head -n 5 | awk '{ printf "%s %.1f s; ", $3, $4 / 1000 }'
+echo
+passed=$(grep -c '^passed' "$build/test-log/verdicts")
+failed=$(sed -n 's/^failed \([^ ]*\) .*/\1/p' "$build/test-log/verdicts")
+[ -z "$failed" ] || echo "failed:" $failed
+echo "$passed passed, $(echo "$failed" | wc -w) failed"
+[ -z "$failed" ] && [ "$passed" -eq "$(echo "$tests" | wc -l)" ]

@@ -1,0 +1,100 @@
+/* Units are bounded: run one by one on the simulated camera, 99 of 100 of every job take at most 0.25 ms of processor time,
+ * and none takes several times that. Judged in the ordinary build alone (FOVEA_TIMED); other builds only see that there
+ * are units of every job. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include <cmocka.h>
+
+#include "app/timing.h"
+#include "fovea/fovea.h"
+#include "fovea/source.h"
+
+enum { FRAMES = 240, UNIT_NS = 250000, UNIT_MAX_NS = 4 * UNIT_NS };
+
+static struct fv_histogram units[FOVEA_JOB_COUNT];
+
+static int64_t cpu_ns(void)
+{
+    int64_t wall, cpu;
+    fv_timing_clock(NULL, &wall, &cpu);
+    return cpu;
+}
+
+/* As many units as the fixed schedule grants, each by itself. */
+static void work_one_by_one(struct fovea *rt, const struct fovea_grants *granted)
+{
+    for (int job = 0; job < FOVEA_JOB_COUNT; job++) {
+        for (uint32_t n = 0; n < granted->units[job]; n++) {
+            struct fovea_grants one = {.features = granted->features};
+            struct fovea_outputs outputs;
+            one.units[job] = 1;
+            const int64_t begin = cpu_ns();
+            fovea_work(rt, &one, &outputs);
+            const int64_t took = cpu_ns() - begin;
+            if (outputs.units_done[job] == 0) break;
+            fv_histogram_add(&units[job], took);
+        }
+    }
+}
+
+static void run(const char *uri)
+{
+    const struct fovea_source_selection everything = {.step = 1, .frames = FRAMES};
+    const struct fovea_source_ops *ops;
+    const char *address;
+    struct fovea_source *source;
+    struct fovea_error error;
+    struct fovea_config config;
+    struct fovea_frame frame;
+    struct fovea *rt;
+    size_t bytes;
+    fovea_config_default(&config);
+    assert_int_equal(fovea_source_find(uri, &ops, &address, &error), FOVEA_OK);
+    assert_int_equal(ops->open(address, &everything, &source, &error), FOVEA_OK);
+    config.camera = ops->info(source)->camera;
+    assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_OK);
+    void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, (bytes + 63) / 64 * 64);
+    assert_non_null(memory);
+    assert_int_equal(fovea_init(memory, bytes, &config, &rt, &error), FOVEA_OK);
+    assert_int_equal(ops->start(source, &error), FOVEA_OK);
+    while (ops->dequeue(source, INT64_MAX, &frame) == FOVEA_OK) {
+        struct fovea_inputs inputs = {.frame = &frame, .now_ns = frame.stamp_ns};
+        struct fovea_outputs outputs;
+        fovea_grants_fixed(&config, &inputs.grants);
+        fovea_step(rt, &inputs, &outputs);
+        work_one_by_one(rt, &inputs.grants);
+        ops->requeue(source, &frame);
+    }
+    ops->stop(source);
+    ops->close(source);
+    free(memory);
+}
+
+static void test_units_are_bounded(void **state)
+{
+    (void)state;
+    run("sim:corridor?width=752&height=480");
+    run("sim:tour");
+    bool good = true;
+    for (int job = 0; job < FOVEA_JOB_COUNT; job++) {
+        const struct fv_histogram *h = &units[job];
+        const int64_t p99 = fv_histogram_percentile(h, 0.99), p999 = fv_histogram_percentile(h, 0.999);
+        print_message("%-10s %6llu units, %7.1f us mean, %7.1f p99, %7.1f p99.9, %7.1f max\n",
+                      fovea_job_name((enum fovea_job)job), (unsigned long long)h->count,
+                      (double)fv_histogram_mean(h) * 1e-3, (double)p99 * 1e-3, (double)p999 * 1e-3,
+                      (double)h->max_ns * 1e-3);
+        good = good && p99 <= UNIT_NS && p999 <= UNIT_MAX_NS;
+    }
+    if (getenv("FOVEA_TIMED") != NULL) assert_true(good);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_units_are_bounded)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
