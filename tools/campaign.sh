@@ -53,7 +53,7 @@ if [ -n "$sample" ]; then
     part realtime realtime 3600
     part wander wander 3000
     part everywhere tests/replay/everywhere.sh 100
-    part fuzz make --no-print-directory fuzz FUZZ_SECONDS=8
+    part fuzz make --no-print-directory fuzz FUZZ_SECONDS="${FUZZ_SECONDS:-8}"
     part networks tools/check_networks.sh "$build" 1
 else
     part realtime realtime 36000

@@ -1,23 +1,22 @@
 #!/bin/sh
-# Run every fuzz target of a build for a while, from its committed corpus; a crashing input is kept and fails the run.
+# Run every fuzz target of a build for a while, as many at a time as there are processors, from its committed corpus; a
+# crashing input is kept and fails the run.
 # Usage: tools/run_fuzzers.sh BUILD SECONDS
-set -eu
-build=$1
-seconds=$2
-failed=
-for fuzzer in "$build"/fuzz/fuzz_*; do
-    [ -x "$fuzzer" ] || continue
-    case $fuzzer in *.*) continue ;; esac
-    name=$(basename "$fuzzer")
-    corpus=$build/corpus/$name
+set -u
+
+if [ "$1" = --one ]; then # --one BUILD SECONDS FUZZER
+    build=$2 name=$(basename "$4") corpus=$2/corpus/$(basename "$4")
     mkdir -p "$corpus"
     [ -d "tests/fuzz/corpus/$name" ] && cp -n "tests/fuzz/corpus/$name"/* "$corpus" 2>/dev/null
-    if "$fuzzer" -max_total_time="$seconds" -timeout=10 -rss_limit_mb=2048 -close_fd_mask=3 \
+    if "$4" -max_total_time="$3" -timeout=10 -rss_limit_mb=2048 -close_fd_mask=3 \
             -artifact_prefix="$build/crash-$name-" "$corpus" 2>"$build/$name.log"; then
-        echo "$name: ok, $(grep -c . "$build/$name.log") lines of log, $(find "$corpus" -type f | wc -l) inputs"
-    else
-        tail -n 30 "$build/$name.log"
-        failed="$failed $name"
+        runs=$(sed -n 's/^Done \([0-9]*\) runs.*/\1/p' "$build/$name.log")
+        [ "${runs:-0}" -gt 0 ] && echo "$name: ok, $runs runs, $(find "$corpus" -type f | wc -l) inputs" && exit 0
     fi
-done
-[ -z "$failed" ] || { echo "fuzzing found faults:$failed"; exit 1; }
+    tail -n 30 "$build/$name.log"
+    echo "$name: FAILED"
+    exit 1
+fi
+
+find "$1/fuzz" -type f -perm -u+x -name 'fuzz_*' | sort | xargs -P "$(nproc)" -n 1 "$0" --one "$1" "$2" ||
+    { echo "fuzzing found faults"; exit 1; }

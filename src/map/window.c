@@ -7,7 +7,7 @@
 #include "geometry/pose.h"
 #include "geometry/vec.h"
 
-enum { UNIT_OBSERVATIONS = 700 };
+enum { UNIT_OBSERVATIONS = 500 };
 
 static const double huber_square = 5.991; /* 95 % of chi-square with 2 degrees of freedom */
 
@@ -230,6 +230,7 @@ bool fv_window_unit(struct fv_window *w)
 void fv_window_clear(struct fv_window *w)
 {
     memset(w->state, 0, sizeof *w->state);
+    memset(w->state->pose_of, -1, sizeof w->state->pose_of);
     w->state->damping = 1e-4;
 }
 

@@ -64,6 +64,7 @@ struct fv_window_state {
     double gradient[FV_WINDOW_SYSTEM_MAX];
     double system[FV_WINDOW_SYSTEM_MAX * FV_WINDOW_SYSTEM_MAX]; /* row-major with 6 * moved_count columns */
     struct fv_window_pose poses[FV_WINDOW_POSES_MAX];
+    int8_t pose_of[FV_MAP_KEYFRAMES_MAX + 2]; /* index in poses by slot; -1: not in the window */
     uint64_t keyframe_number; /* newest keyframe when the job started */
 };
 

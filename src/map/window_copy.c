@@ -9,9 +9,7 @@
 
 static int32_t fv_pose_of(const struct fv_window_state *s, uint32_t slot)
 {
-    for (uint32_t i = 0; i < s->pose_count; i++)
-        if (s->poses[i].slot == slot) return (int32_t)i;
-    return -1;
+    return s->pose_of[slot];
 }
 
 static uint32_t fv_add_pose(struct fv_window_state *s, const struct fv_map *map, uint32_t slot)
@@ -22,6 +20,7 @@ static uint32_t fv_add_pose(struct fv_window_state *s, const struct fv_map *map,
     p->generation = map->keyframes[slot].generation;
     p->column = -1;
     p->reserved = 0;
+    s->pose_of[slot] = (int8_t)s->pose_count;
     return s->pose_count++;
 }
 

@@ -6,7 +6,7 @@
 #include "geometry/vec.h"
 #include "odometry/odometry.h"
 
-enum { UNIT_FEATURES = 256, DISTANCE_GROW_MAX = 50, DISTANCE_FUSE_MAX = 50, CULL_EXPECTED_MIN = 8 };
+enum { UNIT_FEATURES = 128, DISTANCE_GROW_MAX = 50, DISTANCE_FUSE_MAX = 50, CULL_EXPECTED_MIN = 8 };
 
 static const double cos_parallax_max = 0.99996; /* half a degree */
 static const double chi_square_95_2 = 5.991;
@@ -227,7 +227,7 @@ static void fv_fuse_unit(struct fv_odometry *o, const struct fv_kernels *kernels
 {
     struct fv_grow_state *g = &o->state->grow;
     struct fv_view view = fv_map_view(&o->map, g->keyframe);
-    for (uint32_t done = 0; done < UNIT_FEATURES / 2 && g->next < view.frame->features; g->next++) {
+    for (uint32_t done = 0; done < UNIT_FEATURES && g->next < view.frame->features; g->next++) {
         int32_t landmark = view.landmark[g->next];
         if (landmark == FV_MAP_NONE || o->map.landmarks[landmark].observer_count >= 4) continue;
         for (uint32_t i = 0; i < g->neighbour_count; i++)

@@ -214,9 +214,9 @@ static void test_late_frames(void **state)
     busy = false;
     stall_ns = 25000000; /* three frames wait, none is dropped */
     fv_loop_run(&loop);
-    uint64_t few = loop.counts.late;
     assert_int_equal(loop.counts.in, 40);
     assert_int_equal(loop.counts.processed + loop.counts.late, 40);
+    assert_int_equal(loop.counts.late, loop.counts.starved); /* 0 unless this machine stands still */
     /* 16 frames wait: all but the last few are dropped, and it was not the loop's work that kept it. */
     free(memory);
     assert_int_equal(set_up(NULL), 0);
@@ -228,7 +228,6 @@ static void test_late_frames(void **state)
     assert_int_equal(loop.counts.in, 40);
     assert_int_equal(loop.counts.processed + loop.counts.late, 40);
     assert_true(loop.counts.late >= 10);
-    assert_true(loop.counts.late > few);
     assert_int_equal(loop.counts.starved, loop.counts.late);
     assert_int_equal(timings.latency.count, loop.counts.processed);
 }

@@ -50,7 +50,11 @@ static void test_fill_and_drain(void **state)
     assert_non_null(fv_ring_reserve(&ring, 50)); /* half the capacity into an empty ring */
 }
 
+#ifdef FOVEA_SANITIZED
+enum { RECORDS = 10000 };
+#else
 enum { RECORDS = 200000 };
+#endif
 
 /* Record n: its length (2 bytes) and that many bytes of a pattern that depends on n. */
 static uint32_t length_of(uint32_t n)

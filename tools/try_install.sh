@@ -1,0 +1,54 @@
+#!/bin/sh
+# Install into a folder of the build, and use what is there as a stranger's program would: shared and static library by
+# pkg-config, headers, the command.
+# Usage: tools/try_install.sh [BUILD]
+set -eu
+cd "$(dirname "$0")/.."
+build=${1:-build}
+place=$PWD/$build/installed
+rm -rf "$place" && mkdir -p "$place"
+make --no-print-directory BUILD="$build" PREFIX="$place" install >/dev/null
+# A package is made the same way, with DESTDIR before the prefix.
+make --no-print-directory BUILD="$build" PREFIX=/usr DESTDIR="$place/package" install >/dev/null
+[ -x "$place/package/usr/bin/fovea" ]
+grep -qx 'prefix=/usr' "$place/package/usr/lib/pkgconfig/fovea.pc"
+rm -rf "$place/package"
+
+cat >"$place/user.c" <<'C'
+#include <fovea/fovea.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+int main(void)
+{
+    struct fovea_config config;
+    struct fovea_error error;
+    struct fovea_inputs inputs = {0};
+    struct fovea_outputs outputs;
+    struct fovea *rt;
+    size_t bytes;
+    fovea_config_default(&config);
+    config.camera = (struct fovea_camera){.width = 640, .height = 480, .fx = 500, .fy = 500, .cx = 320, .cy = 240};
+    if (fovea_camera_prepare(&config.camera, &error) != FOVEA_OK) return 1;
+    if (fovea_size(&config, &bytes, &error) != FOVEA_OK) return 1;
+    void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, (bytes + 63) / 64 * 64);
+    if (fovea_init(memory, bytes, &config, &rt, &error) != FOVEA_OK) return 1;
+    if (fovea_step(rt, &inputs, &outputs) != FOVEA_AGAIN) return 1;
+    printf("%zu bytes, kernels %s\n", bytes, fovea_cpu_name(rt));
+    free(memory);
+    return 0;
+}
+C
+export PKG_CONFIG_PATH="$place/lib/pkgconfig"
+# shellcheck disable=SC2046
+${CC:-cc} -Wall -Wextra -Werror -o "$place/shared" "$place/user.c" $(pkg-config --cflags --libs fovea)
+LD_LIBRARY_PATH="$place/lib" "$place/shared"
+mkdir "$place/static-only" && cp "$place/lib/libfovea.a" "$place/static-only"
+# shellcheck disable=SC2046
+${CC:-cc} -Wall -Wextra -Werror -o "$place/static" "$place/user.c" -L"$place/static-only" \
+    $(pkg-config --static --cflags --libs fovea | sed "s|-L$place/lib||")
+"$place/static"
+ldd "$place/static" | grep -q libfovea && { echo "the static trial is linked with the shared library"; exit 1; }
+"$place/bin/fovea" config | "$place/bin/fovea" config --check /dev/stdin
+[ -f "$place/share/fovea/lcmtypes/fovea_pose_t.lcm" ]
+echo "install: ok"
