@@ -255,11 +255,10 @@ void fv_window_put_landmark(struct fv_window *w, const double point[3])
 void fv_window_put_observation(struct fv_window *w, const struct fv_keypoint *p, uint32_t pose)
 {
     struct fv_window_observation *o = &w->observations[w->state->observation_count++];
-    memset(o, 0, sizeof *o);
     memcpy(o->bearing, p->bearing, sizeof o->bearing);
     memcpy(o->A, p->A, sizeof o->A);
     o->weight = p->weight;
-    o->pose = pose;
+    o->pose = pose; /* `cross` is written by the first pass, before it is read */
     w->landmarks[w->state->landmark_count - 1].count++;
 }
 
