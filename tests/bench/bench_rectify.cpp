@@ -2,6 +2,8 @@
 #include "bench/bench.h"
 #include "bench/memory.h"
 
+#include <array>
+
 #include <opencv2/calib3d.hpp>
 #include <opencv2/imgproc.hpp>
 
@@ -91,15 +93,14 @@ const bench::Stage undistort(
             fv_bearing_carve(table.get(), camera->width, camera->height, arena);
         });
         fv_bearing_init(table.get(), camera.get());
-        auto points = std::make_shared<std::vector<cv::Point2f>>(thousand_points());
-        auto out = std::make_shared<std::vector<double>>(9 * 1000);
+        auto points = std::make_shared<std::vector<std::array<float, 2>>>();
+        for (const auto &p : thousand_points())
+            points->push_back({p.x, p.y});
+        auto rays = std::make_shared<std::vector<struct fv_ray>>(points->size());
         return [=] {
             (void)block;
-            double *to = out->data();
-            for (const auto &p : *points) {
-                fv_bearing_of(table.get(), camera.get(), p.x, p.y, to, to + 3);
-                to += 9;
-            }
+            fv_bearings_of(table.get(), camera.get(), reinterpret_cast<const float(*)[2]>(points->data()),
+                           static_cast<uint32_t>(points->size()), rays->data());
         };
     },
     [](const Input &) -> Run {

@@ -94,7 +94,7 @@ static void there_and_back(void **)
                 double norm = bearing[0] * bearing[0] + bearing[1] * bearing[1] + bearing[2] * bearing[2];
                 assert_true(fabs(norm - 1) < 1e-14);
                 assert_int_equal(fovea_camera_project(&camera, bearing, back, NULL), FOVEA_OK);
-                if (!(fabs(back[0] - x) < 1e-6 && fabs(back[1] - y) < 1e-6))
+                if (!(fabs(back[0] - x) < 1e-9 && fabs(back[1] - y) < 1e-9))
                     fail_msg("camera %d pixel %d %d comes back as %.9f %.9f", c, x, y, back[0], back[1]);
             }
         /* The lenses whose polynomial holds over their whole image refuse nothing. */
