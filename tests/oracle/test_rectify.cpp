@@ -1,6 +1,5 @@
 /* Rectification: every output pixel against the exact map in double precision, pinhole and cylinder, crop and
- * keep-all, narrow and wide lenses; a real image against cv::remap; and straight lines on a real
- * checkerboard. */
+ * keep-all, narrow and wide lenses; and a real image against cv::remap. */
 #include "oracle/images.h"
 
 #include <cmath>
@@ -149,71 +148,6 @@ bool check_remap(const struct fv_kernels &kernels)
     return error < 0.26; /* rounding to whole grey levels alone makes 0.25 */
 }
 
-/* Root mean square distance of points from the line that fits them best, in pixels. */
-double crookedness(const std::vector<cv::Point2f> &points)
-{
-    cv::Vec4f line;
-    cv::fitLine(points, line, cv::DIST_L2, 0, 1e-4, 1e-6);
-    double sum = 0;
-    for (const auto &p : points)
-        sum += std::pow((p.x - line[2]) * line[1] - (p.y - line[3]) * line[0], 2);
-    return std::sqrt(sum / static_cast<double>(points.size()));
-}
-
-/* Worst line of a board of 9 x 6 inner corners; negative where the board is not found. */
-double board_crookedness(const cv::Mat &image)
-{
-    const cv::Size board(9, 6);
-    std::vector<cv::Point2f> corners;
-    if (!cv::findChessboardCorners(image, board, corners)) return -1;
-    cv::cornerSubPix(image, corners, cv::Size(5, 5), cv::Size(-1, -1),
-                     cv::TermCriteria(cv::TermCriteria::EPS | cv::TermCriteria::COUNT, 40, 1e-4));
-    double worst = 0;
-    for (int row = 0; row < board.height; row++)
-        worst = std::max(worst, crookedness({corners.begin() + row * board.width,
-                                             corners.begin() + (row + 1) * board.width}));
-    for (int column = 0; column < board.width; column++) {
-        std::vector<cv::Point2f> line;
-        for (int row = 0; row < board.height; row++)
-            line.push_back(corners[static_cast<size_t>(row * board.width + column)]);
-        worst = std::max(worst, crookedness(line));
-    }
-    return worst;
-}
-
-bool check_board(const struct fv_kernels &kernels)
-{
-    const std::vector<std::string> names = images_under(data_folder() + "/vamr_checkerboard/images", 24);
-    if (names.empty()) {
-        std::printf("SKIPPED vamr_checkerboard: not there\n");
-        return true;
-    }
-    const struct fovea_camera camera = camera_of(FOVEA_LENS_RADTAN, 752, 480, 420.506712, 420.610940,
-                                                 355.208298, 250.336787, {-0.296609, 0.080818});
-    struct fv_rectified view;
-    if (fv_view_choose(&camera, FV_VIEW_PINHOLE, FV_VIEW_CROP, 752, 480, &view, nullptr) != FOVEA_OK)
-        return false;
-    std::vector<double> straight, raw;
-    for (const auto &name : names) {
-        const cv::Mat image = cv::imread(name, cv::IMREAD_GRAYSCALE);
-        const double before = board_crookedness(image),
-                     after = board_crookedness(rectified(camera, view, image, kernels));
-        if (after >= 0) straight.push_back(after);
-        if (before >= 0) raw.push_back(before);
-    }
-    if (straight.size() < names.size() / 2 || raw.empty()) {
-        std::printf("FAILED checkerboard: found in %zu of %zu images\n", straight.size(), names.size());
-        return false;
-    }
-    std::sort(straight.begin(), straight.end());
-    std::sort(raw.begin(), raw.end());
-    std::printf("checkerboard: worst line of a board off straight by %.3f px RMS, median of %zu images "
-                "(largest %.3f); "
-                "raw %.2f px\n",
-                straight[straight.size() / 2], straight.size(), straight.back(), raw[raw.size() / 2]);
-    return straight.back() < 0.3;
-}
-
 } // namespace
 
 int main()
@@ -246,6 +180,5 @@ int main()
                        sets) &&
            good;
     good = check_remap(sets.back()) && good;
-    good = check_board(sets.back()) && good;
     return good ? 0 : 1;
 }
