@@ -5,7 +5,7 @@
 #include <stdbool.h>
 #include <string.h>
 
-enum { OVER_EVEN = 6, OVER_STRONGEST = 30, CELL_MIN_PX = 4 };
+enum { OVER_EVEN = 6, OVER_STRONGEST = 30, CELL_MIN_PX = 4, FULL_WORTH_LEVELS = 6, WORTH_MAX = 640 };
 
 /* Shares of the levels fall by (over - 1) / over from each to the next. */
 static uint32_t share_of(uint32_t level, uint32_t levels, uint32_t count, uint32_t over)
@@ -73,14 +73,30 @@ static void begin_level(struct fv_spread_level *level, uint32_t share)
     memset(level->cells, 0, (size_t)(level->columns * level->rows) * sizeof *level->cells);
 }
 
+/* 1 where covering is what counts; else the scale of the level, of the coarsest half of that of the last
+ * before them. 255 times the largest stays below WORTH_MAX. */
+static uint16_t worth_of_level(uint32_t level, uint8_t per_cell)
+{
+    if (per_cell < FV_SPREAD_KEPT) return 256;
+    if (level < FULL_WORTH_LEVELS) return (uint16_t)(fv_pyramid_scale_q16(level) >> 8);
+    return (uint16_t)(fv_pyramid_scale_q16(FULL_WORTH_LEVELS - 1) >> 9);
+}
+
+static int worth(const struct fv_spread *spread, const struct fv_corner *corner)
+{
+    return corner->score * spread->worth_q8[corner->level] >> 8;
+}
+
 void fv_spread_begin(struct fv_spread *spread, uint32_t count, uint8_t threshold, uint8_t per_cell)
 {
     spread->per_cell = per_cell;
     spread->count = count;
     spread->threshold = threshold;
     memset(spread->cover, 0, FV_SPREAD_FIELDS * sizeof *spread->cover);
-    for (uint32_t i = 0; i < spread->levels; i++)
+    for (uint32_t i = 0; i < spread->levels; i++) {
+        spread->worth_q8[i] = worth_of_level(i, per_cell);
         begin_level(&spread->level[i], share_of(i, spread->levels, count, OVER_EVEN));
+    }
 }
 
 static struct fv_spread_cell *cell_at(const struct fv_spread_level *level, int32_t x, int32_t y)
@@ -122,10 +138,9 @@ void fv_spread_offer(struct fv_spread *spread, uint32_t level, int32_t x, int32_
 {
     const struct fv_spread_level *at = &spread->level[level];
     const int32_t index = field_of(at, x, y);
-    struct fv_corner *field = &spread->cover[index];
-    if (score > field->score)
-        *field =
-            (struct fv_corner){.x = (uint16_t)x, .y = (uint16_t)y, .level = (uint8_t)level, .score = score};
+    const struct fv_corner corner = {
+        .x = (uint16_t)x, .y = (uint16_t)y, .level = (uint8_t)level, .score = score};
+    if (worth(spread, &corner) > worth(spread, &spread->cover[index])) spread->cover[index] = corner;
 
     struct fv_spread_cell *cell = cell_at(at, x, y);
     if (score < spread->threshold && score_of(cell->best[0]) >= spread->threshold) return;
@@ -248,20 +263,21 @@ static bool take_field(const struct fv_spread *spread, const struct fv_corner *f
     return true;
 }
 
-/* Fill up to `room` empty fields, those with the strongest corners; returns how many were filled. */
+/* Fill up to `room` empty fields, those with the worthiest corners; returns how many were filled. */
 static uint32_t fill_fields(const struct fv_spread *spread, const bool has[], uint32_t room)
 {
-    uint32_t of_score[256] = {0}, filled = 0;
+    uint32_t of_worth[WORTH_MAX] = {0}, filled = 0;
     for (int i = 0; i < FV_SPREAD_FIELDS; i++)
-        if (!has[i]) of_score[spread->cover[i].score]++;
-    int lowest = 255;
-    while (lowest > 1 && of_score[lowest] <= room)
-        room -= of_score[lowest--];
+        if (!has[i]) of_worth[worth(spread, &spread->cover[i])]++;
+    int lowest = WORTH_MAX - 1;
+    while (lowest > 1 && of_worth[lowest] <= room)
+        room -= of_worth[lowest--];
     for (int i = 0; i < FV_SPREAD_FIELDS; i++) {
         const struct fv_corner *field = &spread->cover[i];
-        if (has[i] || field->score < lowest || field->score == 0) continue;
-        if (field->score == lowest && room == 0) continue;
-        if (field->score == lowest) room--;
+        const int value = worth(spread, field);
+        if (has[i] || value < lowest || value == 0) continue;
+        if (value == lowest && room == 0) continue;
+        if (value == lowest) room--;
         filled += take_field(spread, field, i);
     }
     return filled;
