@@ -2,48 +2,66 @@
 
 #include <arm_neon.h>
 
-static inline uint16x8_t fv_blur7_column(const uint8_t *const rows[7], int32_t x)
+/* The weights halved, 9 17 24 28 24 17 9: then a sum down a column has 15 bits, two of them still fit a word,
+ * and what the contract rounds off by 16 bits is rounded off by 14 here. */
+static inline void fv_blur7_columns(const uint8_t *const rows[7], int32_t x, uint16_t *column)
 {
-    const uint16x8_t outer = vaddl_u8(vld1_u8(rows[0] + x), vld1_u8(rows[6] + x));
-    const uint16x8_t middle = vaddl_u8(vld1_u8(rows[1] + x), vld1_u8(rows[5] + x));
-    const uint16x8_t inner = vaddl_u8(vld1_u8(rows[2] + x), vld1_u8(rows[4] + x));
-    uint16x8_t sum = vmull_u8(vld1_u8(rows[3] + x), vdup_n_u8(56));
-    sum = vmlaq_n_u16(sum, outer, 18);
-    sum = vmlaq_n_u16(sum, middle, 34);
-    return vmlaq_n_u16(sum, inner, 48);
+    uint8x16_t r[7];
+    for (int i = 0; i < 7; i++)
+        r[i] = vld1q_u8(rows[i] + x);
+    uint16x8_t low = vmull_u8(vget_low_u8(r[3]), vdup_n_u8(28)), high = vmull_high_u8(r[3], vdupq_n_u8(28));
+    low = vmlaq_n_u16(low, vaddl_u8(vget_low_u8(r[0]), vget_low_u8(r[6])), 9);
+    high = vmlaq_n_u16(high, vaddl_high_u8(r[0], r[6]), 9);
+    low = vmlaq_n_u16(low, vaddl_u8(vget_low_u8(r[1]), vget_low_u8(r[5])), 17);
+    high = vmlaq_n_u16(high, vaddl_high_u8(r[1], r[5]), 17);
+    low = vmlaq_n_u16(low, vaddl_u8(vget_low_u8(r[2]), vget_low_u8(r[4])), 24);
+    high = vmlaq_n_u16(high, vaddl_high_u8(r[2], r[4]), 24);
+    vst1q_u16(column + x, low);
+    vst1q_u16(column + x + 8, high);
 }
 
-/* Four outputs: widening products, rounded and narrowed. */
-static inline uint16x4_t fv_blur7_four(const uint16_t *column)
+/* Eight outputs in the low bytes of words. */
+static inline uint16x8_t fv_blur7_eight(const uint16_t *column)
 {
-    uint32x4_t sum = vmull_n_u16(vld1_u16(column), 56);
-    sum = vmlaq_n_u32(sum, vaddl_u16(vld1_u16(column - 3), vld1_u16(column + 3)), 18);
-    sum = vmlaq_n_u32(sum, vaddl_u16(vld1_u16(column - 2), vld1_u16(column + 2)), 34);
-    sum = vmlaq_n_u32(sum, vaddl_u16(vld1_u16(column - 1), vld1_u16(column + 1)), 48);
-    return vrshrn_n_u32(sum, 16);
+    const uint16x8_t outer = vaddq_u16(vld1q_u16(column - 3), vld1q_u16(column + 3));
+    const uint16x8_t middle = vaddq_u16(vld1q_u16(column - 2), vld1q_u16(column + 2));
+    const uint16x8_t inner = vaddq_u16(vld1q_u16(column - 1), vld1q_u16(column + 1));
+    const uint16x8_t centre = vld1q_u16(column);
+    uint32x4_t low = vmull_n_u16(vget_low_u16(centre), 28), high = vmull_high_n_u16(centre, 28);
+    low = vmlal_n_u16(low, vget_low_u16(outer), 9);
+    high = vmlal_high_n_u16(high, outer, 9);
+    low = vmlal_n_u16(low, vget_low_u16(middle), 17);
+    high = vmlal_high_n_u16(high, middle, 17);
+    low = vmlal_n_u16(low, vget_low_u16(inner), 24);
+    high = vmlal_high_n_u16(high, inner, 24);
+    return vrshrn_high_n_u32(vrshrn_n_u32(low, 14), high, 14);
+}
+
+static inline void fv_blur7_sixteen(uint8_t *out, const uint16_t *column)
+{
+    const uint8x16_t a = vreinterpretq_u8_u16(fv_blur7_eight(column));
+    vst1q_u8(out, vuzp1q_u8(a, vreinterpretq_u8_u16(fv_blur7_eight(column + 8))));
 }
 
 void fv_k_blur7_row_u8__neon(uint8_t *out, const uint8_t *const rows[7], int32_t width, uint16_t *scratch)
 {
-    if (width < 8) {
+    if (width < 16) {
         fv_k_blur7_row_u8__c(out, rows, width, scratch);
         return;
     }
+    const uint8_t *const row[7] = {rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6]};
     uint16_t *column = scratch + 8;
-    for (int32_t x = 0;; x += 8) {
-        if (x > width - 8) x = width - 8; /* the last vector overlaps the one before */
-        vst1q_u16(column + x, fv_blur7_column(rows, x));
-        if (x == width - 8) break;
-    }
+    const int32_t last = width - 16; /* the last vectors overlap the ones before */
+    for (int32_t x = 0; x < last; x += 16)
+        fv_blur7_columns(row, x, column);
+    fv_blur7_columns(row, last, column);
     for (int32_t i = 1; i <= FV_BLUR7_RADIUS; i++) {
         column[-i] = column[i];
         column[width - 1 + i] = column[width - 1 - i];
     }
-    for (int32_t x = 0;; x += 8) {
-        if (x > width - 8) x = width - 8;
-        vst1_u8(out + x, vmovn_u16(vcombine_u16(fv_blur7_four(column + x), fv_blur7_four(column + x + 4))));
-        if (x == width - 8) break;
-    }
+    for (int32_t x = 0; x < last; x += 16)
+        fv_blur7_sixteen(out + x, column + x);
+    fv_blur7_sixteen(out + last, column + last);
 }
 
 /* Products with |u| in unsigned words. Over 15 rows of the circle the weights of one lane add up to at most
