@@ -12,7 +12,7 @@ packages() {
     bench) echo libopencv-core-dev libopencv-imgproc-dev libopencv-features2d-dev libopencv-calib3d-dev \
                 libopencv-imgcodecs-dev opencv-doc python3 python3-venv ;;
     check) echo clang clang-tidy libclang-rt-14-dev python3 ;;
-    cross) echo gcc-aarch64-linux-gnu g++-aarch64-linux-gnu qemu-user llvm ;;
+    cross) echo gcc-aarch64-linux-gnu g++-aarch64-linux-gnu qemu-user llvm-19 ;;
     jar)   echo default-jdk-headless liblcm-java ;;
     fuzz)  echo clang libclang-rt-14-dev ;;
     *) echo "tools/install.sh: unknown group '$1'" >&2; exit 2 ;;

@@ -1,9 +1,14 @@
 #!/usr/bin/env python3
-"""Estimate the inner loops of the NEON kernels on Cortex-A76 and Cortex-A72 with llvm-mca.
+"""Estimate the inner loops of the NEON kernels with llvm-mca, on Cortex-A72, Cortex-A76 and Neoverse N1.
 
-For each kernel: its vector loops (innermost ones; where several, the fattest), instructions, cycles per pass on either core, and
-the work of one pass where the kernel's loop step is known from its stores. The model knows pipelines, not caches: loads
-hit, branches are predicted. LLVM before 15 models both cores as Cortex-A57, which makes the columns equal.
+For each kernel: its vector loops (innermost ones; where several, the fattest), instructions, and cycles per pass on each
+core; for matrix products also multiply-adds per cycle. The model knows pipelines, not caches: loads hit, branches are
+predicted.
+
+LLVM (14, 16 and 19 looked at) has no model of the Cortex-A72 or A76 of their own: it schedules both as a Cortex-A57, so
+their columns are equal. That is close for an A72, and much too slow for an A76. Neoverse N1 is the A76's core made for
+servers, and LLVM 17 and later know it: read its column for an A76. Which model each column was made with stands in its
+head, as the report of llvm-mca names its units. Instructions that a core lacks make a dash; i8mm needs a Neoverse N2.
 
 Usage: tools/mca.py [NAME]      kernels whose name contains NAME; default all. Prints a Markdown table.
 """
@@ -14,7 +19,9 @@ import subprocess
 import sys
 
 COMPILER = "aarch64-linux-gnu-gcc"
+CORES = {"cortex-a72": "Cortex-A72", "cortex-a76": "Cortex-A76", "neoverse-n1": "Neoverse N1", "neoverse-n2": "Neoverse N2"}
 MARCH = {"dotprod": "armv8.2-a+dotprod", "i8mm": "armv8.2-a+dotprod+i8mm"}
+PRODUCTS = {"sdot": 16, "udot": 16, "usdot": 16, "smmla": 32, "ummla": 32, "usmmla": 32}  # multiply-adds of an instruction
 VECTOR = re.compile(r"\b(v\d+\.|q\d+\b)")
 BRANCH = re.compile(r"^\t(?:b|b\.?[a-z]{2}|cbn?z|tbn?z)\t(?:.*, *)?(\.L\w+)$")
 
@@ -49,46 +56,81 @@ def innermost_loops(body):
         if branch and branch.group(1) in labels:
             ranges.append((labels[branch.group(1)], i))
     inner = [r for r in ranges if not any(o != r and r[0] <= o[0] and o[1] <= r[1] for o in ranges)]
-    return [[l for l in body[a:b + 1] if re.match(r"^\t[a-z]", l)] for a, b in inner]
+    loops = [[l for l in body[a:b + 1] if re.match(r"^\t[a-z]", l)] for a, b in inner]
+    return [loop for loop in loops if "\tret" not in loop]  # else: a jump back from code moved out of the way
 
 
-def cycles(mca, cpu, loop):
-    done = subprocess.run([mca, "-march=aarch64", "-mcpu=" + cpu, "-iterations=100"], input="\n".join(loop) + "\n", capture_output=True,
-                          text=True)
-    found = re.search(r"^Total Cycles:\s+(\d+)", done.stdout, re.M)
+def newest_mca():
+    """The llvm-mca of the highest version; plain llvm-mca where no numbered one is there."""
+    numbered = [name for version in range(40, 13, -1) if shutil.which(name := f"llvm-mca-{version}")]
+    return (numbered + [name for name in ["llvm-mca"] if shutil.which(name)] + [None])[0]
+
+
+def simulate(mca, cpu, loop):
+    """Report of llvm-mca for 100 passes; empty where the core lacks an instruction."""
+    text = re.sub(r"(movi\tv\d+\.16b, 0x)f{14}", r"\1", "\n".join(loop) + "\n")  # GCC writes negative bytes with 64 bits
+    done = subprocess.run([mca, "-march=aarch64", "-mcpu=" + cpu, "-iterations=100"], input=text, capture_output=True, text=True)
+    return done.stdout if done.returncode == 0 else ""
+
+
+def cycles(report):
+    found = re.search(r"^Total Cycles:\s+(\d+)", report, re.M)
     return float(found.group(1)) / 100 if found else None
+
+
+def model_name(mca, cpu):
+    """Of the processor whose units the report names: A57UnitB and the like."""
+    found = re.search(r"^\[[\d.]+\]\s+- (\w+?)(?:Unit|Write|$)", simulate(mca, cpu, ["\tadd x0, x0, x1"]), re.M)
+    return found.group(1) if found else "unknown"
+
+
+def weight(loop):
+    """What makes a loop the one that counts: its products, or else its vector instructions."""
+    return (sum(PRODUCTS.get(l.split()[0], 0) for l in loop), sum(bool(VECTOR.search(l)) for l in loop))
+
+
+def loops_of(path):
+    """Yield (label, loop): the fattest loops of each kernel; static functions not inlined belong to the next kernel."""
+    helpers = []
+    for name, body in functions(assembly(path)):
+        loops = innermost_loops(body)
+        if not name.startswith("fv_k_"):
+            helpers += [(f" ({name.split('.')[0]})", loop) for loop in loops]
+            continue
+        loops, helpers = [("", loop) for loop in loops] + helpers, []
+        if not loops:
+            continue
+        kind = 0 if max(weight(loop)[0] for _, loop in loops) > 0 else 1
+        most = max(weight(loop)[kind] for _, loop in loops)
+        for where, loop in loops:
+            if weight(loop)[kind] > 0 and weight(loop)[kind] * 2 >= most:
+                yield name[5:] + where, loop
+
+
+def row(mca, label, loop):
+    products, vectors = weight(loop)
+    cells = []
+    for cpu in CORES:
+        took = cycles(simulate(mca, cpu, loop))
+        cells.append("–" if took is None else f"{took:.1f}" + (f" ({products / took:.0f} MAC/cycle)" if products else ""))
+    return f"| {label} | {len(loop)} | {vectors} | " + " | ".join(cells) + " |"
 
 
 def main():
     wanted = sys.argv[1] if len(sys.argv) > 1 else ""
     os.chdir(os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
-    mca = shutil.which("llvm-mca") or shutil.which("llvm-mca-14")
+    mca = newest_mca()
     if not mca or not shutil.which(COMPILER):
         sys.exit("tools/mca.py: needs llvm-mca and " + COMPILER + ": run tools/install.sh cross")
-    print("| kernel | instructions | of them vector | cycles per pass, Cortex-A76 | Cortex-A72 |")
-    print("| --- | ---: | ---: | ---: | ---: |")
+    heads = [f"{name}, as {model_name(mca, cpu)}" for cpu, name in CORES.items()]
+    print("| kernel, inner loop | instructions | of them vector | " + " | ".join(heads) + " |")
+    print("| --- | ---: | ---: |" + " ---: |" * len(heads))
     folder = "src/kernels/neon"
     for path in sorted(os.listdir(folder)):
-        if not path.endswith(".c"):
-            continue
-        helpers = []  # static functions that were not inlined belong to the next kernel
-        for name, body in functions(assembly(os.path.join(folder, path))):
-            loops = innermost_loops(body)
-            if not name.startswith("fv_k_"):
-                helpers += [(name, loop) for loop in loops]
-                continue
-            loops = [(None, loop) for loop in loops] + helpers
-            helpers = []
-            count = [sum(bool(VECTOR.search(l)) for l in loop) for _, loop in loops]
-            if wanted not in name or not count or max(count) == 0:
-                continue
-            for where, loop in loops:
-                vectors = sum(bool(VECTOR.search(l)) for l in loop)
-                if vectors * 2 < max(count):
-                    continue
-                a76, a72 = cycles(mca, "cortex-a76", loop), cycles(mca, "cortex-a72", loop)
-                label = name if where is None else f"{name} ({where.split('.')[0]})"
-                print(f"| {label} | {len(loop)} | {vectors} | {a76:.1f} | {a72:.1f} |" if a76 else f"| {label} | ? | | | |")
+        if path.endswith(".c"):
+            for label, loop in loops_of(os.path.join(folder, path)):
+                if wanted in label:
+                    print(row(mca, label, loop))
 
 
 if __name__ == "__main__":

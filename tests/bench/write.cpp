@@ -4,7 +4,8 @@
 #include <fstream>
 #include <sstream>
 
-namespace bench {
+namespace bench
+{
 
 static std::string quoted(const std::string &text)
 {
@@ -59,27 +60,48 @@ static std::string table_row(const std::vector<const Result *> &row)
     std::ostringstream out;
     const bool peer = !best->peer.empty() && best->peer != "plain C";
     out << "| " << best->name << " | " << best->size << " | " << (peer ? best->peer : "–") << " | "
-        << (peer ? number(best->peer_us, "%.0f") : "–") << " | " << number(best->ours_us, "%.1f") << " (" << best->isa
-        << ") | " << (peer ? number(best->ours_us / best->peer_us, "%.3f") : "–") << " | "
+        << (peer ? number(best->peer_us, "%.0f") : "–") << " | " << number(best->ours_us, "%.1f") << " ("
+        << best->isa << ") | " << (peer ? number(best->ours_us / best->peer_us, "%.3f") : "–") << " | "
         << (base != nullptr ? number(base->ours_us, "%.1f") : "–") << " | "
         << (c != nullptr ? number(c->ours_us, "%.0f") : "–") << " |\n";
     return out.str();
 }
 
+/* What a frame costs on ARM is counted under an emulator and kept in the kernels' page (tools/arm_report.sh).
+ */
+static std::string arm_line()
+{
+    const std::string page = "src/kernels/ARM.md", start = "| frame of the whole program";
+    std::ifstream in(page);
+    for (std::string line; std::getline(in, line);) {
+        if (line.rfind(start, 0) != 0) continue;
+        std::vector<std::string> cells;
+        std::istringstream row(line.substr(2));
+        for (std::string cell; std::getline(row, cell, '|');)
+            cells.push_back(cell.substr(0, cell.find_last_not_of(' ') + 1));
+        if (cells.size() < 3) break;
+        return "\nOn aarch64, counted instructions of a " + cells[0] + ":" + cells[2] + ", in plain C" +
+               cells[1] + " ([" + page + "](" + page + ")).\n";
+    }
+    return "";
+}
+
 static std::string table(const Facts &facts, const std::vector<Result> &results)
 {
     std::ostringstream out;
-    out << "Medians of thread-CPU time in microseconds, one thread, samples interleaved with OpenCV " << facts.opencv
-        << " in one process. Machine: " << facts.machine << "; compiler: " << facts.compiler << "; flags: " << facts.flags
-        << "; commit: " << facts.commit << "; image: " << facts.image << ".\n\n"
+    out << "Medians of thread-CPU time in microseconds, one thread, samples interleaved with OpenCV "
+        << facts.opencv << " in one process. Machine: " << facts.machine << "; compiler: " << facts.compiler
+        << "; flags: " << facts.flags << "; commit: " << facts.commit << "; image: " << facts.image << ".\n\n"
         << "| what | size | OpenCV's | OpenCV | Fovea (set) | ratio | sse4 / neon | plain C |\n"
         << "| --- | --- | --- | ---: | ---: | ---: | ---: | ---: |\n";
     for (size_t i = 0; i < results.size();) {
         std::vector<const Result *> row;
         const std::string name = results[i].name;
-        for (; i < results.size() && results[i].name == name; i++) row.push_back(&results[i]);
+        for (; i < results.size() && results[i].name == name; i++)
+            row.push_back(&results[i]);
         out << table_row(row);
     }
+    out << arm_line();
     return out.str();
 }
 
