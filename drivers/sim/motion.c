@@ -175,6 +175,13 @@ static double stopgo_time(double t)
     return rounds * way + done;
 }
 
+/* Moving for 6 s, then standing for good: the time that has passed on the way. The last 0.5 s slow down. */
+static double stand_time(double t)
+{
+    const double f = t < 5.5 ? 1.0 : t < 6.0 ? (6.0 - t) / 0.5 : 0.0;
+    return t < 5.5 ? t : 5.75 - 0.5 * (f * f * f - 0.5 * f * f * f * f);
+}
+
 /* A turn of 110 degrees within a second (3.6 rad/s at its fastest) at 3 s, and back at 5.5 s, every 7 s. */
 static double fast_turn(double t)
 {
@@ -244,6 +251,7 @@ uint64_t fv_sim_motion_frames(enum fv_sim_trajectory trajectory, double rate_hz)
 {
     double seconds = 30.0;
     if (trajectory == FV_SIM_WANDER) return 0;
+    if (trajectory == FV_SIM_STAND) seconds = 306.0;
     if (trajectory == FV_SIM_TOUR) seconds = 68.0;
     if (trajectory == FV_SIM_CORRIDOR) seconds = 43.0; /* once round takes 36 s */
     return (uint64_t)(seconds * rate_hz + 0.5);
@@ -266,6 +274,9 @@ void fv_sim_motion_pose(const struct fv_sim_motion *m, double t, double T_world_
         break;
     case FV_SIM_STOPGO:
         orbit(m, stopgo_time(t), &pose);
+        break;
+    case FV_SIM_STAND:
+        orbit(m, stand_time(t), &pose);
         break;
     case FV_SIM_FAST:
         orbit(m, 0.6 * t, &pose);

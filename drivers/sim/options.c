@@ -35,7 +35,7 @@ static const struct fv_uri_table options_table = {"sim", option_table,
                                                   sizeof option_table / sizeof option_table[0], NULL, NULL};
 
 static const char *const trajectory_name[FV_SIM_TRAJECTORY_COUNT] = {
-    "tour", "orbit", "corridor", "rotate", "stopgo", "fast", "kidnap", "wander", "still"};
+    "tour", "orbit", "corridor", "rotate", "stopgo", "fast", "kidnap", "wander", "still", "stand"};
 
 static bool was_given(uint64_t given, size_t offset)
 {

@@ -33,6 +33,7 @@ enum fv_sim_trajectory {
     FV_SIM_KIDNAP,
     FV_SIM_WANDER,
     FV_SIM_STILL,
+    FV_SIM_STAND,
     FV_SIM_TRAJECTORY_COUNT
 };
 

@@ -307,7 +307,7 @@ const struct fovea_source_ops fovea_source_sim = {
     .name = "sim",
     .help = "[TRAJECTORY][?OPTION=VALUE&...]   simulated camera: tour (default), orbit, corridor, rotate, "
             "stopgo, fast, kidnap, "
-            "wander, still; options seed width height rate frames lens fov noise blur rolling exposure "
+            "wander, still, stand; options seed width height rate frames lens fov noise blur rolling exposure "
             "readout objects textures "
             "light odometry odometry_noise time (drivers/sim/README.md)",
     .open = sim_open,

@@ -9,6 +9,8 @@ enum { REFINEMENTS = 4 };
 static const double sigma_best = 0.02; /* relative: no floor is flatter, no point better */
 static const double gate = 2.5;        /* standard deviations */
 static const double sigma_max = 0.1;   /* of the height: worse is no answer */
+/* Of the plane over what stands on it: less is none, and up to the second the height gets surer by so much. */
+static const double density_least = 1.4, density_sure = 2, sigma_unsure = 0.08;
 
 /* Of a point's height over or under the plane, in its standard deviations; positive: below the plane. */
 static double fv_plane_residual(const double down[3], double height, const struct fv_plane_point *point)
@@ -34,6 +36,22 @@ static double fv_plane_score(const struct fv_plane_point *points, uint32_t count
             score -= fv_plane_weight(&points[i]);
     }
     return score;
+}
+
+/* Weight in the plane over that in the layer of the same thickness above it: a floor is denser than what stands
+ * on it, the lower edge of a cloud is not. */
+static double fv_plane_density(const struct fv_plane_point *points, uint32_t count, const double down[3],
+                               double height)
+{
+    double in = 0, above = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        double e = fv_plane_residual(down, height, &points[i]);
+        if (e * e < gate * gate)
+            in += fv_plane_weight(&points[i]);
+        else if (e < 0 && e > -3 * gate)
+            above += fv_plane_weight(&points[i]);
+    }
+    return in / (above + 1e-9);
 }
 
 /* A hypothesis; false for points that give none, or one too far from what is expected. */
@@ -128,6 +146,10 @@ bool fv_plane_estimate(const struct fv_plane_point *points, uint32_t count,
     if (fv_dot3(found.down, prior->down) < fovea_cos(prior->off_max_rad)) return false;
     found.support = fv_plane_score(points, count, found.down, found.height);
     found.sigma = fv_plane_sigma(information, found.down, found.height);
+    double density = fv_plane_density(points, count, found.down, found.height);
+    if (density < density_least) return false;
+    if (density < density_sure)
+        found.sigma += sigma_unsure * (density_sure - density) / (density_sure - density_least);
     if (found.inliers < inliers_min || !(found.support > 0) || !(found.sigma < sigma_max)) return false;
     *plane = found;
     return true;

@@ -80,6 +80,7 @@ static const struct {
     {"corridor", 43, 1.1, 1.2, 1.2, 0.5}, {"rotate", 30, 0.0, 0.0, 1.3, 0.0},
     {"stopgo", 30, 1.1, 3.0, 1.0, 0.15},  {"fast", 30, 0.8, 1.5, 4.2, 0.15},
     {"wander", 300, 1.3, 2.0, 0.7, 0.25}, {"still", 30, 0.0, 0.0, 0.0, 0.0},
+    {"stand", 8, 1.1, 3.0, 1.0, 0.15},
 };
 
 static void test_speeds(void **state)

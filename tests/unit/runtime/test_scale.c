@@ -1,0 +1,307 @@
+/* Metric scale on the simulated camera: from odometry with errors, slips and a lever arm, from the camera's height;
+ * what is said while it is unknown; and boxes in which nothing is looked at. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "fovea/fovea.h"
+#include "fovea/log.h"
+#include "geometry/se3.h"
+
+#include "fovea_pose_t.h"
+
+enum { FRAMES_MAX = 400 };
+
+struct rig {
+    const struct fovea_source_ops *ops;
+    struct fovea_source *source;
+    struct fovea_config config;
+    struct fovea *rt;
+    struct fovea_frame frame;
+    struct fovea_inputs inputs;
+    struct fovea_outputs outputs;
+    int frames;
+    struct fovea_pose pose[FRAMES_MAX];
+    double truth[FRAMES_MAX][12];
+};
+static struct rig rig;
+
+static void open_rig(const char *uri, int start, int frames)
+{
+    const char *address;
+    struct fovea_error error;
+    const struct fovea_source_selection selection = {(uint64_t)start, 1, (uint64_t)frames, false};
+    memset(&rig, 0, sizeof rig);
+    if (fovea_source_find(uri, &rig.ops, &address, &error) ||
+        rig.ops->open(address, &selection, &rig.source, &error) || rig.ops->start(rig.source, &error))
+        fail_msg("%s", error.text);
+    fovea_config_default(&rig.config);
+    rig.config.camera = rig.ops->info(rig.source)->camera;
+}
+
+static void build_rig(void)
+{
+    size_t bytes;
+    struct fovea_error error;
+    if (fovea_size(&rig.config, &bytes, &error)) fail_msg("%s", error.text);
+    void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, (bytes + 63) / 64 * 64);
+    if (fovea_init(memory, bytes, &rig.config, &rig.rt, &error)) fail_msg("%s", error.text);
+}
+
+static bool next_frame(void)
+{
+    memset(&rig.inputs, 0, sizeof rig.inputs);
+    if (rig.ops->dequeue(rig.source, INT64_MAX, &rig.frame) != FOVEA_OK) return false;
+    rig.inputs.frame = &rig.frame;
+    rig.inputs.now_ns = rig.frame.stamp_ns;
+    fovea_grants_fixed(&rig.config, &rig.inputs.grants);
+    rig.ops->truth_pose(rig.source, &rig.frame, rig.truth[rig.frames]);
+    return true;
+}
+
+/* The outputs are those of the step. */
+static void process(void)
+{
+    struct fovea_outputs work;
+    const struct fovea_outputs *outputs = &rig.outputs;
+    (void)fovea_step(rig.rt, &rig.inputs, &rig.outputs);
+    fovea_pose_get(rig.rt, &rig.pose[rig.frames++]);
+    rig.ops->requeue(rig.source, &rig.frame);
+    (void)outputs;
+    (void)fovea_work(rig.rt, &rig.inputs.grants, &work);
+}
+
+static void close_rig(void)
+{
+    rig.ops->stop(rig.source);
+    rig.ops->close(rig.source);
+    free(rig.rt);
+}
+
+static double moved(const double *a, const double *b)
+{
+    return sqrt((a[3] - b[3]) * (a[3] - b[3]) + (a[7] - b[7]) * (a[7] - b[7]) + (a[11] - b[11]) * (a[11] - b[11]));
+}
+
+/* Published way over true way, from frame `from` to the end, in steps of 15 frames. */
+static double scale_from(int from)
+{
+    double published = 0, real = 0;
+    for (int n = from; n + 15 < rig.frames; n += 15) {
+        assert_true(rig.pose[n].posed && rig.pose[n + 15].posed);
+        published += moved(rig.pose[n].T_world_cam, rig.pose[n + 15].T_world_cam);
+        real += moved(rig.truth[n], rig.truth[n + 15]);
+    }
+    return published / real;
+}
+
+static void odometry_gives_metres(void **state)
+{
+    (void)state;
+    open_rig("sim:orbit?width=400&height=300&odometry_noise=0.1", 0, 240);
+    rig.config.scale.source = FOVEA_SCALE_ODOMETRY;
+    build_rig();
+    while (next_frame()) {
+        rig.inputs.odometry_count =
+            rig.ops->odometry(rig.source, &rig.frame, rig.inputs.odometry, FOVEA_INPUT_ODOMETRY_MAX);
+        /* Every 1.5 s a wheel slips: 40 cm that nothing moved by. */
+        for (uint32_t i = 0; i < rig.inputs.odometry_count; i++)
+            rig.inputs.odometry[i].position_m[0] += 0.4 * (double)(rig.frames / 45);
+        process();
+    }
+    const struct fovea_pose *last = &rig.pose[rig.frames - 1];
+    double scale = scale_from(120);
+    printf("odometry: scale off by %+.2f %%, said to be sure to %.2f %%\n", 100 * (scale - 1), 100 * last->scale_sigma);
+    assert_int_equal(last->scale_source, FOVEA_SCALE_ODOMETRY);
+    assert_true(fabs(scale - 1) < 0.02);
+    assert_true(last->scale_sigma > 0.002 && last->scale_sigma < 0.05);
+    close_rig();
+}
+
+/* Positions do not jump when the scale becomes better known. */
+static void the_path_bends_but_does_not_tear(void **state)
+{
+    (void)state;
+    open_rig("sim:corridor?width=400&height=300", 0, 300);
+    rig.config.scale.source = FOVEA_SCALE_CAMERA_HEIGHT;
+    rig.config.scale.camera_height_m = 1.25;
+    build_rig();
+    while (next_frame()) process();
+    int metric = 0;
+    double worst = 0, last_scale = 0;
+    bool changed = false;
+    for (int n = 1; n < rig.frames; n++) {
+        const struct fovea_pose *a = &rig.pose[n - 1], *b = &rig.pose[n];
+        if (b->scale_source == FOVEA_SCALE_FREE) assert_true(!b->posed || b->scale == 1.0);
+        if (a->scale_source == FOVEA_SCALE_FREE || !b->posed) continue;
+        metric++;
+        changed |= last_scale != 0 && last_scale != b->scale;
+        last_scale = b->scale;
+        worst = fmax(worst, moved(a->T_world_cam, b->T_world_cam));
+    }
+    double scale = scale_from(150);
+    printf("camera height: %d frames in metres, scale off by %+.1f %%, largest step %.3f m\n", metric,
+           100 * (scale - 1), worst);
+    assert_true(metric > 200 && changed && worst < 0.1 && fabs(scale - 1) < 0.1);
+    close_rig();
+}
+
+/* The base rides 0.4 m behind and 0.3 m below the camera and moves otherwise when it turns. */
+static void a_lever_arm_is_minded(void **state)
+{
+    (void)state;
+    static const double T_base_cam[12] = {0, 0, 1, 0.4, -1, 0, 0, 0.1, 0, -1, 0, 0.3};
+    struct fv_se3 B, inverse, start_inverse, start = {{0}, {0}};
+    fv_se3_from_rows(T_base_cam, &B);
+    fv_se3_invert(&B, &inverse);
+    open_rig("sim:orbit?width=400&height=300", 30, 210);
+    memcpy(rig.config.T_base_cam, T_base_cam, sizeof T_base_cam);
+    rig.config.scale.source = FOVEA_SCALE_ODOMETRY;
+    build_rig();
+    double worst = 0;
+    int compared = 0, first = -1;
+    struct fv_se3 expected, origin;
+    while (next_frame()) {
+        fv_se3_from_rows(rig.truth[rig.frames], &expected);
+        if (rig.frames == 0) start = expected;
+        fv_se3_invert(&start, &start_inverse);
+        fv_se3_compose(&start_inverse, &expected, &expected);
+        fv_se3_compose(&B, &expected, &expected);
+        fv_se3_compose(&expected, &inverse, &expected); /* T_odom_base of odometry */
+        struct fovea_odometry_sample *sample = &rig.inputs.odometry[rig.inputs.odometry_count++];
+        sample->stamp_ns = rig.frame.stamp_ns;
+        memcpy(sample->position_m, expected.t, sizeof expected.t);
+        fv_so3_to_quaternion(expected.R, sample->orientation);
+        process();
+        if (rig.pose[rig.frames - 1].scale_source == FOVEA_SCALE_FREE || rig.frames < 120) continue;
+        for (uint32_t i = 0; i < rig.outputs.message_count; i++) {
+            fovea_pose_t pose;
+            const struct fovea_message *m = &rig.outputs.messages[i];
+            if (strcmp(m->channel, "FOVEA_POSE") != 0) continue;
+            assert_true(fovea_pose_t_decode(m->data, 0, (int)m->bytes, &pose) > 0);
+            struct fv_se3 got;
+            memcpy(got.t, pose.position, sizeof got.t);
+            fv_so3_from_quaternion(pose.orientation, got.R);
+            /* Relative to the first one compared, by odometry and as published. */
+            static struct fv_se3 first_got, first_expected;
+            if (first < 0) {
+                first_got = got;
+                first_expected = expected;
+                first = rig.frames;
+            }
+            struct fv_se3 a, b;
+            fv_se3_invert(&first_got, &origin);
+            fv_se3_compose(&origin, &got, &a);
+            fv_se3_invert(&first_expected, &origin);
+            fv_se3_compose(&origin, &expected, &b);
+            double off = sqrt(pow(a.t[0] - b.t[0], 2) + pow(a.t[1] - b.t[1], 2) + pow(a.t[2] - b.t[2], 2));
+            worst = fmax(worst, off);
+            compared++;
+            assert_string_equal(pose.parent_frame, "odom");
+            assert_string_equal(pose.child_frame, "base");
+            /* A lever arm makes turning uncertainty one of place: more than the camera's own. */
+            assert_true(pose.covariance[0] + pose.covariance[6] + pose.covariance[11] >
+                        0.9 * (rig.pose[rig.frames - 1].covariance[0] + rig.pose[rig.frames - 1].covariance[6] +
+                               rig.pose[rig.frames - 1].covariance[11]));
+            fovea_pose_t_decode_cleanup(&pose);
+        }
+    }
+    printf("lever arm: base within %.3f m of odometry over %d frames\n", worst, compared);
+    assert_true(compared > 80 && worst < 0.05);
+    close_rig();
+}
+
+static int count_channel(const char *channel)
+{
+    int count = 0;
+    for (uint32_t i = 0; i < rig.outputs.message_count; i++)
+        count += strcmp(rig.outputs.messages[i].channel, channel) == 0;
+    return count;
+}
+
+static void without_scale_no_bot_core_pose(void **state)
+{
+    (void)state;
+    for (int allow = 0; allow < 2; allow++) {
+        int sent = 0, posed = 0;
+        open_rig("sim:orbit?width=320&height=240", 0, 60);
+        rig.config.scale.source = FOVEA_SCALE_ODOMETRY; /* which never comes */
+        rig.config.scale.allow_unscaled = allow;
+        build_rig();
+        while (next_frame()) {
+            process();
+            sent += count_channel("FOVEA_BOT_CORE_POSE");
+            posed += rig.pose[rig.frames - 1].posed;
+            assert_int_equal(rig.pose[rig.frames - 1].scale_source, FOVEA_SCALE_FREE);
+        }
+        assert_true(posed > 10);
+        assert_int_equal(sent, allow ? posed : 0);
+        close_rig();
+    }
+}
+
+/* Features in boxes, and the largest share of the image that boxes covered. */
+static int features_in_boxes(bool masked, double *share)
+{
+    static struct fovea_truth truth;
+    int inside = 0;
+    *share = 0;
+    open_rig("sim:still?width=400&height=300&objects=48&seed=3", 0, 12);
+    build_rig();
+    while (next_frame()) {
+        uint32_t count;
+        double area = 0;
+        assert_int_equal(rig.ops->truth(rig.source, &rig.frame, &truth), FOVEA_OK);
+        rig.inputs.has_boxes = masked;
+        rig.inputs.boxes_stamp_ns = rig.frame.stamp_ns;
+        for (uint32_t b = 0; b < truth.box_count && b < FOVEA_INPUT_BOXES_MAX; b++) {
+            const struct fovea_truth_box *t = &truth.boxes[b];
+            area += (double)(t->x_max_px - t->x_min_px) * (double)(t->y_max_px - t->y_min_px);
+            if (masked)
+                rig.inputs.boxes[rig.inputs.box_count++] =
+                    (struct fovea_box){t->x_min_px, t->y_min_px, t->x_max_px, t->y_max_px};
+        }
+        *share = fmax(*share, area / (400.0 * 300.0));
+        process();
+        const struct fovea_feature *f = fovea_features_get(rig.rt, &count);
+        for (uint32_t i = 0; i < count; i++)
+            for (uint32_t b = 0; b < truth.box_count; b++)
+                inside += f[i].x_px >= truth.boxes[b].x_min_px && f[i].x_px < truth.boxes[b].x_max_px &&
+                          f[i].y_px >= truth.boxes[b].y_min_px && f[i].y_px < truth.boxes[b].y_max_px;
+    }
+    close_rig();
+    return inside;
+}
+
+static void nothing_is_taken_in_boxes(void **state)
+{
+    (void)state;
+    double share;
+    int open = features_in_boxes(false, &share), masked = features_in_boxes(true, &share);
+    printf("boxes: cover up to %.0f %%; %d features in them without a mask, %d with it\n", 100 * share, open, masked);
+    assert_true(share > 0.15 && open > 100);
+    assert_int_equal(masked, 0);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(odometry_gives_metres),
+        cmocka_unit_test(the_path_bends_but_does_not_tear),
+        cmocka_unit_test(a_lever_arm_is_minded),
+        cmocka_unit_test(without_scale_no_bot_core_pose),
+        cmocka_unit_test(nothing_is_taken_in_boxes),
+    };
+    if (getenv("FOVEA_EMULATED") != NULL) {
+        puts("SKIPPED test_scale: minutes under an emulator");
+        return 0;
+    }
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
