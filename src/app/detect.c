@@ -5,6 +5,7 @@
 
 #include "app/canvas.h"
 #include "app/colour.h"
+#include "app/files.h"
 #include "app/options.h"
 #include "app/say.h"
 #include "detect/decode.h"
@@ -97,8 +98,11 @@ static enum fovea_status draw(const struct engine *engine, const char *path, con
     const char *dot = strrchr(name, '.');
     char target[1024];
     snprintf(target, sizeof target, "%.600s/%.*s.png", folder, (int)(dot == NULL ? strlen(name) : (size_t)(dot - name)), name);
+    const struct fv_file written[] = {{"--draw", target}, {0}}, read[] = {{"IMAGE", path}, {0}};
+    enum fovea_status status = fv_files_apart(written, read, error);
+    if (status != FOVEA_OK) return status;
     struct fv_canvas canvas;
-    enum fovea_status status = fv_canvas_create(&canvas, image->width, image->height, 0);
+    status = fv_canvas_create(&canvas, image->width, image->height, 0);
     if (status != FOVEA_OK) return fovea_error_set(error, status, "%.300s: out of memory", target);
     fv_canvas_image(&canvas, 0, 0, image);
     for (int32_t i = engine->count - 1; i >= 0; --i) {
@@ -146,7 +150,11 @@ int fv_command_detect(int argc, char **argv)
             status = fv_say_wrong("%s: its first input is not an image of 1 or 3 channels", model);
         } else {
             print_line(&engine, argv[i], &image);
-            if (folder != NULL && draw(&engine, argv[i], &image, folder, &error) != FOVEA_OK) status = fv_say_failed("%s", error.text);
+            if (folder != NULL) {
+                const enum fovea_status drawn = draw(&engine, argv[i], &image, folder, &error);
+                if (drawn == FOVEA_ERROR_INPUT) status = fv_say_wrong("%s", error.text);
+                else if (drawn != FOVEA_OK) status = fv_say_failed("%s", error.text);
+            }
         }
         free((void *)(uintptr_t)image.data);
     }

@@ -5,6 +5,7 @@
 #include "app/canvas.h"
 #include "app/command.h"
 #include "app/extract.h"
+#include "app/files.h"
 #include "app/options.h"
 #include "app/say.h"
 #include "fovea/elementary.h"
@@ -104,7 +105,11 @@ int fv_command_features(int argc, char **argv)
     struct fovea_features_config config;
     struct fovea_error error;
     struct fv_extract extract;
-    if (fv_extract_config(max, &config, &error) != FOVEA_OK) return fv_say_wrong("%s", error.text);
+    const struct fv_file written[] = {{"--draw", picture}, {0}},
+                         read[] = {{"IMAGE", argv[first]}, {"--mask", mask}, {0}};
+    if (fv_extract_config(max, &config, &error) != FOVEA_OK ||
+        fv_files_apart(written, read, &error) != FOVEA_OK)
+        return fv_say_wrong("%s", error.text);
     struct fv_mask_box boxes[FV_OPTION_LIST_MAX];
     for (int i = 0; i < ignored.count; i++)
         if (!read_box(ignored.values[i], &boxes[i]))

@@ -6,6 +6,7 @@
 #include "app/canvas.h"
 #include "app/command.h"
 #include "app/extract.h"
+#include "app/files.h"
 #include "app/options.h"
 #include "app/say.h"
 #include "features/match.h"
@@ -117,7 +118,11 @@ int fv_command_match(int argc, char **argv)
     struct fv_extract a, b;
     if (ratio < 1 || ratio > 100)
         return fv_say_wrong("--ratio: found %" PRIu64 ", expected 1 to 100 (percent)", ratio);
-    if (fv_extract_config(max, &config, &error) != FOVEA_OK) return fv_say_wrong("%s", error.text);
+    const struct fv_file written[] = {{"--draw", picture}, {0}},
+                         read[] = {{"A", argv[first]}, {"B", argv[first + 1]}, {0}};
+    if (fv_extract_config(max, &config, &error) != FOVEA_OK ||
+        fv_files_apart(written, read, &error) != FOVEA_OK)
+        return fv_say_wrong("%s", error.text);
     enum fv_exit status;
     if (fv_extract(argv[first], NULL, &config, &a, &error) != FOVEA_OK) {
         status = fv_say_wrong("%s", error.text);

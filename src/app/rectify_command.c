@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "app/command.h"
+#include "app/files.h"
 #include "app/options.h"
 #include "app/picture.h"
 #include "app/say.h"
@@ -27,7 +28,8 @@ static bool read_size(const char *text, const struct fovea_image *image, int32_t
         memcpy(word, text, length);
         word[length] = '\0';
         if (!fovea_text_integer(word, &across) || !fovea_text_integer(text + length + 1, &down)) return false;
-        if (across < 0 || across > 99999 || down < 0 || down > 99999) return false; /* the view knows its own bounds */
+        if (across < 0 || across > 99999 || down < 0 || down > 99999)
+            return false; /* the view knows its own bounds */
     }
     *width = (int32_t)across;
     *height = (int32_t)down;
@@ -53,7 +55,8 @@ static enum fovea_status choose_view(const struct request *request, const struct
                           request->keep_all ? FV_VIEW_KEEP_ALL : FV_VIEW_CROP, width, height, view, error);
 }
 
-static enum fovea_status write_camera(const char *path, const struct fv_rectified *view, struct fovea_error *error)
+static enum fovea_status write_camera(const char *path, const struct fv_rectified *view,
+                                      struct fovea_error *error)
 {
     struct fovea_calibration calibration = {0};
     calibration.camera.width = view->width;
@@ -141,7 +144,10 @@ int fv_command_rectify(int argc, char **argv)
     if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
     if (request.camera == NULL) return fv_say_wrong("rectify: no camera, expected --camera FILE");
     struct fovea_error error;
-    const enum fovea_status status = rectify(&request, argv[first], argv[first + 1], &error);
+    const struct fv_file written[] = {{"OUT", argv[first + 1]}, {"--write-camera", request.calibration}, {0}};
+    const struct fv_file read[] = {{"IN", argv[first]}, {"--camera", request.camera}, {0}};
+    enum fovea_status status = fv_files_apart(written, read, &error);
+    if (status == FOVEA_OK) status = rectify(&request, argv[first], argv[first + 1], &error);
     if (status == FOVEA_OK) return FV_EXIT_OK;
     return status == FOVEA_ERROR_SYSTEM ? fv_say_failed("%s", error.text) : fv_say_wrong("%s", error.text);
 }

@@ -120,11 +120,47 @@ static void wrong_input_is_told(void **state)
     assert_int_not_equal(access(out, F_OK), 0);
 }
 
+static size_t bytes_of(const char *path, uint8_t *bytes, size_t size)
+{
+    FILE *file = fopen(path, "rb");
+    assert_non_null(file);
+    const size_t count = fread(bytes, 1, size, file);
+    fclose(file);
+    return count;
+}
+
+/* Also by another name of the same file. */
+static void what_is_read_is_never_written_over(void **state)
+{
+    (void)state;
+    static uint8_t before[2][1 << 18], after[1 << 18];
+    const char *const kept[2] = {in, camera};
+    size_t size[2];
+    for (int i = 0; i < 2; i++)
+        size[i] = bytes_of(kept[i], before[i], sizeof before[i]);
+    assert_int_equal(symlink(in, out), 0);
+    assert_int_equal(CALL(fv_command_features, "features", in, "--draw", in), FV_EXIT_WRONG);
+    assert_int_equal(CALL(fv_command_features, "features", in, "--draw", out), FV_EXIT_WRONG);
+    assert_int_equal(CALL(fv_command_match, "match", in, in, "--draw", in), FV_EXIT_WRONG);
+    assert_int_equal(CALL(fv_command_rectify, "rectify", in, in, "--camera", camera), FV_EXIT_WRONG);
+    assert_int_equal(CALL(fv_command_rectify, "rectify", in, out, "--camera", camera), FV_EXIT_WRONG);
+    assert_int_equal(CALL(fv_command_rectify, "rectify", in, camera, "--camera", camera), FV_EXIT_WRONG);
+    unlink(out);
+    assert_int_equal(
+        CALL(fv_command_rectify, "rectify", in, out, "--camera", camera, "--write-camera", camera),
+        FV_EXIT_WRONG);
+    for (int i = 0; i < 2; i++) {
+        assert_int_equal(bytes_of(kept[i], after, sizeof after), size[i]);
+        assert_memory_equal(before[i], after, size[i]);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(commands_write_pictures),
         cmocka_unit_test(wrong_input_is_told),
+        cmocka_unit_test(what_is_read_is_never_written_over),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }
