@@ -34,10 +34,10 @@ void fv_scale_init(struct fv_scale *scale, uint64_t seed)
 /* A new map: its unit is another. Odometry itself goes on. */
 static void fv_scale_forget(struct fv_scale_state *s, uint32_t map)
 {
-    s->started = s->known = s->metric = s->leg_open = false;
+    s->started = s->known = s->metric = false;
     s->log_scale = s->variance = 0;
-    s->frame_count = 0;
-    s->leg_count = s->fitted = 0;
+    s->station_count = 0;
+    s->station_next = s->fitted = 0;
     s->map = map;
     memset(s->inner, 0, sizeof s->inner);
     memset(s->outer, 0, sizeof s->outer);
@@ -110,30 +110,6 @@ static void fv_scale_publish(struct fv_scale_state *s, double factor)
     fv_scale_covariance(pose->covariance, factor);
 }
 
-static void fv_scale_note_frame(struct fv_scale_state *s, int64_t stamp_ns, const double at[3])
-{
-    if (s->frame_count == FV_SCALE_FRAMES_MAX) { /* odometry is late or has ended: give up the oldest */
-        memmove(s->frames, s->frames + 1, (FV_SCALE_FRAMES_MAX - 1) * sizeof s->frames[0]);
-        s->frame_count--;
-        s->leg_open = false;
-    }
-    s->frames[s->frame_count].stamp_ns = stamp_ns;
-    fv_copy3(at, s->frames[s->frame_count++].at);
-}
-
-/* A map's first pose: what is known of its start is used at once. */
-static void fv_scale_first(struct fv_scale *scale, const struct fv_odometry *o)
-{
-    static const double origin[3] = {0, 0, 0};
-    struct fv_scale_state *s = scale->state;
-    s->started = true;
-    if (scale->config.source == FOVEA_SCALE_CAMERA_HEIGHT) fv_scale_unit(scale, o);
-    for (uint32_t k = 0; k < o->map.limits.keyframes && s->frame_count == 0; k++)
-        if (o->map.keyframes[k].used && k != o->state->newest &&
-            o->map.keyframes[k].map_id == s->map)
-            fv_scale_note_frame(s, o->map.keyframes[k].stamp_ns, origin);
-}
-
 /* The pose relative to the newest keyframe, in the unit of the map. */
 static void fv_scale_refer(struct fv_scale_state *s, const struct fv_odometry *o)
 {
@@ -151,18 +127,12 @@ void fv_scale_step(struct fv_scale *scale, const struct fv_odometry *o)
     if (s->map != o->state->pose.map_id) fv_scale_forget(s, o->state->pose.map_id);
     s->pose = o->state->pose;
     s->pose.scale = 1;
-    if (!s->pose.posed) {
-        s->leg_open = false;
-        s->frame_count = 0;
-        return;
-    }
+    if (!s->pose.posed) return;
     fv_scale_refer(s, o);
-    if (!s->started) fv_scale_first(scale, o);
-    if (scale->config.source == FOVEA_SCALE_ODOMETRY) {
-        const double *T = s->pose.T_world_cam, at[3] = {T[3], T[7], T[11]};
-        fv_scale_note_frame(s, o->map.keyframes[fv_map_current(&o->map)].stamp_ns, at);
-        fv_scale_walk(scale);
-    }
+    /* What a map's first pose tells of the floor is used at once. */
+    if (!s->started && scale->config.source == FOVEA_SCALE_CAMERA_HEIGHT) fv_scale_unit(scale, o);
+    if (scale->config.source == FOVEA_SCALE_ODOMETRY) fv_scale_walk(scale, o);
+    s->started = true;
     if (s->known && !s->metric) { /* from now on in metres, from the world's origin */
         s->metric = true;
         memset(s->inner, 0, sizeof s->inner);

@@ -9,8 +9,8 @@
  *
  * camera_height: a unit of work after each keyframe fits the floor to the landmarks below the camera
  * (geometry/plane.h); the logarithm of the scale is then filtered (Kalman, one state, drifting with every
- * keyframe since the scale of a monocular map does). odometry: over legs of some length, the camera's
- * displacement by odometry is divided by that in the map; the middle of the last legs counts, and their
+ * keyframe since the scale of a monocular map does). odometry: between the last keyframes, the camera's
+ * displacement by odometry is divided by that in the map; the middle of these legs counts, and their
  * spread gives the uncertainty. A new map starts with the scale unknown.
  *
  * State holds no addresses. Real-time safe: every function is bounded; no heap. */
@@ -28,12 +28,19 @@
 extern "C" {
 #endif
 
-enum { FV_SCALE_PLACES_MAX = 512, FV_SCALE_FRAMES_MAX = 32, FV_SCALE_LEGS_MAX = 64 };
+enum { FV_SCALE_PLACES_MAX = 512, FV_SCALE_STATIONS_MAX = 32 };
 
-/* Where the camera was, by odometry or by the map. */
+/* Where the camera was by odometry. */
 struct fv_scale_place {
     int64_t stamp_ns;
     double at[3];
+};
+
+/* A keyframe, whose place by the map is looked up anew each time: optimisation moves it. */
+struct fv_scale_station {
+    uint32_t slot, generation;
+    bool placed; /* odometry has come so far */
+    struct fv_scale_place place;
 };
 
 struct fv_scale_state {
@@ -51,14 +58,11 @@ struct fv_scale_state {
     uint64_t fitted; /* number of the map's next keyframe when the floor was last fitted */
 
     /* odometry */
-    uint64_t place_count;                                /* that have come; the last ones are kept, in a ring */
-    struct fv_scale_place places[FV_SCALE_PLACES_MAX];   /* by odometry */
-    uint32_t frame_count;                                /* waiting for odometry to reach them */
-    struct fv_scale_place frames[FV_SCALE_FRAMES_MAX];   /* by the map, unit of the map */
-    bool leg_open;
-    double leg_inner[3], leg_outer[3];                   /* where the leg under way began */
-    uint64_t leg_count;
-    double legs[FV_SCALE_LEGS_MAX];                      /* log ratios of the last ones, in a ring */
+    uint64_t place_count;                              /* that have come; the last ones are kept, in a ring */
+    struct fv_scale_place places[FV_SCALE_PLACES_MAX]; /* of the camera, by odometry */
+    uint32_t station_count;
+    uint64_t station_next; /* number of the first keyframe that is no station yet */
+    struct fv_scale_station stations[FV_SCALE_STATIONS_MAX]; /* oldest first */
 };
 
 struct fv_scale {
@@ -89,8 +93,8 @@ void fv_scale_unit(struct fv_scale *scale, const struct fv_odometry *odometry);
 void fv_scale_measure(struct fv_scale *scale, double log_scale, double variance);
 /* Fit the floor to the map as the current frame sees it; false when none is found. */
 bool fv_scale_find_floor(struct fv_scale *scale, const struct fv_odometry *odometry, struct fv_plane *floor);
-/* Hold frames that wait against odometry. */
-void fv_scale_walk(struct fv_scale *scale);
+/* Hold the keyframes against odometry. */
+void fv_scale_walk(struct fv_scale *scale, const struct fv_odometry *odometry);
 
 #ifdef __cplusplus
 }

@@ -6,7 +6,6 @@
 
 static const double leg_least_m = 0.2;      /* shorter ones measure noise */
 static const double inner_least = 1e-3;     /* units of the map: less is no motion, whatever odometry says */
-static const double ratio_off_max = 2.0;    /* of logarithms: a leg further off measures a wheel in the air */
 static const double sigma_leg_least = 0.01; /* of one leg, relative */
 static const double sigma_few = 0.1;        /* of one leg, while there are too few to show their spread */
 static const double sigma_least = 0.005;    /* of them all: what no number of legs takes away */
@@ -67,22 +66,21 @@ static void fv_scale_sort(double *values, uint32_t count)
 
 /* Mean of the legs within three deviations of their median; the deviation is that of their middle (1.4826
  * times the median of distances, for normal errors). */
-static void fv_scale_settle(struct fv_scale_state *s)
+static void fv_scale_settle(struct fv_scale_state *s, double *legs, uint32_t count)
 {
-    double sorted[FV_SCALE_LEGS_MAX], off[FV_SCALE_LEGS_MAX], sum = 0;
-    uint32_t count = s->leg_count < FV_SCALE_LEGS_MAX ? (uint32_t)s->leg_count : FV_SCALE_LEGS_MAX, used = 0;
+    double off[FV_SCALE_STATIONS_MAX], sum = 0;
+    uint32_t used = 0;
     if (count == 0) return;
-    memcpy(sorted, s->legs, count * sizeof sorted[0]);
-    fv_scale_sort(sorted, count);
-    double middle = 0.5 * (sorted[(count - 1) / 2] + sorted[count / 2]);
+    fv_scale_sort(legs, count);
+    double middle = 0.5 * (legs[(count - 1) / 2] + legs[count / 2]);
     for (uint32_t i = 0; i < count; i++)
-        off[i] = fv_abs(sorted[i] - middle);
+        off[i] = fv_abs(legs[i] - middle);
     fv_scale_sort(off, count);
     double sigma = 1.4826 * off[count / 2];
     if (sigma < sigma_leg_least) sigma = sigma_leg_least;
     for (uint32_t i = 0; i < count; i++) {
-        if (fv_abs(sorted[i] - middle) > 3 * sigma) continue;
-        sum += sorted[i];
+        if (fv_abs(legs[i] - middle) > 3 * sigma) continue;
+        sum += legs[i];
         used++;
     }
     if (count < LEGS_FEW && sigma < sigma_few) sigma = sigma_few;
@@ -91,40 +89,67 @@ static void fv_scale_settle(struct fv_scale_state *s)
     s->variance = sigma * sigma / used + sigma_least * sigma_least;
 }
 
-static void fv_scale_leg(struct fv_scale_state *s, const double inner[3], const double outer[3])
+/* Keyframes of this map become stations in order of their numbers; the oldest give way. */
+static void fv_scale_note_keyframes(struct fv_scale_state *s, const struct fv_odometry *o)
 {
-    double by_map[3], by_odometry[3];
-    fv_subtract3(inner, s->leg_inner, by_map);
-    fv_subtract3(outer, s->leg_outer, by_odometry);
-    double moved = fv_norm3(by_odometry), seen = fv_norm3(by_map);
-    bool begin = !s->leg_open;
-    if (!begin && moved >= leg_least_m && seen > inner_least) {
-        double ratio = fovea_log(moved / seen);
-        begin = true;
-        if (!s->known || fv_abs(ratio - s->log_scale) < ratio_off_max) {
-            s->legs[s->leg_count++ % FV_SCALE_LEGS_MAX] = ratio;
-            fv_scale_settle(s);
+    for (int added = 0; added < FV_SCALE_STATIONS_MAX; added++) {
+        const struct fv_keyframe *next = NULL;
+        for (uint32_t k = 0; k < o->map.limits.keyframes; k++) {
+            const struct fv_keyframe *f = &o->map.keyframes[k];
+            if (f->used && f->map_id == s->map && f->number >= s->station_next &&
+                (next == NULL || f->number < next->number))
+                next = f;
         }
+        if (next == NULL) return;
+        if (s->station_count == FV_SCALE_STATIONS_MAX)
+            memmove(s->stations, s->stations + 1, --s->station_count * sizeof s->stations[0]);
+        struct fv_scale_station *station = &s->stations[s->station_count++];
+        memset(station, 0, sizeof *station);
+        station->slot = (uint32_t)(next - o->map.keyframes);
+        station->generation = next->generation;
+        station->place.stamp_ns = next->stamp_ns;
+        s->station_next = next->number + 1;
     }
-    if (!begin) return;
-    fv_copy3(inner, s->leg_inner);
-    fv_copy3(outer, s->leg_outer);
-    s->leg_open = true;
 }
 
-void fv_scale_walk(struct fv_scale *scale)
+/* Ask odometry for the places of stations; forget those that it does not know or the map no longer holds. */
+static void fv_scale_place_stations(struct fv_scale_state *s, const struct fv_odometry *o)
 {
-    struct fv_scale_state *s = scale->state;
-    uint32_t done = 0;
-    for (; done < s->frame_count; done++) {
-        double outer[3];
-        int found = fv_scale_place_at(s, s->frames[done].stamp_ns, outer);
-        if (found < 0) break;
-        if (found == 0)
-            s->leg_open = false;
-        else
-            fv_scale_leg(s, s->frames[done].at, outer);
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < s->station_count; i++) {
+        struct fv_scale_station station = s->stations[i];
+        const struct fv_keyframe *keyframe = &o->map.keyframes[station.slot];
+        if (!keyframe->used || keyframe->generation != station.generation || keyframe->map_id != s->map) continue;
+        if (!station.placed) {
+            int found = fv_scale_place_at(s, station.place.stamp_ns, station.place.at);
+            if (found == 0) continue;
+            station.placed = found > 0;
+        }
+        s->stations[kept++] = station;
     }
-    memmove(s->frames, s->frames + done, (s->frame_count - done) * sizeof s->frames[0]);
-    s->frame_count -= done;
+    s->station_count = kept;
+}
+
+void fv_scale_walk(struct fv_scale *scale, const struct fv_odometry *o)
+{
+    static const double origin[3] = {0, 0, 0};
+    struct fv_scale_state *s = scale->state;
+    double legs[FV_SCALE_STATIONS_MAX], from_inner[3] = {0}, from_outer[3] = {0};
+    uint32_t count = 0;
+    bool begun = false;
+    fv_scale_note_keyframes(s, o);
+    fv_scale_place_stations(s, o);
+    for (uint32_t i = 0; i < s->station_count && s->stations[i].placed; i++) {
+        double inner[3], by_map[3], by_odometry[3];
+        fv_se3_apply_inverse(&o->map.keyframes[s->stations[i].slot].T_cam_world, origin, inner);
+        fv_subtract3(inner, from_inner, by_map);
+        fv_subtract3(s->stations[i].place.at, from_outer, by_odometry);
+        double moved = fv_norm3(by_odometry), seen = fv_norm3(by_map);
+        if (begun && (moved < leg_least_m || seen < inner_least)) continue;
+        if (begun) legs[count++] = fovea_log(moved / seen);
+        begun = true;
+        fv_copy3(inner, from_inner);
+        fv_copy3(s->stations[i].place.at, from_outer);
+    }
+    fv_scale_settle(s, legs, count);
 }
