@@ -14,5 +14,6 @@ const struct fv_command fv_commands[] = {
     {"detect", "find objects in pictures with an int8 network", fv_command_detect},
     {"model", "tell what a model file holds, needs and how fast it runs here", fv_command_model},
     {"export", "write the frames of a source, and their truth, as files", fv_command_export},
+    {"map", "tell what a saved map holds, export it, draw it", fv_command_map},
     {NULL, NULL, NULL},
 };

@@ -74,8 +74,8 @@ enum fovea_status fv_keeper_end(struct fv_keeper *keeper, struct fovea_error *er
     const size_t bytes = buffer == NULL ? 0 : fovea_map_save(keeper->rt, buffer, capacity);
     enum fovea_status status = FOVEA_OK;
     if (bytes == 0)
-        status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.200s: no memory to save the map (%zu bytes)", keeper->path,
-                                 capacity);
+        status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.200s: no memory to save the map (%zu bytes)",
+                                 keeper->path, capacity);
     else
         status = fv_map_file_write(keeper->path, buffer, bytes, error);
     free(buffer);

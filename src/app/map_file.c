@@ -29,7 +29,8 @@ static bool sync_folder(const char *path)
 {
     char folder[PATH_BYTES];
     const char *slash = strrchr(path, '/');
-    snprintf(folder, sizeof folder, "%.*s", slash == NULL ? 1 : (int)(slash - path) + 1, slash == NULL ? "." : path);
+    snprintf(folder, sizeof folder, "%.*s", slash == NULL ? 1 : (int)(slash - path) + 1,
+             slash == NULL ? "." : path);
     const int file = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     if (file < 0) return false;
     const bool synced = fsync(file) == 0;
@@ -37,7 +38,8 @@ static bool sync_folder(const char *path)
     return synced;
 }
 
-enum fovea_status fv_map_file_write(const char *path, const uint8_t *data, size_t bytes, struct fovea_error *error)
+enum fovea_status fv_map_file_write(const char *path, const uint8_t *data, size_t bytes,
+                                    struct fovea_error *error)
 {
     char part[PATH_BYTES];
     if (snprintf(part, sizeof part, "%s.part", path) >= (int)sizeof part)
@@ -59,8 +61,9 @@ enum fovea_status fv_map_file_write(const char *path, const uint8_t *data, size_
                                strerror(reason));
     }
     if (!sync_folder(path))
-        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.200s: the map is written, but its folder cannot be synced: %s",
-                               path, strerror(errno));
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM,
+                               "%.200s: the map is written, but its folder cannot be synced: %s", path,
+                               strerror(errno));
     return FOVEA_OK;
 }
 

@@ -10,9 +10,10 @@
  *
  * Bearings, grids, redundancy and the place index are not stored: they follow from the rest.
  *
- * Writing: the map's jobs rest while it goes on, so that poses and points stay as they are, but frames may still add
- * and remove keyframes and landmarks. So links are stored from both ends with the generations of their slots, and
- * reading keeps those that agree. Without a buffer the units pass all the same: what becomes of the bytes does not touch the state.
+ * Writing: the map's jobs rest while it goes on, so that poses and points stay as they are, but frames may
+ * still add and remove keyframes and landmarks. So links are stored from both ends with the generations of
+ * their slots, and reading keeps those that agree. Without a buffer the units pass all the same: what becomes
+ * of the bytes does not touch the state.
  *
  * Reading trusts nothing: every number is checked before it is used, errors name the byte. */
 #ifndef FOVEA_MAP_ARCHIVE_H
@@ -72,9 +73,10 @@ static inline bool fv_archive_busy(const struct fv_archive_state *archive)
 {
     return archive->phase != FV_ARCHIVE_IDLE && archive->phase != FV_ARCHIVE_DONE;
 }
-/* One unit: a part of the map goes into `out`, which may be NULL; nothing beyond `capacity`. Real-time safe. */
-void fv_archive_unit(struct fv_archive_state *archive, const struct fv_map *map, const struct fovea_camera *camera,
-                     uint8_t *out, size_t capacity);
+/* One unit: a part of the map goes into `out`, which may be NULL; nothing beyond `capacity`. Real-time safe.
+ */
+void fv_archive_unit(struct fv_archive_state *archive, const struct fv_map *map,
+                     const struct fovea_camera *camera, uint8_t *out, size_t capacity);
 /* When all is written: bytes of the file, and idle again; 0 else. */
 size_t fv_archive_take(struct fv_archive_state *archive);
 /* Put the checksum at the end of a written file. A pass over all bytes: not for the loop. */
@@ -93,11 +95,11 @@ struct fv_archive_info {
 
 /* Check size, magic, version, byte order and checksum, and read the header. `name` is for errors, which are
  * FOVEA_ERROR_INPUT and name the byte. Init-only. */
-enum fovea_status fv_archive_info(const uint8_t *data, size_t bytes, const char *name, struct fv_archive_info *info,
-                                  struct fovea_error *error);
+enum fovea_status fv_archive_info(const uint8_t *data, size_t bytes, const char *name,
+                                  struct fv_archive_info *info, struct fovea_error *error);
 
-/* Fill the map from a file that was made with this camera. FOVEA_ERROR_INPUT: the file is damaged, from another
- * camera, or needs more than the map's limits; the map is empty then. Init-only. */
+/* Fill the map from a file that was made with this camera. FOVEA_ERROR_INPUT: the file is damaged, from
+ * another camera, or needs more than the map's limits; the map is empty then. Init-only. */
 enum fovea_status fv_archive_read(const uint8_t *data, size_t bytes, const char *name, struct fv_map *map,
                                   const struct fovea_camera *camera, const struct fv_bearing_table *bearings,
                                   struct fv_archive_info *info, struct fovea_error *error);

@@ -18,15 +18,16 @@ struct reader {
 static void refuse(struct reader *r, size_t at, const char *what, int64_t found, const char *expected)
 {
     if (r->status != FOVEA_OK) return;
-    r->status = fovea_error_set(r->error, FOVEA_ERROR_INPUT, "%.200s: byte %zu: %s: found %lld, expected %s", r->name,
-                                at, what, (long long)found, expected);
+    r->status = fovea_error_set(r->error, FOVEA_ERROR_INPUT, "%.200s: byte %zu: %s: found %lld, expected %s",
+                                r->name, at, what, (long long)found, expected);
 }
 
 static uint64_t get(struct reader *r, int bytes)
 {
     uint64_t value = 0;
     if (r->status == FOVEA_OK && r->bytes - r->at < (size_t)bytes)
-        refuse(r, r->at, "bytes left", (int64_t)(r->bytes - r->at), "more: the counts promise more than there is");
+        refuse(r, r->at, "bytes left", (int64_t)(r->bytes - r->at),
+               "more: the counts promise more than there is");
     if (r->status != FOVEA_OK) return 0;
     for (int i = 0; i < bytes; i++)
         value |= (uint64_t)r->data[r->at + (size_t)i] << (8 * i);
@@ -57,8 +58,9 @@ static double get_double(struct reader *r, double limit, const char *what)
     memcpy(&value, &bits, sizeof value);
     if (value >= -limit && value <= limit) return value;
     if (r->status == FOVEA_OK)
-        r->status = fovea_error_set(r->error, FOVEA_ERROR_INPUT, "%.200s: byte %zu: %s: found %g, expected a number within %g",
-                                    r->name, at, what, value, limit);
+        r->status = fovea_error_set(r->error, FOVEA_ERROR_INPUT,
+                                    "%.200s: byte %zu: %s: found %g, expected a number within %g", r->name,
+                                    at, what, value, limit);
     return 0;
 }
 
@@ -70,15 +72,17 @@ static float get_float(struct reader *r, float low, float high, const char *what
     memcpy(&value, &bits, sizeof value);
     if (value >= low && value <= high) return value;
     if (r->status == FOVEA_OK)
-        r->status = fovea_error_set(r->error, FOVEA_ERROR_INPUT, "%.200s: byte %zu: %s: found %g, expected %g to %g",
-                                    r->name, at, what, (double)value, (double)low, (double)high);
+        r->status =
+            fovea_error_set(r->error, FOVEA_ERROR_INPUT, "%.200s: byte %zu: %s: found %g, expected %g to %g",
+                            r->name, at, what, (double)value, (double)low, (double)high);
     return 0;
 }
 
 static void get_bytes(struct reader *r, uint8_t *to, uint32_t bytes)
 {
     if (r->status == FOVEA_OK && r->bytes - r->at < bytes)
-        refuse(r, r->at, "bytes left", (int64_t)(r->bytes - r->at), "more: the counts promise more than there is");
+        refuse(r, r->at, "bytes left", (int64_t)(r->bytes - r->at),
+               "more: the counts promise more than there is");
     if (r->status != FOVEA_OK) return;
     memcpy(to, r->data + r->at, bytes);
     r->at += bytes;
@@ -102,17 +106,18 @@ static void read_envelope(struct reader *r)
     if (version != FV_ARCHIVE_VERSION) refuse(r, 8, "version", version, "1: made by another Fovea");
     if (order != 0x01020304) refuse(r, 12, "byte order mark", order, "16909060");
     const uint64_t bytes = get(r, 8);
-    if (bytes != r->bytes) refuse(r, 16, "size stated", (int64_t)bytes, "that of the file: it is cut, or something was added");
+    if (bytes != r->bytes)
+        refuse(r, 16, "size stated", (int64_t)bytes, "that of the file: it is cut, or something was added");
     if (r->status != FOVEA_OK) return;
     struct reader end = *r;
     end.at = r->bytes - FV_ARCHIVE_CHECKSUM_BYTES;
     const uint64_t stated = get(&end, 8);
     const uint64_t found = fv_hash(FV_HASH_START, r->data, r->bytes - FV_ARCHIVE_CHECKSUM_BYTES);
     if (found != stated) {
-        r->status = fovea_error_set(r->error, FOVEA_ERROR_INPUT,
-                                    "%.200s: byte %zu: checksum: found %016llx, expected %016llx: the file is damaged",
-                                    r->name, r->bytes - FV_ARCHIVE_CHECKSUM_BYTES, (unsigned long long)found,
-                                    (unsigned long long)stated);
+        r->status = fovea_error_set(
+            r->error, FOVEA_ERROR_INPUT,
+            "%.200s: byte %zu: checksum: found %016llx, expected %016llx: the file is damaged", r->name,
+            r->bytes - FV_ARCHIVE_CHECKSUM_BYTES, (unsigned long long)found, (unsigned long long)stated);
         return;
     }
     r->bytes -= FV_ARCHIVE_CHECKSUM_BYTES;
@@ -143,13 +148,15 @@ static void read_header(struct reader *r, struct fv_archive_info *info)
     info->keyframe_number = get(r, 8);
     info->frame_number = get(r, 8);
     (void)get(r, 8);
-    if (info->landmarks > info->landmark_slots) refuse(r, 136, "landmarks", info->landmarks, "at most the slots");
-    if (info->keyframes > info->keyframe_slots) refuse(r, 140, "keyframes", info->keyframes, "at most the slots");
+    if (info->landmarks > info->landmark_slots)
+        refuse(r, 136, "landmarks", info->landmarks, "at most the slots");
+    if (info->keyframes > info->keyframe_slots)
+        refuse(r, 140, "keyframes", info->keyframes, "at most the slots");
     if (info->edges > FV_MAP_EDGES_MAX) refuse(r, 144, "edges", info->edges, "at most 128");
 }
 
-enum fovea_status fv_archive_info(const uint8_t *data, size_t bytes, const char *name, struct fv_archive_info *info,
-                                  struct fovea_error *error)
+enum fovea_status fv_archive_info(const uint8_t *data, size_t bytes, const char *name,
+                                  struct fv_archive_info *info, struct fovea_error *error)
 {
     struct reader r = {data, bytes, 0, name, error, FOVEA_OK};
     memset(info, 0, sizeof *info);
@@ -163,8 +170,9 @@ enum fovea_status fv_archive_info(const uint8_t *data, size_t bytes, const char 
 static void read_landmark(struct reader *r, struct fv_map *map)
 {
     const size_t at = r->at;
-    const uint32_t slot = get_index(r, map->limits.landmarks, "landmark slot",
-                                    "less than odometry.landmarks: raise it to that of the run that saved the map");
+    const uint32_t slot =
+        get_index(r, map->limits.landmarks, "landmark slot",
+                  "less than odometry.landmarks: raise it to that of the run that saved the map");
     struct fv_landmark *l = &map->landmarks[slot];
     if (l->used) refuse(r, at, "landmark slot", slot, "one that comes once");
     if (r->status != FOVEA_OK) return;
@@ -207,7 +215,8 @@ static void read_pose(struct reader *r, struct fv_se3 *T)
     for (int a = 0; a < 3; a++)
         for (int b = a; b < 3; b++) {
             const double off = fv_dot3(T->R + 3 * a, T->R + 3 * b) - (a == b ? 1 : 0);
-            if (off > 1e-6 || off < -1e-6) refuse(r, at, "rows of a rotation", 10 * a + b, "them orthonormal");
+            if (off > 1e-6 || off < -1e-6)
+                refuse(r, at, "rows of a rotation", 10 * a + b, "them orthonormal");
         }
 }
 
@@ -217,7 +226,8 @@ static void read_features(struct reader *r, struct fv_map *map, const struct fov
     struct fv_view view = fv_map_view(map, slot);
     for (uint32_t f = 0; f < view.frame->features && r->status == FOVEA_OK; f++) {
         const size_t at = r->at;
-        const float x = get_float(r, 0, (float)camera->width, "x"), y = get_float(r, 0, (float)camera->height, "y");
+        const float x = get_float(r, 0, (float)camera->width, "x"),
+                    y = get_float(r, 0, (float)camera->height, "y");
         const uint32_t level = get_index(r, FOVEA_PYRAMID_LEVELS_MAX, "level", "at most 7");
         const uint32_t landmark = get_u32(r), generation = get_u32(r);
         get_bytes(r, view.descriptors + (size_t)f * FV_MAP_DESCRIPTOR_BYTES, FV_MAP_DESCRIPTOR_BYTES);
@@ -233,8 +243,9 @@ static void read_keyframe(struct reader *r, struct fv_map *map, const struct fov
                           const struct fv_bearing_table *bearings)
 {
     const size_t at = r->at;
-    const uint32_t slot = get_index(r, map->limits.keyframes, "keyframe slot",
-                                    "less than odometry.keyframes: raise it to that of the run that saved the map");
+    const uint32_t slot =
+        get_index(r, map->limits.keyframes, "keyframe slot",
+                  "less than odometry.keyframes: raise it to that of the run that saved the map");
     struct fv_keyframe *k = &map->keyframes[slot];
     if (k->used) refuse(r, at, "keyframe slot", slot, "one that comes once");
     if (r->status != FOVEA_OK) return;
@@ -269,8 +280,8 @@ static void read_edge(struct reader *r, struct fv_map *map)
     e.b = get_index(r, map->limits.keyframes, "keyframe of an edge", "less than odometry.keyframes");
     e.generation_a = get_u32(r);
     e.generation_b = get_u32(r);
-    if (r->status == FOVEA_OK && fv_map_holds(map, e.a, e.generation_a) && fv_map_holds(map, e.b, e.generation_b) &&
-        e.a != e.b)
+    if (r->status == FOVEA_OK && fv_map_holds(map, e.a, e.generation_a) &&
+        fv_map_holds(map, e.b, e.generation_b) && e.a != e.b)
         fv_map_add_edge(map, e.a, e.b);
 }
 
@@ -287,7 +298,8 @@ static void mend_landmark(struct fv_map *map, uint32_t slot)
         bool again = false;
         for (uint32_t j = 0; j < kept; j++)
             again = again || l->observers[j].keyframe == o.keyframe;
-        if (!again && view.frame->used && o.feature < view.frame->features && view.landmark[o.feature] == (int32_t)slot)
+        if (!again && view.frame->used && o.feature < view.frame->features &&
+            view.landmark[o.feature] == (int32_t)slot)
             l->observers[kept++] = o;
     }
     l->observer_count = kept;
@@ -349,16 +361,18 @@ enum fovea_status fv_archive_read(const uint8_t *data, size_t bytes, const char 
                                   const struct fovea_camera *camera, const struct fv_bearing_table *bearings,
                                   struct fv_archive_info *info, struct fovea_error *error)
 {
-    struct reader r = {data, bytes, FV_ARCHIVE_HEADER_BYTES, name, error, fv_archive_info(data, bytes, name, info, error)};
+    struct reader r = {data, bytes, FV_ARCHIVE_HEADER_BYTES,
+                       name, error, fv_archive_info(data, bytes, name, info, error)};
     if (r.status != FOVEA_OK) return r.status;
     r.bytes -= FV_ARCHIVE_CHECKSUM_BYTES;
     if (!same_camera(&info->camera, camera))
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "%.200s: byte 24: camera: found %d x %d with f %.6g %.6g c %.6g %.6g, expected this run's %d x %d "
+                               "%.200s: byte 24: camera: found %d x %d with f %.6g %.6g c %.6g %.6g, "
+                               "expected this run's %d x %d "
                                "with f %.6g %.6g c %.6g %.6g and its distortion",
-                               name, info->camera.width, info->camera.height, info->camera.fx, info->camera.fy,
-                               info->camera.cx, info->camera.cy, camera->width, camera->height, camera->fx, camera->fy,
-                               camera->cx, camera->cy);
+                               name, info->camera.width, info->camera.height, info->camera.fx,
+                               info->camera.fy, info->camera.cx, info->camera.cy, camera->width,
+                               camera->height, camera->fx, camera->fy, camera->cx, camera->cy);
     fv_map_reset(map);
     map->state->keyframe_number = info->keyframe_number;
     map->state->map_id = info->map_id;

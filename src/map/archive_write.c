@@ -142,7 +142,8 @@ void fv_archive_begin(struct fv_archive_state *archive, uint64_t frame_number)
 static void landmarks_unit(struct fv_archive_state *archive, const struct fv_map *map, struct pen *pen)
 {
     const uint32_t left = map->limits.landmarks - archive->slot;
-    const uint32_t end = archive->slot + (left < FV_ARCHIVE_UNIT_LANDMARKS ? left : FV_ARCHIVE_UNIT_LANDMARKS);
+    const uint32_t end =
+        archive->slot + (left < FV_ARCHIVE_UNIT_LANDMARKS ? left : FV_ARCHIVE_UNIT_LANDMARKS);
     for (; archive->slot < end; archive->slot++) {
         if (!map->landmarks[archive->slot].used) continue;
         write_landmark(pen, &map->landmarks[archive->slot], archive->slot);
@@ -154,7 +155,8 @@ static void landmarks_unit(struct fv_archive_state *archive, const struct fv_map
     archive->phase = FV_ARCHIVE_KEYFRAMES;
 }
 
-/* A keyframe's record, then its features in pieces. When the keyframe goes meanwhile, so does what was written of it. */
+/* A keyframe's record, then its features in pieces. When the keyframe goes meanwhile, so does what was
+ * written of it. */
 static void keyframes_unit(struct fv_archive_state *archive, const struct fv_map *map, struct pen *pen)
 {
     if (archive->feature != UINT32_MAX && !fv_map_holds(map, archive->slot, archive->generation)) {
@@ -179,7 +181,8 @@ static void keyframes_unit(struct fv_archive_state *archive, const struct fv_map
     }
     const struct fv_view view = fv_map_view(map, archive->slot);
     const uint32_t left = archive->features - archive->feature;
-    const uint32_t end = archive->feature + (left < FV_ARCHIVE_UNIT_FEATURES ? left : FV_ARCHIVE_UNIT_FEATURES);
+    const uint32_t end =
+        archive->feature + (left < FV_ARCHIVE_UNIT_FEATURES ? left : FV_ARCHIVE_UNIT_FEATURES);
     for (; archive->feature < end; archive->feature++)
         write_feature(pen, map, &view, archive->feature);
     if (archive->feature < archive->features) return;
@@ -187,8 +190,8 @@ static void keyframes_unit(struct fv_archive_state *archive, const struct fv_map
     archive->slot++;
 }
 
-static void edges_unit(struct fv_archive_state *archive, const struct fv_map *map, const struct fovea_camera *camera,
-                       struct pen *pen)
+static void edges_unit(struct fv_archive_state *archive, const struct fv_map *map,
+                       const struct fovea_camera *camera, struct pen *pen)
 {
     for (uint32_t i = 0; i < FV_MAP_EDGES_MAX && i < map->state->edge_count; i++) {
         const struct fv_map_edge *e = &map->edges[i];
@@ -205,8 +208,8 @@ static void edges_unit(struct fv_archive_state *archive, const struct fv_map *ma
     archive->phase = FV_ARCHIVE_DONE;
 }
 
-void fv_archive_unit(struct fv_archive_state *archive, const struct fv_map *map, const struct fovea_camera *camera,
-                     uint8_t *out, size_t capacity)
+void fv_archive_unit(struct fv_archive_state *archive, const struct fv_map *map,
+                     const struct fovea_camera *camera, uint8_t *out, size_t capacity)
 {
     struct pen pen = {out, capacity, archive->at};
     if (archive->phase == FV_ARCHIVE_LANDMARKS)

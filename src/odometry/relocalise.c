@@ -17,9 +17,10 @@ enum {
 static const double ratio_max = 0.85;
 static const double least_score = 0.12 * FV_PLACE_ONE; /* below, views have no more in common than any two */
 static const double inlier_share_min = 0.5;            /* of the matches of the guided search */
-/* Of the landmarks that the pose should see. At a wrong place that has one thing in common with the right one
- * (a bookcase of the same make) 0.06 to 0.08 are found, at the right one 0.27 and more. */
-static const double found_share_min = 0.15;
+/* Of the landmarks that the pose should see. In simulation, at a wrong place that has one thing in common
+ * with the right one (a bookcase of the same make) 0.05 to 0.29 are found, with 20 to 80 inliers; at the
+ * right one 0.27 and more, with 300 inliers and more of 1,000 features. */
+static const double found_share_min = 0.25;
 
 void fv_relocaliser_carve(struct fv_relocaliser *r, uint32_t keyframes, struct fv_arena *persistent,
                           struct fv_arena *frame)
@@ -117,8 +118,17 @@ static uint32_t fv_match_keyframe(struct fv_odometry *o, const struct fv_kernels
     return matches;
 }
 
+/* Inliers that make a place: one feature in twenty, within bounds. */
+static uint32_t fv_inliers_wanted(uint32_t features)
+{
+    const uint32_t wanted = features / 20;
+    return wanted < FV_RELOCALISED_INLIERS_MIN   ? FV_RELOCALISED_INLIERS_MIN
+           : wanted > FV_RELOCALISED_INLIERS_MAX ? FV_RELOCALISED_INLIERS_MAX
+                                                 : wanted;
+}
+
 bool fv_odometry_try_keyframe(struct fv_odometry *o, const struct fv_kernels *kernels, uint32_t slot,
-                              uint32_t least, struct fv_se3 *T, struct fv_pose_fit *fit)
+                              struct fv_se3 *T, struct fv_pose_fit *fit)
 {
     const struct fv_view view = fv_map_view(&o->map, fv_map_current(&o->map));
     if (fv_match_keyframe(o, kernels, &view, slot) < MATCHES_MIN) return false;
@@ -131,8 +141,8 @@ bool fv_odometry_try_keyframe(struct fv_odometry *o, const struct fv_kernels *ke
     if (fv_odometry_refine(o, &view, 3, 5, T, fit) < SAMPLED_INLIERS_MIN) return false;
     const uint32_t visible = fit->inliers + fv_odometry_match_local(o, kernels, &view, T, 2);
     const uint32_t matches = fv_odometry_collect_sights(o, &view);
-    return fv_odometry_refine(o, &view, 3, 5, T, fit) >= least && fit->inliers > inlier_share_min * matches &&
-           fit->inliers > found_share_min * visible;
+    return fv_odometry_refine(o, &view, 3, 5, T, fit) >= fv_inliers_wanted(view.frame->features) &&
+           fit->inliers > inlier_share_min * matches && fit->inliers > found_share_min * visible;
 }
 
 /* ---- all candidates ---------------------------------------------------------------------------------- */
@@ -166,7 +176,7 @@ bool fv_odometry_relocalise(struct fv_odometry *o, const struct fv_kernels *kern
         struct fv_place_candidate best;
         struct fv_neighbour same[SAME_PLACE_MAX];
         if (fv_place_best(r->scores, o->map.limits.keyframes, (uint32_t)least_score, &best, 1) == 0) break;
-        if (fv_odometry_try_keyframe(o, kernels, best.slot, FV_RELOCALISED_INLIERS_MIN, T, fit)) {
+        if (fv_odometry_try_keyframe(o, kernels, best.slot, T, fit)) {
             fv_enter(o, best.slot);
             return true;
         }

@@ -22,7 +22,8 @@ enum {
     FV_RELOCALISE_TRIES = 3,
     FV_RELOCALISE_NEIGHBOURS = 4, /* of a candidate, whose landmarks are matched as well */
     FV_RELOCALISE_LANDMARKS = 1500,
-    FV_RELOCALISED_INLIERS_MIN = 30
+    FV_RELOCALISED_INLIERS_MIN = 30,
+    FV_RELOCALISED_INLIERS_MAX = 50 /* more are not asked for, however many features there are */
 };
 
 /* The keyframe that is entering the index. */
@@ -53,10 +54,10 @@ bool fv_odometry_index_waiting(const struct fv_odometry *odometry);
 void fv_odometry_index_unit(struct fv_odometry *odometry, const struct fv_kernels *kernels);
 
 /* Pose of the current view against the neighbourhood of one keyframe, without prediction: sampled, refined,
- * and verified by guided search. True: T and the view's links to landmarks are set, fit->inliers >= `least`.
+ * and verified by guided search. True: T and the view's links to landmarks are set.
  */
 bool fv_odometry_try_keyframe(struct fv_odometry *odometry, const struct fv_kernels *kernels, uint32_t slot,
-                              uint32_t least, struct fv_se3 *T, struct fv_pose_fit *fit);
+                              struct fv_se3 *T, struct fv_pose_fit *fit);
 
 /* The same against the keyframes most like the view, of all maps. On success the keyframe found is the
  * newest: its map is the current one, and the frame's pose is bound to it. */

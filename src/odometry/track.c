@@ -191,7 +191,7 @@ static bool fv_rough_pose(struct fv_odometry *o, const struct fv_kernels *kernel
             return true;
     }
     if (o->state->state == FOVEA_TRACKING_LOST) return fv_odometry_relocalise(o, kernels, T, fit);
-    return fv_odometry_try_keyframe(o, kernels, o->state->newest, FOVEA_POSED_INLIERS_MIN, T, fit);
+    return fv_odometry_try_keyframe(o, kernels, o->state->newest, T, fit);
 }
 
 /* Covariance of the pose: the inverse of the information that the inliers give. */

@@ -5,7 +5,8 @@
 
 static void carve(struct small_map *small, struct fv_arena *arena)
 {
-    const struct fv_map_limits limits = {SMALL_MAP_KEYFRAMES, SMALL_MAP_LANDMARKS, SMALL_MAP_FEATURES, 320, 240};
+    const struct fv_map_limits limits = {SMALL_MAP_KEYFRAMES, SMALL_MAP_LANDMARKS, SMALL_MAP_FEATURES, 320,
+                                         240};
     fv_bearing_carve(&small->bearings, 320, 240, arena);
     fv_map_carve(&small->map, &limits, arena);
 }
@@ -37,11 +38,14 @@ static void make_view(struct small_map *small, struct fovea_random *random)
     const struct fv_view view = fv_map_view(&small->map, fv_map_current(&small->map));
     uint32_t count = 0;
     while (count < SMALL_MAP_FEATURES - fovea_random_below(random, 3)) {
-        const float x = (float)fovea_random_below(random, 3190) / 10, y = (float)fovea_random_below(random, 2390) / 10;
+        const float x = (float)fovea_random_below(random, 3190) / 10,
+                    y = (float)fovea_random_below(random, 2390) / 10;
         const uint32_t level = fovea_random_below(random, 8);
-        if (!fv_map_set_keypoint(&view.points[count], &small->bearings, &small->camera, x, y, level)) continue;
+        if (!fv_map_set_keypoint(&view.points[count], &small->bearings, &small->camera, x, y, level))
+            continue;
         for (int i = 0; i < FV_MAP_DESCRIPTOR_BYTES; i++)
-            view.descriptors[(size_t)count * FV_MAP_DESCRIPTOR_BYTES + (size_t)i] = (uint8_t)fovea_random_u32(random);
+            view.descriptors[(size_t)count * FV_MAP_DESCRIPTOR_BYTES + (size_t)i] =
+                (uint8_t)fovea_random_u32(random);
         view.landmark[count++] = FV_MAP_NONE;
     }
     view.frame->features = count;
@@ -61,7 +65,8 @@ void small_map_grow(struct small_map *small, struct fovea_random *random)
     struct fv_map *map = &small->map;
     make_view(small, random);
     fv_map_make_room(map, 40, 1000);
-    const int32_t before = map->state->keyframe_count > 0 ? map->keyframes[fv_map_current(map)].parent : FV_MAP_NONE;
+    const int32_t before =
+        map->state->keyframe_count > 0 ? map->keyframes[fv_map_current(map)].parent : FV_MAP_NONE;
     const uint32_t slot = fv_map_add_keyframe(map, fv_map_current(map));
     map->keyframes[slot].parent = before != FV_MAP_NONE && map->keyframes[before].used ? before : FV_MAP_NONE;
     for (uint32_t f = 0; f < map->keyframes[slot].features; f++) {
@@ -102,7 +107,8 @@ static const char *keyframe_trouble(const struct fv_map *map, uint32_t slot)
     if (view.frame->features > map->limits.features) return "a keyframe has too many features";
     for (uint32_t f = 0; f < view.frame->features; f++) {
         if (view.landmark[f] == FV_MAP_NONE) continue;
-        if (view.landmark[f] < 0 || (uint32_t)view.landmark[f] >= map->limits.landmarks) return "a link leads nowhere";
+        if (view.landmark[f] < 0 || (uint32_t)view.landmark[f] >= map->limits.landmarks)
+            return "a link leads nowhere";
         const struct fv_landmark *l = &map->landmarks[view.landmark[f]];
         bool known = false;
         for (uint32_t i = 0; i < l->observer_count; i++)
@@ -124,7 +130,8 @@ const char *small_map_trouble(const struct fv_map *map)
         const struct fv_landmark *l = &map->landmarks[i];
         if (!l->used) continue;
         landmarks++;
-        if (l->observer_count == 0 || l->observer_count > FV_MAP_OBSERVERS_MAX) return "a landmark has no observers";
+        if (l->observer_count == 0 || l->observer_count > FV_MAP_OBSERVERS_MAX)
+            return "a landmark has no observers";
         for (uint32_t k = 0; k < l->observer_count; k++) {
             const struct fv_observer o = l->observers[k];
             if (o.keyframe >= map->limits.keyframes || !map->keyframes[o.keyframe].used ||
@@ -139,7 +146,8 @@ const char *small_map_trouble(const struct fv_map *map)
         const char *trouble = keyframe_trouble(map, k);
         if (trouble != NULL) return trouble;
     }
-    if (landmarks != map->state->landmark_count || keyframes != map->state->keyframe_count) return "pools are miscounted";
+    if (landmarks != map->state->landmark_count || keyframes != map->state->keyframe_count)
+        return "pools are miscounted";
     if (map->state->free_count != map->limits.landmarks - landmarks) return "free landmarks are miscounted";
     for (uint32_t i = 0; i < map->state->free_count; i++)
         if (map->landmarks[map->free_landmarks[i]].used) return "a free landmark is used";

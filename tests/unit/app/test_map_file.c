@@ -1,5 +1,6 @@
-/* Map files outlive a death at any instant: a child that saves one map after another is killed at a random moment, and what is
- * there then is one of the maps, whole. FOVEA_KILLS: how often (100; the campaign says 1,000). */
+/* Map files outlive a death at any instant: a child that saves one map after another is killed at a random
+ * moment, and what is there then is one of the maps, whole. FOVEA_KILLS: how often (100; the campaign says
+ * 1,000). */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -73,16 +74,19 @@ static void test_kills(void **state)
         char part[sizeof path + 8];
         snprintf(part, sizeof part, "%s.part", path);
         parts += access(part, F_OK) == 0;
-        if (fv_map_file_read(path, &read.data, &read.bytes, &error) != FOVEA_OK) fail_msg("kill %d: %s", n, error.text);
-        if (fv_archive_info(read.data, read.bytes, path, &info, &error) != FOVEA_OK) fail_msg("kill %d: %s", n, error.text);
+        if (fv_map_file_read(path, &read.data, &read.bytes, &error) != FOVEA_OK)
+            fail_msg("kill %d: %s", n, error.text);
+        if (fv_archive_info(read.data, read.bytes, path, &info, &error) != FOVEA_OK)
+            fail_msg("kill %d: %s", n, error.text);
         const int which = read.bytes == files[1].bytes;
         assert_int_equal(read.bytes, files[which].bytes);
         assert_memory_equal(read.data, files[which].data, read.bytes);
         found[which]++;
         free(read.data);
     }
-    print_message("%d kills: found one map %d times and the other %d times, cut short while writing %d times\n", kills,
-                  found[0], found[1], parts);
+    print_message(
+        "%d kills: found one map %d times and the other %d times, cut short while writing %d times\n", kills,
+        found[0], found[1], parts);
     if (kills >= 100) assert_true(found[0] > 0 && found[1] > 0 && parts > 0);
     free(files[0].data);
     free(files[1].data);
@@ -93,9 +97,11 @@ static void test_errors(void **state)
     (void)state;
     struct fovea_error error;
     struct file file = make_file(2), read;
-    assert_int_equal(fv_map_file_write("/nonexistent/a.map", file.data, file.bytes, &error), FOVEA_ERROR_SYSTEM);
+    assert_int_equal(fv_map_file_write("/nonexistent/a.map", file.data, file.bytes, &error),
+                     FOVEA_ERROR_SYSTEM);
     assert_non_null(strstr(error.text, "/nonexistent/a.map"));
-    assert_int_equal(fv_map_file_read("/nonexistent/a.map", &read.data, &read.bytes, &error), FOVEA_ERROR_INPUT);
+    assert_int_equal(fv_map_file_read("/nonexistent/a.map", &read.data, &read.bytes, &error),
+                     FOVEA_ERROR_INPUT);
     assert_int_equal(fv_map_file_read(folder, &read.data, &read.bytes, &error), FOVEA_ERROR_INPUT);
     /* A full disk leaves the old map, and no other file. */
     assert_int_equal(fv_map_file_write(path, file.data, file.bytes, &error), FOVEA_OK);

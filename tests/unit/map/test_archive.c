@@ -1,5 +1,5 @@
-/* Maps as files: there and back without loss, also when the map changes while it is written; damaged, hostile and foreign
- * files refused with the byte, or read into a map that is whole. */
+/* Maps as files: there and back without loss, also when the map changes while it is written; damaged, hostile
+ * and foreign files refused with the byte, or read into a map that is whole. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -12,15 +12,18 @@
 
 #include "common/small_map.h"
 
-static enum fovea_status read_into(struct small_map *small, const uint8_t *data, size_t bytes, struct fovea_error *error)
+static enum fovea_status read_into(struct small_map *small, const uint8_t *data, size_t bytes,
+                                   struct fovea_error *error)
 {
     struct fv_archive_info info;
     error->text[0] = '\0';
-    const enum fovea_status status = fv_archive_read(data, bytes, "a.map", &small->map, &small->camera, &small->bearings,
-                                                     &info, error);
-    if (status != FOVEA_OK && (strstr(error->text, "a.map: byte ") != error->text || strchr(error->text, '\n') != NULL))
+    const enum fovea_status status =
+        fv_archive_read(data, bytes, "a.map", &small->map, &small->camera, &small->bearings, &info, error);
+    if (status != FOVEA_OK &&
+        (strstr(error->text, "a.map: byte ") != error->text || strchr(error->text, '\n') != NULL))
         fail_msg("refused without the byte: %s", error->text);
-    if (status != FOVEA_OK && strstr(error->text, "expected") == NULL) fail_msg("nothing expected: %s", error->text);
+    if (status != FOVEA_OK && strstr(error->text, "expected") == NULL)
+        fail_msg("nothing expected: %s", error->text);
     return status;
 }
 
@@ -97,11 +100,13 @@ static void test_saved_while_it_changes(void **state)
         }
         const size_t bytes = fv_archive_take(&archive);
         fv_archive_seal(data, bytes);
-        if (read_into(to, data, bytes, &error) != FOVEA_OK) fail_msg("seed %u: %s", (unsigned)seed, error.text);
+        if (read_into(to, data, bytes, &error) != FOVEA_OK)
+            fail_msg("seed %u: %s", (unsigned)seed, error.text);
         const char *trouble = small_map_trouble(&to->map);
         if (trouble != NULL) fail_msg("seed %u: %s", (unsigned)seed, trouble);
         for (uint32_t k = 0; k < SMALL_MAP_KEYFRAMES; k++)
-            lost += before[k] != 0 && fv_map_holds(&from->map, k, before[k]) && !fv_map_holds(&to->map, k, before[k]);
+            lost += before[k] != 0 && fv_map_holds(&from->map, k, before[k]) &&
+                    !fv_map_holds(&to->map, k, before[k]);
         free(data);
         give_back(from);
         give_back(to);
@@ -156,7 +161,8 @@ static void test_damaged_files_are_refused(void **state)
             length += 1 + fovea_random_below(&random, (uint32_t)bytes - 1);
             memcpy(bad + bytes, data, length - bytes);
         } else {
-            bad[fovea_random_below(&random, (uint32_t)bytes)] ^= (uint8_t)(1u << fovea_random_below(&random, 8));
+            bad[fovea_random_below(&random, (uint32_t)bytes)] ^=
+                (uint8_t)(1u << fovea_random_below(&random, 8));
         }
         if (read_into(to, bad, length, &error) == FOVEA_OK) fail_msg("damage %d was read", n);
     }

@@ -1,0 +1,173 @@
+/* fovea map: what a map file holds, as text, as files for other programs, and as a picture. */
+#include <inttypes.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "app/command.h"
+#include "app/files.h"
+#include "app/map_open.h"
+#include "app/options.h"
+#include "app/say.h"
+
+static void info_print(const struct fv_map_open *open, const char *path)
+{
+    const struct fv_map *map = &open->map;
+    const struct fovea_camera *c = &open->info.camera;
+    uint32_t largest = 0, slots[FV_MAP_KEYFRAMES_MAX];
+    const bool any = fv_map_open_largest(open, &largest);
+    printf("%s: %zu bytes, format %d, hash %016" PRIx64 "\n", path, open->file_bytes, FV_ARCHIVE_VERSION,
+           open->hash);
+    printf("  camera     %d x %d, %s, f %.6g %.6g, c %.6g %.6g\n", c->width, c->height,
+           c->lens == FOVEA_LENS_RADTAN ? "radtan" : "equidistant", c->fx, c->fy, c->cx, c->cy);
+    printf("  keyframes  %u (slots for %u), %u frames seen\n", map->state->keyframe_count,
+           map->limits.keyframes, (unsigned)open->info.frame_number);
+    printf("  landmarks  %u (slots for %u), closed loops %u\n", map->state->landmark_count,
+           map->limits.landmarks, map->state->edge_count);
+    for (uint32_t id = 0; any && id < open->info.map_next; id++) {
+        const uint32_t count = fv_map_open_order(open, id, slots);
+        uint32_t landmarks = 0;
+        double length = 0, last[3], centre[3];
+        if (count == 0) continue;
+        for (uint32_t i = 0; i < map->limits.landmarks; i++)
+            landmarks += map->landmarks[i].used && fv_map_open_map_of(open, &map->landmarks[i]) == id;
+        for (uint32_t i = 0; i < count; i++) {
+            fv_map_open_centre(open, slots[i], centre);
+            double square = 0;
+            for (int k = 0; k < 3 && i > 0; k++)
+                square += (centre[k] - last[k]) * (centre[k] - last[k]);
+            length += __builtin_sqrt(square);
+            memcpy(last, centre, sizeof last);
+        }
+        printf("  map %-6u %u keyframes, %u landmarks, %.4g units from keyframe to keyframe%s\n", id, count,
+               landmarks, length, id == open->info.map_id ? ", current when saved" : "");
+    }
+}
+
+/* ---- export ------------------------------------------------------------------------------------------ */
+
+static enum fv_exit finish(FILE *file, const char *path)
+{
+    const bool failed = ferror(file) != 0;
+    return fclose(file) != 0 || failed ? fv_say_failed("%s: cannot be written", path) : FV_EXIT_OK;
+}
+
+/* Landmarks grey by their observers, keyframes blue; coordinates are the map's own. */
+static enum fv_exit ply_write(const struct fv_map_open *open, uint32_t map_id, const char *path)
+{
+    const struct fv_map *map = &open->map;
+    uint32_t slots[FV_MAP_KEYFRAMES_MAX], landmarks = 0;
+    const uint32_t keyframes = fv_map_open_order(open, map_id, slots);
+    FILE *file = fopen(path, "we");
+    if (file == NULL) return fv_say_wrong("fovea map: --ply: %s: cannot be written", path);
+    for (uint32_t i = 0; i < map->limits.landmarks; i++)
+        landmarks += map->landmarks[i].used && fv_map_open_map_of(open, &map->landmarks[i]) == map_id;
+    fprintf(file,
+            "ply\nformat ascii 1.0\ncomment map %u: %u landmarks, then %u keyframes\nelement vertex %u\n"
+            "property double x\nproperty double y\nproperty double z\n"
+            "property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n",
+            map_id, landmarks, keyframes, landmarks + keyframes);
+    for (uint32_t i = 0; i < map->limits.landmarks; i++) {
+        const struct fv_landmark *l = &map->landmarks[i];
+        if (!l->used || fv_map_open_map_of(open, l) != map_id) continue;
+        const int grey = 100 + 12 * l->observer_count;
+        fprintf(file, "%.9g %.9g %.9g %d %d %d\n", l->point[0], l->point[1], l->point[2], grey, grey, grey);
+    }
+    for (uint32_t i = 0; i < keyframes; i++) {
+        double centre[3];
+        fv_map_open_centre(open, slots[i], centre);
+        fprintf(file, "%.9g %.9g %.9g 31 95 168\n", centre[0], centre[1], centre[2]);
+    }
+    return finish(file, path);
+}
+
+/* "time x y z qx qy qz qw" of every keyframe, T_world_cam. */
+static enum fv_exit tum_write(const struct fv_map_open *open, uint32_t map_id, const char *path)
+{
+    uint32_t slots[FV_MAP_KEYFRAMES_MAX];
+    const uint32_t keyframes = fv_map_open_order(open, map_id, slots);
+    FILE *file = fopen(path, "we");
+    if (file == NULL) return fv_say_wrong("fovea map: --tum: %s: cannot be written", path);
+    for (uint32_t i = 0; i < keyframes; i++) {
+        const struct fv_keyframe *k = &open->map.keyframes[slots[i]];
+        struct fv_se3 T;
+        double q[4];
+        fv_se3_invert(&k->T_cam_world, &T);
+        fv_so3_to_quaternion(T.R, q);
+        const int64_t second = 1000000000, ns = (k->stamp_ns % second + second) % second;
+        fprintf(file, "%" PRId64 ".%09" PRId64 " %.9g %.9g %.9g %.9g %.9g %.9g %.9g\n",
+                (k->stamp_ns - ns) / second, ns, T.t[0], T.t[1], T.t[2], q[1], q[2], q[3], q[0]);
+    }
+    return finish(file, path);
+}
+
+/* ---- the command ------------------------------------------------------------------------------------- */
+
+struct asked {
+    const char *action, *file, *picture, *ply, *tum, *world;
+};
+
+static enum fv_exit carry_out(const struct asked *asked, const struct fv_map_open *open)
+{
+    struct fovea_error error;
+    uint32_t map_id = 0;
+    if (strcmp(asked->action, "info") == 0) return (info_print(open, asked->file), FV_EXIT_OK);
+    if (!fv_map_open_largest(open, &map_id))
+        return fv_say_wrong("%s: found no keyframes, nothing to show", asked->file);
+    if (asked->world != NULL) {
+        char after;
+        if (sscanf(asked->world, "%u%c", &map_id, &after) != 1 ||
+            fv_map_count_keyframes(&open->map, map_id) == 0)
+            return fv_say_wrong(
+                "fovea map: --world: found '%.40s', expected one of the maps that 'fovea map info' lists",
+                asked->world);
+    }
+    if (asked->picture != NULL) {
+        if (fv_map_picture(open, asked->file, map_id, asked->picture, &error) == FOVEA_OK) return FV_EXIT_OK;
+        return fv_say_failed("%s", error.text);
+    }
+    enum fv_exit end = asked->ply != NULL ? ply_write(open, map_id, asked->ply) : FV_EXIT_OK;
+    if (end == FV_EXIT_OK && asked->tum != NULL) end = tum_write(open, map_id, asked->tum);
+    return end;
+}
+
+/* NULL when the words fit together. */
+static const char *trouble(const struct asked *asked, int operands)
+{
+    const bool draw = strcmp(asked->action, "draw") == 0, export = strcmp(asked->action, "export") == 0;
+    if (!draw && !export && strcmp(asked->action, "info") != 0) return "expected info, export or draw";
+    if (draw != (operands == 3)) return draw ? "draw needs a map and a picture" : "expected one map";
+    if (export && asked->ply == NULL && asked->tum == NULL) return "export needs --ply or --tum";
+    if (!export && (asked->ply != NULL || asked->tum != NULL)) return "--ply and --tum belong to export";
+    return NULL;
+}
+
+int fv_command_map(int argc, char **argv)
+{
+    struct asked asked = {0};
+    const struct fv_option options[] = {
+        {"ply", "FILE", FV_OPTION_TEXT, &asked.ply, "export: landmarks and keyframes as a point cloud"},
+        {"tum", "FILE", FV_OPTION_TEXT, &asked.tum, "export: T_world_cam of the keyframes in TUM format"},
+        {"world", "N", FV_OPTION_TEXT, &asked.world, "which of several maps (the one with most keyframes)"},
+        {0},
+    };
+    int first;
+    struct fovea_error error;
+    static struct fv_map_open open;
+    const enum fv_options_result result =
+        fv_options_parse(options, "info|export|draw FILE [OUT.png]", 2, 3, argc, argv, &first);
+    if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
+    asked.action = argv[first];
+    asked.file = argv[first + 1];
+    asked.picture = argc - first == 3 ? argv[first + 2] : NULL;
+    const char *wrong = trouble(&asked, argc - first);
+    if (wrong != NULL) return fv_say_wrong("fovea map: found '%.40s', %s", asked.action, wrong);
+    const struct fv_file written[] = {
+        {"--ply", asked.ply}, {"--tum", asked.tum}, {"OUT.png", asked.picture}, {0}};
+    const struct fv_file read[] = {{"FILE", asked.file}, {0}};
+    if (fv_files_apart(written, read, &error) != FOVEA_OK ||
+        fv_map_open(asked.file, &open, &error) != FOVEA_OK)
+        return fv_say_wrong("%s", error.text);
+    const enum fv_exit end = carry_out(&asked, &open);
+    fv_map_open_free(&open);
+    return end;
+}
