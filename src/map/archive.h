@@ -39,7 +39,7 @@ enum {
     FV_ARCHIVE_FEATURE_BYTES = 52,
     FV_ARCHIVE_EDGE_BYTES = 16,
     FV_ARCHIVE_CHECKSUM_BYTES = 8,
-    FV_ARCHIVE_UNIT_LANDMARKS = 1024, /* slots looked at in a unit */
+    FV_ARCHIVE_UNIT_LANDMARKS = 512, /* slots looked at in a unit */
     FV_ARCHIVE_UNIT_FEATURES = 1024   /* written in a unit */
 };
 
