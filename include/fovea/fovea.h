@@ -130,7 +130,8 @@ enum fovea_status fovea_memory(const struct fovea_config *config, struct fovea_m
 enum fovea_job {
     FOVEA_JOB_MAP = 0,     /* new landmarks, then window optimisation */
     FOVEA_JOB_DETECT = 1,  /* a network that looks for objects */
-    FOVEA_JOB_PREVIEW = 2, /* JPEG of a pyramid level */
+    FOVEA_JOB_LOOP = 2,    /* loops closed, maps merged */
+    FOVEA_JOB_PREVIEW = 3, /* JPEG of a pyramid level */
     FOVEA_JOB_COUNT
 };
 
@@ -274,7 +275,8 @@ enum fovea_stage {
     FOVEA_STAGE_ENCODE = 3,
     FOVEA_STAGE_MAP = 4,     /* jobs' shares of work */
     FOVEA_STAGE_DETECT = 5,
-    FOVEA_STAGE_PREVIEW = 6,
+    FOVEA_STAGE_LOOP = 6,
+    FOVEA_STAGE_PREVIEW = 7,
     FOVEA_STAGE_COUNT
 };
 const char *fovea_stage_name(enum fovea_stage stage);

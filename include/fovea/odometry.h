@@ -53,6 +53,7 @@ struct fovea_odometry_config {
     uint32_t landmarks;      /* [1000, 20000], default 6000: landmarks kept; memory about 250 B each */
     uint32_t window;         /* [3, 12], default 8: keyframes optimised together; time grows with the square */
     uint32_t inliers_good;   /* [20, 200], default 40: fewer inliers make the state `weak` */
+    bool loops;              /* default true: close loops and merge maps */
     uint32_t lost_frames_reset; /* [1, 10000], default 15: frames lost before a new map is started */
     bool localise_only;      /* default false: the map that is loaded stays as it is; no other is started */
 };
@@ -61,7 +62,12 @@ struct fovea_odometry_config {
 struct fovea_pose {
     enum fovea_tracking_state state;
     bool posed;             /* T_world_cam holds */
-    double T_world_cam[12]; /* row-major 3x4; the world's unit is the metre unless the scale is free */
+    /* Row-major 3x4; the world is `odom` of REP-105, continuous where loops correct the map; its unit is the metre unless
+     * the scale is free. */
+    double T_world_cam[12];
+    /* p_map = map_scale R p_world + t with [R t] = T_map_odom (row-major 3x4): where the map, as corrected by loops, has
+     * what the continuous world has at p_world. Identity and 1 before the first correction. */
+    double T_map_odom[12], map_scale;
     /* Covariance of the pose relative to its reference keyframe: upper triangle by rows of the 6x6 matrix over
      * (x y z, rotation x y z) in the camera frame; lengths in the world's unit, angles in rad. What is uncertain
      * about the scale is not in it. */

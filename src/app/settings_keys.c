@@ -86,6 +86,8 @@ const struct fv_settings_key fv_settings_keys[] = {
      "a pose from fewer is called weak", NULL},
     {"odometry.lost_frames_reset", FV_SETTINGS_U32, AT(runtime.odometry.lost_frames_reset), 1, 10000, "frames", NULL,
      "lost for so long, a new map is started", NULL},
+    {"map.loops", FV_SETTINGS_BOOL, AT(runtime.odometry.loops), 0, 1, "", NULL,
+     "close loops, and merge maps that meet", NULL},
 
     {"detect.model", TEXT_OF(model), "file", NULL, "network that looks for objects (.fvm, made by tools/import); empty: none",
      NULL},

@@ -31,6 +31,7 @@ void fv_odometry_carve(struct fv_odometry *o, const struct fovea_odometry_config
     const struct fv_window_limits window = {config->window, WINDOW_LANDMARKS, WINDOW_OBSERVATIONS,
                                             WINDOW_PASSES};
     fv_window_carve(&o->window, &window, job);
+    if (config->loops) fv_loop_carve(&o->loop, &limits, &o->camera, persistent, job);
     fv_relocaliser_carve(&o->relocaliser, config->keyframes, persistent, frame);
     o->archive = fv_arena_take(persistent, 1, sizeof *o->archive);
     o->sights = fv_arena_take_raw(frame, features_max, sizeof *o->sights);
@@ -51,6 +52,7 @@ static void fv_begin(struct fv_odometry *o)
     fv_map_reset(&o->map);
     fv_window_abort(&o->window);
     fv_relocaliser_reset(&o->relocaliser);
+    if (o->config.loops) fv_loop_reset(&o->loop, o->state->random.s[0]);
     s->state = FOVEA_TRACKING_STARTING;
     s->moving_known = s->job_wanted = false;
     s->lost_frames = s->recent_count = s->pending_count = s->start.count = 0;
@@ -121,16 +123,31 @@ void fv_odometry_fill_view(struct fv_odometry *o, const struct fv_odometry_input
 
 /* ---- the step ---------------------------------------------------------------------------------------- */
 
+static void fv_write_rows(const double R[9], const double t[3], double rows[12])
+{
+    for (int r = 0; r < 3; r++) {
+        for (int c = 0; c < 3; c++)
+            rows[4 * r + c] = R[3 * r + c];
+        rows[4 * r + 3] = t[r];
+    }
+}
+
 static void fv_write_pose(struct fv_odometry *o)
 {
     struct fovea_pose *pose = &o->state->pose;
-    struct fv_se3 T;
-    fv_se3_invert(&o->map.keyframes[fv_map_current(&o->map)].T_cam_world, &T);
-    for (int r = 0; r < 3; r++) {
-        for (int c = 0; c < 3; c++)
-            pose->T_world_cam[4 * r + c] = T.R[3 * r + c];
-        pose->T_world_cam[4 * r + 3] = T.t[r];
-    }
+    const struct fv_sim3 *S_map_odom = &o->map.state->S_map_odom;
+    struct fv_sim3 S_odom_map, S_odom_cam;
+    struct fv_se3 T_map_cam;
+    fv_se3_invert(&o->map.keyframes[fv_map_current(&o->map)].T_cam_world, &T_map_cam);
+    fv_sim3_from_se3(&T_map_cam, 1, &S_odom_cam);
+    fv_sim3_invert(S_map_odom, &S_odom_map);
+    fv_sim3_compose(&S_odom_map, &S_odom_cam, &S_odom_cam);
+    fv_write_rows(S_odom_cam.R, S_odom_cam.t, pose->T_world_cam);
+    fv_write_rows(S_map_odom->R, S_map_odom->t, pose->T_map_odom);
+    pose->map_scale = S_map_odom->s;
+    for (int row = 0, k = 0; row < 6; row++) /* lengths are the map's so far */
+        for (int column = row; column < 6; column++, k++)
+            pose->covariance[k] *= (row < 3 ? S_odom_map.s : 1) * (column < 3 ? S_odom_map.s : 1);
     pose->posed = true;
 }
 

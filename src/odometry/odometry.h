@@ -20,6 +20,7 @@
 #include "geometry/pose.h"
 #include "kernels/kernels.h"
 #include "map/archive.h"
+#include "map/loop.h"
 #include "map/map.h"
 #include "map/window.h"
 #include "odometry/relocalise.h"
@@ -80,6 +81,7 @@ struct fv_odometry {
     struct fv_archive_state *archive; /* of the map that is being saved */
     uint8_t *save_to;                 /* the caller's buffer, or NULL: what becomes of the bytes is outside the state */
     size_t save_capacity;
+    struct fv_loop loop;
     struct fv_odometry_state *state;
     struct fv_recent *recent; /* features_max */
     /* Frame part. */
@@ -126,6 +128,10 @@ void fv_odometry_save_begin(struct fv_odometry *odometry);
  * Init-only. */
 enum fovea_status fv_odometry_load(struct fv_odometry *odometry, const struct fv_kernels *kernels, const uint8_t *data,
                                    size_t bytes, const char *name, struct fovea_error *error);
+/* The same for the job that closes loops and merges maps. */
+bool fv_odometry_loop_unit(struct fv_odometry *odometry, const struct fv_kernels *kernels);
+bool fv_odometry_loop_waiting(const struct fv_odometry *odometry);
+
 
 /* ---- between the stage's own files ------------------------------------------------------------------- */
 

@@ -8,11 +8,12 @@ void fovea_config_default(struct fovea_config *config)
     config->features = (struct fovea_features_config){
         .count_max = 1000, .pyramid_levels = 8, .threshold = 20, .threshold_min = 7, .per_cell = 2};
     config->odometry = (struct fovea_odometry_config){.enabled = true,
-                                                      .keyframes = 40,
-                                                      .landmarks = 6000,
+                                                      .keyframes = 256,
+                                                      .landmarks = 20000,
                                                       .window = 8,
                                                       .inliers_good = 40,
-                                                      .lost_frames_reset = 15};
+                                                      .lost_frames_reset = 15,
+                                                      .loops = true};
     config->detect = (struct fovea_detect_config){.period_frames = 1, .count_max = 100};
     config->scale.camera_height_m = 1;
     config->preview = (struct fovea_preview_config){.period_frames = 10, .quality = 70, .level = 2};

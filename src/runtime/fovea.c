@@ -148,6 +148,7 @@ enum fovea_status fovea_step(struct fovea *rt, const struct fovea_inputs *inputs
 
 static const enum fovea_stage stage_of_job[FOVEA_JOB_COUNT] = {[FOVEA_JOB_MAP] = FOVEA_STAGE_MAP,
                                                               [FOVEA_JOB_DETECT] = FOVEA_STAGE_DETECT,
+                                                              [FOVEA_JOB_LOOP] = FOVEA_STAGE_LOOP,
                                                               [FOVEA_JOB_PREVIEW] = FOVEA_STAGE_PREVIEW};
 
 enum fovea_status fovea_work(struct fovea *rt, const struct fovea_grants *grants, struct fovea_outputs *outputs)
@@ -209,13 +210,13 @@ uint32_t fovea_keyframes_get(const struct fovea *rt, struct fovea_keyframe *list
 
 const char *fovea_stage_name(enum fovea_stage stage)
 {
-    static const char *const names[FOVEA_STAGE_COUNT] = {"pyramid", "features", "odometry", "encode", "map", "detect", "preview"};
+    static const char *const names[FOVEA_STAGE_COUNT] = {"pyramid", "features", "odometry", "encode", "map", "detect", "loop", "preview"};
     return stage >= 0 && stage < FOVEA_STAGE_COUNT ? names[stage] : "unknown";
 }
 
 const char *fovea_job_name(enum fovea_job job)
 {
-    static const char *const names[FOVEA_JOB_COUNT] = {"map", "detect", "preview"};
+    static const char *const names[FOVEA_JOB_COUNT] = {"map", "detect", "loop", "preview"};
     return job >= 0 && job < FOVEA_JOB_COUNT ? names[job] : "unknown";
 }
 

@@ -10,6 +10,8 @@ enum {
     MAP_UNITS_FIXED = 40,        /* keyframes of a car follow each other by two frames */
     DETECT_UNITS_MIN = 4,        /* a millisecond: 300 million multiply-accumulates within 20 frames */
     DETECT_UNITS_FIXED = 40,     /* ssd_mobilenet_v1 at 300 x 300 within 9 frames */
+    LOOP_UNITS_MIN = 4,          /* the largest map corrected within 20 s */
+    LOOP_UNITS_FIXED = 24,
     PREVIEW_UNITS_MIN = 4,       /* a preview of 376x240 in 6 frames */
     PREVIEW_UNITS_FIXED = 8,
     SHORT_FRAMES_TO_ACT = 15,    /* half a second at 30 Hz: a single slow frame changes nothing */
@@ -21,9 +23,11 @@ enum {
 
 static const uint32_t units_min[FOVEA_JOB_COUNT] = {[FOVEA_JOB_MAP] = MAP_UNITS_MIN,
                                                   [FOVEA_JOB_DETECT] = DETECT_UNITS_MIN,
+                                                  [FOVEA_JOB_LOOP] = LOOP_UNITS_MIN,
                                                   [FOVEA_JOB_PREVIEW] = PREVIEW_UNITS_MIN};
 static const uint32_t units_fixed[FOVEA_JOB_COUNT] = {[FOVEA_JOB_MAP] = MAP_UNITS_FIXED,
                                                     [FOVEA_JOB_DETECT] = DETECT_UNITS_FIXED,
+                                                    [FOVEA_JOB_LOOP] = LOOP_UNITS_FIXED,
                                                     [FOVEA_JOB_PREVIEW] = PREVIEW_UNITS_FIXED};
 
 void fovea_grants_fixed(const struct fovea_config *config, struct fovea_grants *grants)

@@ -20,6 +20,7 @@ uint32_t fv_jobs_waiting(const struct fovea *rt)
 {
     uint32_t waiting = fv_preview_waiting(&rt->preview) ? 1u << FOVEA_JOB_PREVIEW : 0;
     if (rt->config.odometry.enabled && map_waiting(rt)) waiting |= 1u << FOVEA_JOB_MAP;
+    if (rt->config.odometry.enabled && fv_odometry_loop_waiting(&rt->odometry)) waiting |= 1u << FOVEA_JOB_LOOP;
     if (fv_detection_waiting(&rt->detection)) waiting |= 1u << FOVEA_JOB_DETECT;
     return waiting;
 }
@@ -81,11 +82,21 @@ static uint32_t advance_detection(struct fovea *rt, uint32_t units, struct fovea
     return done;
 }
 
+static uint32_t advance_loop(struct fovea *rt, uint32_t units)
+{
+    uint32_t done = 0;
+    if (!rt->config.odometry.enabled) return 0;
+    for (; done < units && fv_odometry_loop_waiting(&rt->odometry); done++)
+        fv_odometry_loop_unit(&rt->odometry, &rt->kernels);
+    return done;
+}
+
 uint32_t fv_job_advance(struct fovea *rt, enum fovea_job job, uint32_t units, struct fovea_outputs *outputs)
 {
     switch (job) {
     case FOVEA_JOB_MAP: return advance_map(rt, units, outputs);
     case FOVEA_JOB_DETECT: return advance_detection(rt, units, outputs);
+    case FOVEA_JOB_LOOP: return advance_loop(rt, units);
     case FOVEA_JOB_PREVIEW: return advance_preview(rt, units, outputs);
     case FOVEA_JOB_COUNT: break;
     }

@@ -1,0 +1,484 @@
+#include "map/loop.h"
+
+#include <string.h>
+
+#include "geometry/vec.h"
+
+enum {
+    RECENT_KEYFRAMES = 8,      /* too near in time to be a loop */
+    SHARED_KNOWN = 5,          /* landmarks shared, from which on two keyframes know of each other */
+    SAME_PLACE_MAX = 12,       /* neighbours of a candidate that are no candidates of their own */
+    QUERIES_PER_UNIT = 64,
+    DISTANCE_MAX = 60,         /* Hamming, without prediction */
+    MATCHES_MIN = 15,
+    SAMPLES_MAX = 300,
+    SAMPLE_TESTS_PER_UNIT = 4000, /* meetings tested, all samples together */
+    SAMPLED_MIN = 12,          /* meetings that agree with the best sample */
+    MEETINGS_MIN = 25,         /* that agree after the guided search */
+    FOUND_MIN = 40,            /* landmarks of the group found in the keyframe */
+    FOUND_BEFORE_MIN = 30,     /* in one before it */
+    ASKED_BEFORE_MAX = 4,
+    BELIEF_KEYFRAMES = 6       /* keyframes for which a sighting waits for the next */
+};
+
+static const double ratio_max = 0.85;
+static const double least_score = 0.1 * FV_PLACE_ONE;
+static const double score_share = 0.6;      /* of the worst neighbour's score, that a candidate must reach */
+static const double chi_square_99_2 = 9.21; /* 99 % of chi-square with 2 degrees of freedom */
+static const double found_share_min = 0.3;  /* of the group's landmarks in view */
+static const double scale_log_max = 0.7;    /* within one map: drift does not double lengths */
+static const double turn_max_rad = 0.6;
+static const double drift_share_max = 0.1;  /* of the path since the candidate */
+static const double drift_slack = 0.3;      /* of the median depth */
+
+/* ---- memory ---------------------------------------------------------------------------------------------- */
+
+void fv_loop_carve(struct fv_loop *loop, const struct fv_map_limits *limits, const struct fovea_camera *camera,
+                   struct fv_arena *persistent, struct fv_arena *job)
+{
+    const struct fv_pose_graph_limits graph = {limits->keyframes, limits->keyframes * 8, 12, 200};
+    loop->camera = camera;
+    loop->state = fv_arena_take(persistent, 1, sizeof *loop->state);
+    fv_pose_graph_carve(&loop->graph, &graph, job);
+    loop->query_feature = fv_arena_take(job, limits->features, sizeof *loop->query_feature);
+    loop->train_feature = fv_arena_take(job, limits->features, sizeof *loop->train_feature);
+    loop->queries = fv_arena_take(job, limits->features, FV_MAP_DESCRIPTOR_BYTES);
+    loop->trains = fv_arena_take(job, limits->features, FV_MAP_DESCRIPTOR_BYTES);
+    loop->nearest = fv_arena_take(job, limits->features, sizeof *loop->nearest);
+    loop->second = fv_arena_take(job, limits->features, sizeof *loop->second);
+    loop->best_of_train = fv_arena_take(job, limits->features, sizeof *loop->best_of_train);
+    loop->meetings = fv_arena_take(job, limits->features, sizeof *loop->meetings);
+    loop->group = fv_arena_take(job, FV_LOOP_GROUP_MAX, sizeof *loop->group);
+    loop->node_of = fv_arena_take(job, limits->keyframes, sizeof *loop->node_of);
+    loop->nodes = fv_arena_take(job, limits->keyframes, sizeof *loop->nodes);
+    loop->corrections = fv_arena_take(job, limits->keyframes + 1, sizeof *loop->corrections);
+    loop->corrected = fv_arena_take(job, limits->keyframes + 1, sizeof *loop->corrected);
+    loop->scores = fv_arena_take(job, limits->keyframes, sizeof *loop->scores);
+}
+
+void fv_loop_reset(struct fv_loop *loop, uint64_t seed)
+{
+    memset(loop->state, 0, sizeof *loop->state);
+    fovea_random_seed(&loop->state->random, seed);
+}
+
+bool fv_loop_named(const struct fv_map *map, struct fv_loop_name name)
+{
+    return fv_map_holds(map, name.slot, name.generation);
+}
+
+static struct fv_loop_name fv_name(const struct fv_map *map, uint32_t slot)
+{
+    return (struct fv_loop_name){slot, map->keyframes[slot].generation};
+}
+
+bool fv_loop_waiting(const struct fv_loop *loop)
+{
+    return loop->state->phase != FV_LOOP_IDLE;
+}
+
+/* ---- candidates ------------------------------------------------------------------------------------------ */
+
+/* Score below which a keyframe is less like the offered one than its own neighbours are. */
+static uint32_t fv_least_score(struct fv_loop *loop, const struct fv_map *map, const struct fv_place *place,
+                               const struct fv_place_words *words, uint32_t slot)
+{
+    struct fv_neighbour near[FV_LOOP_NEIGHBOURS];
+    struct fv_place_set among = {{0}};
+    uint32_t count = fv_map_neighbours(map, slot, 30, near, FV_LOOP_NEIGHBOURS), least = FV_PLACE_ONE;
+    for (uint32_t i = 0; i < count; i++)
+        if (fv_place_holds(place, near[i].slot, near[i].generation)) fv_place_set_add(&among, near[i].slot);
+    fv_place_scores(place, words, &among, loop->scores);
+    for (uint32_t i = 0; i < count; i++)
+        if (loop->scores[near[i].slot] > 0 && loop->scores[near[i].slot] < least) least = loop->scores[near[i].slot];
+    least = (uint32_t)(score_share * least);
+    return least > (uint32_t)least_score ? least : (uint32_t)least_score;
+}
+
+static void fv_pick_candidates(struct fv_loop *loop, const struct fv_map *map, uint32_t least)
+{
+    struct fv_loop_state *s = loop->state;
+    s->candidate_count = 0;
+    while (s->candidate_count < FV_LOOP_CANDIDATES_MAX) {
+        struct fv_place_candidate best;
+        struct fv_neighbour same[SAME_PLACE_MAX];
+        if (fv_place_best(loop->scores, map->limits.keyframes, least, &best, 1) == 0) return;
+        s->candidates[s->candidate_count++] = fv_name(map, best.slot);
+        loop->scores[best.slot] = 0;
+        uint32_t count = fv_map_neighbours(map, best.slot, SHARED_KNOWN, same, SAME_PLACE_MAX);
+        for (uint32_t i = 0; i < count; i++)
+            loop->scores[same[i].slot] = 0;
+    }
+}
+
+void fv_loop_offer(struct fv_loop *loop, const struct fv_map *map, const struct fv_place *place,
+                   const struct fv_place_words *words, uint32_t slot)
+{
+    struct fv_loop_state *s = loop->state;
+    if (s->phase != FV_LOOP_IDLE) return;
+    uint16_t shared[FV_MAP_KEYFRAMES_MAX];
+    struct fv_place_set among = {{0}};
+    const struct fv_keyframe *keyframe = &map->keyframes[slot];
+    uint32_t least = fv_least_score(loop, map, place, words, slot);
+    fv_map_count_shared(map, slot, shared);
+    for (uint32_t k = 0; k < map->limits.keyframes; k++) {
+        const struct fv_keyframe *other = &map->keyframes[k];
+        bool near = other->number + RECENT_KEYFRAMES > keyframe->number && keyframe->number + RECENT_KEYFRAMES > other->number;
+        if (!other->used || k == slot || shared[k] >= SHARED_KNOWN || (near && other->map_id == keyframe->map_id) ||
+            !fv_place_holds(place, k, other->generation))
+            continue;
+        fv_place_set_add(&among, k);
+    }
+    fv_place_scores(place, words, &among, loop->scores);
+    s->counts.offered++;
+    s->keyframe = fv_name(map, slot);
+    fv_pick_candidates(loop, map, least);
+    s->candidate = s->next = 0;
+    if (s->candidate_count > 0) s->phase = FV_LOOP_MATCH;
+}
+
+/* ---- matches without prediction -------------------------------------------------------------------------- */
+
+/* Features of a keyframe that have landmarks, with their descriptors. */
+static uint32_t fv_gather_features(const struct fv_map *map, uint32_t slot, uint16_t *features, uint8_t *descriptors)
+{
+    struct fv_view view = fv_map_view(map, slot);
+    uint32_t count = 0;
+    for (uint32_t f = 0; f < view.frame->features; f++) {
+        if (view.landmark[f] == FV_MAP_NONE) continue;
+        features[count] = (uint16_t)f;
+        memcpy(descriptors + (size_t)count++ * FV_MAP_DESCRIPTOR_BYTES,
+               view.descriptors + (size_t)f * FV_MAP_DESCRIPTOR_BYTES, FV_MAP_DESCRIPTOR_BYTES);
+    }
+    return count;
+}
+
+static void fv_camera_side(const struct fv_map *map, const struct fv_view *view, uint32_t feature, double point[3],
+                           double bearing[3], double A[6], double *weight)
+{
+    const struct fv_keypoint *p = &view->points[feature];
+    fv_se3_apply(&view->frame->T_cam_world, map->landmarks[view->landmark[feature]].point, point);
+    for (int k = 0; k < 3; k++)
+        bearing[k] = (double)p->bearing[k];
+    for (int k = 0; k < 6; k++)
+        A[k] = (double)p->A[k];
+    *weight = (double)p->weight;
+}
+
+/* Meetings of the matches that are near, clearly nearer than the second, and one to one. */
+static void fv_make_meetings(struct fv_loop *loop, const struct fv_map *map)
+{
+    struct fv_loop_state *s = loop->state;
+    struct fv_view a = fv_map_view(map, s->keyframe.slot), b = fv_map_view(map, s->candidates[s->candidate].slot);
+    for (uint32_t t = 0; t < s->train_count; t++)
+        loop->best_of_train[t] = FV_MATCH_NONE;
+    for (uint32_t q = 0; q < s->query_count; q++) {
+        if (loop->nearest[q] == FV_MATCH_NONE) continue;
+        uint32_t *best = &loop->best_of_train[loop->nearest[q] & 0xffff], distance = loop->nearest[q] >> FV_MATCH_INDEX_BITS;
+        if (*best == FV_MATCH_NONE || distance < *best >> FV_MATCH_INDEX_BITS)
+            *best = distance << FV_MATCH_INDEX_BITS | q;
+    }
+    s->meeting_count = 0;
+    for (uint32_t q = 0; q < s->query_count; q++) {
+        uint32_t distance = loop->nearest[q] >> FV_MATCH_INDEX_BITS, train = loop->nearest[q] & 0xffff;
+        if (loop->nearest[q] == FV_MATCH_NONE || distance > DISTANCE_MAX ||
+            (loop->best_of_train[train] & 0xffff) != q || distance > ratio_max * (loop->second[q] >> FV_MATCH_INDEX_BITS))
+            continue;
+        uint32_t f = loop->query_feature[q], g = loop->train_feature[train];
+        if (a.landmark[f] == FV_MAP_NONE || b.landmark[g] == FV_MAP_NONE) continue; /* gone since */
+        struct fv_meeting *m = &loop->meetings[s->meeting_count++];
+        memset(m, 0, sizeof *m);
+        fv_camera_side(map, &a, f, m->point_a, m->bearing_a, m->A_a, &m->weight_a);
+        fv_camera_side(map, &b, g, m->point_b, m->bearing_b, m->A_b, &m->weight_b);
+    }
+}
+
+static void fv_next_candidate(struct fv_loop_state *s)
+{
+    s->next = 0;
+    s->phase = ++s->candidate < s->candidate_count ? FV_LOOP_MATCH : FV_LOOP_IDLE;
+}
+
+static void fv_match_unit(struct fv_loop *loop, const struct fv_map *map, const struct fv_kernels *kernels)
+{
+    struct fv_loop_state *s = loop->state;
+    if (s->next == 0) {
+        s->query_count = fv_gather_features(map, s->keyframe.slot, loop->query_feature, loop->queries);
+        s->train_count =
+            fv_gather_features(map, s->candidates[s->candidate].slot, loop->train_feature, loop->trains);
+        s->counts.tried++;
+    }
+    uint32_t left = s->query_count - s->next, some = left < QUERIES_PER_UNIT ? left : QUERIES_PER_UNIT;
+    kernels->hamming_two_u8(loop->nearest + s->next, loop->second + s->next,
+                            loop->queries + (size_t)s->next * FV_MAP_DESCRIPTOR_BYTES, (int32_t)some, loop->trains,
+                            (int32_t)s->train_count);
+    s->next += some;
+    if (s->next < s->query_count) return;
+    fv_make_meetings(loop, map);
+    if (s->meeting_count < MATCHES_MIN) {
+        fv_next_candidate(s);
+        return;
+    }
+    fv_sim3_search_begin(&s->search, SAMPLES_MAX);
+    s->phase = FV_LOOP_SAMPLE;
+}
+
+/* ---- the similarity -------------------------------------------------------------------------------------- */
+
+/* Landmarks that the candidate and its neighbours see. */
+static void fv_gather_group(struct fv_loop *loop, struct fv_map *map)
+{
+    struct fv_loop_state *s = loop->state;
+    struct fv_neighbour near[FV_LOOP_NEIGHBOURS + 1];
+    uint32_t mark = ++map->state->mark, slot = s->candidates[s->candidate].slot;
+    uint32_t count = fv_map_neighbours(map, slot, SHARED_KNOWN, near + 1, FV_LOOP_NEIGHBOURS);
+    near[0].slot = slot;
+    s->group_count = 0;
+    for (uint32_t i = 0; i <= count; i++) {
+        struct fv_view view = fv_map_view(map, near[i].slot);
+        for (uint32_t f = 0; f < view.frame->features && s->group_count < FV_LOOP_GROUP_MAX; f++) {
+            if (view.landmark[f] == FV_MAP_NONE || map->landmarks[view.landmark[f]].mark == mark) continue;
+            struct fv_landmark *l = &map->landmarks[view.landmark[f]];
+            l->mark = mark;
+            loop->group[s->group_count++] = (struct fv_loop_name){(uint32_t)view.landmark[f], l->generation};
+        }
+    }
+}
+
+static void fv_sample_unit(struct fv_loop *loop, struct fv_map *map)
+{
+    struct fv_loop_state *s = loop->state;
+    uint32_t samples = SAMPLE_TESTS_PER_UNIT / s->meeting_count + 1;
+    if (fv_sim3_search_more(&s->search, loop->meetings, s->meeting_count, samples, chi_square_99_2, &s->random)) return;
+    struct fv_sim3 inverse;
+    uint32_t inliers = s->search.best_inliers;
+    fv_sim3_invert(&s->search.best, &inverse);
+    for (uint32_t i = 0; i < s->meeting_count; i++) {
+        double square[2];
+        struct fv_meeting *m = &loop->meetings[i];
+        m->inlier = fv_sim3_errors(m, &s->search.best, &inverse, square) && square[0] < chi_square_99_2 &&
+                    square[1] < chi_square_99_2;
+    }
+    s->S_keyframe_candidate = s->search.best;
+    for (int round = 0; round < 2 && inliers >= SAMPLED_MIN; round++)
+        inliers = fv_sim3_refine(loop->meetings, s->meeting_count, chi_square_99_2, 3, &s->S_keyframe_candidate);
+    if (inliers < SAMPLED_MIN) {
+        fv_next_candidate(s);
+        return;
+    }
+    s->counts.sampled++;
+    fv_gather_group(loop, map);
+    s->next = 0;
+    s->phase = FV_LOOP_GUIDED;
+}
+
+/* ---- plausibility ---------------------------------------------------------------------------------------- */
+
+void fv_loop_correction(const struct fv_map *map, uint32_t keyframe, uint32_t candidate,
+                        const struct fv_sim3 *S_keyframe_candidate, struct fv_sim3 *correction)
+{
+    struct fv_sim3 T, wanted; /* S_keyframe_newworld */
+    fv_sim3_from_se3(&map->keyframes[candidate].T_cam_world, 1, &T);
+    fv_sim3_compose(S_keyframe_candidate, &T, &wanted);
+    fv_sim3_from_se3(&map->keyframes[keyframe].T_cam_world, 1, &T);
+    fv_sim3_invert(&wanted, &wanted);
+    fv_sim3_compose(&wanted, &T, correction);
+}
+
+static void fv_centre(const struct fv_keyframe *keyframe, double centre[3])
+{
+    const double origin[3] = {0, 0, 0};
+    fv_se3_apply_inverse(&keyframe->T_cam_world, origin, centre);
+}
+
+/* How far the keyframes came since the candidate was made, from parent to parent. */
+static double fv_path_since(const struct fv_map *map, uint32_t keyframe, uint64_t number)
+{
+    double length = 0;
+    uint32_t at = keyframe;
+    for (uint32_t n = 0; n < map->limits.keyframes && map->keyframes[at].number > number; n++) {
+        int32_t parent = map->keyframes[at].parent;
+        if (parent == FV_MAP_NONE || !map->keyframes[parent].used) break;
+        double here[3], there[3], between[3];
+        fv_centre(&map->keyframes[at], here);
+        fv_centre(&map->keyframes[parent], there);
+        fv_subtract3(here, there, between);
+        length += fv_norm3(between);
+        at = (uint32_t)parent;
+    }
+    return length;
+}
+
+/* What a similarity does at a place: how far it moves it, turns, and scales (as a logarithm). */
+static void fv_effect(const struct fv_sim3 *S, const double place[3], double *shift, double *turn, double *scale)
+{
+    double moved[3], between[3], rotation[3];
+    fv_sim3_apply(S, place, moved);
+    fv_subtract3(moved, place, between);
+    fv_so3_log(S->R, rotation);
+    *shift = fv_norm3(between);
+    *turn = fv_norm3(rotation);
+    *scale = fv_abs(fovea_log(S->s));
+}
+
+bool fv_loop_plausible(const struct fv_map *map, uint32_t keyframe, uint32_t candidate,
+                       const struct fv_sim3 *correction)
+{
+    const struct fv_keyframe *k = &map->keyframes[keyframe], *c = &map->keyframes[candidate];
+    double centre[3], shift, turn, scale;
+    if (k->map_id != c->map_id) return correction->s > 0.02 && correction->s < 50;
+    fv_centre(k, centre);
+    fv_effect(correction, centre, &shift, &turn, &scale);
+    return turn < turn_max_rad && scale < scale_log_max &&
+           shift < drift_share_max * fv_path_since(map, keyframe, c->number) + drift_slack * k->depth;
+}
+
+/* ---- sightings ------------------------------------------------------------------------------------------- */
+
+static bool fv_enough_found(const struct fv_loop_state *s, uint32_t least)
+{
+    return s->found >= least && s->found >= found_share_min * s->visible;
+}
+
+/* Whether a correction says the same as what is believed, at the offered keyframe. */
+static bool fv_same_correction(const struct fv_map *map, const struct fv_loop_state *s)
+{
+    const struct fv_loop_belief *belief = &s->belief;
+    const struct fv_keyframe *k = &map->keyframes[s->keyframe.slot];
+    if (belief->sightings == 0 || !fv_loop_named(map, belief->candidate) ||
+        k->number > belief->number + BELIEF_KEYFRAMES ||
+        map->keyframes[belief->candidate.slot].map_id != map->keyframes[s->candidates[s->candidate].slot].map_id)
+        return false;
+    struct fv_sim3 inverse, off;
+    double centre[3], shift, turn, scale;
+    fv_sim3_invert(&belief->correction, &inverse);
+    fv_sim3_compose(&inverse, &s->correction, &off);
+    fv_centre(k, centre);
+    fv_effect(&off, centre, &shift, &turn, &scale);
+    return shift < 0.1 * k->depth && turn < 0.05 && scale < 0.1;
+}
+
+/* The keyframe has been sighted, and what came before it was asked: believe, or wait for more. */
+static void fv_judge_sighting(struct fv_loop *loop, const struct fv_map *map)
+{
+    struct fv_loop_state *s = loop->state;
+    uint32_t sightings = 1 + s->seen_before;
+    if (fv_same_correction(map, s)) sightings += s->belief.sightings;
+    s->belief = (struct fv_loop_belief){.candidate = s->candidates[s->candidate],
+                                        .correction = s->correction,
+                                        .number = map->keyframes[s->keyframe.slot].number,
+                                        .sightings = sightings};
+    if (sightings < FV_LOOP_SIGHTINGS) {
+        fv_next_candidate(s);
+        return;
+    }
+    s->belief.sightings = 0;
+    s->next = 0;
+    if (map->keyframes[s->keyframe.slot].map_id == map->keyframes[s->candidates[s->candidate].slot].map_id) {
+        fv_loop_graph_begin(loop, map);
+        s->phase = FV_LOOP_GRAPH;
+    } else {
+        s->phase = FV_LOOP_COMMIT;
+    }
+}
+
+static void fv_guided_done(struct fv_loop *loop, const struct fv_map *map)
+{
+    struct fv_loop_state *s = loop->state;
+    uint32_t candidate = s->candidates[s->candidate].slot, inliers = s->meeting_count;
+    for (int round = 0; round < 2 && inliers >= MEETINGS_MIN; round++)
+        inliers = fv_sim3_refine(loop->meetings, s->meeting_count, chi_square_99_2, 3, &s->S_keyframe_candidate);
+    if (inliers < MEETINGS_MIN || !fv_enough_found(s, FOUND_MIN)) {
+        fv_next_candidate(s);
+        return;
+    }
+    s->counts.sighted++;
+    fv_loop_correction(map, s->keyframe.slot, candidate, &s->S_keyframe_candidate, &s->correction);
+    if (!fv_loop_plausible(map, s->keyframe.slot, candidate, &s->correction)) {
+        s->counts.implausible++;
+        fv_next_candidate(s);
+        return;
+    }
+    s->next = s->asked = s->seen_before = 0;
+    s->before = s->keyframe;
+    s->phase = FV_LOOP_BEFORE;
+}
+
+/* Ask the next keyframe before the offered one; when there is none, or enough have been asked, judge. */
+static void fv_before_unit(struct fv_loop *loop, const struct fv_map *map, const struct fv_kernels *kernels)
+{
+    struct fv_loop_state *s = loop->state;
+    if (s->next == 0) {
+        int32_t parent = fv_loop_named(map, s->before) ? map->keyframes[s->before.slot].parent : FV_MAP_NONE;
+        bool enough = s->asked == ASKED_BEFORE_MAX || 1 + s->seen_before >= FV_LOOP_SIGHTINGS;
+        if (enough || parent == FV_MAP_NONE || !map->keyframes[parent].used ||
+            map->keyframes[parent].map_id != map->keyframes[s->keyframe.slot].map_id) {
+            fv_judge_sighting(loop, map);
+            return;
+        }
+        s->before = fv_name(map, (uint32_t)parent);
+        s->asked++;
+    } else if (!fv_loop_named(map, s->before)) {
+        s->next = 0;
+        return;
+    }
+    struct fv_sim3 of_keyframe, of_before, between;
+    fv_sim3_from_se3(&map->keyframes[s->keyframe.slot].T_cam_world, 1, &of_keyframe);
+    fv_sim3_from_se3(&map->keyframes[s->before.slot].T_cam_world, 1, &of_before);
+    fv_sim3_invert(&of_keyframe, &of_keyframe);
+    fv_sim3_compose(&of_before, &of_keyframe, &between);
+    fv_sim3_compose(&between, &s->S_keyframe_candidate, &between);
+    if (!fv_loop_search_group(loop, map, kernels, s->before.slot, &between)) return;
+    s->seen_before += fv_enough_found(s, FOUND_BEFORE_MIN);
+    s->next = 0;
+}
+
+/* ---- the job --------------------------------------------------------------------------------------------- */
+
+/* While a sighting is made, the two keyframes must stay what they were. */
+static bool fv_still_there(const struct fv_loop_state *s, const struct fv_map *map)
+{
+    return fv_loop_named(map, s->keyframe) && fv_loop_named(map, s->candidates[s->candidate]);
+}
+
+bool fv_loop_unit(struct fv_loop *loop, struct fv_map *map, const struct fv_kernels *kernels,
+                  struct fv_loop_outcome *outcome)
+{
+    struct fv_loop_state *s = loop->state;
+    memset(outcome, 0, sizeof *outcome);
+    if (s->phase != FV_LOOP_IDLE && s->phase != FV_LOOP_FUSE && !fv_still_there(s, map)) {
+        if (s->phase <= FV_LOOP_BEFORE)
+            fv_next_candidate(s);
+        else
+            s->phase = FV_LOOP_IDLE;
+        return fv_loop_waiting(loop);
+    }
+    switch (s->phase) {
+    case FV_LOOP_MATCH: fv_match_unit(loop, map, kernels); break;
+    case FV_LOOP_SAMPLE: fv_sample_unit(loop, map); break;
+    case FV_LOOP_GUIDED:
+        if (fv_loop_search_group(loop, map, kernels, s->keyframe.slot, &s->S_keyframe_candidate))
+            fv_guided_done(loop, map);
+        break;
+    case FV_LOOP_BEFORE: fv_before_unit(loop, map, kernels); break;
+    case FV_LOOP_GRAPH:
+        if (!fv_loop_graph_unit(loop, map)) break;
+        s->phase = fv_pose_graph_start(&loop->graph) ? FV_LOOP_SOLVE : FV_LOOP_IDLE;
+        break;
+    case FV_LOOP_SOLVE:
+        if (!fv_pose_graph_unit(&loop->graph)) s->phase = FV_LOOP_COMMIT;
+        break;
+    case FV_LOOP_COMMIT:
+        fv_loop_commit(loop, map, outcome);
+        s->next = 0;
+        s->phase = FV_LOOP_FUSE;
+        break;
+    case FV_LOOP_FUSE:
+        if (!fv_loop_fuse_unit(loop, map, kernels)) break;
+        outcome->fused = true;
+        s->phase = FV_LOOP_IDLE;
+        break;
+    case FV_LOOP_IDLE: break;
+    }
+    return fv_loop_waiting(loop);
+}

@@ -1,0 +1,29 @@
+/* The job of loops, and what a correction of the map means for the frame in work. */
+#include "geometry/vec.h"
+#include "odometry/odometry.h"
+
+bool fv_odometry_loop_waiting(const struct fv_odometry *o)
+{
+    return o->config.loops && fv_loop_waiting(&o->loop);
+}
+
+/* Lengths of the current frame's world have another unit, and its points other places. */
+static void fv_follow_correction(struct fv_odometry *o, const struct fv_sim3 *S_new_old)
+{
+    struct fv_odometry_state *s = o->state;
+    for (int k = 0; k < 3; k++)
+        s->motion.t[k] *= S_new_old->s;
+    fv_sim3_apply(S_new_old, s->still_place, s->still_place);
+    if (o->window.state->phase == FV_WINDOW_IDLE) return;
+    fv_window_abort(&o->window); /* its copy is of the map before */
+    s->job_wanted = true;
+}
+
+bool fv_odometry_loop_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
+{
+    struct fv_loop_outcome outcome;
+    const bool left = fv_loop_unit(&o->loop, &o->map, kernels, &outcome);
+    if (outcome.committed) fv_follow_correction(o, &outcome.S_new_current);
+    if (outcome.fused) o->state->job_wanted = true;
+    return left;
+}
