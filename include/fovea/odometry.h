@@ -75,7 +75,8 @@ struct fovea_pose {
     uint32_t matches, inliers; /* landmarks matched, and of them those that agree */
     float quality;             /* share of the landmarks predicted to be visible that are inliers, [0, 1] */
     uint32_t reset_counter;    /* rises whenever a new map is started after the first */
-    uint32_t map_id;               /* of the map whose world this is; 0: the first */
+    uint32_t map_id;               /* of the map that began this world; 0: the first. A map that it was merged into
+                                    * is told by T_map_odom alone */
     uint32_t keyframes, landmarks; /* in all maps */
     enum fovea_scale_source scale_source; /* FOVEA_SCALE_FREE until a scale is known */
     double scale;       /* world's units per unit of the map; 1 when free */

@@ -193,10 +193,10 @@ void fv_final_drain(struct fv_final *final)
 static void finish_jobs(struct fovea *rt)
 {
     struct fovea_outputs outputs;
-    const struct fovea_grants grants = {.units = {[FOVEA_JOB_MAP] = WORK_UNITS}};
+    const struct fovea_grants grants = {.units = {[FOVEA_JOB_MAP] = WORK_UNITS, [FOVEA_JOB_LOOP] = WORK_UNITS}};
     for (int call = 0; call < WORK_CALLS_MAX; call++) {
         (void)fovea_work(rt, &grants, &outputs);
-        if (outputs.units_done[FOVEA_JOB_MAP] == 0) break;
+        if (outputs.units_done[FOVEA_JOB_MAP] + outputs.units_done[FOVEA_JOB_LOOP] == 0) break;
     }
 }
 

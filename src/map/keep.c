@@ -135,10 +135,34 @@ void fv_map_add_edge(struct fv_map *map, uint32_t a, uint32_t b)
     }
 }
 
+static void fv_leave(struct fv_map_state *s)
+{
+    for (uint32_t i = 0; i < FV_MAP_WORLDS_MAX; i++) /* at most one entry per map */
+        if (s->left[i].map_id == s->map_id) s->left[i].odom_id = s->left[i].map_id = UINT32_MAX;
+    s->left[s->left_count++ % FV_MAP_WORLDS_MAX] = (struct fv_map_odom){s->map_id, s->odom_id, s->S_map_odom};
+}
+
 void fv_map_begin_another(struct fv_map *map)
 {
-    map->state->map_id = map->state->map_next++;
+    fv_leave(map->state);
+    map->state->map_id = map->state->odom_id = map->state->map_next++;
     fv_sim3_identity(&map->state->S_map_odom);
+}
+
+void fv_map_enter(struct fv_map *map, uint32_t map_id)
+{
+    struct fv_map_state *s = map->state;
+    if (s->map_id == map_id) return;
+    fv_leave(s);
+    s->map_id = map_id;
+    for (uint32_t i = 0; i < FV_MAP_WORLDS_MAX && i < s->left_count; i++) {
+        if (s->left[i].map_id != map_id) continue;
+        s->odom_id = s->left[i].odom_id;
+        s->S_map_odom = s->left[i].S_map_odom;
+        return;
+    }
+    s->odom_id = s->map_next++;
+    fv_sim3_identity(&s->S_map_odom);
 }
 
 void fv_map_drop(struct fv_map *map, uint32_t map_id)

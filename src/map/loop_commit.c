@@ -177,6 +177,8 @@ static void fv_join_maps(struct fv_map *map, uint32_t from, uint32_t to, uint32_
         if (keyframe->parent == FV_MAP_NONE) keyframe->parent = (int32_t)on;
     }
     if (map->state->map_id == from) map->state->map_id = to;
+    for (uint32_t i = 0; i < FV_MAP_WORLDS_MAX; i++)
+        if (map->state->left[i].map_id == from) map->state->left[i].map_id = UINT32_MAX;
 }
 
 /* The group's landmarks go into the keyframe and its neighbours. */

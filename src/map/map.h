@@ -39,6 +39,7 @@ enum {
     FV_MAP_CELL_PX = 24, /* of the grid in which a view's features are looked up */
     FV_MAP_KEYFRAMES_MAX = 256,
     FV_MAP_WAITING_MAX = 8,      /* frames held while a start waits for parallax */
+    FV_MAP_WORLDS_MAX = 8,       /* maps that were left, whose odom frame is remembered */
     FV_MAP_EDGES_MAX = 128,      /* of closed loops; the oldest gives way */
     FV_MAP_ENOUGH_OBSERVERS = 3, /* besides a keyframe, that make it redundant for a landmark */
     FV_MAP_KEEP_NEWEST = 16,     /* keyframes that are never culled: odometry and its window work on them */
@@ -94,6 +95,13 @@ struct fv_map_edge {
     uint32_t a, b, generation_a, generation_b;
 };
 
+/* The continuous frame in which poses of a map are published: REP-105's `odom`. S_map_odom takes its points to the world
+ * of the map. Corrections of the map change it, and not the pose in `odom`; nor does joining another map. */
+struct fv_map_odom {
+    uint32_t map_id, odom_id;
+    struct fv_sim3 S_map_odom;
+};
+
 struct fv_map_state {
     uint64_t keyframe_number; /* of the next keyframe */
     uint32_t keyframe_count, landmark_count;
@@ -103,9 +111,10 @@ struct fv_map_state {
     uint32_t map_next;   /* id of the next map; ids are never used again */
     uint32_t edge_count; /* edges written, modulo FV_MAP_EDGES_MAX the next one's place */
     uint32_t hand;       /* landmark slot at which the search for room goes on */
-    /* REP-105: takes points of the continuous frame that poses are published in to the world of the current map.
-     * Corrections of the map change it, and not the pose in `odom`. */
-    struct fv_sim3 S_map_odom;
+    uint32_t odom_id; /* of the frame that poses are published in; that of the map that began it */
+    uint32_t left_count; /* maps left, modulo FV_MAP_WORLDS_MAX the next one's place */
+    struct fv_sim3 S_map_odom; /* of the current map */
+    struct fv_map_odom left[FV_MAP_WORLDS_MAX];
 };
 
 struct fv_map_limits {
@@ -223,6 +232,8 @@ uint32_t fv_map_most_redundant(struct fv_map *map);
 void fv_map_add_edge(struct fv_map *map, uint32_t a, uint32_t b);
 /* Begin another map in the same pools; its world is new, S_map_odom is the identity. */
 void fv_map_begin_another(struct fv_map *map);
+/* Another map is the current one from now on, with the `odom` frame that it was left with, if that is still known. */
+void fv_map_enter(struct fv_map *map, uint32_t map_id);
 /* Drop all keyframes of a map, with their landmarks. */
 void fv_map_drop(struct fv_map *map, uint32_t map_id);
 uint32_t fv_map_count_keyframes(const struct fv_map *map, uint32_t map_id);

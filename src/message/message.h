@@ -54,6 +54,7 @@ struct fv_message_pose {
     const struct fovea_pose *pose;          /* state, scale and counts */
     double position[3], orientation[4];     /* T_parent_child; looked at only when pose->posed */
     double covariance[21];                  /* of the child; likewise */
+    double map_position[3], map_orientation[4]; /* T_map_parent; likewise */
     int64_t reference_keyframe;             /* -1: none */
     int64_t latency_ns;
 };

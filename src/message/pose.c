@@ -42,6 +42,9 @@ uint32_t fv_message_pose_encode(const struct fv_message_pose *in, uint8_t *buffe
     message.scale = pose->scale;
     message.scale_sigma = pose->scale_source == FOVEA_SCALE_FREE ? (double)NAN : pose->scale_sigma;
     message.scale_source = (int8_t)pose->scale_source;
+    for (int i = 0; i < 3; i++) message.map_position[i] = pose->posed ? in->map_position[i] : (double)NAN;
+    for (int i = 0; i < 4; i++) message.map_orientation[i] = pose->posed ? in->map_orientation[i] : (double)NAN;
+    message.map_scale = pose->posed ? pose->map_scale : (double)NAN;
     message.latency_ns = in->latency_ns;
     const int encoded = fovea_pose_t_encode(buffer, 0, capacity > INT32_MAX ? INT32_MAX : (int)capacity, &message);
     return encoded > 0 ? (uint32_t)encoded : 0;

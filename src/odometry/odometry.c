@@ -198,7 +198,7 @@ void fv_odometry_step(struct fv_odometry *o, const struct fv_kernels *kernels,
     }
     s->pose.state = s->state;
     s->pose.reset_counter = s->reset_counter;
-    s->pose.map_id = o->map.state->map_id;
+    s->pose.map_id = o->map.state->odom_id;
     s->pose.keyframes = o->map.state->keyframe_count;
     s->pose.landmarks = o->map.state->landmark_count;
 }

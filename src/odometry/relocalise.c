@@ -157,9 +157,7 @@ static void fv_enter(struct fv_odometry *o, uint32_t slot)
     s->keyframe_frame = s->frame_number;
     s->keyframe_matches = o->map.keyframes[slot].landmarks;
     o->map.keyframes[fv_map_current(&o->map)].parent = (int32_t)slot;
-    if (o->map.state->map_id == o->map.keyframes[slot].map_id) return;
-    o->map.state->map_id = o->map.keyframes[slot].map_id;
-    fv_sim3_identity(&o->map.state->S_map_odom);
+    fv_map_enter(&o->map, o->map.keyframes[slot].map_id);
 }
 
 bool fv_odometry_relocalise(struct fv_odometry *o, const struct fv_kernels *kernels, struct fv_se3 *T,

@@ -72,7 +72,8 @@ void fv_scale_unit(struct fv_scale *scale, const struct fv_odometry *o)
         scale->state->variance += scale->state->known ? drift * drift : 0;
         return;
     }
-    double log_scale = fovea_log(scale->config.camera_height_m / floor.height);
+    /* Per unit of the published world: loops may have changed the map's. */
+    double log_scale = fovea_log(scale->config.camera_height_m * o->map.state->S_map_odom.s / floor.height);
     fv_scale_measure(scale, log_scale, floor.sigma * floor.sigma + floor_sigma_least * floor_sigma_least);
 }
 
@@ -114,8 +115,8 @@ static void fv_scale_publish(struct fv_scale_state *s, double factor)
 static void fv_scale_refer(struct fv_scale_state *s, const struct fv_odometry *o)
 {
     const struct fv_keyframe *keyframe = &o->map.keyframes[o->state->newest];
-    struct fv_se3 T;
-    fv_se3_from_rows(s->pose.T_world_cam, &T);
+    struct fv_se3 T; /* in the world of the map, which corrections move against that of the pose */
+    fv_se3_invert(&o->map.keyframes[fv_map_current(&o->map)].T_cam_world, &T);
     fv_se3_compose(&keyframe->T_cam_world, &T, &T);
     fv_se3_to_rows(&T, s->pose.T_keyframe_cam);
     s->pose.reference_keyframe = keyframe->number;

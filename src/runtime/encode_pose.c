@@ -1,6 +1,7 @@
 /* Pose messages: of the camera in `world`, and of the robot's base in `odom`. */
 #include <string.h>
 
+#include "geometry/sim3.h"
 #include "geometry/vec.h"
 #include "runtime/encode_pose.h"
 #include "runtime/jobs.h"
@@ -56,6 +57,25 @@ static void base_covariance(const struct fv_se3 *B, const double camera[21], dou
     }
 }
 
+/* T_map_odom of the published frame: in its unit, and for the base about the base's frame at the start. */
+static void fill_map(const struct fovea_pose *pose, const struct fv_se3 *B, bool of_base, struct fv_message_pose *message)
+{
+    struct fv_se3 inverse;
+    struct fv_sim3 S, left, right;
+    fv_se3_from_rows(pose->T_map_odom, &inverse);
+    fv_sim3_from_se3(&inverse, pose->map_scale, &S);
+    for (int i = 0; i < 3; i++) S.t[i] *= pose->scale;
+    if (of_base) {
+        fv_se3_invert(B, &inverse);
+        fv_sim3_from_se3(B, 1, &left);
+        fv_sim3_from_se3(&inverse, 1, &right);
+        fv_sim3_compose(&left, &S, &S);
+        fv_sim3_compose(&S, &right, &S);
+    }
+    memcpy(message->map_position, S.t, sizeof message->map_position);
+    fv_so3_to_quaternion(S.R, message->map_orientation);
+}
+
 static void encode_pose(struct fovea *rt, const struct fovea_inputs *inputs, enum fv_message_kind kind,
                         struct fovea_outputs *outputs)
 {
@@ -75,6 +95,7 @@ static void encode_pose(struct fovea *rt, const struct fovea_inputs *inputs, enu
     };
     memcpy(message.position, T.t, sizeof message.position);
     memcpy(message.covariance, pose->covariance, sizeof message.covariance);
+    fill_map(pose, &B, of_base, &message);
     if (of_base) base_covariance(&B, pose->covariance, message.covariance);
     fv_so3_to_quaternion(T.R, message.orientation);
     fv_output_add(rt, kind, fv_message_pose_encode(&message, rt->outbox.buffer[kind], rt->outbox.capacity[kind]), outputs);
