@@ -375,7 +375,7 @@ enum fovea_status fv_archive_read(const uint8_t *data, size_t bytes, const char 
                                camera->height, camera->fx, camera->fy, camera->cx, camera->cy);
     fv_map_reset(map);
     map->state->keyframe_number = info->keyframe_number;
-    map->state->map_id = info->map_id;
+    map->state->map_id = map->state->odom_id = info->map_id;
     map->state->map_next = info->map_next;
     if (info->map_id >= info->map_next) refuse(&r, 156, "map", info->map_id, "less than the next map's");
     for (uint32_t i = 0; i < info->landmarks && r.status == FOVEA_OK; i++)

@@ -4,7 +4,8 @@
 
 bool fv_odometry_loop_waiting(const struct fv_odometry *o)
 {
-    return o->config.loops && fv_loop_waiting(&o->loop);
+    /* While the map is saved it stays as it is. */
+    return o->config.loops && fv_loop_waiting(&o->loop) && !fv_archive_busy(o->archive);
 }
 
 /* Lengths of the current frame's world have another unit, and its points other places. */

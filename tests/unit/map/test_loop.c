@@ -1,0 +1,345 @@
+/* Loop closing and merging on a synthetic ring: points with random descriptors, keyframes whose estimated poses drift in
+ * place, direction and scale, and see the first points again as new landmarks when they come round. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "common/carved.h"
+#include "geometry/vec.h"
+#include "map/loop.h"
+
+enum { RING = 60, KEYFRAMES = 67, POINTS = 5000, FEATURES = 260, REMEMBERED = 6 };
+
+struct world {
+    struct fv_kernels kernels;
+    struct fovea_camera camera;
+    struct fv_map map;
+    struct fv_place place;
+    struct fv_loop loop;
+    void *memory;
+    struct fovea_random random;
+    double point[POINTS][3];
+    uint8_t descriptor[POINTS][32];
+    int32_t landmark_of[POINTS]; /* newest */
+    uint32_t seen_by[POINTS];    /* number of the keyframe that saw it last */
+    struct fv_sim3 drift;        /* takes the true world to the estimated one, now */
+    struct fv_se3 truth[KEYFRAMES];
+    uint32_t slot[KEYFRAMES];
+    uint32_t count;
+};
+static struct world w;
+
+static void carve(void *context, struct fv_arena *arena)
+{
+    (void)context;
+    const struct fv_map_limits limits = {80, 16000, FEATURES, 640, 480};
+    fv_map_carve(&w.map, &limits, arena);
+    fv_place_carve(&w.place, limits.keyframes, arena);
+    fv_loop_carve(&w.loop, &limits, &w.camera, arena, arena);
+}
+
+static double uniform(double low, double high)
+{
+    return low + (high - low) * fovea_random_unit(&w.random);
+}
+
+static void make_world(uint64_t seed)
+{
+    memset(&w, 0, sizeof w);
+    struct fovea_error error;
+    w.camera = (struct fovea_camera){.width = 640, .height = 480, .lens = FOVEA_LENS_RADTAN, .fx = 400, .fy = 400, .cx = 320, .cy = 240};
+    assert_int_equal(fovea_camera_prepare(&w.camera, &error), FOVEA_OK);
+    fv_kernels_init(&w.kernels, FV_CPU_C);
+    w.memory = carved(carve, NULL);
+    fv_map_reset(&w.map);
+    fv_place_clear(&w.place);
+    fv_loop_reset(&w.loop, seed);
+    fovea_random_seed(&w.random, seed);
+    fv_sim3_identity(&w.drift);
+    for (int i = 0; i < POINTS; i++) { /* on both sides of a round corridor of radius 10 */
+        double angle = uniform(0, 6.283185), radius = uniform(0, 1) < 0.5 ? uniform(8, 9) : uniform(11, 12);
+        const double p[3] = {radius * fovea_cos(angle), uniform(-1, 1), radius * fovea_sin(angle)};
+        fv_copy3(p, w.point[i]);
+        for (int k = 0; k < 32; k++)
+            w.descriptor[i][k] = (uint8_t)fovea_random_u32(&w.random);
+        w.landmark_of[i] = FV_MAP_NONE;
+    }
+}
+
+/* The n-th place: on the ring, looking along it. */
+static void true_pose(uint32_t n, struct fv_se3 *T_cam_world)
+{
+    double angle = 6.283185307 * n / RING;
+    const double z[3] = {-fovea_sin(angle), 0, fovea_cos(angle)}, y[3] = {0, -1, 0},
+                 centre[3] = {10 * fovea_cos(angle), 0, 10 * fovea_sin(angle)};
+    double x[3], t[3];
+    fv_cross3(y, z, x);
+    fv_copy3(x, T_cam_world->R);
+    fv_copy3(y, T_cam_world->R + 3);
+    fv_copy3(z, T_cam_world->R + 6);
+    fv_rotate3(T_cam_world->R, centre, t);
+    for (int k = 0; k < 3; k++)
+        T_cam_world->t[k] = -t[k];
+}
+
+static void fill_feature(struct fv_view *view, uint32_t f, int i, const double pixel[2])
+{
+    struct fv_keypoint *p = &view->points[f];
+    const double x = (pixel[0] - 320) / 400, y = (pixel[1] - 240) / 400, n = sqrt(x * x + y * y + 1);
+    *p = (struct fv_keypoint){.bearing = {(float)(x / n), (float)(y / n), (float)(1 / n)},
+                              .A = {(float)(400 * n), 0, (float)(-400 * n * x), 0, (float)(400 * n), (float)(-400 * n * y)},
+                              .x_px = (float)pixel[0],
+                              .y_px = (float)pixel[1],
+                              .weight = 1};
+    memcpy(view->descriptors + 32 * (size_t)f, w.descriptor[i], 32);
+    for (int k = 0; k < 4; k++)
+        view->descriptors[32 * (size_t)f + fovea_random_below(&w.random, 32)] ^= (uint8_t)(1u << fovea_random_below(&w.random, 8));
+    view->landmark[f] = FV_MAP_NONE;
+}
+
+/* A keyframe at the next place: what it sees, and its links, in the world as it is estimated there. */
+static void add_keyframe(void)
+{
+    const uint32_t n = w.count, current = fv_map_current(&w.map);
+    struct fv_view view = fv_map_view(&w.map, current);
+    static int seen[FEATURES];
+    uint32_t count = 0;
+    true_pose(n, &w.truth[n]);
+    for (int i = 0; i < POINTS && count < FEATURES; i++) {
+        double q[3], pixel[2];
+        fv_se3_apply(&w.truth[n], w.point[i], q);
+        if (q[2] < 0.7 || q[2] > 6 || fovea_camera_project(&w.camera, q, pixel, 0) != FOVEA_OK || pixel[0] < 0 ||
+            pixel[1] < 0 || pixel[0] >= 639 || pixel[1] >= 479)
+            continue;
+        pixel[0] += 0.3 * fovea_random_normal(&w.random);
+        pixel[1] += 0.3 * fovea_random_normal(&w.random);
+        seen[count] = i;
+        fill_feature(&view, count++, i, pixel);
+    }
+    view.frame->features = count;
+    view.frame->stamp_ns = n;
+    view.frame->T_cam_world = w.truth[n];
+    view.frame->depth = 3 * w.drift.s;
+    fv_sim3_move_pose(&w.drift, &view.frame->T_cam_world);
+    fv_map_sort_view(&w.map, current);
+    uint32_t slot = fv_map_add_keyframe(&w.map, current);
+    view.frame->parent = (int32_t)slot;
+    for (uint32_t f = 0; f < count; f++) {
+        int i = seen[f];
+        if (w.landmark_of[i] == FV_MAP_NONE || w.seen_by[i] + REMEMBERED < n) {
+            double p[3];
+            fv_sim3_apply(&w.drift, w.point[i], p);
+            w.landmark_of[i] = fv_map_add_landmark(&w.map, p, n);
+        }
+        w.seen_by[i] = n;
+        (void)fv_map_link(&w.map, (uint32_t)w.landmark_of[i], slot, f);
+        fv_map_refresh_landmark(&w.map, (uint32_t)w.landmark_of[i]);
+    }
+    w.slot[n] = slot;
+    w.count++;
+    const double x[7] = {0.002, 0.001, -0.002, 0.0003, 0.0015, 0, 0.0015};
+    struct fv_sim3 step;
+    fv_sim3_exp(x, &step);
+    fv_sim3_compose(&w.drift, &step, &w.drift);
+}
+
+static void offer(uint32_t n)
+{
+    static struct fv_place_words words;
+    const uint32_t slot = w.slot[n];
+    struct fv_view view = fv_map_view(&w.map, slot);
+    fv_place_words_begin(&words);
+    fv_place_words_add(&words, &w.kernels, view.descriptors, view.frame->features);
+    fv_place_insert(&w.place, slot, view.frame->generation, &words);
+    fv_loop_offer(&w.loop, &w.map, &w.place, &words, slot);
+}
+
+static void camera_in_odom(double centre[3])
+{
+    const double origin[3] = {0, 0, 0};
+    struct fv_sim3 S_odom_map;
+    fv_se3_apply_inverse(&w.map.keyframes[fv_map_current(&w.map)].T_cam_world, origin, centre);
+    fv_sim3_invert(&w.map.state->S_map_odom, &S_odom_map);
+    fv_sim3_apply(&S_odom_map, centre, centre);
+}
+
+/* Finish the work on an offered keyframe, a new keyframe (if `grow`) being born while the graph is solved. True when the map
+ * was corrected; the pose in odom must not have noticed. */
+static bool work(bool grow)
+{
+    bool committed = false;
+    while (fv_loop_waiting(&w.loop)) {
+        struct fv_loop_outcome outcome;
+        double before[3], after[3];
+        if (grow && w.loop.state->phase == FV_LOOP_SOLVE && w.count < KEYFRAMES) {
+            w.map.keyframes[fv_map_current(&w.map)].parent = (int32_t)w.slot[w.count - 1];
+            add_keyframe();
+            grow = false;
+        }
+        camera_in_odom(before);
+        (void)fv_loop_unit(&w.loop, &w.map, &w.kernels, &outcome);
+        camera_in_odom(after);
+        for (int k = 0; k < 3; k++)
+            assert_true(fabs(after[k] - before[k]) < 1e-9);
+        committed |= outcome.committed;
+    }
+    return committed;
+}
+
+/* Distance of keyframe a from b as estimated, less the true one. */
+static double distance_off(uint32_t a, uint32_t b)
+{
+    const double origin[3] = {0, 0, 0};
+    double p[3], q[3], x[3], y[3], d[3], e[3];
+    fv_se3_apply_inverse(&w.map.keyframes[w.slot[a]].T_cam_world, origin, p);
+    fv_se3_apply_inverse(&w.map.keyframes[w.slot[b]].T_cam_world, origin, q);
+    fv_se3_apply_inverse(&w.truth[a], origin, x);
+    fv_se3_apply_inverse(&w.truth[b], origin, y);
+    fv_subtract3(p, q, d);
+    fv_subtract3(x, y, e);
+    return fv_norm3(d) - fv_norm3(e);
+}
+
+/* Links from both ends agree, no landmark joins maps. */
+static void check_links(void)
+{
+    for (uint32_t i = 0; i < w.map.limits.landmarks; i++) {
+        const struct fv_landmark *l = &w.map.landmarks[i];
+        if (!l->used) continue;
+        for (uint32_t k = 0; k < l->observer_count; k++) {
+            struct fv_view view = fv_map_view(&w.map, l->observers[k].keyframe);
+            assert_true(view.frame->used);
+            assert_int_equal(view.landmark[l->observers[k].feature], i);
+            assert_int_equal(view.frame->map_id, w.map.keyframes[l->observers[0].keyframe].map_id);
+        }
+    }
+}
+
+static void test_closes_the_ring(void **context)
+{
+    (void)context;
+    make_world(5);
+    bool closed = false;
+    while (w.count < RING - 4) {
+        add_keyframe();
+        offer(w.count - 1);
+        assert_false(work(false)); /* nothing has been met again */
+    }
+    double before = 0;
+    while (w.count < KEYFRAMES && !closed) {
+        add_keyframe();
+        before = distance_off(w.count - 1, 2);
+        offer(w.count - 1);
+        closed = work(true);
+    }
+    assert_true(closed);
+    assert_int_equal(w.loop.state->counts.closed, 1);
+    assert_true(w.count < KEYFRAMES); /* with some keyframes to spare */
+    assert_true(w.loop.state->counts.fused > 50);
+    assert_true(fabs(before) > 0.5); /* it had drifted indeed */
+    for (uint32_t n = w.count - 2; n < w.count; n++) /* the last one was born meanwhile */
+        if (!(fabs(distance_off(n, 2)) < 0.2))
+            fail_msg("keyframe %u of %u is %.3f off, %.3f before", n, w.count, distance_off(n, 2), before);
+    uint16_t shared[FV_MAP_KEYFRAMES_MAX];
+    fv_map_count_shared(&w.map, w.loop.state->keyframe.slot, shared);
+    assert_true(shared[w.loop.state->candidates[w.loop.state->candidate].slot] > 20);
+    assert_true(fabs(w.map.state->S_map_odom.s - 1) > 0.01);
+    check_links();
+    free(w.memory);
+}
+
+static void test_merges_maps(void **context)
+{
+    (void)context;
+    make_world(6);
+    for (int i = 0; i < 15; i++) {
+        add_keyframe();
+        offer(w.count - 1);
+        assert_false(work(false));
+    }
+    /* Lost, and another map begun in a world of its own, a little further on; it comes round to the first. */
+    fv_map_begin_another(&w.map);
+    const double x[7] = {3, 1, -2, 0.5, 1, -0.3, 0.6};
+    fv_sim3_exp(x, &w.drift);
+    memset(w.landmark_of, 0xff, sizeof w.landmark_of);
+    w.map.keyframes[fv_map_current(&w.map)].parent = FV_MAP_NONE;
+    bool merged = false;
+    while (w.count < KEYFRAMES && !merged) {
+        add_keyframe();
+        offer(w.count - 1);
+        merged = work(false);
+        check_links();
+    }
+    assert_true(merged);
+    assert_int_equal(w.loop.state->counts.merged, 1);
+    assert_int_equal(w.map.state->map_id, w.map.keyframes[w.slot[0]].map_id);
+    assert_int_equal(fv_map_count_keyframes(&w.map, w.map.state->map_id), w.map.state->keyframe_count);
+    assert_true(w.map.state->odom_id != w.map.state->map_id); /* poses go on in the frame they were in */
+    assert_true(fabs(distance_off(w.count - 1, 2)) < 0.2);
+    free(w.memory);
+}
+
+/* Maps that were left are entered again with the odom frame that they had. */
+static void test_odom_of_maps(void **context)
+{
+    (void)context;
+    make_world(7);
+    struct fv_map_state *s = w.map.state;
+    const uint32_t first = s->map_id;
+    s->S_map_odom.s = 1.5;
+    fv_map_begin_another(&w.map);
+    assert_true(s->S_map_odom.s == 1 && s->odom_id == s->map_id && s->map_id != first);
+    const uint32_t second = s->map_id;
+    fv_map_enter(&w.map, first);
+    assert_true(s->S_map_odom.s == 1.5);
+    assert_int_equal(s->odom_id, first);
+    for (int i = 0; i < FV_MAP_WORLDS_MAX + 1; i++)
+        fv_map_begin_another(&w.map);
+    fv_map_enter(&w.map, second); /* too long ago: a frame of its own */
+    assert_true(s->odom_id != second && s->S_map_odom.s == 1);
+    free(w.memory);
+}
+
+/* A full pool gives up what is most redundant, never the newest; landmarks unseen for long make room first. */
+static void test_full_pools(void **context)
+{
+    (void)context;
+    make_world(8);
+    for (int i = 0; i < 30; i++)
+        add_keyframe();
+    for (uint32_t k = 0; k < 30; k++)
+        fv_map_rate_keyframe(&w.map, w.slot[k]);
+    uint32_t goes = fv_map_most_redundant(&w.map);
+    for (uint32_t k = 0; k < 30; k++) {
+        const struct fv_keyframe *keyframe = &w.map.keyframes[w.slot[k]];
+        bool newest = keyframe->number + FV_MAP_KEEP_NEWEST >= w.map.state->keyframe_number;
+        assert_true(newest || keyframe->redundancy <= w.map.keyframes[goes].redundancy);
+        assert_false(newest && w.slot[k] == goes);
+    }
+    uint32_t keyframes = w.map.state->keyframe_count, wanted = w.map.state->free_count + 500;
+    fv_map_make_room(&w.map, wanted, 1000); /* all unseen for long: the thinnest go */
+    assert_true(w.map.state->free_count >= wanted);
+    assert_int_equal(w.map.state->keyframe_count, keyframes);
+    check_links();
+    fv_map_make_room(&w.map, w.map.limits.landmarks, 30); /* none may go by age: keyframes do, but two stay */
+    assert_int_equal(w.map.state->keyframe_count, 2);
+    check_links();
+    free(w.memory);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_closes_the_ring),
+        cmocka_unit_test(test_merges_maps),
+        cmocka_unit_test(test_odom_of_maps),
+        cmocka_unit_test(test_full_pools),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
