@@ -86,8 +86,6 @@ const struct fv_settings_key fv_settings_keys[] = {
      "a pose from fewer is called weak", NULL},
     {"odometry.lost_frames_reset", FV_SETTINGS_U32, AT(runtime.odometry.lost_frames_reset), 1, 10000, "frames", NULL,
      "lost for so long, a new map is started", NULL},
-    {"map.loops", FV_SETTINGS_BOOL, AT(runtime.odometry.loops), 0, 1, "", NULL,
-     "close loops, and merge maps that meet", NULL},
 
     {"detect.model", TEXT_OF(model), "file", NULL, "network that looks for objects (.fvm, made by tools/import); empty: none",
      NULL},
@@ -114,6 +112,8 @@ const struct fv_settings_key fv_settings_keys[] = {
     {"scale.allow_unscaled", FV_SETTINGS_BOOL, AT(runtime.scale.allow_unscaled), 0, 1, "", NULL,
      "send the bot_core pose also while its unit is arbitrary; such a pose cannot say so", NULL},
 
+    {"map.loops", FV_SETTINGS_BOOL, AT(runtime.odometry.loops), 0, 1, "", NULL,
+     "close loops, and merge maps that meet", NULL},
     {"map.load", TEXT_OF(map_load), "file", NULL, "map to begin with, saved with the same calibration; empty: none", NULL},
     {"map.save", TEXT_OF(map_save), "file", NULL,
      "where the map is saved at the end of the run and on the command `save`; empty: nowhere", NULL},
