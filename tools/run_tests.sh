@@ -32,7 +32,7 @@ else
 fi
 alone=$(for test in $tests; do
     name=${test#"$build"/}
-    case $name in */realtime/* | */transport/*) echo "$test"; continue ;; esac
+    case $name in */realtime/* | */transport/* | */app/test_loop) echo "$test"; continue ;; esac
     [ -n "${FOVEA_TIMED:-}" ] && grep -qs FOVEA_TIMED "$name.c" "$name.cpp" && echo "$test"
 done)
 together=$(echo "$tests" | grep -vxF "${alone:-none}")

@@ -188,8 +188,8 @@ static void test_slow_source_drops_nothing(void **state)
     assert_int_equal(loop.counts.late, loop.counts.starved); /* 0 unless this machine stands still */
 }
 
-/* What happens in the middle of frame 10. */
-static bool busy;
+/* What happens in the middle of frame 10, or of the first that is processed after it. */
+static bool busy, stalled;
 static int64_t stall_ns;
 
 static void stall(void *context, const struct fovea_inputs *inputs, const struct fovea_outputs *outputs,
@@ -198,7 +198,8 @@ static void stall(void *context, const struct fovea_inputs *inputs, const struct
     (void)context;
     (void)outputs;
     (void)pose;
-    if (inputs->frame == NULL || inputs->frame->sequence != 10) return;
+    if (stalled || inputs->frame == NULL || inputs->frame->sequence < 10) return;
+    stalled = true;
     int64_t until = now_ns() + stall_ns;
     if (!busy) pause_ns(stall_ns);
     while (now_ns() < until) {
@@ -211,7 +212,7 @@ static void test_late_frames(void **state)
     loop.real_time = true;
     loop.hooks.step_done = stall;
     source.count = 40;
-    busy = false;
+    busy = stalled = false;
     stall_ns = 25000000; /* three frames wait, none is dropped */
     fv_loop_run(&loop);
     assert_int_equal(loop.counts.in, 40);
@@ -222,11 +223,12 @@ static void test_late_frames(void **state)
     assert_int_equal(set_up(NULL), 0);
     loop.real_time = true;
     loop.hooks.step_done = stall;
-    source.count = 40;
+    source.count = 80;
+    stalled = false;
     stall_ns = 165000000;
     fv_loop_run(&loop);
-    assert_int_equal(loop.counts.in, 40);
-    assert_int_equal(loop.counts.processed + loop.counts.late, 40);
+    assert_int_equal(loop.counts.in, 80);
+    assert_int_equal(loop.counts.processed + loop.counts.late, 80);
     assert_true(loop.counts.late >= 10);
     assert_int_equal(loop.counts.starved, loop.counts.late);
     assert_int_equal(timings.latency.count, loop.counts.processed);
