@@ -76,8 +76,8 @@ struct fovea_config {
     /* Put before channel names, at most 31 bytes of [A-Za-z0-9_/.-]; default "FOVEA". */
     char channel_prefix[32];
 
-    /* Publish every n-th message of a kind, [0, 1000000]; 0: never. Defaults 1, statistics 30. */
-    uint32_t pose_every, features_every, statistics_every, camera_status_every;
+    /* Publish every n-th message of a kind, [0, 1000000]; 0: never. Defaults 1, statistics 30, map 5. */
+    uint32_t pose_every, features_every, statistics_every, camera_status_every, map_every;
 
     /* Stage clock, or NULL for no stage times. */
     fovea_clock_function clock;

@@ -57,6 +57,8 @@ const struct fv_settings_key fv_settings_keys[] = {
      "send every n-th statistics message; 0: none", NULL},
     {"camera_status_every", FV_SETTINGS_U32, AT(runtime.camera_status_every), 0, 1000000, "frames", NULL,
      "send every n-th camera status message; 0: none", NULL},
+    {"map_every", FV_SETTINGS_U32, AT(runtime.map_every), 0, 1000000, "frames", NULL,
+     "send a piece of the map with every n-th frame, the next 256 landmarks and 8 keyframes; 0: none", NULL},
     {"record", TEXT_OF(record), "file", NULL, "record the run for replay; empty: do not", NULL},
     {"record_buffer", FV_SETTINGS_U32, AT(record_buffer), 4, 1000, "frames", NULL,
      "that may wait in memory for a slow disk when frames come by the clock; with more the recording ends", "memory: a frame each"},

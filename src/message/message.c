@@ -10,6 +10,7 @@
 #include "fovea_frame_t.h"
 #include "fovea_grants_t.h"
 #include "fovea_inputs_t.h"
+#include "fovea_map_t.h"
 #include "fovea_pose_t.h"
 #include "fovea_preview_t.h"
 #include "fovea_recording_t.h"
@@ -25,6 +26,7 @@ void fv_message_prepare(void)
     (void)__fovea_frame_t_get_hash();
     (void)__fovea_grants_t_get_hash();
     (void)__fovea_inputs_t_get_hash();
+    (void)__fovea_map_t_get_hash();
     (void)__fovea_pose_t_get_hash();
     (void)__fovea_preview_t_get_hash();
     (void)__fovea_recording_t_get_hash();
@@ -40,6 +42,7 @@ void fv_message_channel(const char *prefix, enum fv_message_kind kind, char *nam
         [FV_MESSAGE_COMMAND] = "COMMAND",     [FV_MESSAGE_FRAME] = "FRAME",
         [FV_MESSAGE_RECORDING] = "RECORDING", [FV_MESSAGE_INPUTS] = "INPUTS",
         [FV_MESSAGE_GRANTS] = "GRANTS",       [FV_MESSAGE_DETECTIONS] = "DETECTIONS",
+        [FV_MESSAGE_MAP] = "MAP",
         [FV_MESSAGE_BOT_CORE_POSE] = "BOT_CORE_POSE",
     };
     const char *parts[3] = {prefix, prefix[0] != '\0' ? "_" : "", suffixes[kind]};

@@ -20,14 +20,15 @@ extern "C" {
 
 /* Kinds of message; each has one channel, named <prefix>_<suffix>. */
 enum fv_message_kind {
-    FV_MESSAGE_POSE = 0,    /* of the base in `odom` */
-    FV_MESSAGE_CAMERA_POSE, /* of the camera in `world` */
+    FV_MESSAGE_POSE = 0,      /* of the base in `odom` */
+    FV_MESSAGE_CAMERA_POSE,   /* of the camera in `world` */
     FV_MESSAGE_BOT_CORE_POSE, /* of the base in `odom`, as bot_core.pose_t */
     FV_MESSAGE_FEATURES,
     FV_MESSAGE_STATISTICS,
     FV_MESSAGE_CAMERA_STATUS,
     FV_MESSAGE_PREVIEW,
     FV_MESSAGE_DETECTIONS,
+    FV_MESSAGE_MAP,
     FV_MESSAGE_COMMAND, /* in */
     FV_MESSAGE_FRAME,   /* this and the next three: in recordings only */
     FV_MESSAGE_RECORDING,
@@ -132,7 +133,7 @@ struct fv_message_detections {
     double rectified[4];    /* fx fy cx cy */
     uint32_t count;
     const struct fovea_detection *detections;
-    const char *const *names;         /* of the classes, one per detection */
+    const char *const *names;          /* of the classes, one per detection */
     const float (*rectified_boxes)[4]; /* x_min y_min x_max y_max per detection */
 };
 /* For labels of at most `label_bytes` bytes and a model's name of at most `name_bytes`, zeros not counted. */
@@ -141,6 +142,28 @@ size_t fv_message_detections_size_max(uint32_t count_max, size_t name_bytes, siz
 size_t fv_message_detections_scratch_bytes(uint32_t count_max);
 uint32_t fv_message_detections_encode(const struct fv_message_detections *in, void *scratch, uint8_t *buffer,
                                       size_t capacity);
+
+/* A piece of the map: places [first, last) of each pool, and what is in them. */
+enum { FV_MESSAGE_MAP_LANDMARKS = 256, FV_MESSAGE_MAP_KEYFRAMES = 8 };
+struct fv_message_landmark {
+    int32_t slot, map_id;
+    float point[3];
+};
+struct fv_message_keyframe {
+    int32_t slot, map_id, parent;
+    float pose[7]; /* T_world_cam: x y z, quaternion w x y z */
+};
+struct fv_message_map {
+    fovea_stamp_t stamp;
+    int32_t map_id;
+    int32_t landmark_slots, landmark_first, landmark_last;
+    int32_t keyframe_slots, keyframe_first, keyframe_last;
+    uint32_t landmark_count, keyframe_count;
+    struct fv_message_landmark landmarks[FV_MESSAGE_MAP_LANDMARKS];
+    struct fv_message_keyframe keyframes[FV_MESSAGE_MAP_KEYFRAMES];
+};
+size_t fv_message_map_size_max(void);
+uint32_t fv_message_map_encode(const struct fv_message_map *in, uint8_t *buffer, size_t capacity);
 
 #ifdef __cplusplus
 }

@@ -24,6 +24,7 @@ void fovea_config_default(struct fovea_config *config)
     config->features_every = 1;
     config->statistics_every = 30;
     config->camera_status_every = 1;
+    config->map_every = 5;
 }
 
 struct range {
@@ -128,6 +129,7 @@ enum fovea_status fv_config_check(const struct fovea_config *config, struct fove
         {"features_every", config->features_every, 0, 1000000},
         {"statistics_every", config->statistics_every, 0, 1000000},
         {"camera_status_every", config->camera_status_every, 0, 1000000},
+        {"map_every", config->map_every, 0, 1000000},
     };
     enum fovea_status status = check_ranges(ranges, sizeof ranges / sizeof ranges[0], error);
     if (status == FOVEA_OK) status = check_share("detect.score_threshold", config->detect.score_threshold, error);

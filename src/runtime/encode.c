@@ -1,6 +1,7 @@
 /* The last stage of a step: results become LCM messages. */
 #include <string.h>
 
+#include "runtime/encode_map.h"
 #include "runtime/encode_pose.h"
 #include "runtime/jobs.h"
 #include "runtime/state.h"
@@ -90,6 +91,9 @@ void fv_encode(struct fovea *rt, const struct fovea_inputs *inputs, bool process
         fv_encode_poses(rt, inputs, fv_every(rt->state->frames_processed - 1, config->pose_every), outputs);
     if (processed && fv_every(rt->state->frames_processed - 1, config->features_every)) {
         encode_features(rt, inputs->grants.features, outputs);
+    }
+    if (processed && config->odometry.enabled && fv_every(rt->state->frames_processed - 1, config->map_every)) {
+        fv_encode_map(rt, outputs);
     }
     if (fv_every(steps, config->camera_status_every)) encode_camera_status(rt, inputs, outputs);
     if (fv_every(steps, config->statistics_every)) encode_statistics(rt, outputs);

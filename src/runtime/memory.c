@@ -42,6 +42,7 @@ static void carve_outbox(struct fovea *rt, struct fv_arena *arena)
     if (rt->detection.enabled) {
         carve_buffer(outbox, FV_MESSAGE_DETECTIONS, fv_detection_message_bytes(&rt->detection, &rt->config), arena);
     }
+    carve_buffer(outbox, FV_MESSAGE_MAP, rt->config.odometry.enabled ? fv_message_map_size_max() : 0, arena);
     outbox->features_scratch = fv_arena_take(arena, fv_message_features_scratch_bytes(count_max), 1);
 }
 

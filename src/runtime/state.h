@@ -25,6 +25,7 @@ struct fv_state {
     struct fovea_random random;
     uint32_t reset_counter;
     uint32_t features;
+    uint32_t map_landmark, map_keyframe; /* from where the next piece of the map is sent */
     uint32_t any_frame; /* a frame was processed since the start or the last reset */
     uint32_t paused;
     /* For the velocity of the base: its pose when last posed (odom), when, and in which world and unit. */

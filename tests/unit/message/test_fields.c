@@ -20,6 +20,7 @@
 #include "fovea_frame_t.h"
 #include "fovea_grants_t.h"
 #include "fovea_inputs_t.h"
+#include "fovea_map_t.h"
 #include "fovea_odometry_sample_t.h"
 #include "fovea_pose_t.h"
 #include "fovea_preview_t.h"
@@ -50,6 +51,7 @@
     X(fovea, frame_t)                                                                                        \
     X(fovea, grants_t)                                                                                       \
     X(fovea, inputs_t)                                                                                       \
+    X(fovea, map_t)                                                                                          \
     X(fovea, odometry_sample_t)                                                                              \
     X(fovea, pose_t)                                                                                         \
     X(fovea, preview_t)                                                                                      \

@@ -13,6 +13,8 @@
 
 #include "fovea/fovea.h"
 
+#include "fovea_map_t.h"
+
 /* sim:kidnap leaves at 14 s, is back at 17 s, and then where it was at 5 s. */
 enum {
     RATE = 20,
@@ -48,6 +50,7 @@ static void open_world(struct world *world, uint64_t start, const uint8_t *map, 
     fovea_config_default(&world->config);
     world->config.camera = world->ops->info(world->source)->camera;
     world->config.preview.period_frames = 0;
+    world->config.map_every = 1;
     world->config.map = map;
     world->config.map_bytes = map_bytes;
     world->config.odometry.localise_only = map != NULL;
@@ -64,6 +67,35 @@ static void close_world(struct world *world)
     free(world->memory);
 }
 
+/* What a viewer knows from the pieces of the map so far. */
+static struct {
+    bool landmark[FOVEA_ODOMETRY_LANDMARKS_MAX], keyframe[FOVEA_ODOMETRY_KEYFRAMES_MAX];
+    uint32_t pieces;
+} viewer;
+
+static void view(const struct fovea_outputs *outputs)
+{
+    for (uint32_t i = 0; i < outputs->message_count; i++) {
+        const struct fovea_message *message = &outputs->messages[i];
+        fovea_map_t piece;
+        if (strcmp(message->channel, "FOVEA_MAP") != 0) continue;
+        assert_true(message->bytes < 8192);
+        assert_true(fovea_map_t_decode(message->data, 0, (int)message->bytes, &piece) > 0);
+        assert_true(piece.landmark_first < piece.landmark_last &&
+                    piece.landmark_last <= piece.landmark_slots);
+        for (int32_t slot = piece.landmark_first; slot < piece.landmark_last; slot++)
+            viewer.landmark[slot] = false;
+        for (int32_t slot = piece.keyframe_first; slot < piece.keyframe_last; slot++)
+            viewer.keyframe[slot] = false;
+        for (int32_t k = 0; k < piece.landmark_count; k++)
+            viewer.landmark[piece.landmark_slot[k]] = true;
+        for (int32_t k = 0; k < piece.keyframe_count; k++)
+            viewer.keyframe[piece.keyframe_slot[k]] = true;
+        viewer.pieces++;
+        fovea_map_t_decode_cleanup(&piece);
+    }
+}
+
 /* One turn; bytes of a map that is complete after it, else 0. */
 static size_t turn(struct world *world, uint32_t commands, struct fovea_pose *pose)
 {
@@ -78,6 +110,7 @@ static size_t turn(struct world *world, uint32_t commands, struct fovea_pose *po
     fovea_grants_fixed(&world->config, &inputs.grants);
     assert_int_equal(fovea_step(world->rt, &inputs, &outputs), FOVEA_OK);
     fovea_pose_get(world->rt, pose);
+    view(&outputs);
     (void)fovea_work(world->rt, &inputs.grants, &outputs);
     world->ops->requeue(world->source, &frame);
     return outputs.map_bytes;
@@ -133,6 +166,8 @@ static void test_found_in_a_saved_map(void **state)
     struct fovea_pose pose, first = {0};
     int posed = 0;
     const int from = SAME + 10, frames = 30;
+    uint32_t landmarks = 0, keyframes = 0;
+    memset(&viewer, 0, sizeof viewer);
     fovea_map_seal(saved, saved_bytes);
     open_world(&world, (uint64_t)from, saved, saved_bytes);
     for (int n = 0; n < frames; n++) {
@@ -146,6 +181,13 @@ static void test_found_in_a_saved_map(void **state)
     assert_int_equal(pose.keyframes, first.keyframes);
     assert_int_equal(pose.landmarks, first.landmarks);
     assert_int_equal(pose.map_id, poses[SAME].map_id);
+    for (int slot = 0; slot < FOVEA_ODOMETRY_LANDMARKS_MAX; slot++)
+        landmarks += viewer.landmark[slot];
+    for (int slot = 0; slot < FOVEA_ODOMETRY_KEYFRAMES_MAX; slot++)
+        keyframes += viewer.keyframe[slot];
+    assert_int_equal(viewer.pieces, frames); /* more than once round the pools */
+    assert_int_equal(landmarks, pose.landmarks);
+    assert_int_equal(keyframes, pose.keyframes);
     /* Saved again, it is the same map but for what is counted per frame. */
     const size_t capacity = fovea_map_bytes_max(&world.config);
     uint8_t *again = malloc(capacity);
