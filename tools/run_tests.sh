@@ -1,6 +1,6 @@
 #!/bin/sh
 # Run the test programs of a build, as many at a time as there are processors, those that look at the clock or the network
-# alone; say which failed, what was skipped and which took longest.
+# alone; say which failed, what was skipped and which took most processor time.
 # Usage: tools/run_tests.sh BUILD [EMULATOR...]     FOVEA_TESTS="unit/base/test_ring ..." runs only these
 set -u
 
@@ -8,9 +8,10 @@ if [ "$1" = --one ]; then # --one BUILD TEST [EMULATOR...]
     build=$2 test=$3
     shift 3
     name=$(echo "${test#"$build"/tests/}" | tr / -)
-    begin=$(date +%s%N)
     "$@" "$test" >"$build/test-log/$name.out" 2>&1 && verdict=passed || verdict=failed
-    echo "$verdict $test $name $((($(date +%s%N) - begin) / 1000000))" >>"$build/test-log/verdicts"
+    times >"$build/test-log/$name.times" # its second line: user and system time of the test, as 0m1.23s
+    seconds=$(awk -F'[ms ]+' 'NR == 2 { print $1 * 60 + $2 + $3 * 60 + $4 }' "$build/test-log/$name.times")
+    echo "$verdict $test $name $seconds" >>"$build/test-log/verdicts"
     exit 0
 fi
 
@@ -47,8 +48,8 @@ sort -k 2 "$build/test-log/verdicts" | while read -r verdict test name _; do
     [ "$verdict" = passed ] || { echo "FAILED $test"; tail -n 40 "$out"; }
     grep -h 'SKIPPED' "$out"
 done
-sort -k 4 -n -r "$build/test-log/verdicts" | head -n 5 | awk '{ printf "%s %.1f s; ", $3, $4 / 1000 }'
-echo
+echo "seconds of processor time: $(sort -k 4 -n -r "$build/test-log/verdicts" |
+    awk '{ all += $4 } NR < 6 { most = most " " $3 " " $4 ";" } END { print all ";" most }')"
 passed=$(grep -c '^passed' "$build/test-log/verdicts")
 failed=$(sed -n 's/^failed \([^ ]*\) .*/\1/p' "$build/test-log/verdicts")
 [ -z "$failed" ] || echo "failed:" $failed
