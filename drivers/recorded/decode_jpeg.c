@@ -211,7 +211,7 @@ static JSAMPARRAY arena_samples(j_common_ptr jpeg, int pool, JDIMENSION samples,
 
 static JBLOCKARRAY arena_blocks(j_common_ptr jpeg, int pool, JDIMENSION blocks, JDIMENSION rows)
 {
-    JBLOCKARRAY array = arena_take(jpeg, pool, rows * sizeof *array);
+    JBLOCKARRAY array = arena_take(jpeg, pool, rows * sizeof(JBLOCKROW));
     JBLOCK *all = arena_take(jpeg, pool, (size_t)rows * blocks * sizeof *all);
     for (JDIMENSION i = 0; i < rows; ++i)
         array[i] = all + (size_t)i * blocks;
