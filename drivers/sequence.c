@@ -127,8 +127,9 @@ static bool same_camera(const struct fovea_source_info *a, const struct fovea_so
     const struct fovea_camera *p = &a->camera, *q = &b->camera;
     if (a->width != b->width || a->height != b->height || a->format != b->format) return false;
     if (!a->has_camera || !b->has_camera) return true;
-    return p->lens == q->lens && p->fx == q->fx && p->fy == q->fy && p->cx == q->cx && p->cy == q->cy &&
-           memcmp(p->k, q->k, sizeof p->k) == 0;
+    for (size_t i = 0; i < sizeof p->k / sizeof p->k[0]; i++)
+        if (p->k[i] != q->k[i]) return false;
+    return p->lens == q->lens && p->fx == q->fx && p->fy == q->fy && p->cx == q->cx && p->cy == q->cy;
 }
 
 static uint16_t fixed(double place, int32_t size)
