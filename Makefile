@@ -302,6 +302,10 @@ $(BUILD)/tests/realtime/test_armed: $(BUILD)/obj/tests/realtime/test_armed.o $(B
 	@mkdir -p $(@D)
 	@echo "  link $@"
 	$(Q)$(CXX) $(LDFLAGS) -o $@ $^ -lcmocka $(LIBS_CORE) -lm
+# What the tests on kernel drivers run inside the virtual machine.
+$(BUILD)/hil-tool: $(call objs,$(wildcard tests/hil/tool*.c)) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
+	@echo "  link $@"
+	$(Q)$(CXX) $(LDFLAGS) -rdynamic -o $@ $(filter %.o,$^) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group $(LIBS_APP)
 OPENCV_LIBS = -lopencv_calib3d -lopencv_features2d -lopencv_imgcodecs -lopencv_imgproc -lopencv_core
 # Optimisers are held against Ceres.
 BESIDE_CERES := map/test_pose_graph

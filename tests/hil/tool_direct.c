@@ -1,0 +1,84 @@
+/* hil-tool direct RECORDING FRAMES OUT
+ * A recording of `fovea run` on a camera with its pictures taken from FRAMES (raw grey, as fed to the camera)
+ * instead, in the same order: what the runtime would have recorded had these been fed directly. Fails when a
+ * recorded picture is none of those or when they are out of order. `fovea replay OUT --verify` then says
+ * whether the messages are those of the camera. */
+#include "tool.h"
+
+#include <arpa/inet.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "fovea/log.h"
+#include "fovea_frame_t.h"
+
+/* The rows of picture `index` into `to`. */
+static bool same(const fovea_frame_t *frame, const uint8_t *data, const uint8_t *picture)
+{
+    for (int32_t y = 0; y < frame->height; ++y)
+        if (memcmp(data + (ptrdiff_t)y * frame->stride_bytes, picture + (ptrdiff_t)y * frame->width,
+                   (size_t)frame->width) != 0)
+            return false;
+    return true;
+}
+
+static void put_event(FILE *out, const struct fovea_log_event *event, const uint8_t *data)
+{
+    const uint32_t name_bytes = (uint32_t)strlen(event->channel);
+    const uint64_t number = (uint64_t)event->number, time_us = (uint64_t)event->time_us;
+    const uint32_t head[7] = {htonl(FOVEA_LOG_SYNC),    htonl((uint32_t)(number >> 32)),
+                              htonl((uint32_t)number),  htonl((uint32_t)(time_us >> 32)),
+                              htonl((uint32_t)time_us), htonl(name_bytes),
+                              htonl(event->bytes)};
+    if (fwrite(head, sizeof head, 1, out) != 1 || fwrite(event->channel, name_bytes, 1, out) != 1 ||
+        fwrite(data, event->bytes, 1, out) != 1)
+        tool_fail("cannot write");
+}
+
+int tool_direct(int argc, char **argv)
+{
+    struct fovea_log *log;
+    struct fovea_log_event event;
+    struct fovea_error error = {.text = ""};
+    struct tool_frames frames = {.data = NULL};
+    if (argc != 4) tool_fail("usage: direct RECORDING FRAMES OUT");
+    if (fovea_log_open(argv[1], &log, &error) != FOVEA_OK) tool_fail("%s", error.text);
+    FILE *out = fopen(argv[3], "wb");
+    if (out == NULL) tool_fail("%s: cannot be written", argv[3]);
+    size_t next = 0, replaced = 0, skipped = 0;
+    enum fovea_status status;
+    while ((status = fovea_log_next(log, &event, &error)) == FOVEA_OK) {
+        uint8_t *data = malloc(event.bytes);
+        memcpy(data, event.data, event.bytes);
+        if (fovea_log_channel_is(event.channel, "FRAME")) {
+            fovea_frame_t frame;
+            if (fovea_frame_t_decode(data, 0, (int)event.bytes, &frame) < 0)
+                tool_fail("a frame cannot be decoded");
+            const size_t picture_bytes = (size_t)frame.width * (size_t)frame.height;
+            if (frames.data == NULL) tool_frames_read(&frames, argv[2], picture_bytes);
+            uint8_t *pixels = data + event.bytes - frame.size_bytes;
+            /* The camera begins anywhere in the circle of frames, and may lose some; the order stays. */
+            size_t k = 0;
+            for (; k < frames.count; ++k)
+                if (same(&frame, pixels, frames.data + frames.at[(next + k) % frames.count])) break;
+            if (k == frames.count) tool_fail("frame %zu is none of those fed", replaced);
+            if (replaced > 0) skipped += k;
+            next = (next + k) % frames.count;
+            for (int32_t y = 0; y < frame.height; ++y)
+                memcpy(pixels + (ptrdiff_t)y * frame.stride_bytes,
+                       frames.data + frames.at[next] + (ptrdiff_t)y * frame.width, (size_t)frame.width);
+            next = (next + 1) % frames.count;
+            replaced++;
+            fovea_frame_t_decode_cleanup(&frame);
+        }
+        put_event(out, &event, data);
+        free(data);
+    }
+    if (status != FOVEA_END) tool_fail("%s", error.text);
+    fclose(out);
+    fovea_log_close(log);
+    printf("%zu frames replaced, %zu of those fed were not seen\n", replaced, skipped);
+    return replaced > 0 && skipped <= frames.count / 2 ? 0 : 1;
+}
