@@ -1,6 +1,6 @@
 #include "order.h"
 
-static const int64_t oldest_ns = 10000000000, ahead_ns = 20000000;
+static const int64_t oldest_ns = 10000000000, ahead_ns = 1000000000;
 
 void fv_order_start(struct fv_order *order, int64_t readout_ns)
 {

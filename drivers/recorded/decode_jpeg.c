@@ -163,7 +163,7 @@ enum fovea_status fv_decode_jpeg(const uint8_t *data, size_t bytes, const struct
  * -------------------------------------------------------------------------------- */
 
 /* What one baseline picture needs of libjpeg is bounded by a few rows of blocks; the rest are tables. */
-enum { ARENA_TABLES_BYTES = 160 * 1024, ARENA_COLUMN_BYTES = 256, ARENA_ALIGNMENT = 32 };
+enum { ARENA_TABLES_BYTES = 64 * 1024, ARENA_COLUMN_BYTES = 192, ARENA_ALIGNMENT = 32 };
 
 struct fv_jpeg_decoder {
     struct job job;

@@ -342,7 +342,7 @@ int fv_command_check(int argc, char **argv)
     const struct fv_option options[] = {
         {"config", "FILE", FV_OPTION_TEXT, &check.options.config, "configuration to check"},
         {"source", "URI", FV_OPTION_TEXT, &check.options.source,
-         "sim: euroc:DIR tum:DIR kitti:DIR images:GLOB lcmlog:FILE video:FILE (default sim:)"},
+         "sim: euroc:DIR tum:DIR kitti:DIR images:GLOB lcmlog:FILE video:FILE v4l2:DEVICE libcamera:ID (default sim:)"},
         {"camera", "FILE", FV_OPTION_TEXT, &check.options.camera, "calibration, instead of the source's own"},
         {"rate", "max|real", FV_OPTION_TEXT, &check.options.rate, "as for run: memory of the recorder depends on it"},
         {"set", "KEY=VALUE", FV_OPTION_LIST, &check.options.sets, "override a key of the configuration"},

@@ -82,7 +82,9 @@ enum taken { TAKEN_FRAME, TAKEN_NONE, TAKEN_END };
 static enum taken take_frame(struct fv_loop *loop, struct fovea_frame *frame, int64_t *late_ns)
 {
     const bool live = loop->ops->info(loop->source)->live;
-    const int64_t patience_ns = live && 2 * loop->period_ns < poll_ns ? 2 * loop->period_ns : poll_ns;
+    /* A camera's frame may be late by a period; while none comes, the loop goes on at its rate. */
+    const int64_t wanted_ns = (loop->waiting ? 1 : 2) * loop->period_ns;
+    const int64_t patience_ns = live && wanted_ns < poll_ns ? wanted_ns : poll_ns;
     int64_t asked_ns = now_ns();
     while (!stopped(loop)) {
         int64_t deadline_ns = now_ns() + patience_ns;
@@ -93,9 +95,11 @@ static enum taken take_frame(struct fv_loop *loop, struct fovea_frame *frame, in
             return TAKEN_END;
         }
         if (status != FOVEA_OK) {
+            loop->waiting = live;
             if (live) return TAKEN_NONE;
             continue;
         }
+        loop->waiting = false;
         loop->counts.in++;
         if (live || !loop->real_time) return TAKEN_FRAME;
         int64_t due_ns = due_of(loop, frame, asked_ns);
@@ -233,7 +237,7 @@ static void prepare(struct fv_loop *loop)
     fovea_governor_init(&loop->governor, loop->config, loop->period_ns);
     loop->counts = (struct fv_loop_counts){0};
     loop->status = FOVEA_OK;
-    loop->any_frame = false;
+    loop->any_frame = loop->waiting = false;
 }
 
 void fv_loop_run(struct fv_loop *loop)

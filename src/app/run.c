@@ -155,7 +155,7 @@ static enum fv_options_result options_read(struct run *run, int argc, char **arg
     const struct fv_option options[] = {
         {"config", "FILE", FV_OPTION_TEXT, &run->options.config, "configuration ('fovea config' prints one)"},
         {"source", "URI", FV_OPTION_TEXT, &run->options.source,
-         "sim: euroc:DIR tum:DIR kitti:DIR images:GLOB lcmlog:FILE video:FILE (default sim:)"},
+         "sim: euroc:DIR tum:DIR kitti:DIR images:GLOB lcmlog:FILE video:FILE v4l2:DEVICE libcamera:ID (default sim:)"},
         {"camera", "FILE", FV_OPTION_TEXT, &run->options.camera, "calibration, instead of the source's own"},
         {"rate", "max|real", FV_OPTION_TEXT, &run->options.rate,
          "every frame, or by the clock with late ones dropped"},

@@ -121,6 +121,18 @@ void fv_odometry_fill_view(struct fv_odometry *o, const struct fv_odometry_input
     fv_map_sort_view(&o->map, fv_map_current(&o->map));
 }
 
+bool fv_odometry_interrupt(struct fv_odometry *o)
+{
+    struct fv_odometry_state *s = o->state;
+    if (s->state != FOVEA_TRACKING_OK && s->state != FOVEA_TRACKING_WEAK) return false;
+    s->state = s->pose.state = FOVEA_TRACKING_LOST;
+    s->moving_known = false;
+    s->pose.posed = false;
+    s->pose.matches = s->pose.inliers = 0;
+    s->pose.quality = 0;
+    return true;
+}
+
 /* ---- the step ---------------------------------------------------------------------------------------- */
 
 static void fv_write_rows(const double R[9], const double t[3], double rows[12])

@@ -114,6 +114,10 @@ void fv_odometry_init(struct fv_odometry *odometry, uint64_t seed);
 /* Forget the map and start again; the reset counter rises. Real-time safe. */
 void fv_odometry_reset(struct fv_odometry *odometry);
 
+/* No frame has come for too long to go on from the last pose: a tracked state becomes `lost`, and the next frame is looked for in
+ * the map. Returns whether that is news. Real-time safe. */
+bool fv_odometry_interrupt(struct fv_odometry *odometry);
+
 /* Pose of a frame. Writes state->pose. Real-time safe: bounded by the features and landmarks configured. */
 void fv_odometry_step(struct fv_odometry *odometry, const struct fv_kernels *kernels,
                       const struct fv_odometry_input *input);

@@ -83,12 +83,14 @@ static void encode_statistics(struct fovea *rt, struct fovea_outputs *outputs)
                   outputs);
 }
 
-void fv_encode(struct fovea *rt, const struct fovea_inputs *inputs, bool processed, struct fovea_outputs *outputs)
+void fv_encode(struct fovea *rt, const struct fovea_inputs *inputs, bool processed, bool interrupted,
+               struct fovea_outputs *outputs)
 {
     const struct fovea_config *config = &rt->config;
     const uint64_t steps = rt->state->steps;
-    if (processed && config->odometry.enabled)
-        fv_encode_poses(rt, inputs, fv_every(rt->state->frames_processed - 1, config->pose_every), outputs);
+    const bool pose_due = processed && fv_every(rt->state->frames_processed - 1, config->pose_every);
+    if (config->odometry.enabled && (processed || interrupted))
+        fv_encode_poses(rt, inputs, pose_due || (interrupted && config->pose_every > 0), outputs);
     if (processed && fv_every(rt->state->frames_processed - 1, config->features_every)) {
         encode_features(rt, inputs->grants.features, outputs);
     }

@@ -121,6 +121,14 @@ static void process(struct fovea *rt, const struct fovea_inputs *inputs)
     fv_stage_end(rt, FOVEA_STAGE_ODOMETRY, begin);
 }
 
+/* Without a frame for as long as the source calls it stalled or gone, there is no pose to go on from. */
+static bool interrupt(struct fovea *rt, const struct fovea_inputs *inputs)
+{
+    const bool away = inputs->source_state == FOVEA_SOURCE_STALLED || inputs->source_state == FOVEA_SOURCE_GONE ||
+                      inputs->source_state == FOVEA_SOURCE_RETURNING;
+    return inputs->frame == NULL && away && rt->config.odometry.enabled && fv_odometry_interrupt(&rt->odometry);
+}
+
 enum fovea_status fovea_step(struct fovea *rt, const struct fovea_inputs *inputs, struct fovea_outputs *outputs)
 {
     memset(outputs, 0, sizeof *outputs);
@@ -130,7 +138,7 @@ enum fovea_status fovea_step(struct fovea *rt, const struct fovea_inputs *inputs
         fv_scale_observe(&rt->scale, inputs->odometry, inputs->odometry_count);
         if (inputs->has_boxes) fv_boxes_take(&rt->boxes, inputs->boxes_stamp_ns, inputs->boxes, inputs->box_count);
     }
-    const bool processed = admit(rt, inputs->frame);
+    const bool processed = admit(rt, inputs->frame), interrupted = interrupt(rt, inputs);
     if (processed) {
         remember(rt->state, inputs->frame, inputs->utc_offset_ns);
         process(rt, inputs);
@@ -138,7 +146,7 @@ enum fovea_status fovea_step(struct fovea *rt, const struct fovea_inputs *inputs
         ask_preview(rt);
     }
     const struct fv_instant begin = fv_stage_begin(rt);
-    fv_encode(rt, inputs, processed, outputs);
+    fv_encode(rt, inputs, processed, interrupted, outputs);
     fv_stage_end(rt, FOVEA_STAGE_ENCODE, begin);
     rt->inputs.frame = NULL; /* the caller's, and gone after this */
     rt->state->steps++;

@@ -89,8 +89,10 @@ static inline bool fv_every(uint64_t n, uint32_t period)
     return period != 0 && n % period == 0;
 }
 
-/* Messages of a step that processed a frame, or of one that had none. */
-void fv_encode(struct fovea *rt, const struct fovea_inputs *inputs, bool processed, struct fovea_outputs *outputs);
+/* Messages of a step that processed a frame, or of one that had none. `interrupted`: the pose became `lost` without a frame, which is
+ * told at once, with the stamp of the last frame. */
+void fv_encode(struct fovea *rt, const struct fovea_inputs *inputs, bool processed, bool interrupted,
+               struct fovea_outputs *outputs);
 
 /* Bracket a stage with clock readings; nothing where the configuration has no clock. */
 struct fv_instant {
