@@ -73,6 +73,9 @@ APP_C     := $(wildcard src/app/*.c)
 # The video plug-in is built where OpenCV's videoio is installed; nothing else here needs it.
 VIDEO_PLUGIN := $(if $(SAN)$(CROSS),,$(if $(wildcard /usr/include/opencv4/opencv2/videoio.hpp),$(BUILD)/fovea-video.so))
 
+# So is the libcamera plug-in, where libcamera is installed.
+LIBCAMERA_PLUGIN := $(if $(SAN)$(CROSS),,$(if $(wildcard /usr/include/libcamera/libcamera/libcamera.h /usr/local/include/libcamera/libcamera/libcamera.h),$(BUILD)/fovea-libcamera.so))
+
 objs = $(patsubst %.c,$(BUILD)/obj/%.o,$(filter %.c,$(1))) $(patsubst %.cpp,$(BUILD)/obj/%.o,$(filter %.cpp,$(1)))
 GEN_O     := $(patsubst %.c,%.o,$(filter %.c,$(LCMGEN)))
 CORE_O    := $(call objs,$(CORE_C) $(CORE_CXX)) $(GEN_O)
@@ -85,11 +88,11 @@ LIBS_APP  := -llcm -lyaml -lpng -ljpeg -lz -ldl
 
 # ---- what can be asked for -------------------------------------------------------------------------------------
 .DEFAULT_GOAL := all
-.PHONY: all help run test check bench fuzz campaign sample cross size fmt install clean evaluate
+.PHONY: all help run test check hil bench fuzz campaign sample cross size fmt install clean evaluate
 .DELETE_ON_ERROR:
 .SECONDARY:
 
-all: $(VIDEO_PLUGIN) $(BUILD)/fovea $(BUILD)/libfovea.a $(BUILD)/libfovea.so $(BUILD)/fovea.pc  ## build the program and the libraries
+all: $(VIDEO_PLUGIN) $(LIBCAMERA_PLUGIN) $(BUILD)/fovea $(BUILD)/libfovea.a $(BUILD)/libfovea.so $(BUILD)/fovea.pc  ## build the program and the libraries
 
 help:  ## this list
 	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -123,6 +126,12 @@ check:  ## layers, symbols, stack, headers, clang build, clang-tidy, tests under
 	@$(MAKE) --no-print-directory -j$(JOBS) BUILD=build-tsan SAN=tsan all $(THREADED:%=build-tsan/tests/%) build-tsan/subscribe build-tsan/python/fovea/__init__.py
 	@FOVEA_TESTS="$(THREADED)" tools/run_tests.sh build-tsan
 	@tools/try_install.sh
+
+# Real kernel drivers in a virtual machine: no camera is needed. Results in build-hil/results; cached between runs.
+hil:  ## test the camera drivers on real kernel drivers in a virtual machine
+	@tools/install.sh build hil
+	@$(MAKE) --no-print-directory -j$(JOBS) all $(BUILD)/hil-tool
+	@tools/hil/run.sh
 
 QEMU = qemu-aarch64 -L /usr/aarch64-linux-gnu -E LD_LIBRARY_PATH=$(CURDIR)/build-aarch64/sysroot/usr/lib/aarch64-linux-gnu:$(CURDIR)/build-aarch64/sysroot/lib/aarch64-linux-gnu
 CROSSMAKE = $(MAKE) --no-print-directory -j$(JOBS) BUILD=build-aarch64 CROSS=aarch64-linux-gnu-
@@ -208,6 +217,7 @@ install: all  ## install program, libraries, headers and message types under PRE
 	           $(DESTDIR)$(PREFIX)/share/fovea/lcmtypes
 	install -m 755 $(BUILD)/fovea $(DESTDIR)$(PREFIX)/bin/
 	install -m 644 $(BUILD)/libfovea.a $(DESTDIR)$(PREFIX)/lib/
+	$(if $(LIBCAMERA_PLUGIN),install -D -m 755 $(LIBCAMERA_PLUGIN) $(DESTDIR)$(PREFIX)/lib/fovea/fovea-libcamera.so)
 	$(if $(VIDEO_PLUGIN),install -D -m 755 $(VIDEO_PLUGIN) $(DESTDIR)$(PREFIX)/lib/fovea/fovea-video.so)
 	install -m 755 $(BUILD)/libfovea.so $(DESTDIR)$(PREFIX)/lib/libfovea.so
 	install -m 644 include/fovea/*.h $(DESTDIR)$(PREFIX)/include/fovea/
@@ -262,6 +272,9 @@ $(BUILD)/fovea: $(MAIN_O) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 $(BUILD)/fovea-video.so: drivers/video.cpp $(BUILD)/obj/src/base/status.o Makefile
 	$(Q)$(CXX) $(filter-out -fstack-usage,$(CXXFLAGS)) -isystem /usr/include/opencv4 -fvisibility=hidden -shared -Wl,-Bsymbolic \
 	    -o $@ $< $(BUILD)/obj/src/base/status.o -lopencv_videoio -lopencv_core
+$(BUILD)/fovea-libcamera.so: drivers/libcamera.cpp drivers/libcamera/plugin.h drivers/live/live.h $(BUILD)/obj/src/base/status.o $(BUILD)/obj/src/image/image.o Makefile
+	$(Q)$(CXX) $(filter-out -fstack-usage,$(CXXFLAGS)) $(patsubst -I%,-isystem %,$(shell pkg-config --cflags-only-I libcamera)) -fvisibility=hidden -shared -Wl,-Bsymbolic \
+	    -o $@ $< $(BUILD)/obj/src/base/status.o $(BUILD)/obj/src/image/image.o $(shell pkg-config --libs libcamera)
 $(BUILD)/fovea.pc: tools/fovea.pc.in
 	sed 's|@PREFIX@|$(PREFIX)|' $< >$@
 

@@ -20,6 +20,7 @@ const struct fovea_source_ops *const fovea_source_table[] = {
     &fovea_source_video,
     &fovea_source_sequence,
     &fovea_source_v4l2,
+    &fovea_source_libcamera,
     NULL,
 };
 

@@ -14,6 +14,7 @@ packages() {
     check) echo clang clang-tidy libclang-rt-14-dev python3 ;;
     cross) echo gcc-aarch64-linux-gnu g++-aarch64-linux-gnu qemu-user llvm-19 ;;
     jar)   echo default-jdk-headless liblcm-java ;;
+    hil)   echo qemu-system-x86 busybox-static v4l-utils libcamera-dev libcamera-tools xz-utils procps ;;
     fuzz)  echo clang libclang-rt-14-dev ;;
     *) echo "tools/install.sh: unknown group '$1'" >&2; exit 2 ;;
     esac

@@ -1,14 +1,13 @@
 /* Videos, through a plug-in that is looked for beside the program, in ../lib/fovea of it, and first of all in
  * the folder that $FOVEA_PLUGINS names. Frames can only be read in order, so a start is reached by skipping.
  */
-#include <dlfcn.h>
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
-#include <unistd.h>
 
+#include "../plugin.h"
 #include "decode.h"
 #include "listing.h"
 #include "player.h"
@@ -16,7 +15,6 @@
 
 struct recording {
     char *path;
-    void *library;
     const struct fovea_video_plugin *plugin;
     struct fovea_video *video;
     uint64_t position; /* of the next frame */
@@ -26,49 +24,21 @@ static void close_recording(void *argument)
 {
     struct recording *recording = argument;
     if (recording->video != NULL) recording->plugin->close(recording->video);
-    /* The library stays loaded: OpenCV's own threads and handlers may outlive a dlclose. */
     free(recording->path);
     free(recording);
 }
 
-/* ---- the plug-in ------------------------------------------------------------------------------------- */
-
-static bool program_folder(char folder[FV_PATH_BYTES])
-{
-    const ssize_t length = readlink("/proc/self/exe", folder, FV_PATH_BYTES - 1);
-    if (length <= 0) return false;
-    folder[length] = '\0';
-    char *slash = strrchr(folder, '/');
-    if (slash == NULL) return false;
-    *slash = '\0';
-    return true;
-}
-
 static enum fovea_status load(struct recording *recording, struct fovea_error *error)
 {
-    char folder[FV_PATH_BYTES], path[FV_PATH_BYTES + 64], why[256] = "";
-    const char *wanted = getenv("FOVEA_PLUGINS");
-    const bool known = program_folder(folder);
-    for (int place = 0; place < 3 && recording->library == NULL; ++place) {
-        if (place == 0 ? wanted == NULL : !known) continue;
-        snprintf(path, sizeof path, "%s%s/%s", place == 0 ? wanted : folder,
-                 place == 2 ? "/../lib/fovea" : "", FOVEA_VIDEO_PLUGIN_FILE);
-        if (!fv_path_exists(path)) continue;
-        recording->library = dlopen(path, RTLD_NOW | RTLD_LOCAL);
-        if (recording->library == NULL) snprintf(why, sizeof why, "%s", dlerror());
-    }
-    if (recording->library == NULL)
-        return fovea_error_set(
-            error, FOVEA_ERROR_UNSUPPORTED,
-            "video: found no plug-in %s beside the program%s%s, expected one (install libopencv-videoio-dev "
-            "and build again)",
-            FOVEA_VIDEO_PLUGIN_FILE, why[0] != '\0' ? ": " : "", why);
-    recording->plugin = dlsym(recording->library, FOVEA_VIDEO_PLUGIN_SYMBOL);
-    if (recording->plugin == NULL || recording->plugin->version != FOVEA_VIDEO_PLUGIN_VERSION)
-        return fovea_error_set(
-            error, FOVEA_ERROR_UNSUPPORTED, "%s: found version %d of the plug-in, expected %d", path,
-            recording->plugin == NULL ? 0 : recording->plugin->version, FOVEA_VIDEO_PLUGIN_VERSION);
-    return FOVEA_OK;
+    static const struct fv_plugin_name name = {.scheme = "video",
+                                               .file = FOVEA_VIDEO_PLUGIN_FILE,
+                                               .symbol = FOVEA_VIDEO_PLUGIN_SYMBOL,
+                                               .package = "libopencv-videoio-dev",
+                                               .version = FOVEA_VIDEO_PLUGIN_VERSION};
+    const void *table;
+    const enum fovea_status status = fv_plugin_load(&name, &table, error);
+    if (status == FOVEA_OK) recording->plugin = table;
+    return status;
 }
 
 /* ---- frames ------------------------------------------------------------------------------------------ */

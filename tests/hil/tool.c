@@ -94,13 +94,10 @@ int main(int argc, char **argv)
     static const struct {
         const char *name;
         int (*run)(int argc, char **argv);
-    } commands[] = {{"make", tool_make},
-                    {"write", tool_write},
-                    {"usb", tool_usb},
-                    {"read", tool_read},
-                    {"direct", tool_direct}};
+    } commands[] = {{"make", tool_make}, {"write", tool_write},   {"usb", tool_usb},
+                    {"read", tool_read}, {"direct", tool_direct}, {"states", tool_states}};
     setvbuf(stdout, NULL, _IOLBF, 0);
     for (size_t i = 0; argc > 1 && i < sizeof commands / sizeof commands[0]; ++i)
         if (strcmp(commands[i].name, argv[1]) == 0) return commands[i].run(argc - 1, argv + 1);
-    tool_fail("usage: hil-tool make|write|usb|read|direct ...");
+    tool_fail("usage: hil-tool make|write|usb|read|direct|states ...");
 }

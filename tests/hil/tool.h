@@ -34,5 +34,6 @@ int tool_write(int argc, char **argv);  /* frames of a file into an output devic
 int tool_usb(int argc, char **argv);    /* a USB camera in user space */
 int tool_read(int argc, char **argv);   /* frames of a source, held against those of a file; unplugging */
 int tool_direct(int argc, char **argv); /* a recording with its frames replaced by those of another source */
+int tool_states(int argc, char **argv); /* what a recording says of the camera */
 
 #endif

@@ -1,21 +1,29 @@
 /* hil-tool read URI [NAME=VALUE...]
- * Frames of a source, with a line for each change of its state and for each complaint, and a last line of
- * counts.
+ * Frames of a source, with a line for each change of its state and for each
+ * complaint, and a last line of counts.
  *
- *   frames=N        end after N frames (default 20)    seconds=S     fail when that takes longer (default 30)
- *   expect=FILE     every frame must be one of those in FILE, bit for bit (grey levels for MJPG)
- *   torn=N          ... but for at most N of them
- *   held=1          hold each frame for 20 ms before it is compared
- *   until=STATE     end when the source is in this state instead
+ *   frames=N     end after N frames (default 20)
+ *   seconds=S    fail when that takes longer (default 30)
+ *   expect=FILE  every frame must be one of those in FILE, bit for bit
+ *   torn=N       ... but for at most N of them
+ *   held=1       hold each frame for 20 ms before it is compared
+ *   run=COMMAND  run it after five frames, and go on
+ *   says=WORDS   go on until some complaint holds these words
+ *   damaged=N dropped=N recovered=N   go on until so many are counted
+ *   until=STATE  end when the source is in this state instead
  *   times=N unplug=COMMAND plug=COMMAND
- *                   N times: unplug, wait for `gone`, plug, wait for a frame; 99 % within one second of the
- * return of COMMAND; then descriptors, mappings and heap must be as at the beginning open=fails      opening
- * must fail; the line is printed */
+ *                N times: unplug, wait for `gone`, plug, wait for a frame; 99 %
+ *                within a second of COMMAND's end; then descriptors, mappings
+ *                and heap must be as at the beginning (heap=N: it may have grown
+ *                by N bytes, where libraries are in it)
+ *   open=fails   opening must fail; the line is printed
+ */
 #include "tool.h"
 
 #include <dirent.h>
 #include <errno.h>
 #include <malloc.h>
+#include <stdatomic.h>
 #include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -24,11 +32,65 @@
 
 #include "fovea/source.h"
 
+/* ---- heap calls, of this thread and of all ----------------------------------------------------------- */
+
+static atomic_ulong heap_calls;
+static _Thread_local unsigned long heap_calls_here;
+void *__libc_malloc(size_t bytes);
+void *__libc_calloc(size_t count, size_t bytes);
+void *__libc_realloc(void *old, size_t bytes);
+void *__libc_memalign(size_t alignment, size_t bytes);
+void __libc_free(void *memory);
+
+static void count_call(void)
+{
+    heap_calls_here++;
+    atomic_fetch_add_explicit(&heap_calls, 1, memory_order_relaxed);
+}
+
+void *malloc(size_t bytes)
+{
+    count_call();
+    return __libc_malloc(bytes);
+}
+
+void *calloc(size_t count, size_t bytes)
+{
+    count_call();
+    return __libc_calloc(count, bytes);
+}
+
+void *realloc(void *old, size_t bytes)
+{
+    count_call();
+    return __libc_realloc(old, bytes);
+}
+
+void free(void *memory)
+{
+    __libc_free(memory);
+}
+
+int posix_memalign(void **piece, size_t alignment, size_t bytes)
+{
+    count_call();
+    *piece = __libc_memalign(alignment, bytes);
+    return *piece == NULL ? ENOMEM : 0;
+}
+
+void *aligned_alloc(size_t alignment, size_t bytes)
+{
+    count_call();
+    return __libc_memalign(alignment, bytes);
+}
+
+/* ---- what is read ------------------------------------------------------------------------------------ */
+
 static const char *const state_names[] = {"ok", "late", "stalled", "gone", "returning", "ended"};
 
 static struct reading {
-    const char *uri, *expect, *until, *unplug, *plug, *open;
-    long frames, seconds, times, torn, held;
+    const char *uri, *expect, *until, *unplug, *plug, *open, *run, *says;
+    long frames, seconds, times, torn, held, damaged, dropped, recovered, heap;
 
     const struct fovea_source_ops *ops;
     struct fovea_source *source;
@@ -40,7 +102,7 @@ static struct reading {
     long taken, exact;
     uint64_t last_sequence;
     int64_t last_stamp_ns, longest_wait_ns;
-    bool backward;
+    bool backward, said;
 } reading = {.frames = 20, .seconds = 30};
 
 static double since(void)
@@ -55,8 +117,10 @@ static void look(void)
         reading.ops->state != NULL ? reading.ops->state(reading.source) : FOVEA_SOURCE_OK;
     if (state != reading.state) printf("%.3f state %s\n", since(), state_names[state]);
     reading.state = state;
-    while (reading.ops->complaint(reading.source, &line) == FOVEA_OK)
+    while (reading.ops->complaint(reading.source, &line) == FOVEA_OK) {
         printf("%.3f says %s\n", since(), line.text);
+        if (reading.says != NULL && strstr(line.text, reading.says) != NULL) reading.said = true;
+    }
 }
 
 /* ---- comparing --------------------------------------------------------------------------------------- */
@@ -130,6 +194,36 @@ static void take_some(long count)
         take(tool_now_ns() + 50000000);
 }
 
+static void run(const char *command)
+{
+    if (system(command) != 0) tool_fail("'%s' failed", command);
+}
+
+/* The counts asked for have been reached, and the words have been said. */
+static bool told_enough(void)
+{
+    struct fovea_source_counts counts;
+    reading.ops->counts(reading.source, &counts);
+    return (reading.says == NULL || reading.said) && (long)counts.damaged >= reading.damaged &&
+           (long)counts.dropped >= reading.dropped && (long)counts.recovered >= reading.recovered;
+}
+
+static void take_all(void)
+{
+    const long first = reading.frames < 5 ? reading.frames : 5;
+    take_some(first);
+    if (reading.run != NULL) run(reading.run);
+    const unsigned long all_before = atomic_load(&heap_calls), here_before = heap_calls_here;
+    const long taken = reading.taken;
+    take_some(reading.frames - first);
+    if (reading.taken > taken)
+        printf("heap calls per frame: loop thread %.1f, all threads %.1f\n",
+               (double)(heap_calls_here - here_before) / (double)(reading.taken - taken),
+               (double)(atomic_load(&heap_calls) - all_before) / (double)(reading.taken - taken));
+    while (!told_enough() && in_time())
+        take_some(1);
+}
+
 static bool reach(enum fovea_source_state state)
 {
     while (reading.state != state && in_time()) {
@@ -158,11 +252,6 @@ static struct holdings count_holdings(void)
         if (strstr(line, "/dev/video") != NULL) holdings.mappings++;
     if (maps != NULL) fclose(maps);
     return holdings;
-}
-
-static void run(const char *command)
-{
-    if (system(command) != 0) tool_fail("'%s' failed", command);
 }
 
 static int ascending(const void *a, const void *b)
@@ -199,7 +288,7 @@ static bool unplug_times(void)
            after.descriptors, before.mappings, after.mappings, before.heap_bytes, after.heap_bytes);
     free(took_ns);
     return round == reading.times && late * 100 <= reading.times && before.descriptors == after.descriptors &&
-           before.mappings == after.mappings && before.heap_bytes == after.heap_bytes;
+           before.mappings == after.mappings && after.heap_bytes <= before.heap_bytes + (size_t)reading.heap;
 }
 
 /* ---- the command ------------------------------------------------------------------------------------- */
@@ -209,11 +298,22 @@ static void read_option(const char *text)
     const struct {
         const char *name, **word;
         long *number;
-    } options[] = {{"frames=", NULL, &reading.frames}, {"seconds=", NULL, &reading.seconds},
-                   {"times=", NULL, &reading.times},   {"torn=", NULL, &reading.torn},
-                   {"held=", NULL, &reading.held},     {"expect=", &reading.expect, NULL},
-                   {"until=", &reading.until, NULL},   {"unplug=", &reading.unplug, NULL},
-                   {"plug=", &reading.plug, NULL},     {"open=", &reading.open, NULL}};
+    } options[] = {{"frames=", NULL, &reading.frames},
+                   {"seconds=", NULL, &reading.seconds},
+                   {"times=", NULL, &reading.times},
+                   {"torn=", NULL, &reading.torn},
+                   {"held=", NULL, &reading.held},
+                   {"expect=", &reading.expect, NULL},
+                   {"until=", &reading.until, NULL},
+                   {"unplug=", &reading.unplug, NULL},
+                   {"plug=", &reading.plug, NULL},
+                   {"open=", &reading.open, NULL},
+                   {"run=", &reading.run, NULL},
+                   {"says=", &reading.says, NULL},
+                   {"damaged=", NULL, &reading.damaged},
+                   {"dropped=", NULL, &reading.dropped},
+                   {"recovered=", NULL, &reading.recovered},
+                   {"heap=", NULL, &reading.heap}};
     for (size_t i = 0; i < sizeof options / sizeof options[0]; ++i) {
         const size_t length = strlen(options[i].name);
         if (strncmp(text, options[i].name, length) != 0) continue;
@@ -267,7 +367,8 @@ int tool_read(int argc, char **argv)
     else if (reading.until != NULL)
         good = reach(state_by_name(reading.until));
     else
-        take_some(reading.frames);
+        take_all();
+    if (reading.times == 0 && !told_enough()) good = false;
     struct fovea_source_counts counts;
     reading.ops->counts(reading.source, &counts);
     printf("%.3f end: state %s, delivered %llu, damaged %llu, dropped %llu, recovered %llu, exact %ld, "

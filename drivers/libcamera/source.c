@@ -1,0 +1,126 @@
+/* libcamera: options, and the plug-in's device behind the live source. */
+#include <stdio.h>
+#include <string.h>
+
+#include "../plugin.h"
+#include "../text/uri_options.h"
+#include "fovea/text.h"
+#include "plugin.h"
+
+#define NAME_ROW(name, theirs, format) name,
+static const char *const format_names[] = {"any", FV_LIBCAMERA_FORMATS(NAME_ROW) NULL};
+static const char *const role_names[] = {"video", "viewfinder", "still", "raw", NULL};
+
+#define AT(member) offsetof(struct fovea_libcamera_options, member)
+enum { EXPOSURE = 5, AUTO_EXPOSURE = 7, AUTO_GAIN = 8 }; /* rows of the table */
+static const struct fv_uri_option option_table[] = {
+    {"width", FV_URI_I32, AT(width), FOVEA_IMAGE_WIDTH_MIN, FOVEA_IMAGE_WIDTH_MAX, "pixels", NULL},
+    {"height", FV_URI_I32, AT(height), FOVEA_IMAGE_HEIGHT_MIN, FOVEA_IMAGE_HEIGHT_MAX, "rows", NULL},
+    {"rate", FV_URI_REAL, AT(rate_hz), 0.1, 1000, "Hz", NULL},
+    {"format", FV_URI_WORD, AT(format), 0, 0,
+     "any, GREY, NV12, YU12, YUYV, UYVY, Y10, Y12, RGGB, BGGR, GRBG, GBRG, MJPG, RGB3 or BGR3", format_names},
+    {"role", FV_URI_WORD, AT(role), 0, 0, "video, viewfinder, still or raw", role_names},
+    {"exposure", FV_URI_REAL, AT(exposure_ms), 0.01, 10000, "milliseconds", NULL},
+    {"gain", FV_URI_REAL, AT(gain), 0, 1000, "factor", NULL},
+    {"auto_exposure", FV_URI_FLAG, AT(auto_exposure), 0, 1, "0 or 1", NULL},
+    {"auto_gain", FV_URI_FLAG, AT(auto_gain), 0, 1, "0 or 1", NULL},
+    {"readout", FV_URI_REAL, AT(readout_ms), 0, 1000, "milliseconds, first row to last", NULL},
+    {"buffers", FV_URI_I32, AT(buffers), FV_LIVE_BUFFERS_MIN, FV_LIVE_BUFFERS_MAX, "requests", NULL},
+};
+
+static enum fovea_status add_wish(void *to, const char *name, const char *value, struct fovea_error *error)
+{
+    struct fovea_libcamera_options *options = to;
+    char quoted[FOVEA_TEXT_QUOTED_BYTES];
+    struct fovea_libcamera_wish *wish = &options->wishes[options->wish_count];
+    if (options->wish_count == FOVEA_LIBCAMERA_WISHES_MAX)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "libcamera: control.: found more than %d, expected fewer",
+                               FOVEA_LIBCAMERA_WISHES_MAX);
+    if (name[0] == '\0' || strlen(name) >= sizeof wish->name || strlen(value) >= sizeof wish->value)
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT,
+            "libcamera: control.: found %s, expected a name and a value of less than %zu bytes",
+            fovea_text_quote(name, quoted, sizeof quoted), sizeof wish->name);
+    options->wish_count++;
+    memcpy(wish->name, name, strlen(name) + 1);
+    memcpy(wish->value, value, strlen(value) + 1);
+    return FOVEA_OK;
+}
+
+static const struct fv_uri_table options_table = {
+    "libcamera", option_table, sizeof option_table / sizeof option_table[0], "control.", add_wish};
+
+static enum fovea_status parse(const char *address, struct fovea_libcamera_options *options,
+                               struct fovea_error *error)
+{
+    struct fovea_libcamera_options o = {.gain = -1, .readout_ms = -1, .buffers = 4};
+    char quoted[FOVEA_TEXT_QUOTED_BYTES];
+    uint64_t given;
+    const size_t length = strcspn(address, "?");
+    if (length == 0 || length >= sizeof o.id)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "libcamera: found %s, expected a camera's id or its number from 0",
+                               fovea_text_quote(address, quoted, sizeof quoted));
+    memcpy(o.id, address, length);
+    address += length;
+    if (*address == '?') address++;
+    const enum fovea_status status = fv_uri_options_parse(&options_table, address, &o, &given, error);
+    if (status != FOVEA_OK) return status;
+    o.auto_exposure_given = (given >> AUTO_EXPOSURE & 1) != 0 || (given >> EXPOSURE & 1) != 0;
+    o.auto_gain_given = (given >> AUTO_GAIN & 1) != 0;
+    if (o.exposure_ms > 0 && o.auto_exposure)
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT,
+            "libcamera: exposure: found a time together with auto_exposure=1, expected one of them");
+    if (o.gain >= 0 && o.auto_gain)
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT,
+            "libcamera: gain: found a number together with auto_gain=1, expected one of them");
+    if ((o.width == 0) != (o.height == 0))
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "libcamera: %s: found none, expected width and height or neither",
+                               o.width == 0 ? "width" : "height");
+    *options = o;
+    return FOVEA_OK;
+}
+
+static enum fovea_status open_camera(const char *address, const struct fovea_source_selection *selection,
+                                     struct fovea_source **source, struct fovea_error *error)
+{
+    static const struct fv_plugin_name name = {.scheme = "libcamera",
+                                               .file = FOVEA_LIBCAMERA_PLUGIN_FILE,
+                                               .symbol = FOVEA_LIBCAMERA_PLUGIN_SYMBOL,
+                                               .package = "libcamera-dev",
+                                               .version = FOVEA_LIBCAMERA_PLUGIN_VERSION};
+    struct fovea_libcamera_options options;
+    struct fovea_libcamera_agreed agreed = {.width = 0};
+    struct fovea_error told = {.text = ""};
+    const void *table = NULL;
+    void *device = NULL;
+    char uri[FOVEA_LIBCAMERA_ID_BYTES + 16];
+    enum fovea_status status = fv_live_selection("libcamera", selection, error);
+    if (status == FOVEA_OK) status = parse(address, &options, error);
+    if (status == FOVEA_OK) status = fv_plugin_load(&name, &table, error);
+    if (status != FOVEA_OK) return status;
+    const struct fovea_libcamera_plugin *plugin = table;
+    status = plugin->open(&options, &device, &agreed, &told, error);
+    if (status != FOVEA_OK) return status;
+    snprintf(uri, sizeof uri, "libcamera:%s", agreed.id);
+    const struct fv_live_setup setup = {
+        .uri = uri,
+        .info = {.width = agreed.width,
+                 .height = agreed.height,
+                 .format = agreed.format,
+                 .rate_hz = agreed.rate_hz,
+                 .heap_bytes = sizeof options},
+        .buffers = agreed.buffers,
+        .readout_ns = options.readout_ms < 0 ? -1 : (int64_t)(options.readout_ms * 1e6),
+    };
+    status = fv_live_open(&plugin->device, device, &setup, selection, source, error);
+    if (status == FOVEA_OK && told.text[0] != '\0') fv_live_tell(*source, &told);
+    return status;
+}
+
+const struct fovea_source_ops fovea_source_libcamera = FV_LIVE_OPS(
+    "libcamera", "ID[?width=..&format=..]  camera by libcamera: its id, or its number from 0", open_camera);

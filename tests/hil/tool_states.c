@@ -1,0 +1,97 @@
+/* hil-tool states LOG [state=NAME...] [pose=N...] [rate=HZ]
+ * What the messages of a recording say of the camera and of the pose, change by change. Fails unless the
+ * states of the camera that are named come in this order (others may lie between), every pose state named
+ * occurs, and, with rate=, steps without a frame came at least at 0.7 of that rate while the camera was gone.
+ */
+#include "tool.h"
+
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "fovea/log.h"
+#include "fovea_camera_status_t.h"
+#include "fovea_pose_t.h"
+
+static const char *const names[] = {"ok", "late", "stalled", "gone", "returning", "ended"};
+
+static struct told {
+    int last_state;
+    long frames, poses, pose_state[4], gone_steps;
+    int64_t gone_ns, gone_since_ns;
+    uint64_t delivered, damaged, dropped, recovered;
+} told = {.last_state = -1};
+
+static int wanted_count, next_wanted;
+static const char *wanted[16];
+
+static void take_status(const fovea_camera_status_t *status)
+{
+    const int state = status->state;
+    told.delivered = (uint64_t)status->delivered;
+    told.damaged = (uint64_t)status->damaged;
+    told.dropped = (uint64_t)status->dropped;
+    told.recovered = (uint64_t)status->recovered;
+    if (state < 0 || state > 5) tool_fail("unknown state %d", state);
+    if (state == FOVEA_CAMERA_STATUS_T_STATE_GONE) {
+        told.gone_steps++;
+        if (told.last_state != state) told.gone_since_ns = status->now_ns;
+        told.gone_ns += status->now_ns - told.gone_since_ns;
+        told.gone_since_ns = status->now_ns;
+    }
+    if (state != told.last_state)
+        printf("camera %s after %lld frames\n", names[state], (long long)status->delivered);
+    told.last_state = state;
+    if (next_wanted < wanted_count && strcmp(wanted[next_wanted], names[state]) == 0) next_wanted++;
+}
+
+static void take_event(const struct fovea_log_event *event)
+{
+    uint8_t *data = (uint8_t *)(uintptr_t)event->data;
+    fovea_camera_status_t status;
+    fovea_pose_t pose;
+    if (fovea_log_channel_is(event->channel, "FRAME")) told.frames++;
+    if (fovea_log_channel_is(event->channel, "CAMERA_STATUS") &&
+        fovea_camera_status_t_decode(data, 0, (int)event->bytes, &status) >= 0) {
+        take_status(&status);
+        fovea_camera_status_t_decode_cleanup(&status);
+    }
+    if (fovea_log_channel_is(event->channel, "CAMERA_POSE") &&
+        fovea_pose_t_decode(data, 0, (int)event->bytes, &pose) >= 0) {
+        if (pose.state >= 0 && pose.state < 4) told.pose_state[pose.state]++;
+        told.poses++;
+        fovea_pose_t_decode_cleanup(&pose);
+    }
+}
+
+int tool_states(int argc, char **argv)
+{
+    struct fovea_log *log;
+    struct fovea_log_event event;
+    struct fovea_error error = {.text = ""};
+    double rate_hz = 0;
+    bool poses_seen = true;
+    if (argc < 2 || fovea_log_open(argv[1], &log, &error) != FOVEA_OK) tool_fail("states: %s", error.text);
+    for (int i = 2; i < argc && wanted_count < 16; ++i) {
+        if (strncmp(argv[i], "state=", 6) == 0) wanted[wanted_count++] = argv[i] + 6;
+        if (strncmp(argv[i], "rate=", 5) == 0) rate_hz = atof(argv[i] + 5);
+    }
+    while (fovea_log_next(log, &event, &error) == FOVEA_OK)
+        take_event(&event);
+    fovea_log_close(log);
+    for (int i = 2; i < argc; ++i)
+        if (strncmp(argv[i], "pose=", 5) == 0)
+            poses_seen = poses_seen && told.pose_state[atoi(argv[i] + 5) & 3] > 0;
+    printf("%ld frames, %ld poses (%ld starting, %ld tracking, %ld weak, %ld lost); delivered %llu, damaged "
+           "%llu, "
+           "dropped %llu, recovered %llu; %ld steps in %.2f s while gone\n",
+           told.frames, told.poses, told.pose_state[0], told.pose_state[1], told.pose_state[2],
+           told.pose_state[3], (unsigned long long)told.delivered, (unsigned long long)told.damaged,
+           (unsigned long long)told.dropped, (unsigned long long)told.recovered, told.gone_steps,
+           (double)told.gone_ns * 1e-9);
+    const bool went_on =
+        rate_hz == 0 ||
+        (told.gone_steps >= 3 && (double)told.gone_steps >= 0.7 * rate_hz * (double)told.gone_ns * 1e-9);
+    return next_wanted == wanted_count && poses_seen && went_on ? 0 : 1;
+}
