@@ -126,7 +126,10 @@ static bool interrupt(struct fovea *rt, const struct fovea_inputs *inputs)
 {
     const bool away = inputs->source_state == FOVEA_SOURCE_STALLED || inputs->source_state == FOVEA_SOURCE_GONE ||
                       inputs->source_state == FOVEA_SOURCE_RETURNING;
-    return inputs->frame == NULL && away && rt->config.odometry.enabled && fv_odometry_interrupt(&rt->odometry);
+    if (inputs->frame != NULL || !away || !rt->config.odometry.enabled) return false;
+    if (!fv_odometry_interrupt(&rt->odometry)) return false;
+    fv_scale_step(&rt->scale, &rt->odometry); /* which publishes the pose */
+    return true;
 }
 
 enum fovea_status fovea_step(struct fovea *rt, const struct fovea_inputs *inputs, struct fovea_outputs *outputs)
