@@ -33,6 +33,7 @@
 #include "fovea/odometry.h"
 #include "fovea/source.h"
 #include "fovea/status.h"
+#include "fovea/track.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -59,6 +60,7 @@ struct fovea_config {
     struct fovea_odometry_config odometry;
     struct fovea_detect_config detect;
     struct fovea_scale_config scale;
+    struct fovea_track_config track; /* of what is detected */
     struct fovea_preview_config preview;
     uint64_t seed; /* of the generator in the state, default 1 */
 
@@ -217,6 +219,9 @@ void fovea_pose_get(const struct fovea *rt, struct fovea_pose *pose);
 
 /* What the last completed look of the detector found; `looks` is 0 without one. Valid until the next fovea_work. */
 void fovea_detections_get(const struct fovea *rt, struct fovea_detections *detections);
+
+/* The tracks as of the last completed look; `updates` is 0 without one. Valid until the next fovea_work. */
+void fovea_tracks_get(const struct fovea *rt, struct fovea_tracks *tracks);
 
 /* Name of a class of the configured model, "" where it has none. Any thread. */
 const char *fovea_detect_label(const struct fovea *rt, int32_t class_id);

@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "app/classes.h"
 #include "base/hash.h"
 #include "fovea/calibration.h"
 #include "message/fields.h"
@@ -153,7 +154,6 @@ static enum fovea_status read_mask(const struct source *from, const fovea_record
     return FOVEA_OK;
 }
 
-/* What the bytes are is for fovea_init to check. */
 static enum fovea_status read_map(const struct source *from, const fovea_recording_part_t *part,
                                   struct fv_recording_header *header, struct fovea_error *error)
 {
@@ -177,7 +177,9 @@ static enum fovea_status read_model(const struct source *from, const fovea_recor
     memcpy(header->model, part->data, bytes);
     header->settings.runtime.detect.model = header->model;
     header->settings.runtime.detect.model_bytes = bytes;
-    return FOVEA_OK;
+    struct fv_model model;
+    enum fovea_status status = fv_model_open(header->model, bytes, from->name, &model, error);
+    return status == FOVEA_OK ? fv_classes_resolve(&header->settings, &model, error) : status;
 }
 
 static enum fovea_status read_parts(const struct source *from, const fovea_recording_t *message,

@@ -8,40 +8,58 @@
 
 #include "base/ring.h"
 
-enum { RING_BYTES = 1 << 20 }; /* over a second of full lists at 100 Hz */
+enum { RING_BYTES = 1 << 20 }; /* a second of full lists at 30 Hz */
+
+enum kind { DETECTIONS, TRACKS, KINDS };
+
+struct output {
+    FILE *file;
+    const char *path;
+    uint64_t written; /* rows */
+};
 
 struct fv_results {
     struct fv_ring ring;
-    FILE *file;
-    const char *path;
-    uint64_t lost, written; /* lists that found no room, the loop's; detections in the file */
+    struct output outputs[KINDS];
+    uint64_t lost; /* lists that found no room; the loop's */
     bool failed;
     uint8_t memory[RING_BYTES];
 };
 
-/* A list in the ring: this, then `count` detections. */
-struct look {
+/* A list in the ring: this, then `count` rows. */
+struct record {
     uint64_t sequence;
-    uint32_t count, bytes; /* of the whole record, a multiple of 8 */
+    uint32_t kind, count, bytes, reserved; /* bytes of the whole record, a multiple of 8 */
 };
+
+static const size_t row_bytes[KINDS] = {sizeof(struct fovea_detection), sizeof(struct fovea_track)};
 
 size_t fv_results_bytes(void)
 {
     return sizeof(struct fv_results);
 }
 
-enum fovea_status fv_results_open(const char *detections_path, struct fv_results **results, struct fovea_error *error)
+static void close_files(struct fv_results *results)
 {
+    for (int kind = 0; kind < KINDS; kind++)
+        if (results->outputs[kind].file != NULL) fclose(results->outputs[kind].file);
+}
+
+enum fovea_status fv_results_open(const char *detections_path, const char *tracks_path, struct fv_results **results,
+                                  struct fovea_error *error)
+{
+    const char *const paths[KINDS] = {detections_path, tracks_path};
     *results = NULL;
-    if (detections_path == NULL) return FOVEA_OK;
+    if (detections_path == NULL && tracks_path == NULL) return FOVEA_OK;
     struct fv_results *opened = aligned_alloc(64, (sizeof *opened + 63) / 64 * 64);
     if (opened == NULL) return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory for the results");
     memset(opened, 0, sizeof *opened);
     fv_ring_init(&opened->ring, opened->memory, sizeof opened->memory);
-    opened->path = detections_path;
-    opened->file = fopen(detections_path, "we");
-    if (opened->file == NULL) {
-        fovea_error_set(error, FOVEA_ERROR_INPUT, "%.200s: cannot be written: %s", detections_path, strerror(errno));
+    for (int kind = 0; kind < KINDS; kind++) {
+        opened->outputs[kind].path = paths[kind];
+        if (paths[kind] == NULL || (opened->outputs[kind].file = fopen(paths[kind], "we")) != NULL) continue;
+        fovea_error_set(error, FOVEA_ERROR_INPUT, "%.200s: cannot be written: %s", paths[kind], strerror(errno));
+        close_files(opened);
         free(opened);
         return FOVEA_ERROR_INPUT;
     }
@@ -51,58 +69,79 @@ enum fovea_status fv_results_open(const char *detections_path, struct fv_results
 
 /* ---- loop thread ------------------------------------------------------------------------------------------- */
 
-static size_t record_bytes(uint32_t count)
+static size_t record_bytes(enum kind kind, uint32_t count)
 {
-    return (sizeof(struct look) + count * sizeof(struct fovea_detection) + 7) / 8 * 8;
+    return (sizeof(struct record) + count * row_bytes[kind] + 7) / 8 * 8;
 }
 
 bool fv_results_room(struct fv_results *results)
 {
-    return results == NULL || fv_ring_room(&results->ring) >= record_bytes(FOVEA_DETECTIONS_MAX);
+    const size_t most = record_bytes(DETECTIONS, FOVEA_DETECTIONS_MAX) + record_bytes(TRACKS, FOVEA_TRACKS_MAX);
+    return results == NULL || fv_ring_room(&results->ring) >= most;
 }
 
-void fv_results_detections(struct fv_results *results, const struct fovea_detections *detections)
+static void add(struct fv_results *results, enum kind kind, uint64_t sequence, const void *rows, uint32_t count)
 {
-    if (results == NULL) return;
-    const struct look look = {detections->sequence, detections->count, (uint32_t)record_bytes(detections->count)};
-    uint8_t *room = fv_ring_reserve(&results->ring, look.bytes);
+    const struct record record = {sequence, kind, count, (uint32_t)record_bytes(kind, count), 0};
+    if (results->outputs[kind].file == NULL || count == 0) return;
+    uint8_t *room = fv_ring_reserve(&results->ring, record.bytes);
     if (room == NULL) {
         results->lost++;
         return;
     }
-    memcpy(room, &look, sizeof look);
-    memcpy(room + sizeof look, detections->list, look.count * sizeof *detections->list);
-    fv_ring_commit(&results->ring, look.bytes);
+    memcpy(room, &record, sizeof record);
+    memcpy(room + sizeof record, rows, count * row_bytes[kind]);
+    fv_ring_commit(&results->ring, record.bytes);
+}
+
+void fv_results_add(struct fv_results *results, const struct fovea_detections *detections, const struct fovea_tracks *tracks)
+{
+    if (results == NULL) return;
+    add(results, DETECTIONS, detections->sequence, detections->list, detections->count);
+    if (tracks->updates > 0) add(results, TRACKS, tracks->sequence, tracks->list, tracks->count);
 }
 
 /* ---- the other side ---------------------------------------------------------------------------------------- */
 
-static void write_one(struct fv_results *results, uint64_t sequence, const struct fovea_detection *found)
+/* Pixels count from the corner of the first one in COCO's files, from 1 at its middle in MOTChallenge's. */
+static void write_detection(struct fv_results *results, uint64_t sequence, const void *row)
 {
-    const double x = (double)found->x_min_px + 0.5, y = (double)found->y_min_px + 0.5;
-    const int bytes = fprintf(results->file, "%s{\"image_id\": %" PRIu64 ", \"category_id\": %d, \"bbox\": [%.3f, %.3f, %.3f, %.3f], \"score\": %.6f}",
-                              results->written == 0 ? "[\n" : ",\n", sequence, found->class_id + 1, x, y,
-                              (double)found->x_max_px - (double)found->x_min_px, (double)found->y_max_px - (double)found->y_min_px,
-                              (double)found->score);
+    struct fovea_detection found;
+    struct output *output = &results->outputs[DETECTIONS];
+    memcpy(&found, row, sizeof found);
+    const int bytes = fprintf(output->file, "%s{\"image_id\": %" PRIu64 ", \"category_id\": %d, \"bbox\": [%.3f, %.3f, %.3f, %.3f], \"score\": %.6f}",
+                              output->written == 0 ? "[\n" : ",\n", sequence, found.class_id + 1, (double)found.x_min_px + 0.5,
+                              (double)found.y_min_px + 0.5, (double)found.x_max_px - (double)found.x_min_px,
+                              (double)found.y_max_px - (double)found.y_min_px, (double)found.score);
     results->failed |= bytes < 0;
-    results->written++;
+    output->written++;
+}
+
+static void write_track(struct fv_results *results, uint64_t sequence, const void *row)
+{
+    struct fovea_track track;
+    struct output *output = &results->outputs[TRACKS];
+    memcpy(&track, row, sizeof track);
+    if (track.state != FOVEA_TRACK_CONFIRMED) return;
+    const int bytes = fprintf(output->file, "%" PRIu64 ",%" PRIu64 ",%.2f,%.2f,%.2f,%.2f,%.4f,-1,-1,-1\n", sequence + 1, track.id,
+                              (double)track.x_min_px + 1, (double)track.y_min_px + 1, (double)track.x_max_px - (double)track.x_min_px,
+                              (double)track.y_max_px - (double)track.y_min_px, (double)track.score);
+    results->failed |= bytes < 0;
+    output->written++;
 }
 
 void fv_results_drain(struct fv_results *results)
 {
+    static void (*const write[KINDS])(struct fv_results *, uint64_t, const void *) = {write_detection, write_track};
     size_t bytes;
     const uint8_t *data;
     if (results == NULL) return;
     while ((data = fv_ring_peek(&results->ring, &bytes)) != NULL) {
-        for (size_t at = 0; at < bytes;) {
-            struct look look;
-            memcpy(&look, data + at, sizeof look);
-            for (uint32_t i = 0; i < look.count; i++) {
-                struct fovea_detection found;
-                memcpy(&found, data + at + sizeof look + i * sizeof found, sizeof found);
-                write_one(results, look.sequence, &found);
-            }
-            at += look.bytes;
+        struct record record;
+        for (size_t at = 0; at < bytes; at += record.bytes) {
+            memcpy(&record, data + at, sizeof record);
+            for (uint32_t i = 0; i < record.count; i++)
+                write[record.kind](results, record.sequence, data + at + sizeof record + i * row_bytes[record.kind]);
         }
         fv_ring_release(&results->ring, bytes);
     }
@@ -113,13 +152,18 @@ enum fovea_status fv_results_close(struct fv_results *results, struct fovea_erro
     enum fovea_status status = FOVEA_OK;
     if (results == NULL) return FOVEA_OK;
     fv_results_drain(results);
-    bool failed = fputs(results->written == 0 ? "[]\n" : "\n]\n", results->file) < 0 || results->failed || ferror(results->file) != 0;
-    failed = fclose(results->file) != 0 || failed;
-    if (failed)
-        status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.200s: cannot be written", results->path);
-    else if (results->lost > 0)
-        status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.200s: found no time to write the detections of %" PRIu64 " frames",
-                                 results->path, results->lost);
+    struct output *detections = &results->outputs[DETECTIONS];
+    if (detections->file != NULL) results->failed |= fputs(detections->written == 0 ? "[]\n" : "\n]\n", detections->file) < 0;
+    for (int kind = 0; kind < KINDS; kind++) {
+        struct output *output = &results->outputs[kind];
+        if (output->file == NULL) continue;
+        bool failed = ferror(output->file) != 0;
+        failed = fclose(output->file) != 0 || failed || results->failed;
+        if (failed) status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.200s: cannot be written", output->path);
+    }
+    if (status == FOVEA_OK && results->lost > 0)
+        status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.200s: found no time to write %" PRIu64 " lists",
+                                 detections->file != NULL ? detections->path : results->outputs[TRACKS].path, results->lost);
     free(results);
     return status;
 }

@@ -29,7 +29,7 @@
 struct run {
     struct fv_setup_options options;
     struct fovea_source_selection selection;
-    const char *stats_path, *timings_path, *trajectory_path, *final_path, *picture_path, *detections_path;
+    const char *stats_path, *timings_path, *trajectory_path, *final_path, *picture_path, *detections_path, *tracks_path;
     bool quiet;
 
     struct fv_settings settings;
@@ -136,7 +136,9 @@ static void work_done(void *context, const struct fovea_inputs *inputs, const st
     fovea_detections_get(run->loop.rt, &detections);
     if (detections.looks == run->looks) return;
     run->looks = detections.looks;
-    fv_results_detections(run->results, &detections);
+    struct fovea_tracks tracks;
+    fovea_tracks_get(run->loop.rt, &tracks);
+    fv_results_add(run->results, &detections, &tracks);
     fv_final_look(run->final, run->loop.rt);
 }
 
@@ -174,6 +176,7 @@ static enum fv_options_result options_read(struct run *run, int argc, char **arg
          "where to draw the path, against the truth if known (default " PATH_FILE " here; 'none')"},
         {"model", "FILE", FV_OPTION_TEXT, &run->options.model, "network that looks for objects (.fvm, made by tools/import)"},
         {"detections", "FILE", FV_OPTION_TEXT, &run->detections_path, "write what it finds as COCO results JSON"},
+        {"tracks", "FILE", FV_OPTION_TEXT, &run->tracks_path, "write the tracks of it as MOTChallenge text"},
         {"record", "FILE", FV_OPTION_TEXT, &run->options.record, "record the run for 'fovea replay'"},
         {"map", "FILE", FV_OPTION_TEXT, &run->options.map, "begin with a map that was saved"},
         {"save-map", "FILE", FV_OPTION_TEXT, &run->options.save_map, "save the map at the end, and on the command `save`"},
@@ -208,6 +211,7 @@ static enum fovea_status settings_read(struct run *run, struct fovea_error *erro
         {"--save-map", run->settings.map_save},
         {"--trajectory", run->trajectory_path}, {"--timings", run->timings_path},
         {"--path", run->picture_path},          {"--detections", run->detections_path},
+        {"--tracks", run->tracks_path},
         {"--trajectory-final", run->final_path},
         {0},
     };
@@ -230,7 +234,10 @@ static enum fv_exit outputs_check(struct run *run)
                             strerror(errno));
     if (run->detections_path != NULL && run->settings.model[0] == '\0')
         return fv_say_wrong("fovea run: --detections: found no network, expected --model FILE");
+    if (run->tracks_path != NULL && run->settings.model[0] == '\0')
+        return fv_say_wrong("fovea run: --tracks: found no network, expected --model FILE");
     enum fv_exit end = picture_probe("detections", run->detections_path);
+    if (end == FV_EXIT_OK) end = picture_probe("tracks", run->tracks_path);
     if (end == FV_EXIT_OK) end = picture_probe("timings", run->timings_path);
     return end == FV_EXIT_OK ? picture_probe("path", run->picture_path) : end;
 }
@@ -301,7 +308,7 @@ static enum fovea_status open_all(struct run *run, struct fovea_error *error)
     status = runtime_open(run, error);
     if (status == FOVEA_OK) status = recorder_open(run, error);
     if (status == FOVEA_OK) status = fv_trajectory_open(run->trajectory_path, &run->trajectory, error);
-    if (status == FOVEA_OK) status = fv_results_open(run->detections_path, &run->results, error);
+    if (status == FOVEA_OK) status = fv_results_open(run->detections_path, run->tracks_path, &run->results, error);
     if (status == FOVEA_OK && run->final_path != NULL)
         status = fv_final_open(run->final_path, &run->final, error);
     return status == FOVEA_OK ? transport_open(run, error) : status;

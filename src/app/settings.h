@@ -43,6 +43,7 @@ struct fv_settings {
     int movable_boxes;                   /* enum fv_movable_boxes */
     char record[FV_SETTINGS_PATH_BYTES]; /* "": none */
     uint32_t record_buffer;              /* frames that may wait for the disk in real time */
+    char movable[256], heights[512];     /* lists of classes (app/classes.h) */
     char model[FV_SETTINGS_PATH_BYTES];  /* "": no detection; the runtime gets its bytes when the source is open */
     uint32_t priority;                   /* SCHED_FIFO; 0: ordinary scheduling */
     int32_t cpu;                         /* -1: any */

@@ -7,6 +7,7 @@
 
 static const char *const scale_sources[] = {"free", "camera_height", "odometry", NULL};
 static const char *const movable_boxes[] = {"none", "truth", NULL};
+static const char *const track_modes[] = {"sort", "centroid", "off", NULL};
 static const char *const rates[] = {"auto", "max", "real", NULL};
 
 const struct fv_settings_key fv_settings_keys[] = {
@@ -121,6 +122,30 @@ const struct fv_settings_key fv_settings_keys[] = {
      "where the map is saved at the end of the run and on the command `save`; empty: nowhere", NULL},
     {"map.localise_only", FV_SETTINGS_BOOL, AT(runtime.odometry.localise_only), 0, 1, "", NULL,
      "keep the map as it was loaded: find the camera in it and add nothing", NULL},
+
+    {"track.mode", FV_SETTINGS_CHOICE, AT(runtime.track.mode), 0, 2, "", track_modes,
+     "sort: filtered boxes, optimal assignment in two stages; centroid: nearest centroids; off: no tracks", NULL},
+    {"track.tracks_max", FV_SETTINGS_U32, AT(runtime.track.tracks_max), 1, FOVEA_TRACKS_MAX, "tracks", NULL,
+     "at a time; the weakest goes when there are more", "memory: 1.7 kB each"},
+    {"track.confirm_hits", FV_SETTINGS_U32, AT(runtime.track.confirm_hits), 1, 100, "detections", NULL,
+     "sort: one after the other confirm a track", NULL},
+    {"track.score_high", FV_SETTINGS_REAL, AT(runtime.track.score_high), 0, 1, "", NULL,
+     "sort: detections of the first stage", NULL},
+    {"track.score_low", FV_SETTINGS_REAL, AT(runtime.track.score_low), 0, 1, "", NULL,
+     "sort: detections of the second stage, for tracks that were seen just before", NULL},
+    {"track.score_new", FV_SETTINGS_REAL, AT(runtime.track.score_new), 0, 1, "", NULL, "sort: a new track needs so much", NULL},
+    {"track.coast_s", FV_SETTINGS_REAL, AT(runtime.track.coast_s), 0, 60, "s", NULL,
+     "sort: a track unseen for longer ends; within it the object is found again", NULL},
+    {"track.max_distance_px", FV_SETTINGS_REAL, AT(runtime.track.max_distance_px), 1, 10000, "px", NULL,
+     "centroid: what is farther is another object", NULL},
+    {"track.max_disappeared", FV_SETTINGS_U32, AT(runtime.track.max_disappeared), 0, 10000, "images", NULL,
+     "centroid: a track unseen in more of them ends", NULL},
+    {"track.ground", FV_SETTINGS_BOOL, AT(runtime.track.ground), 0, 1, "", NULL,
+     "objects stand on the floor, z = 0 of the base frame (T_base_cam): their places in metres follow from their feet", NULL},
+    {"track.heights", TEXT_OF(heights), "class:metres ...", NULL,
+     "heights of objects by class (label, with _ for spaces, or number), from which their places in metres follow", NULL},
+    {"track.movable", TEXT_OF(movable), "class ...", NULL,
+     "classes that move on their own: no features are taken in their boxes", NULL},
 
     {"preview.period_frames", FV_SETTINGS_U32, AT(runtime.preview.period_frames), 0, 1000000, "frames", NULL,
      "one JPEG preview every so many frames; 0: none", NULL},

@@ -4,6 +4,7 @@
 #include <string.h>
 
 #include "app/map_file.h"
+#include "app/classes.h"
 #include "app/mask.h"
 #include "fovea/calibration.h"
 
@@ -63,6 +64,9 @@ static enum fovea_status model_read(struct fv_settings *settings, struct fv_setu
     enum fovea_status status = fv_model_file_read(settings->model, &setup->model, error);
     settings->runtime.detect.model = setup->model.data;
     settings->runtime.detect.model_bytes = setup->model.bytes;
+    if (status != FOVEA_OK) fv_settings_blame(settings, "detect.model", error);
+    if (status == FOVEA_OK && (status = fv_classes_resolve(settings, &setup->model.model, error)) != FOVEA_OK)
+        fv_settings_locate(settings, error);
     return status;
 }
 
@@ -103,8 +107,7 @@ enum fovea_status fv_setup_open(struct fv_settings *settings, const struct fovea
     const char *address;
     *setup = (struct fv_setup){0};
     enum fovea_status status = camera_read(settings, error);
-    if (status == FOVEA_OK && (status = model_read(settings, setup, error)) != FOVEA_OK)
-        fv_settings_blame(settings, "detect.model", error);
+    if (status == FOVEA_OK) status = model_read(settings, setup, error);
     if (status != FOVEA_OK) return (fv_setup_close(setup), status);
     status = fovea_source_find(settings->source, &setup->ops, &address, error);
     if (status == FOVEA_OK) status = setup->ops->open(address, selection, &setup->source, error);

@@ -15,6 +15,7 @@
 #include "fovea_preview_t.h"
 #include "fovea_recording_t.h"
 #include "fovea_statistics_t.h"
+#include "fovea_tracks_t.h"
 
 void fv_message_prepare(void)
 {
@@ -31,6 +32,7 @@ void fv_message_prepare(void)
     (void)__fovea_preview_t_get_hash();
     (void)__fovea_recording_t_get_hash();
     (void)__fovea_statistics_t_get_hash();
+    (void)__fovea_tracks_t_get_hash();
 }
 
 void fv_message_channel(const char *prefix, enum fv_message_kind kind, char *name)
@@ -43,6 +45,7 @@ void fv_message_channel(const char *prefix, enum fv_message_kind kind, char *nam
         [FV_MESSAGE_RECORDING] = "RECORDING", [FV_MESSAGE_INPUTS] = "INPUTS",
         [FV_MESSAGE_GRANTS] = "GRANTS",       [FV_MESSAGE_DETECTIONS] = "DETECTIONS",
         [FV_MESSAGE_MAP] = "MAP",
+        [FV_MESSAGE_TRACKS] = "TRACKS",
         [FV_MESSAGE_BOT_CORE_POSE] = "BOT_CORE_POSE",
     };
     const char *parts[3] = {prefix, prefix[0] != '\0' ? "_" : "", suffixes[kind]};

@@ -29,6 +29,7 @@ enum fv_message_kind {
     FV_MESSAGE_PREVIEW,
     FV_MESSAGE_DETECTIONS,
     FV_MESSAGE_MAP,
+    FV_MESSAGE_TRACKS,
     FV_MESSAGE_COMMAND, /* in */
     FV_MESSAGE_FRAME,   /* this and the next three: in recordings only */
     FV_MESSAGE_RECORDING,
@@ -164,6 +165,19 @@ struct fv_message_map {
 };
 size_t fv_message_map_size_max(void);
 uint32_t fv_message_map_encode(const struct fv_message_map *in, uint8_t *buffer, size_t capacity);
+
+struct fv_message_tracks {
+    fovea_stamp_t stamp; /* of the image looked at */
+    uint32_t reset_counter;
+    int32_t width, height; /* of the raw image */
+    uint32_t count;
+    const struct fovea_track *tracks;
+    const char *const *names; /* of the classes, one per track */
+};
+size_t fv_message_tracks_size_max(uint32_t count_max, size_t label_bytes);
+/* Scratch that encoding needs, 8-byte aligned. */
+size_t fv_message_tracks_scratch_bytes(uint32_t count_max);
+uint32_t fv_message_tracks_encode(const struct fv_message_tracks *in, void *scratch, uint8_t *buffer, size_t capacity);
 
 #ifdef __cplusplus
 }

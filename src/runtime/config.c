@@ -16,6 +16,15 @@ void fovea_config_default(struct fovea_config *config)
                                                       .loops = true};
     config->detect = (struct fovea_detect_config){.period_frames = 1, .count_max = 100};
     config->scale.camera_height_m = 1;
+    config->track = (struct fovea_track_config){.mode = FOVEA_TRACK_SORT,
+                                                .tracks_max = 128,
+                                                .confirm_hits = 3,
+                                                .score_high = 0.5,
+                                                .score_low = 0.1,
+                                                .score_new = 0.5,
+                                                .coast_s = 2.0,
+                                                .max_distance_px = 60,
+                                                .max_disappeared = 20};
     config->preview = (struct fovea_preview_config){.period_frames = 10, .quality = 70, .level = 2};
     config->seed = 1;
     config->T_base_cam[0] = config->T_base_cam[5] = config->T_base_cam[10] = 1.0;
@@ -86,10 +95,29 @@ static enum fovea_status check_transform(const double T[12], struct fovea_error 
     return FOVEA_OK;
 }
 
-static enum fovea_status check_share(const char *name, double value, struct fovea_error *error)
+static enum fovea_status check_real(const char *name, double value, double low, double high, struct fovea_error *error)
 {
-    if (value >= 0.0 && value <= 1.0) return FOVEA_OK;
-    return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "%s: found %g, expected 0 to 1", name, value);
+    if (value >= low && value <= high) return FOVEA_OK;
+    return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "%s: found %g, expected %g to %g", name, value, low, high);
+}
+
+static enum fovea_status check_track(const struct fovea_track_config *track, struct fovea_error *error)
+{
+    enum fovea_status status = check_real("track.score_high", track->score_high, 0, 1, error);
+    if (status == FOVEA_OK) status = check_real("track.score_low", track->score_low, 0, 1, error);
+    if (status == FOVEA_OK) status = check_real("track.score_new", track->score_new, 0, 1, error);
+    if (status == FOVEA_OK) status = check_real("track.coast_s", track->coast_s, 0, 60, error);
+    if (status == FOVEA_OK) status = check_real("track.max_distance_px", track->max_distance_px, 1, 10000, error);
+    for (int i = 0; i < FOVEA_TRACK_CLASSES_MAX && status == FOVEA_OK; i++)
+        status = check_real("track.heights", (double)track->height_m[i], 0, 100, error);
+    return status;
+}
+
+bool fv_config_movable(const struct fovea_config *config)
+{
+    uint32_t any = 0;
+    for (int i = 0; i < FOVEA_TRACK_CLASSES_MAX / 32; i++) any |= config->track.movable[i];
+    return any != 0;
 }
 
 static enum fovea_status check_scale(const struct fovea_scale_config *scale, struct fovea_error *error)
@@ -122,6 +150,10 @@ enum fovea_status fv_config_check(const struct fovea_config *config, struct fove
         {"odometry.lost_frames_reset", config->odometry.lost_frames_reset, 1, 10000},
         {"detect.period_frames", config->detect.period_frames, 1, 1000000},
         {"detect.count_max", config->detect.count_max, 1, FOVEA_DETECTIONS_MAX},
+        {"track.mode", (uint64_t)(int64_t)config->track.mode, FOVEA_TRACK_SORT, FOVEA_TRACK_OFF},
+        {"track.tracks_max", config->track.tracks_max, 1, FOVEA_TRACKS_MAX},
+        {"track.confirm_hits", config->track.confirm_hits, 1, 100},
+        {"track.max_disappeared", config->track.max_disappeared, 0, 10000},
         {"preview.period_frames", config->preview.period_frames, 0, 1000000},
         {"preview.quality", config->preview.quality, 1, 100},
         {"preview.level", config->preview.level, 0, f->pyramid_levels - 1},
@@ -132,8 +164,9 @@ enum fovea_status fv_config_check(const struct fovea_config *config, struct fove
         {"map_every", config->map_every, 0, 1000000},
     };
     enum fovea_status status = check_ranges(ranges, sizeof ranges / sizeof ranges[0], error);
-    if (status == FOVEA_OK) status = check_share("detect.score_threshold", config->detect.score_threshold, error);
-    if (status == FOVEA_OK) status = check_share("detect.iou_threshold", config->detect.iou_threshold, error);
+    if (status == FOVEA_OK) status = check_real("detect.score_threshold", config->detect.score_threshold, 0, 1, error);
+    if (status == FOVEA_OK) status = check_real("detect.iou_threshold", config->detect.iou_threshold, 0, 1, error);
+    if (status == FOVEA_OK) status = check_track(&config->track, error);
     if (status == FOVEA_OK) status = check_prefix(config->channel_prefix, error);
     if (status == FOVEA_OK) status = check_scale(&config->scale, error);
     if (status == FOVEA_OK) status = check_transform(config->T_base_cam, error);

@@ -8,4 +8,7 @@
  * must have been prepared. Init-only. FOVEA_OK or FOVEA_ERROR_ARGUMENT. */
 enum fovea_status fv_config_check(const struct fovea_config *config, struct fovea_error *error);
 
+/* Whether any class is said to move on its own. */
+bool fv_config_movable(const struct fovea_config *config);
+
 #endif

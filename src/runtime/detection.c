@@ -61,14 +61,20 @@ static const char *label_of(const struct fv_model *model, int32_t class_id)
     return label != NULL ? label : "";
 }
 
-size_t fv_detection_message_bytes(const struct fv_detection *detection, const struct fovea_config *config)
+size_t fv_detection_label_bytes(const struct fv_detection *detection)
 {
     size_t longest = 0;
     for (uint32_t i = 0; i < detection->model.header->label_count; i++) {
         const size_t bytes = strlen(fv_model_label(&detection->model, (int32_t)i));
         longest = bytes > longest ? bytes : longest;
     }
-    return fv_message_detections_size_max(config->detect.count_max, sizeof detection->model.header->name, longest);
+    return longest;
+}
+
+size_t fv_detection_message_bytes(const struct fv_detection *detection, const struct fovea_config *config)
+{
+    return fv_message_detections_size_max(config->detect.count_max, sizeof detection->model.header->name,
+                                          fv_detection_label_bytes(detection));
 }
 
 /* ---- the job ----------------------------------------------------------------------------------------------- */
@@ -85,10 +91,10 @@ bool fv_detection_waiting(const struct fv_detection *detection)
     return detection->enabled && (detection->memory.job->phase != FV_DETECT_IDLE || detection->state->mapping != 0);
 }
 
-void fv_detection_offer(struct fv_detection *detection, const struct fovea_frame *frame, const struct fv_frame_id *id,
+bool fv_detection_offer(struct fv_detection *detection, const struct fovea_frame *frame, const struct fv_frame_id *id,
                         const struct fv_pyramid *pyramid)
 {
-    if (!detection->enabled || fv_detection_waiting(detection)) return;
+    if (!detection->enabled || fv_detection_waiting(detection)) return false;
     const struct fv_level *level = &pyramid->level[0];
     const struct fovea_image grey = {.data = level->pixels,
                                      .width = level->width,
@@ -99,6 +105,7 @@ void fv_detection_offer(struct fv_detection *detection, const struct fovea_frame
     enum fovea_status status = fv_detect_start(&detection->memory, &detection->model, &frame->image, id->stamp_ns, id->sequence);
     if (status == FOVEA_ERROR_UNSUPPORTED) status = fv_detect_start(&detection->memory, &detection->model, &grey, id->stamp_ns, id->sequence);
     if (status == FOVEA_OK) detection->state->frame = *id;
+    return status == FOVEA_OK;
 }
 
 /* The box in the rectified image around the corners and edge middles of one in the raw image; points that the view does not

@@ -38,14 +38,16 @@ void fv_detection_carve(struct fv_detection *detection, const struct fovea_confi
                         struct fv_arena *job, struct fv_arena *frame);
 
 /* Bytes that a message takes at most. */
+size_t fv_detection_label_bytes(const struct fv_detection *detection); /* of the longest label */
 size_t fv_detection_message_bytes(const struct fv_detection *detection, const struct fovea_config *config);
 
 /* Forget the look under way. Real-time safe, as all that follows. */
 void fv_detection_reset(struct fv_detection *detection);
 
 /* Look at this frame, unless an earlier look goes on: its pixels are copied. Formats that the detector does not read are
- * looked at in grey, from the pyramid. */
-void fv_detection_offer(struct fv_detection *detection, const struct fovea_frame *frame, const struct fv_frame_id *id,
+ * looked at in grey, from the pyramid. True: the look
+ * begins. */
+bool fv_detection_offer(struct fv_detection *detection, const struct fovea_frame *frame, const struct fv_frame_id *id,
                         const struct fv_pyramid *pyramid);
 
 bool fv_detection_waiting(const struct fv_detection *detection);

@@ -33,6 +33,7 @@ static void reset(struct fovea *rt)
     fovea_random_seed(&state->random, rt->config.seed);
     if (rt->config.odometry.enabled) fv_odometry_reset(&rt->odometry);
     fv_detection_reset(&rt->detection);
+    fv_tracking_reset(&rt->tracking);
 }
 
 static void take_commands(struct fovea *rt, uint32_t commands)
@@ -92,7 +93,10 @@ static void ask_preview(struct fovea *rt)
 static void offer_detection(struct fovea *rt, const struct fovea_frame *frame)
 {
     if (!fv_every(rt->state->frames_processed - 1, rt->config.detect.period_frames)) return;
-    fv_detection_offer(&rt->detection, frame, &rt->state->frame, &rt->pyramid);
+    if (!fv_detection_offer(&rt->detection, frame, &rt->state->frame, &rt->pyramid)) return;
+    struct fovea_pose pose;
+    fovea_pose_get(rt, &pose);
+    fv_tracking_note(&rt->tracking, &pose);
 }
 
 static void process(struct fovea *rt, const struct fovea_inputs *inputs)
@@ -201,6 +205,12 @@ void fovea_detections_get(const struct fovea *rt, struct fovea_detections *detec
 const char *fovea_detect_label(const struct fovea *rt, int32_t class_id)
 {
     return fv_detection_label(&rt->detection, class_id);
+}
+
+void fovea_tracks_get(const struct fovea *rt, struct fovea_tracks *tracks)
+{
+    memset(tracks, 0, sizeof *tracks);
+    if (rt->tracking.enabled) fv_track_get(&rt->tracking.tracker, tracks);
 }
 
 uint32_t fovea_keyframes_get(const struct fovea *rt, struct fovea_keyframe *list, uint32_t count_max)

@@ -1,5 +1,7 @@
 #include "runtime/jobs.h"
 
+#include "runtime/config.h"
+
 void fv_output_add(struct fovea *rt, enum fv_message_kind kind, uint32_t bytes, struct fovea_outputs *outputs)
 {
     if (bytes == 0 || outputs->message_count >= FOVEA_MESSAGES_MAX) return;
@@ -70,15 +72,31 @@ static uint32_t advance_map(struct fovea *rt, uint32_t units, struct fovea_outpu
     return done;
 }
 
+/* What a look found goes to the tracker; what moves on its own is kept out of the map from now on. */
+static void track(struct fovea *rt, struct fovea_outputs *outputs)
+{
+    struct fovea_detections detections;
+    struct fovea_box movable[FOVEA_INPUT_BOXES_MAX];
+    fv_detection_get(&rt->detection, &detections);
+    fv_tracking_update(&rt->tracking, &detections);
+    fv_output_add(rt, FV_MESSAGE_TRACKS,
+                  fv_tracking_encode(&rt->tracking, &rt->config, &rt->detection, fv_reset_counter(rt),
+                                     rt->outbox.buffer[FV_MESSAGE_TRACKS], rt->outbox.capacity[FV_MESSAGE_TRACKS]),
+                  outputs);
+    if (!rt->config.odometry.enabled || !fv_config_movable(&rt->config)) return;
+    fv_boxes_take(&rt->boxes, detections.stamp_ns, movable, fv_tracking_movable(&rt->tracking, movable));
+}
+
 /* One message per work call: its buffer is in use until the next. */
 static uint32_t advance_detection(struct fovea *rt, uint32_t units, struct fovea_outputs *outputs)
 {
     uint32_t done = 0;
     if (!fv_detection_advance(&rt->detection, &rt->config, &rt->kernels, units, &done)) return done;
     fv_output_add(rt, FV_MESSAGE_DETECTIONS,
-                  fv_detection_encode(&rt->detection, &rt->config, rt->state->reset_counter,
+                  fv_detection_encode(&rt->detection, &rt->config, fv_reset_counter(rt),
                                       rt->outbox.buffer[FV_MESSAGE_DETECTIONS], rt->outbox.capacity[FV_MESSAGE_DETECTIONS]),
                   outputs);
+    if (rt->tracking.enabled) track(rt, outputs);
     return done;
 }
 

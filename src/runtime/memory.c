@@ -41,6 +41,8 @@ static void carve_outbox(struct fovea *rt, struct fv_arena *arena)
     carve_buffer(outbox, FV_MESSAGE_PREVIEW, fv_message_preview_size_max(rt->preview.jpeg_capacity), arena);
     if (rt->detection.enabled) {
         carve_buffer(outbox, FV_MESSAGE_DETECTIONS, fv_detection_message_bytes(&rt->detection, &rt->config), arena);
+        carve_buffer(outbox, FV_MESSAGE_TRACKS,
+                     fv_message_tracks_size_max(rt->config.track.tracks_max, fv_detection_label_bytes(&rt->detection)), arena);
     }
     carve_buffer(outbox, FV_MESSAGE_MAP, rt->config.odometry.enabled ? fv_message_map_size_max() : 0, arena);
     outbox->features_scratch = fv_arena_take(arena, fv_message_features_scratch_bytes(count_max), 1);
@@ -75,6 +77,8 @@ void fv_runtime_carve(struct fovea *rt, struct fv_arena arenas[FOVEA_MEMORY_PART
     }
     fv_detection_carve(&rt->detection, config, &arenas[PERSISTENT], &arenas[JOB], &arenas[FRAME]);
     book(table, "detection", arenas, before);
+    fv_tracking_carve(&rt->tracking, config, rt->detection.enabled, &arenas[PERSISTENT], &arenas[FRAME]);
+    book(table, "tracking", arenas, before);
     const struct fv_level *level = &rt->pyramid.level[config->preview.level];
     fv_preview_carve(&rt->preview, level->width, level->height, &arenas[PERSISTENT], &arenas[JOB]);
     book(table, "preview", arenas, before);

@@ -15,6 +15,7 @@
 #include "odometry/scale.h"
 #include "runtime/boxes.h"
 #include "runtime/preview.h"
+#include "runtime/tracking.h"
 
 /* What the runtime itself remembers from frame to frame. No addresses and no padding: copied and hashed as bytes. */
 struct fv_state {
@@ -61,6 +62,7 @@ struct fovea {
     struct fv_orb orb;
     struct fv_odometry odometry;
     struct fv_detection detection;
+    struct fv_tracking tracking;
     struct fv_scale scale;
     struct fv_boxes boxes;
     struct fv_preview preview;

@@ -28,6 +28,7 @@
 #include "fovea_recording_t.h"
 #include "fovea_stamp_t.h"
 #include "fovea_statistics_t.h"
+#include "fovea_tracks_t.h"
 
 /* Decode with the generated code, encode again: the bytes written, or -1. */
 #define ROUND_TRIP(P, T)                                                                                     \
@@ -58,7 +59,8 @@
     X(fovea, recording_part_t)                                                                               \
     X(fovea, recording_t)                                                                                    \
     X(fovea, stamp_t)                                                                                        \
-    X(fovea, statistics_t)
+    X(fovea, statistics_t)                                                                             \
+    X(fovea, tracks_t)
 EVERY_TYPE(ROUND_TRIP)
 
 static const struct {

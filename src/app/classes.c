@@ -1,0 +1,60 @@
+#include "app/classes.h"
+
+#include <string.h>
+
+#include "fovea/text.h"
+
+enum { ENTRY_BYTES = 64 };
+
+/* The class called so, or whose number it is; -1: none that the tracker can hold. */
+static int32_t class_of(const struct fv_model *model, const char *name)
+{
+    const int32_t first = model->header->decode.first_label;
+    double number;
+    for (int32_t i = first; i < (int32_t)model->header->label_count; i++) {
+        const char *label = fv_model_label(model, i);
+        if (strcmp(label, name) == 0) return i - first < FOVEA_TRACK_CLASSES_MAX ? i - first : -1;
+    }
+    if (!fovea_text_number(name, &number) || !(number >= 0 && number < FOVEA_TRACK_CLASSES_MAX)) return -1;
+    return number == (double)(int32_t)number ? (int32_t)number : -1;
+}
+
+/* The next entry of a list that spaces separate; an underscore stands for a space within a label. False: none is left. */
+static bool next(const char **list, char entry[ENTRY_BYTES])
+{
+    *list += strspn(*list, " ");
+    const size_t length = strcspn(*list, " ");
+    snprintf(entry, ENTRY_BYTES, "%.*s", (int)(length < ENTRY_BYTES ? length : ENTRY_BYTES - 1), *list);
+    *list += length;
+    for (char *c = entry; *c != '\0'; c++)
+        if (*c == '_') *c = ' ';
+    return length > 0;
+}
+
+static enum fovea_status refuse(const char *key, const char *entry, const char *expected, struct fovea_error *error)
+{
+    char quoted[FOVEA_TEXT_QUOTED_BYTES];
+    return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: found %s, expected %s", key, fovea_text_quote(entry, quoted, sizeof quoted), expected);
+}
+
+enum fovea_status fv_classes_resolve(struct fv_settings *settings, const struct fv_model *model, struct fovea_error *error)
+{
+    struct fovea_track_config *track = &settings->runtime.track;
+    char entry[ENTRY_BYTES];
+    for (const char *list = settings->movable; next(&list, entry);) {
+        const int32_t c = class_of(model, entry);
+        if (c < 0) return refuse("track.movable", entry, "labels or numbers of the network's classes", error);
+        track->movable[c / 32] |= 1u << c % 32;
+    }
+    for (const char *list = settings->heights; next(&list, entry);) {
+        char *colon = strrchr(entry, ':');
+        double height;
+        if (colon == NULL || !fovea_text_number(colon + 1, &height) || !(height > 0 && height <= 100))
+            return refuse("track.heights", entry, "class:metres, up to 100", error);
+        *colon = '\0';
+        const int32_t c = class_of(model, entry);
+        if (c < 0) return refuse("track.heights", entry, "a label or number of the network's classes", error);
+        track->height_m[c] = (float)height;
+    }
+    return FOVEA_OK;
+}

@@ -1,0 +1,12 @@
+/* Lists of a network's classes in the configuration, by label or number: "person car", "person:1.7 0:0.22". Init-only. */
+#ifndef FOVEA_APP_CLASSES_H
+#define FOVEA_APP_CLASSES_H
+
+#include "app/settings.h"
+#include "nn/model.h"
+
+/* Fill settings->runtime.track's heights and movable classes from settings->heights and settings->movable. FOVEA_ERROR_INPUT: `error`
+ * begins with the key and names the entry. */
+enum fovea_status fv_classes_resolve(struct fv_settings *settings, const struct fv_model *model, struct fovea_error *error);
+
+#endif

@@ -1,0 +1,76 @@
+/* Matching by nearest centroids: of all pairs the nearest is matched, then the nearest of what is left, up to max_distance. */
+#include "track/track.h"
+
+static double distance2(const struct fv_track_slot *slot, const struct fovea_detection *d)
+{
+    /* Of where it was seen last: textbooks' centroid trackers do not predict. */
+    const double dx = 0.5 * ((double)d->x_min_px + (double)d->x_max_px) - 0.5 * ((double)slot->track.x_min_px + (double)slot->track.x_max_px);
+    const double dy = 0.5 * ((double)d->y_min_px + (double)d->y_max_px) - 0.5 * ((double)slot->track.y_min_px + (double)slot->track.y_max_px);
+    return dx * dx + dy * dy;
+}
+
+/* Nearest detection of the slot's class that is free, or -1. */
+static int32_t nearest(const struct fv_tracker *tracker, const struct fv_track_slot *slot, const struct fv_track_look *look, double *best)
+{
+    int32_t found = -1;
+    for (uint32_t d = 0; d < look->count; d++) {
+        if (tracker->taken[d] || look->detections[d].class_id != slot->track.class_id) continue;
+        const double distance = distance2(slot, &look->detections[d]);
+        if (found >= 0 && distance >= *best) continue;
+        *best = distance;
+        found = (int32_t)d;
+    }
+    return found;
+}
+
+/* A centroid tracker holds what it saw: no filter. */
+static void hold(struct fv_track_slot *slot)
+{
+    for (int k = 0; k < FV_TRACK_NUMBERS; k++) slot->box[k].v = 0;
+}
+
+static void restore(struct fv_track_slot *slot)
+{
+    const double x0 = (double)slot->track.x_min_px, y0 = (double)slot->track.y_min_px, x1 = (double)slot->track.x_max_px, y1 = (double)slot->track.y_max_px;
+    const double held[FV_TRACK_NUMBERS] = {0.5 * (x0 + x1), 0.5 * (y0 + y1), x1 - x0, y1 - y0};
+    for (int k = 0; k < FV_TRACK_NUMBERS; k++) slot->box[k].x = held[k];
+    hold(slot);
+}
+
+static void place_at(struct fv_track_slot *slot, const struct fovea_detection *d)
+{
+    const double x0 = (double)d->x_min_px, y0 = (double)d->y_min_px, x1 = (double)d->x_max_px, y1 = (double)d->y_max_px;
+    const double seen[FV_TRACK_NUMBERS] = {0.5 * (x0 + x1), 0.5 * (y0 + y1), x1 - x0, y1 - y0};
+    for (int k = 0; k < FV_TRACK_NUMBERS; k++) slot->box[k].x = seen[k];
+    hold(slot);
+}
+
+void fv_track_match_centroid(struct fv_tracker *tracker, const struct fv_track_look *look)
+{
+    const double limit = tracker->config->max_distance_px * tracker->config->max_distance_px;
+    const uint32_t slots = tracker->config->tracks_max;
+    for (uint32_t i = 0; i < slots; i++) {
+        if (tracker->slots[i].used) restore(&tracker->slots[i]);
+        tracker->column_of[i] = -2; /* nearest not known */
+    }
+    for (uint32_t round = 0; round < slots; round++) {
+        double least = limit;
+        int32_t slot = -1;
+        for (uint32_t i = 0; i < slots; i++) {
+            struct fv_track_slot *s = &tracker->slots[i];
+            if (!s->used || s->matched) continue;
+            double distance = 0;
+            int32_t *near = &tracker->column_of[i];
+            if (*near == -2 || (*near >= 0 && tracker->taken[*near])) *near = nearest(tracker, s, look, &distance);
+            if (*near < 0) continue;
+            distance = distance2(s, &look->detections[*near]);
+            if (slot >= 0 ? distance >= least : distance > least) continue;
+            least = distance;
+            slot = (int32_t)i;
+        }
+        if (slot < 0) return;
+        const int32_t d = tracker->column_of[slot];
+        fv_track_take(tracker, &tracker->slots[slot], look, (uint32_t)d);
+        place_at(&tracker->slots[slot], &look->detections[d]);
+    }
+}

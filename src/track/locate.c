@@ -1,0 +1,151 @@
+/* Where a track is in metres: from the height of its class, which gives the range, or from the floor, which its foot stands on. */
+#include "track/track.h"
+
+#include <string.h>
+
+#include "geometry/se3.h"
+
+static const double height_share = 0.1;       /* deviation of a class's height */
+static const double edge_share = 0.03;        /* deviation of a box's edge, of the box's height */
+static const double tilt_sigma_rad = 0.01;    /* of the camera over the floor */
+static const double range_max_m = 1000.0, walk_m_s = 1.0; /* a velocity gains so much within a second */
+
+struct place {
+    double at[3];         /* camera frame */
+    double along[3];      /* unit vector towards it */
+    double range_variance, across_variance;
+};
+
+static bool bearing(const struct fv_tracker *tracker, double x, double y, double b[3])
+{
+    const double pixel[2] = {x, y};
+    return fovea_camera_unproject(tracker->camera, pixel, b, NULL) == FOVEA_OK;
+}
+
+static double dot(const double a[3], const double b[3])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+static double edge_sigma_px(const struct fv_track_slot *slot)
+{
+    const double sigma = edge_share * slot->box[FV_TRACK_H].x;
+    return sigma > 0.5 ? sigma : 0.5;
+}
+
+/* Box cut by the image's border: its height and its foot are not to be trusted. */
+static bool is_cut(const struct fv_tracker *tracker, const struct fv_track_slot *slot)
+{
+    const struct fovea_track *t = &slot->track;
+    return t->x_min_px < 1.0f || t->y_min_px < 1.0f || t->x_max_px > (float)tracker->camera->width - 2.0f ||
+           t->y_max_px > (float)tracker->camera->height - 2.0f;
+}
+
+static bool by_size(const struct fv_tracker *tracker, const struct fv_track_slot *slot, double height_m, struct place *place)
+{
+    double top[3], bottom[3], middle[3];
+    const double x = slot->box[FV_TRACK_X].x, y = slot->box[FV_TRACK_Y].x, half = 0.5 * slot->box[FV_TRACK_H].x;
+    if (!bearing(tracker, x, y - half, top) || !bearing(tracker, x, y + half, bottom) || !bearing(tracker, x, y, middle)) return false;
+    const double difference[3] = {top[0] - bottom[0], top[1] - bottom[1], top[2] - bottom[2]};
+    const double chord = __builtin_sqrt(dot(difference, difference)); /* 2 sin of half the angle that the height fills */
+    if (!(chord > 1e-6)) return false;
+    const double half_sine = 0.5 * chord, half_cosine = __builtin_sqrt(1.0 - half_sine * half_sine);
+    const double range = 0.5 * height_m * half_cosine / half_sine;
+    const double share = 1.4 * edge_sigma_px(slot) / slot->box[FV_TRACK_H].x;
+    if (!(range < range_max_m)) return false;
+    const double across = edge_sigma_px(slot) / tracker->camera->fy * range;
+    memcpy(place->along, middle, sizeof middle);
+    for (int i = 0; i < 3; i++) place->at[i] = range * middle[i];
+    place->range_variance = range * range * (share * share + height_share * height_share);
+    place->across_variance = across * across;
+    return true;
+}
+
+static bool by_floor(const struct fv_tracker *tracker, const struct fv_track_slot *slot, struct place *place)
+{
+    double foot[3];
+    const double *T = tracker->T_base_cam;
+    if (!bearing(tracker, slot->box[FV_TRACK_X].x, slot->box[FV_TRACK_Y].x + 0.5 * slot->box[FV_TRACK_H].x, foot)) return false;
+    const double down = -(T[8] * foot[0] + T[9] * foot[1] + T[10] * foot[2]); /* sine of the angle below the horizon */
+    if (!(down > 0.02) || !(T[11] > 0.01)) return false;
+    const double range = T[11] / down;
+    if (!(range < range_max_m)) return false;
+    const double pixel_rad = edge_sigma_px(slot) / tracker->camera->fy, cosine = __builtin_sqrt(1.0 - down * down);
+    const double share = __builtin_sqrt(pixel_rad * pixel_rad + tilt_sigma_rad * tilt_sigma_rad) * cosine / down;
+    memcpy(place->along, foot, sizeof foot);
+    for (int i = 0; i < 3; i++) place->at[i] = range * foot[i];
+    place->range_variance = range * range * share * share;
+    place->across_variance = range * range * pixel_rad * pixel_rad;
+    return true;
+}
+
+/* Covariance across and along the ray, turned by R (NULL: camera frame). */
+static void covariance_of(const struct place *place, const double *T_world_cam, double full[9])
+{
+    double along[3];
+    for (int i = 0; i < 3; i++) {
+        along[i] = T_world_cam == NULL ? place->along[i] : dot((const double[3]){T_world_cam[4 * i], T_world_cam[4 * i + 1], T_world_cam[4 * i + 2]}, place->along);
+    }
+    for (int i = 0; i < 9; i++) {
+        full[i] = (place->range_variance - place->across_variance) * along[i / 3] * along[i % 3] + (i % 4 == 0 ? place->across_variance : 0.0);
+    }
+}
+
+static void upper(const double full[9], double covariance[6])
+{
+    static const int index[6] = {0, 1, 2, 4, 5, 8};
+    for (int i = 0; i < 6; i++) covariance[i] = full[index[i]];
+}
+
+static void filter_place(struct fv_track_slot *slot, const struct place *place, const struct fv_track_look *look)
+{
+    struct fv_se3 T;
+    double at[3], full[9];
+    fv_se3_from_rows(look->T_world_cam, &T);
+    fv_se3_apply(&T, place->at, at);
+    covariance_of(place, look->T_world_cam, full);
+    const bool goes_on = slot->has_place && slot->world == look->world;
+    const double dt_s = (double)(look->stamp_ns - slot->place_ns) * 1e-9;
+    for (int i = 0; i < 3; i++) {
+        if (goes_on) {
+            fv_filter_predict(&slot->place[i], dt_s, walk_m_s * walk_m_s);
+            fv_filter_update(&slot->place[i], at[i], full[4 * i]);
+        } else {
+            fv_filter_start(&slot->place[i], at[i], __builtin_sqrt(full[4 * i]), walk_m_s);
+        }
+    }
+    slot->has_place = 1;
+    slot->world = look->world;
+    slot->place_ns = look->stamp_ns;
+    /* The filter works axis by axis; the measurement's shape is kept, scaled to its variances. */
+    double shrink[3];
+    for (int i = 0; i < 3; i++) shrink[i] = __builtin_sqrt(slot->place[i].xx / full[4 * i]);
+    for (int i = 0; i < 9; i++) full[i] *= shrink[i / 3] * shrink[i % 3];
+    for (int i = 0; i < 3; i++) {
+        slot->track.position_m[i] = slot->place[i].x;
+        slot->track.velocity_m_s[i] = slot->place[i].v;
+    }
+    upper(full, slot->track.covariance_m2);
+    slot->track.located = 2;
+}
+
+void fv_track_locate(const struct fv_tracker *tracker, struct fv_track_slot *slot, const struct fv_track_look *look)
+{
+    const struct fovea_track_config *config = tracker->config;
+    const int32_t c = slot->track.class_id;
+    const double height_m = c >= 0 && c < FOVEA_TRACK_CLASSES_MAX ? (double)config->height_m[c] : 0.0;
+    struct place place;
+    slot->track.located = 0;
+    if (!slot->matched || (height_m <= 0.0 && !config->ground) || is_cut(tracker, slot)) return;
+    if (!(height_m > 0.0 && by_size(tracker, slot, height_m, &place)) && !(config->ground && by_floor(tracker, slot, &place))) return;
+    if (look->posed && look->metric) {
+        filter_place(slot, &place, look);
+        return;
+    }
+    double full[9];
+    covariance_of(&place, NULL, full);
+    upper(full, slot->track.covariance_m2);
+    memcpy(slot->track.position_m, place.at, sizeof place.at);
+    memset(slot->track.velocity_m_s, 0, sizeof slot->track.velocity_m_s);
+    slot->track.located = 1;
+}

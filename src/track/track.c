@@ -1,0 +1,278 @@
+#include "track/track.h"
+
+#include <string.h>
+
+/* Noise of a box in shares of its size: measurements of 5 %, a velocity that is unknown to two sizes per second at first and
+ * gains two sizes per second within a second (twice what DeepSORT and BoT-SORT take at 30 Hz: objects that turn). */
+static const double measured_share = 0.05, velocity_share = 2.0, drift_share = 2.0;
+/* Sizes change more slowly than places. */
+static const double size_velocity_share = 0.5, size_drift_share = 0.3;
+
+static double larger(double a, double b)
+{
+    return a > b ? a : b;
+}
+
+/* ---- memory ------------------------------------------------------------------------------------------------ */
+
+void fv_track_carve(struct fv_tracker *tracker, const struct fovea_track_config *config, const struct fovea_camera *camera,
+                    const double T_base_cam[12], struct fv_arena *persistent, struct fv_arena *frame)
+{
+    const size_t tracks = config->tracks_max;
+    tracker->config = config;
+    tracker->camera = camera;
+    tracker->T_base_cam = T_base_cam;
+    tracker->state = fv_arena_take(persistent, 1, sizeof *tracker->state);
+    tracker->slots = fv_arena_take(persistent, tracks, sizeof *tracker->slots);
+    tracker->list = fv_arena_take(persistent, tracks, sizeof *tracker->list);
+    tracker->cost = fv_arena_take(frame, tracks * FOVEA_DETECTIONS_MAX, sizeof *tracker->cost);
+    tracker->rows = fv_arena_take(frame, tracks, sizeof *tracker->rows);
+    tracker->columns = fv_arena_take(frame, FOVEA_DETECTIONS_MAX, sizeof *tracker->columns);
+    tracker->column_of = fv_arena_take(frame, tracks, sizeof *tracker->column_of);
+    tracker->sides = fv_arena_take(frame, FOVEA_DETECTIONS_MAX, sizeof *tracker->sides);
+    tracker->taken = fv_arena_take(frame, FOVEA_DETECTIONS_MAX, 1);
+    tracker->assign = fv_arena_take(frame, 1, sizeof *tracker->assign);
+}
+
+void fv_track_reset(struct fv_tracker *tracker)
+{
+    const uint64_t next_id = tracker->state->next_id, updates = tracker->state->updates;
+    memset(tracker->slots, 0, tracker->config->tracks_max * sizeof *tracker->slots);
+    *tracker->state = (struct fv_track_state){.next_id = next_id, .updates = updates};
+}
+
+/* ---- prediction -------------------------------------------------------------------------------------------- */
+
+static double size_of(const struct fv_track_slot *slot)
+{
+    return larger(0.5 * (slot->box[FV_TRACK_W].x + slot->box[FV_TRACK_H].x), 1.0);
+}
+
+/* Shift of a box's centre when the camera has turned: R takes bearings of the image before to this one's. */
+static void turn(const struct fv_tracker *tracker, struct fv_track_slot *slot, const double R[9])
+{
+    const double before[2] = {slot->box[FV_TRACK_X].x, slot->box[FV_TRACK_Y].x};
+    double b[3], turned[3], now[2];
+    if (fovea_camera_unproject(tracker->camera, before, b, NULL) != FOVEA_OK) return;
+    for (int i = 0; i < 3; i++) turned[i] = R[3 * i] * b[0] + R[3 * i + 1] * b[1] + R[3 * i + 2] * b[2];
+    if (fovea_camera_project(tracker->camera, turned, now, NULL) != FOVEA_OK) return;
+    slot->box[FV_TRACK_X].x = now[0];
+    slot->box[FV_TRACK_Y].x = now[1];
+}
+
+static void predict(struct fv_track_slot *slot, double dt_s)
+{
+    const double size = size_of(slot), drift = drift_share * size, size_drift = size_drift_share * size;
+    for (int k = 0; k < FV_TRACK_NUMBERS; k++) {
+        const bool is_place = k < FV_TRACK_W;
+        /* Unseen, a size is better left as it was: a box that shrank behind an edge would go on shrinking. */
+        if (!is_place && slot->track.unseen > 0) slot->box[k].v = 0;
+        fv_filter_predict(&slot->box[k], dt_s, is_place ? drift * drift : size_drift * size_drift);
+    }
+    slot->box[FV_TRACK_W].x = larger(slot->box[FV_TRACK_W].x, 1.0);
+    slot->box[FV_TRACK_H].x = larger(slot->box[FV_TRACK_H].x, 1.0);
+}
+
+/* R_now_before, and whether it is known. */
+static bool rotation_since(const struct fv_track_state *state, const struct fv_track_look *look, double R[9])
+{
+    if (!look->posed || !state->posed || look->world != state->world) return false;
+    for (int i = 0; i < 3; i++) {
+        for (int j = 0; j < 3; j++) {
+            double sum = 0;
+            for (int k = 0; k < 3; k++) sum += look->T_world_cam[4 * k + i] * state->R_world_cam[3 * k + j];
+            R[3 * i + j] = sum;
+        }
+    }
+    return true;
+}
+
+static void predict_all(struct fv_tracker *tracker, const struct fv_track_look *look)
+{
+    double R[9];
+    const struct fv_track_state *state = tracker->state;
+    const double dt_s = state->started ? (double)(look->stamp_ns - state->stamp_ns) * 1e-9 : 0.0;
+    const bool turned = rotation_since(state, look, R);
+    for (uint32_t i = 0; i < tracker->config->tracks_max; i++) {
+        struct fv_track_slot *slot = &tracker->slots[i];
+        slot->matched = 0;
+        if (!slot->used) continue;
+        if (turned) turn(tracker, slot, R);
+        predict(slot, dt_s);
+    }
+}
+
+/* ---- what a detection does --------------------------------------------------------------------------------- */
+
+struct measured {
+    double number[FV_TRACK_NUMBERS], sigma[FV_TRACK_NUMBERS];
+};
+
+static struct measured measure(const struct fovea_detection *d)
+{
+    const double x0 = (double)d->x_min_px, y0 = (double)d->y_min_px, x1 = (double)d->x_max_px, y1 = (double)d->y_max_px;
+    const double sigma = larger(measured_share * 0.5 * (x1 - x0 + y1 - y0), 0.5);
+    return (struct measured){{0.5 * (x0 + x1), 0.5 * (y0 + y1), x1 - x0, y1 - y0}, {sigma, sigma, 1.4 * sigma, 1.4 * sigma}};
+}
+
+void fv_track_take(struct fv_tracker *tracker, struct fv_track_slot *slot, const struct fv_track_look *look, uint32_t detection)
+{
+    const struct fovea_detection *d = &look->detections[detection];
+    const struct measured m = measure(d);
+    for (int k = 0; k < FV_TRACK_NUMBERS; k++) fv_filter_update(&slot->box[k], m.number[k], m.sigma[k] * m.sigma[k]);
+    slot->track.score = d->score;
+    slot->track.class_id = d->class_id;
+    slot->track.seen_ns = look->stamp_ns;
+    slot->track.hits++;
+    slot->track.unseen = 0;
+    slot->matched = 1;
+    tracker->taken[detection] = 1;
+}
+
+static void begin(struct fv_tracker *tracker, struct fv_track_slot *slot, const struct fv_track_look *look, uint32_t detection)
+{
+    const struct fovea_detection *d = &look->detections[detection];
+    const struct measured m = measure(d);
+    memset(slot, 0, sizeof *slot);
+    slot->used = slot->matched = 1;
+    slot->track = (struct fovea_track){.id = ++tracker->state->next_id, .class_id = d->class_id, .score = d->score,
+                                       .first_ns = look->stamp_ns, .seen_ns = look->stamp_ns, .hits = 1};
+    const double size = 0.5 * (m.number[FV_TRACK_W] + m.number[FV_TRACK_H]);
+    for (int k = 0; k < FV_TRACK_NUMBERS; k++) {
+        fv_filter_start(&slot->box[k], m.number[k], m.sigma[k], (k < FV_TRACK_W ? velocity_share : size_velocity_share) * size);
+    }
+    tracker->taken[detection] = 1;
+}
+
+/* ---- the pool ---------------------------------------------------------------------------------------------- */
+
+/* Whether `a` is given up before `b`; neither was seen in this look. */
+static bool weaker(const struct fv_track_slot *a, const struct fv_track_slot *b)
+{
+    const bool tentative_a = a->track.state == FOVEA_TRACK_TENTATIVE, tentative_b = b->track.state == FOVEA_TRACK_TENTATIVE;
+    if (tentative_a != tentative_b) return tentative_a;
+    if (a->track.unseen != b->track.unseen) return a->track.unseen > b->track.unseen;
+    if (a->track.hits != b->track.hits) return a->track.hits < b->track.hits;
+    return a->track.id > b->track.id;
+}
+
+/* A free slot, or that of the weakest track; NULL when all were seen just now. */
+static struct fv_track_slot *room(struct fv_tracker *tracker)
+{
+    struct fv_track_slot *weakest = NULL;
+    for (uint32_t i = 0; i < tracker->config->tracks_max; i++) {
+        struct fv_track_slot *slot = &tracker->slots[i];
+        if (!slot->used) return slot;
+        if (!slot->matched && (weakest == NULL || weaker(slot, weakest))) weakest = slot;
+    }
+    return weakest;
+}
+
+static void begin_new(struct fv_tracker *tracker, const struct fv_track_look *look)
+{
+    const struct fovea_track_config *config = tracker->config;
+    const double least = config->mode == FOVEA_TRACK_SORT ? config->score_new : 0.0;
+    for (uint32_t d = 0; d < look->count; d++) {
+        if (tracker->taken[d] || (double)look->detections[d].score < least) continue;
+        struct fv_track_slot *slot = room(tracker);
+        if (slot == NULL) return; /* detections come by falling score: none of the others has more right */
+        begin(tracker, slot, look, d);
+    }
+}
+
+/* ---- life -------------------------------------------------------------------------------------------------- */
+
+static bool is_over(const struct fv_tracker *tracker, const struct fv_track_slot *slot, int64_t stamp_ns)
+{
+    const struct fovea_track_config *config = tracker->config;
+    if (slot->matched) return false;
+    if (config->mode == FOVEA_TRACK_CENTROID) return slot->track.unseen > config->max_disappeared;
+    if (slot->track.state == FOVEA_TRACK_TENTATIVE) return true;
+    const double x = slot->box[FV_TRACK_X].x, y = slot->box[FV_TRACK_Y].x, size = size_of(slot);
+    const bool gone = x < -size || y < -size || x > tracker->camera->width + size || y > tracker->camera->height + size;
+    return gone || (double)(stamp_ns - slot->track.seen_ns) * 1e-9 > config->coast_s;
+}
+
+static void age(const struct fv_tracker *tracker, struct fv_track_slot *slot, int64_t stamp_ns)
+{
+    const uint32_t needed = tracker->config->mode == FOVEA_TRACK_SORT ? tracker->config->confirm_hits : 1;
+    if (!slot->matched) slot->track.unseen++;
+    if (is_over(tracker, slot, stamp_ns)) {
+        slot->used = 0;
+        slot->track.state = FOVEA_TRACK_ENDED;
+    } else if (slot->matched && slot->track.hits >= needed) {
+        slot->track.state = FOVEA_TRACK_CONFIRMED;
+    } else if (slot->track.state == FOVEA_TRACK_CONFIRMED) {
+        slot->track.state = FOVEA_TRACK_COASTING;
+    }
+}
+
+static void describe(struct fv_track_slot *slot)
+{
+    const struct fv_filter *box = slot->box;
+    const double w = 0.5 * box[FV_TRACK_W].x, h = 0.5 * box[FV_TRACK_H].x;
+    slot->track.x_min_px = (float)(box[FV_TRACK_X].x - w);
+    slot->track.x_max_px = (float)(box[FV_TRACK_X].x + w);
+    slot->track.y_min_px = (float)(box[FV_TRACK_Y].x - h);
+    slot->track.y_max_px = (float)(box[FV_TRACK_Y].x + h);
+    slot->track.x_px_s = (float)box[FV_TRACK_X].v;
+    slot->track.y_px_s = (float)box[FV_TRACK_Y].v;
+}
+
+/* Into the list, which is kept by rising id. */
+static void tell(struct fv_tracker *tracker, const struct fovea_track *track)
+{
+    uint32_t at = tracker->state->listed++;
+    for (; at > 0 && tracker->list[at - 1].id > track->id; at--) tracker->list[at] = tracker->list[at - 1];
+    tracker->list[at] = *track;
+}
+
+void fv_track_update(struct fv_tracker *tracker, const struct fv_track_look *look)
+{
+    struct fv_track_state *state = tracker->state;
+    if (state->started && state->stamp_ns >= look->stamp_ns) return;
+    memset(tracker->taken, 0, look->count);
+    predict_all(tracker, look);
+    if (tracker->config->mode == FOVEA_TRACK_SORT) fv_track_match_sort(tracker, look);
+    else fv_track_match_centroid(tracker, look);
+    begin_new(tracker, look);
+    state->listed = 0;
+    for (uint32_t i = 0; i < tracker->config->tracks_max; i++) {
+        struct fv_track_slot *slot = &tracker->slots[i];
+        if (!slot->used) continue;
+        const bool was_believed = slot->track.state != FOVEA_TRACK_TENTATIVE;
+        age(tracker, slot, look->stamp_ns);
+        describe(slot);
+        fv_track_locate(tracker, slot, look);
+        if (slot->track.state != FOVEA_TRACK_ENDED || was_believed) tell(tracker, &slot->track);
+    }
+    state->updates++;
+    state->started = 1;
+    state->stamp_ns = look->stamp_ns;
+    state->sequence = look->sequence;
+    state->posed = look->posed;
+    state->world = look->world;
+    for (int i = 0; i < 9; i++) state->R_world_cam[i] = look->T_world_cam[i / 3 * 4 + i % 3];
+}
+
+/* ---- what is told ------------------------------------------------------------------------------------------ */
+
+void fv_track_get(const struct fv_tracker *tracker, struct fovea_tracks *tracks)
+{
+    const struct fv_track_state *state = tracker->state;
+    *tracks = (struct fovea_tracks){.updates = state->updates, .stamp_ns = state->stamp_ns, .sequence = state->sequence,
+                                    .count = state->listed, .list = tracker->list};
+}
+
+uint32_t fv_track_movable(const struct fv_tracker *tracker, float (*boxes)[4], uint32_t capacity)
+{
+    uint32_t count = 0;
+    for (uint32_t i = 0; i < tracker->config->tracks_max && count < capacity; i++) {
+        const struct fovea_track *t = &tracker->slots[i].track;
+        const int32_t c = t->class_id;
+        if (!tracker->slots[i].used || c < 0 || c >= FOVEA_TRACK_CLASSES_MAX || (tracker->config->movable[c / 32] >> c % 32 & 1) == 0) continue;
+        const float box[4] = {t->x_min_px, t->y_min_px, t->x_max_px, t->y_max_px};
+        memcpy(boxes[count++], box, sizeof box);
+    }
+    return count;
+}

@@ -1,0 +1,475 @@
+/* The tracker: ids through crossings, gaps and turns of the camera; life cycle; the pool; places in metres; its time. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include "fovea/elementary.h"
+#include "fovea/fovea.h"
+#include "geometry/se3.h"
+#include "track/track.h"
+
+enum { WIDTH = 640, HEIGHT = 480 };
+
+static struct fovea_camera camera;
+static struct fovea_track_config config;
+static double T_base_cam[12];
+static struct fv_tracker tracker;
+static void *block;
+
+static int setup(void **state)
+{
+    (void)state;
+    struct fovea_error error;
+    struct fovea_config all;
+    fovea_config_default(&all);
+    config = all.track;
+    memcpy(T_base_cam, all.T_base_cam, sizeof T_base_cam);
+    camera = (struct fovea_camera){.width = WIDTH, .height = HEIGHT, .fx = 400, .fy = 400, .cx = 319.5, .cy = 239.5};
+    return fovea_camera_prepare(&camera, &error) == FOVEA_OK ? 0 : -1;
+}
+
+static void make(void)
+{
+    struct fv_arena count, build;
+    fv_arena_count(&count);
+    fv_track_carve(&tracker, &config, &camera, T_base_cam, &count, &count);
+    block = aligned_alloc(64, count.used);
+    fv_arena_init(&build, block, count.used);
+    fv_track_carve(&tracker, &config, &camera, T_base_cam, &build, &build);
+    assert_false(build.exhausted);
+}
+
+static struct fovea_detection box(double x, double y, double w, double h, double score)
+{
+    return (struct fovea_detection){(float)(x - w / 2), (float)(y - h / 2), (float)(x + w / 2), (float)(y + h / 2), (float)score, 0};
+}
+
+/* A look at 30 Hz; the tracks after it. */
+static struct fovea_tracks look(int frame, const struct fovea_detection *found, uint32_t count)
+{
+    struct fv_track_look l = {.stamp_ns = (int64_t)(frame + 1) * 33333333, .sequence = (uint64_t)frame, .detections = found, .count = count};
+    struct fovea_tracks tracks;
+    fv_track_update(&tracker, &l);
+    fv_track_get(&tracker, &tracks);
+    return tracks;
+}
+
+/* The track in the list that overlaps a box by half and more; 0: none. */
+static uint64_t id_at(const struct fovea_tracks *tracks, const struct fovea_detection *d)
+{
+    for (uint32_t i = 0; i < tracks->count; i++) {
+        const struct fovea_track *t = &tracks->list[i];
+        const float w = (t->x_max_px < d->x_max_px ? t->x_max_px : d->x_max_px) - (t->x_min_px > d->x_min_px ? t->x_min_px : d->x_min_px);
+        const float h = (t->y_max_px < d->y_max_px ? t->y_max_px : d->y_max_px) - (t->y_min_px > d->y_min_px ? t->y_min_px : d->y_min_px);
+        const float area = (d->x_max_px - d->x_min_px) * (d->y_max_px - d->y_min_px);
+        if (t->state == FOVEA_TRACK_CONFIRMED && w > 0 && h > 0 && w * h > 0.5f * area) return t->id;
+    }
+    return 0;
+}
+
+/* ---- life ---------------------------------------------------------------------------------------------------- */
+
+static void tracks_live_and_end(void **state)
+{
+    (void)state;
+    make();
+    struct fovea_tracks t;
+    for (int f = 0; f < 5; f++) {
+        const struct fovea_detection d = box(100 + 4 * f, 100, 40, 60, 0.9);
+        t = look(f, &d, 1);
+        assert_int_equal(t.count, 1);
+        assert_int_equal(t.list[0].id, 1);
+        assert_int_equal(t.list[0].state, f < 2 ? FOVEA_TRACK_TENTATIVE : FOVEA_TRACK_CONFIRMED);
+    }
+    assert_in_range((int)t.list[0].x_px_s, 80, 140);
+    assert_int_equal(t.list[0].hits, 5);
+    int f = 5;
+    for (; f < 80; f++) {
+        t = look(f, NULL, 0);
+        assert_int_equal(t.count, 1);
+        if (t.list[0].state == FOVEA_TRACK_ENDED) break;
+        assert_int_equal(t.list[0].state, FOVEA_TRACK_COASTING);
+        assert_int_equal(t.list[0].unseen, f - 4);
+    }
+    assert_in_range(f, 64, 66); /* two seconds after frame 4 */
+    t = look(f + 1, NULL, 0);
+    assert_int_equal(t.count, 0);
+    /* Seen once and never again: never told as ended. A new one has a new id. */
+    const struct fovea_detection d = box(300, 300, 40, 60, 0.9);
+    t = look(f + 2, &d, 1);
+    assert_int_equal(t.list[0].id, 2);
+    t = look(f + 3, NULL, 0);
+    assert_int_equal(t.count, 0);
+    fv_track_reset(&tracker);
+    t = look(0, &d, 1); /* time may start anew, ids do not */
+    assert_int_equal(t.list[0].id, 3);
+    free(block);
+}
+
+static void uncertain_detections_hold_a_track_but_start_none(void **state)
+{
+    (void)state;
+    make();
+    struct fovea_tracks t;
+    for (int f = 0; f < 20; f++) {
+        const struct fovea_detection d[2] = {box(100 + 2 * f, 100, 40, 60, f < 5 ? 0.9 : 0.2), box(400, 300, 50, 50, 0.3)};
+        t = look(f, d, 2);
+        assert_int_equal(t.count, 1);
+    }
+    assert_int_equal(t.list[0].state, FOVEA_TRACK_CONFIRMED);
+    assert_int_equal(t.list[0].hits, 20);
+    free(block);
+}
+
+static void classes_do_not_mix(void **state)
+{
+    (void)state;
+    make();
+    struct fovea_tracks t;
+    for (int f = 0; f < 10; f++) {
+        struct fovea_detection d = box(100, 100, 40, 60, 0.9);
+        d.class_id = f < 5 ? 1 : 2;
+        t = look(f, &d, 1);
+    }
+    assert_int_equal(t.count, 2);
+    assert_true(t.list[0].class_id == 1 && t.list[0].state == FOVEA_TRACK_COASTING);
+    assert_true(t.list[1].class_id == 2 && t.list[1].state == FOVEA_TRACK_CONFIRMED);
+    free(block);
+}
+
+static void a_full_pool_gives_up_its_weakest(void **state)
+{
+    (void)state;
+    config.tracks_max = 3;
+    make();
+    const struct fovea_detection first[4] = {box(50, 50, 30, 30, 0.9), box(150, 50, 30, 30, 0.9), box(250, 50, 30, 30, 0.9), box(350, 50, 30, 30, 0.8)};
+    struct fovea_tracks t;
+    for (int f = 0; f < 4; f++) t = look(f, first, 4);
+    assert_int_equal(t.count, 3); /* all seen just now: none goes */
+    assert_int_equal(id_at(&t, &first[3]), 0);
+    for (int f = 4; f < 8; f++) t = look(f, first + 1, 3);
+    assert_int_equal(t.count, 3);
+    assert_int_equal(id_at(&t, &first[1]), 2);
+    assert_int_equal(id_at(&t, &first[2]), 3);
+    assert_int_equal(id_at(&t, &first[3]), 4);
+    config.tracks_max = 128;
+    free(block);
+}
+
+/* ---- identity ------------------------------------------------------------------------------------------------ */
+
+/* Scenes of objects of one class that cross each other's ways; behind a pillar none is seen. True boxes, shaken by a pixel. */
+static void crossings_and_occlusions_keep_ids(void **state)
+{
+    (void)state;
+    enum { SCENES = 20, OBJECTS = 5, FRAMES = 300 };
+    int gaps = 0, crossings = 0;
+    for (int scene = 0; scene < SCENES; scene++) {
+        struct fovea_random random;
+        double at[OBJECTS][2], v[OBJECTS][2], size[OBJECTS];
+        uint64_t ids[OBJECTS] = {0};
+        bool hidden[OBJECTS] = {false};
+        fovea_random_seed(&random, (uint64_t)scene);
+        for (int i = 0; i < OBJECTS; i++) {
+            size[i] = 24 + fovea_random_below(&random, 50);
+            for (int k = 0; k < 2; k++) {
+                at[i][k] = size[i] + fovea_random_below(&random, (uint32_t)((k == 0 ? WIDTH : HEIGHT) - 2 * (int)size[i]));
+                v[i][k] = (double)fovea_random_below(&random, 120) / 20.0 - 3.0;
+            }
+            if (__builtin_fabs(v[i][0]) < 1) v[i][0] = v[i][0] < 0 ? -1 : 1; /* through the pillar within 1.4 s */
+        }
+        make();
+        for (int f = 0; f < FRAMES; f++) {
+            struct fovea_detection seen[OBJECTS];
+            int who[OBJECTS];
+            uint32_t count = 0;
+            for (int i = 0; i < OBJECTS; i++) {
+                for (int k = 0; k < 2; k++) {
+                    at[i][k] += v[i][k];
+                    const double wall = k == 0 ? WIDTH : HEIGHT;
+                    if (hidden[i]) continue;
+                    if (at[i][k] < size[i] / 2 || at[i][k] > wall - size[i] / 2) v[i][k] = -v[i][k];
+                }
+                const bool behind = at[i][0] > 300 && at[i][0] < 340; /* the pillar */
+                gaps += hidden[i] && !behind;
+                hidden[i] = behind;
+                if (behind) continue;
+                const double shake[2] = {(double)fovea_random_below(&random, 21) / 10 - 1, (double)fovea_random_below(&random, 21) / 10 - 1};
+                who[count] = i;
+                seen[count++] = box(at[i][0] + shake[0], at[i][1] + shake[1], size[i], 1.5 * size[i], 0.9 + 0.01 * i);
+                for (int j = 0; j < i; j++) {
+                    crossings += !hidden[j] && __builtin_fabs(at[i][0] - at[j][0]) < 5 && __builtin_fabs(at[i][1] - at[j][1]) < 5;
+                }
+            }
+            const struct fovea_tracks t = look(f, seen, count);
+            for (uint32_t d = 0; d < count; d++) { /* its score tells which detection a track took */
+                uint64_t id = 0;
+                for (uint32_t k = 0; k < t.count; k++) {
+                    if (t.list[k].state == FOVEA_TRACK_CONFIRMED && t.list[k].score == seen[d].score) id = t.list[k].id;
+                }
+                if (id == 0) continue; /* tentative */
+                if (ids[who[d]] == 0) ids[who[d]] = id;
+                if (ids[who[d]] != id) fail_msg("scene %d, frame %d, object %d: found id %d, expected %d", scene, f, who[d], (int)id, (int)ids[who[d]]);
+            }
+        }
+        for (int i = 0; i < OBJECTS; i++) {
+            assert_true(ids[i] > 0);
+            for (int j = 0; j < i; j++) assert_true(ids[i] != ids[j]);
+        }
+        free(block);
+    }
+    printf("%d scenes: %d times behind the pillar, %d frames with two objects in one place, no switch\n", SCENES, gaps, crossings);
+    assert_true(gaps > 50 && crossings > 5);
+}
+
+/* The camera swings by 40 px per frame and back: without its pose the boxes are lost, with it they are not. */
+static uint64_t swing(bool posed)
+{
+    make();
+    uint64_t id = 0;
+    for (int f = 0; f < 60; f++) {
+        const double angle = 0.3 * fovea_sin(0.35 * f), rotation[3] = {0, angle, 0};
+        struct fv_track_look l = {.stamp_ns = (int64_t)(f + 1) * 33333333, .posed = posed};
+        double R[9], pixel[2];
+        const double world[3] = {0.05, 0, 2};
+        fv_so3_exp(rotation, R);
+        double p[3];
+        for (int i = 0; i < 3; i++) {
+            for (int j = 0; j < 3; j++) l.T_world_cam[4 * i + j] = R[3 * i + j];
+            p[i] = R[i] * world[0] + R[3 + i] * world[1] + R[6 + i] * world[2];
+        }
+        assert_int_equal(fovea_camera_project(&camera, p, pixel, NULL), FOVEA_OK);
+        const struct fovea_detection d = box(pixel[0], pixel[1], 20, 20, 0.9);
+        l.detections = &d;
+        l.count = 1;
+        fv_track_update(&tracker, &l);
+        struct fovea_tracks t;
+        fv_track_get(&tracker, &t);
+        id = t.list[t.count - 1].id;
+        if (posed && f > 10) assert_true(__builtin_fabs((double)t.list[0].x_px_s) < 60);
+    }
+    free(block);
+    return id;
+}
+
+static void turns_of_the_camera_are_taken_out(void **state)
+{
+    (void)state;
+    assert_int_equal(swing(true), 1);
+    assert_true(swing(false) > 1);
+}
+
+static bool read_truth(const char *path, double (*boxes)[4], int *count)
+{
+    FILE *file = fopen(path, "r");
+    if (file == NULL) return false;
+    double *b = boxes[0];
+    for (*count = 0; *count < 2000 && fscanf(file, "%lf%*[, \t]%lf%*[, \t]%lf%*[, \t]%lf", b, b + 1, b + 2, b + 3) == 4; b += 4) ++*count;
+    fclose(file);
+    return true;
+}
+
+static void one_pedestrian_seen_every_third_frame_is_one_track(void **state)
+{
+    (void)state;
+    static double boxes[2001][4];
+    char path[512];
+    int count;
+    const char *data = getenv("FOVEA_DATA");
+    snprintf(path, sizeof path, "%s/tracking_crossing/groundtruth_rect.txt", data != NULL ? data : "../shared/data");
+    if (!read_truth(path, boxes, &count)) {
+        printf("SKIPPED tracking_crossing: no %s\n", path);
+        return;
+    }
+    assert_int_equal(count, 120);
+    for (int mode = FOVEA_TRACK_SORT; mode <= FOVEA_TRACK_CENTROID; mode++) {
+        config.mode = mode;
+        make();
+        for (int f = 0; f < count; f += 3) {
+            const struct fovea_detection d = box(boxes[f][0] + boxes[f][2] / 2, boxes[f][1] + boxes[f][3] / 2, boxes[f][2], boxes[f][3], 0.9);
+            const struct fovea_tracks t = look(f, &d, 1);
+            assert_int_equal(t.count, 1);
+            assert_int_equal(t.list[0].id, 1);
+        }
+        free(block);
+    }
+    config.mode = FOVEA_TRACK_SORT;
+}
+
+static void centroids_match_up_to_a_distance(void **state)
+{
+    (void)state;
+    config.mode = FOVEA_TRACK_CENTROID;
+    config.max_distance_px = 30;
+    config.max_disappeared = 3;
+    make();
+    const struct fovea_detection a[2] = {box(100, 100, 20, 20, 0.9), box(140, 100, 20, 20, 0.9)};
+    const struct fovea_detection b[2] = {box(125, 100, 20, 20, 0.9), box(160, 100, 20, 20, 0.9)}; /* nearest pairs first: 15, then 25 is too far from... */
+    struct fovea_tracks t = look(0, a, 2);
+    assert_int_equal(t.count, 2);
+    assert_int_equal(t.list[0].state, FOVEA_TRACK_CONFIRMED);
+    t = look(1, b, 2);
+    assert_int_equal(id_at(&t, &b[0]), 2); /* 15 px from the second, 25 from the first */
+    assert_int_equal(id_at(&t, &b[1]), 3); /* 60 px from the first: another */
+    for (int f = 2; f < 5; f++) t = look(f, b, 2);
+    assert_int_equal(t.list[0].id, 1);
+    assert_int_equal(t.list[0].state, FOVEA_TRACK_ENDED); /* the fourth look without it */
+    t = look(5, b, 2);
+    assert_int_equal(t.count, 2);
+    config.mode = FOVEA_TRACK_SORT;
+    config.max_distance_px = 60;
+    config.max_disappeared = 20;
+    free(block);
+}
+
+/* ---- metres -------------------------------------------------------------------------------------------------- */
+
+/* A ball 0.5 m high flies past a camera that moves; its place, velocity and covariance must hold the truth. */
+static void places_are_in_metres(void **state)
+{
+    (void)state;
+    config.height_m[0] = 0.5f;
+    make();
+    struct fovea_tracks t = {0};
+    double truth[3] = {0};
+    for (int f = 0; f < 60; f++) {
+        struct fv_track_look l = {.stamp_ns = (int64_t)(f + 1) * 33333333, .posed = true, .metric = true, .T_world_cam = {1, 0, 0, 0.01 * f, 0, 1, 0, 0, 0, 0, 1, 0}};
+        truth[0] = -1 + 0.03 * f;
+        truth[1] = 0.3;
+        truth[2] = 5 - 0.02 * f;
+        const double p[3] = {truth[0] - 0.01 * f, truth[1], truth[2]}, top[3] = {p[0], p[1] - 0.25, p[2]}, low[3] = {p[0], p[1] + 0.25, p[2]};
+        double a[2], b[2];
+        fovea_camera_project(&camera, top, a, NULL);
+        fovea_camera_project(&camera, low, b, NULL);
+        const struct fovea_detection d = box(a[0], 0.5 * (a[1] + b[1]), b[1] - a[1], b[1] - a[1], 0.9);
+        l.detections = &d;
+        l.count = 1;
+        fv_track_update(&tracker, &l);
+        fv_track_get(&tracker, &t);
+    }
+    assert_int_equal(t.list[0].located, 2);
+    static const int diagonal[3] = {0, 3, 5};
+    for (int i = 0; i < 3; i++) {
+        const double sigma = __builtin_sqrt(t.list[0].covariance_m2[diagonal[i]]), off = t.list[0].position_m[i] - truth[i];
+        if (!(off * off < 9 * sigma * sigma && sigma < 0.5)) fail_msg("axis %d: off by %g m, sigma %g m", i, off, sigma);
+    }
+    assert_true(__builtin_fabs(t.list[0].velocity_m_s[0] - 0.9) < 0.2 && __builtin_fabs(t.list[0].velocity_m_s[2] + 0.6) < 0.3);
+    config.height_m[0] = 0;
+    free(block);
+}
+
+static void the_floor_gives_a_place(void **state)
+{
+    (void)state;
+    /* Base: x forward, y left, z up; the camera one metre over the floor, level. */
+    const double level[12] = {0, 0, 1, 0, -1, 0, 0, 0, 0, -1, 0, 1.0};
+    memcpy(T_base_cam, level, sizeof level);
+    config.ground = true;
+    make();
+    const double foot[3] = {0.5, 1.0, 4.0}; /* camera frame: on the floor, 4 m ahead */
+    double pixel[2];
+    fovea_camera_project(&camera, foot, pixel, NULL);
+    const struct fovea_detection d = box(pixel[0], pixel[1] - 40, 30, 80, 0.9);
+    const struct fovea_tracks t = look(0, &d, 1);
+    assert_int_equal(t.list[0].located, 1);
+    for (int i = 0; i < 3; i++) assert_true(__builtin_fabs(t.list[0].position_m[i] - foot[i]) < 0.01);
+    assert_true(t.list[0].covariance_m2[5] > t.list[0].covariance_m2[0]); /* depth is less certain */
+    config.ground = false;
+    const double still[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
+    memcpy(T_base_cam, still, sizeof still);
+    free(block);
+}
+
+static void boxes_of_movable_classes_are_told(void **state)
+{
+    (void)state;
+    float boxes[4][4];
+    config.movable[0] = 1u << 2;
+    make();
+    struct fovea_detection d[2] = {box(100, 100, 40, 60, 0.9), box(300, 200, 40, 60, 0.9)};
+    d[1].class_id = 2;
+    look(0, d, 2);
+    assert_int_equal(fv_track_movable(&tracker, boxes, 4), 1);
+    assert_true(boxes[0][0] == 280.0f && boxes[0][3] == 230.0f);
+    config.movable[0] = 0;
+    free(block);
+}
+
+/* ---- time ---------------------------------------------------------------------------------------------------- */
+
+static int64_t cpu_ns(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+    return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
+}
+
+static void a_hundred_objects_take_a_fifth_of_a_millisecond(void **state)
+{
+    (void)state;
+    enum { OBJECTS = 100, FRAMES = 200 };
+    static int64_t took[FRAMES];
+    make();
+    struct fovea_random random;
+    fovea_random_seed(&random, 9);
+    double at[OBJECTS][2], v[OBJECTS][2];
+    for (int i = 0; i < OBJECTS; i++) {
+        at[i][0] = fovea_random_below(&random, WIDTH), at[i][1] = fovea_random_below(&random, HEIGHT);
+        for (int k = 0; k < 2; k++) v[i][k] = (double)fovea_random_below(&random, 80) / 20.0 - 2.0;
+    }
+    struct fovea_tracks t = {0};
+    for (int f = 0; f < FRAMES; f++) {
+        struct fovea_detection d[OBJECTS];
+        const double rotation[3] = {0, 0.002 * f, 0};
+        double R[9];
+        struct fv_track_look l = {.stamp_ns = (int64_t)(f + 1) * 33333333, .detections = d, .count = OBJECTS, .posed = true};
+        fv_so3_exp(rotation, R);
+        for (int i = 0; i < 9; i++) l.T_world_cam[i / 3 * 4 + i % 3] = R[i];
+        for (int i = 0; i < OBJECTS; i++) {
+            for (int k = 0; k < 2; k++) {
+                at[i][k] += v[i][k];
+                if (at[i][k] < 0 || at[i][k] > (k == 0 ? WIDTH : HEIGHT)) v[i][k] = -v[i][k];
+            }
+            d[i] = box(at[i][0] - 0.8 * f, at[i][1], 30, 40, 0.9);
+        }
+        const int64_t begin = cpu_ns();
+        fv_track_update(&tracker, &l);
+        took[f] = cpu_ns() - begin;
+        fv_track_get(&tracker, &t);
+    }
+    assert_in_range(t.count, 90, 128);
+    for (int i = 1; i < FRAMES; i++)
+        for (int j = i; j > 0 && took[j - 1] > took[j]; j--) {
+            const int64_t swap = took[j];
+            took[j] = took[j - 1];
+            took[j - 1] = swap;
+        }
+    printf("100 objects: median %.3f ms, 90th percentile %.3f ms\n", (double)took[FRAMES / 2] * 1e-6, (double)took[FRAMES * 9 / 10] * 1e-6);
+    if (getenv("FOVEA_TIMED") != NULL) assert_true(took[FRAMES / 2] <= 200000);
+    free(block);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(tracks_live_and_end),
+        cmocka_unit_test(uncertain_detections_hold_a_track_but_start_none),
+        cmocka_unit_test(classes_do_not_mix),
+        cmocka_unit_test(a_full_pool_gives_up_its_weakest),
+        cmocka_unit_test(crossings_and_occlusions_keep_ids),
+        cmocka_unit_test(turns_of_the_camera_are_taken_out),
+        cmocka_unit_test(one_pedestrian_seen_every_third_frame_is_one_track),
+        cmocka_unit_test(centroids_match_up_to_a_distance),
+        cmocka_unit_test(places_are_in_metres),
+        cmocka_unit_test(the_floor_gives_a_place),
+        cmocka_unit_test(boxes_of_movable_classes_are_told),
+        cmocka_unit_test(a_hundred_objects_take_a_fifth_of_a_millisecond),
+    };
+    return cmocka_run_group_tests(tests, setup, NULL);
+}
