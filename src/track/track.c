@@ -6,7 +6,7 @@
  * gains two sizes per second within a second (twice what DeepSORT and BoT-SORT take at 30 Hz: objects that turn). */
 static const double measured_share = 0.05, velocity_share = 2.0, drift_share = 2.0;
 /* Sizes change more slowly than places. */
-static const double size_velocity_share = 0.5, size_drift_share = 0.3;
+static const double size_velocity_share = 0.3, size_drift_share = 0.2;
 
 static double larger(double a, double b)
 {
@@ -66,7 +66,7 @@ static void predict(struct fv_track_slot *slot, double dt_s)
     for (int k = 0; k < FV_TRACK_NUMBERS; k++) {
         const bool is_place = k < FV_TRACK_W;
         /* Unseen, a size is better left as it was: a box that shrank behind an edge would go on shrinking. */
-        if (!is_place && slot->track.unseen > 0) slot->box[k].v = 0;
+        if (!is_place && slot->track.unseen > 0) slot->box[k].v = slot->box[k].vv = slot->box[k].xv = 0;
         fv_filter_predict(&slot->box[k], dt_s, is_place ? drift * drift : size_drift * size_drift);
     }
     slot->box[FV_TRACK_W].x = larger(slot->box[FV_TRACK_W].x, 1.0);

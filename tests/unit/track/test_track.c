@@ -168,21 +168,20 @@ static void a_full_pool_gives_up_its_weakest(void **state)
 static void crossings_and_occlusions_keep_ids(void **state)
 {
     (void)state;
-    enum { SCENES = 20, OBJECTS = 5, FRAMES = 300 };
+    enum { SCENES = 20, OBJECTS = 8, FRAMES = 300 };
     int gaps = 0, crossings = 0;
     for (int scene = 0; scene < SCENES; scene++) {
         struct fovea_random random;
-        double at[OBJECTS][2], v[OBJECTS][2], size[OBJECTS];
+        double at[OBJECTS][2], speed[OBJECTS], wave[OBJECTS][4], size[OBJECTS];
         uint64_t ids[OBJECTS] = {0};
         bool hidden[OBJECTS] = {false};
         fovea_random_seed(&random, (uint64_t)scene);
         for (int i = 0; i < OBJECTS; i++) {
             size[i] = 24 + fovea_random_below(&random, 50);
-            for (int k = 0; k < 2; k++) {
-                at[i][k] = size[i] + fovea_random_below(&random, (uint32_t)((k == 0 ? WIDTH : HEIGHT) - 2 * (int)size[i]));
-                v[i][k] = (double)fovea_random_below(&random, 120) / 20.0 - 3.0;
-            }
-            if (__builtin_fabs(v[i][0]) < 1) v[i][0] = v[i][0] < 0 ? -1 : 1; /* through the pillar within 1.4 s */
+            at[i][0] = size[i] + fovea_random_below(&random, WIDTH - 2 * (uint32_t)size[i]);
+            /* To and fro at 1 to 3 px per frame, so through the pillar within 1.4 s; up and down in gentle waves. */
+            speed[i] = (1.0 + fovea_random_below(&random, 100) / 50.0) * (fovea_random_below(&random, 2) == 0 ? 1 : -1);
+            for (int k = 0; k < 4; k++) wave[i][k] = fovea_random_below(&random, 1000) / 1000.0;
         }
         make();
         for (int f = 0; f < FRAMES; f++) {
@@ -190,12 +189,9 @@ static void crossings_and_occlusions_keep_ids(void **state)
             int who[OBJECTS];
             uint32_t count = 0;
             for (int i = 0; i < OBJECTS; i++) {
-                for (int k = 0; k < 2; k++) {
-                    at[i][k] += v[i][k];
-                    const double wall = k == 0 ? WIDTH : HEIGHT;
-                    if (hidden[i]) continue;
-                    if (at[i][k] < size[i] / 2 || at[i][k] > wall - size[i] / 2) v[i][k] = -v[i][k];
-                }
+                at[i][0] += speed[i];
+                if (at[i][0] < size[i] / 2 || at[i][0] > WIDTH - size[i] / 2) speed[i] = -speed[i];
+                at[i][1] = 120 + 240 * wave[i][0] + (20 + 20 * wave[i][1]) * fovea_sin(6.28 * wave[i][2] + f * (0.01 + 0.02 * wave[i][3]));
                 const bool behind = at[i][0] > 300 && at[i][0] < 340; /* the pillar */
                 gaps += hidden[i] && !behind;
                 hidden[i] = behind;
