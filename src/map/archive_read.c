@@ -334,6 +334,7 @@ static void mend(struct fv_map *map)
     for (uint32_t k = 0; k < map->limits.keyframes; k++)
         if (map->keyframes[k].used) mend_keyframe(map, k);
     map->state->free_count = 0;
+    map->state->landmark_top = map->limits.landmarks;
     for (uint32_t i = map->limits.landmarks; i-- > 0;) {
         struct fv_landmark *l = &map->landmarks[i];
         if (l->used && l->observer_count == 0) {

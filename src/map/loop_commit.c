@@ -147,7 +147,7 @@ static void fv_correct_map(struct fv_loop *loop, const struct fv_map *map, uint3
 
 static void fv_apply_corrections(const struct fv_loop *loop, struct fv_map *map)
 {
-    for (uint32_t i = 0; i < map->limits.landmarks; i++) {
+    for (uint32_t i = 0; i < map->state->landmark_top; i++) {
         struct fv_landmark *l = &map->landmarks[i];
         if (!l->used || l->observer_count == 0) continue;
         const uint32_t k = l->observers[0].keyframe;

@@ -172,6 +172,7 @@ int32_t fv_map_add_landmark(struct fv_map *map, const double point[3], uint64_t 
     l->expected = l->found = 1;
     fv_copy3(point, l->point);
     map->state->landmark_count++;
+    if (slot >= map->state->landmark_top) map->state->landmark_top = slot + 1;
     return (int32_t)slot;
 }
 

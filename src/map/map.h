@@ -113,6 +113,8 @@ struct fv_map_state {
     uint32_t hand;       /* landmark slot at which the search for room goes on */
     uint32_t odom_id; /* of the frame that poses are published in; that of the map that began it */
     uint32_t left_count; /* maps left, modulo FV_MAP_WORLDS_MAX the next one's place */
+    uint32_t landmark_top; /* slots from here on were never used: passes over all landmarks end here */
+    uint32_t reserved;
     struct fv_sim3 S_map_odom; /* of the current map */
     struct fv_map_odom left[FV_MAP_WORLDS_MAX];
 };

@@ -183,7 +183,7 @@ static void fv_move_landmarks(const struct fv_window_state *s, struct fv_map *ma
     struct fv_se3 corrections[FV_WINDOW_POSES_MAX];
     for (uint32_t i = 0; i < s->pose_count; i++)
         fv_correction(&s->poses[i], &corrections[i]);
-    for (uint32_t slot = 0; slot < map->limits.landmarks; slot++) {
+    for (uint32_t slot = 0; slot < map->state->landmark_top; slot++) {
         struct fv_landmark *l = &map->landmarks[slot];
         if (!l->used || l->mark == map->state->mark || l->observer_count == 0) continue;
         int32_t i = fv_pose_of(s, l->observers[0].keyframe);

@@ -263,7 +263,7 @@ bool fv_odometry_grow_unit(struct fv_odometry *o, const struct fv_kernels *kerne
 
 void fv_odometry_cull(struct fv_odometry *o)
 {
-    for (uint32_t i = 0; i < o->map.limits.landmarks; i++) {
+    for (uint32_t i = 0; i < o->map.state->landmark_top; i++) {
         const struct fv_landmark *l = &o->map.landmarks[i];
         if (!l->used) continue;
         bool lost = l->expected >= CULL_EXPECTED_MIN && l->found * 4u < l->expected;

@@ -47,7 +47,7 @@ bool fv_scale_find_floor(struct fv_scale *scale, const struct fv_odometry *o, st
 {
     const struct fv_se3 *T_cam_world = &o->map.keyframes[fv_map_current(&o->map)].T_cam_world;
     uint32_t count = 0, met = 0;
-    for (uint32_t i = 0; i < o->map.limits.landmarks; i++) {
+    for (uint32_t i = 0; i < o->map.state->landmark_top; i++) {
         struct fv_plane_point point;
         const struct fv_landmark *l = &o->map.landmarks[i];
         if (!l->used || l->observer_count < 2 ||
