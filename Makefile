@@ -171,10 +171,11 @@ $(BUILD)/venv/evo:
 evaluate: all $(BUILD)/venv/evo  ## run the recordings with truth over seeds and starts, and rewrite the committed table
 	$(BUILD)/venv/bin/python tools/evaluate/evaluate.py --fovea $(BUILD)/fovea --output tools/evaluate/odometry.md
 
-campaign: all  ## the long proofs, resumable: hours
+CAMPAIGN := $(patsubst tests/%.c,$(BUILD)/tests/%,$(wildcard tests/campaign/*.c))
+campaign: all $(CAMPAIGN)  ## the long proofs, resumable: hours
 	@tools/campaign.sh
 
-sample: all  ## five minutes of the campaign: real time at 60 Hz, a long run in fixed memory, every fuzz target, replays everywhere
+sample: all $(CAMPAIGN)  ## five minutes of the campaign: real time at 60 Hz, a long run in fixed memory, every fuzz target, replays everywhere
 	@tools/campaign.sh --sample
 
 clean:  ## remove everything that was built

@@ -49,15 +49,23 @@ wander() {
     [ "$resident" -le $((first + 262144)) ]
 }
 
+# Loops of the simulated corridor, closed and true, over seeds; what is done is kept by seed.
+corridor() { # corridor SEEDS NEEDED OPTIONS NAME
+    $build/tests/campaign/loops "$1" "$2" "$3" ${4:+"$done_folder/$4.seeds"}
+}
+
 if [ -n "$sample" ]; then
     part realtime realtime 3600
     part wander wander 3000
+    part corridor corridor 1 1 'width=320&height=240'
     part everywhere tests/replay/everywhere.sh 100
     part fuzz make --no-print-directory fuzz FUZZ_SECONDS="${FUZZ_SECONDS:-8}"
     part networks tools/check_networks.sh "$build" 1
 else
     part realtime realtime 36000
-    part wander wander 108000
+    part hour $build/tests/campaign/wander 108000
+    part corridor corridor 100 95 '' corridor
+    part corridor-repeated corridor 100 95 'textures=repeated' corridor-repeated
     part everywhere tests/replay/everywhere.sh --all 200
     part fuzz make --no-print-directory fuzz FUZZ_SECONDS=1200
     part networks tools/check_networks.sh "$build" 40

@@ -292,6 +292,7 @@ struct fovea_stats {
     uint64_t refused_stamp, refused_format, refused_paused;
     uint32_t reset_counter;
     uint32_t features; /* of the last frame */
+    uint32_t loops_closed, maps_merged; /* since the last reset */
     int64_t stage_cpu_ns[FOVEA_STAGE_COUNT], stage_wall_ns[FOVEA_STAGE_COUNT]; /* of the last step and work */
 };
 void fovea_stats_get(const struct fovea *rt, struct fovea_stats *stats);

@@ -465,6 +465,10 @@ static void path_tell(const struct run *run, const struct fv_trajectory_summary 
     if (!run->settings.runtime.odometry.enabled) return;
     printf("  posed %" PRIu64 " of %" PRIu64 " frames, lost %" PRIu64, counts->tracked, counts->processed,
            counts->lost);
+    struct fovea_stats stats;
+    fovea_stats_get(run->loop.rt, &stats);
+    if (stats.loops_closed > 0) printf(", %" PRIu32 " loops closed", stats.loops_closed);
+    if (stats.maps_merged > 0) printf(", %" PRIu32 " maps merged", stats.maps_merged);
     error_tell("", path);
     error_tell("after all optimisation ", final);
     printf("\n");

@@ -33,7 +33,7 @@ static const double drift_slack = 0.3;      /* of the median depth */
 
 /* ---- memory ---------------------------------------------------------------------------------------------- */
 
-void fv_loop_carve(struct fv_loop *loop, const struct fv_map_limits *limits, const struct fovea_camera *camera,
+void fv_loop_carve(struct fv_loop_closer *loop, const struct fv_map_limits *limits, const struct fovea_camera *camera,
                    struct fv_arena *persistent, struct fv_arena *job)
 {
     const struct fv_pose_graph_limits graph = {limits->keyframes, limits->keyframes * 8, 12, 200};
@@ -56,7 +56,7 @@ void fv_loop_carve(struct fv_loop *loop, const struct fv_map_limits *limits, con
     loop->scores = fv_arena_take(job, limits->keyframes, sizeof *loop->scores);
 }
 
-void fv_loop_reset(struct fv_loop *loop, uint64_t seed)
+void fv_loop_reset(struct fv_loop_closer *loop, uint64_t seed)
 {
     memset(loop->state, 0, sizeof *loop->state);
     fovea_random_seed(&loop->state->random, seed);
@@ -72,7 +72,7 @@ static struct fv_loop_name fv_name(const struct fv_map *map, uint32_t slot)
     return (struct fv_loop_name){slot, map->keyframes[slot].generation};
 }
 
-bool fv_loop_waiting(const struct fv_loop *loop)
+bool fv_loop_waiting(const struct fv_loop_closer *loop)
 {
     return loop->state->phase != FV_LOOP_IDLE;
 }
@@ -80,7 +80,7 @@ bool fv_loop_waiting(const struct fv_loop *loop)
 /* ---- candidates ------------------------------------------------------------------------------------------ */
 
 /* Score below which a keyframe is less like the offered one than its own neighbours are. */
-static uint32_t fv_least_score(struct fv_loop *loop, const struct fv_map *map, const struct fv_place *place,
+static uint32_t fv_least_score(struct fv_loop_closer *loop, const struct fv_map *map, const struct fv_place *place,
                                const struct fv_place_words *words, uint32_t slot)
 {
     struct fv_neighbour near[FV_LOOP_NEIGHBOURS];
@@ -95,7 +95,7 @@ static uint32_t fv_least_score(struct fv_loop *loop, const struct fv_map *map, c
     return least > (uint32_t)least_score ? least : (uint32_t)least_score;
 }
 
-static void fv_pick_candidates(struct fv_loop *loop, const struct fv_map *map, uint32_t least)
+static void fv_pick_candidates(struct fv_loop_closer *loop, const struct fv_map *map, uint32_t least)
 {
     struct fv_loop_state *s = loop->state;
     s->candidate_count = 0;
@@ -111,7 +111,7 @@ static void fv_pick_candidates(struct fv_loop *loop, const struct fv_map *map, u
     }
 }
 
-void fv_loop_offer(struct fv_loop *loop, const struct fv_map *map, const struct fv_place *place,
+void fv_loop_offer(struct fv_loop_closer *loop, const struct fv_map *map, const struct fv_place *place,
                    const struct fv_place_words *words, uint32_t slot)
 {
     struct fv_loop_state *s = loop->state;
@@ -166,7 +166,7 @@ static void fv_camera_side(const struct fv_map *map, const struct fv_view *view,
 }
 
 /* Meetings of the matches that are near, clearly nearer than the second, and one to one. */
-static void fv_make_meetings(struct fv_loop *loop, const struct fv_map *map)
+static void fv_make_meetings(struct fv_loop_closer *loop, const struct fv_map *map)
 {
     struct fv_loop_state *s = loop->state;
     struct fv_view a = fv_map_view(map, s->keyframe.slot), b = fv_map_view(map, s->candidates[s->candidate].slot);
@@ -199,7 +199,7 @@ static void fv_next_candidate(struct fv_loop_state *s)
     s->phase = ++s->candidate < s->candidate_count ? FV_LOOP_MATCH : FV_LOOP_IDLE;
 }
 
-static void fv_match_unit(struct fv_loop *loop, const struct fv_map *map, const struct fv_kernels *kernels)
+static void fv_match_unit(struct fv_loop_closer *loop, const struct fv_map *map, const struct fv_kernels *kernels)
 {
     struct fv_loop_state *s = loop->state;
     if (s->next == 0) {
@@ -226,7 +226,7 @@ static void fv_match_unit(struct fv_loop *loop, const struct fv_map *map, const 
 /* ---- the similarity -------------------------------------------------------------------------------------- */
 
 /* Landmarks that the candidate and its neighbours see. */
-static void fv_gather_group(struct fv_loop *loop, struct fv_map *map)
+static void fv_gather_group(struct fv_loop_closer *loop, struct fv_map *map)
 {
     struct fv_loop_state *s = loop->state;
     struct fv_neighbour near[FV_LOOP_NEIGHBOURS + 1];
@@ -245,7 +245,7 @@ static void fv_gather_group(struct fv_loop *loop, struct fv_map *map)
     }
 }
 
-static void fv_sample_unit(struct fv_loop *loop, struct fv_map *map)
+static void fv_sample_unit(struct fv_loop_closer *loop, struct fv_map *map)
 {
     struct fv_loop_state *s = loop->state;
     uint32_t samples = SAMPLE_TESTS_PER_UNIT / s->meeting_count + 1;
@@ -359,7 +359,7 @@ static bool fv_same_correction(const struct fv_map *map, const struct fv_loop_st
 }
 
 /* The keyframe has been sighted, and what came before it was asked: believe, or wait for more. */
-static void fv_judge_sighting(struct fv_loop *loop, const struct fv_map *map)
+static void fv_judge_sighting(struct fv_loop_closer *loop, const struct fv_map *map)
 {
     struct fv_loop_state *s = loop->state;
     uint32_t sightings = 1 + s->seen_before;
@@ -382,7 +382,7 @@ static void fv_judge_sighting(struct fv_loop *loop, const struct fv_map *map)
     }
 }
 
-static void fv_guided_done(struct fv_loop *loop, const struct fv_map *map)
+static void fv_guided_done(struct fv_loop_closer *loop, const struct fv_map *map)
 {
     struct fv_loop_state *s = loop->state;
     uint32_t candidate = s->candidates[s->candidate].slot, inliers = s->meeting_count;
@@ -405,7 +405,7 @@ static void fv_guided_done(struct fv_loop *loop, const struct fv_map *map)
 }
 
 /* Ask the next keyframe before the offered one; when there is none, or enough have been asked, judge. */
-static void fv_before_unit(struct fv_loop *loop, const struct fv_map *map, const struct fv_kernels *kernels)
+static void fv_before_unit(struct fv_loop_closer *loop, const struct fv_map *map, const struct fv_kernels *kernels)
 {
     struct fv_loop_state *s = loop->state;
     if (s->next == 0) {
@@ -441,7 +441,7 @@ static bool fv_still_there(const struct fv_loop_state *s, const struct fv_map *m
     return fv_loop_named(map, s->keyframe) && fv_loop_named(map, s->candidates[s->candidate]);
 }
 
-bool fv_loop_unit(struct fv_loop *loop, struct fv_map *map, const struct fv_kernels *kernels,
+bool fv_loop_unit(struct fv_loop_closer *loop, struct fv_map *map, const struct fv_kernels *kernels,
                   struct fv_loop_outcome *outcome)
 {
     struct fv_loop_state *s = loop->state;

@@ -61,7 +61,7 @@ struct fv_loop_belief {
     uint32_t reserved;
 };
 
-struct fv_loop_counts {
+struct fv_loop_closer_counts {
     uint32_t offered, tried, sampled, sighted, implausible, closed, merged;
     uint32_t fused; /* landmarks */
 };
@@ -82,10 +82,10 @@ struct fv_loop_state {
     uint32_t asked, seen_before;
     uint32_t fuse_count, fuse_at;
     struct fv_loop_name fuse_into[FV_LOOP_FUSED_INTO];
-    struct fv_loop_counts counts;
+    struct fv_loop_closer_counts counts;
 };
 
-struct fv_loop {
+struct fv_loop_closer {
     const struct fovea_camera *camera;
     struct fv_loop_state *state;
     struct fv_pose_graph graph;
@@ -103,15 +103,15 @@ struct fv_loop {
 };
 
 /* `camera` stays the caller's and must be set again after a copy, as carving does. */
-void fv_loop_carve(struct fv_loop *loop, const struct fv_map_limits *limits, const struct fovea_camera *camera,
+void fv_loop_carve(struct fv_loop_closer *loop, const struct fv_map_limits *limits, const struct fovea_camera *camera,
                    struct fv_arena *persistent, struct fv_arena *job);
 /* Forget what was sighted and drop the work in progress. */
-void fv_loop_reset(struct fv_loop *loop, uint64_t seed);
+void fv_loop_reset(struct fv_loop_closer *loop, uint64_t seed);
 
 /* Offer a keyframe whose words were just indexed; passed over while the job is busy. One unit of work. */
-void fv_loop_offer(struct fv_loop *loop, const struct fv_map *map, const struct fv_place *place,
+void fv_loop_offer(struct fv_loop_closer *loop, const struct fv_map *map, const struct fv_place *place,
                    const struct fv_place_words *words, uint32_t slot);
-bool fv_loop_waiting(const struct fv_loop *loop);
+bool fv_loop_waiting(const struct fv_loop_closer *loop);
 
 /* What a unit did to the map. */
 struct fv_loop_outcome {
@@ -121,7 +121,7 @@ struct fv_loop_outcome {
 };
 
 /* One unit, at most about 0.25 ms; the commit longer, in proportion to the pools. True when units are left. */
-bool fv_loop_unit(struct fv_loop *loop, struct fv_map *map, const struct fv_kernels *kernels,
+bool fv_loop_unit(struct fv_loop_closer *loop, struct fv_map *map, const struct fv_kernels *kernels,
                   struct fv_loop_outcome *outcome);
 
 /* ---- between the files of the job ------------------------------------------------------------------------ */
@@ -129,7 +129,7 @@ bool fv_loop_unit(struct fv_loop *loop, struct fv_map *map, const struct fv_kern
 bool fv_loop_named(const struct fv_map *map, struct fv_loop_name name);
 /* Search the group's landmarks in a keyframe that S_keyframe_candidate is said to hold for, from state->next on, in one
  * unit; counts into visible and found, and fills meetings where the feature has a landmark itself. True when done. */
-bool fv_loop_search_group(struct fv_loop *loop, const struct fv_map *map, const struct fv_kernels *kernels,
+bool fv_loop_search_group(struct fv_loop_closer *loop, const struct fv_map *map, const struct fv_kernels *kernels,
                           uint32_t slot, const struct fv_sim3 *S_keyframe_candidate);
 /* Correction of the keyframe's world that makes S_keyframe_candidate true. */
 void fv_loop_correction(const struct fv_map *map, uint32_t keyframe, uint32_t candidate,
@@ -138,10 +138,10 @@ void fv_loop_correction(const struct fv_map *map, uint32_t keyframe, uint32_t ca
 bool fv_loop_plausible(const struct fv_map *map, uint32_t keyframe, uint32_t candidate,
                        const struct fv_sim3 *correction);
 /* Fill the graph from state->next on; true when done. */
-bool fv_loop_graph_unit(struct fv_loop *loop, const struct fv_map *map);
-void fv_loop_graph_begin(struct fv_loop *loop, const struct fv_map *map);
-void fv_loop_commit(struct fv_loop *loop, struct fv_map *map, struct fv_loop_outcome *outcome);
-bool fv_loop_fuse_unit(struct fv_loop *loop, struct fv_map *map, const struct fv_kernels *kernels);
+bool fv_loop_graph_unit(struct fv_loop_closer *loop, const struct fv_map *map);
+void fv_loop_graph_begin(struct fv_loop_closer *loop, const struct fv_map *map);
+void fv_loop_commit(struct fv_loop_closer *loop, struct fv_map *map, struct fv_loop_outcome *outcome);
+bool fv_loop_fuse_unit(struct fv_loop_closer *loop, struct fv_map *map, const struct fv_kernels *kernels);
 
 #ifdef __cplusplus
 }

@@ -20,7 +20,7 @@ static void fv_edge_weight(const struct fv_keyframe *a, double factor, double we
 
 /* ---- the essential graph --------------------------------------------------------------------------------- */
 
-void fv_loop_graph_begin(struct fv_loop *loop, const struct fv_map *map)
+void fv_loop_graph_begin(struct fv_loop_closer *loop, const struct fv_map *map)
 {
     struct fv_loop_state *s = loop->state;
     const uint32_t map_id = map->keyframes[s->keyframe.slot].map_id;
@@ -42,14 +42,14 @@ void fv_loop_graph_begin(struct fv_loop *loop, const struct fv_map *map)
     s->next = 0;
 }
 
-static bool fv_in_graph(const struct fv_loop *loop, const struct fv_map *map, int32_t slot)
+static bool fv_in_graph(const struct fv_loop_closer *loop, const struct fv_map *map, int32_t slot)
 {
     return slot >= 0 && (uint32_t)slot < map->limits.keyframes && loop->node_of[slot] >= 0 &&
            fv_loop_named(map, loop->nodes[loop->node_of[slot]]);
 }
 
 /* An edge that holds two keyframes as they were to each other. */
-static void fv_hold(struct fv_loop *loop, const struct fv_map *map, uint32_t a, uint32_t b, double factor)
+static void fv_hold(struct fv_loop_closer *loop, const struct fv_map *map, uint32_t a, uint32_t b, double factor)
 {
     struct fv_sim3 S;
     double weight[3];
@@ -59,7 +59,7 @@ static void fv_hold(struct fv_loop *loop, const struct fv_map *map, uint32_t a, 
     (void)fv_pose_graph_add_edge(&loop->graph, i, j, &S, weight);
 }
 
-static void fv_hold_keyframe(struct fv_loop *loop, const struct fv_map *map, uint32_t slot)
+static void fv_hold_keyframe(struct fv_loop_closer *loop, const struct fv_map *map, uint32_t slot)
 {
     const struct fv_keyframe *k = &map->keyframes[slot];
     struct fv_neighbour near[GRAPH_NEIGHBOURS];
@@ -74,7 +74,7 @@ static void fv_hold_keyframe(struct fv_loop *loop, const struct fv_map *map, uin
     }
 }
 
-static void fv_hold_loops(struct fv_loop *loop, const struct fv_map *map)
+static void fv_hold_loops(struct fv_loop_closer *loop, const struct fv_map *map)
 {
     for (uint32_t e = 0; e < FV_MAP_EDGES_MAX && e < map->state->edge_count; e++) {
         const struct fv_map_edge *edge = &map->edges[e];
@@ -84,7 +84,7 @@ static void fv_hold_loops(struct fv_loop *loop, const struct fv_map *map)
     }
 }
 
-bool fv_loop_graph_unit(struct fv_loop *loop, const struct fv_map *map)
+bool fv_loop_graph_unit(struct fv_loop_closer *loop, const struct fv_map *map)
 {
     struct fv_loop_state *s = loop->state;
     const uint32_t nodes = loop->graph.state->node_count;
@@ -104,7 +104,7 @@ bool fv_loop_graph_unit(struct fv_loop *loop, const struct fv_map *map)
 /* ---- the commit ------------------------------------------------------------------------------------------ */
 
 /* Corrections of the keyframes that were in the graph. */
-static void fv_correct_nodes(struct fv_loop *loop, const struct fv_map *map)
+static void fv_correct_nodes(struct fv_loop_closer *loop, const struct fv_map *map)
 {
     for (uint32_t k = 0; k < map->limits.keyframes; k++) {
         loop->corrected[k] = fv_in_graph(loop, map, (int32_t)k);
@@ -117,7 +117,7 @@ static void fv_correct_nodes(struct fv_loop *loop, const struct fv_map *map)
 
 /* Keyframes made since, and the frame in work, get the correction of the nearest ancestor that has one. Parents are older
  * than their children, so each step up comes nearer to the graph. */
-static void fv_correct_born_since(struct fv_loop *loop, const struct fv_map *map, uint32_t map_id)
+static void fv_correct_born_since(struct fv_loop_closer *loop, const struct fv_map *map, uint32_t map_id)
 {
     for (uint32_t k = 0; k <= map->limits.keyframes; k++) {
         const struct fv_keyframe *keyframe = &map->keyframes[k];
@@ -135,7 +135,7 @@ static void fv_correct_born_since(struct fv_loop *loop, const struct fv_map *map
 }
 
 /* One correction for all of a map. */
-static void fv_correct_map(struct fv_loop *loop, const struct fv_map *map, uint32_t map_id, const struct fv_sim3 *S)
+static void fv_correct_map(struct fv_loop_closer *loop, const struct fv_map *map, uint32_t map_id, const struct fv_sim3 *S)
 {
     for (uint32_t k = 0; k <= map->limits.keyframes; k++) {
         const struct fv_keyframe *keyframe = &map->keyframes[k];
@@ -145,7 +145,7 @@ static void fv_correct_map(struct fv_loop *loop, const struct fv_map *map, uint3
     }
 }
 
-static void fv_apply_corrections(const struct fv_loop *loop, struct fv_map *map)
+static void fv_apply_corrections(const struct fv_loop_closer *loop, struct fv_map *map)
 {
     for (uint32_t i = 0; i < map->state->landmark_top; i++) {
         struct fv_landmark *l = &map->landmarks[i];
@@ -193,7 +193,7 @@ static void fv_list_fusing(struct fv_loop_state *s, const struct fv_map *map)
     s->fuse_at = 0;
 }
 
-void fv_loop_commit(struct fv_loop *loop, struct fv_map *map, struct fv_loop_outcome *outcome)
+void fv_loop_commit(struct fv_loop_closer *loop, struct fv_map *map, struct fv_loop_outcome *outcome)
 {
     struct fv_loop_state *s = loop->state;
     const uint32_t keyframe = s->keyframe.slot, candidate = s->candidates[s->candidate].slot;

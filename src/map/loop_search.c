@@ -30,7 +30,7 @@ static int fv_level_at(const struct fv_landmark *l, double distance)
     return level < FOVEA_PYRAMID_LEVELS_MAX ? level : -1;
 }
 
-static bool fv_in_image(const struct fv_loop *loop, const struct fv_map *map, const double q[3], double pixel[2])
+static bool fv_in_image(const struct fv_loop_closer *loop, const struct fv_map *map, const double q[3], double pixel[2])
 {
     return fovea_camera_project(loop->camera, q, pixel, 0) == FOVEA_OK && pixel[0] >= 0 && pixel[1] >= 0 &&
            pixel[0] < map->limits.width && pixel[1] < map->limits.height;
@@ -50,7 +50,7 @@ static double fv_square_error(const struct fv_keypoint *p, const double q[3])
 
 /* A landmark found at a feature that has a landmark of its own: the two meet. The candidate need not see the landmark, so
  * its side says only how far it is. False when the two are not at one distance. */
-static bool fv_add_meeting(struct fv_loop *loop, const struct fv_map *map, const struct fv_view *view, uint32_t feature,
+static bool fv_add_meeting(struct fv_loop_closer *loop, const struct fv_map *map, const struct fv_view *view, uint32_t feature,
                            const double q[3], const double in_candidate[3])
 {
     const struct fv_keypoint *p = &view->points[feature];
@@ -81,7 +81,7 @@ struct outlook {
     uint32_t slot;
 };
 
-static void fv_look_for(struct fv_loop *loop, const struct fv_map *map, const struct fv_kernels *kernels,
+static void fv_look_for(struct fv_loop_closer *loop, const struct fv_map *map, const struct fv_kernels *kernels,
                         const struct outlook *look, const struct fv_landmark *l)
 {
     struct fv_loop_state *s = loop->state;
@@ -108,7 +108,7 @@ static void fv_look_for(struct fv_loop *loop, const struct fv_map *map, const st
     s->found++;
 }
 
-bool fv_loop_search_group(struct fv_loop *loop, const struct fv_map *map, const struct fv_kernels *kernels,
+bool fv_loop_search_group(struct fv_loop_closer *loop, const struct fv_map *map, const struct fv_kernels *kernels,
                           uint32_t slot, const struct fv_sim3 *S_keyframe_candidate)
 {
     struct fv_loop_state *s = loop->state;
@@ -132,7 +132,7 @@ bool fv_loop_search_group(struct fv_loop *loop, const struct fv_map *map, const 
 /* ---- after it: fusing ------------------------------------------------------------------------------------ */
 
 /* Look for a landmark of the group in a keyframe; link it there, or make one of it and what is there. */
-static void fv_fuse_into(struct fv_loop *loop, struct fv_map *map, const struct fv_kernels *kernels, uint32_t landmark,
+static void fv_fuse_into(struct fv_loop_closer *loop, struct fv_map *map, const struct fv_kernels *kernels, uint32_t landmark,
                          uint32_t keyframe)
 {
     struct fv_landmark *l = &map->landmarks[landmark];
@@ -160,7 +160,7 @@ static void fv_fuse_into(struct fv_loop *loop, struct fv_map *map, const struct 
     }
 }
 
-bool fv_loop_fuse_unit(struct fv_loop *loop, struct fv_map *map, const struct fv_kernels *kernels)
+bool fv_loop_fuse_unit(struct fv_loop_closer *loop, struct fv_map *map, const struct fv_kernels *kernels)
 {
     struct fv_loop_state *s = loop->state;
     if (s->fuse_at >= s->fuse_count) return true;

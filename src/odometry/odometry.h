@@ -81,7 +81,7 @@ struct fv_odometry {
     struct fv_archive_state *archive; /* of the map that is being saved */
     uint8_t *save_to;                 /* the caller's buffer, or NULL: what becomes of the bytes is outside the state */
     size_t save_capacity;
-    struct fv_loop loop;
+    struct fv_loop_closer loop;
     struct fv_odometry_state *state;
     struct fv_recent *recent; /* features_max */
     /* Frame part. */

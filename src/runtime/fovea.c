@@ -255,6 +255,11 @@ void fovea_stats_get(const struct fovea *rt, struct fovea_stats *stats)
         .reset_counter = fv_reset_counter(rt),
         .features = state->features,
     };
+    if (rt->config.odometry.enabled && rt->config.odometry.loops) {
+        const struct fv_loop_closer_counts *loops = &rt->odometry.loop.state->counts;
+        stats->loops_closed = loops->closed;
+        stats->maps_merged = loops->merged;
+    }
     memcpy(stats->stage_cpu_ns, rt->times.cpu_ns, sizeof stats->stage_cpu_ns);
     memcpy(stats->stage_wall_ns, rt->times.wall_ns, sizeof stats->stage_wall_ns);
 }

@@ -21,7 +21,7 @@ struct world {
     struct fovea_camera camera;
     struct fv_map map;
     struct fv_place place;
-    struct fv_loop loop;
+    struct fv_loop_closer loop;
     void *memory;
     struct fovea_random random;
     double point[POINTS][3];
