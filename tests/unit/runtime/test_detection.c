@@ -14,6 +14,7 @@
 #include "nn/model.h"
 
 #include "fovea_detections_t.h"
+#include "fovea_tracks_t.h"
 
 enum { WIDTH = 320, HEIGHT = 240, FRAMES = 60 };
 
@@ -105,6 +106,52 @@ static void slices_give_the_same_with_the_stamp_of_the_image(void **state)
     assert_true(looks > 2);
     free(whole.memory);
     free(sliced.memory);
+}
+
+/* Tracks come with each look, carry the stamp of its image, and are what fovea_tracks_get gives. */
+static void tracks_follow_the_looks(void **state)
+{
+    (void)state;
+    config.track.score_high = config.track.score_new = 0.3;
+    struct made made = make();
+    struct fovea_tracks tracks;
+    uint32_t confirmed = 0;
+    for (int i = 0; i < 5; i++) {
+        static struct fovea_outputs outputs;
+        const struct fovea_frame frame = {
+            .image = {.data = picture, .width = WIDTH, .height = HEIGHT, .stride_bytes = WIDTH, .format = FOVEA_PIXEL_GREY8, .size_bytes = sizeof picture},
+            .stamp_ns = (i + 1) * 33333333,
+            .sequence = (uint64_t)i + 100,
+        };
+        struct fovea_inputs inputs = {.frame = &frame, .now_ns = frame.stamp_ns};
+        fovea_grants_fixed(&config, &inputs.grants);
+        fovea_step(made.rt, &inputs, &outputs);
+        inputs.grants.units[FOVEA_JOB_DETECT] = 100000;
+        fovea_work(made.rt, &inputs.grants, &outputs);
+        const struct fovea_message *message = NULL;
+        for (uint32_t m = 0; m < outputs.message_count; m++)
+            if (strcmp(outputs.messages[m].channel, "FOVEA_TRACKS") == 0) message = &outputs.messages[m];
+        assert_non_null(message);
+        fovea_tracks_t out;
+        assert_int_equal(fovea_tracks_t_decode(message->data, 0, (int)message->bytes, &out), message->bytes);
+        fovea_tracks_get(made.rt, &tracks);
+        assert_int_equal(tracks.updates, i + 1);
+        assert_int_equal(tracks.sequence, 100 + i);
+        assert_int_equal(out.stamp.time_ns, frame.stamp_ns);
+        assert_int_equal(out.count, tracks.count);
+        assert_true(out.count > 0 && out.vector_count == 3 * out.count && out.matrix_count == 6 * out.count);
+        confirmed = 0;
+        for (uint32_t t = 0; t < tracks.count; t++) {
+            const struct fovea_track *track = &tracks.list[t];
+            assert_true(out.id[t] == (int64_t)track->id && out.state[t] == track->state && out.x_max_px[t] == track->x_max_px);
+            assert_true(out.age_ns[t] == tracks.stamp_ns - track->first_ns && out.unseen_ns[t] == tracks.stamp_ns - track->seen_ns);
+            confirmed += track->state == FOVEA_TRACK_CONFIRMED;
+        }
+        fovea_tracks_t_decode_cleanup(&out);
+    }
+    assert_true(confirmed > 0); /* nothing moves: what is found again and again is believed */
+    config.track.score_high = config.track.score_new = 0.5;
+    free(made.memory);
 }
 
 static void limits_hold(void **state)
@@ -216,6 +263,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(slices_give_the_same_with_the_stamp_of_the_image),
+        cmocka_unit_test(tracks_follow_the_looks),
         cmocka_unit_test(limits_hold),
         cmocka_unit_test(rectified_boxes_hold_the_raw_ones),
         cmocka_unit_test(a_reset_forgets_the_look_under_way),
