@@ -19,6 +19,7 @@ struct builder {
     struct block *block; /* NULL: counting */
     size_t nodes, bytes;
     uint32_t documents, depth;
+    yaml_mark_t document; /* where the last one starts */
     struct level {
         struct fovea_yaml_node *node, *last; /* the collection and its youngest child; NULL when counting */
         bool mapping, has_key;
@@ -138,6 +139,13 @@ static bool has_anchor(const yaml_event_t *event)
     }
 }
 
+/* A line of dashes at the end, with nothing after it, is how `ros2 topic echo` ends a message. */
+static bool is_nothing(const yaml_event_t *event)
+{
+    return event->type == YAML_SCALAR_EVENT && event->data.scalar.length == 0 &&
+           event->data.scalar.style == YAML_PLAIN_SCALAR_STYLE;
+}
+
 static enum fovea_status take_event(struct builder *b, const yaml_event_t *event)
 {
     if (has_anchor(event))
@@ -147,11 +155,13 @@ static enum fovea_status take_event(struct builder *b, const yaml_event_t *event
         return refuse(b, &event->start_mark, "a zero byte in a value", "text");
     switch (event->type) {
     case YAML_DOCUMENT_START_EVENT:
-        if (++b->documents > 1) return refuse(b, &event->start_mark, "a second document", "one per file");
-        return FOVEA_OK;
+        b->document = event->start_mark;
+        return ++b->documents > 2 ? refuse(b, &event->start_mark, "a third document", "one per file") : FOVEA_OK;
     case YAML_SCALAR_EVENT:
     case YAML_SEQUENCE_START_EVENT:
     case YAML_MAPPING_START_EVENT:
+        if (b->documents > 1)
+            return is_nothing(event) ? FOVEA_OK : refuse(b, &b->document, "a second document", "one per file");
         return add_value(b, event);
     case YAML_SEQUENCE_END_EVENT:
     case YAML_MAPPING_END_EVENT:

@@ -2,10 +2,10 @@
  * files are read from.
  *
  * Reading is done by libyaml. Limits, since files may be hostile: FOVEA_YAML_* below. Refused, each with its
- * line: anchors and aliases, keys that are not scalars, a key twice in one mapping, a second document, zero
- * bytes in text. The first line "%YAML:1.0" of OpenCV's FileStorage, which is not YAML, is taken for a
- * comment; tags are ignored. Every error line reads "file:line: key: found ..., expected ...". Init-only, any
- * thread. */
+ * line: anchors and aliases, keys that are not scalars, a key twice in one mapping, a second document (an
+ * empty one at the end is none), zero bytes in text. The first line "%YAML:1.0" of OpenCV's FileStorage,
+ * which is not YAML, is taken for a comment; tags are ignored. Every error line reads "file:line: key: found
+ * ..., expected ...". Init-only, any thread. */
 #ifndef FOVEA_YAML_TREE_H
 #define FOVEA_YAML_TREE_H
 

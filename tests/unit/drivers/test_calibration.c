@@ -63,7 +63,7 @@ static void test_ros(void **state)
     assert_int_equal(c.format, FOVEA_CALIBRATION_ROS_MESSAGE);
     assert_true(c.camera.k[5] == 6 && c.camera.k[7] == 8);
     c = parse("height: 480\nwidth: 640\ndistortion_model: equidistant\nd:\n- 0.1\n- 0.2\n- 0.0\n- 0.0\n"
-              "k:\n- 300\n- 0\n- 320\n- 0\n- 300\n- 240\n- 0\n- 0\n- 1\n");
+              "k:\n- 300\n- 0\n- 320\n- 0\n- 300\n- 240\n- 0\n- 0\n- 1\n---\n");
     assert_int_equal(c.camera.lens, FOVEA_LENS_EQUIDISTANT);
     assert_true(c.camera.k[1] == 0.2);
 }

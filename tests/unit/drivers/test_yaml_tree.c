@@ -69,6 +69,8 @@ static void test_refused(void **state)
     refused("a: &x 1\n", 8, "f.yaml:1: found an anchor or alias, expected every value written out");
     refused("a: 1\nb: 2\na: 3\n", 15,
             "f.yaml:3: found the key 'a' again (first on line 1), expected each key once");
+    refused("a: 1\n---\n---\n", 13, "f.yaml:3: found a third document, expected one per file");
+    refused("a: 1\n---\n[]\n", 12, "f.yaml:2: found a second document, expected one per file");
     refused("a: 1\n---\nb: 1\n", 14, "f.yaml:2: found a second document, expected one per file");
     refused("[a, b]: 1\n", 10, "f.yaml:1: found a collection as a key, expected a plain key");
     refused("a: \"x\\0y\"\n", 10, "f.yaml:1: found a zero byte in a value, expected text");
