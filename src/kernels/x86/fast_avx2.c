@@ -2,38 +2,14 @@
 
 #include <immintrin.h>
 
+#include "kernels/x86/fast_groups.h"
+
 #define MIN _mm256_min_epu8
 #define MAX _mm256_max_epu8
-
-enum { STRETCH = 1024 }; /* pixels whose groups are listed at once */
 
 static inline __m256i load(const uint8_t *p)
 {
     return _mm256_loadu_si256((const __m256i *)p);
-}
-
-/* Of the arcs of nine, the best weakest pixel (brightest) and the best strongest one (darkest). Two arcs that
- * differ in their ends share eight pixels: min over them once, then the better of the two ends. */
-static inline void best_arcs(const __m256i p[16], __m256i *brightest, __m256i *darkest)
-{
-    __m256i low[8], high[8];
-    for (int j = 0; j < 8; j++) {
-        low[j] = MIN(p[2 * j + 1], p[(2 * j + 2) & 15]);
-        high[j] = MAX(p[2 * j + 1], p[(2 * j + 2) & 15]);
-    }
-    __m256i low4[8], high4[8];
-    for (int j = 0; j < 8; j++) {
-        low4[j] = MIN(low[j], low[(j + 1) & 7]);
-        high4[j] = MAX(high[j], high[(j + 1) & 7]);
-    }
-    __m256i bright = _mm256_setzero_si256(), dark = _mm256_set1_epi8(-1);
-    for (int j = 0; j < 8; j++) {
-        const __m256i one_end = p[2 * j], other_end = p[(2 * j + 9) & 15];
-        bright = MAX(bright, MIN(MIN(low4[j], low4[(j + 2) & 7]), MAX(one_end, other_end)));
-        dark = MIN(dark, MAX(MAX(high4[j], high4[(j + 2) & 7]), MIN(one_end, other_end)));
-    }
-    *brightest = bright;
-    *darkest = dark;
 }
 
 /* Of two opposite pairs: the brighter of each, then the darker of the two; and the other way round. */
@@ -58,30 +34,6 @@ static inline uint32_t candidates(const uint8_t *c, ptrdiff_t s, __m256i t)
     return ~(uint32_t)_mm256_movemask_epi8(within);
 }
 
-/* Sixteen pixels at each of two places. */
-static inline __m256i both(const uint8_t *a, const uint8_t *b, ptrdiff_t offset)
-{
-    return _mm256_loadu2_m128i((const __m128i *)(b + offset), (const __m128i *)(a + offset));
-}
-
-static inline void score_groups(uint8_t *scores_a, uint8_t *scores_b, const uint8_t *a, const uint8_t *b,
-                                ptrdiff_t s, __m256i t1)
-{
-    const __m256i p[16] = {
-        both(a, b, -3 * s), both(a, b, -3 * s + 1), both(a, b, -2 * s + 2), both(a, b, -s + 3),
-        both(a, b, 3),      both(a, b, s + 3),      both(a, b, 2 * s + 2),  both(a, b, 3 * s + 1),
-        both(a, b, 3 * s),  both(a, b, 3 * s - 1),  both(a, b, 2 * s - 2),  both(a, b, s - 3),
-        both(a, b, -3),     both(a, b, -s - 3),     both(a, b, -2 * s - 2), both(a, b, -3 * s - 1)};
-    const __m256i centre = both(a, b, 0);
-    __m256i bright, dark;
-    best_arcs(p, &bright, &dark);
-    const __m256i best = MAX(_mm256_subs_epu8(bright, centre), _mm256_subs_epu8(centre, dark));
-    const __m256i corner = _mm256_cmpeq_epi8(MAX(best, t1), best);
-    const __m256i score = _mm256_and_si256(corner, _mm256_sub_epi8(best, _mm256_set1_epi8(1)));
-    _mm_storeu_si128((__m128i *)scores_a, _mm256_castsi256_si128(score));
-    _mm_storeu_si128((__m128i *)scores_b, _mm256_extracti128_si256(score, 1));
-}
-
 /* Two passes over a stretch of the row. The first asks of every group of sixteen pixels whether any of them
  * has, in each of four opposite pairs of the circle, a pixel beyond the threshold on the same side: nine
  * contiguous ones hold one of every pair. The second scores the groups that passed. Listing them instead of
@@ -89,8 +41,8 @@ static inline void score_groups(uint8_t *scores_a, uint8_t *scores_b, const uint
 static void score_stretch(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes, int32_t count,
                           int32_t threshold)
 {
-    const __m256i t = _mm256_set1_epi8((char)threshold), t1 = _mm256_set1_epi8((char)(threshold + 1));
-    int32_t groups[STRETCH / 16 + 2], found = 0;
+    const __m256i t = _mm256_set1_epi8((char)threshold);
+    int32_t groups[FV_FAST_STRETCH / 16 + 2], found = 0;
     for (int32_t i = 0; i < count; i += 32) {
         const uint32_t lanes = candidates(pixels + i, stride_bytes, t);
         _mm256_storeu_si256((__m256i *)(scores + i), _mm256_setzero_si256());
@@ -99,19 +51,15 @@ static void score_stretch(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stri
         groups[found] = i + 16;
         found += (lanes >> 16) != 0;
     }
-    groups[found] = count; /* an odd last group is paired with the pixels past the end */
-    for (int32_t k = 0; k < found; k += 2) {
-        const int32_t a = groups[k], b = groups[k + 1];
-        score_groups(scores + a, scores + b, pixels + a, pixels + b, stride_bytes, t1);
-    }
+    fv_fast_score_listed(scores, pixels, stride_bytes, groups, found, count, threshold);
 }
 
 void fv_k_fast_score_u8__avx2(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes, int32_t count,
                               int32_t threshold)
 {
-    for (int32_t i = 0; i < count; i += STRETCH)
-        score_stretch(scores + i, pixels + i, stride_bytes, count - i < STRETCH ? count - i : STRETCH,
-                      threshold);
+    for (int32_t i = 0; i < count; i += FV_FAST_STRETCH)
+        score_stretch(scores + i, pixels + i, stride_bytes,
+                      count - i < FV_FAST_STRETCH ? count - i : FV_FAST_STRETCH, threshold);
 }
 
 int32_t fv_k_fast_peaks_u8__avx2(uint16_t *columns, const uint8_t *above, const uint8_t *row,
