@@ -54,11 +54,18 @@ corridor() { # corridor SEEDS NEEDED OPTIONS NAME
     $build/tests/campaign/loops "$1" "$2" "$3" ${4:+"$done_folder/$4.seeds"}
 }
 
+# A process that saves one map after another is killed at random moments: the old map or the new one is there, whole.
+kills() {
+    make --no-print-directory "$build/tests/unit/app/test_map_file" && FOVEA_KILLS=$1 "$build/tests/unit/app/test_map_file"
+}
+
 if [ -n "$sample" ]; then
     part realtime realtime 3600
     part wander wander 3000
     part corridor corridor 1 1 'width=320&height=240'
     part everywhere tests/replay/everywhere.sh 100
+    part kills kills 200
+    part kidnap tools/evaluate/kidnap.sh 2
     part fuzz make --no-print-directory fuzz FUZZ_SECONDS="${FUZZ_SECONDS:-8}"
     part networks tools/check_networks.sh "$build" 1
 else
@@ -67,6 +74,9 @@ else
     part corridor corridor 100 95 '' corridor
     part corridor-repeated corridor 100 95 'textures=repeated' corridor-repeated
     part everywhere tests/replay/everywhere.sh --all 200
+    part kills kills 1000
+    part kidnap tools/evaluate/kidnap.sh 100
+    part revisits tools/evaluate/revisits.sh
     part fuzz make --no-print-directory fuzz FUZZ_SECONDS=1200
     part networks tools/check_networks.sh "$build" 40
     part bare-debian tools/try_bare_debian.sh
