@@ -8,11 +8,13 @@
 #include "geometry/vec.h"
 
 static const double huber_square = 5.991; /* 95 % of chi-square with 2 degrees of freedom */
-/* Pixels alone leave the scale open when both cameras stand in one place, so distances are held against each other. */
+/* Pixels alone leave the scale open when both cameras stand in one place, so distances are held against each
+ * other. */
 static const double distance_sigma = 0.05; /* relative, of a landmark's distance */
 static const double distance_ratio_max = 1.5;
 
-/* ---- closed form ----------------------------------------------------------------------------------------- */
+/* ---- closed form -----------------------------------------------------------------------------------------
+ */
 
 /* Eigenvector of the largest eigenvalue of a symmetric 4x4 matrix, by cyclic Jacobi rotations. */
 static void fv_largest_eigenvector4(double N[16], double q[4])
@@ -68,10 +70,10 @@ bool fv_sim3_align(const double (*a)[3], const double (*b)[3], uint32_t count, s
     }
     fv_eigen_symmetric3(spread, values, V);
     if (!(values[1] > 1e-6 * values[0])) return false; /* on a line, or in one place */
-    double N[16] = {M[0] + M[4] + M[8], M[5] - M[7], M[6] - M[2],         M[1] - M[3],
-                    M[5] - M[7],        M[0] - M[4] - M[8], M[1] + M[3],  M[6] + M[2],
+    double N[16] = {M[0] + M[4] + M[8], M[5] - M[7],        M[6] - M[2],        M[1] - M[3],
+                    M[5] - M[7],        M[0] - M[4] - M[8], M[1] + M[3],        M[6] + M[2],
                     M[6] - M[2],        M[1] + M[3],        M[4] - M[0] - M[8], M[5] + M[7],
-                    M[1] - M[3],        M[6] + M[2],        M[5] + M[7],  M[8] - M[0] - M[4]};
+                    M[1] - M[3],        M[6] + M[2],        M[5] + M[7],        M[8] - M[0] - M[4]};
     double q[4], along = 0;
     fv_largest_eigenvector4(N, q);
     fv_so3_from_quaternion(q, S->R);
@@ -87,7 +89,8 @@ bool fv_sim3_align(const double (*a)[3], const double (*b)[3], uint32_t count, s
     return true;
 }
 
-/* ---- errors and sampling --------------------------------------------------------------------------------- */
+/* ---- errors and sampling ---------------------------------------------------------------------------------
+ */
 
 static bool fv_distances_agree(const double q[3], const double p[3])
 {
@@ -108,8 +111,8 @@ bool fv_sim3_errors(const struct fv_meeting *m, const struct fv_sim3 *S_a_b, con
     return true;
 }
 
-static bool fv_meeting_agrees(const struct fv_meeting *m, const struct fv_sim3 *S_a_b, const struct fv_sim3 *S_b_a,
-                              double limit)
+static bool fv_meeting_agrees(const struct fv_meeting *m, const struct fv_sim3 *S_a_b,
+                              const struct fv_sim3 *S_b_a, double limit)
 {
     double square[2];
     return fv_sim3_errors(m, S_a_b, S_b_a, square) && square[0] < limit && square[1] < limit;
@@ -150,7 +153,8 @@ bool fv_sim3_search_more(struct fv_sim3_search *search, const struct fv_meeting 
     return search->done < search->bound;
 }
 
-/* ---- refinement ------------------------------------------------------------------------------------------ */
+/* ---- refinement ------------------------------------------------------------------------------------------
+ */
 
 static void fv_add_row(double e, double weight, const double row[7], double H[49], double g[7])
 {
@@ -168,17 +172,20 @@ static double fv_huber_weight(double weight, double square)
     return square > huber_square ? weight * __builtin_sqrt(huber_square / square) : weight;
 }
 
-/* Rows of one camera, for the errors of a point q of its frame: two of pixels, one of distance. A step moves `place` by
- * u + w x place + sigma place; q goes with it, or, with `back`, against it through the inverse transform. */
+/* Rows of one camera, for the errors of a point q of its frame: two of pixels, one of distance. A step moves
+ * `place` by u + w x place + sigma place; q goes with it, or, with `back`, against it through the inverse
+ * transform. */
 static void fv_camera_rows(const double bearing[3], const double A[6], double weight, const double q[3],
-                           double distance, const double place[3], const struct fv_sim3 *back, double H[49], double g[7])
+                           double distance, const double place[3], const struct fv_sim3 *back, double H[49],
+                           double g[7])
 {
     double e[3], J[9], row[7], along = 1 / (distance * distance_sigma);
     if (!fv_sight_error(bearing, A, q, e, J)) return;
     e[2] = fv_dot3(bearing, q) * along - 1 / distance_sigma;
     for (int k = 0; k < 3; k++)
         J[6 + k] = bearing[k] * along;
-    double pixel = fv_huber_weight(weight, e[0] * e[0] + e[1] * e[1]), depth = fv_huber_weight(1, e[2] * e[2]);
+    double pixel = fv_huber_weight(weight, e[0] * e[0] + e[1] * e[1]),
+           depth = fv_huber_weight(1, e[2] * e[2]);
     for (int r = 0; r < 3; r++) {
         double by_place[3];
         if (back) {
@@ -195,10 +202,10 @@ static void fv_camera_rows(const double bearing[3], const double A[6], double we
     }
 }
 
-/* The step x moves S_a_b to (u, exp w, exp sigma) applied after it: q' = exp(sigma) exp(w) q + u. Seen from b, it moves
- * the points of a by its inverse. */
-static void fv_meeting_system(const struct fv_meeting *m, const struct fv_sim3 *S_a_b, const struct fv_sim3 *S_b_a,
-                              double H[49], double g[7])
+/* The step x moves S_a_b to (u, exp w, exp sigma) applied after it: q' = exp(sigma) exp(w) q + u. Seen from
+ * b, it moves the points of a by its inverse. */
+static void fv_meeting_system(const struct fv_meeting *m, const struct fv_sim3 *S_a_b,
+                              const struct fv_sim3 *S_b_a, double H[49], double g[7])
 {
     double q[3];
     fv_sim3_apply(S_a_b, m->point_b, q);
@@ -226,7 +233,8 @@ static bool fv_sim3_step(const struct fv_meeting *meetings, uint32_t count, stru
     return true;
 }
 
-uint32_t fv_sim3_refine(struct fv_meeting *meetings, uint32_t count, double limit, int steps, struct fv_sim3 *S_a_b)
+uint32_t fv_sim3_refine(struct fv_meeting *meetings, uint32_t count, double limit, int steps,
+                        struct fv_sim3 *S_a_b)
 {
     struct fv_sim3 S = *S_a_b, inverse;
     for (int step = 0; step < steps; step++)

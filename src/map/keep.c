@@ -5,7 +5,8 @@
 
 enum { RATE_AGAIN_MAX = 8 }; /* candidates rated anew before one goes: ratings may be stale */
 
-/* ---- covisibility ---------------------------------------------------------------------------------------- */
+/* ---- covisibility ----------------------------------------------------------------------------------------
+ */
 
 void fv_map_count_shared(const struct fv_map *map, uint32_t slot, uint16_t *shared)
 {
@@ -39,7 +40,8 @@ uint32_t fv_map_neighbours(const struct fv_map *map, uint32_t slot, uint32_t sha
     return count;
 }
 
-/* ---- keyframes ------------------------------------------------------------------------------------------- */
+/* ---- keyframes -------------------------------------------------------------------------------------------
+ */
 
 void fv_map_rate_keyframe(struct fv_map *map, uint32_t slot)
 {
@@ -81,7 +83,8 @@ static uint32_t fv_oldest(const struct fv_map *map)
 
 uint32_t fv_map_most_redundant(struct fv_map *map)
 {
-    if (map->state->keyframe_count <= FV_MAP_KEEP_NEWEST) return fv_oldest(map); /* small pools: as they come */
+    if (map->state->keyframe_count <= FV_MAP_KEEP_NEWEST)
+        return fv_oldest(map); /* small pools: as they come */
     int32_t best = fv_highest_rated(map, false);
     if (best == FV_MAP_NONE) best = fv_highest_rated(map, true);
     if (best == FV_MAP_NONE) return fv_oldest(map);
@@ -96,7 +99,8 @@ uint32_t fv_map_most_redundant(struct fv_map *map)
     return (uint32_t)best;
 }
 
-/* ---- landmarks ------------------------------------------------------------------------------------------- */
+/* ---- landmarks -------------------------------------------------------------------------------------------
+ */
 
 /* One round of the hand: landmarks not seen lately go, when they have at most `observers_max` observers. */
 static void fv_sweep(struct fv_map *map, uint32_t wanted, uint32_t observers_max, uint64_t frame_number)
@@ -120,7 +124,8 @@ void fv_map_make_room(struct fv_map *map, uint32_t wanted, uint64_t frame_number
         fv_map_remove_keyframe(map, fv_map_most_redundant(map));
 }
 
-/* ---- edges and maps -------------------------------------------------------------------------------------- */
+/* ---- edges and maps --------------------------------------------------------------------------------------
+ */
 
 void fv_map_add_edge(struct fv_map *map, uint32_t a, uint32_t b)
 {

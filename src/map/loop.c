@@ -5,20 +5,20 @@
 #include "geometry/vec.h"
 
 enum {
-    RECENT_KEYFRAMES = 8,      /* too near in time to be a loop */
-    SHARED_KNOWN = 5,          /* landmarks shared, from which on two keyframes know of each other */
-    SAME_PLACE_MAX = 12,       /* neighbours of a candidate that are no candidates of their own */
+    RECENT_KEYFRAMES = 8, /* too near in time to be a loop */
+    SHARED_KNOWN = 5,     /* landmarks shared, from which on two keyframes know of each other */
+    SAME_PLACE_MAX = 12,  /* neighbours of a candidate that are no candidates of their own */
     QUERIES_PER_UNIT = 64,
-    DISTANCE_MAX = 60,         /* Hamming, without prediction */
+    DISTANCE_MAX = 60, /* Hamming, without prediction */
     MATCHES_MIN = 15,
     SAMPLES_MAX = 300,
     SAMPLE_TESTS_PER_UNIT = 4000, /* meetings tested, all samples together */
-    SAMPLED_MIN = 12,          /* meetings that agree with the best sample */
-    MEETINGS_MIN = 25,         /* that agree after the guided search */
-    FOUND_MIN = 40,            /* landmarks of the group found in the keyframe */
-    FOUND_BEFORE_MIN = 30,     /* in one before it */
+    SAMPLED_MIN = 12,             /* meetings that agree with the best sample */
+    MEETINGS_MIN = 25,            /* that agree after the guided search */
+    FOUND_MIN = 40,               /* landmarks of the group found in the keyframe */
+    FOUND_BEFORE_MIN = 30,        /* in one before it */
     ASKED_BEFORE_MAX = 4,
-    BELIEF_KEYFRAMES = 6       /* keyframes for which a sighting waits for the next */
+    BELIEF_KEYFRAMES = 6 /* keyframes for which a sighting waits for the next */
 };
 
 static const double ratio_max = 0.85;
@@ -28,13 +28,14 @@ static const double chi_square_99_2 = 9.21; /* 99 % of chi-square with 2 degrees
 static const double found_share_min = 0.3;  /* of the group's landmarks in view */
 static const double scale_log_max = 0.7;    /* within one map: drift does not double lengths */
 static const double turn_max_rad = 0.6;
-static const double drift_share_max = 0.1;  /* of the path since the candidate */
-static const double drift_slack = 0.3;      /* of the median depth */
+static const double drift_share_max = 0.1; /* of the path since the candidate */
+static const double drift_slack = 0.3;     /* of the median depth */
 
-/* ---- memory ---------------------------------------------------------------------------------------------- */
+/* ---- memory ----------------------------------------------------------------------------------------------
+ */
 
-void fv_loop_carve(struct fv_loop_closer *loop, const struct fv_map_limits *limits, const struct fovea_camera *camera,
-                   struct fv_arena *persistent, struct fv_arena *job)
+void fv_loop_carve(struct fv_loop_closer *loop, const struct fv_map_limits *limits,
+                   const struct fovea_camera *camera, struct fv_arena *persistent, struct fv_arena *job)
 {
     const struct fv_pose_graph_limits graph = {limits->keyframes, limits->keyframes * 8, 12, 200};
     loop->camera = camera;
@@ -77,11 +78,13 @@ bool fv_loop_waiting(const struct fv_loop_closer *loop)
     return loop->state->phase != FV_LOOP_IDLE;
 }
 
-/* ---- candidates ------------------------------------------------------------------------------------------ */
+/* ---- candidates ------------------------------------------------------------------------------------------
+ */
 
 /* Score below which a keyframe is less like the offered one than its own neighbours are. */
-static uint32_t fv_least_score(struct fv_loop_closer *loop, const struct fv_map *map, const struct fv_place *place,
-                               const struct fv_place_words *words, uint32_t slot)
+static uint32_t fv_least_score(struct fv_loop_closer *loop, const struct fv_map *map,
+                               const struct fv_place *place, const struct fv_place_words *words,
+                               uint32_t slot)
 {
     struct fv_neighbour near[FV_LOOP_NEIGHBOURS];
     struct fv_place_set among = {{0}};
@@ -90,7 +93,8 @@ static uint32_t fv_least_score(struct fv_loop_closer *loop, const struct fv_map 
         if (fv_place_holds(place, near[i].slot, near[i].generation)) fv_place_set_add(&among, near[i].slot);
     fv_place_scores(place, words, &among, loop->scores);
     for (uint32_t i = 0; i < count; i++)
-        if (loop->scores[near[i].slot] > 0 && loop->scores[near[i].slot] < least) least = loop->scores[near[i].slot];
+        if (loop->scores[near[i].slot] > 0 && loop->scores[near[i].slot] < least)
+            least = loop->scores[near[i].slot];
     least = (uint32_t)(score_share * least);
     return least > (uint32_t)least_score ? least : (uint32_t)least_score;
 }
@@ -123,9 +127,10 @@ void fv_loop_offer(struct fv_loop_closer *loop, const struct fv_map *map, const 
     fv_map_count_shared(map, slot, shared);
     for (uint32_t k = 0; k < map->limits.keyframes; k++) {
         const struct fv_keyframe *other = &map->keyframes[k];
-        bool near = other->number + RECENT_KEYFRAMES > keyframe->number && keyframe->number + RECENT_KEYFRAMES > other->number;
-        if (!other->used || k == slot || shared[k] >= SHARED_KNOWN || (near && other->map_id == keyframe->map_id) ||
-            !fv_place_holds(place, k, other->generation))
+        bool near = other->number + RECENT_KEYFRAMES > keyframe->number &&
+                    keyframe->number + RECENT_KEYFRAMES > other->number;
+        if (!other->used || k == slot || shared[k] >= SHARED_KNOWN ||
+            (near && other->map_id == keyframe->map_id) || !fv_place_holds(place, k, other->generation))
             continue;
         fv_place_set_add(&among, k);
     }
@@ -137,10 +142,12 @@ void fv_loop_offer(struct fv_loop_closer *loop, const struct fv_map *map, const 
     if (s->candidate_count > 0) s->phase = FV_LOOP_MATCH;
 }
 
-/* ---- matches without prediction -------------------------------------------------------------------------- */
+/* ---- matches without prediction --------------------------------------------------------------------------
+ */
 
 /* Features of a keyframe that have landmarks, with their descriptors. */
-static uint32_t fv_gather_features(const struct fv_map *map, uint32_t slot, uint16_t *features, uint8_t *descriptors)
+static uint32_t fv_gather_features(const struct fv_map *map, uint32_t slot, uint16_t *features,
+                                   uint8_t *descriptors)
 {
     struct fv_view view = fv_map_view(map, slot);
     uint32_t count = 0;
@@ -153,8 +160,8 @@ static uint32_t fv_gather_features(const struct fv_map *map, uint32_t slot, uint
     return count;
 }
 
-static void fv_camera_side(const struct fv_map *map, const struct fv_view *view, uint32_t feature, double point[3],
-                           double bearing[3], double A[6], double *weight)
+static void fv_camera_side(const struct fv_map *map, const struct fv_view *view, uint32_t feature,
+                           double point[3], double bearing[3], double A[6], double *weight)
 {
     const struct fv_keypoint *p = &view->points[feature];
     fv_se3_apply(&view->frame->T_cam_world, map->landmarks[view->landmark[feature]].point, point);
@@ -169,12 +176,14 @@ static void fv_camera_side(const struct fv_map *map, const struct fv_view *view,
 static void fv_make_meetings(struct fv_loop_closer *loop, const struct fv_map *map)
 {
     struct fv_loop_state *s = loop->state;
-    struct fv_view a = fv_map_view(map, s->keyframe.slot), b = fv_map_view(map, s->candidates[s->candidate].slot);
+    struct fv_view a = fv_map_view(map, s->keyframe.slot),
+                   b = fv_map_view(map, s->candidates[s->candidate].slot);
     for (uint32_t t = 0; t < s->train_count; t++)
         loop->best_of_train[t] = FV_MATCH_NONE;
     for (uint32_t q = 0; q < s->query_count; q++) {
         if (loop->nearest[q] == FV_MATCH_NONE) continue;
-        uint32_t *best = &loop->best_of_train[loop->nearest[q] & 0xffff], distance = loop->nearest[q] >> FV_MATCH_INDEX_BITS;
+        uint32_t *best = &loop->best_of_train[loop->nearest[q] & 0xffff],
+                 distance = loop->nearest[q] >> FV_MATCH_INDEX_BITS;
         if (*best == FV_MATCH_NONE || distance < *best >> FV_MATCH_INDEX_BITS)
             *best = distance << FV_MATCH_INDEX_BITS | q;
     }
@@ -182,7 +191,8 @@ static void fv_make_meetings(struct fv_loop_closer *loop, const struct fv_map *m
     for (uint32_t q = 0; q < s->query_count; q++) {
         uint32_t distance = loop->nearest[q] >> FV_MATCH_INDEX_BITS, train = loop->nearest[q] & 0xffff;
         if (loop->nearest[q] == FV_MATCH_NONE || distance > DISTANCE_MAX ||
-            (loop->best_of_train[train] & 0xffff) != q || distance > ratio_max * (loop->second[q] >> FV_MATCH_INDEX_BITS))
+            (loop->best_of_train[train] & 0xffff) != q ||
+            distance > ratio_max * (loop->second[q] >> FV_MATCH_INDEX_BITS))
             continue;
         uint32_t f = loop->query_feature[q], g = loop->train_feature[train];
         if (a.landmark[f] == FV_MAP_NONE || b.landmark[g] == FV_MAP_NONE) continue; /* gone since */
@@ -199,7 +209,8 @@ static void fv_next_candidate(struct fv_loop_state *s)
     s->phase = ++s->candidate < s->candidate_count ? FV_LOOP_MATCH : FV_LOOP_IDLE;
 }
 
-static void fv_match_unit(struct fv_loop_closer *loop, const struct fv_map *map, const struct fv_kernels *kernels)
+static void fv_match_unit(struct fv_loop_closer *loop, const struct fv_map *map,
+                          const struct fv_kernels *kernels)
 {
     struct fv_loop_state *s = loop->state;
     if (s->next == 0) {
@@ -210,8 +221,8 @@ static void fv_match_unit(struct fv_loop_closer *loop, const struct fv_map *map,
     }
     uint32_t left = s->query_count - s->next, some = left < QUERIES_PER_UNIT ? left : QUERIES_PER_UNIT;
     kernels->hamming_two_u8(loop->nearest + s->next, loop->second + s->next,
-                            loop->queries + (size_t)s->next * FV_MAP_DESCRIPTOR_BYTES, (int32_t)some, loop->trains,
-                            (int32_t)s->train_count);
+                            loop->queries + (size_t)s->next * FV_MAP_DESCRIPTOR_BYTES, (int32_t)some,
+                            loop->trains, (int32_t)s->train_count);
     s->next += some;
     if (s->next < s->query_count) return;
     fv_make_meetings(loop, map);
@@ -223,7 +234,8 @@ static void fv_match_unit(struct fv_loop_closer *loop, const struct fv_map *map,
     s->phase = FV_LOOP_SAMPLE;
 }
 
-/* ---- the similarity -------------------------------------------------------------------------------------- */
+/* ---- the similarity --------------------------------------------------------------------------------------
+ */
 
 /* Landmarks that the candidate and its neighbours see. */
 static void fv_gather_group(struct fv_loop_closer *loop, struct fv_map *map)
@@ -249,7 +261,9 @@ static void fv_sample_unit(struct fv_loop_closer *loop, struct fv_map *map)
 {
     struct fv_loop_state *s = loop->state;
     uint32_t samples = SAMPLE_TESTS_PER_UNIT / s->meeting_count + 1;
-    if (fv_sim3_search_more(&s->search, loop->meetings, s->meeting_count, samples, chi_square_99_2, &s->random)) return;
+    if (fv_sim3_search_more(&s->search, loop->meetings, s->meeting_count, samples, chi_square_99_2,
+                            &s->random))
+        return;
     struct fv_sim3 inverse;
     uint32_t inliers = s->search.best_inliers;
     fv_sim3_invert(&s->search.best, &inverse);
@@ -261,7 +275,8 @@ static void fv_sample_unit(struct fv_loop_closer *loop, struct fv_map *map)
     }
     s->S_keyframe_candidate = s->search.best;
     for (int round = 0; round < 2 && inliers >= SAMPLED_MIN; round++)
-        inliers = fv_sim3_refine(loop->meetings, s->meeting_count, chi_square_99_2, 3, &s->S_keyframe_candidate);
+        inliers =
+            fv_sim3_refine(loop->meetings, s->meeting_count, chi_square_99_2, 3, &s->S_keyframe_candidate);
     if (inliers < SAMPLED_MIN) {
         fv_next_candidate(s);
         return;
@@ -272,7 +287,8 @@ static void fv_sample_unit(struct fv_loop_closer *loop, struct fv_map *map)
     s->phase = FV_LOOP_GUIDED;
 }
 
-/* ---- plausibility ---------------------------------------------------------------------------------------- */
+/* ---- plausibility ----------------------------------------------------------------------------------------
+ */
 
 void fv_loop_correction(const struct fv_map *map, uint32_t keyframe, uint32_t candidate,
                         const struct fv_sim3 *S_keyframe_candidate, struct fv_sim3 *correction)
@@ -310,7 +326,8 @@ static double fv_path_since(const struct fv_map *map, uint32_t keyframe, uint64_
 }
 
 /* What a similarity does at a place: how far it moves it, turns, and scales (as a logarithm). */
-static void fv_effect(const struct fv_sim3 *S, const double place[3], double *shift, double *turn, double *scale)
+static void fv_effect(const struct fv_sim3 *S, const double place[3], double *shift, double *turn,
+                      double *scale)
 {
     double moved[3], between[3], rotation[3];
     fv_sim3_apply(S, place, moved);
@@ -333,7 +350,8 @@ bool fv_loop_plausible(const struct fv_map *map, uint32_t keyframe, uint32_t can
            shift < drift_share_max * fv_path_since(map, keyframe, c->number) + drift_slack * k->depth;
 }
 
-/* ---- sightings ------------------------------------------------------------------------------------------- */
+/* ---- sightings -------------------------------------------------------------------------------------------
+ */
 
 static bool fv_enough_found(const struct fv_loop_state *s, uint32_t least)
 {
@@ -347,7 +365,8 @@ static bool fv_same_correction(const struct fv_map *map, const struct fv_loop_st
     const struct fv_keyframe *k = &map->keyframes[s->keyframe.slot];
     if (belief->sightings == 0 || !fv_loop_named(map, belief->candidate) ||
         k->number > belief->number + BELIEF_KEYFRAMES ||
-        map->keyframes[belief->candidate.slot].map_id != map->keyframes[s->candidates[s->candidate].slot].map_id)
+        map->keyframes[belief->candidate.slot].map_id !=
+            map->keyframes[s->candidates[s->candidate].slot].map_id)
         return false;
     struct fv_sim3 inverse, off;
     double centre[3], shift, turn, scale;
@@ -387,7 +406,8 @@ static void fv_guided_done(struct fv_loop_closer *loop, const struct fv_map *map
     struct fv_loop_state *s = loop->state;
     uint32_t candidate = s->candidates[s->candidate].slot, inliers = s->meeting_count;
     for (int round = 0; round < 2 && inliers >= MEETINGS_MIN; round++)
-        inliers = fv_sim3_refine(loop->meetings, s->meeting_count, chi_square_99_2, 3, &s->S_keyframe_candidate);
+        inliers =
+            fv_sim3_refine(loop->meetings, s->meeting_count, chi_square_99_2, 3, &s->S_keyframe_candidate);
     if (inliers < MEETINGS_MIN || !fv_enough_found(s, FOUND_MIN)) {
         fv_next_candidate(s);
         return;
@@ -405,7 +425,8 @@ static void fv_guided_done(struct fv_loop_closer *loop, const struct fv_map *map
 }
 
 /* Ask the next keyframe before the offered one; when there is none, or enough have been asked, judge. */
-static void fv_before_unit(struct fv_loop_closer *loop, const struct fv_map *map, const struct fv_kernels *kernels)
+static void fv_before_unit(struct fv_loop_closer *loop, const struct fv_map *map,
+                           const struct fv_kernels *kernels)
 {
     struct fv_loop_state *s = loop->state;
     if (s->next == 0) {
@@ -433,7 +454,8 @@ static void fv_before_unit(struct fv_loop_closer *loop, const struct fv_map *map
     s->next = 0;
 }
 
-/* ---- the job --------------------------------------------------------------------------------------------- */
+/* ---- the job ---------------------------------------------------------------------------------------------
+ */
 
 /* While a sighting is made, the two keyframes must stay what they were. */
 static bool fv_still_there(const struct fv_loop_state *s, const struct fv_map *map)
@@ -454,13 +476,19 @@ bool fv_loop_unit(struct fv_loop_closer *loop, struct fv_map *map, const struct 
         return fv_loop_waiting(loop);
     }
     switch (s->phase) {
-    case FV_LOOP_MATCH: fv_match_unit(loop, map, kernels); break;
-    case FV_LOOP_SAMPLE: fv_sample_unit(loop, map); break;
+    case FV_LOOP_MATCH:
+        fv_match_unit(loop, map, kernels);
+        break;
+    case FV_LOOP_SAMPLE:
+        fv_sample_unit(loop, map);
+        break;
     case FV_LOOP_GUIDED:
         if (fv_loop_search_group(loop, map, kernels, s->keyframe.slot, &s->S_keyframe_candidate))
             fv_guided_done(loop, map);
         break;
-    case FV_LOOP_BEFORE: fv_before_unit(loop, map, kernels); break;
+    case FV_LOOP_BEFORE:
+        fv_before_unit(loop, map, kernels);
+        break;
     case FV_LOOP_GRAPH:
         if (!fv_loop_graph_unit(loop, map)) break;
         s->phase = fv_pose_graph_start(&loop->graph) ? FV_LOOP_SOLVE : FV_LOOP_IDLE;
@@ -478,7 +506,8 @@ bool fv_loop_unit(struct fv_loop_closer *loop, struct fv_map *map, const struct 
         outcome->fused = true;
         s->phase = FV_LOOP_IDLE;
         break;
-    case FV_LOOP_IDLE: break;
+    case FV_LOOP_IDLE:
+        break;
     }
     return fv_loop_waiting(loop);
 }

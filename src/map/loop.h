@@ -1,20 +1,22 @@
 /* Loop closing and merging of maps; a job of low priority.
  *
- * A keyframe that has entered the place index is offered. Keyframes that look like it, but share no landmark with it, are
- * tried in turn: features with landmarks are matched by descriptor, a similarity between the two cameras is sampled and
- * refined, then the landmarks around the candidate are searched for where it predicts them in the keyframe's image. What
- * agrees is a sighting. A loop is believed when FV_LOOP_SIGHTINGS keyframes have sighted the same correction of the map,
- * those before the offered one or those after it, and the correction is no larger than drift can be. Precision comes before
- * recall: a false loop ruins a map, a missed one comes again.
+ * A keyframe that has entered the place index is offered. Keyframes that look like it, but share no landmark
+ * with it, are tried in turn: features with landmarks are matched by descriptor, a similarity between the two
+ * cameras is sampled and refined, then the landmarks around the candidate are searched for where it predicts
+ * them in the keyframe's image. What agrees is a sighting. A loop is believed when FV_LOOP_SIGHTINGS
+ * keyframes have sighted the same correction of the map, those before the offered one or those after it, and
+ * the correction is no larger than drift can be. Precision comes before recall: a false loop ruins a map, a
+ * missed one comes again.
  *
- * Within one map, the keyframes' poses are then optimised over the essential graph (pose_graph.h): parents, strong
- * neighbours, all loops. Between two maps, the younger one is taken to the world of the older one as a whole. The commit is one bounded
- * unit: keyframes move by their own correction (those made since by that of the nearest ancestor that has one), landmarks
- * with their reference keyframe, the frame in work with its parent; the jump goes to S_map_odom, so that the pose in `odom`
- * does not. Then landmarks that are the same thing are fused.
+ * Within one map, the keyframes' poses are then optimised over the essential graph (pose_graph.h): parents,
+ * strong neighbours, all loops. Between two maps, the younger one is taken to the world of the older one as a
+ * whole. The commit is one bounded unit: keyframes move by their own correction (those made since by that of
+ * the nearest ancestor that has one), landmarks with their reference keyframe, the frame in work with its
+ * parent; the jump goes to S_map_odom, so that the pose in `odom` does not. Then landmarks that are the same
+ * thing are fused.
  *
- * Steps after R. Mur-Artal, J. Montiel, J. Tardos, "ORB-SLAM" (T-RO 2015), section VII, and C. Campos et al., "ORB-SLAM3"
- * (T-RO 2021), section VI. State holds no addresses. Real-time safe; every unit is bounded. */
+ * Steps after R. Mur-Artal, J. Montiel, J. Tardos, "ORB-SLAM" (T-RO 2015), section VII, and C. Campos et al.,
+ * "ORB-SLAM3" (T-RO 2021), section VI. State holds no addresses. Real-time safe; every unit is bounded. */
 #ifndef FOVEA_MAP_LOOP_H
 #define FOVEA_MAP_LOOP_H
 
@@ -75,9 +77,9 @@ struct fv_loop_state {
     struct fv_sim3 correction;
     struct fv_sim3_search search;
     struct fovea_random random;
-    uint32_t next;          /* item of the phase */
+    uint32_t next; /* item of the phase */
     uint32_t query_count, train_count, meeting_count, group_count;
-    uint32_t visible, found; /* of the guided search */
+    uint32_t visible, found;    /* of the guided search */
     struct fv_loop_name before; /* keyframe that is asked after the offered one */
     uint32_t asked, seen_before;
     uint32_t fuse_count, fuse_at;
@@ -97,14 +99,15 @@ struct fv_loop_closer {
     struct fv_loop_name *group; /* landmarks around the candidate */
     int16_t *node_of;           /* node of the graph, by keyframe slot */
     struct fv_loop_name *nodes; /* keyframes of the graph's nodes */
-    struct fv_sim3 *corrections; /* by keyframe slot, and of the current frame; takes the old world to the new */
+    struct fv_sim3
+        *corrections; /* by keyframe slot, and of the current frame; takes the old world to the new */
     uint8_t *corrected;
     uint32_t *scores;
 };
 
 /* `camera` stays the caller's and must be set again after a copy, as carving does. */
-void fv_loop_carve(struct fv_loop_closer *loop, const struct fv_map_limits *limits, const struct fovea_camera *camera,
-                   struct fv_arena *persistent, struct fv_arena *job);
+void fv_loop_carve(struct fv_loop_closer *loop, const struct fv_map_limits *limits,
+                   const struct fovea_camera *camera, struct fv_arena *persistent, struct fv_arena *job);
 /* Forget what was sighted and drop the work in progress. */
 void fv_loop_reset(struct fv_loop_closer *loop, uint64_t seed);
 
@@ -120,17 +123,21 @@ struct fv_loop_outcome {
     struct fv_sim3 S_new_current; /* takes the old world of the current frame to the new one */
 };
 
-/* One unit, at most about 0.25 ms; the commit longer, in proportion to the pools. True when units are left. */
+/* One unit, at most about 0.25 ms; the commit longer, in proportion to the pools. True when units are left.
+ */
 bool fv_loop_unit(struct fv_loop_closer *loop, struct fv_map *map, const struct fv_kernels *kernels,
                   struct fv_loop_outcome *outcome);
 
-/* ---- between the files of the job ------------------------------------------------------------------------ */
+/* ---- between the files of the job ------------------------------------------------------------------------
+ */
 
 bool fv_loop_named(const struct fv_map *map, struct fv_loop_name name);
-/* Search the group's landmarks in a keyframe that S_keyframe_candidate is said to hold for, from state->next on, in one
- * unit; counts into visible and found, and fills meetings where the feature has a landmark itself. True when done. */
-bool fv_loop_search_group(struct fv_loop_closer *loop, const struct fv_map *map, const struct fv_kernels *kernels,
-                          uint32_t slot, const struct fv_sim3 *S_keyframe_candidate);
+/* Search the group's landmarks in a keyframe that S_keyframe_candidate is said to hold for, from state->next
+ * on, in one unit; counts into visible and found, and fills meetings where the feature has a landmark itself.
+ * True when done. */
+bool fv_loop_search_group(struct fv_loop_closer *loop, const struct fv_map *map,
+                          const struct fv_kernels *kernels, uint32_t slot,
+                          const struct fv_sim3 *S_keyframe_candidate);
 /* Correction of the keyframe's world that makes S_keyframe_candidate true. */
 void fv_loop_correction(const struct fv_map *map, uint32_t keyframe, uint32_t candidate,
                         const struct fv_sim3 *S_keyframe_candidate, struct fv_sim3 *correction);

@@ -6,8 +6,8 @@
 
 enum { GRAPH_PER_UNIT = 16, GRAPH_NEIGHBOURS = 4, GRAPH_SHARED_MIN = 40 };
 
-/* Relative precision of an edge: translation in median depths, rotation, log scale. Drift turns less than it shifts, and
- * stretches more. */
+/* Relative precision of an edge: translation in median depths, rotation, log scale. Drift turns less than it
+ * shifts, and stretches more. */
 static const double weight_turn = 4, weight_scale = 0.25;
 static const double weight_loop = 4;
 
@@ -18,7 +18,8 @@ static void fv_edge_weight(const struct fv_keyframe *a, double factor, double we
     weight[2] = factor * weight_scale;
 }
 
-/* ---- the essential graph --------------------------------------------------------------------------------- */
+/* ---- the essential graph ---------------------------------------------------------------------------------
+ */
 
 void fv_loop_graph_begin(struct fv_loop_closer *loop, const struct fv_map *map)
 {
@@ -49,7 +50,8 @@ static bool fv_in_graph(const struct fv_loop_closer *loop, const struct fv_map *
 }
 
 /* An edge that holds two keyframes as they were to each other. */
-static void fv_hold(struct fv_loop_closer *loop, const struct fv_map *map, uint32_t a, uint32_t b, double factor)
+static void fv_hold(struct fv_loop_closer *loop, const struct fv_map *map, uint32_t a, uint32_t b,
+                    double factor)
 {
     struct fv_sim3 S;
     double weight[3];
@@ -67,8 +69,8 @@ static void fv_hold_keyframe(struct fv_loop_closer *loop, const struct fv_map *m
     uint32_t count = fv_map_neighbours(map, slot, GRAPH_SHARED_MIN, near, GRAPH_NEIGHBOURS);
     for (uint32_t i = 0; i < count; i++) {
         const struct fv_keyframe *other = &map->keyframes[near[i].slot];
-        if ((int32_t)near[i].slot == k->parent || (int32_t)slot == other->parent || other->number > k->number ||
-            !fv_in_graph(loop, map, (int32_t)near[i].slot))
+        if ((int32_t)near[i].slot == k->parent || (int32_t)slot == other->parent ||
+            other->number > k->number || !fv_in_graph(loop, map, (int32_t)near[i].slot))
             continue;
         fv_hold(loop, map, slot, near[i].slot, near[i].shared < 200 ? near[i].shared / 100.0 : 2);
     }
@@ -78,8 +80,9 @@ static void fv_hold_loops(struct fv_loop_closer *loop, const struct fv_map *map)
 {
     for (uint32_t e = 0; e < FV_MAP_EDGES_MAX && e < map->state->edge_count; e++) {
         const struct fv_map_edge *edge = &map->edges[e];
-        if (fv_map_holds(map, edge->a, edge->generation_a) && fv_map_holds(map, edge->b, edge->generation_b) &&
-            fv_in_graph(loop, map, (int32_t)edge->a) && fv_in_graph(loop, map, (int32_t)edge->b))
+        if (fv_map_holds(map, edge->a, edge->generation_a) &&
+            fv_map_holds(map, edge->b, edge->generation_b) && fv_in_graph(loop, map, (int32_t)edge->a) &&
+            fv_in_graph(loop, map, (int32_t)edge->b))
             fv_hold(loop, map, edge->a, edge->b, 2);
     }
 }
@@ -101,7 +104,8 @@ bool fv_loop_graph_unit(struct fv_loop_closer *loop, const struct fv_map *map)
     return s->next >= nodes;
 }
 
-/* ---- the commit ------------------------------------------------------------------------------------------ */
+/* ---- the commit ------------------------------------------------------------------------------------------
+ */
 
 /* Corrections of the keyframes that were in the graph. */
 static void fv_correct_nodes(struct fv_loop_closer *loop, const struct fv_map *map)
@@ -115,18 +119,20 @@ static void fv_correct_nodes(struct fv_loop_closer *loop, const struct fv_map *m
     }
 }
 
-/* Keyframes made since, and the frame in work, get the correction of the nearest ancestor that has one. Parents are older
- * than their children, so each step up comes nearer to the graph. */
+/* Keyframes made since, and the frame in work, get the correction of the nearest ancestor that has one.
+ * Parents are older than their children, so each step up comes nearer to the graph. */
 static void fv_correct_born_since(struct fv_loop_closer *loop, const struct fv_map *map, uint32_t map_id)
 {
     for (uint32_t k = 0; k <= map->limits.keyframes; k++) {
         const struct fv_keyframe *keyframe = &map->keyframes[k];
         const bool current = k == fv_map_current(map);
         if (current) loop->corrected[k] = false;
-        if (current ? map->state->map_id != map_id : loop->corrected[k] || !keyframe->used || keyframe->map_id != map_id)
+        if (current ? map->state->map_id != map_id
+                    : loop->corrected[k] || !keyframe->used || keyframe->map_id != map_id)
             continue;
         int32_t at = keyframe->parent;
-        for (uint32_t n = 0; n < map->limits.keyframes && at != FV_MAP_NONE && !fv_in_graph(loop, map, at); n++)
+        for (uint32_t n = 0; n < map->limits.keyframes && at != FV_MAP_NONE && !fv_in_graph(loop, map, at);
+             n++)
             at = map->keyframes[at].parent;
         if (at == FV_MAP_NONE || !fv_in_graph(loop, map, at)) continue;
         loop->corrections[k] = loop->corrections[at];
@@ -135,7 +141,8 @@ static void fv_correct_born_since(struct fv_loop_closer *loop, const struct fv_m
 }
 
 /* One correction for all of a map. */
-static void fv_correct_map(struct fv_loop_closer *loop, const struct fv_map *map, uint32_t map_id, const struct fv_sim3 *S)
+static void fv_correct_map(struct fv_loop_closer *loop, const struct fv_map *map, uint32_t map_id,
+                           const struct fv_sim3 *S)
 {
     for (uint32_t k = 0; k <= map->limits.keyframes; k++) {
         const struct fv_keyframe *keyframe = &map->keyframes[k];
@@ -212,7 +219,8 @@ void fv_loop_commit(struct fv_loop_closer *loop, struct fv_map *map, struct fv_l
     }
     fv_apply_corrections(loop, map);
     if (own != others)
-        fv_join_maps(map, own > others ? own : others, own > others ? others : own, own > others ? candidate : keyframe);
+        fv_join_maps(map, own > others ? own : others, own > others ? others : own,
+                     own > others ? candidate : keyframe);
     fv_map_add_edge(map, keyframe, candidate);
     const uint32_t current = fv_map_current(map);
     outcome->committed = true;

@@ -1,4 +1,5 @@
-/* Loop closing: the landmarks around a candidate, looked for in other keyframes, before and after the correction. */
+/* Loop closing: the landmarks around a candidate, looked for in other keyframes, before and after the
+ * correction. */
 #include <string.h>
 
 #include "fovea/features.h"
@@ -30,7 +31,8 @@ static int fv_level_at(const struct fv_landmark *l, double distance)
     return level < FOVEA_PYRAMID_LEVELS_MAX ? level : -1;
 }
 
-static bool fv_in_image(const struct fv_loop_closer *loop, const struct fv_map *map, const double q[3], double pixel[2])
+static bool fv_in_image(const struct fv_loop_closer *loop, const struct fv_map *map, const double q[3],
+                        double pixel[2])
 {
     return fovea_camera_project(loop->camera, q, pixel, 0) == FOVEA_OK && pixel[0] >= 0 && pixel[1] >= 0 &&
            pixel[0] < map->limits.width && pixel[1] < map->limits.height;
@@ -46,12 +48,13 @@ static double fv_square_error(const struct fv_keypoint *p, const double q[3])
     return fv_sight_error(b, A, q, e, 0) ? (double)p->weight * (e[0] * e[0] + e[1] * e[1]) : 1e9;
 }
 
-/* ---- before the correction ------------------------------------------------------------------------------- */
+/* ---- before the correction -------------------------------------------------------------------------------
+ */
 
-/* A landmark found at a feature that has a landmark of its own: the two meet. The candidate need not see the landmark, so
- * its side says only how far it is. False when the two are not at one distance. */
-static bool fv_add_meeting(struct fv_loop_closer *loop, const struct fv_map *map, const struct fv_view *view, uint32_t feature,
-                           const double q[3], const double in_candidate[3])
+/* A landmark found at a feature that has a landmark of its own: the two meet. The candidate need not see the
+ * landmark, so its side says only how far it is. False when the two are not at one distance. */
+static bool fv_add_meeting(struct fv_loop_closer *loop, const struct fv_map *map, const struct fv_view *view,
+                           uint32_t feature, const double q[3], const double in_candidate[3])
 {
     const struct fv_keypoint *p = &view->points[feature];
     struct fv_meeting *m = &loop->meetings[loop->state->meeting_count];
@@ -81,8 +84,9 @@ struct outlook {
     uint32_t slot;
 };
 
-static void fv_look_for(struct fv_loop_closer *loop, const struct fv_map *map, const struct fv_kernels *kernels,
-                        const struct outlook *look, const struct fv_landmark *l)
+static void fv_look_for(struct fv_loop_closer *loop, const struct fv_map *map,
+                        const struct fv_kernels *kernels, const struct outlook *look,
+                        const struct fv_landmark *l)
 {
     struct fv_loop_state *s = loop->state;
     double in_candidate[3], q[3], ray[3], pixel[2];
@@ -91,28 +95,34 @@ static void fv_look_for(struct fv_loop_closer *loop, const struct fv_map *map, c
     if (!fv_in_image(loop, map, q, pixel)) return;
     fv_subtract3(l->point, look->centre, ray);
     double distance = fv_norm3(ray);
-    double cosine = ((double)l->direction[0] * ray[0] + (double)l->direction[1] * ray[1] + (double)l->direction[2] * ray[2]) /
+    double cosine = ((double)l->direction[0] * ray[0] + (double)l->direction[1] * ray[1] +
+                     (double)l->direction[2] * ray[2]) /
                     distance;
     int level = fv_level_at(l, distance);
     if (cosine < 0.6 || level < 0) return;
     s->visible++;
-    struct fv_found found = fv_map_search(map, kernels, look->slot, pixel[0], pixel[1],
-                                          radius_guided_px * fv_scale_of(level), level - 1, level + 1, l->descriptor, false);
-    if (found.feature == FV_MAP_NONE || found.distance > DISTANCE_GUIDED_MAX || found.distance > 0.9 * found.second ||
-        loop->nearest[found.feature] != 0 || fv_square_error(&look->view.points[found.feature], q) > 2 * chi_square_99_2)
+    struct fv_found found =
+        fv_map_search(map, kernels, look->slot, pixel[0], pixel[1], radius_guided_px * fv_scale_of(level),
+                      level - 1, level + 1, l->descriptor, false);
+    if (found.feature == FV_MAP_NONE || found.distance > DISTANCE_GUIDED_MAX ||
+        found.distance > 0.9 * found.second || loop->nearest[found.feature] != 0 ||
+        fv_square_error(&look->view.points[found.feature], q) > 2 * chi_square_99_2)
         return;
     uint32_t feature = (uint32_t)found.feature;
-    if (look->view.landmark[feature] != FV_MAP_NONE && !fv_add_meeting(loop, map, &look->view, feature, q, in_candidate))
+    if (look->view.landmark[feature] != FV_MAP_NONE &&
+        !fv_add_meeting(loop, map, &look->view, feature, q, in_candidate))
         return;
     loop->nearest[feature] = 1;
     s->found++;
 }
 
-bool fv_loop_search_group(struct fv_loop_closer *loop, const struct fv_map *map, const struct fv_kernels *kernels,
-                          uint32_t slot, const struct fv_sim3 *S_keyframe_candidate)
+bool fv_loop_search_group(struct fv_loop_closer *loop, const struct fv_map *map,
+                          const struct fv_kernels *kernels, uint32_t slot,
+                          const struct fv_sim3 *S_keyframe_candidate)
 {
     struct fv_loop_state *s = loop->state;
-    struct outlook look = {.view = fv_map_view(map, slot), .S_keyframe_candidate = *S_keyframe_candidate, .slot = slot};
+    struct outlook look = {
+        .view = fv_map_view(map, slot), .S_keyframe_candidate = *S_keyframe_candidate, .slot = slot};
     struct fv_sim3 inverse;
     look.T_candidate_world = map->keyframes[s->candidates[s->candidate].slot].T_cam_world;
     fv_sim3_invert(S_keyframe_candidate, &inverse);
@@ -129,11 +139,12 @@ bool fv_loop_search_group(struct fv_loop_closer *loop, const struct fv_map *map,
     return s->next >= s->group_count;
 }
 
-/* ---- after it: fusing ------------------------------------------------------------------------------------ */
+/* ---- after it: fusing ------------------------------------------------------------------------------------
+ */
 
 /* Look for a landmark of the group in a keyframe; link it there, or make one of it and what is there. */
-static void fv_fuse_into(struct fv_loop_closer *loop, struct fv_map *map, const struct fv_kernels *kernels, uint32_t landmark,
-                         uint32_t keyframe)
+static void fv_fuse_into(struct fv_loop_closer *loop, struct fv_map *map, const struct fv_kernels *kernels,
+                         uint32_t landmark, uint32_t keyframe)
 {
     struct fv_landmark *l = &map->landmarks[landmark];
     struct fv_view view = fv_map_view(map, keyframe);
@@ -144,15 +155,17 @@ static void fv_fuse_into(struct fv_loop_closer *loop, struct fv_map *map, const 
     if (!fv_in_image(loop, map, q, pixel)) return;
     int level = fv_level_at(l, fv_norm3(q));
     if (level < 0) return;
-    struct fv_found found = fv_map_search(map, kernels, keyframe, pixel[0], pixel[1], radius_fuse_px * fv_scale_of(level),
-                                          level - 1, level + 1, l->descriptor, false);
+    struct fv_found found =
+        fv_map_search(map, kernels, keyframe, pixel[0], pixel[1], radius_fuse_px * fv_scale_of(level),
+                      level - 1, level + 1, l->descriptor, false);
     if (found.feature == FV_MAP_NONE || found.distance > DISTANCE_FUSE_MAX ||
         fv_square_error(&view.points[found.feature], q) > chi_square_95_2)
         return;
     int32_t other = view.landmark[found.feature];
     loop->state->counts.fused++;
     if (other == FV_MAP_NONE) {
-        if (fv_map_link(map, landmark, keyframe, (uint32_t)found.feature)) fv_map_refresh_landmark(map, landmark);
+        if (fv_map_link(map, landmark, keyframe, (uint32_t)found.feature))
+            fv_map_refresh_landmark(map, landmark);
     } else if (map->landmarks[other].observer_count > l->observer_count) {
         fv_map_fuse_landmarks(map, (uint32_t)other, landmark);
     } else {
@@ -165,10 +178,12 @@ bool fv_loop_fuse_unit(struct fv_loop_closer *loop, struct fv_map *map, const st
     struct fv_loop_state *s = loop->state;
     if (s->fuse_at >= s->fuse_count) return true;
     struct fv_loop_name into = s->fuse_into[s->fuse_at];
-    for (uint32_t done = 0; done < FUSE_PER_UNIT && s->next < s->group_count && fv_loop_named(map, into); done++) {
+    for (uint32_t done = 0; done < FUSE_PER_UNIT && s->next < s->group_count && fv_loop_named(map, into);
+         done++) {
         struct fv_loop_name name = loop->group[s->next++];
         const struct fv_landmark *l = &map->landmarks[name.slot];
-        if (l->used && l->generation == name.generation) fv_fuse_into(loop, map, kernels, name.slot, into.slot);
+        if (l->used && l->generation == name.generation)
+            fv_fuse_into(loop, map, kernels, name.slot, into.slot);
     }
     if (s->next < s->group_count && fv_loop_named(map, into)) return false;
     s->next = 0;

@@ -8,7 +8,8 @@ enum { UNIT_LINEARISE = 40, UNIT_JUDGE = 150 /* edges */, UNIT_ITERATIONS = 2 };
 
 static const double converged_share = 1e-8; /* of the cost: a step that saves less is the last */
 
-void fv_pose_graph_carve(struct fv_pose_graph *g, const struct fv_pose_graph_limits *limits, struct fv_arena *job)
+void fv_pose_graph_carve(struct fv_pose_graph *g, const struct fv_pose_graph_limits *limits,
+                         struct fv_arena *job)
 {
     g->limits = *limits;
     g->state = fv_arena_take(job, 1, sizeof *g->state);
@@ -18,7 +19,8 @@ void fv_pose_graph_carve(struct fv_pose_graph *g, const struct fv_pose_graph_lim
     g->order = fv_arena_take(job, limits->nodes, sizeof *g->order);
 }
 
-/* ---- building -------------------------------------------------------------------------------------------- */
+/* ---- building --------------------------------------------------------------------------------------------
+ */
 
 void fv_pose_graph_begin(struct fv_pose_graph *g)
 {
@@ -78,8 +80,8 @@ static uint32_t fv_neighbours_end(const struct fv_pose_graph *g, uint32_t node)
     return node + 1 < g->state->node_count ? g->nodes[node + 1].first : 2 * g->state->edge_count;
 }
 
-/* Breadth first from a node: moving ones join the order with their parents before them. A fixed node gives no parent's
- * block, so its children are roots of the elimination. */
+/* Breadth first from a node: moving ones join the order with their parents before them. A fixed node gives no
+ * parent's block, so its children are roots of the elimination. */
 static void fv_reach(struct fv_pose_graph *g, uint32_t from)
 {
     for (uint32_t k = g->nodes[from].first; k < fv_neighbours_end(g, from); k++) {
@@ -112,7 +114,8 @@ bool fv_pose_graph_start(struct fv_pose_graph *g)
     return true;
 }
 
-/* ---- errors ---------------------------------------------------------------------------------------------- */
+/* ---- errors ----------------------------------------------------------------------------------------------
+ */
 
 static void fv_edge_error(const struct fv_pose_graph *g, const struct fv_graph_edge *edge, double e[7])
 {
@@ -181,8 +184,8 @@ static void fv_multiply77(const double A[49], const double B[49], double out[49]
     }
 }
 
-/* Derivative of log(exp(x) exp(e)) by x at 0 (left) and of log(exp(e) exp(x)) (right): 1 -+ ad/2 + ad^2/12 - ad^4/720 +
- * ad^6/30240, Bernoulli's numbers over factorials. */
+/* Derivative of log(exp(x) exp(e)) by x at 0 (left) and of log(exp(e) exp(x)) (right): 1 -+ ad/2 + ad^2/12 -
+ * ad^4/720 + ad^6/30240, Bernoulli's numbers over factorials. */
 static void fv_log_derivatives(const double e[7], double left[49], double right[49])
 {
     double ad[49], square[49], fourth[49], sixth[49];
@@ -197,10 +200,12 @@ static void fv_log_derivatives(const double e[7], double left[49], double right[
     }
 }
 
-/* ---- linearising ----------------------------------------------------------------------------------------- */
+/* ---- linearising -----------------------------------------------------------------------------------------
+ */
 
 /* A^T W B of one edge. */
-static void fv_normal_block(const struct fv_graph_edge *edge, const double A[49], const double B[49], double out[49])
+static void fv_normal_block(const struct fv_graph_edge *edge, const double A[49], const double B[49],
+                            double out[49])
 {
     for (int r = 0; r < 7; r++) {
         double row[7] = {0};
@@ -259,7 +264,8 @@ static void fv_linearise_unit(struct fv_pose_graph *g)
     s->phase = FV_GRAPH_FACTOR;
 }
 
-/* ---- judging a step -------------------------------------------------------------------------------------- */
+/* ---- judging a step --------------------------------------------------------------------------------------
+ */
 
 static void fv_take_steps(struct fv_pose_graph *g)
 {
@@ -312,7 +318,9 @@ bool fv_pose_graph_unit(struct fv_pose_graph *g)
 {
     struct fv_pose_graph_state *s = g->state;
     switch (s->phase) {
-    case FV_GRAPH_LINEARISE: fv_linearise_unit(g); break;
+    case FV_GRAPH_LINEARISE:
+        fv_linearise_unit(g);
+        break;
     case FV_GRAPH_FACTOR:
         s->phase = fv_graph_factor(g) ? FV_GRAPH_SOLVE : FV_GRAPH_DONE;
         if (s->phase == FV_GRAPH_SOLVE) fv_graph_solve_begin(g);
@@ -322,9 +330,12 @@ bool fv_pose_graph_unit(struct fv_pose_graph *g)
             if (!fv_graph_solve_more(g)) s->phase = FV_GRAPH_JUDGE;
         s->next = 0;
         break;
-    case FV_GRAPH_JUDGE: fv_judge_unit(g); break;
+    case FV_GRAPH_JUDGE:
+        fv_judge_unit(g);
+        break;
     case FV_GRAPH_IDLE:
-    case FV_GRAPH_DONE: break;
+    case FV_GRAPH_DONE:
+        break;
     }
     return s->phase != FV_GRAPH_DONE && s->phase != FV_GRAPH_IDLE;
 }

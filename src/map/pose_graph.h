@@ -1,11 +1,12 @@
 /* Pose-graph optimisation: poses that similarities tie together, adjusted to agree with all of them; a job.
  *
- * A node is S_cam_world of a keyframe, an edge says what S_a_b between two of them should be. Minimised is half the sum
- * over edges of the weighted squares of log(S_a_b S_b_world S_a_world^-1), by Levenberg-Marquardt; after H. Strasdat, J.
- * Montiel, A. Davison, "Scale drift-aware large scale monocular SLAM" (RSS 2010). Each step is solved by conjugate gradients
- * with the exact solution of a spanning tree as preconditioner, which needs no fill-in and so fixed memory (F. Dellaert et
- * al., "Subgraph-preconditioned conjugate gradients for large scale SLAM", IROS 2010). Works on its own copy, in units of
- * bounded cost; state holds no addresses. Real-time safe. */
+ * A node is S_cam_world of a keyframe, an edge says what S_a_b between two of them should be. Minimised is
+ * half the sum over edges of the weighted squares of log(S_a_b S_b_world S_a_world^-1), by
+ * Levenberg-Marquardt; after H. Strasdat, J. Montiel, A. Davison, "Scale drift-aware large scale monocular
+ * SLAM" (RSS 2010). Each step is solved by conjugate gradients with the exact solution of a spanning tree as
+ * preconditioner, which needs no fill-in and so fixed memory (F. Dellaert et al., "Subgraph-preconditioned
+ * conjugate gradients for large scale SLAM", IROS 2010). Works on its own copy, in units of bounded cost;
+ * state holds no addresses. Real-time safe. */
 #ifndef FOVEA_MAP_POSE_GRAPH_H
 #define FOVEA_MAP_POSE_GRAPH_H
 
@@ -29,7 +30,7 @@ struct fv_graph_node {
     struct fv_sim3 S, before; /* S_cam_world in work, and as last accepted */
     double diagonal[49];      /* of the normal equations, lower triangle, without damping */
     double gradient[7];
-    double factor[49];   /* of what elimination of the tree left of the diagonal block */
+    double factor[49];    /* of what elimination of the tree left of the diagonal block */
     double to_parent[49]; /* tree's block between this node (rows) and its parent; then factor^-1 times it */
     double step[7], residual[7], direction[7], image[7], preconditioned[7];
     int32_t parent;     /* in the tree; -1: a root, or not reached */
@@ -40,8 +41,8 @@ struct fv_graph_node {
 
 struct fv_graph_edge {
     struct fv_sim3 S_a_b;
-    double weight[3];  /* of translation, rotation, log scale: 1 / sigma^2 */
-    double block[49];  /* of the normal equations: rows a, columns b */
+    double weight[3];            /* of translation, rotation, log scale: 1 / sigma^2 */
+    double block[49];            /* of the normal equations: rows a, columns b */
     double own_a[49], own_b[49]; /* what it adds to the diagonals, lower triangles */
     uint32_t a, b;
 };
@@ -72,7 +73,8 @@ struct fv_pose_graph {
     uint32_t *order;      /* nodes that move, parents first */
 };
 
-void fv_pose_graph_carve(struct fv_pose_graph *graph, const struct fv_pose_graph_limits *limits, struct fv_arena *job);
+void fv_pose_graph_carve(struct fv_pose_graph *graph, const struct fv_pose_graph_limits *limits,
+                         struct fv_arena *job);
 
 /* Empty the graph; then add nodes and edges, and start. */
 void fv_pose_graph_begin(struct fv_pose_graph *graph);
@@ -89,7 +91,8 @@ bool fv_pose_graph_start(struct fv_pose_graph *graph);
 /* One unit of work, at most about 0.25 ms; true when units are left. Afterwards nodes[].S is the result. */
 bool fv_pose_graph_unit(struct fv_pose_graph *graph);
 
-/* ---- between the files of the job ------------------------------------------------------------------------ */
+/* ---- between the files of the job ------------------------------------------------------------------------
+ */
 
 /* Factor the tree with the damping. False when a block is not positive definite. */
 bool fv_graph_factor(struct fv_pose_graph *graph);

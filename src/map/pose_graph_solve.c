@@ -17,7 +17,8 @@ static void fv_add_product(const double M[49], bool transposed, const double x[7
     }
 }
 
-/* ---- the tree -------------------------------------------------------------------------------------------- */
+/* ---- the tree --------------------------------------------------------------------------------------------
+ */
 
 static void fv_damp(const struct fv_graph_node *node, double damping, double D[49])
 {
@@ -25,7 +26,8 @@ static void fv_damp(const struct fv_graph_node *node, double damping, double D[4
         D[8 * a] += damping * node->diagonal[8 * a] + 1e-12;
 }
 
-/* Diagonal blocks of the tree alone: a node has the share of the edge to its parent, and of those to its children. */
+/* Diagonal blocks of the tree alone: a node has the share of the edge to its parent, and of those to its
+ * children. */
 static void fv_tree_blocks(struct fv_pose_graph *g)
 {
     for (uint32_t k = 0; k < g->state->ordered; k++) {
@@ -100,7 +102,8 @@ static void fv_apply_tree(struct fv_pose_graph *g)
     }
 }
 
-/* ---- conjugate gradients --------------------------------------------------------------------------------- */
+/* ---- conjugate gradients ---------------------------------------------------------------------------------
+ */
 
 /* image = H direction. Fixed nodes have direction zero, and their image is not read. */
 static void fv_apply_system(struct fv_pose_graph *g)

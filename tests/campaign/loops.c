@@ -1,9 +1,10 @@
-/* Loops in the simulated corridor, seed by seed, against the truth: how many runs close their loop, whether any loop is
- * false, and how far the poses are off after closing, as a share of the path.
+/* Loops in the simulated corridor, seed by seed, against the truth: how many runs close their loop, whether
+ * any loop is false, and how far the poses are off after closing, as a share of the path.
  *
- * Usage: loops SEEDS NEEDED OPTIONS [RECORD]     exit 0 when at least NEEDED runs closed a loop, none was false, and the map of
- * every run that closed one is within 0.3 % of the path in the end. OPTIONS go to sim:corridor, for example
- * textures=repeated. RECORD: a file of the seeds that are done, which are not run again. */
+ * Usage: loops SEEDS NEEDED OPTIONS [RECORD]     exit 0 when at least NEEDED runs closed a loop, none was
+ * false, and the map of every run that closed one is within 0.3 % of the path in the end. OPTIONS go to
+ * sim:corridor, for example textures=repeated. RECORD: a file of the seeds that are done, which are not run
+ * again. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -29,7 +30,7 @@ struct run {
     double path_m;
 };
 
-static void die(const char *what)
+_Noreturn static void die(const char *what)
 {
     fprintf(stderr, "%s\n", what);
     exit(2);
@@ -73,7 +74,8 @@ static bool is_false(const struct run *run)
 {
     const struct fv_loop_state *s = run->rt->odometry.loop.state;
     const struct fv_map *map = &run->rt->odometry.map;
-    const struct fv_keyframe *k = &map->keyframes[s->keyframe.slot], *c = &map->keyframes[s->candidates[s->candidate].slot];
+    const struct fv_keyframe *k = &map->keyframes[s->keyframe.slot],
+                             *c = &map->keyframes[s->candidates[s->candidate].slot];
     const double *at_k = truth_at(run, k->stamp_ns), *at_c = truth_at(run, c->stamp_ns);
     if (at_k == NULL || at_c == NULL) return true;
     struct fv_se3 T_world_k, T_world_c, T_k_world, T_k_c;
@@ -90,9 +92,9 @@ static bool is_false(const struct run *run)
             transposed[3 * r + q] = T_k_c.R[3 * q + r];
     fv_multiply33(s->S_keyframe_candidate.R, transposed, R);
     fv_so3_log(R, rotation);
-    printf("    frame %u: keyframe %llu on %llu, off %.3f m, %.3f rad, scale %.4f, %u of %u found\n", run->frames,
-           (unsigned long long)k->number, (unsigned long long)c->number, fv_norm3(off), fv_norm3(rotation),
-           s->correction.s, s->found, s->visible);
+    printf("    frame %u: keyframe %llu on %llu, off %.3f m, %.3f rad, scale %.4f, %u of %u found\n",
+           run->frames, (unsigned long long)k->number, (unsigned long long)c->number, fv_norm3(off),
+           fv_norm3(rotation), s->correction.s, s->found, s->visible);
     return !(fv_norm3(off) < off_max_m && fv_norm3(rotation) < turn_max_rad);
 }
 
@@ -163,10 +165,11 @@ static void run_seed(unsigned seed, const char *options, struct verdict *verdict
     double scale;
     *verdict = (struct verdict){true, run.closed, run.false_ones, map_fit(&run, &scale) / run.path_m};
     const struct fv_loop_closer_counts *c = &run.rt->odometry.loop.state->counts;
-    printf("seed %u: %u of %u posed, loops %u (false %u), map off %.4f %% of %.1f m; offered %u tried %u sampled %u sighted %u "
+    printf("seed %u: %u of %u posed, loops %u (false %u), map off %.4f %% of %.1f m; offered %u tried %u "
+           "sampled %u sighted %u "
            "implausible %u fused %u\n",
-           seed, run.posed, run.frames, run.closed, run.false_ones, 100 * verdict->share, run.path_m, c->offered, c->tried,
-           c->sampled, c->sighted, c->implausible, c->fused);
+           seed, run.posed, run.frames, run.closed, run.false_ones, 100 * verdict->share, run.path_m,
+           c->offered, c->tried, c->sampled, c->sighted, c->implausible, c->fused);
     fflush(stdout);
     run.ops->stop(run.source);
     run.ops->close(run.source);
@@ -181,7 +184,8 @@ static void read_record(const char *path)
     FILE *file = fopen(path, "r");
     unsigned seed;
     struct verdict verdict = {.done = true};
-    while (file != NULL && fscanf(file, "%u %u %u %lf\n", &seed, &verdict.closed, &verdict.wrong, &verdict.share) == 4)
+    while (file != NULL &&
+           fscanf(file, "%u %u %u %lf\n", &seed, &verdict.closed, &verdict.wrong, &verdict.share) == 4)
         if (seed <= SEEDS_MAX) verdicts[seed] = verdict;
     if (file != NULL) fclose(file);
 }
@@ -210,7 +214,7 @@ int main(int argc, char **argv)
         wrong += verdict->wrong;
         far += verdict->closed > 0 && !(verdict->share <= share_max);
     }
-    printf("%u of %u runs closed their loop (%u needed), %u loops false, %u maps off by more than %.1f %%\n", found, seeds,
-           needed, wrong, far, 100 * share_max);
+    printf("%u of %u runs closed their loop (%u needed), %u loops false, %u maps off by more than %.1f %%\n",
+           found, seeds, needed, wrong, far, 100 * share_max);
     return found >= needed && wrong == 0 && far == 0 ? 0 : 1;
 }

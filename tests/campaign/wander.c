@@ -1,10 +1,10 @@
-/* A long walk on the simulated camera: frames must cost at the end what they cost after a while, when pools are full, and
- * memory must not grow by a byte.
+/* A long walk on the simulated camera: frames must cost at the end what they cost after a while, when pools
+ * are full, and memory must not grow by a byte.
  *
- * Usage: wander FRAMES [OPTIONS]     step and work of every frame are timed in CPU time of this thread. Of 108,000 frames (an
- * hour at 30 Hz) the median of the last sixth (ten minutes) may be at most 1.05 times that of frames 9,000 to 27,000 (minutes 5
- * to 15); of fewer frames, the same shares. OPTIONS go to sim:wander. Exit 0 when that holds and resident memory at the end is
- * that of the same place. */
+ * Usage: wander FRAMES [OPTIONS]     step and work of every frame are timed in CPU time of this thread. Of
+ * 108,000 frames (an hour at 30 Hz) the median of the last sixth (ten minutes) may be at most 1.05 times that
+ * of frames 9,000 to 27,000 (minutes 5 to 15); of fewer frames, the same shares. OPTIONS go to sim:wander.
+ * Exit 0 when that holds and resident memory at the end is that of the same place. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -18,7 +18,7 @@
 
 static const double ratio_max = 1.05;
 
-static void die(const char *what)
+_Noreturn static void die(const char *what)
 {
     fprintf(stderr, "%s\n", what);
     exit(2);
@@ -55,7 +55,8 @@ static double median(float *values, size_t count)
 int main(int argc, char **argv)
 {
     if (argc < 2) die("usage: wander FRAMES [OPTIONS]");
-    const size_t frames = (size_t)atol(argv[1]), early = frames / 12, early_end = frames / 4, late = frames - frames / 6;
+    const size_t frames = (size_t)atol(argv[1]), early = frames / 12, early_end = frames / 4,
+                 late = frames - frames / 6;
     char uri[256];
     (void)snprintf(uri, sizeof uri, "sim:wander%s%s", argc > 2 ? "?" : "", argc > 2 ? argv[2] : "");
     const struct fovea_source_ops *ops;
@@ -101,11 +102,12 @@ int main(int argc, char **argv)
     if (n < frames) die("the source ended early");
     const struct fv_odometry *o = &rt->odometry;
     const double first = median(spent + early, early_end - early), last = median(spent + late, frames - late);
-    printf("%zu of %zu frames posed; %u keyframes, %u landmarks; %u loops closed, %u maps merged, %u resets\n", posed, n,
-           o->map.state->keyframe_count, o->map.state->landmark_count, o->loop.state->counts.closed,
-           o->loop.state->counts.merged, o->state->reset_counter);
-    printf("median CPU ms per frame: %.3f early, %.3f at the end (%.3f times; at most %.2f)\n", first, last, last / first,
-           ratio_max);
+    printf(
+        "%zu of %zu frames posed; %u keyframes, %u landmarks; %u loops closed, %u maps merged, %u resets\n",
+        posed, n, o->map.state->keyframe_count, o->map.state->landmark_count, o->loop.state->counts.closed,
+        o->loop.state->counts.merged, o->state->reset_counter);
+    printf("median CPU ms per frame: %.3f early, %.3f at the end (%.3f times; at most %.2f)\n", first, last,
+           last / first, ratio_max);
     printf("resident bytes: %ld early, %ld at the end; block %zu\n", resident_early, resident_end, bytes);
     ops->stop(source);
     ops->close(source);

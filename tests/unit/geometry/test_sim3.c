@@ -1,4 +1,5 @@
-/* Similarities: the group's own laws, and alignment of landmarks known to two cameras against synthetic truth. */
+/* Similarities: the group's own laws, and alignment of landmarks known to two cameras against synthetic
+ * truth. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -35,8 +36,8 @@ static double difference(const struct fv_sim3 *A, const struct fv_sim3 *B)
     return worst;
 }
 
-/* exp is a homomorphism along each direction, log its inverse; from steps of 1e-9 to large ones, mixed with pure
- * rotation, pure scale and pure translation. */
+/* exp is a homomorphism along each direction, log its inverse; from steps of 1e-9 to large ones, mixed with
+ * pure rotation, pure scale and pure translation. */
 static void test_exponential(void **context)
 {
     (void)context;
@@ -122,19 +123,22 @@ static void test_group(void **context)
     }
 }
 
-/* ---- alignment ------------------------------------------------------------------------------------------- */
+/* ---- alignment -------------------------------------------------------------------------------------------
+ */
 
-static void look(const double p[3], struct fovea_random *random, double noise_px, double bearing[3], double A[6])
+static void look(const double p[3], struct fovea_random *random, double noise_px, double bearing[3],
+                 double A[6])
 {
     double x = p[0] / p[2] + noise_px * fovea_random_normal(random) / focal_px,
-           y = p[1] / p[2] + noise_px * fovea_random_normal(random) / focal_px, n = sqrt(x * x + y * y + 1), f = focal_px * n;
+           y = p[1] / p[2] + noise_px * fovea_random_normal(random) / focal_px, n = sqrt(x * x + y * y + 1),
+           f = focal_px * n;
     const double b[3] = {x / n, y / n, 1 / n}, J[6] = {f, 0, -f * x, 0, f, -f * y};
     memcpy(bearing, b, sizeof b);
     memcpy(A, J, sizeof J);
 }
 
-static void make_meetings(struct fovea_random *random, double outliers, double noise_px, const struct fv_sim3 *S_a_b,
-                          struct fv_meeting *meetings)
+static void make_meetings(struct fovea_random *random, double outliers, double noise_px,
+                          const struct fv_sim3 *S_a_b, struct fv_meeting *meetings)
 {
     struct fv_sim3 S_b_a;
     fv_sim3_invert(S_a_b, &S_b_a);
@@ -212,8 +216,8 @@ static void test_search_and_refinement(void **context)
         for (int i = 0; i < MEETINGS; i++) {
             double square[2];
             fv_sim3_invert(&found, &inverse);
-            meetings[i].inlier =
-                fv_sim3_errors(&meetings[i], &found, &inverse, square) && square[0] < limit && square[1] < limit;
+            meetings[i].inlier = fv_sim3_errors(&meetings[i], &found, &inverse, square) &&
+                                 square[0] < limit && square[1] < limit;
         }
         uint32_t inliers = 0;
         for (int round = 0; round < 3; round++)
@@ -254,9 +258,12 @@ static void test_search_without_truth(void **context)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_exponential),          cmocka_unit_test(test_exponential_by_steps),
-        cmocka_unit_test(test_group),                cmocka_unit_test(test_alignment_exact),
-        cmocka_unit_test(test_search_and_refinement), cmocka_unit_test(test_search_without_truth),
+        cmocka_unit_test(test_exponential),
+        cmocka_unit_test(test_exponential_by_steps),
+        cmocka_unit_test(test_group),
+        cmocka_unit_test(test_alignment_exact),
+        cmocka_unit_test(test_search_and_refinement),
+        cmocka_unit_test(test_search_without_truth),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

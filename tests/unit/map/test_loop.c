@@ -1,5 +1,6 @@
-/* Loop closing and merging on a synthetic ring: points with random descriptors, keyframes whose estimated poses drift in
- * place, direction and scale, and see the first points again as new landmarks when they come round. */
+/* Loop closing and merging on a synthetic ring: points with random descriptors, keyframes whose estimated
+ * poses drift in place, direction and scale, and see the first points again as new landmarks when they come
+ * round. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -53,7 +54,8 @@ static void make_world(uint64_t seed)
 {
     memset(&w, 0, sizeof w);
     struct fovea_error error;
-    w.camera = (struct fovea_camera){.width = 640, .height = 480, .lens = FOVEA_LENS_RADTAN, .fx = 400, .fy = 400, .cx = 320, .cy = 240};
+    w.camera = (struct fovea_camera){
+        .width = 640, .height = 480, .lens = FOVEA_LENS_RADTAN, .fx = 400, .fy = 400, .cx = 320, .cy = 240};
     assert_int_equal(fovea_camera_prepare(&w.camera, &error), FOVEA_OK);
     fv_kernels_init(&w.kernels, FV_CPU_C);
     w.memory = carved(carve, NULL);
@@ -92,14 +94,16 @@ static void fill_feature(struct fv_view *view, uint32_t f, int i, const double p
 {
     struct fv_keypoint *p = &view->points[f];
     const double x = (pixel[0] - 320) / 400, y = (pixel[1] - 240) / 400, n = sqrt(x * x + y * y + 1);
-    *p = (struct fv_keypoint){.bearing = {(float)(x / n), (float)(y / n), (float)(1 / n)},
-                              .A = {(float)(400 * n), 0, (float)(-400 * n * x), 0, (float)(400 * n), (float)(-400 * n * y)},
-                              .x_px = (float)pixel[0],
-                              .y_px = (float)pixel[1],
-                              .weight = 1};
+    *p = (struct fv_keypoint){
+        .bearing = {(float)(x / n), (float)(y / n), (float)(1 / n)},
+        .A = {(float)(400 * n), 0, (float)(-400 * n * x), 0, (float)(400 * n), (float)(-400 * n * y)},
+        .x_px = (float)pixel[0],
+        .y_px = (float)pixel[1],
+        .weight = 1};
     memcpy(view->descriptors + 32 * (size_t)f, w.descriptor[i], 32);
     for (int k = 0; k < 4; k++)
-        view->descriptors[32 * (size_t)f + fovea_random_below(&w.random, 32)] ^= (uint8_t)(1u << fovea_random_below(&w.random, 8));
+        view->descriptors[32 * (size_t)f + fovea_random_below(&w.random, 32)] ^=
+            (uint8_t)(1u << fovea_random_below(&w.random, 8));
     view->landmark[f] = FV_MAP_NONE;
 }
 
@@ -114,8 +118,8 @@ static void add_keyframe(void)
     for (int i = 0; i < POINTS && count < FEATURES; i++) {
         double q[3], pixel[2];
         fv_se3_apply(&w.truth[n], w.point[i], q);
-        if (q[2] < 0.7 || q[2] > 6 || fovea_camera_project(&w.camera, q, pixel, 0) != FOVEA_OK || pixel[0] < 0 ||
-            pixel[1] < 0 || pixel[0] >= 639 || pixel[1] >= 479)
+        if (q[2] < 0.7 || q[2] > 6 || fovea_camera_project(&w.camera, q, pixel, 0) != FOVEA_OK ||
+            pixel[0] < 0 || pixel[1] < 0 || pixel[0] >= 639 || pixel[1] >= 479)
             continue;
         pixel[0] += 0.3 * fovea_random_normal(&w.random);
         pixel[1] += 0.3 * fovea_random_normal(&w.random);
@@ -169,8 +173,8 @@ static void camera_in_odom(double centre[3])
     fv_sim3_apply(&S_odom_map, centre, centre);
 }
 
-/* Finish the work on an offered keyframe, a new keyframe (if `grow`) being born while the graph is solved. True when the map
- * was corrected; the pose in odom must not have noticed. */
+/* Finish the work on an offered keyframe, a new keyframe (if `grow`) being born while the graph is solved.
+ * True when the map was corrected; the pose in odom must not have noticed. */
 static bool work(bool grow)
 {
     bool committed = false;
@@ -242,7 +246,7 @@ static void test_closes_the_ring(void **context)
     assert_int_equal(w.loop.state->counts.closed, 1);
     assert_true(w.count < KEYFRAMES); /* with some keyframes to spare */
     assert_true(w.loop.state->counts.fused > 50);
-    assert_true(fabs(before) > 0.5); /* it had drifted indeed */
+    assert_true(fabs(before) > 0.5);                 /* it had drifted indeed */
     for (uint32_t n = w.count - 2; n < w.count; n++) /* the last one was born meanwhile */
         if (!(fabs(distance_off(n, 2)) < 0.2))
             fail_msg("keyframe %u of %u is %.3f off, %.3f before", n, w.count, distance_off(n, 2), before);
@@ -306,7 +310,8 @@ static void test_odom_of_maps(void **context)
     free(w.memory);
 }
 
-/* A full pool gives up what is most redundant, never the newest; landmarks unseen for long make room first. */
+/* A full pool gives up what is most redundant, never the newest; landmarks unseen for long make room first.
+ */
 static void test_full_pools(void **context)
 {
     (void)context;

@@ -1,5 +1,5 @@
-/* The pose graph beside Ceres: the same cost on graphs with noise, the truth on graphs without, and units of bounded
- * work. */
+/* The pose graph beside Ceres: the same cost on graphs with noise, the truth on graphs without, and units of
+ * bounded work. */
 #include <ceres/ceres.h>
 
 #include "common/cmocka_cpp.h"
@@ -41,8 +41,8 @@ static void random_step(fovea_random *random, double size, double x[7])
         x[i] = size * fovea_random_normal(random);
 }
 
-/* A walk round a ring that ends where it began, with edges along the way, a few across neighbours, and one that closes
- * the loop; measured with noise, started from the walk as measured. */
+/* A walk round a ring that ends where it began, with edges along the way, a few across neighbours, and one
+ * that closes the loop; measured with noise, started from the walk as measured. */
 static void make_ring(fv_pose_graph *graph, fovea_random *random, int count, double noise, int across,
                       std::vector<fv_sim3> *truth)
 {
@@ -76,7 +76,8 @@ static void make_ring(fv_pose_graph *graph, fovea_random *random, int count, dou
     for (int i = 0; i < count; i++)
         assert_int_equal(fv_pose_graph_add_node(graph, &walk[(size_t)i], i == 0), i);
     for (int i = 1; i < count; i++)
-        assert_true(fv_pose_graph_add_edge(graph, (uint32_t)i, (uint32_t)i - 1, &measured[(size_t)i - 1], weight));
+        assert_true(
+            fv_pose_graph_add_edge(graph, (uint32_t)i, (uint32_t)i - 1, &measured[(size_t)i - 1], weight));
     for (int k = 2; k <= across; k++)
         for (int i = k; i < count; i++) {
             fv_sim3 S = between(i - k, i, noise);
@@ -94,7 +95,8 @@ static int finish(fv_pose_graph *graph)
     return units;
 }
 
-/* ---- Ceres ----------------------------------------------------------------------------------------------- */
+/* ---- Ceres -----------------------------------------------------------------------------------------------
+ */
 
 struct EdgeError {
     const fv_graph_edge *edge;
@@ -123,9 +125,9 @@ static double solve_with_ceres(const fv_pose_graph *graph)
         if (graph->nodes[n].fixed) problem.SetParameterBlockConstant(&x[7 * n]);
     }
     for (uint32_t e = 0; e < graph->state->edge_count; e++)
-        problem.AddResidualBlock(
-            new ceres::NumericDiffCostFunction<EdgeError, ceres::CENTRAL, 7, 7, 7>(new EdgeError{&graph->edges[e]}),
-            nullptr, &x[7 * graph->edges[e].a], &x[7 * graph->edges[e].b]);
+        problem.AddResidualBlock(new ceres::NumericDiffCostFunction<EdgeError, ceres::CENTRAL, 7, 7, 7>(
+                                     new EdgeError{&graph->edges[e]}),
+                                 nullptr, &x[7 * graph->edges[e].a], &x[7 * graph->edges[e].b]);
     ceres::Solver::Options options;
     options.max_num_iterations = 200;
     options.function_tolerance = 1e-15;
@@ -184,7 +186,8 @@ static void test_truth_without_noise(void **)
     free(memory);
 }
 
-/* What no path ties to a fixed node stays, and does no harm; nothing to move is no job; a full graph says so. */
+/* What no path ties to a fixed node stays, and does no harm; nothing to move is no job; a full graph says so.
+ */
 static void test_edges_of_use(void **)
 {
     fovea_random random;
@@ -196,7 +199,8 @@ static void test_edges_of_use(void **)
     fv_sim3 alone;
     double x[7] = {1, 2, 3, 0.1, 0.2, 0.3, 0.4};
     fv_sim3_exp(x, &alone);
-    int32_t first = fv_pose_graph_add_node(&graph, &alone, false), second = fv_pose_graph_add_node(&graph, &alone, false);
+    int32_t first = fv_pose_graph_add_node(&graph, &alone, false),
+            second = fv_pose_graph_add_node(&graph, &alone, false);
     assert_true(fv_pose_graph_add_edge(&graph, (uint32_t)first, (uint32_t)second, &truth[3], weight));
     assert_true(fv_pose_graph_start(&graph));
     finish(&graph);
