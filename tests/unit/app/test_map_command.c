@@ -1,0 +1,117 @@
+/* fovea map: what it exports counts up, pictures are pictures, wrong words and files are refused. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+/* cmocka needs the above */
+#include <cmocka.h>
+
+#include "app/command.h"
+#include "app/map_file.h"
+#include "common/datasets.h"
+#include "common/small_map.h"
+
+static char folder[FV_TEST_PATH_BYTES], map[FV_TEST_PATH_BYTES + 16], ply[FV_TEST_PATH_BYTES + 16],
+    tum[FV_TEST_PATH_BYTES + 16], png[FV_TEST_PATH_BYTES + 16];
+static uint32_t keyframes, landmarks;
+
+static int call(const char *a, const char *b, const char *c, const char *d, const char *e, const char *f)
+{
+    const char *words[] = {"map", a, b, c, d, e, f, NULL};
+    char *argv[8];
+    int argc = 0;
+    while (words[argc] != NULL) {
+        argv[argc] = (char *)(uintptr_t)words[argc]; /* getopt only moves them */
+        argc++;
+    }
+    argv[argc] = NULL;
+    return fv_command_map(argc, argv);
+}
+
+static int count_lines(const char *path, const char *from)
+{
+    char line[256];
+    int count = 0;
+    bool counting = from == NULL;
+    FILE *file = fopen(path, "r");
+    assert_non_null(file);
+    while (fgets(line, sizeof line, file) != NULL) {
+        count += counting;
+        counting = counting || strcmp(line, from) == 0;
+    }
+    fclose(file);
+    return count;
+}
+
+static void test_info_export_draw(void **state)
+{
+    (void)state;
+    unsigned char head[8] = {0};
+    assert_int_equal(call("info", map, NULL, NULL, NULL, NULL), FV_EXIT_OK);
+    assert_int_equal(call("export", map, "--ply", ply, "--tum", tum), FV_EXIT_OK);
+    assert_int_equal(count_lines(tum, NULL), keyframes);
+    assert_int_equal(count_lines(ply, "end_header\n"), keyframes + landmarks);
+    assert_int_equal(call("draw", map, png, NULL, NULL, NULL), FV_EXIT_OK);
+    FILE *file = fopen(png, "rb");
+    assert_non_null(file);
+    assert_int_equal(fread(head, 1, sizeof head, file), sizeof head);
+    fclose(file);
+    assert_memory_equal(head, "\x89PNG\r\n\x1a\n", sizeof head);
+}
+
+static void test_wrong_words(void **state)
+{
+    (void)state;
+    assert_int_equal(call("show", map, NULL, NULL, NULL, NULL), FV_EXIT_WRONG);
+    assert_int_equal(call("draw", map, NULL, NULL, NULL, NULL), FV_EXIT_WRONG);
+    assert_int_equal(call("export", map, NULL, NULL, NULL, NULL), FV_EXIT_WRONG);
+    assert_int_equal(call("info", map, "--ply", ply, NULL, NULL), FV_EXIT_WRONG);
+    assert_int_equal(call("draw", map, map, NULL, NULL, NULL), FV_EXIT_WRONG); /* over what it reads */
+    assert_int_equal(call("draw", map, png, "--world", "7", NULL), FV_EXIT_WRONG);
+    assert_int_equal(call("info", "/nonexistent", NULL, NULL, NULL, NULL), FV_EXIT_WRONG);
+    assert_int_equal(call("info", ply, NULL, NULL, NULL, NULL), FV_EXIT_WRONG); /* no map */
+    assert_int_equal(call("info", map, NULL, NULL, NULL, NULL), FV_EXIT_OK);    /* still there */
+}
+
+static int set_up(void **state)
+{
+    (void)state;
+    struct small_map small;
+    struct fovea_random random;
+    size_t bytes;
+    fv_test_folder(folder);
+    snprintf(map, sizeof map, "%s/a.map", folder);
+    snprintf(ply, sizeof ply, "%s/a.ply", folder);
+    snprintf(tum, sizeof tum, "%s/a.tum", folder);
+    snprintf(png, sizeof png, "%s/a.png", folder);
+    fovea_random_seed(&random, 3);
+    small_map_make(&small);
+    for (int k = 0; k < 7; k++)
+        small_map_grow(&small, &random);
+    keyframes = small.map.state->keyframe_count;
+    landmarks = small.map.state->landmark_count;
+    uint8_t *data = small_map_save(&small, &bytes);
+    const int failed = fv_map_file_write(map, data, bytes, NULL) != FOVEA_OK;
+    free(data);
+    small_map_free(&small);
+    return failed;
+}
+
+static int tear_down(void **state)
+{
+    (void)state;
+    fv_test_folder_remove(folder);
+    return 0;
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_info_export_draw),
+        cmocka_unit_test(test_wrong_words),
+    };
+    return cmocka_run_group_tests(tests, set_up, tear_down);
+}
