@@ -1,0 +1,13 @@
+#!/bin/sh
+# tools/train in a Python environment of its own, made at the first call (TensorFlow: about 1.5 GB under build/).
+# Usage: tools/train.sh own DIR -o MODEL.fvm | tools/train.sh shipped        (--help tells more)
+set -eu
+here=$(cd "$(dirname "$0")/.." && pwd)
+venv=$here/build/train-venv
+if [ ! -e "$venv/ready" ]; then
+    "$here/tools/install.sh" test
+    python3 -m venv "$venv"
+    "$venv/bin/pip" install -q tensorflow-cpu==2.21.0 opencv-python-headless numpy tflite
+    touch "$venv/ready"
+fi
+exec "$venv/bin/python" "$here/tools/train" "$@"

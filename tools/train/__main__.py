@@ -1,0 +1,142 @@
+"""tools/train: train an int8 detector and write it as a Fovea model file.
+
+    python3 tools/train own DIR -o MODEL.fvm            pictures with YOLO labels and classes.txt
+    python3 tools/train own DIR --coco FILE -o MODEL.fvm
+    python3 tools/train shipped                         the detector that comes with Fovea, from rendered scenes
+
+`tools/train.sh` runs this in a Python environment of its own. See README.md beside this file."""
+import argparse
+import os
+import sys
+import time
+
+os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "2")
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+
+import keras  # noqa: E402
+import numpy as np  # noqa: E402
+
+import augment  # noqa: E402
+import backgrounds  # noqa: E402
+import convert  # noqa: E402
+import fit  # noqa: E402
+import labels as labels_module  # noqa: E402
+import network  # noqa: E402
+import scenes as scenes_module  # noqa: E402
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+WEIGHTS = os.path.join(HERE, "weights.npz")
+CALIBRATION_IMAGES = 200
+
+
+def save_weights(model, path):
+    """Half precision: the file is read again only to train on from it."""
+    np.savez_compressed(path, **{v.path.replace("/", "."): np.asarray(v).astype(np.float16) for v in model.weights})
+
+
+def load_weights(model, path):
+    """Every weight whose name and shape fit; a head for other classes starts anew."""
+    stored = np.load(path)
+    for variable in model.weights:
+        name = variable.path.replace("/", ".")
+        if name in stored and stored[name].shape == tuple(variable.shape):
+            variable.assign(stored[name].astype(np.float32))
+
+
+def whole(scenes, count, seed):
+    """Scenes as the network sees them in use, and what counts in them: (image, rows of class, corners, 0 or 1)."""
+    rng = np.random.default_rng(seed)
+    chosen = [scenes[i] for i in rng.permutation(len(scenes))[:count]]
+    samples = []
+    for image, _, boxes in chosen:
+        small, moved = augment.place(rng, image, boxes, fixed=True)
+        size = np.maximum(moved[:, 3] - moved[:, 1], moved[:, 4] - moved[:, 2])
+        moved[:, 5] = (moved[:, 5] >= augment.VISIBLE_MIN) & (size >= augment.SIZE_MIN)
+        samples.append((small, moved))
+    return samples
+
+
+def finish(model, scenes, held_out, photos, names, output, score):
+    """Quantise, compare and write OUTPUT (.fvm) and the .tflite beside it."""
+    rng = np.random.default_rng(7)
+    images = [augment.sample(rng, scenes, photos, len(names))[0] for _ in range(CALIBRATION_IMAGES)]
+    data = convert.to_tflite(model, images)
+    tflite = os.path.splitext(output)[0] + ".tflite"
+    with open(tflite, "wb") as file:
+        file.write(data)
+    figures = convert.compare(model, data, whole(held_out, 200, 11), names)
+    convert.to_fvm(tflite, output, names, score)
+    return figures
+
+
+def train_shipped(arguments):
+    keras.utils.set_random_seed(arguments.seed)
+    photos_folder, scenes_folder = os.path.join(arguments.work, "backgrounds"), os.path.join(arguments.work, "scenes")
+    backgrounds.fetch(photos_folder)
+    photos = backgrounds.read(photos_folder)
+    scenes = scenes_module.render_many(arguments.fovea, scenes_folder, arguments.worlds, 16, arguments.data_seed)
+    held_out = scenes_module.render_many(arguments.fovea, scenes_folder, max(4, arguments.worlds // 12), 16, arguments.data_seed + 1)
+    print(f"{len(photos)} photographs, {len(scenes)} scenes, {len(held_out)} held out", flush=True)
+    model = network.build(len(scenes_module.CLASSES))
+    if arguments.resume and os.path.exists(arguments.weights):
+        load_weights(model, arguments.weights)
+    fit.fit(model, scenes, photos, len(scenes_module.CLASSES), arguments.steps, rate=arguments.rate, seed=arguments.seed,
+            report=lambda line: print(line, flush=True), keep=lambda step: save_weights(model, arguments.weights))
+    save_weights(model, arguments.weights)
+    finish(model, scenes, held_out, photos, scenes_module.CLASSES, arguments.output, arguments.score)
+
+
+def train_own(arguments):
+    keras.utils.set_random_seed(arguments.seed)
+    if arguments.coco:
+        names, scenes = labels_module.read_coco(arguments.coco, arguments.folder)
+    else:
+        names, scenes = labels_module.read_yolo(arguments.folder)
+    order = np.random.default_rng(arguments.seed).permutation(len(scenes))
+    held = max(1, len(scenes) // 5)
+    held_out, scenes = [scenes[i] for i in order[:held]], [scenes[i] for i in order[held:]] or [scenes[i] for i in order[:held]]
+    print(f"{len(names)} classes, {len(scenes)} pictures to learn from, {len(held_out)} to judge by", flush=True)
+    model = network.build(len(names))
+    load_weights(model, WEIGHTS)
+    begun = time.time()
+    fit.fit(model, scenes, [], len(names), 10, seed=arguments.seed, report=lambda line: None)
+    per_step = (time.time() - begun) / 10
+    steps = max(50, min(arguments.steps, int(arguments.minutes * 60 / max(per_step, 1e-3))))
+    print(f"{steps} steps, about {steps * per_step / 60:.0f} minutes", flush=True)
+    fit.fit(model, scenes, [], len(names), steps, rate=1e-3, seed=arguments.seed, report=lambda line: print(line, flush=True))
+    finish(model, scenes, held_out, [], names, arguments.output, arguments.score)
+
+
+def main():
+    parser = argparse.ArgumentParser(prog="tools/train", description=__doc__.split("\n")[0])
+    commands = parser.add_subparsers(dest="command", required=True)
+    own = commands.add_parser("own", help="train on your own pictures")
+    own.add_argument("folder", help="pictures, with YOLO labels beside them unless --coco")
+    own.add_argument("--coco", help="COCO annotations (JSON)")
+    own.add_argument("-o", "--output", required=True, help="the .fvm file to write; a .tflite is left beside it")
+    own.add_argument("--minutes", type=float, default=20, help="stop training after about so long, default 20")
+    own.add_argument("--steps", type=int, default=1500, help="at most so many steps of 16 pictures, default 1500")
+    shipped = commands.add_parser("shipped", help="train the detector that comes with Fovea")
+    shipped.add_argument("--fovea", default="build/fovea")
+    shipped.add_argument("--work", default="build/train", help="where scenes and photographs are kept")
+    shipped.add_argument("-o", "--output", default="build/train/detector.fvm")
+    shipped.add_argument("--weights", default=WEIGHTS, help="where the float weights are kept")
+    shipped.add_argument("--worlds", type=int, default=150)
+    shipped.add_argument("--data-seed", type=int, default=1, help="of the rendered worlds, default 1")
+    shipped.add_argument("--steps", type=int, default=4000)
+    shipped.add_argument("--rate", type=float, default=2e-3)
+    shipped.add_argument("--resume", action="store_true", help="go on from --weights")
+    for command in (own, shipped):
+        command.add_argument("--seed", type=int, default=1)
+        command.add_argument("--score", type=float, default=0.4, help="score threshold written into the model, default 0.4")
+    arguments = parser.parse_args()
+    try:
+        train_own(arguments) if arguments.command == "own" else train_shipped(arguments)
+    except (labels_module.LabelProblem, OSError) as problem:
+        print(problem, file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,130 @@
+"""From a trained network to an int8 .tflite and a .fvm, and what the int8 step cost."""
+import os
+import subprocess
+import sys
+
+import numpy as np
+import tensorflow as tf
+from tensorflow.python.framework.convert_to_constants import convert_variables_to_constants_v2
+
+import network
+from augment import HEIGHT, STRIDE, WIDTH
+
+SCORE_MIN = 0.05
+IMPORT = os.path.join(os.path.dirname(os.path.abspath(__file__)), "..", "import")
+
+
+def to_tflite(model, images):
+    """Int8 per channel, int8 in and out, calibrated on `images` (uint8, [n, 480, 640])."""
+    def calibration():
+        for image in images:
+            yield [((image.astype(np.float32) - 128.0) / 128.0)[None, ..., None]]
+
+    fixed = tf.function(lambda image: model(image, training=False),
+                        input_signature=[tf.TensorSpec((1, HEIGHT, WIDTH, 1), tf.float32)])
+    frozen = convert_variables_to_constants_v2(fixed.get_concrete_function())
+    converter = tf.lite.TFLiteConverter.from_concrete_functions([frozen])
+    converter.optimizations = [tf.lite.Optimize.DEFAULT]
+    converter.representative_dataset = calibration
+    converter.target_spec.supported_ops = [tf.lite.OpsSet.TFLITE_BUILTINS_INT8]
+    converter.inference_input_type = converter.inference_output_type = tf.int8
+    return converter.convert()
+
+
+def to_fvm(tflite, output, labels, score, iou=0.5):
+    """Writes `output` with tools/import."""
+    anchor = network.ANCHOR_PX / STRIDE
+    names = output + ".labels"
+    with open(names, "w", encoding="utf-8") as file:
+        file.write("\n".join(labels) + "\n")
+    try:
+        subprocess.run([sys.executable, IMPORT, tflite, "-o", output, "--labels", names, "--decoder", "yolov2", "--fit", "letterbox",
+                        "--anchors", f"{anchor},{anchor}", "--score", str(score), "--iou", str(iou), "--agnostic"], check=True)
+    finally:
+        os.remove(names)
+
+
+def decode(output, score_min=SCORE_MIN, iou_max=0.5):
+    """Raw grid [60, 80, 5 + classes] to rows (class, left, top, right, bottom, score), best first, suppressed over all classes."""
+    t = tf.constant(output)
+    x0, y0, x1, y1 = (v.numpy().ravel() for v in network.boxes_of(t))
+    probability = tf.nn.softmax(t[..., 5:]).numpy().reshape(-1, output.shape[-1] - 5)
+    score = (1 / (1 + np.exp(-output[..., 4]))).ravel()[:, None] * probability
+    best = score.argmax(1)
+    top = score.max(1)
+    order = [i for i in np.argsort(-top, kind="stable") if top[i] >= score_min][:300]
+    kept = []
+    for i in order:
+        box = np.array([best[i], x0[i], y0[i], x1[i], y1[i], top[i]], np.float32)
+        if all(iou(box[1:5], k[1:5]) <= iou_max for k in kept):
+            kept.append(box)
+    return np.array(kept, np.float32).reshape(-1, 6)
+
+
+def iou(a, b):
+    w, h = min(a[2], b[2]) - max(a[0], b[0]), min(a[3], b[3]) - max(a[1], b[1])
+    if w <= 0 or h <= 0:
+        return 0.0
+    return w * h / ((a[2] - a[0]) * (a[3] - a[1]) + (b[2] - b[0]) * (b[3] - b[1]) - w * h)
+
+
+def run_float(model, image):
+    return model(((image.astype(np.float32) - 128.0) / 128.0)[None, ..., None], training=False).numpy()[0]
+
+
+class Int8:
+    """The .tflite in the reference interpreter."""
+
+    def __init__(self, data):
+        self.interpreter = tf.lite.Interpreter(model_content=data)
+        self.interpreter.allocate_tensors()
+        self.input, self.output = self.interpreter.get_input_details()[0], self.interpreter.get_output_details()[0]
+
+    def __call__(self, image):
+        scale, zero = self.input["quantization"]
+        x = np.round((image.astype(np.float32) - 128.0) / 128.0 / scale + zero)
+        self.interpreter.set_tensor(self.input["index"], np.clip(x, -128, 127).astype(np.int8)[None, ..., None])
+        self.interpreter.invoke()
+        scale, zero = self.output["quantization"]
+        return (self.interpreter.get_tensor(self.output["index"])[0].astype(np.float32) - zero) * scale
+
+
+def average_precision(found, truth, classes, threshold=0.5):
+    """AP per class at IoU 0.5, area under the interpolated curve (Everingham et al. 2010). `truth` rows: class, corners, counts
+    (1) or is passed over (0). Classes without truth give nan."""
+    result = []
+    for c in range(classes):
+        rows, total = [], 0
+        for detections, boxes in zip(found, truth):
+            mine = boxes[boxes[:, 0] == c]
+            total += int((mine[:, 5] > 0).sum())
+            taken = np.zeros(len(mine), bool)
+            for d in detections[detections[:, 0] == c]:
+                overlaps = [0.0 if taken[k] else iou(d[1:5], b[1:5]) for k, b in enumerate(mine)]
+                k = int(np.argmax(overlaps)) if overlaps else -1
+                if k >= 0 and overlaps[k] >= threshold:
+                    taken[k] = True
+                    if mine[k, 5] > 0:
+                        rows.append((d[5], 1))
+                else:
+                    rows.append((d[5], 0))
+        if total == 0:
+            result.append(float("nan"))
+            continue
+        hits = np.array([hit for _, hit in sorted(rows, key=lambda r: -r[0])] or [0])
+        right = np.cumsum(hits)
+        precision = np.maximum.accumulate((right / np.arange(1, len(hits) + 1))[::-1])[::-1]
+        result.append(float((precision * hits).sum() / total))
+    return result
+
+
+def compare(model, data, samples, labels):
+    """Prints AP at IoU 0.5 of the float network beside the int8 one, per class, on (image, boxes) pairs."""
+    quantised = Int8(data)
+    truth = [boxes for _, boxes in samples]
+    of_float = average_precision([decode(run_float(model, image)) for image, _ in samples], truth, len(labels))
+    of_int8 = average_precision([decode(quantised(image)) for image, _ in samples], truth, len(labels))
+    print(f"{'class':20} {'AP float':>9} {'AP int8':>9} {'cost':>7}")
+    for name, a, b in [*zip(labels, of_float, of_int8), ("mean", np.nanmean(of_float), np.nanmean(of_int8))]:
+        print(f"{name:20} {a:9.4f} {b:9.4f} {a - b:7.4f}")
+    return of_float, of_int8
