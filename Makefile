@@ -100,7 +100,7 @@ help:  ## this list
 run:  ## install what is missing, build, and run the tour on the simulated camera
 	@tools/install.sh build
 	@$(MAKE) --no-print-directory -j$(JOBS) all
-	$(BUILD)/fovea run
+	$(BUILD)/fovea run --model src/detect/shipped.fvm
 
 test:  ## install what is missing, build, and run the tests
 	@tools/install.sh build test
@@ -222,6 +222,7 @@ install: all  ## install program, libraries, headers and message types under PRE
 	$(if $(VIDEO_PLUGIN),install -D -m 755 $(VIDEO_PLUGIN) $(DESTDIR)$(PREFIX)/lib/fovea/fovea-video.so)
 	install -m 755 $(BUILD)/libfovea.so $(DESTDIR)$(PREFIX)/lib/libfovea.so
 	install -m 644 include/fovea/*.h $(DESTDIR)$(PREFIX)/include/fovea/
+	install -m 644 src/detect/shipped.fvm $(DESTDIR)$(PREFIX)/share/fovea/
 	install -m 644 include/lcmtypes/*.lcm $(DESTDIR)$(PREFIX)/share/fovea/lcmtypes/
 	sed 's|@PREFIX@|$(PREFIX)|' tools/fovea.pc.in >$(DESTDIR)$(PREFIX)/lib/pkgconfig/fovea.pc
 

@@ -128,7 +128,7 @@ def main():
     shipped.add_argument("--resume", action="store_true", help="go on from --weights")
     for command in (own, shipped):
         command.add_argument("--seed", type=int, default=1)
-        command.add_argument("--score", type=float, default=0.4, help="score threshold written into the model, default 0.4")
+        command.add_argument("--score", type=float, default=0.3, help="score threshold written into the model, default 0.3")
     arguments = parser.parse_args()
     try:
         train_own(arguments) if arguments.command == "own" else train_shipped(arguments)
