@@ -59,10 +59,19 @@ kills() {
     make --no-print-directory "$build/tests/unit/app/test_map_file" && FOVEA_KILLS=$1 "$build/tests/unit/app/test_map_file"
 }
 
+# Cameras on the fake device: unplugged over and over, and damaged motion JPEG under asan.
+cameras() { # cameras UNPLUGGED DAMAGED
+    make --no-print-directory $build/tests/unit/drivers/test_v4l2_unplug || return 1
+    $build/tests/unit/drivers/test_v4l2_unplug "$1" || return 1
+    make --no-print-directory BUILD=build-asan SAN=asan build-asan/tests/unit/drivers/test_mjpeg || return 1
+    build-asan/tests/unit/drivers/test_mjpeg "$2"
+}
+
 if [ -n "$sample" ]; then
     part realtime realtime 3600
     part wander wander 3000
     part corridor corridor 1 1 'width=320&height=240'
+    part cameras cameras 100 2000
     part everywhere tests/replay/everywhere.sh 100
     part kills kills 200
     part kidnap tools/evaluate/kidnap.sh 2
@@ -73,6 +82,9 @@ else
     part hour $build/tests/campaign/wander 108000
     part corridor corridor 100 95 '' corridor
     part corridor-repeated corridor 100 95 'textures=repeated' corridor-repeated
+    part wander wander 108000
+    part cameras cameras 1000 20000
+    part hil make --no-print-directory hil
     part everywhere tests/replay/everywhere.sh --all 200
     part kills kills 1000
     part kidnap tools/evaluate/kidnap.sh 100
