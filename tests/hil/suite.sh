@@ -263,8 +263,9 @@ usb=$(by_id FOVEA0001)
 check 'whole runtime through the USB camera: messages bit for bit those of the frames fed directly' \
     whole_runtime "v4l2:$usb" usb.lcm 40
 outage() { # the camera goes away in the middle of a run and comes back
-    (sleep 8; bash usb-unplug.sh; sleep 4; bash usb-plug.sh) &
-    run_fovea "$HIL_results/outage.lcm" --source "v4l2:$usb" --frames 70 && wait &&
+    (while [ "$(stat -c %s "$HIL_results/outage.lcm" 2>/dev/null || echo 0)" -lt 3500000 ]; do sleep 0.2; done # 40 frames
+     bash usb-unplug.sh; sleep 4; bash usb-plug.sh) &
+    run_fovea "$HIL_results/outage.lcm" --source "v4l2:$usb" --frames 80 && wait &&
         "$tool" states "$HIL_results/outage.lcm" state=ok state=gone state=returning state=ok pose=3 pose=1 rate=4 &&
         "$fovea" replay "$HIL_results/outage.lcm" --verify
 }
