@@ -158,7 +158,7 @@ start "$tool" write /dev/video10 GREY 320 240 own.raw 10 0
 sleep 1
 check 'v4l2loopback: a writer that dies is a time-out, and frames come back with it' \
     "$tool" read v4l2:/dev/video10 frames=12 seconds=60 recovered=1 says='no frame for' \
-    run="kill $background; (sleep 4; exec $tool write /dev/video10 GREY 320 240 own.raw 10 150) >>writer.log 2>&1 &"
+    run="kill $background; (sleep 4; exec $tool write /dev/video10 GREY 320 240 own.raw 10 400) >>writer.log 2>&1 &"
 cp writer.log "$logs/"; finish
 }
 

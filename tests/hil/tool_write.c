@@ -48,6 +48,20 @@ static void put_mapped(int fd, void *maps[BUFFERS], long number, const uint8_t *
     if (number == 0) call(fd, VIDIOC_STREAMON, &type, "STREAMON");
 }
 
+/* v4l2loopback refuses a writer for some time after the last one died. */
+static int open_output(const char *device, const struct v4l2_format *wanted)
+{
+    for (int tries = 0; tries < 100; ++tries) {
+        struct v4l2_format format = *wanted;
+        const int fd = open(device, O_RDWR | O_CLOEXEC);
+        if (fd < 0) tool_fail("%s: %s", device, strerror(errno));
+        if (ioctl(fd, VIDIOC_S_FMT, &format) == 0) return fd;
+        close(fd);
+        tool_sleep_until(tool_now_ns() + 100000000);
+    }
+    tool_fail("%s: S_FMT: %s", device, strerror(errno));
+}
+
 int tool_write(int argc, char **argv)
 {
     if (argc < 8) tool_fail("usage: write DEVICE FORMAT WIDTH HEIGHT FILE RATE COUNT [mmap]");
@@ -59,8 +73,6 @@ int tool_write(int argc, char **argv)
     struct tool_frames frames;
     void *maps[BUFFERS];
     tool_frames_read(&frames, argv[5], bytes);
-    const int fd = open(argv[1], O_RDWR | O_CLOEXEC);
-    if (fd < 0) tool_fail("%s: %s", argv[1], strerror(errno));
     struct v4l2_format format = {.type = V4L2_BUF_TYPE_VIDEO_OUTPUT};
     format.fmt.pix = (struct v4l2_pix_format){.width = (unsigned)width,
                                               .height = (unsigned)height,
@@ -68,7 +80,7 @@ int tool_write(int argc, char **argv)
                                               .field = V4L2_FIELD_NONE,
                                               .bytesperline = (unsigned)(bytes / (size_t)height),
                                               .sizeimage = (unsigned)bytes};
-    call(fd, VIDIOC_S_FMT, &format, "S_FMT");
+    const int fd = open_output(argv[1], &format);
     struct v4l2_streamparm rate = {.type = V4L2_BUF_TYPE_VIDEO_OUTPUT};
     rate.parm.output.timeperframe = (struct v4l2_fract){1000, (unsigned)(rate_hz * 1000)};
     (void)ioctl(fd, VIDIOC_S_PARM, &rate); /* not all have it */
