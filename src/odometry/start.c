@@ -17,7 +17,7 @@ enum {
 static const double ratio_max = 0.8;
 static const double direction_sigma_max_rad = 0.05; /* of the baseline; more, and the first map may be bent */
 static const double points_share_min = 0.6;         /* of the tracks, that must fit in all views */
-static const double rival_cost_min = 1.15; /* times the best one's: less, and it is too early to choose */
+static const double rival_cost_min = 1.4; /* times the best one's: less, and it is too early to choose */
 
 /* ---- waiting views ----------------------------------------------------------------------------------- */
 
