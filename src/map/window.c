@@ -193,7 +193,7 @@ static void fv_end_pass(struct fv_window *w)
     bool first = s->pass == 0, better = first || s->cost < s->cost_before || !s->step_pending;
     s->pass++;
     if (first) s->cost_at_start = s->cost;
-    bool last = s->pass >= w->limits.passes;
+    bool last = s->pass >= s->passes;
     if (better) {
         bool converged = !first && s->step_pending && s->cost > s->cost_before * (1 - 1e-4);
         s->accepted_any = s->accepted_any || (!first && s->step_pending);
@@ -262,9 +262,23 @@ void fv_window_put_observation(struct fv_window *w, const struct fv_keypoint *p,
     w->landmarks[w->state->landmark_count - 1].count++;
 }
 
-void fv_window_begin(struct fv_window *w)
+void fv_window_begin(struct fv_window *w, uint32_t passes)
 {
+    w->state->passes = passes;
     fv_begin_pass(w->state);
+}
+
+/* The system at the accepted place, without damping to speak of. */
+static void fv_linearise_again(struct fv_window *w)
+{
+    struct fv_window_state *s = w->state;
+    fv_keep(w, false);
+    s->step_pending = false;
+    s->damping = 1e-9;
+    fv_begin_pass(s);
+    for (; s->next < s->landmark_count; s->next++)
+        fv_pass_landmark(w, &w->landmarks[s->next]);
+    s->phase = FV_WINDOW_DONE;
 }
 
 double fv_window_direction_sigma(struct fv_window *w, uint32_t pose)
@@ -275,6 +289,7 @@ double fv_window_direction_sigma(struct fv_window *w, uint32_t pose)
     double t[3], variance = 0;
     fv_copy3(p->before.t, t);
     double length = fv_norm3(t);
+    fv_linearise_again(w);
     if (p->column < 0 || !fv_normalise3(t) || !fv_ldlt_factor(s->system, n)) return FOVEA_PI;
     /* A small motion moves t by its translation and by its rotation: rows d(t)/d(motion), without the part
      * along t. */

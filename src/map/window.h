@@ -56,7 +56,7 @@ struct fv_window_state {
     enum fv_window_phase phase;
     uint32_t pose_count, moved_count, landmark_count, observation_count;
     uint32_t next;     /* landmark of the pass */
-    uint32_t pass;     /* passes completed */
+    uint32_t pass, passes; /* completed, and at most */
     bool step_pending; /* the pass applies `step` first */
     bool accepted_any;
     double damping, cost, cost_before, cost_at_start;
@@ -89,7 +89,7 @@ void fv_window_clear(struct fv_window *window);
 uint32_t fv_window_put_pose(struct fv_window *window, const struct fv_se3 *T_cam_world, bool moved);
 void fv_window_put_landmark(struct fv_window *window, const double point[3]);
 void fv_window_put_observation(struct fv_window *window, const struct fv_keypoint *keypoint, uint32_t pose);
-void fv_window_begin(struct fv_window *window);
+void fv_window_begin(struct fv_window *window, uint32_t passes);
 
 /* One standard deviation (rad) of the direction in which a moved pose lies from the origin of the world, when
  * the job is done: what the observations leave open, for errors of one sigma each. Uses up the system.

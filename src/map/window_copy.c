@@ -111,7 +111,7 @@ bool fv_window_start(struct fv_window *w, struct fv_map *map, uint32_t newest)
     fv_number_columns(s, map, in_window);
     if (s->moved_count == 0 || s->landmark_count < 10) return false;
     s->keyframe_number = map->keyframes[newest].number;
-    fv_window_begin(w);
+    fv_window_begin(w, w->limits.passes);
     return true;
 }
 

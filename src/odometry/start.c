@@ -11,13 +11,15 @@ enum {
     MATCHES_WANTED = 150,   /* fewer, and a later one takes its place for the next frame */
     DISTANCE_MAX = 64,      /* Hamming */
     TRACKS_MAX = 800,       /* more bring nothing but time */
+    TRACKS_TRIED = 240,     /* of them, on which motions are compared */
+    SPREAD_STEP = 7919,     /* prime, above the number of features: steps of it visit every match once */
     WAITING_FRAMES_MAX = 60 /* then the view has changed too much to hope */
 };
 
 static const double ratio_max = 0.8;
 static const double direction_sigma_max_rad = 0.05; /* of the baseline; more, and the first map may be bent */
 static const double points_share_min = 0.6;         /* of the tracks, that must fit in all views */
-static const double rival_cost_min = 1.4; /* times the best one's: less, and it is too early to choose */
+static const double rival_cost_min = 1.15; /* times the best one's: less, and it is too early to choose */
 
 /* ---- waiting views ----------------------------------------------------------------------------------- */
 
@@ -92,16 +94,17 @@ static uint32_t fv_match_views(struct fv_odometry *o, const struct fv_kernels *k
     return count;
 }
 
-/* Matches to pairs of bearings and tracks of the first and the last view; when there are too many, an even
- * choice. */
+/* Matches to pairs of bearings and tracks of the first and the last view, in an order that spreads any number of the
+ * first ones evenly over all of them. */
 static uint32_t fv_take_pairs(struct fv_odometry *o, uint32_t count, const struct fv_start_bundle *b)
 {
-    const uint32_t last = b->view_count - 1,
-                   limit = TRACKS_MAX < o->window.limits.landmarks ? TRACKS_MAX : o->window.limits.landmarks;
+    const uint32_t last = b->view_count - 1, limit = TRACKS_MAX < o->window.limits.landmarks
+                                                         ? TRACKS_MAX
+                                                         : o->window.limits.landmarks;
     const uint32_t taken = count < limit ? count : limit;
     const struct fv_view from = fv_map_view(&o->map, b->slots[0]), to = fv_map_view(&o->map, b->slots[last]);
     for (uint32_t n = 0; n < taken; n++) {
-        const uint32_t k = (uint32_t)((uint64_t)n * count / taken), i = o->nearest[k], feature = o->second[k];
+        const uint32_t k = n * SPREAD_STEP % count, i = o->nearest[k], feature = o->second[k];
         for (int axis = 0; axis < 3; axis++) {
             o->pairs[n].x1[axis] = (double)from.points[i].bearing[axis];
             o->pairs[n].x2[axis] = (double)to.points[feature].bearing[axis];
@@ -153,33 +156,42 @@ static void fv_choose_views(const struct fv_odometry *o, struct fv_start_bundle 
     b->share[middle + 1] = 1;
 }
 
-/* Bundle every motion that two views allow; true when one of them is to be believed. */
+/* Whether a bundle of so many tracks is good enough to start on. */
+static bool fv_serves(const struct fv_start_bundle *b, uint32_t tracks, uint32_t parallax_points_min)
+{
+    return b->points >= points_share_min * tracks && b->parallax_points >= parallax_points_min &&
+           b->direction_sigma <= direction_sigma_max_rad;
+}
+
+/* Bundle every motion that two views allow, on some of the tracks; true when one is clearly the best. */
 static bool fv_choose(struct fv_odometry *o, const struct fv_kernels *kernels, uint32_t tracks,
                       struct fv_start_bundle *best)
 {
     struct fv_se3 motions[FV_START_MOTIONS_MAX];
     struct fv_start_bundle candidate = *best;
-    const uint32_t count = fv_start_motions(o, tracks, motions);
-    if (count == 0) return false;
-    fv_extend_tracks(o, kernels, tracks, best);
-    uint32_t at = FV_START_MOTIONS_MAX, last = 0;
+    const uint32_t count = fv_start_motions(o, tracks, motions), tried = tracks < TRACKS_TRIED ? tracks : TRACKS_TRIED;
     double rival = 1e300;
+    best->cost = 1e300;
+    if (count > 0) fv_extend_tracks(o, kernels, tracks, best);
     for (uint32_t k = 0; k < count; k++) {
-        if (!fv_start_adjust(o, tracks, &motions[k], &candidate)) continue;
-        last = k;
-        if (at < count && candidate.cost >= best->cost) {
-            rival = candidate.cost < rival ? candidate.cost : rival;
-            continue;
+        if (!fv_start_adjust(o, tried, &motions[k], &candidate)) continue;
+        const bool same = best->cost < 1e300 && fv_start_same(best, &candidate);
+        if (candidate.cost < best->cost) {
+            if (!same) rival = best->cost;
+            *best = candidate;
+        } else if (!same && candidate.cost < rival) {
+            rival = candidate.cost;
         }
-        if (at < count) rival = best->cost;
-        *best = candidate;
-        at = k;
     }
-    if (at >= count || rival < rival_cost_min * best->cost) return false;
-    if (best->points < points_share_min * tracks || best->parallax_points < FV_START_POINTS_MIN ||
-        best->direction_sigma > direction_sigma_max_rad)
-        return false;
-    return at == last || fv_start_adjust(o, tracks, &motions[at], best);
+    const uint32_t parallax_points_min = FV_START_POINTS_MIN * tried / tracks;
+    return best->cost < 1e300 && rival >= rival_cost_min * best->cost && fv_serves(best, tried, parallax_points_min / 2);
+}
+
+/* The chosen motion, adjusted on all tracks, must hold as well. */
+static bool fv_settle(struct fv_odometry *o, uint32_t tracks, struct fv_start_bundle *b)
+{
+    struct fv_se3 T = b->T_view_first[b->view_count - 1];
+    return fv_normalise3(T.t) && fv_start_adjust(o, tracks, &T, b) && fv_serves(b, tracks, FV_START_POINTS_MIN);
 }
 
 /* ---- the map ----------------------------------------------------------------------------------------- */
@@ -277,7 +289,7 @@ bool fv_odometry_start(struct fv_odometry *o, const struct fv_kernels *kernels)
         memset(&bundle, 0, sizeof bundle);
         fv_choose_views(o, &bundle);
         const uint32_t tracks = fv_take_pairs(o, matches, &bundle);
-        if (fv_choose(o, kernels, tracks, &bundle)) {
+        if (fv_choose(o, kernels, tracks, &bundle) && fv_settle(o, tracks, &bundle)) {
             fv_make_first_map(o, tracks, &bundle);
             fv_window_abort(&o->window);
             s->count = 0;

@@ -67,6 +67,9 @@ double fv_start_parallax_px(const struct fv_odometry *odometry, const struct fv_
 uint32_t fv_start_motions(struct fv_odometry *odometry, uint32_t count,
                           struct fv_se3 T[FV_START_MOTIONS_MAX]);
 
+/* Whether two bundles ended at the same motion. */
+bool fv_start_same(const struct fv_start_bundle *a, const struct fv_start_bundle *b);
+
 /* Adjust poses and points of the tracks together, from a motion of the last view. False when it does not hold
  * together. Points are in window.landmarks[].before, by track. */
 bool fv_start_adjust(struct fv_odometry *odometry, uint32_t count, const struct fv_se3 *T_last_first,

@@ -3,8 +3,12 @@
 #include "geometry/vec.h"
 #include "odometry/odometry.h"
 
+enum { PASSES_MAX = 12, ROUNDS_MAX = 3 };
+
+static const double round_gain_min = 0.03; /* of the cost: less, and another round is of no use */
 static const double chi_square_95_2 = 5.991,
                     error_max = 9;          /* px^2 of level 0: a mismatch says no more than that */
+static const double good_error = 0.05;      /* px^2 of level 0 */
 static const double parallax_some_px = 2.5; /* of a landmark: less, and noise decides how far it is */
 static const double point_share_min = 0.5;  /* of the tracks, that fit the motion before both cameras */
 
@@ -69,7 +73,7 @@ static void fv_fill(struct fv_odometry *o, uint32_t count, const struct fv_start
                 fv_window_put_observation(
                     w, &fv_map_view(&o->map, b->slots[v]).points[o->tracks[i].feature[v]], v);
     }
-    fv_window_begin(w);
+    fv_window_begin(w, PASSES_MAX);
 }
 
 double fv_start_parallax_px(const struct fv_odometry *o, const struct fv_se3 *T, const double point[3])
@@ -96,7 +100,8 @@ static double fv_track_error(const struct fv_odometry *o, const struct fv_start_
     return error < error_max ? error : error_max;
 }
 
-/* Sum of a track's errors; `fits` tells whether all are small. */
+/* How badly a track is explained; `fits` tells whether all its errors are small. The logarithm (Cauchy's weights) at the
+ * scale of a good match lets a slightly bent geometry, which explains a moving thing as well, lose to the right one. */
 static double fv_track_cost(const struct fv_odometry *o, const struct fv_start_bundle *b, uint32_t track,
                             bool *fits)
 {
@@ -105,7 +110,7 @@ static double fv_track_cost(const struct fv_odometry *o, const struct fv_start_b
     for (uint32_t v = 0; v < b->view_count; v++) {
         if (o->tracks[track].feature[v] == FV_MAP_NONE) continue;
         double error = fv_track_error(o, b, track, v);
-        cost += error;
+        cost += fovea_log(1 + error / good_error);
         *fits = *fits && error < chi_square_95_2;
     }
     return cost;
@@ -119,14 +124,12 @@ bool fv_start_point_serves(const struct fv_odometry *o, const struct fv_start_bu
                                         o->window.landmarks[track].before) >= parallax_some_px;
 }
 
-bool fv_start_adjust(struct fv_odometry *o, uint32_t count, const struct fv_se3 *T_last_first,
-                     struct fv_start_bundle *b)
+/* Fit points and views to the motion, and adjust all of them. */
+static bool fv_adjust_once(struct fv_odometry *o, uint32_t count, struct fv_start_bundle *b)
 {
     struct fv_window *w = &o->window;
     const uint32_t last = b->view_count - 1;
-    fv_se3_identity(&b->T_view_first[0]);
-    b->T_view_first[last] = *T_last_first;
-    if (fv_place_points(o, count, last, T_last_first) < point_share_min * count) return false;
+    if (fv_place_points(o, count, last, &b->T_view_first[last]) < point_share_min * count) return false;
     for (uint32_t v = 1; v < last; v++)
         if (!fv_place_view(o, count, b, v, &b->T_view_first[v])) return false;
     fv_fill(o, count, b);
@@ -144,8 +147,25 @@ bool fv_start_adjust(struct fv_odometry *o, uint32_t count, const struct fv_se3 
         b->cost += fv_track_cost(o, b, i, &fits);
         if (!fits) continue;
         b->points++;
-        b->parallax_points +=
-            fv_start_parallax_px(o, &b->T_view_first[last], w->landmarks[i].before) >= FV_START_PARALLAX_PX;
+        b->parallax_points += fv_start_parallax_px(o, &b->T_view_first[last], w->landmarks[i].before) >=
+                              FV_START_PARALLAX_PX;
+    }
+    return true;
+}
+
+bool fv_start_adjust(struct fv_odometry *o, uint32_t count, const struct fv_se3 *T_last_first,
+                     struct fv_start_bundle *b)
+{
+    const uint32_t last = b->view_count - 1;
+    double before = 1e300;
+    fv_se3_identity(&b->T_view_first[0]);
+    b->T_view_first[last] = *T_last_first;
+    for (int round = 0; round < ROUNDS_MAX; round++) {
+        if (!fv_adjust_once(o, count, b)) return false;
+        if (b->cost > before * (1 - round_gain_min)) return true;
+        before = b->cost;
+        /* The next round places points anew: those that the motion could not place before may now take part. */
+        (void)fv_normalise3(b->T_view_first[last].t);
     }
     return true;
 }

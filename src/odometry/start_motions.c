@@ -7,7 +7,7 @@
 #include "geometry/vec.h"
 #include "odometry/odometry.h"
 
-enum { FIT_MIN = 40, REFINE_STEPS = 8 };
+enum { FIT_MIN = 40, REFINE_STEPS = 8, PAIRS_FOLLOWED = 200 };
 
 static const double threshold_px = 2.0;
 static const double place_limit_px = 3;
@@ -59,6 +59,12 @@ static bool fv_same_motion(const struct fv_se3 *A, const struct fv_se3 *B)
     return fv_norm3(turn) < same_rotation_rad && fv_dot3(A->t, B->t) > same_direction_cosine;
 }
 
+bool fv_start_same(const struct fv_start_bundle *a, const struct fv_start_bundle *b)
+{
+    struct fv_se3 A = a->T_view_first[a->view_count - 1], B = b->T_view_first[b->view_count - 1];
+    return fv_normalise3(A.t) && fv_normalise3(B.t) && fv_same_motion(&A, &B);
+}
+
 /* Keep the list sorted by cost and free of repetitions. */
 static uint32_t fv_add_motion(struct fv_odometry *o, uint32_t pairs, const struct fv_se3 *T, uint32_t count,
                               struct fv_se3 *list, double *costs)
@@ -66,6 +72,7 @@ static uint32_t fv_add_motion(struct fv_odometry *o, uint32_t pairs, const struc
     uint32_t parallax;
     double cost = fv_motion_cost(o, pairs, T, &parallax);
     if (cost > mismatch_share_max * pairs || parallax < FV_START_POINTS_MIN / 2) return count;
+    if (count == FV_START_MOTIONS_MAX && cost < costs[count - 1]) count--; /* the worst gives way */
     for (uint32_t i = 0; i < count; i++)
         if (fv_same_motion(&list[i], T)) {
             if (cost < costs[i]) {
@@ -85,6 +92,15 @@ static uint32_t fv_add_motion(struct fv_odometry *o, uint32_t pairs, const struc
     return count + 1;
 }
 
+/* Follow a motion to its own minimum over some of the pairs, then look at it on all. */
+static uint32_t fv_try_motion(struct fv_odometry *o, uint32_t pairs, struct fv_se3 *T, uint32_t found,
+                              struct fv_se3 *list, double *costs)
+{
+    const uint32_t some = pairs < PAIRS_FOLLOWED ? pairs : PAIRS_FOLLOWED;
+    fv_essential_refine(o->pairs, some, 2 * threshold_px / o->focal_px, REFINE_STEPS, T);
+    return fv_add_motion(o, pairs, T, found, list, costs);
+}
+
 uint32_t fv_start_motions(struct fv_odometry *o, uint32_t count, struct fv_se3 T[FV_START_MOTIONS_MAX])
 {
     const struct fv_sampling sampling = {threshold_px / o->focal_px, 0.999, 300};
@@ -93,12 +109,18 @@ uint32_t fv_start_motions(struct fv_odometry *o, uint32_t count, struct fv_se3 T
     uint32_t found = 0,
              fit_plane = fv_homography_estimate(o->pairs, count, &sampling, &o->state->random, H, o->inlier);
     uint32_t fit = fv_essential_estimate(o->pairs, count, &sampling, &o->state->random, &motion, o->inlier);
-    if (fit >= FIT_MIN) found = fv_add_motion(o, count, &motion, found, T, costs);
+    if (fit < FIT_MIN) return 0;
+    found = fv_add_motion(o, count, &motion, found, T, costs);
     int plane_count = fit_plane >= FIT_MIN ? fv_homography_motions(H, planes, &ratio) : 0;
-    for (int k = 0; k < plane_count; k++) {
-        fv_essential_refine(o->pairs, count, 2 * sampling.threshold_rad, REFINE_STEPS, &planes[k]);
-        fv_essential_refine(o->pairs, count, 1.5 * sampling.threshold_rad, REFINE_STEPS, &planes[k]);
-        found = fv_add_motion(o, count, &planes[k], found, T, costs);
+    for (int k = 0; k < plane_count; k++)
+        found = fv_try_motion(o, count, &planes[k], found, T, costs);
+    /* A little turn and a little translation look much alike: every direction is followed to where it leads. */
+    for (int k = 0; k < 27; k++) {
+        struct fv_se3 other = motion;
+        other.t[0] = k % 3 - 1;
+        other.t[1] = k / 3 % 3 - 1;
+        other.t[2] = k / 9 - 1;
+        if (fv_normalise3(other.t)) found = fv_try_motion(o, count, &other, found, T, costs);
     }
     uint32_t kept = 0;
     while (kept < found && costs[kept] <= cost_share_max * costs[0] + 10)
