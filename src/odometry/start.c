@@ -19,6 +19,7 @@ enum {
 static const double ratio_max = 0.8;
 static const double direction_sigma_max_rad = 0.05; /* of the baseline; more, and the first map may be bent */
 static const double points_share_min = 0.6;         /* of the tracks, that must fit in all views */
+static const double parallax_share_min = 0.3;       /* of the points: of fewer, a thing that moves may be the cause */
 static const double rival_cost_min = 1.15; /* times the best one's: less, and it is too early to choose */
 
 /* ---- waiting views ----------------------------------------------------------------------------------- */
@@ -160,6 +161,7 @@ static void fv_choose_views(const struct fv_odometry *o, struct fv_start_bundle 
 static bool fv_serves(const struct fv_start_bundle *b, uint32_t tracks, uint32_t parallax_points_min)
 {
     return b->points >= points_share_min * tracks && b->parallax_points >= parallax_points_min &&
+           b->parallax_points >= parallax_share_min * b->points &&
            b->direction_sigma <= direction_sigma_max_rad;
 }
 
