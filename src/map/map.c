@@ -281,6 +281,9 @@ void fv_map_refresh_landmark(struct fv_map *map, uint32_t landmark)
         }
     }
     if (l->observer_count == 0) return;
+    /* Of unit rays spread by the angle s, the mean is 1 - s^2 / 2 long. */
+    double shorter = 1 - fv_norm3(mean) / l->observer_count;
+    l->spread = (float)__builtin_sqrt(shorter > 0 ? 2 * shorter : 0);
     (void)fv_normalise3(mean);
     for (int k = 0; k < 3; k++)
         l->direction[k] = (float)mean[k];

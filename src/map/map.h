@@ -79,6 +79,7 @@ struct fv_landmark {
     double point[3];          /* world */
     float direction[3];       /* mean unit vector from the cameras that see it to it */
     float distance;           /* from the reference camera, world units */
+    float spread;             /* rms angle (rad) of the rays from its observers around their mean: its parallax */
     uint32_t generation;      /* of the slot */
     uint32_t mark;            /* scratch of gathering: last round that met it */
     uint64_t born, seen;      /* numbers of frames: first, and last found */
@@ -200,7 +201,7 @@ void fv_map_remove_landmark(struct fv_map *map, uint32_t landmark);
  * that keyframe already. A full list of observers gives up its second oldest. */
 bool fv_map_link(struct fv_map *map, uint32_t landmark, uint32_t keyframe, uint32_t feature);
 void fv_map_unlink(struct fv_map *map, uint32_t landmark, uint32_t keyframe);
-/* Recompute direction and distance from observers, and take the descriptor nearest to the others. */
+/* Recompute direction, distance and spread from observers, and take the descriptor nearest to the others. */
 void fv_map_refresh_landmark(struct fv_map *map, uint32_t landmark);
 
 /* Make one of two landmarks that are the same thing: `keep` gets what `drop` has, as far as it has room and keyframes do

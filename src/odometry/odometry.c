@@ -13,6 +13,8 @@ enum {
     MAP_KEYFRAMES_MIN = 5
 };
 
+static const double bend_good = 0.05; /* see fv_odometry_state: more, and the pose is weak */
+
 void fv_odometry_carve(struct fv_odometry *o, const struct fovea_odometry_config *config,
                        const struct fovea_camera *camera, uint32_t features_max, struct fv_arena *persistent,
                        struct fv_arena *job, struct fv_arena *frame)
@@ -85,8 +87,9 @@ void fv_odometry_save_begin(struct fv_odometry *o)
     fv_archive_begin(o->archive, o->state->frame_number);
 }
 
-enum fovea_status fv_odometry_load(struct fv_odometry *o, const struct fv_kernels *kernels, const uint8_t *data,
-                                   size_t bytes, const char *name, struct fovea_error *error)
+enum fovea_status fv_odometry_load(struct fv_odometry *o, const struct fv_kernels *kernels,
+                                   const uint8_t *data, size_t bytes, const char *name,
+                                   struct fovea_error *error)
 {
     struct fv_odometry_state *s = o->state;
     struct fv_archive_info info;
@@ -97,8 +100,8 @@ enum fovea_status fv_odometry_load(struct fv_odometry *o, const struct fv_kernel
     s->state = FOVEA_TRACKING_LOST;
     s->newest = 0;
     for (uint32_t k = 0; k < o->map.limits.keyframes; k++)
-        if (o->map.keyframes[k].used &&
-            (!o->map.keyframes[s->newest].used || o->map.keyframes[k].number > o->map.keyframes[s->newest].number))
+        if (o->map.keyframes[k].used && (!o->map.keyframes[s->newest].used ||
+                                         o->map.keyframes[k].number > o->map.keyframes[s->newest].number))
             s->newest = k;
     while (fv_odometry_index_waiting(o))
         fv_odometry_index_unit(o, kernels);
@@ -111,7 +114,8 @@ void fv_odometry_fill_view(struct fv_odometry *o, const struct fv_odometry_input
     uint32_t count = 0;
     for (uint32_t i = 0; i < input->count && count < o->map.limits.features; i++) {
         const struct fovea_feature *f = &input->features[i];
-        if (!fv_map_set_keypoint(&view.points[count], &o->bearings, &o->camera, f->x_px, f->y_px, f->level)) continue;
+        if (!fv_map_set_keypoint(&view.points[count], &o->bearings, &o->camera, f->x_px, f->y_px, f->level))
+            continue;
         memcpy(view.descriptors + (size_t)count * FV_MAP_DESCRIPTOR_BYTES,
                input->descriptors + (size_t)i * FV_MAP_DESCRIPTOR_BYTES, FV_MAP_DESCRIPTOR_BYTES);
         view.landmark[count++] = FV_MAP_NONE;
@@ -144,6 +148,13 @@ static void fv_write_rows(const double R[9], const double t[3], double rows[12])
     }
 }
 
+/* Few landmarks, or landmarks of a young map whose errors are not known well: weak. */
+static enum fovea_tracking_state fv_confidence(const struct fv_odometry *o, uint32_t inliers)
+{
+    const bool good = inliers >= o->config.inliers_good && o->state->bend < bend_good;
+    return good ? FOVEA_TRACKING_OK : FOVEA_TRACKING_WEAK;
+}
+
 static void fv_write_pose(struct fv_odometry *o)
 {
     struct fovea_pose *pose = &o->state->pose;
@@ -172,8 +183,8 @@ static void fv_start_another(struct fv_odometry *o, const struct fv_kernels *ker
     if (fv_map_count_keyframes(&o->map, map_id) < MAP_KEYFRAMES_MIN) fv_map_drop(&o->map, map_id);
     s->lost_frames = 0;
     s->reset_counter++;
-    s->state = FOVEA_TRACKING_OK;
     fv_odometry_confirm(o);
+    s->state = fv_confidence(o, s->pose.inliers);
     fv_write_pose(o);
 }
 
@@ -184,12 +195,13 @@ static void fv_track_step(struct fv_odometry *o, const struct fv_kernels *kernel
     if (inliers == 0) {
         s->state = FOVEA_TRACKING_LOST;
         s->moving_known = false;
-        if (++s->lost_frames > o->config.lost_frames_reset && !o->config.localise_only) fv_start_another(o, kernels);
+        if (++s->lost_frames > o->config.lost_frames_reset && !o->config.localise_only)
+            fv_start_another(o, kernels);
         return;
     }
     s->lost_frames = 0;
     s->start.count = 0;
-    s->state = inliers >= o->config.inliers_good ? FOVEA_TRACKING_OK : FOVEA_TRACKING_WEAK;
+    s->state = fv_confidence(o, inliers);
     if (!o->config.localise_only && fv_odometry_keyframe_needed(o, inliers)) fv_odometry_make_keyframe(o);
     fv_write_pose(o);
 }
@@ -204,8 +216,8 @@ void fv_odometry_step(struct fv_odometry *o, const struct fv_kernels *kernels,
     if (s->state != FOVEA_TRACKING_STARTING) {
         fv_track_step(o, kernels);
     } else if (fv_odometry_start(o, kernels)) {
-        s->state = FOVEA_TRACKING_OK;
         fv_odometry_confirm(o);
+        s->state = fv_confidence(o, s->pose.inliers);
         fv_write_pose(o);
     }
     s->pose.state = s->state;
@@ -220,8 +232,8 @@ void fv_odometry_step(struct fv_odometry *o, const struct fv_kernels *kernels,
 bool fv_odometry_job_waiting(const struct fv_odometry *o)
 {
     const struct fv_odometry_state *s = o->state;
-    return fv_archive_busy(o->archive) || s->pending_count > 0 || s->grow.phase != FV_GROW_IDLE || s->job_wanted ||
-           o->window.state->phase != FV_WINDOW_IDLE || fv_odometry_index_waiting(o);
+    return fv_archive_busy(o->archive) || s->pending_count > 0 || s->grow.phase != FV_GROW_IDLE ||
+           s->job_wanted || o->window.state->phase != FV_WINDOW_IDLE || fv_odometry_index_waiting(o);
 }
 
 /* The window of the newest keyframe: started, advanced, or committed. */

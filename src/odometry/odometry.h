@@ -67,6 +67,7 @@ struct fv_odometry_state {
     int32_t pending[FV_GROW_PENDING_MAX];
     uint32_t pending_count;
     struct fv_grow_state grow;
+    double bend; /* of the landmarks in sight: what noise over their parallax leaves open, relative */
     struct fovea_pose pose; /* of the last frame */
 };
 
@@ -79,7 +80,7 @@ struct fv_odometry {
     struct fv_window window;
     struct fv_relocaliser relocaliser;
     struct fv_archive_state *archive; /* of the map that is being saved */
-    uint8_t *save_to;                 /* the caller's buffer, or NULL: what becomes of the bytes is outside the state */
+    uint8_t *save_to; /* the caller's buffer, or NULL: what becomes of the bytes is outside the state */
     size_t save_capacity;
     struct fv_loop_closer loop;
     struct fv_odometry_state *state;
@@ -126,16 +127,17 @@ void fv_odometry_step(struct fv_odometry *odometry, const struct fv_kernels *ker
 bool fv_odometry_unit(struct fv_odometry *odometry, const struct fv_kernels *kernels);
 bool fv_odometry_job_waiting(const struct fv_odometry *odometry);
 
-/* Begin to save the map: the job does it first, in units; fv_archive_take(o->archive) tells when all is written. */
+/* Begin to save the map: the job does it first, in units; fv_archive_take(o->archive) tells when all is
+ * written. */
 void fv_odometry_save_begin(struct fv_odometry *odometry);
-/* Take a saved map instead of an empty one; the state is `lost` until the camera is found in it. Errors as fv_archive_read.
- * Init-only. */
-enum fovea_status fv_odometry_load(struct fv_odometry *odometry, const struct fv_kernels *kernels, const uint8_t *data,
-                                   size_t bytes, const char *name, struct fovea_error *error);
+/* Take a saved map instead of an empty one; the state is `lost` until the camera is found in it. Errors as
+ * fv_archive_read. Init-only. */
+enum fovea_status fv_odometry_load(struct fv_odometry *odometry, const struct fv_kernels *kernels,
+                                   const uint8_t *data, size_t bytes, const char *name,
+                                   struct fovea_error *error);
 /* The same for the job that closes loops and merges maps. */
 bool fv_odometry_loop_unit(struct fv_odometry *odometry, const struct fv_kernels *kernels);
 bool fv_odometry_loop_waiting(const struct fv_odometry *odometry);
-
 
 /* ---- between the stage's own files ------------------------------------------------------------------- */
 

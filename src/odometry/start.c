@@ -19,7 +19,8 @@ enum {
 static const double ratio_max = 0.8;
 static const double direction_sigma_max_rad = 0.05; /* of the baseline; more, and the first map may be bent */
 static const double points_share_min = 0.6;         /* of the tracks, that must fit in all views */
-static const double parallax_share_min = 0.3;       /* of the points: of fewer, a thing that moves may be the cause */
+static const double parallax_share_min =
+    0.3;                                   /* of the points: of fewer, a thing that moves may be the cause */
 static const double rival_cost_min = 1.15; /* times the best one's: less, and it is too early to choose */
 
 /* ---- waiting views ----------------------------------------------------------------------------------- */
@@ -95,13 +96,12 @@ static uint32_t fv_match_views(struct fv_odometry *o, const struct fv_kernels *k
     return count;
 }
 
-/* Matches to pairs of bearings and tracks of the first and the last view, in an order that spreads any number of the
- * first ones evenly over all of them. */
+/* Matches to pairs of bearings and tracks of the first and the last view, in an order that spreads any number
+ * of the first ones evenly over all of them. */
 static uint32_t fv_take_pairs(struct fv_odometry *o, uint32_t count, const struct fv_start_bundle *b)
 {
-    const uint32_t last = b->view_count - 1, limit = TRACKS_MAX < o->window.limits.landmarks
-                                                         ? TRACKS_MAX
-                                                         : o->window.limits.landmarks;
+    const uint32_t last = b->view_count - 1,
+                   limit = TRACKS_MAX < o->window.limits.landmarks ? TRACKS_MAX : o->window.limits.landmarks;
     const uint32_t taken = count < limit ? count : limit;
     const struct fv_view from = fv_map_view(&o->map, b->slots[0]), to = fv_map_view(&o->map, b->slots[last]);
     for (uint32_t n = 0; n < taken; n++) {
@@ -171,7 +171,8 @@ static bool fv_choose(struct fv_odometry *o, const struct fv_kernels *kernels, u
 {
     struct fv_se3 motions[FV_START_MOTIONS_MAX];
     struct fv_start_bundle candidate = *best;
-    const uint32_t count = fv_start_motions(o, tracks, motions), tried = tracks < TRACKS_TRIED ? tracks : TRACKS_TRIED;
+    const uint32_t count = fv_start_motions(o, tracks, motions),
+                   tried = tracks < TRACKS_TRIED ? tracks : TRACKS_TRIED;
     double rival = 1e300;
     best->cost = 1e300;
     if (count > 0) fv_extend_tracks(o, kernels, tracks, best);
@@ -186,14 +187,16 @@ static bool fv_choose(struct fv_odometry *o, const struct fv_kernels *kernels, u
         }
     }
     const uint32_t parallax_points_min = FV_START_POINTS_MIN * tried / tracks;
-    return best->cost < 1e300 && rival >= rival_cost_min * best->cost && fv_serves(best, tried, parallax_points_min / 2);
+    return best->cost < 1e300 && rival >= rival_cost_min * best->cost &&
+           fv_serves(best, tried, parallax_points_min / 2);
 }
 
 /* The chosen motion, adjusted on all tracks, must hold as well. */
 static bool fv_settle(struct fv_odometry *o, uint32_t tracks, struct fv_start_bundle *b)
 {
     struct fv_se3 T = b->T_view_first[b->view_count - 1];
-    return fv_normalise3(T.t) && fv_start_adjust(o, tracks, &T, b) && fv_serves(b, tracks, FV_START_POINTS_MIN);
+    return fv_normalise3(T.t) && fv_start_adjust(o, tracks, &T, b) &&
+           fv_serves(b, tracks, FV_START_POINTS_MIN);
 }
 
 /* ---- the map ----------------------------------------------------------------------------------------- */

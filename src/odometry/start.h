@@ -22,7 +22,7 @@ extern "C" {
 enum {
     FV_START_MIDDLE_MAX = 3, /* views between the first and the last that take part */
     FV_START_VIEWS_MAX = FV_START_MIDDLE_MAX + 2,
-    FV_START_MOTIONS_MAX = 5,
+    FV_START_MOTIONS_MAX = 3,
     FV_START_POINTS_MIN = 50, /* with enough parallax */
     FV_START_PARALLAX_PX =
         4 /* that is enough: angle between rays times focal length; a match is good to half a pixel */

@@ -100,8 +100,9 @@ static double fv_track_error(const struct fv_odometry *o, const struct fv_start_
     return error < error_max ? error : error_max;
 }
 
-/* How badly a track is explained; `fits` tells whether all its errors are small. The logarithm (Cauchy's weights) at the
- * scale of a good match lets a slightly bent geometry, which explains a moving thing as well, lose to the right one. */
+/* How badly a track is explained; `fits` tells whether all its errors are small. The logarithm (Cauchy's
+ * weights) at the scale of a good match lets a slightly bent geometry, which explains a moving thing as well,
+ * lose to the right one. */
 static double fv_track_cost(const struct fv_odometry *o, const struct fv_start_bundle *b, uint32_t track,
                             bool *fits)
 {
@@ -147,8 +148,8 @@ static bool fv_adjust_once(struct fv_odometry *o, uint32_t count, struct fv_star
         b->cost += fv_track_cost(o, b, i, &fits);
         if (!fits) continue;
         b->points++;
-        b->parallax_points += fv_start_parallax_px(o, &b->T_view_first[last], w->landmarks[i].before) >=
-                              FV_START_PARALLAX_PX;
+        b->parallax_points +=
+            fv_start_parallax_px(o, &b->T_view_first[last], w->landmarks[i].before) >= FV_START_PARALLAX_PX;
     }
     return true;
 }
@@ -164,7 +165,8 @@ bool fv_start_adjust(struct fv_odometry *o, uint32_t count, const struct fv_se3 
         if (!fv_adjust_once(o, count, b)) return false;
         if (b->cost > before * (1 - round_gain_min)) return true;
         before = b->cost;
-        /* The next round places points anew: those that the motion could not place before may now take part. */
+        /* The next round places points anew: those that the motion could not place before may now take part.
+         */
         (void)fv_normalise3(b->T_view_first[last].t);
     }
     return true;

@@ -7,7 +7,7 @@
 #include "geometry/vec.h"
 #include "odometry/odometry.h"
 
-enum { FIT_MIN = 40, REFINE_STEPS = 8, PAIRS_FOLLOWED = 200 };
+enum { FIT_MIN = 40, REFINE_STEPS = 6, PAIRS_FOLLOWED = 150 };
 
 static const double threshold_px = 2.0;
 static const double place_limit_px = 3;
@@ -111,10 +111,12 @@ uint32_t fv_start_motions(struct fv_odometry *o, uint32_t count, struct fv_se3 T
     uint32_t fit = fv_essential_estimate(o->pairs, count, &sampling, &o->state->random, &motion, o->inlier);
     if (fit < FIT_MIN) return 0;
     found = fv_add_motion(o, count, &motion, found, T, costs);
+    if (found == 0) return 0; /* no parallax to speak of */
     int plane_count = fit_plane >= FIT_MIN ? fv_homography_motions(H, planes, &ratio) : 0;
     for (int k = 0; k < plane_count; k++)
         found = fv_try_motion(o, count, &planes[k], found, T, costs);
-    /* A little turn and a little translation look much alike: every direction is followed to where it leads. */
+    /* A little turn and a little translation look much alike: every direction is followed to where it leads.
+     */
     for (int k = 0; k < 27; k++) {
         struct fv_se3 other = motion;
         other.t[0] = k % 3 - 1;

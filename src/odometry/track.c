@@ -10,6 +10,11 @@ enum {
     INLIERS_FIRST_MIN = 12   /* of the first stage, to go on */
 };
 
+static const double variance_min = 0.05; /* px^2 of level 0: matches are not better than that */
+static const double young_spread_px =
+    20; /* below it, landmarks' errors have much in common; above, less and less */
+static const double behind_share =
+    3; /* of the information's inverse: pixels of this frame, and behind landmarks */
 static const double radius_first_px = 12, radius_wide_px = 30; /* times the level's scale */
 
 /* Take feature `f` for a landmark, unless a nearer one has it. */
@@ -194,18 +199,48 @@ static bool fv_rough_pose(struct fv_odometry *o, const struct fv_kernels *kernel
     return fv_odometry_try_keyframe(o, kernels, o->state->newest, T, fit);
 }
 
-/* Covariance of the pose: the inverse of the information that the inliers give. */
-static void fv_write_covariance(struct fv_odometry *o, const struct fv_pose_fit *fit)
+/* What the map in sight is bent by: noise over the mean parallax of its landmarks. Those with more of it hold
+ * the rest in place; where none has much, as in a young map, their errors have much in common. */
+static double fv_map_bend(const struct fv_odometry *o, const struct fv_view *view, double noise_px)
 {
-    double covariance[36] = {0};
+    double sum = 0;
+    uint32_t count = 0;
+    for (uint32_t f = 0; f < view->frame->features; f++) {
+        if (view->landmark[f] == FV_MAP_NONE) continue;
+        sum += (double)o->map.landmarks[view->landmark[f]].spread;
+        count++;
+    }
+    const double mean_px = sum * o->focal_px / (count > 0 ? count : 1);
+    if (!(mean_px > noise_px)) return 1;
+    const double bend = noise_px / mean_px * young_spread_px / mean_px;
+    return bend < 1 ? bend : 1;
+}
+
+/* Covariance of the pose relative to its reference keyframe. The inverse of the information that the inliers
+ * give, at the noise that they show, counts the pixels of this frame; those behind the landmarks and the
+ * reference come on top. What the map is bent by grows with the way from the reference. */
+static void fv_write_covariance(struct fv_odometry *o, const struct fv_view *view,
+                                const struct fv_pose_fit *fit)
+{
+    const struct fv_keyframe *reference = &o->map.keyframes[o->state->newest];
+    double covariance[36] = {0}, variance = fit->cost / (2 * fit->inliers + 1 - 6.0);
+    if (variance < variance_min) variance = variance_min;
     for (int column = 0; column < 6; column++) {
         double A[36], unit[6] = {0};
-        unit[column] = 1;
+        unit[column] = behind_share * variance;
         memcpy(A, fit->information, sizeof A);
         if (fv_ldlt_solve(A, 6, unit))
             for (int row = 0; row < 6; row++)
                 covariance[6 * row + column] = unit[row];
     }
+    struct fv_se3 T_world_ref, T;
+    fv_se3_invert(&reference->T_cam_world, &T_world_ref);
+    fv_se3_compose(&view->frame->T_cam_world, &T_world_ref, &T);
+    const double bend = fv_map_bend(o, view, __builtin_sqrt(variance));
+    o->state->bend = bend;
+    const double drift = bend * fv_norm3(T.t), turn = drift / (reference->depth > 0 ? reference->depth : 1);
+    for (int i = 0; i < 6; i++)
+        covariance[7 * i] += i < 3 ? drift * drift : turn * turn;
     for (int row = 0, k = 0; row < 6; row++)
         for (int column = row; column < 6; column++, k++)
             o->state->pose.covariance[k] = covariance[6 * row + column];
@@ -219,7 +254,7 @@ void fv_odometry_confirm(struct fv_odometry *o)
     uint32_t inliers = fv_odometry_refine(o, &view, 1, 3, &T, &fit);
     if (inliers == 0) return;
     o->state->pose.inliers = inliers;
-    fv_write_covariance(o, &fit);
+    fv_write_covariance(o, &view, &fit);
 }
 
 uint32_t fv_odometry_track(struct fv_odometry *o, const struct fv_kernels *kernels)
@@ -239,7 +274,7 @@ uint32_t fv_odometry_track(struct fv_odometry *o, const struct fv_kernels *kerne
     o->state->pose.inliers = inliers;
     o->state->pose.quality = (float)inliers / (float)(visible + known);
     if (o->state->pose.quality > 1) o->state->pose.quality = 1;
-    fv_write_covariance(o, &fit);
+    fv_write_covariance(o, &view, &fit);
     fv_remember(o, &view);
     return inliers;
 }
