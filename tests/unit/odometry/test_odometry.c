@@ -14,6 +14,8 @@
 #include "features/features.h"
 #include "features/orb.h"
 #include "fovea/source.h"
+#include "geometry/linear.h"
+#include "geometry/vec.h"
 #include "kernels/cpu.h"
 #include "odometry/odometry.h"
 
@@ -24,6 +26,10 @@ struct record {
     int frames;
     struct fovea_pose pose[FRAMES_MAX];
     double truth[FRAMES_MAX][3];
+    struct fv_se3 T_truth_cam[FRAMES_MAX],
+        T_reference_world[FRAMES_MAX]; /* as the map had it at that frame */
+    int reference[FRAMES_MAX];         /* frame that became the reference keyframe */
+    int64_t stamp[FRAMES_MAX];
     uint64_t hash;
 };
 static struct record records[2];
@@ -105,6 +111,7 @@ static void run(const char *uri, int start, int frames, enum fv_cpu_set set, str
                                                 .features = rig.features.list,
                                                 .descriptors = rig.orb.descriptors};
         fv_odometry_step(&rig.odometry, &rig.kernels, &input);
+        const struct fv_keyframe reference = rig.odometry.map.keyframes[rig.odometry.state->newest];
         for (int unit = 0; unit < UNITS && fv_odometry_job_waiting(&rig.odometry); unit++)
             (void)fv_odometry_unit(&rig.odometry, &rig.kernels);
         assert_int_equal(ops->truth(source, &frame, &truth), FOVEA_OK);
@@ -112,6 +119,12 @@ static void run(const char *uri, int start, int frames, enum fv_cpu_set set, str
         record->pose[n] = rig.odometry.state->pose;
         for (int i = 0; i < 3; i++)
             record->truth[n][i] = truth.T_world_cam[4 * i + 3];
+        fv_se3_from_rows(truth.T_world_cam, &record->T_truth_cam[n]);
+        record->T_reference_world[n] = reference.T_cam_world;
+        record->stamp[n] = frame.stamp_ns;
+        record->reference[n] = -1;
+        for (int k = 0; k <= n; k++)
+            if (record->stamp[k] == reference.stamp_ns) record->reference[n] = k;
         hash_pose(&record->hash, &record->pose[n]);
         ops->requeue(source, &frame);
     }
@@ -153,6 +166,68 @@ static void an_orbit_is_followed_at_constant_scale(void **state)
     }
     printf("orbit: first pose %d, scale over two seconds from %.4f to %.4f\n", first, low, high);
     assert_true(posed > 150 && high / low < 1.05);
+}
+
+/* Normalised squared error of a pose relative to its reference keyframe; `unit` is metres per unit of the
+ * map. */
+static double squared_error(const struct record *r, int n, double unit)
+{
+    struct fv_se3 estimate, truth, T, inverse;
+    double error[6], A[36], solved[6], turn[9];
+    fv_se3_from_rows(r->pose[n].T_world_cam, &T);
+    fv_se3_compose(&r->T_reference_world[n], &T, &estimate);
+    fv_se3_invert(&r->T_truth_cam[r->reference[n]], &inverse);
+    fv_se3_compose(&inverse, &r->T_truth_cam[n], &truth);
+    const double d[3] = {truth.t[0] / unit - estimate.t[0], truth.t[1] / unit - estimate.t[1],
+                         truth.t[2] / unit - estimate.t[2]};
+    fv_rotate_back3(estimate.R, d, error);
+    for (int row = 0; row < 3; row++)
+        for (int column = 0; column < 3; column++)
+            turn[3 * row + column] = estimate.R[row] * truth.R[column] +
+                                     estimate.R[3 + row] * truth.R[3 + column] +
+                                     estimate.R[6 + row] * truth.R[6 + column];
+    fv_so3_log(turn, error + 3);
+    for (int row = 0, k = 0; row < 6; row++)
+        for (int column = row; column < 6; column++, k++)
+            A[6 * row + column] = A[6 * column + row] = r->pose[n].covariance[k];
+    memcpy(solved, error, sizeof solved);
+    assert_true(fv_ldlt_solve(A, 6, solved));
+    double sum = 0;
+    for (int k = 0; k < 6; k++)
+        sum += error[k] * solved[k];
+    return sum;
+}
+
+/* The covariance says how far off the pose is, and a pose called good is not far off. */
+static void confidence_is_earned(void **state)
+{
+    (void)state;
+    struct record *r = &records[0];
+    double sum = 0;
+    int count = 0, good = 0, false_confidence = 0;
+    for (int seed = 1; seed <= 2; seed++) {
+        char uri[80];
+        snprintf(uri, sizeof uri, "sim:orbit?seed=%d", seed);
+        run(uri, 0, 90, fv_cpu_best(fv_cpu_detect()), r);
+        int first = 0;
+        while (first < r->frames && !r->pose[first].posed)
+            first++;
+        assert_true(first < 40);
+        double unit = travelled(r, first, r->frames - 1, true) / travelled(r, first, r->frames - 1, false);
+        for (int n = first + 1; n < r->frames; n++) {
+            if (!r->pose[n].posed || r->reference[n] < 0 || r->reference[n] == n) continue;
+            double error = squared_error(r, n, unit);
+            sum += error;
+            count++;
+            good += r->pose[n].state == FOVEA_TRACKING_OK;
+            false_confidence += r->pose[n].state == FOVEA_TRACKING_OK && error > 22.5;
+        }
+    }
+    printf("%d poses, %d of them called good: normalised squared error %.2f per dimension, falsely confident "
+           "%d\n",
+           count, good, sum / count / 6, false_confidence);
+    assert_true(sum / count / 6 > 0.1 && sum / count / 6 < 2);
+    assert_true(good > count / 2 && false_confidence <= good / 50);
 }
 
 static void turning_on_the_spot_is_no_translation(void **state)
@@ -204,6 +279,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(an_orbit_is_followed_at_constant_scale),
+        cmocka_unit_test(confidence_is_earned),
         cmocka_unit_test(turning_on_the_spot_is_no_translation),
         cmocka_unit_test(being_carried_off_is_noticed),
         cmocka_unit_test(standing_still_neither_drifts_nor_makes_keyframes),
