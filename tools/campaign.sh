@@ -67,6 +67,24 @@ cameras() { # cameras UNPLUGGED DAMAGED
     build-asan/tests/unit/drivers/test_mjpeg "$2"
 }
 
+# Honest on the simulated camera: five minutes of standing, turning, being carried off; orbits followed to 0.5 % of their
+# length and to 2 % of their scale by odometry, over seeds, with the boxes of what walks about known.
+honest() {
+    make --no-print-directory $build/tests/unit/runtime/test_honesty && FOVEA_LONG=1 $build/tests/unit/runtime/test_honesty || return 1
+    for seed in $(seq 1 "$1"); do
+        line=$($build/fovea run --source "sim:orbit?seed=$seed" --timings none --path none --set lcm_url= \
+            --set scale.source=odometry --set movable_boxes=truth --trajectory-final "$done_folder/orbit.tum" | grep posed) || return 1
+        echo "seed $seed:$line"
+        echo "$line" | awk '{
+            n = split($0, part, "RMS error")
+            split(part[2], live, "[(%]"); split(part[n], final, "[(%]")
+            sub(/.*scale off by /, ""); sub(/ %.*/, "")
+            off = $0 + 0
+            exit !(n == 3 && live[2] + 0 <= 0.5 && final[2] + 0 <= 0.5 && off <= 2 && off >= -2)
+        }' || return 1
+    done
+}
+
 if [ -n "$sample" ]; then
     part realtime realtime 3600
     part wander wander 3000
@@ -91,6 +109,7 @@ else
     part revisits tools/evaluate/revisits.sh
     part fuzz make --no-print-directory fuzz FUZZ_SECONDS=1200
     part networks tools/check_networks.sh "$build" 40
+    part honest honest 10
     part bare-debian tools/try_bare_debian.sh
 fi
 [ -z "$failed" ] || { echo "failed:$failed"; exit 1; }

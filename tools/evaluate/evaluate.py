@@ -1,8 +1,9 @@
 """Run the odometry over recordings with truth, over sampling seeds and start frames, and write one table.
 
 Usage: evaluate.py [--fovea build/fovea] [--data DIR] [--seeds N] [--starts 0,7,15] [--output FILE] [--only NAME]
-A row: frames posed, ATE (RMSE after Sim(3) alignment) of the live poses, RPE over one second, CPU time, memory. Per figure the
-median over all runs, and the worst.
+A row: frames posed, ATE (RMSE after Sim(3) alignment) of the live poses and after all optimisation, RPE over one second, CPU
+time, memory. Per figure the median over all runs, and the worst. Where the camera's height over the floor is known, a second
+table tells how far the length of the path is off when scale.source is camera_height.
 """
 import argparse
 import json
@@ -24,30 +25,31 @@ RECORDINGS = [
     ("kitti06_a", "kitti", 51, 10, 0.01),
     ("handheld_7scenes_a", "tum", 250, 30, 0.02),
 ]
+CAMERA_HEIGHT_M = {"kitti00_a": 1.65, "kitti06_a": 1.65}  # A. Geiger et al., IJRR 2013
 
 
 def run_once(fovea, uri, seed, start, folder, extra):
-    trajectory, stats = os.path.join(folder, "live.tum"), os.path.join(folder, "stats.json")
-    for path in (trajectory, stats):
+    trajectory, final, stats = (os.path.join(folder, name) for name in ("live.tum", "final.tum", "stats.json"))
+    for path in (trajectory, final, stats):
         if os.path.exists(path):
             os.remove(path)
-    command = [fovea, "run", "--source", uri, "--start", str(start), "--trajectory", trajectory, "--stats", stats,
-               "--set", f"seed={seed}"] + extra
+    command = [fovea, "run", "--source", uri, "--start", str(start), "--trajectory", trajectory, "--trajectory-final", final,
+               "--stats", stats, "--set", f"seed={seed}"] + extra
     done = subprocess.run(command, capture_output=True, text=True, timeout=600)
     if done.returncode != 0:
         sys.exit(f"{' '.join(command)}: exit {done.returncode}: {done.stderr.strip()}")
-    return trajectory, json.load(open(stats))
+    return trajectory, final, json.load(open(stats))
 
 
 def measure(reference, path, rate_hz, tolerance_s):
     """Posed frames, ATE and the median one-second errors of a TUM file against the truth."""
     posed = sum(1 for line in open(path) if line.strip() and not line.startswith("#"))
     if posed < 10:
-        return {"posed": posed, "ate": float("nan"), "rpe_m": float("nan"), "rpe_deg": float("nan")}
+        return {"posed": posed, "ate": float("nan"), "rpe_m": float("nan"), "rpe_deg": float("nan"), "scale_off": float("nan")}
     estimate = file_interface.read_tum_trajectory_file(path)
     ref, est = sync.associate_trajectories(reference, estimate, max_diff=tolerance_s)
-    est.align(ref, correct_scale=True)
-    result = {"posed": posed}
+    scale = est.align(ref, correct_scale=True)[2]
+    result = {"posed": posed, "scale_off": 100 * (1 / scale - 1)}
     ape = metrics.APE(metrics.PoseRelation.translation_part)
     ape.process_data((ref, est))
     result["ate"] = ape.get_statistic(metrics.StatisticsType.rmse)
@@ -72,8 +74,9 @@ def evaluate(arguments, name, kind, frames, rate_hz, tolerance_s):
     with tempfile.TemporaryDirectory() as scratch:
         for start in arguments.starts:
             for seed in range(1, arguments.seeds + 1):
-                path, stats = run_once(arguments.fovea, f"{kind}:{folder}", seed, start, scratch, arguments.extra)
+                path, final, stats = run_once(arguments.fovea, f"{kind}:{folder}", seed, start, scratch, arguments.extra)
                 row = measure(reference, path, rate_hz, tolerance_s)
+                row["ate_final"] = measure(reference, final, rate_hz, tolerance_s)["ate"]
                 row["share"] = row["posed"] / (frames - start)
                 row["mean_ms"] = stats["frame"]["mean_ns"] / 1e6
                 row["p99_ms"] = stats["frame"]["p99_ns"] / 1e6
@@ -84,6 +87,7 @@ def evaluate(arguments, name, kind, frames, rate_hz, tolerance_s):
         "name": name, "runs": len(rows), "frames": frames,
         "posed": np.median(column("share")) * frames, "posed_worst": column("share").min() * frames,
         "ate": np.nanmedian(column("ate")), "ate_worst": np.max(column("ate")),
+        "final": np.nanmedian(column("ate_final")), "final_worst": np.max(column("ate_final")),
         "rpe_m": np.nanmedian(column("rpe_m")), "rpe_deg": np.nanmedian(column("rpe_deg")),
         "mean_ms": np.median(column("mean_ms")), "p99_ms": np.median(column("p99_ms")),
         "resident_mib": column("resident_mib").max(),
@@ -91,13 +95,36 @@ def evaluate(arguments, name, kind, frames, rate_hz, tolerance_s):
 
 
 def table(results):
-    lines = ["| recording | runs | posed, median (worst) | ATE m, median (worst) | RPE 1 s: m, deg | CPU ms, mean, p99 | resident MiB |",
-             "| --- | --- | --- | --- | --- | --- | --- |"]
+    lines = ["| recording | runs | posed, median (worst) | ATE m, median (worst) | after all optimisation | RPE 1 s: m, deg | CPU ms, mean, p99 | resident MiB |",
+             "| --- | --- | --- | --- | --- | --- | --- | --- |"]
     for r in results:
         lines.append(f"| {r['name']} | {r['runs']} | {r['posed']:.0f} ({r['posed_worst']:.0f}) of {r['frames']} | "
-                     f"{r['ate']:.4f} ({r['ate_worst']:.4f}) | {r['rpe_m']:.3f}, {r['rpe_deg']:.2f} | "
+                     f"{r['ate']:.4f} ({r['ate_worst']:.4f}) | {r['final']:.4f} ({r['final_worst']:.4f}) | {r['rpe_m']:.3f}, {r['rpe_deg']:.2f} | "
                      f"{r['mean_ms']:.2f}, {r['p99_ms']:.2f} | {r['resident_mib']:.0f} |")
     return "\n".join(lines) + "\n"
+
+
+def evaluate_scale(arguments, name, kind, frames, rate_hz, tolerance_s):
+    """How far published and final paths are off in length, percent, by seed and start."""
+    folder = os.path.join(arguments.data, name)
+    if name not in CAMERA_HEIGHT_M or not os.path.isdir(folder):
+        return None
+    reference = truth.READERS[kind](folder)
+    height = ["--set", "scale.source=camera_height", "--set", f"scale.camera_height_m={CAMERA_HEIGHT_M[name]}"]
+    live, final = [], []
+    with tempfile.TemporaryDirectory() as scratch:
+        for start in arguments.starts:
+            for seed in range(1, arguments.seeds + 1):
+                paths = run_once(arguments.fovea, f"{kind}:{folder}", seed, start, scratch, arguments.extra + height)
+                live.append(measure(reference, paths[0], rate_hz, tolerance_s)["scale_off"])
+                final.append(measure(reference, paths[1], rate_hz, tolerance_s)["scale_off"])
+    worst = lambda values: values[int(np.argmax(np.abs(values)))]
+    return (f"| {name} | {len(live)} | {CAMERA_HEIGHT_M[name]} | {np.median(live):+.1f} ({worst(live):+.1f}) | "
+            f"{np.median(final):+.1f} ({worst(final):+.1f}) |")
+
+
+SCALE_HEAD = ["| recording | runs | camera height m | scale off by %, median (worst) | after all optimisation |",
+              "| --- | --- | --- | --- | --- |"]
 
 
 def main():
@@ -110,7 +137,7 @@ def main():
     parser.add_argument("--only")
     parser.add_argument("extra", nargs="*", help="more arguments for fovea run, after --")
     arguments = parser.parse_args()
-    results = []
+    results, scales = [], []
     for recording in RECORDINGS:
         if arguments.only and recording[0] != arguments.only:
             continue
@@ -118,9 +145,15 @@ def main():
         if result:
             results.append(result)
             print(table([result]).splitlines()[-1], flush=True)
+        scale = evaluate_scale(arguments, *recording)
+        if scale:
+            scales.append(scale)
+            print(scale, flush=True)
     if arguments.output and results:
         with open(arguments.output, "w") as out:
             out.write(table(results))
+            if scales:
+                out.write("\n" + "\n".join(SCALE_HEAD + scales) + "\n")
 
 
 if __name__ == "__main__":

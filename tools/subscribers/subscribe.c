@@ -4,7 +4,7 @@
  *     subscribe [--url URL] [--prefix FOVEA] [--idle SECONDS] [--quiet]
  *
  * Ends on SIGINT, or when nothing has come for --idle seconds. Build it against the installed types with
- *     cc subscribe.c fovea_*_t.c $(pkg-config --cflags --libs lcm)      (lcm-gen -c FOLDER/fovea_*.lcm)
+ *     cc subscribe.c TYPES.c $(pkg-config --cflags --libs lcm)      (TYPES.c made by lcm-gen -c from FOLDER)
  *
  * Nothing may be lost between the network and this program, so two buffers must be large enough:
  *  - the socket's: recv_buf_size in the URL; the kernel allows net.core.rmem_max (sysctl), often only 208
@@ -20,13 +20,14 @@
 
 #include <lcm/lcm.h>
 
+#include "bot_core_pose_t.h"
 #include "fovea_camera_status_t.h"
 #include "fovea_features_t.h"
 #include "fovea_pose_t.h"
 #include "fovea_preview_t.h"
 #include "fovea_statistics_t.h"
 
-enum { QUEUE_MESSAGES = 1000, KINDS = 6 };
+enum { QUEUE_MESSAGES = 1000, KINDS = 7 };
 
 static volatile sig_atomic_t stop;
 
@@ -38,7 +39,8 @@ struct channel {
 };
 static struct channel channels[KINDS] = {{.suffix = "POSE"},          {.suffix = "FEATURES"},
                                          {.suffix = "CAMERA_STATUS"}, {.suffix = "STATISTICS"},
-                                         {.suffix = "PREVIEW"},       {.suffix = "CAMERA_POSE"}};
+                                         {.suffix = "PREVIEW"},       {.suffix = "CAMERA_POSE"},
+                                         {.suffix = "BOT_CORE_POSE"}};
 static bool quiet;
 
 static void on_signal(int number)
@@ -81,8 +83,17 @@ static void print_stamp(const char *name, const fovea_stamp_t *stamp)
         }                                                                                                    \
         fovea_##TYPE##_decode_cleanup(&message);                                                             \
     }
-HANDLER(pose_t, "state %d, position %.3f %.3f %.3f\n", message.state, message.position[0],
-        message.position[1], message.position[2])
+static const char *name_of(const char *const *names, int count, int value)
+{
+    return value >= 0 && value < count ? names[value] : "unknown";
+}
+static const char *const states[] = {"starting", "tracking", "weak", "lost"};
+static const char *const scales[] = {"free", "camera_height", "odometry"};
+HANDLER(pose_t, "%s, %s in %s: position %.3f %.3f %.3f %s, scale %s to %.1f %%, quality %.2f, %d inliers, reset %d\n",
+        name_of(states, 4, message.state), message.child_frame, message.parent_frame, message.position[0],
+        message.position[1], message.position[2], message.scale_source == FOVEA_POSE_T_SCALE_FREE ? "units" : "m",
+        name_of(scales, 3, message.scale_source), 100 * message.scale_sigma, (double)message.quality,
+        (int)message.inliers, (int)message.reset_counter)
 HANDLER(features_t, "%" PRId32 " of %" PRId32 " features\n", message.count, message.asked)
 HANDLER(camera_status_t, "state %d, %" PRId32 " x %" PRId32 " %s, %" PRId64 " dropped\n", message.state,
         message.width, message.height, message.pixel_format, message.dropped)
@@ -90,6 +101,22 @@ HANDLER(statistics_t, "%" PRId64 " frames in, %" PRId64 " processed, latency %.2
         message.frames_in, message.frames_processed, (double)message.latency_ns * 1e-6, message.kernel_set)
 HANDLER(preview_t, "%" PRId32 " x %" PRId32 ", %" PRId32 " bytes of JPEG\n", message.width, message.height,
         message.size_bytes)
+
+/* This one knows its time, but not the number of its frame. */
+static void on_bot_core_pose(const lcm_recv_buf_t *received, const char *name, void *context)
+{
+    bot_core_pose_t message;
+    struct channel *channel = context;
+    if (bot_core_pose_t_decode(received->data, 0, (int)received->data_size, &message) < 0) {
+        channel->malformed++;
+        return;
+    }
+    count(channel, received, channel->last + 1);
+    if (!quiet)
+        printf("%s: at %.6f s: position %.3f %.3f %.3f m, velocity %.3f %.3f %.3f m/s\n", name,
+               (double)message.utime * 1e-6, message.pos[0], message.pos[1], message.pos[2], message.vel[0],
+               message.vel[1], message.vel[2]);
+}
 
 static double now_s(void)
 {
@@ -124,7 +151,8 @@ int main(int argc, char **argv)
 {
     const char *url = "udpm://239.255.76.67:7667?ttl=0&recv_buf_size=2097152", *prefix = "FOVEA";
     static const lcm_msg_handler_t handlers[KINDS] = {on_pose_t,       on_features_t, on_camera_status_t,
-                                                      on_statistics_t, on_preview_t,  on_pose_t};
+                                                      on_statistics_t, on_preview_t,  on_pose_t,
+                                                      on_bot_core_pose};
     double idle_s = 0;
     for (int i = 1; i < argc; i++) {
         if (strcmp(argv[i], "--quiet") == 0)

@@ -26,18 +26,33 @@ try:
 except ImportError:
     sys.exit("subscribe.py: found no package lcm, expected it from: pip install lcm")
 try:
+    import bot_core
     import fovea
 except ImportError:
     sys.exit(f"subscribe.py: found no types in {options.types}, expected them from: make python-types")
 
 
+STATES = ("starting", "tracking", "weak", "lost")
+SCALES = ("free", "camera_height", "odometry")
+
+
 def tell_pose(m):
-    return "state %d, position %.3f %.3f %.3f" % (m.state, *m.position)
+    unit = "units" if m.scale_source == m.SCALE_FREE else "m"
+    text = "%s, %s in %s: position %.3f %.3f %.3f %s, scale %s" % (STATES[m.state], m.child_frame, m.parent_frame,
+                                                                 *m.position, unit, SCALES[m.scale_source])
+    if m.scale_source != m.SCALE_FREE:
+        text += " to %.1f %%" % (100 * m.scale_sigma)
+    return text + ", quality %.2f, %d inliers, reset %d" % (m.quality, m.inliers, m.reset_counter)
+
+
+def tell_bot_core(m):
+    return "position %.3f %.3f %.3f m, velocity %.3f %.3f %.3f m/s" % (*m.pos, *m.vel)
 
 
 TELL = {
     "POSE": (fovea.pose_t, tell_pose),
     "CAMERA_POSE": (fovea.pose_t, tell_pose),
+    "BOT_CORE_POSE": (bot_core.pose_t, tell_bot_core),
     "FEATURES": (fovea.features_t, lambda m: f"{m.count} of {m.asked} features"),
     "CAMERA_STATUS": (fovea.camera_status_t, lambda m: f"state {m.state}, {m.width} x {m.height} {m.pixel_format}"),
     "STATISTICS": (fovea.statistics_t, lambda m: f"{m.frames_in} frames in, {m.frames_processed} processed"),
@@ -73,6 +88,11 @@ def on_message(name, data):
     except (ValueError, TypeError, IndexError) as problem:
         channels[suffix].malformed += 1
         print(f"{name}: {problem}", file=sys.stderr)
+        return
+    if suffix == "BOT_CORE_POSE":  # which knows its time, but not the number of its frame
+        channels[suffix].count(data, channels[suffix].last + 1)
+        if not options.quiet:
+            print(f"{name}: at {message.utime * 1e-6:.6f} s: {tell(message)}")
         return
     channels[suffix].count(data, message.stamp.sequence)
     if not options.quiet:

@@ -11,126 +11,45 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "fovea/fovea.h"
+#include "common/sim_rig.h"
 #include "geometry/se3.h"
 
 #include "fovea_pose_t.h"
 
-enum { FRAMES_MAX = 400 };
-
-struct rig {
-    const struct fovea_source_ops *ops;
-    struct fovea_source *source;
-    struct fovea_config config;
-    struct fovea *rt;
-    struct fovea_frame frame;
-    struct fovea_inputs inputs;
-    struct fovea_outputs outputs;
-    int frames;
-    struct fovea_pose pose[FRAMES_MAX];
-    double truth[FRAMES_MAX][12];
-};
-static struct rig rig;
-
-static void open_rig(const char *uri, int start, int frames)
-{
-    const char *address;
-    struct fovea_error error;
-    const struct fovea_source_selection selection = {(uint64_t)start, 1, (uint64_t)frames, false};
-    memset(&rig, 0, sizeof rig);
-    if (fovea_source_find(uri, &rig.ops, &address, &error) ||
-        rig.ops->open(address, &selection, &rig.source, &error) || rig.ops->start(rig.source, &error))
-        fail_msg("%s", error.text);
-    fovea_config_default(&rig.config);
-    rig.config.camera = rig.ops->info(rig.source)->camera;
-}
-
-static void build_rig(void)
-{
-    size_t bytes;
-    struct fovea_error error;
-    if (fovea_size(&rig.config, &bytes, &error)) fail_msg("%s", error.text);
-    void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, (bytes + 63) / 64 * 64);
-    if (fovea_init(memory, bytes, &rig.config, &rig.rt, &error)) fail_msg("%s", error.text);
-}
-
-static bool next_frame(void)
-{
-    memset(&rig.inputs, 0, sizeof rig.inputs);
-    if (rig.ops->dequeue(rig.source, INT64_MAX, &rig.frame) != FOVEA_OK) return false;
-    rig.inputs.frame = &rig.frame;
-    rig.inputs.now_ns = rig.frame.stamp_ns;
-    fovea_grants_fixed(&rig.config, &rig.inputs.grants);
-    rig.ops->truth_pose(rig.source, &rig.frame, rig.truth[rig.frames]);
-    return true;
-}
-
-/* The outputs are those of the step. */
-static void process(void)
-{
-    struct fovea_outputs work;
-    (void)fovea_step(rig.rt, &rig.inputs, &rig.outputs);
-    fovea_pose_get(rig.rt, &rig.pose[rig.frames++]);
-    rig.ops->requeue(rig.source, &rig.frame);
-    (void)fovea_work(rig.rt, &rig.inputs.grants, &work);
-}
-
-static void close_rig(void)
-{
-    rig.ops->stop(rig.source);
-    rig.ops->close(rig.source);
-    free(rig.rt);
-}
-
-static double moved(const double *a, const double *b)
-{
-    return sqrt((a[3] - b[3]) * (a[3] - b[3]) + (a[7] - b[7]) * (a[7] - b[7]) + (a[11] - b[11]) * (a[11] - b[11]));
-}
-
-/* Published way over true way, from frame `from` to the end, in steps of 15 frames. */
-static double scale_from(int from)
-{
-    double published = 0, real = 0;
-    for (int n = from; n + 15 < rig.frames; n += 15) {
-        assert_true(rig.pose[n].posed && rig.pose[n + 15].posed);
-        published += moved(rig.pose[n].T_world_cam, rig.pose[n + 15].T_world_cam);
-        real += moved(rig.truth[n], rig.truth[n + 15]);
-    }
-    return published / real;
-}
+static struct sim_rig rig;
 
 static void odometry_gives_metres(void **state)
 {
     (void)state;
-    open_rig("sim:orbit?width=400&height=300&odometry_noise=0.1", 0, 240);
+    sim_rig_open(&rig, "sim:orbit?width=400&height=300&odometry_noise=0.1", 0, 240);
     rig.config.scale.source = FOVEA_SCALE_ODOMETRY;
-    build_rig();
-    while (next_frame()) {
+    sim_rig_build(&rig);
+    while (sim_rig_next(&rig)) {
         rig.inputs.odometry_count =
             rig.ops->odometry(rig.source, &rig.frame, rig.inputs.odometry, FOVEA_INPUT_ODOMETRY_MAX);
         /* Every 1.5 s a wheel slips: 40 cm that nothing moved by. */
         for (uint32_t i = 0; i < rig.inputs.odometry_count; i++)
             rig.inputs.odometry[i].position_m[0] += 0.4 * (double)(rig.frames / 45);
-        process();
+        sim_rig_process(&rig);
     }
     const struct fovea_pose *last = &rig.pose[rig.frames - 1];
-    double scale = scale_from(120);
+    double scale = sim_rig_scale(&rig, 120, rig.frames);
     printf("odometry: scale off by %+.2f %%, said to be sure to %.2f %%\n", 100 * (scale - 1), 100 * last->scale_sigma);
     assert_int_equal(last->scale_source, FOVEA_SCALE_ODOMETRY);
     assert_true(fabs(scale - 1) < 0.02);
     assert_true(last->scale_sigma > 0.002 && last->scale_sigma < 0.05);
-    close_rig();
+    sim_rig_close(&rig);
 }
 
 /* Positions do not jump when the scale becomes better known. */
 static void the_path_bends_but_does_not_tear(void **state)
 {
     (void)state;
-    open_rig("sim:corridor?width=400&height=300", 0, 300);
+    sim_rig_open(&rig, "sim:corridor?width=400&height=300", 0, 300);
     rig.config.scale.source = FOVEA_SCALE_CAMERA_HEIGHT;
     rig.config.scale.camera_height_m = 1.25;
-    build_rig();
-    while (next_frame()) process();
+    sim_rig_build(&rig);
+    while (sim_rig_next(&rig)) sim_rig_process(&rig);
     int metric = 0;
     double worst = 0, last_scale = 0;
     bool changed = false;
@@ -141,13 +60,13 @@ static void the_path_bends_but_does_not_tear(void **state)
         metric++;
         changed |= last_scale != 0 && last_scale != b->scale;
         last_scale = b->scale;
-        worst = fmax(worst, moved(a->T_world_cam, b->T_world_cam));
+        worst = fmax(worst, sim_rig_moved(a->T_world_cam, b->T_world_cam));
     }
-    double scale = scale_from(150);
+    double scale = sim_rig_scale(&rig, 150, rig.frames);
     printf("camera height: %d frames in metres, scale off by %+.1f %%, largest step %.3f m\n", metric,
            100 * (scale - 1), worst);
     assert_true(metric > 200 && changed && worst < 0.1 && fabs(scale - 1) < 0.1);
-    close_rig();
+    sim_rig_close(&rig);
 }
 
 /* The pose message of the last step. */
@@ -193,11 +112,11 @@ static void a_lever_arm_is_minded(void **state)
     int checked = 0;
     fv_se3_from_rows(T_base_cam, &B);
     fv_se3_invert(&B, &inverse);
-    open_rig("sim:orbit?width=400&height=300", 30, 240);
+    sim_rig_open(&rig, "sim:orbit?width=400&height=300", 30, 240);
     memcpy(rig.config.T_base_cam, T_base_cam, sizeof T_base_cam);
     rig.config.scale.source = FOVEA_SCALE_ODOMETRY;
-    build_rig();
-    while (next_frame()) {
+    sim_rig_build(&rig);
+    while (sim_rig_next(&rig)) {
         fv_se3_from_rows(rig.truth[rig.frames], &T);
         if (rig.frames == 0) start = T;
         fv_se3_invert(&start, &start_inverse);
@@ -208,15 +127,15 @@ static void a_lever_arm_is_minded(void **state)
         sample->stamp_ns = rig.frame.stamp_ns;
         memcpy(sample->position_m, T.t, sizeof T.t);
         fv_so3_to_quaternion(T.R, sample->orientation);
-        process();
+        sim_rig_process(&rig);
         if (rig.pose[rig.frames - 1].scale_source == FOVEA_SCALE_FREE) continue;
         check_base(&B);
         checked++;
     }
-    double scale = scale_from(120);
+    double scale = sim_rig_scale(&rig, 120, rig.frames);
     printf("lever arm: %d poses of the base checked, scale off by %+.2f %%\n", checked, 100 * (scale - 1));
     assert_true(checked > 100 && fabs(scale - 1) < 0.02);
-    close_rig();
+    sim_rig_close(&rig);
 }
 
 static int count_channel(const char *channel)
@@ -232,19 +151,19 @@ static void without_scale_no_bot_core_pose(void **state)
     (void)state;
     for (int allow = 0; allow < 2; allow++) {
         int sent = 0, posed = 0;
-        open_rig("sim:orbit?width=320&height=240", 0, 60);
+        sim_rig_open(&rig, "sim:orbit?width=320&height=240", 0, 60);
         rig.config.scale.source = FOVEA_SCALE_ODOMETRY; /* which never comes */
         rig.config.scale.allow_unscaled = allow;
-        build_rig();
-        while (next_frame()) {
-            process();
+        sim_rig_build(&rig);
+        while (sim_rig_next(&rig)) {
+            sim_rig_process(&rig);
             sent += count_channel("FOVEA_BOT_CORE_POSE");
             posed += rig.pose[rig.frames - 1].posed;
             assert_int_equal(rig.pose[rig.frames - 1].scale_source, FOVEA_SCALE_FREE);
         }
         assert_true(posed > 10);
         assert_int_equal(sent, allow ? posed : 0);
-        close_rig();
+        sim_rig_close(&rig);
     }
 }
 
@@ -254,9 +173,9 @@ static int features_in_boxes(bool masked, double *share)
     static struct fovea_truth truth;
     int inside = 0;
     *share = 0;
-    open_rig("sim:still?width=400&height=300&objects=48&seed=3", 0, 12);
-    build_rig();
-    while (next_frame()) {
+    sim_rig_open(&rig, "sim:still?width=400&height=300&objects=48&seed=3", 0, 12);
+    sim_rig_build(&rig);
+    while (sim_rig_next(&rig)) {
         uint32_t count;
         double area = 0;
         assert_int_equal(rig.ops->truth(rig.source, &rig.frame, &truth), FOVEA_OK);
@@ -270,14 +189,14 @@ static int features_in_boxes(bool masked, double *share)
                     (struct fovea_box){t->x_min_px, t->y_min_px, t->x_max_px, t->y_max_px};
         }
         *share = fmax(*share, area / (400.0 * 300.0));
-        process();
+        sim_rig_process(&rig);
         const struct fovea_feature *f = fovea_features_get(rig.rt, &count);
         for (uint32_t i = 0; i < count; i++)
             for (uint32_t b = 0; b < truth.box_count; b++)
                 inside += f[i].x_px >= truth.boxes[b].x_min_px && f[i].x_px < truth.boxes[b].x_max_px &&
                           f[i].y_px >= truth.boxes[b].y_min_px && f[i].y_px < truth.boxes[b].y_max_px;
     }
-    close_rig();
+    sim_rig_close(&rig);
     return inside;
 }
 

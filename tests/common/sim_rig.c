@@ -1,0 +1,78 @@
+#include "common/sim_rig.h"
+
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+#include <stdlib.h>
+#include <string.h>
+
+void sim_rig_open(struct sim_rig *rig, const char *uri, int start, int frames)
+{
+    const char *address;
+    struct fovea_error error;
+    const struct fovea_source_selection selection = {(uint64_t)start, 1, (uint64_t)frames, false};
+    memset(rig, 0, sizeof *rig);
+    if (frames > SIM_RIG_FRAMES_MAX || fovea_source_find(uri, &rig->ops, &address, &error) ||
+        rig->ops->open(address, &selection, &rig->source, &error) || rig->ops->start(rig->source, &error))
+        fail_msg("%s", error.text);
+    fovea_config_default(&rig->config);
+    rig->config.camera = rig->ops->info(rig->source)->camera;
+}
+
+void sim_rig_build(struct sim_rig *rig)
+{
+    size_t bytes;
+    struct fovea_error error;
+    if (fovea_size(&rig->config, &bytes, &error)) fail_msg("%s", error.text);
+    void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, (bytes + 63) / 64 * 64);
+    if (fovea_init(memory, bytes, &rig->config, &rig->rt, &error)) fail_msg("%s", error.text);
+}
+
+bool sim_rig_next(struct sim_rig *rig)
+{
+    memset(&rig->inputs, 0, sizeof rig->inputs);
+    if (rig->ops->dequeue(rig->source, INT64_MAX, &rig->frame) != FOVEA_OK) return false;
+    rig->inputs.frame = &rig->frame;
+    rig->inputs.now_ns = rig->frame.stamp_ns;
+    fovea_grants_fixed(&rig->config, &rig->inputs.grants);
+    assert_int_equal(rig->ops->truth_pose(rig->source, &rig->frame, rig->truth[rig->frames]), FOVEA_OK);
+    return true;
+}
+
+void sim_rig_process(struct sim_rig *rig)
+{
+    struct fovea_outputs work;
+    (void)fovea_step(rig->rt, &rig->inputs, &rig->outputs);
+    fovea_pose_get(rig->rt, &rig->pose[rig->frames++]);
+    rig->ops->requeue(rig->source, &rig->frame);
+    (void)fovea_work(rig->rt, &rig->inputs.grants, &work);
+}
+
+void sim_rig_close(struct sim_rig *rig)
+{
+    rig->ops->stop(rig->source);
+    rig->ops->close(rig->source);
+    free(rig->rt);
+}
+
+double sim_rig_moved(const double a[12], const double b[12])
+{
+    double sum = 0;
+    for (int i = 3; i < 12; i += 4)
+        sum += (a[i] - b[i]) * (a[i] - b[i]);
+    return __builtin_sqrt(sum);
+}
+
+double sim_rig_scale(const struct sim_rig *rig, int from, int to)
+{
+    double published = 0, real = 0;
+    for (int n = from; n + 15 < to; n += 15) {
+        assert_true(rig->pose[n].posed && rig->pose[n + 15].posed);
+        published += sim_rig_moved(rig->pose[n].T_world_cam, rig->pose[n + 15].T_world_cam);
+        real += sim_rig_moved(rig->truth[n], rig->truth[n + 15]);
+    }
+    return published / real;
+}
