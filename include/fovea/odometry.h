@@ -66,7 +66,8 @@ struct fovea_pose {
      * the scale is free. */
     double T_world_cam[12];
     /* p_map = map_scale R p_world + t with [R t] = T_map_odom (row-major 3x4): where the map, as corrected by loops, has
-     * what the continuous world has at p_world. Identity and 1 before the first correction. */
+     * what the continuous world has at p_world. Identity and 1 before the first correction; with
+     * a scale both are in metres, map_scale is 1, and T_map_odom takes up what a better estimate changes. */
     double T_map_odom[12], map_scale;
     /* Covariance of the pose relative to its reference keyframe: upper triangle by rows of the 6x6 matrix over
      * (x y z, rotation x y z) in the camera frame; lengths in the world's unit, angles in rad. What is uncertain

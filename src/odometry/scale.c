@@ -99,16 +99,31 @@ static void fv_scale_covariance(double covariance[21], double factor)
             covariance[k] *= (row < 3 ? factor : 1) * (column < 3 ? factor : 1);
 }
 
-static void fv_scale_publish(struct fv_scale_state *s, double factor)
+/* `metres` per unit of the map. The continuous world has a unit of its own, which loops leave alone. */
+static void fv_scale_publish(struct fv_scale_state *s, double metres)
 {
     struct fovea_pose *pose = &s->pose;
     for (int i = 0; i < 3; i++) {
         double inner = pose->T_world_cam[4 * i + 3];
-        s->outer[i] += factor * (inner - s->inner[i]);
+        s->outer[i] += metres * pose->map_scale * (inner - s->inner[i]);
         s->inner[i] = inner;
         pose->T_world_cam[4 * i + 3] = s->outer[i];
     }
-    fv_scale_covariance(pose->covariance, factor);
+    fv_scale_covariance(pose->covariance, metres);
+}
+
+/* T_map_odom in metres, where the path has bent as well: what takes the published pose to the map's. */
+static void fv_scale_map(struct fovea_pose *pose, const struct fv_odometry *o, double metres)
+{
+    struct fv_se3 T_map_cam, T_odom_cam, T;
+    fv_se3_invert(&o->map.keyframes[fv_map_current(&o->map)].T_cam_world, &T_map_cam);
+    for (int i = 0; i < 3; i++)
+        T_map_cam.t[i] *= metres;
+    fv_se3_from_rows(pose->T_world_cam, &T_odom_cam);
+    fv_se3_invert(&T_odom_cam, &T);
+    fv_se3_compose(&T_map_cam, &T, &T);
+    fv_se3_to_rows(&T, pose->T_map_odom);
+    pose->map_scale = 1;
 }
 
 /* The pose relative to the newest keyframe, in the unit of the map. */
@@ -139,9 +154,10 @@ void fv_scale_step(struct fv_scale *scale, const struct fv_odometry *o)
         memset(s->inner, 0, sizeof s->inner);
         memset(s->outer, 0, sizeof s->outer);
     }
-    fv_scale_publish(s, s->known ? fovea_exp(s->log_scale) : 1);
     if (!s->known) return;
     s->pose.scale = fovea_exp(s->log_scale);
+    fv_scale_publish(s, s->pose.scale);
+    fv_scale_map(&s->pose, o, s->pose.scale);
     s->pose.scale_sigma = __builtin_sqrt(s->variance);
     s->pose.scale_source = scale->config.source;
 }

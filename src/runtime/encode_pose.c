@@ -64,7 +64,6 @@ static void fill_map(const struct fovea_pose *pose, const struct fv_se3 *B, bool
     struct fv_sim3 S, left, right;
     fv_se3_from_rows(pose->T_map_odom, &inverse);
     fv_sim3_from_se3(&inverse, pose->map_scale, &S);
-    for (int i = 0; i < 3; i++) S.t[i] *= pose->scale;
     if (of_base) {
         fv_se3_invert(B, &inverse);
         fv_sim3_from_se3(B, 1, &left);
