@@ -153,6 +153,10 @@ for row in 'GREY 752 480' 'GREY 1279 801' 'YUYV 320 240' 'NV12 320 240' 'BGGR 32
     check "v4l2loopback: $format $width x $height bit for bit" "$tool" read v4l2:/dev/video10 frames=8 expect=own.raw
     finish
 done
+# With exclusive_caps=1 this version takes no new writer once a reader streamed while the last one died.
+rmmod v4l2loopback
+modprobe v4l2loopback devices=1 video_nr=10 exclusive_caps=0 max_buffers=4
+settle
 "$tool" make GREY 320 240 6 own.raw
 start "$tool" write /dev/video10 GREY 320 240 own.raw 10 0
 sleep 1
@@ -160,6 +164,9 @@ check 'v4l2loopback: a writer that dies is a time-out, and frames come back with
     "$tool" read v4l2:/dev/video10 frames=12 seconds=60 recovered=1 says='no frame for' \
     run="kill $background; (sleep 4; exec $tool write /dev/video10 GREY 320 240 own.raw 10 400) >>writer.log 2>&1 &"
 cp writer.log "$logs/"; finish
+rmmod v4l2loopback
+modprobe v4l2loopback devices=1 video_nr=10 exclusive_caps=1 max_buffers=4
+settle
 }
 
 # ---- fovea run on v4l2loopback: the messages are those of the same frames fed directly ------------------------------
