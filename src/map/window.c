@@ -7,7 +7,7 @@
 #include "geometry/pose.h"
 #include "geometry/vec.h"
 
-enum { UNIT_OBSERVATIONS = 500 };
+enum { UNIT_OBSERVATIONS = 350 };
 
 static const double huber_square = 5.991; /* 95 % of chi-square with 2 degrees of freedom */
 

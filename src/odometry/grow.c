@@ -6,7 +6,7 @@
 #include "geometry/vec.h"
 #include "odometry/odometry.h"
 
-enum { UNIT_FEATURES = 128, DISTANCE_GROW_MAX = 50, DISTANCE_FUSE_MAX = 50, CULL_EXPECTED_MIN = 8 };
+enum { UNIT_FEATURES = 96, DISTANCE_GROW_MAX = 50, DISTANCE_FUSE_MAX = 50, CULL_EXPECTED_MIN = 8 };
 
 static const double cos_parallax_max = 0.99996; /* half a degree */
 static const double chi_square_95_2 = 5.991;
