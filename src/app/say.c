@@ -1,7 +1,9 @@
 #include "app/say.h"
 
+#include <errno.h>
 #include <stdarg.h>
 #include <stdio.h>
+#include <string.h>
 
 static void say(const char *format, va_list arguments)
 {
@@ -36,4 +38,11 @@ enum fv_exit fv_say_failed(const char *format, ...)
     say(format, arguments);
     va_end(arguments);
     return FV_EXIT_FAILED;
+}
+
+enum fv_exit fv_say_unwritten(void)
+{
+    errno = EIO; /* where an earlier write failed, its reason is gone */
+    if (fflush(stdout) == 0 && !ferror(stdout)) return FV_EXIT_OK;
+    return fv_say_failed("standard output: cannot be written: %s", strerror(errno));
 }

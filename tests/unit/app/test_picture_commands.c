@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <cmocka.h>
@@ -155,12 +156,34 @@ static void what_is_read_is_never_written_over(void **state)
     }
 }
 
+/* Standard output of the child is full: it ends with the status of what could not be written. */
+static void lost_output_is_told(void **state)
+{
+    (void)state;
+    static const char *const names[] = {"features", "match"};
+    int (*const commands[])(int, char **) = {fv_command_features, fv_command_match};
+    for (int i = 0; i < 2; i++) {
+        fflush(NULL);
+        const pid_t child = fork();
+        if (child == 0) {
+            if (freopen("/dev/full", "w", stdout) == NULL) _exit(99);
+            _exit(i == 0 ? CALL(commands[i], names[i], "--json", in)
+                         : CALL(commands[i], names[i], "--json", in, in));
+        }
+        int status = -1;
+        assert_int_equal(waitpid(child, &status, 0), child);
+        assert_true(WIFEXITED(status));
+        assert_int_equal(WEXITSTATUS(status), FV_EXIT_FAILED);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(commands_write_pictures),
         cmocka_unit_test(wrong_input_is_told),
         cmocka_unit_test(what_is_read_is_never_written_over),
+        cmocka_unit_test(lost_output_is_told),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }
