@@ -85,6 +85,10 @@ static void run(const char *uri)
 static void test_units_are_bounded(void **state)
 {
     (void)state;
+    if (getenv("FOVEA_TIMED") == NULL) {
+        print_message("SKIPPED times of units: judged in the ordinary build alone\n");
+        skip();
+    }
     for (int i = 0; i < REPEATS; i++) {
         next_unit = 0;
         run("sim:corridor?width=752&height=480");
@@ -102,7 +106,7 @@ static void test_units_are_bounded(void **state)
                       (double)h->max_ns * 1e-3);
         good = good && p99 <= UNIT_NS && p999 <= UNIT_MAX_NS;
     }
-    if (getenv("FOVEA_TIMED") != NULL) assert_true(good);
+    assert_true(good);
 }
 
 int main(void)
