@@ -8,7 +8,6 @@
 import argparse
 import os
 import sys
-import time
 
 os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "2")
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
@@ -98,9 +97,7 @@ def train_own(arguments):
     print(f"{len(names)} classes, {len(scenes)} pictures to learn from, {len(held_out)} to judge by", flush=True)
     model = network.build(len(names))
     load_weights(model, WEIGHTS)
-    begun = time.time()
-    fit.fit(model, scenes, [], len(names), 10, seed=arguments.seed, report=lambda line: None)
-    per_step = (time.time() - begun) / 10
+    per_step = fit.fit(model, scenes, [], len(names), 10, rate=1e-4, seed=arguments.seed, report=lambda line: None)
     steps = max(50, min(arguments.steps, int(arguments.minutes * 60 / max(per_step, 1e-3))))
     print(f"{steps} steps, about {steps * per_step / 60:.0f} minutes", flush=True)
     fit.fit(model, scenes, [], len(names), steps, rate=1e-3, seed=arguments.seed, report=lambda line: print(line, flush=True))

@@ -25,7 +25,7 @@ def _batch(size):
 
 
 def fit(model, scenes, photos, classes, steps, batch=16, rate=2e-3, seed=1, report=print, keep=None):
-    """Trains in place. `keep(step)` is called now and then. With one worker the result depends on the seed alone, up to the
+    """Trains in place and returns the median seconds of a step. `keep(step)` is called now and then. With one worker the result depends on the seed alone, up to the
     order in which the library's threads add."""
     counter = multiprocessing.Value("i", 0)
     schedule = keras.optimizers.schedules.CosineDecay(rate * 0.05, steps, alpha=0.01, warmup_target=rate, warmup_steps=min(200, steps // 10))
@@ -41,14 +41,16 @@ def fit(model, scenes, photos, classes, steps, batch=16, rate=2e-3, seed=1, repo
 
     with multiprocessing.Pool(1, _start, (scenes, photos, classes, seed, counter)) as pool:
         pending = [pool.apply_async(_batch, (batch,)) for _ in range(4)]
-        recent, begun = [], time.time()
+        recent, seconds, begun = [], [], time.time()
         for step in range(steps):
+            step_begun = time.time()
             images, grid = pending.pop(0).get()
             pending.append(pool.apply_async(_batch, (batch,)))
             recent.append(float(train(images, grid)))
+            seconds.append(time.time() - step_begun)
             if (step + 1) % 100 == 0:
                 report(f"step {step + 1} of {steps}, loss {np.mean(recent):.3f}, {time.time() - begun:.0f} s")
                 recent = []
             if keep is not None and (step + 1) % 500 == 0:
                 keep(step + 1)
-    return model
+    return float(np.median(seconds))
