@@ -16,6 +16,8 @@ static const double young_spread_px =
 static const double behind_share =
     3; /* of the information's inverse: pixels of this frame, and behind landmarks */
 static const double radius_first_px = 12, radius_wide_px = 30; /* times the level's scale */
+static const double local_widen = 4; /* of the local map's search, where it makes up for a poor first stage */
+static const double found_share_low = 0.2; /* of the landmarks in view: less, and the search is widened */
 
 /* Take feature `f` for a landmark, unless a nearer one has it. */
 static void fv_take(struct fv_odometry *o, const struct fv_view *view, uint32_t f, uint32_t landmark,
@@ -194,6 +196,10 @@ static bool fv_rough_pose(struct fv_odometry *o, const struct fv_kernels *kernel
         matches = fv_match_recent(o, kernels, view, T, radius_wide_px);
         if (matches >= INLIERS_FIRST_MIN && fv_odometry_refine(o, view, 3, 5, T, fit) >= INLIERS_FIRST_MIN)
             return true;
+        /* Too few of what the last frame saw is left, as in fast driving: the local map tells more. */
+        *T = predicted;
+        (void)fv_odometry_match_local(o, kernels, view, T, local_widen);
+        if (fv_odometry_refine(o, view, 3, 5, T, fit) >= INLIERS_FIRST_MIN) return true;
     }
     if (o->state->state == FOVEA_TRACKING_LOST) return fv_odometry_relocalise(o, kernels, T, fit);
     return fv_odometry_try_keyframe(o, kernels, o->state->newest, T, fit);
@@ -266,6 +272,11 @@ uint32_t fv_odometry_track(struct fv_odometry *o, const struct fv_kernels *kerne
     uint32_t known = fit.inliers, visible = fv_odometry_match_local(o, kernels, &view, &T, 1);
     o->state->pose.matches = fv_odometry_collect_sights(o, &view);
     uint32_t inliers = fv_odometry_refine(o, &view, 2, 4, &T, &fit);
+    if (inliers < found_share_low * (visible + known)) { /* a wrong rough pose finds what agrees with it */
+        (void)fv_odometry_match_local(o, kernels, &view, &T, local_widen);
+        o->state->pose.matches = fv_odometry_collect_sights(o, &view);
+        inliers = fv_odometry_refine(o, &view, 3, 5, &T, &fit);
+    }
     if (inliers < FOVEA_POSED_INLIERS_MIN) return 0;
     fv_se3_invert(&last, &inverse);
     fv_se3_compose(&T, &inverse, &o->state->motion);
