@@ -132,6 +132,7 @@ static void work_done(void *context, const struct fovea_inputs *inputs, const st
     fv_transport_publish(run->transport, outputs);
     fv_recorder_work(run->recorder, inputs, grants, outputs);
     fv_keeper_work(&run->keeper, outputs);
+    fv_final_look(run->final, run->loop.rt);
     struct fovea_detections detections;
     fovea_detections_get(run->loop.rt, &detections);
     if (detections.looks == run->looks) return;
@@ -139,7 +140,6 @@ static void work_done(void *context, const struct fovea_inputs *inputs, const st
     struct fovea_tracks tracks;
     fovea_tracks_get(run->loop.rt, &tracks);
     fv_results_add(run->results, &detections, &tracks);
-    fv_final_look(run->final, run->loop.rt);
 }
 
 static void *loop_body(void *argument)
