@@ -20,7 +20,8 @@ struct fv_command {
 /* All commands, ended by a row whose name is NULL. */
 extern const struct fv_command fv_commands[];
 
-/* All of the program: find the command in argv[1] and run it. Returns the exit status. */
+/* All of the program: find the command in argv[1] and run it. Returns the exit status, FV_EXIT_FAILED (and a line) also when what
+ * it printed on stdout could not be written. */
 int fv_dispatch(int argc, char **argv);
 
 int fv_command_run(int argc, char **argv);    /* the real-time loop */

@@ -36,7 +36,7 @@ static const struct fv_command *command_find(const char *name)
     return NULL;
 }
 
-int fv_dispatch(int argc, char **argv)
+static int dispatch(int argc, char **argv)
 {
     if (argc < 2) return fv_say_wrong("fovea: no command given ('fovea help' lists all)");
     if (strcmp(argv[1], "--version") == 0) {
@@ -55,4 +55,10 @@ int fv_dispatch(int argc, char **argv)
         return command->run(2, arguments);
     }
     return command->run(argc - 1, argv + 1);
+}
+
+int fv_dispatch(int argc, char **argv)
+{
+    const int status = dispatch(argc, argv);
+    return status == FV_EXIT_OK ? (int)fv_say_unwritten() : status;
 }

@@ -126,5 +126,5 @@ int fv_command_features(int argc, char **argv)
     else
         print_summary(&extract);
     fv_extract_free(&extract);
-    return status == FV_EXIT_OK ? fv_say_unwritten() : status;
+    return status;
 }

@@ -134,5 +134,5 @@ int fv_command_match(int argc, char **argv)
         fv_extract_free(&b);
     }
     fv_extract_free(&a);
-    return status == FV_EXIT_OK ? fv_say_unwritten() : status;
+    return status;
 }

@@ -160,15 +160,15 @@ static void what_is_read_is_never_written_over(void **state)
 static void lost_output_is_told(void **state)
 {
     (void)state;
-    static const char *const names[] = {"features", "match"};
-    int (*const commands[])(int, char **) = {fv_command_features, fv_command_match};
-    for (int i = 0; i < 2; i++) {
+    const char *const lines[][6] = {{"fovea", "features", "--json", in}, {"fovea", "match", "--json", in, in},
+                                    {"fovea", "config"}, {"fovea", "help"}, {"fovea", "--version"},
+                                    {"fovea", "run", "--help"}};
+    for (size_t i = 0; i < sizeof lines / sizeof lines[0]; i++) {
         fflush(NULL);
         const pid_t child = fork();
         if (child == 0) {
             if (freopen("/dev/full", "w", stdout) == NULL) _exit(99);
-            _exit(i == 0 ? CALL(commands[i], names[i], "--json", in)
-                         : CALL(commands[i], names[i], "--json", in, in));
+            _exit(call(fv_dispatch, lines[i]));
         }
         int status = -1;
         assert_int_equal(waitpid(child, &status, 0), child);
