@@ -1,6 +1,5 @@
 #include "app/colour.h"
 
-#include <errno.h>
 #include <setjmp.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -9,28 +8,9 @@
 #include <jpeglib.h>
 #include <png.h>
 
-enum { SIDE_MAX = 16384, FILE_BYTES_MAX = 1 << 28 };
+#include "fovea/text.h"
 
-/* The whole file at a 64-byte boundary, with slack for whole lines. */
-static enum fovea_status read_file(const char *path, uint8_t **data, size_t *bytes, struct fovea_error *error)
-{
-    FILE *file = fopen(path, "rb");
-    if (file == NULL) return fovea_error_set(error, FOVEA_ERROR_INPUT, "%.300s: %s", path, strerror(errno));
-    long size = -1;
-    if (fseek(file, 0, SEEK_END) == 0) size = ftell(file);
-    if (size < 1 || size > FILE_BYTES_MAX || fseek(file, 0, SEEK_SET) != 0) {
-        fclose(file);
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%.300s: %ld bytes, expected 1 to %d", path, size, FILE_BYTES_MAX);
-    }
-    *data = aligned_alloc(64, ((size_t)size + 127) / 64 * 64);
-    *bytes = (size_t)size;
-    const int good = *data != NULL && fread(*data, 1, *bytes, file) == *bytes;
-    fclose(file);
-    if (good) return FOVEA_OK;
-    free(*data);
-    *data = NULL;
-    return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.300s: cannot be read", path);
-}
+enum { SIDE_MAX = 16384, FILE_BYTES_MAX = 1 << 28 };
 
 static enum fovea_status new_image(const char *path, int64_t width, int64_t height, struct fovea_image *image, struct fovea_error *error)
 {
@@ -144,34 +124,16 @@ static enum fovea_status read_bmp(const char *path, const uint8_t *data, size_t 
 
 enum fovea_status fv_colour_read(const char *path, struct fovea_image *image, struct fovea_error *error)
 {
-    uint8_t *data = NULL;
-    size_t bytes = 0;
-    enum fovea_status status = read_file(path, &data, &bytes, error);
-    if (data == NULL) return status;
+    char *text;
+    size_t bytes;
+    enum fovea_status status = fovea_text_read(path, FILE_BYTES_MAX, &text, &bytes, error);
+    if (status != FOVEA_OK) return status;
+    const uint8_t *data = (const uint8_t *)text;
     static const uint8_t png[4] = {0x89, 'P', 'N', 'G'};
     if (bytes > 4 && memcmp(data, png, 4) == 0) status = read_png(path, data, bytes, image, error);
     else if (bytes > 4 && data[0] == 0xFF && data[1] == 0xD8) status = read_jpeg(path, data, bytes, image, error);
     else if (bytes > 4 && data[0] == 'B' && data[1] == 'M') status = read_bmp(path, data, bytes, image, error);
     else status = fovea_error_set(error, FOVEA_ERROR_INPUT, "%.300s: byte 0: neither PNG, JPEG nor BMP", path);
-    free(data);
+    free(text);
     return status;
-}
-
-enum fovea_status fv_model_file_read(const char *path, struct fv_model_file *file, struct fovea_error *error)
-{
-    *file = (struct fv_model_file){.data = NULL};
-    enum fovea_status status = read_file(path, &file->data, &file->bytes, error);
-    if (status != FOVEA_OK) {
-        file->data = NULL;
-        return status;
-    }
-    status = fv_model_open(file->data, file->bytes, path, &file->model, error);
-    if (status != FOVEA_OK) fv_model_file_free(file);
-    return status;
-}
-
-void fv_model_file_free(struct fv_model_file *file)
-{
-    free(file->data);
-    *file = (struct fv_model_file){.data = NULL};
 }

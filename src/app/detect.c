@@ -6,6 +6,7 @@
 #include "app/canvas.h"
 #include "app/colour.h"
 #include "app/files.h"
+#include "app/model_file.h"
 #include "app/options.h"
 #include "app/say.h"
 #include "detect/decode.h"

@@ -4,7 +4,7 @@
 #include <string.h>
 #include <time.h>
 
-#include "app/colour.h"
+#include "app/model_file.h"
 #include "app/options.h"
 #include "app/say.h"
 #include "nn/run.h"

@@ -3,8 +3,8 @@
 #ifndef FOVEA_APP_SETUP_H
 #define FOVEA_APP_SETUP_H
 
-#include "app/colour.h"
 #include "app/command.h"
+#include "app/model_file.h"
 #include "app/options.h"
 #include "app/settings.h"
 #include "fovea/source.h"
@@ -26,7 +26,7 @@ struct fv_setup {
     struct fv_model_file model;  /* data NULL: none */
 };
 
-/* Open settings->source, and fill in settings->runtime.camera, .mask and .detect.model. FOVEA_ERROR_SYSTEM: the machine's
+/* Open settings->source, and fill in settings->runtime.camera, .mask, .map and .detect.model. FOVEA_ERROR_SYSTEM: the machine's
  * fault; other errors are wrong input. Nothing is left open on error. */
 enum fovea_status fv_setup_open(struct fv_settings *settings, const struct fovea_source_selection *selection,
                                 struct fv_setup *setup, struct fovea_error *error);

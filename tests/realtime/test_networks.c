@@ -12,6 +12,7 @@
 #include <unistd.h>
 
 #include "app/colour.h"
+#include "app/model_file.h"
 #include "detect/job.h"
 #include "fovea/fovea.h"
 

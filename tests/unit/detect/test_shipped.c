@@ -8,9 +8,9 @@
 
 #include <cmocka.h>
 
+#include "app/model_file.h"
 #include "detect/job.h"
 #include "fovea/source.h"
-#include "app/colour.h"
 
 enum { ARENA_BYTES = 8 << 20, FRAMES = 12, UNITS_MAX = 100000 };
 

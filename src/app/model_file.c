@@ -1,0 +1,29 @@
+#include "app/model_file.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "fovea/text.h"
+
+enum { FILE_BYTES_MAX = 1 << 28 };
+
+enum fovea_status fv_model_file_read(const char *path, struct fv_model_file *file, struct fovea_error *error)
+{
+    char *data;
+    *file = (struct fv_model_file){.data = NULL};
+    enum fovea_status status = fovea_text_read(path, FILE_BYTES_MAX, &data, &file->bytes, error);
+    if (status != FOVEA_OK) return status;
+    file->data = aligned_alloc(64, (file->bytes + 127) / 64 * 64); /* with slack for whole lines */
+    if (file->data != NULL) memcpy(file->data, data, file->bytes);
+    free(data);
+    if (file->data == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.300s: out of memory", path);
+    status = fv_model_open(file->data, file->bytes, path, &file->model, error);
+    if (status != FOVEA_OK) fv_model_file_free(file);
+    return status;
+}
+
+void fv_model_file_free(struct fv_model_file *file)
+{
+    free(file->data);
+    *file = (struct fv_model_file){.data = NULL};
+}
