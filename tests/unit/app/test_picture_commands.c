@@ -1,4 +1,4 @@
-/* fovea features, match and rectify on a drawn picture, and on wrong input. */
+/* fovea features, match, rectify and detect on a drawn picture, and on wrong input. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -150,6 +150,8 @@ static void what_is_read_is_never_written_over(void **state)
     assert_int_equal(
         CALL(fv_command_rectify, "rectify", in, out, "--camera", camera, "--write-camera", camera),
         FV_EXIT_WRONG);
+    /* DIR/in.png is the picture itself. */
+    assert_int_equal(CALL(fv_command_detect, "detect", "--model", "src/detect/shipped.fvm", "--draw", folder, in), FV_EXIT_WRONG);
     for (int i = 0; i < 2; i++) {
         assert_int_equal(bytes_of(kept[i], after, sizeof after), size[i]);
         assert_memory_equal(before[i], after, size[i]);
