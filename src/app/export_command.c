@@ -145,7 +145,7 @@ int fv_command_export(int argc, char **argv)
         {"source", "URI", FV_OPTION_TEXT, &uri, "where frames come from (default sim:)"},
         {"frames", "N", FV_OPTION_COUNT, &selection.frames, "end after N frames"},
         {"start", "N", FV_OPTION_COUNT, &selection.start, "begin with frame N, from 0"},
-        {"step", "K", FV_OPTION_COUNT, &selection.step, "take every K-th frame"},
+        {"step", "K", FV_OPTION_POSITIVE, &selection.step, "take every K-th frame"},
         {"masks", NULL, FV_OPTION_FLAG, &export.masks, "also write the class of every pixel"},
         {0},
     };
@@ -154,7 +154,6 @@ int fv_command_export(int argc, char **argv)
     if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
     struct fovea_error error;
     export.folder = argv[first];
-    if (selection.step == 0) return fv_say_wrong("--step: found 0, expected at least 1");
     if (fovea_source_find(uri, &export.ops, &address, &error) != FOVEA_OK) return fv_say_wrong("%s", error.text);
     if (export.ops->open(address, &selection, &export.source, &error) != FOVEA_OK) return fv_say_wrong("%s", error.text);
     enum fovea_status status = FOVEA_OK;
