@@ -8,6 +8,7 @@
 #include "app/map_open.h"
 #include "app/options.h"
 #include "app/say.h"
+#include "fovea/text.h"
 
 static void info_print(const struct fv_map_open *open, const char *path)
 {
@@ -114,9 +115,10 @@ static enum fv_exit carry_out(const struct asked *asked, const struct fv_map_ope
     if (!fv_map_open_largest(open, &map_id))
         return fv_say_wrong("%s: found no keyframes, nothing to show", asked->file);
     if (asked->world != NULL) {
-        char after;
-        if (sscanf(asked->world, "%u%c", &map_id, &after) != 1 ||
-            fv_map_count_keyframes(&open->map, map_id) == 0)
+        int64_t number = -1;
+        map_id = 0;
+        if (fovea_text_integer(asked->world, &number) && number >= 0 && number <= UINT32_MAX) map_id = (uint32_t)number;
+        if (number != (int64_t)map_id || fv_map_count_keyframes(&open->map, map_id) == 0)
             return fv_say_wrong(
                 "fovea map: --world: found '%.40s', expected one of the maps that 'fovea map info' lists",
                 asked->world);
