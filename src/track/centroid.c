@@ -24,25 +24,24 @@ static int32_t nearest(const struct fv_tracker *tracker, const struct fv_track_s
 }
 
 /* A centroid tracker holds what it saw: no filter. */
-static void hold(struct fv_track_slot *slot)
+static void hold(struct fv_track_slot *slot, double x0, double y0, double x1, double y1)
 {
-    for (int k = 0; k < FV_TRACK_NUMBERS; k++) slot->box[k].v = 0;
+    const double held[FV_TRACK_NUMBERS] = {0.5 * (x0 + x1), 0.5 * (y0 + y1), x1 - x0, y1 - y0};
+    for (int k = 0; k < FV_TRACK_NUMBERS; k++) {
+        slot->box[k].x = held[k];
+        slot->box[k].v = 0;
+    }
 }
 
 static void restore(struct fv_track_slot *slot)
 {
-    const double x0 = (double)slot->track.x_min_px, y0 = (double)slot->track.y_min_px, x1 = (double)slot->track.x_max_px, y1 = (double)slot->track.y_max_px;
-    const double held[FV_TRACK_NUMBERS] = {0.5 * (x0 + x1), 0.5 * (y0 + y1), x1 - x0, y1 - y0};
-    for (int k = 0; k < FV_TRACK_NUMBERS; k++) slot->box[k].x = held[k];
-    hold(slot);
+    const struct fovea_track *t = &slot->track;
+    hold(slot, (double)t->x_min_px, (double)t->y_min_px, (double)t->x_max_px, (double)t->y_max_px);
 }
 
 static void place_at(struct fv_track_slot *slot, const struct fovea_detection *d)
 {
-    const double x0 = (double)d->x_min_px, y0 = (double)d->y_min_px, x1 = (double)d->x_max_px, y1 = (double)d->y_max_px;
-    const double seen[FV_TRACK_NUMBERS] = {0.5 * (x0 + x1), 0.5 * (y0 + y1), x1 - x0, y1 - y0};
-    for (int k = 0; k < FV_TRACK_NUMBERS; k++) slot->box[k].x = seen[k];
-    hold(slot);
+    hold(slot, (double)d->x_min_px, (double)d->y_min_px, (double)d->x_max_px, (double)d->y_max_px);
 }
 
 void fv_track_match_centroid(struct fv_tracker *tracker, const struct fv_track_look *look)
