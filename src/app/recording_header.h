@@ -1,4 +1,4 @@
-/* The first message of a recording: configuration, calibration, mask and loaded map as bytes with their hashes, so that a
+/* The first message of a recording: configuration, calibration, mask, loaded map and model as bytes with their hashes, so that a
  * replay needs no other file. */
 #ifndef FOVEA_APP_RECORDING_HEADER_H
 #define FOVEA_APP_RECORDING_HEADER_H

@@ -1,7 +1,7 @@
 /* Single pixels of every uncompressed format as 8-bit red, green and blue.
  *
  *   grey8                    three equal values
- *   Y10, Y12, Y16            the 8 high bits of the significant ones, three equal values
+ *   Y10, Y12, Y14, Y16       the 8 high bits of the significant ones, three equal values
  *   RGB24, BGR24             as they are
  *   YUYV, UYVY, NV12, YU12   BT.601 with luma from 16 to 235 (what cameras send and OpenCV takes for granted); a network that
  *                            takes grey gets the luma as it is
