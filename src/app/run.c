@@ -42,6 +42,7 @@ struct run {
     struct fv_trajectory *trajectory;
     struct fv_results *results;
     uint64_t looks; /* of the detector, whose results were handed on */
+    uint64_t objects, tracks; /* found in them; confirmed */
     struct fv_final *final;
     struct fv_keeper keeper;
     struct fv_loop_shared shared;
@@ -125,6 +126,16 @@ static void step_done(void *context, const struct fovea_inputs *inputs, const st
     fv_final_frame(run->final, pose, &sample);
 }
 
+/* A track is confirmed by the sighting that makes its hits enough. */
+static void count_found(struct run *run, const struct fovea_detections *detections, const struct fovea_tracks *tracks)
+{
+    const struct fovea_track_config *config = &run->settings.runtime.track;
+    const uint32_t enough = config->mode == FOVEA_TRACK_SORT ? config->confirm_hits : 1;
+    run->objects += detections->count;
+    for (uint32_t i = 0; i < tracks->count; i++)
+        run->tracks += tracks->list[i].state == FOVEA_TRACK_CONFIRMED && tracks->list[i].hits == enough;
+}
+
 static void work_done(void *context, const struct fovea_inputs *inputs, const struct fovea_grants *grants,
                       const struct fovea_outputs *outputs)
 {
@@ -140,6 +151,7 @@ static void work_done(void *context, const struct fovea_inputs *inputs, const st
     struct fovea_tracks tracks;
     fovea_tracks_get(run->loop.rt, &tracks);
     fv_results_add(run->results, &detections, &tracks);
+    count_found(run, &detections, &tracks);
 }
 
 static void *loop_body(void *argument)
@@ -474,6 +486,14 @@ static void path_tell(const struct run *run, const struct fv_trajectory_summary 
     printf("\n");
 }
 
+static void found_tell(const struct run *run)
+{
+    if (run->settings.model[0] == '\0') return;
+    printf("  found %" PRIu64 " objects in %" PRIu64 " images", run->objects, run->looks);
+    if (run->settings.runtime.track.mode != FOVEA_TRACK_OFF) printf(", %" PRIu64 " tracks", run->tracks);
+    printf("\n");
+}
+
 static enum fv_exit report_write(struct run *run)
 {
     struct fovea_memory_table table;
@@ -495,6 +515,7 @@ static enum fv_exit report_write(struct run *run)
     fv_final_finish(run->final, run->loop.rt, &final);
     if (!run->quiet) fv_report_summary(stdout, &report);
     if (!run->quiet) path_tell(run, &path, &final);
+    if (!run->quiet) found_tell(run);
     enum fovea_status results = fv_results_close(run->results, &error);
     run->results = NULL;
     enum fv_exit end = stats_write(run, &report), pictures = pictures_draw(run, &report, &path);
