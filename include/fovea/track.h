@@ -34,7 +34,7 @@ enum fovea_track_state {
 
 struct fovea_track_config {
     int mode;                /* enum fovea_track_mode, default FOVEA_TRACK_SORT */
-    uint32_t tracks_max;     /* [1, 256], default 128; memory: 450 B each and 4 B for each pair with a detection */
+    uint32_t tracks_max;     /* [1, 256], default 128; memory: 2.2 kB each, with the costs of 300 detections */
     uint32_t confirm_hits;   /* sort: [1, 100], default 3 sightings confirm a track */
     double score_high;       /* sort: [0, 1], default 0.5: detections of the first stage */
     double score_low;        /* sort: [0, 1], default 0.1: less certain ones are left out */

@@ -126,7 +126,7 @@ const struct fv_settings_key fv_settings_keys[] = {
     {"track.mode", FV_SETTINGS_CHOICE, AT(runtime.track.mode), 0, 2, "", track_modes,
      "sort: filtered boxes, optimal assignment in two stages; centroid: nearest centroids; off: no tracks", NULL},
     {"track.tracks_max", FV_SETTINGS_U32, AT(runtime.track.tracks_max), 1, FOVEA_TRACKS_MAX, "tracks", NULL,
-     "at a time; the weakest goes when there are more", "memory: 1.7 kB each"},
+     "at a time; the weakest goes when there are more", "memory: 2.2 kB each"},
     {"track.confirm_hits", FV_SETTINGS_U32, AT(runtime.track.confirm_hits), 1, 100, "detections", NULL,
      "sort: one after the other confirm a track", NULL},
     {"track.score_high", FV_SETTINGS_REAL, AT(runtime.track.score_high), 0, 1, "", NULL,
