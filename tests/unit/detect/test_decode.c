@@ -11,7 +11,7 @@
 
 #include "detect/decode.h"
 
-enum { WIDTH = 96, HEIGHT = 64, BYTES_MAX = 1 << 16, LINE_MAX_BYTES = 2 * BYTES_MAX + 16 };
+enum { WIDTH = 96, HEIGHT = 64, BYTES_MAX = 1 << 17, LINE_MAX_BYTES = 2 * BYTES_MAX + 16 };
 
 static struct fv_detect_scratch scratch;
 static uint8_t arena[BYTES_MAX];
@@ -174,6 +174,27 @@ static void the_best_of_too_many_are_kept(void **state)
     }
 }
 
+/* Where the first unit of the scan ends, and in the last one. */
+static uint8_t at_the_seam(int32_t row, int32_t class_id)
+{
+    return class_id == 0 && (row == 9361 || row == 9362 || row == 11999) ? (uint8_t)(200 - row % 7) : 0;
+}
+
+static void units_go_on_where_the_last_one_ended(void **state)
+{
+    (void)state;
+    const struct fv_detect_limits none = {0.0f, 0.0f, 0};
+    struct fovea_detection found[4];
+    int units = 1;
+    make_rows(12000, at_the_seam); /* of 7 values: a unit reads 9362 rows */
+    header.decode.score_threshold = 0.2f;
+    const struct fv_detect_view view = view_of(256, 256);
+    fv_detect_decode_start(&scratch);
+    for (; fv_detect_decode_unit(&model, arena, &view, &none, &scratch) == FOVEA_AGAIN; units++) assert_true(units < 10);
+    assert_int_equal(units, 4); /* two of the scan, the sort, the suppression */
+    assert_int_equal(fv_detect_decode_take(&model, &none, &scratch, found, 4), 3);
+}
+
 static void thresholds_by_class_hold(void **state)
 {
     (void)state;
@@ -200,6 +221,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(heads_give_what_they_stand_for),
         cmocka_unit_test(the_best_of_too_many_are_kept),
+        cmocka_unit_test(units_go_on_where_the_last_one_ended),
         cmocka_unit_test(thresholds_by_class_hold),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
