@@ -165,63 +165,135 @@ static void a_full_pool_gives_up_its_weakest(void **state)
 /* ---- identity ------------------------------------------------------------------------------------------------ */
 
 /* Scenes of objects of one class that cross each other's ways; behind a pillar none is seen. True boxes, shaken by a pixel. */
-static void crossings_and_occlusions_keep_ids(void **state)
+enum { OBJECTS_MAX = 8, SCENE_FRAMES = 300 };
+
+struct object {
+    double at[2], v[2], wave[4], size;
+    bool hidden;
+    uint64_t id;
+};
+
+struct motion {
+    int objects;
+    void (*start)(struct object *o, struct fovea_random *random);
+    void (*move)(struct object *o, int frame);
+};
+
+struct outcome {
+    int gaps, crossings, switches;
+};
+
+/* To and fro at 1 to 3 px per frame, so through the pillar within 1.4 s; up and down in gentle waves. */
+static void start_gently(struct object *o, struct fovea_random *random)
 {
-    (void)state;
-    enum { SCENES = 20, OBJECTS = 8, FRAMES = 300 };
-    int gaps = 0, crossings = 0;
-    for (int scene = 0; scene < SCENES; scene++) {
+    o->at[0] = o->size + fovea_random_below(random, WIDTH - 2 * (uint32_t)o->size);
+    o->v[0] = (1.0 + fovea_random_below(random, 100) / 50.0) * (fovea_random_below(random, 2) == 0 ? 1 : -1);
+    for (int k = 0; k < 4; k++) o->wave[k] = fovea_random_below(random, 1000) / 1000.0;
+}
+
+static void move_gently(struct object *o, int frame)
+{
+    o->at[0] += o->v[0];
+    if (o->at[0] < o->size / 2 || o->at[0] > WIDTH - o->size / 2) o->v[0] = -o->v[0];
+    o->at[1] = 120 + 240 * o->wave[0] + (20 + 20 * o->wave[1]) * fovea_sin(6.28 * o->wave[2] + frame * (0.01 + 0.02 * o->wave[3]));
+}
+
+/* Straight on at up to 3 px per frame either way, thrown back by all four walls at once. */
+static void start_straight(struct object *o, struct fovea_random *random)
+{
+    for (int k = 0; k < 2; k++) {
+        o->at[k] = o->size + fovea_random_below(random, (uint32_t)((k == 0 ? WIDTH : HEIGHT) - 2 * (int)o->size));
+        o->v[k] = (double)fovea_random_below(random, 120) / 20.0 - 3.0;
+    }
+    if (__builtin_fabs(o->v[0]) < 1) o->v[0] = o->v[0] < 0 ? -1 : 1;
+}
+
+static void move_and_bounce(struct object *o, int frame)
+{
+    (void)frame;
+    for (int k = 0; k < 2; k++) {
+        o->at[k] += o->v[k];
+        const double wall = k == 0 ? WIDTH : HEIGHT;
+        if ((o->at[k] < o->size / 2 && o->v[k] < 0) || (o->at[k] > wall - o->size / 2 && o->v[k] > 0)) o->v[k] = -o->v[k];
+    }
+}
+
+/* A detection's score tells which one a track took. */
+static uint64_t id_of(const struct fovea_tracks *tracks, const struct fovea_detection *d)
+{
+    uint64_t id = 0;
+    for (uint32_t k = 0; k < tracks->count; k++) {
+        if (tracks->list[k].state == FOVEA_TRACK_CONFIRMED && tracks->list[k].score == d->score) id = tracks->list[k].id;
+    }
+    return id;
+}
+
+static void play_frame(const struct motion *motion, int frame, struct object *o, struct fovea_random *random, struct outcome *outcome)
+{
+    struct fovea_detection seen[OBJECTS_MAX];
+    int who[OBJECTS_MAX];
+    uint32_t count = 0;
+    for (int i = 0; i < motion->objects; i++) {
+        motion->move(&o[i], frame);
+        const bool behind = o[i].at[0] > 300 && o[i].at[0] < 340; /* the pillar */
+        outcome->gaps += o[i].hidden && !behind;
+        o[i].hidden = behind;
+        if (behind) continue;
+        const double shake[2] = {(double)fovea_random_below(random, 21) / 10 - 1, (double)fovea_random_below(random, 21) / 10 - 1};
+        who[count] = i;
+        seen[count++] = box(o[i].at[0] + shake[0], o[i].at[1] + shake[1], o[i].size, 1.5 * o[i].size, 0.9 + 0.01 * i);
+        for (int j = 0; j < i; j++) {
+            outcome->crossings += !o[j].hidden && __builtin_fabs(o[i].at[0] - o[j].at[0]) < 5 && __builtin_fabs(o[i].at[1] - o[j].at[1]) < 5;
+        }
+    }
+    const struct fovea_tracks t = look(frame, seen, count);
+    for (uint32_t d = 0; d < count; d++) {
+        const uint64_t id = id_of(&t, &seen[d]), before = o[who[d]].id;
+        if (id == 0) continue; /* tentative */
+        outcome->switches += before != 0 && before != id;
+        o[who[d]].id = id;
+    }
+}
+
+static struct outcome play(const struct motion *motion, int scenes)
+{
+    struct outcome outcome = {0, 0, 0};
+    for (int scene = 0; scene < scenes; scene++) {
         struct fovea_random random;
-        double at[OBJECTS][2], speed[OBJECTS], wave[OBJECTS][4], size[OBJECTS];
-        uint64_t ids[OBJECTS] = {0};
-        bool hidden[OBJECTS] = {false};
+        struct object o[OBJECTS_MAX] = {0};
         fovea_random_seed(&random, (uint64_t)scene);
-        for (int i = 0; i < OBJECTS; i++) {
-            size[i] = 24 + fovea_random_below(&random, 50);
-            at[i][0] = size[i] + fovea_random_below(&random, WIDTH - 2 * (uint32_t)size[i]);
-            /* To and fro at 1 to 3 px per frame, so through the pillar within 1.4 s; up and down in gentle waves. */
-            speed[i] = (1.0 + fovea_random_below(&random, 100) / 50.0) * (fovea_random_below(&random, 2) == 0 ? 1 : -1);
-            for (int k = 0; k < 4; k++) wave[i][k] = fovea_random_below(&random, 1000) / 1000.0;
+        for (int i = 0; i < motion->objects; i++) {
+            o[i].size = 24 + fovea_random_below(&random, 50);
+            motion->start(&o[i], &random);
         }
         make();
-        for (int f = 0; f < FRAMES; f++) {
-            struct fovea_detection seen[OBJECTS];
-            int who[OBJECTS];
-            uint32_t count = 0;
-            for (int i = 0; i < OBJECTS; i++) {
-                at[i][0] += speed[i];
-                if (at[i][0] < size[i] / 2 || at[i][0] > WIDTH - size[i] / 2) speed[i] = -speed[i];
-                at[i][1] = 120 + 240 * wave[i][0] + (20 + 20 * wave[i][1]) * fovea_sin(6.28 * wave[i][2] + f * (0.01 + 0.02 * wave[i][3]));
-                const bool behind = at[i][0] > 300 && at[i][0] < 340; /* the pillar */
-                gaps += hidden[i] && !behind;
-                hidden[i] = behind;
-                if (behind) continue;
-                const double shake[2] = {(double)fovea_random_below(&random, 21) / 10 - 1, (double)fovea_random_below(&random, 21) / 10 - 1};
-                who[count] = i;
-                seen[count++] = box(at[i][0] + shake[0], at[i][1] + shake[1], size[i], 1.5 * size[i], 0.9 + 0.01 * i);
-                for (int j = 0; j < i; j++) {
-                    crossings += !hidden[j] && __builtin_fabs(at[i][0] - at[j][0]) < 5 && __builtin_fabs(at[i][1] - at[j][1]) < 5;
-                }
-            }
-            const struct fovea_tracks t = look(f, seen, count);
-            for (uint32_t d = 0; d < count; d++) { /* its score tells which detection a track took */
-                uint64_t id = 0;
-                for (uint32_t k = 0; k < t.count; k++) {
-                    if (t.list[k].state == FOVEA_TRACK_CONFIRMED && t.list[k].score == seen[d].score) id = t.list[k].id;
-                }
-                if (id == 0) continue; /* tentative */
-                if (ids[who[d]] == 0) ids[who[d]] = id;
-                if (ids[who[d]] != id) fail_msg("scene %d, frame %d, object %d: found id %d, expected %d", scene, f, who[d], (int)id, (int)ids[who[d]]);
-            }
-        }
-        for (int i = 0; i < OBJECTS; i++) {
-            assert_true(ids[i] > 0);
-            for (int j = 0; j < i; j++) assert_true(ids[i] != ids[j]);
+        for (int f = 0; f < SCENE_FRAMES; f++) play_frame(motion, f, o, &random, &outcome);
+        for (int i = 0; i < motion->objects; i++) {
+            assert_true(o[i].id > 0);
+            for (int j = 0; j < i; j++) assert_true(o[i].id != o[j].id);
         }
         free(block);
     }
-    printf("%d scenes: %d times behind the pillar, %d frames with two objects in one place, no switch\n", SCENES, gaps, crossings);
-    assert_true(gaps > 50 && crossings > 5);
+    printf("%d scenes: %d times behind the pillar, %d frames with two objects in one place, %d switches\n", scenes, outcome.gaps,
+           outcome.crossings, outcome.switches);
+    return outcome;
+}
+
+static void crossings_and_occlusions_keep_ids(void **state)
+{
+    (void)state;
+    const struct outcome outcome = play(&(struct motion){OBJECTS_MAX, start_gently, move_gently}, 20);
+    assert_int_equal(outcome.switches, 0);
+    assert_true(outcome.gaps > 50 && outcome.crossings > 5);
+}
+
+/* Against the filter's model of motion, out of sight as well: an id is lost less than once in a hundred times behind the pillar. */
+static void abrupt_turns_cost_few_ids(void **state)
+{
+    (void)state;
+    const struct outcome outcome = play(&(struct motion){5, start_straight, move_and_bounce}, 100);
+    assert_true(outcome.gaps > 300 && outcome.crossings > 50);
+    assert_true(outcome.switches * 100 < outcome.gaps);
 }
 
 /* The camera swings by 40 px per frame and back: without its pose the boxes are lost, with it they are not. */
@@ -459,6 +531,7 @@ int main(void)
         cmocka_unit_test(classes_do_not_mix),
         cmocka_unit_test(a_full_pool_gives_up_its_weakest),
         cmocka_unit_test(crossings_and_occlusions_keep_ids),
+        cmocka_unit_test(abrupt_turns_cost_few_ids),
         cmocka_unit_test(turns_of_the_camera_are_taken_out),
         cmocka_unit_test(one_pedestrian_seen_every_third_frame_is_one_track),
         cmocka_unit_test(centroids_match_up_to_a_distance),
