@@ -1,6 +1,8 @@
-/* hil-tool make FORMAT WIDTH HEIGHT COUNT FILE    frames in which every byte value occurs and no two are
- * alike hil-tool make sim URI COUNT FILE                grey frames of the simulated camera MJPG also writes
- * FILE.grey, what the pictures decode to. */
+/* hil-tool make FORMAT WIDTH HEIGHT COUNT FILE
+ *     Frames in which every byte value occurs and no two are alike; MJPG also writes FILE.grey, what the
+ *     pictures decode to.
+ * hil-tool make sim URI COUNT FILE
+ *     Grey frames of the simulated camera. */
 #include "tool.h"
 
 #include <errno.h>
