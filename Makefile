@@ -274,9 +274,10 @@ $(BUILD)/fovea: $(MAIN_O) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 $(BUILD)/fovea-video.so: drivers/video.cpp $(BUILD)/obj/src/base/status.o Makefile
 	$(Q)$(CXX) $(filter-out -fstack-usage,$(CXXFLAGS)) -isystem /usr/include/opencv4 -fvisibility=hidden -shared -Wl,-Bsymbolic \
 	    -o $@ $< $(BUILD)/obj/src/base/status.o -lopencv_videoio -lopencv_core
-$(BUILD)/fovea-libcamera.so: drivers/libcamera.cpp drivers/libcamera/plugin.h drivers/live/live.h $(BUILD)/obj/src/base/status.o $(BUILD)/obj/src/image/image.o Makefile
-	$(Q)$(CXX) $(filter-out -fstack-usage,$(CXXFLAGS)) $(patsubst -I%,-isystem %,$(shell pkg-config --cflags-only-I libcamera)) -fvisibility=hidden -shared -Wl,-Bsymbolic \
-	    -o $@ $< $(BUILD)/obj/src/base/status.o $(BUILD)/obj/src/image/image.o $(shell pkg-config --libs libcamera)
+LIBCAMERA_O := $(call objs,drivers/libcamera.cpp drivers/libcamera/controls.cpp)
+$(LIBCAMERA_O): CXXFLAGS += $(patsubst -I%,-isystem %,$(shell pkg-config --cflags-only-I libcamera)) -fvisibility=hidden
+$(BUILD)/fovea-libcamera.so: $(LIBCAMERA_O) $(BUILD)/obj/src/base/status.o $(BUILD)/obj/src/image/image.o Makefile
+	$(Q)$(CXX) $(LDFLAGS) -shared -Wl,-Bsymbolic -o $@ $(filter %.o,$^) $(shell pkg-config --libs libcamera)
 $(BUILD)/fovea.pc: tools/fovea.pc.in
 	sed 's|@PREFIX@|$(PREFIX)|' $< >$@
 

@@ -1,8 +1,7 @@
 // The libcamera plug-in: a camera of libcamera behind the live source (live/live.h).
 //
-// Versions: Debian 12 has 0.0.3; a Raspberry Pi 5 needs 0.5 or later. What differs for us stands behind
-// FOVEA_LIBCAMERA_AT_LEAST: the roles' type, and (from 0.5 on) separate modes of exposure time and gain in
-// place of AeEnable alone.
+// Finding, buffers and frames are here, what is asked of exposure, gain and controls by name in
+// libcamera/controls.cpp.
 //
 // Requests are made at set-up and used again and again. Their completion, on libcamera's thread, only pushes
 // a number into a ring and rings the bell of the camera thread. No heap call per frame is ours; libcamera
@@ -30,11 +29,8 @@
 #include <vector>
 
 #include "fovea/status.h"
+#include "libcamera/controls.h"
 #include "libcamera/plugin.h"
-
-#define FOVEA_LIBCAMERA_AT_LEAST(major, minor)                                                               \
-    (LIBCAMERA_VERSION_MAJOR > (major) ||                                                                    \
-     (LIBCAMERA_VERSION_MAJOR == (major) && LIBCAMERA_VERSION_MINOR >= (minor)))
 
 namespace
 {
@@ -42,9 +38,7 @@ namespace
 using libcamera::Camera;
 using libcamera::CameraConfiguration;
 using libcamera::CameraManager;
-using libcamera::ControlInfo;
 using libcamera::ControlList;
-using libcamera::ControlValue;
 using libcamera::FrameBuffer;
 using libcamera::FrameBufferAllocator;
 using libcamera::FrameMetadata;
@@ -55,10 +49,7 @@ using libcamera::StreamConfiguration;
 using libcamera::StreamRole;
 namespace controls = libcamera::controls;
 
-struct Format {
-    const char *name, *theirs;
-    enum fovea_pixel_format format;
-};
+using Format = fv_libcamera_format;
 #define TABLE_ROW(name, theirs, format) {name, theirs, format},
 const Format formats[] = {FV_LIBCAMERA_FORMATS(TABLE_ROW)};
 
@@ -88,7 +79,7 @@ std::shared_ptr<CameraManager> manager()
 struct Mapping {
     void *memory = nullptr;
     size_t bytes = 0;
-    const uint8_t *data = nullptr; // of the first plane
+    size_t offset = 0; // of the first plane
 };
 
 // Numbers of completed requests, from libcamera's thread to the camera thread: one writer, one reader, never
@@ -146,10 +137,6 @@ class Device
     enum fovea_status shape(const StreamConfiguration &stream, fovea_error *error);
     enum fovea_status allocate(fovea_error *error);
     bool map(const FrameBuffer &buffer, Mapping *mapping);
-    enum fovea_status collect_controls(ControlList *list, fovea_error *error) const;
-    enum fovea_status add_wish(ControlList *list, const fovea_libcamera_wish &wish, fovea_error *error) const;
-    enum fovea_status add_number(ControlList *list, const libcamera::ControlId &id, const char *what,
-                                 double value, double unit, bool required, fovea_error *error) const;
     enum fovea_status failed(const char *what, int reason, fovea_error *error) const;
     void completed(Request *request);
     void disconnected();
@@ -328,7 +315,7 @@ bool Device::map(const FrameBuffer &buffer, Mapping *mapping)
         mapping->memory = nullptr;
         return false;
     }
-    mapping->data = static_cast<const uint8_t *>(mapping->memory) + offset_of(planes[0]);
+    mapping->offset = offset_of(planes[0]);
     return true;
 }
 
@@ -352,138 +339,6 @@ enum fovea_status Device::allocate(fovea_error *error)
     return FOVEA_OK;
 }
 
-// ---- controls --------------------------------------------------------------------------------------------
-
-double number_of(const ControlValue &value)
-{
-    switch (value.type()) {
-    case libcamera::ControlTypeBool:
-        return value.get<bool>();
-    case libcamera::ControlTypeByte:
-        return value.get<uint8_t>();
-    case libcamera::ControlTypeInteger32:
-        return value.get<int32_t>();
-    case libcamera::ControlTypeInteger64:
-        return static_cast<double>(value.get<int64_t>());
-    case libcamera::ControlTypeFloat:
-        return static_cast<double>(value.get<float>());
-    default:
-        return std::nan("");
-    }
-}
-
-bool make_value(libcamera::ControlType type, double number, ControlValue *value)
-{
-    const bool whole = number == std::floor(number) && std::fabs(number) < 9e15;
-    switch (type) {
-    case libcamera::ControlTypeBool:
-        value->set(number != 0);
-        return number == 0 || number == 1;
-    case libcamera::ControlTypeByte:
-        value->set(static_cast<uint8_t>(std::clamp(number, 0.0, 255.0)));
-        return whole;
-    case libcamera::ControlTypeInteger32:
-        value->set(static_cast<int32_t>(std::clamp(number, -2147483648.0, 2147483647.0)));
-        return whole;
-    case libcamera::ControlTypeInteger64:
-        value->set(static_cast<int64_t>(whole ? number : 0));
-        return whole;
-    case libcamera::ControlTypeFloat:
-        value->set(static_cast<float>(number));
-        return true;
-    default:
-        return false;
-    }
-}
-
-const libcamera::ControlId *control_named(const Camera &camera, const std::string &name, std::string *list)
-{
-    for (const auto &[id, info] : camera.controls()) {
-        if (id->name() == name) return id;
-        *list += (list->empty() ? "" : " ") + id->name();
-    }
-    return nullptr;
-}
-
-// A control that is not `required` is left out where the camera does not have it. `unit`: theirs in ours.
-enum fovea_status Device::add_number(ControlList *list, const libcamera::ControlId &id, const char *what,
-                                     double value, double unit, bool required, fovea_error *error) const
-{
-    const auto found = camera_->controls().find(id.id());
-    if (found == camera_->controls().end()) {
-        if (!required) return FOVEA_OK;
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: %s: this camera has no such control",
-                               uri_.c_str(), what);
-    }
-    const ControlInfo &info = found->second;
-    const double low = number_of(info.min()), high = number_of(info.max());
-    ControlValue made;
-    const bool fits = !(value < low) && !(value > high);
-    if (!fits || !make_value(id.type(), value, &made))
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: %s: found %.10g, expected [%.10g, %.10g]",
-                               uri_.c_str(), what, value * unit, low * unit, high * unit);
-    list->set(id.id(), made);
-    return FOVEA_OK;
-}
-
-enum fovea_status Device::add_wish(ControlList *list, const fovea_libcamera_wish &wish,
-                                   fovea_error *error) const
-{
-    std::string names;
-    const libcamera::ControlId *id = control_named(*camera_, wish.name, &names);
-    if (id == nullptr)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "%s: unknown control '%.63s'; expected one of: %.300s", uri_.c_str(),
-                               wish.name, names.c_str());
-    char *end = nullptr;
-    const double value = std::strtod(wish.value, &end);
-    const std::string what = std::string("control.") + wish.name;
-    if (end == wish.value || *end != '\0' || !std::isfinite(value))
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: %s: found '%.63s', expected a number",
-                               uri_.c_str(), what.c_str(), wish.value);
-    return add_number(list, *id, what.c_str(), value, 1, true, error);
-}
-
-enum fovea_status Device::collect_controls(ControlList *list, fovea_error *error) const
-{
-    enum fovea_status status = FOVEA_OK;
-    const bool manual_time =
-        options_.exposure_ms > 0 || (options_.auto_exposure_given && !options_.auto_exposure);
-#if FOVEA_LIBCAMERA_AT_LEAST(0, 5)
-    // Exposure time and gain are automatic or manual each on its own: a fixed time with automatic gain is
-    // possible.
-    if (options_.auto_exposure_given)
-        status = add_number(list, controls::ExposureTimeMode, "auto_exposure",
-                            manual_time ? controls::ExposureTimeModeManual : controls::ExposureTimeModeAuto,
-                            1, !manual_time, error);
-    if (status == FOVEA_OK && (options_.auto_gain_given || options_.gain >= 0))
-        status =
-            add_number(list, controls::AnalogueGainMode, "auto_gain",
-                       options_.auto_gain ? controls::AnalogueGainModeAuto : controls::AnalogueGainModeManual,
-                       1, options_.auto_gain, error);
-#else
-    // One switch for both; with a fixed time given and the switch on, pipelines that can keep the gain
-    // automatic do.
-    if (options_.auto_exposure_given || options_.auto_gain_given)
-        status = add_number(list, controls::AeEnable, "auto_exposure", !manual_time || options_.auto_gain, 1,
-                            options_.auto_exposure || options_.auto_gain, error);
-#endif
-    if (status == FOVEA_OK && options_.exposure_ms > 0)
-        status = add_number(list, controls::ExposureTime, "exposure (ms)",
-                            std::round(options_.exposure_ms * 1000), 0.001, true, error);
-    if (status == FOVEA_OK && options_.gain >= 0)
-        status = add_number(list, controls::AnalogueGain, "gain", options_.gain, 1, true, error);
-    if (status == FOVEA_OK && options_.rate_hz > 0 &&
-        camera_->controls().find(controls::FrameDurationLimits.id()) != camera_->controls().end()) {
-        const auto duration_us = static_cast<int64_t>(std::llround(1e6 / options_.rate_hz));
-        const std::array<int64_t, 2> limits{duration_us, duration_us};
-        list->set(controls::FrameDurationLimits, libcamera::Span<const int64_t, 2>(limits));
-    }
-    for (uint32_t i = 0; i < options_.wish_count && status == FOVEA_OK; ++i)
-        status = add_wish(list, options_.wishes[i], error);
-    return status;
-}
-
 // ---- life ------------------------------------------------------------------------------------------------
 
 enum fovea_status Device::learn(fovea_libcamera_agreed *agreed, fovea_error *told, fovea_error *error)
@@ -495,11 +350,10 @@ enum fovea_status Device::learn(fovea_libcamera_agreed *agreed, fovea_error *tol
     acquired_ = true;
     ControlList list(camera_->controls());
     status = configure(told, error);
-    if (status == FOVEA_OK) status = collect_controls(&list, error);
+    if (status == FOVEA_OK) status = fv_libcamera_controls(*camera_, options_, uri_.c_str(), &list, error);
     if (status == FOVEA_OK) status = allocate(error);
     if (status == FOVEA_OK) {
-        const bool can_time =
-            camera_->controls().find(controls::FrameDurationLimits.id()) != camera_->controls().end();
+        const bool can_time = fv_libcamera_has_control(*camera_, controls::FrameDurationLimits);
         if (options_.rate_hz > 0 && !can_time) tell(told, uri_, "rate", options_.rate_hz, 0);
         agreed->width = width_;
         agreed->height = height_;
@@ -523,7 +377,9 @@ enum fovea_status Device::set_up(fovea_error *error)
     fovea_error refused{};
     enum fovea_status status = configure(nullptr, error);
     if (status == FOVEA_OK) status = allocate(error);
-    if (status == FOVEA_OK && collect_controls(&list, &refused) != FOVEA_OK) list.clear();
+    if (status == FOVEA_OK &&
+        fv_libcamera_controls(*camera_, options_, uri_.c_str(), &list, &refused) != FOVEA_OK)
+        list.clear();
     if (status == FOVEA_OK) {
         completed_.clear();
         camera_->requestCompleted.connect(this, &Device::completed);
@@ -624,6 +480,7 @@ enum fovea_status Device::take(int64_t deadline_ns, int wake_fd, fv_live_buffer 
         if (!completed_.pop(&number)) return FOVEA_AGAIN;
     }
     Request *request = requests_[number].get();
+    const Mapping &mapping = mappings_[number];
     const FrameMetadata &metadata = request->findBuffer(stream_)->metadata();
     size_t bytes = 0;
     for (const FrameMetadata::Plane &plane : metadata.planes()) {
@@ -631,8 +488,8 @@ enum fovea_status Device::take(int64_t deadline_ns, int wake_fd, fv_live_buffer 
         if (luma_only_) break;
     }
     buffer->index = number;
-    buffer->data = mappings_[number].data;
-    buffer->bytes = std::min(bytes, mappings_[number].bytes);
+    buffer->data = static_cast<const uint8_t *>(mapping.memory) + mapping.offset;
+    buffer->bytes = std::min(bytes, mapping.bytes - mapping.offset);
     buffer->stride_bytes = stride_bytes_;
     buffer->damaged = metadata.status != FrameMetadata::FrameSuccess;
     read_stamp(request, metadata, &buffer->stamp);

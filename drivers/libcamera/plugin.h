@@ -27,7 +27,7 @@ struct fovea_libcamera_wish {
 struct fovea_libcamera_options {
     char id[FOVEA_LIBCAMERA_ID_BYTES]; /* a camera's id, or its place in libcamera's list */
     int32_t role;
-    int32_t format;        /* row of fv_libcamera_formats plus 1; 0: as the role has it */
+    int32_t format;        /* row of FV_LIBCAMERA_FORMATS plus 1; 0: as the role has it */
     int32_t width, height; /* 0: as the role has it */
     double rate_hz;        /* 0: likewise; a frame duration */
     double exposure_ms;    /* 0: automatic or as it is */
