@@ -389,8 +389,7 @@ static void sequence_requeue(struct fovea_source *source, const struct fovea_fra
     held->used = false;
 }
 
-/* ---- the rest of the table -------------------------------------------------------------------------------
- */
+/* ---- the rest of the table ----------------------------------------------------------------------------- */
 
 static enum fovea_status sequence_truth(struct fovea_source *source, const struct fovea_frame *frame,
                                         struct fovea_truth *truth)

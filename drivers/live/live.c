@@ -4,7 +4,6 @@
 #include <poll.h>
 #include <pthread.h>
 #include <semaphore.h>
-#include <signal.h>
 #include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -15,9 +14,10 @@
 
 #include "../recorded/decode.h"
 #include "../ring.h"
+#include "../thread.h"
 #include "complaints.h"
 
-enum { STACK_BYTES = 256 * 1024, URI_BYTES = 256 };
+enum { URI_BYTES = 256 };
 
 enum complaint { TOLD, AWAY, REFUSED, BROKEN, DAMAGED, STAMPS };
 
@@ -94,8 +94,7 @@ enum fovea_status fv_live_complaint(struct fovea_source *source, struct fovea_er
     return fv_complaints_take(&source->complaints, error);
 }
 
-/* ---- camera thread: recovery
- * ------------------------------------------------------------------------------- */
+/* ---- camera thread: recovery --------------------------------------------------------------------------- */
 
 static bool quitting(const struct fovea_source *source)
 {
@@ -194,8 +193,7 @@ static void try_set_up(struct fovea_source *source)
     show(source);
 }
 
-/* ---- camera thread: frames
- * --------------------------------------------------------------------------------- */
+/* ---- camera thread: frames ----------------------------------------------------------------------------- */
 
 static void read_clocks(struct fv_order_now *now)
 {
@@ -343,8 +341,7 @@ static void *run(void *argument)
     return NULL;
 }
 
-/* ---- open and close
- * ---------------------------------------------------------------------------------------- */
+/* ---- open and close ------------------------------------------------------------------------------------ */
 
 enum fovea_status fv_live_selection(const char *scheme, const struct fovea_source_selection *selection,
                                     struct fovea_error *error)
@@ -449,23 +446,7 @@ const struct fovea_source_info *fv_live_info(const struct fovea_source *source)
     return &source->info;
 }
 
-/* ---- start and stop
- * ---------------------------------------------------------------------------------------- */
-
-static int start_thread(struct fovea_source *source)
-{
-    pthread_attr_t attributes;
-    sigset_t all, before;
-    int failed = pthread_attr_init(&attributes);
-    if (failed != 0) return failed;
-    pthread_attr_setstacksize(&attributes, STACK_BYTES);
-    sigfillset(&all);
-    pthread_sigmask(SIG_SETMASK, &all, &before);
-    failed = pthread_create(&source->thread, &attributes, run, source);
-    pthread_sigmask(SIG_SETMASK, &before, NULL);
-    pthread_attr_destroy(&attributes);
-    return failed;
-}
+/* ---- start and stop ------------------------------------------------------------------------------------ */
 
 enum fovea_status fv_live_start(struct fovea_source *source, struct fovea_error *error)
 {
@@ -485,7 +466,7 @@ enum fovea_status fv_live_start(struct fovea_source *source, struct fovea_error 
     fv_order_start(&source->order, source->readout_ns);
     show(source);
     sem_init(&source->ready_count, 0, 0);
-    const int failed = start_thread(source);
+    const int failed = fv_thread_start(&source->thread, run, source);
     if (failed != 0) {
         sem_destroy(&source->ready_count);
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: the camera thread cannot be started: %s",
@@ -511,8 +492,7 @@ void fv_live_stop(struct fovea_source *source)
     source->started = false;
 }
 
-/* ---- loop thread
- * ------------------------------------------------------------------------------------------- */
+/* ---- loop thread --------------------------------------------------------------------------------------- */
 
 /* The camera thread is worth as much as the one that waits for it. */
 static void take_over_scheduling(struct fovea_source *source)
@@ -522,16 +502,6 @@ static void take_over_scheduling(struct fovea_source *source)
     source->scheduled = true;
     if (pthread_getschedparam(pthread_self(), &policy, &parameter) == 0)
         pthread_setschedparam(source->thread, policy, &parameter);
-}
-
-static bool wait_ready(struct fovea_source *source, int64_t deadline_ns)
-{
-    if (sem_trywait(&source->ready_count) == 0) return true;
-    if (deadline_ns <= 0) return false;
-    if (deadline_ns == INT64_MAX) return sem_wait(&source->ready_count) == 0;
-    const struct timespec deadline = {.tv_sec = deadline_ns / 1000000000,
-                                      .tv_nsec = deadline_ns % 1000000000};
-    return sem_clockwait(&source->ready_count, CLOCK_MONOTONIC, &deadline) == 0;
 }
 
 static bool finished(const struct fovea_source *source)
@@ -545,7 +515,7 @@ enum fovea_status fv_live_dequeue(struct fovea_source *source, int64_t deadline_
     if (!source->started || finished(source)) return FOVEA_END;
     if (!source->scheduled) take_over_scheduling(source);
     if (source->held_count >= FOVEA_SOURCE_FRAMES_HELD) return FOVEA_AGAIN;
-    if (!wait_ready(source, deadline_ns) || !fv_ring_pop(&source->ready, &slot))
+    if (!fv_thread_take(&source->ready_count, deadline_ns) || !fv_ring_pop(&source->ready, &slot))
         return fv_live_state(source) == FOVEA_SOURCE_GONE ? FOVEA_GONE : FOVEA_AGAIN;
     source->held[slot] = true;
     source->held_count++;

@@ -159,8 +159,7 @@ enum fovea_status fv_decode_jpeg(const uint8_t *data, size_t bytes, const struct
     return status;
 }
 
-/* ---- with memory of its own
- * -------------------------------------------------------------------------------- */
+/* ---- with memory of its own ---------------------------------------------------------------------------- */
 
 /* What one baseline picture needs of libjpeg is bounded by a few rows of blocks; the rest are tables. */
 enum { ARENA_TABLES_BYTES = 64 * 1024, ARENA_COLUMN_BYTES = 192, ARENA_ALIGNMENT = 32 };

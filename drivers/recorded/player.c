@@ -3,7 +3,6 @@
 #include <errno.h>
 #include <pthread.h>
 #include <semaphore.h>
-#include <signal.h>
 #include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -11,6 +10,7 @@
 #include <time.h>
 
 #include "../ring.h"
+#include "../thread.h"
 
 enum {
     COMPLAINTS_BYTES = 32768, /* some 300 lines */
@@ -31,7 +31,7 @@ struct fovea_source {
     struct fv_slot slots[FV_PLAYER_SLOTS];
     uint8_t *pixels;
     struct fv_slot_ring ready, free;
-    sem_t ready_count, free_count;
+    sem_t ready_count, free_count; /* ready: one for each frame, and one for the end */
 
     pthread_t reader;
     bool started;
@@ -242,25 +242,6 @@ const struct fovea_source_info *fv_player_info(const struct fovea_source *source
 
 /* ---- start and stop ---------------------------------------------------------------------------------- */
 
-static int start_reader(struct fovea_source *source)
-{
-    const struct sched_param normal = {.sched_priority = 0};
-    pthread_attr_t attributes;
-    sigset_t all, before;
-    int failed = pthread_attr_init(&attributes);
-    if (failed != 0) return failed;
-    pthread_attr_setstacksize(&attributes, FV_PLAYER_STACK_BYTES);
-    pthread_attr_setinheritsched(&attributes, PTHREAD_EXPLICIT_SCHED); /* the loop may be under SCHED_FIFO */
-    pthread_attr_setschedpolicy(&attributes, SCHED_OTHER);
-    pthread_attr_setschedparam(&attributes, &normal);
-    sigfillset(&all);
-    pthread_sigmask(SIG_SETMASK, &all, &before);
-    failed = pthread_create(&source->reader, &attributes, read_frames, source);
-    pthread_sigmask(SIG_SETMASK, &before, NULL);
-    pthread_attr_destroy(&attributes);
-    return failed;
-}
-
 enum fovea_status fv_player_start(struct fovea_source *source, struct fovea_error *error)
 {
     if (source->started)
@@ -278,7 +259,7 @@ enum fovea_status fv_player_start(struct fovea_source *source, struct fovea_erro
         fv_ring_push(&source->free, (uint8_t)i);
     sem_init(&source->ready_count, 0, 0);
     sem_init(&source->free_count, 0, FV_PLAYER_SLOTS);
-    const int failed = start_reader(source);
+    const int failed = fv_thread_start(&source->reader, read_frames, source);
     if (failed != 0) {
         sem_destroy(&source->ready_count);
         sem_destroy(&source->free_count);
@@ -306,22 +287,11 @@ void fv_player_stop(struct fovea_source *source)
 
 /* ---- loop thread ------------------------------------------------------------------------------------- */
 
-/* One count per ready frame, and one for the end. */
-static bool wait_ready(struct fovea_source *source, int64_t deadline_ns)
-{
-    if (sem_trywait(&source->ready_count) == 0) return true;
-    if (deadline_ns <= 0) return false;
-    if (deadline_ns == INT64_MAX) return sem_wait(&source->ready_count) == 0;
-    const struct timespec deadline = {.tv_sec = deadline_ns / 1000000000,
-                                      .tv_nsec = deadline_ns % 1000000000};
-    return sem_clockwait(&source->ready_count, CLOCK_MONOTONIC, &deadline) == 0;
-}
-
 enum fovea_status fv_player_dequeue(struct fovea_source *source, int64_t deadline_ns,
                                     struct fovea_frame *frame)
 {
     if (!source->started) return FOVEA_END;
-    if (source->held_count >= FOVEA_SOURCE_FRAMES_HELD || !wait_ready(source, deadline_ns))
+    if (source->held_count >= FOVEA_SOURCE_FRAMES_HELD || !fv_thread_take(&source->ready_count, deadline_ns))
         return FOVEA_AGAIN;
     uint8_t slot;
     if (!fv_ring_pop(&source->ready, &slot)) {

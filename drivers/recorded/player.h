@@ -16,7 +16,7 @@
 
 #include "fovea/source.h"
 
-enum { FV_PLAYER_SLOTS = 6, FV_PLAYER_STACK_BYTES = 256 * 1024 };
+enum { FV_PLAYER_SLOTS = 6 };
 
 /* Where the reader puts a frame: `frame->image` describes the buffer (size, stride, format as in the info)
  * and `pixels` is its memory. */

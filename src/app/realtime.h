@@ -8,7 +8,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "app/thread.h" /* FV_THREAD_STACK_BYTES */
+#include "drivers/thread.h" /* FV_THREAD_STACK_BYTES */
 #include "fovea/status.h"
 
 /* Map `bytes` of zeroed memory, lock it when asked to, and touch every page. Whether it could be locked is in

@@ -14,8 +14,8 @@
 
 #include "app/recording_header.h"
 #include "app/say.h"
-#include "app/thread.h"
 #include "base/ring.h"
+#include "drivers/thread.h"
 #include "fovea/log.h"
 #include "message/message.h"
 #include "message/recorded.h"

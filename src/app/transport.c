@@ -10,9 +10,9 @@
 #include <lcm/lcm.h>
 
 #include "app/say.h"
-#include "app/thread.h"
 #include "app/transport_url.h"
 #include "base/ring.h"
+#include "drivers/thread.h"
 #include "message/fields.h"
 #include "message/message.h"
 

@@ -1,7 +1,8 @@
-#include "app/thread.h"
+#include "thread.h"
 
 #include <sched.h>
 #include <signal.h>
+#include <time.h>
 
 int fv_thread_start(pthread_t *thread, void *(*run)(void *), void *context)
 {
@@ -20,4 +21,14 @@ int fv_thread_start(pthread_t *thread, void *(*run)(void *), void *context)
     pthread_sigmask(SIG_SETMASK, &before, NULL);
     pthread_attr_destroy(&attributes);
     return failed;
+}
+
+bool fv_thread_take(sem_t *count, int64_t deadline_ns)
+{
+    if (sem_trywait(count) == 0) return true;
+    if (deadline_ns <= 0) return false;
+    if (deadline_ns == INT64_MAX) return sem_wait(count) == 0;
+    const struct timespec deadline = {.tv_sec = deadline_ns / 1000000000,
+                                      .tv_nsec = deadline_ns % 1000000000};
+    return sem_clockwait(count, CLOCK_MONOTONIC, &deadline) == 0;
 }
