@@ -72,8 +72,7 @@ void fv_scale_unit(struct fv_scale *scale, const struct fv_odometry *o)
         scale->state->variance += scale->state->known ? drift * drift : 0;
         return;
     }
-    /* Per unit of the published world: loops may have changed the map's. */
-    double log_scale = fovea_log(scale->config.camera_height_m * o->map.state->S_map_odom.s / floor.height);
+    double log_scale = fovea_log(scale->config.camera_height_m / floor.height);
     fv_scale_measure(scale, log_scale, floor.sigma * floor.sigma + floor_sigma_least * floor_sigma_least);
 }
 
@@ -103,13 +102,14 @@ static void fv_scale_covariance(double covariance[21], double factor)
 static void fv_scale_publish(struct fv_scale_state *s, double metres)
 {
     struct fovea_pose *pose = &s->pose;
+    const double factor = metres * pose->map_scale;
     for (int i = 0; i < 3; i++) {
         double inner = pose->T_world_cam[4 * i + 3];
-        s->outer[i] += metres * pose->map_scale * (inner - s->inner[i]);
+        s->outer[i] += factor * (inner - s->inner[i]);
         s->inner[i] = inner;
         pose->T_world_cam[4 * i + 3] = s->outer[i];
     }
-    fv_scale_covariance(pose->covariance, metres);
+    fv_scale_covariance(pose->covariance, factor);
 }
 
 /* T_map_odom in metres, where the path has bent as well: what takes the published pose to the map's. */
@@ -137,10 +137,18 @@ static void fv_scale_refer(struct fv_scale_state *s, const struct fv_odometry *o
     s->pose.reference_keyframe = keyframe->number;
 }
 
+/* A loop gave the map another unit here: what is known of a unit's metres goes with it. */
+static void fv_scale_follow(struct fv_scale_state *s, double map_scale)
+{
+    if (s->known && map_scale != s->map_scale) s->log_scale -= fovea_log(map_scale / s->map_scale);
+    s->map_scale = map_scale;
+}
+
 void fv_scale_step(struct fv_scale *scale, const struct fv_odometry *o)
 {
     struct fv_scale_state *s = scale->state;
     if (s->map != o->state->pose.map_id) fv_scale_forget(s, o->state->pose.map_id);
+    fv_scale_follow(s, o->map.state->S_map_odom.s);
     s->pose = o->state->pose;
     s->pose.scale = 1;
     if (!s->pose.posed) return;

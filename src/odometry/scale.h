@@ -48,6 +48,7 @@ struct fv_scale_state {
     bool started; /* the map has given a pose */
     bool known, metric; /* the scale is known; it has been published */
     double log_scale, variance; /* natural logarithm of metres per unit, and its variance */
+    double map_scale;           /* units of the map per unit of the continuous world, when last looked at */
     uint32_t map;               /* that all this belongs to */
 
     /* What was published last: its position goes on from here. */

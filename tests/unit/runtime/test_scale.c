@@ -13,6 +13,7 @@
 
 #include "common/sim_rig.h"
 #include "geometry/se3.h"
+#include "runtime/state.h"
 
 #include "fovea_pose_t.h"
 
@@ -67,6 +68,63 @@ static void the_path_bends_but_does_not_tear(void **state)
            100 * (scale - 1), worst);
     assert_true(metric > 120 && changed && worst < 0.1 && fabs(scale - 1) < 0.1);
     sim_rig_close(&rig);
+}
+
+/* What closing a loop does to the map's unit, here everywhere alike. */
+static void grow_map(double factor)
+{
+    struct fv_odometry *o = &rig.rt->odometry;
+    for (uint32_t i = 0; i < o->map.limits.landmarks; i++) {
+        for (int k = 0; k < 3; k++) o->map.landmarks[i].point[k] *= factor;
+        o->map.landmarks[i].distance *= (float)factor;
+    }
+    for (uint32_t v = 0; v < fv_map_view_count(&o->map); v++) {
+        for (int k = 0; k < 3; k++) o->map.keyframes[v].T_cam_world.t[k] *= factor;
+        o->map.keyframes[v].depth *= factor;
+    }
+    for (int k = 0; k < 3; k++) {
+        o->state->motion.t[k] *= factor;
+        o->state->still_place[k] *= factor;
+        o->map.state->S_map_odom.t[k] *= factor;
+    }
+    o->map.state->S_map_odom.s *= factor;
+    fv_window_abort(&o->window);
+    o->state->job_wanted = true;
+}
+
+enum { GROWN = 120 };
+
+static void run_grown(double factor)
+{
+    sim_rig_open(&rig, "sim:corridor?width=320&height=240", 0, GROWN + 30);
+    rig.config.scale.source = FOVEA_SCALE_CAMERA_HEIGHT;
+    rig.config.scale.camera_height_m = 1.25;
+    sim_rig_build(&rig);
+    while (sim_rig_next(&rig)) {
+        if (rig.frames == GROWN && factor != 1) grow_map(factor);
+        sim_rig_process(&rig);
+    }
+    sim_rig_close(&rig);
+}
+
+/* A loop that changes the map's unit changes neither the published metres nor their uncertainty. */
+static void the_maps_unit_is_minded(void **state)
+{
+    (void)state;
+    run_grown(1);
+    const struct fovea_pose plain = rig.pose[GROWN];
+    const double way = sim_rig_moved(plain.T_world_cam, rig.pose[rig.frames - 1].T_world_cam);
+    run_grown(3);
+    const struct fovea_pose *grown = &rig.pose[GROWN];
+    const double off = sim_rig_moved(plain.T_world_cam, grown->T_world_cam),
+                 way_grown = sim_rig_moved(grown->T_world_cam, rig.pose[rig.frames - 1].T_world_cam);
+    printf("map's unit a third: place off by %.4f m, the way from there %.3f m, %.3f m without\n", off, way_grown, way);
+    assert_int_equal(plain.scale_source, FOVEA_SCALE_CAMERA_HEIGHT);
+    assert_int_equal(grown->scale_source, FOVEA_SCALE_CAMERA_HEIGHT);
+    assert_true(fabs(3 * grown->scale / plain.scale - 1) < 0.01);
+    assert_true(off < 0.002 && fabs(way_grown / way - 1) < 0.05);
+    for (int row = 0, k = 0; row < 6; k += 6 - row++) /* the diagonal */
+        assert_true(fabs(grown->covariance[k] / plain.covariance[k] - 1) < 0.1);
 }
 
 /* The pose message of the last step. */
@@ -215,6 +273,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(odometry_gives_metres),
         cmocka_unit_test(the_path_bends_but_does_not_tear),
+        cmocka_unit_test(the_maps_unit_is_minded),
         cmocka_unit_test(a_lever_arm_is_minded),
         cmocka_unit_test(without_scale_no_bot_core_pose),
         cmocka_unit_test(nothing_is_taken_in_boxes),
