@@ -1,8 +1,8 @@
 /* The floor under a camera: the lowest large plane among points below it, by robust sampling.
  *
  * Points are in the camera's frame, the plane is {p : down p = height} with the unit vector `down` and height
- * > 0. Hypotheses come by turns from three points, and from one point with the expected direction; each is
- * refined by weighted least squares, with the expected direction as a prior. The score is that of MSAC (P.
+ * > 0. Hypotheses come by turns from three points, and from one point with the expected direction; the best
+ * is refined by weighted least squares, with the expected direction as a prior. The score is that of MSAC (P.
  * Torr and A. Zisserman, CVIU 2000) on relative heights, less what lies under the plane: a floor has nothing
  * below it, a table top has. Every point has its own uncertainty, since triangulated points err along their
  * rays. Real-time safe: bounded by count and samples; no heap. */
@@ -36,11 +36,12 @@ struct fv_plane {
     double height;  /* distance of the camera from the plane, in the points' unit */
     double sigma;   /* one standard deviation of the height, relative */
     uint32_t inliers;
-    double support; /* weight of the inliers less that of what lies below; a whole number of perfect points */
+    double support; /* weight of the inliers less that of what lies below, the best known points counting 1 */
 };
 
 /* Up to `samples` hypotheses. False, `plane` untouched: fewer than `inliers_min` points agree, or they fix
- * the height badly (they lie on a line, or all far away), or as much lies below the plane as in it. */
+ * the height badly (they lie on a line, or all far away), or as much lies below the plane as in it, or it is
+ * hardly denser than what stands on it. */
 bool fv_plane_estimate(const struct fv_plane_point *points, uint32_t count,
                        const struct fv_plane_prior *prior, uint32_t samples, uint32_t inliers_min,
                        struct fovea_random *random, struct fv_plane *plane);

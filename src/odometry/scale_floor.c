@@ -46,7 +46,7 @@ static bool fv_floor_point(const struct fv_scale *scale, const struct fv_odometr
 bool fv_scale_find_floor(struct fv_scale *scale, const struct fv_odometry *o, struct fv_plane *floor)
 {
     const struct fv_se3 *T_cam_world = &o->map.keyframes[fv_map_current(&o->map)].T_cam_world;
-    uint32_t count = 0, met = 0;
+    uint32_t met = 0;
     for (uint32_t i = 0; i < o->map.state->landmark_top; i++) {
         struct fv_plane_point point;
         const struct fv_landmark *l = &o->map.landmarks[i];
@@ -59,7 +59,7 @@ bool fv_scale_find_floor(struct fv_scale *scale, const struct fv_odometry *o, st
         met++;
         if (at < FV_PLANE_POINTS_MAX) scale->points[at] = point;
     }
-    count = met < FV_PLANE_POINTS_MAX ? met : FV_PLANE_POINTS_MAX;
+    const uint32_t count = met < FV_PLANE_POINTS_MAX ? met : FV_PLANE_POINTS_MAX;
     struct fv_plane_prior prior = {.sigma_rad = prior_sigma_rad, .off_max_rad = prior_off_max_rad};
     fv_copy3(scale->down, prior.down);
     return fv_plane_estimate(scale->points, count, &prior, SAMPLES, INLIERS_MIN, &scale->state->random, floor);

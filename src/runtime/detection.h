@@ -45,8 +45,7 @@ size_t fv_detection_message_bytes(const struct fv_detection *detection, const st
 void fv_detection_reset(struct fv_detection *detection);
 
 /* Look at this frame, unless an earlier look goes on: its pixels are copied. Formats that the detector does not read are
- * looked at in grey, from the pyramid. True: the look
- * begins. */
+ * looked at in grey, from the pyramid. True: the look begins. */
 bool fv_detection_offer(struct fv_detection *detection, const struct fovea_frame *frame, const struct fv_frame_id *id,
                         const struct fv_pyramid *pyramid);
 

@@ -33,7 +33,7 @@ void fv_tracking_note(struct fv_tracking *tracking, const struct fovea_pose *pos
 /* The look is complete. */
 void fv_tracking_update(struct fv_tracking *tracking, const struct fovea_detections *detections);
 
-/* Encode the tracks as of the last look, which was at the frame `id`. Returns the bytes. */
+/* Encode the tracks as of the last look, with the stamp of its frame. Returns the bytes. */
 uint32_t fv_tracking_encode(const struct fv_tracking *tracking, const struct fovea_config *config, const struct fv_detection *detection,
                             uint32_t reset_counter, uint8_t *buffer, size_t capacity);
 

@@ -1,5 +1,5 @@
 /* Units are bounded: run one by one on the simulated camera, 99 of 100 of every job take at most 0.25 ms of processor time,
- * and none takes several times that. Runs repeat bit for bit, so each unit is timed several times and its least time
+ * and 999 of 1000 at most four times that. Runs repeat bit for bit, so each unit is timed several times and its least time
  * counts: what others on the machine add is not the unit's. Judged in the ordinary build alone (FOVEA_TIMED). */
 #include <setjmp.h>
 #include <stdarg.h>
