@@ -8,7 +8,23 @@
 #include "app/map_open.h"
 #include "app/options.h"
 #include "app/say.h"
+#include "fovea/elementary.h"
+#include "fovea/odometry.h"
 #include "fovea/text.h"
+
+/* The unit of a map: "of 0.413 m (known by odometry to 0.6 %)", or that it is arbitrary. */
+static void unit_print(const struct fv_map_state *s, uint32_t map_id)
+{
+    const struct fv_map_scale *scale = &s->scale;
+    for (uint32_t i = 0; i < FV_MAP_WORLDS_MAX && i < s->left_count && s->map_id != map_id; i++)
+        if (s->left[i].map_id == map_id) scale = &s->left[i].scale;
+    if (scale->source == FOVEA_SCALE_FREE || (scale == &s->scale && s->map_id != map_id))
+        printf(" of arbitrary length");
+    else
+        printf(" of %.4g m (known by %s to %.1f %%)", fovea_exp(scale->log_scale),
+               scale->source == FOVEA_SCALE_ODOMETRY ? "odometry" : "the camera's height",
+               100 * __builtin_sqrt(scale->variance));
+}
 
 static void info_print(const struct fv_map_open *open, const char *path)
 {
@@ -39,8 +55,10 @@ static void info_print(const struct fv_map_open *open, const char *path)
             length += __builtin_sqrt(square);
             memcpy(last, centre, sizeof last);
         }
-        printf("  map %-6u %u keyframes, %u landmarks, %.4g units from keyframe to keyframe%s\n", id, count,
-               landmarks, length, id == open->info.map_id ? ", current when saved" : "");
+        printf("  map %-6u %u keyframes, %u landmarks, %.4g units from keyframe to keyframe, units", id,
+               count, landmarks, length);
+        unit_print(map->state, id);
+        puts(id == open->info.map_id ? ", current when saved" : "");
     }
 }
 

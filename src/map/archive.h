@@ -6,6 +6,7 @@
  *     landmarks  each FV_ARCHIVE_LANDMARK_BYTES and 4 bytes per observer (keyframe slot, feature)
  *     keyframes  each FV_ARCHIVE_KEYFRAME_BYTES and FV_ARCHIVE_FEATURE_BYTES per feature
  *     edges      of closed loops, 16 bytes each
+ *     scales     of maps whose unit is known in metres, FV_ARCHIVE_SCALE_BYTES each
  *     checksum   8 bytes, FNV-1a of all before
  *
  * Bearings, grids, redundancy and the place index are not stored: they follow from the rest.
@@ -31,16 +32,18 @@ extern "C" {
 #endif
 
 enum {
-    FV_ARCHIVE_VERSION = 1,
+    FV_ARCHIVE_VERSION = 2, /* 1 had no scales */
     FV_ARCHIVE_HEADER_BYTES = 192,
     FV_ARCHIVE_LANDMARK_BYTES = 104,
     FV_ARCHIVE_OBSERVER_BYTES = 4,
     FV_ARCHIVE_KEYFRAME_BYTES = 144,
     FV_ARCHIVE_FEATURE_BYTES = 52,
     FV_ARCHIVE_EDGE_BYTES = 16,
+    FV_ARCHIVE_SCALE_BYTES = 24,
+    FV_ARCHIVE_SCALES_MAX = FV_MAP_WORLDS_MAX + 1,
     FV_ARCHIVE_CHECKSUM_BYTES = 8,
     FV_ARCHIVE_UNIT_LANDMARKS = 512, /* slots looked at in a unit */
-    FV_ARCHIVE_UNIT_FEATURES = 1024   /* written in a unit */
+    FV_ARCHIVE_UNIT_FEATURES = 1024  /* written in a unit */
 };
 
 /* Most bytes that a map within these limits takes. */
@@ -64,8 +67,7 @@ struct fv_archive_state {
     uint32_t slot, feature; /* next */
     uint32_t generation;    /* of the keyframe in work */
     uint32_t features;      /* that its record promises */
-    uint32_t landmarks, keyframes, edges;
-    uint32_t reserved;
+    uint32_t landmarks, keyframes, edges, scales;
 };
 
 void fv_archive_begin(struct fv_archive_state *archive, uint64_t frame_number);
@@ -87,7 +89,7 @@ void fv_archive_seal(uint8_t *data, size_t bytes);
 /* What a file says of itself. */
 struct fv_archive_info {
     struct fovea_camera camera;
-    uint32_t landmarks, keyframes, edges;
+    uint32_t landmarks, keyframes, edges, scales;
     uint32_t landmark_slots, keyframe_slots, features_max; /* that reading it needs */
     uint32_t map_id, map_next;
     uint64_t keyframe_number, frame_number;

@@ -1,6 +1,7 @@
 #include <string.h>
 
 #include "base/hash.h"
+#include "fovea/odometry.h"
 #include "geometry/vec.h"
 #include "map/archive.h"
 
@@ -103,7 +104,8 @@ static void read_envelope(struct reader *r)
     r->at = 8;
     const uint32_t version = get_u32(r), order = get_u32(r);
     if (order == 0x04030201) refuse(r, 12, "byte order mark", order, "that of a little-endian file");
-    if (version != FV_ARCHIVE_VERSION) refuse(r, 8, "version", version, "1: made by another Fovea");
+    if (version != FV_ARCHIVE_VERSION)
+        refuse(r, 8, "version", version, "2: saved by another Fovea, map the place again");
     if (order != 0x01020304) refuse(r, 12, "byte order mark", order, "16909060");
     const uint64_t bytes = get(r, 8);
     if (bytes != r->bytes)
@@ -144,7 +146,7 @@ static void read_header(struct reader *r, struct fv_archive_info *info)
     info->keyframe_slots = get_index(r, 1 << 12, "keyframe slots", pool);
     info->map_id = get_u32(r);
     info->map_next = get_u32(r);
-    (void)get_u32(r);
+    info->scales = get_u32(r);
     info->keyframe_number = get(r, 8);
     info->frame_number = get(r, 8);
     (void)get(r, 8);
@@ -153,6 +155,7 @@ static void read_header(struct reader *r, struct fv_archive_info *info)
     if (info->keyframes > info->keyframe_slots)
         refuse(r, 140, "keyframes", info->keyframes, "at most the slots");
     if (info->edges > FV_MAP_EDGES_MAX) refuse(r, 144, "edges", info->edges, "at most 128");
+    if (info->scales > FV_ARCHIVE_SCALES_MAX) refuse(r, 164, "scales", info->scales, "at most 9");
 }
 
 enum fovea_status fv_archive_info(const uint8_t *data, size_t bytes, const char *name,
@@ -285,6 +288,33 @@ static void read_edge(struct reader *r, struct fv_map *map)
         fv_map_add_edge(map, e.a, e.b);
 }
 
+/* Each loaded map has an `odom` frame of its own, that is its world. */
+static void read_scale(struct reader *r, struct fv_map *map)
+{
+    struct fv_map_state *s = map->state;
+    const size_t at = r->at;
+    const uint32_t map_id = get_index(r, s->map_next, "map of a scale", "less than the next map's");
+    struct fv_map_odom odom = {map_id, map_id, {{0}, {0}, 0}, {0}};
+    odom.scale.source = get_u32(r);
+    odom.scale.log_scale = get_double(r, 30, "logarithm of a scale");
+    odom.scale.variance = get_double(r, 1e3, "variance of a scale");
+    if (odom.scale.source != FOVEA_SCALE_CAMERA_HEIGHT && odom.scale.source != FOVEA_SCALE_ODOMETRY)
+        refuse(r, at + 4, "source of a scale", odom.scale.source, "1 or 2");
+    if (!(odom.scale.variance > 0)) refuse(r, at + 16, "variance of a scale", 0, "more than 0");
+    bool again = s->map_id == map_id && s->scale.source != 0;
+    for (uint32_t i = 0; i < s->left_count; i++)
+        again = again || s->left[i].map_id == map_id;
+    if (again) refuse(r, at, "map of a scale", map_id, "one that comes once");
+    if (s->map_id != map_id && s->left_count == FV_MAP_WORLDS_MAX)
+        refuse(r, at, "map of a scale", map_id, "the current one among nine");
+    if (r->status != FOVEA_OK) return;
+    fv_sim3_identity(&odom.S_map_odom);
+    if (s->map_id == map_id)
+        s->scale = odom.scale;
+    else
+        s->left[s->left_count++] = odom;
+}
+
 /* ---- making it whole --------------------------------------------------------------------------------- */
 
 /* Observers whose keyframes link back, each keyframe once. */
@@ -385,6 +415,8 @@ enum fovea_status fv_archive_read(const uint8_t *data, size_t bytes, const char 
         read_keyframe(&r, map, camera, bearings);
     for (uint32_t i = 0; i < info->edges && r.status == FOVEA_OK; i++)
         read_edge(&r, map);
+    for (uint32_t i = 0; i < info->scales && r.status == FOVEA_OK; i++)
+        read_scale(&r, map);
     if (r.at != r.bytes) refuse(&r, r.at, "bytes left", (int64_t)(r.bytes - r.at), "none");
     if (r.status == FOVEA_OK)
         mend(map);

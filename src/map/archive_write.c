@@ -1,6 +1,8 @@
 #include <string.h>
 
 #include "base/hash.h"
+#include "fovea/elementary.h"
+#include "fovea/odometry.h"
 #include "map/archive.h"
 
 size_t fv_archive_bytes_max(const struct fv_map_limits *limits)
@@ -8,7 +10,8 @@ size_t fv_archive_bytes_max(const struct fv_map_limits *limits)
     const size_t landmark = FV_ARCHIVE_LANDMARK_BYTES + FV_MAP_OBSERVERS_MAX * FV_ARCHIVE_OBSERVER_BYTES;
     const size_t keyframe = FV_ARCHIVE_KEYFRAME_BYTES + (size_t)limits->features * FV_ARCHIVE_FEATURE_BYTES;
     return FV_ARCHIVE_HEADER_BYTES + limits->landmarks * landmark + limits->keyframes * keyframe +
-           FV_MAP_EDGES_MAX * FV_ARCHIVE_EDGE_BYTES + FV_ARCHIVE_CHECKSUM_BYTES;
+           FV_MAP_EDGES_MAX * FV_ARCHIVE_EDGE_BYTES + FV_ARCHIVE_SCALES_MAX * FV_ARCHIVE_SCALE_BYTES +
+           FV_ARCHIVE_CHECKSUM_BYTES;
 }
 
 /* ---- bytes ------------------------------------------------------------------------------------------- */
@@ -124,7 +127,7 @@ static void write_header(struct pen *pen, const struct fv_archive_state *archive
     put(pen, map->limits.keyframes, 4);
     put(pen, map->state->map_id, 4);
     put(pen, map->state->map_next, 4);
-    put(pen, 0, 4);
+    put(pen, archive->scales, 4);
     put(pen, map->state->keyframe_number, 8);
     put(pen, archive->frame_number, 8);
     put(pen, 0, 8);
@@ -190,6 +193,28 @@ static void keyframes_unit(struct fv_archive_state *archive, const struct fv_map
     archive->slot++;
 }
 
+/* Metres per unit of the map, as its points are. */
+static void write_scale(struct fv_archive_state *archive, const struct fv_map *map, struct pen *pen,
+                        const struct fv_map_odom *odom)
+{
+    if (odom->scale.source == FOVEA_SCALE_FREE || fv_map_count_keyframes(map, odom->map_id) == 0) return;
+    put(pen, odom->map_id, 4);
+    put(pen, odom->scale.source, 4);
+    put_double(pen, odom->scale.log_scale - fovea_log(odom->S_map_odom.s));
+    put_double(pen, odom->scale.variance);
+    archive->scales++;
+}
+
+static void write_scales(struct fv_archive_state *archive, const struct fv_map *map, struct pen *pen)
+{
+    const struct fv_map_state *s = map->state;
+    const struct fv_map_odom current = {s->map_id, s->odom_id, s->S_map_odom, s->scale};
+    write_scale(archive, map, pen, &current);
+    for (uint32_t i = 0; i < FV_MAP_WORLDS_MAX && i < s->left_count; i++)
+        if (s->left[i].map_id != s->map_id) write_scale(archive, map, pen, &s->left[i]);
+}
+
+/* Edges, scales, and with them all counts of the header. */
 static void edges_unit(struct fv_archive_state *archive, const struct fv_map *map,
                        const struct fovea_camera *camera, struct pen *pen)
 {
@@ -202,6 +227,7 @@ static void edges_unit(struct fv_archive_state *archive, const struct fv_map *ma
         put(pen, e->generation_b, 4);
         archive->edges++;
     }
+    write_scales(archive, map, pen);
     pen->at += FV_ARCHIVE_CHECKSUM_BYTES;
     struct pen head = {pen->out, pen->capacity, 0};
     write_header(&head, archive, map, camera, pen->at);

@@ -144,14 +144,22 @@ static void fv_leave(struct fv_map_state *s)
 {
     for (uint32_t i = 0; i < FV_MAP_WORLDS_MAX; i++) /* at most one entry per map */
         if (s->left[i].map_id == s->map_id) s->left[i].odom_id = s->left[i].map_id = UINT32_MAX;
-    s->left[s->left_count++ % FV_MAP_WORLDS_MAX] = (struct fv_map_odom){s->map_id, s->odom_id, s->S_map_odom};
+    s->left[s->left_count++ % FV_MAP_WORLDS_MAX] = (struct fv_map_odom){s->map_id, s->odom_id, s->S_map_odom, s->scale};
+}
+
+/* An `odom` frame of its own, of which nothing is known. */
+static void fv_begin_odom(struct fv_map_state *s, uint32_t odom_id)
+{
+    s->odom_id = odom_id;
+    fv_sim3_identity(&s->S_map_odom);
+    memset(&s->scale, 0, sizeof s->scale);
 }
 
 void fv_map_begin_another(struct fv_map *map)
 {
     fv_leave(map->state);
-    map->state->map_id = map->state->odom_id = map->state->map_next++;
-    fv_sim3_identity(&map->state->S_map_odom);
+    map->state->map_id = map->state->map_next++;
+    fv_begin_odom(map->state, map->state->map_id);
 }
 
 void fv_map_enter(struct fv_map *map, uint32_t map_id)
@@ -164,10 +172,10 @@ void fv_map_enter(struct fv_map *map, uint32_t map_id)
         if (s->left[i].map_id != map_id) continue;
         s->odom_id = s->left[i].odom_id;
         s->S_map_odom = s->left[i].S_map_odom;
+        s->scale = s->left[i].scale;
         return;
     }
-    s->odom_id = s->map_next++;
-    fv_sim3_identity(&s->S_map_odom);
+    fv_begin_odom(s, s->map_next++);
 }
 
 void fv_map_drop(struct fv_map *map, uint32_t map_id)

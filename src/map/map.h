@@ -96,11 +96,19 @@ struct fv_map_edge {
     uint32_t a, b, generation_a, generation_b;
 };
 
+/* What is known of the unit of an `odom` frame. Corrections of the map leave it alone. */
+struct fv_map_scale {
+    uint32_t source; /* enum fovea_scale_source; FOVEA_SCALE_FREE: nothing */
+    uint32_t reserved;
+    double log_scale, variance; /* natural logarithm of metres per unit, and its variance */
+};
+
 /* The continuous frame in which poses of a map are published: REP-105's `odom`. S_map_odom takes its points to the world
  * of the map. Corrections of the map change it, and not the pose in `odom`; nor does joining another map. */
 struct fv_map_odom {
     uint32_t map_id, odom_id;
     struct fv_sim3 S_map_odom;
+    struct fv_map_scale scale;
 };
 
 struct fv_map_state {
@@ -116,7 +124,8 @@ struct fv_map_state {
     uint32_t left_count; /* maps left, modulo FV_MAP_WORLDS_MAX the next one's place */
     uint32_t landmark_top; /* slots from here on were never used: passes over all landmarks end here */
     uint32_t reserved;
-    struct fv_sim3 S_map_odom; /* of the current map */
+    struct fv_sim3 S_map_odom; /* of the current map, as is the scale */
+    struct fv_map_scale scale;
     struct fv_map_odom left[FV_MAP_WORLDS_MAX];
 };
 

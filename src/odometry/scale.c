@@ -29,13 +29,18 @@ void fv_scale_carve(struct fv_scale *scale, const struct fovea_scale_config *con
 void fv_scale_init(struct fv_scale *scale, uint64_t seed)
 {
     fovea_random_seed(&scale->state->random, seed);
+    scale->state->map = UINT32_MAX; /* none yet: the first is taken up like any other */
 }
 
-/* A new map: its unit is another. Odometry itself goes on. */
-static void fv_scale_forget(struct fv_scale_state *s, uint32_t map)
+/* Another map: its unit is another, and known where it brings a scale. Odometry itself goes on. */
+static void fv_scale_enter(struct fv_scale_state *s, uint32_t map, const struct fv_map_state *brought)
 {
-    s->started = s->known = s->metric = false;
-    s->log_scale = s->variance = 0;
+    s->started = s->metric = false;
+    s->known = brought->scale.source != FOVEA_SCALE_FREE;
+    s->source = brought->scale.source;
+    s->map_scale = brought->S_map_odom.s;
+    s->log_scale = s->prior = s->known ? brought->scale.log_scale - fovea_log(s->map_scale) : 0;
+    s->variance = s->prior_variance = brought->scale.variance;
     s->station_count = 0;
     s->station_next = s->fitted = 0;
     s->map = map;
@@ -46,6 +51,7 @@ static void fv_scale_forget(struct fv_scale_state *s, uint32_t map)
 void fv_scale_measure(struct fv_scale *scale, double log_scale, double variance)
 {
     struct fv_scale_state *s = scale->state;
+    s->source = scale->config.source;
     if (!s->known) {
         s->known = true;
         s->log_scale = log_scale;
@@ -140,15 +146,19 @@ static void fv_scale_refer(struct fv_scale_state *s, const struct fv_odometry *o
 /* A loop gave the map another unit here: what is known of a unit's metres goes with it. */
 static void fv_scale_follow(struct fv_scale_state *s, double map_scale)
 {
-    if (s->known && map_scale != s->map_scale) s->log_scale -= fovea_log(map_scale / s->map_scale);
+    if (map_scale == s->map_scale) return;
+    const double longer = fovea_log(map_scale / s->map_scale);
+    s->log_scale -= longer; /* where nothing is known it says nothing */
+    s->prior -= longer;
     s->map_scale = map_scale;
 }
 
-void fv_scale_step(struct fv_scale *scale, const struct fv_odometry *o)
+void fv_scale_step(struct fv_scale *scale, struct fv_odometry *o)
 {
     struct fv_scale_state *s = scale->state;
-    if (s->map != o->state->pose.map_id) fv_scale_forget(s, o->state->pose.map_id);
-    fv_scale_follow(s, o->map.state->S_map_odom.s);
+    struct fv_map_state *map = o->map.state;
+    if (s->map != o->state->pose.map_id) fv_scale_enter(s, o->state->pose.map_id, map);
+    fv_scale_follow(s, map->S_map_odom.s);
     s->pose = o->state->pose;
     s->pose.scale = 1;
     if (!s->pose.posed) return;
@@ -163,9 +173,10 @@ void fv_scale_step(struct fv_scale *scale, const struct fv_odometry *o)
         memset(s->outer, 0, sizeof s->outer);
     }
     if (!s->known) return;
+    map->scale = (struct fv_map_scale){s->source, 0, s->log_scale + fovea_log(s->map_scale), s->variance};
     s->pose.scale = fovea_exp(s->log_scale);
     fv_scale_publish(s, s->pose.scale);
     fv_scale_map(&s->pose, o, s->pose.scale);
     s->pose.scale_sigma = __builtin_sqrt(s->variance);
-    s->pose.scale_source = scale->config.source;
+    s->pose.scale_source = (enum fovea_scale_source)s->source;
 }

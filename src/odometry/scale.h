@@ -11,7 +11,8 @@
  * (geometry/plane.h); the logarithm of the scale is then filtered (Kalman, one state, drifting with every
  * keyframe since the scale of a monocular map does). odometry: between the last keyframes, the camera's
  * displacement by odometry is divided by that in the map; the middle of these legs counts, and their
- * spread gives the uncertainty. A new map starts with the scale unknown.
+ * spread gives the uncertainty. A new map starts with the scale unknown; one that was left or loaded with the
+ * scale that it had, which new measurements add to.
  *
  * State holds no addresses. Real-time safe: every function is bounded; no heap. */
 #ifndef FOVEA_ODOMETRY_SCALE_H
@@ -47,7 +48,9 @@ struct fv_scale_state {
     struct fovea_pose pose; /* as published */
     bool started; /* the map has given a pose */
     bool known, metric; /* the scale is known; it has been published */
+    uint32_t source;    /* that it is known from */
     double log_scale, variance; /* natural logarithm of metres per unit, and its variance */
+    double prior, prior_variance; /* the same, as the map brought it; a variance of 0: nothing */
     double map_scale;           /* units of the map per unit of the continuous world, when last looked at */
     uint32_t map;               /* that all this belongs to */
 
@@ -81,8 +84,8 @@ void fv_scale_init(struct fv_scale *scale, uint64_t seed);
 /* Odometry that has come, in order of time. Samples not after the last one are passed over. */
 void fv_scale_observe(struct fv_scale *scale, const struct fovea_odometry_sample *samples, uint32_t count);
 
-/* After a frame's pose is known: state->pose becomes what is published. */
-void fv_scale_step(struct fv_scale *scale, const struct fv_odometry *odometry);
+/* After a frame's pose is known: state->pose becomes what is published, and the map remembers its scale. */
+void fv_scale_step(struct fv_scale *scale, struct fv_odometry *odometry);
 
 /* The floor's turn to be fitted, and one unit that does it. */
 bool fv_scale_waiting(const struct fv_scale *scale, const struct fv_odometry *odometry);

@@ -85,8 +85,14 @@ static void fv_scale_settle(struct fv_scale_state *s, double *legs, uint32_t cou
     }
     if (count < LEGS_FEW && sigma < sigma_few) sigma = sigma_few;
     s->known = true;
+    s->source = FOVEA_SCALE_ODOMETRY;
     s->log_scale = sum / used;
     s->variance = sigma * sigma / used + sigma_least * sigma_least;
+    if (s->prior_variance > 0) { /* what the map brought, weighed by how sure the two are */
+        const double gain = s->prior_variance / (s->prior_variance + s->variance);
+        s->log_scale = s->prior + gain * (s->log_scale - s->prior);
+        s->variance *= gain;
+    }
 }
 
 /* Keyframes of this map become stations in order of their numbers; the oldest give way. */

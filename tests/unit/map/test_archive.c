@@ -11,6 +11,7 @@
 #include <cmocka.h>
 
 #include "common/small_map.h"
+#include "fovea/odometry.h"
 
 static enum fovea_status read_into(struct small_map *small, const uint8_t *data, size_t bytes,
                                    struct fovea_error *error)
@@ -72,6 +73,58 @@ static void test_there_and_back(void **state)
         give_back(from);
         give_back(to);
     }
+}
+
+/* Scales of the maps whose unit is known, per unit of their points; twice told or impossible ones are
+ * refused. */
+static void test_scales(void **state)
+{
+    (void)state;
+    struct small_map *from = filled(6, 4), *to = filled(5, 2);
+    struct fovea_random random;
+    struct fovea_error error;
+    size_t bytes;
+    fovea_random_seed(&random, 31);
+    struct fv_map_state *s = from->map.state;
+    s->scale = (struct fv_map_scale){FOVEA_SCALE_CAMERA_HEIGHT, 0, 0.5, 0.01};
+    s->S_map_odom.s = 2;
+    fv_map_begin_another(&from->map);
+    assert_int_equal(s->scale.source, FOVEA_SCALE_FREE);
+    for (int k = 0; k < 3; k++)
+        small_map_grow(from, &random);
+    s->scale = (struct fv_map_scale){FOVEA_SCALE_ODOMETRY, 0, -1.25, 0.04};
+    uint8_t *data = small_map_save(from, &bytes);
+    if (read_into(to, data, bytes, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    const struct fv_map_scale current = to->map.state->scale;
+    assert_true(current.source == FOVEA_SCALE_ODOMETRY && current.log_scale == -1.25 &&
+                current.variance == 0.04);
+    fv_map_enter(&to->map, 0);
+    const struct fv_map_scale left = to->map.state->scale;
+    assert_true(left.source == FOVEA_SCALE_CAMERA_HEIGHT && left.log_scale == 0.5 - fovea_log(2) &&
+                left.variance == 0.01);
+    assert_true(to->map.state->S_map_odom.s == 1 && to->map.state->odom_id == 0);
+
+    const size_t first = bytes - FV_ARCHIVE_CHECKSUM_BYTES - 2 * (size_t)FV_ARCHIVE_SCALE_BYTES;
+    const struct {
+        size_t at;
+        uint8_t value;
+        const char *expected;
+    } cases[] = {{first, 0, "map of a scale: found 0, expected one that comes once"},
+                 {first + 4, 3, "source of a scale: found 3, expected 1 or 2"},
+                 {first + 15, 0x7f, "logarithm of a scale"},
+                 {first + 23, 0xbf, "variance of a scale"},
+                 {164, 10, "byte 164: scales: found 10"}};
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        const uint8_t kept = data[cases[i].at];
+        data[cases[i].at] = cases[i].value;
+        fv_archive_seal(data, bytes);
+        assert_int_equal(read_into(to, data, bytes, &error), FOVEA_ERROR_INPUT);
+        if (strstr(error.text, cases[i].expected) == NULL) fail_msg("case %zu: %s", i, error.text);
+        data[cases[i].at] = kept;
+    }
+    free(data);
+    give_back(from);
+    give_back(to);
 }
 
 /* Keyframes come and go between the units: what is read is whole, and has what stayed all the time. */
@@ -214,7 +267,7 @@ static void test_foreign_files_are_refused(void **state)
         const char *expected;
     } cases[] = {
         {0, 'G', "byte 0: first byte"},
-        {8, 2, "byte 8: version: found 2, expected 1"},
+        {8, 1, "byte 8: version: found 1, expected 2: saved by another Fovea"},
     };
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
         const uint8_t kept = data[cases[i].at];
@@ -246,6 +299,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_there_and_back),
+        cmocka_unit_test(test_scales),
         cmocka_unit_test(test_saved_while_it_changes),
         cmocka_unit_test(test_without_a_buffer_the_units_are_the_same),
         cmocka_unit_test(test_damaged_files_are_refused),

@@ -18,6 +18,9 @@
 #include "fovea_pose_t.h"
 
 static struct sim_rig rig;
+static uint8_t *saved; /* the map of the first test */
+static size_t saved_bytes;
+static double saved_scale;
 
 static void odometry_gives_metres(void **state)
 {
@@ -39,7 +42,33 @@ static void odometry_gives_metres(void **state)
     assert_int_equal(last->scale_source, FOVEA_SCALE_ODOMETRY);
     assert_true(fabs(scale - 1) < 0.02);
     assert_true(last->scale_sigma > 0.002 && last->scale_sigma < 0.05);
+    saved_scale = last->scale;
+    saved = malloc(fovea_map_bytes_max(&rig.config));
+    saved_bytes = fovea_map_save(rig.rt, saved, fovea_map_bytes_max(&rig.config));
+    assert_true(saved_bytes > 0);
     sim_rig_close(&rig);
+}
+
+/* A map keeps its metres: a run that has no odometry publishes them, and says from where they are. */
+static void a_saved_map_keeps_its_scale(void **state)
+{
+    (void)state;
+    for (int localise_only = 0; localise_only < 2; localise_only++) {
+        sim_rig_open(&rig, "sim:orbit?width=400&height=300", 120, 90);
+        rig.config.map = saved;
+        rig.config.map_bytes = saved_bytes;
+        rig.config.odometry.localise_only = localise_only;
+        sim_rig_build(&rig);
+        while (sim_rig_next(&rig)) sim_rig_process(&rig);
+        const struct fovea_pose *last = &rig.pose[rig.frames - 1];
+        double scale = sim_rig_scale(&rig, 20, rig.frames);
+        printf("saved map, %s: scale off by %+.2f %%\n", localise_only ? "localised" : "mapped on", 100 * (scale - 1));
+        assert_int_equal(last->scale_source, FOVEA_SCALE_ODOMETRY);
+        assert_true(fabs(last->scale / saved_scale - 1) < 1e-9 && last->scale_sigma > 0.002 && last->map_scale == 1);
+        assert_true(fabs(scale - 1) < 0.02);
+        sim_rig_close(&rig);
+    }
+    free(saved);
 }
 
 /* Positions do not jump when the scale becomes better known. */
@@ -272,6 +301,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(odometry_gives_metres),
+        cmocka_unit_test(a_saved_map_keeps_its_scale),
         cmocka_unit_test(the_path_bends_but_does_not_tear),
         cmocka_unit_test(the_maps_unit_is_minded),
         cmocka_unit_test(a_lever_arm_is_minded),
