@@ -56,7 +56,7 @@ static void directions(const struct fv_trajectory_summary *summary, struct view 
             for (int c = 0; c < 3; c++)
                 S[3 * r + c] += p[r] * p[c];
     }
-    fv_eigen_symmetric3(S, values, V);
+    fv_eigen_symmetric(S, 3, values, V);
     memcpy(view->axis, V, sizeof view->axis);
     for (int a = 0; a < 2;
          a++) { /* the same path gives the same picture: the largest component is positive */

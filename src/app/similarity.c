@@ -53,7 +53,7 @@ bool fv_similarity_fit(const struct fv_similarity_sums *sums, double *scale, dou
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++)
             S[3 * i + j] = H[i] * H[j] + H[3 + i] * H[3 + j] + H[6 + i] * H[6 + j];
-    fv_eigen_symmetric3(S, values, V);
+    fv_eigen_symmetric(S, 3, values, V);
     /* The two largest directions fix the rotation; the third follows as the right-handed one on both sides.
      */
     const double first = image_of(H, V, NULL, 0.0, u[0]);

@@ -142,7 +142,7 @@ int fv_homography_motions(const double H[9], struct fv_se3 T[4], double *baselin
         for (int c = 0; c < 3; c++)
             G[3 * r + c] = H[3 * c + r];
     fv_multiply33(G, H, S);
-    fv_eigen_symmetric3(S, values, V);
+    fv_eigen_symmetric(S, 3, values, V);
     if (!(values[2] > 1e-12 * values[0])) return 0;
     double scale = 1 / __builtin_sqrt(values[1]);
     if (fv_determinant33(H) < 0) scale = -scale;

@@ -62,45 +62,43 @@ bool fv_invert_symmetric3(const double S[6], double inverse[6])
 }
 
 /* Rotate rows p and q of S and V so that S[p][q] vanishes. */
-static void fv_jacobi_rotate(double S[9], double V[9], int p, int q)
+static void fv_jacobi_rotate(double *S, double *V, int n, int p, int q)
 {
-    double off = S[3 * p + q];
+    double off = S[n * p + q];
     if (off == 0) return;
-    double theta = (S[4 * q] - S[4 * p]) / (2 * off), root = __builtin_sqrt(theta * theta + 1);
+    double theta = (S[n * q + q] - S[n * p + p]) / (2 * off), root = __builtin_sqrt(theta * theta + 1);
     double t = 1 / (theta >= 0 ? theta + root : theta - root), c = 1 / __builtin_sqrt(t * t + 1), s = t * c;
-    for (int k = 0; k < 3; k++) {
-        double a = S[3 * k + p], b = S[3 * k + q];
-        S[3 * k + p] = c * a - s * b;
-        S[3 * k + q] = s * a + c * b;
+    for (int k = 0; k < n; k++) {
+        double a = S[n * k + p], b = S[n * k + q];
+        S[n * k + p] = c * a - s * b;
+        S[n * k + q] = s * a + c * b;
     }
-    for (int k = 0; k < 3; k++) {
-        double a = S[3 * p + k], b = S[3 * q + k], x = V[3 * p + k], y = V[3 * q + k];
-        S[3 * p + k] = c * a - s * b;
-        S[3 * q + k] = s * a + c * b;
-        V[3 * p + k] = c * x - s * y;
-        V[3 * q + k] = s * x + c * y;
+    for (int k = 0; k < n; k++) {
+        double a = S[n * p + k], b = S[n * q + k], x = V[n * p + k], y = V[n * q + k];
+        S[n * p + k] = c * a - s * b;
+        S[n * q + k] = s * a + c * b;
+        V[n * p + k] = c * x - s * y;
+        V[n * q + k] = s * x + c * y;
     }
 }
 
-void fv_eigen_symmetric3(const double input[9], double values[3], double V[9])
+void fv_eigen_symmetric(const double *input, int n, double *values, double *V)
 {
-    double S[9], W[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
-    memcpy(S, input, sizeof S);
-    for (int sweep = 0; sweep < 8; sweep++) {
-        fv_jacobi_rotate(S, W, 0, 1);
-        fv_jacobi_rotate(S, W, 0, 2);
-        fv_jacobi_rotate(S, W, 1, 2);
-    }
-    int order[3] = {0, 1, 2};
-    for (int a = 0; a < 2; a++)
-        for (int b = 0; b < 2 - a; b++)
-            if (S[4 * order[b]] < S[4 * order[b + 1]]) {
-                int swap = order[b];
-                order[b] = order[b + 1];
-                order[b + 1] = swap;
-            }
-    for (int k = 0; k < 3; k++) {
-        values[k] = S[4 * order[k]];
-        memcpy(V + 3 * k, W + 3 * order[k], 3 * sizeof *V);
+    double S[FV_EIGEN_SIZE_MAX * FV_EIGEN_SIZE_MAX], W[FV_EIGEN_SIZE_MAX * FV_EIGEN_SIZE_MAX] = {0};
+    memcpy(S, input, (size_t)(n * n) * sizeof *S);
+    for (int k = 0; k < n; k++)
+        W[(n + 1) * k] = 1;
+    for (int sweep = 0; sweep < 8; sweep++)
+        for (int p = 0; p < n - 1; p++)
+            for (int q = p + 1; q < n; q++)
+                fv_jacobi_rotate(S, W, n, p, q);
+    bool taken[FV_EIGEN_SIZE_MAX] = {false};
+    for (int row = 0; row < n; row++) { /* equal ones in the order in which they stand */
+        int best = -1;
+        for (int k = 0; k < n; k++)
+            if (!taken[k] && (best < 0 || S[(n + 1) * k] > S[(n + 1) * best])) best = k;
+        taken[best] = true;
+        values[row] = S[(n + 1) * best];
+        memcpy(V + n * row, W + n * best, (size_t)n * sizeof *V);
     }
 }

@@ -8,7 +8,7 @@
 extern "C" {
 #endif
 
-enum { FV_LDLT_SIZE_MAX = 128 };
+enum { FV_LDLT_SIZE_MAX = 128, FV_EIGEN_SIZE_MAX = 4 };
 
 /* Factor the symmetric positive definite n x n matrix A (row-major, lower triangle read) in place: unit lower
  * triangle L below the diagonal, D on it. False where a pivot is not safely positive. */
@@ -21,8 +21,9 @@ bool fv_ldlt_solve(double *A, int n, double *b);
 /* Inverse of a symmetric 3x3 given as xx xy xz yy yz zz. False when it is not safely positive definite. */
 bool fv_invert_symmetric3(const double S[6], double inverse[6]);
 
-/* Eigenvectors (rows of V, by falling eigenvalue) of a symmetric 3x3 matrix, by cyclic Jacobi rotations. */
-void fv_eigen_symmetric3(const double S[9], double values[3], double V[9]);
+/* Eigenvectors (rows of V, by falling eigenvalue) of a symmetric n x n matrix, n at most FV_EIGEN_SIZE_MAX, by cyclic Jacobi
+ * rotations. */
+void fv_eigen_symmetric(const double *S, int n, double *values, double *V);
 
 #ifdef __cplusplus
 }

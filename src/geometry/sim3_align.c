@@ -16,43 +16,10 @@ static const double distance_ratio_max = 1.5;
 /* ---- closed form -----------------------------------------------------------------------------------------
  */
 
-/* Eigenvector of the largest eigenvalue of a symmetric 4x4 matrix, by cyclic Jacobi rotations. */
-static void fv_largest_eigenvector4(double N[16], double q[4])
-{
-    double V[16] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
-    for (int sweep = 0; sweep < 8; sweep++) {
-        for (int a = 0; a < 3; a++)
-            for (int b = a + 1; b < 4; b++) {
-                double off = N[4 * a + b];
-                if (off == 0) continue;
-                double theta = (N[5 * b] - N[5 * a]) / (2 * off), root = __builtin_sqrt(theta * theta + 1);
-                double t = 1 / (theta >= 0 ? theta + root : theta - root), c = 1 / __builtin_sqrt(t * t + 1),
-                       s = t * c;
-                for (int k = 0; k < 4; k++) {
-                    double x = N[4 * k + a], y = N[4 * k + b];
-                    N[4 * k + a] = c * x - s * y;
-                    N[4 * k + b] = s * x + c * y;
-                }
-                for (int k = 0; k < 4; k++) {
-                    double x = N[4 * a + k], y = N[4 * b + k], u = V[4 * a + k], v = V[4 * b + k];
-                    N[4 * a + k] = c * x - s * y;
-                    N[4 * b + k] = s * x + c * y;
-                    V[4 * a + k] = c * u - s * v;
-                    V[4 * b + k] = s * u + c * v;
-                }
-            }
-    }
-    int best = 0;
-    for (int k = 1; k < 4; k++)
-        if (N[5 * k] > N[5 * best]) best = k;
-    for (int k = 0; k < 4; k++)
-        q[k] = V[4 * best + k];
-}
-
 bool fv_sim3_align(const double (*a)[3], const double (*b)[3], uint32_t count, struct fv_sim3 *S)
 {
     if (count < 3) return false;
-    double ma[3] = {0}, mb[3] = {0}, M[9] = {0}, spread[9] = {0}, values[3], V[9];
+    double ma[3] = {0}, mb[3] = {0}, M[9] = {0}, spread[9] = {0}, values[4], V[16];
     for (uint32_t i = 0; i < count; i++)
         for (int k = 0; k < 3; k++) {
             ma[k] += a[i][k] / count;
@@ -68,15 +35,15 @@ bool fv_sim3_align(const double (*a)[3], const double (*b)[3], uint32_t count, s
                 spread[3 * r + c] += y[r] * y[c];
             }
     }
-    fv_eigen_symmetric3(spread, values, V);
+    fv_eigen_symmetric(spread, 3, values, V);
     if (!(values[1] > 1e-6 * values[0])) return false; /* on a line, or in one place */
     double N[16] = {M[0] + M[4] + M[8], M[5] - M[7],        M[6] - M[2],        M[1] - M[3],
                     M[5] - M[7],        M[0] - M[4] - M[8], M[1] + M[3],        M[6] + M[2],
                     M[6] - M[2],        M[1] + M[3],        M[4] - M[0] - M[8], M[5] + M[7],
                     M[1] - M[3],        M[6] + M[2],        M[5] + M[7],        M[8] - M[0] - M[4]};
-    double q[4], along = 0;
-    fv_largest_eigenvector4(N, q);
-    fv_so3_from_quaternion(q, S->R);
+    double along = 0;
+    fv_eigen_symmetric(N, 4, values, V);
+    fv_so3_from_quaternion(V, S->R); /* that of the largest eigenvalue */
     for (int r = 0; r < 3; r++) /* sum of x . R y */
         for (int c = 0; c < 3; c++)
             along += S->R[3 * r + c] * M[3 * c + r];
