@@ -7,6 +7,7 @@
 
 #include "decode.h"
 #include "fovea/calibration.h"
+#include "lines.h"
 #include "player.h"
 
 struct listed {
@@ -115,6 +116,27 @@ enum fovea_status fv_listing_add(struct fv_listing *listing, int64_t stamp_ns, c
     listing->frames[listing->count++] = (struct listed){.stamp_ns = stamp_ns, .name = listing->names_bytes};
     listing->names_bytes += bytes;
     return FOVEA_OK;
+}
+
+enum fovea_status fv_listing_read(struct fv_listing *listing, const char *path, const char *separators,
+                                  bool (*stamp_of)(const char *text, int64_t *stamp_ns), const char *expected,
+                                  struct fovea_error *error)
+{
+    struct fv_lines lines;
+    enum fovea_status status = fv_lines_open(&lines, path, error);
+    if (status != FOVEA_OK) return status;
+    while ((status = fv_lines_next(&lines, separators, error)) == FOVEA_OK) {
+        int64_t stamp_ns;
+        if (!stamp_of(lines.fields[0], &stamp_ns))
+            status = fv_lines_refuse(&lines, "timestamp", lines.fields[0], expected, error);
+        else if (lines.field_count < 2)
+            status = fv_lines_refuse(&lines, "filename", NULL, "the file of the frame", error);
+        else
+            status = fv_listing_add(listing, stamp_ns, lines.fields[1], error);
+        if (status != FOVEA_OK) break;
+    }
+    fv_lines_close(&lines);
+    return status == FOVEA_END ? FOVEA_OK : status;
 }
 
 size_t fv_listing_count(const struct fv_listing *listing)

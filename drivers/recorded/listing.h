@@ -15,6 +15,11 @@ void fv_listing_free(struct fv_listing *listing);
 
 enum fovea_status fv_listing_add(struct fv_listing *listing, int64_t stamp_ns, const char *name,
                                  struct fovea_error *error);
+/* A list of frames as a text file: a stamp and the file's name in each line. `stamp_of` reads a stamp, `expected` says which
+ * kind. Errors name the line. */
+enum fovea_status fv_listing_read(struct fv_listing *listing, const char *path, const char *separators,
+                                  bool (*stamp_of)(const char *text, int64_t *stamp_ns), const char *expected,
+                                  struct fovea_error *error);
 size_t fv_listing_count(const struct fv_listing *listing);
 
 /* Poses become the listing's own. */

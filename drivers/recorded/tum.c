@@ -7,25 +7,6 @@
 #include "listing.h"
 #include "player.h"
 
-static enum fovea_status read_list(struct fv_listing *listing, const char *path, struct fovea_error *error)
-{
-    struct fv_lines lines;
-    enum fovea_status status = fv_lines_open(&lines, path, error);
-    if (status != FOVEA_OK) return status;
-    while ((status = fv_lines_next(&lines, "", error)) == FOVEA_OK) {
-        int64_t stamp_ns;
-        if (!fv_stamp_from_seconds(lines.fields[0], &stamp_ns))
-            status = fv_lines_refuse(&lines, "timestamp", lines.fields[0], "seconds", error);
-        else if (lines.field_count < 2)
-            status = fv_lines_refuse(&lines, "filename", NULL, "the file of the frame", error);
-        else
-            status = fv_listing_add(listing, stamp_ns, lines.fields[1], error);
-        if (status != FOVEA_OK) break;
-    }
-    fv_lines_close(&lines);
-    return status == FOVEA_END ? FOVEA_OK : status;
-}
-
 static enum fovea_status read_extras(struct fv_listing *listing, const char *folder,
                                      struct fovea_source_info *info, struct fovea_error *error)
 {
@@ -52,7 +33,7 @@ static enum fovea_status open_tum(const char *address, const struct fovea_source
     if (status != FOVEA_OK) return status;
     struct fv_listing *listing = fv_listing_new(address);
     if (listing == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", address);
-    status = read_list(listing, list, error);
+    status = fv_listing_read(listing, list, "", fv_stamp_from_seconds, "seconds", error);
     if (status == FOVEA_OK) status = read_extras(listing, address, &info, error);
     if (status != FOVEA_OK) {
         fv_listing_free(listing);
