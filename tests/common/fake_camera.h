@@ -91,6 +91,9 @@ struct fake_camera {
  * where descriptors or mappings are left). */
 void fake_begin(void);
 void fake_end(void);
+/* Both around one test, as fixtures of CMocka. */
+int fake_set_up(void **state);
+int fake_tear_down(void **state);
 
 /* A camera of 96 x 64 in every format, 1000 frames a second, with controls; for tests to change. Not plugged
  * in. */

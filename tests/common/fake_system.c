@@ -234,6 +234,20 @@ void fake_end(void)
     fv_v4l2_system = &fv_v4l2_system_real;
 }
 
+int fake_set_up(void **state)
+{
+    (void)state;
+    fake_begin();
+    return 0;
+}
+
+int fake_tear_down(void **state)
+{
+    (void)state;
+    fake_end();
+    return 0;
+}
+
 struct fake_camera *fake_new(void)
 {
     assert_true(camera_count < FAKE_CAMERAS_MAX);

@@ -9,8 +9,6 @@
 #include <string.h>
 #include <time.h>
 
-extern const struct fovea_source_ops fovea_source_v4l2; /* drivers/live/live.h */
-
 int64_t fv_test_now_ns(void)
 {
     struct timespec now;

@@ -7,6 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "fovea/text.h"
+
 enum { NN_GOLDEN_MAX = 128 };
 
 struct nn_golden_model {
@@ -26,21 +28,25 @@ static inline size_t nn_golden_padded(size_t bytes)
     return (bytes + 63) / 64 * 64;
 }
 
-/* Aborts when the file is not there or broken: tests run from the project's top. */
-static inline struct nn_golden nn_golden_read(void)
+static struct nn_golden golden; /* of a test program */
+
+/* From the project's top, where tests run. */
+static inline int nn_golden_set_up(void **state)
 {
-    struct nn_golden g = {.count = 0};
-    FILE *file = fopen("tests/golden/nn_operators.bin", "rb");
-    if (file == NULL) abort();
-    fseek(file, 0, SEEK_END);
-    const long size = ftell(file);
-    rewind(file);
-    if (size <= 0 || size % 64 != 0) abort();
-    g.data = aligned_alloc(64, (size_t)size);
-    if (g.data == NULL || fread(g.data, 1, (size_t)size, file) != (size_t)size) abort();
-    fclose(file);
-    for (const uint8_t *at = g.data; at < g.data + size && g.count < NN_GOLDEN_MAX; ++g.count) {
-        struct nn_golden_model *m = &g.models[g.count];
+    struct fovea_error error = {.text = "not whole"};
+    char *file;
+    size_t bytes;
+    (void)state;
+    if (fovea_text_read("tests/golden/nn_operators.bin", 1 << 28, &file, &bytes, &error) != FOVEA_OK || bytes == 0 || bytes % 64 != 0) {
+        fprintf(stderr, "tests/golden/nn_operators.bin: %s\n", error.text);
+        return -1;
+    }
+    golden.data = aligned_alloc(64, bytes);
+    if (golden.data == NULL) return -1;
+    memcpy(golden.data, file, bytes);
+    free(file);
+    for (const uint8_t *at = golden.data; at < golden.data + bytes && golden.count < NN_GOLDEN_MAX; ++golden.count) {
+        struct nn_golden_model *m = &golden.models[golden.count];
         m->name = (const char *)at;
         memcpy(&m->model_bytes, at + 40, 4);
         memcpy(&m->input_bytes, at + 44, 4);
@@ -50,7 +56,14 @@ static inline struct nn_golden nn_golden_read(void)
         m->outputs = m->inputs + nn_golden_padded(m->input_bytes);
         at = m->outputs + nn_golden_padded(m->output_bytes);
     }
-    return g;
+    return golden.count < 40 ? -1 : 0;
+}
+
+static inline int nn_golden_tear_down(void **state)
+{
+    (void)state;
+    free(golden.data);
+    return 0;
 }
 
 #endif

@@ -12,6 +12,7 @@
 #include "base/hash.h"
 #include "common/short_run.h"
 #include "fovea/source.h"
+#include "fovea/text.h"
 #include "message/fields.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t bytes);
@@ -30,13 +31,10 @@ int LLVMFuzzerInitialize(int *argc, char ***argv)
     file = memfd_create("log", 0);
     snprintf(path, sizeof path, "/proc/self/fd/%d", file);
     short_run_record(path, &run);
-    FILE *stream = fopen(path, "rb");
-    fseek(stream, 0, SEEK_END);
-    good_bytes = (size_t)ftell(stream);
-    rewind(stream);
-    good = malloc(good_bytes);
-    if (fread(good, 1, good_bytes, stream) != good_bytes) abort();
-    fclose(stream);
+    struct fovea_error error;
+    char *text;
+    if (fovea_text_read(path, 1 << 28, &text, &good_bytes, &error) != FOVEA_OK) abort();
+    good = (uint8_t *)text;
     return 0;
 }
 

@@ -14,6 +14,7 @@
 #include "app/replay.h"
 #include "common/short_run.h"
 #include "fovea/log.h"
+#include "fovea/text.h"
 
 enum { WIDTH = 160, HEIGHT = 120, TURNS = 40 };
 
@@ -26,13 +27,10 @@ static void make_recording(void)
 {
     const struct short_run run = {.width = WIDTH, .height = HEIGHT, .turns = TURNS, .features = 200, .detect = true};
     short_run_record(good, &run);
-    FILE *file = fopen(good, "rb");
-    fseek(file, 0, SEEK_END);
-    whole_bytes = (size_t)ftell(file);
-    rewind(file);
-    whole = malloc(whole_bytes);
-    if (fread(whole, 1, whole_bytes, file) != whole_bytes) abort();
-    fclose(file);
+    struct fovea_error error;
+    char *text;
+    if (fovea_text_read(good, 1 << 28, &text, &whole_bytes, &error) != FOVEA_OK) abort();
+    whole = (uint8_t *)text;
 }
 
 /* ---- changing it ------------------------------------------------------------------------------------- */

@@ -14,22 +14,7 @@
 #include "common/fake_camera.h"
 #include "common/live_source.h"
 
-static const struct fovea_source_ops *ops;
-
-static int begin(void **state)
-{
-    const char *address;
-    (void)state;
-    fake_begin();
-    return fovea_source_find("v4l2:/dev/video0", &ops, &address, NULL) == FOVEA_OK ? 0 : -1;
-}
-
-static int end(void **state)
-{
-    (void)state;
-    fake_end();
-    return 0;
-}
+static const struct fovea_source_ops *const ops = &fovea_source_v4l2;
 
 /* ---- faults ------------------------------------------------------------------------------------------ */
 
@@ -365,7 +350,7 @@ static void test_few_buffers(void **state)
     fv_test_finish(source);
 }
 
-#define TEST(name) cmocka_unit_test_setup_teardown(name, begin, end)
+#define TEST(name) cmocka_unit_test_setup_teardown(name, fake_set_up, fake_tear_down)
 
 int main(void)
 {

@@ -11,22 +11,6 @@
 #include "common/nn_mutant.h"
 #include "fovea/elementary.h"
 
-static struct nn_golden golden;
-
-static int read_golden(void **state)
-{
-    (void)state;
-    golden = nn_golden_read();
-    return golden.count < 40 ? -1 : 0;
-}
-
-static int free_golden(void **state)
-{
-    (void)state;
-    free(golden.data);
-    return 0;
-}
-
 static uint8_t *copy_of(const struct nn_golden_model *g)
 {
     void *copy = NULL;
@@ -158,5 +142,5 @@ int main(void)
         cmocka_unit_test(cycle),
         cmocka_unit_test(ten_thousand_mutants),
     };
-    return cmocka_run_group_tests(tests, read_golden, free_golden);
+    return cmocka_run_group_tests(tests, nn_golden_set_up, nn_golden_tear_down);
 }

@@ -9,22 +9,6 @@
 #include "common/nn_golden.h"
 #include "nn/run.h"
 
-static struct nn_golden golden;
-
-static int read_golden(void **state)
-{
-    (void)state;
-    golden = nn_golden_read();
-    return golden.count < 40 ? -1 : 0;
-}
-
-static int free_golden(void **state)
-{
-    (void)state;
-    free(golden.data);
-    return 0;
-}
-
 static uint8_t *new_arena(const struct fv_model *model, const struct nn_golden_model *g)
 {
     uint8_t *arena = aligned_alloc(64, nn_golden_padded(fv_nn_arena_bytes(model)));
@@ -124,5 +108,5 @@ int main(void)
         cmocka_unit_test(with_every_kernel_set),
         cmocka_unit_test(unit_by_unit_while_moving),
     };
-    return cmocka_run_group_tests(tests, read_golden, free_golden);
+    return cmocka_run_group_tests(tests, nn_golden_set_up, nn_golden_tear_down);
 }
