@@ -24,11 +24,22 @@ static void draw_range(struct check *check, int32_t *zero, int32_t *low, int32_t
     *high = check_between(check, 0, 2) ? 255 : check_between(check, *low, 255);
 }
 
+/* Weights of all sizes, or mostly of sizes whose pairs just fit 16 bits when multiplied by 255, or just do not. */
+static void fill_weights(struct check *check, int8_t *weights, int32_t count)
+{
+    check_fill(check, weights, (size_t)count);
+    if (check_between(check, 0, 2) == 0) return;
+    for (int32_t i = 0; i < count; ++i) {
+        const int32_t size = check_between(check, 60, 64), kind = check_between(check, 0, 200);
+        if (kind != 0) weights[i] = (int8_t)(kind == 1 ? 65 : kind == 2 ? -65 : weights[i] >= 0 ? size : -size);
+    }
+}
+
 static struct fv_nn_gemm draw_gemm(struct check *check, int32_t k, int32_t n)
 {
     const int32_t k4 = (k + 3) / 4, n16 = (n + 15) / 16 * 16;
     int8_t *weights = check_buffer(check, (size_t)(n16 * k4 * 4), 64, SLACK);
-    check_fill(check, weights, (size_t)(n16 * k4 * 4));
+    fill_weights(check, weights, n16 * k4 * 4);
     for (int32_t c = 0; c < n16; ++c) { /* padding is zero by contract */
         for (int32_t i = 0; i < k4 * 4; ++i) {
             if (c >= n || i >= k) weights[((c / 16 * k4 + i / 4) * 16 + c % 16) * 4 + i % 4] = 0;

@@ -226,13 +226,10 @@ def fully_connected(low, op):
 
 
 def fully_connected_scale(ti, tw, to, channels):
-    """LiteRT rounds acc * (double scale) once; the double's bits travel as two words (low in multiplier)."""
-    if tw.type == "UINT8":
-        product = np.float32(ti.scale0 * tw.scale0)
-        real = np.full(channels, float(product) / float(to.scale0))
-    else:
-        scales = tw.scale if len(tw.scale) == channels else np.repeat(tw.scale[:1], channels)
-        real = np.array([float(ti.scale0) * float(s) / float(to.scale0) for s in scales])
+    """LiteRT rounds acc * (double scale) once; the double's bits travel as two words (low in multiplier). Unlike in convolutions
+    the product of the scales is a double for uint8 too."""
+    scales = tw.scale if len(tw.scale) == channels else np.repeat(tw.scale[:1], channels)
+    real = np.array([float(ti.scale0) * float(s) / float(to.scale0) for s in scales])
     bits = real.astype("<f8").view("<i4").reshape(-1, 2)
     return bits[:, 0].astype(np.int64), bits[:, 1]
 

@@ -19,13 +19,27 @@ FV_INLINE __m256i term(const uint8_t *from, __m256i zero, const struct scale8 *s
 
 FV_INLINE __m256i sum8(const struct sum_job *j, const uint8_t *a, const uint8_t *b)
 {
-    return requantize(_mm256_add_epi32(term(a, j->zero_a, &j->a), term(b, j->zero_b, &j->b)), &j->out, 0);
+    const __m256i sum = _mm256_add_epi32(term(a, j->zero_a, &j->a), term(b, j->zero_b, &j->b));
+    return requantize(_mm256_shuffle_epi32(sum, 0xD8), &j->out, 0);
 }
 
-static void sum16(const struct sum_job *j, const uint8_t *a, const uint8_t *b, const struct output *o, uint8_t *out)
+/* 16 sums of each of two places. */
+FV_INLINE __m256i sum32(const struct sum_job *j, const uint8_t *a, const uint8_t *b, ptrdiff_t next_a, ptrdiff_t next_b,
+                        const struct output *o)
 {
-    const __m256i words = _mm256_packs_epi32(sum8(j, a, b), sum8(j, a + 8, b + 8));
-    store16(o, _mm256_permute4x64_epi64(words, 0xD8), out);
+    const __m256i first[2] = {sum8(j, a, b), sum8(j, a + 8, b + 8)};
+    const __m256i second[2] = {sum8(j, a + next_a, b + next_b), sum8(j, a + next_a + 8, b + next_b + 8)};
+    return two_rows(o, first, second);
+}
+
+/* Fewer than 32 bytes of a row. */
+static void sum_rest(const struct sum_job *j, const uint8_t *a, const uint8_t *b, int32_t count, const struct output *o, uint8_t *out)
+{
+    uint8_t rest_a[32] = {0}, rest_b[32] = {0}, sums[32];
+    memcpy(rest_a, a, (size_t)count);
+    memcpy(rest_b, b, (size_t)count);
+    _mm256_storeu_si256((__m256i *)(void *)sums, sum32(j, rest_a, rest_b, 16, 16, o));
+    memcpy(out, sums, (size_t)count);
 }
 
 void fv_k_nn_add_u8__avx2(const struct fv_nn_add *p, const uint8_t *a, ptrdiff_t lda, const uint8_t *b, ptrdiff_t ldb, uint8_t *out,
@@ -39,13 +53,9 @@ void fv_k_nn_add_u8__avx2(const struct fv_nn_add *p, const uint8_t *a, ptrdiff_t
     init_output(&o, p->zero_out, p->act_min, p->act_max, NULL);
     for (int32_t r = 0; r < rows; ++r, a += lda, b += ldb, out += ldo) {
         int32_t i = 0;
-        o.width = 16;
-        for (; i + 16 <= count; i += 16) sum16(&j, a + i, b + i, &o, out + i);
-        if (i == count) continue;
-        uint8_t rest_a[16] = {0}, rest_b[16] = {0};
-        o.width = count - i;
-        memcpy(rest_a, a + i, (size_t)o.width);
-        memcpy(rest_b, b + i, (size_t)o.width);
-        sum16(&j, rest_a, rest_b, &o, out + i);
+        for (; i + 32 <= count; i += 32) {
+            _mm256_storeu_si256((__m256i *)(void *)(out + i), sum32(&j, a + i, b + i, 16, 16, &o));
+        }
+        if (i < count) sum_rest(&j, a + i, b + i, count - i, &o, out + i);
     }
 }

@@ -1,4 +1,5 @@
-/* What the AVX2 network kernels share: exact requantisation of 8 accumulators. Included by files of that set; inlined. */
+/* What the AVX2 network kernels share: exact requantisation of 8 accumulators, byte tables, storing tiles. Included by files of
+ * that set; inlined. */
 #ifndef FOVEA_KERNELS_X86_NN_AVX2_H
 #define FOVEA_KERNELS_X86_NN_AVX2_H
 
@@ -9,19 +10,25 @@
 #define FV_INLINE static inline __attribute__((always_inline))
 
 /* Constants of 8 channels: see fv_nn_requantize. AVX2 has no arithmetic 64-bit shift: 2^62 is added before the logical one
- * and what it became, 2^(62 - right), taken off after it. */
+ * and what it became, 2^(62 - right), taken off after it. `down`: the half of negative products. */
 struct scale8 {
-    __m256i multiplier, multiplier_odd, half_even, half_odd, fix_even, fix_odd, right_even, right_odd, excess;
+    __m256i multiplier, multiplier_odd, half_even, half_odd, down_even, down_odd, right_even, right_odd, excess;
 };
 
-FV_INLINE void half_of(__m256i shift, __m256i *half, __m256i *fix, __m256i *right)
+FV_INLINE void half_of(__m256i shift, __m256i *half, __m256i *down, __m256i *right)
 {
-    const __m256i one = _mm256_set1_epi64x(1), down = _mm256_cmpgt_epi64(_mm256_setzero_si256(), shift);
+    const __m256i one = _mm256_set1_epi64x(1), is_right = _mm256_cmpgt_epi64(_mm256_setzero_si256(), shift);
     *half = _mm256_sllv_epi64(one, _mm256_sub_epi64(_mm256_set1_epi64x(30), shift));
-    *half = _mm256_add_epi64(*half, _mm256_and_si256(down, _mm256_set1_epi64x(INT64_C(1) << 30)));
+    *half = _mm256_add_epi64(*half, _mm256_and_si256(is_right, _mm256_set1_epi64x(INT64_C(1) << 30)));
     *half = _mm256_add_epi64(*half, _mm256_set1_epi64x(INT64_C(1) << 62));
-    *fix = _mm256_and_si256(down, _mm256_set1_epi64x(INT64_C(1) << 31));
+    *down = _mm256_sub_epi64(*half, _mm256_and_si256(is_right, _mm256_set1_epi64x(INT64_C(1) << 31)));
     *right = _mm256_sub_epi64(_mm256_set1_epi64x(31), shift);
+}
+
+/* Words of two 64-bit vectors, the lower halves: in each lane 0 1 of `even`, then 0 1 of `odd`. */
+FV_INLINE __m256i low_words(__m256i even, __m256i odd)
+{
+    return _mm256_castps_si256(_mm256_shuffle_ps(_mm256_castsi256_ps(even), _mm256_castsi256_ps(odd), 0x88));
 }
 
 FV_INLINE void load_scale(struct scale8 *s, __m256i m, __m256i shift)
@@ -31,67 +38,136 @@ FV_INLINE void load_scale(struct scale8 *s, __m256i m, __m256i shift)
     const __m256i odd = _mm256_blend_epi32(_mm256_srli_epi64(shift, 32), sign, 0xAA);
     s->multiplier = m;
     s->multiplier_odd = _mm256_srli_epi64(m, 32);
-    half_of(even, &s->half_even, &s->fix_even, &s->right_even);
-    half_of(odd, &s->half_odd, &s->fix_odd, &s->right_odd);
+    half_of(even, &s->half_even, &s->down_even, &s->right_even);
+    half_of(odd, &s->half_odd, &s->down_odd, &s->right_odd);
     const __m256i one = _mm256_set1_epi64x(1), top = _mm256_set1_epi64x(62);
-    const __m256i excess_even = _mm256_sllv_epi64(one, _mm256_sub_epi64(top, s->right_even));
-    const __m256i excess_odd = _mm256_sllv_epi64(one, _mm256_sub_epi64(top, s->right_odd));
-    s->excess = _mm256_blend_epi32(excess_even, _mm256_slli_epi64(excess_odd, 32), 0xAA);
+    s->excess = low_words(_mm256_sllv_epi64(one, _mm256_sub_epi64(top, s->right_even)),
+                          _mm256_sllv_epi64(one, _mm256_sub_epi64(top, s->right_odd)));
 }
 
-/* A product plus its rounding; a negative one is rounded down where it lies half way. */
-FV_INLINE __m256i scaled(__m256i product, __m256i half, __m256i fix, __m256i right, const int above_zero)
+/* A product plus its rounding, shifted; a negative one is rounded down where it lies half way. */
+FV_INLINE __m256i scaled(__m256i product, __m256i half, __m256i down, __m256i right, const int above_zero)
 {
-    __m256i sum = _mm256_add_epi64(product, half);
     if (!above_zero) {
-        const __m256i negative = _mm256_shuffle_epi32(_mm256_srai_epi32(product, 31), 0xF5);
-        sum = _mm256_sub_epi64(sum, _mm256_and_si256(negative, fix));
+        half = _mm256_castpd_si256(
+            _mm256_blendv_pd(_mm256_castsi256_pd(half), _mm256_castsi256_pd(down), _mm256_castsi256_pd(product)));
     }
-    return _mm256_srlv_epi64(sum, right);
+    return _mm256_srlv_epi64(_mm256_add_epi64(product, half), right);
 }
 
-/* `above_zero`: results below zero will be clamped to zero anyway, so the rounding of negative ones does not matter. */
+/* Leaves the channels of each lane in the order 0 2 1 3, which store_tile undoes. `above_zero`: results below zero will be
+ * clamped to zero anyway, so the rounding of negative ones does not matter. */
 FV_INLINE __m256i requantize(__m256i acc, const struct scale8 *s, const int above_zero)
 {
-    const __m256i even = scaled(_mm256_mul_epi32(acc, s->multiplier), s->half_even, s->fix_even, s->right_even, above_zero);
-    const __m256i odd = scaled(_mm256_mul_epi32(_mm256_srli_epi64(acc, 32), s->multiplier_odd), s->half_odd, s->fix_odd,
+    const __m256i even = scaled(_mm256_mul_epi32(acc, s->multiplier), s->half_even, s->down_even, s->right_even, above_zero);
+    const __m256i odd = scaled(_mm256_mul_epi32(_mm256_srli_epi64(acc, 32), s->multiplier_odd), s->half_odd, s->down_odd,
                                s->right_odd, above_zero);
-    return _mm256_sub_epi32(_mm256_blend_epi32(even, _mm256_slli_epi64(odd, 32), 0xAA), s->excess);
+    return _mm256_sub_epi32(low_words(even, odd), s->excess);
 }
 
-/* How results become bytes, and where they go. */
-struct output {
-    __m256i zero;
-    __m128i low, high;
-    const uint8_t *table;
-    int32_t width; /* valid bytes of the 16 */
+/* A table of 256 bytes as 16 rows of 16 that are combined by exclusive or. pshufb gives zero where bit 7 of its index is set, so
+ * x - 16 i picks from row i where 16 i <= x < 16 i + 128, and with signed saturation, for i >= 8, wherever 16 i <= x. */
+struct table32 {
+    __m256i row[16];
 };
 
-FV_INLINE void init_output(struct output *o, int32_t zero, int32_t low, int32_t high, const uint8_t *table)
+FV_INLINE __m256i table_row(const uint8_t *table, int i)
 {
-    o->zero = _mm256_set1_epi16((short)zero);
-    o->low = _mm_set1_epi8((char)low);
-    o->high = _mm_set1_epi8((char)high);
-    o->table = table;
-    o->width = 16;
+    return i < 0 ? _mm256_setzero_si256()
+                 : _mm256_broadcastsi128_si256(_mm_loadu_si128((const __m128i *)(const void *)(table + 16 * i)));
 }
 
-/* 16 words (in order within 128-bit lanes after packing) to bytes. */
-FV_INLINE void store16(const struct output *o, __m256i words, uint8_t *out)
+static inline void load_table(struct table32 *t, const uint8_t *table)
 {
-    const __m256i moved = _mm256_adds_epi16(words, o->zero);
-    __m128i bytes = _mm_packus_epi16(_mm256_castsi256_si128(moved), _mm256_extracti128_si256(moved, 1));
-    bytes = _mm_min_epu8(_mm_max_epu8(bytes, o->low), o->high);
-    if (o->table == NULL && o->width == 16) {
-        _mm_storeu_si128((__m128i *)(void *)out, bytes);
-        return;
+    for (int i = 0; i < 16; ++i) {
+        t->row[i] = _mm256_xor_si256(table_row(table, i), table_row(table, i - 1));
+        if (i >= 8) { /* of the first eight rows' differences those up to i - 8 no longer answer */
+            t->row[i] = _mm256_xor_si256(t->row[i], _mm256_xor_si256(table_row(table, i - 8), table_row(table, i - 9)));
+        }
     }
-    uint8_t part[16];
-    _mm_storeu_si128((__m128i *)(void *)part, bytes);
-    if (o->table != NULL) {
-        for (int i = 0; i < 16; ++i) part[i] = o->table[part[i]];
+}
+
+FV_INLINE __m256i look_up(const struct table32 *t, __m256i x)
+{
+    const __m256i step = _mm256_set1_epi8(16);
+    __m256i high = _mm256_xor_si256(x, _mm256_set1_epi8((char)0x80)), low = x;
+    __m256i a = _mm256_shuffle_epi8(t->row[0], low), b = _mm256_shuffle_epi8(t->row[8], high);
+    for (int i = 1; i < 8; ++i) {
+        low = _mm256_sub_epi8(low, step);
+        high = _mm256_subs_epi8(high, step);
+        a = _mm256_xor_si256(a, _mm256_shuffle_epi8(t->row[i], low));
+        b = _mm256_xor_si256(b, _mm256_shuffle_epi8(t->row[i + 8], high));
     }
-    memcpy(out, part, (size_t)o->width);
+    return _mm256_xor_si256(a, b);
+}
+
+/* How results become bytes. */
+struct output {
+    __m256i zero, low, high;
+    int has_table;
+    struct table32 table;
+};
+
+static inline void init_output(struct output *o, int32_t zero, int32_t low, int32_t high, const uint8_t *table)
+{
+    o->zero = _mm256_set1_epi16((short)zero);
+    o->low = _mm256_set1_epi8((char)low);
+    o->high = _mm256_set1_epi8((char)high);
+    o->has_table = table != NULL;
+    if (table != NULL) load_table(&o->table, table);
+}
+
+/* The first `width` of 16 bytes, by stores that overlap. */
+FV_INLINE void store_some(uint8_t *to, __m128i v, int32_t width)
+{
+    static const uint8_t count_up[32] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+    if (width == 16) {
+        _mm_storeu_si128((__m128i *)(void *)to, v);
+    } else if (width >= 8) {
+        const __m128i tail = _mm_loadu_si128((const __m128i *)(const void *)(count_up + width - 8));
+        _mm_storel_epi64((__m128i *)(void *)to, v);
+        _mm_storel_epi64((__m128i *)(void *)(to + width - 8), _mm_shuffle_epi8(v, tail));
+    } else if (width >= 4) {
+        const __m128i tail = _mm_loadu_si128((const __m128i *)(const void *)(count_up + width - 4));
+        const int32_t first = _mm_cvtsi128_si32(v), last = _mm_cvtsi128_si32(_mm_shuffle_epi8(v, tail));
+        memcpy(to, &first, 4);
+        memcpy(to + width - 4, &last, 4);
+    } else {
+        const int32_t all = _mm_cvtsi128_si32(v);
+        for (int32_t i = 0; i < width; ++i) to[i] = (uint8_t)(all >> 8 * i);
+    }
+}
+
+/* Two rows of 16 channels, 0-7 and 8-15: results of requantize to bytes in order. */
+FV_INLINE __m256i two_rows(const struct output *o, const __m256i first[2], const __m256i second[2])
+{
+    const __m256i in_order = _mm256_setr_epi8(0, 2, 1, 3, 4, 6, 5, 7, 8, 10, 9, 11, 12, 14, 13, 15, 0, 2, 1, 3, 4, 6, 5, 7, 8, 10, 9,
+                                              11, 12, 14, 13, 15);
+    const __m256i a = _mm256_adds_epi16(_mm256_packs_epi32(first[0], first[1]), o->zero);
+    const __m256i b = _mm256_adds_epi16(_mm256_packs_epi32(second[0], second[1]), o->zero);
+    const __m256i bytes = _mm256_min_epu8(_mm256_max_epu8(_mm256_packus_epi16(a, b), o->low), o->high);
+    const __m256i fours = _mm256_permutevar8x32_epi32(bytes, _mm256_setr_epi32(0, 4, 1, 5, 2, 6, 3, 7));
+    const __m256i ordered = _mm256_shuffle_epi8(fours, in_order);
+    return o->has_table ? look_up(&o->table, ordered) : ordered;
+}
+
+/* Scale ROWS rows (1, or an even number) of 16 accumulators and store the first `width` channels of each. */
+FV_INLINE void store_tile(const struct output *o, const struct scale8 scale[2], __m256i acc[][2], const int ROWS, uint8_t *out,
+                          ptrdiff_t ldo, int32_t width, const int above)
+{
+#pragma GCC unroll 4
+    for (int r = 0; r < ROWS; r += 2, out += 2 * ldo) {
+        const int second = ROWS == 1 ? r : r + 1;
+        const __m256i a[2] = {requantize(acc[r][0], &scale[0], above), requantize(acc[r][1], &scale[1], above)};
+        __m256i b[2] = {a[0], a[1]};
+        if (second != r) {
+            b[0] = requantize(acc[second][0], &scale[0], above);
+            b[1] = requantize(acc[second][1], &scale[1], above);
+        }
+        const __m256i bytes = two_rows(o, a, b);
+        store_some(out, _mm256_castsi256_si128(bytes), width);
+        if (second != r) store_some(out + ldo, _mm256_extracti128_si256(bytes, 1), width);
+    }
 }
 
 #endif

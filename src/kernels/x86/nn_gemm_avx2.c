@@ -1,139 +1,232 @@
-/* The matrix product with vpmaddwd on 16-bit values: exact, unlike the saturating 8-bit form. A tile is three rows by 16
- * channels; a register of accumulators holds, for four channels, the sums over even and odd pairs of k. */
+/* The matrix product on bytes: vpmaddubsw multiplies four neighbouring inputs by the weights of 8 channels and adds pairs, vpmaddwd
+ * adds the pairs. The first saturates at 16 bits, which cannot happen where the two weights of a pair add up to at most 128 in
+ * size, since 255 * 128 fits. Groups of four k that hold a larger pair are multiplied as 16-bit values, even and odd k apart.
+ * Which groups these are is found anew for each block of channels: that costs as much as a row or two of the product.
+ *
+ * A tile is four rows by 16 channels. */
 #include "kernels/kernels.h"
 #include "kernels/x86/nn_avx2.h"
 
-enum { ROWS = 3 };
+enum { ROWS = 4, CHUNK_ROWS = 64, CHUNK_ROWS_MAX = CHUNK_ROWS + ROWS, GROUPS_MAX = 4096 };
 
-static int32_t sum_row(const struct fv_nn_gemm *g, const uint8_t *row)
+/* The weights of 16 channels, and their groups of four k by kind. */
+struct panel {
+    const int8_t *weights;
+    int32_t narrow_count, wide_count;
+    uint16_t narrow[GROUPS_MAX], wide[GROUPS_MAX];
+};
+
+FV_INLINE __m256i load32(const int8_t *from)
 {
-    if (g->row_sum_factor == 0) return 0;
-    __m256i sum = _mm256_setzero_si256();
-    int32_t k = 0;
-    for (; k + 32 <= g->k; k += 32) {
-        sum = _mm256_add_epi64(sum, _mm256_sad_epu8(_mm256_loadu_si256((const __m256i *)(const void *)(row + k)), _mm256_setzero_si256()));
+    return _mm256_load_si256((const __m256i *)(const void *)from);
+}
+
+FV_INLINE __m256i large_pairs(__m256i w)
+{
+    return _mm256_cmpgt_epi16(_mm256_abs_epi16(_mm256_maddubs_epi16(_mm256_set1_epi8(1), w)), _mm256_set1_epi16(128));
+}
+
+static void init_panel(struct panel *p, const int8_t *weights, int32_t k4)
+{
+    p->weights = weights;
+    p->narrow_count = p->wide_count = 0;
+    for (int32_t i = 0; i < k4; ++i, weights += 64) {
+        const __m256i large = _mm256_or_si256(large_pairs(load32(weights)), large_pairs(load32(weights + 32)));
+        const int none = _mm256_testz_si256(large, large);
+        p->narrow[p->narrow_count] = p->wide[p->wide_count] = (uint16_t)i;
+        p->narrow_count += none;
+        p->wide_count += 1 - none;
     }
-    uint64_t part[4];
-    _mm256_storeu_si256((__m256i *)(void *)part, sum);
-    uint32_t total = (uint32_t)(part[0] + part[1] + part[2] + part[3]);
-    for (; k < g->k; ++k) total += row[k];
-    return (int32_t)(total * (uint32_t)g->row_sum_factor);
 }
 
 FV_INLINE __m256i four_inputs(const uint8_t *bytes)
 {
     int32_t word;
     memcpy(&word, bytes, 4);
-    return _mm256_cvtepu8_epi16(_mm_set1_epi32(word));
+    return _mm256_set1_epi32(word);
 }
 
-/* Sums of 8 channels from two registers of pairs. */
-FV_INLINE __m256i join(__m256i a, __m256i b)
+/* Products of N rows with a group of four k where no pair saturates. */
+FV_INLINE void add_narrow(const uint8_t *a, ptrdiff_t lda, const int N, const int8_t *w, __m256i acc[][2])
 {
-    return _mm256_permute4x64_epi64(_mm256_hadd_epi32(a, b), 0xD8);
-}
-
-/* acc: for each row 16 channels in order, without the bias. */
-FV_INLINE void accumulate(const struct fv_nn_gemm *g, const uint8_t *const row[ROWS], const int8_t *w, __m256i acc[ROWS][2])
-{
-    __m256i pair[ROWS][4];
-#pragma GCC unroll 3
-    for (int r = 0; r < ROWS; ++r) {
+    const __m256i ones = _mm256_set1_epi16(1), w0 = load32(w), w1 = load32(w + 32);
 #pragma GCC unroll 4
-        for (int q = 0; q < 4; ++q) pair[r][q] = _mm256_setzero_si256();
+    for (int r = 0; r < N; ++r) {
+        const __m256i x = four_inputs(a + r * lda);
+        acc[r][0] = _mm256_add_epi32(acc[r][0], _mm256_madd_epi16(_mm256_maddubs_epi16(x, w0), ones));
+        acc[r][1] = _mm256_add_epi32(acc[r][1], _mm256_madd_epi16(_mm256_maddubs_epi16(x, w1), ones));
     }
-    const ptrdiff_t bytes = (ptrdiff_t)g->k4 * 4;
-    for (ptrdiff_t k = 0; k < bytes; k += 4, w += 64) {
-        __m256i x[ROWS];
-#pragma GCC unroll 3
-        for (int r = 0; r < ROWS; ++r) x[r] = four_inputs(row[r] + k);
+}
+
+/* The same for any weights. */
+FV_INLINE void add_wide(const uint8_t *a, ptrdiff_t lda, const int N, const int8_t *w, __m256i acc[][2])
+{
+    const __m256i w0 = load32(w), w1 = load32(w + 32);
+    const __m256i even0 = _mm256_srai_epi16(_mm256_slli_epi16(w0, 8), 8), odd0 = _mm256_srai_epi16(w0, 8);
+    const __m256i even1 = _mm256_srai_epi16(_mm256_slli_epi16(w1, 8), 8), odd1 = _mm256_srai_epi16(w1, 8);
 #pragma GCC unroll 4
-        for (int q = 0; q < 4; ++q) {
-            const __m256i v = _mm256_cvtepi8_epi16(_mm_load_si128((const __m128i *)(const void *)(w + 16 * q)));
-#pragma GCC unroll 3
-            for (int r = 0; r < ROWS; ++r) pair[r][q] = _mm256_add_epi32(pair[r][q], _mm256_madd_epi16(x[r], v));
+    for (int r = 0; r < N; ++r) {
+        const __m256i x = four_inputs(a + r * lda);
+        const __m256i even = _mm256_and_si256(x, _mm256_set1_epi16(255)), odd = _mm256_srli_epi16(x, 8);
+        acc[r][0] = _mm256_add_epi32(acc[r][0], _mm256_madd_epi16(even, even0));
+        acc[r][1] = _mm256_add_epi32(acc[r][1], _mm256_madd_epi16(even, even1));
+        acc[r][0] = _mm256_add_epi32(acc[r][0], _mm256_madd_epi16(odd, odd0));
+        acc[r][1] = _mm256_add_epi32(acc[r][1], _mm256_madd_epi16(odd, odd1));
+    }
+}
+
+FV_INLINE void start(const int32_t *bias, const int32_t *sums, const int N, __m256i acc[][2])
+{
+#pragma GCC unroll 4
+    for (int r = 0; r < N; ++r) {
+        const __m256i sum = _mm256_set1_epi32(sums[r]);
+        acc[r][0] = _mm256_add_epi32(_mm256_load_si256((const __m256i *)(const void *)bias), sum);
+        acc[r][1] = _mm256_add_epi32(_mm256_load_si256((const __m256i *)(const void *)(bias + 8)), sum);
+    }
+}
+
+FV_INLINE void accumulate(const struct panel *p, const uint8_t *a, ptrdiff_t lda, __m256i acc[ROWS][2])
+{
+    for (int32_t i = 0; i < p->narrow_count; ++i) {
+        const ptrdiff_t group = p->narrow[i];
+        add_narrow(a + 4 * group, lda, ROWS, p->weights + 64 * group, acc);
+    }
+    for (int32_t i = 0; i < p->wide_count; ++i) {
+        const ptrdiff_t group = p->wide[i];
+        add_wide(a + 4 * group, lda, ROWS, p->weights + 64 * group, acc);
+    }
+}
+
+/* One row, without knowing the groups. */
+FV_INLINE void accumulate_one(const int8_t *weights, int32_t k4, const uint8_t *row, __m256i acc[1][2])
+{
+    for (int32_t i = 0; i < k4; ++i) add_wide(row + 4 * (ptrdiff_t)i, 0, 1, weights + 64 * (ptrdiff_t)i, acc);
+}
+
+/* Factor times the sum of a row's k bytes, for each of `rows` rows. */
+static void sum_rows(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, int32_t rows, int32_t *sums)
+{
+    static const uint8_t ends[64] = {255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255,
+                                     255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255};
+    const __m256i zero = _mm256_setzero_si256();
+    const __m256i rest = _mm256_loadu_si256((const __m256i *)(const void *)(ends + 32 - g->k % 32));
+    for (int32_t i = 0; i < rows; ++i, a += lda) {
+        __m256i sum = zero;
+        int32_t k = 0;
+        if (g->row_sum_factor == 0) {
+            sums[i] = 0;
+            continue;
         }
-    }
-#pragma GCC unroll 3
-    for (int r = 0; r < ROWS; ++r) {
-        acc[r][0] = join(pair[r][0], pair[r][1]);
-        acc[r][1] = join(pair[r][2], pair[r][3]);
+        for (; k + 32 <= g->k; k += 32) {
+            sum = _mm256_add_epi64(sum, _mm256_sad_epu8(_mm256_loadu_si256((const __m256i *)(const void *)(a + k)), zero));
+        }
+        if (k < g->k) {
+            const __m256i last = _mm256_and_si256(rest, _mm256_loadu_si256((const __m256i *)(const void *)(a + k)));
+            sum = _mm256_add_epi64(sum, _mm256_sad_epu8(last, zero));
+        }
+        const __m128i half = _mm_add_epi64(_mm256_castsi256_si128(sum), _mm256_extracti128_si256(sum, 1));
+        const __m128i total = _mm_add_epi64(half, _mm_unpackhi_epi64(half, half));
+        sums[i] = (int32_t)((uint32_t)_mm_cvtsi128_si32(total) * (uint32_t)g->row_sum_factor);
     }
 }
 
-struct tile {
-    const uint8_t *row[ROWS];
-    int32_t rows, sum[ROWS];
+/* 16 channels of the rows of a chunk. */
+struct strip {
+    const int32_t *bias, *sums;
+    const uint8_t *a;
+    uint8_t *out;
+    ptrdiff_t lda, ldo;
+    int32_t rows, width;
+    struct scale8 scale[2];
 };
 
-static void init_tile(struct tile *t, const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, int32_t left)
+FV_INLINE void strip_u8(const struct panel *p, const struct strip *s, const struct output *o, int32_t k4, const int above)
 {
-    t->rows = left < ROWS ? left : ROWS;
-    for (int32_t r = 0; r < ROWS; ++r) {
-        t->row[r] = a + (r < t->rows ? r : t->rows - 1) * lda;
-        t->sum[r] = sum_row(g, t->row[r]);
+    __m256i acc[ROWS][2];
+    if (s->rows < ROWS) {
+        for (int32_t i = 0; i < s->rows; ++i) {
+            start(s->bias, s->sums + i, 1, acc);
+            accumulate_one(p->weights, k4, s->a + i * s->lda, acc);
+            store_tile(o, s->scale, acc, 1, s->out + i * s->ldo, s->ldo, s->width, above);
+        }
+        return;
+    }
+    for (int32_t i = 0; i < s->rows; i += ROWS) {
+        const int32_t at = i + ROWS > s->rows ? s->rows - ROWS : i; /* the last tile overlaps the one before */
+        start(s->bias, s->sums + at, ROWS, acc);
+        accumulate(p, s->a + at * s->lda, s->lda, acc);
+        store_tile(o, s->scale, acc, ROWS, s->out + at * s->ldo, s->ldo, s->width, above);
     }
 }
 
-static void tile_u8(const struct tile *t, const struct fv_nn_gemm *g, int32_t block, const struct scale8 scale[2], const struct output *o,
-                    uint8_t *out, ptrdiff_t ldo, int above)
+static void load_scales(struct scale8 scale[2], const int32_t *multiplier, const int32_t *shift)
 {
-    __m256i acc[ROWS][2];
-    const int32_t *bias = g->bias + 16 * block;
-    const __m256i bias_low = _mm256_load_si256((const __m256i *)(const void *)bias);
-    const __m256i bias_high = _mm256_load_si256((const __m256i *)(const void *)(bias + 8));
-    accumulate(g, t->row, g->weights + (ptrdiff_t)block * g->k4 * 64, acc);
-    for (int32_t r = 0; r < t->rows; ++r) {
-        const __m256i sum = _mm256_set1_epi32(t->sum[r]);
-        const __m256i low = _mm256_add_epi32(_mm256_add_epi32(acc[r][0], bias_low), sum);
-        const __m256i high = _mm256_add_epi32(_mm256_add_epi32(acc[r][1], bias_high), sum);
-        const __m256i a = above ? requantize(low, &scale[0], 1) : requantize(low, &scale[0], 0);
-        const __m256i b = above ? requantize(high, &scale[1], 1) : requantize(high, &scale[1], 0);
-        store16(o, _mm256_permute4x64_epi64(_mm256_packs_epi32(a, b), 0xD8), out + r * ldo);
+    for (int h = 0; h < 2; ++h) {
+        load_scale(&scale[h], _mm256_load_si256((const __m256i *)(const void *)(multiplier + 8 * h)),
+                   _mm256_load_si256((const __m256i *)(const void *)(shift + 8 * h)));
     }
+}
+
+/* Rows that run together, at most CHUNK_ROWS_MAX: all, or fewer that leave a whole tile. */
+static int32_t next_rows(int32_t left)
+{
+    return left <= CHUNK_ROWS_MAX ? left : CHUNK_ROWS;
 }
 
 void fv_k_nn_gemm_u8__avx2(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, uint8_t *out, ptrdiff_t ldo, int32_t m)
 {
-    enum { CHUNK_TILES = 16 };
-    const int32_t blocks = (g->n + 15) / 16;
-    struct tile tiles[CHUNK_TILES];
+    if (g->k4 > GROUPS_MAX) {
+        fv_k_nn_gemm_u8__c(g, a, lda, out, ldo, m);
+        return;
+    }
+    struct panel p;
     struct output o;
+    int32_t sums[CHUNK_ROWS_MAX];
     init_output(&o, g->zero_out, g->act_min, g->act_max, g->table);
-    for (int32_t i = 0; i < m; i += CHUNK_TILES * ROWS) {
-        int32_t count = 0;
-        for (; count < CHUNK_TILES && i + count * ROWS < m; ++count) {
-            init_tile(&tiles[count], g, a + (i + count * ROWS) * lda, lda, m - i - count * ROWS);
+    for (int32_t i = 0, rows; i < m; i += rows) {
+        rows = next_rows(m - i);
+        sum_rows(g, a + i * lda, lda, rows, sums);
+        for (int32_t c = 0; c < g->n; c += 16) {
+            struct strip s = {.bias = g->bias + c, .sums = sums, .a = a + i * lda, .out = out + i * ldo + c, .lda = lda, .ldo = ldo,
+                              .rows = rows, .width = g->n - c < 16 ? g->n - c : 16};
+            load_scales(s.scale, g->multiplier + c, g->shift + c);
+            p.weights = g->weights + (ptrdiff_t)c * g->k4 * 4;
+            if (rows >= ROWS) init_panel(&p, p.weights, g->k4);
+            if (g->act_min >= g->zero_out) strip_u8(&p, &s, &o, g->k4, 1);
+            else strip_u8(&p, &s, &o, g->k4, 0);
         }
-        for (int32_t b = 0; b < blocks; ++b) {
-            struct scale8 scale[2];
-            for (int h = 0; h < 2; ++h) {
-                load_scale(&scale[h], _mm256_load_si256((const __m256i *)(const void *)(g->multiplier + 16 * b + 8 * h)),
-                           _mm256_load_si256((const __m256i *)(const void *)(g->shift + 16 * b + 8 * h)));
-            }
-            o.width = g->n - 16 * b < 16 ? g->n - 16 * b : 16;
-            for (int32_t t = 0; t < count; ++t) {
-                tile_u8(&tiles[t], g, b, scale, &o, out + (i + t * ROWS) * ldo + 16 * b, ldo, g->act_min >= g->zero_out);
-            }
-        }
+    }
+}
+
+FV_INLINE void store_words(__m256i acc[][2], const int N, int32_t *out, ptrdiff_t ldo)
+{
+    for (int r = 0; r < N; ++r) {
+        _mm256_storeu_si256((__m256i *)(void *)(out + r * ldo), acc[r][0]);
+        _mm256_storeu_si256((__m256i *)(void *)(out + r * ldo + 8), acc[r][1]);
     }
 }
 
 void fv_k_nn_gemm_i32__avx2(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, int32_t *out, ptrdiff_t ldo, int32_t m)
 {
-    const int32_t blocks = (g->n + 15) / 16;
-    for (int32_t i = 0; i < m; i += ROWS) {
-        struct tile t;
-        init_tile(&t, g, a + i * lda, lda, m - i);
-        for (int32_t b = 0; b < blocks; ++b) {
-            __m256i acc[ROWS][2];
-            accumulate(g, t.row, g->weights + (ptrdiff_t)b * g->k4 * 64, acc);
-            for (int32_t r = 0; r < t.rows; ++r) {
-                for (int h = 0; h < 2; ++h) {
-                    const __m256i bias = _mm256_load_si256((const __m256i *)(const void *)(g->bias + 16 * b + 8 * h));
-                    const __m256i sum = _mm256_add_epi32(_mm256_add_epi32(acc[r][h], bias), _mm256_set1_epi32(t.sum[r]));
-                    _mm256_storeu_si256((__m256i *)(void *)(out + (i + r) * ldo + 16 * b + 8 * h), sum);
-                }
+    struct panel p;
+    p.narrow_count = p.wide_count = 0;
+    int32_t sums[CHUNK_ROWS_MAX];
+    for (int32_t i = 0, rows; i < m; i += rows) {
+        rows = next_rows(m - i);
+        const int tiles = rows >= ROWS && g->k4 <= GROUPS_MAX;
+        sum_rows(g, a + i * lda, lda, rows, sums);
+        for (int32_t c = 0; c < g->n; c += 16) {
+            const int8_t *weights = g->weights + (ptrdiff_t)c * g->k4 * 4;
+            if (tiles) init_panel(&p, weights, g->k4);
+            for (int32_t r = 0; r < rows; r += tiles ? ROWS : 1) {
+                const int32_t at = tiles && r + ROWS > rows ? rows - ROWS : r;
+                const uint8_t *row = a + (i + at) * lda;
+                int32_t *to = out + (i + at) * ldo + c;
+                __m256i acc[ROWS][2];
+                start(g->bias + c, sums + at, tiles ? ROWS : 1, acc);
+                if (tiles) accumulate(&p, row, lda, acc);
+                else accumulate_one(weights, g->k4, row, acc);
+                store_words(acc, tiles ? ROWS : 1, to, ldo);
             }
         }
     }
