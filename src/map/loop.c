@@ -12,7 +12,9 @@ enum {
     DISTANCE_MAX = 60, /* Hamming, without prediction */
     MATCHES_MIN = 15,
     SAMPLES_MAX = 300,
-    SAMPLE_TESTS_PER_UNIT = 4000, /* meetings tested, all samples together */
+    SAMPLE_TESTS_PER_UNIT = 1500, /* meetings tested, all samples together */
+    SAMPLE_SOLVED_TESTS = 50,     /* so many tests take as long as the closed form of a sample */
+    REFINEMENTS = 2,
     SAMPLED_MIN = 12,             /* meetings that agree with the best sample */
     MEETINGS_MIN = 25,            /* that agree after the guided search */
     FOUND_MIN = 40,               /* landmarks of the group found in the keyframe */
@@ -257,15 +259,14 @@ static void fv_gather_group(struct fv_loop_closer *loop, struct fv_map *map)
     }
 }
 
-static void fv_sample_unit(struct fv_loop_closer *loop, struct fv_map *map)
+static void fv_sample_unit(struct fv_loop_closer *loop)
 {
     struct fv_loop_state *s = loop->state;
-    uint32_t samples = SAMPLE_TESTS_PER_UNIT / s->meeting_count + 1;
+    uint32_t samples = SAMPLE_TESTS_PER_UNIT / (s->meeting_count + SAMPLE_SOLVED_TESTS) + 1;
     if (fv_sim3_search_more(&s->search, loop->meetings, s->meeting_count, samples, chi_square_99_2,
                             &s->random))
         return;
     struct fv_sim3 inverse;
-    uint32_t inliers = s->search.best_inliers;
     fv_sim3_invert(&s->search.best, &inverse);
     for (uint32_t i = 0; i < s->meeting_count; i++) {
         double square[2];
@@ -274,10 +275,26 @@ static void fv_sample_unit(struct fv_loop_closer *loop, struct fv_map *map)
                     square[1] < chi_square_99_2;
     }
     s->S_keyframe_candidate = s->search.best;
-    for (int round = 0; round < 2 && inliers >= SAMPLED_MIN; round++)
-        inliers =
-            fv_sim3_refine(loop->meetings, s->meeting_count, chi_square_99_2, 3, &s->S_keyframe_candidate);
-    if (inliers < SAMPLED_MIN) {
+    s->inliers = s->search.best_inliers;
+    s->next = 0;
+    s->phase = FV_LOOP_REFINE;
+}
+
+static uint32_t fv_refine(struct fv_loop_closer *loop)
+{
+    struct fv_loop_state *s = loop->state;
+    return fv_sim3_refine(loop->meetings, s->meeting_count, chi_square_99_2, 3, &s->S_keyframe_candidate);
+}
+
+static void fv_refine_unit(struct fv_loop_closer *loop, struct fv_map *map)
+{
+    struct fv_loop_state *s = loop->state;
+    if (s->next < REFINEMENTS && s->inliers >= SAMPLED_MIN) {
+        s->inliers = fv_refine(loop);
+        s->next++;
+        return;
+    }
+    if (s->inliers < SAMPLED_MIN) {
         fv_next_candidate(s);
         return;
     }
@@ -405,9 +422,8 @@ static void fv_guided_done(struct fv_loop_closer *loop, const struct fv_map *map
 {
     struct fv_loop_state *s = loop->state;
     uint32_t candidate = s->candidates[s->candidate].slot, inliers = s->meeting_count;
-    for (int round = 0; round < 2 && inliers >= MEETINGS_MIN; round++)
-        inliers =
-            fv_sim3_refine(loop->meetings, s->meeting_count, chi_square_99_2, 3, &s->S_keyframe_candidate);
+    for (int round = 0; round < REFINEMENTS && inliers >= MEETINGS_MIN; round++)
+        inliers = fv_refine(loop);
     if (inliers < MEETINGS_MIN || !fv_enough_found(s, FOUND_MIN)) {
         fv_next_candidate(s);
         return;
@@ -480,7 +496,10 @@ bool fv_loop_unit(struct fv_loop_closer *loop, struct fv_map *map, const struct 
         fv_match_unit(loop, map, kernels);
         break;
     case FV_LOOP_SAMPLE:
-        fv_sample_unit(loop, map);
+        fv_sample_unit(loop);
+        break;
+    case FV_LOOP_REFINE:
+        fv_refine_unit(loop, map);
         break;
     case FV_LOOP_GUIDED:
         if (fv_loop_search_group(loop, map, kernels, s->keyframe.slot, &s->S_keyframe_candidate))

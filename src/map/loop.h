@@ -41,12 +41,13 @@ enum fv_loop_phase {
     FV_LOOP_IDLE = 0,
     FV_LOOP_MATCH = 1,  /* descriptors of the keyframe's landmarks against the candidate's */
     FV_LOOP_SAMPLE = 2, /* similarities from three matches */
-    FV_LOOP_GUIDED = 3, /* the group's landmarks in the keyframe's image */
-    FV_LOOP_BEFORE = 4, /* the same in keyframes made before it */
-    FV_LOOP_GRAPH = 5,  /* the essential graph, some keyframes per unit */
-    FV_LOOP_SOLVE = 6,
-    FV_LOOP_COMMIT = 7,
-    FV_LOOP_FUSE = 8
+    FV_LOOP_REFINE = 3, /* the best of them, then the landmarks around the candidate are gathered */
+    FV_LOOP_GUIDED = 4, /* the group's landmarks in the keyframe's image */
+    FV_LOOP_BEFORE = 5, /* the same in keyframes made before it */
+    FV_LOOP_GRAPH = 6,  /* the essential graph, some keyframes per unit */
+    FV_LOOP_SOLVE = 7,
+    FV_LOOP_COMMIT = 8,
+    FV_LOOP_FUSE = 9
 };
 
 /* A keyframe, named so that it can be told whether it is still there. */
@@ -79,6 +80,7 @@ struct fv_loop_state {
     struct fovea_random random;
     uint32_t next; /* item of the phase */
     uint32_t query_count, train_count, meeting_count, group_count;
+    uint32_t inliers;           /* of the similarity as it is refined */
     uint32_t visible, found;    /* of the guided search */
     struct fv_loop_name before; /* keyframe that is asked after the offered one */
     uint32_t asked, seen_before;

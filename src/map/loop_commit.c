@@ -4,7 +4,7 @@
 #include "geometry/vec.h"
 #include "map/loop.h"
 
-enum { GRAPH_PER_UNIT = 16, GRAPH_NEIGHBOURS = 4, GRAPH_SHARED_MIN = 40 };
+enum { GRAPH_PER_UNIT = 8, GRAPH_NEIGHBOURS = 4, GRAPH_SHARED_MIN = 40 };
 
 /* Relative precision of an edge: translation in median depths, rotation, log scale. Drift turns less than it
  * shifts, and stretches more. */

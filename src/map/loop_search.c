@@ -7,7 +7,7 @@
 #include "geometry/vec.h"
 #include "map/loop.h"
 
-enum { GROUP_PER_UNIT = 300, FUSE_PER_UNIT = 250, DISTANCE_GUIDED_MAX = 64, DISTANCE_FUSE_MAX = 50 };
+enum { GROUP_PER_UNIT = 300, FUSE_PER_UNIT = 120, DISTANCE_GUIDED_MAX = 64, DISTANCE_FUSE_MAX = 50 };
 
 static const double radius_guided_px = 7, radius_fuse_px = 4; /* times the level's scale */
 static const double chi_square_99_2 = 9.21, chi_square_95_2 = 5.991;
