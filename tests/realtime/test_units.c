@@ -11,10 +11,11 @@
 #include <cmocka.h>
 
 #include "app/timing.h"
+#include "common/detector.h"
 #include "fovea/fovea.h"
 #include "fovea/source.h"
 
-enum { FRAMES = 100, REPEATS = 3, UNITS_MAX = 20000, UNIT_NS = 250000, UNIT_MAX_NS = 4 * UNIT_NS };
+enum { REPEATS = 3, UNITS_MAX = 100000, UNIT_NS = 250000, UNIT_MAX_NS = 4 * UNIT_NS };
 
 static struct fv_histogram histograms[FOVEA_JOB_COUNT];
 static struct unit {
@@ -30,28 +31,48 @@ static int64_t cpu_ns(void)
     return cpu;
 }
 
-/* As many units as the fixed schedule grants, each by itself. */
-static void work_one_by_one(struct fovea *rt, const struct fovea_grants *granted)
+#define JOB(name) (1u << FOVEA_JOB_##name)
+
+/* What is looked at, and the jobs that are timed there. Map and preview begin with the frames; the way through the corridor
+ * closes a loop. */
+static const struct view {
+    const char *uri;
+    uint32_t step, frames, timed;
+    bool detects;
+} views[] = {
+    {"sim:corridor?width=752&height=480", 1, 100, JOB(MAP) | JOB(PREVIEW), false},
+    {"sim:tour", 1, 100, JOB(MAP) | JOB(DETECT) | JOB(PREVIEW), true},
+    {"sim:corridor?width=320&height=240", 4, 340, JOB(LOOP), false},
+};
+
+static void note(int job, int64_t took_ns)
+{
+    struct unit *unit = &units[next_unit++];
+    assert_true(next_unit < UNITS_MAX && (unit->least_ns == 0 || unit->job == job)); /* the same each time */
+    if (unit->least_ns == 0 || took_ns < unit->least_ns) *unit = (struct unit){job, took_ns};
+}
+
+/* As many units as the fixed schedule grants, those of timed jobs each by itself. */
+static void work_one_by_one(struct fovea *rt, const struct fovea_grants *granted, uint32_t timed)
 {
     for (int job = 0; job < FOVEA_JOB_COUNT; job++) {
-        for (uint32_t n = 0; n < granted->units[job]; n++) {
-            struct fovea_grants one = {.features = granted->features};
+        const uint32_t units_each = timed >> job & 1 ? 1 : granted->units[job];
+        for (uint32_t n = 0; n < granted->units[job]; n += units_each) {
+            struct fovea_grants some = {.features = granted->features};
             struct fovea_outputs outputs;
-            one.units[job] = 1;
+            some.units[job] = units_each;
             const int64_t begin = cpu_ns();
-            fovea_work(rt, &one, &outputs);
+            fovea_work(rt, &some, &outputs);
             const int64_t took = cpu_ns() - begin;
             if (outputs.units_done[job] == 0) break;
-            struct unit *unit = &units[next_unit++];
-            assert_true(next_unit < UNITS_MAX && (unit->least_ns == 0 || unit->job == job)); /* the same each time */
-            if (unit->least_ns == 0 || took < unit->least_ns) *unit = (struct unit){job, took};
+            if (timed >> job & 1) note(job, took);
         }
     }
 }
 
-static void run(const char *uri)
+static void run(const struct view *view)
 {
-    const struct fovea_source_selection everything = {.step = 1, .frames = FRAMES};
+    const struct fovea_source_selection everything = {.step = view->step, .frames = view->frames};
     const struct fovea_source_ops *ops;
     const char *address;
     struct fovea_source *source;
@@ -61,9 +82,10 @@ static void run(const char *uri)
     struct fovea *rt;
     size_t bytes;
     fovea_config_default(&config);
-    assert_int_equal(fovea_source_find(uri, &ops, &address, &error), FOVEA_OK);
+    assert_int_equal(fovea_source_find(view->uri, &ops, &address, &error), FOVEA_OK);
     assert_int_equal(ops->open(address, &everything, &source, &error), FOVEA_OK);
     config.camera = ops->info(source)->camera;
+    if (view->detects) config.detect.model = detector_model(&config.detect.model_bytes);
     assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_OK);
     void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, (bytes + 63) / 64 * 64);
     assert_non_null(memory);
@@ -74,7 +96,7 @@ static void run(const char *uri)
         struct fovea_outputs outputs;
         fovea_grants_fixed(&config, &inputs.grants);
         fovea_step(rt, &inputs, &outputs);
-        work_one_by_one(rt, &inputs.grants);
+        work_one_by_one(rt, &inputs.grants, view->timed);
         ops->requeue(source, &frame);
     }
     ops->stop(source);
@@ -91,12 +113,11 @@ static void test_units_are_bounded(void **state)
     }
     for (int i = 0; i < REPEATS; i++) {
         next_unit = 0;
-        run("sim:corridor?width=752&height=480");
-        run("sim:tour");
+        for (size_t v = 0; v < sizeof views / sizeof views[0]; v++) run(&views[v]);
     }
     for (uint32_t i = 0; i < next_unit; i++)
         fv_histogram_add(&histograms[units[i].job], units[i].least_ns);
-    bool good = histograms[FOVEA_JOB_MAP].count > 100 && histograms[FOVEA_JOB_PREVIEW].count > 100;
+    bool good = true;
     for (int job = 0; job < FOVEA_JOB_COUNT; job++) {
         const struct fv_histogram *h = &histograms[job];
         const int64_t p99 = fv_histogram_percentile(h, 0.99), p999 = fv_histogram_percentile(h, 0.999);
@@ -104,7 +125,7 @@ static void test_units_are_bounded(void **state)
                       fovea_job_name((enum fovea_job)job), (unsigned long long)h->count,
                       (double)fv_histogram_mean(h) * 1e-3, (double)p99 * 1e-3, (double)p999 * 1e-3,
                       (double)h->max_ns * 1e-3);
-        good = good && p99 <= UNIT_NS && p999 <= UNIT_MAX_NS;
+        good = good && h->count > 100 && p99 <= UNIT_NS && p999 <= UNIT_MAX_NS;
     }
     assert_true(good);
 }
