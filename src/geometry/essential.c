@@ -141,21 +141,6 @@ void fv_essential_refine(const struct fv_pair *pairs, uint32_t count, double thr
     }
 }
 
-double fv_essential_direction_sigma(const struct fv_pair *pairs, uint32_t count, double threshold_rad,
-                                    double sigma_rad, const struct fv_se3 *T)
-{
-    double u[3], v[3], A[25], g[5], variance = 0;
-    fv_normal_equations(pairs, count, threshold_rad, T, u, v, A, g);
-    if (!fv_ldlt_factor(A, 5)) return FOVEA_PI;
-    for (int k = 3; k < 5; k++) {
-        double unit[5] = {0};
-        unit[k] = 1;
-        fv_ldlt_back(A, 5, unit);
-        variance += unit[k];
-    }
-    return sigma_rad * __builtin_sqrt(variance);
-}
-
 /* MSAC cost: truncated squares, given up as soon as `best` is passed. */
 static double fv_cost(const double E[9], const struct fv_pair *pairs, uint32_t count, double limit2,
                       double best)

@@ -47,11 +47,6 @@ void fv_essential_motions(const double E[9], struct fv_se3 T_2_1[4]);
 void fv_essential_refine(const struct fv_pair *pairs, uint32_t count, double threshold_rad, int steps,
                          struct fv_se3 *T_2_1);
 
-/* One standard deviation (rad) of the direction of t, when residuals have sigma_rad: how well the pairs below
- * `threshold_rad` fix it. Large when the views differ by little more than a rotation. FOVEA_PI where not determined. */
-double fv_essential_direction_sigma(const struct fv_pair *pairs, uint32_t count, double threshold_rad, double sigma_rad,
-                                    const struct fv_se3 *T_2_1);
-
 /* Robust estimate. `inlier` (count bytes, 0 or 1) and `T_2_1` (|t| = 1) are written on success.
  * Of the four motions the one with most inliers in front of both cameras is taken. Returns the number of
  * inliers; 0: none found, outputs untouched. */

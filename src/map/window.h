@@ -91,11 +91,6 @@ void fv_window_put_landmark(struct fv_window *window, const double point[3]);
 void fv_window_put_observation(struct fv_window *window, const struct fv_keypoint *keypoint, uint32_t pose);
 void fv_window_begin(struct fv_window *window, uint32_t passes);
 
-/* One standard deviation (rad) of the direction in which a moved pose lies from the origin of the world, when
- * the job is done: what the observations leave open, for errors of one sigma each. Uses up the system.
- * FOVEA_PI: not determined. */
-double fv_window_direction_sigma(struct fv_window *window, uint32_t pose);
-
 /* One unit of work; true when units are left. */
 bool fv_window_unit(struct fv_window *window);
 

@@ -30,6 +30,7 @@ void fv_odometry_carve(struct fv_odometry *o, const struct fovea_odometry_config
     fv_map_carve(&o->map, &limits, persistent);
     o->state = fv_arena_take(persistent, 1, sizeof *o->state);
     o->recent = fv_arena_take(persistent, features_max, sizeof *o->recent);
+    o->start_depth = fv_arena_take(persistent, features_max, sizeof *o->start_depth);
     const struct fv_window_limits window = {config->window, WINDOW_LANDMARKS, WINDOW_OBSERVATIONS,
                                             WINDOW_PASSES};
     fv_window_carve(&o->window, &window, job);
@@ -42,6 +43,7 @@ void fv_odometry_carve(struct fv_odometry *o, const struct fovea_odometry_config
     o->local = fv_arena_take_raw(frame, LOCAL_MAX, sizeof *o->local);
     o->pairs = fv_arena_take_raw(frame, features_max, sizeof *o->pairs);
     o->tracks = fv_arena_take_raw(frame, features_max, sizeof *o->tracks);
+    o->depths = fv_arena_take_raw(frame, features_max, sizeof *o->depths);
     o->inlier = fv_arena_take_raw(frame, features_max, sizeof *o->inlier);
     o->nearest = fv_arena_take_raw(frame, features_max, sizeof *o->nearest);
     o->second = fv_arena_take_raw(frame, features_max, sizeof *o->second);

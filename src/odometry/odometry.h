@@ -85,6 +85,7 @@ struct fv_odometry {
     struct fv_loop_closer loop;
     struct fv_odometry_state *state;
     struct fv_recent *recent; /* features_max */
+    float *start_depth; /* inverse depths guessed, by feature of the first view */
     /* Frame part. */
     struct fv_sight *sights;  /* of the matched features */
     uint32_t *sight_feature;  /* feature of each sight */
@@ -92,6 +93,7 @@ struct fv_odometry {
     uint32_t *local;          /* landmarks of the local map */
     struct fv_pair *pairs;    /* start */
     struct fv_track *tracks;  /* start: of each pair */
+    struct fv_start_depth *depths; /* start: of each track */
     uint8_t *inlier;
     uint32_t *nearest, *second;
     uint8_t *gathered; /* descriptors of landmarks, for search without prediction */

@@ -11,7 +11,8 @@ enum {
     MATCHES_WANTED = 150,   /* fewer, and a later one takes its place for the next frame */
     DISTANCE_MAX = 64,      /* Hamming */
     TRACKS_MAX = 800,       /* more bring nothing but time */
-    TRACKS_TRIED = 240,     /* of them, on which motions are compared */
+    TRACKS_TRIED = 200,     /* of them, on which motions are compared */
+    SAMPLING_FRAMES = 3,    /* between samplings, while the last guess does not serve */
     SPREAD_STEP = 7919,     /* prime, above the number of features: steps of it visit every match once */
     WAITING_FRAMES_MAX = 60 /* then the view has changed too much to hope */
 };
@@ -21,6 +22,7 @@ static const double direction_sigma_max_rad = 0.05; /* of the baseline; more, an
 static const double points_share_min = 0.6;         /* of the tracks, that must fit in all views */
 static const double parallax_share_min =
     0.3;                                   /* of the points: of fewer, a thing that moves may be the cause */
+static const double turn_cost_min = 1.5;   /* times the cost: less, and the camera may only have turned */
 static const double rival_cost_min = 1.15; /* times the best one's: less, and it is too early to choose */
 
 /* ---- waiting views ----------------------------------------------------------------------------------- */
@@ -32,6 +34,7 @@ static void fv_drop_first(struct fv_start_state *s)
     for (uint32_t i = 0; i < s->count; i++) {
         s->slots[i] = s->slots[i + 1];
         s->frames[i] = s->frames[i + 1];
+        s->matched[i] = s->matched[i + 1];
     }
     s->slots[s->count] = slot;
 }
@@ -44,24 +47,10 @@ static void fv_thin_out(struct fv_start_state *s)
         s->slots[i] = s->slots[2 * i];
         s->slots[2 * i] = slot;
         s->frames[i] = s->frames[2 * i];
+        s->matched[i] = s->matched[2 * i];
     }
     s->count = (s->count + 1) / 2;
     s->stride *= 2;
-}
-
-/* Hold the current view, unless it follows the last one too closely. */
-static void fv_hold(struct fv_odometry *o)
-{
-    struct fv_start_state *s = &o->state->start;
-    if (s->count == 0) {
-        s->stride = 1;
-        for (uint32_t i = 0; i < FV_MAP_WAITING_MAX; i++)
-            s->slots[i] = fv_map_waiting(&o->map, i);
-    }
-    if (s->count > 0 && o->state->frame_number - s->frames[s->count - 1] < s->stride) return;
-    if (s->count == FV_MAP_WAITING_MAX) fv_thin_out(s);
-    s->frames[s->count] = o->state->frame_number;
-    fv_map_copy_view(&o->map, fv_map_current(&o->map), s->slots[s->count++]);
 }
 
 /* ---- matching ---------------------------------------------------------------------------------------- */
@@ -118,9 +107,31 @@ static uint32_t fv_take_pairs(struct fv_odometry *o, uint32_t count, const struc
     return taken;
 }
 
+/* Links of a view's features to those of the first view: nearest[] and second[] hold the matches. */
+static void fv_note_matches(struct fv_odometry *o, uint32_t held, uint32_t count)
+{
+    struct fv_start_state *s = &o->state->start;
+    const struct fv_view view = fv_map_view(&o->map, s->slots[held]);
+    for (uint32_t f = 0; f < view.frame->features; f++)
+        view.landmark[f] = FV_MAP_NONE;
+    for (uint32_t k = 0; k < count; k++)
+        view.landmark[o->second[k]] = (int32_t)o->nearest[k];
+    s->matched[held] = s->frames[0];
+}
+
+/* When the first view has changed, those in between are matched with it anew, one in a frame. */
+static void fv_match_stale(struct fv_odometry *o, const struct fv_kernels *kernels)
+{
+    const struct fv_start_state *s = &o->state->start;
+    for (uint32_t i = s->count; i-- > 1;)
+        if (s->matched[i] != s->frames[0]) {
+            fv_note_matches(o, i, fv_match_views(o, kernels, s->slots[0], s->slots[i]));
+            return;
+        }
+}
+
 /* Find the tracks in the views in between. */
-static void fv_extend_tracks(struct fv_odometry *o, const struct fv_kernels *kernels, uint32_t tracks,
-                             const struct fv_start_bundle *b)
+static void fv_extend_tracks(struct fv_odometry *o, uint32_t tracks, const struct fv_start_bundle *b)
 {
     const struct fv_view first = fv_map_view(&o->map, b->slots[0]);
     for (uint32_t f = 0; f < first.frame->features; f++)
@@ -128,28 +139,52 @@ static void fv_extend_tracks(struct fv_odometry *o, const struct fv_kernels *ker
     for (uint32_t n = 0; n < tracks; n++)
         first.landmark[o->tracks[n].feature[0]] = (int32_t)n;
     for (uint32_t v = 1; v + 1 < b->view_count; v++) {
-        uint32_t count = fv_match_views(o, kernels, b->slots[0], b->slots[v]);
-        for (uint32_t k = 0; k < count; k++) {
-            int32_t track = first.landmark[o->nearest[k]];
-            if (track != FV_MAP_NONE) o->tracks[track].feature[v] = (int32_t)o->second[k];
+        const struct fv_view view = fv_map_view(&o->map, b->slots[v]);
+        for (uint32_t f = 0; f < view.frame->features; f++) {
+            const int32_t track =
+                view.landmark[f] == FV_MAP_NONE ? FV_MAP_NONE : first.landmark[view.landmark[f]];
+            if (track != FV_MAP_NONE) o->tracks[track].feature[v] = (int32_t)f;
         }
     }
 }
 
+/* ---- waiting for more -------------------------------------------------------------------------------- */
+
+/* Hold the current view, which has `matches` with the first, unless it follows the last one too closely. */
+static void fv_hold(struct fv_odometry *o, uint32_t matches, uint64_t first)
+{
+    struct fv_start_state *s = &o->state->start;
+    if (s->count == 0) {
+        s->stride = 1;
+        for (uint32_t i = 0; i < FV_MAP_WAITING_MAX; i++)
+            s->slots[i] = fv_map_waiting(&o->map, i);
+    }
+    if (s->count > 0 && o->state->frame_number - s->frames[s->count - 1] < s->stride) return;
+    if (s->count == FV_MAP_WAITING_MAX) fv_thin_out(s);
+    const uint32_t held = s->count++;
+    s->frames[held] = o->state->frame_number;
+    s->matched[held] = 0;
+    fv_map_copy_view(&o->map, fv_map_current(&o->map), s->slots[held]);
+    o->map.keyframes[s->slots[held]].T_cam_world = s->guess; /* as long as the first view stays the same */
+    if (held > 0 && s->frames[0] == first) fv_note_matches(o, held, matches);
+}
+
 /* ---- choosing ---------------------------------------------------------------------------------------- */
 
-/* The first view held, some of those in between, and the current one. */
+/* The first view held, some of those in between that are matched with it, and the current one. */
 static void fv_choose_views(const struct fv_odometry *o, struct fv_start_bundle *b)
 {
     const struct fv_start_state *s = &o->state->start;
-    const uint32_t between = s->count - 1,
-                   middle = between < FV_START_MIDDLE_MAX ? between : FV_START_MIDDLE_MAX;
     const double span = (double)(o->state->frame_number - s->frames[0]);
+    uint32_t ready[FV_MAP_WAITING_MAX], between = 0;
+    for (uint32_t i = 1; i < s->count; i++)
+        if (s->matched[i] == s->frames[0]) ready[between++] = i;
+    const uint32_t middle = between < FV_START_MIDDLE_MAX ? between : FV_START_MIDDLE_MAX;
     b->view_count = middle + 2;
     b->slots[0] = s->slots[0];
     b->share[0] = 0;
     for (uint32_t m = 0; m < middle; m++) {
-        const uint32_t at = 1 + (2 * m + 1) * between / (2 * middle);
+        const uint32_t at = ready[(2 * m + 1) * between / (2 * middle)];
         b->slots[m + 1] = s->slots[at];
         b->share[m + 1] = (double)(s->frames[at] - s->frames[0]) / span;
     }
@@ -165,38 +200,59 @@ static bool fv_serves(const struct fv_start_bundle *b, uint32_t tracks, uint32_t
            b->direction_sigma <= direction_sigma_max_rad;
 }
 
-/* Bundle every motion that two views allow, on some of the tracks; true when one is clearly the best. */
-static bool fv_choose(struct fv_odometry *o, const struct fv_kernels *kernels, uint32_t tracks,
-                      struct fv_start_bundle *best)
+/* Keep the better of two bundles in `best`, and the cost of the best one that ended at another motion in
+ * `rival`. */
+static void fv_compare(struct fv_odometry *o, uint32_t tried, uint32_t tracks,
+                       const struct fv_start_bundle *candidate, struct fv_start_bundle *best, double *rival)
 {
-    struct fv_se3 motions[FV_START_MOTIONS_MAX];
-    struct fv_start_bundle candidate = *best;
-    const uint32_t count = fv_start_motions(o, tracks, motions),
-                   tried = tracks < TRACKS_TRIED ? tracks : TRACKS_TRIED;
-    double rival = 1e300;
-    best->cost = 1e300;
-    if (count > 0) fv_extend_tracks(o, kernels, tracks, best);
-    for (uint32_t k = 0; k < count; k++) {
-        if (!fv_start_adjust(o, tried, &motions[k], &candidate)) continue;
-        const bool same = best->cost < 1e300 && fv_start_same(best, &candidate);
-        if (candidate.cost < best->cost) {
-            if (!same) rival = best->cost;
-            *best = candidate;
-        } else if (!same && candidate.cost < rival) {
-            rival = candidate.cost;
-        }
+    const bool same = best->cost < 1e300 && fv_start_same(best, candidate);
+    if (candidate->cost < best->cost) {
+        if (!same) *rival = best->cost;
+        *best = *candidate;
+        fv_start_note_guess(o, tried, tracks, best);
+    } else if (!same && candidate->cost < *rival) {
+        *rival = candidate->cost;
     }
-    const uint32_t parallax_points_min = FV_START_POINTS_MIN * tried / tracks;
-    return best->cost < 1e300 && rival >= rival_cost_min * best->cost &&
-           fv_serves(best, tried, parallax_points_min / 2);
 }
 
-/* The chosen motion, adjusted on all tracks, must hold as well. */
+/* Bundle the last guess, on some of the tracks, and when that serves, or has not served for some frames,
+ * every motion that two views allow as well. True when one is clearly the best. */
+static bool fv_choose(struct fv_odometry *o, uint32_t tracks, struct fv_start_bundle *best)
+{
+    struct fv_start_state *s = &o->state->start;
+    struct fv_se3 motions[FV_START_MOTIONS_MAX];
+    struct fv_start_bundle candidate = *best;
+    const uint32_t tried = tracks < TRACKS_TRIED ? tracks : TRACKS_TRIED,
+                   parallax_points_min = FV_START_POINTS_MIN * tried / tracks / 2;
+    double rival = 1e300;
+    best->cost = 1e300;
+    fv_extend_tracks(o, tracks, best);
+    if (fv_start_guess_again(o, tried, &candidate)) {
+        fv_start_adjust(o, tried, FV_START_FAIR, &candidate);
+        fv_compare(o, tried, tracks, &candidate, best, &rival);
+    }
+    if (!(best->cost < 1e300 && fv_serves(best, tried, parallax_points_min)) &&
+        o->state->frame_number - s->sampled < SAMPLING_FRAMES)
+        return false;
+    s->sampled = o->state->frame_number;
+    const uint32_t count = fv_start_motions(o, tracks, motions);
+    for (uint32_t k = 0; k < count; k++) {
+        if (!fv_start_guess_motion(o, tried, &motions[k], &candidate)) continue;
+        fv_start_adjust(o, tried, FV_START_ROUGH, &candidate);
+        fv_compare(o, tried, tracks, &candidate, best, &rival);
+    }
+    return best->cost < 1e300 && rival >= rival_cost_min * best->cost &&
+           fv_serves(best, tried, parallax_points_min);
+}
+
+/* The chosen motion, adjusted on all tracks, must hold as well, and explain them far better than turning
+ * alone. */
 static bool fv_settle(struct fv_odometry *o, uint32_t tracks, struct fv_start_bundle *b)
 {
-    struct fv_se3 T = b->T_view_first[b->view_count - 1];
-    return fv_normalise3(T.t) && fv_start_adjust(o, tracks, &T, b) &&
-           fv_serves(b, tracks, FV_START_POINTS_MIN);
+    const double turn_cost = fv_start_turn_cost(o, tracks, b);
+    if (!fv_start_guess_again(o, tracks, b)) return false;
+    fv_start_adjust(o, tracks, FV_START_FINE, b);
+    return fv_serves(b, tracks, FV_START_POINTS_MIN) && turn_cost >= turn_cost_min * b->cost;
 }
 
 /* ---- the map ----------------------------------------------------------------------------------------- */
@@ -204,18 +260,18 @@ static bool fv_settle(struct fv_odometry *o, uint32_t tracks, struct fv_start_bu
 /* What makes the median depth of the points that will be landmarks 1. */
 static double fv_unit_scale(const struct fv_odometry *o, uint32_t tracks)
 {
-    double low = 1e-3, high = 1e4;
+    double low = 1e-4, high = 1e3;
     for (int step = 0; step < 30; step++) {
         double middle = __builtin_sqrt(low * high);
         uint32_t below = 0, all = 0;
         for (uint32_t i = 0; i < tracks; i++) {
             if (!o->inlier[i]) continue;
             all++;
-            below += o->window.landmarks[i].before[2] < middle;
+            below += o->depths[i].value < middle * o->pairs[i].x1[2];
         }
         *(2 * below > all ? &high : &low) = middle;
     }
-    return 1 / __builtin_sqrt(low * high);
+    return __builtin_sqrt(low * high);
 }
 
 static void fv_add_track(struct fv_odometry *o, const struct fv_start_bundle *b, const uint32_t *keyframes,
@@ -225,7 +281,7 @@ static void fv_add_track(struct fv_odometry *o, const struct fv_start_bundle *b,
     const struct fv_view current = fv_map_view(&o->map, fv_map_current(&o->map));
     double point[3];
     for (int k = 0; k < 3; k++)
-        point[k] = scale * o->window.landmarks[track].before[k];
+        point[k] = scale / o->depths[track].value * o->pairs[track].x1[k];
     int32_t landmark = fv_map_add_landmark(&o->map, point, o->state->frame_number);
     if (landmark == FV_MAP_NONE) return;
     for (uint32_t v = 0; v <= last; v++)
@@ -287,26 +343,26 @@ static uint32_t fv_match_first(struct fv_odometry *o, const struct fv_kernels *k
 bool fv_odometry_start(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
     struct fv_start_state *s = &o->state->start;
-    fv_window_abort(&o->window);
-    uint32_t matches = s->count > 0 ? fv_match_first(o, kernels) : 0;
+    if (s->count > 0) fv_match_stale(o, kernels);
+    const uint32_t matches = s->count > 0 ? fv_match_first(o, kernels) : 0;
+    const uint64_t first = s->frames[0];
     if (s->count >= 2) {
         struct fv_start_bundle bundle;
         memset(&bundle, 0, sizeof bundle);
         fv_choose_views(o, &bundle);
         const uint32_t tracks = fv_take_pairs(o, matches, &bundle);
-        if (fv_choose(o, kernels, tracks, &bundle) && fv_settle(o, tracks, &bundle)) {
-            fv_make_first_map(o, tracks, &bundle);
+        if (fv_choose(o, tracks, &bundle) && fv_settle(o, tracks, &bundle)) {
             fv_window_abort(&o->window);
+            fv_make_first_map(o, tracks, &bundle);
             s->count = 0;
             o->state->pose.matches = tracks;
             o->state->pose.inliers = o->state->recent_count;
             return true;
         }
     }
-    fv_window_abort(&o->window);
     if (s->count > 1 &&
         (matches < MATCHES_WANTED || o->state->frame_number - s->frames[0] > WAITING_FRAMES_MAX))
         fv_drop_first(s);
-    fv_hold(o);
+    fv_hold(o, matches, first);
     return false;
 }

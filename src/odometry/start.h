@@ -2,9 +2,11 @@
  *
  * The last frames are held as waiting views, thinned out as the wait grows. Each new frame is matched against
  * the oldest of them. Two-view geometry gives a few motions that may explain the matches (start_motions.c);
- * each is bundled over the views in between (start_bundle.c), and the best is taken when it is clearly the
- * best, fits, and leaves little open; otherwise the start goes on waiting. So a turn on the spot, a view
- * without parallax and the wrong one of two motions that a plane allows are waited out instead of guessed. */
+ * each is bundled over the views in between (start_bundle.c), and the best is noted as the first guess of the
+ * next frame's bundle, which costs little. Motions are sampled anew every few frames, and when that guess
+ * would serve. The best is taken when it is clearly the best, fits, explains far more than turning alone, and
+ * leaves little open; otherwise the start goes on waiting. So a turn on the spot, a view without parallax and
+ * the wrong one of two motions that a plane allows are waited out instead of guessed. */
 #ifndef FOVEA_ODOMETRY_START_H
 #define FOVEA_ODOMETRY_START_H
 
@@ -13,6 +15,7 @@
 
 #include "geometry/essential.h"
 #include "geometry/se3.h"
+#include "geometry/vec.h"
 #include "map/map.h"
 
 #ifdef __cplusplus
@@ -35,6 +38,11 @@ struct fv_start_state {
     uint32_t stride; /* frames between them */
     uint32_t slots[FV_MAP_WAITING_MAX];
     uint64_t frames[FV_MAP_WAITING_MAX]; /* their numbers */
+    uint64_t sampled;                    /* number of the frame in which motions were last sampled */
+    uint64_t guessed;    /* number of the first view that `guess` and odometry->start_depth hold for */
+    struct fv_se3 guess; /* of the newest view */
+    uint64_t matched[FV_MAP_WAITING_MAX]; /* number of the first view that the links of a view's features lead
+                                             to; 0: none */
 };
 
 /* What one pair of the first and the last view is seen as, by view; FV_MAP_NONE: not found there. */
@@ -47,21 +55,41 @@ struct fv_start_bundle {
     uint32_t view_count;
     uint32_t slots[FV_START_VIEWS_MAX];
     double share[FV_START_VIEWS_MAX];               /* of the time between the first and the last */
-    struct fv_se3 T_view_first[FV_START_VIEWS_MAX]; /* median depth 1 */
+    struct fv_se3 T_view_first[FV_START_VIEWS_MAX]; /* |t| of the last is 1 */
     double cost;                                    /* robust, over all tracks */
+    double noise;                                   /* of an error, in sigmas of its key points */
     double direction_sigma;                         /* rad, of the last view's direction from the first */
     uint32_t points,
         parallax_points; /* that fit in all their views; of these with enough parallax to start on */
 };
 
-/* Where a motion puts the point of a pair, in the first view's frame. Noise alone may turn rays that are
- * nearly parallel apart: such a point is far away, if it is seen where a far point must be. False: the pair
- * does not fit the motion. */
-bool fv_start_place_point(const struct fv_odometry *odometry, const struct fv_pair *pair,
-                          const struct fv_se3 *T_last_first, double point[3]);
+/* Inverse depth of a track along the first view's bearing, in units of the bundle, and what adjusting it
+ * needs. */
+struct fv_start_depth {
+    double value, before;
+    double inverse, gradient;                   /* of its damped 1x1 block, which is eliminated */
+    double cross[6 * (FV_START_VIEWS_MAX - 1)]; /* blocks between it and the views */
+};
+
+/* A small motion on the left of R, translation first; t is not turned. */
+static inline void fv_start_move(struct fv_se3 *T, const double step[6])
+{
+    double turn[9], R[9];
+    fv_so3_exp(step + 3, turn);
+    fv_multiply33(turn, T->R, R);
+    for (int k = 0; k < 9; k++)
+        T->R[k] = R[k];
+    for (int k = 0; k < 3; k++)
+        T->t[k] += step[k];
+}
+
+/* Inverse depth (of |t|) at which a motion sees the first ray of a pair nearest the second; 0, far away,
+ * where noise has turned nearly parallel rays apart. False: the pair does not fit the motion. */
+bool fv_start_inverse_depth(const struct fv_odometry *odometry, const struct fv_pair *pair,
+                            const struct fv_se3 *T_last_first, double *inverse_depth);
 /* Angle between the rays of the first and the last view to a point, times the focal length. */
-double fv_start_parallax_px(const struct fv_odometry *odometry, const struct fv_se3 *T_last_first,
-                            const double point[3]);
+double fv_start_parallax_px(const struct fv_odometry *odometry, const struct fv_pair *pair,
+                            const struct fv_se3 *T_last_first, double inverse_depth);
 
 /* Motions (T_last_first, |t| = 1) that may explain odometry->pairs, best first; returns their number. */
 uint32_t fv_start_motions(struct fv_odometry *odometry, uint32_t count,
@@ -70,10 +98,27 @@ uint32_t fv_start_motions(struct fv_odometry *odometry, uint32_t count,
 /* Whether two bundles ended at the same motion. */
 bool fv_start_same(const struct fv_start_bundle *a, const struct fv_start_bundle *b);
 
-/* Adjust poses and points of the tracks together, from a motion of the last view. False when it does not hold
- * together. Points are in window.landmarks[].before, by track. */
-bool fv_start_adjust(struct fv_odometry *odometry, uint32_t count, const struct fv_se3 *T_last_first,
+/* First guesses of the bundle's poses and of odometry->depths. False: too little fits.
+ * From a motion of the last view: */
+bool fv_start_guess_motion(struct fv_odometry *odometry, uint32_t count, const struct fv_se3 *T_last_first,
+                           struct fv_start_bundle *bundle);
+/* From what was noted for the same first view a few frames ago: */
+bool fv_start_guess_again(struct fv_odometry *odometry, uint32_t count, struct fv_start_bundle *bundle);
+/* Note a bundle of the first `count` of `all` tracks. */
+void fv_start_note_guess(struct fv_odometry *odometry, uint32_t count, uint32_t all,
+                         const struct fv_start_bundle *bundle);
+
+/* How far off a first guess may be. */
+enum fv_start_trust { FV_START_ROUGH = 0, FV_START_FAIR = 1, FV_START_FINE = 2 };
+
+/* Adjust poses and points of the tracks together, from a first guess. Afterwards the last view is at distance
+ * 1, odometry->depths holds the points by track, and ->inlier tells which fit in all their views. */
+void fv_start_adjust(struct fv_odometry *odometry, uint32_t count, enum fv_start_trust trust,
                      struct fv_start_bundle *bundle);
+/* Cost of the tracks when the views do no more than turn: what a bundle must beat. Uses up odometry->depths.
+ */
+double fv_start_turn_cost(struct fv_odometry *odometry, uint32_t count, const struct fv_start_bundle *bundle);
+
 /* Whether a track's point is fit to be a landmark: it fits in all its views, and has parallax. */
 bool fv_start_point_serves(const struct fv_odometry *odometry, const struct fv_start_bundle *bundle,
                            uint32_t track);

@@ -1,173 +1,442 @@
-/* Bundle adjustment of a start: the first view fixed, the others and the points of all tracks moved, in the
- * window's own memory and by its optimiser. */
+/* Bundle adjustment of a start: the first view fixed, the poses of the others and the inverse depths of all
+ * tracks along the first view's bearings moved. Little parallax is the rule here, and inverse depths are
+ * nearly linear in it (J. Civera, A. Davison, J. Montiel, "Inverse depth parametrization for monocular SLAM",
+ * 2008; F. Yu and D. Gallup, "3D reconstruction from accidental motion", 2014): a point far away is no
+ * special case. */
+#include <string.h>
+
+#include "geometry/linear.h"
 #include "geometry/vec.h"
 #include "odometry/odometry.h"
 
-enum { PASSES_MAX = 12, ROUNDS_MAX = 3 };
+enum {
+    MOVED_MAX = FV_START_VIEWS_MAX - 1,
+    SYSTEM_MAX = 6 * MOVED_MAX,
+    STEPS_MAX = 16,
+    ALIGN_STEPS = 6,
+    ALIGN_TRACKS = 120 /* on which a view in between is placed at first */
+};
 
-static const double round_gain_min = 0.03; /* of the cost: less, and another round is of no use */
+static const double gain_min = 1e-3; /* of the cost: smaller, and the minimum is reached */
 static const double chi_square_95_2 = 5.991,
                     error_max = 9;          /* px^2 of level 0: a mismatch says no more than that */
 static const double good_error = 0.05;      /* px^2 of level 0 */
+static const double variance_min = 0.05;    /* px^2 of level 0: matches are not better than that */
 static const double parallax_some_px = 2.5; /* of a landmark: less, and noise decides how far it is */
 static const double point_share_min = 0.5;  /* of the tracks, that fit the motion before both cameras */
+static const double stage_limit2[] = {100, 25, 6};
+static const double inverse_depth_max =
+    0.7; /* of the way to the last view: nearer ones would only tell where that lies */
+static const double behind_max = 0.1;
+static const double align_limit2 = 1e4; /* px^2: what an error says no more beyond, a quarter in each step */
 
-/* inlier[track] holds a bit for each view in which the track takes part. */
-static bool fv_takes_part(const struct fv_odometry *o, uint32_t track, uint32_t view)
+/* Normal equations of the views moved, the inverse depths eliminated. */
+struct fv_start_system {
+    double A[SYSTEM_MAX * SYSTEM_MAX]; /* row-major with `size` columns; lower triangle */
+    double g[SYSTEM_MAX];
+    int size;
+};
+
+/* Error of a track in view v (px), its weight, and derivatives by the view's motion (translation first, then
+ * rotation, on the left of R) and by the inverse depth. False: behind the camera. */
+struct fv_start_row {
+    double error[2], weight;
+    double by_pose[2][6], by_depth[2];
+};
+
+static const struct fv_keypoint *fv_keypoint_of(const struct fv_view *view, const struct fv_track *track,
+                                                uint32_t v)
 {
-    return o->inlier[track] >> view & 1;
+    return &view->points[track->feature[v]];
 }
 
-/* Points of the tracks by the motion; those that do not fit it take no part. */
-static uint32_t fv_place_points(struct fv_odometry *o, uint32_t count, uint32_t last, const struct fv_se3 *T)
+static bool fv_row(const struct fv_start_bundle *b, const struct fv_view views[FV_START_VIEWS_MAX],
+                   const struct fv_pair *pair, const struct fv_track *track, double inverse_depth, uint32_t v,
+                   struct fv_start_row *row)
 {
-    uint32_t placed = 0;
-    for (uint32_t i = 0; i < count; i++) {
-        o->inlier[i] = 0;
-        if (!fv_start_place_point(o, &o->pairs[i], T, o->window.landmarks[i].point)) continue;
-        o->inlier[i] = (uint8_t)(1u | 1u << last);
-        placed++;
+    const struct fv_keypoint *p = fv_keypoint_of(&views[v], track, v),
+                             *first = fv_keypoint_of(&views[0], track, 0);
+    const struct fv_se3 *T = &b->T_view_first[v];
+    double ray[3], q[3], J[6], A[6];
+    const double bearing[3] = {(double)p->bearing[0], (double)p->bearing[1], (double)p->bearing[2]};
+    for (int k = 0; k < 6; k++)
+        A[k] = (double)p->A[k];
+    fv_rotate3(T->R, pair->x1, ray);
+    for (int k = 0; k < 3; k++)
+        q[k] = ray[k] + inverse_depth * T->t[k];
+    if (!fv_sight_error(bearing, A, q, row->error, J)) return false;
+    row->weight = 1 / (1 / (double)p->weight + 1 / (double)first->weight);
+    for (int r = 0; r < 2; r++) {
+        for (int k = 0; k < 3; k++)
+            row->by_pose[r][k] = inverse_depth * J[3 * r + k];
+        fv_cross3(ray, J + 3 * r, row->by_pose[r] + 3);
+        row->by_depth[r] = fv_dot3(J + 3 * r, T->t);
     }
-    return placed;
+    return true;
 }
 
-/* Pose of a view in between: part of the way, refined on the points. False: they do not agree. */
-static bool fv_place_view(struct fv_odometry *o, uint32_t count, const struct fv_start_bundle *b, uint32_t v,
-                          struct fv_se3 *T)
+/* Geman's and McClure's weight: errors beyond the limit count less and less. Returns the cost. */
+static double fv_robust(struct fv_start_row *row, double limit2)
 {
-    const struct fv_view view = fv_map_view(&o->map, b->slots[v]);
-    const struct fv_se3 *last = &b->T_view_first[b->view_count - 1];
-    struct fv_pose_fit fit;
+    const double square = row->weight * (row->error[0] * row->error[0] + row->error[1] * row->error[1]);
+    const double trust = 1 / (1 + square / limit2);
+    row->weight *= trust * trust;
+    return square * trust;
+}
+
+/* ---- first guess ------------------------------------------------------------------------------------- */
+
+/* Move view v until it fits the points. False: too few are seen. */
+static bool fv_place_view(struct fv_odometry *o, uint32_t count,
+                          const struct fv_view views[FV_START_VIEWS_MAX], struct fv_start_bundle *b,
+                          uint32_t v)
+{
+    double limit2 = align_limit2;
+    for (int step = 0; step < ALIGN_STEPS; step++, limit2 /= 4) {
+        double A[36] = {0}, g[6] = {0};
+        uint32_t sights = 0;
+        for (uint32_t i = 0; i < count && sights < ALIGN_TRACKS; i++) {
+            struct fv_start_row row;
+            if (o->tracks[i].feature[v] == FV_MAP_NONE ||
+                !fv_row(b, views, &o->pairs[i], &o->tracks[i], o->depths[i].value, v, &row))
+                continue;
+            (void)fv_robust(&row, limit2);
+            sights++;
+            for (int r = 0; r < 2; r++)
+                for (int k = 0; k < 6; k++) {
+                    const double scaled = row.weight * row.by_pose[r][k];
+                    g[k] -= scaled * row.error[r];
+                    for (int j = 0; j <= k; j++)
+                        A[6 * k + j] += scaled * row.by_pose[r][j];
+                }
+        }
+        for (int k = 0; k < 6; k++)
+            A[7 * k] = A[7 * k] * (1 + 1e-6) + 1e-9;
+        if (sights < FOVEA_POSED_INLIERS_MIN || !fv_ldlt_solve(A, 6, g)) return false;
+        fv_start_move(&b->T_view_first[v], g);
+    }
+    return true;
+}
+
+static void fv_find_views(const struct fv_odometry *o, const struct fv_start_bundle *b,
+                          struct fv_view views[FV_START_VIEWS_MAX])
+{
+    for (uint32_t v = 0; v < b->view_count; v++)
+        views[v] = fv_map_view(&o->map, b->slots[v]);
+}
+
+/* Part of the way from the first to the last view. */
+static void fv_go_part(const struct fv_se3 *whole, double share, struct fv_se3 *T)
+{
     double turn[3];
-    uint32_t sights = 0;
-    fv_so3_log(last->R, turn);
+    fv_so3_log(whole->R, turn);
     for (int k = 0; k < 3; k++) {
-        turn[k] *= b->share[v];
-        T->t[k] = last->t[k] * b->share[v];
+        turn[k] *= share;
+        T->t[k] = whole->t[k] * share;
     }
     fv_so3_exp(turn, T->R);
-    for (uint32_t i = 0; i < count; i++) {
-        if (o->inlier[i] == 0 || o->tracks[i].feature[v] == FV_MAP_NONE) continue;
-        fv_sight_from(&view.points[o->tracks[i].feature[v]], o->window.landmarks[i].point,
-                      &o->sights[sights]);
-        o->sight_feature[sights++] = i;
+}
+
+bool fv_start_guess_motion(struct fv_odometry *o, uint32_t count, const struct fv_se3 *T_last_first,
+                           struct fv_start_bundle *b)
+{
+    struct fv_view views[FV_START_VIEWS_MAX];
+    const uint32_t last = b->view_count - 1;
+    uint32_t placed = 0;
+    fv_find_views(o, b, views);
+    fv_se3_identity(&b->T_view_first[0]);
+    b->T_view_first[last] = *T_last_first;
+    for (uint32_t i = 0; i < count; i++)
+        placed += fv_start_inverse_depth(o, &o->pairs[i], T_last_first, &o->depths[i].value);
+    if (placed < point_share_min * count) return false;
+    for (uint32_t v = 1; v < last; v++) {
+        fv_go_part(T_last_first, b->share[v], &b->T_view_first[v]);
+        if (!fv_place_view(o, count, views, b, v)) return false;
     }
-    if (sights < FOVEA_POSED_INLIERS_MIN || !fv_pose_refine(o->sights, sights, 3, 4, T, &fit)) return false;
-    for (uint32_t k = 0; k < sights; k++)
-        if (o->sights[k].inlier) o->inlier[o->sight_feature[k]] |= (uint8_t)(1u << v);
-    return fit.inliers >= FOVEA_POSED_INLIERS_MIN;
+    return true;
 }
 
-static void fv_fill(struct fv_odometry *o, uint32_t count, const struct fv_start_bundle *b)
+bool fv_start_guess_again(struct fv_odometry *o, uint32_t count, struct fv_start_bundle *b)
 {
-    struct fv_window *w = &o->window;
-    fv_window_clear(w);
-    for (uint32_t v = 0; v < b->view_count; v++)
-        (void)fv_window_put_pose(w, &b->T_view_first[v], v > 0);
-    for (uint32_t i = 0; i < count; i++) {
-        const double point[3] = {w->landmarks[i].point[0], w->landmarks[i].point[1],
-                                 w->landmarks[i].point[2]};
-        fv_window_put_landmark(w, point);
-        for (uint32_t v = 0; v < b->view_count; v++)
-            if (fv_takes_part(o, i, v))
-                fv_window_put_observation(
-                    w, &fv_map_view(&o->map, b->slots[v]).points[o->tracks[i].feature[v]], v);
+    const struct fv_start_state *s = &o->state->start;
+    struct fv_view views[FV_START_VIEWS_MAX];
+    const uint32_t last = b->view_count - 1;
+    if (s->guessed != s->frames[0]) return false;
+    fv_find_views(o, b, views);
+    fv_se3_identity(&b->T_view_first[0]);
+    for (uint32_t i = 0; i < count; i++)
+        o->depths[i].value = (double)o->start_depth[o->tracks[i].feature[0]];
+    for (uint32_t v = 1; v <= last; v++) {
+        b->T_view_first[v] = v == last ? s->guess : views[v].frame->T_cam_world;
+        if (!fv_place_view(o, count, views, b, v)) return false;
     }
-    fv_window_begin(w, PASSES_MAX);
+    return true;
 }
 
-double fv_start_parallax_px(const struct fv_odometry *o, const struct fv_se3 *T, const double point[3])
+void fv_start_note_guess(struct fv_odometry *o, uint32_t count, uint32_t all, const struct fv_start_bundle *b)
 {
-    const double origin[3] = {0, 0, 0};
-    double centre[3], ray[3], cross[3];
-    fv_se3_apply_inverse(T, origin, centre);
-    fv_subtract3(point, centre, ray);
-    fv_cross3(point, ray, cross);
-    return o->focal_px * fv_norm3(cross) / (fv_norm3(point) * fv_norm3(ray) + 1e-12);
+    struct fv_start_state *s = &o->state->start;
+    const struct fv_view first = fv_map_view(&o->map, b->slots[0]);
+    const uint64_t now = o->state->frame_number;
+    double sum = 0;
+    s->guess = b->T_view_first[b->view_count - 1];
+    s->guessed = s->frames[0];
+    for (uint32_t i = 0; i < count; i++)
+        sum += o->depths[i].value;
+    for (uint32_t f = 0; f < first.frame->features; f++)
+        o->start_depth[f] = (float)(sum / count);
+    for (uint32_t i = 0; i < all; i++) {
+        double depth = o->depths[i].value;
+        if (i >= count) (void)fv_start_inverse_depth(o, &o->pairs[i], &s->guess, &depth);
+        o->start_depth[o->tracks[i].feature[0]] = (float)depth;
+    }
+    for (uint32_t i = 1; i < s->count; i++)
+        fv_go_part(&s->guess, (double)(s->frames[i] - s->frames[0]) / (double)(now - s->frames[0]),
+                   &o->map.keyframes[s->slots[i]].T_cam_world);
+    for (uint32_t v = 1; v + 1 < b->view_count; v++)
+        o->map.keyframes[b->slots[v]].T_cam_world = b->T_view_first[v];
 }
 
-/* Weighted squared error of a track in a view, at most `error_max`. */
-static double fv_track_error(const struct fv_odometry *o, const struct fv_start_bundle *b, uint32_t track,
-                             uint32_t v)
+/* ---- adjustment -------------------------------------------------------------------------------------- */
+
+/* Add a track: its blocks, with its inverse depth eliminated. Returns its cost. */
+static double fv_add_rows(struct fv_odometry *o, const struct fv_start_bundle *b,
+                          const struct fv_view views[FV_START_VIEWS_MAX], uint32_t track, double damping,
+                          double limit2, struct fv_start_system *s)
 {
-    struct fv_sight s;
-    double q[3], e[2];
-    fv_sight_from(&fv_map_view(&o->map, b->slots[v]).points[o->tracks[track].feature[v]],
-                  o->window.landmarks[track].before, &s);
-    fv_se3_apply(&b->T_view_first[v], s.point, q);
-    if (o->inlier[track] == 0 || !fv_sight_error(s.bearing, s.A, q, e, 0)) return error_max;
-    double error = s.weight * (e[0] * e[0] + e[1] * e[1]);
-    return error < error_max ? error : error_max;
+    struct fv_start_depth *d = &o->depths[track];
+    double cost = 0, h = 0;
+    d->gradient = 0;
+    memset(d->cross, 0, sizeof d->cross);
+    for (uint32_t v = 1; v < b->view_count; v++) {
+        struct fv_start_row row;
+        double *cross = d->cross + 6 * (v - 1);
+        if (o->tracks[track].feature[v] == FV_MAP_NONE) continue;
+        if (!fv_row(b, views, &o->pairs[track], &o->tracks[track], d->value, v, &row)) {
+            cost += limit2;
+            continue;
+        }
+        cost += fv_robust(&row, limit2);
+        for (int r = 0; r < 2; r++) {
+            const double scaled_depth = row.weight * row.by_depth[r];
+            h += scaled_depth * row.by_depth[r];
+            d->gradient += scaled_depth * row.error[r];
+            for (int k = 0; k < 6; k++) {
+                const double scaled = row.weight * row.by_pose[r][k];
+                const int at = 6 * ((int)v - 1) + k;
+                cross[k] += scaled_depth * row.by_pose[r][k];
+                s->g[at] += scaled * row.error[r];
+                for (int j = 0; j <= k; j++)
+                    s->A[s->size * at + 6 * ((int)v - 1) + j] += scaled * row.by_pose[r][j];
+            }
+        }
+    }
+    d->inverse = 1 / (h * (1 + damping) + 1e-9);
+    return cost;
 }
+
+static void fv_eliminate_depth(const struct fv_start_depth *d, struct fv_start_system *s)
+{
+    for (int a = 0; a < s->size; a++) {
+        const double scaled = d->cross[a] * d->inverse;
+        double *row = s->A + s->size * a;
+        s->g[a] -= scaled * d->gradient;
+        for (int c = 0; c <= a; c++)
+            row[c] -= scaled * d->cross[c];
+    }
+}
+
+/* Normal equations at the present poses and depths; returns the cost. */
+static double fv_build(struct fv_odometry *o, uint32_t count, const struct fv_start_bundle *b,
+                       const struct fv_view views[FV_START_VIEWS_MAX], double damping, double limit2,
+                       struct fv_start_system *s)
+{
+    double cost = 0;
+    s->size = 6 * ((int)b->view_count - 1);
+    memset(s->A, 0, sizeof s->A);
+    memset(s->g, 0, sizeof s->g);
+    for (uint32_t i = 0; i < count; i++)
+        cost += fv_add_rows(o, b, views, i, damping, limit2, s);
+    for (int k = 0; k < s->size; k++)
+        s->A[(s->size + 1) * k] *= 1 + damping;
+    for (uint32_t i = 0; i < count; i++)
+        fv_eliminate_depth(&o->depths[i], s);
+    return cost;
+}
+
+/* Move by the solution of the system; what was is kept in `before`. */
+static bool fv_step(struct fv_odometry *o, uint32_t count, struct fv_start_bundle *b,
+                    struct fv_start_system *s, struct fv_se3 before[FV_START_VIEWS_MAX])
+{
+    memcpy(before, b->T_view_first, sizeof b->T_view_first);
+    if (!fv_ldlt_solve(s->A, s->size, s->g)) return false;
+    for (int k = 0; k < s->size; k++)
+        s->g[k] = -s->g[k];
+    for (uint32_t v = 1; v < b->view_count; v++)
+        fv_start_move(&b->T_view_first[v], s->g + 6 * (v - 1));
+    const double near = inverse_depth_max / fv_norm3(b->T_view_first[b->view_count - 1].t);
+    for (uint32_t i = 0; i < count; i++) {
+        struct fv_start_depth *d = &o->depths[i];
+        double change = d->gradient;
+        d->before = d->value;
+        for (int k = 0; k < s->size; k++)
+            change += d->cross[k] * s->g[k];
+        d->value -= d->inverse * change;
+        d->value = d->value > near ? near : d->value < -near * behind_max ? -near * behind_max : d->value;
+    }
+    return true;
+}
+
+/* Levenberg's and Marquardt's steps until nothing is gained. */
+static void fv_minimise(struct fv_odometry *o, uint32_t count, const struct fv_view views[FV_START_VIEWS_MAX],
+                        struct fv_start_bundle *b, double limit2, struct fv_start_system *s)
+{
+    struct fv_se3 before[FV_START_VIEWS_MAX];
+    double damping = 1e-3, cost = fv_build(o, count, b, views, damping, limit2, s);
+    for (int step = 0; step < STEPS_MAX && fv_step(o, count, b, s, before); step++) {
+        const double now = fv_build(o, count, b, views, damping, limit2, s);
+        if (now <= cost) {
+            const bool there = cost - now < gain_min * cost;
+            cost = now;
+            damping *= 0.2;
+            if (there) return;
+            continue;
+        }
+        memcpy(b->T_view_first, before, sizeof before);
+        for (uint32_t i = 0; i < count; i++)
+            o->depths[i].value = o->depths[i].before;
+        damping = damping * 20 + 1e-6;
+        if (damping > 1e3) return;
+        (void)fv_build(o, count, b, views, damping, limit2, s);
+    }
+}
+
+/* Points before the cameras, and the last view at distance 1. */
+static void fv_normalise(struct fv_odometry *o, uint32_t count, struct fv_start_bundle *b)
+{
+    const uint32_t last = b->view_count - 1;
+    double length = fv_norm3(b->T_view_first[last].t);
+    uint32_t behind = 0;
+    for (uint32_t i = 0; i < count; i++)
+        behind += o->depths[i].value < 0;
+    if (!(length > 1e-12)) length = 1;
+    const double scale = (2 * behind > count ? -1 : 1) / length;
+    for (uint32_t v = 1; v <= last; v++) {
+        fv_so3_orthonormalise(b->T_view_first[v].R);
+        for (int k = 0; k < 3; k++)
+            b->T_view_first[v].t[k] *= scale;
+    }
+    for (uint32_t i = 0; i < count; i++)
+        o->depths[i].value /= scale;
+}
+
+/* One standard deviation (rad) of the direction in which the last view lies, for errors of one sigma each:
+ * the scale, which is free, is held by a prior along it. FOVEA_PI: not determined. */
+static double fv_direction_sigma(struct fv_odometry *o, uint32_t count, const struct fv_start_bundle *b,
+                                 const struct fv_view views[FV_START_VIEWS_MAX], struct fv_start_system *s)
+{
+    const double *t = b->T_view_first[b->view_count - 1].t;
+    double variance = 0;
+    (void)fv_build(o, count, b, views, 1e-9, chi_square_95_2, s);
+    const int n = s->size, at = n - 6;
+    for (int a = 0; a < 3; a++)
+        for (int c = 0; c <= a; c++)
+            s->A[n * (at + a) + at + c] += 1e6 * t[a] * t[c];
+    if (!fv_ldlt_factor(s->A, n)) return FOVEA_PI;
+    for (int axis = 0; axis < 3; axis++) {
+        memset(s->g, 0, sizeof s->g);
+        for (int k = 0; k < 3; k++)
+            s->g[at + k] = (k == axis) - t[axis] * t[k];
+        const double across[3] = {s->g[at], s->g[at + 1], s->g[at + 2]};
+        fv_ldlt_back(s->A, n, s->g);
+        variance += fv_dot3(across, s->g + at);
+    }
+    return __builtin_sqrt(variance);
+}
+
+/* ---- judgement --------------------------------------------------------------------------------------- */
 
 /* How badly a track is explained; `fits` tells whether all its errors are small. The logarithm (Cauchy's
  * weights) at the scale of a good match lets a slightly bent geometry, which explains a moving thing as well,
  * lose to the right one. */
-static double fv_track_cost(const struct fv_odometry *o, const struct fv_start_bundle *b, uint32_t track,
-                            bool *fits)
+static double fv_track_cost(const struct fv_odometry *o, const struct fv_start_bundle *b,
+                            const struct fv_view views[FV_START_VIEWS_MAX], uint32_t track, bool *fits,
+                            double *square)
 {
     double cost = 0;
-    *fits = true;
-    for (uint32_t v = 0; v < b->view_count; v++) {
+    *square = 0;
+    *fits = o->depths[track].value > 0;
+    for (uint32_t v = 1; v < b->view_count; v++) {
+        struct fv_start_row row;
+        double error = error_max;
         if (o->tracks[track].feature[v] == FV_MAP_NONE) continue;
-        double error = fv_track_error(o, b, track, v);
+        if (fv_row(b, views, &o->pairs[track], &o->tracks[track], o->depths[track].value, v, &row))
+            error = row.weight * (row.error[0] * row.error[0] + row.error[1] * row.error[1]);
+        if (!(error < error_max)) error = error_max;
         cost += fovea_log(1 + error / good_error);
+        *square += error;
         *fits = *fits && error < chi_square_95_2;
     }
     return cost;
 }
 
-bool fv_start_point_serves(const struct fv_odometry *o, const struct fv_start_bundle *b, uint32_t track)
+/* Cost, points and noise of the bundle. */
+static void fv_judge(struct fv_odometry *o, uint32_t count, const struct fv_view views[FV_START_VIEWS_MAX],
+                     struct fv_start_bundle *b)
 {
-    bool fits;
-    (void)fv_track_cost(o, b, track, &fits);
-    return fits && fv_start_parallax_px(o, &b->T_view_first[b->view_count - 1],
-                                        o->window.landmarks[track].before) >= parallax_some_px;
-}
-
-/* Fit points and views to the motion, and adjust all of them. */
-static bool fv_adjust_once(struct fv_odometry *o, uint32_t count, struct fv_start_bundle *b)
-{
-    struct fv_window *w = &o->window;
-    const uint32_t last = b->view_count - 1;
-    if (fv_place_points(o, count, last, &b->T_view_first[last]) < point_share_min * count) return false;
-    for (uint32_t v = 1; v < last; v++)
-        if (!fv_place_view(o, count, b, v, &b->T_view_first[v])) return false;
-    fv_fill(o, count, b);
-    while (fv_window_unit(w))
-        ;
-    for (uint32_t v = 0; v <= last; v++) {
-        b->T_view_first[v] = w->state->poses[v].before;
-        fv_so3_orthonormalise(b->T_view_first[v].R);
-    }
-    b->direction_sigma = fv_window_direction_sigma(w, last);
+    const struct fv_se3 *last = &b->T_view_first[b->view_count - 1];
+    double squares = 0, freedom = -6.0 * (b->view_count - 1);
     b->points = b->parallax_points = 0;
     b->cost = 0;
     for (uint32_t i = 0; i < count; i++) {
         bool fits;
-        b->cost += fv_track_cost(o, b, i, &fits);
+        double square;
+        b->cost += fv_track_cost(o, b, views, i, &fits, &square);
+        o->inlier[i] = fits;
         if (!fits) continue;
+        squares += square;
+        freedom -= 1;
+        for (uint32_t v = 1; v < b->view_count; v++)
+            freedom += o->tracks[i].feature[v] == FV_MAP_NONE ? 0 : 2;
         b->points++;
         b->parallax_points +=
-            fv_start_parallax_px(o, &b->T_view_first[last], w->landmarks[i].before) >= FV_START_PARALLAX_PX;
+            fv_start_parallax_px(o, &o->pairs[i], last, o->depths[i].value) >= FV_START_PARALLAX_PX;
     }
-    return true;
+    const double variance = freedom > 0 ? squares / freedom : 1;
+    b->noise = __builtin_sqrt(variance > variance_min ? variance : variance_min);
 }
 
-bool fv_start_adjust(struct fv_odometry *o, uint32_t count, const struct fv_se3 *T_last_first,
+void fv_start_adjust(struct fv_odometry *o, uint32_t count, enum fv_start_trust trust,
                      struct fv_start_bundle *b)
 {
-    const uint32_t last = b->view_count - 1;
-    double before = 1e300;
-    fv_se3_identity(&b->T_view_first[0]);
-    b->T_view_first[last] = *T_last_first;
-    for (int round = 0; round < ROUNDS_MAX; round++) {
-        if (!fv_adjust_once(o, count, b)) return false;
-        if (b->cost > before * (1 - round_gain_min)) return true;
-        before = b->cost;
-        /* The next round places points anew: those that the motion could not place before may now take part.
-         */
-        (void)fv_normalise3(b->T_view_first[last].t);
-    }
-    return true;
+    struct fv_start_system system;
+    struct fv_view views[FV_START_VIEWS_MAX];
+    fv_find_views(o, b, views);
+    for (int stage = (int)trust; stage < 3; stage++)
+        fv_minimise(o, count, views, b, stage_limit2[stage], &system);
+    fv_normalise(o, count, b);
+    fv_judge(o, count, views, b);
+    b->direction_sigma = b->noise * fv_direction_sigma(o, count, b, views, &system);
+}
+
+double fv_start_turn_cost(struct fv_odometry *o, uint32_t count, const struct fv_start_bundle *b)
+{
+    struct fv_view views[FV_START_VIEWS_MAX];
+    struct fv_start_bundle turn = *b;
+    double cost = 0, square;
+    bool fits;
+    fv_find_views(o, b, views);
+    for (uint32_t i = 0; i < count; i++)
+        o->depths[i].value = 0;
+    for (uint32_t v = 1; v < b->view_count; v++)
+        (void)fv_place_view(o, count, views, &turn, v);
+    for (uint32_t i = 0; i < count; i++)
+        cost += fv_track_cost(o, &turn, views, i, &fits, &square);
+    return cost;
+}
+
+bool fv_start_point_serves(const struct fv_odometry *o, const struct fv_start_bundle *b, uint32_t track)
+{
+    return o->inlier[track] && fv_start_parallax_px(o, &o->pairs[track], &b->T_view_first[b->view_count - 1],
+                                                    o->depths[track].value) >= parallax_some_px;
 }

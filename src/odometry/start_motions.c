@@ -3,33 +3,44 @@
  * followed to their own minimum, too. */
 #include "geometry/essential.h"
 #include "geometry/homography.h"
-#include "geometry/triangulate.h"
 #include "geometry/vec.h"
 #include "odometry/odometry.h"
 
 enum { FIT_MIN = 40, REFINE_STEPS = 6, PAIRS_FOLLOWED = 150 };
 
 static const double threshold_px = 2.0;
-static const double place_limit_px = 3;
-static const double far_depth = 2000; /* of a point without parallax, in baselines */
+static const double place_limit_px = 4; /* in the last view, which takes the error of both */
 static const double same_rotation_rad = 0.01, same_direction_cosine = 0.99;
 static const double mismatch_share_max = 0.5;
 static const double cost_share_max =
     1.5; /* of the best one's cost, above which a motion is out of the question */
 
-bool fv_start_place_point(const struct fv_odometry *o, const struct fv_pair *pair, const struct fv_se3 *T,
-                          double point[3])
+bool fv_start_inverse_depth(const struct fv_odometry *o, const struct fv_pair *pair, const struct fv_se3 *T,
+                            double *inverse_depth)
 {
-    const double limit = place_limit_px / o->focal_px, limit2 = limit * limit;
-    double cosine, q[3], cross[3];
-    if (!fv_triangulate(T, pair->x1, pair->x2, point, &cosine) || fv_norm3(point) > far_depth)
-        for (int k = 0; k < 3; k++)
-            point[k] = far_depth * pair->x1[k];
-    fv_cross3(point, pair->x1, cross);
-    if (fv_dot3(cross, cross) > limit2 * fv_dot3(point, point)) return false;
-    fv_se3_apply(T, point, q);
-    fv_cross3(q, pair->x2, cross);
-    return fv_dot3(q, pair->x2) > 0 && fv_dot3(cross, cross) <= limit2 * fv_dot3(q, q);
+    const double limit = place_limit_px / o->focal_px;
+    double ray[3], q[3], off[3], across[3];
+    fv_rotate3(T->R, pair->x1, ray);
+    fv_cross3(pair->x2, ray, off);
+    fv_cross3(pair->x2, T->t, across);
+    const double square = fv_dot3(across, across), along = -fv_dot3(off, across);
+    *inverse_depth = along > 0 && square > 1e-12 ? along / square : 0;
+    for (int k = 0; k < 3; k++) {
+        q[k] = ray[k] + *inverse_depth * T->t[k];
+        off[k] += *inverse_depth * across[k];
+    }
+    return fv_dot3(q, pair->x2) > 0 && fv_dot3(off, off) <= limit * limit * fv_dot3(q, q);
+}
+
+double fv_start_parallax_px(const struct fv_odometry *o, const struct fv_pair *pair, const struct fv_se3 *T,
+                            double inverse_depth)
+{
+    double ray[3], q[3], cross[3];
+    fv_rotate3(T->R, pair->x1, ray);
+    for (int k = 0; k < 3; k++)
+        q[k] = ray[k] + inverse_depth * T->t[k];
+    fv_cross3(ray, q, cross);
+    return o->focal_px * fv_norm3(cross) / (fv_norm3(q) + 1e-12);
 }
 
 /* Truncated squares of the residuals; a point that cannot be placed counts as a mismatch. `parallax`: points
@@ -41,10 +52,11 @@ static double fv_motion_cost(const struct fv_odometry *o, uint32_t count, const 
     fv_essential_from_motion(T, E);
     *parallax = 0;
     for (uint32_t i = 0; i < count; i++) {
-        double point[3], r2 = fv_essential_residual2(E, &o->pairs[i]);
-        if (r2 > limit2 || !fv_start_place_point(o, &o->pairs[i], T, point)) r2 = limit2;
+        double inverse_depth, r2 = fv_essential_residual2(E, &o->pairs[i]);
+        if (r2 > limit2 || !fv_start_inverse_depth(o, &o->pairs[i], T, &inverse_depth)) r2 = limit2;
         cost += r2;
-        *parallax += r2 < limit2 && fv_start_parallax_px(o, T, point) >= FV_START_PARALLAX_PX;
+        *parallax +=
+            r2 < limit2 && fv_start_parallax_px(o, &o->pairs[i], T, inverse_depth) >= FV_START_PARALLAX_PX;
     }
     return cost / limit2;
 }
@@ -92,12 +104,29 @@ static uint32_t fv_add_motion(struct fv_odometry *o, uint32_t pairs, const struc
     return count + 1;
 }
 
+/* Of a motion and its opposite, which fit alike, the one that has more points before it. */
+static void fv_face_points(const struct fv_pair *pairs, uint32_t count, struct fv_se3 *T)
+{
+    int32_t before = 0;
+    for (uint32_t i = 0; i < count; i++) {
+        double ray[3], off[3], across[3];
+        fv_rotate3(T->R, pairs[i].x1, ray);
+        fv_cross3(pairs[i].x2, ray, off);
+        fv_cross3(pairs[i].x2, T->t, across);
+        before += fv_dot3(off, across) < 0 ? 1 : -1;
+    }
+    if (before >= 0) return;
+    for (int k = 0; k < 3; k++)
+        T->t[k] = -T->t[k];
+}
+
 /* Follow a motion to its own minimum over some of the pairs, then look at it on all. */
 static uint32_t fv_try_motion(struct fv_odometry *o, uint32_t pairs, struct fv_se3 *T, uint32_t found,
                               struct fv_se3 *list, double *costs)
 {
     const uint32_t some = pairs < PAIRS_FOLLOWED ? pairs : PAIRS_FOLLOWED;
     fv_essential_refine(o->pairs, some, 2 * threshold_px / o->focal_px, REFINE_STEPS, T);
+    fv_face_points(o->pairs, some, T);
     return fv_add_motion(o, pairs, T, found, list, costs);
 }
 
@@ -117,7 +146,7 @@ uint32_t fv_start_motions(struct fv_odometry *o, uint32_t count, struct fv_se3 T
         found = fv_try_motion(o, count, &planes[k], found, T, costs);
     /* A little turn and a little translation look much alike: every direction is followed to where it leads.
      */
-    for (int k = 0; k < 27; k++) {
+    for (int k = 14; k < 27; k++) { /* its opposite comes by itself: see fv_try_motion */
         struct fv_se3 other = motion;
         other.t[0] = k % 3 - 1;
         other.t[1] = k / 3 % 3 - 1;
