@@ -1,5 +1,6 @@
 #!/bin/sh
-# Time the networks of $FOVEA_DATA/models beside LiteRT: table on the terminal, BUILD/bench_networks.json.
+# Time the networks of $FOVEA_DATA/models beside LiteRT: table on the terminal, BUILD/bench_networks.json. Then both held to AVX2,
+# and what llvm-mca makes of the ARM loops.
 # Usage: tools/bench_networks.sh BUILD
 set -u
 build=$1
@@ -28,3 +29,5 @@ else
     LD_PRELOAD="$build/hold_avx2.so" FOVEA_CPU=avx2 "$python" tools/import/benchmark.py --set avx2 --program "$build/fovea" \
         --json "$build/bench_networks_avx2.json" $models
 fi
+# ARM's matrix products: estimates, and their share of what the core's model does with nothing but products.
+tools/mca.py nn_gemm || echo "SKIPPED ARM loops: tools/install.sh cross installs what they need"

@@ -16,7 +16,7 @@ failed=0
 sets="c neon dotprod"
 [ "$(uname -m)" = x86_64 ] && sets="c avx2 avx512"
 for set in $sets; do
-    for test in operators variants; do
+    for test in operators variants odd; do
         echo "== $test, kernel set $set"
         "$python" "tests/import/$test.py" --set "$set" --rounds "$rounds" || failed=1
     done

@@ -2,7 +2,8 @@
 """Estimate the inner loops of the NEON kernels with llvm-mca, on Cortex-A72, Cortex-A76 and Neoverse N1.
 
 For each kernel: its vector loops (innermost ones; where several, the fattest), instructions, and cycles per pass on each
-core; for matrix products also multiply-adds per cycle. The model knows pipelines, not caches: loads hit, branches are
+core; for matrix products also multiply-adds per cycle, and their share of what the core does when it is given nothing but
+independent products of that kind. The model knows pipelines, not caches: loads hit, branches are
 predicted.
 
 LLVM (14, 16 and 19 looked at) has no model of the Cortex-A72 or A76 of their own: it schedules both as a Cortex-A57, so
@@ -107,12 +108,22 @@ def loops_of(path):
                 yield name[5:] + where, loop
 
 
+def peak(mca, cpu, loop):
+    """Multiply-adds per cycle of the loop's kind of product alone, on 24 accumulators."""
+    name = max((l.split()[0] for l in loop), key=lambda n: PRODUCTS.get(n, 0))
+    took = cycles(simulate(mca, cpu, [f"\t{name} v{i}.4s, v30.16b, v31.16b" for i in range(24)]))
+    return 24 * PRODUCTS[name] / took
+
+
 def row(mca, label, loop):
     products, vectors = weight(loop)
     cells = []
     for cpu in CORES:
         took = cycles(simulate(mca, cpu, loop))
-        cells.append("–" if took is None else f"{took:.1f}" + (f" ({products / took:.0f} MAC/cycle)" if products else ""))
+        cell = "–" if took is None else f"{took:.1f}"
+        if took is not None and products:
+            cell += f" ({products / took:.0f} MAC/cycle, {products / took / peak(mca, cpu, loop):.0%} of peak)"
+        cells.append(cell)
     return f"| {label} | {len(loop)} | {vectors} | " + " | ".join(cells) + " |"
 
 

@@ -505,8 +505,10 @@ def run(name, kind, seed, kernel_set):
             interpreter = check.reference(file.name)
         except (RuntimeError, ValueError) as problem:
             return f"refused: {str(problem)[:110]}"
-        graph = graph_module.read(file.name)
-    net = Lowering(graph).run()
+        try:
+            net = Lowering(graph_module.read(file.name)).run()
+        except graph_module.ImportProblem as problem:
+            return str(problem)
     arena, _ = plan_module.plan(net)
     engine = Engine(Writer(net, arena).bytes(name, [], [0], [0]), kernel_set)
     details = interpreter.get_input_details()

@@ -238,6 +238,9 @@ static struct fv_nn_add draw_add(struct check *check)
     p.s_a = check_between(check, 0, 3) == 0 ? check_between(check, -20, 0) : check_between(check, -3, 0);
     p.s_b = check_between(check, 0, 3) == 0 ? check_between(check, -20, 0) : check_between(check, -3, 0);
     p.s_out = check_between(check, -22, -16);
+    const int32_t half = check_between(check, 0, 3); /* the input of the larger scale has the factor one half */
+    if (half == 1) p.m_a = 1 << 30, p.s_a = 0;
+    if (half == 2) p.m_b = 1 << 30, p.s_b = 0;
     return p;
 }
 

@@ -124,6 +124,7 @@ FV_INLINE void tile(const struct block *b, const uint8_t *columns, ptrdiff_t ste
         acc[i][0] = b->bias[0];
         acc[i][1] = b->bias[1];
     }
+#pragma GCC unroll 1
     for (int s = 0; s < steps; ++s) {
         const __m256i *x = (const __m256i *)(const void *)(columns + b->from[s]);
         const __m256i w0 = b->weights[s][0], w1 = b->weights[s][1];

@@ -1,13 +1,14 @@
 /* The matrix product on bytes: vpmaddubsw multiplies four neighbouring inputs by the weights of 8 channels and adds pairs, vpmaddwd
- * adds the pairs. The first saturates at 16 bits, which cannot happen where the two weights of a pair add up to at most 128 in
- * size, since 255 * 128 fits. Groups of four k that hold a larger pair are multiplied as 16-bit values, even and odd k apart.
- * Which groups these are is found anew for each block of channels: that costs as much as a row or two of the product.
+ * adds the pairs. The first saturates at 16 bits. Which groups of four k may use it is found for each block of channels and
+ * chunk of rows, from the largest value that each k has in these rows: a pair of weights of one sign comes nearest to the limit
+ * there, one of both signs never reaches it. The other groups are multiplied as 16-bit values, even and odd k apart. Finding
+ * out costs as much as two or three rows of the product.
  *
  * A tile is four rows by 16 channels. */
 #include "kernels/kernels.h"
 #include "kernels/x86/nn_avx2.h"
 
-enum { ROWS = 4, CHUNK_ROWS = 64, CHUNK_ROWS_MAX = CHUNK_ROWS + ROWS, GROUPS_MAX = 4096 };
+enum { ROWS = 4, CHUNK_ROWS = 64, CHUNK_ROWS_MAX = CHUNK_ROWS + ROWS, GROUPS_MAX = 3072 };
 
 /* The weights of 16 channels, and their groups of four k by kind. */
 struct panel {
@@ -21,29 +22,51 @@ FV_INLINE __m256i load32(const int8_t *from)
     return _mm256_load_si256((const __m256i *)(const void *)from);
 }
 
-FV_INLINE __m256i large_pairs(__m256i w)
-{
-    return _mm256_cmpgt_epi16(_mm256_abs_epi16(_mm256_maddubs_epi16(_mm256_set1_epi8(1), w)), _mm256_set1_epi16(128));
-}
-
-static void init_panel(struct panel *p, const int8_t *weights, int32_t k4)
-{
-    p->weights = weights;
-    p->narrow_count = p->wide_count = 0;
-    for (int32_t i = 0; i < k4; ++i, weights += 64) {
-        const __m256i large = _mm256_or_si256(large_pairs(load32(weights)), large_pairs(load32(weights + 32)));
-        const int none = _mm256_testz_si256(large, large);
-        p->narrow[p->narrow_count] = p->wide[p->wide_count] = (uint16_t)i;
-        p->narrow_count += none;
-        p->wide_count += 1 - none;
-    }
-}
-
 FV_INLINE __m256i four_inputs(const uint8_t *bytes)
 {
     int32_t word;
     memcpy(&word, bytes, 4);
     return _mm256_set1_epi32(word);
+}
+
+/* The largest value of each k over some rows. */
+struct maxima {
+    uint8_t of[4 * GROUPS_MAX + 32];
+};
+
+static void init_maxima(struct maxima *most, int32_t k, const uint8_t *a, ptrdiff_t lda, int32_t rows)
+{
+    for (int32_t i = 0; i < k; i += 32) {
+        const uint8_t *from = a + i;
+        __m256i v = _mm256_setzero_si256();
+        for (int32_t r = 0; r < rows; ++r, from += lda) {
+            v = _mm256_max_epu8(v, _mm256_loadu_si256((const __m256i *)(const void *)from));
+        }
+        _mm256_storeu_si256((__m256i *)(void *)(most->of + i), v);
+    }
+}
+
+/* 32767 where a pair of products may saturate. */
+FV_INLINE __m256i reach(__m256i most, __m256i w)
+{
+    const __m256i sum = _mm256_maddubs_epi16(most, w);
+    return _mm256_xor_si256(sum, _mm256_srai_epi16(sum, 15));
+}
+
+static void init_panel(struct panel *p, const int8_t *weights, int32_t k4, const struct maxima *most)
+{
+    const __m256i limit = _mm256_set1_epi16(INT16_MAX);
+    p->weights = weights;
+    p->narrow_count = p->wide_count = 0;
+    for (int32_t i = 0; i < k4; ++i, weights += 64) {
+        const __m256i x = four_inputs(most->of + 4 * (ptrdiff_t)i);
+        const __m256i top = _mm256_max_epi16(reach(x, load32(weights)), reach(x, load32(weights + 32)));
+        const __m256i large = _mm256_cmpeq_epi16(top, limit);
+        const int none = _mm256_testz_si256(large, large);
+        p->narrow[p->narrow_count] = p->wide[p->wide_count] = (uint16_t)i;
+        p->narrow_count += none;
+        p->wide_count += 1 - none;
+    }
 }
 
 /* Products of N rows with a group of four k where no pair saturates. */
@@ -180,18 +203,20 @@ void fv_k_nn_gemm_u8__avx2(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff
         return;
     }
     struct panel p;
+    struct maxima most;
     struct output o;
     int32_t sums[CHUNK_ROWS_MAX];
     init_output(&o, g->zero_out, g->act_min, g->act_max, g->table);
     for (int32_t i = 0, rows; i < m; i += rows) {
         rows = next_rows(m - i);
         sum_rows(g, a + i * lda, lda, rows, sums);
+        if (rows >= ROWS) init_maxima(&most, g->k, a + i * lda, lda, rows);
         for (int32_t c = 0; c < g->n; c += 16) {
             struct strip s = {.bias = g->bias + c, .sums = sums, .a = a + i * lda, .out = out + i * ldo + c, .lda = lda, .ldo = ldo,
                               .rows = rows, .width = g->n - c < 16 ? g->n - c : 16};
             load_scales(s.scale, g->multiplier + c, g->shift + c);
             p.weights = g->weights + (ptrdiff_t)c * g->k4 * 4;
-            if (rows >= ROWS) init_panel(&p, p.weights, g->k4);
+            if (rows >= ROWS) init_panel(&p, p.weights, g->k4, &most);
             if (g->act_min >= g->zero_out) strip_u8(&p, &s, &o, g->k4, 1);
             else strip_u8(&p, &s, &o, g->k4, 0);
         }
@@ -209,15 +234,17 @@ FV_INLINE void store_words(__m256i acc[][2], const int N, int32_t *out, ptrdiff_
 void fv_k_nn_gemm_i32__avx2(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, int32_t *out, ptrdiff_t ldo, int32_t m)
 {
     struct panel p;
+    struct maxima most;
     p.narrow_count = p.wide_count = 0;
     int32_t sums[CHUNK_ROWS_MAX];
     for (int32_t i = 0, rows; i < m; i += rows) {
         rows = next_rows(m - i);
         const int tiles = rows >= ROWS && g->k4 <= GROUPS_MAX;
         sum_rows(g, a + i * lda, lda, rows, sums);
+        if (tiles) init_maxima(&most, g->k, a + i * lda, lda, rows);
         for (int32_t c = 0; c < g->n; c += 16) {
             const int8_t *weights = g->weights + (ptrdiff_t)c * g->k4 * 4;
-            if (tiles) init_panel(&p, weights, g->k4);
+            if (tiles) init_panel(&p, weights, g->k4, &most);
             for (int32_t r = 0; r < rows; r += tiles ? ROWS : 1) {
                 const int32_t at = tiles && r + ROWS > rows ? rows - ROWS : r;
                 const uint8_t *row = a + (i + at) * lda;
