@@ -28,7 +28,7 @@ part() { # part NAME COMMAND...
 # The simulated camera at 60 Hz by the clock: no frame dropped for which the loop had processor time, memory as at the start.
 realtime() {
     stats=$done_folder/realtime.json
-    $build/fovea run --source 'sim:wander?rate=60' --rate real --frames "$1" --stats "$stats" --timings none --quiet \
+    $build/fovea run --source 'sim:wander?rate=60' --rate real --frames "$1" --stats "$stats" --picture none --quiet \
         --set 'lcm_url=' || return 1
     late=$(sed -n 's/.*"late": \([0-9]*\).*/\1/p' "$stats" | head -n 1)
     starved=$(sed -n 's/.*"late_without_cpu": \([0-9]*\).*/\1/p' "$stats" | head -n 1)
@@ -40,7 +40,7 @@ realtime() {
 # Runs of any length stay in the block: resident memory after a long run is that after a short one, to a page or two.
 wander() {
     for frames in 600 "$1"; do
-        $build/fovea run --source 'sim:wander?width=320&height=240' --frames "$frames" --timings none --quiet \
+        $build/fovea run --source 'sim:wander?width=320&height=240' --frames "$frames" --picture none --quiet \
             --stats "$done_folder/wander.json" --set 'lcm_url=' || return 1
         resident=$(sed -n 's/.*"resident_bytes": \([0-9]*\).*/\1/p' "$done_folder/wander.json" | head -n 1)
         echo "$frames frames: $resident bytes resident"
@@ -72,7 +72,7 @@ cameras() { # cameras UNPLUGGED DAMAGED
 honest() {
     make --no-print-directory $build/tests/unit/runtime/test_honesty && FOVEA_LONG=1 $build/tests/unit/runtime/test_honesty || return 1
     for seed in $(seq 1 "$1"); do
-        line=$($build/fovea run --source "sim:orbit?seed=$seed" --timings none --path none --set lcm_url= \
+        line=$($build/fovea run --source "sim:orbit?seed=$seed" --picture none --set lcm_url= \
             --set scale.source=odometry --set movable_boxes=truth --trajectory-final "$done_folder/orbit.tum" | grep posed) || return 1
         echo "seed $seed:$line"
         echo "$line" | awk '{

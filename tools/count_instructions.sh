@@ -35,9 +35,9 @@ done
 [ -z "$name" ] || exit 0
 
 # The frame: all that the program does with a frame of a recording, from taking it to sending its messages.
-build/fovea run --source sim:orbit --frames 40 --quiet --timings none --path none --record "$work/run.lcm" >/dev/null
+build/fovea run --source sim:orbit --frames 40 --quiet --picture none --record "$work/run.lcm" >/dev/null
 per_frame() { # kernel set
-    replayed="run --source lcmlog:$work/run.lcm --quiet --timings none --path none --frames"
+    replayed="run --source lcmlog:$work/run.lcm --quiet --picture none --frames"
     # shellcheck disable=SC2086
     echo $((($(FOVEA_CPU=$1 count $build/fovea $replayed 40) - $(FOVEA_CPU=$1 count $build/fovea $replayed 20)) / 20))
 }

@@ -62,16 +62,26 @@ static enum fovea_status fill(struct fv_map_open *open, const char *path, const 
     return fv_archive_read(data, bytes, path, &open->map, &camera, &open->bearings, &open->info, error);
 }
 
+enum fovea_status fv_map_open_bytes(const uint8_t *data, size_t bytes, const char *name, struct fv_map_open *open,
+                                    struct fovea_error *error)
+{
+    memset(open, 0, sizeof *open);
+    open->file_bytes = bytes;
+    open->hash = fv_hash(FV_HASH_START, data, bytes);
+    enum fovea_status status = fill(open, name, data, bytes, error);
+    if (status != FOVEA_OK) fv_map_open_free(open);
+    return status;
+}
+
 enum fovea_status fv_map_open(const char *path, struct fv_map_open *open, struct fovea_error *error)
 {
     uint8_t *data;
+    size_t bytes;
     memset(open, 0, sizeof *open);
-    enum fovea_status status = fv_map_file_read(path, &data, &open->file_bytes, error);
+    enum fovea_status status = fv_map_file_read(path, &data, &bytes, error);
     if (status != FOVEA_OK) return status;
-    open->hash = fv_hash(FV_HASH_START, data, open->file_bytes);
-    status = fill(open, path, data, open->file_bytes, error);
+    status = fv_map_open_bytes(data, bytes, path, open, error);
     free(data);
-    if (status != FOVEA_OK) fv_map_open_free(open);
     return status;
 }
 

@@ -146,33 +146,41 @@ static void draw_graph(struct fv_canvas *canvas, const struct fv_map_open *open,
     }
 }
 
-enum fovea_status fv_map_picture(const struct fv_map_open *open, const char *name, uint32_t map_id,
-                                 const char *path, struct fovea_error *error)
+enum fovea_status fv_map_panel(struct fv_canvas *canvas, const struct fv_map_open *open, const char *name, uint32_t map_id,
+                               int views)
 {
     struct panel panels[2] = {
         {.right = 0, .up = 2, .up_sign = 1, .top = TOP, .title = "from above: x right, z up"},
         {.right = 2, .up = 1, .up_sign = -1, .top = TOP + PANEL, .title = "from the side: z right, y down"}};
-    struct fv_canvas canvas;
     char line[200];
     uint32_t slots[FV_MAP_KEYFRAMES_MAX], landmarks = 0;
     const uint32_t count = fv_map_open_order(open, map_id, slots);
     for (uint32_t i = 0; i < open->map.limits.landmarks; i++)
         landmarks +=
             open->map.landmarks[i].used && fv_map_open_map_of(open, &open->map.landmarks[i]) == map_id;
-    enum fovea_status status = fv_canvas_create(&canvas, WIDTH, TOP + 2 * PANEL, 0xffffff);
-    if (status != FOVEA_OK) return fovea_error_set(error, status, "%.200s: no memory for the picture", path);
-    for (int i = 0; i < 2; i++) {
+    enum fovea_status status = fv_canvas_create(canvas, WIDTH, TOP + views * PANEL, 0xffffff);
+    if (status != FOVEA_OK) return status;
+    for (int i = 0; i < views; i++) {
         fit(open, map_id, &panels[i]);
-        draw_grid(&canvas, &panels[i]);
-        draw_landmarks(&canvas, open, map_id, &panels[i]);
-        draw_graph(&canvas, open, slots, count, &panels[i]);
+        draw_grid(canvas, &panels[i]);
+        draw_landmarks(canvas, open, map_id, &panels[i]);
+        draw_graph(canvas, open, slots, count, &panels[i]);
     }
     snprintf(line, sizeof line, "%.60s: map %u, %u keyframes, %u landmarks", name, map_id, count, landmarks);
-    fv_canvas_text(&canvas, EDGE, 10, fv_canvas_text_width(2, line) > WIDTH - 2 * EDGE ? 1 : 2, INK, line);
-    int x = fv_canvas_text(&canvas, EDGE, 38, 1, PATH, "keyframes in order (ring: the first)   ");
-    x = fv_canvas_text(&canvas, x, 38, 1, 0x609060, "covisible (30 landmarks and more)   ");
-    x = fv_canvas_text(&canvas, x, 38, 1, LOOP, "closed loops   ");
-    fv_canvas_text(&canvas, x, 38, 1, INK, "landmarks, dark: seen often");
+    fv_canvas_text(canvas, EDGE, 10, fv_canvas_text_width(2, line) > WIDTH - 2 * EDGE ? 1 : 2, INK, line);
+    int x = fv_canvas_text(canvas, EDGE, 38, 1, PATH, "keyframes in order (ring: the first)   ");
+    x = fv_canvas_text(canvas, x, 38, 1, 0x609060, "covisible (30 landmarks and more)   ");
+    x = fv_canvas_text(canvas, x, 38, 1, LOOP, "closed loops   ");
+    fv_canvas_text(canvas, x, 38, 1, INK, "landmarks, dark: seen often");
+    return FOVEA_OK;
+}
+
+enum fovea_status fv_map_picture(const struct fv_map_open *open, const char *name, uint32_t map_id,
+                                 const char *path, struct fovea_error *error)
+{
+    struct fv_canvas canvas;
+    enum fovea_status status = fv_map_panel(&canvas, open, name, map_id, 2);
+    if (status != FOVEA_OK) return fovea_error_set(error, status, "%.200s: no memory for the picture", path);
     status = fv_canvas_write(&canvas, path, error);
     fv_canvas_free(&canvas);
     return status;

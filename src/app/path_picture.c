@@ -1,11 +1,10 @@
-#include "app/path_picture.h"
+#include "app/run_picture.h"
 
 #include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
 
-#include "app/canvas.h"
 #include "geometry/linear.h"
 
 enum {
@@ -129,30 +128,27 @@ static void draw(struct fv_canvas *canvas, const struct fv_trajectory_summary *s
     if (drawn) fv_canvas_disc(canvas, last[0], last[1], 4.0F, OURS);
 }
 
-enum fovea_status fv_path_picture(const char *path, const char *name,
-                                  const struct fv_trajectory_summary *summary, struct fovea_error *error)
+enum fovea_status fv_path_panel(struct fv_canvas *canvas, const char *name,
+                                const struct fv_trajectory_summary *summary)
 {
-    struct fv_canvas canvas;
     struct view view;
     char line[200];
-    enum fovea_status status = fv_canvas_create(&canvas, SIDE, TOP + SIDE, 0xffffff);
-    if (status != FOVEA_OK) return fovea_error_set(error, status, "%s: no memory for the picture", path);
+    enum fovea_status status = fv_canvas_create(canvas, SIDE, TOP + SIDE, 0xffffff);
+    if (status != FOVEA_OK) return status;
     const bool aligned = isfinite(summary->scale);
     if (summary->points > 0) {
         view_fit(summary, &view);
-        grid(&canvas, &view, aligned ? "m" : "of the path's own unit");
-        draw(&canvas, summary, &view);
+        grid(canvas, &view, aligned ? "m" : "of the path's own unit");
+        draw(canvas, summary, &view);
     }
-    snprintf(line, sizeof line, "%.60s: %" PRIu64 " posed frames", name, summary->samples);
-    fv_canvas_text(&canvas, EDGE, 14, fv_canvas_text_width(2, line) > SIDE - MARGIN ? 1 : 2, INK, line);
-    int x = fv_canvas_text(&canvas, EDGE, 44, 1, OURS, "path (rings: a map starts, dot: end)   ");
+    snprintf(line, sizeof line, "%.60s  %" PRIu64 " posed frames", name, summary->samples);
+    fv_canvas_text(canvas, EDGE, 14, fv_canvas_text_width(2, line) > SIDE - MARGIN ? 1 : 2, INK, line);
+    int x = fv_canvas_text(canvas, EDGE, 44, 1, OURS, "path (rings: a map starts, dot: end)   ");
     if (aligned) {
-        x = fv_canvas_text(&canvas, x, 44, 1, TRUTH, "truth   ");
+        x = fv_canvas_text(canvas, x, 44, 1, TRUTH, "truth   ");
         snprintf(line, sizeof line, "RMS error %.4g m over %.4g m, %" PRIu32 " map%s", summary->error_m,
                  summary->truth_length_m, summary->maps, summary->maps == 1 ? "" : "s");
-        fv_canvas_text(&canvas, x, 44, 1, INK, line);
+        fv_canvas_text(canvas, x, 44, 1, INK, line);
     }
-    status = fv_canvas_write(&canvas, path, error);
-    fv_canvas_free(&canvas);
-    return status;
+    return FOVEA_OK;
 }

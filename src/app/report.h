@@ -1,4 +1,4 @@
-/* What a run was like: a short summary, JSON, and a picture of the timings. Off the loop thread. */
+/* What a run was like: a short summary and JSON. Off the loop thread. */
 #ifndef FOVEA_APP_REPORT_H
 #define FOVEA_APP_REPORT_H
 
@@ -28,9 +28,5 @@ void fv_report_summary(FILE *file, const struct fv_report *report);
  * lost by the source; tracked and lost count frames with and without a pose, of those for which one was
  * sought. */
 void fv_report_json(FILE *file, const struct fv_report *report);
-
-/* FOVEA_ERROR_SYSTEM: the picture could not be written. */
-enum fovea_status fv_report_picture(const char *path, const struct fv_report *report,
-                                    struct fovea_error *error);
 
 #endif

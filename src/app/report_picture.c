@@ -1,8 +1,7 @@
-/* The picture of a run's timings: CPU time over the run, and where it goes. */
+/* The timings of a run: CPU time over the run, and where it goes. */
 #include <inttypes.h>
 
-#include "app/canvas.h"
-#include "app/report.h"
+#include "app/run_picture.h"
 
 enum {
     WIDTH = 1000,
@@ -149,16 +148,12 @@ static void bars(struct fv_canvas *canvas, const struct fv_timings *timings)
         bar_draw(canvas, 384 + i * pitch, &list[i], top_ms);
 }
 
-enum fovea_status fv_report_picture(const char *path, const struct fv_report *report,
-                                    struct fovea_error *error)
+enum fovea_status fv_report_panel(struct fv_canvas *canvas, const struct fv_report *report)
 {
-    struct fv_canvas canvas;
-    enum fovea_status status = fv_canvas_create(&canvas, WIDTH, HEIGHT, 0xffffff);
-    if (status != FOVEA_OK) return fovea_error_set(error, status, "%s: no memory for the picture", path);
-    title(&canvas, report);
-    curves(&canvas, report->loop->timings);
-    bars(&canvas, report->loop->timings);
-    status = fv_canvas_write(&canvas, path, error);
-    fv_canvas_free(&canvas);
-    return status;
+    enum fovea_status status = fv_canvas_create(canvas, WIDTH, HEIGHT, 0xffffff);
+    if (status != FOVEA_OK) return status;
+    title(canvas, report);
+    curves(canvas, report->loop->timings);
+    bars(canvas, report->loop->timings);
+    return FOVEA_OK;
 }

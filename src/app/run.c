@@ -12,24 +12,23 @@
 #include "app/final_path.h"
 #include "app/keeper.h"
 #include "app/loop.h"
-#include "app/path_picture.h"
 #include "app/process.h"
 #include "app/realtime.h"
 #include "app/recorder.h"
 #include "app/report.h"
 #include "app/results.h"
+#include "app/run_picture.h"
 #include "app/say.h"
 #include "app/setup.h"
 #include "app/trajectory.h"
 #include "app/transport.h"
 
-#define TIMINGS_FILE "fovea-timings.png"
-#define PATH_FILE "fovea-path.png"
+#define PICTURE_FILE "fovea-run.png"
 
 struct run {
     struct fv_setup_options options;
     struct fovea_source_selection selection;
-    const char *stats_path, *timings_path, *trajectory_path, *final_path, *picture_path, *detections_path, *tracks_path;
+    const char *stats_path, *trajectory_path, *final_path, *picture_path, *detections_path, *tracks_path;
     bool quiet;
 
     struct fv_settings settings;
@@ -43,6 +42,7 @@ struct run {
     struct fv_results *results;
     uint64_t looks; /* of the detector, whose results were handed on */
     uint64_t objects, tracks; /* found in them; confirmed */
+    struct fv_trails trails;
     struct fv_final *final;
     struct fv_keeper keeper;
     struct fv_loop_shared shared;
@@ -152,6 +152,7 @@ static void work_done(void *context, const struct fovea_inputs *inputs, const st
     fovea_tracks_get(run->loop.rt, &tracks);
     fv_results_add(run->results, &detections, &tracks);
     count_found(run, &detections, &tracks);
+    if (tracks.updates > 0) fv_trails_look(&run->trails, &tracks);
 }
 
 static void *loop_body(void *argument)
@@ -178,14 +179,12 @@ static enum fv_options_result options_read(struct run *run, int argc, char **arg
         {"step", "K", FV_OPTION_POSITIVE, &run->selection.step, "take every K-th frame of the recording"},
         {"reverse", NULL, FV_OPTION_FLAG, &run->selection.reverse, "last frame first"},
         {"stats", "FILE", FV_OPTION_TEXT, &run->stats_path, "write times, counts and memory as JSON"},
-        {"timings", "FILE", FV_OPTION_TEXT, &run->timings_path,
-         "where to draw the timings (default " TIMINGS_FILE " here; 'none')"},
         {"trajectory", "FILE", FV_OPTION_TEXT, &run->trajectory_path,
          "write T_world_cam of every posed frame, as published, in TUM format"},
         {"trajectory-final", "FILE", FV_OPTION_TEXT, &run->final_path,
          "the same after all optimisation, written at the end"},
-        {"path", "FILE", FV_OPTION_TEXT, &run->picture_path,
-         "where to draw the path, against the truth if known (default " PATH_FILE " here; 'none')"},
+        {"picture", "FILE", FV_OPTION_TEXT, &run->picture_path,
+         "where to draw path, map, tracks and timings (default " PICTURE_FILE " here; 'none')"},
         {"model", "FILE", FV_OPTION_TEXT, &run->options.model, "network that looks for objects (.fvm, made by tools/import)"},
         {"detections", "FILE", FV_OPTION_TEXT, &run->detections_path, "write what it finds as COCO results JSON"},
         {"tracks", "FILE", FV_OPTION_TEXT, &run->tracks_path, "write the tracks of it as MOTChallenge text"},
@@ -221,8 +220,8 @@ static enum fovea_status settings_read(struct run *run, struct fovea_error *erro
     const struct fv_file written[] = {
         {"--record", run->settings.record},     {"--stats", run->stats_path},
         {"--save-map", run->settings.map_save},
-        {"--trajectory", run->trajectory_path}, {"--timings", run->timings_path},
-        {"--path", run->picture_path},          {"--detections", run->detections_path},
+        {"--trajectory", run->trajectory_path},
+        {"--picture", run->picture_path},       {"--detections", run->detections_path},
         {"--tracks", run->tracks_path},
         {"--trajectory-final", run->final_path},
         {0},
@@ -250,8 +249,7 @@ static enum fv_exit outputs_check(struct run *run)
         return fv_say_wrong("fovea run: --tracks: found no network, expected --model FILE");
     enum fv_exit end = picture_probe("detections", run->detections_path);
     if (end == FV_EXIT_OK) end = picture_probe("tracks", run->tracks_path);
-    if (end == FV_EXIT_OK) end = picture_probe("timings", run->timings_path);
-    return end == FV_EXIT_OK ? picture_probe("path", run->picture_path) : end;
+    return end == FV_EXIT_OK ? picture_probe("picture", run->picture_path) : end;
 }
 
 /* SIGUSR1 is the loop's sign that it has ended. Blocked before any thread starts, so that all inherit it. */
@@ -436,29 +434,18 @@ static enum fv_exit stats_write(struct run *run, const struct fv_report *report)
 }
 
 /* A picture that was asked for must be there; the one that is drawn unasked may fail. */
-static enum fv_exit picture_told(const struct run *run, const char *asked, const char *path, const char *what,
-                                 enum fovea_status status, const struct fovea_error *error)
-{
-    if (status != FOVEA_OK) fv_say("%s", error->text);
-    if (status != FOVEA_OK && asked != NULL) return FV_EXIT_FAILED;
-    if (status == FOVEA_OK && !run->quiet) printf("  %s drawn in %s\n", what, path);
-    return FV_EXIT_OK;
-}
-
-static enum fv_exit pictures_draw(const struct run *run, const struct fv_report *report,
-                                  const struct fv_trajectory_summary *path)
+static enum fv_exit picture_draw(const struct run *run, const struct fv_report *report,
+                                 const struct fv_trajectory_summary *path)
 {
     struct fovea_error error;
-    const char *timings_file = run->timings_path != NULL ? run->timings_path : TIMINGS_FILE;
-    const char *path_file = run->picture_path != NULL ? run->picture_path : PATH_FILE;
-    enum fv_exit end = FV_EXIT_OK, other = FV_EXIT_OK;
-    if (strcmp(timings_file, "none") != 0)
-        end = picture_told(run, run->timings_path, timings_file, "timings are",
-                           fv_report_picture(timings_file, report, &error), &error);
-    if (strcmp(path_file, "none") != 0 && (path->samples > 0 || run->picture_path != NULL))
-        other = picture_told(run, run->picture_path, path_file, "the path is",
-                             fv_path_picture(path_file, report->source, path, &error), &error);
-    return end != FV_EXIT_OK ? end : other;
+    const struct fv_run_picture picture = {report, path, &run->trails};
+    const char *file = run->picture_path != NULL ? run->picture_path : PICTURE_FILE;
+    if (strcmp(file, "none") == 0) return FV_EXIT_OK;
+    enum fovea_status status = fv_run_picture(file, &picture, run->loop.rt, &run->settings.runtime, &error);
+    if (status != FOVEA_OK) fv_say("%s", error.text);
+    if (status != FOVEA_OK && run->picture_path != NULL) return FV_EXIT_FAILED;
+    if (status == FOVEA_OK && !run->quiet) printf("  path, map, tracks and timings are drawn in %s\n", file);
+    return FV_EXIT_OK;
 }
 
 static void error_tell(const char *of, const struct fv_trajectory_summary *path)
@@ -518,14 +505,14 @@ static enum fv_exit report_write(struct run *run)
     if (!run->quiet) found_tell(run);
     enum fovea_status results = fv_results_close(run->results, &error);
     run->results = NULL;
-    enum fv_exit end = stats_write(run, &report), pictures = pictures_draw(run, &report, &path);
+    enum fv_exit end = stats_write(run, &report), picture = picture_draw(run, &report, &path);
     if (path.failed || path.lost > 0)
         return fv_say_failed("%s: %" PRIu64 " poses could not be written",
                              run->trajectory_path != NULL ? run->trajectory_path : "path", path.lost);
     if (results != FOVEA_OK) return fv_say_failed("%s", error.text);
     if (final.failed || final.lost > 0)
         return fv_say_failed("%s: %" PRIu64 " poses could not be written", run->final_path, final.lost);
-    return end != FV_EXIT_OK ? end : pictures;
+    return end != FV_EXIT_OK ? end : picture;
 }
 
 static void recorder_end(struct run *run)

@@ -195,7 +195,7 @@ void run_program(const std::string &program, std::vector<Result> &results)
     }
     for (const char *set : {"", "sse4", "neon", "c"}) {
         const std::string command = "FOVEA_CPU=" + std::string(set) + " '" + program + "' run --source 'euroc:" + recording +
-                                    "' --quiet --timings none --stats '" + stats + "' >/dev/null 2>&1";
+                                    "' --quiet --picture none --stats '" + stats + "' >/dev/null 2>&1";
         if (std::system(command.c_str()) != 0) continue; /* a set that this processor lacks */
         const cv::FileStorage file(stats, cv::FileStorage::READ | cv::FileStorage::FORMAT_JSON);
         std::filesystem::remove(stats);

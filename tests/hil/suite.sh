@@ -64,7 +64,7 @@ Y
 run_fovea() { # run_fovea RECORDING OPTIONS...
     recording=$1
     shift
-    FOVEA_CPU=c "$fovea" run --camera camera.yaml --record "$recording" --timings none --path none --set lcm_url= \
+    FOVEA_CPU=c "$fovea" run --camera camera.yaml --record "$recording" --picture none --set lcm_url= \
         --set preview.period_frames=0 --set features.count_max=400 --set loop.lock_memory=false "$@"
 }
 verify() { "$tool" direct "$1" sim.raw direct.lcm && "$fovea" replay direct.lcm --verify; }

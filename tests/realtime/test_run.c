@@ -36,8 +36,8 @@ static pid_t begin(const char *source, const char *const more[])
 {
     const char *words[ARGUMENTS_MAX + 1] = {
         "fovea",   "run",      "--quiet",   "--set",      "lcm_url=", "--source", source,
-        "--stats", stats_path, "--timings", picture_path, "--path",   "none"};
-    int argc = 13;
+        "--stats", stats_path, "--picture", picture_path};
+    int argc = 11;
     for (int i = 0; more != NULL && more[i] != NULL && argc < ARGUMENTS_MAX; i++)
         words[argc++] = more[i];
     fflush(NULL);

@@ -139,30 +139,30 @@ static const char *const wrong_arguments[][2] = {
     {"fovea run --config @/none.yaml", "@/none.yaml"},
     {"fovea run --config @", "@"},
     {"fovea run --stats @/none/stats.json", "--stats|@/none/stats.json"},
-    {"fovea run --timings @/none/t.png", "--timings|@/none/t.png"},
-    {"fovea run --record @/none/run.log --frames 1 --timings none --set lcm_url=", "@/none/run.log"},
+    {"fovea run --picture @/none/t.png", "--picture|@/none/t.png"},
+    {"fovea run --record @/none/run.log --frames 1 --picture none --set lcm_url=", "@/none/run.log"},
     {"fovea run --record @/text.yaml --source lcmlog:@/text.yaml", "--record|@/text.yaml|--source"},
     {"fovea run --set record=@/./text.yaml --config @/text.yaml", "--record|@/./text.yaml|--config"},
     {"fovea run --stats @/text.yaml --config @/text.yaml", "--stats|@/text.yaml|--config"},
     {"fovea run --stats @/one --trajectory @/one", "--stats|@/one|--trajectory"},
     {"fovea run --camera @/none.yaml", "@/none.yaml"},
     {"fovea run --config @/camera.yaml", "@/camera.yaml:2: camera: |/none/cam.yaml"},
-    {"fovea run --config @/record.yaml --frames 1 --timings none", "@/record.yaml:1: record: |/none/run.lcm"},
+    {"fovea run --config @/record.yaml --frames 1 --picture none", "@/record.yaml:1: record: |/none/run.lcm"},
     {"fovea run --set", "--set|value missing"},
     {"fovea run --set seed", "--set|seed"},
     {"fovea run --set sed=1", "--set|sed|'seed'"},
     {"fovea run --set seed=-1", "--set|seed|'-1'"},
     {"fovea run --set features.count_max=9e9", "--set|features.count_max"},
     {"fovea run --set preview.level=7 --set features.pyramid_levels=3", "preview.level|--set"},
-    {"fovea run --set lcm_url=http://here --timings none", "lcm_url|http://here"},
-    {"fovea run --set lcm_url=udpm://1.2.3.4:7667 --timings none", "lcm_url|1.2.3.4"},
-    {"fovea run --set lcm_url=file://@/x.log --timings none", "lcm_url|@/x.log|mode=w"},
-    {"fovea run --set lcm_url=udpm://239.255.76.67:7667?ttl=x --timings none", "lcm_url|ttl=0 to 255"},
-    {"fovea run --set lcm_url=udpm://239.255.76.67:7667?lot=1 --timings none", "lcm_url|lot=1|recv_buf_size"},
+    {"fovea run --set lcm_url=http://here --picture none", "lcm_url|http://here"},
+    {"fovea run --set lcm_url=udpm://1.2.3.4:7667 --picture none", "lcm_url|1.2.3.4"},
+    {"fovea run --set lcm_url=file://@/x.log --picture none", "lcm_url|@/x.log|mode=w"},
+    {"fovea run --set lcm_url=udpm://239.255.76.67:7667?ttl=x --picture none", "lcm_url|ttl=0 to 255"},
+    {"fovea run --set lcm_url=udpm://239.255.76.67:7667?lot=1 --picture none", "lcm_url|lot=1|recv_buf_size"},
     {"fovea check --set lcm_url=udpm://:7667", "lcm_url|udpm://:7667"},
     {"fovea run --set lcm_ttl=\"0\"", "lcm_ttl|the text '0'"},
-    {"fovea run --set mask=@/none.png --timings none", "mask|@/none.png"},
-    {"fovea run --set mask=@/text.yaml --timings none", "mask|@/text.yaml"},
+    {"fovea run --set mask=@/none.png --picture none", "mask|@/none.png"},
+    {"fovea run --set mask=@/text.yaml --picture none", "mask|@/text.yaml"},
     {"fovea run --source", "--source|value missing"},
     {"fovea run --source nothing", "source|'nothing'"},
     {"fovea run --source :", "source|':'"},
@@ -357,7 +357,7 @@ static void test_calibrations(void **state)
 {
     (void)state;
     const char *command =
-        "fovea run --camera @/cam.yaml --frames 1 --timings none --set lcm_url= --set loop.priority=0";
+        "fovea run --camera @/cam.yaml --frames 1 --picture none --set lcm_url= --set loop.priority=0";
     static char text[TEXT_MAX];
     char line[1024], *argv[ARGUMENTS_MAX + 1];
     file_write("cam.yaml", calibration, sizeof calibration - 1);

@@ -1,0 +1,34 @@
+#include "app/trails.h"
+
+/* Every other look goes; those that stay are numbered anew. */
+static void thin(struct fv_trails *trails)
+{
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < trails->count; i++) {
+        struct fv_trail_point point = trails->points[i];
+        if (point.look % 2 != 0) continue;
+        point.look /= 2;
+        trails->points[kept++] = point;
+    }
+    trails->count = kept;
+    trails->stride *= 2;
+}
+
+void fv_trails_look(struct fv_trails *trails, const struct fovea_tracks *tracks)
+{
+    if (trails->stride == 0) *trails = (struct fv_trails){.first_ns = tracks->stamp_ns, .stride = 1};
+    trails->last_ns = tracks->stamp_ns;
+    if (trails->count + FOVEA_TRACKS_MAX > FV_TRAILS_MAX) thin(trails);
+    const uint32_t look = trails->looks++;
+    if (look % trails->stride != 0) return;
+    for (uint32_t i = 0; i < tracks->count && trails->count < FV_TRAILS_MAX; i++) {
+        const struct fovea_track *t = &tracks->list[i];
+        if (t->state != FOVEA_TRACK_CONFIRMED) continue;
+        trails->points[trails->count++] =
+            (struct fv_trail_point){.time_s = (float)((double)(tracks->stamp_ns - trails->first_ns) * 1e-9),
+                                    .x_px = 0.5F * (t->x_min_px + t->x_max_px),
+                                    .id = (uint32_t)t->id,
+                                    .look = look / trails->stride,
+                                    .class_id = t->class_id};
+    }
+}

@@ -1,0 +1,25 @@
+/* Where confirmed tracks were across the image over a whole run, for its picture. Fixed memory: when it is
+ * full, every other look is forgotten and from then on only so many are kept. */
+#ifndef FOVEA_APP_TRAILS_H
+#define FOVEA_APP_TRAILS_H
+
+#include "fovea/track.h"
+
+enum { FV_TRAILS_MAX = 8192 };
+
+struct fv_trail_point {
+    float time_s, x_px;
+    uint32_t id, look; /* look: its number, of those kept */
+    int32_t class_id;
+};
+
+struct fv_trails {
+    int64_t first_ns, last_ns;
+    uint32_t count, looks, stride; /* every stride-th look is kept; 0 before the first */
+    struct fv_trail_point points[FV_TRAILS_MAX];
+};
+
+/* Zeroed memory is empty trails. Loop thread, real-time safe. */
+void fv_trails_look(struct fv_trails *trails, const struct fovea_tracks *tracks);
+
+#endif

@@ -1,0 +1,41 @@
+/* Trails of tracks in fixed memory: a run of any length fits, thinned evenly, and only confirmed tracks count. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <cmocka.h>
+
+#include "app/trails.h"
+
+static void a_long_run_is_thinned_evenly(void **state)
+{
+    (void)state;
+    static struct fv_trails trails;
+    enum { LOOKS = 100000, TRACKS = 7 };
+    for (int look = 0; look < LOOKS; look++) {
+        struct fovea_track list[TRACKS + 1];
+        for (int i = 0; i <= TRACKS; i++) {
+            list[i] = (struct fovea_track){.id = (uint64_t)i + 1, .class_id = i, .state = i < TRACKS ? FOVEA_TRACK_CONFIRMED : FOVEA_TRACK_COASTING,
+                                           .x_min_px = (float)(10 * i), .x_max_px = (float)(10 * i + 4)};
+        }
+        const struct fovea_tracks tracks = {.updates = 1, .stamp_ns = 5000000000 + look * INT64_C(100000000), .count = TRACKS + 1, .list = list};
+        fv_trails_look(&trails, &tracks);
+        assert_true(trails.count <= FV_TRAILS_MAX);
+    }
+    assert_int_equal(trails.looks, LOOKS);
+    assert_true(trails.stride == 128); /* the smallest power of two with which all fits */
+    assert_int_equal(trails.count, (LOOKS + 127) / 128 * TRACKS);
+    for (uint32_t i = 0; i < trails.count; i++) {
+        const struct fv_trail_point *p = &trails.points[i];
+        assert_int_equal(p->look, i / TRACKS);
+        assert_int_equal(p->id, i % TRACKS + 1);
+        assert_true(p->x_px == (float)(10 * p->class_id + 2));
+        assert_true(p->time_s > 12.79F * (float)p->look - 0.01F && p->time_s < 12.81F * (float)p->look + 0.01F);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(a_long_run_is_thinned_evenly)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
