@@ -19,7 +19,7 @@ count_maps() { "$build/fovea" map info "$1" | grep -c '^  map '; }
 run() { # run LOG ARGUMENT...
     log=$1
     shift
-    "$build/fovea" run "$@" --rate max --timings none --path none --set lcm_url= >"$log" 2>&1 || { cat "$log"; exit 1; }
+    "$build/fovea" run "$@" --rate max --picture none --set lcm_url= >"$log" 2>&1 || { cat "$log"; exit 1; }
 }
 verdict() { # verdict LINE CONDITION
     if awk "BEGIN { exit !($2) }"; then echo "ok      $1"; else echo "FAILED  $1"; failed=1; fi
