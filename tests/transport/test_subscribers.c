@@ -15,16 +15,19 @@
 #include <cmocka.h>
 
 #include "app/transport.h"
+#include "common/detector.h"
 #include "common/own_network.h"
 #include "fovea/fovea.h"
 
 #define URL "udpm://239.255.76.67:7667"
 
+#define IDLE_S "8" /* on a busy machine Python and the runtime take seconds to start */
+
 enum { FRAMES = 1000, PERIOD_NS = 5000000, WIDTH = 320, HEIGHT = 240 };
 
-enum { CHANNELS = 6 };
-static const char *const suffixes[CHANNELS] = {"FEATURES", "CAMERA_STATUS", "STATISTICS",
-                                               "PREVIEW",  "POSE",          "CAMERA_POSE"};
+enum { CHANNELS = 9 };
+static const char *const suffixes[CHANNELS] = {"FEATURES",    "CAMERA_STATUS", "STATISTICS", "PREVIEW", "POSE",
+                                               "CAMERA_POSE", "MAP",           "DETECTIONS", "TRACKS"};
 
 static char build[512]; /* folder that this program was built into */
 
@@ -82,9 +85,14 @@ static void expect(struct subscriber *subscriber, const char *name, const uint64
 static void count_and_publish(struct fv_transport *transport, const struct fovea_outputs *outputs,
                               uint64_t sent[CHANNELS])
 {
-    for (uint32_t m = 0; m < outputs->message_count; m++)
-        for (int i = 0; i < CHANNELS; i++)
-            sent[i] += strcmp(outputs->messages[m].channel + strlen("FOVEA_"), suffixes[i]) == 0;
+    for (uint32_t m = 0; m < outputs->message_count; m++) {
+        const char *suffix = outputs->messages[m].channel + strlen("FOVEA_");
+        int i = 0;
+        while (i < CHANNELS && strcmp(suffix, suffixes[i]) != 0)
+            i++;
+        if (i == CHANNELS) fail_msg("%s: a message that this test does not know", suffix);
+        sent[i]++;
+    }
     fv_transport_publish(transport, outputs);
 }
 
@@ -131,6 +139,7 @@ static void run_runtime(uint64_t sent[CHANNELS])
     fovea_config_default(&config);
     config.camera =
         (struct fovea_camera){.width = WIDTH, .height = HEIGHT, .fx = 300, .fy = 300, .cx = 160, .cy = 120};
+    config.detect.model = detector_model(&config.detect.model_bytes);
     assert_int_equal(fovea_camera_prepare(&config.camera, &error), FOVEA_OK);
     if (fovea_size(&config, &bytes, &error) != FOVEA_OK) fail_msg("%s", error.text);
     void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, (bytes + 63) / 64 * 64);
@@ -151,12 +160,12 @@ static void test_every_message(void **state)
     snprintf(in_c, sizeof in_c, "%s/subscribe", build);
     snprintf(python, sizeof python, "%s/venv-lcm/bin/python", build);
     snprintf(types, sizeof types, "%s/python", build);
-    char *const c_arguments[] = {in_c, (char *)"--quiet", (char *)"--idle", (char *)"3", NULL};
+    char *const c_arguments[] = {in_c, (char *)"--quiet", (char *)"--idle", (char *)IDLE_S, NULL};
     char *const python_arguments[] = {python,
                                       (char *)"tools/subscribers/subscribe.py",
                                       (char *)"--quiet",
                                       (char *)"--idle",
-                                      (char *)"3",
+                                      (char *)IDLE_S,
                                       (char *)"--types",
                                       types,
                                       NULL};
@@ -173,6 +182,8 @@ static void test_every_message(void **state)
     run_runtime(sent);
     assert_int_equal(sent[0], FRAMES); /* features */
     assert_int_equal(sent[4], FRAMES); /* poses */
+    for (int i = 0; i < CHANNELS; i++)
+        assert_true(sent[i] > 0);
     expect(&first, "C", sent);
     if (with_python) expect(&second, "Python", sent);
 }

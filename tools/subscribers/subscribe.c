@@ -22,12 +22,15 @@
 
 #include "bot_core_pose_t.h"
 #include "fovea_camera_status_t.h"
+#include "fovea_detections_t.h"
 #include "fovea_features_t.h"
+#include "fovea_map_t.h"
 #include "fovea_pose_t.h"
 #include "fovea_preview_t.h"
 #include "fovea_statistics_t.h"
+#include "fovea_tracks_t.h"
 
-enum { QUEUE_MESSAGES = 1000, KINDS = 7 };
+enum { QUEUE_MESSAGES = 1000, KINDS = 10 };
 
 static volatile sig_atomic_t stop;
 
@@ -40,7 +43,8 @@ struct channel {
 static struct channel channels[KINDS] = {{.suffix = "POSE"},          {.suffix = "FEATURES"},
                                          {.suffix = "CAMERA_STATUS"}, {.suffix = "STATISTICS"},
                                          {.suffix = "PREVIEW"},       {.suffix = "CAMERA_POSE"},
-                                         {.suffix = "BOT_CORE_POSE"}};
+                                         {.suffix = "BOT_CORE_POSE"}, {.suffix = "MAP"},
+                                         {.suffix = "DETECTIONS"},    {.suffix = "TRACKS"}};
 static bool quiet;
 
 static void on_signal(int number)
@@ -101,6 +105,12 @@ HANDLER(statistics_t, "%" PRId64 " frames in, %" PRId64 " processed, latency %.2
         message.frames_in, message.frames_processed, (double)message.latency_ns * 1e-6, message.kernel_set)
 HANDLER(preview_t, "%" PRId32 " x %" PRId32 ", %" PRId32 " bytes of JPEG\n", message.width, message.height,
         message.size_bytes)
+HANDLER(map_t, "map %" PRId32 ", %" PRId32 " landmarks and %" PRId32 " keyframes told of\n", message.map_id,
+        message.landmark_count, message.keyframe_count)
+HANDLER(detections_t, "%" PRId32 " objects found by %s, the best %s with %.2f\n", message.count, message.model,
+        message.count > 0 ? message.class_name[0] : "none", message.count > 0 ? (double)message.score[0] : 0)
+HANDLER(tracks_t, "%" PRId32 " tracks, the newest %" PRId64 "\n", message.count,
+        message.count > 0 ? message.id[message.count - 1] : 0)
 
 /* This one knows its time, but not the number of its frame. */
 static void on_bot_core_pose(const lcm_recv_buf_t *received, const char *name, void *context)
@@ -152,7 +162,8 @@ int main(int argc, char **argv)
     const char *url = "udpm://239.255.76.67:7667?ttl=0&recv_buf_size=2097152", *prefix = "FOVEA";
     static const lcm_msg_handler_t handlers[KINDS] = {on_pose_t,       on_features_t, on_camera_status_t,
                                                       on_statistics_t, on_preview_t,  on_pose_t,
-                                                      on_bot_core_pose};
+                                                      on_bot_core_pose, on_map_t,   on_detections_t,
+                                                      on_tracks_t};
     double idle_s = 0;
     for (int i = 1; i < argc; i++) {
         if (strcmp(argv[i], "--quiet") == 0)

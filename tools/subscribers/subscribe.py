@@ -57,6 +57,10 @@ TELL = {
     "CAMERA_STATUS": (fovea.camera_status_t, lambda m: f"state {m.state}, {m.width} x {m.height} {m.pixel_format}"),
     "STATISTICS": (fovea.statistics_t, lambda m: f"{m.frames_in} frames in, {m.frames_processed} processed"),
     "PREVIEW": (fovea.preview_t, lambda m: f"{m.width} x {m.height}, {m.size_bytes} bytes of JPEG"),
+    "MAP": (fovea.map_t, lambda m: f"map {m.map_id}, {m.landmark_count} landmarks and {m.keyframe_count} keyframes told of"),
+    "DETECTIONS": (fovea.detections_t, lambda m: "%d objects found by %s, the best %s with %.2f" % (
+        m.count, m.model, m.class_name[0] if m.count else "none", m.score[0] if m.count else 0)),
+    "TRACKS": (fovea.tracks_t, lambda m: f"{m.count} tracks, the newest {m.id[-1] if m.count else 0}"),
 }
 
 
