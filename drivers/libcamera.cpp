@@ -297,7 +297,7 @@ enum fovea_status Device::configure(fovea_error *told, fovea_error *error)
 // All planes of a buffer in one piece where they are; else the first alone.
 bool Device::map(const FrameBuffer &buffer, Mapping *mapping)
 {
-    const std::vector<FrameBuffer::Plane> &planes = buffer.planes();
+    const auto &planes = buffer.planes(); // a vector, or from 0.7 on a Span
     const auto offset_of = [](const FrameBuffer::Plane &plane) {
         return plane.offset == FrameBuffer::Plane::kInvalidOffset ? size_t{0} : size_t{plane.offset};
     };
@@ -567,9 +567,9 @@ void plugin_close(void *device)
 } // namespace
 
 extern "C" {
-extern __attribute__((visibility("default"))) const struct fovea_libcamera_plugin fovea_libcamera_plugin_1;
-const struct fovea_libcamera_plugin fovea_libcamera_plugin_1 = {
+extern __attribute__((visibility("default"))) const struct fovea_libcamera_plugin fovea_libcamera_plugin_2;
+const struct fovea_libcamera_plugin fovea_libcamera_plugin_2 = {
     FOVEA_LIBCAMERA_PLUGIN_VERSION,
     plugin_open,
-    {plugin_find, plugin_set_up, plugin_tear_down, plugin_take, plugin_give, plugin_close}};
+    {plugin_find, plugin_set_up, plugin_tear_down, plugin_take, plugin_give, plugin_close, nullptr}};
 }

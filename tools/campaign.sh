@@ -111,5 +111,6 @@ else
     part networks tools/check_networks.sh "$build" 40
     part honest honest 10
     part bare-debian tools/try_bare_debian.sh
+    part libcamera tools/check_libcamera.sh
 fi
 [ -z "$failed" ] || { echo "failed:$failed"; exit 1; }

@@ -286,6 +286,7 @@ static enum fovea_status use_buffer(struct fovea_source *source, const struct fv
     if (status == FOVEA_OK) status = fill_order(source, buffer, slot, error);
     const bool good = status == FOVEA_OK;
     slot->buffer = buffer->index;
+    if (good && source->ops->seen != NULL) source->ops->seen(source->device, &slot->frame.image);
     if (good) hand_over(source, free);
     if (good && source->jpeg == NULL) return FOVEA_OK;
     if (!good) {

@@ -53,6 +53,8 @@ struct fv_live_ops {
     /* A buffer is free again. As `take`. */
     enum fovea_status (*give)(void *device, uint32_t index, struct fovea_error *error);
     void (*close)(void *device);
+    /* NULL, or: a good frame, decoded, just before the loop gets it. */
+    void (*seen)(void *device, const struct fovea_image *image);
 };
 
 struct fv_live_setup {

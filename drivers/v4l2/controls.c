@@ -191,13 +191,17 @@ static enum fovea_status set_exposure(const struct fv_v4l2_device *device, struc
     return status == FOVEA_OK ? write_value(device, "exposure", &info, value, error) : status;
 }
 
-static enum fovea_status set_gain(const struct fv_v4l2_device *device, struct fovea_error *error)
+static enum fovea_status set_gain(struct fv_v4l2_device *device, struct fovea_error *error)
 {
     control_info info, automatic;
     const bool can = query(device, V4L2_CID_AUTOGAIN, &automatic);
     enum fovea_status status = FOVEA_OK;
-    if (device->options.auto_gain_given && device->options.auto_gain && !can)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: auto_gain: this camera has none", device->uri);
+    if (device->options.auto_gain_given && device->options.auto_gain && !can) {
+        if (query(device, V4L2_CID_GAIN, &info) || query(device, V4L2_CID_ANALOGUE_GAIN, &info))
+            return fv_v4l2_auto_gain_begin(device, &info, error);
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: auto_gain: this camera has no gain",
+                               device->uri);
+    }
     if (can && (device->options.auto_gain_given || device->options.gain >= 0))
         status = write_value(device, "auto_gain", &automatic, device->options.auto_gain, error);
     if (status != FOVEA_OK || device->options.gain < 0) return status;

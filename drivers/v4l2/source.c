@@ -47,12 +47,18 @@ static enum fovea_status find(void *device, struct fovea_error *error)
     return fv_v4l2_find(device, error);
 }
 
+static void seen(void *device, const struct fovea_image *image)
+{
+    fv_v4l2_auto_gain_seen(device, image);
+}
+
 static const struct fv_live_ops live_ops = {
     .find = find,
     .set_up = set_up,
     .tear_down = tear_down,
     .take = fv_v4l2_take,
     .give = fv_v4l2_give,
+    .seen = seen,
     .close = free,
 };
 

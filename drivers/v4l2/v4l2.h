@@ -75,6 +75,13 @@ struct fv_v4l2_buffer_map {
     size_t bytes;
 };
 
+/* Automatic gain by the driver (auto_gain.c). */
+struct fv_v4l2_auto_gain {
+    uint32_t id; /* of the control that it moves; 0: it is off */
+    int32_t minimum, maximum, step, value;
+    uint32_t frames; /* since the last look */
+};
+
 struct fv_v4l2_device {
     struct fv_v4l2_options options;
     char uri[FV_V4L2_PATH_BYTES + 8]; /* "v4l2:PATH", begins every line */
@@ -83,6 +90,7 @@ struct fv_v4l2_device {
     bool known; /* identity and agreed hold */
     struct fv_v4l2_agreed agreed;
     int64_t exposure_ns; /* 0: not known */
+    struct fv_v4l2_auto_gain gain;
 
     int fd; /* -1: closed */
     bool planes, streaming, events;
@@ -105,6 +113,14 @@ enum fovea_status fv_v4l2_negotiate(struct fv_v4l2_device *device, struct fovea_
 /* controls.c: exposure, gain and controls by name, each checked against the driver's range, on an open node.
  * Sets device->exposure_ns. */
 enum fovea_status fv_v4l2_controls_set(struct fv_v4l2_device *device, struct fovea_error *error);
+
+/* auto_gain.c: for a camera that has a gain, described by `info`, but does not move it itself. `begin` with
+ * every set-up; `seen` with every good frame, on the camera thread. */
+enum fovea_status fv_v4l2_auto_gain_begin(struct fv_v4l2_device *device,
+                                          const struct v4l2_query_ext_ctrl *info, struct fovea_error *error);
+void fv_v4l2_auto_gain_seen(struct fv_v4l2_device *device, const struct fovea_image *image);
+/* Mean grey level [0, 255] over a grid, of any raw format that V4L2 cameras give. */
+int fv_v4l2_brightness(const struct fovea_image *image);
 
 /* stream.c: buffers and streaming on an open, negotiated node. */
 enum fovea_status fv_v4l2_stream_on(struct fv_v4l2_device *device, struct fovea_error *error);
