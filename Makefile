@@ -131,6 +131,7 @@ check:  ## layers, symbols, stack, headers, clang build, clang-tidy, tests under
 hil:  ## test the camera drivers on real kernel drivers in a virtual machine
 	@tools/install.sh build hil
 	@$(MAKE) --no-print-directory -j$(JOBS) all $(BUILD)/hil-tool
+	@$(MAKE) --no-print-directory -j$(JOBS) BUILD=build-hil/scalar OPT='-O2 -fno-tree-vectorize -fno-tree-slp-vectorize' build-hil/scalar/fovea
 	@tools/hil/run.sh
 
 QEMU = qemu-aarch64 -L /usr/aarch64-linux-gnu -E LD_LIBRARY_PATH=$(CURDIR)/build-aarch64/sysroot/usr/lib/aarch64-linux-gnu:$(CURDIR)/build-aarch64/sysroot/lib/aarch64-linux-gnu

@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <time.h>
 
 #include <linux/videodev2.h>
@@ -37,6 +38,22 @@ int64_t tool_now_ns(void)
     struct timespec now;
     clock_gettime(CLOCK_MONOTONIC, &now);
     return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
+}
+
+bool tool_pace_ready(struct tool_pace *pace)
+{
+    enum {
+        FRAME_BYTES_MIN = 60000
+    }; /* those paced have 320 x 240 pixels; a step without a frame records far less */
+    struct stat now = {.st_size = 0};
+    if (pace->file == NULL) return true;
+    if (stat(pace->file, &now) != 0) now.st_size = 0;
+    if (now.st_size < pace->bytes) pace->bytes = 0; /* another recording */
+    const int64_t waited_ns = tool_now_ns() - pace->since_ns;
+    if (now.st_size < pace->bytes + FRAME_BYTES_MIN && waited_ns < 10000000000) return false;
+    pace->bytes = now.st_size;
+    pace->since_ns = tool_now_ns();
+    return true;
 }
 
 void tool_sleep_until(int64_t at_ns)

@@ -3,6 +3,7 @@
 #ifndef FOVEA_TESTS_HIL_TOOL_H
 #define FOVEA_TESTS_HIL_TOOL_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -24,6 +25,14 @@ struct tool_frames {
     size_t *at, *length; /* per frame */
 };
 void tool_frames_read(struct tool_frames *frames, const char *path, size_t frame_bytes);
+
+/* Frames given no faster than they are recorded, so that a slow machine loses none. */
+struct tool_pace {
+    const char *file; /* that grows with each; NULL: no pace is kept */
+    int64_t bytes, since_ns;
+};
+/* Whether the file has grown by a frame since this last said yes, or ten seconds have passed. */
+bool tool_pace_ready(struct tool_pace *pace);
 
 int64_t tool_now_ns(void);
 void tool_sleep_until(int64_t at_ns);

@@ -1,9 +1,9 @@
 /* hil-tool direct RECORDING FRAMES OUT
  * A recording of `fovea run` on a camera with its pictures taken from FRAMES (raw grey, as fed to the camera)
  * instead, in the same order: what the runtime would have recorded had these been fed directly. Fails when a
- * recorded picture is none of those, or when more of them were passed over than half of FRAMES holds (so also
- * when they are out of order). `fovea replay OUT --verify` then says whether the messages are those of the
- * camera. */
+ * recorded picture is none of those, when other pictures lie between two of them than the driver's numbers
+ * say (so also when they are out of order), or when more were passed over than half of FRAMES holds. `fovea
+ * replay OUT --verify` then says whether the messages are those of the camera. */
 #include "tool.h"
 
 #include <arpa/inet.h>
@@ -49,6 +49,7 @@ int tool_direct(int argc, char **argv)
     FILE *out = fopen(argv[3], "wb");
     if (out == NULL) tool_fail("%s: cannot be written", argv[3]);
     size_t next = 0, replaced = 0, skipped = 0;
+    int64_t last_number = 0;
     enum fovea_status status;
     while ((status = fovea_log_next(log, &event, &error)) == FOVEA_OK) {
         uint8_t *data = malloc(event.bytes);
@@ -65,7 +66,13 @@ int tool_direct(int argc, char **argv)
             for (; k < frames.count; ++k)
                 if (same(&frame, pixels, frames.data + frames.at[(next + k) % frames.count])) break;
             if (k == frames.count) tool_fail("frame %zu is none of those fed", replaced);
-            if (replaced > 0) skipped += k;
+            const size_t lost = (size_t)(frame.stamp.sequence - last_number - 1);
+            /* v4l2loopback forgets the number of a frame that was there before the reader. */
+            if (replaced > 1 && lost % frames.count != k)
+                tool_fail("frame %zu: found %zu of those fed passed over, the driver says %zu", replaced, k,
+                          lost);
+            last_number = frame.stamp.sequence;
+            if (replaced > 1) skipped += lost;
             next = (next + k) % frames.count;
             for (int32_t y = 0; y < frame.height; ++y)
                 memcpy(pixels + (ptrdiff_t)y * frame.stride_bytes,

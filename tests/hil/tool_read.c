@@ -6,7 +6,7 @@
  *   seconds=S    fail when that takes longer (default 30)
  *   expect=FILE  every frame must be one of those in FILE, bit for bit
  *   torn=N       ... but for at most N of them
- *   held=1       hold each frame for 20 ms before it is compared
+ *   held=MS      hold each frame for so long before it is compared
  *   run=COMMAND  run it after five frames, and go on
  *   says=WORDS   go on until some complaint holds these words
  *   damaged=N dropped=N recovered=N   go on until so many are counted
@@ -177,7 +177,7 @@ static bool take(int64_t deadline_ns)
     reading.last_stamp_ns = frame.stamp_ns;
     reading.last_sequence = frame.sequence;
     reading.taken++;
-    if (reading.held != 0) tool_sleep_until(tool_now_ns() + 20000000);
+    if (reading.held != 0) tool_sleep_until(tool_now_ns() + reading.held * 1000000);
     if (reading.expect != NULL) compare(&frame.image);
     reading.ops->requeue(reading.source, &frame);
     return true;
@@ -221,7 +221,7 @@ static void take_all(void)
                (double)(heap_calls_here - here_before) / (double)(reading.taken - taken),
                (double)(atomic_load(&heap_calls) - all_before) / (double)(reading.taken - taken));
     while (!told_enough() && in_time())
-        take_some(1);
+        take(tool_now_ns() + 50000000);
 }
 
 static bool reach(enum fovea_source_state state)

@@ -1,7 +1,8 @@
 /* hil-tool states LOG [state=NAME...] [pose=N...] [rate=HZ]
  * What the messages of a recording say of the camera and of the pose, change by change. Fails unless the
- * states of the camera that are named come in this order (others may lie between), every pose state named
- * occurs, and, with rate=, steps without a frame came at least at 0.7 of that rate while the camera was gone.
+ * states of the camera that are named come in this order and those of the pose in theirs (others may lie
+ * between), and, with rate=, steps without a frame came at least at 0.7 of that rate while the camera was
+ * gone. A pose=3 (lost) that is named must be said while no frame comes, not with the first one after.
  */
 #include "tool.h"
 
@@ -14,6 +15,7 @@
 #include "fovea_camera_status_t.h"
 #include "fovea_pose_t.h"
 
+static const char *const pose_names[] = {"starting", "tracking", "weak", "lost"};
 static const char *const names[] = {"ok", "late", "stalled", "gone", "returning", "ended"};
 
 static struct told {
@@ -23,8 +25,11 @@ static struct told {
     uint64_t delivered, damaged, dropped, recovered;
 } told = {.last_state = -1};
 
-static int wanted_count, next_wanted;
+static int wanted_count, next_wanted, pose_count, next_pose;
 static const char *wanted[16];
+static int wanted_poses[16];
+static int last_pose = -1;
+static bool frame_came, step_has_frame, lost_too_late;
 
 static void take_status(const fovea_camera_status_t *status)
 {
@@ -46,12 +51,31 @@ static void take_status(const fovea_camera_status_t *status)
     if (next_wanted < wanted_count && strcmp(wanted[next_wanted], names[state]) == 0) next_wanted++;
 }
 
+static void take_pose(int state)
+{
+    if (state < 0 || state > 3) tool_fail("unknown state %d of the pose", state);
+    if (state != last_pose) printf("pose %s after %ld poses\n", pose_names[state], told.poses);
+    if (next_pose < pose_count && wanted_poses[next_pose] == state) {
+        next_pose++;
+        lost_too_late = lost_too_late || (state == 3 && step_has_frame);
+    }
+    told.pose_state[state]++;
+    last_pose = state;
+}
+
 static void take_event(const struct fovea_log_event *event)
 {
     uint8_t *data = (uint8_t *)(uintptr_t)event->data;
     fovea_camera_status_t status;
     fovea_pose_t pose;
-    if (fovea_log_channel_is(event->channel, "FRAME")) told.frames++;
+    if (fovea_log_channel_is(event->channel, "FRAME")) {
+        told.frames++;
+        frame_came = true;
+    }
+    if (fovea_log_channel_is(event->channel, "INPUTS")) { /* begins a step, behind its frame */
+        step_has_frame = frame_came;
+        frame_came = false;
+    }
     if (fovea_log_channel_is(event->channel, "CAMERA_STATUS") &&
         fovea_camera_status_t_decode(data, 0, (int)event->bytes, &status) >= 0) {
         take_status(&status);
@@ -59,7 +83,7 @@ static void take_event(const struct fovea_log_event *event)
     }
     if (fovea_log_channel_is(event->channel, "CAMERA_POSE") &&
         fovea_pose_t_decode(data, 0, (int)event->bytes, &pose) >= 0) {
-        if (pose.state >= 0 && pose.state < 4) told.pose_state[pose.state]++;
+        take_pose(pose.state);
         told.poses++;
         fovea_pose_t_decode_cleanup(&pose);
     }
@@ -71,18 +95,15 @@ int tool_states(int argc, char **argv)
     struct fovea_log_event event;
     struct fovea_error error = {.text = ""};
     double rate_hz = 0;
-    bool poses_seen = true;
     if (argc < 2 || fovea_log_open(argv[1], &log, &error) != FOVEA_OK) tool_fail("states: %s", error.text);
-    for (int i = 2; i < argc && wanted_count < 16; ++i) {
+    for (int i = 2; i < argc && wanted_count < 16 && pose_count < 16; ++i) {
         if (strncmp(argv[i], "state=", 6) == 0) wanted[wanted_count++] = argv[i] + 6;
+        if (strncmp(argv[i], "pose=", 5) == 0) wanted_poses[pose_count++] = atoi(argv[i] + 5);
         if (strncmp(argv[i], "rate=", 5) == 0) rate_hz = atof(argv[i] + 5);
     }
     while (fovea_log_next(log, &event, &error) == FOVEA_OK)
         take_event(&event);
     fovea_log_close(log);
-    for (int i = 2; i < argc; ++i)
-        if (strncmp(argv[i], "pose=", 5) == 0)
-            poses_seen = poses_seen && told.pose_state[atoi(argv[i] + 5) & 3] > 0;
     printf("%ld frames, %ld poses (%ld starting, %ld tracking, %ld weak, %ld lost); delivered %llu, damaged "
            "%llu, "
            "dropped %llu, recovered %llu; %ld steps in %.2f s while gone\n",
@@ -93,5 +114,6 @@ int tool_states(int argc, char **argv)
     const bool went_on =
         rate_hz == 0 ||
         (told.gone_steps >= 3 && (double)told.gone_steps >= 0.7 * rate_hz * (double)told.gone_ns * 1e-9);
-    return next_wanted == wanted_count && poses_seen && went_on ? 0 : 1;
+    if (lost_too_late) printf("lost only when the camera was back\n");
+    return next_wanted == wanted_count && next_pose == pose_count && !lost_too_late && went_on ? 0 : 1;
 }

@@ -1,13 +1,16 @@
-/* hil-tool usb FORMAT WIDTH HEIGHT FILE RATE [NAME=VALUE...]
+/* hil-tool usb FORMAT[,FORMAT...] WIDTH HEIGHT FILE RATE [NAME=VALUE...]
  * A USB camera in user space, as the kernel's uvcvideo sees it: USB Video Class 1.0 with one bulk endpoint,
- * spoken over USB/IP through a socket into vhci-hcd. It gives the frames of FILE over and over, and has
- * exposure, gain and brightness.
+ * spoken over USB/IP through a socket into vhci-hcd. It gives the frames of FILE (a '%' in its name stands
+ * for the format's) over and over, and has exposure, gain, brightness, and a sharpness that chooses a fault:
  *
- *   port=N          of the emulated bus           serial=TEXT     serial number
- *   drop=N          leave out every N-th frame    truncate=N      send half of every N-th
- *   damage=N        set the error bit in every N-th   corrupt=N   overwrite bytes in the middle of every N-th
- *   refuse=1        stall when the gain is set    frames=N        unplug itself after N frames
- *   descriptor=N    claim N bytes per frame more than it sends
+ *   0  none                     1  every fourth frame never comes
+ *   2  half of every fourth     3  every fourth has the error bit
+ *   4  bytes in the middle of every third are overwritten
+ *   5  the gain is refused      6  every request for a format is refused, as where the bus has no room
+ *
+ *   port=N          of the emulated bus
+ *   serial=TEXT     serial number
+ *   after=FILE      a frame goes out when FILE has grown by one since the last, or after ten seconds
  *
  * After the USB Video Class specification 1.0 (descriptors and requests) and
  * Documentation/usb/usbip_protocol.rst. */
@@ -24,7 +27,15 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-enum { SUBMIT = 1, UNLINK = 2, SUBMITTED = 3, UNLINKED = 4, PENDING_MAX = 64, PAYLOAD_MAX = 16384 };
+enum {
+    SUBMIT = 1,
+    UNLINK = 2,
+    SUBMITTED = 3,
+    UNLINKED = 4,
+    PENDING_MAX = 64,
+    PAYLOAD_MAX = 16384,
+    FORMATS_MAX = 16
+};
 
 /* Numbers of the class specification. */
 enum {
@@ -57,16 +68,24 @@ struct pending {
     uint32_t number, bytes;
 };
 
-static struct camera {
+/* What a format is called on the bus is its place in the list, from 1. */
+struct offer {
     const struct tool_format *format;
-    int width, height;
     struct tool_frames frames;
-    uint32_t frame_bytes, interval; /* most bytes of a frame; 100 ns */
-    long port, drop, truncate, damage, corrupt, refuse, last, more;
+    uint32_t frame_bytes; /* at most */
+};
+
+static struct camera {
+    struct offer offers[FORMATS_MAX];
+    size_t offer_count;
+    int width, height;
+    uint32_t interval; /* 100 ns */
+    long port;
     const char *serial;
+    struct tool_pace pace;
 
     int socket;
-    uint8_t descriptor[512];
+    uint8_t descriptor[2048];
     size_t descriptor_bytes;
     uint8_t probe[26], commit[26];
     bool streaming, in_frame;
@@ -81,13 +100,25 @@ static struct camera {
     uint8_t toggle;
 } camera;
 
+enum { DROP = 1, TRUNCATE, MARK, CORRUPT, REFUSE_GAIN, NO_ROOM };
+
 static struct control controls[] = {
-    {CAMERA, 0x02, 1, 1, 8, 9, 8,
-     8}, /* exposure mode: manual 1, aperture priority 8; "step" is the mask of modes */
-    {CAMERA, 0x04, 4, 1, 5000, 1, 156, 156},
-    {PROCESSING, 0x02, 2, -64, 64, 1, 0, 0},
-    {PROCESSING, 0x04, 2, 0, 255, 1, 16, 16},
+    {CAMERA, 0x02, 1, 1, 8, 9, 8, 8}, /* exposure mode: manual 1, aperture priority 8; "step" is the mask of
+                                         modes */
+    {CAMERA, 0x04, 4, 1, 5000, 1, 156, 156},  {PROCESSING, 0x02, 2, -64, 64, 1, 0, 0},
+    {PROCESSING, 0x04, 2, 0, 255, 1, 16, 16}, {PROCESSING, 0x08, 2, 0, NO_ROOM, 1, 0, 0}, /* the fault */
 };
+
+static int32_t fault(void)
+{
+    return controls[sizeof controls / sizeof controls[0] - 1].value;
+}
+
+/* What streaming was asked for. */
+static const struct offer *offer(const uint8_t block[26])
+{
+    return &camera.offers[block[2] - 1];
+}
 
 /* ---- the socket -------------------------------------------------------------------------------------- */
 
@@ -149,36 +180,39 @@ static void store_word(size_t at, size_t value)
     camera.descriptor[at + 1] = (uint8_t)(value >> 8);
 }
 
-static void describe_frame(uint8_t subtype)
+static void describe_format(const struct offer *each, uint8_t index)
 {
-    const uint32_t bits = (uint32_t)(camera.frame_bytes * 8.0 * 1e7 / camera.interval);
+    const char *four = each->format->guid4;
+    const uint32_t bits = (uint32_t)(each->frame_bytes * 8.0 * 1e7 / camera.interval);
+    const uint8_t subtype = four == NULL ? 7 : 5;
+    if (four == NULL)
+        ADD(0x24, 6, index, 1, 0, 1, 0, 0, 0, 0);
+    else
+        ADD(0x24, 4, index, 1, (uint8_t)four[0], (uint8_t)four[1], (uint8_t)four[2], (uint8_t)four[3], 0, 0,
+            0x10, 0, 0x80, 0, 0, 0xaa, 0, 0x38, 0x9b, 0x71, (uint8_t)(4 * each->format->half_bytes), 1, 0, 0,
+            0, 0);
     ADD(0x24, subtype, 1, 0, WORD(camera.width), WORD(camera.height), LONG(bits), LONG(bits),
-        LONG(camera.frame_bytes), LONG(camera.interval), 1, LONG(camera.interval));
+        LONG(each->frame_bytes), LONG(camera.interval), 1, LONG(camera.interval));
 }
 
 static void describe(void)
 {
-    const char *four = camera.format->guid4;
     ADD(2, 0, 0, 2, 1, 0, 0x80, 250); /* configuration */
     ADD(0x0b, 0, 2, 0x0e, 3, 0, 0);   /* interfaces 0 and 1 are one function */
     ADD(4, 0, 0, 0, 0x0e, 1, 0, 0);   /* control interface */
     const size_t control = camera.descriptor_bytes;
     ADD(0x24, 1, WORD(0x100), 0, 0, LONG(48000000), 1, 1);
     ADD(0x24, 2, CAMERA, WORD(0x201), 0, 0, WORD(0), WORD(0), WORD(0), 3, 0x0a, 0, 0);
-    ADD(0x24, 5, PROCESSING, CAMERA, WORD(0), 2, 0x01, 0x02, 0);
+    ADD(0x24, 5, PROCESSING, CAMERA, WORD(0), 2, 0x11, 0x02, 0);
     ADD(0x24, 3, OUTPUT, WORD(0x101), 0, PROCESSING, 0);
     store_word(control + 5, camera.descriptor_bytes - control);
     ADD(4, 1, 0, 1, 0x0e, 2, 0, 0); /* streaming interface, one bulk endpoint */
     const size_t streaming = camera.descriptor_bytes;
-    ADD(0x24, 1, 1, 0, 0, 0x81, 0, OUTPUT, 0, 0, 0, 1, 0);
-    if (four == NULL) {
-        ADD(0x24, 6, 1, 1, 0, 1, 0, 0, 0, 0);
-    } else {
-        ADD(0x24, 4, 1, 1, (uint8_t)four[0], (uint8_t)four[1], (uint8_t)four[2], (uint8_t)four[3], 0, 0, 0x10,
-            0, 0x80, 0, 0, 0xaa, 0, 0x38, 0x9b, 0x71, (uint8_t)(4 * camera.format->half_bytes), 1, 0, 0, 0,
-            0);
-    }
-    describe_frame(four == NULL ? 7 : 5);
+    uint8_t head[14 + FORMATS_MAX] = {0, 0x24, 1, (uint8_t)camera.offer_count, 0, 0, 0x81, 0, OUTPUT, 0,
+                                      0, 0,    1};
+    add(head, 13 + camera.offer_count);
+    for (size_t i = 0; i < camera.offer_count; ++i)
+        describe_format(&camera.offers[i], (uint8_t)(i + 1));
     store_word(streaming + 4, camera.descriptor_bytes - streaming);
     ADD(5, 0x81, 2, WORD(512), 0);
     store_word(2, camera.descriptor_bytes);
@@ -189,8 +223,8 @@ static void describe(void)
 static void fix_probe(uint8_t probe[26])
 {
     const uint8_t interval[4] = {LONG(camera.interval)};
-    const uint8_t sizes[8] = {LONG(camera.frame_bytes), LONG(PAYLOAD_MAX)};
-    probe[2] = 1;
+    if (probe[2] < 1 || probe[2] > camera.offer_count) probe[2] = 1;
+    const uint8_t sizes[8] = {LONG(offer(probe)->frame_bytes), LONG(PAYLOAD_MAX)};
     probe[3] = 1;
     memcpy(probe + 4, interval, 4);
     memcpy(probe + 18, sizes, 8);
@@ -237,7 +271,7 @@ static bool negotiate(uint32_t number, unsigned request, unsigned selector, cons
 {
     uint8_t *block = selector == 1 ? camera.probe : selector == 2 ? camera.commit : NULL;
     uint8_t answer[26];
-    if (block == NULL) return false;
+    if (block == NULL || (fault() == NO_ROOM && request == SET_CUR && selector == 2)) return false;
     memcpy(answer, block, sizeof answer);
     size_t length = sizeof answer;
     switch (request) {
@@ -270,7 +304,7 @@ static bool use_control(uint32_t number, unsigned request, unsigned unit, unsign
     if (control == NULL) return false;
     if (request == SET_CUR) {
         uint32_t value = 0;
-        if (camera.refuse != 0 && unit == PROCESSING && selector == 0x04) return false;
+        if (fault() == REFUSE_GAIN && unit == PROCESSING && selector == 0x04) return false;
         memcpy(&value, data, bytes < control->bytes ? bytes : control->bytes);
         control->value = control->bytes == 2 ? (int16_t)value : (int32_t)value;
         printf("usb: control %u.%u = %d\n", unit, selector, control->value);
@@ -379,9 +413,10 @@ static void take_back(const struct packet *packet)
     reply_unlink(number, status);
 }
 
-static bool each(long every)
+/* Whether the frame under way is one that has the fault. */
+static bool hit(int32_t by)
 {
-    return every > 0 && camera.number % every == 0;
+    return fault() == by && camera.number % (by == CORRUPT ? 3 : 4) == 0;
 }
 
 /* Begin the next frame when it is due. */
@@ -389,13 +424,17 @@ static bool begin_frame(void)
 {
     const int64_t now_ns = tool_now_ns();
     if (now_ns < camera.due_ns) return false;
+    if (!tool_pace_ready(&camera.pace)) {
+        camera.due_ns = now_ns + 10000000;
+        return false;
+    }
     if (now_ns - camera.due_ns > 500000000) camera.due_ns = now_ns;
     camera.due_ns += camera.interval * INT64_C(100);
     camera.number++;
-    if (camera.last > 0 && camera.number > camera.last) exit(0);
-    if (each(camera.drop)) return false;
-    const size_t length = camera.frames.length[(size_t)(camera.number - 1) % camera.frames.count];
-    camera.total = each(camera.truncate) ? length / 2 : length;
+    if (hit(DROP)) return false;
+    const struct tool_frames *frames = &offer(camera.commit)->frames;
+    const size_t length = frames->length[(size_t)(camera.number - 1) % frames->count];
+    camera.total = hit(TRUNCATE) ? length / 2 : length;
     camera.sent = 0;
     camera.toggle ^= 1;
     camera.in_frame = true;
@@ -406,14 +445,15 @@ static bool begin_frame(void)
 static void send_payload(void)
 {
     static uint8_t payload[PAYLOAD_MAX];
-    const size_t index = (size_t)(camera.number - 1) % camera.frames.count;
+    const struct tool_frames *frames = &offer(camera.commit)->frames;
+    const size_t index = (size_t)(camera.number - 1) % frames->count;
     const size_t room = (camera.pending[0].bytes < PAYLOAD_MAX ? camera.pending[0].bytes : PAYLOAD_MAX) - 2;
     const size_t left = camera.total - camera.sent, bytes = left < room ? left : room;
     const bool last = bytes == left;
     payload[0] = 2;
-    payload[1] = (uint8_t)(0x80 | camera.toggle | (last ? 2 : 0) | (each(camera.damage) ? 0x40 : 0));
-    memcpy(payload + 2, camera.frames.data + camera.frames.at[index] + camera.sent, bytes);
-    if (each(camera.corrupt) && bytes > 64) memset(payload + 2 + bytes / 2, 0xff, 24);
+    payload[1] = (uint8_t)(0x80 | camera.toggle | (last ? 2 : 0) | (hit(MARK) ? 0x40 : 0));
+    memcpy(payload + 2, frames->data + frames->at[index] + camera.sent, bytes);
+    if (hit(CORRUPT) && bytes > 64) memset(payload + 2 + bytes / 2, 0xff, 24);
     camera.sent += bytes;
     const uint32_t number = camera.pending[0].number;
     forget(camera.pending, &camera.pending_count, 0);
@@ -445,21 +485,30 @@ static void serve(void)
 
 static void read_option(const char *text)
 {
-    const struct {
-        const char *name;
-        long *value;
-    } options[] = {{"port=", &camera.port},         {"drop=", &camera.drop},
-                   {"truncate=", &camera.truncate}, {"damage=", &camera.damage},
-                   {"corrupt=", &camera.corrupt},   {"refuse=", &camera.refuse},
-                   {"frames=", &camera.last},       {"descriptor=", &camera.more}};
-    for (size_t i = 0; i < sizeof options / sizeof options[0]; ++i) {
-        const size_t length = strlen(options[i].name);
-        if (strncmp(text, options[i].name, length) != 0) continue;
-        *options[i].value = atol(text + length);
-        return;
-    }
-    if (strncmp(text, "serial=", 7) != 0 || strlen(text) > 60) tool_fail("usb: unknown option '%s'", text);
-    camera.serial = text + 7;
+    if (strncmp(text, "port=", 5) == 0)
+        camera.port = atol(text + 5);
+    else if (strncmp(text, "after=", 6) == 0)
+        camera.pace.file = text + 6;
+    else if (strncmp(text, "serial=", 7) == 0 && strlen(text) < 60)
+        camera.serial = text + 7;
+    else
+        tool_fail("usb: unknown option '%s'", text);
+}
+
+/* The frames of a format; a '%' in the file's name stands for the format's. */
+static void add_offer(const char *name, const char *file)
+{
+    char path[512];
+    const char *sign = strchr(file, '%');
+    struct offer *each = &camera.offers[camera.offer_count++];
+    if (sign == NULL)
+        snprintf(path, sizeof path, "%s", file);
+    else
+        snprintf(path, sizeof path, "%.*s%s%s", (int)(sign - file), file, name, sign + 1);
+    each->format = tool_format(name);
+    const size_t raw = tool_frame_bytes(each->format, camera.width, camera.height);
+    tool_frames_read(&each->frames, path, raw);
+    each->frame_bytes = (uint32_t)(raw > 0 ? raw : (size_t)camera.width * (size_t)camera.height * 2);
 }
 
 static void attach(void)
@@ -477,18 +526,16 @@ static void attach(void)
 
 int tool_usb(int argc, char **argv)
 {
-    if (argc < 6) tool_fail("usage: usb FORMAT WIDTH HEIGHT FILE RATE [NAME=VALUE...]");
-    camera.format = tool_format(argv[1]);
+    if (argc < 6) tool_fail("usage: usb FORMAT[,FORMAT...] WIDTH HEIGHT FILE RATE [NAME=VALUE...]");
     camera.width = atoi(argv[2]);
     camera.height = atoi(argv[3]);
     camera.interval = (uint32_t)(1e7 / atof(argv[5]));
     camera.serial = "FOVEA0001";
+    for (char *name = strtok(argv[1], ","); name != NULL && camera.offer_count < FORMATS_MAX;
+         name = strtok(NULL, ","))
+        add_offer(name, argv[4]);
     for (int i = 6; i < argc; ++i)
         read_option(argv[i]);
-    const size_t raw = tool_frame_bytes(camera.format, camera.width, camera.height);
-    tool_frames_read(&camera.frames, argv[4], raw);
-    camera.frame_bytes =
-        (uint32_t)(raw > 0 ? raw + (size_t)camera.more : (size_t)camera.width * (size_t)camera.height * 2);
     describe();
     fix_probe(camera.probe);
     fix_probe(camera.commit);
