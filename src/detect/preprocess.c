@@ -163,6 +163,13 @@ static bool is_direct(const struct fv_model *model, const struct fovea_image *im
            view->height == image->height && model->tensors[model->inputs[0]].type == FV_TYPE_U8;
 }
 
+int32_t fv_detect_rows_per_unit(const struct fv_model *model, const struct fovea_image *image, const struct fv_detect_view *view)
+{
+    enum { PIXELS = 9600, PIXELS_DIRECT = 96000 };
+    const int32_t pixels = is_direct(model, image, view) ? PIXELS_DIRECT : PIXELS, width = model->header->preprocess.width;
+    return width >= pixels ? 1 : pixels / (width < 1 ? 1 : width);
+}
+
 static void fill_direct(const struct fv_model *model, const uint8_t table[256], const struct fovea_image *image,
                         const struct fv_detect_view *view, int32_t y, uint8_t *input)
 {
