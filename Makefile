@@ -325,7 +325,7 @@ $(BUILD)/hil-tool: $(call objs,$(wildcard tests/hil/tool*.c)) $(BUILD)/libfovea-
 	$(Q)$(CXX) $(LDFLAGS) -rdynamic -o $@ $(filter %.o,$^) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group $(LIBS_APP)
 OPENCV_LIBS = -lopencv_calib3d -lopencv_features2d -lopencv_imgcodecs -lopencv_imgproc -lopencv_core
 # Optimisers are held against Ceres.
-BESIDE_CERES := map/test_pose_graph
+BESIDE_CERES := map/test_pose_graph map/test_window_ceres
 $(BESIDE_CERES:%=$(BUILD)/tests/unit/%): ORACLE_LIBS := -lceres -lglog
 $(BESIDE_CERES:%=$(BUILD)/obj/tests/unit/%.o): CXXFLAGS += -UEIGEN_NO_MALLOC
 $(BUILD)/obj/tests/%.o: CFLAGS += -Itests

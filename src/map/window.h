@@ -25,7 +25,8 @@ struct fv_window_limits {
     uint32_t keyframes;    /* moved, [2, FV_WINDOW_KEYFRAMES_MAX] */
     uint32_t landmarks;    /* [100, 4000] */
     uint32_t observations; /* of all of them */
-    uint32_t passes;       /* over the window: one more than Levenberg-Marquardt steps; [4, 20] */
+    uint32_t passes;       /* over the window: one more than Levenberg-Marquardt steps; [4, 200] */
+    double settled;        /* share of the cost: a step that saves no more is the last */
 };
 
 struct fv_window_pose {
@@ -55,9 +56,9 @@ enum fv_window_phase { FV_WINDOW_IDLE = 0, FV_WINDOW_PASS = 1, FV_WINDOW_DONE = 
 struct fv_window_state {
     enum fv_window_phase phase;
     uint32_t pose_count, moved_count, landmark_count, observation_count;
-    uint32_t next;     /* landmark of the pass */
+    uint32_t next;         /* landmark of the pass */
     uint32_t pass, passes; /* completed, and at most */
-    bool step_pending; /* the pass applies `step` first */
+    bool step_pending;     /* the pass applies `step` first */
     bool accepted_any;
     double damping, cost, cost_before, cost_at_start;
     double step[FV_WINDOW_SYSTEM_MAX];
@@ -65,7 +66,7 @@ struct fv_window_state {
     double system[FV_WINDOW_SYSTEM_MAX * FV_WINDOW_SYSTEM_MAX]; /* row-major with 6 * moved_count columns */
     struct fv_window_pose poses[FV_WINDOW_POSES_MAX];
     int8_t pose_of[FV_MAP_KEYFRAMES_MAX + 2]; /* index in poses by slot; -1: not in the window */
-    uint64_t keyframe_number; /* newest keyframe when the job started */
+    uint64_t keyframe_number;                 /* newest keyframe when the job started */
 };
 
 struct fv_window {

@@ -13,6 +13,7 @@ enum {
     MAP_KEYFRAMES_MIN = 5
 };
 
+static const double window_settled = 1e-4; /* of the cost; what is left is far below the pixels' noise */
 static const double bend_good = 0.05; /* see fv_odometry_state: more, and the pose is weak */
 
 void fv_odometry_carve(struct fv_odometry *o, const struct fovea_odometry_config *config,
@@ -32,7 +33,7 @@ void fv_odometry_carve(struct fv_odometry *o, const struct fovea_odometry_config
     o->recent = fv_arena_take(persistent, features_max, sizeof *o->recent);
     o->start_depth = fv_arena_take(persistent, features_max, sizeof *o->start_depth);
     const struct fv_window_limits window = {config->window, WINDOW_LANDMARKS, WINDOW_OBSERVATIONS,
-                                            WINDOW_PASSES};
+                                            WINDOW_PASSES, window_settled};
     fv_window_carve(&o->window, &window, job);
     if (config->loops) fv_loop_carve(&o->loop, &limits, &o->camera, persistent, job);
     fv_relocaliser_carve(&o->relocaliser, config->keyframes, persistent, frame);

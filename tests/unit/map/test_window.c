@@ -36,7 +36,7 @@ static double uniform(struct fovea_random *random, double low, double high)
 static void carve(struct fixture *f)
 {
     const struct fv_map_limits limits = {VIEWS + 2, 1000, POINTS, 752, 480};
-    const struct fv_window_limits window = {WINDOW, 600, 5000, 8};
+    const struct fv_window_limits window = {WINDOW, 600, 5000, 8, 1e-4};
     struct fv_arena arena[2];
     for (int k = 0; k < 2; k++)
         fv_arena_count(&arena[k]);
