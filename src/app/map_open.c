@@ -12,7 +12,7 @@ static void carve(struct fv_map_open *open, struct fv_arena *arena)
     const struct fv_map_limits limits = {info->keyframe_slots, info->landmark_slots, info->features_max,
                                          info->camera.width, info->camera.height};
     fv_bearing_carve(&open->bearings, info->camera.width, info->camera.height, arena);
-    fv_map_carve(&open->map, &limits, arena);
+    fv_map_carve(&open->map, &limits, &open->camera, &open->bearings, arena);
 }
 
 /* Sizes as the runtime could have had them, so that a file cannot ask for all memory. */
@@ -57,9 +57,9 @@ static enum fovea_status fill(struct fv_map_open *open, const char *path, const 
                                needed);
     fv_arena_init(&arena, open->memory, needed);
     carve(open, &arena);
-    const struct fovea_camera camera = open->info.camera;
-    fv_bearing_init(&open->bearings, &camera);
-    return fv_archive_read(data, bytes, path, &open->map, &camera, &open->bearings, &open->info, error);
+    open->camera = open->info.camera;
+    fv_bearing_init(&open->bearings, &open->camera);
+    return fv_archive_read(data, bytes, path, &open->map, &open->info, error);
 }
 
 enum fovea_status fv_map_open_bytes(const uint8_t *data, size_t bytes, const char *name, struct fv_map_open *open,

@@ -11,6 +11,7 @@ enum { FV_MAP_OPEN_LANDMARKS_MAX = FOVEA_ODOMETRY_LANDMARKS_MAX };
 
 struct fv_map_open {
     struct fv_archive_info info;
+    struct fovea_camera camera; /* of the map */
     struct fv_map map;
     struct fv_bearing_table bearings;
     size_t file_bytes;

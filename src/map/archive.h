@@ -4,7 +4,7 @@
  *
  *     header     FV_ARCHIVE_HEADER_BYTES: magic, version, byte order mark, size, calibration, counts
  *     landmarks  each FV_ARCHIVE_LANDMARK_BYTES and 4 bytes per observer (keyframe slot, feature)
- *     keyframes  each FV_ARCHIVE_KEYFRAME_BYTES and FV_ARCHIVE_FEATURE_BYTES per feature
+ *     keyframes  each FV_ARCHIVE_KEYFRAME_BYTES and FV_ARCHIVE_FEATURE_BYTES per feature, cell by cell of the grid
  *     edges      of closed loops, 16 bytes each
  *     scales     of maps whose unit is known in metres, FV_ARCHIVE_SCALE_BYTES each
  *     checksum   8 bytes, FNV-1a of all before
@@ -32,12 +32,12 @@ extern "C" {
 #endif
 
 enum {
-    FV_ARCHIVE_VERSION = 2, /* 1 had no scales */
+    FV_ARCHIVE_VERSION = 3, /* 1 had no scales, 2 features in any order and descriptors twice */
     FV_ARCHIVE_HEADER_BYTES = 192,
-    FV_ARCHIVE_LANDMARK_BYTES = 104,
+    FV_ARCHIVE_LANDMARK_BYTES = 64,
     FV_ARCHIVE_OBSERVER_BYTES = 4,
     FV_ARCHIVE_KEYFRAME_BYTES = 144,
-    FV_ARCHIVE_FEATURE_BYTES = 52,
+    FV_ARCHIVE_FEATURE_BYTES = 44,
     FV_ARCHIVE_EDGE_BYTES = 16,
     FV_ARCHIVE_SCALE_BYTES = 24,
     FV_ARCHIVE_SCALES_MAX = FV_MAP_WORLDS_MAX + 1,
@@ -100,10 +100,9 @@ struct fv_archive_info {
 enum fovea_status fv_archive_info(const uint8_t *data, size_t bytes, const char *name,
                                   struct fv_archive_info *info, struct fovea_error *error);
 
-/* Fill the map from a file that was made with this camera. FOVEA_ERROR_INPUT: the file is damaged, from
+/* Fill the map from a file that was made with its camera. FOVEA_ERROR_INPUT: the file is damaged, from
  * another camera, or needs more than the map's limits; the map is empty then. Init-only. */
 enum fovea_status fv_archive_read(const uint8_t *data, size_t bytes, const char *name, struct fv_map *map,
-                                  const struct fovea_camera *camera, const struct fv_bearing_table *bearings,
                                   struct fv_archive_info *info, struct fovea_error *error);
 
 #ifdef __cplusplus

@@ -105,7 +105,7 @@ static void read_envelope(struct reader *r)
     const uint32_t version = get_u32(r), order = get_u32(r);
     if (order == 0x04030201) refuse(r, 12, "byte order mark", order, "that of a little-endian file");
     if (version != FV_ARCHIVE_VERSION)
-        refuse(r, 8, "version", version, "2: saved by another Fovea, map the place again");
+        refuse(r, 8, "version", version, "3: saved by another Fovea, map the place again");
     if (order != 0x01020304) refuse(r, 12, "byte order mark", order, "16909060");
     const uint64_t bytes = get(r, 8);
     if (bytes != r->bytes)
@@ -182,17 +182,20 @@ static void read_landmark(struct reader *r, struct fv_map *map)
     l->generation = get_u32(r);
     for (int i = 0; i < 3; i++)
         l->point[i] = get_double(r, 1e12, "coordinate");
-    for (int i = 0; i < 3; i++)
-        l->direction[i] = get_float(r, -1.001F, 1.001F, "direction");
     l->distance = get_float(r, 0, 1e12F, "distance");
-    l->born = get(r, 8);
-    l->seen = get(r, 8);
+    l->spread = get_float(r, 0, 4, "spread");
+    for (int i = 0; i < 3; i++)
+        l->direction[i] = (int16_t)get(r, 2);
+    (void)get(r, 2);
+    l->born = get_u32(r);
+    l->seen = get_u32(r);
     l->expected = (uint16_t)get(r, 2);
     l->found = (uint16_t)get(r, 2);
-    const uint32_t level = (uint32_t)get(r, 2), observers = (uint32_t)get(r, 2);
-    if (level >= FOVEA_PYRAMID_LEVELS_MAX) refuse(r, at + 68, "level", level, "at most 7");
-    if (observers > FV_MAP_OBSERVERS_MAX) refuse(r, at + 70, "observers", observers, "at most 12");
-    get_bytes(r, l->descriptor, FV_MAP_DESCRIPTOR_BYTES);
+    const uint32_t level = (uint32_t)get(r, 1), observers = (uint32_t)get(r, 1), best = (uint32_t)get(r, 1);
+    (void)get(r, 1);
+    if (level >= FOVEA_PYRAMID_LEVELS_MAX) refuse(r, at + 60, "level", level, "at most 7");
+    if (observers > FV_MAP_OBSERVERS_MAX) refuse(r, at + 61, "observers", observers, "at most 12");
+    if (best > 0 && best >= observers) refuse(r, at + 62, "best observer", best, "less than the observers");
     for (uint32_t i = 0; i < observers && r->status == FOVEA_OK; i++) {
         const size_t here = r->at;
         l->observers[i].keyframe = (uint16_t)get(r, 2);
@@ -203,7 +206,8 @@ static void read_landmark(struct reader *r, struct fv_map *map)
     }
     if (r->status != FOVEA_OK) return;
     l->level = (uint8_t)level;
-    l->observer_count = (uint16_t)observers;
+    l->observer_count = (uint8_t)observers;
+    l->best = (uint8_t)best;
     l->used = true;
     map->state->landmark_count++;
 }
@@ -223,27 +227,29 @@ static void read_pose(struct reader *r, struct fv_se3 *T)
         }
 }
 
-static void read_features(struct reader *r, struct fv_map *map, const struct fovea_camera *camera,
-                          const struct fv_bearing_table *bearings, uint32_t slot)
+static void read_features(struct reader *r, struct fv_map *map, uint32_t slot)
 {
     struct fv_view view = fv_map_view(map, slot);
+    const size_t first = r->at;
     for (uint32_t f = 0; f < view.frame->features && r->status == FOVEA_OK; f++) {
         const size_t at = r->at;
-        const float x = get_float(r, 0, (float)camera->width, "x"),
-                    y = get_float(r, 0, (float)camera->height, "y");
-        const uint32_t level = get_index(r, FOVEA_PYRAMID_LEVELS_MAX, "level", "at most 7");
-        const uint32_t landmark = get_u32(r), generation = get_u32(r);
+        const uint16_t x = (uint16_t)get(r, 2), y = (uint16_t)get(r, 2);
+        const uint32_t level = (uint32_t)get(r, 2), landmark = (uint32_t)get(r, 2), generation = get_u32(r);
+        struct fv_keypoint keypoint;
         get_bytes(r, view.descriptors + (size_t)f * FV_MAP_DESCRIPTOR_BYTES, FV_MAP_DESCRIPTOR_BYTES);
-        if (r->status == FOVEA_OK && !fv_map_set_keypoint(&view.points[f], bearings, camera, x, y, level))
+        if (level >= FOVEA_PYRAMID_LEVELS_MAX) refuse(r, at + 4, "level", level, "at most 7");
+        view.points[f] = (struct fv_pixel){x, y, (uint8_t)level, 0};
+        if (r->status == FOVEA_OK && !fv_map_keypoint(map, &view.points[f], &keypoint))
             refuse(r, at, "feature", f, "a pixel that the lens model knows");
         const bool holds = landmark < map->limits.landmarks && map->landmarks[landmark].used &&
                            map->landmarks[landmark].generation == generation;
-        view.landmark[f] = holds ? (int32_t)landmark : FV_MAP_NONE;
+        view.landmark[f] = holds ? (int16_t)landmark : FV_MAP_NONE;
     }
+    if (r->status == FOVEA_OK && !fv_map_index_view(map, slot))
+        refuse(r, first, "features of keyframe", slot, "them cell by cell of the grid");
 }
 
-static void read_keyframe(struct reader *r, struct fv_map *map, const struct fovea_camera *camera,
-                          const struct fv_bearing_table *bearings)
+static void read_keyframe(struct reader *r, struct fv_map *map)
 {
     const size_t at = r->at;
     const uint32_t slot =
@@ -273,7 +279,7 @@ static void read_keyframe(struct reader *r, struct fv_map *map, const struct fov
     k->features = features;
     k->used = true;
     map->state->keyframe_count++;
-    read_features(r, map, camera, bearings, slot);
+    read_features(r, map, slot);
 }
 
 static void read_edge(struct reader *r, struct fv_map *map)
@@ -321,7 +327,7 @@ static void read_scale(struct reader *r, struct fv_map *map)
 static void mend_landmark(struct fv_map *map, uint32_t slot)
 {
     struct fv_landmark *l = &map->landmarks[slot];
-    uint16_t kept = 0;
+    uint8_t kept = 0, best = 0;
     for (uint32_t i = 0; i < l->observer_count; i++) {
         const struct fv_observer o = l->observers[i];
         const struct fv_view view = fv_map_view(map, o.keyframe);
@@ -329,10 +335,13 @@ static void mend_landmark(struct fv_map *map, uint32_t slot)
         for (uint32_t j = 0; j < kept; j++)
             again = again || l->observers[j].keyframe == o.keyframe;
         if (!again && view.frame->used && o.feature < view.frame->features &&
-            view.landmark[o.feature] == (int32_t)slot)
+            view.landmark[o.feature] == (int32_t)slot) {
+            if (i == l->best) best = kept;
             l->observers[kept++] = o;
+        }
     }
     l->observer_count = kept;
+    l->best = best;
 }
 
 /* Links whose landmarks know of them; then what follows from links. */
@@ -354,7 +363,6 @@ static void mend_keyframe(struct fv_map *map, uint32_t slot)
     if (parent < 0 || parent >= (int32_t)map->limits.keyframes || !map->keyframes[parent].used ||
         map->keyframes[parent].number >= view.frame->number)
         view.frame->parent = FV_MAP_NONE;
-    fv_map_sort_view(map, slot);
 }
 
 static void mend(struct fv_map *map)
@@ -389,9 +397,9 @@ static bool same_camera(const struct fovea_camera *a, const struct fovea_camera 
 }
 
 enum fovea_status fv_archive_read(const uint8_t *data, size_t bytes, const char *name, struct fv_map *map,
-                                  const struct fovea_camera *camera, const struct fv_bearing_table *bearings,
                                   struct fv_archive_info *info, struct fovea_error *error)
 {
+    const struct fovea_camera *camera = map->camera;
     struct reader r = {data, bytes, FV_ARCHIVE_HEADER_BYTES,
                        name, error, fv_archive_info(data, bytes, name, info, error)};
     if (r.status != FOVEA_OK) return r.status;
@@ -412,7 +420,7 @@ enum fovea_status fv_archive_read(const uint8_t *data, size_t bytes, const char 
     for (uint32_t i = 0; i < info->landmarks && r.status == FOVEA_OK; i++)
         read_landmark(&r, map);
     for (uint32_t i = 0; i < info->keyframes && r.status == FOVEA_OK; i++)
-        read_keyframe(&r, map, camera, bearings);
+        read_keyframe(&r, map);
     for (uint32_t i = 0; i < info->edges && r.status == FOVEA_OK; i++)
         read_edge(&r, map);
     for (uint32_t i = 0; i < info->scales && r.status == FOVEA_OK; i++)

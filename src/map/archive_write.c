@@ -64,16 +64,19 @@ static void write_landmark(struct pen *pen, const struct fv_landmark *l, uint32_
     put(pen, slot, 4);
     put(pen, l->generation, 4);
     put_doubles(pen, l->point, 3);
-    for (int i = 0; i < 3; i++)
-        put_float(pen, l->direction[i]);
     put_float(pen, l->distance);
-    put(pen, l->born, 8);
-    put(pen, l->seen, 8);
+    put_float(pen, l->spread);
+    for (int i = 0; i < 3; i++)
+        put(pen, (uint16_t)l->direction[i], 2);
+    put(pen, 0, 2);
+    put(pen, l->born, 4);
+    put(pen, l->seen, 4);
     put(pen, l->expected, 2);
     put(pen, l->found, 2);
-    put(pen, l->level, 2);
-    put(pen, l->observer_count, 2);
-    put_bytes(pen, l->descriptor, FV_MAP_DESCRIPTOR_BYTES);
+    put(pen, l->level, 1);
+    put(pen, l->observer_count, 1);
+    put(pen, l->best, 1);
+    put(pen, 0, 1);
     for (uint32_t i = 0; i < l->observer_count; i++) {
         put(pen, l->observers[i].keyframe, 2);
         put(pen, l->observers[i].feature, 2);
@@ -98,10 +101,10 @@ static void write_keyframe(struct pen *pen, const struct fv_keyframe *k, uint32_
 static void write_feature(struct pen *pen, const struct fv_map *map, const struct fv_view *view, uint32_t f)
 {
     const int32_t landmark = view->landmark[f];
-    put_float(pen, view->points[f].x_px);
-    put_float(pen, view->points[f].y_px);
-    put(pen, view->points[f].level, 4);
-    put(pen, (uint32_t)landmark, 4);
+    put(pen, view->points[f].x, 2);
+    put(pen, view->points[f].y, 2);
+    put(pen, view->points[f].level, 2);
+    put(pen, (uint16_t)landmark, 2);
     put(pen, landmark == FV_MAP_NONE ? 0 : map->landmarks[landmark].generation, 4);
     put_bytes(pen, view->descriptors + (size_t)f * FV_MAP_DESCRIPTOR_BYTES, FV_MAP_DESCRIPTOR_BYTES);
 }

@@ -110,7 +110,7 @@ static void fv_sweep(struct fv_map *map, uint32_t wanted, uint32_t observers_max
         uint32_t slot = s->hand;
         s->hand = slot + 1 < map->limits.landmarks ? slot + 1 : 0;
         const struct fv_landmark *l = &map->landmarks[slot];
-        if (l->used && l->observer_count <= observers_max && frame_number - l->seen > FV_MAP_UNSEEN_FRAMES)
+        if (l->used && l->observer_count <= observers_max && (uint32_t)frame_number - l->seen > FV_MAP_UNSEEN_FRAMES)
             fv_map_remove_landmark(map, slot);
     }
 }

@@ -39,7 +39,8 @@ static const double drift_slack = 0.3;     /* of the median depth */
 void fv_loop_carve(struct fv_loop_closer *loop, const struct fv_map_limits *limits,
                    const struct fovea_camera *camera, struct fv_arena *persistent, struct fv_arena *job)
 {
-    const struct fv_pose_graph_limits graph = {limits->keyframes, limits->keyframes * 8, 12, 200};
+    const struct fv_pose_graph_limits graph = {
+        limits->keyframes, limits->keyframes * FV_LOOP_HELD_BY_KEYFRAME + FV_MAP_EDGES_MAX + 1, 12, 200};
     loop->camera = camera;
     loop->state = fv_arena_take(persistent, 1, sizeof *loop->state);
     fv_pose_graph_carve(&loop->graph, &graph, job);
@@ -162,16 +163,17 @@ static uint32_t fv_gather_features(const struct fv_map *map, uint32_t slot, uint
     return count;
 }
 
-static void fv_camera_side(const struct fv_map *map, const struct fv_view *view, uint32_t feature,
-                           double point[3], double bearing[3], double A[6], double *weight)
+void fv_loop_camera_side(const struct fv_map *map, const struct fv_view *view, uint32_t feature,
+                         double point[3], double bearing[3], double A[6], double *weight)
 {
-    const struct fv_keypoint *p = &view->points[feature];
+    struct fv_keypoint p;
     fv_se3_apply(&view->frame->T_cam_world, map->landmarks[view->landmark[feature]].point, point);
+    if (!fv_map_keypoint(map, &view->points[feature], &p)) memset(&p, 0, sizeof p);
     for (int k = 0; k < 3; k++)
-        bearing[k] = (double)p->bearing[k];
+        bearing[k] = (double)p.bearing[k];
     for (int k = 0; k < 6; k++)
-        A[k] = (double)p->A[k];
-    *weight = (double)p->weight;
+        A[k] = (double)p.A[k];
+    *weight = (double)p.weight;
 }
 
 /* Meetings of the matches that are near, clearly nearer than the second, and one to one. */
@@ -200,8 +202,8 @@ static void fv_make_meetings(struct fv_loop_closer *loop, const struct fv_map *m
         if (a.landmark[f] == FV_MAP_NONE || b.landmark[g] == FV_MAP_NONE) continue; /* gone since */
         struct fv_meeting *m = &loop->meetings[s->meeting_count++];
         memset(m, 0, sizeof *m);
-        fv_camera_side(map, &a, f, m->point_a, m->bearing_a, m->A_a, &m->weight_a);
-        fv_camera_side(map, &b, g, m->point_b, m->bearing_b, m->A_b, &m->weight_b);
+        fv_loop_camera_side(map, &a, f, m->point_a, m->bearing_a, m->A_a, &m->weight_a);
+        fv_loop_camera_side(map, &b, g, m->point_b, m->bearing_b, m->A_b, &m->weight_b);
     }
 }
 

@@ -34,6 +34,7 @@ enum {
     FV_LOOP_GROUP_MAX = 2000,   /* landmarks around a candidate */
     FV_LOOP_NEIGHBOURS = 6,     /* keyframes around a candidate */
     FV_LOOP_FUSED_INTO = 8,     /* keyframes that the group is fused into */
+    FV_LOOP_HELD_BY_KEYFRAME = 5, /* edges of the graph: to its parent and the neighbours that share most with it */
     FV_LOOP_SIGHTINGS = 3
 };
 
@@ -134,6 +135,9 @@ bool fv_loop_unit(struct fv_loop_closer *loop, struct fv_map *map, const struct 
  */
 
 bool fv_loop_named(const struct fv_map *map, struct fv_loop_name name);
+/* One camera's side of a meeting: the landmark of a feature in its frame, and what the feature says of it. */
+void fv_loop_camera_side(const struct fv_map *map, const struct fv_view *view, uint32_t feature, double point[3],
+                         double bearing[3], double A[6], double *weight);
 /* Search the group's landmarks in a keyframe that S_keyframe_candidate is said to hold for, from state->next
  * on, in one unit; counts into visible and found, and fills meetings where the feature has a landmark itself.
  * True when done. */

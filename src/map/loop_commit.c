@@ -4,7 +4,7 @@
 #include "geometry/vec.h"
 #include "map/loop.h"
 
-enum { GRAPH_PER_UNIT = 8, GRAPH_NEIGHBOURS = 4, GRAPH_SHARED_MIN = 40 };
+enum { GRAPH_PER_UNIT = 8, GRAPH_NEIGHBOURS = FV_LOOP_HELD_BY_KEYFRAME - 1, GRAPH_SHARED_MIN = 40 };
 
 /* Relative precision of an edge: translation in median depths, rotation, log scale. Drift turns less than it
  * shifts, and stretches more. */
@@ -160,11 +160,13 @@ static void fv_apply_corrections(const struct fv_loop_closer *loop, struct fv_ma
         const uint32_t k = l->observers[0].keyframe;
         if (!loop->corrected[k]) continue;
         double direction[3];
-        const double before[3] = {(double)l->direction[0], (double)l->direction[1], (double)l->direction[2]};
+        const double before[3] = {l->direction[0] / (double)FV_MAP_DIRECTION_ONE,
+                                  l->direction[1] / (double)FV_MAP_DIRECTION_ONE,
+                                  l->direction[2] / (double)FV_MAP_DIRECTION_ONE};
         fv_sim3_apply(&loop->corrections[k], l->point, l->point);
         fv_rotate3(loop->corrections[k].R, before, direction);
         for (int c = 0; c < 3; c++)
-            l->direction[c] = (float)direction[c];
+            l->direction[c] = fv_map_direction(direction[c]);
         l->distance *= (float)loop->corrections[k].s;
     }
     for (uint32_t k = 0; k <= map->limits.keyframes; k++) {

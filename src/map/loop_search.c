@@ -38,16 +38,6 @@ static bool fv_in_image(const struct fv_loop_closer *loop, const struct fv_map *
            pixel[0] < map->limits.width && pixel[1] < map->limits.height;
 }
 
-static double fv_square_error(const struct fv_keypoint *p, const double q[3])
-{
-    double b[3], A[6], e[2];
-    for (int k = 0; k < 3; k++)
-        b[k] = (double)p->bearing[k];
-    for (int k = 0; k < 6; k++)
-        A[k] = (double)p->A[k];
-    return fv_sight_error(b, A, q, e, 0) ? (double)p->weight * (e[0] * e[0] + e[1] * e[1]) : 1e9;
-}
-
 /* ---- before the correction -------------------------------------------------------------------------------
  */
 
@@ -56,20 +46,14 @@ static double fv_square_error(const struct fv_keypoint *p, const double q[3])
 static bool fv_add_meeting(struct fv_loop_closer *loop, const struct fv_map *map, const struct fv_view *view,
                            uint32_t feature, const double q[3], const double in_candidate[3])
 {
-    const struct fv_keypoint *p = &view->points[feature];
     struct fv_meeting *m = &loop->meetings[loop->state->meeting_count];
     memset(m, 0, sizeof *m);
-    fv_se3_apply(&view->frame->T_cam_world, map->landmarks[view->landmark[feature]].point, m->point_a);
+    fv_loop_camera_side(map, view, feature, m->point_a, m->bearing_a, m->A_a, &m->weight_a);
     double ratio = fv_norm3(q) / fv_norm3(m->point_a);
     if (ratio > distance_ratio_max || ratio * distance_ratio_max < 1) return false;
     fv_copy3(in_candidate, m->point_b);
     fv_copy3(in_candidate, m->bearing_b);
     (void)fv_normalise3(m->bearing_b);
-    for (int k = 0; k < 3; k++)
-        m->bearing_a[k] = (double)p->bearing[k];
-    for (int k = 0; k < 6; k++)
-        m->A_a[k] = (double)p->A[k];
-    m->weight_a = (double)p->weight;
     m->inlier = true;
     loop->state->meeting_count++;
     return true;
@@ -95,18 +79,16 @@ static void fv_look_for(struct fv_loop_closer *loop, const struct fv_map *map,
     if (!fv_in_image(loop, map, q, pixel)) return;
     fv_subtract3(l->point, look->centre, ray);
     double distance = fv_norm3(ray);
-    double cosine = ((double)l->direction[0] * ray[0] + (double)l->direction[1] * ray[1] +
-                     (double)l->direction[2] * ray[2]) /
-                    distance;
+    double cosine = fv_map_cosine(l, ray, distance);
     int level = fv_level_at(l, distance);
     if (cosine < 0.6 || level < 0) return;
     s->visible++;
     struct fv_found found =
         fv_map_search(map, kernels, look->slot, pixel[0], pixel[1], radius_guided_px * fv_scale_of(level),
-                      level - 1, level + 1, l->descriptor, false);
+                      level - 1, level + 1, fv_map_descriptor(map, l), false);
     if (found.feature == FV_MAP_NONE || found.distance > DISTANCE_GUIDED_MAX ||
         found.distance > 0.9 * found.second || loop->nearest[found.feature] != 0 ||
-        fv_square_error(&look->view.points[found.feature], q) > 2 * chi_square_99_2)
+        fv_map_error2(map, &look->view.points[found.feature], q) > 2 * chi_square_99_2)
         return;
     uint32_t feature = (uint32_t)found.feature;
     if (look->view.landmark[feature] != FV_MAP_NONE &&
@@ -157,9 +139,9 @@ static void fv_fuse_into(struct fv_loop_closer *loop, struct fv_map *map, const 
     if (level < 0) return;
     struct fv_found found =
         fv_map_search(map, kernels, keyframe, pixel[0], pixel[1], radius_fuse_px * fv_scale_of(level),
-                      level - 1, level + 1, l->descriptor, false);
+                      level - 1, level + 1, fv_map_descriptor(map, l), false);
     if (found.feature == FV_MAP_NONE || found.distance > DISTANCE_FUSE_MAX ||
-        fv_square_error(&view.points[found.feature], q) > chi_square_95_2)
+        fv_map_error2(map, &view.points[found.feature], q) > chi_square_95_2)
         return;
     int32_t other = view.landmark[found.feature];
     loop->state->counts.fused++;

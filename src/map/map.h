@@ -6,8 +6,9 @@
  * are in struct fv_map, which carving fills again after a copy.
  *
  * Besides the keyframes there are more views: that of the current frame, and those of the FV_MAP_WAITING_MAX frames that
- * a start waits on; links of these are the start's own scratch. World points are doubles; a feature's bearing and Jacobian are floats (6e-8 rad). Real-time
- * safe; no heap.
+ * a start waits on; links of these are the start's own scratch. World points are doubles. A view's features are kept in
+ * the order of its grid, as pixels in fixed point (1/64 px up to 1024 pixels, 1/16 px at 4096); bearings and Jacobians follow from the lens model,
+ * and are floats (6e-8 rad) where they are kept. Real-time safe; no heap.
  *
  * Several maps may share the pools: each keyframe names its map, and maps have worlds of their own. Landmarks belong
  * to the map of their observers; links never join keyframes of two maps.
@@ -36,6 +37,7 @@ extern "C" {
 enum {
     FV_MAP_OBSERVERS_MAX = 12, /* keyframes that a landmark remembers */
     FV_MAP_DESCRIPTOR_BYTES = 32,
+    FV_MAP_DIRECTION_ONE = 32767,
     FV_MAP_CELL_PX = 24, /* of the grid in which a view's features are looked up */
     FV_MAP_KEYFRAMES_MAX = 256,
     FV_MAP_WAITING_MAX = 8,      /* frames held while a start waits for parallax */
@@ -47,13 +49,17 @@ enum {
     FV_MAP_NONE = -1
 };
 
-/* A feature of a view, with what geometry needs of it. */
+/* A feature of a view. */
+struct fv_pixel {
+    uint16_t x, y; /* raw image, in map->pixel_px */
+    uint8_t level, reserved;
+};
+
+/* What geometry needs of a feature. */
 struct fv_keypoint {
     float bearing[3]; /* unit, camera frame */
     float A[6];       /* d(pixel)/d(point) at the bearing, 2x3 row-major */
-    float x_px, y_px; /* raw image */
     float weight;     /* 1 / sigma_px^2 */
-    uint32_t level;
 };
 
 struct fv_keyframe {
@@ -77,18 +83,18 @@ struct fv_observer {
 
 struct fv_landmark {
     double point[3];          /* world */
-    float direction[3];       /* mean unit vector from the cameras that see it to it */
     float distance;           /* from the reference camera, world units */
     float spread;             /* rms angle (rad) of the rays from its observers around their mean: its parallax */
     uint32_t generation;      /* of the slot */
     uint32_t mark;            /* scratch of gathering: last round that met it */
-    uint64_t born, seen;      /* numbers of frames: first, and last found */
+    uint32_t born, seen;      /* numbers of frames, modulo 2^32: first, and last found */
     uint16_t expected, found; /* frames in which it should have been, and was, seen; both halved when large */
-    uint16_t observer_count;
+    int16_t direction[3];     /* mean unit vector from the cameras that see it to it, of FV_MAP_DIRECTION_ONE */
+    uint8_t observer_count;
+    uint8_t best;  /* the observer whose descriptor is nearest to the others' */
     uint8_t level; /* of the reference observation */
     bool used;
     struct fv_observer observers[FV_MAP_OBSERVERS_MAX]; /* the first is the reference */
-    uint8_t descriptor[FV_MAP_DESCRIPTOR_BYTES];
 };
 
 /* Two keyframes that a closed loop ties together. */
@@ -136,32 +142,36 @@ struct fv_map_limits {
 
 struct fv_map {
     struct fv_map_limits limits;
+    const struct fovea_camera *camera;
+    const struct fv_bearing_table *bearings;
     int32_t columns, rows;
+    double pixel_px; /* unit of a feature's place: a power of two */
     struct fv_map_state *state;
     struct fv_keyframe *keyframes; /* limits.keyframes, then the current frame, then the waiting ones */
     struct fv_landmark *landmarks;
     uint32_t *free_landmarks;
     struct fv_map_edge *edges; /* FV_MAP_EDGES_MAX */
-    struct fv_keypoint
-        *keypoints; /* of view v: limits.features from v * limits.features; likewise the next four */
+    struct fv_pixel *points; /* of view v: limits.features from v * limits.features; likewise the next two */
     uint8_t *descriptors;
-    int32_t *links;
-    uint16_t *order;
-    uint16_t *cells; /* columns * rows + 1 per view */
+    int16_t *links;
+    struct fv_keypoint *keypoints; /* of the current and the waiting views */
+    uint16_t *cells;               /* columns * rows + 1 per view */
 };
 
 /* One view's pieces. */
 struct fv_view {
     struct fv_keyframe *frame;
-    struct fv_keypoint *points;
+    struct fv_pixel *points; /* cell by cell */
     uint8_t *descriptors;
-    int32_t *landmark; /* slot, or FV_MAP_NONE; written by fv_map_link / unlink only, except for the current
+    int16_t *landmark; /* slot, or FV_MAP_NONE; written by fv_map_link / unlink only, except for the current
                           frame */
-    uint16_t *order;   /* features by cell */
-    uint16_t *cells;   /* where each cell starts in `order` */
+    struct fv_keypoint *keypoints; /* of the current and the waiting views; NULL for keyframes */
+    uint16_t *cells;               /* the first feature of each cell, then the number of features */
 };
 
-void fv_map_carve(struct fv_map *map, const struct fv_map_limits *limits, struct fv_arena *persistent);
+/* Camera and bearings stay the caller's; their addresses are set anew by carving again after a copy. */
+void fv_map_carve(struct fv_map *map, const struct fv_map_limits *limits, const struct fovea_camera *camera,
+                  const struct fv_bearing_table *bearings, struct fv_arena *persistent);
 /* Empty the map; generations go on rising, so that links from before no longer hold. */
 void fv_map_reset(struct fv_map *map);
 
@@ -186,11 +196,23 @@ static inline double fv_level_scale(uint32_t level)
                                                             2.0736, 2.48832, 2.985984, 3.5831808};
     return scales[level & 7];
 }
-/* Make a view's feature of a place in the image. False: the lens model knows no bearing there. */
-bool fv_map_set_keypoint(struct fv_keypoint *point, const struct fv_bearing_table *bearings,
-                         const struct fovea_camera *camera, float x_px, float y_px, uint32_t level);
-/* Sort the view's features into its grid. */
-void fv_map_sort_view(const struct fv_map *map, uint32_t slot);
+
+/* ---- views (view.c) ------------------------------------------------------------------------------------------ */
+
+/* Fill the current or a waiting view: features go cell by cell, those of a cell in their order; those to which the lens
+ * model knows no bearing are left out. `from`, unless NULL, gets the number of each in `features`. At most
+ * limits.features are looked at. */
+void fv_map_fill_view(const struct fv_map *map, uint32_t slot, const struct fovea_feature *features,
+                      const uint8_t *descriptors, uint32_t count, uint16_t *from);
+/* Find the cells of a view whose features lie cell by cell. False, and of no use: they do not. */
+bool fv_map_index_view(const struct fv_map *map, uint32_t slot);
+/* What geometry needs of a feature. False, and untouched: the lens model knows no bearing there; features of views
+ * have one. */
+bool fv_map_keypoint(const struct fv_map *map, const struct fv_pixel *point, struct fv_keypoint *keypoint);
+/* Bearings of a view's features, limits.features elements. */
+void fv_map_bearings(const struct fv_map *map, uint32_t slot, float (*bearings)[3]);
+/* Weighted squared error of a feature that sees the point q (camera frame), px^2; 1e9 behind the camera. */
+double fv_map_error2(const struct fv_map *map, const struct fv_pixel *point, const double q[3]);
 /* Copy a view with its frame to another slot; links are not copied. The slot's generation rises. */
 void fv_map_copy_view(struct fv_map *map, uint32_t from, uint32_t to);
 
@@ -210,8 +232,27 @@ void fv_map_remove_landmark(struct fv_map *map, uint32_t landmark);
  * that keyframe already. A full list of observers gives up its second oldest. */
 bool fv_map_link(struct fv_map *map, uint32_t landmark, uint32_t keyframe, uint32_t feature);
 void fv_map_unlink(struct fv_map *map, uint32_t landmark, uint32_t keyframe);
-/* Recompute direction, distance and spread from observers, and take the descriptor nearest to the others. */
+/* Recompute direction, distance and spread from observers, and choose the descriptor nearest to the others. */
 void fv_map_refresh_landmark(struct fv_map *map, uint32_t landmark);
+/* A component of a unit vector, as a landmark keeps it. */
+static inline int16_t fv_map_direction(double component)
+{
+    const double scaled = component * FV_MAP_DIRECTION_ONE;
+    return (int16_t)(scaled < 0 ? scaled - 0.5 : scaled + 0.5);
+}
+/* Of a landmark that has observers. */
+static inline const uint8_t *fv_map_descriptor(const struct fv_map *map, const struct fv_landmark *l)
+{
+    const struct fv_observer o = l->observers[l->best];
+    return map->descriptors +
+           ((size_t)o.keyframe * map->limits.features + o.feature) * FV_MAP_DESCRIPTOR_BYTES;
+}
+/* Cosine between the direction in which a landmark was seen and that of a ray of this length. */
+static inline double fv_map_cosine(const struct fv_landmark *l, const double ray[3], double length)
+{
+    return (l->direction[0] * ray[0] + l->direction[1] * ray[1] + l->direction[2] * ray[2]) /
+           (FV_MAP_DIRECTION_ONE * length);
+}
 
 /* Make one of two landmarks that are the same thing: `keep` gets what `drop` has, as far as it has room and keyframes do
  * not see both; `drop` goes. */
@@ -264,10 +305,11 @@ struct fv_found fv_map_search(const struct fv_map *map, const struct fv_kernels 
                               double x_px, double y_px, double radius_px, int level_min, int level_max,
                               const uint8_t *descriptor, bool only_free);
 
-/* The feature without landmark nearest to `descriptor` within `box` (x0 y0 x1 y1, px) whose bearing lies
- * within limit_rad times its level's scale of the plane with the unit normal `normal` (the view's frame). */
+/* The feature without landmark nearest to `descriptor` within `box` (x0 y0 x1 y1, px) whose bearing (of
+ * fv_map_bearings) lies within limit_rad times its level's scale of the plane with the unit normal `normal` (the view's
+ * frame). */
 struct fv_found fv_map_search_line(const struct fv_map *map, const struct fv_kernels *kernels, uint32_t slot,
-                                   const double box[4], const double normal[3], double limit_rad,
+                                   const float (*bearings)[3], const double box[4], const double normal[3], double limit_rad,
                                    int level_min, int level_max, const uint8_t *descriptor);
 
 #ifdef __cplusplus

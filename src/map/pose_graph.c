@@ -218,20 +218,28 @@ static void fv_normal_block(const struct fv_graph_edge *edge, const double A[49]
     }
 }
 
-static void fv_add_gradient(const struct fv_graph_edge *edge, const double A[49], const double e[7],
-                            struct fv_graph_node *node, const double own[49])
+/* What the edge adds to the gradient and the diagonal of a node; the latter is kept in `tree` unless NULL. */
+static void fv_add_to_node(const struct fv_graph_edge *edge, const double A[49], const double e[7],
+                           struct fv_graph_node *node, double *tree)
 {
+    double own[49];
+    fv_normal_block(edge, A, A, own);
     for (int k = 0; k < 7; k++)
         for (int c = 0; c < 7; c++)
             node->gradient[c] -= A[7 * k + c] * fv_weight_of(edge, k) * e[k];
     for (int i = 0; i < 49; i++)
         node->diagonal[i] += own[i];
+    for (int r = 0, i = 0; r < 7 && tree != NULL; r++)
+        for (int c = 0; c <= r; c++)
+            tree[i++] = own[7 * r + c];
 }
 
 /* Steps multiply on the left: S <- exp(x) S. */
-static void fv_linearise_edge(struct fv_pose_graph *g, struct fv_graph_edge *edge)
+static void fv_linearise_edge(struct fv_pose_graph *g, uint32_t number)
 {
-    double e[7], left[49], by_a[49], by_b[49], Ad[49];
+    struct fv_graph_edge *edge = &g->edges[number];
+    struct fv_graph_node *a = &g->nodes[edge->a], *b = &g->nodes[edge->b];
+    double e[7], left[49], by_a[49], by_b[49], Ad[49], block[49];
     fv_edge_error(g, edge, e);
     g->state->cost += fv_edge_cost(edge, e);
     fv_log_derivatives(e, left, by_a);
@@ -239,11 +247,11 @@ static void fv_linearise_edge(struct fv_pose_graph *g, struct fv_graph_edge *edg
         by_a[i] = -by_a[i];
     fv_adjoint(&edge->S_a_b, Ad);
     fv_multiply77(left, Ad, by_b);
-    fv_normal_block(edge, by_a, by_b, edge->block);
-    fv_normal_block(edge, by_a, by_a, edge->own_a);
-    fv_normal_block(edge, by_b, by_b, edge->own_b);
-    fv_add_gradient(edge, by_a, e, &g->nodes[edge->a], edge->own_a);
-    fv_add_gradient(edge, by_b, e, &g->nodes[edge->b], edge->own_b);
+    fv_normal_block(edge, by_a, by_b, block);
+    for (int i = 0; i < 49; i++)
+        edge->block[i] = (float)block[i];
+    fv_add_to_node(edge, by_a, e, a, a->tree_edge == number ? a->own : b->tree_edge == number ? b->parents : NULL);
+    fv_add_to_node(edge, by_b, e, b, b->tree_edge == number ? b->own : a->tree_edge == number ? a->parents : NULL);
 }
 
 static void fv_linearise_unit(struct fv_pose_graph *g)
@@ -257,7 +265,7 @@ static void fv_linearise_unit(struct fv_pose_graph *g)
         }
     }
     for (uint32_t done = 0; done < UNIT_LINEARISE && s->next < s->edge_count; done++)
-        fv_linearise_edge(g, &g->edges[s->next++]);
+        fv_linearise_edge(g, s->next++);
     if (s->next < s->edge_count) return;
     s->cost_before = s->cost;
     if (s->step == 0) s->cost_at_start = s->cost;

@@ -17,6 +17,25 @@ static void fv_add_product(const double M[49], bool transposed, const double x[7
     }
 }
 
+/* The same for an edge's block. */
+static void fv_add_block(const float M[49], bool transposed, const double x[7], double out[7])
+{
+    for (int r = 0; r < 7; r++) {
+        double sum = 0;
+        for (int c = 0; c < 7; c++)
+            sum += (double)M[transposed ? 7 * c + r : 7 * r + c] * x[c];
+        out[r] += sum;
+    }
+}
+
+/* Add a lower triangle by rows. */
+static void fv_add_triangle(const double triangle[28], double M[49])
+{
+    for (int r = 0, i = 0; r < 7; r++)
+        for (int c = 0; c <= r; c++)
+            M[7 * r + c] += triangle[i++];
+}
+
 /* ---- the tree --------------------------------------------------------------------------------------------
  */
 
@@ -40,15 +59,12 @@ static void fv_tree_blocks(struct fv_pose_graph *g)
         struct fv_graph_node *node = &g->nodes[at];
         const struct fv_graph_edge *edge = &g->edges[node->tree_edge];
         bool is_a = edge->a == at;
-        const double *own = is_a ? edge->own_a : edge->own_b, *others = is_a ? edge->own_b : edge->own_a;
-        for (int i = 0; i < 49; i++)
-            node->factor[i] += own[i];
+        fv_add_triangle(node->own, node->factor);
         if (node->parent < 0) continue;
-        for (int i = 0; i < 49; i++)
-            g->nodes[node->parent].factor[i] += others[i];
+        fv_add_triangle(node->parents, g->nodes[node->parent].factor);
         for (int r = 0; r < 7; r++)
             for (int c = 0; c < 7; c++)
-                node->to_parent[7 * r + c] = edge->block[is_a ? 7 * r + c : 7 * c + r];
+                node->to_parent[7 * r + c] = (double)edge->block[is_a ? 7 * r + c : 7 * c + r];
     }
 }
 
@@ -121,8 +137,8 @@ static void fv_apply_system(struct fv_pose_graph *g)
         const struct fv_graph_edge *edge = &g->edges[e];
         struct fv_graph_node *a = &g->nodes[edge->a], *b = &g->nodes[edge->b];
         if (a->fixed || b->fixed) continue;
-        fv_add_product(edge->block, false, b->direction, a->image);
-        fv_add_product(edge->block, true, a->direction, b->image);
+        fv_add_block(edge->block, false, b->direction, a->image);
+        fv_add_block(edge->block, true, a->direction, b->image);
     }
 }
 

@@ -11,9 +11,11 @@ enum { UNIT_OBSERVATIONS = 350 };
 
 static const double huber_square = 5.991; /* 95 % of chi-square with 2 degrees of freedom */
 
-void fv_window_carve(struct fv_window *window, const struct fv_window_limits *limits, struct fv_arena *job)
+void fv_window_carve(struct fv_window *window, const struct fv_window_limits *limits, const struct fv_map *map,
+                     struct fv_arena *job)
 {
     window->limits = *limits;
+    window->map = map;
     window->state = fv_arena_take(job, 1, sizeof *window->state);
     window->landmarks = fv_arena_take(job, limits->landmarks, sizeof *window->landmarks);
     window->observations = fv_arena_take(job, limits->observations, sizeof *window->observations);
@@ -38,7 +40,7 @@ static void fv_move_point(struct fv_window *w, struct fv_window_landmark *l)
         if (column < 0) continue;
         for (int r = 0; r < 6; r++)
             for (int c = 0; c < 3; c++)
-                g[c] -= o->cross[3 * r + c] * s->step[column + r];
+                g[c] -= (double)o->cross[3 * r + c] * s->step[column + r];
     }
     const double *v = l->inverse;
     d[0] = v[0] * g[0] + v[1] * g[1] + v[2] * g[2];
@@ -89,7 +91,7 @@ static double fv_linearise(struct fv_window_state *s, int n, struct fv_window_ob
             S[a * n + c] += u * rows[c] + v * rows[6 + c];
         S[a * n + a] += s->damping * (u * rows[a] + v * rows[6 + a]);
         for (int c = 0; c < 3; c++)
-            o->cross[3 * a + c] = u * by_point[c] + v * by_point[3 + c];
+            o->cross[3 * a + c] = (float)(u * by_point[c] + v * by_point[3 + c]);
     }
     return cost;
 }
@@ -105,7 +107,8 @@ static void fv_eliminate_landmark(struct fv_window *w, const struct fv_window_la
         if (ci < 0) continue;
         double Y[18];
         for (int r = 0; r < 6; r++) {
-            const double *x = oi->cross + 3 * r;
+            const double x[3] = {(double)oi->cross[3 * r], (double)oi->cross[3 * r + 1],
+                                 (double)oi->cross[3 * r + 2]};
             Y[3 * r] = x[0] * v[0] + x[1] * v[1] + x[2] * v[2];
             Y[3 * r + 1] = x[0] * v[1] + x[1] * v[3] + x[2] * v[4];
             Y[3 * r + 2] = x[0] * v[2] + x[1] * v[4] + x[2] * v[5];
@@ -119,9 +122,23 @@ static void fv_eliminate_landmark(struct fv_window *w, const struct fv_window_la
             double *S = s->system + ci * n + cj;
             for (int r = 0; r < 6; r++)
                 for (int c = 0; c < 6; c++)
-                    S[r * n + c] -= Y[3 * r] * oj->cross[3 * c] + Y[3 * r + 1] * oj->cross[3 * c + 1] +
-                                    Y[3 * r + 2] * oj->cross[3 * c + 2];
+                    S[r * n + c] -= Y[3 * r] * (double)oj->cross[3 * c] +
+                                    Y[3 * r + 1] * (double)oj->cross[3 * c + 1] +
+                                    Y[3 * r + 2] * (double)oj->cross[3 * c + 2];
         }
+    }
+}
+
+/* Pixels become bearings in the first pass, so that copying the window stays one unit. */
+static void fv_unpack(struct fv_window *w, const struct fv_window_landmark *l)
+{
+    for (uint32_t k = 0; k < l->count; k++) {
+        struct fv_window_observation *o = &w->observations[l->first + k];
+        struct fv_keypoint p;
+        if (!fv_map_keypoint(w->map, &o->seen, &p)) memset(&p, 0, sizeof p); /* weighs nothing */
+        memcpy(o->bearing, p.bearing, sizeof o->bearing);
+        memcpy(o->A, p.A, sizeof o->A);
+        o->weight = p.weight;
     }
 }
 
@@ -129,6 +146,7 @@ static void fv_pass_landmark(struct fv_window *w, struct fv_window_landmark *l)
 {
     struct fv_window_state *s = w->state;
     int n = 6 * (int)s->moved_count;
+    if (s->packed) fv_unpack(w, l);
     if (s->step_pending) fv_move_point(w, l);
     double H[6] = {0}, g[3] = {0};
     for (uint32_t k = 0; k < l->count; k++)
@@ -192,6 +210,7 @@ static void fv_end_pass(struct fv_window *w)
     struct fv_window_state *s = w->state;
     bool first = s->pass == 0, better = first || s->cost < s->cost_before || !s->step_pending;
     s->pass++;
+    s->packed = false;
     if (first) s->cost_at_start = s->cost;
     bool last = s->pass >= s->passes;
     if (better) {
@@ -258,7 +277,7 @@ void fv_window_put_observation(struct fv_window *w, const struct fv_keypoint *p,
     memcpy(o->bearing, p->bearing, sizeof o->bearing);
     memcpy(o->A, p->A, sizeof o->A);
     o->weight = p->weight;
-    o->pose = pose; /* `cross` is written by the first pass, before it is read */
+    o->pose = (uint16_t)pose; /* `cross` is written by the first pass, before it is read */
     w->landmarks[w->state->landmark_count - 1].count++;
 }
 

@@ -47,8 +47,10 @@ struct fv_window_landmark {
 
 struct fv_window_observation {
     float bearing[3], A[6], weight;
-    uint32_t pose;
-    double cross[18]; /* 6x3 block between pose and landmark */
+    struct fv_pixel seen; /* until the first pass makes the above of it */
+    uint16_t pose;
+    /* 6x3 block between pose and landmark. It multiplies what vanishes at the optimum, which floats leave where it is. */
+    float cross[18];
 };
 
 enum fv_window_phase { FV_WINDOW_IDLE = 0, FV_WINDOW_PASS = 1, FV_WINDOW_DONE = 2 };
@@ -58,7 +60,8 @@ struct fv_window_state {
     uint32_t pose_count, moved_count, landmark_count, observation_count;
     uint32_t next;         /* landmark of the pass */
     uint32_t pass, passes; /* completed, and at most */
-    bool step_pending;     /* the pass applies `step` first */
+    bool step_pending;      /* the pass applies `step` first */
+    bool packed;            /* observations are pixels so far */
     bool accepted_any;
     double damping, cost, cost_before, cost_at_start;
     double step[FV_WINDOW_SYSTEM_MAX];
@@ -71,12 +74,15 @@ struct fv_window_state {
 
 struct fv_window {
     struct fv_window_limits limits;
+    const struct fv_map *map; /* that pixels are of */
     struct fv_window_state *state;
     struct fv_window_landmark *landmarks;
     struct fv_window_observation *observations;
 };
 
-void fv_window_carve(struct fv_window *window, const struct fv_window_limits *limits, struct fv_arena *job);
+/* `map` stays the caller's; NULL for windows that are only filled by hand. */
+void fv_window_carve(struct fv_window *window, const struct fv_window_limits *limits, const struct fv_map *map,
+                     struct fv_arena *job);
 
 /* Copy the window around keyframe `newest`. False when there is nothing to optimise (then the job stays
  * idle). */

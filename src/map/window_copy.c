@@ -72,8 +72,10 @@ static void fv_add_observations(struct fv_window *w, const struct fv_map *map, c
         int32_t pose = fv_pose_of(s, slot);
         if (pose < 0 && s->pose_count < FV_WINDOW_POSES_MAX) pose = (int32_t)fv_add_pose(s, map, slot);
         if (pose < 0) continue;
-        struct fv_view view = fv_map_view(map, slot);
-        fv_window_put_observation(w, &view.points[l->observers[k].feature], (uint32_t)pose);
+        struct fv_window_observation *o = &w->observations[s->observation_count++];
+        o->seen = fv_map_view(map, slot).points[l->observers[k].feature];
+        o->pose = (uint16_t)pose;
+        w->landmarks[s->landmark_count - 1].count++;
     }
 }
 
@@ -110,6 +112,7 @@ bool fv_window_start(struct fv_window *w, struct fv_map *map, uint32_t newest)
     fv_copy_landmarks(w, map, in_window, 2);
     fv_number_columns(s, map, in_window);
     if (s->moved_count == 0 || s->landmark_count < 10) return false;
+    s->packed = true;
     s->keyframe_number = map->keyframes[newest].number;
     fv_window_begin(w, w->limits.passes);
     return true;

@@ -88,29 +88,18 @@ static bool fv_line_box(const struct fv_odometry *o, const struct line_search *s
     return box[2] > 0 && box[3] > 0 && box[0] < o->map.limits.width && box[1] < o->map.limits.height;
 }
 
-static double fv_keypoint_error2(const struct fv_keypoint *p, const double q[3])
-{
-    double b[3], A[6], e[2];
-    for (int i = 0; i < 3; i++)
-        b[i] = (double)p->bearing[i];
-    for (int i = 0; i < 6; i++)
-        A[i] = (double)p->A[i];
-    return fv_sight_error(b, A, q, e, 0) ? (double)p->weight * (e[0] * e[0] + e[1] * e[1]) : 1e9;
-}
-
 /* Triangulate and check: parallax, errors in both views, and sizes that agree with the levels. `point` in a's
  * frame. */
-static bool fv_new_point(const struct line_search *search, const struct fv_keypoint *p,
-                         const struct fv_keypoint *r, double point[3])
+static bool fv_new_point(const struct fv_odometry *o, const struct line_search *search, const double x1[3],
+                         uint32_t feature_a, uint32_t feature_b, double point[3])
 {
-    double x1[3], x2[3], q[3], cosine;
-    for (int i = 0; i < 3; i++) {
-        x1[i] = (double)p->bearing[i];
-        x2[i] = (double)r->bearing[i];
-    }
+    const struct fv_pixel *p = &search->a.points[feature_a], *r = &search->b.points[feature_b];
+    double x2[3], q[3], cosine;
+    for (int i = 0; i < 3; i++)
+        x2[i] = (double)o->line[feature_b][i];
     if (!fv_triangulate(&search->T_b_a, x1, x2, point, &cosine) || cosine > cos_parallax_max) return false;
     fv_se3_apply(&search->T_b_a, point, q);
-    if (fv_keypoint_error2(p, point) > chi_square_95_2 || fv_keypoint_error2(r, q) > chi_square_95_2)
+    if (fv_map_error2(&o->map, p, point) > chi_square_95_2 || fv_map_error2(&o->map, r, q) > chi_square_95_2)
         return false;
     double distances = fv_norm3(q) / fv_norm3(point),
            levels = fv_level_scale(r->level) / fv_level_scale(p->level);
@@ -121,21 +110,23 @@ static bool fv_new_point(const struct line_search *search, const struct fv_keypo
 static void fv_grow_feature(struct fv_odometry *o, const struct fv_kernels *kernels,
                             const struct line_search *search, uint32_t neighbour, uint32_t feature)
 {
-    const struct fv_keypoint *p = &search->a.points[feature];
+    const int level = search->a.points[feature].level;
+    struct fv_keypoint p;
     double bearing[3], normal[3], box[4], q[3], point[3], world[3];
+    if (!fv_map_keypoint(&o->map, &search->a.points[feature], &p)) return;
     for (int i = 0; i < 3; i++)
-        bearing[i] = (double)p->bearing[i];
+        bearing[i] = (double)p.bearing[i];
     if (!fv_line_box(o, search, bearing, box)) return;
     fv_rotate3(search->T_b_a.R, bearing, q);
     fv_cross3(search->T_b_a.t, q, normal);
     if (!fv_normalise3(normal)) return;
     struct fv_found found = fv_map_search_line(
-        &o->map, kernels, neighbour, box, normal, 2.0 / o->focal_px, (int)p->level - 2, (int)p->level + 2,
+        &o->map, kernels, neighbour, (const float(*)[3])o->line, box, normal, 2.0 / o->focal_px, level - 2, level + 2,
         search->a.descriptors + (size_t)feature * FV_MAP_DESCRIPTOR_BYTES);
     if (found.feature == FV_MAP_NONE || found.distance > DISTANCE_GROW_MAX ||
         found.distance > 0.9 * found.second)
         return;
-    if (!fv_new_point(search, p, &search->b.points[found.feature], point)) return;
+    if (!fv_new_point(o, search, bearing, feature, (uint32_t)found.feature, point)) return;
     fv_se3_apply_inverse(&search->a.frame->T_cam_world, point, world);
     int32_t landmark = fv_map_add_landmark(&o->map, world, o->state->frame_number);
     if (landmark == FV_MAP_NONE) return;
@@ -164,6 +155,7 @@ static void fv_triangulate_unit(struct fv_odometry *o, const struct fv_kernels *
     if (fv_neighbour_holds(o, g->neighbour)) {
         struct line_search search;
         fv_line_begin(o, g->keyframe, g->neighbours[g->neighbour], &search);
+        if (g->next == 0) fv_map_bearings(&o->map, g->neighbours[g->neighbour], o->line);
         for (uint32_t done = 0; done < UNIT_FEATURES && g->next < view.frame->features; g->next++) {
             if (view.landmark[g->next] != FV_MAP_NONE) continue;
             fv_grow_feature(o, kernels, &search, g->neighbours[g->neighbour], g->next);
@@ -215,9 +207,9 @@ static void fv_fuse(struct fv_odometry *o, const struct fv_kernels *kernels, uin
     if (level < 0 || level >= FOVEA_PYRAMID_LEVELS_MAX) return;
     struct fv_found found =
         fv_map_search(&o->map, kernels, keyframe, pixel[0], pixel[1], 3 * fv_level_scale((uint32_t)level),
-                      level - 1, level + 1, l->descriptor, true);
+                      level - 1, level + 1, fv_map_descriptor(&o->map, l), true);
     if (found.feature == FV_MAP_NONE || found.distance > DISTANCE_FUSE_MAX ||
-        fv_keypoint_error2(&view.points[found.feature], q) > chi_square_95_2)
+        fv_map_error2(&o->map, &view.points[found.feature], q) > chi_square_95_2)
         return;
     if (fv_map_link(&o->map, landmark, keyframe, (uint32_t)found.feature))
         fv_map_refresh_landmark(&o->map, landmark);
@@ -268,7 +260,7 @@ void fv_odometry_cull(struct fv_odometry *o)
         if (!l->used) continue;
         bool lost = l->expected >= CULL_EXPECTED_MIN && l->found * 4u < l->expected;
         bool thin = l->observer_count < 2;
-        bool old = o->state->frame_number - l->born > 15 && l->observer_count < 3 && l->found < 5;
+        bool old = (uint32_t)o->state->frame_number - l->born > 15 && l->observer_count < 3 && l->found < 5;
         if (lost || thin || old) fv_map_remove_landmark(&o->map, i);
     }
 }

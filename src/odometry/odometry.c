@@ -28,13 +28,14 @@ void fv_odometry_carve(struct fv_odometry *o, const struct fovea_odometry_config
     fv_bearing_carve(&o->bearings, camera->width, camera->height, persistent);
     const struct fv_map_limits limits = {config->keyframes, config->landmarks, features_max, camera->width,
                                          camera->height};
-    fv_map_carve(&o->map, &limits, persistent);
+    fv_map_carve(&o->map, &limits, &o->camera, &o->bearings, persistent);
     o->state = fv_arena_take(persistent, 1, sizeof *o->state);
     o->recent = fv_arena_take(persistent, features_max, sizeof *o->recent);
     o->start_depth = fv_arena_take(persistent, features_max, sizeof *o->start_depth);
     const struct fv_window_limits window = {config->window, WINDOW_LANDMARKS, WINDOW_OBSERVATIONS,
                                             WINDOW_PASSES, window_settled};
-    fv_window_carve(&o->window, &window, job);
+    fv_window_carve(&o->window, &window, &o->map, job);
+    o->line = fv_arena_take(job, features_max, sizeof *o->line);
     if (config->loops) fv_loop_carve(&o->loop, &limits, &o->camera, persistent, job);
     fv_relocaliser_carve(&o->relocaliser, config->keyframes, persistent, frame);
     o->archive = fv_arena_take(persistent, 1, sizeof *o->archive);
@@ -97,7 +98,7 @@ enum fovea_status fv_odometry_load(struct fv_odometry *o, const struct fv_kernel
     struct fv_odometry_state *s = o->state;
     struct fv_archive_info info;
     const enum fovea_status status =
-        fv_archive_read(data, bytes, name, &o->map, &o->camera, &o->bearings, &info, error);
+        fv_archive_read(data, bytes, name, &o->map, &info, error);
     if (status != FOVEA_OK || o->map.state->keyframe_count == 0) return status;
     s->frame_number = s->keyframe_frame = info.frame_number;
     s->state = FOVEA_TRACKING_LOST;
@@ -113,19 +114,9 @@ enum fovea_status fv_odometry_load(struct fv_odometry *o, const struct fv_kernel
 
 void fv_odometry_fill_view(struct fv_odometry *o, const struct fv_odometry_input *input)
 {
-    struct fv_view view = fv_map_view(&o->map, fv_map_current(&o->map));
-    uint32_t count = 0;
-    for (uint32_t i = 0; i < input->count && count < o->map.limits.features; i++) {
-        const struct fovea_feature *f = &input->features[i];
-        if (!fv_map_set_keypoint(&view.points[count], &o->bearings, &o->camera, f->x_px, f->y_px, f->level))
-            continue;
-        memcpy(view.descriptors + (size_t)count * FV_MAP_DESCRIPTOR_BYTES,
-               input->descriptors + (size_t)i * FV_MAP_DESCRIPTOR_BYTES, FV_MAP_DESCRIPTOR_BYTES);
-        view.landmark[count++] = FV_MAP_NONE;
-    }
-    view.frame->features = count;
-    view.frame->stamp_ns = input->stamp_ns;
-    fv_map_sort_view(&o->map, fv_map_current(&o->map));
+    const uint32_t current = fv_map_current(&o->map);
+    fv_map_fill_view(&o->map, current, input->features, input->descriptors, input->count, NULL);
+    o->map.keyframes[current].stamp_ns = input->stamp_ns;
 }
 
 bool fv_odometry_interrupt(struct fv_odometry *o)

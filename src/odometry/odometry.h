@@ -86,6 +86,7 @@ struct fv_odometry {
     struct fv_odometry_state *state;
     struct fv_recent *recent; /* features_max */
     float *start_depth; /* inverse depths guessed, by feature of the first view */
+    float (*line)[3];   /* job part: bearings of the neighbour in which new landmarks are looked for */
     /* Frame part. */
     struct fv_sight *sights;  /* of the matched features */
     uint32_t *sight_feature;  /* feature of each sight */

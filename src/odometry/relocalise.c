@@ -91,7 +91,8 @@ static uint32_t fv_gather_keyframe(struct fv_odometry *o, uint32_t slot, uint32_
         if (view.landmark[f] == FV_MAP_NONE || o->map.landmarks[view.landmark[f]].mark == mark) continue;
         struct fv_landmark *l = &o->map.landmarks[view.landmark[f]];
         l->mark = mark;
-        memcpy(o->gathered + (size_t)count * FV_MAP_DESCRIPTOR_BYTES, l->descriptor, FV_MAP_DESCRIPTOR_BYTES);
+        memcpy(o->gathered + (size_t)count * FV_MAP_DESCRIPTOR_BYTES, fv_map_descriptor(&o->map, l),
+               FV_MAP_DESCRIPTOR_BYTES);
         o->local[count++] = (uint32_t)view.landmark[f];
     }
     return count;
@@ -116,7 +117,7 @@ static uint32_t fv_match_keyframe(struct fv_odometry *o, const struct fv_kernels
         if (o->nearest[f] == FV_MATCH_NONE || distance > DISTANCE_MAX ||
             distance > ratio_max * (o->second[f] >> FV_MATCH_INDEX_BITS))
             continue;
-        view->landmark[f] = (int32_t)o->local[o->nearest[f] & 0xffff];
+        view->landmark[f] = (int16_t)o->local[o->nearest[f] & 0xffff];
         matches++;
     }
     return matches;

@@ -96,8 +96,8 @@ static uint32_t fv_take_pairs(struct fv_odometry *o, uint32_t count, const struc
     for (uint32_t n = 0; n < taken; n++) {
         const uint32_t k = n * SPREAD_STEP % count, i = o->nearest[k], feature = o->second[k];
         for (int axis = 0; axis < 3; axis++) {
-            o->pairs[n].x1[axis] = (double)from.points[i].bearing[axis];
-            o->pairs[n].x2[axis] = (double)to.points[feature].bearing[axis];
+            o->pairs[n].x1[axis] = (double)from.keypoints[i].bearing[axis];
+            o->pairs[n].x2[axis] = (double)to.keypoints[feature].bearing[axis];
         }
         for (int v = 0; v < FV_START_VIEWS_MAX; v++)
             o->tracks[n].feature[v] = FV_MAP_NONE;
@@ -115,7 +115,7 @@ static void fv_note_matches(struct fv_odometry *o, uint32_t held, uint32_t count
     for (uint32_t f = 0; f < view.frame->features; f++)
         view.landmark[f] = FV_MAP_NONE;
     for (uint32_t k = 0; k < count; k++)
-        view.landmark[o->second[k]] = (int32_t)o->nearest[k];
+        view.landmark[o->second[k]] = (int16_t)o->nearest[k];
     s->matched[held] = s->frames[0];
 }
 
@@ -137,7 +137,7 @@ static void fv_extend_tracks(struct fv_odometry *o, uint32_t tracks, const struc
     for (uint32_t f = 0; f < first.frame->features; f++)
         first.landmark[f] = FV_MAP_NONE;
     for (uint32_t n = 0; n < tracks; n++)
-        first.landmark[o->tracks[n].feature[0]] = (int32_t)n;
+        first.landmark[o->tracks[n].feature[0]] = (int16_t)n;
     for (uint32_t v = 1; v + 1 < b->view_count; v++) {
         const struct fv_view view = fv_map_view(&o->map, b->slots[v]);
         for (uint32_t f = 0; f < view.frame->features; f++) {
@@ -290,7 +290,7 @@ static void fv_add_track(struct fv_odometry *o, const struct fv_start_bundle *b,
                               (uint32_t)o->tracks[track].feature[v]);
     fv_map_refresh_landmark(&o->map, (uint32_t)landmark);
     const uint32_t feature = (uint32_t)o->tracks[track].feature[last];
-    current.landmark[feature] = landmark;
+    current.landmark[feature] = (int16_t)landmark;
     const struct fv_recent recent = {(uint32_t)landmark, o->map.landmarks[landmark].generation,
                                      current.points[feature].level};
     o->recent[o->state->recent_count++] = recent;

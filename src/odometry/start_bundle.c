@@ -47,7 +47,7 @@ struct fv_start_row {
 static const struct fv_keypoint *fv_keypoint_of(const struct fv_view *view, const struct fv_track *track,
                                                 uint32_t v)
 {
-    return &view->points[track->feature[v]];
+    return &view->keypoints[track->feature[v]];
 }
 
 static bool fv_row(const struct fv_start_bundle *b, const struct fv_view views[FV_START_VIEWS_MAX],

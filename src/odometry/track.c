@@ -24,7 +24,7 @@ static void fv_take(struct fv_odometry *o, const struct fv_view *view, uint32_t 
                     uint32_t distance)
 {
     if (view->landmark[f] != FV_MAP_NONE && o->match_distance[f] <= distance) return;
-    view->landmark[f] = (int32_t)landmark;
+    view->landmark[f] = (int16_t)landmark;
     o->match_distance[f] = (uint16_t)distance;
 }
 
@@ -58,7 +58,7 @@ static uint32_t fv_match_recent(struct fv_odometry *o, const struct fv_kernels *
         if (!l->used || l->generation != r->generation || !fv_project_landmark(o, T, l, q, pixel)) continue;
         struct fv_found found = fv_map_search(&o->map, kernels, fv_map_current(&o->map), pixel[0], pixel[1],
                                               radius_px * fv_level_scale(r->level), (int)r->level - 1,
-                                              (int)r->level + 1, l->descriptor, false);
+                                              (int)r->level + 1, fv_map_descriptor(&o->map, l), false);
         if (found.feature == FV_MAP_NONE || found.distance > DISTANCE_TRACK_MAX ||
             found.distance > 0.9 * found.second)
             continue;
@@ -74,7 +74,7 @@ uint32_t fv_odometry_collect_sights(struct fv_odometry *o, const struct fv_view 
     uint32_t count = 0;
     for (uint32_t f = 0; f < view->frame->features; f++) {
         if (view->landmark[f] == FV_MAP_NONE) continue;
-        fv_sight_from(&view->points[f], o->map.landmarks[view->landmark[f]].point, &o->sights[count]);
+        fv_sight_from(&view->keypoints[f], o->map.landmarks[view->landmark[f]].point, &o->sights[count]);
         o->sight_feature[count++] = f;
     }
     return count;
@@ -142,16 +142,14 @@ uint32_t fv_odometry_match_local(struct fv_odometry *o, const struct fv_kernels 
         if (!fv_project_landmark(o, T, l, q, pixel)) continue;
         double distance = fv_norm3(q);
         fv_rotate_back3(T->R, q, ray);
-        double cosine = ((double)l->direction[0] * ray[0] + (double)l->direction[1] * ray[1] +
-                         (double)l->direction[2] * ray[2]) /
-                        distance;
+        double cosine = fv_map_cosine(l, ray, distance);
         int level = fv_predict_level(l, distance);
         if (cosine < 0.5 || level < 0 || level >= FOVEA_PYRAMID_LEVELS_MAX) continue;
         visible++;
         l->expected++;
         double radius = widen * (cosine > 0.998 ? 3 : 5) * fv_level_scale((uint32_t)level);
         struct fv_found found = fv_map_search(&o->map, kernels, fv_map_current(&o->map), pixel[0], pixel[1],
-                                              radius, level - 1, level + 1, l->descriptor, true);
+                                              radius, level - 1, level + 1, fv_map_descriptor(&o->map, l), true);
         if (found.feature == FV_MAP_NONE || found.distance > DISTANCE_TRACK_MAX ||
             found.distance > 0.9 * found.second)
             continue;
@@ -170,7 +168,7 @@ static void fv_remember(struct fv_odometry *o, const struct fv_view *view)
         if (view->landmark[f] == FV_MAP_NONE) continue;
         struct fv_landmark *l = &o->map.landmarks[view->landmark[f]];
         l->found++;
-        l->seen = o->state->frame_number;
+        l->seen = (uint32_t)o->state->frame_number;
         if (l->expected < l->found) l->expected = l->found;
         if (l->expected > 60000) {
             l->expected /= 2;

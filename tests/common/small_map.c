@@ -8,7 +8,7 @@ static void carve(struct small_map *small, struct fv_arena *arena)
     const struct fv_map_limits limits = {SMALL_MAP_KEYFRAMES, SMALL_MAP_LANDMARKS, SMALL_MAP_FEATURES, 320,
                                          240};
     fv_bearing_carve(&small->bearings, 320, 240, arena);
-    fv_map_carve(&small->map, &limits, arena);
+    fv_map_carve(&small->map, &limits, &small->camera, &small->bearings, arena);
 }
 
 void small_map_make(struct small_map *small)
@@ -36,19 +36,17 @@ void small_map_free(struct small_map *small)
 static void make_view(struct small_map *small, struct fovea_random *random)
 {
     const struct fv_view view = fv_map_view(&small->map, fv_map_current(&small->map));
-    uint32_t count = 0;
-    while (count < SMALL_MAP_FEATURES - fovea_random_below(random, 3)) {
-        const float x = (float)fovea_random_below(random, 3190) / 10,
-                    y = (float)fovea_random_below(random, 2390) / 10;
-        const uint32_t level = fovea_random_below(random, 8);
-        if (!fv_map_set_keypoint(&view.points[count], &small->bearings, &small->camera, x, y, level))
-            continue;
-        for (int i = 0; i < FV_MAP_DESCRIPTOR_BYTES; i++)
-            view.descriptors[(size_t)count * FV_MAP_DESCRIPTOR_BYTES + (size_t)i] =
-                (uint8_t)fovea_random_u32(random);
-        view.landmark[count++] = FV_MAP_NONE;
+    struct fovea_feature features[SMALL_MAP_FEATURES] = {{0}};
+    uint8_t descriptors[SMALL_MAP_FEATURES * FV_MAP_DESCRIPTOR_BYTES];
+    const uint32_t count = SMALL_MAP_FEATURES - fovea_random_below(random, 3);
+    for (uint32_t i = 0; i < count; i++) {
+        features[i].x_px = (float)fovea_random_below(random, 3190) / 10;
+        features[i].y_px = (float)fovea_random_below(random, 2390) / 10;
+        features[i].level = (uint8_t)fovea_random_below(random, 8);
     }
-    view.frame->features = count;
+    for (size_t i = 0; i < sizeof descriptors; i++)
+        descriptors[i] = (uint8_t)fovea_random_u32(random);
+    fv_map_fill_view(&small->map, fv_map_current(&small->map), features, descriptors, count, NULL);
     view.frame->depth = 1 + fovea_random_unit(random);
     view.frame->stamp_ns = (int64_t)fovea_random_u32(random);
     double turn[3];
@@ -57,7 +55,6 @@ static void make_view(struct small_map *small, struct fovea_random *random)
         view.frame->T_cam_world.t[i] = fovea_random_normal(random);
     }
     fv_so3_exp(turn, view.frame->T_cam_world.R);
-    fv_map_sort_view(&small->map, fv_map_current(&small->map));
 }
 
 void small_map_grow(struct small_map *small, struct fovea_random *random)

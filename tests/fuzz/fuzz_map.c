@@ -20,7 +20,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t bytes)
             copy[16 + i] = (uint8_t)((uint64_t)bytes >> (8 * i));
         fv_archive_seal(copy, bytes);
     }
-    (void)fv_archive_read(copy, bytes, "map", &small.map, &small.camera, &small.bearings, &info, &error);
+    (void)fv_archive_read(copy, bytes, "map", &small.map, &info, &error);
     if (small_map_trouble(&small.map) != NULL) abort();
     free(copy);
     return 0;

@@ -20,6 +20,7 @@ enum { RING = 60, KEYFRAMES = 67, POINTS = 5000, FEATURES = 260, REMEMBERED = 6 
 struct world {
     struct fv_kernels kernels;
     struct fovea_camera camera;
+    struct fv_bearing_table bearings;
     struct fv_map map;
     struct fv_place place;
     struct fv_loop_closer loop;
@@ -40,7 +41,8 @@ static void carve(void *context, struct fv_arena *arena)
 {
     (void)context;
     const struct fv_map_limits limits = {80, 16000, FEATURES, 640, 480};
-    fv_map_carve(&w.map, &limits, arena);
+    fv_bearing_carve(&w.bearings, limits.width, limits.height, arena);
+    fv_map_carve(&w.map, &limits, &w.camera, &w.bearings, arena);
     fv_place_carve(&w.place, limits.keyframes, arena);
     fv_loop_carve(&w.loop, &limits, &w.camera, arena, arena);
 }
@@ -59,6 +61,7 @@ static void make_world(uint64_t seed)
     assert_int_equal(fovea_camera_prepare(&w.camera, &error), FOVEA_OK);
     fv_kernels_init(&w.kernels, FV_CPU_C);
     w.memory = carved(carve, NULL);
+    fv_bearing_init(&w.bearings, &w.camera);
     fv_map_reset(&w.map);
     fv_place_clear(&w.place);
     fv_loop_reset(&w.loop, seed);
@@ -90,21 +93,15 @@ static void true_pose(uint32_t n, struct fv_se3 *T_cam_world)
         T_cam_world->t[k] = -t[k];
 }
 
-static void fill_feature(struct fv_view *view, uint32_t f, int i, const double pixel[2])
+/* A feature of point i, with some bits of its descriptor wrong. */
+static void fill_feature(struct fovea_feature *feature, uint8_t *descriptor, int i, const double pixel[2])
 {
-    struct fv_keypoint *p = &view->points[f];
-    const double x = (pixel[0] - 320) / 400, y = (pixel[1] - 240) / 400, n = sqrt(x * x + y * y + 1);
-    *p = (struct fv_keypoint){
-        .bearing = {(float)(x / n), (float)(y / n), (float)(1 / n)},
-        .A = {(float)(400 * n), 0, (float)(-400 * n * x), 0, (float)(400 * n), (float)(-400 * n * y)},
-        .x_px = (float)pixel[0],
-        .y_px = (float)pixel[1],
-        .weight = 1};
-    memcpy(view->descriptors + 32 * (size_t)f, w.descriptor[i], 32);
+    memset(feature, 0, sizeof *feature);
+    feature->x_px = (float)pixel[0];
+    feature->y_px = (float)pixel[1];
+    memcpy(descriptor, w.descriptor[i], 32);
     for (int k = 0; k < 4; k++)
-        view->descriptors[32 * (size_t)f + fovea_random_below(&w.random, 32)] ^=
-            (uint8_t)(1u << fovea_random_below(&w.random, 8));
-    view->landmark[f] = FV_MAP_NONE;
+        descriptor[fovea_random_below(&w.random, 32)] ^= (uint8_t)(1u << fovea_random_below(&w.random, 8));
 }
 
 /* A keyframe at the next place: what it sees, and its links, in the world as it is estimated there. */
@@ -113,6 +110,9 @@ static void add_keyframe(void)
     const uint32_t n = w.count, current = fv_map_current(&w.map);
     struct fv_view view = fv_map_view(&w.map, current);
     static int seen[FEATURES];
+    static struct fovea_feature features[FEATURES];
+    static uint8_t descriptors[FEATURES * 32];
+    uint16_t from[FEATURES];
     uint32_t count = 0;
     true_pose(n, &w.truth[n]);
     for (int i = 0; i < POINTS && count < FEATURES; i++) {
@@ -124,18 +124,19 @@ static void add_keyframe(void)
         pixel[0] += 0.3 * fovea_random_normal(&w.random);
         pixel[1] += 0.3 * fovea_random_normal(&w.random);
         seen[count] = i;
-        fill_feature(&view, count++, i, pixel);
+        fill_feature(&features[count], &descriptors[32 * (size_t)count], i, pixel);
+        count++;
     }
-    view.frame->features = count;
+    fv_map_fill_view(&w.map, current, features, descriptors, count, from);
+    assert_int_equal(view.frame->features, count);
     view.frame->stamp_ns = n;
     view.frame->T_cam_world = w.truth[n];
     view.frame->depth = 3 * w.drift.s;
     fv_sim3_move_pose(&w.drift, &view.frame->T_cam_world);
-    fv_map_sort_view(&w.map, current);
     uint32_t slot = fv_map_add_keyframe(&w.map, current);
     view.frame->parent = (int32_t)slot;
     for (uint32_t f = 0; f < count; f++) {
-        int i = seen[f];
+        int i = seen[from[f]];
         if (w.landmark_of[i] == FV_MAP_NONE || w.seen_by[i] + REMEMBERED < n) {
             double p[3];
             fv_sim3_apply(&w.drift, w.point[i], p);

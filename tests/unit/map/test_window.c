@@ -22,6 +22,7 @@ struct fixture {
     struct fv_map map;
     struct fv_window window;
     struct fovea_camera camera;
+    struct fv_bearing_table bearings;
     struct fv_se3 truth[VIEWS];
     double points[POINTS][3];
     uint32_t landmark[POINTS];
@@ -40,15 +41,18 @@ static void carve(struct fixture *f)
     struct fv_arena arena[2];
     for (int k = 0; k < 2; k++)
         fv_arena_count(&arena[k]);
-    fv_map_carve(&f->map, &limits, &arena[0]);
-    fv_window_carve(&f->window, &window, &arena[1]);
+    fv_bearing_carve(&f->bearings, limits.width, limits.height, &arena[0]);
+    fv_map_carve(&f->map, &limits, &f->camera, &f->bearings, &arena[0]);
+    fv_window_carve(&f->window, &window, &f->map, &arena[1]);
     for (int k = 0; k < 2; k++) {
         size_t bytes = (arena[k].used + 63) / 64 * 64;
         f->memory[k] = aligned_alloc(64, bytes);
         fv_arena_init(&arena[k], f->memory[k], bytes);
     }
-    fv_map_carve(&f->map, &limits, &arena[0]);
-    fv_window_carve(&f->window, &window, &arena[1]);
+    fv_bearing_carve(&f->bearings, limits.width, limits.height, &arena[0]);
+    fv_map_carve(&f->map, &limits, &f->camera, &f->bearings, &arena[0]);
+    fv_window_carve(&f->window, &window, &f->map, &arena[1]);
+    fv_bearing_init(&f->bearings, &f->camera);
     fv_map_reset(&f->map);
 }
 
@@ -83,40 +87,32 @@ static void build(struct fixture *f, uint64_t seed, double pose_noise, double po
         f->truth[v].t[1] = uniform(&random, -.1, .1);
         f->truth[v].t[2] = uniform(&random, -.1, .1);
         struct fv_view view = fv_map_view(&f->map, fv_map_current(&f->map));
+        static const uint8_t descriptors[POINTS * FV_MAP_DESCRIPTOR_BYTES];
+        struct fovea_feature features[POINTS] = {{0}};
+        uint16_t from[POINTS];
         uint32_t seen[POINTS], count = 0;
         for (uint32_t i = 0; i < POINTS; i++) {
-            double q[3], pixel[2], bearing[3], J[6];
+            double q[3], pixel[2];
             fv_se3_apply(&f->truth[v], f->points[i], q);
             if (fovea_camera_project(&f->camera, q, pixel, NULL) != FOVEA_OK) continue;
             if (uniform(&random, 0, 1) < outliers) pixel[0] += uniform(&random, -60, 60);
             for (int k = 0; k < 2; k++)
                 pixel[k] += pixel_noise * fovea_random_normal(&random);
-            if (pixel[0] < 0 || pixel[1] < 0 || pixel[0] > 751 || pixel[1] > 479 ||
-                fovea_camera_unproject(&f->camera, pixel, bearing, NULL) != FOVEA_OK ||
-                fovea_camera_project(&f->camera, bearing, pixel, J) != FOVEA_OK)
-                continue;
-            struct fv_keypoint *p = &view.points[count];
-            for (int k = 0; k < 3; k++)
-                p->bearing[k] = (float)bearing[k];
-            for (int k = 0; k < 6; k++)
-                p->A[k] = (float)J[k];
-            p->x_px = (float)pixel[0];
-            p->y_px = (float)pixel[1];
-            p->weight = 1;
-            p->level = 0;
+            if (pixel[0] < 0 || pixel[1] < 0 || pixel[0] > 751 || pixel[1] > 479) continue;
+            features[count].x_px = (float)pixel[0];
+            features[count].y_px = (float)pixel[1];
             seen[count++] = i;
         }
-        view.frame->features = count;
+        fv_map_fill_view(&f->map, fv_map_current(&f->map), features, descriptors, count, from);
         view.frame->T_cam_world = f->truth[v];
         view.frame->parent = v > 0 ? v - 1 : FV_MAP_NONE;
         double step[6];
         for (int k = 0; k < 6; k++)
             step[k] = v < exact ? 0 : pose_noise * fovea_random_normal(&random) * (k < 3 ? 1 : 0.2);
         fv_se3_move(&view.frame->T_cam_world, step);
-        fv_map_sort_view(&f->map, fv_map_current(&f->map));
         uint32_t slot = fv_map_add_keyframe(&f->map, fv_map_current(&f->map));
-        for (uint32_t k = 0; k < count; k++)
-            assert_true(fv_map_link(&f->map, f->landmark[seen[k]], slot, k));
+        for (uint32_t k = 0; k < view.frame->features; k++)
+            assert_true(fv_map_link(&f->map, f->landmark[seen[from[k]]], slot, k));
     }
 }
 

@@ -28,7 +28,7 @@ static double spread(fovea_random *random, double size)
 static void carve(fv_window *window, fv_arena *arena)
 {
     const fv_window_limits limits = {FV_WINDOW_KEYFRAMES_MAX, LANDMARKS_MAX, OBSERVATIONS_MAX, PASSES, 1e-10};
-    fv_window_carve(window, &limits, arena);
+    fv_window_carve(window, &limits, NULL, arena);
 }
 
 static void *make_window(fv_window *window)
