@@ -66,7 +66,26 @@ enum fovea_status fv_decode_probe(const uint8_t *data, size_t bytes, int32_t *wi
     return unknown_kind(data, bytes, reason);
 }
 
-enum fovea_status fv_decode_grey(const uint8_t *data, size_t bytes, const struct fv_decode_image *image,
+/* Number of components in a JPEG's frame header, 0 without one. Segments are walked as they state their lengths. */
+static int jpeg_components(const uint8_t *data, size_t bytes)
+{
+    for (size_t at = 2; at + 10 <= bytes && data[at] == 0xFF;) {
+        const int marker = data[at + 1];
+        const bool is_frame = marker >= 0xC0 && marker <= 0xCF && marker != 0xC4 && marker != 0xC8 && marker != 0xCC;
+        if (is_frame) return data[at + 9];
+        at += marker == 0xFF ? 1 : 2 + ((size_t)data[at + 2] << 8 | data[at + 3]);
+    }
+    return 0;
+}
+
+bool fv_decode_has_colour(const uint8_t *data, size_t bytes)
+{
+    enum { COLOUR_TYPE_AT = 25, COLOUR_BIT = 2 };
+    if (is_png(data, bytes)) return bytes > COLOUR_TYPE_AT && (data[COLOUR_TYPE_AT] & COLOUR_BIT) != 0;
+    return is_jpeg(data, bytes) && jpeg_components(data, bytes) == 3;
+}
+
+enum fovea_status fv_decode(const uint8_t *data, size_t bytes, const struct fv_decode_image *image,
                                  struct fovea_error *reason)
 {
     if (is_png(data, bytes)) return fv_decode_png(data, bytes, image, reason);

@@ -1,4 +1,4 @@
-/* PNG and JPEG from memory to 8-bit grey levels.
+/* PNG and JPEG from memory to 8-bit grey levels, or to RGB where that is asked for.
  *
  * Colour is turned into grey by one integer formula on every machine (ITU-R BT.601 weights in 15 bits, as
  * OpenCV): grey = (9798 R + 19235 G + 3735 B + 16384) >> 15. A JPEG in YCbCr gives its luma channel, which is
@@ -11,6 +11,7 @@
 #ifndef FOVEA_RECORDED_DECODE_H
 #define FOVEA_RECORDED_DECODE_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -21,6 +22,7 @@ enum { FV_DECODE_FILE_BYTES_MAX = 1 << 26 };
 struct fv_decode_image {
     uint8_t *pixels; /* stride_bytes x height, owned by the caller; undefined after an error */
     int32_t width, height, stride_bytes;
+    bool colour; /* three bytes per pixel, red first; a grey file gives three equal ones */
 };
 
 /* Size that the header states. FOVEA_ERROR_INPUT: neither PNG nor JPEG, or of a size that Fovea does not
@@ -28,8 +30,11 @@ struct fv_decode_image {
 enum fovea_status fv_decode_probe(const uint8_t *data, size_t bytes, int32_t *width, int32_t *height,
                                   struct fovea_error *reason);
 
+/* Whether the header states colours; false where there is none. */
+bool fv_decode_has_colour(const uint8_t *data, size_t bytes);
+
 /* Decode into `image`, whose size must be that of the data. */
-enum fovea_status fv_decode_grey(const uint8_t *data, size_t bytes, const struct fv_decode_image *image,
+enum fovea_status fv_decode(const uint8_t *data, size_t bytes, const struct fv_decode_image *image,
                                  struct fovea_error *reason);
 
 /* A JPEG decoder for cameras: it is made once for pictures of one width, and then makes no heap call. libjpeg

@@ -65,14 +65,14 @@ static void read_header(struct job *job, const uint8_t *data, size_t bytes)
     jpeg_read_header(&job->jpeg, TRUE);
 }
 
-/* Output as grey where the file has a luma channel, else as RGB to be weighted here. */
+/* Output as RGB where that is asked for; as grey where the file has a luma channel, else as RGB to be weighted here. */
 static enum fovea_status set_output(struct job *job)
 {
     job->jpeg.dct_method = JDCT_ISLOW;
     switch (job->jpeg.jpeg_color_space) {
     case JCS_GRAYSCALE:
     case JCS_YCbCr:
-        job->jpeg.out_color_space = JCS_GRAYSCALE;
+        job->jpeg.out_color_space = job->image->colour ? JCS_RGB : JCS_GRAYSCALE;
         return FOVEA_OK;
     case JCS_RGB:
         job->jpeg.out_color_space = JCS_RGB;
@@ -94,17 +94,17 @@ static enum fovea_status decode(struct job *job, const uint8_t *data, size_t byt
                                job->jpeg.image_width, job->jpeg.image_height, image->width, image->height);
     const enum fovea_status status = set_output(job);
     if (status != FOVEA_OK) return status;
-    const bool colour = job->jpeg.out_color_space == JCS_RGB;
+    const bool weigh = job->jpeg.out_color_space == JCS_RGB && !image->colour;
     uint8_t *rgb = NULL;
-    if (colour)
+    if (weigh)
         rgb = job->jpeg.mem->alloc_large((j_common_ptr)&job->jpeg, JPOOL_IMAGE, 3 * (size_t)image->width);
     jpeg_start_decompress(&job->jpeg);
     for (int32_t y = 0; y < image->height; ++y) {
-        uint8_t *grey = image->pixels + (size_t)y * (size_t)image->stride_bytes;
-        JSAMPROW row = colour ? rgb : grey;
+        uint8_t *to = image->pixels + (size_t)y * (size_t)image->stride_bytes;
+        JSAMPROW row = weigh ? rgb : to;
         if (jpeg_read_scanlines(&job->jpeg, &row, 1) != 1)
             return fovea_error_set(job->reason, FOVEA_ERROR_INPUT, "damaged JPEG: row %d is missing", y);
-        if (colour) fv_decode_rgb_row(rgb, grey, image->width);
+        if (weigh) fv_decode_rgb_row(rgb, to, image->width);
     }
     jpeg_finish_decompress(&job->jpeg);
     return FOVEA_OK;

@@ -40,18 +40,19 @@ static void on_read(png_structp png, png_bytep bytes, png_size_t count)
     job->at += count;
 }
 
-/* Ask for 8-bit grey or RGB without alpha. Returns the passes. */
+/* Ask for 8-bit grey or RGB without alpha, or for RGB alone. Returns the passes. */
 static int set_transforms(struct job *job)
 {
     png_set_expand(job->png);
     png_set_strip_16(job->png);
     png_set_strip_alpha(job->png);
+    if (job->image->colour) png_set_gray_to_rgb(job->png);
     const int passes = png_set_interlace_handling(job->png);
     png_read_update_info(job->png, job->info);
     return passes;
 }
 
-static void read_grey(struct job *job, int passes)
+static void read_as_is(struct job *job, int passes)
 {
     const struct fv_decode_image *image = job->image;
     for (int pass = 0; pass < passes; ++pass)
@@ -59,7 +60,7 @@ static void read_grey(struct job *job, int passes)
             png_read_row(job->png, image->pixels + (size_t)y * (size_t)image->stride_bytes, NULL);
 }
 
-static void read_colour(struct job *job, int passes)
+static void read_weighted(struct job *job, int passes)
 {
     const struct fv_decode_image *image = job->image;
     const size_t row_bytes = 3 * (size_t)image->width, kept = passes > 1 ? (size_t)image->height : 1;
@@ -98,10 +99,10 @@ static enum fovea_status decode(struct job *job)
     if (png_get_rowbytes(job->png, job->info) != (size_t)channels * (size_t)width ||
         (channels != 1 && channels != 3))
         png_error(job->png, "unknown sample format");
-    if (channels == 1)
-        read_grey(job, passes);
+    if (channels == 1 || job->image->colour)
+        read_as_is(job, passes);
     else
-        read_colour(job, passes);
+        read_weighted(job, passes);
     png_read_end(job->png, NULL);
     return FOVEA_OK;
 }

@@ -105,7 +105,7 @@ static enum fovea_status fill(const struct fovea_image *from, struct fv_slot *sl
                                                .height = to->height,
                                                .stride_bytes = to->stride_bytes};
         struct fovea_error reason = {.text = ""};
-        const enum fovea_status status = fv_decode_grey(from->data, from->size_bytes, &target, &reason);
+        const enum fovea_status status = fv_decode(from->data, from->size_bytes, &target, &reason);
         if (status == FOVEA_OK) return FOVEA_OK;
         return fovea_error_set(error, status, "%s: frame %llu: %.256s", path, (unsigned long long)index,
                                reason.text);

@@ -165,14 +165,15 @@ static enum fovea_status fetch(void *recording, uint64_t index, struct fv_slot *
     const struct fv_decode_image target = {.pixels = slot->pixels,
                                            .width = image->width,
                                            .height = image->height,
-                                           .stride_bytes = image->stride_bytes};
+                                           .stride_bytes = image->stride_bytes,
+                                           .colour = image->format == FOVEA_PIXEL_RGB24};
     char path[FV_PATH_BYTES];
     struct fovea_error reason = {.text = ""};
     enum fovea_status status = frame_path(listing, index, path, error);
     if (status != FOVEA_OK) return status;
     status = fv_file_read(&listing->file, path, &reason);
     if (status == FOVEA_OK)
-        status = fv_decode_grey(listing->file.data, listing->file.bytes, &target, &reason);
+        status = fv_decode(listing->file.data, listing->file.bytes, &target, &reason);
     if (status != FOVEA_OK) return fovea_error_set(error, status, "%s: %.256s", path, reason.text);
     slot->frame.stamp_ns = listing->frames[index].stamp_ns;
     slot->frame.exposure_ns = 0;
@@ -213,6 +214,7 @@ enum { PROBES = 5 };
 
 struct probe {
     int32_t width, height;
+    bool colour;
 };
 
 static enum fovea_status probe_frame(struct fv_listing *listing, uint64_t index, struct probe *probe,
@@ -226,12 +228,14 @@ static enum fovea_status probe_frame(struct fv_listing *listing, uint64_t index,
     if (status == FOVEA_OK)
         status =
             fv_decode_probe(listing->file.data, listing->file.bytes, &probe->width, &probe->height, &reason);
-    return status == FOVEA_OK ? status : fovea_error_set(error, status, "%s: %.256s", path, reason.text);
+    if (status != FOVEA_OK) return fovea_error_set(error, status, "%s: %.256s", path, reason.text);
+    probe->colour = fv_decode_has_colour(listing->file.data, listing->file.bytes);
+    return FOVEA_OK;
 }
 
 /* The size that most probed frames have, the earlier one when equally many. All frames are asked when none of
  * the five can be read. */
-static enum fovea_status find_size(struct fv_listing *listing, const char *list_file,
+static enum fovea_status find_size(struct fv_listing *listing, const char *list_file, bool colour,
                                    struct fovea_source_info *info, struct fovea_error *error)
 {
     struct probe probes[PROBES] = {{0}};
@@ -257,7 +261,7 @@ static enum fovea_status find_size(struct fv_listing *listing, const char *list_
     }
     info->width = probes[best].width;
     info->height = probes[best].height;
-    info->format = FOVEA_PIXEL_GREY8;
+    info->format = colour && probes[best].colour ? FOVEA_PIXEL_RGB24 : FOVEA_PIXEL_GREY8;
     return FOVEA_OK;
 }
 
@@ -288,7 +292,7 @@ enum fovea_status fv_listing_open(struct fv_listing *listing, const char *list_f
     if (listing->count == 0)
         status = fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: found no frames, expected at least one",
                                  list_file);
-    if (status == FOVEA_OK) status = find_size(listing, list_file, info, error);
+    if (status == FOVEA_OK) status = find_size(listing, list_file, selection->colour, info, error);
     if (status == FOVEA_OK && info->has_camera && info->camera.width == 0)
         status = fovea_calibration_fit(&info->camera, info->width, info->height, false, info->camera_origin,
                                        error);

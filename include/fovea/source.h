@@ -90,12 +90,14 @@ struct fovea_truth {
 };
 
 /* How frames of a recording are chosen: start, start + step, start + 2 step, ..., at most `frames` of them (0: all);
- * played last first when `reverse`, with stamps that still rise. Live sources refuse anything but a number of frames. */
+ * played last first when `reverse`, with stamps that still rise. Live sources refuse anything but a number of frames.
+ * `colour`: recordings of PNG and JPEG files that have colours give RGB24 frames in place of grey ones; others ignore it. */
 struct fovea_source_selection {
     uint64_t start;
     uint64_t step; /* at least 1 */
     uint64_t frames;
     bool reverse;
+    bool colour;
 };
 
 /* What went wrong with single frames since start, counted by the source. */

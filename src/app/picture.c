@@ -17,7 +17,7 @@ static enum fovea_status decode(const struct fv_file_buffer *file, struct fovea_
     const size_t bytes = (size_t)into.width * (size_t)into.height;
     into.pixels = malloc(bytes);
     if (into.pixels == NULL) return fovea_error_set(reason, FOVEA_ERROR_SYSTEM, "out of memory");
-    status = fv_decode_grey(file->data, file->bytes, &into, reason);
+    status = fv_decode(file->data, file->bytes, &into, reason);
     if (status != FOVEA_OK) {
         free(into.pixels);
         return status;

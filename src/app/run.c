@@ -315,6 +315,8 @@ static enum fovea_status open_all(struct run *run, struct fovea_error *error)
     enum fovea_status status = fv_setup_open(&run->settings, &run->selection, &run->setup, error);
     if (status != FOVEA_OK) return status;
     run->loop.real_time = fv_setup_real_time(&run->settings, &run->setup);
+    if (fv_setup_wants_colour(&run->setup) && run->setup.ops->info(run->setup.source)->format == FOVEA_PIXEL_GREY8)
+        fv_say("fovea run: the network takes colour and this source gives grey levels: all its channels get these");
     status = runtime_open(run, error);
     if (status == FOVEA_OK) status = recorder_open(run, error);
     if (status == FOVEA_OK) status = fv_trajectory_open(run->trajectory_path, &run->trajectory, error);

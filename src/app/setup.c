@@ -70,6 +70,11 @@ static enum fovea_status model_read(struct fv_settings *settings, struct fv_setu
     return status;
 }
 
+bool fv_setup_wants_colour(const struct fv_setup *setup)
+{
+    return setup->model.data != NULL && setup->model.model.header->preprocess.channels == 3;
+}
+
 static enum fovea_status camera_fit(struct fv_settings *settings, const struct fovea_source_info *info,
                                     struct fovea_error *error)
 {
@@ -110,7 +115,9 @@ enum fovea_status fv_setup_open(struct fv_settings *settings, const struct fovea
     if (status == FOVEA_OK) status = model_read(settings, setup, error);
     if (status != FOVEA_OK) return (fv_setup_close(setup), status);
     status = fovea_source_find(settings->source, &setup->ops, &address, error);
-    if (status == FOVEA_OK) status = setup->ops->open(address, selection, &setup->source, error);
+    struct fovea_source_selection chosen = *selection;
+    chosen.colour = fv_setup_wants_colour(setup);
+    if (status == FOVEA_OK) status = setup->ops->open(address, &chosen, &setup->source, error);
     if (status != FOVEA_OK) {
         fv_settings_blame(settings, "source", error);
         fv_setup_close(setup);

@@ -37,10 +37,10 @@ static inline int nn_mutant_run(const uint8_t *data, size_t bytes)
     memset(arena, 0x37, fv_nn_arena_bytes(&model));
     struct fv_nn_progress progress = {0, 0};
     uint32_t done;
-    fv_kernels_init(&kernels, fv_cpu_best(fv_cpu_detect()));
-#if defined(__x86_64__)
-    fv_kernels_init(&kernels, FV_CPU_AVX512);
-#endif
+    /* the best set, or one of lower ones: which bytes are read past an end differs */
+    const enum fv_cpu_set best = fv_cpu_best(fv_cpu_detect()), lower[2] = {FV_CPU_C, best >= FV_CPU_NEON ? FV_CPU_NEON : FV_CPU_AVX2};
+    const uint32_t choice = model.header->checksum % 4;
+    fv_kernels_init(&kernels, choice < 2 ? best : lower[choice - 2]);
     for (int i = 0; i < NN_MUTANT_UNITS_MAX; ++i) {
         if (progress.op < (int32_t)model.header->op_count && model.ops[progress.op].row_cost > 1 << 26) break;
         if (fv_nn_run(&model, &kernels, arena, &progress, 1, &done) != FOVEA_AGAIN) break;

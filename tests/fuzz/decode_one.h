@@ -20,7 +20,7 @@ static inline int decode_one(const uint8_t *data, size_t bytes)
     if (pixels == NULL) return 0;
     const struct fv_decode_image image = {
         .pixels = pixels, .width = width, .height = height, .stride_bytes = width};
-    const enum fovea_status decoded = fv_decode_grey(data, bytes, &image, &reason);
+    const enum fovea_status decoded = fv_decode(data, bytes, &image, &reason);
     if (decoded == FOVEA_OK && probed != FOVEA_OK) abort();
     unsigned sum = 0; /* every pixel of a whole picture was written */
     for (size_t i = 0; decoded == FOVEA_OK && i < (size_t)width * (size_t)height; ++i)

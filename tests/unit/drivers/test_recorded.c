@@ -41,7 +41,7 @@ static void decode(const char *path, uint8_t *grey)
     assert_int_equal(fv_decode_probe(file, bytes, &width, &height, &reason), FOVEA_OK);
     assert_int_equal(width, W);
     assert_int_equal(height, H);
-    if (fv_decode_grey(file, bytes, &image, &reason) != FOVEA_OK) fail_msg("%s", reason.text);
+    if (fv_decode(file, bytes, &image, &reason) != FOVEA_OK) fail_msg("%s", reason.text);
     free(file);
 }
 
@@ -124,7 +124,7 @@ static void test_truncated(void **state)
             uint8_t *part = malloc(kept + 1); /* of this size, so that reading past it is seen */
             assert_non_null(part);
             memcpy(part, file, kept);
-            const enum fovea_status status = fv_decode_grey(part, kept, &image, &reason);
+            const enum fovea_status status = fv_decode(part, kept, &image, &reason);
             free(part);
             if (status == FOVEA_OK) fail_msg("kind %d: %zu of %zu bytes made a picture", kind, kept, bytes);
             assert_true(strlen(reason.text) > 5 && strchr(reason.text, '\n') == NULL);
