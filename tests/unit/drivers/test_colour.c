@@ -102,7 +102,7 @@ static void test_source(void **state)
             const struct fovea_source_ops *ops;
             const char *address;
             char uri[FV_TEST_PATH_BYTES + 8] = "images:";
-            struct fovea_source *source;
+            struct fovea_source *source = NULL;
             struct fovea_error error;
             struct fovea_frame frame;
             strcat(uri, path);
