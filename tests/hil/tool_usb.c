@@ -10,7 +10,8 @@
  *
  *   port=N          of the emulated bus
  *   serial=TEXT     serial number
- *   after=FILE      a frame goes out when FILE has grown by one since the last, or after ten seconds
+ *   after=FILE      a frame goes out when FILE has grown by one since the last, or after ten seconds,
+ * whatever RATE says
  *
  * After the USB Video Class specification 1.0 (descriptors and requests) and
  * Documentation/usb/usbip_protocol.rst. */
@@ -429,7 +430,7 @@ static bool begin_frame(void)
         return false;
     }
     if (now_ns - camera.due_ns > 500000000) camera.due_ns = now_ns;
-    camera.due_ns += camera.interval * INT64_C(100);
+    camera.due_ns += camera.pace.file == NULL ? camera.interval * INT64_C(100) : 0;
     camera.number++;
     if (hit(DROP)) return false;
     const struct tool_frames *frames = &offer(camera.commit)->frames;

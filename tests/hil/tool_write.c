@@ -3,7 +3,8 @@
  *
  *   mmap=N      through N mapped buffers, not by write(); with more of them than FILE has frames, the output
  *               always has frames waiting
- *   after=FILE  a frame goes out when FILE has grown by one since the last, or after ten seconds */
+ *   after=FILE  a frame goes out when FILE has grown by one since the last, or after ten seconds,
+ *              whatever RATE says */
 #include "tool.h"
 
 #include <errno.h>
@@ -112,7 +113,7 @@ int tool_write(int argc, char **argv)
         else if (write(fd, frame, bytes) != (ssize_t)bytes)
             tool_fail("write: %s", strerror(errno));
         if (k + 1 == (output.buffers > 0 ? output.buffers : 1)) printf("streaming\n");
-        if (k < output.buffers) continue;
+        if (k < output.buffers || output.pace.file != NULL) continue;
         at_ns += (int64_t)(1e9 / rate_hz);
         tool_sleep_until(at_ns);
     }
