@@ -38,6 +38,8 @@ static void make_settings(const struct short_run *run, struct fv_settings *setti
                                            .cy = 0.5 * run->height};
     expect(fovea_camera_prepare(&config->camera, &error), &error);
     config->features.count_max = run->features;
+    config->odometry.keyframes = 8; /* a block of 2 MB in place of 7: clearing it takes most of a replay */
+    config->odometry.landmarks = 1000;
     if (run->detect) config->detect.model = detector_model(&config->detect.model_bytes);
     config->preview.period_frames = 5;
     config->preview.level = 0;
