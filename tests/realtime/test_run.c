@@ -20,12 +20,10 @@
 #include "app/heap.h"
 #include "fovea/yaml_tree.h"
 
-/* Of the whole process. By default the map has room for 256 keyframes and 20,000 landmarks, 27 MB of the block; with a
- * small map all fits what the program was held to before it had one. */
+/* Of the whole process, by default with room for 256 keyframes and 20,000 landmarks. */
 enum {
-    RESIDENT_MAX_BYTES = 48 << 20,
-    RESIDENT_WORLD_MAX_BYTES = 64 << 20, /* with the simulated world, 15 MB */
-    RESIDENT_SMALL_MAX_BYTES = 32 << 20, /* small map, simulated world or recording */
+    RESIDENT_MAX_BYTES = 32 << 20,
+    RESIDENT_WORLD_MAX_BYTES = 40 << 20, /* with the simulated world, 15 MB */
     ARGUMENTS_MAX = 24
 };
 
@@ -113,8 +111,8 @@ static void test_small_map(void **state)
 {
     const char *const some[] = {"--frames", "120", SMALL_MAP, NULL};
     (void)state;
-    assert_fine("sim:", 120, RESIDENT_SMALL_MAX_BYTES, some);
-    assert_fine("sim:orbit?width=752&height=480", 120, RESIDENT_SMALL_MAX_BYTES, some);
+    assert_fine("sim:", 120, RESIDENT_MAX_BYTES, some);
+    assert_fine("sim:orbit?width=752&height=480", 120, RESIDENT_MAX_BYTES, some);
 }
 
 static void test_recordings(void **state)
