@@ -3,6 +3,7 @@
 #include <opencv2/core/utils/logger.hpp>
 #include <opencv2/videoio.hpp>
 
+#include <cstdlib>
 #include <exception>
 #include <memory>
 #include <string>
@@ -92,6 +93,7 @@ try {
     cv::setNumThreads(1);
     cv::utils::logging::setLogLevel(
         cv::utils::logging::LOG_LEVEL_SILENT); /* errors are told by us, in one line */
+    setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", 0); /* and FFmpeg's */
     return open_file(path, video, width, height, rate_hz, error);
 } catch (const std::exception &problem) {
     return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: OpenCV cannot open it: %.200s", path,
