@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "fovea/text.h"
@@ -36,6 +37,25 @@ static bool sync_folder(const char *path)
     const bool synced = fsync(file) == 0;
     close(file);
     return synced;
+}
+
+enum fovea_status fv_map_file_probe(const char *path, struct fovea_error *error)
+{
+    char part[PATH_BYTES];
+    struct stat there;
+    if (snprintf(part, sizeof part, "%s.part", path) >= (int)sizeof part)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%.100s...: the map's name is too long", path);
+    /* The rename would take a device's place. */
+    if (stat(path, &there) == 0 && !S_ISREG(there.st_mode))
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%.200s: found %s, expected a file for the map", path,
+                               S_ISDIR(there.st_mode) ? "a directory" : "a device or pipe");
+    const bool left = access(part, F_OK) == 0;
+    const int file = open(part, O_WRONLY | O_CREAT | O_CLOEXEC, 0644);
+    if (file < 0)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%.200s: the map cannot be written: %s", path, strerror(errno));
+    close(file);
+    if (!left) unlink(part);
+    return FOVEA_OK;
 }
 
 enum fovea_status fv_map_file_write(const char *path, const uint8_t *data, size_t bytes,

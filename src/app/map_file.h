@@ -9,6 +9,10 @@
 
 #include "fovea/status.h"
 
+/* Whether a file can be put there at the end of a run, without touching what is there. FOVEA_ERROR_INPUT: `error` names it
+ * and the reason. */
+enum fovea_status fv_map_file_probe(const char *path, struct fovea_error *error);
+
 /* Replace the file by these bytes (a sealed map). The temporary name is PATH.part; one that an earlier death
  * left is written over. FOVEA_ERROR_SYSTEM: the file is as it was; `error` names it and the reason. */
 enum fovea_status fv_map_file_write(const char *path, const uint8_t *data, size_t bytes,

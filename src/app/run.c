@@ -12,6 +12,7 @@
 #include "app/final_path.h"
 #include "app/keeper.h"
 #include "app/loop.h"
+#include "app/map_file.h"
 #include "app/process.h"
 #include "app/realtime.h"
 #include "app/recorder.h"
@@ -234,7 +235,10 @@ static enum fovea_status settings_read(struct run *run, struct fovea_error *erro
         {"--model", run->settings.model},
         {0},
     };
-    return fv_files_apart(written, read, error);
+    status = fv_files_apart(written, read, error);
+    if (status == FOVEA_OK && run->settings.map_save[0] != '\0' && run->settings.runtime.odometry.enabled)
+        status = fv_map_file_probe(run->settings.map_save, error);
+    return status;
 }
 
 /* Results of an earlier run are kept until there are new ones to write. */

@@ -103,11 +103,16 @@ static void test_errors(void **state)
     assert_int_equal(fv_map_file_read("/nonexistent/a.map", &read.data, &read.bytes, &error),
                      FOVEA_ERROR_INPUT);
     assert_int_equal(fv_map_file_read(folder, &read.data, &read.bytes, &error), FOVEA_ERROR_INPUT);
+    assert_int_equal(fv_map_file_probe("/nonexistent/a.map", &error), FOVEA_ERROR_INPUT);
+    assert_int_equal(fv_map_file_probe(folder, &error), FOVEA_ERROR_INPUT);
+    assert_int_equal(fv_map_file_probe("/dev/null", &error), FOVEA_ERROR_INPUT);
     /* A full disk leaves the old map, and no other file. */
     assert_int_equal(fv_map_file_write(path, file.data, file.bytes, &error), FOVEA_OK);
     char part[sizeof path + 8];
     snprintf(part, sizeof part, "%s.part", path);
     (void)unlink(part);
+    assert_int_equal(fv_map_file_probe(path, &error), FOVEA_OK);
+    assert_int_equal(access(part, F_OK), -1);
     assert_int_equal(symlink("/dev/full", part), 0);
     assert_int_equal(fv_map_file_write(path, file.data, 100, &error), FOVEA_ERROR_SYSTEM);
     assert_int_equal(access(part, F_OK), -1);
