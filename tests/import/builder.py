@@ -10,6 +10,7 @@ TYPES = {"uint8": tflite.TensorType.UINT8, "int8": tflite.TensorType.INT8, "int3
 class Builder:
     def __init__(self):
         self.tensors, self.ops, self.codes = [], [], []
+        self.signatures = {}  # tensor: shape with -1 where the file leaves it open and writes 1
 
     def tensor(self, dtype, shape, scale=None, zero=0, data=None, axis=0):
         """Returns the tensor's index. `scale` may be a list (per channel along `axis`)."""
@@ -61,7 +62,9 @@ class Builder:
 
     def _tensor(self, b, number, entry):
         dtype, shape, scales, zeros, data, axis = entry
-        dims = self._ints(b, shape)
+        signature = self.signatures.get(number)
+        dims = self._ints(b, shape if signature is None else [n if n >= 0 else 1 for n in signature])
+        signed_dims = None if signature is None else self._ints(b, signature)
         name = b.CreateString(f"t{number}")
         q = None
         if scales:
@@ -74,6 +77,8 @@ class Builder:
             q = tflite.QuantizationParametersEnd(b)
         tflite.TensorStart(b)
         tflite.TensorAddShape(b, dims)
+        if signed_dims is not None:
+            tflite.TensorAddShapeSignature(b, signed_dims)
         tflite.TensorAddType(b, TYPES[dtype])
         tflite.TensorAddBuffer(b, number + 1)
         tflite.TensorAddName(b, name)

@@ -327,11 +327,38 @@ def one_by_one_chain(c):
     return [x], [z]
 
 
+def open_sizes(c):
+    """Sizes that the file leaves open, as dense layers over several axes have them."""
+    h, k, oc = c.int(2, 9), c.int(2, 30), c.int(2, 20)
+    x = c.q((1, h, k), 0.03)
+    flat = like(c, x, (h, k))
+    weights, scales = c.weights((oc, k), oc, 0)
+    y = c.q((h, oc), 0.03 * float(np.mean(scales)) * 60 * np.sqrt(k), 3)
+    bent, total = like(c, y, (1, h, oc)), c.q((1, h, oc), c.b.tensors[y][2][0] * 1.7)
+    turned = like(c, total, (1, oc, h))
+    product = c.q((1, h, h), c.b.tensors[y][2][0] ** 2 * 300)
+    s = c.q((1, h, h), 1 / 256, 0 if c.dtype == "uint8" else -128)
+    c.b.op("RESHAPE", [x, c.b.const("int32", [-1, k])], [flat], "Reshape", NewShape=[-1, k])
+    c.b.op("FULLY_CONNECTED", [flat, weights, -1], [y], "FullyConnected")
+    c.b.op("RESHAPE", [y, c.b.const("int32", [1, -1, oc])], [bent], "Reshape", NewShape=[1, -1, oc])
+    c.b.op("ADD", [bent, bent], [total], "Add")
+    c.b.op("TRANSPOSE", [total, c.b.const("int32", [0, 2, 1])], [turned], "Transpose")
+    if c.dtype == "uint8":  # the reference's matrix product is for int8
+        c.b.signatures.update({flat: (-1, -1), y: (-1, oc), bent: (1, -1, oc), total: (1, -1, oc), turned: (1, oc, -1)})
+        return [x], [turned]
+    c.b.op("BATCH_MATMUL", [bent, turned], [product], "BatchMatMul", AdjX=False, AdjY=False)
+    c.b.op("SOFTMAX", [product], [s], "Softmax", Beta=1.0)
+    for t in (flat, y, bent, total, turned, product, s):
+        c.b.signatures[t] = tuple(-1 for _ in c.b.tensors[t][1])
+    return [x], [s]
+
+
 operators.CASES.clear()
 operators.CASES.update({f.__name__: f for f in (
     conv_uneven, depthwise_uneven, connected_axes, arithmetic_scales, extreme_constant, slice_masks, slice_ellipsis,
     pool_wide, reduce_axes, resize_images, reshape_forms, tile_long, unary_ranges, softmax_axes, prelu_forms, matmul_forms,
-    arg_max_cast, up_uneven, pad_long, join_scales, detection_many, one_by_one_chain)})
+    arg_max_cast, up_uneven, pad_long, join_scales, detection_many, one_by_one_chain,
+    open_sizes)})
 
 if __name__ == "__main__":
     sys.exit(operators.main())

@@ -2,6 +2,8 @@
 (SHAPE, STRIDED_SLICE, PACK before a RESHAPE or TRANSPOSE_CONV). Their results become constants."""
 import numpy as np
 
+import shapes
+
 WHOLE = ("INT32", "INT64")
 
 
@@ -42,6 +44,7 @@ def fold(graph):
     """Evaluate what can be; the operators that stay keep their numbers."""
     left = []
     for op in graph.ops:
+        shapes.settle(op, graph.tensors)
         tensors = [graph.tensors[t] for t in op.inputs if t >= 0]
         out = graph.tensors[op.outputs[0]]
         value = None

@@ -30,6 +30,7 @@ class Tensor:
     zero: np.ndarray           # int64, in the file's own form
     axis: int
     data: np.ndarray = None    # constant in the file's own form
+    open: bool = False         # the file leaves some of the shape to the run
 
     @property
     def signed(self):
@@ -123,7 +124,8 @@ def _tensor(model, index, t):
             raise ImportProblem(f"tensor {index}: {len(raw)} bytes of data, expected {count * dtype.itemsize}")
         data = np.frombuffer(raw, dtype, count).reshape(shape)
     name = t.Name().decode("utf-8", "replace") if t.Name() else ""
-    return Tensor(index, name, kind, shape, scale, zero, axis, data)
+    is_open = t.ShapeSignatureLength() > 0 and bool((t.ShapeSignatureAsNumpy() < 0).any())
+    return Tensor(index, name, kind, shape, scale, zero, axis, data, is_open)
 
 
 def read(path):
