@@ -353,12 +353,42 @@ def open_sizes(c):
     return [x], [s]
 
 
+def dilated_by_batches(c):
+    """A dilated convolution, or a depthwise one, as SPACE_TO_BATCH_ND, VALID, BATCH_TO_SPACE_ND."""
+    k, ch, oc, deep = c.int(1, 3), c.int(1, 20), c.int(1, 20), c.int(0, 1)
+    block, size = (c.int(1, 4), c.int(1, 4)), (c.int(4, 14), c.int(4, 14))
+    x = c.q((1, *size, ch), 0.03)
+    oc = ch if deep else oc
+    pads, crops, inner, out = [], [], [], []
+    for b, n in zip(block, size):
+        reach = (k - 1) * b
+        before = c.choose(0, reach // 2)
+        valid = n + 2 * before - reach
+        if valid < 1:
+            before, valid = reach, n + reach
+        extra = -(n + 2 * before) % b
+        pads.append([before, before + extra]), crops.append([0, extra]), inner.append((n + 2 * before + extra) // b)
+        out.append(valid)
+    images = block[0] * block[1]
+    a = like(c, x, (images, *inner, ch))
+    c.b.op("SPACE_TO_BATCH_ND", [x, c.b.const("int32", block), c.b.const("int32", pads)], [a])
+    weights, scales = c.weights((1, k, k, ch) if deep else (oc, k, k, ch), oc, 3 if deep else 0)
+    y = c.q((images, *(n - k + 1 for n in inner), oc), 0.03 * float(np.mean(scales)) * 60 * k * (1 if deep else np.sqrt(ch)))
+    more = {"DepthMultiplier": 1} if deep else {}
+    c.b.op("DEPTHWISE_CONV_2D" if deep else "CONV_2D", [a, weights, c.bias(oc, 0.03, scales)], [y],
+           "DepthwiseConv2D" if deep else "Conv2D", StrideH=1, StrideW=1, DilationHFactor=1, DilationWFactor=1, Padding=1,
+           FusedActivationFunction=c.choose(0, 1), **more)
+    z = like(c, y, (1, *out, oc))
+    c.b.op("BATCH_TO_SPACE_ND", [y, c.b.const("int32", block), c.b.const("int32", crops)], [z])
+    return [x], [z]
+
+
 operators.CASES.clear()
 operators.CASES.update({f.__name__: f for f in (
     conv_uneven, depthwise_uneven, connected_axes, arithmetic_scales, extreme_constant, slice_masks, slice_ellipsis,
     pool_wide, reduce_axes, resize_images, reshape_forms, tile_long, unary_ranges, softmax_axes, prelu_forms, matmul_forms,
     arg_max_cast, up_uneven, pad_long, join_scales, detection_many, one_by_one_chain,
-    open_sizes)})
+    open_sizes, dilated_by_batches)})
 
 if __name__ == "__main__":
     sys.exit(operators.main())

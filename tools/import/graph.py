@@ -9,6 +9,7 @@ import numpy as np
 import tflite
 
 import constant
+import dilate
 
 CODE_NAMES = {v: k for k, v in vars(tflite.BuiltinOperator).items() if isinstance(v, int)}
 TYPE_NAMES = {v: k for k, v in vars(tflite.TensorType).items() if isinstance(v, int)}
@@ -156,4 +157,5 @@ def read(path):
         metadata[entry.Name().decode()] = data.DataAsNumpy().tobytes() if data.DataLength() else b""
     graph = Graph(tensors, ops, [int(v) for v in g.InputsAsNumpy()], [int(v) for v in g.OutputsAsNumpy()], metadata)
     constant.fold(graph)
+    dilate.join(graph)
     return graph

@@ -243,6 +243,14 @@ def pad(low, op):
     emit_strided(low, op, source, out, v.shape, value_strides(v), strides, dst_first=at)
 
 
+def space_to_batch(low, op):
+    """Only as the first part of a dilated convolution: see dilate.py."""
+    if "margins" not in op.custom:
+        raise ImportProblem(low.describe_missing(op) + " (not around a convolution)")
+    low.val[op.outputs[0]] = low.input(op.inputs[0])
+    low.pads[op.outputs[0]] = op.custom["margins"]
+
+
 def emit_fill(low, op, out, value):
     size = low.net.values[out].extent
     low.net.step("FILL", op, [], [out], dict(bytes=size, value=value), (size + CHUNK - 1) // CHUNK, cost=size)
@@ -321,5 +329,5 @@ def dequantize(low, op):
 
 OPERATORS = {"RESHAPE": reshape, "SQUEEZE": reshape, "EXPAND_DIMS": reshape, "TRANSPOSE": transpose,
              "STRIDED_SLICE": strided_slice, "SPLIT": split, "SPLIT_V": split, "UNPACK": unpack, "PACK": pack,
-             "CONCATENATION": concatenation, "PAD": pad, "TILE": tile, "SPACE_TO_DEPTH": space_to_depth,
+             "CONCATENATION": concatenation, "PAD": pad, "TILE": tile, "SPACE_TO_DEPTH": space_to_depth, "SPACE_TO_BATCH_ND": space_to_batch,
              "DEPTH_TO_SPACE": space_to_depth, "CAST": cast, "QUANTIZE": quantize, "DEQUANTIZE": dequantize}
