@@ -61,7 +61,8 @@ const Format *format_of(const PixelFormat &pixels)
     return nullptr;
 }
 
-// A process has at most one manager; it lives as long as some device does.
+// A process has at most one manager; it lives as long as some device does, or until a camera has gone
+// (below).
 std::shared_ptr<CameraManager> manager()
 {
     static std::weak_ptr<CameraManager> existing;
@@ -127,6 +128,7 @@ class Device
 
     enum fovea_status learn(fovea_libcamera_agreed *agreed, fovea_error *told, fovea_error *error);
     enum fovea_status find(fovea_error *error);
+    enum fovea_status find_again(fovea_error *error);
     enum fovea_status set_up(fovea_error *error);
     void tear_down();
     enum fovea_status take(int64_t deadline_ns, int wake_fd, fv_live_buffer *buffer, fovea_error *error);
@@ -153,6 +155,7 @@ class Device
     Stream *stream_ = nullptr;
     Completed completed_;
     std::atomic<bool> gone_{false};
+    bool there_ = true, missed_ = false; // found when last looked for; gone since the manager was made
     int bell_ = -1;
     bool acquired_ = false, streaming_ = false, known_ = false, luma_only_ = false;
     int32_t width_ = 0, height_ = 0, stride_bytes_ = 0;
@@ -169,15 +172,34 @@ enum fovea_status Device::failed(const char *what, int reason, fovea_error *erro
                            reason == -EBUSY ? ": another program is using it" : "");
 }
 
+// By its id. A manager of 0.0.3 connects its slot for cameras that come once more with each that comes: what
+// it keeps and the time that a plug takes it double with every replug. So there the manager is made anew
+// after a camera has gone, unless another device of this process has a part in it. Later versions connect
+// once.
+enum fovea_status Device::find_again([[maybe_unused]] fovea_error *error)
+{
+#if !FOVEA_LIBCAMERA_AT_LEAST(0, 5)
+    if (missed_ && manager_.use_count() == 1) {
+        camera_.reset();
+        manager_.reset();
+        manager_ = manager();
+        if (!manager_)
+            return fovea_error_set(error, FOVEA_ERROR_SYSTEM,
+                                   "libcamera: its camera manager does not start again");
+    }
+#endif
+    camera_ = manager_->get(id_);
+    missed_ = !camera_ && there_;
+    there_ = camera_ != nullptr;
+    return camera_ ? FOVEA_OK : FOVEA_GONE;
+}
+
 enum fovea_status Device::find(fovea_error *error)
 {
     if (!manager_) manager_ = manager();
     if (!manager_)
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "libcamera: its camera manager does not start");
-    if (known_) { // by its id from now on
-        camera_ = manager_->get(id_);
-        return camera_ ? FOVEA_OK : FOVEA_GONE;
-    }
+    if (known_) return find_again(error);
     const std::vector<std::shared_ptr<Camera>> all = manager_->cameras();
     std::string list;
     for (size_t i = 0; i < all.size(); ++i) {
@@ -404,6 +426,7 @@ void Device::tear_down()
 {
     if (streaming_) camera_->stop();
     streaming_ = false;
+    if (gone_.load()) missed_ = true, there_ = false;
     if (camera_) {
         camera_->requestCompleted.disconnect(this);
         camera_->disconnected.disconnect(this);
