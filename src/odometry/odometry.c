@@ -149,22 +149,65 @@ static enum fovea_tracking_state fv_confidence(const struct fv_odometry *o, uint
     return good ? FOVEA_TRACKING_OK : FOVEA_TRACKING_WEAK;
 }
 
+/* Pose of a view in the world that poses are published in. */
+static void fv_published_pose(const struct fv_odometry *o, const struct fv_sim3 *S_odom_map, uint32_t view,
+                              struct fv_se3 *T_odom_cam)
+{
+    struct fv_sim3 S_odom_cam;
+    struct fv_se3 T_map_cam;
+    fv_se3_invert(&o->map.keyframes[view].T_cam_world, &T_map_cam);
+    fv_sim3_from_se3(&T_map_cam, 1, &S_odom_cam);
+    fv_sim3_compose(S_odom_map, &S_odom_cam, &S_odom_cam);
+    memcpy(T_odom_cam->R, S_odom_cam.R, sizeof T_odom_cam->R);
+    fv_copy3(S_odom_cam.t, T_odom_cam->t);
+}
+
+/* Optimisation has moved the reference keyframe since its own frame's pose was published: by so much the two
+ * published poses disagree with the map, and that is added to the covariance. */
+static void fv_add_correction(struct fv_odometry *o, const struct fv_sim3 *S_odom_map,
+                              const struct fv_se3 *T_odom_cam)
+{
+    struct fv_odometry_state *s = o->state;
+    const uint32_t slot = s->newest, generation = o->map.keyframes[slot].generation;
+    struct fv_se3 T_odom_ref, inverse, now, published;
+    double between[3], turned[9], e[6];
+    fv_published_pose(o, S_odom_map, slot, &T_odom_ref);
+    if (s->reference != slot || s->reference_generation != generation) {
+        s->reference = slot;
+        s->reference_generation = generation;
+        s->reference_published = T_odom_ref;
+    }
+    fv_se3_invert(&T_odom_ref, &inverse);
+    fv_se3_compose(&inverse, T_odom_cam, &now);
+    fv_se3_invert(&s->reference_published, &inverse);
+    fv_se3_compose(&inverse, T_odom_cam, &published);
+    fv_subtract3(now.t, published.t, between);
+    fv_rotate_back3(published.R, between, e);
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 3; c++)
+            turned[3 * r + c] = published.R[r] * now.R[c] + published.R[3 + r] * now.R[3 + c] +
+                                published.R[6 + r] * now.R[6 + c];
+    fv_so3_log(turned, e + 3);
+    for (int row = 0, k = 0; row < 6; row++)
+        for (int column = row; column < 6; column++, k++)
+            s->pose.covariance[k] += e[row] * e[column];
+}
+
 static void fv_write_pose(struct fv_odometry *o)
 {
     struct fovea_pose *pose = &o->state->pose;
     const struct fv_sim3 *S_map_odom = &o->map.state->S_map_odom;
-    struct fv_sim3 S_odom_map, S_odom_cam;
-    struct fv_se3 T_map_cam;
-    fv_se3_invert(&o->map.keyframes[fv_map_current(&o->map)].T_cam_world, &T_map_cam);
-    fv_sim3_from_se3(&T_map_cam, 1, &S_odom_cam);
+    struct fv_sim3 S_odom_map;
+    struct fv_se3 T_odom_cam;
     fv_sim3_invert(S_map_odom, &S_odom_map);
-    fv_sim3_compose(&S_odom_map, &S_odom_cam, &S_odom_cam);
-    fv_write_rows(S_odom_cam.R, S_odom_cam.t, pose->T_world_cam);
+    fv_published_pose(o, &S_odom_map, fv_map_current(&o->map), &T_odom_cam);
+    fv_write_rows(T_odom_cam.R, T_odom_cam.t, pose->T_world_cam);
     fv_write_rows(S_map_odom->R, S_map_odom->t, pose->T_map_odom);
     pose->map_scale = S_map_odom->s;
     for (int row = 0, k = 0; row < 6; row++) /* lengths are the map's so far */
         for (int column = row; column < 6; column++, k++)
             pose->covariance[k] *= (row < 3 ? S_odom_map.s : 1) * (column < 3 ? S_odom_map.s : 1);
+    fv_add_correction(o, &S_odom_map, &T_odom_cam);
     pose->posed = true;
 }
 

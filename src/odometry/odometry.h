@@ -68,7 +68,9 @@ struct fv_odometry_state {
     uint32_t pending_count;
     struct fv_grow_state grow;
     double bend; /* of the landmarks in sight: what noise over their parallax leaves open, relative */
-    struct fovea_pose pose; /* of the last frame */
+    uint32_t reference, reference_generation; /* keyframe that the last pose hangs on, */
+    struct fv_se3 reference_published;        /* and T_world_cam as it was told at its own frame */
+    struct fovea_pose pose;                   /* of the last frame */
 };
 
 struct fv_odometry {

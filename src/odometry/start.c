@@ -241,6 +241,11 @@ static bool fv_choose(struct fv_odometry *o, uint32_t tracks, struct fv_start_bu
         fv_start_adjust(o, tried, FV_START_ROUGH, &candidate);
         fv_compare(o, tried, tracks, &candidate, best, &rival);
     }
+    candidate = *best;
+    if (best->cost < 1e300 && fv_start_guess_reversed(o, tried, &candidate)) {
+        fv_start_adjust(o, tried, FV_START_ROUGH, &candidate);
+        fv_compare(o, tried, tracks, &candidate, best, &rival);
+    }
     return best->cost < 1e300 && rival >= rival_cost_min * best->cost &&
            fv_serves(best, tried, parallax_points_min);
 }

@@ -104,6 +104,10 @@ bool fv_start_guess_motion(struct fv_odometry *odometry, uint32_t count, const s
                            struct fv_start_bundle *bundle);
 /* From what was noted for the same first view a few frames ago: */
 bool fv_start_guess_again(struct fv_odometry *odometry, uint32_t count, struct fv_start_bundle *bundle);
+/* From a bundle that was noted, its reversal: what is near becomes far, the way turns round, and a turn makes
+ * up for it. Of a shallow scene both are seen almost alike (J. Koenderink and A. van Doorn, "Affine structure
+ * from motion", 1991). */
+bool fv_start_guess_reversed(struct fv_odometry *odometry, uint32_t count, struct fv_start_bundle *bundle);
 /* Note a bundle of the first `count` of `all` tracks. */
 void fv_start_note_guess(struct fv_odometry *odometry, uint32_t count, uint32_t all,
                          const struct fv_start_bundle *bundle);

@@ -173,6 +173,23 @@ bool fv_start_guess_again(struct fv_odometry *o, uint32_t count, struct fv_start
     return true;
 }
 
+bool fv_start_guess_reversed(struct fv_odometry *o, uint32_t count, struct fv_start_bundle *b)
+{
+    struct fv_view views[FV_START_VIEWS_MAX];
+    double sum = 0;
+    fv_find_views(o, b, views);
+    for (uint32_t i = 0; i < count; i++)
+        sum += (double)o->start_depth[o->tracks[i].feature[0]];
+    for (uint32_t i = 0; i < count; i++)
+        o->depths[i].value = 2 * sum / count - (double)o->start_depth[o->tracks[i].feature[0]];
+    for (uint32_t v = 1; v < b->view_count; v++) {
+        for (int k = 0; k < 3; k++)
+            b->T_view_first[v].t[k] = -b->T_view_first[v].t[k];
+        if (!fv_place_view(o, count, views, b, v)) return false;
+    }
+    return true;
+}
+
 void fv_start_note_guess(struct fv_odometry *o, uint32_t count, uint32_t all, const struct fv_start_bundle *b)
 {
     struct fv_start_state *s = &o->state->start;

@@ -14,7 +14,9 @@ static const double variance_min = 0.05; /* px^2 of level 0: matches are not bet
 static const double young_spread_px =
     20; /* below it, landmarks' errors have much in common; above, less and less */
 static const double behind_share =
-    3; /* of the information's inverse: pixels of this frame, and behind landmarks */
+    2.4; /* of the information's inverse: pixels of this frame, and behind landmarks */
+static const double bend_share =
+    0.6; /* of what the map may be bent by, that shows on the way from the reference */
 static const double radius_first_px = 12, radius_wide_px = 30; /* times the level's scale */
 static const double local_widen = 4; /* of the local map's search, where it makes up for a poor first stage */
 static const double found_share_low = 0.2; /* of the landmarks in view: less, and the search is widened */
@@ -242,7 +244,8 @@ static void fv_write_covariance(struct fv_odometry *o, const struct fv_view *vie
     fv_se3_compose(&view->frame->T_cam_world, &T_world_ref, &T);
     const double bend = fv_map_bend(o, view, __builtin_sqrt(variance));
     o->state->bend = bend;
-    const double drift = bend * fv_norm3(T.t), turn = drift / (reference->depth > 0 ? reference->depth : 1);
+    const double drift = bend_share * bend * fv_norm3(T.t),
+                 turn = drift / (reference->depth > 0 ? reference->depth : 1);
     for (int i = 0; i < 6; i++)
         covariance[7 * i] += i < 3 ? drift * drift : turn * turn;
     for (int row = 0, k = 0; row < 6; row++)

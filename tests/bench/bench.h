@@ -61,6 +61,9 @@ struct Result {
 /* Time the runs in turn until each has enough samples; medians in microseconds. */
 std::vector<double> measure(const std::vector<Run> &runs);
 
+/* Time the whole of a frame on a recording (bench_odometry.cpp), one row per set for the mean and for the 99th percentile. */
+void run_odometry(std::vector<Result> &results);
+
 /* Writes of the results: build/bench.json, and the table between the markers in README.md. */
 struct Facts {
     std::string machine, compiler, flags, commit, opencv, image;

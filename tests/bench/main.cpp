@@ -248,6 +248,11 @@ int main(int argc, char **argv)
         if (kernel_variants[i].bit == 0 && chosen(kernel_variants[i].kernel, filter))
             run_kernel(kernel_variants[i].kernel, input, results);
 
+    if (chosen("step and work", filter)) {
+        const size_t before = results.size();
+        bench::run_odometry(results);
+        std::for_each(results.begin() + static_cast<std::ptrdiff_t>(before), results.end(), report);
+    }
     if (options.count("program") && filter.empty()) run_program(options["program"], results);
     if (results.empty()) {
         std::printf("no row of that name\n");

@@ -153,7 +153,7 @@ static void an_orbit_is_followed_at_constant_scale(void **state)
     int first = 0, posed = 0;
     while (first < r->frames && !r->pose[first].posed)
         first++;
-    assert_true(first <= 30);
+    assert_true(first <= 14);
     double low = 1e9, high = 0;
     for (int n = first; n < r->frames; n++) {
         assert_true(r->pose[n].posed && (n < first + 40 || r->pose[n].state == FOVEA_TRACKING_OK));
