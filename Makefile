@@ -169,8 +169,13 @@ $(BUILD)/venv/evo:
 	python3 -m venv $(BUILD)/venv
 	$(BUILD)/venv/bin/pip install -q evo numpy
 	@touch $@
-evaluate: all $(BUILD)/venv/evo  ## run the recordings with truth over seeds and starts, and rewrite the committed table
+$(BUILD)/venv-tracking/ready:
+	python3 -m venv $(BUILD)/venv-tracking
+	$(BUILD)/venv-tracking/bin/pip install -q trackers==2.6.1 trackeval==1.3.0 numpy
+	@touch $@
+evaluate: all $(BUILD)/venv/evo $(BUILD)/venv-tracking/ready  ## the recordings with truth over seeds and starts, the tracker beside SORT and ByteTrack: rewrites the committed tables
 	$(BUILD)/venv/bin/python tools/evaluate/evaluate.py --fovea $(BUILD)/fovea --output tools/evaluate/odometry.md
+	$(BUILD)/venv-tracking/bin/python tools/evaluate/tracking.py --fovea $(BUILD)/fovea --output tools/evaluate/tracking.md
 
 CAMPAIGN := $(patsubst tests/%.c,$(BUILD)/tests/%,$(wildcard tests/campaign/*.c))
 campaign: all $(CAMPAIGN)  ## the long proofs, resumable: hours

@@ -35,10 +35,10 @@ enum fovea_track_state {
 struct fovea_track_config {
     int mode;                /* enum fovea_track_mode, default FOVEA_TRACK_SORT */
     uint32_t tracks_max;     /* [1, 256], default 128; memory: 2.2 kB each, with the costs of 300 detections */
-    uint32_t confirm_hits;   /* sort: [1, 100], default 3 sightings confirm a track */
-    double score_high;       /* sort: [0, 1], default 0.5: detections of the first stage */
+    uint32_t confirm_hits;   /* sort: [1, 100], default 2 sightings confirm a track */
+    double score_high;       /* sort: [0, 1], default 0.4: detections of the first stage */
     double score_low;        /* sort: [0, 1], default 0.1: less certain ones are left out */
-    double score_new;        /* sort: [0, 1], default 0.5: a new track needs so much */
+    double score_new;        /* sort: [0, 1], default 0.4: a new track needs so much */
     double coast_s;          /* sort: [0, 60], default 2: a confirmed track unseen for longer ends */
     double max_distance_px;  /* centroid: [1, 10000], default 60: farther detections are other objects */
     uint32_t max_disappeared; /* centroid: [0, 10000], default 20: images unseen before a track ends */

@@ -18,10 +18,10 @@ void fovea_config_default(struct fovea_config *config)
     config->scale.camera_height_m = 1;
     config->track = (struct fovea_track_config){.mode = FOVEA_TRACK_SORT,
                                                 .tracks_max = 128,
-                                                .confirm_hits = 3,
-                                                .score_high = 0.5,
+                                                .confirm_hits = 2,
+                                                .score_high = 0.4,
                                                 .score_low = 0.1,
-                                                .score_new = 0.5,
+                                                .score_new = 0.4,
                                                 .coast_s = 2.0,
                                                 .max_distance_px = 60,
                                                 .max_disappeared = 20};

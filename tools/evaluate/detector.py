@@ -100,16 +100,23 @@ def judge(detections, boxes):
     return rows
 
 
-def table(rows, totals, names):
-    print(f"{'class':10} {'objects':>8} {'precision':>10} {'recall':>8} {'AP50':>7}")
+def figures(rows, totals, names):
+    """(name, objects, precision, recall, AP50) per class and of all."""
+    result = []
     for c in [*range(len(names)), None]:
         mine = sorted((r for r in rows if c is None or r[1] == c), reverse=True)
         total = sum(totals) if c is None else totals[c]
         right = np.cumsum([r[2] for r in mine]) if mine else np.zeros(1)
-        n = max(len(mine), 1)
         envelope = np.maximum.accumulate((right / np.arange(1, len(right) + 1))[::-1])[::-1]
         ap = sum(p for p, r in zip(envelope, mine) if r[2]) / max(total, 1)
-        print(f"{'all' if c is None else names[c]:10} {total:8} {right[-1] / n:10.4f} {right[-1] / max(total, 1):8.4f} {ap:7.4f}")
+        result.append(("all" if c is None else names[c], total, right[-1] / max(len(mine), 1), right[-1] / max(total, 1), ap))
+    return result
+
+
+def table(rows, totals, names):
+    print(f"{'class':10} {'objects':>8} {'precision':>10} {'recall':>8} {'AP50':>7}")
+    for name, total, precision, recall, ap in figures(rows, totals, names):
+        print(f"{name:10} {total:8} {precision:10.4f} {recall:8.4f} {ap:7.4f}")
 
 
 def main():

@@ -1,14 +1,34 @@
 """Training samples: rendered scenes and objects pasted over photographs, at random size, light, blur and noise."""
+from typing import NamedTuple
+
 import cv2
 import numpy as np
 
 WIDTH, HEIGHT, STRIDE = 640, 480, 8
 VISIBLE_MIN, VISIBLE_IGNORE = 0.5, 0.2  # objects between these are neither right nor wrong
 SIZE_MIN, SIZE_IGNORE = 11, 5           # longer side in pixels of the network's input
+SMALL_PX, SMALL_MOST = 48, 8            # a scene is drawn the more often the more small objects it has, up to so many
+PHOTO_SHARE = 0.22                      # of the samples: photographs alone
 
 
-def photo_crop(rng, photos, width, height):
-    photo = photos[rng.integers(len(photos))]
+class Backgrounds(NamedTuple):
+    photos: list       # grey
+    stamps: list       # cut out things that are none of the classes: (grey, alpha from 0 to 1)
+    share: np.ndarray  # how often each photo is drawn
+
+
+def scene_shares(scenes):
+    """How often each scene is drawn."""
+    count = []
+    for _, _, boxes in scenes:
+        size = np.maximum(boxes[:, 3] - boxes[:, 1], boxes[:, 4] - boxes[:, 2])
+        count.append(((boxes[:, 5] >= VISIBLE_MIN) & (size >= SIZE_MIN) & (size < SMALL_PX)).sum())
+    share = 1.0 + np.minimum(count, SMALL_MOST)
+    return share / share.sum()
+
+
+def photo_crop(rng, backgrounds, width, height):
+    photo = backgrounds.photos[rng.choice(len(backgrounds.photos), p=backgrounds.share)]
     h, w = photo.shape
     scale = rng.uniform(max(0.25, 240 / min(h, w)), 1.0)
     ch, cw = max(32, int(min(h, w * 0.75) * scale)), max(32, int(min(w, h / 0.75) * scale))
@@ -18,42 +38,82 @@ def photo_crop(rng, photos, width, height):
     return crop[:, ::-1] if rng.random() < 0.5 else crop
 
 
-def over_photo(rng, scene, photos):
+def stamp(rng, image, stamps):
+    """A few cut out things on a photograph: what is none of the classes, in every size."""
+    image, (h, w) = image.astype(np.float32), image.shape
+    for _ in range(rng.integers(1, 7)):
+        grey, alpha = stamps[rng.integers(len(stamps))]
+        factor = np.exp(rng.uniform(np.log(14), np.log(260))) / max(grey.shape)
+        if factor > 1.5:
+            continue
+        size = max(3, round(grey.shape[1] * factor)), max(3, round(grey.shape[0] * factor))
+        grey, alpha = (cv2.resize(v, size, interpolation=cv2.INTER_AREA)[:, ::rng.choice([-1, 1])] for v in (grey, alpha))
+        y, x = rng.integers(-size[1] // 3, h - size[1] * 2 // 3), rng.integers(-size[0] // 3, w - size[0] * 2 // 3)
+        y0, x0, y1, x1 = max(y, 0), max(x, 0), min(y + size[1], h), min(x + size[0], w)
+        part, a = image[y0:y1, x0:x1], alpha[y0 - y:y1 - y, x0 - x:x1 - x]
+        image[y0:y1, x0:x1] = part * (1 - a) + grey[y0 - y:y1 - y, x0 - x:x1 - x] * a * rng.uniform(0.6, 1.3)
+    return np.clip(image, 0, 255).astype(np.uint8)
+
+
+def over_photo(rng, scene, backgrounds):
     """The objects of a scene in front of a photograph."""
     image, mask, boxes = scene
     h, w = image.shape
     alpha = cv2.GaussianBlur((mask > 0).astype(np.float32), (3, 3), 0.8)
     gain = rng.uniform(0.6, 1.5)
-    mixed = image * alpha * gain + photo_crop(rng, photos, w, h) * (1 - alpha)
+    mixed = image * alpha * gain + photo_crop(rng, backgrounds, w, h) * (1 - alpha)
     return np.clip(mixed, 0, 255).astype(np.uint8), boxes
 
 
 def place(rng, image, boxes, fixed=False):
     """Scale, mirror and shift into the network's input; grey where the image does not reach."""
-    h, w = image.shape
-    scale = WIDTH / w if fixed else WIDTH / w * float(np.exp(rng.uniform(np.log(0.4), np.log(1.6))))
+    scale = WIDTH / image.shape[1] * (1.0 if fixed else float(np.exp(rng.uniform(np.log(0.7), np.log(1.7)))))
+    canvas = np.full((HEIGHT, WIDTH), 114, np.uint8)
+    boxes = paste(rng, canvas, image, boxes, scale, fixed)
+    if not fixed and rng.random() < 0.5:
+        canvas = canvas[:, ::-1]
+        boxes[:, [1, 3]] = WIDTH - boxes[:, [3, 1]]
+    return canvas, boxes
+
+
+def paste(rng, canvas, image, boxes, scale, centred):
+    """Draws the scaled image on the canvas, somewhere or centred, and returns where the boxes are now, cut at its border."""
+    (h, w), (height, width) = image.shape, canvas.shape
     nw, nh = max(8, round(w * scale)), max(8, round(h * scale))
     small = cv2.resize(image, (nw, nh), interpolation=cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR)
-    left = (WIDTH - nw) // 2 if fixed else int(rng.integers(min(0, WIDTH - nw), max(0, WIDTH - nw) + 1))
-    top = (HEIGHT - nh) // 2 if fixed else int(rng.integers(min(0, HEIGHT - nh), max(0, HEIGHT - nh) + 1))
-    canvas = np.full((HEIGHT, WIDTH), 114, np.uint8)
-    x0, y0, x1, y1 = max(left, 0), max(top, 0), min(left + nw, WIDTH), min(top + nh, HEIGHT)
+    left = (width - nw) // 2 if centred else int(rng.integers(min(0, width - nw), max(0, width - nw) + 1))
+    top = (height - nh) // 2 if centred else int(rng.integers(min(0, height - nh), max(0, height - nh) + 1))
+    x0, y0, x1, y1 = max(left, 0), max(top, 0), min(left + nw, width), min(top + nh, height)
     canvas[y0:y1, x0:x1] = small[y0 - top:y1 - top, x0 - left:x1 - left]
     moved = boxes.copy()
     moved[:, [1, 3]] = boxes[:, [1, 3]] * (nw / w) + left
     moved[:, [2, 4]] = boxes[:, [2, 4]] * (nh / h) + top
-    if not fixed and rng.random() < 0.5:
-        canvas = canvas[:, ::-1]
-        moved[:, [1, 3]] = WIDTH - moved[:, [3, 1]]
-    return canvas, cut(moved)
+    return cut(moved, width, height)
 
 
-def cut(boxes):
+def mosaic(rng, draw):
+    """Four scaled scenes side by side: small objects are many then, and every part of the input teaches something."""
+    canvas = np.full((HEIGHT, WIDTH), 114, np.uint8)
+    x, y = int(rng.uniform(0.35, 0.65) * WIDTH), int(rng.uniform(0.35, 0.65) * HEIGHT)
+    parts = []
+    for x0, y0, x1, y1 in ((0, 0, x, y), (x, 0, WIDTH, y), (0, y, x, HEIGHT), (x, y, WIDTH, HEIGHT)):
+        image, boxes = draw()
+        least = max((x1 - x0) / image.shape[1], (y1 - y0) / image.shape[0])
+        flip = rng.random() < 0.5
+        boxes = paste(rng, canvas[y0:y1, x0:x1], image, boxes, least * float(rng.uniform(1.0, 1.7)), False)
+        if flip:
+            canvas[y0:y1, x0:x1] = canvas[y0:y1, x0:x1][:, ::-1].copy()
+            boxes[:, [1, 3]] = x1 - x0 - boxes[:, [3, 1]]
+        parts.append(boxes + np.array([0, x0, y0, x0, y0, 0], np.float32))
+    return canvas, np.concatenate(parts)
+
+
+def cut(boxes, width, height):
     """Cut boxes at the border; the visible share falls with what is lost."""
     area = np.maximum((boxes[:, 3] - boxes[:, 1]) * (boxes[:, 4] - boxes[:, 2]), 1e-6)
     result = boxes.copy()
-    result[:, [1, 3]] = np.clip(boxes[:, [1, 3]], 0, WIDTH)
-    result[:, [2, 4]] = np.clip(boxes[:, [2, 4]], 0, HEIGHT)
+    result[:, [1, 3]] = np.clip(boxes[:, [1, 3]], 0, width)
+    result[:, [2, 4]] = np.clip(boxes[:, [2, 4]], 0, height)
     left = (result[:, 3] - result[:, 1]) * (result[:, 4] - result[:, 2])
     result[:, 5] *= left / area
     return result[left > 0]
@@ -112,12 +172,20 @@ def targets(boxes, classes):
     return grid
 
 
-def sample(rng, scenes, photos, classes):
+def sample(rng, scenes, shares, backgrounds, classes):
+    def draw():
+        scene = scenes[rng.choice(len(scenes), p=shares)]
+        if backgrounds and scene[1] is not None and rng.random() < 0.3:
+            return over_photo(rng, scene, backgrounds)
+        return scene[0], scene[2]
+
     kind = rng.random()
-    if kind < 0.2 and photos:
-        image, boxes = photo_crop(rng, photos, WIDTH, HEIGHT), np.zeros((0, 6), np.float32)
+    if backgrounds and kind < PHOTO_SHARE:
+        image, boxes = photo_crop(rng, backgrounds, WIDTH, HEIGHT), np.zeros((0, 6), np.float32)
+        if rng.random() < 0.4:
+            image = stamp(rng, image, backgrounds.stamps)
+    elif kind < 0.5:
+        image, boxes = mosaic(rng, draw)
     else:
-        scene = scenes[rng.integers(len(scenes))]
-        image, boxes = over_photo(rng, scene, photos) if kind < 0.5 and photos and scene[1] is not None else (scene[0], scene[2])
-        image, boxes = place(rng, image, boxes, fixed=rng.random() < 0.3)
+        image, boxes = place(rng, *draw(), fixed=rng.random() < 0.5)
     return degrade(rng, image), targets(boxes, classes)

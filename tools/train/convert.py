@@ -69,7 +69,7 @@ def iou(a, b):
 
 
 def run_float(model, image):
-    return model(((image.astype(np.float32) - 128.0) / 128.0)[None, ..., None], training=False).numpy()[0]
+    return model(((image.astype(np.float32) - 128.0) / 128.0)[None, ..., None], training=False).numpy()[0].astype(np.float32)
 
 
 class Int8:

@@ -12,13 +12,13 @@ CLASSES = ["ball", "cone", "box", "person"]
 
 def options(rng):
     """A random address of the simulated camera."""
-    trajectory = rng.choices(["wander", "orbit", "tour", "corridor", "fast", "still"], [5, 4, 2, 2, 1, 1])[0]
+    trajectory = rng.choices(["wander", "orbit", "tour", "corridor", "fast", "still"], [9, 4, 2, 1, 1, 1])[0]
     lens = rng.choice(["radtan", "radtan", "equidistant", "pinhole"])
-    fov = rng.uniform(70, 125) if lens == "equidistant" else rng.uniform(60, 105)
-    values = dict(seed=rng.randrange(1, 10**6), objects=rng.choice([16, 24, 32, 48]), lens=lens, fov=f"{fov:.1f}",
-                  noise=f"{rng.uniform(0, 5):.1f}", light=f"{rng.uniform(0.5, 1.6):.2f}", time=f"{rng.uniform(0, 200):.1f}",
+    fov = rng.uniform(75, 125) if lens == "equidistant" else rng.uniform(62, 105)
+    values = dict(seed=rng.randrange(1, 10**6), objects=rng.choice([24, 32, 48, 48]), lens=lens, fov=f"{fov:.1f}",
+                  noise=f"{rng.uniform(0, 5):.1f}", light=f"{rng.uniform(0.5, 1.6):.2f}", time=f"{rng.uniform(0, 300):.1f}",
                   textures=rng.choices(["natural", "repeated"], [5, 1])[0])
-    if rng.random() < 0.15:
+    if rng.random() < 0.12:
         values.update(blur=1, exposure=f"{rng.uniform(3, 15):.1f}")
     return f"sim:{trajectory}?" + "&".join(f"{k}={v}" for k, v in values.items())
 

@@ -85,7 +85,7 @@ static void tracks_live_and_end(void **state)
         t = look(f, &d, 1);
         assert_int_equal(t.count, 1);
         assert_int_equal(t.list[0].id, 1);
-        assert_int_equal(t.list[0].state, f < 2 ? FOVEA_TRACK_TENTATIVE : FOVEA_TRACK_CONFIRMED);
+        assert_int_equal(t.list[0].state, f < 1 ? FOVEA_TRACK_TENTATIVE : FOVEA_TRACK_CONFIRMED);
     }
     assert_in_range((int)t.list[0].x_px_s, 80, 140);
     assert_int_equal(t.list[0].hits, 5);
