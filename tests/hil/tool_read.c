@@ -265,7 +265,7 @@ static bool unplug_times(void)
 {
     int64_t *took_ns = calloc((size_t)reading.times, sizeof *took_ns);
     long late = 0, round = 0;
-    struct holdings before = {0, 0, 0};
+    struct holdings before = count_holdings(); /* what counting itself keeps is there from now on */
     take_some(3);
     for (; round < reading.times && in_time(); ++round) {
         if (round == 2) before = count_holdings();
