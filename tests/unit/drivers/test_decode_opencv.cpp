@@ -27,7 +27,7 @@ static void compare(const std::string &path)
     assert_int_equal(width, expected.cols);
     assert_int_equal(height, expected.rows);
     cv::Mat found(height, width, CV_8UC1);
-    const fv_decode_image image = {found.data, width, height, static_cast<int32_t>(found.step)};
+    const fv_decode_image image = {found.data, width, height, static_cast<int32_t>(found.step), false};
     if (fv_decode(file.data, file.bytes, &image, &reason) != FOVEA_OK) fail_msg("%s", reason.text);
     fv_file_free(&file);
     if (cv::norm(found, expected, cv::NORM_INF) != 0) fail_msg("%s differs from OpenCV", path.c_str());
