@@ -4,18 +4,20 @@
 #include "geometry/sample.h"
 #include "geometry/vec.h"
 
-enum { REFINEMENTS = 4 };
+enum { REFINEMENTS = 6 };
 
 static const double sigma_best = 0.02; /* relative: no floor is flatter, no point better */
 static const double gate = 2.5;        /* standard deviations */
 static const double sigma_max = 0.1;   /* of the height: worse is no answer */
 /* Of the plane over what stands on it: less is none, and up to the second the height gets surer by so much. */
-static const double density_least = 1.4, density_sure = 2, sigma_unsure = 0.08;
+static const double density_least = 1.8, density_sure = 2.6, sigma_unsure = 0.08;
 
-/* Of a point's height over or under the plane, in its standard deviations; positive: below the plane. */
+/* Of a point over or under the plane, in its standard deviations; positive: below the plane. What errs evenly to both sides
+ * is the inverse of a triangulated distance: distances themselves err farther outward, and would draw the plane down. */
 static double fv_plane_residual(const double down[3], double height, const struct fv_plane_point *point)
 {
-    return (fv_dot3(down, point->p) - height) / (height * point->sigma);
+    const double depth = fv_dot3(down, point->p);
+    return depth > 1e-9 * height ? (1 - height / depth) / point->sigma : -1e9;
 }
 
 /* Points weigh by how well they are known, the best count 1. */
@@ -38,8 +40,8 @@ static double fv_plane_score(const struct fv_plane_point *points, uint32_t count
     return score;
 }
 
-/* Weight in the plane over that in the layer of the same thickness above it: a floor is denser than what stands
- * on it, the lower edge of a cloud is not. */
+/* Weight in the plane over that in the layer of the same thickness above it: a floor is
+ * denser than what stands on it, the lower edge of a cloud is not. */
 static double fv_plane_density(const struct fv_plane_point *points, uint32_t count, const double down[3],
                                double height)
 {
@@ -77,9 +79,9 @@ static bool fv_plane_hypothesis(const struct fv_plane_point *points, uint32_t co
     return *height > 1e-9 && fv_dot3(down, prior->down) > fovea_cos(prior->off_max_rad);
 }
 
-/* Weighted least squares over the inliers. The plane is x p = 1 with x = down / height, so that a relative
- * error of height is the residual x p - 1; the prior holds x to prior->down / height across the direction.
- * `information`: of x. False when the system is singular. */
+/* Weighted least squares over the inliers. The plane is x p = 1 with x = down / height: along the ray p / |p| its inverse
+ * distance is x p / |p|, which is held to 1 / |p|, relative to what the plane says; the prior holds x to
+ * prior->down / height across the direction. `information`: of x. False when the system is singular. */
 static bool fv_plane_refine(const struct fv_plane_point *points, uint32_t count,
                             const struct fv_plane_prior *prior, double down[3], double *height,
                             double information[9], uint32_t *inliers)
@@ -93,7 +95,7 @@ static bool fv_plane_refine(const struct fv_plane_point *points, uint32_t count,
         const double *p = points[i].p;
         double e = fv_plane_residual(down, *height, &points[i]);
         if (e * e > gate * gate) continue;
-        double w = 1 / (points[i].sigma * points[i].sigma);
+        const double said = fv_dot3(down, p) / *height, w = 1 / (points[i].sigma * points[i].sigma * said * said);
         for (int r = 0; r < 3; r++) {
             for (int c = 0; c < 3; c++)
                 A[3 * r + c] += w * p[r] * p[c];

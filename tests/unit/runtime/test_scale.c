@@ -75,7 +75,7 @@ static void a_saved_map_keeps_its_scale(void **state)
 static void the_path_bends_but_does_not_tear(void **state)
 {
     (void)state;
-    sim_rig_open(&rig, "sim:corridor?width=400&height=300", 0, 240);
+    sim_rig_open(&rig, "sim:corridor?width=320&height=240", 0, 240);
     rig.config.scale.source = FOVEA_SCALE_CAMERA_HEIGHT;
     rig.config.scale.camera_height_m = 1.25;
     sim_rig_build(&rig);
