@@ -199,7 +199,7 @@ static void a_lever_arm_is_minded(void **state)
     int checked = 0;
     fv_se3_from_rows(T_base_cam, &B);
     fv_se3_invert(&B, &inverse);
-    sim_rig_open(&rig, "sim:orbit?width=400&height=300", 30, 200);
+    sim_rig_open(&rig, "sim:orbit?width=320&height=240", 30, 200);
     memcpy(rig.config.T_base_cam, T_base_cam, sizeof T_base_cam);
     rig.config.scale.source = FOVEA_SCALE_ODOMETRY;
     sim_rig_build(&rig);
