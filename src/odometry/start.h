@@ -71,18 +71,6 @@ struct fv_start_depth {
     double cross[6 * (FV_START_VIEWS_MAX - 1)]; /* blocks between it and the views */
 };
 
-/* A small motion on the left of R, translation first; t is not turned. */
-static inline void fv_start_move(struct fv_se3 *T, const double step[6])
-{
-    double turn[9], R[9];
-    fv_so3_exp(step + 3, turn);
-    fv_multiply33(turn, T->R, R);
-    for (int k = 0; k < 9; k++)
-        T->R[k] = R[k];
-    for (int k = 0; k < 3; k++)
-        T->t[k] += step[k];
-}
-
 /* Inverse depth (of |t|) at which a motion sees the first ray of a pair nearest the second; 0, far away,
  * where noise has turned nearly parallel rays apart. False: the pair does not fit the motion. */
 bool fv_start_inverse_depth(const struct fv_odometry *odometry, const struct fv_pair *pair,

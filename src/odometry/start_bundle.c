@@ -44,6 +44,18 @@ struct fv_start_row {
     double by_pose[2][6], by_depth[2];
 };
 
+/* A small motion on the left of R, translation first; t is not turned. */
+static void fv_move(struct fv_se3 *T, const double step[6])
+{
+    double turn[9], R[9];
+    fv_so3_exp(step + 3, turn);
+    fv_multiply33(turn, T->R, R);
+    for (int k = 0; k < 9; k++)
+        T->R[k] = R[k];
+    for (int k = 0; k < 3; k++)
+        T->t[k] += step[k];
+}
+
 static const struct fv_keypoint *fv_keypoint_of(const struct fv_view *view, const struct fv_track *track,
                                                 uint32_t v)
 {
@@ -113,7 +125,7 @@ static bool fv_place_view(struct fv_odometry *o, uint32_t count,
         for (int k = 0; k < 6; k++)
             A[7 * k] = A[7 * k] * (1 + 1e-6) + 1e-9;
         if (sights < FOVEA_POSED_INLIERS_MIN || !fv_ldlt_solve(A, 6, g)) return false;
-        fv_start_move(&b->T_view_first[v], g);
+        fv_move(&b->T_view_first[v], g);
     }
     return true;
 }
@@ -290,7 +302,7 @@ static bool fv_step(struct fv_odometry *o, uint32_t count, struct fv_start_bundl
     for (int k = 0; k < s->size; k++)
         s->g[k] = -s->g[k];
     for (uint32_t v = 1; v < b->view_count; v++)
-        fv_start_move(&b->T_view_first[v], s->g + 6 * (v - 1));
+        fv_move(&b->T_view_first[v], s->g + 6 * (v - 1));
     const double near = inverse_depth_max / fv_norm3(b->T_view_first[b->view_count - 1].t);
     for (uint32_t i = 0; i < count; i++) {
         struct fv_start_depth *d = &o->depths[i];

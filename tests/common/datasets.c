@@ -41,6 +41,22 @@ void fv_test_folder_remove(const char *path)
     need(nftw(path, remove_one, 16, FTW_DEPTH | FTW_PHYS) == 0, "not removed", path);
 }
 
+char fv_test_place[FV_TEST_PATH_BYTES];
+
+int fv_test_place_set_up(void **state)
+{
+    (void)state;
+    fv_test_folder(fv_test_place);
+    return 0;
+}
+
+int fv_test_place_tear_down(void **state)
+{
+    (void)state;
+    fv_test_folder_remove(fv_test_place);
+    return 0;
+}
+
 const char *fv_test_path(const char *folder, const char *name)
 {
     static char paths[8][FV_TEST_PATH_BYTES];

@@ -18,6 +18,10 @@ enum { FV_TEST_WIDTH = 96, FV_TEST_HEIGHT = 64, FV_TEST_FRAMES = 12, FV_TEST_PAT
 /* A new folder that fv_test_folder_remove takes away with all that is in it. Returns `path`. */
 const char *fv_test_folder(char path[FV_TEST_PATH_BYTES]);
 void fv_test_folder_remove(const char *path);
+/* One for all tests of a program, as fixtures of CMocka. */
+extern char fv_test_place[FV_TEST_PATH_BYTES];
+int fv_test_place_set_up(void **state);
+int fv_test_place_tear_down(void **state);
 
 /* "folder/name", valid until eight calls later. */
 const char *fv_test_path(const char *folder, const char *name);

@@ -5,7 +5,6 @@
  *   frames=N     end after N frames (default 20)
  *   seconds=S    fail when that takes longer (default 30)
  *   expect=FILE  every frame must be one of those in FILE, bit for bit
- *   torn=N       ... but for at most N of them
  *   held=MS      hold each frame for so long before it is compared
  *   run=COMMAND  run it after five frames, and go on
  *   says=WORDS   go on until some complaint holds these words
@@ -90,7 +89,7 @@ static const char *const state_names[] = {"ok", "late", "stalled", "gone", "retu
 
 static struct reading {
     const char *uri, *expect, *until, *unplug, *plug, *open, *run, *says;
-    long frames, seconds, times, torn, held, damaged, dropped, recovered, heap;
+    long frames, seconds, times, held, damaged, dropped, recovered, heap;
 
     const struct fovea_source_ops *ops;
     struct fovea_source *source;
@@ -301,7 +300,6 @@ static void read_option(const char *text)
     } options[] = {{"frames=", NULL, &reading.frames},
                    {"seconds=", NULL, &reading.seconds},
                    {"times=", NULL, &reading.times},
-                   {"torn=", NULL, &reading.torn},
                    {"held=", NULL, &reading.held},
                    {"expect=", &reading.expect, NULL},
                    {"until=", &reading.until, NULL},
@@ -380,7 +378,7 @@ int tool_read(int argc, char **argv)
     reading.ops->stop(reading.source);
     reading.ops->close(reading.source);
     if (reading.times == 0 && reading.until == NULL && reading.taken < reading.frames) good = false;
-    if (reading.expect != NULL && reading.exact + reading.torn < reading.taken) good = false;
+    if (reading.expect != NULL && reading.exact < reading.taken) good = false;
     if (reading.backward) printf("stamps or numbers went back\n");
     return good && !reading.backward ? 0 : 1;
 }

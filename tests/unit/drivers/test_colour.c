@@ -15,7 +15,7 @@
 
 enum { W = FV_TEST_WIDTH, H = FV_TEST_HEIGHT, STRIDE = 3 * W + 7 };
 
-static char folder[FV_TEST_PATH_BYTES];
+static char *const folder = fv_test_place;
 
 static void decode(const char *path, bool colour, uint8_t *pixels)
 {
@@ -119,22 +119,8 @@ static void test_source(void **state)
     }
 }
 
-static int make(void **state)
-{
-    (void)state;
-    fv_test_folder(folder);
-    return 0;
-}
-
-static int clean(void **state)
-{
-    (void)state;
-    fv_test_folder_remove(folder);
-    return 0;
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_png), cmocka_unit_test(test_jpeg), cmocka_unit_test(test_source)};
-    return cmocka_run_group_tests(tests, make, clean);
+    return cmocka_run_group_tests(tests, fv_test_place_set_up, fv_test_place_tear_down);
 }

@@ -24,7 +24,7 @@
 #include "common/datasets.h"
 #include "fovea_recording_t.h"
 
-static char folder[FV_TEST_PATH_BYTES];
+static char *const folder = fv_test_place;
 static const struct fovea_source_selection everything = {.step = 1};
 
 /* ---- pictures ---------------------------------------------------------------------------------------- */
@@ -532,20 +532,6 @@ static void test_log_calibration(void **state)
         error.text, "x.log: calibration:1: the file: found the key 'image_xidth', expected 'image_width'");
 }
 
-static int make(void **state)
-{
-    (void)state;
-    fv_test_folder(folder);
-    return 0;
-}
-
-static int clean(void **state)
-{
-    (void)state;
-    fv_test_folder_remove(folder);
-    return 0;
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -563,5 +549,5 @@ int main(void)
         cmocka_unit_test(test_poses),
         cmocka_unit_test(test_log_calibration),
     };
-    return cmocka_run_group_tests(tests, make, clean);
+    return cmocka_run_group_tests(tests, fv_test_place_set_up, fv_test_place_tear_down);
 }

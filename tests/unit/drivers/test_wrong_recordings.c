@@ -17,7 +17,7 @@
 #include "fovea/calibration.h"
 #include "fovea/elementary.h"
 
-static char folder[FV_TEST_PATH_BYTES];
+static char *const folder = fv_test_place;
 static const struct fovea_source_selection everything = {.step = 1};
 static int cases;
 
@@ -345,17 +345,9 @@ static void test_mutated_calibrations(void **state)
     assert_true(refused > 100);
 }
 
-static int make(void **state)
-{
-    (void)state;
-    fv_test_folder(folder);
-    return 0;
-}
-
 static int clean(void **state)
 {
-    (void)state;
-    fv_test_folder_remove(folder);
+    fv_test_place_tear_down(state);
     print_message("%d wrong recordings and calibrations\n", cases);
     return cases < 200;
 }
@@ -370,5 +362,5 @@ int main(void)
         cmocka_unit_test(test_mutated_log),
         cmocka_unit_test(test_mutated_calibrations),
     };
-    return cmocka_run_group_tests(tests, make, clean);
+    return cmocka_run_group_tests(tests, fv_test_place_set_up, clean);
 }
