@@ -84,16 +84,14 @@ double p99(std::vector<double> values)
     return values[values.size() * 99 / 100];
 }
 
-} // namespace
-
-void run_odometry(std::vector<Result> &results)
+/* Rows for one recording with so many features. */
+void run_recording(const char *title, const std::string &uri, uint32_t features, std::vector<Result> &results)
 {
-    const std::string uri = "euroc:" + data_folder() + "/euroc_mh05_a";
     const struct fovea_source_ops *ops;
     const char *address;
     struct fovea_error error;
     struct fovea_source *source;
-    const struct fovea_source_selection all_frames = {0, 1, 0, false};
+    const struct fovea_source_selection all_frames = {0, 1, 0, false, false};
     if (fovea_source_find(uri.c_str(), &ops, &address, &error) != FOVEA_OK ||
         ops->open(address, &all_frames, &source, &error) != FOVEA_OK || ops->start(source, &error) != FOVEA_OK) {
         std::printf("SKIPPED the odometry on a recording: %s\n", error.text);
@@ -102,13 +100,14 @@ void run_odometry(std::vector<Result> &results)
     struct fovea_config config;
     fovea_config_default(&config);
     config.camera = ops->info(source)->camera;
+    config.features.count_max = features;
     std::vector<Contender> all;
     for (const char *set : {"", "sse4", "neon"}) {
         Contender c;
         c.set = set;
         if (build(config, c)) all.push_back(std::move(c));
     }
-    const cv::Ptr<cv::ORB> orb = cv::ORB::create(static_cast<int>(config.features.count_max));
+    const cv::Ptr<cv::ORB> orb = cv::ORB::create(static_cast<int>(features));
     std::vector<double> orb_us;
     for (struct fovea_frame frame; ops->dequeue(source, INT64_MAX, &frame) == FOVEA_OK; ops->requeue(source, &frame)) {
         for (Contender &c : all) process(config, frame, c);
@@ -120,13 +119,23 @@ void run_odometry(std::vector<Result> &results)
         orb->detectAndCompute(image, cv::noArray(), points, descriptors);
         orb_us.push_back(cpu_us() - start);
     }
+    const std::string pixels = std::to_string(config.camera.width) + "x" + std::to_string(config.camera.height);
     ops->stop(source);
     ops->close(source);
     for (const Contender &c : all) {
-        const std::string size = "752x480, " + std::to_string(static_cast<int>(c.features / static_cast<double>(c.us.size()))) + " features";
-        results.push_back({"step and work, EuRoC MH_05, mean", size, c.set, mean(c.us), "ORB::detectAndCompute, mean", mean(orb_us)});
-        results.push_back({"step and work, EuRoC MH_05, p99", size, c.set, p99(c.us), "ORB::detectAndCompute, mean", mean(orb_us)});
+        const int used = static_cast<int>(c.features / static_cast<double>(c.us.size()));
+        const std::string size = pixels + ", " + std::to_string(used) + " features", name = std::string("step and work, ") + title;
+        results.push_back({name + ", mean", size, c.set, mean(c.us), "ORB::detectAndCompute, mean", mean(orb_us)});
+        results.push_back({name + ", p99", size, c.set, p99(c.us), "ORB::detectAndCompute, mean", mean(orb_us)});
     }
+}
+
+} // namespace
+
+void run_odometry(std::vector<Result> &results)
+{
+    run_recording("EuRoC MH_05", "euroc:" + data_folder() + "/euroc_mh05_a", 1000, results);
+    run_recording("KITTI 00", "kitti:" + data_folder() + "/kitti00_a", 2000, results);
 }
 
 } // namespace bench

@@ -181,7 +181,9 @@ def main():
 
 
 def report(arguments, sequences, rows, totals):
-    lines = [f"{arguments.scenes} scenes of {arguments.frames} frames, {sum(s['num_gt_ids'] for s in sequences['fovea'])} objects, "
+    lines = [f"`tools/evaluate/tracking.py --scenes {arguments.scenes}`, detections by `{arguments.model}`. What left the view counts as a new object "
+             "when it returns.", "",
+             f"{arguments.scenes} scenes of {arguments.frames} frames, {sum(s['num_gt_ids'] for s in sequences['fovea'])} objects, "
              f"{sum(totals)} boxes in the frames looked at.", "",
              "| tracker | MOTA | IDF1 | HOTA | switches | missed | false |", "| --- | --- | --- | --- | --- | --- | --- |"]
     for name, list_ in sequences.items():
