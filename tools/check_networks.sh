@@ -1,6 +1,6 @@
 #!/bin/sh
-# The int8 engine against LiteRT's reference kernels, bit for bit: every operator, forms of them that real models have, and every
-# model of $FOVEA_DATA on photographs and noise, on every kernel set of this processor.
+# The int8 engine against LiteRT's reference kernels, bit for bit: every operator, forms of them that real models have, networks
+# drawn at random, and every model of $FOVEA_DATA on photographs and noise, on every kernel set of this processor.
 # Usage: tools/check_networks.sh BUILD [ROUNDS]
 set -u
 build=$1
@@ -14,9 +14,9 @@ make --no-print-directory BUILD="$build" "$build/libfovea.a" >/dev/null
 export BUILD="$build"
 failed=0
 sets="c neon dotprod"
-[ "$(uname -m)" = x86_64 ] && sets="c avx2 avx512"
+[ "$(uname -m)" = x86_64 ] && sets="c sse4 avx2 avx512"
 for set in $sets; do
-    for test in operators variants odd; do
+    for test in operators variants odd graphs; do
         echo "== $test, kernel set $set"
         "$python" "tests/import/$test.py" --set "$set" --rounds "$rounds" || failed=1
     done

@@ -3,6 +3,7 @@
 All 8-bit tensors are shown in unsigned form: an int8 value q is held as q + 128, with its zero point moved by 128 as
 well. Quantised arithmetic only ever sees (value - zero point), so both forms describe the same numbers and the engine
 needs one set of kernels. `signed` remembers the original form for the few operators that round around zero."""
+import struct
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -99,7 +100,11 @@ def _custom(op):
     if op.CustomOptionsLength() == 0:
         return {}
     from flatbuffers import flexbuffers
-    return flexbuffers.Loads(bytes(op.CustomOptionsAsNumpy().tobytes()))
+    try:
+        found = flexbuffers.Loads(bytes(op.CustomOptionsAsNumpy().tobytes()))
+    except (LookupError, ValueError, struct.error):  # some operators keep bytes of their own there
+        return {}
+    return found if isinstance(found, dict) else {}
 
 
 def _tensor(model, index, t):
@@ -133,10 +138,16 @@ def read(path):
     with open(path, "rb") as file:
         raw = file.read()
     if raw[4:8] != b"TFL3":
-        raise ImportProblem(f"{path}: byte 4: found {raw[4:8]!r}, expected b'TFL3': not a .tflite file")
-    model = tflite.Model.GetRootAs(raw, 0)
+        raise ImportProblem(f"byte 4: found {raw[4:8]!r}, expected b'TFL3': not a .tflite file")
+    try:
+        return _parse(tflite.Model.GetRootAs(raw, 0))
+    except (AttributeError, LookupError, TypeError, ValueError, struct.error) as problem:
+        raise ImportProblem(f"{len(raw)} bytes that are not a whole .tflite file: {problem}") from problem
+
+
+def _parse(model):
     if model.SubgraphsLength() != 1:
-        raise ImportProblem(f"{path}: {model.SubgraphsLength()} subgraphs, expected 1")
+        raise ImportProblem(f"{model.SubgraphsLength()} subgraphs, expected 1")
     g = model.Subgraphs(0)
     tensors = [_tensor(model, i, g.Tensors(i)) for i in range(g.TensorsLength())]
     ops = []
@@ -144,7 +155,7 @@ def read(path):
         op = g.Operators(i)
         code = model.OperatorCodes(op.OpcodeIndex())
         number = max(code.BuiltinCode(), code.DeprecatedBuiltinCode())
-        name = CODE_NAMES[number]
+        name = CODE_NAMES.get(number, f"with code {number}")
         if name == "CUSTOM":
             name = code.CustomCode().decode()
         ops.append(Op(i, name, number, [int(v) for v in op.InputsAsNumpy()],

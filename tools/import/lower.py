@@ -87,9 +87,10 @@ class Lowering:
         return self.val[t]
 
     def alias(self, t_out, index):
-        """Tensor t_out is the same bytes as a value that exists."""
+        """Tensor t_out is the same bytes as a value that exists (a slice of another keeps its shape)."""
         v = self.net.values[index]
-        self.val[t_out] = self.net.derive(index, shape=self.tensor(t_out).shape or v.shape, source=t_out)
+        self.val[t_out] = self.net.derive(index, shape=self.tensor(t_out).shape or v.shape, source=t_out,
+                                          pixel=None if v.dense else v.pixel)
         out = self.net.values[self.val[t_out]]
         tensor = self.tensor(t_out)
         out.scale, out.zero, out.signed, out.type = float(tensor.scale0), tensor.zero_u8 if tensor.is8 else 0, \
@@ -115,19 +116,30 @@ class Lowering:
         for op in self.g.ops:
             if op.index in self.skip:
                 continue
-            if op.name in UNARY:
-                self.unary(op)
-            else:
-                table[op.name](self, op)
+            try:
+                with np.errstate(divide="raise", invalid="raise"):
+                    table.get(op.name, Lowering.unary)(self, op)
+            except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as problem:
+                raise ImportProblem(f"{self.describe(op)}: {self.fault(op, problem)}") from problem
         for t in self.g.outputs:
             self.net.outputs.append(self.dense_input(t))
         self.finish_lifetimes()
         return self.net
 
-    def describe_missing(self, op):
+    def describe(self, op, what=""):
         def shapes(indices):
             return " ".join(f"{self.tensor(t).type.lower()}{list(self.tensor(t).shape)}" for t in indices if t >= 0)
-        return f"operator {op.index} {op.name}: not supported; inputs {shapes(op.inputs)}, outputs {shapes(op.outputs)}"
+        return f"operator {op.index} {op.name}{what}; inputs {shapes(op.inputs)}, outputs {shapes(op.outputs)}"
+
+    def describe_missing(self, op):
+        return self.describe(op, ": not supported")
+
+    def fault(self, op, problem):
+        """Why an operator's numbers cannot be worked with."""
+        for t in op.inputs + op.outputs:
+            if t >= 0 and self.tensor(t).is8 and not self.tensor(t).scale0 > 0:
+                return f"tensor {t} {self.tensor(t).name!r} has scale {self.tensor(t).scale0:g}, expected above 0"
+        return f"its shapes or options do not fit each other ({problem})"
 
     def plan_concats(self):
         """Let producers write straight into a concatenation along the last axis where nothing must be rescaled."""

@@ -102,7 +102,7 @@ def float_table(t_in, t_out, function):
 
 def exp_f32(x):
     x = float(x)
-    return f32(math.exp(x)) if x < 88.8 else f32(np.inf)
+    return f32(math.exp(x)) if x < 88.72283 else f32(np.inf)
 
 
 def logistic(x):

@@ -69,7 +69,7 @@ def guess(graph):
         op = next(op for op in graph.ops if op.name == "TFLite_Detection_PostProcess")
         return "ssd", int(op.custom["num_classes"])
     shape = outs[0].shape
-    last = graph.ops[-1].name
+    last = graph.ops[-1].name if graph.ops else ""
     if last == "ARG_MAX" and len(shape) >= 3:
         return "segment", 0
     if len(shape) == 2:
