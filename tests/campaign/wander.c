@@ -69,6 +69,7 @@ int main(int argc, char **argv)
         die(error.text);
     struct fovea_config config;
     fovea_config_default(&config);
+    config.odometry.keyframes = FOVEA_ODOMETRY_KEYFRAMES_MAX;
     config.camera = ops->info(source)->camera;
     size_t bytes;
     struct fovea *rt;

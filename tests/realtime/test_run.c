@@ -20,10 +20,10 @@
 #include "app/heap.h"
 #include "fovea/yaml_tree.h"
 
-/* Of the whole process, by default with room for 256 keyframes and 20,000 landmarks. */
+/* Of the whole process. */
 enum {
     RESIDENT_MAX_BYTES = 32 << 20,
-    RESIDENT_WORLD_MAX_BYTES = 40 << 20, /* with the simulated world, 15 MB */
+    RESIDENT_FULL_MAX_BYTES = 40 << 20, /* with room for 256 keyframes, and the simulated world, 15 MB */
     ARGUMENTS_MAX = 24
 };
 
@@ -101,18 +101,15 @@ static void test_simulated(void **state)
     const char *const some[] = {"--frames", "120", NULL};
     const char *const recorded[] = {"--frames", "60", "--record", "/dev/null", NULL};
     (void)state;
-    assert_fine("sim:", 120, RESIDENT_WORLD_MAX_BYTES, some);
-    assert_fine("sim:orbit?lens=equidistant&width=752", 60, RESIDENT_WORLD_MAX_BYTES, recorded);
+    assert_fine("sim:", 120, RESIDENT_MAX_BYTES, some);
+    assert_fine("sim:orbit?lens=equidistant&width=752", 60, RESIDENT_MAX_BYTES, recorded);
 }
 
-#define SMALL_MAP "--set", "odometry.keyframes=64", "--set", "odometry.landmarks=4000"
-
-static void test_small_map(void **state)
+static void test_largest_map(void **state)
 {
-    const char *const some[] = {"--frames", "120", SMALL_MAP, NULL};
+    const char *const largest[] = {"--frames", "120", "--set", "odometry.keyframes=256", NULL};
     (void)state;
-    assert_fine("sim:", 120, RESIDENT_MAX_BYTES, some);
-    assert_fine("sim:orbit?width=752&height=480", 120, RESIDENT_MAX_BYTES, some);
+    assert_fine("sim:", 120, RESIDENT_FULL_MAX_BYTES, largest);
 }
 
 static void test_recordings(void **state)
@@ -200,7 +197,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_simulated),
-        cmocka_unit_test(test_small_map),
+        cmocka_unit_test(test_largest_map),
         cmocka_unit_test(test_recordings),
         cmocka_unit_test(test_signals_end_cleanly),
         cmocka_unit_test(test_unwritable_results_fail),
