@@ -35,8 +35,8 @@ struct fovea_camera {
                              fovea_camera_prepare, at most pi (equidistant) or just under pi/2 (radtan) */
 };
 
-/* Check the parameters (finite, focal lengths positive, centre within two image sizes) and compute
- * `field_max_rad`. Must be called once before projecting. Init-only.
+/* Check the parameters (finite, focal lengths positive, centre within two image sizes, a direction to at least 40 % of
+ * the image) and compute `field_max_rad`. Must be called once before projecting. Init-only.
  * Returns FOVEA_OK, or FOVEA_ERROR_INPUT with the offending value in `error`. */
 enum fovea_status fovea_camera_prepare(struct fovea_camera *camera, struct fovea_error *error);
 

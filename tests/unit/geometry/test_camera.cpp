@@ -156,7 +156,7 @@ static void folded_distortion_is_refused(void **)
 {
     /* r (1 - 0.3 r^2) turns back at r = sqrt(1 / 0.9). */
     const double k[] = {-0.3, 0, 0, 0};
-    fovea_camera camera = camera_of(FOVEA_LENS_RADTAN, 640, 480, 200, 200, 320, 240, k, 4);
+    fovea_camera camera = camera_of(FOVEA_LENS_RADTAN, 320, 240, 200, 200, 160, 120, k, 4);
     double turn = sqrt(1 / 0.9);
     assert_true(fabs(camera.field_max_rad - atan(turn)) < 1e-9);
     double pixel[2] = {-1, -1}, beyond[3] = {turn * 1.001, 0, 1}, inside[3] = {turn * 0.999, 0, 1},
@@ -166,7 +166,7 @@ static void folded_distortion_is_refused(void **)
     assert_int_equal(fovea_camera_project(&camera, behind, pixel, NULL), FOVEA_ERROR_ARGUMENT);
     assert_int_equal(fovea_camera_project(&camera, inside, pixel, NULL), FOVEA_OK);
     double bearing[3], reach = 200 * turn * (1 - 0.3 * turn * turn);
-    double outside[2] = {320 + reach * 1.0001, 240}, within[2] = {320 + reach * 0.9999, 240};
+    double outside[2] = {160 + reach * 1.0001, 120}, within[2] = {160 + reach * 0.9999, 120};
     assert_int_equal(fovea_camera_unproject(&camera, outside, bearing, NULL), FOVEA_ERROR_ARGUMENT);
     assert_int_equal(fovea_camera_unproject(&camera, within, bearing, NULL), FOVEA_OK);
     assert_true(bearing[0] / bearing[2] < turn);
@@ -192,6 +192,14 @@ static void wrong_parameters_are_named(void **)
     bad.k[0] = -1e6;
     assert_int_equal(fovea_camera_prepare(&bad, &error), FOVEA_ERROR_INPUT);
     assert_non_null(strstr(error.text, "folds"));
+    bad = good;
+    bad.k[0] = -5; /* folds in the middle of the image */
+    bad.k[1] = bad.k[2] = bad.k[3] = 0;
+    assert_int_equal(fovea_camera_prepare(&bad, &error), FOVEA_ERROR_INPUT);
+    assert_non_null(strstr(error.text, "% of the image"));
+    bad.width = bad.height = 150; /* what a lens shows of its middle is no matter */
+    bad.cx = bad.cy = 75;
+    assert_int_equal(fovea_camera_prepare(&bad, &error), FOVEA_OK);
 }
 
 int main(void)
