@@ -73,8 +73,8 @@ APP_C     := $(wildcard src/app/*.c)
 # The video plug-in is built where OpenCV's videoio is installed; nothing else here needs it.
 VIDEO_PLUGIN := $(if $(SAN)$(CROSS),,$(if $(wildcard /usr/include/opencv4/opencv2/videoio.hpp),$(BUILD)/fovea-video.so))
 
-# So is the libcamera plug-in, where libcamera is installed.
-LIBCAMERA_PLUGIN := $(if $(SAN)$(CROSS),,$(if $(wildcard /usr/include/libcamera/libcamera/libcamera.h /usr/local/include/libcamera/libcamera/libcamera.h),$(BUILD)/fovea-libcamera.so))
+# So is the program that keeps libcamera in a process of its own, where libcamera is installed.
+LIBCAMERA_PLUGIN := $(if $(SAN)$(CROSS),,$(if $(wildcard /usr/include/libcamera/libcamera/libcamera.h /usr/local/include/libcamera/libcamera/libcamera.h),$(BUILD)/fovea-libcamera))
 
 objs = $(patsubst %.c,$(BUILD)/obj/%.o,$(filter %.c,$(1))) $(patsubst %.cpp,$(BUILD)/obj/%.o,$(filter %.cpp,$(1)))
 GEN_O     := $(patsubst %.c,%.o,$(filter %.c,$(LCMGEN)))
@@ -130,7 +130,7 @@ check:  ## layers, symbols, stack, headers, clang build, clang-tidy, tests under
 # Real kernel drivers in a virtual machine: no camera is needed. Results in build-hil/results; cached between runs.
 hil:  ## test the camera drivers on real kernel drivers in a virtual machine
 	@tools/install.sh build hil
-	@$(MAKE) --no-print-directory -j$(JOBS) all $(BUILD)/hil-tool
+	@$(MAKE) --no-print-directory -j$(JOBS) all $(BUILD)/hil-tool $(BUILD)/hil-count.so
 	@$(MAKE) --no-print-directory -j$(JOBS) BUILD=build-hil/scalar OPT='-O2 -fno-tree-vectorize -fno-tree-slp-vectorize' build-hil/scalar/fovea
 	@tools/hil/run.sh
 
@@ -224,7 +224,7 @@ install: all  ## install program, libraries, headers and message types under PRE
 	           $(DESTDIR)$(PREFIX)/share/fovea/lcmtypes
 	install -m 755 $(BUILD)/fovea $(DESTDIR)$(PREFIX)/bin/
 	install -m 644 $(BUILD)/libfovea.a $(DESTDIR)$(PREFIX)/lib/
-	$(if $(LIBCAMERA_PLUGIN),install -D -m 755 $(LIBCAMERA_PLUGIN) $(DESTDIR)$(PREFIX)/lib/fovea/fovea-libcamera.so)
+	$(if $(LIBCAMERA_PLUGIN),install -D -m 755 $(LIBCAMERA_PLUGIN) $(DESTDIR)$(PREFIX)/lib/fovea/fovea-libcamera)
 	$(if $(VIDEO_PLUGIN),install -D -m 755 $(VIDEO_PLUGIN) $(DESTDIR)$(PREFIX)/lib/fovea/fovea-video.so)
 	install -m 755 $(BUILD)/libfovea.so $(DESTDIR)$(PREFIX)/lib/libfovea.so
 	install -m 644 include/fovea/*.h $(DESTDIR)$(PREFIX)/include/fovea/
@@ -280,10 +280,11 @@ $(BUILD)/fovea: $(MAIN_O) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 $(BUILD)/fovea-video.so: drivers/video.cpp $(BUILD)/obj/src/base/status.o Makefile
 	$(Q)$(CXX) $(filter-out -fstack-usage,$(CXXFLAGS)) -isystem /usr/include/opencv4 -fvisibility=hidden -shared -Wl,-Bsymbolic \
 	    -o $@ $< $(BUILD)/obj/src/base/status.o -lopencv_videoio -lopencv_core
-LIBCAMERA_O := $(call objs,drivers/libcamera.cpp drivers/libcamera/controls.cpp)
-$(LIBCAMERA_O): CXXFLAGS += $(patsubst -I%,-isystem %,$(shell pkg-config --cflags-only-I libcamera)) -fvisibility=hidden
-$(BUILD)/fovea-libcamera.so: $(LIBCAMERA_O) $(BUILD)/obj/src/base/status.o $(BUILD)/obj/src/image/image.o Makefile
-	$(Q)$(CXX) $(LDFLAGS) -shared -Wl,-Bsymbolic -o $@ $(filter %.o,$^) $(shell pkg-config --libs libcamera)
+LIBCAMERA_O := $(call objs,drivers/libcamera.cpp $(wildcard drivers/libcamera/*.cpp))
+$(LIBCAMERA_O): CXXFLAGS += $(patsubst -I%,-isystem %,$(shell pkg-config --cflags-only-I libcamera))
+$(BUILD)/fovea-libcamera: $(LIBCAMERA_O) $(BUILD)/obj/src/base/status.o $(BUILD)/obj/src/image/image.o Makefile
+	@echo "  link $@"
+	$(Q)$(CXX) $(LDFLAGS) -o $@ $(filter %.o,$^) $(shell pkg-config --libs libcamera)
 $(BUILD)/fovea.pc: tools/fovea.pc.in
 	sed 's|@PREFIX@|$(PREFIX)|' $< >$@
 
@@ -328,6 +329,10 @@ $(BUILD)/tests/realtime/test_armed: $(BUILD)/obj/tests/realtime/test_armed.o $(B
 $(BUILD)/hil-tool: $(call objs,$(wildcard tests/hil/tool*.c)) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 	@echo "  link $@"
 	$(Q)$(CXX) $(LDFLAGS) -rdynamic -o $@ $(filter %.o,$^) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group $(LIBS_APP)
+# It is preloaded into the process of libcamera there.
+$(BUILD)/hil-count.so: tests/hil/count_heap.c
+	@echo "  link $@"
+	$(Q)$(CC) $(CFLAGS) -shared -o $@ $<
 OPENCV_LIBS = -lopencv_calib3d -lopencv_features2d -lopencv_imgcodecs -lopencv_imgproc -lopencv_core
 # Optimisers are held against Ceres.
 BESIDE_CERES := map/test_pose_graph map/test_window_ceres

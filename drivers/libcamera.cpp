@@ -1,36 +1,22 @@
-// The libcamera plug-in: a camera of libcamera behind the live source (live/live.h).
-//
-// Finding, buffers and frames are here, what is asked of exposure, gain and controls by name in
-// libcamera/controls.cpp.
+// A camera of libcamera: finding, buffers and frames (libcamera/device.h). It runs in the process that keeps
+// libcamera; libcamera/main.cpp is its main program, libcamera/protocol.h says why it is one and what it says
+// to the runtime.
 //
 // Requests are made at set-up and used again and again. Their completion, on libcamera's thread, only pushes
-// a number into a ring and rings the bell of the camera thread. No heap call per frame is ours; libcamera
-// makes some for each request.
-#include <libcamera/libcamera.h>
-#include <libcamera/logging.h>
+// a number into a ring and rings a bell. No heap call per frame is ours; libcamera makes some for each
+// request.
+#include "libcamera/device.h"
 
-#include <poll.h>
 #include <sys/eventfd.h>
-#include <sys/mman.h>
-#include <time.h>
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
-#include <atomic>
 #include <cerrno>
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
 #include <cstring>
-#include <exception>
-#include <memory>
-#include <string>
-#include <vector>
 
-#include "fovea/status.h"
 #include "libcamera/controls.h"
-#include "libcamera/plugin.h"
 
 namespace
 {
@@ -61,106 +47,19 @@ const Format *format_of(const PixelFormat &pixels)
     return nullptr;
 }
 
-// A process has at most one manager; it lives as long as some device does, or until a camera has gone
-// (below).
-std::shared_ptr<CameraManager> manager()
+} // namespace
+
+Device::Device() : bell_(eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK))
 {
-    static std::weak_ptr<CameraManager> existing;
-    std::shared_ptr<CameraManager> found = existing.lock();
-    if (found) return found;
-    found.reset(new CameraManager, [](CameraManager *each) {
-        each->stop();
-        delete each;
-    });
-    if (found->start() != 0) return nullptr;
-    existing = found;
-    return found;
 }
 
-struct Mapping {
-    void *memory = nullptr;
-    size_t bytes = 0;
-    size_t offset = 0; // of the first plane
-};
-
-// Numbers of completed requests, from libcamera's thread to the camera thread: one writer, one reader, never
-// full.
-class Completed
+Device::~Device()
 {
-  public:
-    void push(uint32_t number)
-    {
-        const uint32_t at = head_.load(std::memory_order_relaxed);
-        numbers_[at % numbers_.size()] = number;
-        head_.store(at + 1, std::memory_order_release);
-    }
-    bool pop(uint32_t *number)
-    {
-        const uint32_t at = tail_.load(std::memory_order_relaxed);
-        if (at == head_.load(std::memory_order_acquire)) return false;
-        *number = numbers_[at % numbers_.size()];
-        tail_.store(at + 1, std::memory_order_relaxed);
-        return true;
-    }
-    void clear()
-    {
-        tail_.store(head_.load());
-    }
-
-  private:
-    std::array<uint32_t, 4 * FV_LIVE_BUFFERS_MAX> numbers_{};
-    std::atomic<uint32_t> head_{0}, tail_{0};
-};
-
-class Device
-{
-  public:
-    explicit Device(const fovea_libcamera_options &options) : options_(options)
-    {
-        bell_ = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
-    }
-    ~Device()
-    {
-        tear_down();
-        camera_.reset();
-        if (bell_ >= 0) close(bell_);
-    }
-
-    enum fovea_status learn(fovea_libcamera_agreed *agreed, fovea_error *told, fovea_error *error);
-    enum fovea_status find(fovea_error *error);
-    enum fovea_status find_again(fovea_error *error);
-    enum fovea_status set_up(fovea_error *error);
-    void tear_down();
-    enum fovea_status take(int64_t deadline_ns, int wake_fd, fv_live_buffer *buffer, fovea_error *error);
-    enum fovea_status give(uint32_t index, fovea_error *error);
-
-  private:
-    enum fovea_status configure(fovea_error *told, fovea_error *error);
-    enum fovea_status shape(const StreamConfiguration &stream, fovea_error *error);
-    enum fovea_status allocate(fovea_error *error);
-    bool map(const FrameBuffer &buffer, Mapping *mapping);
-    enum fovea_status failed(const char *what, int reason, fovea_error *error) const;
-    void completed(Request *request);
-    void disconnected();
-    void ring();
-
-    fovea_libcamera_options options_;
-    std::string id_, uri_ = "libcamera";
-    std::shared_ptr<CameraManager> manager_;
-    std::shared_ptr<Camera> camera_;
-    std::unique_ptr<CameraConfiguration> configuration_;
-    std::unique_ptr<FrameBufferAllocator> allocator_;
-    std::vector<std::unique_ptr<Request>> requests_;
-    std::array<Mapping, FV_LIVE_BUFFERS_MAX> mappings_{};
-    Stream *stream_ = nullptr;
-    Completed completed_;
-    std::atomic<bool> gone_{false};
-    bool there_ = true, missed_ = false; // found when last looked for; gone since the manager was made
-    int bell_ = -1;
-    bool acquired_ = false, streaming_ = false, known_ = false, luma_only_ = false;
-    int32_t width_ = 0, height_ = 0, stride_bytes_ = 0;
-    const Format *format_ = nullptr;
-};
+    tear_down();
+    camera_.reset();
+    if (manager_) manager_->stop();
+    if (bell_ >= 0) close(bell_);
+}
 
 // ---- finding ---------------------------------------------------------------------------------------------
 
@@ -172,34 +71,18 @@ enum fovea_status Device::failed(const char *what, int reason, fovea_error *erro
                            reason == -EBUSY ? ": another program is using it" : "");
 }
 
-// By its id. A manager of 0.0.3 connects its slot for cameras that come once more with each that comes: what
-// it keeps and the time that a plug takes it double with every replug. So there the manager is made anew
-// after a camera has gone, unless another device of this process has a part in it. Later versions connect
-// once.
-enum fovea_status Device::find_again([[maybe_unused]] fovea_error *error)
-{
-#if !FOVEA_LIBCAMERA_AT_LEAST(0, 5)
-    if (missed_ && manager_.use_count() == 1) {
-        camera_.reset();
-        manager_.reset();
-        manager_ = manager();
-        if (!manager_)
-            return fovea_error_set(error, FOVEA_ERROR_SYSTEM,
-                                   "libcamera: its camera manager does not start again");
-    }
-#endif
-    camera_ = manager_->get(id_);
-    missed_ = !camera_ && there_;
-    there_ = camera_ != nullptr;
-    return camera_ ? FOVEA_OK : FOVEA_GONE;
-}
-
 enum fovea_status Device::find(fovea_error *error)
 {
-    if (!manager_) manager_ = manager();
-    if (!manager_)
-        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "libcamera: its camera manager does not start");
-    if (known_) return find_again(error);
+    if (!manager_) {
+        auto made = std::make_unique<CameraManager>();
+        if (made->start() != 0)
+            return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "libcamera: its camera manager does not start");
+        manager_ = std::move(made);
+    }
+    if (known_) {
+        camera_ = manager_->get(id_);
+        return camera_ ? FOVEA_OK : FOVEA_GONE;
+    }
     const std::vector<std::shared_ptr<Camera>> all = manager_->cameras();
     std::string list;
     for (size_t i = 0; i < all.size(); ++i) {
@@ -216,6 +99,9 @@ enum fovea_status Device::find(fovea_error *error)
 }
 
 // ---- configuration ---------------------------------------------------------------------------------------
+
+namespace
+{
 
 StreamRole role_of(int32_t role)
 {
@@ -250,6 +136,8 @@ const Format *best_format(const StreamConfiguration &stream)
     }
     return best != nullptr ? best : format_of(stream.pixelFormat);
 }
+
+} // namespace
 
 // Size and format as agreed, or as they were before.
 enum fovea_status Device::shape(const StreamConfiguration &stream, fovea_error *error)
@@ -317,7 +205,7 @@ enum fovea_status Device::configure(fovea_error *told, fovea_error *error)
 // ---- buffers ---------------------------------------------------------------------------------------------
 
 // All planes of a buffer in one piece where they are; else the first alone.
-bool Device::map(const FrameBuffer &buffer, Mapping *mapping)
+void Device::survey(const FrameBuffer &buffer, fv_libcamera_buffer *size)
 {
     const auto &planes = buffer.planes(); // a vector, or from 0.7 on a Span
     const auto offset_of = [](const FrameBuffer::Plane &plane) {
@@ -331,14 +219,8 @@ bool Device::map(const FrameBuffer &buffer, Mapping *mapping)
         else
             luma_only_ = true;
     }
-    mapping->bytes = end;
-    mapping->memory = mmap(nullptr, end, PROT_READ, MAP_SHARED, planes[0].fd.get(), 0);
-    if (mapping->memory == MAP_FAILED) {
-        mapping->memory = nullptr;
-        return false;
-    }
-    mapping->offset = offset_of(planes[0]);
-    return true;
+    size->bytes = end;
+    size->offset = offset_of(planes[0]);
 }
 
 enum fovea_status Device::allocate(fovea_error *error)
@@ -352,7 +234,7 @@ enum fovea_status Device::allocate(fovea_error *error)
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: found %zu buffers, expected at least %d",
                                uri_.c_str(), used, FV_LIVE_BUFFERS_MIN);
     for (size_t i = 0; i < used; ++i) {
-        if (!map(*buffers[i], &mappings_[i])) return failed("mapping a buffer", -errno, error);
+        survey(*buffers[i], &sizes_[i]);
         std::unique_ptr<Request> request = camera_->createRequest(i);
         if (!request || request->addBuffer(stream_, buffers[i].get()) != 0)
             return failed("making a request", -ENOMEM, error);
@@ -363,10 +245,12 @@ enum fovea_status Device::allocate(fovea_error *error)
 
 // ---- life ------------------------------------------------------------------------------------------------
 
-enum fovea_status Device::learn(fovea_libcamera_agreed *agreed, fovea_error *told, fovea_error *error)
+enum fovea_status Device::learn(const fovea_libcamera_options &options, fovea_libcamera_agreed *agreed,
+                                fovea_error *told, fovea_error *error)
 {
+    options_ = options;
     enum fovea_status status = find(error);
-    if (status != FOVEA_OK) return status == FOVEA_GONE ? FOVEA_ERROR_INPUT : status;
+    if (status != FOVEA_OK) return status;
     const int failure = camera_->acquire();
     if (failure != 0) return failed("taking hold of it", failure, error);
     acquired_ = true;
@@ -379,6 +263,7 @@ enum fovea_status Device::learn(fovea_libcamera_agreed *agreed, fovea_error *tol
         if (options_.rate_hz > 0 && !can_time) tell(told, uri_, "rate", options_.rate_hz, 0);
         agreed->width = width_;
         agreed->height = height_;
+        agreed->row = static_cast<int32_t>(format_ - formats);
         agreed->format = luma_only_ ? FOVEA_PIXEL_GREY8 : format_->format;
         agreed->rate_hz = options_.rate_hz;
         agreed->buffers = static_cast<uint32_t>(requests_.size());
@@ -389,60 +274,76 @@ enum fovea_status Device::learn(fovea_libcamera_agreed *agreed, fovea_error *tol
     return status == FOVEA_GONE ? FOVEA_ERROR_SYSTEM : status;
 }
 
-enum fovea_status Device::set_up(fovea_error *error)
+void Device::know(const fovea_libcamera_options &options, const fovea_libcamera_agreed &agreed)
 {
-    int failure = camera_->acquire();
+    options_ = options;
+    id_ = agreed.id;
+    uri_ = "libcamera:" + id_;
+    width_ = agreed.width;
+    height_ = agreed.height;
+    format_ = &formats[agreed.row];
+    known_ = true;
+}
+
+enum fovea_status Device::stream_on(fovea_error *error)
+{
+    ControlList list(camera_->controls());
+    fovea_error refused{};
+    if (fv_libcamera_controls(*camera_, options_, uri_.c_str(), &list, &refused) != FOVEA_OK) list.clear();
+    completed_.clear();
+    camera_->requestCompleted.connect(this, &Device::completed);
+    camera_->disconnected.connect(this, &Device::disconnected);
+    int failure = camera_->start(&list);
+    if (failure != 0) return failed("starting to stream", failure, error);
+    streaming_ = true;
+    requests_[0]->controls().merge(list); // some pipelines look only here
+    for (const std::unique_ptr<Request> &request : requests_) {
+        failure = camera_->queueRequest(request.get());
+        if (failure != 0) return failed("queueing a request", failure, error);
+    }
+    *error = refused; // a camera that came back and now refuses a control is still better than none
+    return FOVEA_OK;
+}
+
+enum fovea_status Device::set_up(fv_libcamera_event *answer, int descriptors[FV_LIVE_BUFFERS_MAX])
+{
+    fovea_error *error = &answer->error;
+    if (!camera_) return fovea_error_set(error, FOVEA_GONE, "%s: the camera is away", uri_.c_str());
+    const int failure = camera_->acquire();
     if (failure != 0) return failed("taking hold of it", failure, error);
     acquired_ = true;
     gone_ = false;
-    ControlList list(camera_->controls());
-    fovea_error refused{};
     enum fovea_status status = configure(nullptr, error);
     if (status == FOVEA_OK) status = allocate(error);
-    if (status == FOVEA_OK &&
-        fv_libcamera_controls(*camera_, options_, uri_.c_str(), &list, &refused) != FOVEA_OK)
-        list.clear();
-    if (status == FOVEA_OK) {
-        completed_.clear();
-        camera_->requestCompleted.connect(this, &Device::completed);
-        camera_->disconnected.connect(this, &Device::disconnected);
-        failure = camera_->start(&list);
-        if (failure != 0) status = failed("starting to stream", failure, error);
-        streaming_ = failure == 0;
-    }
-    for (size_t i = 0; i < requests_.size() && status == FOVEA_OK; ++i) {
-        if (i == 0) requests_[i]->controls().merge(list); // some pipelines look only here
-        failure = camera_->queueRequest(requests_[i].get());
-        if (failure != 0) status = failed("queueing a request", failure, error);
-    }
-    if (status != FOVEA_OK)
+    if (status == FOVEA_OK) status = stream_on(error);
+    if (status != FOVEA_OK) {
         tear_down();
-    else if (refused.text[0] != '\0')
-        *error = refused;
-    return status;
+        return status;
+    }
+    answer->buffer_count = static_cast<uint32_t>(requests_.size());
+    answer->stride_bytes = stride_bytes_;
+    for (size_t i = 0; i < requests_.size(); ++i) {
+        answer->buffers[i] = sizes_[i];
+        descriptors[i] = allocator_->buffers(stream_)[i]->planes()[0].fd.get();
+    }
+    return FOVEA_OK;
 }
 
 void Device::tear_down()
 {
     if (streaming_) camera_->stop();
     streaming_ = false;
-    if (gone_.load()) missed_ = true, there_ = false;
     if (camera_) {
         camera_->requestCompleted.disconnect(this);
         camera_->disconnected.disconnect(this);
     }
     requests_.clear();
-    for (Mapping &each : mappings_) {
-        if (each.memory != nullptr) munmap(each.memory, each.bytes);
-        each = Mapping{};
-    }
     if (allocator_ && stream_ != nullptr) allocator_->free(stream_);
     allocator_.reset();
     configuration_.reset();
     stream_ = nullptr;
     if (acquired_) camera_->release();
     acquired_ = false;
-    camera_.reset(); // one that was unplugged can go
 }
 
 // ---- frames ----------------------------------------------------------------------------------------------
@@ -467,13 +368,8 @@ void Device::disconnected()
     ring();
 }
 
-int64_t left_until(int64_t deadline_ns)
+namespace
 {
-    struct timespec now;
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    const int64_t left_ns = deadline_ns - (static_cast<int64_t>(now.tv_sec) * 1000000000 + now.tv_nsec);
-    return std::max<int64_t>(left_ns, 0);
-}
 
 void read_stamp(Request *request, const FrameMetadata &metadata, fv_order_stamp *stamp)
 {
@@ -488,111 +384,36 @@ void read_stamp(Request *request, const FrameMetadata &metadata, fv_order_stamp 
     stamp->sequence = metadata.sequence;
 }
 
-enum fovea_status Device::take(int64_t deadline_ns, int wake_fd, fv_live_buffer *buffer, fovea_error *error)
+} // namespace
+
+enum fovea_status Device::take(fv_libcamera_frame *frame, fovea_error *error)
 {
     uint32_t number = 0;
-    if (!completed_.pop(&number)) {
-        struct pollfd fds[2] = {{wake_fd, POLLIN, 0}, {bell_, POLLIN, 0}};
-        const int64_t left_ns = left_until(deadline_ns);
-        const struct timespec left = {static_cast<time_t>(left_ns / 1000000000),
-                                      static_cast<long>(left_ns % 1000000000)};
-        uint64_t rung = 0;
-        ppoll(fds, 2, &left, nullptr);
-        if (read(bell_, &rung, sizeof rung) < 0) rung = 0;
-        if (gone_.load()) return fovea_error_set(error, FOVEA_GONE, "%s: the camera is away", uri_.c_str());
-        if (!completed_.pop(&number)) return FOVEA_AGAIN;
-    }
+    uint64_t rung = 0;
+    if (read(bell_, &rung, sizeof rung) < 0) rung = 0;
+    if (!completed_.pop(&number))
+        return gone_.load() ? fovea_error_set(error, FOVEA_GONE, "%s: the camera is away", uri_.c_str())
+                            : FOVEA_AGAIN;
     Request *request = requests_[number].get();
-    const Mapping &mapping = mappings_[number];
     const FrameMetadata &metadata = request->findBuffer(stream_)->metadata();
     size_t bytes = 0;
     for (const FrameMetadata::Plane &plane : metadata.planes()) {
         bytes += plane.bytesused;
         if (luma_only_) break;
     }
-    buffer->index = number;
-    buffer->data = static_cast<const uint8_t *>(mapping.memory) + mapping.offset;
-    buffer->bytes = std::min(bytes, mapping.bytes - mapping.offset);
-    buffer->stride_bytes = stride_bytes_;
-    buffer->damaged = metadata.status != FrameMetadata::FrameSuccess;
-    read_stamp(request, metadata, &buffer->stamp);
+    frame->index = number;
+    frame->bytes = std::min<uint64_t>(bytes, sizes_[number].bytes - sizes_[number].offset);
+    frame->damaged = metadata.status != FrameMetadata::FrameSuccess;
+    read_stamp(request, metadata, &frame->stamp);
     return FOVEA_OK;
 }
 
 enum fovea_status Device::give(uint32_t index, fovea_error *error)
 {
+    if (!streaming_ || index >= requests_.size())
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "%s: found no buffer %u", uri_.c_str(), index);
     Request *request = requests_[index].get();
     request->reuse(Request::ReuseBuffers);
     const int failure = camera_->queueRequest(request);
     return failure == 0 ? FOVEA_OK : failed("queueing a request", failure, error);
-}
-
-// ---- the C side ------------------------------------------------------------------------------------------
-
-// What C++ throws ends here.
-template <typename Call> enum fovea_status guarded(fovea_error *error, Call call)
-try {
-    return call();
-} catch (const std::exception &problem) {
-    return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "libcamera: %.200s", problem.what());
-}
-
-Device *device_of(void *device)
-{
-    return static_cast<Device *>(device);
-}
-
-enum fovea_status plugin_open(const fovea_libcamera_options *options, void **out,
-                              fovea_libcamera_agreed *agreed, fovea_error *told, fovea_error *error)
-{
-    return guarded(error, [&] {
-        if (std::getenv("LIBCAMERA_LOG_LEVELS") == nullptr)
-            libcamera::logSetTarget(libcamera::LoggingTargetNone);
-        libcamera::logSetLevel("*", "FATAL"); // we tell errors
-        auto device = std::make_unique<Device>(*options);
-        const enum fovea_status status = device->learn(agreed, told, error);
-        if (status == FOVEA_OK) *out = device.release();
-        return status;
-    });
-}
-
-enum fovea_status plugin_find(void *device, fovea_error *error)
-{
-    return guarded(error, [&] { return device_of(device)->find(error); });
-}
-
-enum fovea_status plugin_set_up(void *device, fovea_error *error)
-{
-    return guarded(error, [&] { return device_of(device)->set_up(error); });
-}
-
-void plugin_tear_down(void *device)
-{
-    guarded(nullptr, [&] { return device_of(device)->tear_down(), FOVEA_OK; });
-}
-
-enum fovea_status plugin_take(void *device, int64_t deadline_ns, int wake_fd, fv_live_buffer *buffer,
-                              fovea_error *error)
-{
-    return guarded(error, [&] { return device_of(device)->take(deadline_ns, wake_fd, buffer, error); });
-}
-
-enum fovea_status plugin_give(void *device, uint32_t index, fovea_error *error)
-{
-    return guarded(error, [&] { return device_of(device)->give(index, error); });
-}
-
-void plugin_close(void *device)
-{
-    guarded(nullptr, [&] { return delete device_of(device), FOVEA_OK; });
-}
-
-} // namespace
-
-extern "C" {
-extern __attribute__((visibility("default"))) const struct fovea_libcamera_plugin fovea_libcamera_plugin_2;
-const struct fovea_libcamera_plugin fovea_libcamera_plugin_2 = {
-    FOVEA_LIBCAMERA_PLUGIN_VERSION,
-    plugin_open,
-    {plugin_find, plugin_set_up, plugin_tear_down, plugin_take, plugin_give, plugin_close, nullptr}};
 }

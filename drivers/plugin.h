@@ -1,18 +1,32 @@
-/* Plug-ins: shared objects beside the program, loaded only when they are asked for. Init-only. */
+/* Plug-ins: shared objects and programs beside the program, loaded or started only when they are asked for.
+ * Init-only. */
 #ifndef FOVEA_DRIVERS_PLUGIN_H
 #define FOVEA_DRIVERS_PLUGIN_H
 
+#include <stdbool.h>
+
 #include "fovea/status.h"
+
+enum { FV_PLUGIN_PATH_BYTES = 4096 + 64, FV_PLUGIN_PLACES = 3 };
 
 struct fv_plugin_name {
     const char *scheme; /* begins error lines */
-    const char *file, *symbol, *package;
+    const char *file, *package;
+    const char *symbol; /* of a shared object, as is the version */
     int version;
 };
 
-/* The address of the plug-in's table, which begins with an int: its version. Looked for in the folder that
- * $FOVEA_PLUGINS names, beside the program, and in ../lib/fovea of it. It stays loaded: threads of what it
- * brings along may outlive a dlclose. FOVEA_ERROR_UNSUPPORTED: there is none, or it is of another version. */
+/* Where a file may be: in the folder that $FOVEA_PLUGINS names (place 0), beside the program, in ../lib/fovea
+ * of it. False: it is not in this place. */
+bool fv_plugin_path(const char *file, int place, char path[FV_PLUGIN_PATH_BYTES]);
+
+/* The line that says so, and `why` where that is not empty. Returns FOVEA_ERROR_UNSUPPORTED. */
+enum fovea_status fv_plugin_missing(const struct fv_plugin_name *name, const char *why,
+                                    struct fovea_error *error);
+
+/* The address of the table of a shared object, which begins with an int: its version. It stays loaded:
+ * threads of what it brings along may outlive a dlclose. FOVEA_ERROR_UNSUPPORTED: there is none, or it is of
+ * another version. */
 enum fovea_status fv_plugin_load(const struct fv_plugin_name *name, const void **table,
                                  struct fovea_error *error);
 

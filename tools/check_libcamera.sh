@@ -1,5 +1,5 @@
 #!/bin/bash
-# The libcamera plug-in must compile against the libcamera of newer Debian suites too, not only against the one installed.
+# The program that keeps libcamera must compile against the libcamera of newer Debian suites too, not only against the one installed.
 # Their headers are unpacked below build-libcamera; nothing is installed. A suite that cannot be reached is named.
 # Usage: tools/check_libcamera.sh [SUITE...]     (trixie: 0.4; sid: 0.7 or later)
 set -u

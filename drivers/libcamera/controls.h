@@ -9,7 +9,7 @@
 
 #include <libcamera/libcamera.h>
 
-#include "plugin.h"
+#include "protocol.h"
 
 #define FOVEA_LIBCAMERA_AT_LEAST(major, minor)                                                               \
     (LIBCAMERA_VERSION_MAJOR > (major) ||                                                                    \

@@ -1,11 +1,10 @@
-/* libcamera: options, and the plug-in's device behind the live source. */
+/* libcamera: options, and the process's camera behind the live source. */
 #include <stdio.h>
 #include <string.h>
 
-#include "../plugin.h"
 #include "../text/uri_options.h"
 #include "fovea/text.h"
-#include "plugin.h"
+#include "client.h"
 
 #define NAME_ROW(name, theirs, format) name,
 static const char *const format_names[] = {"any", FV_LIBCAMERA_FORMATS(NAME_ROW) NULL};
@@ -88,23 +87,14 @@ static enum fovea_status parse(const char *address, struct fovea_libcamera_optio
 static enum fovea_status open_camera(const char *address, const struct fovea_source_selection *selection,
                                      struct fovea_source **source, struct fovea_error *error)
 {
-    static const struct fv_plugin_name name = {.scheme = "libcamera",
-                                               .file = FOVEA_LIBCAMERA_PLUGIN_FILE,
-                                               .symbol = FOVEA_LIBCAMERA_PLUGIN_SYMBOL,
-                                               .package = "libcamera-dev",
-                                               .version = FOVEA_LIBCAMERA_PLUGIN_VERSION};
     struct fovea_libcamera_options options;
     struct fovea_libcamera_agreed agreed = {.width = 0};
     struct fovea_error told = {.text = ""};
-    const void *table = NULL;
-    void *device = NULL;
+    struct fv_libcamera_client *client = NULL;
     char uri[FOVEA_LIBCAMERA_ID_BYTES + 16];
     enum fovea_status status = fv_live_selection("libcamera", selection, error);
     if (status == FOVEA_OK) status = parse(address, &options, error);
-    if (status == FOVEA_OK) status = fv_plugin_load(&name, &table, error);
-    if (status != FOVEA_OK) return status;
-    const struct fovea_libcamera_plugin *plugin = table;
-    status = plugin->open(&options, &device, &agreed, &told, error);
+    if (status == FOVEA_OK) status = fv_libcamera_open(&options, &client, &agreed, &told, error);
     if (status != FOVEA_OK) return status;
     snprintf(uri, sizeof uri, "libcamera:%s", agreed.id);
     const struct fv_live_setup setup = {
@@ -113,11 +103,11 @@ static enum fovea_status open_camera(const char *address, const struct fovea_sou
                  .height = agreed.height,
                  .format = agreed.format,
                  .rate_hz = agreed.rate_hz,
-                 .heap_bytes = sizeof options},
+                 .heap_bytes = fv_libcamera_heap_bytes()},
         .buffers = agreed.buffers,
         .readout_ns = options.readout_ms < 0 ? -1 : (int64_t)(options.readout_ms * 1e6),
     };
-    status = fv_live_open(&plugin->device, device, &setup, selection, source, error);
+    status = fv_live_open(&fv_libcamera_live, client, &setup, selection, source, error);
     if (status == FOVEA_OK && told.text[0] != '\0') fv_live_tell(*source, &told);
     return status;
 }

@@ -311,6 +311,8 @@ static void stream(struct fovea_source *source)
     const int slot = free_slot(source);
     if (status == FOVEA_OK && slot < 0) { /* the loop has them all */
         pause_until(source, begin_ns + 100000000);
+        fv_recovery_excused(&source->recovery, now_ns());
+        show(source);
         return;
     }
     if (status == FOVEA_OK)

@@ -85,6 +85,11 @@ void fv_recovery_broken(struct fv_recovery *recovery, enum fovea_status status, 
     if (!had_frames) back_off(recovery, now_ns);
 }
 
+void fv_recovery_excused(struct fv_recovery *recovery, int64_t now_ns)
+{
+    recovery->view.mark_ns = now_ns;
+}
+
 bool fv_recovery_waited_enough(const struct fv_recovery *recovery, int64_t now_ns)
 {
     const int64_t waited_ns = now_ns - recovery->view.mark_ns;

@@ -75,6 +75,8 @@ void fv_recovery_good(struct fv_recovery *recovery, int64_t now_ns);
 bool fv_recovery_bad(struct fv_recovery *recovery);
 /* Streaming is over: FOVEA_GONE when unplugged, negative for other faults. */
 void fv_recovery_broken(struct fv_recovery *recovery, enum fovea_status status, int64_t now_ns);
+/* No frame can come at present, and not for the camera's fault: this time is not waited. */
+void fv_recovery_excused(struct fv_recovery *recovery, int64_t now_ns);
 /* Whether frames have been waited for long enough: streaming is then broken. */
 bool fv_recovery_waited_enough(const struct fv_recovery *recovery, int64_t now_ns);
 

@@ -1,6 +1,7 @@
 #include "tool.h"
 
 #include <errno.h>
+#include <fcntl.h>
 #include <stdarg.h>
 #include <stdbool.h>
 #include <stdio.h>
@@ -8,6 +9,7 @@
 #include <string.h>
 #include <sys/stat.h>
 #include <time.h>
+#include <unistd.h>
 
 #include <linux/videodev2.h>
 
@@ -40,11 +42,11 @@ int64_t tool_now_ns(void)
     return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
 }
 
+/* Recordings that pace have frames of 320 x 240 pixels; a step without a frame records far less. */
+enum { FRAME_BYTES_MIN = 60000 };
+
 bool tool_pace_ready(struct tool_pace *pace)
 {
-    enum {
-        FRAME_BYTES_MIN = 60000
-    }; /* those paced have 320 x 240 pixels; a step without a frame records far less */
     struct stat now = {.st_size = 0};
     if (pace->file == NULL) return true;
     if (stat(pace->file, &now) != 0) now.st_size = 0;
@@ -54,6 +56,15 @@ bool tool_pace_ready(struct tool_pace *pace)
     pace->bytes = now.st_size;
     pace->since_ns = tool_now_ns();
     return true;
+}
+
+void tool_pace_on(const char *file)
+{
+    static off_t bytes;
+    bytes += FRAME_BYTES_MIN;
+    const int fd = open(file, O_WRONLY | O_CREAT | O_CLOEXEC, 0600);
+    if (fd < 0 || ftruncate(fd, bytes) != 0) tool_fail("%s: %s", file, strerror(errno));
+    close(fd);
 }
 
 void tool_sleep_until(int64_t at_ns)

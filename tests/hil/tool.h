@@ -33,6 +33,8 @@ struct tool_pace {
 };
 /* Whether the file has grown by a frame since this last said yes, or ten seconds have passed. */
 bool tool_pace_ready(struct tool_pace *pace);
+/* Make such a file grow by one frame more. */
+void tool_pace_on(const char *file);
 
 int64_t tool_now_ns(void);
 void tool_sleep_until(int64_t at_ns);

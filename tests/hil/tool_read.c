@@ -3,7 +3,7 @@
  * complaint, and a last line of counts.
  *
  *   frames=N     end after N frames (default 20)
- *   seconds=S    fail when that takes longer (default 30)
+ *   seconds=S    fail when that takes longer (default 120)
  *   expect=FILE  every frame must be one of those in FILE, bit for bit
  *   held=MS      hold each frame for so long before it is compared
  *   run=COMMAND  run it after five frames, and go on
@@ -12,9 +12,10 @@
  *   until=STATE  end when the source is in this state instead
  *   times=N unplug=COMMAND plug=COMMAND
  *                N times: unplug, wait for `gone`, plug, wait for a frame; 99 %
- *                within a second of COMMAND's end; then descriptors, mappings
- *                and heap must be as at the beginning (heap=N: it may have grown
- *                by N bytes, where libraries are in it)
+ *                within a second of COMMAND's end; then descriptors, mappings,
+ *                processes and heap must be as at the beginning
+ *   pace=FILE    make FILE grow with each frame, for a writer that waits for it
+ *   heap_count=FILE  heap calls per frame of another process too (count_heap.c)
  *   open=fails   opening must fail; the line is printed
  */
 #include "tool.h"
@@ -88,8 +89,8 @@ void *aligned_alloc(size_t alignment, size_t bytes)
 static const char *const state_names[] = {"ok", "late", "stalled", "gone", "returning", "ended"};
 
 static struct reading {
-    const char *uri, *expect, *until, *unplug, *plug, *open, *run, *says;
-    long frames, seconds, times, held, damaged, dropped, recovered, heap;
+    const char *uri, *expect, *until, *unplug, *plug, *open, *run, *says, *pace, *heap_count;
+    long frames, seconds, times, held, damaged, dropped, recovered;
 
     const struct fovea_source_ops *ops;
     struct fovea_source *source;
@@ -102,7 +103,7 @@ static struct reading {
     uint64_t last_sequence;
     int64_t last_stamp_ns, longest_wait_ns;
     bool backward, said;
-} reading = {.frames = 20, .seconds = 30};
+} reading = {.frames = 20, .seconds = 120};
 
 static double since(void)
 {
@@ -179,6 +180,7 @@ static bool take(int64_t deadline_ns)
     if (reading.held != 0) tool_sleep_until(tool_now_ns() + reading.held * 1000000);
     if (reading.expect != NULL) compare(&frame.image);
     reading.ops->requeue(reading.source, &frame);
+    if (reading.pace != NULL) tool_pace_on(reading.pace);
     return true;
 }
 
@@ -207,18 +209,35 @@ static bool told_enough(void)
            (long)counts.dropped >= reading.dropped && (long)counts.recovered >= reading.recovered;
 }
 
+/* Of the other process, since it began. */
+static unsigned long heap_calls_there(void)
+{
+    unsigned long calls = 0;
+    FILE *file = reading.heap_count == NULL ? NULL : fopen(reading.heap_count, "rb");
+    if (file == NULL) return 0;
+    if (fread(&calls, sizeof calls, 1, file) != 1) tool_fail("%s: cannot be read", reading.heap_count);
+    fclose(file);
+    return calls;
+}
+
 static void take_all(void)
 {
     const long first = reading.frames < 5 ? reading.frames : 5;
     take_some(first);
     if (reading.run != NULL) run(reading.run);
+    const unsigned long there_before = heap_calls_there();
     const unsigned long all_before = atomic_load(&heap_calls), here_before = heap_calls_here;
     const long taken = reading.taken;
     take_some(reading.frames - first);
-    if (reading.taken > taken)
+    if (reading.taken > taken) {
+        const double frames = (double)(reading.taken - taken);
         printf("heap calls per frame: loop thread %.1f, all threads %.1f\n",
-               (double)(heap_calls_here - here_before) / (double)(reading.taken - taken),
-               (double)(atomic_load(&heap_calls) - all_before) / (double)(reading.taken - taken));
+               (double)(heap_calls_here - here_before) / frames,
+               (double)(atomic_load(&heap_calls) - all_before) / frames);
+        if (reading.heap_count != NULL)
+            printf("heap calls per frame: other process %.1f\n",
+                   (double)(heap_calls_there() - there_before) / frames);
+    }
     while (!told_enough() && in_time())
         take(tool_now_ns() + 50000000);
 }
@@ -235,20 +254,37 @@ static bool reach(enum fovea_source_state state)
 /* ---- what the process holds -------------------------------------------------------------------------- */
 
 struct holdings {
-    long descriptors, mappings;
+    long descriptors, mappings, processes;
     size_t heap_bytes;
 };
 
+/* Children of this process, running or waiting to be reaped. */
+static long count_processes(void)
+{
+    long count = 0;
+    char path[300];
+    DIR *folder = opendir("/proc/self/task");
+    for (const struct dirent *entry; folder != NULL && (entry = readdir(folder)) != NULL;) {
+        snprintf(path, sizeof path, "/proc/self/task/%s/children", entry->d_name);
+        FILE *file = fopen(path, "r");
+        for (int pid; file != NULL && fscanf(file, "%d", &pid) == 1;)
+            count++;
+        if (file != NULL) fclose(file);
+    }
+    if (folder != NULL) closedir(folder);
+    return count;
+}
+
 static struct holdings count_holdings(void)
 {
-    struct holdings holdings = {0, 0, mallinfo2().uordblks + mallinfo2().hblkhd};
+    struct holdings holdings = {0, 0, count_processes(), mallinfo2().uordblks + mallinfo2().hblkhd};
     DIR *folder = opendir("/proc/self/fd");
     while (folder != NULL && readdir(folder) != NULL)
         holdings.descriptors++;
     closedir(folder);
     FILE *maps = fopen("/proc/self/maps", "r");
     for (char line[512]; maps != NULL && fgets(line, sizeof line, maps) != NULL;)
-        if (strstr(line, "/dev/video") != NULL) holdings.mappings++;
+        if (strstr(line, "/dev/video") != NULL || strstr(line, "dmabuf") != NULL) holdings.mappings++;
     if (maps != NULL) fclose(maps);
     return holdings;
 }
@@ -283,11 +319,14 @@ static bool unplug_times(void)
     qsort(took_ns, (size_t)round, sizeof *took_ns, ascending);
     printf("unplugged %ld times: frames again after %.3f s (median), %.3f s (worst), %ld later than 1 s\n",
            round, (double)took_ns[round / 2] * 1e-9, (double)took_ns[round - 1] * 1e-9, late);
-    printf("descriptors %ld then %ld, mappings %ld then %ld, heap %zu then %zu bytes\n", before.descriptors,
-           after.descriptors, before.mappings, after.mappings, before.heap_bytes, after.heap_bytes);
+    printf(
+        "descriptors %ld then %ld, mappings %ld then %ld, processes %ld then %ld, heap %zu then %zu bytes\n",
+        before.descriptors, after.descriptors, before.mappings, after.mappings, before.processes,
+        after.processes, before.heap_bytes, after.heap_bytes);
     free(took_ns);
     return round == reading.times && late * 100 <= reading.times && before.descriptors == after.descriptors &&
-           before.mappings == after.mappings && after.heap_bytes <= before.heap_bytes + (size_t)reading.heap;
+           before.mappings == after.mappings && before.processes == after.processes &&
+           before.heap_bytes == after.heap_bytes;
 }
 
 /* ---- the command ------------------------------------------------------------------------------------- */
@@ -297,21 +336,14 @@ static void read_option(const char *text)
     const struct {
         const char *name, **word;
         long *number;
-    } options[] = {{"frames=", NULL, &reading.frames},
-                   {"seconds=", NULL, &reading.seconds},
-                   {"times=", NULL, &reading.times},
-                   {"held=", NULL, &reading.held},
-                   {"expect=", &reading.expect, NULL},
-                   {"until=", &reading.until, NULL},
-                   {"unplug=", &reading.unplug, NULL},
-                   {"plug=", &reading.plug, NULL},
-                   {"open=", &reading.open, NULL},
-                   {"run=", &reading.run, NULL},
-                   {"says=", &reading.says, NULL},
-                   {"damaged=", NULL, &reading.damaged},
-                   {"dropped=", NULL, &reading.dropped},
-                   {"recovered=", NULL, &reading.recovered},
-                   {"heap=", NULL, &reading.heap}};
+    } options[] = {{"frames=", NULL, &reading.frames},   {"seconds=", NULL, &reading.seconds},
+                   {"times=", NULL, &reading.times},     {"held=", NULL, &reading.held},
+                   {"expect=", &reading.expect, NULL},   {"until=", &reading.until, NULL},
+                   {"unplug=", &reading.unplug, NULL},   {"plug=", &reading.plug, NULL},
+                   {"open=", &reading.open, NULL},       {"run=", &reading.run, NULL},
+                   {"says=", &reading.says, NULL},       {"damaged=", NULL, &reading.damaged},
+                   {"dropped=", NULL, &reading.dropped}, {"recovered=", NULL, &reading.recovered},
+                   {"pace=", &reading.pace, NULL},       {"heap_count=", &reading.heap_count, NULL}};
     for (size_t i = 0; i < sizeof options / sizeof options[0]; ++i) {
         const size_t length = strlen(options[i].name);
         if (strncmp(text, options[i].name, length) != 0) continue;

@@ -112,7 +112,8 @@ static void test_failing_calls(void **state)
             fake_lock();
             fake_fail(camera, rows[i].request, rows[i].reason, 1);
             fake_unlock();
-            if (rows[i].request == VIDIOC_QBUF) fv_test_next_frame(source); /* so that a buffer is given back */
+            if (rows[i].request == VIDIOC_QBUF)
+                fv_test_next_frame(source); /* so that a buffer is given back */
         }
         if (rows[i].request != 0 && !fv_test_complains_of(source, rows[i].says))
             fail_msg("nothing of %s", rows[i].says);
@@ -173,6 +174,24 @@ static void test_silence(void **state)
     fake_unlock();
     fv_test_wait_for_state(source, FOVEA_SOURCE_OK);
     assert_true(fv_test_counts(source).recovered == 1);
+    fv_test_finish(source);
+}
+
+/* A loop that takes nothing for longer than silence is borne is no fault of the camera. */
+static void test_loop_away(void **state)
+{
+    (void)state;
+    struct fake_camera *camera = fake_new();
+    fake_plug(camera, "/dev/video0");
+    struct fovea_source *source = fv_test_start("/dev/video0?rate=100");
+    struct fovea_error error;
+    fv_test_next_frame(source);
+    nanosleep(&(struct timespec){.tv_sec = 1, .tv_nsec = 500000000}, NULL);
+    assert_true(ops->state(source) <= FOVEA_SOURCE_LATE); /* it looks every 100 ms */
+    for (int i = 0; i < 20; ++i)
+        fv_test_next_frame(source);
+    assert_int_equal(fv_test_counts(source).recovered, 0);
+    assert_int_equal(ops->complaint(source, &error), FOVEA_AGAIN);
     fv_test_finish(source);
 }
 
@@ -361,6 +380,7 @@ int main(void)
         TEST(test_failing_calls),
         TEST(test_fatal_error_and_source_change),
         TEST(test_silence),
+        TEST(test_loop_away),
         TEST(test_unplug),
         TEST(test_unplug_without_serial),
         TEST(test_links),

@@ -1,0 +1,444 @@
+#include "client.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <linux/dma-buf.h>
+#include <poll.h>
+#include <sched.h>
+#include <signal.h>
+#include <spawn.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/ioctl.h>
+#include <sys/mman.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
+
+#include "../plugin.h"
+
+extern char **environ;
+
+int64_t fv_libcamera_answer_ns = INT64_C(10000000000);
+
+/* A buffer of the camera, mapped here. */
+struct mapping {
+    uint8_t *memory;
+    size_t bytes, offset;
+    int fd;
+};
+
+struct fv_libcamera_client {
+    char uri[FOVEA_LIBCAMERA_ID_BYTES + 16];
+    struct fovea_libcamera_agreed agreed;
+    pid_t pid;  /* 0: no process */
+    int socket; /* -1: likewise */
+    uint32_t buffer_count;
+    int32_t stride_bytes;
+    struct mapping mappings[FV_LIVE_BUFFERS_MAX];
+    struct fv_libcamera_request request; /* options stay in it */
+    struct fv_libcamera_event event;     /* the last that came */
+};
+
+static int64_t now_ns(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
+}
+
+static struct timespec left_until(int64_t deadline_ns)
+{
+    const int64_t left_ns = deadline_ns - now_ns();
+    if (left_ns <= 0) return (struct timespec){0};
+    return (struct timespec){.tv_sec = left_ns / 1000000000, .tv_nsec = left_ns % 1000000000};
+}
+
+/* ---- the process ------------------------------------------------------------------------------------- */
+
+/* Signals of the terminal are for the runtime; everything else is as in a program just started. */
+static void set_attributes(posix_spawnattr_t *attributes)
+{
+    static const int mine[] = {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGPIPE};
+    const struct sched_param ordinary = {.sched_priority = 0};
+    sigset_t blocked, reset;
+    sigemptyset(&blocked);
+    for (size_t i = 0; i < sizeof mine / sizeof mine[0]; ++i)
+        sigaddset(&blocked, mine[i]);
+    sigfillset(&reset);
+    posix_spawnattr_setsigmask(attributes, &blocked);
+    posix_spawnattr_setsigdefault(attributes, &reset);
+    posix_spawnattr_setschedpolicy(attributes, SCHED_OTHER);
+    posix_spawnattr_setschedparam(attributes, &ordinary);
+    posix_spawnattr_setflags(attributes,
+                             POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETSCHEDULER);
+}
+
+/* 0, or an errno value. */
+static int spawn(const char *path, int socket, pid_t *pid)
+{
+    char name[] = FOVEA_LIBCAMERA_PROGRAM;
+    char *arguments[] = {name, NULL};
+    posix_spawn_file_actions_t files;
+    posix_spawnattr_t attributes;
+    posix_spawn_file_actions_init(&files);
+    posix_spawnattr_init(&attributes);
+    set_attributes(&attributes);
+    posix_spawn_file_actions_addopen(&files, STDIN_FILENO, "/dev/null", O_RDONLY, 0);
+    posix_spawn_file_actions_adddup2(&files, STDERR_FILENO, STDOUT_FILENO);
+    posix_spawn_file_actions_adddup2(&files, socket, FV_LIBCAMERA_SOCKET);
+    posix_spawn_file_actions_addclosefrom_np(&files, FV_LIBCAMERA_SOCKET + 1);
+    const int failure = posix_spawn(pid, path, &files, &attributes, arguments, environ);
+    posix_spawnattr_destroy(&attributes);
+    posix_spawn_file_actions_destroy(&files);
+    return failure;
+}
+
+static enum fovea_status start_process(struct fv_libcamera_client *client, struct fovea_error *error)
+{
+    static const struct fv_plugin_name name = {
+        .scheme = "libcamera", .file = FOVEA_LIBCAMERA_PROGRAM, .package = "libcamera-dev"};
+    char path[FV_PLUGIN_PATH_BYTES];
+    int place = 0, ends[2];
+    while (place < FV_PLUGIN_PLACES && !fv_plugin_path(name.file, place, path))
+        place++;
+    if (place == FV_PLUGIN_PLACES) return fv_plugin_missing(&name, "", error);
+    if (socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends) != 0)
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: no socket: %s", client->uri, strerror(errno));
+    const int failure = spawn(path, ends[1], &client->pid);
+    close(ends[1]);
+    if (failure == 0) {
+        client->socket = ends[0];
+        return FOVEA_OK;
+    }
+    close(ends[0]);
+    client->pid = 0;
+    return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: %.300s cannot be started: %s", client->uri, path,
+                           strerror(failure));
+}
+
+/* Whether it has ended, waiting for that until the deadline; `how` as of waitpid, -1 where that is not known.
+ */
+static bool has_ended(pid_t pid, int64_t deadline_ns, int *how)
+{
+    const struct timespec pause = {.tv_nsec = 1000000};
+    *how = -1;
+    for (;;) {
+        const pid_t ended = waitpid(pid, how, WNOHANG);
+        if (ended == pid || (ended < 0 && errno == ECHILD))
+            return true; /* ours, or the application's to reap */
+        if (now_ns() >= deadline_ns) return false;
+        nanosleep(&pause, NULL);
+    }
+}
+
+/* Let it end by itself for so long, then kill it. One that the kernel holds is left to it. */
+static int end_process(struct fv_libcamera_client *client, int64_t patience_ns)
+{
+    int how = -1;
+    if (client->socket >= 0) close(client->socket);
+    client->socket = -1;
+    if (client->pid == 0) return how;
+    if (!has_ended(client->pid, now_ns() + patience_ns, &how)) {
+        kill(client->pid, SIGKILL);
+        has_ended(client->pid, now_ns() + FV_LIBCAMERA_PATIENCE_NS, &how);
+    }
+    client->pid = 0;
+    return how;
+}
+
+/* It closed its end: it has ended, or is about to. */
+static enum fovea_status died(struct fv_libcamera_client *client, struct fovea_error *error)
+{
+    const int how = end_process(client, FV_LIBCAMERA_PATIENCE_NS);
+    char text[64] = "ended";
+    if (how != -1 && WIFSIGNALED(how))
+        snprintf(text, sizeof text, "was ended by signal %d (%s)", WTERMSIG(how), strsignal(WTERMSIG(how)));
+    else if (how != -1)
+        snprintf(text, sizeof text, "ended with status %d", WEXITSTATUS(how));
+    return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: libcamera's process %s: another is started",
+                           client->uri, text);
+}
+
+/* ---- messages ---------------------------------------------------------------------------------------- */
+
+static enum fovea_status no_sense(struct fv_libcamera_client *client, struct fovea_error *error)
+{
+    end_process(client, 0);
+    return fovea_error_set(error, FOVEA_ERROR_SYSTEM,
+                           "%s: found a message of libcamera's process that makes no sense, expected one of "
+                           "version %d",
+                           client->uri, FV_LIBCAMERA_VERSION);
+}
+
+static enum fovea_status ask(struct fv_libcamera_client *client, uint32_t call, struct fovea_error *error)
+{
+    client->request.version = FV_LIBCAMERA_VERSION;
+    client->request.call = call;
+    const size_t bytes = fv_libcamera_request_bytes(call);
+    if (client->socket < 0) return died(client, error);
+    if (send(client->socket, &client->request, bytes, MSG_NOSIGNAL | MSG_DONTWAIT) == (ssize_t)bytes)
+        return FOVEA_OK;
+    if (errno != EAGAIN) return died(client, error);
+    end_process(client, 0);
+    return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: libcamera's process takes no more requests",
+                           client->uri);
+}
+
+/* Descriptors that came with a message, at most FV_LIVE_BUFFERS_MAX: how many. */
+static uint32_t take_descriptors(struct msghdr *message, int descriptors[FV_LIVE_BUFFERS_MAX])
+{
+    struct cmsghdr *header = CMSG_FIRSTHDR(message);
+    if (header == NULL || header->cmsg_level != SOL_SOCKET || header->cmsg_type != SCM_RIGHTS) return 0;
+    const size_t bytes = header->cmsg_len - CMSG_LEN(0);
+    memcpy(descriptors, CMSG_DATA(header), bytes);
+    return (uint32_t)(bytes / sizeof(int));
+}
+
+static void close_all(const int *descriptors, uint32_t count)
+{
+    for (uint32_t i = 0; i < count; ++i)
+        close(descriptors[i]);
+}
+
+/* The next message, if one is there, into `event`. FOVEA_AGAIN: none. `descriptors`: NULL where none are
+ * expected. */
+static enum fovea_status receive(struct fv_libcamera_client *client, int *descriptors, uint32_t *count,
+                                 struct fovea_error *error)
+{
+    union {
+        struct cmsghdr align;
+        char space[CMSG_SPACE(sizeof(int) * FV_LIVE_BUFFERS_MAX)];
+    } beside;
+    int unexpected[FV_LIVE_BUFFERS_MAX];
+    struct iovec piece = {.iov_base = &client->event, .iov_len = sizeof client->event};
+    struct msghdr message = {.msg_iov = &piece,
+                             .msg_iovlen = 1,
+                             .msg_control = beside.space,
+                             .msg_controllen = sizeof beside.space};
+    if (client->socket < 0) return died(client, error);
+    const ssize_t bytes = recvmsg(client->socket, &message, MSG_DONTWAIT | MSG_CMSG_CLOEXEC);
+    if (bytes < 0 && (errno == EAGAIN || errno == EINTR)) return FOVEA_AGAIN;
+    if (bytes <= 0) return died(client, error);
+    const uint32_t came = take_descriptors(&message, descriptors != NULL ? descriptors : unexpected);
+    if (descriptors == NULL) close_all(unexpected, came);
+    if (count != NULL) *count = came;
+    const struct fv_libcamera_event *event = &client->event;
+    if ((size_t)bytes >= offsetof(struct fv_libcamera_event, frame) &&
+        event->version == FV_LIBCAMERA_VERSION && (size_t)bytes == fv_libcamera_event_bytes(event->kind))
+        return FOVEA_OK;
+    if (descriptors != NULL) close_all(descriptors, came);
+    if (count != NULL) *count = 0;
+    return no_sense(client, error);
+}
+
+/* Until the answer, past frames from before. */
+static enum fovea_status await_answer(struct fv_libcamera_client *client, int *descriptors, uint32_t *count,
+                                      struct fovea_error *error)
+{
+    const int64_t deadline_ns = now_ns() + fv_libcamera_answer_ns;
+    for (;;) {
+        enum fovea_status status = receive(client, descriptors, count, error);
+        if (status == FOVEA_OK && client->event.kind == FV_LIBCAMERA_ANSWER) break;
+        if (status == FOVEA_OK && descriptors != NULL) {
+            close_all(descriptors, *count);
+            *count = 0;
+        }
+        if (status != FOVEA_OK && status != FOVEA_AGAIN) return status;
+        if (now_ns() >= deadline_ns) {
+            end_process(client, 0);
+            return fovea_error_set(error, FOVEA_ERROR_SYSTEM,
+                                   "%s: libcamera does not answer: its process was killed", client->uri);
+        }
+        const struct timespec left = left_until(deadline_ns);
+        struct pollfd fd = {.fd = client->socket, .events = POLLIN};
+        if (status == FOVEA_AGAIN) ppoll(&fd, 1, &left, NULL);
+    }
+    client->event.error.text[FOVEA_ERROR_TEXT_BYTES - 1] = '\0';
+    if (client->event.error.text[0] != '\0' && error != NULL) *error = client->event.error;
+    return client->event.error.status;
+}
+
+/* ---- buffers ----------------------------------------------------------------------------------------- */
+
+static void unmap(struct fv_libcamera_client *client)
+{
+    for (uint32_t i = 0; i < client->buffer_count; ++i) {
+        munmap(client->mappings[i].memory, client->mappings[i].bytes);
+        close(client->mappings[i].fd);
+    }
+    client->buffer_count = 0;
+}
+
+/* Takes the descriptors. */
+static enum fovea_status map(struct fv_libcamera_client *client, const int *descriptors, uint32_t count,
+                             struct fovea_error *error)
+{
+    const struct fv_libcamera_event *event = &client->event;
+    bool right = count == event->buffer_count && count == client->agreed.buffers;
+    for (uint32_t i = 0; i < count && right; ++i)
+        right = event->buffers[i].offset < event->buffers[i].bytes;
+    if (!right) {
+        close_all(descriptors, count);
+        return no_sense(client, error);
+    }
+    client->stride_bytes = event->stride_bytes;
+    for (uint32_t i = 0; i < count; ++i) {
+        struct mapping *mapping = &client->mappings[i];
+        mapping->bytes = event->buffers[i].bytes;
+        mapping->offset = event->buffers[i].offset;
+        mapping->fd = descriptors[i];
+        mapping->memory = mmap(NULL, mapping->bytes, PROT_READ, MAP_SHARED, mapping->fd, 0);
+        if (mapping->memory == MAP_FAILED) {
+            fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: mapping a buffer: %s", client->uri,
+                            strerror(errno));
+            close_all(descriptors + i, count - i);
+            unmap(client);
+            return FOVEA_ERROR_SYSTEM;
+        }
+        client->buffer_count = i + 1;
+    }
+    return FOVEA_OK;
+}
+
+/* Where a device writes past the processor's caches, reading is begun and ended with the kernel's leave;
+ * memory that needs none refuses the call. */
+static void let_read(const struct mapping *mapping, uint64_t when)
+{
+    const struct dma_buf_sync sync = {.flags = when | DMA_BUF_SYNC_READ};
+    while (ioctl(mapping->fd, DMA_BUF_IOCTL_SYNC, &sync) < 0 && (errno == EINTR || errno == EAGAIN)) {
+    }
+}
+
+/* ---- the device -------------------------------------------------------------------------------------- */
+
+static enum fovea_status find(void *of, struct fovea_error *error)
+{
+    struct fv_libcamera_client *client = of;
+    enum fovea_status status = FOVEA_OK;
+    if (client->socket < 0) {
+        status = start_process(client, error);
+        client->request.agreed = client->agreed;
+        if (status == FOVEA_OK) status = ask(client, FV_LIBCAMERA_KNOW, error);
+    }
+    if (status == FOVEA_OK) status = ask(client, FV_LIBCAMERA_FIND, error);
+    return status == FOVEA_OK ? await_answer(client, NULL, NULL, error) : status;
+}
+
+static enum fovea_status set_up(void *of, struct fovea_error *error)
+{
+    struct fv_libcamera_client *client = of;
+    int descriptors[FV_LIVE_BUFFERS_MAX];
+    uint32_t count = 0;
+    enum fovea_status status = ask(client, FV_LIBCAMERA_SET_UP, error);
+    if (status == FOVEA_OK) status = await_answer(client, descriptors, &count, error);
+    if (status == FOVEA_OK)
+        status = map(client, descriptors, count, error);
+    else
+        close_all(descriptors, count);
+    if (status != FOVEA_OK) end_process(client, 0);
+    return status;
+}
+
+static void tear_down(void *of)
+{
+    struct fv_libcamera_client *client = of;
+    unmap(client);
+    end_process(client, FV_LIBCAMERA_PATIENCE_NS);
+}
+
+static enum fovea_status use_event(struct fv_libcamera_client *client, struct fv_live_buffer *buffer,
+                                   struct fovea_error *error)
+{
+    struct fv_libcamera_event *event = &client->event;
+    if (event->kind == FV_LIBCAMERA_BROKEN) {
+        event->error.text[FOVEA_ERROR_TEXT_BYTES - 1] = '\0';
+        *error = event->error;
+        if (event->error.status == FOVEA_GONE) end_process(client, 0);
+        return event->error.status == FOVEA_GONE ? FOVEA_GONE : FOVEA_ERROR_SYSTEM;
+    }
+    const struct fv_libcamera_frame *frame = &event->frame;
+    if (event->kind != FV_LIBCAMERA_FRAME || frame->index >= client->buffer_count)
+        return no_sense(client, error);
+    const struct mapping *mapping = &client->mappings[frame->index];
+    const size_t room = mapping->bytes - mapping->offset;
+    let_read(mapping, DMA_BUF_SYNC_START);
+    buffer->index = frame->index;
+    buffer->data = mapping->memory + mapping->offset;
+    buffer->bytes = frame->bytes < room ? (size_t)frame->bytes : room;
+    buffer->stride_bytes = client->stride_bytes;
+    buffer->damaged = frame->damaged;
+    buffer->stamp = frame->stamp;
+    return FOVEA_OK;
+}
+
+static enum fovea_status take(void *of, int64_t deadline_ns, int wake_fd, struct fv_live_buffer *buffer,
+                              struct fovea_error *error)
+{
+    struct fv_libcamera_client *client = of;
+    enum fovea_status status = receive(client, NULL, NULL, error);
+    if (status == FOVEA_AGAIN) {
+        struct pollfd fds[2] = {{.fd = wake_fd, .events = POLLIN}, {.fd = client->socket, .events = POLLIN}};
+        const struct timespec left = left_until(deadline_ns);
+        ppoll(fds, 2, &left, NULL);
+        status = receive(client, NULL, NULL, error);
+    }
+    return status == FOVEA_OK ? use_event(client, buffer, error) : status;
+}
+
+static enum fovea_status give(void *of, uint32_t index, struct fovea_error *error)
+{
+    struct fv_libcamera_client *client = of;
+    let_read(&client->mappings[index], DMA_BUF_SYNC_END);
+    client->request.index = index;
+    return ask(client, FV_LIBCAMERA_GIVE, error);
+}
+
+static void close_client(void *of)
+{
+    struct fv_libcamera_client *client = of;
+    tear_down(client);
+    free(client);
+}
+
+const struct fv_live_ops fv_libcamera_live = {
+    .find = find,
+    .set_up = set_up,
+    .tear_down = tear_down,
+    .take = take,
+    .give = give,
+    .close = close_client,
+};
+
+/* ---- opening ----------------------------------------------------------------------------------------- */
+
+size_t fv_libcamera_heap_bytes(void)
+{
+    return sizeof(struct fv_libcamera_client);
+}
+
+enum fovea_status fv_libcamera_open(const struct fovea_libcamera_options *options,
+                                    struct fv_libcamera_client **out, struct fovea_libcamera_agreed *agreed,
+                                    struct fovea_error *told, struct fovea_error *error)
+{
+    struct fv_libcamera_client *client = calloc(1, sizeof *client);
+    if (client == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "libcamera: out of memory");
+    client->socket = -1;
+    client->request.options = *options;
+    snprintf(client->uri, sizeof client->uri, "libcamera:%s", options->id);
+    enum fovea_status status = start_process(client, error);
+    if (status == FOVEA_OK) status = ask(client, FV_LIBCAMERA_LEARN, error);
+    if (status == FOVEA_OK) status = await_answer(client, NULL, NULL, error);
+    if (status != FOVEA_OK) {
+        close_client(client);
+        return status > 0 ? FOVEA_ERROR_SYSTEM : status;
+    }
+    client->event.agreed.id[FOVEA_LIBCAMERA_ID_BYTES - 1] = '\0';
+    client->agreed = *agreed = client->event.agreed;
+    *told = client->event.told;
+    snprintf(client->uri, sizeof client->uri, "libcamera:%s", agreed->id);
+    *out = client;
+    return FOVEA_OK;
+}

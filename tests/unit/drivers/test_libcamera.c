@@ -1,0 +1,309 @@
+/* The runtime's side of libcamera (drivers/libcamera/client.c) on a process of the tests' own, which is this
+ * program under another name: frames through descriptors, and whatever a process can do wrong. libcamera
+ * itself is tested in the virtual machine (tests/hil). `test_libcamera N` lets the process end N times in a
+ * row (default 20). */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <errno.h>
+#include <fcntl.h>
+#include <signal.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "../../../drivers/libcamera/client.h"
+#include "common/fake_libcamera.h"
+#include "common/live_source.h"
+
+static long times = 20;
+static struct fake_stage *stage;
+static const struct fovea_source_ops *const ops = &fovea_source_libcamera;
+
+static struct fovea_source *start_source(void)
+{
+    static const struct fovea_source_selection everything = {.step = 1};
+    struct fovea_source *source = NULL;
+    struct fovea_error error = {.text = ""};
+    fake_stage_reset(stage);
+    if (ops->open("0?rate=100", &everything, &source, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    assert_int_equal(ops->start(source, &error), FOVEA_OK);
+    return source;
+}
+
+static void assert_state_in_time(struct fovea_source *source, enum fovea_source_state wanted)
+{
+    fv_test_wait_for_state(source, wanted);
+}
+
+/* Lines go by until one holds these words. */
+static void assert_told(struct fovea_source *source, const char *words)
+{
+    if (!fv_test_complains_of(source, words)) fail_msg("nothing was said of '%s'", words);
+}
+
+static void wait_for_life(uint32_t life)
+{
+    const int64_t end_ns = fv_test_now_ns() + 10000000000;
+    while (atomic_load(&stage->lives) < life && fv_test_now_ns() < end_ns)
+        usleep(1000);
+    assert_true(atomic_load(&stage->lives) >= life);
+}
+
+static void wait_for_frame_of_life(struct fovea_source *source, uint32_t life)
+{
+    wait_for_life(life);
+    for (;;) { /* frames from before are not what is waited for */
+        fv_test_next_frame(source);
+        if (atomic_load(&stage->set_ups) >= life) break;
+    }
+    fv_test_wait_for_state(source, FOVEA_SOURCE_OK);
+}
+
+/* ---- frames ------------------------------------------------------------------------------------------ */
+
+static struct fovea_frame take(struct fovea_source *source)
+{
+    struct fovea_frame frame;
+    assert_int_equal(ops->dequeue(source, fv_test_now_ns() + 10000000000, &frame), FOVEA_OK);
+    return frame;
+}
+
+static int ascending(const void *a, const void *b)
+{
+    const int64_t x = *(const int64_t *)a, y = *(const int64_t *)b;
+    return (x > y) - (x < y);
+}
+
+static void test_frames_bit_for_bit(void **state)
+{
+    (void)state;
+    enum { FRAMES = 200 };
+    static int64_t took_ns[FRAMES];
+    struct fovea_source *source = start_source();
+    const struct fovea_source_info *info = ops->info(source);
+    assert_int_equal(info->width, FAKE_WIDTH);
+    assert_int_equal(info->height, FAKE_HEIGHT);
+    assert_int_equal(info->format, FOVEA_PIXEL_GREY8);
+    for (int i = 0; i < FRAMES; ++i) {
+        const struct fovea_frame frame = take(source);
+        took_ns[i] = fv_test_now_ns() - frame.stamp_ns;
+        assert_int_equal(frame.image.stride_bytes, FAKE_STRIDE);
+        assert_int_equal(frame.stamp_meaning, FOVEA_STAMP_EXPOSURE_START);
+        assert_int_equal(frame.clock, FOVEA_CLOCK_MONOTONIC);
+        for (int32_t y = 0; y < FAKE_HEIGHT; ++y)
+            for (int32_t x = 0; x < FAKE_WIDTH; ++x)
+                if (frame.image.data[y * FAKE_STRIDE + x] != fake_pixel(frame.sequence, x, y))
+                    fail_msg("frame %llu differs at %d, %d", (unsigned long long)frame.sequence, x, y);
+        ops->requeue(source, &frame);
+    }
+    qsort(took_ns, FRAMES, sizeof *took_ns, ascending);
+    print_message("from the process to the loop: %.0f us (median), %.0f us (worst of %d)\n",
+                  (double)took_ns[FRAMES / 2] * 1e-3, (double)took_ns[FRAMES - 1] * 1e-3, FRAMES);
+    assert_int_equal(fv_test_counts(source).damaged, 0);
+    fv_test_finish(source);
+}
+
+/* What the camera writes into a buffer that the loop holds is seen: it is the same memory. */
+static void test_frames_are_not_copied(void **state)
+{
+    (void)state;
+    struct fovea_source *source = start_source();
+    const struct fovea_frame frame = take(source);
+    const uint8_t before = frame.image.data[0];
+    atomic_store(&stage->scribble, 1 + (before ^ 0xff));
+    while (atomic_load(&stage->scribble) != 0)
+        usleep(1000);
+    assert_int_equal(frame.image.data[0], before ^ 0xff);
+    ops->requeue(source, &frame);
+    fv_test_finish(source);
+}
+
+static void test_frames_held_outlive_the_process(void **state)
+{
+    (void)state;
+    struct fovea_source *source = start_source();
+    const struct fovea_frame frame = take(source);
+    kill(atomic_load(&stage->pid), SIGKILL);
+    assert_told(source, "signal 9");
+    for (int32_t y = 0; y < FAKE_HEIGHT; ++y)
+        assert_int_equal(frame.image.data[y * FAKE_STRIDE + 7], fake_pixel(frame.sequence, 7, y));
+    ops->requeue(source, &frame);
+    wait_for_frame_of_life(source, 2);
+    fv_test_finish(source);
+}
+
+/* ---- faults ------------------------------------------------------------------------------------------ */
+
+static void test_faults_while_streaming(void **state)
+{
+    (void)state;
+    static const struct {
+        enum fake_fault fault;
+        const char *says;
+    } faults[] = {{FAKE_ABORT, "signal 6"},       {FAKE_EXIT, "ended with status 3"},
+                  {FAKE_SHORT, "makes no sense"}, {FAKE_VERSION, "makes no sense"},
+                  {FAKE_INDEX, "makes no sense"}, {FAKE_BROKEN, "it is on fire"},
+                  {FAKE_HANG, "no frame for"},    {FAKE_DESCRIPTORS, "makes no sense"}};
+    for (size_t i = 0; i < sizeof faults / sizeof faults[0]; ++i) {
+        struct fovea_source *source = start_source();
+        fv_test_next_frame(source);
+        atomic_store(&stage->fault, faults[i].fault);
+        assert_told(source, faults[i].says);
+        wait_for_frame_of_life(source, 2);
+        assert_int_equal(fv_test_counts(source).recovered, 1);
+        fv_test_finish(source);
+    }
+}
+
+static void test_faults_while_setting_up(void **state)
+{
+    (void)state;
+    static const struct {
+        enum fake_fault fault;
+        const char *says;
+    } faults[] = {{FAKE_ABORT, "signal 6"},
+                  {FAKE_HANG, "does not answer"},
+                  {FAKE_SHORT, "makes no sense"},
+                  {FAKE_FEWER, "makes no sense"},
+                  {FAKE_BROKEN, "it is on fire"}};
+    fv_libcamera_answer_ns = 200000000;
+    for (size_t i = 0; i < sizeof faults / sizeof faults[0]; ++i) {
+        struct fovea_source *source = start_source();
+        fv_test_next_frame(source);
+        atomic_store(&stage->fault_at_set_up, faults[i].fault);
+        kill(atomic_load(&stage->pid), SIGKILL);
+        assert_told(source, faults[i].says);
+        wait_for_frame_of_life(source, 3);
+        assert_int_equal(fv_test_counts(source).recovered, 1);
+        fv_test_finish(source);
+    }
+    fv_libcamera_answer_ns = 10000000000;
+}
+
+/* Aborting is how libcamera 0.0.3 may take an unplugged camera. */
+static void test_unplugged(void **state)
+{
+    (void)state;
+    for (int aborts = 0; aborts < 2; ++aborts) {
+        struct fovea_source *source = start_source();
+        fv_test_next_frame(source);
+        atomic_store(&stage->away, true);
+        if (aborts) atomic_store(&stage->fault, FAKE_ABORT);
+        assert_state_in_time(source, FOVEA_SOURCE_GONE);
+        assert_told(source, aborts ? "signal 6" : "is away");
+        usleep(200000); /* looked for all the while, by one process */
+        assert_int_equal(atomic_load(&stage->lives), 2);
+        assert_int_equal(ops->state(source), FOVEA_SOURCE_GONE);
+        atomic_store(&stage->away, false);
+        wait_for_frame_of_life(source, 2);
+        assert_int_equal(fv_test_counts(source).recovered, 1);
+        fv_test_finish(source);
+    }
+}
+
+/* It cannot be started for a while: told, tried again with bounded back-off, got over. */
+static void test_cannot_be_started(void **state)
+{
+    (void)state;
+    struct fovea_source *source = start_source();
+    fv_test_next_frame(source);
+    fake_stage_hide(stage, true);
+    kill(atomic_load(&stage->pid), SIGKILL);
+    assert_told(source, "found no plug-in fovea-libcamera");
+    assert_state_in_time(source, FOVEA_SOURCE_STALLED);
+    fake_stage_hide(stage, false);
+    wait_for_frame_of_life(source, 2);
+    fv_test_finish(source);
+}
+
+static void test_refused_at_open(void **state)
+{
+    (void)state;
+    static const struct fovea_source_selection everything = {.step = 1};
+    static const struct {
+        enum fake_fault fault;
+        const char *says;
+    } faults[] = {{FAKE_BROKEN, "it is on fire"}, {FAKE_ABORT, "signal 6"}, {FAKE_HANG, "does not answer"}};
+    struct fovea_source *source = NULL;
+    fv_libcamera_answer_ns = 200000000;
+    for (size_t i = 0; i < sizeof faults / sizeof faults[0]; ++i) {
+        struct fovea_error error = {.text = ""};
+        fake_stage_reset(stage);
+        atomic_store(&stage->fault_at_learn, faults[i].fault);
+        assert_true(ops->open("0", &everything, &source, &error) < 0);
+        if (strstr(error.text, faults[i].says) == NULL) fail_msg("%s", error.text);
+        assert_null(source);
+    }
+    fv_libcamera_answer_ns = 10000000000;
+    assert_int_equal(waitpid(-1, NULL, WNOHANG), -1); /* no process is left */
+    assert_int_equal(errno, ECHILD);
+}
+
+/* ---- over and over ----------------------------------------------------------------------------------- */
+
+static void test_ends_over_and_over(void **state)
+{
+    (void)state;
+    static const enum fake_fault ways[] = {FAKE_ABORT, FAKE_EXIT, FAKE_BROKEN};
+    int64_t *took_ns = calloc((size_t)times, sizeof *took_ns);
+    struct fake_holdings before = {0};
+    long late = 0;
+    struct fovea_source *source = start_source();
+    for (long i = 0; i < times; ++i) {
+        fv_test_next_frame(source);
+        if (i == 2) before = fake_holdings();
+        const int64_t begin_ns = fv_test_now_ns();
+        atomic_store(&stage->fault, ways[i % 3]);
+        wait_for_frame_of_life(source, (uint32_t)i + 2);
+        took_ns[i] = fv_test_now_ns() - begin_ns;
+        late += took_ns[i] > 1000000000;
+    }
+    const struct fake_holdings after = fake_holdings();
+    qsort(took_ns, (size_t)times, sizeof *took_ns, ascending);
+    print_message("ended %ld times: frames again after %.3f s (median), %.3f s (worst), %ld later than 1 s\n",
+                  times, (double)took_ns[times / 2] * 1e-9, (double)took_ns[times - 1] * 1e-9, late);
+    assert_true(late * 100 <= times);
+    assert_int_equal(before.descriptors, after.descriptors);
+    assert_int_equal(before.buffers, after.buffers);
+    assert_int_equal(before.processes, after.processes);
+    assert_int_equal(after.processes, 1);
+#ifndef FOVEA_SANITIZED
+    assert_int_equal(before.heap_bytes, after.heap_bytes);
+#endif
+    assert_int_equal(fv_test_counts(source).recovered, times);
+    fv_test_finish(source);
+    assert_int_equal(fake_holdings().processes, 0);
+    free(took_ns);
+}
+
+int main(int argc, char **argv)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_frames_bit_for_bit),
+                                       cmocka_unit_test(test_frames_are_not_copied),
+                                       cmocka_unit_test(test_frames_held_outlive_the_process),
+                                       cmocka_unit_test(test_faults_while_streaming),
+                                       cmocka_unit_test(test_faults_while_setting_up),
+                                       cmocka_unit_test(test_unplugged),
+                                       cmocka_unit_test(test_cannot_be_started),
+                                       cmocka_unit_test(test_refused_at_open),
+                                       cmocka_unit_test(test_ends_over_and_over)};
+    if (fake_libcamera_is_me(argv[0])) return fake_libcamera_run();
+    if (getenv("FOVEA_EMULATED") != NULL) {
+        printf("SKIPPED libcamera: an emulated program cannot start another\n");
+        return 0;
+    }
+    if (argc > 1) times = atol(argv[1]) > 3 ? atol(argv[1]) : 3;
+    stage = fake_stage_open();
+    const int failed = cmocka_run_group_tests(tests, NULL, NULL);
+    fake_stage_close(stage);
+    return failed;
+}
