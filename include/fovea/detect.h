@@ -42,6 +42,7 @@ struct fovea_detections {
     int64_t stamp_ns;  /* of the image that was looked at */
     uint64_t sequence; /* its frame's number */
     uint32_t count;
+    uint32_t uncertain; /* behind the `count` in the list: below the threshold, for the tracker (track.score_low) */
     const struct fovea_detection *list; /* by falling score */
 };
 

@@ -2,8 +2,8 @@
  *
  * Two modes. `sort`: a Kalman filter of constant velocity for the centre and size of each box; the camera's rotation between two
  * images, known from the odometry, moves the prediction; detections are assigned to predictions at least total cost
- * (overlap and Mahalanobis distance, gated, by class), first the certain detections, then the uncertain ones to what was seen just
- * before. After Bewley et al., "Simple online and realtime tracking", ICIP 2016 (filter and assignment); Zhang et al.,
+ * (overlap and Mahalanobis distance, gated, by class), first the certain detections, then the uncertain ones, those below the
+ * model's threshold among them, to what was seen just before. After Bewley et al., "Simple online and realtime tracking", ICIP 2016 (filter and assignment); Zhang et al.,
  * "ByteTrack", ECCV 2022 (two stages by score); Aharon et al., "BoT-SORT", 2022 (camera motion, noise in proportion to the box).
  * `centroid`: the nearest centroids are matched up to a distance, what has not been seen for too long is deregistered.
  *
@@ -35,9 +35,10 @@ enum fovea_track_state {
 struct fovea_track_config {
     int mode;                /* enum fovea_track_mode, default FOVEA_TRACK_SORT */
     uint32_t tracks_max;     /* [1, 256], default 128; memory: 2.2 kB each, with the costs of 300 detections */
-    uint32_t confirm_hits;   /* sort: [1, 100], default 2 sightings confirm a track */
+    uint32_t confirm_hits;   /* sort: [1, 100], default 2 sightings confirm a track, */
+    double score_confirm;    /* sort: [0, 1], default 0.5: when their mean score is at least this */
     double score_high;       /* sort: [0, 1], default 0.4: detections of the first stage */
-    double score_low;        /* sort: [0, 1], default 0.1: less certain ones are left out */
+    double score_low;        /* sort: [0, 1], default 0.2: less certain ones are left out */
     double score_new;        /* sort: [0, 1], default 0.4: a new track needs so much */
     double coast_s;          /* sort: [0, 60], default 2: a confirmed track unseen for longer ends */
     double max_distance_px;  /* centroid: [1, 10000], default 60: farther detections are other objects */
@@ -71,6 +72,7 @@ struct fovea_tracks {
     uint64_t updates;  /* since fovea_init; nothing below holds while 0 */
     int64_t stamp_ns;  /* of the image */
     uint64_t sequence; /* its frame's number */
+    uint64_t confirmed; /* tracks that were, since fovea_init */
     uint32_t count;
     const struct fovea_track *list; /* by rising id */
 };

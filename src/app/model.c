@@ -7,6 +7,7 @@
 #include "app/model_file.h"
 #include "app/options.h"
 #include "app/say.h"
+#include "detect/decode.h"
 #include "nn/run.h"
 
 static int64_t cpu_ns(void)
@@ -110,6 +111,10 @@ static int info(const char *path)
     print_shape(model, "output", model->outputs, h->output_count);
     print_operators(model);
     printf("%-10s%.1f million multiply-accumulates, %u labels\n", "work", macs * 1e-6, h->label_count);
+    if (fv_detect_gives_boxes(model)) {
+        printf("%-10sscore at least %g%s, overlap at most %g\n", "boxes", (double)h->decode.score_threshold,
+               h->decode.thresholds != 0 ? " or as classes have it" : "", (double)h->decode.iou_threshold);
+    }
     printf("%-10sconstants %u bytes, arena %u bytes, file %zu bytes\n", "memory", h->data_bytes, h->arena_bytes, file.bytes);
     double best_ms, unit_ms;
     const uint32_t units = fv_nn_units(model);

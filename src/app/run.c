@@ -30,7 +30,7 @@ struct run {
     struct fv_setup_options options;
     struct fovea_source_selection selection;
     const char *stats_path, *trajectory_path, *final_path, *picture_path, *detections_path, *tracks_path;
-    bool quiet;
+    bool quiet, all_boxes;
 
     struct fv_settings settings;
     struct fv_setup setup;
@@ -127,16 +127,6 @@ static void step_done(void *context, const struct fovea_inputs *inputs, const st
     fv_final_frame(run->final, pose, &sample);
 }
 
-/* A track is confirmed by the sighting that makes its hits enough. */
-static void count_found(struct run *run, const struct fovea_detections *detections, const struct fovea_tracks *tracks)
-{
-    const struct fovea_track_config *config = &run->settings.runtime.track;
-    const uint32_t enough = config->mode == FOVEA_TRACK_SORT ? config->confirm_hits : 1;
-    run->objects += detections->count;
-    for (uint32_t i = 0; i < tracks->count; i++)
-        run->tracks += tracks->list[i].state == FOVEA_TRACK_CONFIRMED && tracks->list[i].hits == enough;
-}
-
 static void work_done(void *context, const struct fovea_inputs *inputs, const struct fovea_grants *grants,
                       const struct fovea_outputs *outputs)
 {
@@ -151,8 +141,10 @@ static void work_done(void *context, const struct fovea_inputs *inputs, const st
     run->looks = detections.looks;
     struct fovea_tracks tracks;
     fovea_tracks_get(run->loop.rt, &tracks);
+    run->objects += detections.count;
+    run->tracks = tracks.confirmed;
+    if (run->all_boxes) detections.count += detections.uncertain;
     fv_results_add(run->results, &detections, &tracks);
-    count_found(run, &detections, &tracks);
     if (tracks.updates > 0) fv_trails_look(&run->trails, &tracks);
 }
 
@@ -188,6 +180,7 @@ static enum fv_options_result options_read(struct run *run, int argc, char **arg
          "where to draw path, map, tracks and timings (default " PICTURE_FILE " here; 'none')"},
         {"model", "FILE", FV_OPTION_TEXT, &run->options.model, "network that looks for objects (.fvm, made by tools/import)"},
         {"detections", "FILE", FV_OPTION_TEXT, &run->detections_path, "write what it finds as COCO results JSON"},
+        {"all-boxes", NULL, FV_OPTION_FLAG, &run->all_boxes, "with what is below its threshold and was kept for the tracker"},
         {"tracks", "FILE", FV_OPTION_TEXT, &run->tracks_path, "write the tracks of it as MOTChallenge text"},
         {"record", "FILE", FV_OPTION_TEXT, &run->options.record, "record the run for 'fovea replay'"},
         {"map", "FILE", FV_OPTION_TEXT, &run->options.map, "begin with a map that was saved"},

@@ -17,9 +17,10 @@ int fv_detect_gives_boxes(const struct fv_model *model)
 
 /* ---- the best candidates: a heap with the worst on top ------------------------------------------------------ */
 
-/* Whether `a` comes before `b` in the result: higher score, or earlier in the outputs. */
+/* Whether `a` comes before `b` in the result: not uncertain, higher score, or earlier in the outputs. */
 static int better(const struct fv_detect_candidate *a, const struct fv_detect_candidate *b)
 {
+    if (a->uncertain != b->uncertain) return b->uncertain;
     return a->found.score > b->found.score || (a->found.score == b->found.score && a->order < b->order);
 }
 
@@ -42,9 +43,9 @@ static void rise(struct fv_detect_candidate *heap, int32_t at)
     heap[at] = item;
 }
 
-void fv_detect_keep(struct fv_detect_scratch *s, const struct fovea_detection *found)
+void fv_detect_keep(struct fv_detect_scratch *s, const struct fovea_detection *found, int uncertain)
 {
-    const struct fv_detect_candidate item = {.found = *found, .order = s->offered++};
+    const struct fv_detect_candidate item = {.found = *found, .order = s->offered++, .uncertain = uncertain};
     if (s->count < FV_DETECT_CANDIDATES_MAX) {
         s->heap[s->count] = item;
         rise(s->heap, s->count++);
@@ -57,7 +58,9 @@ void fv_detect_keep(struct fv_detect_scratch *s, const struct fovea_detection *f
 /* The heap into a list by falling score: the worst left goes to the end. */
 static void sort(struct fv_detect_scratch *s)
 {
+    s->sure = 0;
     for (int32_t left = s->count; left > 0; --left) {
+        s->sure += !s->heap[0].uncertain;
         s->candidates[left - 1] = s->heap[0].found;
         s->heap[0] = s->heap[left - 1];
         sink(s->heap, 0, left - 1);
@@ -112,6 +115,14 @@ void fv_detect_decode_start(struct fv_detect_scratch *scratch)
     scratch->progress = (struct fv_detect_progress){.phase = FV_DECODE_SCAN};
 }
 
+/* How many of the candidates that are not uncertain the suppression left. */
+static int32_t sure_left(const struct fv_detect_scratch *s)
+{
+    int32_t left = 0;
+    for (int32_t i = 0; i < s->sure; ++i) left += !s->dropped[i];
+    return left;
+}
+
 static void open_outputs(const struct fv_model *model, uint8_t *arena, struct fv_head_job *j)
 {
     if (j->d->thresholds != 0) j->thresholds = (const float *)(const void *)(model->base + j->d->thresholds);
@@ -136,7 +147,7 @@ enum fovea_status fv_detect_decode_unit(const struct fv_model *model, uint8_t *a
     const struct fv_model_decode *d = &model->header->decode;
     const struct fv_head *head = fv_head_of(d->kind);
     struct fv_detect_progress *progress = &s->progress;
-    struct fv_head_job j = {.model = model, .d = d, .view = view, .s = s, .score_threshold = limits->score};
+    struct fv_head_job j = {.model = model, .d = d, .view = view, .s = s, .score_threshold = limits->score, .floor = limits->floor};
     if (head == NULL) return FOVEA_OK;
     const int due = head->boxes_overlap || (d->kind == FV_DECODER_SSD && d->class_agnostic);
     switch (progress->phase) {
@@ -155,27 +166,31 @@ enum fovea_status fv_detect_decode_unit(const struct fv_model *model, uint8_t *a
             return FOVEA_AGAIN;
         }
         s->count = progress->left;
+        s->sure = sure_left(s);
         return FOVEA_OK;
     }
 }
 
 int32_t fv_detect_decode_take(const struct fv_model *model, const struct fv_detect_limits *limits, const struct fv_detect_scratch *s,
-                              struct fovea_detection *detections, int32_t capacity)
+                              struct fovea_detection *detections, int32_t capacity, int32_t *uncertain)
 {
     const int32_t most = model->header->decode.max_detections;
-    int32_t count = s->count;
+    int32_t count = s->sure;
     if (most > 0 && count > most) count = most;
     if (limits->count > 0 && count > limits->count) count = limits->count;
     if (count > capacity) count = capacity;
     memcpy(detections, s->candidates, (size_t)count * sizeof *detections);
+    if (uncertain == NULL) return count;
+    *uncertain = s->count - s->sure < capacity - count ? s->count - s->sure : capacity - count;
+    memcpy(detections + count, s->candidates + s->sure, (size_t)*uncertain * sizeof *detections);
     return count;
 }
 
 int32_t fv_detect_decode(const struct fv_model *model, uint8_t *arena, const struct fv_detect_view *view,
                          struct fv_detect_scratch *scratch, struct fovea_detection *detections, int32_t capacity)
 {
-    const struct fv_detect_limits none = {0.0f, 0.0f, 0};
+    const struct fv_detect_limits none = {.count = 0};
     fv_detect_decode_start(scratch);
     while (fv_detect_decode_unit(model, arena, view, &none, scratch) == FOVEA_AGAIN) continue;
-    return fv_detect_decode_take(model, &none, scratch, detections, capacity);
+    return fv_detect_decode_take(model, &none, scratch, detections, capacity, NULL);
 }

@@ -19,11 +19,13 @@ enum { FV_DETECT_CELLS_MAX = 128 * 128 };
 struct fv_detect_limits {
     float score, iou;
     int32_t count;
+    float floor; /* boxes below the threshold are kept as uncertain ones down to this score, but for FOMO, whose boxes grow with it */
 };
 
 struct fv_detect_candidate {
     struct fovea_detection found;
     int32_t order; /* in the outputs */
+    int32_t uncertain; /* below the threshold */
 };
 
 enum fv_decode_phase { FV_DECODE_SCAN = 0, FV_DECODE_SORT, FV_DECODE_SUPPRESS };
@@ -36,6 +38,7 @@ struct fv_detect_progress {
 struct fv_detect_scratch {
     struct fv_detect_progress progress;
     int32_t count, offered; /* candidates held; ever */
+    int32_t sure;           /* once sorted: of those held, how many are not uncertain; they are the first */
     struct fv_detect_candidate heap[FV_DETECT_CANDIDATES_MAX];
     struct fovea_detection candidates[FV_DETECT_CANDIDATES_MAX]; /* by falling score, once sorted */
     uint8_t dropped[FV_DETECT_CANDIDATES_MAX];
@@ -51,9 +54,10 @@ int fv_detect_gives_boxes(const struct fv_model *model);
 void fv_detect_decode_start(struct fv_detect_scratch *scratch);
 enum fovea_status fv_detect_decode_unit(const struct fv_model *model, uint8_t *arena, const struct fv_detect_view *view,
                                         const struct fv_detect_limits *limits, struct fv_detect_scratch *scratch);
-/* At most `capacity` detections by falling score (ties: order of the outputs). Returns how many. */
+/* At most `capacity` detections by falling score (ties: order of the outputs). Returns how many. Behind them go the uncertain ones,
+ * which suppress no others, as far as there is room; `uncertain` takes how many, NULL: none are wanted. */
 int32_t fv_detect_decode_take(const struct fv_model *model, const struct fv_detect_limits *limits, const struct fv_detect_scratch *scratch,
-                              struct fovea_detection *detections, int32_t capacity);
+                              struct fovea_detection *detections, int32_t capacity, int32_t *uncertain);
 
 /* All units at once, with the model's own limits. */
 int32_t fv_detect_decode(const struct fv_model *model, uint8_t *arena, const struct fv_detect_view *view,

@@ -26,6 +26,13 @@ static float threshold_of(const struct fv_head_job *j, int32_t class_id)
     return own > j->score_threshold ? own : j->score_threshold;
 }
 
+/* What a score must be at least to be taken at all. */
+static float least_of(const struct fv_head_job *j, int32_t class_id)
+{
+    const float threshold = threshold_of(j, class_id);
+    return j->floor > 0.0f && j->floor < threshold ? j->floor : threshold;
+}
+
 static float clamped(float value, float high)
 {
     return value > 0.0f ? (value < high ? value : high) : 0.0f;
@@ -44,7 +51,7 @@ static void add_box(struct fv_head_job *j, float x0, float y0, float x1, float y
         .score = score,
         .class_id = class_id,
     };
-    if (found.x_max_px > found.x_min_px && found.y_max_px > found.y_min_px) fv_detect_keep(j->s, &found);
+    if (found.x_max_px > found.x_min_px && found.y_max_px > found.y_min_px) fv_detect_keep(j->s, &found, score < threshold_of(j, class_id));
 }
 
 static void add_centred(struct fv_head_job *j, float x, float y, float w, float h, float score, int32_t class_id)
@@ -74,7 +81,7 @@ static void classifier_scan(struct fv_head_job *j, int64_t begin, int64_t end)
     for (int64_t i = begin > background ? begin : background; i < end; ++i) {
         const float score = value_at(&j->out[0], i);
         const int32_t class_id = (int32_t)i - background;
-        if (score >= threshold_of(j, class_id)) add_box(j, 0, 0, (float)p->width, (float)p->height, score, class_id);
+        if (score >= least_of(j, class_id)) add_box(j, 0, 0, (float)p->width, (float)p->height, score, class_id);
     }
 }
 
@@ -98,7 +105,7 @@ static void ssd_scan(struct fv_head_job *j, int64_t begin, int64_t end)
     for (int64_t i = begin; i < end; ++i) {
         const float score = value_at(&j->out[2], i), class_value = value_at(&j->out[1], i);
         const int32_t class_id = class_value >= 0.0f && class_value < 4096.0f ? (int32_t)class_value : 0;
-        if (!(score >= threshold_of(j, class_id))) continue;
+        if (!(score >= least_of(j, class_id))) continue;
         add_box(j, value_at(b, 4 * i + 1) * w, value_at(b, 4 * i) * h, value_at(b, 4 * i + 3) * w, value_at(b, 4 * i + 2) * h, score, class_id);
     }
 }
@@ -139,7 +146,7 @@ static void ssd_raw_scan(struct fv_head_job *j, int64_t begin, int64_t end)
     for (int64_t i = begin; i < end; ++i) {
         for (int64_t c = 1; c < columns; ++c) {
             const float score = value_at(&j->out[1], i * columns + c);
-            if (score >= threshold_of(j, (int32_t)c - 1)) ssd_raw_box(j, i, score, (int32_t)c - 1);
+            if (score >= least_of(j, (int32_t)c - 1)) ssd_raw_box(j, i, score, (int32_t)c - 1);
         }
     }
 }
@@ -168,7 +175,7 @@ static void yolov5_scan(struct fv_head_job *j, int64_t begin, int64_t end)
         const float object = value_at(o, at + 4);
         for (int32_t c = 0; c < columns - 5; ++c) {
             const float score = object * value_at(o, at + 5 + c);
-            if (score >= threshold_of(j, c)) add_centred(j, value_at(o, at), value_at(o, at + 1), value_at(o, at + 2), value_at(o, at + 3), score, c);
+            if (score >= least_of(j, c)) add_centred(j, value_at(o, at), value_at(o, at + 1), value_at(o, at + 2), value_at(o, at + 3), score, c);
         }
     }
 }
@@ -198,7 +205,7 @@ static void yolov8_scan(struct fv_head_job *j, int64_t begin, int64_t end)
                 best = c;
             }
         }
-        if (score >= threshold_of(j, best)) add_centred(j, value_at(o, i), value_at(o, n + i), value_at(o, 2 * n + i), value_at(o, 3 * n + i), score, best);
+        if (score >= least_of(j, best)) add_centred(j, value_at(o, i), value_at(o, n + i), value_at(o, 2 * n + i), value_at(o, 3 * n + i), score, best);
     }
 }
 
@@ -240,7 +247,7 @@ static void yolov2_scan(struct fv_head_job *j, int64_t begin, int64_t end)
         for (int32_t c = 0; c < classes; ++c) sum += fovea_exp((double)value_at(o, at + 5 + c) - largest);
         for (int32_t c = 0; c < classes; ++c) {
             const float score = object * (float)(fovea_exp((double)value_at(o, at + 5 + c) - largest) / sum);
-            if (score >= threshold_of(j, c)) yolov2_box(j, i, at, score, c);
+            if (score >= least_of(j, c)) yolov2_box(j, i, at, score, c);
         }
     }
 }

@@ -18,6 +18,7 @@ struct fv_head_job {
     struct fv_detect_scratch *s;
     const float *thresholds; /* by class, or NULL */
     float score_threshold;   /* for every class, beside its own */
+    float floor;             /* below the threshold down to here a box is uncertain; 0: such are left out */
     struct fv_head_output out[FV_MODEL_IO_MAX];
 };
 
@@ -31,7 +32,7 @@ struct fv_head {
 /* The head of a decoder, NULL for one that gives no boxes. */
 const struct fv_head *fv_head_of(int32_t decoder);
 
-/* Take a candidate; of more than FV_DETECT_CANDIDATES_MAX the best are kept. */
-void fv_detect_keep(struct fv_detect_scratch *scratch, const struct fovea_detection *found);
+/* Take a candidate; of more than FV_DETECT_CANDIDATES_MAX the best are kept, an uncertain one never before one that is not. */
+void fv_detect_keep(struct fv_detect_scratch *scratch, const struct fovea_detection *found, int uncertain);
 
 #endif

@@ -51,7 +51,7 @@ static void decode_some(const struct fv_detect_memory *memory, const struct fv_m
 {
     struct fv_detect_job *job = memory->job;
     if (fv_detect_decode_unit(model, memory->arena, &job->view, &memory->limits, memory->scratch) != FOVEA_OK) return;
-    job->count = fv_detect_decode_take(model, &memory->limits, memory->scratch, job->found, FOVEA_DETECTIONS_MAX);
+    job->count = fv_detect_decode_take(model, &memory->limits, memory->scratch, job->found, FOVEA_DETECTIONS_MAX, &job->uncertain);
     job->found_stamp_ns = job->stamp_ns;
     job->found_sequence = job->sequence;
     job->phase = FV_DETECT_IDLE;

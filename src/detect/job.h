@@ -23,8 +23,8 @@ struct fv_detect_job {
     int64_t stamp_ns; /* of the image under way, then of the detections */
     uint64_t sequence;
     int32_t width, height, stride_bytes, format; /* of the copied image */
-    int32_t count;
-    struct fovea_detection found[FOVEA_DETECTIONS_MAX]; /* of the last run that completed */
+    int32_t count, uncertain;
+    struct fovea_detection found[FOVEA_DETECTIONS_MAX]; /* of the last run that completed: `count`, then the uncertain ones */
     int64_t found_stamp_ns;
     uint64_t found_sequence;
 };

@@ -19,8 +19,9 @@ void fovea_config_default(struct fovea_config *config)
     config->track = (struct fovea_track_config){.mode = FOVEA_TRACK_SORT,
                                                 .tracks_max = 128,
                                                 .confirm_hits = 2,
+                                                .score_confirm = 0.5,
                                                 .score_high = 0.4,
-                                                .score_low = 0.1,
+                                                .score_low = 0.2,
                                                 .score_new = 0.4,
                                                 .coast_s = 2.0,
                                                 .max_distance_px = 60,
@@ -104,6 +105,7 @@ static enum fovea_status check_real(const char *name, double value, double low, 
 static enum fovea_status check_track(const struct fovea_track_config *track, struct fovea_error *error)
 {
     enum fovea_status status = check_real("track.score_high", track->score_high, 0, 1, error);
+    if (status == FOVEA_OK) status = check_real("track.score_confirm", track->score_confirm, 0, 1, error);
     if (status == FOVEA_OK) status = check_real("track.score_low", track->score_low, 0, 1, error);
     if (status == FOVEA_OK) status = check_real("track.score_new", track->score_new, 0, 1, error);
     if (status == FOVEA_OK) status = check_real("track.coast_s", track->coast_s, 0, 60, error);

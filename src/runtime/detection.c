@@ -41,6 +41,14 @@ enum fovea_status fv_detection_prepare(struct fv_detection *detection, const str
     return FOVEA_OK;
 }
 
+/* What the tracker's second stage takes of what is below the threshold. */
+static float floor_of(const struct fovea_track_config *track)
+{
+    const float least = 0.01f;
+    if (track->mode != FOVEA_TRACK_SORT) return 0.0f;
+    return (float)track->score_low > least ? (float)track->score_low : least;
+}
+
 void fv_detection_carve(struct fv_detection *detection, const struct fovea_config *config, struct fv_arena *persistent,
                         struct fv_arena *job, struct fv_arena *frame)
 {
@@ -50,7 +58,8 @@ void fv_detection_carve(struct fv_detection *detection, const struct fovea_confi
     fv_detect_carve(&detection->memory, job, &detection->model, pixels * PIXEL_BYTES_MAX);
     detection->memory.limits = (struct fv_detect_limits){.score = (float)config->detect.score_threshold,
                                                          .iou = (float)config->detect.iou_threshold,
-                                                         .count = (int32_t)config->detect.count_max};
+                                                         .count = (int32_t)config->detect.count_max,
+                                                         .floor = floor_of(&config->track)};
     detection->message_scratch = fv_arena_take(frame, fv_message_detections_scratch_bytes(config->detect.count_max), 1);
 }
 
@@ -202,6 +211,7 @@ void fv_detection_get(const struct fv_detection *detection, struct fovea_detecti
         .stamp_ns = detection->state->found_frame.stamp_ns,
         .sequence = detection->state->found_frame.sequence,
         .count = (uint32_t)job->count,
+        .uncertain = (uint32_t)job->uncertain,
         .list = job->found,
     };
 }

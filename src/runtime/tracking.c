@@ -36,6 +36,7 @@ void fv_tracking_update(struct fv_tracking *tracking, const struct fovea_detecti
         .sequence = detections->sequence,
         .detections = detections->list,
         .count = detections->count,
+        .uncertain = detections->uncertain,
         .posed = state->posed != 0,
         .metric = state->metric != 0,
         .world = state->world,

@@ -79,23 +79,26 @@ static void assign(struct fv_tracker *tracker, const struct fv_track_look *look,
     }
 }
 
-static int32_t gather_detections(const struct fv_tracker *tracker, const struct fv_track_look *look, double low, double high)
+/* Detections of the first stage, or those of the second. */
+static int32_t gather_detections(const struct fv_tracker *tracker, const struct fv_track_look *look, bool first)
 {
+    const struct fovea_track_config *config = tracker->config;
     int32_t count = 0;
-    for (uint32_t d = 0; d < look->count; d++) {
+    for (uint32_t d = 0; d < look->count + look->uncertain; d++) {
         const double score = (double)look->detections[d].score;
-        if (!tracker->taken[d] && score >= low && score < high) tracker->columns[count++] = (int32_t)d;
+        const bool high = d < look->count && score >= config->score_high;
+        if (!tracker->taken[d] && high == first && score >= config->score_low) tracker->columns[count++] = (int32_t)d;
     }
     return count;
 }
 
-/* Slots that were not matched yet; `fresh`: only those of believed tracks that were seen in the look before. */
+/* Slots that were not matched yet; `fresh`: only those that were seen in the look before. */
 static int32_t gather_slots(const struct fv_tracker *tracker, bool fresh)
 {
     int32_t count = 0;
     for (uint32_t i = 0; i < tracker->config->tracks_max; i++) {
         const struct fv_track_slot *slot = &tracker->slots[i];
-        const bool fits = !fresh || (slot->track.unseen == 0 && slot->track.state != FOVEA_TRACK_TENTATIVE);
+        const bool fits = !fresh || slot->track.unseen == 0;
         if (slot->used && !slot->matched && fits) tracker->rows[count++] = (int32_t)i;
     }
     return count;
@@ -105,8 +108,6 @@ static int32_t gather_slots(const struct fv_tracker *tracker, bool fresh)
  * detections of the one that comes out there. */
 void fv_track_match_sort(struct fv_tracker *tracker, const struct fv_track_look *look)
 {
-    const struct fovea_track_config *config = tracker->config;
-    const double beyond = 1e9;
-    assign(tracker, look, gather_slots(tracker, false), gather_detections(tracker, look, config->score_high, beyond), false);
-    assign(tracker, look, gather_slots(tracker, true), gather_detections(tracker, look, config->score_low, config->score_high), true);
+    assign(tracker, look, gather_slots(tracker, false), gather_detections(tracker, look, true), false);
+    assign(tracker, look, gather_slots(tracker, true), gather_detections(tracker, look, false), true);
 }

@@ -36,9 +36,9 @@ void fv_track_carve(struct fv_tracker *tracker, const struct fovea_track_config 
 
 void fv_track_reset(struct fv_tracker *tracker)
 {
-    const uint64_t next_id = tracker->state->next_id, updates = tracker->state->updates;
+    const struct fv_track_state before = *tracker->state;
     memset(tracker->slots, 0, tracker->config->tracks_max * sizeof *tracker->slots);
-    *tracker->state = (struct fv_track_state){.next_id = next_id, .updates = updates};
+    *tracker->state = (struct fv_track_state){.next_id = before.next_id, .updates = before.updates, .confirmed = before.confirmed};
 }
 
 /* ---- prediction -------------------------------------------------------------------------------------------- */
@@ -121,6 +121,7 @@ void fv_track_take(struct fv_tracker *tracker, struct fv_track_slot *slot, const
     const struct measured m = measure(d);
     for (int k = 0; k < FV_TRACK_NUMBERS; k++) fv_filter_update(&slot->box[k], m.number[k], m.sigma[k] * m.sigma[k]);
     slot->track.score = d->score;
+    slot->score_sum += (double)d->score;
     slot->track.class_id = d->class_id;
     slot->track.seen_ns = look->stamp_ns;
     slot->track.hits++;
@@ -135,6 +136,7 @@ static void begin(struct fv_tracker *tracker, struct fv_track_slot *slot, const 
     const struct measured m = measure(d);
     memset(slot, 0, sizeof *slot);
     slot->used = slot->matched = 1;
+    slot->score_sum = (double)d->score;
     slot->track = (struct fovea_track){.id = ++tracker->state->next_id, .class_id = d->class_id, .score = d->score,
                                        .first_ns = look->stamp_ns, .seen_ns = look->stamp_ns, .hits = 1};
     const double size = 0.5 * (m.number[FV_TRACK_W] + m.number[FV_TRACK_H]);
@@ -193,14 +195,23 @@ static bool is_over(const struct fv_tracker *tracker, const struct fv_track_slot
     return gone || (double)(stamp_ns - slot->track.seen_ns) * 1e-9 > config->coast_s;
 }
 
-static void age(const struct fv_tracker *tracker, struct fv_track_slot *slot, int64_t stamp_ns)
+/* Whether the object of a track that was seen just now is believed to be there. A detector that errs often does so again in the
+ * next image, with a score as low: repetition alone proves little. */
+static bool is_believed(const struct fv_tracker *tracker, const struct fv_track_slot *slot)
 {
-    const uint32_t needed = tracker->config->mode == FOVEA_TRACK_SORT ? tracker->config->confirm_hits : 1;
+    const struct fovea_track_config *config = tracker->config;
+    if (config->mode == FOVEA_TRACK_CENTROID || slot->track.state != FOVEA_TRACK_TENTATIVE) return true;
+    return slot->track.hits >= config->confirm_hits && slot->score_sum >= config->score_confirm * slot->track.hits;
+}
+
+static void age(struct fv_tracker *tracker, struct fv_track_slot *slot, int64_t stamp_ns)
+{
     if (!slot->matched) slot->track.unseen++;
     if (is_over(tracker, slot, stamp_ns)) {
         slot->used = 0;
         slot->track.state = FOVEA_TRACK_ENDED;
-    } else if (slot->matched && slot->track.hits >= needed) {
+    } else if (slot->matched && is_believed(tracker, slot)) {
+        tracker->state->confirmed += slot->track.state == FOVEA_TRACK_TENTATIVE;
         slot->track.state = FOVEA_TRACK_CONFIRMED;
     } else if (slot->track.state == FOVEA_TRACK_CONFIRMED) {
         slot->track.state = FOVEA_TRACK_COASTING;
@@ -231,7 +242,7 @@ void fv_track_update(struct fv_tracker *tracker, const struct fv_track_look *loo
 {
     struct fv_track_state *state = tracker->state;
     if (state->started && state->stamp_ns >= look->stamp_ns) return;
-    memset(tracker->taken, 0, look->count);
+    memset(tracker->taken, 0, look->count + look->uncertain);
     predict_all(tracker, look);
     if (tracker->config->mode == FOVEA_TRACK_SORT) fv_track_match_sort(tracker, look);
     else fv_track_match_centroid(tracker, look);
@@ -260,7 +271,7 @@ void fv_track_update(struct fv_tracker *tracker, const struct fv_track_look *loo
 void fv_track_get(const struct fv_tracker *tracker, struct fovea_tracks *tracks)
 {
     const struct fv_track_state *state = tracker->state;
-    *tracks = (struct fovea_tracks){.updates = state->updates, .stamp_ns = state->stamp_ns, .sequence = state->sequence,
+    *tracks = (struct fovea_tracks){.updates = state->updates, .confirmed = state->confirmed, .stamp_ns = state->stamp_ns, .sequence = state->sequence,
                                     .count = state->listed, .list = tracker->list};
 }
 

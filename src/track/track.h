@@ -20,8 +20,8 @@ extern "C" {
 struct fv_track_look {
     int64_t stamp_ns;
     uint64_t sequence;
-    const struct fovea_detection *detections; /* by falling score; at most FOVEA_DETECTIONS_MAX */
-    uint32_t count;
+    const struct fovea_detection *detections; /* by falling score; with the uncertain ones at most FOVEA_DETECTIONS_MAX */
+    uint32_t count, uncertain;                /* the uncertain ones come last; they go on tracks but start none */
     bool posed;             /* T_world_cam holds */
     bool metric;            /* and its unit is the metre */
     uint64_t world;         /* poses of equal `world` share a frame */
@@ -36,11 +36,12 @@ struct fv_track_slot {
     struct fv_filter place[3]; /* in the world */
     uint64_t world;            /* of `place` */
     int64_t place_ns;          /* when `place` was last measured */
+    double score_sum;          /* over its detections */
     uint32_t used, has_place, matched, reserved; /* matched: in this look */
 };
 
 struct fv_track_state {
-    uint64_t next_id, updates, sequence, world;
+    uint64_t next_id, updates, confirmed, sequence, world;
     int64_t stamp_ns;
     uint32_t posed, listed, started, reserved; /* started: the stamp and what follows hold */
     double R_world_cam[9]; /* of the last look */

@@ -8,6 +8,7 @@
 import argparse
 import os
 import sys
+import time
 
 os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "2")
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
@@ -26,6 +27,9 @@ import scenes as scenes_module  # noqa: E402
 HERE = os.path.dirname(os.path.abspath(__file__))
 WEIGHTS = os.path.join(HERE, "weights.npz")
 CALIBRATION_IMAGES = 200
+FEW_PICTURES = 500  # with fewer the first layers stay as they come
+FEW_STEPS = 100     # fewer hardly change the weights that come with Fovea
+BEGUN = time.monotonic()
 
 
 def save_weights(model, path):
@@ -33,13 +37,19 @@ def save_weights(model, path):
     np.savez_compressed(path, **{v.path.replace("/", "."): np.asarray(v).astype(np.float16) for v in model.weights})
 
 
-def load_weights(model, path):
-    """Every weight whose name and shape fit; a head for other classes starts anew."""
+def load_weights(model, path, new_classes=False):
+    """Every weight whose name and shape fit. Of a head for other classes, or where they are new, what tells the box and that there
+    is an object; no class is preferred."""
     stored = np.load(path)
+    head = next(name.rsplit(".", 1)[0] for name in stored if name.startswith("head"))
     for variable in model.weights:
         name = variable.path.replace("/", ".")
-        if name in stored and stored[name].shape == tuple(variable.shape):
+        if name in stored and stored[name].shape == tuple(variable.shape) and not (new_classes and name.startswith("head")):
             variable.assign(stored[name].astype(np.float32))
+        elif name.startswith("head"):
+            value = np.zeros(variable.shape, np.float32)
+            value[..., :5] = stored[head + name[name.rindex("."):]][..., :5]
+            variable.assign(value)
 
 
 def quick_arithmetic():
@@ -121,9 +131,15 @@ def train_own(arguments):
     held_out, scenes = [scenes[i] for i in order[:held]], [scenes[i] for i in order[held:]] or [scenes[i] for i in order[:held]]
     print(f"{len(names)} classes, {len(scenes)} pictures to learn from, {len(held_out)} to judge by", flush=True)
     model = network.build(len(names))
-    load_weights(model, WEIGHTS)
-    fit.fit(model, scenes, None, len(names), arguments.steps, rate=1e-3, seed=arguments.seed, minutes=arguments.minutes,
-            report=lambda line: print(line, flush=True))
+    load_weights(model, WEIGHTS, new_classes=True)
+    if len(scenes) < FEW_PICTURES:
+        for layer in model.layers:
+            layer.trainable = layer.name.removesuffix("_norm") not in network.EARLY
+    made = fit.fit(model, scenes, None, len(names), arguments.steps, batch=8, rate=1e-3, seed=arguments.seed, minutes=arguments.minutes,
+                   report=lambda line: print(line, flush=True), begun=BEGUN, rise=20)
+    print(f"{made} steps in {(time.monotonic() - BEGUN) / 60:.1f} minutes", flush=True)
+    if made < min(FEW_STEPS, arguments.steps):
+        print(f"fewer than {FEW_STEPS}: the machine was busy, more --minutes will help", flush=True)
     finish(model, scenes, held_out, None, names, arguments.output, arguments.score)
 
 
@@ -134,8 +150,8 @@ def main():
     own.add_argument("folder", help="pictures, with YOLO labels beside them unless --coco")
     own.add_argument("--coco", help="COCO annotations (JSON)")
     own.add_argument("-o", "--output", required=True, help="the .fvm file to write; a .tflite is left beside it")
-    own.add_argument("--minutes", type=float, default=15, help="stop training after about so long, default 15")
-    own.add_argument("--steps", type=int, default=1500, help="at most so many steps of 16 pictures, default 1500")
+    own.add_argument("--minutes", type=float, default=15, help="training ends so long after the start, default 15; quantising and judging come after it")
+    own.add_argument("--steps", type=int, default=1500, help="at most so many steps of 8 pictures, default 1500")
     shipped = commands.add_parser("shipped", help="train the detector that comes with Fovea")
     shipped.add_argument("--fovea", default="build/fovea")
     shipped.add_argument("--work", default="build/train", help="where scenes and photographs are kept")

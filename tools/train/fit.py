@@ -27,12 +27,14 @@ def _batch(size):
     return np.stack([m[0] for m in made])[..., None], np.stack([m[1] for m in made])
 
 
-def fit(model, scenes, backgrounds, classes, steps, batch=16, rate=2e-3, seed=1, report=print, keep=None, minutes=None):
-    """Trains in place for so many steps, or fewer where `minutes` are up before. The rate rises over the first steps and falls as half a
-    cosine over the rest. `keep(step)` is called now and then. With one worker, and steps alone, the result depends on the seed
-    alone, up to the order in which the library's threads add."""
+def fit(model, scenes, backgrounds, classes, steps, batch=16, rate=2e-3, seed=1, report=print, keep=None, minutes=None, begun=None,
+        rise=200):
+    """Trains in place for so many steps, or fewer where `minutes` since `begun` (now, unless given; of time.monotonic) are up before.
+    The rate rises over `rise` steps and falls as half a cosine over the rest, by steps or by time, whichever is farther. `keep(step)`
+    is called now and then. Returns the steps made. With one worker, and steps alone, the result depends on the seed alone, up to the
+    order in which the library's threads add."""
     counter = multiprocessing.Value("i", 0)
-    rise = max(1, min(200, steps // 10))
+    rise = max(1, min(rise, steps // 10))
     optimizer = keras.optimizers.AdamW(rate, weight_decay=1e-3, clipnorm=5.0)
 
     @tf.function(jit_compile=False)
@@ -45,17 +47,21 @@ def fit(model, scenes, backgrounds, classes, steps, batch=16, rate=2e-3, seed=1,
 
     with multiprocessing.Pool(1, _start, (scenes, backgrounds, classes, seed, counter)) as pool:
         pending = [pool.apply_async(_batch, (batch,)) for _ in range(4)]
-        recent, begun = [], time.time()
+        recent, entered = [], time.monotonic()
+        begun, told = entered if begun is None else begun, entered
+        limit = max(begun + 60 * minutes - entered, 1.0) if minutes else np.inf
         for step in range(steps):
-            done = max(step / steps, (time.time() - begun) / (minutes * 60) if minutes else 0.0)
+            done = max(step / steps, (time.monotonic() - entered) / limit)
             if done >= 1:
-                break
+                return step
             optimizer.learning_rate.assign(rate * min((step + 1) / rise, 0.01 + 0.99 * (0.5 + 0.5 * np.cos(np.pi * done))))
             images, grid = pending.pop(0).get()
             pending.append(pool.apply_async(_batch, (batch,)))
             recent.append(float(train(images, grid)))
-            if (step + 1) % 100 == 0:
-                report(f"step {step + 1} of {steps}, loss {np.mean(recent):.3f}, {time.time() - begun:.0f} s")
-                recent = []
+            now = time.monotonic()
+            if (step + 1) % 100 == 0 or now - told > 60:
+                report(f"step {step + 1} of {steps}, loss {np.mean(recent):.3f}, {now - begun:.0f} s")
+                recent, told = [], now
             if keep is not None and (step + 1) % 500 == 0:
                 keep(step + 1)
+    return steps

@@ -10,13 +10,16 @@ from keras import layers
 
 from augment import HEIGHT, STRIDE, WIDTH
 
+EARLY = ("stem", "down8", "block8")  # edges and corners, of use for any picture
 ANCHOR_PX = 48.0  # in the input; sizes are exp(t) times this
 
 
 class Norm(layers.BatchNormalization):
-    """Batch normalisation in one operation: Keras' own takes six passes over the tensor, half the time of a training step."""
+    """Batch normalisation in one operation: Keras' own takes six passes over the tensor, half the time of a training step. Frozen, it
+    normalises by what it knows, as Keras' own does."""
 
     def call(self, x, training=None, mask=None):
+        training = training and self.trainable
         scale, offset = tf.cast(self.gamma, tf.float32), tf.cast(self.beta, tf.float32)
         known = ([], []) if training else (tf.cast(self.moving_mean, tf.float32), tf.cast(self.moving_variance, tf.float32))
         y, mean, variance, *_ = tf.raw_ops.FusedBatchNormV3(x=x, scale=scale, offset=offset, mean=known[0], variance=known[1],

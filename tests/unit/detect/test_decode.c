@@ -183,7 +183,7 @@ static uint8_t at_the_seam(int32_t row, int32_t class_id)
 static void units_go_on_where_the_last_one_ended(void **state)
 {
     (void)state;
-    const struct fv_detect_limits none = {0.0f, 0.0f, 0};
+    const struct fv_detect_limits none = {.count = 0};
     struct fovea_detection found[4];
     int units = 1;
     make_rows(12000, at_the_seam); /* of 7 values: a unit reads 9362 rows */
@@ -192,7 +192,7 @@ static void units_go_on_where_the_last_one_ended(void **state)
     fv_detect_decode_start(&scratch);
     for (; fv_detect_decode_unit(&model, arena, &view, &none, &scratch) == FOVEA_AGAIN; units++) assert_true(units < 10);
     assert_int_equal(units, 4); /* two of the scan, the sort, the suppression */
-    assert_int_equal(fv_detect_decode_take(&model, &none, &scratch, found, 4), 3);
+    assert_int_equal(fv_detect_decode_take(&model, &none, &scratch, found, 4, NULL), 3);
 }
 
 static void thresholds_by_class_hold(void **state)
@@ -216,6 +216,41 @@ static void thresholds_by_class_hold(void **state)
     assert_int_equal(found[0].class_id, 1);
 }
 
+/* Boxes of both classes in one place, of the scores 0.392 and 0.396. */
+static int32_t decode_down_to(float floor, struct fovea_detection *found, int32_t *uncertain)
+{
+    const struct fv_detect_limits limits = {.floor = floor};
+    const struct fv_detect_view view = view_of(256, 256);
+    fv_detect_decode_start(&scratch);
+    while (fv_detect_decode_unit(&model, arena, &view, &limits, &scratch) == FOVEA_AGAIN) continue;
+    return fv_detect_decode_take(&model, &limits, &scratch, found, 4, uncertain);
+}
+
+static void uncertain_boxes_come_last_and_suppress_no_others(void **state)
+{
+    (void)state;
+    struct fovea_detection found[4];
+    int32_t uncertain;
+    make_rows(8, both);
+    header.decode.thresholds = 4;
+    thresholds[1] = 0.2f;
+    thresholds[2] = 0.5f;
+    header.decode.class_agnostic = 0;
+    assert_int_equal(decode_down_to(0.1f, found, &uncertain), 1);
+    assert_int_equal(uncertain, 1);
+    assert_true(found[0].class_id == 0 && found[1].class_id == 1 && found[1].score > found[0].score);
+    assert_int_equal(decode_down_to(0.45f, found, &uncertain), 1); /* a floor raises no threshold */
+    assert_int_equal(uncertain, 0);
+    header.decode.class_agnostic = 1;
+    assert_int_equal(decode_down_to(0.1f, found, &uncertain), 1);
+    assert_int_equal(uncertain, 0);
+    assert_int_equal(found[0].class_id, 0);
+    thresholds[1] = 0.6f;
+    assert_int_equal(decode_down_to(0.1f, found, &uncertain), 0);
+    assert_int_equal(uncertain, 1);
+    assert_int_equal(found[0].class_id, 1);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -223,6 +258,7 @@ int main(void)
         cmocka_unit_test(the_best_of_too_many_are_kept),
         cmocka_unit_test(units_go_on_where_the_last_one_ended),
         cmocka_unit_test(thresholds_by_class_hold),
+        cmocka_unit_test(uncertain_boxes_come_last_and_suppress_no_others),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

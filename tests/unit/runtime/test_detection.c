@@ -112,7 +112,7 @@ static void slices_give_the_same_with_the_stamp_of_the_image(void **state)
 static void tracks_follow_the_looks(void **state)
 {
     (void)state;
-    config.track.score_high = config.track.score_new = 0.3;
+    config.track.score_high = config.track.score_new = config.track.score_confirm = 0.3;
     struct made made = make();
     struct fovea_tracks tracks;
     uint32_t confirmed = 0;
@@ -150,7 +150,7 @@ static void tracks_follow_the_looks(void **state)
         fovea_tracks_t_decode_cleanup(&out);
     }
     assert_true(confirmed > 0); /* nothing moves: what is found again and again is believed */
-    config.track.score_high = config.track.score_new = 0.5;
+    config.track.score_high = config.track.score_new = config.track.score_confirm = 0.5;
     free(made.memory);
 }
 

@@ -87,6 +87,7 @@ static void tracks_live_and_end(void **state)
         assert_int_equal(t.list[0].id, 1);
         assert_int_equal(t.list[0].state, f < 1 ? FOVEA_TRACK_TENTATIVE : FOVEA_TRACK_CONFIRMED);
     }
+    assert_int_equal(t.confirmed, 1);
     assert_in_range((int)t.list[0].x_px_s, 80, 140);
     assert_int_equal(t.list[0].hits, 5);
     int f = 5;
@@ -109,6 +110,48 @@ static void tracks_live_and_end(void **state)
     fv_track_reset(&tracker);
     t = look(0, &d, 1); /* time may start anew, ids do not */
     assert_int_equal(t.list[0].id, 3);
+    free(block);
+}
+
+/* State after so many equal sightings. */
+static int state_after(int sightings, double score)
+{
+    struct fovea_tracks t = {0};
+    const struct fovea_detection d = box(100, 100, 40, 60, score);
+    make();
+    for (int f = 0; f < sightings; f++) t = look(f, &d, 1);
+    assert_int_equal(t.count, 1);
+    const int state = t.list[0].state;
+    assert_int_equal(t.confirmed, state == FOVEA_TRACK_CONFIRMED);
+    free(block);
+    return state;
+}
+
+static void good_scores_confirm_and_poor_ones_never(void **state)
+{
+    (void)state;
+    assert_int_equal(state_after(1, 0.9), FOVEA_TRACK_TENTATIVE);
+    assert_int_equal(state_after(2, 0.55), FOVEA_TRACK_CONFIRMED);
+    assert_int_equal(state_after(30, 0.45), FOVEA_TRACK_TENTATIVE);
+}
+
+/* What is below the model's threshold goes on a track, seen just before, whatever the scores of the tracker say; it starts none. */
+static void what_is_below_the_threshold_starts_no_track(void **state)
+{
+    (void)state;
+    make();
+    struct fovea_tracks t;
+    for (int f = 0; f < 20; f++) {
+        const struct fovea_detection d[2] = {box(100 + 2 * f, 100, 40, 60, 0.7), box(400, 300, 50, 50, 0.7)};
+        const uint32_t certain = f < 5 ? 1 : 0;
+        const struct fv_track_look l = {.stamp_ns = (int64_t)(f + 1) * 33333333, .sequence = (uint64_t)f, .detections = d, .count = certain,
+                                        .uncertain = 2 - certain};
+        fv_track_update(&tracker, &l);
+        fv_track_get(&tracker, &t);
+        assert_int_equal(t.count, 1);
+    }
+    assert_int_equal(t.list[0].state, FOVEA_TRACK_CONFIRMED);
+    assert_int_equal(t.list[0].hits, 20);
     free(block);
 }
 
@@ -527,6 +570,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(tracks_live_and_end),
+        cmocka_unit_test(good_scores_confirm_and_poor_ones_never),
+        cmocka_unit_test(what_is_below_the_threshold_starts_no_track),
         cmocka_unit_test(uncertain_detections_hold_a_track_but_start_none),
         cmocka_unit_test(classes_do_not_mix),
         cmocka_unit_test(a_full_pool_gives_up_its_weakest),
