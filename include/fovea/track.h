@@ -65,6 +65,7 @@ struct fovea_track {
     int64_t first_ns, seen_ns; /* stamps of the first and the last detection */
     double position_m[3], velocity_m_s[3]; /* of its centre by size, of its foot by the floor; velocity in the world only */
     double covariance_m2[6];               /* of the position, upper triangle by rows */
+    double velocity_covariance_m2_s2[6];   /* of the velocity, likewise; in the world only */
 };
 
 /* The tracks as of the last image that was looked at, in memory of the runtime's block. */

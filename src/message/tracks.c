@@ -8,14 +8,14 @@
 /* One array per member, in the caller's scratch, widest first. */
 struct columns {
     int64_t *id, *age_ns, *unseen_ns;
-    double *position, *velocity, *covariance;
+    double *position, *velocity, *covariance, *velocity_covariance;
     char **name;
     int32_t *class_id, *hits;
     float *real[7]; /* score, box, velocity */
     int8_t *state, *located;
 };
 
-enum { BYTES_EACH = 3 * 8 + 12 * 8 + (int)sizeof(char *) + 2 * 4 + 7 * 4 + 2 };
+enum { BYTES_EACH = 3 * 8 + 18 * 8 + (int)sizeof(char *) + 2 * 4 + 7 * 4 + 2 };
 
 size_t fv_message_tracks_size_max(uint32_t count_max, size_t label_bytes)
 {
@@ -37,7 +37,8 @@ static void lay_out(struct columns *c, void *scratch, size_t n)
     c->position = (double *)(void *)(c->unseen_ns + n);
     c->velocity = c->position + 3 * n;
     c->covariance = c->velocity + 3 * n;
-    c->name = (char **)(void *)(c->covariance + 6 * n);
+    c->velocity_covariance = c->covariance + 6 * n;
+    c->name = (char **)(void *)(c->velocity_covariance + 6 * n);
     c->class_id = (int32_t *)(void *)(c->name + n);
     c->hits = c->class_id + n;
     for (size_t k = 0; k < 7; k++) c->real[k] = (float *)(void *)(c->hits + n) + k * n;
@@ -59,7 +60,10 @@ static void fill(const struct columns *c, uint32_t i, const struct fovea_track *
     for (int k = 0; k < 7; k++) c->real[k][i] = real[k];
     for (int k = 0; k < 3; k++) c->position[3 * i + (uint32_t)k] = track->located ? track->position_m[k] : 0.0;
     for (int k = 0; k < 3; k++) c->velocity[3 * i + (uint32_t)k] = track->located ? track->velocity_m_s[k] : 0.0;
-    for (int k = 0; k < 6; k++) c->covariance[6 * i + (uint32_t)k] = track->located ? track->covariance_m2[k] : 0.0;
+    for (uint32_t k = 0; k < 6; k++) {
+        c->covariance[6 * i + k] = track->located ? track->covariance_m2[k] : 0.0;
+        c->velocity_covariance[6 * i + k] = track->located ? track->velocity_covariance_m2_s2[k] : 0.0;
+    }
 }
 
 uint32_t fv_message_tracks_encode(const struct fv_message_tracks *in, void *scratch, uint8_t *buffer, size_t capacity)
@@ -93,6 +97,7 @@ uint32_t fv_message_tracks_encode(const struct fv_message_tracks *in, void *scra
         .velocity_m_s = c.velocity,
         .matrix_count = (int32_t)(6 * in->count),
         .covariance_m2 = c.covariance,
+        .velocity_covariance_m2_s2 = c.velocity_covariance,
     };
     const int bytes = fovea_tracks_t_encode(buffer, 0, capacity > INT32_MAX ? INT32_MAX : (int)capacity, &message);
     return bytes > 0 ? (uint32_t)bytes : 0;

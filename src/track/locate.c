@@ -97,6 +97,14 @@ static void upper(const double full[9], double covariance[6])
     for (int i = 0; i < 6; i++) covariance[i] = full[index[i]];
 }
 
+/* The matrix of the given variances that has the correlations of `full`. */
+static void scale_to(double full[9], const double variance[3])
+{
+    double scale[3];
+    for (int i = 0; i < 3; i++) scale[i] = __builtin_sqrt(variance[i] / full[4 * i]);
+    for (int i = 0; i < 9; i++) full[i] *= scale[i / 3] * scale[i % 3];
+}
+
 static void filter_place(struct fv_track_slot *slot, const struct place *place, const struct fv_track_look *look)
 {
     struct fv_se3 T;
@@ -117,15 +125,15 @@ static void filter_place(struct fv_track_slot *slot, const struct place *place, 
     slot->has_place = 1;
     slot->world = look->world;
     slot->place_ns = look->stamp_ns;
-    /* The filter works axis by axis; the measurement's shape is kept, scaled to its variances. */
-    double shrink[3];
-    for (int i = 0; i < 3; i++) shrink[i] = __builtin_sqrt(slot->place[i].xx / full[4 * i]);
-    for (int i = 0; i < 9; i++) full[i] *= shrink[i / 3] * shrink[i % 3];
     for (int i = 0; i < 3; i++) {
         slot->track.position_m[i] = slot->place[i].x;
         slot->track.velocity_m_s[i] = slot->place[i].v;
     }
+    /* The filter works axis by axis; the measurement's shape is kept, scaled to its variances. */
+    scale_to(full, (const double[3]){slot->place[0].xx, slot->place[1].xx, slot->place[2].xx});
     upper(full, slot->track.covariance_m2);
+    scale_to(full, (const double[3]){slot->place[0].vv, slot->place[1].vv, slot->place[2].vv});
+    upper(full, slot->track.velocity_covariance_m2_s2);
     slot->track.located = 2;
 }
 
@@ -147,5 +155,6 @@ void fv_track_locate(const struct fv_tracker *tracker, struct fv_track_slot *slo
     upper(full, slot->track.covariance_m2);
     memcpy(slot->track.position_m, place.at, sizeof place.at);
     memset(slot->track.velocity_m_s, 0, sizeof slot->track.velocity_m_s);
+    memset(slot->track.velocity_covariance_m2_s2, 0, sizeof slot->track.velocity_covariance_m2_s2);
     slot->track.located = 1;
 }

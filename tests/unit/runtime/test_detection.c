@@ -144,6 +144,7 @@ static void tracks_follow_the_looks(void **state)
         for (uint32_t t = 0; t < tracks.count; t++) {
             const struct fovea_track *track = &tracks.list[t];
             assert_true(out.id[t] == (int64_t)track->id && out.state[t] == track->state && out.x_max_px[t] == track->x_max_px);
+            assert_memory_equal(&out.velocity_covariance_m2_s2[6 * t], track->velocity_covariance_m2_s2, sizeof track->velocity_covariance_m2_s2);
             assert_true(out.age_ns[t] == tracks.stamp_ns - track->first_ns && out.unseen_ns[t] == tracks.stamp_ns - track->seen_ns);
             confirmed += track->state == FOVEA_TRACK_CONFIRMED;
         }

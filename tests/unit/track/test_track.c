@@ -466,9 +466,12 @@ static void places_are_in_metres(void **state)
     }
     assert_int_equal(t.list[0].located, 2);
     static const int diagonal[3] = {0, 3, 5};
+    static const double v_truth[3] = {0.9, 0, -0.6};
     for (int i = 0; i < 3; i++) {
         const double sigma = __builtin_sqrt(t.list[0].covariance_m2[diagonal[i]]), off = t.list[0].position_m[i] - truth[i];
         if (!(off * off < 9 * sigma * sigma && sigma < 0.5)) fail_msg("axis %d: off by %g m, sigma %g m", i, off, sigma);
+        const double v_sigma = __builtin_sqrt(t.list[0].velocity_covariance_m2_s2[diagonal[i]]), v_off = t.list[0].velocity_m_s[i] - v_truth[i];
+        if (!(v_off * v_off < 9 * v_sigma * v_sigma && v_sigma < 1)) fail_msg("axis %d: off by %g m/s, sigma %g m/s", i, v_off, v_sigma);
     }
     assert_true(__builtin_fabs(t.list[0].velocity_m_s[0] - 0.9) < 0.2 && __builtin_fabs(t.list[0].velocity_m_s[2] + 0.6) < 0.3);
     config.height_m[0] = 0;
