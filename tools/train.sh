@@ -7,7 +7,7 @@ venv=$here/build/train-venv
 if [ ! -e "$venv/ready" ]; then
     "$here/tools/install.sh" test
     python3 -m venv "$venv"
-    "$venv/bin/pip" install -q tensorflow-cpu==2.21.0 opencv-python-headless numpy tflite
+    "$venv/bin/pip" install -q --no-compile tensorflow-cpu==2.21.0 opencv-python-headless numpy tflite
     touch "$venv/ready"
 fi
 exec "$venv/bin/python" "$here/tools/train" "$@"
