@@ -1,22 +1,24 @@
 /* The model file (.fvm): one flat, little-endian, 64-byte aligned block that is used where it lies.
  *
- * Layout: header (512 bytes), tensor records (64 bytes each), operator records (256 bytes each), indices of the input and
- * output tensors, labels (zero-terminated), constant data, 64 bytes of zeros that kernels may read past the end.
- * Everything refers to everything by offset or index; nothing is patched at load. `checksum` is CRC-32 (IEEE 802.3, as in
- * zlib) of all bytes from 16 to the end. tools/import writes it (write.py and layout.py mirror this page).
+ * Layout: header (512 bytes), tensor records (64 bytes each), operator records (256 bytes each), indices of
+ * the input and output tensors, labels (zero-terminated), constant data, 64 bytes of zeros that kernels may
+ * read past the end. Everything refers to everything by offset or index; nothing is patched at load.
+ * `checksum` is CRC-32 (IEEE 802.3, as in zlib) of all bytes from 16 to the end. tools/import writes it
+ * (write.py and layout.py mirror this page).
  *
- * 8-bit tensors are unsigned here: an int8 value q is held as q + 128 and its zero point moved along. Quantised arithmetic
- * only sees (value - zero point), so one set of kernels serves both forms.
+ * 8-bit tensors are unsigned here: an int8 value q is held as q + 128 and its zero point moved along.
+ * Quantised arithmetic only sees (value - zero point), so one set of kernels serves both forms.
  *
- * A tensor record describes bytes of the arena, or of the file when constant. `storage` is the record that it is a part of
- * (itself for a whole one), so a slice of channels is a record whose pixels lie `pixel_stride` bytes apart.
+ * A tensor record describes bytes of the arena, or of the file when constant. `storage` is the record that it
+ * is a part of (itself for a whole one), so a slice of channels is a record whose pixels lie `pixel_stride`
+ * bytes apart.
  *
- * Operators stand in the order in which they run; each reads only inputs, constants and what an earlier one wrote. The work
- * of an operator is cut into `rows` slices that are independent of each other; `row_cost` estimates one slice in
- * multiply-accumulates.
+ * Operators stand in the order in which they run; each reads only inputs, constants and what an earlier one
+ * wrote. The work of an operator is cut into `rows` slices that are independent of each other; `row_cost`
+ * estimates one slice in multiply-accumulates.
  *
- * The loader (fv_model_open) checks every number that a kernel or operator later relies on, so that a hostile file is
- * refused with the byte at fault and never causes an access out of bounds. */
+ * The loader (fv_model_open) checks every number that a kernel or operator later relies on, so that a hostile
+ * file is refused with the byte at fault and never causes an access out of bounds. */
 #ifndef FOVEA_NN_MODEL_H
 #define FOVEA_NN_MODEL_H
 
@@ -59,12 +61,12 @@ struct fv_model_tensor {
 
 enum fv_model_op_kind {
     FV_OP_NONE = 0,
-    FV_OP_CONV,           /* convolution of any kind but depthwise, and fully connected layers */
+    FV_OP_CONV, /* convolution of any kind but depthwise, phases of transposed ones, fully connected layers */
     FV_OP_DEPTHWISE,
-    FV_OP_BINARY,         /* add, subtract, multiply, maximum, minimum, prelu with broadcasting */
+    FV_OP_BINARY, /* add, subtract, multiply, maximum, minimum, prelu with broadcasting */
     FV_OP_POOL,
-    FV_OP_REDUCE,         /* mean, maximum, minimum over axes */
-    FV_OP_COPY,           /* any move of bytes (transpose, slice, concatenate, tile, ...), through a table if given */
+    FV_OP_REDUCE, /* mean, maximum, minimum over axes */
+    FV_OP_COPY,   /* any move of bytes (transpose, slice, concatenate, tile, ...), through a table if given */
     FV_OP_FILL,
     FV_OP_RESIZE,
     FV_OP_SOFTMAX,
@@ -73,12 +75,12 @@ enum fv_model_op_kind {
     FV_OP_QUANTIZE,
     FV_OP_CAST,
     FV_OP_BATCH_MATMUL,
-    FV_OP_TRANSPOSE_CONV,
-    FV_OP_DETECTION,      /* TFLite_Detection_PostProcess */
+    FV_OP_DETECTION, /* TFLite_Detection_PostProcess */
     FV_OP_KIND_COUNT
 };
 
-/* Shapes of an operator on images [batch][h][w][c]; strides are bytes from pixel to pixel, rows follow without gap. */
+/* Shapes of an operator on images [batch][h][w][c]; strides are bytes from pixel to pixel, rows follow
+ * without gap. */
 struct fv_op_image {
     int32_t batch, in_h, in_w, in_c, in_stride, out_h, out_w, out_c, out_stride;
 };
@@ -86,8 +88,8 @@ struct fv_op_window {
     int32_t kh, kw, stride_y, stride_x, dilation_y, dilation_x, pad_top, pad_left;
 };
 
-/* Words that are offsets count bytes from the start of the file; 0 in `table` means none. Per channel: int32 bias (holding
- * everything constant), multiplier and shift, padded to 16 channels. */
+/* Words that are offsets count bytes from the start of the file; 0 in `table` means none. Per channel: int32
+ * bias (holding everything constant), multiplier and shift, padded to 16 channels. */
 struct fv_op_conv {
     struct fv_op_image image;
     struct fv_op_window window;
@@ -97,6 +99,9 @@ struct fv_op_conv {
     int32_t single_rounding; /* 1: multiplier and shift are the low and high word of a double, rounded once */
     int32_t weights;         /* int8 [out_c / 16][k4][16][4], k in order ky, kx, channel */
     int32_t bias, multiplier, shift, table;
+    /* Where output pixels lie that are not neighbours, as those of one phase of a transposed convolution:
+     * bytes before the first, and from row to row; 0: rows follow without gap. */
+    int32_t out_first, out_row;
 };
 struct fv_op_depthwise {
     struct fv_op_image image;
@@ -119,7 +124,8 @@ struct fv_op_pool {
 };
 enum fv_reduce { FV_REDUCE_MEAN, FV_REDUCE_MAX, FV_REDUCE_MIN };
 struct fv_op_reduce {
-    int32_t function, dims[4], outer[4], count[4], inner[4]; /* kept axes with strides, dropped axes with strides */
+    int32_t function, dims[4], outer[4], count[4],
+        inner[4]; /* kept axes with strides, dropped axes with strides */
     int32_t elements, multiplier, shift, zero_in, zero_out;
 };
 struct fv_op_copy {
@@ -128,11 +134,13 @@ struct fv_op_copy {
 struct fv_op_fill {
     int32_t bytes, value;
 };
-enum fv_resize { FV_RESIZE_NEAREST, FV_RESIZE_FLOAT, FV_RESIZE_FIXED, FV_RESIZE_EXACT };
+enum fv_resize { FV_RESIZE_NEAREST, FV_RESIZE_FLOAT, FV_RESIZE_SIGNED, FV_RESIZE_EXACT };
 struct fv_op_resize {
     struct fv_op_image image;
-    int32_t mode, rows, columns; /* tables of 3 words per output row or column: lower, upper, weight of the upper one */
-    int32_t bits;                /* EXACT: weights are multiples of 2^-bits, where float arithmetic makes no error */
+    int32_t mode, rows,
+        columns;  /* tables of 3 words per output row or column: lower, upper, weight of the upper one */
+    int32_t bits; /* EXACT: weights are whole, in 2^-bits, where float arithmetic makes no error; SIGNED: the
+                     same for int8 */
 };
 struct fv_op_softmax {
     int32_t outer, depth, table; /* int32[256]: exp(-d) in Q0.31 by distance from the maximum, -1: left out */
@@ -152,15 +160,9 @@ struct fv_op_cast {
     int32_t count;
 };
 struct fv_op_matmul {
-    int32_t batch[2], a_batch[2], b_batch[2], m, k, n, a_row, a_column, b_row, b_column;
+    int32_t batch[2], a_batch[2], b_batch[2], m, k, n, a_row, b_row,
+        b_column; /* strides in bytes; columns of a are packed */
     int32_t zero_a, zero_b, zero_out, multiplier, shift;
-};
-struct fv_op_transpose_conv {
-    struct fv_op_image image;
-    struct fv_op_window window;
-    int32_t zero_in, zero_weights, zero_out, act_min, act_max;
-    int32_t weights; /* int8 [out_c][kh][kw][in_c] */
-    int32_t bias, multiplier, shift;
 };
 struct fv_op_detection {
     int32_t anchors, classes, class_offset, max_detections, max_per_anchor, per_class, regular_nms;
@@ -192,7 +194,6 @@ struct fv_model_op {
         struct fv_op_quantize quantize;
         struct fv_op_cast cast;
         struct fv_op_matmul matmul;
-        struct fv_op_transpose_conv transpose_conv;
         struct fv_op_detection detection;
     } u;
 };
@@ -202,37 +203,38 @@ enum fv_model_fit { FV_FIT_STRETCH = 0, FV_FIT_LETTERBOX = 1 };
 struct fv_model_preprocess {
     int32_t fit;
     int32_t width, height, channels;
-    int32_t order;  /* 0: red green blue, 1: blue green red, 2: grey */
-    float mean[3];  /* real input = (pixel - mean) * scale, then quantised with the input tensor's parameters */
+    int32_t order; /* 0: red green blue, 1: blue green red, 2: grey */
+    float
+        mean[3]; /* real input = (pixel - mean) * scale, then quantised with the input tensor's parameters */
     float scale[3];
-    int32_t pad;    /* pixel value of letterbox borders */
+    int32_t pad; /* pixel value of letterbox borders */
     int32_t reserved[4];
 };
 
 enum fv_model_decoder {
     FV_DECODER_NONE = 0,
     FV_DECODER_CLASSIFIER,
-    FV_DECODER_SSD,        /* outputs of FV_OP_DETECTION */
-    FV_DECODER_SSD_RAW,    /* box encodings and scores with anchors in the file */
-    FV_DECODER_YOLOV5,     /* [n][5 + classes]: centre, size, objectness, classes */
-    FV_DECODER_YOLOV8,     /* [4 + classes][n] */
-    FV_DECODER_YOLOV2,     /* [h][w][anchors (5 + classes)] */
-    FV_DECODER_FOMO,       /* [h][w][1 + classes], class 0 is background */
-    FV_DECODER_SEGMENT,    /* [h][w] class indices, or [h][w][classes] scores */
+    FV_DECODER_SSD,     /* outputs of FV_OP_DETECTION */
+    FV_DECODER_SSD_RAW, /* box encodings and scores with anchors in the file */
+    FV_DECODER_YOLOV5,  /* [n][5 + classes]: centre, size, objectness, classes */
+    FV_DECODER_YOLOV8,  /* [4 + classes][n] */
+    FV_DECODER_YOLOV2,  /* [h][w][anchors (5 + classes)] */
+    FV_DECODER_FOMO,    /* [h][w][1 + classes], class 0 is background */
+    FV_DECODER_SEGMENT, /* [h][w] class indices, or [h][w][classes] scores */
     FV_DECODER_COUNT
 };
 struct fv_model_decode {
     int32_t kind, classes;
     float score_threshold, iou_threshold;
     int32_t class_agnostic, max_detections;
-    int32_t normalised;       /* box coordinates are shares of the input size, not pixels */
+    int32_t normalised; /* box coordinates are shares of the input size, not pixels */
     int32_t anchor_count;
-    float anchors[16];        /* width, height pairs (YOLOv2: in cells) */
-    int32_t first_label;      /* class index of the first label */
-    int32_t background;       /* classifiers: class 0 is background */
-    int32_t thresholds;       /* offset of float[classes], 0: score_threshold for all */
-    int32_t anchor_data;      /* SSD_RAW: offset of float[n][4] */
-    float box_scales[4];      /* SSD_RAW: y x h w */
+    float anchors[16];   /* width, height pairs (YOLOv2: in cells) */
+    int32_t first_label; /* class index of the first label */
+    int32_t background;  /* classifiers: class 0 is background */
+    int32_t thresholds;  /* offset of float[classes], 0: score_threshold for all */
+    int32_t anchor_data; /* SSD_RAW: offset of float[n][4] */
+    float box_scales[4]; /* SSD_RAW: y x h w */
     int32_t reserved[32];
 };
 
@@ -263,8 +265,8 @@ struct fv_model {
 };
 
 /* Check `bytes` bytes at `data` (64-byte aligned) as a model file. Init-only.
- * FOVEA_ERROR_INPUT: `error` names the byte at fault, what was found and what was expected; `model` is untouched.
- * `name` stands in error texts. */
+ * FOVEA_ERROR_INPUT: `error` names the byte at fault, what was found and what was expected; `model` is
+ * untouched. `name` stands in error texts. */
 enum fovea_status fv_model_open(const void *data, size_t bytes, const char *name, struct fv_model *model,
                                 struct fovea_error *error);
 

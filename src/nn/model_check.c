@@ -12,10 +12,10 @@ struct check {
 };
 
 #define WORD(member) ((int32_t)(offsetof(struct fv_model_op, u.member) / 4))
-#define REQUIRE(member, condition, text)                                                                             \
-    do {                                                                                                             \
-        *c->word = WORD(member);                                                                                     \
-        if (!(condition)) return text;                                                                               \
+#define REQUIRE(member, condition, text)                                                                     \
+    do {                                                                                                     \
+        *c->word = WORD(member);                                                                             \
+        if (!(condition)) return text;                                                                       \
     } while (0)
 
 static int between(int64_t value, int64_t low, int64_t high)
@@ -35,10 +35,13 @@ static const struct fv_model_tensor *output(const struct check *c, int32_t i)
 
 static int64_t scratch_bytes(const struct check *c)
 {
-    return c->op->scratch < 0 || c->m->tensors[c->op->scratch].offset % 64 != 0 ? 0 : c->m->tensors[c->op->scratch].bytes;
+    return c->op->scratch < 0 || c->m->tensors[c->op->scratch].offset % 64 != 0
+               ? 0
+               : c->m->tensors[c->op->scratch].bytes;
 }
 
-/* Constant data of `bytes` bytes at a multiple of `alignment`, with the slack that kernels may read behind it. */
+/* Constant data of `bytes` bytes at a multiple of `alignment`, with the slack that kernels may read behind
+ * it. */
 static int constant(const struct check *c, int32_t offset, int64_t bytes, int32_t alignment)
 {
     return offset >= FV_MODEL_HEADER_BYTES && offset % alignment == 0 &&
@@ -59,7 +62,8 @@ static int shifts_fit(const struct check *c, int32_t offset, int32_t count)
 {
     const int32_t *shift = words_at(c, offset);
     int good = 1;
-    for (int32_t i = 0; i < count; ++i) good &= shift[i] >= -31 && shift[i] <= 30;
+    for (int32_t i = 0; i < count; ++i)
+        good &= shift[i] >= -31 && shift[i] <= 30;
     return good;
 }
 
@@ -74,32 +78,45 @@ static const char *operands(const struct check *c, int32_t inputs, int32_t outpu
     return c->op->input_count == inputs && c->op->output_count == outputs ? NULL : "wrong number of operands";
 }
 
-/* An image of bytes inside its tensor. */
-static const char *half_image(const struct fv_model_tensor *t, int32_t batch, int32_t h, int32_t w, int32_t channels, int32_t stride)
+/* An image of bytes inside its tensor, from byte `first` on; `row`: bytes from row to row, 0 where rows
+ * follow without gap. */
+static const char *half_image(const struct fv_model_tensor *t, int32_t batch, int32_t h, int32_t w,
+                              int32_t channels, int32_t stride, int32_t first, int32_t row)
 {
-    if (!between(batch, 1, 4096) || !between(h, 1, 1 << 20) || !between(w, 1, 1 << 20) || !between(channels, 1, 1 << 20)) {
+    if (!between(batch, 1, 4096) || !between(h, 1, 1 << 20) || !between(w, 1, 1 << 20) ||
+        !between(channels, 1, 1 << 20)) {
         return "a side of the image is out of range";
     }
     if (stride < channels) return "pixels overlap";
-    const int64_t pixels = (int64_t)batch * h;
-    if (pixels > (INT64_C(1) << 28) / w) return "the image is too large";
-    if (t->type != FV_TYPE_U8 || (pixels * w - 1) * stride + channels > t->bytes) return "the image does not fit its tensor";
+    const int64_t lines = (int64_t)batch * h, line = (int64_t)(w - 1) * stride + channels;
+    if (lines > (INT64_C(1) << 28) / w) return "the image is too large";
+    if (first < 0 || row < 0 || (row != 0 && row < line))
+        return "the first pixel or the distance of rows is out of range";
+    const int64_t last = (lines - 1) * (row != 0 ? row : (int64_t)w * stride) + line;
+    if (t->type != FV_TYPE_U8 || first + last > t->bytes) return "the image does not fit its tensor";
     return NULL;
 }
 
-static const char *check_image(const struct check *c, const struct fv_op_image *im)
+/* Input and output image; the output's pixels may have gaps (`first` and `row` as above). */
+static const char *check_images(const struct check *c, const struct fv_op_image *im, int32_t first,
+                                int32_t row)
 {
     *c->word = 16;
     const char *fault = operands(c, 1, 1);
     if (fault != NULL) return fault;
     *c->word = 16;
-    fault = half_image(input(c, 0), im->batch, im->in_h, im->in_w, im->in_c, im->in_stride);
+    fault = half_image(input(c, 0), im->batch, im->in_h, im->in_w, im->in_c, im->in_stride, 0, 0);
     if (fault != NULL) return fault;
     *c->word = 21;
-    fault = half_image(output(c, 0), im->batch, im->out_h, im->out_w, im->out_c, im->out_stride);
+    fault = half_image(output(c, 0), im->batch, im->out_h, im->out_w, im->out_c, im->out_stride, first, row);
     if (fault != NULL) return fault;
     *c->word = 13;
     return c->op->rows == im->batch * im->out_h ? NULL : "rows do not match the image";
+}
+
+static const char *check_image(const struct check *c, const struct fv_op_image *im)
+{
+    return check_images(c, im, 0, 0);
 }
 
 static const char *check_window(const struct check *c, const struct fv_op_window *w)
@@ -112,7 +129,8 @@ static const char *check_window(const struct check *c, const struct fv_op_window
     return NULL;
 }
 
-/* Bytes that strides reach, both ends, over axes of the given lengths; false when a length is out of range. */
+/* Bytes that strides reach, both ends, over axes of the given lengths; false when a length is out of range.
+ */
 static int reach(const int32_t *dims, const int32_t *strides, int32_t axes, int64_t *low, int64_t *high)
 {
     int64_t count = 1;
@@ -128,12 +146,14 @@ static int reach(const int32_t *dims, const int32_t *strides, int32_t axes, int6
 static int64_t product(const int32_t *dims, int32_t axes)
 {
     int64_t count = 1;
-    for (int32_t i = 0; i < axes; ++i) count *= dims[i];
+    for (int32_t i = 0; i < axes; ++i)
+        count *= dims[i];
     return count;
 }
 
 /* A strided walk from `first` with elements of `size` bytes stays inside the tensor. */
-static int walk_fits(const int32_t *dims, const int32_t *strides, int32_t axes, int64_t first, int32_t size, const struct fv_model_tensor *t)
+static int walk_fits(const int32_t *dims, const int32_t *strides, int32_t axes, int64_t first, int32_t size,
+                     const struct fv_model_tensor *t)
 {
     int64_t low = first, high = first;
     return reach(dims, strides, axes, &low, &high) && low >= 0 && high + size <= t->bytes;
@@ -141,30 +161,34 @@ static int walk_fits(const int32_t *dims, const int32_t *strides, int32_t axes, 
 
 static int is_pointwise(const struct fv_op_image *im, const struct fv_op_window *w)
 {
-    return w->kh == 1 && w->kw == 1 && w->stride_x == 1 && w->stride_y == 1 && w->pad_top == 0 && w->pad_left == 0 &&
-           im->in_h == im->out_h && im->in_w == im->out_w;
+    return w->kh == 1 && w->kw == 1 && w->stride_x == 1 && w->stride_y == 1 && w->pad_top == 0 &&
+           w->pad_left == 0 && im->in_h == im->out_h && im->in_w == im->out_w;
 }
 
 static const char *check_conv(const struct check *c)
 {
     const struct fv_op_conv *p = &c->op->u.conv;
-    const char *fault = check_image(c, &p->image);
+    const char *fault = check_images(c, &p->image, p->out_first, p->out_row);
     if (fault == NULL) fault = check_window(c, &p->window);
     if (fault != NULL) return fault;
     const int64_t k = (int64_t)p->window.kh * p->window.kw * p->image.in_c;
     REQUIRE(conv.k, p->k == k && k <= 1 << 22, "not kernel height x width x channels");
     REQUIRE(conv.k4, p->k4 == (p->k + 3) / 4, "not k / 4 rounded up");
-    REQUIRE(conv.zero_in, activation_fits(p->zero_in, p->zero_out, p->act_min, p->act_max), "zero points or range are not bytes");
+    REQUIRE(conv.zero_in, activation_fits(p->zero_in, p->zero_out, p->act_min, p->act_max),
+            "zero points or range are not bytes");
     REQUIRE(conv.row_sum_factor, between(p->row_sum_factor, -256, 256), "out of range");
     const int32_t n16 = (p->image.out_c + 15) / 16 * 16;
-    REQUIRE(conv.weights, constant(c, p->weights, (int64_t)n16 * p->k4 * 4, 64), "weights lie outside the file");
+    REQUIRE(conv.weights, constant(c, p->weights, (int64_t)n16 * p->k4 * 4, 64),
+            "weights lie outside the file");
     REQUIRE(conv.bias, constant(c, p->bias, (int64_t)n16 * 4, 64), "biases lie outside the file");
-    REQUIRE(conv.multiplier, constant(c, p->multiplier, (int64_t)n16 * 4, 64), "multipliers lie outside the file");
+    REQUIRE(conv.multiplier, constant(c, p->multiplier, (int64_t)n16 * 4, 64),
+            "multipliers lie outside the file");
     REQUIRE(conv.shift, constant(c, p->shift, (int64_t)n16 * 4, 64), "shifts lie outside the file");
     REQUIRE(conv.table, table_fits(c, p->table), "the table lies outside the file");
     const int pointwise = is_pointwise(&p->image, &p->window);
     const int64_t pitch = ((int64_t)p->k4 * 4 + 15 + 63) / 64 * 64;
-    REQUIRE(conv.single_rounding, between(p->single_rounding, 0, pointwise), "not 0 or 1, or not for this window");
+    REQUIRE(conv.single_rounding, between(p->single_rounding, 0, pointwise),
+            "not 0 or 1, or not for this window");
     REQUIRE(conv.shift, p->single_rounding || shifts_fit(c, p->shift, n16), "a shift is out of range");
     int64_t scratch = pointwise ? 0 : FV_MODEL_CONV_PIXELS * pitch + FV_MODEL_SLACK_BYTES;
     if (p->single_rounding) scratch += (int64_t)n16 * 4 * FV_MODEL_CONV_PIXELS;
@@ -179,20 +203,27 @@ static const char *check_depthwise(const struct check *c)
     if (fault == NULL) fault = check_window(c, &p->window);
     if (fault != NULL) return fault;
     REQUIRE(depthwise.image.out_c, p->image.in_c == p->image.out_c, "not the input's channels");
-    REQUIRE(depthwise.zero_in, activation_fits(p->zero_in, p->zero_out, p->act_min, p->act_max), "zero points or range are not bytes");
+    REQUIRE(depthwise.zero_in, activation_fits(p->zero_in, p->zero_out, p->act_min, p->act_max),
+            "zero points or range are not bytes");
     REQUIRE(depthwise.planes, between(p->planes, 1, 3), "out of range");
     REQUIRE(depthwise.c16, p->c16 == (p->image.in_c + 15) / 16 * 16, "not the channels rounded up to 16");
     const int64_t taps = (int64_t)p->window.kh * p->window.kw;
-    REQUIRE(depthwise.weights, taps <= 1 << 16 && constant(c, p->weights, p->planes * taps * p->c16, 64), "weights lie outside the file");
+    REQUIRE(depthwise.weights, taps <= 1 << 16 && constant(c, p->weights, p->planes * taps * p->c16, 64),
+            "weights lie outside the file");
     REQUIRE(depthwise.bias, constant(c, p->bias, (int64_t)p->c16 * 4, 64), "biases lie outside the file");
-    REQUIRE(depthwise.multiplier, constant(c, p->multiplier, (int64_t)p->c16 * 4, 64), "multipliers lie outside the file");
-    REQUIRE(depthwise.shift, constant(c, p->shift, (int64_t)p->c16 * 4, 64) && shifts_fit(c, p->shift, p->c16), "a shift is out of range");
+    REQUIRE(depthwise.multiplier, constant(c, p->multiplier, (int64_t)p->c16 * 4, 64),
+            "multipliers lie outside the file");
+    REQUIRE(depthwise.shift,
+            constant(c, p->shift, (int64_t)p->c16 * 4, 64) && shifts_fit(c, p->shift, p->c16),
+            "a shift is out of range");
     REQUIRE(depthwise.table, table_fits(c, p->table), "the table lies outside the file");
     const int64_t span = (int64_t)(p->window.kw - 1) * p->window.dilation_x + 1;
     const int64_t all = (int64_t)(p->image.out_w - 1) * p->window.stride_x + span;
     const int64_t most = span > FV_MODEL_DEPTHWISE_COLUMNS ? span : FV_MODEL_DEPTHWISE_COLUMNS;
     *c->word = 14;
-    return scratch_bytes(c) >= (all < most ? all : most) * 256 * ((p->window.kh + 3) / 4) ? NULL : "scratch is too small";
+    return scratch_bytes(c) >= (all < most ? all : most) * 256 * ((p->window.kh + 3) / 4)
+               ? NULL
+               : "scratch is too small";
 }
 
 static const char *check_binary(const struct check *c)
@@ -201,12 +232,19 @@ static const char *check_binary(const struct check *c)
     const char *fault = operands(c, 2, 1);
     if (fault != NULL) return fault;
     *c->word = 5;
-    if (input(c, 0)->type != FV_TYPE_U8 || input(c, 1)->type != FV_TYPE_U8 || output(c, 0)->type != FV_TYPE_U8) return "operands are not bytes";
+    if (input(c, 0)->type != FV_TYPE_U8 || input(c, 1)->type != FV_TYPE_U8 ||
+        output(c, 0)->type != FV_TYPE_U8)
+        return "operands are not bytes";
     REQUIRE(binary.function, between(p->function, FV_BINARY_ADD, FV_BINARY_PRELU), "no such function");
-    REQUIRE(binary.a, walk_fits(p->dims, p->a, 6, 0, 1, input(c, 0)), "the first input does not fit its tensor");
-    REQUIRE(binary.b, walk_fits(p->dims, p->b, 6, 0, 1, input(c, 1)), "the second input does not fit its tensor");
-    REQUIRE(binary.out, walk_fits(p->dims, p->out, 6, 0, 1, output(c, 0)), "the output does not fit its tensor");
-    REQUIRE(binary.zero_a, activation_fits(p->zero_a, p->zero_out, p->act_min, p->act_max) && between(p->zero_b, 0, 255), "zero points or range are not bytes");
+    REQUIRE(binary.a, walk_fits(p->dims, p->a, 6, 0, 1, input(c, 0)),
+            "the first input does not fit its tensor");
+    REQUIRE(binary.b, walk_fits(p->dims, p->b, 6, 0, 1, input(c, 1)),
+            "the second input does not fit its tensor");
+    REQUIRE(binary.out, walk_fits(p->dims, p->out, 6, 0, 1, output(c, 0)),
+            "the output does not fit its tensor");
+    REQUIRE(binary.zero_a,
+            activation_fits(p->zero_a, p->zero_out, p->act_min, p->act_max) && between(p->zero_b, 0, 255),
+            "zero points or range are not bytes");
     const int32_t most = p->function <= FV_BINARY_SUB ? 0 : 30;
     REQUIRE(binary.s_a, between(p->s_a, -31, most), "the shift is out of range");
     REQUIRE(binary.s_b, between(p->s_b, -31, most), "the shift is out of range");
@@ -238,11 +276,15 @@ static const char *check_reduce(const struct check *c)
     int64_t low = 0, high = 0;
     *c->word = WORD(reduce.dims);
     const int good = reach(p->dims, p->outer, 4, &low, &high) && reach(p->count, p->inner, 4, &low, &high);
-    if (!good || low < 0 || high + 1 > input(c, 0)->bytes || input(c, 0)->type != FV_TYPE_U8) return "the input does not fit its tensor";
-    if (product(p->dims, 4) > output(c, 0)->bytes || output(c, 0)->type != FV_TYPE_U8) return "the output does not fit its tensor";
-    REQUIRE(reduce.elements, p->elements == product(p->count, 4) && p->elements <= 1 << 22, "not the product of the dropped axes");
+    if (!good || low < 0 || high + 1 > input(c, 0)->bytes || input(c, 0)->type != FV_TYPE_U8)
+        return "the input does not fit its tensor";
+    if (product(p->dims, 4) > output(c, 0)->bytes || output(c, 0)->type != FV_TYPE_U8)
+        return "the output does not fit its tensor";
+    REQUIRE(reduce.elements, p->elements == product(p->count, 4) && p->elements <= 1 << 22,
+            "not the product of the dropped axes");
     REQUIRE(reduce.shift, between(p->shift, -31, 30), "the shift is out of range");
-    REQUIRE(reduce.zero_in, between(p->zero_in, 0, 255) && between(p->zero_out, 0, 255), "zero points are not bytes");
+    REQUIRE(reduce.zero_in, between(p->zero_in, 0, 255) && between(p->zero_out, 0, 255),
+            "zero points are not bytes");
     *c->word = 13;
     return c->op->rows == product(p->dims, 3) ? NULL : "rows do not match the shape";
 }
@@ -254,9 +296,12 @@ static const char *check_copy(const struct check *c)
     if (fault != NULL) return fault;
     const int32_t size = p->element_bytes;
     REQUIRE(copy.element_bytes, size == 1 || size == 4 || size == 8, "not 1, 4 or 8");
-    REQUIRE(copy.src, walk_fits(p->dims, p->src, 6, p->src_first, size, input(c, 0)), "the source does not fit its tensor");
-    REQUIRE(copy.dst, walk_fits(p->dims, p->dst, 6, p->dst_first, size, output(c, 0)), "the target does not fit its tensor");
-    REQUIRE(copy.table, table_fits(c, p->table) && (p->table == 0 || size == 1), "the table lies outside the file");
+    REQUIRE(copy.src, walk_fits(p->dims, p->src, 6, p->src_first, size, input(c, 0)),
+            "the source does not fit its tensor");
+    REQUIRE(copy.dst, walk_fits(p->dims, p->dst, 6, p->dst_first, size, output(c, 0)),
+            "the target does not fit its tensor");
+    REQUIRE(copy.table, table_fits(c, p->table) && (p->table == 0 || size == 1),
+            "the table lies outside the file");
     *c->word = 13;
     return c->op->rows == product(p->dims, 5) ? NULL : "rows do not match the shape";
 }
@@ -277,15 +322,17 @@ static int entries_fit(const struct check *c, int32_t offset, int32_t count, int
     if (!constant(c, offset, (int64_t)count * 12, 4)) return 0;
     const int32_t *entry = words_at(c, offset);
     int good = 1;
-    for (int32_t i = 0; i < count; ++i, entry += 3) good &= between(entry[0], 0, size - 1) && between(entry[1], 0, size - 1);
+    for (int32_t i = 0; i < count; ++i, entry += 3)
+        good &= between(entry[0], 0, size - 1) && between(entry[1], 0, size - 1);
     return good;
 }
 
-static int weights_fit(const struct check *c, int32_t offset, int32_t count, int32_t low, int32_t high)
+static int weights_fit(const struct check *c, int32_t offset, int32_t count, int32_t high)
 {
     const int32_t *entry = words_at(c, offset);
     int good = 1;
-    for (int32_t i = 0; i < count; ++i, entry += 3) good &= between(entry[2], low, high);
+    for (int32_t i = 0; i < count; ++i, entry += 3)
+        good &= between(entry[2], 0, high);
     return good;
 }
 
@@ -296,13 +343,15 @@ static const char *check_resize(const struct check *c)
     if (fault != NULL) return fault;
     REQUIRE(resize.image.out_c, p->image.in_c == p->image.out_c, "not the input's channels");
     REQUIRE(resize.mode, between(p->mode, FV_RESIZE_NEAREST, FV_RESIZE_EXACT), "no such mode");
-    REQUIRE(resize.rows, entries_fit(c, p->rows, p->image.out_h, p->image.in_h), "the table is outside the file or the image");
-    REQUIRE(resize.columns, entries_fit(c, p->columns, p->image.out_w, p->image.in_w), "the table is outside the file or the image");
-    if (p->mode != FV_RESIZE_FIXED && p->mode != FV_RESIZE_EXACT) return NULL;
-    REQUIRE(resize.bits, between(p->bits, 0, 7), "out of range");
-    const int32_t low = p->mode == FV_RESIZE_FIXED ? -4096 : 0, high = p->mode == FV_RESIZE_FIXED ? 4096 : 1 << p->bits;
-    REQUIRE(resize.rows, weights_fit(c, p->rows, p->image.out_h, low, high), "a weight is out of range");
-    REQUIRE(resize.columns, weights_fit(c, p->columns, p->image.out_w, low, high), "a weight is out of range");
+    REQUIRE(resize.rows, entries_fit(c, p->rows, p->image.out_h, p->image.in_h),
+            "the table is outside the file or the image");
+    REQUIRE(resize.columns, entries_fit(c, p->columns, p->image.out_w, p->image.in_w),
+            "the table is outside the file or the image");
+    if (p->mode != FV_RESIZE_SIGNED && p->mode != FV_RESIZE_EXACT) return NULL;
+    REQUIRE(resize.bits, between(p->bits, 0, 10), "out of range");
+    REQUIRE(resize.rows, weights_fit(c, p->rows, p->image.out_h, 1 << p->bits), "a weight is out of range");
+    REQUIRE(resize.columns, weights_fit(c, p->columns, p->image.out_w, 1 << p->bits),
+            "a weight is out of range");
     return NULL;
 }
 
@@ -310,7 +359,8 @@ static const char *check_resize(const struct check *c)
 static int exps_fit(const int32_t *exps)
 {
     int good = exps[0] == INT32_MAX;
-    for (int32_t i = 1; i < 256; ++i) good &= exps[i] >= -1 && exps[i] <= exps[i - 1];
+    for (int32_t i = 1; i < 256; ++i)
+        good &= exps[i] >= -1 && exps[i] <= exps[i - 1];
     return good;
 }
 
@@ -320,9 +370,12 @@ static const char *check_softmax(const struct check *c)
     const char *fault = operands(c, 1, 1);
     if (fault != NULL) return fault;
     const int64_t bytes = (int64_t)p->outer * p->depth;
-    REQUIRE(softmax.depth, p->outer >= 1 && p->depth >= 1 && bytes <= input(c, 0)->bytes && bytes <= output(c, 0)->bytes, "does not fit the tensors");
+    REQUIRE(softmax.depth,
+            p->outer >= 1 && p->depth >= 1 && bytes <= input(c, 0)->bytes && bytes <= output(c, 0)->bytes,
+            "does not fit the tensors");
     REQUIRE(softmax.depth, p->depth <= 4000, "more values than the sum can hold");
-    REQUIRE(softmax.table, constant(c, p->table, 1024, 4) && exps_fit(words_at(c, p->table)), "the table is outside the file or no exponential");
+    REQUIRE(softmax.table, constant(c, p->table, 1024, 4) && exps_fit(words_at(c, p->table)),
+            "the table is outside the file or no exponential");
     *c->word = 13;
     return c->op->rows == p->outer ? NULL : "rows do not match the shape";
 }
@@ -332,10 +385,14 @@ static const char *check_arg_max(const struct check *c)
     const struct fv_op_arg_max *p = &c->op->u.arg_max;
     const char *fault = operands(c, 1, 1);
     if (fault != NULL) return fault;
-    const int good = between(p->outer, 1, 1 << 24) && between(p->axis, 1, 1 << 24) && between(p->inner, 1, 1 << 14);
-    REQUIRE(arg_max.outer, good && (int64_t)p->outer * p->axis <= input(c, 0)->bytes / p->inner, "does not fit the input");
+    const int good =
+        between(p->outer, 1, 1 << 24) && between(p->axis, 1, 1 << 24) && between(p->inner, 1, 1 << 14);
+    REQUIRE(arg_max.outer, good && (int64_t)p->outer * p->axis <= input(c, 0)->bytes / p->inner,
+            "does not fit the input");
     const int32_t size = output(c, 0)->type == FV_TYPE_I64 ? 8 : output(c, 0)->type == FV_TYPE_I32 ? 4 : 0;
-    REQUIRE(arg_max.element_bytes, p->element_bytes == size && (int64_t)p->outer * p->inner * size <= output(c, 0)->bytes, "does not fit the output");
+    REQUIRE(arg_max.element_bytes,
+            p->element_bytes == size && (int64_t)p->outer * p->inner * size <= output(c, 0)->bytes,
+            "does not fit the output");
     *c->word = 13;
     return c->op->rows == p->outer ? NULL : "rows do not match the shape";
 }
@@ -347,7 +404,8 @@ static const char *check_convert(const struct check *c, int32_t count)
     const char *fault = operands(c, 1, 1);
     if (fault != NULL) return fault;
     *c->word = 16;
-    if (count < 1 || (int64_t)count * size[input(c, 0)->type] > input(c, 0)->bytes) return "does not fit the input";
+    if (count < 1 || (int64_t)count * size[input(c, 0)->type] > input(c, 0)->bytes)
+        return "does not fit the input";
     if ((int64_t)count * size[output(c, 0)->type] > output(c, 0)->bytes) return "does not fit the output";
     *c->word = 13;
     return c->op->rows == (count - 1) / 4096 + 1 ? NULL : "rows do not match the count";
@@ -358,8 +416,10 @@ static const char *check_dequantize(const struct check *c)
     const char *fault = check_convert(c, c->op->u.dequantize.count);
     if (fault != NULL) return fault;
     *c->word = 5;
-    if (input(c, 0)->type != FV_TYPE_U8 || output(c, 0)->type != FV_TYPE_F32) return "not from bytes to floats";
-    REQUIRE(dequantize.table, constant(c, c->op->u.dequantize.table, 1024, 4), "the table lies outside the file");
+    if (input(c, 0)->type != FV_TYPE_U8 || output(c, 0)->type != FV_TYPE_F32)
+        return "not from bytes to floats";
+    REQUIRE(dequantize.table, constant(c, c->op->u.dequantize.table, 1024, 4),
+            "the table lies outside the file");
     return NULL;
 }
 
@@ -369,7 +429,8 @@ static const char *check_quantize(const struct check *c)
     const char *fault = check_convert(c, p->count);
     if (fault != NULL) return fault;
     *c->word = 5;
-    if (input(c, 0)->type != FV_TYPE_F32 || output(c, 0)->type != FV_TYPE_U8) return "not from floats to bytes";
+    if (input(c, 0)->type != FV_TYPE_F32 || output(c, 0)->type != FV_TYPE_U8)
+        return "not from floats to bytes";
     REQUIRE(quantize.scale, p->scale > 1e-30f && p->scale < 1e30f, "the scale is not a positive number");
     REQUIRE(quantize.zero, between(p->zero, 0, 255), "the zero point is not a byte");
     return NULL;
@@ -385,33 +446,29 @@ static const char *check_matmul(const struct check *c)
     const struct fv_op_matmul *p = &c->op->u.matmul;
     const char *fault = operands(c, 2, 1);
     if (fault != NULL) return fault;
-    const int32_t dims_a[4] = {p->batch[0], p->batch[1], p->m, p->k}, strides_a[4] = {p->a_batch[0], p->a_batch[1], p->a_row, p->a_column};
-    const int32_t dims_b[4] = {p->batch[0], p->batch[1], p->k, p->n}, strides_b[4] = {p->b_batch[0], p->b_batch[1], p->b_row, p->b_column};
-    REQUIRE(matmul.m, walk_fits(dims_a, strides_a, 4, 0, 1, input(c, 0)), "the first input does not fit its tensor");
-    REQUIRE(matmul.n, walk_fits(dims_b, strides_b, 4, 0, 1, input(c, 1)), "the second input does not fit its tensor");
-    const int64_t rows = (int64_t)p->batch[0] * p->batch[1] * p->m;
-    REQUIRE(matmul.n, rows * p->n <= output(c, 0)->bytes, "the output does not fit its tensor");
-    REQUIRE(matmul.zero_a, between(p->zero_a, 0, 255) && between(p->zero_b, 0, 255) && between(p->zero_out, 0, 255), "zero points are not bytes");
+    const int32_t dims_a[4] = {p->batch[0], p->batch[1], p->m, p->k},
+                  strides_a[4] = {p->a_batch[0], p->a_batch[1], p->a_row, 1};
+    const int32_t dims_b[4] = {p->batch[0], p->batch[1], p->k, p->n},
+                  strides_b[4] = {p->b_batch[0], p->b_batch[1], p->b_row, p->b_column};
+    REQUIRE(matmul.m, walk_fits(dims_a, strides_a, 4, 0, 1, input(c, 0)),
+            "the first input does not fit its tensor");
+    REQUIRE(matmul.n, walk_fits(dims_b, strides_b, 4, 0, 1, input(c, 1)),
+            "the second input does not fit its tensor");
+    const int64_t batches = (int64_t)p->batch[0] * p->batch[1], n16 = ((int64_t)p->n + 15) / 16 * 16,
+                  k4 = ((int64_t)p->k + 3) / 4;
+    REQUIRE(matmul.k, p->k <= 1 << 22, "out of range");
+    const int fits = input(c, 0)->type == FV_TYPE_U8 && input(c, 1)->type == FV_TYPE_U8 &&
+                     output(c, 0)->type == FV_TYPE_U8;
+    REQUIRE(matmul.n, fits && batches * p->m * p->n <= output(c, 0)->bytes,
+            "the output does not fit its tensor");
+    REQUIRE(matmul.zero_a,
+            between(p->zero_a, 0, 255) && between(p->zero_b, 0, 255) && between(p->zero_out, 0, 255),
+            "zero points are not bytes");
     REQUIRE(matmul.shift, between(p->shift, -31, 30), "the shift is out of range");
+    *c->word = 14;
+    if (scratch_bytes(c) < n16 * (k4 * 4 + 12)) return "scratch is too small";
     *c->word = 13;
-    return c->op->rows == rows ? NULL : "rows do not match the shape";
-}
-
-static const char *check_transpose_conv(const struct check *c)
-{
-    const struct fv_op_transpose_conv *p = &c->op->u.transpose_conv;
-    const char *fault = check_image(c, &p->image);
-    if (fault == NULL) fault = check_window(c, &p->window);
-    if (fault != NULL) return fault;
-    REQUIRE(transpose_conv.zero_in, activation_fits(p->zero_in, p->zero_out, p->act_min, p->act_max), "zero points or range are not bytes");
-    REQUIRE(transpose_conv.zero_weights, between(p->zero_weights, -256, 255), "out of range");
-    const int64_t weights = (int64_t)p->window.kh * p->window.kw * p->image.in_c;
-    REQUIRE(transpose_conv.weights, weights <= 1 << 22 && constant(c, p->weights, weights * p->image.out_c, 1), "weights lie outside the file");
-    const int64_t bytes = (int64_t)p->image.out_c * 4;
-    REQUIRE(transpose_conv.bias, constant(c, p->bias, bytes, 4), "biases lie outside the file");
-    REQUIRE(transpose_conv.multiplier, constant(c, p->multiplier, bytes, 4), "multipliers lie outside the file");
-    REQUIRE(transpose_conv.shift, constant(c, p->shift, bytes, 4) && shifts_fit(c, p->shift, p->image.out_c), "a shift is out of range");
-    return NULL;
+    return c->op->rows == batches * (n16 / 16 + p->m) ? NULL : "rows do not match the shape";
 }
 
 static int usable(float value)
@@ -424,7 +481,8 @@ static int floats_fit(const struct check *c, int32_t offset, int64_t count)
     if (!constant(c, offset, count * 4, 4)) return 0;
     const float *value = (const float *)(const void *)(c->m->base + offset);
     int good = 1;
-    for (int64_t i = 0; i < count; ++i) good &= value[i] > -1e6f && value[i] < 1e6f;
+    for (int64_t i = 0; i < count; ++i)
+        good &= value[i] > -1e6f && value[i] < 1e6f;
     return good;
 }
 
@@ -439,21 +497,29 @@ static const char *check_detection(const struct check *c)
     REQUIRE(detection.max_detections, between(p->max_detections, 1, 4096), "out of range");
     REQUIRE(detection.max_per_anchor, between(p->max_per_anchor, 1, 64), "out of range");
     REQUIRE(detection.per_class, between(p->per_class, 0, 1 << 17), "out of range");
-    REQUIRE(detection.score_threshold, p->score_threshold > -1e6f && p->score_threshold < 1e6f, "not a number in range");
+    REQUIRE(detection.score_threshold, p->score_threshold > -1e6f && p->score_threshold < 1e6f,
+            "not a number in range");
     REQUIRE(detection.iou_threshold, p->iou_threshold >= 0.0f && p->iou_threshold <= 1.0f, "not in [0, 1]");
-    REQUIRE(detection.y_scale, usable(p->y_scale) && usable(p->x_scale) && usable(p->h_scale) && usable(p->w_scale), "a box scale is not a positive number");
-    REQUIRE(detection.anchor_data, floats_fit(c, p->anchor_data, (int64_t)p->anchors * 4), "anchors are outside the file or no numbers");
-    REQUIRE(detection.box_table, floats_fit(c, p->box_table, 256), "the table is outside the file or holds no numbers");
-    REQUIRE(detection.score_table, floats_fit(c, p->score_table, 256), "the table is outside the file or holds no numbers");
+    REQUIRE(detection.y_scale,
+            usable(p->y_scale) && usable(p->x_scale) && usable(p->h_scale) && usable(p->w_scale),
+            "a box scale is not a positive number");
+    REQUIRE(detection.anchor_data, floats_fit(c, p->anchor_data, (int64_t)p->anchors * 4),
+            "anchors are outside the file or no numbers");
+    REQUIRE(detection.box_table, floats_fit(c, p->box_table, 256),
+            "the table is outside the file or holds no numbers");
+    REQUIRE(detection.score_table, floats_fit(c, p->score_table, 256),
+            "the table is outside the file or holds no numbers");
     *c->word = 5;
     if (input(c, 0)->bytes < (int64_t)p->anchors * 4) return "boxes do not fit their tensor";
     *c->word = 6;
-    if (input(c, 1)->bytes < (int64_t)p->anchors * (p->classes + p->class_offset)) return "scores do not fit their tensor";
+    if (input(c, 1)->bytes < (int64_t)p->anchors * (p->classes + p->class_offset))
+        return "scores do not fit their tensor";
     const int64_t slots = (int64_t)p->max_detections * p->max_per_anchor;
     const int64_t need[4] = {slots * 16, slots * 4, slots * 4, 4};
     for (int32_t i = 0; i < 4; ++i) {
         *c->word = 9 + i;
-        if (output(c, i)->type != FV_TYPE_F32 || output(c, i)->bytes < need[i]) return "the output does not fit its tensor";
+        if (output(c, i)->type != FV_TYPE_F32 || output(c, i)->bytes < need[i])
+            return "the output does not fit its tensor";
     }
     *c->word = 14;
     if (scratch_bytes(c) < (int64_t)p->anchors * 32 + slots * 64 + 64) return "scratch is too small";
@@ -464,11 +530,20 @@ static const char *check_detection(const struct check *c)
 const char *fv_model_check_op(const struct fv_model *model, const struct fv_model_op *op, int32_t *word)
 {
     static const char *(*const checks[FV_OP_KIND_COUNT])(const struct check *) = {
-        [FV_OP_CONV] = check_conv, [FV_OP_DEPTHWISE] = check_depthwise, [FV_OP_BINARY] = check_binary,
-        [FV_OP_POOL] = check_pool, [FV_OP_REDUCE] = check_reduce, [FV_OP_COPY] = check_copy, [FV_OP_FILL] = check_fill,
-        [FV_OP_RESIZE] = check_resize, [FV_OP_SOFTMAX] = check_softmax, [FV_OP_ARG_MAX] = check_arg_max,
-        [FV_OP_DEQUANTIZE] = check_dequantize, [FV_OP_QUANTIZE] = check_quantize, [FV_OP_CAST] = check_cast,
-        [FV_OP_BATCH_MATMUL] = check_matmul, [FV_OP_TRANSPOSE_CONV] = check_transpose_conv,
+        [FV_OP_CONV] = check_conv,
+        [FV_OP_DEPTHWISE] = check_depthwise,
+        [FV_OP_BINARY] = check_binary,
+        [FV_OP_POOL] = check_pool,
+        [FV_OP_REDUCE] = check_reduce,
+        [FV_OP_COPY] = check_copy,
+        [FV_OP_FILL] = check_fill,
+        [FV_OP_RESIZE] = check_resize,
+        [FV_OP_SOFTMAX] = check_softmax,
+        [FV_OP_ARG_MAX] = check_arg_max,
+        [FV_OP_DEQUANTIZE] = check_dequantize,
+        [FV_OP_QUANTIZE] = check_quantize,
+        [FV_OP_CAST] = check_cast,
+        [FV_OP_BATCH_MATMUL] = check_matmul,
         [FV_OP_DETECTION] = check_detection};
     const struct check c = {.m = model, .op = op, .word = word};
     return checks[op->kind](&c);

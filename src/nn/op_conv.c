@@ -1,5 +1,5 @@
-/* Convolutions as matrix products: the inputs of an output pixel are a row of k bytes. A 1x1 convolution reads its rows
- * where they lie; others gather FV_MODEL_CONV_PIXELS rows at a time. */
+/* Convolutions as matrix products: the inputs of an output pixel are a row of k bytes. A 1x1 convolution
+ * reads its rows where they lie; others gather FV_MODEL_CONV_PIXELS rows at a time. */
 #include <string.h>
 
 #include "kernels/nn_requantize.h"
@@ -25,26 +25,31 @@ static struct fv_nn_gemm gemm_of(const struct fv_nn_call *call)
     };
 }
 
-/* Copy in pieces of 16 bytes: up to 15 bytes past the end are read (tensors have slack) and written (the next run, or the
- * slack of the scratch, comes there). Short runs are many, and a call of memcpy for each costs more than the bytes. */
+/* Copy in pieces of 16 bytes: up to 15 bytes past the end are read (tensors have slack) and written (the next
+ * run, or the slack of the scratch, comes there). Short runs are many, and a call of memcpy for each costs
+ * more than the bytes. */
 static inline void copy_run(uint8_t *to, const uint8_t *from, int32_t bytes)
 {
-    for (int32_t i = 0; i < bytes; i += 16) memcpy(to + i, from + i, 16);
+    for (int32_t i = 0; i < bytes; i += 16)
+        memcpy(to + i, from + i, 16);
 }
 
-/* One kernel row of one output pixel at a border or with gaps: kw pixels of in_c bytes, zero_in outside the image. */
+/* One kernel row of one output pixel at a border or with gaps: kw pixels of in_c bytes, zero_in outside the
+ * image. */
 static void gather_run(const struct fv_op_conv *c, const uint8_t *line, int32_t ix, uint8_t *to)
 {
     const struct fv_op_image *im = &c->image;
     for (int32_t kx = 0; kx < c->window.kw; ++kx, ix += c->window.dilation_x, to += im->in_c) {
-        if (line == NULL || ix < 0 || ix >= im->in_w) memset(to, c->zero_in, (size_t)im->in_c);
-        else copy_run(to, line + (ptrdiff_t)ix * im->in_stride, im->in_c);
+        if (line == NULL || ix < 0 || ix >= im->in_w)
+            memset(to, c->zero_in, (size_t)im->in_c);
+        else
+            copy_run(to, line + (ptrdiff_t)ix * im->in_stride, im->in_c);
     }
 }
 
 /* Kernel row ky of `count` neighbouring output pixels of one row, the first at x. */
-static void gather_line(const struct fv_nn_call *call, const uint8_t *image, int32_t y, int32_t x, int32_t ky, int32_t count,
-                        uint8_t *rows, ptrdiff_t pitch)
+static void gather_line(const struct fv_nn_call *call, const uint8_t *image, int32_t y, int32_t x, int32_t ky,
+                        int32_t count, uint8_t *rows, ptrdiff_t pitch)
 {
     const struct fv_op_conv *c = &call->op->u.conv;
     const struct fv_op_image *im = &c->image;
@@ -60,14 +65,16 @@ static void gather_line(const struct fv_nn_call *call, const uint8_t *image, int
         if (inside) { /* as many as follow without touching the right border */
             const int32_t fit = (im->in_w - w->kw - ix) / w->stride_x + 1;
             some = fit < count - i ? fit : count - i;
-            call->kernels->nn_gather_u8(line + (ptrdiff_t)ix * im->in_stride, (ptrdiff_t)w->stride_x * im->in_stride, to, pitch, run, some);
+            call->kernels->nn_gather_u8(line + (ptrdiff_t)ix * im->in_stride,
+                                        (ptrdiff_t)w->stride_x * im->in_stride, to, pitch, run, some);
         } else {
             gather_run(c, line, ix, to);
         }
     }
 }
 
-static void gather(const struct fv_nn_call *call, int32_t first, int32_t count, uint8_t *rows, ptrdiff_t pitch)
+static void gather(const struct fv_nn_call *call, int32_t first, int32_t count, uint8_t *rows,
+                   ptrdiff_t pitch)
 {
     const struct fv_op_conv *c = &call->op->u.conv;
     const struct fv_op_image *im = &c->image;
@@ -75,7 +82,8 @@ static void gather(const struct fv_nn_call *call, int32_t first, int32_t count, 
     while (count > 0) {
         const int32_t part = im->out_w - x < count ? im->out_w - x : count;
         const uint8_t *image = call->in[0] + (ptrdiff_t)n * im->in_h * im->in_w * im->in_stride;
-        for (int32_t ky = 0; ky < c->window.kh; ++ky) gather_line(call, image, y, x, ky, part, rows, pitch);
+        for (int32_t ky = 0; ky < c->window.kh; ++ky)
+            gather_line(call, image, y, x, ky, part, rows, pitch);
         rows += part * pitch;
         count -= part;
         x = 0;
@@ -100,15 +108,15 @@ static int32_t scale_once(int32_t acc, int32_t low, int32_t high)
     return whole + (rest >= 0.5 ? 1 : 0) - (rest <= -0.5 ? 1 : 0);
 }
 
+/* `count` pixels from `first` on, whose inputs lie in `rows`; `out` is pixel `first`'s. */
 static void fully_connected(const struct fv_nn_call *call, const struct fv_nn_gemm *gemm, const uint8_t *rows,
-                            ptrdiff_t pitch, int32_t first, int32_t count)
+                            ptrdiff_t pitch, uint8_t *out, int32_t count)
 {
     const struct fv_op_conv *c = &call->op->u.conv;
     int32_t *acc = (int32_t *)(void *)call->scratch;
     const int32_t n16 = (gemm->n + 15) / 16 * 16;
     call->kernels->nn_gemm_i32(gemm, rows, pitch, acc, n16, count);
-    for (int32_t i = 0; i < count; ++i, acc += n16) {
-        uint8_t *out = call->out[0] + (ptrdiff_t)(first + i) * c->image.out_stride;
+    for (int32_t i = 0; i < count; ++i, acc += n16, out += c->image.out_stride) {
         for (int32_t o = 0; o < gemm->n; ++o) {
             const int32_t scaled = scale_once(acc[o], gemm->multiplier[o], gemm->shift[o]);
             const uint8_t value = (uint8_t)fv_nn_clamp(scaled + c->zero_out, c->act_min, c->act_max);
@@ -120,33 +128,51 @@ static void fully_connected(const struct fv_nn_call *call, const struct fv_nn_ge
 static int is_pointwise(const struct fv_op_conv *c)
 {
     const struct fv_op_window *w = &c->window;
-    return w->kh == 1 && w->kw == 1 && w->stride_x == 1 && w->stride_y == 1 && w->pad_top == 0 && w->pad_left == 0 &&
-           c->image.in_h == c->image.out_h && c->image.in_w == c->image.out_w;
+    return w->kh == 1 && w->kw == 1 && w->stride_x == 1 && w->stride_y == 1 && w->pad_top == 0 &&
+           w->pad_left == 0 && c->image.in_h == c->image.out_h && c->image.in_w == c->image.out_w;
+}
+
+/* Multiply `count` gathered rows, the first that of pixel `first`; in pieces that end with the image's rows
+ * where those have gaps. */
+static void multiply(const struct fv_nn_call *call, const struct fv_nn_gemm *gemm, const uint8_t *rows,
+                     ptrdiff_t pitch, int32_t first, int32_t count)
+{
+    const struct fv_op_conv *c = &call->op->u.conv;
+    const ptrdiff_t stride = c->image.out_stride,
+                    row = c->out_row != 0 ? c->out_row : c->image.out_w * stride;
+    while (count > 0) {
+        const int32_t y = first / c->image.out_w, x = first % c->image.out_w, left = c->image.out_w - x;
+        const int32_t part = c->out_row == 0 || count < left ? count : left;
+        uint8_t *out = call->out[0] + c->out_first + y * row + x * stride;
+        if (c->single_rounding)
+            fully_connected(call, gemm, rows, pitch, out, part);
+        else
+            call->kernels->nn_gemm_u8(gemm, rows, pitch, out, stride, part);
+        rows += part * pitch;
+        first += part;
+        count -= part;
+    }
 }
 
 void fv_nn_op_conv(const struct fv_nn_call *call, int32_t begin, int32_t end)
 {
     const struct fv_op_conv *c = &call->op->u.conv;
     const struct fv_nn_gemm gemm = gemm_of(call);
-    const int32_t last = end * c->image.out_w;
-    const int pointwise = is_pointwise(c);
-    const ptrdiff_t pitch = pointwise ? c->image.in_stride : (c->k4 * 4 + 15 + 63) / 64 * 64; /* room for copy_run */
-    const ptrdiff_t out_stride = c->image.out_stride;
-    if (pointwise && !c->single_rounding) {
-        const ptrdiff_t first = (ptrdiff_t)begin * c->image.out_w;
-        call->kernels->nn_gemm_u8(&gemm, call->in[0] + first * pitch, pitch, call->out[0] + first * out_stride, out_stride,
-                                  last - (int32_t)first);
+    const int32_t first = begin * c->image.out_w, last = end * c->image.out_w;
+    const ptrdiff_t pitch = (c->k4 * 4 + 15 + 63) / 64 * 64; /* room for copy_run */
+    if (is_pointwise(c)) {
+        const ptrdiff_t step = c->image.in_stride;
+        const int32_t most =
+            c->single_rounding ? FV_MODEL_CONV_PIXELS : last - first; /* the scratch holds so many */
+        for (int32_t p = first; p < last; p += most) {
+            multiply(call, &gemm, call->in[0] + p * step, step, p, last - p < most ? last - p : most);
+        }
         return;
     }
-    for (int32_t p = begin * c->image.out_w; p < last; p += FV_MODEL_CONV_PIXELS) {
+    for (int32_t p = first; p < last; p += FV_MODEL_CONV_PIXELS) {
         const int32_t count = last - p < FV_MODEL_CONV_PIXELS ? last - p : FV_MODEL_CONV_PIXELS;
-        const uint8_t *rows = call->in[0] + (ptrdiff_t)p * pitch;
-        if (!pointwise) {
-            gather(call, p, count, call->scratch, pitch);
-            rows = call->scratch;
-        }
-        if (c->single_rounding) fully_connected(call, &gemm, rows, pitch, p, count);
-        else call->kernels->nn_gemm_u8(&gemm, rows, pitch, call->out[0] + p * out_stride, out_stride, count);
+        gather(call, p, count, call->scratch, pitch);
+        multiply(call, &gemm, call->scratch, pitch, p, count);
     }
 }
 
@@ -157,66 +183,39 @@ void fv_nn_op_depthwise(const struct fv_nn_call *call, int32_t begin, int32_t en
     const struct fv_op_window *w = &o->window;
     const uint8_t *base = call->model->base;
     const struct fv_nn_depthwise d = {
-        .in_h = im->in_h, .in_w = im->in_w, .channels = im->in_c, .in_stride = im->in_stride,
-        .out_w = im->out_w, .out_stride = im->out_stride,
-        .kh = w->kh, .kw = w->kw, .stride_y = w->stride_y, .stride_x = w->stride_x,
-        .dilation_y = w->dilation_y, .dilation_x = w->dilation_x, .pad_top = w->pad_top, .pad_left = w->pad_left,
-        .planes = o->planes, .c16 = o->c16,
+        .in_h = im->in_h,
+        .in_w = im->in_w,
+        .channels = im->in_c,
+        .in_stride = im->in_stride,
+        .out_w = im->out_w,
+        .out_stride = im->out_stride,
+        .kh = w->kh,
+        .kw = w->kw,
+        .stride_y = w->stride_y,
+        .stride_x = w->stride_x,
+        .dilation_y = w->dilation_y,
+        .dilation_x = w->dilation_x,
+        .pad_top = w->pad_top,
+        .pad_left = w->pad_left,
+        .planes = o->planes,
+        .c16 = o->c16,
         .weights = (const int8_t *)(base + o->weights),
         .bias = (const int32_t *)(const void *)(base + o->bias),
         .multiplier = (const int32_t *)(const void *)(base + o->multiplier),
         .shift = (const int32_t *)(const void *)(base + o->shift),
         .table = o->table == 0 ? NULL : base + o->table,
-        .zero_in = o->zero_in, .zero_out = o->zero_out, .act_min = o->act_min, .act_max = o->act_max,
+        .zero_in = o->zero_in,
+        .zero_out = o->zero_out,
+        .act_min = o->act_min,
+        .act_max = o->act_max,
     };
     for (int32_t row = begin; row < end;) { /* image by image of the batch */
-        const int32_t first = row % im->out_h, left = im->out_h - first, rows = left < end - row ? left : end - row;
-        const uint8_t *image = call->in[0] + (ptrdiff_t)(row / im->out_h) * im->in_h * im->in_w * im->in_stride;
+        const int32_t first = row % im->out_h, left = im->out_h - first,
+                      rows = left < end - row ? left : end - row;
+        const uint8_t *image =
+            call->in[0] + (ptrdiff_t)(row / im->out_h) * im->in_h * im->in_w * im->in_stride;
         uint8_t *out = call->out[0] + (ptrdiff_t)row * im->out_w * im->out_stride;
         call->kernels->nn_depthwise_u8(&d, image, out, first, first + rows, call->scratch);
         row += rows;
-    }
-}
-
-/* Output pixel by output pixel: the taps whose input pixel, spread out by the stride, falls on it. */
-static int32_t transpose_sum(const struct fv_nn_call *call, const uint8_t *image, int32_t y, int32_t x, int32_t o)
-{
-    const struct fv_op_transpose_conv *t = &call->op->u.transpose_conv;
-    const struct fv_op_image *im = &t->image;
-    const struct fv_op_window *w = &t->window;
-    const int8_t *weights = (const int8_t *)(call->model->base + t->weights) + (ptrdiff_t)o * w->kh * w->kw * im->in_c;
-    uint32_t sum = 0;
-    for (int32_t ky = 0; ky < w->kh; ++ky) {
-        const int32_t sy = y + w->pad_top - ky;
-        if (sy < 0 || sy % w->stride_y != 0 || sy / w->stride_y >= im->in_h) continue;
-        for (int32_t kx = 0; kx < w->kw; ++kx) {
-            const int32_t sx = x + w->pad_left - kx;
-            if (sx < 0 || sx % w->stride_x != 0 || sx / w->stride_x >= im->in_w) continue;
-            const uint8_t *in = image + ((ptrdiff_t)(sy / w->stride_y) * im->in_w + sx / w->stride_x) * im->in_stride;
-            const int8_t *row = weights + ((ptrdiff_t)ky * w->kw + kx) * im->in_c;
-            for (int32_t c = 0; c < im->in_c; ++c) sum += (uint32_t)((in[c] - t->zero_in) * (row[c] - t->zero_weights));
-        }
-    }
-    return (int32_t)sum;
-}
-
-void fv_nn_op_transpose_conv(const struct fv_nn_call *call, int32_t begin, int32_t end)
-{
-    const struct fv_op_transpose_conv *t = &call->op->u.transpose_conv;
-    const struct fv_op_image *im = &t->image;
-    const uint8_t *base = call->model->base;
-    const int32_t *bias = (const int32_t *)(const void *)(base + t->bias);
-    const int32_t *multiplier = (const int32_t *)(const void *)(base + t->multiplier);
-    const int32_t *shift = (const int32_t *)(const void *)(base + t->shift);
-    for (int32_t row = begin; row < end; ++row) {
-        const uint8_t *image = call->in[0] + (ptrdiff_t)(row / im->out_h) * im->in_h * im->in_w * im->in_stride;
-        uint8_t *out = call->out[0] + (ptrdiff_t)row * im->out_w * im->out_stride;
-        for (int32_t x = 0; x < im->out_w; ++x, out += im->out_stride) {
-            for (int32_t o = 0; o < im->out_c; ++o) {
-                const int32_t sum = (int32_t)((uint32_t)transpose_sum(call, image, row % im->out_h, x, o) + (uint32_t)bias[o]);
-                const int32_t scaled = fv_nn_sum(fv_nn_requantize(sum, multiplier[o], shift[o]), t->zero_out);
-                out[o] = (uint8_t)fv_nn_clamp(scaled, t->act_min, t->act_max);
-            }
-        }
     }
 }

@@ -1,6 +1,7 @@
-/* TFLite_Detection_PostProcess: boxes from centre-size encodings and anchors, then non-maximum suppression, either over
- * each anchor's best class ("fast") or class by class ("regular"). A row of the operator is a step of bounded cost. Order of ties as in the reference: lower index first.
- * Outputs: boxes [n][ymin xmin ymax xmax], classes, scores, count; unused entries are zero. */
+/* TFLite_Detection_PostProcess: boxes from centre-size encodings and anchors, then non-maximum suppression,
+ * either over each anchor's best class ("fast") or class by class ("regular"). A row of the operator is a
+ * step of bounded cost. Order of ties as in the reference: lower index first. Outputs: boxes [n][ymin xmin
+ * ymax xmax], classes, scores, count; unused entries are zero. */
 #include <string.h>
 
 #include "fovea/elementary.h"
@@ -20,12 +21,12 @@ struct run {
 struct state {
     const struct fv_op_detection *p;
     const uint8_t *scores;
-    const float *table;  /* score by byte */
-    float *boxes;        /* [anchors][4] */
-    int32_t *order;      /* anchors by falling score */
-    uint8_t *score;      /* byte score that is sorted by */
+    const float *table; /* score by byte */
+    float *boxes;       /* [anchors][4] */
+    int32_t *order;     /* anchors by falling score */
+    uint8_t *score;     /* byte score that is sorted by */
     uint8_t *active;
-    int32_t *found;      /* pairs of anchor and class, by falling score */
+    int32_t *found; /* pairs of anchor and class, by falling score */
     struct run *run;
     int32_t columns;
 };
@@ -33,14 +34,16 @@ struct state {
 static void decode_boxes(const struct fv_nn_call *call, const struct state *s, int32_t begin, int32_t end)
 {
     const struct fv_op_detection *p = s->p;
-    const float *anchor = (const float *)(const void *)(call->model->base + p->anchor_data) + 4 * (ptrdiff_t)begin;
+    const float *anchor =
+        (const float *)(const void *)(call->model->base + p->anchor_data) + 4 * (ptrdiff_t)begin;
     const float *table = (const float *)(const void *)(call->model->base + p->box_table);
     const uint8_t *code = call->in[0] + 4 * (ptrdiff_t)begin;
     for (int32_t i = begin; i < end; ++i, anchor += 4, code += 4) {
         const double y = (double)table[code[0]] / p->y_scale, x = (double)table[code[1]] / p->x_scale;
         const double h = (double)table[code[2]] / p->h_scale, w = (double)table[code[3]] / p->w_scale;
         const float cy = (float)(y * anchor[2] + anchor[0]), cx = (float)(x * anchor[3] + anchor[1]);
-        const float half_h = (float)(0.5 * fovea_exp(h) * anchor[2]), half_w = (float)(0.5 * fovea_exp(w) * anchor[3]);
+        const float half_h = (float)(0.5 * fovea_exp(h) * anchor[2]),
+                    half_w = (float)(0.5 * fovea_exp(w) * anchor[3]);
         float *box = s->boxes + (ptrdiff_t)i * 4;
         box[0] = cy - half_h;
         box[1] = cx - half_w;
@@ -61,7 +64,8 @@ static float overlap(const float *a, const float *b)
     return both / (area_a + area_b - both);
 }
 
-/* Anchors whose score passes the threshold, highest first (counting sort by the byte, stable). Returns how many. */
+/* Anchors whose score passes the threshold, highest first (counting sort by the byte, stable). Returns how
+ * many. */
 static int32_t sort_by_score(const struct state *s)
 {
     int32_t count[257] = {0}, total = 0;
@@ -97,7 +101,8 @@ static void suppress_some(const struct state *s, int32_t count, int32_t limit)
         const int32_t chosen = s->order[run->next];
         for (int32_t j = run->next + 1; j < run->total; ++j) {
             if (!s->active[j]) continue;
-            const float iou = overlap(s->boxes + (ptrdiff_t)chosen * 4, s->boxes + (ptrdiff_t)s->order[j] * 4);
+            const float iou =
+                overlap(s->boxes + (ptrdiff_t)chosen * 4, s->boxes + (ptrdiff_t)s->order[j] * 4);
             if (iou > s->p->iou_threshold) s->active[j] = 0;
         }
         s->order[run->selected++] = chosen;
@@ -105,11 +110,14 @@ static void suppress_some(const struct state *s, int32_t count, int32_t limit)
     }
 }
 
-static void write_detection(const struct fv_nn_call *call, const struct state *s, int32_t slot, int32_t anchor, int32_t class_)
+static void write_detection(const struct fv_nn_call *call, const struct state *s, int32_t slot,
+                            int32_t anchor, int32_t class_)
 {
-    memcpy((float *)(void *)call->out[0] + (ptrdiff_t)slot * 4, s->boxes + (ptrdiff_t)anchor * 4, 4 * sizeof(float));
+    memcpy((float *)(void *)call->out[0] + (ptrdiff_t)slot * 4, s->boxes + (ptrdiff_t)anchor * 4,
+           4 * sizeof(float));
     ((float *)(void *)call->out[1])[slot] = (float)class_;
-    ((float *)(void *)call->out[2])[slot] = s->table[s->scores[(ptrdiff_t)anchor * s->columns + s->p->class_offset + class_]];
+    ((float *)(void *)call->out[2])[slot] =
+        s->table[s->scores[(ptrdiff_t)anchor * s->columns + s->p->class_offset + class_]];
 }
 
 /* Best class of an anchor that is below (value, class) in the order of falling score and rising index. */
@@ -124,7 +132,8 @@ static int32_t next_class(const struct state *s, int32_t anchor, int32_t after)
     return best;
 }
 
-/* ---- steps: each row of the operator is one -------------------------------------------------------------------- */
+/* ---- steps: each row of the operator is one
+ * -------------------------------------------------------------------- */
 
 /* Selections of a class that one step makes. */
 static int32_t share(const struct fv_op_detection *p)
@@ -142,7 +151,9 @@ static int32_t steps_per_class(const struct fv_op_detection *p)
 int32_t fv_nn_detection_rows(const struct fv_op_detection *p)
 {
     const int32_t decode = (p->anchors - 1) / ANCHORS_PER_STEP + 1;
-    const int64_t rows = decode + (p->regular_nms ? (int64_t)p->classes * steps_per_class(p) : (int64_t)p->max_detections + 1) + 1;
+    const int64_t rows =
+        decode +
+        (p->regular_nms ? (int64_t)p->classes * steps_per_class(p) : (int64_t)p->max_detections + 1) + 1;
     return rows > 1 << 30 ? -1 : (int32_t)rows;
 }
 
@@ -151,7 +162,8 @@ static void best_scores(const struct state *s, int32_t begin, int32_t end)
     for (int32_t i = begin; i < end; ++i) {
         const uint8_t *score = s->scores + (ptrdiff_t)i * s->columns + s->p->class_offset;
         uint8_t best = 0;
-        for (int32_t c = 0; c < s->p->classes; ++c) best = score[c] > best ? score[c] : best;
+        for (int32_t c = 0; c < s->p->classes; ++c)
+            best = score[c] > best ? score[c] : best;
         s->score[i] = best;
     }
 }
@@ -178,7 +190,10 @@ static void merge_class(const struct state *s, int32_t c)
     for (int32_t i = 0; i < s->run->selected; ++i) {
         const uint8_t score = s->score[s->order[i]];
         int32_t at = total;
-        while (at > 0 && s->scores[(ptrdiff_t)found[2 * at - 2] * s->columns + p->class_offset + found[2 * at - 1]] < score) --at;
+        while (at > 0 &&
+               s->scores[(ptrdiff_t)found[2 * at - 2] * s->columns + p->class_offset + found[2 * at - 1]] <
+                   score)
+            --at;
         if (at >= p->max_detections) continue;
         total = total < p->max_detections ? total + 1 : total;
         memmove(found + 2 * at + 2, found + 2 * at, (size_t)(total - 1 - at) * 2 * sizeof *found);
@@ -193,7 +208,8 @@ static void regular_step(const struct state *s, int32_t step)
     const struct fv_op_detection *p = s->p;
     const int32_t steps = steps_per_class(p), c = step / steps;
     if (step % steps == 0) {
-        for (int32_t i = 0; i < p->anchors; ++i) s->score[i] = s->scores[(ptrdiff_t)i * s->columns + p->class_offset + c];
+        for (int32_t i = 0; i < p->anchors; ++i)
+            s->score[i] = s->scores[(ptrdiff_t)i * s->columns + p->class_offset + c];
         suppress_begin(s);
     }
     suppress_some(s, share(p), p->per_class);
@@ -202,7 +218,8 @@ static void regular_step(const struct state *s, int32_t step)
 
 static void write_regular(const struct fv_nn_call *call, const struct state *s)
 {
-    for (int32_t i = 0; i < s->run->found; ++i) write_detection(call, s, i, s->found[2 * i], s->found[2 * i + 1]);
+    for (int32_t i = 0; i < s->run->found; ++i)
+        write_detection(call, s, i, s->found[2 * i], s->found[2 * i + 1]);
     *(float *)(void *)call->out[3] = (float)s->run->found;
 }
 
@@ -225,8 +242,10 @@ static void step(const struct fv_nn_call *call, const struct state *s, int32_t r
         decode_boxes(call, s, begin, end);
         if (!p->regular_nms) best_scores(s, begin, end);
     } else if (row == call->op->rows - 1) {
-        if (p->regular_nms) write_regular(call, s);
-        else write_fast(call, s);
+        if (p->regular_nms)
+            write_regular(call, s);
+        else
+            write_fast(call, s);
     } else if (p->regular_nms) {
         regular_step(s, row - decode);
     } else if (row == decode) {
@@ -253,5 +272,6 @@ void fv_nn_op_detection(const struct fv_nn_call *call, int32_t begin, int32_t en
         .run = (struct run *)(void *)(scratch + 32 * n + 16 * slots),
         .columns = p->classes + p->class_offset,
     };
-    for (int32_t row = begin; row < end; ++row) step(call, &s, row);
+    for (int32_t row = begin; row < end; ++row)
+        step(call, &s, row);
 }

@@ -6,14 +6,18 @@
 
 enum { CHUNK = 4096, FILL_CHUNK = 16384 };
 
-/* Byte offsets of row `row` of a six-axis walk, for operands with the strides given; the last axis is the row. */
-static void row_offsets(const int32_t dims[6], int32_t row, const int32_t *const *strides, ptrdiff_t *offsets, int count)
+/* Byte offsets of row `row` of a six-axis walk, for operands with the strides given; the last axis is the
+ * row. */
+static void row_offsets(const int32_t dims[6], int32_t row, const int32_t *const *strides, ptrdiff_t *offsets,
+                        int count)
 {
-    for (int i = 0; i < count; ++i) offsets[i] = 0;
+    for (int i = 0; i < count; ++i)
+        offsets[i] = 0;
     for (int axis = 4; axis >= 0; --axis) {
         const int32_t at = row % dims[axis];
         row /= dims[axis];
-        for (int i = 0; i < count; ++i) offsets[i] += (ptrdiff_t)at * strides[i][axis];
+        for (int i = 0; i < count; ++i)
+            offsets[i] += (ptrdiff_t)at * strides[i][axis];
     }
 }
 
@@ -30,7 +34,8 @@ static int32_t binary_value(const struct fv_op_binary *p, int32_t a, int32_t b)
     } else {
         const int32_t u = fv_nn_requantize(x * (1 << 20), p->m_a, p->s_a);
         const int32_t v = fv_nn_requantize(y * (1 << 20), p->m_b, p->s_b);
-        const uint32_t sum = p->function == FV_BINARY_ADD ? (uint32_t)u + (uint32_t)v : (uint32_t)u - (uint32_t)v;
+        const uint32_t sum =
+            p->function == FV_BINARY_ADD ? (uint32_t)u + (uint32_t)v : (uint32_t)u - (uint32_t)v;
         value = fv_nn_requantize((int32_t)sum, p->m_out, p->s_out);
     }
     return fv_nn_output(value, p->zero_out, p->act_min, p->act_max);
@@ -38,9 +43,17 @@ static int32_t binary_value(const struct fv_op_binary *p, int32_t a, int32_t b)
 
 static struct fv_nn_add add_of(const struct fv_op_binary *p)
 {
-    return (struct fv_nn_add){.zero_a = p->zero_a, .zero_b = p->zero_b, .zero_out = p->zero_out, .m_a = p->m_a,
-                              .s_a = p->s_a, .m_b = p->m_b, .s_b = p->s_b, .m_out = p->m_out, .s_out = p->s_out,
-                              .act_min = p->act_min, .act_max = p->act_max};
+    return (struct fv_nn_add){.zero_a = p->zero_a,
+                              .zero_b = p->zero_b,
+                              .zero_out = p->zero_out,
+                              .m_a = p->m_a,
+                              .s_a = p->s_a,
+                              .m_b = p->m_b,
+                              .s_b = p->s_b,
+                              .m_out = p->m_out,
+                              .s_out = p->s_out,
+                              .act_min = p->act_min,
+                              .act_max = p->act_max};
 }
 
 void fv_nn_op_binary(const struct fv_nn_call *call, int32_t begin, int32_t end)
@@ -71,8 +84,8 @@ void fv_nn_op_binary(const struct fv_nn_call *call, int32_t begin, int32_t end)
     }
 }
 
-static void copy_row(const struct fv_op_copy *p, const uint8_t *table, const struct fv_kernels *kernels, const uint8_t *src,
-                     uint8_t *dst)
+static void copy_row(const struct fv_op_copy *p, const uint8_t *table, const struct fv_kernels *kernels,
+                     const uint8_t *src, uint8_t *dst)
 {
     const int32_t count = p->dims[5], size = p->element_bytes;
     const int packed = p->src[5] == size && p->dst[5] == size;
@@ -81,16 +94,20 @@ static void copy_row(const struct fv_op_copy *p, const uint8_t *table, const str
     } else if (packed) {
         kernels->nn_table_u8(table, src, dst, count);
     } else if (size == 1) {
-        for (int32_t i = 0; i < count; ++i, src += p->src[5], dst += p->dst[5]) *dst = table == NULL ? *src : table[*src];
+        for (int32_t i = 0; i < count; ++i, src += p->src[5], dst += p->dst[5])
+            *dst = table == NULL ? *src : table[*src];
     } else {
-        for (int32_t i = 0; i < count; ++i, src += p->src[5], dst += p->dst[5]) memmove(dst, src, (size_t)size);
+        for (int32_t i = 0; i < count; ++i, src += p->src[5], dst += p->dst[5])
+            memmove(dst, src, (size_t)size);
     }
 }
 
-/* Rows that share all axes but the last two form a matrix; when bytes run along opposite axes it is a transposition. */
+/* Rows that share all axes but the last two form a matrix; when bytes run along opposite axes it is a
+ * transposition. */
 static int is_transpose(const struct fv_op_copy *p)
 {
-    return p->element_bytes == 1 && p->table == 0 && p->src[4] == 1 && p->dst[5] == 1 && p->src[5] > 1 && p->dst[4] > 1;
+    return p->element_bytes == 1 && p->table == 0 && p->src[4] == 1 && p->dst[5] == 1 && p->src[5] > 1 &&
+           p->dst[4] > 1;
 }
 
 void fv_nn_op_copy(const struct fv_nn_call *call, int32_t begin, int32_t end)
@@ -110,7 +127,8 @@ void fv_nn_op_copy(const struct fv_nn_call *call, int32_t begin, int32_t end)
             call->kernels->nn_transpose_u8(src, p->src[5], dst, p->dst[4], p->dims[5], rows);
             continue;
         }
-        for (int32_t i = 0; i < rows; ++i, src += p->src[4], dst += p->dst[4]) copy_row(p, table, call->kernels, src, dst);
+        for (int32_t i = 0; i < rows; ++i, src += p->src[4], dst += p->dst[4])
+            copy_row(p, table, call->kernels, src, dst);
     }
 }
 
@@ -133,26 +151,37 @@ void fv_nn_op_dequantize(const struct fv_nn_call *call, int32_t begin, int32_t e
     const float *table = (const float *)(const void *)(call->model->base + p->table);
     float *out = (float *)(void *)call->out[0];
     const int32_t last = chunk_end(end, p->count);
-    for (int32_t i = begin * CHUNK; i < last; ++i) out[i] = table[call->in[0][i]];
+    for (int32_t i = begin * CHUNK; i < last; ++i)
+        out[i] = table[call->in[0][i]];
 }
 
-/* Nearest integer, halves away from zero; NaN and what lies far outside go to the ends. */
-static int32_t round_away(float value)
+/* Nearest integer, halves away from zero, cut to [-512, 512]: all beyond ends at 0 or 255 whatever the zero
+ * point. The size is cut as an integer, which a compiler can do for several values at once, and which takes
+ * what is no number as well. */
+static inline int32_t round_away(float value)
 {
-    if (!(value < 100000.0f)) return 100000;
-    if (value < -100000.0f) return -100000;
-    const int32_t whole = (int32_t)value;
-    const float rest = value - (float)whole;
-    return whole + (rest >= 0.5f ? 1 : 0) - (rest <= -0.5f ? 1 : 0);
+    const int32_t most = 0x44000000; /* the bits of 512.0f */
+    int32_t bits;
+    memcpy(&bits, &value, sizeof bits);
+    int32_t size = bits & INT32_MAX;
+    const int32_t sign = bits >> 31;
+    size = size < most ? size : most;
+    float whole;
+    memcpy(&whole, &size, sizeof whole);
+    const int32_t rounded = ((int32_t)(whole * 2.0f) + 1) >> 1;
+    return (rounded ^ sign) - sign;
 }
 
 void fv_nn_op_quantize(const struct fv_nn_call *call, int32_t begin, int32_t end)
 {
     const struct fv_op_quantize *p = &call->op->u.quantize;
     const float *in = (const float *)(const void *)call->in[0];
-    const int32_t last = chunk_end(end, p->count);
+    uint8_t *restrict out = call->out[0];
+    const float scale = p->scale;
+    const int32_t last = chunk_end(end, p->count), zero = p->zero;
     for (int32_t i = begin * CHUNK; i < last; ++i) {
-        call->out[0][i] = (uint8_t)fv_nn_clamp(round_away(in[i] / p->scale) + p->zero, 0, 255);
+        const int32_t value = round_away(in[i] / scale) + zero;
+        out[i] = (uint8_t)(value < 0 ? 0 : value > 255 ? 255 : value);
     }
 }
 
@@ -173,9 +202,13 @@ void fv_nn_op_cast(const struct fv_nn_call *call, int32_t begin, int32_t end)
     const int32_t last = chunk_end(end, call->op->u.cast.count);
     for (int32_t i = begin * CHUNK; i < last; ++i) {
         const int64_t value = load_integer(from, call->in[0], i);
-        if (to->type == FV_TYPE_I32) ((int32_t *)(void *)call->out[0])[i] = (int32_t)value;
-        else if (to->type == FV_TYPE_I64) ((int64_t *)(void *)call->out[0])[i] = value;
-        else if (to->type == FV_TYPE_F32) ((float *)(void *)call->out[0])[i] = (float)value;
-        else call->out[0][i] = (uint8_t)(value + ((to->flags & FV_TENSOR_SIGNED) != 0 ? 128 : 0));
+        if (to->type == FV_TYPE_I32)
+            ((int32_t *)(void *)call->out[0])[i] = (int32_t)value;
+        else if (to->type == FV_TYPE_I64)
+            ((int64_t *)(void *)call->out[0])[i] = value;
+        else if (to->type == FV_TYPE_F32)
+            ((float *)(void *)call->out[0])[i] = (float)value;
+        else
+            call->out[0][i] = (uint8_t)(value + ((to->flags & FV_TENSOR_SIGNED) != 0 ? 128 : 0));
     }
 }

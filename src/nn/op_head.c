@@ -1,5 +1,6 @@
 /* Softmax, arg max and products of two computed matrices. */
-#include "kernels/nn_requantize.h"
+#include <string.h>
+
 #include "nn/run.h"
 
 void fv_nn_op_softmax(const struct fv_nn_call *call, int32_t begin, int32_t end)
@@ -19,8 +20,10 @@ static void arg_max_rows(const struct fv_nn_call *call, int32_t begin, int32_t e
         count = end - row < 64 ? end - row : 64;
         call->kernels->nn_argmax_u8(call->in[0] + (ptrdiff_t)row * p->axis, p->axis, best, count);
         for (int32_t i = 0; i < count; ++i) {
-            if (p->element_bytes == 8) ((int64_t *)(void *)call->out[0])[row + i] = best[i];
-            else ((int32_t *)(void *)call->out[0])[row + i] = best[i];
+            if (p->element_bytes == 8)
+                ((int64_t *)(void *)call->out[0])[row + i] = best[i];
+            else
+                ((int32_t *)(void *)call->out[0])[row + i] = best[i];
         }
     }
 }
@@ -44,29 +47,73 @@ void fv_nn_op_arg_max(const struct fv_nn_call *call, int32_t begin, int32_t end)
                 }
             }
             const ptrdiff_t at = (ptrdiff_t)row * p->inner + i;
-            if (p->element_bytes == 8) ((int64_t *)(void *)call->out[0])[at] = best;
-            else ((int32_t *)(void *)call->out[0])[at] = best;
+            if (p->element_bytes == 8)
+                ((int64_t *)(void *)call->out[0])[at] = best;
+            else
+                ((int32_t *)(void *)call->out[0])[at] = best;
         }
     }
 }
 
+/* The scratch of a product: the second matrix packed as weights, then bias, multiplier and shift by column.
+ */
+static struct fv_nn_gemm gemm_of(const struct fv_op_matmul *p, uint8_t *scratch)
+{
+    const ptrdiff_t n16 = (p->n + 15) / 16 * 16, k4 = (p->k + 3) / 4;
+    int32_t *words = (int32_t *)(void *)(scratch + n16 * k4 * 4);
+    return (struct fv_nn_gemm){.k = p->k,
+                               .k4 = (int32_t)k4,
+                               .n = p->n,
+                               .weights = (int8_t *)scratch,
+                               .bias = words,
+                               .multiplier = words + n16,
+                               .shift = words + 2 * n16,
+                               .zero_out = p->zero_out,
+                               .act_max = 255,
+                               .row_sum_factor = 128 - p->zero_b};
+}
+
+/* Pack 16 columns of the second matrix as signed weights w = b - 128. With w' = zero_b - 128 the product is
+ * the sum over k of a w - w' a - zero_a (w - w'): the second term is the kernel's row sum, the third the
+ * bias. */
+static void pack_columns(const struct fv_op_matmul *p, const uint8_t *b, int32_t block, uint8_t *scratch)
+{
+    const int32_t n16 = (p->n + 15) / 16 * 16, k4 = (p->k + 3) / 4, first = block * 16;
+    const int32_t columns = p->n - first < 16 ? p->n - first : 16;
+    int8_t *weights = (int8_t *)scratch + (ptrdiff_t)block * k4 * 64;
+    int32_t *words = (int32_t *)(void *)(scratch + (ptrdiff_t)n16 * k4 * 4) + first;
+    memset(weights, 0, (size_t)k4 * 64);
+    for (int32_t j = 0; j < 16; ++j) {
+        int32_t sum = 0;
+        for (int32_t k = 0; k < p->k && j < columns; ++k) {
+            const int32_t value = b[(ptrdiff_t)k * p->b_row + (ptrdiff_t)(first + j) * p->b_column];
+            weights[(ptrdiff_t)(k / 4) * 64 + j * 4 + k % 4] = (int8_t)(value - 128);
+            sum += value - p->zero_b;
+        }
+        words[j] = (int32_t)(0U - (uint32_t)p->zero_a * (uint32_t)sum);
+        words[n16 + j] = p->multiplier;
+        words[2 * n16 + j] = p->shift;
+    }
+}
+
+/* By batch: a row for every 16 columns that are packed, then the rows of the result. */
 void fv_nn_op_matmul(const struct fv_nn_call *call, int32_t begin, int32_t end)
 {
     const struct fv_op_matmul *p = &call->op->u.matmul;
-    for (int32_t row = begin; row < end; ++row) {
-        const int32_t i = row % p->m, b1 = row / p->m % p->batch[1], b0 = row / p->m / p->batch[1];
-        const uint8_t *a = call->in[0] + (ptrdiff_t)b0 * p->a_batch[0] + (ptrdiff_t)b1 * p->a_batch[1] + (ptrdiff_t)i * p->a_row;
-        const uint8_t *b = call->in[1] + (ptrdiff_t)b0 * p->b_batch[0] + (ptrdiff_t)b1 * p->b_batch[1];
-        uint8_t *out = call->out[0] + (ptrdiff_t)row * p->n;
-        for (int32_t j = 0; j < p->n; ++j) {
-            uint32_t sum = 0;
-            for (int32_t k = 0; k < p->k; ++k) {
-                const int32_t x = a[(ptrdiff_t)k * p->a_column] - p->zero_a;
-                const int32_t y = b[(ptrdiff_t)k * p->b_row + (ptrdiff_t)j * p->b_column] - p->zero_b;
-                sum += (uint32_t)(x * y);
-            }
-            const int32_t scaled = fv_nn_requantize((int32_t)sum, p->multiplier, p->shift);
-            out[j] = (uint8_t)fv_nn_clamp(fv_nn_sum(scaled, p->zero_out), 0, 255);
+    const struct fv_nn_gemm gemm = gemm_of(p, call->scratch);
+    const int32_t blocks = (p->n + 15) / 16, per = blocks + p->m;
+    for (int32_t row = begin, count; row < end; row += count) {
+        const int32_t batch = row / per, b0 = batch / p->batch[1], b1 = batch % p->batch[1], at = row % per;
+        count = 1;
+        if (at < blocks) {
+            pack_columns(p, call->in[1] + (ptrdiff_t)b0 * p->b_batch[0] + (ptrdiff_t)b1 * p->b_batch[1], at,
+                         call->scratch);
+            continue;
         }
+        count = per - at < end - row ? per - at : end - row;
+        const uint8_t *a = call->in[0] + (ptrdiff_t)b0 * p->a_batch[0] + (ptrdiff_t)b1 * p->a_batch[1];
+        const ptrdiff_t first = at - blocks;
+        call->kernels->nn_gemm_u8(&gemm, a + first * p->a_row, p->a_row,
+                                  call->out[0] + ((ptrdiff_t)batch * p->m + first) * p->n, p->n, count);
     }
 }

@@ -12,8 +12,8 @@ static void window_part(int32_t start, int32_t size, int32_t kernel, int32_t *fi
     if (*last < *first) *last = *first;
 }
 
-static void max_pixel(const struct fv_nn_call *call, const uint8_t *corner, int32_t ky, int32_t ky_end, int32_t kx,
-                      int32_t kx_end, uint8_t *out)
+static void max_pixel(const struct fv_nn_call *call, const uint8_t *corner, int32_t ky, int32_t ky_end,
+                      int32_t kx, int32_t kx_end, uint8_t *out)
 {
     const struct fv_op_pool *p = &call->op->u.pool;
     const struct fv_op_image *im = &p->image;
@@ -25,7 +25,8 @@ static void max_pixel(const struct fv_nn_call *call, const uint8_t *corner, int3
         }
     }
     if (p->act_min == 0 && p->act_max == 255) return;
-    for (int32_t c = 0; c < im->in_c; ++c) out[c] = (uint8_t)fv_nn_clamp(out[c], p->act_min, p->act_max);
+    for (int32_t c = 0; c < im->in_c; ++c)
+        out[c] = (uint8_t)fv_nn_clamp(out[c], p->act_min, p->act_max);
 }
 
 /* int8 averages round halves away from the original zero, uint8 ones half up. */
@@ -37,8 +38,8 @@ static int32_t average_of(int32_t sum, int32_t count, int32_t is_signed)
     return (sum > 0 ? (sum + count / 2) / count : (sum - count / 2) / count) + 128;
 }
 
-static void average_pixel(const struct fv_op_pool *p, const uint8_t *corner, int32_t ky, int32_t ky_end, int32_t kx,
-                          int32_t kx_end, uint8_t *out)
+static void average_pixel(const struct fv_op_pool *p, const uint8_t *corner, int32_t ky, int32_t ky_end,
+                          int32_t kx, int32_t kx_end, uint8_t *out)
 {
     const struct fv_op_image *im = &p->image;
     const ptrdiff_t line = (ptrdiff_t)im->in_w * im->in_stride;
@@ -49,11 +50,13 @@ static void average_pixel(const struct fv_op_pool *p, const uint8_t *corner, int
         for (int32_t y = ky; y < ky_end; ++y) {
             for (int32_t x = kx; x < kx_end; ++x) {
                 const uint8_t *in = corner + y * line + (ptrdiff_t)x * im->in_stride + c0;
-                for (int32_t c = 0; c < n; ++c) sum[c] += in[c];
+                for (int32_t c = 0; c < n; ++c)
+                    sum[c] += in[c];
             }
         }
         for (int32_t c = 0; c < n; ++c) {
-            out[c0 + c] = (uint8_t)fv_nn_clamp(average_of(sum[c], count, p->is_signed), p->act_min, p->act_max);
+            out[c0 + c] =
+                (uint8_t)fv_nn_clamp(average_of(sum[c], count, p->is_signed), p->act_min, p->act_max);
         }
     }
 }
@@ -73,42 +76,64 @@ void fv_nn_op_pool(const struct fv_nn_call *call, int32_t begin, int32_t end)
             const int32_t ix = x * w->stride_x - w->pad_left;
             window_part(ix, im->in_w, w->kw, &kx, &kx_end);
             const uint8_t *corner = call->in[0] + ((image + iy) * im->in_w + ix) * im->in_stride;
-            if (p->average) average_pixel(p, corner, ky, ky_end, kx, kx_end, out);
-            else max_pixel(call, corner, ky, ky_end, kx, kx_end, out);
+            if (p->average)
+                average_pixel(p, corner, ky, ky_end, kx, kx_end, out);
+            else
+                max_pixel(call, corner, ky, ky_end, kx, kx_end, out);
         }
     }
 }
 
-/* One result: the sum (mean) or extreme over the dropped axes. */
-static int32_t reduce_one(const struct fv_op_reduce *p, const uint8_t *in)
+enum { REDUCE_LANES = 64 };
+
+/* `lanes` results whose inputs are neighbours: sums or extremes over the dropped axes. */
+static void reduce_lanes(const struct fv_op_reduce *p, const uint8_t *in, int32_t lanes, int32_t *result)
 {
-    int32_t sum = 0, low = 255, high = 0;
-    for (int32_t i = 0; i < p->count[0]; ++i) {
-        for (int32_t j = 0; j < p->count[1]; ++j) {
-            for (int32_t k = 0; k < p->count[2]; ++k) {
-                const uint8_t *at = in + (ptrdiff_t)i * p->inner[0] + (ptrdiff_t)j * p->inner[1] + (ptrdiff_t)k * p->inner[2];
-                for (int32_t l = 0; l < p->count[3]; ++l, at += p->inner[3]) {
-                    sum += *at;
-                    if (*at < low) low = *at;
-                    if (*at > high) high = *at;
-                }
+    for (int32_t c = 0; c < lanes; ++c)
+        result[c] = p->function == FV_REDUCE_MEAN ? 0 : in[c];
+    for (int32_t i = 0; i < p->count[0] * p->count[1] * p->count[2]; ++i) {
+        const int32_t i2 = i % p->count[2], i1 = i / p->count[2] % p->count[1],
+                      i0 = i / p->count[2] / p->count[1];
+        const uint8_t *at =
+            in + (ptrdiff_t)i0 * p->inner[0] + (ptrdiff_t)i1 * p->inner[1] + (ptrdiff_t)i2 * p->inner[2];
+        for (int32_t l = 0; l < p->count[3]; ++l, at += p->inner[3]) {
+            if (p->function == FV_REDUCE_MEAN) {
+                for (int32_t c = 0; c < lanes; ++c)
+                    result[c] += at[c];
+            } else if (p->function == FV_REDUCE_MAX) {
+                for (int32_t c = 0; c < lanes; ++c)
+                    result[c] = at[c] > result[c] ? at[c] : result[c];
+            } else {
+                for (int32_t c = 0; c < lanes; ++c)
+                    result[c] = at[c] < result[c] ? at[c] : result[c];
             }
         }
     }
-    if (p->function == FV_REDUCE_MAX) return high;
-    if (p->function == FV_REDUCE_MIN) return low;
-    const int32_t scaled = fv_nn_requantize(sum - p->zero_in * p->elements, p->multiplier, p->shift);
-    return fv_nn_clamp(fv_nn_sum(scaled, p->zero_out), 0, 255);
 }
 
 void fv_nn_op_reduce(const struct fv_nn_call *call, int32_t begin, int32_t end)
 {
     const struct fv_op_reduce *p = &call->op->u.reduce;
+    const int32_t most = p->outer[3] == 1 ? REDUCE_LANES : 1;
+    int32_t result[REDUCE_LANES];
     for (int32_t row = begin; row < end; ++row) {
-        const int32_t k = row % p->dims[2], j = row / p->dims[2] % p->dims[1], i = row / p->dims[2] / p->dims[1];
-        const uint8_t *in = call->in[0] + (ptrdiff_t)i * p->outer[0] + (ptrdiff_t)j * p->outer[1] + (ptrdiff_t)k * p->outer[2];
-        for (int32_t l = 0; l < p->dims[3]; ++l) {
-            call->out[0][(ptrdiff_t)row * p->dims[3] + l] = (uint8_t)reduce_one(p, in + (ptrdiff_t)l * p->outer[3]);
+        const int32_t k = row % p->dims[2], j = row / p->dims[2] % p->dims[1],
+                      i = row / p->dims[2] / p->dims[1];
+        const uint8_t *in = call->in[0] + (ptrdiff_t)i * p->outer[0] + (ptrdiff_t)j * p->outer[1] +
+                            (ptrdiff_t)k * p->outer[2];
+        uint8_t *out = call->out[0] + (ptrdiff_t)row * p->dims[3];
+        for (int32_t first = 0; first < p->dims[3]; first += most) {
+            const int32_t lanes = p->dims[3] - first < most ? p->dims[3] - first : most;
+            reduce_lanes(p, in + (ptrdiff_t)first * p->outer[3], lanes, result);
+            for (int32_t c = 0; c < lanes; ++c) {
+                int32_t value = result[c];
+                if (p->function == FV_REDUCE_MEAN) {
+                    value =
+                        fv_nn_sum(fv_nn_requantize(value - p->zero_in * p->elements, p->multiplier, p->shift),
+                                  p->zero_out);
+                }
+                out[first + c] = (uint8_t)fv_nn_clamp(value, 0, 255);
+            }
         }
     }
 }
@@ -137,19 +162,6 @@ static void blend_float(const uint8_t *const corner[4], float dy, float dx, uint
     }
 }
 
-/* int8: 10 fractional bits per axis, rounded half away from the original zero. */
-static void blend_fixed(const uint8_t *const corner[4], int32_t dy, int32_t dx, uint8_t *out, int32_t count)
-{
-    const int64_t weight[4] = {(int64_t)(1024 - dy) * (1024 - dx), (int64_t)dy * (1024 - dx), (int64_t)(1024 - dy) * dx,
-                               (int64_t)dy * dx};
-    for (int32_t c = 0; c < count; ++c) {
-        int64_t sum = 0;
-        for (int i = 0; i < 4; ++i) sum += weight[i] * (corner[i][c] - 128);
-        const int64_t value = (sum + (sum > 0 ? 1 << 19 : -(1 << 19))) / (1 << 20);
-        out[c] = (uint8_t)(value + 128);
-    }
-}
-
 void fv_nn_op_resize(const struct fv_nn_call *call, int32_t begin, int32_t end)
 {
     const struct fv_op_resize *p = &call->op->u.resize;
@@ -157,24 +169,31 @@ void fv_nn_op_resize(const struct fv_nn_call *call, int32_t begin, int32_t end)
     const struct entry *rows = (const struct entry *)(const void *)(call->model->base + p->rows);
     const struct entry *columns = (const struct entry *)(const void *)(call->model->base + p->columns);
     const ptrdiff_t line = (ptrdiff_t)im->in_w * im->in_stride;
-    const struct fv_nn_blend blend = {.channels = im->in_c, .in_stride = im->in_stride, .out_w = im->out_w,
-                                      .out_stride = im->out_stride, .bits = p->bits, .columns = &columns->low};
+    const struct fv_nn_blend blend = {.channels = im->in_c,
+                                      .in_stride = im->in_stride,
+                                      .out_w = im->out_w,
+                                      .out_stride = im->out_stride,
+                                      .bits = p->bits,
+                                      .middle = p->mode == FV_RESIZE_SIGNED ? 128 : 0,
+                                      .columns = &columns->low};
     for (int32_t row = begin; row < end; ++row) {
         const uint8_t *image = call->in[0] + (ptrdiff_t)(row / im->out_h) * im->in_h * line;
         const struct entry *y = &rows[row % im->out_h];
         uint8_t *out = call->out[0] + (ptrdiff_t)row * im->out_w * im->out_stride;
-        if (p->mode == FV_RESIZE_EXACT) {
+        if (p->mode == FV_RESIZE_EXACT || p->mode == FV_RESIZE_SIGNED) {
             call->kernels->nn_blend_u8(&blend, image + y->low * line, image + y->high * line, y->weight, out);
             continue;
         }
         for (int32_t i = 0; i < im->out_w; ++i, out += im->out_stride) {
             const struct entry *x = &columns[i];
-            const uint8_t *left = image + (ptrdiff_t)x->low * im->in_stride, *right = image + (ptrdiff_t)x->high * im->in_stride;
-            const uint8_t *const corner[4] = {left + y->low * line, left + y->high * line, right + y->low * line,
-                                              right + y->high * line};
-            if (p->mode == FV_RESIZE_NEAREST) memcpy(out, corner[0], (size_t)im->in_c);
-            else if (p->mode == FV_RESIZE_FLOAT) blend_float(corner, weight_of(y), weight_of(x), out, im->in_c);
-            else blend_fixed(corner, y->weight, x->weight, out, im->in_c);
+            const uint8_t *left = image + (ptrdiff_t)x->low * im->in_stride,
+                          *right = image + (ptrdiff_t)x->high * im->in_stride;
+            const uint8_t *const corner[4] = {left + y->low * line, left + y->high * line,
+                                              right + y->low * line, right + y->high * line};
+            if (p->mode == FV_RESIZE_NEAREST)
+                memcpy(out, corner[0], (size_t)im->in_c);
+            else
+                blend_float(corner, weight_of(y), weight_of(x), out, im->in_c);
         }
     }
 }

@@ -15,7 +15,6 @@ static fv_nn_op_fn *const operators[FV_OP_KIND_COUNT] = {
     [FV_OP_QUANTIZE] = fv_nn_op_quantize,
     [FV_OP_CAST] = fv_nn_op_cast,
     [FV_OP_BATCH_MATMUL] = fv_nn_op_matmul,
-    [FV_OP_TRANSPOSE_CONV] = fv_nn_op_transpose_conv,
     [FV_OP_DETECTION] = fv_nn_op_detection,
 };
 
@@ -52,8 +51,10 @@ static void prepare(const struct fv_model *model, const struct fv_kernels *kerne
                     const struct fv_model_op *op, struct fv_nn_call *call)
 {
     *call = (struct fv_nn_call){.model = model, .kernels = kernels, .op = op};
-    for (int32_t i = 0; i < op->input_count; ++i) call->in[i] = fv_nn_tensor(model, arena, op->inputs[i]);
-    for (int32_t i = 0; i < op->output_count; ++i) call->out[i] = fv_nn_tensor(model, arena, op->outputs[i]);
+    for (int32_t i = 0; i < op->input_count; ++i)
+        call->in[i] = fv_nn_tensor(model, arena, op->inputs[i]);
+    for (int32_t i = 0; i < op->output_count; ++i)
+        call->out[i] = fv_nn_tensor(model, arena, op->outputs[i]);
     if (op->scratch >= 0) call->scratch = fv_nn_tensor(model, arena, op->scratch);
 }
 

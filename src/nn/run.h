@@ -1,12 +1,13 @@
 /* Running a checked model in units.
  *
- * The state is the arena (fv_nn_arena_bytes, 64-byte aligned, owned by the caller) and a struct fv_nn_progress; neither holds
- * addresses, so both may be copied, moved and saved between units. A unit is a run of rows of one operator worth at most
- * FV_NN_UNIT_COST (or one row, if that is more); 0.25 ms at 16 GMAC/s, which a Cortex-A76 with dot products passes. Units
- * depend on the model alone, so a recorded number of units does the same work on every machine.
+ * The state is the arena (fv_nn_arena_bytes, 64-byte aligned, owned by the caller) and a struct
+ * fv_nn_progress; neither holds addresses, so both may be copied, moved and saved between units. A unit is a
+ * run of rows of one operator worth at most FV_NN_UNIT_COST (or one row, if that is more); 0.25 ms at 16
+ * GMAC/s, which a Cortex-A76 with dot products passes. Units depend on the model alone, so a recorded number
+ * of units does the same work on every machine.
  *
- * Operators may overwrite the input tensors: write the inputs before every run. All functions are real-time safe and touch
- * nothing but their arguments. */
+ * Operators may overwrite the input tensors: write the inputs before every run. All functions are real-time
+ * safe and touch nothing but their arguments. */
 #ifndef FOVEA_NN_RUN_H
 #define FOVEA_NN_RUN_H
 
@@ -47,8 +48,8 @@ struct fv_nn_call {
 };
 typedef void fv_nn_op_fn(const struct fv_nn_call *call, int32_t begin, int32_t end);
 fv_nn_op_fn fv_nn_op_conv, fv_nn_op_depthwise, fv_nn_op_binary, fv_nn_op_pool, fv_nn_op_reduce, fv_nn_op_copy,
-    fv_nn_op_fill, fv_nn_op_resize, fv_nn_op_softmax, fv_nn_op_arg_max, fv_nn_op_dequantize, fv_nn_op_quantize,
-    fv_nn_op_cast, fv_nn_op_matmul, fv_nn_op_transpose_conv, fv_nn_op_detection;
+    fv_nn_op_fill, fv_nn_op_resize, fv_nn_op_softmax, fv_nn_op_arg_max, fv_nn_op_dequantize,
+    fv_nn_op_quantize, fv_nn_op_cast, fv_nn_op_matmul, fv_nn_op_detection;
 
 /* Rows that the steps of a detection make; -1: too many. */
 int32_t fv_nn_detection_rows(const struct fv_op_detection *p);

@@ -6,7 +6,8 @@
 enum { SLACK = 64 };
 
 /* Multipliers, shifts and biases as real models have them, and at the ends of their ranges. */
-static void fill_scaling(struct check *check, int32_t *bias, int32_t *multiplier, int32_t *shift, int32_t count)
+static void fill_scaling(struct check *check, int32_t *bias, int32_t *multiplier, int32_t *shift,
+                         int32_t count)
 {
     const int32_t extreme = check_between(check, 0, 3) == 0;
     for (int32_t i = 0; i < count; ++i) {
@@ -24,14 +25,16 @@ static void draw_range(struct check *check, int32_t *zero, int32_t *low, int32_t
     *high = check_between(check, 0, 2) ? 255 : check_between(check, *low, 255);
 }
 
-/* Weights of all sizes, or mostly of sizes whose pairs just fit 16 bits when multiplied by 255, or just do not. */
+/* Weights of all sizes, or mostly of sizes whose pairs just fit 16 bits when multiplied by 255, or just do
+ * not. */
 static void fill_weights(struct check *check, int8_t *weights, int32_t count)
 {
     check_fill(check, weights, (size_t)count);
     if (check_between(check, 0, 2) == 0) return;
     for (int32_t i = 0; i < count; ++i) {
         const int32_t size = check_between(check, 60, 64), kind = check_between(check, 0, 200);
-        if (kind != 0) weights[i] = (int8_t)(kind == 1 ? 65 : kind == 2 ? -65 : weights[i] >= 0 ? size : -size);
+        if (kind != 0)
+            weights[i] = (int8_t)(kind == 1 ? 65 : kind == 2 ? -65 : weights[i] >= 0 ? size : -size);
     }
 }
 
@@ -45,10 +48,12 @@ static struct fv_nn_gemm draw_gemm(struct check *check, int32_t k, int32_t n)
             if (c >= n || i >= k) weights[((c / 16 * k4 + i / 4) * 16 + c % 16) * 4 + i % 4] = 0;
         }
     }
-    int32_t *bias = check_buffer(check, (size_t)n16 * 4, 64, SLACK), *multiplier = check_buffer(check, (size_t)n16 * 4, 64, SLACK);
+    int32_t *bias = check_buffer(check, (size_t)n16 * 4, 64, SLACK),
+            *multiplier = check_buffer(check, (size_t)n16 * 4, 64, SLACK);
     int32_t *shift = check_buffer(check, (size_t)n16 * 4, 64, SLACK);
     fill_scaling(check, bias, multiplier, shift, n16);
-    struct fv_nn_gemm g = {.k = k, .k4 = k4, .n = n, .weights = weights, .bias = bias, .multiplier = multiplier, .shift = shift};
+    struct fv_nn_gemm g = {
+        .k = k, .k4 = k4, .n = n, .weights = weights, .bias = bias, .multiplier = multiplier, .shift = shift};
     draw_range(check, &g.zero_out, &g.act_min, &g.act_max);
     g.row_sum_factor = check_between(check, 0, 1) ? 0 : check_between(check, -128, 127);
     if (check_between(check, 0, 3) == 0) {
@@ -61,7 +66,8 @@ static struct fv_nn_gemm draw_gemm(struct check *check, int32_t k, int32_t n)
 
 void check_nn_gemm_u8(struct check *check, fv_k_nn_gemm_u8_fn *reference, fv_k_nn_gemm_u8_fn *variant)
 {
-    const int32_t k = check_between(check, 1, 150), n = check_between(check, 1, 150), m = check_between(check, 1, 40);
+    const int32_t k = check_between(check, 1, 150), n = check_between(check, 1, 150),
+                  m = check_between(check, 1, 40);
     const struct fv_nn_gemm g = draw_gemm(check, k, n);
     const ptrdiff_t lda = k + check_between(check, 0, 9), ldo = n + check_between(check, 0, 9);
     uint8_t *a = check_buffer(check, (size_t)((m - 1) * lda + k), 1, SLACK);
@@ -75,7 +81,8 @@ void check_nn_gemm_u8(struct check *check, fv_k_nn_gemm_u8_fn *reference, fv_k_n
 
 void check_nn_gemm_i32(struct check *check, fv_k_nn_gemm_i32_fn *reference, fv_k_nn_gemm_i32_fn *variant)
 {
-    const int32_t k = check_between(check, 1, 300), n = check_between(check, 1, 90), m = check_between(check, 1, 24);
+    const int32_t k = check_between(check, 1, 300), n = check_between(check, 1, 90),
+                  m = check_between(check, 1, 24);
     const struct fv_nn_gemm g = draw_gemm(check, k, n);
     const ptrdiff_t lda = k + check_between(check, 0, 9), ldo = (n + 15) / 16 * 16;
     uint8_t *a = check_buffer(check, (size_t)((m - 1) * lda + k), 1, SLACK);
@@ -140,7 +147,8 @@ static struct fv_nn_depthwise draw_depthwise(struct check *check)
     d.c16 = (d.channels + 15) / 16 * 16;
     int8_t *weights = check_buffer(check, (size_t)(d.planes * d.kh * d.kw * d.c16), 64, SLACK);
     check_fill(check, weights, (size_t)(d.planes * d.kh * d.kw * d.c16));
-    int32_t *bias = check_buffer(check, (size_t)d.c16 * 4, 64, SLACK), *multiplier = check_buffer(check, (size_t)d.c16 * 4, 64, SLACK);
+    int32_t *bias = check_buffer(check, (size_t)d.c16 * 4, 64, SLACK),
+            *multiplier = check_buffer(check, (size_t)d.c16 * 4, 64, SLACK);
     int32_t *shift = check_buffer(check, (size_t)d.c16 * 4, 64, SLACK);
     fill_scaling(check, bias, multiplier, shift, d.c16);
     d.weights = weights;
@@ -159,7 +167,8 @@ static uint8_t *depthwise_scratch(struct check *check, const struct fv_nn_depthw
     return check_buffer(check, (size_t)(all < most ? all : most) * 256 * (size_t)((d->kh + 3) / 4), 64, 0);
 }
 
-void check_nn_depthwise_u8(struct check *check, fv_k_nn_depthwise_u8_fn *reference, fv_k_nn_depthwise_u8_fn *variant)
+void check_nn_depthwise_u8(struct check *check, fv_k_nn_depthwise_u8_fn *reference,
+                           fv_k_nn_depthwise_u8_fn *variant)
 {
     struct fv_nn_depthwise d = draw_depthwise(check);
     if (check_between(check, 0, 3) == 0) {
@@ -192,7 +201,8 @@ void bench_nn_depthwise_u8(struct check *check, fv_k_nn_depthwise_u8_fn *variant
         d->channels = d->c16 = d->in_stride = d->out_stride = CHANNELS;
         d->weights = check_buffer(check, 9 * CHANNELS, 64, SLACK);
         int32_t *scaling[3];
-        for (int i = 0; i < 3; ++i) scaling[i] = check_buffer(check, CHANNELS * 4, 64, SLACK);
+        for (int i = 0; i < 3; ++i)
+            scaling[i] = check_buffer(check, CHANNELS * 4, 64, SLACK);
         fill_scaling(check, scaling[0], scaling[1], scaling[2], CHANNELS);
         d->bias = scaling[0];
         d->multiplier = scaling[1];
@@ -208,7 +218,8 @@ void check_nn_table_u8(struct check *check, fv_k_nn_table_u8_fn *reference, fv_k
 {
     const int32_t count = check_between(check, 1, 400);
     uint8_t *table = check_buffer(check, 256, 1, 0), *in = check_buffer(check, (size_t)count, 1, 0);
-    uint8_t *expected = check_buffer(check, (size_t)count, 1, 0), *found = check_buffer(check, (size_t)count, 1, 0);
+    uint8_t *expected = check_buffer(check, (size_t)count, 1, 0),
+            *found = check_buffer(check, (size_t)count, 1, 0);
     check_fill(check, table, 256);
     check_fill(check, in, (size_t)count);
     reference(table, in, expected, count);
@@ -238,7 +249,8 @@ static struct fv_nn_add draw_add(struct check *check)
     p.s_a = check_between(check, 0, 3) == 0 ? check_between(check, -20, 0) : check_between(check, -3, 0);
     p.s_b = check_between(check, 0, 3) == 0 ? check_between(check, -20, 0) : check_between(check, -3, 0);
     p.s_out = check_between(check, -22, -16);
-    const int32_t half = check_between(check, 0, 3); /* the input of the larger scale has the factor one half */
+    const int32_t half =
+        check_between(check, 0, 3); /* the input of the larger scale has the factor one half */
     if (half == 1) p.m_a = 1 << 30, p.s_a = 0;
     if (half == 2) p.m_b = 1 << 30, p.s_b = 0;
     return p;
@@ -246,7 +258,8 @@ static struct fv_nn_add draw_add(struct check *check)
 
 void check_nn_add_u8(struct check *check, fv_k_nn_add_u8_fn *reference, fv_k_nn_add_u8_fn *variant)
 {
-    const int32_t count = check_between(check, 0, 1) ? check_between(check, 1, 300) : 16 * check_between(check, 1, 2);
+    const int32_t count =
+        check_between(check, 0, 1) ? check_between(check, 1, 300) : 16 * check_between(check, 1, 2);
     const int32_t rows = check_between(check, 1, 9);
     const ptrdiff_t lda = count + check_between(check, 0, 20), ldb = count + check_between(check, 0, 20);
     const size_t bytes_a = (size_t)((rows - 1) * lda + count), bytes_b = (size_t)((rows - 1) * ldb + count);
@@ -269,14 +282,16 @@ void bench_nn_add_u8(struct check *check, fv_k_nn_add_u8_fn *variant)
 {
     const struct fv_nn_add p = draw_add(check);
     snprintf(check->size, sizeof check->size, "65536");
-    variant(&p, bench_scratch(), 256, bench_scratch() + (1 << 20), 256, bench_scratch() + (2 << 20), 256, 256, 256);
+    variant(&p, bench_scratch(), 256, bench_scratch() + (1 << 20), 256, bench_scratch() + (2 << 20), 256, 256,
+            256);
 }
 
 void check_nn_max_u8(struct check *check, fv_k_nn_max_u8_fn *reference, fv_k_nn_max_u8_fn *variant)
 {
     const int32_t count = check_between(check, 1, 300);
     uint8_t *a = check_buffer(check, (size_t)count, 1, 0), *b = check_buffer(check, (size_t)count, 1, 0);
-    uint8_t *expected = check_buffer(check, (size_t)count, 1, 0), *found = check_buffer(check, (size_t)count, 1, 0);
+    uint8_t *expected = check_buffer(check, (size_t)count, 1, 0),
+            *found = check_buffer(check, (size_t)count, 1, 0);
     check_fill(check, a, (size_t)count);
     check_fill(check, b, (size_t)count);
     memcpy(found, a, (size_t)count);
@@ -291,11 +306,13 @@ void bench_nn_max_u8(struct check *check, fv_k_nn_max_u8_fn *variant)
     variant(bench_scratch(), bench_scratch() + (1 << 20), bench_scratch() + (2 << 20), 65536);
 }
 
-void check_nn_transpose_u8(struct check *check, fv_k_nn_transpose_u8_fn *reference, fv_k_nn_transpose_u8_fn *variant)
+void check_nn_transpose_u8(struct check *check, fv_k_nn_transpose_u8_fn *reference,
+                           fv_k_nn_transpose_u8_fn *variant)
 {
     const int32_t rows = check_between(check, 1, 60), columns = check_between(check, 1, 60);
     const ptrdiff_t ldi = columns + check_between(check, 0, 9), ldo = rows + check_between(check, 0, 9);
-    const size_t in_bytes = (size_t)((rows - 1) * ldi + columns), bytes = (size_t)((columns - 1) * ldo + rows);
+    const size_t in_bytes = (size_t)((rows - 1) * ldi + columns),
+                 bytes = (size_t)((columns - 1) * ldo + rows);
     uint8_t *in = check_buffer(check, in_bytes, 1, 0);
     uint8_t *expected = check_buffer(check, bytes, 1, 0), *found = check_buffer(check, bytes, 1, 0);
     check_fill(check, in, in_bytes);
@@ -312,8 +329,12 @@ void bench_nn_transpose_u8(struct check *check, fv_k_nn_transpose_u8_fn *variant
 
 void check_nn_blend_u8(struct check *check, fv_k_nn_blend_u8_fn *reference, fv_k_nn_blend_u8_fn *variant)
 {
-    const int32_t in_w = check_between(check, 1, 20), out_w = check_between(check, 1, 30), bits = check_between(check, 0, 7);
-    struct fv_nn_blend p = {.channels = check_between(check, 1, 70), .out_w = out_w, .bits = bits};
+    const int32_t in_w = check_between(check, 1, 20), out_w = check_between(check, 1, 30),
+                  bits = check_between(check, 0, 10);
+    struct fv_nn_blend p = {.channels = check_between(check, 1, 70),
+                            .out_w = out_w,
+                            .bits = bits,
+                            .middle = 128 * check_between(check, 0, 1)};
     p.in_stride = p.channels + check_between(check, 0, 5);
     p.out_stride = p.channels + check_between(check, 0, 5);
     int32_t *columns = check_buffer(check, (size_t)out_w * 12, 4, 0);
@@ -323,7 +344,8 @@ void check_nn_blend_u8(struct check *check, fv_k_nn_blend_u8_fn *reference, fv_k
         columns[3 * x + 2] = check_between(check, 0, 1 << bits);
     }
     p.columns = columns;
-    const size_t in_bytes = (size_t)((in_w - 1) * p.in_stride + p.channels), bytes = (size_t)((out_w - 1) * p.out_stride + p.channels);
+    const size_t in_bytes = (size_t)((in_w - 1) * p.in_stride + p.channels),
+                 bytes = (size_t)((out_w - 1) * p.out_stride + p.channels);
     uint8_t *top = check_buffer(check, in_bytes, 1, SLACK), *bottom = check_buffer(check, in_bytes, 1, SLACK);
     uint8_t *expected = check_buffer(check, bytes, 1, 0), *found = check_buffer(check, bytes, 1, 0);
     check_fill(check, top, in_bytes);
@@ -345,7 +367,8 @@ void bench_nn_blend_u8(struct check *check, fv_k_nn_blend_u8_fn *variant)
             columns[3 * x + 1] = x / 16 + (x < 512);
             columns[3 * x + 2] = x % 16;
         }
-        *p = (struct fv_nn_blend){.channels = 21, .in_stride = 21, .out_w = 513, .out_stride = 21, .bits = 4, .columns = columns};
+        *p = (struct fv_nn_blend){
+            .channels = 21, .in_stride = 21, .out_w = 513, .out_stride = 21, .bits = 4, .columns = columns};
         check->kept = p;
     }
     snprintf(check->size, sizeof check->size, "row of 513x21");
@@ -354,9 +377,11 @@ void bench_nn_blend_u8(struct check *check, fv_k_nn_blend_u8_fn *variant)
 
 void check_nn_argmax_u8(struct check *check, fv_k_nn_argmax_u8_fn *reference, fv_k_nn_argmax_u8_fn *variant)
 {
-    const int32_t axis = check_between(check, 1, check_between(check, 0, 1) ? 40 : 200), count = check_between(check, 1, 20);
+    const int32_t axis = check_between(check, 1, check_between(check, 0, 1) ? 40 : 200),
+                  count = check_between(check, 1, 20);
     uint8_t *in = check_buffer(check, (size_t)(axis * count), 1, SLACK);
-    int32_t *expected = check_buffer(check, (size_t)count * 4, 4, 0), *found = check_buffer(check, (size_t)count * 4, 4, 0);
+    int32_t *expected = check_buffer(check, (size_t)count * 4, 4, 0),
+            *found = check_buffer(check, (size_t)count * 4, 4, 0);
     check_fill(check, in, (size_t)(axis * count));
     reference(in, axis, expected, count);
     variant(in, axis, found, count);
@@ -374,16 +399,20 @@ static const int32_t *draw_exps(struct check *check)
     int32_t *exps = check_buffer(check, 1024, 4, 0);
     const int32_t base = check_between(check, 400, 999), end = check_between(check, 1, 256);
     int64_t value = INT32_MAX;
-    for (int32_t i = 0; i < 256; ++i, value = value * base / 1000) exps[i] = i < end ? (int32_t)value : -1;
+    for (int32_t i = 0; i < 256; ++i, value = value * base / 1000)
+        exps[i] = i < end ? (int32_t)value : -1;
     return exps;
 }
 
-void check_nn_softmax_u8(struct check *check, fv_k_nn_softmax_u8_fn *reference, fv_k_nn_softmax_u8_fn *variant)
+void check_nn_softmax_u8(struct check *check, fv_k_nn_softmax_u8_fn *reference,
+                         fv_k_nn_softmax_u8_fn *variant)
 {
-    const int32_t depth = check_between(check, 1, check_between(check, 0, 1) ? 40 : 1001), rows = check_between(check, 1, 4);
+    const int32_t depth = check_between(check, 1, check_between(check, 0, 1) ? 40 : 1001),
+                  rows = check_between(check, 1, 4);
     const int32_t *exps = draw_exps(check);
     const size_t bytes = (size_t)depth * (size_t)rows;
-    uint8_t *in = check_buffer(check, bytes, 1, 0), *expected = check_buffer(check, bytes, 1, 0), *found = check_buffer(check, bytes, 1, 0);
+    uint8_t *in = check_buffer(check, bytes, 1, 0), *expected = check_buffer(check, bytes, 1, 0),
+            *found = check_buffer(check, bytes, 1, 0);
     check_fill(check, in, bytes);
     reference(exps, in, expected, depth, rows);
     variant(exps, in, found, depth, rows);
@@ -399,7 +428,8 @@ void bench_nn_softmax_u8(struct check *check, fv_k_nn_softmax_u8_fn *variant)
 
 void check_nn_gather_u8(struct check *check, fv_k_nn_gather_u8_fn *reference, fv_k_nn_gather_u8_fn *variant)
 {
-    const int32_t run = check_between(check, 1, 300), count = check_between(check, 1, 12), step = check_between(check, 1, 200);
+    const int32_t run = check_between(check, 1, 300), count = check_between(check, 1, 12),
+                  step = check_between(check, 1, 200);
     const ptrdiff_t pitch = run + 15 + check_between(check, 0, 30);
     const size_t in_bytes = (size_t)((count - 1) * step + run), bytes = (size_t)(count * pitch);
     uint8_t *in = check_buffer(check, in_bytes, 1, 15);
@@ -407,7 +437,8 @@ void check_nn_gather_u8(struct check *check, fv_k_nn_gather_u8_fn *reference, fv
     check_fill(check, in, in_bytes);
     reference(in, step, expected, pitch, run, count);
     variant(in, step, found, pitch, run, count);
-    for (int32_t i = 0; i < count; ++i) check_equal(check, "run", expected + i * pitch, found + i * pitch, (size_t)run);
+    for (int32_t i = 0; i < count; ++i)
+        check_equal(check, "run", expected + i * pitch, found + i * pitch, (size_t)run);
 }
 
 void bench_nn_gather_u8(struct check *check, fv_k_nn_gather_u8_fn *variant)

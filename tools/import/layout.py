@@ -13,7 +13,7 @@ TYPE_BYTES = {"UINT8": 1, "INT8": 1, "BOOL": 1, "INT32": 4, "INT64": 8, "FLOAT32
 FLAG_CONST, FLAG_SIGNED = 1, 2
 
 KINDS = ["NONE", "CONV", "DEPTHWISE", "BINARY", "POOL", "REDUCE", "COPY", "FILL", "RESIZE", "SOFTMAX", "ARG_MAX",
-         "DEQUANTIZE", "QUANTIZE", "CAST", "BATCH_MATMUL", "TRANSPOSE_CONV", "DETECTION"]
+         "DEQUANTIZE", "QUANTIZE", "CAST", "BATCH_MATMUL", "DETECTION"]
 KIND = {name: i for i, name in enumerate(KINDS)}
 BINARY = {"ADD": 0, "SUB": 1, "MUL": 2, "MAXIMUM": 3, "MINIMUM": 4, "PRELU": 5}
 
@@ -30,7 +30,8 @@ _IMAGE = ["batch", "in_h", "in_w", "in_c", "in_stride", "out_h", "out_w", "out_c
 _WINDOW = ["kh", "kw", "stride_y", "stride_x", "dilation_y", "dilation_x", "pad_top", "pad_left"]
 PARAMS = {
     "CONV": _IMAGE + _WINDOW + ["k", "k4", "zero_in", "zero_out", "act_min", "act_max", "row_sum_factor",
-                                "single_rounding", "weights", "bias", "multiplier", "shift", "table"],
+                                "single_rounding", "weights", "bias", "multiplier", "shift", "table", "out_first",
+                                "out_row"],
     "DEPTHWISE": _IMAGE + _WINDOW + ["zero_in", "zero_out", "act_min", "act_max", "planes", "c16", "weights", "bias",
                                      "multiplier", "shift", "table"],
     "BINARY": ["function"] + _six("dim") + _six("a") + _six("b") + _six("o") +
@@ -48,9 +49,7 @@ PARAMS = {
     "QUANTIZE": ["count", "scale", "zero"],
     "CAST": ["count"],
     "BATCH_MATMUL": ["batch0", "batch1", "a_batch0", "a_batch1", "b_batch0", "b_batch1", "m", "k", "n", "a_row",
-                     "a_column", "b_row", "b_column", "zero_a", "zero_b", "zero_out", "multiplier", "shift"],
-    "TRANSPOSE_CONV": _IMAGE + _WINDOW + ["zero_in", "zero_weights", "zero_out", "act_min", "act_max", "weights",
-                                          "bias", "multiplier", "shift"],
+                     "b_row", "b_column", "zero_a", "zero_b", "zero_out", "multiplier", "shift"],
     "DETECTION": ["anchors", "classes", "class_offset", "max_detections", "max_per_anchor", "per_class",
                   "regular_nms", "score_threshold", "iou_threshold", "y_scale", "x_scale", "h_scale", "w_scale",
                   "anchor_data", "box_table", "score_table"],

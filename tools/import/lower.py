@@ -143,7 +143,7 @@ class Lowering:
 
     def plan_concats(self):
         """Let producers write straight into a concatenation along the last axis where nothing must be rescaled."""
-        direct = ("CONV_2D", "DEPTHWISE_CONV_2D", "ADD", "MUL", "SUB", "MAX_POOL_2D", "AVERAGE_POOL_2D")
+        direct = ("CONV_2D", "DEPTHWISE_CONV_2D", "TRANSPOSE_CONV", "ADD", "MUL", "SUB", "MAX_POOL_2D", "AVERAGE_POOL_2D")
         ends = {self.folder.chain(op.outputs[0])[0] for op in self.g.ops if op.name in direct}
         seen = set()
         for op in self.g.ops:

@@ -79,10 +79,10 @@ def image(low, index_in, index_out):
                 out_stride=vo.pixel)
 
 
-def bias_of(low, op, channels):
-    if len(op.inputs) < 3 or op.inputs[2] < 0:
+def bias_of(low, op, channels, place=2):
+    if len(op.inputs) <= place or op.inputs[place] < 0:
         return np.zeros(channels, np.int64)
-    tensor = low.tensor(op.inputs[2])
+    tensor = low.tensor(op.inputs[place])
     if tensor.data is None:
         raise ImportProblem(f"operator {op.index} {op.name}: the bias is computed at run time; only constants work")
     return np.ravel(tensor.data).astype(np.int64)
@@ -235,33 +235,48 @@ def fully_connected_scale(ti, tw, to, channels):
 
 
 def transpose_conv(low, op):
+    """Output pixels y with the same (y + padding) % stride see the same taps: each such phase is an ordinary convolution whose
+    output pixels lie a stride apart."""
     t_w, t_in, t_out = op.inputs[1], op.inputs[2], op.outputs[0]
     check8(low, op, t_in, t_w, t_out)
     ti, tw, to = low.tensor(t_in), low.tensor(t_w), low.tensor(t_out)
     if tw.data is None:
         raise ImportProblem(f"operator {op.index} TRANSPOSE_CONV: weights are computed at run time")
-    oc, kh, kw, _ = tw.shape
+    oc, kh, kw, ic = tw.shape
     o = op.options
-    bias = np.zeros(oc, np.int64)
-    if len(op.inputs) > 3 and op.inputs[3] >= 0:
-        bias = np.ravel(low.tensor(op.inputs[3]).data).astype(np.int64)
-    top = left = 0
+    sy, sx, top, left = o.StrideH(), o.StrideW(), 0, 0
     if o.Padding() == 0:
-        top = same_padding(to.shape[1], ti.shape[1], kh, o.StrideH(), 1)
-        left = same_padding(to.shape[2], ti.shape[2], kw, o.StrideW(), 1)
-    low_act, high_act = quant.activation_range(activation_of(op), to.scale0, to.zero_u8)
+        top, left = same_padding(to.shape[1], ti.shape[1], kh, sy, 1), same_padding(to.shape[2], ti.shape[2], kw, sx, 1)
+    act = quant.activation_range(activation_of(op), to.scale0, to.zero_u8) + (to.zero_u8,)
     weights, w_zero = signed_weights(tw)
     mult, shift = channel_multipliers(ti, tw, to, oc)
+    bias = bias_of(low, op, oc, 3)
     source = low.input(t_in)
-    out = low.output(t_out)
-    net = low.net
-    p = image(low, source, out)
-    p.update(kh=kh, kw=kw, stride_y=o.StrideH(), stride_x=o.StrideW(), dilation_y=1, dilation_x=1, pad_top=top,
-             pad_left=left, zero_in=net.values[source].zero, zero_weights=w_zero, zero_out=to.zero_u8,
-             act_min=low_act, act_max=high_act, weights=net.blob(weights.astype(np.int8)),
-             bias=net.blob(padded(bias, oc)), multiplier=net.blob(padded(mult, oc)), shift=net.blob(padded(shift, oc)))
-    macs = ti.size * oc * kh * kw
-    net.step("TRANSPOSE_CONV", op, [source], [out], p, p["batch"] * p["out_h"], macs, cost=macs * 8)
+    last, table = low.merge_after(t_out)
+    out = low.output(last)
+    vi, vo = low.net.values[source], low.net.values[out]
+    batch, h, w, _ = vi.shape
+    _, oh, ow, _ = to.shape
+    for n, r, s in np.ndindex(batch, min(sy, oh), min(sx, ow)):
+        image_in = low.net.derive(source, vi.offset + n * h * w * vi.pixel, (1, h, w, ic), vi.pixel)
+        taps_y, pad_y = phase_taps(kh, sy, r + top)
+        taps_x, pad_x = phase_taps(kw, sx, s + left)
+        part = np.full((oc, len(taps_y), len(taps_x), ic), w_zero, np.int32)
+        for i, j in np.ndindex(len(taps_y), len(taps_x)):
+            if taps_y[i] is not None and taps_x[j] is not None:
+                part[:, i, j] = weights[:, taps_y[i], taps_x[j]]
+        geometry = dict(kh=len(taps_y), kw=len(taps_x), stride_y=1, stride_x=1, dilation_y=1, dilation_x=1, pad_top=pad_y,
+                        pad_left=pad_x, batch=1, out_h=(oh - r - 1) // sy + 1, out_w=(ow - s - 1) // sx + 1,
+                        out_stride=sx * vo.pixel, out_first=((n * oh + r) * ow + s) * vo.pixel, out_row=sy * ow * vo.pixel)
+        emit_gemm(low, op, image_in, out, part.reshape(oc, -1), w_zero, bias, mult, shift, geometry, act, table)
+
+
+def phase_taps(kernel, stride, at):
+    """Taps that meet output pixel `at` (padding included), by rising distance of the input pixel from pixel 0, None where a place
+    has no tap; and how far before pixel 0 the first lies."""
+    found = {(at - k) // stride: k for k in range(kernel) if (at - k) % stride == 0}
+    first, last = min([0, *found]), max([0, *found])
+    return [found.get(d) for d in range(first, last + 1)], -first
 
 
 OPERATORS = {"CONV_2D": conv_2d, "DEPTHWISE_CONV_2D": depthwise_conv_2d, "FULLY_CONNECTED": fully_connected,

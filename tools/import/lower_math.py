@@ -6,7 +6,8 @@ from fold import activation_of, binary_params
 from graph import ImportProblem
 from layout import BINARY, TYPE_BYTES
 from lower_conv import check8, image, same_padding
-from lower_data import coalesce, dense_strides, dequantize_table, value_strides
+from lower_data import coalesce, dense_strides, dequantize_table, emit_strided, value_strides
+from net import pad_to
 
 f32 = np.float32
 
@@ -120,11 +121,8 @@ def resize(low, op):
     p["mode"] = 0 if nearest else (2 if ti.signed else 1)
     make = nearest_entries if nearest else (fixed_entries if ti.signed else float_entries)
     tables = [make(ti.shape[i], to.shape[i], align, half) for i in (1, 2)]
-    bits = exact_bits(tables) if p["mode"] == 1 else None
-    if bits is not None:
-        p.update(mode=3, bits=bits)
-        for table in tables:
-            table[:, 2] = (table[:, 2].view(np.float32) * (1 << bits)).astype(np.int32)
+    if not nearest:
+        exact_weights(p, tables)
     p["rows_table"], p["columns_table"] = (low.net.blob(table) for table in tables)
     low.net.step("RESIZE", op, [source], [out], p, p["batch"] * p["out_h"], cost=to.size * (2 if nearest else 24))
 
@@ -154,15 +152,18 @@ def float_entries(n_in, n_out, align, half):
     return np.array(out, np.int32)
 
 
-def exact_bits(tables):
-    """Smallest b for which all weights are multiples of 2^-b in [0, 1]. With b up to 7 no float operation of the
-    reference rounds (8 + 2 b bits), so integers give the same result."""
-    weights = np.concatenate([np.ascontiguousarray(t[:, 2]).view(np.float32) for t in tables])
-    for b in range(8):
-        scaled = weights * (1 << b)
-        if ((scaled == np.floor(scaled)) & (weights >= 0) & (weights <= 1)).all():
-            return b
-    return None
+def exact_weights(p, tables):
+    """Weights as multiples of 2^-b with the smallest b that holds them, which fixed point always has. With b up to 7 no float
+    operation of the reference rounds (8 + 2 b bits), so integers give the same result there too."""
+    fixed = p["mode"] == 2
+    reals = [t[:, 2] / 1024 if fixed else np.ascontiguousarray(t[:, 2]).view(np.float32).astype(float) for t in tables]
+    every = np.concatenate(reals)
+    for b in range(11 if fixed else 8):
+        if (every * (1 << b) == np.floor(every * (1 << b))).all():
+            p.update(mode=2 if fixed else 3, bits=b)
+            for table, w in zip(tables, reals):  # between a pixel and itself all weights do the same
+                table[:, 2] = np.where(table[:, 0] == table[:, 1], 0, w * (1 << b)).astype(np.int32)
+            return
 
 
 def fixed_entries(n_in, n_out, align, half):
@@ -209,9 +210,11 @@ def batch_matmul(low, op):
     check8(low, op, a, b, t_out)
     ta, tb, to = low.tensor(a), low.tensor(b), low.tensor(t_out)
     va, vb = low.dense_input(a), low.dense_input(b)
+    if op.options.AdjX():
+        va = turned(low, op, va)
     out = low.output(t_out)
     m, n = to.shape[-2:]
-    k = ta.shape[-2] if op.options.AdjX() else ta.shape[-1]
+    k = low.net.values[va].shape[-1]
     mult, shift = quant.quantize_multiplier(float(f32(f32(ta.scale0 * tb.scale0)) / f32(1)) / float(to.scale0))
     batch = to.shape[:-2]
 
@@ -220,7 +223,7 @@ def batch_matmul(low, op):
         n_axes = [1] * (len(batch) - len(s)) + list(shape[:-2])
         s = [0] * (len(batch) - len(s)) + s
         return [0 if n == 1 else v for n, v in zip(n_axes, s)]
-    axes = [(n_, x, y) for n_, x, y in zip(batch, batch_strides(ta.shape), batch_strides(tb.shape)) if n_ != 1]
+    axes = [(n_, x, y) for n_, x, y in zip(batch, batch_strides(low.net.values[va].shape), batch_strides(tb.shape)) if n_ != 1]
     merged = []
     for axis in axes:
         if merged and merged[-1][1] == axis[0] * axis[1] and merged[-1][2] == axis[0] * axis[2]:
@@ -230,15 +233,25 @@ def batch_matmul(low, op):
     if len(merged) > 2:
         raise ImportProblem(low.describe_missing(op) + " (more than 2 separate batch axes)")
     merged = [(1, 0, 0)] * (2 - len(merged)) + merged
-    row, col = ta.shape[-1], 1
-    if op.options.AdjX():
-        row, col = 1, ta.shape[-1]
     b_row, b_col = (1, tb.shape[-1]) if op.options.AdjY() else (tb.shape[-1], 1)
     p = dict(batch0=merged[0][0], batch1=merged[1][0], a_batch0=merged[0][1], a_batch1=merged[1][1],
-             b_batch0=merged[0][2], b_batch1=merged[1][2], m=m, k=k, n=n, a_row=row, a_column=col, b_row=b_row,
-             b_column=b_col, zero_a=ta.zero_u8, zero_b=tb.zero_u8, zero_out=to.zero_u8, multiplier=mult, shift=shift)
-    macs = to.size * k
-    low.net.step("BATCH_MATMUL", op, [va, vb], [out], p, merged[0][0] * merged[1][0] * m, macs, cost=macs * 8)
+             b_batch0=merged[0][2], b_batch1=merged[1][2], m=m, k=k, n=n, a_row=k, b_row=b_row, b_column=b_col,
+             zero_a=ta.zero_u8, zero_b=tb.zero_u8, zero_out=to.zero_u8, multiplier=mult, shift=shift)
+    n16, k4 = pad_to(n, 16), pad_to(k, 4)
+    rows = merged[0][0] * merged[1][0] * (n16 // 16 + m)  # packing 16 columns is a row as well
+    low.net.step("BATCH_MATMUL", op, [va, vb], [out], p, rows, to.size * k, cost=rows * max(n16 * (k4 + 16), 128 * k),
+                 scratch=n16 * (k4 + 12))
+
+
+def turned(low, op, index):
+    """The last two axes exchanged, in a value of its own."""
+    v = low.net.values[index]
+    *batch, rows, columns = v.shape
+    out = low.net.derive(index, 0, (*batch, columns, rows))
+    low.net.values[out].storage, low.net.values[out].source = low.net.storage(v.count), -1
+    src, dst = dense_strides(v.shape), dense_strides((*batch, columns, rows))
+    emit_strided(low, op, index, out, (*batch, columns, rows), (*src[:-2], src[-1], src[-2]), dst)
+    return out
 
 
 def detection_postprocess(low, op):

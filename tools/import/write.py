@@ -11,7 +11,7 @@ OFFSET_PARAMS = {"weights", "bias", "multiplier", "shift", "table", "rows_table"
                  "box_table", "score_table"}
 BLOB_KINDS = {"CONV": {"weights", "bias", "multiplier", "shift", "table"},
               "DEPTHWISE": {"weights", "bias", "multiplier", "shift", "table"},
-              "TRANSPOSE_CONV": {"weights", "bias", "multiplier", "shift"}, "BINARY": {"table"}, "COPY": {"table"},
+              "BINARY": {"table"}, "COPY": {"table"},
               "RESIZE": {"rows_table", "columns_table"}, "SOFTMAX": {"table"}, "DEQUANTIZE": {"table"},
               "DETECTION": {"anchor_data", "box_table", "score_table"}}
 

@@ -20,11 +20,16 @@ FV_INLINE __m512i sum64(const struct sum_job *j, __m512i a, __m512i b, const int
     __m512i r[4];
 #pragma GCC unroll 4
     for (int i = 0; i < 4; ++i) {
-        const __m128i ai = i == 0 ? _mm512_castsi512_si128(a) : i == 1 ? _mm512_extracti32x4_epi32(a, 1)
-                         : i == 2 ? _mm512_extracti32x4_epi32(a, 2) : _mm512_extracti32x4_epi32(a, 3);
-        const __m128i bi = i == 0 ? _mm512_castsi512_si128(b) : i == 1 ? _mm512_extracti32x4_epi32(b, 1)
-                         : i == 2 ? _mm512_extracti32x4_epi32(b, 2) : _mm512_extracti32x4_epi32(b, 3);
-        const __m512i sum = _mm512_add_epi32(term(ai, j->zero_a, &j->a, half_a), term(bi, j->zero_b, &j->b, half_b));
+        const __m128i ai = i == 0   ? _mm512_castsi512_si128(a)
+                           : i == 1 ? _mm512_extracti32x4_epi32(a, 1)
+                           : i == 2 ? _mm512_extracti32x4_epi32(a, 2)
+                                    : _mm512_extracti32x4_epi32(a, 3);
+        const __m128i bi = i == 0   ? _mm512_castsi512_si128(b)
+                           : i == 1 ? _mm512_extracti32x4_epi32(b, 1)
+                           : i == 2 ? _mm512_extracti32x4_epi32(b, 2)
+                                    : _mm512_extracti32x4_epi32(b, 3);
+        const __m512i sum =
+            _mm512_add_epi32(term(ai, j->zero_a, &j->a, half_a), term(bi, j->zero_b, &j->b, half_b));
         r[i] = requantize(sum, &j->out, 0);
     }
     return _mm512_permutexvar_epi32(order, pack_lanes(r[0], r[1], r[2], r[3], j->zero_out, j->low, j->high));
@@ -73,7 +78,8 @@ FV_INLINE void sums(const struct sum_job *j, const struct operands *o, const int
     const int32_t group = o->count == 16 ? 4 : o->count == 32 ? 2 : 1;
     int32_t r = 0;
     for (; r + group <= o->rows && group > 1; r += group) { /* several short rows at once */
-        const __m512i va = load_rows(o->a + r * o->lda, o->lda, o->count, 0), vb = load_rows(o->b + r * o->ldb, o->ldb, o->count, 0);
+        const __m512i va = load_rows(o->a + r * o->lda, o->lda, o->count, 0),
+                      vb = load_rows(o->b + r * o->ldb, o->ldb, o->count, 0);
         store_rows(o->out + r * o->ldo, o->ldo, o->count, 0, sum64(j, va, vb, half_a, half_b));
     }
     for (; r < o->rows; ++r) {
@@ -86,10 +92,11 @@ FV_INLINE void sums(const struct sum_job *j, const struct operands *o, const int
     }
 }
 
-void fv_k_nn_add_u8__avx512(const struct fv_nn_add *p, const uint8_t *a, ptrdiff_t lda, const uint8_t *b, ptrdiff_t ldb, uint8_t *out,
-                            ptrdiff_t ldo, int32_t rows, int32_t count)
+void fv_k_nn_add_u8__avx512(const struct fv_nn_add *p, const uint8_t *a, ptrdiff_t lda, const uint8_t *b,
+                            ptrdiff_t ldb, uint8_t *out, ptrdiff_t ldo, int32_t rows, int32_t count)
 {
-    const struct operands o = {.a = a, .b = b, .out = out, .lda = lda, .ldb = ldb, .ldo = ldo, .rows = rows, .count = count};
+    const struct operands o = {
+        .a = a, .b = b, .out = out, .lda = lda, .ldb = ldb, .ldo = ldo, .rows = rows, .count = count};
     struct sum_job j = {
         .zero_a = _mm512_set1_epi32(p->zero_a),
         .zero_b = _mm512_set1_epi32(p->zero_b),
@@ -100,58 +107,115 @@ void fv_k_nn_add_u8__avx512(const struct fv_nn_add *p, const uint8_t *a, ptrdiff
     load_scale_of(&j.a, _mm512_set1_epi32(p->m_a), _mm512_set1_epi32(p->s_a));
     load_scale_of(&j.b, _mm512_set1_epi32(p->m_b), _mm512_set1_epi32(p->s_b));
     load_scale_of(&j.out, _mm512_set1_epi32(p->m_out), _mm512_set1_epi32(p->s_out));
-    if (p->m_a == 1 << 30 && p->s_a == 0) sums(&j, &o, 1, 0);
-    else if (p->m_b == 1 << 30 && p->s_b == 0) sums(&j, &o, 0, 1);
-    else sums(&j, &o, 0, 0);
+    if (p->m_a == 1 << 30 && p->s_a == 0)
+        sums(&j, &o, 1, 0);
+    else if (p->m_b == 1 << 30 && p->s_b == 0)
+        sums(&j, &o, 0, 1);
+    else
+        sums(&j, &o, 0, 0);
 }
 
 void fv_k_nn_max_u8__avx512(const uint8_t *a, const uint8_t *b, uint8_t *out, int32_t count)
 {
     for (int32_t i = 0; i < count; i += 64) {
         const __mmask64 mask = count - i >= 64 ? ~UINT64_C(0) : ~UINT64_C(0) >> (64 - (count - i));
-        _mm512_mask_storeu_epi8(out + i, mask, _mm512_max_epu8(_mm512_maskz_loadu_epi8(mask, a + i), _mm512_maskz_loadu_epi8(mask, b + i)));
+        _mm512_mask_storeu_epi8(
+            out + i, mask,
+            _mm512_max_epu8(_mm512_maskz_loadu_epi8(mask, a + i), _mm512_maskz_loadu_epi8(mask, b + i)));
     }
 }
 
-/* 32 channels of one output pixel from the four corners, in 16-bit then 32-bit arithmetic. */
-FV_INLINE __m256i blend32(const uint8_t *const corner[4], ptrdiff_t c, __m512i top, __m512i bottom, __m512i pair, __m512i half, __m128i shift)
+struct blend {
+    __m512i upper, lower, pair, half, middle; /* pair: the weights of the two columns beside each other */
+    __m512i rows, left, right; /* of more than 7 bits: of the two rows beside each other, of each column */
+    __m128i shift;
+};
+
+FV_INLINE __m512i load32(const uint8_t *from)
+{
+    return _mm512_cvtepu8_epi16(_mm256_loadu_si256((const __m256i *)(const void *)from));
+}
+
+/* 32 channels of one output pixel: low and high four of each lane in turn. */
+FV_INLINE __m256i round32(__m512i low, __m512i high, const struct blend *b)
+{
+    const __m512i down = _mm512_sub_epi32(b->half, _mm512_set1_epi32(1));
+    low =
+        _mm512_add_epi32(low, _mm512_mask_mov_epi32(b->half, _mm512_cmpgt_epi32_mask(b->middle, low), down));
+    high = _mm512_add_epi32(high,
+                            _mm512_mask_mov_epi32(b->half, _mm512_cmpgt_epi32_mask(b->middle, high), down));
+    return _mm512_cvtepi16_epi8(
+        _mm512_packus_epi32(_mm512_srl_epi32(low, b->shift), _mm512_srl_epi32(high, b->shift)));
+}
+
+/* From the four corners, in 16-bit then 32-bit arithmetic. */
+FV_INLINE __m256i blend32(const uint8_t *const corner[4], ptrdiff_t c, const struct blend *b)
+{
+    const __m512i left = _mm512_add_epi16(_mm512_mullo_epi16(load32(corner[0] + c), b->upper),
+                                          _mm512_mullo_epi16(load32(corner[1] + c), b->lower));
+    const __m512i right = _mm512_add_epi16(_mm512_mullo_epi16(load32(corner[2] + c), b->upper),
+                                           _mm512_mullo_epi16(load32(corner[3] + c), b->lower));
+    return round32(_mm512_madd_epi16(_mm512_unpacklo_epi16(left, right), b->pair),
+                   _mm512_madd_epi16(_mm512_unpackhi_epi16(left, right), b->pair), b);
+}
+
+/* The same in 32-bit arithmetic, for weights of more than 7 bits. */
+FV_INLINE __m256i blend32_wide(const uint8_t *const corner[4], ptrdiff_t c, const struct blend *b)
 {
     __m512i v[4];
 #pragma GCC unroll 4
-    for (int i = 0; i < 4; ++i) v[i] = _mm512_cvtepu8_epi16(_mm256_loadu_si256((const __m256i *)(const void *)(corner[i] + c)));
-    const __m512i left = _mm512_add_epi16(_mm512_mullo_epi16(v[0], top), _mm512_mullo_epi16(v[1], bottom));
-    const __m512i right = _mm512_add_epi16(_mm512_mullo_epi16(v[2], top), _mm512_mullo_epi16(v[3], bottom));
-    __m512i low = _mm512_madd_epi16(_mm512_unpacklo_epi16(left, right), pair);
-    __m512i high = _mm512_madd_epi16(_mm512_unpackhi_epi16(left, right), pair);
-    low = _mm512_srl_epi32(_mm512_add_epi32(low, half), shift);
-    high = _mm512_srl_epi32(_mm512_add_epi32(high, half), shift);
-    return _mm512_cvtepi16_epi8(_mm512_packus_epi32(low, high));
+    for (int i = 0; i < 4; ++i)
+        v[i] = load32(corner[i] + c);
+    const __m512i low_left = _mm512_madd_epi16(_mm512_unpacklo_epi16(v[0], v[1]), b->rows);
+    const __m512i low_right = _mm512_madd_epi16(_mm512_unpacklo_epi16(v[2], v[3]), b->rows);
+    const __m512i high_left = _mm512_madd_epi16(_mm512_unpackhi_epi16(v[0], v[1]), b->rows);
+    const __m512i high_right = _mm512_madd_epi16(_mm512_unpackhi_epi16(v[2], v[3]), b->rows);
+    return round32(
+        _mm512_add_epi32(_mm512_mullo_epi32(low_left, b->left), _mm512_mullo_epi32(low_right, b->right)),
+        _mm512_add_epi32(_mm512_mullo_epi32(high_left, b->left), _mm512_mullo_epi32(high_right, b->right)),
+        b);
 }
 
-void fv_k_nn_blend_u8__avx512(const struct fv_nn_blend *p, const uint8_t *top, const uint8_t *bottom, int32_t weight, uint8_t *out)
+/* Two 16-bit weights beside each other. */
+FV_INLINE __m512i pair_of(int32_t first, int32_t second)
+{
+    return _mm512_set1_epi32((int32_t)((uint32_t)second << 16 | (uint32_t)first));
+}
+
+void fv_k_nn_blend_u8__avx512(const struct fv_nn_blend *p, const uint8_t *top, const uint8_t *bottom,
+                              int32_t weight, uint8_t *out)
 {
     const int32_t one = 1 << p->bits;
-    const __m512i upper = _mm512_set1_epi16((short)(one - weight)), lower = _mm512_set1_epi16((short)weight);
-    const __m512i half = _mm512_set1_epi32((1 << 2 * p->bits) >> 1);
-    const __m128i shift = _mm_cvtsi32_si128(2 * p->bits);
+    struct blend b = {.upper = _mm512_set1_epi16((short)(one - weight)),
+                      .lower = _mm512_set1_epi16((short)weight),
+                      .half = _mm512_set1_epi32((1 << 2 * p->bits) >> 1),
+                      .shift = _mm_cvtsi32_si128(2 * p->bits),
+                      .middle = _mm512_set1_epi32(p->bits == 0 ? 0 : p->middle << 2 * p->bits),
+                      .rows = pair_of(one - weight, weight)};
     for (int32_t x = 0; x < p->out_w; ++x, out += p->out_stride) {
         const int32_t *entry = p->columns + (ptrdiff_t)3 * x;
         const ptrdiff_t left = (ptrdiff_t)entry[0] * p->in_stride, right = (ptrdiff_t)entry[1] * p->in_stride;
         const uint8_t *const corner[4] = {top + left, bottom + left, top + right, bottom + right};
-        const __m512i pair = _mm512_set1_epi32((int32_t)((uint32_t)entry[2] << 16 | (uint32_t)(one - entry[2])));
+        b.pair = pair_of(one - entry[2], entry[2]);
+        b.left = _mm512_set1_epi32(one - entry[2]);
+        b.right = _mm512_set1_epi32(entry[2]);
         for (int32_t c = 0; c < p->channels; c += 32) {
-            const __mmask32 mask = p->channels - c >= 32 ? ~UINT32_C(0) : ~UINT32_C(0) >> (32 - (p->channels - c));
-            _mm256_mask_storeu_epi8(out + c, mask, blend32(corner, c, upper, lower, pair, half, shift));
+            const __mmask32 mask =
+                p->channels - c >= 32 ? ~UINT32_C(0) : ~UINT32_C(0) >> (32 - (p->channels - c));
+            _mm256_mask_storeu_epi8(out + c, mask,
+                                    p->bits <= 7 ? blend32(corner, c, &b) : blend32_wide(corner, c, &b));
         }
     }
 }
 
-void fv_k_nn_gather_u8__avx512(const uint8_t *in, ptrdiff_t step, uint8_t *out, ptrdiff_t pitch, int32_t run, int32_t count)
+void fv_k_nn_gather_u8__avx512(const uint8_t *in, ptrdiff_t step, uint8_t *out, ptrdiff_t pitch, int32_t run,
+                               int32_t count)
 {
     const int32_t whole = run / 64 * 64;
     const __mmask64 rest = run == whole ? 0 : ~UINT64_C(0) >> (64 - (run - whole));
     for (int32_t i = 0; i < count; ++i, in += step, out += pitch) {
-        for (int32_t at = 0; at < whole; at += 64) _mm512_storeu_si512(out + at, _mm512_loadu_si512(in + at));
+        for (int32_t at = 0; at < whole; at += 64)
+            _mm512_storeu_si512(out + at, _mm512_loadu_si512(in + at));
         if (rest != 0) _mm512_mask_storeu_epi8(out + whole, rest, _mm512_maskz_loadu_epi8(rest, in + whole));
     }
 }
