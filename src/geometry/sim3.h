@@ -80,6 +80,10 @@ bool fv_sim3_search_more(struct fv_sim3_search *search, const struct fv_meeting 
 uint32_t fv_sim3_refine(struct fv_meeting *meetings, uint32_t count, double limit, int steps,
                         struct fv_sim3 *S_a_b);
 
+/* Standard deviation (rad, all axes together) of the rotation of S_a_b by the weights of the inliers' pixels and
+ * distances; pi when they do not fix it. Large where all that meets lies far off in one direction. */
+double fv_sim3_turn_sigma(const struct fv_meeting *meetings, uint32_t count, const struct fv_sim3 *S_a_b);
+
 #ifdef __cplusplus
 }
 #endif

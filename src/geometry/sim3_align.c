@@ -181,15 +181,25 @@ static void fv_meeting_system(const struct fv_meeting *m, const struct fv_sim3 *
     fv_camera_rows(m->bearing_b, m->A_b, m->weight_b, q, fv_norm3(m->point_b), m->point_a, S_b_a, H, g);
 }
 
-static bool fv_sim3_step(const struct fv_meeting *meetings, uint32_t count, struct fv_sim3 *S_a_b)
+/* Over the inliers; H is filled below its diagonal, and damped by next to nothing. */
+static void fv_meetings_system(const struct fv_meeting *meetings, uint32_t count, const struct fv_sim3 *S_a_b,
+                               double H[49], double g[7])
 {
-    double H[49] = {0}, g[7] = {0};
-    struct fv_sim3 S_b_a, step, moved;
+    struct fv_sim3 S_b_a;
+    memset(H, 0, 49 * sizeof *H);
+    memset(g, 0, 7 * sizeof *g);
     fv_sim3_invert(S_a_b, &S_b_a);
     for (uint32_t i = 0; i < count; i++)
         if (meetings[i].inlier) fv_meeting_system(&meetings[i], S_a_b, &S_b_a, H, g);
     for (int a = 0; a < 7; a++)
         H[8 * a] *= 1 + 1e-9;
+}
+
+static bool fv_sim3_step(const struct fv_meeting *meetings, uint32_t count, struct fv_sim3 *S_a_b)
+{
+    double H[49], g[7];
+    struct fv_sim3 step, moved;
+    fv_meetings_system(meetings, count, S_a_b, H, g);
     if (!fv_ldlt_solve(H, 7, g)) return false;
     fv_so3_exp(g + 3, step.R);
     fv_copy3(g, step.t);
@@ -214,4 +224,18 @@ uint32_t fv_sim3_refine(struct fv_meeting *meetings, uint32_t count, double limi
     }
     *S_a_b = S;
     return inliers;
+}
+
+double fv_sim3_turn_sigma(const struct fv_meeting *meetings, uint32_t count, const struct fv_sim3 *S_a_b)
+{
+    double H[49], g[7], variance = 0;
+    fv_meetings_system(meetings, count, S_a_b, H, g);
+    if (!fv_ldlt_factor(H, 7)) return FOVEA_PI;
+    for (int axis = 3; axis < 6; axis++) {
+        double column[7] = {0};
+        column[axis] = 1;
+        fv_ldlt_back(H, 7, column);
+        variance += column[axis];
+    }
+    return __builtin_sqrt(variance);
 }

@@ -30,6 +30,8 @@ static const double chi_square_99_2 = 9.21; /* 99 % of chi-square with 2 degrees
 static const double found_share_min = 0.3;  /* of the group's landmarks in view */
 static const double scale_log_max = 0.7;    /* within one map: drift does not double lengths */
 static const double turn_max_rad = 0.6;
+/* A relation less certain corrects nothing: a wall seen from afar is as tilted in the map as its few degrees allow. */
+static const double turn_sigma_max_rad = 0.02;
 static const double drift_share_max = 0.1; /* of the path since the candidate */
 static const double drift_slack = 0.3;     /* of the median depth */
 
@@ -432,7 +434,8 @@ static void fv_guided_done(struct fv_loop_closer *loop, const struct fv_map *map
     }
     s->counts.sighted++;
     fv_loop_correction(map, s->keyframe.slot, candidate, &s->S_keyframe_candidate, &s->correction);
-    if (!fv_loop_plausible(map, s->keyframe.slot, candidate, &s->correction)) {
+    if (!fv_loop_plausible(map, s->keyframe.slot, candidate, &s->correction) ||
+        fv_sim3_turn_sigma(loop->meetings, s->meeting_count, &s->S_keyframe_candidate) > turn_sigma_max_rad) {
         s->counts.implausible++;
         fv_next_candidate(s);
         return;

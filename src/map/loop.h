@@ -5,7 +5,7 @@
  * cameras is sampled and refined, then the landmarks around the candidate are searched for where it predicts
  * them in the keyframe's image. What agrees is a sighting. A loop is believed when FV_LOOP_SIGHTINGS
  * keyframes have sighted the same correction of the map, those before the offered one or those after it, and
- * the correction is no larger than drift can be. Precision comes before recall: a false loop ruins a map, a
+ * the correction is no larger than drift can be and more certain than a turn of a degree. Precision comes before recall: a false loop ruins a map, a
  * missed one comes again.
  *
  * Within one map, the keyframes' poses are then optimised over the essential graph (pose_graph.h): parents,

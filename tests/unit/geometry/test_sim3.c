@@ -235,6 +235,41 @@ static void test_search_and_refinement(void **context)
     }
 }
 
+/* What is said of the rotation's error, against the errors made. */
+static void test_certainty_of_turn(void **context)
+{
+    (void)context;
+    enum { ROUNDS = 100 };
+    struct fovea_random random;
+    static struct fv_meeting meetings[MEETINGS];
+    struct fv_sim3 truth, found, off;
+    double said = 0, made = 0, x[7];
+    fovea_random_seed(&random, 17);
+    for (int n = 0; n < ROUNDS; n++) {
+        random_similarity(&random, &truth);
+        make_meetings(&random, 0, 1, &truth, meetings);
+        for (int i = 0; i < MEETINGS; i++)
+            meetings[i].inlier = true;
+        found = truth;
+        (void)fv_sim3_refine(meetings, MEETINGS, limit, 6, &found);
+        const double sigma = fv_sim3_turn_sigma(meetings, MEETINGS, &found);
+        said += sigma * sigma / ROUNDS;
+        fv_sim3_invert(&truth, &truth);
+        fv_sim3_compose(&truth, &found, &off);
+        fv_sim3_log(&off, x);
+        made += (x[3] * x[3] + x[4] * x[4] + x[5] * x[5]) / ROUNDS;
+    }
+    print_message("turn off by %.5f rad, %.5f said\n", sqrt(made), sqrt(said));
+    assert_true(made < 2.25 * said && said < 2.25 * made);
+    for (int i = 0; i < MEETINGS; i++) /* in one direction alone */
+        meetings[i].inlier = fabs(meetings[i].point_a[0]) < 0.1 * meetings[i].point_a[2];
+    assert_true(fv_sim3_turn_sigma(meetings, MEETINGS, &found) > 2 * sqrt(said));
+    for (int i = 3; i < MEETINGS; i++)
+        meetings[i].inlier = false;
+    meetings[0].inlier = meetings[1].inlier = false;
+    assert_true(fv_sim3_turn_sigma(meetings, MEETINGS, &found) > 1);
+}
+
 /* Chance alone does not make a similarity. */
 static void test_search_without_truth(void **context)
 {
@@ -263,6 +298,7 @@ int main(void)
         cmocka_unit_test(test_group),
         cmocka_unit_test(test_alignment_exact),
         cmocka_unit_test(test_search_and_refinement),
+        cmocka_unit_test(test_certainty_of_turn),
         cmocka_unit_test(test_search_without_truth),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
