@@ -26,7 +26,7 @@ import scenes as scenes_module  # noqa: E402
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 WEIGHTS = os.path.join(HERE, "weights.npz")
-CALIBRATION_IMAGES = 200
+CALIBRATION_IMAGES = 200  # at most; two of each picture are enough
 FEW_PICTURES = 500  # with fewer the first layers stay as they come
 FEW_STEPS = 100     # fewer hardly change the weights that come with Fovea
 BEGUN = time.monotonic()
@@ -89,7 +89,7 @@ def finish(trained, scenes, held_out, photographs, names, output, score):
     model = network.build(len(names))
     model.set_weights(trained.get_weights())
     rng, shares = np.random.default_rng(7), augment.scene_shares(scenes)
-    images = [augment.sample(rng, scenes, shares, photographs, len(names))[0] for _ in range(CALIBRATION_IMAGES)]
+    images = [augment.sample(rng, scenes, shares, photographs, len(names))[0] for _ in range(min(CALIBRATION_IMAGES, 2 * len(scenes)))]
     data = convert.to_tflite(model, images)
     tflite = os.path.splitext(output)[0] + ".tflite"
     with open(tflite, "wb") as file:
@@ -150,7 +150,7 @@ def main():
     own.add_argument("folder", help="pictures, with YOLO labels beside them unless --coco")
     own.add_argument("--coco", help="COCO annotations (JSON)")
     own.add_argument("-o", "--output", required=True, help="the .fvm file to write; a .tflite is left beside it")
-    own.add_argument("--minutes", type=float, default=15, help="training ends so long after the start, default 15; quantising and judging come after it")
+    own.add_argument("--minutes", type=float, default=10, help="training ends so long after the start, default 10; quantising and judging come after it")
     own.add_argument("--steps", type=int, default=1500, help="at most so many steps of 8 pictures, default 1500")
     shipped = commands.add_parser("shipped", help="train the detector that comes with Fovea")
     shipped.add_argument("--fovea", default="build/fovea")
