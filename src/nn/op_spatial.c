@@ -29,6 +29,45 @@ static void max_pixel(const struct fv_nn_call *call, const uint8_t *corner, int3
         out[c] = (uint8_t)fv_nn_clamp(out[c], p->act_min, p->act_max);
 }
 
+enum { MAX_LANES = 64, MAX_COLUMNS = 16 };
+
+static inline void max_lanes(uint8_t *to, const uint8_t *from)
+{
+    for (int32_t i = 0; i < MAX_LANES; ++i)
+        to[i] = to[i] > from[i] ? to[i] : from[i];
+}
+
+/* An output row of windows that move pixel by pixel, at most MAX_COLUMNS wide: the largest of every column
+ * once, then of the columns. `line` is input row iy, which may lie outside; up to 63 bytes past a pixel are
+ * read. */
+static void max_row(const struct fv_op_pool *p, const uint8_t *line, int32_t iy, uint8_t *out)
+{
+    const struct fv_op_image *im = &p->image;
+    const ptrdiff_t pitch = (ptrdiff_t)im->in_w * im->in_stride;
+    uint8_t columns[MAX_COLUMNS][MAX_LANES], best[MAX_LANES];
+    int32_t ky, ky_end;
+    window_part(iy, im->in_h, p->window.kh, &ky, &ky_end);
+    for (int32_t c = 0; c < im->in_c; c += MAX_LANES) {
+        const int32_t lanes = im->in_c - c < MAX_LANES ? im->in_c - c : MAX_LANES;
+        for (int32_t x = 0, next = 0; x < im->out_w; ++x) {
+            const int32_t start = x - p->window.pad_left, past = start + p->window.kw;
+            const int32_t first = start > 0 ? start : 0, end = past < im->in_w ? past : im->in_w;
+            for (; next < end; ++next) {
+                uint8_t *column = columns[next % MAX_COLUMNS];
+                memset(column, 0, MAX_LANES);
+                for (int32_t y = ky; y < ky_end; ++y)
+                    max_lanes(column, line + y * pitch + (ptrdiff_t)next * im->in_stride + c);
+            }
+            memset(best, p->act_min, sizeof best);
+            for (int32_t i = first; i < end; ++i)
+                max_lanes(best, columns[i % MAX_COLUMNS]);
+            uint8_t *to = out + (ptrdiff_t)x * im->out_stride + c;
+            for (int32_t i = 0; i < lanes; ++i)
+                to[i] = best[i] < p->act_max ? best[i] : (uint8_t)p->act_max;
+        }
+    }
+}
+
 /* int8 averages round halves away from the original zero, uint8 ones half up. */
 static int32_t average_of(int32_t sum, int32_t count, int32_t is_signed)
 {
@@ -66,11 +105,16 @@ void fv_nn_op_pool(const struct fv_nn_call *call, int32_t begin, int32_t end)
     const struct fv_op_pool *p = &call->op->u.pool;
     const struct fv_op_image *im = &p->image;
     const struct fv_op_window *w = &p->window;
+    const int by_column = !p->average && w->stride_x == 1 && w->kw <= MAX_COLUMNS;
     for (int32_t row = begin; row < end; ++row) {
         const ptrdiff_t image = (ptrdiff_t)(row / im->out_h) * im->in_h;
         const int32_t iy = row % im->out_h * w->stride_y - w->pad_top;
         uint8_t *out = call->out[0] + (ptrdiff_t)row * im->out_w * im->out_stride;
         int32_t ky, ky_end, kx, kx_end;
+        if (by_column) {
+            max_row(p, call->in[0] + (image + iy) * im->in_w * im->in_stride, iy, out);
+            continue;
+        }
         window_part(iy, im->in_h, w->kh, &ky, &ky_end);
         for (int32_t x = 0; x < im->out_w; ++x, out += im->out_stride) {
             const int32_t ix = x * w->stride_x - w->pad_left;

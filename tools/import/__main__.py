@@ -59,7 +59,11 @@ def main():
           f"{figures['bound'] / 1024:.0f})")
     if arguments.check is not None:
         import check
-        return 1 if check.check(arguments.model, data, arguments.check, arguments.layers, arguments.set) else 0
+        try:
+            return 1 if check.check(arguments.model, data, arguments.check, arguments.layers, arguments.set) else 0
+        except check.CheckProblem as problem:
+            print(f"--check: {problem}", file=sys.stderr)
+            return 2
     output = arguments.output or os.path.splitext(arguments.model)[0] + ".fvm"
     with open(output, "wb") as file:
         file.write(data)
