@@ -1,7 +1,9 @@
 /* fovea detect: what a network finds in pictures, as JSON lines and drawn. */
+#include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 
 #include "app/canvas.h"
 #include "app/colour.h"
@@ -112,8 +114,9 @@ static enum fovea_status draw(const struct engine *engine, const char *path, con
         char text[96];
         snprintf(text, sizeof text, "%.60s %d%%", label_of(engine, d->class_id), (int)(d->score * 100.0f + 0.5f));
         fv_canvas_box(&canvas, d->x_min_px, d->y_min_px, d->x_max_px, d->y_max_px, 2, colour);
-        const int left = (int)d->x_min_px + 2, top = (int)d->y_min_px + 2;
-        fv_canvas_fill(&canvas, left, top, fv_canvas_text_width(1, text) + 4, FV_CANVAS_TEXT_HEIGHT + 4, colour);
+        const int height = FV_CANVAS_TEXT_HEIGHT + 4, above = (int)d->y_min_px - height; /* a label hides no small object */
+        const int left = (int)d->x_min_px + (above < 0 ? 2 : 0), top = above < 0 ? (int)d->y_min_px + 2 : above;
+        fv_canvas_fill(&canvas, left, top, fv_canvas_text_width(1, text) + 4, height, colour);
         fv_canvas_text(&canvas, left + 2, top + 2, 1, 0x000000, text);
     }
     status = fv_canvas_write(&canvas, target, error);
@@ -127,7 +130,7 @@ int fv_command_detect(int argc, char **argv)
     const char *model = NULL, *folder = NULL;
     const struct fv_option options[] = {
         {"model", "FILE", FV_OPTION_TEXT, &model, "model file (.fvm) made by tools/import"},
-        {"draw", "DIR", FV_OPTION_TEXT, &folder, "write each picture with its boxes as PNG into this folder"},
+        {"draw", "DIR", FV_OPTION_TEXT, &folder, "write each picture with its boxes as PNG into this folder, which is made if need be"},
         {"units", "N", FV_OPTION_COUNT, &engine.units, "run so many units at a time, as in the loop (same results)"},
         {0},
     };
@@ -141,6 +144,9 @@ int fv_command_detect(int argc, char **argv)
         return fv_say_wrong("%s", error.text);
     }
     int status = FV_EXIT_OK;
+    if (folder != NULL && mkdir(folder, 0777) != 0 && errno != EEXIST) {
+        status = fv_say_wrong("--draw %.300s: the folder cannot be made: %s", folder, strerror(errno));
+    }
     for (int i = first; i < argc && status == FV_EXIT_OK; ++i) {
         struct fovea_image image;
         if (fv_colour_read(argv[i], &image, &error) != FOVEA_OK) {

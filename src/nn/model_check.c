@@ -373,7 +373,7 @@ static const char *check_softmax(const struct check *c)
     REQUIRE(softmax.depth,
             p->outer >= 1 && p->depth >= 1 && bytes <= input(c, 0)->bytes && bytes <= output(c, 0)->bytes,
             "does not fit the tensors");
-    REQUIRE(softmax.depth, p->depth <= 4000, "more values than the sum can hold");
+    REQUIRE(softmax.depth, p->depth <= 8191, "more values than the sum can hold");
     REQUIRE(softmax.table, constant(c, p->table, 1024, 4) && exps_fit(words_at(c, p->table)),
             "the table is outside the file or no exponential");
     *c->word = 13;

@@ -33,8 +33,10 @@ def library():
         if not os.path.exists(archive):
             raise SystemExit(f"{archive}: not there; `make` builds it")
         if not os.path.exists(path) or os.path.getmtime(path) < os.path.getmtime(archive):
-            subprocess.run([os.environ.get("CXX", "c++"), "-shared", "-o", path, "-Wl,--whole-archive", archive,
+            part = f"{path}.{os.getpid()}"  # several may link it at a time
+            subprocess.run([os.environ.get("CXX", "c++"), "-shared", "-o", part, "-Wl,--whole-archive", archive,
                             "-Wl,--no-whole-archive", "-llcm", "-ljpeg", "-pthread"], check=True)
+            os.replace(part, path)
     return ctypes.CDLL(path)
 
 

@@ -10,6 +10,7 @@ from lower_data import coalesce, dense_strides, dequantize_table, emit_strided, 
 from net import pad_to
 
 f32 = np.float32
+SOFTMAX_DEPTH = 8191  # what the sum holds
 
 
 def float_bits(value):
@@ -187,6 +188,8 @@ def softmax(low, op):
     out = low.output(t_out)
     depth = ti.shape[-1]
     outer = ti.size // depth
+    if depth > SOFTMAX_DEPTH:
+        raise ImportProblem(f"{low.describe_missing(op)} (over more than {SOFTMAX_DEPTH} values)")
     exps = quant.softmax_table(op.options.Beta(), ti.scale0)
     low.net.step("SOFTMAX", op, [source], [out], dict(outer=outer, depth=depth, table=low.net.blob(exps)), outer,
                  cost=ti.size * 16 + outer * 64)

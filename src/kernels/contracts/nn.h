@@ -94,7 +94,7 @@ typedef void fv_k_nn_argmax_u8_fn(const uint8_t *in, int32_t axis, int32_t *out,
 
 /* Softmax of rows of `depth` packed bytes, gemmlowp's fixed point with 12 integer bits in the sum. `exps`:
  * 256 words, exp of minus the distance from the row's largest value in Q0.31, -1 where the term is left out;
- * exps[0] is 2^31 - 1 and they fall; depth is at most 4000, so that the sum fits. */
+ * exps[0] is 2^31 - 1 and they fall; depth is at most 8191, so that the sum fits its 32 bits, unsigned. */
 typedef void fv_k_nn_softmax_u8_fn(const int32_t *exps, const uint8_t *in, uint8_t *out, int32_t depth,
                                    int32_t rows);
 
