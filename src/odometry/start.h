@@ -58,7 +58,8 @@ struct fv_start_bundle {
     struct fv_se3 T_view_first[FV_START_VIEWS_MAX]; /* |t| of the last is 1 */
     double cost;                                    /* robust, over all tracks */
     double noise;                                   /* of an error, in sigmas of its key points */
-    double direction_sigma;                         /* rad, of the last view's direction from the first */
+    double direction_sigma; /* rad, of the last view's direction from the first: by noise, and by what parts
+                               of the image pull to either side */
     uint32_t points,
         parallax_points; /* that fit in all their views; of these with enough parallax to start on */
 };
@@ -101,10 +102,12 @@ void fv_start_note_guess(struct fv_odometry *odometry, uint32_t count, uint32_t 
                          const struct fv_start_bundle *bundle);
 
 /* How far off a first guess may be. */
-enum fv_start_trust { FV_START_ROUGH = 0, FV_START_FAIR = 1, FV_START_FINE = 2 };
+enum fv_start_trust { FV_START_ROUGH = 0, FV_START_FAIR = 1, FV_START_FINE = 2, FV_START_SURE = 3 };
 
-/* Adjust poses and points of the tracks together, from a first guess. Afterwards the last view is at distance
- * 1, odometry->depths holds the points by track, and ->inlier tells which fit in all their views. */
+/* Adjust poses and points of the tracks together, from a first guess. Errors count less and less beyond a
+ * limit, which in the end is that of the noise found: a thing that moves along its epipolar lines nearly
+ * fits, and would bend a bundle of little parallax. Afterwards the last view is at distance 1,
+ * odometry->depths holds the points by track, and ->inlier tells which fit in all their views. */
 void fv_start_adjust(struct fv_odometry *odometry, uint32_t count, enum fv_start_trust trust,
                      struct fv_start_bundle *bundle);
 /* Cost of the tracks when the views do no more than turn: what a bundle must beat. Uses up odometry->depths.

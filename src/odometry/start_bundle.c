@@ -14,7 +14,10 @@ enum {
     SYSTEM_MAX = 6 * MOVED_MAX,
     STEPS_MAX = 16,
     ALIGN_STEPS = 6,
-    ALIGN_TRACKS = 120 /* on which a view in between is placed at first */
+    ALIGN_TRACKS = 120, /* on which a view in between is placed at first */
+    PART_COLUMNS = 6,
+    PART_ROWS = 4,
+    PARTS = PART_COLUMNS * PART_ROWS /* of the image, whose errors may be one */
 };
 
 static const double gain_min = 1e-3; /* of the cost: smaller, and the minimum is reached */
@@ -24,7 +27,8 @@ static const double good_error = 0.05;      /* px^2 of level 0 */
 static const double variance_min = 0.05;    /* px^2 of level 0: matches are not better than that */
 static const double parallax_some_px = 2.5; /* of a landmark: less, and noise decides how far it is */
 static const double point_share_min = 0.5;  /* of the tracks, that fit the motion before both cameras */
-static const double stage_limit2[] = {100, 25, 6};
+static const double stage_limit2[] = {100, 25, 6}; /* px^2 of level 0 */
+enum { STAGES = sizeof stage_limit2 / sizeof stage_limit2[0], TIGHT_ROUNDS = 2 };
 static const double inverse_depth_max =
     0.7; /* of the way to the last view: nearer ones would only tell where that lies */
 static const double behind_max = 0.1;
@@ -359,14 +363,48 @@ static void fv_normalise(struct fv_odometry *o, uint32_t count, struct fv_start_
         o->depths[i].value /= scale;
 }
 
-/* One standard deviation (rad) of the direction in which the last view lies, for errors of one sigma each:
- * the scale, which is free, is held by a prior along it. FOVEA_PI: not determined. */
+/* What each part of the image pulls at the poses with, the inverse depths eliminated; at the minimum all of
+ * it adds up to nothing. */
+static void fv_pull(const struct fv_odometry *o, uint32_t count, const struct fv_start_bundle *b,
+                    const struct fv_view views[FV_START_VIEWS_MAX], double limit2,
+                    double pull[PARTS][SYSTEM_MAX])
+{
+    memset(pull, 0, PARTS * sizeof pull[0]);
+    for (uint32_t i = 0; i < count; i++) {
+        const struct fv_start_depth *d = &o->depths[i];
+        const struct fv_pixel *p = &views[0].points[o->tracks[i].feature[0]];
+        const int column = (int)(p->x * o->map.pixel_px * PART_COLUMNS / o->map.limits.width),
+                  line = (int)(p->y * o->map.pixel_px * PART_ROWS / o->map.limits.height);
+        double *sum = pull[(line < PART_ROWS ? line : PART_ROWS - 1) * PART_COLUMNS +
+                           (column < PART_COLUMNS ? column : PART_COLUMNS - 1)];
+        for (uint32_t v = 1; v < b->view_count; v++) {
+            struct fv_start_row row;
+            if (o->tracks[i].feature[v] == FV_MAP_NONE ||
+                !fv_row(b, views, &o->pairs[i], &o->tracks[i], d->value, v, &row))
+                continue;
+            (void)fv_robust(&row, limit2);
+            for (int k = 0; k < 6; k++)
+                sum[6 * (v - 1) + k] +=
+                    row.weight * (row.by_pose[0][k] * row.error[0] + row.by_pose[1][k] * row.error[1]);
+        }
+        for (uint32_t k = 0; k < 6 * (b->view_count - 1); k++)
+            sum[k] -= d->cross[k] * d->inverse * d->gradient;
+    }
+}
+
+/* One standard deviation (rad) of the direction in which the last view lies; the scale, which is free, is
+ * held by a prior along it. The larger of two: by the noise, whose errors are independent; and by what the
+ * parts of the image pull to either side, whose errors may be one (K.-Y. Liang and S. Zeger, "Longitudinal
+ * data analysis using generalized linear models", 1986): where a thing that moves bends the bundle, it pulls
+ * against all the rest. FOVEA_PI: not determined. */
 static double fv_direction_sigma(struct fv_odometry *o, uint32_t count, const struct fv_start_bundle *b,
-                                 const struct fv_view views[FV_START_VIEWS_MAX], struct fv_start_system *s)
+                                 const struct fv_view views[FV_START_VIEWS_MAX], double limit2,
+                                 struct fv_start_system *s)
 {
     const double *t = b->T_view_first[b->view_count - 1].t;
-    double variance = 0;
-    (void)fv_build(o, count, b, views, 1e-9, chi_square_95_2, s);
+    double variance = 0, variance_parts = 0, pull[PARTS][SYSTEM_MAX];
+    (void)fv_build(o, count, b, views, 1e-9, limit2, s);
+    fv_pull(o, count, b, views, limit2, pull);
     const int n = s->size, at = n - 6;
     for (int a = 0; a < 3; a++)
         for (int c = 0; c <= a; c++)
@@ -379,8 +417,15 @@ static double fv_direction_sigma(struct fv_odometry *o, uint32_t count, const st
         const double across[3] = {s->g[at], s->g[at + 1], s->g[at + 2]};
         fv_ldlt_back(s->A, n, s->g);
         variance += fv_dot3(across, s->g + at);
+        for (int part = 0; part < PARTS; part++) {
+            double moved = 0;
+            for (int k = 0; k < n; k++)
+                moved += s->g[k] * pull[part][k];
+            variance_parts += moved * moved;
+        }
     }
-    return __builtin_sqrt(variance);
+    variance *= b->noise * b->noise;
+    return __builtin_sqrt(variance > variance_parts ? variance : variance_parts);
 }
 
 /* ---- judgement --------------------------------------------------------------------------------------- */
@@ -441,11 +486,17 @@ void fv_start_adjust(struct fv_odometry *o, uint32_t count, enum fv_start_trust 
     struct fv_start_system system;
     struct fv_view views[FV_START_VIEWS_MAX];
     fv_find_views(o, b, views);
-    for (int stage = (int)trust; stage < 3; stage++)
+    for (int stage = (int)trust; stage < STAGES; stage++)
         fv_minimise(o, count, views, b, stage_limit2[stage], &system);
+    double limit2 = chi_square_95_2;
+    for (int round = 0; round < TIGHT_ROUNDS; round++) {
+        fv_judge(o, count, views, b);
+        limit2 = chi_square_95_2 * (b->noise < 1 ? b->noise * b->noise : 1);
+        fv_minimise(o, count, views, b, limit2, &system);
+    }
     fv_normalise(o, count, b);
     fv_judge(o, count, views, b);
-    b->direction_sigma = b->noise * fv_direction_sigma(o, count, b, views, &system);
+    b->direction_sigma = fv_direction_sigma(o, count, b, views, limit2, &system);
 }
 
 double fv_start_turn_cost(struct fv_odometry *o, uint32_t count, const struct fv_start_bundle *b)

@@ -9,6 +9,7 @@
 enum { FIT_MIN = 40, REFINE_STEPS = 6, PAIRS_FOLLOWED = 150 };
 
 static const double threshold_px = 2.0;
+static const double refine_px = 0.5;    /* of a good match: what moves lies beyond */
 static const double place_limit_px = 4; /* in the last view, which takes the error of both */
 static const double same_rotation_rad = 0.01, same_direction_cosine = 0.99;
 static const double mismatch_share_max = 0.5;
@@ -139,6 +140,7 @@ uint32_t fv_start_motions(struct fv_odometry *o, uint32_t count, struct fv_se3 T
              fit_plane = fv_homography_estimate(o->pairs, count, &sampling, &o->state->random, H, o->inlier);
     uint32_t fit = fv_essential_estimate(o->pairs, count, &sampling, &o->state->random, &motion, o->inlier);
     if (fit < FIT_MIN) return 0;
+    fv_essential_refine(o->pairs, count, refine_px / o->focal_px, REFINE_STEPS, &motion);
     found = fv_add_motion(o, count, &motion, found, T, costs);
     if (found == 0) return 0; /* no parallax to speak of */
     int plane_count = fit_plane >= FIT_MIN ? fv_homography_motions(H, planes, &ratio) : 0;
