@@ -6,7 +6,8 @@
 #include "geometry/sample.h"
 #include "geometry/vec.h"
 
-static const double chi_square_95_2 = 5.991;
+static const double chi_square_95_2 = 5.991, chi_square_99_2 = 9.21;
+static const double settled_variance_min = 0.08; /* px^2 of level 0: matches are not better than that */
 
 /* ---- sampling ---------------------------------------------------------------------------------------- */
 
@@ -178,24 +179,24 @@ static bool fv_refine_step(const struct fv_sight *sights, uint32_t count, struct
     return true;
 }
 
-bool fv_pose_refine(struct fv_sight *sights, uint32_t count, int rounds, int steps,
-                    struct fv_se3 *T_cam_world, struct fv_pose_fit *fit)
+/* Inliers are sights with weighted squared errors below `limit2`. */
+static void fv_sort_sights(struct fv_sight *sights, uint32_t count, const struct fv_se3 *T, double limit2)
 {
-    struct fv_se3 T = *T_cam_world;
-    double residual[2], rows[12], unused[6] = {0};
-    for (int round = 0; round < rounds; round++) {
-        double moved = 1;
-        for (int step = 0; step < steps && moved > 1e-14; step++)
-            if (!fv_refine_step(sights, count, &T, &moved)) return false;
-        for (uint32_t i = 0; i < count; i++) {
-            double error2 = fv_pixel_error(&T, &sights[i], residual, 0);
-            sights[i].inlier = error2 >= 0 && error2 < chi_square_95_2;
-        }
+    double residual[2];
+    for (uint32_t i = 0; i < count; i++) {
+        double error2 = fv_pixel_error(T, &sights[i], residual, 0);
+        sights[i].inlier = error2 >= 0 && error2 < limit2;
     }
-    fv_so3_orthonormalise(T.R);
+}
+
+static void fv_fit_of(const struct fv_sight *sights, uint32_t count, struct fv_se3 *T,
+                      struct fv_pose_fit *fit)
+{
+    double residual[2], rows[12], unused[6] = {0};
+    fv_so3_orthonormalise(T->R);
     memset(fit, 0, sizeof *fit);
     for (uint32_t i = 0; i < count; i++) {
-        double error2 = sights[i].inlier ? fv_pixel_error(&T, &sights[i], residual, rows) : -1;
+        double error2 = sights[i].inlier ? fv_pixel_error(T, &sights[i], residual, rows) : -1;
         if (error2 < 0) continue;
         fit->inliers++;
         fit->cost += error2;
@@ -204,6 +205,42 @@ bool fv_pose_refine(struct fv_sight *sights, uint32_t count, int rounds, int ste
     for (int a = 0; a < 6; a++)
         for (int c = a + 1; c < 6; c++)
             fit->information[6 * a + c] = fit->information[6 * c + a];
+}
+
+double fv_pose_variance(const struct fv_pose_fit *fit)
+{
+    return fit->inliers > 3 ? fit->cost / (2 * (double)fit->inliers - 6) : 1;
+}
+
+bool fv_pose_refine(struct fv_sight *sights, uint32_t count, int rounds, int steps,
+                    struct fv_se3 *T_cam_world, struct fv_pose_fit *fit)
+{
+    struct fv_se3 T = *T_cam_world;
+    for (int round = 0; round < rounds; round++) {
+        double moved = 1;
+        for (int step = 0; step < steps && moved > 1e-14; step++)
+            if (!fv_refine_step(sights, count, &T, &moved)) return false;
+        fv_sort_sights(sights, count, &T, chi_square_95_2);
+    }
+    fv_fit_of(sights, count, &T, fit);
+    *T_cam_world = T;
+    return true;
+}
+
+bool fv_pose_settle(struct fv_sight *sights, uint32_t count, struct fv_se3 *T_cam_world,
+                    struct fv_pose_fit *fit)
+{
+    struct fv_se3 T = *T_cam_world;
+    double variance = fv_pose_variance(fit), moved;
+    if (variance < settled_variance_min) variance = settled_variance_min;
+    const double limit2 = variance * chi_square_99_2;
+    if (limit2 >= chi_square_95_2) return true;
+    for (int step = 0; step < 2; step++) {
+        fv_sort_sights(sights, count, &T, limit2);
+        if (!fv_refine_step(sights, count, &T, &moved)) return false;
+    }
+    fv_sort_sights(sights, count, &T, limit2);
+    fv_fit_of(sights, count, &T, fit);
     *T_cam_world = T;
     return true;
 }

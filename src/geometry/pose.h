@@ -60,6 +60,14 @@ struct fv_pose_fit {
 bool fv_pose_refine(struct fv_sight *sights, uint32_t count, int rounds, int steps,
                     struct fv_se3 *T_cam_world, struct fv_pose_fit *fit);
 
+/* Variance of a sight's error by what a fit leaves (a posteriori), weighted px^2; 1 where nothing is left to tell. */
+double fv_pose_variance(const struct fv_pose_fit *fit);
+
+/* Go on from fv_pose_refine's pose and fit, with the limit that the noise found allows: 9.21 (chi-square, 99 %, 2 dof) times
+ * its variance, and never more than before. Where matches are good to a third of a pixel, what is a pixel off is a thing
+ * that moves. Two steps. False when the system is singular (pose untouched). */
+bool fv_pose_settle(struct fv_sight *sights, uint32_t count, struct fv_se3 *T_cam_world, struct fv_pose_fit *fit);
+
 #ifdef __cplusplus
 }
 #endif

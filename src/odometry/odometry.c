@@ -14,7 +14,6 @@ enum {
 };
 
 static const double window_settled = 1e-4; /* of the cost; what is left is far below the pixels' noise */
-static const double bend_good = 0.05; /* see fv_odometry_state: more, and the pose is weak */
 
 void fv_odometry_carve(struct fv_odometry *o, const struct fovea_odometry_config *config,
                        const struct fovea_camera *camera, uint32_t features_max, struct fv_arena *persistent,
@@ -42,6 +41,7 @@ void fv_odometry_carve(struct fv_odometry *o, const struct fovea_odometry_config
     o->sights = fv_arena_take_raw(frame, features_max, sizeof *o->sights);
     o->sight_feature = fv_arena_take_raw(frame, features_max, sizeof *o->sight_feature);
     o->match_distance = fv_arena_take_raw(frame, features_max, sizeof *o->match_distance);
+    o->joint = fv_arena_take_raw(frame, 36 * FV_COVARIANCE_POSES_MAX * FV_COVARIANCE_POSES_MAX, sizeof *o->joint);
     o->local = fv_arena_take_raw(frame, LOCAL_MAX, sizeof *o->local);
     o->pairs = fv_arena_take_raw(frame, features_max, sizeof *o->pairs);
     o->tracks = fv_arena_take_raw(frame, features_max, sizeof *o->tracks);
@@ -142,10 +142,10 @@ static void fv_write_rows(const double R[9], const double t[3], double rows[12])
     }
 }
 
-/* Few landmarks, or landmarks of a young map whose errors are not known well: weak. */
+/* Few landmarks, or a covariance that is not to be relied on: weak. */
 static enum fovea_tracking_state fv_confidence(const struct fv_odometry *o, uint32_t inliers)
 {
-    const bool good = inliers >= o->config.inliers_good && o->state->bend < bend_good;
+    const bool good = inliers >= o->config.inliers_good && o->state->sound;
     return good ? FOVEA_TRACKING_OK : FOVEA_TRACKING_WEAK;
 }
 

@@ -3,6 +3,7 @@
 
 #include "geometry/linear.h"
 #include "geometry/vec.h"
+#include "odometry/covariance.h"
 #include "odometry/odometry.h"
 
 enum {
@@ -10,13 +11,6 @@ enum {
     INLIERS_FIRST_MIN = 12   /* of the first stage, to go on */
 };
 
-static const double variance_min = 0.05; /* px^2 of level 0: matches are not better than that */
-static const double young_spread_px =
-    20; /* below it, landmarks' errors have much in common; above, less and less */
-static const double behind_share =
-    2.4; /* of the information's inverse: pixels of this frame, and behind landmarks */
-static const double bend_share =
-    0.6; /* of what the map may be bent by, that shows on the way from the reference */
 static const double radius_first_px = 12, radius_wide_px = 30; /* times the level's scale */
 static const double local_widen = 4; /* of the local map's search, where it makes up for a poor first stage */
 static const double found_share_low = 0.2; /* of the landmarks in view: less, and the search is widened */
@@ -82,15 +76,22 @@ uint32_t fv_odometry_collect_sights(struct fv_odometry *o, const struct fv_view 
     return count;
 }
 
-/* Refine over all matches, forget those that do not fit. */
-uint32_t fv_odometry_refine(struct fv_odometry *o, const struct fv_view *view, int rounds, int steps,
-                            struct fv_se3 *T, struct fv_pose_fit *fit)
+/* Refine over all matches, forget those that do not fit; `settle`: by the noise found. */
+static uint32_t fv_refine(struct fv_odometry *o, const struct fv_view *view, int rounds, int steps,
+                          bool settle, struct fv_se3 *T, struct fv_pose_fit *fit)
 {
     uint32_t count = fv_odometry_collect_sights(o, view);
     if (count < 6 || !fv_pose_refine(o->sights, count, rounds, steps, T, fit)) return 0;
+    if (settle && !fv_pose_settle(o->sights, count, T, fit)) return 0;
     for (uint32_t i = 0; i < count; i++)
         if (!o->sights[i].inlier) view->landmark[o->sight_feature[i]] = FV_MAP_NONE;
     return fit->inliers;
+}
+
+uint32_t fv_odometry_refine(struct fv_odometry *o, const struct fv_view *view, int rounds, int steps,
+                            struct fv_se3 *T, struct fv_pose_fit *fit)
+{
+    return fv_refine(o, view, rounds, steps, false, T, fit);
 }
 
 /* ---- local map --------------------------------------------------------------------------------------- */
@@ -150,8 +151,9 @@ uint32_t fv_odometry_match_local(struct fv_odometry *o, const struct fv_kernels 
         visible++;
         l->expected++;
         double radius = widen * (cosine > 0.998 ? 3 : 5) * fv_level_scale((uint32_t)level);
-        struct fv_found found = fv_map_search(&o->map, kernels, fv_map_current(&o->map), pixel[0], pixel[1],
-                                              radius, level - 1, level + 1, fv_map_descriptor(&o->map, l), true);
+        struct fv_found found =
+            fv_map_search(&o->map, kernels, fv_map_current(&o->map), pixel[0], pixel[1], radius, level - 1,
+                          level + 1, fv_map_descriptor(&o->map, l), true);
         if (found.feature == FV_MAP_NONE || found.distance > DISTANCE_TRACK_MAX ||
             found.distance > 0.9 * found.second)
             continue;
@@ -190,7 +192,7 @@ static bool fv_rough_pose(struct fv_odometry *o, const struct fv_kernels *kernel
         if (o->state->moving_known) fv_se3_compose(&o->state->motion, last, T);
         struct fv_se3 predicted = *T;
         uint32_t matches = fv_match_recent(o, kernels, view, T, radius_first_px);
-        if (matches >= INLIERS_FIRST_MIN && fv_odometry_refine(o, view, 2, 4, T, fit) >= INLIERS_FIRST_MIN)
+        if (matches >= INLIERS_FIRST_MIN && fv_refine(o, view, 2, 4, true, T, fit) >= INLIERS_FIRST_MIN)
             return true;
         *T = predicted;
         matches = fv_match_recent(o, kernels, view, T, radius_wide_px);
@@ -205,54 +207,6 @@ static bool fv_rough_pose(struct fv_odometry *o, const struct fv_kernels *kernel
     return fv_odometry_try_keyframe(o, kernels, o->state->newest, T, fit);
 }
 
-/* What the map in sight is bent by: noise over the mean parallax of its landmarks. Those with more of it hold
- * the rest in place; where none has much, as in a young map, their errors have much in common. */
-static double fv_map_bend(const struct fv_odometry *o, const struct fv_view *view, double noise_px)
-{
-    double sum = 0;
-    uint32_t count = 0;
-    for (uint32_t f = 0; f < view->frame->features; f++) {
-        if (view->landmark[f] == FV_MAP_NONE) continue;
-        sum += (double)o->map.landmarks[view->landmark[f]].spread;
-        count++;
-    }
-    const double mean_px = sum * o->focal_px / (count > 0 ? count : 1);
-    if (!(mean_px > noise_px)) return 1;
-    const double bend = noise_px / mean_px * young_spread_px / mean_px;
-    return bend < 1 ? bend : 1;
-}
-
-/* Covariance of the pose relative to its reference keyframe. The inverse of the information that the inliers
- * give, at the noise that they show, counts the pixels of this frame; those behind the landmarks and the
- * reference come on top. What the map is bent by grows with the way from the reference. */
-static void fv_write_covariance(struct fv_odometry *o, const struct fv_view *view,
-                                const struct fv_pose_fit *fit)
-{
-    const struct fv_keyframe *reference = &o->map.keyframes[o->state->newest];
-    double covariance[36] = {0}, variance = fit->cost / (2 * fit->inliers + 1 - 6.0);
-    if (variance < variance_min) variance = variance_min;
-    for (int column = 0; column < 6; column++) {
-        double A[36], unit[6] = {0};
-        unit[column] = behind_share * variance;
-        memcpy(A, fit->information, sizeof A);
-        if (fv_ldlt_solve(A, 6, unit))
-            for (int row = 0; row < 6; row++)
-                covariance[6 * row + column] = unit[row];
-    }
-    struct fv_se3 T_world_ref, T;
-    fv_se3_invert(&reference->T_cam_world, &T_world_ref);
-    fv_se3_compose(&view->frame->T_cam_world, &T_world_ref, &T);
-    const double bend = fv_map_bend(o, view, __builtin_sqrt(variance));
-    o->state->bend = bend;
-    const double drift = bend_share * bend * fv_norm3(T.t),
-                 turn = drift / (reference->depth > 0 ? reference->depth : 1);
-    for (int i = 0; i < 6; i++)
-        covariance[7 * i] += i < 3 ? drift * drift : turn * turn;
-    for (int row = 0, k = 0; row < 6; row++)
-        for (int column = row; column < 6; column++, k++)
-            o->state->pose.covariance[k] = covariance[6 * row + column];
-}
-
 void fv_odometry_confirm(struct fv_odometry *o)
 {
     struct fv_view view = fv_map_view(&o->map, fv_map_current(&o->map));
@@ -261,7 +215,7 @@ void fv_odometry_confirm(struct fv_odometry *o)
     uint32_t inliers = fv_odometry_refine(o, &view, 1, 3, &T, &fit);
     if (inliers == 0) return;
     o->state->pose.inliers = inliers;
-    fv_write_covariance(o, &view, &fit);
+    o->state->sound = fv_covariance_write(o, &view, &fit);
 }
 
 uint32_t fv_odometry_track(struct fv_odometry *o, const struct fv_kernels *kernels)
@@ -272,7 +226,7 @@ uint32_t fv_odometry_track(struct fv_odometry *o, const struct fv_kernels *kerne
     if (!fv_rough_pose(o, kernels, &view, &last, &T, &fit)) return 0;
     uint32_t known = fit.inliers, visible = fv_odometry_match_local(o, kernels, &view, &T, 1);
     o->state->pose.matches = fv_odometry_collect_sights(o, &view);
-    uint32_t inliers = fv_odometry_refine(o, &view, 2, 4, &T, &fit);
+    uint32_t inliers = fv_refine(o, &view, 2, 4, true, &T, &fit);
     if (inliers < found_share_low * (visible + known)) { /* a wrong rough pose finds what agrees with it */
         (void)fv_odometry_match_local(o, kernels, &view, &T, local_widen);
         o->state->pose.matches = fv_odometry_collect_sights(o, &view);
@@ -286,7 +240,7 @@ uint32_t fv_odometry_track(struct fv_odometry *o, const struct fv_kernels *kerne
     o->state->pose.inliers = inliers;
     o->state->pose.quality = (float)inliers / (float)(visible + known);
     if (o->state->pose.quality > 1) o->state->pose.quality = 1;
-    fv_write_covariance(o, &view, &fit);
+    o->state->sound = fv_covariance_write(o, &view, &fit);
     fv_remember(o, &view);
     return inliers;
 }

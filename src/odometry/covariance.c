@@ -1,0 +1,324 @@
+/* Covariance of the pose relative to its reference keyframe: see covariance.h. */
+#include "odometry/covariance.h"
+
+#include <string.h>
+
+#include "geometry/linear.h"
+#include "geometry/vec.h"
+
+enum {
+    SAMPLE = 48,                        /* landmarks that take part */
+    SHARED_MIN = 6,                     /* of them that a keyframe must see to take part */
+    FREE = FV_COVARIANCE_POSES_MAX - 1, /* keyframes besides the reference */
+    REFERENCE = -1,
+    OUTSIDE = -2,
+    YOUNG_KEYFRAMES = 10,
+    PART_COLUMNS = 6,
+    PART_ROWS = 4,
+    PARTS = PART_COLUMNS * PART_ROWS
+};
+
+static const double variance_min = 0.05; /* px^2 of level 0: matches are not better than that */
+static const double chi_square_95_2 = 5.991;
+static const double scale_sigma = 0.01; /* of the window's unit of length against that of the whole path */
+static const double nearly = 1e-6,
+                    nearly_zero = 1e-9; /* added to diagonals, relative: no parallax is any depth */
+static const double own_share =
+    0.75; /* of the variance that inliers show: their landmarks' own errors are in it, and counted again */
+static const double together_max = 3; /* parts' variance over that of the errors: more, and something moves */
+static const double young_spread_px =
+    20; /* below it, landmarks' errors have much in common; above, less and less */
+static const double bend_max = 0.05, bend_share = 0.2;
+
+/* A sight of a landmark, linearised: by the view's small motion (left of T_cam_world) and by the point. */
+struct fv_linear_sight {
+    int pose; /* block of the system, or REFERENCE */
+    double weight, rows[12], by_point[6];
+};
+
+/* The problem around a frame: blocks of the free keyframes, then that of the frame. */
+struct fv_joint {
+    int poses, size;
+    double *S; /* size x size, row-major; lower triangle */
+    uint32_t slots[FREE];
+    int8_t block_of[FOVEA_ODOMETRY_KEYFRAMES_MAX];
+    uint32_t sample[SAMPLE]; /* features */
+    uint32_t sample_count;
+};
+
+/* Some of the inliers, spread as they lie in the image: features are kept cell by cell. */
+static void fv_sample_inliers(const struct fv_view *view, uint32_t inliers, struct fv_joint *j)
+{
+    const uint32_t wanted = inliers < SAMPLE ? inliers : SAMPLE;
+    uint32_t met = 0;
+    j->sample_count = 0;
+    for (uint32_t f = 0; f < view->frame->features && j->sample_count < wanted; f++) {
+        if (view->landmark[f] == FV_MAP_NONE) continue;
+        if (met * wanted / inliers != (met + 1) * wanted / inliers) j->sample[j->sample_count++] = f;
+        met++;
+    }
+}
+
+/* The keyframes that see most of the sample. */
+static void fv_pick_poses(const struct fv_odometry *o, const struct fv_view *view, struct fv_joint *j)
+{
+    uint16_t shared[FOVEA_ODOMETRY_KEYFRAMES_MAX] = {0};
+    for (uint32_t i = 0; i < j->sample_count; i++) {
+        const struct fv_landmark *l = &o->map.landmarks[view->landmark[j->sample[i]]];
+        for (uint32_t k = 0; k < l->observer_count; k++)
+            shared[l->observers[k].keyframe]++;
+    }
+    memset(j->block_of, OUTSIDE, sizeof j->block_of);
+    j->block_of[o->state->newest] = REFERENCE;
+    shared[o->state->newest] = 0;
+    for (j->poses = 0; j->poses < FREE; j->poses++) {
+        uint32_t best = 0;
+        for (uint32_t k = 1; k < o->map.limits.keyframes; k++)
+            if (shared[k] > shared[best]) best = k;
+        if (shared[best] < SHARED_MIN) break;
+        shared[best] = 0;
+        j->slots[j->poses] = best;
+        j->block_of[best] = (int8_t)j->poses;
+    }
+    j->poses++;
+    j->size = 6 * j->poses;
+    memset(j->S, 0, (size_t)(j->size * j->size) * sizeof *j->S);
+}
+
+/* False: behind the camera, or a misfit that robust estimates leave out. */
+static bool fv_linear_sight_of(const struct fv_se3 *T, const struct fv_keypoint *p, const double point[3],
+                               int pose, struct fv_linear_sight *s)
+{
+    double q[3], e[2], J[6];
+    struct fv_sight sight;
+    fv_sight_from(p, point, &sight);
+    fv_se3_apply(T, point, q);
+    if (!fv_sight_error(sight.bearing, sight.A, q, e, J) ||
+        sight.weight * (e[0] * e[0] + e[1] * e[1]) > chi_square_95_2)
+        return false;
+    s->pose = pose;
+    s->weight = sight.weight;
+    for (int r = 0; r < 2; r++) {
+        fv_copy3(J + 3 * r, s->rows + 6 * r);
+        fv_cross3(q, J + 3 * r, s->rows + 6 * r + 3);
+        fv_rotate_back3(T->R, J + 3 * r, s->by_point + 3 * r);
+    }
+    return true;
+}
+
+/* All sights of a landmark by views that take part; returns their number. */
+static int fv_find_sights(const struct fv_odometry *o, const struct fv_view *view, uint32_t feature,
+                          const struct fv_joint *j, struct fv_linear_sight sights[FV_MAP_OBSERVERS_MAX + 1])
+{
+    const struct fv_landmark *l = &o->map.landmarks[view->landmark[feature]];
+    int count = fv_linear_sight_of(&view->frame->T_cam_world, &view->keypoints[feature], l->point,
+                                   j->poses - 1, sights);
+    for (uint32_t k = 0; k < l->observer_count; k++) {
+        const uint32_t slot = l->observers[k].keyframe;
+        const struct fv_view from = fv_map_view(&o->map, slot);
+        struct fv_keypoint p;
+        if (j->block_of[slot] != OUTSIDE &&
+            fv_map_keypoint(&o->map, &from.points[l->observers[k].feature], &p))
+            count +=
+                fv_linear_sight_of(&from.frame->T_cam_world, &p, l->point, j->block_of[slot], &sights[count]);
+    }
+    return count;
+}
+
+/* S += sign * left (6xn) right^T, rows of n apart. */
+static void fv_add_block(struct fv_joint *j, int row, int column, const double *left, const double *right,
+                         int n, double factor)
+{
+    double *block = j->S + 6 * row * j->size + 6 * column;
+    for (int r = 0; r < 6; r++)
+        for (int c = 0; c < 6; c++) {
+            double sum = 0;
+            for (int k = 0; k < n; k++)
+                sum += left[n * r + k] * right[n * c + k];
+            block[r * j->size + c] += factor * sum;
+        }
+}
+
+/* A landmark's sights, the landmark itself eliminated. */
+static void fv_add_landmark(struct fv_joint *j, const struct fv_linear_sight *sights, int count)
+{
+    double H[6] = {0}, V[6], cross[FV_MAP_OBSERVERS_MAX + 1][18];
+    for (int i = 0; i < count; i++) {
+        const double *b = sights[i].by_point, w = sights[i].weight;
+        for (int r = 0, k = 0; r < 3; r++)
+            for (int c = r; c < 3; c++, k++)
+                H[k] += w * (b[r] * b[c] + b[3 + r] * b[3 + c]);
+        for (int r = 0; r < 6; r++)
+            for (int c = 0; c < 3; c++)
+                cross[i][3 * r + c] = w * (sights[i].rows[r] * b[c] + sights[i].rows[6 + r] * b[3 + c]);
+    }
+    H[0] *= 1 + nearly;
+    H[3] *= 1 + nearly;
+    H[5] *= 1 + nearly;
+    if (count < 2 || !fv_invert_symmetric3(H, V)) return;
+    for (int i = 0; i < count; i++) {
+        if (sights[i].pose == REFERENCE) continue;
+        double Y[18], rows[12];
+        for (int r = 0; r < 6; r++) {
+            const double *x = cross[i] + 3 * r;
+            Y[3 * r] = x[0] * V[0] + x[1] * V[1] + x[2] * V[2];
+            Y[3 * r + 1] = x[0] * V[1] + x[1] * V[3] + x[2] * V[4];
+            Y[3 * r + 2] = x[0] * V[2] + x[1] * V[4] + x[2] * V[5];
+            rows[2 * r] = sights[i].rows[r];
+            rows[2 * r + 1] = sights[i].rows[6 + r];
+        }
+        fv_add_block(j, sights[i].pose, sights[i].pose, rows, rows, 2, sights[i].weight);
+        for (int k = 0; k < count; k++)
+            if (sights[k].pose != REFERENCE && sights[k].pose <= sights[i].pose)
+                fv_add_block(j, sights[i].pose, sights[k].pose, Y, cross[k], 3, -1);
+    }
+}
+
+/* The unit of length is free: hold it, so that the path of the poses keeps its size about the reference. */
+static void fv_hold_scale(const struct fv_odometry *o, const struct fv_view *view, struct fv_joint *j)
+{
+    const double origin[3] = {0, 0, 0};
+    double centre[3], way[6 * FV_COVARIANCE_POSES_MAX] = {0}, square = 0;
+    fv_se3_apply_inverse(&o->map.keyframes[o->state->newest].T_cam_world, origin, centre);
+    for (int k = 0; k < j->poses; k++) {
+        const struct fv_keyframe *frame = k == j->poses - 1 ? view->frame : &o->map.keyframes[j->slots[k]];
+        fv_se3_apply(&frame->T_cam_world, centre, way + 6 * k);
+        square += fv_dot3(way + 6 * k, way + 6 * k);
+    }
+    if (!(square > 0)) return;
+    const double prior = 1 / (scale_sigma * scale_sigma * square * square);
+    for (int r = 0; r < j->size; r++)
+        for (int c = 0; c <= r; c++)
+            j->S[r * j->size + c] += prior * way[r] * way[c];
+}
+
+/* Variance of an error as the parts of the image show it: the mean square of what they pull at the pose with,
+ * each on its own, in sigmas of the pose. Equal to that of the errors where these are independent. */
+static double fv_parts_variance(const struct fv_odometry *o, const struct fv_view *view,
+                                const struct fv_pose_fit *fit)
+{
+    double pull[PARTS][6] = {{0}}, A[36], square = 0;
+    const struct fv_se3 *T = &view->frame->T_cam_world;
+    for (uint32_t f = 0; f < view->frame->features; f++) {
+        double q[3], e[2], J[6], turn[3];
+        struct fv_sight s;
+        if (view->landmark[f] == FV_MAP_NONE) continue;
+        fv_sight_from(&view->keypoints[f], o->map.landmarks[view->landmark[f]].point, &s);
+        fv_se3_apply(T, s.point, q);
+        if (!fv_sight_error(s.bearing, s.A, q, e, J)) continue;
+        const struct fv_pixel *p = &view->points[f];
+        const int column = (int)(p->x * o->map.pixel_px * PART_COLUMNS / o->map.limits.width),
+                  row = (int)(p->y * o->map.pixel_px * PART_ROWS / o->map.limits.height);
+        double *sum = pull[(row < PART_ROWS ? row : PART_ROWS - 1) * PART_COLUMNS +
+                           (column < PART_COLUMNS ? column : PART_COLUMNS - 1)];
+        for (int r = 0; r < 2; r++) {
+            fv_cross3(q, J + 3 * r, turn);
+            for (int k = 0; k < 3; k++) {
+                sum[k] += s.weight * e[r] * J[3 * r + k];
+                sum[3 + k] += s.weight * e[r] * turn[k];
+            }
+        }
+    }
+    memcpy(A, fit->information, sizeof A);
+    if (!fv_ldlt_factor(A, 6)) return 0;
+    for (int part = 0; part < PARTS; part++) {
+        double moved[6];
+        memcpy(moved, pull[part], sizeof moved);
+        fv_ldlt_back(A, 6, moved);
+        for (int k = 0; k < 6; k++)
+            square += moved[k] * pull[part][k];
+    }
+    return square / 6;
+}
+/* What the map in sight is bent by: noise over the mean parallax of its landmarks. Those with more of it hold
+ * the rest in place; where none has much, as in a young map, their errors have much in common. */
+static double fv_map_bend(const struct fv_odometry *o, const struct fv_view *view, double noise_px)
+{
+    double sum = 0;
+    uint32_t count = 0;
+    for (uint32_t f = 0; f < view->frame->features; f++) {
+        if (view->landmark[f] == FV_MAP_NONE) continue;
+        sum += (double)o->map.landmarks[view->landmark[f]].spread;
+        count++;
+    }
+    const double mean_px = sum * o->focal_px / (count > 0 ? count : 1);
+    if (!(mean_px > noise_px)) return 1;
+    const double bend = noise_px / mean_px * young_spread_px / mean_px;
+    return bend < 1 ? bend : 1;
+}
+
+/* The joint problem's covariance upper triangle by rows. False: not determined. */
+static bool fv_solve_joint(struct fv_odometry *o, const struct fv_view *view, uint32_t inliers,
+                           double variance, double covariance[21])
+{
+    struct fv_joint j;
+    j.S = o->joint;
+    fv_sample_inliers(view, inliers, &j);
+    fv_pick_poses(o, view, &j);
+    for (uint32_t i = 0; i < j.sample_count; i++) {
+        struct fv_linear_sight sights[FV_MAP_OBSERVERS_MAX + 1];
+        fv_add_landmark(&j, sights, fv_find_sights(o, view, j.sample[i], &j, sights));
+    }
+    const double information = (double)inliers / (double)j.sample_count / variance;
+    for (int k = 0; k < j.size * j.size; k++)
+        j.S[k] *= information;
+    fv_hold_scale(o, view, &j);
+    for (int k = 0; k < j.size; k++)
+        j.S[k * j.size + k] *= 1 + nearly_zero;
+    if (!fv_ldlt_factor(j.S, j.size)) return false;
+    const int at = j.size - 6;
+    for (int row = 0, k = 0; row < 6; row++) {
+        double solved[6 * FV_COVARIANCE_POSES_MAX] = {0};
+        solved[at + row] = 1;
+        fv_ldlt_back(j.S, j.size, solved);
+        for (int column = row; column < 6; column++, k++)
+            covariance[k] = solved[at + column];
+    }
+    return true;
+}
+
+/* From the frame's own information alone, the map held. */
+static void fv_solve_alone(const struct fv_pose_fit *fit, double variance, double covariance[21])
+{
+    for (int row = 0, k = 0; row < 6; row++) {
+        double A[36], solved[6] = {0};
+        solved[row] = variance;
+        memcpy(A, fit->information, sizeof A);
+        if (!fv_ldlt_solve(A, 6, solved)) memset(solved, 0, sizeof solved);
+        for (int column = row; column < 6; column++, k++)
+            covariance[k] = solved[column];
+    }
+}
+
+/* Way from the reference keyframe. */
+static double fv_way(const struct fv_keyframe *reference, const struct fv_view *view)
+{
+    struct fv_se3 T_world_ref, T;
+    fv_se3_invert(&reference->T_cam_world, &T_world_ref);
+    fv_se3_compose(&view->frame->T_cam_world, &T_world_ref, &T);
+    return fv_norm3(T.t);
+}
+
+bool fv_covariance_write(struct fv_odometry *o, const struct fv_view *view, const struct fv_pose_fit *fit)
+{
+    const struct fv_keyframe *reference = &o->map.keyframes[o->state->newest];
+    double *covariance = o->state->pose.covariance, variance = fv_pose_variance(fit);
+    if (variance < variance_min) variance = variance_min;
+    const double together = fv_parts_variance(o, view, fit) / variance,
+                 factor = own_share * (together > 1 ? together : 1),
+                 bend = fv_map_bend(o, view, __builtin_sqrt(variance));
+    bool sound = together < together_max;
+    if (!fv_solve_joint(o, view, fit->inliers, variance, covariance)) {
+        fv_solve_alone(fit, variance, covariance);
+        sound = false;
+    }
+    for (int k = 0; k < 21; k++)
+        covariance[k] *= factor;
+    if (bend < bend_max || o->map.state->keyframe_number - o->state->first_keyframe >= YOUNG_KEYFRAMES)
+        return sound;
+    const double drift = bend_share * bend * fv_way(reference, view),
+                 turn = drift / (reference->depth > 0 ? reference->depth : 1);
+    for (int row = 0, k = 0; row < 6; k += 6 - row, row++)
+        covariance[k] += row < 3 ? drift * drift : turn * turn;
+    return false;
+}
