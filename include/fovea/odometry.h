@@ -18,8 +18,9 @@ extern "C" {
 
 enum fovea_tracking_state {
     FOVEA_TRACKING_STARTING = 0, /* no map yet: waiting for enough parallax between two views */
-    FOVEA_TRACKING_OK = 1,       /* pose from at least inliers_good landmarks */
-    FOVEA_TRACKING_WEAK = 2,     /* pose from fewer, but at least FOVEA_POSED_INLIERS_MIN */
+    FOVEA_TRACKING_OK = 1,       /* pose from at least inliers_good landmarks, its covariance to be relied on */
+    FOVEA_TRACKING_WEAK = 2,     /* pose from at least FOVEA_POSED_INLIERS_MIN: too few, or landmarks of a young map, or parts of
+                                  * the image contradict one another, as where something moves */
     FOVEA_TRACKING_LOST = 3      /* no pose */
 };
 
@@ -70,8 +71,9 @@ struct fovea_pose {
      * a scale both are in metres, map_scale is 1, and T_map_odom takes up what a better estimate changes. */
     double T_map_odom[12], map_scale;
     /* Covariance of the pose relative to its reference keyframe: upper triangle by rows of the 6x6 matrix over
-     * (x y z, rotation x y z) in the camera frame; lengths in the world's unit, angles in rad. What is uncertain
-     * about the scale is not in it. */
+     * (x y z, rotation x y z) in the camera frame; lengths in the world's unit, angles in rad. From the joint information
+     * of the frame, its landmarks and their keyframes, at the noise that the frame shows; what moved the reference since its
+     * own pose was told is added. What is uncertain about the scale is not in it. */
     double covariance[21];
     uint32_t matches, inliers; /* landmarks matched, and of them those that agree */
     float quality;             /* share of the landmarks predicted to be visible that are inliers, [0, 1] */

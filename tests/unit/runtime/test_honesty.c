@@ -1,5 +1,5 @@
-/* Odometry is honest on the simulated camera: standing, turning on the spot, carried off, followed. Short by default;
- * with FOVEA_LONG set, at full size and length (tools/campaign.sh). */
+/* Odometry is honest on the simulated camera: standing, turning on the spot, carried off, followed; and so is its covariance.
+ * Short by default; with FOVEA_LONG set, at full size and length (tools/campaign.sh). */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -12,6 +12,9 @@
 #include <string.h>
 
 #include "common/sim_rig.h"
+#include "geometry/linear.h"
+#include "geometry/se3.h"
+#include "geometry/vec.h"
 
 static struct sim_rig rig;
 static bool all; /* full length */
@@ -22,7 +25,8 @@ static void run(const char *trajectory, int seed, int start, int frames)
     snprintf(uri, sizeof uri, "sim:%s?seed=%d%s", trajectory, seed, all ? "" : "&width=400&height=300");
     sim_rig_open(&rig, uri, start, frames);
     sim_rig_build(&rig);
-    while (sim_rig_next(&rig)) sim_rig_process(&rig);
+    while (sim_rig_next(&rig))
+        sim_rig_process(&rig);
     sim_rig_close(&rig);
 }
 
@@ -77,7 +81,8 @@ static void standing_still_does_not_drift(void **state)
         drift = fmax(drift, sim_rig_moved(first, place));
     }
     printf("standing for %.0f s at %.2f m: drift %.3f mm per metre, largest deviation of a frame %.3f\n",
-           (rig.frames - stands) / 30.0, depth_m, 1e3 * drift * metres / depth_m, 1e3 * shake * metres / depth_m);
+           (rig.frames - stands) / 30.0, depth_m, 1e3 * drift * metres / depth_m,
+           1e3 * shake * metres / depth_m);
     assert_true(drift * metres / depth_m < 0.001);
 }
 
@@ -103,7 +108,8 @@ static void turning_is_never_translation(void **state)
     }
 }
 
-/* Carried off at frame 420: five frames later it is lost, and while away no pose is in the old map's world. */
+/* Carried off at frame 420: five frames later it is lost, and while away no pose is in the old map's world.
+ */
 static void being_carried_off_is_noticed(void **state)
 {
     (void)state;
@@ -112,7 +118,8 @@ static void being_carried_off_is_noticed(void **state)
         run("kidnap", seed, start, (all ? 510 : 450) - start);
         assert_true(rig.pose[gone - 1].posed);
         int lost = gone;
-        while (lost < rig.frames && rig.pose[lost].state != FOVEA_TRACKING_LOST) lost++;
+        while (lost < rig.frames && rig.pose[lost].state != FOVEA_TRACKING_LOST)
+            lost++;
         printf("kidnap, seed %d: lost after %d frames\n", seed, lost - gone + 1);
         assert_true(lost - gone < 5);
         for (int n = gone + 5; n < back && n < rig.frames; n++)
@@ -120,13 +127,132 @@ static void being_carried_off_is_noticed(void **state)
     }
 }
 
+/* Metres per unit of the poses from frame a to b, by how far they spread about their means. */
+static double metres_per_unit(int a, int b)
+{
+    double mean[2][3] = {{0}}, square[2] = {0};
+    int count = 0;
+    for (int pass = 0; pass < 2; pass++) {
+        for (int n = a; n < b; n++) {
+            if (!rig.pose[n].posed) continue;
+            count += pass == 0;
+            for (int i = 0; i < 3; i++) {
+                const double place[2] = {rig.pose[n].T_world_cam[4 * i + 3], rig.truth[n][4 * i + 3]};
+                for (int k = 0; k < 2; k++) {
+                    if (pass == 0)
+                        mean[k][i] += place[k];
+                    else
+                        square[k] += (place[k] - mean[k][i]) * (place[k] - mean[k][i]);
+                }
+            }
+        }
+        for (int i = 0; pass == 0 && i < 6; i++)
+            mean[i / 3][i % 3] /= count > 0 ? count : 1;
+    }
+    return sqrt(square[1] / square[0]);
+}
+
+/* Normalised squared error (6 degrees of freedom) of the pose of frame n relative to its reference keyframe,
+ * which is frame k. */
+static double squared_error(int n, int k, double unit_m)
+{
+    const struct fovea_pose *pose = &rig.pose[n];
+    struct fv_se3 estimate, from, to, truth;
+    double error[6], solved[6], A[36], turn[9], sum = 0;
+    fv_se3_from_rows(pose->T_keyframe_cam, &estimate);
+    fv_se3_from_rows(rig.truth[k], &from);
+    fv_se3_from_rows(rig.truth[n], &to);
+    fv_se3_invert(&from, &from);
+    fv_se3_compose(&from, &to, &truth);
+    double between[3];
+    for (int i = 0; i < 3; i++)
+        between[i] = truth.t[i] / unit_m - estimate.t[i] / pose->map_scale;
+    fv_rotate_back3(estimate.R, between, error);
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 3; c++)
+            turn[3 * r + c] = estimate.R[r] * truth.R[c] + estimate.R[3 + r] * truth.R[3 + c] +
+                              estimate.R[6 + r] * truth.R[6 + c];
+    fv_so3_log(turn, error + 3);
+    for (int r = 0, i = 0; r < 6; r++)
+        for (int c = r; c < 6; c++, i++)
+            A[6 * r + c] = A[6 * c + r] = pose->covariance[i];
+    memcpy(solved, error, sizeof solved);
+    assert_true(fv_ldlt_solve(A, 6, solved));
+    for (int i = 0; i < 6; i++)
+        sum += error[i] * solved[i];
+    return sum;
+}
+
+struct confidence {
+    int posed, weak, falsely; /* frames; falsely: said to be tracking with an error over 22.5
+                                 (chi-square, 99.9 %, 6 dof) */
+    double sum, worst;        /* of squared errors over 6 */
+};
+
+/* The frame that became the keyframe called `number`; -1: before any pose, as the first frames of a start. */
+static int frame_of(uint64_t number, int until)
+{
+    for (int k = 0; k <= until; k++)
+        if (rig.pose[k].posed && rig.pose[k].reference_keyframe == number) return k;
+    return -1;
+}
+
+/* Every posed frame counts; the lengths of a world are in its own unit, so each is scaled to the truth by
+ * itself. */
+static struct confidence rate_confidence(void)
+{
+    struct confidence c = {0};
+    for (int a = 0, b; a < rig.frames; a = b) {
+        for (b = a + 1; b < rig.frames && rig.pose[b].reset_counter == rig.pose[a].reset_counter; b++) {
+        }
+        const double unit_m = metres_per_unit(a, b);
+        for (int n = a; n < b; n++) {
+            if (!rig.pose[n].posed) continue;
+            const int k = frame_of(rig.pose[n].reference_keyframe, n);
+            const double error = k == n ? 0 : squared_error(n, k, unit_m);
+            c.posed++;
+            c.weak += rig.pose[n].state != FOVEA_TRACKING_OK;
+            c.falsely += rig.pose[n].state == FOVEA_TRACKING_OK && error > 22.5;
+            c.sum += error / 6;
+            c.worst = fmax(c.worst, error / 6);
+        }
+    }
+    return c;
+}
+
+/* The covariance says how far off the pose is, and a pose said to be tracking is not far off: on orbits, with
+ * things moving about that nobody masks out. */
+static void the_covariance_is_honest(void **state)
+{
+    (void)state;
+    struct confidence all_seeds = {0};
+    const int seeds = all ? 50 : 3;
+    for (int seed = 1; seed <= seeds; seed++) {
+        run("orbit", seed, 0, all ? 900 : 110);
+        const struct confidence c = rate_confidence();
+        printf("orbit, seed %d: %d frames posed, %d of them weak, squared error %.2f per degree of freedom, "
+               "worst %.1f, falsely confident %d\n",
+               seed, c.posed, c.weak, c.sum / c.posed, c.worst, c.falsely);
+        assert_true(c.posed > rig.frames * 3 / 4);
+        all_seeds.posed += c.posed;
+        all_seeds.weak += c.weak;
+        all_seeds.falsely += c.falsely;
+        all_seeds.sum += c.sum;
+    }
+    const double mean = all_seeds.sum / all_seeds.posed, share = (double)all_seeds.falsely / all_seeds.posed;
+    printf("%d seeds: squared error %.2f per degree of freedom, falsely confident %.2f %%, weak %.1f %%\n",
+           seeds, mean, 100 * share, 100.0 * all_seeds.weak / all_seeds.posed);
+    assert_true(mean >= (all ? 0.5 : 0.25) &&
+                mean <= 2); /* in a few frames of a young map, for which more is added */
+    assert_true(share <= 0.005);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(standing_still_does_not_drift),
-        cmocka_unit_test(who_never_moved_has_no_pose),
-        cmocka_unit_test(turning_is_never_translation),
-        cmocka_unit_test(being_carried_off_is_noticed),
+        cmocka_unit_test(standing_still_does_not_drift), cmocka_unit_test(who_never_moved_has_no_pose),
+        cmocka_unit_test(turning_is_never_translation),  cmocka_unit_test(being_carried_off_is_noticed),
+        cmocka_unit_test(the_covariance_is_honest),
     };
     all = getenv("FOVEA_LONG") != NULL;
     if (getenv("FOVEA_EMULATED") != NULL) {
