@@ -47,7 +47,8 @@ struct fovea_track_config {
                                 camera is); default false */
     /* Height of an object of each class, metres; 0: not known. One standard deviation is taken to be a tenth. */
     float height_m[FOVEA_TRACK_CLASSES_MAX];
-    /* Classes that move on their own, as bits: their boxes are masked out of the map. Default none. */
+    /* Classes that move on their own, as bits: their boxes are masked out of the map. Default none; the
+     * command takes those that its network names and that are known to move (track.movable: auto). */
     uint32_t movable[FOVEA_TRACK_CLASSES_MAX / 32];
 };
 

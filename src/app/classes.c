@@ -6,6 +6,14 @@
 
 enum { ENTRY_BYTES = 64 };
 
+/* What moves on its own, or is pushed about, by the names that COCO, Pascal VOC and the shipped network give
+ * it. */
+static const char *const moves[] = {
+    "person",      "bicycle",  "car",        "motorcycle", "motorbike", "airplane", "aeroplane", "bus",
+    "train",       "truck",    "boat",       "bird",       "cat",       "dog",      "horse",     "sheep",
+    "cow",         "elephant", "bear",       "zebra",      "giraffe",   "frisbee",  "skis",      "snowboard",
+    "sports ball", "kite",     "skateboard", "surfboard",  "suitcase",  "ball",     "box",       "cone"};
+
 /* The class called so, or whose number it is; -1: none that the tracker can hold. */
 static int32_t class_of(const struct fv_model *model, const char *name)
 {
@@ -19,7 +27,8 @@ static int32_t class_of(const struct fv_model *model, const char *name)
     return number == (double)(int32_t)number ? (int32_t)number : -1;
 }
 
-/* The next entry of a list that spaces separate; an underscore stands for a space within a label. False: none is left. */
+/* The next entry of a list that spaces separate; an underscore stands for a space within a label. False: none
+ * is left. */
 static bool next(const char **list, char entry[ENTRY_BYTES])
 {
     *list += strspn(*list, " ");
@@ -31,20 +40,41 @@ static bool next(const char **list, char entry[ENTRY_BYTES])
     return length > 0;
 }
 
-static enum fovea_status refuse(const char *key, const char *entry, const char *expected, struct fovea_error *error)
+static void take_movable(struct fovea_track_config *track, int32_t c)
 {
-    char quoted[FOVEA_TEXT_QUOTED_BYTES];
-    return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: found %s, expected %s", key, fovea_text_quote(entry, quoted, sizeof quoted), expected);
+    track->movable[c / 32] |= 1u << c % 32;
 }
 
-enum fovea_status fv_classes_resolve(struct fv_settings *settings, const struct fv_model *model, struct fovea_error *error)
+/* The network's classes that are known to move. */
+static void take_moving(struct fovea_track_config *track, const struct fv_model *model)
+{
+    for (size_t i = 0; i < sizeof moves / sizeof moves[0]; i++) {
+        const int32_t c = class_of(model, moves[i]);
+        if (c >= 0) take_movable(track, c);
+    }
+}
+
+static enum fovea_status refuse(const char *key, const char *entry, const char *expected,
+                                struct fovea_error *error)
+{
+    char quoted[FOVEA_TEXT_QUOTED_BYTES];
+    return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: found %s, expected %s", key,
+                           fovea_text_quote(entry, quoted, sizeof quoted), expected);
+}
+
+enum fovea_status fv_classes_resolve(struct fv_settings *settings, const struct fv_model *model,
+                                     struct fovea_error *error)
 {
     struct fovea_track_config *track = &settings->runtime.track;
     char entry[ENTRY_BYTES];
     for (const char *list = settings->movable; next(&list, entry);) {
         const int32_t c = class_of(model, entry);
-        if (c < 0) return refuse("track.movable", entry, "labels or numbers of the network's classes", error);
-        track->movable[c / 32] |= 1u << c % 32;
+        if (c >= 0)
+            take_movable(track, c);
+        else if (strcmp(entry, "auto") == 0)
+            take_moving(track, model);
+        else
+            return refuse("track.movable", entry, "auto, labels or numbers of the network's classes", error);
     }
     for (const char *list = settings->heights; next(&list, entry);) {
         char *colon = strrchr(entry, ':');

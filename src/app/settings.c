@@ -15,6 +15,7 @@ void fv_settings_default(struct fv_settings *settings)
     snprintf(settings->source, sizeof settings->source, "sim:");
     snprintf(settings->lcm_url, sizeof settings->lcm_url, "udpm://239.255.76.67:7667");
     settings->record_buffer = 10;
+    snprintf(settings->movable, sizeof settings->movable, "auto");
     snprintf(settings->odometry_channel, sizeof settings->odometry_channel, "POSE_BODY");
     settings->priority = 40;
     settings->cpu = -1;

@@ -146,8 +146,9 @@ const struct fv_settings_key fv_settings_keys[] = {
      "objects stand on the floor, z = 0 of the base frame (T_base_cam): their places in metres follow from their feet", NULL},
     {"track.heights", TEXT_OF(heights), "class:metres ...", NULL,
      "heights of objects by class (label, with _ for spaces, or number), from which their places in metres follow", NULL},
-    {"track.movable", TEXT_OF(movable), "class ...", NULL,
-     "classes that move on their own: no features are taken in their boxes", NULL},
+    {"track.movable", TEXT_OF(movable), "auto, class ...", NULL,
+     "classes that move on their own: no features are taken in their boxes; auto: people, animals, vehicles, balls and the "
+     "like, as the network has them; \"\": none", NULL},
 
     {"preview.period_frames", FV_SETTINGS_U32, AT(runtime.preview.period_frames), 0, 1000000, "frames", NULL,
      "one JPEG preview every so many frames; 0: none", NULL},
