@@ -10,6 +10,8 @@
 
 #include <cmocka.h>
 
+#include "app/classes.h"
+#include "app/model_file.h"
 #include "app/settings.h"
 
 static struct fv_settings settings, back;
@@ -213,11 +215,37 @@ static void test_every_key_is_ranged(void **state)
     }
 }
 
+/* What moves is masked without being asked for; names that the network lacks are no error in `auto`, and one when asked for. */
+static void test_movable_classes(void **state)
+{
+    struct fv_model_file file;
+    const char *const lists[] = {"auto", "", "person", "auto person"};
+    uint32_t found[4];
+    (void)state;
+    assert_int_equal(fv_model_file_read("src/detect/shipped.fvm", &file, &error), FOVEA_OK);
+    for (int i = 0; i < 4; i++) {
+        fv_settings_default(&settings);
+        assert_string_equal(settings.movable, "auto");
+        snprintf(settings.movable, sizeof settings.movable, "%s", lists[i]);
+        assert_int_equal(fv_classes_resolve(&settings, &file.model, &error), FOVEA_OK);
+        found[i] = settings.runtime.track.movable[0];
+    }
+    assert_int_equal(found[0], 15); /* the shipped network knows four things, and all of them move */
+    assert_int_equal(found[1], 0);
+    assert_int_equal(__builtin_popcount(found[2]), 1);
+    assert_int_equal(found[3], found[0]);
+    snprintf(settings.movable, sizeof settings.movable, "auto tractor");
+    assert_int_equal(fv_classes_resolve(&settings, &file.model, &error), FOVEA_ERROR_INPUT);
+    assert_non_null(strstr(error.text, "tractor"));
+    fv_model_file_free(&file);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_default_reads_back), cmocka_unit_test(test_changed_values_read_back),
         cmocka_unit_test(test_wrong_files),        cmocka_unit_test(test_wrong_together),
+        cmocka_unit_test(test_movable_classes),
         cmocka_unit_test(test_wrong_assignments),  cmocka_unit_test(test_every_key_is_ranged),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
