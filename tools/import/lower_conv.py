@@ -174,7 +174,10 @@ def repeat_channels(low, op, source, times):
     storage = low.net.storage(n * h * w * c * times)
     wide = low.net.derive(source, 0, (n, h, w, c * times))
     low.net.values[wide].storage = storage
-    lower_data.emit_strided(low, op, source, wide, (n * h * w, c, times), (v.pixel, 1, 0), (c * times, times, 1))
+    axes = [(n * h * w, v.pixel, c * times), (times, 0, 1), (c, 1, times)]  # length, step of the source, step of the target
+    if times > c:  # the longest runs last
+        axes[1:] = axes[:0:-1]
+    lower_data.emit_strided(low, op, source, wide, *zip(*axes))
     return wide
 
 
