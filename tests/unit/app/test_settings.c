@@ -215,7 +215,8 @@ static void test_every_key_is_ranged(void **state)
     }
 }
 
-/* What moves is masked without being asked for; names that the network lacks are no error in `auto`, and one when asked for. */
+/* What moves is masked without being asked for; names that the network lacks are no error in `auto`, and one
+ * when asked for. */
 static void test_movable_classes(void **state)
 {
     struct fv_model_file file;
@@ -243,10 +244,10 @@ static void test_movable_classes(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_default_reads_back), cmocka_unit_test(test_changed_values_read_back),
-        cmocka_unit_test(test_wrong_files),        cmocka_unit_test(test_wrong_together),
-        cmocka_unit_test(test_movable_classes),
-        cmocka_unit_test(test_wrong_assignments),  cmocka_unit_test(test_every_key_is_ranged),
+        cmocka_unit_test(test_default_reads_back),  cmocka_unit_test(test_changed_values_read_back),
+        cmocka_unit_test(test_wrong_files),         cmocka_unit_test(test_wrong_together),
+        cmocka_unit_test(test_movable_classes),     cmocka_unit_test(test_wrong_assignments),
+        cmocka_unit_test(test_every_key_is_ranged),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
