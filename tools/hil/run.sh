@@ -22,7 +22,7 @@ make_frames 1279 801 6 GREY
 $tool make sim 'sim:orbit?width=320&height=240&lens=pinhole&fov=70&rate=3' 90 $frames/sim.raw || exit 1
 
 begin=$(date +%s)
-HIL_PARTS=${HIL_PARTS:-} tools/hil/vm.sh build-hil $results "${HIL_SECONDS:-900}" tests/hil/suite.sh
+HIL_PARTS=${HIL_PARTS:-} tools/hil/vm.sh build-hil $results "${HIL_SECONDS:-3600}" tests/hil/suite.sh
 status=$?
 
 # Recordings of the machine are verified outside: there the kernels of another instruction set replay them.

@@ -8,14 +8,16 @@ here=$(cd "$(dirname "$0")/../.." && pwd)
 dir=$(cd "$1" && pwd)
 mkdir -p "$2"
 results=$(cd "$2" && pwd)
-# What costs an emulator most is left out of the processor and its kernel: a fifth level of page tables, access checks switched on
-# and off around each copy from user space, reading the time from a device.
+# What costs an emulator most is left out: a second processor (starting a program then takes four times as much of the host's; HIL_CPUS=2
+# has it, for races), a fifth level of page tables, access checks switched on and off around each copy from user space,
+# reading the time from a device.
 # Emulated unless HIL_ACCEL=kvm: that a machine has /dev/kvm does not mean that it works.
 acceleration=${HIL_ACCEL:-tcg}
 timeout -k 5 "$3" qemu-system-x86_64 -nodefaults -no-user-config -display none -no-reboot -machine q35 \
-    -accel $acceleration -cpu max,la57=off,smap=off,smep=off,umip=off -smp 2 -m 1536 -kernel "$dir/vmlinux" -initrd "$dir/initrd.gz" -serial stdio \
-    -append "console=ttyS0 quiet loglevel=4 panic=-1 mitigations=off nopti init_on_alloc=0 no_timer_check nokaslr oops=panic tsc=reliable clocksource=tsc \
-hil.dir=$dir hil.project=$here hil.results=$results hil.script=$4 HIL_PARTS=${HIL_PARTS:-} HIL_UNPLUGS=${HIL_UNPLUGS:-}" \
+    -accel $acceleration -cpu max,la57=off,smap=off,smep=off,umip=off -smp "${HIL_CPUS:-1}" -m 1536 \
+    -kernel "$dir/vmlinux" -initrd "$dir/initrd.gz" -serial stdio \
+    -append "console=ttyS0 quiet loglevel=4 panic=-1 mitigations=off nopti init_on_alloc=0 no_timer_check nokaslr oops=panic \
+tsc=reliable clocksource=tsc hil.dir=$dir hil.project=$here hil.results=$results hil.script=$4 HIL_PARTS=${HIL_PARTS:-} HIL_UNPLUGS=${HIL_UNPLUGS:-}" \
     -device isa-debug-exit,iobase=0xf4,iosize=1 \
     -virtfs local,path=/,mount_tag=host,security_model=none,readonly=on,multidevs=remap \
     -virtfs "local,path=$results,mount_tag=results,security_model=none,multidevs=remap" </dev/null
