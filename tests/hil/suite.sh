@@ -143,7 +143,7 @@ check 'vivid: a failing qbuf while streaming is got over' \
     "$tool" read "$vivid" frames=10 run="$(inject inject_vidioc_qbuf_error)" recovered=1 says='giving back a buffer'
 check 'vivid: lost frames are counted' with_vivid percentage_of_dropped_buffers=40 frames=10 dropped=1
 wrap_numbers() { # after 128 frames
-    with_vivid wrap_sequence_number=1 frames=150 >wrap.log
+    vivid="$vivid&rate=25" with_vivid wrap_sequence_number=1 frames=150 >wrap.log
     local status=$?
     cat wrap.log
     [ $status -eq 0 ] && ! grep -qE 'dropped [0-9]{6}' wrap.log
