@@ -21,7 +21,7 @@
 
 extern char **environ;
 
-int64_t fv_libcamera_answer_ns = INT64_C(10000000000);
+int64_t fv_libcamera_answer_ns = INT64_C(30000000000);
 
 /* A buffer of the camera, mapped here. */
 struct mapping {

@@ -21,7 +21,7 @@
 
 struct fv_libcamera_client;
 
-/* For tests; else 10 s. */
+/* For tests; else 30 s: a machine under load takes seconds to start libcamera. */
 extern int64_t fv_libcamera_answer_ns;
 
 /* Start a process and let it find the camera, configure it once and let it go again. `told` gets a line where

@@ -303,7 +303,7 @@ bool fake_libcamera_is_me(const char *name)
 int fake_libcamera_run(void)
 {
     static struct fv_libcamera_request request;
-    me.stage = map_stage(getenv(STAGE));
+    me.stage = map_stage(getenv(STAGE) != NULL ? getenv(STAGE) : "");
     atomic_store(&me.stage->pid, (int)getpid());
     atomic_fetch_add(&me.stage->lives, 1);
     for (int i = 0; i < BUFFERS; ++i) {

@@ -33,9 +33,9 @@ check() { # check NAME COMMAND...
 # Starting a program costs an emulator more than most checks do: waiting is done without.
 mkfifo never.fifo
 exec {never}<>never.fifo
-nap() { read -rt "$1" -u "$never" || true; }
 export never
-export -f nap
+echo 'nap() { read -rt "$1" -u "$never" || true; }' >nap.sh # for scripts too
+. ./nap.sh
 settle() { udevadm settle -t 60; }
 start() { # start COMMAND...: in the background, until it says that it streams
     "$@" >started.log 2>&1 &
@@ -65,6 +65,7 @@ modprobe uvcvideo nodrop=1
 # The USB camera, with commands of their own for programs that unplug what they read.
 usb_id=/dev/v4l/by-id/usb-Fovea_Fovea_test_camera_FOVEA0001-video-index0
 cat >usb-plug.sh <<P
+. ./nap.sh
 read -r formats file rate options <usb.what
 setsid $tool usb \$formats 320 240 \$file \$rate \$options "\$@" >>$logs/background.log 2>&1 </dev/null &
 echo \$! >usb.pid
@@ -173,7 +174,7 @@ check 'vivid: a second reader is told that the camera is in use' second
 check 'vivid: rmmod while streaming is refused, frames go on' \
     "$tool" read "$vivid" frames=10 run='! busybox rmmod vivid'
 echo 'echo vivid.0 >/sys/bus/platform/drivers/vivid/unbind' >vivid-unplug.sh
-echo 'echo vivid.0 >/sys/bus/platform/drivers/vivid/bind; for _ in {1..1200}; do for node in /dev/video*; do [ -e $node ] && exit 0; done; nap 0.05; done; exit 1' >vivid-plug.sh
+echo '. ./nap.sh; echo vivid.0 >/sys/bus/platform/drivers/vivid/bind; for _ in {1..1200}; do for node in /dev/video*; do [ -e $node ] && exit 0; done; nap 0.05; done; exit 1' >vivid-plug.sh
 check 'vivid: disconnected while streaming: gone, and back' "$tool" read "$vivid" times=3 \
     unplug='v4l2-ctl -d /dev/video0 -c disconnect=1' plug=true # vivid is back with the last close
 check 'vivid: unbound and bound 10 times: gone, back in time, nothing left behind' \
