@@ -32,7 +32,7 @@ extern "C" {
 #endif
 
 enum {
-    FV_MODEL_VERSION = 1,
+    FV_MODEL_VERSION = 2,
     FV_MODEL_HEADER_BYTES = 512,
     FV_MODEL_SLACK_BYTES = 64, /* that may be read past a tensor's end, in the arena and in the file */
     FV_MODEL_TENSORS_MAX = 1 << 16,
