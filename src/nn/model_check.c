@@ -159,6 +159,13 @@ static int walk_fits(const int32_t *dims, const int32_t *strides, int32_t axes, 
     return reach(dims, strides, axes, &low, &high) && low >= 0 && high + size <= t->bytes;
 }
 
+/* Likewise of an output, of which no byte is written twice: a file makes no more work than its size. */
+static int walk_fills(const int32_t *dims, const int32_t *strides, int32_t axes, int64_t first, int32_t size,
+                      const struct fv_model_tensor *t)
+{
+    return walk_fits(dims, strides, axes, first, size, t) && product(dims, axes) <= t->bytes / size;
+}
+
 static int is_pointwise(const struct fv_op_image *im, const struct fv_op_window *w)
 {
     return w->kh == 1 && w->kw == 1 && w->stride_x == 1 && w->stride_y == 1 && w->pad_top == 0 &&
@@ -240,7 +247,7 @@ static const char *check_binary(const struct check *c)
             "the first input does not fit its tensor");
     REQUIRE(binary.b, walk_fits(p->dims, p->b, 6, 0, 1, input(c, 1)),
             "the second input does not fit its tensor");
-    REQUIRE(binary.out, walk_fits(p->dims, p->out, 6, 0, 1, output(c, 0)),
+    REQUIRE(binary.out, walk_fills(p->dims, p->out, 6, 0, 1, output(c, 0)),
             "the output does not fit its tensor");
     REQUIRE(binary.zero_a,
             activation_fits(p->zero_a, p->zero_out, p->act_min, p->act_max) && between(p->zero_b, 0, 255),
@@ -282,6 +289,7 @@ static const char *check_reduce(const struct check *c)
         return "the output does not fit its tensor";
     REQUIRE(reduce.elements, p->elements == product(p->count, 4) && p->elements <= 1 << 22,
             "not the product of the dropped axes");
+    REQUIRE(reduce.elements, product(p->dims, 4) * p->elements <= input(c, 0)->bytes, "more than the input has");
     REQUIRE(reduce.shift, between(p->shift, -31, 30), "the shift is out of range");
     REQUIRE(reduce.zero_in, between(p->zero_in, 0, 255) && between(p->zero_out, 0, 255),
             "zero points are not bytes");
@@ -298,7 +306,7 @@ static const char *check_copy(const struct check *c)
     REQUIRE(copy.element_bytes, size == 1 || size == 4 || size == 8, "not 1, 4 or 8");
     REQUIRE(copy.src, walk_fits(p->dims, p->src, 6, p->src_first, size, input(c, 0)),
             "the source does not fit its tensor");
-    REQUIRE(copy.dst, walk_fits(p->dims, p->dst, 6, p->dst_first, size, output(c, 0)),
+    REQUIRE(copy.dst, walk_fills(p->dims, p->dst, 6, p->dst_first, size, output(c, 0)),
             "the target does not fit its tensor");
     REQUIRE(copy.table, table_fits(c, p->table) && (p->table == 0 || size == 1),
             "the table lies outside the file");
