@@ -10,6 +10,15 @@ FV_INLINE __m512i exponentials(const int32_t *exps, const uint8_t *in, __mmask16
     return _mm512_mask_i32gather_epi32(_mm512_set1_epi32(-1), mask, distance, exps, 4);
 }
 
+/* Modulo 2^32, as the sum may pass 2^31; the compiler's own reduction adds as signed numbers. */
+FV_INLINE int32_t sum_of(__m512i v)
+{
+    const __m256i eight = _mm256_add_epi32(_mm512_castsi512_si256(v), _mm512_extracti64x4_epi64(v, 1));
+    const __m128i four = _mm_add_epi32(_mm256_castsi256_si128(eight), _mm256_extracti128_si256(eight, 1));
+    const __m128i two = _mm_add_epi32(four, _mm_shuffle_epi32(four, 0x4E));
+    return _mm_cvtsi128_si32(_mm_add_epi32(two, _mm_shuffle_epi32(two, 0xB1)));
+}
+
 static void row(const int32_t *exps, const uint8_t *in, uint8_t *out, int32_t depth)
 {
     const __m512i zero = _mm512_setzero_si512();
@@ -27,7 +36,7 @@ static void row(const int32_t *exps, const uint8_t *in, uint8_t *out, int32_t de
         sums = _mm512_add_epi32(sums, _mm512_srli_epi32(_mm512_add_epi32(e, _mm512_set1_epi32(1 << 11)), 12));
     }
     int32_t over;
-    const int32_t scale = fv_nn_reciprocal(_mm512_reduce_add_epi32(sums), &over);
+    const int32_t scale = fv_nn_reciprocal(sum_of(sums), &over);
     const int32_t exponent = fv_nn_clamp(over + 31 - 8, 0, 31);
     const __m512i factor = _mm512_set1_epi32(scale), half = _mm512_set1_epi64(INT64_C(1) << 30);
     const __m512i bias = _mm512_set1_epi32(exponent == 0 ? 0 : 1 << (exponent - 1));
