@@ -7,7 +7,7 @@ set -u
 if [ "$1" = --one ]; then # --one BUILD SECONDS FUZZER
     build=$2 name=$(basename "$4") corpus=$2/corpus/$(basename "$4")
     mkdir -p "$corpus"
-    [ -d "tests/fuzz/corpus/$name" ] && cp -n "tests/fuzz/corpus/$name"/* "$corpus" 2>/dev/null
+    [ -d "tests/fuzz/corpus/$name" ] && cp "tests/fuzz/corpus/$name"/* "$corpus"
     if "$4" -max_total_time="$3" -timeout=10 -rss_limit_mb=2048 -close_fd_mask=3 \
             -artifact_prefix="$build/crash-$name-" "$corpus" 2>"$build/$name.log"; then
         runs=$(sed -n 's/^Done \([0-9]*\) runs.*/\1/p' "$build/$name.log")
