@@ -330,9 +330,9 @@ $(BUILD)/hil-tool: $(call objs,$(wildcard tests/hil/tool*.c)) $(BUILD)/libfovea-
 	@echo "  link $@"
 	$(Q)$(CXX) $(LDFLAGS) -rdynamic -o $@ $(filter %.o,$^) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group $(LIBS_APP)
 # It is preloaded into the process of libcamera there.
-$(BUILD)/hil-count.so: tests/hil/count_heap.c
+$(BUILD)/hil-count.so: tests/hil/count_heap.c tests/common/heap_calls.h
 	@echo "  link $@"
-	$(Q)$(CC) $(CFLAGS) -shared -o $@ $<
+	$(Q)$(CC) $(CFLAGS) -Itests -shared -o $@ $<
 OPENCV_LIBS = -lopencv_calib3d -lopencv_features2d -lopencv_imgcodecs -lopencv_imgproc -lopencv_core
 # Optimisers are held against Ceres.
 BESIDE_CERES := map/test_pose_graph map/test_window_ceres

@@ -1,17 +1,12 @@
 /* Preloaded into the process that keeps libcamera: counts its heap calls in the file that HIL_HEAP_COUNT
  * names, an unsigned long, which `hil-tool read ... heap_count=FILE` reads. */
-#include <errno.h>
 #include <fcntl.h>
 #include <stdatomic.h>
-#include <stddef.h>
 #include <stdlib.h>
 #include <sys/mman.h>
 #include <unistd.h>
 
-void *__libc_malloc(size_t bytes);
-void *__libc_calloc(size_t count, size_t bytes);
-void *__libc_realloc(void *old, size_t bytes);
-void *__libc_memalign(size_t alignment, size_t bytes);
+#include "common/heap_calls.h"
 
 static atomic_ulong before_open;
 static atomic_ulong *calls = &before_open;
@@ -26,38 +21,11 @@ __attribute__((constructor)) static void open_count(void)
     close(fd);
 }
 
-static void count_call(void)
+static void on_heap_call(void)
 {
     atomic_fetch_add_explicit(calls, 1, memory_order_relaxed);
 }
 
-void *malloc(size_t bytes)
+static void on_heap_free(void)
 {
-    count_call();
-    return __libc_malloc(bytes);
-}
-
-void *calloc(size_t count, size_t bytes)
-{
-    count_call();
-    return __libc_calloc(count, bytes);
-}
-
-void *realloc(void *old, size_t bytes)
-{
-    count_call();
-    return __libc_realloc(old, bytes);
-}
-
-int posix_memalign(void **piece, size_t alignment, size_t bytes)
-{
-    count_call();
-    *piece = __libc_memalign(alignment, bytes);
-    return *piece == NULL ? ENOMEM : 0;
-}
-
-void *aligned_alloc(size_t alignment, size_t bytes)
-{
-    count_call();
-    return __libc_memalign(alignment, bytes);
 }

@@ -32,58 +32,22 @@
 #include <string.h>
 #include <time.h>
 
+#include "common/heap_calls.h"
 #include "fovea/source.h"
 
 /* ---- heap calls, of this thread and of all ----------------------------------------------------------- */
 
 static atomic_ulong heap_calls;
 static _Thread_local unsigned long heap_calls_here;
-void *__libc_malloc(size_t bytes);
-void *__libc_calloc(size_t count, size_t bytes);
-void *__libc_realloc(void *old, size_t bytes);
-void *__libc_memalign(size_t alignment, size_t bytes);
-void __libc_free(void *memory);
 
-static void count_call(void)
+static void on_heap_call(void)
 {
     heap_calls_here++;
     atomic_fetch_add_explicit(&heap_calls, 1, memory_order_relaxed);
 }
 
-void *malloc(size_t bytes)
+static void on_heap_free(void)
 {
-    count_call();
-    return __libc_malloc(bytes);
-}
-
-void *calloc(size_t count, size_t bytes)
-{
-    count_call();
-    return __libc_calloc(count, bytes);
-}
-
-void *realloc(void *old, size_t bytes)
-{
-    count_call();
-    return __libc_realloc(old, bytes);
-}
-
-void free(void *memory)
-{
-    __libc_free(memory);
-}
-
-int posix_memalign(void **piece, size_t alignment, size_t bytes)
-{
-    count_call();
-    *piece = __libc_memalign(alignment, bytes);
-    return *piece == NULL ? ENOMEM : 0;
-}
-
-void *aligned_alloc(size_t alignment, size_t bytes)
-{
-    count_call();
-    return __libc_memalign(alignment, bytes);
 }
 
 /* ---- what is read ------------------------------------------------------------------------------------ */

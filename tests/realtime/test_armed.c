@@ -29,6 +29,7 @@ int main(void)
 #include <unistd.h>
 
 #include "common/detector.h"
+#include "common/heap_calls.h"
 #include "fovea/elementary.h"
 #include "fovea/fovea.h"
 
@@ -44,33 +45,14 @@ static void trip(void)
     if (armed) __builtin_trap();
 }
 
-void *__libc_malloc(size_t bytes);
-void *__libc_calloc(size_t count, size_t bytes);
-void *__libc_realloc(void *old, size_t bytes);
-void __libc_free(void *memory);
-
-void *malloc(size_t bytes)
+static void on_heap_call(void)
 {
     trip();
-    return __libc_malloc(bytes);
 }
 
-void *calloc(size_t count, size_t bytes)
+static void on_heap_free(void)
 {
     trip();
-    return __libc_calloc(count, bytes);
-}
-
-void *realloc(void *old, size_t bytes)
-{
-    trip();
-    return __libc_realloc(old, bytes);
-}
-
-void free(void *memory)
-{
-    trip();
-    __libc_free(memory);
 }
 
 /* A lock taken in the loop would have to be one of these. Outside of the armed time the test has one thread, so doing
