@@ -189,6 +189,16 @@ static inline uint32_t fv_map_view_count(const struct fv_map *map)
     return map->limits.keyframes + 1 + FV_MAP_WAITING_MAX;
 }
 
+/* Parts of the image, by whose errors it is told whether errors hang together, as where something moves. */
+enum { FV_MAP_PART_COLUMNS = 6, FV_MAP_PART_ROWS = 4, FV_MAP_PARTS = FV_MAP_PART_COLUMNS * FV_MAP_PART_ROWS };
+static inline int fv_map_part(const struct fv_map *map, const struct fv_pixel *p)
+{
+    const int column = (int)(p->x * map->pixel_px * FV_MAP_PART_COLUMNS / map->limits.width),
+              row = (int)(p->y * map->pixel_px * FV_MAP_PART_ROWS / map->limits.height);
+    return (row < FV_MAP_PART_ROWS ? row : FV_MAP_PART_ROWS - 1) * FV_MAP_PART_COLUMNS +
+           (column < FV_MAP_PART_COLUMNS ? column : FV_MAP_PART_COLUMNS - 1);
+}
+
 /* Size of a level's pixels in those of level 0. */
 static inline double fv_level_scale(uint32_t level)
 {

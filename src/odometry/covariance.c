@@ -12,10 +12,7 @@ enum {
     FREE = FV_COVARIANCE_POSES_MAX - 1, /* keyframes besides the reference */
     REFERENCE = -1,
     OUTSIDE = -2,
-    YOUNG_KEYFRAMES = 10,
-    PART_COLUMNS = 6,
-    PART_ROWS = 4,
-    PARTS = PART_COLUMNS * PART_ROWS
+    YOUNG_KEYFRAMES = 10
 };
 
 static const double variance_min = 0.05; /* px^2 of level 0: matches are not better than that */
@@ -197,7 +194,7 @@ static void fv_hold_scale(const struct fv_odometry *o, const struct fv_view *vie
 static double fv_parts_variance(const struct fv_odometry *o, const struct fv_view *view,
                                 const struct fv_pose_fit *fit)
 {
-    double pull[PARTS][6] = {{0}}, A[36], square = 0;
+    double pull[FV_MAP_PARTS][6] = {{0}}, A[36], square = 0;
     const struct fv_se3 *T = &view->frame->T_cam_world;
     for (uint32_t f = 0; f < view->frame->features; f++) {
         double q[3], e[2], J[6], turn[3];
@@ -206,11 +203,7 @@ static double fv_parts_variance(const struct fv_odometry *o, const struct fv_vie
         fv_sight_from(&view->keypoints[f], o->map.landmarks[view->landmark[f]].point, &s);
         fv_se3_apply(T, s.point, q);
         if (!fv_sight_error(s.bearing, s.A, q, e, J)) continue;
-        const struct fv_pixel *p = &view->points[f];
-        const int column = (int)(p->x * o->map.pixel_px * PART_COLUMNS / o->map.limits.width),
-                  row = (int)(p->y * o->map.pixel_px * PART_ROWS / o->map.limits.height);
-        double *sum = pull[(row < PART_ROWS ? row : PART_ROWS - 1) * PART_COLUMNS +
-                           (column < PART_COLUMNS ? column : PART_COLUMNS - 1)];
+        double *sum = pull[fv_map_part(&o->map, &view->points[f])];
         for (int r = 0; r < 2; r++) {
             fv_cross3(q, J + 3 * r, turn);
             for (int k = 0; k < 3; k++) {
@@ -221,7 +214,7 @@ static double fv_parts_variance(const struct fv_odometry *o, const struct fv_vie
     }
     memcpy(A, fit->information, sizeof A);
     if (!fv_ldlt_factor(A, 6)) return 0;
-    for (int part = 0; part < PARTS; part++) {
+    for (int part = 0; part < FV_MAP_PARTS; part++) {
         double moved[6];
         memcpy(moved, pull[part], sizeof moved);
         fv_ldlt_back(A, 6, moved);
@@ -230,6 +223,7 @@ static double fv_parts_variance(const struct fv_odometry *o, const struct fv_vie
     }
     return square / 6;
 }
+
 /* What the map in sight is bent by: noise over the mean parallax of its landmarks. Those with more of it hold
  * the rest in place; where none has much, as in a young map, their errors have much in common. */
 static double fv_map_bend(const struct fv_odometry *o, const struct fv_view *view, double noise_px)

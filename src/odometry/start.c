@@ -236,14 +236,13 @@ static bool fv_choose(struct fv_odometry *o, uint32_t tracks, struct fv_start_bu
         return false;
     s->sampled = o->state->frame_number;
     const uint32_t count = fv_start_motions(o, tracks, motions);
-    for (uint32_t k = 0; k < count;
-         k++) /* a rough guess may lead past what moves into the wrong minimum, a sure one cannot go far */
-        for (enum fv_start_trust trust = FV_START_ROUGH; trust <= FV_START_SURE;
-             trust += FV_START_SURE - FV_START_ROUGH) {
-            if (!fv_start_guess_motion(o, tried, &motions[k], &candidate)) break;
-            fv_start_adjust(o, tried, trust, &candidate);
-            fv_compare(o, tried, tracks, &candidate, best, &rival);
-        }
+    /* A rough guess may lead past what moves into the wrong minimum, a sure one cannot go far: both are tried. */
+    static const enum fv_start_trust trusts[] = {FV_START_ROUGH, FV_START_SURE};
+    for (uint32_t k = 0; k < 2 * count; k++) {
+        if (!fv_start_guess_motion(o, tried, &motions[k / 2], &candidate)) continue;
+        fv_start_adjust(o, tried, trusts[k % 2], &candidate);
+        fv_compare(o, tried, tracks, &candidate, best, &rival);
+    }
     candidate = *best;
     if (best->cost < 1e300 && fv_start_guess_reversed(o, tried, &candidate)) {
         fv_start_adjust(o, tried, FV_START_ROUGH, &candidate);

@@ -14,10 +14,7 @@ enum {
     SYSTEM_MAX = 6 * MOVED_MAX,
     STEPS_MAX = 16,
     ALIGN_STEPS = 6,
-    ALIGN_TRACKS = 120, /* on which a view in between is placed at first */
-    PART_COLUMNS = 6,
-    PART_ROWS = 4,
-    PARTS = PART_COLUMNS * PART_ROWS /* of the image, whose errors may be one */
+    ALIGN_TRACKS = 120 /* on which a view in between is placed at first */
 };
 
 static const double gain_min = 1e-3; /* of the cost: smaller, and the minimum is reached */
@@ -367,16 +364,13 @@ static void fv_normalise(struct fv_odometry *o, uint32_t count, struct fv_start_
  * it adds up to nothing. */
 static void fv_pull(const struct fv_odometry *o, uint32_t count, const struct fv_start_bundle *b,
                     const struct fv_view views[FV_START_VIEWS_MAX], double limit2,
-                    double pull[PARTS][SYSTEM_MAX])
+                    double pull[FV_MAP_PARTS][SYSTEM_MAX])
 {
-    memset(pull, 0, PARTS * sizeof pull[0]);
+    memset(pull, 0, FV_MAP_PARTS * sizeof pull[0]);
     for (uint32_t i = 0; i < count; i++) {
         const struct fv_start_depth *d = &o->depths[i];
         const struct fv_pixel *p = &views[0].points[o->tracks[i].feature[0]];
-        const int column = (int)(p->x * o->map.pixel_px * PART_COLUMNS / o->map.limits.width),
-                  line = (int)(p->y * o->map.pixel_px * PART_ROWS / o->map.limits.height);
-        double *sum = pull[(line < PART_ROWS ? line : PART_ROWS - 1) * PART_COLUMNS +
-                           (column < PART_COLUMNS ? column : PART_COLUMNS - 1)];
+        double *sum = pull[fv_map_part(&o->map, p)];
         for (uint32_t v = 1; v < b->view_count; v++) {
             struct fv_start_row row;
             if (o->tracks[i].feature[v] == FV_MAP_NONE ||
@@ -402,7 +396,7 @@ static double fv_direction_sigma(struct fv_odometry *o, uint32_t count, const st
                                  struct fv_start_system *s)
 {
     const double *t = b->T_view_first[b->view_count - 1].t;
-    double variance = 0, variance_parts = 0, pull[PARTS][SYSTEM_MAX];
+    double variance = 0, variance_parts = 0, pull[FV_MAP_PARTS][SYSTEM_MAX];
     (void)fv_build(o, count, b, views, 1e-9, limit2, s);
     fv_pull(o, count, b, views, limit2, pull);
     const int n = s->size, at = n - 6;
@@ -417,7 +411,7 @@ static double fv_direction_sigma(struct fv_odometry *o, uint32_t count, const st
         const double across[3] = {s->g[at], s->g[at + 1], s->g[at + 2]};
         fv_ldlt_back(s->A, n, s->g);
         variance += fv_dot3(across, s->g + at);
-        for (int part = 0; part < PARTS; part++) {
+        for (int part = 0; part < FV_MAP_PARTS; part++) {
             double moved = 0;
             for (int k = 0; k < n; k++)
                 moved += s->g[k] * pull[part][k];
