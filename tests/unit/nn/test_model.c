@@ -80,6 +80,36 @@ static void hostile_words(void **state)
     }
 }
 
+/* A walk over a tensor that stays where it is along one axis is in bounds however long it is. */
+static void more_work_than_data(void **state)
+{
+    (void)state;
+    const int32_t copy = FV_OP_COPY, reduce = FV_OP_REDUCE;
+    int copies = 0, sums = 0;
+    for (int i = 0; i < golden.count; ++i) {
+        const struct nn_golden_model *g = &golden.models[i];
+        uint8_t *data = copy_of(g);
+        int32_t *word = op_words(data, 0);
+        if (word[0] == copy && word[16] == 1) { /* dims from 16 on, strides from 22 and 28 on */
+            word[16] = 1000;
+            word[22] = word[28] = 0;
+            word[13] *= 1000; /* rows */
+            nn_mutant_seal(data, g->model_bytes);
+            refused(data, g->model_bytes, "target does not fit its tensor");
+            copies++;
+        } else if (word[0] == reduce && word[25] == 1) { /* lengths of dropped axes from 25 on, strides from 29 on */
+            word[25] = 1000;
+            word[29] = 0;
+            word[33] *= 1000; /* elements */
+            nn_mutant_seal(data, g->model_bytes);
+            refused(data, g->model_bytes, "more than the input has");
+            sums++;
+        }
+        free(data);
+    }
+    assert_true(copies > 0 && sums > 0);
+}
+
 /* The operator's own output as its input: read before it is written. */
 static void cycle(void **state)
 {
@@ -139,6 +169,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(foreign_and_cut_files),
         cmocka_unit_test(hostile_words),
+        cmocka_unit_test(more_work_than_data),
         cmocka_unit_test(cycle),
         cmocka_unit_test(ten_thousand_mutants),
     };
