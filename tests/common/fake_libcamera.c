@@ -187,7 +187,8 @@ static bool do_wrong(atomic_int *fault, uint32_t kind)
         send_bytes(&event, 3, NULL, 0);
         return true;
     case FAKE_VERSION:
-        event.version = FV_LIBCAMERA_VERSION + 1;
+        event.version = FV_LIBCAMERA_VERSION + 1; /* and nothing else is wrong with it */
+        event.frame.index = 0;
         send_bytes(&event, fv_libcamera_event_bytes(event.kind), NULL, 0);
         return true;
     case FAKE_INDEX:

@@ -34,8 +34,10 @@ struct world {
     struct fv_se3 truth[KEYFRAMES];
     uint32_t slot[KEYFRAMES];
     uint32_t count;
+    bool vague; /* seen is only what lies ahead, in coarse features */
 };
 static struct world w;
+static const double ahead = 0.3; /* half the width and height of what lies ahead, at distance 1 */
 
 static void carve(void *context, struct fv_arena *arena)
 {
@@ -99,6 +101,7 @@ static void fill_feature(struct fovea_feature *feature, uint8_t *descriptor, int
     memset(feature, 0, sizeof *feature);
     feature->x_px = (float)pixel[0];
     feature->y_px = (float)pixel[1];
+    feature->level = w.vague ? 7 : 0;
     memcpy(descriptor, w.descriptor[i], 32);
     for (int k = 0; k < 4; k++)
         descriptor[fovea_random_below(&w.random, 32)] ^= (uint8_t)(1u << fovea_random_below(&w.random, 8));
@@ -121,6 +124,7 @@ static void add_keyframe(void)
         if (q[2] < 0.7 || q[2] > 6 || fovea_camera_project(&w.camera, q, pixel, 0) != FOVEA_OK ||
             pixel[0] < 0 || pixel[1] < 0 || pixel[0] >= 639 || pixel[1] >= 479)
             continue;
+        if (w.vague && (fabs(q[0]) > ahead * q[2] || fabs(q[1]) > ahead * q[2])) continue;
         pixel[0] += 0.3 * fovea_random_normal(&w.random);
         pixel[1] += 0.3 * fovea_random_normal(&w.random);
         seen[count] = i;
@@ -290,6 +294,23 @@ static void test_merges_maps(void **context)
     free(w.memory);
 }
 
+/* All that meets lies in one direction and is seen coarsely: the place is known again, but where it is to a degree
+ * only, and nothing is corrected by that. */
+static void test_vague_relation_corrects_nothing(void **context)
+{
+    (void)context;
+    make_world(6);
+    w.vague = true;
+    while (w.count < KEYFRAMES) {
+        add_keyframe();
+        offer(w.count - 1);
+        assert_false(work(false));
+    }
+    assert_true(w.loop.state->counts.sighted > 3);
+    assert_true(w.loop.state->counts.implausible > 3);
+    free(w.memory);
+}
+
 /* Maps that were left are entered again with the odom frame that they had. */
 static void test_odom_of_maps(void **context)
 {
@@ -344,6 +365,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_closes_the_ring),
         cmocka_unit_test(test_merges_maps),
+        cmocka_unit_test(test_vague_relation_corrects_nothing),
         cmocka_unit_test(test_odom_of_maps),
         cmocka_unit_test(test_full_pools),
     };

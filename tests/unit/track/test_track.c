@@ -155,6 +155,25 @@ static void what_is_below_the_threshold_starts_no_track(void **state)
     free(block);
 }
 
+/* Nor does it bring back a track that was out of sight, whatever its score. */
+static void what_is_below_the_threshold_ends_no_coasting(void **state)
+{
+    (void)state;
+    make();
+    struct fovea_tracks t;
+    const struct fovea_detection d = box(100, 100, 40, 60, 0.7);
+    for (int f = 0; f < 12; f++) {
+        const bool seen = f < 5, below = f >= 8;
+        const struct fv_track_look l = {.stamp_ns = (int64_t)(f + 1) * 33333333, .sequence = (uint64_t)f, .detections = &d, .count = seen, .uncertain = below};
+        fv_track_update(&tracker, &l);
+    }
+    fv_track_get(&tracker, &t);
+    assert_int_equal(t.count, 1);
+    assert_int_equal(t.list[0].state, FOVEA_TRACK_COASTING);
+    assert_int_equal(t.list[0].hits, 5);
+    free(block);
+}
+
 static void uncertain_detections_hold_a_track_but_start_none(void **state)
 {
     (void)state;
@@ -472,6 +491,7 @@ static void places_are_in_metres(void **state)
         if (!(off * off < 9 * sigma * sigma && sigma < 0.5)) fail_msg("axis %d: off by %g m, sigma %g m", i, off, sigma);
         const double v_sigma = __builtin_sqrt(t.list[0].velocity_covariance_m2_s2[diagonal[i]]), v_off = t.list[0].velocity_m_s[i] - v_truth[i];
         if (!(v_off * v_off < 9 * v_sigma * v_sigma && v_sigma < 1)) fail_msg("axis %d: off by %g m/s, sigma %g m/s", i, v_off, v_sigma);
+        assert_true(0.5 * v_sigma > sigma); /* who may change his pace is known by the last half second at most */
     }
     assert_true(__builtin_fabs(t.list[0].velocity_m_s[0] - 0.9) < 0.2 && __builtin_fabs(t.list[0].velocity_m_s[2] + 0.6) < 0.3);
     config.height_m[0] = 0;
@@ -575,6 +595,7 @@ int main(void)
         cmocka_unit_test(tracks_live_and_end),
         cmocka_unit_test(good_scores_confirm_and_poor_ones_never),
         cmocka_unit_test(what_is_below_the_threshold_starts_no_track),
+        cmocka_unit_test(what_is_below_the_threshold_ends_no_coasting),
         cmocka_unit_test(uncertain_detections_hold_a_track_but_start_none),
         cmocka_unit_test(classes_do_not_mix),
         cmocka_unit_test(a_full_pool_gives_up_its_weakest),
