@@ -1,7 +1,7 @@
 #!/bin/sh
 # Run the test programs of a build, as many at a time as there are processors, those that look at the clock or the network
 # alone; say which failed, what was skipped and which took most processor time.
-# Usage: tools/run_tests.sh BUILD [EMULATOR...]     FOVEA_TESTS="unit/base/test_ring ..." runs only these
+# Usage: tools/run_tests.sh BUILD [EMULATOR...]     FOVEA_TESTS="unit/base/test_ring ..." runs only these, FOVEA_TESTS_WITHOUT="..." all but these
 set -u
 
 if [ "$1" = --one ]; then # --one BUILD TEST [EMULATOR...]
@@ -31,6 +31,7 @@ if [ -n "${FOVEA_TESTS:-}" ]; then
 else
     tests=$(find "$build/tests" -type f -perm -u+x -name 'test_*' | sort)
 fi
+for name in ${FOVEA_TESTS_WITHOUT:-}; do tests=$(echo "$tests" | grep -vxF "$build/tests/$name"); done
 alone=$(for test in $tests; do
     name=${test#"$build"/}
     case $name in */realtime/* | */transport/* | */app/test_loop) echo "$test"; continue ;; esac
