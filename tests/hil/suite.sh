@@ -349,13 +349,14 @@ plug GREY "$frames/sim.raw" 0.5 after="$HIL_results/usb.lcm"
 check 'whole runtime through the USB camera: runs and is recorded' \
     run_fovea usb.lcm --source "v4l2:$usb" --rate max --frames 30
 unplug
-plug GREY "$frames/sim.raw" 2 after="$HIL_results/outage.lcm"
 outage() { # the camera goes away in the middle of a run and comes back
-    (while [ "$(stat -c %s "$HIL_results/outage.lcm" 2>/dev/null || echo 0)" -lt 1400000 ]; do nap 0.2; done # 16 frames
-     bash usb-unplug.sh; sleep 4; bash usb-plug.sh) &
+    (while [ -e $usb_id ]; do nap 0.2; done; nap 4; bash usb-plug.sh) &
     run_fovea outage.lcm --source "v4l2:$usb" --frames 40 && wait &&
         "$tool" states "$HIL_results/outage.lcm" state=ok state=gone state=returning state=ok pose=1 pose=3 pose=1 rate=2
 }
+echo "GREY $frames/sim.raw 2 after=$HIL_results/outage.lcm" >usb.what
+bash usb-plug.sh leaves=20
+settle
 check 'an outage in a run: states on LCM, the loop keeps its rate, lost in time, found again' outage
 unplug
 }

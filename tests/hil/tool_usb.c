@@ -11,7 +11,8 @@
  *   port=N          of the emulated bus
  *   serial=TEXT     serial number
  *   after=FILE      a frame goes out when FILE has grown by one since the last, or after ten seconds,
- * whatever RATE says
+ *                   whatever RATE says
+ *   leaves=N        the camera is unplugged when N frames have gone out
  *
  * After the USB Video Class specification 1.0 (descriptors and requests) and
  * Documentation/usb/usbip_protocol.rst. */
@@ -96,7 +97,7 @@ static struct camera {
     struct pending early[PENDING_MAX]; /* unlinked before their submission came */
     size_t early_count;
     int64_t due_ns;
-    long number;
+    long number, leaves;
     size_t sent, total;
     uint8_t toggle;
 } camera;
@@ -460,6 +461,7 @@ static void send_payload(void)
     forget(camera.pending, &camera.pending_count, 0);
     reply(number, 0, payload, bytes + 2, 0);
     if (last) camera.in_frame = false;
+    if (last && camera.number == camera.leaves) exit(0);
 }
 
 static void serve(void)
@@ -490,6 +492,8 @@ static void read_option(const char *text)
         camera.port = atol(text + 5);
     else if (strncmp(text, "after=", 6) == 0)
         camera.pace.file = text + 6;
+    else if (strncmp(text, "leaves=", 7) == 0)
+        camera.leaves = atol(text + 7);
     else if (strncmp(text, "serial=", 7) == 0 && strlen(text) < 60)
         camera.serial = text + 7;
     else
