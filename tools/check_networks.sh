@@ -1,6 +1,7 @@
 #!/bin/sh
 # The int8 engine against LiteRT's reference kernels, bit for bit: every operator, forms of them that real models have, networks
-# drawn at random, and every model of $FOVEA_DATA on photographs and noise, on every kernel set of this processor.
+# drawn at random, and every model of $FOVEA_DATA on photographs and noise, on every kernel set of this processor; and operators whose
+# sizes the file leaves open.
 # Usage: tools/check_networks.sh BUILD [ROUNDS]
 set -u
 build=$1
@@ -13,6 +14,10 @@ python=$(tools/networks_python.sh "$build") || {
 make --no-print-directory BUILD="$build" "$build/libfovea.a" >/dev/null
 export BUILD="$build"
 failed=0
+for test in operators variants odd; do
+    echo "== $test, sizes left open"
+    "$python" "tests/import/$test.py" --open --rounds "$rounds" || failed=1
+done
 sets="c neon dotprod"
 [ "$(uname -m)" = x86_64 ] && sets="c sse4 avx2 avx512"
 for set in $sets; do

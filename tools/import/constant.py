@@ -3,22 +3,15 @@
 import numpy as np
 
 import shapes
+import slices
 
 WHOLE = ("INT32", "INT64")
 
 
 def _strided_slice(op, values):
-    x, begin, end, stride = values
-    o, index = op.options, []
-    if o.EllipsisMask() or o.NewAxisMask() or (hasattr(o, "Offset") and o.Offset()):
-        return None
-    for i in range(len(begin)):
-        if o.ShrinkAxisMask() >> i & 1:
-            index.append(int(begin[i]))
-        else:
-            index.append(slice(None if o.BeginMask() >> i & 1 else int(begin[i]),
-                               None if o.EndMask() >> i & 1 else int(end[i]), int(stride[i])))
-    return x[tuple(index)]
+    x, *spec = values
+    first, counts, steps, out = slices.box(op.options, *([int(v) for v in np.ravel(s)] for s in spec), x.shape)
+    return x[np.ix_(*(f + s * np.arange(n) for f, n, s in zip(first, counts, steps)))].reshape(out)
 
 
 EVALUATE = {

@@ -2,6 +2,7 @@
 import numpy as np
 
 import quant
+import slices
 from graph import ImportProblem
 from layout import TYPE_BYTES
 
@@ -92,45 +93,10 @@ def transpose(low, op):
     emit_strided(low, op, source, out, shape, src, dense_strides(shape, TYPE_BYTES[v.type]))
 
 
-def plain_slice(low, op, rank):
-    """Begin, end, stride and the masks of begin, end and dropped axes by axis of the input: an ellipsis becomes whole axes, new
-    axes, which move no byte, are left out."""
-    begin, end, stride = (low.const_int(t, op, "the slice") for t in op.inputs[1:4])
-    o = op.options
-    new = [i for i in range(len(begin)) if o.NewAxisMask() >> i & 1 and not o.EllipsisMask() >> i & 1]
-    kept = rank - (len(begin) - len(new) - bin(o.EllipsisMask()).count("1"))
-    rows = []
-    for i in range(len(begin)):
-        if o.EllipsisMask() >> i & 1:
-            rows += [(0, 0, 1, 1, 1, 0)] * kept
-        elif i not in new:
-            rows.append((begin[i], end[i], stride[i], o.BeginMask() >> i & 1, o.EndMask() >> i & 1,
-                         o.ShrinkAxisMask() >> i & 1))
-    rows += [(0, 0, 1, 1, 1, 0)] * (rank - len(rows))
-    return rows
-
-
 def strided_slice(low, op):
     source = low.input(op.inputs[0])
-    v = low.net.values[source]
-    o = op.options
-    first, shape, stride = [], [], []
-    for n, (begin, end, s, from_start, to_end, dropped) in zip(v.shape, plain_slice(low, op, len(v.shape))):
-        lo, hi = (0, n) if s > 0 else (-1, n - 1)
-        b = begin + n if begin < 0 else begin
-        if dropped:
-            e, s = b + 1, 1
-        else:
-            b = min(max(b, lo), hi)
-            if from_start:
-                b = 0 if s > 0 else n - 1
-            e = b + end if hasattr(o, "Offset") and o.Offset() else end + n if end < 0 else end
-            e = min(max(e, lo), hi)
-            if to_end:
-                e = n if s > 0 else -1
-        first.append(b)
-        shape.append(max(0, -((b - e) // s) if s > 0 else (b - e - s - 1) // -s))
-        stride.append(s)
+    spec = (low.const_int(t, op, "the slice") for t in op.inputs[1:4])
+    first, shape, stride, _ = slices.box(op.options, *spec, low.net.values[source].shape)
     take(low, op, source, op.outputs[0], first, shape, stride)
 
 

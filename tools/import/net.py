@@ -3,6 +3,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from graph import ImportProblem
 from layout import ALIGN, TYPE_BYTES
 
 
@@ -87,6 +88,8 @@ class Net:
 
     def value(self, storage, tensor, offset=0, pixel=None, shape=None):
         shape = tuple(tensor.shape if shape is None else shape)
+        if len(shape) > 6 or min(shape, default=1) < 1:
+            raise ImportProblem(f"tensor {tensor.index} {tensor.name!r} has shape {list(shape)}, expected at most 6 axes, none empty")
         size = TYPE_BYTES[tensor.type]
         dense = (shape[-1] if shape else 1) * size
         self.values.append(Value(storage, offset, shape, tensor.type, tensor.signed, float(tensor.scale0),
