@@ -123,11 +123,22 @@ static int32_t sure_left(const struct fv_detect_scratch *s)
     return left;
 }
 
+/* What the decoder reads: the model's outputs, for SSD those of the detection at its end, which models list in any order. */
+static const int32_t *sources(const struct fv_model *model, int32_t *count)
+{
+    const struct fv_model_header *h = model->header;
+    const struct fv_model_op *last = h->op_count > 0 ? &model->ops[h->op_count - 1] : NULL;
+    const int ssd = h->decode.kind == FV_DECODER_SSD && last != NULL && last->kind == FV_OP_DETECTION;
+    *count = ssd ? last->output_count : (int32_t)h->output_count;
+    return ssd ? last->outputs : model->outputs;
+}
+
 static void open_outputs(const struct fv_model *model, uint8_t *arena, struct fv_head_job *j)
 {
     if (j->d->thresholds != 0) j->thresholds = (const float *)(const void *)(model->base + j->d->thresholds);
-    for (uint32_t i = 0; i < model->header->output_count; ++i) {
-        j->out[i] = (struct fv_head_output){.t = &model->tensors[model->outputs[i]], .data = fv_nn_tensor(model, arena, model->outputs[i])};
+    const int32_t *from = sources(model, &j->out_count);
+    for (int32_t i = 0; i < j->out_count; ++i) {
+        j->out[i] = (struct fv_head_output){.t = &model->tensors[from[i]], .data = fv_nn_tensor(model, arena, from[i])};
     }
 }
 

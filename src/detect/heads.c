@@ -90,7 +90,7 @@ static void classifier_scan(struct fv_head_job *j, int64_t begin, int64_t end)
 static int64_t ssd_items(const struct fv_head_job *j, int64_t *cost)
 {
     *cost = 6;
-    if (j->model->header->output_count < 4) return 0;
+    if (j->out_count < 4) return 0;
     const int64_t slots = count_of(&j->out[2]);
     if (count_of(&j->out[0]) < slots * 4 || count_of(&j->out[1]) < slots) return 0;
     const float given = value_at(&j->out[3], 0);
@@ -122,7 +122,7 @@ static int64_t ssd_raw_columns(const struct fv_head_job *j)
 static int64_t ssd_raw_items(const struct fv_head_job *j, int64_t *cost)
 {
     const struct fv_model_header *h = j->model->header;
-    if (h->output_count < 2 || j->d->anchor_data < FV_MODEL_HEADER_BYTES || j->d->anchor_data % 4 != 0) return 0;
+    if (j->out_count < 2 || j->d->anchor_data < FV_MODEL_HEADER_BYTES || j->d->anchor_data % 4 != 0) return 0;
     const int64_t n = count_of(&j->out[0]) / 4, columns = ssd_raw_columns(j);
     *cost = columns;
     return columns < 2 || j->d->anchor_data + n * 16 > (int64_t)h->file_bytes ? 0 : n;

@@ -19,6 +19,7 @@ struct fv_head_job {
     const float *thresholds; /* by class, or NULL */
     float score_threshold;   /* for every class, beside its own */
     float floor;             /* below the threshold down to here a box is uncertain; 0: such are left out */
+    int32_t out_count;
     struct fv_head_output out[FV_MODEL_IO_MAX];
 };
 

@@ -250,7 +250,8 @@ def float_detection(c):
                                  "y_scale": 10.0, "x_scale": 10.0, "h_scale": 5.0, "w_scale": 5.0,
                                  "use_regular_nms": bool(c.int(0, 1))})
     c.b.op("TFLite_Detection_PostProcess", reals + [anchors], outs, custom=bytes(options))
-    return [box, score], outs
+    order = c.choose((0, 1, 2, 3), (2, 0, 3, 1), (3, 2, 1, 0))  # the TensorFlow 2 detection API lists the scores first
+    return [box, score], [outs[i] for i in order]
 
 
 def passed_through(c):

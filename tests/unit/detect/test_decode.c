@@ -251,6 +251,47 @@ static void uncertain_boxes_come_last_and_suppress_no_others(void **state)
     assert_int_equal(found[0].class_id, 1);
 }
 
+/* ---- the outputs of TFLite_Detection_PostProcess ------------------------------------------------------------------ */
+
+/* Two boxes: the whole image, of class 3, and its upper left quarter, of class 1. The model lists boxes, classes, scores and their
+ * number as `order` says. */
+static int32_t decode_ssd(const int32_t order[4], struct fovea_detection found[4])
+{
+    static const float values[14] = {0, 0, 1, 1, 0, 0, 0.5f, 0.5f, 3, 1, 0.75f, 0.5f, 2};
+    static const int32_t first[4] = {0, 8, 10, 12}, sizes[4] = {8, 2, 2, 1};
+    struct fv_model_tensor all[5] = {{.rank = 4, .dims = {1, HEIGHT, WIDTH, 3}}};
+    const struct fv_model_op op = {.kind = FV_OP_DETECTION, .output_count = 4, .outputs = {1, 2, 3, 4}};
+    int32_t listed[4];
+    describe(FV_DECODER_SSD, WIDTH, HEIGHT);
+    header.op_count = 1;
+    header.output_count = 4;
+    memcpy(arena, values, sizeof values);
+    for (int i = 0; i < 4; i++) {
+        all[1 + i] = (struct fv_model_tensor){.type = FV_TYPE_F32, .rank = 1, .dims = {sizes[i]}, .offset = 4 * first[i], .storage = 1 + i};
+        listed[i] = 1 + order[i];
+    }
+    const struct fv_model ssd = {.base = model.base, .header = &header, .tensors = all, .ops = &op, .inputs = inputs, .outputs = listed};
+    const struct fv_detect_view view = view_of(WIDTH, HEIGHT);
+    return fv_detect_decode(&ssd, arena, &view, &scratch, found, 4);
+}
+
+/* Models of the TensorFlow 2 detection API list them by scores, boxes, number, classes. */
+static void ssd_outputs_are_known_in_any_order(void **state)
+{
+    (void)state;
+    static const int32_t orders[3][4] = {{0, 1, 2, 3}, {2, 0, 3, 1}, {3, 2, 1, 0}};
+    for (int i = 0; i < 3; i++) {
+        struct fovea_detection found[4];
+        assert_int_equal(decode_ssd(orders[i], found), 2);
+        assert_int_equal(found[0].class_id, 3);
+        near_to((double)found[0].score, 0.75, 1);
+        near_to((double)found[0].x_max_px + 0.5, WIDTH, WIDTH);
+        assert_int_equal(found[1].class_id, 1);
+        near_to((double)found[1].score, 0.5, 1);
+        near_to((double)found[1].y_max_px + 0.5, HEIGHT / 2, HEIGHT);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -259,6 +300,7 @@ int main(void)
         cmocka_unit_test(units_go_on_where_the_last_one_ended),
         cmocka_unit_test(thresholds_by_class_hold),
         cmocka_unit_test(uncertain_boxes_come_last_and_suppress_no_others),
+        cmocka_unit_test(ssd_outputs_are_known_in_any_order),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
