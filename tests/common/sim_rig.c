@@ -9,6 +9,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "app/trajectory.h"
+
 void sim_rig_open(struct sim_rig *rig, const char *uri, int start, int frames)
 {
     const char *address;
@@ -75,4 +77,24 @@ double sim_rig_scale(const struct sim_rig *rig, int from, int to)
         real += sim_rig_moved(rig->truth[n], rig->truth[n + 15]);
     }
     return published / real;
+}
+
+double sim_rig_path_error(const struct sim_rig *rig)
+{
+    struct fv_trajectory *trajectory;
+    struct fv_trajectory_summary summary;
+    struct fovea_error error;
+    assert_int_equal(fv_trajectory_open(NULL, &trajectory, &error), FOVEA_OK);
+    for (int n = 0; n < rig->frames; n++) {
+        struct fv_trajectory_sample sample = {.stamp_ns = n, .map = rig->pose[n].map_id, .has_truth = true};
+        if (!rig->pose[n].posed) continue;
+        memcpy(sample.T_world_cam, rig->pose[n].T_world_cam, sizeof sample.T_world_cam);
+        memcpy(sample.truth, rig->truth[n], sizeof sample.truth);
+        while (!fv_trajectory_add(trajectory, &sample))
+            fv_trajectory_drain(trajectory);
+    }
+    fv_trajectory_finish(trajectory, &summary);
+    fv_trajectory_close(trajectory);
+    assert_int_equal(summary.maps, 1);
+    return summary.error_m / summary.truth_length_m;
 }
