@@ -1,11 +1,10 @@
 #include "app/canvas.h"
 
-#include <errno.h>
-#include <png.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "app/font.h"
+#include "app/picture.h"
 
 enum { SIDE_MAX = 16384 };
 
@@ -154,12 +153,8 @@ int fv_canvas_text_width(int scale, const char *text)
 
 enum fovea_status fv_canvas_write(const struct fv_canvas *canvas, const char *path, struct fovea_error *error)
 {
-    png_image png = {.version = PNG_IMAGE_VERSION,
-                     .width = (png_uint_32)canvas->width,
-                     .height = (png_uint_32)canvas->height,
-                     .format = PNG_FORMAT_RGB};
-    errno = 0;
-    if (png_image_write_to_file(&png, path, 0, canvas->rgb, 0, NULL)) return FOVEA_OK;
-    return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: cannot be written: %s", path,
-                           errno != 0 ? strerror(errno) : png.message);
+    const int32_t stride = 3 * canvas->width;
+    const struct fovea_image image = {canvas->rgb, canvas->width, canvas->height, stride, FOVEA_PIXEL_RGB24,
+                                      (size_t)stride * (size_t)canvas->height};
+    return fv_picture_write(path, &image, error);
 }

@@ -2,8 +2,11 @@
 
 #include <errno.h>
 #include <png.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include "drivers/recorded/decode.h"
 
@@ -45,14 +48,34 @@ enum fovea_status fv_picture_read(const char *path, struct fovea_image *image, s
                               : fovea_error_set(error, status, "%.300s: %.200s", path, reason.text);
 }
 
+/* Half a picture is none; but only a file is ours to remove, not a device. */
+static void remove_half(const char *path)
+{
+    struct stat there;
+    if (lstat(path, &there) == 0 && S_ISREG(there.st_mode)) unlink(path);
+}
+
 enum fovea_status fv_picture_write(const char *path, const struct fovea_image *image,
                                    struct fovea_error *error)
 {
-    png_image png = {.version = PNG_IMAGE_VERSION, .format = PNG_FORMAT_GRAY};
+    const bool colour = image->format == FOVEA_PIXEL_RGB24;
+    png_image png = {.version = PNG_IMAGE_VERSION, .format = colour ? PNG_FORMAT_RGB : PNG_FORMAT_GRAY};
     png.width = (png_uint_32)image->width;
     png.height = (png_uint_32)image->height;
-    errno = 0;
-    if (png_image_write_to_file(&png, path, 0, image->data, image->stride_bytes, NULL)) return FOVEA_OK;
-    return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.300s: cannot write: %s", path,
-                           errno != 0 ? strerror(errno) : png.message);
+    FILE *file = fopen(path, "wbe");
+    int reason = errno;
+    bool fine = false;
+    if (file != NULL) {
+        errno = 0;
+        fine = png_image_write_to_stdio(&png, file, 0, image->data, image->stride_bytes, NULL) != 0;
+        reason = errno;
+        if (fclose(file) != 0 && fine) {
+            fine = false;
+            reason = errno;
+        }
+        if (!fine) remove_half(path);
+    }
+    return fine ? FOVEA_OK
+                : fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.300s: cannot be written: %s", path,
+                                  reason != 0 ? strerror(reason) : png.message);
 }

@@ -1,5 +1,5 @@
-/* Pictures as files: PNG and JPEG read as grey levels, grey levels written as PNG. For commands; the heap is
- * used. */
+/* Pictures as files: PNG and JPEG read as grey levels, grey levels and colours written as PNG. For
+ * commands; the heap is used. */
 #ifndef FOVEA_APP_PICTURE_H
 #define FOVEA_APP_PICTURE_H
 
@@ -9,7 +9,8 @@
 /* Read a picture. image->data is from malloc, to be given to free(). Errors name the file. */
 enum fovea_status fv_picture_read(const char *path, struct fovea_image *image, struct fovea_error *error);
 
-/* Write a grey8 image. FOVEA_ERROR_SYSTEM: `error` names the file and the reason. */
+/* Write a grey8 or rgb24 image. FOVEA_ERROR_SYSTEM: `error` names the file and the reason; no half of a
+ * picture is left. */
 enum fovea_status fv_picture_write(const char *path, const struct fovea_image *image,
                                    struct fovea_error *error);
 

@@ -7,6 +7,7 @@
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cmocka.h>
@@ -91,6 +92,13 @@ static void test_png(void **state)
     assert_int_equal(fv_canvas_write(&canvas, "/nowhere/picture.png", &error), FOVEA_ERROR_SYSTEM);
     assert_non_null(strstr(error.text, "/nowhere/picture.png"));
     assert_non_null(strstr(error.text, "No such file"));
+    /* What cannot take the picture stays: a device, or a link to one. */
+    struct stat there;
+    assert_int_equal(symlink("/dev/full", path), 0);
+    assert_int_equal(fv_canvas_write(&canvas, path, &error), FOVEA_ERROR_SYSTEM);
+    assert_non_null(strstr(error.text, "No space left"));
+    assert_int_equal(lstat(path, &there), 0);
+    unlink(path);
     fv_canvas_free(&canvas);
 }
 
