@@ -1,4 +1,5 @@
 /* fovea map: what a map file holds, as text, as files for other programs, and as a picture. */
+#include <errno.h>
 #include <inttypes.h>
 #include <stdio.h>
 #include <string.h>
@@ -26,6 +27,18 @@ static void unit_print(const struct fv_map_state *s, uint32_t map_id)
                100 * __builtin_sqrt(scale->variance));
 }
 
+/* The first map from *id on that holds keyframes. */
+static bool next_map(const struct fv_map_open *open, uint32_t *id)
+{
+    uint32_t next = UINT32_MAX;
+    for (uint32_t k = 0; k < open->map.limits.keyframes; k++) {
+        const struct fv_keyframe *keyframe = &open->map.keyframes[k];
+        if (keyframe->used && keyframe->map_id >= *id && keyframe->map_id < next) next = keyframe->map_id;
+    }
+    *id = next;
+    return next != UINT32_MAX;
+}
+
 static void info_print(const struct fv_map_open *open, const char *path)
 {
     const struct fv_map *map = &open->map;
@@ -40,11 +53,10 @@ static void info_print(const struct fv_map_open *open, const char *path)
            map->limits.keyframes, (unsigned)open->info.frame_number);
     printf("  landmarks  %u (slots for %u), closed loops %u\n", map->state->landmark_count,
            map->limits.landmarks, map->state->edge_count);
-    for (uint32_t id = 0; any && id < open->info.map_next; id++) {
+    for (uint32_t id = 0; any && next_map(open, &id); id++) {
         const uint32_t count = fv_map_open_order(open, id, slots);
         uint32_t landmarks = 0;
         double length = 0, last[3], centre[3];
-        if (count == 0) continue;
         for (uint32_t i = 0; i < map->limits.landmarks; i++)
             landmarks += map->landmarks[i].used && fv_map_open_map_of(open, &map->landmarks[i]) == id;
         for (uint32_t i = 0; i < count; i++) {
@@ -66,8 +78,10 @@ static void info_print(const struct fv_map_open *open, const char *path)
 
 static enum fv_exit finish(FILE *file, const char *path)
 {
-    const bool failed = ferror(file) != 0;
-    return fclose(file) != 0 || failed ? fv_say_failed("%s: cannot be written", path) : FV_EXIT_OK;
+    errno = EIO; /* where an earlier write failed, its reason is gone */
+    int reason = fflush(file) != 0 || ferror(file) != 0 ? errno : 0;
+    if (fclose(file) != 0 && reason == 0) reason = errno;
+    return reason != 0 ? fv_say_failed("%s: cannot be written: %s", path, strerror(reason)) : FV_EXIT_OK;
 }
 
 /* Landmarks grey by their observers, keyframes blue; coordinates are the map's own. */
@@ -77,7 +91,8 @@ static enum fv_exit ply_write(const struct fv_map_open *open, uint32_t map_id, c
     uint32_t slots[FV_MAP_KEYFRAMES_MAX], landmarks = 0;
     const uint32_t keyframes = fv_map_open_order(open, map_id, slots);
     FILE *file = fopen(path, "we");
-    if (file == NULL) return fv_say_wrong("fovea map: --ply: %s: cannot be written", path);
+    if (file == NULL)
+        return fv_say_wrong("fovea map: --ply: %s: cannot be written: %s", path, strerror(errno));
     for (uint32_t i = 0; i < map->limits.landmarks; i++)
         landmarks += map->landmarks[i].used && fv_map_open_map_of(open, &map->landmarks[i]) == map_id;
     fprintf(file,
@@ -105,16 +120,18 @@ static enum fv_exit tum_write(const struct fv_map_open *open, uint32_t map_id, c
     uint32_t slots[FV_MAP_KEYFRAMES_MAX];
     const uint32_t keyframes = fv_map_open_order(open, map_id, slots);
     FILE *file = fopen(path, "we");
-    if (file == NULL) return fv_say_wrong("fovea map: --tum: %s: cannot be written", path);
+    if (file == NULL)
+        return fv_say_wrong("fovea map: --tum: %s: cannot be written: %s", path, strerror(errno));
     for (uint32_t i = 0; i < keyframes; i++) {
         const struct fv_keyframe *k = &open->map.keyframes[slots[i]];
         struct fv_se3 T;
         double q[4];
         fv_se3_invert(&k->T_cam_world, &T);
         fv_so3_to_quaternion(T.R, q);
-        const int64_t second = 1000000000, ns = (k->stamp_ns % second + second) % second;
+        const int64_t second = 1000000000, rest = k->stamp_ns % second;
         fprintf(file, "%" PRId64 ".%09" PRId64 " %.9g %.9g %.9g %.9g %.9g %.9g %.9g\n",
-                (k->stamp_ns - ns) / second, ns, T.t[0], T.t[1], T.t[2], q[1], q[2], q[3], q[0]);
+                k->stamp_ns / second - (rest < 0), rest + (rest < 0 ? second : 0), T.t[0], T.t[1], T.t[2],
+                q[1], q[2], q[3], q[0]);
     }
     return finish(file, path);
 }
@@ -135,7 +152,8 @@ static enum fv_exit carry_out(const struct asked *asked, const struct fv_map_ope
     if (asked->world != NULL) {
         int64_t number = -1;
         map_id = 0;
-        if (fovea_text_integer(asked->world, &number) && number >= 0 && number <= UINT32_MAX) map_id = (uint32_t)number;
+        if (fovea_text_integer(asked->world, &number) && number >= 0 && number <= UINT32_MAX)
+            map_id = (uint32_t)number;
         if (number != (int64_t)map_id || fv_map_count_keyframes(&open->map, map_id) == 0)
             return fv_say_wrong(
                 "fovea map: --world: found '%.40s', expected one of the maps that 'fovea map info' lists",

@@ -50,6 +50,15 @@ static uint32_t get_index(struct reader *r, uint32_t bound, const char *what, co
     return r->status == FOVEA_OK ? value : 0;
 }
 
+/* From which a run may count on. */
+static uint64_t get_number(struct reader *r, const char *what)
+{
+    const size_t at = r->at;
+    const uint64_t value = get(r, 8);
+    if (value >> 62 != 0) refuse(r, at, what, (int64_t)value, "less than 2^62");
+    return value;
+}
+
 /* Finite and within +-limit. */
 static double get_double(struct reader *r, double limit, const char *what)
 {
@@ -145,10 +154,10 @@ static void read_header(struct reader *r, struct fv_archive_info *info)
     info->landmark_slots = get_index(r, 1 << 20, "landmark slots", pool);
     info->keyframe_slots = get_index(r, 1 << 12, "keyframe slots", pool);
     info->map_id = get_u32(r);
-    info->map_next = get_u32(r);
+    info->map_next = get_index(r, UINT32_C(1) << 31, "next map", "less than 2^31");
     info->scales = get_u32(r);
-    info->keyframe_number = get(r, 8);
-    info->frame_number = get(r, 8);
+    info->keyframe_number = get_number(r, "next keyframe");
+    info->frame_number = get_number(r, "frames");
     (void)get(r, 8);
     if (info->landmarks > info->landmark_slots)
         refuse(r, 136, "landmarks", info->landmarks, "at most the slots");
@@ -212,19 +221,33 @@ static void read_landmark(struct reader *r, struct fv_map *map)
     map->state->landmark_count++;
 }
 
+static void refuse_rotation(struct reader *r, size_t at, const char *what, double found, int expected)
+{
+    if (r->status != FOVEA_OK) return;
+    r->status = fovea_error_set(r->error, FOVEA_ERROR_INPUT,
+                                "%.200s: byte %zu: %s of a rotation: found %.6g, expected %d", r->name, at,
+                                what, found, expected);
+}
+
 static void read_pose(struct reader *r, struct fv_se3 *T)
 {
+    static const char *const products[3][3] = {
+        {"product of rows 0 and 0", "product of rows 0 and 1", "product of rows 0 and 2"},
+        {"", "product of rows 1 and 1", "product of rows 1 and 2"},
+        {"", "", "product of rows 2 and 2"}};
     const size_t at = r->at;
+    double across[3];
     for (int i = 0; i < 9; i++)
         T->R[i] = get_double(r, 1.001, "rotation");
     for (int i = 0; i < 3; i++)
         T->t[i] = get_double(r, 1e12, "translation");
     for (int a = 0; a < 3; a++)
         for (int b = a; b < 3; b++) {
-            const double off = fv_dot3(T->R + 3 * a, T->R + 3 * b) - (a == b ? 1 : 0);
-            if (off > 1e-6 || off < -1e-6)
-                refuse(r, at, "rows of a rotation", 10 * a + b, "them orthonormal");
+            const double product = fv_dot3(T->R + 3 * a, T->R + 3 * b), off = product - (a == b);
+            if (off > 1e-6 || off < -1e-6) refuse_rotation(r, at, products[a][b], product, a == b);
         }
+    fv_cross3(T->R, T->R + 3, across);
+    if (fv_dot3(across, T->R + 6) < 0) refuse_rotation(r, at, "determinant", -1, 1);
 }
 
 static void read_features(struct reader *r, struct fv_map *map, uint32_t slot)

@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 /* cmocka needs the above */
 #include <cmocka.h>
 
@@ -78,6 +79,24 @@ static void test_wrong_words(void **state)
     assert_int_equal(call("info", map, NULL, NULL, NULL, NULL), FV_EXIT_OK);    /* still there */
 }
 
+/* A file that says that two thousand million maps came before: what it holds is listed all the same, at once. */
+static void test_many_maps(void **state)
+{
+    (void)state;
+    uint8_t *data;
+    size_t bytes;
+    char many[FV_TEST_PATH_BYTES + 16];
+    snprintf(many, sizeof many, "%s/many.map", folder);
+    assert_int_equal(fv_map_file_read(map, &data, &bytes, NULL), FOVEA_OK);
+    memcpy(data + 160, (const uint8_t[]){0xff, 0xff, 0xff, 0x7f}, 4);
+    fv_archive_seal(data, bytes);
+    assert_int_equal(fv_map_file_write(many, data, bytes, NULL), FOVEA_OK);
+    free(data);
+    alarm(20); /* instead of hanging */
+    assert_int_equal(call("info", many, NULL, NULL, NULL, NULL), FV_EXIT_OK);
+    alarm(0);
+}
+
 static int set_up(void **state)
 {
     (void)state;
@@ -114,6 +133,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_info_export_draw),
         cmocka_unit_test(test_wrong_words),
+        cmocka_unit_test(test_many_maps),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }

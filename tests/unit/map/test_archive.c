@@ -312,6 +312,43 @@ static void test_foreign_files_are_refused(void **state)
     give_back(to);
 }
 
+/* Numbers that the rest of the map agrees with, and that a run could not count on from; and a mirror. */
+static void test_numbers_have_room(void **state)
+{
+    (void)state;
+    struct small_map *from = filled(6, 5), *to = filled(5, 2);
+    struct fovea_error error;
+    size_t bytes, pose = FV_ARCHIVE_HEADER_BYTES;
+    uint8_t *data = small_map_save(from, &bytes), *bad = malloc(bytes);
+    for (uint32_t i = 0; i < from->map.state->landmark_count; i++)
+        pose += FV_ARCHIVE_LANDMARK_BYTES + (size_t)FV_ARCHIVE_OBSERVER_BYTES * data[pose + 61];
+    pose += 40;
+    const struct {
+        size_t at;
+        uint8_t value;
+        const char *expected;
+    } cases[] = {
+        {163, 0x80, "byte 160: next map: found 2147483649, expected less than 2^31"},
+        {175, 0x40, "byte 168: next keyframe: found 4611686018427387909, expected less than 2^62"},
+        {183, 0xff, "byte 176: frames: found -72057594037927859, expected less than 2^62"},
+        {pose + 7, 0, "product of rows 0 and 0 of a rotation: found 0."},
+        {pose, 0, "determinant of a rotation: found -1, expected 1"},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        memcpy(bad, data, bytes);
+        bad[cases[i].at] = cases[i].value;
+        for (size_t k = 7; k < 24 && cases[i].at == pose; k += 8) /* the first row the other way round */
+            bad[pose + k] ^= 0x80;
+        fv_archive_seal(bad, bytes);
+        assert_int_equal(read_into(to, bad, bytes, &error), FOVEA_ERROR_INPUT);
+        if (strstr(error.text, cases[i].expected) == NULL) fail_msg("case %zu: %s", i, error.text);
+    }
+    free(bad);
+    free(data);
+    give_back(from);
+    give_back(to);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -322,6 +359,7 @@ int main(void)
         cmocka_unit_test(test_damaged_files_are_refused),
         cmocka_unit_test(test_hostile_files_do_no_harm),
         cmocka_unit_test(test_foreign_files_are_refused),
+        cmocka_unit_test(test_numbers_have_room),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
