@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 static const char *const format_names[FOVEA_CALIBRATION_FORMAT_COUNT] = {"ros", "ros-message", "opencv",
@@ -259,23 +260,37 @@ enum fovea_status fovea_calibration_format_text(enum fovea_calibration_format fo
     return FOVEA_OK;
 }
 
+/* 0, or the reason why it cannot be; half of a file is removed. */
+static int write_text(const char *path, const char *text, bool is_file)
+{
+    FILE *file = fopen(path, "we");
+    if (file == NULL) return errno;
+    errno = EIO;
+    int reason = fputs(text, file) < 0 || fflush(file) != 0 ? errno : 0;
+    /* What cannot be synced, as a pipe, says EINVAL. */
+    if (reason == 0 && fsync(fileno(file)) != 0 && errno != EINVAL) reason = errno;
+    if (fclose(file) != 0 && reason == 0) reason = errno;
+    if (reason != 0 && is_file) remove(path);
+    return reason;
+}
+
 enum fovea_status fovea_calibration_write(const char *path, enum fovea_calibration_format format,
                                           const struct fovea_calibration *calibration,
                                           struct fovea_error *lost, struct fovea_error *error)
 {
     char text[FOVEA_CALIBRATION_BYTES_MAX], temporary[4096];
+    struct stat there;
     const enum fovea_status status = fovea_calibration_format_text(format, calibration, text, lost, error);
     if (status != FOVEA_OK) return status;
     if (snprintf(temporary, sizeof temporary, "%s.new", path) >= (int)sizeof temporary)
         return fovea_error_set(error, FOVEA_ERROR_INPUT, "%.64s...: found a path that is too long", path);
-    FILE *file = fopen(temporary, "we");
-    if (file == NULL)
-        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: cannot be written: %s", temporary,
-                               strerror(errno));
-    bool written = fputs(text, file) >= 0 && fflush(file) == 0 && fsync(fileno(file)) == 0;
-    written = fclose(file) == 0 && written;
-    if (written && rename(temporary, path) == 0) return FOVEA_OK;
-    const int reason = errno;
-    remove(temporary);
+    /* Another file would take a device's place. */
+    const bool device = stat(path, &there) == 0 && !S_ISREG(there.st_mode);
+    int reason = write_text(device ? path : temporary, text, !device);
+    if (!device && reason == 0 && rename(temporary, path) != 0) {
+        reason = errno;
+        remove(temporary);
+    }
+    if (reason == 0) return FOVEA_OK;
     return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: cannot be written: %s", path, strerror(reason));
 }

@@ -12,6 +12,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "common/datasets.h"
@@ -244,6 +245,13 @@ static void test_write_file_and_lost(void **state)
                                              &c, &lost, &error),
                      FOVEA_ERROR_SYSTEM);
     assert_non_null(strstr(error.text, "cannot be written"));
+    /* A device takes the text and stays what it is; here by a link, which stays as well. */
+    struct stat there;
+    const char *device = fv_test_path(folder, "device.yaml");
+    assert_int_equal(symlink("/dev/full", device), 0);
+    assert_int_equal(fovea_calibration_write(device, FOVEA_CALIBRATION_ROS, &c, &lost, &error), FOVEA_ERROR_SYSTEM);
+    assert_non_null(strstr(error.text, "device.yaml: cannot be written: No space left"));
+    assert_true(lstat(device, &there) == 0 && S_ISLNK(there.st_mode));
     fv_test_folder_remove(folder);
 }
 
