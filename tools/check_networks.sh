@@ -14,6 +14,8 @@ python=$(tools/networks_python.sh "$build") || {
 make --no-print-directory BUILD="$build" "$build/libfovea.a" >/dev/null
 export BUILD="$build"
 failed=0
+echo "== uses"
+"$python" tests/import/uses.py || failed=1
 for test in operators variants odd; do
     echo "== $test, sizes left open"
     "$python" "tests/import/$test.py" --open --rounds "$rounds" || failed=1

@@ -12,6 +12,11 @@ static int64_t count_of(const struct fv_head_output *o)
     return count;
 }
 
+static int32_t last_dim(const struct fv_head_output *o)
+{
+    return o->t->rank > 0 ? o->t->dims[o->t->rank - 1] : 0;
+}
+
 static float value_at(const struct fv_head_output *o, int64_t i)
 {
     if (o->t->type == FV_TYPE_F32) return ((const float *)(const void *)o->data)[i];
@@ -111,19 +116,29 @@ static void ssd_scan(struct fv_head_job *j, int64_t begin, int64_t end)
 }
 
 /* ---- SSD before its post-processing ------------------------------------------------------------------------
- * Box encodings [n][4] and scores [n][1 + classes] with the anchors of the file; class 0 is background. */
+ * Box encodings [n][4] and scores [n][1 + classes], in either order, with the anchors of the file; class 0 is background. */
+
+static const struct fv_head_output *ssd_raw_boxes(const struct fv_head_job *j)
+{
+    return &j->out[last_dim(&j->out[0]) != 4 && last_dim(&j->out[1]) == 4];
+}
+
+static const struct fv_head_output *ssd_raw_scores(const struct fv_head_job *j)
+{
+    return ssd_raw_boxes(j) == &j->out[0] ? &j->out[1] : &j->out[0];
+}
 
 static int64_t ssd_raw_columns(const struct fv_head_job *j)
 {
-    const int64_t n = count_of(&j->out[0]) / 4;
-    return n > 0 ? count_of(&j->out[1]) / n : 0;
+    const int64_t n = count_of(ssd_raw_boxes(j)) / 4;
+    return n > 0 ? count_of(ssd_raw_scores(j)) / n : 0;
 }
 
 static int64_t ssd_raw_items(const struct fv_head_job *j, int64_t *cost)
 {
     const struct fv_model_header *h = j->model->header;
     if (j->out_count < 2 || j->d->anchor_data < FV_MODEL_HEADER_BYTES || j->d->anchor_data % 4 != 0) return 0;
-    const int64_t n = count_of(&j->out[0]) / 4, columns = ssd_raw_columns(j);
+    const int64_t n = count_of(ssd_raw_boxes(j)) / 4, columns = ssd_raw_columns(j);
     *cost = columns;
     return columns < 2 || j->d->anchor_data + n * 16 > (int64_t)h->file_bytes ? 0 : n;
 }
@@ -132,20 +147,22 @@ static void ssd_raw_box(struct fv_head_job *j, int64_t i, float score, int32_t c
 {
     const struct fv_model_preprocess *p = &j->model->header->preprocess;
     const float *anchor = (const float *)(const void *)(j->model->base + j->d->anchor_data) + 4 * i, *scale = j->d->box_scales;
-    const float cy = value_at(&j->out[0], 4 * i) / scale[0] * anchor[2] + anchor[0];
-    const float cx = value_at(&j->out[0], 4 * i + 1) / scale[1] * anchor[3] + anchor[1];
-    const float bh = (float)fovea_exp((double)value_at(&j->out[0], 4 * i + 2) / (double)scale[2]) * anchor[2];
-    const float bw = (float)fovea_exp((double)value_at(&j->out[0], 4 * i + 3) / (double)scale[3]) * anchor[3];
+    const struct fv_head_output *b = ssd_raw_boxes(j);
+    const float cy = value_at(b, 4 * i) / scale[0] * anchor[2] + anchor[0];
+    const float cx = value_at(b, 4 * i + 1) / scale[1] * anchor[3] + anchor[1];
+    const float bh = (float)fovea_exp((double)value_at(b, 4 * i + 2) / (double)scale[2]) * anchor[2];
+    const float bw = (float)fovea_exp((double)value_at(b, 4 * i + 3) / (double)scale[3]) * anchor[3];
     add_box(j, (cx - bw * 0.5f) * (float)p->width, (cy - bh * 0.5f) * (float)p->height, (cx + bw * 0.5f) * (float)p->width,
             (cy + bh * 0.5f) * (float)p->height, score, class_id);
 }
 
 static void ssd_raw_scan(struct fv_head_job *j, int64_t begin, int64_t end)
 {
+    const struct fv_head_output *scores = ssd_raw_scores(j);
     const int64_t columns = ssd_raw_columns(j);
     for (int64_t i = begin; i < end; ++i) {
         for (int64_t c = 1; c < columns; ++c) {
-            const float score = value_at(&j->out[1], i * columns + c);
+            const float score = value_at(scores, i * columns + c);
             if (score >= least_of(j, (int32_t)c - 1)) ssd_raw_box(j, i, score, (int32_t)c - 1);
         }
     }
@@ -153,15 +170,9 @@ static void ssd_raw_scan(struct fv_head_job *j, int64_t begin, int64_t end)
 
 /* ---- YOLOv5: rows of centre, size, objectness, classes ----------------------------------------------------- */
 
-static int32_t yolov5_columns(const struct fv_head_job *j)
-{
-    const struct fv_model_tensor *t = j->out[0].t;
-    return t->rank > 0 ? t->dims[t->rank - 1] : 0;
-}
-
 static int64_t yolov5_items(const struct fv_head_job *j, int64_t *cost)
 {
-    const int32_t columns = yolov5_columns(j);
+    const int32_t columns = last_dim(&j->out[0]);
     *cost = columns;
     return columns < 6 ? 0 : count_of(&j->out[0]) / columns;
 }
@@ -169,7 +180,7 @@ static int64_t yolov5_items(const struct fv_head_job *j, int64_t *cost)
 static void yolov5_scan(struct fv_head_job *j, int64_t begin, int64_t end)
 {
     const struct fv_head_output *o = &j->out[0];
-    const int32_t columns = yolov5_columns(j);
+    const int32_t columns = last_dim(&j->out[0]);
     for (int64_t r = begin; r < end; ++r) {
         const int64_t at = r * columns;
         const float object = value_at(o, at + 4);

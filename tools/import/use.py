@@ -1,8 +1,10 @@
 """How a model is used: preprocessing, labels and decoder, guessed from its shape and set by options."""
-import os
+import argparse
 import struct
 
 import numpy as np
+
+from graph import ImportProblem
 
 DECODERS = ["none", "classifier", "ssd", "ssd_raw", "yolov5", "yolov8", "yolov2", "fomo", "segment"]
 ORDERS = {"rgb": 0, "bgr": 1, "grey": 2}
@@ -16,9 +18,13 @@ def add_arguments(parser):
     parser.add_argument("--mean", type=float, help="subtracted from pixels (0..255); default from the quantisation")
     parser.add_argument("--scale", type=float, help="multiplies (pixel - mean); default from the quantisation")
     parser.add_argument("--score", type=float, default=0.25, help="score threshold, default 0.25")
+    parser.add_argument("--class-score", action="append", default=[], metavar="CLASS=SCORE",
+                        help="threshold of one class, by label or number; may be given several times")
     parser.add_argument("--iou", type=float, default=0.5, help="overlap threshold of suppression, default 0.5")
     parser.add_argument("--agnostic", action="store_true", help="suppress across classes")
-    parser.add_argument("--anchors", help="YOLOv2: width,height pairs in cells, comma separated")
+    parser.add_argument("--anchors", help="YOLOv2: width,height pairs in cells, comma separated; ssd_raw: text file of n rows of "
+                        "centre y, centre x, height, width, or of four rows of n")
+    parser.add_argument("--box-scales", default="10,10,5,5", help="ssd_raw: divisors of y, x, h, w, default 10,10,5,5")
 
 
 def bits(value):
@@ -62,62 +68,163 @@ def zipped_labels(path):
     return [line.strip() for line in text.splitlines()]
 
 
-def guess(graph):
-    """Decoder and number of classes."""
-    outs = [graph.tensors[t] for t in graph.outputs]
+def origin(graph, t, names=("QUANTIZE", "DEQUANTIZE")):
+    """The tensor that t is another form of, and the operator that made it (None: an input)."""
+    made = {out: op for op in graph.ops for out in op.outputs}
+    while t in made and made[t].name in names:
+        t = made[t].inputs[0]
+    return t, made.get(t)
+
+
+def guess(graph, anchors):
+    """The decoder, from the shapes of the outputs and what makes them."""
     if any(op.name == "TFLite_Detection_PostProcess" for op in graph.ops):
-        op = next(op for op in graph.ops if op.name == "TFLite_Detection_PostProcess")
-        return "ssd", int(op.custom["num_classes"])
-    shape = outs[0].shape
-    last = graph.ops[-1].name if graph.ops else ""
-    if last == "ARG_MAX" and len(shape) >= 3:
-        return "segment", 0
-    if len(shape) == 2:
-        return "classifier", shape[1]
+        return "ssd"
+    shape = graph.tensors[graph.outputs[0]].shape
+    op = origin(graph, graph.outputs[0], ("QUANTIZE", "DEQUANTIZE", "CAST", "RESHAPE"))[1]
+    if op is not None and op.name == "ARG_MAX" and len(shape) >= 3:
+        return "segment"
+    if len(shape) == 2 or len(shape) == 4 and shape[:3] == (1, 1, 1):
+        return "classifier"
+    if len(graph.outputs) == 2 and anchors and any(graph.tensors[t].shape[-1] == 4 for t in graph.outputs):
+        return "ssd_raw"
     if len(shape) == 3 and shape[1] < shape[2] and shape[1] > 4:
-        return "yolov8", shape[1] - 4
+        return "yolov8"
     if len(shape) == 3 and shape[2] > 5:
-        return "yolov5", shape[2] - 5
-    if len(shape) == 4 and last == "SOFTMAX":
-        return "fomo", shape[3] - 1
-    return "none", 0
+        return "yolov5"
+    op = origin(graph, graph.outputs[0])[1]
+    if len(shape) == 4 and op is not None and op.name == "SOFTMAX":
+        return "fomo"
+    return "yolov2" if len(shape) == 4 and anchors else "none"
+
+
+def classes_of(kind, graph, pairs):
+    """How many classes the outputs tell apart when read so."""
+    shapes = [graph.tensors[t].shape for t in graph.outputs]
+    first = (0, 0) + tuple(shapes[0])
+    if kind == "ssd":
+        made = [op for op in graph.ops if op.name == "TFLite_Detection_PostProcess"]
+        return int(made[0].custom["num_classes"]) if made else 0
+    if kind == "ssd_raw":
+        return raw_outputs(graph)[1].shape[-1] - 1
+    if kind == "yolov2":
+        return first[-1] // pairs - 5 if pairs else 0
+    return {"classifier": first[-1], "yolov5": first[-1] - 5, "yolov8": first[-2] - 4, "fomo": first[-1] - 1}.get(kind, 0)
 
 
 def describe(path, graph, net, arguments):
-    kind, classes = guess(graph)
-    if arguments is not None and arguments.decoder:
-        kind = arguments.decoder
-    labels = read_labels(arguments.labels if arguments else None, graph) or zipped_labels(path)
-    tensor = graph.tensors[graph.inputs[0]]
-    shape = tensor.shape if len(tensor.shape) == 4 else (1, 0, 0, 0)
-    fit = arguments.fit if arguments and arguments.fit else ("letterbox" if kind.startswith("yolo") else "stretch")
-    order = arguments.order if arguments and arguments.order else ("grey" if shape[3] == 1 else "rgb")
-    mean, scale = natural_range(tensor)
-    if arguments is not None and arguments.mean is not None:
-        mean = arguments.mean
-    if arguments is not None and arguments.scale is not None:
-        scale = arguments.scale
+    if arguments is None:
+        arguments = argparse.ArgumentParser()
+        add_arguments(arguments)
+        arguments = arguments.parse_args([])
+    kind = arguments.decoder or guess(graph, arguments.anchors)
+    labels = read_labels(arguments.labels, graph) or zipped_labels(path)
+    shape = graph.tensors[graph.inputs[0]].shape
+    shape = shape if len(shape) == 4 else (1, 0, 0, 0)
+    fit = arguments.fit or ("letterbox" if kind.startswith("yolo") else "stretch")
+    order = arguments.order or ("grey" if shape[3] == 1 else "rgb")
+    mean, scale = natural_range(graph)
+    mean = mean if arguments.mean is None else arguments.mean
+    scale = scale if arguments.scale is None else arguments.scale
     channels = shape[3] if shape[3] in (1, 3) else 0
     preprocess = [int(fit == "letterbox"), shape[2], shape[1], channels, ORDERS[order], *[bits(mean)] * 3,
                   *[bits(scale)] * 3, 114]
-    return labels, preprocess, decoder_words(kind, classes, graph, arguments)
+    return labels, preprocess, decoder_words(kind, graph, net, labels, arguments)
 
 
-def natural_range(tensor):
-    """8-bit inputs: the mean and scale for which the quantised value is the pixel itself (images as bytes)."""
+def natural_range(graph):
+    """8-bit inputs: the mean and scale for which the quantised value is the pixel itself (images as bytes); real ones that are
+    quantised first: the range of that, which is 0 to 1, -1 to 1 or 0 to 255 but for what calibration missed of it."""
+    t = graph.inputs[0]
+    tensor = graph.tensors[t]
+    if tensor.type == "FLOAT32":
+        readers = [op for op in graph.ops if t in op.inputs]
+        if len(readers) != 1 or readers[0].name != "QUANTIZE":
+            return 127.5, 1 / 127.5
+        tensor = graph.tensors[readers[0].outputs[0]]
+        low, high = (float(tensor.scale0) * (v - tensor.zero_u8) for v in (0, 255))
+        for a, b in ((0, 1), (-1, 1), (0, 255)):
+            if abs(low - a) + abs(high - b) < 0.05 * (b - a):
+                return 255 * a / (a - b), (b - a) / 255
     if tensor.is8 and float(tensor.scale0) > 0:
         return float(tensor.zero_u8), float(tensor.scale0)
     return 127.5, 1 / 127.5
 
 
-def decoder_words(kind, classes, graph, arguments):
-    anchors = [float(v) for v in arguments.anchors.split(",")] if arguments and arguments.anchors else []
-    words = [DECODERS.index(kind), classes, bits(arguments.score if arguments else 0.25),
-             bits(arguments.iou if arguments else 0.5), int(bool(arguments and arguments.agnostic)), 300, 0,
-             len(anchors) // 2, *[bits(v) for v in anchors], *[0] * (16 - len(anchors))]
-    if kind in ("yolov5", "yolov8"):
-        out = graph.tensors[graph.outputs[0]]
-        width = graph.tensors[graph.inputs[0]].shape[2]
-        words[6] = int(out.is8 and float(out.scale0) * 256 < max(4.0, width / 8))
-    words += [0, int(kind == "classifier" and classes == 1001), 0]
-    return words
+def numbers(text, what):
+    try:
+        return [float(v) for v in text.replace(",", " ").split()]
+    except ValueError as problem:
+        raise ImportProblem(f"{what}: {problem}, expected numbers") from problem
+
+
+def yolo_anchors(text):
+    found = numbers(text or "", "--anchors")
+    if len(found) % 2 or len(found) > 16:
+        raise ImportProblem(f"--anchors: found {len(found)} numbers, expected up to 8 pairs")
+    return found
+
+
+def raw_outputs(graph):
+    """Boxes and scores, which files list in either order: boxes have 4 numbers."""
+    outs = [graph.tensors[t] for t in graph.outputs[:2]]
+    if len(outs) != 2 or not any(t.shape[-1:] == (4,) for t in outs):
+        raise ImportProblem(f"--decoder ssd_raw: found outputs {[list(t.shape) for t in outs]}, expected boxes [n, 4] and scores [n, 1 + classes]")
+    return outs if outs[0].shape[-1] == 4 else outs[::-1]
+
+
+def ssd_anchors(path, graph):
+    """[n][4] for as many boxes as the output holds."""
+    boxes = raw_outputs(graph)[0].size // 4
+    if path is None:
+        raise ImportProblem("--decoder ssd_raw: the anchors are missing, expected --anchors FILE")
+    with open(path, encoding="utf-8") as file:
+        lines = [line for line in file if line.strip()]
+    found = np.array(numbers(" ".join(lines), path), np.float32)
+    if found.size != 4 * boxes:
+        raise ImportProblem(f"{path}: found {found.size} numbers, expected 4 for each of {boxes} boxes")
+    return found.reshape(4, boxes).T if len(lines) == 4 and boxes != 4 else found.reshape(boxes, 4)
+
+
+def share(text, what):
+    found = numbers(str(text), what)
+    if len(found) != 1 or not 0 <= found[0] <= 1:
+        raise ImportProblem(f"{what}: found {text}, expected a number from 0 to 1")
+    return found[0]
+
+
+def class_thresholds(arguments, labels, first_label, classes):
+    """A threshold for every class."""
+    table = np.full(classes, arguments.score, np.float32)
+    for entry in arguments.class_score:
+        name, _, text = entry.rpartition("=")
+        known = labels[first_label:first_label + classes]
+        number = known.index(name) if name in known else int(name) if name.isdigit() else -1
+        if not 0 <= number < classes:
+            raise ImportProblem(f"--class-score: found {entry!r}, expected CLASS=SCORE with a label or a number below {classes}")
+        table[number] = share(text, f"--class-score {entry}")
+    return table
+
+
+def is_share(kind, graph):
+    """Whether boxes are shares of the input's size rather than pixels: told by the range of the 8-bit output."""
+    out = graph.tensors[origin(graph, graph.outputs[0])[0]]
+    return kind in ("yolov5", "yolov8") and out.is8 and float(out.scale0) * 256 < max(4.0, graph.tensors[graph.inputs[0]].shape[2] / 8)
+
+
+def decoder_words(kind, graph, net, labels, arguments):
+    """struct fv_model_decode; places of tables count from the data as those of operators do."""
+    pairs = yolo_anchors(arguments.anchors) if kind == "yolov2" else []
+    if kind == "yolov2" and not pairs:
+        raise ImportProblem("--decoder yolov2: the anchors are missing, expected --anchors W,H,W,H...")
+    classes = max(classes_of(kind, graph, len(pairs) // 2), 0)
+    background = int(kind == "classifier" and classes == 1001)
+    first_label = int(bool(labels) and len(labels) == classes - background + 1 and labels[0].lower() in ("background", "???"))
+    table = net.blob(class_thresholds(arguments, labels, first_label, classes)) if arguments.class_score else 0
+    boxes = net.blob(ssd_anchors(arguments.anchors, graph)) if kind == "ssd_raw" else 0
+    scales = numbers(arguments.box_scales, "--box-scales") if boxes else [0] * 4
+    if boxes and (len(scales) != 4 or not min(scales) > 0):
+        raise ImportProblem(f"--box-scales: found {arguments.box_scales!r}, expected four numbers above 0")
+    return [DECODERS.index(kind), classes, bits(share(arguments.score, "--score")), bits(share(arguments.iou, "--iou")),
+            int(arguments.agnostic), 300, int(is_share(kind, graph)), len(pairs) // 2, *[bits(v) for v in pairs], *[0] * (16 - len(pairs)), first_label, background,
+            table, boxes, *[bits(v) for v in scales]]

@@ -14,6 +14,7 @@ BLOB_KINDS = {"CONV": {"weights", "bias", "multiplier", "shift", "table"},
               "BINARY": {"table"}, "COPY": {"table"},
               "RESIZE": {"rows_table", "columns_table"}, "SOFTMAX": {"table"}, "DEQUANTIZE": {"table"},
               "DETECTION": {"anchor_data", "box_table", "score_table"}}
+DECODER_BLOBS = (26, 27)  # thresholds, anchor_data
 
 
 ONE = 0x3f800000  # 1.0f: the scale of what has none
@@ -107,6 +108,7 @@ class Writer:
         struct.pack_into(f"<{len(io)}i", out, at_io, *io)
         out[at_labels:at_labels + len(label_data)] = label_data
         out[at_data:at_data + len(net.data)] = net.data
+        decoder = [w + at_data - 1 if i in DECODER_BLOBS and w else w for i, w in enumerate(decoder)]
         macs = sum(s.macs for s in net.steps)
         head = [VERSION, total, 0, 0, count_t, at_tensors, count_o, at_ops, len(net.inputs), at_io, len(net.outputs),
                 at_io + 4 * len(net.inputs), len(labels), at_labels, len(label_data), at_data, len(net.data),

@@ -292,6 +292,48 @@ static void ssd_outputs_are_known_in_any_order(void **state)
     }
 }
 
+/* ---- boxes and scores before it ---------------------------------------------------------------------------------- */
+
+/* Three anchors; the second box is moved and widened against its own, the third is below the threshold. */
+static void ssd_before_its_post_processing(void **state)
+{
+    (void)state;
+    static _Alignas(64) float file[256];
+    static const float anchors[12] = {0.5f, 0.5f, 0.5f, 0.25f, 0.5f, 0.25f, 0.5f, 0.25f, 0.5f, 0.5f, 1, 1};
+    static const float boxes[12] = {0, 0, 0, 0, 1, 2, 0, 2.5f, 0, 0, 0, 0}, scores[9] = {0.1f, 0.75f, 0, 0.2f, 0.1f, 0.5f, 1, 0.1f, 0.1f};
+    memcpy(file + FV_MODEL_HEADER_BYTES / 4, anchors, sizeof anchors);
+    for (int swapped = 0; swapped < 2; swapped++) {
+        const int32_t listed[2] = {1 + swapped, 2 - swapped};
+        const struct fv_model_tensor all[3] = {
+            {.rank = 4, .dims = {1, HEIGHT, WIDTH, 3}},
+            {.type = FV_TYPE_F32, .rank = 3, .dims = {1, 3, 4}, .storage = 1},
+            {.type = FV_TYPE_F32, .rank = 3, .dims = {1, 3, 3}, .offset = sizeof boxes, .storage = 2}};
+        const struct fv_model raw = {.base = (const uint8_t *)file, .header = &header, .tensors = all, .inputs = inputs, .outputs = listed};
+        struct fovea_detection found[4];
+        describe(FV_DECODER_SSD_RAW, WIDTH, HEIGHT);
+        header.output_count = 2;
+        header.file_bytes = sizeof file;
+        header.decode.classes = 2;
+        header.decode.score_threshold = 0.3f;
+        header.decode.iou_threshold = 0.5f;
+        header.decode.anchor_data = FV_MODEL_HEADER_BYTES;
+        for (int i = 0; i < 4; i++) header.decode.box_scales[i] = i < 2 ? 10 : 5;
+        memcpy(arena, boxes, sizeof boxes);
+        memcpy(arena + sizeof boxes, scores, sizeof scores);
+        const struct fv_detect_view view = view_of(WIDTH, HEIGHT);
+        assert_int_equal(fv_detect_decode(&raw, arena, &view, &scratch, found, 4), 2);
+        assert_int_equal(found[0].class_id, 0);
+        near_to((double)found[0].x_min_px + 0.5, 0.375 * WIDTH, WIDTH);
+        near_to((double)found[0].y_max_px + 0.5, 0.75 * HEIGHT, HEIGHT);
+        assert_int_equal(found[1].class_id, 1);
+        near_to((double)found[1].score, 0.5, 1);
+        /* centre 0.3 by 0.55, width 0.25 e^0.5, height 0.5 */
+        near_to((double)found[1].x_min_px + 0.5, (0.3 - 0.125 * 1.6487212707) * WIDTH, WIDTH);
+        near_to((double)found[1].x_max_px + 0.5, (0.3 + 0.125 * 1.6487212707) * WIDTH, WIDTH);
+        near_to((double)found[1].y_min_px + 0.5, 0.3 * HEIGHT, HEIGHT);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -301,6 +343,7 @@ int main(void)
         cmocka_unit_test(thresholds_by_class_hold),
         cmocka_unit_test(uncertain_boxes_come_last_and_suppress_no_others),
         cmocka_unit_test(ssd_outputs_are_known_in_any_order),
+        cmocka_unit_test(ssd_before_its_post_processing),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,0 +1,189 @@
+"""What tools/import writes about a model's use: decoder, classes, thresholds, anchors, labels and preprocessing, and how it refuses
+what does not fit. Needs tflite, numpy and flatbuffers; no reference.
+
+    python3 tests/import/uses.py"""
+import contextlib
+import importlib.util
+import io
+import os
+import struct
+import sys
+import tempfile
+
+import numpy as np
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+IMPORT = os.path.join(HERE, "..", "..", "tools", "import")
+sys.path[:0] = [HERE, IMPORT]
+
+from builder import Builder  # noqa: E402
+
+SPEC = importlib.util.spec_from_file_location("tool", os.path.join(IMPORT, "__main__.py"))
+TOOL = importlib.util.module_from_spec(SPEC)
+SPEC.loader.exec_module(TOOL)
+DECODERS = ["none", "classifier", "ssd", "ssd_raw", "yolov5", "yolov8", "yolov2", "fomo", "segment"]
+
+
+def network(out_shapes, last=None, ends="int8", scale_in=1 / 255, scale_out=1 / 256, zero_in=-128):
+    """An image of 32 x 24 reshaped, tiled or cut into outputs; `ends` float32: quantised inside."""
+    b = Builder()
+    image = (1, 24, 32, 3)
+    x = q = b.tensor("int8", image, scale_in, zero_in)
+    if ends == "float32":
+        x = b.tensor("float32", image)
+        b.op("QUANTIZE", [x], [q], "Quantize")
+    flat = b.tensor("int8", (1, 2304), scale_in, zero_in)
+    b.op("RESHAPE", [q, b.const("int32", [1, 2304])], [flat], "Reshape", NewShape=[1, 2304])
+    outs = []
+    for shape in out_shapes:
+        size = int(np.prod(shape))
+        cut, out = b.tensor("int8", (1, size), scale_in, zero_in), b.tensor("int8", shape, scale_in, zero_in)
+        b.op("STRIDED_SLICE", [flat] + [b.const("int32", v) for v in ([0, 0], [1, size], [1, 1])], [cut], "StridedSlice", BeginMask=0,
+             EndMask=0, EllipsisMask=0, NewAxisMask=0, ShrinkAxisMask=0)
+        b.op("RESHAPE", [cut, b.const("int32", shape)], [out], "Reshape", NewShape=list(shape))
+        if last == "SOFTMAX":
+            soft = b.tensor("int8", shape, scale_out, -128)
+            b.op("SOFTMAX", [out], [soft], "Softmax", Beta=1.0)
+            out = soft
+        if last == "ARG_MAX":
+            index = b.tensor("int32", shape[:-1])
+            b.op("ARG_MAX", [out, b.const("int32", -1)], [index], "ArgMax", OutputType=2)
+            out = b.tensor("float32", shape[:-1])
+            b.op("CAST", [index], [out], "Cast", InDataType=2, OutDataType=0)
+        elif ends == "float32":
+            real = b.tensor("float32", shape)
+            b.op("DEQUANTIZE", [out], [real], "Dequantize")
+            out = real
+        outs.append(out)
+    return b.bytes([x], outs)
+
+
+class Written:
+    """A .fvm file's header."""
+
+    def __init__(self, raw):
+        self.raw = raw
+        words = struct.unpack_from("<20I", raw, 4)
+        at, count = words[13], words[12]
+        self.labels = raw[at:].split(b"\0")[:count]
+        self.mean, self.scale = struct.unpack_from("<f", raw, 160 + 20)[0], struct.unpack_from("<f", raw, 160 + 32)[0]
+        d = struct.unpack_from("<2i2f4i16f4i4f", raw, 224)
+        self.decoder, self.classes, self.score, self.iou, _, _, self.normalised, self.pairs = DECODERS[d[0]], *d[1:8]
+        self.first_label, self.background, thresholds, anchors = d[24:28]
+        self.box_scales = d[28:32]
+        self.thresholds = np.frombuffer(raw, "<f4", self.classes, thresholds) if thresholds else None
+        self.anchors = np.frombuffer(raw, "<f4", 12, anchors) if anchors else None
+
+
+class Bench:
+    def __init__(self, folder):
+        self.folder, self.wrong = folder, 0
+
+    def file(self, name, text):
+        path = os.path.join(self.folder, name)
+        with open(path, "wb" if isinstance(text, bytes) else "w") as file:
+            file.write(text)
+        return path
+
+    def run(self, model, *options):
+        path, out = self.file("m.tflite", model), os.path.join(self.folder, "m.fvm")
+        sys.argv = ["import", path, "-o", out, *options]
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()) as text:
+            status = TOOL.main()
+        if status:
+            return status, text.getvalue()
+        with open(out, "rb") as file:
+            return Written(file.read())
+
+    def holds(self, what, found, expected):
+        same = found is not None and np.shape(found) == np.shape(expected) and \
+            (np.allclose(found, expected, rtol=1e-5) if not isinstance(expected, str) else found == expected)
+        self.wrong += not same
+        print(f"{'holds ' if same else 'WRONG '} {what}" + ("" if same else f": found {found}, expected {expected}"))
+
+    def refused(self, what, model, text, *options):
+        found = self.run(model, *options)
+        status, line = (0, "") if isinstance(found, Written) else found
+        same = line.count("\n") == 1 and text in line and status == 2
+        self.wrong += not same
+        print(f"{'holds ' if same else 'WRONG '} {what}: {line.strip() if same else repr(line[-300:])}")
+
+
+def guesses(bench):
+    for ends in ("int8", "float32"):
+        for shapes, last, options, decoder, classes in (
+                ([(1, 20)], None, (), "classifier", 20), ([(1, 1, 1, 20)], "SOFTMAX", (), "classifier", 20),
+                ([(1, 7, 40)], None, (), "yolov8", 3), ([(1, 40, 7)], None, (), "yolov5", 2),
+                ([(1, 6, 8, 4)], "SOFTMAX", (), "fomo", 3), ([(1, 6, 8, 4)], None, (), "none", 0),
+                ([(1, 6, 8, 4)], "ARG_MAX", (), "segment", 0), ([(1, 3, 4, 16)], None, ("--anchors", "1,2,3,4"), "yolov2", 3),
+                ([(1, 40, 7)], None, ("--decoder", "yolov8"), "yolov8", 36)):
+            found = bench.run(network(shapes, last, ends), *options)
+            bench.holds(f"{decoder} of {shapes[0]} {ends}", getattr(found, "decoder", ""), decoder)
+            bench.holds(f"its {classes} classes", getattr(found, "classes", None), classes)
+
+
+def ranges(bench):
+    for scale, zero, mean, factor in ((1 / 255, -128, 0, 1 / 255), (2 / 255, -1, 127.5, 1 / 127.5), (0.99, -128, 0, 1),
+                                      (0.02, -10, 118, 0.02)):
+        found = bench.run(network([(1, 20)], None, "float32", scale, zero_in=zero))
+        bench.holds(f"real input quantised by {scale:.4f} and {zero}", (found.mean, found.scale), (mean, factor))
+    found = bench.run(network([(1, 20)], None, "int8", 0.02, zero_in=-10))
+    bench.holds("8-bit input", (found.mean, found.scale), (118, 0.02))
+    for ends in ("int8", "float32"):
+        found = bench.run(network([(1, 7, 40)], None, ends, 1 / 255))
+        bench.holds(f"boxes are shares of the size, {ends}", found.normalised, 1)
+
+
+def thresholds(bench):
+    names = bench.file("names.txt", "cat\ndog\nowl\n")
+    found = bench.run(network([(1, 7, 40)]), "--labels", names, "--score", "0.3", "--class-score", "dog=0.6", "--class-score", "2=0.1")
+    bench.holds("thresholds by class", found.thresholds, [0.3, 0.6, 0.1])
+    bench.holds("without any", int(bench.run(network([(1, 7, 40)])).thresholds is None), 1)
+    for entry in ("cow=0.5", "dog=2", "dog", "dog=", "dog=a", "7=0.5", "dog=nan"):
+        bench.refused(f"--class-score {entry}", network([(1, 7, 40)]), "--class-score", "--labels", names, "--class-score", entry)
+    for option in ("--score", "--iou"):
+        bench.refused(f"{option} 2", network([(1, 7, 40)]), option, option, "2")
+
+
+def labels(bench):
+    """A first line for the background, which is no class."""
+    names = bench.file("names.txt", "background\n" + "".join(f"l{i}\n" for i in range(1000)))
+    found = bench.run(network([(1, 1001)]), "--labels", names)
+    bench.holds("1001 labels of 1001 outputs", (found.background, found.first_label, len(found.labels)), (1, 1, 1001))
+    names = bench.file("names.txt", "".join(f"l{i}\n" for i in range(1000)))
+    found = bench.run(network([(1, 1001)]), "--labels", names)
+    bench.holds("1000 labels of 1001 outputs", (found.background, found.first_label), (1, 0))
+    found = bench.run(network([(1, 7, 40)]), "--labels", bench.file("names.txt", "???\ncat\ndog\nowl\n"))
+    bench.holds("a line of ??? before them", found.first_label, 1)
+
+
+def anchors(bench):
+    rows = np.arange(12).reshape(3, 4) / 12 + 0.25
+    for shapes in ([(1, 3, 4), (1, 3, 6)], [(1, 3, 6), (1, 3, 4)], [(1, 3, 1, 4), (1, 3, 6)], [(1, 3, 4), (1, 3, 3)]):
+        for name, table in (("rows", rows), ("columns", rows.T)):
+            path = bench.file("anchors.txt", "\n".join(" ".join(f"{v:.7f}" for v in row) for row in table))
+            found = bench.run(network(shapes), "--anchors", path)
+            bench.holds(f"anchors in {name} for {shapes}", found.anchors, rows.ravel())
+            bench.holds("decoder", found.decoder, "ssd_raw")
+            bench.holds("classes and scales", (found.classes, *found.box_scales), (max(s[-1] for s in shapes if s[-1] != 4) - 1, 10, 10, 5, 5))
+    boxes = network([(1, 3, 4), (1, 3, 6)])
+    bench.refused("no anchors", boxes, "--anchors FILE", "--decoder", "ssd_raw")
+    bench.refused("too few", boxes, "expected 4 for each of 3", "--anchors", bench.file("anchors.txt", "1 2 3 4"))
+    bench.refused("no numbers", boxes, "expected numbers", "--anchors", bench.file("anchors.txt", "a b"))
+    bench.refused("no boxes", network([(1, 20)]), "expected boxes", "--decoder", "ssd_raw", "--anchors", "x")
+    bench.refused("a scale of 0", boxes, "--box-scales", "--anchors", bench.file("anchors.txt", "1 2 3 4 " * 3), "--box-scales", "0,1,1,1")
+    grid = network([(1, 3, 4, 16)])
+    bench.refused("an odd number", grid, "--anchors", "--anchors", "1,2,3")
+    bench.refused("no pairs", grid, "--anchors", "--decoder", "yolov2")
+
+
+def main():
+    with tempfile.TemporaryDirectory() as folder:
+        bench = Bench(folder)
+        for test in (guesses, ranges, thresholds, labels, anchors):
+            test(bench)
+    return 1 if bench.wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
