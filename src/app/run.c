@@ -229,7 +229,7 @@ static enum fovea_status settings_read(struct run *run, struct fovea_error *erro
         {0},
     };
     status = fv_files_apart(written, read, error);
-    if (status == FOVEA_OK && run->settings.map_save[0] != '\0' && run->settings.runtime.odometry.enabled)
+    if (status == FOVEA_OK && run->settings.map_save[0] != '\0')
         status = fv_map_file_probe(run->settings.map_save, error);
     return status;
 }
@@ -244,6 +244,9 @@ static enum fv_exit outputs_check(struct run *run)
         return fv_say_wrong("fovea run: --detections: found no network, expected --model FILE");
     if (run->tracks_path != NULL && run->settings.model[0] == '\0')
         return fv_say_wrong("fovea run: --tracks: found no network, expected --model FILE");
+    if (!run->settings.runtime.odometry.enabled && (run->trajectory_path != NULL || run->final_path != NULL))
+        return fv_say_wrong("fovea run: --trajectory%s: found no odometry, expected odometry.enabled true",
+                            run->trajectory_path != NULL ? "" : "-final");
     enum fv_exit end = picture_probe("detections", run->detections_path);
     if (end == FV_EXIT_OK) end = picture_probe("tracks", run->tracks_path);
     return end == FV_EXIT_OK ? picture_probe("picture", run->picture_path) : end;

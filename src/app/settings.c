@@ -322,7 +322,13 @@ enum fovea_status fv_settings_check(const struct fv_settings *settings, struct f
         runtime.camera.width = FOVEA_IMAGE_WIDTH_MIN;
         runtime.camera.height = FOVEA_IMAGE_HEIGHT_MIN;
     }
-    if (fv_config_check(&runtime, error) == FOVEA_OK) return FOVEA_OK;
+    const bool load = settings->map_load[0] != '\0', save = settings->map_save[0] != '\0';
+    enum fovea_status status = fv_config_check(&runtime, error);
+    if (status == FOVEA_OK && !runtime.odometry.enabled && (load || save))
+        status = fovea_error_set(error, FOVEA_ERROR_INPUT,
+                                 "map.%s: found '%.200s' without odometry, expected odometry.enabled true",
+                                 load ? "load" : "save", load ? settings->map_load : settings->map_save);
+    if (status == FOVEA_OK) return FOVEA_OK;
     fv_settings_locate(settings, error);
     return FOVEA_ERROR_INPUT;
 }

@@ -192,6 +192,11 @@ static const char *const wrong_arguments[][2] = {
     {"fovea config --check @/none.yaml", "@/none.yaml"},
     {"fovea config extra", "'extra'"},
     {"fovea config --set T_base_cam=[1,2]", "T_base_cam|12 numbers"},
+    {"fovea run --source sim: --set odometry.enabled=false --save-map @/no.map", "map.save|@/no.map|odometry.enabled"},
+    {"fovea run --source sim: --set odometry.enabled=false --map @/no.map", "map.load|@/no.map|odometry.enabled"},
+    {"fovea run --source sim: --set odometry.enabled=false --trajectory @/no.tum", "--trajectory|odometry.enabled"},
+    {"fovea run --source sim: --set odometry.enabled=false --trajectory-final @/no.tum",
+     "--trajectory-final|odometry.enabled"},
 };
 
 static void test_arguments(void **state)
