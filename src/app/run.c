@@ -212,8 +212,8 @@ static enum fovea_status settings_read(struct run *run, struct fovea_error *erro
     if (status != FOVEA_OK) return status;
     const char *address = strchr(run->settings.source, ':');
     const struct fv_file written[] = {
-        {"--record", run->settings.record},     {"--stats", run->stats_path},
-        {"--save-map", run->settings.map_save},
+        {"--save-map", run->settings.map_save}, {"--record", run->settings.record},
+        {"--stats", run->stats_path},
         {"--trajectory", run->trajectory_path},
         {"--picture", run->picture_path},       {"--detections", run->detections_path},
         {"--tracks", run->tracks_path},
@@ -228,7 +228,9 @@ static enum fovea_status settings_read(struct run *run, struct fovea_error *erro
         {"--model", run->settings.model},
         {0},
     };
+    const struct fv_file map[] = {{"--map", run->settings.map_load}, {0}};
     status = fv_files_apart(written, read, error);
+    if (status == FOVEA_OK) status = fv_files_apart(written + 1, map, error); /* a map may be saved again */
     if (status == FOVEA_OK && run->settings.map_save[0] != '\0')
         status = fv_map_file_probe(run->settings.map_save, error);
     return status;

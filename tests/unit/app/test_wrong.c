@@ -197,6 +197,9 @@ static const char *const wrong_arguments[][2] = {
     {"fovea run --source sim: --set odometry.enabled=false --trajectory @/no.tum", "--trajectory|odometry.enabled"},
     {"fovea run --source sim: --set odometry.enabled=false --trajectory-final @/no.tum",
      "--trajectory-final|odometry.enabled"},
+    {"fovea run --source sim: --map @/no.map --stats @/no.map", "--stats|the file of --map"},
+    {"fovea run --source sim: --map @/no.map --save-map @/no.map --picture @/no.map", "--picture|@/no.map|--save-map"},
+    {"fovea run --source sim: --map @/no.map --trajectory-final @/no.map", "--trajectory-final|the file of --map"},
 };
 
 static void test_arguments(void **state)
