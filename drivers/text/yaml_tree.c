@@ -18,6 +18,7 @@ struct builder {
     struct fovea_error *error;
     struct block *block; /* NULL: counting */
     size_t nodes, bytes;
+    size_t skipped; /* bytes of the file that the parser was not given */
     uint32_t documents, depth;
     yaml_mark_t document; /* where the last one starts */
     struct level {
@@ -179,7 +180,7 @@ static enum fovea_status syntax_error(const struct builder *b, const yaml_parser
     const char *problem = parser->problem != NULL ? parser->problem : "malformed";
     if (parser->error == YAML_READER_ERROR)
         return fovea_error_set(b->error, FOVEA_ERROR_INPUT, "%s: byte %zu: not YAML: %s", b->file,
-                               parser->problem_offset, problem);
+                               parser->problem_offset + b->skipped, problem);
     return fovea_error_set(b->error, FOVEA_ERROR_INPUT, "%s:%zu: column %zu: not YAML: %s", b->file,
                            parser->problem_mark.line + 1, parser->problem_mark.column + 1, problem);
 }
@@ -206,15 +207,16 @@ static enum fovea_status run_parser(struct builder *b, const char *text, size_t 
     return status;
 }
 
-/* Skip OpenCV's "%YAML:1.0": the rest of the line is cut, its end stays so that line numbers hold. */
-static void skip_opencv_head(const char **text, size_t *bytes)
+/* Bytes that the parser is not given: the mark with which some editors begin UTF-8, which libyaml takes for a column,
+ * and OpenCV's "%YAML:1.0" to the end of its line, which stays so that line numbers hold. */
+static size_t head_bytes(const char *text, size_t bytes)
 {
-    static const char head[] = "%YAML:";
-    if (*bytes < sizeof head - 1 || memcmp(*text, head, sizeof head - 1) != 0) return;
-    const char *end = memchr(*text, '\n', *bytes);
-    const size_t cut = end != NULL ? (size_t)(end - *text) : *bytes;
-    *text += cut;
-    *bytes -= cut;
+    static const char mark[] = "\xef\xbb\xbf", head[] = "%YAML:";
+    size_t at = 0;
+    if (bytes >= sizeof mark - 1 && memcmp(text, mark, sizeof mark - 1) == 0) at = sizeof mark - 1;
+    if (bytes - at < sizeof head - 1 || memcmp(text + at, head, sizeof head - 1) != 0) return at;
+    const char *end = memchr(text + at, '\n', bytes - at);
+    return end != NULL ? (size_t)(end - text) : bytes;
 }
 
 static struct block *block_new(const struct builder *counted)
@@ -239,13 +241,15 @@ enum fovea_status fovea_yaml_parse(const char *name, const char *text, size_t by
     if (bytes > FOVEA_YAML_BYTES_MAX)
         return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: found %zu bytes, expected at most %d", name,
                                bytes, (int)FOVEA_YAML_BYTES_MAX);
-    skip_opencv_head(&text, &bytes);
-    struct builder builder = {.file = name, .error = error};
+    const size_t skipped = head_bytes(text, bytes);
+    text += skipped;
+    bytes -= skipped;
+    struct builder builder = {.file = name, .error = error, .skipped = skipped};
     enum fovea_status status = run_parser(&builder, text, bytes);
     if (status != FOVEA_OK) return status;
     struct block *block = block_new(&builder);
     if (block == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", name);
-    builder = (struct builder){.file = name, .error = error, .block = block};
+    builder = (struct builder){.file = name, .error = error, .block = block, .skipped = skipped};
     status = run_parser(&builder, text, bytes);
     if (status != FOVEA_OK) {
         free(block);

@@ -50,6 +50,21 @@ static void test_structure(void **state)
     fovea_yaml_free(tree);
 }
 
+/* As editors of other systems write it. Bytes are counted from the start of the file. */
+static void test_byte_order_mark(void **state)
+{
+    (void)state;
+    struct fovea_yaml_tree *tree = parse("\xef\xbb\xbf" "a: 1\r\nb: 2\r\n");
+    assert_int_equal(tree->root->count, 2);
+    assert_int_equal(fovea_yaml_child(tree->root, "b")->line, 2);
+    fovea_yaml_free(tree);
+    tree = parse("\xef\xbb\xbf%YAML:1.0\n---\nrows: 3\n");
+    assert_int_equal(fovea_yaml_child(tree->root, "rows")->line, 3);
+    fovea_yaml_free(tree);
+    refused("\xef\xbb\xbf" "a: \xff\n", 8, "f.yaml: byte 6: not YAML: invalid leading UTF-8 octet");
+    refused("%YAML:1.0\na: \xff\n", 15, "f.yaml: byte 13: not YAML: invalid leading UTF-8 octet");
+}
+
 static void test_empty_and_opencv_head(void **state)
 {
     (void)state;
@@ -220,7 +235,8 @@ static void test_text(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_structure), cmocka_unit_test(test_empty_and_opencv_head),
+        cmocka_unit_test(test_structure), cmocka_unit_test(test_byte_order_mark),
+        cmocka_unit_test(test_empty_and_opencv_head),
         cmocka_unit_test(test_refused),   cmocka_unit_test(test_limits),
         cmocka_unit_test(test_values),    cmocka_unit_test(test_require_names_the_nearest),
         cmocka_unit_test(test_files),     cmocka_unit_test(test_text),
