@@ -1,8 +1,11 @@
 #include "app/files.h"
 
+#include <errno.h>
+#include <fcntl.h>
 #include <stdbool.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 static bool same(const char *one, const char *other)
 {
@@ -33,6 +36,37 @@ enum fovea_status fv_files_apart(const struct fv_file *written, const struct fv_
         enum fovea_status status = apart(written, read, error);
         if (status == FOVEA_OK) status = apart(written, written + 1, error);
         if (status != FOVEA_OK) return status;
+    }
+    return FOVEA_OK;
+}
+
+/* 0, or why not. */
+static int write_try(const char *path)
+{
+    struct stat about;
+    if (stat(path, &about) == 0 && !S_ISREG(about.st_mode)) return S_ISDIR(about.st_mode) ? EISDIR : 0;
+    const int made = open(path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644);
+    if (made >= 0) {
+        close(made);
+        unlink(path);
+        return 0;
+    }
+    const int there = errno == EEXIST ? open(path, O_WRONLY | O_CREAT | O_CLOEXEC, 0644) : -1;
+    if (there < 0) return errno;
+    close(there);
+    return 0;
+}
+
+enum fovea_status fv_files_writable(const struct fv_file *written, const char **blame,
+                                    struct fovea_error *error)
+{
+    for (; written->option != NULL; written++) {
+        if (written->path == NULL || written->path[0] == '\0') continue;
+        const int why = write_try(written->path);
+        if (why == 0) continue;
+        *blame = written->option;
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%.300s: cannot be written: %s", written->path,
+                               strerror(why));
     }
     return FOVEA_OK;
 }

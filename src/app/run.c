@@ -21,8 +21,10 @@
 #include "app/run_picture.h"
 #include "app/say.h"
 #include "app/setup.h"
+#include "app/signals.h"
 #include "app/trajectory.h"
 #include "app/transport.h"
+#include "app/transport_url.h"
 
 #define PICTURE_FILE "fovea-run.png"
 
@@ -194,15 +196,23 @@ static enum fv_options_result options_read(struct run *run, int argc, char **arg
     return fv_options_parse(options, "", 0, 0, argc, argv, &first);
 }
 
-/* A name given on the command line must be writable; better said now than after an hour. */
-static enum fv_exit picture_probe(const char *option, const char *path)
+enum { WRITTEN_MAX = 9 };
+
+/* The saved map, which is written beside its place and then put there, and what is opened anew. */
+static void files_written(const struct run *run, struct fv_file written[WRITTEN_MAX])
 {
-    if (path == NULL || strcmp(path, "none") == 0) return FV_EXIT_OK;
-    FILE *probe = fopen(path, "ae");
-    if (probe == NULL)
-        return fv_say_wrong("fovea run: --%s: %s: cannot be written: %s", option, path, strerror(errno));
-    fclose(probe);
-    return FV_EXIT_OK;
+    const bool drawn = run->picture_path != NULL && strcmp(run->picture_path, "none") != 0;
+    const struct fv_file files[WRITTEN_MAX] = {
+        {"--save-map", run->settings.map_save},
+        {"--record", run->settings.record},
+        {"--stats", run->stats_path},
+        {"--trajectory", run->trajectory_path},
+        {"--trajectory-final", run->final_path},
+        {"--picture", drawn ? run->picture_path : NULL},
+        {"--detections", run->detections_path},
+        {"--tracks", run->tracks_path},
+    };
+    memcpy(written, files, sizeof files);
 }
 
 /* Settings, and that nothing that is read would be written over. */
@@ -210,16 +220,12 @@ static enum fovea_status settings_read(struct run *run, struct fovea_error *erro
 {
     enum fovea_status status = fv_setup_settings(&run->options, &run->settings, error);
     if (status != FOVEA_OK) return status;
+    if (run->settings.lcm_url[0] != '\0' &&
+        (status = fv_transport_url_check(run->settings.lcm_url, error)) != FOVEA_OK)
+        return (fv_settings_locate(&run->settings, error), status);
     const char *address = strchr(run->settings.source, ':');
-    const struct fv_file written[] = {
-        {"--save-map", run->settings.map_save}, {"--record", run->settings.record},
-        {"--stats", run->stats_path},
-        {"--trajectory", run->trajectory_path},
-        {"--picture", run->picture_path},       {"--detections", run->detections_path},
-        {"--tracks", run->tracks_path},
-        {"--trajectory-final", run->final_path},
-        {0},
-    };
+    struct fv_file written[WRITTEN_MAX];
+    files_written(run, written);
     const struct fv_file read[] = {
         {"--source", address != NULL ? address + 1 : NULL},
         {"--config", run->options.config},
@@ -236,12 +242,12 @@ static enum fovea_status settings_read(struct run *run, struct fovea_error *erro
     return status;
 }
 
-/* Results of an earlier run are kept until there are new ones to write. */
+/* Better said now than after an hour, and before any result of an earlier run is cut. */
 static enum fv_exit outputs_check(struct run *run)
 {
-    if (run->stats_path != NULL && (run->stats = fopen(run->stats_path, "ae")) == NULL)
-        return fv_say_wrong("fovea run: --stats: %s: cannot be written: %s", run->stats_path,
-                            strerror(errno));
+    struct fovea_error error;
+    struct fv_file written[WRITTEN_MAX];
+    const char *blame;
     if (run->detections_path != NULL && run->settings.model[0] == '\0')
         return fv_say_wrong("fovea run: --detections: found no network, expected --model FILE");
     if (run->tracks_path != NULL && run->settings.model[0] == '\0')
@@ -249,20 +255,13 @@ static enum fv_exit outputs_check(struct run *run)
     if (!run->settings.runtime.odometry.enabled && (run->trajectory_path != NULL || run->final_path != NULL))
         return fv_say_wrong("fovea run: --trajectory%s: found no odometry, expected odometry.enabled true",
                             run->trajectory_path != NULL ? "" : "-final");
-    enum fv_exit end = picture_probe("detections", run->detections_path);
-    if (end == FV_EXIT_OK) end = picture_probe("tracks", run->tracks_path);
-    return end == FV_EXIT_OK ? picture_probe("picture", run->picture_path) : end;
-}
-
-/* SIGUSR1 is the loop's sign that it has ended. Blocked before any thread starts, so that all inherit it. */
-static void signals_block(sigset_t *set)
-{
-    sigemptyset(set);
-    sigaddset(set, SIGINT);
-    sigaddset(set, SIGTERM);
-    sigaddset(set, SIGUSR1);
-    pthread_sigmask(SIG_BLOCK, set, NULL);
-    signal(SIGPIPE, SIG_IGN);
+    files_written(run, written);
+    if (fv_files_writable(written + 1, &blame, &error) == FOVEA_OK) return FV_EXIT_OK;
+    if (run->options.record == NULL && strcmp(blame, "--record") == 0) {
+        fv_settings_blame(&run->settings, "record", &error);
+        return fv_say_wrong("%s", error.text);
+    }
+    return fv_say_wrong("fovea run: %s: %s", blame, error.text);
 }
 
 static enum fovea_status runtime_open(struct run *run, struct fovea_error *error)
@@ -312,6 +311,15 @@ static enum fovea_status recorder_open(struct run *run, struct fovea_error *erro
     return FOVEA_ERROR_INPUT;
 }
 
+/* Kept as it is until there is something to write. */
+static enum fovea_status stats_open(struct run *run, struct fovea_error *error)
+{
+    if (run->stats_path == NULL || (run->stats = fopen(run->stats_path, "ae")) != NULL) return FOVEA_OK;
+    return fovea_error_set(error, FOVEA_ERROR_INPUT, "--stats: %.200s: cannot be written: %s", run->stats_path,
+                           strerror(errno));
+}
+
+/* Last what cuts files: by then all that can be wrong with the input has been said. */
 static enum fovea_status open_all(struct run *run, struct fovea_error *error)
 {
     enum fovea_status status = fv_setup_open(&run->settings, &run->selection, &run->setup, error);
@@ -320,12 +328,14 @@ static enum fovea_status open_all(struct run *run, struct fovea_error *error)
     if (fv_setup_wants_colour(&run->setup) && run->setup.ops->info(run->setup.source)->format == FOVEA_PIXEL_GREY8)
         fv_say("fovea run: the network takes colour and this source gives grey levels: all its channels get these");
     status = runtime_open(run, error);
+    if (status == FOVEA_OK) status = transport_open(run, error);
+    if (status == FOVEA_OK) status = stats_open(run, error);
     if (status == FOVEA_OK) status = recorder_open(run, error);
     if (status == FOVEA_OK) status = fv_trajectory_open(run->trajectory_path, &run->trajectory, error);
     if (status == FOVEA_OK) status = fv_results_open(run->detections_path, run->tracks_path, &run->results, error);
     if (status == FOVEA_OK && run->final_path != NULL)
         status = fv_final_open(run->final_path, &run->final, error);
-    return status == FOVEA_OK ? transport_open(run, error) : status;
+    return status;
 }
 
 static void close_all(struct run *run)
@@ -542,9 +552,10 @@ int fv_command_run(int argc, char **argv)
     if (status != FOVEA_OK) return (fv_say("%s", error.text), fv_setup_exit(status));
     enum fv_exit end = outputs_check(&run);
     if (end != FV_EXIT_OK) return end;
-    signals_block(&signals);
+    fv_signals_prepare(&run.shared.stop);
 
     status = open_all(&run, &error);
+    fv_signals_block(&signals);
     if (status == FOVEA_OK) {
         status = run_loop(&run, &signals, &error);
         if (run.setup.ops != NULL) run.setup.ops->stop(run.setup.source);

@@ -165,6 +165,32 @@ static void test_signals_end_cleanly(void **state)
     }
 }
 
+/* While the program still waits for a file to be opened, as on a network that is gone. */
+static void test_signals_end_the_set_up(void **state)
+{
+    const int signals[] = {SIGINT, SIGTERM};
+    char pipe[64];
+    const char *const waiting[] = {"--camera", pipe, NULL};
+    (void)state;
+    snprintf(pipe, sizeof pipe, "%s/pipe", folder);
+    assert_int_equal(mkfifo(pipe, 0600), 0);
+    for (int i = 0; i < 2; i++) {
+        int status = 0;
+        pid_t child = begin("sim:still", waiting), ended = 0;
+        sleep(STARTED_S);
+        kill(child, signals[i]);
+        for (int tenths = 0; tenths < 100 && (ended = waitpid(child, &status, WNOHANG)) == 0; tenths++)
+            usleep(100000);
+        if (ended == 0) {
+            kill(child, SIGKILL);
+            end(child);
+        }
+        assert_int_equal(ended, child);
+        assert_true(WIFSIGNALED(status) && WTERMSIG(status) == signals[i]);
+    }
+    unlink(pipe);
+}
+
 static void test_unwritable_results_fail(void **state)
 {
     const char *const full[] = {"--frames", "5", "--stats", "/dev/full", NULL};
@@ -200,6 +226,7 @@ int main(void)
         cmocka_unit_test(test_largest_map),
         cmocka_unit_test(test_recordings),
         cmocka_unit_test(test_signals_end_cleanly),
+        cmocka_unit_test(test_signals_end_the_set_up),
         cmocka_unit_test(test_unwritable_results_fail),
     };
     return cmocka_run_group_tests(tests, folder_make, folder_remove);

@@ -393,6 +393,50 @@ static void test_calibrations(void **state)
     }
 }
 
+/* ---- what an earlier run has left ----------------------------------------------------------------------- */
+
+static void assert_kept(const char *name)
+{
+    char path[256], found[16] = "";
+    snprintf(path, sizeof path, "%s/%s", folder, name);
+    FILE *file = fopen(path, "r");
+    assert_non_null(file);
+    const size_t bytes = fread(found, 1, sizeof found - 1, file);
+    fclose(file);
+    if (bytes != 4 || strcmp(found, "kept") != 0) fail_msg("%s: found [%s], expected what stood there", name, found);
+}
+
+/* One wrong word costs nobody the results of yesterday, and leaves no empty file behind. */
+static void test_results_are_kept(void **state)
+{
+    static const char *const results[] = {"record", "trajectory", "trajectory-final", "detections", "tracks",
+                                          "stats", "picture"};
+    static const char *const wrong[][2] = {
+        {"--trajectory @/none/x", "@/none/x"},
+        {"--trajectory-final @/none/x", "@/none/x"},
+        {"--tracks @/none/x", "@/none/x"},
+        {"--record @/none/x", "@/none/x"},
+        {"--set lcm_url=udpm://239.255.76.67:0", "lcm_url"},
+        {"--set lcm_url=file://@/none/x?mode=w", "lcm_url|@/none/x"},
+    };
+    (void)state;
+    file_write("kept", "kept", 4);
+    for (size_t i = 0; i < sizeof results / sizeof results[0]; i++)
+        for (size_t j = 0; j < sizeof wrong / sizeof wrong[0]; j++) {
+            char command[512], unmade[256];
+            if (strncmp(wrong[j][0] + 2, results[i], strcspn(wrong[j][0], " ") - 2) == 0) continue;
+            for (int there = 0; there < 2; there++) {
+                snprintf(command, sizeof command,
+                         "fovea run --source sim:still --frames 1 --model src/detect/shipped.fvm --picture none --%s @/%s %s",
+                         results[i], there ? "kept" : "unmade", wrong[j][0]);
+                assert_refused(command, wrong[j][1]);
+            }
+            assert_kept("kept");
+            snprintf(unmade, sizeof unmade, "%s/unmade", folder);
+            if (access(unmade, F_OK) == 0) fail_msg("%s: left an empty file", command);
+        }
+}
+
 static void test_there_were_enough(void **state)
 {
     (void)state;
@@ -409,7 +453,7 @@ static int folder_make(void **state)
 static int folder_remove(void **state)
 {
     const char *const names[] = {"text.yaml",    "camera.yaml", "record.yaml", "value.yaml", "key.yaml",
-                                       "mutated.yaml", "cam.yaml"};
+                                       "mutated.yaml", "cam.yaml",    "kept"};
     (void)state;
     for (size_t i = 0; i < sizeof names / sizeof names[0]; i++) {
         char path[256];
@@ -424,7 +468,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_arguments),    cmocka_unit_test(test_wrong_values),
         cmocka_unit_test(test_wrong_keys),   cmocka_unit_test(test_mutated_configurations),
-        cmocka_unit_test(test_calibrations), cmocka_unit_test(test_there_were_enough),
+        cmocka_unit_test(test_calibrations), cmocka_unit_test(test_results_are_kept),
+        cmocka_unit_test(test_there_were_enough),
     };
     return cmocka_run_group_tests(tests, folder_make, folder_remove);
 }
