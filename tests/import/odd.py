@@ -200,6 +200,47 @@ def tile_long(c):
     return [x], [y]
 
 
+def tile_every_axis(c):
+    shape = [c.int(1, 4) for _ in range(c.int(3, 5))]
+    times = [c.int(2, 3) for _ in shape]
+    x = c.q(shape, 0.05, 3)
+    y = c.q([a * b for a, b in zip(shape, times)], 0.05, 3)
+    c.b.op("TILE", [x, c.b.const("int32", times)], [y], "Tile")
+    return [x], [y]
+
+
+def offset_weights(c):
+    """int8 weights with a zero point, which the reference leaves out in convolutions and counts in fully connected layers."""
+    x = c.q((1, 4, 5, c.int(2, 9)), 0.03)
+    channels, zero = c.b.tensors[x][1][3], c.int(-9, 9) if c.dtype == "int8" else c.int(0, 255)
+
+    def weights(shape):
+        return c.b.tensor(c.dtype, shape, 0.02, zero, c.values(shape))
+    deep, up, flat = c.q((1, 4, 5, channels), 0.1), c.q((1, 8, 10, 7), 0.1), c.q((20, 7), 0.1)
+    c.b.op("FULLY_CONNECTED", [x, weights((7, channels)), -1], [flat], "FullyConnected")
+    c.b.op("DEPTHWISE_CONV_2D", [x, weights((1, 3, 3, channels)), c.bias(channels, 0.03, [0.02])], [deep], "DepthwiseConv2D", StrideH=1,
+           StrideW=1, DilationHFactor=1, DilationWFactor=1, Padding=0, DepthMultiplier=1)
+    c.b.op("TRANSPOSE_CONV", [c.b.const("int32", [1, 8, 10, 7]), weights((7, 3, 3, channels)), x], [up], "TransposeConv", StrideH=2,
+           StrideW=2, Padding=0)
+    return [x], [deep, up, flat]
+
+
+def constant_functions(c):
+    """Functions of constants, of no axes, and moves of them, before they meet a computed tensor."""
+    x = image(c, 4, 5, 6)
+    k = c.q((6,), 0.02, data=c.values((6,)))
+    steps = [c.q((6,), 0.03), c.q((6,), 1 / 256, 0 if c.dtype == "uint8" else -128)]
+    c.b.op("QUANTIZE", [k], [steps[0]], "Quantize")
+    c.b.op("LOGISTIC", [steps[0]], [steps[1]])
+    bent = like(c, steps[1], (1, 1, 1, 6))
+    c.b.op("RESHAPE", [steps[1], c.b.const("int32", [1, 1, 1, 6])], [bent], "Reshape", NewShape=[1, 1, 1, 6])
+    y = c.q((1, 4, 5, 6), 0.05)
+    c.b.op(c.choose("ADD", "MUL"), [x, bent], [y])
+    z = c.q((1, 4, 5, 6), 0.05)
+    c.b.op("MEAN", [y, c.b.const("int32", [])], [z], "Reducer", KeepDims=False)
+    return [x], [z]
+
+
 def unary_ranges(c):
     """Functions at scales from very fine to very coarse."""
     name = c.choose("LOGISTIC", "TANH", "RELU", "RELU6", "LEAKY_RELU", "HARD_SWISH")
@@ -389,7 +430,7 @@ def dilated_by_batches(c):
 operators.CASES.clear()
 operators.CASES.update({f.__name__: f for f in (
     conv_uneven, depthwise_uneven, connected_axes, arithmetic_scales, extreme_constant, slice_masks, slice_ellipsis,
-    pool_wide, reduce_axes, resize_images, reshape_forms, tile_long, unary_ranges, softmax_axes, prelu_forms, matmul_forms,
+    pool_wide, reduce_axes, resize_images, reshape_forms, tile_long, tile_every_axis, offset_weights, constant_functions, unary_ranges, softmax_axes, prelu_forms, matmul_forms,
     arg_max_cast, up_uneven, pad_long, join_scales, detection_many, one_by_one_chain,
     open_sizes, dilated_by_batches)})
 

@@ -47,7 +47,7 @@ class Folder:
         ti, to = g.tensors[op.inputs[0]], g.tensors[op.outputs[0]]
         if op.name in BINARIES:
             return self._constant_operand(op)
-        if not (ti.is8 and to.is8) or ti.data is not None:
+        if not (ti.is8 and to.is8):
             return None
         s_in, z_in, s_out, z_out = ti.scale0, ti.zero_u8, to.scale0, to.zero_u8
         if op.name == "LOGISTIC":

@@ -122,8 +122,8 @@ def _tensor(model, index, t):
     shape = tuple(int(v) for v in t.ShapeAsNumpy()) if t.ShapeLength() else ()
     data = None
     buffer = model.Buffers(t.Buffer())
-    if buffer.DataLength():
-        raw = buffer.DataAsNumpy().tobytes()
+    if buffer.DataLength() or 0 in shape:
+        raw = buffer.DataAsNumpy().tobytes() if buffer.DataLength() else b""
         count = int(np.prod(shape, dtype=np.int64)) if shape else 1
         dtype = np.dtype(DTYPES[kind])
         if len(raw) < count * dtype.itemsize:

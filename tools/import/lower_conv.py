@@ -13,11 +13,12 @@ from layout import CONV_PIXELS, DEPTHWISE_COLUMNS
 from net import pad_to
 
 
-def signed_weights(tensor):
-    """Weights as int32 in signed form, and their zero point in that form."""
+def signed_weights(tensor, symmetric=True):
+    """Weights as int32 in signed form, and their zero point in that form. The reference takes int8 weights of convolutions as
+    symmetric, whatever zero point the file gives them; those of fully connected layers it does not."""
     data = tensor.data.astype(np.int32)
     zero = int(tensor.zero[0]) if len(tensor.zero) else 0
-    return (data - 128, zero - 128) if tensor.type == "UINT8" else (data, zero)
+    return (data - 128, zero - 128) if tensor.type == "UINT8" else (data, 0 if symmetric else zero)
 
 
 def channel_multipliers(ti, tw, to, channels):
@@ -216,7 +217,7 @@ def fully_connected(low, op):
     oc, k = tw.shape[-2:]
     batch = ti.size // k
     act = quant.activation_range(activation_of(op), to.scale0, to.zero_u8) + (to.zero_u8,)
-    weights, w_zero = signed_weights(tw)
+    weights, w_zero = signed_weights(tw, symmetric=False)
     source = low.dense_input(t_in)
     source = low.net.derive(source, shape=(1, 1, batch, k))
     last, table = low.merge_after(t_out)

@@ -223,13 +223,26 @@ def emit_fill(low, op, out, value):
 
 
 def tile(low, op):
+    """A copy walks six axes, of which every repeated one takes two: where that is not enough there are several copies, the last axes'
+    first."""
     times = low.const_int(op.inputs[1], op, "the repetitions")
-    source = low.input(op.inputs[0])
-    v = low.net.values[source]
-    out = low.output(op.outputs[0])
+    repeated, most = [i for i, k in enumerate(times) if k > 1], 2 if len(times) > 3 else 3
+    source, inner = low.input(op.inputs[0]), [repeated[i:i + most] for i in range(0, len(repeated), most)][:0:-1]
+    for axes in inner:
+        v = low.net.values[source]
+        wide = low.net.derive(source, 0, [n * k if i in axes else n for i, (n, k) in enumerate(zip(v.shape, times))])
+        low.net.values[wide].storage = low.net.storage(low.net.values[wide].count * TYPE_BYTES[v.type])
+        low.net.values[wide].source = -1
+        repeat(low, op, source, wide)
+        source = wide
+    repeat(low, op, source, low.output(op.outputs[0]))
+
+
+def repeat(low, op, source, out):
+    v, vo = low.net.values[source], low.net.values[out]
     dims, src, dst = [], [], []
-    for n, k, s, d in zip(v.shape, times, value_strides(v), value_strides(low.net.values[out])):
-        dims += [k, n]
+    for n, m, s, d in zip(v.shape, vo.shape, value_strides(v), value_strides(vo)):
+        dims += [m // n, n]
         src += [0, s]
         dst += [d * n, d]
     emit_strided(low, op, source, out, dims, src, dst)
