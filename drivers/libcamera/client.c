@@ -234,9 +234,29 @@ static enum fovea_status receive(struct fv_libcamera_client *client, int *descri
     return no_sense(client, error);
 }
 
-/* Until the answer, past frames from before. */
-static enum fovea_status await_answer(struct fv_libcamera_client *client, int *descriptors, uint32_t *count,
-                                      struct fovea_error *error)
+/* Whether the program is to end: the source is being stopped or, while it is opened and nothing can stop it,
+ * a signal to end has come that the program keeps back. */
+static bool given_up(int quit_fd)
+{
+    struct pollfd quit = {.fd = quit_fd, .events = POLLIN};
+    sigset_t signals;
+    if (quit_fd >= 0) return poll(&quit, 1, 0) > 0;
+    return sigpending(&signals) == 0 &&
+           (sigismember(&signals, SIGINT) > 0 || sigismember(&signals, SIGTERM) > 0);
+}
+
+/* Wait for a message, at most until then; while opening, look up ten times a second. */
+static void wait_for_message(const struct fv_libcamera_client *client, int quit_fd, int64_t deadline_ns)
+{
+    struct pollfd fds[2] = {{.fd = client->socket, .events = POLLIN}, {.fd = quit_fd, .events = POLLIN}};
+    const int64_t look_ns = now_ns() + 100000000;
+    const struct timespec left = left_until(quit_fd < 0 && look_ns < deadline_ns ? look_ns : deadline_ns);
+    ppoll(fds, 2, &left, NULL);
+}
+
+/* Until the answer, past frames from before. `quit_fd`: -1 while opening. */
+static enum fovea_status await_answer(struct fv_libcamera_client *client, int quit_fd, int *descriptors,
+                                      uint32_t *count, struct fovea_error *error)
 {
     const int64_t deadline_ns = now_ns() + fv_libcamera_answer_ns;
     for (;;) {
@@ -247,14 +267,14 @@ static enum fovea_status await_answer(struct fv_libcamera_client *client, int *d
             *count = 0;
         }
         if (status != FOVEA_OK && status != FOVEA_AGAIN) return status;
-        if (now_ns() >= deadline_ns) {
+        const bool over = given_up(quit_fd);
+        if (over || now_ns() >= deadline_ns) {
             end_process(client, 0);
-            return fovea_error_set(error, FOVEA_ERROR_SYSTEM,
-                                   "%s: libcamera does not answer: its process was killed", client->uri);
+            return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: %s: its process was killed", client->uri,
+                                   over ? "interrupted while libcamera was asked"
+                                        : "libcamera does not answer");
         }
-        const struct timespec left = left_until(deadline_ns);
-        struct pollfd fd = {.fd = client->socket, .events = POLLIN};
-        if (status == FOVEA_AGAIN) ppoll(&fd, 1, &left, NULL);
+        if (status == FOVEA_AGAIN) wait_for_message(client, quit_fd, deadline_ns);
     }
     client->event.error.text[FOVEA_ERROR_TEXT_BYTES - 1] = '\0';
     if (client->event.error.text[0] != '\0' && error != NULL) *error = client->event.error;
@@ -314,7 +334,7 @@ static void let_read(const struct mapping *mapping, uint64_t when)
 
 /* ---- the device -------------------------------------------------------------------------------------- */
 
-static enum fovea_status find(void *of, struct fovea_error *error)
+static enum fovea_status find(void *of, int quit_fd, struct fovea_error *error)
 {
     struct fv_libcamera_client *client = of;
     enum fovea_status status = FOVEA_OK;
@@ -324,16 +344,16 @@ static enum fovea_status find(void *of, struct fovea_error *error)
         if (status == FOVEA_OK) status = ask(client, FV_LIBCAMERA_KNOW, error);
     }
     if (status == FOVEA_OK) status = ask(client, FV_LIBCAMERA_FIND, error);
-    return status == FOVEA_OK ? await_answer(client, NULL, NULL, error) : status;
+    return status == FOVEA_OK ? await_answer(client, quit_fd, NULL, NULL, error) : status;
 }
 
-static enum fovea_status set_up(void *of, struct fovea_error *error)
+static enum fovea_status set_up(void *of, int quit_fd, struct fovea_error *error)
 {
     struct fv_libcamera_client *client = of;
     int descriptors[FV_LIVE_BUFFERS_MAX];
     uint32_t count = 0;
     enum fovea_status status = ask(client, FV_LIBCAMERA_SET_UP, error);
-    if (status == FOVEA_OK) status = await_answer(client, descriptors, &count, error);
+    if (status == FOVEA_OK) status = await_answer(client, quit_fd, descriptors, &count, error);
     if (status == FOVEA_OK)
         status = map(client, descriptors, count, error);
     else
@@ -430,7 +450,7 @@ enum fovea_status fv_libcamera_open(const struct fovea_libcamera_options *option
     snprintf(client->uri, sizeof client->uri, "libcamera:%s", options->id);
     enum fovea_status status = start_process(client, error);
     if (status == FOVEA_OK) status = ask(client, FV_LIBCAMERA_LEARN, error);
-    if (status == FOVEA_OK) status = await_answer(client, NULL, NULL, error);
+    if (status == FOVEA_OK) status = await_answer(client, -1, NULL, NULL, error);
     if (status != FOVEA_OK) {
         close_client(client);
         return status > 0 ? FOVEA_ERROR_SYSTEM : status;

@@ -3,10 +3,10 @@
  *
  * What a fault of that process becomes: one that ends by itself (a signal, an abort, an exit) or sends what
  * makes no sense is a broken stream, FOVEA_ERROR_SYSTEM, and the line says how it ended; one that does not
- * answer a request within fv_libcamera_answer_ns, or has not ended FV_LIBCAMERA_PATIENCE_NS after it was
- * asked to, is killed. Whether the camera is there the next process says. Once a camera has gone its process
- * is killed at once: to stop a camera that is not there is what libcamera aborts over. One process is there
- * while a source is open, also while its camera is away.
+ * answer a request within fv_libcamera_answer_ns, or before the source is stopped, or has not ended
+ * FV_LIBCAMERA_PATIENCE_NS after it was asked to, is killed. Whether the camera is there the next process
+ * says. Once a camera has gone its process is killed at once: to stop a camera that is not there is what
+ * libcamera aborts over. One process is there while a source is open, also while its camera is away.
  *
  * Frames are not copied: the loop sees the camera's buffers, mapped here for reading until `tear_down`; they
  * outlive the process. A frame costs two messages through the socket. The process runs at ordinary scheduling
@@ -25,7 +25,8 @@ struct fv_libcamera_client;
 extern int64_t fv_libcamera_answer_ns;
 
 /* Start a process and let it find the camera, configure it once and let it go again. `told` gets a line where
- * not all is as asked. Negative: `error` says why, nothing is left. Init-only. */
+ * not all is as asked. Negative: `error` says why, nothing is left. A SIGINT or SIGTERM that the calling
+ * thread blocks ends the wait, and stays pending. Init-only. */
 enum fovea_status fv_libcamera_open(const struct fovea_libcamera_options *options,
                                     struct fv_libcamera_client **client,
                                     struct fovea_libcamera_agreed *agreed, struct fovea_error *told,

@@ -49,6 +49,7 @@ struct fovea_source { /* NOLINT(clang-analyzer-optin.performance.Padding): in or
     struct fv_slot_ring ready, free;
     sem_t ready_count;
     int wake_fd; /* to the camera thread: a slot is free, or quit */
+    int quit_fd; /* to the device: quit */
 
     pthread_t thread;
     bool started, scheduled;
@@ -174,14 +175,14 @@ static void broken(struct fovea_source *source, enum fovea_status status, const 
 static void try_set_up(struct fovea_source *source)
 {
     struct fovea_error error = {.text = ""};
-    enum fovea_status status = source->ops->find(source->device, &error);
+    enum fovea_status status = source->ops->find(source->device, source->quit_fd, &error);
     if (status == FOVEA_OK) {
         if (source->recovery.view.phase == FV_RECOVERY_ABSENT) {
             source->recovery.view =
                 (struct fv_recovery_view){.phase = FV_RECOVERY_LOOKING, .mark_ns = now_ns()};
             show(source);
         }
-        status = source->ops->set_up(source->device, &error);
+        status = source->ops->set_up(source->device, source->quit_fd, &error);
     }
     fv_recovery_tried(&source->recovery, status, now_ns());
     if (status == FOVEA_OK) {
@@ -387,6 +388,7 @@ static void release(struct fovea_source *source)
 {
     source->ops->close(source->device);
     if (source->wake_fd >= 0) close(source->wake_fd);
+    if (source->quit_fd >= 0) close(source->quit_fd);
     fv_complaints_close(&source->complaints);
     fv_jpeg_decoder_close(source->jpeg);
     free(source->decoded);
@@ -420,8 +422,9 @@ enum fovea_status fv_live_open(const struct fv_live_ops *ops, void *device, cons
         fv_recovery_times_default(&source->times, setup->info.rate_hz);
     fv_complaints_open(&source->complaints);
     source->wake_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
+    source->quit_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     enum fovea_status status = FOVEA_OK;
-    if (source->wake_fd < 0)
+    if (source->wake_fd < 0 || source->quit_fd < 0)
         status =
             fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: no eventfd: %s", source->uri, strerror(errno));
     if (status == FOVEA_OK && setup->info.format == FOVEA_PIXEL_MJPEG) status = make_decoder(source, error);
@@ -453,6 +456,7 @@ const struct fovea_source_info *fv_live_info(const struct fovea_source *source)
 
 enum fovea_status fv_live_start(struct fovea_source *source, struct fovea_error *error)
 {
+    uint64_t quit;
     if (source->started)
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "%s: started already", source->uri);
     memset(&source->ready, 0, sizeof source->ready);
@@ -465,6 +469,7 @@ enum fovea_status fv_live_start(struct fovea_source *source, struct fovea_error 
     source->delivered = 0;
     source->scheduled = false;
     atomic_store(&source->quit, false);
+    if (read(source->quit_fd, &quit, sizeof quit) < 0) quit = 0; /* it was not stopped before */
     fv_recovery_start(&source->recovery, &source->times, now_ns());
     fv_order_start(&source->order, source->readout_ns);
     show(source);
@@ -479,17 +484,18 @@ enum fovea_status fv_live_start(struct fovea_source *source, struct fovea_error 
     return FOVEA_OK;
 }
 
-static void wake(struct fovea_source *source)
+static void ring(int fd)
 {
     const uint64_t one = 1;
-    if (write(source->wake_fd, &one, sizeof one) < 0) return; /* full: it is awake already */
+    if (write(fd, &one, sizeof one) < 0) return; /* full: it rings already */
 }
 
 void fv_live_stop(struct fovea_source *source)
 {
     if (!source->started) return;
     atomic_store(&source->quit, true);
-    wake(source);
+    ring(source->wake_fd);
+    ring(source->quit_fd);
     pthread_join(source->thread, NULL);
     sem_destroy(&source->ready_count);
     source->started = false;
@@ -533,7 +539,7 @@ void fv_live_requeue(struct fovea_source *source, const struct fovea_frame *fram
     source->held[frame->slot] = false;
     source->held_count--;
     fv_ring_push(&source->free, (uint8_t)frame->slot);
-    wake(source);
+    ring(source->wake_fd);
 }
 
 void fv_live_counts(const struct fovea_source *source, struct fovea_source_counts *counts)

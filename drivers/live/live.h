@@ -37,14 +37,15 @@ struct fv_live_buffer {
 };
 
 /* A device, called by the camera thread alone (but for `close`, which comes when that has ended). No call but
- * `set_up` and `find` may use the heap. */
+ * `set_up` and `find` may use the heap. `quit_fd` can be read once the source is being stopped: whatever may
+ * wait for long then gives up. */
 struct fv_live_ops {
     /* Whether the camera is there. FOVEA_OK; FOVEA_GONE; negative: another camera is in its place. */
-    enum fovea_status (*find)(void *device, struct fovea_error *error);
+    enum fovea_status (*find)(void *device, int quit_fd, struct fovea_error *error);
     /* Make it stream as it did when it was opened: same size and format. FOVEA_OK: it does; `error` may then
      * hold something to be told all the same. FOVEA_GONE: unplugged meanwhile. Negative: refused. Nothing is
      * left open on failure. */
-    enum fovea_status (*set_up)(void *device, struct fovea_error *error);
+    enum fovea_status (*set_up)(void *device, int quit_fd, struct fovea_error *error);
     void (*tear_down)(void *device);
     /* Wait for a filled buffer until the deadline, or until `wake_fd` can be read. FOVEA_AGAIN: none.
      * FOVEA_GONE: unplugged. Negative: streaming is broken. */

@@ -25,9 +25,10 @@ static void tear_down(void *of)
     close_node(device);
 }
 
-static enum fovea_status set_up(void *of, struct fovea_error *error)
+static enum fovea_status set_up(void *of, int quit_fd, struct fovea_error *error)
 {
     struct fv_v4l2_device *device = of;
+    (void)quit_fd; /* no call of the kernel can be left early */
     struct fovea_error refused = {.text = ""};
     enum fovea_status status = open_node(device, error);
     if (status != FOVEA_OK) return status;
@@ -42,8 +43,9 @@ static enum fovea_status set_up(void *of, struct fovea_error *error)
     return status;
 }
 
-static enum fovea_status find(void *device, struct fovea_error *error)
+static enum fovea_status find(void *device, int quit_fd, struct fovea_error *error)
 {
+    (void)quit_fd;
     return fv_v4l2_find(device, error);
 }
 

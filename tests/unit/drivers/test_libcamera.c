@@ -11,6 +11,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <pthread.h>
 #include <signal.h>
 #include <stdatomic.h>
 #include <stdio.h>
@@ -18,6 +19,7 @@
 #include <string.h>
 #include <sys/mman.h>
 #include <sys/wait.h>
+#include <time.h>
 #include <unistd.h>
 
 #include "../../../drivers/libcamera/client.h"
@@ -45,7 +47,8 @@ static void assert_state_in_time(struct fovea_source *source, enum fovea_source_
     fv_test_wait_for_state(source, wanted);
 }
 
-/* What the loop does while something is waited for: a source whose frames nobody takes does not look at its camera. */
+/* What the loop does while something is waited for: a source whose frames nobody takes does not look at its
+ * camera. */
 static void take_any(struct fovea_source *source)
 {
     struct fovea_frame frame;
@@ -225,6 +228,72 @@ static void test_unplugged(void **state)
     }
 }
 
+/* Whoever stops a source does not wait for a process that does not answer. */
+static void test_stopped_while_it_hangs(void **state)
+{
+    (void)state;
+    struct fovea_source *source = start_source();
+    fv_test_next_frame(source);
+    atomic_store(&stage->fault_at_set_up, FAKE_HANG);
+    kill(atomic_load(&stage->pid), SIGKILL);
+    const int64_t end_ns = fv_test_now_ns() + 10000000000;
+    while (atomic_load(&stage->set_ups) < 2 && fv_test_now_ns() < end_ns)
+        take_any(source);
+    assert_int_equal(atomic_load(&stage->set_ups), 2);
+    const int64_t begin_ns = fv_test_now_ns();
+    fv_test_finish(source);
+    assert_true(fv_test_now_ns() - begin_ns < usual_ns / 3);
+    assert_int_equal(fake_holdings().processes, 0);
+}
+
+/* A source that was stopped while its process hung streams when it is started again. */
+static void test_started_again_after_a_hang(void **state)
+{
+    (void)state;
+    struct fovea_error error = {.text = ""};
+    struct fovea_source *source = start_source();
+    fv_test_next_frame(source);
+    ops->stop(source);
+    atomic_store(&stage->fault_at_set_up, FAKE_HANG);
+    assert_int_equal(ops->start(source, &error), FOVEA_OK);
+    const int64_t end_ns = fv_test_now_ns() + 10000000000;
+    while (atomic_load(&stage->set_ups) < 2 && fv_test_now_ns() < end_ns)
+        take_any(source);
+    ops->stop(source);
+    assert_int_equal(ops->start(source, &error), FOVEA_OK);
+    fv_test_next_frame(source);
+    assert_int_equal(atomic_load(&stage->set_ups), 3);
+    fv_test_finish(source);
+}
+
+/* A program that keeps SIGINT and SIGTERM back while it opens its camera can be ended all the same. */
+static void test_interrupted_while_opening(void **state)
+{
+    (void)state;
+    static const struct fovea_source_selection everything = {.step = 1};
+    static const int signals[] = {SIGINT, SIGTERM};
+    struct fovea_source *source = NULL;
+    for (size_t i = 0; i < sizeof signals / sizeof signals[0]; ++i) {
+        const struct timespec now = {0};
+        struct fovea_error error = {.text = ""};
+        sigset_t one, before;
+        sigemptyset(&one);
+        sigaddset(&one, signals[i]);
+        pthread_sigmask(SIG_BLOCK, &one, &before);
+        fake_stage_reset(stage);
+        atomic_store(&stage->fault_at_learn, FAKE_HANG);
+        const int64_t begin_ns = fv_test_now_ns();
+        kill(getpid(), signals[i]);
+        assert_true(ops->open("0", &everything, &source, &error) < 0);
+        assert_true(fv_test_now_ns() - begin_ns < usual_ns / 3);
+        assert_non_null(strstr(error.text, "interrupted"));
+        assert_null(source);
+        assert_int_equal(sigtimedwait(&one, NULL, &now), signals[i]); /* it is still for the program */
+        pthread_sigmask(SIG_SETMASK, &before, NULL);
+    }
+    assert_int_equal(fake_holdings().processes, 0);
+}
+
 /* It cannot be started for a while: told, tried again with bounded back-off, got over. */
 static void test_cannot_be_started(void **state)
 {
@@ -308,6 +377,9 @@ int main(int argc, char **argv)
                                        cmocka_unit_test(test_faults_while_streaming),
                                        cmocka_unit_test(test_faults_while_setting_up),
                                        cmocka_unit_test(test_unplugged),
+                                       cmocka_unit_test(test_stopped_while_it_hangs),
+                                       cmocka_unit_test(test_started_again_after_a_hang),
+                                       cmocka_unit_test(test_interrupted_while_opening),
                                        cmocka_unit_test(test_cannot_be_started),
                                        cmocka_unit_test(test_refused_at_open),
                                        cmocka_unit_test(test_ends_over_and_over)};
