@@ -439,6 +439,18 @@ size_t fv_libcamera_heap_bytes(void)
     return sizeof(struct fv_libcamera_client);
 }
 
+/* By a process just started. `lost`: that was, but came to grief over it. */
+static enum fovea_status learn(struct fv_libcamera_client *client, bool *lost, struct fovea_error *error)
+{
+    enum fovea_status status = start_process(client, error);
+    *lost = false;
+    if (status != FOVEA_OK) return status;
+    status = ask(client, FV_LIBCAMERA_LEARN, error);
+    if (status == FOVEA_OK) status = await_answer(client, -1, NULL, NULL, error);
+    *lost = client->socket < 0;
+    return status;
+}
+
 enum fovea_status fv_libcamera_open(const struct fovea_libcamera_options *options,
                                     struct fv_libcamera_client **out, struct fovea_libcamera_agreed *agreed,
                                     struct fovea_error *told, struct fovea_error *error)
@@ -448,9 +460,13 @@ enum fovea_status fv_libcamera_open(const struct fovea_libcamera_options *option
     client->socket = -1;
     client->request.options = *options;
     snprintf(client->uri, sizeof client->uri, "libcamera:%s", options->id);
-    enum fovea_status status = start_process(client, error);
-    if (status == FOVEA_OK) status = ask(client, FV_LIBCAMERA_LEARN, error);
-    if (status == FOVEA_OK) status = await_answer(client, -1, NULL, NULL, error);
+    bool lost;
+    enum fovea_status status = learn(client, &lost, error);
+    struct fovea_error grief = {.text = ""};
+    if (lost && !given_up(-1)) { /* one fault of libcamera's, as while streaming: another process may do */
+        grief = *error;
+        status = learn(client, &lost, error);
+    }
     if (status != FOVEA_OK) {
         close_client(client);
         return status > 0 ? FOVEA_ERROR_SYSTEM : status;
@@ -458,6 +474,9 @@ enum fovea_status fv_libcamera_open(const struct fovea_libcamera_options *option
     client->event.agreed.id[FOVEA_LIBCAMERA_ID_BYTES - 1] = '\0';
     client->agreed = *agreed = client->event.agreed;
     *told = client->event.told;
+    if (grief.text[0] != '\0')
+        fovea_error_set(told, FOVEA_OK, "%.256s%s%.200s", grief.text, told->text[0] != '\0' ? "; " : "",
+                        client->event.told.text);
     snprintf(client->uri, sizeof client->uri, "libcamera:%s", agreed->id);
     *out = client;
     return FOVEA_OK;

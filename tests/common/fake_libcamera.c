@@ -63,6 +63,7 @@ void fake_stage_reset(struct fake_stage *stage)
     atomic_store(&stage->fault, FAKE_NONE);
     atomic_store(&stage->fault_at_set_up, FAKE_NONE);
     atomic_store(&stage->fault_at_learn, FAKE_NONE);
+    atomic_store(&stage->stubborn, false);
     atomic_store(&stage->scribble, 0);
     atomic_store(&stage->lives, 0);
     atomic_store(&stage->set_ups, 0);
@@ -174,7 +175,7 @@ static void send_broken(uint32_t kind, enum fovea_status status, const char *tex
 static bool do_wrong(atomic_int *fault, uint32_t kind)
 {
     struct fv_libcamera_event event = {.kind = FV_LIBCAMERA_FRAME, .frame = {.index = 77}};
-    switch (atomic_exchange(fault, FAKE_NONE)) {
+    switch (atomic_load(&me.stage->stubborn) ? atomic_load(fault) : atomic_exchange(fault, FAKE_NONE)) {
     case FAKE_ABORT:
         signal(SIGABRT, SIG_DFL);
         abort();

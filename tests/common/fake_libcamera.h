@@ -29,6 +29,7 @@ struct fake_stage {
     char folder[64];
     atomic_bool away;                                  /* the camera is unplugged */
     atomic_int fault, fault_at_set_up, fault_at_learn; /* enum fake_fault, done once */
+    atomic_bool stubborn;                              /* not once, but by each process */
     atomic_int scribble;        /* 1 + value: written into the first byte of all buffers, then 0 */
     atomic_uint lives, set_ups; /* processes started; asked to stream */
     atomic_int pid;             /* of the last */

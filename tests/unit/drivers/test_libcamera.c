@@ -316,20 +316,49 @@ static void test_refused_at_open(void **state)
     static const struct {
         enum fake_fault fault;
         const char *says;
-    } faults[] = {{FAKE_BROKEN, "it is on fire"}, {FAKE_ABORT, "signal 6"}, {FAKE_HANG, "does not answer"}};
+        unsigned lives; /* what is refused is refused; a process that is lost is replaced once */
+    } faults[] = {
+        {FAKE_BROKEN, "it is on fire", 1}, {FAKE_ABORT, "signal 6", 2}, {FAKE_HANG, "does not answer", 2}};
     struct fovea_source *source = NULL;
     for (size_t i = 0; i < sizeof faults / sizeof faults[0]; ++i) {
         fv_libcamera_answer_ns = faults[i].fault == FAKE_HANG ? patience_ns : usual_ns;
         struct fovea_error error = {.text = ""};
         fake_stage_reset(stage);
+        atomic_store(&stage->stubborn, true);
         atomic_store(&stage->fault_at_learn, faults[i].fault);
         assert_true(ops->open("0", &everything, &source, &error) < 0);
         if (strstr(error.text, faults[i].says) == NULL) fail_msg("%s", error.text);
         assert_null(source);
+        assert_int_equal(atomic_load(&stage->lives), faults[i].lives);
     }
     fv_libcamera_answer_ns = usual_ns;
     assert_int_equal(waitpid(-1, NULL, WNOHANG), -1); /* no process is left */
     assert_int_equal(errno, ECHILD);
+}
+
+/* A process that ends or hangs over the opening is told of, and another opens the camera. */
+static void test_fault_while_opening(void **state)
+{
+    (void)state;
+    static const struct fovea_source_selection everything = {.step = 1};
+    static const struct {
+        enum fake_fault fault;
+        const char *says;
+    } faults[] = {{FAKE_ABORT, "signal 6"}, {FAKE_HANG, "does not answer"}, {FAKE_SHORT, "makes no sense"}};
+    for (size_t i = 0; i < sizeof faults / sizeof faults[0]; ++i) {
+        fv_libcamera_answer_ns = faults[i].fault == FAKE_HANG ? patience_ns : usual_ns;
+        struct fovea_source *source = NULL;
+        struct fovea_error error = {.text = ""};
+        fake_stage_reset(stage);
+        atomic_store(&stage->fault_at_learn, faults[i].fault);
+        if (ops->open("0", &everything, &source, &error) != FOVEA_OK) fail_msg("%s", error.text);
+        assert_int_equal(ops->start(source, &error), FOVEA_OK);
+        assert_told(source, faults[i].says);
+        fv_test_next_frame(source);
+        assert_int_equal(atomic_load(&stage->lives), 2);
+        fv_test_finish(source);
+    }
+    fv_libcamera_answer_ns = usual_ns;
 }
 
 /* ---- over and over ----------------------------------------------------------------------------------- */
@@ -382,6 +411,7 @@ int main(int argc, char **argv)
                                        cmocka_unit_test(test_interrupted_while_opening),
                                        cmocka_unit_test(test_cannot_be_started),
                                        cmocka_unit_test(test_refused_at_open),
+                                       cmocka_unit_test(test_fault_while_opening),
                                        cmocka_unit_test(test_ends_over_and_over)};
     if (fake_libcamera_is_me(argv[0])) return fake_libcamera_run();
     if (getenv("FOVEA_EMULATED") != NULL) {
