@@ -349,8 +349,8 @@ plug GREY "$frames/sim.raw" 0.5 after="$HIL_results/usb.lcm"
 check 'whole runtime through the USB camera: runs and is recorded' \
     run_fovea usb.lcm --source "v4l2:$usb" --rate max --frames 30
 unplug
-outage() { # the camera goes away in the middle of a run and comes back
-    (while [ -e $usb_id ]; do nap 0.2; done; nap 4; bash usb-plug.sh) &
+outage() { # the camera goes away in the middle of a run and comes back; its first frame waits for the loop to see that
+    (while [ -e $usb_id ]; do nap 0.2; done; nap 4; bash usb-plug.sh waits=1500) &
     run_fovea outage.lcm --source "v4l2:$usb" --frames 40 && wait &&
         "$tool" states "$HIL_results/outage.lcm" state=ok state=gone state=returning state=ok pose=1 pose=3 pose=1 rate=2
 }

@@ -13,6 +13,7 @@
  *   after=FILE      a frame goes out when FILE has grown by one since the last, or after ten seconds,
  *                   whatever RATE says
  *   leaves=N        the camera is unplugged when N frames have gone out
+ *   waits=MS        so long it streams before its first frame
  *
  * After the USB Video Class specification 1.0 (descriptors and requests) and
  * Documentation/usb/usbip_protocol.rst. */
@@ -97,7 +98,7 @@ static struct camera {
     struct pending early[PENDING_MAX]; /* unlinked before their submission came */
     size_t early_count;
     int64_t due_ns;
-    long number, leaves;
+    long number, leaves, waits;
     size_t sent, total;
     uint8_t toggle;
 } camera;
@@ -280,7 +281,11 @@ static bool negotiate(uint32_t number, unsigned request, unsigned selector, cons
     case SET_CUR:
         memcpy(block, data, bytes < 26 ? bytes : 26);
         fix_probe(block);
-        if (selector == 2) camera.streaming = true, camera.in_frame = false, camera.due_ns = 0;
+        if (selector == 2) {
+            camera.streaming = true;
+            camera.in_frame = false;
+            camera.due_ns = tool_now_ns() + camera.waits * 1000000;
+        }
         reply(number, 0, NULL, 0, bytes);
         return true;
     case GET_LEN:
@@ -494,6 +499,8 @@ static void read_option(const char *text)
         camera.pace.file = text + 6;
     else if (strncmp(text, "leaves=", 7) == 0)
         camera.leaves = atol(text + 7);
+    else if (strncmp(text, "waits=", 6) == 0)
+        camera.waits = atol(text + 6);
     else if (strncmp(text, "serial=", 7) == 0 && strlen(text) < 60)
         camera.serial = text + 7;
     else
