@@ -43,6 +43,10 @@ static void layout(enum fovea_pixel_format format, size_t *bytes, size_t *offset
     case FOVEA_PIXEL_Y16:
         *bytes = 2, *bits = 16;
         break;
+    case FOVEA_PIXEL_RGB24:
+    case FOVEA_PIXEL_BGR24: /* green, of which grey levels are mostly made */
+        *bytes = 3, *offset = 1;
+        break;
     default:
         break;
     }

@@ -141,14 +141,15 @@ static void test_brightness(void **state)
     (void)state;
     static const struct {
         enum fovea_pixel_format format;
-        int bytes, pixel[2]; /* of one pixel */
+        int bytes, pixel[3]; /* of one pixel */
         int level;
     } rows[] = {
-        {FOVEA_PIXEL_GREY8, 1, {77, 0}, 77},    {FOVEA_PIXEL_YUYV, 2, {77, 200}, 77},
-        {FOVEA_PIXEL_UYVY, 2, {200, 77}, 77},   {FOVEA_PIXEL_Y10, 2, {0x35, 0x01}, 77},
-        {FOVEA_PIXEL_Y12, 2, {0xd5, 0x04}, 77}, {FOVEA_PIXEL_Y14, 2, {0x55, 0x13}, 77},
-        {FOVEA_PIXEL_Y16, 2, {0x55, 0x4d}, 77}, {FOVEA_PIXEL_BAYER_RGGB8, 1, {77, 0}, 77},
-        {FOVEA_PIXEL_NV12, 1, {77, 0}, 77},
+        {FOVEA_PIXEL_GREY8, 1, {77, 0}, 77},       {FOVEA_PIXEL_YUYV, 2, {77, 200}, 77},
+        {FOVEA_PIXEL_UYVY, 2, {200, 77}, 77},      {FOVEA_PIXEL_Y10, 2, {0x35, 0x01}, 77},
+        {FOVEA_PIXEL_Y12, 2, {0xd5, 0x04}, 77},    {FOVEA_PIXEL_Y14, 2, {0x55, 0x13}, 77},
+        {FOVEA_PIXEL_Y16, 2, {0x55, 0x4d}, 77},    {FOVEA_PIXEL_BAYER_RGGB8, 1, {77, 0}, 77},
+        {FOVEA_PIXEL_NV12, 1, {77, 0}, 77},        {FOVEA_PIXEL_RGB24, 3, {10, 77, 200}, 77},
+        {FOVEA_PIXEL_BGR24, 3, {200, 77, 10}, 77},
     };
     for (size_t i = 0; i < sizeof rows / sizeof rows[0]; ++i) {
         const size_t bytes = 64 * 64 * (size_t)rows[i].bytes;
@@ -164,6 +165,13 @@ static void test_brightness(void **state)
         assert_int_equal(fv_v4l2_brightness(&image), rows[i].level);
         test_free(data);
     }
+    /* The whole width counts: its right half is as bright as that of a grey picture. */
+    static uint8_t colours[64 * 64 * 3];
+    for (size_t k = 0; k < sizeof colours; ++k)
+        colours[k] = k % 192 < 96 ? 40 : 200;
+    const struct fovea_image halves = {
+        .data = colours, .width = 64, .height = 64, .stride_bytes = 192, .format = FOVEA_PIXEL_RGB24};
+    assert_int_equal(fv_v4l2_brightness(&halves), 120);
     /* The four colours of a Bayer pattern count alike. */
     static uint8_t mosaic[64 * 64];
     for (int y = 0; y < 64; ++y)
