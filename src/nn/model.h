@@ -163,6 +163,8 @@ struct fv_op_matmul {
     int32_t batch[2], a_batch[2], b_batch[2], m, k, n, a_row, b_row,
         b_column; /* strides in bytes; columns of a are packed */
     int32_t zero_a, zero_b, zero_out, multiplier, shift;
+    int32_t single_rounding; /* as in convolutions: a fully connected layer whose weights are computed */
+    int32_t bias;            /* offset of int32[n], 0: none */
 };
 struct fv_op_detection {
     int32_t anchors, classes, class_offset, max_detections, max_per_anchor, per_class, regular_nms;

@@ -472,9 +472,12 @@ static const char *check_matmul(const struct check *c)
     REQUIRE(matmul.zero_a,
             between(p->zero_a, 0, 255) && between(p->zero_b, 0, 255) && between(p->zero_out, 0, 255),
             "zero points are not bytes");
-    REQUIRE(matmul.shift, between(p->shift, -31, 30), "the shift is out of range");
+    REQUIRE(matmul.single_rounding, between(p->single_rounding, 0, 1), "not 0 or 1");
+    REQUIRE(matmul.shift, p->single_rounding || between(p->shift, -31, 30), "the shift is out of range");
+    REQUIRE(matmul.bias, p->bias == 0 || constant(c, p->bias, (int64_t)p->n * 4, 4), "the biases lie outside the file");
     *c->word = 14;
-    if (scratch_bytes(c) < n16 * (k4 * 4 + 12)) return "scratch is too small";
+    const int64_t sums = p->single_rounding ? n16 * 4 * FV_MODEL_CONV_PIXELS : 0;
+    if (scratch_bytes(c) < n16 * (k4 * 4 + 12) + sums) return "scratch is too small";
     *c->word = 13;
     return c->op->rows == batches * (n16 / 16 + p->m) ? NULL : "rows do not match the shape";
 }

@@ -94,8 +94,7 @@ static void gather(const struct fv_nn_call *call, int32_t first, int32_t count, 
     }
 }
 
-/* LiteRT's fully connected layer: acc times a double, rounded once, halves away from zero. */
-static int32_t scale_once(int32_t acc, int32_t low, int32_t high)
+int32_t fv_nn_scale_once(int32_t acc, int32_t low, int32_t high)
 {
     const uint64_t bits = (uint64_t)(uint32_t)high << 32 | (uint32_t)low;
     double scale;
@@ -118,7 +117,7 @@ static void fully_connected(const struct fv_nn_call *call, const struct fv_nn_ge
     call->kernels->nn_gemm_i32(gemm, rows, pitch, acc, n16, count);
     for (int32_t i = 0; i < count; ++i, acc += n16, out += c->image.out_stride) {
         for (int32_t o = 0; o < gemm->n; ++o) {
-            const int32_t scaled = scale_once(acc[o], gemm->multiplier[o], gemm->shift[o]);
+            const int32_t scaled = fv_nn_scale_once(acc[o], gemm->multiplier[o], gemm->shift[o]);
             const uint8_t value = (uint8_t)fv_nn_clamp(scaled + c->zero_out, c->act_min, c->act_max);
             out[o] = gemm->table == NULL ? value : gemm->table[value];
         }

@@ -51,6 +51,10 @@ fv_nn_op_fn fv_nn_op_conv, fv_nn_op_depthwise, fv_nn_op_binary, fv_nn_op_pool, f
     fv_nn_op_fill, fv_nn_op_resize, fv_nn_op_softmax, fv_nn_op_arg_max, fv_nn_op_dequantize,
     fv_nn_op_quantize, fv_nn_op_cast, fv_nn_op_matmul, fv_nn_op_detection;
 
+/* LiteRT's fully connected layer: acc times a double, of which `low` and `high` are the words, rounded once, halves away from
+ * zero; within +-100000. */
+int32_t fv_nn_scale_once(int32_t acc, int32_t low, int32_t high);
+
 /* Rows that the steps of a detection make; -1: too many. */
 int32_t fv_nn_detection_rows(const struct fv_op_detection *p);
 

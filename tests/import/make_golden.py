@@ -83,7 +83,7 @@ def main():
     out = bytearray()
     for number, name in enumerate(CASES):
         kinds = ["uint8"] if name == "TFLite_Detection_PostProcess" else ["int8"] if name == "BATCH_MATMUL" else \
-            ["int8", "uint8"] if "CONV" in name or name in ("FULLY_CONNECTED", "ADD", "SOFTMAX") else \
+            ["int8", "uint8"] if "CONV" in name or name in ("FULLY_CONNECTED", "FULLY_CONNECTED, computed", "ADD", "SOFTMAX") else \
             [["int8", "uint8"][number % 2]]
         for kind in kinds:
             seed = next(s for s in range(100) if operators.run(name, kind, s, "c") == "")

@@ -412,6 +412,22 @@ def batch_matmul(c):
     return [a, b], [y]
 
 
+def computed_weights(c):
+    """Fully connected layers whose weights are computed: products of matrices as older converters write them."""
+    m, k, n = c.int(1, 60), c.int(1, 70), c.int(1, 40)
+    a, b = c.q((m, k), 0.05), c.q((k, n), 0.04)
+    turned = c.q((n, k), 0.04, c.b.tensors[b][3][0])
+    c.b.op("TRANSPOSE", [b, c.b.const("int32", [1, 0])], [turned], "Transpose")
+    y = c.q((m, n), 0.05 * 0.04 * c.choose(3, 60, 900) * np.sqrt(k))
+    c.b.op("FULLY_CONNECTED", [a, turned, c.bias(n, 0.05, [0.04]) if c.int(0, 1) else -1], [y], "FullyConnected",
+           FusedActivationFunction=c.choose(0, 1, 2, 3))
+    s = c.q((m, n), 1 / 256, 0 if c.dtype == "uint8" else -128)
+    c.b.op("SOFTMAX", [y], [s], "Softmax", Beta=1.0)
+    z = c.q((m, k), 0.04)
+    c.b.op("FULLY_CONNECTED", [s, b, -1], [z], "FullyConnected")
+    return [a, b], [y, z]
+
+
 def arg_max(c):
     rank = c.int(1, 4)
     shape = [c.int(1, 9) for _ in range(rank)]
@@ -490,6 +506,7 @@ CASES = {
     "LEAKY_RELU": unary("LEAKY_RELU", "LeakyRelu", Alpha=None), "HARD_SWISH": unary("HARD_SWISH"),
     "QUANTIZE": quantize, "DEQUANTIZE": dequantize, "BATCH_MATMUL": batch_matmul, "ARG_MAX": arg_max, "CAST": cast,
     "SPACE_TO_DEPTH": space_to_depth, "TRANSPOSE_CONV": transpose_conv, "TFLite_Detection_PostProcess": detection,
+    "FULLY_CONNECTED, computed": computed_weights,
 }
 
 

@@ -49,7 +49,7 @@ PARAMS = {
     "QUANTIZE": ["count", "scale", "zero"],
     "CAST": ["count"],
     "BATCH_MATMUL": ["batch0", "batch1", "a_batch0", "a_batch1", "b_batch0", "b_batch1", "m", "k", "n", "a_row",
-                     "b_row", "b_column", "zero_a", "zero_b", "zero_out", "multiplier", "shift"],
+                     "b_row", "b_column", "zero_a", "zero_b", "zero_out", "multiplier", "shift", "single_rounding", "bias"],
     "DETECTION": ["anchors", "classes", "class_offset", "max_detections", "max_per_anchor", "per_class",
                   "regular_nms", "score_threshold", "iou_threshold", "y_scale", "x_scale", "h_scale", "w_scale",
                   "anchor_data", "box_table", "score_table"],

@@ -212,9 +212,10 @@ def fully_connected(low, op):
     t_in, t_w, t_out = op.inputs[0], op.inputs[1], op.outputs[0]
     check8(low, op, t_in, t_w, t_out)
     ti, tw, to = low.tensor(t_in), low.tensor(t_w), low.tensor(t_out)
-    if tw.data is None:
-        raise ImportProblem(f"operator {op.index} FULLY_CONNECTED: weights are computed at run time")
     oc, k = tw.shape[-2:]
+    if tw.data is None:
+        computed_weights(low, op, ti.size // k, oc, k)
+        return
     batch = ti.size // k
     act = quant.activation_range(activation_of(op), to.scale0, to.zero_u8) + (to.zero_u8,)
     weights, w_zero = signed_weights(tw, symmetric=False)
@@ -227,6 +228,24 @@ def fully_connected(low, op):
     geometry = dict(kh=1, kw=1, stride_y=1, stride_x=1, dilation_y=1, dilation_x=1, pad_top=0, pad_left=0)
     emit_gemm(low, op, source, wide, weights.reshape(oc, k), w_zero, bias_of(low, op, oc), mult, shift, geometry, act,
               table, single=1)
+
+
+def computed_weights(low, op, rows, columns, k):
+    """A fully connected layer whose weights an operator makes: a product of two computed matrices."""
+    import lower_data
+    import lower_math
+    (t_in, t_w), t_out = op.inputs[:2], op.outputs[0]
+    ti, tw, to = low.tensor(t_in), low.tensor(t_w), low.tensor(t_out)
+    mult, shift = fully_connected_scale(ti, tw, to, 1)
+    bias = bias_of(low, op, columns)
+    out = low.output(t_out)
+    p = dict(batch0=1, batch1=1, a_batch0=0, a_batch1=0, b_batch0=0, b_batch1=0, m=rows, k=k, n=columns, a_row=k, b_row=1, b_column=k,
+             zero_a=ti.zero_u8, zero_b=tw.zero_u8, zero_out=to.zero_u8, multiplier=mult[0], shift=shift[0], single_rounding=1,
+             bias=low.net.blob(padded(bias, columns)) if bias.any() else 0)
+    lower_math.emit_product(low, op, low.dense_input(t_in), low.dense_input(t_w), out, p)
+    first, last = quant.activation_range(activation_of(op), to.scale0, to.zero_u8)
+    if (first, last) != (0, 255):
+        low.val[t_out] = low.copy_dense(out, to, quant.table(lambda v: min(max(v, first), last)))
 
 
 def fully_connected_scale(ti, tw, to, channels):

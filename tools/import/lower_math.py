@@ -4,7 +4,7 @@ import numpy as np
 import quant
 from fold import activation_of, binary_params
 from graph import ImportProblem
-from layout import BINARY, TYPE_BYTES
+from layout import BINARY, CONV_PIXELS, TYPE_BYTES
 from lower_conv import check8, image, same_padding
 from lower_data import coalesce, dense_strides, dequantize_table, emit_strided, value_strides
 from net import pad_to
@@ -240,10 +240,16 @@ def batch_matmul(low, op):
     p = dict(batch0=merged[0][0], batch1=merged[1][0], a_batch0=merged[0][1], a_batch1=merged[1][1],
              b_batch0=merged[0][2], b_batch1=merged[1][2], m=m, k=k, n=n, a_row=k, b_row=b_row, b_column=b_col,
              zero_a=ta.zero_u8, zero_b=tb.zero_u8, zero_out=to.zero_u8, multiplier=mult, shift=shift)
+    emit_product(low, op, va, vb, out, p)
+
+
+def emit_product(low, op, va, vb, out, p):
+    m, k, n, batches = p["m"], p["k"], p["n"], p["batch0"] * p["batch1"]
     n16, k4 = pad_to(n, 16), pad_to(k, 4)
-    rows = merged[0][0] * merged[1][0] * (n16 // 16 + m)  # packing 16 columns is a row as well
-    low.net.step("BATCH_MATMUL", op, [va, vb], [out], p, rows, to.size * k, cost=rows * max(n16 * (k4 + 16), 128 * k),
-                 scratch=n16 * (k4 + 12))
+    rows = batches * (n16 // 16 + m)  # packing 16 columns is a row as well
+    sums = n16 * 4 * CONV_PIXELS if p.get("single_rounding") else 0
+    low.net.step("BATCH_MATMUL", op, [va, vb], [out], p, rows, batches * m * n * k, cost=rows * max(n16 * (k4 + 16), 128 * k),
+                 scratch=n16 * (k4 + 12) + sums)
 
 
 def turned(low, op, index):

@@ -12,7 +12,7 @@ OFFSET_PARAMS = {"weights", "bias", "multiplier", "shift", "table", "rows_table"
 BLOB_KINDS = {"CONV": {"weights", "bias", "multiplier", "shift", "table"},
               "DEPTHWISE": {"weights", "bias", "multiplier", "shift", "table"},
               "BINARY": {"table"}, "COPY": {"table"},
-              "RESIZE": {"rows_table", "columns_table"}, "SOFTMAX": {"table"}, "DEQUANTIZE": {"table"},
+              "RESIZE": {"rows_table", "columns_table"}, "SOFTMAX": {"table"}, "DEQUANTIZE": {"table"}, "BATCH_MATMUL": {"bias"},
               "DETECTION": {"anchor_data", "box_table", "score_table"}}
 DECODER_BLOBS = (26, 27)  # thresholds, anchor_data
 
