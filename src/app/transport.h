@@ -15,7 +15,7 @@
 enum { FV_TRANSPORT_URL_BYTES = 320 };
 
 /* What makes multicast reach subscribers on a host without a network. */
-#define FV_TRANSPORT_MEND "sudo ip link set lo multicast on; sudo ip route add 224.0.0.0/4 dev lo"
+#define FV_TRANSPORT_MEND "sudo ip link set lo up multicast on; sudo ip route replace 224.0.0.0/4 dev lo"
 
 struct fv_transport;
 

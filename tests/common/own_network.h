@@ -8,7 +8,7 @@
 /* Enter a new network namespace; its loopback is down. False: not permitted here. */
 bool own_network_enter(void);
 
-/* Loopback up, multicast on, route 224.0.0.0/4 through it: what `fovea check` tells people to do. */
+/* Loopback up, multicast on, route 224.0.0.0/4 through it: what the command does that `fovea check` tells people. */
 bool own_network_mend(void);
 
 #endif

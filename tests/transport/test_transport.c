@@ -9,6 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
+#include <unistd.h>
 
 #include <cmocka.h>
 #include <lcm/lcm.h>
@@ -29,6 +30,21 @@ static void sleep_ms(long ms)
     nanosleep(&pause, NULL);
 }
 
+/* Run the very command that users are told. */
+static void mend_as_told(void)
+{
+    static const char told[] = FV_TRANSPORT_MEND, sudo[] = "sudo ";
+    char command[2 * sizeof told] = "set -e; ";
+    size_t used = strlen(command);
+    for (const char *at = told; *at != '\0';) {
+        if (strncmp(at, sudo, sizeof sudo - 1) == 0) /* root already */
+            at += sizeof sudo - 1;
+        else
+            command[used++] = *at++;
+    }
+    if (system(command) != 0) fail_msg("%s: failed", command);
+}
+
 static void test_missing_route(void **state)
 {
     (void)state;
@@ -40,7 +56,15 @@ static void test_missing_route(void **state)
     assert_int_equal(fv_transport_check(URL, 0, &error), FOVEA_ERROR_SYSTEM);
     assert_non_null(strstr(error.text, FV_TRANSPORT_MEND));
     assert_non_null(strstr(error.text, "no route"));
-    assert_true(own_network_mend());
+    if (geteuid() != 0 || system("command -v ip >/dev/null") != 0) {
+        print_message("SKIPPED the command that mends it: not root, or no program ip\n");
+        assert_true(own_network_mend());
+    } else { /* here the loopback is down; the second time a route leads nowhere */
+        mend_as_told();
+        assert_int_equal(system("ip route del 224.0.0.0/4; ip route add unreachable 224.0.0.0/4"), 0);
+        assert_int_equal(fv_transport_check(URL, 0, &error), FOVEA_ERROR_SYSTEM);
+        mend_as_told();
+    }
     if (fv_transport_check(URL, 0, &error) != FOVEA_OK) fail_msg("%s", error.text);
 }
 
