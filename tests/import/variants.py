@@ -243,7 +243,17 @@ def float_detection(c):
     for t in (box, score):
         reals.append(c.b.tensor("float32", c.b.tensors[t][1]))
         c.b.op("DEQUANTIZE", [t], [reals[-1]], "Dequantize")
+    if c.int(0, 1):  # boxes of one axis too many, as convolutions give them
+        shape = c.b.tensors[box][1]
+        c.b.tensors[box] = (c.b.tensors[box][0], (1, n, 1, 4), *c.b.tensors[box][2:])
+        c.b.tensors[reals[0]] = (c.b.tensors[reals[0]][0], (1, n, 1, 4), *c.b.tensors[reals[0]][2:])
+        bent = c.b.tensor("float32", shape)
+        c.b.op("SQUEEZE", [reals[0]], [bent], "Squeeze", SqueezeDims=[2])
+        reals[0] = bent
     anchors = c.b.const("float32", c.r.uniform(0.05, 0.95, (n, 4)))
+    if c.int(0, 2) == 0:
+        packed, anchors = c.q((n, 4), 1 / 256, low, data=c.values((n, 4))), c.b.tensor("float32", (n, 4))
+        c.b.op("DEQUANTIZE", [packed], [anchors], "Dequantize")
     outs = [c.b.tensor("float32", s) for s in ((1, limit, 4), (1, limit), (1, limit), (1,))]
     options = flexbuffers.Dumps({"max_detections": limit, "max_classes_per_detection": 1, "num_classes": classes,
                                  "detections_per_class": 10, "nms_score_threshold": 0.3, "nms_iou_threshold": 0.5,

@@ -5,6 +5,7 @@ import numpy as np
 import shapes
 import slices
 
+DTYPES = {"INT32": np.int32, "INT64": np.int64, "FLOAT32": np.float32}
 WHOLE = ("INT32", "INT64")
 
 
@@ -33,6 +34,11 @@ EVALUATE = {
 }
 
 
+def dequantize_table(tensor):
+    """Real numbers by byte, multiplied in double as the reference does."""
+    return np.array([np.float32(float(tensor.scale0) * (v - tensor.zero_u8)) for v in range(256)], np.float32)
+
+
 def fold(graph):
     """Evaluate what can be; the operators that stay keep their numbers."""
     left = []
@@ -43,10 +49,12 @@ def fold(graph):
         value = None
         if op.name == "SHAPE":
             value = np.array(tensors[0].shape)
+        elif op.name == "DEQUANTIZE" and tensors[0].is8 and tensors[0].data is not None:
+            value = dequantize_table(tensors[0])[tensors[0].unsigned()]
         elif op.name in EVALUATE and out.type in WHOLE and all(t.data is not None and t.type in WHOLE for t in tensors):
             value = EVALUATE[op.name](op, [t.data for t in tensors])
         if value is None or np.size(value) != out.size:
             left.append(op)
         else:
-            out.data = np.asarray(value, np.int32 if out.type == "INT32" else np.int64).reshape(out.shape)
+            out.data = np.asarray(value, DTYPES[out.type]).reshape(out.shape)
     graph.ops = left

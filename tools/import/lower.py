@@ -23,17 +23,26 @@ class Lowering:
         self.skip = set()        # operators merged into others
         self.place = {}          # tensor -> (concat tensor, channel offset)
         self.concat_storage = {}
-        self.before_dequantize = self.detection_inputs()  # real tensor -> the 8-bit one that it is made of
+        self.before_dequantize, self.unread = self.detection_inputs()
 
     def detection_inputs(self):
-        """Real inputs of detection post-processing, which reads the 8-bit tensors before them itself."""
-        made = {op.outputs[0]: op.inputs[0] for op in self.g.ops if op.name == "DEQUANTIZE"}
-        readers = {}
+        """Real inputs of detection post-processing with the 8-bit tensors that they are made of, which it reads itself; and the
+        operators between, where nothing else needs them."""
+        made = {op.outputs[0]: op for op in self.g.ops if op.outputs}
+        found, between = {}, []
         for op in self.g.ops:
-            for t in op.inputs:
-                readers.setdefault(t, set()).add(op.name)
-        return {t: made[t] for t, names in readers.items()
-                if t in made and names == {"TFLite_Detection_PostProcess"} and t not in self.g.outputs}
+            for t in op.inputs[:2] if op.name == "TFLite_Detection_PostProcess" else ():
+                path = [t]
+                while path[-1] in made and made[path[-1]].name in ("RESHAPE", "SQUEEZE", "EXPAND_DIMS"):
+                    path.append(made[path[-1]].inputs[0])
+                if path[-1] in made and made[path[-1]].name == "DEQUANTIZE":
+                    found[t] = made[path[-1]].inputs[0]
+                    between += path
+        needed = set(self.g.outputs)
+        for op in reversed(self.g.ops):
+            if op.name != "TFLite_Detection_PostProcess" and (needed.intersection(op.outputs) or not set(op.outputs) <= set(between)):
+                needed.update(op.inputs)
+        return found, {made[t].index for t in between if t not in needed}
 
     # ---- values ------------------------------------------------------------------------------------------------
     def tensor(self, t):
@@ -114,7 +123,7 @@ class Lowering:
         if self.fold:
             self.plan_concats()
         for op in self.g.ops:
-            if op.index in self.skip:
+            if op.index in self.skip or op.index in self.unread:
                 continue
             try:
                 with np.errstate(divide="raise", invalid="raise"):

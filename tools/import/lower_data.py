@@ -3,6 +3,7 @@ import numpy as np
 
 import quant
 import slices
+from constant import dequantize_table
 from graph import ImportProblem
 from layout import TYPE_BYTES
 
@@ -289,17 +290,10 @@ def quantize(low, op):
                  (ti.size + 4095) // 4096, cost=ti.size * 32)
 
 
-def dequantize_table(tensor):
-    """Real numbers by byte, multiplied in double as the reference does."""
-    return np.array([np.float32(float(tensor.scale0) * (v - tensor.zero_u8)) for v in range(256)], np.float32)
-
-
 def dequantize(low, op):
     ti = low.tensor(op.inputs[0])
     if not ti.is8 or low.tensor(op.outputs[0]).type != "FLOAT32":
         raise ImportProblem(low.describe_missing(op))
-    if op.outputs[0] in low.before_dequantize:
-        return
     source = low.dense_input(op.inputs[0])
     out = low.output(op.outputs[0])
     low.net.step("DEQUANTIZE", op, [source], [out], dict(count=ti.size, table=low.net.blob(dequantize_table(ti))),

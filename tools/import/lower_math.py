@@ -2,11 +2,12 @@
 import numpy as np
 
 import quant
+from constant import dequantize_table
 from fold import activation_of, binary_params
 from graph import ImportProblem
 from layout import BINARY, CONV_PIXELS, TYPE_BYTES
 from lower_conv import check8, image, same_padding
-from lower_data import coalesce, dense_strides, dequantize_table, emit_strided, value_strides
+from lower_data import coalesce, dense_strides, emit_strided, value_strides
 from net import pad_to
 
 f32 = np.float32
@@ -271,7 +272,7 @@ def detection_postprocess(low, op):
     if anchors.data is None or not (anchors.is8 or anchors.type == "FLOAT32"):
         raise ImportProblem(f"operator {op.index} {op.name}: anchors are computed at run time")
     o = op.custom
-    count = boxes.shape[1]
+    count = low.tensor(op.inputs[0]).shape[1]
     limit = int(o["max_detections"])
     per_anchor = int(o.get("max_classes_per_detection", 1))
     slots = limit * per_anchor
