@@ -49,16 +49,18 @@ void fv_sim3_move_pose(const struct fv_sim3 *S_new_old, struct fv_se3 *T_cam);
 bool fv_sim3_align(const double (*a)[3], const double (*b)[3], uint32_t count, struct fv_sim3 *S_a_b);
 
 /* A landmark as two cameras know it: its point in the frame of each camera (in the unit of its map), and
- * where each saw it (bearing and d(pixel)/d(point), weight 1 / sigma_px^2). */
+ * where each saw it (bearing and d(pixel)/d(point), weight 1 / sigma_px^2; 0: that camera did not see it). How far off
+ * a point is, is less certain than where it was seen: its error along its ray shows as pixels from elsewhere. */
 struct fv_meeting {
     double point_a[3], point_b[3];
+    double sigma_a, sigma_b; /* of their distances, relative */
     double bearing_a[3], bearing_b[3];
     double A_a[6], A_b[6];
     double weight_a, weight_b;
     bool inlier;
 };
 
-/* Squared weighted pixel errors of a meeting, in camera a and in camera b; false when a point lies behind. */
+/* Squared pixel errors of a meeting in camera a and in camera b, over their variances (sights and distances); false when a point lies behind. */
 bool fv_sim3_errors(const struct fv_meeting *m, const struct fv_sim3 *S_a_b, const struct fv_sim3 *S_b_a,
                     double square[2]);
 

@@ -8,9 +8,6 @@
 #include "geometry/vec.h"
 
 static const double huber_square = 5.991; /* 95 % of chi-square with 2 degrees of freedom */
-/* Pixels alone leave the scale open when both cameras stand in one place, so distances are held against each
- * other. */
-static const double distance_sigma = 0.05; /* relative, of a landmark's distance */
 static const double distance_ratio_max = 1.5;
 
 /* ---- closed form -----------------------------------------------------------------------------------------
@@ -65,17 +62,38 @@ static bool fv_distances_agree(const double q[3], const double p[3])
     return ratio2 < bound && ratio2 * bound > 1;
 }
 
+/* Squared error of a point q of the camera's frame, whose own error along its ray is `along`, over the variance of both. */
+static bool fv_square_error(const double bearing[3], const double A[6], double weight, const double q[3],
+                            const double along[3], double *square)
+{
+    double e[2], J[6];
+    *square = 0;
+    if (!fv_sight_error(bearing, A, q, e, J)) return false;
+    const double u[2] = {fv_dot3(J, along), fv_dot3(J + 3, along)}, by_u = weight * (u[0] * e[0] + u[1] * e[1]);
+    *square = weight * (e[0] * e[0] + e[1] * e[1]) - by_u * by_u / (1 + weight * (u[0] * u[0] + u[1] * u[1]));
+    return true;
+}
+
+/* A point of one camera in the other's frame, and its error along its ray there. */
+static void fv_move_point(const struct fv_sim3 *S, const double point[3], double sigma, double q[3], double along[3])
+{
+    fv_sim3_apply(S, point, q);
+    for (int k = 0; k < 3; k++)
+        along[k] = sigma * (q[k] - S->t[k]);
+}
+
 bool fv_sim3_errors(const struct fv_meeting *m, const struct fv_sim3 *S_a_b, const struct fv_sim3 *S_b_a,
                     double square[2])
 {
-    double q[3], e[2];
-    fv_sim3_apply(S_a_b, m->point_b, q);
-    if (!fv_distances_agree(q, m->point_a) || !fv_sight_error(m->bearing_a, m->A_a, q, e, 0)) return false;
-    square[0] = m->weight_a * (e[0] * e[0] + e[1] * e[1]);
-    fv_sim3_apply(S_b_a, m->point_a, q);
-    if (!fv_sight_error(m->bearing_b, m->A_b, q, e, 0)) return false;
-    square[1] = m->weight_b * (e[0] * e[0] + e[1] * e[1]);
-    return true;
+    double q[3], along[3];
+    square[1] = 0;
+    fv_move_point(S_a_b, m->point_b, m->sigma_b, q, along);
+    if (!fv_distances_agree(q, m->point_a) ||
+        !fv_square_error(m->bearing_a, m->A_a, m->weight_a, q, along, &square[0]))
+        return false;
+    if (m->weight_b == 0) return true;
+    fv_move_point(S_b_a, m->point_a, m->sigma_a, q, along);
+    return fv_square_error(m->bearing_b, m->A_b, m->weight_b, q, along, &square[1]);
 }
 
 static bool fv_meeting_agrees(const struct fv_meeting *m, const struct fv_sim3 *S_a_b,
@@ -133,40 +151,47 @@ static void fv_add_row(double e, double weight, const double row[7], double H[49
     }
 }
 
-static double fv_huber_weight(double weight, double square)
+/* Rows of one camera: pixels, and (in a) how far its own point is. */
+struct camera_rows {
+    double e[3], row[3][7], weight[3]; /* of errors independent of each other */
+    double u[3];                       /* what the error of the other's point along its ray does to each */
+    int count;
+};
+
+/* Their sum into the system: the inverse of diag(1 / weight) + u u^T by Sherman and Morrison, under a Huber weight. */
+static void fv_add_rows(const struct camera_rows *r, double H[49], double g[7])
 {
-    square *= weight;
-    return square > huber_square ? weight * __builtin_sqrt(huber_square / square) : weight;
+    double together[7] = {0}, by_u = 0, of_u = 1, square = 0;
+    for (int i = 0; i < r->count; i++) {
+        const double w = r->weight[i] * r->u[i];
+        for (int k = 0; k < 7; k++)
+            together[k] += w * r->row[i][k];
+        by_u += w * r->e[i];
+        of_u += w * r->u[i];
+        square += r->weight[i] * r->e[i] * r->e[i];
+    }
+    square -= by_u * by_u / of_u;
+    const double robust = square > huber_square ? __builtin_sqrt(huber_square / square) : 1;
+    for (int i = 0; i < r->count; i++)
+        fv_add_row(r->e[i], robust * r->weight[i], r->row[i], H, g);
+    fv_add_row(by_u, -robust / of_u, together, H, g);
 }
 
-/* Rows of one camera, for the errors of a point q of its frame: two of pixels, one of distance. A step moves
- * `place` by u + w x place + sigma place; q goes with it, or, with `back`, against it through the inverse
- * transform. */
-static void fv_camera_rows(const double bearing[3], const double A[6], double weight, const double q[3],
-                           double distance, const double place[3], const struct fv_sim3 *back, double H[49],
-                           double g[7])
+/* The row of an error whose derivative by q is J. A step moves `place` by u + w x place + sigma place; q goes with
+ * it, or, with `back`, against it through the inverse transform. */
+static void fv_step_row(const double J[3], const double place[3], const struct fv_sim3 *back, double row[7])
 {
-    double e[3], J[9], row[7], along = 1 / (distance * distance_sigma);
-    if (!fv_sight_error(bearing, A, q, e, J)) return;
-    e[2] = fv_dot3(bearing, q) * along - 1 / distance_sigma;
-    for (int k = 0; k < 3; k++)
-        J[6 + k] = bearing[k] * along;
-    double pixel = fv_huber_weight(weight, e[0] * e[0] + e[1] * e[1]),
-           depth = fv_huber_weight(1, e[2] * e[2]);
-    for (int r = 0; r < 3; r++) {
-        double by_place[3];
-        if (back) {
-            fv_rotate_back3(back->R, J + 3 * r, by_place);
-            for (int k = 0; k < 3; k++)
-                by_place[k] *= -back->s;
-        } else {
-            fv_copy3(J + 3 * r, by_place);
-        }
-        fv_copy3(by_place, row);
-        fv_cross3(place, by_place, row + 3);
-        row[6] = fv_dot3(by_place, place);
-        fv_add_row(e[r], r < 2 ? pixel : depth, row, H, g);
+    double by_place[3];
+    if (back) {
+        fv_rotate_back3(back->R, J, by_place);
+        for (int k = 0; k < 3; k++)
+            by_place[k] *= -back->s;
+    } else {
+        fv_copy3(J, by_place);
     }
+    fv_copy3(by_place, row);
+    fv_cross3(place, by_place, row + 3);
+    row[6] = fv_dot3(by_place, place);
 }
 
 /* The step x moves S_a_b to (u, exp w, exp sigma) applied after it: q' = exp(sigma) exp(w) q + u. Seen from
@@ -174,11 +199,30 @@ static void fv_camera_rows(const double bearing[3], const double A[6], double we
 static void fv_meeting_system(const struct fv_meeting *m, const struct fv_sim3 *S_a_b,
                               const struct fv_sim3 *S_b_a, double H[49], double g[7])
 {
-    double q[3];
-    fv_sim3_apply(S_a_b, m->point_b, q);
-    fv_camera_rows(m->bearing_a, m->A_a, m->weight_a, q, fv_norm3(m->point_a), q, 0, H, g);
-    fv_sim3_apply(S_b_a, m->point_a, q);
-    fv_camera_rows(m->bearing_b, m->A_b, m->weight_b, q, fv_norm3(m->point_b), m->point_a, S_b_a, H, g);
+    struct camera_rows r = {.weight = {m->weight_a, m->weight_a, 1}, .count = 3};
+    double q[3], along[3], J[9];
+    fv_move_point(S_a_b, m->point_b, m->sigma_b, q, along);
+    if (!fv_sight_error(m->bearing_a, m->A_a, q, r.e, J)) return;
+    /* Pixels alone leave the scale open when both cameras stand in one place: the distances are held against each other. */
+    const double per_sigma = 1 / m->sigma_a, length = fv_norm3(m->point_a);
+    r.e[2] = (fv_dot3(m->bearing_a, q) / length - 1) * per_sigma;
+    for (int k = 0; k < 3; k++)
+        J[6 + k] = m->bearing_a[k] / length * per_sigma;
+    for (int i = 0; i < 3; i++) {
+        r.u[i] = fv_dot3(J + 3 * i, along);
+        fv_step_row(J + 3 * i, q, 0, r.row[i]);
+    }
+    fv_add_rows(&r, H, g);
+    if (m->weight_b == 0) return;
+    r.count = 2;
+    r.weight[0] = r.weight[1] = m->weight_b;
+    fv_move_point(S_b_a, m->point_a, m->sigma_a, q, along);
+    if (!fv_sight_error(m->bearing_b, m->A_b, q, r.e, J)) return;
+    for (int i = 0; i < 2; i++) {
+        r.u[i] = fv_dot3(J + 3 * i, along);
+        fv_step_row(J + 3 * i, m->point_a, S_b_a, r.row[i]);
+    }
+    fv_add_rows(&r, H, g);
 }
 
 /* Over the inliers; H is filled below its diagonal, and damped by next to nothing. */

@@ -32,6 +32,7 @@ static const double scale_log_max = 0.7;    /* within one map: drift does not do
 static const double turn_max_rad = 0.6;
 /* A relation less certain corrects nothing: a wall seen from afar is as tilted in the map as its few degrees allow. */
 static const double turn_sigma_max_rad = 0.02;
+static const double distance_sigma_least = 0.01;
 static const double drift_share_max = 0.1; /* of the path since the candidate */
 static const double drift_slack = 0.3;     /* of the median depth */
 
@@ -165,17 +166,39 @@ static uint32_t fv_gather_features(const struct fv_map *map, uint32_t slot, uint
     return count;
 }
 
-void fv_loop_camera_side(const struct fv_map *map, const struct fv_view *view, uint32_t feature,
-                         double point[3], double bearing[3], double A[6], double *weight)
+double fv_loop_distance_sigma(const struct fv_landmark *l, const double A[6], double weight)
 {
+    double pixels2 = 0; /* per rad, squared, twice */
+    for (int k = 0; k < 6; k++)
+        pixels2 += A[k] * A[k];
+    const double parallax = (double)l->spread * (double)l->spread * l->observer_count * weight * 0.5 * pixels2;
+    const double variance = distance_sigma_least * distance_sigma_least + (parallax > 1 ? 1 / parallax : 1);
+    return __builtin_sqrt(variance);
+}
+
+static void fv_side(const struct fv_map *map, const struct fv_view *view, uint32_t feature, double point[3],
+                    double *sigma, double bearing[3], double A[6], double *weight)
+{
+    const struct fv_landmark *l = &map->landmarks[view->landmark[feature]];
     struct fv_keypoint p;
-    fv_se3_apply(&view->frame->T_cam_world, map->landmarks[view->landmark[feature]].point, point);
+    fv_se3_apply(&view->frame->T_cam_world, l->point, point);
     if (!fv_map_keypoint(map, &view->points[feature], &p)) memset(&p, 0, sizeof p);
     for (int k = 0; k < 3; k++)
         bearing[k] = (double)p.bearing[k];
     for (int k = 0; k < 6; k++)
         A[k] = (double)p.A[k];
     *weight = (double)p.weight;
+    *sigma = fv_loop_distance_sigma(l, A, *weight);
+}
+
+void fv_loop_side_a(const struct fv_map *map, const struct fv_view *view, uint32_t feature, struct fv_meeting *m)
+{
+    fv_side(map, view, feature, m->point_a, &m->sigma_a, m->bearing_a, m->A_a, &m->weight_a);
+}
+
+void fv_loop_side_b(const struct fv_map *map, const struct fv_view *view, uint32_t feature, struct fv_meeting *m)
+{
+    fv_side(map, view, feature, m->point_b, &m->sigma_b, m->bearing_b, m->A_b, &m->weight_b);
 }
 
 /* Meetings of the matches that are near, clearly nearer than the second, and one to one. */
@@ -204,8 +227,8 @@ static void fv_make_meetings(struct fv_loop_closer *loop, const struct fv_map *m
         if (a.landmark[f] == FV_MAP_NONE || b.landmark[g] == FV_MAP_NONE) continue; /* gone since */
         struct fv_meeting *m = &loop->meetings[s->meeting_count++];
         memset(m, 0, sizeof *m);
-        fv_loop_camera_side(map, &a, f, m->point_a, m->bearing_a, m->A_a, &m->weight_a);
-        fv_loop_camera_side(map, &b, g, m->point_b, m->bearing_b, m->A_b, &m->weight_b);
+        fv_loop_side_a(map, &a, f, m);
+        fv_loop_side_b(map, &b, g, m);
     }
 }
 

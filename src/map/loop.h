@@ -135,9 +135,11 @@ bool fv_loop_unit(struct fv_loop_closer *loop, struct fv_map *map, const struct 
  */
 
 bool fv_loop_named(const struct fv_map *map, struct fv_loop_name name);
-/* One camera's side of a meeting: the landmark of a feature in its frame, and what the feature says of it. */
-void fv_loop_camera_side(const struct fv_map *map, const struct fv_view *view, uint32_t feature, double point[3],
-                         double bearing[3], double A[6], double *weight);
+/* Camera a's side of a meeting, or camera b's: the landmark of a feature in its frame, and what the feature says of it. */
+void fv_loop_side_a(const struct fv_map *map, const struct fv_view *view, uint32_t feature, struct fv_meeting *m);
+void fv_loop_side_b(const struct fv_map *map, const struct fv_view *view, uint32_t feature, struct fv_meeting *m);
+/* Standard deviation of a landmark's distance, relative, by its parallax; A and weight: of a sight of it. */
+double fv_loop_distance_sigma(const struct fv_landmark *l, const double A[6], double weight);
 /* Search the group's landmarks in a keyframe that S_keyframe_candidate is said to hold for, from state->next
  * on, in one unit; counts into visible and found, and fills meetings where the feature has a landmark itself.
  * True when done. */

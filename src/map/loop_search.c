@@ -44,16 +44,15 @@ static bool fv_in_image(const struct fv_loop_closer *loop, const struct fv_map *
 /* A landmark found at a feature that has a landmark of its own: the two meet. The candidate need not see the
  * landmark, so its side says only how far it is. False when the two are not at one distance. */
 static bool fv_add_meeting(struct fv_loop_closer *loop, const struct fv_map *map, const struct fv_view *view,
-                           uint32_t feature, const double q[3], const double in_candidate[3])
+                           uint32_t feature, const struct fv_landmark *l, const double q[3], const double in_candidate[3])
 {
     struct fv_meeting *m = &loop->meetings[loop->state->meeting_count];
     memset(m, 0, sizeof *m);
-    fv_loop_camera_side(map, view, feature, m->point_a, m->bearing_a, m->A_a, &m->weight_a);
+    fv_loop_side_a(map, view, feature, m);
     double ratio = fv_norm3(q) / fv_norm3(m->point_a);
     if (ratio > distance_ratio_max || ratio * distance_ratio_max < 1) return false;
     fv_copy3(in_candidate, m->point_b);
-    fv_copy3(in_candidate, m->bearing_b);
-    (void)fv_normalise3(m->bearing_b);
+    m->sigma_b = fv_loop_distance_sigma(l, m->A_a, m->weight_a);
     m->inlier = true;
     loop->state->meeting_count++;
     return true;
@@ -92,7 +91,7 @@ static void fv_look_for(struct fv_loop_closer *loop, const struct fv_map *map,
         return;
     uint32_t feature = (uint32_t)found.feature;
     if (look->view.landmark[feature] != FV_MAP_NONE &&
-        !fv_add_meeting(loop, map, &look->view, feature, q, in_candidate))
+        !fv_add_meeting(loop, map, &look->view, feature, l, q, in_candidate))
         return;
     loop->nearest[feature] = 1;
     s->found++;
