@@ -430,8 +430,8 @@ def dilated_by_batches(c):
 operators.CASES.clear()
 operators.CASES.update({f.__name__: f for f in (
     conv_uneven, depthwise_uneven, connected_axes, arithmetic_scales, extreme_constant, slice_masks, slice_ellipsis,
-    pool_wide, reduce_axes, resize_images, reshape_forms, tile_long, tile_every_axis, offset_weights, constant_functions, unary_ranges, softmax_axes, prelu_forms, matmul_forms,
-    arg_max_cast, up_uneven, pad_long, join_scales, detection_many, one_by_one_chain,
+    pool_wide, reduce_axes, resize_images, reshape_forms, tile_long, tile_every_axis, offset_weights, constant_functions,
+    unary_ranges, softmax_axes, prelu_forms, matmul_forms, arg_max_cast, up_uneven, pad_long, join_scales, detection_many, one_by_one_chain,
     open_sizes, dilated_by_batches)})
 
 if __name__ == "__main__":

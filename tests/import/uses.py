@@ -9,6 +9,7 @@ import os
 import struct
 import sys
 import tempfile
+import zipfile
 
 import numpy as np
 
@@ -89,7 +90,10 @@ class Bench:
         path, out = self.file("m.tflite", model), os.path.join(self.folder, "m.fvm")
         sys.argv = ["import", path, "-o", out, *options]
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()) as text:
-            status = TOOL.main()
+            try:
+                status = TOOL.main()
+            except Exception as problem:  # what a user would see as a traceback
+                return 1, repr(problem)
         if status:
             return status, text.getvalue()
         with open(out, "rb") as file:
@@ -165,7 +169,8 @@ def anchors(bench):
             found = bench.run(network(shapes), "--anchors", path)
             bench.holds(f"anchors in {name} for {shapes}", found.anchors, rows.ravel())
             bench.holds("decoder", found.decoder, "ssd_raw")
-            bench.holds("classes and scales", (found.classes, *found.box_scales), (max(s[-1] for s in shapes if s[-1] != 4) - 1, 10, 10, 5, 5))
+            classes = max(s[-1] for s in shapes if s[-1] != 4) - 1
+            bench.holds("classes and scales", (found.classes, *found.box_scales), (classes, 10, 10, 5, 5))
     boxes = network([(1, 3, 4), (1, 3, 6)])
     bench.refused("no anchors", boxes, "--anchors FILE", "--decoder", "ssd_raw")
     bench.refused("too few", boxes, "expected 4 for each of 3", "--anchors", bench.file("anchors.txt", "1 2 3 4"))
@@ -177,10 +182,49 @@ def anchors(bench):
     bench.refused("no pairs", grid, "--anchors", "--decoder", "yolov2")
 
 
+def zipped(names):
+    file = io.BytesIO()
+    with zipfile.ZipFile(file, "w") as archive:
+        for name, text in names.items():
+            archive.writestr(name, text)
+    return file.getvalue()
+
+
+def archived(bench):
+    """Labels in the archive that a model may carry at its end."""
+    model = network([(1, 7, 40)])
+    for what, names in (("a list", {"note.txt": "of no use", "labelmap.txt": "cat\ndog\nowl\n"}),
+                        ("a dictionary", {"temp_meta.txt": "{'names': {0: 'cat', 1: 'dog', 2: 'owl'}}"}),
+                        ("JSON", {"metadata.json": '{"task": "detect", "names": {"0": "cat", "1": "dog", "2": "owl"}}'}),
+                        ("JSON with a list", {"metadata.json": '{"end": true, "names": ["cat", "dog", "owl"]}'})):
+        found = bench.run(model + zipped(names))
+        bench.holds(f"labels in {what}", getattr(found, "labels", []) == [b"cat", b"dog", b"owl"], True)
+    for what, text in (("no dictionary", "{ not one"), ("no text", b"\xff\xfe"), ("no names", "{}"), ("other names", '{"names": 3}')):
+        found = bench.run(model + zipped({"labels.txt": text}))
+        bench.holds(f"an archive with {what} gives none", getattr(found, "labels", None) == [], True)
+
+
+def files(bench):
+    """What cannot be read or written; whatever was there stays."""
+    model = network([(1, 7, 40)])
+    path = bench.file("other.tflite", model)
+    bench.refused("no such folder", model, "/nowhere/m.fvm", "-o", "/nowhere/m.fvm")
+    bench.refused("a full disk", model, "/dev/full", "-o", "/dev/full")
+    bench.refused("the model as output", model, "m.tflite", "-o", os.path.join(bench.folder, "m.tflite"))
+    with open(path, "rb") as file:
+        bench.holds("it stays", file.read() == model, True)
+    bench.refused("no labels there", model, "nowhere.txt", "--labels", "nowhere.txt")
+    bench.refused("labels that are no text", model, "labels.bin", "--labels", bench.file("labels.bin", b"\xff\xfe"))
+    bench.refused("labels with a zero", model, "labels.bin", "--labels", bench.file("labels.bin", b"cat\0\n"))
+    bench.refused("too many labels", model, "4096", "--labels", bench.file("many.txt", "".join(f"l{i}\n" for i in range(5000))))
+    for option, value in (("--mean", "nan"), ("--scale", "1e9")):
+        bench.refused(f"{option} {value}", model, option, option, value)
+
+
 def main():
     with tempfile.TemporaryDirectory() as folder:
         bench = Bench(folder)
-        for test in (guesses, ranges, thresholds, labels, anchors):
+        for test in (guesses, ranges, thresholds, labels, anchors, archived, files):
             test(bench)
     return 1 if bench.wrong else 0
 

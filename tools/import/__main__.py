@@ -6,6 +6,7 @@
 Needs the packages tflite and numpy; --check also ai-edge-litert and pillow. See README.md beside this file."""
 import argparse
 import os
+import platform
 import sys
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
@@ -38,21 +39,53 @@ def print_operators(graph):
     print("operators: " + ", ".join(f"{n} {name}" for name, n in sorted(counts.items())))
 
 
+def kernel_sets():
+    """Those that a processor of this kind may have."""
+    return ["c", "sse4", "avx2", "avx512"] if platform.machine() == "x86_64" else ["c", "neon", "dotprod", "i8mm"]
+
+
+def put(path, data):
+    """A file that is there whole or not at all; a device is written as it is."""
+    path = os.path.realpath(path)
+    if os.path.exists(path) and not os.path.isfile(path):
+        with open(path, "wb") as file:
+            file.write(data)
+        return
+    part = f"{path}.part"
+    try:
+        with open(part, "wb") as file:
+            file.write(data)
+        os.replace(part, path)
+    except OSError:
+        if os.path.exists(part):
+            os.remove(part)
+        raise
+
+
+def complain(text):
+    print(text, file=sys.stderr)
+    return 2
+
+
 def main():
     parser = argparse.ArgumentParser(prog="tools/import", description=__doc__.split("\n")[0])
     parser.add_argument("model")
     parser.add_argument("-o", "--output", help="the .fvm file (default: beside the model)")
     parser.add_argument("--check", nargs="*", metavar="IMAGE", help="compare with the reference on images and noise")
     parser.add_argument("--layers", action="store_true", help="compare every operator, not only the outputs")
-    parser.add_argument("--set", help="kernel set for --check: c, avx2, avx512, neon, dotprod, i8mm")
+    parser.add_argument("--set", choices=kernel_sets(), help="kernel set for --check; default: the best of this processor")
     parser.add_argument("--no-fold", action="store_true", help="merge nothing, for finding faults")
     use.add_arguments(parser)
     arguments = parser.parse_args()
+    output = arguments.output or os.path.splitext(arguments.model)[0] + ".fvm"
     try:
         data, figures = convert(arguments.model, arguments, not arguments.no_fold)
-    except (graph_module.ImportProblem, OSError) as problem:
-        print(f"{arguments.model}: {problem}", file=sys.stderr)
-        return 2
+        if os.path.exists(output) and os.path.samefile(output, arguments.model):
+            return complain(f"-o {output}: found the model that is read, expected another file")
+    except graph_module.ImportProblem as problem:
+        return complain(f"{arguments.model}: {problem}")
+    except OSError as problem:
+        return complain(f"{problem.filename or arguments.model}: {problem.strerror}")
     print_operators(figures["graph"])
     print(f"steps {figures['steps']}, multiply-accumulates {figures['macs'] / 1e6:.1f} million, constants "
           f"{figures['weights'] / 1024:.0f} KiB, arena {figures['arena'] / 1024:.0f} KiB (no plan can go below "
@@ -62,11 +95,11 @@ def main():
         try:
             return 1 if check.check(arguments.model, data, arguments.check, arguments.layers, arguments.set) else 0
         except check.CheckProblem as problem:
-            print(f"--check: {problem}", file=sys.stderr)
-            return 2
-    output = arguments.output or os.path.splitext(arguments.model)[0] + ".fvm"
-    with open(output, "wb") as file:
-        file.write(data)
+            return complain(f"--check: {problem}")
+    try:
+        put(output, data)
+    except OSError as problem:
+        return complain(f"{output}: {problem.strerror}")
     print(f"{output}: {len(data)} bytes")
     return 0
 

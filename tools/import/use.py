@@ -7,6 +7,7 @@ import numpy as np
 from graph import ImportProblem
 
 DECODERS = ["none", "classifier", "ssd", "ssd_raw", "yolov5", "yolov8", "yolov2", "fomo", "segment"]
+LABELS_MAX = 4096
 ORDERS = {"rgb": 0, "bgr": 1, "grey": 2}
 
 
@@ -31,11 +32,15 @@ def bits(value):
     return struct.unpack("<i", struct.pack("<f", value))[0]
 
 
-def read_labels(path, graph):
-    if path is None:
-        return archived_labels(graph)
-    with open(path, encoding="utf-8") as file:
-        lines = [line.strip() for line in file if line.strip()]
+def read_labels(path):
+    try:
+        with open(path, encoding="utf-8") as file:
+            lines = [line.strip() for line in file if line.strip()]
+    except UnicodeDecodeError as problem:
+        found = f"byte {problem.start}: found {problem.object[problem.start]:#04x}"
+        raise ImportProblem(f"{path}: {found}, expected text in UTF-8") from problem
+    if len(lines) > LABELS_MAX or any("\0" in line for line in lines):
+        raise ImportProblem(f"{path}: found {len(lines)} labels, expected at most {LABELS_MAX} without zero bytes")
     return arrange(lines)
 
 
@@ -44,28 +49,40 @@ def arrange(lines):
     numbered = [line.split(None, 1) for line in lines]
     if all(len(p) == 2 and p[0].rstrip(":").isdigit() for p in numbered):
         table = {int(p[0].rstrip(":")): p[1] for p in numbered}
-        return [table.get(i, "") for i in range(max(table) + 1)]
+        if table and max(table) < LABELS_MAX:
+            return [table.get(i, "") for i in range(max(table) + 1)]
     return lines
 
 
-def archived_labels(graph):
-    """Labels that model metadata brings along: a zip archive appended to the file holds text files."""
-    return graph.metadata.get("fovea_labels", [])
-
-
 def zipped_labels(path):
+    """Labels that model metadata brings along: a zip archive appended to the file holds text files."""
     import zipfile
     try:
         with zipfile.ZipFile(path) as archive:
-            names = [n for n in archive.namelist() if n.endswith(".txt")]
-            text = archive.read(names[0]).decode("utf-8") if names else ""
-    except (zipfile.BadZipFile, OSError):
+            names = sorted((n for n in archive.namelist() if n.endswith((".txt", ".json"))), key=lambda n: "label" not in n.lower())
+            text = archive.read(names[0]).decode("utf-8").strip() if names else ""
+    except (zipfile.BadZipFile, OSError, UnicodeDecodeError, NotImplementedError, RuntimeError):
         return []
-    if text.lstrip().startswith("{"):  # a dictionary that holds `names` by class
-        import ast
-        names = ast.literal_eval(text.strip()).get("names", {})
-        return [str(names.get(i, "")) for i in range(max(names) + 1)] if names else []
-    return [line.strip() for line in text.splitlines()]
+    labels = named_labels(text) if text.startswith("{") else [line.strip() for line in text.splitlines()]
+    return [] if len(labels) > LABELS_MAX or any("\0" in label for label in labels) else labels
+
+
+def named_labels(text):
+    """From a dictionary, in Python's form or as JSON, that holds `names` by class or in their order."""
+    import ast
+    import json
+    names = None
+    for read in (json.loads, ast.literal_eval):
+        try:
+            names = read(text).get("names")
+            break
+        except (AttributeError, SyntaxError, ValueError):
+            continue
+    try:
+        table = dict(enumerate(names) if isinstance(names, list) else ((int(k), v) for k, v in names.items()))
+    except (AttributeError, TypeError, ValueError):
+        return []
+    return [str(table.get(i, "")) for i in range(max(table) + 1)] if table and 0 <= max(table) < LABELS_MAX else []
 
 
 def origin(graph, t, names=("QUANTIZE", "DEQUANTIZE")):
@@ -118,7 +135,7 @@ def describe(path, graph, net, arguments):
         add_arguments(arguments)
         arguments = arguments.parse_args([])
     kind = arguments.decoder or guess(graph, arguments.anchors)
-    labels = read_labels(arguments.labels, graph) or zipped_labels(path)
+    labels = zipped_labels(path) if arguments.labels is None else read_labels(arguments.labels)
     shape = graph.tensors[graph.inputs[0]].shape
     shape = shape if len(shape) == 4 else (1, 0, 0, 0)
     fit = arguments.fit or ("letterbox" if kind.startswith("yolo") else "stretch")
@@ -126,6 +143,9 @@ def describe(path, graph, net, arguments):
     mean, scale = natural_range(graph)
     mean = mean if arguments.mean is None else arguments.mean
     scale = scale if arguments.scale is None else arguments.scale
+    for name, value in (("--mean", mean), ("--scale", scale)):
+        if not abs(value) <= 1e6:
+            raise ImportProblem(f"{name}: found {value}, expected a number up to 1e6")
     channels = shape[3] if shape[3] in (1, 3) else 0
     preprocess = [int(fit == "letterbox"), shape[2], shape[1], channels, ORDERS[order], *[bits(mean)] * 3,
                   *[bits(scale)] * 3, 114]
@@ -169,7 +189,8 @@ def raw_outputs(graph):
     """Boxes and scores, which files list in either order: boxes have 4 numbers."""
     outs = [graph.tensors[t] for t in graph.outputs[:2]]
     if len(outs) != 2 or not any(t.shape[-1:] == (4,) for t in outs):
-        raise ImportProblem(f"--decoder ssd_raw: found outputs {[list(t.shape) for t in outs]}, expected boxes [n, 4] and scores [n, 1 + classes]")
+        raise ImportProblem(f"--decoder ssd_raw: found outputs {[list(t.shape) for t in outs]}, "
+                            "expected boxes [n, 4] and scores [n, 1 + classes]")
     return outs if outs[0].shape[-1] == 4 else outs[::-1]
 
 
@@ -226,5 +247,5 @@ def decoder_words(kind, graph, net, labels, arguments):
     if boxes and (len(scales) != 4 or not min(scales) > 0):
         raise ImportProblem(f"--box-scales: found {arguments.box_scales!r}, expected four numbers above 0")
     return [DECODERS.index(kind), classes, bits(share(arguments.score, "--score")), bits(share(arguments.iou, "--iou")),
-            int(arguments.agnostic), 300, int(is_share(kind, graph)), len(pairs) // 2, *[bits(v) for v in pairs], *[0] * (16 - len(pairs)), first_label, background,
-            table, boxes, *[bits(v) for v in scales]]
+            int(arguments.agnostic), 300, int(is_share(kind, graph)), len(pairs) // 2, *[bits(v) for v in pairs],
+            *[0] * (16 - len(pairs)), first_label, background, table, boxes, *[bits(v) for v in scales]]
