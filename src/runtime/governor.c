@@ -6,7 +6,7 @@
 #include "fovea/fovea.h"
 
 enum {
-    MAP_UNITS_MIN = 24,          /* a window of five iterations within six frames */
+    MAP_UNITS_MIN = 24,          /* a window of five iterations within six frames, when keyframes are not close together: growing them goes first */
     MAP_UNITS_FIXED = 56,        /* keyframes of a car follow each other by two frames */
     DETECT_UNITS_MIN = 4,        /* a millisecond: 300 million multiply-accumulates within 20 frames */
     DETECT_UNITS_FIXED = 56,     /* the shipped detector within two frames, ssd_mobilenet_v1 at 300 x 300 within 7 */
