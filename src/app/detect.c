@@ -147,6 +147,7 @@ int fv_command_detect(int argc, char **argv)
     if (folder != NULL && mkdir(folder, 0777) != 0 && errno != EEXIST) {
         status = fv_say_wrong("--draw %.300s: the folder cannot be made: %s", folder, strerror(errno));
     }
+    if (!fv_detect_gives_boxes(&engine.file.model)) fv_say("%s: its decoder gives no boxes: the lists stay empty", model);
     for (int i = first; i < argc && status == FV_EXIT_OK; ++i) {
         struct fovea_image image;
         if (fv_colour_read(argv[i], &image, &error) != FOVEA_OK) {

@@ -13,6 +13,7 @@
 
 #include "app/command.h"
 #include "app/picture.h"
+#include "common/nn_mutant.h"
 #include "fovea/elementary.h"
 
 enum { WIDTH = 400, HEIGHT = 300 };
@@ -179,6 +180,36 @@ static void lost_output_is_told(void **state)
     }
 }
 
+/* A network that gives no boxes is run all the same, and it is told why the lists stay empty. */
+static void networks_without_boxes_are_told(void **state)
+{
+    (void)state;
+    static _Alignas(64) uint8_t model[1 << 14];
+    char said[512] = "";
+    const size_t bytes = bytes_of("tests/golden/detector.fvm", model, sizeof model);
+    const int32_t none = FV_DECODER_NONE;
+    memcpy(model + offsetof(struct fv_model_header, decode.kind), &none, sizeof none);
+    nn_mutant_seal(model, bytes);
+    FILE *file = fopen(camera, "wb");
+    assert_non_null(file);
+    assert_int_equal(fwrite(model, 1, bytes, file), bytes);
+    assert_int_equal(fclose(file), 0);
+    fflush(NULL);
+    const pid_t child = fork();
+    if (child == 0) {
+        if (freopen(out, "w", stderr) == NULL || freopen("/dev/null", "w", stdout) == NULL) _exit(99);
+        const int code = CALL(fv_command_detect, "detect", "--model", camera, in, in);
+        fflush(NULL);
+        _exit(code);
+    }
+    int status = -1;
+    assert_int_equal(waitpid(child, &status, 0), child);
+    assert_int_equal(WEXITSTATUS(status), FV_EXIT_OK);
+    bytes_of(out, (uint8_t *)said, sizeof said - 1);
+    assert_non_null(strstr(said, "gives no boxes"));
+    assert_ptr_equal(strchr(said, '\n'), said + strlen(said) - 1); /* once */
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -186,6 +217,7 @@ int main(void)
         cmocka_unit_test(wrong_input_is_told),
         cmocka_unit_test(what_is_read_is_never_written_over),
         cmocka_unit_test(lost_output_is_told),
+        cmocka_unit_test(networks_without_boxes_are_told), /* writes over the camera */
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }
