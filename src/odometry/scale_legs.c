@@ -9,7 +9,14 @@ static const double inner_least = 1e-3;     /* units of the map: less is no moti
 static const double sigma_leg_least = 0.01; /* of one leg, relative */
 static const double sigma_few = 0.1;        /* of one leg, while there are too few to show their spread */
 static const double sigma_least = 0.005;    /* of them all: what no number of legs takes away */
+static const uint64_t gap_most_ns = 500000000; /* between samples */
 enum { LEGS_FEW = 6 };
+
+/* Stamps may be anything. */
+static uint64_t fv_apart_ns(int64_t earlier, int64_t later)
+{
+    return (uint64_t)later - (uint64_t)earlier;
+}
 
 void fv_scale_observe(struct fv_scale *scale, const struct fovea_odometry_sample *samples, uint32_t count)
 {
@@ -17,6 +24,10 @@ void fv_scale_observe(struct fv_scale *scale, const struct fovea_odometry_sample
     if (scale->config.source != FOVEA_SCALE_ODOMETRY) return;
     for (uint32_t i = 0; i < count && i < FV_SCALE_PLACES_MAX; i++) {
         int64_t last = s->places[(s->place_count - 1) % FV_SCALE_PLACES_MAX].stamp_ns;
+        /* Far back: a clock was set, or the last stamp was wrong. What came before has another time. */
+        if (s->place_count > 0 && last > samples[i].stamp_ns &&
+            fv_apart_ns(samples[i].stamp_ns, last) > gap_most_ns)
+            s->place_count = 0;
         if (s->place_count > 0 && samples[i].stamp_ns <= last) continue;
         struct fv_se3 T_odom_base;
         fv_so3_from_quaternion(samples[i].orientation, T_odom_base.R);
@@ -30,7 +41,6 @@ void fv_scale_observe(struct fv_scale *scale, const struct fovea_odometry_sample
 /* -1: odometry has not come so far yet; 0: it begins later or has a gap there; 1: found. */
 static int fv_scale_place_at(const struct fv_scale_state *s, int64_t stamp_ns, double at[3])
 {
-    static const int64_t gap_most_ns = 500000000;
     uint64_t oldest = s->place_count > FV_SCALE_PLACES_MAX ? s->place_count - FV_SCALE_PLACES_MAX : 0;
     if (s->place_count == 0 || s->places[(s->place_count - 1) % FV_SCALE_PLACES_MAX].stamp_ns < stamp_ns)
         return -1;
@@ -46,7 +56,7 @@ static int fv_scale_place_at(const struct fv_scale_state *s, int64_t stamp_ns, d
     if (b->stamp_ns == stamp_ns) return (fv_copy3(b->at, at), 1);
     if (low == oldest) return 0;
     const struct fv_scale_place *a = &s->places[(low - 1) % FV_SCALE_PLACES_MAX];
-    if (b->stamp_ns - a->stamp_ns > gap_most_ns) return 0;
+    if (fv_apart_ns(a->stamp_ns, b->stamp_ns) > gap_most_ns) return 0;
     double share = (double)(stamp_ns - a->stamp_ns) / (double)(b->stamp_ns - a->stamp_ns);
     for (int i = 0; i < 3; i++)
         at[i] = a->at[i] + share * (b->at[i] - a->at[i]);

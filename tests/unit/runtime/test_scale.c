@@ -49,6 +49,27 @@ static void odometry_gives_metres(void **state)
     sim_rig_close(&rig);
 }
 
+/* One sample from another day, as before a clock is set: odometry after it counts again. */
+static void a_wrong_stamp_does_not_end_odometry(void **state)
+{
+    (void)state;
+    sim_rig_open(&rig, "sim:orbit?width=320&height=240", 30, 150);
+    rig.config.scale.source = FOVEA_SCALE_ODOMETRY;
+    sim_rig_build(&rig);
+    while (sim_rig_next(&rig)) {
+        rig.inputs.odometry_count =
+            rig.ops->odometry(rig.source, &rig.frame, rig.inputs.odometry, FOVEA_INPUT_ODOMETRY_MAX);
+        assert_true(rig.inputs.odometry_count > 0);
+        if (rig.frames == 2) rig.inputs.odometry[0].stamp_ns += INT64_C(86400000000000);
+        sim_rig_process(&rig);
+    }
+    double scale = sim_rig_scale(&rig, 100, rig.frames);
+    printf("odometry after a wrong stamp: scale off by %+.2f %%\n", 100 * (scale - 1));
+    assert_int_equal(rig.pose[rig.frames - 1].scale_source, FOVEA_SCALE_ODOMETRY);
+    assert_true(fabs(scale - 1) < 0.02);
+    sim_rig_close(&rig);
+}
+
 /* A map keeps its metres: a run that has no odometry publishes them, and says from where they are. */
 static void a_saved_map_keeps_its_scale(void **state)
 {
@@ -301,6 +322,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(odometry_gives_metres),
+        cmocka_unit_test(a_wrong_stamp_does_not_end_odometry),
         cmocka_unit_test(a_saved_map_keeps_its_scale),
         cmocka_unit_test(the_path_bends_but_does_not_tear),
         cmocka_unit_test(the_maps_unit_is_minded),
