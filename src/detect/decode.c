@@ -111,6 +111,7 @@ int32_t fv_detect_suppress(struct fovea_detection *list, int32_t count, float io
 void fv_detect_decode_start(struct fv_detect_scratch *scratch)
 {
     scratch->count = 0;
+    scratch->sure = 0;
     scratch->offered = 0;
     scratch->progress = (struct fv_detect_progress){.phase = FV_DECODE_SCAN};
 }
@@ -145,7 +146,7 @@ static void open_outputs(const struct fv_model *model, uint8_t *arena, struct fv
 static void scan_some(struct fv_head_job *j, const struct fv_head *head, struct fv_detect_progress *progress)
 {
     int64_t cost = 1;
-    const int64_t items = head->items(j, &cost), step = VALUES_PER_UNIT / cost < 1 ? 1 : VALUES_PER_UNIT / cost;
+    const int64_t items = head->items(j, &cost), most = VALUES_PER_UNIT / (cost < 1 ? 1 : cost), step = most < 1 ? 1 : most;
     const int64_t end = items - progress->at > step ? progress->at + step : items;
     if (progress->at < end) head->scan(j, progress->at, end);
     progress->at = end;

@@ -334,6 +334,32 @@ static void ssd_before_its_post_processing(void **state)
     }
 }
 
+/* Outputs whose shape does not fit their decoder, down to a single number, give nothing. */
+static void foreign_shapes_give_nothing(void **state)
+{
+    (void)state;
+    static _Alignas(64) uint8_t file[1024];
+    const int32_t listed[4] = {1, 2, 1, 2};
+    for (int32_t kind = 0; kind < FV_DECODER_COUNT; kind++) {
+        for (int32_t rank = 0; rank <= 4; rank++) {
+            struct fv_model_tensor all[3] = {{.rank = 4, .dims = {1, HEIGHT, WIDTH, 3}}, {.rank = rank, .dims = {1, 1, 1, 1}},
+                                             {.rank = rank, .dims = {1, 1, 1, 1}}};
+            const struct fv_model odd = {.base = file, .header = &header, .tensors = all, .inputs = inputs, .outputs = listed};
+            struct fovea_detection found[4];
+            if (rank > 0) all[1].dims[rank - 1] = 16; /* of four boxes, of which the other output holds no scores */
+            describe(kind, WIDTH, HEIGHT);
+            header.output_count = kind == FV_DECODER_SSD_RAW ? 2 : 4;
+            header.file_bytes = sizeof file;
+            header.decode.anchor_data = FV_MODEL_HEADER_BYTES;
+            header.decode.score_threshold = 0.5f;
+            memset(arena, 0, 64);
+            const struct fv_detect_view view = view_of(WIDTH, HEIGHT);
+            const int32_t count = fv_detect_decode(&odd, arena, &view, &scratch, found, 4);
+            if (count != 0) fail_msg("decoder %d, %d axes: found %d boxes", kind, rank, count);
+        }
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -344,6 +370,7 @@ int main(void)
         cmocka_unit_test(uncertain_boxes_come_last_and_suppress_no_others),
         cmocka_unit_test(ssd_outputs_are_known_in_any_order),
         cmocka_unit_test(ssd_before_its_post_processing),
+        cmocka_unit_test(foreign_shapes_give_nothing),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
