@@ -127,14 +127,21 @@ SCALE_HEAD = ["| recording | runs | camera height m | scale off by %, median (wo
               "| --- | --- | --- | --- | --- |"]
 
 
+def count(text):
+    number = int(text)
+    if number < 1:
+        raise argparse.ArgumentTypeError(f"found {number}, expected at least 1")
+    return number
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--fovea", default="build/fovea")
     parser.add_argument("--data", default=os.environ.get("FOVEA_DATA", "../shared/data"))
-    parser.add_argument("--seeds", type=int, default=20)
+    parser.add_argument("--seeds", type=count, default=20)
     parser.add_argument("--starts", type=lambda text: [int(n) for n in text.split(",")], default=[0, 7, 15])
     parser.add_argument("--output")
-    parser.add_argument("--only")
+    parser.add_argument("--only", choices=[recording[0] for recording in RECORDINGS])
     parser.add_argument("extra", nargs="*", help="more arguments for fovea run, after --")
     arguments = parser.parse_args()
     results, scales = [], []
