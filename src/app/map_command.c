@@ -176,6 +176,7 @@ static const char *trouble(const struct asked *asked, int operands)
     if (draw != (operands == 3)) return draw ? "draw needs a map and a picture" : "expected one map";
     if (export && asked->ply == NULL && asked->tum == NULL) return "export needs --ply or --tum";
     if (!export && (asked->ply != NULL || asked->tum != NULL)) return "--ply and --tum belong to export";
+    if (!export && !draw && asked->world != NULL) return "--world belongs to export and draw";
     return NULL;
 }
 
