@@ -53,7 +53,7 @@ struct fv_final {
     /* The watcher's. */
     struct left *lefts;
     size_t left_count, left_capacity;
-    bool failed;
+    int failed; /* errno of a failure */
     _Alignas(64) uint8_t memory[RING_BYTES];
 };
 
@@ -164,7 +164,7 @@ static void take_left(struct fv_final *final, const struct left *left)
         size_t capacity = final->left_capacity == 0 ? 1024 : 2 * final->left_capacity;
         struct left *larger = realloc(final->lefts, capacity * sizeof *larger);
         if (larger == NULL) {
-            final->failed = true;
+            final->failed = ENOMEM;
             return;
         }
         final->lefts = larger;
@@ -185,7 +185,7 @@ void fv_final_drain(struct fv_final *final)
         if (!message.is_frame)
             take_left(final, &message.of.left);
         else if (fwrite(&message.of.frame, sizeof message.of.frame, 1, final->spool) != 1)
-            final->failed = true;
+            final->failed = errno;
     }
 }
 
@@ -264,7 +264,7 @@ static bool next_frame(struct fv_final *final, struct left *sorted, struct hung 
         fv_se3_compose(&keyframe->T, &frame->T_keyframe_cam, T);
         return true;
     }
-    final->failed = final->failed || ferror(final->spool) != 0;
+    if (ferror(final->spool)) final->failed = EIO;
     return false;
 }
 
@@ -274,6 +274,7 @@ static void write_frames(struct fv_final *final, struct left *sorted)
     struct fv_se3 T;
     struct scales scales = {.count = 0};
     uint64_t without = 0;
+    if (fflush(final->spool) != 0) final->failed = errno; /* which rewinding would forget */
     rewind(final->spool);
     while (next_frame(final, sorted, &frame, &T, &without))
         *scale_of(&scales, frame.published.map) = frame.scale;
@@ -306,11 +307,11 @@ void fv_final_finish(struct fv_final *final, struct fovea *rt, struct fv_traject
     if (sorted != NULL)
         write_frames(final, sorted);
     else
-        final->failed = true;
+        final->failed = ENOMEM;
     free(sorted);
     fv_trajectory_finish(final->out, summary);
     summary->lost += final->lost;
-    summary->failed = summary->failed || final->failed;
+    if (summary->failed == 0) summary->failed = final->failed;
 }
 
 void fv_final_close(struct fv_final *final)

@@ -495,6 +495,14 @@ static void found_tell(const struct run *run)
     printf("\n");
 }
 
+static enum fv_exit path_failed(const char *file, const struct fv_trajectory_summary *summary)
+{
+    if (summary->failed != 0)
+        return fv_say_failed("%s: poses could not be written: %s", file, strerror(summary->failed));
+    return fv_say_failed("%s: %" PRIu64 " poses could not be written", file != NULL ? file : "path",
+                         summary->lost);
+}
+
 static enum fv_exit report_write(struct run *run)
 {
     struct fovea_memory_table table;
@@ -520,12 +528,9 @@ static enum fv_exit report_write(struct run *run)
     enum fovea_status results = fv_results_close(run->results, &error);
     run->results = NULL;
     enum fv_exit end = stats_write(run, &report), picture = picture_draw(run, &report, &path);
-    if (path.failed || path.lost > 0)
-        return fv_say_failed("%s: %" PRIu64 " poses could not be written",
-                             run->trajectory_path != NULL ? run->trajectory_path : "path", path.lost);
+    if (path.failed != 0 || path.lost > 0) return path_failed(run->trajectory_path, &path);
     if (results != FOVEA_OK) return fv_say_failed("%s", error.text);
-    if (final.failed || final.lost > 0)
-        return fv_say_failed("%s: %" PRIu64 " poses could not be written", run->final_path, final.lost);
+    if (final.failed != 0 || final.lost > 0) return path_failed(run->final_path, &final);
     return end != FV_EXIT_OK ? end : picture;
 }
 

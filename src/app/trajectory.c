@@ -32,7 +32,8 @@ struct fv_trajectory {
     uint32_t points, stride;
     uint8_t map_of[FV_TRAJECTORY_POINTS_MAX];
     double centres[FV_TRAJECTORY_POINTS_MAX][3], truths[FV_TRAJECTORY_POINTS_MAX][3];
-    bool failed, metric;
+    int failed; /* errno of the first failure */
+    bool metric;
     uint8_t memory[RING_BYTES];
 };
 
@@ -94,7 +95,7 @@ static void line_write(struct fv_trajectory *trajectory, const struct fv_traject
         fprintf(trajectory->file, "%s%" PRId64 ".%09" PRId64 " %.9g %.9g %.9g %.9g %.9g %.9g %.9g\n",
                 sample->stamp_ns < 0 ? "-" : "", seconds < 0 ? -seconds : seconds, rest < 0 ? -rest : rest,
                 T[3], T[7], T[11], q[1], q[2], q[3], q[0]);
-    if (written < 0) trajectory->failed = true;
+    if (written < 0 && trajectory->failed == 0) trajectory->failed = errno;
 }
 
 static void length_add(struct fv_trajectory *trajectory, const double truth[3])
@@ -243,7 +244,7 @@ void fv_trajectory_finish(struct fv_trajectory *trajectory, struct fv_trajectory
     if (trajectory == NULL) return;
     fv_trajectory_drain(trajectory);
     if (trajectory->file != NULL) {
-        if (fclose(trajectory->file) != 0) trajectory->failed = true;
+        if (fclose(trajectory->file) != 0 && trajectory->failed == 0) trajectory->failed = errno;
         trajectory->file = NULL;
     }
     summary->samples = trajectory->samples;

@@ -51,7 +51,7 @@ struct fv_trajectory_summary {
     double error_m;         /* root mean square; NaN when nothing could be judged */
     double scale; /* from the trajectory's unit to metres, of the map with most samples; NaN likewise */
     bool metric;  /* the last sample was in metres, so that the scale should be 1 */
-    bool failed;  /* the file could not be written whole */
+    int failed;   /* 0; or errno: why the file could not be written whole */
 
     /* Camera centres for a picture: at most FV_TRAJECTORY_POINTS_MAX, evenly thinned; owned by the
      * trajectory. With an error they are aligned to the truth, and those that could not be are NaN. `map_of`

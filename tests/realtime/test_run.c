@@ -193,13 +193,16 @@ static void test_signals_end_the_set_up(void **state)
 
 static void test_unwritable_results_fail(void **state)
 {
-    const char *const full[] = {"--frames", "5", "--stats", "/dev/full", NULL};
+    const char *const options[] = {"--stats", "--trajectory", "--trajectory-final"};
     (void)state;
     if (access("/dev/full", W_OK) != 0) {
         print_message("SKIPPED /dev/full: not there\n");
         return;
     }
-    assert_int_equal(end(begin("sim:still", full)), FV_EXIT_FAILED);
+    for (size_t i = 0; i < sizeof options / sizeof options[0]; i++) {
+        const char *const full[] = {"--frames", "40", options[i], "/dev/full", NULL};
+        assert_int_equal(end(begin("sim:orbit?width=320&height=240", full)), FV_EXIT_FAILED);
+    }
 }
 
 static int folder_make(void **state)

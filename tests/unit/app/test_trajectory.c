@@ -1,4 +1,5 @@
 /* The trajectory: its file, its bounded points, and the fit to the truth. */
+#include <errno.h>
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -208,6 +209,21 @@ static void test_file_and_points(void **state)
     assert_non_null(strstr(error.text, "/nowhere/path.tum"));
 }
 
+static void test_full_disk(void **state)
+{
+    (void)state;
+    struct fv_trajectory *trajectory;
+    struct fv_trajectory_summary summary;
+    struct fovea_error error;
+    const struct fv_trajectory_sample sample = {.T_world_cam = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0}};
+    assert_int_equal(fv_trajectory_open("/dev/full", &trajectory, &error), FOVEA_OK);
+    assert_true(fv_trajectory_add(trajectory, &sample));
+    fv_trajectory_finish(trajectory, &summary);
+    assert_int_equal(summary.samples, 1);
+    assert_int_equal(summary.failed, ENOSPC);
+    fv_trajectory_close(trajectory);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -215,6 +231,7 @@ int main(void)
         cmocka_unit_test(test_several_maps),
         cmocka_unit_test(test_no_extent),
         cmocka_unit_test(test_file_and_points),
+        cmocka_unit_test(test_full_disk),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
