@@ -200,7 +200,7 @@ static void test_unwritable_results_fail(void **state)
         return;
     }
     for (size_t i = 0; i < sizeof options / sizeof options[0]; i++) {
-        const char *const full[] = {"--frames", "40", options[i], "/dev/full", NULL};
+        const char *const full[] = {"--frames", "20", options[i], "/dev/full", NULL};
         assert_int_equal(end(begin("sim:orbit?width=320&height=240", full)), FV_EXIT_FAILED);
     }
 }
