@@ -8,7 +8,7 @@ import numpy as np
 
 import operators
 from operators import out_size
-from variants import image, like
+from variants import conv, image, like
 
 
 def conv_uneven(c):
@@ -241,6 +241,34 @@ def constant_functions(c):
     return [x], [z]
 
 
+def wide_layers(c):
+    """Layers of which one row, or one pixel's weights, are more than a unit of work: several steps write their channels."""
+    kind = c.int(0, 3)
+    oc = c.int(250, 500)
+    if kind == 0:
+        x, k = c.q((c.int(1, 3), 1500), 0.03), 1500
+        weights, scales = c.weights((oc * 4, k), oc * 4, 0)
+        y = c.q((c.b.tensors[x][1][0], oc * 4), 0.03 * float(np.mean(scales)) * 60 * np.sqrt(k))
+        c.b.op("FULLY_CONNECTED", [x, weights, c.bias(oc * 4, 0.03, scales)], [y], "FullyConnected",
+               FusedActivationFunction=c.choose(0, 1, 3))
+    elif kind == 1:
+        x = c.q((2, 3, 3, 512), 0.03)
+        weights, scales = c.weights((oc, 3, 3, 512), oc, 0)
+        y = c.q((2, 6, 6, oc), 0.03 * float(np.mean(scales)) * 3000)
+        c.b.op("TRANSPOSE_CONV", [c.b.const("int32", [2, 6, 6, oc]), weights, x], [y], "TransposeConv", StrideH=2, StrideW=2, Padding=0)
+    else:
+        x = image(c, 2, 7, 512)
+        y = conv(c, x, oc // 8 * 8, 3, activation=c.choose(0, 1, 3))
+    s = c.q(c.b.tensors[y][1], 1 / 256, 0 if c.dtype == "uint8" else -128)
+    c.b.op("LOGISTIC", [y], [s])
+    if kind < 3:
+        return [x], [s]
+    z = like(c, s, (1, 2, 7, c.b.tensors[y][1][3] + 8))
+    other = like(c, s, (1, 2, 7, 8))
+    c.b.op("CONCATENATION", [other, s], [z], "Concatenation", Axis=3)
+    return [x, other], [z]
+
+
 def unary_ranges(c):
     """Functions at scales from very fine to very coarse."""
     name = c.choose("LOGISTIC", "TANH", "RELU", "RELU6", "LEAKY_RELU", "HARD_SWISH")
@@ -430,7 +458,7 @@ def dilated_by_batches(c):
 operators.CASES.clear()
 operators.CASES.update({f.__name__: f for f in (
     conv_uneven, depthwise_uneven, connected_axes, arithmetic_scales, extreme_constant, slice_masks, slice_ellipsis,
-    pool_wide, reduce_axes, resize_images, reshape_forms, tile_long, tile_every_axis, offset_weights, constant_functions,
+    pool_wide, reduce_axes, resize_images, reshape_forms, tile_long, tile_every_axis, offset_weights, constant_functions, wide_layers,
     unary_ranges, softmax_axes, prelu_forms, matmul_forms, arg_max_cast, up_uneven, pad_long, join_scales, detection_many, one_by_one_chain,
     open_sizes, dilated_by_batches)})
 

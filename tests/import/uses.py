@@ -182,6 +182,22 @@ def anchors(bench):
     bench.refused("no pairs", grid, "--anchors", "--decoder", "yolov2")
 
 
+def units(bench):
+    """No row of a large layer is more than a unit's work: 4 million multiply-accumulates, or so many bytes of weights by three."""
+    for what, shape, weights in (("connected", (1, 2000), (3000, 2000)), ("convolution", (1, 7, 7, 512), (512, 3, 3, 512))):
+        b = Builder()
+        x, y = b.tensor("int8", shape, 0.03, 0), b.tensor("int8", (*shape[:-1], weights[0]), 1.0, 0)
+        w = b.tensor("int8", weights, 0.01, 0, np.ones(weights, np.int8))
+        if len(shape) == 2:
+            b.op("FULLY_CONNECTED", [x, w, -1], [y], "FullyConnected")
+        else:
+            b.op("CONV_2D", [x, w], [y], "Conv2D", StrideH=1, StrideW=1, DilationHFactor=1, DilationWFactor=1, Padding=0)
+        found = bench.run(b.bytes([x], [y]))
+        count, at = struct.unpack_from("<2I", found.raw, 28)
+        costs = np.frombuffer(found.raw, "<i4", count * 64, at).reshape(-1, 64)[:, 15]
+        bench.holds(f"{what}: {count} steps of rows up to {costs.max()}", bool(count > 1 and costs.max() <= 4000000), True)
+
+
 def zipped(names):
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w") as archive:
@@ -224,7 +240,7 @@ def files(bench):
 def main():
     with tempfile.TemporaryDirectory() as folder:
         bench = Bench(folder)
-        for test in (guesses, ranges, thresholds, labels, anchors, archived, files):
+        for test in (guesses, ranges, thresholds, labels, anchors, units, archived, files):
             test(bench)
     return 1 if bench.wrong else 0
 

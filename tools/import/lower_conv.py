@@ -9,7 +9,7 @@ import numpy as np
 import quant
 from fold import activation_of
 from graph import ImportProblem
-from layout import CONV_PIXELS, DEPTHWISE_COLUMNS
+from layout import CONV_PIXELS, DEPTHWISE_COLUMNS, UNIT_COST
 from net import pad_to
 
 
@@ -89,8 +89,28 @@ def bias_of(low, op, channels, place=2):
     return np.ravel(tensor.data).astype(np.int64)
 
 
+def gemm_cost(pixels, n, k):
+    """In multiply-accumulates: bytes of weights that few pixels share are bound by memory and count three times."""
+    n16, k4 = pad_to(n, 16), pad_to(k, 4) // 4
+    return max(pixels * n16 * (k4 * 4 + 16), 3 * n16 * k4 * 4)
+
+
 def emit_gemm(low, op, index_in, index_out, weights, w_zero, bias, mult, shift, geometry, act, table, single=0):
-    """One convolution as a matrix product: weights [n][k] in signed form."""
+    """A convolution as a matrix product: weights [n][k] in signed form. One of which a row is more than a unit's work becomes several
+    of fewer output channels, 64 at least: with fewer the kernels are slow."""
+    vo, (n, k) = low.net.values[index_out], weights.shape
+    batch, height, width = (geometry.get(name, vo.shape[i]) for i, name in enumerate(("batch", "out_h", "out_w")))
+    rows = batch * height
+    most = max(rows * UNIT_COST // gemm_cost(rows * width, 64, k), 1) * 64
+    size = pad_to(-(-n // -(-n // most)), 64)
+    for first in range(0, n, size):
+        part = slice(first, min(first + size, n))
+        out = index_out if size >= n else \
+            low.net.derive(index_out, vo.offset + first, vo.shape[:3] + (part.stop - first,), vo.pixel)
+        emit_part(low, op, index_in, out, weights[part], w_zero, bias[part], mult[part], shift[part], geometry, act, table, single)
+
+
+def emit_part(low, op, index_in, index_out, weights, w_zero, bias, mult, shift, geometry, act, table, single):
     net = low.net
     vi, vo = net.values[index_in], net.values[index_out]
     n, k = weights.shape
@@ -110,7 +130,7 @@ def emit_gemm(low, op, index_in, index_out, weights, w_zero, bias, mult, shift, 
     if single:
         scratch += n16 * 4 * CONV_PIXELS
     net.step("CONV", op, [index_in], [index_out], p, p["batch"] * p["out_h"], macs,
-             cost=pixels * n16 * (k4 * 4 + 16), scratch=scratch)
+             cost=gemm_cost(pixels, n, k), scratch=scratch)
 
 
 def conv_2d(low, op):
@@ -220,10 +240,10 @@ def fully_connected(low, op):
     act = quant.activation_range(activation_of(op), to.scale0, to.zero_u8) + (to.zero_u8,)
     weights, w_zero = signed_weights(tw, symmetric=False)
     source = low.dense_input(t_in)
-    source = low.net.derive(source, shape=(1, 1, batch, k))
+    source = low.net.derive(source, shape=(1, batch, 1, k))
     last, table = low.merge_after(t_out)
     out = low.output(last)
-    wide = low.net.derive(out, shape=(1, 1, batch, oc))
+    wide = low.net.derive(out, shape=(1, batch, 1, oc))
     mult, shift = fully_connected_scale(ti, tw, to, oc)
     geometry = dict(kh=1, kw=1, stride_y=1, stride_x=1, dilation_y=1, dilation_x=1, pad_top=0, pad_left=0)
     emit_gemm(low, op, source, wide, weights.reshape(oc, k), w_zero, bias_of(low, op, oc), mult, shift, geometry, act,
