@@ -123,8 +123,11 @@ static void step_done(void *context, const struct fovea_inputs *inputs, const st
                                           .metric = pose->scale_source != FOVEA_SCALE_FREE};
     const struct fovea_source_ops *ops = run->setup.ops;
     memcpy(sample.T_world_cam, pose->T_world_cam, sizeof sample.T_world_cam);
-    sample.has_truth = ops->truth_pose != NULL &&
-                       ops->truth_pose(run->setup.source, inputs->frame, sample.truth) == FOVEA_OK;
+    double truth[12] = {0};
+    sample.has_truth =
+        ops->truth_pose != NULL && ops->truth_pose(run->setup.source, inputs->frame, truth) == FOVEA_OK;
+    for (int i = 0; i < 3; i++)
+        sample.truth_m[i] = truth[4 * i + 3];
     fv_trajectory_add(run->trajectory, &sample);
     fv_final_frame(run->final, pose, &sample);
 }

@@ -25,7 +25,7 @@ struct fv_trajectory_sample {
     double T_world_cam[12];
     bool metric;  /* the scale was known: lengths are metres */
     bool has_truth;
-    double truth[12]; /* T_world_cam in the truth's world */
+    double truth_m[3]; /* of the camera's centre, in the truth's world */
 };
 
 /* Bytes that an open trajectory takes. */

@@ -89,7 +89,8 @@ double sim_rig_path_error(const struct sim_rig *rig)
         struct fv_trajectory_sample sample = {.stamp_ns = n, .map = rig->pose[n].map_id, .has_truth = true};
         if (!rig->pose[n].posed) continue;
         memcpy(sample.T_world_cam, rig->pose[n].T_world_cam, sizeof sample.T_world_cam);
-        memcpy(sample.truth, rig->truth[n], sizeof sample.truth);
+        for (int i = 0; i < 3; i++)
+            sample.truth_m[i] = rig->truth[n][4 * i + 3];
         while (!fv_trajectory_add(trajectory, &sample))
             fv_trajectory_drain(trajectory);
     }

@@ -105,6 +105,24 @@ static void test_simulated(void **state)
     assert_fine("sim:orbit?lens=equidistant&width=752", 60, RESIDENT_MAX_BYTES, recorded);
 }
 
+/* The program itself as people start it: with LCM, whose libraries and buffers count. */
+static void test_program(void **state)
+{
+    const char *build = getenv("FOVEA_PLUGINS");
+    char command[512];
+    (void)state;
+    if (build == NULL || getenv("FOVEA_EMULATED") != NULL || !fv_heap_counted()) {
+        print_message("SKIPPED the program's memory: no FOVEA_PLUGINS, emulated or instrumented\n");
+        return;
+    }
+    snprintf(command, sizeof command, "%s/fovea run --frames 300 --quiet --stats %s --picture none", build, stats_path);
+    assert_int_equal(system(command), 0);
+    struct fovea_yaml_tree *tree = stats_read();
+    int64_t resident = value(tree, "memory", "resident_max_bytes");
+    fovea_yaml_free(tree);
+    if (resident > RESIDENT_MAX_BYTES) fail_msg("%lld bytes resident", (long long)resident);
+}
+
 static void test_largest_map(void **state)
 {
     const char *const largest[] = {"--frames", "120", "--set", "odometry.keyframes=256", NULL};
@@ -226,6 +244,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_simulated),
+        cmocka_unit_test(test_program),
         cmocka_unit_test(test_largest_map),
         cmocka_unit_test(test_recordings),
         cmocka_unit_test(test_signals_end_cleanly),

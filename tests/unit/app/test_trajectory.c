@@ -65,7 +65,7 @@ static void fit_known(struct fovea_random *random, int dimensions, double noise)
             double q = 700 - 100 * i, e = noise * fovea_random_normal(random);
             for (int j = 0; j < 3; j++)
                 q += scale * turn[4 * i + j] * (p[j] + 50);
-            sample.truth[4 * i + 3] = q + e;
+            sample.truth_m[i] = q + e;
             expected2 += e * e;
         }
         assert_true(fv_trajectory_add(trajectory, &sample));
@@ -116,11 +116,11 @@ static void test_several_maps(void **state)
             struct fv_trajectory_sample sample = {.map = (uint32_t)map * 2 + 7, .has_truth = true};
             memcpy(sample.T_world_cam, turn, sizeof turn);
             for (int i = 0; i < 3; i++)
-                sample.truth[4 * i + 3] = map == 3 ? 5.0 : fovea_random_normal(&random) + map;
+                sample.truth_m[i] = map == 3 ? 5.0 : fovea_random_normal(&random) + map;
             for (int i = 0; i < 3; i++) {
                 double p = i;
                 for (int j = 0; j < 3; j++)
-                    p += turn[4 * j + i] * sample.truth[4 * j + 3] / scale;
+                    p += turn[4 * j + i] * sample.truth_m[j] / scale;
                 sample.T_world_cam[4 * i + 3] = p;
             }
             fv_trajectory_add(trajectory, &sample);
