@@ -360,6 +360,41 @@ static void test_full_pools(void **context)
     free(w.memory);
 }
 
+/* A correction by a turn, a factor and a shift as seen from the last keyframe. */
+static bool plausible(uint32_t since, double turn_rad, double factor, double shift)
+{
+    const double origin[3] = {0, 0, 0}, axis[3] = {0, turn_rad, 0};
+    const uint32_t last = w.slot[w.count - 1];
+    double centre[3], moved[3];
+    struct fv_sim3 S;
+    fv_se3_apply_inverse(&w.map.keyframes[last].T_cam_world, origin, centre);
+    fv_sim3_identity(&S);
+    fv_so3_exp(axis, S.R);
+    S.s = factor;
+    fv_sim3_apply(&S, centre, moved);
+    fv_subtract3(centre, moved, S.t);
+    S.t[1] += shift;
+    return fv_loop_plausible(&w.map, last, w.slot[since], &S);
+}
+
+/* Drift is a share of the way, 41 in 39 steps of the ring, and some of the depth, 3. */
+static void test_no_larger_than_drift(void **state)
+{
+    (void)state;
+    make_world(9);
+    for (int n = 0; n < 40; n++)
+        add_keyframe();
+    assert_true(plausible(0, 0, 1, 0) && plausible(0, 0.5, 1.9, 4));
+    assert_true(plausible(0, 0, 1, 4.7) && !plausible(0, 0, 1, 5.8));
+    assert_true(plausible(37, 0, 1, 1) && !plausible(37, 0, 1, 1.3)); /* a short way, a small correction */
+    assert_true(!plausible(0, 0.7, 1, 0) && !plausible(0, -0.7, 1, 0));
+    assert_true(!plausible(0, 0, 2.2, 0) && !plausible(0, 0, 1 / 2.2, 0));
+    w.map.keyframes[w.slot[0]].map_id = 1; /* another map lies anywhere, and has a unit of its own */
+    assert_true(plausible(0, 3, 40, 1000) && plausible(0, 3, 1.0 / 40, 1000));
+    assert_true(!plausible(0, 0, 60, 0) && !plausible(0, 0, 1.0 / 60, 0));
+    free(w.memory);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -368,6 +403,7 @@ int main(void)
         cmocka_unit_test(test_vague_relation_corrects_nothing),
         cmocka_unit_test(test_odom_of_maps),
         cmocka_unit_test(test_full_pools),
+        cmocka_unit_test(test_no_larger_than_drift),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
