@@ -234,24 +234,10 @@ static enum fovea_status receive(struct fv_libcamera_client *client, int *descri
     return no_sense(client, error);
 }
 
-/* Whether the program is to end: the source is being stopped or, while it is opened and nothing can stop it,
- * a signal to end has come that the program keeps back. */
-static bool given_up(int quit_fd)
+static bool can_be_read(int fd)
 {
-    struct pollfd quit = {.fd = quit_fd, .events = POLLIN};
-    sigset_t signals;
-    if (quit_fd >= 0) return poll(&quit, 1, 0) > 0;
-    return sigpending(&signals) == 0 &&
-           (sigismember(&signals, SIGINT) > 0 || sigismember(&signals, SIGTERM) > 0);
-}
-
-/* Wait for a message, at most until then; while opening, look up ten times a second. */
-static void wait_for_message(const struct fv_libcamera_client *client, int quit_fd, int64_t deadline_ns)
-{
-    struct pollfd fds[2] = {{.fd = client->socket, .events = POLLIN}, {.fd = quit_fd, .events = POLLIN}};
-    const int64_t look_ns = now_ns() + 100000000;
-    const struct timespec left = left_until(quit_fd < 0 && look_ns < deadline_ns ? look_ns : deadline_ns);
-    ppoll(fds, 2, &left, NULL);
+    struct pollfd one = {.fd = fd, .events = POLLIN};
+    return poll(&one, 1, 0) > 0;
 }
 
 /* Until the answer, past frames from before. `quit_fd`: -1 while opening. */
@@ -267,14 +253,15 @@ static enum fovea_status await_answer(struct fv_libcamera_client *client, int qu
             *count = 0;
         }
         if (status != FOVEA_OK && status != FOVEA_AGAIN) return status;
-        const bool over = given_up(quit_fd);
+        const bool over = can_be_read(quit_fd);
         if (over || now_ns() >= deadline_ns) {
             end_process(client, 0);
             return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: %s: its process was killed", client->uri,
-                                   over ? "interrupted while libcamera was asked"
-                                        : "libcamera does not answer");
+                                   over ? "stopped while libcamera was asked" : "libcamera does not answer");
         }
-        if (status == FOVEA_AGAIN) wait_for_message(client, quit_fd, deadline_ns);
+        const struct timespec left = left_until(deadline_ns);
+        struct pollfd fds[2] = {{.fd = client->socket, .events = POLLIN}, {.fd = quit_fd, .events = POLLIN}};
+        if (status == FOVEA_AGAIN) ppoll(fds, 2, &left, NULL);
     }
     client->event.error.text[FOVEA_ERROR_TEXT_BYTES - 1] = '\0';
     if (client->event.error.text[0] != '\0' && error != NULL) *error = client->event.error;
@@ -463,7 +450,7 @@ enum fovea_status fv_libcamera_open(const struct fovea_libcamera_options *option
     bool lost;
     enum fovea_status status = learn(client, &lost, error);
     struct fovea_error grief = {.text = ""};
-    if (lost && !given_up(-1)) { /* one fault of libcamera's, as while streaming: another process may do */
+    if (lost) { /* one fault of libcamera's, as while streaming: another process may do */
         grief = *error;
         status = learn(client, &lost, error);
     }

@@ -26,8 +26,7 @@ extern int64_t fv_libcamera_answer_ns;
 
 /* Start a process and let it find the camera, configure it once and let it go again; one that ends or hangs
  * over it is followed by another, once. `told` gets a line of that and where not all is as asked.
- * Negative: `error` says why, nothing is left. A SIGINT or SIGTERM that the calling thread blocks ends the
- * wait, and stays pending. Init-only. */
+ * Negative: `error` says why, nothing is left. Init-only. */
 enum fovea_status fv_libcamera_open(const struct fovea_libcamera_options *options,
                                     struct fv_libcamera_client **client,
                                     struct fovea_libcamera_agreed *agreed, struct fovea_error *told,

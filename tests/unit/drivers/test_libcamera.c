@@ -11,7 +11,6 @@
 
 #include <errno.h>
 #include <fcntl.h>
-#include <pthread.h>
 #include <signal.h>
 #include <stdatomic.h>
 #include <stdio.h>
@@ -19,7 +18,6 @@
 #include <string.h>
 #include <sys/mman.h>
 #include <sys/wait.h>
-#include <time.h>
 #include <unistd.h>
 
 #include "../../../drivers/libcamera/client.h"
@@ -266,34 +264,6 @@ static void test_started_again_after_a_hang(void **state)
     fv_test_finish(source);
 }
 
-/* A program that keeps SIGINT and SIGTERM back while it opens its camera can be ended all the same. */
-static void test_interrupted_while_opening(void **state)
-{
-    (void)state;
-    static const struct fovea_source_selection everything = {.step = 1};
-    static const int signals[] = {SIGINT, SIGTERM};
-    struct fovea_source *source = NULL;
-    for (size_t i = 0; i < sizeof signals / sizeof signals[0]; ++i) {
-        const struct timespec now = {0};
-        struct fovea_error error = {.text = ""};
-        sigset_t one, before;
-        sigemptyset(&one);
-        sigaddset(&one, signals[i]);
-        pthread_sigmask(SIG_BLOCK, &one, &before);
-        fake_stage_reset(stage);
-        atomic_store(&stage->fault_at_learn, FAKE_HANG);
-        const int64_t begin_ns = fv_test_now_ns();
-        kill(getpid(), signals[i]);
-        assert_true(ops->open("0", &everything, &source, &error) < 0);
-        assert_true(fv_test_now_ns() - begin_ns < usual_ns / 3);
-        assert_non_null(strstr(error.text, "interrupted"));
-        assert_null(source);
-        assert_int_equal(sigtimedwait(&one, NULL, &now), signals[i]); /* it is still for the program */
-        pthread_sigmask(SIG_SETMASK, &before, NULL);
-    }
-    assert_int_equal(fake_holdings().processes, 0);
-}
-
 /* It cannot be started for a while: told, tried again with bounded back-off, got over. */
 static void test_cannot_be_started(void **state)
 {
@@ -408,7 +378,6 @@ int main(int argc, char **argv)
                                        cmocka_unit_test(test_unplugged),
                                        cmocka_unit_test(test_stopped_while_it_hangs),
                                        cmocka_unit_test(test_started_again_after_a_hang),
-                                       cmocka_unit_test(test_interrupted_while_opening),
                                        cmocka_unit_test(test_cannot_be_started),
                                        cmocka_unit_test(test_refused_at_open),
                                        cmocka_unit_test(test_fault_while_opening),
