@@ -115,8 +115,27 @@ static enum fovea_status write_value(const struct fv_v4l2_device *device, const 
                                : "");
 }
 
+static bool read_value(const struct fv_v4l2_device *device, uint32_t id, int32_t *value)
+{
+    struct v4l2_ext_control control = {.id = id};
+    struct v4l2_ext_controls all = {.which = V4L2_CTRL_WHICH_CUR_VAL, .count = 1, .controls = &control};
+    if (fv_v4l2_system->ioctl(device->fd, VIDIOC_G_EXT_CTRLS, &all) != 0) return false;
+    *value = control.value;
+    return true;
+}
+
+/* What the camera made of a value, in our unit, where that is not what was asked for. */
+static void tell_difference(const struct fv_v4l2_device *device, const char *what, uint32_t id, double asked,
+                            double unit, struct fovea_error *told)
+{
+    int32_t value;
+    if (!read_value(device, id, &value)) return;
+    if (fabs(value * unit - asked) > 0.01 * fabs(asked))
+        fv_v4l2_tell(told, device, what, asked, value * unit);
+}
+
 static enum fovea_status set_wish(const struct fv_v4l2_device *device, const struct fv_v4l2_wish *wish,
-                                  struct fovea_error *error)
+                                  struct fovea_error *told, struct fovea_error *error)
 {
     control_info info;
     char what[FV_V4L2_WORD_BYTES + 16], quoted[FOVEA_TEXT_QUOTED_BYTES];
@@ -141,7 +160,10 @@ static enum fovea_status set_wish(const struct fv_v4l2_device *device, const str
                                (long long)info.minimum, (long long)info.maximum);
     status =
         info.type == V4L2_CTRL_TYPE_BITMASK ? FOVEA_OK : check_range(device, what, &info, value, 1, error);
-    return status == FOVEA_OK ? write_value(device, what, &info, value, error) : status;
+    if (status == FOVEA_OK) status = write_value(device, what, &info, value, error);
+    if (status == FOVEA_OK && (menu || info.type == V4L2_CTRL_TYPE_INTEGER))
+        tell_difference(device, what, info.id, (double)value, 1, told);
+    return status;
 }
 
 /* ---- exposure and gain ------------------------------------------------------------------------------- */
@@ -173,7 +195,8 @@ static void keep_rate(const struct fv_v4l2_device *device)
         (void)write_value(device, "exposure_dynamic_framerate", &info, 0, &unused);
 }
 
-static enum fovea_status set_exposure(const struct fv_v4l2_device *device, struct fovea_error *error)
+static enum fovea_status set_exposure(const struct fv_v4l2_device *device, struct fovea_error *told,
+                                      struct fovea_error *error)
 {
     control_info info;
     const double unit_ms = 0.1; /* of V4L2_CID_EXPOSURE_ABSOLUTE */
@@ -188,10 +211,14 @@ static enum fovea_status set_exposure(const struct fv_v4l2_device *device, struc
                               ? asked
                               : info.minimum + (asked - info.minimum + step / 2) / step * step;
     enum fovea_status status = check_range(device, "exposure (ms)", &info, value, unit_ms, error);
-    return status == FOVEA_OK ? write_value(device, "exposure", &info, value, error) : status;
+    if (status == FOVEA_OK) status = write_value(device, "exposure", &info, value, error);
+    if (status == FOVEA_OK)
+        tell_difference(device, "exposure (ms)", info.id, device->options.exposure_ms, unit_ms, told);
+    return status;
 }
 
-static enum fovea_status set_gain(struct fv_v4l2_device *device, struct fovea_error *error)
+static enum fovea_status set_gain(struct fv_v4l2_device *device, struct fovea_error *told,
+                                  struct fovea_error *error)
 {
     control_info info, automatic;
     const bool can = query(device, V4L2_CID_AUTOGAIN, &automatic);
@@ -209,16 +236,9 @@ static enum fovea_status set_gain(struct fv_v4l2_device *device, struct fovea_er
         return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: gain: this camera has none", device->uri);
     const int64_t value = (int64_t)(device->options.gain + 0.5);
     status = check_range(device, "gain", &info, value, 1, error);
-    return status == FOVEA_OK ? write_value(device, "gain", &info, value, error) : status;
-}
-
-static bool read_value(const struct fv_v4l2_device *device, uint32_t id, int32_t *value)
-{
-    struct v4l2_ext_control control = {.id = id};
-    struct v4l2_ext_controls all = {.which = V4L2_CTRL_WHICH_CUR_VAL, .count = 1, .controls = &control};
-    if (fv_v4l2_system->ioctl(device->fd, VIDIOC_G_EXT_CTRLS, &all) != 0) return false;
-    *value = control.value;
-    return true;
+    if (status == FOVEA_OK) status = write_value(device, "gain", &info, value, error);
+    if (status == FOVEA_OK) tell_difference(device, "gain", info.id, device->options.gain, 1, told);
+    return status;
 }
 
 /* Known only where it does not change by itself. */
@@ -231,16 +251,17 @@ static int64_t known_exposure(const struct fv_v4l2_device *device)
     return (int64_t)value * 100000;
 }
 
-enum fovea_status fv_v4l2_controls_set(struct fv_v4l2_device *device, struct fovea_error *error)
+enum fovea_status fv_v4l2_controls_set(struct fv_v4l2_device *device, struct fovea_error *told,
+                                       struct fovea_error *error)
 {
     const struct fv_v4l2_options *options = &device->options;
     enum fovea_status status = FOVEA_OK;
     if (options->auto_exposure_given) status = set_auto_exposure(device, options->auto_exposure, error);
     if (status == FOVEA_OK && options->auto_exposure_given) keep_rate(device);
-    if (status == FOVEA_OK && options->exposure_ms > 0) status = set_exposure(device, error);
-    if (status == FOVEA_OK) status = set_gain(device, error);
+    if (status == FOVEA_OK && options->exposure_ms > 0) status = set_exposure(device, told, error);
+    if (status == FOVEA_OK) status = set_gain(device, told, error);
     for (uint32_t i = 0; i < options->wish_count && status == FOVEA_OK; ++i)
-        status = set_wish(device, &options->wishes[i], error);
+        status = set_wish(device, &options->wishes[i], told, error);
     device->exposure_ns = known_exposure(device);
     return status;
 }

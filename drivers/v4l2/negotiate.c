@@ -119,8 +119,8 @@ static enum fovea_status refuse_format(const struct fv_v4l2_device *device, uint
                            fv_v4l2_fourcc(given, found), fv_v4l2_fourcc(asked, wanted), list);
 }
 
-static void tell(struct fovea_error *told, const struct fv_v4l2_device *device, const char *what,
-                 double asked, double given)
+void fv_v4l2_tell(struct fovea_error *told, const struct fv_v4l2_device *device, const char *what,
+                  double asked, double given)
 {
     if (told == NULL) return;
     const size_t used = strlen(told->text);
@@ -193,8 +193,8 @@ static enum fovea_status set_format(struct fv_v4l2_device *device, struct fovea_
     unpack(device, &format, &given);
     status = check_picture(device, &asked, &given, error);
     if (status != FOVEA_OK) return status;
-    if (given.width != asked.width) tell(told, device, "width", asked.width, given.width);
-    if (given.height != asked.height) tell(told, device, "height", asked.height, given.height);
+    if (given.width != asked.width) fv_v4l2_tell(told, device, "width", asked.width, given.width);
+    if (given.height != asked.height) fv_v4l2_tell(told, device, "height", asked.height, given.height);
     device->agreed.format = shifted(options, fv_v4l2_format_by_fourcc(given.fourcc));
     device->agreed.width = (int32_t)given.width;
     device->agreed.height = (int32_t)given.height;
@@ -228,7 +228,8 @@ static enum fovea_status set_rate(struct fv_v4l2_device *device, struct fovea_er
     if (period->numerator > 0 && period->denominator > 0)
         device->agreed.rate_hz = (double)period->denominator / period->numerator;
     const double rate = device->agreed.rate_hz;
-    if (asked > 0 && (rate < 0.99 * asked || rate > 1.01 * asked)) tell(told, device, "rate", asked, rate);
+    if (asked > 0 && (rate < 0.99 * asked || rate > 1.01 * asked))
+        fv_v4l2_tell(told, device, "rate", asked, rate);
     return FOVEA_OK;
 }
 

@@ -34,7 +34,7 @@ static enum fovea_status set_up(void *of, int quit_fd, struct fovea_error *error
     if (status != FOVEA_OK) return status;
     status = fv_v4l2_negotiate(device, NULL, error);
     /* A camera that came back and now refuses a control is still better than none: it is told of. */
-    if (status == FOVEA_OK && fv_v4l2_controls_set(device, &refused) == FOVEA_GONE) status = FOVEA_GONE;
+    if (status == FOVEA_OK && fv_v4l2_controls_set(device, NULL, &refused) == FOVEA_GONE) status = FOVEA_GONE;
     if (status == FOVEA_OK) status = fv_v4l2_stream_on(device, error);
     if (status != FOVEA_OK)
         tear_down(device);
@@ -74,7 +74,7 @@ static enum fovea_status learn(struct fv_v4l2_device *device, struct fovea_error
     enum fovea_status status = open_node(device, error);
     if (status != FOVEA_OK) return status;
     status = fv_v4l2_negotiate(device, told, error);
-    if (status == FOVEA_OK) status = fv_v4l2_controls_set(device, error);
+    if (status == FOVEA_OK) status = fv_v4l2_controls_set(device, told, error);
     if (status == FOVEA_OK && !fv_v4l2_identify(device->fd, device->node, &device->identity))
         status = fv_v4l2_failed(device, "asking for it", errno, error);
     close_node(device);

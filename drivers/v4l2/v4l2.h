@@ -109,10 +109,15 @@ void fv_v4l2_identity_settle(struct fv_v4l2_identity *identity, const char *node
  * asked. Once the device is known, anything else than before is refused. */
 enum fovea_status fv_v4l2_negotiate(struct fv_v4l2_device *device, struct fovea_error *told,
                                     struct fovea_error *error);
+/* Add to `told` (or NULL) that something is not as asked. */
+void fv_v4l2_tell(struct fovea_error *told, const struct fv_v4l2_device *device, const char *what,
+                  double asked, double given);
 
 /* controls.c: exposure, gain and controls by name, each checked against the driver's range, on an open node.
+ * `told` (or NULL) gets a line where a value, read back, differs by over 1 % from what was asked for.
  * Sets device->exposure_ns. */
-enum fovea_status fv_v4l2_controls_set(struct fv_v4l2_device *device, struct fovea_error *error);
+enum fovea_status fv_v4l2_controls_set(struct fv_v4l2_device *device, struct fovea_error *told,
+                                       struct fovea_error *error);
 
 /* auto_gain.c: for a camera that has a gain, described by `info`, but does not move it itself. `begin` with
  * every set-up; `seen` with every good frame, on the camera thread. */

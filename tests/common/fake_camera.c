@@ -277,6 +277,7 @@ static int access_control(struct fake_camera *camera, const struct v4l2_ext_cont
     if (all->controls[0].value < control->minimum || all->controls[0].value > control->maximum)
         return fake_refuse(ERANGE);
     control->value = all->controls[0].value;
+    if (camera->grain > 0) control->value -= control->value % camera->grain;
     return 0;
 }
 

@@ -55,6 +55,7 @@ struct fake_camera {
     bool any_size, planes, no_rates;
     uint32_t buffers_max; /* fewer than asked; 0: as asked */
     struct fake_control controls[FAKE_CONTROLS_MAX];
+    int grain; /* not 0: it makes of values multiples of this, and does not say so */
 
     /* Fill frame `index` and return its bytes; NULL: byte i is (i + 37 index) & 255 over the whole frame. */
     size_t (*fill)(uint32_t index, uint8_t *data, size_t capacity);
