@@ -21,7 +21,7 @@
 
 extern char **environ;
 
-int64_t fv_libcamera_answer_ns = INT64_C(30000000000);
+int64_t fv_libcamera_answer_ns = INT64_C(30000000000), fv_libcamera_idle_ns = INT64_C(6000000000);
 
 /* A buffer of the camera, mapped here. */
 struct mapping {
@@ -240,11 +240,36 @@ static bool can_be_read(int fd)
     return poll(&one, 1, 0) > 0;
 }
 
+/* What a process has worked, and since when no more. */
+struct work {
+    int64_t cpu_ns, since_ns;
+};
+
+static bool stands_still(pid_t pid, struct work *work)
+{
+    clockid_t clock;
+    struct timespec cpu;
+    if (clock_getcpuclockid(pid, &clock) != 0 || clock_gettime(clock, &cpu) != 0) return false;
+    const int64_t cpu_ns = (int64_t)cpu.tv_sec * 1000000000 + cpu.tv_nsec;
+    if (cpu_ns != work->cpu_ns) *work = (struct work){cpu_ns, now_ns()};
+    return now_ns() - work->since_ns >= fv_libcamera_idle_ns;
+}
+
+/* Until there is a message, the source is stopped, or it is time to look whether the process still works. */
+static void wait_for_message(const struct fv_libcamera_client *client, int quit_fd, int64_t deadline_ns)
+{
+    struct pollfd fds[2] = {{.fd = client->socket, .events = POLLIN}, {.fd = quit_fd, .events = POLLIN}};
+    const int64_t look_ns = now_ns() + fv_libcamera_idle_ns / 8;
+    const struct timespec left = left_until(look_ns < deadline_ns ? look_ns : deadline_ns);
+    ppoll(fds, 2, &left, NULL);
+}
+
 /* Until the answer, past frames from before. `quit_fd`: -1 while opening. */
 static enum fovea_status await_answer(struct fv_libcamera_client *client, int quit_fd, int *descriptors,
                                       uint32_t *count, struct fovea_error *error)
 {
     const int64_t deadline_ns = now_ns() + fv_libcamera_answer_ns;
+    struct work work = {-1, now_ns()};
     for (;;) {
         enum fovea_status status = receive(client, descriptors, count, error);
         if (status == FOVEA_OK && client->event.kind == FV_LIBCAMERA_ANSWER) break;
@@ -254,14 +279,12 @@ static enum fovea_status await_answer(struct fv_libcamera_client *client, int qu
         }
         if (status != FOVEA_OK && status != FOVEA_AGAIN) return status;
         const bool over = can_be_read(quit_fd);
-        if (over || now_ns() >= deadline_ns) {
+        if (over || now_ns() >= deadline_ns || stands_still(client->pid, &work)) {
             end_process(client, 0);
             return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: %s: its process was killed", client->uri,
                                    over ? "stopped while libcamera was asked" : "libcamera does not answer");
         }
-        const struct timespec left = left_until(deadline_ns);
-        struct pollfd fds[2] = {{.fd = client->socket, .events = POLLIN}, {.fd = quit_fd, .events = POLLIN}};
-        if (status == FOVEA_AGAIN) ppoll(fds, 2, &left, NULL);
+        if (status == FOVEA_AGAIN) wait_for_message(client, quit_fd, deadline_ns);
     }
     client->event.error.text[FOVEA_ERROR_TEXT_BYTES - 1] = '\0';
     if (client->event.error.text[0] != '\0' && error != NULL) *error = client->event.error;

@@ -184,6 +184,10 @@ static bool do_wrong(atomic_int *fault, uint32_t kind)
     case FAKE_HANG:
         for (;;)
             pause();
+    case FAKE_BUSY:
+        for (const clock_t end = clock() + CLOCKS_PER_SEC * 3 / 2; clock() < end;) {
+        }
+        return false;
     case FAKE_SHORT:
         send_bytes(&event, 3, NULL, 0);
         return true;

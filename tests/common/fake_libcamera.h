@@ -17,6 +17,7 @@ enum fake_fault {
     FAKE_ABORT,       /* abort() */
     FAKE_EXIT,        /* with status 3 */
     FAKE_HANG,        /* does nothing any more, whatever it is asked */
+    FAKE_BUSY,        /* works for a second and a half, then answers */
     FAKE_SHORT,       /* a message of three bytes */
     FAKE_VERSION,     /* a message of another version */
     FAKE_INDEX,       /* a frame in a buffer that there is not */

@@ -226,6 +226,27 @@ static void test_unplugged(void **state)
     }
 }
 
+/* A process that does nothing at all is not waited for as long as one that works. */
+static void test_hangs_or_works(void **state)
+{
+    (void)state;
+    static const enum fake_fault faults[] = {FAKE_HANG, FAKE_BUSY};
+    const int64_t idle_ns = fv_libcamera_idle_ns;
+    fv_libcamera_idle_ns = 1000000000;
+    for (uint32_t i = 0; i < 2; ++i) {
+        struct fovea_source *source = start_source();
+        fv_test_next_frame(source);
+        atomic_store(&stage->fault_at_set_up, faults[i]);
+        kill(atomic_load(&stage->pid), SIGKILL);
+        if (faults[i] == FAKE_HANG) assert_told(source, "does not answer"); /* within 15 s */
+        wait_for_life(source, faults[i] == FAKE_HANG ? 3 : 2);
+        wait_for_frame_of_life(source, 2);
+        assert_int_equal(atomic_load(&stage->lives), faults[i] == FAKE_HANG ? 3 : 2);
+        fv_test_finish(source);
+    }
+    fv_libcamera_idle_ns = idle_ns;
+}
+
 /* Whoever stops a source does not wait for a process that does not answer. */
 static void test_stopped_while_it_hangs(void **state)
 {
@@ -376,6 +397,7 @@ int main(int argc, char **argv)
                                        cmocka_unit_test(test_faults_while_streaming),
                                        cmocka_unit_test(test_faults_while_setting_up),
                                        cmocka_unit_test(test_unplugged),
+                                       cmocka_unit_test(test_hangs_or_works),
                                        cmocka_unit_test(test_stopped_while_it_hangs),
                                        cmocka_unit_test(test_started_again_after_a_hang),
                                        cmocka_unit_test(test_cannot_be_started),
