@@ -182,6 +182,24 @@ def anchors(bench):
     bench.refused("no pairs", grid, "--anchors", "--decoder", "yolov2")
 
 
+def sound():
+    """An input as long as a second of sound, pooled into a row."""
+    b = Builder()
+    x, y = b.tensor("int8", (1, 1, 16000, 1), 0.03, 0), b.tensor("int8", (1, 1, 8000, 1), 0.03, 0)
+    b.op("MAX_POOL_2D", [x], [y], "Pool2D", StrideH=1, StrideW=2, FilterHeight=1, FilterWidth=2, Padding=0)
+    z = b.tensor("int8", (1, 8000), 0.03, 0)
+    b.op("RESHAPE", [y, b.const("int32", [1, 8000])], [z], "Reshape", NewShape=[1, 8000])
+    return b.bytes([x], [z])
+
+
+def loaded(bench):
+    """What the loader takes: at most 4096 classes, images up to 8192 wide."""
+    found = bench.run(sound())
+    bench.holds("no classifier of 8000 classes", getattr(found, "decoder", ""), "none")
+    bench.holds("no image 16000 wide", struct.unpack_from("<4i", getattr(found, "raw", bytes(512)), 160), (0, 0, 0, 0))
+    bench.refused("asked for", sound(), "8000", "--decoder", "classifier")
+
+
 def units(bench):
     """No row of a large layer is more than a unit's work: 4 million multiply-accumulates, or so many bytes of weights by three."""
     for what, shape, weights in (("connected", (1, 2000), (3000, 2000)), ("convolution", (1, 7, 7, 512), (512, 3, 3, 512))):
@@ -240,7 +258,7 @@ def files(bench):
 def main():
     with tempfile.TemporaryDirectory() as folder:
         bench = Bench(folder)
-        for test in (guesses, ranges, thresholds, labels, anchors, units, archived, files):
+        for test in (guesses, ranges, thresholds, labels, anchors, loaded, units, archived, files):
             test(bench)
     return 1 if bench.wrong else 0
 

@@ -7,7 +7,8 @@ import numpy as np
 from graph import ImportProblem
 
 DECODERS = ["none", "classifier", "ssd", "ssd_raw", "yolov5", "yolov8", "yolov2", "fomo", "segment"]
-LABELS_MAX = 4096
+LABELS_MAX = 4096  # what the loader takes
+SIDE_MAX = 8192
 ORDERS = {"rgb": 0, "bgr": 1, "grey": 2}
 
 
@@ -102,7 +103,7 @@ def guess(graph, anchors):
     if op is not None and op.name == "ARG_MAX" and len(shape) >= 3:
         return "segment"
     if len(shape) == 2 or len(shape) == 4 and shape[:3] == (1, 1, 1):
-        return "classifier"
+        return "classifier" if shape[-1] <= LABELS_MAX else "none"
     if len(graph.outputs) == 2 and anchors and any(graph.tensors[t].shape[-1] == 4 for t in graph.outputs):
         return "ssd_raw"
     if len(shape) == 3 and shape[1] < shape[2] and shape[1] > 4:
@@ -137,7 +138,7 @@ def describe(path, graph, net, arguments):
     kind = arguments.decoder or guess(graph, arguments.anchors)
     labels = zipped_labels(path) if arguments.labels is None else read_labels(arguments.labels)
     shape = graph.tensors[graph.inputs[0]].shape
-    shape = shape if len(shape) == 4 else (1, 0, 0, 0)
+    shape = shape if len(shape) == 4 and max(shape[1:3]) <= SIDE_MAX else (1, 0, 0, 0)
     fit = arguments.fit or ("letterbox" if kind.startswith("yolo") else "stretch")
     order = arguments.order or ("grey" if shape[3] == 1 else "rgb")
     mean, scale = natural_range(graph)
@@ -239,6 +240,8 @@ def decoder_words(kind, graph, net, labels, arguments):
     if kind == "yolov2" and not pairs:
         raise ImportProblem("--decoder yolov2: the anchors are missing, expected --anchors W,H,W,H...")
     classes = max(classes_of(kind, graph, len(pairs) // 2), 0)
+    if classes > LABELS_MAX:
+        raise ImportProblem(f"--decoder {kind}: found {classes} classes, expected at most {LABELS_MAX}")
     background = int(kind == "classifier" and classes == 1001)
     first_label = int(bool(labels) and len(labels) == classes - background + 1 and labels[0].lower() in ("background", "???"))
     table = net.blob(class_thresholds(arguments, labels, first_label, classes)) if arguments.class_score else 0
