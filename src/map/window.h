@@ -18,7 +18,8 @@ enum {
     FV_WINDOW_KEYFRAMES_MAX = 12,
     FV_WINDOW_FIXED_MAX = 20,
     FV_WINDOW_POSES_MAX = FV_WINDOW_KEYFRAMES_MAX + FV_WINDOW_FIXED_MAX,
-    FV_WINDOW_SYSTEM_MAX = 6 * FV_WINDOW_KEYFRAMES_MAX
+    FV_WINDOW_SYSTEM_MAX = 6 * FV_WINDOW_KEYFRAMES_MAX,
+    FV_WINDOW_STEPS_MIN = 3
 };
 
 struct fv_window_limits {
@@ -26,7 +27,7 @@ struct fv_window_limits {
     uint32_t landmarks;    /* [100, 4000] */
     uint32_t observations; /* of all of them */
     uint32_t passes;       /* over the window: one more than Levenberg-Marquardt steps; [4, 200] */
-    double settled;        /* share of the cost: a step that saves no more is the last */
+    double settled;        /* share of the cost: a step that saves no more, from the FV_WINDOW_STEPS_MINth on, is the last */
 };
 
 struct fv_window_pose {

@@ -31,8 +31,8 @@ struct record {
     int reference[FRAMES_MAX];         /* frame that became the reference keyframe */
     int64_t stamp[FRAMES_MAX];
     int born[KEYFRAMES_MAX];             /* frame of each keyframe, by number */
-    int windows, unsettled, late_frames; /* optimised; with fewer than three steps though a fourth would have
-                                            paid; most frames from a keyframe to the end of its window */
+    int windows, hasty, late_frames;     /* optimised; with fewer than three steps; most frames from a keyframe to
+                                            the end of its window */
     uint64_t hash;
 };
 static struct record records[2];
@@ -93,10 +93,8 @@ static void work(struct rig *rig, struct record *r)
     const struct fv_window *window = &rig->odometry.window;
     const struct fv_window_state *w = window->state;
     const enum fv_window_phase phase = w->phase;
-    const double cost = w->cost_before;
     (void)fv_odometry_unit(&rig->odometry, &rig->kernels);
-    if (phase == FV_WINDOW_PASS && w->phase == FV_WINDOW_DONE && w->pass < 1 + 3)
-        r->unsettled += w->cost <= cost * (1 - window->limits.settled);
+    if (phase == FV_WINDOW_PASS && w->phase == FV_WINDOW_DONE) r->hasty += w->pass < 1 + 3;
     if (phase != FV_WINDOW_DONE || w->phase != FV_WINDOW_IDLE) return;
     const int late = r->frames - r->born[w->keyframe_number];
     r->windows++;
@@ -222,7 +220,7 @@ static double squared_error(const struct record *r, int n, double unit)
 }
 
 /* The covariance says how far off the pose is, and a pose called good is not far off. Windows are done within
- * six frames of their keyframes, in three steps or as many as pay. */
+ * six frames of their keyframes, in at least three steps. */
 static void confidence_is_earned(void **state)
 {
     (void)state;
@@ -237,7 +235,7 @@ static void confidence_is_earned(void **state)
         while (first < r->frames && !r->pose[first].posed)
             first++;
         assert_true(first < 40);
-        assert_true(r->windows > 5 && r->unsettled == 0 && r->late_frames < 6);
+        assert_true(r->windows > 5 && r->hasty == 0 && r->late_frames < 6);
         double unit = travelled(r, first, r->frames - 1, true) / travelled(r, first, r->frames - 1, false);
         for (int n = first + 1; n < r->frames; n++) {
             if (!r->pose[n].posed || r->reference[n] < 0 || r->reference[n] == n) continue;
