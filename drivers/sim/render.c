@@ -9,9 +9,17 @@
 
 enum { SAMPLES = FV_SIM_TILE_PIXELS };
 
+/* Wider vectors where the processor has them. */
+#if defined(__x86_64__) && !defined(FOVEA_SANITIZED)
+#define FV_WIDE __attribute__((target_clones("avx2", "default")))
+#else
+#define FV_WIDE
+#endif
+#define FV_IN_WIDE static inline __attribute__((always_inline)) /* compiled with its caller's vectors */
+
 /* ---- which surface ----------------------------------------------------------------------------------- */
 
-static void trace_face(const struct fv_sim_surface *s, const float *restrict x, const float *restrict y,
+FV_IN_WIDE void trace_face(const struct fv_sim_surface *s, const float *restrict x, const float *restrict y,
                        int32_t count, float *restrict best, int32_t *restrict hit, int32_t number)
 {
     const float a = s->inverse_z[0], b = s->inverse_z[1], c = s->inverse_z[2];
@@ -25,7 +33,7 @@ static void trace_face(const struct fv_sim_surface *s, const float *restrict x, 
     }
 }
 
-static void trace_disc(const struct fv_sim_surface *s, const float *restrict x, const float *restrict y,
+FV_IN_WIDE void trace_disc(const struct fv_sim_surface *s, const float *restrict x, const float *restrict y,
                        int32_t count, float *restrict best, int32_t *restrict hit, int32_t number)
 {
     for (int32_t i = 0; i < count; i++) {
@@ -40,7 +48,7 @@ static void trace_disc(const struct fv_sim_surface *s, const float *restrict x, 
 
 /* |D t - p|^2 - s^2 = q0 + q1 s + q2 s^2 with s = t D.a - p.a, for D = (x, y, 1): A t^2 - 2 B t + C = 0 with
  * constant C > 0 (the camera is outside), so that 1/t = (B + sqrt(B^2 - A C)) / C is the nearer meeting. */
-static void trace_round(const struct fv_sim_surface *s, const float *restrict x, const float *restrict y,
+FV_IN_WIDE void trace_round(const struct fv_sim_surface *s, const float *restrict x, const float *restrict y,
                         int32_t count, float *restrict best, int32_t *restrict hit, int32_t number)
 {
     const float px = s->p[0], py = s->p[1], pz = s->p[2], ax = s->a[0], ay = s->a[1], az = s->a[2];
@@ -57,7 +65,7 @@ static void trace_round(const struct fv_sim_surface *s, const float *restrict x,
     }
 }
 
-void fv_sim_trace(const struct fv_sim_view *view, const uint16_t *list, int32_t list_count, const float *x,
+FV_WIDE void fv_sim_trace(const struct fv_sim_view *view, const uint16_t *list, int32_t list_count, const float *x,
                   const float *y, int32_t count, float *inverse_z, int32_t *hit)
 {
     for (int32_t i = 0; i < count; i++) {
@@ -92,7 +100,7 @@ struct look {
     int32_t light[SAMPLES]; /* 256 is plain */
 };
 
-static void look_face(const struct fv_sim_surface *s, const float *restrict x, const float *restrict y,
+FV_IN_WIDE void look_face(const struct fv_sim_surface *s, const float *restrict x, const float *restrict y,
                       int32_t count, float pixel_area, struct look *restrict look)
 {
     const float a = s->inverse_z[0], b = s->inverse_z[1], c = s->inverse_z[2];
@@ -112,7 +120,7 @@ static void look_face(const struct fv_sim_surface *s, const float *restrict x, c
 }
 
 /* Angle of (x, y) in turns, [-0.5, 0.5]; polynomial of the arc tangent good to 1e-4 rad. */
-static inline float turns(float y, float x)
+FV_IN_WIDE float turns(float y, float x)
 {
     const float ax = __builtin_fabsf(x), ay = __builtin_fabsf(y), low = ax < ay ? ax : ay,
                 high = ax < ay ? ay : ax;
@@ -123,7 +131,7 @@ static inline float turns(float y, float x)
     return (y < 0.0f ? -angle : angle) * 0.159154943f;
 }
 
-static void look_round(const struct fv_sim_surface *s, const float *restrict x, const float *restrict y,
+FV_IN_WIDE void look_round(const struct fv_sim_surface *s, const float *restrict x, const float *restrict y,
                        const float *restrict inverse_z, int32_t count, float pixel_area,
                        struct look *restrict look)
 {
@@ -150,21 +158,21 @@ static void look_round(const struct fv_sim_surface *s, const float *restrict x, 
 /* Level for a footprint, from the bits of its area. Half-octaves of length are octaves of area, which the
  * exponent of a float counts: level l for footprints of 2^(l-1) to 2^l texels of the base, so that a level's
  * texel is never smaller than the pixel. */
-static inline int32_t level_of(int32_t area_bits, int32_t last)
+FV_IN_WIDE int32_t level_of(int32_t area_bits, int32_t last)
 {
     const int32_t level = (area_bits >> 23) - 126, low = level < 0 ? 0 : level;
     return low > last ? last : low;
 }
 
 /* Bits of the scale of a level: 2^-(level / 2), times 5/7 for odd ones (texture.c). */
-static inline int32_t scale_bits(int32_t level)
+FV_IN_WIDE int32_t scale_bits(int32_t level)
 {
     const int32_t one = 0x3F800000, five_sevenths = 0x3F36DB6E;
     return one - (-(level & 1) & (one - five_sevenths)) - ((level >> 1) << 23);
 }
 
 /* 256ths of a texel of a level, from texels of the base and 256 times the level's scale; kept inside. */
-static inline int32_t texel_at(float base, float size, float fine)
+FV_IN_WIDE int32_t texel_at(float base, float size, float fine)
 {
     const int32_t last = (int32_t)(size * fine) - 128, at = (int32_t)(base * fine) - 128,
                   low = at < last ? at : last;
@@ -172,7 +180,7 @@ static inline int32_t texel_at(float base, float size, float fine)
 }
 
 /* Whether all samples have one level (as mostly); then only level[0] is set. */
-static bool find_levels(const struct fv_sim_texture *texture, int32_t count, struct look *restrict look)
+FV_IN_WIDE bool find_levels(const struct fv_sim_texture *texture, int32_t count, struct look *restrict look)
 {
     const int32_t last = texture->level_count - 1;
     int32_t least = INT32_MAX, most = 0; /* positive floats are in the order of their bits */
@@ -188,7 +196,7 @@ static bool find_levels(const struct fv_sim_texture *texture, int32_t count, str
 }
 
 /* The four texels round every sample: upper and lower pair, the left one in the low byte. */
-static void fetch_one_level(const struct fv_sim_texture *texture, int32_t count, struct look *restrict look,
+FV_IN_WIDE void fetch_one_level(const struct fv_sim_texture *texture, int32_t count, struct look *restrict look,
                             uint16_t *restrict upper, uint16_t *restrict lower)
 {
     const struct fv_sim_level *l = &texture->level[look->level[0]];
@@ -211,7 +219,7 @@ static void fetch_one_level(const struct fv_sim_texture *texture, int32_t count,
     }
 }
 
-static void fetch_levels(const struct fv_sim_texture *texture, int32_t count, struct look *restrict look,
+FV_IN_WIDE void fetch_levels(const struct fv_sim_texture *texture, int32_t count, struct look *restrict look,
                          uint16_t *restrict upper, uint16_t *restrict lower)
 {
     const float width = texture->u_max, height = texture->v_max;
@@ -233,7 +241,7 @@ static void fetch_levels(const struct fv_sim_texture *texture, int32_t count, st
 
 /* Bilinear in 16 bits: rows modulo 2^16 (their true values fit), halved so that their difference has a sign.
  * Out in 1/256 grey levels. */
-static void blend(const struct look *restrict look, int32_t count, const uint16_t *restrict upper,
+FV_IN_WIDE void blend(const struct look *restrict look, int32_t count, const uint16_t *restrict upper,
                   const uint16_t *restrict lower, uint16_t *restrict out)
 {
     int16_t value[SAMPLES];
@@ -253,7 +261,7 @@ static void blend(const struct look *restrict look, int32_t count, const uint16_
     }
 }
 
-static void shade(const struct fv_sim_surface *s, const float *x, const float *y, const float *inverse_z,
+FV_WIDE static void shade(const struct fv_sim_surface *s, const float *x, const float *y, const float *inverse_z,
                   int32_t count, float pixel_area, uint16_t *restrict out)
 {
     struct look look;
@@ -274,7 +282,7 @@ static void shade(const struct fv_sim_surface *s, const float *x, const float *y
 }
 
 /* Trace and shade samples; `seen` takes surface index + 1. */
-static void see(const struct fv_sim_view *view, const uint16_t *list, int32_t list_count, const float *x,
+FV_WIDE static void see(const struct fv_sim_view *view, const uint16_t *list, int32_t list_count, const float *x,
                 const float *y, int32_t count, float pixel_area, uint16_t *restrict light,
                 uint16_t *restrict seen)
 {

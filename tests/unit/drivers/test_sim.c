@@ -241,6 +241,13 @@ static double thread_ms(void)
 }
 
 /* Printed, and only held to a generous bound: the machine may be busy, emulated or instrumented. */
+/* 5 ms on a core of its own; here other tests run beside it. */
+#if defined(FOVEA_SANITIZED) || !defined(__x86_64__)
+static const double frame_ms_most = 1000;
+#else
+static const double frame_ms_most = 20;
+#endif
+
 static void test_timing(void **state)
 {
     (void)state;
@@ -263,7 +270,7 @@ static void test_timing(void **state)
         print_message("%-9s open %.0f ms, %.1f MiB; 640x480 frame mean %.2f ms, at most %.2f ms\n", names[n],
                       opened - begin, (double)sim_ops()->info(source)->heap_bytes / 1048576.0,
                       (thread_ms() - opened) / FRAMES, most);
-        assert_true((thread_ms() - opened) / FRAMES < 1000.0);
+        assert_true((thread_ms() - opened) / FRAMES < frame_ms_most);
         close_source(source);
     }
 }
