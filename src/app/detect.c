@@ -92,15 +92,50 @@ static void print_line(const struct engine *engine, const char *path, const stru
     printf("]}\n");
 }
 
+/* The part of a picture's name that its drawing keeps. */
+static const char *stem(const char *path, int *length)
+{
+    const char *slash = strrchr(path, '/'), *name = slash == NULL ? path : slash + 1, *dot = strrchr(name, '.');
+    *length = dot == NULL ? (int)strlen(name) : (int)(dot - name);
+    return name;
+}
+
+static int by_stem(const void *a, const void *b)
+{
+    int length_a, length_b;
+    const char *name_a = stem(*(char *const *)a, &length_a), *name_b = stem(*(char *const *)b, &length_b);
+    const int order = strncmp(name_a, name_b, (size_t)(length_a < length_b ? length_a : length_b));
+    return order != 0 ? order : length_a - length_b;
+}
+
+/* No two pictures are drawn into one file. */
+static enum fovea_status check_stems(char **paths, int count, const char *folder, struct fovea_error *error)
+{
+    char **sorted = malloc((size_t)count * sizeof *sorted);
+    enum fovea_status status = FOVEA_OK;
+    if (sorted == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "detect: out of memory");
+    memcpy(sorted, paths, (size_t)count * sizeof *sorted);
+    qsort(sorted, (size_t)count, sizeof *sorted, by_stem);
+    for (int i = 1; i < count && status == FOVEA_OK; ++i) {
+        int length;
+        const char *name = stem(sorted[i], &length);
+        if (by_stem(&sorted[i - 1], &sorted[i]) == 0 && strcmp(sorted[i - 1], sorted[i]) != 0)
+            status = fovea_error_set(error, FOVEA_ERROR_INPUT, "--draw %.200s: found %.200s and %.200s, both to be drawn into %.*s.png; expected different names",
+                                     folder, sorted[i - 1], sorted[i], length < 200 ? length : 200, name);
+    }
+    free(sorted);
+    return status;
+}
+
 /* dir/name.png with the boxes and their labels. */
 static enum fovea_status draw(const struct engine *engine, const char *path, const struct fovea_image *image, const char *folder,
                               struct fovea_error *error)
 {
     static const uint32_t colours[6] = {0xff5544, 0x44cc66, 0x4499ff, 0xffdd33, 0xbb77ff, 0x33ccbb};
-    const char *slash = strrchr(path, '/'), *name = slash == NULL ? path : slash + 1;
-    const char *dot = strrchr(name, '.');
     char target[1024];
-    snprintf(target, sizeof target, "%.600s/%.*s.png", folder, (int)(dot == NULL ? strlen(name) : (size_t)(dot - name)), name);
+    int length;
+    const char *name = stem(path, &length);
+    snprintf(target, sizeof target, "%.600s/%.*s.png", folder, length, name);
     const struct fv_file written[] = {{"--draw", target}, {0}}, read[] = {{"IMAGE", path}, {0}};
     enum fovea_status status = fv_files_apart(written, read, error);
     if (status != FOVEA_OK) return status;
@@ -144,7 +179,9 @@ int fv_command_detect(int argc, char **argv)
         return fv_say_wrong("%s", error.text);
     }
     int status = FV_EXIT_OK;
-    if (folder != NULL && mkdir(folder, 0777) != 0 && errno != EEXIST) {
+    if (folder != NULL && check_stems(argv + first, argc - first, folder, &error) != FOVEA_OK)
+        status = fv_say_wrong("%s", error.text);
+    else if (folder != NULL && mkdir(folder, 0777) != 0 && errno != EEXIST) {
         status = fv_say_wrong("--draw %.300s: the folder cannot be made: %s", folder, strerror(errno));
     }
     if (!fv_detect_gives_boxes(&engine.file.model)) fv_say("%s: its decoder gives no boxes: the lists stay empty", model);

@@ -153,6 +153,12 @@ static void what_is_read_is_never_written_over(void **state)
         FV_EXIT_WRONG);
     /* DIR/in.png is the picture itself. */
     assert_int_equal(CALL(fv_command_detect, "detect", "--model", "src/detect/shipped.fvm", "--draw", folder, in), FV_EXIT_WRONG);
+    char drawn[96];
+    snprintf(drawn, sizeof drawn, "%s/drawn", folder);
+    /* Nor are two pictures of one name drawn into one file; the second is not even looked for. */
+    assert_int_equal(CALL(fv_command_detect, "detect", "--model", "src/detect/shipped.fvm", "--draw", drawn, in, "elsewhere/in.jpg"),
+                     FV_EXIT_WRONG);
+    assert_int_not_equal(access(drawn, F_OK), 0);
     for (int i = 0; i < 2; i++) {
         assert_int_equal(bytes_of(kept[i], after, sizeof after), size[i]);
         assert_memory_equal(before[i], after, size[i]);

@@ -34,7 +34,9 @@ static void foreign_and_cut_files(void **state)
     const struct nn_golden_model *g = &golden.models[0];
     uint8_t *data = copy_of(g);
     refused(data, 100, "file's size is 100");
-    refused(data, g->model_bytes - 64, "stated size");
+    char sizes[96];
+    snprintf(sizes, sizeof sizes, "stated size is %zu, expected the file's %zu", (size_t)g->model_bytes, (size_t)g->model_bytes - 64);
+    refused(data, g->model_bytes - 64, sizes);
     data[g->model_bytes - 100] ^= 1;
     refused(data, g->model_bytes, "checksum");
     data[0] = 'X';
