@@ -471,8 +471,9 @@ enum fovea_status fv_libcamera_open(const struct fovea_libcamera_options *option
     client->request.options = *options;
     snprintf(client->uri, sizeof client->uri, "libcamera:%s", options->id);
     bool lost;
+    struct fovea_error grief = {.text = ""}, untold;
+    if (error == NULL) error = &untold;
     enum fovea_status status = learn(client, &lost, error);
-    struct fovea_error grief = {.text = ""};
     if (lost) { /* one fault of libcamera's, as while streaming: another process may do */
         grief = *error;
         status = learn(client, &lost, error);
