@@ -24,6 +24,13 @@ static void die(const char *what)
     abort();
 }
 
+static int64_t now_ns(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
+}
+
 static struct fake_stage *map_stage(const char *path)
 {
     const int fd = open(path, O_RDWR | O_CREAT | O_CLOEXEC, 0600);
@@ -185,7 +192,7 @@ static bool do_wrong(atomic_int *fault, uint32_t kind)
         for (;;)
             pause();
     case FAKE_BUSY:
-        for (const clock_t end = clock() + CLOCKS_PER_SEC * 3 / 2; clock() < end;) {
+        for (const int64_t end_ns = now_ns() + 1500000000; now_ns() < end_ns;) {
         }
         return false;
     case FAKE_SHORT:
@@ -216,7 +223,6 @@ static bool do_wrong(atomic_int *fault, uint32_t kind)
 
 static void send_frame(void)
 {
-    struct timespec now;
     int index = 0;
     while (index < BUFFERS && !me.with_camera[index])
         index++;
@@ -226,12 +232,11 @@ static void send_frame(void)
     for (int32_t y = 0; y < FAKE_HEIGHT; ++y)
         for (int32_t x = 0; x < FAKE_WIDTH; ++x)
             me.buffers[index][y * FAKE_STRIDE + x] = fake_pixel(me.sequence - 1, x, y);
-    clock_gettime(CLOCK_MONOTONIC, &now);
     struct fv_libcamera_event event = {
         .kind = FV_LIBCAMERA_FRAME,
         .frame = {.index = (uint32_t)index,
                   .bytes = FAKE_STRIDE * FAKE_HEIGHT,
-                  .stamp = {.stamp_ns = (int64_t)now.tv_sec * 1000000000 + now.tv_nsec,
+                  .stamp = {.stamp_ns = now_ns(),
                             .clock_known = true,
                             .clock = FOVEA_CLOCK_MONOTONIC,
                             .meaning = FOVEA_STAMP_EXPOSURE_START,
