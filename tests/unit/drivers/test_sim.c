@@ -240,8 +240,7 @@ static double thread_ms(void)
     return (double)now.tv_sec * 1e3 + (double)now.tv_nsec * 1e-6;
 }
 
-/* Printed, and only held to a generous bound: the machine may be busy, emulated or instrumented. */
-/* 5 ms on a core of its own; here other tests run beside it. */
+/* 5 ms on a core of its own; here other tests run beside it, and the machine may be emulated or instrumented. */
 #if defined(FOVEA_SANITIZED) || !defined(__x86_64__)
 static const double frame_ms_most = 1000;
 #else
