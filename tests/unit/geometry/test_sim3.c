@@ -238,19 +238,58 @@ static void test_search_and_refinement(void **context)
     }
 }
 
+/* Errors of a camera that stands one unit beside the other: a point 4 units away that is 10 % too far off along the
+ * other's ray is 10 px off here, which is two standard deviations if its distance is known to 5 %. */
+static void test_errors_along_the_ray(void **context)
+{
+    (void)context;
+    const double in_a[3] = {1, 0, 4}, in_b[3] = {0, 0, 4}, further = 1.1, aside_b[3] = {0, 0.1, 4};
+    struct fovea_random random;
+    struct fv_sim3 S_a_b, S_b_a;
+    struct fv_meeting exact = {.sigma_a = 0.05, .sigma_b = 0.05, .weight_a = 1, .weight_b = 1}, m;
+    double square[2];
+    fv_sim3_identity(&S_a_b);
+    S_a_b.t[0] = 1;
+    fv_sim3_invert(&S_a_b, &S_b_a);
+    fovea_random_seed(&random, 1);
+    fv_copy3(in_a, exact.point_a);
+    fv_copy3(in_b, exact.point_b);
+    look(in_a, &random, 0, exact.bearing_a, exact.A_a);
+    look(in_b, &random, 0, exact.bearing_b, exact.A_b);
+    assert_true(fv_sim3_errors(&exact, &S_a_b, &S_b_a, square) && square[0] < 1e-12 && square[1] < 1e-12);
+    m = exact;
+    for (int k = 0; k < 3; k++) {
+        m.point_a[k] *= further;
+        m.point_b[k] *= further;
+    }
+    assert_true(fv_sim3_errors(&m, &S_a_b, &S_b_a, square));
+    assert_true(square[0] > 3 && square[0] < 4.2 && square[1] > 3 && square[1] < 4.2);
+    m.sigma_a = m.sigma_b = 0; /* where the points are said to be exact, each counts with all its pixels */
+    assert_true(fv_sim3_errors(&m, &S_a_b, &S_b_a, square));
+    assert_true(square[0] > 60 && square[1] > 60);
+    m = exact;
+    fv_copy3(aside_b, m.point_b); /* not along its ray: nothing is forgiven */
+    assert_true(fv_sim3_errors(&m, &S_a_b, &S_b_a, square) && square[0] > 80);
+    m = exact;
+    memset(m.bearing_b, 0, sizeof m.bearing_b); /* not seen by b at all */
+    memset(m.A_b, 0, sizeof m.A_b);
+    m.weight_b = 0;
+    assert_true(fv_sim3_errors(&m, &S_a_b, &S_b_a, square) && square[0] < 1e-12 && square[1] == 0);
+}
+
 /* What is said of the rotation's error, against the errors made: where landmarks are where they are said to be,
  * and where their distances are as vague as after little parallax. */
 static void test_certainty_of_turn(void **context)
 {
     (void)context;
     enum { ROUNDS = 100 };
-    static const double distance_sigmas[] = {0.005, 0.03};
+    static const double distance_sigmas[] = {0.005, 0.03, 0.05};
     struct fovea_random random;
     static struct fv_meeting meetings[MEETINGS];
     struct fv_sim3 truth, found, off;
     double said = 0, made = 0, x[7];
     fovea_random_seed(&random, 17);
-    for (int n = 0; n < 2 * ROUNDS; n++) {
+    for (int n = 0; n < 3 * ROUNDS; n++) {
         if (n % ROUNDS == 0) said = made = 0;
         random_similarity(&random, &truth);
         make_meetings(&random, 0, 1, distance_sigmas[n / ROUNDS], &truth, meetings);
@@ -305,6 +344,7 @@ int main(void)
         cmocka_unit_test(test_group),
         cmocka_unit_test(test_alignment_exact),
         cmocka_unit_test(test_search_and_refinement),
+        cmocka_unit_test(test_errors_along_the_ray),
         cmocka_unit_test(test_certainty_of_turn),
         cmocka_unit_test(test_search_without_truth),
     };

@@ -395,6 +395,37 @@ static void test_no_larger_than_drift(void **state)
     free(w.memory);
 }
 
+/* A ray's direction is known to a pixel over the focal length; the distance, to that over all the parallax. */
+static void test_certainty_of_distances(void **state)
+{
+    (void)state;
+    const double A[6] = {400, 0, 0, 0, 400, 0};
+    struct fv_landmark l = {.spread = 0.1F, .observer_count = 4};
+    assert_true(fabs(fv_loop_distance_sigma(&l, A, 1) - sqrt(1e-4 + 1 / 6400.0)) < 1e-6);
+    assert_true(fabs(fv_loop_distance_sigma(&l, A, 0.25) - sqrt(1e-4 + 4 / 6400.0)) < 1e-6);
+    l.spread = 1;
+    assert_true(fabs(fv_loop_distance_sigma(&l, A, 1) - 0.01) < 1e-3);
+    l.spread = 0;
+    assert_true(fabs(fv_loop_distance_sigma(&l, A, 1) - 1) < 1e-3);
+
+    make_world(5);
+    add_keyframe();
+    add_keyframe();
+    const struct fv_view view = fv_map_view(&w.map, w.slot[0]);
+    struct fv_meeting m;
+    uint32_t feature = 0;
+    memset(&m, 0, sizeof m);
+    while (view.landmark[feature] == FV_MAP_NONE)
+        feature++;
+    fv_loop_side_a(&w.map, &view, feature, &m);
+    fv_loop_side_b(&w.map, &view, feature, &m);
+    assert_true(m.sigma_a >= 0.01 && m.sigma_a == m.sigma_b && m.weight_a > 0 && m.weight_a == m.weight_b);
+    assert_memory_equal(m.point_a, m.point_b, sizeof m.point_a);
+    assert_memory_equal(m.bearing_a, m.bearing_b, sizeof m.bearing_a);
+    assert_memory_equal(m.A_a, m.A_b, sizeof m.A_a);
+    free(w.memory);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -404,6 +435,7 @@ int main(void)
         cmocka_unit_test(test_odom_of_maps),
         cmocka_unit_test(test_full_pools),
         cmocka_unit_test(test_no_larger_than_drift),
+        cmocka_unit_test(test_certainty_of_distances),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
