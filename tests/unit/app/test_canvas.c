@@ -2,11 +2,13 @@
 #include <float.h>
 #include <math.h>
 #include <setjmp.h>
+#include <signal.h>
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -99,6 +101,17 @@ static void test_png(void **state)
     assert_non_null(strstr(error.text, "No space left"));
     assert_int_equal(lstat(path, &there), 0);
     unlink(path);
+    /* But of a file there is no half. */
+    struct rlimit before;
+    assert_int_equal(getrlimit(RLIMIT_FSIZE, &before), 0);
+    const struct rlimit limit = {40, before.rlim_max};
+    signal(SIGXFSZ, SIG_IGN);
+    assert_int_equal(setrlimit(RLIMIT_FSIZE, &limit), 0);
+    const enum fovea_status status = fv_canvas_write(&canvas, path, &error);
+    setrlimit(RLIMIT_FSIZE, &before);
+    assert_int_equal(status, FOVEA_ERROR_SYSTEM);
+    assert_non_null(strstr(error.text, "File too large"));
+    assert_int_equal(lstat(path, &there), -1);
     fv_canvas_free(&canvas);
 }
 
