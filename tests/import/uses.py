@@ -6,6 +6,7 @@ import contextlib
 import importlib.util
 import io
 import os
+import resource
 import struct
 import sys
 import tempfile
@@ -143,7 +144,7 @@ def thresholds(bench):
     found = bench.run(network([(1, 7, 40)]), "--labels", names, "--score", "0.3", "--class-score", "dog=0.6", "--class-score", "2=0.1")
     bench.holds("thresholds by class", found.thresholds, [0.3, 0.6, 0.1])
     bench.holds("without any", int(bench.run(network([(1, 7, 40)])).thresholds is None), 1)
-    for entry in ("cow=0.5", "dog=2", "dog", "dog=", "dog=a", "7=0.5", "dog=nan"):
+    for entry in ("cow=0.5", "dog=2", "dog", "dog=", "dog=a", "7=0.5", "dog=nan", "\u00b2=0.5"):
         bench.refused(f"--class-score {entry}", network([(1, 7, 40)]), "--class-score", "--labels", names, "--class-score", entry)
     for option in ("--score", "--iou"):
         bench.refused(f"{option} 2", network([(1, 7, 40)]), option, option, "2")
@@ -175,10 +176,16 @@ def anchors(bench):
     bench.refused("no anchors", boxes, "--anchors FILE", "--decoder", "ssd_raw")
     bench.refused("too few", boxes, "expected 4 for each of 3", "--anchors", bench.file("anchors.txt", "1 2 3 4"))
     bench.refused("no numbers", boxes, "expected numbers", "--anchors", bench.file("anchors.txt", "a b"))
+    for what, text in (("no text", b"\xff\xfe"), ("no finite number", "1 nan 1 1 " * 3), ("a huge number", "1 1e300 1 1 " * 3)):
+        bench.refused(what, boxes, "anchors.txt", "--anchors", bench.file("anchors.txt", text))
+    bench.refused("fewer scores than boxes", network([(1, 3, 4), (1, 2, 6)]), "expected boxes", "--anchors", "x")
     bench.refused("no boxes", network([(1, 20)]), "expected boxes", "--decoder", "ssd_raw", "--anchors", "x")
-    bench.refused("a scale of 0", boxes, "--box-scales", "--anchors", bench.file("anchors.txt", "1 2 3 4 " * 3), "--box-scales", "0,1,1,1")
+    path = bench.file("anchors.txt", "1 2 3 4 " * 3)
+    for scales in ("0,1,1,1", "1,nan,1,1", "1e300,1,1,1", "1,1,1", ""):
+        bench.refused(f"scales {scales}", boxes, "--box-scales", "--anchors", path, "--box-scales", scales)
     grid = network([(1, 3, 4, 16)])
-    bench.refused("an odd number", grid, "--anchors", "--anchors", "1,2,3")
+    for text in ("1,2,3", "1,nan", "1,1e300", "1,-2"):
+        bench.refused(f"pairs {text}", grid, "--anchors", f"--anchors={text}")
     bench.refused("no pairs", grid, "--anchors", "--decoder", "yolov2")
 
 
@@ -238,15 +245,33 @@ def archived(bench):
         bench.holds(f"an archive with {what} gives none", getattr(found, "labels", None) == [], True)
 
 
+def unfinished(bench):
+    """What a file and its folder hold after it could be written in part only, and what they should."""
+    folder = os.path.join(bench.folder, "full")
+    os.mkdir(folder)
+    path = bench.file("full/m.fvm", "before")
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limits[1]))
+    try:
+        TOOL.put(path, bytes(5000))
+    except OSError:
+        pass
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    with open(path, "rb") as file:
+        return f"{file.read(9)} {os.listdir(folder)}", "b'before' ['m.fvm']"
+
+
 def files(bench):
     """What cannot be read or written; whatever was there stays."""
     model = network([(1, 7, 40)])
-    path = bench.file("other.tflite", model)
     bench.refused("no such folder", model, "/nowhere/m.fvm", "-o", "/nowhere/m.fvm")
     bench.refused("a full disk", model, "/dev/full", "-o", "/dev/full")
-    bench.refused("the model as output", model, "m.tflite", "-o", os.path.join(bench.folder, "m.tflite"))
+    path = os.path.join(bench.folder, "m.tflite")
+    bench.refused("the model as output", model, "m.tflite", "-o", path)
     with open(path, "rb") as file:
         bench.holds("it stays", file.read() == model, True)
+    bench.holds("what was there before a disk was full stays", *unfinished(bench))
     bench.refused("no labels there", model, "nowhere.txt", "--labels", "nowhere.txt")
     bench.refused("labels that are no text", model, "labels.bin", "--labels", bench.file("labels.bin", b"\xff\xfe"))
     bench.refused("labels with a zero", model, "labels.bin", "--labels", bench.file("labels.bin", b"cat\0\n"))

@@ -33,13 +33,18 @@ def bits(value):
     return struct.unpack("<i", struct.pack("<f", value))[0]
 
 
-def read_labels(path):
+def read_lines(path):
+    """Those that are not empty."""
     try:
         with open(path, encoding="utf-8") as file:
-            lines = [line.strip() for line in file if line.strip()]
+            return [line.strip() for line in file if line.strip()]
     except UnicodeDecodeError as problem:
         found = f"byte {problem.start}: found {problem.object[problem.start]:#04x}"
         raise ImportProblem(f"{path}: {found}, expected text in UTF-8") from problem
+
+
+def read_labels(path):
+    lines = read_lines(path)
     if len(lines) > LABELS_MAX or any("\0" in line for line in lines):
         raise ImportProblem(f"{path}: found {len(lines)} labels, expected at most {LABELS_MAX} without zero bytes")
     return arrange(lines)
@@ -48,7 +53,7 @@ def read_labels(path):
 def arrange(lines):
     """Lines `index name` or plain names in order."""
     numbered = [line.split(None, 1) for line in lines]
-    if all(len(p) == 2 and p[0].rstrip(":").isdigit() for p in numbered):
+    if all(len(p) == 2 and p[0].rstrip(":").isdecimal() for p in numbered):
         table = {int(p[0].rstrip(":")): p[1] for p in numbered}
         if table and max(table) < LABELS_MAX:
             return [table.get(i, "") for i in range(max(table) + 1)]
@@ -104,7 +109,7 @@ def guess(graph, anchors):
         return "segment"
     if len(shape) == 2 or len(shape) == 4 and shape[:3] == (1, 1, 1):
         return "classifier" if shape[-1] <= LABELS_MAX else "none"
-    if len(graph.outputs) == 2 and anchors and any(graph.tensors[t].shape[-1] == 4 for t in graph.outputs):
+    if len(graph.outputs) == 2 and anchors and any(graph.tensors[t].shape[-1:] == (4,) for t in graph.outputs):
         return "ssd_raw"
     if len(shape) == 3 and shape[1] < shape[2] and shape[1] > 4:
         return "yolov8"
@@ -172,15 +177,19 @@ def natural_range(graph):
     return 127.5, 1 / 127.5
 
 
-def numbers(text, what):
+def numbers(text, what, low=-1e6, high=1e6):
     try:
-        return [float(v) for v in text.replace(",", " ").split()]
+        found = [float(v) for v in text.replace(",", " ").split()]
     except ValueError as problem:
         raise ImportProblem(f"{what}: {problem}, expected numbers") from problem
+    for value in found:
+        if not low <= value <= high:
+            raise ImportProblem(f"{what}: found {value:g}, expected numbers from {low:g} to {high:g}")
+    return found
 
 
 def yolo_anchors(text):
-    found = numbers(text or "", "--anchors")
+    found = numbers(text or "", "--anchors", 0)
     if len(found) % 2 or len(found) > 16:
         raise ImportProblem(f"--anchors: found {len(found)} numbers, expected up to 8 pairs")
     return found
@@ -188,11 +197,12 @@ def yolo_anchors(text):
 
 def raw_outputs(graph):
     """Boxes and scores, which files list in either order: boxes have 4 numbers."""
-    outs = [graph.tensors[t] for t in graph.outputs[:2]]
-    if len(outs) != 2 or not any(t.shape[-1:] == (4,) for t in outs):
-        raise ImportProblem(f"--decoder ssd_raw: found outputs {[list(t.shape) for t in outs]}, "
+    outs = sorted((graph.tensors[t] for t in graph.outputs[:2]), key=lambda t: t.shape[-1:] != (4,))
+    shapes = [t.shape for t in outs]
+    if len(outs) != 2 or () in shapes or shapes[0][-1] != 4 or outs[1].size != outs[0].size // 4 * shapes[1][-1]:
+        raise ImportProblem(f"--decoder ssd_raw: found outputs {[list(s) for s in shapes]}, "
                             "expected boxes [n, 4] and scores [n, 1 + classes]")
-    return outs if outs[0].shape[-1] == 4 else outs[::-1]
+    return outs
 
 
 def ssd_anchors(path, graph):
@@ -200,8 +210,7 @@ def ssd_anchors(path, graph):
     boxes = raw_outputs(graph)[0].size // 4
     if path is None:
         raise ImportProblem("--decoder ssd_raw: the anchors are missing, expected --anchors FILE")
-    with open(path, encoding="utf-8") as file:
-        lines = [line for line in file if line.strip()]
+    lines = read_lines(path)
     found = np.array(numbers(" ".join(lines), path), np.float32)
     if found.size != 4 * boxes:
         raise ImportProblem(f"{path}: found {found.size} numbers, expected 4 for each of {boxes} boxes")
@@ -209,9 +218,9 @@ def ssd_anchors(path, graph):
 
 
 def share(text, what):
-    found = numbers(str(text), what)
-    if len(found) != 1 or not 0 <= found[0] <= 1:
-        raise ImportProblem(f"{what}: found {text}, expected a number from 0 to 1")
+    found = numbers(str(text), what, 0, 1)
+    if len(found) != 1:
+        raise ImportProblem(f"{what}: found {text!r}, expected a number from 0 to 1")
     return found[0]
 
 
@@ -221,7 +230,7 @@ def class_thresholds(arguments, labels, first_label, classes):
     for entry in arguments.class_score:
         name, _, text = entry.rpartition("=")
         known = labels[first_label:first_label + classes]
-        number = known.index(name) if name in known else int(name) if name.isdigit() else -1
+        number = known.index(name) if name in known else int(name) if name.isdecimal() else -1
         if not 0 <= number < classes:
             raise ImportProblem(f"--class-score: found {entry!r}, expected CLASS=SCORE with a label or a number below {classes}")
         table[number] = share(text, f"--class-score {entry}")
@@ -246,9 +255,9 @@ def decoder_words(kind, graph, net, labels, arguments):
     first_label = int(bool(labels) and len(labels) == classes - background + 1 and labels[0].lower() in ("background", "???"))
     table = net.blob(class_thresholds(arguments, labels, first_label, classes)) if arguments.class_score else 0
     boxes = net.blob(ssd_anchors(arguments.anchors, graph)) if kind == "ssd_raw" else 0
-    scales = numbers(arguments.box_scales, "--box-scales") if boxes else [0] * 4
-    if boxes and (len(scales) != 4 or not min(scales) > 0):
-        raise ImportProblem(f"--box-scales: found {arguments.box_scales!r}, expected four numbers above 0")
+    scales = numbers(arguments.box_scales, "--box-scales", 1e-6) if boxes else [0] * 4
+    if len(scales) != 4:
+        raise ImportProblem(f"--box-scales: found {len(scales)} numbers, expected four")
     return [DECODERS.index(kind), classes, bits(share(arguments.score, "--score")), bits(share(arguments.iou, "--iou")),
             int(arguments.agnostic), 300, int(is_share(kind, graph)), len(pairs) // 2, *[bits(v) for v in pairs],
             *[0] * (16 - len(pairs)), first_label, background, table, boxes, *[bits(v) for v in scales]]
