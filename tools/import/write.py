@@ -7,8 +7,6 @@ import numpy as np
 from layout import (ALIGN, ARENA_SLACK, FLAG_CONST, FLAG_SIGNED, HEADER_BYTES, KIND, MAGIC, OP_WORDS, PARAMS,
                     PARAM_WORDS, TENSOR_WORDS, TYPES, VERSION)
 
-OFFSET_PARAMS = {"weights", "bias", "multiplier", "shift", "table", "rows_table", "columns_table", "anchor_data",
-                 "box_table", "score_table"}
 BLOB_KINDS = {"CONV": {"weights", "bias", "multiplier", "shift", "table"},
               "DEPTHWISE": {"weights", "bias", "multiplier", "shift", "table"},
               "BINARY": {"table"}, "COPY": {"table"},
