@@ -54,6 +54,15 @@ static int32_t *op_words(uint8_t *data, int32_t op)
     return (int32_t *)(void *)(data + ops + 256 * (size_t)op);
 }
 
+static const struct nn_golden_model *named(const char *start)
+{
+    for (int i = 0; i < golden.count; ++i) {
+        if (strstr(golden.models[i].name, start) == golden.models[i].name) return &golden.models[i];
+    }
+    fail_msg("no golden model %s", start);
+    return NULL;
+}
+
 /* One word of the first operator record set to a value, sealed, and the reason for which it is refused. */
 static void hostile_words(void **state)
 {
@@ -67,15 +76,31 @@ static void hostile_words(void **state)
         {20, 1, "pixels overlap"}, {25, 0, "window"}, {33, 3, "kernel height"}, {34, 1, "k / 4"}, {35, 300, "zero points"},
         {41, 1 << 30, "weights lie outside"}, {42, 4, "biases lie outside"}, {45, 1 << 28, "table lies outside"},
     };
-    const struct nn_golden_model *g = NULL;
-    for (int i = 0; i < golden.count && g == NULL; ++i) {
-        if (strstr(golden.models[i].name, "CONV_2D int8") == golden.models[i].name) g = &golden.models[i];
-    }
-    assert_non_null(g);
+    const struct nn_golden_model *g = named("CONV_2D int8");
     for (size_t i = 0; i < sizeof cases / sizeof *cases; ++i) {
         uint8_t *data = copy_of(g);
         op_words(data, 0)[cases[i].word] = cases[i].value;
         if (cases[i].word == 20) op_words(data, 0)[19] = 2; /* two channels at a distance of one */
+        nn_mutant_seal(data, g->model_bytes);
+        refused(data, g->model_bytes, cases[i].text);
+        free(data);
+    }
+}
+
+/* The same of a product of matrices: one that is rounded once needs room for its sums. */
+static void hostile_products(void **state)
+{
+    (void)state;
+    const struct {
+        int32_t word, value;
+        const char *text;
+    } cases[] = {{32, 31, "shift is out of range"}, {33, 1, "scratch is too small"}, {33, 2, "not 0 or 1"}, {34, 1 << 28, "biases lie outside"}};
+    const struct nn_golden_model *g = named("BATCH_MATMUL int8");
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; ++i) {
+        uint8_t *data = copy_of(g);
+        int32_t op = 0;
+        while (op_words(data, op)[0] != FV_OP_BATCH_MATMUL) op++;
+        op_words(data, op)[cases[i].word] = cases[i].value;
         nn_mutant_seal(data, g->model_bytes);
         refused(data, g->model_bytes, cases[i].text);
         free(data);
@@ -171,6 +196,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(foreign_and_cut_files),
         cmocka_unit_test(hostile_words),
+        cmocka_unit_test(hostile_products),
         cmocka_unit_test(more_work_than_data),
         cmocka_unit_test(cycle),
         cmocka_unit_test(ten_thousand_mutants),
