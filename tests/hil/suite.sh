@@ -179,7 +179,7 @@ echo 'echo vivid.0 >/sys/bus/platform/drivers/vivid/unbind' >vivid-unplug.sh
 echo '. ./nap.sh; echo vivid.0 >/sys/bus/platform/drivers/vivid/bind; for _ in {1..1200}; do for node in /dev/video*; do [ -e $node ] && exit 0; done; nap 0.05; done; exit 1' >vivid-plug.sh
 check 'vivid: disconnected while streaming: gone, and back' "$tool" read "$vivid" times=3 \
     unplug='v4l2-ctl -d /dev/video0 -c disconnect=1' plug=true # vivid is back with the last close
-check 'vivid: unbound and bound 10 times: gone, back in time, nothing left behind' \
+check 'vivid: unbound and bound 10 times: gone and back, nothing left behind' \
     "$tool" read "$vivid" seconds=900 times=10 timely="${HIL_TIMELY:-0}" unplug='bash vivid-unplug.sh' plug='bash vivid-plug.sh'
 rmmod vivid
 }
@@ -308,7 +308,7 @@ unplug
 part_unplug() {
 file=$frames/GREY-320x240.raw
 plug GREY "$file" 20
-check 'uvcvideo: unplugged 50 times: gone, back in time, nothing left behind' \
+check 'uvcvideo: unplugged 50 times: gone and back, nothing left behind' \
     "$tool" read "v4l2:$usb" seconds=900 times=50 timely="${HIL_TIMELY:-0}" unplug='bash usb-unplug.sh' plug='bash usb-plug.sh'
 starting() {
     for wait in 0 0.1 0.3; do
