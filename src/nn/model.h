@@ -232,7 +232,7 @@ struct fv_model_decode {
     int32_t normalised; /* box coordinates are shares of the input size, not pixels */
     int32_t anchor_count;
     float anchors[16];   /* width, height pairs (YOLOv2: in cells) */
-    int32_t first_label; /* class index of the first label */
+    int32_t first_label; /* index of the label of class 0 */
     int32_t background;  /* classifiers: class 0 is background */
     int32_t thresholds;  /* offset of float[classes], 0: score_threshold for all */
     int32_t anchor_data; /* SSD_RAW: offset of float[n][4] */
