@@ -6,6 +6,7 @@ import contextlib
 import importlib.util
 import io
 import os
+import random
 import resource
 import struct
 import sys
@@ -245,6 +246,20 @@ def archived(bench):
         bench.holds(f"an archive with {what} gives none", getattr(found, "labels", None) == [], True)
 
 
+def damaged(bench):
+    """Models of which a few bytes are wrong: read all the same, or refused in one line."""
+    draw = random.Random(3)
+    models, results = [network([(1, 7, 40)]), network([(1, 6, 8, 4)], "SOFTMAX", "float32"), sound()], []
+    for _ in range(150):
+        model = bytearray(draw.choice(models))
+        for _ in range(draw.randint(1, 3)):
+            model[draw.randrange(8, len(model))] = draw.choice((0, 1, 127, 128, 255))
+        found = bench.run(bytes(model))
+        results.append((0, "") if isinstance(found, Written) else found)
+    odd = [line[-300:] for status, line in results if status and (status != 2 or line.count("\n") != 1)]
+    bench.holds(f"{sum(status == 2 for status, _ in results)} of 150 damaged models are refused, each in a line", odd[:3], [])
+
+
 def unfinished(bench):
     """What a file and its folder hold after it could be written in part only, and what they should."""
     folder = os.path.join(bench.folder, "full")
@@ -283,7 +298,7 @@ def files(bench):
 def main():
     with tempfile.TemporaryDirectory() as folder:
         bench = Bench(folder)
-        for test in (guesses, ranges, thresholds, labels, anchors, loaded, units, archived, files):
+        for test in (guesses, ranges, thresholds, labels, anchors, loaded, units, archived, files, damaged):
             test(bench)
     return 1 if bench.wrong else 0
 

@@ -20,6 +20,13 @@ from write import Writer  # noqa: E402
 
 def convert(path, arguments=None, fold=True):
     """Returns the file's bytes and a dictionary of figures."""
+    try:
+        return translate(path, arguments, fold)
+    except graph_module.FAULTS as problem:
+        raise graph_module.ImportProblem(f"its tensors and operators do not fit each other ({problem})") from problem
+
+
+def translate(path, arguments, fold):
     graph = graph_module.read(path)
     net = Lowering(graph, fold).run()
     arena, bound = plan_module.plan(net)

@@ -18,6 +18,10 @@ DTYPES = {"UINT8": np.uint8, "INT8": np.int8, "INT32": np.int32, "INT64": np.int
           "BOOL": np.uint8, "INT16": np.int16}
 
 
+# What numbers that fit nothing end in, wherever they are first used.
+FAULTS = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError, struct.error)
+
+
 class ImportProblem(Exception):
     """Something that stops the import; its text is the one line for the user."""
 
@@ -141,7 +145,7 @@ def read(path):
         raise ImportProblem(f"byte 4: found {raw[4:8]!r}, expected b'TFL3': not a .tflite file")
     try:
         return _parse(tflite.Model.GetRootAs(raw, 0))
-    except (AttributeError, LookupError, TypeError, ValueError, struct.error) as problem:
+    except FAULTS as problem:
         raise ImportProblem(f"{len(raw)} bytes that are not a whole .tflite file: {problem}") from problem
 
 

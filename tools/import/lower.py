@@ -3,7 +3,7 @@ import numpy as np
 
 import quant
 from fold import Folder
-from graph import ImportProblem
+from graph import FAULTS, ImportProblem
 from layout import ARENA_SLACK
 from net import Net
 
@@ -128,7 +128,7 @@ class Lowering:
             try:
                 with np.errstate(divide="raise", invalid="raise"):
                     table.get(op.name, Lowering.unary)(self, op)
-            except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError) as problem:
+            except FAULTS as problem:
                 raise ImportProblem(f"{self.describe(op)}: {self.fault(op, problem)}") from problem
         for t in self.g.outputs:
             self.net.outputs.append(self.dense_input(t))
