@@ -163,12 +163,29 @@ static void test_search_is_a_scan(void **state)
     free(memory);
 }
 
+/* Six columns and four rows, numbered as one reads; what lies on the last edge is still in the last of them. */
+static void test_parts_of_the_image(void **state)
+{
+    (void)state;
+    struct fv_map map = {.limits = {.width = 640, .height = 480}, .pixel_px = 0.0625};
+    static const struct {
+        uint16_t x_px, y_px;
+        int part;
+    } rows[] = {{0, 0, 0},     {106, 119, 0},   {107, 119, 1},   {106, 120, 6},  {639, 0, 5},
+                {639, 239, 11}, {0, 240, 12},   {320, 250, 15},  {0, 479, 18},   {640, 480, 23}};
+    for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
+        const struct fv_pixel p = {.x = (uint16_t)(16 * rows[i].x_px), .y = (uint16_t)(16 * rows[i].y_px)};
+        assert_int_equal(fv_map_part(&map, &p), rows[i].part);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_features_stay_what_they_are),
         cmocka_unit_test(test_beyond_the_lens),
         cmocka_unit_test(test_search_is_a_scan),
+        cmocka_unit_test(test_parts_of_the_image),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
