@@ -189,6 +189,7 @@ static bool do_wrong(atomic_int *fault, uint32_t kind)
     case FAKE_EXIT:
         _exit(3);
     case FAKE_HANG:
+        alarm(60); /* a test that fails leaves it to nobody */
         for (;;)
             pause();
     case FAKE_BUSY:
