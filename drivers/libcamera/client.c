@@ -21,7 +21,8 @@
 
 extern char **environ;
 
-int64_t fv_libcamera_answer_ns = INT64_C(30000000000), fv_libcamera_idle_ns = INT64_C(6000000000);
+int64_t fv_libcamera_answer_ns = INT64_C(30000000000), fv_libcamera_idle_ns = INT64_C(6000000000),
+        fv_libcamera_away_ns = INT64_C(5000000000);
 
 /* A buffer of the camera, mapped here. */
 struct mapping {
@@ -35,6 +36,7 @@ struct fv_libcamera_client {
     struct fovea_libcamera_agreed agreed;
     pid_t pid;  /* 0: no process */
     int socket; /* -1: likewise */
+    int64_t started_ns;
     uint32_t buffer_count;
     int32_t stride_bytes;
     struct mapping mappings[FV_LIVE_BUFFERS_MAX];
@@ -111,6 +113,7 @@ static enum fovea_status start_process(struct fv_libcamera_client *client, struc
     close(ends[1]);
     if (failure == 0) {
         client->socket = ends[0];
+        client->started_ns = now_ns();
         return FOVEA_OK;
     }
     close(ends[0]);
@@ -354,7 +357,11 @@ static enum fovea_status find(void *of, int quit_fd, struct fovea_error *error)
         if (status == FOVEA_OK) status = ask(client, FV_LIBCAMERA_KNOW, error);
     }
     if (status == FOVEA_OK) status = ask(client, FV_LIBCAMERA_FIND, error);
-    return status == FOVEA_OK ? await_answer(client, quit_fd, NULL, NULL, error) : status;
+    if (status == FOVEA_OK) status = await_answer(client, quit_fd, NULL, NULL, error);
+    /* libcamera looks around when it starts, and then believes what it is told: a camera that came when it was not
+     * listening stays away for it. */
+    if (status == FOVEA_GONE && now_ns() - client->started_ns > fv_libcamera_away_ns) end_process(client, 0);
+    return status;
 }
 
 static enum fovea_status set_up(void *of, int quit_fd, struct fovea_error *error)

@@ -23,8 +23,8 @@
 struct fv_libcamera_client;
 
 /* For tests; else 30 s: a machine under load takes seconds to start libcamera; and 6 s: the kernel waits up
- * to 5 s for an answer of a USB camera. */
-extern int64_t fv_libcamera_answer_ns, fv_libcamera_idle_ns;
+ * to 5 s for an answer of a USB camera; and 5 s, for which one process is believed that the camera is away. */
+extern int64_t fv_libcamera_answer_ns, fv_libcamera_idle_ns, fv_libcamera_away_ns;
 
 /* Start a process and let it find the camera, configure it once and let it go again; one that ends or hangs
  * over it is followed by another, once. `told` gets a line of that and where not all is as asked.

@@ -67,6 +67,7 @@ struct fake_stage *fake_stage_open(void)
 void fake_stage_reset(struct fake_stage *stage)
 {
     atomic_store(&stage->away, false);
+    atomic_store(&stage->deaf, false);
     atomic_store(&stage->fault, FAKE_NONE);
     atomic_store(&stage->fault_at_set_up, FAKE_NONE);
     atomic_store(&stage->fault_at_learn, FAKE_NONE);
@@ -138,7 +139,7 @@ struct fake_holdings fake_holdings(void)
 
 static struct {
     struct fake_stage *stage;
-    bool streams, with_camera[BUFFERS];
+    bool streams, missed, with_camera[BUFFERS];
     uint8_t *buffers[BUFFERS];
     int descriptors[BUFFERS];
     uint32_t sequence;
@@ -277,7 +278,8 @@ static void serve(const struct fv_libcamera_request *request)
         learn(&event);
         break;
     case FV_LIBCAMERA_FIND:
-        event.error.status = atomic_load(&me.stage->away) ? FOVEA_GONE : FOVEA_OK;
+        me.missed = atomic_load(&me.stage->away) || (me.missed && atomic_load(&me.stage->deaf));
+        event.error.status = me.missed ? FOVEA_GONE : FOVEA_OK;
         break;
     case FV_LIBCAMERA_SET_UP:
         atomic_fetch_add(&me.stage->set_ups, 1);

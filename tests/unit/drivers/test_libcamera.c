@@ -74,14 +74,21 @@ static void wait_for_life(struct fovea_source *source, uint32_t life)
     assert_true(atomic_load(&stage->lives) >= life);
 }
 
+/* Frames from before are not what is waited for. */
+static void wait_for_frame_of_set_up(struct fovea_source *source, uint32_t set_up)
+{
+    const int64_t end_ns = fv_test_now_ns() + 10000000000;
+    do {
+        fv_test_next_frame(source);
+    } while (atomic_load(&stage->set_ups) < set_up && fv_test_now_ns() < end_ns);
+    assert_true(atomic_load(&stage->set_ups) >= set_up);
+    fv_test_wait_for_state(source, FOVEA_SOURCE_OK);
+}
+
 static void wait_for_frame_of_life(struct fovea_source *source, uint32_t life)
 {
     wait_for_life(source, life);
-    for (;;) { /* frames from before are not what is waited for */
-        fv_test_next_frame(source);
-        if (atomic_load(&stage->set_ups) >= life) break;
-    }
-    fv_test_wait_for_state(source, FOVEA_SOURCE_OK);
+    wait_for_frame_of_set_up(source, life);
 }
 
 /* ---- frames ------------------------------------------------------------------------------------------ */
@@ -224,6 +231,26 @@ static void test_unplugged(void **state)
         assert_int_equal(fv_test_counts(source).recovered, 1);
         fv_test_finish(source);
     }
+}
+
+/* The process that says that the camera is away missed how it came back: it is not believed for ever. */
+static void test_comes_back_unheard(void **state)
+{
+    (void)state;
+    const int64_t away_ns = fv_libcamera_away_ns;
+    struct fovea_source *source = start_source();
+    fv_libcamera_away_ns = 500000000;
+    fv_test_next_frame(source);
+    atomic_store(&stage->deaf, true);
+    atomic_store(&stage->away, true);
+    assert_state_in_time(source, FOVEA_SOURCE_GONE);
+    usleep(100000);
+    atomic_store(&stage->away, false);
+    wait_for_life(source, 3);
+    wait_for_frame_of_set_up(source, 2);
+    assert_int_equal(fv_test_counts(source).recovered, 1);
+    fv_test_finish(source);
+    fv_libcamera_away_ns = away_ns;
 }
 
 /* A process that does nothing at all is not waited for as long as one that works. */
@@ -397,6 +424,7 @@ int main(int argc, char **argv)
                                        cmocka_unit_test(test_faults_while_streaming),
                                        cmocka_unit_test(test_faults_while_setting_up),
                                        cmocka_unit_test(test_unplugged),
+                                       cmocka_unit_test(test_comes_back_unheard),
                                        cmocka_unit_test(test_hangs_or_works),
                                        cmocka_unit_test(test_stopped_while_it_hangs),
                                        cmocka_unit_test(test_started_again_after_a_hang),
