@@ -84,7 +84,7 @@ APP_O     := $(filter-out $(BUILD)/obj/src/app/main.o,$(call objs,$(APP_C)))
 MAIN_O    := $(BUILD)/obj/src/app/main.o
 
 LIBS_CORE := -llcm
-LIBS_APP  := -llcm -lyaml -lpng -ljpeg -lz -ldl
+LIBS_APP  := -llcm -lyaml -lpng -ljpeg -lz -ldl -lm
 
 # ---- what can be asked for -------------------------------------------------------------------------------------
 .DEFAULT_GOAL := all
@@ -274,9 +274,10 @@ $(BUILD)/libfovea.so: $(CORE_O)
 $(BUILD)/libfovea-app.a: $(APP_O) $(DRIVERS_O)
 	@rm -f $@
 	$(Q)$(AR) rcs $@ $^
+# By the C compiler: nothing of C++ is in it, and the C++ runtime would take a megabyte.
 $(BUILD)/fovea: $(MAIN_O) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 	@echo "  link $@"
-	$(Q)$(CXX) $(LDFLAGS) $(if $(SAN),,-static-libgcc) -rdynamic -o $@ $(MAIN_O) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group $(LIBS_APP)
+	$(Q)$(CC) $(LDFLAGS) -rdynamic -o $@ $(MAIN_O) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group $(LIBS_APP)
 $(BUILD)/fovea-video.so: drivers/video.cpp $(BUILD)/obj/src/base/status.o Makefile
 	$(Q)$(CXX) $(filter-out -fstack-usage,$(CXXFLAGS)) -isystem /usr/include/opencv4 -fvisibility=hidden -shared -Wl,-Bsymbolic \
 	    -o $@ $< $(BUILD)/obj/src/base/status.o -lopencv_videoio -lopencv_core

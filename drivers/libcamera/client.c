@@ -22,7 +22,7 @@
 extern char **environ;
 
 int64_t fv_libcamera_answer_ns = INT64_C(30000000000), fv_libcamera_idle_ns = INT64_C(6000000000),
-        fv_libcamera_away_ns = INT64_C(5000000000);
+        fv_libcamera_away_ns = INT64_C(5000000000), fv_libcamera_patience_ns = INT64_C(1000000000);
 
 /* A buffer of the camera, mapped here. */
 struct mapping {
@@ -31,12 +31,15 @@ struct mapping {
     int fd;
 };
 
+enum { LEFT_MAX = 4 };
+
 struct fv_libcamera_client {
     char uri[FOVEA_LIBCAMERA_ID_BYTES + 16];
     struct fovea_libcamera_agreed agreed;
     pid_t pid;  /* 0: no process */
     int socket; /* -1: likewise */
     int64_t started_ns;
+    pid_t left[LEFT_MAX]; /* killed, but held by the kernel: to be reaped once it lets them go */
     uint32_t buffer_count;
     int32_t stride_bytes;
     struct mapping mappings[FV_LIVE_BUFFERS_MAX];
@@ -137,7 +140,23 @@ static bool has_ended(pid_t pid, int64_t deadline_ns, int *how)
     }
 }
 
-/* Let it end by itself for so long, then kill it. One that the kernel holds is left to it. */
+static void reap_left(struct fv_libcamera_client *client)
+{
+    int how;
+    for (int i = 0; i < LEFT_MAX; ++i)
+        if (client->left[i] != 0 && has_ended(client->left[i], 0, &how)) client->left[i] = 0;
+}
+
+static void leave(struct fv_libcamera_client *client, pid_t pid)
+{
+    for (int i = 0; i < LEFT_MAX; ++i) {
+        if (client->left[i] != 0) continue;
+        client->left[i] = pid;
+        return;
+    }
+}
+
+/* Let it end by itself for so long, then kill it. One that the kernel holds is left to it, and reaped later. */
 static int end_process(struct fv_libcamera_client *client, int64_t patience_ns)
 {
     int how = -1;
@@ -146,7 +165,7 @@ static int end_process(struct fv_libcamera_client *client, int64_t patience_ns)
     if (client->pid == 0) return how;
     if (!has_ended(client->pid, now_ns() + patience_ns, &how)) {
         kill(client->pid, SIGKILL);
-        has_ended(client->pid, now_ns() + FV_LIBCAMERA_PATIENCE_NS, &how);
+        if (!has_ended(client->pid, now_ns() + fv_libcamera_patience_ns, &how)) leave(client, client->pid);
     }
     client->pid = 0;
     return how;
@@ -155,7 +174,7 @@ static int end_process(struct fv_libcamera_client *client, int64_t patience_ns)
 /* It closed its end: it has ended, or is about to. */
 static enum fovea_status died(struct fv_libcamera_client *client, struct fovea_error *error)
 {
-    const int how = end_process(client, FV_LIBCAMERA_PATIENCE_NS);
+    const int how = end_process(client, fv_libcamera_patience_ns);
     char text[64] = "ended";
     if (how != -1 && WIFSIGNALED(how))
         snprintf(text, sizeof text, "was ended by signal %d (%s)", WTERMSIG(how), strsignal(WTERMSIG(how)));
@@ -351,6 +370,7 @@ static enum fovea_status find(void *of, int quit_fd, struct fovea_error *error)
 {
     struct fv_libcamera_client *client = of;
     enum fovea_status status = FOVEA_OK;
+    reap_left(client);
     if (client->socket < 0) {
         status = start_process(client, error);
         client->request.agreed = client->agreed;
@@ -383,7 +403,7 @@ static void tear_down(void *of)
 {
     struct fv_libcamera_client *client = of;
     unmap(client);
-    end_process(client, FV_LIBCAMERA_PATIENCE_NS);
+    end_process(client, fv_libcamera_patience_ns);
 }
 
 static enum fovea_status use_event(struct fv_libcamera_client *client, struct fv_live_buffer *buffer,
@@ -415,6 +435,7 @@ static enum fovea_status take(void *of, int64_t deadline_ns, int wake_fd, struct
                               struct fovea_error *error)
 {
     struct fv_libcamera_client *client = of;
+    reap_left(client);
     enum fovea_status status = receive(client, NULL, NULL, error);
     if (status == FOVEA_AGAIN) {
         struct pollfd fds[2] = {{.fd = wake_fd, .events = POLLIN}, {.fd = client->socket, .events = POLLIN}};
@@ -437,6 +458,7 @@ static void close_client(void *of)
 {
     struct fv_libcamera_client *client = of;
     tear_down(client);
+    reap_left(client);
     free(client);
 }
 

@@ -4,7 +4,7 @@
  * What a fault of that process becomes: one that ends by itself (a signal, an abort, an exit) or sends what
  * makes no sense is a broken stream, FOVEA_ERROR_SYSTEM, and the line says how it ended; one that does not
  * answer a request within fv_libcamera_answer_ns, or before the source is stopped, or uses no processor time
- * for fv_libcamera_idle_ns meanwhile, or has not ended FV_LIBCAMERA_PATIENCE_NS after it was asked to, is
+ * for fv_libcamera_idle_ns meanwhile, or has not ended fv_libcamera_patience_ns after it was asked to, is
  * killed. Whether the camera is there the next process says. Once a camera has gone its process is killed at
  * once: to stop a camera that is not there is what libcamera aborts over. One process is there while a source
  * is open, also while its camera is away.
@@ -18,13 +18,11 @@
 
 #include "protocol.h"
 
-#define FV_LIBCAMERA_PATIENCE_NS INT64_C(1000000000)
-
 struct fv_libcamera_client;
 
 /* For tests; else 30 s: a machine under load takes seconds to start libcamera; and 6 s: the kernel waits up
- * to 5 s for an answer of a USB camera; and 5 s, for which one process is believed that the camera is away. */
-extern int64_t fv_libcamera_answer_ns, fv_libcamera_idle_ns, fv_libcamera_away_ns;
+ * to 5 s for an answer of a USB camera; and 5 s, for which one process is believed that the camera is away; and 1 s. */
+extern int64_t fv_libcamera_answer_ns, fv_libcamera_idle_ns, fv_libcamera_away_ns, fv_libcamera_patience_ns;
 
 /* Start a process and let it find the camera, configure it once and let it go again; one that ends or hangs
  * over it is followed by another, once. `told` gets a line of that and where not all is as asked.

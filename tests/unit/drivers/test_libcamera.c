@@ -253,6 +253,27 @@ static void test_comes_back_unheard(void **state)
     fv_libcamera_away_ns = away_ns;
 }
 
+/* One that has not ended when patience is over is no child for ever. */
+static void test_reaped_later(void **state)
+{
+    (void)state;
+    const int64_t kept_ns = fv_libcamera_patience_ns;
+    struct fovea_source *source = start_source();
+    fv_libcamera_patience_ns = 0;
+    for (uint32_t life = 2; life < 6; ++life) {
+        fv_test_next_frame(source);
+        atomic_store(&stage->fault, FAKE_BROKEN);
+        wait_for_frame_of_life(source, life);
+    }
+    const int64_t end_ns = fv_test_now_ns() + 5000000000;
+    while (fake_holdings().processes != 1 && fv_test_now_ns() < end_ns)
+        take_any(source);
+    assert_int_equal(fake_holdings().processes, 1);
+    fv_libcamera_patience_ns = kept_ns;
+    fv_test_finish(source);
+    assert_int_equal(fake_holdings().processes, 0);
+}
+
 /* A process that does nothing at all is not waited for as long as one that works. */
 static void test_hangs_or_works(void **state)
 {
@@ -425,6 +446,7 @@ int main(int argc, char **argv)
                                        cmocka_unit_test(test_faults_while_setting_up),
                                        cmocka_unit_test(test_unplugged),
                                        cmocka_unit_test(test_comes_back_unheard),
+                                       cmocka_unit_test(test_reaped_later),
                                        cmocka_unit_test(test_hangs_or_works),
                                        cmocka_unit_test(test_stopped_while_it_hangs),
                                        cmocka_unit_test(test_started_again_after_a_hang),
