@@ -51,7 +51,7 @@ enum { FOVEA_ODOMETRY_KEYFRAMES_MAX = 256, FOVEA_ODOMETRY_LANDMARKS_MAX = 20000 
 struct fovea_odometry_config {
     bool enabled;            /* default true */
     uint32_t keyframes;      /* [8, 256], default 128: keyframes kept; memory about 46 kB each at 1000 features */
-    uint32_t landmarks;      /* [1000, 20000], default 20000: landmarks kept; memory about 120 B each */
+    uint32_t landmarks;      /* [1000, 20000], default 16000: landmarks kept; memory about 120 B each */
     uint32_t window;         /* [3, 12], default 8: keyframes optimised together; time grows with the square */
     uint32_t inliers_good;   /* [20, 200], default 40: fewer inliers make the state `weak` */
     bool loops;              /* default true: close loops and merge maps */

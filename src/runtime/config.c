@@ -9,7 +9,7 @@ void fovea_config_default(struct fovea_config *config)
         .count_max = 1000, .pyramid_levels = 8, .threshold = 20, .threshold_min = 7, .per_cell = 2};
     config->odometry = (struct fovea_odometry_config){.enabled = true,
                                                       .keyframes = 128,
-                                                      .landmarks = 20000,
+                                                      .landmarks = 16000,
                                                       .window = 8,
                                                       .inliers_good = 40,
                                                       .lost_frames_reset = 15,
