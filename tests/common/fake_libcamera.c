@@ -75,6 +75,7 @@ void fake_stage_reset(struct fake_stage *stage)
     atomic_store(&stage->scribble, 0);
     atomic_store(&stage->lives, 0);
     atomic_store(&stage->set_ups, 0);
+    atomic_store(&stage->missed, 0);
 }
 
 void fake_stage_hide(struct fake_stage *stage, bool hidden)
@@ -279,6 +280,7 @@ static void serve(const struct fv_libcamera_request *request)
         break;
     case FV_LIBCAMERA_FIND:
         me.missed = atomic_load(&me.stage->away) || (me.missed && atomic_load(&me.stage->deaf));
+        atomic_fetch_add(&me.stage->missed, me.missed);
         event.error.status = me.missed ? FOVEA_GONE : FOVEA_OK;
         break;
     case FV_LIBCAMERA_SET_UP:

@@ -34,6 +34,7 @@ struct fake_stage {
     atomic_bool stubborn;                              /* not once, but by each process */
     atomic_int scribble;        /* 1 + value: written into the first byte of all buffers, then 0 */
     atomic_uint lives, set_ups; /* processes started; asked to stream */
+    atomic_uint missed;         /* times that one said that the camera is away */
     atomic_int pid;             /* of the last */
 };
 
