@@ -102,7 +102,7 @@ else
     part corridor-repeated corridor 100 95 'textures=repeated' corridor-repeated
     part wander wander 108000
     part cameras cameras 1000 20000
-    part hil env HIL_TIMELY=1 make --no-print-directory hil # with nothing beside it: a second is judged
+    part hil make --no-print-directory hil
     part everywhere tests/replay/everywhere.sh --all 200
     part kills kills 1000
     part kidnap tools/evaluate/kidnap.sh 100

@@ -120,8 +120,8 @@ static enum fovea_status check_stems(char **paths, int count, const char *folder
         int length;
         const char *name = stem(sorted[i], &length);
         if (by_stem(&sorted[i - 1], &sorted[i]) == 0 && strcmp(sorted[i - 1], sorted[i]) != 0)
-            status = fovea_error_set(error, FOVEA_ERROR_INPUT, "--draw %.200s: found %.200s and %.200s, both to be drawn into %.*s.png; expected different names",
-                                     folder, sorted[i - 1], sorted[i], length < 200 ? length : 200, name);
+            status = fovea_error_set(error, FOVEA_ERROR_INPUT,
+                                     "--draw %.200s: found %.200s and %.200s, both to be drawn into %.*s.png; expected different names", folder, sorted[i - 1], sorted[i], length < 200 ? length : 200, name);
     }
     free(sorted);
     return status;
@@ -181,9 +181,8 @@ int fv_command_detect(int argc, char **argv)
     int status = FV_EXIT_OK;
     if (folder != NULL && check_stems(argv + first, argc - first, folder, &error) != FOVEA_OK)
         status = fv_say_wrong("%s", error.text);
-    else if (folder != NULL && mkdir(folder, 0777) != 0 && errno != EEXIST) {
+    else if (folder != NULL && mkdir(folder, 0777) != 0 && errno != EEXIST)
         status = fv_say_wrong("--draw %.300s: the folder cannot be made: %s", folder, strerror(errno));
-    }
     if (!fv_detect_gives_boxes(&engine.file.model)) fv_say("%s: its decoder gives no boxes: the lists stay empty", model);
     for (int i = first; i < argc && status == FV_EXIT_OK; ++i) {
         struct fovea_image image;

@@ -2,7 +2,9 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <limits.h>
 #include <stdbool.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -51,9 +53,13 @@ static int write_try(const char *path)
         unlink(path);
         return 0;
     }
-    const int there = errno == EEXIST ? open(path, O_WRONLY | O_CREAT | O_CLOEXEC, 0644) : -1;
+    if (errno != EEXIST) return errno;
+    char target[PATH_MAX];
+    const bool dangling = access(path, F_OK) != 0; /* a link whose file would be made */
+    const int there = open(path, O_WRONLY | O_CREAT | O_CLOEXEC, 0644);
     if (there < 0) return errno;
     close(there);
+    if (dangling && realpath(path, target) != NULL) unlink(target);
     return 0;
 }
 

@@ -53,14 +53,15 @@ bool fv_sim3_align(const double (*a)[3], const double (*b)[3], uint32_t count, s
  * a point is, is less certain than where it was seen: its error along its ray shows as pixels from elsewhere. */
 struct fv_meeting {
     double point_a[3], point_b[3];
-    double sigma_a, sigma_b; /* of their distances, relative */
+    double sigma_a, sigma_b; /* of their distances, relative, above 0 */
     double bearing_a[3], bearing_b[3];
     double A_a[6], A_b[6];
     double weight_a, weight_b;
     bool inlier;
 };
 
-/* Squared pixel errors of a meeting in camera a and in camera b, over their variances (sights and distances); false when a point lies behind. */
+/* Squared pixel errors of a meeting in camera a and in camera b, over their variances (sights and distances); false
+ * when a point lies behind. */
 bool fv_sim3_errors(const struct fv_meeting *m, const struct fv_sim3 *S_a_b, const struct fv_sim3 *S_b_a,
                     double square[2]);
 

@@ -7,7 +7,7 @@
 #include "geometry/sim3.h"
 #include "geometry/vec.h"
 
-static const double huber_square = 5.991; /* 95 % of chi-square with 2 degrees of freedom */
+static const double huber_square = 5.991; /* 95 % of chi-square with 2 degrees of freedom, those of the pixels */
 static const double distance_ratio_max = 1.5;
 
 /* ---- closed form -----------------------------------------------------------------------------------------

@@ -17,7 +17,7 @@ timeout -k 5 "$3" qemu-system-x86_64 -nodefaults -no-user-config -display none -
     -accel $acceleration -cpu max,la57=off,smap=off,smep=off,umip=off -smp "${HIL_CPUS:-1}" -m 1536 \
     -kernel "$dir/vmlinux" -initrd "$dir/initrd.gz" -serial stdio \
     -append "console=ttyS0 quiet loglevel=4 panic=-1 mitigations=off nopti init_on_alloc=0 no_timer_check nokaslr oops=panic \
-tsc=reliable clocksource=tsc hil.dir=$dir hil.project=$here hil.results=$results hil.script=$4 HIL_PARTS=${HIL_PARTS:-} HIL_UNPLUGS=${HIL_UNPLUGS:-} HIL_TIMELY=${HIL_TIMELY:-0}" \
+tsc=reliable clocksource=tsc hil.dir=$dir hil.project=$here hil.results=$results hil.script=$4 HIL_PARTS=${HIL_PARTS:-} HIL_UNPLUGS=${HIL_UNPLUGS:-}" \
     -device isa-debug-exit,iobase=0xf4,iosize=1 \
     -virtfs local,path=/,mount_tag=host,security_model=none,readonly=on,multidevs=remap \
     -virtfs "local,path=$results,mount_tag=results,security_model=none,multidevs=remap" </dev/null

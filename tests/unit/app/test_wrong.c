@@ -420,18 +420,24 @@ static void test_results_are_kept(void **state)
         {"--set lcm_url=file://@/none/x?mode=w", "lcm_url|@/none/x"},
     };
     (void)state;
+    char linked_to[256], link[256];
     file_write("kept", "kept", 4);
+    snprintf(linked_to, sizeof linked_to, "%s/linked", folder);
+    snprintf(link, sizeof link, "%s/link", folder);
+    assert_int_equal(symlink("linked", link), 0);
     for (size_t i = 0; i < sizeof results / sizeof results[0]; i++)
         for (size_t j = 0; j < sizeof wrong / sizeof wrong[0]; j++) {
             char command[512], unmade[256];
             if (strncmp(wrong[j][0] + 2, results[i], strcspn(wrong[j][0], " ") - 2) == 0) continue;
-            for (int there = 0; there < 2; there++) {
+            static const char *const names[] = {"unmade", "kept", "link"};
+            for (int k = 0; k < 3; k++) {
                 snprintf(command, sizeof command,
                          "fovea run --source sim:still --frames 1 --model src/detect/shipped.fvm --picture none --%s @/%s %s",
-                         results[i], there ? "kept" : "unmade", wrong[j][0]);
+                         results[i], names[k], wrong[j][0]);
                 assert_refused(command, wrong[j][1]);
             }
             assert_kept("kept");
+            if (access(linked_to, F_OK) == 0) fail_msg("%s: made the file of a link", command);
             snprintf(unmade, sizeof unmade, "%s/unmade", folder);
             if (access(unmade, F_OK) == 0) fail_msg("%s: left an empty file", command);
         }
@@ -453,7 +459,7 @@ static int folder_make(void **state)
 static int folder_remove(void **state)
 {
     const char *const names[] = {"text.yaml",    "camera.yaml", "record.yaml", "value.yaml", "key.yaml",
-                                       "mutated.yaml", "cam.yaml",    "kept"};
+                                       "mutated.yaml", "cam.yaml",    "kept",        "link"};
     (void)state;
     for (size_t i = 0; i < sizeof names / sizeof names[0]; i++) {
         char path[256];

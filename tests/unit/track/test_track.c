@@ -1,4 +1,4 @@
-/* The tracker: ids through crossings, gaps and turns of the camera; life cycle; the pool; places in metres; its time. */
+/* The tracker: ids through crossings, gaps and turns of the camera; life cycle; the pool; its time. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -9,56 +9,9 @@
 #include <string.h>
 #include <time.h>
 
+#include "common/track_rig.h"
 #include "fovea/elementary.h"
-#include "fovea/fovea.h"
 #include "geometry/se3.h"
-#include "track/track.h"
-
-enum { WIDTH = 640, HEIGHT = 480 };
-
-static struct fovea_camera camera;
-static struct fovea_track_config config;
-static double T_base_cam[12];
-static struct fv_tracker tracker;
-static void *block;
-
-static int setup(void **state)
-{
-    (void)state;
-    struct fovea_error error;
-    struct fovea_config all;
-    fovea_config_default(&all);
-    config = all.track;
-    memcpy(T_base_cam, all.T_base_cam, sizeof T_base_cam);
-    camera = (struct fovea_camera){.width = WIDTH, .height = HEIGHT, .fx = 400, .fy = 400, .cx = 319.5, .cy = 239.5};
-    return fovea_camera_prepare(&camera, &error) == FOVEA_OK ? 0 : -1;
-}
-
-static void make(void)
-{
-    struct fv_arena count, build;
-    fv_arena_count(&count);
-    fv_track_carve(&tracker, &config, &camera, T_base_cam, &count, &count);
-    block = aligned_alloc(64, count.used);
-    fv_arena_init(&build, block, count.used);
-    fv_track_carve(&tracker, &config, &camera, T_base_cam, &build, &build);
-    assert_false(build.exhausted);
-}
-
-static struct fovea_detection box(double x, double y, double w, double h, double score)
-{
-    return (struct fovea_detection){(float)(x - w / 2), (float)(y - h / 2), (float)(x + w / 2), (float)(y + h / 2), (float)score, 0};
-}
-
-/* A look at 30 Hz; the tracks after it. */
-static struct fovea_tracks look(int frame, const struct fovea_detection *found, uint32_t count)
-{
-    struct fv_track_look l = {.stamp_ns = (int64_t)(frame + 1) * 33333333, .sequence = (uint64_t)frame, .detections = found, .count = count};
-    struct fovea_tracks tracks;
-    fv_track_update(&tracker, &l);
-    fv_track_get(&tracker, &tracks);
-    return tracks;
-}
 
 /* The track in the list that overlaps a box by half and more; 0: none. */
 static uint64_t id_at(const struct fovea_tracks *tracks, const struct fovea_detection *d)
@@ -143,11 +96,7 @@ static void what_is_below_the_threshold_starts_no_track(void **state)
     struct fovea_tracks t;
     for (int f = 0; f < 20; f++) {
         const struct fovea_detection d[2] = {box(100 + 2 * f, 100, 40, 60, 0.7), box(400, 300, 50, 50, 0.7)};
-        const uint32_t certain = f < 5 ? 1 : 0;
-        const struct fv_track_look l = {.stamp_ns = (int64_t)(f + 1) * 33333333, .sequence = (uint64_t)f, .detections = d, .count = certain,
-                                        .uncertain = 2 - certain};
-        fv_track_update(&tracker, &l);
-        fv_track_get(&tracker, &t);
+        t = f < 5 ? look_unsure(f, d, 1, 1) : look_unsure(f, d, 0, 2);
         assert_int_equal(t.count, 1);
     }
     assert_int_equal(t.list[0].state, FOVEA_TRACK_CONFIRMED);
@@ -162,12 +111,7 @@ static void what_is_below_the_threshold_ends_no_coasting(void **state)
     make();
     struct fovea_tracks t;
     const struct fovea_detection d = box(100, 100, 40, 60, 0.7);
-    for (int f = 0; f < 12; f++) {
-        const bool seen = f < 5, below = f >= 8;
-        const struct fv_track_look l = {.stamp_ns = (int64_t)(f + 1) * 33333333, .sequence = (uint64_t)f, .detections = &d, .count = seen, .uncertain = below};
-        fv_track_update(&tracker, &l);
-    }
-    fv_track_get(&tracker, &t);
+    for (int f = 0; f < 12; f++) t = look_unsure(f, &d, f < 5, f >= 8);
     assert_int_equal(t.count, 1);
     assert_int_equal(t.list[0].state, FOVEA_TRACK_COASTING);
     assert_int_equal(t.list[0].hits, 5);
@@ -458,68 +402,6 @@ static void centroids_match_up_to_a_distance(void **state)
     free(block);
 }
 
-/* ---- metres -------------------------------------------------------------------------------------------------- */
-
-/* A ball 0.5 m high flies past a camera that moves; its place, velocity and covariance must hold the truth. */
-static void places_are_in_metres(void **state)
-{
-    (void)state;
-    config.height_m[0] = 0.5f;
-    make();
-    struct fovea_tracks t = {0};
-    double truth[3] = {0};
-    for (int f = 0; f < 60; f++) {
-        struct fv_track_look l = {.stamp_ns = (int64_t)(f + 1) * 33333333, .posed = true, .metric = true, .T_world_cam = {1, 0, 0, 0.01 * f, 0, 1, 0, 0, 0, 0, 1, 0}};
-        truth[0] = -1 + 0.03 * f;
-        truth[1] = 0.3;
-        truth[2] = 5 - 0.02 * f;
-        const double p[3] = {truth[0] - 0.01 * f, truth[1], truth[2]}, top[3] = {p[0], p[1] - 0.25, p[2]}, low[3] = {p[0], p[1] + 0.25, p[2]};
-        double a[2], b[2];
-        fovea_camera_project(&camera, top, a, NULL);
-        fovea_camera_project(&camera, low, b, NULL);
-        const struct fovea_detection d = box(a[0], 0.5 * (a[1] + b[1]), b[1] - a[1], b[1] - a[1], 0.9);
-        l.detections = &d;
-        l.count = 1;
-        fv_track_update(&tracker, &l);
-        fv_track_get(&tracker, &t);
-    }
-    assert_int_equal(t.list[0].located, 2);
-    static const int diagonal[3] = {0, 3, 5};
-    static const double v_truth[3] = {0.9, 0, -0.6};
-    for (int i = 0; i < 3; i++) {
-        const double sigma = __builtin_sqrt(t.list[0].covariance_m2[diagonal[i]]), off = t.list[0].position_m[i] - truth[i];
-        if (!(off * off < 9 * sigma * sigma && sigma < 0.5)) fail_msg("axis %d: off by %g m, sigma %g m", i, off, sigma);
-        const double v_sigma = __builtin_sqrt(t.list[0].velocity_covariance_m2_s2[diagonal[i]]), v_off = t.list[0].velocity_m_s[i] - v_truth[i];
-        if (!(v_off * v_off < 9 * v_sigma * v_sigma && v_sigma < 1)) fail_msg("axis %d: off by %g m/s, sigma %g m/s", i, v_off, v_sigma);
-        assert_true(0.5 * v_sigma > sigma); /* who may change his pace is known by the last half second at most */
-    }
-    assert_true(__builtin_fabs(t.list[0].velocity_m_s[0] - 0.9) < 0.2 && __builtin_fabs(t.list[0].velocity_m_s[2] + 0.6) < 0.3);
-    config.height_m[0] = 0;
-    free(block);
-}
-
-static void the_floor_gives_a_place(void **state)
-{
-    (void)state;
-    /* Base: x forward, y left, z up; the camera one metre over the floor, level. */
-    const double level[12] = {0, 0, 1, 0, -1, 0, 0, 0, 0, -1, 0, 1.0};
-    memcpy(T_base_cam, level, sizeof level);
-    config.ground = true;
-    make();
-    const double foot[3] = {0.5, 1.0, 4.0}; /* camera frame: on the floor, 4 m ahead */
-    double pixel[2];
-    fovea_camera_project(&camera, foot, pixel, NULL);
-    const struct fovea_detection d = box(pixel[0], pixel[1] - 40, 30, 80, 0.9);
-    const struct fovea_tracks t = look(0, &d, 1);
-    assert_int_equal(t.list[0].located, 1);
-    for (int i = 0; i < 3; i++) assert_true(__builtin_fabs(t.list[0].position_m[i] - foot[i]) < 0.01);
-    assert_true(t.list[0].covariance_m2[5] > t.list[0].covariance_m2[0]); /* depth is less certain */
-    config.ground = false;
-    const double still[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
-    memcpy(T_base_cam, still, sizeof still);
-    free(block);
-}
-
 static void boxes_of_movable_classes_are_told(void **state)
 {
     (void)state;
@@ -604,8 +486,6 @@ int main(void)
         cmocka_unit_test(turns_of_the_camera_are_taken_out),
         cmocka_unit_test(one_pedestrian_seen_every_third_frame_is_one_track),
         cmocka_unit_test(centroids_match_up_to_a_distance),
-        cmocka_unit_test(places_are_in_metres),
-        cmocka_unit_test(the_floor_gives_a_place),
         cmocka_unit_test(boxes_of_movable_classes_are_told),
         cmocka_unit_test(a_hundred_objects_take_a_fifth_of_a_millisecond),
     };

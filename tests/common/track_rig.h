@@ -1,0 +1,64 @@
+/* A tracker behind a pinhole camera, and looks at 30 Hz that are given to it. For one file of a program. */
+#ifndef FOVEA_TESTS_TRACK_RIG_H
+#define FOVEA_TESTS_TRACK_RIG_H
+
+#include <cmocka.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "fovea/fovea.h"
+#include "track/track.h"
+
+enum { WIDTH = 640, HEIGHT = 480 };
+
+static struct fovea_camera camera;
+static struct fovea_track_config config;
+static double T_base_cam[12];
+static struct fv_tracker tracker;
+static void *block;
+
+static inline int setup(void **state)
+{
+    (void)state;
+    struct fovea_error error;
+    struct fovea_config all;
+    fovea_config_default(&all);
+    config = all.track;
+    memcpy(T_base_cam, all.T_base_cam, sizeof T_base_cam);
+    camera = (struct fovea_camera){.width = WIDTH, .height = HEIGHT, .fx = 400, .fy = 400, .cx = 319.5, .cy = 239.5};
+    return fovea_camera_prepare(&camera, &error) == FOVEA_OK ? 0 : -1;
+}
+
+static inline void make(void)
+{
+    struct fv_arena count, build;
+    fv_arena_count(&count);
+    fv_track_carve(&tracker, &config, &camera, T_base_cam, &count, &count);
+    block = aligned_alloc(64, count.used);
+    fv_arena_init(&build, block, count.used);
+    fv_track_carve(&tracker, &config, &camera, T_base_cam, &build, &build);
+    assert_false(build.exhausted);
+}
+
+static inline struct fovea_detection box(double x, double y, double w, double h, double score)
+{
+    return (struct fovea_detection){(float)(x - w / 2), (float)(y - h / 2), (float)(x + w / 2), (float)(y + h / 2), (float)score, 0};
+}
+
+/* A look at 30 Hz, that found so many and so many more below the model's threshold; the tracks after it. */
+static inline struct fovea_tracks look_unsure(int frame, const struct fovea_detection *found, uint32_t count, uint32_t uncertain)
+{
+    const struct fv_track_look l = {.stamp_ns = (int64_t)(frame + 1) * 33333333, .sequence = (uint64_t)frame, .detections = found,
+                                    .count = count, .uncertain = uncertain};
+    struct fovea_tracks tracks;
+    fv_track_update(&tracker, &l);
+    fv_track_get(&tracker, &tracks);
+    return tracks;
+}
+
+static inline struct fovea_tracks look(int frame, const struct fovea_detection *found, uint32_t count)
+{
+    return look_unsure(frame, found, count, 0);
+}
+
+#endif
