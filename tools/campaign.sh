@@ -94,7 +94,7 @@ if [ -n "$sample" ]; then
     part kills kills 200
     part kidnap tools/evaluate/kidnap.sh 2
     part fuzz make --no-print-directory fuzz FUZZ_SECONDS="${FUZZ_SECONDS:-8}"
-    part networks tools/check_networks.sh "$build" 1
+    part networks tools/check_networks.sh "$build" 1 best
 else
     part realtime realtime 36000
     part hour $build/tests/campaign/wander 108000

@@ -2,7 +2,7 @@
 # The int8 engine against LiteRT's reference kernels, bit for bit: every operator, forms of them that real models have, networks
 # drawn at random, and every model of $FOVEA_DATA on photographs and noise, on every kernel set of this processor; and operators whose
 # sizes the file leaves open.
-# Usage: tools/check_networks.sh BUILD [ROUNDS]
+# Usage: tools/check_networks.sh BUILD [ROUNDS [SETS]]     SETS, as in 'c avx2'; best: the one that runs here
 set -u
 build=$1
 rounds=${2:-20}
@@ -22,15 +22,18 @@ for test in operators variants odd; do
 done
 sets="c neon dotprod"
 [ "$(uname -m)" = x86_64 ] && sets="c sse4 avx2 avx512"
-for set in $sets; do
+for set in ${3:-$sets}; do
+    choice="--set $set"
+    [ "$set" = best ] && choice=
+    # shellcheck disable=SC2086
     for test in operators variants odd graphs; do
         echo "== $test, kernel set $set"
-        "$python" "tests/import/$test.py" --set "$set" --rounds "$rounds" || failed=1
+        "$python" "tests/import/$test.py" $choice --rounds "$rounds" || failed=1
     done
     for model in "$FOVEA_DATA"/models/*.tflite; do
         [ -f "$model" ] || { echo "SKIPPED models: no .tflite files in $FOVEA_DATA/models"; break; }
         echo "== $(basename "$model"), kernel set $set"
-        "$python" tools/import "$model" --set "$set" --check "$FOVEA_DATA"/images/*.jpg "$FOVEA_DATA"/images/*.bmp || failed=1
+        "$python" tools/import "$model" $choice --check "$FOVEA_DATA"/images/*.jpg "$FOVEA_DATA"/images/*.bmp || failed=1
     done
 done
 exit $failed
