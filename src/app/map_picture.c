@@ -13,7 +13,7 @@
 #define LOOP 0xd02020
 #define PATH 0x1f5fa8
 
-enum { WIDTH = 900, TOP = 64, PANEL = 620, EDGE = 24, COVISIBLE_MIN = 30, NEIGHBOURS_MAX = 64 };
+enum { WIDTH = FV_MAP_PANEL_WIDTH, TOP = 64, PANEL = FV_MAP_PANEL_HEIGHT - TOP, EDGE = 24, COVISIBLE_MIN = 30, NEIGHBOURS_MAX = 64 };
 
 /* Where a panel shows which coordinates. */
 struct panel {

@@ -8,10 +8,10 @@
 #include "geometry/linear.h"
 
 enum {
-    SIDE = 760,
+    SIDE = FV_PATH_PANEL_WIDTH,
     MARGIN = 60,
     EDGE = 30,
-    TOP = 70,
+    TOP = FV_PATH_PANEL_HEIGHT - SIDE,
     INK = 0x222222,
     GREY = 0xe4e4e4,
     OURS = 0x1f5fa8,

@@ -4,8 +4,8 @@
 #include "app/run_picture.h"
 
 enum {
-    WIDTH = 1000,
-    HEIGHT = 620,
+    WIDTH = FV_REPORT_PANEL_WIDTH,
+    HEIGHT = FV_REPORT_PANEL_HEIGHT,
     LEFT = 70,
     RIGHT = 980,
     TOP = 60,

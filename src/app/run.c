@@ -530,6 +530,7 @@ static enum fv_exit report_write(struct run *run)
     if (!run->quiet) found_tell(run);
     enum fovea_status results = fv_results_close(run->results, &error);
     run->results = NULL;
+    fv_setup_close_source(&run->setup); /* its memory is the picture's */
     enum fv_exit end = stats_write(run, &report), picture = picture_draw(run, &report, &path);
     if (path.failed != 0 || path.lost > 0) return path_failed(run->trajectory_path, &path);
     if (results != FOVEA_OK) return fv_say_failed("%s", error.text);

@@ -125,18 +125,20 @@ static enum fovea_status map_panel(struct fv_canvas *canvas, struct fovea *rt,
 
 enum { PATH, TIMINGS, MAP, TRACKS, PANELS };
 
-static enum fovea_status panels_draw(struct fv_canvas panels[PANELS], const struct fv_run_picture *picture,
-                                     struct fovea *rt, const struct fovea_config *config)
-{
-    const struct fv_report *report = picture->report;
-    enum fovea_status status = fv_report_panel(&panels[TIMINGS], report);
-    if (status == FOVEA_OK && picture->path->samples > 0)
-        status = fv_path_panel(&panels[PATH], report->source, picture->path);
-    if (status == FOVEA_OK && config->odometry.enabled) status = map_panel(&panels[MAP], rt, config);
-    if (status == FOVEA_OK && picture->trails->count > 0)
-        status = tracks_panel(&panels[TRACKS], picture->trails, rt, report->width);
-    return status;
-}
+static const struct {
+    int width, height;
+} sizes[PANELS] = {
+    [PATH] = {FV_PATH_PANEL_WIDTH, FV_PATH_PANEL_HEIGHT},
+    [TIMINGS] = {FV_REPORT_PANEL_WIDTH, FV_REPORT_PANEL_HEIGHT},
+    [MAP] = {FV_MAP_PANEL_WIDTH, FV_MAP_PANEL_HEIGHT},
+    [TRACKS] = {TRACKS_WIDTH, TRACKS_HEIGHT},
+};
+
+struct sheet {
+    struct fv_canvas canvas;
+    bool has[PANELS];
+    int right; /* where the second column begins */
+};
 
 static int larger(int a, int b)
 {
@@ -144,40 +146,72 @@ static int larger(int a, int b)
 }
 
 /* Two columns: path over timings, map over tracks. */
-static enum fovea_status sheet_write(const char *path, const struct fv_canvas panels[PANELS],
-                                     struct fovea_error *error)
+static enum fovea_status sheet_create(struct sheet *sheet)
 {
-    struct fv_canvas sheet;
-    const int left = larger(panels[PATH].width, panels[TIMINGS].width),
-              right = larger(panels[MAP].width, panels[TRACKS].width);
-    const int height =
-        larger(panels[PATH].height + panels[TIMINGS].height, panels[MAP].height + panels[TRACKS].height);
-    enum fovea_status status =
-        fv_canvas_create(&sheet, left + (right > 0 ? right + GAP : 0), height, 0xffffff);
-    if (status != FOVEA_OK) return fovea_error_set(error, status, "%.200s: no memory for the picture", path);
-    for (int i = 0; i < PANELS; i++) {
-        const struct fv_canvas *p = &panels[i];
-        if (p->rgb == NULL) continue;
-        const size_t bytes = (size_t)p->width * (size_t)p->height * 3;
-        const struct fovea_image image = {p->rgb,       p->width,          p->height,
-                                          3 * p->width, FOVEA_PIXEL_RGB24, bytes};
-        fv_canvas_image(&sheet, i >= MAP ? left + GAP : 0, i % 2 == 1 ? panels[i - 1].height : 0, &image);
+    int width[PANELS] = {0}, height[PANELS] = {0};
+    for (int i = 0; i < PANELS; i++)
+        if (sheet->has[i]) width[i] = sizes[i].width, height[i] = sizes[i].height;
+    const int second = larger(width[MAP], width[TRACKS]);
+    sheet->right = larger(width[PATH], width[TIMINGS]) + GAP;
+    return fv_canvas_create(&sheet->canvas, second > 0 ? sheet->right + second : sheet->right - GAP,
+                            larger(height[PATH] + height[TIMINGS], height[MAP] + height[TRACKS]), 0xffffff);
+}
+
+/* Copy a panel to its place and free it. */
+static void panel_place(struct sheet *sheet, int i, struct fv_canvas *panel)
+{
+    const size_t bytes = (size_t)panel->width * (size_t)panel->height * 3;
+    const struct fovea_image image = {panel->rgb,       panel->width,      panel->height,
+                                      3 * panel->width, FOVEA_PIXEL_RGB24, bytes};
+    const int top = i % 2 == 1 && sheet->has[i - 1] ? sizes[i - 1].height : 0;
+    fv_canvas_image(&sheet->canvas, i >= MAP ? sheet->right : 0, top, &image);
+    fv_canvas_free(panel);
+}
+
+static enum fovea_status panel_draw(int i, struct fv_canvas *panel, const struct fv_run_picture *picture,
+                                    const struct fovea *rt)
+{
+    const struct fv_report *report = picture->report;
+    if (i == PATH) return fv_path_panel(panel, report->source, picture->path);
+    if (i == TIMINGS) return fv_report_panel(panel, report);
+    return tracks_panel(panel, picture->trails, rt, report->width);
+}
+
+/* The map comes first, by itself, as it is opened in memory of its own; the others one after the other. */
+static enum fovea_status sheet_draw(struct sheet *sheet, const struct fv_run_picture *picture, struct fovea *rt,
+                                    const struct fovea_config *config)
+{
+    struct fv_canvas panel = {0};
+    enum fovea_status status = config->odometry.enabled ? map_panel(&panel, rt, config) : FOVEA_OK;
+    if (status != FOVEA_OK) return status;
+    sheet->has[PATH] = picture->path->samples > 0;
+    sheet->has[TIMINGS] = true;
+    sheet->has[MAP] = panel.rgb != NULL;
+    sheet->has[TRACKS] = picture->trails->count > 0;
+    status = sheet_create(sheet);
+    if (status != FOVEA_OK) {
+        fv_canvas_free(&panel);
+        return status;
     }
-    status = fv_canvas_write(&sheet, path, error);
-    fv_canvas_free(&sheet);
-    return status;
+    if (sheet->has[MAP]) panel_place(sheet, MAP, &panel);
+    for (int i = 0; i < PANELS; i++) {
+        if (i == MAP || !sheet->has[i]) continue;
+        status = panel_draw(i, &panel, picture, rt);
+        if (status != FOVEA_OK) return status;
+        panel_place(sheet, i, &panel);
+    }
+    return FOVEA_OK;
 }
 
 enum fovea_status fv_run_picture(const char *path, const struct fv_run_picture *picture, struct fovea *rt,
                                  const struct fovea_config *config, struct fovea_error *error)
 {
-    struct fv_canvas panels[PANELS] = {{0}};
-    enum fovea_status status = panels_draw(panels, picture, rt, config);
+    struct sheet sheet = {0};
+    enum fovea_status status = sheet_draw(&sheet, picture, rt, config);
     if (status == FOVEA_OK)
-        status = sheet_write(path, panels, error);
+        status = fv_canvas_write(&sheet.canvas, path, error);
     else
         fovea_error_set(error, status, "%.200s: no memory for the picture", path);
-    for (int i = 0; i < PANELS; i++)
-        if (panels[i].rgb != NULL) fv_canvas_free(&panels[i]);
+    fv_canvas_free(&sheet.canvas);
     return status;
 }

@@ -23,6 +23,13 @@ struct fv_run_picture {
 enum fovea_status fv_run_picture(const char *path, const struct fv_run_picture *picture, struct fovea *rt,
                                  const struct fovea_config *config, struct fovea_error *error);
 
+enum {
+    FV_PATH_PANEL_WIDTH = 760,
+    FV_PATH_PANEL_HEIGHT = 830,
+    FV_REPORT_PANEL_WIDTH = 1000,
+    FV_REPORT_PANEL_HEIGHT = 620
+};
+
 /* ---- parts, one file each: on a canvas that they make, to be freed by the caller. FOVEA_ERROR_SYSTEM: no
  * memory. ---- */
 

@@ -136,9 +136,15 @@ enum fovea_status fv_setup_open(struct fv_settings *settings, const struct fovea
     return status;
 }
 
-void fv_setup_close(struct fv_setup *setup)
+void fv_setup_close_source(struct fv_setup *setup)
 {
     if (setup->source != NULL) setup->ops->close(setup->source);
+    setup->source = NULL;
+}
+
+void fv_setup_close(struct fv_setup *setup)
+{
+    fv_setup_close_source(setup);
     free(setup->mask);
     free(setup->map);
     fv_model_file_free(&setup->model);

@@ -30,6 +30,8 @@ struct fv_setup {
  * fault; other errors are wrong input. Nothing is left open on error. */
 enum fovea_status fv_setup_open(struct fv_settings *settings, const struct fovea_source_selection *selection,
                                 struct fv_setup *setup, struct fovea_error *error);
+/* The source alone, with its memory; the rest stays. */
+void fv_setup_close_source(struct fv_setup *setup);
 void fv_setup_close(struct fv_setup *setup);
 
 /* Whether there is a network that takes colour. Recordings that have colours then give them. */
