@@ -190,7 +190,7 @@ struct fovea_message {
     const char *channel;
     const uint8_t *data;
     uint32_t bytes;
-    bool volatile_values; /* holds clock readings: left out when replays are compared */
+    bool volatile_values; /* holds clock readings, which are left out when replays are compared */
 };
 
 enum { FOVEA_MESSAGES_MAX = 16 };

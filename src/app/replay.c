@@ -122,10 +122,9 @@ static void compare(struct replay *replay)
     struct fv_difference difference;
     if (strcmp(message->channel, event->channel) != 0) {
         note_difference(replay, event->channel, "", message->channel, "this channel");
-    } else if (message->volatile_values) {
-        replay->result->messages_left_out++;
     } else if (fv_message_compare(event->data, event->bytes, message->data, message->bytes, &difference)) {
         replay->result->messages_equal++;
+        replay->result->messages_with_readings += message->volatile_values;
         replay->result->bytes_equal += message->bytes;
     } else {
         note_difference(replay, event->channel, difference.field, difference.found, difference.expected);

@@ -1,9 +1,9 @@
 /* Replaying a recording: the runtime is built again from the header, fed the recorded frames, inputs and
  * grants, and what it sends is held against what it sent then, message by message and bit by bit.
  *
- * Messages with clock readings (fovea_message.volatile_values) are left out of the comparison. A log comes
- * from outside: whatever is in it, the outcome is a replay or one line that names file and byte. Memory: the
- * runtime's block, one frame, one event. Init-only (not for the loop). */
+ * Of messages with clock readings (fovea_message.volatile_values) all but those is compared. A log comes from
+ * outside: whatever is in it, the outcome is a replay or one line that names file and byte. Memory: the runtime's
+ * block, one frame, one event. Init-only (not for the loop). */
 #ifndef FOVEA_APP_REPLAY_H
 #define FOVEA_APP_REPLAY_H
 
@@ -15,7 +15,7 @@
 struct fv_replay_result {
     uint64_t frames, steps, works;
     uint64_t messages_equal, bytes_equal; /* compared and found equal */
-    uint64_t messages_left_out;           /* with clock readings */
+    uint64_t messages_with_readings;      /* of clocks, among them: all but those was compared */
     bool cut;                             /* the recording ends within a turn */
     bool different;
     char difference[512];   /* one line: frame, channel, field, both values */

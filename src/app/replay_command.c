@@ -53,9 +53,9 @@ static enum fv_exit tell(const char *path, bool verify, enum fovea_status status
     printf("  %" PRIu64 " frames, %" PRIu64 " steps, %" PRIu64 " works%s\n", result->frames, result->steps,
            result->works, result->cut ? "; the recording ends within a turn" : "");
     if (verify)
-        printf("  %" PRIu64 " messages (%" PRIu64 " bytes) equal bit for bit, %" PRIu64
-               " with clock readings left out\n",
-               result->messages_equal, result->bytes_equal, result->messages_left_out);
+        printf("  %" PRIu64 " messages (%" PRIu64 " bytes) equal bit for bit, clock readings in %" PRIu64
+               " of them left out\n",
+               result->messages_equal, result->bytes_equal, result->messages_with_readings);
     fflush(stdout);
     if (status != FOVEA_OK) return (fv_say("%s", error->text), fv_setup_exit(status));
     if (result->different)

@@ -98,7 +98,12 @@ struct fv_difference {
     char expected[FV_VALUE_BYTES], found[FV_VALUE_BYTES];
 };
 
-/* Compare two messages bit for bit. True: equal. False: the first field that differs, and both values. */
+/* Whether a field tells of the moment or the machine, not of the run, so that another run of the same inputs fills it
+ * otherwise: the readings of clocks in fovea.statistics_t, its version and its kernel set. `path` as in struct fv_leaf. */
+bool fv_message_field_is_volatile(const struct fv_type *type, const char *path);
+
+/* Compare two messages bit for bit, all but the volatile fields. True: equal. False: the first field that differs, and
+ * both values. */
 bool fv_message_compare(const uint8_t *expected, size_t expected_bytes, const uint8_t *found,
                         size_t found_bytes, struct fv_difference *difference);
 
