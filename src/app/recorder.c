@@ -12,8 +12,10 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "app/recording_end.h"
 #include "app/recording_header.h"
 #include "app/say.h"
+#include "base/hash.h"
 #include "base/ring.h"
 #include "drivers/thread.h"
 #include "fovea/log.h"
@@ -28,6 +30,12 @@ enum {
 };
 
 enum ending { RUNNING = 0, ENDED_SLOW = 1, ENDED_FAILED = 2 };
+
+/* How far the log goes: up to here it could end. */
+struct extent {
+    uint64_t events, bytes, turns, hash;
+    int64_t time_us; /* of the last event */
+};
 
 struct fv_recorder {
     struct fv_ring ring;
@@ -50,17 +58,13 @@ struct fv_recorder {
     /* The writer's. */
     pthread_t thread;
     int file;
-    uint64_t events, bytes;
-    char reason[192];
+    struct extent written; /* whole events */
+    struct extent turn;    /* those before the last turn that has begun */
+    bool after_frame;      /* the last event was one: the inputs that follow belong to it */
+    char reason[FV_RECORDING_END_REASON_BYTES];
 };
 
 /* ---- the loop's side --------------------------------------------------------------------------------- */
-
-static void write_big(uint8_t *out, uint64_t value, int bytes)
-{
-    for (int i = bytes - 1; i >= 0; i--, value >>= 8)
-        out[i] = (uint8_t)value;
-}
 
 /* Room for an event with at most `bytes_max` of data; NULL ends the recording. */
 static uint8_t *event_begin(struct fv_recorder *recorder, const char *channel, size_t bytes_max)
@@ -82,11 +86,7 @@ static void event_end(struct fv_recorder *recorder, uint8_t *event, const char *
                       uint32_t bytes)
 {
     size_t channel_bytes = strlen(channel);
-    write_big(event, FOVEA_LOG_SYNC, 4);
-    write_big(event + 4, (uint64_t)recorder->event_number++, 8);
-    write_big(event + 12, (uint64_t)time_us, 8);
-    write_big(event + 20, channel_bytes, 4);
-    write_big(event + 24, bytes, 4);
+    fv_recording_event_head(event, recorder->event_number++, time_us, channel_bytes, bytes);
     fv_ring_commit(&recorder->ring, FOVEA_LOG_HEADER_BYTES + channel_bytes + bytes);
 }
 
@@ -186,70 +186,136 @@ static uint32_t read_big(const uint8_t *data)
     return (uint32_t)data[0] << 24 | (uint32_t)data[1] << 16 | (uint32_t)data[2] << 8 | data[3];
 }
 
-/* How many whole events lie within the first `limit` bytes of `data`, at least one; and their bytes. */
-static size_t whole_events(const uint8_t *data, size_t bytes, size_t limit, uint64_t *events)
+static size_t event_bytes(const uint8_t *event)
+{
+    return FOVEA_LOG_HEADER_BYTES + (size_t)read_big(event + 20) + read_big(event + 24);
+}
+
+/* The bytes of the whole events within the first `limit` bytes of `data`, at least one. */
+static size_t whole_events(const uint8_t *data, size_t bytes, size_t limit)
 {
     size_t at = 0;
-    *events = 0;
-    while (at < bytes) {
-        size_t event = FOVEA_LOG_HEADER_BYTES + (size_t)read_big(data + at + 20) + read_big(data + at + 24);
-        if (at + event > limit && at > 0) break;
-        at += event;
-        (*events)++;
-    }
+    while (at < bytes && (at == 0 || at + event_bytes(data + at) <= limit)) at += event_bytes(data + at);
     return at;
 }
 
-static void fail(struct fv_recorder *recorder, const char *reason)
+static bool is_on(const struct fv_recorder *recorder, const uint8_t *event, enum fv_message_kind kind)
 {
+    const char *channel = recorder->channels[kind];
+    return read_big(event + 20) == strlen(channel) &&
+           memcmp(event + FOVEA_LOG_HEADER_BYTES, channel, strlen(channel)) == 0;
+}
+
+static bool begins_turn(const struct fv_recorder *recorder, const uint8_t *event)
+{
+    return is_on(recorder, event, FV_MESSAGE_FRAME) ||
+           (is_on(recorder, event, FV_MESSAGE_INPUTS) && !recorder->after_frame);
+}
+
+static void count_event(struct fv_recorder *recorder, const uint8_t *event)
+{
+    const size_t head_bytes = FOVEA_LOG_HEADER_BYTES + (size_t)read_big(event + 20);
+    struct extent *written = &recorder->written;
+    if (begins_turn(recorder, event)) {
+        recorder->turn = *written;
+        written->turns++;
+    }
+    recorder->after_frame = is_on(recorder, event, FV_MESSAGE_FRAME);
+    written->hash =
+        fv_recording_hash_event(written->hash, event, head_bytes, event + head_bytes, read_big(event + 24));
+    written->time_us = (int64_t)((uint64_t)read_big(event + 12) << 32 | read_big(event + 16));
+    written->bytes += event_bytes(event);
+    written->events++;
+}
+
+/* How many bytes were written; fewer than asked: errno says why. */
+static size_t write_bytes(int file, const uint8_t *data, size_t bytes)
+{
+    size_t done = 0;
+    while (done < bytes) {
+        ssize_t wrote = write(file, data + done, bytes - done);
+        if (wrote < 0 && errno == EINTR) continue;
+        if (wrote == 0) errno = ENOSPC;
+        if (wrote <= 0) break;
+        done += (size_t)wrote;
+    }
+    return done;
+}
+
+/* The last message: without it, a replay takes the log for one that was cut off. Not in a log that has not begun. */
+static bool write_end(struct fv_recorder *recorder)
+{
+    const struct extent *at = &recorder->written;
+    const char *channel = recorder->channels[FV_MESSAGE_RECORDING_END];
+    const size_t head_bytes = FOVEA_LOG_HEADER_BYTES + strlen(channel);
+    uint8_t event[FOVEA_LOG_HEADER_BYTES + FV_MESSAGE_CHANNEL_BYTES + FV_RECORDING_END_BYTES_MAX];
+    struct fv_recording_end end = {.turns = at->turns, .events = at->events, .hash = at->hash};
+    if (at->events == 0) return true;
+    memcpy(end.reason, recorder->reason, sizeof end.reason);
+    const uint32_t bytes = fv_recording_end_encode(&end, event + head_bytes, FV_RECORDING_END_BYTES_MAX);
+    fv_recording_event_head(event, (int64_t)at->events, at->time_us, strlen(channel), bytes);
+    memcpy(event + FOVEA_LOG_HEADER_BYTES, channel, strlen(channel));
+    if (write_bytes(recorder->file, event, head_bytes + bytes) < head_bytes + bytes) return false;
+    recorder->written.events++;
+    recorder->written.bytes += head_bytes + bytes;
+    return true;
+}
+
+static bool cut_to(struct fv_recorder *recorder, const struct extent *extent)
+{
+    if (ftruncate(recorder->file, (off_t)extent->bytes) != 0) return false;
+    recorder->written = *extent;
+    return lseek(recorder->file, (off_t)extent->bytes, SEEK_SET) >= 0;
+}
+
+/* End the log before the run, after a whole turn: the one that is written, when `between_turns`, and else (or when
+ * that leaves no room for the log's own end) the one before it. */
+static void end_early(struct fv_recorder *recorder, enum ending ending, const char *reason, bool between_turns)
+{
+    const struct extent turn = recorder->turn;
     snprintf(recorder->reason, sizeof recorder->reason, "%s", reason);
-    atomic_store(&recorder->ending, ENDED_FAILED);
-    /* The file shall end at a whole event. */
-    if (ftruncate(recorder->file, (off_t)recorder->bytes) != 0)
-        snprintf(recorder->reason, sizeof recorder->reason,
-                 "%s, and its end could not be cut to a whole event", reason);
+    atomic_store(&recorder->ending, ending);
+    if (between_turns && cut_to(recorder, &recorder->written) && write_end(recorder)) return;
+    if (cut_to(recorder, &turn)) {
+        if (!write_end(recorder)) cut_to(recorder, &turn);
+    } else {
+        snprintf(recorder->reason, sizeof recorder->reason, "%.120s, and its end could not be cut to a whole turn",
+                 reason);
+    }
 }
 
 /* Write one run of whole events from the ring. False: nothing to do, or the disk refused. */
 static bool write_some(struct fv_recorder *recorder)
 {
     size_t bytes;
-    uint64_t events;
     const uint8_t *data = fv_ring_peek(&recorder->ring, &bytes);
     if (data == NULL) return false;
-    bytes = whole_events(data, bytes, WRITE_BYTES_MAX, &events);
-    for (size_t done = 0; done < bytes;) {
-        ssize_t wrote = write(recorder->file, data + done, bytes - done);
-        if (wrote < 0 && errno == EINTR) continue;
-        if (wrote <= 0) {
-            char reason[96];
-            size_t whole = done > 0 ? whole_events(data, bytes, done, &events) : 0;
-            if (whole > 0 && whole <= done) { /* those before the one that was cut are good */
-                recorder->bytes += whole;
-                recorder->events += events;
-            }
-            const char *text = wrote < 0 ? strerrordesc_np(errno) : "nothing is written any more";
-            snprintf(reason, sizeof reason, "%s", text);
-            fail(recorder, reason);
-            return false;
-        }
-        done += (size_t)wrote;
-    }
-    recorder->bytes += bytes;
-    recorder->events += events;
-    fv_ring_release(&recorder->ring, bytes);
-    return true;
+    bytes = whole_events(data, bytes, WRITE_BYTES_MAX);
+    const size_t done = write_bytes(recorder->file, data, bytes);
+    const char *problem = done < bytes ? strerrordesc_np(errno) : NULL;
+    size_t at = 0;
+    for (; at < bytes && at + event_bytes(data + at) <= done; at += event_bytes(data + at))
+        count_event(recorder, data + at);
+    if (problem != NULL)
+        end_early(recorder, ENDED_FAILED, problem, begins_turn(recorder, data + at));
+    else
+        fv_ring_release(&recorder->ring, bytes);
+    return problem == NULL;
 }
 
-static void say_ended(struct fv_recorder *recorder)
+static void say_ended(const struct fv_recorder *recorder)
 {
-    if (atomic_load(&recorder->ending) == ENDED_SLOW)
-        snprintf(
-            recorder->reason, sizeof recorder->reason,
-            "the disk is too slow: %zu MiB waited to be written; record to a faster disk or fewer frames",
-            recorder->ring.capacity >> 20);
-    fv_say("%s: recording ended after %" PRIu64 " events (%" PRIu64 " bytes): %s; the run goes on",
-           recorder->path, recorder->events, recorder->bytes, recorder->reason);
+    fv_say("%s: recording ended after %" PRIu64 " events (%" PRIu64 " bytes): %s; the run goes on", recorder->path,
+           recorder->written.events, recorder->written.bytes, recorder->reason);
+}
+
+static void end_slow(struct fv_recorder *recorder)
+{
+    char reason[FV_RECORDING_END_REASON_BYTES];
+    snprintf(reason, sizeof reason,
+             "the disk is too slow: %zu MiB waited to be written; record to a faster disk or fewer frames",
+             recorder->ring.capacity >> 20);
+    end_early(recorder, ENDED_SLOW, reason, false);
 }
 
 static void *write_all(void *context)
@@ -261,8 +327,16 @@ static void *write_all(void *context)
             atomic_load(&recorder->ending); /* read first: what was committed before it is still written */
         while (write_some(recorder))
             ;
-        if (ending != RUNNING || atomic_load(&recorder->ending) == ENDED_FAILED) break;
-        if (stopping) return NULL;
+        if (atomic_load(&recorder->ending) == ENDED_FAILED) break;
+        if (ending == ENDED_SLOW) {
+            end_slow(recorder);
+            break;
+        }
+        if (stopping && write_end(recorder)) return NULL;
+        if (stopping) {
+            end_early(recorder, ENDED_FAILED, strerrordesc_np(errno), true);
+            break;
+        }
         sleep_a_little();
     }
     say_ended(recorder);
@@ -317,6 +391,7 @@ enum fovea_status fv_recorder_open(const struct fv_recorder_setup *setup, struct
         return fovea_error_set(error, FOVEA_ERROR_MEMORY, "%s: no memory to record", setup->path);
     memset(opened, 0, sizeof *opened);
     snprintf(opened->path, sizeof opened->path, "%s", setup->path);
+    opened->written.hash = FV_HASH_START;
     fv_message_prepare();
     for (int kind = 0; kind < FV_MESSAGE_KIND_COUNT; kind++)
         fv_message_channel(setup->settings->runtime.channel_prefix, (enum fv_message_kind)kind,
@@ -360,12 +435,12 @@ enum fovea_status fv_recorder_close(struct fv_recorder *recorder, struct fv_reco
         pthread_join(recorder->thread, NULL);
         told.complete = atomic_load(&recorder->ending) == RUNNING;
         if (told.complete && fdatasync(recorder->file) != 0 && errno != EINVAL && errno != EROFS) {
-            fail(recorder, strerrordesc_np(errno));
+            snprintf(recorder->reason, sizeof recorder->reason, "%s", strerrordesc_np(errno));
             say_ended(recorder);
             told.complete = false;
         }
-        told.events = recorder->events;
-        told.bytes = recorder->bytes;
+        told.events = recorder->written.events;
+        told.bytes = recorder->written.bytes;
         told.turns_lost = recorder->turns_lost;
         memcpy(told.reason, recorder->reason, sizeof told.reason);
         release(recorder);

@@ -3,7 +3,8 @@
  *
  * The loop thread copies into a preallocated ring and never waits, allocates or enters the system; a thread
  * of its own writes. When the disk is full or the ring overflows because the disk is slow, the recording ends
- * at a whole event, that is said once on stderr, what came later is counted, and the run goes on. For
+ * at a whole turn, the log's last message and one line on stderr say why, what came later is counted, and the run
+ * goes on. For
  * recorded input at full speed fv_recorder_pace lets the loop wait for the disk instead.
  *
  *     fv_recorder_open(&setup, &recorder, &error);          // before the loop
@@ -53,7 +54,7 @@ void fv_recorder_work(struct fv_recorder *recorder, const struct fovea_inputs *i
 void fv_recorder_pace(struct fv_recorder *recorder);
 
 struct fv_recorder_summary {
-    uint64_t events, bytes; /* written; whole events only */
+    uint64_t events, bytes; /* written; whole events only, the log's own end among them */
     uint64_t turns_lost;    /* steps that came after the recording had ended */
     bool complete;          /* everything was written */
     char reason[192];       /* why not, "" when complete */

@@ -5,7 +5,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "app/recording_end.h"
 #include "app/recording_header.h"
+#include "base/hash.h"
 #include "fovea/log.h"
 #include "message/fields.h"
 #include "message/message.h"
@@ -29,6 +31,7 @@ struct replay {
     uint64_t sequence; /* of the last frame, for telling where a difference is */
     struct fovea_outputs outputs;
     uint32_t compared; /* of outputs.messages */
+    uint64_t events, hash; /* of the log so far, as its end tells them */
 
     bool stop_at_difference;
     fv_replay_function sent;
@@ -46,6 +49,19 @@ static enum fovea_status refuse(const struct replay *replay, size_t at, const ch
 {
     return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: byte %" PRId64 ": %s: %s", replay->path,
                            data_offset(&replay->event) + (int64_t)at, replay->event.channel, text);
+}
+
+/* Take the event that was read into the hash of the log. */
+static void count_event(struct replay *replay)
+{
+    const struct fovea_log_event *event = &replay->event;
+    const size_t channel_bytes = strlen(event->channel);
+    uint8_t head[FOVEA_LOG_HEADER_BYTES + FOVEA_LOG_CHANNEL_BYTES];
+    fv_recording_event_head(head, event->number, event->time_us, channel_bytes, event->bytes);
+    memcpy(head + FOVEA_LOG_HEADER_BYTES, event->channel, channel_bytes + 1);
+    replay->hash = fv_recording_hash_event(replay->hash, head, FOVEA_LOG_HEADER_BYTES + channel_bytes, event->data,
+                                           event->bytes);
+    replay->events++;
 }
 
 /* ---- building ---------------------------------------------------------------------------------------- */
@@ -66,6 +82,7 @@ static enum fovea_status read_header(struct replay *replay, struct fovea_error *
     status = fv_recording_header_decode(replay->path, data_offset(&replay->event), replay->event.data,
                                         replay->event.bytes, &replay->header, error);
     if (status != FOVEA_OK) return status;
+    count_event(replay);
     for (int kind = 0; kind < FV_MESSAGE_KIND_COUNT; kind++)
         fv_message_channel(replay->header.settings.runtime.channel_prefix, (enum fv_message_kind)kind,
                            replay->channels[kind]);
@@ -238,12 +255,46 @@ static enum fovea_status work(struct replay *replay, struct fovea_error *error)
     return FOVEA_OK;
 }
 
+static void compare_number(struct replay *replay, const char *field, uint64_t found, uint64_t expected)
+{
+    char texts[2][32];
+    if (found == expected) return;
+    snprintf(texts[0], sizeof texts[0], "%" PRIu64, found);
+    snprintf(texts[1], sizeof texts[1], "%" PRIu64, expected);
+    note_difference(replay, replay->event.channel, field, texts[0], texts[1]);
+}
+
+/* What the log says of itself must be so: then nothing was taken out, put in or edited where no message shows it. */
+static enum fovea_status end(struct replay *replay, struct fovea_error *error)
+{
+    struct fv_replay_result *result = replay->result;
+    struct fv_recording_end told;
+    const char *problem;
+    size_t at;
+    if (!fv_recording_end_decode(replay->event.data, replay->event.bytes, &told, &problem, &at))
+        return refuse(replay, at, problem, error);
+    expect_none_left(replay);
+    compare_number(replay, "turns", result->works, told.turns);
+    compare_number(replay, "events", replay->events, told.events);
+    compare_number(replay, "hash of all events before", fv_hash(replay->hash, told.reason, strlen(told.reason)),
+                   told.hash);
+    result->end = told.reason[0] != '\0' ? FV_REPLAY_ENDED_EARLY : FV_REPLAY_WHOLE;
+    memcpy(result->reason, told.reason, sizeof result->reason);
+    return FOVEA_OK;
+}
+
 static enum fovea_status feed(struct replay *replay, struct fovea_error *error)
 {
     enum fovea_status status;
+    const bool marked = replay->header.ends_marked;
+    replay->result->end = marked ? FV_REPLAY_CUT_OFF : FV_REPLAY_UNMARKED;
     while ((status = fovea_log_next(replay->log, &replay->event, error)) == FOVEA_OK) {
         const char *channel = replay->event.channel;
-        if (strcmp(channel, replay->channels[FV_MESSAGE_FRAME]) == 0)
+        if (marked && replay->result->end != FV_REPLAY_CUT_OFF)
+            return refuse(replay, 0, "found an event after the end of the recording, expected none", error);
+        if (marked && strcmp(channel, replay->channels[FV_MESSAGE_RECORDING_END]) == 0)
+            status = end(replay, error);
+        else if (strcmp(channel, replay->channels[FV_MESSAGE_FRAME]) == 0)
             status = take_frame(replay, error);
         else if (strcmp(channel, replay->channels[FV_MESSAGE_INPUTS]) == 0)
             status = step(replay, error);
@@ -253,9 +304,11 @@ static enum fovea_status feed(struct replay *replay, struct fovea_error *error)
             compare(replay);
         if (status != FOVEA_OK) return status;
         if (replay->result->different && replay->stop_at_difference) return FOVEA_OK;
+        count_event(replay);
     }
-    replay->result->cut = replay->frame_waits || replay->compared < replay->outputs.message_count ||
-                          replay->result->works < replay->result->steps;
+    if (replay->frame_waits || replay->compared < replay->outputs.message_count ||
+        replay->result->works < replay->result->steps)
+        replay->result->end = FV_REPLAY_CUT_OFF;
     return status == FOVEA_END ? FOVEA_OK : status;
 }
 
@@ -270,6 +323,7 @@ enum fovea_status fv_replay(const char *path, bool stop_at_difference, fv_replay
     replay->sent = sent;
     replay->context = context;
     replay->result = result;
+    replay->hash = FV_HASH_START;
     fv_message_prepare();
     enum fovea_status status = fovea_log_open(path, &replay->log, error);
     if (status == FOVEA_OK) status = read_header(replay, error);

@@ -12,11 +12,20 @@
 
 #include "fovea/fovea.h"
 
+/* How a recording ends. */
+enum fv_replay_end {
+    FV_REPLAY_CUT_OFF = 0,  /* within a turn or without its last message: the rest is missing */
+    FV_REPLAY_UNMARKED,     /* with a turn, and of a format that had no mark at its end: nobody can tell */
+    FV_REPLAY_ENDED_EARLY,  /* the recording ended before the run, as `reason` says */
+    FV_REPLAY_WHOLE
+};
+
 struct fv_replay_result {
     uint64_t frames, steps, works;
     uint64_t messages_equal, bytes_equal; /* compared and found equal */
     uint64_t messages_with_readings;      /* of clocks, among them: all but those was compared */
-    bool cut;                             /* the recording ends within a turn */
+    enum fv_replay_end end;               /* where the replay came to the end of the log */
+    char reason[192];
     bool different;
     char difference[512];   /* one line: frame, channel, field, both values */
     char recorded_by[192];  /* version, machine and kernel set of the recording */

@@ -43,6 +43,17 @@ static void send(void *context, int64_t now_ns, const struct fovea_outputs *outp
     fv_transport_publish(sending->transport, outputs);
 }
 
+static void tell_end(const struct fv_replay_result *result)
+{
+    static const char *const ends[] = {[FV_REPLAY_CUT_OFF] = "; the recording is cut off here",
+                                       [FV_REPLAY_UNMARKED] =
+                                           "; whether more is missing cannot be told of a recording of this format",
+                                       [FV_REPLAY_ENDED_EARLY] = "; the recording ended before its run: ",
+                                       [FV_REPLAY_WHOLE] = ""};
+    printf("%s%s\n", result->different ? "" : ends[result->end],
+           !result->different && result->end == FV_REPLAY_ENDED_EARLY ? result->reason : "");
+}
+
 static enum fv_exit tell(const char *path, bool verify, enum fovea_status status,
                          const struct fv_replay_result *result, const struct fovea_error *error)
 {
@@ -50,8 +61,8 @@ static enum fv_exit tell(const char *path, bool verify, enum fovea_status status
     if (result->recorded_by[0] != '\0')
         printf("  recorded by %s; replayed with kernels %s\n", result->recorded_by,
                result->kernel_set != NULL ? result->kernel_set : "none");
-    printf("  %" PRIu64 " frames, %" PRIu64 " steps, %" PRIu64 " works%s\n", result->frames, result->steps,
-           result->works, result->cut ? "; the recording ends within a turn" : "");
+    printf("  %" PRIu64 " frames, %" PRIu64 " steps, %" PRIu64 " works", result->frames, result->steps, result->works);
+    tell_end(result);
     if (verify)
         printf("  %" PRIu64 " messages (%" PRIu64 " bytes) equal bit for bit, clock readings in %" PRIu64
                " of them left out\n",
@@ -63,6 +74,10 @@ static enum fv_exit tell(const char *path, bool verify, enum fovea_status status
                       : (fv_say("%s", result->difference), FV_EXIT_OK);
     if (verify && result->messages_equal == 0)
         return fv_say_failed("%s: found no message to compare, so nothing is verified", path);
+    if (verify && result->end == FV_REPLAY_CUT_OFF)
+        return fv_say_failed("%s: found no end of the recording after %" PRIu64
+                             " frames, expected one (..._RECORDING_END): what came after them is missing",
+                             path, result->frames);
     return FV_EXIT_OK;
 }
 

@@ -13,6 +13,7 @@
 #include "fovea_map_t.h"
 #include "fovea_pose_t.h"
 #include "fovea_preview_t.h"
+#include "fovea_recording_end_t.h"
 #include "fovea_recording_t.h"
 #include "fovea_statistics_t.h"
 #include "fovea_tracks_t.h"
@@ -30,6 +31,7 @@ void fv_message_prepare(void)
     (void)__fovea_map_t_get_hash();
     (void)__fovea_pose_t_get_hash();
     (void)__fovea_preview_t_get_hash();
+    (void)__fovea_recording_end_t_get_hash();
     (void)__fovea_recording_t_get_hash();
     (void)__fovea_statistics_t_get_hash();
     (void)__fovea_tracks_t_get_hash();
@@ -44,7 +46,7 @@ void fv_message_channel(const char *prefix, enum fv_message_kind kind, char *nam
         [FV_MESSAGE_COMMAND] = "COMMAND",     [FV_MESSAGE_FRAME] = "FRAME",
         [FV_MESSAGE_RECORDING] = "RECORDING", [FV_MESSAGE_INPUTS] = "INPUTS",
         [FV_MESSAGE_GRANTS] = "GRANTS",       [FV_MESSAGE_DETECTIONS] = "DETECTIONS",
-        [FV_MESSAGE_MAP] = "MAP",
+        [FV_MESSAGE_MAP] = "MAP",             [FV_MESSAGE_RECORDING_END] = "RECORDING_END",
         [FV_MESSAGE_TRACKS] = "TRACKS",
         [FV_MESSAGE_BOT_CORE_POSE] = "BOT_CORE_POSE",
     };

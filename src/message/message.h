@@ -31,8 +31,9 @@ enum fv_message_kind {
     FV_MESSAGE_MAP,
     FV_MESSAGE_TRACKS,
     FV_MESSAGE_COMMAND, /* in */
-    FV_MESSAGE_FRAME,   /* this and the next three: in recordings only */
+    FV_MESSAGE_FRAME,   /* this and the next four: in recordings only */
     FV_MESSAGE_RECORDING,
+    FV_MESSAGE_RECORDING_END,
     FV_MESSAGE_INPUTS,
     FV_MESSAGE_GRANTS,
     FV_MESSAGE_KIND_COUNT

@@ -17,6 +17,7 @@
 #include <lcm/lcm.h>
 
 #include "app/recorder.h"
+#include "app/recording_end.h"
 #include "app/recording_header.h"
 #include "fovea/log.h"
 #include "message/recorded.h"
@@ -181,6 +182,20 @@ static void check_turn(struct fovea_log *log, uint32_t n)
     expect_event(log, &event, "ROBOT/LEFT_X");
 }
 
+/* The log's last event; the turns that it tells of. */
+static uint64_t check_end(struct fovea_log *log, const char *reason)
+{
+    struct fovea_log_event event;
+    struct fv_recording_end end;
+    const char *why;
+    size_t at;
+    expect_event(log, &event, "ROBOT/LEFT_RECORDING_END");
+    if (!fv_recording_end_decode(event.data, event.bytes, &end, &why, &at)) fail_msg("%s", why);
+    assert_string_equal(end.reason, reason);
+    assert_true(end.events == (uint64_t)event.number);
+    return end.turns;
+}
+
 static void test_round_trip(void **state)
 {
     (void)state;
@@ -193,7 +208,7 @@ static void test_round_trip(void **state)
     struct fv_recorder_summary summary;
     assert_int_equal(fv_recorder_close(recorder, &summary), FOVEA_OK);
     assert_true(summary.complete && summary.turns_lost == 0 &&
-                summary.events == 1 + 4 * TURNS + TURNS * 3 / 4);
+                summary.events == 1 + 4 * TURNS + TURNS * 3 / 4 + 1);
 
     struct fovea_log *log;
     struct fovea_log_event event;
@@ -203,6 +218,7 @@ static void test_round_trip(void **state)
     check_header(&event);
     for (uint32_t n = 0; n < TURNS; n++)
         check_turn(log, n);
+    check_end(log, "");
     assert_int_equal(fovea_log_next(log, &event, &error), FOVEA_END);
     fovea_log_close(log);
 
@@ -216,8 +232,8 @@ static void test_round_trip(void **state)
     assert_int_equal(events, summary.events);
 }
 
-/* Every event of the file is whole; returns their number. */
-static uint64_t count_whole(void)
+/* Every event of the file is whole, every turn too, and the last tells why no more came; returns their number. */
+static uint64_t count_whole(const char *reason)
 {
     struct fovea_log *log;
     struct fovea_log_event event;
@@ -225,23 +241,33 @@ static uint64_t count_whole(void)
     uint64_t events = 0;
     enum fovea_status status;
     assert_int_equal(fovea_log_open(path, &log, &error), FOVEA_OK);
-    while ((status = fovea_log_next(log, &event, &error)) == FOVEA_OK)
+    int64_t last = 0;
+    uint64_t turns = 0;
+    while ((status = fovea_log_next(log, &event, &error)) == FOVEA_OK) {
         events++;
+        last = event.offset;
+        turns += strcmp(event.channel, "ROBOT/LEFT_GRANTS") == 0;
+    }
     if (status != FOVEA_END) fail_msg("%s", error.text);
+    assert_int_equal(fovea_log_seek(log, 0, &error), FOVEA_OK);
+    expect_event(log, &event, "ROBOT/LEFT_RECORDING");
+    for (uint32_t n = 0; n < turns; n++) check_turn(log, n);
+    assert_int_equal(check_end(log, reason), turns);
+    assert_int_equal(event.offset < last, true);
     fovea_log_close(log);
     return events;
 }
 
-static void test_limited_file(void **state)
+static void record_below(rlim_t bytes_max)
 {
-    (void)state;
+    enum { TURNS = 48 };
     struct rlimit before, limit;
     getrlimit(RLIMIT_FSIZE, &before);
     limit = before;
-    limit.rlim_cur = 10000001;
+    limit.rlim_cur = bytes_max;
     setrlimit(RLIMIT_FSIZE, &limit);
     struct fv_recorder *recorder = open_recorder(0);
-    for (uint32_t n = 0; n < 200; n++) {
+    for (uint32_t n = 0; n < TURNS; n++) {
         fv_recorder_pace(recorder);
         record_turn(recorder, n);
     }
@@ -253,8 +279,26 @@ static void test_limited_file(void **state)
     assert_string_equal(summary.reason, "File too large");
     assert_true(summary.turns_lost > 0 && !summary.complete);
     assert_int_equal(info.st_size, summary.bytes);
-    assert_true(info.st_size > 10000001 - IMAGE_BYTES - 4096);
-    assert_int_equal(count_whole(), summary.events);
+    assert_true(info.st_size > (off_t)bytes_max - IMAGE_BYTES - 4096);
+    assert_int_equal(count_whole("File too large"), summary.events);
+}
+
+/* Wherever in a turn the file is full: in a frame, in what follows it, right after a turn, and in the log's own end. */
+static void test_limited_file(void **state)
+{
+    (void)state;
+    record_below(10000001);
+    struct fovea_log *log;
+    struct fovea_log_event event;
+    struct fovea_error error;
+    int64_t ends[64];
+    int events = 0;
+    assert_int_equal(fovea_log_open(path, &log, &error), FOVEA_OK);
+    while (events < 64 && fovea_log_next(log, &event, &error) == FOVEA_OK)
+        ends[events++] = event.offset;
+    fovea_log_close(log);
+    for (int i = events - 12; i < events; i++)
+        for (int more = 0; more < 3; more++) record_below((rlim_t)(ends[i] + 40 * more));
 }
 
 static void test_full_disk(void **state)

@@ -24,6 +24,7 @@
 #include "fovea_odometry_sample_t.h"
 #include "fovea_pose_t.h"
 #include "fovea_preview_t.h"
+#include "fovea_recording_end_t.h"
 #include "fovea_recording_part_t.h"
 #include "fovea_recording_t.h"
 #include "fovea_stamp_t.h"
@@ -56,6 +57,7 @@
     X(fovea, odometry_sample_t)                                                                              \
     X(fovea, pose_t)                                                                                         \
     X(fovea, preview_t)                                                                                      \
+    X(fovea, recording_end_t)                                                                                \
     X(fovea, recording_part_t)                                                                               \
     X(fovea, recording_t)                                                                                    \
     X(fovea, stamp_t)                                                                                        \
