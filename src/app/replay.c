@@ -142,7 +142,7 @@ static void compare(struct replay *replay)
     } else if (fv_message_compare(event->data, event->bytes, message->data, message->bytes, &difference)) {
         replay->result->messages_equal++;
         replay->result->messages_with_readings += message->volatile_values;
-        replay->result->bytes_equal += message->bytes;
+        replay->result->bytes_equal += event->bytes;
     } else {
         note_difference(replay, event->channel, difference.field, difference.found, difference.expected);
     }
