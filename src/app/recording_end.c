@@ -10,7 +10,8 @@
 
 static void write_big(uint8_t *out, uint64_t value, int bytes)
 {
-    for (int i = bytes - 1; i >= 0; i--, value >>= 8) out[i] = (uint8_t)value;
+    for (int i = bytes - 1; i >= 0; i--, value >>= 8)
+        out[i] = (uint8_t)value;
 }
 
 void fv_recording_event_head(uint8_t head[FOVEA_LOG_HEADER_BYTES], int64_t number, int64_t time_us,
@@ -23,8 +24,8 @@ void fv_recording_event_head(uint8_t head[FOVEA_LOG_HEADER_BYTES], int64_t numbe
     write_big(head + 24, bytes, 4);
 }
 
-uint64_t fv_recording_hash_event(uint64_t hash, const uint8_t *head_and_channel, size_t head_and_channel_bytes,
-                                 const uint8_t *data, uint32_t bytes)
+uint64_t fv_recording_hash_event(uint64_t hash, const uint8_t *head_and_channel,
+                                 size_t head_and_channel_bytes, const uint8_t *data, uint32_t bytes)
 {
     return fv_hash_bulk(fv_hash(hash, head_and_channel, head_and_channel_bytes), data, bytes);
 }
@@ -42,8 +43,8 @@ uint32_t fv_recording_end_encode(const struct fv_recording_end *end, uint8_t *bu
     return bytes > 0 ? (uint32_t)bytes : 0;
 }
 
-bool fv_recording_end_decode(const uint8_t *data, size_t bytes, struct fv_recording_end *end, const char **problem,
-                             size_t *at)
+bool fv_recording_end_decode(const uint8_t *data, size_t bytes, struct fv_recording_end *end,
+                             const char **problem, size_t *at)
 {
     fovea_recording_end_t message;
     if (!fv_message_check("fovea.recording_end_t", data, bytes, problem, at)) return false;
@@ -52,9 +53,8 @@ bool fv_recording_end_decode(const uint8_t *data, size_t bytes, struct fv_record
         *at = 0;
         return false;
     }
-    *end = (struct fv_recording_end){.turns = (uint64_t)message.turns,
-                                     .events = (uint64_t)message.events,
-                                     .hash = (uint64_t)message.hash};
+    *end = (struct fv_recording_end){
+        .turns = (uint64_t)message.turns, .events = (uint64_t)message.events, .hash = (uint64_t)message.hash};
     snprintf(end->reason, sizeof end->reason, "%s", message.reason);
     fovea_recording_end_t_decode_cleanup(&message);
     return true;
