@@ -105,6 +105,7 @@ static enum fovea_status open_part(struct fovea_source *source, char *text, stru
         return fovea_error_set(error, FOVEA_ERROR_INPUT, "sequence: found more than %d parts", PARTS_MAX);
     struct part *part = &source->parts[source->count];
     enum fovea_status status = read_selection(text, &selection, error);
+    selection.camera_given = source->selection.camera_given;
     if (status == FOVEA_OK) status = fovea_source_find(text, &part->ops, &address, error);
     if (status != FOVEA_OK) return status;
     if (part->ops == &fovea_source_sequence)

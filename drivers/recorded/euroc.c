@@ -11,14 +11,15 @@
 
 /* What stands beside the list, as far as it is there. */
 static enum fovea_status read_extras(struct fv_listing *listing, const char *cam, const char *mav,
+                                     const struct fovea_source_selection *selection,
                                      struct fovea_source_info *info, struct fovea_error *error)
 {
     char path[FV_PATH_BYTES];
     double T_body_cam[12];
     bool has_T_body_cam = false;
     enum fovea_status status = fv_path_join(path, cam, "sensor.yaml", error);
-    if (status != FOVEA_OK || !fv_path_exists(path)) return status;
-    status = fv_info_set_calibration(info, path, T_body_cam, &has_T_body_cam, error);
+    if (status != FOVEA_OK) return status;
+    status = fv_info_set_calibration(info, path, selection, T_body_cam, &has_T_body_cam, error);
     if (status != FOVEA_OK || !has_T_body_cam) return status;
     status = fv_path_join(path, mav, "state_groundtruth_estimate0/data.csv", error);
     if (status != FOVEA_OK || !fv_path_exists(path)) return status;
@@ -45,7 +46,7 @@ static enum fovea_status open_euroc(const char *address, const struct fovea_sour
     struct fv_listing *listing = fv_listing_new(data);
     if (listing == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", address);
     status = fv_listing_read(listing, list, ",", fovea_text_integer, "whole nanoseconds", error);
-    if (status == FOVEA_OK) status = read_extras(listing, cam, mav, &info, error);
+    if (status == FOVEA_OK) status = read_extras(listing, cam, mav, selection, &info, error);
     if (status != FOVEA_OK) {
         fv_listing_free(listing);
         return status;

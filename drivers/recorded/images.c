@@ -42,23 +42,42 @@ static bool is_folder(const char *path)
     return stat(path, &about) == 0 && S_ISDIR(about.st_mode);
 }
 
-/* Files that fit the pattern, or the PNG and JPEG files of a folder. */
+/* A name as a pattern that it alone fits. */
+static enum fovea_status escape(const char *name, char pattern[FV_PATH_BYTES], struct fovea_error *error)
+{
+    size_t used = 0;
+    for (; *name != '\0' && used + 2 < FV_PATH_BYTES; ++name) {
+        if (strchr("*?[]\\", *name) != NULL) pattern[used++] = '\\';
+        pattern[used++] = *name;
+    }
+    pattern[used] = '\0';
+    if (*name == '\0') return FOVEA_OK;
+    return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                           "%.64s...: found a path of more than %d bytes, expected less", pattern,
+                           FV_PATH_BYTES - 2);
+}
+
+/* The file or folder of that name, else the files that fit the pattern; of a folder, its PNG and JPEG files.
+ */
 static enum fovea_status find_files(const char *address, glob_t *found, struct fovea_error *error)
 {
     static const char *const endings[] = {"*.png", "*.jpg", "*.jpeg", "*.PNG", "*.JPG", "*.JPEG"};
-    char pattern[FV_PATH_BYTES];
+    char name[FV_PATH_BYTES], pattern[FV_PATH_BYTES];
     int result = GLOB_NOMATCH;
     memset(found, 0, sizeof *found);
-    if (fv_path_exists(address) && is_folder(address)) {
+    const bool there = fv_path_exists(address);
+    enum fovea_status status = there ? escape(address, name, error) : FOVEA_OK;
+    if (status != FOVEA_OK) return status;
+    if (there && is_folder(address)) {
         for (size_t i = 0; i < sizeof endings / sizeof endings[0]; ++i) {
-            const enum fovea_status status = fv_path_join(pattern, address, endings[i], error);
+            status = fv_path_join(pattern, name, endings[i], error);
             if (status != FOVEA_OK) return status;
             const int more =
                 glob(pattern, GLOB_NOSORT | (found->gl_pathv != NULL ? GLOB_APPEND : 0), NULL, found);
             if (more != GLOB_NOMATCH) result = more;
         }
     } else {
-        result = glob(address, GLOB_NOSORT | GLOB_TILDE, NULL, found);
+        result = glob(there ? name : address, GLOB_NOSORT | (there ? 0 : GLOB_TILDE), NULL, found);
     }
     if (result == 0) return FOVEA_OK;
     if (result == GLOB_NOMATCH)
@@ -75,8 +94,8 @@ static enum fovea_status add_files(struct fv_listing *listing, const glob_t *fou
     return status;
 }
 
-static enum fovea_status find_calibration(const char *first, struct fovea_source_info *info,
-                                          struct fovea_error *error)
+static enum fovea_status find_calibration(const char *first, const struct fovea_source_selection *selection,
+                                          struct fovea_source_info *info, struct fovea_error *error)
 {
     char folder[FV_PATH_BYTES], path[FV_PATH_BYTES];
     const char *slash = strrchr(first, '/');
@@ -85,8 +104,7 @@ static enum fovea_status find_calibration(const char *first, struct fovea_source
     memcpy(folder, first, length);
     folder[length] = '\0';
     const enum fovea_status status = fv_path_join(path, folder, "camera.yaml", error);
-    if (status != FOVEA_OK || !fv_path_exists(path)) return status;
-    return fv_info_set_calibration(info, path, NULL, NULL, error);
+    return status != FOVEA_OK ? status : fv_info_set_calibration(info, path, selection, NULL, NULL, error);
 }
 
 static enum fovea_status open_images(const char *address, const struct fovea_source_selection *selection,
@@ -105,7 +123,7 @@ static enum fovea_status open_images(const char *address, const struct fovea_sou
         status = listing == NULL ? fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", address)
                                  : add_files(listing, &found, error);
     }
-    if (status == FOVEA_OK) status = find_calibration(found.gl_pathv[0], &info, error);
+    if (status == FOVEA_OK) status = find_calibration(found.gl_pathv[0], selection, &info, error);
     globfree(&found);
     if (status != FOVEA_OK) {
         fv_listing_free(listing);

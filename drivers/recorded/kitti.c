@@ -9,23 +9,33 @@
 #include "listing.h"
 #include "player.h"
 
-/* Names are the frames' numbers; which extension is found by the first that is there. */
+/* "png" or "jpg", by the first frame that is there. */
+static enum fovea_status find_extension(const char *images, const char **extension, struct fovea_error *error)
+{
+    static const char *const extensions[] = {"png", "jpg"};
+    enum { LOOKED_AT = 1000 };
+    char name[32], path[FV_PATH_BYTES];
+    *extension = extensions[0];
+    for (int i = 0; i < 2 * LOOKED_AT; ++i) {
+        snprintf(name, sizeof name, "%06d.%s", i / 2, extensions[i % 2]);
+        const enum fovea_status status = fv_path_join(path, images, name, error);
+        if (status != FOVEA_OK) return status;
+        if (!fv_path_exists(path)) continue;
+        *extension = extensions[i % 2];
+        return FOVEA_OK;
+    }
+    return FOVEA_OK;
+}
+
+/* Names are the frames' numbers. */
 static enum fovea_status read_list(struct fv_listing *listing, const char *times, const char *images,
                                    struct fovea_error *error)
 {
-    static const char *const extensions[] = {"png", "jpg"};
-    char name[32], path[FV_PATH_BYTES];
-    const char *extension = extensions[0];
-    for (size_t i = 0; i < 2; ++i) {
-        snprintf(name, sizeof name, "000000.%s", extensions[i]);
-        const enum fovea_status joined = fv_path_join(path, images, name, error);
-        if (joined != FOVEA_OK) return joined;
-        if (!fv_path_exists(path)) continue;
-        extension = extensions[i];
-        break;
-    }
+    char name[32];
+    const char *extension;
     struct fv_lines lines;
-    enum fovea_status status = fv_lines_open(&lines, times, error);
+    enum fovea_status status = find_extension(images, &extension, error);
+    if (status == FOVEA_OK) status = fv_lines_open(&lines, times, error);
     if (status != FOVEA_OK) return status;
     while ((status = fv_lines_next(&lines, "", error)) == FOVEA_OK) {
         int64_t stamp_ns;
@@ -75,11 +85,13 @@ static enum fovea_status read_calibration(const char *path, const char *key, str
 }
 
 static enum fovea_status read_extras(struct fv_listing *listing, const char *folder, const char *key,
+                                     const struct fovea_source_selection *selection,
                                      struct fovea_source_info *info, struct fovea_error *error)
 {
     char path[FV_PATH_BYTES];
     enum fovea_status status = fv_path_join(path, folder, "calib.txt", error);
     if (status == FOVEA_OK && fv_path_exists(path)) status = read_calibration(path, key, info, error);
+    if (status != FOVEA_OK && selection->camera_given) status = FOVEA_OK; /* its own is not needed */
     if (status != FOVEA_OK || (status = fv_path_join(path, folder, "poses.txt", error)) != FOVEA_OK)
         return status;
     if (!fv_path_exists(path)) return FOVEA_OK;
@@ -105,7 +117,7 @@ static enum fovea_status open_kitti(const char *address, const struct fovea_sour
     struct fv_listing *listing = fv_listing_new(images);
     if (listing == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", address);
     status = read_list(listing, times, images, error);
-    if (status == FOVEA_OK) status = read_extras(listing, address, key, &info, error);
+    if (status == FOVEA_OK) status = read_extras(listing, address, key, selection, &info, error);
     if (status != FOVEA_OK) {
         fv_listing_free(listing);
         return status;

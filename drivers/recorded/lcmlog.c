@@ -1,6 +1,7 @@
 /* LCM logs with fovea.frame_t messages: our own recordings, and logs of other programs that publish the type.
  * Any channel whose last part is FRAME; frames as recorded, in any pixel format; compressed ones are decoded
- * to grey here. */
+ * to grey here. Damage is passed over to the next event that can be read, as liblcm does, but told: as one
+ * damaged frame. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -11,15 +12,20 @@
 #include "log_calibration.h"
 #include "player.h"
 
+struct entry {
+    int64_t offset; /* of the frame's event, or of what could not be read */
+    int64_t stamp_ns;
+    bool stamped;
+};
+
 struct recording {
     char *path;
     struct fovea_log *log;
-    int64_t *offsets; /* of the frames' events */
+    struct entry *entries;
     size_t count, capacity;
     char channel[FOVEA_LOG_CHANNEL_BYTES]; /* of the first frame; frames on others are another camera's */
     struct fovea_calibration calibration;  /* from the head of our own recordings */
     bool has_calibration;
-    struct fovea_error damage; /* where the log could not be read further; empty text: nowhere */
 };
 
 static void close_recording(void *argument)
@@ -27,57 +33,78 @@ static void close_recording(void *argument)
     struct recording *recording = argument;
     if (recording == NULL) return;
     if (recording->log != NULL) fovea_log_close(recording->log);
-    free(recording->offsets);
+    free(recording->entries);
     free(recording->path);
     free(recording);
 }
 
 /* ---- index ------------------------------------------------------------------------------------------- */
 
-static enum fovea_status add_offset(struct recording *recording, int64_t offset, struct fovea_error *error)
+static enum fovea_status add_entry(struct recording *recording, const struct entry *entry,
+                                   struct fovea_error *error)
 {
     if (recording->count == recording->capacity) {
         const size_t larger = recording->capacity == 0 ? 1024 : 2 * recording->capacity;
-        int64_t *moved =
-            larger > FV_LISTING_FRAMES_MAX ? NULL : realloc(recording->offsets, larger * sizeof *moved);
+        struct entry *moved =
+            larger > FV_LISTING_FRAMES_MAX ? NULL : realloc(recording->entries, larger * sizeof *moved);
         if (moved == NULL)
             return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: no memory for an index of %zu frames",
                                    recording->path, larger);
-        recording->offsets = moved;
+        recording->entries = moved;
         recording->capacity = larger;
     }
-    recording->offsets[recording->count++] = offset;
+    recording->entries[recording->count++] = *entry;
     return FOVEA_OK;
 }
 
 /* The head of a recording of ours, where there is one, is the first event. */
-static enum fovea_status read_head(struct recording *recording, struct fovea_error *error)
+static enum fovea_status read_head(struct recording *recording,
+                                   const struct fovea_source_selection *selection, struct fovea_error *error)
 {
     struct fovea_log_event event;
     if (fovea_log_next(recording->log, &event, NULL) == FOVEA_OK &&
         fovea_log_channel_is(event.channel, "RECORDING")) {
         const enum fovea_status status =
             fv_log_calibration(recording->path, &event, &recording->calibration, error);
-        if (status < 0) return status;
+        if (status < 0 && !selection->camera_given) return status;
         recording->has_calibration = status == FOVEA_OK;
     }
     return fovea_log_seek(recording->log, 0, error);
 }
 
-/* Find the frames. What follows damage is lost and told as one damaged frame at the end. */
+static enum fovea_status add_frame(struct recording *recording, const struct fovea_log_event *event,
+                                   struct fovea_error *error)
+{
+    struct entry entry = {.offset = event->offset};
+    if (recording->channel[0] == '\0') memcpy(recording->channel, event->channel, sizeof recording->channel);
+    if (strcmp(event->channel, recording->channel) != 0) return FOVEA_OK;
+    entry.stamped = fovea_log_frame_stamp(recording->log, event, &entry.stamp_ns) == FOVEA_OK;
+    return add_entry(recording, &entry, error);
+}
+
+/* Find the frames, and the places that cannot be read: one for all that lies between two events that can. */
 static enum fovea_status make_index(struct recording *recording, struct fovea_error *error)
 {
     struct fovea_log_event event;
-    enum fovea_status status;
-    while ((status = fovea_log_skim(recording->log, &event, &recording->damage)) == FOVEA_OK) {
-        if (!fovea_log_channel_is(event.channel, "FRAME")) continue;
-        if (recording->count == 0) memcpy(recording->channel, event.channel, sizeof recording->channel);
-        if (strcmp(event.channel, recording->channel) != 0) continue;
-        if ((status = add_offset(recording, event.offset, error)) != FOVEA_OK) return status;
+    struct fovea_error first = {.text = ""};
+    struct entry damage = {.offset = 0};
+    bool in_damage = false;
+    for (enum fovea_status status;
+         (status = fovea_log_skim(recording->log, &event, in_damage ? NULL : &first)) != FOVEA_END;) {
+        if (status != FOVEA_OK) {
+            damage.offset = event.offset;
+            status = in_damage ? FOVEA_OK : add_entry(recording, &damage, error);
+            in_damage = true;
+            if (status == FOVEA_OK) status = fovea_log_resync(recording->log);
+            if (status == FOVEA_END) break;
+        } else {
+            in_damage = false;
+            if (fovea_log_channel_is(event.channel, "FRAME")) status = add_frame(recording, &event, error);
+        }
+        if (status != FOVEA_OK) return status;
     }
-    if (status == FOVEA_END) recording->damage.text[0] = '\0';
-    if (recording->count > 0) return FOVEA_OK;
-    if (status != FOVEA_END) return fovea_error_set(error, status, "%s", recording->damage.text);
+    if (recording->channel[0] != '\0') return FOVEA_OK;
+    if (recording->count > 0) return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s", first.text);
     return fovea_error_set(error, FOVEA_ERROR_INPUT,
                            "%s: found no frames, expected fovea.frame_t on a channel ...FRAME",
                            recording->path);
@@ -89,7 +116,7 @@ static enum fovea_status read_frame(struct recording *recording, uint64_t index,
                                     struct fovea_error *error)
 {
     struct fovea_log_event event;
-    enum fovea_status status = fovea_log_seek(recording->log, recording->offsets[index], error);
+    enum fovea_status status = fovea_log_seek(recording->log, recording->entries[index].offset, error);
     if (status == FOVEA_OK) status = fovea_log_next(recording->log, &event, error);
     if (status == FOVEA_OK) status = fovea_log_frame(recording->path, &event, frame, error);
     return status;
@@ -131,10 +158,6 @@ static enum fovea_status fetch(void *argument, uint64_t index, struct fv_slot *s
 {
     struct recording *recording = argument;
     struct fovea_frame frame;
-    if (index == recording->count) { /* the place of what could not be read */
-        *error = recording->damage;
-        return FOVEA_ERROR_INPUT;
-    }
     enum fovea_status status = read_frame(recording, index, &frame, error);
     if (status == FOVEA_OK) status = fill(&frame.image, slot, recording->path, index, error);
     if (status != FOVEA_OK) return status == FOVEA_END ? FOVEA_ERROR_INPUT : status;
@@ -148,19 +171,17 @@ static enum fovea_status fetch(void *argument, uint64_t index, struct fv_slot *s
 
 static enum fovea_status stamp(void *argument, uint64_t index, int64_t *stamp_ns)
 {
-    struct recording *recording = argument;
-    struct fovea_frame frame;
-    if (index == recording->count && index > 0) --index;
-    const enum fovea_status status = read_frame(recording, index, &frame, NULL);
-    if (status == FOVEA_OK) *stamp_ns = frame.stamp_ns;
-    return status;
+    const struct entry *entry = &((struct recording *)argument)->entries[index];
+    if (!entry->stamped) return FOVEA_ERROR_INPUT;
+    *stamp_ns = entry->stamp_ns;
+    return FOVEA_OK;
 }
 
 static const struct fv_recording_ops lcmlog_ops = {.fetch = fetch, .stamp = stamp, .close = close_recording};
 
 /* ---- opening ----------------------------------------------------------------------------------------- */
 
-/* Size and format from the first frame that can be read, rate from the first two. */
+/* Size and format from the first frame that can be read, rate from the stamps. */
 static enum fovea_status describe(struct recording *recording, const struct fovea_source_selection *selection,
                                   struct fovea_source_info *info, size_t *frame_bytes,
                                   struct fovea_error *error)
@@ -189,13 +210,9 @@ static enum fovea_status describe(struct recording *recording, const struct fove
         info->camera = recording->calibration.camera;
         snprintf(info->camera_origin, sizeof info->camera_origin, "%.240s", recording->path);
     }
-    int64_t first_ns, second_ns;
-    if (recording->count > 1 && stamp(recording, 0, &first_ns) == FOVEA_OK &&
-        stamp(recording, 1, &second_ns) == FOVEA_OK && second_ns > first_ns &&
-        (first_ns >= 0 || second_ns < INT64_MAX + first_ns))
-        info->rate_hz = 1e9 / (double)(second_ns - first_ns) / (double)selection->step;
+    info->rate_hz = fv_player_rate(&lcmlog_ops, recording, recording->count) / (double)selection->step;
     info->heap_bytes =
-        sizeof *recording + recording->capacity * sizeof recording->offsets[0] + frame.image.size_bytes;
+        sizeof *recording + recording->capacity * sizeof recording->entries[0] + frame.image.size_bytes;
     return FOVEA_OK;
 }
 
@@ -210,16 +227,15 @@ static enum fovea_status open_lcmlog(const char *address, const struct fovea_sou
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", address);
     }
     enum fovea_status status = fovea_log_open(address, &recording->log, error);
-    if (status == FOVEA_OK) status = read_head(recording, error);
+    if (status == FOVEA_OK) status = read_head(recording, selection, error);
     if (status == FOVEA_OK) status = make_index(recording, error);
     if (status == FOVEA_OK) status = describe(recording, selection, &info, &frame_bytes, error);
     if (status != FOVEA_OK) {
         close_recording(recording);
         return status;
     }
-    const uint64_t count = recording->count + (recording->damage.text[0] != '\0');
-    return fv_player_open(&lcmlog_ops, recording, count, frame_bytes, address, selection, &info, source,
-                          error);
+    return fv_player_open(&lcmlog_ops, recording, recording->count, frame_bytes, address, selection, &info,
+                          source, error);
 }
 
 const struct fovea_source_ops fovea_source_lcmlog =

@@ -11,9 +11,12 @@ enum fovea_status fv_lines_open(struct fv_lines *lines, const char *path, struct
     char *text;
     size_t bytes;
     const enum fovea_status status = fovea_text_read(path, FV_LINES_BYTES_MAX, &text, &bytes, error);
-    if (status == FOVEA_OK)
-        *lines = (struct fv_lines){.file = path, .text = text, .next = text, .end = text + bytes};
-    return status;
+    if (status != FOVEA_OK) return status;
+    static const char mark[] = "\xef\xbb\xbf"; /* with which some editors begin UTF-8 */
+    const bool marked = bytes >= sizeof mark - 1 && memcmp(text, mark, sizeof mark - 1) == 0;
+    *lines = (struct fv_lines){
+        .file = path, .text = text, .next = text + (marked ? sizeof mark - 1 : 0), .end = text + bytes};
+    return FOVEA_OK;
 }
 
 void fv_lines_close(struct fv_lines *lines)

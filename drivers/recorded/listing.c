@@ -43,12 +43,14 @@ bool fv_path_exists(const char *path)
 }
 
 enum fovea_status fv_info_set_calibration(struct fovea_source_info *info, const char *path,
+                                          const struct fovea_source_selection *selection,
                                           double T_body_cam[12], bool *has_T_body_cam,
                                           struct fovea_error *error)
 {
     struct fovea_calibration calibration;
+    if (!fv_path_exists(path)) return FOVEA_OK;
     const enum fovea_status status = fovea_calibration_read(path, NULL, &calibration, error);
-    if (status != FOVEA_OK) return status;
+    if (status != FOVEA_OK) return selection->camera_given ? FOVEA_OK : status;
     info->camera = calibration.camera;
     info->has_camera = true;
     info->rate_hz = calibration.rate_hz;
@@ -172,8 +174,7 @@ static enum fovea_status fetch(void *recording, uint64_t index, struct fv_slot *
     enum fovea_status status = frame_path(listing, index, path, error);
     if (status != FOVEA_OK) return status;
     status = fv_file_read(&listing->file, path, &reason);
-    if (status == FOVEA_OK)
-        status = fv_decode(listing->file.data, listing->file.bytes, &target, &reason);
+    if (status == FOVEA_OK) status = fv_decode(listing->file.data, listing->file.bytes, &target, &reason);
     if (status != FOVEA_OK) return fovea_error_set(error, status, "%s: %.256s", path, reason.text);
     slot->frame.stamp_ns = listing->frames[index].stamp_ns;
     slot->frame.exposure_ns = 0;
@@ -265,24 +266,6 @@ static enum fovea_status find_size(struct fv_listing *listing, const char *list_
     return FOVEA_OK;
 }
 
-/* Frames per second from the median of the first steps between stamps, so that gaps do not matter. */
-static double find_rate(const struct fv_listing *listing)
-{
-    enum { STEPS = 101 };
-    int64_t steps[STEPS];
-    size_t count = 0;
-    for (size_t i = 1; i < listing->count && count < STEPS; ++i) {
-        const int64_t before = listing->frames[i - 1].stamp_ns, now = listing->frames[i].stamp_ns;
-        if (before >= now || (before < 0 && now > INT64_MAX + before)) continue;
-        size_t at = count++;
-        for (; at > 0 && steps[at - 1] > now - before; --at)
-            steps[at] = steps[at - 1];
-        steps[at] = now - before;
-    }
-    const size_t middle = count / 2;
-    return count == 0 ? 0.0 : 1e9 / (double)steps[middle];
-}
-
 enum fovea_status fv_listing_open(struct fv_listing *listing, const char *list_file,
                                   const struct fovea_source_selection *selection,
                                   struct fovea_source_info *info, struct fovea_source **source,
@@ -293,14 +276,14 @@ enum fovea_status fv_listing_open(struct fv_listing *listing, const char *list_f
         status = fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: found no frames, expected at least one",
                                  list_file);
     if (status == FOVEA_OK) status = find_size(listing, list_file, selection->colour, info, error);
-    if (status == FOVEA_OK && info->has_camera && info->camera.width == 0)
+    if (status == FOVEA_OK && info->has_camera && info->camera.width == 0 && !selection->camera_given)
         status = fovea_calibration_fit(&info->camera, info->width, info->height, false, info->camera_origin,
                                        error);
     if (status != FOVEA_OK) {
         fv_listing_free(listing);
         return status;
     }
-    if (info->rate_hz <= 0.0) info->rate_hz = find_rate(listing);
+    if (info->rate_hz <= 0.0) info->rate_hz = fv_player_rate(&listing_ops, listing, listing->count);
     if (selection->step > 1) info->rate_hz /= (double)selection->step;
     info->has_truth = listing->poses.count > 0;
     info->heap_bytes = sizeof *listing + listing->capacity * sizeof listing->frames[0] +

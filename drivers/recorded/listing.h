@@ -15,8 +15,8 @@ void fv_listing_free(struct fv_listing *listing);
 
 enum fovea_status fv_listing_add(struct fv_listing *listing, int64_t stamp_ns, const char *name,
                                  struct fovea_error *error);
-/* A list of frames as a text file: a stamp and the file's name in each line. `stamp_of` reads a stamp, `expected` says which
- * kind. Errors name the line. */
+/* A list of frames as a text file: a stamp and the file's name in each line. `stamp_of` reads a stamp,
+ * `expected` says which kind. Errors name the line. */
 enum fovea_status fv_listing_read(struct fv_listing *listing, const char *path, const char *separators,
                                   bool (*stamp_of)(const char *text, int64_t *stamp_ns), const char *expected,
                                   struct fovea_error *error);
@@ -39,8 +39,10 @@ enum fovea_status fv_path_join(char path[FV_PATH_BYTES], const char *folder, con
                                struct fovea_error *error);
 bool fv_path_exists(const char *path);
 
-/* A data set's own calibration file into `info`; T_body_cam too when it states one. */
+/* A data set's own calibration file into `info`, where it is there; T_body_cam too when it states one. A file
+ * that cannot be read is as none where the selection says that a camera is given. */
 enum fovea_status fv_info_set_calibration(struct fovea_source_info *info, const char *path,
+                                          const struct fovea_source_selection *selection,
                                           double T_body_cam[12], bool *has_T_body_cam,
                                           struct fovea_error *error);
 

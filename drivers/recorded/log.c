@@ -20,7 +20,8 @@ struct fovea_log {
 enum fovea_status fovea_log_open(const char *path, struct fovea_log **log, struct fovea_error *error)
 {
     FILE *file = fopen(path, "rb");
-    if (file == NULL) return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: cannot be opened: %s", path, strerror(errno));
+    if (file == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: cannot be opened: %s", path, strerror(errno));
     struct stat info;
     if (fstat(fileno(file), &info) != 0 || !S_ISREG(info.st_mode)) {
         fclose(file);
@@ -76,6 +77,7 @@ static enum fovea_status read_head(struct fovea_log *log, struct fovea_log_event
 {
     uint8_t head[FOVEA_LOG_HEADER_BYTES];
     int64_t left = log->size - log->offset;
+    event->offset = log->offset;
     if (left <= 0) return FOVEA_END;
     if (left < FOVEA_LOG_HEADER_BYTES || fread(head, sizeof head, 1, log->file) != 1)
         return cut_off(log, FOVEA_LOG_HEADER_BYTES, error);
@@ -102,7 +104,6 @@ static enum fovea_status read_head(struct fovea_log *log, struct fovea_log_event
                                    "%s: byte %" PRId64
                                    ": channel name: found byte %d, expected printable ASCII",
                                    log->path, log->offset + FOVEA_LOG_HEADER_BYTES + i, event->channel[i]);
-    event->offset = log->offset;
     event->number = read_i64(head + 4);
     event->time_us = read_i64(head + 12);
     event->bytes = data_bytes;
@@ -157,6 +158,19 @@ enum fovea_status fovea_log_seek(struct fovea_log *log, int64_t offset, struct f
     return FOVEA_OK;
 }
 
+enum fovea_status fovea_log_resync(struct fovea_log *log)
+{
+    uint32_t window = 0;
+    int64_t at = log->offset + 1;
+    if (fseeko(log->file, at, SEEK_SET) != 0) return FOVEA_END;
+    for (int byte; (byte = getc_unlocked(log->file)) != EOF;) {
+        window = window << 8 | (uint32_t)byte;
+        if (++at > log->offset + 4 && window == FOVEA_LOG_SYNC)
+            return fovea_log_seek(log, at - 4, NULL) == FOVEA_OK ? FOVEA_OK : FOVEA_END;
+    }
+    return FOVEA_END;
+}
+
 bool fovea_log_channel_is(const char *channel, const char *suffix)
 {
     size_t length = strlen(channel), tail = strlen(suffix);
@@ -180,6 +194,20 @@ enum {
     AT_SIZE = 55,
     AT_DATA = 59
 };
+
+enum fovea_status fovea_log_frame_stamp(struct fovea_log *log, const struct fovea_log_event *event,
+                                        int64_t *stamp_ns)
+{
+    uint8_t head[AT_STAMP + 8];
+    const int64_t back = log->offset,
+                  data = event->offset + FOVEA_LOG_HEADER_BYTES + (int64_t)strlen(event->channel);
+    if (event->bytes < sizeof head || fseeko(log->file, data, SEEK_SET) != 0) return FOVEA_ERROR_INPUT;
+    const bool read = fread(head, sizeof head, 1, log->file) == 1;
+    if (fovea_log_seek(log, back, NULL) != FOVEA_OK || !read || read_i64(head) != __fovea_frame_t_get_hash())
+        return FOVEA_ERROR_INPUT;
+    *stamp_ns = read_i64(head + AT_STAMP);
+    return FOVEA_OK;
+}
 
 enum fovea_status fovea_log_frame(const char *name, const struct fovea_log_event *event,
                                   struct fovea_frame *frame, struct fovea_error *error)

@@ -14,12 +14,15 @@
 
 enum {
     COMPLAINTS_BYTES = 32768, /* some 300 lines */
-    COMPLAINTS_PATIENCE_NS = 500000000
+    COMPLAINTS_PATIENCE_NS = 500000000,
+    STAMPS_AROUND = 8, /* frames to come that a stamp is held against */
+    RATE_STEPS = 101
 };
 
 struct fovea_source {
     const struct fv_recording_ops *ops;
     void *recording;
+    char *origin; /* names the recording in complaints */
     struct fovea_source_info info;
 
     /* The order of play: index = first + step * position, `count` of them (UINT64_MAX: until the end). */
@@ -61,6 +64,20 @@ static int64_t mirrored(const struct fovea_source *source, int64_t stamp_ns)
     return (int64_t)((uint64_t)source->mirror_ns - (uint64_t)stamp_ns);
 }
 
+static uint64_t index_at(const struct fovea_source *source, uint64_t position)
+{
+    return source->first + (uint64_t)source->step * position;
+}
+
+/* As it is played; false where it is not known. */
+static bool stamp_at(const struct fovea_source *source, uint64_t position, int64_t *stamp_ns)
+{
+    if (source->ops->stamp == NULL || position >= source->count) return false;
+    if (source->ops->stamp(source->recording, index_at(source, position), stamp_ns) != FOVEA_OK) return false;
+    if (source->reverse) *stamp_ns = mirrored(source, *stamp_ns);
+    return true;
+}
+
 /* ---- reader thread ----------------------------------------------------------------------------------- */
 
 /* Every frame that is skipped is named. When many are missing at once the reader, which only skips, waits a
@@ -86,18 +103,66 @@ static void complain(struct complaints *complaints, const struct fovea_error *er
     pthread_mutex_unlock(&complaints->lock);
 }
 
-/* The next frame that can be had, from `*position` on. FOVEA_END: there is none. */
-static enum fovea_status fetch_next(struct fovea_source *source, uint64_t *position, struct fv_slot *slot,
-                                    struct fovea_source_counts *counts)
+/* How far the reader is. */
+struct reading {
+    uint64_t position; /* of the frame to fetch next */
+    struct fovea_source_counts counts;
+    bool any;
+    int64_t newest_ns; /* largest stamp delivered */
+};
+
+/* Whether a stamp leaps ahead of its place, as on a damaged line: the loop would take it and then refuse all
+ * that follows as going back. It does when most of the next frames lie between the frames before and this
+ * one, in order; a stamp that itself goes back or repeats is the loop's to refuse, and a clock that was set
+ * back starts below what was. */
+static bool leaps_ahead(const struct fovea_source *source, const struct reading *reading, int64_t stamp_ns,
+                        int64_t *next_ns)
 {
-    while (*position < source->count && !atomic_load_explicit(&source->quit, memory_order_relaxed)) {
-        const uint64_t index = source->first + (uint64_t)source->step * *position;
+    int64_t ahead_of = reading->newest_ns, other_ns;
+    bool any = reading->any;
+    int between = 0, beyond = 0;
+    if (any && stamp_ns <= ahead_of) return false;
+    for (uint64_t i = 1; i <= STAMPS_AROUND; ++i) {
+        if (!stamp_at(source, reading->position + i, &other_ns)) continue;
+        beyond += other_ns > stamp_ns;
+        if (other_ns >= stamp_ns || (any && other_ns <= ahead_of)) continue;
+        if (between++ == 0) *next_ns = other_ns;
+        ahead_of = other_ns;
+        any = true;
+    }
+    return between > 1 && between > beyond;
+}
+
+static enum fovea_status fetch_at(const struct fovea_source *source, const struct reading *reading,
+                                  struct fv_slot *slot, struct fovea_error *error)
+{
+    const uint64_t index = index_at(source, reading->position);
+    const enum fovea_status status = source->ops->fetch(source->recording, index, slot, error);
+    int64_t *stamp_ns = &slot->frame.stamp_ns, found_ns = *stamp_ns, next_ns;
+    if (status != FOVEA_OK) return status;
+    if (source->reverse) *stamp_ns = mirrored(source, found_ns);
+    if (!leaps_ahead(source, reading, *stamp_ns, &next_ns)) return FOVEA_OK;
+    return fovea_error_set(
+        error, FOVEA_ERROR_INPUT,
+        "%.256s: frame %llu: timestamp: found %lld ns, expected one before the next frames' %lld ns",
+        source->origin, (unsigned long long)index, (long long)found_ns,
+        (long long)(source->reverse ? mirrored(source, next_ns) : next_ns));
+}
+
+/* The next frame that can be had. FOVEA_END: there is none. */
+static enum fovea_status fetch_next(struct fovea_source *source, struct reading *reading,
+                                    struct fv_slot *slot)
+{
+    struct fovea_source_counts *counts = &reading->counts;
+    while (reading->position < source->count && !atomic_load_explicit(&source->quit, memory_order_relaxed)) {
         struct fovea_error error = {.text = ""};
-        const enum fovea_status status = source->ops->fetch(source->recording, index, slot, &error);
+        const enum fovea_status status = fetch_at(source, reading, slot, &error);
         if (status == FOVEA_END) break;
-        ++*position;
+        ++reading->position;
         if (status == FOVEA_OK) {
-            if (source->reverse) slot->frame.stamp_ns = mirrored(source, slot->frame.stamp_ns);
+            if (!reading->any || slot->frame.stamp_ns > reading->newest_ns)
+                reading->newest_ns = slot->frame.stamp_ns;
+            reading->any = true;
             counts->delivered++;
             slot->counts = *counts;
             return FOVEA_OK;
@@ -112,24 +177,43 @@ static enum fovea_status fetch_next(struct fovea_source *source, uint64_t *posit
 static void *read_frames(void *argument)
 {
     struct fovea_source *source = argument;
-    struct fovea_source_counts counts = {0};
-    uint64_t position = 0;
+    struct reading reading = {.position = 0};
     for (;;) {
         uint8_t slot;
         while (sem_wait(&source->free_count) != 0)
             continue; /* interrupted */
         if (atomic_load(&source->quit) || !fv_ring_pop(&source->free, &slot)) return NULL;
-        if (fetch_next(source, &position, &source->slots[slot], &counts) != FOVEA_OK) break;
+        if (fetch_next(source, &reading, &source->slots[slot]) != FOVEA_OK) break;
         fv_ring_push(&source->ready, slot);
         sem_post(&source->ready_count);
     }
-    source->end_counts = counts;
+    source->end_counts = reading.counts;
     atomic_store_explicit(&source->ended, true, memory_order_release);
     sem_post(&source->ready_count);
     return NULL;
 }
 
 /* ---- open and close ---------------------------------------------------------------------------------- */
+
+/* Between the first and the last frame that has a stamp. */
+static enum fovea_status set_mirror(struct fovea_source *source, const char *origin,
+                                    struct fovea_error *error)
+{
+    uint64_t first = 0, last = source->count - 1;
+    int64_t first_ns, last_ns;
+    source->reverse = false; /* stamps as recorded, here */
+    while (first < last && !stamp_at(source, first, &first_ns))
+        ++first;
+    while (last > first && !stamp_at(source, last, &last_ns))
+        --last;
+    const bool found = stamp_at(source, first, &first_ns) && stamp_at(source, last, &last_ns);
+    source->reverse = true;
+    if (!found)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%s: found no frame with a stamp, expected one for reverse", origin);
+    source->mirror_ns = (int64_t)((uint64_t)first_ns + (uint64_t)last_ns);
+    return FOVEA_OK;
+}
 
 static enum fovea_status set_order(struct fovea_source *source, uint64_t count, const char *origin,
                                    const struct fovea_source_selection *selection, struct fovea_error *error)
@@ -157,14 +241,7 @@ static enum fovea_status set_order(struct fovea_source *source, uint64_t count, 
     source->count = chosen;
     source->info.frame_count = chosen == UINT64_MAX ? 0 : chosen;
     if (!selection->reverse) return FOVEA_OK;
-    int64_t last_played_ns, first_played_ns;
-    const uint64_t last = source->first + (uint64_t)source->step * (chosen - 1);
-    if (source->ops->stamp(source->recording, source->first, &first_played_ns) != FOVEA_OK ||
-        source->ops->stamp(source->recording, last, &last_played_ns) != FOVEA_OK)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "%s: the stamps of its ends cannot be read, expected for reverse", origin);
-    source->mirror_ns = (int64_t)((uint64_t)first_played_ns + (uint64_t)last_played_ns);
-    return FOVEA_OK;
+    return set_mirror(source, origin, error);
 }
 
 static enum fovea_status make_slots(struct fovea_source *source, size_t frame_bytes,
@@ -198,6 +275,26 @@ static enum fovea_status make_slots(struct fovea_source *source, size_t frame_by
     return FOVEA_OK;
 }
 
+double fv_player_rate(const struct fv_recording_ops *ops, void *recording, uint64_t count)
+{
+    int64_t steps[RATE_STEPS], before_ns = 0, now_ns;
+    size_t found = 0;
+    bool any = false;
+    for (uint64_t i = 0; i < count && found < RATE_STEPS; ++i) {
+        if (ops->stamp(recording, i, &now_ns) != FOVEA_OK) continue;
+        if (any && before_ns < now_ns && (before_ns >= 0 || now_ns <= INT64_MAX + before_ns)) {
+            size_t at = found++;
+            for (; at > 0 && steps[at - 1] > now_ns - before_ns; --at)
+                steps[at] = steps[at - 1];
+            steps[at] = now_ns - before_ns;
+        }
+        before_ns = now_ns;
+        any = true;
+    }
+    const size_t middle = found / 2;
+    return found == 0 ? 0.0 : 1e9 / (double)steps[middle];
+}
+
 enum fovea_status fv_player_open(const struct fv_recording_ops *ops, void *recording, uint64_t count,
                                  size_t frame_bytes, const char *origin,
                                  const struct fovea_source_selection *selection,
@@ -213,9 +310,13 @@ enum fovea_status fv_player_open(const struct fv_recording_ops *ops, void *recor
     made->ops = ops;
     made->recording = recording;
     made->info = *info;
+    made->origin = strdup(origin);
     pthread_mutex_init(&made->complaints.lock, NULL);
     pthread_cond_init(&made->complaints.room, NULL);
-    enum fovea_status status = set_order(made, count, origin, selection, error);
+    enum fovea_status status = FOVEA_OK;
+    if (made->origin == NULL)
+        status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", origin);
+    if (status == FOVEA_OK) status = set_order(made, count, origin, selection, error);
     if (status == FOVEA_OK) status = make_slots(made, frame_bytes, error);
     if (status != FOVEA_OK) {
         fv_player_close(made);
@@ -232,6 +333,7 @@ void fv_player_close(struct fovea_source *source)
     pthread_mutex_destroy(&source->complaints.lock);
     pthread_cond_destroy(&source->complaints.room);
     free(source->pixels);
+    free(source->origin);
     free(source);
 }
 
@@ -360,7 +462,8 @@ enum fovea_status fv_player_complaint(struct fovea_source *source, struct fovea_
         memmove(complaints->text, complaints->text + bytes, complaints->bytes);
         pthread_cond_signal(&complaints->room);
     } else if (complaints->unnamed > 0) {
-        fovea_error_set(error, FOVEA_ERROR_INPUT, "%llu more frames were missing or damaged and are not named",
+        fovea_error_set(error, FOVEA_ERROR_INPUT,
+                        "%llu more frames were missing or damaged and are not named",
                         (unsigned long long)complaints->unnamed);
         complaints->unnamed = 0;
     } else {

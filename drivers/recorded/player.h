@@ -5,9 +5,9 @@
  * two lock-free rings; it waits on a semaphore with a deadline and shares no lock with the reader. The reader
  * runs at normal priority with signals blocked and a stack of 256 KiB.
  *
- * Frames that are missing or damaged are skipped, counted and named. Counts travel with the frames:
- * fovea_source_ops.counts tells those up to the frame dequeued last, so that they do not depend on how far
- * ahead the reader is.
+ * Frames that are missing or damaged, or whose stamp leaps ahead of the frames that follow, are skipped,
+ * counted and named. Counts travel with the frames: fovea_source_ops.counts tells those up to the frame
+ * dequeued last, so that they do not depend on how far ahead the reader is.
  *
  * Played in reverse, a frame's stamp is mirrored inside the range that is played (first +
  * last - stamp), so that time still goes forward; its sequence stays the index in the recording. */
@@ -34,7 +34,8 @@ struct fv_recording_ops {
      * before its count. */
     enum fovea_status (*fetch)(void *recording, uint64_t index, struct fv_slot *slot,
                                struct fovea_error *error);
-    /* Stamp of frame `index`; only asked when played in reverse. */
+    /* Stamp of frame `index`, quickly: asked for the frames to come of each. Negative: it has none. NULL:
+     * stamps are known with their frames only, which cannot be played in reverse then. */
     enum fovea_status (*stamp)(void *recording, uint64_t index, int64_t *stamp_ns);
     /* Loop thread, no heap; NULL where there is none. */
     enum fovea_status (*truth)(const void *recording, const struct fovea_frame *frame,
@@ -51,6 +52,10 @@ enum fovea_status fv_player_open(const struct fv_recording_ops *ops, void *recor
                                  const struct fovea_source_selection *selection,
                                  const struct fovea_source_info *info, struct fovea_source **source,
                                  struct fovea_error *error);
+
+/* Frames per second from the median of the first steps between stamps, so that gaps do not matter; 0: no
+ * step. */
+double fv_player_rate(const struct fv_recording_ops *ops, void *recording, uint64_t count);
 
 /* The rest of fovea_source_ops, the same for all recordings. */
 const struct fovea_source_info *fv_player_info(const struct fovea_source *source);

@@ -8,13 +8,13 @@
 #include "player.h"
 
 static enum fovea_status read_extras(struct fv_listing *listing, const char *folder,
+                                     const struct fovea_source_selection *selection,
                                      struct fovea_source_info *info, struct fovea_error *error)
 {
     static const double identity[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0}; /* its poses are the camera's */
     char path[FV_PATH_BYTES];
     enum fovea_status status = fv_path_join(path, folder, "camera.yaml", error);
-    if (status == FOVEA_OK && fv_path_exists(path))
-        status = fv_info_set_calibration(info, path, NULL, NULL, error);
+    if (status == FOVEA_OK) status = fv_info_set_calibration(info, path, selection, NULL, NULL, error);
     if (status != FOVEA_OK || (status = fv_path_join(path, folder, "groundtruth.txt", error)) != FOVEA_OK)
         return status;
     if (!fv_path_exists(path)) return FOVEA_OK;
@@ -34,7 +34,7 @@ static enum fovea_status open_tum(const char *address, const struct fovea_source
     struct fv_listing *listing = fv_listing_new(address);
     if (listing == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", address);
     status = fv_listing_read(listing, list, "", fv_stamp_from_seconds, "seconds", error);
-    if (status == FOVEA_OK) status = read_extras(listing, address, &info, error);
+    if (status == FOVEA_OK) status = read_extras(listing, address, selection, &info, error);
     if (status != FOVEA_OK) {
         fv_listing_free(listing);
         return status;

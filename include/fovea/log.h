@@ -44,7 +44,8 @@ enum fovea_status fovea_log_open(const char *path, struct fovea_log **log, struc
 void fovea_log_close(struct fovea_log *log);
 
 /* Next event with its data. FOVEA_END after the last one; FOVEA_ERROR_INPUT: `error` names file, byte, found,
- * expected. After an error the position is not defined (fovea_log_seek mends that). */
+ * expected. After an error event->offset is the place of what could not be read, and the position is not defined (fovea_log_seek
+ * and fovea_log_resync mend that). */
 enum fovea_status fovea_log_next(struct fovea_log *log, struct fovea_log_event *event,
                                  struct fovea_error *error);
 
@@ -55,6 +56,10 @@ enum fovea_status fovea_log_skim(struct fovea_log *log, struct fovea_log_event *
 /* Go on with the event at `offset`, from an earlier event, or 0. */
 enum fovea_status fovea_log_seek(struct fovea_log *log, int64_t offset, struct fovea_error *error);
 
+/* After an error: go on with the next sync word behind the place of what could not be read. It may stand inside an event's
+ * data, and then is no event either. FOVEA_END: there is none. */
+enum fovea_status fovea_log_resync(struct fovea_log *log);
+
 /* Whether the channel's last part is `suffix`: "FOVEA_FRAME" and "FRAME" end in "FRAME", "SUBFRAME" does not.
  */
 bool fovea_log_channel_is(const char *channel, const char *suffix);
@@ -64,6 +69,10 @@ bool fovea_log_channel_is(const char *channel, const char *suffix);
  * fit; `name` (the file) and the byte stand in `error`. */
 enum fovea_status fovea_log_frame(const char *name, const struct fovea_log_event *event,
                                   struct fovea_frame *frame, struct fovea_error *error);
+
+/* Stamp of a frame that was skimmed, without reading its picture; the log stays where it is. FOVEA_ERROR_INPUT: it holds
+ * no fovea.frame_t. */
+enum fovea_status fovea_log_frame_stamp(struct fovea_log *log, const struct fovea_log_event *event, int64_t *stamp_ns);
 
 #ifdef __cplusplus
 }

@@ -91,20 +91,22 @@ struct fovea_truth {
 
 /* How frames of a recording are chosen: start, start + step, start + 2 step, ..., at most `frames` of them (0: all);
  * played last first when `reverse`, with stamps that still rise. Live sources refuse anything but a number of frames.
- * `colour`: recordings of PNG and JPEG files that have colours give RGB24 frames in place of grey ones; others ignore it. */
+ * `colour`: recordings of PNG and JPEG files that have colours give RGB24 frames in place of grey ones; others ignore it.
+ * `camera_given`: the caller has a calibration: the source's own is not needed, and one that cannot be read is as none. */
 struct fovea_source_selection {
     uint64_t start;
     uint64_t step; /* at least 1 */
     uint64_t frames;
     bool reverse;
     bool colour;
+    bool camera_given;
 };
 
 /* What went wrong with single frames since start, counted by the source. */
 struct fovea_source_counts {
     uint64_t delivered;
     uint64_t missing;   /* listed but not there */
-    uint64_t damaged;   /* truncated, undecodable, wrong size */
+    uint64_t damaged;   /* truncated, undecodable, wrong size, or a stamp that leaps ahead of the frames around it */
     uint64_t dropped;   /* lost by the driver or overrun */
     uint64_t recovered; /* times the camera came back */
 };

@@ -117,6 +117,7 @@ enum fovea_status fv_setup_open(struct fv_settings *settings, const struct fovea
     status = fovea_source_find(settings->source, &setup->ops, &address, error);
     struct fovea_source_selection chosen = *selection;
     chosen.colour = fv_setup_wants_colour(setup);
+    chosen.camera_given = settings->camera[0] != '\0';
     if (status == FOVEA_OK) status = setup->ops->open(address, &chosen, &setup->source, error);
     if (status != FOVEA_OK) {
         fv_settings_blame(settings, "source", error);

@@ -102,7 +102,7 @@ static void open_run(struct run *run, const char *uri)
 {
     struct fovea_error error;
     const char *address;
-    const struct fovea_source_selection all = {0, 1, FRAMES_MAX, false, false};
+    const struct fovea_source_selection all = {.step = 1, .frames = FRAMES_MAX};
     memset(run, 0, sizeof *run);
     if (fovea_source_find(uri, &run->ops, &address, &error) ||
         run->ops->open(address, &all, &run->source, &error) || run->ops->start(run->source, &error))

@@ -64,7 +64,7 @@ int main(int argc, char **argv)
     const char *address;
     struct fovea_error error;
     struct fovea_source *source;
-    const struct fovea_source_selection all = {0, 1, frames, false, false};
+    const struct fovea_source_selection all = {.step = 1, .frames = frames};
     if (fovea_source_find(uri, &ops, &address, &error) || ops->open(address, &all, &source, &error) ||
         ops->start(source, &error))
         die(error.text);

@@ -107,7 +107,7 @@ static void run(const char *uri, int start, int frames, enum fv_cpu_set set, str
     const char *address;
     struct fovea_error error;
     struct fovea_source *source;
-    const struct fovea_source_selection all = {(uint64_t)start, 1, (uint64_t)frames, false, false};
+    const struct fovea_source_selection all = {.start = (uint64_t)start, .step = 1, .frames = (uint64_t)frames};
     if (fovea_source_find(uri, &ops, &address, &error) || ops->open(address, &all, &source, &error) ||
         ops->start(source, &error))
         fail_msg("%s", error.text);

@@ -1,0 +1,384 @@
+/* Recordings that are odd and yet to be played: stamps that leap, logs with damage inside, names that look
+ * like patterns, a calibration that is not needed. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "../../../drivers/recorded/player.h"
+#include "common/datasets.h"
+
+enum { W = FV_TEST_WIDTH, H = FV_TEST_HEIGHT, MANY = 64 };
+
+static char *const folder = fv_test_place;
+
+/* What came of a recording: sequences of the frames, and its counts; the first complaint. */
+struct played {
+    uint64_t sequence[MANY];
+    int64_t stamp_ns[MANY];
+    size_t count;
+    struct fovea_source_counts counts;
+    double rate_hz;
+    bool has_camera;
+    struct fovea_error complaint;
+};
+
+static void play(const struct fovea_source_ops *ops, struct fovea_source *source, struct played *played)
+{
+    struct fovea_frame frame;
+    struct fovea_error error;
+    enum fovea_status status;
+    memset(played, 0, sizeof *played);
+    played->rate_hz = ops->info(source)->rate_hz;
+    played->has_camera = ops->info(source)->has_camera;
+    assert_int_equal(ops->start(source, &error), FOVEA_OK);
+    while ((status = ops->dequeue(source, INT64_MAX, &frame)) == FOVEA_OK && played->count < MANY) {
+        played->sequence[played->count] = frame.sequence;
+        played->stamp_ns[played->count++] = frame.stamp_ns;
+        ops->requeue(source, &frame);
+    }
+    assert_int_equal(status, FOVEA_END);
+    ops->counts(source, &played->counts);
+    (void)ops->complaint(source, &played->complaint);
+    ops->stop(source);
+    ops->close(source);
+}
+
+static enum fovea_status play_uri(const char *scheme, const char *address,
+                                  const struct fovea_source_selection *selection, struct played *played,
+                                  struct fovea_error *error)
+{
+    char uri[FV_TEST_PATH_BYTES + 16];
+    const struct fovea_source_ops *ops;
+    struct fovea_source *source;
+    snprintf(uri, sizeof uri, "%s:%s", scheme, address);
+    assert_int_equal(fovea_source_find(uri, &ops, &address, error), FOVEA_OK);
+    const enum fovea_status status = ops->open(address, selection, &source, error);
+    if (status == FOVEA_OK) play(ops, source, played);
+    return status;
+}
+
+static void play_fine(const char *scheme, const char *address, struct played *played)
+{
+    static const struct fovea_source_selection everything = {.step = 1};
+    struct fovea_error error = {.text = ""};
+    if (play_uri(scheme, address, &everything, played, &error) != FOVEA_OK) fail_msg("%s", error.text);
+}
+
+/* ---- stamps ------------------------------------------------------------------------------------------ */
+
+/* Stamps of a recording, ended by END. */
+enum { END = -1, FAR = 1000000 };
+
+static enum fovea_status fetch_stamp(void *recording, uint64_t index, struct fv_slot *slot,
+                                     struct fovea_error *error)
+{
+    (void)error;
+    memset(slot->pixels, 0, W);
+    slot->frame.stamp_ns = ((const int64_t *)recording)[index];
+    slot->frame.sequence = index;
+    return FOVEA_OK;
+}
+
+static enum fovea_status stamp(void *recording, uint64_t index, int64_t *stamp_ns)
+{
+    *stamp_ns = ((const int64_t *)recording)[index];
+    return FOVEA_OK;
+}
+
+static void close_nothing(void *recording)
+{
+    (void)recording;
+}
+
+static void play_stamps(const int64_t *stamps, const struct fovea_source_selection *selection,
+                        struct played *played)
+{
+    static const struct fv_recording_ops ops = {.fetch = fetch_stamp, .stamp = stamp, .close = close_nothing};
+    static const struct fovea_source_ops source_ops = FV_PLAYER_OPS("stamps", "", NULL);
+    const struct fovea_source_info info = {.width = W, .height = 1, .format = FOVEA_PIXEL_GREY8};
+    int64_t memory[MANY];
+    struct fovea_source *source;
+    struct fovea_error error;
+    uint64_t count = 0;
+    for (; stamps[count] != END; ++count)
+        memory[count] = stamps[count];
+    assert_int_equal(fv_player_open(&ops, memory, count, 0, "stamps.txt", selection, &info, &source, &error),
+                     FOVEA_OK);
+    play(&source_ops, source, played);
+    assert_int_equal(played->counts.delivered + played->counts.damaged, count);
+}
+
+/* A frame whose stamp leaps ahead would make the loop refuse all that follow; one that goes back or repeats
+ * is the loop's, and so is a clock that was set back. */
+static void test_leaping_stamps(void **state)
+{
+    static const struct {
+        int64_t stamps[20];
+        uint64_t left_out[3]; /* indices, ended by 0; frame 0 is told as 100 */
+    } cases[] = {
+        {{1, 2, 3, FAR, 5, 6, 7, 8, END}, {3}},
+        {{1, 2, 3, FAR, 5, 6, END}, {3}},
+        {{1, 2, 3, FAR, FAR + 1, 5, 6, 7, 8, 9, END}, {3, 4}},
+        {{1, 2, 3, FAR, 5, 6, FAR, 8, 9, END}, {3, 6}},
+        {{FAR, 2, 3, 4, 5, END}, {100}},
+        {{1, 2, 3, INT64_MAX, 5, INT64_MIN, 7, 8, END}, {3}},
+        {{1, 2, 3, FAR, FAR + 1, FAR + 2, FAR + 3, END}, {0}},                /* a gap */
+        {{1, 2, 3, FAR, FAR + 1, 4, 5, FAR + 4, FAR + 5, FAR + 6, END}, {0}}, /* two that go back */
+        {{1, 2, 3, FAR, 5, END}, {0}},                                        /* one against one */
+        {{1, 2, 3, FAR, END}, {0}},
+        {{10, 20, 30, 40, 35, 50, 60, END}, {0}}, /* 35 goes back */
+        {{10, 20, 20, 20, 30, 40, END}, {0}},
+        {{10, 20, 30, 1, 2, 3, 4, 5, 6, 7, 8, 9, END}, {100, 1, 2}}, /* begun by three of another clock */
+        {{10, 20, 30, 40, 50, 60, 70, 80, 90, 91, 1, 2, 3, 4, 5, 6, 7, 8, 9, END}, {0}}, /* set back */
+        {{9, 8, 7, 6, 5, 4, 3, 2, 1, END}, {0}},
+    };
+    const struct fovea_source_selection everything = {.step = 1};
+    struct played played;
+    (void)state;
+    for (size_t c = 0; c < sizeof cases / sizeof cases[0]; ++c) {
+        bool out[20] = {false};
+        size_t at = 0;
+        for (int i = 0; i < 3 && cases[c].left_out[i] != 0; ++i)
+            out[cases[c].left_out[i] % 100] = true;
+        play_stamps(cases[c].stamps, &everything, &played);
+        for (uint64_t i = 0; cases[c].stamps[i] != END; ++i) {
+            if (out[i]) continue;
+            if (at == played.count || played.sequence[at++] != i)
+                fail_msg("case %zu: frame %u is missing", c, (unsigned)i);
+        }
+        if (at != played.count) fail_msg("case %zu: %zu frames came, expected %zu", c, played.count, at);
+    }
+    play_stamps(cases[0].stamps, &everything, &played);
+    assert_string_equal(
+        played.complaint.text,
+        "stamps.txt: frame 3: timestamp: found 1000000 ns, expected one before the next frames' 5 ns");
+}
+
+/* Played backwards, what leaps ahead is what lay far behind; and only frames that are played count. */
+static void test_leaps_as_they_are_played(void **state)
+{
+    static const int64_t behind[] = {101, 102, 103, 4, 105, 106, 107, END},
+                         ahead[] = {1, 2, 3, FAR, 5, 6, 7, 8, 9, END};
+    const struct fovea_source_selection reverse = {.step = 1, .reverse = true}, second = {.step = 2},
+                                        odd = {.start = 1, .step = 2};
+    struct played played;
+    (void)state;
+    play_stamps(behind, &reverse, &played);
+    assert_int_equal(played.count, 6);
+    assert_int_equal(played.counts.damaged, 1);
+    assert_string_equal(
+        played.complaint.text,
+        "stamps.txt: frame 3: timestamp: found 4 ns, expected one before the next frames' 103 ns");
+    for (size_t i = 1; i < played.count; ++i)
+        assert_true(played.stamp_ns[i] > played.stamp_ns[i - 1]);
+    play_stamps(ahead, &reverse, &played); /* goes back: the loop's */
+    assert_int_equal(played.count, 9);
+    const struct fovea_source_info info = {.width = W, .height = 1, .format = FOVEA_PIXEL_GREY8};
+    static const struct fv_recording_ops ops = {.fetch = fetch_stamp, .stamp = stamp, .close = close_nothing};
+    static const struct fovea_source_ops source_ops = FV_PLAYER_OPS("stamps", "", NULL);
+    int64_t memory[9];
+    struct fovea_source *source;
+    struct fovea_error error;
+    memcpy(memory, ahead, sizeof memory);
+    assert_int_equal(fv_player_open(&ops, memory, 9, 0, "x", &second, &info, &source, &error), FOVEA_OK);
+    play(&source_ops, source, &played);
+    assert_int_equal(played.count, 5);
+    assert_int_equal(fv_player_open(&ops, memory, 9, 0, "x", &odd, &info, &source, &error), FOVEA_OK);
+    play(&source_ops, source, &played);
+    assert_int_equal(played.count, 3);
+    assert_int_equal(played.counts.damaged, 1);
+}
+
+/* ---- logs -------------------------------------------------------------------------------------------- */
+
+/* The header of one event is spoilt: that frame is lost, all others come. */
+static void test_log_goes_on_after_damage(void **state)
+{
+    struct played played;
+    char path[FV_TEST_PATH_BYTES];
+    size_t bytes;
+    (void)state;
+    snprintf(path, sizeof path, "%s", fv_test_lcmlog(folder));
+    uint8_t *whole = fv_test_read(path, &bytes);
+    const size_t event = bytes / FV_TEST_FRAMES;
+    play_fine("lcmlog", path, &played);
+    assert_int_equal(played.count, FV_TEST_FRAMES);
+    assert_true(played.rate_hz > 19.99 && played.rate_hz < 20.01);
+    for (size_t at = 0; at < 28; ++at) {
+        if (at >= 4 && at < 20) continue; /* number and time, which nobody needs */
+        uint8_t *byte = &whole[5 * event + at];
+        *byte = (uint8_t) ~*byte;
+        fv_test_write(path, whole, bytes);
+        *byte = (uint8_t) ~*byte;
+        play_fine("lcmlog", path, &played);
+        /* A length may swallow a neighbour. */
+        if (played.count + 2 < FV_TEST_FRAMES || played.count == FV_TEST_FRAMES)
+            fail_msg("byte %zu: %zu frames", at, played.count);
+        assert_true(played.counts.damaged > 0);
+        assert_int_equal(played.sequence[played.count - 1], FV_TEST_FRAMES - 1);
+        if (at < 4) {
+            char place[64];
+            assert_int_equal(played.count, FV_TEST_FRAMES - 1);
+            assert_int_equal(played.counts.damaged, 1);
+            snprintf(place, sizeof place, ": byte %zu: found ", 5 * event);
+            assert_non_null(strstr(played.complaint.text, place));
+        }
+    }
+    /* A piece of a header gone, one from inside a frame, whose length then swallows the next one's head, and
+     * the end of the file; in reverse too. */
+    const struct fovea_source_selection reverse = {.step = 1, .reverse = true};
+    struct fovea_error error;
+    memmove(whole + 7 * event + 50, whole + 7 * event + 150, bytes - 7 * event - 150);
+    memmove(whole + 3 * event + 10, whole + 3 * event + 90, bytes - 3 * event - 90);
+    fv_test_write(path, whole, bytes - 180 - 40);
+    play_fine("lcmlog", path, &played);
+    assert_int_equal(played.count, FV_TEST_FRAMES - 4);
+    assert_int_equal(played.counts.damaged, 4);
+    assert_int_equal(play_uri("lcmlog", path, &reverse, &played, &error), FOVEA_OK);
+    assert_int_equal(played.count, FV_TEST_FRAMES - 4);
+    for (size_t i = 1; i < played.count; ++i)
+        assert_true(played.stamp_ns[i] > played.stamp_ns[i - 1] &&
+                    played.sequence[i] < played.sequence[i - 1]);
+    free(whole);
+}
+
+/* A log in which nothing can be read is refused by what stands first in it. */
+static void test_log_of_nothing(void **state)
+{
+    const struct fovea_source_selection everything = {.step = 1};
+    static uint8_t noise[8192];
+    struct played played;
+    struct fovea_error error;
+    const char *path = fv_test_path(folder, "noise.lcmlog");
+    (void)state;
+    for (size_t i = 0; i + 4 <= sizeof noise; i += 4) /* sync words and no events */
+        memcpy(noise + i, "\xED\xA1\xDA\x01", 4);
+    fv_test_write(path, noise, sizeof noise);
+    assert_int_equal(play_uri("lcmlog", path, &everything, &played, &error), FOVEA_ERROR_INPUT);
+    assert_memory_equal(error.text, path, strlen(path));
+    assert_memory_equal(error.text + strlen(path), ": byte ", 7);
+}
+
+/* ---- names ------------------------------------------------------------------------------------------- */
+
+/* Folders and files are themselves, whatever characters are in their names. */
+static void test_names_that_look_like_patterns(void **state)
+{
+    static const char *const names[] = {"run [1]", "a*b", "what?", "back\\slash", "all of *[?]\\"};
+    struct played played;
+    (void)state;
+    for (size_t i = 0; i < sizeof names / sizeof names[0]; ++i) {
+        char from[FV_TEST_PATH_BYTES], to[FV_TEST_PATH_BYTES], file[FV_TEST_PATH_BYTES];
+        snprintf(from, sizeof from, "%s", fv_test_images(folder));
+        char *pattern = strrchr(from, '/');
+        assert_non_null(pattern);
+        if (strchr(pattern, '*') != NULL) *pattern = '\0'; /* its folder */
+        snprintf(to, sizeof to, "%s", fv_test_path(folder, names[i]));
+        assert_int_equal(rename(from, to), 0);
+        play_fine("images", to, &played);
+        assert_int_equal(played.count, FV_TEST_FRAMES);
+        snprintf(file, sizeof file, "%s", fv_test_path(to, "img0.png"));
+        char odd[FV_TEST_PATH_BYTES];
+        snprintf(odd, sizeof odd, "%s", fv_test_path(to, "[0-9]?.png"));
+        assert_int_equal(rename(file, odd), 0);
+        play_fine("images", odd, &played);
+        assert_int_equal(played.count, 1);
+        fv_test_folder_remove(to);
+    }
+}
+
+/* Frames of a KITTI sequence may be JPEG files, and the first of them missing. */
+static void test_first_frame_missing(void **state)
+{
+    struct played played;
+    char top[FV_TEST_PATH_BYTES];
+    (void)state;
+    snprintf(top, sizeof top, "%s", fv_test_kitti(folder));
+    for (int i = 0; i < FV_TEST_FRAMES; ++i) { /* what a file holds is told by its first bytes */
+        char from[64], to[64];
+        snprintf(from, sizeof from, "image_0/%06d.png", i);
+        snprintf(to, sizeof to, "image_0/%06d.jpg", i);
+        assert_int_equal(rename(fv_test_path(top, from), fv_test_path(top, to)), 0);
+    }
+    assert_int_equal(unlink(fv_test_path(top, "image_0/000000.jpg")), 0);
+    play_fine("kitti", top, &played);
+    assert_int_equal(played.count, FV_TEST_FRAMES - 1);
+    assert_int_equal(played.counts.missing, 1);
+    assert_non_null(strstr(played.complaint.text, "000000.jpg: cannot be opened"));
+    fv_test_folder_remove(top);
+}
+
+/* ---- text -------------------------------------------------------------------------------------------- */
+
+/* The mark with which some editors begin UTF-8 stands before a comment, or before the first stamp. */
+static void test_byte_order_mark(void **state)
+{
+    struct played played;
+    char top[FV_TEST_PATH_BYTES], text[9000];
+    size_t bytes;
+    (void)state;
+    snprintf(top, sizeof top, "%s", fv_test_tum(folder));
+    const char *path = fv_test_path(top, "rgb.txt");
+    char *list = fv_test_read(path, &bytes);
+    const char *stamps = strstr(list, "\n1305");
+    assert_non_null(stamps);
+    for (int comment = 0; comment < 2; ++comment) {
+        snprintf(text, sizeof text, "\xef\xbb\xbf%s", comment ? list : stamps + 1);
+        fv_test_write_text(path, text);
+        play_fine("tum", top, &played);
+        assert_int_equal(played.count, FV_TEST_FRAMES);
+    }
+    free(list);
+    fv_test_folder_remove(top);
+}
+
+/* Where the caller has a calibration, one of the recording's that cannot be read is no obstacle. */
+static void test_own_calibration_not_needed(void **state)
+{
+    static const struct {
+        const char *scheme, *file;
+        const char *(*make)(const char *);
+    } sets[] = {{"euroc", "mav0/cam0/sensor.yaml", fv_test_euroc},
+                {"tum", "camera.yaml", fv_test_tum},
+                {"kitti", "calib.txt", fv_test_kitti}};
+    const struct fovea_source_selection alone = {.step = 1}, given = {.step = 1, .camera_given = true};
+    (void)state;
+    for (size_t i = 0; i < sizeof sets / sizeof sets[0]; ++i) {
+        struct played played;
+        struct fovea_error error;
+        char top[FV_TEST_PATH_BYTES];
+        snprintf(top, sizeof top, "%s", sets[i].make(folder));
+        assert_int_equal(play_uri(sets[i].scheme, top, &given, &played, &error), FOVEA_OK);
+        assert_true(played.has_camera);
+        fv_test_write_text(fv_test_path(top, sets[i].file), "P0: no\n");
+        assert_int_equal(play_uri(sets[i].scheme, top, &alone, &played, &error), FOVEA_ERROR_INPUT);
+        assert_non_null(strstr(error.text, sets[i].file));
+        assert_int_equal(play_uri(sets[i].scheme, top, &given, &played, &error), FOVEA_OK);
+        assert_int_equal(played.count, FV_TEST_FRAMES);
+        assert_false(played.has_camera);
+        fv_test_folder_remove(top);
+    }
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_leaping_stamps),
+        cmocka_unit_test(test_leaps_as_they_are_played),
+        cmocka_unit_test(test_log_goes_on_after_damage),
+        cmocka_unit_test(test_log_of_nothing),
+        cmocka_unit_test(test_names_that_look_like_patterns),
+        cmocka_unit_test(test_first_frame_missing),
+        cmocka_unit_test(test_byte_order_mark),
+        cmocka_unit_test(test_own_calibration_not_needed),
+    };
+    return cmocka_run_group_tests(tests, fv_test_place_set_up, fv_test_place_tear_down);
+}
