@@ -9,14 +9,6 @@
 
 enum { SAMPLES = FV_SIM_TILE_PIXELS };
 
-/* Wider vectors where the processor has them. Only for static functions: clang 14 gives no other file the plain name. */
-#if defined(__x86_64__) && !defined(FOVEA_SANITIZED)
-#define FV_WIDE __attribute__((target_clones("avx2", "default")))
-#else
-#define FV_WIDE
-#endif
-#define FV_IN_WIDE static inline __attribute__((always_inline)) /* compiled with its caller's vectors */
-
 /* ---- which surface ----------------------------------------------------------------------------------- */
 
 FV_IN_WIDE void trace_face(const struct fv_sim_surface *s, const float *restrict x, const float *restrict y,
@@ -287,30 +279,55 @@ FV_WIDE static void shade(const struct fv_sim_surface *s, const float *x, const 
     blend(&look, count, upper, lower, out);
 }
 
+/* Which samples show which candidate: those of candidate k are at[begin[k]] to at[begin[k + 1] - 1]. */
+struct sorted {
+    int32_t begin[FV_SIM_SURFACES_MAX + 2];
+    uint16_t at[SAMPLES];
+};
+
+/* Counting sort; samples that show nothing (hit -1) are left out. */
+FV_IN_WIDE void sort_by_hit(const int32_t *restrict hit, int32_t count, int32_t list_count,
+                            struct sorted *restrict sorted)
+{
+    int32_t *place = sorted->begin; /* one further on, so that filling in moves them to where they belong */
+    for (int32_t k = 0; k < list_count + 2; k++)
+        place[k] = 0;
+    for (int32_t i = 0; i < count; i++)
+        place[hit[i] + 2] += hit[i] >= 0;
+    for (int32_t k = 1; k < list_count + 2; k++)
+        place[k] += place[k - 1];
+    for (int32_t i = 0; i < count; i++) {
+        if (hit[i] >= 0) sorted->at[place[hit[i] + 1]++] = (uint16_t)i;
+    }
+}
+
 /* Trace and shade samples; `seen` takes surface index + 1. */
 FV_WIDE static void see(const struct fv_sim_view *view, const uint16_t *list, int32_t list_count, const float *x,
                 const float *y, int32_t count, float pixel_area, uint16_t *restrict light,
                 uint16_t *restrict seen)
 {
     float inverse_z[SAMPLES], px[SAMPLES], py[SAMPLES], pz[SAMPLES];
-    int32_t hit[SAMPLES], at[SAMPLES + 1];
+    int32_t hit[SAMPLES];
     uint16_t out[SAMPLES];
+    struct sorted sorted;
     trace(view, list, list_count, x, y, count, inverse_z, hit);
+    int32_t other = 0;
+    for (int32_t i = 0; i < count; i++)
+        other |= hit[i] ^ hit[0];
+    const uint16_t first = hit[0] < 0 ? 0 : (uint16_t)(list[hit[0]] + 1);
     for (int32_t i = 0; i < count; i++) {
         light[i] = 0;
-        seen[i] = 0;
+        seen[i] = other == 0 ? first : 0;
     }
-    for (int32_t k = 0, left = count; k < list_count && left > 0; k++) {
-        int32_t n = 0;
-        for (int32_t i = 0; i < count; i++)
-            n += hit[i] == k; /* with vectors; most candidates turn out to be hidden */
-        if (n == 0) continue;
-        left -= n;
-        n = 0;
-        for (int32_t i = 0; i < count; i++) {
-            at[n] = i;
-            n += hit[i] == k;
-        }
+    if (other == 0) {
+        if (first > 0) shade(&view->surface[first - 1], x, y, inverse_z, count, pixel_area, light);
+        return;
+    }
+    sort_by_hit(hit, count, list_count, &sorted);
+    for (int32_t k = 0; k < list_count; k++) {
+        const uint16_t *at = sorted.at + sorted.begin[k];
+        const int32_t n = sorted.begin[k + 1] - sorted.begin[k];
+        if (n == 0) continue; /* most candidates turn out to be hidden */
         for (int32_t j = 0; j < n; j++) {
             px[j] = x[at[j]];
             py[j] = y[at[j]];
@@ -332,6 +349,15 @@ struct job {
     struct fv_sim_canvas *canvas;
     int32_t y_begin, y_end;
 };
+
+/* A row of a tile into the canvas; of the last tile only what the image has. */
+static inline void row_write(uint16_t *to, const uint16_t *row, int32_t columns)
+{
+    if (columns == FV_SIM_TILE)
+        memcpy(to, row, FV_SIM_TILE * sizeof *row); /* of a size known to the compiler */
+    else
+        memcpy(to, row, (size_t)columns * sizeof *row);
+}
 
 static void first_pass(const struct job *job, int32_t tile, const uint16_t *list, int32_t count, bool covered)
 {
@@ -355,46 +381,69 @@ static void first_pass(const struct job *job, int32_t tile, const uint16_t *list
     }
     for (int32_t r = r0; r < r1; r++) {
         const size_t to = (size_t)(ty + r) * (size_t)raster->width + (size_t)tx;
-        memcpy(job->canvas->linear + to, light + (r - r0) * FV_SIM_TILE, (size_t)columns * sizeof *light);
-        memcpy(job->canvas->surface + to, seen + (r - r0) * FV_SIM_TILE, (size_t)columns * sizeof *seen);
+        row_write(job->canvas->linear + to, light + (r - r0) * FV_SIM_TILE, columns);
+        row_write(job->canvas->surface + to, seen + (r - r0) * FV_SIM_TILE, columns);
     }
 }
 
 /* A step between surfaces of less than this (1/256 grey levels) needs no smoothing. */
 static const int32_t edge_step = 5 * 256;
 
-static inline bool steps(const struct fv_sim_canvas *canvas, size_t here, size_t there)
+/* Marks pixels of a row that border on another surface of the row `other` and differ in brightness. */
+FV_IN_WIDE void mark_steps(const uint16_t *restrict surface, const uint16_t *restrict light,
+                           const uint16_t *restrict other_surface, const uint16_t *restrict other_light,
+                           uint16_t *restrict mark)
 {
-    const int32_t d = canvas->linear[here] - canvas->linear[there];
-    return canvas->surface[here] != canvas->surface[there] && (d > edge_step || d < -edge_step);
+    for (int32_t c = 0; c < FV_SIM_TILE; c++) {
+        const uint16_t high = light[c] > other_light[c] ? light[c] : other_light[c],
+                       low = light[c] > other_light[c] ? other_light[c] : light[c];
+        mark[c] |= (uint16_t)((uint16_t)-(surface[c] != other_surface[c]) &
+                              (uint16_t)-((uint16_t)(high - low) > edge_step));
+    }
+}
+
+/* A row of a tile with a pixel more on either side; past the image and the tile the last one is repeated. */
+FV_IN_WIDE void row_read(const uint16_t *from, int32_t columns, bool left, bool right, uint16_t *restrict line)
+{
+    if (columns == FV_SIM_TILE) { /* as mostly */
+        memcpy(line + 1, from, FV_SIM_TILE * sizeof *from);
+    } else {
+        for (int32_t c = 0; c < FV_SIM_TILE; c++)
+            line[c + 1] = from[c < columns ? c : columns - 1];
+    }
+    line[0] = from[left ? -1 : 0];
+    line[FV_SIM_TILE + 1] = from[right ? columns : columns - 1];
 }
 
 /* Where in the tile pixels border on another surface and differ in brightness; returns how many. */
-static int32_t find_edges(const struct job *job, int32_t tx, int32_t ty, uint8_t *list)
+FV_WIDE static int32_t find_edges(const struct job *job, int32_t tx, int32_t ty, uint8_t *list)
 {
     const int32_t width = job->raster->width, y_first = ty > job->y_begin ? ty : job->y_begin;
     const int32_t y_last = ty + FV_SIM_TILE < job->y_end ? ty + FV_SIM_TILE : job->y_end;
     const int32_t columns = width - tx < FV_SIM_TILE ? width - tx : FV_SIM_TILE;
+    const bool left = tx > 0, right = tx + columns < width;
+    /* Rows above, of and below the one looked at, in turn. */
+    uint16_t surface[3][FV_SIM_TILE + 2], light[3][FV_SIM_TILE + 2];
     int32_t count = 0;
-    for (int32_t y = y_first; y < y_last; y++) {
-        const size_t start = (size_t)y * (size_t)width + (size_t)tx,
-                     up = y > job->y_begin ? (size_t)width : 0;
-        const size_t down = y + 1 < job->y_end ? (size_t)width : 0;
-        const uint16_t *row = job->canvas->surface + start;
-        uint16_t line[FV_SIM_TILE + 2], any = 0;
-        line[0] = row[tx > 0 ? -1 : 0];
-        memcpy(line + 1, row, (size_t)columns * sizeof *row);
-        line[columns + 1] = row[tx + columns < width ? columns : columns - 1];
-        for (int32_t c = 0; c < columns; c++)
-            any |= (line[c] ^ line[c + 1]) | (line[c + 1] ^ line[c + 2]) | (row[c] ^ row[c - (ptrdiff_t)up]) |
-                   (row[c] ^ row[c + (ptrdiff_t)down]);
-        if (any == 0) continue;
-        for (int32_t c = 0; c < columns; c++) {
-            const size_t here = start + (size_t)c, left = tx + c > 0 ? here - 1 : here;
-            const size_t right = tx + c + 1 < width ? here + 1 : here;
-            if (steps(job->canvas, here, left) || steps(job->canvas, here, right) ||
-                steps(job->canvas, here, here - up) || steps(job->canvas, here, here + down))
-                list[count++] = (uint8_t)((y - ty) * FV_SIM_TILE + c);
+    for (int32_t y = y_first - 1; y <= y_last; y++) {
+        const int32_t inside = y < job->y_begin ? job->y_begin : y >= job->y_end ? job->y_end - 1 : y;
+        const size_t start = (size_t)inside * (size_t)width + (size_t)tx;
+        row_read(job->canvas->surface + start, columns, left, right, surface[(y + 3) % 3]);
+        row_read(job->canvas->linear + start, columns, left, right, light[(y + 3) % 3]);
+        if (y < y_first + 1) continue;
+        const int32_t up = (y + 1) % 3, here = (y + 2) % 3, down = (y + 3) % 3;
+        const uint16_t *own_surface = surface[here] + 1, *own_light = light[here] + 1;
+        uint16_t mark[FV_SIM_TILE] = {0};
+        mark_steps(own_surface, own_light, surface[here], light[here], mark);
+        mark_steps(own_surface, own_light, surface[here] + 2, light[here] + 2, mark);
+        mark_steps(own_surface, own_light, surface[up] + 1, light[up] + 1, mark);
+        mark_steps(own_surface, own_light, surface[down] + 1, light[down] + 1, mark);
+        uint16_t any = 0;
+        for (int32_t c = 0; c < FV_SIM_TILE; c++)
+            any |= mark[c];
+        for (int32_t c = 0; any != 0 && c < columns; c++) {
+            list[count] = (uint8_t)((y - 1 - ty) * FV_SIM_TILE + c);
+            count += mark[c] != 0;
         }
     }
     return count;
