@@ -4,10 +4,24 @@
 #include <fcntl.h>
 #include <limits.h>
 #include <stdbool.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
+
+static const char *name_of(const char *path)
+{
+    const char *slash = strrchr(path, '/');
+    return slash != NULL ? slash + 1 : path;
+}
+
+static bool folder_of(const char *path, struct stat *about)
+{
+    char folder[PATH_MAX];
+    const int length = (int)(name_of(path) - path);
+    return length < PATH_MAX - 1 && snprintf(folder, sizeof folder, "%.*s.", length, path) > 0 && stat(folder, about) == 0;
+}
 
 static bool same(const char *one, const char *other)
 {
@@ -16,7 +30,10 @@ static bool same(const char *one, const char *other)
     if (stat(one, &a) == 0) {
         return S_ISREG(a.st_mode) && stat(other, &b) == 0 && a.st_dev == b.st_dev && a.st_ino == b.st_ino;
     }
-    return strcmp(one, other) == 0 && strcmp(one, "none") != 0; /* neither is there yet; 'none' is no file */
+    /* Neither is there yet: one name in one folder. 'none' is no file. */
+    if (strcmp(one, "none") == 0 || strcmp(name_of(one), name_of(other)) != 0) return false;
+    if (strcmp(one, other) == 0) return true;
+    return folder_of(one, &a) && folder_of(other, &b) && a.st_dev == b.st_dev && a.st_ino == b.st_ino;
 }
 
 static enum fovea_status apart(const struct fv_file *written, const struct fv_file *others,

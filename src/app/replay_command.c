@@ -5,6 +5,7 @@
 #include <time.h>
 
 #include "app/command.h"
+#include "app/files.h"
 #include "app/options.h"
 #include "app/replay.h"
 #include "app/say.h"
@@ -99,6 +100,10 @@ int fv_command_replay(int argc, char **argv)
     if (read != FV_OPTIONS_READ) return read == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
     if (strcmp(rate, "max") != 0 && strcmp(rate, "real") != 0)
         return fv_say_wrong("fovea replay: --rate: found \"%s\", expected max or real", rate);
+    char log[FV_TRANSPORT_URL_BYTES];
+    fv_transport_file(url, log);
+    const struct fv_file written[] = {{"fovea replay: --lcm-url", log}, {0}}, recording[] = {{"the recording", argv[first]}, {0}};
+    if (fv_files_apart(written, recording, &error) != FOVEA_OK) return fv_say_wrong("%s", error.text);
     sending.paced = strcmp(rate, "real") == 0;
     enum fovea_status status = fv_transport_open(url, 0, &sending.transport, &error);
     if (status != FOVEA_OK) return (fv_say("%s", error.text), fv_setup_exit(status));

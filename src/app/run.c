@@ -199,7 +199,7 @@ static enum fv_options_result options_read(struct run *run, int argc, char **arg
     return fv_options_parse(options, "", 0, 0, argc, argv, &first);
 }
 
-enum { WRITTEN_MAX = 9 };
+enum { WRITTEN_MAX = 10, WRITTEN_LOG = 8 };
 
 /* The saved map, which is written beside its place and then put there, and what is opened anew. */
 static void files_written(const struct run *run, struct fv_file written[WRITTEN_MAX])
@@ -227,8 +227,10 @@ static enum fovea_status settings_read(struct run *run, struct fovea_error *erro
         (status = fv_transport_url_check(run->settings.lcm_url, error)) != FOVEA_OK)
         return (fv_settings_locate(&run->settings, error), status);
     const char *address = strchr(run->settings.source, ':');
+    char log[FV_TRANSPORT_URL_BYTES];
     struct fv_file written[WRITTEN_MAX];
     files_written(run, written);
+    if (fv_transport_file(run->settings.lcm_url, log)) written[WRITTEN_LOG] = (struct fv_file){"lcm_url", log};
     const struct fv_file read[] = {
         {"--source", address != NULL ? address + 1 : NULL},
         {"--config", run->options.config},
@@ -259,6 +261,9 @@ static enum fv_exit outputs_check(struct run *run)
         return fv_say_wrong("fovea run: --trajectory%s: found no odometry, expected odometry.enabled true",
                             run->trajectory_path != NULL ? "" : "-final");
     files_written(run, written);
+    for (const struct fv_file *file = written + 2; file->option != NULL; file++)
+        if (file->path != NULL && file->path[0] == '\0')
+            return fv_say_wrong("fovea run: %s: found '', expected a file", file->option);
     if (fv_files_writable(written + 1, &blame, &error) == FOVEA_OK) return FV_EXIT_OK;
     if (run->options.record == NULL && strcmp(blame, "--record") == 0) {
         fv_settings_blame(&run->settings, "record", &error);

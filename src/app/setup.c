@@ -34,6 +34,8 @@ enum fovea_status fv_setup_settings(const struct fv_setup_options *options, stru
 {
     enum fovea_status status = FOVEA_OK;
     fv_settings_default(settings);
+    if (options->config != NULL && options->config[0] == '\0')
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "--config: found '', expected a file");
     if (options->config != NULL) status = fv_settings_read(settings, options->config, error);
     for (int i = 0; i < options->sets.count && status == FOVEA_OK; i++)
         status = fv_settings_set(settings, options->sets.values[i], error);

@@ -53,7 +53,11 @@ void fv_transport_counts(const struct fv_transport *transport, struct fv_transpo
 
 void fv_transport_close(struct fv_transport *transport);
 
-/* Does a message reach a subscriber on this host? Sends through LCM and listens, at most about a second.
+/* The file of a well-formed file URL; false, and "", for the others. */
+bool fv_transport_file(const char *url, char path[FV_TRANSPORT_URL_BYTES]);
+
+/* Does a message reach a subscriber on this host? Sends through LCM and listens, at most about a second. For a log file:
+ * can it be written? It is left as it is, or unmade.
  * FOVEA_OK, or an error whose text says what failed and the command that mends it. Init-only. */
 enum fovea_status fv_transport_check(const char *url, uint32_t ttl, struct fovea_error *error);
 

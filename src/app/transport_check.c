@@ -12,6 +12,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "app/files.h"
 #include "app/transport_url.h"
 
 enum { TRIES = 10, TRY_MS = 50 };
@@ -75,7 +76,14 @@ enum fovea_status fv_transport_check(const char *url, uint32_t ttl, struct fovea
 {
     struct fv_transport *transport;
     struct sockaddr_in address;
-    enum fovea_status status = fv_transport_open(url, ttl, &transport, error);
+    char log[FV_TRANSPORT_URL_BYTES];
+    enum fovea_status status = fv_transport_url_check(url, error);
+    if (status == FOVEA_OK && fv_transport_file(url, log)) { /* LCM would cut it, or write into it */
+        const char *blame;
+        const struct fv_file written[] = {{"lcm_url", log}, {0}};
+        return fv_files_writable(written, &blame, error);
+    }
+    if (status == FOVEA_OK) status = fv_transport_open(url, ttl, &transport, error);
     if (status != FOVEA_OK || transport == NULL) return status;
     if (fv_transport_kind_of(url) == FV_TRANSPORT_UDPM) { /* what can be known of the others, opening has found */
         fv_transport_udpm(url, &address);

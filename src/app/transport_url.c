@@ -118,6 +118,15 @@ void fv_transport_udpm(const char *url, struct sockaddr_in *address)
     inet_pton(AF_INET, parts.host[0] != '\0' ? parts.host : "239.255.76.67", &address->sin_addr);
 }
 
+bool fv_transport_file(const char *url, char path[FV_TRANSPORT_URL_BYTES])
+{
+    struct parts parts;
+    path[0] = '\0';
+    if (fv_transport_kind_of(url) != FV_TRANSPORT_FILE || !split(url, FV_TRANSPORT_FILE, &parts)) return false;
+    snprintf(path, FV_TRANSPORT_URL_BYTES, "%s", parts.host);
+    return true;
+}
+
 void fv_transport_url_complete(const char *url, uint32_t ttl, char complete[FV_TRANSPORT_URL_BYTES])
 {
     bool add = fv_transport_kind_of(url) == FV_TRANSPORT_UDPM && strstr(url, "ttl=") == NULL;

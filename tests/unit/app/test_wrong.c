@@ -200,6 +200,12 @@ static const char *const wrong_arguments[][2] = {
     {"fovea run --source sim: --map @/no.map --stats @/no.map", "--stats|the file of --map"},
     {"fovea run --source sim: --map @/no.map --save-map @/no.map --picture @/no.map", "--picture|@/no.map|--save-map"},
     {"fovea run --source sim: --map @/no.map --trajectory-final @/no.map", "--trajectory-final|the file of --map"},
+    {"fovea run --stats @/two --trajectory @/./two", "--stats|@/two|--trajectory"},
+    {"fovea run --record @/two --set lcm_url=file://@/./two?mode=w", "--record|@/two|lcm_url"},
+    {"fovea run --config @/text.yaml --set lcm_url=file://@/text.yaml?mode=a", "lcm_url|@/text.yaml|--config"},
+    {"fovea run --source lcmlog:@/text.yaml --set lcm_url=file://@/text.yaml?mode=w", "lcm_url|@/text.yaml|--source"},
+    {"fovea replay @/text.yaml --lcm-url file://@/text.yaml?mode=w", "--lcm-url|@/text.yaml|the recording"},
+    {"fovea run --config=", "--config|''"},
 };
 
 static void test_arguments(void **state)
@@ -418,6 +424,10 @@ static void test_results_are_kept(void **state)
         {"--record @/none/x", "@/none/x"},
         {"--set lcm_url=udpm://239.255.76.67:0", "lcm_url"},
         {"--set lcm_url=file://@/none/x?mode=w", "lcm_url|@/none/x"},
+        {"--trajectory=", "--trajectory|''"},
+        {"--trajectory-final=", "--trajectory-final|''"},
+        {"--tracks=", "--tracks|''"},
+        {"--stats=", "--stats|''"},
     };
     (void)state;
     char linked_to[256], link[256];
@@ -428,7 +438,7 @@ static void test_results_are_kept(void **state)
     for (size_t i = 0; i < sizeof results / sizeof results[0]; i++)
         for (size_t j = 0; j < sizeof wrong / sizeof wrong[0]; j++) {
             char command[512], unmade[256];
-            if (strncmp(wrong[j][0] + 2, results[i], strcspn(wrong[j][0], " ") - 2) == 0) continue;
+            if (strncmp(wrong[j][0] + 2, results[i], strcspn(wrong[j][0], " =") - 2) == 0) continue;
             static const char *const names[] = {"unmade", "kept", "link"};
             for (int k = 0; k < 3; k++) {
                 snprintf(command, sizeof command,
@@ -441,6 +451,26 @@ static void test_results_are_kept(void **state)
             snprintf(unmade, sizeof unmade, "%s/unmade", folder);
             if (access(unmade, F_OK) == 0) fail_msg("%s: left an empty file", command);
         }
+}
+
+/* `fovea check` asks whether the log of LCM can be written and leaves it as it is, or unmade. */
+static void test_check_keeps_the_log(void **state)
+{
+    static const char *const commands[] = {
+        "fovea check --set lcm_url=file://@/kept?mode=w", "fovea check --memory-only --set lcm_url=file://@/kept?mode=w",
+        "fovea check --bench --source sim:still?frames=31 --set lcm_url=file://@/unmade?mode=w",
+        "fovea check --set lcm_url=file://@/unmade?mode=a"};
+    static char text[TEXT_MAX];
+    char line[1024], unmade[256], *argv[ARGUMENTS_MAX + 1];
+    (void)state;
+    file_write("kept", "kept", 4);
+    snprintf(unmade, sizeof unmade, "%s/unmade", folder);
+    for (size_t i = 0; i < sizeof commands / sizeof commands[0]; i++) {
+        const int argc = words(commands[i], line, sizeof line, argv), status = run(argc, argv, text);
+        if (status != 0) fail_msg("%s: wait status %x: [%s]", commands[i], status, text);
+        assert_kept("kept");
+        if (access(unmade, F_OK) == 0) fail_msg("%s: made the file", commands[i]);
+    }
 }
 
 static void test_there_were_enough(void **state)
@@ -475,7 +505,7 @@ int main(void)
         cmocka_unit_test(test_arguments),    cmocka_unit_test(test_wrong_values),
         cmocka_unit_test(test_wrong_keys),   cmocka_unit_test(test_mutated_configurations),
         cmocka_unit_test(test_calibrations), cmocka_unit_test(test_results_are_kept),
-        cmocka_unit_test(test_there_were_enough),
+        cmocka_unit_test(test_check_keeps_the_log), cmocka_unit_test(test_there_were_enough),
     };
     return cmocka_run_group_tests(tests, folder_make, folder_remove);
 }
