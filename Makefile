@@ -321,11 +321,11 @@ BENCH_O := $(call objs,$(wildcard tests/bench/*.cpp)) $(KERNEL_CHECKS)
 $(BUILD)/bench: $(BENCH_O) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 	$(CXX) $(LDFLAGS) -o $@ $(BENCH_O) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group \
 	    $(OPENCV_LIBS) $(LIBS_APP) -lm
-# The armed proof brings its own malloc, so it is linked with the library alone.
-$(BUILD)/tests/realtime/test_armed: $(BUILD)/obj/tests/realtime/test_armed.o $(BUILD)/libfovea.a
+# The armed proof brings its own malloc, so of the rest it takes the simulated camera only.
+$(BUILD)/tests/realtime/test_armed: $(BUILD)/obj/tests/realtime/test_armed.o $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 	@mkdir -p $(@D)
 	@echo "  link $@"
-	$(Q)$(CXX) $(LDFLAGS) -o $@ $^ -lcmocka $(LIBS_CORE) -lm
+	$(Q)$(CXX) $(LDFLAGS) -o $@ $< -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group -lcmocka $(LIBS_APP) -lm
 # What the tests on kernel drivers run inside the virtual machine.
 $(BUILD)/hil-tool: $(call objs,$(wildcard tests/hil/tool*.c)) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 	@echo "  link $@"

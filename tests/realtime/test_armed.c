@@ -1,6 +1,8 @@
 /* The armed proof: ten thousand steps and works without a heap call, a lock or a system call. The steps run in a child
  * process under a seccomp filter that kills it at the first system call, with malloc and the lock functions interposed.
- * And the trap works: a planted call of each kind is caught. */
+ * The steps come to everything that a loop does: a way through the simulated corridor that closes a loop, darkness that
+ * loses the camera and its being found again, a map saved, then pictures that fit nothing, pauses, resets, frames that are
+ * missing or refused. And the trap works: a planted call of each kind is caught. */
 #ifdef FOVEA_SANITIZED
 #include <stdio.h>
 
@@ -32,8 +34,12 @@ int main(void)
 #include "common/heap_calls.h"
 #include "fovea/elementary.h"
 #include "fovea/fovea.h"
+#include "fovea/source.h"
 
 enum { WIDTH = 320, HEIGHT = 240, STEPS = 10000, PICTURES = 4 };
+
+/* The corridor once round, every fourth frame, then dark ones, then a part of it again from another place. */
+enum { CORRIDOR = 323, DARK = 30, AGAIN = 150, AGAIN_FROM = 60, WAY = CORRIDOR + DARK + AGAIN, SAVE_AT = 300 };
 
 /* ---- traps --------------------------------------------------------------------------------------------------- */
 
@@ -105,8 +111,15 @@ static int forbid_system_calls(void)
 
 /* ---- the steps ----------------------------------------------------------------------------------------------- */
 
-static uint8_t pictures[PICTURES][WIDTH * HEIGHT];
+static uint8_t pictures[PICTURES][WIDTH * HEIGHT], dark[WIDTH * HEIGHT];
+static uint8_t (*corridor)[WIDTH * HEIGHT];
+static struct fovea_config config;
 static struct fovea *rt;
+
+/* What the steps came to, seen by the parent too. */
+static struct tally {
+    uint64_t messages, posed, lost, found_again, loops, saved_bytes, jobs_done[FOVEA_JOB_COUNT];
+} *tally;
 
 static void paint(void)
 {
@@ -121,51 +134,126 @@ static void paint(void)
     }
 }
 
+static void *map_pages(size_t bytes, int flags)
+{
+    void *memory = mmap(NULL, bytes, PROT_READ | PROT_WRITE, flags | MAP_ANONYMOUS, -1, 0);
+    return memory == MAP_FAILED ? NULL : memory;
+}
+
+/* All frames before the loop is armed: the simulated camera needs a heap when it is opened. */
+static bool film(struct fovea_camera *camera)
+{
+    const struct fovea_source_ops *ops;
+    const char *address;
+    const struct fovea_source_selection selection = {.step = 4, .frames = CORRIDOR};
+    struct fovea_source *source;
+    struct fovea_frame frame;
+    struct fovea_error error;
+    corridor = map_pages((size_t)CORRIDOR * sizeof *corridor, MAP_PRIVATE);
+    if (corridor == NULL || fovea_source_find("sim:corridor?width=320&height=240", &ops, &address, &error) != FOVEA_OK ||
+        ops->open(address, &selection, &source, &error) != FOVEA_OK || ops->start(source, &error) != FOVEA_OK)
+        return false;
+    *camera = ops->info(source)->camera;
+    for (int i = 0; i < CORRIDOR; i++) {
+        if (ops->dequeue(source, INT64_MAX, &frame) != FOVEA_OK || frame.image.stride_bytes != WIDTH) return false;
+        memcpy(corridor[i], frame.image.data, sizeof corridor[i]);
+        ops->requeue(source, &frame);
+    }
+    ops->stop(source);
+    ops->close(source);
+    return true;
+}
+
 static int build(void **state)
 {
     (void)state;
-    struct fovea_config config;
     struct fovea_error error;
     size_t bytes;
     paint();
     fovea_config_default(&config);
-    config.camera = (struct fovea_camera){.width = WIDTH, .height = HEIGHT, .fx = 200, .fy = 200, .cx = 160, .cy = 120};
+    if (!film(&config.camera)) return -1;
     config.preview.period_frames = 3;
     config.detect.model = detector_model(&config.detect.model_bytes);
     if (config.detect.model == NULL) return -1;
-    if (fovea_camera_prepare(&config.camera, &error) != FOVEA_OK) return -1;
     if (fovea_size(&config, &bytes, &error) != FOVEA_OK) return -1;
-    void *memory = mmap(NULL, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-    if (memory == MAP_FAILED) return -1;
-    return fovea_init(memory, bytes, &config, &rt, &error) == FOVEA_OK ? 0 : -1;
+    void *memory = map_pages(bytes, MAP_PRIVATE), *saved = map_pages(fovea_map_bytes_max(&config), MAP_PRIVATE);
+    tally = map_pages(sizeof *tally, MAP_SHARED);
+    if (memory == NULL || saved == NULL || tally == NULL) return -1;
+    if (fovea_init(memory, bytes, &config, &rt, &error) != FOVEA_OK) return -1;
+    fovea_map_save_to(rt, saved, fovea_map_bytes_max(&config));
+    return 0;
 }
 
-/* Every path of the loop: frames, missing frames, refused frames, commands, resets. Returns the messages made. */
-static uint64_t run_steps(int steps)
+static void take_step(const struct fovea_inputs *inputs)
 {
-    uint64_t messages = 0;
+    static enum fovea_tracking_state last;
     struct fovea_outputs outputs;
+    struct fovea_pose pose;
+    struct fovea_stats stats;
+    fovea_step(rt, inputs, &outputs);
+    tally->messages += outputs.message_count;
+    fovea_work(rt, &inputs->grants, &outputs);
+    tally->messages += outputs.message_count;
+    tally->saved_bytes += outputs.map_bytes;
+    for (int job = 0; job < FOVEA_JOB_COUNT; job++) tally->jobs_done[job] += outputs.units_done[job];
+    fovea_pose_get(rt, &pose);
+    fovea_stats_get(rt, &stats);
+    tally->posed += pose.posed;
+    tally->lost += pose.state == FOVEA_TRACKING_LOST;
+    tally->found_again += last == FOVEA_TRACKING_LOST && pose.posed && pose.map_id == 0;
+    if (stats.loops_closed > tally->loops) tally->loops = stats.loops_closed;
+    last = pose.state;
+}
+
+static struct fovea_frame frame_of(const uint8_t *pixels, int i)
+{
+    return (struct fovea_frame){
+        .image = {.data = pixels, .width = WIDTH, .height = HEIGHT, .stride_bytes = WIDTH, .format = FOVEA_PIXEL_GREY8,
+                  .size_bytes = sizeof pictures[0]},
+        .stamp_ns = (int64_t)i * 133333333,
+        .sequence = (uint64_t)i,
+    };
+}
+
+/* The way through the corridor, with grants of the fixed schedule. */
+static void walk(int i)
+{
+    const uint8_t *pixels = dark;
+    if (i < CORRIDOR) pixels = corridor[i];
+    if (i >= CORRIDOR + DARK) pixels = corridor[i - CORRIDOR - DARK + AGAIN_FROM];
+    const struct fovea_frame frame = frame_of(pixels, i);
+    struct fovea_inputs inputs = {.frame = &frame, .now_ns = frame.stamp_ns};
+    fovea_grants_fixed(&config, &inputs.grants);
+    if (i == SAVE_AT) inputs.commands = FOVEA_COMMAND_SAVE;
+    take_step(&inputs);
+}
+
+/* Pictures that fit nothing, missing frames, refused frames, commands, resets. */
+static void stumble(int i)
+{
+    struct fovea_frame frame = frame_of(pictures[i % PICTURES], i);
+    if (i % 50 == 49) frame.stamp_ns -= 1000000000;
+    struct fovea_inputs inputs = {.frame = i % 20 == 19 ? NULL : &frame, .now_ns = frame.stamp_ns};
+    inputs.grants.features = 500;
+    inputs.grants.units[FOVEA_JOB_MAP] = (uint32_t)(i % 11);
+    inputs.grants.units[FOVEA_JOB_LOOP] = (uint32_t)(i % 5);
+    inputs.grants.units[FOVEA_JOB_DETECT] = (uint32_t)(i % 3);
+    inputs.grants.units[FOVEA_JOB_PREVIEW] = (uint32_t)(i % 7);
+    if (i % 100 == 50) inputs.commands = FOVEA_COMMAND_PAUSE;
+    if (i % 100 == 55) inputs.commands = FOVEA_COMMAND_RESUME;
+    if (i % 1000 == 755) inputs.commands = FOVEA_COMMAND_RESUME | FOVEA_COMMAND_SAVE;
+    if (i % 1000 == 600) inputs.commands = FOVEA_COMMAND_RESET;
+    take_step(&inputs);
+}
+
+static void run_steps(int steps)
+{
     for (int i = 0; i < steps; i++) {
-        struct fovea_frame frame = {
-            .image = {.data = pictures[i % PICTURES], .width = WIDTH, .height = HEIGHT, .stride_bytes = WIDTH,
-                      .format = FOVEA_PIXEL_GREY8, .size_bytes = sizeof pictures[0]},
-            .stamp_ns = (int64_t)(i % 50 == 49 ? i - 5 : i) * 33333333,
-            .sequence = (uint64_t)i,
-        };
-        struct fovea_inputs inputs = {.frame = i % 20 == 19 ? NULL : &frame, .now_ns = frame.stamp_ns};
-        inputs.grants.features = 500;
-        inputs.grants.units[FOVEA_JOB_MAP] = (uint32_t)(i % 11);
-        inputs.grants.units[FOVEA_JOB_DETECT] = (uint32_t)(i % 3);
-        inputs.grants.units[FOVEA_JOB_PREVIEW] = (uint32_t)(i % 7);
-        if (i % 100 == 50) inputs.commands = FOVEA_COMMAND_PAUSE;
-        if (i % 100 == 55) inputs.commands = FOVEA_COMMAND_RESUME | FOVEA_COMMAND_SAVE;
-        if (i % 1000 == 500) inputs.commands = FOVEA_COMMAND_RESET;
-        fovea_step(rt, &inputs, &outputs);
-        messages += outputs.message_count;
-        fovea_work(rt, &inputs.grants, &outputs);
-        messages += outputs.message_count;
+        if (i < WAY)
+            walk(i);
+        else
+            stumble(i);
     }
-    return messages;
 }
 
 enum planted { NOTHING, A_HEAP_CALL, A_SYSTEM_CALL, A_LOCK };
@@ -175,18 +263,19 @@ static int run_child(enum planted planted, int steps, int *filtered)
 {
     static pthread_mutex_t mutex = PTHREAD_MUTEX_INITIALIZER;
     int pipe_ends[2], status = 0;
+    memset(tally, 0, sizeof *tally);
     assert_int_equal(pipe(pipe_ends), 0);
     const pid_t child = fork();
     if (child == 0) {
         const uint8_t filter = (uint8_t)forbid_system_calls();
         if (!filter && write(pipe_ends[1], &filter, 1) != 1) _exit(3);
         armed = 1;
-        const uint64_t messages = run_steps(steps);
+        run_steps(steps);
         if (planted == A_HEAP_CALL) planted_piece = malloc(16);
         if (planted == A_SYSTEM_CALL) syscall(SYS_getppid);
         if (planted == A_LOCK) pthread_mutex_lock(&mutex);
         armed = 0;
-        syscall(SYS_exit_group, messages > (uint64_t)steps ? 0 : 4);
+        syscall(SYS_exit_group, tally->messages > (uint64_t)steps ? 0 : 4);
     }
     close(pipe_ends[1]);
     uint8_t ignored;
@@ -205,6 +294,11 @@ static void ten_thousand_steps_call_nothing(void **state)
     if (!WIFEXITED(status)) print_error("the loop was caught: signal %d\n", WTERMSIG(status));
     assert_true(WIFEXITED(status));
     assert_int_equal(WEXITSTATUS(status), 0);
+    print_message("posed %d, lost %d, found again %d, loops %d, saved %d bytes\n", (int)tally->posed, (int)tally->lost,
+                  (int)tally->found_again, (int)tally->loops, (int)tally->saved_bytes);
+    assert_true(tally->posed > WAY / 2 && tally->lost > 0 && tally->found_again > 0 && tally->loops > 0);
+    assert_true(tally->saved_bytes > 0);
+    for (int job = 0; job < FOVEA_JOB_COUNT; job++) assert_true(tally->jobs_done[job] > 100);
 }
 
 static void planted_calls_are_seen(void **state)
