@@ -156,12 +156,26 @@ static void take_odometry(const lcm_recv_buf_t *received, const char *channel, v
     atomic_fetch_add(&transport->odometry_taken, 1);
 }
 
+/* To LCM a channel to listen to is a regular expression: what is no letter or digit is to stand for itself alone. */
+static lcm_subscription_t *subscribe_to(struct fv_transport *transport, lcm_t *in, const char *channel,
+                                        lcm_msg_handler_t take)
+{
+    char pattern[2 * FV_MESSAGE_CHANNEL_BYTES];
+    size_t used = 0;
+    for (; *channel != '\0' && used + 2 < sizeof pattern; channel++) {
+        const bool plain = (*channel | 0x20) >= 'a' && (*channel | 0x20) <= 'z';
+        if (!plain && (*channel < '0' || *channel > '9') && *channel != '_') pattern[used++] = '\\';
+        pattern[used++] = *channel;
+    }
+    pattern[used] = '\0';
+    return lcm_subscribe(in, pattern, take, transport);
+}
+
 static bool subscribe(struct fv_transport *transport, lcm_t *in)
 {
-    if (lcm_subscribe(in, transport->channel, take_command, transport) == NULL) return false;
+    if (subscribe_to(transport, in, transport->channel, take_command) == NULL) return false;
     if (transport->odometry_channel[0] == '\0') return true;
-    lcm_subscription_t *subscription =
-        lcm_subscribe(in, transport->odometry_channel, take_odometry, transport);
+    lcm_subscription_t *subscription = subscribe_to(transport, in, transport->odometry_channel, take_odometry);
     return subscription != NULL && lcm_subscription_set_queue_capacity(subscription, 256) == 0;
 }
 

@@ -143,12 +143,17 @@ static void test_no_heap_call(void **state)
     fv_transport_close(transport);
 }
 
-static void send_command(lcm_t *lcm, int32_t bits)
+static void send_on(lcm_t *lcm, const char *channel, int32_t bits)
 {
     uint8_t data[64];
     fovea_command_t command = {.utime = 1, .commands = bits};
     int bytes = fovea_command_t_encode(data, 0, sizeof data, &command);
-    assert_int_equal(lcm_publish(lcm, "T/A_COMMAND", data, (unsigned)bytes), 0);
+    assert_int_equal(lcm_publish(lcm, channel, data, (unsigned)bytes), 0);
+}
+
+static void send_command(lcm_t *lcm, int32_t bits)
+{
+    send_on(lcm, "T.A_COMMAND", bits);
 }
 
 /* Wait until as many were taken and refused. */
@@ -170,7 +175,7 @@ static void test_commands(void **state)
     struct fv_transport *transport = NULL;
     struct fovea_error error;
     if (fv_transport_open(URL, 0, &transport, &error) != FOVEA_OK ||
-        fv_transport_listen(transport, "T/A", NULL, &error) != FOVEA_OK)
+        fv_transport_listen(transport, "T.A", NULL, &error) != FOVEA_OK)
         fail_msg("%s", error.text);
     lcm_t *lcm = lcm_create(URL "?ttl=0");
     assert_non_null(lcm);
@@ -193,12 +198,19 @@ static void test_commands(void **state)
     expect_counts(transport, base + 3, 0);
     assert_int_equal(fv_transport_commands(transport), FOVEA_COMMAND_RESET | FOVEA_COMMAND_RESUME);
 
+    /* Other robots' commands: to LCM a channel to listen to is a pattern, in which a dot is any letter. */
+    static const char *const others[] = {"T/A_COMMAND", "T.A_COMMANDS", "XT.A_COMMAND", "T.B_COMMAND", "_COMMAND"};
+    for (size_t i = 0; i < sizeof others / sizeof others[0]; i++) send_on(lcm, others[i], FOVEA_COMMAND_RESET);
+    send_command(lcm, FOVEA_COMMAND_SAVE);
+    expect_counts(transport, base + 4, 0);
+    assert_int_equal(fv_transport_commands(transport), FOVEA_COMMAND_SAVE);
+
     uint8_t hostile[24] = {0};
-    lcm_publish(lcm, "T/A_COMMAND", hostile, sizeof hostile);
-    lcm_publish(lcm, "T/A_COMMAND", hostile, 3);
+    lcm_publish(lcm, "T.A_COMMAND", hostile, sizeof hostile);
+    lcm_publish(lcm, "T.A_COMMAND", hostile, 3);
     send_command(lcm, 0);
     send_command(lcm, 1 << 20);
-    expect_counts(transport, base + 3, 4);
+    expect_counts(transport, base + 4, 4);
     assert_int_equal(fv_transport_commands(transport), 0);
 
     for (int i = 0; i < 100; i++) { /* more than the ring holds, slower than LCM's own queue overflows */
