@@ -533,6 +533,7 @@ static enum fv_exit report_write(struct run *run)
     if (!run->quiet) fv_report_summary(stdout, &report);
     if (!run->quiet) path_tell(run, &path, &final);
     if (!run->quiet) found_tell(run);
+    if (!run->quiet) fv_transport_tell(stdout, run->transport);
     enum fovea_status results = fv_results_close(run->results, &error);
     run->results = NULL;
     fv_setup_close_source(&run->setup); /* its memory is the picture's */

@@ -261,6 +261,17 @@ void fv_transport_counts(const struct fv_transport *transport, struct fv_transpo
     counts->odometry_refused = atomic_load(&transport->odometry_refused);
 }
 
+void fv_transport_tell(FILE *out, const struct fv_transport *transport)
+{
+    struct fv_transport_counts counts;
+    fv_transport_counts(transport, &counts);
+    if (counts.failed + counts.commands_refused + counts.odometry_refused == 0) return;
+    fprintf(out,
+            "  LCM: %" PRIu64 " messages could not be sent, %" PRIu64 " commands and %" PRIu64
+            " messages of odometry were refused\n",
+            counts.failed, counts.commands_refused, counts.odometry_refused);
+}
+
 void fv_transport_close(struct fv_transport *transport)
 {
     if (transport == NULL) return;

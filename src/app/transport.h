@@ -9,6 +9,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdio.h>
 
 #include "fovea/fovea.h"
 
@@ -50,6 +51,9 @@ struct fv_transport_counts {
     uint64_t odometry, odometry_refused; /* taken; malformed, or no room since the loop was busy */
 };
 void fv_transport_counts(const struct fv_transport *transport, struct fv_transport_counts *counts);
+
+/* A line of what could not be sent and what was refused; nothing where all went well. Init-only. */
+void fv_transport_tell(FILE *out, const struct fv_transport *transport);
 
 void fv_transport_close(struct fv_transport *transport);
 

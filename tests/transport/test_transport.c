@@ -226,6 +226,16 @@ static void test_commands(void **state)
     sleep_ms(300);
     assert_int_equal(fv_transport_commands(transport), FOVEA_COMMAND_RESET);
     lcm_destroy(lcm);
+    char *told = NULL, expected[128];
+    size_t bytes;
+    FILE *out = open_memstream(&told, &bytes);
+    fv_transport_tell(out, transport);
+    fclose(out);
+    fv_transport_counts(transport, &counts);
+    snprintf(expected, sizeof expected, "  LCM: 0 messages could not be sent, %d commands and 0 messages of odometry were refused\n",
+             (int)counts.commands_refused);
+    assert_string_equal(told, expected);
+    free(told);
     fv_transport_close(transport);
 }
 
