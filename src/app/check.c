@@ -14,6 +14,7 @@
 #include "app/process.h"
 #include "app/realtime.h"
 #include "app/report.h"
+#include "app/results.h"
 #include "app/say.h"
 #include "app/setup.h"
 #include "app/trajectory.h"
@@ -30,7 +31,9 @@ struct check {
     void *memory;
     size_t bytes;
     struct fovea *rt;
+    bool locked;
     bool failed, wrong; /* a line failed; because of wrong input */
+    bool absent;        /* the camera did not open */
 };
 
 enum verdict { OK, WARNING, FAILED };
@@ -90,31 +93,38 @@ static enum fovea_status memory_print(struct check *check, size_t lcm_bytes, str
     for (int part = 0; part < FOVEA_MEMORY_PART_COUNT; part++)
         memory_row("all", fv_report_part_name((enum fovea_memory_part)part), parts[part]);
     memory_row("the block", "", check->bytes);
-    memory_row("source", "outside", check->source_bytes);
+    if (check->setup.source != NULL) memory_row("source", "outside", check->source_bytes);
     if (lcm_bytes > 0) memory_row("LCM", "outside", lcm_bytes);
     memory_row("timings", "outside", sizeof(struct fv_timings));
     memory_row("trajectory", "outside", fv_trajectory_bytes());
     if (check->setup.model.data != NULL) memory_row("model", "outside", check->setup.model.bytes);
     memory_row("stack of the loop", "outside", FV_THREAD_STACK_BYTES);
-    memory_row("recorder, if recording", "outside", recorder_bytes(check));
+    if (check->setup.source != NULL) memory_row("recorder, if recording", "outside", recorder_bytes(check));
     if (check->settings.mask[0] != '\0')
-        memory_row("mask, until started", "outside",
+        memory_row("mask", "outside",
                    (size_t)check->settings.runtime.camera.width *
                        (size_t)check->settings.runtime.camera.height);
+    if (check->setup.map != NULL) memory_row("map, until started", "outside", check->settings.runtime.map_bytes);
+    if (check->settings.map_save[0] != '\0')
+        memory_row("map, while saved", "outside", fovea_map_bytes_max(&check->settings.runtime));
+    if (check->setup.model.data != NULL) memory_row("results, if written", "outside", fv_results_bytes());
     return FOVEA_OK;
 }
 
 /* ---- the machine ------------------------------------------------------------------------------------- */
 
-static void kernels_check(struct check *check)
+static enum fovea_status kernels_check(struct check *check, struct fovea_error *error)
 {
-    enum fv_cpu_set best = fv_cpu_best(fv_cpu_detect());
-    const char *picked = fovea_cpu_name(check->rt);
-    if (strcmp(picked, fv_cpu_set_name(best)) == 0)
-        line(check, OK, "kernels", "set %s, the best for this processor", picked);
+    const enum fv_cpu_set best = fv_cpu_best(fv_cpu_detect());
+    enum fv_cpu_set picked;
+    const enum fovea_status status = fv_cpu_from_environment(&picked, error);
+    if (status != FOVEA_OK) return status;
+    if (picked == best)
+        line(check, OK, "kernels", "set %s, the best for this processor", fv_cpu_set_name(picked));
     else
-        line(check, WARNING, "kernels", "set %s, though this processor has %s: unset FOVEA_CPU", picked,
-             fv_cpu_set_name(best));
+        line(check, WARNING, "kernels", "set %s, though this processor has %s: unset FOVEA_CPU",
+             fv_cpu_set_name(picked), fv_cpu_set_name(best));
+    return FOVEA_OK;
 }
 
 static void *nothing(void *argument)
@@ -304,10 +314,51 @@ static enum fovea_status bench(struct check *check, struct fovea_error *error)
 
 /* ---- the command ------------------------------------------------------------------------------------- */
 
+static enum fovea_status machine_check(struct check *check, const struct fovea_error *lock, struct fovea_error *error)
+{
+    printf("\n");
+    const enum fovea_status status = kernels_check(check, error);
+    if (status != FOVEA_OK) return status;
+    rights_check(check);
+    if (check->memory != NULL) lock_check(check, check->locked, lock->text);
+    governor_check(check);
+    lcm_check(check);
+    return FOVEA_OK;
+}
+
+/* The table, and the block of which it tells. */
+static enum fovea_status memory_check(struct check *check, struct fovea_error *lock, struct fovea_error *error)
+{
+    const struct fovea_config *config = &check->settings.runtime;
+    enum fovea_status status = fovea_size(config, &check->bytes, error);
+    if (status == FOVEA_OK) status = memory_print(check, check->memory_only ? 0 : lcm_bytes(check), error);
+    if (status != FOVEA_OK || check->memory_only) return status;
+    status = fv_realtime_map(check->bytes, check->settings.lock_memory, &check->memory, &check->locked, lock);
+    return status == FOVEA_OK ? status : fovea_error_set(error, status, "%s", lock->text);
+}
+
+/* The camera does not answer, as `error` says: all the rest is told. */
+static enum fovea_status check_without_source(struct check *check, enum fovea_status why, struct fovea_error *error)
+{
+    struct fovea_error other = {0}, lock = {0};
+    enum fovea_status status = FOVEA_OK;
+    if (check->settings.runtime.camera.width > 0)
+        status = memory_check(check, &lock, &other);
+    else
+        printf("memory of %s: known when it answers, or with a calibration that states the size of its frames\n",
+               check->settings.source);
+    if (status == FOVEA_OK && !check->memory_only) status = machine_check(check, &lock, &other);
+    check->absent = status == FOVEA_OK;
+    if (check->absent) return why;
+    *error = other;
+    return status;
+}
+
 static enum fovea_status check_all(struct check *check, struct fovea_error *error)
 {
     struct fovea_source_selection selection = {.step = 1};
     struct fovea_config *config = &check->settings.runtime;
+    struct fovea_error lock = {0};
     enum fovea_status status = fv_setup_settings(&check->options, &check->settings, error);
     if (status == FOVEA_OK && check->settings.lcm_url[0] != '\0') {
         status = fv_transport_url_check(check->settings.lcm_url, error);
@@ -316,24 +367,16 @@ static enum fovea_status check_all(struct check *check, struct fovea_error *erro
     if (status != FOVEA_OK) return status;
     size_t before = heap_bytes();
     status = fv_setup_open(&check->settings, &selection, &check->setup, error);
+    if (status != FOVEA_OK && check->setup.ops != NULL && check->setup.source == NULL)
+        return check_without_source(check, status, error);
     if (status != FOVEA_OK) return status;
     check->source_bytes = heap_bytes() - before;
     config->clock = fv_timing_clock;
-    bool locked = false;
-    struct fovea_error why = {0};
-    status = fovea_size(config, &check->bytes, error);
-    if (status == FOVEA_OK) status = memory_print(check, check->memory_only ? 0 : lcm_bytes(check), error);
+    status = memory_check(check, &lock, error);
     if (status != FOVEA_OK || check->memory_only) return status;
-    status = fv_realtime_map(check->bytes, check->settings.lock_memory, &check->memory, &locked, &why);
-    if (status != FOVEA_OK) return fovea_error_set(error, status, "%s", why.text);
     status = fovea_init(check->memory, check->bytes, config, &check->rt, error);
+    if (status == FOVEA_OK) status = machine_check(check, &lock, error);
     if (status != FOVEA_OK) return status;
-    printf("\n");
-    kernels_check(check);
-    rights_check(check);
-    lock_check(check, locked, why.text);
-    governor_check(check);
-    lcm_check(check);
     if (!check->bench) camera_check(check);
     return check->bench ? bench(check, error) : FOVEA_OK;
 }
@@ -361,7 +404,7 @@ int fv_command_check(int argc, char **argv)
     if (check.memory != NULL) fv_realtime_unmap(check.memory, check.bytes);
     if (status != FOVEA_OK) {
         fflush(stdout);
-        fv_say("%s", error.text);
+        fv_say("%s%s", check.absent ? "failed   camera       " : "", error.text);
         return fv_setup_exit(status);
     }
     return check.wrong ? FV_EXIT_WRONG : check.failed ? FV_EXIT_FAILED : FV_EXIT_OK;

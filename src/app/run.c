@@ -3,6 +3,7 @@
 #include <inttypes.h>
 #include <math.h>
 #include <signal.h>
+#include <stdlib.h>
 #include <string.h>
 #include <time.h>
 #include <unistd.h>
@@ -343,6 +344,9 @@ static enum fovea_status open_all(struct run *run, struct fovea_error *error)
     if (status == FOVEA_OK) status = fv_results_open(run->detections_path, run->tracks_path, &run->results, error);
     if (status == FOVEA_OK && run->final_path != NULL)
         status = fv_final_open(run->final_path, &run->final, error);
+    free(run->setup.map); /* read, and recorded */
+    run->setup.map = NULL;
+    run->settings.runtime.map = NULL;
     return status;
 }
 

@@ -115,7 +115,7 @@ enum fovea_status fv_setup_open(struct fv_settings *settings, const struct fovea
     *setup = (struct fv_setup){0};
     enum fovea_status status = camera_read(settings, error);
     if (status == FOVEA_OK) status = model_read(settings, setup, error);
-    if (status != FOVEA_OK) return (fv_setup_close(setup), status);
+    if (status != FOVEA_OK) return status;
     status = fovea_source_find(settings->source, &setup->ops, &address, error);
     struct fovea_source_selection chosen = *selection;
     chosen.colour = fv_setup_wants_colour(setup);
@@ -123,7 +123,6 @@ enum fovea_status fv_setup_open(struct fv_settings *settings, const struct fovea
     if (status == FOVEA_OK) status = setup->ops->open(address, &chosen, &setup->source, error);
     if (status != FOVEA_OK) {
         fv_settings_blame(settings, "source", error);
-        fv_setup_close(setup);
         return status;
     }
     const struct fovea_source_info *info = setup->ops->info(setup->source);
@@ -134,9 +133,7 @@ enum fovea_status fv_setup_open(struct fv_settings *settings, const struct fovea
         if (status != FOVEA_OK) fv_settings_blame(settings, "mask", error);
     }
     if (status == FOVEA_OK) status = map_read(settings, setup, error);
-    if (status == FOVEA_OK) status = fv_settings_check(settings, error);
-    if (status != FOVEA_OK) fv_setup_close(setup);
-    return status;
+    return status == FOVEA_OK ? fv_settings_check(settings, error) : status;
 }
 
 void fv_setup_close_source(struct fv_setup *setup)

@@ -27,7 +27,8 @@ struct fv_setup {
 };
 
 /* Open settings->source, and fill in settings->runtime.camera, .mask, .map and .detect.model. FOVEA_ERROR_SYSTEM: the machine's
- * fault; other errors are wrong input. Nothing is left open on error. */
+ * fault; other errors are wrong input. On an error with `ops` but no `source`, it is the source that does not open. What else is there
+ * is for fv_setup_close in any case. */
 enum fovea_status fv_setup_open(struct fv_settings *settings, const struct fovea_source_selection *selection,
                                 struct fv_setup *setup, struct fovea_error *error);
 /* The source alone, with its memory; the rest stays. */

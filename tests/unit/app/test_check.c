@@ -1,0 +1,177 @@
+/* `fovea check` says everything that it can, whatever is missing. Each run is a process of its own. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "app/command.h"
+
+enum { TEXT_MAX = 1 << 15, ARGUMENTS_MAX = 16, SECONDS_MAX = 60 };
+
+static char out[TEXT_MAX], err[TEXT_MAX];
+static char camera[] = "/tmp/fovea_check_XXXXXX";
+
+static FILE *capture(void)
+{
+    FILE *file = tmpfile();
+    assert_non_null(file);
+    return file;
+}
+
+static void take(FILE *file, char *text)
+{
+    rewind(file);
+    text[fread(text, 1, TEXT_MAX - 1, file)] = '\0';
+    fclose(file);
+}
+
+/* Words are separated by blanks. Returns the exit status; `out` and `err` hold what was printed. */
+static int check(const char *command)
+{
+    char line[1024], *argv[ARGUMENTS_MAX + 1];
+    int argc = 0, status = 0;
+    FILE *files[2] = {capture(), capture()};
+    snprintf(line, sizeof line, "%s", command);
+    for (char *word = strtok(line, " "); word != NULL && argc < ARGUMENTS_MAX; word = strtok(NULL, " "))
+        argv[argc++] = word;
+    argv[argc] = NULL;
+    fflush(NULL);
+    pid_t child = fork();
+    if (child == 0) {
+        alarm(SECONDS_MAX);
+        dup2(fileno(files[0]), STDOUT_FILENO);
+        dup2(fileno(files[1]), STDERR_FILENO);
+        exit(fv_dispatch(argc, argv));
+    }
+    waitpid(child, &status, 0);
+    take(files[0], out);
+    take(files[1], err);
+    if (!WIFEXITED(status)) fail_msg("%s: wait status %x: %s%s", command, status, out, err);
+    return WEXITSTATUS(status);
+}
+
+static void assert_tells(const char *text, const char *words)
+{
+    if (strstr(text, words) == NULL) fail_msg("'%s' is not in:\n%s%s", words, out, err);
+}
+
+/* The verdict stands before the question, whatever it is here. */
+static void assert_answers(const char *question)
+{
+    static const char *const verdicts[] = {"ok", "warning", "failed"};
+    for (int i = 0; i < 3; i++) {
+        char line[64];
+        snprintf(line, sizeof line, "\n%-8s %-12s ", verdicts[i], question);
+        if (strstr(out, line) != NULL) return;
+    }
+    fail_msg("'%s' is not asked in:\n%s%s", question, out, err);
+}
+
+static void assert_machine_told(void)
+{
+    assert_answers("kernels");
+    assert_answers("scheduling");
+    assert_answers("LCM");
+}
+
+static void test_everything_is_told(void **state)
+{
+    static const char *const owners[] = {"pyramid", "features", "odometry", "messages", "the block", "source", "LCM",
+                                         "stack of the loop", "recorder, if recording", "map, while saved"};
+    (void)state;
+    assert_int_equal(check("fovea check --source sim:still --set lcm_url=memq:// --set map.save=/tmp/fovea_none.map"), 0);
+    assert_string_equal(err, "");
+    assert_tells(out, "memory of sim:still, 640 x 480");
+    for (size_t i = 0; i < sizeof owners / sizeof owners[0]; i++)
+        assert_tells(out, owners[i]);
+    assert_machine_told();
+    assert_answers("memory lock");
+    assert_tells(out, "\nok       camera       sim:still answers: 640 x 480 grey8");
+}
+
+static void test_frame_rate(void **state)
+{
+    (void)state;
+    assert_int_equal(check("fovea check --bench --source sim:still?frames=40 --set lcm_url="), 0);
+    assert_tells(out, "this board can hold");
+    assert_tells(out, "of 40 frames at 640 x 480");
+}
+
+/* A camera that is not there is one line of the report, not the end of it. */
+static void test_without_the_camera(void **state)
+{
+    static const char absent[] = "failed   camera       v4l2:/dev/fovea_none: found no such device, expected a camera: is it plugged in?\n";
+    char command[256];
+    (void)state;
+    assert_int_equal(check("fovea check --source v4l2:/dev/fovea_none --set lcm_url="), 2);
+    assert_string_equal(err, absent);
+    assert_machine_told();
+    assert_tells(out, "memory of v4l2:/dev/fovea_none: known when it answers, or with a calibration that states the size of its frames");
+    snprintf(command, sizeof command, "fovea check --source v4l2:/dev/fovea_none --set lcm_url= --camera %s", camera);
+    assert_int_equal(check(command), 2);
+    assert_string_equal(err, absent);
+    assert_machine_told();
+    assert_answers("memory lock");
+    assert_tells(out, "memory of v4l2:/dev/fovea_none, 752 x 480");
+    assert_tells(out, "the block");
+}
+
+/* What belongs to a network does not go with the source. */
+static void test_without_the_camera_with_a_network(void **state)
+{
+    char command[256];
+    (void)state;
+    snprintf(command, sizeof command,
+             "fovea check --source v4l2:/dev/fovea_none --set lcm_url= --camera %s --set detect.model=src/detect/shipped.fvm", camera);
+    assert_int_equal(check(command), 2);
+    assert_tells(out, "  detection ");
+    assert_tells(out, "  model ");
+}
+
+static void test_kernels(void **state)
+{
+    (void)state;
+    setenv("FOVEA_CPU", "c", 1);
+    assert_int_equal(check("fovea check --source sim:still --set lcm_url="), 0);
+    assert_tells(out, "\nwarning  kernels      set c, though this processor has ");
+    setenv("FOVEA_CPU", "mmx", 1);
+    assert_int_equal(check("fovea check --source v4l2:/dev/fovea_none --set lcm_url="), 2);
+    assert_tells(err, "FOVEA_CPU: found 'mmx'");
+    unsetenv("FOVEA_CPU");
+}
+
+static int camera_make(void **state)
+{
+    static const char text[] = "image_width: 752\nimage_height: 480\nK: [458, 0, 367, 0, 457, 248, 0, 0, 1]\nD: [-0.28, 0.07, 0, 0]\n";
+    const int file = mkstemp(camera);
+    (void)state;
+    if (file < 0) return -1;
+    const ssize_t written = write(file, text, sizeof text - 1);
+    close(file);
+    return written == (ssize_t)sizeof text - 1 ? 0 : -1;
+}
+
+static int camera_remove(void **state)
+{
+    (void)state;
+    return unlink(camera);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_everything_is_told),
+        cmocka_unit_test(test_frame_rate),
+        cmocka_unit_test(test_without_the_camera),
+        cmocka_unit_test(test_without_the_camera_with_a_network),
+        cmocka_unit_test(test_kernels),
+    };
+    return cmocka_run_group_tests(tests, camera_make, camera_remove);
+}
