@@ -105,8 +105,8 @@ enum fovea_status fovea_init(void *memory, size_t bytes, const struct fovea_conf
 /* The three parts of the block. */
 enum fovea_memory_part {
     FOVEA_MEMORY_PERSISTENT = 0, /* state that lives from frame to frame */
-    FOVEA_MEMORY_JOB = 1,        /* windows of jobs, living until the job ends */
-    FOVEA_MEMORY_FRAME = 2,      /* scratch, reset each step */
+    FOVEA_MEMORY_JOB = 1,        /* what jobs under way work on */
+    FOVEA_MEMORY_FRAME = 2,      /* scratch, rewritten by each step */
     FOVEA_MEMORY_PART_COUNT
 };
 

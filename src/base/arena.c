@@ -12,12 +12,6 @@ void fv_arena_init(struct fv_arena *arena, void *base, size_t capacity)
     *arena = (struct fv_arena){.base = base, .capacity = capacity};
 }
 
-void fv_arena_reset(struct fv_arena *arena)
-{
-    arena->used = 0;
-    arena->exhausted = false;
-}
-
 void *fv_arena_take_raw(struct fv_arena *arena, size_t count, size_t size)
 {
     const size_t line = FV_CACHE_LINE_BYTES;

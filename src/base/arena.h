@@ -1,11 +1,10 @@
-/* Arena: hands out pieces of one block that the caller owns, front to back; nothing is ever given back singly.
+/* Arena: hands out pieces of one block that the caller owns, front to back; nothing is given back.
  *
  * The same carving code runs in three modes, so that they cannot disagree: counting (base NULL), which yields the size;
  * building, on memory to be zeroed; and rebasing, on a block that was copied from elsewhere and whose contents stay,
  * where carving only finds the addresses again. So carving code assigns addresses and nothing else: a piece is NULL
- * when counting, and keeps its old contents when rebasing. Pieces are cache-line aligned.
- * fv_arena_reset gives all pieces back at once (the frame part, each step; a job's part, when the job ends).
- * Cost: constant, except for the zeroing. */
+ * when counting, and keeps its old contents when rebasing. Pieces are cache-line aligned and stay where they are for
+ * the arena's life. Cost: constant, except for the zeroing. */
 #ifndef FOVEA_BASE_ARENA_H
 #define FOVEA_BASE_ARENA_H
 
@@ -23,13 +22,12 @@ struct fv_arena {
     uint8_t *base;    /* NULL: counting */
     size_t capacity;  /* bytes at base; SIZE_MAX when counting */
     size_t used;      /* bytes handed out, padding included */
-    bool exhausted;   /* a piece did not fit; sticky until reset */
+    bool exhausted;   /* a piece did not fit; stays so */
     bool keep;        /* rebasing: pieces are not zeroed */
 };
 
 void fv_arena_count(struct fv_arena *arena);
 void fv_arena_init(struct fv_arena *arena, void *base, size_t capacity);
-void fv_arena_reset(struct fv_arena *arena);
 
 /* `count` elements of `size` bytes, zeroed unless rebasing. NULL when counting, or when it does not fit (then
  * arena->exhausted is set). Real-time safe. */
