@@ -39,12 +39,8 @@ static void write_full(struct fv_keeper *keeper)
 {
     struct fovea_error error;
     fovea_map_seal(keeper->buffer, keeper->bytes);
-    if (fv_map_file_write(keeper->path, keeper->buffer, keeper->bytes, &error) == FOVEA_OK) {
-        keeper->saved++;
-    } else {
-        keeper->failed++;
+    if (fv_map_file_write(keeper->path, keeper->buffer, keeper->bytes, &error) != FOVEA_OK)
         fv_say("%s", error.text);
-    }
     give_back(keeper);
 }
 

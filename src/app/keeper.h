@@ -22,7 +22,6 @@ struct fv_keeper {
     _Atomic int stage; /* enum fv_keeper_stage: whose turn it is */
     uint8_t *buffer;
     size_t capacity, bytes;
-    uint64_t saved, failed;
 };
 
 /* Commands for the step: those that came, but a save only when its buffer is there. Loop thread, wait-free.

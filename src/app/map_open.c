@@ -26,7 +26,7 @@ static enum fovea_status check_sizes(const char *path, const struct fv_archive_i
     } rows[] = {{"width", info->camera.width, FOVEA_IMAGE_WIDTH_MIN, FOVEA_IMAGE_WIDTH_MAX, 24},
                 {"height", info->camera.height, FOVEA_IMAGE_HEIGHT_MIN, FOVEA_IMAGE_HEIGHT_MAX, 28},
                 {"features", info->features_max, 1, FOVEA_FEATURES_MAX, 36},
-                {"landmark slots", info->landmark_slots, 1, FV_MAP_OPEN_LANDMARKS_MAX, 148},
+                {"landmark slots", info->landmark_slots, 1, FOVEA_ODOMETRY_LANDMARKS_MAX, 148},
                 {"keyframe slots", info->keyframe_slots, 2, FV_MAP_KEYFRAMES_MAX, 152}};
     for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++)
         if (rows[i].found < rows[i].low || rows[i].found > rows[i].high)

@@ -7,7 +7,6 @@
 #include "fovea/odometry.h"
 #include "map/archive.h"
 
-enum { FV_MAP_OPEN_LANDMARKS_MAX = FOVEA_ODOMETRY_LANDMARKS_MAX };
 enum { FV_MAP_PANEL_WIDTH = 900, FV_MAP_PANEL_HEIGHT = 684 }; /* of one view */
 
 struct fv_map_open {

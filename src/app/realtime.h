@@ -32,7 +32,4 @@ enum fovea_status fv_realtime_start(pthread_t *thread, uint32_t priority, int32_
 /* Touch half of the calling thread's stack, so that the loop meets no page fault there. */
 void fv_realtime_touch_stack(void);
 
-/* Touch half of the calling thread's stack, so that the loop meets no page fault there. */
-void fv_realtime_touch_stack(void);
-
 #endif

@@ -34,7 +34,7 @@ struct fv_transport {
     uint8_t odometry_memory[ODOMETRY_RING_BYTES];
     lcm_t *out;
     char url[FV_TRANSPORT_URL_BYTES];
-    uint64_t sent, sent_bytes, failed; /* the loop's */
+    uint64_t sent, failed; /* the loop's */
 
     bool listening;
     pthread_t listener;
@@ -87,12 +87,8 @@ void fv_transport_publish(struct fv_transport *transport, const struct fovea_out
     if (transport == NULL) return;
     for (uint32_t i = 0; i < outputs->message_count; i++) {
         const struct fovea_message *message = &outputs->messages[i];
-        if (lcm_publish(transport->out, message->channel, message->data, message->bytes) == 0) {
-            transport->sent++;
-            transport->sent_bytes += message->bytes;
-        } else {
-            transport->failed++;
-        }
+        const bool sent = lcm_publish(transport->out, message->channel, message->data, message->bytes) == 0;
+        ++*(sent ? &transport->sent : &transport->failed);
     }
 }
 
@@ -253,7 +249,6 @@ void fv_transport_counts(const struct fv_transport *transport, struct fv_transpo
     memset(counts, 0, sizeof *counts);
     if (transport == NULL) return;
     counts->sent = transport->sent;
-    counts->sent_bytes = transport->sent_bytes;
     counts->failed = transport->failed;
     counts->commands = atomic_load(&transport->commands_taken);
     counts->commands_refused = atomic_load(&transport->commands_refused);
