@@ -13,7 +13,7 @@
 #include <unistd.h>
 
 #include "../recorded/decode.h"
-#include "../ring.h"
+#include "../slot_ring.h"
 #include "../thread.h"
 #include "complaints.h"
 
@@ -135,7 +135,7 @@ static enum fovea_status take_back(struct fovea_source *source, struct fovea_err
     uint64_t woken;
     uint8_t slot;
     if (read(source->wake_fd, &woken, sizeof woken) < 0) woken = 0; /* not woken: nothing to take note of */
-    while (fv_ring_pop(&source->free, &slot)) {
+    while (fv_slot_ring_pop(&source->free, &slot)) {
         source->slot_free[slot] = true;
         source->out--;
         if (source->jpeg == NULL && source->set_up && status == FOVEA_OK)
@@ -272,7 +272,7 @@ static void hand_over(struct fovea_source *source, int slot)
         fv_complaints_forget(&source->complaints, AWAY, BROKEN);
     fv_recovery_good(&source->recovery, now_ns());
     show(source);
-    fv_ring_push(&source->ready, (uint8_t)slot);
+    fv_slot_ring_push(&source->ready, (uint8_t)slot);
     sem_post(&source->ready_count);
 }
 
@@ -524,7 +524,7 @@ enum fovea_status fv_live_dequeue(struct fovea_source *source, int64_t deadline_
     if (!source->started || finished(source)) return FOVEA_END;
     if (!source->scheduled) take_over_scheduling(source);
     if (source->held_count >= FOVEA_SOURCE_FRAMES_HELD) return FOVEA_AGAIN;
-    if (!fv_thread_take(&source->ready_count, deadline_ns) || !fv_ring_pop(&source->ready, &slot))
+    if (!fv_thread_take(&source->ready_count, deadline_ns) || !fv_slot_ring_pop(&source->ready, &slot))
         return fv_live_state(source) == FOVEA_SOURCE_GONE ? FOVEA_GONE : FOVEA_AGAIN;
     source->held[slot] = true;
     source->held_count++;
@@ -538,7 +538,7 @@ void fv_live_requeue(struct fovea_source *source, const struct fovea_frame *fram
     if (!source->started || frame->slot >= source->slot_count || !source->held[frame->slot]) return;
     source->held[frame->slot] = false;
     source->held_count--;
-    fv_ring_push(&source->free, (uint8_t)frame->slot);
+    fv_slot_ring_push(&source->free, (uint8_t)frame->slot);
     ring(source->wake_fd);
 }
 

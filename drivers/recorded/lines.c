@@ -32,10 +32,10 @@ static enum fovea_status split(struct fv_lines *lines, char *line, const char *s
     snprintf(cuts, sizeof cuts, " \t\r%s", separators);
     lines->field_count = 0;
     for (char *p = line + strspn(line, cuts); *p != '\0';) {
-        if (lines->field_count == FV_FIELDS_MAX)
+        if (lines->field_count == FV_LINE_FIELDS_MAX)
             return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                    "%s:%u: found more than %d fields, expected fewer", lines->file,
-                                   lines->line, FV_FIELDS_MAX);
+                                   lines->line, FV_LINE_FIELDS_MAX);
         lines->fields[lines->field_count++] = p;
         p += strcspn(p, cuts);
         if (*p == '\0') break;

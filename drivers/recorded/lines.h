@@ -8,14 +8,14 @@
 
 #include "fovea/status.h"
 
-enum { FV_LINE_BYTES_MAX = 4096, FV_LINES_BYTES_MAX = 1 << 28, FV_FIELDS_MAX = 32 };
+enum { FV_LINE_BYTES_MAX = 4096, FV_LINES_BYTES_MAX = 1 << 28, FV_LINE_FIELDS_MAX = 32 };
 
 struct fv_lines {
     const char *file; /* as named in errors; kept by address */
     char *text, *next, *end;
     uint32_t line; /* number of the line read last, from 1 */
     size_t field_count;
-    char *fields[FV_FIELDS_MAX]; /* of the line read last */
+    char *fields[FV_LINE_FIELDS_MAX]; /* of the line read last */
 };
 
 enum fovea_status fv_lines_open(struct fv_lines *lines, const char *path, struct fovea_error *error);

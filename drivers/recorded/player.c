@@ -9,7 +9,7 @@
 #include <string.h>
 #include <time.h>
 
-#include "../ring.h"
+#include "../slot_ring.h"
 #include "../thread.h"
 
 enum {
@@ -182,9 +182,9 @@ static void *read_frames(void *argument)
         uint8_t slot;
         while (sem_wait(&source->free_count) != 0)
             continue; /* interrupted */
-        if (atomic_load(&source->quit) || !fv_ring_pop(&source->free, &slot)) return NULL;
+        if (atomic_load(&source->quit) || !fv_slot_ring_pop(&source->free, &slot)) return NULL;
         if (fetch_next(source, &reading, &source->slots[slot]) != FOVEA_OK) break;
-        fv_ring_push(&source->ready, slot);
+        fv_slot_ring_push(&source->ready, slot);
         sem_post(&source->ready_count);
     }
     source->end_counts = reading.counts;
@@ -358,7 +358,7 @@ enum fovea_status fv_player_start(struct fovea_source *source, struct fovea_erro
     atomic_store(&source->quit, false);
     atomic_store(&source->ended, false);
     for (int i = 0; i < FV_PLAYER_SLOTS; ++i)
-        fv_ring_push(&source->free, (uint8_t)i);
+        fv_slot_ring_push(&source->free, (uint8_t)i);
     sem_init(&source->ready_count, 0, 0);
     sem_init(&source->free_count, 0, FV_PLAYER_SLOTS);
     const int failed = fv_thread_start(&source->reader, read_frames, source);
@@ -396,7 +396,7 @@ enum fovea_status fv_player_dequeue(struct fovea_source *source, int64_t deadlin
     if (source->held_count >= FOVEA_SOURCE_FRAMES_HELD || !fv_thread_take(&source->ready_count, deadline_ns))
         return FOVEA_AGAIN;
     uint8_t slot;
-    if (!fv_ring_pop(&source->ready, &slot)) {
+    if (!fv_slot_ring_pop(&source->ready, &slot)) {
         (void)atomic_load_explicit(&source->ended, memory_order_acquire);
         source->counts = source->end_counts;
         source->seen_end = true;
@@ -415,7 +415,7 @@ void fv_player_requeue(struct fovea_source *source, const struct fovea_frame *fr
     if (!source->started || frame->slot >= FV_PLAYER_SLOTS || !source->held[frame->slot]) return;
     source->held[frame->slot] = false;
     source->held_count--;
-    fv_ring_push(&source->free, (uint8_t)frame->slot);
+    fv_slot_ring_push(&source->free, (uint8_t)frame->slot);
     sem_post(&source->free_count);
 }
 

@@ -72,12 +72,12 @@ static enum fovea_status problem(struct fv_walk *walk, const char *text)
 static void write_path(const struct fv_walk *walk, char *path)
 {
     int used = 0;
-    for (int i = 0; i <= walk->depth && used < FV_PATH_BYTES; i++) {
+    for (int i = 0; i <= walk->depth && used < FV_FIELD_PATH_BYTES; i++) {
         const struct fv_field *field = &walk->level[i].type->fields[walk->level[i].field];
         bool number = field->array && (field->wire == FV_WIRE_STRUCT || field->wire == FV_WIRE_STRING);
-        used += snprintf(path + used, (size_t)(FV_PATH_BYTES - used), "%s%s", i > 0 ? "." : "", field->name);
-        if (number && used < FV_PATH_BYTES)
-            used += snprintf(path + used, (size_t)(FV_PATH_BYTES - used), "[%" PRId32 "]",
+        used += snprintf(path + used, (size_t)(FV_FIELD_PATH_BYTES - used), "%s%s", i > 0 ? "." : "", field->name);
+        if (number && used < FV_FIELD_PATH_BYTES)
+            used += snprintf(path + used, (size_t)(FV_FIELD_PATH_BYTES - used), "[%" PRId32 "]",
                              walk->level[i].element);
     }
 }
@@ -199,21 +199,21 @@ static void write_value(const struct fv_leaf *leaf, uint32_t element, char *text
     } twice;
     switch (leaf->wire) {
     case FV_WIRE_STRING:
-        snprintf(text, FV_VALUE_BYTES, "\"%.56s\"", (const char *)data);
+        snprintf(text, FV_FIELD_VALUE_BYTES, "\"%.56s\"", (const char *)data);
         break;
     case FV_WIRE_FLOAT:
         single.bits = (uint32_t)read_big(data, 4);
-        snprintf(text, FV_VALUE_BYTES, "%.9g (%08" PRIx32 ")", (double)single.value, single.bits);
+        snprintf(text, FV_FIELD_VALUE_BYTES, "%.9g (%08" PRIx32 ")", (double)single.value, single.bits);
         break;
     case FV_WIRE_DOUBLE:
         twice.bits = read_big(data, 8);
-        snprintf(text, FV_VALUE_BYTES, "%.17g (%016" PRIx64 ")", twice.value, twice.bits);
+        snprintf(text, FV_FIELD_VALUE_BYTES, "%.17g (%016" PRIx64 ")", twice.value, twice.bits);
         break;
     case FV_WIRE_BYTE:
-        snprintf(text, FV_VALUE_BYTES, "%u", data[0]);
+        snprintf(text, FV_FIELD_VALUE_BYTES, "%u", data[0]);
         break;
     default:
-        snprintf(text, FV_VALUE_BYTES, "%" PRId64, read_integer(leaf->wire, data));
+        snprintf(text, FV_FIELD_VALUE_BYTES, "%" PRId64, read_integer(leaf->wire, data));
         break;
     }
 }
@@ -228,9 +228,9 @@ static bool leaves_differ(const struct fv_leaf *expected, const struct fv_leaf *
     while (step > 0 && memcmp(expected->data + element * step, found->data + element * step, step) == 0)
         element++;
     if (expected->count > 1)
-        snprintf(difference->field, FV_PATH_BYTES, "%.80s[%" PRIu32 "]", expected->path, element);
+        snprintf(difference->field, FV_FIELD_PATH_BYTES, "%.80s[%" PRIu32 "]", expected->path, element);
     else
-        memcpy(difference->field, expected->path, FV_PATH_BYTES);
+        memcpy(difference->field, expected->path, FV_FIELD_PATH_BYTES);
     write_value(expected, element, difference->expected);
     write_value(found, element, difference->found);
     return true;
@@ -238,7 +238,7 @@ static bool leaves_differ(const struct fv_leaf *expected, const struct fv_leaf *
 
 static void describe(enum fovea_status status, const struct fv_walk *walk, char *text)
 {
-    snprintf(text, FV_VALUE_BYTES, "%s",
+    snprintf(text, FV_FIELD_VALUE_BYTES, "%s",
              status == FOVEA_OK    ? "a field"
              : status == FOVEA_END ? "end"
                                    : walk->problem);
@@ -252,8 +252,8 @@ bool fv_message_compare(const uint8_t *expected, size_t expected_bytes, const ui
     const struct fv_type *type = fv_message_type_of(expected, expected_bytes);
     const struct fv_type *found_type = fv_message_type_of(found, found_bytes);
     if (type == NULL || type != found_type) {
-        snprintf(difference->expected, FV_VALUE_BYTES, "%s", type != NULL ? type->name : "an unknown type");
-        snprintf(difference->found, FV_VALUE_BYTES, "%s",
+        snprintf(difference->expected, FV_FIELD_VALUE_BYTES, "%s", type != NULL ? type->name : "an unknown type");
+        snprintf(difference->found, FV_FIELD_VALUE_BYTES, "%s",
                  found_type != NULL ? found_type->name : "an unknown type");
         return false;
     }

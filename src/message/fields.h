@@ -50,7 +50,7 @@ struct fv_type {
     int64_t (*hash)(void);
 };
 
-enum { FV_FIELDS_MAX = 48, FV_NESTING_MAX = 3, FV_PATH_BYTES = 96, FV_VALUE_BYTES = 64 };
+enum { FV_FIELDS_MAX = 48, FV_NESTING_MAX = 3, FV_FIELD_PATH_BYTES = 96, FV_FIELD_VALUE_BYTES = 64 };
 
 /* All types, `*count` of them. */
 const struct fv_type *fv_message_types(int32_t *count);
@@ -60,7 +60,7 @@ const struct fv_type *fv_message_type_of(const uint8_t *data, size_t bytes);
 
 /* One field, or one array of numbers, of a message. */
 struct fv_leaf {
-    char path[FV_PATH_BYTES]; /* "stamp.time_ns", "parts[2].name" */
+    char path[FV_FIELD_PATH_BYTES]; /* "stamp.time_ns", "parts[2].name" */
     enum fv_wire wire;
     uint32_t count;      /* elements: 1 for a string */
     const uint8_t *data; /* big-endian; strings: without the length */
@@ -94,8 +94,8 @@ enum fovea_status fv_message_leaf(struct fv_walk *walk, struct fv_leaf *leaf);
 bool fv_message_check(const char *type, const uint8_t *data, size_t bytes, const char **problem, size_t *at);
 
 struct fv_difference {
-    char field[FV_PATH_BYTES]; /* "x_px[17]", or "" where the types differ */
-    char expected[FV_VALUE_BYTES], found[FV_VALUE_BYTES];
+    char field[FV_FIELD_PATH_BYTES]; /* "x_px[17]", or "" where the types differ */
+    char expected[FV_FIELD_VALUE_BYTES], found[FV_FIELD_VALUE_BYTES];
 };
 
 /* Whether a field tells of the moment or the machine, not of the run, so that another run of the same inputs fills it
