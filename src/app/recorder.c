@@ -21,6 +21,7 @@
 #include "fovea/log.h"
 #include "message/message.h"
 #include "message/recorded.h"
+#include "message/wire.h"
 
 enum {
     PACED_FRAMES = 4, /* the loop waits for the disk: no need to hold more */
@@ -181,14 +182,20 @@ void fv_recorder_pace(struct fv_recorder *recorder)
 
 /* ---- the writer -------------------------------------------------------------------------------------- */
 
-static uint32_t read_big(const uint8_t *data)
+/* Lengths as an event's header states them. */
+static uint32_t channel_bytes_of(const uint8_t *event)
 {
-    return (uint32_t)data[0] << 24 | (uint32_t)data[1] << 16 | (uint32_t)data[2] << 8 | data[3];
+    return (uint32_t)fv_wire_read(event + 20, 4);
+}
+
+static uint32_t data_bytes_of(const uint8_t *event)
+{
+    return (uint32_t)fv_wire_read(event + 24, 4);
 }
 
 static size_t event_bytes(const uint8_t *event)
 {
-    return FOVEA_LOG_HEADER_BYTES + (size_t)read_big(event + 20) + read_big(event + 24);
+    return FOVEA_LOG_HEADER_BYTES + (size_t)channel_bytes_of(event) + data_bytes_of(event);
 }
 
 /* The bytes of the whole events within the first `limit` bytes of `data`, at least one. */
@@ -202,7 +209,7 @@ static size_t whole_events(const uint8_t *data, size_t bytes, size_t limit)
 static bool is_on(const struct fv_recorder *recorder, const uint8_t *event, enum fv_message_kind kind)
 {
     const char *channel = recorder->channels[kind];
-    return read_big(event + 20) == strlen(channel) &&
+    return channel_bytes_of(event) == strlen(channel) &&
            memcmp(event + FOVEA_LOG_HEADER_BYTES, channel, strlen(channel)) == 0;
 }
 
@@ -214,7 +221,7 @@ static bool begins_turn(const struct fv_recorder *recorder, const uint8_t *event
 
 static void count_event(struct fv_recorder *recorder, const uint8_t *event)
 {
-    const size_t head_bytes = FOVEA_LOG_HEADER_BYTES + (size_t)read_big(event + 20);
+    const size_t head_bytes = FOVEA_LOG_HEADER_BYTES + channel_bytes_of(event);
     struct extent *written = &recorder->written;
     if (begins_turn(recorder, event)) {
         recorder->turn = *written;
@@ -222,8 +229,8 @@ static void count_event(struct fv_recorder *recorder, const uint8_t *event)
     }
     recorder->after_frame = is_on(recorder, event, FV_MESSAGE_FRAME);
     written->hash =
-        fv_recording_hash_event(written->hash, event, head_bytes, event + head_bytes, read_big(event + 24));
-    written->time_us = (int64_t)((uint64_t)read_big(event + 12) << 32 | read_big(event + 16));
+        fv_recording_hash_event(written->hash, event, head_bytes, event + head_bytes, data_bytes_of(event));
+    written->time_us = (int64_t)fv_wire_read(event + 12, 8);
     written->bytes += event_bytes(event);
     written->events++;
 }

@@ -2,6 +2,7 @@
 #include <string.h>
 
 #include "message/message.h"
+#include "message/wire.h"
 
 #include "fovea_detections_t.h"
 
@@ -60,6 +61,5 @@ uint32_t fv_message_detections_encode(const struct fv_message_detections *in, vo
         .rectified_x_max_px = column[7],
         .rectified_y_max_px = column[8],
     };
-    const int bytes = fovea_detections_t_encode(buffer, 0, capacity > INT32_MAX ? INT32_MAX : (int)capacity, &message);
-    return bytes > 0 ? (uint32_t)bytes : 0;
+    return fv_wire_encoded(fovea_detections_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
 }

@@ -4,6 +4,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "message/wire.h"
+
 #include "fovea_fields.h"
 
 enum { TYPE_COUNT = (int)(sizeof fv_types / sizeof fv_types[0]) };
@@ -19,17 +21,9 @@ const struct fv_type *fv_message_types(int32_t *count)
     return fv_types;
 }
 
-static uint64_t read_big(const uint8_t *data, uint32_t bytes)
-{
-    uint64_t value = 0;
-    for (uint32_t i = 0; i < bytes; i++)
-        value = value << 8 | data[i];
-    return value;
-}
-
 static int64_t read_integer(enum fv_wire wire, const uint8_t *data)
 {
-    uint64_t value = read_big(data, wire_bytes[wire]);
+    uint64_t value = fv_wire_read(data, wire_bytes[wire]);
     switch (wire) {
     case FV_WIRE_INT8:
         return (int8_t)value;
@@ -45,7 +39,7 @@ static int64_t read_integer(enum fv_wire wire, const uint8_t *data)
 const struct fv_type *fv_message_type_of(const uint8_t *data, size_t bytes)
 {
     if (bytes < 8) return NULL;
-    int64_t hash = (int64_t)read_big(data, 8);
+    int64_t hash = (int64_t)fv_wire_read(data, 8);
     for (int i = 0; i < TYPE_COUNT; i++)
         if (fv_types[i].hash() == hash) return &fv_types[i];
     return NULL;
@@ -85,7 +79,7 @@ static void write_path(const struct fv_walk *walk, char *path)
 static enum fovea_status read_string(struct fv_walk *walk, struct fv_leaf *leaf)
 {
     if (walk->bytes - walk->at < 4) return problem(walk, "a string's length is cut off");
-    uint64_t length = read_big(walk->data + walk->at, 4);
+    uint64_t length = fv_wire_read(walk->data + walk->at, 4);
     if (length < 1 || length > walk->bytes - walk->at - 4)
         return problem(walk, "a string's length does not fit the message");
     leaf->data = walk->data + walk->at + 4;
@@ -202,11 +196,11 @@ static void write_value(const struct fv_leaf *leaf, uint32_t element, char *text
         snprintf(text, FV_FIELD_VALUE_BYTES, "\"%.56s\"", (const char *)data);
         break;
     case FV_WIRE_FLOAT:
-        single.bits = (uint32_t)read_big(data, 4);
+        single.bits = (uint32_t)fv_wire_read(data, 4);
         snprintf(text, FV_FIELD_VALUE_BYTES, "%.9g (%08" PRIx32 ")", (double)single.value, single.bits);
         break;
     case FV_WIRE_DOUBLE:
-        twice.bits = read_big(data, 8);
+        twice.bits = fv_wire_read(data, 8);
         snprintf(text, FV_FIELD_VALUE_BYTES, "%.17g (%016" PRIx64 ")", twice.value, twice.bits);
         break;
     case FV_WIRE_BYTE:

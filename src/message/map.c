@@ -2,6 +2,7 @@
 #include <string.h>
 
 #include "message/message.h"
+#include "message/wire.h"
 
 #include "fovea_map_t.h"
 
@@ -58,7 +59,5 @@ uint32_t fv_message_map_encode(const struct fv_message_map *in, uint8_t *buffer,
         .keyframe_qy = pose[5],
         .keyframe_qz = pose[6],
     };
-    const int bytes =
-        fovea_map_t_encode(buffer, 0, capacity > INT32_MAX ? INT32_MAX : (int)capacity, &message);
-    return bytes > 0 ? (uint32_t)bytes : 0;
+    return fv_wire_encoded(fovea_map_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
 }

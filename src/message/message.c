@@ -2,6 +2,8 @@
 
 #include <string.h>
 
+#include "message/wire.h"
+
 #include "bot_core_pose_t.h"
 #include "fovea_camera_status_t.h"
 #include "fovea_command_t.h"
@@ -73,17 +75,6 @@ fovea_stamp_t fv_message_stamp(const struct fovea_frame *frame, int64_t utc_offs
     return stamp;
 }
 
-/* lcm-gen takes sizes as int. */
-static int clamp_capacity(size_t capacity)
-{
-    return capacity > INT32_MAX ? INT32_MAX : (int)capacity;
-}
-
-static uint32_t bytes_or_none(int encoded)
-{
-    return encoded > 0 ? (uint32_t)encoded : 0;
-}
-
 /* ---- features ---------------------------------------------------------------------------------------- */
 
 size_t fv_message_features_size_max(uint32_t count_max)
@@ -123,7 +114,7 @@ uint32_t fv_message_features_encode(const struct fv_message_features *in, void *
         .level = level,
         .score = score,
     };
-    return bytes_or_none(fovea_features_t_encode(buffer, 0, clamp_capacity(capacity), &message));
+    return fv_wire_encoded(fovea_features_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
 }
 
 /* ---- statistics -------------------------------------------------------------------------------------- */
@@ -208,7 +199,7 @@ uint32_t fv_message_statistics_encode(const struct fv_message_statistics *in, ui
         .memory_frame_bytes = (int64_t)in->memory_bytes[FOVEA_MEMORY_FRAME],
     };
     fill_counters(&message, in->stats, in->inputs);
-    return bytes_or_none(fovea_statistics_t_encode(buffer, 0, clamp_capacity(capacity), &message));
+    return fv_wire_encoded(fovea_statistics_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
 }
 
 /* ---- camera status and preview ----------------------------------------------------------------------- */
@@ -238,7 +229,7 @@ uint32_t fv_message_camera_status_encode(const struct fv_message_camera_status *
         .dropped = (int64_t)in->counts.dropped,
         .recovered = (int64_t)in->counts.recovered,
     };
-    return bytes_or_none(fovea_camera_status_t_encode(buffer, 0, clamp_capacity(capacity), &message));
+    return fv_wire_encoded(fovea_camera_status_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
 }
 
 size_t fv_message_preview_size_max(size_t jpeg_bytes_max)
@@ -258,5 +249,5 @@ uint32_t fv_message_preview_encode(const struct fv_message_preview *in, uint8_t 
         .size_bytes = (int32_t)in->jpeg_bytes,
         .jpeg = (uint8_t *)in->jpeg, /* lcm-gen knows no const; it only reads */
     };
-    return bytes_or_none(fovea_preview_t_encode(buffer, 0, clamp_capacity(capacity), &message));
+    return fv_wire_encoded(fovea_preview_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
 }

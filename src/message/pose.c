@@ -5,6 +5,7 @@
 #include "bot_core_pose_t.h"
 #include "fovea_pose_t.h"
 #include "message/message.h"
+#include "message/wire.h"
 
 size_t fv_message_pose_size_max(void)
 {
@@ -46,8 +47,7 @@ uint32_t fv_message_pose_encode(const struct fv_message_pose *in, uint8_t *buffe
     for (int i = 0; i < 4; i++) message.map_orientation[i] = pose->posed ? in->map_orientation[i] : (double)NAN;
     message.map_scale = pose->posed ? pose->map_scale : (double)NAN;
     message.latency_ns = in->latency_ns;
-    const int encoded = fovea_pose_t_encode(buffer, 0, capacity > INT32_MAX ? INT32_MAX : (int)capacity, &message);
-    return encoded > 0 ? (uint32_t)encoded : 0;
+    return fv_wire_encoded(fovea_pose_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
 }
 
 size_t fv_message_bot_core_pose_size(void)
@@ -63,6 +63,5 @@ uint32_t fv_message_bot_core_pose_encode(const struct fv_message_bot_core_pose *
     memcpy(message.vel, in->velocity, sizeof message.vel);
     memcpy(message.orientation, in->orientation, sizeof message.orientation);
     memcpy(message.rotation_rate, in->rotation_rate, sizeof message.rotation_rate);
-    const int encoded = bot_core_pose_t_encode(buffer, 0, capacity > INT32_MAX ? INT32_MAX : (int)capacity, &message);
-    return encoded > 0 ? (uint32_t)encoded : 0;
+    return fv_wire_encoded(bot_core_pose_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
 }

@@ -4,6 +4,7 @@
 
 #include "message/fields.h"
 #include "message/message.h"
+#include "message/wire.h"
 
 #include "fovea_frame_t.h"
 #include "fovea_grants_t.h"
@@ -40,11 +41,6 @@ size_t fv_message_frame_image_bytes(const struct fovea_frame *frame)
     return bytes < image->size_bytes ? bytes : image->size_bytes;
 }
 
-static int clamp_capacity(size_t capacity)
-{
-    return capacity > INT32_MAX ? INT32_MAX : (int)capacity;
-}
-
 uint32_t fv_message_frame_encode(const struct fovea_frame *frame, int64_t utc_offset_ns, uint8_t *buffer,
                                  size_t capacity)
 {
@@ -58,8 +54,7 @@ uint32_t fv_message_frame_encode(const struct fovea_frame *frame, int64_t utc_of
         .size_bytes = (int32_t)fv_message_frame_image_bytes(frame),
         .data = (uint8_t *)frame->image.data, /* lcm-gen knows no const; it only reads */
     };
-    int bytes = fovea_frame_t_encode(buffer, 0, clamp_capacity(capacity), &message);
-    return bytes > 0 ? (uint32_t)bytes : 0;
+    return fv_wire_encoded(fovea_frame_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
 }
 
 /* What a step was told of the robot's motion and of things that move; false: more than there is room for. */
@@ -114,8 +109,7 @@ uint32_t fv_message_inputs_encode(const struct fovea_inputs *inputs, uint64_t fr
         .job_count = FOVEA_JOB_COUNT,
         .units = units,
     };
-    int bytes = fovea_inputs_t_encode(buffer, 0, clamp_capacity(capacity), &message);
-    return bytes > 0 ? (uint32_t)bytes : 0;
+    return fv_wire_encoded(fovea_inputs_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
 }
 
 uint32_t fv_message_grants_encode(int64_t now_ns, const struct fovea_grants *grants, uint8_t *buffer,
@@ -130,8 +124,7 @@ uint32_t fv_message_grants_encode(int64_t now_ns, const struct fovea_grants *gra
         .job_count = FOVEA_JOB_COUNT,
         .units = units,
     };
-    int bytes = fovea_grants_t_encode(buffer, 0, clamp_capacity(capacity), &message);
-    return bytes > 0 ? (uint32_t)bytes : 0;
+    return fv_wire_encoded(fovea_grants_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
 }
 
 /* ---- back -------------------------------------------------------------------------------------------- */
@@ -144,11 +137,9 @@ struct reader {
 
 static uint64_t next_bits(struct reader *reader)
 {
-    uint64_t bits = 0;
-    if (fv_message_leaf(&reader->walk, &reader->leaf) == FOVEA_OK && reader->leaf.count > 0)
-        for (uint32_t i = 0; i < reader->leaf.bytes / reader->leaf.count; i++)
-            bits = bits << 8 | reader->leaf.data[i];
-    return bits;
+    const struct fv_leaf *leaf = &reader->leaf;
+    if (fv_message_leaf(&reader->walk, &reader->leaf) != FOVEA_OK || leaf->count == 0) return 0;
+    return fv_wire_read(leaf->data, leaf->bytes / leaf->count);
 }
 
 static int32_t next_i32(struct reader *reader)
@@ -176,11 +167,8 @@ static bool next_grants(struct reader *reader, struct fovea_grants *grants, cons
     }
     if (jobs == 0) return true;
     next_bits(reader);
-    for (int job = 0; job < jobs; job++) {
-        const uint8_t *data = reader->leaf.data + 4 * job;
-        grants->units[job] =
-            (uint32_t)data[0] << 24 | (uint32_t)data[1] << 16 | (uint32_t)data[2] << 8 | data[3];
-    }
+    for (int job = 0; job < jobs; job++)
+        grants->units[job] = (uint32_t)fv_wire_read(reader->leaf.data + 4 * job, 4);
     return true;
 }
 
@@ -192,19 +180,11 @@ static bool begin(struct reader *reader, const char *type, const uint8_t *data, 
     return true;
 }
 
-static uint64_t big(const uint8_t *data, uint32_t bytes)
-{
-    uint64_t bits = 0;
-    for (uint32_t i = 0; i < bytes; i++)
-        bits = bits << 8 | data[i];
-    return bits;
-}
-
 static void next_doubles(struct reader *reader, double *values, int count)
 {
     if (fv_message_leaf(&reader->walk, &reader->leaf) != FOVEA_OK) return;
     for (int i = 0; i < count; i++) {
-        uint64_t bits = big(reader->leaf.data + 8 * i, 8);
+        uint64_t bits = fv_wire_read(reader->leaf.data + 8 * i, 8);
         memcpy(&values[i], &bits, sizeof bits);
     }
 }

@@ -2,6 +2,7 @@
 #include <string.h>
 
 #include "message/message.h"
+#include "message/wire.h"
 
 #include "fovea_tracks_t.h"
 
@@ -99,6 +100,5 @@ uint32_t fv_message_tracks_encode(const struct fv_message_tracks *in, void *scra
         .covariance_m2 = c.covariance,
         .velocity_covariance_m2_s2 = c.velocity_covariance,
     };
-    const int bytes = fovea_tracks_t_encode(buffer, 0, capacity > INT32_MAX ? INT32_MAX : (int)capacity, &message);
-    return bytes > 0 ? (uint32_t)bytes : 0;
+    return fv_wire_encoded(fovea_tracks_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
 }
