@@ -62,10 +62,7 @@ void fv_message_channel(const char *prefix, enum fv_message_kind kind, char *nam
 
 fovea_stamp_t fv_message_stamp(const struct fovea_frame *frame, int64_t utc_offset_ns)
 {
-    fovea_stamp_t stamp;
-    memset(&stamp, 0, sizeof stamp); /* padding too: stamps are kept in hashed state */
-    stamp.utc_offset_ns = utc_offset_ns;
-    stamp.sequence = -1;
+    fovea_stamp_t stamp = {.utc_offset_ns = utc_offset_ns, .sequence = -1};
     if (frame != NULL) {
         stamp.time_ns = frame->stamp_ns;
         stamp.clock = (int8_t)frame->clock;

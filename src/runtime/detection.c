@@ -186,7 +186,7 @@ uint32_t fv_detection_encode(const struct fv_detection *detection, const struct 
     const char *names[FOVEA_DETECTIONS_MAX];
     for (int32_t i = 0; i < job->count; i++) names[i] = label_of(&detection->model, job->found[i].class_id);
     const struct fv_message_detections message = {
-        .stamp = fv_stamp_of(&detection->state->found_frame),
+        .stamp = fv_frame_id_stamp(&detection->state->found_frame),
         .reset_counter = reset_counter,
         .model = detection->model.header->name,
         .width = config->camera.width,

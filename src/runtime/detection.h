@@ -10,7 +10,7 @@
 #include "image/pyramid.h"
 #include "image/rectify.h"
 #include "message/message.h"
-#include "runtime/preview.h"
+#include "runtime/frame_id.h"
 
 /* No addresses and no padding: copied and hashed as bytes. */
 struct fv_detection_state {

@@ -6,21 +6,9 @@
 #include "runtime/jobs.h"
 #include "runtime/state.h"
 
-fovea_stamp_t fv_stamp_of(const struct fv_frame_id *id)
-{
-    const struct fovea_frame frame = {
-        .stamp_ns = id->stamp_ns,
-        .exposure_ns = id->exposure_ns,
-        .clock = (enum fovea_clock)id->clock,
-        .stamp_meaning = (enum fovea_stamp_meaning)id->stamp_meaning,
-        .sequence = id->sequence,
-    };
-    return fv_message_stamp(&frame, id->utc_offset_ns);
-}
-
 static fovea_stamp_t last_stamp(const struct fovea *rt)
 {
-    return rt->state->any_frame ? fv_stamp_of(&rt->state->frame) : fv_message_stamp(NULL, 0);
+    return rt->state->any_frame ? fv_frame_id_stamp(&rt->state->frame) : fv_message_stamp(NULL, 0);
 }
 
 static void encode_features(struct fovea *rt, uint32_t asked, struct fovea_outputs *outputs)

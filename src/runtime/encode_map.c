@@ -49,7 +49,7 @@ void fv_encode_map(struct fovea *rt, struct fovea_outputs *outputs)
     const uint32_t keyframe_last =
         least(state->map_keyframe + FV_MESSAGE_MAP_KEYFRAMES, map->limits.keyframes);
     struct fv_message_map message = {
-        .stamp = fv_stamp_of(&state->frame),
+        .stamp = fv_frame_id_stamp(&state->frame),
         .map_id = (int32_t)map->state->map_id,
         .landmark_slots = (int32_t)map->limits.landmarks,
         .landmark_first = (int32_t)state->map_landmark,

@@ -85,7 +85,7 @@ static void encode_pose(struct fovea *rt, const struct fovea_inputs *inputs, enu
     fv_se3_from_rows(pose->T_world_cam, &T);
     if (of_base) T = base_pose(rt, &B);
     struct fv_message_pose message = {
-        .stamp = fv_stamp_of(&rt->state->frame),
+        .stamp = fv_frame_id_stamp(&rt->state->frame),
         .parent_frame = of_base ? "odom" : "world",
         .child_frame = of_base ? "base" : "camera",
         .pose = pose,

@@ -69,15 +69,7 @@ static bool admit(struct fovea *rt, const struct fovea_frame *frame)
 
 static void remember(struct fv_state *state, const struct fovea_frame *frame, int64_t utc_offset_ns)
 {
-    state->frame = (struct fv_frame_id){
-        .stamp_ns = frame->stamp_ns,
-        .exposure_ns = frame->exposure_ns,
-        .utc_offset_ns = utc_offset_ns,
-        .sequence = frame->sequence,
-        .clock = (uint32_t)frame->clock,
-        .stamp_meaning = (uint32_t)frame->stamp_meaning,
-        .pixel_format = (uint32_t)frame->image.format,
-    };
+    state->frame = fv_frame_id(frame, utc_offset_ns);
     state->any_frame = 1;
     state->frames_processed++;
 }

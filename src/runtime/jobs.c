@@ -31,7 +31,7 @@ static void send_preview(struct fovea *rt, struct fovea_outputs *outputs)
 {
     const struct fv_preview *preview = &rt->preview;
     const struct fv_message_preview message = {
-        .stamp = fv_stamp_of(&preview->state->frame),
+        .stamp = fv_frame_id_stamp(&preview->state->frame),
         .width = preview->width,
         .height = preview->height,
         .scale = (double)fv_pyramid_scale(rt->config.preview.level),

@@ -9,17 +9,7 @@
 #include "base/arena.h"
 #include "fovea/fovea.h"
 #include "message/jpeg.h"
-#include "message/message.h"
-
-/* Which frame a result is about. No addresses and no padding: part of states that are hashed. */
-struct fv_frame_id {
-    int64_t stamp_ns, exposure_ns, utc_offset_ns;
-    uint64_t sequence;
-    uint32_t clock, stamp_meaning, pixel_format, reserved;
-};
-
-/* As messages carry it. */
-fovea_stamp_t fv_stamp_of(const struct fv_frame_id *frame);
+#include "runtime/frame_id.h"
 
 struct fv_preview_state {
     struct fv_frame_id frame;

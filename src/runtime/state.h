@@ -14,6 +14,7 @@
 #include "runtime/detection.h"
 #include "odometry/scale.h"
 #include "runtime/boxes.h"
+#include "runtime/frame_id.h"
 #include "runtime/preview.h"
 #include "runtime/tracking.h"
 

@@ -53,7 +53,7 @@ uint32_t fv_tracking_encode(const struct fv_tracking *tracking, const struct fov
     fv_track_get(&tracking->tracker, &tracks);
     for (uint32_t i = 0; i < tracks.count; i++) names[i] = fv_detection_label(detection, tracks.list[i].class_id);
     const struct fv_message_tracks message = {
-        .stamp = fv_stamp_of(&detection->state->found_frame),
+        .stamp = fv_frame_id_stamp(&detection->state->found_frame),
         .reset_counter = reset_counter,
         .width = config->camera.width,
         .height = config->camera.height,
