@@ -6,16 +6,21 @@
 
 /* ---- stage clock -------------------------------------------------------------------------------------------- */
 
-struct fv_instant fv_stage_begin(struct fovea *rt)
+/* Clock readings around a stage; nothing where the configuration has no clock. */
+struct instant {
+    int64_t wall_ns, cpu_ns;
+};
+
+static struct instant stage_begin(const struct fovea *rt)
 {
-    struct fv_instant now = {0, 0};
+    struct instant now = {0, 0};
     if (rt->config.clock != NULL) rt->config.clock(rt->config.clock_context, &now.wall_ns, &now.cpu_ns);
     return now;
 }
 
-void fv_stage_end(struct fovea *rt, enum fovea_stage stage, struct fv_instant begin)
+static void stage_end(struct fovea *rt, enum fovea_stage stage, struct instant begin)
 {
-    const struct fv_instant end = fv_stage_begin(rt);
+    const struct instant end = stage_begin(rt);
     rt->times.wall_ns[stage] = end.wall_ns - begin.wall_ns;
     rt->times.cpu_ns[stage] = end.cpu_ns - begin.cpu_ns;
 }
@@ -93,28 +98,28 @@ static void offer_detection(struct fovea *rt, const struct fovea_frame *frame)
 
 static void process(struct fovea *rt, const struct fovea_inputs *inputs)
 {
-    struct fv_instant begin = fv_stage_begin(rt);
+    struct instant begin = stage_begin(rt);
     fv_pyramid_build(&rt->pyramid, &rt->kernels, &inputs->frame->image);
-    fv_stage_end(rt, FOVEA_STAGE_PYRAMID, begin);
+    stage_end(rt, FOVEA_STAGE_PYRAMID, begin);
 
-    begin = fv_stage_begin(rt);
+    begin = stage_begin(rt);
     const uint8_t *mask = fv_boxes_mask(&rt->boxes, rt->mask, inputs->frame->stamp_ns);
     rt->state->features =
         fv_features_find(&rt->features, &rt->kernels, &rt->pyramid, mask, inputs->grants.features);
     if (rt->config.odometry.enabled) {
         fv_orb_describe(&rt->orb, &rt->kernels, &rt->pyramid, rt->features.corners, rt->features.count);
     }
-    fv_stage_end(rt, FOVEA_STAGE_FEATURES, begin);
+    stage_end(rt, FOVEA_STAGE_FEATURES, begin);
 
     if (!rt->config.odometry.enabled) return;
-    begin = fv_stage_begin(rt);
+    begin = stage_begin(rt);
     const struct fv_odometry_input input = {.stamp_ns = inputs->frame->stamp_ns,
                                             .count = rt->features.count,
                                             .features = rt->features.list,
                                             .descriptors = rt->orb.descriptors};
     fv_odometry_step(&rt->odometry, &rt->kernels, &input);
     fv_scale_step(&rt->scale, &rt->odometry);
-    fv_stage_end(rt, FOVEA_STAGE_ODOMETRY, begin);
+    stage_end(rt, FOVEA_STAGE_ODOMETRY, begin);
 }
 
 /* Without a frame for as long as the source calls it stalled or gone, there is no pose to go on from. */
@@ -144,9 +149,9 @@ enum fovea_status fovea_step(struct fovea *rt, const struct fovea_inputs *inputs
         offer_detection(rt, inputs->frame);
         ask_preview(rt);
     }
-    const struct fv_instant begin = fv_stage_begin(rt);
+    const struct instant begin = stage_begin(rt);
     fv_encode(rt, inputs, processed, interrupted, outputs);
-    fv_stage_end(rt, FOVEA_STAGE_ENCODE, begin);
+    stage_end(rt, FOVEA_STAGE_ENCODE, begin);
     rt->inputs.frame = NULL; /* the caller's, and gone after this */
     rt->state->steps++;
     outputs->jobs_waiting = fv_jobs_waiting(rt);
@@ -163,10 +168,10 @@ enum fovea_status fovea_work(struct fovea *rt, const struct fovea_grants *grants
     memset(outputs, 0, sizeof *outputs);
     rt->work_grants = *grants;
     for (int job = 0; job < FOVEA_JOB_COUNT; job++) {
-        const struct fv_instant begin = fv_stage_begin(rt);
+        const struct instant begin = stage_begin(rt);
         rt->units_done[job] = fv_job_advance(rt, (enum fovea_job)job, grants->units[job], outputs);
         outputs->units_done[job] = rt->units_done[job];
-        fv_stage_end(rt, stage_of_job[job], begin);
+        stage_end(rt, stage_of_job[job], begin);
     }
     outputs->jobs_waiting = fv_jobs_waiting(rt);
     return outputs->jobs_waiting ? FOVEA_AGAIN : FOVEA_OK;

@@ -48,8 +48,8 @@ static void carve_outbox(struct fovea *rt, struct fv_arena *arena)
     outbox->features_scratch = fv_arena_take(arena, fv_message_features_scratch_bytes(count_max), 1);
 }
 
-void fv_runtime_carve(struct fovea *rt, struct fv_arena arenas[FOVEA_MEMORY_PART_COUNT],
-                      struct fovea_memory_table *table)
+/* Give every stage its pieces, for rt->config, from the arenas of the parts. */
+static void carve(struct fovea *rt, struct fv_arena arenas[FOVEA_MEMORY_PART_COUNT], struct fovea_memory_table *table)
 {
     const struct fovea_config *config = &rt->config;
     const int32_t width = config->camera.width, height = config->camera.height;
@@ -105,7 +105,7 @@ static enum fovea_status measure(struct fovea *rt, const struct fovea_config *co
         memcpy(table->rows[0].owner, "head", sizeof "head");
         table->rows[0].bytes = head.used;
     }
-    fv_runtime_carve(rt, arenas, table);
+    carve(rt, arenas, table);
     rt->block_bytes = head.used;
     for (int part = 0; part < FOVEA_MEMORY_PART_COUNT; part++) {
         if (arenas[part].exhausted) return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "memory: sizes overflow");
@@ -144,7 +144,7 @@ static void place(struct fovea *rt, bool keep)
         fv_arena_init(&arenas[part], next, rt->part_bytes[part]);
         arenas[part].keep = keep;
     }
-    fv_runtime_carve(rt, arenas, NULL);
+    carve(rt, arenas, NULL);
     if (rt->mask != NULL && keep) rt->config.mask = rt->mask;
 }
 

@@ -76,10 +76,6 @@ struct fovea {
     uint32_t units_done[FOVEA_JOB_COUNT];
 };
 
-/* Give every stage its pieces, for rt->config, from the arenas of the parts. */
-void fv_runtime_carve(struct fovea *rt, struct fv_arena arenas[FOVEA_MEMORY_PART_COUNT],
-                      struct fovea_memory_table *table);
-
 /* How often a new world was started: by command, or since tracking was lost for long. */
 static inline uint32_t fv_reset_counter(const struct fovea *rt)
 {
@@ -96,12 +92,5 @@ static inline bool fv_every(uint64_t n, uint32_t period)
  * told at once, with the stamp of the last frame. */
 void fv_encode(struct fovea *rt, const struct fovea_inputs *inputs, bool processed, bool interrupted,
                struct fovea_outputs *outputs);
-
-/* Bracket a stage with clock readings; nothing where the configuration has no clock. */
-struct fv_instant {
-    int64_t wall_ns, cpu_ns;
-};
-struct fv_instant fv_stage_begin(struct fovea *rt);
-void fv_stage_end(struct fovea *rt, enum fovea_stage stage, struct fv_instant begin);
 
 #endif
