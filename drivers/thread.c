@@ -2,7 +2,8 @@
 
 #include <sched.h>
 #include <signal.h>
-#include <time.h>
+
+#include "clock.h"
 
 int fv_thread_start(pthread_t *thread, void *(*run)(void *), void *context)
 {
@@ -28,7 +29,6 @@ bool fv_thread_take(sem_t *count, int64_t deadline_ns)
     if (sem_trywait(count) == 0) return true;
     if (deadline_ns <= 0) return false;
     if (deadline_ns == INT64_MAX) return sem_wait(count) == 0;
-    const struct timespec deadline = {.tv_sec = deadline_ns / 1000000000,
-                                      .tv_nsec = deadline_ns % 1000000000};
+    const struct timespec deadline = fv_clock_timespec(deadline_ns);
     return sem_clockwait(count, CLOCK_MONOTONIC, &deadline) == 0;
 }

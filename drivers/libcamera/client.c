@@ -14,9 +14,9 @@
 #include <sys/mman.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
-#include <time.h>
 #include <unistd.h>
 
+#include "../clock.h"
 #include "../plugin.h"
 
 extern char **environ;
@@ -49,16 +49,13 @@ struct fv_libcamera_client {
 
 static int64_t now_ns(void)
 {
-    struct timespec now;
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
+    return fv_clock_ns(CLOCK_MONOTONIC);
 }
 
 static struct timespec left_until(int64_t deadline_ns)
 {
     const int64_t left_ns = deadline_ns - now_ns();
-    if (left_ns <= 0) return (struct timespec){0};
-    return (struct timespec){.tv_sec = left_ns / 1000000000, .tv_nsec = left_ns % 1000000000};
+    return fv_clock_timespec(left_ns > 0 ? left_ns : 0);
 }
 
 /* ---- the process ------------------------------------------------------------------------------------- */
@@ -272,7 +269,7 @@ static bool stands_still(pid_t pid, struct work *work)
     clockid_t clock;
     struct timespec cpu;
     if (clock_getcpuclockid(pid, &clock) != 0 || clock_gettime(clock, &cpu) != 0) return false;
-    const int64_t cpu_ns = (int64_t)cpu.tv_sec * 1000000000 + cpu.tv_nsec;
+    const int64_t cpu_ns = fv_clock_from_timespec(cpu);
     if (cpu_ns != work->cpu_ns) *work = (struct work){cpu_ns, now_ns()};
     return now_ns() - work->since_ns >= fv_libcamera_idle_ns;
 }

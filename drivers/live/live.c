@@ -9,9 +9,9 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/eventfd.h>
-#include <time.h>
 #include <unistd.h>
 
+#include "../clock.h"
 #include "../recorded/decode.h"
 #include "../slot_ring.h"
 #include "../thread.h"
@@ -73,16 +73,9 @@ struct fovea_source { /* NOLINT(clang-analyzer-optin.performance.Padding): in or
     struct fv_complaints complaints;
 };
 
-static int64_t clock_ns(clockid_t clock)
-{
-    struct timespec now;
-    clock_gettime(clock, &now);
-    return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
-}
-
 static int64_t now_ns(void)
 {
-    return clock_ns(CLOCK_MONOTONIC);
+    return fv_clock_ns(CLOCK_MONOTONIC);
 }
 
 void fv_live_tell(struct fovea_source *source, const struct fovea_error *line)
@@ -119,11 +112,9 @@ static void count(_Atomic uint64_t *tally, uint64_t more)
 /* Sleep until then, or until woken. */
 static void pause_until(struct fovea_source *source, int64_t until_ns)
 {
-    struct timespec time = {0};
     const int64_t left_ns = until_ns - now_ns();
     if (left_ns <= 0) return;
-    time.tv_sec = left_ns / 1000000000;
-    time.tv_nsec = left_ns % 1000000000;
+    const struct timespec time = fv_clock_timespec(left_ns);
     struct pollfd wake = {.fd = source->wake_fd, .events = POLLIN};
     ppoll(&wake, 1, &time, NULL); /* take_back notes that it was woken */
 }
@@ -198,9 +189,9 @@ static void try_set_up(struct fovea_source *source)
 
 static void read_clocks(struct fv_order_now *now)
 {
-    now->clock_ns[FOVEA_CLOCK_MONOTONIC] = clock_ns(CLOCK_MONOTONIC);
-    now->clock_ns[FOVEA_CLOCK_BOOTTIME] = clock_ns(CLOCK_BOOTTIME);
-    now->clock_ns[FOVEA_CLOCK_REALTIME] = clock_ns(CLOCK_REALTIME);
+    now->clock_ns[FOVEA_CLOCK_MONOTONIC] = fv_clock_ns(CLOCK_MONOTONIC);
+    now->clock_ns[FOVEA_CLOCK_BOOTTIME] = fv_clock_ns(CLOCK_BOOTTIME);
+    now->clock_ns[FOVEA_CLOCK_REALTIME] = fv_clock_ns(CLOCK_REALTIME);
 }
 
 /* The picture of a buffer into the frame. FOVEA_ERROR_INPUT: damaged. */

@@ -7,8 +7,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
+#include "../clock.h"
 #include "../slot_ring.h"
 #include "../thread.h"
 
@@ -85,11 +85,7 @@ static bool stamp_at(const struct fovea_source *source, uint64_t position, int64
 static void complain(struct complaints *complaints, const struct fovea_error *error)
 {
     const size_t bytes = strlen(error->text) + 1;
-    struct timespec until;
-    clock_gettime(CLOCK_MONOTONIC, &until);
-    until.tv_nsec += COMPLAINTS_PATIENCE_NS;
-    until.tv_sec += until.tv_nsec / 1000000000;
-    until.tv_nsec %= 1000000000;
+    const struct timespec until = fv_clock_timespec(fv_clock_ns(CLOCK_MONOTONIC) + COMPLAINTS_PATIENCE_NS);
     pthread_mutex_lock(&complaints->lock);
     while (complaints->bytes + bytes > COMPLAINTS_BYTES && !complaints->nobody_asks)
         if (pthread_cond_clockwait(&complaints->room, &complaints->lock, CLOCK_MONOTONIC, &until) != 0)

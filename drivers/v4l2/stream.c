@@ -1,9 +1,8 @@
 /* Memory-mapped streaming. */
 #include <errno.h>
-#include <stdio.h>
 #include <string.h>
-#include <time.h>
 
+#include "../clock.h"
 #include "v4l2.h"
 
 static const char *advice(int reason)
@@ -171,9 +170,7 @@ static enum fovea_status dequeue(struct fv_v4l2_device *device, struct fv_live_b
 
 static int64_t left_until(int64_t deadline_ns)
 {
-    struct timespec now;
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    const int64_t left_ns = deadline_ns - ((int64_t)now.tv_sec * 1000000000 + now.tv_nsec);
+    const int64_t left_ns = deadline_ns - fv_clock_ns(CLOCK_MONOTONIC);
     return left_ns > 0 ? left_ns : 0;
 }
 

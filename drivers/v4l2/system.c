@@ -9,8 +9,9 @@
 #include <string.h>
 #include <sys/ioctl.h>
 #include <sys/mman.h>
-#include <time.h>
 #include <unistd.h>
+
+#include "../clock.h"
 
 static int open_node(const char *path)
 {
@@ -28,7 +29,7 @@ static int control(int fd, unsigned long request, void *argument)
 
 static int wait_for(struct pollfd *fds, nfds_t count, int64_t timeout_ns)
 {
-    const struct timespec timeout = {.tv_sec = timeout_ns / 1000000000, .tv_nsec = timeout_ns % 1000000000};
+    const struct timespec timeout = fv_clock_timespec(timeout_ns);
     return ppoll(fds, count, timeout_ns < 0 ? NULL : &timeout, NULL);
 }
 

@@ -1,25 +1,15 @@
 #include "app/loop.h"
 
-#include <math.h>
-#include <time.h>
-
 #include "app/heap.h"
 #include "app/realtime.h"
+#include "drivers/clock.h"
 
-static const int64_t second_ns = 1000000000;
 static const int64_t poll_ns = 100000000;      /* how long to wait before looking at `stop` again */
 static const int64_t gap_max_ns = 10000000000; /* a longer gap between stamps is not waited for */
 
-static int64_t clock_ns(clockid_t clock)
-{
-    struct timespec now;
-    clock_gettime(clock, &now);
-    return (int64_t)now.tv_sec * second_ns + now.tv_nsec;
-}
-
 static int64_t now_ns(void)
 {
-    return clock_ns(CLOCK_MONOTONIC);
+    return fv_clock_ns(CLOCK_MONOTONIC);
 }
 
 static bool stopped(const struct fv_loop *loop)
@@ -31,7 +21,7 @@ static void sleep_until(const struct fv_loop *loop, int64_t due_ns)
 {
     for (int64_t now = now_ns(); now < due_ns && !stopped(loop); now = now_ns()) {
         int64_t until = due_ns - now > poll_ns ? now + poll_ns : due_ns;
-        struct timespec time = {.tv_sec = until / second_ns, .tv_nsec = until % second_ns};
+        const struct timespec time = fv_clock_timespec(until);
         clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &time, NULL);
     }
 }
@@ -65,11 +55,11 @@ static bool too_late(struct fv_loop *loop, int64_t late_ns)
 {
     if (late_ns <= FV_LOOP_QUEUE * loop->period_ns) {
         loop->mark_wall_ns = now_ns();
-        loop->mark_cpu_ns = clock_ns(CLOCK_THREAD_CPUTIME_ID);
+        loop->mark_cpu_ns = fv_clock_ns(CLOCK_THREAD_CPUTIME_ID);
         return false;
     }
     int64_t wall_ns = now_ns() - loop->mark_wall_ns;
-    int64_t cpu_ns = clock_ns(CLOCK_THREAD_CPUTIME_ID) - loop->mark_cpu_ns;
+    int64_t cpu_ns = fv_clock_ns(CLOCK_THREAD_CPUTIME_ID) - loop->mark_cpu_ns;
     loop->counts.late++;
     if (cpu_ns < wall_ns / 2) loop->counts.starved++;
     return true;
@@ -128,8 +118,8 @@ static void tell_times(const struct fv_loop *loop, const struct fovea_frame *fra
     inputs->latency_ns = loop->real_time && !live ? late_ns : 0;
     if (!live) return;
     clockid_t clock = frame != NULL ? clock_of(frame) : CLOCK_MONOTONIC;
-    int64_t now = clock_ns(clock);
-    inputs->utc_offset_ns = clock != CLOCK_REALTIME ? clock_ns(CLOCK_REALTIME) - now : 0;
+    int64_t now = fv_clock_ns(clock);
+    inputs->utc_offset_ns = clock != CLOCK_REALTIME ? fv_clock_ns(CLOCK_REALTIME) - now : 0;
     if (frame != NULL) inputs->latency_ns = now - frame->stamp_ns;
     if (frame == NULL) inputs->now_ns = now;
 }
@@ -233,7 +223,7 @@ static void prepare(struct fv_loop *loop)
 {
     double rate_hz = loop->ops->info(loop->source)->rate_hz;
     loop->period_ns =
-        rate_hz >= 0.1 && rate_hz <= 10000.0 ? (int64_t)((double)second_ns / rate_hz) : second_ns / 30;
+        rate_hz >= 0.1 && rate_hz <= 10000.0 ? (int64_t)((double)FV_SECOND_NS / rate_hz) : FV_SECOND_NS / 30;
     fovea_governor_init(&loop->governor, loop->config, loop->period_ns);
     loop->counts = (struct fv_loop_counts){0};
     loop->status = FOVEA_OK;

@@ -2,19 +2,17 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include "app/model_file.h"
 #include "app/options.h"
 #include "app/say.h"
 #include "detect/decode.h"
+#include "drivers/clock.h"
 #include "nn/run.h"
 
 static int64_t cpu_ns(void)
 {
-    struct timespec t;
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
-    return (int64_t)t.tv_sec * 1000000000 + t.tv_nsec;
+    return fv_clock_ns(CLOCK_THREAD_CPUTIME_ID);
 }
 
 static void print_shape(const struct fv_model *model, const char *what, const int32_t *list, uint32_t count)

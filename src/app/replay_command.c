@@ -2,7 +2,6 @@
 #include <inttypes.h>
 #include <stdio.h>
 #include <string.h>
-#include <time.h>
 
 #include "app/command.h"
 #include "app/files.h"
@@ -11,6 +10,7 @@
 #include "app/say.h"
 #include "app/setup.h"
 #include "app/transport.h"
+#include "drivers/clock.h"
 
 struct sending {
     struct fv_transport *transport;
@@ -18,28 +18,19 @@ struct sending {
     int64_t first_ns, begin_ns; /* stamp of the first turn, and when it was sent */
 };
 
-static int64_t monotonic_ns(void)
-{
-    struct timespec now;
-    clock_gettime(CLOCK_MONOTONIC, &now);
-    return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
-}
-
 static void send(void *context, int64_t now_ns, const struct fovea_outputs *outputs)
 {
     struct sending *sending = context;
     if (!sending->started) {
         sending->first_ns = now_ns;
-        sending->begin_ns = monotonic_ns();
+        sending->begin_ns = fv_clock_ns(CLOCK_MONOTONIC);
         sending->started = true;
     }
     int64_t wait_ns;
     if (sending->paced && !__builtin_sub_overflow(now_ns, sending->first_ns, &wait_ns)) {
-        wait_ns -= monotonic_ns() - sending->begin_ns;
-        if (wait_ns > 0 && wait_ns < 10000000000) {
-            struct timespec wait = {.tv_sec = wait_ns / 1000000000, .tv_nsec = wait_ns % 1000000000};
-            nanosleep(&wait, NULL);
-        }
+        wait_ns -= fv_clock_ns(CLOCK_MONOTONIC) - sending->begin_ns;
+        const struct timespec wait = fv_clock_timespec(wait_ns);
+        if (wait_ns > 0 && wait_ns < 10 * FV_SECOND_NS) nanosleep(&wait, NULL);
     }
     fv_transport_publish(sending->transport, outputs);
 }

@@ -1,7 +1,8 @@
 #include "app/timing.h"
 
 #include <string.h>
-#include <time.h>
+
+#include "drivers/clock.h"
 
 enum { EXACT = 256, PER_OCTAVE = 128, PER_OCTAVE_BITS = 7 };
 
@@ -89,10 +90,7 @@ void fv_timings_init(struct fv_timings *timings)
 
 void fv_timing_clock(void *context, int64_t *wall_ns, int64_t *cpu_ns)
 {
-    struct timespec wall, cpu;
     (void)context;
-    clock_gettime(CLOCK_MONOTONIC, &wall);
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &cpu);
-    *wall_ns = (int64_t)wall.tv_sec * 1000000000 + wall.tv_nsec;
-    *cpu_ns = (int64_t)cpu.tv_sec * 1000000000 + cpu.tv_nsec;
+    *wall_ns = fv_clock_ns(CLOCK_MONOTONIC);
+    *cpu_ns = fv_clock_ns(CLOCK_THREAD_CPUTIME_ID);
 }

@@ -1,0 +1,28 @@
+/* Clocks of this host in nanoseconds. Drivers and the application read them; the runtime never does. Real-time safe. */
+#ifndef FOVEA_DRIVERS_CLOCK_H
+#define FOVEA_DRIVERS_CLOCK_H
+
+#include <stdint.h>
+#include <time.h>
+
+#define FV_SECOND_NS INT64_C(1000000000)
+
+/* `time` as nanoseconds, and back. */
+static inline int64_t fv_clock_from_timespec(struct timespec time)
+{
+    return (int64_t)time.tv_sec * FV_SECOND_NS + time.tv_nsec;
+}
+
+static inline struct timespec fv_clock_timespec(int64_t ns)
+{
+    return (struct timespec){.tv_sec = ns / FV_SECOND_NS, .tv_nsec = ns % FV_SECOND_NS};
+}
+
+static inline int64_t fv_clock_ns(clockid_t clock)
+{
+    struct timespec now;
+    clock_gettime(clock, &now);
+    return fv_clock_from_timespec(now);
+}
+
+#endif
