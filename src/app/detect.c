@@ -5,6 +5,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
+#include "app/aligned.h"
 #include "app/canvas.h"
 #include "app/colour.h"
 #include "app/files.h"
@@ -31,10 +32,9 @@ static enum fovea_status engine_open(struct engine *engine, const char *path, st
     if (status == FOVEA_OK) status = fv_model_file_read(path, &engine->file, error);
     if (status != FOVEA_OK) return status;
     fv_kernels_init(&engine->kernels, set);
-    engine->arena = aligned_alloc(64, (fv_nn_arena_bytes(&engine->file.model) + 63) / 64 * 64);
+    engine->arena = fv_aligned_zeroed(fv_nn_arena_bytes(&engine->file.model));
     engine->scratch = calloc(1, sizeof *engine->scratch);
     if (engine->arena == NULL || engine->scratch == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.300s: out of memory", path);
-    memset(engine->arena, 0, fv_nn_arena_bytes(&engine->file.model));
     return FOVEA_OK;
 }
 

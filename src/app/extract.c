@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "app/aligned.h"
 #include "app/mask.h"
 #include "app/picture.h"
 #include "fovea/fovea.h"
@@ -38,8 +39,8 @@ static enum fovea_status take_memory(struct fv_extract *extract, const struct fo
     struct fv_arena arena;
     fv_arena_count(&arena);
     carve(extract, config, &arena);
-    const size_t bytes = (arena.used + FV_CACHE_LINE_BYTES - 1) / FV_CACHE_LINE_BYTES * FV_CACHE_LINE_BYTES;
-    extract->memory = aligned_alloc(FV_CACHE_LINE_BYTES, bytes);
+    const size_t bytes = arena.used;
+    extract->memory = fv_aligned_new(bytes);
     if (extract->memory == NULL)
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "out of memory: %zu bytes", bytes);
     fv_arena_init(&arena, extract->memory, bytes);

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "app/aligned.h"
 #include "base/ring.h"
 #include "geometry/se3.h"
 
@@ -59,9 +60,8 @@ struct fv_final {
 
 enum fovea_status fv_final_open(const char *path, struct fv_final **final, struct fovea_error *error)
 {
-    struct fv_final *opened = aligned_alloc(64, (sizeof *opened + 63) / 64 * 64);
+    struct fv_final *opened = fv_aligned_zeroed(sizeof *opened);
     if (opened == NULL) return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory for the final trajectory");
-    memset(opened, 0, sizeof *opened);
     fv_ring_init(&opened->ring, opened->memory, sizeof opened->memory);
     enum fovea_status status = fv_trajectory_open(path, &opened->out, error);
     if (status == FOVEA_OK && (opened->spool = tmpfile()) == NULL)

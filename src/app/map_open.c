@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "app/aligned.h"
 #include "app/map_file.h"
 #include "base/hash.h"
 
@@ -51,7 +52,7 @@ static enum fovea_status fill(struct fv_map_open *open, const char *path, const 
     fv_arena_count(&arena);
     carve(open, &arena);
     const size_t needed = arena.used;
-    open->memory = aligned_alloc(FV_CACHE_LINE_BYTES, needed);
+    open->memory = fv_aligned_new(needed);
     if (open->memory == NULL)
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.200s: no memory for the map (%zu bytes)", path,
                                needed);

@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 
+#include "app/aligned.h"
 #include "app/canvas.h"
 #include "app/command.h"
 #include "app/extract.h"
@@ -63,8 +64,7 @@ static struct fv_match *take_memory(uint32_t count_max, struct fv_matcher *match
             fv_arena_count(&arena);
         } else {
             const size_t bytes = arena.used;
-            *memory = aligned_alloc(FV_CACHE_LINE_BYTES, (bytes + FV_CACHE_LINE_BYTES - 1) /
-                                                             FV_CACHE_LINE_BYTES * FV_CACHE_LINE_BYTES);
+            *memory = fv_aligned_new(bytes);
             if (*memory == NULL) return NULL;
             fv_arena_init(&arena, *memory, bytes);
         }

@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "app/aligned.h"
 #include "app/model_file.h"
 #include "app/options.h"
 #include "app/say.h"
@@ -44,9 +45,8 @@ static void print_operators(const struct fv_model *model)
 /* The best of several runs on this processor: milliseconds and the longest unit. */
 static enum fovea_status time_model(const struct fv_model *model, const struct fv_kernels *kernels, double *best_ms, double *unit_ms)
 {
-    uint8_t *arena = aligned_alloc(64, (fv_nn_arena_bytes(model) + 63) / 64 * 64);
+    uint8_t *arena = fv_aligned_zeroed(fv_nn_arena_bytes(model));
     if (arena == NULL) return FOVEA_ERROR_SYSTEM;
-    memset(arena, 0, fv_nn_arena_bytes(model));
     *best_ms = 1e9;
     *unit_ms = 1e9;
     const int64_t start = cpu_ns();
@@ -73,7 +73,7 @@ static enum fovea_status time_model(const struct fv_model *model, const struct f
 static double peak_gmacs(const struct fv_kernels *kernels)
 {
     enum { M = 48, K = 512, N = 64, LOOPS = 200 };
-    uint8_t *memory = aligned_alloc(64, M * K + N * K + 4096 + M * N * 4);
+    uint8_t *memory = fv_aligned_new(M * K + N * K + 4096 + M * N * 4);
     if (memory == NULL) return 0;
     memset(memory, 1, M * K + N * K + 4096 + M * N * 4);
     int32_t *words = (int32_t *)(void *)(memory + M * K + N * K);

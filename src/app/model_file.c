@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "app/aligned.h"
 #include "fovea/text.h"
 
 enum { FILE_BYTES_MAX = 1 << 28 };
@@ -13,7 +14,7 @@ enum fovea_status fv_model_file_read(const char *path, struct fv_model_file *fil
     *file = (struct fv_model_file){.data = NULL};
     enum fovea_status status = fovea_text_read(path, FILE_BYTES_MAX, &data, &file->bytes, error);
     if (status != FOVEA_OK) return status;
-    file->data = aligned_alloc(64, (file->bytes + 127) / 64 * 64); /* with slack for whole lines */
+    file->data = fv_aligned_new(file->bytes + FV_CACHE_LINE_BYTES); /* kernels read whole lines */
     if (file->data != NULL) memcpy(file->data, data, file->bytes);
     free(data);
     if (file->data == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.300s: out of memory", path);

@@ -6,7 +6,7 @@
 #include "nn/model.h"
 
 struct fv_model_file {
-    uint8_t *data; /* 64-byte aligned, from aligned_alloc; NULL: none */
+    uint8_t *data; /* at a cache line; NULL: none */
     size_t bytes;
     struct fv_model model;
 };

@@ -12,6 +12,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "app/aligned.h"
 #include "app/recording_end.h"
 #include "app/recording_header.h"
 #include "app/say.h"
@@ -381,11 +382,10 @@ static enum fovea_status make_ring(struct fv_recorder *recorder, const struct fv
 {
     const size_t bytes = ring_bytes(setup, recorder->header_bytes);
     recorder->turn_bytes = setup->frame_bytes + TURN_EXTRA_BYTES + recorder->header_bytes;
-    recorder->ring_memory = aligned_alloc(64, bytes);
+    recorder->ring_memory = fv_aligned_zeroed(bytes); /* touches every page before the loop */
     if (recorder->ring_memory == NULL)
         return fovea_error_set(error, FOVEA_ERROR_MEMORY, "%s: no memory for %zu bytes of buffer",
                                recorder->path, bytes);
-    memset(recorder->ring_memory, 0, bytes); /* touch every page before the loop */
     fv_ring_init(&recorder->ring, recorder->ring_memory, bytes);
     return FOVEA_OK;
 }
@@ -393,10 +393,9 @@ static enum fovea_status make_ring(struct fv_recorder *recorder, const struct fv
 enum fovea_status fv_recorder_open(const struct fv_recorder_setup *setup, struct fv_recorder **recorder,
                                    struct fovea_error *error)
 {
-    struct fv_recorder *opened = aligned_alloc(64, (sizeof *opened + 63) / 64 * 64);
+    struct fv_recorder *opened = fv_aligned_zeroed(sizeof *opened);
     if (opened == NULL)
         return fovea_error_set(error, FOVEA_ERROR_MEMORY, "%s: no memory to record", setup->path);
-    memset(opened, 0, sizeof *opened);
     snprintf(opened->path, sizeof opened->path, "%s", setup->path);
     opened->written.hash = FV_HASH_START;
     fv_message_prepare();

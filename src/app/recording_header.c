@@ -5,7 +5,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "app/aligned.h"
 #include "app/classes.h"
+#include "app/model_file.h"
 #include "base/hash.h"
 #include "fovea/calibration.h"
 #include "message/fields.h"
@@ -171,7 +173,7 @@ static enum fovea_status read_model(const struct source *from, const fovea_recor
                                     struct fv_recording_header *header, struct fovea_error *error)
 {
     const size_t bytes = (size_t)part->size_bytes;
-    header->model = aligned_alloc(64, (bytes + 127) / 64 * 64);
+    header->model = fv_aligned_new(bytes + FV_CACHE_LINE_BYTES);
     if (header->model == NULL)
         return fovea_error_set(error, FOVEA_ERROR_MEMORY, "%s: no memory for the model", from->name);
     memcpy(header->model, part->data, bytes);

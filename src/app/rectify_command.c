@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "app/aligned.h"
 #include "app/command.h"
 #include "app/files.h"
 #include "app/options.h"
@@ -85,8 +86,8 @@ static enum fovea_status resample(const struct fovea_camera *camera, const struc
     fv_rectify_carve(&rectify, camera, view, &arena);
     const size_t out_bytes = (size_t)rectify.stride_bytes * (size_t)view->height;
     fv_arena_take_raw(&arena, out_bytes, 1);
-    const size_t bytes = (arena.used + FV_CACHE_LINE_BYTES - 1) / FV_CACHE_LINE_BYTES * FV_CACHE_LINE_BYTES;
-    void *memory = aligned_alloc(FV_CACHE_LINE_BYTES, bytes);
+    const size_t bytes = arena.used;
+    void *memory = fv_aligned_new(bytes);
     if (memory == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "out of memory: %zu bytes", bytes);
     fv_arena_init(&arena, memory, bytes);
     fv_rectify_carve(&rectify, camera, view, &arena);

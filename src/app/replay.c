@@ -5,6 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "app/aligned.h"
 #include "app/recording_end.h"
 #include "app/recording_header.h"
 #include "base/hash.h"
@@ -98,9 +99,7 @@ static enum fovea_status build(struct replay *replay, struct fovea_error *error)
     size_t bytes = 0;
     enum fovea_status status = fovea_size(config, &bytes, &inner);
     if (status == FOVEA_OK) {
-        replay->memory =
-            aligned_alloc(FOVEA_BLOCK_ALIGNMENT, (bytes + FOVEA_BLOCK_ALIGNMENT - 1) / FOVEA_BLOCK_ALIGNMENT *
-                                                     FOVEA_BLOCK_ALIGNMENT);
+        replay->memory = fv_aligned_new(bytes);
         if (replay->memory == NULL)
             return fovea_error_set(error, FOVEA_ERROR_MEMORY, "%s: no memory for a block of %zu bytes",
                                    replay->path, bytes);

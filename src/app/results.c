@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "app/aligned.h"
 #include "base/ring.h"
 
 enum { RING_BYTES = 1 << 20 }; /* a second of full lists at 30 Hz */
@@ -46,9 +47,8 @@ enum fovea_status fv_results_open(const char *detections_path, const char *track
     const char *const paths[KINDS] = {detections_path, tracks_path};
     *results = NULL;
     if (detections_path == NULL && tracks_path == NULL) return FOVEA_OK;
-    struct fv_results *opened = aligned_alloc(64, (sizeof *opened + 63) / 64 * 64);
+    struct fv_results *opened = fv_aligned_zeroed(sizeof *opened);
     if (opened == NULL) return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory for the results");
-    memset(opened, 0, sizeof *opened);
     fv_ring_init(&opened->ring, opened->memory, sizeof opened->memory);
     for (int kind = 0; kind < KINDS; kind++) {
         opened->outputs[kind].path = paths[kind];

@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "app/aligned.h"
 #include "base/ring.h"
 #include "geometry/se3.h"
 
@@ -48,7 +49,7 @@ size_t fv_trajectory_bytes(void)
 enum fovea_status fv_trajectory_open(const char *path, struct fv_trajectory **trajectory,
                                      struct fovea_error *error)
 {
-    struct fv_trajectory *opened = aligned_alloc(64, (sizeof *opened + 63) / 64 * 64);
+    struct fv_trajectory *opened = fv_aligned_new(sizeof *opened);
     if (opened == NULL) return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory for the trajectory");
     memset(opened, 0, offsetof(struct fv_trajectory, map_of));
     fv_ring_init(&opened->ring, opened->memory, sizeof opened->memory);

@@ -9,6 +9,7 @@
 
 #include <lcm/lcm.h>
 
+#include "app/aligned.h"
 #include "app/say.h"
 #include "app/transport_url.h"
 #include "base/ring.h"
@@ -65,9 +66,8 @@ enum fovea_status fv_transport_open(const char *url, uint32_t ttl, struct fv_tra
         *transport = NULL;
         return FOVEA_OK;
     }
-    struct fv_transport *opened = aligned_alloc(64, (sizeof *opened + 63) / 64 * 64);
+    struct fv_transport *opened = fv_aligned_zeroed(sizeof *opened);
     if (opened == NULL) return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory for LCM");
-    memset(opened, 0, sizeof *opened);
     fv_ring_init(&opened->commands, opened->commands_memory, sizeof opened->commands_memory);
     fv_ring_init(&opened->odometry, opened->odometry_memory, sizeof opened->odometry_memory);
     enum fovea_status status = create(url, ttl, opened->url, &opened->out, error);
