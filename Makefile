@@ -134,13 +134,12 @@ hil:  ## test the camera drivers on real kernel drivers in a virtual machine
 	@$(MAKE) --no-print-directory -j$(JOBS) BUILD=build-hil/scalar OPT='-O2 -fno-tree-vectorize -fno-tree-slp-vectorize' build-hil/scalar/fovea
 	@tools/hil/run.sh
 
-QEMU = qemu-aarch64 -L /usr/aarch64-linux-gnu -E LD_LIBRARY_PATH=$(CURDIR)/build-aarch64/sysroot/usr/lib/aarch64-linux-gnu:$(CURDIR)/build-aarch64/sysroot/lib/aarch64-linux-gnu
 CROSSMAKE = $(MAKE) --no-print-directory -j$(JOBS) BUILD=build-aarch64 CROSS=aarch64-linux-gnu-
 cross:  ## build for aarch64 and run the tests under qemu-user
 	@tools/install.sh build test cross
 	@tools/make_sysroot.sh build-aarch64/sysroot
 	@$(CROSSMAKE) all tests
-	@tools/run_tests.sh build-aarch64 $(QEMU)
+	@tools/run_tests.sh build-aarch64 tools/emulate.sh
 
 # Every tests/fuzz/fuzz_*.c is a libFuzzer target; its corpus of past findings and seeds is tests/fuzz/corpus/NAME.
 FUZZ_SECONDS ?= 60

@@ -6,14 +6,12 @@ set -eu
 cd "$(dirname "$0")/.."
 name=${1:-}
 build=build-aarch64
-libraries=$PWD/$build/sysroot/usr/lib/aarch64-linux-gnu:$PWD/$build/sysroot/lib/aarch64-linux-gnu
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 cc -shared -fPIC -O2 tools/count/count.c -o "$work/count.so"
 
 count() { # command: instructions executed
-    qemu-aarch64 -plugin "$work/count.so" -L /usr/aarch64-linux-gnu -E "LD_LIBRARY_PATH=$libraries" \
-        -E "FOVEA_CPU=${FOVEA_CPU:-}" "$@" 2>&1 >/dev/null | sed -n 's/^instructions //p'
+    QEMU_PLUGIN=$work/count.so tools/emulate.sh "$@" 2>&1 >/dev/null | sed -n 's/^instructions //p'
 }
 per_image() { # variant: instructions of one more pass over the image
     echo $((($(count $tests --times 3 "$1") - $(count $tests --times 1 "$1")) / 2))
@@ -23,7 +21,7 @@ line() { # name, plain C, best, its set
 }
 
 tests=$build/tests/kernels/test_kernels
-variants=$(qemu-aarch64 -L /usr/aarch64-linux-gnu -E "LD_LIBRARY_PATH=$libraries" $tests --list)
+variants=$(tools/emulate.sh $tests --list)
 echo "| what | plain C | best variant | C / best |"
 echo "| --- | ---: | ---: | ---: |"
 for c in $(echo "$variants" | grep '__c$'); do

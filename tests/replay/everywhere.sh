@@ -11,9 +11,6 @@ folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
 failures=0 checks=0
 
-sysroot=$PWD/build-aarch64/sysroot
-qemu="qemu-aarch64 -L /usr/aarch64-linux-gnu -E LD_LIBRARY_PATH=$sysroot/usr/lib/aarch64-linux-gnu:$sysroot/lib/aarch64-linux-gnu"
-
 run() { # run NAME COMMAND...: count it, show the output of what failed
     name=$1
     shift
@@ -43,7 +40,6 @@ record() { # record LOG COMMAND...
 run "record on x86" record "$folder/x86.lcm" build/fovea
 sets=
 for set in c sse4 avx2 avx512; do
-    FOVEA_CPU=$set build/fovea config >/dev/null 2>&1
     if grep -q "$(echo $set | sed 's/sse4/sse4_2/;s/avx512/avx512bw/;s/^c$/fpu/')" /proc/cpuinfo; then
         sets="$sets $set"
         run "replay with FOVEA_CPU=$set" env FOVEA_CPU=$set build/fovea replay "$folder/x86.lcm" --verify
@@ -56,9 +52,9 @@ run "replay with libc's FMA and AVX2 masked" env \
     build/fovea replay "$folder/x86.lcm" --verify
 have build-clang/fovea && run "replay with the clang build" build-clang/fovea replay "$folder/x86.lcm" --verify
 if have build-aarch64/fovea; then
-    run "replay the x86 recording on aarch64" $qemu build-aarch64/fovea replay "$folder/x86.lcm" --verify
-    run "replay it on aarch64 with the C kernels" env FOVEA_CPU=c $qemu build-aarch64/fovea replay "$folder/x86.lcm" --verify
-    run "record on aarch64" record "$folder/arm.lcm" $qemu build-aarch64/fovea
+    run "replay the x86 recording on aarch64" tools/emulate.sh build-aarch64/fovea replay "$folder/x86.lcm" --verify
+    run "replay it on aarch64 with the C kernels" env FOVEA_CPU=c tools/emulate.sh build-aarch64/fovea replay "$folder/x86.lcm" --verify
+    run "record on aarch64" record "$folder/arm.lcm" tools/emulate.sh build-aarch64/fovea
     run "replay the aarch64 recording on x86" build/fovea replay "$folder/arm.lcm" --verify
 fi
 # Across a loop: a corridor seen at 8 Hz, which comes round and closes. Loops and their graphs are float work from end to end.
@@ -73,7 +69,7 @@ for set in $sets; do
     run "replay the loop with FOVEA_CPU=$set" env FOVEA_CPU=$set build/fovea replay "$folder/loop.lcm" --verify
 done
 [ -x build-clang/fovea ] && run "replay the loop with the clang build" build-clang/fovea replay "$folder/loop.lcm" --verify
-[ -x build-aarch64/fovea ] && run "replay the loop on aarch64" $qemu build-aarch64/fovea replay "$folder/loop.lcm" --verify
+[ -x build-aarch64/fovea ] && run "replay the loop on aarch64" tools/emulate.sh build-aarch64/fovea replay "$folder/loop.lcm" --verify
 # Each further run must itself replay to what it sent: none of the three holds a message that depends on the run.
 for again in 1 2 3; do
     run "record again ($again)" record "$folder/again$again.lcm" build/fovea

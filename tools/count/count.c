@@ -1,10 +1,9 @@
-/* A plug-in for qemu's user mode that counts executed instructions: qemu-aarch64 -plugin count.so,limit=... PROGRAM.
+/* A plug-in for qemu's user mode that counts executed instructions: QEMU_PLUGIN=count.so tools/emulate.sh PROGRAM.
  *
  * Debian ships qemu's plug-in interface without its header, so the few calls that are needed are declared here (interface version
  * 1, qemu 4.2 and later; docs/devel/tcg-plugins.rst of qemu). Counts each translation block by its length, on every
  * thread together, and prints the sum at exit on stderr. */
 #include <inttypes.h>
-#include <stdbool.h>
 #include <stdio.h>
 
 typedef uint64_t qemu_plugin_id_t;
