@@ -225,6 +225,7 @@ void fovea_tracks_get(const struct fovea *rt, struct fovea_tracks *tracks);
 
 /* Name of a class of the configured model, "" where it has none. Any thread. */
 const char *fovea_detect_label(const struct fovea *rt, int32_t class_id);
+
 /* Keyframes of the map by slot, the first `count_max` of odometry.keyframes slots; returns how many were written. A slot
  * whose number has changed holds another keyframe. Bounded. Loop thread. */
 uint32_t fovea_keyframes_get(const struct fovea *rt, struct fovea_keyframe *list, uint32_t count_max);
@@ -304,7 +305,7 @@ uint64_t fovea_state_hash(const struct fovea *rt);
 /* Copy a runtime into another block of at least the same size, which may then be stepped on its own. Loop thread. */
 enum fovea_status fovea_copy(const struct fovea *rt, void *memory, size_t bytes, struct fovea **copy);
 
-/* Name of the kernel set that was picked ("c", "sse4", "avx2", "avx512", "neon", "dotprod"). Any thread. */
+/* Name of the kernel set that was picked ("c", "sse4", "avx2", "avx512", "neon", "dotprod", "i8mm"). Any thread. */
 const char *fovea_cpu_name(const struct fovea *rt);
 
 #ifdef __cplusplus

@@ -40,8 +40,6 @@ void fv_test_finish(struct fovea_source *source)
     fovea_source_v4l2.close(source);
 }
 
-/* The next frame within five seconds, given back at once; its pixels stay readable for long enough to look
- * at. */
 struct fovea_frame fv_test_next_frame(struct fovea_source *source)
 {
     struct fovea_frame frame;
