@@ -55,4 +55,4 @@ static enum fovea_status open_euroc(const char *address, const struct fovea_sour
 }
 
 const struct fovea_source_ops fovea_source_euroc =
-    FV_PLAYER_OPS("euroc", "DIR   EuRoC data set in ASL layout (DIR/mav0/cam0)", open_euroc);
+    FV_PLAYER_OPS("euroc", "DIR  EuRoC data set in ASL layout (DIR/mav0/cam0)", open_euroc);

@@ -126,4 +126,4 @@ static enum fovea_status open_kitti(const char *address, const struct fovea_sour
 }
 
 const struct fovea_source_ops fovea_source_kitti =
-    FV_PLAYER_OPS("kitti", "DIR   KITTI odometry sequence (DIR/image_0, DIR/times.txt)", open_kitti);
+    FV_PLAYER_OPS("kitti", "DIR  KITTI odometry sequence (DIR/image_0, DIR/times.txt)", open_kitti);

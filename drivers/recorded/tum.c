@@ -43,4 +43,4 @@ static enum fovea_status open_tum(const char *address, const struct fovea_source
 }
 
 const struct fovea_source_ops fovea_source_tum =
-    FV_PLAYER_OPS("tum", "DIR   recording in TUM RGB-D layout (DIR/rgb.txt)", open_tum);
+    FV_PLAYER_OPS("tum", "DIR  recording in TUM RGB-D layout (DIR/rgb.txt)", open_tum);

@@ -128,7 +128,7 @@ struct fovea_source; /* one open source; each driver defines its own */
 
 struct fovea_source_ops {
     const char *name; /* scheme of the URI */
-    const char *help; /* one line: "DIR   EuRoC data set in ASL layout" */
+    const char *help; /* one line: "DIR  EuRoC data set in ASL layout" */
 
     /* Mandatory. `address` is what follows "name:" in the URI. On failure `error` holds the line to print and
      * nothing is left open. Init-only. */

@@ -387,8 +387,7 @@ int fv_command_check(int argc, char **argv)
     struct fovea_error error = {0};
     const struct fv_option options[] = {
         {"config", "FILE", FV_OPTION_TEXT, &check.options.config, "configuration to check"},
-        {"source", "URI", FV_OPTION_TEXT, &check.options.source,
-         "sim: euroc:DIR tum:DIR kitti:DIR images:GLOB lcmlog:FILE video:FILE v4l2:DEVICE libcamera:ID (default sim:)"},
+        {"source", "URI", FV_OPTION_TEXT, &check.options.source, FV_SETUP_SOURCE_HELP},
         {"camera", "FILE", FV_OPTION_TEXT, &check.options.camera, "calibration, instead of the source's own"},
         {"rate", "max|real", FV_OPTION_TEXT, &check.options.rate, "as for run: memory of the recorder depends on it"},
         {"set", "KEY=VALUE", FV_OPTION_LIST, &check.options.sets, "override a key of the configuration"},
@@ -398,6 +397,7 @@ int fv_command_check(int argc, char **argv)
     };
     int first;
     enum fv_options_result result = fv_options_parse(options, "", 0, 0, argc, argv, &first);
+    if (result == FV_OPTIONS_HELP) fv_setup_sources_print();
     if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
     enum fovea_status status = check_all(&check, &error);
     fv_setup_close(&check.setup);

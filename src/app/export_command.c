@@ -13,6 +13,7 @@
 #include "app/options.h"
 #include "app/picture.h"
 #include "app/say.h"
+#include "app/setup.h"
 #include "fovea/source.h"
 
 static const char *const class_names[FOVEA_OBJECT_CLASS_COUNT] = {"background", "ball", "cone", "box", "person"};
@@ -142,7 +143,7 @@ int fv_command_export(int argc, char **argv)
     struct fovea_source_selection selection = {.step = 1};
     const char *uri = "sim:", *address;
     const struct fv_option options[] = {
-        {"source", "URI", FV_OPTION_TEXT, &uri, "where frames come from (default sim:)"},
+        {"source", "URI", FV_OPTION_TEXT, &uri, FV_SETUP_SOURCE_HELP},
         {"frames", "N", FV_OPTION_COUNT, &selection.frames, "end after N frames"},
         {"start", "N", FV_OPTION_COUNT, &selection.start, "begin with frame N, from 0"},
         {"step", "K", FV_OPTION_POSITIVE, &selection.step, "take every K-th frame"},
@@ -151,6 +152,7 @@ int fv_command_export(int argc, char **argv)
     };
     int first;
     const enum fv_options_result result = fv_options_parse(options, "DIR", 1, 1, argc, argv, &first);
+    if (result == FV_OPTIONS_HELP) fv_setup_sources_print();
     if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
     struct fovea_error error;
     export.folder = argv[first];

@@ -168,8 +168,7 @@ static enum fv_options_result options_read(struct run *run, int argc, char **arg
 {
     const struct fv_option options[] = {
         {"config", "FILE", FV_OPTION_TEXT, &run->options.config, "configuration ('fovea config' prints one)"},
-        {"source", "URI", FV_OPTION_TEXT, &run->options.source,
-         "sim: euroc:DIR tum:DIR kitti:DIR images:GLOB lcmlog:FILE video:FILE v4l2:DEVICE libcamera:ID (default sim:)"},
+        {"source", "URI", FV_OPTION_TEXT, &run->options.source, FV_SETUP_SOURCE_HELP},
         {"camera", "FILE", FV_OPTION_TEXT, &run->options.camera, "calibration, instead of the source's own"},
         {"rate", "max|real", FV_OPTION_TEXT, &run->options.rate,
          "every frame, or by the clock with late ones dropped"},
@@ -566,6 +565,7 @@ int fv_command_run(int argc, char **argv)
     struct fovea_error error = {0};
     sigset_t signals;
     enum fv_options_result result = options_read(&run, argc, argv);
+    if (result == FV_OPTIONS_HELP) fv_setup_sources_print();
     if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
     enum fovea_status status = settings_read(&run, &error);
     if (status != FOVEA_OK) return (fv_say("%s", error.text), fv_setup_exit(status));

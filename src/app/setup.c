@@ -29,6 +29,13 @@ static enum fovea_status set(struct fv_settings *settings, const char *key, cons
     return status;
 }
 
+void fv_setup_sources_print(void)
+{
+    printf("\nsources:\n");
+    for (const struct fovea_source_ops *const *ops = fovea_source_table; *ops != NULL; ops++)
+        printf("  %s:%s\n", (*ops)->name, (*ops)->help);
+}
+
 enum fovea_status fv_setup_settings(const struct fv_setup_options *options, struct fv_settings *settings,
                                     struct fovea_error *error)
 {

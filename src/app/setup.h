@@ -15,6 +15,10 @@ struct fv_setup_options {
     struct fv_option_list sets;
 };
 
+/* Help of the option --source, and the list of sources that follows a command's help. */
+#define FV_SETUP_SOURCE_HELP "where frames come from (default sim:), one of the sources below"
+void fv_setup_sources_print(void);
+
 /* Defaults, then the file, then --set, then the options of their own; all checked. */
 enum fovea_status fv_setup_settings(const struct fv_setup_options *options, struct fv_settings *settings,
                                     struct fovea_error *error);
