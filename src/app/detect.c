@@ -9,6 +9,7 @@
 #include "app/canvas.h"
 #include "app/colour.h"
 #include "app/files.h"
+#include "app/json.h"
 #include "app/model_file.h"
 #include "app/options.h"
 #include "app/say.h"
@@ -60,17 +61,6 @@ static enum fovea_status look_at(struct engine *engine, const struct fovea_image
     return FOVEA_OK;
 }
 
-/* A string as JSON; bytes below space are dropped, others pass. */
-static void print_text(const char *text)
-{
-    putchar('"');
-    for (; *text != '\0'; ++text) {
-        if (*text == '"' || *text == '\\') putchar('\\');
-        if ((unsigned char)*text >= ' ') putchar(*text);
-    }
-    putchar('"');
-}
-
 static const char *label_of(const struct engine *engine, int32_t class_id)
 {
     const char *label = fv_model_label(&engine->file.model, class_id + engine->file.model.header->decode.first_label);
@@ -80,12 +70,12 @@ static const char *label_of(const struct engine *engine, int32_t class_id)
 static void print_line(const struct engine *engine, const char *path, const struct fovea_image *image)
 {
     printf("{\"image\": ");
-    print_text(path);
+    fv_json_text(stdout, path);
     printf(", \"width\": %d, \"height\": %d, \"detections\": [", image->width, image->height);
     for (int32_t i = 0; i < engine->count; ++i) {
         const struct fovea_detection *d = &engine->found[i];
         printf("%s{\"class\": %d, \"label\": ", i == 0 ? "" : ", ", d->class_id);
-        print_text(label_of(engine, d->class_id));
+        fv_json_text(stdout, label_of(engine, d->class_id));
         printf(", \"score\": %.6f, \"box_px\": [%.3f, %.3f, %.3f, %.3f]}", (double)d->score, (double)d->x_min_px, (double)d->y_min_px,
                (double)d->x_max_px, (double)d->y_max_px);
     }

@@ -3,6 +3,7 @@
 #include <inttypes.h>
 
 #include "app/heap.h"
+#include "app/json.h"
 
 void fv_report_parts(const struct fovea_memory_table *table, size_t part_bytes[FOVEA_MEMORY_PART_COUNT])
 {
@@ -19,21 +20,6 @@ const char *fv_report_part_name(enum fovea_memory_part part)
 }
 
 /* ---- JSON -------------------------------------------------------------------------------------------- */
-
-static void text_json(FILE *file, const char *text)
-{
-    fputc('"', file);
-    for (; *text != '\0'; text++) {
-        unsigned char byte = (unsigned char)*text;
-        if (byte == '"' || byte == '\\')
-            fprintf(file, "\\%c", byte);
-        else if (byte < 0x20 || byte >= 0x7f)
-            fprintf(file, "\\u%04x", byte);
-        else
-            fputc(byte, file);
-    }
-    fputc('"', file);
-}
 
 static void histogram_json(FILE *file, const char *prefix, const struct fv_histogram *histogram)
 {
@@ -77,7 +63,7 @@ void fv_report_json(FILE *file, const struct fv_report *report)
     const struct fv_loop *loop = report->loop;
     const struct fv_timings *timings = loop->timings;
     fprintf(file, "{\n  \"version\": \"%s\",\n  \"source\": ", FOVEA_VERSION);
-    text_json(file, report->source);
+    fv_json_text(file, report->source);
     fprintf(file, ",\n  \"width\": %d, \"height\": %d,\n  \"kernel_set\": \"%s\",\n  \"rate\": \"%s\",\n",
             report->width, report->height, report->kernel_set, loop->real_time ? "real" : "max");
     frames_json(file, loop);
