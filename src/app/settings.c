@@ -1,6 +1,5 @@
 #include "app/settings.h"
 
-#include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -39,16 +38,6 @@ static size_t choice_count(const struct fv_settings_key *key)
     return count;
 }
 
-static enum fovea_status take_text(const struct fv_settings_key *key, char *target, const char *value,
-                                   size_t *stored)
-{
-    size_t bytes = strlen(value);
-    if (bytes > (size_t)key->max) return FOVEA_ERROR_INPUT;
-    memcpy(target, value, bytes + 1);
-    *stored = bytes;
-    return FOVEA_OK;
-}
-
 static enum fovea_status take(const struct reading *r, const struct fv_settings_key *key,
                               const struct fovea_yaml_node *node)
 {
@@ -59,22 +48,21 @@ static enum fovea_status take(const struct reading *r, const struct fv_settings_
     enum fovea_status status = FOVEA_OK;
     switch (key->kind) {
     case FV_SETTINGS_U32:
+    case FV_SETTINGS_U64:
     case FV_SETTINGS_I32:
         status = fovea_yaml_integer(r->tree, node, key->min, key->max, &whole, r->error);
         if (status == FOVEA_OK && key->kind == FV_SETTINGS_U32) *(uint32_t *)target = (uint32_t)whole;
+        if (status == FOVEA_OK && key->kind == FV_SETTINGS_U64) *(uint64_t *)target = (uint64_t)whole;
         if (status == FOVEA_OK && key->kind == FV_SETTINGS_I32) *(int32_t *)target = (int32_t)whole;
         return status;
     case FV_SETTINGS_REAL:
         return fovea_yaml_number(r->tree, node, (double)key->min, (double)key->max, (double *)target, r->error);
-    case FV_SETTINGS_U64:
-        status = fovea_yaml_integer(r->tree, node, key->min, key->max, &whole, r->error);
-        if (status == FOVEA_OK) *(uint64_t *)target = (uint64_t)whole;
-        return status;
     case FV_SETTINGS_BOOL:
         return fovea_yaml_bool(r->tree, node, (bool *)target, r->error);
     case FV_SETTINGS_TEXT:
         status = fovea_yaml_string(r->tree, node, (size_t)key->max, &text, r->error);
-        return status == FOVEA_OK ? take_text(key, target, text, &index) : status;
+        if (status == FOVEA_OK) strcpy(target, text);
+        return status;
     case FV_SETTINGS_CHOICE:
         status = fovea_yaml_choice(r->tree, node, key->choices, choice_count(key), &index, r->error);
         if (status == FOVEA_OK) *(int *)target = (int)index;
@@ -272,10 +260,9 @@ enum fovea_status fv_settings_set(struct fv_settings *settings, const char *assi
     }
     if (key->kind != FV_SETTINGS_TEXT) return set_parsed(settings, name, value, error);
     /* Texts are taken as they stand: "sim:" would otherwise need quotes within the shell's. */
-    size_t stored;
     if (!fv_utf8_check(value)) return set_refuse(name, value, "UTF-8 text", error);
-    if (take_text(key, (char *)settings + key->offset, value, &stored) != FOVEA_OK)
-        return set_refuse(name, value, "a shorter text", error);
+    if (strlen(value) > (size_t)key->max) return set_refuse(name, value, "a shorter text", error);
+    strcpy((char *)settings + key->offset, value);
     settings->line[key - fv_settings_keys] = FV_SETTINGS_SET;
     return FOVEA_OK;
 }
