@@ -35,6 +35,11 @@ struct record {
 
 static const size_t row_bytes[KINDS] = {sizeof(struct fovea_detection), sizeof(struct fovea_track)};
 
+size_t fv_results_bytes(void)
+{
+    return sizeof(struct fv_results);
+}
+
 static void close_files(struct fv_results *results)
 {
     for (int kind = 0; kind < KINDS; kind++)

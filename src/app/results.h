@@ -24,6 +24,9 @@ struct fv_results;
  * Init-only. */
 enum fovea_status fv_results_open(const char *detections_path, const char *tracks_path, struct fv_results **results, struct fovea_error *error);
 
+/* Bytes that open results take. */
+size_t fv_results_bytes(void);
+
 /* Hand over what a look found, and the tracks as of it. When the ring is full they are counted as lost. Loop thread, real-time
  * safe. */
 void fv_results_add(struct fv_results *results, const struct fovea_detections *detections, const struct fovea_tracks *tracks);
