@@ -19,6 +19,8 @@
 #include "common/own_network.h"
 #include "fovea/fovea.h"
 
+#include "fovea_features_t.h"
+
 #define URL "udpm://239.255.76.67:7667"
 
 #define IDLE_S "8" /* on a busy machine Python and the runtime take seconds to start */
@@ -63,10 +65,12 @@ static void expect(struct subscriber *subscriber, const char *name, const uint64
 {
     uint64_t got[CHANNELS] = {0};
     char line[256], suffix[64];
-    unsigned long long messages;
+    unsigned long long messages, malformed = 0;
     int status;
     while (fgets(line, sizeof line, subscriber->output) != NULL) {
         print_message("  %s: %s", name, line);
+        if (strncmp(line, "FEATURES ", 9) == 0 && sscanf(line, "%*[^m]messages, %*d bytes, frames %*d to %*d, %llu", &malformed) != 1)
+            malformed = 0;
         if (sscanf(line, "%63s %llu messages", suffix, &messages) == 2)
             for (int i = 0; i < CHANNELS; i++)
                 if (strcmp(suffix, suffixes[i]) == 0) got[i] = messages;
@@ -77,6 +81,7 @@ static void expect(struct subscriber *subscriber, const char *name, const uint64
         if (got[i] != sent[i])
             fail_msg("%s: %s: found %llu messages, expected %llu", name, suffixes[i],
                      (unsigned long long)got[i], (unsigned long long)sent[i]);
+    assert_int_equal(malformed, 1);
     assert_true(WIFEXITED(status) && WEXITSTATUS(status) == 0);
 }
 
@@ -129,6 +134,20 @@ static void run(struct fovea *rt, const struct fovea_config *config, struct fv_t
     }
 }
 
+/* The beginning of a message alone: a subscriber counts it as malformed and goes on. */
+static void publish_truncated(struct fv_transport *transport)
+{
+    uint8_t data[16];
+    fovea_features_t empty;
+    memset(&empty, 0, sizeof empty);
+    uint8_t whole[128];
+    assert_true(fovea_features_t_encode(whole, 0, sizeof whole, &empty) > (int)sizeof data);
+    memcpy(data, whole, sizeof data);
+    struct fovea_outputs outputs = {.message_count = 1};
+    outputs.messages[0] = (struct fovea_message){.channel = "FOVEA_FEATURES", .data = data, .bytes = sizeof data};
+    fv_transport_publish(transport, &outputs);
+}
+
 static void run_runtime(uint64_t sent[CHANNELS])
 {
     struct fovea_config config;
@@ -145,6 +164,7 @@ static void run_runtime(uint64_t sent[CHANNELS])
     void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, (bytes + 63) / 64 * 64);
     assert_int_equal(fovea_init(memory, bytes, &config, &rt, &error), FOVEA_OK);
     if (fv_transport_open(URL, 0, &transport, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    publish_truncated(transport);
     run(rt, &config, transport, sent);
     struct fv_transport_counts counts;
     fv_transport_counts(transport, &counts);

@@ -9,7 +9,9 @@
  * Nothing may be lost between the network and this program, so two buffers must be large enough:
  *  - the socket's: recv_buf_size in the URL; the kernel allows net.core.rmem_max (sysctl), often only 208
  * KiB, which holds about ten messages of 1,000 features;
- *  - LCM's queue of each subscription: 30 messages unless set. */
+ *  - LCM's queue of each subscription: 30 messages unless set.
+ * The decoders that lcm-gen makes hold lengths against the message, but a count above 2^28 overflows in them: listen
+ * where you trust those who send. */
 #include <inttypes.h>
 #include <signal.h>
 #include <stdbool.h>

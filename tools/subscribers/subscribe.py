@@ -8,6 +8,7 @@ slower, so both are large.
 import argparse
 import os
 import signal
+import struct
 import sys
 import time
 
@@ -36,10 +37,14 @@ STATES = ("starting", "tracking", "weak", "lost")
 SCALES = ("free", "camera_height", "odometry")
 
 
+def name_of(names, value):
+    return names[value] if 0 <= value < len(names) else "unknown"
+
+
 def tell_pose(m):
     unit = "units" if m.scale_source == m.SCALE_FREE else "m"
-    text = "%s, %s in %s: position %.3f %.3f %.3f %s, scale %s" % (STATES[m.state], m.child_frame, m.parent_frame,
-                                                                 *m.position, unit, SCALES[m.scale_source])
+    text = "%s, %s in %s: position %.3f %.3f %.3f %s, scale %s" % (name_of(STATES, m.state), m.child_frame, m.parent_frame,
+                                                                 *m.position, unit, name_of(SCALES, m.scale_source))
     if m.scale_source != m.SCALE_FREE:
         text += " to %.1f %%" % (100 * m.scale_sigma)
     return text + ", quality %.2f, %d inliers, reset %d" % (m.quality, m.inliers, m.reset_counter)
@@ -89,7 +94,7 @@ def on_message(name, data):
     kind, tell = TELL[suffix]
     try:
         message = kind.decode(data)
-    except (ValueError, TypeError, IndexError) as problem:
+    except (ValueError, TypeError, IndexError, OverflowError, MemoryError, struct.error) as problem:
         channels[suffix].malformed += 1
         print(f"{name}: {problem}", file=sys.stderr)
         return
