@@ -579,7 +579,9 @@ int fv_command_run(int argc, char **argv)
         status = run_loop(&run, &signals, &error);
         if (run.setup.ops != NULL) run.setup.ops->stop(run.setup.source);
     }
-    if (status == FOVEA_OK) status = fv_keeper_end(&run.keeper, &error);
+    /* Ended before the first frame, there is no map: one of an earlier run is kept. */
+    const bool no_map = atomic_load(&run.shared.stop) && run.loop.counts.processed == 0;
+    if (status == FOVEA_OK && !no_map) status = fv_keeper_end(&run.keeper, &error);
     if (status == FOVEA_OK)
         end = report_write(&run);
     else

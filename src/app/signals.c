@@ -3,16 +3,22 @@
 #include <pthread.h>
 #include <stdbool.h>
 #include <stddef.h>
+#include <unistd.h>
 
 static atomic_bool *stopping;
 static atomic_bool opened;
+static volatile sig_atomic_t first; /* the signal that came while things are opened */
 
 static void handle(int number)
 {
-    if (atomic_load(&opened)) {
+    const bool late = number == SIGALRM;
+    if (atomic_load(&opened) || (!late && !atomic_exchange(stopping, true))) {
         atomic_store(stopping, true);
+        first = number;
+        if (!atomic_load(&opened)) alarm(FV_SIGNALS_PATIENCE_S);
         return;
     }
+    number = late ? first : number;
     signal(number, SIG_DFL);
     raise(number);
 }
@@ -24,6 +30,7 @@ void fv_signals_prepare(atomic_bool *stop)
     stopping = stop;
     sigaction(SIGINT, &action, NULL);
     sigaction(SIGTERM, &action, NULL);
+    sigaction(SIGALRM, &action, NULL);
     signal(SIGPIPE, SIG_IGN);
     sigemptyset(&loop_ended);
     sigaddset(&loop_ended, SIGUSR1);
@@ -38,4 +45,5 @@ void fv_signals_block(sigset_t *set)
     sigaddset(set, SIGUSR1);
     pthread_sigmask(SIG_BLOCK, set, NULL);
     atomic_store(&opened, true);
+    alarm(0);
 }

@@ -1,6 +1,7 @@
 /* fovea run from end to end, each run in a process of its own: the simulated camera and every recording come
  * through to the end without a heap call of the loop and within their memory; the JSON and the picture are there; a
  * signal ends it. */
+#include <fcntl.h>
 #include <setjmp.h>
 #include <signal.h>
 #include <stdarg.h>
@@ -19,6 +20,7 @@
 
 #include "app/command.h"
 #include "app/heap.h"
+#include "common/datasets.h"
 #include "fovea/yaml_tree.h"
 
 /* Of the whole process. */
@@ -196,6 +198,43 @@ static void test_signals_end_cleanly(void **state)
     }
 }
 
+/* While things are opened, here the calibration: that goes on, no frame comes any more, all that was asked for is written, and
+ * a map of an earlier run is not replaced by one of nothing. */
+static void test_signals_before_the_first_frame(void **state)
+{
+    static const char calibration[] = "image_width: 96\nimage_height: 64\ndistortion_model: plumb_bob\nD: []\n"
+                                      "K: [80, 0, 48, 0, 81, 32, 0, 0, 1]\n";
+    const int signals[] = {SIGINT, SIGTERM};
+    char map[64], pipe[64], images[FV_TEST_PATH_BYTES], source[FV_TEST_PATH_BYTES + 16], text[16] = "";
+    const char *const options[] = {"--save-map", map, "--camera", pipe, NULL};
+    (void)state;
+    snprintf(images, sizeof images, "%s", fv_test_images(folder));
+    snprintf(source, sizeof source, "images:%s", images);
+    snprintf(map, sizeof map, "%s/earlier.map", folder);
+    snprintf(pipe, sizeof pipe, "%s/pipe", folder);
+    assert_int_equal(mkfifo(pipe, 0600), 0);
+    fv_test_write_text(map, "earlier");
+    for (int i = 0; i < 2; i++) {
+        pid_t child = begin(source, options);
+        const int end_of_it = open(pipe, O_WRONLY); /* waits until the program reads it */
+        assert_true(end_of_it >= 0);
+        kill(child, signals[i]);
+        usleep(100000);
+        assert_int_equal(write(end_of_it, calibration, sizeof calibration - 1), sizeof calibration - 1);
+        close(end_of_it);
+        assert_int_equal(end(child), FV_EXIT_OK);
+        struct fovea_yaml_tree *tree = stats_read();
+        assert_int_equal(value(tree, "frames", "processed"), 0);
+        fovea_yaml_free(tree);
+    }
+    FILE *file = fopen(map, "r");
+    assert_true(file != NULL && fgets(text, sizeof text, file) != NULL && fclose(file) == 0);
+    assert_string_equal(text, "earlier");
+    unlink(map);
+    unlink(pipe);
+    fv_test_folder_remove(images);
+}
+
 /* While the program still waits for a file to be opened, as on a network that is gone. */
 static void test_signals_end_the_set_up(void **state)
 {
@@ -261,6 +300,7 @@ int main(void)
         cmocka_unit_test(test_largest_map),
         cmocka_unit_test(test_recordings),
         cmocka_unit_test(test_signals_end_cleanly),
+        cmocka_unit_test(test_signals_before_the_first_frame),
         cmocka_unit_test(test_signals_end_the_set_up),
         cmocka_unit_test(test_unwritable_results_fail),
     };
