@@ -360,10 +360,6 @@ static enum fovea_status check_all(struct check *check, struct fovea_error *erro
     struct fovea_config *config = &check->settings.runtime;
     struct fovea_error lock = {0};
     enum fovea_status status = fv_setup_settings(&check->options, &check->settings, error);
-    if (status == FOVEA_OK && check->settings.lcm_url[0] != '\0') {
-        status = fv_transport_url_check(check->settings.lcm_url, error);
-        if (status != FOVEA_OK) fv_settings_locate(&check->settings, error);
-    }
     if (status != FOVEA_OK) return status;
     size_t before = heap_bytes();
     status = fv_setup_open(&check->settings, &selection, &check->setup, error);

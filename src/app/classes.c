@@ -62,6 +62,31 @@ static enum fovea_status refuse(const char *key, const char *entry, const char *
                            fovea_text_quote(entry, quoted, sizeof quoted), expected);
 }
 
+static const char height_expected[] = "class:metres, up to 100";
+
+/* "class:metres", of which the class stays in `entry`. */
+static bool take_height(char *entry, double *height)
+{
+    char *colon = strrchr(entry, ':');
+    if (colon == NULL || colon == entry || !fovea_text_number(colon + 1, height) || !(*height > 0 && *height <= 100))
+        return false;
+    *colon = '\0';
+    return true;
+}
+
+enum fovea_status fv_classes_check(const struct fv_settings *settings, struct fovea_error *error)
+{
+    char entry[ENTRY_BYTES];
+    double number;
+    for (const char *list = settings->movable; next(&list, entry);)
+        if (fovea_text_number(entry, &number) &&
+            !(number >= 0 && number < FOVEA_TRACK_CLASSES_MAX && number == (double)(int32_t)number))
+            return refuse("track.movable", entry, "auto, labels or numbers from 0 to 127", error);
+    for (const char *list = settings->heights; next(&list, entry);)
+        if (!take_height(entry, &number)) return refuse("track.heights", entry, height_expected, error);
+    return FOVEA_OK;
+}
+
 enum fovea_status fv_classes_resolve(struct fv_settings *settings, const struct fv_model *model,
                                      struct fovea_error *error)
 {
@@ -77,11 +102,8 @@ enum fovea_status fv_classes_resolve(struct fv_settings *settings, const struct 
             return refuse("track.movable", entry, "auto, labels or numbers of the network's classes", error);
     }
     for (const char *list = settings->heights; next(&list, entry);) {
-        char *colon = strrchr(entry, ':');
         double height;
-        if (colon == NULL || !fovea_text_number(colon + 1, &height) || !(height > 0 && height <= 100))
-            return refuse("track.heights", entry, "class:metres, up to 100", error);
-        *colon = '\0';
+        if (!take_height(entry, &height)) return refuse("track.heights", entry, height_expected, error);
         const int32_t c = class_of(model, entry);
         if (c < 0) return refuse("track.heights", entry, "a label or number of the network's classes", error);
         track->height_m[c] = (float)height;

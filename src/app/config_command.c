@@ -5,6 +5,7 @@
 #include "app/settings.h"
 #include "app/options.h"
 #include "app/say.h"
+#include "fovea/source.h"
 
 int fv_command_config(int argc, char **argv)
 {
@@ -29,6 +30,12 @@ int fv_command_config(int argc, char **argv)
         if (fv_settings_set(&settings, sets.values[i], &error) != FOVEA_OK)
             return fv_say_wrong("%s", error.text);
     if (fv_settings_check(&settings, &error) != FOVEA_OK) return fv_say_wrong("%s", error.text);
+    const struct fovea_source_ops *ops;
+    const char *address;
+    if (fovea_source_find(settings.source, &ops, &address, &error) != FOVEA_OK) {
+        fv_settings_blame(&settings, "source", &error);
+        return fv_say_wrong("%s", error.text);
+    }
     if (file != NULL)
         printf("%s: fine\n", file);
     else

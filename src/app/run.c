@@ -223,9 +223,6 @@ static enum fovea_status settings_read(struct run *run, struct fovea_error *erro
 {
     enum fovea_status status = fv_setup_settings(&run->options, &run->settings, error);
     if (status != FOVEA_OK) return status;
-    if (run->settings.lcm_url[0] != '\0' &&
-        (status = fv_transport_url_check(run->settings.lcm_url, error)) != FOVEA_OK)
-        return (fv_settings_locate(&run->settings, error), status);
     const char *address = strchr(run->settings.source, ':');
     char log[FV_TRANSPORT_URL_BYTES];
     struct fv_file written[WRITTEN_MAX];
@@ -242,8 +239,9 @@ static enum fovea_status settings_read(struct run *run, struct fovea_error *erro
     const struct fv_file map[] = {{"--map", run->settings.map_load}, {0}};
     status = fv_files_apart(written, read, error);
     if (status == FOVEA_OK) status = fv_files_apart(written + 1, map, error); /* a map may be saved again */
-    if (status == FOVEA_OK && run->settings.map_save[0] != '\0')
-        status = fv_map_file_probe(run->settings.map_save, error);
+    if (status != FOVEA_OK || run->settings.map_save[0] == '\0') return status;
+    status = fv_map_file_probe(run->settings.map_save, error);
+    if (status != FOVEA_OK) fv_settings_blame(&run->settings, "map.save", error);
     return status;
 }
 

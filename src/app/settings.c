@@ -3,6 +3,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "app/classes.h"
+#include "app/transport_url.h"
 #include "app/utf8.h"
 #include "fovea/yaml_tree.h"
 #include "runtime/config.h"
@@ -142,9 +144,12 @@ static enum fovea_status take_key(const struct reading *r, const struct fovea_ya
 {
     const struct fv_settings_key *key = key_find(name);
     if (key == NULL) return unknown(r, node, name);
+    uint32_t *line = &r->settings->line[key - fv_settings_keys];
+    if (!r->from_set && *line != 0) /* once in its section and once as section.key */
+        return fovea_error_set(r->error, FOVEA_ERROR_INPUT, "%s:%u: %s: found it again (first on line %u), expected each key once",
+                               r->tree->file, node->line, name, *line);
     enum fovea_status status = take(r, key, node);
-    if (status == FOVEA_OK)
-        r->settings->line[key - fv_settings_keys] = r->from_set ? FV_SETTINGS_SET : node->line;
+    if (status == FOVEA_OK) *line = r->from_set ? FV_SETTINGS_SET : node->line;
     return status;
 }
 
@@ -160,7 +165,8 @@ static enum fovea_status take_tree(const struct reading *r)
             if (status != FOVEA_OK) return status;
             continue;
         }
-        bool empty = node->kind == FOVEA_YAML_SCALAR && !node->quoted && node->value[0] == '\0';
+        bool empty = node->kind == FOVEA_YAML_SCALAR && !node->quoted &&
+                     (node->value[0] == '\0' || strcmp(node->value, "~") == 0 || strcmp(node->value, "null") == 0);
         if (node->kind != FOVEA_YAML_MAPPING && !empty)
             return fovea_yaml_refuse(r->tree, node, "a section with keys in it", r->error);
         for (const struct fovea_yaml_node *child = node->first; child != NULL; child = child->next) {
@@ -180,6 +186,7 @@ enum fovea_status fv_settings_parse(struct fv_settings *settings, const char *na
     enum fovea_status status = fovea_yaml_parse(name, text, bytes, &tree, error);
     if (status != FOVEA_OK) return status;
     snprintf(settings->file, sizeof settings->file, "%s", name);
+    memset(settings->line, 0, sizeof settings->line);
     struct reading reading = {settings, tree, error, false};
     status = take_tree(&reading);
     fovea_yaml_free(tree);
@@ -207,6 +214,17 @@ static enum fovea_status set_refuse(const char *key, const char *found, const ch
                            fovea_text_quote(found, quoted, sizeof quoted), expected);
 }
 
+/* "1, seed: 2" is more than a value. */
+static bool one_value(const struct fovea_yaml_tree *tree, bool in_section)
+{
+    const struct fovea_yaml_node *value = tree->root;
+    for (int level = 0; level <= (int)in_section; level++) {
+        if (value->kind != FOVEA_YAML_MAPPING || value->count != 1) return false;
+        value = value->first;
+    }
+    return true;
+}
+
 /* The line number of a text that has but one line says nothing: "--set:1: key" becomes "--set: key". */
 static void drop_line(struct fovea_error *error)
 {
@@ -229,12 +247,12 @@ static enum fovea_status set_parsed(struct fv_settings *settings, const char *na
                                        name + section + 1, value)
                             : snprintf(text, sizeof text, "{%s: %s}", name, value);
     struct fovea_yaml_tree *tree;
-    enum fovea_status status = fovea_yaml_parse("--set", text, (size_t)bytes, &tree, error);
-    if (status == FOVEA_OK) {
-        struct reading reading = {settings, tree, error, true};
-        status = take_tree(&reading);
-        fovea_yaml_free(tree);
-    }
+    if (fovea_yaml_parse("--set", text, (size_t)bytes, &tree, NULL) != FOVEA_OK)
+        return set_refuse(name, value, "one value", error);
+    struct reading reading = {settings, tree, error, true};
+    const bool one = one_value(tree, section > 0);
+    enum fovea_status status = one ? take_tree(&reading) : set_refuse(name, value, "one value", error);
+    fovea_yaml_free(tree);
     drop_line(error);
     return status;
 }
@@ -311,6 +329,8 @@ enum fovea_status fv_settings_check(const struct fv_settings *settings, struct f
     }
     const bool load = settings->map_load[0] != '\0', save = settings->map_save[0] != '\0';
     enum fovea_status status = fv_config_check(&runtime, error);
+    if (status == FOVEA_OK && settings->lcm_url[0] != '\0') status = fv_transport_url_check(settings->lcm_url, error);
+    if (status == FOVEA_OK) status = fv_classes_check(settings, error);
     if (status == FOVEA_OK && !runtime.odometry.enabled && (load || save))
         status = fovea_error_set(error, FOVEA_ERROR_INPUT,
                                  "map.%s: found '%.200s' without odometry, expected odometry.enabled true",

@@ -106,9 +106,12 @@ static enum fovea_status map_read(struct fv_settings *settings, struct fv_setup 
     enum fovea_status status = FOVEA_OK;
     if (settings->map_load[0] != '\0')
         status = fv_map_file_read(settings->map_load, &setup->map, &config->map_bytes, error);
-    else if (config->odometry.localise_only)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "map.localise_only: found true without a map, expected map.load to name one");
+    else if (config->odometry.localise_only) {
+        fovea_error_set(error, FOVEA_ERROR_INPUT,
+                        "map.localise_only: found true without a map, expected map.load to name one");
+        fv_settings_locate(settings, error);
+        return FOVEA_ERROR_INPUT;
+    }
     if (status != FOVEA_OK) fv_settings_blame(settings, "map.load", error);
     config->map = setup->map;
     config->map_name = settings->map_load;

@@ -46,8 +46,8 @@ static enum fovea_status check_ranges(const struct range *ranges, size_t count, 
 {
     for (size_t i = 0; i < count; i++) {
         if (ranges[i].value < ranges[i].low || ranges[i].value > ranges[i].high) {
-            return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "%s: found %llu, expected %llu to %llu", ranges[i].name,
-                                   (unsigned long long)ranges[i].value, (unsigned long long)ranges[i].low,
+            return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "%s: found %lld, expected %llu to %llu", ranges[i].name,
+                                   (long long)ranges[i].value, /* of signed members too */ (unsigned long long)ranges[i].low,
                                    (unsigned long long)ranges[i].high);
         }
     }
@@ -57,7 +57,8 @@ static enum fovea_status check_ranges(const struct range *ranges, size_t count, 
 static enum fovea_status check_prefix(const char prefix[32], struct fovea_error *error)
 {
     if (memchr(prefix, 0, 32) == NULL || prefix[0] == 0) {
-        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "channel_prefix: expected 1 to 31 bytes");
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "channel_prefix: found '%.31s'%s, expected 1 to 31 bytes", prefix,
+                               prefix[0] != 0 ? " and more" : "");
     }
     for (const char *c = prefix; *c != 0; c++) {
         const bool alphanumeric = (*c >= 'a' && *c <= 'z') || (*c >= 'A' && *c <= 'Z') || (*c >= '0' && *c <= '9');
@@ -75,7 +76,8 @@ static enum fovea_status check_transform(const double T[12], struct fovea_error 
 {
     for (int i = 0; i < 12; i++) {
         if (!(T[i] > -1e6 && T[i] < 1e6)) {
-            return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "T_base_cam: element %d is not a finite number", i);
+            return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "T_base_cam: found %g as element %d, expected -1e+06 to 1e+06",
+                                   T[i], i);
         }
     }
     for (int a = 0; a < 3; a++) {
@@ -84,7 +86,8 @@ static enum fovea_status check_transform(const double T[12], struct fovea_error 
             const double off = dot - (a == b ? 1.0 : 0.0);
             if (off > 1e-3 || off < -1e-3) {
                 return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                                       "T_base_cam: rows %d and %d of its rotation are not orthonormal", a, b);
+                                       "T_base_cam: found %g as product of rows %d and %d of its rotation, expected %d: orthonormal rows",
+                                       dot, a, b, a == b);
             }
         }
     }

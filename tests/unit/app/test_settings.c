@@ -133,6 +133,8 @@ static void test_wrong_files(void **state)
         {"seed: 1\n  bad: [\n", {"robot.yaml:2:"}},
         {"- 1\n- 2\n", {"robot.yaml:1:", "list"}},
         {"seed: *x\n", {"robot.yaml:1:", "alias"}},
+        {"features.count_max: 500\nfeatures:\n  count_max: 600\n",
+         {"robot.yaml:3:", "features.count_max", "again (first on line 1)", "once"}},
     };
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
         assert_int_equal(parse(cases[i].text), FOVEA_ERROR_INPUT);
@@ -156,6 +158,12 @@ static void test_wrong_together(void **state)
         {"channel_prefix: \"a b\"\n", {"robot.yaml:1:", "channel_prefix"}},
         {"T_base_cam: [2,0,0,0,0,1,0,0,0,0,1,0]\n", {"robot.yaml:1:", "T_base_cam", "orthonormal"}},
         {"T_base_cam: [-1,0,0,0,0,1,0,0,0,0,1,0]\n", {"robot.yaml:1:", "T_base_cam", "reflection"}},
+        {"T_base_cam: [1,0,0,1e7,0,1,0,0,0,0,1,0]\n", {"robot.yaml:1:", "T_base_cam", "found 1e+07", "-1e+06 to 1e+06"}},
+        {"channel_prefix: ''\n", {"robot.yaml:1:", "channel_prefix", "found ''", "1 to 31 bytes"}},
+        {"lcm_url: http://here\n", {"robot.yaml:1:", "lcm_url", "http://here", "udpm://"}},
+        {"seed: 1\ntrack:\n  heights: person\n", {"robot.yaml:3:", "track.heights", "'person'", "class:metres"}},
+        {"track:\n  heights: person:1.7 ball:0\n", {"robot.yaml:2:", "track.heights", "'ball:0'", "class:metres"}},
+        {"track:\n  movable: 128\n", {"robot.yaml:2:", "track.movable", "'128'", "127"}},
     };
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
         assert_int_equal(parse(cases[i].text), FOVEA_OK);
@@ -177,7 +185,11 @@ static void test_wrong_assignments(void **state)
         {"features.count_max=", {"--set: ", "features.count_max", "whole number"}},
         {"features.count_max=5", {"--set: features.count_max: found '5'", "[100, 4000]"}},
         {"seed=1\nlcm_ttl: 5", {"--set: seed", "one line"}},
-        {"seed=1}, {a: b", {"--set:"}},
+        {"seed=1}, {a: b", {"--set: seed", "'1}, {a: b'", "one value"}},
+        {"seed=1, lcm_ttl: 3", {"--set: seed", "'1, lcm_ttl: 3'", "one value"}},
+        {"features.count_max=500, threshold: 30", {"--set: features.count_max", "one value"}},
+        {"features.count_max=500}, seed: 3, loop: {cpu: 1", {"--set: features.count_max", "one value"}},
+        {"T_base_cam=[1, 2", {"--set: T_base_cam", "'[1, 2'", "one value"}},
         {"source=\xff\xfe", {"--set: source", "UTF-8"}},
         {"mask=\xc0\x80", {"--set: mask", "UTF-8"}},
         {"loop.cpu=0x1", {"--set: loop.cpu", "'0x1'"}},

@@ -191,6 +191,10 @@ static const char *const wrong_arguments[][2] = {
     {"fovea config --check", "--check|value missing"},
     {"fovea config --check @/none.yaml", "@/none.yaml"},
     {"fovea config extra", "'extra'"},
+    {"fovea config --set lcm_url=udpm://1.2.3.4:7667", "lcm_url|1.2.3.4"},
+    {"fovea config --check @/source.yaml", "@/source.yaml:2: source: |'nothing'|sim:"},
+    {"fovea run --config @/save.yaml", "@/save.yaml:2: map.save: |/none/run.map"},
+    {"fovea run --config @/only.yaml --picture none", "@/only.yaml:2: map.localise_only: |map.load"},
     {"fovea config --set T_base_cam=[1,2]", "T_base_cam|12 numbers"},
     {"fovea run --source sim: --set odometry.enabled=false --save-map @/no.map", "map.save|@/no.map|odometry.enabled"},
     {"fovea run --source sim: --set odometry.enabled=false --map @/no.map", "map.load|@/no.map|odometry.enabled"},
@@ -211,10 +215,15 @@ static const char *const wrong_arguments[][2] = {
 static void test_arguments(void **state)
 {
     (void)state;
-    static const char camera[] = "seed: 1\ncamera: /none/cam.yaml\n", record[] = "record: /none/run.lcm\nlcm_url: ''\n";
+    static const char camera[] = "seed: 1\ncamera: /none/cam.yaml\n", record[] = "record: /none/run.lcm\nlcm_url: ''\n",
+                      source[] = "seed: 1\nsource: nothing\n", save[] = "map:\n  save: /none/run.map\n",
+                      only[] = "map:\n  localise_only: true\n";
     file_write("text.yaml", "seed: 1\n", 8);
     file_write("camera.yaml", camera, sizeof camera - 1);
     file_write("record.yaml", record, sizeof record - 1);
+    file_write("source.yaml", source, sizeof source - 1);
+    file_write("save.yaml", save, sizeof save - 1);
+    file_write("only.yaml", only, sizeof only - 1);
     for (size_t i = 0; i < sizeof wrong_arguments / sizeof wrong_arguments[0]; i++)
         assert_refused(wrong_arguments[i][0], wrong_arguments[i][1]);
 }
@@ -489,7 +498,7 @@ static int folder_make(void **state)
 static int folder_remove(void **state)
 {
     const char *const names[] = {"text.yaml",    "camera.yaml", "record.yaml", "value.yaml", "key.yaml",
-                                       "mutated.yaml", "cam.yaml",    "kept",        "link"};
+                                       "mutated.yaml", "cam.yaml",    "kept",        "link",      "source.yaml", "save.yaml", "only.yaml"};
     (void)state;
     for (size_t i = 0; i < sizeof names / sizeof names[0]; i++) {
         char path[256];
