@@ -45,8 +45,10 @@ static void range_write(const struct fv_settings_key *key, char *range, size_t b
         if (used < bytes) snprintf(range + used, bytes - used, "]");
         return;
     case FV_SETTINGS_TEXT:
+        snprintf(range, bytes, "[%s, at most %" PRId64 " bytes]", unit[0] != '\0' ? unit : "text", key->max);
+        return;
     case FV_SETTINGS_TRANSFORM:
-        snprintf(range, bytes, "[%s]", unit[0] != '\0' ? unit : "text");
+        snprintf(range, bytes, "[R: a rotation; t: %" PRId64 " to %" PRId64 "%s%s]", key->min, key->max, space, unit);
         return;
     }
 }
