@@ -372,12 +372,10 @@ static void complaints(struct run *run)
 static void status_line(struct run *run, uint64_t frames_before, double seconds)
 {
     uint64_t frames = atomic_load(&run->shared.frames), dropped = atomic_load(&run->shared.dropped);
-    fprintf(stderr,
-            "\r  frame %" PRIu64 "  %.1f Hz  step %.2f ms  %" PRIu64 " corners  %" PRIu64
-            " dropped  %.1f MiB \033[K",
-            frames, (double)(frames - frames_before) / seconds,
-            (double)atomic_load(&run->shared.step_ns) * 1e-6, atomic_load(&run->shared.features), dropped,
-            (double)atomic_load(&run->shared.resident_bytes) / 1048576.0);
+    fv_say_status("  frame %" PRIu64 "  %.1f Hz  step %.2f ms  %" PRIu64 " corners  %" PRIu64 " dropped  %.1f MiB ",
+                  frames, (double)(frames - frames_before) / seconds,
+                  (double)atomic_load(&run->shared.step_ns) * 1e-6, atomic_load(&run->shared.features), dropped,
+                  (double)atomic_load(&run->shared.resident_bytes) / 1048576.0);
 }
 
 /* Until the loop has ended: signals, the terminal, what the process looks like. */
@@ -405,7 +403,7 @@ static void watch(struct run *run, const sigset_t *signals)
         frames_before = atomic_load(&run->shared.frames);
         wall_before = wall;
     }
-    if (terminal) fprintf(stderr, "\r\033[K");
+    if (terminal) fv_say_status("%s", "");
     complaints(run);
 }
 

@@ -2,8 +2,20 @@
 
 #include <errno.h>
 #include <stdarg.h>
+#include <stdatomic.h>
+#include <stdbool.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
+
+static atomic_bool status_shown;
+
+/* Makes the status's line empty where there is one. */
+static const char *clear(bool shown_after)
+{
+    return atomic_exchange(&status_shown, shown_after) || shown_after ? "\r\033[K" : "";
+}
 
 static void say(const char *format, va_list arguments)
 {
@@ -11,7 +23,20 @@ static void say(const char *format, va_list arguments)
     vsnprintf(line, sizeof line, format, arguments);
     for (char *byte = line; *byte != '\0'; byte++)
         if ((unsigned char)*byte < 0x20 || *byte == 0x7f) *byte = '?';
-    fprintf(stderr, "%s\n", line);
+    fprintf(stderr, "%s%s\n", clear(false), line);
+}
+
+void fv_say_status(const char *format, ...)
+{
+    char line[1024];
+    struct winsize size;
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(line, sizeof line, format, arguments);
+    va_end(arguments);
+    size_t columns = ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80;
+    if (strlen(line) >= columns && columns < sizeof line) line[columns - 1] = '\0';
+    fprintf(stderr, "%s%s", clear(line[0] != '\0'), line);
 }
 
 void fv_say(const char *format, ...)

@@ -15,6 +15,9 @@ void fv_say(const char *format, ...) FV_SAY_FORMAT;
 /* The same, returning the exit status to leave with. */
 enum fv_exit fv_say_wrong(const char *format, ...) FV_SAY_FORMAT;  /* FV_EXIT_WRONG */
 enum fv_exit fv_say_failed(const char *format, ...) FV_SAY_FORMAT; /* FV_EXIT_FAILED */
+/* What a terminal shows while a command works: written over by the next one, and gone when a line is said or
+ * the text is empty. Cut to the terminal's width. */
+void fv_say_status(const char *format, ...) FV_SAY_FORMAT;
 /* For the end of a command: FV_EXIT_OK when all that it printed on stdout could be written, else told and
  * FV_EXIT_FAILED. */
 enum fv_exit fv_say_unwritten(void);

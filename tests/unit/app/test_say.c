@@ -1,0 +1,90 @@
+/* Lines to people: one each, and none of them on the line of the status. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "app/say.h"
+
+static char text[4096];
+
+/* What `say` puts on standard error. */
+static const char *said(void (*say)(void))
+{
+    FILE *file = tmpfile();
+    assert_non_null(file);
+    fflush(stderr);
+    const int kept = dup(STDERR_FILENO);
+    dup2(fileno(file), STDERR_FILENO);
+    say();
+    fflush(stderr);
+    dup2(kept, STDERR_FILENO);
+    close(kept);
+    rewind(file);
+    text[fread(text, 1, sizeof text - 1, file)] = '\0';
+    fclose(file);
+    return text;
+}
+
+static void lines(void)
+{
+    fv_say("a %d", 1);
+    assert_int_equal(fv_say_wrong("b\nc\x1b[2J"), FV_EXIT_WRONG);
+    assert_int_equal(fv_say_failed("%s", "d"), FV_EXIT_FAILED);
+}
+
+static void test_lines(void **state)
+{
+    (void)state;
+    assert_string_equal(said(lines), "a 1\nb?c?[2J\nd\n");
+}
+
+static void over_status(void)
+{
+    fv_say_status("frame %d", 7);
+    fv_say_status("frame %d", 8);
+    fv_say("x.png: not there");
+    fv_say("y.png: not there");
+    fv_say_status("frame %d", 9);
+    fv_say_status("%s", "");
+    fv_say("end");
+}
+
+static void test_no_line_on_the_status(void **state)
+{
+    (void)state;
+    assert_string_equal(said(over_status),
+                        "\r\033[Kframe 7\r\033[Kframe 8\r\033[Kx.png: not there\ny.png: not there\n"
+                        "\r\033[Kframe 9\r\033[Kend\n");
+}
+
+static void long_status(void)
+{
+    char word[2000];
+    memset(word, 'w', sizeof word - 1);
+    word[sizeof word - 1] = '\0';
+    fv_say_status("%s", word);
+}
+
+/* Narrower than the terminal, which would begin a new line; where there is none, 80 columns. */
+static void test_status_is_cut(void **state)
+{
+    (void)state;
+    assert_int_equal(strlen(said(long_status)), strlen("\r\033[K") + 79);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_lines),
+        cmocka_unit_test(test_no_line_on_the_status),
+        cmocka_unit_test(test_status_is_cut),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
