@@ -242,6 +242,10 @@ static void test_signals_end_the_set_up(void **state)
     char pipe[64];
     const char *const waiting[] = {"--camera", pipe, NULL};
     (void)state;
+#ifdef __SANITIZE_THREAD__ /* it hands signals on between calls only, and this one does not return */
+    print_message("SKIPPED signals while a file is opened: ThreadSanitizer keeps them until that is done\n");
+    skip();
+#endif
     snprintf(pipe, sizeof pipe, "%s/pipe", folder);
     assert_int_equal(mkfifo(pipe, 0600), 0);
     for (int i = 0; i < 2; i++) {
