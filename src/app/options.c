@@ -25,13 +25,14 @@ static enum fv_options_result unknown(const struct fv_option *options, const cha
 {
     char name[64];
     if (strncmp(argument, "--", 2) == 0) argument += 2;
+    const size_t dash = argument[0] == '-'; /* "-frames" for "--frames" */
     size_t length = strcspn(argument, "=");
     snprintf(name, sizeof name, "%.*s", (int)(length < 63 ? length : 63), argument);
     const char *names[FV_OPTIONS_MAX];
     size_t count = 0;
     for (; options[count].name != NULL && count < FV_OPTIONS_MAX; count++)
         names[count] = options[count].name;
-    const char *nearest = fovea_text_nearest(name, names, count);
+    const char *nearest = fovea_text_nearest(name + dash, names, count);
     fv_say("fovea %s: unknown option '%s%s'%s%s%s ('fovea %s --help' lists all)", command,
            argument[0] == '-' ? "" : "--", name, nearest ? ", nearest is '--" : "", nearest ? nearest : "",
            nearest ? "'" : "", command);
@@ -116,6 +117,9 @@ enum fv_options_result fv_options_parse(const struct fv_option *options, const c
         int code = getopt_long(argc, argv, ":", table, NULL);
         if (code == -1) break;
         const char *argument = optind > 0 && optind <= argc ? argv[optind - 1] : "";
+        /* Of "-frames" getopt_long has read the "f", and stays at the word. */
+        const bool single = code == '?' && optopt > 0 && optopt < CODE_HELP;
+        if (single && (argument[0] != '-' || argument[1] != optopt) && optind < argc) argument = argv[optind];
         if (code == CODE_HELP) {
             help_print(options, command, operands);
             return FV_OPTIONS_HELP;

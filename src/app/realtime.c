@@ -2,6 +2,7 @@
 
 #include <errno.h>
 #include <sched.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
@@ -57,27 +58,37 @@ static enum fovea_status start(pthread_t *thread, uint32_t priority, int32_t cpu
     return *failure == 0 ? FOVEA_OK : FOVEA_ERROR_SYSTEM;
 }
 
+static void say_why(struct fv_realtime_rights *rights, uint32_t priority, int32_t cpu)
+{
+    char no_fifo[96] = "", not_bound[96] = "";
+    if (priority > 0 && !rights->fifo)
+        snprintf(no_fifo, sizeof no_fifo,
+                 "no SCHED_FIFO: not permitted; 'ulimit -r %u' or CAP_SYS_NICE would permit it", (unsigned)priority);
+    if (cpu >= 0 && !rights->bound)
+        snprintf(not_bound, sizeof not_bound, "not bound to processor %d: there is no such one", (int)cpu);
+    if (no_fifo[0] != '\0' || not_bound[0] != '\0')
+        fovea_error_set(&rights->why, FOVEA_OK, "%s%s%s", not_bound, not_bound[0] != '\0' && no_fifo[0] != '\0' ? "; " : "",
+                        no_fifo);
+}
+
 enum fovea_status fv_realtime_start(pthread_t *thread, uint32_t priority, int32_t cpu, void *(*body)(void *),
                                     void *argument, struct fv_realtime_rights *rights,
                                     struct fovea_error *error)
 {
-    int failure;
+    int failure = 0;
     *rights = (struct fv_realtime_rights){.fifo = priority > 0, .bound = cpu >= 0};
-    if (start(thread, priority, cpu, body, argument, &failure) == FOVEA_OK) return FOVEA_OK;
-    if (failure == EPERM && priority > 0) {
-        fovea_error_set(&rights->why, FOVEA_OK,
-                        "no SCHED_FIFO: not permitted; 'ulimit -r %u' or CAP_SYS_NICE would permit it",
-                        (unsigned)priority);
-        rights->fifo = false;
-        if (start(thread, 0, cpu, body, argument, &failure) == FOVEA_OK) return FOVEA_OK;
-    }
-    if (failure == EINVAL && cpu >= 0) {
-        fovea_error_set(&rights->why, FOVEA_OK, "not bound to processor %d: there is no such one%s%s",
-                        (int)cpu, rights->why.text[0] != '\0' ? "; " : "",
-                        rights->why.text[0] != '\0' ? "no SCHED_FIFO" : "");
-        rights->bound = false;
-        if (start(thread, rights->fifo ? priority : 0, -1, body, argument, &failure) == FOVEA_OK)
+    /* What is not permitted and what is not there are gone without, one after the other. */
+    for (int tries = 0; tries < 3; tries++) {
+        if (start(thread, rights->fifo ? priority : 0, rights->bound ? cpu : -1, body, argument, &failure) == FOVEA_OK) {
+            say_why(rights, priority, cpu);
             return FOVEA_OK;
+        }
+        if (failure == EPERM && rights->fifo)
+            rights->fifo = false;
+        else if (failure == EINVAL && rights->bound)
+            rights->bound = false;
+        else
+            break;
     }
     return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "the loop's thread could not be started: %s",
                            strerror(failure));

@@ -1,11 +1,13 @@
 /* `fovea check` says everything that it can, whatever is missing. Each run is a process of its own. */
 #include <setjmp.h>
 #include <stdarg.h>
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -16,6 +18,7 @@
 enum { TEXT_MAX = 1 << 15, ARGUMENTS_MAX = 16, SECONDS_MAX = 60 };
 
 static char out[TEXT_MAX], err[TEXT_MAX];
+static bool as_nobody; /* the next check runs without any right */
 static char camera[] = "/tmp/fovea_check_XXXXXX";
 
 static FILE *capture(void)
@@ -48,6 +51,9 @@ static int check(const char *command)
         alarm(SECONDS_MAX);
         dup2(fileno(files[0]), STDOUT_FILENO);
         dup2(fileno(files[1]), STDERR_FILENO);
+        if (as_nobody && (setrlimit(RLIMIT_RTPRIO, &(struct rlimit){0, 0}) != 0 ||
+                          setrlimit(RLIMIT_MEMLOCK, &(struct rlimit){65536, 65536}) != 0 || (geteuid() == 0 && setuid(65534) != 0)))
+            _exit(99);
         exit(fv_dispatch(argc, argv));
     }
     waitpid(child, &status, 0);
@@ -147,6 +153,24 @@ static void test_kernels(void **state)
     unsetenv("FOVEA_CPU");
 }
 
+static void test_without_rights(void **state)
+{
+    (void)state;
+    as_nobody = true;
+    assert_int_equal(check("fovea check --source sim:still --set lcm_url="), 0);
+    assert_tells(out, "\nwarning  scheduling   no SCHED_FIFO: not permitted; 'ulimit -r 40' or CAP_SYS_NICE would permit it");
+    assert_tells(out, "\nwarning  memory lock  memory is not locked: ");
+    /* One thing missing must not hide the other. */
+    assert_int_equal(check("fovea check --source sim:still --set lcm_url= --set loop.cpu=1000"), 0);
+    assert_tells(out, "\nwarning  scheduling   ");
+    assert_tells(out, "no SCHED_FIFO: not permitted");
+    assert_tells(out, "not bound to processor 1000");
+    assert_int_equal(check("fovea run --source sim:still --set lcm_url= --set loop.cpu=1000 --frames 1 --picture none --quiet"), 0);
+    assert_tells(err, "no SCHED_FIFO: not permitted");
+    assert_tells(err, "not bound to processor 1000");
+    as_nobody = false;
+}
+
 static int camera_make(void **state)
 {
     static const char text[] = "image_width: 752\nimage_height: 480\nK: [458, 0, 367, 0, 457, 248, 0, 0, 1]\nD: [-0.28, 0.07, 0, 0]\n";
@@ -172,6 +196,7 @@ int main(void)
         cmocka_unit_test(test_without_the_camera),
         cmocka_unit_test(test_without_the_camera_with_a_network),
         cmocka_unit_test(test_kernels),
+        cmocka_unit_test(test_without_rights),
     };
     return cmocka_run_group_tests(tests, camera_make, camera_remove);
 }
