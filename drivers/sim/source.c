@@ -95,6 +95,21 @@ static bool allocate(struct fovea_source *source)
     return fine;
 }
 
+/* A stamp holds 292 years. Where no number of frames is asked for, the first two must have one: nobody waits
+ * for more. */
+static enum fovea_status check_time(const struct fovea_source *source, struct fovea_error *error)
+{
+    static const double seconds_max = 9e9;
+    const struct fovea_source_selection *s = &source->selection;
+    const bool all_told = s->frames > 0 || s->reverse || source->deliverable == 1;
+    const double steps = all_told ? (double)(source->deliverable - 1) : 1.0;
+    const double last_s = ((double)s->start + (double)s->step * steps) / source->options.rate_hz;
+    if (last_s <= seconds_max) return FOVEA_OK;
+    return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                           "sim: start, step, frames: found a last frame at %.9g s, expected at most %g s",
+                           last_s, seconds_max);
+}
+
 /* Frames on the trajectory that the selection leaves: start, start + step, ... `frames` of them; then turned
  * round. */
 static enum fovea_status select_frames(struct fovea_source *source, struct fovea_error *error)
@@ -107,14 +122,14 @@ static enum fovea_status select_frames(struct fovea_source *source, struct fovea
     if (all == 0 && s->frames == 0 && s->reverse)
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
                                "sim: reverse: the trajectory is endless, expected a number of frames");
-    if (all == 0) return FOVEA_OK;
+    if (all == 0) return check_time(source, error);
     if (s->start >= all)
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
                                "sim: start: found %llu, expected less than the trajectory's %llu frames",
                                (unsigned long long)s->start, (unsigned long long)all);
     const uint64_t left = (all - s->start - 1) / s->step + 1;
     if (s->frames == 0 || s->frames > left) source->deliverable = left;
-    return FOVEA_OK;
+    return check_time(source, error);
 }
 
 static enum fovea_status sim_open(const char *address, const struct fovea_source_selection *selection,
@@ -305,8 +320,10 @@ static enum fovea_source_state sim_state(const struct fovea_source *source)
 
 const struct fovea_source_ops fovea_source_sim = {
     .name = "sim",
-    .help = "[TRAJECTORY][?OPTION=VALUE&...]  simulated camera: tour (default), orbit, corridor, rotate, stopgo, fast, "
-            "kidnap, wander, still, stand; options seed width height rate frames lens fov noise blur rolling exposure "
+    .help = "[TRAJECTORY][?OPTION=VALUE&...]  simulated camera: tour (default), orbit, corridor, rotate, "
+            "stopgo, fast, "
+            "kidnap, wander, still, stand; options seed width height rate frames lens fov noise blur rolling "
+            "exposure "
             "readout objects textures light odometry odometry_noise time",
     .open = sim_open,
     .info = sim_info,

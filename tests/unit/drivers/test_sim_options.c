@@ -103,7 +103,27 @@ static void test_open_refuses_what_cannot_be(void **state)
         fovea_source_sim.open("orbit?lens=equidistant&fov=130&width=640&height=1280", NULL, &source, &error),
         FOVEA_ERROR_INPUT);
     assert_non_null(strstr(error.text, "fov"));
+    /* Frames whose time no stamp can hold. */
+    const struct fovea_source_selection far_off[] = {{.start = INT64_MAX, .step = 1},
+                                                     {.start = 300000000000, .step = 1},
+                                                     {.start = 1, .step = INT64_MAX, .frames = 3},
+                                                     {.start = 1, .step = INT64_MAX},
+                                                     {.step = 1, .frames = 300000000000, .reverse = true}};
+    for (size_t i = 0; i < sizeof far_off / sizeof far_off[0]; i++) {
+        assert_int_equal(fovea_source_sim.open("wander?rate=30", &far_off[i], &source, &error),
+                         FOVEA_ERROR_ARGUMENT);
+        assert_non_null(strstr(error.text, "expected at most 9e+09 s"));
+    }
+    assert_int_equal(
+        fovea_source_sim.open("orbit?frames=9007199254740992&rate=1", &far_off[1], &source, &error),
+        FOVEA_ERROR_ARGUMENT);
     assert_null(source);
+    const struct fovea_source_selection long_after = {.start = 200000000000, .step = 1};
+    assert_int_equal(fovea_source_sim.open("wander?rate=30", &long_after, &source, &error), FOVEA_OK);
+    fovea_source_sim.close(source);
+    assert_int_equal(fovea_source_sim.open("orbit?frames=9007199254740992&rate=1", NULL, &source, &error),
+                     FOVEA_OK);
+    fovea_source_sim.close(source);
 }
 
 int main(void)
