@@ -1,7 +1,7 @@
 /* Calibration files: reading and writing the formats that the field uses.
  *
  *  - ROS camera_info YAML, as camera_calibration writes it (camera_matrix, distortion_coefficients, ...) and
- * as `ros2 topic echo` prints it (K, D or k, d); also the camera.yaml beside recordings in TUM layout;
+ *    as `ros2 topic echo` prints it (K, D or k, d); also the camera.yaml beside recordings in TUM layout;
  *  - OpenCV FileStorage YAML, as its calibration programs write it (camera_matrix or cameraMatrix or K with
  *    distortion_coefficients or distCoeffs or D; image_width, image_height; fisheye_model);
  *  - Kalibr camchain (cam0, cam1, ...) with pinhole projection;
@@ -44,8 +44,7 @@ struct fovea_calibration {
 
 enum { FOVEA_CALIBRATION_BYTES_MAX = 4096 }; /* of a file that is written */
 
-/* Name of a format as used on the command line: ros, ros-message, opencv, kalibr, euroc. NULL out of range.
- */
+/* Name of a format: ros, ros-message, opencv, kalibr, euroc. NULL out of range. */
 const char *fovea_calibration_format_name(enum fovea_calibration_format format);
 
 /* Read a calibration file, or text that errors call `name`. `which` chooses the camera of a camchain

@@ -14,8 +14,7 @@ extern "C" {
 #endif
 
 /* Read a whole file of at most `max_bytes` into memory from malloc (the caller frees it), followed by a zero
- * byte that
- * `*bytes` does not count. FOVEA_ERROR_INPUT: not there, a directory, or too large, as `error` says. */
+ * byte that `*bytes` does not count. FOVEA_ERROR_INPUT: not there, a directory, or too large, as `error` says. */
 enum fovea_status fovea_text_read(const char *path, size_t max_bytes, char **text, size_t *bytes,
                                   struct fovea_error *error);
 
@@ -27,8 +26,7 @@ bool fovea_text_number(const char *text, double *value);
 bool fovea_text_integer(const char *text, int64_t *value);
 
 /* Copy for display: at most 48 bytes of `text` and bytes - 1 in all, control characters and bytes above 126
- * as \xNN,
- * "..." where cut, in single quotes. Returns `quoted`. */
+ * as \xNN, "..." where cut, in single quotes. Returns `quoted`. */
 const char *fovea_text_quote(const char *text, char *quoted, size_t bytes);
 
 enum { FOVEA_TEXT_QUOTED_BYTES = 208 }; /* enough for every result of fovea_text_quote */

@@ -4,8 +4,7 @@
  * The loop thread copies into a preallocated ring and never waits, allocates or enters the system; a thread
  * of its own writes. When the disk is full or the ring overflows because the disk is slow, the recording ends
  * at a whole turn, the log's last message and one line on stderr say why, what came later is counted, and the run
- * goes on. For
- * recorded input at full speed fv_recorder_pace lets the loop wait for the disk instead.
+ * goes on. For recorded input at full speed fv_recorder_pace lets the loop wait for the disk instead.
  *
  *     fv_recorder_open(&setup, &recorder, &error);          // before the loop
  *     for each turn:

@@ -2,8 +2,7 @@
  *
  * A table of every type's fields is made from include/lcmtypes/ at build time (tools/lcm_fields.awk; a test
  * holds it against lcm-gen's type hashes). With it a message is checked before anything trusts its lengths
- * (the generated
- * `_decode` allocates what a message asks for, negative counts included), and two messages are compared down
+ * (the generated `_decode` allocates what a message asks for, negative counts included), and two messages are compared down
  * to the first field that differs. LCM's wire format: the type's hash (8 bytes), then the fields in order,
  * all big-endian; a string is its length with the zero (4 bytes) and its bytes.
  *
@@ -88,9 +87,8 @@ void fv_message_walk(struct fv_walk *walk, const struct fv_type *type, const uin
 enum fovea_status fv_message_leaf(struct fv_walk *walk, struct fv_leaf *leaf);
 
 /* Whether a message is of the named type ("fovea.inputs_t") and well-formed from end to end, so that the
- * generated
- * `_decode` may be let loose on it. On failure `*problem` and `*at` (byte within the message) say why and
- * where. */
+ * generated `_decode` may be let loose on it. On failure `*problem` and `*at` (byte within the message) say why
+ * and where. */
 bool fv_message_check(const char *type, const uint8_t *data, size_t bytes, const char **problem, size_t *at);
 
 struct fv_difference {
