@@ -7,7 +7,6 @@
  * (bilinear, edge pixels repeated beyond its border). Truth goes with the picture, so parts of different
  * recordings have different worlds. `sequence` of a frame counts all frames played. Live sources cannot be
  * parts. */
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 

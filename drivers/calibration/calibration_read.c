@@ -1,7 +1,6 @@
 #include "fovea/calibration.h"
 
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "fovea/image.h"

@@ -1,7 +1,6 @@
 /* EuRoC data sets in ASL layout: mav0/cam0/{data.csv,data/,sensor.yaml},
  * mav0/state_groundtruth_estimate0/data.csv. Burri et al., "The EuRoC micro aerial vehicle datasets", IJRR
  * 2016. */
-#include <stdlib.h>
 #include <string.h>
 
 #include "fovea/text.h"

@@ -2,7 +2,6 @@
  * Geiger, Lenz, Urtasun, "Are we ready for autonomous driving?", CVPR 2012. Its images are rectified: no
  * distortion. */
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "lines.h"

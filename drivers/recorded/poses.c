@@ -1,6 +1,5 @@
 #include "poses.h"
 
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 

@@ -1,6 +1,5 @@
 /* Recordings in the layout of the TUM RGB-D benchmark: rgb.txt, groundtruth.txt; camera.yaml where somebody
  * put one. Sturm et al., "A benchmark for the evaluation of RGB-D SLAM systems", IROS 2012. */
-#include <stdlib.h>
 #include <string.h>
 
 #include "lines.h"

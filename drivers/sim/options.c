@@ -1,6 +1,5 @@
 #include "sim.h"
 
-#include <stdio.h>
 #include <string.h>
 
 #include "../text/uri_options.h"

@@ -1,7 +1,6 @@
 /* Which node the camera is behind. Nodes are numbered as cameras come, so a camera that was unplugged may
  * come back under another: the driver remembers the camera, not the node. */
 #include <errno.h>
-#include <stdio.h>
 #include <string.h>
 
 #include "v4l2.h"

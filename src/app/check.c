@@ -2,7 +2,6 @@
  * ok, warning or failed, with what to do about it. */
 #include <inttypes.h>
 #include <malloc.h>
-#include <math.h>
 #include <stdarg.h>
 #include <string.h>
 #include <sys/resource.h>
@@ -11,7 +10,6 @@
 
 #include "app/command.h"
 #include "app/loop.h"
-#include "app/process.h"
 #include "app/realtime.h"
 #include "app/report.h"
 #include "app/results.h"

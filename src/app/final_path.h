@@ -9,7 +9,6 @@
 #define FOVEA_APP_FINAL_PATH_H
 
 #include <stdbool.h>
-#include <stdint.h>
 
 #include "app/trajectory.h"
 #include "fovea/fovea.h"

@@ -6,8 +6,6 @@
 #ifndef FOVEA_APP_TRANSPORT_H
 #define FOVEA_APP_TRANSPORT_H
 
-#include <stdbool.h>
-#include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>
 

@@ -14,7 +14,6 @@
 #define FOVEA_FEATURES_FAST_H
 
 #include <stdbool.h>
-#include <stddef.h>
 #include <stdint.h>
 
 #include "base/arena.h"

@@ -3,7 +3,6 @@
 
 #include <string.h>
 
-#include "geometry/linear.h"
 #include "geometry/vec.h"
 
 void fv_sim3_identity(struct fv_sim3 *S)

@@ -1,7 +1,6 @@
 /* The pose of a frame against the local map. */
 #include <string.h>
 
-#include "geometry/linear.h"
 #include "geometry/vec.h"
 #include "odometry/covariance.h"
 #include "odometry/odometry.h"

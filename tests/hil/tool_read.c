@@ -22,7 +22,6 @@
 #include "tool.h"
 
 #include <dirent.h>
-#include <errno.h>
 #include <malloc.h>
 #include <pthread.h>
 #include <stdatomic.h>
@@ -30,7 +29,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 #include "common/heap_calls.h"
 #include "fovea/source.h"

@@ -7,7 +7,6 @@
 
 #include <cmocka.h>
 
-#include <malloc.h>
 #include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
