@@ -3,7 +3,7 @@
 #   BUILD=dir      where everything goes (default build)
 #   CC= CXX=       compilers (gcc and clang are kept warning-free)
 #   V=1            show whole commands
-#   SAN=asan|tsan  sanitizer build (use with its own BUILD)
+#   SAN=asan|tsan|fuzz  sanitizer build (use with its own BUILD)
 #   CROSS=aarch64-linux-gnu-   cross build, tests run by EMULATOR
 
 BUILD    ?= build
@@ -64,7 +64,7 @@ endif
 ifneq (,$(findstring aarch64,$(MACHINE)))
 KERNELS   += $(wildcard src/kernels/neon/*.c)
 endif
-ROOMS     := base image features geometry odometry map nn detect segment track message runtime
+ROOMS     := base image features geometry odometry map nn detect track message runtime
 CORE_C    := $(KERNELS) $(foreach r,$(ROOMS),$(wildcard src/$(r)/*.c))
 CORE_CXX  := $(foreach r,$(ROOMS),$(wildcard src/$(r)/*.cpp))
 DRIVERS_C := $(wildcard drivers/*.c drivers/*/*.c)
@@ -206,7 +206,7 @@ $(BUILD)/fovea-types.jar: $(LCMTYPES)
 python-types: $(BUILD)/python/fovea/__init__.py  ## make the message types for Python
 $(BUILD)/python/fovea/__init__.py: $(LCMTYPES)
 	@rm -rf $(BUILD)/python && mkdir -p $(BUILD)/python
-	lcm-gen -p --ppath $(BUILD)/python $(LCMTYPES)
+	$(Q)lcm-gen -p --ppath $(BUILD)/python $(LCMTYPES)
 $(BUILD)/subscribe: $(BUILD)/obj/tools/subscribers/subscribe.o $(GEN_O)
 	@echo "  link $@"
 	$(Q)$(CC) $(LDFLAGS) -o $@ $^ -llcm
@@ -238,9 +238,10 @@ $(BUILD)/generated/%.c: include/lcmtypes/%.lcm
 $(BUILD)/generated/%.h: $(BUILD)/generated/%.c ;
 $(BUILD)/generated/fovea_fields.h: tools/lcm_fields.awk $(LCMTYPES)
 	@mkdir -p $(@D)
-	awk -f $< $(LCMTYPES) >$@
+	$(Q)awk -f $< $(LCMTYPES) >$@
 $(GEN_O): %.o: %.c | $(LCMGEN)
-	$(CC) $(filter-out $(WARN),$(CFLAGS)) -fno-strict-aliasing $(if $(filter asan,$(SAN)),-fno-sanitize=undefined) \
+	@echo "  $(notdir $(CC)) $<"
+	$(Q)$(CC) $(filter-out $(WARN),$(CFLAGS)) -fno-strict-aliasing $(if $(filter asan,$(SAN)),-fno-sanitize=undefined) \
 	    -c $< -o $@
 
 # Instruction sets by file name: everything else is the architecture's baseline.
@@ -286,7 +287,7 @@ $(BUILD)/fovea-libcamera: $(LIBCAMERA_O) $(BUILD)/obj/src/base/status.o $(BUILD)
 	@echo "  link $@"
 	$(Q)$(CXX) $(LDFLAGS) -o $@ $(filter %.o,$^) $(shell pkg-config --libs libcamera)
 $(BUILD)/fovea.pc: tools/fovea.pc.in
-	sed 's|@PREFIX@|$(PREFIX)|' $< >$@
+	$(Q)sed 's|@PREFIX@|$(PREFIX)|' $< >$@
 
 # ---- tests: every tests/**/test_*.c(pp) is one program ------------------------------------------------------------
 TESTS_C   := $(shell find tests -name 'test_*.c' 2>/dev/null | sort)
@@ -318,7 +319,8 @@ $(BUILD)/tests/kernels/test_kernels: TEST_MORE := $(KERNEL_CHECKS)
 # The benchmarks beside OpenCV, one file per room, make up one program.
 BENCH_O := $(call objs,$(wildcard tests/bench/*.cpp)) $(KERNEL_CHECKS)
 $(BUILD)/bench: $(BENCH_O) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
-	$(CXX) $(LDFLAGS) -o $@ $(BENCH_O) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group \
+	@echo "  link $@"
+	$(Q)$(CXX) $(LDFLAGS) -o $@ $(BENCH_O) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group \
 	    $(OPENCV_LIBS) $(LIBS_APP) -lm
 # The armed proof brings its own malloc, so of the rest it takes the simulated camera only.
 $(BUILD)/tests/realtime/test_armed: $(BUILD)/obj/tests/realtime/test_armed.o $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a

@@ -15,11 +15,10 @@ allowed() { # rooms that a room may include besides itself
     map)      echo "base kernels image geometry features" ;;
     odometry) echo "base kernels image geometry features map" ;;
     detect)   echo "base kernels nn" ;;
-    segment)  echo "base kernels nn" ;;
     track)    echo "base geometry" ;;
     message)  echo "" ;;
-    runtime)  echo "base kernels image geometry nn features odometry map detect segment track message" ;;
-    app)      echo "base kernels image geometry nn features odometry map detect segment track message runtime drivers" ;;
+    runtime)  echo "base kernels image geometry nn features odometry map detect track message" ;;
+    app)      echo "base kernels image geometry nn features odometry map detect track message runtime drivers" ;;
     *)        echo "unknown" ;;
     esac
 }
