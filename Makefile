@@ -46,9 +46,7 @@ endif
 INCLUDES := -Iinclude -Isrc -I$(BUILD)/generated $(SYSFLAGS)
 COMMON   := $(OPT) $(FP) $(WARN) $(INCLUDES) -fPIC -fstack-usage -pthread -MMD -MP -D_GNU_SOURCE
 CFLAGS   += -std=c11 $(COMMON) -Wstrict-prototypes -Wmissing-prototypes
-# Eigen: fixed sizes only, scalar code, asserts kept, no heap.
-CXXFLAGS += -std=c++17 $(COMMON) -isystem /usr/include/eigen3 -DEIGEN_DONT_VECTORIZE -DEIGEN_NO_MALLOC
-CXXCORE  := -fno-exceptions -fno-rtti -fno-threadsafe-statics
+CXXFLAGS += -std=c++17 $(COMMON)
 LDFLAGS  += $(if $(SAN),$(filter -fsanitize% -fno-sanitize%,$(OPT)),) -pthread
 ifneq (,$(findstring clang,$(CC)))
 COMMON   := $(filter-out -fstack-usage,$(COMMON))
@@ -66,7 +64,6 @@ KERNELS   += $(wildcard src/kernels/neon/*.c)
 endif
 ROOMS     := base image features geometry odometry map nn detect track message runtime
 CORE_C    := $(KERNELS) $(foreach r,$(ROOMS),$(wildcard src/$(r)/*.c))
-CORE_CXX  := $(foreach r,$(ROOMS),$(wildcard src/$(r)/*.cpp))
 DRIVERS_C := $(wildcard drivers/*.c drivers/*/*.c)
 APP_C     := $(wildcard src/app/*.c)
 
@@ -78,7 +75,7 @@ LIBCAMERA_PLUGIN := $(if $(SAN)$(CROSS),,$(if $(wildcard /usr/include/libcamera/
 
 objs = $(patsubst %.c,$(BUILD)/obj/%.o,$(filter %.c,$(1))) $(patsubst %.cpp,$(BUILD)/obj/%.o,$(filter %.cpp,$(1)))
 GEN_O     := $(patsubst %.c,%.o,$(filter %.c,$(LCMGEN)))
-CORE_O    := $(call objs,$(CORE_C) $(CORE_CXX)) $(GEN_O)
+CORE_O    := $(call objs,$(CORE_C)) $(GEN_O)
 DRIVERS_O := $(call objs,$(DRIVERS_C))
 APP_O     := $(filter-out $(BUILD)/obj/src/app/main.o,$(call objs,$(APP_C)))
 MAIN_O    := $(BUILD)/obj/src/app/main.o
@@ -263,18 +260,18 @@ $(BUILD)/obj/%.o: %.c | $(LCMGEN)
 $(BUILD)/obj/%.o: %.cpp | $(LCMGEN)
 	@mkdir -p $(@D)
 	@echo "  $(notdir $(CXX)) $<"
-	$(Q)$(CXX) $(CXXFLAGS) $(if $(filter src/%,$<),$(CXXCORE)) -c $< -o $@
+	$(Q)$(CXX) $(CXXFLAGS) -c $< -o $@
 
 $(BUILD)/libfovea.a: $(CORE_O)
 	@rm -f $@
 	$(Q)$(AR) rcs $@ $^
+# Library and program by the C compiler: nothing of C++ is in them, and the C++ runtime would take a megabyte.
 $(BUILD)/libfovea.so: $(CORE_O)
 	@echo "  link $@"
-	$(Q)$(CXX) $(LDFLAGS) -shared -Wl,-soname,libfovea.so -Wl,--version-script=tools/libfovea.map -o $@ $^ $(LIBS_CORE)
+	$(Q)$(CC) $(LDFLAGS) -shared -Wl,-soname,libfovea.so -Wl,--version-script=tools/libfovea.map -o $@ $^ $(LIBS_CORE)
 $(BUILD)/libfovea-app.a: $(APP_O) $(DRIVERS_O)
 	@rm -f $@
 	$(Q)$(AR) rcs $@ $^
-# By the C compiler: nothing of C++ is in it, and the C++ runtime would take a megabyte.
 $(BUILD)/fovea: $(MAIN_O) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 	@echo "  link $@"
 	$(Q)$(CC) $(LDFLAGS) -rdynamic -o $@ $(MAIN_O) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group $(LIBS_APP)
@@ -339,7 +336,7 @@ OPENCV_LIBS = -lopencv_calib3d -lopencv_features2d -lopencv_imgcodecs -lopencv_i
 # Optimisers are held against Ceres.
 BESIDE_CERES := map/test_pose_graph map/test_window_ceres
 $(BESIDE_CERES:%=$(BUILD)/tests/unit/%): ORACLE_LIBS := -lceres -lglog
-$(BESIDE_CERES:%=$(BUILD)/obj/tests/unit/%.o): CXXFLAGS += -UEIGEN_NO_MALLOC
+$(BESIDE_CERES:%=$(BUILD)/obj/tests/unit/%.o): CXXFLAGS += -isystem /usr/include/eigen3
 $(BUILD)/obj/tests/%.o: CFLAGS += -Itests
 $(BUILD)/obj/tests/%.o: CXXFLAGS += -Itests -isystem /usr/include/opencv4
 

@@ -6,7 +6,7 @@ set -eu
 packages() {
     case $1 in
     build) echo gcc g++ make pkg-config liblcm-dev liblcm-bin libyaml-dev libpng-dev libjpeg62-turbo-dev \
-                libeigen3-dev zlib1g-dev ;;
+                zlib1g-dev ;;
     test)  echo libcmocka-dev libopencv-core-dev libopencv-imgproc-dev libopencv-features2d-dev \
                 libopencv-calib3d-dev libopencv-imgcodecs-dev libceres-dev python3 python3-venv ;;
     bench) echo libopencv-core-dev libopencv-imgproc-dev libopencv-features2d-dev libopencv-calib3d-dev \
