@@ -215,6 +215,8 @@ $(BUILD)/train-vocabulary: $(BUILD)/obj/tools/vocabulary/train.o $(BUILD)/libfov
 	@echo "  link $@"
 	$(Q)$(CXX) $(LDFLAGS) -o $@ $< -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group $(LIBS_APP)
 
+# Of the drivers and the command, which alone need libyaml: not in the library.
+PRIVATE_H := $(patsubst %,include/fovea/%.h,calibration log text yaml_tree)
 install: all  ## install program, libraries, headers and message types under PREFIX
 	install -d $(DESTDIR)$(PREFIX)/bin $(DESTDIR)$(PREFIX)/lib/pkgconfig $(DESTDIR)$(PREFIX)/include/fovea \
 	           $(DESTDIR)$(PREFIX)/share/fovea/lcmtypes
@@ -223,10 +225,12 @@ install: all  ## install program, libraries, headers and message types under PRE
 	$(if $(LIBCAMERA_PLUGIN),install -D -m 755 $(LIBCAMERA_PLUGIN) $(DESTDIR)$(PREFIX)/lib/fovea/fovea-libcamera)
 	$(if $(VIDEO_PLUGIN),install -D -m 755 $(VIDEO_PLUGIN) $(DESTDIR)$(PREFIX)/lib/fovea/fovea-video.so)
 	install -m 755 $(BUILD)/libfovea.so $(DESTDIR)$(PREFIX)/lib/libfovea.so
-	install -m 644 include/fovea/*.h $(DESTDIR)$(PREFIX)/include/fovea/
+	install -m 644 $(filter-out $(PRIVATE_H),$(wildcard include/fovea/*.h)) $(DESTDIR)$(PREFIX)/include/fovea/
 	install -m 644 src/detect/shipped.fvm $(DESTDIR)$(PREFIX)/share/fovea/
 	install -m 644 include/lcmtypes/*.lcm $(DESTDIR)$(PREFIX)/share/fovea/lcmtypes/
 	sed 's|@PREFIX@|$(PREFIX)|' tools/fovea.pc.in >$(DESTDIR)$(PREFIX)/lib/pkgconfig/fovea.pc
+	@# Programs find the shared library at once, where it lies in a folder that the system's linker looks through.
+	@[ -n "$(DESTDIR)" ] || [ "$$(id -u)" != 0 ] || ! /sbin/ldconfig -N -v 2>/dev/null | grep -q '^$(PREFIX)/lib:' || /sbin/ldconfig
 
 # ---- building --------------------------------------------------------------------------------------------------
 $(BUILD)/generated/%.c: include/lcmtypes/%.lcm

@@ -39,6 +39,13 @@ int main(void)
     return 0;
 }
 C
+# Every function of the headers that are installed is in the library.
+exported=$(nm -D --defined-only "$place/lib/libfovea.so" | awk '{ print $3 }')
+for function in $(sed 's|/\*.*\*/||; /^ \*/d; /^\/\*/d' "$place"/include/fovea/*.h | grep -oE '\bfovea_[a-z0-9_]+\(' | tr -d '(' | sort -u); do
+    [ "$function" = fovea_source_find ] && continue # of the command: source.h says so
+    echo "$exported" | grep -qx "$function" || { echo "$function is in a header and not in the library"; exit 1; }
+done
+
 export PKG_CONFIG_PATH="$place/lib/pkgconfig"
 # shellcheck disable=SC2046
 ${CC:-cc} -Wall -Wextra -Werror -o "$place/shared" "$place/user.c" $(pkg-config --cflags --libs fovea)

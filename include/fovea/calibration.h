@@ -9,7 +9,8 @@
  * The format is found from the keys; keys that are not needed are ignored. Lens models: FOVEA_LENS_RADTAN for
  * plumb_bob, rational_polynomial, radtan and radial-tangential, FOVEA_LENS_EQUIDISTANT for equidistant, equi
  * and fisheye. What struct fovea_camera cannot hold (skew, thin prism and tilt terms, omnidirectional models,
- * binning) is refused unless it is zero. Every error is one line with file, line, key, found and expected. */
+ * binning) is refused unless it is zero. Every error is one line with file, line, key, found and expected.
+ * Of the drivers and the command, which need libyaml: not in the library, and not installed. */
 #ifndef FOVEA_CALIBRATION_H
 #define FOVEA_CALIBRATION_H
 

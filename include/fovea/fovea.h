@@ -2,7 +2,7 @@
  *
  *     struct fovea_config config;
  *     fovea_config_default(&config);
- *     config.camera = ...;                                  // from fovea_calibration_read or by hand
+ *     config.camera = ...;                                  // the calibration, through fovea_camera_prepare
  *     size_t bytes;
  *     fovea_size(&config, &bytes, &error);
  *     void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, bytes);

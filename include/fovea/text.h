@@ -1,5 +1,6 @@
 /* Small text tools that the configuration, calibration files and drivers share: whole files, strict numbers,
- * and the pieces of a good error line. Init-only, any thread; nothing here belongs into the loop. */
+ * and the pieces of a good error line. Init-only, any thread; nothing here belongs into the loop. Of the drivers and
+ * the command: not in the library, and not installed. */
 #ifndef FOVEA_TEXT_H
 #define FOVEA_TEXT_H
 

@@ -5,7 +5,8 @@
  * line: anchors and aliases, keys that are not scalars, a key twice in one mapping, a second document (an
  * empty one at the end is none), zero bytes in text. The first line "%YAML:1.0" of OpenCV's FileStorage,
  * which is not YAML, is taken for a comment; tags are ignored. Every error line reads "file:line: key: found
- * ..., expected ...". Init-only, any thread. */
+ * ..., expected ...". Init-only, any thread. Of the drivers and the command, which need libyaml: not in the
+ * library, and not installed. */
 #ifndef FOVEA_YAML_TREE_H
 #define FOVEA_YAML_TREE_H
 
