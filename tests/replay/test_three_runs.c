@@ -1,0 +1,112 @@
+/* Three runs of the program, each a process of its own, record the same frames, grants and messages to the byte; only what
+ * is measured in the process (in inputs and statistics) may differ. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "app/command.h"
+#include "fovea/log.h"
+
+enum { RUNS = 3 };
+
+static char folder[] = "/tmp/fovea-test-XXXXXX";
+static char paths[RUNS][64];
+
+static void run(const char *source, const char *frames, const char *log)
+{
+    const char *const words[] = {"fovea",    "run",  "--quiet",  "--set",  "lcm_url=", "--picture", "none",
+                                 "--source", source, "--frames", frames,   "--set",    "preview.period_frames=7",
+                                 "--record", log};
+    enum { COUNT = sizeof words / sizeof words[0] };
+    int status = 0;
+    fflush(NULL);
+    pid_t child = fork();
+    if (child == 0) {
+        char *argv[COUNT + 1]; /* getopt_long moves them about */
+        for (int i = 0; i <= COUNT; i++) argv[i] = i < COUNT ? strdup(words[i]) : NULL;
+        exit(fv_dispatch(COUNT, argv));
+    }
+    assert_int_equal(waitpid(child, &status, 0), child);
+    assert_int_equal(status, 0);
+}
+
+/* The next event of those that must be equal; false at the end. */
+static bool next(struct fovea_log *log, struct fovea_log_event *event)
+{
+    static const char *const measured[] = {"RECORDING", "INPUTS", "STATISTICS", "RECORDING_END"};
+    struct fovea_error error;
+    for (;;) {
+        const enum fovea_status status = fovea_log_next(log, event, &error);
+        bool skip = false;
+        if (status == FOVEA_END) return false;
+        if (status != FOVEA_OK) fail_msg("%s", error.text);
+        for (size_t i = 0; i < sizeof measured / sizeof measured[0]; i++)
+            skip = skip || fovea_log_channel_is(event->channel, measured[i]);
+        if (!skip) return true;
+    }
+}
+
+static void expect_equal(const char *first, const char *second)
+{
+    struct fovea_log *logs[2];
+    struct fovea_log_event a, b;
+    struct fovea_error error;
+    uint32_t events = 0;
+    assert_int_equal(fovea_log_open(first, &logs[0], &error), FOVEA_OK);
+    assert_int_equal(fovea_log_open(second, &logs[1], &error), FOVEA_OK);
+    while (next(logs[0], &a)) {
+        assert_true(next(logs[1], &b));
+        assert_string_equal(a.channel, b.channel);
+        if (a.bytes != b.bytes || memcmp(a.data, b.data, a.bytes) != 0 || a.time_us != b.time_us || a.number != b.number)
+            fail_msg("event %d: %s differs", (int)a.number, a.channel);
+        events++;
+    }
+    assert_false(next(logs[1], &b));
+    assert_true(events > 100);
+    fovea_log_close(logs[0]);
+    fovea_log_close(logs[1]);
+}
+
+static void expect_runs_equal(const char *source, const char *frames)
+{
+    for (int i = 0; i < RUNS; i++) run(source, frames, paths[i]);
+    for (int i = 1; i < RUNS; i++) expect_equal(paths[0], paths[i]);
+}
+
+static void test_simulated(void **state)
+{
+    (void)state;
+    expect_runs_equal("sim:?width=320&height=240&seed=3", "60");
+}
+
+static void test_recording(void **state)
+{
+    const char *data = getenv("FOVEA_DATA");
+    char source[512];
+    (void)state;
+    snprintf(source, sizeof source, "kitti:%s/kitti06_a", data != NULL ? data : "../shared/data");
+    if (access(source + strlen("kitti:"), R_OK) != 0) {
+        print_message("SKIPPED %s: not there\n", source);
+        skip();
+    }
+    expect_runs_equal(source, "20");
+}
+
+int main(void)
+{
+    if (mkdtemp(folder) == NULL) return 1;
+    for (int i = 0; i < RUNS; i++) snprintf(paths[i], sizeof paths[i], "%s/%d", folder, i);
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_simulated), cmocka_unit_test(test_recording)};
+    int failed = cmocka_run_group_tests(tests, NULL, NULL);
+    for (int i = 0; i < RUNS; i++) unlink(paths[i]);
+    rmdir(folder);
+    return failed;
+}
