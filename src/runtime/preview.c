@@ -28,6 +28,12 @@ bool fv_preview_waiting(const struct fv_preview *preview)
     return preview->state->due || preview->state->active;
 }
 
+static void begin(struct fv_preview *preview, uint32_t quality)
+{
+    preview->state->quality = quality;
+    fv_jpeg_start(&preview->state->jpeg, preview->width, preview->height, quality, preview->jpeg, preview->jpeg_capacity);
+}
+
 bool fv_preview_unit(struct fv_preview *preview, const uint8_t *pixels, int32_t stride_bytes, uint32_t quality)
 {
     struct fv_preview_state *state = preview->state;
@@ -36,16 +42,16 @@ bool fv_preview_unit(struct fv_preview *preview, const uint8_t *pixels, int32_t 
             memcpy(preview->pixels + (size_t)y * (size_t)preview->width, pixels + (ptrdiff_t)y * stride_bytes,
                    (size_t)preview->width);
         }
-        fv_jpeg_start(&state->jpeg, preview->width, preview->height, quality, preview->jpeg, preview->jpeg_capacity);
+        begin(preview, quality);
         state->due = 0;
         state->active = 1;
         return false;
     }
     if (!fv_jpeg_encode(&state->jpeg, preview->pixels, preview->width, BLOCKS_PER_UNIT, preview->jpeg)) return false;
-    state->active = 0;
-    if (state->jpeg.overflow) {
-        state->given_up++;
+    if (state->jpeg.overflow && state->quality > 1) {
+        begin(preview, state->quality - (state->quality + 3) / 4);
         return false;
     }
-    return true;
+    state->active = 0;
+    return !state->jpeg.overflow;
 }

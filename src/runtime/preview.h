@@ -16,7 +16,7 @@ struct fv_preview_state {
     struct fv_jpeg jpeg;
     uint32_t due;      /* a frame asked for a preview */
     uint32_t active;   /* pixels are copied and being encoded */
-    uint32_t given_up; /* previews that did not fit their buffer */
+    uint32_t quality;  /* of this one: less than asked where a picture of so much noise did not fit its buffer */
     uint32_t reserved;
 };
 

@@ -232,6 +232,34 @@ static void a_copy_goes_on_alone(void **state)
     free(twin.memory);
 }
 
+/* Noise at the best quality takes more bytes than there is room for: it comes at a lower one, not never. */
+static void preview_of_noise_comes_too(void **state)
+{
+    (void)state;
+    static uint8_t before[sizeof picture];
+    struct fovea_random random;
+    struct fovea_outputs outputs;
+    const struct fovea_preview_config usual = config.preview;
+    int previews = 0;
+    memcpy(before, picture, sizeof picture);
+    fovea_random_seed(&random, 5);
+    for (size_t i = 0; i < sizeof picture; i++) picture[i] = (uint8_t)fovea_random_below(&random, 256);
+    config.preview = (struct fovea_preview_config){.period_frames = 1, .quality = 100, .level = 0};
+    struct made made = make(0);
+    for (int i = 0; i < 60; i++) {
+        struct fovea_frame frame = frame_at((i + 1) * 1000000);
+        struct fovea_grants grants;
+        step(made.rt, &frame, &outputs);
+        fovea_grants_fixed(&config, &grants);
+        fovea_work(made.rt, &grants, &outputs);
+        previews += find(&outputs, "FOVEA_PREVIEW") != NULL;
+    }
+    free(made.memory);
+    config.preview = usual;
+    memcpy(picture, before, sizeof picture);
+    assert_true(previews > 0);
+}
+
 static void preview_takes_the_granted_units_and_keeps_its_stamp(void **state)
 {
     (void)state;
@@ -304,6 +332,7 @@ int main(void)
         cmocka_unit_test(commands_pause_resume_and_reset),
         cmocka_unit_test(results_do_not_depend_on_what_memory_held),
         cmocka_unit_test(a_copy_goes_on_alone),
+        cmocka_unit_test(preview_of_noise_comes_too),
         cmocka_unit_test(preview_takes_the_granted_units_and_keeps_its_stamp),
         cmocka_unit_test(masked_pixels_give_no_features),
         cmocka_unit_test(decimation_is_kept),
