@@ -20,13 +20,16 @@
 #include "base/ring.h"
 #include "drivers/thread.h"
 #include "fovea/log.h"
+#include "message/jpeg.h"
 #include "message/message.h"
 #include "message/recorded.h"
 #include "message/wire.h"
 
 enum {
     PACED_FRAMES = 4, /* the loop waits for the disk: no need to hold more */
-    TURN_EXTRA_BYTES = 256 << 10, /* inputs, grants and messages of one turn */
+    SMALL_BYTES = 32 << 10, /* inputs, grants and the messages of one turn that are not named below */
+    FEATURE_BYTES = 16,
+    OBJECTS_BYTES = 256 << 10, /* detections and tracks, as many as there may be */
     WRITE_BYTES_MAX = 1 << 20,
     POLL_NS = 4000000
 };
@@ -369,9 +372,19 @@ static enum fovea_status start_thread(struct fv_recorder *recorder, struct fovea
                            strerror(failed));
 }
 
+/* The most that a turn takes: the level that a preview shows has at most 1 / 1.4 of the pixels of the one below it. */
+static size_t turn_bytes(const struct fv_recorder_setup *setup)
+{
+    const struct fovea_config *config = &setup->settings->runtime;
+    size_t pixels = (size_t)config->camera.width * (size_t)config->camera.height;
+    for (uint32_t level = 0; level < config->preview.level; level++) pixels = pixels * 10 / 14;
+    return setup->frame_bytes + fv_jpeg_capacity((int32_t)pixels, 1) + SMALL_BYTES +
+           (size_t)config->features.count_max * FEATURE_BYTES + (config->detect.model != NULL ? OBJECTS_BYTES : 0);
+}
+
 static size_t ring_bytes(const struct fv_recorder_setup *setup, size_t header_bytes)
 {
-    const size_t turn = setup->frame_bytes + TURN_EXTRA_BYTES, least = 2 * (turn + header_bytes) + 4096;
+    const size_t turn = turn_bytes(setup), least = 2 * (turn + header_bytes) + 4096;
     const size_t frames = setup->real_time ? setup->settings->record_buffer : PACED_FRAMES;
     const size_t bytes = setup->ring_bytes != 0 ? setup->ring_bytes : frames * setup->frame_bytes;
     return ((bytes > least ? bytes : least) + 63) / 64 * 64;
@@ -381,7 +394,7 @@ static enum fovea_status make_ring(struct fv_recorder *recorder, const struct fv
                                    struct fovea_error *error)
 {
     const size_t bytes = ring_bytes(setup, recorder->header_bytes);
-    recorder->turn_bytes = setup->frame_bytes + TURN_EXTRA_BYTES + recorder->header_bytes;
+    recorder->turn_bytes = turn_bytes(setup) + recorder->header_bytes;
     recorder->ring_memory = fv_aligned_zeroed(bytes); /* touches every page before the loop */
     if (recorder->ring_memory == NULL)
         return fovea_error_set(error, FOVEA_ERROR_MEMORY, "%s: no memory for %zu bytes of buffer",
