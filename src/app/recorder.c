@@ -258,14 +258,15 @@ static bool write_end(struct fv_recorder *recorder)
 {
     const struct extent *at = &recorder->written;
     const char *channel = recorder->channels[FV_MESSAGE_RECORDING_END];
-    const size_t head_bytes = FOVEA_LOG_HEADER_BYTES + strlen(channel);
+    const size_t channel_bytes = strlen(channel), head_bytes = FOVEA_LOG_HEADER_BYTES + channel_bytes;
     uint8_t event[FOVEA_LOG_HEADER_BYTES + FV_MESSAGE_CHANNEL_BYTES + FV_RECORDING_END_BYTES_MAX];
     struct fv_recording_end end = {.turns = at->turns, .events = at->events, .hash = at->hash};
     if (at->events == 0) return true;
     memcpy(end.reason, recorder->reason, sizeof end.reason);
     const uint32_t bytes = fv_recording_end_encode(&end, event + head_bytes, FV_RECORDING_END_BYTES_MAX);
-    fv_recording_event_head(event, (int64_t)at->events, at->time_us, strlen(channel), bytes);
-    memcpy(event + FOVEA_LOG_HEADER_BYTES, channel, strlen(channel));
+    fv_recording_event_head(event, (int64_t)at->events, at->time_us, channel_bytes, bytes);
+    /* NOLINTNEXTLINE(bugprone-not-null-terminated-result): the format of logs wants the bytes alone */
+    memcpy(event + FOVEA_LOG_HEADER_BYTES, channel, channel_bytes);
     if (write_bytes(recorder->file, event, head_bytes + bytes) < head_bytes + bytes) return false;
     recorder->written.events++;
     recorder->written.bytes += head_bytes + bytes;

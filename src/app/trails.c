@@ -11,12 +11,15 @@ static void thin(struct fv_trails *trails)
         trails->points[kept++] = point;
     }
     trails->count = kept;
-    trails->stride *= 2;
+    if (trails->stride <= UINT32_MAX / 2) trails->stride *= 2;
 }
 
 void fv_trails_look(struct fv_trails *trails, const struct fovea_tracks *tracks)
 {
-    if (trails->stride == 0) *trails = (struct fv_trails){.first_ns = tracks->stamp_ns, .stride = 1};
+    if (trails->stride == 0) {
+        trails->stride = 1;
+        trails->first_ns = tracks->stamp_ns;
+    }
     trails->last_ns = tracks->stamp_ns;
     if (trails->count + FOVEA_TRACKS_MAX > FV_TRAILS_MAX) thin(trails);
     const uint32_t look = trails->looks++;

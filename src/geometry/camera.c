@@ -279,8 +279,9 @@ static double fv_share_seen(const struct fovea_camera *camera)
     int seen = 0;
     if (camera->width == 0) return 1;
     for (int i = 0; i < SHARE_COLUMNS * SHARE_ROWS; i++) {
-        const double pixel[2] = {(i % SHARE_COLUMNS + 0.5) / SHARE_COLUMNS * camera->width,
-                                 (i / SHARE_COLUMNS + 0.5) / SHARE_ROWS * camera->height};
+        const int column = i % SHARE_COLUMNS, row = i / SHARE_COLUMNS;
+        const double pixel[2] = {(column + 0.5) / SHARE_COLUMNS * camera->width,
+                                 (row + 0.5) / SHARE_ROWS * camera->height};
         double bearing[3];
         seen += fovea_camera_unproject(camera, pixel, bearing, NULL) == FOVEA_OK;
     }

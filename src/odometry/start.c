@@ -359,7 +359,7 @@ bool fv_odometry_start(struct fv_odometry *o, const struct fv_kernels *kernels)
         memset(&bundle, 0, sizeof bundle);
         fv_choose_views(o, &bundle);
         const uint32_t tracks = fv_take_pairs(o, matches, &bundle);
-        if (fv_choose(o, tracks, &bundle) && fv_settle(o, tracks, &bundle)) {
+        if (tracks > 0 && fv_choose(o, tracks, &bundle) && fv_settle(o, tracks, &bundle)) {
             fv_window_abort(&o->window);
             fv_make_first_map(o, tracks, &bundle);
             s->count = 0;

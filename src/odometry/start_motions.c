@@ -53,7 +53,7 @@ static double fv_motion_cost(const struct fv_odometry *o, uint32_t count, const 
     fv_essential_from_motion(T, E);
     *parallax = 0;
     for (uint32_t i = 0; i < count; i++) {
-        double inverse_depth, r2 = fv_essential_residual2(E, &o->pairs[i]);
+        double inverse_depth = 0, r2 = fv_essential_residual2(E, &o->pairs[i]);
         if (r2 > limit2 || !fv_start_inverse_depth(o, &o->pairs[i], T, &inverse_depth)) r2 = limit2;
         cost += r2;
         *parallax +=
@@ -150,9 +150,10 @@ uint32_t fv_start_motions(struct fv_odometry *o, uint32_t count, struct fv_se3 T
      */
     for (int k = 14; k < 27; k++) { /* its opposite comes by itself: see fv_try_motion */
         struct fv_se3 other = motion;
-        other.t[0] = k % 3 - 1;
-        other.t[1] = k / 3 % 3 - 1;
-        other.t[2] = k / 9 - 1;
+        const int across = k % 3 - 1, down = k / 3 % 3 - 1, along = k / 9 - 1;
+        other.t[0] = across;
+        other.t[1] = down;
+        other.t[2] = along;
         if (fv_normalise3(other.t)) found = fv_try_motion(o, count, &other, found, T, costs);
     }
     uint32_t kept = 0;
