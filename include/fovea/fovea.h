@@ -98,7 +98,8 @@ struct fovea; /* the runtime's state, at the start of the block */
 enum fovea_status fovea_size(const struct fovea_config *config, size_t *bytes, struct fovea_error *error);
 
 /* Build the runtime inside `memory` (FOVEA_BLOCK_ALIGNMENT aligned, at least fovea_size bytes; every byte of it is
- * written). Init-only. On error nothing is usable and `*rt` is untouched. */
+ * written), with the best kernels that the processor has, or those of the set that the environment's FOVEA_CPU names
+ * (src/README.md). Init-only. On error nothing is usable and `*rt` is untouched. */
 enum fovea_status fovea_init(void *memory, size_t bytes, const struct fovea_config *config, struct fovea **rt,
                              struct fovea_error *error);
 
@@ -265,7 +266,8 @@ size_t fovea_map_bytes_max(const struct fovea_config *config);
  * what fits: outputs.map_bytes tells. Loop thread, real-time safe. */
 void fovea_map_save_to(struct fovea *rt, uint8_t *buffer, size_t bytes);
 
-/* Put in the checksum that makes saved bytes a file. Any thread; not for the loop, as it reads them all. */
+/* Put in the checksum that makes saved bytes a file; fewer than a checksum has are left alone. Any thread; not for the loop, as it
+ * reads them all. */
 void fovea_map_seal(uint8_t *data, size_t bytes);
 
 /* Save in one go, when no loop runs: returns the bytes of the sealed file, 0 when the buffer is too small or there is no

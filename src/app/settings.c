@@ -324,8 +324,8 @@ enum fovea_status fv_settings_check(const struct fv_settings *settings, struct f
 {
     struct fovea_config runtime = settings->runtime;
     if (runtime.camera.width == 0) { /* not known before the source is open */
-        runtime.camera.width = FOVEA_IMAGE_WIDTH_MIN;
-        runtime.camera.height = FOVEA_IMAGE_HEIGHT_MIN;
+        runtime.camera = (struct fovea_camera){.width = FOVEA_IMAGE_WIDTH_MIN, .height = FOVEA_IMAGE_HEIGHT_MIN,
+                                               .fx = 1, .fy = 1, .field_max_rad = 1};
     }
     const bool load = settings->map_load[0] != '\0', save = settings->map_save[0] != '\0';
     enum fovea_status status = fv_config_check(&runtime, error);

@@ -290,6 +290,7 @@ static double fv_share_seen(const struct fovea_camera *camera)
 
 enum fovea_status fovea_camera_prepare(struct fovea_camera *camera, struct fovea_error *error)
 {
+    if (camera == NULL) return fovea_error_set(error, FOVEA_ERROR_INPUT, "camera: found NULL, expected one");
     enum fovea_status status = fv_camera_check(camera, error);
     if (status != FOVEA_OK) return status;
     double limit = camera->lens == FOVEA_LENS_RADTAN ? field_limit_radtan_rad : FOVEA_PI;

@@ -259,6 +259,7 @@ size_t fv_archive_take(struct fv_archive_state *archive)
 
 void fv_archive_seal(uint8_t *data, size_t bytes)
 {
+    if (bytes < FV_ARCHIVE_CHECKSUM_BYTES) return;
     struct pen pen = {data, bytes, bytes - FV_ARCHIVE_CHECKSUM_BYTES};
     put(&pen, fv_hash(FV_HASH_START, data, bytes - FV_ARCHIVE_CHECKSUM_BYTES), 8);
 }

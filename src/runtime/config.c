@@ -2,6 +2,8 @@
 
 #include <string.h>
 
+#include "fovea/elementary.h"
+
 void fovea_config_default(struct fovea_config *config)
 {
     memset(config, 0, sizeof *config);
@@ -118,6 +120,18 @@ static enum fovea_status check_track(const struct fovea_track_config *track, str
     return status;
 }
 
+/* Of what fovea_camera_prepare has looked at, what would be silently wrong had it never seen the camera. */
+static enum fovea_status check_camera(const struct fovea_camera *camera, struct fovea_error *error)
+{
+    enum fovea_status status = check_real("camera fx", camera->fx, 0.001, 1e6, error);
+    if (status == FOVEA_OK) status = check_real("camera fy", camera->fy, 0.001, 1e6, error);
+    if (status == FOVEA_OK) status = check_real("camera cx", camera->cx, -1e5, 1e5, error);
+    if (status == FOVEA_OK) status = check_real("camera cy", camera->cy, -1e5, 1e5, error);
+    if (status != FOVEA_OK || (camera->field_max_rad > 0 && camera->field_max_rad <= FOVEA_PI)) return status;
+    return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                           "camera field_max_rad: found %g, expected what fovea_camera_prepare sets", camera->field_max_rad);
+}
+
 bool fv_config_movable(const struct fovea_config *config)
 {
     uint32_t any = 0;
@@ -139,6 +153,7 @@ static enum fovea_status check_scale(const struct fovea_scale_config *scale, str
 
 enum fovea_status fv_config_check(const struct fovea_config *config, struct fovea_error *error)
 {
+    if (config == NULL) return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "config: found NULL, expected one");
     const struct fovea_features_config *f = &config->features;
     const struct range ranges[] = {
         {"camera width", (uint64_t)(int64_t)config->camera.width, FOVEA_IMAGE_WIDTH_MIN, FOVEA_IMAGE_WIDTH_MAX},
@@ -169,6 +184,7 @@ enum fovea_status fv_config_check(const struct fovea_config *config, struct fove
         {"map_every", config->map_every, 0, 1000000},
     };
     enum fovea_status status = check_ranges(ranges, sizeof ranges / sizeof ranges[0], error);
+    if (status == FOVEA_OK) status = check_camera(&config->camera, error);
     if (status == FOVEA_OK) status = check_real("detect.score_threshold", config->detect.score_threshold, 0, 1, error);
     if (status == FOVEA_OK) status = check_real("detect.iou_threshold", config->detect.iou_threshold, 0, 1, error);
     if (status == FOVEA_OK) status = check_track(&config->track, error);

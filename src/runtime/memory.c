@@ -118,6 +118,7 @@ static enum fovea_status measure(struct fovea *rt, const struct fovea_config *co
 enum fovea_status fovea_size(const struct fovea_config *config, size_t *bytes, struct fovea_error *error)
 {
     struct fovea rt;
+    if (bytes == NULL) return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "bytes: found NULL, expected a place for the size");
     const enum fovea_status status = measure(&rt, config, NULL, error);
     if (status == FOVEA_OK) *bytes = rt.block_bytes;
     return status;
@@ -128,6 +129,7 @@ enum fovea_status fovea_memory(const struct fovea_config *config, struct fovea_m
 {
     struct fovea rt;
     struct fovea_memory_table rows;
+    if (table == NULL) return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "table: found NULL, expected a place for it");
     const enum fovea_status status = measure(&rt, config, &rows, error);
     if (status == FOVEA_OK) *table = rows;
     return status;
@@ -165,6 +167,7 @@ enum fovea_status fovea_init(void *memory, size_t bytes, const struct fovea_conf
 {
     struct fovea measured;
     enum fv_cpu_set cpu;
+    if (rt == NULL) return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "rt: found NULL, expected a place for the runtime");
     enum fovea_status status = measure(&measured, config, NULL, error);
     if (status == FOVEA_OK) status = check_block(memory, bytes, measured.block_bytes, error);
     if (status == FOVEA_OK) status = fv_cpu_from_environment(&cpu, error);

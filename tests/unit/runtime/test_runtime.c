@@ -4,6 +4,7 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <cmocka.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -102,6 +103,15 @@ static void bad_configurations_are_refused(void **state)
     config = good;
     config.camera.width = -5;
     assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
+    assert_string_equal(error.text, "camera width: found -5, expected 64 to 4096");
+    config = good;
+    config.camera.field_max_rad = 0; /* as before fovea_camera_prepare: every point would be out of its field */
+    assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
+    assert_non_null(strstr(error.text, "fovea_camera_prepare"));
+    config = good;
+    config.camera.fy = NAN;
+    assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
+    assert_string_equal(error.text, "camera fy: found nan, expected 0.001 to 1e+06");
     config = good;
     config.T_base_cam[0] = 2;
     assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
@@ -113,6 +123,21 @@ static void bad_configurations_are_refused(void **state)
     assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
     config = good;
     assert_int_equal(bytes, 77);
+    assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_OK);
+    void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, bytes);
+    struct fovea *rt;
+    struct fovea_memory_table table;
+    assert_int_equal(fovea_size(NULL, &bytes, &error), FOVEA_ERROR_ARGUMENT);
+    assert_int_equal(fovea_size(&config, NULL, &error), FOVEA_ERROR_ARGUMENT);
+    assert_int_equal(fovea_memory(NULL, &table, &error), FOVEA_ERROR_ARGUMENT);
+    assert_int_equal(fovea_memory(&config, NULL, NULL), FOVEA_ERROR_ARGUMENT);
+    assert_int_equal(fovea_init(NULL, bytes, &config, &rt, &error), FOVEA_ERROR_MEMORY);
+    assert_int_equal(fovea_init(memory, bytes, NULL, &rt, &error), FOVEA_ERROR_ARGUMENT);
+    assert_int_equal(fovea_init(memory, bytes, &config, NULL, &error), FOVEA_ERROR_ARGUMENT);
+    assert_int_equal(fovea_camera_prepare(NULL, &error), FOVEA_ERROR_INPUT);
+    fovea_map_seal(memory, 0); /* what fovea_map_save returns when there is nothing to save */
+    fovea_map_seal(NULL, 0);
+    free(memory);
 }
 
 static void frames_are_processed_and_odd_ones_refused(void **state)
