@@ -56,6 +56,7 @@ struct Result {
     double ours_us;
     std::string peer; /* "" where there is none */
     double peer_us;
+    bool kernel = false; /* a row of kernels.def */
 };
 
 /* Time the runs in turn until each has enough samples; medians in microseconds. */
@@ -64,12 +65,13 @@ std::vector<double> measure(const std::vector<Run> &runs);
 /* Time the whole of a frame on a recording (bench_odometry.cpp), one row per set for the mean and for the 99th percentile. */
 void run_odometry(std::vector<Result> &results);
 
-/* Writes of the results: build/bench.json, and the table between the markers in README.md. */
+/* Writes of the results: build/bench.json, and tables between the markers of pages: of stages and the whole program in
+ * README.md, of kernels in src/kernels/MEASURED.md. */
 struct Facts {
     std::string machine, compiler, flags, commit, opencv, image;
 };
 bool write_json(const std::string &path, const Facts &facts, const std::vector<Result> &results);
-bool write_readme(const std::string &path, const Facts &facts, const std::vector<Result> &results);
+bool write_page(const std::string &path, const Facts &facts, const std::vector<Result> &results, bool kernels);
 
 } // namespace bench
 

@@ -91,7 +91,8 @@ void run_recording(const char *title, const std::string &uri, uint32_t features,
     const char *address;
     struct fovea_error error;
     struct fovea_source *source;
-    const struct fovea_source_selection all_frames = {0, 1, 0, false, false};
+    struct fovea_source_selection all_frames = {};
+    all_frames.step = 1;
     if (fovea_source_find(uri.c_str(), &ops, &address, &error) != FOVEA_OK ||
         ops->open(address, &all_frames, &source, &error) != FOVEA_OK || ops->start(source, &error) != FOVEA_OK) {
         std::printf("SKIPPED the odometry on a recording: %s\n", error.text);

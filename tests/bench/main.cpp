@@ -179,7 +179,7 @@ void run_kernel(const std::string &kernel, const Input &input, std::vector<Resul
     for (size_t i = 0; i < variants.size(); i++) {
         const std::string size = checks[i].size[0] != '\0' ? checks[i].size : "752x480";
         results.push_back({kernel, size, variants[i]->isa, us[i], peer != nullptr ? peer->peer : "plain C",
-                           peer != nullptr ? us.back() : us[0]});
+                           peer != nullptr ? us.back() : us[0], true});
         report(results.back());
         check_release(&checks[i]);
     }
@@ -259,6 +259,7 @@ int main(int argc, char **argv)
         return 1;
     }
     if (options.count("json") && !bench::write_json(options["json"], facts, results)) return 1;
-    if (options.count("readme") && filter.empty() && !bench::write_readme(options["readme"], facts, results)) return 1;
+    if (options.count("readme") && filter.empty() && !bench::write_page(options["readme"], facts, results, false)) return 1;
+    if (options.count("kernels") && filter.empty() && !bench::write_page(options["kernels"], facts, results, true)) return 1;
     return 0;
 }

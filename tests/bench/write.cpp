@@ -86,7 +86,7 @@ static std::string arm_line()
     return "";
 }
 
-static std::string table(const Facts &facts, const std::vector<Result> &results)
+static std::string table(const Facts &facts, const std::vector<Result> &results, bool kernels)
 {
     std::ostringstream out;
     out << "Medians of thread-CPU time in microseconds, one thread, samples interleaved with OpenCV "
@@ -99,13 +99,13 @@ static std::string table(const Facts &facts, const std::vector<Result> &results)
         const std::string name = results[i].name;
         for (; i < results.size() && results[i].name == name; i++)
             row.push_back(&results[i]);
-        out << table_row(row);
+        if (row[0]->kernel == kernels) out << table_row(row);
     }
-    out << arm_line();
+    if (!kernels) out << arm_line();
     return out.str();
 }
 
-bool write_readme(const std::string &path, const Facts &facts, const std::vector<Result> &results)
+bool write_page(const std::string &path, const Facts &facts, const std::vector<Result> &results, bool kernels)
 {
     const std::string begin = "<!-- bench:begin (written by make bench) -->\n", end = "<!-- bench:end -->";
     std::ifstream in(path);
@@ -118,7 +118,7 @@ bool write_readme(const std::string &path, const Facts &facts, const std::vector
                     begin.substr(0, begin.size() - 1).c_str(), end.c_str());
         return true;
     }
-    text.replace(from + begin.size(), to - from - begin.size(), table(facts, results));
+    text.replace(from + begin.size(), to - from - begin.size(), table(facts, results, kernels));
     std::ofstream out(path);
     out << text;
     out.close();
