@@ -53,73 +53,91 @@ static double median(float *values, size_t count)
     return (double)values[count / 2];
 }
 
-int main(int argc, char **argv)
-{
-    if (argc < 2) die("usage: wander FRAMES [OPTIONS]");
-    const size_t frames = (size_t)atol(argv[1]), early = frames / 12, early_end = frames / 4,
-                 late = frames - frames / 6;
-    char uri[256];
-    (void)snprintf(uri, sizeof uri, "sim:wander%s%s", argc > 2 ? "?" : "", argc > 2 ? argv[2] : "");
+/* The runtime on an endless walk, and what each frame took. */
+struct walk {
     const struct fovea_source_ops *ops;
+    struct fovea_source *source;
+    struct fovea_config config;
+    struct fovea *rt;
+    size_t bytes, frames, posed;
+    float *spent; /* CPU ms */
+    long resident_early, resident_end;
+};
+
+static void begin(struct walk *walk, const char *uri)
+{
     const char *address;
     struct fovea_error error;
-    struct fovea_source *source;
-    const struct fovea_source_selection all = {.step = 1, .frames = frames};
-    if (fovea_source_find(uri, &ops, &address, &error) || ops->open(address, &all, &source, &error) ||
-        ops->start(source, &error))
+    const struct fovea_source_selection all = {.step = 1, .frames = walk->frames};
+    if (fovea_source_find(uri, &walk->ops, &address, &error) || walk->ops->open(address, &all, &walk->source, &error) ||
+        walk->ops->start(walk->source, &error))
         die(error.text);
-    struct fovea_config config;
-    fovea_config_default(&config);
-    config.odometry.keyframes = FOVEA_ODOMETRY_KEYFRAMES_MAX;
-    config.camera = ops->info(source)->camera;
-    size_t bytes;
-    struct fovea *rt;
-    if (fovea_camera_prepare(&config.camera, &error) || fovea_size(&config, &bytes, &error)) die(error.text);
-    const size_t whole = (bytes + 4095) / 4096 * 4096;
+    struct fovea_config *config = &walk->config;
+    fovea_config_default(config);
+    config->odometry.keyframes = FOVEA_ODOMETRY_KEYFRAMES_MAX;
+    config->camera = walk->ops->info(walk->source)->camera;
+    if (fovea_camera_prepare(&config->camera, &error) || fovea_size(config, &walk->bytes, &error)) die(error.text);
+    const size_t whole = (walk->bytes + 4095) / 4096 * 4096;
     void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, whole);
-    float *spent = calloc(frames, sizeof *spent);
-    if (memory == NULL || spent == NULL) die("no memory");
+    walk->spent = calloc(walk->frames, sizeof *walk->spent);
+    if (memory == NULL || walk->spent == NULL) die("no memory");
     /* As `fovea run` does: every page of the block is touched at the start. Code that first runs after the count must
      * not count either. */
     memset(memory, 0xa5, whole);
-    for (size_t i = 0; i < frames; i++)
-        spent[i] = 1;
-    if (fovea_init(memory, bytes, &config, &rt, &error)) die(error.text);
+    for (size_t i = 0; i < walk->frames; i++)
+        walk->spent[i] = 1;
+    if (fovea_init(memory, walk->bytes, config, &walk->rt, &error)) die(error.text);
     if (mlockall(MCL_CURRENT)) fputs("pages cannot be locked: code may yet become resident\n", stderr);
+}
 
+/* All frames; what is resident is noted after frame number `early`. */
+static void go(struct walk *walk, size_t early)
+{
     struct fovea_frame frame;
     struct fovea_inputs inputs = {.temperature_c = NAN};
     struct fovea_outputs outputs;
-    fovea_grants_fixed(&config, &inputs.grants);
-    size_t n = 0, posed = 0;
-    long resident_early = 0;
-    for (; n < frames && ops->dequeue(source, INT64_MAX, &frame) == FOVEA_OK; n++) {
+    size_t n = 0;
+    fovea_grants_fixed(&walk->config, &inputs.grants);
+    for (; n < walk->frames && walk->ops->dequeue(walk->source, INT64_MAX, &frame) == FOVEA_OK; n++) {
         inputs.frame = &frame;
         inputs.now_ns = frame.stamp_ns;
-        const double begin = cpu_ms();
-        (void)fovea_step(rt, &inputs, &outputs);
-        (void)fovea_work(rt, &inputs.grants, &outputs);
-        spent[n] = (float)(cpu_ms() - begin);
+        const double began = cpu_ms();
+        (void)fovea_step(walk->rt, &inputs, &outputs);
+        (void)fovea_work(walk->rt, &inputs.grants, &outputs);
+        walk->spent[n] = (float)(cpu_ms() - began);
         struct fovea_pose pose;
-        fovea_pose_get(rt, &pose);
-        posed += pose.posed;
-        ops->requeue(source, &frame);
-        if (n == early) resident_early = resident_bytes();
+        fovea_pose_get(walk->rt, &pose);
+        walk->posed += pose.posed;
+        walk->ops->requeue(walk->source, &frame);
+        if (n == early) walk->resident_early = resident_bytes();
     }
-    const long resident_end = resident_bytes();
-    if (n < frames) die("the source ended early");
-    const struct fv_odometry *o = &rt->odometry;
-    const double first = median(spent + early, early_end - early), last = median(spent + late, frames - late);
+    walk->resident_end = resident_bytes();
+    if (n < walk->frames) die("the source ended early");
+}
+
+int main(int argc, char **argv)
+{
+    if (argc < 2) die("usage: wander FRAMES [OPTIONS]");
+    struct walk walk = {.frames = (size_t)atol(argv[1])};
+    const size_t early = walk.frames / 12, early_end = walk.frames / 4, late = walk.frames - walk.frames / 6;
+    char uri[256];
+    (void)snprintf(uri, sizeof uri, "sim:wander%s%s", argc > 2 ? "?" : "", argc > 2 ? argv[2] : "");
+    begin(&walk, uri);
+    go(&walk, early);
+    const struct fv_odometry *o = &walk.rt->odometry;
+    const double first = median(walk.spent + early, early_end - early),
+                 last = median(walk.spent + late, walk.frames - late);
     printf(
         "%zu of %zu frames posed; %u keyframes, %u landmarks; %u loops closed, %u maps merged, %u resets\n",
-        posed, n, o->map.state->keyframe_count, o->map.state->landmark_count, o->loop.state->counts.closed,
-        o->loop.state->counts.merged, o->state->reset_counter);
+        walk.posed, walk.frames, o->map.state->keyframe_count, o->map.state->landmark_count,
+        o->loop.state->counts.closed, o->loop.state->counts.merged, o->state->reset_counter);
     printf("median CPU ms per frame: %.3f early, %.3f at the end (%.3f times; at most %.2f)\n", first, last,
            last / first, ratio_max);
-    printf("resident bytes: %ld early, %ld at the end; block %zu\n", resident_early, resident_end, bytes);
-    ops->stop(source);
-    ops->close(source);
-    free(memory);
-    free(spent);
-    return last <= ratio_max * first && resident_early == resident_end ? 0 : 1;
+    printf("resident bytes: %ld early, %ld at the end; block %zu\n", walk.resident_early, walk.resident_end,
+           walk.bytes);
+    walk.ops->stop(walk.source);
+    walk.ops->close(walk.source);
+    free(walk.rt);
+    free(walk.spent);
+    return last <= ratio_max * first && walk.resident_early == walk.resident_end ? 0 : 1;
 }

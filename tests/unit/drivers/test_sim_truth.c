@@ -320,83 +320,104 @@ static int compare_doubles(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* See the first frame's pixels in the second through depth and pose; then the shift that would fit best, tile
- * by tile. */
-static void check_pictures(const char *address, uint64_t start, uint64_t later)
+/* Two frames of one trajectory with their truths. */
+struct sight {
+    struct fovea_source *source;
+    struct fovea_frame frame;
+    struct fovea_truth truth;
+};
+
+/* Where the second frame shows what the first has at (x, y), by depth and pose. False: outside it, or hidden there. */
+static bool seen_again(const struct sight *a, const struct sight *b, int32_t x, int32_t y, double pixel[2])
 {
-    struct fovea_frame a, b;
-    static struct fovea_truth ta, tb;
-    enum { TILE = 40, TILES = 256 };
-    static struct fit fit[TILES];
-    static double differences[640 * 480];
-    int count = 0;
-    memset(fit, 0, sizeof fit);
-    struct fovea_source *first = open_at(address, start, &a), *second = open_at(address, later, &b);
-    assert_int_equal(fovea_source_sim.truth(first, &a, &ta), FOVEA_OK);
-    assert_int_equal(fovea_source_sim.truth(second, &b, &tb), FOVEA_OK);
-    const int32_t width = a.image.width, height = a.image.height;
-    for (int32_t y = 2; y < height - 2; y++) {
-        for (int32_t x = 2; x < width - 2; x++) {
-            double bearing[3], world[3], c[3], pixel[2];
-            const double z = (double)ta.depth_m[y * width + x];
-            assert_int_equal(
-                fovea_camera_unproject(&first->info.camera, (const double[2]){x, y}, bearing, NULL),
-                FOVEA_OK);
-            for (int i = 0; i < 3; i++)
-                world[i] = ta.T_world_cam[4 * i + 3] +
-                           z / bearing[2] *
-                               (ta.T_world_cam[4 * i] * bearing[0] + ta.T_world_cam[4 * i + 1] * bearing[1] +
-                                ta.T_world_cam[4 * i + 2] * bearing[2]);
-            for (int i = 0; i < 3; i++)
-                c[i] = tb.T_world_cam[i] * (world[0] - tb.T_world_cam[3]) +
-                       tb.T_world_cam[4 + i] * (world[1] - tb.T_world_cam[7]) +
-                       tb.T_world_cam[8 + i] * (world[2] - tb.T_world_cam[11]);
-            if (fovea_camera_project(&second->info.camera, c, pixel, NULL) != FOVEA_OK) continue;
-            if (pixel[0] < 2 || pixel[1] < 2 || pixel[0] > width - 4 || pixel[1] > height - 4) continue;
-            const int32_t at = (int32_t)(pixel[1] + 0.5) * width + (int32_t)(pixel[0] + 0.5);
-            if (fabs((double)tb.depth_m[at] / c[2] - 1.0) > 0.01) continue; /* hidden */
-            const double e = sample(b.image.data, width, pixel[0], pixel[1]) - a.image.data[y * width + x];
-            const double gx = (sample(b.image.data, width, pixel[0] + 1, pixel[1]) -
-                               sample(b.image.data, width, pixel[0] - 1, pixel[1])) /
-                              2;
-            const double gy = (sample(b.image.data, width, pixel[0], pixel[1] + 1) -
-                               sample(b.image.data, width, pixel[0], pixel[1] - 1)) /
-                              2;
-            struct fit *f = &fit[(y / TILE) * 16 + x / TILE];
-            f->xx += gx * gx;
-            f->xy += gx * gy;
-            f->yy += gy * gy;
-            f->xe += gx * e;
-            f->ye += gy * e;
-            f->count++;
-            differences[count++] = fabs(e);
-        }
-    }
-    static double shift[TILES];
+    double bearing[3], world[3], c[3];
+    const int32_t width = a->frame.image.width, height = a->frame.image.height;
+    const double *A = a->truth.T_world_cam, *B = b->truth.T_world_cam;
+    const double z = (double)a->truth.depth_m[y * width + x], at[2] = {x, y};
+    assert_int_equal(fovea_camera_unproject(&a->source->info.camera, at, bearing, NULL), FOVEA_OK);
+    for (int i = 0; i < 3; i++)
+        world[i] = A[4 * i + 3] + z / bearing[2] *
+                                      (A[4 * i] * bearing[0] + A[4 * i + 1] * bearing[1] + A[4 * i + 2] * bearing[2]);
+    for (int i = 0; i < 3; i++)
+        c[i] = B[i] * (world[0] - B[3]) + B[4 + i] * (world[1] - B[7]) + B[8 + i] * (world[2] - B[11]);
+    if (fovea_camera_project(&b->source->info.camera, c, pixel, NULL) != FOVEA_OK) return false;
+    if (pixel[0] < 2 || pixel[1] < 2 || pixel[0] > width - 4 || pixel[1] > height - 4) return false;
+    const int32_t nearest = (int32_t)(pixel[1] + 0.5) * width + (int32_t)(pixel[0] + 0.5);
+    return fabs((double)b->truth.depth_m[nearest] / c[2] - 1.0) <= 0.01;
+}
+
+/* One pixel's share in the shift that would fit best. */
+static void fit_add(struct fit *f, const struct fovea_image *image, const double pixel[2], double e)
+{
+    const double x = pixel[0], y = pixel[1];
+    const double gx = (sample(image->data, image->width, x + 1, y) - sample(image->data, image->width, x - 1, y)) / 2;
+    const double gy = (sample(image->data, image->width, x, y + 1) - sample(image->data, image->width, x, y - 1)) / 2;
+    f->xx += gx * gx;
+    f->xy += gx * gy;
+    f->yy += gy * gy;
+    f->xe += gx * e;
+    f->ye += gy * e;
+    f->count++;
+}
+
+enum { TILE = 40, TILES = 256 };
+
+/* Shifts of the tiles that show enough, sorted; returns how many, and their root mean square. */
+static int find_shifts(const struct fit fits[TILES], double shifts[TILES], double *rms)
+{
     double sum = 0;
-    int tiles = 0;
+    int count = 0;
     for (int k = 0; k < TILES; k++) {
-        const struct fit *f = &fit[k];
+        const struct fit *f = &fits[k];
         const double det = f->xx * f->yy - f->xy * f->xy;
         if (f->count < TILE * TILE / 2 || det < 1e4 * f->count) continue;
         const double sx = (f->yy * f->xe - f->xy * f->ye) / det, sy = (f->xx * f->ye - f->xy * f->xe) / det;
         sum += sx * sx + sy * sy;
-        shift[tiles++] = sqrt(sx * sx + sy * sy);
+        shifts[count++] = sqrt(sx * sx + sy * sy);
     }
-    qsort(shift, (size_t)tiles, sizeof *shift, compare_doubles);
+    qsort(shifts, (size_t)count, sizeof *shifts, compare_doubles);
+    *rms = sqrt(sum / (count > 0 ? count : 1));
+    return count;
+}
+
+/* See the first frame's pixels in the second through depth and pose; then the shift that would fit best, tile
+ * by tile. */
+static void check_pictures(const char *address, uint64_t start, uint64_t later)
+{
+    static struct sight a, b;
+    static struct fit fits[TILES];
+    static double differences[640 * 480], shifts[TILES];
+    int count = 0;
+    memset(fits, 0, sizeof fits);
+    a.source = open_at(address, start, &a.frame);
+    b.source = open_at(address, later, &b.frame);
+    assert_int_equal(fovea_source_sim.truth(a.source, &a.frame, &a.truth), FOVEA_OK);
+    assert_int_equal(fovea_source_sim.truth(b.source, &b.frame, &b.truth), FOVEA_OK);
+    const int32_t width = a.frame.image.width, height = a.frame.image.height;
+    for (int32_t y = 2; y < height - 2; y++) {
+        for (int32_t x = 2; x < width - 2; x++) {
+            double pixel[2];
+            if (!seen_again(&a, &b, x, y, pixel)) continue;
+            const double e =
+                sample(b.frame.image.data, width, pixel[0], pixel[1]) - a.frame.image.data[y * width + x];
+            fit_add(&fits[(y / TILE) * 16 + x / TILE], &b.frame.image, pixel, e);
+            differences[count++] = fabs(e);
+        }
+    }
+    double rms;
+    const int tiles = find_shifts(fits, shifts, &rms);
     qsort(differences, (size_t)count, sizeof *differences, compare_doubles);
-    const double rms = sqrt(sum / (tiles > 0 ? tiles : 1)), median = differences[count / 2],
-                 high = differences[count * 9 / 10];
+    const double median = differences[count / 2], high = differences[count * 9 / 10];
     print_message("%s frames %d and %d: %d %% of pixels compared, difference median %.1f, 90 %% %.1f grey "
                   "levels; shift of %d tiles median %.3f, rms %.3f px\n",
                   address, (int)start, (int)later, count * 100 / (width * height), median, high, tiles,
-                  shift[tiles / 2], rms);
+                  shifts[tiles / 2], rms);
     assert_true(count > width * height / 2);
     assert_true(tiles >= 40);
     assert_true(median <= 3.0 && high <= 16.0);
-    assert_true(shift[tiles / 2] <= 0.06 && rms <= 0.15);
-    close_source(first);
-    close_source(second);
+    assert_true(shifts[tiles / 2] <= 0.06 && rms <= 0.15);
+    close_source(a.source);
+    close_source(b.source);
 }
 
 static void test_pictures_fit(void **state)

@@ -89,11 +89,33 @@ static void test_features(void **state)
     }
 }
 
+static const char longest_name[] = "a name of 23 characters";
+
+/* That every field has the value that test_statistics gave it. */
+static void assert_statistics(const fovea_statistics_t *out)
+{
+    assert_stamp(&out->stamp);
+    assert_string_equal(out->version, FOVEA_VERSION);
+    assert_string_equal(out->kernel_set, "avx512");
+    assert_true(out->frames_in == 9 && out->frames_processed == 8 && out->frames_refused == 7 &&
+                out->refused_stamp == 5 && out->refused_format == 4 && out->refused_paused == 3 &&
+                out->steps_without_frame == 6 && out->reset_counter == 2 && out->features == 1 &&
+                out->features_granted == 950);
+    assert_true(out->frames_late == 13 && out->source_missing == 101 && out->source_damaged == 102 &&
+                out->source_dropped == 103 && out->source_recovered == 104);
+    assert_true(out->latency_ns == 11 && out->temperature_c == 41.5f && out->resident_bytes == 12);
+    assert_true(out->memory_persistent_bytes == 1000 && out->memory_job_bytes == 2000 &&
+                out->memory_frame_bytes == 3000);
+    assert_true(out->stage_count == FOVEA_STAGE_COUNT && out->job_count == FOVEA_JOB_COUNT);
+    assert_true(out->stage_cpu_ns[1] == 1001 && out->stage_wall_ns[1] == 2001 &&
+                strcmp(out->stage_name[1], longest_name) == 0);
+    assert_true(out->job_units_granted[0] == 20 && out->job_units_done[0] == 10 && out->job_waiting[0] == 1);
+}
+
 static void test_statistics(void **state)
 {
     (void)state;
-    static const char longest[] = "a name of 23 characters";
-    assert_int_equal(sizeof longest, FV_MESSAGE_NAME_BYTES_MAX);
+    assert_int_equal(sizeof longest_name, FV_MESSAGE_NAME_BYTES_MAX);
     const char *stages[FOVEA_STAGE_COUNT], *jobs[FOVEA_JOB_COUNT];
     struct fovea_stats stats = {.frames_in = 9,
                                 .frames_processed = 8,
@@ -114,12 +136,12 @@ static void test_statistics(void **state)
     uint32_t done[FOVEA_JOB_COUNT];
     size_t memory[FOVEA_MEMORY_PART_COUNT] = {1000, 2000, 3000};
     for (int i = 0; i < FOVEA_STAGE_COUNT; i++) {
-        stages[i] = longest;
+        stages[i] = longest_name;
         stats.stage_cpu_ns[i] = 1000 + i;
         stats.stage_wall_ns[i] = 2000 + i;
     }
     for (int i = 0; i < FOVEA_JOB_COUNT; i++) {
-        jobs[i] = longest;
+        jobs[i] = longest_name;
         grants.units[i] = (uint32_t)(20 + i);
         done[i] = (uint32_t)(10 + i);
     }
@@ -144,22 +166,7 @@ static void test_statistics(void **state)
     assert_well_formed("fovea.statistics_t", buffer, bytes);
     fovea_statistics_t out;
     assert_int_equal(fovea_statistics_t_decode(buffer, 0, (int)bytes, &out), bytes);
-    assert_stamp(&out.stamp);
-    assert_string_equal(out.version, FOVEA_VERSION);
-    assert_string_equal(out.kernel_set, "avx512");
-    assert_true(out.frames_in == 9 && out.frames_processed == 8 && out.frames_refused == 7 &&
-                out.refused_stamp == 5 && out.refused_format == 4 && out.refused_paused == 3 &&
-                out.steps_without_frame == 6 && out.reset_counter == 2 && out.features == 1 &&
-                out.features_granted == 950);
-    assert_true(out.frames_late == 13 && out.source_missing == 101 && out.source_damaged == 102 &&
-                out.source_dropped == 103 && out.source_recovered == 104);
-    assert_true(out.latency_ns == 11 && out.temperature_c == 41.5f && out.resident_bytes == 12);
-    assert_true(out.memory_persistent_bytes == 1000 && out.memory_job_bytes == 2000 &&
-                out.memory_frame_bytes == 3000);
-    assert_true(out.stage_count == FOVEA_STAGE_COUNT && out.job_count == FOVEA_JOB_COUNT);
-    assert_true(out.stage_cpu_ns[1] == 1001 && out.stage_wall_ns[1] == 2001 &&
-                strcmp(out.stage_name[1], longest) == 0);
-    assert_true(out.job_units_granted[0] == 20 && out.job_units_done[0] == 10 && out.job_waiting[0] == 1);
+    assert_statistics(&out);
     fovea_statistics_t_decode_cleanup(&out);
 }
 
