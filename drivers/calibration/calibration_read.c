@@ -378,7 +378,9 @@ static enum fovea_status read_any(const struct reader *r, const char *which)
     static const char *const heads[] = {"camera_matrix", "cameraMatrix", "intrinsics", "cam0", NULL};
     for (size_t i = 0; heads[i] != NULL; ++i)
         for (node *each = root->first; each != NULL; each = each->next)
-            if (strlen(each->key) > 3 && fovea_text_nearest(each->key, &heads[i], 1) != NULL)
+            if (strcmp(each->key, heads[i]) == 0)
+                return fovea_yaml_refuse(r->tree, each, "a mapping with the keys of a camera", r->error);
+            else if (strlen(each->key) > 3 && fovea_text_nearest(each->key, &heads[i], 1) != NULL)
                 return fovea_yaml_require(r->tree, root, heads[i], &missing, r->error);
     char quoted[FOVEA_TEXT_QUOTED_BYTES];
     return fovea_error_set(

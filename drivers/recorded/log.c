@@ -19,14 +19,15 @@ struct fovea_log {
 
 enum fovea_status fovea_log_open(const char *path, struct fovea_log **log, struct fovea_error *error)
 {
+    struct stat info; /* looked at first: opening a pipe would wait for somebody to write into it */
+    if (stat(path, &info) == 0 && !S_ISREG(info.st_mode))
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: found a %s, expected a log file", path,
+                               S_ISDIR(info.st_mode) ? "directory" : "device or pipe");
     FILE *file = fopen(path, "rb");
-    if (file == NULL)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: cannot be opened: %s", path, strerror(errno));
-    struct stat info;
-    if (fstat(fileno(file), &info) != 0 || !S_ISREG(info.st_mode)) {
-        fclose(file);
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: found something else, expected a log file",
-                               path);
+    if (file == NULL || fstat(fileno(file), &info) != 0) {
+        const int reason = errno;
+        if (file != NULL) fclose(file);
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: cannot be opened: %s", path, strerror(reason));
     }
     struct fovea_log *opened = calloc(1, sizeof *opened);
     char *name = strdup(path);

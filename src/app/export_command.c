@@ -123,8 +123,9 @@ static enum fovea_status write_json(const struct export *export, struct fovea_er
 static enum fovea_status run(struct export *export, struct fovea_error *error)
 {
     if (mkdir(export->folder, 0777) != 0)
-        return fovea_error_set(error, errno == EEXIST ? FOVEA_ERROR_INPUT : FOVEA_ERROR_SYSTEM, "%.300s: %s", export->folder,
-                               errno == EEXIST ? "exists; expected a folder to be made" : strerror(errno));
+        return fovea_error_set(error, errno == ENOSPC || errno == EROFS ? FOVEA_ERROR_SYSTEM : FOVEA_ERROR_INPUT,
+                               "%.300s: %s; expected a folder that can be made", export->folder,
+                               errno == EEXIST ? "exists" : strerror(errno));
     export->images = tmpfile();
     export->annotations = tmpfile();
     enum fovea_status status = FOVEA_OK;

@@ -148,6 +148,10 @@ static const char *const wrong_arguments[][2] = {
     {"fovea run --stats @/text.yaml --config @/text.yaml", "--stats|@/text.yaml|--config"},
     {"fovea run --stats @/one --trajectory @/one", "--stats|@/one|--trajectory"},
     {"fovea run --camera @/none.yaml", "@/none.yaml"},
+    {"fovea run --camera @/cam0.yaml", "@/cam0.yaml:2: cam0: |'5'|a mapping"},
+    {"fovea export --frames 1 @/none/frames", "@/none/frames"},
+    {"fovea export --frames 1 @/text.yaml/frames", "@/text.yaml/frames"},
+    {"fovea replay @", "@: found a directory"},
     {"fovea run --config @/camera.yaml", "@/camera.yaml:2: camera: |/none/cam.yaml"},
     {"fovea run --config @/record.yaml --frames 1 --picture none", "@/record.yaml:1: record: |/none/run.lcm"},
     {"fovea run --set", "--set|value missing"},
@@ -223,6 +227,7 @@ static void test_arguments(void **state)
     file_write("text.yaml", "seed: 1\n", 8);
     file_write("camera.yaml", camera, sizeof camera - 1);
     file_write("record.yaml", record, sizeof record - 1);
+    file_write("cam0.yaml", "# one\ncam0: 5\n", 14);
     file_write("source.yaml", source, sizeof source - 1);
     file_write("save.yaml", save, sizeof save - 1);
     file_write("only.yaml", only, sizeof only - 1);
@@ -500,7 +505,7 @@ static int folder_make(void **state)
 static int folder_remove(void **state)
 {
     const char *const names[] = {"text.yaml",    "camera.yaml", "record.yaml", "value.yaml", "key.yaml",
-                                       "mutated.yaml", "cam.yaml",    "kept",        "link",      "source.yaml", "save.yaml", "only.yaml"};
+                                       "mutated.yaml", "cam.yaml",    "kept",        "link",      "source.yaml", "save.yaml", "only.yaml", "cam0.yaml"};
     (void)state;
     for (size_t i = 0; i < sizeof names / sizeof names[0]; i++) {
         char path[256];
