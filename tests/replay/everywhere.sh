@@ -53,7 +53,9 @@ run "replay with libc's FMA and AVX2 masked" env \
 have build-clang/fovea && run "replay with the clang build" build-clang/fovea replay "$folder/x86.lcm" --verify
 if have build-aarch64/fovea; then
     run "replay the x86 recording on aarch64" tools/emulate.sh build-aarch64/fovea replay "$folder/x86.lcm" --verify
-    run "replay it on aarch64 with the C kernels" env FOVEA_CPU=c tools/emulate.sh build-aarch64/fovea replay "$folder/x86.lcm" --verify
+    for set in c ${all:+neon dotprod}; do # without a cap it is i8mm
+        run "replay it on aarch64 with FOVEA_CPU=$set" env FOVEA_CPU=$set tools/emulate.sh build-aarch64/fovea replay "$folder/x86.lcm" --verify
+    done
     run "record on aarch64" record "$folder/arm.lcm" tools/emulate.sh build-aarch64/fovea
     run "replay the aarch64 recording on x86" build/fovea replay "$folder/arm.lcm" --verify
 fi
