@@ -34,7 +34,8 @@ have() {
 record() { # record LOG COMMAND...
     log=$1
     shift
-    "$@" run --source 'sim:?seed=5&width=320&height=240' --frames "$frames" --record "$log" --set preview.period_frames=7
+    # shellcheck disable=SC2086 # the model only with --all: its network takes an emulator as long as all else
+    "$@" run --source 'sim:?seed=5&width=320&height=240' --frames "$frames" --record "$log" --set preview.period_frames=7 ${all:+--model src/detect/shipped.fvm}
 }
 
 run "record on x86" record "$folder/x86.lcm" build/fovea
