@@ -295,8 +295,10 @@ TESTS_C   := $(shell find tests -name 'test_*.c' 2>/dev/null | sort)
 TESTS_CXX := $(if $(CROSS)$(SAN),,$(shell find tests -name 'test_*.cpp' 2>/dev/null | sort))  # need OpenCV
 TESTS     := $(patsubst tests/%.c,$(BUILD)/tests/%,$(TESTS_C)) $(patsubst tests/%.cpp,$(BUILD)/tests/%,$(TESTS_CXX))
 TEST_HELP := $(call objs,$(wildcard tests/common/*.c))
+# The jar is tested where there is a Java to build it: 200 MB that no other test needs.
+JAR       := $(if $(and $(wildcard /usr/share/java/lcm.jar),$(shell command -v javac)),$(BUILD)/fovea-types.jar)
 .PHONY: tests
-tests: $(TESTS) $(BUILD)/subscribe $(BUILD)/python/fovea/__init__.py $(if $(CROSS)$(SAN),,$(BUILD)/venv-lcm/ready $(BUILD)/venv-import/ready)
+tests: $(TESTS) $(BUILD)/subscribe $(BUILD)/python/fovea/__init__.py $(if $(CROSS)$(SAN),,$(BUILD)/venv-lcm/ready $(BUILD)/venv-import/ready $(JAR))
 
 # LCM for the Python subscriber comes from PyPI; where that cannot be reached its test says so and is skipped.
 $(BUILD)/venv-lcm/ready:
