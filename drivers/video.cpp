@@ -17,6 +17,7 @@ struct fovea_video {
     int32_t width = 0, height = 0;
     uint64_t position = 0; // frames gone by
     int64_t last_ns = -1;
+    bool grabbed = false; // the next frame is, and has not gone by
     std::string path;
 };
 
@@ -71,12 +72,19 @@ void to_grey(const cv::Mat &picture, uint8_t *grey, int32_t stride_bytes)
     }
 }
 
+bool next_frame(fovea_video *video, int64_t *stamp_ns)
+{
+    if (!video->grabbed && !video->capture.grab()) return false;
+    video->grabbed = false;
+    *stamp_ns = frame_stamp(video);
+    video->position++;
+    return true;
+}
+
 enum fovea_status read_frame(fovea_video *video, uint8_t *grey, int32_t stride_bytes, int64_t *stamp_ns,
                              fovea_error *error)
 {
-    if (!video->capture.grab()) return FOVEA_END;
-    *stamp_ns = frame_stamp(video);
-    video->position++;
+    if (!next_frame(video, stamp_ns)) return FOVEA_END;
     if (!video->capture.retrieve(video->picture) || video->picture.depth() != CV_8U ||
         video->picture.cols != video->width || video->picture.rows != video->height)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
@@ -100,14 +108,36 @@ try {
                            problem.what());
 }
 
-enum fovea_status plugin_skip(fovea_video *video)
+enum fovea_status plugin_skip(fovea_video *video, int64_t *stamp_ns)
 try {
-    if (!video->capture.grab()) return FOVEA_END;
-    frame_stamp(video);
-    video->position++;
-    return FOVEA_OK;
+    return next_frame(video, stamp_ns) ? FOVEA_OK : FOVEA_END;
 } catch (const std::exception &) {
     return FOVEA_END;
+}
+
+int plugin_more(fovea_video *video)
+try {
+    video->grabbed = video->grabbed || video->capture.grab();
+    return video->grabbed;
+} catch (const std::exception &) {
+    return 0;
+}
+
+// Containers of odd rates and odd key frames are led astray by a number; the time of the picture found says
+// where it is.
+enum fovea_status plugin_seek(fovea_video *video, uint64_t index, int64_t stamp_ns)
+try {
+    if (!video->capture.set(cv::CAP_PROP_POS_FRAMES, static_cast<double>(index)) || !video->capture.grab())
+        return FOVEA_ERROR_UNSUPPORTED;
+    const double position_ms = video->capture.get(cv::CAP_PROP_POS_MSEC);
+    if (!(position_ms > 0.0 && position_ms < 1e12) || static_cast<int64_t>(position_ms * 1e6) != stamp_ns)
+        return FOVEA_ERROR_UNSUPPORTED;
+    video->position = index;
+    video->last_ns = stamp_ns - 1;
+    video->grabbed = true;
+    return FOVEA_OK;
+} catch (const std::exception &) {
+    return FOVEA_ERROR_UNSUPPORTED;
 }
 
 enum fovea_status plugin_read(fovea_video *video, uint8_t *grey, int32_t stride_bytes, int64_t *stamp_ns,
@@ -126,7 +156,12 @@ void plugin_close(fovea_video *video)
 } // namespace
 
 extern "C" {
-extern __attribute__((visibility("default"))) const struct fovea_video_plugin fovea_video_plugin_1;
-const struct fovea_video_plugin fovea_video_plugin_1 = {FOVEA_VIDEO_PLUGIN_VERSION, plugin_open, plugin_skip,
-                                                        plugin_read, plugin_close};
+extern __attribute__((visibility("default"))) const struct fovea_video_plugin fovea_video_plugin_2;
+const struct fovea_video_plugin fovea_video_plugin_2 = {FOVEA_VIDEO_PLUGIN_VERSION,
+                                                        plugin_open,
+                                                        plugin_skip,
+                                                        plugin_more,
+                                                        plugin_seek,
+                                                        plugin_read,
+                                                        plugin_close};
 }

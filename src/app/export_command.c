@@ -148,6 +148,7 @@ int fv_command_export(int argc, char **argv)
         {"frames", "N", FV_OPTION_COUNT, &selection.frames, "end after N frames"},
         {"start", "N", FV_OPTION_COUNT, &selection.start, "begin with frame N, from 0"},
         {"step", "K", FV_OPTION_POSITIVE, &selection.step, "take every K-th frame"},
+        {"reverse", NULL, FV_OPTION_FLAG, &selection.reverse, "last frame first"},
         {"masks", NULL, FV_OPTION_FLAG, &export.masks, "also write the class of every pixel"},
         {0},
     };

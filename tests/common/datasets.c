@@ -351,24 +351,25 @@ static void put_words(FILE *file, const uint32_t *words, size_t count)
         put_number(file, words[i], 4, false);
 }
 
-const char *fv_test_video(const char *folder)
+const char *fv_test_long_video(const char *folder, uint32_t frames)
 {
     enum { AVIH = 56, STRH = 56, STRF = 40 };
     const char *path = fv_test_path(folder, "video.avi"), *still = fv_test_path(folder, "still.jpg");
     FILE *file = fopen(path, "wb");
     need(file != NULL, "not opened", path);
-    void *pictures[FV_TEST_FRAMES];
-    size_t bytes[FV_TEST_FRAMES], movie = 0;
-    for (uint32_t i = 0; i < FV_TEST_FRAMES; ++i) {
+    void **pictures = calloc(frames, sizeof *pictures);
+    size_t *bytes = calloc(frames, sizeof *bytes), movie = 0;
+    need(pictures != NULL && bytes != NULL, "out of memory", path);
+    for (uint32_t i = 0; i < frames; ++i) {
         write_frame(still, i, true);
         pictures[i] = fv_test_read(still, &bytes[i]);
         movie += 8 + (bytes[i] + 1) / 2 * 2;
     }
     const uint32_t stream = 4 + 8 + STRH + 8 + STRF, head = 4 + 8 + AVIH + 8 + stream;
-    const uint32_t avih[14] = {50000, 0, 0, 0, FV_TEST_FRAMES, 0, 1, 0, FV_TEST_WIDTH, FV_TEST_HEIGHT,
+    const uint32_t avih[14] = {50000, 0, 0, 0, frames, 0, 1, 0, FV_TEST_WIDTH, FV_TEST_HEIGHT,
                                0,     0, 0, 0};
     const uint32_t strh[12] = {
-        0, 0, 0, 1, 20, 0, FV_TEST_FRAMES, 0, 0xFFFFFFFF, 0, 0, FV_TEST_WIDTH | FV_TEST_HEIGHT << 16};
+        0, 0, 0, 1, 20, 0, frames, 0, 0xFFFFFFFF, 0, 0, FV_TEST_WIDTH | FV_TEST_HEIGHT << 16};
     const uint32_t strf[10] = {STRF,
                                FV_TEST_WIDTH,
                                FV_TEST_HEIGHT,
@@ -391,7 +392,7 @@ const char *fv_test_video(const char *folder)
     put_chunk(file, "strf", STRF);
     put_words(file, strf, 10);
     put_list(file, "movi", (uint32_t)movie);
-    for (uint32_t i = 0; i < FV_TEST_FRAMES; ++i) {
+    for (uint32_t i = 0; i < frames; ++i) {
         put_chunk(file, "00dc", (uint32_t)bytes[i]);
         put_bytes(file, pictures[i], bytes[i]);
         if (bytes[i] % 2 != 0) put_number(file, 0, 1, false);
@@ -399,5 +400,12 @@ const char *fv_test_video(const char *folder)
     }
     need(fclose(file) == 0, "not written", path);
     remove(still);
+    free(pictures);
+    free(bytes);
     return path;
+}
+
+const char *fv_test_video(const char *folder)
+{
+    return fv_test_long_video(folder, FV_TEST_FRAMES);
 }

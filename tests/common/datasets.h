@@ -52,6 +52,7 @@ const char *fv_test_kitti(const char *folder);
 const char *fv_test_images(const char *folder);
 const char *fv_test_lcmlog(const char *folder);
 const char *fv_test_video(const char *folder); /* motion JPEG in AVI */
+const char *fv_test_long_video(const char *folder, uint32_t frames);
 
 #ifdef __cplusplus
 }

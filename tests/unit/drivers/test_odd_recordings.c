@@ -1,5 +1,5 @@
 /* Recordings that are odd and yet to be played: stamps that leap, logs with damage inside, names that look
- * like patterns, a calibration that is not needed. */
+ * like patterns, a calibration that is not needed, a video backwards. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -15,7 +15,7 @@
 #include "../../../drivers/recorded/player.h"
 #include "common/datasets.h"
 
-enum { W = FV_TEST_WIDTH, H = FV_TEST_HEIGHT, MANY = 64 };
+enum { W = FV_TEST_WIDTH, H = FV_TEST_HEIGHT, MANY = 256 };
 
 static char *const folder = fv_test_place;
 
@@ -23,6 +23,7 @@ static char *const folder = fv_test_place;
 struct played {
     uint64_t sequence[MANY];
     int64_t stamp_ns[MANY];
+    uint32_t picture[MANY]; /* a sum over it */
     size_t count;
     struct fovea_source_counts counts;
     double rate_hz;
@@ -41,6 +42,8 @@ static void play(const struct fovea_source_ops *ops, struct fovea_source *source
     assert_int_equal(ops->start(source, &error), FOVEA_OK);
     while ((status = ops->dequeue(source, INT64_MAX, &frame)) == FOVEA_OK && played->count < MANY) {
         played->sequence[played->count] = frame.sequence;
+        for (int32_t i = 0; i < frame.image.width; ++i)
+            played->picture[played->count] = played->picture[played->count] * 31 + frame.image.data[i];
         played->stamp_ns[played->count++] = frame.stamp_ns;
         ops->requeue(source, &frame);
     }
@@ -316,6 +319,47 @@ static void test_first_frame_missing(void **state)
     fv_test_folder_remove(top);
 }
 
+/* ---- videos ------------------------------------------------------------------------------------------- */
+
+/* In reverse a video is read in stretches, of which this one has several; the same frames come, to the last
+ * bit. */
+static void test_video_in_reverse(void **state)
+{
+    enum { FRAMES = 150 };
+    static const struct fovea_source_selection reverse[] = {
+        {.step = 1, .reverse = true},
+        {.start = 3, .step = 2, .reverse = true},
+        {.start = 20, .step = 7, .frames = 5, .reverse = true},
+        {.start = 149, .step = 500, .reverse = true}};
+    const struct fovea_source_selection everything = {.step = 1}, late = {.start = FRAMES, .step = 1},
+                                        late_reverse = {.start = FRAMES, .step = 1, .reverse = true};
+    static struct played all, played;
+    struct fovea_error error;
+    char path[FV_TEST_PATH_BYTES];
+    (void)state;
+    snprintf(path, sizeof path, "%s", fv_test_long_video(folder, FRAMES));
+    if (play_uri("video", path, &everything, &all, &error) == FOVEA_ERROR_UNSUPPORTED) {
+        print_message("SKIPPED videos: %s\n", error.text);
+        return;
+    }
+    assert_int_equal(all.count, FRAMES);
+    for (size_t c = 0; c < sizeof reverse / sizeof reverse[0]; ++c) {
+        const struct fovea_source_selection *s = &reverse[c];
+        const uint64_t left = (FRAMES - s->start - 1) / s->step + 1, count = s->frames > 0 ? s->frames : left;
+        assert_int_equal(play_uri("video", path, s, &played, &error), FOVEA_OK);
+        assert_int_equal(played.count, count);
+        for (size_t i = 0; i < count; ++i) {
+            const uint64_t index = s->start + (count - 1 - i) * s->step;
+            assert_int_equal(played.sequence[i], index);
+            assert_int_equal(played.picture[i], all.picture[index]);
+            assert_true(i == 0 || played.stamp_ns[i] > played.stamp_ns[i - 1]);
+        }
+    }
+    assert_int_equal(play_uri("video", path, &late, &played, &error), FOVEA_ERROR_ARGUMENT);
+    assert_non_null(strstr(error.text, "start: found 150, expected less than its 150 frames"));
+    assert_int_equal(play_uri("video", path, &late_reverse, &played, &error), FOVEA_ERROR_ARGUMENT);
+}
+
 /* ---- text -------------------------------------------------------------------------------------------- */
 
 /* The mark with which some editors begin UTF-8 stands before a comment, or before the first stamp. */
@@ -377,6 +421,7 @@ int main(void)
         cmocka_unit_test(test_log_of_nothing),
         cmocka_unit_test(test_names_that_look_like_patterns),
         cmocka_unit_test(test_first_frame_missing),
+        cmocka_unit_test(test_video_in_reverse),
         cmocka_unit_test(test_byte_order_mark),
         cmocka_unit_test(test_own_calibration_not_needed),
     };
