@@ -160,7 +160,6 @@ struct fv_sim_object {
     double center[2], radius[2]; /* ellipse, or half-extents of the ring's lane */
     double rate, phase;          /* radians, or metres along the lane, per second */
     double wobble, wobble_rate, wobble_phase;
-    double tilt[2]; /* of a ball's axis */
     uint16_t texture, texture_head;
 };
 

@@ -114,9 +114,7 @@ static uint32_t fill_map(const struct fv_rectify *rectify, const struct fovea_ca
 void fv_rectify_carve(struct fv_rectify *rectify, const struct fovea_camera *camera,
                       const struct fv_rectified *view, struct fv_arena *persistent)
 {
-    const struct fv_rectify empty = {
-        .view = *view, .source_width = camera->width, .source_height = camera->height};
-    *rectify = empty;
+    *rectify = (struct fv_rectify){.view = *view};
     rectify->blocks_per_row = (view->width + FV_REMAP_BLOCK - 1) / FV_REMAP_BLOCK;
     rectify->stride_bytes =
         (view->width + FV_CACHE_LINE_BYTES - 1) / FV_CACHE_LINE_BYTES * FV_CACHE_LINE_BYTES;

@@ -42,7 +42,6 @@ struct fv_rectified {
 
 struct fv_rectify {
     struct fv_rectified view;
-    int32_t source_width, source_height;
     int32_t blocks_per_row, stride_bytes; /* of the output: FV_REMAP_BLOCK * blocks_per_row or more */
     struct fv_remap_block *blocks;        /* view.height rows */
     struct fv_remap_pixel *scattered;

@@ -105,7 +105,7 @@ bool fv_window_unit(struct fv_window *window);
 /* Write the result to the map: poses, landmarks, and what hangs on them (keyframes and landmarks outside the
  * window move with their parent or reference); observations that do not fit are unlinked. Ends the job. */
 struct fv_window_result {
-    uint32_t moved_keyframes, moved_landmarks, dropped_observations;
+    uint32_t moved_keyframes, dropped_observations;
     double cost_at_start, cost; /* robust, weighted px^2 */
 };
 struct fv_window_result fv_window_commit(struct fv_window *window, struct fv_map *map);

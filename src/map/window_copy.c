@@ -202,7 +202,7 @@ static void fv_move_landmarks(const struct fv_window_state *s, struct fv_map *ma
 struct fv_window_result fv_window_commit(struct fv_window *w, struct fv_map *map)
 {
     struct fv_window_state *s = w->state;
-    struct fv_window_result result = {0, 0, 0, s->cost_at_start, s->cost_before};
+    struct fv_window_result result = {.cost_at_start = s->cost_at_start, .cost = s->cost_before};
     s->phase = FV_WINDOW_IDLE;
     if (!s->accepted_any) return result;
     map->state->mark++;
@@ -213,7 +213,6 @@ struct fv_window_result fv_window_commit(struct fv_window *w, struct fv_map *map
         fv_copy3(l->before, l->point);
         fv_copy3(l->before, target->point);
         target->mark = map->state->mark;
-        result.moved_landmarks++;
     }
     for (uint32_t i = 0; i < s->pose_count; i++) {
         s->poses[i].T_cam_world = s->poses[i].before;

@@ -133,7 +133,6 @@ static void fv_grow_feature(struct fv_odometry *o, const struct fv_kernels *kern
     (void)fv_map_link(&o->map, (uint32_t)landmark, o->state->grow.keyframe, feature);
     (void)fv_map_link(&o->map, (uint32_t)landmark, neighbour, (uint32_t)found.feature);
     fv_map_refresh_landmark(&o->map, (uint32_t)landmark);
-    o->state->grow.created++;
 }
 
 static bool fv_neighbour_holds(const struct fv_odometry *o, uint32_t i)

@@ -40,7 +40,6 @@ struct fv_grow_state {
     uint32_t keyframe, generation;
     uint32_t neighbour_count, neighbour, next; /* in work */
     uint32_t neighbours[FV_GROW_NEIGHBOURS_MAX], neighbour_generations[FV_GROW_NEIGHBOURS_MAX];
-    uint32_t created;
 };
 
 /* A landmark as the last frame saw it. */

@@ -87,7 +87,7 @@ class Graph:
     metadata: dict
 
 
-def _options(op, name):
+def _options(op):
     table = op.BuiltinOptions()
     if table is None:
         return None
@@ -163,7 +163,7 @@ def _parse(model):
         if name == "CUSTOM":
             name = code.CustomCode().decode()
         ops.append(Op(i, name, number, [int(v) for v in op.InputsAsNumpy()],
-                      [int(v) for v in op.OutputsAsNumpy()], _options(op, name),
+                      [int(v) for v in op.OutputsAsNumpy()], _options(op),
                       _custom(op) if number == tflite.BuiltinOperator.CUSTOM else {}))
     metadata = {}
     for i in range(model.MetadataLength()):

@@ -112,7 +112,7 @@ def emit_gemm(low, op, index_in, index_out, weights, w_zero, bias, mult, shift, 
 
 def emit_part(low, op, index_in, index_out, weights, w_zero, bias, mult, shift, geometry, act, table, single):
     net = low.net
-    vi, vo = net.values[index_in], net.values[index_out]
+    vi = net.values[index_in]
     n, k = weights.shape
     k4, n16 = pad_to(k, 4) // 4, pad_to(n, 16)
     total = bias - vi.zero * (weights.astype(np.int64) - w_zero).sum(axis=1)
