@@ -3,8 +3,9 @@
  *
  *     subscribe [--url URL] [--prefix FOVEA] [--idle SECONDS] [--quiet]
  *
- * Ends on SIGINT, or when nothing has come for --idle seconds. Build it against the installed types with
- *     cc subscribe.c TYPES.c $(pkg-config --cflags --libs lcm)      (TYPES.c made by lcm-gen -c from FOLDER)
+ * Ends on SIGINT, or when nothing has come for --idle seconds. `make build/subscribe` builds it; elsewhere, in a folder
+ * of its own:
+ *     lcm-gen -c PREFIX/share/fovea/lcmtypes/[bf]*.lcm && cc -o subscribe *.c -llcm
  *
  * Nothing may be lost between the network and this program, so two buffers must be large enough:
  *  - the socket's: recv_buf_size in the URL; the kernel allows net.core.rmem_max (sysctl), often only 208
