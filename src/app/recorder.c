@@ -325,7 +325,7 @@ static void end_slow(struct fv_recorder *recorder)
 {
     char reason[FV_RECORDING_END_REASON_BYTES];
     snprintf(reason, sizeof reason,
-             "the disk is too slow: %zu MiB waited to be written; record to a faster disk or fewer frames",
+             "the disk is too slow: %zu MiB waited to be written; record to a faster disk, fewer frames, or raise record_buffer",
              recorder->ring.capacity >> 20);
     end_early(recorder, ENDED_SLOW, reason, false);
 }
