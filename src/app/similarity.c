@@ -3,18 +3,7 @@
 
 #include "app/trajectory.h"
 #include "geometry/linear.h"
-
-static void cross(const double a[3], const double b[3], double c[3])
-{
-    c[0] = a[1] * b[2] - a[2] * b[1];
-    c[1] = a[2] * b[0] - a[0] * b[2];
-    c[2] = a[0] * b[1] - a[1] * b[0];
-}
-
-static double dot(const double a[3], const double b[3])
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
+#include "geometry/vec.h"
 
 /* u = H v, normalised and made orthogonal to `other` (or NULL); any such direction where H v vanishes.
  * Returns |H v|. */
@@ -22,17 +11,17 @@ static double image_of(const double H[9], const double v[3], const double other[
                        double u[3])
 {
     for (int i = 0; i < 3; i++)
-        u[i] = dot(H + 3 * i, v);
-    const double length = __builtin_sqrt(dot(u, u));
+        u[i] = fv_dot3(H + 3 * i, v);
+    const double length = __builtin_sqrt(fv_dot3(u, u));
     if (length <= floor_norm) {
         const double axis[3] = {other == NULL || other[0] * other[0] < 0.5,
                                 other != NULL && other[0] * other[0] >= 0.5, 0};
         memcpy(u, axis, sizeof axis);
     }
-    const double along = other != NULL ? dot(u, other) : 0.0;
+    const double along = other != NULL ? fv_dot3(u, other) : 0.0;
     for (int i = 0; i < 3; i++)
         u[i] -= other != NULL ? along * other[i] : 0.0;
-    const double norm = __builtin_sqrt(dot(u, u));
+    const double norm = __builtin_sqrt(fv_dot3(u, u));
     for (int i = 0; i < 3; i++)
         u[i] /= norm;
     return length;
@@ -44,8 +33,8 @@ bool fv_similarity_fit(const struct fv_similarity_sums *sums, double *scale, dou
     const double n = sums->n;
     if (!(n >= 1.0)) return false;
     double H[9], S[9], values[3], V[9], u[3][3], v3[3];
-    const double pp = sums->pp / n - dot(sums->p, sums->p) / (n * n),
-                 qq = sums->qq / n - dot(sums->q, sums->q) / (n * n);
+    const double pp = sums->pp / n - fv_dot3(sums->p, sums->p) / (n * n),
+                 qq = sums->qq / n - fv_dot3(sums->q, sums->q) / (n * n);
     if (!(pp > 1e-18 * sums->pp) || !(pp > 0.0)) return false;
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++)
@@ -58,18 +47,18 @@ bool fv_similarity_fit(const struct fv_similarity_sums *sums, double *scale, dou
      */
     const double first = image_of(H, V, NULL, 0.0, u[0]);
     const double second = image_of(H, V + 3, u[0], 1e-12 * first, u[1]);
-    cross(u[0], u[1], u[2]);
-    cross(V, V + 3, v3);
+    fv_cross3(u[0], u[1], u[2]);
+    fv_cross3(V, V + 3, v3);
     double third = 0.0;
     for (int i = 0; i < 3; i++)
-        third += u[2][i] * dot(H + 3 * i, v3); /* negative for a reflection */
+        third += u[2][i] * fv_dot3(H + 3 * i, v3); /* negative for a reflection */
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++)
             rotation[3 * i + j] = u[0][i] * V[j] + u[1][i] * V[3 + j] + u[2][i] * v3[j];
     const double trace = first + second + third;
     *scale = trace / pp;
     for (int i = 0; i < 3; i++)
-        translation[i] = sums->q[i] / n - *scale * dot(rotation + 3 * i, sums->p) / n;
+        translation[i] = sums->q[i] / n - *scale * fv_dot3(rotation + 3 * i, sums->p) / n;
     const double left = qq - trace * trace / pp;
     *rms = __builtin_sqrt(left > 0.0 ? left : 0.0);
     return true;
