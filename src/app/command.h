@@ -1,5 +1,5 @@
 /* Commands of the `fovea` program. A command is one row of the table in commands.c: its name, one line of
- * help and the function that does it, in a file of its own. A row is added when the command works, not
+ * help and the function that does it, in NAME_command.c. A row is added when the command works, not
  * before. */
 #ifndef FOVEA_APP_COMMAND_H
 #define FOVEA_APP_COMMAND_H
