@@ -1,6 +1,7 @@
 /* KITTI odometry sequences: times.txt, image_0/NNNNNN.png (grey) or image_2 (colour), calib.txt, poses.txt.
  * Geiger, Lenz, Urtasun, "Are we ready for autonomous driving?", CVPR 2012. Its images are rectified: no
  * distortion. */
+#include <limits.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -83,6 +84,22 @@ static enum fovea_status read_calibration(const char *path, const char *key, str
     return status;
 }
 
+/* DIR/poses.txt; where there is none, poses/07.txt beside a folder sequences/07, as in the benchmark's own
+ * archives. */
+static enum fovea_status find_poses(const char *folder, char path[FV_PATH_BYTES], struct fovea_error *error)
+{
+    char whole[PATH_MAX];
+    const enum fovea_status status = fv_path_join(path, folder, "poses.txt", error);
+    if (status != FOVEA_OK || fv_path_exists(path) || realpath(folder, whole) == NULL) return status;
+    char *number = strrchr(whole, '/');
+    *number++ = '\0';
+    char *sequences = strrchr(whole, '/');
+    if (sequences == NULL || strcmp(sequences, "/sequences") != 0) return FOVEA_OK;
+    *sequences = '\0';
+    snprintf(path, FV_PATH_BYTES, "%.2000s/poses/%.255s.txt", whole, number);
+    return FOVEA_OK;
+}
+
 static enum fovea_status read_extras(struct fv_listing *listing, const char *folder, const char *key,
                                      const struct fovea_source_selection *selection,
                                      struct fovea_source_info *info, struct fovea_error *error)
@@ -91,8 +108,7 @@ static enum fovea_status read_extras(struct fv_listing *listing, const char *fol
     enum fovea_status status = fv_path_join(path, folder, "calib.txt", error);
     if (status == FOVEA_OK && fv_path_exists(path)) status = read_calibration(path, key, info, error);
     if (status != FOVEA_OK && selection->camera_given) status = FOVEA_OK; /* its own is not needed */
-    if (status != FOVEA_OK || (status = fv_path_join(path, folder, "poses.txt", error)) != FOVEA_OK)
-        return status;
+    if (status != FOVEA_OK || (status = find_poses(folder, path, error)) != FOVEA_OK) return status;
     if (!fv_path_exists(path)) return FOVEA_OK;
     struct fv_poses poses;
     status = fv_poses_read_kitti(path, &poses, error);

@@ -319,6 +319,32 @@ static void test_first_frame_missing(void **state)
     fv_test_folder_remove(top);
 }
 
+/* As the benchmark's own archives are laid out: sequences/07, and its poses in poses/07.txt. */
+static void test_kitti_poses_beside_the_sequences(void **state)
+{
+    static const char *const ways[] = {"archive/sequences/07", "archive/sequences/07/",
+                                       "archive/poses/../sequences/07"};
+    const struct fovea_source_selection everything = {.step = 1};
+    char top[FV_TEST_PATH_BYTES], from[FV_TEST_PATH_BYTES];
+    (void)state;
+    fv_test_make_folder(fv_test_path(folder, "archive/sequences"));
+    fv_test_make_folder(fv_test_path(folder, "archive/poses"));
+    snprintf(from, sizeof from, "%s", fv_test_kitti(folder));
+    assert_int_equal(rename(from, fv_test_path(folder, ways[0])), 0);
+    snprintf(from, sizeof from, "%s", fv_test_path(folder, "archive/sequences/07/poses.txt"));
+    assert_int_equal(rename(from, fv_test_path(folder, "archive/poses/07.txt")), 0);
+    for (size_t i = 0; i < sizeof ways / sizeof ways[0]; ++i) {
+        struct fovea_source *source;
+        struct fovea_error error;
+        assert_int_equal(fovea_source_kitti.open(fv_test_path(folder, ways[i]), &everything, &source, &error),
+                         FOVEA_OK);
+        assert_true(fovea_source_kitti.info(source)->has_truth);
+        fovea_source_kitti.close(source);
+    }
+    snprintf(top, sizeof top, "%s", fv_test_path(folder, "archive"));
+    fv_test_folder_remove(top);
+}
+
 /* ---- videos ------------------------------------------------------------------------------------------- */
 
 /* In reverse a video is read in stretches, of which this one has several; the same frames come, to the last
@@ -421,6 +447,7 @@ int main(void)
         cmocka_unit_test(test_log_of_nothing),
         cmocka_unit_test(test_names_that_look_like_patterns),
         cmocka_unit_test(test_first_frame_missing),
+        cmocka_unit_test(test_kitti_poses_beside_the_sequences),
         cmocka_unit_test(test_video_in_reverse),
         cmocka_unit_test(test_byte_order_mark),
         cmocka_unit_test(test_own_calibration_not_needed),
