@@ -51,8 +51,8 @@ static bool store_number(void *to, const struct fv_uri_option *option, const cha
         *(double *)to = value;
         return true;
     }
-    if (!fovea_text_integer(text, &whole) || (double)whole < option->low || (double)whole > option->high)
-        return false;
+    if (!fovea_text_integer(text, &whole) || whole < (int64_t)option->low || whole > (int64_t)option->high)
+        return false; /* bounds are whole here; as doubles, 2^53 and one more are the same */
     if (option->kind == FV_URI_U64) *(uint64_t *)to = (uint64_t)whole;
     if (option->kind == FV_URI_I32) *(int32_t *)to = (int32_t)whole;
     if (option->kind == FV_URI_FLAG) *(bool *)to = whole != 0;
@@ -76,10 +76,10 @@ static enum fovea_status store(const struct fv_uri_table *table, const struct fv
     if (word)
         return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: %s: found %s, expected %s", table->scheme,
                                option->name, quoted, option->unit);
-    return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: %s: found %s, expected %s in [%.*f, %.*f] (%s)",
-                           table->scheme, option->name, quoted,
-                           option->kind == FV_URI_REAL ? "a number" : "a whole number", digits_of(option->low),
-                           option->low, digits_of(option->high), option->high, option->unit);
+    return fovea_error_set(
+        error, FOVEA_ERROR_INPUT, "%s: %s: found %s, expected %s in [%.*f, %.*f] (%s)", table->scheme,
+        option->name, quoted, option->kind == FV_URI_REAL ? "a number" : "a whole number",
+        digits_of(option->low), option->low, digits_of(option->high), option->high, option->unit);
 }
 
 /* One "name=value". */

@@ -52,6 +52,7 @@ static const struct {
     {"orbit?seed", {"seed", "no value", "integer"}},
     {"orbit?seed=", {"seed", "''", "whole number"}},
     {"orbit?seed=-1", {"seed", "'-1'", "whole number"}},
+    {"orbit?seed=9007199254740993", {"seed", "'9007199254740993'", "[0, 9007199254740992]"}},
     {"orbit?width=64.5", {"width", "'64.5'", "[64, 2048]"}},
     {"orbit?width=63", {"width", "'63'", "[64, 2048]"}},
     {"orbit?height=99999999999999999999", {"height", "'99999999999999999999'", "pixels"}},
