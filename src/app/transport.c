@@ -152,15 +152,17 @@ static void take_odometry(const lcm_recv_buf_t *received, const char *channel, v
     atomic_fetch_add(&transport->odometry_taken, 1);
 }
 
-/* To LCM a channel to listen to is a regular expression: what is no letter or digit is to stand for itself alone. */
+/* To LCM a channel to listen to is a regular expression: what is no letter or digit is to stand for itself alone. Letters
+ * beyond ASCII take several bytes, between which no backslash may come. */
 static lcm_subscription_t *subscribe_to(struct fv_transport *transport, lcm_t *in, const char *channel,
                                         lcm_msg_handler_t take)
 {
     char pattern[2 * FV_MESSAGE_CHANNEL_BYTES];
     size_t used = 0;
     for (; *channel != '\0' && used + 2 < sizeof pattern; channel++) {
-        const bool plain = (*channel | 0x20) >= 'a' && (*channel | 0x20) <= 'z';
-        if (!plain && (*channel < '0' || *channel > '9') && *channel != '_') pattern[used++] = '\\';
+        const unsigned char byte = (unsigned char)*channel;
+        const bool letter = ((byte | 0x20) >= 'a' && (byte | 0x20) <= 'z') || byte >= 0x80;
+        if (!letter && (byte < '0' || byte > '9') && byte != '_') pattern[used++] = '\\';
         pattern[used++] = *channel;
     }
     pattern[used] = '\0';

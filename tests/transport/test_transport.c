@@ -21,6 +21,7 @@
 #include "fovea_command_t.h"
 
 #define URL "udpm://239.255.76.67:7667"
+#define PREFIX "T.\xc3\xa4" /* a mark and a letter beyond ASCII, as channels of other programs may have */
 
 static bool own_network;
 
@@ -153,7 +154,7 @@ static void send_on(lcm_t *lcm, const char *channel, int32_t bits)
 
 static void send_command(lcm_t *lcm, int32_t bits)
 {
-    send_on(lcm, "T.A_COMMAND", bits);
+    send_on(lcm, PREFIX "_COMMAND", bits);
 }
 
 /* Wait until as many were taken and refused. */
@@ -175,7 +176,7 @@ static void test_commands(void **state)
     struct fv_transport *transport = NULL;
     struct fovea_error error;
     if (fv_transport_open(URL, 0, &transport, &error) != FOVEA_OK ||
-        fv_transport_listen(transport, "T.A", NULL, &error) != FOVEA_OK)
+        fv_transport_listen(transport, PREFIX, NULL, &error) != FOVEA_OK)
         fail_msg("%s", error.text);
     lcm_t *lcm = lcm_create(URL "?ttl=0");
     assert_non_null(lcm);
@@ -199,15 +200,15 @@ static void test_commands(void **state)
     assert_int_equal(fv_transport_commands(transport), FOVEA_COMMAND_RESET | FOVEA_COMMAND_RESUME);
 
     /* Other robots' commands: to LCM a channel to listen to is a pattern, in which a dot is any letter. */
-    static const char *const others[] = {"T/A_COMMAND", "T.A_COMMANDS", "XT.A_COMMAND", "T.B_COMMAND", "_COMMAND"};
+    static const char *const others[] = {"T/\xc3\xa4_COMMAND", PREFIX "_COMMANDS", "X" PREFIX "_COMMAND", "T.B_COMMAND", "_COMMAND"};
     for (size_t i = 0; i < sizeof others / sizeof others[0]; i++) send_on(lcm, others[i], FOVEA_COMMAND_RESET);
     send_command(lcm, FOVEA_COMMAND_SAVE);
     expect_counts(transport, base + 4, 0);
     assert_int_equal(fv_transport_commands(transport), FOVEA_COMMAND_SAVE);
 
     uint8_t hostile[24] = {0};
-    lcm_publish(lcm, "T.A_COMMAND", hostile, sizeof hostile);
-    lcm_publish(lcm, "T.A_COMMAND", hostile, 3);
+    lcm_publish(lcm, PREFIX "_COMMAND", hostile, sizeof hostile);
+    lcm_publish(lcm, PREFIX "_COMMAND", hostile, 3);
     send_command(lcm, 0);
     send_command(lcm, 1 << 20);
     expect_counts(transport, base + 4, 4);
