@@ -458,7 +458,7 @@ static void test_results_are_kept(void **state)
             static const char *const names[] = {"unmade", "kept", "link"};
             for (int k = 0; k < 3; k++) {
                 snprintf(command, sizeof command,
-                         "fovea run --source sim:still --frames 1 --model src/detect/shipped.fvm --picture none --%s @/%s %s",
+                         "fovea run --source sim:still?width=64&height=64 --frames 1 --model src/detect/shipped.fvm --picture none --%s @/%s %s",
                          results[i], names[k], wrong[j][0]);
                 assert_refused(command, wrong[j][1]);
             }
