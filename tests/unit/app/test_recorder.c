@@ -94,9 +94,9 @@ static void record_turn(struct fv_recorder *recorder, uint32_t n)
                                   .frames_late = 63};
     inputs.grants.features = 500 + n;
     inputs.grants.units[0] = n;
-    uint8_t data[8] = {1, 2, 3, 4, 5, 6, 7, (uint8_t)n};
+    uint8_t data[400] = {1, 2, 3, 4, 5, 6, 7, (uint8_t)n}; /* long: a log cut within it has room for its end */
     struct fovea_outputs outputs = {.message_count = 1};
-    outputs.messages[0] = (struct fovea_message){.channel = "ROBOT/LEFT_X", .data = data, .bytes = 8};
+    outputs.messages[0] = (struct fovea_message){.channel = "ROBOT/LEFT_X", .data = data, .bytes = sizeof data};
     fv_recorder_step(recorder, &inputs, &outputs);
     struct fovea_grants grants = {.features = 400, .units = {n + 7}};
     fv_recorder_work(recorder, &inputs, &grants, &outputs);
@@ -300,7 +300,7 @@ static void test_limited_file(void **state)
         ends[events++] = event.offset;
     fovea_log_close(log);
     for (int i = events - 12; i < events; i++)
-        for (int more = 0; more < 3; more++) record_below((rlim_t)(ends[i] + 40 * more));
+        for (int more = 0; more < 3; more++) record_below((rlim_t)(ends[i] + (more == 2 ? 200 : 40 * more)));
 }
 
 static void test_full_disk(void **state)
