@@ -105,8 +105,10 @@ test:  ## install what is missing, build, and run the tests
 	@tools/run_tests.sh $(BUILD) $(EMULATOR)
 
 # Everything else that must hold: other compiler, layers, symbols, style, sanitizers. Under tsan, which is some ten times
-# slower, run the tests of code with more than one thread: the loop, the readers, the recorder, LCM.
+# slower, run the tests of code with more than one thread: the loop, the readers, live cameras, the recorder, LCM.
 THREADED := unit/base/test_ring unit/app/test_loop unit/app/test_recorder unit/drivers/test_recorded unit/drivers/test_wrong_recordings \
+            unit/drivers/test_odd_recordings unit/drivers/test_recovery unit/drivers/test_v4l2 unit/drivers/test_v4l2_faults \
+            unit/drivers/test_v4l2_gain unit/drivers/test_v4l2_unplug unit/drivers/test_libcamera \
             replay/test_replay realtime/test_run transport/test_transport
 check:  ## layers, symbols, stack, headers, clang build, clang-tidy, tests under asan+ubsan and tsan, a trial installation
 	@tools/install.sh build test check

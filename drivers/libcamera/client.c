@@ -22,7 +22,8 @@
 extern char **environ;
 
 int64_t fv_libcamera_answer_ns = INT64_C(30000000000), fv_libcamera_idle_ns = INT64_C(6000000000),
-        fv_libcamera_away_ns = INT64_C(5000000000), fv_libcamera_patience_ns = INT64_C(1000000000);
+        fv_libcamera_away_ns = INT64_C(5000000000);
+_Atomic int64_t fv_libcamera_patience_ns = INT64_C(1000000000);
 
 /* A buffer of the camera, mapped here. */
 struct mapping {

@@ -23,7 +23,8 @@ struct fv_libcamera_client;
 /* For tests to shorten. How long a request may take (30 s: a machine under load takes seconds to start libcamera);
  * without the process working (6 s: the kernel waits up to 5 s for an answer of a USB camera); how long one process
  * is believed that the camera is away (5 s); and to end or to be reaped may take (1 s). */
-extern int64_t fv_libcamera_answer_ns, fv_libcamera_idle_ns, fv_libcamera_away_ns, fv_libcamera_patience_ns;
+extern int64_t fv_libcamera_answer_ns, fv_libcamera_idle_ns, fv_libcamera_away_ns;
+extern _Atomic int64_t fv_libcamera_patience_ns; /* set while a source runs, too */
 
 /* Start a process and let it find the camera, configure it once and let it go again; one that ends or hangs
  * over it is followed by another, once. `told` gets a line of that and where not all is as asked.
