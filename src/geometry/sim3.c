@@ -65,8 +65,7 @@ void fv_sim3_move_pose(const struct fv_sim3 *S, struct fv_se3 *T_cam)
     *T_cam = moved;
 }
 
-/* ---- exponential -----------------------------------------------------------------------------------------
- */
+/* ---- exponential ----------------------------------------------------------------------------------- */
 
 /* Coefficients of W = A [w]x + B [w]x^2 + C I, the integral of exp(tau (sigma I + [w]x)) over tau in [0, 1].
  * With z = sigma + i theta and f = (exp z - 1) / z: C = f at theta = 0, A = Im f / theta, B = (C - Re f) /

@@ -10,8 +10,7 @@
 static const double huber_square = 5.991; /* 95 % of chi-square with 2 degrees of freedom, those of the pixels */
 static const double distance_ratio_max = 1.5;
 
-/* ---- closed form -----------------------------------------------------------------------------------------
- */
+/* ---- closed form ----------------------------------------------------------------------------------- */
 
 bool fv_sim3_align(const double (*a)[3], const double (*b)[3], uint32_t count, struct fv_sim3 *S)
 {
@@ -53,8 +52,7 @@ bool fv_sim3_align(const double (*a)[3], const double (*b)[3], uint32_t count, s
     return true;
 }
 
-/* ---- errors and sampling ---------------------------------------------------------------------------------
- */
+/* ---- errors and sampling --------------------------------------------------------------------------- */
 
 static bool fv_distances_agree(const double q[3], const double p[3])
 {
@@ -138,8 +136,7 @@ bool fv_sim3_search_more(struct fv_sim3_search *search, const struct fv_meeting 
     return search->done < search->bound;
 }
 
-/* ---- refinement ------------------------------------------------------------------------------------------
- */
+/* ---- refinement ------------------------------------------------------------------------------------ */
 
 static void fv_add_row(double e, double weight, const double row[7], double H[49], double g[7])
 {

@@ -5,8 +5,7 @@
 
 enum { RATE_AGAIN_MAX = 8 }; /* candidates rated anew before one goes: ratings may be stale */
 
-/* ---- covisibility ----------------------------------------------------------------------------------------
- */
+/* ---- covisibility ---------------------------------------------------------------------------------- */
 
 void fv_map_count_shared(const struct fv_map *map, uint32_t slot, uint16_t *shared)
 {
@@ -40,8 +39,7 @@ uint32_t fv_map_neighbours(const struct fv_map *map, uint32_t slot, uint32_t sha
     return count;
 }
 
-/* ---- keyframes -------------------------------------------------------------------------------------------
- */
+/* ---- keyframes ------------------------------------------------------------------------------------- */
 
 void fv_map_rate_keyframe(struct fv_map *map, uint32_t slot)
 {
@@ -99,8 +97,7 @@ uint32_t fv_map_most_redundant(struct fv_map *map)
     return (uint32_t)best;
 }
 
-/* ---- landmarks -------------------------------------------------------------------------------------------
- */
+/* ---- landmarks ------------------------------------------------------------------------------------- */
 
 /* One round of the hand: landmarks not seen lately go, when they have at most `observers_max` observers. */
 static void fv_sweep(struct fv_map *map, uint32_t wanted, uint32_t observers_max, uint64_t frame_number)
@@ -124,8 +121,7 @@ void fv_map_make_room(struct fv_map *map, uint32_t wanted, uint64_t frame_number
         fv_map_remove_keyframe(map, fv_map_most_redundant(map));
 }
 
-/* ---- edges and maps --------------------------------------------------------------------------------------
- */
+/* ---- edges and maps -------------------------------------------------------------------------------- */
 
 void fv_map_add_edge(struct fv_map *map, uint32_t a, uint32_t b)
 {

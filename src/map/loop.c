@@ -36,8 +36,7 @@ static const double distance_sigma_least = 0.01;
 static const double drift_share_max = 0.1; /* of the path since the candidate */
 static const double drift_slack = 0.3;     /* of the median depth */
 
-/* ---- memory ----------------------------------------------------------------------------------------------
- */
+/* ---- memory ---------------------------------------------------------------------------------------- */
 
 void fv_loop_carve(struct fv_loop_closer *loop, const struct fv_map_limits *limits,
                    const struct fovea_camera *camera, struct fv_arena *persistent, struct fv_arena *job)
@@ -84,8 +83,7 @@ bool fv_loop_waiting(const struct fv_loop_closer *loop)
     return loop->state->phase != FV_LOOP_IDLE;
 }
 
-/* ---- candidates ------------------------------------------------------------------------------------------
- */
+/* ---- candidates ------------------------------------------------------------------------------------ */
 
 /* Score below which a keyframe is less like the offered one than its own neighbours are. */
 static uint32_t fv_least_score(struct fv_loop_closer *loop, const struct fv_map *map,
@@ -148,8 +146,7 @@ void fv_loop_offer(struct fv_loop_closer *loop, const struct fv_map *map, const 
     if (s->candidate_count > 0) s->phase = FV_LOOP_MATCH;
 }
 
-/* ---- matches without prediction --------------------------------------------------------------------------
- */
+/* ---- matches without prediction -------------------------------------------------------------------- */
 
 /* Features of a keyframe that have landmarks, with their descriptors. */
 static uint32_t fv_gather_features(const struct fv_map *map, uint32_t slot, uint16_t *features,
@@ -263,8 +260,7 @@ static void fv_match_unit(struct fv_loop_closer *loop, const struct fv_map *map,
     s->phase = FV_LOOP_SAMPLE;
 }
 
-/* ---- the similarity --------------------------------------------------------------------------------------
- */
+/* ---- the similarity -------------------------------------------------------------------------------- */
 
 /* Landmarks that the candidate and its neighbours see. */
 static void fv_gather_group(struct fv_loop_closer *loop, struct fv_map *map)
@@ -331,8 +327,7 @@ static void fv_refine_unit(struct fv_loop_closer *loop, struct fv_map *map)
     s->phase = FV_LOOP_GUIDED;
 }
 
-/* ---- plausibility ----------------------------------------------------------------------------------------
- */
+/* ---- plausibility ---------------------------------------------------------------------------------- */
 
 void fv_loop_correction(const struct fv_map *map, uint32_t keyframe, uint32_t candidate,
                         const struct fv_sim3 *S_keyframe_candidate, struct fv_sim3 *correction)
@@ -394,8 +389,7 @@ bool fv_loop_plausible(const struct fv_map *map, uint32_t keyframe, uint32_t can
            shift < drift_share_max * fv_path_since(map, keyframe, c->number) + drift_slack * k->depth;
 }
 
-/* ---- sightings -------------------------------------------------------------------------------------------
- */
+/* ---- sightings ------------------------------------------------------------------------------------- */
 
 static bool fv_enough_found(const struct fv_loop_state *s, uint32_t least)
 {
@@ -498,8 +492,7 @@ static void fv_before_unit(struct fv_loop_closer *loop, const struct fv_map *map
     s->next = 0;
 }
 
-/* ---- the job ---------------------------------------------------------------------------------------------
- */
+/* ---- the job --------------------------------------------------------------------------------------- */
 
 /* While a sighting is made, the two keyframes must stay what they were. */
 static bool fv_still_there(const struct fv_loop_state *s, const struct fv_map *map)

@@ -18,8 +18,7 @@ static void fv_edge_weight(const struct fv_keyframe *a, double factor, double we
     weight[2] = factor * weight_scale;
 }
 
-/* ---- the essential graph ---------------------------------------------------------------------------------
- */
+/* ---- the essential graph --------------------------------------------------------------------------- */
 
 void fv_loop_graph_begin(struct fv_loop_closer *loop, const struct fv_map *map)
 {
@@ -104,8 +103,7 @@ bool fv_loop_graph_unit(struct fv_loop_closer *loop, const struct fv_map *map)
     return s->next >= nodes;
 }
 
-/* ---- the commit ------------------------------------------------------------------------------------------
- */
+/* ---- the commit ------------------------------------------------------------------------------------ */
 
 /* Corrections of the keyframes that were in the graph. */
 static void fv_correct_nodes(struct fv_loop_closer *loop, const struct fv_map *map)

@@ -38,8 +38,7 @@ static bool fv_in_image(const struct fv_loop_closer *loop, const struct fv_map *
            pixel[0] < map->limits.width && pixel[1] < map->limits.height;
 }
 
-/* ---- before the correction -------------------------------------------------------------------------------
- */
+/* ---- before the correction ------------------------------------------------------------------------- */
 
 /* A landmark found at a feature that has a landmark of its own: the two meet. The candidate need not see the
  * landmark, so its side says only how far it is. False when the two are not at one distance. */
@@ -120,8 +119,7 @@ bool fv_loop_search_group(struct fv_loop_closer *loop, const struct fv_map *map,
     return s->next >= s->group_count;
 }
 
-/* ---- after it: fusing ------------------------------------------------------------------------------------
- */
+/* ---- after it: fusing ------------------------------------------------------------------------------ */
 
 /* Look for a landmark of the group in a keyframe; link it there, or make one of it and what is there. */
 static void fv_fuse_into(struct fv_loop_closer *loop, struct fv_map *map, const struct fv_kernels *kernels,

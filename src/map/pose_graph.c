@@ -19,8 +19,7 @@ void fv_pose_graph_carve(struct fv_pose_graph *g, const struct fv_pose_graph_lim
     g->order = fv_arena_take(job, limits->nodes, sizeof *g->order);
 }
 
-/* ---- building --------------------------------------------------------------------------------------------
- */
+/* ---- building -------------------------------------------------------------------------------------- */
 
 void fv_pose_graph_begin(struct fv_pose_graph *g)
 {
@@ -114,8 +113,7 @@ bool fv_pose_graph_start(struct fv_pose_graph *g)
     return true;
 }
 
-/* ---- errors ----------------------------------------------------------------------------------------------
- */
+/* ---- errors ---------------------------------------------------------------------------------------- */
 
 static void fv_edge_error(const struct fv_pose_graph *g, const struct fv_graph_edge *edge, double e[7])
 {
@@ -200,8 +198,7 @@ static void fv_log_derivatives(const double e[7], double left[49], double right[
     }
 }
 
-/* ---- linearising -----------------------------------------------------------------------------------------
- */
+/* ---- linearising ----------------------------------------------------------------------------------- */
 
 /* A^T W B of one edge. */
 static void fv_normal_block(const struct fv_graph_edge *edge, const double A[49], const double B[49],
@@ -272,8 +269,7 @@ static void fv_linearise_unit(struct fv_pose_graph *g)
     s->phase = FV_GRAPH_FACTOR;
 }
 
-/* ---- judging a step --------------------------------------------------------------------------------------
- */
+/* ---- judging a step -------------------------------------------------------------------------------- */
 
 static void fv_take_steps(struct fv_pose_graph *g)
 {

@@ -92,8 +92,7 @@ bool fv_pose_graph_start(struct fv_pose_graph *graph);
 /* One unit of work, at most about 0.25 ms; true when units are left. Afterwards nodes[].S is the result. */
 bool fv_pose_graph_unit(struct fv_pose_graph *graph);
 
-/* ---- between the files of the job ------------------------------------------------------------------------
- */
+/* ---- between the files of the job ------------------------------------------------------------------ */
 
 /* Factor the tree with the damping. False when a block is not positive definite. */
 bool fv_graph_factor(struct fv_pose_graph *graph);

@@ -36,8 +36,7 @@ static void fv_add_triangle(const double triangle[28], double M[49])
             M[7 * r + c] += triangle[i++];
 }
 
-/* ---- the tree --------------------------------------------------------------------------------------------
- */
+/* ---- the tree -------------------------------------------------------------------------------------- */
 
 static void fv_damp(const struct fv_graph_node *node, double damping, double D[49])
 {
@@ -118,8 +117,7 @@ static void fv_apply_tree(struct fv_pose_graph *g)
     }
 }
 
-/* ---- conjugate gradients ---------------------------------------------------------------------------------
- */
+/* ---- conjugate gradients --------------------------------------------------------------------------- */
 
 /* image = H direction. Fixed nodes have direction zero, and their image is not read. */
 static void fv_apply_system(struct fv_pose_graph *g)

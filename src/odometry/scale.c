@@ -67,8 +67,7 @@ void fv_scale_measure(struct fv_scale *scale, double log_scale, double variance)
     s->variance *= 1 - gain;
 }
 
-/* ---- camera height
- * -------------------------------------------------------------------------------------------- */
+/* ---- camera height ------------------------------------------------------------------------------------- */
 
 void fv_scale_unit(struct fv_scale *scale, const struct fv_odometry *o)
 {
@@ -93,8 +92,7 @@ bool fv_scale_waiting(const struct fv_scale *scale, const struct fv_odometry *o)
     return behind >= KEYFRAMES_BEHIND_MAX || !fv_odometry_job_waiting(o);
 }
 
-/* ---- publishing
- * ------------------------------------------------------------------------------------------------ */
+/* ---- publishing ---------------------------------------------------------------------------------------- */
 
 /* Lengths of a covariance (upper triangle by rows, translation first) in another unit. */
 static void fv_scale_covariance(double covariance[21], double factor)

@@ -41,8 +41,7 @@ static uint32_t distance(const descriptor a, const descriptor b)
     return sum;
 }
 
-/* ---- descriptors
- * -------------------------------------------------------------------------------------------- */
+/* ---- descriptors --------------------------------------------------------------------------------------- */
 
 static void take(struct set *set, const struct fv_extract *extract)
 {
@@ -114,8 +113,7 @@ static void read_list(struct set *set, const char *path)
     fclose(list);
 }
 
-/* ---- the tree
- * ----------------------------------------------------------------------------------------------- */
+/* ---- the tree ------------------------------------------------------------------------------------------ */
 
 /* Centres far apart: each next one with a probability that grows with the square of the distance to the
  * nearest. */
