@@ -32,7 +32,5 @@ void fv_sim_noise(struct fv_sim_brush *brush, int32_t x0, int32_t y0, int32_t x1
 /* Posters, signs and the like (posters.c). */
 void fv_sim_poster(struct fv_sim_brush *brush, int32_t x0, int32_t y0, int32_t x1, int32_t y1);
 void fv_sim_books(struct fv_sim_brush *brush, int32_t x0, int32_t y0, int32_t x1, int32_t y1);
-void fv_sim_door(struct fv_sim_brush *brush, int32_t x0, int32_t y0, int32_t x1, int32_t y1);
-void fv_sim_window(struct fv_sim_brush *brush, int32_t x0, int32_t y0, int32_t x1, int32_t y1);
 
 #endif

@@ -127,7 +127,7 @@ void fv_sim_books(struct fv_sim_brush *b, int32_t x0, int32_t y0, int32_t x1, in
     fv_sim_noise(b, x0, y0, x1, y1, 32, 2, 16, 180);
 }
 
-void fv_sim_door(struct fv_sim_brush *b, int32_t x0, int32_t y0, int32_t x1, int32_t y1)
+static void poster_door(struct fv_sim_brush *b, int32_t x0, int32_t y0, int32_t x1, int32_t y1)
 {
     const int32_t trim = fv_sim_mm(b, 70), grey = fv_sim_draw(b, 70, 190), w = x1 - x0, h = y1 - y0;
     fv_sim_fill(b, x0 - trim, y0 - trim, x1 + trim, y1, fv_sim_draw(b, 40, 90));
@@ -142,7 +142,7 @@ void fv_sim_door(struct fv_sim_brush *b, int32_t x0, int32_t y0, int32_t x1, int
     fv_sim_noise(b, x0, y0, x1, y1, 64, 2, 28, 190);
 }
 
-void fv_sim_window(struct fv_sim_brush *b, int32_t x0, int32_t y0, int32_t x1, int32_t y1)
+static void poster_window(struct fv_sim_brush *b, int32_t x0, int32_t y0, int32_t x1, int32_t y1)
 {
     const int32_t bar = fv_sim_mm(b, 50);
     poster_landscape(b, x0, y0, x1, y1);
@@ -157,12 +157,12 @@ static int32_t hang(struct fv_sim_brush *b, int32_t x)
 {
     const int32_t floor = b->height, kind = fv_sim_draw(b, 0, 9);
     if (kind == 0 && floor > fv_sim_mm(b, 2250)) {
-        fv_sim_door(b, x, floor - fv_sim_mm(b, 2050), x + fv_sim_mm(b, 900), floor);
+        poster_door(b, x, floor - fv_sim_mm(b, 2050), x + fv_sim_mm(b, 900), floor);
         return fv_sim_mm(b, 980);
     }
     if (kind == 1) {
         const int32_t width = fv_sim_mm(b, fv_sim_draw(b, 900, 1500));
-        fv_sim_window(b, x, floor - fv_sim_mm(b, 2150), x + width, floor - fv_sim_mm(b, 950));
+        poster_window(b, x, floor - fv_sim_mm(b, 2150), x + width, floor - fv_sim_mm(b, 950));
         return width + fv_sim_mm(b, 100);
     }
     if (kind == 2) {

@@ -30,8 +30,10 @@ static bool fv_smallest_vector(double A[81], double h[9])
     return true;
 }
 
-bool fv_homography_fit(const struct fv_pair *pairs, const uint32_t *index, uint32_t count,
-                       const uint8_t *weight, double H[9])
+/* Least-squares H (Frobenius norm 1) of `count` >= 4 pairs picked by `index` (NULL: the first ones) whose
+ * `weight` (NULL: 1) is above 0. False when the pairs do not determine it. */
+static bool fv_homography_fit(const struct fv_pair *pairs, const uint32_t *index, uint32_t count,
+                              const uint8_t *weight, double H[9])
 {
     /* x2 x (H x1) = 0: with P = I - x2 x2^T, A sums P (x) x1 x1^T. */
     double A[81] = {0};
@@ -49,7 +51,8 @@ bool fv_homography_fit(const struct fv_pair *pairs, const uint32_t *index, uint3
     return fv_smallest_vector(A, H);
 }
 
-double fv_homography_residual2(const double H[9], const struct fv_pair *pair)
+/* Squared angle (rad^2, small-angle) between x2 and H x1. */
+static double fv_homography_residual2(const double H[9], const struct fv_pair *pair)
 {
     double q[3], r[3];
     fv_rotate3(H, pair->x1, q);

@@ -15,14 +15,6 @@
 extern "C" {
 #endif
 
-/* Least-squares H (Frobenius norm 1) of `count` >= 4 pairs picked by `index` (NULL: the first ones) whose
- * `weight` (NULL: 1) is above 0. False when the pairs do not determine it. */
-bool fv_homography_fit(const struct fv_pair *pairs, const uint32_t *index, uint32_t count,
-                       const uint8_t *weight, double H[9]);
-
-/* Squared angle (rad^2, small-angle) between x2 and H x1. */
-double fv_homography_residual2(const double H[9], const struct fv_pair *pair);
-
 /* Robust estimate; returns the number of inliers, 0: none found. `inlier` takes count bytes. */
 uint32_t fv_homography_estimate(const struct fv_pair *pairs, uint32_t count,
                                 const struct fv_sampling *sampling, struct fovea_random *random, double H[9],

@@ -329,8 +329,9 @@ static void fv_refine_unit(struct fv_loop_closer *loop, struct fv_map *map)
 
 /* ---- plausibility ---------------------------------------------------------------------------------- */
 
-void fv_loop_correction(const struct fv_map *map, uint32_t keyframe, uint32_t candidate,
-                        const struct fv_sim3 *S_keyframe_candidate, struct fv_sim3 *correction)
+/* Correction of the keyframe's world that makes S_keyframe_candidate true. */
+static void fv_loop_correction(const struct fv_map *map, uint32_t keyframe, uint32_t candidate,
+                               const struct fv_sim3 *S_keyframe_candidate, struct fv_sim3 *correction)
 {
     struct fv_sim3 T, wanted; /* S_keyframe_newworld */
     fv_sim3_from_se3(&map->keyframes[candidate].T_cam_world, 1, &T);

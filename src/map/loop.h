@@ -145,9 +145,6 @@ double fv_loop_distance_sigma(const struct fv_landmark *l, const double A[6], do
 bool fv_loop_search_group(struct fv_loop_closer *loop, const struct fv_map *map,
                           const struct fv_kernels *kernels, uint32_t slot,
                           const struct fv_sim3 *S_keyframe_candidate);
-/* Correction of the keyframe's world that makes S_keyframe_candidate true. */
-void fv_loop_correction(const struct fv_map *map, uint32_t keyframe, uint32_t candidate,
-                        const struct fv_sim3 *S_keyframe_candidate, struct fv_sim3 *correction);
 /* Whether drift may have been that large. */
 bool fv_loop_plausible(const struct fv_map *map, uint32_t keyframe, uint32_t candidate,
                        const struct fv_sim3 *correction);

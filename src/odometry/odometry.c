@@ -112,7 +112,8 @@ enum fovea_status fv_odometry_load(struct fv_odometry *o, const struct fv_kernel
     return FOVEA_OK;
 }
 
-void fv_odometry_fill_view(struct fv_odometry *o, const struct fv_odometry_input *input)
+/* Fill the current view from the frame's features. */
+static void fv_odometry_fill_view(struct fv_odometry *o, const struct fv_odometry_input *input)
 {
     const uint32_t current = fv_map_current(&o->map);
     fv_map_fill_view(&o->map, current, input->features, input->descriptors, input->count, NULL);

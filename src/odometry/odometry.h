@@ -132,6 +132,9 @@ void fv_odometry_step(struct fv_odometry *odometry, const struct fv_kernels *ker
 /* One unit of the map's job, at most about 0.25 ms; true when units are left. Real-time safe. */
 bool fv_odometry_unit(struct fv_odometry *odometry, const struct fv_kernels *kernels);
 bool fv_odometry_job_waiting(const struct fv_odometry *odometry);
+/* The same for the job that closes loops and merges maps. */
+bool fv_odometry_loop_unit(struct fv_odometry *odometry, const struct fv_kernels *kernels);
+bool fv_odometry_loop_waiting(const struct fv_odometry *odometry);
 
 /* Begin to save the map: the job does it first, in units; fv_archive_take(o->archive) tells when all is
  * written. */
@@ -141,9 +144,6 @@ void fv_odometry_save_begin(struct fv_odometry *odometry);
 enum fovea_status fv_odometry_load(struct fv_odometry *odometry, const struct fv_kernels *kernels,
                                    const uint8_t *data, size_t bytes, const char *name,
                                    struct fovea_error *error);
-/* The same for the job that closes loops and merges maps. */
-bool fv_odometry_loop_unit(struct fv_odometry *odometry, const struct fv_kernels *kernels);
-bool fv_odometry_loop_waiting(const struct fv_odometry *odometry);
 
 /* ---- between the stage's own files ------------------------------------------------------------------- */
 
@@ -160,8 +160,6 @@ static inline void fv_sight_from(const struct fv_keypoint *p, const double point
     s->inlier = true;
 }
 
-/* Fill the current view from the frame's features. */
-void fv_odometry_fill_view(struct fv_odometry *odometry, const struct fv_odometry_input *input);
 /* Try to make the first map from the waiting frames and the current one; true when done. */
 bool fv_odometry_start(struct fv_odometry *odometry, const struct fv_kernels *kernels);
 /* Pose of the current view against the local map; number of inliers (0: failed). */

@@ -48,7 +48,8 @@ static void fv_scale_enter(struct fv_scale_state *s, uint32_t map, const struct 
     memset(s->outer, 0, sizeof s->outer);
 }
 
-void fv_scale_measure(struct fv_scale *scale, double log_scale, double variance)
+/* Take a measurement of the scale's logarithm. */
+static void fv_scale_measure(struct fv_scale *scale, double log_scale, double variance)
 {
     struct fv_scale_state *s = scale->state;
     s->source = scale->config.source;

@@ -93,8 +93,6 @@ void fv_scale_unit(struct fv_scale *scale, const struct fv_odometry *odometry);
 
 /* ---- between the files of the stage */
 
-/* Take a measurement of the scale's logarithm. */
-void fv_scale_measure(struct fv_scale *scale, double log_scale, double variance);
 /* Fit the floor to the map as the current frame sees it; false when none is found. */
 bool fv_scale_find_floor(struct fv_scale *scale, const struct fv_odometry *odometry, struct fv_plane *floor);
 /* Hold the keyframes against odometry. */
