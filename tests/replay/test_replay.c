@@ -59,6 +59,12 @@ static size_t find_data(const char *channel, int n)
     return found;
 }
 
+/* Where that event begins. */
+static size_t find_event(const char *channel, int n)
+{
+    return find_data(channel, n) - strlen(channel) - FOVEA_LOG_HEADER_BYTES;
+}
+
 /* Replay the good log with one byte flipped. */
 static enum fovea_status replay_flipped(size_t at, uint8_t bits, struct fv_replay_result *result,
                                         struct fovea_error *error)
@@ -209,7 +215,7 @@ static void test_not_a_recording(void **state)
     write_changed((const uint8_t *)"# a text file, and not a short one at that", 42);
     assert_int_equal(fv_replay(changed, true, NULL, NULL, &result, &error), FOVEA_ERROR_INPUT);
     assert_non_null(strstr(error.text, "byte 0: found 23206120, expected an LCM event (eda1da01)"));
-    size_t frame = find_data("FOVEA_FRAME", 0) - strlen("FOVEA_FRAME") - FOVEA_LOG_HEADER_BYTES;
+    size_t frame = find_event("FOVEA_FRAME", 0);
     write_changed(whole + frame, whole_bytes - frame);
     assert_int_equal(fv_replay(changed, true, NULL, NULL, &result, &error), FOVEA_ERROR_INPUT);
     assert_non_null(strstr(error.text, "begins with channel FOVEA_FRAME, expected a recording of fovea run"));
@@ -241,10 +247,10 @@ static void test_cut_off(void **state)
     assert_true(refused > 20);
     /* Where one event ends and the next begins, as when the program was killed. */
     for (int turn = TURNS - 4; turn < TURNS; turn++) {
-        expect_cut(find_data("FOVEA_GRANTS", turn) - strlen("FOVEA_GRANTS") - FOVEA_LOG_HEADER_BYTES, &none);
-        expect_cut(find_data("FOVEA_INPUTS", turn) - strlen("FOVEA_INPUTS") - FOVEA_LOG_HEADER_BYTES, &none);
+        expect_cut(find_event("FOVEA_GRANTS", turn), &none);
+        expect_cut(find_event("FOVEA_INPUTS", turn), &none);
     }
-    expect_cut(find_data("FOVEA_RECORDING_END", 0) - strlen("FOVEA_RECORDING_END") - FOVEA_LOG_HEADER_BYTES, &none);
+    expect_cut(find_event("FOVEA_RECORDING_END", 0), &none);
     assert_int_equal(none, 0);
 }
 
@@ -275,11 +281,27 @@ static void test_every_edit(void **state)
     expect_edits_found("FOVEA_RECORDING_END", 0);
     struct fv_replay_result result;
     struct fovea_error error;
-    const size_t event = find_data("FOVEA_GRANTS", 9) - strlen("FOVEA_GRANTS") - FOVEA_LOG_HEADER_BYTES;
+    const size_t event = find_event("FOVEA_GRANTS", 9);
     for (size_t at = event; at < event + FOVEA_LOG_HEADER_BYTES; at++) /* sync, number, time, sizes */
         assert_true(replay_flipped(at, 1, &result, &error) != FOVEA_OK || result.different);
     replay_flipped(event + 11, 1, &result, &error);
     assert_non_null(strstr(result.difference, "FOVEA_RECORDING_END: hash of all events before: found "));
+}
+
+static void test_more_after_the_end(void **state)
+{
+    (void)state;
+    struct fv_replay_result result;
+    struct fovea_error error;
+    const size_t inputs = find_event("FOVEA_INPUTS", 9), more = find_event("FOVEA_GRANTS", 9) - inputs;
+    uint8_t *longer = malloc(whole_bytes + more);
+    assert_non_null(longer);
+    memcpy(longer, whole, whole_bytes);
+    memcpy(longer + whole_bytes, whole + inputs, more);
+    write_changed(longer, whole_bytes + more);
+    free(longer);
+    assert_int_equal(fv_replay(changed, true, NULL, NULL, &result, &error), FOVEA_ERROR_INPUT);
+    assert_non_null(strstr(error.text, "found an event after the end of the recording, expected none"));
 }
 
 /* Format 2 had no end: read as before, but nobody can say whether it is whole. */
@@ -289,7 +311,7 @@ static void test_older_format(void **state)
     struct fv_replay_result result;
     struct fovea_error error;
     const size_t format = find_data("FOVEA_RECORDING", 0) + 8 + 3,
-                 end = find_data("FOVEA_RECORDING_END", 0) - strlen("FOVEA_RECORDING_END") - FOVEA_LOG_HEADER_BYTES;
+                 end = find_event("FOVEA_RECORDING_END", 0);
     assert_int_equal(whole[format], 3);
     whole[format] = 2;
     write_changed(whole, end);
@@ -297,6 +319,9 @@ static void test_older_format(void **state)
     assert_false(result.different);
     assert_int_equal(result.end, FV_REPLAY_UNMARKED);
     assert_int_equal(result.works, TURNS);
+    write_changed(whole, find_event("FOVEA_GRANTS", TURNS - 1));
+    assert_int_equal(fv_replay(changed, true, NULL, NULL, &result, &error), FOVEA_OK);
+    assert_int_equal(result.end, FV_REPLAY_CUT_OFF);
     write_changed(whole, end - 1);
     assert_int_equal(fv_replay(changed, true, NULL, NULL, &result, &error), FOVEA_ERROR_INPUT);
     whole[format] = 1;
@@ -346,7 +371,7 @@ int main(void)
         cmocka_unit_test(test_equal),           cmocka_unit_test(test_differences),
         cmocka_unit_test(test_changed_inputs),  cmocka_unit_test(test_missing_message),
         cmocka_unit_test(test_changed_statistics), cmocka_unit_test(test_every_edit),
-        cmocka_unit_test(test_older_format),
+        cmocka_unit_test(test_older_format),    cmocka_unit_test(test_more_after_the_end),
         cmocka_unit_test(test_not_a_recording), cmocka_unit_test(test_cut_off),
         cmocka_unit_test(test_mutated),
     };
