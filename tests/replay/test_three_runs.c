@@ -1,5 +1,5 @@
 /* Three runs of the program, each a process of its own, record the same frames, grants and messages to the byte; only what
- * is measured in the process (in inputs and statistics) may differ. */
+ * is measured in the process (in inputs and statistics) may differ. And what the command that verifies a recording says. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -20,22 +20,29 @@ enum { RUNS = 3 };
 static char folder[] = "/tmp/fovea-test-XXXXXX";
 static char paths[RUNS][64];
 
+/* The exit status of a command; its stderr goes to a file, unless NULL. */
+static int command(const char *const words[], int count, const char *errors)
+{
+    enum { COUNT_MAX = 24 };
+    int status = 0;
+    fflush(NULL);
+    pid_t child = fork();
+    if (child == 0) {
+        char *argv[COUNT_MAX + 1]; /* getopt_long moves them about */
+        for (int i = 0; i <= count; i++) argv[i] = i < count ? strdup(words[i]) : NULL;
+        if (errors != NULL && freopen(errors, "w", stderr) == NULL) exit(99);
+        exit(fv_dispatch(count, argv));
+    }
+    assert_int_equal(waitpid(child, &status, 0), child);
+    return WIFEXITED(status) ? WEXITSTATUS(status) : 1000 + status;
+}
+
 static void run(const char *source, const char *frames, const char *log)
 {
     const char *const words[] = {"fovea",    "run",  "--quiet",  "--set",  "lcm_url=", "--picture", "none",
                                  "--source", source, "--frames", frames,   "--set",    "preview.period_frames=7",
                                  "--record", log};
-    enum { COUNT = sizeof words / sizeof words[0] };
-    int status = 0;
-    fflush(NULL);
-    pid_t child = fork();
-    if (child == 0) {
-        char *argv[COUNT + 1]; /* getopt_long moves them about */
-        for (int i = 0; i <= COUNT; i++) argv[i] = i < COUNT ? strdup(words[i]) : NULL;
-        exit(fv_dispatch(COUNT, argv));
-    }
-    assert_int_equal(waitpid(child, &status, 0), child);
-    assert_int_equal(status, 0);
+    assert_int_equal(command(words, sizeof words / sizeof words[0], NULL), FV_EXIT_OK);
 }
 
 /* The next event of those that must be equal; false at the end. */
@@ -100,11 +107,51 @@ static void test_recording(void **state)
     expect_runs_equal(source, "20");
 }
 
+/* What `fovea replay --verify` says and ends with. */
+static void expect_verdict(const char *log, int status, const char *text)
+{
+    const char *const words[] = {"fovea", "replay", log, "--verify"};
+    char errors[64], line[512] = "";
+    snprintf(errors, sizeof errors, "%s/errors", folder);
+    assert_int_equal(command(words, 4, errors), status);
+    FILE *file = fopen(errors, "r");
+    assert_non_null(file);
+    const bool any = fgets(line, sizeof line, file) != NULL;
+    fclose(file);
+    unlink(errors);
+    assert_true(any == (text[0] != '\0'));
+    if (strncmp(line, any ? log : "", any ? strlen(log) : 0) != 0 || strstr(line, text) == NULL) fail_msg("%s", line);
+}
+
+static void test_verdicts(void **state)
+{
+    (void)state;
+    struct fovea_log *log;
+    struct fovea_log_event event;
+    struct fovea_error error;
+    int64_t last = 0, grants = 0;
+    run("sim:?width=320&height=240&seed=3", "10", paths[0]);
+    expect_verdict(paths[0], FV_EXIT_OK, "");
+    assert_int_equal(fovea_log_open(paths[0], &log, &error), FOVEA_OK);
+    while (fovea_log_next(log, &event, &error) == FOVEA_OK) {
+        last = event.offset;
+        if (fovea_log_channel_is(event.channel, "GRANTS")) grants = event.offset;
+    }
+    fovea_log_close(log);
+    assert_int_equal(truncate(paths[0], last), 0); /* as when the program was killed there */
+    expect_verdict(paths[0], FV_EXIT_FAILED, "found no end of the recording after 10 frames, expected one");
+    assert_int_equal(truncate(paths[0], grants), 0);
+    expect_verdict(paths[0], FV_EXIT_FAILED, "found no end of the recording after 10 frames, expected one");
+    assert_int_equal(truncate(paths[0], grants - 1), 0);
+    expect_verdict(paths[0], FV_EXIT_WRONG, "the event is cut off");
+}
+
 int main(void)
 {
     if (mkdtemp(folder) == NULL) return 1;
     for (int i = 0; i < RUNS; i++) snprintf(paths[i], sizeof paths[i], "%s/%d", folder, i);
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_simulated), cmocka_unit_test(test_recording)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_simulated), cmocka_unit_test(test_recording),
+                                       cmocka_unit_test(test_verdicts)};
     int failed = cmocka_run_group_tests(tests, NULL, NULL);
     for (int i = 0; i < RUNS; i++) unlink(paths[i]);
     rmdir(folder);
