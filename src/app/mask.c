@@ -27,7 +27,9 @@ enum fovea_status fv_mask_read(const char *path, int32_t width, int32_t height, 
         png_image_free(&png);
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.200s: mask: out of memory", path);
     }
-    if (!png_image_finish_read(&png, NULL, pixels, 0, NULL)) {
+    /* Without a background libpng would lay what is transparent over whatever the memory held. */
+    const png_color white = {255, 255, 255};
+    if (!png_image_finish_read(&png, &white, pixels, 0, NULL)) {
         free(pixels);
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "%.200s: mask: found damage (%s), expected a whole PNG", path, png.message);

@@ -25,8 +25,8 @@ const struct fv_settings_key fv_settings_keys[] = {
      "robot's base frame (x forward, y left, z up)",
      NULL},
     {"mask", TEXT_OF(mask), "file", NULL,
-     "PNG of the size of the frames, black where features are to be ignored (the robot's own parts); empty: "
-     "none",
+     "PNG of the size of the frames, black where features are to be ignored (the robot's own parts), white or transparent "
+     "elsewhere; empty: none",
      NULL},
     {"movable_boxes", FV_SETTINGS_CHOICE, AT(movable_boxes), 0, 1, "", movable_boxes,
      "boxes in which no features are taken, since what they show moves on its own. none; truth: of all moving objects of "
