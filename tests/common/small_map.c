@@ -3,8 +3,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-static void carve(struct small_map *small, struct fv_arena *arena)
+#include "common/carved.h"
+
+static void carve(void *context, struct fv_arena *arena)
 {
+    struct small_map *small = context;
     const struct fv_map_limits limits = {SMALL_MAP_KEYFRAMES, SMALL_MAP_LANDMARKS, SMALL_MAP_FEATURES, 320,
                                          240};
     fv_bearing_carve(&small->bearings, 320, 240, arena);
@@ -13,17 +16,11 @@ static void carve(struct small_map *small, struct fv_arena *arena)
 
 void small_map_make(struct small_map *small)
 {
-    struct fv_arena arena;
     memset(small, 0, sizeof *small);
     small->camera = (struct fovea_camera){
         .width = 320, .height = 240, .fx = 210, .fy = 211, .cx = 160.5, .cy = 119, .k = {-0.1, 0.01}};
     if (fovea_camera_prepare(&small->camera, NULL) != FOVEA_OK) abort();
-    fv_arena_count(&arena);
-    carve(small, &arena);
-    const size_t bytes = arena.used;
-    small->memory = aligned_alloc(FV_CACHE_LINE_BYTES, bytes);
-    fv_arena_init(&arena, small->memory, bytes);
-    carve(small, &arena);
+    small->memory = carved(carve, small);
     fv_bearing_init(&small->bearings, &small->camera);
     fv_map_reset(&small->map);
 }

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "common/carved.h"
 #include "fovea/fovea.h"
 #include "track/track.h"
 
@@ -29,15 +30,15 @@ static inline int setup(void **state)
     return fovea_camera_prepare(&camera, &error) == FOVEA_OK ? 0 : -1;
 }
 
+static inline void carve(void *context, struct fv_arena *arena)
+{
+    (void)context;
+    fv_track_carve(&tracker, &config, &camera, T_base_cam, arena, arena);
+}
+
 static inline void make(void)
 {
-    struct fv_arena count, build;
-    fv_arena_count(&count);
-    fv_track_carve(&tracker, &config, &camera, T_base_cam, &count, &count);
-    block = aligned_alloc(64, count.used);
-    fv_arena_init(&build, block, count.used);
-    fv_track_carve(&tracker, &config, &camera, T_base_cam, &build, &build);
-    assert_false(build.exhausted);
+    block = carved(carve, NULL);
 }
 
 static inline struct fovea_detection box(double x, double y, double w, double h, double score)

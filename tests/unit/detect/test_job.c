@@ -9,6 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "common/carved.h"
 #include "detect/job.h"
 
 enum { WIDTH = 160, HEIGHT = 90 };
@@ -40,16 +41,9 @@ static int tear_down(void **state)
     return 0;
 }
 
-static void *carve(struct fv_detect_memory *memory)
+static void carve(void *memory, struct fv_arena *arena)
 {
-    struct fv_arena count, build;
-    fv_arena_count(&count);
-    fv_detect_carve(memory, &count, &model, sizeof pixels);
-    void *block = aligned_alloc(64, count.used);
-    fv_arena_init(&build, block, count.used);
-    fv_detect_carve(memory, &build, &model, sizeof pixels);
-    assert_false(build.exhausted);
-    return block;
+    fv_detect_carve(memory, arena, &model, sizeof pixels);
 }
 
 static const struct fovea_image image = {.data = pixels, .width = WIDTH, .height = HEIGHT, .stride_bytes = WIDTH, .format = FOVEA_PIXEL_GREY8,
@@ -60,7 +54,7 @@ static void slices_give_the_same(void **state)
     (void)state;
     struct fv_kernels kernels;
     struct fv_detect_memory whole, sliced;
-    void *a = carve(&whole), *b = carve(&sliced);
+    void *a = carved(carve, &whole), *b = carved(carve, &sliced);
     uint32_t done;
     fv_kernels_init(&kernels, FV_CPU_C);
     assert_int_equal(fv_detect_start(&whole, &model, &image, 77, 5), FOVEA_OK);
@@ -94,7 +88,7 @@ static void what_does_not_fit_is_refused(void **state)
 {
     (void)state;
     struct fv_detect_memory memory;
-    void *block = carve(&memory);
+    void *block = carved(carve, &memory);
     struct fovea_image wrong = image;
     wrong.format = FOVEA_PIXEL_YUYV;
     assert_int_equal(fv_detect_start(&memory, &model, &wrong, 1, 1), FOVEA_ERROR_UNSUPPORTED);

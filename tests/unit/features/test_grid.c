@@ -7,10 +7,16 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "common/carved.h"
 #include "features/grid.h"
 #include "fovea/elementary.h"
 
 enum { WIDTH = 333, HEIGHT = 217, COUNT = 700 };
+
+static void carve(void *grid, struct fv_arena *arena)
+{
+    fv_grid_carve(grid, WIDTH, HEIGHT, COUNT, arena);
+}
 
 static void query_equals_exhaustive_search(void **state)
 {
@@ -18,13 +24,7 @@ static void query_equals_exhaustive_search(void **state)
     struct fovea_random random;
     fovea_random_seed(&random, 9);
     struct fv_grid grid;
-    struct fv_arena arena;
-    fv_arena_count(&arena);
-    fv_grid_carve(&grid, WIDTH, HEIGHT, COUNT, &arena);
-    const size_t bytes = arena.used;
-    void *memory = aligned_alloc(64, bytes);
-    fv_arena_init(&arena, memory, bytes);
-    fv_grid_carve(&grid, WIDTH, HEIGHT, COUNT, &arena);
+    void *memory = carved(carve, &grid);
 
     struct fv_grid_point points[COUNT];
     memset(points, 0, sizeof points);

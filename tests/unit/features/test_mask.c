@@ -10,6 +10,7 @@
 
 #include <cmocka.h>
 
+#include "common/carved.h"
 #include "features/features.h"
 #include "features/mask.h"
 #include "fovea/elementary.h"
@@ -52,14 +53,16 @@ static void boxes_are_drawn_to_the_pixel(void **state)
 }
 
 struct stage {
+    const struct fovea_features_config *config;
     struct fv_pyramid pyramid;
     struct fv_features features;
 };
 
-static void carve(struct stage *stage, const struct fovea_features_config *config, struct fv_arena *arena)
+static void carve(void *context, struct fv_arena *arena)
 {
-    fv_pyramid_carve(&stage->pyramid, WIDTH, HEIGHT, config->pyramid_levels, arena);
-    fv_features_carve(&stage->features, config, &stage->pyramid, arena);
+    struct stage *stage = context;
+    fv_pyramid_carve(&stage->pyramid, WIDTH, HEIGHT, stage->config->pyramid_levels, arena);
+    fv_features_carve(&stage->features, stage->config, &stage->pyramid, arena);
 }
 
 static void features_keep_out_of_masks(void **state)
@@ -70,7 +73,6 @@ static void features_keep_out_of_masks(void **state)
     static uint8_t pixels[WIDTH * HEIGHT], mask[WIDTH * HEIGHT];
     struct fovea_random random;
     struct fv_kernels kernels;
-    struct fv_arena arena;
     fovea_random_seed(&random, 8);
     memset(pixels, 90, sizeof pixels);
     for (int n = 0; n < 500; n++) { /* overlapping rectangles: corners everywhere */
@@ -84,12 +86,8 @@ static void features_keep_out_of_masks(void **state)
     fovea_config_default(&defaults);
     defaults.features.count_max = 500;
     fv_kernels_init(&kernels, fv_cpu_best(fv_cpu_detect()));
-    fv_arena_count(&arena);
-    carve(&stage, &defaults.features, &arena);
-    const size_t bytes = (arena.used + 63) / 64 * 64;
-    void *memory = aligned_alloc(64, bytes);
-    fv_arena_init(&arena, memory, bytes);
-    carve(&stage, &defaults.features, &arena);
+    stage.config = &defaults.features;
+    void *memory = carved(carve, &stage);
     const struct fovea_image image = {pixels, WIDTH, HEIGHT, WIDTH, FOVEA_PIXEL_GREY8, sizeof pixels};
     fv_pyramid_build(&stage.pyramid, &kernels, &image);
 

@@ -8,6 +8,7 @@
 
 #include <cmocka.h>
 
+#include "common/carved.h"
 #include "features/match.h"
 #include "fovea/elementary.h"
 
@@ -17,17 +18,18 @@ struct world {
     struct fv_kernels kernels;
     struct fv_matcher matcher;
     struct fv_grid grid;
-    struct fv_arena arena;
+    void *memory;
     struct fv_grid_point points[COUNT];
     _Alignas(8) uint8_t queries[COUNT][FV_DESCRIPTOR_BYTES];
     _Alignas(8) uint8_t trains[COUNT][FV_DESCRIPTOR_BYTES];
     struct fv_match matches[COUNT];
 };
 
-static void carve(struct world *world)
+static void carve(void *context, struct fv_arena *arena)
 {
-    fv_matcher_carve(&world->matcher, COUNT, &world->arena);
-    fv_grid_carve(&world->grid, WIDTH, HEIGHT, COUNT, &world->arena);
+    struct world *world = context;
+    fv_matcher_carve(&world->matcher, COUNT, arena);
+    fv_grid_carve(&world->grid, WIDTH, HEIGHT, COUNT, arena);
 }
 
 /* Trains: random points; queries: the trains in reverse order with some bits turned over, two of them twice.
@@ -38,11 +40,7 @@ static int set_up(void **state)
     struct fovea_random random;
     fovea_random_seed(&random, 5);
     fv_kernels_init(&world->kernels, fv_cpu_best(fv_cpu_detect()));
-    fv_arena_count(&world->arena);
-    carve(world);
-    const size_t bytes = world->arena.used;
-    fv_arena_init(&world->arena, aligned_alloc(64, (bytes + 63) / 64 * 64), bytes);
-    carve(world);
+    world->memory = carved(carve, world);
     for (int t = 0; t < COUNT; t++) {
         world->points[t] = (struct fv_grid_point){(float)fovea_random_below(&random, WIDTH),
                                                   (float)fovea_random_below(&random, HEIGHT), (uint16_t)t,
@@ -65,7 +63,7 @@ static int set_up(void **state)
 static int tear_down(void **state)
 {
     struct world *world = *state;
-    free(world->arena.base);
+    free(world->memory);
     free(world);
     return 0;
 }

@@ -10,7 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/arena.h"
+#include "common/carved.h"
 #include "fovea/elementary.h"
 #include "geometry/bearing.h"
 
@@ -64,21 +64,21 @@ static const struct fovea_camera cameras[CAMERAS] = {
 struct table {
     struct fovea_camera camera;
     struct fv_bearing_table bearings;
-    struct fv_arena arena;
     void *memory;
 };
+
+static void carve(void *context, struct fv_arena *arena)
+{
+    struct table *table = context;
+    fv_bearing_carve(&table->bearings, table->camera.width, table->camera.height, arena);
+}
 
 static void make_table(struct table *table, const struct fovea_camera *camera)
 {
     struct fovea_error error;
     table->camera = *camera;
     if (fovea_camera_prepare(&table->camera, &error) != FOVEA_OK) fail_msg("%s", error.text);
-    fv_arena_count(&table->arena);
-    fv_bearing_carve(&table->bearings, camera->width, camera->height, &table->arena);
-    const size_t bytes = (table->arena.used + 63) / 64 * 64;
-    table->memory = aligned_alloc(64, bytes);
-    fv_arena_init(&table->arena, table->memory, bytes);
-    fv_bearing_carve(&table->bearings, camera->width, camera->height, &table->arena);
+    table->memory = carved(carve, table);
     fv_bearing_init(&table->bearings, &table->camera);
 }
 

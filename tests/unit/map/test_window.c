@@ -11,6 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "common/carved.h"
 #include "fovea/camera.h"
 #include "fovea/elementary.h"
 #include "geometry/vec.h"
@@ -26,7 +27,7 @@ struct fixture {
     struct fv_se3 truth[VIEWS];
     double points[POINTS][3];
     uint32_t landmark[POINTS];
-    void *memory[2];
+    void *memory;
 };
 
 static double uniform(struct fovea_random *random, double low, double high)
@@ -34,26 +35,14 @@ static double uniform(struct fovea_random *random, double low, double high)
     return low + (high - low) * fovea_random_unit(random);
 }
 
-static void carve(struct fixture *f)
+static void carve(void *context, struct fv_arena *arena)
 {
+    struct fixture *f = context;
     const struct fv_map_limits limits = {VIEWS + 2, 1000, POINTS, 752, 480};
     const struct fv_window_limits window = {WINDOW, 600, 5000, 8, 1e-4};
-    struct fv_arena arena[2];
-    for (int k = 0; k < 2; k++)
-        fv_arena_count(&arena[k]);
-    fv_bearing_carve(&f->bearings, limits.width, limits.height, &arena[0]);
-    fv_map_carve(&f->map, &limits, &f->camera, &f->bearings, &arena[0]);
-    fv_window_carve(&f->window, &window, &f->map, &arena[1]);
-    for (int k = 0; k < 2; k++) {
-        size_t bytes = (arena[k].used + 63) / 64 * 64;
-        f->memory[k] = aligned_alloc(64, bytes);
-        fv_arena_init(&arena[k], f->memory[k], bytes);
-    }
-    fv_bearing_carve(&f->bearings, limits.width, limits.height, &arena[0]);
-    fv_map_carve(&f->map, &limits, &f->camera, &f->bearings, &arena[0]);
-    fv_window_carve(&f->window, &window, &f->map, &arena[1]);
-    fv_bearing_init(&f->bearings, &f->camera);
-    fv_map_reset(&f->map);
+    fv_bearing_carve(&f->bearings, limits.width, limits.height, arena);
+    fv_map_carve(&f->map, &limits, &f->camera, &f->bearings, arena);
+    fv_window_carve(&f->window, &window, &f->map, arena);
 }
 
 /* A row of views that look at a cloud; the first `exact` poses and no points are exact. */
@@ -69,7 +58,9 @@ static void build(struct fixture *f, uint64_t seed, double pose_noise, double po
     memset(f, 0, sizeof *f);
     f->camera = camera;
     assert_int_equal(fovea_camera_prepare(&f->camera, NULL), FOVEA_OK);
-    carve(f);
+    f->memory = carved(carve, f);
+    fv_bearing_init(&f->bearings, &f->camera);
+    fv_map_reset(&f->map);
     for (int i = 0; i < POINTS; i++) {
         f->points[i][0] = uniform(&random, -5, 11);
         f->points[i][1] = uniform(&random, -3, 3);
@@ -118,8 +109,7 @@ static void build(struct fixture *f, uint64_t seed, double pose_noise, double po
 
 static void destroy(struct fixture *f)
 {
-    free(f->memory[0]);
-    free(f->memory[1]);
+    free(f->memory);
 }
 
 static double pose_error(const struct fixture *f, int first, int last)

@@ -10,6 +10,7 @@
 #include <string.h>
 #include <vector>
 
+#include "common/carved.h"
 #include "geometry/vec.h"
 #include "map/window.h"
 
@@ -25,21 +26,15 @@ static double spread(fovea_random *random, double size)
     return size * (2 * fovea_random_unit(random) - 1);
 }
 
-static void carve(fv_window *window, fv_arena *arena)
+static void carve(void *window, fv_arena *arena)
 {
     const fv_window_limits limits = {FV_WINDOW_KEYFRAMES_MAX, LANDMARKS_MAX, OBSERVATIONS_MAX, PASSES, 1e-10};
-    fv_window_carve(window, &limits, NULL, arena);
+    fv_window_carve(static_cast<fv_window *>(window), &limits, NULL, arena);
 }
 
 static void *make_window(fv_window *window)
 {
-    fv_arena arena;
-    fv_arena_count(&arena);
-    carve(window, &arena);
-    const size_t bytes = (arena.used + 63) / 64 * 64;
-    void *memory = aligned_alloc(64, bytes);
-    fv_arena_init(&arena, memory, bytes);
-    carve(window, &arena);
+    void *memory = carved(carve, window);
     fv_window_clear(window);
     return memory;
 }
