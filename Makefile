@@ -185,7 +185,8 @@ sample: all $(CAMPAIGN)  ## five minutes of the campaign: real time at 60 Hz, a 
 clean:  ## remove everything that was built
 	rm -rf $(BUILD) build-*
 
-fmt:  ## format the sources
+fmt:  ## install what is missing and format the sources
+	@tools/install.sh fmt
 	clang-format -i $$(git ls-files '*.c' '*.h' '*.cpp')
 
 size: all  ## memory of the block by stage, and code size

@@ -15,6 +15,7 @@ packages() {
     cross) echo gcc-aarch64-linux-gnu g++-aarch64-linux-gnu qemu-user llvm-19 ;;
     jar)   echo default-jdk-headless liblcm-java ;;
     hil)   echo qemu-system-x86 busybox-static v4l-utils libcamera-dev libcamera-tools xz-utils procps ;;
+    fmt)   echo clang-format ;;
     fuzz)  echo clang libclang-rt-14-dev ;;
     *) echo "tools/install.sh: unknown group '$1'" >&2; exit 2 ;;
     esac

@@ -117,6 +117,37 @@ static const char *name_nearest(const char *name)
     return NULL;
 }
 
+static size_t word_length(const char *at)
+{
+    return strcspn(at, "._-");
+}
+
+static bool has_word(const char *name, const char *word, size_t length)
+{
+    for (const char *at = name; *at != '\0'; at += word_length(at), at += *at != '\0')
+        if (word_length(at) == length && strncmp(at, word, length) == 0) return true;
+    return false;
+}
+
+/* Where no name is like it: the one that shares most words with the last part of `name`, in its section rather than elsewhere
+ * ("features.max_count", "lcm"); NULL when none does. */
+static const char *name_by_words(const char *name)
+{
+    const char *dot = strrchr(name, '.'), *best = NULL;
+    const size_t section = dot != NULL ? (size_t)(dot - name) : 0;
+    int most = 1;
+    for (size_t i = 0; i < fv_settings_key_count; i++) {
+        const char *key = fv_settings_keys[i].name;
+        int shared = section_length(key) == section && strncmp(key, name, section) == 0;
+        for (const char *at = name + section + (dot != NULL); *at != '\0'; at += word_length(at), at += *at != '\0')
+            shared += word_length(at) > 2 && has_word(key, at, word_length(at)) ? 2 : 0;
+        if (shared <= most) continue;
+        most = shared;
+        best = key;
+    }
+    return best;
+}
+
 static enum fovea_status unknown(const struct reading *r, const struct fovea_yaml_node *node,
                                  const char *name)
 {
@@ -132,6 +163,7 @@ static enum fovea_status unknown(const struct reading *r, const struct fovea_yam
         const char *const one[] = {section};
         nearest = fovea_text_nearest(name, one, 1);
     }
+    if (nearest == NULL) nearest = name_by_words(name);
     return fovea_error_set(
         r->error, FOVEA_ERROR_INPUT,
         "%s:%u: %s: found an unknown key, expected a known one%s%s%s ('fovea config' lists all)",
@@ -270,6 +302,7 @@ enum fovea_status fv_settings_set(struct fv_settings *settings, const char *assi
     const struct fv_settings_key *key = key_find(name);
     if (key == NULL) {
         const char *nearest = name_nearest(name);
+        if (nearest == NULL) nearest = name_by_words(name);
         return fovea_error_set(
             error, FOVEA_ERROR_INPUT,
             "--set: %s: found an unknown key, expected a known one%s%s%s ('fovea config' lists all)",
