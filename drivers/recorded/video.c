@@ -262,7 +262,7 @@ static enum fovea_status open_video(const char *address, const struct fovea_sour
     recording->width = info.width;
     recording->height = info.height;
     info.heap_bytes = sizeof *recording;
-    if (status == FOVEA_OK && selection->step > 0)
+    if (status == FOVEA_OK && recording->plugin != NULL && selection->step > 0)
         status = selection->reverse ? prepare_reverse(recording, selection, &info, error)
                                     : go_to_start(recording, selection->start, error);
     if (status != FOVEA_OK) {
