@@ -8,8 +8,10 @@
 
 #include <cmocka.h>
 
+#include "fovea/log.h"
 #include "message/fields.h"
 #include "message/message.h"
+#include "message/recorded.h"
 
 #include "fovea_camera_status_t.h"
 #include "fovea_features_t.h"
@@ -223,13 +225,46 @@ static void test_preview(void **state)
     fovea_preview_t_decode_cleanup(&out);
 }
 
+/* Frames of recordings: every byte of every format comes back, rows with padding too, the last one with and without it. */
+static void test_frames_without_loss(void **state)
+{
+    (void)state;
+    enum { W = 70, H = 66, PADDING = 6, BYTES_MAX = (3 * W + PADDING) * H };
+    static uint8_t pixels[BYTES_MAX], buffer[BYTES_MAX + 256];
+    for (int i = 0; i < BYTES_MAX; i++) pixels[i] = (uint8_t)(i * 31 + i / 256);
+    for (int n = 0; n < 2 * FOVEA_PIXEL_FORMAT_COUNT; n++) {
+        const enum fovea_pixel_format format = (enum fovea_pixel_format)(n / 2);
+        const bool compressed = format == FOVEA_PIXEL_MJPEG;
+        const int32_t stride = compressed ? 0 : fovea_image_stride_min(format, W) + PADDING;
+        const size_t whole = compressed ? 777 : fovea_image_bytes(format, H, stride);
+        struct fovea_frame in = frame, out;
+        in.exposure_ns = 12345678901;
+        in.image = (struct fovea_image){pixels, W, H, stride, format, whole + (n % 2 == 0 ? 10 : 0)};
+        if (n % 2 == 1 && !compressed) in.image.size_bytes = whole - (format == FOVEA_PIXEL_YU12 ? PADDING / 2 : PADDING);
+        if (compressed) in.image.size_bytes = whole;
+        assert_int_equal(fovea_image_check(&in.image), FOVEA_OK);
+        const size_t kept = in.image.size_bytes < whole ? in.image.size_bytes : whole;
+        const uint32_t bytes = fv_message_frame_encode(&in, -5, buffer, fv_message_frame_size_max(kept));
+        assert_int_equal(bytes, fv_message_frame_size_max(kept));
+        assert_well_formed("fovea.frame_t", buffer, bytes);
+        const struct fovea_log_event event = {.channel = "FOVEA_FRAME", .bytes = bytes, .data = buffer};
+        struct fovea_error error;
+        if (fovea_log_frame("log", &event, &out, &error) != FOVEA_OK) fail_msg("%s", error.text);
+        assert_int_equal(out.image.size_bytes, kept);
+        assert_memory_equal(out.image.data, pixels, kept);
+        assert_true(out.image.width == W && out.image.height == H && out.image.stride_bytes == stride);
+        assert_true(out.image.format == format && out.stamp_ns == in.stamp_ns && out.exposure_ns == in.exposure_ns);
+        assert_true(out.sequence == 77 && out.clock == in.clock && out.stamp_meaning == in.stamp_meaning);
+    }
+}
+
 int main(void)
 {
     fv_message_prepare();
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_channels),   cmocka_unit_test(test_features),
         cmocka_unit_test(test_statistics), cmocka_unit_test(test_camera_status),
-        cmocka_unit_test(test_preview),
+        cmocka_unit_test(test_preview),    cmocka_unit_test(test_frames_without_loss),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
