@@ -13,7 +13,6 @@
 #include <unistd.h>
 
 #include "app/aligned.h"
-#include "app/recording_end.h"
 #include "app/recording_header.h"
 #include "app/say.h"
 #include "base/hash.h"

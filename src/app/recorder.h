@@ -21,6 +21,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "app/recording_end.h"
 #include "app/settings.h"
 #include "fovea/fovea.h"
 
@@ -48,15 +49,14 @@ void fv_recorder_step(struct fv_recorder *recorder, const struct fovea_inputs *i
 void fv_recorder_work(struct fv_recorder *recorder, const struct fovea_inputs *inputs,
                       const struct fovea_grants *grants, const struct fovea_outputs *outputs);
 
-/* Wait until the ring has room for a whole turn. Not for frames that come by the
- * clock. */
+/* Wait until the ring has room for a whole turn. Not for frames that come by the clock. */
 void fv_recorder_pace(struct fv_recorder *recorder);
 
 struct fv_recorder_summary {
     uint64_t events, bytes; /* written; whole events only, the log's own end among them */
     uint64_t turns_lost;    /* steps that came after the recording had ended */
     bool complete;          /* everything was written */
-    char reason[192];       /* why not, "" when complete */
+    char reason[FV_RECORDING_END_REASON_BYTES]; /* why not, "" when complete */
 };
 
 /* Bytes that a recorder so set up takes outside the runtime's block, for the memory table; its path does not matter.

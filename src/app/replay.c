@@ -6,7 +6,6 @@
 #include <string.h>
 
 #include "app/aligned.h"
-#include "app/recording_end.h"
 #include "app/recording_header.h"
 #include "base/hash.h"
 #include "fovea/log.h"

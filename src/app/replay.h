@@ -10,6 +10,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "app/recording_end.h"
 #include "fovea/fovea.h"
 
 /* How a recording ends. */
@@ -25,7 +26,7 @@ struct fv_replay_result {
     uint64_t messages_equal, bytes_equal; /* compared and found equal */
     uint64_t messages_with_readings;      /* of clocks, among them: all but those was compared */
     enum fv_replay_end end;               /* where the replay came to the end of the log */
-    char reason[192];
+    char reason[FV_RECORDING_END_REASON_BYTES];
     bool different;
     char difference[512];   /* one line: frame, channel, field, both values */
     char recorded_by[192];  /* version, machine and kernel set of the recording */
