@@ -276,9 +276,12 @@ enum fovea_status fv_listing_open(struct fv_listing *listing, const char *list_f
         status = fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: found no frames, expected at least one",
                                  list_file);
     if (status == FOVEA_OK) status = find_size(listing, list_file, selection->colour, info, error);
-    if (status == FOVEA_OK && info->has_camera && info->camera.width == 0 && !selection->camera_given)
+    if (status == FOVEA_OK && info->has_camera && info->camera.width == 0) {
         status = fovea_calibration_fit(&info->camera, info->width, info->height, false, info->camera_origin,
                                        error);
+        info->has_camera = status == FOVEA_OK;
+        if (selection->camera_given) status = FOVEA_OK; /* its own is not needed */
+    }
     if (status != FOVEA_OK) {
         fv_listing_free(listing);
         return status;
