@@ -89,8 +89,8 @@ static enum fovea_status make_index(struct recording *recording, struct fovea_er
     struct fovea_error first = {.text = ""};
     struct entry damage = {.offset = 0};
     bool in_damage = false;
-    for (enum fovea_status status;
-         (status = fovea_log_skim(recording->log, &event, in_damage ? NULL : &first)) != FOVEA_END;) {
+    enum fovea_status status;
+    while ((status = fovea_log_skim(recording->log, &event, first.text[0] ? NULL : &first)) != FOVEA_END) {
         if (status != FOVEA_OK) {
             damage.offset = event.offset;
             status = in_damage ? FOVEA_OK : add_entry(recording, &damage, error);
