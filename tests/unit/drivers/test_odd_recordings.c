@@ -28,6 +28,7 @@ struct played {
     struct fovea_source_counts counts;
     double rate_hz;
     bool has_camera;
+    struct fovea_camera camera;
     struct fovea_error complaint;
 };
 
@@ -39,6 +40,7 @@ static void play(const struct fovea_source_ops *ops, struct fovea_source *source
     memset(played, 0, sizeof *played);
     played->rate_hz = ops->info(source)->rate_hz;
     played->has_camera = ops->info(source)->has_camera;
+    played->camera = ops->info(source)->camera;
     assert_int_equal(ops->start(source, &error), FOVEA_OK);
     while ((status = ops->dequeue(source, INT64_MAX, &frame)) == FOVEA_OK && played->count < MANY) {
         played->sequence[played->count] = frame.sequence;
@@ -136,9 +138,11 @@ static void test_leaping_stamps(void **state)
         {{1, 2, 3, FAR, FAR + 1, FAR + 2, FAR + 3, END}, {0}},                /* a gap */
         {{1, 2, 3, FAR, FAR + 1, 4, 5, FAR + 4, FAR + 5, FAR + 6, END}, {0}}, /* two that go back */
         {{1, 2, 3, FAR, 5, END}, {0}},                                        /* one against one */
+        {{1, 2, 3, FAR, 4, 5, FAR + 1, FAR + 2, END}, {0}},                   /* two against two */
         {{1, 2, 3, FAR, END}, {0}},
         {{10, 20, 30, 40, 35, 50, 60, END}, {0}}, /* 35 goes back */
         {{10, 20, 20, 20, 30, 40, END}, {0}},
+        {{10, 20, 30, 40, 5, 30, 8, 9, 50, END}, {0}},               /* 5, 30, 8 and 9 go back */
         {{10, 20, 30, 1, 2, 3, 4, 5, 6, 7, 8, 9, END}, {100, 1, 2}}, /* begun by three of another clock */
         {{10, 20, 30, 40, 50, 60, 70, 80, 90, 91, 1, 2, 3, 4, 5, 6, 7, 8, 9, END}, {0}}, /* set back */
         {{9, 8, 7, 6, 5, 4, 3, 2, 1, END}, {0}},
@@ -182,6 +186,7 @@ static void test_leaps_as_they_are_played(void **state)
         "stamps.txt: frame 3: timestamp: found 4 ns, expected one before the next frames' 103 ns");
     for (size_t i = 1; i < played.count; ++i)
         assert_true(played.stamp_ns[i] > played.stamp_ns[i - 1]);
+    assert_true(played.stamp_ns[0] == 101 && played.stamp_ns[5] == 107);
     play_stamps(ahead, &reverse, &played); /* goes back: the loop's */
     assert_int_equal(played.count, 9);
     const struct fovea_source_info info = {.width = W, .height = 1, .format = FOVEA_PIXEL_GREY8};
@@ -253,7 +258,7 @@ static void test_log_goes_on_after_damage(void **state)
     free(whole);
 }
 
-/* A log in which nothing can be read is refused by what stands first in it. */
+/* A log in which no frame can be read is refused by its first damage. */
 static void test_log_of_nothing(void **state)
 {
     const struct fovea_source_selection everything = {.step = 1};
@@ -262,17 +267,19 @@ static void test_log_of_nothing(void **state)
     struct fovea_error error;
     const char *path = fv_test_path(folder, "noise.lcmlog");
     (void)state;
-    for (size_t i = 0; i + 4 <= sizeof noise; i += 4) /* sync words and no events */
+    for (size_t i = 0; i + 4 <= sizeof noise; i += 4) /* sync words */
         memcpy(noise + i, "\xED\xA1\xDA\x01", 4);
+    static const char event[] = "\xED\xA1\xDA\x01................\0\0\0\x04\0\0\0\0NAME"; /* and one event */
+    memcpy(noise + sizeof noise / 2, event, sizeof event - 1);
     fv_test_write(path, noise, sizeof noise);
     assert_int_equal(play_uri("lcmlog", path, &everything, &played, &error), FOVEA_ERROR_INPUT);
     assert_memory_equal(error.text, path, strlen(path));
-    assert_memory_equal(error.text + strlen(path), ": byte ", 7);
+    assert_memory_equal(error.text + strlen(path), ": byte 20: channel length", 25);
 }
 
 /* ---- names ------------------------------------------------------------------------------------------- */
 
-/* Folders and files are themselves, whatever characters are in their names. */
+/* Folders and files are themselves, whatever is in their names and whatever else those would fit. */
 static void test_names_that_look_like_patterns(void **state)
 {
     static const char *const names[] = {"run [1]", "a*b", "what?", "back\\slash", "all of *[?]\\"};
@@ -288,11 +295,14 @@ static void test_names_that_look_like_patterns(void **state)
         assert_int_equal(rename(from, to), 0);
         play_fine("images", to, &played);
         assert_int_equal(played.count, FV_TEST_FRAMES);
-        snprintf(file, sizeof file, "%s", fv_test_path(to, "img0.png"));
-        char odd[FV_TEST_PATH_BYTES];
-        snprintf(odd, sizeof odd, "%s", fv_test_path(to, "[0-9]?.png"));
-        assert_int_equal(rename(file, odd), 0);
-        play_fine("images", odd, &played);
+        static const char *const odd[] = {"[0-9]?*.png", "[0-9]x*.png", "[0-9]?x.png", "1?*.png"};
+        for (size_t k = 0; k < sizeof odd / sizeof odd[0]; ++k) {
+            char name[16];
+            snprintf(name, sizeof name, "img%zu.png", 2 * k);
+            assert_int_equal(rename(fv_test_path(to, name), fv_test_path(to, odd[k])), 0);
+        }
+        snprintf(file, sizeof file, "%s", fv_test_path(to, odd[0]));
+        play_fine("images", file, &played);
         assert_int_equal(played.count, 1);
         fv_test_folder_remove(to);
     }
@@ -416,9 +426,11 @@ static void test_own_calibration_not_needed(void **state)
     static const struct {
         const char *scheme, *file;
         const char *(*make)(const char *);
-    } sets[] = {{"euroc", "mav0/cam0/sensor.yaml", fv_test_euroc},
-                {"tum", "camera.yaml", fv_test_tum},
-                {"kitti", "calib.txt", fv_test_kitti}};
+        const char *wrong;
+    } sets[] = {{"euroc", "mav0/cam0/sensor.yaml", fv_test_euroc, "P0: no\n"},
+                {"tum", "camera.yaml", fv_test_tum, "P0: no\n"},
+                {"kitti", "calib.txt", fv_test_kitti, "P0: no\n"},
+                {"kitti", "calib.txt", fv_test_kitti, "P0: 90 0 5000 0 0 90 32 0 0 0 1 0\n"}};
     const struct fovea_source_selection alone = {.step = 1}, given = {.step = 1, .camera_given = true};
     (void)state;
     for (size_t i = 0; i < sizeof sets / sizeof sets[0]; ++i) {
@@ -427,8 +439,8 @@ static void test_own_calibration_not_needed(void **state)
         char top[FV_TEST_PATH_BYTES];
         snprintf(top, sizeof top, "%s", sets[i].make(folder));
         assert_int_equal(play_uri(sets[i].scheme, top, &given, &played, &error), FOVEA_OK);
-        assert_true(played.has_camera);
-        fv_test_write_text(fv_test_path(top, sets[i].file), "P0: no\n");
+        assert_true(played.has_camera && played.camera.width == W && played.camera.field_max_rad > 0);
+        fv_test_write_text(fv_test_path(top, sets[i].file), sets[i].wrong);
         assert_int_equal(play_uri(sets[i].scheme, top, &alone, &played, &error), FOVEA_ERROR_INPUT);
         assert_non_null(strstr(error.text, sets[i].file));
         assert_int_equal(play_uri(sets[i].scheme, top, &given, &played, &error), FOVEA_OK);
@@ -436,6 +448,36 @@ static void test_own_calibration_not_needed(void **state)
         assert_false(played.has_camera);
         fv_test_folder_remove(top);
     }
+}
+
+int64_t __fovea_recording_t_get_hash(void); /* of the generated type */
+
+/* The same of a log's own: the head of a recording of ours, here cut off behind the type's hash. */
+static void test_own_head_not_needed(void **state)
+{
+    static const uint8_t head[] = "\xED\xA1\xDA\x01................\0\0\0\x0f\0\0\0\x08"
+                                  "FOVEA_RECORDING";
+    enum { HEAD = sizeof head - 1 };
+    const struct fovea_source_selection alone = {.step = 1}, given = {.step = 1, .camera_given = true};
+    struct played played;
+    struct fovea_error error;
+    char path[FV_TEST_PATH_BYTES];
+    size_t bytes;
+    (void)state;
+    snprintf(path, sizeof path, "%s", fv_test_lcmlog(folder));
+    uint8_t *frames = fv_test_read(path, &bytes), *log = malloc(HEAD + 8 + bytes);
+    assert_non_null(log);
+    memcpy(log, head, HEAD);
+    for (int i = 0; i < 8; ++i)
+        log[HEAD + i] = (uint8_t)((uint64_t)__fovea_recording_t_get_hash() >> (56 - 8 * i));
+    memcpy(log + HEAD + 8, frames, bytes);
+    fv_test_write(path, log, HEAD + 8 + bytes);
+    assert_int_equal(play_uri("lcmlog", path, &alone, &played, &error), FOVEA_ERROR_INPUT);
+    assert_int_equal(play_uri("lcmlog", path, &given, &played, &error), FOVEA_OK);
+    assert_int_equal(played.count, FV_TEST_FRAMES);
+    assert_false(played.has_camera);
+    free(frames);
+    free(log);
 }
 
 int main(void)
@@ -451,6 +493,7 @@ int main(void)
         cmocka_unit_test(test_video_in_reverse),
         cmocka_unit_test(test_byte_order_mark),
         cmocka_unit_test(test_own_calibration_not_needed),
+        cmocka_unit_test(test_own_head_not_needed),
     };
     return cmocka_run_group_tests(tests, fv_test_place_set_up, fv_test_place_tear_down);
 }
