@@ -112,6 +112,15 @@ static void bad_configurations_are_refused(void **state)
     config.camera.fy = NAN;
     assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
     assert_string_equal(error.text, "camera fy: found nan, expected 0.001 to 1e+06");
+    const struct {
+        double *value, wrong;
+    } of_camera[] = {{&config.camera.fx, 0},        {&config.camera.cx, NAN},           {&config.camera.cy, 2e5},
+                     {&config.camera.fy, INFINITY}, {&config.camera.field_max_rad, 4}, {&config.camera.field_max_rad, NAN}};
+    for (size_t i = 0; i < sizeof of_camera / sizeof of_camera[0]; i++) {
+        config = good;
+        *of_camera[i].value = of_camera[i].wrong;
+        assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
+    }
     config = good;
     config.T_base_cam[0] = 2;
     assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
