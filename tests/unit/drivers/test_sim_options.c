@@ -118,7 +118,13 @@ static void test_open_refuses_what_cannot_be(void **state)
     assert_int_equal(
         fovea_source_sim.open("orbit?frames=9007199254740992&rate=1", &far_off[1], &source, &error),
         FOVEA_ERROR_ARGUMENT);
+    const struct fovea_source_selection backwards = {.step = 1, .reverse = true}, first = {.step = INT64_MAX};
+    assert_int_equal(
+        fovea_source_sim.open("orbit?frames=9007199254740992&rate=1", &backwards, &source, &error),
+        FOVEA_ERROR_ARGUMENT);
     assert_null(source);
+    assert_int_equal(fovea_source_sim.open("orbit?width=64&height=64", &first, &source, &error), FOVEA_OK);
+    fovea_source_sim.close(source); /* its one frame is at 0 */
     const struct fovea_source_selection long_after = {.start = 200000000000, .step = 1};
     assert_int_equal(fovea_source_sim.open("wander?rate=30", &long_after, &source, &error), FOVEA_OK);
     fovea_source_sim.close(source);
