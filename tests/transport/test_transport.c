@@ -4,6 +4,7 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <math.h>
 #include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -18,6 +19,7 @@
 #include "app/transport.h"
 #include "common/own_network.h"
 
+#include "bot_core_pose_t.h"
 #include "fovea_command_t.h"
 
 #define URL "udpm://239.255.76.67:7667"
@@ -240,6 +242,82 @@ static void test_commands(void **state)
     fv_transport_close(transport);
 }
 
+static void send_pose(lcm_t *lcm, const char *channel, const bot_core_pose_t *pose)
+{
+    uint8_t data[256];
+    int bytes = bot_core_pose_t_encode(data, 0, sizeof data, pose);
+    assert_int_equal(lcm_publish(lcm, channel, data, (unsigned)bytes), 0);
+}
+
+/* Until the listener is there, and then until nothing more comes; returns how many came. */
+static uint64_t await_odometry(struct fv_transport *transport, lcm_t *lcm, const bot_core_pose_t *pose)
+{
+    struct fv_transport_counts counts = {0}, before;
+    struct fovea_odometry_sample samples[64];
+    for (int i = 0; i < 100 && counts.odometry == 0; i++) {
+        send_pose(lcm, "ODOM.1", pose);
+        sleep_ms(50);
+        fv_transport_counts(transport, &counts);
+    }
+    do {
+        before = counts;
+        sleep_ms(200);
+        fv_transport_counts(transport, &counts);
+    } while (counts.odometry != before.odometry);
+    while (fv_transport_odometry(transport, samples, 64) > 0)
+        continue;
+    assert_true(counts.odometry > 0);
+    return counts.odometry;
+}
+
+/* Poses of the robot's odometry come in order, on their very channel alone; what is no pose is refused. */
+static void test_odometry(void **state)
+{
+    (void)state;
+    struct fv_transport *transport = NULL;
+    struct fovea_error error;
+    struct fovea_odometry_sample samples[8];
+    const bot_core_pose_t good = {.utime = 1000002, .pos = {1, -2, 3}, .orientation = {0.603, 0, 0.804, 0}};
+    bot_core_pose_t wrong[5] = {good, good, good, good, good}, next = good;
+    if (fv_transport_open(URL, 0, &transport, &error) != FOVEA_OK ||
+        fv_transport_listen(transport, "T", "ODOM.1", &error) != FOVEA_OK)
+        fail_msg("%s", error.text);
+    lcm_t *lcm = lcm_create(URL "?ttl=0");
+    assert_non_null(lcm);
+    const uint64_t base = await_odometry(transport, lcm, &good);
+
+    send_pose(lcm, "ODOM.1", &good);
+    send_pose(lcm, "ODOMx1", &good);
+    send_pose(lcm, "ODOM.12", &good);
+    wrong[0].utime = -1;
+    wrong[1].utime = INT64_MAX / 1000 + 1;
+    wrong[2].pos[1] = (double)NAN;
+    wrong[3].orientation[2] = 0; /* no rotation */
+    wrong[4].orientation[0] = (double)NAN;
+    for (int i = 0; i < 5; i++)
+        send_pose(lcm, "ODOM.1", &wrong[i]);
+    lcm_publish(lcm, "ODOM.1", "abc", 3);
+    next.utime++;
+    send_pose(lcm, "ODOM.1", &next);
+
+    struct fv_transport_counts counts;
+    for (int i = 0; i < 500; i++) {
+        fv_transport_counts(transport, &counts);
+        if (counts.odometry >= base + 2 && counts.odometry_refused >= 6) break;
+        sleep_ms(10);
+    }
+    assert_int_equal(counts.odometry, base + 2);
+    assert_int_equal(counts.odometry_refused, 6);
+    assert_int_equal(fv_transport_odometry(transport, samples, 1), 1);
+    assert_int_equal(fv_transport_odometry(transport, samples + 1, 7), 1);
+    assert_int_equal(samples[0].stamp_ns, 1000002000);
+    assert_int_equal(samples[1].stamp_ns, 1000003000);
+    assert_true(samples[0].position_m[0] == 1 && samples[0].position_m[1] == -2 && samples[0].position_m[2] == 3);
+    assert_true(fabs(samples[0].orientation[0] - 0.6) < 1e-9 && fabs(samples[0].orientation[2] - 0.8) < 1e-9);
+    lcm_destroy(lcm);
+    fv_transport_close(transport);
+}
+
 int main(void)
 {
     own_network = own_network_enter();
@@ -253,6 +331,7 @@ int main(void)
         cmocka_unit_test(test_urls),
         cmocka_unit_test(test_no_heap_call),
         cmocka_unit_test(test_commands),
+        cmocka_unit_test(test_odometry),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
