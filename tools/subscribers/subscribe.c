@@ -162,7 +162,7 @@ static int report(void)
 
 int main(int argc, char **argv)
 {
-    const char *url = "udpm://239.255.76.67:7667?ttl=0&recv_buf_size=2097152", *prefix = "FOVEA";
+    const char *url = "udpm://239.255.76.67:7667?ttl=0&recv_buf_size=8388608", *prefix = "FOVEA";
     static const lcm_msg_handler_t handlers[KINDS] = {on_pose_t,       on_features_t, on_camera_status_t,
                                                       on_statistics_t, on_preview_t,  on_pose_t,
                                                       on_bot_core_pose, on_map_t,   on_detections_t,

@@ -14,7 +14,7 @@ import time
 
 here = os.path.dirname(os.path.abspath(__file__))
 parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-parser.add_argument("--url", default="udpm://239.255.76.67:7667?ttl=0&recv_buf_size=2097152", help="LCM URL")
+parser.add_argument("--url", default="udpm://239.255.76.67:7667?ttl=0&recv_buf_size=8388608", help="LCM URL")
 parser.add_argument("--prefix", default="FOVEA", help="channel_prefix of the runtime")
 parser.add_argument("--idle", type=float, default=0, help="end when nothing has come for so many seconds; 0: never")
 parser.add_argument("--quiet", action="store_true", help="print the summary only")
