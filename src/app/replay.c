@@ -7,6 +7,7 @@
 
 #include "app/aligned.h"
 #include "app/recording_header.h"
+#include "app/say.h"
 #include "base/hash.h"
 #include "fovea/log.h"
 #include "message/fields.h"
@@ -88,6 +89,7 @@ static enum fovea_status read_header(struct replay *replay, struct fovea_error *
                            replay->channels[kind]);
     snprintf(replay->result->recorded_by, sizeof replay->result->recorded_by, "Fovea %s on %s, kernels %s",
              replay->header.version, replay->header.machine, replay->header.kernel_set);
+    fv_say_clean(replay->result->recorded_by);
     return FOVEA_OK;
 }
 
@@ -278,6 +280,7 @@ static enum fovea_status end(struct replay *replay, struct fovea_error *error)
                    told.hash);
     result->end = told.reason[0] != '\0' ? FV_REPLAY_ENDED_EARLY : FV_REPLAY_WHOLE;
     memcpy(result->reason, told.reason, sizeof result->reason);
+    fv_say_clean(result->reason);
     return FOVEA_OK;
 }
 

@@ -26,7 +26,7 @@ struct fv_replay_result {
     uint64_t messages_equal, bytes_equal; /* compared and found equal */
     uint64_t messages_with_readings;      /* of clocks, among them: all but those was compared */
     enum fv_replay_end end;               /* where the replay came to the end of the log */
-    char reason[FV_RECORDING_END_REASON_BYTES];
+    char reason[FV_RECORDING_END_REASON_BYTES]; /* printable, as recorded_by is */
     bool different;
     char difference[512];   /* one line: frame, channel, field, both values */
     char recorded_by[192];  /* version, machine and kernel set of the recording */

@@ -17,12 +17,17 @@ static const char *clear(bool shown_after)
     return atomic_exchange(&status_shown, shown_after) || shown_after ? "\r\033[K" : "";
 }
 
+void fv_say_clean(char *text)
+{
+    for (; *text != '\0'; text++)
+        if ((unsigned char)*text < 0x20 || *text == 0x7f) *text = '?';
+}
+
 static void say(const char *format, va_list arguments)
 {
     char line[1024];
     vsnprintf(line, sizeof line, format, arguments);
-    for (char *byte = line; *byte != '\0'; byte++)
-        if ((unsigned char)*byte < 0x20 || *byte == 0x7f) *byte = '?';
+    fv_say_clean(line);
     fprintf(stderr, "%s%s\n", clear(false), line);
 }
 

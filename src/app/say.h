@@ -18,6 +18,8 @@ enum fv_exit fv_say_failed(const char *format, ...) FV_SAY_FORMAT; /* FV_EXIT_FA
 /* What a terminal shows while a command works: written over by the next one, and gone when a line is said or
  * the text is empty. Cut to the terminal's width. */
 void fv_say_status(const char *format, ...) FV_SAY_FORMAT;
+/* Show control bytes of a text from elsewhere as '?', so that printing it cannot steer the terminal. */
+void fv_say_clean(char *text);
 /* For the end of a command: FV_EXIT_OK when all that it printed on stdout could be written, else told and
  * FV_EXIT_FAILED. */
 enum fv_exit fv_say_unwritten(void);

@@ -288,6 +288,30 @@ static void test_every_edit(void **state)
     assert_non_null(strstr(result.difference, "FOVEA_RECORDING_END: hash of all events before: found "));
 }
 
+/* What a log says of itself is printed: its control bytes are not. */
+static void test_texts_are_printable(void **state)
+{
+    (void)state;
+    struct fv_replay_result result;
+    struct fovea_error error;
+    struct fv_leaf leaf;
+    const size_t version = find_field("FOVEA_RECORDING", 0, 1, &leaf), reason = find_field("FOVEA_RECORDING_END", 0, 3, &leaf);
+    assert_string_equal(leaf.path, "reason");
+    assert_int_equal(replay_flipped(version, whole[version] ^ 0x1b, &result, &error), FOVEA_OK);
+    assert_non_null(strstr(result.recorded_by, "Fovea ?"));
+    const size_t end = find_event("FOVEA_RECORDING_END", 0);
+    uint8_t *longer = malloc(whole_bytes + 4);
+    assert_non_null(longer);
+    memcpy(longer, whole, whole_bytes);
+    longer[end + 27] = (uint8_t)(longer[end + 27] + 4); /* the bytes of the message, and of its text */
+    longer[reason - 1] = 5;
+    memcpy(longer + reason, "\x1b[2J", 5);
+    write_changed(longer, whole_bytes + 4);
+    free(longer);
+    assert_int_equal(fv_replay(changed, false, NULL, NULL, &result, &error), FOVEA_OK);
+    assert_string_equal(result.reason, "?[2J");
+}
+
 static void test_more_after_the_end(void **state)
 {
     (void)state;
@@ -372,6 +396,7 @@ int main(void)
         cmocka_unit_test(test_changed_inputs),  cmocka_unit_test(test_missing_message),
         cmocka_unit_test(test_changed_statistics), cmocka_unit_test(test_every_edit),
         cmocka_unit_test(test_older_format),    cmocka_unit_test(test_more_after_the_end),
+        cmocka_unit_test(test_texts_are_printable),
         cmocka_unit_test(test_not_a_recording), cmocka_unit_test(test_cut_off),
         cmocka_unit_test(test_mutated),
     };
