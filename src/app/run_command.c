@@ -40,6 +40,7 @@ struct run {
     FILE *stats;
     void *memory;
     size_t bytes;
+    struct fovea_error unlocked; /* why the memory is not, though it was to be */
     struct fv_transport *transport;
     struct fv_recorder *recorder;
     struct fv_trajectory *trajectory;
@@ -279,7 +280,7 @@ static enum fovea_status runtime_open(struct run *run, struct fovea_error *error
     if (status == FOVEA_OK)
         status = fv_realtime_map(run->bytes, run->settings.lock_memory, &run->memory, &locked, error);
     if (status != FOVEA_OK) return status;
-    if (run->settings.lock_memory && !locked) fv_say("fovea run: %s", error->text);
+    if (run->settings.lock_memory && !locked) run->unlocked = *error;
     return fovea_init(run->memory, run->bytes, config, &run->loop.rt, error);
 }
 
@@ -325,16 +326,23 @@ static enum fovea_status stats_open(struct run *run, struct fovea_error *error)
                            strerror(errno));
 }
 
+/* What is as good as it can be here. Not before all the rest is known to be right: wrong input is one line. */
+static void remarks(const struct run *run)
+{
+    if (run->unlocked.text[0] != '\0') fv_say("fovea run: %s", run->unlocked.text);
+    if (fv_setup_wants_colour(&run->setup) && run->setup.ops->info(run->setup.source)->format == FOVEA_PIXEL_GREY8)
+        fv_say("fovea run: the network takes colour and this source gives grey levels: all its channels get these");
+}
+
 /* Last what cuts files: by then all that can be wrong with the input has been said. */
 static enum fovea_status open_all(struct run *run, struct fovea_error *error)
 {
     enum fovea_status status = fv_setup_open(&run->settings, &run->selection, &run->setup, error);
     if (status != FOVEA_OK) return status;
     run->loop.real_time = fv_setup_real_time(&run->settings, &run->setup);
-    if (fv_setup_wants_colour(&run->setup) && run->setup.ops->info(run->setup.source)->format == FOVEA_PIXEL_GREY8)
-        fv_say("fovea run: the network takes colour and this source gives grey levels: all its channels get these");
     status = runtime_open(run, error);
     if (status == FOVEA_OK) status = transport_open(run, error);
+    if (status == FOVEA_OK) remarks(run);
     if (status == FOVEA_OK) status = stats_open(run, error);
     if (status == FOVEA_OK) status = recorder_open(run, error);
     if (status == FOVEA_OK) status = fv_trajectory_open(run->trajectory_path, &run->trajectory, error);

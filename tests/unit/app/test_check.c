@@ -168,6 +168,12 @@ static void test_without_rights(void **state)
     assert_int_equal(check("fovea run --source sim:still --set lcm_url= --set loop.cpu=1000 --frames 1 --picture none --quiet"), 0);
     assert_tells(err, "no SCHED_FIFO: not permitted");
     assert_tells(err, "not bound to processor 1000");
+    /* Wrong input is one line here too. */
+    setenv("FOVEA_CPU", "mmx", 1);
+    assert_int_equal(check("fovea run --source sim:still --set lcm_url= --frames 1 --picture none"), 2);
+    assert_tells(err, "FOVEA_CPU: found 'mmx'");
+    assert_string_equal(strchr(err, '\n'), "\n");
+    unsetenv("FOVEA_CPU");
     as_nobody = false;
 }
 
