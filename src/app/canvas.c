@@ -59,7 +59,8 @@ void fv_canvas_image(struct fv_canvas *canvas, int left, int top, const struct f
     }
 }
 
-void fv_canvas_blend(struct fv_canvas *canvas, int x, int y, uint32_t colour, float opacity)
+/* Mix `colour` into one pixel; opacity in [0, 1]. */
+static void blend(struct fv_canvas *canvas, int x, int y, uint32_t colour, float opacity)
 {
     if (x < 0 || y < 0 || x >= canvas->width || y >= canvas->height || !(opacity > 0.0F)) return;
     if (opacity > 1.0F) opacity = 1.0F;
@@ -75,7 +76,7 @@ void fv_canvas_fill(struct fv_canvas *canvas, int left, int top, int width, int 
     int right = clamp(left + width, 0, canvas->width), bottom = clamp(top + height, 0, canvas->height);
     for (int y = clamp(top, 0, canvas->height); y < bottom; y++)
         for (int x = clamp(left, 0, canvas->width); x < right; x++)
-            fv_canvas_blend(canvas, x, y, colour, 1.0F);
+            blend(canvas, x, y, colour, 1.0F);
 }
 
 void fv_canvas_line(struct fv_canvas *canvas, float x0, float y0, float x1, float y1, float thickness,
@@ -92,7 +93,7 @@ void fv_canvas_line(struct fv_canvas *canvas, float x0, float y0, float x1, floa
             float along = length2 > 0.0F ? (px * dx + py * dy) / length2 : 0.0F;
             along = along < 0.0F ? 0.0F : along > 1.0F ? 1.0F : along;
             float ex = px - along * dx, ey = py - along * dy;
-            fv_canvas_blend(canvas, x, y, colour, half + 0.5F - __builtin_sqrtf(ex * ex + ey * ey));
+            blend(canvas, x, y, colour, half + 0.5F - __builtin_sqrtf(ex * ex + ey * ey));
         }
 }
 
@@ -108,7 +109,7 @@ static void round_shape(struct fv_canvas *canvas, const float centre[2], float i
             float dx = (float)x - centre[0], dy = (float)y - centre[1];
             float distance = __builtin_sqrtf(dx * dx + dy * dy);
             float cover = outer + 0.5F - distance, hole = distance - inner + 0.5F;
-            fv_canvas_blend(canvas, x, y, colour, cover < hole ? cover : hole);
+            blend(canvas, x, y, colour, cover < hole ? cover : hole);
         }
 }
 

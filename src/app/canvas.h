@@ -28,8 +28,6 @@ void fv_canvas_free(struct fv_canvas *canvas);
 /* Copy a grey8 or rgb24 image with its top left pixel at (left, top). */
 void fv_canvas_image(struct fv_canvas *canvas, int left, int top, const struct fovea_image *image);
 
-/* Mix `colour` into one pixel; opacity in [0, 1]. */
-void fv_canvas_blend(struct fv_canvas *canvas, int x, int y, uint32_t colour, float opacity);
 /* Fill the pixels [left, left + width) x [top, top + height). */
 void fv_canvas_fill(struct fv_canvas *canvas, int left, int top, int width, int height, uint32_t colour);
 /* Straight line with round ends, `thickness` pixels wide. */
