@@ -3,15 +3,15 @@
 #define FOVEA_TESTS_ORACLE_IMAGES_H
 
 #include <algorithm>
-#include <cstdlib>
 #include <filesystem>
 #include <string>
 #include <vector>
 
+#include "common/data_folder.h"
+
 inline std::string data_folder()
 {
-    const char *folder = std::getenv("FOVEA_DATA");
-    return folder != nullptr && folder[0] != '\0' ? folder : "../shared/data";
+    return fv_data_folder();
 }
 
 /* All image files under a folder in order of name, at most `limit`, evenly chosen; empty where the folder is absent. */

@@ -13,6 +13,7 @@
 
 #include "app/colour.h"
 #include "app/model_file.h"
+#include "common/data_folder.h"
 #include "detect/job.h"
 #include "fovea/fovea.h"
 
@@ -25,18 +26,13 @@ static int64_t cpu_ns(void)
     return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
 }
 
-static const char *or_else(const char *name, const char *otherwise)
-{
-    const char *value = getenv(name);
-    return value != NULL ? value : otherwise;
-}
-
 /* Import the model with the build's Python; false where there is no model or no Python with the packages. */
 static bool import_model(void)
 {
     char source[512], target[] = "/tmp/fovea-test-XXXXXX", command[1600];
+    const char *python = getenv("FOVEA_PYTHON");
     struct fovea_error error = {0};
-    snprintf(source, sizeof source, "%s/models/ssd_mobilenet_v1_coco_quant_meta.tflite", or_else("FOVEA_DATA", "../shared/data"));
+    snprintf(source, sizeof source, "%s/models/ssd_mobilenet_v1_coco_quant_meta.tflite", fv_data_folder());
     if (access(source, R_OK) != 0) {
         printf("SKIPPED network in the loop: no %s\n", source);
         return false;
@@ -45,7 +41,7 @@ static bool import_model(void)
     if (file < 0) return false;
     close(file);
     snprintf(command, sizeof command, "%s tools/import '%s' -o %s >/dev/null 2>&1",
-             or_else("FOVEA_PYTHON", "build/venv-import/bin/python"), source, target);
+             python != NULL ? python : "build/venv-import/bin/python", source, target);
     const bool imported = system(command) == 0;
     if (!imported) printf("SKIPPED network in the loop: no Python with the packages tflite and numpy\n");
     const bool read = imported && fv_model_file_read(target, &model, &error) == FOVEA_OK;
@@ -58,7 +54,7 @@ static bool read_picture(const char *name, struct fovea_image *image)
 {
     char path[512];
     struct fovea_error error;
-    snprintf(path, sizeof path, "%s/images/%s", or_else("FOVEA_DATA", "../shared/data"), name);
+    snprintf(path, sizeof path, "%s/images/%s", fv_data_folder(), name);
     return fv_colour_read(path, image, &error) == FOVEA_OK;
 }
 

@@ -20,6 +20,7 @@
 
 #include "app/command.h"
 #include "app/heap.h"
+#include "common/data_folder.h"
 #include "common/datasets.h"
 #include "fovea/yaml_tree.h"
 
@@ -156,11 +157,10 @@ static void test_recordings(void **state)
         {"kitti", "kitti06_a", 51},
         {"tum", "handheld_7scenes_a", 250},
     };
-    const char *data = getenv("FOVEA_DATA");
     (void)state;
     for (size_t i = 0; i < sizeof recordings / sizeof recordings[0]; i++) {
         char path[512], source[640];
-        snprintf(path, sizeof path, "%s/%s", data != NULL ? data : "../shared/data", recordings[i].name);
+        snprintf(path, sizeof path, "%s/%s", fv_data_folder(), recordings[i].name);
         snprintf(source, sizeof source, "%s:%s", recordings[i].scheme, path);
         if (access(path, R_OK) != 0) {
             print_message("SKIPPED %s: not there\n", source);

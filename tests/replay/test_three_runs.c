@@ -13,6 +13,7 @@
 #include <cmocka.h>
 
 #include "app/command.h"
+#include "common/data_folder.h"
 #include "fovea/log.h"
 
 enum { RUNS = 3 };
@@ -96,10 +97,9 @@ static void test_simulated(void **state)
 
 static void test_recording(void **state)
 {
-    const char *data = getenv("FOVEA_DATA");
     char source[512];
     (void)state;
-    snprintf(source, sizeof source, "kitti:%s/kitti06_a", data != NULL ? data : "../shared/data");
+    snprintf(source, sizeof source, "kitti:%s/kitti06_a", fv_data_folder());
     if (access(source + strlen("kitti:"), R_OK) != 0) {
         print_message("SKIPPED %s: not there\n", source);
         skip();

@@ -15,6 +15,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "common/data_folder.h"
 #include "common/datasets.h"
 #include "fovea/calibration.h"
 #include "fovea/elementary.h"
@@ -364,7 +365,6 @@ static void test_centre_far_outside(void **state)
 static void test_published_files(void **state)
 {
     (void)state;
-    const char *data = getenv("FOVEA_DATA");
     static const struct {
         const char *file;
         double fx;
@@ -372,7 +372,7 @@ static void test_published_files(void **state)
                  {"handheld_7scenes_a/camera.yaml", 585.0},
                  {"calib_stereo_pinhole/left_intrinsics_published.yml", 535.91573396163199}};
     for (size_t i = 0; i < sizeof files / sizeof files[0]; ++i) {
-        const char *path = fv_test_path(data != NULL ? data : "../shared/data", files[i].file);
+        const char *path = fv_test_path(fv_data_folder(), files[i].file);
         struct fovea_calibration calibration;
         struct fovea_error error;
         if (access(path, R_OK) != 0) {

@@ -7,6 +7,7 @@
 #include <string>
 
 #include "common/cmocka_cpp.h"
+#include "common/data_folder.h"
 #include "common/datasets.h"
 
 extern "C" {
@@ -57,12 +58,11 @@ static void test_own_pictures(void **state)
 static void test_real_pictures(void **state)
 {
     (void)state;
-    const char *data = getenv("FOVEA_DATA");
     for (const char *name :
          {"affine/graf/img1.png", "affine/boat/img1.png", "calib_stereo_pinhole/left01.png",
           "calib_fisheye/left1.jpg", "handheld_7scenes_a/rgb/000000.jpg",
           "vamr_checkerboard/images/img_0001.jpg", "kitti00_a/image_0/000000.png"}) {
-        const std::string path = std::string(data != nullptr ? data : "../shared/data") + "/" + name;
+        const std::string path = std::string(fv_data_folder()) + "/" + name;
         if (access(path.c_str(), R_OK) == 0)
             compare(path);
         else

@@ -14,6 +14,7 @@
 #include <time.h>
 #include <unistd.h>
 
+#include "common/data_folder.h"
 #include "common/datasets.h"
 #include "common/fake_camera.h"
 #include "fovea/source.h"
@@ -512,8 +513,6 @@ static void test_real_recordings(void **state)
         {"tum:", "handheld_7scenes_a", 640, 480, 250, 585.0},
         {"images:", "vamr_checkerboard/images", 752, 480, 92, 0},
     };
-    const char *data = getenv("FOVEA_DATA");
-    if (data == NULL) data = "../shared/data";
     for (size_t i = 0; i < sizeof real / sizeof real[0]; ++i) {
         char uri[FV_TEST_PATH_BYTES];
         const struct fovea_source_ops *ops;
@@ -521,7 +520,7 @@ static void test_real_recordings(void **state)
         struct fovea_source *source;
         struct fovea_error error;
         struct fovea_frame frame;
-        snprintf(uri, sizeof uri, "%s%s/%s", real[i].uri, data, real[i].folder);
+        snprintf(uri, sizeof uri, "%s%s/%s", real[i].uri, fv_data_folder(), real[i].folder);
         assert_int_equal(fovea_source_find(uri, &ops, &address, &error), FOVEA_OK);
         if (access(address, R_OK) != 0) {
             print_message("SKIPPED %s: not there\n", real[i].folder);

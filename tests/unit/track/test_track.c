@@ -9,6 +9,7 @@
 #include <string.h>
 #include <time.h>
 
+#include "common/data_folder.h"
 #include "common/track_rig.h"
 #include "fovea/elementary.h"
 #include "geometry/se3.h"
@@ -355,8 +356,7 @@ static void one_pedestrian_seen_every_third_frame_is_one_track(void **state)
     static double boxes[2001][4];
     char path[512];
     int count;
-    const char *data = getenv("FOVEA_DATA");
-    snprintf(path, sizeof path, "%s/tracking_crossing/groundtruth_rect.txt", data != NULL ? data : "../shared/data");
+    snprintf(path, sizeof path, "%s/tracking_crossing/groundtruth_rect.txt", fv_data_folder());
     if (!read_truth(path, boxes, &count)) {
         printf("SKIPPED tracking_crossing: no %s\n", path);
         return;
