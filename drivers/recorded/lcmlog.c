@@ -18,6 +18,15 @@ struct entry {
     bool stamped;
 };
 
+enum { HEADS_MAX = 8 };
+
+/* The first head of each recorder that the log holds. */
+struct heads {
+    uint32_t count;
+    char channel[HEADS_MAX][FOVEA_LOG_CHANNEL_BYTES];
+    int64_t offset[HEADS_MAX];
+};
+
 struct recording {
     char *path;
     struct fovea_log *log;
@@ -57,19 +66,38 @@ static enum fovea_status add_entry(struct recording *recording, const struct ent
     return FOVEA_OK;
 }
 
-/* The head of a recording of ours, where there is one, is the first event. */
-static enum fovea_status read_head(struct recording *recording,
+/* Whether two channels differ in their last parts only, which are these. */
+static bool of_one_prefix(const char *frame, const char *head)
+{
+    const size_t length = strlen(frame) - strlen("FRAME");
+    return length == strlen(head) - strlen("RECORDING") && memcmp(frame, head, length) == 0;
+}
+
+/* The head of a recording of ours: first of all in it, or somewhere in a log that heard others too. */
+static enum fovea_status read_head(struct recording *recording, const struct heads *heads,
                                    const struct fovea_source_selection *selection, struct fovea_error *error)
 {
     struct fovea_log_event event;
-    if (fovea_log_next(recording->log, &event, NULL) == FOVEA_OK &&
-        fovea_log_channel_is(event.channel, "RECORDING")) {
-        const enum fovea_status status =
-            fv_log_calibration(recording->path, &event, &recording->calibration, error);
-        if (status < 0 && !selection->camera_given) return status;
-        recording->has_calibration = status == FOVEA_OK;
-    }
-    return fovea_log_seek(recording->log, 0, error);
+    uint32_t i = 0;
+    while (i < heads->count && !of_one_prefix(recording->channel, heads->channel[i]))
+        ++i;
+    if (i == heads->count || fovea_log_seek(recording->log, heads->offset[i], NULL) != FOVEA_OK ||
+        fovea_log_next(recording->log, &event, NULL) != FOVEA_OK)
+        return FOVEA_OK;
+    const enum fovea_status status =
+        fv_log_calibration(recording->path, &event, &recording->calibration, error);
+    if (status < 0 && !selection->camera_given) return status;
+    recording->has_calibration = status == FOVEA_OK;
+    return FOVEA_OK;
+}
+
+static void note_head(struct heads *heads, const struct fovea_log_event *event)
+{
+    for (uint32_t i = 0; i < heads->count; ++i)
+        if (strcmp(heads->channel[i], event->channel) == 0) return;
+    if (heads->count == HEADS_MAX) return;
+    memcpy(heads->channel[heads->count], event->channel, sizeof event->channel);
+    heads->offset[heads->count++] = event->offset;
 }
 
 static enum fovea_status add_frame(struct recording *recording, const struct fovea_log_event *event,
@@ -83,7 +111,8 @@ static enum fovea_status add_frame(struct recording *recording, const struct fov
 }
 
 /* Find the frames, and the places that cannot be read: one for all that lies between two events that can. */
-static enum fovea_status make_index(struct recording *recording, struct fovea_error *error)
+static enum fovea_status make_index(struct recording *recording, struct heads *heads,
+                                    struct fovea_error *error)
 {
     struct fovea_log_event event;
     struct fovea_error first = {.text = ""};
@@ -99,6 +128,7 @@ static enum fovea_status make_index(struct recording *recording, struct fovea_er
             if (status == FOVEA_END) break;
         } else {
             in_damage = false;
+            if (fovea_log_channel_is(event.channel, "RECORDING")) note_head(heads, &event);
             if (fovea_log_channel_is(event.channel, "FRAME")) status = add_frame(recording, &event, error);
         }
         if (status != FOVEA_OK) return status;
@@ -220,6 +250,7 @@ static enum fovea_status open_lcmlog(const char *address, const struct fovea_sou
                                      struct fovea_source **source, struct fovea_error *error)
 {
     struct fovea_source_info info;
+    struct heads heads = {.count = 0};
     size_t frame_bytes = 0;
     struct recording *recording = calloc(1, sizeof *recording);
     if (recording == NULL || (recording->path = strdup(address)) == NULL) {
@@ -227,8 +258,8 @@ static enum fovea_status open_lcmlog(const char *address, const struct fovea_sou
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", address);
     }
     enum fovea_status status = fovea_log_open(address, &recording->log, error);
-    if (status == FOVEA_OK) status = read_head(recording, selection, error);
-    if (status == FOVEA_OK) status = make_index(recording, error);
+    if (status == FOVEA_OK) status = make_index(recording, &heads, error);
+    if (status == FOVEA_OK) status = read_head(recording, &heads, selection, error);
     if (status == FOVEA_OK) status = describe(recording, selection, &info, &frame_bytes, error);
     if (status != FOVEA_OK) {
         close_recording(recording);

@@ -14,6 +14,7 @@
 
 #include "../../../drivers/recorded/player.h"
 #include "common/datasets.h"
+#include "fovea_recording_t.h"
 
 enum { W = FV_TEST_WIDTH, H = FV_TEST_HEIGHT, MANY = 256 };
 
@@ -258,6 +259,76 @@ static void test_log_goes_on_after_damage(void **state)
     free(whole);
 }
 
+static void put_number(FILE *file, uint64_t number, int bytes)
+{
+    while (bytes-- > 0)
+        assert_true(fputc((int)(number >> (8 * bytes) & 0xff), file) != EOF);
+}
+
+static void put_event(FILE *file, const char *channel, const void *data, size_t bytes)
+{
+    put_number(file, 0xEDA1DA01, 4);
+    put_number(file, 0, 8);
+    put_number(file, 0, 8);
+    put_number(file, strlen(channel), 4);
+    put_number(file, bytes, 4);
+    assert_int_equal(fwrite(channel, 1, strlen(channel), file), strlen(channel));
+    assert_int_equal(fwrite(data, 1, bytes, file), bytes);
+}
+
+/* The head of a recording of ours, with a focal length. */
+static void put_head(FILE *file, const char *channel, int focal)
+{
+    static char none[] = "", name[] = "calibration";
+    char text[256];
+    uint8_t bytes[1024];
+    snprintf(text, sizeof text,
+             "image_width: 96\nimage_height: 64\ndistortion_model: plumb_bob\nD: []\nK: [%d, 0, 48, 0, %d, "
+             "32, 0, 0, 1]\n",
+             focal, focal);
+    fovea_recording_part_t part = {
+        .name = name, .origin = none, .size_bytes = (int32_t)strlen(text), .data = (uint8_t *)text};
+    fovea_recording_t head = {.format = 1,
+                              .version = none,
+                              .machine = none,
+                              .kernel_set = none,
+                              .source = none,
+                              .channel_prefix = none,
+                              .part_count = 1,
+                              .parts = &part};
+    const int size = fovea_recording_t_encode(bytes, 0, sizeof bytes, &head);
+    assert_true(size > 0);
+    put_event(file, channel, bytes, (size_t)size);
+}
+
+/* A logger that hears all: other messages come first, and the head of another camera. */
+static void test_log_head_among_others(void **state)
+{
+    const struct fovea_source_selection everything = {.step = 1};
+    char path[FV_TEST_PATH_BYTES];
+    size_t bytes;
+    (void)state;
+    snprintf(path, sizeof path, "%s", fv_test_lcmlog(folder));
+    uint8_t *frames = fv_test_read(path, &bytes);
+    for (int ours = 0; ours < 2; ++ours) {
+        struct fovea_source *source;
+        struct fovea_error error;
+        FILE *file = fopen(path, "wb");
+        assert_non_null(file);
+        put_event(file, "BASE_POSE", "anything", 8);
+        put_head(file, "LEFT_RECORDING", 70);
+        if (ours) put_head(file, "FOVEA_RECORDING", 90);
+        assert_int_equal(fwrite(frames, 1, bytes, file), bytes);
+        assert_int_equal(fclose(file), 0);
+        assert_int_equal(fovea_source_lcmlog.open(path, &everything, &source, &error), FOVEA_OK);
+        const struct fovea_source_info *info = fovea_source_lcmlog.info(source);
+        assert_int_equal(info->has_camera, ours);
+        if (ours) assert_true(info->camera.fx == 90);
+        fovea_source_lcmlog.close(source);
+    }
+    free(frames);
+}
+
 /* A log in which no frame can be read is refused by its first damage. */
 static void test_log_of_nothing(void **state)
 {
@@ -486,6 +557,7 @@ int main(void)
         cmocka_unit_test(test_leaping_stamps),
         cmocka_unit_test(test_leaps_as_they_are_played),
         cmocka_unit_test(test_log_goes_on_after_damage),
+        cmocka_unit_test(test_log_head_among_others),
         cmocka_unit_test(test_log_of_nothing),
         cmocka_unit_test(test_names_that_look_like_patterns),
         cmocka_unit_test(test_first_frame_missing),
