@@ -95,6 +95,7 @@ static void test_changed_values_read_back(void **state)
     char *text = printed(&settings, true);
     fv_settings_default(&back);
     assert_int_equal(fv_settings_parse(&back, "printed", text, strlen(text), &error), FOVEA_OK);
+    assert_int_equal(fv_settings_parse(&back, "printed", text, strlen(text), &error), FOVEA_OK); /* over what it holds */
     assert_same(&settings, &back);
     free(text);
 }
