@@ -131,6 +131,17 @@ static void on_bot_core_pose(const lcm_recv_buf_t *received, const char *name, v
                message.vel[1], message.vel[2]);
 }
 
+/* To LCM the channel to listen to is a regular expression, in which the dot that a prefix may hold is any letter. */
+static void write_pattern(const char *prefix, const char *suffix, char *pattern, size_t bytes)
+{
+    size_t used = 0;
+    for (; *prefix != '\0' && used + 2 < bytes; prefix++) {
+        if (*prefix == '.') pattern[used++] = '\\';
+        pattern[used++] = *prefix;
+    }
+    snprintf(pattern + used, bytes - used, "_%s", suffix);
+}
+
 static double now_s(void)
 {
     struct timespec now;
@@ -185,9 +196,9 @@ int main(int argc, char **argv)
     lcm_t *lcm = lcm_create(url);
     if (lcm == NULL) return fprintf(stderr, "subscribe: %s: LCM cannot use this URL\n", url), 1;
     for (int i = 0; i < KINDS; i++) {
-        char name[64];
-        snprintf(name, sizeof name, "%s_%s", prefix, channels[i].suffix);
-        lcm_subscription_t *subscription = lcm_subscribe(lcm, name, handlers[i], &channels[i]);
+        char pattern[128];
+        write_pattern(prefix, channels[i].suffix, pattern, sizeof pattern);
+        lcm_subscription_t *subscription = lcm_subscribe(lcm, pattern, handlers[i], &channels[i]);
         if (subscription == NULL)
             return fprintf(stderr, "subscribe: %s: cannot listen; 'fovea check' tells what is missing\n",
                            url),

@@ -7,6 +7,7 @@ slower, so both are large.
 """
 import argparse
 import os
+import re
 import signal
 import struct
 import sys
@@ -119,7 +120,8 @@ def on_signal(*_):
 def listen():
     connection = lcm.LCM(options.url)
     for suffix in TELL:
-        connection.subscribe(f"{options.prefix}_{suffix}", on_message).set_queue_capacity(1000)
+        pattern = re.escape(f"{options.prefix}_{suffix}")  # to LCM it is a regular expression
+        connection.subscribe(pattern, on_message).set_queue_capacity(1000)
     signal.signal(signal.SIGINT, on_signal)
     signal.signal(signal.SIGTERM, on_signal)
     print("listening", flush=True)
