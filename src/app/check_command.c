@@ -340,11 +340,13 @@ static enum fovea_status check_without_source(struct check *check, enum fovea_st
 {
     struct fovea_error other = {0}, lock = {0};
     enum fovea_status status = FOVEA_OK;
-    if (check->settings.runtime.camera.width > 0)
-        status = memory_check(check, &lock, &other);
-    else
+    if (check->settings.runtime.camera.width > 0) {
+        status = fv_setup_read(&check->settings, &check->setup, &other);
+        if (status == FOVEA_OK) status = memory_check(check, &lock, &other);
+    } else {
         printf("memory of %s: known when it answers, or with a calibration that states the size of its frames\n",
                check->settings.source);
+    }
     if (status == FOVEA_OK && !check->memory_only) status = machine_check(check, &lock, &other);
     check->absent = status == FOVEA_OK;
     if (check->absent) return why;

@@ -118,6 +118,19 @@ static enum fovea_status map_read(struct fv_settings *settings, struct fv_setup 
     return status;
 }
 
+enum fovea_status fv_setup_read(struct fv_settings *settings, struct fv_setup *setup, struct fovea_error *error)
+{
+    const struct fovea_camera *camera = &settings->runtime.camera;
+    enum fovea_status status = FOVEA_OK;
+    if (settings->mask[0] != '\0') {
+        status = fv_mask_read(settings->mask, camera->width, camera->height, &setup->mask, error);
+        settings->runtime.mask = setup->mask;
+        if (status != FOVEA_OK) fv_settings_blame(settings, "mask", error);
+    }
+    if (status == FOVEA_OK) status = map_read(settings, setup, error);
+    return status == FOVEA_OK ? fv_settings_check(settings, error) : status;
+}
+
 enum fovea_status fv_setup_open(struct fv_settings *settings, const struct fovea_source_selection *selection,
                                 struct fv_setup *setup, struct fovea_error *error)
 {
@@ -135,15 +148,8 @@ enum fovea_status fv_setup_open(struct fv_settings *settings, const struct fovea
         fv_settings_blame(settings, "source", error);
         return status;
     }
-    const struct fovea_source_info *info = setup->ops->info(setup->source);
-    status = camera_fit(settings, info, error);
-    if (status == FOVEA_OK && settings->mask[0] != '\0') {
-        status = fv_mask_read(settings->mask, info->width, info->height, &setup->mask, error);
-        settings->runtime.mask = setup->mask;
-        if (status != FOVEA_OK) fv_settings_blame(settings, "mask", error);
-    }
-    if (status == FOVEA_OK) status = map_read(settings, setup, error);
-    return status == FOVEA_OK ? fv_settings_check(settings, error) : status;
+    status = camera_fit(settings, setup->ops->info(setup->source), error);
+    return status == FOVEA_OK ? fv_setup_read(settings, setup, error) : status;
 }
 
 void fv_setup_close_source(struct fv_setup *setup)

@@ -14,6 +14,7 @@
 #include <cmocka.h>
 
 #include "app/command.h"
+#include "common/datasets.h"
 
 enum { TEXT_MAX = 1 << 15, ARGUMENTS_MAX = 16, SECONDS_MAX = 60 };
 
@@ -129,6 +130,32 @@ static void test_without_the_camera(void **state)
     assert_tells(out, "the block");
 }
 
+static int block_told(void)
+{
+    const char *line = strstr(out, "  the block ");
+    int bytes = 0;
+    if (line == NULL || sscanf(line, " the block %d", &bytes) != 1) fail_msg("no block is told in:\n%s%s", out, err);
+    return bytes;
+}
+
+/* Of what stands in the block, a mask too is there without the camera. */
+static void test_without_the_camera_with_a_mask(void **state)
+{
+    static uint8_t white[752 * 480];
+    char command[256], mask[64];
+    (void)state;
+    snprintf(mask, sizeof mask, "%s.png", camera);
+    memset(white, 255, sizeof white);
+    fv_test_write_png(mask, &(struct fv_test_png){752, 480, 1, 8, false}, white);
+    snprintf(command, sizeof command, "fovea check --memory-only --source v4l2:/dev/fovea_none --camera %s", camera);
+    assert_int_equal(check(command), 2);
+    const int without = block_told();
+    snprintf(command, sizeof command, "fovea check --memory-only --source v4l2:/dev/fovea_none --camera %s --set mask=%s", camera, mask);
+    assert_int_equal(check(command), 2);
+    assert_int_equal(block_told() - without, sizeof white);
+    unlink(mask);
+}
+
 /* What belongs to a network does not go with the source. */
 static void test_without_the_camera_with_a_network(void **state)
 {
@@ -202,6 +229,7 @@ int main(void)
         cmocka_unit_test(test_everything_is_told),
         cmocka_unit_test(test_frame_rate),
         cmocka_unit_test(test_without_the_camera),
+        cmocka_unit_test(test_without_the_camera_with_a_mask),
         cmocka_unit_test(test_without_the_camera_with_a_network),
         cmocka_unit_test(test_kernels),
         cmocka_unit_test(test_without_rights),
