@@ -46,10 +46,8 @@ void fv_sim_ring(const double half[2], double corner, double along, double posit
     }
 }
 
-void fv_sim_object_pose(const struct fv_sim_world *world, const struct fv_sim_object *o, double time_s,
-                        double position[2], double *heading)
+void fv_sim_object_pose(const struct fv_sim_object *o, double time_s, double position[2], double *heading)
 {
-    (void)world;
     if (o->on_ring) {
         const double along = o->phase + o->rate * time_s;
         fv_sim_ring(o->radius, ring_corner_m, along, position, heading);
@@ -153,14 +151,13 @@ void fv_sim_objects_create(struct fv_sim_world *world, const struct fv_sim_optio
 }
 
 /* Nearest that a person comes to the camera between two times. */
-static double clearance(const struct fv_sim_world *world, const struct fv_sim_object *o,
-                        const struct fv_sim_motion *motion, double begin_s, double end_s)
+static double clearance(const struct fv_sim_object *o, const struct fv_sim_motion *motion, double begin_s, double end_s)
 {
     double least = 1e9;
     /* NOLINTNEXTLINE(clang-analyzer-security.FloatLoopCounter): some tenths of a second more or less are no matter */
     for (double t = begin_s; t < end_s; t += 0.1) {
         double position[2], heading, T_world_cam[12];
-        fv_sim_object_pose(world, o, t, position, &heading);
+        fv_sim_object_pose(o, t, position, &heading);
         fv_sim_motion_pose(motion, t, T_world_cam);
         const double dx = position[0] - T_world_cam[3], dy = position[1] - T_world_cam[7],
                      square = dx * dx + dy * dy;
@@ -179,7 +176,7 @@ void fv_sim_objects_clear(struct fv_sim_world *world, const struct fv_sim_motion
         if (o->object_class != FOVEA_OBJECT_PERSON) continue;
         double best = -1.0, best_phase = o->phase;
         for (int32_t k = 0; k < TRIES && best < enough_m; k++) {
-            const double least = clearance(world, o, motion, begin_s, end_s);
+            const double least = clearance(o, motion, begin_s, end_s);
             if (least > best) {
                 best = least;
                 best_phase = o->phase;
@@ -269,7 +266,7 @@ void fv_sim_world_place(struct fv_sim_world *world, double time_s)
     for (int32_t i = 0; i < world->object_count; i++) {
         const struct fv_sim_object *o = &world->object[i];
         double position[2], heading;
-        fv_sim_object_pose(world, o, time_s, position, &heading);
+        fv_sim_object_pose(o, time_s, position, &heading);
         const int32_t id = i + 1;
         if (o->object_class == FOVEA_OBJECT_BALL) put_ball(world, o, position, heading, time_s, id);
         if (o->object_class == FOVEA_OBJECT_CONE) put_cone(world, o, position, heading, id);

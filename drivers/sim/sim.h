@@ -204,8 +204,7 @@ void fv_sim_place_hall(struct fv_sim_world *world);
 void fv_sim_place_house(struct fv_sim_world *world);
 void fv_sim_objects_create(struct fv_sim_world *world, const struct fv_sim_options *options);
 /* Where an object's foot is and which way it heads. */
-void fv_sim_object_pose(const struct fv_sim_world *world, const struct fv_sim_object *object, double time_s,
-                        double position[2], double *heading);
+void fv_sim_object_pose(const struct fv_sim_object *object, double time_s, double position[2], double *heading);
 /* Closed lane round a rectangle with rounded corners: place after `along` metres, heading. */
 void fv_sim_ring(const double half[2], double corner, double along, double position[2], double *heading);
 double fv_sim_ring_length(const double half[2], double corner);

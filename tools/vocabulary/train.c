@@ -15,7 +15,7 @@
 #include "fovea/source.h"
 #include "map/vocabulary.h"
 
-enum { FEATURES = 1000, ROUNDS_MAX = 12, IMAGES_MAX = 100000, BITS = 256 };
+enum { FEATURES = 1000, ROUNDS_MAX = 12, BITS = 256 };
 
 typedef uint64_t descriptor[4];
 

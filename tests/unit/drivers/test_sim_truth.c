@@ -235,7 +235,7 @@ static void test_boxes(void **state)
                 continue;
             double position[2], heading;
             struct extent e = {1e9, -1e9, 1e9, -1e9, true};
-            fv_sim_object_pose(&source->world, o, fv_sim_frame_time(source, start), position, &heading);
+            fv_sim_object_pose(o, fv_sim_frame_time(source, start), position, &heading);
             outline(&e, source, truth.T_world_cam, o->object_class, position, heading);
             assert_true(e.whole);
             /* Pixel k covers [k - 0.5, k + 0.5]; the box's far sides are exclusive. A pixel belongs to the
