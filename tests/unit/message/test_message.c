@@ -264,7 +264,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_channels),   cmocka_unit_test(test_features),
         cmocka_unit_test(test_statistics), cmocka_unit_test(test_camera_status),
-        cmocka_unit_test(test_preview),    cmocka_unit_test(test_frames_without_loss),
+        cmocka_unit_test(test_preview),
+        cmocka_unit_test(test_frames_without_loss),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
