@@ -17,7 +17,6 @@ fovea_stamp_t fv_frame_id_stamp(const struct fv_frame_id *id)
 {
     const struct fovea_frame frame = {
         .stamp_ns = id->stamp_ns,
-        .exposure_ns = id->exposure_ns,
         .clock = (enum fovea_clock)id->clock,
         .stamp_meaning = (enum fovea_stamp_meaning)id->stamp_meaning,
         .sequence = id->sequence,

@@ -12,6 +12,8 @@
 #include "fovea/fovea.h"
 #include "message/fields.h"
 
+#include "fovea_preview_t.h"
+
 enum { WIDTH = 321, HEIGHT = 243 };
 
 static struct fovea_config config;
@@ -294,26 +296,45 @@ static void preview_of_noise_comes_too(void **state)
     assert_true(previews > 0);
 }
 
+/* A preview tells the time, number, clock and UTC of the frame that it shows, as the test below gave them. */
+static void assert_preview_of(const struct fovea_message *message, int64_t stamp_ns)
+{
+    fovea_preview_t preview;
+    assert_true(fovea_preview_t_decode(message->data, 0, (int)message->bytes, &preview) > 0);
+    assert_int_equal(preview.stamp.time_ns, stamp_ns);
+    assert_int_equal(preview.stamp.sequence, stamp_ns / 1000);
+    assert_int_equal(preview.stamp.clock, FOVEA_CLOCK_BOOTTIME);
+    assert_int_equal(preview.stamp.meaning, FOVEA_STAMP_EXPOSURE_END);
+    assert_int_equal(preview.stamp.utc_offset_ns, 12345);
+    fovea_preview_t_decode_cleanup(&preview);
+}
+
 static void preview_takes_the_granted_units_and_keeps_its_stamp(void **state)
 {
     (void)state;
-    config.preview.period_frames = 1000;
+    config.preview.period_frames = 40;
     struct made made = make(0);
     struct fovea_outputs outputs;
     int previews = 0, works = 0;
     for (int i = 0; i < 100; i++) {
         struct fovea_frame frame = frame_at((i + 1) * 1000000);
-        step(made.rt, &frame, &outputs);
+        frame.clock = FOVEA_CLOCK_BOOTTIME;
+        frame.stamp_meaning = FOVEA_STAMP_EXPOSURE_END;
+        struct fovea_inputs inputs = {.frame = &frame, .now_ns = frame.stamp_ns, .utc_offset_ns = 12345};
+        fovea_grants_fixed(&config, &inputs.grants);
+        fovea_step(made.rt, &inputs, &outputs);
         const bool waiting = (outputs.jobs_waiting & 1u << FOVEA_JOB_PREVIEW) != 0;
         struct fovea_grants grants = {.units = {[FOVEA_JOB_PREVIEW] = 2}};
         fovea_work(made.rt, &grants, &outputs);
         assert_true(outputs.units_done[FOVEA_JOB_PREVIEW] <= 2);
         assert_true(waiting == (outputs.units_done[FOVEA_JOB_PREVIEW] > 0));
         works += waiting;
-        previews += find(&outputs, "FOVEA_PREVIEW") != NULL;
+        const struct fovea_message *preview = find(&outputs, "FOVEA_PREVIEW");
+        if (preview != NULL) assert_preview_of(preview, (40 * previews + 1) * 1000000);
+        previews += preview != NULL;
     }
-    assert_int_equal(previews, 1);
-    assert_true(works > 3);
+    assert_int_equal(previews, 3);
+    assert_true(works > 9);
     config.preview.period_frames = 10;
     free(made.memory);
 }
