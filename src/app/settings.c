@@ -40,6 +40,17 @@ static size_t choice_count(const struct fv_settings_key *key)
     return count;
 }
 
+/* Three rows of four numbers; a fourth row may follow that is that of every rigid motion. */
+static enum fovea_status take_transform(const struct reading *r, const struct fovea_yaml_node *node, double T[12])
+{
+    double all[16];
+    if (fovea_yaml_numbers(r->tree, node, 16, 16, all, NULL, NULL) != FOVEA_OK || all[12] != 0 || all[13] != 0 ||
+        all[14] != 0 || all[15] != 1)
+        return fovea_yaml_numbers(r->tree, node, 12, 12, T, NULL, r->error);
+    memcpy(T, all, 12 * sizeof T[0]);
+    return FOVEA_OK;
+}
+
 static enum fovea_status take(const struct reading *r, const struct fv_settings_key *key,
                               const struct fovea_yaml_node *node)
 {
@@ -70,7 +81,7 @@ static enum fovea_status take(const struct reading *r, const struct fv_settings_
         if (status == FOVEA_OK) *(int *)target = (int)index;
         return status;
     case FV_SETTINGS_TRANSFORM:
-        return fovea_yaml_numbers(r->tree, node, 12, 12, (double *)target, NULL, r->error);
+        return take_transform(r, node, (double *)target);
     }
     return FOVEA_ERROR_UNSUPPORTED;
 }

@@ -22,7 +22,7 @@ const struct fv_settings_key fv_settings_keys[] = {
     {"T_base_cam", FV_SETTINGS_TRANSFORM, AT(runtime.T_base_cam), -1000000, 1000000, "m", NULL,
      "three rows of four numbers [R t] that take points of the camera frame (x right, y down, z forward) to "
      "the "
-     "robot's base frame (x forward, y left, z up)",
+     "robot's base frame (x forward, y left, z up); a row 0 0 0 1 may follow",
      NULL},
     {"mask", TEXT_OF(mask), "file", NULL,
      "PNG of the size of the frames, black where features are to be ignored (the robot's own parts), white or transparent "

@@ -100,6 +100,17 @@ static void test_changed_values_read_back(void **state)
     free(text);
 }
 
+/* As matrices are printed by most programs. */
+static void test_transform_with_its_last_row(void **state)
+{
+    (void)state;
+    assert_int_equal(parse("T_base_cam:\n  - [0, 0, 1, 0.1]\n  - [-1, 0, 0, 0.2]\n  - [0, -1, 0, 0.3]\n  - [0, 0, 0, 1]\n"), FOVEA_OK);
+    assert_true(settings.runtime.T_base_cam[3] == 0.1 && settings.runtime.T_base_cam[11] == 0.3);
+    assert_int_equal(fv_settings_check(&settings, &error), FOVEA_OK);
+    assert_int_equal(parse("T_base_cam: [1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,2]\n"), FOVEA_ERROR_INPUT);
+    assert_non_null(strstr(error.text, "robot.yaml:1: T_base_cam: found a list of 16, expected a list of 12 numbers"));
+}
+
 struct wrong {
     const char *text;
     const char *names[4]; /* all must stand in the line */
@@ -268,7 +279,7 @@ int main(void)
         cmocka_unit_test(test_default_reads_back),  cmocka_unit_test(test_changed_values_read_back),
         cmocka_unit_test(test_wrong_files),         cmocka_unit_test(test_wrong_together),
         cmocka_unit_test(test_movable_classes),     cmocka_unit_test(test_wrong_assignments),
-        cmocka_unit_test(test_every_key_is_ranged),
+        cmocka_unit_test(test_every_key_is_ranged), cmocka_unit_test(test_transform_with_its_last_row),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
