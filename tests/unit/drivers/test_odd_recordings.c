@@ -318,6 +318,11 @@ static void test_log_head_among_others(void **state)
         put_event(file, "BASE_POSE", "anything", 8);
         put_head(file, "LEFT_RECORDING", 70);
         if (ours) put_head(file, "FOVEA_RECORDING", 90);
+        for (int i = 0; i < 12; ++i) { /* more than are looked at */
+            char channel[32];
+            snprintf(channel, sizeof channel, "OTHER%d_RECORDING", i);
+            put_head(file, channel, 80);
+        }
         assert_int_equal(fwrite(frames, 1, bytes, file), bytes);
         assert_int_equal(fclose(file), 0);
         assert_int_equal(fovea_source_lcmlog.open(path, &everything, &source, &error), FOVEA_OK);
@@ -521,34 +526,31 @@ static void test_own_calibration_not_needed(void **state)
     }
 }
 
-int64_t __fovea_recording_t_get_hash(void); /* of the generated type */
-
 /* The same of a log's own: the head of a recording of ours, here cut off behind the type's hash. */
 static void test_own_head_not_needed(void **state)
 {
-    static const uint8_t head[] = "\xED\xA1\xDA\x01................\0\0\0\x0f\0\0\0\x08"
-                                  "FOVEA_RECORDING";
-    enum { HEAD = sizeof head - 1 };
     const struct fovea_source_selection alone = {.step = 1}, given = {.step = 1, .camera_given = true};
+    const uint64_t hash = (uint64_t)__fovea_recording_t_get_hash();
     struct played played;
     struct fovea_error error;
     char path[FV_TEST_PATH_BYTES];
+    uint8_t head[8];
     size_t bytes;
     (void)state;
     snprintf(path, sizeof path, "%s", fv_test_lcmlog(folder));
-    uint8_t *frames = fv_test_read(path, &bytes), *log = malloc(HEAD + 8 + bytes);
-    assert_non_null(log);
-    memcpy(log, head, HEAD);
+    uint8_t *frames = fv_test_read(path, &bytes);
+    FILE *file = fopen(path, "wb");
+    assert_non_null(file);
     for (int i = 0; i < 8; ++i)
-        log[HEAD + i] = (uint8_t)((uint64_t)__fovea_recording_t_get_hash() >> (56 - 8 * i));
-    memcpy(log + HEAD + 8, frames, bytes);
-    fv_test_write(path, log, HEAD + 8 + bytes);
+        head[i] = (uint8_t)(hash >> (56 - 8 * i));
+    put_event(file, "FOVEA_RECORDING", head, sizeof head);
+    assert_int_equal(fwrite(frames, 1, bytes, file), bytes);
+    assert_int_equal(fclose(file), 0);
     assert_int_equal(play_uri("lcmlog", path, &alone, &played, &error), FOVEA_ERROR_INPUT);
     assert_int_equal(play_uri("lcmlog", path, &given, &played, &error), FOVEA_OK);
     assert_int_equal(played.count, FV_TEST_FRAMES);
     assert_false(played.has_camera);
     free(frames);
-    free(log);
 }
 
 int main(void)
