@@ -50,6 +50,21 @@ export PKG_CONFIG_PATH="$place/lib/pkgconfig"
 # shellcheck disable=SC2046
 ${CC:-cc} -Wall -Wextra -Werror -o "$place/shared" "$place/user.c" $(pkg-config --cflags --libs fovea)
 LD_LIBRARY_PATH="$place/lib" "$place/shared"
+cat >"$place/user.cpp" <<'C'
+#include <fovea/fovea.h>
+
+int main()
+{
+    fovea_config config;
+    fovea_error error;
+    size_t bytes;
+    fovea_config_default(&config);
+    return fovea_size(&config, &bytes, &error) == FOVEA_ERROR_ARGUMENT ? 0 : 1; /* it has no camera */
+}
+C
+# shellcheck disable=SC2046
+${CXX:-c++} -Wall -Wextra -Werror -o "$place/from-c++" "$place/user.cpp" $(pkg-config --cflags --libs fovea)
+LD_LIBRARY_PATH="$place/lib" "$place/from-c++"
 mkdir "$place/static-only" && cp "$place/lib/libfovea.a" "$place/static-only"
 # shellcheck disable=SC2046
 ${CC:-cc} -Wall -Wextra -Werror -o "$place/static" "$place/user.c" -L"$place/static-only" \
