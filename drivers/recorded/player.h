@@ -34,8 +34,8 @@ struct fv_recording_ops {
      * before its count. */
     enum fovea_status (*fetch)(void *recording, uint64_t index, struct fv_slot *slot,
                                struct fovea_error *error);
-    /* Stamp of frame `index`, quickly: asked for the frames to come of each. Negative: it has none. NULL:
-     * stamps are known with their frames only, which cannot be played in reverse then. */
+    /* Stamp of frame `index`, quickly: with each frame the stamps of the next few are asked for. Negative: it
+     * has none. NULL: stamps are known with their frames only, which cannot be played in reverse then. */
     enum fovea_status (*stamp)(void *recording, uint64_t index, int64_t *stamp_ns);
     /* Loop thread, no heap; NULL where there is none. */
     enum fovea_status (*truth)(const void *recording, const struct fovea_frame *frame,

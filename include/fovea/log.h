@@ -56,8 +56,8 @@ enum fovea_status fovea_log_skim(struct fovea_log *log, struct fovea_log_event *
 /* Go on with the event at `offset`, from an earlier event, or 0. */
 enum fovea_status fovea_log_seek(struct fovea_log *log, int64_t offset, struct fovea_error *error);
 
-/* After an error: go on with the next sync word behind the place of what could not be read. It may stand inside an event's
- * data, and then is no event either. FOVEA_END: there is none. */
+/* After an error: go on with the next sync word behind the place of what could not be read. By chance it may stand inside
+ * data: what follows it is then rarely an event. FOVEA_END: there is none. */
 enum fovea_status fovea_log_resync(struct fovea_log *log);
 
 /* Whether the channel's last part is `suffix`: "FOVEA_FRAME" and "FRAME" end in "FRAME", "SUBFRAME" does not.
