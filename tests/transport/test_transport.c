@@ -159,6 +159,19 @@ static void send_command(lcm_t *lcm, int32_t bits)
     send_on(lcm, PREFIX "_COMMAND", bits);
 }
 
+/* Wait until nothing more comes; returns what has. */
+static struct fv_transport_counts settled(struct fv_transport *transport)
+{
+    struct fv_transport_counts counts, before;
+    fv_transport_counts(transport, &counts);
+    do {
+        before = counts;
+        sleep_ms(200);
+        fv_transport_counts(transport, &counts);
+    } while (memcmp(&counts, &before, sizeof counts) != 0);
+    return counts;
+}
+
 /* Wait until as many were taken and refused. */
 static void expect_counts(struct fv_transport *transport, uint64_t taken, uint64_t refused)
 {
@@ -188,8 +201,7 @@ static void test_commands(void **state)
         sleep_ms(50);
         fv_transport_counts(transport, &counts);
     }
-    sleep_ms(200);
-    fv_transport_counts(transport, &counts);
+    counts = settled(transport);
     assert_true(counts.commands > 0);
     uint64_t base = counts.commands;
     assert_int_equal(fv_transport_commands(transport), FOVEA_COMMAND_SAVE);
@@ -220,13 +232,12 @@ static void test_commands(void **state)
         send_command(lcm, FOVEA_COMMAND_SAVE);
         sleep_ms(2);
     }
-    sleep_ms(200);
+    counts = settled(transport);
     for (int i = 0; i < 10; i++)
         (void)fv_transport_commands(transport);
-    fv_transport_counts(transport, &counts);
     assert_true(counts.commands_refused > 4);
     send_command(lcm, FOVEA_COMMAND_RESET);
-    sleep_ms(300);
+    expect_counts(transport, counts.commands + 1, counts.commands_refused);
     assert_int_equal(fv_transport_commands(transport), FOVEA_COMMAND_RESET);
     lcm_destroy(lcm);
     char *told = NULL, expected[128];
@@ -252,18 +263,14 @@ static void send_pose(lcm_t *lcm, const char *channel, const bot_core_pose_t *po
 /* Until the listener is there, and then until nothing more comes; returns how many came. */
 static uint64_t await_odometry(struct fv_transport *transport, lcm_t *lcm, const bot_core_pose_t *pose)
 {
-    struct fv_transport_counts counts = {0}, before;
+    struct fv_transport_counts counts = {0};
     struct fovea_odometry_sample samples[64];
     for (int i = 0; i < 100 && counts.odometry == 0; i++) {
         send_pose(lcm, "ODOM.1", pose);
         sleep_ms(50);
         fv_transport_counts(transport, &counts);
     }
-    do {
-        before = counts;
-        sleep_ms(200);
-        fv_transport_counts(transport, &counts);
-    } while (counts.odometry != before.odometry);
+    counts = settled(transport);
     while (fv_transport_odometry(transport, samples, 64) > 0)
         continue;
     assert_true(counts.odometry > 0);
