@@ -14,6 +14,7 @@
 #include <cmocka.h>
 
 #include "app/command.h"
+#include "common/datasets.h"
 #include "app/settings.h"
 #include "fovea/elementary.h"
 
@@ -445,8 +446,11 @@ static void test_results_are_kept(void **state)
         {"--tracks=", "--tracks|''"},
         {"--stats=", "--stats|''"},
     };
+    static const char small[] = "image_width: 96\nimage_height: 64\nK: [80, 0, 48, 0, 81, 32, 0, 0, 1]\nD: [0, 0, 0, 0]\n";
     (void)state;
     char linked_to[256], link[256];
+    const char *images = fv_test_images(folder); /* quicker to open than a simulated world */
+    file_write("cam.yaml", small, sizeof small - 1);
     file_write("kept", "kept", 4);
     snprintf(linked_to, sizeof linked_to, "%s/linked", folder);
     snprintf(link, sizeof link, "%s/link", folder);
@@ -458,7 +462,7 @@ static void test_results_are_kept(void **state)
             static const char *const names[] = {"unmade", "kept", "link"};
             for (int k = 0; k < 3; k++) {
                 snprintf(command, sizeof command,
-                         "fovea run --source sim:still?width=64&height=64 --frames 1 --model src/detect/shipped.fvm --picture none --%s @/%s %s",
+                         "fovea run --source images:@/images --camera @/cam.yaml --frames 1 --model src/detect/shipped.fvm --picture none --%s @/%s %s",
                          results[i], names[k], wrong[j][0]);
                 assert_refused(command, wrong[j][1]);
             }
@@ -467,6 +471,7 @@ static void test_results_are_kept(void **state)
             snprintf(unmade, sizeof unmade, "%s/unmade", folder);
             if (access(unmade, F_OK) == 0) fail_msg("%s: left an empty file", command);
         }
+    fv_test_folder_remove(images);
 }
 
 /* `fovea check` asks whether the log of LCM can be written and leaves it as it is, or unmade. */
