@@ -8,59 +8,20 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "app/command.h"
 #include "app/files.h"
-#include "app/final_path.h"
-#include "app/keeper.h"
-#include "app/loop.h"
 #include "app/map_file.h"
 #include "app/process.h"
 #include "app/realtime.h"
-#include "app/recorder.h"
-#include "app/report.h"
-#include "app/results.h"
-#include "app/run_picture.h"
+#include "app/run.h"
 #include "app/say.h"
-#include "app/setup.h"
 #include "app/signals.h"
-#include "app/trajectory.h"
-#include "app/transport.h"
 #include "app/transport_url.h"
-
-#define PICTURE_FILE "fovea-run.png"
-
-struct run {
-    struct fv_setup_options options;
-    struct fovea_source_selection selection;
-    const char *stats_path, *trajectory_path, *final_path, *picture_path, *detections_path, *tracks_path;
-    bool quiet, all_boxes;
-
-    struct fv_settings settings;
-    struct fv_setup setup;
-    FILE *stats;
-    void *memory;
-    size_t bytes;
-    struct fovea_error unlocked; /* why the memory is not, though it was to be */
-    struct fv_transport *transport;
-    struct fv_recorder *recorder;
-    struct fv_trajectory *trajectory;
-    struct fv_results *results;
-    uint64_t looks; /* of the detector, whose results were handed on */
-    uint64_t objects, tracks; /* found in them; confirmed */
-    struct fv_trails trails;
-    struct fv_final *final;
-    struct fv_keeper keeper;
-    struct fv_loop_shared shared;
-    struct fv_timings timings;
-    struct fv_loop loop;
-    pthread_t watcher;
-};
 
 /* ---- around the loop: called on its thread ----------------------------------------------------------- */
 
 static void pace(void *context)
 {
-    struct run *run = context;
+    struct fv_run *run = context;
     fv_recorder_pace(run->recorder);
     while (!fv_trajectory_room(run->trajectory) || !fv_final_room(run->final) ||
            !fv_results_room(run->results))
@@ -69,12 +30,12 @@ static void pace(void *context)
 
 static uint32_t commands(void *context)
 {
-    struct run *run = context;
+    struct fv_run *run = context;
     return fv_keeper_commands(&run->keeper, fv_transport_commands(run->transport));
 }
 
 /* On the frames' clock; the messages' is UTC. */
-static uint32_t odometry_heard(struct run *run, const struct fovea_inputs *inputs,
+static uint32_t odometry_heard(struct fv_run *run, const struct fovea_inputs *inputs,
                                struct fovea_odometry_sample *samples)
 {
     uint32_t count = fv_transport_odometry(run->transport, samples, FOVEA_INPUT_ODOMETRY_MAX);
@@ -83,7 +44,7 @@ static uint32_t odometry_heard(struct run *run, const struct fovea_inputs *input
     return count;
 }
 
-static void boxes_from_truth(struct run *run, struct fovea_inputs *inputs)
+static void boxes_from_truth(struct fv_run *run, struct fovea_inputs *inputs)
 {
     struct fovea_truth truth;
     const struct fovea_source_ops *ops = run->setup.ops;
@@ -99,7 +60,7 @@ static void boxes_from_truth(struct run *run, struct fovea_inputs *inputs)
 
 static void sense(void *context, struct fovea_inputs *inputs)
 {
-    struct run *run = context;
+    struct fv_run *run = context;
     const struct fovea_source_ops *ops = run->setup.ops;
     if (run->settings.runtime.scale.source == FOVEA_SCALE_ODOMETRY) {
         if (ops->odometry == NULL)
@@ -115,7 +76,7 @@ static void sense(void *context, struct fovea_inputs *inputs)
 static void step_done(void *context, const struct fovea_inputs *inputs, const struct fovea_outputs *outputs,
                       const struct fovea_pose *pose)
 {
-    struct run *run = context;
+    struct fv_run *run = context;
     fv_transport_publish(run->transport, outputs);
     fv_recorder_step(run->recorder, inputs, outputs);
     fv_final_look(run->final, run->loop.rt);
@@ -137,7 +98,7 @@ static void step_done(void *context, const struct fovea_inputs *inputs, const st
 static void work_done(void *context, const struct fovea_inputs *inputs, const struct fovea_grants *grants,
                       const struct fovea_outputs *outputs)
 {
-    struct run *run = context;
+    struct fv_run *run = context;
     fv_transport_publish(run->transport, outputs);
     fv_recorder_work(run->recorder, inputs, grants, outputs);
     fv_keeper_work(&run->keeper, outputs);
@@ -157,7 +118,7 @@ static void work_done(void *context, const struct fovea_inputs *inputs, const st
 
 static void *loop_body(void *argument)
 {
-    struct run *run = argument;
+    struct fv_run *run = argument;
     fv_loop_run(&run->loop);
     pthread_kill(run->watcher, SIGUSR1);
     return NULL;
@@ -165,7 +126,7 @@ static void *loop_body(void *argument)
 
 /* ---- set-up ------------------------------------------------------------------------------------------ */
 
-static enum fv_options_result options_read(struct run *run, int argc, char **argv)
+static enum fv_options_result options_read(struct fv_run *run, int argc, char **argv)
 {
     const struct fv_option options[] = {
         {"config", "FILE", FV_OPTION_TEXT, &run->options.config, "configuration ('fovea config' prints one)"},
@@ -183,7 +144,7 @@ static enum fv_options_result options_read(struct run *run, int argc, char **arg
         {"trajectory-final", "FILE", FV_OPTION_TEXT, &run->final_path,
          "the same after all optimisation, written at the end"},
         {"picture", "FILE", FV_OPTION_TEXT, &run->picture_path,
-         "where to draw path, map, tracks and timings (default " PICTURE_FILE " here; 'none')"},
+         "where to draw path, map, tracks and timings (default " FV_RUN_PICTURE_FILE " here; 'none')"},
         {"model", "FILE", FV_OPTION_TEXT, &run->options.model, "network that looks for objects (.fvm, made by tools/import)"},
         {"detections", "FILE", FV_OPTION_TEXT, &run->detections_path, "write what it finds as COCO results JSON"},
         {"all-boxes", NULL, FV_OPTION_FLAG, &run->all_boxes, "with what is below its threshold and was kept for the tracker"},
@@ -203,7 +164,7 @@ static enum fv_options_result options_read(struct run *run, int argc, char **arg
 enum { WRITTEN_MAX = 10, WRITTEN_LOG = 8 };
 
 /* The saved map, which is written beside its place and then put there, and what is opened anew. */
-static void files_written(const struct run *run, struct fv_file written[WRITTEN_MAX])
+static void files_written(const struct fv_run *run, struct fv_file written[WRITTEN_MAX])
 {
     const bool drawn = run->picture_path != NULL && strcmp(run->picture_path, "none") != 0;
     const struct fv_file files[WRITTEN_MAX] = {
@@ -220,7 +181,7 @@ static void files_written(const struct run *run, struct fv_file written[WRITTEN_
 }
 
 /* Settings, and that nothing that is read would be written over. */
-static enum fovea_status settings_read(struct run *run, struct fovea_error *error)
+static enum fovea_status settings_read(struct fv_run *run, struct fovea_error *error)
 {
     enum fovea_status status = fv_setup_settings(&run->options, &run->settings, error);
     if (status != FOVEA_OK) return status;
@@ -247,7 +208,7 @@ static enum fovea_status settings_read(struct run *run, struct fovea_error *erro
 }
 
 /* Better said now than after an hour, and before any result of an earlier run is cut. */
-static enum fv_exit outputs_check(struct run *run)
+static enum fv_exit outputs_check(struct fv_run *run)
 {
     struct fovea_error error;
     struct fv_file written[WRITTEN_MAX];
@@ -271,7 +232,7 @@ static enum fv_exit outputs_check(struct run *run)
     return fv_say_wrong("fovea run: %s: %s", blame, error.text);
 }
 
-static enum fovea_status runtime_open(struct run *run, struct fovea_error *error)
+static enum fovea_status runtime_open(struct fv_run *run, struct fovea_error *error)
 {
     struct fovea_config *config = &run->settings.runtime;
     bool locked;
@@ -286,7 +247,7 @@ static enum fovea_status runtime_open(struct run *run, struct fovea_error *error
 
 /* A machine that cannot send messages is no reason not to run: the recording and the statistics are still of
  * use. A malformed URL is. */
-static enum fovea_status transport_open(struct run *run, struct fovea_error *error)
+static enum fovea_status transport_open(struct fv_run *run, struct fovea_error *error)
 {
     const char *prefix = run->settings.runtime.channel_prefix;
     enum fovea_status status =
@@ -302,7 +263,7 @@ static enum fovea_status transport_open(struct run *run, struct fovea_error *err
     return FOVEA_OK;
 }
 
-static enum fovea_status recorder_open(struct run *run, struct fovea_error *error)
+static enum fovea_status recorder_open(struct fv_run *run, struct fovea_error *error)
 {
     if (run->settings.record[0] == '\0') return FOVEA_OK;
     struct fv_recorder_setup setup = {
@@ -319,7 +280,7 @@ static enum fovea_status recorder_open(struct run *run, struct fovea_error *erro
 }
 
 /* Kept as it is until there is something to write. */
-static enum fovea_status stats_open(struct run *run, struct fovea_error *error)
+static enum fovea_status stats_open(struct fv_run *run, struct fovea_error *error)
 {
     if (run->stats_path == NULL || (run->stats = fopen(run->stats_path, "ae")) != NULL) return FOVEA_OK;
     return fovea_error_set(error, FOVEA_ERROR_INPUT, "--stats: %.200s: cannot be written: %s", run->stats_path,
@@ -327,7 +288,7 @@ static enum fovea_status stats_open(struct run *run, struct fovea_error *error)
 }
 
 /* What is as good as it can be here. Not before all the rest is known to be right: wrong input is one line. */
-static void remarks(const struct run *run)
+static void remarks(const struct fv_run *run)
 {
     if (run->unlocked.text[0] != '\0') fv_say("fovea run: %s", run->unlocked.text);
     if (fv_setup_wants_colour(&run->setup) && run->setup.ops->info(run->setup.source)->format == FOVEA_PIXEL_GREY8)
@@ -335,7 +296,7 @@ static void remarks(const struct run *run)
 }
 
 /* Last what cuts files: by then all that can be wrong with the input has been said. */
-static enum fovea_status open_all(struct run *run, struct fovea_error *error)
+static enum fovea_status open_all(struct fv_run *run, struct fovea_error *error)
 {
     enum fovea_status status = fv_setup_open(&run->settings, &run->selection, &run->setup, error);
     if (status != FOVEA_OK) return status;
@@ -355,7 +316,7 @@ static enum fovea_status open_all(struct run *run, struct fovea_error *error)
     return status;
 }
 
-static void close_all(struct run *run)
+static void close_all(struct fv_run *run)
 {
     fv_recorder_close(run->recorder, NULL);
     fv_transport_close(run->transport);
@@ -369,7 +330,7 @@ static void close_all(struct run *run)
 
 /* ---- watching ---------------------------------------------------------------------------------------- */
 
-static void complaints(struct run *run)
+static void complaints(struct fv_run *run)
 {
     struct fovea_error error;
     if (run->setup.ops->complaint == NULL) return;
@@ -377,7 +338,7 @@ static void complaints(struct run *run)
         fv_say("%s", error.text);
 }
 
-static void status_line(struct run *run, uint64_t frames_before, double seconds)
+static void status_line(struct fv_run *run, uint64_t frames_before, double seconds)
 {
     uint64_t frames = atomic_load(&run->shared.frames), dropped = atomic_load(&run->shared.dropped);
     fv_say_status("  frame %" PRIu64 "  %.1f Hz  step %.2f ms  %" PRIu64 " corners  %" PRIu64 " dropped  %.1f MiB ",
@@ -387,7 +348,7 @@ static void status_line(struct run *run, uint64_t frames_before, double seconds)
 }
 
 /* Until the loop has ended: signals, the terminal, what the process looks like. */
-static void watch(struct run *run, const sigset_t *signals)
+static void watch(struct fv_run *run, const sigset_t *signals)
 {
     const struct timespec wait = {.tv_nsec = 250000000};
     bool terminal = !run->quiet && isatty(STDERR_FILENO);
@@ -415,7 +376,7 @@ static void watch(struct run *run, const sigset_t *signals)
     complaints(run);
 }
 
-static enum fovea_status run_loop(struct run *run, const sigset_t *signals, struct fovea_error *error)
+static enum fovea_status run_loop(struct fv_run *run, const sigset_t *signals, struct fovea_error *error)
 {
     struct fv_realtime_rights rights;
     pthread_t thread;
@@ -448,124 +409,11 @@ static enum fovea_status run_loop(struct run *run, const sigset_t *signals, stru
     return FOVEA_OK;
 }
 
-/* ---- the end ----------------------------------------------------------------------------------------- */
-
-static enum fv_exit stats_write(struct run *run, const struct fv_report *report)
-{
-    if (run->stats == NULL) return FV_EXIT_OK;
-    bool failed =
-        ftruncate(fileno(run->stats), 0) != 0 && errno != EINVAL; /* EINVAL: not a file of its own */
-    fv_report_json(run->stats, report);
-    failed = failed || ferror(run->stats) != 0;
-    failed = fclose(run->stats) != 0 || failed;
-    run->stats = NULL;
-    return failed ? fv_say_failed("%s: cannot be written", run->stats_path) : FV_EXIT_OK;
-}
-
-/* A picture that was asked for must be there; the one that is drawn unasked may fail. */
-static enum fv_exit picture_draw(const struct run *run, const struct fv_report *report,
-                                 const struct fv_trajectory_summary *path)
-{
-    struct fovea_error error;
-    const struct fv_run_picture picture = {report, path, &run->trails};
-    const char *file = run->picture_path != NULL ? run->picture_path : PICTURE_FILE;
-    if (strcmp(file, "none") == 0) return FV_EXIT_OK;
-    enum fovea_status status = fv_run_picture(file, &picture, run->loop.rt, &run->settings.runtime, &error);
-    if (status != FOVEA_OK) fv_say("%s", error.text);
-    if (status != FOVEA_OK && run->picture_path != NULL) return FV_EXIT_FAILED;
-    if (status == FOVEA_OK && !run->quiet) printf("  path, map, tracks and timings are drawn in %s\n", file);
-    return FV_EXIT_OK;
-}
-
-static void error_tell(const char *of, const struct fv_trajectory_summary *path)
-{
-    if (!isfinite(path->error_m)) return;
-    printf("; %sRMS error %.4g m (%.2f %%) of a path of %.4g m, %s", of, path->error_m,
-           100.0 * path->error_m / path->truth_length_m, path->truth_length_m,
-           path->maps == 1 ? "aligned" : "each map aligned by itself");
-    if (path->metric) printf(", scale off by %+.2f %%", 100.0 * (1.0 / path->scale - 1.0));
-}
-
-static void path_tell(const struct run *run, const struct fv_trajectory_summary *path,
-                      const struct fv_trajectory_summary *final)
-{
-    const struct fv_loop_counts *counts = &run->loop.counts;
-    if (!run->settings.runtime.odometry.enabled) return;
-    printf("  posed %" PRIu64 " of %" PRIu64 " frames, lost %" PRIu64, counts->tracked, counts->processed,
-           counts->lost);
-    struct fovea_stats stats;
-    fovea_stats_get(run->loop.rt, &stats);
-    if (stats.loops_closed > 0) printf(", %" PRIu32 " loops closed", stats.loops_closed);
-    if (stats.maps_merged > 0) printf(", %" PRIu32 " maps merged", stats.maps_merged);
-    error_tell("", path);
-    error_tell("after all optimisation ", final);
-    printf("\n");
-}
-
-static void found_tell(const struct run *run)
-{
-    if (run->settings.model[0] == '\0') return;
-    printf("  found %" PRIu64 " objects in %" PRIu64 " images", run->objects, run->looks);
-    if (run->settings.runtime.track.mode != FOVEA_TRACK_OFF) printf(", %" PRIu64 " tracks", run->tracks);
-    printf("\n");
-}
-
-static enum fv_exit path_failed(const char *file, const struct fv_trajectory_summary *summary)
-{
-    if (summary->failed != 0)
-        return fv_say_failed("%s: poses could not be written: %s", file, strerror(summary->failed));
-    return fv_say_failed("%s: %" PRIu64 " poses could not be written", file != NULL ? file : "path",
-                         summary->lost);
-}
-
-static enum fv_exit report_write(struct run *run)
-{
-    struct fovea_memory_table table;
-    struct fovea_error error;
-    struct fv_trajectory_summary path, final;
-    struct fv_report report = {
-        .source = run->settings.source,
-        .kernel_set = fovea_cpu_name(run->loop.rt),
-        .width = run->settings.runtime.camera.width,
-        .height = run->settings.runtime.camera.height,
-        .loop = &run->loop,
-        .block_bytes = run->bytes,
-        .resident_bytes = fv_process_resident_bytes(),
-        .resident_max_bytes = fv_process_resident_max_bytes(),
-    };
-    if (fovea_memory(&run->settings.runtime, &table, &error) == FOVEA_OK)
-        fv_report_parts(&table, report.part_bytes);
-    fv_trajectory_finish(run->trajectory, &path);
-    fv_final_finish(run->final, run->loop.rt, &final);
-    if (!run->quiet) fv_report_summary(stdout, &report);
-    if (!run->quiet) path_tell(run, &path, &final);
-    if (!run->quiet) found_tell(run);
-    if (!run->quiet) fv_transport_tell(stdout, run->transport);
-    enum fovea_status results = fv_results_close(run->results, &error);
-    run->results = NULL;
-    fv_setup_close_source(&run->setup); /* its memory is the picture's */
-    enum fv_exit end = stats_write(run, &report), picture = picture_draw(run, &report, &path);
-    if (path.failed != 0 || path.lost > 0) return path_failed(run->trajectory_path, &path);
-    if (results != FOVEA_OK) return fv_say_failed("%s", error.text);
-    if (final.failed != 0 || final.lost > 0) return path_failed(run->final_path, &final);
-    return end != FV_EXIT_OK ? end : picture;
-}
-
-static void recorder_end(struct run *run)
-{
-    struct fv_recorder_summary summary;
-    if (run->recorder == NULL) return;
-    fv_recorder_close(run->recorder, &summary);
-    run->recorder = NULL;
-    if (run->quiet) return;
-    printf("  recorded %" PRIu64 " events, %.1f MB, in %s%s%s\n", summary.events,
-           (double)summary.bytes * 1e-6, run->settings.record, summary.complete ? "" : ": incomplete, ",
-           summary.complete ? "" : summary.reason);
-}
+/* ---- the command ------------------------------------------------------------------------------------- */
 
 int fv_command_run(int argc, char **argv)
 {
-    static struct run run; /* large, and zeroed */
+    static struct fv_run run; /* large, and zeroed */
     struct fovea_error error = {0};
     sigset_t signals;
     enum fv_options_result result = options_read(&run, argc, argv);
@@ -587,10 +435,10 @@ int fv_command_run(int argc, char **argv)
     const bool no_map = atomic_load(&run.shared.stop) && run.loop.counts.processed == 0;
     if (status == FOVEA_OK && !no_map) status = fv_keeper_end(&run.keeper, &error);
     if (status == FOVEA_OK)
-        end = report_write(&run);
+        end = fv_run_report(&run);
     else
         end = (fv_say("%s", error.text), fv_setup_exit(status));
-    recorder_end(&run);
+    fv_run_end_recording(&run);
     close_all(&run);
     return end;
 }
