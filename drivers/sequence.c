@@ -443,7 +443,8 @@ static enum fovea_status sequence_complaint(struct fovea_source *source, struct 
 
 const struct fovea_source_ops fovea_source_sequence = {
     .name = "sequence",
-    .help = "URI[SELECTION] then URI[SELECTION]...  recordings one after the other; a selection is start=N,step=K,frames=N,reverse",
+    .help = "URI[SELECTION] then URI[SELECTION]...  recordings one after the other; a selection is "
+            "start=N,step=K,frames=N,reverse",
     .open = sequence_open,
     .info = sequence_info,
     .start = sequence_start,

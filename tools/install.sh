@@ -11,7 +11,7 @@ packages() {
                 libopencv-calib3d-dev libopencv-imgcodecs-dev libceres-dev python3 python3-venv ;;
     bench) echo libopencv-core-dev libopencv-imgproc-dev libopencv-features2d-dev libopencv-calib3d-dev \
                 libopencv-imgcodecs-dev opencv-doc python3 python3-venv ;;
-    check) echo clang clang-tidy libclang-rt-14-dev python3 ;;
+    check) echo clang clang-format clang-tidy libclang-rt-14-dev python3 ;;
     cross) echo gcc-aarch64-linux-gnu g++-aarch64-linux-gnu qemu-user llvm-19 ;;
     jar)   echo default-jdk-headless liblcm-java ;;
     hil)   echo qemu-system-x86 busybox-static v4l-utils libcamera-dev libcamera-tools xz-utils procps ;;

@@ -60,8 +60,8 @@ struct fv_live_ops {
 
 struct fv_live_setup {
     const char *uri; /* named in complaints; copied */
-    struct fovea_source_info
-        info;               /* width, height, rate_hz, and the format of the device (MJPEG becomes grey8) */
+    /* width, height, rate_hz, and the format of the device (MJPEG becomes grey8) */
+    struct fovea_source_info info;
     size_t frame_bytes_min; /* a raw frame with fewer is truncated; 0: by size, format and stride */
     uint32_t buffers;       /* how many the device has at most */
     int64_t readout_ns;     /* negative: not given */

@@ -71,7 +71,8 @@ static int jpeg_components(const uint8_t *data, size_t bytes)
 {
     for (size_t at = 2; at + 10 <= bytes && data[at] == 0xFF;) {
         const int marker = data[at + 1];
-        const bool is_frame = marker >= 0xC0 && marker <= 0xCF && marker != 0xC4 && marker != 0xC8 && marker != 0xCC;
+        const bool is_frame =
+            marker >= 0xC0 && marker <= 0xCF && marker != 0xC4 && marker != 0xC8 && marker != 0xCC;
         if (is_frame) return data[at + 9];
         at += marker == 0xFF ? 1 : 2 + ((size_t)data[at + 2] << 8 | data[at + 3]);
     }
@@ -86,7 +87,7 @@ bool fv_decode_has_colour(const uint8_t *data, size_t bytes)
 }
 
 enum fovea_status fv_decode(const uint8_t *data, size_t bytes, const struct fv_decode_image *image,
-                                 struct fovea_error *reason)
+                            struct fovea_error *reason)
 {
     if (is_png(data, bytes)) return fv_decode_png(data, bytes, image, reason);
     if (is_jpeg(data, bytes)) return fv_decode_jpeg(data, bytes, image, reason);

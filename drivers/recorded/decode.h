@@ -35,7 +35,7 @@ bool fv_decode_has_colour(const uint8_t *data, size_t bytes);
 
 /* Decode into `image`, whose size must be that of the data. */
 enum fovea_status fv_decode(const uint8_t *data, size_t bytes, const struct fv_decode_image *image,
-                                 struct fovea_error *reason);
+                            struct fovea_error *reason);
 
 /* A JPEG decoder for cameras: it is made once for pictures of one width, and then makes no heap call. libjpeg
  * takes its memory from an arena of the decoder's, which is emptied before each picture, so that nothing of a

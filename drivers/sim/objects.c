@@ -151,7 +151,8 @@ void fv_sim_objects_create(struct fv_sim_world *world, const struct fv_sim_optio
 }
 
 /* Nearest that a person comes to the camera between two times. */
-static double clearance(const struct fv_sim_object *o, const struct fv_sim_motion *motion, double begin_s, double end_s)
+static double clearance(const struct fv_sim_object *o, const struct fv_sim_motion *motion, double begin_s,
+                        double end_s)
 {
     double least = 1e9;
     /* NOLINTNEXTLINE(clang-analyzer-security.FloatLoopCounter): some tenths of a second more or less are no matter */

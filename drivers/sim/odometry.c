@@ -27,7 +27,8 @@ static void quaternion(const double R[9], double q[4])
     for (int i = 1; i < 4; i++)
         if (squares[i] > squares[best]) best = i;
     double s = 0.5 * __builtin_sqrt((best == 0 ? 1 + t : 1 + 2 * squares[best] - t)), f = 0.25 / s;
-    const double w[3] = {R[7] - R[5], R[2] - R[6], R[3] - R[1]}, v[3] = {R[5] + R[7], R[2] + R[6], R[1] + R[3]};
+    const double w[3] = {R[7] - R[5], R[2] - R[6], R[3] - R[1]},
+                 v[3] = {R[5] + R[7], R[2] + R[6], R[1] + R[3]};
     q[0] = best == 0 ? s : f * w[best - 1];
     for (int i = 0; i < 3; i++)
         q[i + 1] = best == 0 ? f * w[i] : best == i + 1 ? s : f * v[3 - i - (best - 1)];
@@ -49,7 +50,8 @@ static void turn(double R[9], const double S[9])
             for (int c = 0; c < 3; c++)
                 P[3 * r + c] -= along * P[c];
         }
-        double n = __builtin_sqrt(P[3 * r] * P[3 * r] + P[3 * r + 1] * P[3 * r + 1] + P[3 * r + 2] * P[3 * r + 2]);
+        double n =
+            __builtin_sqrt(P[3 * r] * P[3 * r] + P[3 * r + 1] * P[3 * r + 1] + P[3 * r + 2] * P[3 * r + 2]);
         for (int c = 0; c < 3; c++)
             P[3 * r + c] /= n;
     }

@@ -12,7 +12,7 @@ enum { SAMPLES = FV_SIM_TILE_PIXELS };
 /* ---- which surface ----------------------------------------------------------------------------------- */
 
 FV_IN_WIDE void trace_face(const struct fv_sim_surface *s, const float *restrict x, const float *restrict y,
-                       int32_t count, float *restrict best, int32_t *restrict hit, int32_t number)
+                           int32_t count, float *restrict best, int32_t *restrict hit, int32_t number)
 {
     const float a = s->inverse_z[0], b = s->inverse_z[1], c = s->inverse_z[2];
     const float ua = s->u[0], ub = s->u[1], uc = s->u[2], va = s->v[0], vb = s->v[1], vc = s->v[2];
@@ -26,7 +26,7 @@ FV_IN_WIDE void trace_face(const struct fv_sim_surface *s, const float *restrict
 }
 
 FV_IN_WIDE void trace_disc(const struct fv_sim_surface *s, const float *restrict x, const float *restrict y,
-                       int32_t count, float *restrict best, int32_t *restrict hit, int32_t number)
+                           int32_t count, float *restrict best, int32_t *restrict hit, int32_t number)
 {
     for (int32_t i = 0; i < count; i++) {
         const float iz = s->inverse_z[0] * x[i] + s->inverse_z[1] * y[i] + s->inverse_z[2];
@@ -41,7 +41,7 @@ FV_IN_WIDE void trace_disc(const struct fv_sim_surface *s, const float *restrict
 /* |D t - p|^2 - s^2 = q0 + q1 s + q2 s^2 with s = t D.a - p.a, for D = (x, y, 1): A t^2 - 2 B t + C = 0 with
  * constant C > 0 (the camera is outside), so that 1/t = (B + sqrt(B^2 - A C)) / C is the nearer meeting. */
 FV_IN_WIDE void trace_round(const struct fv_sim_surface *s, const float *restrict x, const float *restrict y,
-                        int32_t count, float *restrict best, int32_t *restrict hit, int32_t number)
+                            int32_t count, float *restrict best, int32_t *restrict hit, int32_t number)
 {
     const float px = s->p[0], py = s->p[1], pz = s->p[2], ax = s->a[0], ay = s->a[1], az = s->a[2];
     const float k = s->k, lean = s->k * s->pa - 0.5f * s->q1, c = s->c, over = 1.0f / s->c, pa = s->pa,
@@ -57,8 +57,8 @@ FV_IN_WIDE void trace_round(const struct fv_sim_surface *s, const float *restric
     }
 }
 
-FV_WIDE static void trace(const struct fv_sim_view *view, const uint16_t *list, int32_t list_count, const float *x,
-                  const float *y, int32_t count, float *inverse_z, int32_t *hit)
+FV_WIDE static void trace(const struct fv_sim_view *view, const uint16_t *list, int32_t list_count,
+                          const float *x, const float *y, int32_t count, float *inverse_z, int32_t *hit)
 {
     for (int32_t i = 0; i < count; i++) {
         inverse_z[i] = 0.0f;
@@ -99,7 +99,7 @@ struct look {
 };
 
 FV_IN_WIDE void look_face(const struct fv_sim_surface *s, const float *restrict x, const float *restrict y,
-                      int32_t count, float pixel_area, struct look *restrict look)
+                          int32_t count, float pixel_area, struct look *restrict look)
 {
     const float a = s->inverse_z[0], b = s->inverse_z[1], c = s->inverse_z[2];
     const float ua = s->u[0], ub = s->u[1], uc = s->u[2], va = s->v[0], vb = s->v[1], vc = s->v[2];
@@ -130,8 +130,8 @@ FV_IN_WIDE float turns(float y, float x)
 }
 
 FV_IN_WIDE void look_round(const struct fv_sim_surface *s, const float *restrict x, const float *restrict y,
-                       const float *restrict inverse_z, int32_t count, float pixel_area,
-                       struct look *restrict look)
+                           const float *restrict inverse_z, int32_t count, float pixel_area,
+                           struct look *restrict look)
 {
     const float area = s->area * pixel_area, over = 1.0f / s->height;
     for (int32_t i = 0; i < count; i++) {
@@ -194,8 +194,9 @@ FV_IN_WIDE bool find_levels(const struct fv_sim_texture *texture, int32_t count,
 }
 
 /* The four texels round every sample: upper and lower pair, the left one in the low byte. */
-FV_IN_WIDE void fetch_one_level(const struct fv_sim_texture *texture, int32_t count, struct look *restrict look,
-                            uint16_t *restrict upper, uint16_t *restrict lower)
+FV_IN_WIDE void fetch_one_level(const struct fv_sim_texture *texture, int32_t count,
+                                struct look *restrict look, uint16_t *restrict upper,
+                                uint16_t *restrict lower)
 {
     const struct fv_sim_level *l = &texture->level[look->level[0]];
     const uint8_t *top = l->texels, *bottom = l->texels + l->stride;
@@ -218,7 +219,7 @@ FV_IN_WIDE void fetch_one_level(const struct fv_sim_texture *texture, int32_t co
 }
 
 FV_IN_WIDE void fetch_levels(const struct fv_sim_texture *texture, int32_t count, struct look *restrict look,
-                         uint16_t *restrict upper, uint16_t *restrict lower)
+                             uint16_t *restrict upper, uint16_t *restrict lower)
 {
     const float width = texture->u_max, height = texture->v_max;
     union punned scale;
@@ -240,7 +241,7 @@ FV_IN_WIDE void fetch_levels(const struct fv_sim_texture *texture, int32_t count
 /* Bilinear in 16 bits: rows modulo 2^16 (their true values fit), halved so that their difference has a sign.
  * Out in 1/256 grey levels. */
 FV_IN_WIDE void blend(const struct look *restrict look, int32_t count, const uint16_t *restrict upper,
-                  const uint16_t *restrict lower, uint16_t *restrict out)
+                      const uint16_t *restrict lower, uint16_t *restrict out)
 {
     int16_t value[SAMPLES];
     for (int32_t i = 0; i < count; i++) {
@@ -259,8 +260,8 @@ FV_IN_WIDE void blend(const struct look *restrict look, int32_t count, const uin
     }
 }
 
-FV_WIDE static void shade(const struct fv_sim_surface *s, const float *x, const float *y, const float *inverse_z,
-                  int32_t count, float pixel_area, uint16_t *restrict out)
+FV_WIDE static void shade(const struct fv_sim_surface *s, const float *x, const float *y,
+                          const float *inverse_z, int32_t count, float pixel_area, uint16_t *restrict out)
 {
     struct look look;
     uint16_t upper[SAMPLES], lower[SAMPLES];
@@ -302,9 +303,9 @@ FV_IN_WIDE void sort_by_hit(const int32_t *restrict hit, int32_t count, int32_t 
 }
 
 /* Trace and shade samples; `seen` takes surface index + 1. */
-FV_WIDE static void see(const struct fv_sim_view *view, const uint16_t *list, int32_t list_count, const float *x,
-                const float *y, int32_t count, float pixel_area, uint16_t *restrict light,
-                uint16_t *restrict seen)
+FV_WIDE static void see(const struct fv_sim_view *view, const uint16_t *list, int32_t list_count,
+                        const float *x, const float *y, int32_t count, float pixel_area,
+                        uint16_t *restrict light, uint16_t *restrict seen)
 {
     float inverse_z[SAMPLES], px[SAMPLES], py[SAMPLES], pz[SAMPLES];
     int32_t hit[SAMPLES];
@@ -397,13 +398,14 @@ FV_IN_WIDE void mark_steps(const uint16_t *restrict surface, const uint16_t *res
     for (int32_t c = 0; c < FV_SIM_TILE; c++) {
         const uint16_t high = light[c] > other_light[c] ? light[c] : other_light[c],
                        low = light[c] > other_light[c] ? other_light[c] : light[c];
-        mark[c] |= (uint16_t)((uint16_t)-(surface[c] != other_surface[c]) &
-                              (uint16_t)-((uint16_t)(high - low) > edge_step));
+        mark[c] |= (uint16_t)((uint16_t) - (surface[c] != other_surface[c]) &
+                              (uint16_t) - ((uint16_t)(high - low) > edge_step));
     }
 }
 
 /* A row of a tile with a pixel more on either side; past the image and the tile the last one is repeated. */
-FV_IN_WIDE void row_read(const uint16_t *from, int32_t columns, bool left, bool right, uint16_t *restrict line)
+FV_IN_WIDE void row_read(const uint16_t *from, int32_t columns, bool left, bool right,
+                         uint16_t *restrict line)
 {
     if (columns == FV_SIM_TILE) { /* as mostly */
         memcpy(line + 1, from, FV_SIM_TILE * sizeof *from);

@@ -55,7 +55,7 @@ struct fv_sim_options {
     int32_t objects;
     enum fv_sim_textures textures;
     double light;
-    double time_s; /* of frame 0 on the trajectory */
+    double time_s;                      /* of frame 0 on the trajectory */
     double odometry_hz, odometry_noise; /* samples per second; deviation of each step's length, relative */
 };
 
@@ -204,7 +204,8 @@ void fv_sim_place_hall(struct fv_sim_world *world);
 void fv_sim_place_house(struct fv_sim_world *world);
 void fv_sim_objects_create(struct fv_sim_world *world, const struct fv_sim_options *options);
 /* Where an object's foot is and which way it heads. */
-void fv_sim_object_pose(const struct fv_sim_object *object, double time_s, double position[2], double *heading);
+void fv_sim_object_pose(const struct fv_sim_object *object, double time_s, double position[2],
+                        double *heading);
 /* Closed lane round a rectangle with rounded corners: place after `along` metres, heading. */
 void fv_sim_ring(const double half[2], double corner, double along, double position[2], double *heading);
 double fv_sim_ring_length(const double half[2], double corner);
@@ -304,9 +305,9 @@ void fv_sim_sensor(const uint16_t *linear, int32_t count, double light, double n
 
 /* Where odometry stands. */
 struct fv_sim_odometry {
-    uint64_t count;            /* samples given */
-    double last[12];           /* true T_world_cam of the last one */
-    double R[9], position[3];  /* what it told: T_odom_base */
+    uint64_t count;           /* samples given */
+    double last[12];          /* true T_world_cam of the last one */
+    double R[9], position[3]; /* what it told: T_odom_base */
 };
 
 struct fovea_source {

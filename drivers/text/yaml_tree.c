@@ -157,12 +157,14 @@ static enum fovea_status take_event(struct builder *b, const yaml_event_t *event
     switch (event->type) {
     case YAML_DOCUMENT_START_EVENT:
         b->document = event->start_mark;
-        return ++b->documents > 2 ? refuse(b, &event->start_mark, "a third document", "one per file") : FOVEA_OK;
+        return ++b->documents > 2 ? refuse(b, &event->start_mark, "a third document", "one per file")
+                                  : FOVEA_OK;
     case YAML_SCALAR_EVENT:
     case YAML_SEQUENCE_START_EVENT:
     case YAML_MAPPING_START_EVENT:
         if (b->documents > 1)
-            return is_nothing(event) ? FOVEA_OK : refuse(b, &b->document, "a second document", "one per file");
+            return is_nothing(event) ? FOVEA_OK
+                                     : refuse(b, &b->document, "a second document", "one per file");
         return add_value(b, event);
     case YAML_SEQUENCE_END_EVENT:
     case YAML_MAPPING_END_EVENT:

@@ -59,8 +59,8 @@ const char *fv_v4l2_fourcc(uint32_t fourcc, char text[5]);
 /* Which camera it is, apart from the node it is found under. */
 struct fv_v4l2_identity {
     char driver[16], card[32], bus_info[32];
-    char name[64], index[16],
-        serial[64]; /* from sysfs; empty where not known, serial also where not unique */
+    /* from sysfs; empty where not known, serial also where not unique */
+    char name[64], index[16], serial[64];
 };
 
 /* What was agreed on with the driver. */

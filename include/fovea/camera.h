@@ -27,12 +27,14 @@ enum fovea_lens {
 enum { FOVEA_LENS_COEFFICIENTS = 8 };
 
 struct fovea_camera {
-    int32_t width, height; /* pixels of the image that the parameters belong to; 0 x 0: not stated (TUM, KITTI) */
+    /* pixels of the image that the parameters belong to; 0 x 0: not stated (TUM, KITTI) */
+    int32_t width, height;
     enum fovea_lens lens;
-    double fx, fy, cx, cy;                /* pixels */
-    double k[FOVEA_LENS_COEFFICIENTS];    /* radtan: k1 k2 p1 p2 k3 k4 k5 k6; equidistant: k1 k2 k3 k4 0 0 0 0 */
-    double field_max_rad; /* largest angle to the axis at which the distortion is still monotone; set by
-                             fovea_camera_prepare, at most pi (equidistant) or just under pi/2 (radtan) */
+    double fx, fy, cx, cy;             /* pixels */
+    double k[FOVEA_LENS_COEFFICIENTS]; /* radtan: k1 k2 p1 p2 k3 k4 k5 k6; equidistant: k1 k2 k3 k4 0 0 0 0 */
+    /* largest angle to the axis at which the distortion is still monotone; set by
+     * fovea_camera_prepare, at most pi (equidistant) or just under pi/2 (radtan) */
+    double field_max_rad;
 };
 
 /* Check the parameters (finite, focal lengths positive, centre within two image sizes, a direction to at least 40 % of
@@ -44,14 +46,14 @@ enum fovea_status fovea_camera_prepare(struct fovea_camera *camera, struct fovea
  * 2x3 row-major derivative d(pixel)/d(point). Refused (FOVEA_ERROR_ARGUMENT, outputs untouched) behind the camera
  * and past field_max_rad, where the polynomial folds back. Does not test the image border.
  * Real-time safe, any thread. */
-enum fovea_status fovea_camera_project(const struct fovea_camera *camera, const double point[3], double pixel[2],
-                                       double jacobian[6]);
+enum fovea_status fovea_camera_project(const struct fovea_camera *camera, const double point[3],
+                                       double pixel[2], double jacobian[6]);
 
 /* Unit bearing of a pixel by Newton iteration on the distortion, bounded in steps, to 1e-9. `jacobian`, when not
  * NULL, takes the 3x2 row-major d(bearing)/d(pixel). Refused (FOVEA_ERROR_ARGUMENT, outputs untouched) where no
  * direction within field_max_rad maps to the pixel. Real-time safe, any thread. */
-enum fovea_status fovea_camera_unproject(const struct fovea_camera *camera, const double pixel[2], double bearing[3],
-                                         double jacobian[6]);
+enum fovea_status fovea_camera_unproject(const struct fovea_camera *camera, const double pixel[2],
+                                         double bearing[3], double jacobian[6]);
 
 #ifdef __cplusplus
 }

@@ -19,8 +19,8 @@ enum { FOVEA_DETECTIONS_MAX = 300 };
 
 struct fovea_detection {
     float x_min_px, y_min_px, x_max_px, y_max_px;
-    float score;        /* 0 to 1 */
-    int32_t class_id;   /* index into the model's classes, background not counted */
+    float score;      /* 0 to 1 */
+    int32_t class_id; /* index into the model's classes, background not counted */
 };
 
 struct fovea_detect_config {
@@ -30,8 +30,9 @@ struct fovea_detect_config {
     const void *model;
     size_t model_bytes;
 
-    uint32_t period_frames; /* [1, 1000000], default 1: look at every so-manieth frame, if the network is free then */
-    uint32_t count_max;     /* [1, 300], default 100: detections of one image, best first; costs message size */
+    /* [1, 1000000], default 1: look at every so-manieth frame, if the network is free then */
+    uint32_t period_frames;
+    uint32_t count_max; /* [1, 300], default 100: detections of one image, best first; costs message size */
     double score_threshold; /* [0, 1], default 0: the model's own; above: at least this for every class */
     double iou_threshold;   /* [0, 1], default 0: the model's own overlap above which the lesser box goes */
 };
@@ -42,7 +43,8 @@ struct fovea_detections {
     int64_t stamp_ns;  /* of the image that was looked at */
     uint64_t sequence; /* its frame's number */
     uint32_t count;
-    uint32_t uncertain; /* behind the `count` in the list: below the threshold, for the tracker (track.score_low) */
+    /* behind the `count` in the list: below the threshold, for the tracker (track.score_low) */
+    uint32_t uncertain;
     const struct fovea_detection *list; /* by falling score */
 };
 

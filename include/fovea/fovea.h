@@ -73,7 +73,8 @@ struct fovea_config {
     size_t map_bytes;
     const char *map_name;
 
-    double T_base_cam[12]; /* row-major 3x4: camera points to the robot's base frame, metres; default identity */
+    /* row-major 3x4: camera points to the robot's base frame, metres; default identity */
+    double T_base_cam[12];
 
     /* Put before channel names, at most 31 bytes of [A-Za-z0-9_/.-]; default "FOVEA". */
     char channel_prefix[32];
@@ -146,10 +147,10 @@ struct fovea_grants {
 
 /* Commands, as bits, taken at the start of a step. */
 enum fovea_command {
-    FOVEA_COMMAND_RESET = 1,  /* forget everything learnt since fovea_init; the reset counter rises */
-    FOVEA_COMMAND_PAUSE = 2,  /* frames are counted but not processed until resumed */
+    FOVEA_COMMAND_RESET = 1, /* forget everything learnt since fovea_init; the reset counter rises */
+    FOVEA_COMMAND_PAUSE = 2, /* frames are counted but not processed until resumed */
     FOVEA_COMMAND_RESUME = 4,
-    FOVEA_COMMAND_SAVE = 8,   /* save the map: in units of the map's job, to where fovea_map_save_to said */
+    FOVEA_COMMAND_SAVE = 8, /* save the map: in units of the map's job, to where fovea_map_save_to said */
 };
 
 enum { FOVEA_INPUT_ODOMETRY_MAX = 64, FOVEA_INPUT_BOXES_MAX = 64 };
@@ -164,8 +165,8 @@ struct fovea_inputs {
     int64_t now_ns;                  /* on the frames' clock: this frame's stamp, or when it was due */
     enum fovea_source_state source_state;
     struct fovea_source_counts source_counts;
-    uint32_t commands;      /* enum fovea_command bits */
-    int64_t utc_offset_ns;  /* add to a stamp to get UTC; 0 where not known; copied into messages */
+    uint32_t commands;     /* enum fovea_command bits */
+    int64_t utc_offset_ns; /* add to a stamp to get UTC; 0 where not known; copied into messages */
     struct fovea_grants grants;
 
     /* Wheel or leg odometry that has come since the last step, in order of time. */
@@ -180,10 +181,10 @@ struct fovea_inputs {
     struct fovea_box boxes[FOVEA_INPUT_BOXES_MAX];
 
     /* Measured by the application, told on in the statistics message only, never used for results. */
-    int64_t latency_ns;     /* from the stamp to the call of fovea_step; 0: unknown */
-    float temperature_c;    /* of the processor; NaN where unknown */
+    int64_t latency_ns;  /* from the stamp to the call of fovea_step; 0: unknown */
+    float temperature_c; /* of the processor; NaN where unknown */
     uint64_t resident_bytes;
-    uint64_t frames_late;   /* dropped because the loop was busy */
+    uint64_t frames_late; /* dropped because the loop was busy */
 };
 
 /* One encoded LCM message, in memory of the block, valid until the next fovea_step or fovea_work. */
@@ -201,16 +202,18 @@ struct fovea_outputs {
     struct fovea_message messages[FOVEA_MESSAGES_MAX];
     uint32_t units_done[FOVEA_JOB_COUNT];
     uint32_t jobs_waiting; /* bit per job: has units left to do */
-    size_t map_bytes; /* of a work: the map was saved, in so many bytes; 0: not in this one */
+    size_t map_bytes;      /* of a work: the map was saved, in so many bytes; 0: not in this one */
 };
 
 /* Process one frame, or note that there is none. FOVEA_OK: processed. FOVEA_AGAIN: nothing to process (no frame, paused,
  * or refused: stamp not after the last one, wrong size or format; counted in the statistics). Never fails on data.
  * `outputs` is overwritten. Loop thread. */
-enum fovea_status fovea_step(struct fovea *rt, const struct fovea_inputs *inputs, struct fovea_outputs *outputs);
+enum fovea_status fovea_step(struct fovea *rt, const struct fovea_inputs *inputs,
+                             struct fovea_outputs *outputs);
 
 /* Advance the jobs by at most the granted units. `outputs` is overwritten. Loop thread. FOVEA_AGAIN: units are left. */
-enum fovea_status fovea_work(struct fovea *rt, const struct fovea_grants *grants, struct fovea_outputs *outputs);
+enum fovea_status fovea_work(struct fovea *rt, const struct fovea_grants *grants,
+                             struct fovea_outputs *outputs);
 
 /* Features of the last processed frame, in memory of the block, valid until the next fovea_step. */
 const struct fovea_feature *fovea_features_get(const struct fovea *rt, uint32_t *count);
@@ -246,9 +249,11 @@ struct fovea_governor {
     uint32_t short_frames, ample_frames;
 };
 
-void fovea_governor_init(struct fovea_governor *governor, const struct fovea_config *config, int64_t period_ns);
+void fovea_governor_init(struct fovea_governor *governor, const struct fovea_config *config,
+                         int64_t period_ns);
 /* Grants for the next step and work: features lowered after sustained shortage, raised again after sustained ease. */
-void fovea_governor_next(struct fovea_governor *governor, const struct fovea_config *config, struct fovea_grants *grants);
+void fovea_governor_next(struct fovea_governor *governor, const struct fovea_config *config,
+                         struct fovea_grants *grants);
 /* Lower `grants->units` to what is left of the period after the step took `step_ns`; minimum kept. */
 void fovea_governor_work(struct fovea_governor *governor, int64_t step_ns, uint32_t jobs_waiting,
                          struct fovea_grants *grants);
@@ -281,7 +286,7 @@ enum fovea_stage {
     FOVEA_STAGE_FEATURES = 1,
     FOVEA_STAGE_ODOMETRY = 2,
     FOVEA_STAGE_ENCODE = 3,
-    FOVEA_STAGE_MAP = 4,     /* jobs' shares of work */
+    FOVEA_STAGE_MAP = 4, /* jobs' shares of work */
     FOVEA_STAGE_DETECT = 5,
     FOVEA_STAGE_LOOP = 6,
     FOVEA_STAGE_PREVIEW = 7,
@@ -294,8 +299,8 @@ struct fovea_stats {
     uint64_t frames_in, frames_processed, frames_refused, steps_without_frame;
     uint64_t refused_stamp, refused_format, refused_paused;
     uint32_t reset_counter;
-    uint32_t features; /* of the last frame */
-    uint32_t loops_closed, maps_merged; /* since the last reset */
+    uint32_t features;                                                         /* of the last frame */
+    uint32_t loops_closed, maps_merged;                                        /* since the last reset */
     int64_t stage_cpu_ns[FOVEA_STAGE_COUNT], stage_wall_ns[FOVEA_STAGE_COUNT]; /* of the last step and work */
 };
 void fovea_stats_get(const struct fovea *rt, struct fovea_stats *stats);

@@ -17,9 +17,9 @@ extern "C" {
 
 enum fovea_pixel_format {
     FOVEA_PIXEL_GREY8 = 0,
-    FOVEA_PIXEL_Y10 = 1,  /* 10 significant low bits in little-endian 16-bit words */
-    FOVEA_PIXEL_Y12 = 2,  /* 12 significant low bits */
-    FOVEA_PIXEL_Y16 = 3,  /* 16 bits, the high byte is the grey level */
+    FOVEA_PIXEL_Y10 = 1, /* 10 significant low bits in little-endian 16-bit words */
+    FOVEA_PIXEL_Y12 = 2, /* 12 significant low bits */
+    FOVEA_PIXEL_Y16 = 3, /* 16 bits, the high byte is the grey level */
     FOVEA_PIXEL_YUYV = 4,
     FOVEA_PIXEL_UYVY = 5,
     FOVEA_PIXEL_NV12 = 6,

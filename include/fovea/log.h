@@ -72,7 +72,8 @@ enum fovea_status fovea_log_frame(const char *name, const struct fovea_log_event
 
 /* Stamp of a frame that was skimmed, without reading its picture; the log stays where it is. FOVEA_ERROR_INPUT: it holds
  * no fovea.frame_t. */
-enum fovea_status fovea_log_frame_stamp(struct fovea_log *log, const struct fovea_log_event *event, int64_t *stamp_ns);
+enum fovea_status fovea_log_frame_stamp(struct fovea_log *log, const struct fovea_log_event *event,
+                                        int64_t *stamp_ns);
 
 #ifdef __cplusplus
 }

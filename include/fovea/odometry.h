@@ -18,10 +18,11 @@ extern "C" {
 
 enum fovea_tracking_state {
     FOVEA_TRACKING_STARTING = 0, /* no map yet: waiting for enough parallax between two views */
-    FOVEA_TRACKING_OK = 1,       /* pose from at least inliers_good landmarks, its covariance to be relied on */
-    FOVEA_TRACKING_WEAK = 2,     /* pose from at least FOVEA_POSED_INLIERS_MIN: too few, or landmarks of a young map, or parts of
-                                  * the image contradict one another, as where something moves */
-    FOVEA_TRACKING_LOST = 3      /* no pose */
+    FOVEA_TRACKING_OK = 1, /* pose from at least inliers_good landmarks, its covariance to be relied on */
+    /* pose from at least FOVEA_POSED_INLIERS_MIN: too few, or landmarks of a young map, or parts of
+     * the image contradict one another, as where something moves */
+    FOVEA_TRACKING_WEAK = 2,
+    FOVEA_TRACKING_LOST = 3 /* no pose */
 };
 
 /* A frame counts as posed only with at least so many landmarks that agree with the pose. */
@@ -35,13 +36,13 @@ enum fovea_scale_source {
 
 struct fovea_scale_config {
     enum fovea_scale_source source; /* default FOVEA_SCALE_FREE */
-    double camera_height_m;         /* [0.01, 1000], default 1: of the camera over the floor; for camera_height */
-    bool allow_unscaled; /* default false: send the bot_core pose also while the scale is not known */
+    double camera_height_m; /* [0.01, 1000], default 1: of the camera over the floor; for camera_height */
+    bool allow_unscaled;    /* default false: send the bot_core pose also while the scale is not known */
 };
 
 /* Where the robot is by its wheels or legs: T_odom_base, in a frame of odometry's own. */
 struct fovea_odometry_sample {
-    int64_t stamp_ns;      /* on the frames' clock */
+    int64_t stamp_ns; /* on the frames' clock */
     double position_m[3];
     double orientation[4]; /* unit quaternion w x y z */
 };
@@ -49,20 +50,20 @@ struct fovea_odometry_sample {
 enum { FOVEA_ODOMETRY_KEYFRAMES_MAX = 256, FOVEA_ODOMETRY_LANDMARKS_MAX = 20000 };
 
 struct fovea_odometry_config {
-    bool enabled;            /* default true */
-    uint32_t keyframes;      /* [8, 256], default 128: keyframes kept; memory about 46 kB each at 1000 features */
-    uint32_t landmarks;      /* [1000, 20000], default 16000: landmarks kept; memory about 120 B each */
-    uint32_t window;         /* [3, 12], default 8: keyframes optimised together; time grows with the square */
-    uint32_t inliers_good;   /* [20, 200], default 40: fewer inliers make the state `weak` */
-    bool loops;              /* default true: close loops and merge maps */
+    bool enabled;       /* default true */
+    uint32_t keyframes; /* [8, 256], default 128: keyframes kept; memory about 46 kB each at 1000 features */
+    uint32_t landmarks; /* [1000, 20000], default 16000: landmarks kept; memory about 120 B each */
+    uint32_t window;    /* [3, 12], default 8: keyframes optimised together; time grows with the square */
+    uint32_t inliers_good;      /* [20, 200], default 40: fewer inliers make the state `weak` */
+    bool loops;                 /* default true: close loops and merge maps */
     uint32_t lost_frames_reset; /* [1, 10000], default 15: frames lost before a new map is started */
-    bool localise_only;      /* default false: the map that is loaded stays as it is; no other is started */
+    bool localise_only; /* default false: the map that is loaded stays as it is; no other is started */
 };
 
 /* What is known about the last processed frame. */
 struct fovea_pose {
     enum fovea_tracking_state state;
-    bool posed;             /* T_world_cam holds */
+    bool posed; /* T_world_cam holds */
     /* Row-major 3x4; the world is `odom` of REP-105, continuous where loops correct the map; its unit is the metre unless
      * the scale is free. */
     double T_world_cam[12];
@@ -78,12 +79,13 @@ struct fovea_pose {
     uint32_t matches, inliers; /* landmarks matched, and of them those that agree */
     float quality;             /* share of the landmarks predicted to be visible that are inliers, [0, 1] */
     uint32_t reset_counter;    /* rises whenever a new map is started after the first */
-    uint32_t map_id;               /* of the map that began this world; 0: the first. A map that it was merged into
-                                    * is told by T_map_odom alone */
-    uint32_t keyframes, landmarks; /* in all maps */
+    /* of the map that began this world; 0: the first. A map that it was merged into
+     * is told by T_map_odom alone */
+    uint32_t map_id;
+    uint32_t keyframes, landmarks;        /* in all maps */
     enum fovea_scale_source scale_source; /* FOVEA_SCALE_FREE until a scale is known */
-    double scale;       /* world's units per unit of the map; 1 when free */
-    double scale_sigma; /* one standard deviation of the scale, relative; 0 when free */
+    double scale;                         /* world's units per unit of the map; 1 when free */
+    double scale_sigma;                   /* one standard deviation of the scale, relative; 0 when free */
 
     /* The same pose relative to a keyframe, which later optimisation may move: row-major 3x4, unit of the map. */
     uint64_t reference_keyframe; /* its number; holds when posed */

@@ -82,7 +82,8 @@ struct fovea_truth_box {
  * box_count 0, NULL maps. Maps are owned by the source and valid until the frame is requeued. */
 struct fovea_truth {
     bool has_pose;
-    double T_world_cam[12]; /* row-major 3x4: camera points (metres) to the world; z of the world is up in `sim:` */
+    double T_world_cam
+        [12]; /* row-major 3x4: camera points (metres) to the world; z of the world is up in `sim:` */
     uint32_t box_count;
     struct fovea_truth_box boxes[FOVEA_TRUTH_BOXES_MAX];
     const float *depth_m;      /* width x height, z of the camera frame; 0: unknown */
@@ -105,8 +106,9 @@ struct fovea_source_selection {
 /* What went wrong with single frames since start, counted by the source. */
 struct fovea_source_counts {
     uint64_t delivered;
-    uint64_t missing;   /* listed but not there */
-    uint64_t damaged;   /* truncated, undecodable, wrong size, or a stamp that leaps ahead of the frames around it */
+    uint64_t missing; /* listed but not there */
+    /* truncated, undecodable, wrong size, or a stamp that leaps ahead of the frames around it */
+    uint64_t damaged;
     uint64_t dropped;   /* lost by the driver or overrun */
     uint64_t recovered; /* times the camera came back */
 };
@@ -114,10 +116,10 @@ struct fovea_source_counts {
 struct fovea_source_info {
     int32_t width, height;
     enum fovea_pixel_format format;
-    double rate_hz;        /* nominal; 0: not known */
-    uint64_t frame_count;  /* frames that will be delivered; 0: endless or not known */
-    bool live;             /* frames come by the clock and are lost when not taken */
-    bool has_camera;       /* `camera` is the source's own calibration */
+    double rate_hz;       /* nominal; 0: not known */
+    uint64_t frame_count; /* frames that will be delivered; 0: endless or not known */
+    bool live;            /* frames come by the clock and are lost when not taken */
+    bool has_camera;      /* `camera` is the source's own calibration */
     bool has_truth;
     struct fovea_camera camera;
     char camera_origin[256]; /* file that the calibration came from, or "built in" */
@@ -147,10 +149,12 @@ struct fovea_source_ops {
     void (*close)(struct fovea_source *source);
 
     /* Optional (NULL where it does not apply). */
-    enum fovea_status (*truth)(struct fovea_source *source, const struct fovea_frame *frame, struct fovea_truth *truth);
+    enum fovea_status (*truth)(struct fovea_source *source, const struct fovea_frame *frame,
+                               struct fovea_truth *truth);
     /* The pose of `truth` alone, in microseconds where the maps may take as long as a frame. FOVEA_ERROR_UNSUPPORTED:
      * the pose of this frame is not known. */
-    enum fovea_status (*truth_pose)(struct fovea_source *source, const struct fovea_frame *frame, double T_world_cam[12]);
+    enum fovea_status (*truth_pose)(struct fovea_source *source, const struct fovea_frame *frame,
+                                    double T_world_cam[12]);
     /* Wheel or leg odometry of the robot that carries the camera, of the time after the last call up to this frame's
      * stamp: at most `count_max` samples, the rest comes with the next call. Returns their number. */
     uint32_t (*odometry)(struct fovea_source *source, const struct fovea_frame *frame,
@@ -167,8 +171,8 @@ extern const struct fovea_source_ops *const fovea_source_table[];
 
 /* The driver for a URI "name:address" and where its address starts; an error that lists the known names otherwise. Of the
  * command, too. */
-enum fovea_status fovea_source_find(const char *uri, const struct fovea_source_ops **ops, const char **address,
-                                    struct fovea_error *error);
+enum fovea_status fovea_source_find(const char *uri, const struct fovea_source_ops **ops,
+                                    const char **address, struct fovea_error *error);
 
 #ifdef __cplusplus
 }

@@ -41,7 +41,8 @@ const char *fovea_status_name(enum fovea_status status);
 
 /* Fill `error` (which may be NULL) with a printf-style line, cut to fit, and return `status`, so that a check
  * reads `return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s:%d: ...", ...)`. Init-only: never from a step. */
-enum fovea_status fovea_error_set(struct fovea_error *error, enum fovea_status status, const char *format, ...)
+enum fovea_status fovea_error_set(struct fovea_error *error, enum fovea_status status, const char *format,
+                                  ...)
 #if defined(__GNUC__)
     __attribute__((format(printf, 3, 4)))
 #endif

@@ -33,18 +33,19 @@ enum fovea_track_state {
 };
 
 struct fovea_track_config {
-    int mode;                /* enum fovea_track_mode, default FOVEA_TRACK_SORT */
-    uint32_t tracks_max;     /* [1, 256], default 128; memory: 2.2 kB each, with the costs of 300 detections */
-    uint32_t confirm_hits;   /* sort: [1, 100], default 2 sightings confirm a track, */
-    double score_confirm;    /* sort: [0, 1], default 0.5: when their mean score is at least this */
-    double score_high;       /* sort: [0, 1], default 0.4: detections of the first stage */
-    double score_low;        /* sort: [0, 1], default 0.2: less certain ones are left out */
-    double score_new;        /* sort: [0, 1], default 0.4: a new track needs so much */
-    double coast_s;          /* sort: [0, 60], default 2: a confirmed track unseen for longer ends */
-    double max_distance_px;  /* centroid: [1, 10000], default 60: farther detections are other objects */
+    int mode;               /* enum fovea_track_mode, default FOVEA_TRACK_SORT */
+    uint32_t tracks_max;    /* [1, 256], default 128; memory: 2.2 kB each, with the costs of 300 detections */
+    uint32_t confirm_hits;  /* sort: [1, 100], default 2 sightings confirm a track, */
+    double score_confirm;   /* sort: [0, 1], default 0.5: when their mean score is at least this */
+    double score_high;      /* sort: [0, 1], default 0.4: detections of the first stage */
+    double score_low;       /* sort: [0, 1], default 0.2: less certain ones are left out */
+    double score_new;       /* sort: [0, 1], default 0.4: a new track needs so much */
+    double coast_s;         /* sort: [0, 60], default 2: a confirmed track unseen for longer ends */
+    double max_distance_px; /* centroid: [1, 10000], default 60: farther detections are other objects */
     uint32_t max_disappeared; /* centroid: [0, 10000], default 20: images unseen before a track ends */
-    bool ground;             /* objects stand on the floor, which is z = 0 of the base frame (T_base_cam says how high the
-                                camera is); default false */
+    /* objects stand on the floor, which is z = 0 of the base frame (T_base_cam says how high the
+     * camera is); default false */
+    bool ground;
     /* Height of an object of each class, metres; 0: not known. One standard deviation is taken to be a tenth. */
     float height_m[FOVEA_TRACK_CLASSES_MAX];
     /* Classes that move on their own, as bits: their boxes are masked out of the map. Default none; the
@@ -55,25 +56,26 @@ struct fovea_track_config {
 struct fovea_track {
     uint64_t id; /* from 1 */
     int32_t class_id;
-    int32_t state; /* enum fovea_track_state */
-    float score;   /* of the last detection */
+    int32_t state;                                /* enum fovea_track_state */
+    float score;                                  /* of the last detection */
     float x_min_px, y_min_px, x_max_px, y_max_px; /* estimated box, raw image, as of the list's stamp */
-    float x_px_s, y_px_s;                         /* velocity of its centre, the camera's rotation taken out */
-    uint32_t hits, unseen;                        /* detections in all; images looked at since the last one */
+    float x_px_s, y_px_s;  /* velocity of its centre, the camera's rotation taken out */
+    uint32_t hits, unseen; /* detections in all; images looked at since the last one */
 
     /* Where it is: 0 unknown, 1 in the camera frame of the image (metres; the pose has no metric scale), 2 in the world. */
     uint32_t located;
     int64_t first_ns, seen_ns; /* stamps of the first and the last detection */
-    double position_m[3], velocity_m_s[3]; /* of its centre by size, of its foot by the floor; velocity in the world only */
-    double covariance_m2[6];               /* of the position, upper triangle by rows */
-    double velocity_covariance_m2_s2[6];   /* of the velocity, likewise; in the world only */
+    /* of its centre by size, of its foot by the floor; velocity in the world only */
+    double position_m[3], velocity_m_s[3];
+    double covariance_m2[6];             /* of the position, upper triangle by rows */
+    double velocity_covariance_m2_s2[6]; /* of the velocity, likewise; in the world only */
 };
 
 /* The tracks as of the last image that was looked at, in memory of the runtime's block. */
 struct fovea_tracks {
-    uint64_t updates;  /* since fovea_init; nothing below holds while 0 */
-    int64_t stamp_ns;  /* of the image */
-    uint64_t sequence; /* its frame's number */
+    uint64_t updates;   /* since fovea_init; nothing below holds while 0 */
+    int64_t stamp_ns;   /* of the image */
+    uint64_t sequence;  /* its frame's number */
     uint64_t confirmed; /* tracks that were, since fovea_init */
     uint32_t count;
     const struct fovea_track *list; /* by rising id */

@@ -155,7 +155,8 @@ int fv_canvas_text_width(int scale, const char *text)
 enum fovea_status fv_canvas_write(const struct fv_canvas *canvas, const char *path, struct fovea_error *error)
 {
     const int32_t stride = 3 * canvas->width;
-    const struct fovea_image image = {canvas->rgb, canvas->width, canvas->height, stride, FOVEA_PIXEL_RGB24,
-                                      (size_t)stride * (size_t)canvas->height};
+    const struct fovea_image image = {canvas->rgb,       canvas->width,
+                                      canvas->height,    stride,
+                                      FOVEA_PIXEL_RGB24, (size_t)stride * (size_t)canvas->height};
     return fv_picture_write(path, &image, error);
 }

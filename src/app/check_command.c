@@ -102,7 +102,8 @@ static enum fovea_status memory_print(struct check *check, size_t lcm_bytes, str
         memory_row("mask", "outside",
                    (size_t)check->settings.runtime.camera.width *
                        (size_t)check->settings.runtime.camera.height);
-    if (check->setup.map != NULL) memory_row("map, until started", "outside", check->settings.runtime.map_bytes);
+    if (check->setup.map != NULL)
+        memory_row("map, until started", "outside", check->settings.runtime.map_bytes);
     if (check->settings.map_save[0] != '\0')
         memory_row("map, while saved", "outside", fovea_map_bytes_max(&check->settings.runtime));
     if (check->setup.model.data != NULL) memory_row("results, if written", "outside", fv_results_bytes());
@@ -201,7 +202,8 @@ static void lcm_check(struct check *check)
         line(check, OK, "LCM", "a message over %s reaches a subscriber on this host", url);
         return;
     case FV_TRANSPORT_TCPQ:
-        line(check, WARNING, "LCM", "the server at %s answers, but the loop waits for it: udpm:// never waits", url);
+        line(check, WARNING, "LCM",
+             "the server at %s answers, but the loop waits for it: udpm:// never waits", url);
         return;
     default:
         line(check, WARNING, "LCM", "%s has no subscribers: udpm:// has", url);
@@ -215,10 +217,10 @@ static size_t lcm_bytes(const struct check *check)
     struct fv_transport *transport = NULL;
     char log[FV_TRANSPORT_URL_BYTES];
     /* A log takes as much wherever it is, and opening it would cut it. */
-    const char *url = fv_transport_file(check->settings.lcm_url, log) ? "file:///dev/null?mode=w" : check->settings.lcm_url;
+    const char *url =
+        fv_transport_file(check->settings.lcm_url, log) ? "file:///dev/null?mode=w" : check->settings.lcm_url;
     size_t before = heap_bytes();
-    if (fv_transport_open(url, check->settings.lcm_ttl, &transport, &error) != FOVEA_OK)
-        return 0;
+    if (fv_transport_open(url, check->settings.lcm_ttl, &transport, &error) != FOVEA_OK) return 0;
     size_t bytes = heap_bytes() - before;
     fv_transport_close(transport);
     return bytes;
@@ -312,7 +314,8 @@ static enum fovea_status bench(struct check *check, struct fovea_error *error)
 
 /* ---- the command ------------------------------------------------------------------------------------- */
 
-static enum fovea_status machine_check(struct check *check, const struct fovea_error *lock, struct fovea_error *error)
+static enum fovea_status machine_check(struct check *check, const struct fovea_error *lock,
+                                       struct fovea_error *error)
 {
     printf("\n");
     const enum fovea_status status = kernels_check(check, error);
@@ -325,7 +328,8 @@ static enum fovea_status machine_check(struct check *check, const struct fovea_e
 }
 
 /* The table, and the block of which it tells. */
-static enum fovea_status memory_check(struct check *check, struct fovea_error *lock, struct fovea_error *error)
+static enum fovea_status memory_check(struct check *check, struct fovea_error *lock,
+                                      struct fovea_error *error)
 {
     const struct fovea_config *config = &check->settings.runtime;
     enum fovea_status status = fovea_size(config, &check->bytes, error);
@@ -336,7 +340,8 @@ static enum fovea_status memory_check(struct check *check, struct fovea_error *l
 }
 
 /* The camera does not answer, as `error` says: all the rest is told. */
-static enum fovea_status check_without_source(struct check *check, enum fovea_status why, struct fovea_error *error)
+static enum fovea_status check_without_source(struct check *check, enum fovea_status why,
+                                              struct fovea_error *error)
 {
     struct fovea_error other = {0}, lock = {0};
     enum fovea_status status = FOVEA_OK;
@@ -344,8 +349,9 @@ static enum fovea_status check_without_source(struct check *check, enum fovea_st
         status = fv_setup_read(&check->settings, &check->setup, &other);
         if (status == FOVEA_OK) status = memory_check(check, &lock, &other);
     } else {
-        printf("memory of %s: known when it answers, or with a calibration that states the size of its frames\n",
-               check->settings.source);
+        printf(
+            "memory of %s: known when it answers, or with a calibration that states the size of its frames\n",
+            check->settings.source);
     }
     if (status == FOVEA_OK && !check->memory_only) status = machine_check(check, &lock, &other);
     check->absent = status == FOVEA_OK;
@@ -385,7 +391,8 @@ int fv_command_check(int argc, char **argv)
         {"config", "FILE", FV_OPTION_TEXT, &check.options.config, "configuration to check"},
         {"source", "URI", FV_OPTION_TEXT, &check.options.source, FV_SETUP_SOURCE_HELP},
         {"camera", "FILE", FV_OPTION_TEXT, &check.options.camera, "calibration, instead of the source's own"},
-        {"rate", "max|real", FV_OPTION_TEXT, &check.options.rate, "as for run: memory of the recorder depends on it"},
+        {"rate", "max|real", FV_OPTION_TEXT, &check.options.rate,
+         "as for run: memory of the recorder depends on it"},
         {"set", "KEY=VALUE", FV_OPTION_LIST, &check.options.sets, "override a key of the configuration"},
         {"memory-only", NULL, FV_OPTION_FLAG, &check.memory_only, "print the memory table and nothing else"},
         {"bench", NULL, FV_OPTION_FLAG, &check.bench, "measure the frame rate that this board can hold"},

@@ -68,7 +68,8 @@ static const char height_expected[] = "class:metres, up to 100";
 static bool take_height(char *entry, double *height)
 {
     char *colon = strrchr(entry, ':');
-    if (colon == NULL || colon == entry || !fovea_text_number(colon + 1, height) || !(*height > 0 && *height <= 100))
+    if (colon == NULL || colon == entry || !fovea_text_number(colon + 1, height) ||
+        !(*height > 0 && *height <= 100))
         return false;
     *colon = '\0';
     return true;

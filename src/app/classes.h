@@ -8,7 +8,8 @@
 
 /* Fill settings->runtime.track's heights and movable classes from settings->heights and settings->movable. FOVEA_ERROR_INPUT: `error`
  * begins with the key and names the entry. */
-enum fovea_status fv_classes_resolve(struct fv_settings *settings, const struct fv_model *model, struct fovea_error *error);
+enum fovea_status fv_classes_resolve(struct fv_settings *settings, const struct fv_model *model,
+                                     struct fovea_error *error);
 
 /* What is wrong with the lists whatever the network is: the form of an entry, a number that no class has. FOVEA_ERROR_INPUT as
  * above. */

@@ -24,16 +24,16 @@ extern const struct fv_command fv_commands[];
  * it printed on stdout could not be written. */
 int fv_dispatch(int argc, char **argv);
 
-int fv_command_run(int argc, char **argv);    /* the real-time loop */
-int fv_command_check(int argc, char **argv);  /* will it run here */
-int fv_command_config(int argc, char **argv); /* print or check a configuration */
-int fv_command_replay(int argc, char **argv); /* run a recording again */
+int fv_command_run(int argc, char **argv);      /* the real-time loop */
+int fv_command_check(int argc, char **argv);    /* will it run here */
+int fv_command_config(int argc, char **argv);   /* print or check a configuration */
+int fv_command_replay(int argc, char **argv);   /* run a recording again */
 int fv_command_features(int argc, char **argv); /* features of a picture */
 int fv_command_match(int argc, char **argv);    /* matches of two pictures */
 int fv_command_rectify(int argc, char **argv);  /* a picture without distortion */
-int fv_command_detect(int argc, char **argv);  /* what a network finds in pictures */
-int fv_command_map(int argc, char **argv);     /* what a map file holds */
-int fv_command_model(int argc, char **argv);   /* what a model file holds */
-int fv_command_export(int argc, char **argv);  /* frames and truth as files */
+int fv_command_detect(int argc, char **argv);   /* what a network finds in pictures */
+int fv_command_map(int argc, char **argv);      /* what a map file holds */
+int fv_command_model(int argc, char **argv);    /* what a model file holds */
+int fv_command_export(int argc, char **argv);   /* frames and truth as files */
 
 #endif

@@ -35,7 +35,8 @@ static enum fovea_status engine_open(struct engine *engine, const char *path, st
     fv_kernels_init(&engine->kernels, set);
     engine->arena = fv_aligned_zeroed(fv_nn_arena_bytes(&engine->file.model));
     engine->scratch = calloc(1, sizeof *engine->scratch);
-    if (engine->arena == NULL || engine->scratch == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.300s: out of memory", path);
+    if (engine->arena == NULL || engine->scratch == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.300s: out of memory", path);
     return FOVEA_OK;
 }
 
@@ -54,16 +55,20 @@ static enum fovea_status look_at(struct engine *engine, const struct fovea_image
     if (status != FOVEA_OK) return status;
     fv_detect_fill(model, image, &view, engine->arena, 0, model->header->preprocess.height);
     struct fv_nn_progress progress = {0, 0};
-    const uint32_t units = engine->units == 0 || engine->units > 1u << 30 ? 1u << 30 : (uint32_t)engine->units;
+    const uint32_t units =
+        engine->units == 0 || engine->units > 1u << 30 ? 1u << 30 : (uint32_t)engine->units;
     uint32_t done;
-    while (fv_nn_run(model, &engine->kernels, engine->arena, &progress, units, &done) == FOVEA_AGAIN) continue;
-    engine->count = fv_detect_decode(model, engine->arena, &view, engine->scratch, engine->found, FOVEA_DETECTIONS_MAX);
+    while (fv_nn_run(model, &engine->kernels, engine->arena, &progress, units, &done) == FOVEA_AGAIN)
+        continue;
+    engine->count =
+        fv_detect_decode(model, engine->arena, &view, engine->scratch, engine->found, FOVEA_DETECTIONS_MAX);
     return FOVEA_OK;
 }
 
 static const char *label_of(const struct engine *engine, int32_t class_id)
 {
-    const char *label = fv_model_label(&engine->file.model, class_id + engine->file.model.header->decode.first_label);
+    const char *label =
+        fv_model_label(&engine->file.model, class_id + engine->file.model.header->decode.first_label);
     return label == NULL ? "" : label;
 }
 
@@ -76,8 +81,8 @@ static void print_line(const struct engine *engine, const char *path, const stru
         const struct fovea_detection *d = &engine->found[i];
         printf("%s{\"class\": %d, \"label\": ", i == 0 ? "" : ", ", d->class_id);
         fv_json_text(stdout, label_of(engine, d->class_id));
-        printf(", \"score\": %.6f, \"box_px\": [%.3f, %.3f, %.3f, %.3f]}", (double)d->score, (double)d->x_min_px, (double)d->y_min_px,
-               (double)d->x_max_px, (double)d->y_max_px);
+        printf(", \"score\": %.6f, \"box_px\": [%.3f, %.3f, %.3f, %.3f]}", (double)d->score,
+               (double)d->x_min_px, (double)d->y_min_px, (double)d->x_max_px, (double)d->y_max_px);
     }
     printf("]}\n");
 }
@@ -85,7 +90,8 @@ static void print_line(const struct engine *engine, const char *path, const stru
 /* The part of a picture's name that its drawing keeps. */
 static const char *stem(const char *path, int *length)
 {
-    const char *slash = strrchr(path, '/'), *name = slash == NULL ? path : slash + 1, *dot = strrchr(name, '.');
+    const char *slash = strrchr(path, '/'), *name = slash == NULL ? path : slash + 1,
+               *dot = strrchr(name, '.');
     *length = dot == NULL ? (int)strlen(name) : (int)(dot - name);
     return name;
 }
@@ -111,15 +117,17 @@ static enum fovea_status check_stems(char **paths, int count, const char *folder
         const char *name = stem(sorted[i], &length);
         if (by_stem(&sorted[i - 1], &sorted[i]) == 0 && strcmp(sorted[i - 1], sorted[i]) != 0)
             status = fovea_error_set(error, FOVEA_ERROR_INPUT,
-                                     "--draw %.200s: found %.200s and %.200s, both to be drawn into %.*s.png; expected different names", folder, sorted[i - 1], sorted[i], length < 200 ? length : 200, name);
+                                     "--draw %.200s: found %.200s and %.200s, both to be drawn into "
+                                     "%.*s.png; expected different names",
+                                     folder, sorted[i - 1], sorted[i], length < 200 ? length : 200, name);
     }
     free(sorted);
     return status;
 }
 
 /* dir/name.png with the boxes and their labels. */
-static enum fovea_status draw(const struct engine *engine, const char *path, const struct fovea_image *image, const char *folder,
-                              struct fovea_error *error)
+static enum fovea_status draw(const struct engine *engine, const char *path, const struct fovea_image *image,
+                              const char *folder, struct fovea_error *error)
 {
     static const uint32_t colours[6] = {0xff5544, 0x44cc66, 0x4499ff, 0xffdd33, 0xbb77ff, 0x33ccbb};
     char target[1024];
@@ -137,10 +145,13 @@ static enum fovea_status draw(const struct engine *engine, const char *path, con
         const struct fovea_detection *d = &engine->found[i];
         const uint32_t colour = colours[d->class_id % 6];
         char text[96];
-        snprintf(text, sizeof text, "%.60s %d%%", label_of(engine, d->class_id), (int)(d->score * 100.0f + 0.5f));
+        snprintf(text, sizeof text, "%.60s %d%%", label_of(engine, d->class_id),
+                 (int)(d->score * 100.0f + 0.5f));
         fv_canvas_box(&canvas, d->x_min_px, d->y_min_px, d->x_max_px, d->y_max_px, 2, colour);
-        const int height = FV_CANVAS_TEXT_HEIGHT + 4, above = (int)d->y_min_px - height; /* a label hides no small object */
-        const int left = (int)d->x_min_px + (above < 0 ? 2 : 0), top = above < 0 ? (int)d->y_min_px + 2 : above;
+        const int height = FV_CANVAS_TEXT_HEIGHT + 4,
+                  above = (int)d->y_min_px - height; /* a label hides no small object */
+        const int left = (int)d->x_min_px + (above < 0 ? 2 : 0),
+                  top = above < 0 ? (int)d->y_min_px + 2 : above;
         fv_canvas_fill(&canvas, left, top, fv_canvas_text_width(1, text) + 4, height, colour);
         fv_canvas_text(&canvas, left + 2, top + 2, 1, 0x000000, text);
     }
@@ -155,12 +166,15 @@ int fv_command_detect(int argc, char **argv)
     const char *model = NULL, *folder = NULL;
     const struct fv_option options[] = {
         {"model", "FILE", FV_OPTION_TEXT, &model, "model file (.fvm) made by tools/import"},
-        {"draw", "DIR", FV_OPTION_TEXT, &folder, "write each picture with its boxes as PNG into this folder, which is made if need be"},
-        {"units", "N", FV_OPTION_COUNT, &engine.units, "run so many units at a time, as in the loop (same results)"},
+        {"draw", "DIR", FV_OPTION_TEXT, &folder,
+         "write each picture with its boxes as PNG into this folder, which is made if need be"},
+        {"units", "N", FV_OPTION_COUNT, &engine.units,
+         "run so many units at a time, as in the loop (same results)"},
         {0},
     };
     int first;
-    const enum fv_options_result result = fv_options_parse(options, "IMAGE...", 1, 1 << 20, argc, argv, &first);
+    const enum fv_options_result result =
+        fv_options_parse(options, "IMAGE...", 1, 1 << 20, argc, argv, &first);
     if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
     if (model == NULL) return fv_say_wrong("detect: --model FILE is missing");
     struct fovea_error error;
@@ -173,7 +187,8 @@ int fv_command_detect(int argc, char **argv)
         status = fv_say_wrong("%s", error.text);
     else if (folder != NULL && mkdir(folder, 0777) != 0 && errno != EEXIST)
         status = fv_say_wrong("--draw %.300s: the folder cannot be made: %s", folder, strerror(errno));
-    if (!fv_detect_gives_boxes(&engine.file.model)) fv_say("%s: its decoder gives no boxes: the lists stay empty", model);
+    if (!fv_detect_gives_boxes(&engine.file.model))
+        fv_say("%s: its decoder gives no boxes: the lists stay empty", model);
     for (int i = first; i < argc && status == FV_EXIT_OK; ++i) {
         struct fovea_image image;
         if (fv_colour_read(argv[i], &image, &error) != FOVEA_OK) {
@@ -186,8 +201,10 @@ int fv_command_detect(int argc, char **argv)
             print_line(&engine, argv[i], &image);
             if (folder != NULL) {
                 const enum fovea_status drawn = draw(&engine, argv[i], &image, folder, &error);
-                if (drawn == FOVEA_ERROR_INPUT) status = fv_say_wrong("%s", error.text);
-                else if (drawn != FOVEA_OK) status = fv_say_failed("%s", error.text);
+                if (drawn == FOVEA_ERROR_INPUT)
+                    status = fv_say_wrong("%s", error.text);
+                else if (drawn != FOVEA_OK)
+                    status = fv_say_failed("%s", error.text);
             }
         }
         free((void *)(uintptr_t)image.data);

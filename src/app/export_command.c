@@ -16,11 +16,12 @@
 #include "app/setup.h"
 #include "fovea/source.h"
 
-static const char *const class_names[FOVEA_OBJECT_CLASS_COUNT] = {"background", "ball", "cone", "box", "person"};
+static const char *const class_names[FOVEA_OBJECT_CLASS_COUNT] = {"background", "ball", "cone", "box",
+                                                                  "person"};
 
 enum { PATH_BYTES = 1024 };
 
-struct export {
+struct export_run {
     const char *folder;
     bool masks;
     const struct fovea_source_ops *ops;
@@ -29,24 +30,27 @@ struct export {
     uint64_t frames, boxes;
 };
 
-static enum fovea_status write_picture(const struct export *export, const char *suffix, const struct fovea_image *image,
-                                       struct fovea_error *error)
+static enum fovea_status write_picture(const struct export_run *export, const char *suffix,
+                                       const struct fovea_image *image, struct fovea_error *error)
 {
     char path[PATH_BYTES];
     snprintf(path, sizeof path, "%.900s/%06" PRIu64 "%s.png", export->folder, export->frames, suffix);
     return fv_picture_write(path, image, error);
 }
 
-static enum fovea_status write_truth(struct export *export, const struct fovea_frame *frame, struct fovea_error *error)
+static enum fovea_status write_truth(struct export_run *export, const struct fovea_frame *frame,
+                                     struct fovea_error *error)
 {
     struct fovea_truth truth;
     memset(&truth, 0, sizeof truth);
-    if (export->ops->truth == NULL || export->ops->truth(export->source, frame, &truth) != FOVEA_OK) return FOVEA_OK;
+    if (export->ops->truth == NULL || export->ops->truth(export->source, frame, &truth) != FOVEA_OK)
+        return FOVEA_OK;
     for (uint32_t i = 0; i < truth.box_count; i++) {
         const struct fovea_truth_box *b = &truth.boxes[i];
         const double w = (double)(b->x_max_px - b->x_min_px), h = (double)(b->y_max_px - b->y_min_px);
         fprintf(export->annotations,
-                "%s\n  {\"id\": %" PRIu64 ", \"image_id\": %" PRIu64 ", \"category_id\": %d, \"track_id\": %u, "
+                "%s\n  {\"id\": %" PRIu64 ", \"image_id\": %" PRIu64
+                ", \"category_id\": %d, \"track_id\": %u, "
                 "\"bbox\": [%.2f, %.2f, %.2f, %.2f], \"area\": %.2f, \"iscrowd\": 0, \"visible\": %.4f}",
                 export->boxes == 0 ? "" : ",", export->boxes + 1, export->frames, (int)b->object_class, b->id,
                 (double)b->x_min_px, (double)b->y_min_px, w, h, w * h, (double)b->visible_share);
@@ -61,22 +65,25 @@ static enum fovea_status write_truth(struct export *export, const struct fovea_f
     return write_picture(export, ".mask", &mask, error);
 }
 
-static enum fovea_status write_frame(struct export *export, const struct fovea_frame *frame, struct fovea_error *error)
+static enum fovea_status write_frame(struct export_run *export, const struct fovea_frame *frame,
+                                     struct fovea_error *error)
 {
     if (frame->image.format != FOVEA_PIXEL_GREY8)
-        return fovea_error_set(error, FOVEA_ERROR_UNSUPPORTED, "export: found frames in colour, expected grey ones");
+        return fovea_error_set(error, FOVEA_ERROR_UNSUPPORTED,
+                               "export: found frames in colour, expected grey ones");
     fprintf(export->images,
-            "%s\n  {\"id\": %" PRIu64 ", \"file_name\": \"%06" PRIu64 ".png\", \"width\": %d, \"height\": %d, "
+            "%s\n  {\"id\": %" PRIu64 ", \"file_name\": \"%06" PRIu64
+            ".png\", \"width\": %d, \"height\": %d, "
             "\"stamp_ns\": %" PRId64 "}",
-            export->frames == 0 ? "" : ",", export->frames, export->frames, frame->image.width, frame->image.height,
-            frame->stamp_ns);
+            export->frames == 0 ? "" : ",", export->frames, export->frames, frame->image.width,
+            frame->image.height, frame->stamp_ns);
     enum fovea_status status = write_picture(export, "", &frame->image, error);
     if (status == FOVEA_OK) status = write_truth(export, frame, error);
     export->frames++;
     return status;
 }
 
-static enum fovea_status write_frames(struct export *export, struct fovea_error *error)
+static enum fovea_status write_frames(struct export_run *export, struct fovea_error *error)
 {
     struct fovea_frame frame;
     enum fovea_status status = export->ops->start(export->source, error);
@@ -100,7 +107,7 @@ static void append(FILE *to, FILE *from)
         fwrite(part, 1, n, to);
 }
 
-static enum fovea_status write_json(const struct export *export, struct fovea_error *error)
+static enum fovea_status write_json(const struct export_run *export, struct fovea_error *error)
 {
     char path[PATH_BYTES];
     snprintf(path, sizeof path, "%.900s/truth.json", export->folder);
@@ -120,10 +127,11 @@ static enum fovea_status write_json(const struct export *export, struct fovea_er
     return FOVEA_OK;
 }
 
-static enum fovea_status run(struct export *export, struct fovea_error *error)
+static enum fovea_status run(struct export_run *export, struct fovea_error *error)
 {
     if (mkdir(export->folder, 0777) != 0)
-        return fovea_error_set(error, errno == ENOSPC || errno == EROFS ? FOVEA_ERROR_SYSTEM : FOVEA_ERROR_INPUT,
+        return fovea_error_set(error,
+                               errno == ENOSPC || errno == EROFS ? FOVEA_ERROR_SYSTEM : FOVEA_ERROR_INPUT,
                                "%.300s: %s; expected a folder that can be made", export->folder,
                                errno == EEXIST ? "exists" : strerror(errno));
     export->images = tmpfile();
@@ -140,7 +148,7 @@ static enum fovea_status run(struct export *export, struct fovea_error *error)
 
 int fv_command_export(int argc, char **argv)
 {
-    struct export export = {0};
+    struct export_run export = {0};
     struct fovea_source_selection selection = {.step = 1};
     const char *uri = "sim:", *address;
     const struct fv_option options[] = {
@@ -158,15 +166,19 @@ int fv_command_export(int argc, char **argv)
     if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
     struct fovea_error error;
     export.folder = argv[first];
-    if (fovea_source_find(uri, &export.ops, &address, &error) != FOVEA_OK) return fv_say_wrong("%s", error.text);
-    if (export.ops->open(address, &selection, &export.source, &error) != FOVEA_OK) return fv_say_wrong("%s", error.text);
+    if (fovea_source_find(uri, &export.ops, &address, &error) != FOVEA_OK)
+        return fv_say_wrong("%s", error.text);
+    if (export.ops->open(address, &selection, &export.source, &error) != FOVEA_OK)
+        return fv_say_wrong("%s", error.text);
     enum fovea_status status = FOVEA_OK;
     if (selection.frames == 0 && export.ops->info(export.source)->frame_count == 0)
-        status = fovea_error_set(&error, FOVEA_ERROR_INPUT, "export: the source is endless: --frames N is missing");
+        status = fovea_error_set(&error, FOVEA_ERROR_INPUT,
+                                 "export: the source is endless: --frames N is missing");
     if (status == FOVEA_OK) status = run(&export, &error);
     export.ops->close(export.source);
     if (status != FOVEA_OK)
-        return status == FOVEA_ERROR_SYSTEM ? fv_say_failed("%s", error.text) : fv_say_wrong("%s", error.text);
+        return status == FOVEA_ERROR_SYSTEM ? fv_say_failed("%s", error.text)
+                                            : fv_say_wrong("%s", error.text);
     printf("%" PRIu64 " frames, %" PRIu64 " boxes in %s\n", export.frames, export.boxes, export.folder);
     return FV_EXIT_OK;
 }

@@ -20,7 +20,8 @@ static bool folder_of(const char *path, struct stat *about)
 {
     char folder[PATH_MAX];
     const int length = (int)(name_of(path) - path);
-    return length < PATH_MAX - 1 && snprintf(folder, sizeof folder, "%.*s.", length, path) > 0 && stat(folder, about) == 0;
+    return length < PATH_MAX - 1 && snprintf(folder, sizeof folder, "%.*s.", length, path) > 0 &&
+           stat(folder, about) == 0;
 }
 
 static bool same(const char *one, const char *other)

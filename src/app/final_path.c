@@ -61,7 +61,8 @@ struct fv_final {
 enum fovea_status fv_final_open(const char *path, struct fv_final **final, struct fovea_error *error)
 {
     struct fv_final *opened = fv_aligned_zeroed(sizeof *opened);
-    if (opened == NULL) return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory for the final trajectory");
+    if (opened == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory for the final trajectory");
     fv_ring_init(&opened->ring, opened->memory, sizeof opened->memory);
     enum fovea_status status = fv_trajectory_open(path, &opened->out, error);
     if (status == FOVEA_OK && (opened->spool = tmpfile()) == NULL)
@@ -193,7 +194,8 @@ void fv_final_drain(struct fv_final *final)
 static void finish_jobs(struct fovea *rt)
 {
     struct fovea_outputs outputs;
-    const struct fovea_grants grants = {.units = {[FOVEA_JOB_MAP] = WORK_UNITS, [FOVEA_JOB_LOOP] = WORK_UNITS}};
+    const struct fovea_grants grants = {
+        .units = {[FOVEA_JOB_MAP] = WORK_UNITS, [FOVEA_JOB_LOOP] = WORK_UNITS}};
     for (int call = 0; call < WORK_CALLS_MAX; call++) {
         (void)fovea_work(rt, &grants, &outputs);
         if (outputs.units_done[FOVEA_JOB_MAP] + outputs.units_done[FOVEA_JOB_LOOP] == 0) break;

@@ -72,8 +72,8 @@ struct fv_loop {
     /* Results, when the loop has ended. */
     struct fv_loop_counts counts;
     struct fovea_source_counts source_counts;
-    enum fovea_status
-        status; /* FOVEA_END, FOVEA_OK (stopped, or frames_max reached), negative: the source failed */
+    /* FOVEA_END, FOVEA_OK (stopped, or frames_max reached), negative: the source failed */
+    enum fovea_status status;
     uint64_t heap_calls;
     int64_t wall_ns, cpu_ns;
 

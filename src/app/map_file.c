@@ -46,12 +46,13 @@ enum fovea_status fv_map_file_probe(const char *path, struct fovea_error *error)
         return fovea_error_set(error, FOVEA_ERROR_INPUT, "%.100s...: the map's name is too long", path);
     /* The rename would take a device's place. */
     if (stat(path, &there) == 0 && !S_ISREG(there.st_mode))
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%.200s: found %s, expected a file for the map", path,
-                               S_ISDIR(there.st_mode) ? "a directory" : "a device or pipe");
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%.200s: found %s, expected a file for the map",
+                               path, S_ISDIR(there.st_mode) ? "a directory" : "a device or pipe");
     const bool left = access(part, F_OK) == 0;
     const int file = open(part, O_WRONLY | O_CREAT | O_CLOEXEC, 0644);
     if (file < 0)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%.200s: the map cannot be written: %s", path, strerror(errno));
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%.200s: the map cannot be written: %s", path,
+                               strerror(errno));
     close(file);
     if (!left) unlink(part);
     return FOVEA_OK;

@@ -63,8 +63,8 @@ static enum fovea_status fill(struct fv_map_open *open, const char *path, const 
     return fv_archive_read(data, bytes, path, &open->map, &open->info, error);
 }
 
-enum fovea_status fv_map_open_bytes(const uint8_t *data, size_t bytes, const char *name, struct fv_map_open *open,
-                                    struct fovea_error *error)
+enum fovea_status fv_map_open_bytes(const uint8_t *data, size_t bytes, const char *name,
+                                    struct fv_map_open *open, struct fovea_error *error)
 {
     memset(open, 0, sizeof *open);
     open->file_bytes = bytes;

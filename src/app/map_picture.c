@@ -13,7 +13,14 @@
 #define LOOP 0xd02020
 #define PATH 0x1f5fa8
 
-enum { WIDTH = FV_MAP_PANEL_WIDTH, TOP = 64, PANEL = FV_MAP_PANEL_HEIGHT - TOP, EDGE = 24, COVISIBLE_MIN = 30, NEIGHBOURS_MAX = 64 };
+enum {
+    WIDTH = FV_MAP_PANEL_WIDTH,
+    TOP = 64,
+    PANEL = FV_MAP_PANEL_HEIGHT - TOP,
+    EDGE = 24,
+    COVISIBLE_MIN = 30,
+    NEIGHBOURS_MAX = 64
+};
 
 /* Where a panel shows which coordinates. */
 struct panel {
@@ -146,8 +153,8 @@ static void draw_graph(struct fv_canvas *canvas, const struct fv_map_open *open,
     }
 }
 
-enum fovea_status fv_map_panel(struct fv_canvas *canvas, const struct fv_map_open *open, const char *name, uint32_t map_id,
-                               int views)
+enum fovea_status fv_map_panel(struct fv_canvas *canvas, const struct fv_map_open *open, const char *name,
+                               uint32_t map_id, int views)
 {
     struct panel panels[2] = {
         {.right = 0, .up = 2, .up_sign = 1, .top = TOP, .title = "from above: x right, z up"},

@@ -23,8 +23,10 @@ static void print_shape(const struct fv_model *model, const char *what, const in
         const struct fv_model_tensor *t = &model->tensors[list[i]];
         const int is_signed = t->type == FV_TYPE_U8 && (t->flags & FV_TENSOR_SIGNED) != 0;
         printf("%-10s%s", what, is_signed ? "int8" : types[t->type]);
-        for (int32_t k = 0; k < t->rank; ++k) printf("%s%d", k == 0 ? " " : " x ", t->dims[k]);
-        if (t->type == FV_TYPE_U8) printf(", scale %g, zero point %d", (double)t->scale, t->zero - (is_signed ? 128 : 0));
+        for (int32_t k = 0; k < t->rank; ++k)
+            printf("%s%d", k == 0 ? " " : " x ", t->dims[k]);
+        if (t->type == FV_TYPE_U8)
+            printf(", scale %g, zero point %d", (double)t->scale, t->zero - (is_signed ? 128 : 0));
         printf("\n");
     }
 }
@@ -32,7 +34,8 @@ static void print_shape(const struct fv_model *model, const char *what, const in
 static void print_operators(const struct fv_model *model)
 {
     int32_t counts[FV_OP_KIND_COUNT] = {0};
-    for (uint32_t i = 0; i < model->header->op_count; ++i) ++counts[model->ops[i].kind];
+    for (uint32_t i = 0; i < model->header->op_count; ++i)
+        ++counts[model->ops[i].kind];
     printf("operators ");
     for (int32_t kind = 0, first = 1; kind < FV_OP_KIND_COUNT; ++kind) {
         if (counts[kind] == 0) continue;
@@ -43,7 +46,8 @@ static void print_operators(const struct fv_model *model)
 }
 
 /* The best of several runs on this processor: milliseconds and the longest unit. */
-static enum fovea_status time_model(const struct fv_model *model, const struct fv_kernels *kernels, double *best_ms, double *unit_ms)
+static enum fovea_status time_model(const struct fv_model *model, const struct fv_kernels *kernels,
+                                    double *best_ms, double *unit_ms)
 {
     uint8_t *arena = fv_aligned_zeroed(fv_nn_arena_bytes(model));
     if (arena == NULL) return FOVEA_ERROR_SYSTEM;
@@ -77,13 +81,23 @@ static double peak_gmacs(const struct fv_kernels *kernels)
     if (memory == NULL) return 0;
     memset(memory, 1, M * K + N * K + 4096 + M * N * 4);
     int32_t *words = (int32_t *)(void *)(memory + M * K + N * K);
-    const struct fv_nn_gemm g = {.k = K, .k4 = K / 4, .n = N, .weights = (const int8_t *)(memory + M * K), .bias = words,
-                                 .multiplier = words, .shift = words + 64, .zero_out = 0, .act_min = 0, .act_max = 255};
-    for (int i = 0; i < 64; ++i) words[64 + i] = -10;
+    const struct fv_nn_gemm g = {.k = K,
+                                 .k4 = K / 4,
+                                 .n = N,
+                                 .weights = (const int8_t *)(memory + M * K),
+                                 .bias = words,
+                                 .multiplier = words,
+                                 .shift = words + 64,
+                                 .zero_out = 0,
+                                 .act_min = 0,
+                                 .act_max = 255};
+    for (int i = 0; i < 64; ++i)
+        words[64 + i] = -10;
     double best = 0;
     for (int round = 0; round < 20; ++round) {
         const int64_t before = cpu_ns();
-        for (int i = 0; i < LOOPS; ++i) kernels->nn_gemm_u8(&g, memory, K, memory + M * K + N * K + 4096, N, M);
+        for (int i = 0; i < LOOPS; ++i)
+            kernels->nn_gemm_u8(&g, memory, K, memory + M * K + N * K + 4096, N, M);
         const double rate = (double)M * K * N * LOOPS / (double)(cpu_ns() - before);
         best = rate > best ? rate : best;
     }
@@ -97,7 +111,8 @@ static int info(const char *path)
     struct fovea_error error;
     enum fv_cpu_set set;
     struct fv_kernels kernels;
-    if (fv_cpu_from_environment(&set, &error) != FOVEA_OK || fv_model_file_read(path, &file, &error) != FOVEA_OK) {
+    if (fv_cpu_from_environment(&set, &error) != FOVEA_OK ||
+        fv_model_file_read(path, &file, &error) != FOVEA_OK) {
         return fv_say_wrong("%s", error.text);
     }
     fv_kernels_init(&kernels, set);
@@ -113,7 +128,8 @@ static int info(const char *path)
         printf("%-10sscore at least %g%s, overlap at most %g\n", "boxes", (double)h->decode.score_threshold,
                h->decode.thresholds != 0 ? " or as classes have it" : "", (double)h->decode.iou_threshold);
     }
-    printf("%-10sconstants %u bytes, arena %u bytes, file %zu bytes\n", "memory", h->data_bytes, h->arena_bytes, file.bytes);
+    printf("%-10sconstants %u bytes, arena %u bytes, file %zu bytes\n", "memory", h->data_bytes,
+           h->arena_bytes, file.bytes);
     double best_ms, unit_ms;
     const uint32_t units = fv_nn_units(model);
     if (time_model(model, &kernels, &best_ms, &unit_ms) != FOVEA_OK) {
@@ -134,6 +150,7 @@ int fv_command_model(int argc, char **argv)
     int first;
     const enum fv_options_result result = fv_options_parse(options, "info FILE", 2, 2, argc, argv, &first);
     if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
-    if (strcmp(argv[first], "info") != 0) return fv_say_wrong("model: unknown action '%s'; expected info", argv[first]);
+    if (strcmp(argv[first], "info") != 0)
+        return fv_say_wrong("model: unknown action '%s'; expected info", argv[first]);
     return info(argv[first + 1]);
 }

@@ -14,11 +14,11 @@
 #include <stdint.h>
 
 enum fv_option_kind {
-    FV_OPTION_FLAG,  /* bool *: set to true; takes no value */
-    FV_OPTION_TEXT,  /* const char **: points into argv */
-    FV_OPTION_COUNT, /* uint64_t *: decimal, 0 to 2^63 - 1 */
+    FV_OPTION_FLAG,     /* bool *: set to true; takes no value */
+    FV_OPTION_TEXT,     /* const char **: points into argv */
+    FV_OPTION_COUNT,    /* uint64_t *: decimal, 0 to 2^63 - 1 */
     FV_OPTION_POSITIVE, /* the same from 1 */
-    FV_OPTION_LIST   /* struct fv_option_list *: may be given many times */
+    FV_OPTION_LIST      /* struct fv_option_list *: may be given many times */
 };
 
 struct fv_option {

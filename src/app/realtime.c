@@ -63,12 +63,13 @@ static void say_why(struct fv_realtime_rights *rights, uint32_t priority, int32_
     char no_fifo[96] = "", not_bound[96] = "";
     if (priority > 0 && !rights->fifo)
         snprintf(no_fifo, sizeof no_fifo,
-                 "no SCHED_FIFO: not permitted; 'ulimit -r %u' or CAP_SYS_NICE would permit it", (unsigned)priority);
+                 "no SCHED_FIFO: not permitted; 'ulimit -r %u' or CAP_SYS_NICE would permit it",
+                 (unsigned)priority);
     if (cpu >= 0 && !rights->bound)
         snprintf(not_bound, sizeof not_bound, "not bound to processor %d: there is no such one", (int)cpu);
     if (no_fifo[0] != '\0' || not_bound[0] != '\0')
-        fovea_error_set(&rights->why, FOVEA_OK, "%s%s%s", not_bound, not_bound[0] != '\0' && no_fifo[0] != '\0' ? "; " : "",
-                        no_fifo);
+        fovea_error_set(&rights->why, FOVEA_OK, "%s%s%s", not_bound,
+                        not_bound[0] != '\0' && no_fifo[0] != '\0' ? "; " : "", no_fifo);
 }
 
 enum fovea_status fv_realtime_start(pthread_t *thread, uint32_t priority, int32_t cpu, void *(*body)(void *),
@@ -79,7 +80,8 @@ enum fovea_status fv_realtime_start(pthread_t *thread, uint32_t priority, int32_
     *rights = (struct fv_realtime_rights){.fifo = priority > 0, .bound = cpu >= 0};
     /* What is not permitted and what is not there are gone without, one after the other. */
     for (int tries = 0; tries < 3; tries++) {
-        if (start(thread, rights->fifo ? priority : 0, rights->bound ? cpu : -1, body, argument, &failure) == FOVEA_OK) {
+        if (start(thread, rights->fifo ? priority : 0, rights->bound ? cpu : -1, body, argument, &failure) ==
+            FOVEA_OK) {
             say_why(rights, priority, cpu);
             return FOVEA_OK;
         }

@@ -25,7 +25,7 @@
 #include "message/wire.h"
 
 enum {
-    PACED_FRAMES = 4, /* the loop waits for the disk: no need to hold more */
+    PACED_FRAMES = 4,       /* the loop waits for the disk: no need to hold more */
     SMALL_BYTES = 32 << 10, /* inputs, grants and the messages of one turn that are not named below */
     FEATURE_BYTES = 16,
     OBJECTS_BYTES = 256 << 10, /* detections and tracks, as many as there may be */
@@ -205,7 +205,8 @@ static size_t event_bytes(const uint8_t *event)
 static size_t whole_events(const uint8_t *data, size_t bytes, size_t limit)
 {
     size_t at = 0;
-    while (at < bytes && (at == 0 || at + event_bytes(data + at) <= limit)) at += event_bytes(data + at);
+    while (at < bytes && (at == 0 || at + event_bytes(data + at) <= limit))
+        at += event_bytes(data + at);
     return at;
 }
 
@@ -281,7 +282,8 @@ static bool cut_to(struct fv_recorder *recorder, const struct extent *extent)
 
 /* End the log before the run, after a whole turn: the one that is written, when `between_turns`, and else (or when
  * that leaves no room for the log's own end) the one before it. */
-static void end_early(struct fv_recorder *recorder, enum ending ending, const char *reason, bool between_turns)
+static void end_early(struct fv_recorder *recorder, enum ending ending, const char *reason,
+                      bool between_turns)
 {
     const struct extent turn = recorder->turn;
     snprintf(recorder->reason, sizeof recorder->reason, "%s", reason);
@@ -290,8 +292,8 @@ static void end_early(struct fv_recorder *recorder, enum ending ending, const ch
     if (cut_to(recorder, &turn)) {
         if (!write_end(recorder)) cut_to(recorder, &turn);
     } else {
-        snprintf(recorder->reason, sizeof recorder->reason, "%.120s, and its end could not be cut to a whole turn",
-                 reason);
+        snprintf(recorder->reason, sizeof recorder->reason,
+                 "%.120s, and its end could not be cut to a whole turn", reason);
     }
 }
 
@@ -316,15 +318,16 @@ static bool write_some(struct fv_recorder *recorder)
 
 static void say_ended(const struct fv_recorder *recorder)
 {
-    fv_say("%s: recording ended after %" PRIu64 " events (%" PRIu64 " bytes): %s; the run goes on", recorder->path,
-           recorder->written.events, recorder->written.bytes, recorder->reason);
+    fv_say("%s: recording ended after %" PRIu64 " events (%" PRIu64 " bytes): %s; the run goes on",
+           recorder->path, recorder->written.events, recorder->written.bytes, recorder->reason);
 }
 
 static void end_slow(struct fv_recorder *recorder)
 {
     char reason[FV_RECORDING_END_REASON_BYTES];
     snprintf(reason, sizeof reason,
-             "the disk is too slow: %zu MiB waited to be written; record to a faster disk, fewer frames, or raise record_buffer",
+             "the disk is too slow: %zu MiB waited to be written; record to a faster disk, fewer frames, or "
+             "raise record_buffer",
              recorder->ring.capacity >> 20);
     end_early(recorder, ENDED_SLOW, reason, false);
 }
@@ -377,9 +380,11 @@ static size_t turn_bytes(const struct fv_recorder_setup *setup)
 {
     const struct fovea_config *config = &setup->settings->runtime;
     size_t pixels = (size_t)config->camera.width * (size_t)config->camera.height;
-    for (uint32_t level = 0; level < config->preview.level; level++) pixels = pixels * 10 / 14;
+    for (uint32_t level = 0; level < config->preview.level; level++)
+        pixels = pixels * 10 / 14;
     return setup->frame_bytes + fv_jpeg_capacity((int32_t)pixels, 1) + SMALL_BYTES +
-           (size_t)config->features.count_max * FEATURE_BYTES + (config->detect.model != NULL ? OBJECTS_BYTES : 0);
+           (size_t)config->features.count_max * FEATURE_BYTES +
+           (config->detect.model != NULL ? OBJECTS_BYTES : 0);
 }
 
 static size_t ring_bytes(const struct fv_recorder_setup *setup, size_t header_bytes)
@@ -439,11 +444,12 @@ size_t fv_recorder_bytes(const struct fv_recorder_setup *setup)
     struct fovea_error error;
     uint8_t *header = NULL;
     uint32_t header_bytes = 0;
-    if (fv_recording_header_encode(setup->settings, setup->kernel_set, setup->real_time, &header, &header_bytes,
-                                   &error) != FOVEA_OK)
+    if (fv_recording_header_encode(setup->settings, setup->kernel_set, setup->real_time, &header,
+                                   &header_bytes, &error) != FOVEA_OK)
         return 0;
     free(header);
-    return sizeof(struct fv_recorder) + ring_bytes(setup, header_bytes) + header_bytes + FV_THREAD_STACK_BYTES;
+    return sizeof(struct fv_recorder) + ring_bytes(setup, header_bytes) + header_bytes +
+           FV_THREAD_STACK_BYTES;
 }
 
 enum fovea_status fv_recorder_close(struct fv_recorder *recorder, struct fv_recorder_summary *summary)

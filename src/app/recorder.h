@@ -33,7 +33,8 @@ struct fv_recorder_setup {
     const char *kernel_set;
     bool real_time;
     size_t frame_bytes; /* of the largest frame */
-    size_t ring_bytes;  /* 0: settings->record_buffer frames when real_time, else a few, as the loop waits then */
+    /* 0: settings->record_buffer frames when real_time, else a few, as the loop waits then */
+    size_t ring_bytes;
 };
 
 /* Create the file, the ring and the thread. Init-only. */
@@ -53,9 +54,9 @@ void fv_recorder_work(struct fv_recorder *recorder, const struct fovea_inputs *i
 void fv_recorder_pace(struct fv_recorder *recorder);
 
 struct fv_recorder_summary {
-    uint64_t events, bytes; /* written; whole events only, the log's own end among them */
-    uint64_t turns_lost;    /* steps that came after the recording had ended */
-    bool complete;          /* everything was written */
+    uint64_t events, bytes;                     /* written; whole events only, the log's own end among them */
+    uint64_t turns_lost;                        /* steps that came after the recording had ended */
+    bool complete;                              /* everything was written */
     char reason[FV_RECORDING_END_REASON_BYTES]; /* why not, "" when complete */
 };
 

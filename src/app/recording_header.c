@@ -104,7 +104,8 @@ enum fovea_status fv_recording_header_encode(const struct fv_settings *settings,
     if (settings->runtime.map != NULL)
         add_part(&message, "map", settings->map_load, settings->runtime.map, settings->runtime.map_bytes);
     if (settings->runtime.detect.model != NULL)
-        add_part(&message, "model", settings->model, settings->runtime.detect.model, settings->runtime.detect.model_bytes);
+        add_part(&message, "model", settings->model, settings->runtime.detect.model,
+                 settings->runtime.detect.model_bytes);
     status = encode(&message, data, bytes, error);
     free(text);
     return status;
@@ -233,11 +234,12 @@ enum fovea_status fv_recording_header_decode(const char *name, int64_t offset, c
     if (fovea_recording_t_decode(data, 0, (int)bytes, &message) < 0)
         status = fovea_error_set(error, FOVEA_ERROR_INPUT,
                                  "%s: byte %" PRId64 ": the header cannot be decoded", name, offset);
-    else if (message.format != FOVEA_RECORDING_T_FORMAT && message.format != FOVEA_RECORDING_T_FORMAT_WITHOUT_END)
-        status = fovea_error_set(error, FOVEA_ERROR_UNSUPPORTED,
-                                 "%s: byte %" PRId64 ": found recording format %" PRId32 ", expected %d or %d", name,
-                                 offset + 8, message.format, FOVEA_RECORDING_T_FORMAT_WITHOUT_END,
-                                 FOVEA_RECORDING_T_FORMAT);
+    else if (message.format != FOVEA_RECORDING_T_FORMAT &&
+             message.format != FOVEA_RECORDING_T_FORMAT_WITHOUT_END)
+        status = fovea_error_set(
+            error, FOVEA_ERROR_UNSUPPORTED,
+            "%s: byte %" PRId64 ": found recording format %" PRId32 ", expected %d or %d", name, offset + 8,
+            message.format, FOVEA_RECORDING_T_FORMAT_WITHOUT_END, FOVEA_RECORDING_T_FORMAT);
     else
         status = read_parts(&from, &message, header, error);
     if (status == FOVEA_OK) {

@@ -22,7 +22,7 @@ struct fv_recording_header {
     struct fv_settings settings;
     uint8_t *mask;
     uint8_t *map; /* the caller's to free; settings.runtime.map points to it */
-    void *model; /* the caller's to free, too; settings.runtime.detect.model points to it */
+    void *model;  /* the caller's to free, too; settings.runtime.detect.model points to it */
     bool real_time;
     bool ends_marked; /* the last message of a whole recording is a recording_end_t */
     char version[32], machine[96], kernel_set[32];

@@ -31,7 +31,7 @@ struct replay {
     int64_t now_ns, stamp_ns;
     uint64_t sequence; /* of the last frame, for telling where a difference is */
     struct fovea_outputs outputs;
-    uint32_t compared; /* of outputs.messages */
+    uint32_t compared;     /* of outputs.messages */
     uint64_t events, hash; /* of the log so far, as its end tells them */
 
     bool stop_at_difference;
@@ -60,8 +60,8 @@ static void count_event(struct replay *replay)
     uint8_t head[FOVEA_LOG_HEADER_BYTES + FOVEA_LOG_CHANNEL_BYTES];
     fv_recording_event_head(head, event->number, event->time_us, channel_bytes, event->bytes);
     memcpy(head + FOVEA_LOG_HEADER_BYTES, event->channel, channel_bytes + 1);
-    replay->hash = fv_recording_hash_event(replay->hash, head, FOVEA_LOG_HEADER_BYTES + channel_bytes, event->data,
-                                           event->bytes);
+    replay->hash = fv_recording_hash_event(replay->hash, head, FOVEA_LOG_HEADER_BYTES + channel_bytes,
+                                           event->data, event->bytes);
     replay->events++;
 }
 
@@ -211,8 +211,8 @@ static enum fovea_status step(struct replay *replay, struct fovea_error *error)
     uint64_t hash;
     const char *problem;
     size_t at;
-    if (!fv_message_inputs_decode(replay->event.data, replay->event.bytes, &inputs, &has_frame, &hash, &problem,
-                                  &at))
+    if (!fv_message_inputs_decode(replay->event.data, replay->event.bytes, &inputs, &has_frame, &hash,
+                                  &problem, &at))
         return refuse(replay, at, problem, error);
     if (has_frame != replay->frame_waits)
         return refuse(replay, 8,
@@ -276,8 +276,8 @@ static enum fovea_status end(struct replay *replay, struct fovea_error *error)
     expect_none_left(replay);
     compare_number(replay, "turns", result->works, told.turns);
     compare_number(replay, "events", replay->events, told.events);
-    compare_number(replay, "hash of all events before", fv_hash(replay->hash, told.reason, strlen(told.reason)),
-                   told.hash);
+    compare_number(replay, "hash of all events before",
+                   fv_hash(replay->hash, told.reason, strlen(told.reason)), told.hash);
     result->end = told.reason[0] != '\0' ? FV_REPLAY_ENDED_EARLY : FV_REPLAY_WHOLE;
     memcpy(result->reason, told.reason, sizeof result->reason);
     fv_say_clean(result->reason);

@@ -15,17 +15,17 @@
 
 /* How a recording ends. */
 enum fv_replay_end {
-    FV_REPLAY_CUT_OFF = 0,  /* within a turn or without its last message: the rest is missing */
-    FV_REPLAY_UNMARKED,     /* with a turn, and of a format that had no mark at its end: nobody can tell */
-    FV_REPLAY_ENDED_EARLY,  /* the recording ended before the run, as `reason` says */
+    FV_REPLAY_CUT_OFF = 0, /* within a turn or without its last message: the rest is missing */
+    FV_REPLAY_UNMARKED,    /* with a turn, and of a format that had no mark at its end: nobody can tell */
+    FV_REPLAY_ENDED_EARLY, /* the recording ended before the run, as `reason` says */
     FV_REPLAY_WHOLE
 };
 
 struct fv_replay_result {
     uint64_t frames, steps, works;
-    uint64_t messages_equal, bytes_equal; /* compared and found equal */
-    uint64_t messages_with_readings;      /* of clocks, among them: all but those was compared */
-    enum fv_replay_end end;               /* where the replay came to the end of the log */
+    uint64_t messages_equal, bytes_equal;       /* compared and found equal */
+    uint64_t messages_with_readings;            /* of clocks, among them: all but those was compared */
+    enum fv_replay_end end;                     /* where the replay came to the end of the log */
     char reason[FV_RECORDING_END_REASON_BYTES]; /* printable, as recorded_by is */
     bool different;
     char difference[512];   /* one line: frame, channel, field, both values */

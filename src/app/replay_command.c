@@ -37,11 +37,11 @@ static void send(void *context, int64_t now_ns, const struct fovea_outputs *outp
 
 static void tell_end(const struct fv_replay_result *result)
 {
-    static const char *const ends[] = {[FV_REPLAY_CUT_OFF] = "; the recording is cut off here",
-                                       [FV_REPLAY_UNMARKED] =
-                                           "; whether more is missing cannot be told of a recording of this format",
-                                       [FV_REPLAY_ENDED_EARLY] = "; the recording ended before its run: ",
-                                       [FV_REPLAY_WHOLE] = ""};
+    static const char *const ends[] = {
+        [FV_REPLAY_CUT_OFF] = "; the recording is cut off here",
+        [FV_REPLAY_UNMARKED] = "; whether more is missing cannot be told of a recording of this format",
+        [FV_REPLAY_ENDED_EARLY] = "; the recording ended before its run: ",
+        [FV_REPLAY_WHOLE] = ""};
     printf("%s%s\n", result->different ? "" : ends[result->end],
            !result->different && result->end == FV_REPLAY_ENDED_EARLY ? result->reason : "");
 }
@@ -53,7 +53,8 @@ static enum fv_exit tell(const char *path, bool verify, enum fovea_status status
     if (result->recorded_by[0] != '\0')
         printf("  recorded by %s; replayed with kernels %s\n", result->recorded_by,
                result->kernel_set != NULL ? result->kernel_set : "none");
-    printf("  %" PRIu64 " frames, %" PRIu64 " steps, %" PRIu64 " works", result->frames, result->steps, result->works);
+    printf("  %" PRIu64 " frames, %" PRIu64 " steps, %" PRIu64 " works", result->frames, result->steps,
+           result->works);
     tell_end(result);
     if (verify)
         printf("  %" PRIu64 " messages (%" PRIu64 " bytes) equal bit for bit, clock readings in %" PRIu64
@@ -93,7 +94,8 @@ int fv_command_replay(int argc, char **argv)
         return fv_say_wrong("fovea replay: --rate: found \"%s\", expected max or real", rate);
     char log[FV_TRANSPORT_URL_BYTES];
     fv_transport_file(url, log);
-    const struct fv_file written[] = {{"fovea replay: --lcm-url", log}, {0}}, recording[] = {{"the recording", argv[first]}, {0}};
+    const struct fv_file written[] = {{"fovea replay: --lcm-url", log}, {0}},
+                         recording[] = {{"the recording", argv[first]}, {0}};
     if (fv_files_apart(written, recording, &error) != FOVEA_OK) return fv_say_wrong("%s", error.text);
     sending.paced = strcmp(rate, "real") == 0;
     enum fovea_status status = fv_transport_open(url, 0, &sending.transport, &error);

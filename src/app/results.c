@@ -46,8 +46,8 @@ static void close_files(struct fv_results *results)
         if (results->outputs[kind].file != NULL) fclose(results->outputs[kind].file);
 }
 
-enum fovea_status fv_results_open(const char *detections_path, const char *tracks_path, struct fv_results **results,
-                                  struct fovea_error *error)
+enum fovea_status fv_results_open(const char *detections_path, const char *tracks_path,
+                                  struct fv_results **results, struct fovea_error *error)
 {
     const char *const paths[KINDS] = {detections_path, tracks_path};
     *results = NULL;
@@ -58,7 +58,8 @@ enum fovea_status fv_results_open(const char *detections_path, const char *track
     for (int kind = 0; kind < KINDS; kind++) {
         opened->outputs[kind].path = paths[kind];
         if (paths[kind] == NULL || (opened->outputs[kind].file = fopen(paths[kind], "we")) != NULL) continue;
-        fovea_error_set(error, FOVEA_ERROR_INPUT, "%.200s: cannot be written: %s", paths[kind], strerror(errno));
+        fovea_error_set(error, FOVEA_ERROR_INPUT, "%.200s: cannot be written: %s", paths[kind],
+                        strerror(errno));
         close_files(opened);
         free(opened);
         return FOVEA_ERROR_INPUT;
@@ -76,11 +77,13 @@ static size_t record_bytes(enum kind kind, uint32_t count)
 
 bool fv_results_room(struct fv_results *results)
 {
-    const size_t most = record_bytes(DETECTIONS, FOVEA_DETECTIONS_MAX) + record_bytes(TRACKS, FOVEA_TRACKS_MAX);
+    const size_t most =
+        record_bytes(DETECTIONS, FOVEA_DETECTIONS_MAX) + record_bytes(TRACKS, FOVEA_TRACKS_MAX);
     return results == NULL || fv_ring_room(&results->ring) >= most;
 }
 
-static void add(struct fv_results *results, enum kind kind, uint64_t sequence, const void *rows, uint32_t count)
+static void add(struct fv_results *results, enum kind kind, uint64_t sequence, const void *rows,
+                uint32_t count)
 {
     const struct record record = {sequence, kind, count, (uint32_t)record_bytes(kind, count), 0};
     if (results->outputs[kind].file == NULL || count == 0) return;
@@ -94,7 +97,8 @@ static void add(struct fv_results *results, enum kind kind, uint64_t sequence, c
     fv_ring_commit(&results->ring, record.bytes);
 }
 
-void fv_results_add(struct fv_results *results, const struct fovea_detections *detections, const struct fovea_tracks *tracks)
+void fv_results_add(struct fv_results *results, const struct fovea_detections *detections,
+                    const struct fovea_tracks *tracks)
 {
     if (results == NULL) return;
     add(results, DETECTIONS, detections->sequence, detections->list, detections->count);
@@ -109,9 +113,12 @@ static void write_detection(struct fv_results *results, uint64_t sequence, const
     struct fovea_detection found;
     struct output *output = &results->outputs[DETECTIONS];
     memcpy(&found, row, sizeof found);
-    const int bytes = fprintf(output->file, "%s{\"image_id\": %" PRIu64 ", \"category_id\": %d, \"bbox\": [%.3f, %.3f, %.3f, %.3f], \"score\": %.6f}",
-                              output->written == 0 ? "[\n" : ",\n", sequence, found.class_id + 1, (double)found.x_min_px + 0.5,
-                              (double)found.y_min_px + 0.5, (double)found.x_max_px - (double)found.x_min_px,
+    const int bytes = fprintf(output->file,
+                              "%s{\"image_id\": %" PRIu64
+                              ", \"category_id\": %d, \"bbox\": [%.3f, %.3f, %.3f, %.3f], \"score\": %.6f}",
+                              output->written == 0 ? "[\n" : ",\n", sequence, found.class_id + 1,
+                              (double)found.x_min_px + 0.5, (double)found.y_min_px + 0.5,
+                              (double)found.x_max_px - (double)found.x_min_px,
                               (double)found.y_max_px - (double)found.y_min_px, (double)found.score);
     results->failed |= bytes < 0;
     output->written++;
@@ -123,8 +130,9 @@ static void write_track(struct fv_results *results, uint64_t sequence, const voi
     struct output *output = &results->outputs[TRACKS];
     memcpy(&track, row, sizeof track);
     if (track.state != FOVEA_TRACK_CONFIRMED) return;
-    const int bytes = fprintf(output->file, "%" PRIu64 ",%" PRIu64 ",%.2f,%.2f,%.2f,%.2f,%.4f,-1,-1,-1\n", sequence + 1, track.id,
-                              (double)track.x_min_px + 1, (double)track.y_min_px + 1, (double)track.x_max_px - (double)track.x_min_px,
+    const int bytes = fprintf(output->file, "%" PRIu64 ",%" PRIu64 ",%.2f,%.2f,%.2f,%.2f,%.4f,-1,-1,-1\n",
+                              sequence + 1, track.id, (double)track.x_min_px + 1, (double)track.y_min_px + 1,
+                              (double)track.x_max_px - (double)track.x_min_px,
                               (double)track.y_max_px - (double)track.y_min_px, (double)track.score);
     results->failed |= bytes < 0;
     output->written++;
@@ -132,7 +140,8 @@ static void write_track(struct fv_results *results, uint64_t sequence, const voi
 
 void fv_results_drain(struct fv_results *results)
 {
-    static void (*const write[KINDS])(struct fv_results *, uint64_t, const void *) = {write_detection, write_track};
+    static void (*const write[KINDS])(struct fv_results *, uint64_t, const void *) = {write_detection,
+                                                                                      write_track};
     size_t bytes;
     const uint8_t *data;
     if (results == NULL) return;
@@ -141,7 +150,8 @@ void fv_results_drain(struct fv_results *results)
         for (size_t at = 0; at < bytes; at += record.bytes) {
             memcpy(&record, data + at, sizeof record);
             for (uint32_t i = 0; i < record.count; i++)
-                write[record.kind](results, record.sequence, data + at + sizeof record + i * row_bytes[record.kind]);
+                write[record.kind](results, record.sequence,
+                                   data + at + sizeof record + i * row_bytes[record.kind]);
         }
         fv_ring_release(&results->ring, bytes);
     }
@@ -153,17 +163,20 @@ enum fovea_status fv_results_close(struct fv_results *results, struct fovea_erro
     if (results == NULL) return FOVEA_OK;
     fv_results_drain(results);
     struct output *detections = &results->outputs[DETECTIONS];
-    if (detections->file != NULL) results->failed |= fputs(detections->written == 0 ? "[]\n" : "\n]\n", detections->file) < 0;
+    if (detections->file != NULL)
+        results->failed |= fputs(detections->written == 0 ? "[]\n" : "\n]\n", detections->file) < 0;
     for (int kind = 0; kind < KINDS; kind++) {
         struct output *output = &results->outputs[kind];
         if (output->file == NULL) continue;
         bool failed = ferror(output->file) != 0;
         failed = fclose(output->file) != 0 || failed || results->failed;
-        if (failed) status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.200s: cannot be written", output->path);
+        if (failed)
+            status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.200s: cannot be written", output->path);
     }
     if (status == FOVEA_OK && results->lost > 0)
-        status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.200s: found no time to write %" PRIu64 " lists",
-                                 detections->file != NULL ? detections->path : results->outputs[TRACKS].path, results->lost);
+        status = fovea_error_set(
+            error, FOVEA_ERROR_SYSTEM, "%.200s: found no time to write %" PRIu64 " lists",
+            detections->file != NULL ? detections->path : results->outputs[TRACKS].path, results->lost);
     free(results);
     return status;
 }

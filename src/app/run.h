@@ -35,7 +35,7 @@ struct fv_run {
     struct fv_recorder *recorder;
     struct fv_trajectory *trajectory;
     struct fv_results *results;
-    uint64_t looks; /* of the detector, whose results were handed on */
+    uint64_t looks;           /* of the detector, whose results were handed on */
     uint64_t objects, tracks; /* found in them; confirmed */
     struct fv_trails trails;
     struct fv_final *final;

@@ -66,8 +66,8 @@ static void sense(void *context, struct fovea_inputs *inputs)
         if (ops->odometry == NULL)
             inputs->odometry_count = odometry_heard(run, inputs, inputs->odometry);
         else if (inputs->frame != NULL)
-            inputs->odometry_count = ops->odometry(run->setup.source, inputs->frame, inputs->odometry,
-                                                   FOVEA_INPUT_ODOMETRY_MAX);
+            inputs->odometry_count =
+                ops->odometry(run->setup.source, inputs->frame, inputs->odometry, FOVEA_INPUT_ODOMETRY_MAX);
     }
     if (run->settings.movable_boxes == FV_MOVABLE_TRUTH && inputs->frame != NULL)
         boxes_from_truth(run, inputs);
@@ -145,13 +145,17 @@ static enum fv_options_result options_read(struct fv_run *run, int argc, char **
          "the same after all optimisation, written at the end"},
         {"picture", "FILE", FV_OPTION_TEXT, &run->picture_path,
          "where to draw path, map, tracks and timings (default " FV_RUN_PICTURE_FILE " here; 'none')"},
-        {"model", "FILE", FV_OPTION_TEXT, &run->options.model, "network that looks for objects (.fvm, made by tools/import)"},
-        {"detections", "FILE", FV_OPTION_TEXT, &run->detections_path, "write what it finds as COCO results JSON"},
-        {"all-boxes", NULL, FV_OPTION_FLAG, &run->all_boxes, "with what is below its threshold and was kept for the tracker"},
+        {"model", "FILE", FV_OPTION_TEXT, &run->options.model,
+         "network that looks for objects (.fvm, made by tools/import)"},
+        {"detections", "FILE", FV_OPTION_TEXT, &run->detections_path,
+         "write what it finds as COCO results JSON"},
+        {"all-boxes", NULL, FV_OPTION_FLAG, &run->all_boxes,
+         "with what is below its threshold and was kept for the tracker"},
         {"tracks", "FILE", FV_OPTION_TEXT, &run->tracks_path, "write the tracks of it as MOTChallenge text"},
         {"record", "FILE", FV_OPTION_TEXT, &run->options.record, "record the run for 'fovea replay'"},
         {"map", "FILE", FV_OPTION_TEXT, &run->options.map, "begin with a map that was saved"},
-        {"save-map", "FILE", FV_OPTION_TEXT, &run->options.save_map, "save the map at the end, and on the command `save`"},
+        {"save-map", "FILE", FV_OPTION_TEXT, &run->options.save_map,
+         "save the map at the end, and on the command `save`"},
         {"set", "KEY=VALUE", FV_OPTION_LIST, &run->options.sets, "override a key of the configuration"},
         {"quiet", NULL, FV_OPTION_FLAG, &run->quiet, "no status line and no summary"},
         {0},
@@ -189,7 +193,8 @@ static enum fovea_status settings_read(struct fv_run *run, struct fovea_error *e
     char log[FV_TRANSPORT_URL_BYTES];
     struct fv_file written[WRITTEN_MAX];
     files_written(run, written);
-    if (fv_transport_file(run->settings.lcm_url, log)) written[WRITTEN_LOG] = (struct fv_file){"lcm_url", log};
+    if (fv_transport_file(run->settings.lcm_url, log))
+        written[WRITTEN_LOG] = (struct fv_file){"lcm_url", log};
     const struct fv_file read[] = {
         {"--source", address != NULL ? address + 1 : NULL},
         {"--config", run->options.config},
@@ -283,16 +288,18 @@ static enum fovea_status recorder_open(struct fv_run *run, struct fovea_error *e
 static enum fovea_status stats_open(struct fv_run *run, struct fovea_error *error)
 {
     if (run->stats_path == NULL || (run->stats = fopen(run->stats_path, "ae")) != NULL) return FOVEA_OK;
-    return fovea_error_set(error, FOVEA_ERROR_INPUT, "--stats: %.200s: cannot be written: %s", run->stats_path,
-                           strerror(errno));
+    return fovea_error_set(error, FOVEA_ERROR_INPUT, "--stats: %.200s: cannot be written: %s",
+                           run->stats_path, strerror(errno));
 }
 
 /* What is as good as it can be here. Not before all the rest is known to be right: wrong input is one line. */
 static void remarks(const struct fv_run *run)
 {
     if (run->unlocked.text[0] != '\0') fv_say("fovea run: %s", run->unlocked.text);
-    if (fv_setup_wants_colour(&run->setup) && run->setup.ops->info(run->setup.source)->format == FOVEA_PIXEL_GREY8)
-        fv_say("fovea run: the network takes colour and this source gives grey levels: all its channels get these");
+    if (fv_setup_wants_colour(&run->setup) &&
+        run->setup.ops->info(run->setup.source)->format == FOVEA_PIXEL_GREY8)
+        fv_say("fovea run: the network takes colour and this source gives grey levels: all its channels get "
+               "these");
 }
 
 /* Last what cuts files: by then all that can be wrong with the input has been said. */
@@ -307,7 +314,8 @@ static enum fovea_status open_all(struct fv_run *run, struct fovea_error *error)
     if (status == FOVEA_OK) status = stats_open(run, error);
     if (status == FOVEA_OK) status = recorder_open(run, error);
     if (status == FOVEA_OK) status = fv_trajectory_open(run->trajectory_path, &run->trajectory, error);
-    if (status == FOVEA_OK) status = fv_results_open(run->detections_path, run->tracks_path, &run->results, error);
+    if (status == FOVEA_OK)
+        status = fv_results_open(run->detections_path, run->tracks_path, &run->results, error);
     if (status == FOVEA_OK && run->final_path != NULL)
         status = fv_final_open(run->final_path, &run->final, error);
     free(run->setup.map); /* read, and recorded */
@@ -341,10 +349,11 @@ static void complaints(struct fv_run *run)
 static void status_line(struct fv_run *run, uint64_t frames_before, double seconds)
 {
     uint64_t frames = atomic_load(&run->shared.frames), dropped = atomic_load(&run->shared.dropped);
-    fv_say_status("  frame %" PRIu64 "  %.1f Hz  step %.2f ms  %" PRIu64 " corners  %" PRIu64 " dropped  %.1f MiB ",
+    fv_say_status("  frame %" PRIu64 "  %.1f Hz  step %.2f ms  %" PRIu64 " corners  %" PRIu64
+                  " dropped  %.1f MiB ",
                   frames, (double)(frames - frames_before) / seconds,
-                  (double)atomic_load(&run->shared.step_ns) * 1e-6, atomic_load(&run->shared.features), dropped,
-                  (double)atomic_load(&run->shared.resident_bytes) / 1048576.0);
+                  (double)atomic_load(&run->shared.step_ns) * 1e-6, atomic_load(&run->shared.features),
+                  dropped, (double)atomic_load(&run->shared.resident_bytes) / 1048576.0);
 }
 
 /* Until the loop has ended: signals, the terminal, what the process looks like. */

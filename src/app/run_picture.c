@@ -178,8 +178,8 @@ static enum fovea_status panel_draw(int i, struct fv_canvas *panel, const struct
 }
 
 /* The map comes first, by itself, as it is opened in memory of its own; the others one after the other. */
-static enum fovea_status sheet_draw(struct sheet *sheet, const struct fv_run_picture *picture, struct fovea *rt,
-                                    const struct fovea_config *config)
+static enum fovea_status sheet_draw(struct sheet *sheet, const struct fv_run_picture *picture,
+                                    struct fovea *rt, const struct fovea_config *config)
 {
     struct fv_canvas panel = {0};
     enum fovea_status status = config->odometry.enabled ? map_panel(&panel, rt, config) : FOVEA_OK;

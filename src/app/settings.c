@@ -41,11 +41,12 @@ static size_t choice_count(const struct fv_settings_key *key)
 }
 
 /* Three rows of four numbers; a fourth row may follow that is that of every rigid motion. */
-static enum fovea_status take_transform(const struct reading *r, const struct fovea_yaml_node *node, double T[12])
+static enum fovea_status take_transform(const struct reading *r, const struct fovea_yaml_node *node,
+                                        double T[12])
 {
     double all[16];
-    if (fovea_yaml_numbers(r->tree, node, 16, 16, all, NULL, NULL) != FOVEA_OK || all[12] != 0 || all[13] != 0 ||
-        all[14] != 0 || all[15] != 1)
+    if (fovea_yaml_numbers(r->tree, node, 16, 16, all, NULL, NULL) != FOVEA_OK || all[12] != 0 ||
+        all[13] != 0 || all[14] != 0 || all[15] != 1)
         return fovea_yaml_numbers(r->tree, node, 12, 12, T, NULL, r->error);
     memcpy(T, all, 12 * sizeof T[0]);
     return FOVEA_OK;
@@ -69,7 +70,8 @@ static enum fovea_status take(const struct reading *r, const struct fv_settings_
         if (status == FOVEA_OK && key->kind == FV_SETTINGS_I32) *(int32_t *)target = (int32_t)whole;
         return status;
     case FV_SETTINGS_REAL:
-        return fovea_yaml_number(r->tree, node, (double)key->min, (double)key->max, (double *)target, r->error);
+        return fovea_yaml_number(r->tree, node, (double)key->min, (double)key->max, (double *)target,
+                                 r->error);
     case FV_SETTINGS_BOOL:
         return fovea_yaml_bool(r->tree, node, (bool *)target, r->error);
     case FV_SETTINGS_TEXT:
@@ -150,7 +152,8 @@ static const char *name_by_words(const char *name)
     for (size_t i = 0; i < fv_settings_key_count; i++) {
         const char *key = fv_settings_keys[i].name;
         int shared = section_length(key) == section && strncmp(key, name, section) == 0;
-        for (const char *at = name + section + (dot != NULL); *at != '\0'; at += word_length(at), at += *at != '\0')
+        for (const char *at = name + section + (dot != NULL); *at != '\0';
+             at += word_length(at), at += *at != '\0')
             shared += word_length(at) > 2 && has_word(key, at, word_length(at)) ? 2 : 0;
         if (shared <= most) continue;
         most = shared;
@@ -189,7 +192,8 @@ static enum fovea_status take_key(const struct reading *r, const struct fovea_ya
     if (key == NULL) return unknown(r, node, name);
     uint32_t *line = &r->settings->line[key - fv_settings_keys];
     if (!r->from_set && *line != 0) /* once in its section and once as section.key */
-        return fovea_error_set(r->error, FOVEA_ERROR_INPUT, "%s:%u: %s: found it again (first on line %u), expected each key once",
+        return fovea_error_set(r->error, FOVEA_ERROR_INPUT,
+                               "%s:%u: %s: found it again (first on line %u), expected each key once",
                                r->tree->file, node->line, name, *line);
     enum fovea_status status = take(r, key, node);
     if (status == FOVEA_OK) *line = r->from_set ? FV_SETTINGS_SET : node->line;
@@ -208,8 +212,9 @@ static enum fovea_status take_tree(const struct reading *r)
             if (status != FOVEA_OK) return status;
             continue;
         }
-        bool empty = node->kind == FOVEA_YAML_SCALAR && !node->quoted &&
-                     (node->value[0] == '\0' || strcmp(node->value, "~") == 0 || strcmp(node->value, "null") == 0);
+        bool empty =
+            node->kind == FOVEA_YAML_SCALAR && !node->quoted &&
+            (node->value[0] == '\0' || strcmp(node->value, "~") == 0 || strcmp(node->value, "null") == 0);
         if (node->kind != FOVEA_YAML_MAPPING && !empty)
             return fovea_yaml_refuse(r->tree, node, "a section with keys in it", r->error);
         for (const struct fovea_yaml_node *child = node->first; child != NULL; child = child->next) {
@@ -368,12 +373,16 @@ enum fovea_status fv_settings_check(const struct fv_settings *settings, struct f
 {
     struct fovea_config runtime = settings->runtime;
     if (runtime.camera.width == 0) { /* not known before the source is open */
-        runtime.camera = (struct fovea_camera){.width = FOVEA_IMAGE_WIDTH_MIN, .height = FOVEA_IMAGE_HEIGHT_MIN,
-                                               .fx = 1, .fy = 1, .field_max_rad = 1};
+        runtime.camera = (struct fovea_camera){.width = FOVEA_IMAGE_WIDTH_MIN,
+                                               .height = FOVEA_IMAGE_HEIGHT_MIN,
+                                               .fx = 1,
+                                               .fy = 1,
+                                               .field_max_rad = 1};
     }
     const bool load = settings->map_load[0] != '\0', save = settings->map_save[0] != '\0';
     enum fovea_status status = fv_config_check(&runtime, error);
-    if (status == FOVEA_OK && settings->lcm_url[0] != '\0') status = fv_transport_url_check(settings->lcm_url, error);
+    if (status == FOVEA_OK && settings->lcm_url[0] != '\0')
+        status = fv_transport_url_check(settings->lcm_url, error);
     if (status == FOVEA_OK) status = fv_classes_check(settings, error);
     if (status == FOVEA_OK && !runtime.odometry.enabled && (load || save))
         status = fovea_error_set(error, FOVEA_ERROR_INPUT,

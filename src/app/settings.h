@@ -36,17 +36,18 @@ struct fv_settings {
     bool camera_scale;                   /* fit a calibration of another size by scaling it */
     char mask[FV_SETTINGS_PATH_BYTES];   /* picture; "": none */
     char map_load[FV_SETTINGS_PATH_BYTES], map_save[FV_SETTINGS_PATH_BYTES]; /* "": none */
-    int rate;                            /* enum fv_rate */
-    char lcm_url[256];                   /* "": nothing is sent */
+    int rate;                                                                /* enum fv_rate */
+    char lcm_url[256];                                                       /* "": nothing is sent */
     uint32_t lcm_ttl;
     char odometry_channel[64];           /* of bot_core.pose_t, for scale.source: odometry; "": none */
     int movable_boxes;                   /* enum fv_movable_boxes */
     char record[FV_SETTINGS_PATH_BYTES]; /* "": none */
     uint32_t record_buffer;              /* frames that may wait for the disk in real time */
     char movable[256], heights[512];     /* lists of classes (app/classes.h) */
-    char model[FV_SETTINGS_PATH_BYTES];  /* "": no detection; the runtime gets its bytes when the source is open */
-    uint32_t priority;                   /* SCHED_FIFO; 0: ordinary scheduling */
-    int32_t cpu;                         /* -1: any */
+    /* "": no detection; the runtime gets its bytes when the source is open */
+    char model[FV_SETTINGS_PATH_BYTES];
+    uint32_t priority; /* SCHED_FIFO; 0: ordinary scheduling */
+    int32_t cpu;       /* -1: any */
     bool lock_memory;
 
     /* Where each key was set, by index in the table: 0 default, FV_SETTINGS_SET given by --set, else line of

@@ -48,7 +48,8 @@ static void range_write(const struct fv_settings_key *key, char *range, size_t b
         snprintf(range, bytes, "[%s, at most %" PRId64 " bytes]", unit[0] != '\0' ? unit : "text", key->max);
         return;
     case FV_SETTINGS_TRANSFORM:
-        snprintf(range, bytes, "[R: a rotation; t: %" PRId64 " to %" PRId64 "%s%s]", key->min, key->max, space, unit);
+        snprintf(range, bytes, "[R: a rotation; t: %" PRId64 " to %" PRId64 "%s%s]", key->min, key->max,
+                 space, unit);
         return;
     }
 }

@@ -18,8 +18,8 @@ static enum fovea_status set(struct fv_settings *settings, const char *key, cons
     if (value == NULL) return FOVEA_OK;
     int length = snprintf(assignment, sizeof assignment, "%s=%s", key, value);
     if (length >= (int)sizeof assignment)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "--%s: found %d bytes, expected at most %d", key + section,
-                               length, FV_SETTINGS_PATH_BYTES - 1);
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "--%s: found %d bytes, expected at most %d",
+                               key + section, length, FV_SETTINGS_PATH_BYTES - 1);
     enum fovea_status status = fv_settings_set(settings, assignment, error);
     /* "--set: rate: found" would name an option that nobody gave. */
     if (status != FOVEA_OK && error != NULL && strncmp(error->text, "--set: ", 7) == 0) {
@@ -67,7 +67,8 @@ static enum fovea_status camera_read(struct fv_settings *settings, struct fovea_
     return status;
 }
 
-static enum fovea_status model_read(struct fv_settings *settings, struct fv_setup *setup, struct fovea_error *error)
+static enum fovea_status model_read(struct fv_settings *settings, struct fv_setup *setup,
+                                    struct fovea_error *error)
 {
     if (settings->model[0] == '\0') return FOVEA_OK;
     enum fovea_status status = fv_model_file_read(settings->model, &setup->model, error);
@@ -100,7 +101,8 @@ static enum fovea_status camera_fit(struct fv_settings *settings, const struct f
     return fovea_calibration_fit(camera, info->width, info->height, settings->camera_scale, origin, error);
 }
 
-static enum fovea_status map_read(struct fv_settings *settings, struct fv_setup *setup, struct fovea_error *error)
+static enum fovea_status map_read(struct fv_settings *settings, struct fv_setup *setup,
+                                  struct fovea_error *error)
 {
     struct fovea_config *config = &settings->runtime;
     enum fovea_status status = FOVEA_OK;
@@ -118,7 +120,8 @@ static enum fovea_status map_read(struct fv_settings *settings, struct fv_setup 
     return status;
 }
 
-enum fovea_status fv_setup_read(struct fv_settings *settings, struct fv_setup *setup, struct fovea_error *error)
+enum fovea_status fv_setup_read(struct fv_settings *settings, struct fv_setup *setup,
+                                struct fovea_error *error)
 {
     const struct fovea_camera *camera = &settings->runtime.camera;
     enum fovea_status status = FOVEA_OK;
@@ -169,7 +172,8 @@ void fv_setup_close(struct fv_setup *setup)
 
 bool fv_setup_real_time(const struct fv_settings *settings, const struct fv_setup *setup)
 {
-    return settings->rate == FV_RATE_REAL || (settings->rate == FV_RATE_AUTO && setup->ops->info(setup->source)->live);
+    return settings->rate == FV_RATE_REAL ||
+           (settings->rate == FV_RATE_AUTO && setup->ops->info(setup->source)->live);
 }
 
 size_t fv_setup_frame_bytes(const struct fv_setup *setup)

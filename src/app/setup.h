@@ -36,7 +36,8 @@ struct fv_setup {
 enum fovea_status fv_setup_open(struct fv_settings *settings, const struct fovea_source_selection *selection,
                                 struct fv_setup *setup, struct fovea_error *error);
 /* The part of it that comes after the source: mask and map, for the size of frames that the camera's calibration states. */
-enum fovea_status fv_setup_read(struct fv_settings *settings, struct fv_setup *setup, struct fovea_error *error);
+enum fovea_status fv_setup_read(struct fv_settings *settings, struct fv_setup *setup,
+                                struct fovea_error *error);
 /* The source alone, with its memory; the rest stays. */
 void fv_setup_close_source(struct fv_setup *setup);
 void fv_setup_close(struct fv_setup *setup);

@@ -28,8 +28,8 @@ struct fv_trajectory {
 
     uint64_t samples, with_truth;
     double last_truth[3], truth_length_m;
-    uint32_t last_id, last,
-        maps; /* world of the last sample, and its index; worlds so far, those met again not counted */
+    /* world of the last sample, and its index; worlds so far, those met again not counted */
+    uint32_t last_id, last, maps;
     struct map map[FV_TRAJECTORY_MAPS_MAX];
     uint32_t points, stride;
     int failed; /* errno of the first failure */

@@ -23,7 +23,7 @@ struct fv_trajectory_sample {
     int64_t stamp_ns;
     uint32_t map; /* poses of different maps have different worlds */
     double T_world_cam[12];
-    bool metric;  /* the scale was known: lengths are metres */
+    bool metric; /* the scale was known: lengths are metres */
     bool has_truth;
     double truth_m[3]; /* of the camera's centre, in the truth's world */
 };

@@ -173,7 +173,8 @@ static bool subscribe(struct fv_transport *transport, lcm_t *in)
 {
     if (subscribe_to(transport, in, transport->channel, take_command) == NULL) return false;
     if (transport->odometry_channel[0] == '\0') return true;
-    lcm_subscription_t *subscription = subscribe_to(transport, in, transport->odometry_channel, take_odometry);
+    lcm_subscription_t *subscription =
+        subscribe_to(transport, in, transport->odometry_channel, take_odometry);
     return subscription != NULL && lcm_subscription_set_queue_capacity(subscription, 256) == 0;
 }
 

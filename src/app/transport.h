@@ -44,7 +44,7 @@ uint32_t fv_transport_odometry(struct fv_transport *transport, struct fovea_odom
                                uint32_t count_max);
 
 struct fv_transport_counts {
-    uint64_t sent, failed; /* messages */
+    uint64_t sent, failed;               /* messages */
     uint64_t commands, commands_refused; /* understood; malformed or unknown bits */
     uint64_t odometry, odometry_refused; /* taken; malformed, or no room since the loop was busy */
 };

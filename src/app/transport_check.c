@@ -84,7 +84,8 @@ enum fovea_status fv_transport_check(const char *url, uint32_t ttl, struct fovea
     }
     if (status == FOVEA_OK) status = fv_transport_open(url, ttl, &transport, error);
     if (status != FOVEA_OK || transport == NULL) return status;
-    if (fv_transport_kind_of(url) == FV_TRANSPORT_UDPM) { /* what can be known of the others, opening has found */
+    if (fv_transport_kind_of(url) ==
+        FV_TRANSPORT_UDPM) { /* what can be known of the others, opening has found */
         fv_transport_udpm(url, &address);
         const char *what;
         int listener = open_listener(&address, &what);

@@ -80,8 +80,9 @@ static const char *udpm_expected(const struct parts *parts)
     if (inet_pton(AF_INET, parts->host, &group) != 1 || !IN_MULTICAST(ntohl(group.s_addr)))
         return "an LCM URL like udpm://239.255.76.67:7667";
     while (*at != '\0') {
-        if (query_take(&at, "ttl", value) ? !number_within(value, 0, 255)
-                                          : !query_take(&at, "recv_buf_size", value) || !number_within(value, 1, INT32_MAX))
+        if (query_take(&at, "ttl", value)
+                ? !number_within(value, 0, 255)
+                : !query_take(&at, "recv_buf_size", value) || !number_within(value, 1, INT32_MAX))
             return "ttl=0 to 255 or recv_buf_size=BYTES after the '?'";
     }
     return NULL;
@@ -93,14 +94,16 @@ enum fovea_status fv_transport_url_check(const char *url, struct fovea_error *er
     const enum fv_transport_kind kind = fv_transport_kind_of(url);
     const char *expected = NULL;
     char value[16];
-    if (kind == FV_TRANSPORT_UNKNOWN || strlen(url) > FV_TRANSPORT_URL_BYTES - 16 || !split(url, kind, &parts))
+    if (kind == FV_TRANSPORT_UNKNOWN || strlen(url) > FV_TRANSPORT_URL_BYTES - 16 ||
+        !split(url, kind, &parts))
         expected = "an LCM URL like udpm://239.255.76.67:7667";
     else if (kind == FV_TRANSPORT_UDPM)
         expected = udpm_expected(&parts);
     else if (kind == FV_TRANSPORT_TCPQ && parts.port[0] != '\0' && !number_within(parts.port, 1, 65535))
         expected = "a port from 1 to 65535";
-    else if (kind == FV_TRANSPORT_FILE && (parts.host[0] == '\0' || !query_take(&parts.query, "mode", value) ||
-                                           (strcmp(value, "w") != 0 && strcmp(value, "a") != 0)))
+    else if (kind == FV_TRANSPORT_FILE &&
+             (parts.host[0] == '\0' || !query_take(&parts.query, "mode", value) ||
+              (strcmp(value, "w") != 0 && strcmp(value, "a") != 0)))
         expected = "file://PATH?mode=w (or mode=a)";
     if (expected == NULL) return FOVEA_OK;
     return fovea_error_set(error, FOVEA_ERROR_INPUT, "lcm_url: found \"%.300s\", expected %s", url, expected);
@@ -122,7 +125,8 @@ bool fv_transport_file(const char *url, char path[FV_TRANSPORT_URL_BYTES])
 {
     struct parts parts;
     path[0] = '\0';
-    if (fv_transport_kind_of(url) != FV_TRANSPORT_FILE || !split(url, FV_TRANSPORT_FILE, &parts)) return false;
+    if (fv_transport_kind_of(url) != FV_TRANSPORT_FILE || !split(url, FV_TRANSPORT_FILE, &parts))
+        return false;
     snprintf(path, FV_TRANSPORT_URL_BYTES, "%s", parts.host);
     return true;
 }
@@ -132,8 +136,8 @@ void fv_transport_url_complete(const char *url, uint32_t ttl, char complete[FV_T
     bool add = fv_transport_kind_of(url) == FV_TRANSPORT_UDPM && strstr(url, "ttl=") == NULL;
     bool bare = strcmp(url, schemes[FV_TRANSPORT_UDPM]) == 0; /* LCM takes options after an address only */
     if (add)
-        snprintf(complete, FV_TRANSPORT_URL_BYTES, "%s%s%cttl=%" PRIu32, url, bare ? "239.255.76.67:7667" : "",
-                 strchr(url, '?') != NULL ? '&' : '?', ttl);
+        snprintf(complete, FV_TRANSPORT_URL_BYTES, "%s%s%cttl=%" PRIu32, url,
+                 bare ? "239.255.76.67:7667" : "", strchr(url, '?') != NULL ? '&' : '?', ttl);
     else
         snprintf(complete, FV_TRANSPORT_URL_BYTES, "%s", url);
 }
@@ -160,23 +164,24 @@ static enum fovea_status check_server(const char *url, const struct parts *parts
     struct addrinfo *found = NULL;
     int failed = getaddrinfo(parts->host[0] != '\0' ? parts->host : "localhost",
                              parts->port[0] != '\0' ? parts->port : "7700", &wanted, &found);
-    if (failed != 0)
-        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: %s", url, gai_strerror(failed));
+    if (failed != 0) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: %s", url, gai_strerror(failed));
     int probe = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
     failed = probe < 0 || connect(probe, found->ai_addr, found->ai_addrlen) != 0 ? errno : 0;
     if (probe >= 0) close(probe);
     freeaddrinfo(found);
     if (failed == 0) return FOVEA_OK;
-    return fovea_error_set(error, FOVEA_ERROR_SYSTEM,
-                           "%s: no LCM server answers (%s); start one there, or send by udpm://, which needs none", url,
-                           strerror(failed));
+    return fovea_error_set(
+        error, FOVEA_ERROR_SYSTEM,
+        "%s: no LCM server answers (%s); start one there, or send by udpm://, which needs none", url,
+        strerror(failed));
 }
 
 static enum fovea_status check_file(const char *url, const struct parts *parts, struct fovea_error *error)
 {
     int file = open(parts->host, O_WRONLY | O_CREAT | O_CLOEXEC, 0644);
     if (file < 0)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "lcm_url: %s: cannot be written: %s", url, strerror(errno));
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "lcm_url: %s: cannot be written: %s", url,
+                               strerror(errno));
     close(file);
     return FOVEA_OK;
 }

@@ -19,11 +19,11 @@ extern "C" {
 enum { FV_CACHE_LINE_BYTES = 64 };
 
 struct fv_arena {
-    uint8_t *base;    /* NULL: counting */
-    size_t capacity;  /* bytes at base; SIZE_MAX when counting */
-    size_t used;      /* bytes handed out, padding included */
-    bool exhausted;   /* a piece did not fit; stays so */
-    bool keep;        /* rebasing: pieces are not zeroed */
+    uint8_t *base;   /* NULL: counting */
+    size_t capacity; /* bytes at base; SIZE_MAX when counting */
+    size_t used;     /* bytes handed out, padding included */
+    bool exhausted;  /* a piece did not fit; stays so */
+    bool keep;       /* rebasing: pieces are not zeroed */
 };
 
 void fv_arena_count(struct fv_arena *arena);

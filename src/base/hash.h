@@ -16,7 +16,8 @@ extern "C" {
 static inline uint64_t fv_hash(uint64_t hash, const void *data, size_t bytes)
 {
     const uint8_t *byte = (const uint8_t *)data;
-    for (size_t i = 0; i < bytes; i++) hash = (hash ^ byte[i]) * UINT64_C(1099511628211);
+    for (size_t i = 0; i < bytes; i++)
+        hash = (hash ^ byte[i]) * UINT64_C(1099511628211);
     return hash;
 }
 
@@ -27,10 +28,12 @@ static inline uint64_t fv_hash_bulk(uint64_t hash, const void *data, size_t byte
     const uint8_t *from = (const uint8_t *)data;
     uint64_t lane[4], word[4];
     size_t at = 0;
-    for (uint64_t i = 0; i < 4; i++) lane[i] = hash + i;
+    for (uint64_t i = 0; i < 4; i++)
+        lane[i] = hash + i;
     for (; at + sizeof word <= bytes; at += sizeof word) {
         memcpy(word, from + at, sizeof word);
-        for (int i = 0; i < 4; i++) lane[i] = (lane[i] ^ word[i]) * UINT64_C(1099511628211);
+        for (int i = 0; i < 4; i++)
+            lane[i] = (lane[i] ^ word[i]) * UINT64_C(1099511628211);
     }
     return fv_hash(fv_hash(hash, lane, sizeof lane), from + at, bytes - at);
 }

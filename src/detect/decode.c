@@ -39,7 +39,8 @@ static void sink(struct fv_detect_candidate *heap, int32_t at, int32_t count)
 static void rise(struct fv_detect_candidate *heap, int32_t at)
 {
     const struct fv_detect_candidate item = heap[at];
-    for (; at > 0 && better(&heap[(at - 1) / 2], &item); at = (at - 1) / 2) heap[at] = heap[(at - 1) / 2];
+    for (; at > 0 && better(&heap[(at - 1) / 2], &item); at = (at - 1) / 2)
+        heap[at] = heap[(at - 1) / 2];
     heap[at] = item;
 }
 
@@ -71,8 +72,10 @@ static void sort(struct fv_detect_scratch *s)
 
 static float overlap(const struct fovea_detection *a, const struct fovea_detection *b)
 {
-    const float x0 = a->x_min_px > b->x_min_px ? a->x_min_px : b->x_min_px, x1 = a->x_max_px < b->x_max_px ? a->x_max_px : b->x_max_px;
-    const float y0 = a->y_min_px > b->y_min_px ? a->y_min_px : b->y_min_px, y1 = a->y_max_px < b->y_max_px ? a->y_max_px : b->y_max_px;
+    const float x0 = a->x_min_px > b->x_min_px ? a->x_min_px : b->x_min_px,
+                x1 = a->x_max_px < b->x_max_px ? a->x_max_px : b->x_max_px;
+    const float y0 = a->y_min_px > b->y_min_px ? a->y_min_px : b->y_min_px,
+                y1 = a->y_max_px < b->y_max_px ? a->y_max_px : b->y_max_px;
     if (x1 <= x0 || y1 <= y0) return 0.0f;
     const float both = (x1 - x0) * (y1 - y0);
     const float area_a = (a->x_max_px - a->x_min_px) * (a->y_max_px - a->y_min_px);
@@ -81,8 +84,8 @@ static float overlap(const struct fovea_detection *a, const struct fovea_detecti
 }
 
 /* Go on from progress->at until about `pairs` pairs were compared; true when all were. */
-static int suppress_some(struct fovea_detection *list, int32_t count, float iou, int class_agnostic, uint8_t *dropped,
-                         struct fv_detect_progress *progress, int32_t pairs)
+static int suppress_some(struct fovea_detection *list, int32_t count, float iou, int class_agnostic,
+                         uint8_t *dropped, struct fv_detect_progress *progress, int32_t pairs)
 {
     for (; progress->at < count && pairs > 0; ++progress->at) {
         const int32_t i = (int32_t)progress->at;
@@ -98,7 +101,8 @@ static int suppress_some(struct fovea_detection *list, int32_t count, float iou,
     return progress->at == count;
 }
 
-int32_t fv_detect_suppress(struct fovea_detection *list, int32_t count, float iou, int class_agnostic, uint8_t *dropped)
+int32_t fv_detect_suppress(struct fovea_detection *list, int32_t count, float iou, int class_agnostic,
+                           uint8_t *dropped)
 {
     struct fv_detect_progress progress = {.left = 0};
     memset(dropped, 0, (size_t)count);
@@ -120,7 +124,8 @@ void fv_detect_decode_start(struct fv_detect_scratch *scratch)
 static int32_t sure_left(const struct fv_detect_scratch *s)
 {
     int32_t left = 0;
-    for (int32_t i = 0; i < s->sure; ++i) left += !s->dropped[i];
+    for (int32_t i = 0; i < s->sure; ++i)
+        left += !s->dropped[i];
     return left;
 }
 
@@ -139,27 +144,35 @@ static void open_outputs(const struct fv_model *model, uint8_t *arena, struct fv
     if (j->d->thresholds != 0) j->thresholds = (const float *)(const void *)(model->base + j->d->thresholds);
     const int32_t *from = sources(model, &j->out_count);
     for (int32_t i = 0; i < j->out_count; ++i) {
-        j->out[i] = (struct fv_head_output){.t = &model->tensors[from[i]], .data = fv_nn_tensor(model, arena, from[i])};
+        j->out[i] = (struct fv_head_output){.t = &model->tensors[from[i]],
+                                            .data = fv_nn_tensor(model, arena, from[i])};
     }
 }
 
 static void scan_some(struct fv_head_job *j, const struct fv_head *head, struct fv_detect_progress *progress)
 {
     int64_t cost = 1;
-    const int64_t items = head->items(j, &cost), most = VALUES_PER_UNIT / (cost < 1 ? 1 : cost), step = most < 1 ? 1 : most;
+    const int64_t items = head->items(j, &cost), most = VALUES_PER_UNIT / (cost < 1 ? 1 : cost),
+                  step = most < 1 ? 1 : most;
     const int64_t end = items - progress->at > step ? progress->at + step : items;
     if (progress->at < end) head->scan(j, progress->at, end);
     progress->at = end;
     if (end == items) progress->phase = FV_DECODE_SORT;
 }
 
-enum fovea_status fv_detect_decode_unit(const struct fv_model *model, uint8_t *arena, const struct fv_detect_view *view,
+enum fovea_status fv_detect_decode_unit(const struct fv_model *model, uint8_t *arena,
+                                        const struct fv_detect_view *view,
                                         const struct fv_detect_limits *limits, struct fv_detect_scratch *s)
 {
     const struct fv_model_decode *d = &model->header->decode;
     const struct fv_head *head = fv_head_of(d->kind);
     struct fv_detect_progress *progress = &s->progress;
-    struct fv_head_job j = {.model = model, .d = d, .view = view, .s = s, .score_threshold = limits->score, .floor = limits->floor};
+    struct fv_head_job j = {.model = model,
+                            .d = d,
+                            .view = view,
+                            .s = s,
+                            .score_threshold = limits->score,
+                            .floor = limits->floor};
     if (head == NULL) return FOVEA_OK;
     const int due = head->boxes_overlap || (d->kind == FV_DECODER_SSD && d->class_agnostic);
     switch (progress->phase) {
@@ -173,8 +186,8 @@ enum fovea_status fv_detect_decode_unit(const struct fv_model *model, uint8_t *a
         memset(s->dropped, 0, sizeof s->dropped);
         return due ? FOVEA_AGAIN : FOVEA_OK;
     default:
-        if (!suppress_some(s->candidates, s->count, limits->iou > 0.0f ? limits->iou : d->iou_threshold, d->class_agnostic, s->dropped,
-                           progress, PAIRS_PER_UNIT)) {
+        if (!suppress_some(s->candidates, s->count, limits->iou > 0.0f ? limits->iou : d->iou_threshold,
+                           d->class_agnostic, s->dropped, progress, PAIRS_PER_UNIT)) {
             return FOVEA_AGAIN;
         }
         s->count = progress->left;
@@ -183,8 +196,9 @@ enum fovea_status fv_detect_decode_unit(const struct fv_model *model, uint8_t *a
     }
 }
 
-int32_t fv_detect_decode_take(const struct fv_model *model, const struct fv_detect_limits *limits, const struct fv_detect_scratch *s,
-                              struct fovea_detection *detections, int32_t capacity, int32_t *uncertain)
+int32_t fv_detect_decode_take(const struct fv_model *model, const struct fv_detect_limits *limits,
+                              const struct fv_detect_scratch *s, struct fovea_detection *detections,
+                              int32_t capacity, int32_t *uncertain)
 {
     const int32_t most = model->header->decode.max_detections;
     int32_t count = s->sure;
@@ -199,10 +213,12 @@ int32_t fv_detect_decode_take(const struct fv_model *model, const struct fv_dete
 }
 
 int32_t fv_detect_decode(const struct fv_model *model, uint8_t *arena, const struct fv_detect_view *view,
-                         struct fv_detect_scratch *scratch, struct fovea_detection *detections, int32_t capacity)
+                         struct fv_detect_scratch *scratch, struct fovea_detection *detections,
+                         int32_t capacity)
 {
     const struct fv_detect_limits none = {.count = 0};
     fv_detect_decode_start(scratch);
-    while (fv_detect_decode_unit(model, arena, view, &none, scratch) == FOVEA_AGAIN) continue;
+    while (fv_detect_decode_unit(model, arena, view, &none, scratch) == FOVEA_AGAIN)
+        continue;
     return fv_detect_decode_take(model, &none, scratch, detections, capacity, NULL);
 }

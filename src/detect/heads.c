@@ -8,7 +8,8 @@
 static int64_t count_of(const struct fv_head_output *o)
 {
     int64_t count = 1;
-    for (int32_t i = 0; i < o->t->rank; ++i) count *= o->t->dims[i];
+    for (int32_t i = 0; i < o->t->rank; ++i)
+        count *= o->t->dims[i];
     return count;
 }
 
@@ -27,7 +28,8 @@ static float value_at(const struct fv_head_output *o, int64_t i)
 
 static float threshold_of(const struct fv_head_job *j, int32_t class_id)
 {
-    const float own = j->thresholds != NULL && class_id < j->d->classes ? j->thresholds[class_id] : j->d->score_threshold;
+    const float own =
+        j->thresholds != NULL && class_id < j->d->classes ? j->thresholds[class_id] : j->d->score_threshold;
     return own > j->score_threshold ? own : j->score_threshold;
 }
 
@@ -44,7 +46,8 @@ static float clamped(float value, float high)
 }
 
 /* A box in input pixels (corner coordinates) to image pixels, cut at the image. */
-static void add_box(struct fv_head_job *j, float x0, float y0, float x1, float y1, float score, int32_t class_id)
+static void add_box(struct fv_head_job *j, float x0, float y0, float x1, float y1, float score,
+                    int32_t class_id)
 {
     const struct fv_detect_view *v = j->view;
     const float width = (float)v->image_width, height = (float)v->image_height;
@@ -56,14 +59,18 @@ static void add_box(struct fv_head_job *j, float x0, float y0, float x1, float y
         .score = score,
         .class_id = class_id,
     };
-    if (found.x_max_px > found.x_min_px && found.y_max_px > found.y_min_px) fv_detect_keep(j->s, &found, score < threshold_of(j, class_id));
+    if (found.x_max_px > found.x_min_px && found.y_max_px > found.y_min_px)
+        fv_detect_keep(j->s, &found, score < threshold_of(j, class_id));
 }
 
-static void add_centred(struct fv_head_job *j, float x, float y, float w, float h, float score, int32_t class_id)
+static void add_centred(struct fv_head_job *j, float x, float y, float w, float h, float score,
+                        int32_t class_id)
 {
     const struct fv_model_preprocess *p = &j->model->header->preprocess;
-    const float sx = j->d->normalised ? (float)p->width : 1.0f, sy = j->d->normalised ? (float)p->height : 1.0f;
-    add_box(j, (x - w * 0.5f) * sx, (y - h * 0.5f) * sy, (x + w * 0.5f) * sx, (y + h * 0.5f) * sy, score, class_id);
+    const float sx = j->d->normalised ? (float)p->width : 1.0f,
+                sy = j->d->normalised ? (float)p->height : 1.0f;
+    add_box(j, (x - w * 0.5f) * sx, (y - h * 0.5f) * sy, (x + w * 0.5f) * sx, (y + h * 0.5f) * sy, score,
+            class_id);
 }
 
 static float sigmoid(float x)
@@ -86,7 +93,8 @@ static void classifier_scan(struct fv_head_job *j, int64_t begin, int64_t end)
     for (int64_t i = begin > background ? begin : background; i < end; ++i) {
         const float score = value_at(&j->out[0], i);
         const int32_t class_id = (int32_t)i - background;
-        if (score >= least_of(j, class_id)) add_box(j, 0, 0, (float)p->width, (float)p->height, score, class_id);
+        if (score >= least_of(j, class_id))
+            add_box(j, 0, 0, (float)p->width, (float)p->height, score, class_id);
     }
 }
 
@@ -111,7 +119,8 @@ static void ssd_scan(struct fv_head_job *j, int64_t begin, int64_t end)
         const float score = value_at(&j->out[2], i), class_value = value_at(&j->out[1], i);
         const int32_t class_id = class_value >= 0.0f && class_value < 4096.0f ? (int32_t)class_value : 0;
         if (!(score >= least_of(j, class_id))) continue;
-        add_box(j, value_at(b, 4 * i + 1) * w, value_at(b, 4 * i) * h, value_at(b, 4 * i + 3) * w, value_at(b, 4 * i + 2) * h, score, class_id);
+        add_box(j, value_at(b, 4 * i + 1) * w, value_at(b, 4 * i) * h, value_at(b, 4 * i + 3) * w,
+                value_at(b, 4 * i + 2) * h, score, class_id);
     }
 }
 
@@ -146,14 +155,15 @@ static int64_t ssd_raw_items(const struct fv_head_job *j, int64_t *cost)
 static void ssd_raw_box(struct fv_head_job *j, int64_t i, float score, int32_t class_id)
 {
     const struct fv_model_preprocess *p = &j->model->header->preprocess;
-    const float *anchor = (const float *)(const void *)(j->model->base + j->d->anchor_data) + 4 * i, *scale = j->d->box_scales;
+    const float *anchor = (const float *)(const void *)(j->model->base + j->d->anchor_data) + 4 * i,
+                *scale = j->d->box_scales;
     const struct fv_head_output *b = ssd_raw_boxes(j);
     const float cy = value_at(b, 4 * i) / scale[0] * anchor[2] + anchor[0];
     const float cx = value_at(b, 4 * i + 1) / scale[1] * anchor[3] + anchor[1];
     const float bh = (float)fovea_exp((double)value_at(b, 4 * i + 2) / (double)scale[2]) * anchor[2];
     const float bw = (float)fovea_exp((double)value_at(b, 4 * i + 3) / (double)scale[3]) * anchor[3];
-    add_box(j, (cx - bw * 0.5f) * (float)p->width, (cy - bh * 0.5f) * (float)p->height, (cx + bw * 0.5f) * (float)p->width,
-            (cy + bh * 0.5f) * (float)p->height, score, class_id);
+    add_box(j, (cx - bw * 0.5f) * (float)p->width, (cy - bh * 0.5f) * (float)p->height,
+            (cx + bw * 0.5f) * (float)p->width, (cy + bh * 0.5f) * (float)p->height, score, class_id);
 }
 
 static void ssd_raw_scan(struct fv_head_job *j, int64_t begin, int64_t end)
@@ -186,7 +196,9 @@ static void yolov5_scan(struct fv_head_job *j, int64_t begin, int64_t end)
         const float object = value_at(o, at + 4);
         for (int32_t c = 0; c < columns - 5; ++c) {
             const float score = object * value_at(o, at + 5 + c);
-            if (score >= least_of(j, c)) add_centred(j, value_at(o, at), value_at(o, at + 1), value_at(o, at + 2), value_at(o, at + 3), score, c);
+            if (score >= least_of(j, c))
+                add_centred(j, value_at(o, at), value_at(o, at + 1), value_at(o, at + 2), value_at(o, at + 3),
+                            score, c);
         }
     }
 }
@@ -216,7 +228,9 @@ static void yolov8_scan(struct fv_head_job *j, int64_t begin, int64_t end)
                 best = c;
             }
         }
-        if (score >= least_of(j, best)) add_centred(j, value_at(o, i), value_at(o, n + i), value_at(o, 2 * n + i), value_at(o, 3 * n + i), score, best);
+        if (score >= least_of(j, best))
+            add_centred(j, value_at(o, i), value_at(o, n + i), value_at(o, 2 * n + i), value_at(o, 3 * n + i),
+                        score, best);
     }
 }
 
@@ -238,11 +252,14 @@ static void yolov2_box(struct fv_head_job *j, int64_t item, int64_t at, float sc
     const struct fv_head_output *o = &j->out[0];
     const struct fv_model_preprocess *p = &j->model->header->preprocess;
     const int32_t h = o->t->dims[1], w = o->t->dims[2], anchors = j->d->anchor_count;
-    const int32_t a = (int32_t)(item % anchors), x = (int32_t)(item / anchors % w), y = (int32_t)(item / anchors / w);
+    const int32_t a = (int32_t)(item % anchors), x = (int32_t)(item / anchors % w),
+                  y = (int32_t)(item / anchors / w);
     const float cx = ((float)x + sigmoid(value_at(o, at))) / (float)w * (float)p->width;
     const float cy = ((float)y + sigmoid(value_at(o, at + 1))) / (float)h * (float)p->height;
-    const float bw = j->d->anchors[2 * a] * (float)fovea_exp((double)value_at(o, at + 2)) / (float)w * (float)p->width;
-    const float bh = j->d->anchors[2 * a + 1] * (float)fovea_exp((double)value_at(o, at + 3)) / (float)h * (float)p->height;
+    const float bw =
+        j->d->anchors[2 * a] * (float)fovea_exp((double)value_at(o, at + 2)) / (float)w * (float)p->width;
+    const float bh = j->d->anchors[2 * a + 1] * (float)fovea_exp((double)value_at(o, at + 3)) / (float)h *
+                     (float)p->height;
     add_box(j, cx - bw * 0.5f, cy - bh * 0.5f, cx + bw * 0.5f, cy + bh * 0.5f, score, class_id);
 }
 
@@ -254,8 +271,10 @@ static void yolov2_scan(struct fv_head_job *j, int64_t begin, int64_t end)
         const int64_t at = i * columns;
         const float object = sigmoid(value_at(o, at + 4));
         double sum = 0, largest = (double)value_at(o, at + 5);
-        for (int32_t c = 1; c < classes; ++c) largest = (double)value_at(o, at + 5 + c) > largest ? (double)value_at(o, at + 5 + c) : largest;
-        for (int32_t c = 0; c < classes; ++c) sum += fovea_exp((double)value_at(o, at + 5 + c) - largest);
+        for (int32_t c = 1; c < classes; ++c)
+            largest = (double)value_at(o, at + 5 + c) > largest ? (double)value_at(o, at + 5 + c) : largest;
+        for (int32_t c = 0; c < classes; ++c)
+            sum += fovea_exp((double)value_at(o, at + 5 + c) - largest);
         for (int32_t c = 0; c < classes; ++c) {
             const float score = object * (float)(fovea_exp((double)value_at(o, at + 5 + c) - largest) / sum);
             if (score >= least_of(j, c)) yolov2_box(j, i, at, score, c);
@@ -328,7 +347,8 @@ static void fomo_scan(struct fv_head_job *j, int64_t begin, int64_t end)
         for (int32_t start = 0; start < cells; ++start) {
             if (j->s->seen[start] || !is_object(&g, start)) continue;
             const struct cells c = grow(&g, start, j->s->seen, j->s->stack);
-            add_box(j, (float)c.x0 * cell_w, (float)c.y0 * cell_h, (float)(c.x1 + 1) * cell_w, (float)(c.y1 + 1) * cell_h, c.score, g.class_id);
+            add_box(j, (float)c.x0 * cell_w, (float)c.y0 * cell_h, (float)(c.x1 + 1) * cell_w,
+                    (float)(c.y1 + 1) * cell_h, c.score, g.class_id);
         }
     }
 }
@@ -336,9 +356,12 @@ static void fomo_scan(struct fv_head_job *j, int64_t begin, int64_t end)
 const struct fv_head *fv_head_of(int32_t decoder)
 {
     static const struct fv_head heads[FV_DECODER_COUNT] = {
-        [FV_DECODER_CLASSIFIER] = {classifier_items, classifier_scan, 0}, [FV_DECODER_SSD] = {ssd_items, ssd_scan, 0},
-        [FV_DECODER_SSD_RAW] = {ssd_raw_items, ssd_raw_scan, 1},          [FV_DECODER_YOLOV5] = {yolov5_items, yolov5_scan, 1},
-        [FV_DECODER_YOLOV8] = {yolov8_items, yolov8_scan, 1},             [FV_DECODER_YOLOV2] = {yolov2_items, yolov2_scan, 1},
+        [FV_DECODER_CLASSIFIER] = {classifier_items, classifier_scan, 0},
+        [FV_DECODER_SSD] = {ssd_items, ssd_scan, 0},
+        [FV_DECODER_SSD_RAW] = {ssd_raw_items, ssd_raw_scan, 1},
+        [FV_DECODER_YOLOV5] = {yolov5_items, yolov5_scan, 1},
+        [FV_DECODER_YOLOV8] = {yolov8_items, yolov8_scan, 1},
+        [FV_DECODER_YOLOV2] = {yolov2_items, yolov2_scan, 1},
         [FV_DECODER_FOMO] = {fomo_items, fomo_scan, 0}};
     return decoder >= 0 && decoder < FV_DECODER_COUNT && heads[decoder].scan != NULL ? &heads[decoder] : NULL;
 }

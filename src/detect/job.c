@@ -2,7 +2,8 @@
 
 #include "detect/pixel.h"
 
-void fv_detect_carve(struct fv_detect_memory *memory, struct fv_arena *arena, const struct fv_model *model, size_t pixel_bytes)
+void fv_detect_carve(struct fv_detect_memory *memory, struct fv_arena *arena, const struct fv_model *model,
+                     size_t pixel_bytes)
 {
     *memory = (struct fv_detect_memory){.pixel_bytes = pixel_bytes};
     memory->job = fv_arena_take(arena, 1, sizeof *memory->job);
@@ -11,8 +12,8 @@ void fv_detect_carve(struct fv_detect_memory *memory, struct fv_arena *arena, co
     memory->pixels = fv_arena_take(arena, pixel_bytes, 1);
 }
 
-enum fovea_status fv_detect_start(const struct fv_detect_memory *memory, const struct fv_model *model, const struct fovea_image *image,
-                                  int64_t stamp_ns, uint64_t sequence)
+enum fovea_status fv_detect_start(const struct fv_detect_memory *memory, const struct fv_model *model,
+                                  const struct fovea_image *image, int64_t stamp_ns, uint64_t sequence)
 {
     struct fv_detect_job *job = memory->job;
     if (job->phase != FV_DETECT_IDLE) return FOVEA_AGAIN;
@@ -20,7 +21,8 @@ enum fovea_status fv_detect_start(const struct fv_detect_memory *memory, const s
     const enum fovea_status status = fv_detect_view(model, image, &view);
     if (status != FOVEA_OK) return status;
     struct fovea_image copied;
-    if (fv_pixel_copy(image, memory->pixels, memory->pixel_bytes, &copied) != FOVEA_OK) return FOVEA_ERROR_UNSUPPORTED;
+    if (fv_pixel_copy(image, memory->pixels, memory->pixel_bytes, &copied) != FOVEA_OK)
+        return FOVEA_ERROR_UNSUPPORTED;
     job->view = view;
     job->phase = FV_DETECT_FILL;
     job->row = 0;
@@ -37,10 +39,14 @@ enum fovea_status fv_detect_start(const struct fv_detect_memory *memory, const s
 static void fill_some(const struct fv_detect_memory *memory, const struct fv_model *model)
 {
     struct fv_detect_job *job = memory->job;
-    const struct fovea_image image = {.data = memory->pixels, .width = job->width, .height = job->height,
-                                      .stride_bytes = job->stride_bytes, .format = (enum fovea_pixel_format)job->format,
+    const struct fovea_image image = {.data = memory->pixels,
+                                      .width = job->width,
+                                      .height = job->height,
+                                      .stride_bytes = job->stride_bytes,
+                                      .format = (enum fovea_pixel_format)job->format,
                                       .size_bytes = memory->pixel_bytes};
-    const int32_t height = model->header->preprocess.height, rows = fv_detect_rows_per_unit(model, &image, &job->view);
+    const int32_t height = model->header->preprocess.height,
+                  rows = fv_detect_rows_per_unit(model, &image, &job->view);
     const int32_t end = rows < height - job->row ? job->row + rows : height;
     fv_detect_fill(model, &image, &job->view, memory->arena, job->row, end);
     job->row = end;
@@ -50,15 +56,17 @@ static void fill_some(const struct fv_detect_memory *memory, const struct fv_mod
 static void decode_some(const struct fv_detect_memory *memory, const struct fv_model *model)
 {
     struct fv_detect_job *job = memory->job;
-    if (fv_detect_decode_unit(model, memory->arena, &job->view, &memory->limits, memory->scratch) != FOVEA_OK) return;
-    job->count = fv_detect_decode_take(model, &memory->limits, memory->scratch, job->found, FOVEA_DETECTIONS_MAX, &job->uncertain);
+    if (fv_detect_decode_unit(model, memory->arena, &job->view, &memory->limits, memory->scratch) != FOVEA_OK)
+        return;
+    job->count = fv_detect_decode_take(model, &memory->limits, memory->scratch, job->found,
+                                       FOVEA_DETECTIONS_MAX, &job->uncertain);
     job->found_stamp_ns = job->stamp_ns;
     job->found_sequence = job->sequence;
     job->phase = FV_DETECT_IDLE;
 }
 
-static void run_some(const struct fv_detect_memory *memory, const struct fv_model *model, const struct fv_kernels *kernels,
-                     uint32_t units, uint32_t *ran)
+static void run_some(const struct fv_detect_memory *memory, const struct fv_model *model,
+                     const struct fv_kernels *kernels, uint32_t units, uint32_t *ran)
 {
     struct fv_detect_job *job = memory->job;
     if (fv_nn_run(model, kernels, memory->arena, &job->progress, units, ran) != FOVEA_OK) return;
@@ -66,8 +74,8 @@ static void run_some(const struct fv_detect_memory *memory, const struct fv_mode
     job->phase = FV_DETECT_DECODE;
 }
 
-enum fovea_status fv_detect_advance(const struct fv_detect_memory *memory, const struct fv_model *model, const struct fv_kernels *kernels,
-                                    uint32_t units, uint32_t *done)
+enum fovea_status fv_detect_advance(const struct fv_detect_memory *memory, const struct fv_model *model,
+                                    const struct fv_kernels *kernels, uint32_t units, uint32_t *done)
 {
     struct fv_detect_job *job = memory->job;
     *done = 0;

@@ -24,7 +24,8 @@ struct fv_detect_job {
     uint64_t sequence;
     int32_t width, height, stride_bytes, format; /* of the copied image */
     int32_t count, uncertain;
-    struct fovea_detection found[FOVEA_DETECTIONS_MAX]; /* of the last run that completed: `count`, then the uncertain ones */
+    /* of the last run that completed: `count`, then the uncertain ones */
+    struct fovea_detection found[FOVEA_DETECTIONS_MAX];
     int64_t found_stamp_ns;
     uint64_t found_sequence;
 };
@@ -39,17 +40,18 @@ struct fv_detect_memory {
 };
 
 /* Carve the pieces for images of up to `pixel_bytes` bytes. Works in counting mode. Init-only. */
-void fv_detect_carve(struct fv_detect_memory *memory, struct fv_arena *arena, const struct fv_model *model, size_t pixel_bytes);
+void fv_detect_carve(struct fv_detect_memory *memory, struct fv_arena *arena, const struct fv_model *model,
+                     size_t pixel_bytes);
 
 /* Take an image: its pixels are copied, without what lies between rows. FOVEA_AGAIN: the job is under way, nothing was taken. FOVEA_ERROR_UNSUPPORTED: the
  * image's format or size does not fit. */
-enum fovea_status fv_detect_start(const struct fv_detect_memory *memory, const struct fv_model *model, const struct fovea_image *image,
-                                  int64_t stamp_ns, uint64_t sequence);
+enum fovea_status fv_detect_start(const struct fv_detect_memory *memory, const struct fv_model *model,
+                                  const struct fovea_image *image, int64_t stamp_ns, uint64_t sequence);
 
 /* Go on for at most `units` units; `done` takes how many ran. FOVEA_OK: idle; job->found is new when the sequence in
  * found_sequence is that of the image taken. FOVEA_AGAIN: units are left. */
-enum fovea_status fv_detect_advance(const struct fv_detect_memory *memory, const struct fv_model *model, const struct fv_kernels *kernels,
-                                    uint32_t units, uint32_t *done);
+enum fovea_status fv_detect_advance(const struct fv_detect_memory *memory, const struct fv_model *model,
+                                    const struct fv_kernels *kernels, uint32_t units, uint32_t *done);
 
 #ifdef __cplusplus
 }

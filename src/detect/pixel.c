@@ -15,7 +15,14 @@ static uint8_t clamp8(int32_t value)
 /* BT.601 in 20-bit fixed point: 1.164 (Y - 16) and the usual weights of the colour differences. */
 static void from_yuv(int32_t y, int32_t u, int32_t v, uint8_t rgb[3])
 {
-    enum { HALF = 1 << 19, LUMA = 1220542, V_RED = 1673527, V_GREEN = -852492, U_GREEN = -409993, U_BLUE = 2116026 };
+    enum {
+        HALF = 1 << 19,
+        LUMA = 1220542,
+        V_RED = 1673527,
+        V_GREEN = -852492,
+        U_GREEN = -409993,
+        U_BLUE = 2116026
+    };
     const int32_t luma = (y > 16 ? y - 16 : 0) * LUMA + HALF;
     u -= 128;
     v -= 128;
@@ -27,8 +34,10 @@ static void from_yuv(int32_t y, int32_t u, int32_t v, uint8_t rgb[3])
 static void from_packed(const uint8_t *pair, int32_t x, int32_t luma_at, bool luma, uint8_t rgb[3])
 {
     const uint8_t y = pair[luma_at + 2 * (x & 1)];
-    if (luma) memset(rgb, y, 3);
-    else from_yuv(y, pair[1 - luma_at], pair[3 - luma_at], rgb);
+    if (luma)
+        memset(rgb, y, 3);
+    else
+        from_yuv(y, pair[1 - luma_at], pair[3 - luma_at], rgb);
 }
 
 static void from_planes(const struct fovea_image *image, int32_t x, int32_t y, bool luma, uint8_t rgb[3])
@@ -51,7 +60,8 @@ static void from_bayer(const struct fovea_image *image, int32_t x, int32_t y, ui
     /* Column and row of red within the cell. */
     const bool right = image->format == FOVEA_PIXEL_BAYER_BGGR8 || image->format == FOVEA_PIXEL_BAYER_GRBG8;
     const bool low = image->format == FOVEA_PIXEL_BAYER_BGGR8 || image->format == FOVEA_PIXEL_BAYER_GBRG8;
-    const uint8_t *upper = image->data + (ptrdiff_t)(y & ~1) * image->stride_bytes + (x & ~1), *lower = upper + image->stride_bytes;
+    const uint8_t *upper = image->data + (ptrdiff_t)(y & ~1) * image->stride_bytes + (x & ~1),
+                  *lower = upper + image->stride_bytes;
     const uint8_t *red_row = low ? lower : upper, *blue_row = low ? upper : lower;
     rgb[0] = red_row[right];
     rgb[1] = (uint8_t)((red_row[!right] + blue_row[right] + 1) / 2);
@@ -68,16 +78,34 @@ void fv_pixel_fetch(const struct fovea_image *image, int32_t x, int32_t y, bool 
 {
     const uint8_t *row = image->data + (ptrdiff_t)y * image->stride_bytes;
     switch (image->format) {
-    case FOVEA_PIXEL_GREY8: memset(rgb, row[x], 3); return;
-    case FOVEA_PIXEL_Y10: from_words(row + 2 * x, 2, rgb); return;
-    case FOVEA_PIXEL_Y12: from_words(row + 2 * x, 4, rgb); return;
-    case FOVEA_PIXEL_Y14: from_words(row + 2 * x, 6, rgb); return;
-    case FOVEA_PIXEL_Y16: from_words(row + 2 * x, 8, rgb); return;
-    case FOVEA_PIXEL_YUYV: from_packed(row + 4 * (x / 2), x, 0, luma, rgb); return;
-    case FOVEA_PIXEL_UYVY: from_packed(row + 4 * (x / 2), x, 1, luma, rgb); return;
+    case FOVEA_PIXEL_GREY8:
+        memset(rgb, row[x], 3);
+        return;
+    case FOVEA_PIXEL_Y10:
+        from_words(row + 2 * x, 2, rgb);
+        return;
+    case FOVEA_PIXEL_Y12:
+        from_words(row + 2 * x, 4, rgb);
+        return;
+    case FOVEA_PIXEL_Y14:
+        from_words(row + 2 * x, 6, rgb);
+        return;
+    case FOVEA_PIXEL_Y16:
+        from_words(row + 2 * x, 8, rgb);
+        return;
+    case FOVEA_PIXEL_YUYV:
+        from_packed(row + 4 * (x / 2), x, 0, luma, rgb);
+        return;
+    case FOVEA_PIXEL_UYVY:
+        from_packed(row + 4 * (x / 2), x, 1, luma, rgb);
+        return;
     case FOVEA_PIXEL_NV12:
-    case FOVEA_PIXEL_YU12: from_planes(image, x, y, luma, rgb); return;
-    case FOVEA_PIXEL_RGB24: memcpy(rgb, row + 3 * x, 3); return;
+    case FOVEA_PIXEL_YU12:
+        from_planes(image, x, y, luma, rgb);
+        return;
+    case FOVEA_PIXEL_RGB24:
+        memcpy(rgb, row + 3 * x, 3);
+        return;
     case FOVEA_PIXEL_BGR24:
         rgb[0] = row[3 * x + 2];
         rgb[1] = row[3 * x + 1];
@@ -86,19 +114,24 @@ void fv_pixel_fetch(const struct fovea_image *image, int32_t x, int32_t y, bool 
     case FOVEA_PIXEL_BAYER_RGGB8:
     case FOVEA_PIXEL_BAYER_BGGR8:
     case FOVEA_PIXEL_BAYER_GRBG8:
-    case FOVEA_PIXEL_BAYER_GBRG8: from_bayer(image, x, y, rgb); return;
+    case FOVEA_PIXEL_BAYER_GBRG8:
+        from_bayer(image, x, y, rgb);
+        return;
     case FOVEA_PIXEL_MJPEG:
-    case FOVEA_PIXEL_FORMAT_COUNT: break;
+    case FOVEA_PIXEL_FORMAT_COUNT:
+        break;
     }
     memset(rgb, 0, 3);
 }
 
 static void copy_rows(const uint8_t *from, int32_t from_stride, uint8_t *to, int32_t to_stride, int32_t rows)
 {
-    for (int32_t y = 0; y < rows; ++y) memcpy(to + (ptrdiff_t)y * to_stride, from + (ptrdiff_t)y * from_stride, (size_t)to_stride);
+    for (int32_t y = 0; y < rows; ++y)
+        memcpy(to + (ptrdiff_t)y * to_stride, from + (ptrdiff_t)y * from_stride, (size_t)to_stride);
 }
 
-enum fovea_status fv_pixel_copy(const struct fovea_image *image, uint8_t *to, size_t capacity, struct fovea_image *copied)
+enum fovea_status fv_pixel_copy(const struct fovea_image *image, uint8_t *to, size_t capacity,
+                                struct fovea_image *copied)
 {
     const int32_t stride = fovea_image_stride_min(image->format, image->width), h = image->height;
     const size_t bytes = fovea_image_bytes(image->format, h, stride);
@@ -107,7 +140,8 @@ enum fovea_status fv_pixel_copy(const struct fovea_image *image, uint8_t *to, si
     uint8_t *to_chroma = to + (size_t)stride * (size_t)h;
     copy_rows(image->data, image->stride_bytes, to, stride, h);
     if (image->format == FOVEA_PIXEL_NV12) copy_rows(chroma, image->stride_bytes, to_chroma, stride, h / 2);
-    if (image->format == FOVEA_PIXEL_YU12) copy_rows(chroma, image->stride_bytes / 2, to_chroma, stride / 2, h);
+    if (image->format == FOVEA_PIXEL_YU12)
+        copy_rows(chroma, image->stride_bytes / 2, to_chroma, stride / 2, h);
     *copied = *image;
     copied->data = to;
     copied->stride_bytes = stride;

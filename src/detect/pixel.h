@@ -22,6 +22,7 @@ void fv_pixel_fetch(const struct fovea_image *image, int32_t x, int32_t y, bool 
 
 /* Copy the pixels of a checked image, rows and planes without gaps, to `to`; `*copied` is a view of the copy.
  * FOVEA_ERROR_MEMORY: they do not fit into `capacity` bytes. Real-time safe. */
-enum fovea_status fv_pixel_copy(const struct fovea_image *image, uint8_t *to, size_t capacity, struct fovea_image *copied);
+enum fovea_status fv_pixel_copy(const struct fovea_image *image, uint8_t *to, size_t capacity,
+                                struct fovea_image *copied);
 
 #endif

@@ -7,20 +7,26 @@
 
 enum { WEIGHT_BITS = 15, WEIGHT_ONE = 1 << WEIGHT_BITS };
 
-enum fovea_status fv_detect_view(const struct fv_model *model, const struct fovea_image *image, struct fv_detect_view *view)
+enum fovea_status fv_detect_view(const struct fv_model *model, const struct fovea_image *image,
+                                 struct fv_detect_view *view)
 {
     const struct fv_model_preprocess *p = &model->header->preprocess;
     const struct fv_model_tensor *t = &model->tensors[model->inputs[0]];
     const int colours = p->channels == 1 || p->channels == 3;
-    const int fits = t->rank == 4 && t->dims[0] == 1 && t->dims[1] == p->height && t->dims[2] == p->width && t->dims[3] == p->channels &&
-                     (t->type == FV_TYPE_U8 || t->type == FV_TYPE_F32) && (t->flags & FV_TENSOR_CONST) == 0;
-    if (!colours || !fits || !fv_pixel_known(image->format) || image->width < 1 || image->height < 1) return FOVEA_ERROR_UNSUPPORTED;
-    *view = (struct fv_detect_view){.image_width = image->width, .image_height = image->height, .width = p->width, .height = p->height};
+    const int fits = t->rank == 4 && t->dims[0] == 1 && t->dims[1] == p->height && t->dims[2] == p->width &&
+                     t->dims[3] == p->channels && (t->type == FV_TYPE_U8 || t->type == FV_TYPE_F32) &&
+                     (t->flags & FV_TENSOR_CONST) == 0;
+    if (!colours || !fits || !fv_pixel_known(image->format) || image->width < 1 || image->height < 1)
+        return FOVEA_ERROR_UNSUPPORTED;
+    *view = (struct fv_detect_view){
+        .image_width = image->width, .image_height = image->height, .width = p->width, .height = p->height};
     if (p->fit == FV_FIT_LETTERBOX) {
         if ((int64_t)p->width * image->height < (int64_t)p->height * image->width) {
-            view->height = (int32_t)(((int64_t)image->height * p->width * 2 + image->width) / (2 * (int64_t)image->width));
+            view->height = (int32_t)(((int64_t)image->height * p->width * 2 + image->width) /
+                                     (2 * (int64_t)image->width));
         } else {
-            view->width = (int32_t)(((int64_t)image->width * p->height * 2 + image->height) / (2 * (int64_t)image->height));
+            view->width = (int32_t)(((int64_t)image->width * p->height * 2 + image->height) /
+                                    (2 * (int64_t)image->height));
         }
         view->width = view->width < 1 ? 1 : view->width;
         view->height = view->height < 1 ? 1 : view->height;
@@ -48,8 +54,8 @@ static void source_of(int32_t at, int32_t count, int32_t size, int32_t *low, int
 }
 
 /* Red, green and blue of one interpolated pixel. */
-static void sample(const struct fovea_image *image, const uint8_t *upper, const uint8_t *lower, int32_t wy, int32_t left, int32_t right,
-                   int32_t wx, uint8_t rgb[3])
+static void sample(const struct fovea_image *image, const uint8_t *upper, const uint8_t *lower, int32_t wy,
+                   int32_t left, int32_t right, int32_t wx, uint8_t rgb[3])
 {
     const int32_t channels = image->format == FOVEA_PIXEL_GREY8 ? 1 : 3;
     for (int32_t c = 0; c < channels; ++c) {
@@ -88,31 +94,37 @@ static void make_tables(const struct fv_model *model, struct tables *t)
 }
 
 /* The same for formats whose pixels must be made first. */
-static void sample_made(const struct fovea_image *image, const int32_t rows[2], int32_t wy, const int32_t columns[2], int32_t wx, bool luma,
-                        uint8_t rgb[3])
+static void sample_made(const struct fovea_image *image, const int32_t rows[2], int32_t wy,
+                        const int32_t columns[2], int32_t wx, bool luma, uint8_t rgb[3])
 {
     uint8_t p[4][3];
-    for (int k = 0; k < 4; ++k) fv_pixel_fetch(image, columns[k & 1], rows[k >> 1], luma, p[k]);
+    for (int k = 0; k < 4; ++k)
+        fv_pixel_fetch(image, columns[k & 1], rows[k >> 1], luma, p[k]);
     for (int c = 0; c < 3; ++c) {
-        const int32_t a = p[0][c] * (WEIGHT_ONE - wx) + p[1][c] * wx, b = p[2][c] * (WEIGHT_ONE - wx) + p[3][c] * wx;
+        const int32_t a = p[0][c] * (WEIGHT_ONE - wx) + p[1][c] * wx,
+                      b = p[2][c] * (WEIGHT_ONE - wx) + p[3][c] * wx;
         const int64_t sum = (int64_t)a * (WEIGHT_ONE - wy) + (int64_t)b * wy;
         rgb[c] = (uint8_t)((sum + (INT64_C(1) << (2 * WEIGHT_BITS - 1))) >> (2 * WEIGHT_BITS));
     }
 }
 
-static void put(const struct fv_model *model, const struct tables *t, uint8_t *input, ptrdiff_t at, const uint8_t rgb[3])
+static void put(const struct fv_model *model, const struct tables *t, uint8_t *input, ptrdiff_t at,
+                const uint8_t rgb[3])
 {
     const struct fv_model_preprocess *p = &model->header->preprocess;
     const int real = model->tensors[model->inputs[0]].type == FV_TYPE_F32;
     uint8_t value[3] = {rgb[0], rgb[1], rgb[2]};
-    if (p->channels == 1) value[0] = (uint8_t)((9798 * rgb[0] + 19235 * rgb[1] + 3735 * rgb[2] + 16384) >> 15);
+    if (p->channels == 1)
+        value[0] = (uint8_t)((9798 * rgb[0] + 19235 * rgb[1] + 3735 * rgb[2] + 16384) >> 15);
     if (p->order == 1) {
         value[0] = rgb[2];
         value[2] = rgb[0];
     }
     for (int32_t c = 0; c < p->channels; ++c) {
-        if (real) memcpy(input + (at * p->channels + c) * 4, &t->real[c][value[c]], 4);
-        else input[at * p->channels + c] = t->byte[c][value[c]];
+        if (real)
+            memcpy(input + (at * p->channels + c) * 4, &t->real[c][value[c]], 4);
+        else
+            input[at * p->channels + c] = t->byte[c][value[c]];
     }
 }
 
@@ -124,7 +136,8 @@ struct block {
     int32_t shown[BLOCK_ROWS], up[BLOCK_ROWS], down[BLOCK_ROWS], wy[BLOCK_ROWS];
 };
 
-static void block_begin(const struct fovea_image *image, const struct fv_detect_view *view, int32_t begin, int32_t end, struct block *b)
+static void block_begin(const struct fovea_image *image, const struct fv_detect_view *view, int32_t begin,
+                        int32_t end, struct block *b)
 {
     b->begin = begin;
     b->count = end - begin < BLOCK_ROWS ? end - begin : BLOCK_ROWS;
@@ -135,11 +148,13 @@ static void block_begin(const struct fovea_image *image, const struct fv_detect_
     }
 }
 
-static void fill_column(const struct fv_model *model, const struct tables *tables, const struct fovea_image *image,
-                        const struct fv_detect_view *view, const struct block *b, int32_t x, uint8_t *input)
+static void fill_column(const struct fv_model *model, const struct tables *tables,
+                        const struct fovea_image *image, const struct fv_detect_view *view,
+                        const struct block *b, int32_t x, uint8_t *input)
 {
     const struct fv_model_preprocess *p = &model->header->preprocess;
-    const bool plain = image->format == FOVEA_PIXEL_GREY8 || image->format == FOVEA_PIXEL_RGB24 || image->format == FOVEA_PIXEL_BGR24;
+    const bool plain = image->format == FOVEA_PIXEL_GREY8 || image->format == FOVEA_PIXEL_RGB24 ||
+                       image->format == FOVEA_PIXEL_BGR24;
     const int32_t ix = x - view->left, is_shown = ix >= 0 && ix < view->width;
     int32_t columns[2] = {0, 0}, wx = 0;
     if (is_shown) source_of(ix, view->width, image->width, &columns[0], &columns[1], &wx);
@@ -147,8 +162,9 @@ static void fill_column(const struct fv_model *model, const struct tables *table
         uint8_t rgb[3] = {(uint8_t)p->pad, (uint8_t)p->pad, (uint8_t)p->pad};
         const int32_t rows[2] = {b->up[i], b->down[i]};
         if (is_shown && b->shown[i] && plain) {
-            sample(image, image->data + (ptrdiff_t)rows[0] * image->stride_bytes, image->data + (ptrdiff_t)rows[1] * image->stride_bytes,
-                   b->wy[i], columns[0], columns[1], wx, rgb);
+            sample(image, image->data + (ptrdiff_t)rows[0] * image->stride_bytes,
+                   image->data + (ptrdiff_t)rows[1] * image->stride_bytes, b->wy[i], columns[0], columns[1],
+                   wx, rgb);
         } else if (is_shown && b->shown[i]) {
             sample_made(image, rows, b->wy[i], columns, wx, p->channels == 1, rgb);
         }
@@ -157,21 +173,26 @@ static void fill_column(const struct fv_model *model, const struct tables *table
 }
 
 /* A grey frame of the network's own size needs no interpolation: most cameras' case, and thirty times faster. */
-static bool is_direct(const struct fv_model *model, const struct fovea_image *image, const struct fv_detect_view *view)
+static bool is_direct(const struct fv_model *model, const struct fovea_image *image,
+                      const struct fv_detect_view *view)
 {
-    return image->format == FOVEA_PIXEL_GREY8 && model->header->preprocess.channels == 1 && view->width == image->width &&
-           view->height == image->height && model->tensors[model->inputs[0]].type == FV_TYPE_U8;
+    return image->format == FOVEA_PIXEL_GREY8 && model->header->preprocess.channels == 1 &&
+           view->width == image->width && view->height == image->height &&
+           model->tensors[model->inputs[0]].type == FV_TYPE_U8;
 }
 
-int32_t fv_detect_rows_per_unit(const struct fv_model *model, const struct fovea_image *image, const struct fv_detect_view *view)
+int32_t fv_detect_rows_per_unit(const struct fv_model *model, const struct fovea_image *image,
+                                const struct fv_detect_view *view)
 {
     enum { PIXELS = 9600, PIXELS_DIRECT = 96000 };
-    const int32_t pixels = is_direct(model, image, view) ? PIXELS_DIRECT : PIXELS, width = model->header->preprocess.width;
+    const int32_t pixels = is_direct(model, image, view) ? PIXELS_DIRECT : PIXELS,
+                  width = model->header->preprocess.width;
     return width >= pixels ? 1 : pixels / (width < 1 ? 1 : width);
 }
 
-static void fill_direct(const struct fv_model *model, const uint8_t table[256], const struct fovea_image *image,
-                        const struct fv_detect_view *view, int32_t y, uint8_t *input)
+static void fill_direct(const struct fv_model *model, const uint8_t table[256],
+                        const struct fovea_image *image, const struct fv_detect_view *view, int32_t y,
+                        uint8_t *input)
 {
     const int32_t width = model->header->preprocess.width, iy = y - view->top;
     const uint8_t pad = table[(uint8_t)model->header->preprocess.pad];
@@ -179,22 +200,25 @@ static void fill_direct(const struct fv_model *model, const uint8_t table[256], 
     memset(to, pad, (size_t)width);
     if (iy < 0 || iy >= view->height) return;
     const uint8_t *from = image->data + (ptrdiff_t)iy * image->stride_bytes;
-    for (int32_t x = 0; x < view->width; ++x) to[view->left + x] = table[from[x]];
+    for (int32_t x = 0; x < view->width; ++x)
+        to[view->left + x] = table[from[x]];
 }
 
-void fv_detect_fill(const struct fv_model *model, const struct fovea_image *image, const struct fv_detect_view *view, uint8_t *arena,
-                    int32_t begin, int32_t end)
+void fv_detect_fill(const struct fv_model *model, const struct fovea_image *image,
+                    const struct fv_detect_view *view, uint8_t *arena, int32_t begin, int32_t end)
 {
     uint8_t *input = fv_nn_tensor(model, arena, model->inputs[0]);
     struct tables tables;
     struct block block = {.count = 0};
     make_tables(model, &tables);
     if (is_direct(model, image, view)) {
-        for (int32_t y = begin; y < end; ++y) fill_direct(model, tables.byte[0], image, view, y, input);
+        for (int32_t y = begin; y < end; ++y)
+            fill_direct(model, tables.byte[0], image, view, y, input);
         return;
     }
     for (int32_t y = begin; y < end; y += block.count) {
         block_begin(image, view, y, end, &block);
-        for (int32_t x = 0; x < model->header->preprocess.width; ++x) fill_column(model, &tables, image, view, &block, x, input);
+        for (int32_t x = 0; x < model->header->preprocess.width; ++x)
+            fill_column(model, &tables, image, view, &block, x, input);
     }
 }

@@ -24,14 +24,16 @@ struct fv_detect_view {
 /* Whether the model takes images at all (a first input of 8-bit or float [1, h, w, 1 or 3]) and `image` has a format that
  * can be read: all but the compressed ones (detect/pixel.h). Fills `view`. Real-time safe.
  * FOVEA_ERROR_UNSUPPORTED: it does not. */
-enum fovea_status fv_detect_view(const struct fv_model *model, const struct fovea_image *image, struct fv_detect_view *view);
+enum fovea_status fv_detect_view(const struct fv_model *model, const struct fovea_image *image,
+                                 struct fv_detect_view *view);
 
 /* Rows of the input that are filled in about 0.1 ms here, 0.25 ms on a slow board. Real-time safe. */
-int32_t fv_detect_rows_per_unit(const struct fv_model *model, const struct fovea_image *image, const struct fv_detect_view *view);
+int32_t fv_detect_rows_per_unit(const struct fv_model *model, const struct fovea_image *image,
+                                const struct fv_detect_view *view);
 
 /* Fill rows [begin, end) of the input tensor (its height is preprocess.height). Real-time safe. */
-void fv_detect_fill(const struct fv_model *model, const struct fovea_image *image, const struct fv_detect_view *view,
-                    uint8_t *arena, int32_t begin, int32_t end);
+void fv_detect_fill(const struct fv_model *model, const struct fovea_image *image,
+                    const struct fv_detect_view *view, uint8_t *arena, int32_t begin, int32_t end);
 
 #ifdef __cplusplus
 }

@@ -31,9 +31,10 @@ struct fv_match {
 
 struct fv_match_rules {
     uint16_t distance_max; /* [0, 256], FV_MATCH_DISTANCE_ANY: no limit */
-    uint16_t ratio_q8; /* [1, 256]: kept when 256 distance < ratio_q8 second (Lowe's ratio test; 0.8 is 205);
-                          FV_MATCH_RATIO_ANY: not tested */
-    bool mutual;       /* cross check: the query must be the nearest of its train as well */
+    /* [1, 256]: kept when 256 distance < ratio_q8 second (Lowe's ratio test; 0.8 is 205);
+     * FV_MATCH_RATIO_ANY: not tested */
+    uint16_t ratio_q8;
+    bool mutual; /* cross check: the query must be the nearest of its train as well */
 };
 
 /* Where the match of a query is expected. */

@@ -9,12 +9,21 @@
 
 #include "fovea/elementary.h"
 
-enum { SCAN_STEPS = 2048, BISECTIONS = 48, AZIMUTHS = 16, RADIAL_STEPS = 60, PLANE_STEPS = 20, SHARE_COLUMNS = 16, SHARE_ROWS = 12 };
+enum {
+    SCAN_STEPS = 2048,
+    BISECTIONS = 48,
+    AZIMUTHS = 16,
+    RADIAL_STEPS = 60,
+    PLANE_STEPS = 20,
+    SHARE_COLUMNS = 16,
+    SHARE_ROWS = 12
+};
 
 static const double field_limit_radtan_rad = 1.56; /* the image plane reaches infinity at pi/2 */
 static const double field_min_rad = 0.02;          /* a lens that folds back earlier is a wrong calibration */
-static const double share_min = 0.4;           /* of the image that sees something: a circular fish-eye leaves the corners dark */
-static const double residual_max = 1e-9;           /* of unprojection, on the plane at distance 1 */
+static const double share_min =
+    0.4; /* of the image that sees something: a circular fish-eye leaves the corners dark */
+static const double residual_max = 1e-9; /* of unprojection, on the plane at distance 1 */
 
 /* ---- radial-tangential ------------------------------------------------------------------------------- */
 
@@ -313,10 +322,11 @@ enum fovea_status fovea_camera_prepare(struct fovea_camera *camera, struct fovea
     camera->field_max_rad = low;
     const double seen = fv_share_seen(camera);
     if (seen < share_min)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "camera distortion: folds back at %.2f rad from the axis, so that only %.0f %% of the "
-                               "image sees anything, expected at least %.0f %%",
-                               low, 100 * seen, 100 * share_min);
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT,
+            "camera distortion: folds back at %.2f rad from the axis, so that only %.0f %% of the "
+            "image sees anything, expected at least %.0f %%",
+            low, 100 * seen, 100 * share_min);
     return FOVEA_OK;
 }
 

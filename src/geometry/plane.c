@@ -95,7 +95,8 @@ static bool fv_plane_refine(const struct fv_plane_point *points, uint32_t count,
         const double *p = points[i].p;
         double e = fv_plane_residual(down, *height, &points[i]);
         if (e * e > gate * gate) continue;
-        const double said = fv_dot3(down, p) / *height, w = 1 / (points[i].sigma * points[i].sigma * said * said);
+        const double said = fv_dot3(down, p) / *height,
+                     w = 1 / (points[i].sigma * points[i].sigma * said * said);
         for (int r = 0; r < 3; r++) {
             for (int c = 0; c < 3; c++)
                 A[3 * r + c] += w * p[r] * p[c];

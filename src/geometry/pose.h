@@ -50,8 +50,9 @@ uint32_t fv_pose_sample(struct fv_sight *sights, uint32_t count, const struct fv
 struct fv_pose_fit {
     uint32_t inliers; /* sights with weighted squared error below the chi-square bound 5.991 (95 %, 2 dof) */
     double cost;      /* sum of their weighted squared errors, px^2 */
-    double information[36]; /* of the inliers, row-major, order as in fv_se3_move (camera side, translation
-                               first) */
+    /* of the inliers, row-major, order as in fv_se3_move (camera side, translation
+     * first) */
+    double information[36];
 };
 
 /* Refine T_cam_world over all sights by Gauss-Newton with Huber weights, in `rounds` of `steps`; after each
@@ -66,7 +67,8 @@ double fv_pose_variance(const struct fv_pose_fit *fit);
 /* Go on from fv_pose_refine's pose and fit, with the limit that the noise found allows: 9.21 (chi-square, 99 %, 2 dof) times
  * its variance, and never more than before. Where matches are good to a third of a pixel, what is a pixel off is a thing
  * that moves. Two steps. False when the system is singular (pose untouched). */
-bool fv_pose_settle(struct fv_sight *sights, uint32_t count, struct fv_se3 *T_cam_world, struct fv_pose_fit *fit);
+bool fv_pose_settle(struct fv_sight *sights, uint32_t count, struct fv_se3 *T_cam_world,
+                    struct fv_pose_fit *fit);
 
 #ifdef __cplusplus
 }

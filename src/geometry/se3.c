@@ -8,7 +8,8 @@
 void fv_se3_from_rows(const double rows[12], struct fv_se3 *T)
 {
     for (int r = 0; r < 3; r++) {
-        for (int c = 0; c < 3; c++) T->R[3 * r + c] = rows[4 * r + c];
+        for (int c = 0; c < 3; c++)
+            T->R[3 * r + c] = rows[4 * r + c];
         T->t[r] = rows[4 * r + 3];
     }
 }
@@ -16,7 +17,8 @@ void fv_se3_from_rows(const double rows[12], struct fv_se3 *T)
 void fv_se3_to_rows(const struct fv_se3 *T, double rows[12])
 {
     for (int r = 0; r < 3; r++) {
-        for (int c = 0; c < 3; c++) rows[4 * r + c] = T->R[3 * r + c];
+        for (int c = 0; c < 3; c++)
+            rows[4 * r + c] = T->R[3 * r + c];
         rows[4 * r + 3] = T->t[r];
     }
 }

@@ -7,7 +7,8 @@
 #include "geometry/sim3.h"
 #include "geometry/vec.h"
 
-static const double huber_square = 5.991; /* 95 % of chi-square with 2 degrees of freedom, those of the pixels */
+static const double huber_square =
+    5.991; /* 95 % of chi-square with 2 degrees of freedom, those of the pixels */
 static const double distance_ratio_max = 1.5;
 
 /* ---- closed form ----------------------------------------------------------------------------------- */
@@ -40,7 +41,7 @@ bool fv_sim3_align(const double (*a)[3], const double (*b)[3], uint32_t count, s
     double along = 0;
     fv_eigen_symmetric(N, 4, values, V);
     fv_so3_from_quaternion(V, S->R); /* that of the largest eigenvalue */
-    for (int r = 0; r < 3; r++) /* sum of x . R y */
+    for (int r = 0; r < 3; r++)      /* sum of x . R y */
         for (int c = 0; c < 3; c++)
             along += S->R[3 * r + c] * M[3 * c + r];
     S->s = along / (spread[0] + spread[4] + spread[8]);
@@ -67,13 +68,15 @@ static bool fv_square_error(const double bearing[3], const double A[6], double w
     double e[2], J[6];
     *square = 0;
     if (!fv_sight_error(bearing, A, q, e, J)) return false;
-    const double u[2] = {fv_dot3(J, along), fv_dot3(J + 3, along)}, by_u = weight * (u[0] * e[0] + u[1] * e[1]);
+    const double u[2] = {fv_dot3(J, along), fv_dot3(J + 3, along)},
+                 by_u = weight * (u[0] * e[0] + u[1] * e[1]);
     *square = weight * (e[0] * e[0] + e[1] * e[1]) - by_u * by_u / (1 + weight * (u[0] * u[0] + u[1] * u[1]));
     return true;
 }
 
 /* A point of one camera in the other's frame, and its error along its ray there. */
-static void fv_move_point(const struct fv_sim3 *S, const double point[3], double sigma, double q[3], double along[3])
+static void fv_move_point(const struct fv_sim3 *S, const double point[3], double sigma, double q[3],
+                          double along[3])
 {
     fv_sim3_apply(S, point, q);
     for (int k = 0; k < 3; k++)

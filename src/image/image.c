@@ -67,7 +67,8 @@ enum fovea_status fovea_image_check(const struct fovea_image *image)
         return image->stride_bytes == 0 && image->size_bytes > 0 ? FOVEA_OK : FOVEA_ERROR_ARGUMENT;
     if ((layout->even_width && image->width % 2 != 0) || (layout->even_height && image->height % 2 != 0))
         return FOVEA_ERROR_ARGUMENT;
-    if (image->stride_bytes < fovea_image_stride_min(image->format, image->width)) return FOVEA_ERROR_ARGUMENT;
+    if (image->stride_bytes < fovea_image_stride_min(image->format, image->width))
+        return FOVEA_ERROR_ARGUMENT;
     if (layout->half_strides_per_row == 3 && image->stride_bytes % 2 != 0) return FOVEA_ERROR_ARGUMENT;
 
     /* The last row need not be followed by its padding. */
@@ -75,6 +76,7 @@ enum fovea_status fovea_image_check(const struct fovea_image *image)
     const int32_t last_row = layout->half_strides_per_row == 3 && image->format == FOVEA_PIXEL_YU12
                                  ? image->width / 2
                                  : fovea_image_stride_min(image->format, image->width);
-    const int32_t last_stride = image->format == FOVEA_PIXEL_YU12 ? image->stride_bytes / 2 : image->stride_bytes;
+    const int32_t last_stride =
+        image->format == FOVEA_PIXEL_YU12 ? image->stride_bytes / 2 : image->stride_bytes;
     return image->size_bytes >= whole - (size_t)(last_stride - last_row) ? FOVEA_OK : FOVEA_ERROR_ARGUMENT;
 }

@@ -48,7 +48,8 @@ static void shrink(const struct fv_kernels *kernels, const struct fv_level *from
     }
 }
 
-void fv_pyramid_build(struct fv_pyramid *pyramid, const struct fv_kernels *kernels, const struct fovea_image *frame)
+void fv_pyramid_build(struct fv_pyramid *pyramid, const struct fv_kernels *kernels,
+                      const struct fovea_image *frame)
 {
     fv_grey_convert(pyramid->level[0].pixels, pyramid->level[0].stride_bytes, kernels, frame);
     for (uint32_t i = 1; i < pyramid->levels; i++)

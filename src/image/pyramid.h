@@ -57,7 +57,8 @@ void fv_pyramid_carve(struct fv_pyramid *pyramid, int32_t width, int32_t height,
 
 /* Build all levels from a frame of the carved size in any uncompressed format, already checked with
  * fovea_image_check. Real-time safe; cost proportional to the pixels. */
-void fv_pyramid_build(struct fv_pyramid *pyramid, const struct fv_kernels *kernels, const struct fovea_image *frame);
+void fv_pyramid_build(struct fv_pyramid *pyramid, const struct fv_kernels *kernels,
+                      const struct fovea_image *frame);
 
 #ifdef __cplusplus
 }

@@ -6,8 +6,8 @@
 
 enum { FRACTION = 64, COLUMN_MAX = 14, ROW_MAX = 2 };
 
-bool fv_view_to_raw(const struct fv_rectified *view, const struct fovea_camera *camera, double x_px, double y_px,
-                    double raw_px[2])
+bool fv_view_to_raw(const struct fv_rectified *view, const struct fovea_camera *camera, double x_px,
+                    double y_px, double raw_px[2])
 {
     const double x = (x_px - view->cx) / view->fx, y = (y_px - view->cy) / view->fy;
     const double pinhole[3] = {x, y, 1.0};
@@ -40,8 +40,8 @@ struct fv_places {
     int32_t at[FV_REMAP_BLOCK][2]; /* 1/64 pixels */
 };
 
-static void block_places(const struct fv_rectified *view, const struct fovea_camera *camera, int32_t x, int32_t y,
-                         struct fv_places *places)
+static void block_places(const struct fv_rectified *view, const struct fovea_camera *camera, int32_t x,
+                         int32_t y, struct fv_places *places)
 {
     for (int i = 0; i < FV_REMAP_BLOCK; i++)
         places->inside[i] = place_of(view, camera, x + i, y, places->at[i]);

@@ -52,17 +52,17 @@ struct fv_rectify {
  * square pixels and its own centre. FOVEA_ERROR_ARGUMENT: the camera sees too little for that; `error` says
  * so. Init-only. */
 enum fovea_status fv_view_choose(const struct fovea_camera *camera, enum fv_view_shape shape,
-                                 enum fv_view_fit fit, int32_t width, int32_t height, struct fv_rectified *view,
-                                 struct fovea_error *error);
+                                 enum fv_view_fit fit, int32_t width, int32_t height,
+                                 struct fv_rectified *view, struct fovea_error *error);
 
 /* Where a pixel of the view looks, in the raw image. Returns false where the camera does not see it. */
-bool fv_view_to_raw(const struct fv_rectified *view, const struct fovea_camera *camera, double x_px, double y_px,
-                    double raw_px[2]);
+bool fv_view_to_raw(const struct fv_rectified *view, const struct fovea_camera *camera, double x_px,
+                    double y_px, double raw_px[2]);
 
 /* Where the view shows a raw pixel, which may lie outside it. Returns false where it cannot show it. Bounded; real-time
  * safe. */
-bool fv_view_from_raw(const struct fv_rectified *view, const struct fovea_camera *camera, double x_px, double y_px,
-                      double view_px[2]);
+bool fv_view_from_raw(const struct fv_rectified *view, const struct fovea_camera *camera, double x_px,
+                      double y_px, double view_px[2]);
 
 /* Take the map for this camera and view. Computes it, to know its size: some 100 ms when counting, as much
  * again when building, when the map is filled in. Init-only. */

@@ -84,8 +84,8 @@ static bool border_bounds(const struct fovea_camera *camera, enum fv_view_shape 
 }
 
 enum fovea_status fv_view_choose(const struct fovea_camera *camera, enum fv_view_shape shape,
-                                 enum fv_view_fit fit, int32_t width, int32_t height, struct fv_rectified *view,
-                                 struct fovea_error *error)
+                                 enum fv_view_fit fit, int32_t width, int32_t height,
+                                 struct fv_rectified *view, struct fovea_error *error)
 {
     struct bounds outer, inner;
     if (width < FOVEA_IMAGE_WIDTH_MIN || width > FOVEA_IMAGE_WIDTH_MAX || height < FOVEA_IMAGE_HEIGHT_MIN ||
@@ -116,8 +116,8 @@ enum fovea_status fv_view_choose(const struct fovea_camera *camera, enum fv_view
     return FOVEA_OK;
 }
 
-bool fv_view_from_raw(const struct fv_rectified *view, const struct fovea_camera *camera, double x_px, double y_px,
-                      double view_px[2])
+bool fv_view_from_raw(const struct fv_rectified *view, const struct fovea_camera *camera, double x_px,
+                      double y_px, double view_px[2])
 {
     double at[2];
     if (!normalised(camera, view->shape, x_px, y_px, at)) return false;

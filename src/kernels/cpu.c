@@ -119,8 +119,8 @@ enum fovea_status fv_cpu_parse(const char *name, enum fv_cpu_set *set, struct fo
         }
         strcat(strcat(offered, i == 0 ? "" : ", "), sets[i].name);
     }
-    return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "FOVEA_CPU: found '%.32s', %s; expected one of %s", name,
-                           known ? "which this processor lacks" : "which is not a kernel set", offered);
+    return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "FOVEA_CPU: found '%.32s', %s; expected one of %s",
+                           name, known ? "which this processor lacks" : "which is not a kernel set", offered);
 }
 
 enum fovea_status fv_cpu_from_environment(enum fv_cpu_set *set, struct fovea_error *error)

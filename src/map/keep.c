@@ -107,7 +107,8 @@ static void fv_sweep(struct fv_map *map, uint32_t wanted, uint32_t observers_max
         uint32_t slot = s->hand;
         s->hand = slot + 1 < map->limits.landmarks ? slot + 1 : 0;
         const struct fv_landmark *l = &map->landmarks[slot];
-        if (l->used && l->observer_count <= observers_max && (uint32_t)frame_number - l->seen > FV_MAP_UNSEEN_FRAMES)
+        if (l->used && l->observer_count <= observers_max &&
+            (uint32_t)frame_number - l->seen > FV_MAP_UNSEEN_FRAMES)
             fv_map_remove_landmark(map, slot);
     }
 }
@@ -140,7 +141,8 @@ static void fv_leave(struct fv_map_state *s)
 {
     for (uint32_t i = 0; i < FV_MAP_WORLDS_MAX; i++) /* at most one entry per map */
         if (s->left[i].map_id == s->map_id) s->left[i].odom_id = s->left[i].map_id = UINT32_MAX;
-    s->left[s->left_count++ % FV_MAP_WORLDS_MAX] = (struct fv_map_odom){s->map_id, s->odom_id, s->S_map_odom, s->scale};
+    s->left[s->left_count++ % FV_MAP_WORLDS_MAX] =
+        (struct fv_map_odom){s->map_id, s->odom_id, s->S_map_odom, s->scale};
 }
 
 /* An `odom` frame of its own, of which nothing is known. */

@@ -15,10 +15,10 @@ enum {
     SAMPLE_TESTS_PER_UNIT = 1500, /* meetings tested, all samples together */
     SAMPLE_SOLVED_TESTS = 50,     /* so many tests take as long as the closed form of a sample */
     REFINEMENTS = 2,
-    SAMPLED_MIN = 12,             /* meetings that agree with the best sample */
-    MEETINGS_MIN = 25,            /* that agree after the guided search */
-    FOUND_MIN = 40,               /* landmarks of the group found in the keyframe */
-    FOUND_BEFORE_MIN = 30,        /* in one before it */
+    SAMPLED_MIN = 12,      /* meetings that agree with the best sample */
+    MEETINGS_MIN = 25,     /* that agree after the guided search */
+    FOUND_MIN = 40,        /* landmarks of the group found in the keyframe */
+    FOUND_BEFORE_MIN = 30, /* in one before it */
     ASKED_BEFORE_MAX = 4,
     BELIEF_KEYFRAMES = 6 /* keyframes for which a sighting waits for the next */
 };
@@ -168,7 +168,8 @@ double fv_loop_distance_sigma(const struct fv_landmark *l, const double A[6], do
     double pixels2 = 0; /* per rad, squared, twice */
     for (int k = 0; k < 6; k++)
         pixels2 += A[k] * A[k];
-    const double parallax = (double)l->spread * (double)l->spread * l->observer_count * weight * 0.5 * pixels2;
+    const double parallax =
+        (double)l->spread * (double)l->spread * l->observer_count * weight * 0.5 * pixels2;
     const double variance = distance_sigma_least * distance_sigma_least + (parallax > 1 ? 1 / parallax : 1);
     return __builtin_sqrt(variance);
 }
@@ -188,12 +189,14 @@ static void fv_side(const struct fv_map *map, const struct fv_view *view, uint32
     *sigma = fv_loop_distance_sigma(l, A, *weight);
 }
 
-void fv_loop_side_a(const struct fv_map *map, const struct fv_view *view, uint32_t feature, struct fv_meeting *m)
+void fv_loop_side_a(const struct fv_map *map, const struct fv_view *view, uint32_t feature,
+                    struct fv_meeting *m)
 {
     fv_side(map, view, feature, m->point_a, &m->sigma_a, m->bearing_a, m->A_a, &m->weight_a);
 }
 
-void fv_loop_side_b(const struct fv_map *map, const struct fv_view *view, uint32_t feature, struct fv_meeting *m)
+void fv_loop_side_b(const struct fv_map *map, const struct fv_view *view, uint32_t feature,
+                    struct fv_meeting *m)
 {
     fv_side(map, view, feature, m->point_b, &m->sigma_b, m->bearing_b, m->A_b, &m->weight_b);
 }

@@ -34,7 +34,8 @@ enum {
     FV_LOOP_GROUP_MAX = 2000,   /* landmarks around a candidate */
     FV_LOOP_NEIGHBOURS = 6,     /* keyframes around a candidate */
     FV_LOOP_FUSED_INTO = 8,     /* keyframes that the group is fused into */
-    FV_LOOP_HELD_BY_KEYFRAME = 5, /* edges of the graph: to its parent and the neighbours that share most with it */
+    FV_LOOP_HELD_BY_KEYFRAME =
+        5, /* edges of the graph: to its parent and the neighbours that share most with it */
     FV_LOOP_SIGHTINGS = 3
 };
 
@@ -135,8 +136,10 @@ bool fv_loop_unit(struct fv_loop_closer *loop, struct fv_map *map, const struct 
 
 bool fv_loop_named(const struct fv_map *map, struct fv_loop_name name);
 /* Camera a's side of a meeting, or camera b's: the landmark of a feature in its frame, and what the feature says of it. */
-void fv_loop_side_a(const struct fv_map *map, const struct fv_view *view, uint32_t feature, struct fv_meeting *m);
-void fv_loop_side_b(const struct fv_map *map, const struct fv_view *view, uint32_t feature, struct fv_meeting *m);
+void fv_loop_side_a(const struct fv_map *map, const struct fv_view *view, uint32_t feature,
+                    struct fv_meeting *m);
+void fv_loop_side_b(const struct fv_map *map, const struct fv_view *view, uint32_t feature,
+                    struct fv_meeting *m);
 /* Standard deviation of a landmark's distance, relative, by its parallax; A and weight: of a sight of it. */
 double fv_loop_distance_sigma(const struct fv_landmark *l, const double A[6], double weight);
 /* Search the group's landmarks in a keyframe that S_keyframe_candidate is said to hold for, from state->next

@@ -43,7 +43,8 @@ static bool fv_in_image(const struct fv_loop_closer *loop, const struct fv_map *
 /* A landmark found at a feature that has a landmark of its own: the two meet. The candidate need not see the
  * landmark, so its side says only how far it is. False when the two are not at one distance. */
 static bool fv_add_meeting(struct fv_loop_closer *loop, const struct fv_map *map, const struct fv_view *view,
-                           uint32_t feature, const struct fv_landmark *l, const double q[3], const double in_candidate[3])
+                           uint32_t feature, const struct fv_landmark *l, const double q[3],
+                           const double in_candidate[3])
 {
     struct fv_meeting *m = &loop->meetings[loop->state->meeting_count];
     memset(m, 0, sizeof *m);

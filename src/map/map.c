@@ -25,7 +25,8 @@ void fv_map_carve(struct fv_map *map, const struct fv_map_limits *limits, const 
     map->points = fv_arena_take(arena, features, sizeof *map->points);
     map->descriptors = fv_arena_take(arena, features, FV_MAP_DESCRIPTOR_BYTES);
     map->links = fv_arena_take(arena, features, sizeof *map->links);
-    map->keypoints = fv_arena_take(arena, (size_t)(1 + FV_MAP_WAITING_MAX) * limits->features, sizeof *map->keypoints);
+    map->keypoints =
+        fv_arena_take(arena, (size_t)(1 + FV_MAP_WAITING_MAX) * limits->features, sizeof *map->keypoints);
     map->cells = fv_arena_take(arena, views * (size_t)(map->columns * map->rows + 1), sizeof *map->cells);
 }
 

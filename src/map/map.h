@@ -82,14 +82,14 @@ struct fv_observer {
 };
 
 struct fv_landmark {
-    double point[3];          /* world */
-    float distance;           /* from the reference camera, world units */
-    float spread;             /* rms angle (rad) of the rays from its observers around their mean: its parallax */
-    uint32_t generation;      /* of the slot */
-    uint32_t mark;            /* scratch of gathering: last round that met it */
-    uint32_t born, seen;      /* numbers of frames, modulo 2^32: first, and last found */
+    double point[3];     /* world */
+    float distance;      /* from the reference camera, world units */
+    float spread;        /* rms angle (rad) of the rays from its observers around their mean: its parallax */
+    uint32_t generation; /* of the slot */
+    uint32_t mark;       /* scratch of gathering: last round that met it */
+    uint32_t born, seen; /* numbers of frames, modulo 2^32: first, and last found */
     uint16_t expected, found; /* frames in which it should have been, and was, seen; both halved when large */
-    int16_t direction[3];     /* mean unit vector from the cameras that see it to it, of FV_MAP_DIRECTION_ONE */
+    int16_t direction[3]; /* mean unit vector from the cameras that see it to it, of FV_MAP_DIRECTION_ONE */
     uint8_t observer_count;
     uint8_t best;  /* the observer whose descriptor is nearest to the others' */
     uint8_t level; /* of the reference observation */
@@ -122,12 +122,12 @@ struct fv_map_state {
     uint32_t keyframe_count, landmark_count;
     uint32_t free_count; /* of the list of free landmark slots */
     uint32_t mark;
-    uint32_t map_id;     /* of the map that is being made or tracked */
-    uint32_t map_next;   /* id of the next map; ids are never used again */
-    uint32_t edge_count; /* edges written, modulo FV_MAP_EDGES_MAX the next one's place */
-    uint32_t hand;       /* landmark slot at which the search for room goes on */
-    uint32_t odom_id; /* of the frame that poses are published in; that of the map that began it */
-    uint32_t left_count; /* maps left, modulo FV_MAP_WORLDS_MAX the next one's place */
+    uint32_t map_id;       /* of the map that is being made or tracked */
+    uint32_t map_next;     /* id of the next map; ids are never used again */
+    uint32_t edge_count;   /* edges written, modulo FV_MAP_EDGES_MAX the next one's place */
+    uint32_t hand;         /* landmark slot at which the search for room goes on */
+    uint32_t odom_id;      /* of the frame that poses are published in; that of the map that began it */
+    uint32_t left_count;   /* maps left, modulo FV_MAP_WORLDS_MAX the next one's place */
     uint32_t landmark_top; /* slots from here on were never used: passes over all landmarks end here */
     uint32_t reserved;
     struct fv_sim3 S_map_odom; /* of the current map, as is the scale */
@@ -163,8 +163,9 @@ struct fv_view {
     struct fv_keyframe *frame;
     struct fv_pixel *points; /* cell by cell */
     uint8_t *descriptors;
-    int16_t *landmark; /* slot, or FV_MAP_NONE; written by fv_map_link / unlink only, except for the current
-                          frame */
+    /* slot, or FV_MAP_NONE; written by fv_map_link / unlink only, except for the current
+     * frame */
+    int16_t *landmark;
     struct fv_keypoint *keypoints; /* of the current and the waiting views; NULL for keyframes */
     uint16_t *cells;               /* the first feature of each cell, then the number of features */
 };
@@ -305,8 +306,8 @@ uint32_t fv_map_count_keyframes(const struct fv_map *map, uint32_t map_id);
 
 struct fv_found {
     int32_t feature; /* FV_MAP_NONE: none */
-    uint32_t distance,
-        second; /* Hamming distances; second nearest of a similar level, 256 when there is none */
+    /* Hamming distances; second nearest of a similar level, 256 when there is none */
+    uint32_t distance, second;
 };
 
 /* The feature of a view nearest to `descriptor` within radius_px of (x, y), of levels [level_min, level_max].
@@ -319,8 +320,8 @@ struct fv_found fv_map_search(const struct fv_map *map, const struct fv_kernels 
  * fv_map_bearings) lies within limit_rad times its level's scale of the plane with the unit normal `normal` (the view's
  * frame). */
 struct fv_found fv_map_search_line(const struct fv_map *map, const struct fv_kernels *kernels, uint32_t slot,
-                                   const float (*bearings)[3], const double box[4], const double normal[3], double limit_rad,
-                                   int level_min, int level_max, const uint8_t *descriptor);
+                                   const float (*bearings)[3], const double box[4], const double normal[3],
+                                   double limit_rad, int level_min, int level_max, const uint8_t *descriptor);
 
 #ifdef __cplusplus
 }

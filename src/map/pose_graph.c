@@ -247,8 +247,14 @@ static void fv_linearise_edge(struct fv_pose_graph *g, uint32_t number)
     fv_normal_block(edge, by_a, by_b, block);
     for (int i = 0; i < 49; i++)
         edge->block[i] = (float)block[i];
-    fv_add_to_node(edge, by_a, e, a, a->tree_edge == number ? a->own : b->tree_edge == number ? b->parents : NULL);
-    fv_add_to_node(edge, by_b, e, b, b->tree_edge == number ? b->own : a->tree_edge == number ? a->parents : NULL);
+    fv_add_to_node(edge, by_a, e, a,
+                   a->tree_edge == number   ? a->own
+                   : b->tree_edge == number ? b->parents
+                                            : NULL);
+    fv_add_to_node(edge, by_b, e, b,
+                   b->tree_edge == number   ? b->own
+                   : a->tree_edge == number ? a->parents
+                                            : NULL);
 }
 
 static void fv_linearise_unit(struct fv_pose_graph *g)

@@ -30,7 +30,8 @@ struct fv_graph_node {
     struct fv_sim3 S, before; /* S_cam_world in work, and as last accepted */
     double diagonal[49];      /* of the normal equations, lower triangle, without damping */
     double gradient[7];
-    double own[28], parents[28]; /* what the tree's edge to the parent adds to the two diagonals: lower triangles by rows */
+    /* what the tree's edge to the parent adds to the two diagonals: lower triangles by rows */
+    double own[28], parents[28];
     double factor[49];    /* of what elimination of the tree left of the diagonal block */
     double to_parent[49]; /* tree's block between this node (rows) and its parent; then factor^-1 times it */
     double step[7], residual[7], direction[7], image[7], preconditioned[7];
@@ -42,7 +43,7 @@ struct fv_graph_node {
 
 struct fv_graph_edge {
     struct fv_sim3 S_a_b;
-    double weight[3];            /* of translation, rotation, log scale: 1 / sigma^2 */
+    double weight[3]; /* of translation, rotation, log scale: 1 / sigma^2 */
     /* Of the normal equations: rows a, columns b. It tells how steps hang together, and not where they end: floats do. */
     float block[49];
     uint32_t a, b;

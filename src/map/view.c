@@ -64,7 +64,8 @@ static void fv_set_keypoint(const double bearing[3], const double A[6], uint32_t
 {
     const double sigma = sigma_px * fv_level_scale(level);
     for (int i = 0; i < 3; i++)
-        k->bearing[i] = (float)bearing[i]; /* NOLINT(clang-analyzer-core.NullDereference): no keyframe is filled */
+        k->bearing[i] =
+            (float)bearing[i]; /* NOLINT(clang-analyzer-core.NullDereference): no keyframe is filled */
     for (int i = 0; i < 6; i++)
         k->A[i] = (float)A[i];
     k->weight = (float)(1 / (sigma * sigma));
@@ -181,7 +182,8 @@ void fv_map_copy_view(struct fv_map *map, uint32_t from, uint32_t to)
     memcpy(b.points, a.points, count * sizeof *b.points);
     memcpy(b.descriptors, a.descriptors, (size_t)count * FV_MAP_DESCRIPTOR_BYTES);
     memcpy(b.cells, a.cells, (size_t)(map->columns * map->rows + 1) * sizeof *b.cells);
-    if (b.keypoints != NULL && a.keypoints != NULL) memcpy(b.keypoints, a.keypoints, count * sizeof *b.keypoints);
+    if (b.keypoints != NULL && a.keypoints != NULL)
+        memcpy(b.keypoints, a.keypoints, count * sizeof *b.keypoints);
     for (uint32_t i = 0; i < count; i++)
         b.landmark[i] = FV_MAP_NONE;
 }

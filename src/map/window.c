@@ -11,8 +11,8 @@ enum { UNIT_OBSERVATIONS = 350 };
 
 static const double huber_square = 5.991; /* 95 % of chi-square with 2 degrees of freedom */
 
-void fv_window_carve(struct fv_window *window, const struct fv_window_limits *limits, const struct fv_map *map,
-                     struct fv_arena *job)
+void fv_window_carve(struct fv_window *window, const struct fv_window_limits *limits,
+                     const struct fv_map *map, struct fv_arena *job)
 {
     window->limits = *limits;
     window->map = map;
@@ -214,7 +214,8 @@ static void fv_end_pass(struct fv_window *w)
     if (first) s->cost_at_start = s->cost;
     bool last = s->pass >= s->passes;
     if (better) {
-        bool converged = s->pass > FV_WINDOW_STEPS_MIN && s->step_pending && s->cost > s->cost_before * (1 - w->limits.settled);
+        bool converged = s->pass > FV_WINDOW_STEPS_MIN && s->step_pending &&
+                         s->cost > s->cost_before * (1 - w->limits.settled);
         s->accepted_any = s->accepted_any || (!first && s->step_pending);
         if (s->step_pending) s->damping = s->damping * 0.2 > 1e-9 ? s->damping * 0.2 : 1e-9;
         s->cost_before = s->cost;

@@ -27,7 +27,8 @@ struct fv_window_limits {
     uint32_t landmarks;    /* [100, 4000] */
     uint32_t observations; /* of all of them */
     uint32_t passes;       /* over the window: one more than Levenberg-Marquardt steps; [4, 200] */
-    double settled;        /* share of the cost: a step that saves no more, from the FV_WINDOW_STEPS_MINth on, is the last */
+    /* share of the cost: a step that saves no more, from the FV_WINDOW_STEPS_MINth on, is the last */
+    double settled;
 };
 
 struct fv_window_pose {
@@ -61,8 +62,8 @@ struct fv_window_state {
     uint32_t pose_count, moved_count, landmark_count, observation_count;
     uint32_t next;         /* landmark of the pass */
     uint32_t pass, passes; /* completed, and at most */
-    bool step_pending;      /* the pass applies `step` first */
-    bool packed;            /* observations are pixels so far */
+    bool step_pending;     /* the pass applies `step` first */
+    bool packed;           /* observations are pixels so far */
     bool accepted_any;
     double damping, cost, cost_before, cost_at_start;
     double step[FV_WINDOW_SYSTEM_MAX];
@@ -82,8 +83,8 @@ struct fv_window {
 };
 
 /* `map` stays the caller's; NULL for windows that are only filled by hand. */
-void fv_window_carve(struct fv_window *window, const struct fv_window_limits *limits, const struct fv_map *map,
-                     struct fv_arena *job);
+void fv_window_carve(struct fv_window *window, const struct fv_window_limits *limits,
+                     const struct fv_map *map, struct fv_arena *job);
 
 /* Copy the window around keyframe `newest`. False when there is nothing to optimise (then the job stays
  * idle). */

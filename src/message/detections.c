@@ -22,20 +22,25 @@ size_t fv_message_detections_scratch_bytes(uint32_t count_max)
     return (size_t)count_max * (sizeof(char *) + sizeof(int32_t) + FLOATS * sizeof(float));
 }
 
-uint32_t fv_message_detections_encode(const struct fv_message_detections *in, void *scratch, uint8_t *buffer, size_t capacity)
+uint32_t fv_message_detections_encode(const struct fv_message_detections *in, void *scratch, uint8_t *buffer,
+                                      size_t capacity)
 {
     const uint32_t n = in->count;
     char **names = scratch;
     int32_t *class_id = (int32_t *)(void *)(names + n);
     float *column[FLOATS];
-    for (int k = 0; k < FLOATS; k++) column[k] = (float *)(void *)(class_id + n) + (size_t)k * n;
+    for (int k = 0; k < FLOATS; k++)
+        column[k] = (float *)(void *)(class_id + n) + (size_t)k * n;
     for (uint32_t i = 0; i < n; i++) {
         const struct fovea_detection *found = &in->detections[i];
-        const float values[5] = {found->score, found->x_min_px, found->y_min_px, found->x_max_px, found->y_max_px};
+        const float values[5] = {found->score, found->x_min_px, found->y_min_px, found->x_max_px,
+                                 found->y_max_px};
         names[i] = (char *)in->names[i]; /* lcm-gen knows no const; it only reads */
         class_id[i] = found->class_id;
-        for (int k = 0; k < 5; k++) column[k][i] = values[k];
-        for (int k = 0; k < 4; k++) column[5 + k][i] = in->rectified_boxes[i][k];
+        for (int k = 0; k < 5; k++)
+            column[k][i] = values[k];
+        for (int k = 0; k < 4; k++)
+            column[5 + k][i] = in->rectified_boxes[i][k];
     }
     const fovea_detections_t message = {
         .stamp = in->stamp,

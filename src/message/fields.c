@@ -69,7 +69,8 @@ static void write_path(const struct fv_walk *walk, char *path)
     for (int i = 0; i <= walk->depth && used < FV_FIELD_PATH_BYTES; i++) {
         const struct fv_field *field = &walk->level[i].type->fields[walk->level[i].field];
         bool number = field->array && (field->wire == FV_WIRE_STRUCT || field->wire == FV_WIRE_STRING);
-        used += snprintf(path + used, (size_t)(FV_FIELD_PATH_BYTES - used), "%s%s", i > 0 ? "." : "", field->name);
+        used += snprintf(path + used, (size_t)(FV_FIELD_PATH_BYTES - used), "%s%s", i > 0 ? "." : "",
+                         field->name);
         if (number && used < FV_FIELD_PATH_BYTES)
             used += snprintf(path + used, (size_t)(FV_FIELD_PATH_BYTES - used), "[%" PRId32 "]",
                              walk->level[i].element);
@@ -246,7 +247,8 @@ bool fv_message_compare(const uint8_t *expected, size_t expected_bytes, const ui
     const struct fv_type *type = fv_message_type_of(expected, expected_bytes);
     const struct fv_type *found_type = fv_message_type_of(found, found_bytes);
     if (type == NULL || type != found_type) {
-        snprintf(difference->expected, FV_FIELD_VALUE_BYTES, "%s", type != NULL ? type->name : "an unknown type");
+        snprintf(difference->expected, FV_FIELD_VALUE_BYTES, "%s",
+                 type != NULL ? type->name : "an unknown type");
         snprintf(difference->found, FV_FIELD_VALUE_BYTES, "%s",
                  found_type != NULL ? found_type->name : "an unknown type");
         return false;

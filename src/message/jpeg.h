@@ -17,14 +17,14 @@ extern "C" {
 #endif
 
 struct fv_jpeg {
-    int32_t width, height;     /* pixels */
-    uint32_t blocks, block;    /* 8x8 blocks in all, and the next to encode */
-    int32_t last_dc;           /* of the block before: DC values are coded as differences */
-    uint32_t bit_buffer;       /* bits not yet written, in the low bits */
+    int32_t width, height;  /* pixels */
+    uint32_t blocks, block; /* 8x8 blocks in all, and the next to encode */
+    int32_t last_dc;        /* of the block before: DC values are coded as differences */
+    uint32_t bit_buffer;    /* bits not yet written, in the low bits */
     uint32_t bit_count;
-    size_t capacity, used;     /* bytes of the output buffer */
-    bool overflow;             /* the output did not fit; no more is written */
-    uint16_t quantiser[64];    /* natural order, 1..255 */
+    size_t capacity, used;  /* bytes of the output buffer */
+    bool overflow;          /* the output did not fit; no more is written */
+    uint16_t quantiser[64]; /* natural order, 1..255 */
 };
 
 /* Bytes of output buffer that suffice for any ordinary picture of this size; one that does not fit is given up and

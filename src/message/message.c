@@ -42,13 +42,20 @@ void fv_message_prepare(void)
 void fv_message_channel(const char *prefix, enum fv_message_kind kind, char *name)
 {
     static const char *const suffixes[FV_MESSAGE_KIND_COUNT] = {
-        [FV_MESSAGE_POSE] = "POSE",           [FV_MESSAGE_CAMERA_POSE] = "CAMERA_POSE",
-        [FV_MESSAGE_FEATURES] = "FEATURES",   [FV_MESSAGE_STATISTICS] = "STATISTICS",
-        [FV_MESSAGE_PREVIEW] = "PREVIEW",     [FV_MESSAGE_CAMERA_STATUS] = "CAMERA_STATUS",
-        [FV_MESSAGE_COMMAND] = "COMMAND",     [FV_MESSAGE_FRAME] = "FRAME",
-        [FV_MESSAGE_RECORDING] = "RECORDING", [FV_MESSAGE_INPUTS] = "INPUTS",
-        [FV_MESSAGE_GRANTS] = "GRANTS",       [FV_MESSAGE_DETECTIONS] = "DETECTIONS",
-        [FV_MESSAGE_MAP] = "MAP",             [FV_MESSAGE_RECORDING_END] = "RECORDING_END",
+        [FV_MESSAGE_POSE] = "POSE",
+        [FV_MESSAGE_CAMERA_POSE] = "CAMERA_POSE",
+        [FV_MESSAGE_FEATURES] = "FEATURES",
+        [FV_MESSAGE_STATISTICS] = "STATISTICS",
+        [FV_MESSAGE_PREVIEW] = "PREVIEW",
+        [FV_MESSAGE_CAMERA_STATUS] = "CAMERA_STATUS",
+        [FV_MESSAGE_COMMAND] = "COMMAND",
+        [FV_MESSAGE_FRAME] = "FRAME",
+        [FV_MESSAGE_RECORDING] = "RECORDING",
+        [FV_MESSAGE_INPUTS] = "INPUTS",
+        [FV_MESSAGE_GRANTS] = "GRANTS",
+        [FV_MESSAGE_DETECTIONS] = "DETECTIONS",
+        [FV_MESSAGE_MAP] = "MAP",
+        [FV_MESSAGE_RECORDING_END] = "RECORDING_END",
         [FV_MESSAGE_TRACKS] = "TRACKS",
         [FV_MESSAGE_BOT_CORE_POSE] = "BOT_CORE_POSE",
     };

@@ -53,12 +53,12 @@ fovea_stamp_t fv_message_stamp(const struct fovea_frame *frame, int64_t utc_offs
 
 struct fv_message_pose {
     fovea_stamp_t stamp;
-    const char *parent_frame, *child_frame; /* at most FV_MESSAGE_NAME_BYTES_MAX with the zero */
-    const struct fovea_pose *pose;          /* state, scale and counts */
-    double position[3], orientation[4];     /* T_parent_child; looked at only when pose->posed */
-    double covariance[21];                  /* of the child; likewise */
+    const char *parent_frame, *child_frame;     /* at most FV_MESSAGE_NAME_BYTES_MAX with the zero */
+    const struct fovea_pose *pose;              /* state, scale and counts */
+    double position[3], orientation[4];         /* T_parent_child; looked at only when pose->posed */
+    double covariance[21];                      /* of the child; likewise */
     double map_position[3], map_orientation[4]; /* T_map_parent; likewise */
-    int64_t reference_keyframe;             /* -1: none */
+    int64_t reference_keyframe;                 /* -1: none */
     int64_t latency_ns;
 };
 size_t fv_message_pose_size_max(void);
@@ -178,7 +178,8 @@ struct fv_message_tracks {
 size_t fv_message_tracks_size_max(uint32_t count_max, size_t label_bytes);
 /* Scratch that encoding needs, 8-byte aligned. */
 size_t fv_message_tracks_scratch_bytes(uint32_t count_max);
-uint32_t fv_message_tracks_encode(const struct fv_message_tracks *in, void *scratch, uint8_t *buffer, size_t capacity);
+uint32_t fv_message_tracks_encode(const struct fv_message_tracks *in, void *scratch, uint8_t *buffer,
+                                  size_t capacity);
 
 #ifdef __cplusplus
 }

@@ -34,17 +34,22 @@ uint32_t fv_message_pose_encode(const struct fv_message_pose *in, uint8_t *buffe
     message.reset_counter = (int32_t)pose->reset_counter;
     message.parent_frame = name_of(in->parent_frame);
     message.child_frame = name_of(in->child_frame);
-    for (int i = 0; i < 3; i++) message.position[i] = pose->posed ? in->position[i] : (double)NAN;
-    for (int i = 0; i < 4; i++) message.orientation[i] = pose->posed ? in->orientation[i] : (double)NAN;
-    for (int i = 0; i < 21; i++) message.covariance[i] = pose->posed ? in->covariance[i] : (double)NAN;
+    for (int i = 0; i < 3; i++)
+        message.position[i] = pose->posed ? in->position[i] : (double)NAN;
+    for (int i = 0; i < 4; i++)
+        message.orientation[i] = pose->posed ? in->orientation[i] : (double)NAN;
+    for (int i = 0; i < 21; i++)
+        message.covariance[i] = pose->posed ? in->covariance[i] : (double)NAN;
     message.reference_keyframe = in->reference_keyframe;
     message.quality = pose->quality;
     message.inliers = (int32_t)pose->inliers;
     message.scale = pose->scale;
     message.scale_sigma = pose->scale_source == FOVEA_SCALE_FREE ? (double)NAN : pose->scale_sigma;
     message.scale_source = (int8_t)pose->scale_source;
-    for (int i = 0; i < 3; i++) message.map_position[i] = pose->posed ? in->map_position[i] : (double)NAN;
-    for (int i = 0; i < 4; i++) message.map_orientation[i] = pose->posed ? in->map_orientation[i] : (double)NAN;
+    for (int i = 0; i < 3; i++)
+        message.map_position[i] = pose->posed ? in->map_position[i] : (double)NAN;
+    for (int i = 0; i < 4; i++)
+        message.map_orientation[i] = pose->posed ? in->map_orientation[i] : (double)NAN;
     message.map_scale = pose->posed ? pose->map_scale : (double)NAN;
     message.latency_ns = in->latency_ns;
     return fv_wire_encoded(fovea_pose_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
@@ -56,7 +61,8 @@ size_t fv_message_bot_core_pose_size(void)
     return (size_t)bot_core_pose_t_encoded_size(&message);
 }
 
-uint32_t fv_message_bot_core_pose_encode(const struct fv_message_bot_core_pose *in, uint8_t *buffer, size_t capacity)
+uint32_t fv_message_bot_core_pose_encode(const struct fv_message_bot_core_pose *in, uint8_t *buffer,
+                                         size_t capacity)
 {
     bot_core_pose_t message = {.utime = in->utime};
     memcpy(message.pos, in->position, sizeof message.pos);

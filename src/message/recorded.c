@@ -58,7 +58,8 @@ uint32_t fv_message_frame_encode(const struct fovea_frame *frame, int64_t utc_of
 }
 
 /* What a step was told of the robot's motion and of things that move; false: more than there is room for. */
-static bool fill_lists(const struct fovea_inputs *inputs, fovea_odometry_sample_t *samples, fovea_box_t *boxes)
+static bool fill_lists(const struct fovea_inputs *inputs, fovea_odometry_sample_t *samples,
+                       fovea_box_t *boxes)
 {
     if (inputs->odometry_count > FOVEA_INPUT_ODOMETRY_MAX || inputs->box_count > FOVEA_INPUT_BOXES_MAX)
         return false;
@@ -190,7 +191,8 @@ static void next_doubles(struct reader *reader, double *values, int count)
 }
 
 /* The next field as a number of elements, at most `most`. */
-static bool next_count(struct reader *reader, uint32_t most, uint32_t *count, const char **problem, size_t *at)
+static bool next_count(struct reader *reader, uint32_t most, uint32_t *count, const char **problem,
+                       size_t *at)
 {
     int32_t found = next_i32(reader);
     *count = (uint32_t)found;

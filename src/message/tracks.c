@@ -42,14 +42,17 @@ static void lay_out(struct columns *c, void *scratch, size_t n)
     c->name = (char **)(void *)(c->velocity_covariance + 6 * n);
     c->class_id = (int32_t *)(void *)(c->name + n);
     c->hits = c->class_id + n;
-    for (size_t k = 0; k < 7; k++) c->real[k] = (float *)(void *)(c->hits + n) + k * n;
+    for (size_t k = 0; k < 7; k++)
+        c->real[k] = (float *)(void *)(c->hits + n) + k * n;
     c->state = (int8_t *)(void *)(c->real[6] + n);
     c->located = c->state + n;
 }
 
-static void fill(const struct columns *c, uint32_t i, const struct fovea_track *track, const char *name, int64_t stamp_ns)
+static void fill(const struct columns *c, uint32_t i, const struct fovea_track *track, const char *name,
+                 int64_t stamp_ns)
 {
-    const float real[7] = {track->score, track->x_min_px, track->y_min_px, track->x_max_px, track->y_max_px, track->x_px_s, track->y_px_s};
+    const float real[7] = {track->score,    track->x_min_px, track->y_min_px, track->x_max_px,
+                           track->y_max_px, track->x_px_s,   track->y_px_s};
     c->id[i] = (int64_t)track->id;
     c->age_ns[i] = stamp_ns - track->first_ns;
     c->unseen_ns[i] = stamp_ns - track->seen_ns;
@@ -58,20 +61,25 @@ static void fill(const struct columns *c, uint32_t i, const struct fovea_track *
     c->hits[i] = (int32_t)track->hits;
     c->state[i] = (int8_t)track->state;
     c->located[i] = (int8_t)track->located;
-    for (int k = 0; k < 7; k++) c->real[k][i] = real[k];
-    for (int k = 0; k < 3; k++) c->position[3 * i + (uint32_t)k] = track->located ? track->position_m[k] : 0.0;
-    for (int k = 0; k < 3; k++) c->velocity[3 * i + (uint32_t)k] = track->located ? track->velocity_m_s[k] : 0.0;
+    for (int k = 0; k < 7; k++)
+        c->real[k][i] = real[k];
+    for (int k = 0; k < 3; k++)
+        c->position[3 * i + (uint32_t)k] = track->located ? track->position_m[k] : 0.0;
+    for (int k = 0; k < 3; k++)
+        c->velocity[3 * i + (uint32_t)k] = track->located ? track->velocity_m_s[k] : 0.0;
     for (uint32_t k = 0; k < 6; k++) {
         c->covariance[6 * i + k] = track->located ? track->covariance_m2[k] : 0.0;
         c->velocity_covariance[6 * i + k] = track->located ? track->velocity_covariance_m2_s2[k] : 0.0;
     }
 }
 
-uint32_t fv_message_tracks_encode(const struct fv_message_tracks *in, void *scratch, uint8_t *buffer, size_t capacity)
+uint32_t fv_message_tracks_encode(const struct fv_message_tracks *in, void *scratch, uint8_t *buffer,
+                                  size_t capacity)
 {
     struct columns c;
     lay_out(&c, scratch, in->count);
-    for (uint32_t i = 0; i < in->count; i++) fill(&c, i, &in->tracks[i], in->names[i], in->stamp.time_ns);
+    for (uint32_t i = 0; i < in->count; i++)
+        fill(&c, i, &in->tracks[i], in->names[i], in->stamp.time_ns);
     const fovea_tracks_t message = {
         .stamp = in->stamp,
         .reset_counter = (int32_t)in->reset_counter,

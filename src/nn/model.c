@@ -60,9 +60,11 @@ static enum fovea_status check_header(const struct fv_model_header *h, size_t by
             (unsigned)(uint8_t)h->magic[0], (unsigned)(uint8_t)h->magic[1], (unsigned)(uint8_t)h->magic[2],
             (unsigned)(uint8_t)h->magic[3]);
     }
-    if (h->version != FV_MODEL_VERSION) return fail(error, name, 4, "the version", h->version, "2; import the .tflite file anew");
+    if (h->version != FV_MODEL_VERSION)
+        return fail(error, name, 4, "the version", h->version, "2; import the .tflite file anew");
     if (h->file_bytes != bytes)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: byte 8: the stated size is %llu, expected the file's %zu", name,
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%s: byte 8: the stated size is %llu, expected the file's %zu", name,
                                (unsigned long long)h->file_bytes, bytes);
     if (bytes > FV_MODEL_BYTES_MAX) return fail(error, name, 8, "the size", h->file_bytes, "at most 2^28");
     const uint32_t crc = fv_model_checksum((const uint8_t *)h + 16, bytes - 16);

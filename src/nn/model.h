@@ -124,8 +124,8 @@ struct fv_op_pool {
 };
 enum fv_reduce { FV_REDUCE_MEAN, FV_REDUCE_MAX, FV_REDUCE_MIN };
 struct fv_op_reduce {
-    int32_t function, dims[4], outer[4], count[4],
-        inner[4]; /* kept axes with strides, dropped axes with strides */
+    /* kept axes with strides, dropped axes with strides */
+    int32_t function, dims[4], outer[4], count[4], inner[4];
     int32_t elements, multiplier, shift, zero_in, zero_out;
 };
 struct fv_op_copy {
@@ -137,10 +137,11 @@ struct fv_op_fill {
 enum fv_resize { FV_RESIZE_NEAREST, FV_RESIZE_FLOAT, FV_RESIZE_SIGNED, FV_RESIZE_EXACT };
 struct fv_op_resize {
     struct fv_op_image image;
-    int32_t mode, rows,
-        columns;  /* tables of 3 words per output row or column: lower, upper, weight of the upper one */
-    int32_t bits; /* EXACT: weights are whole, in 2^-bits, where float arithmetic makes no error; SIGNED: the
-                     same for int8 */
+    /* tables of 3 words per output row or column: lower, upper, weight of the upper one */
+    int32_t mode, rows, columns;
+    /* EXACT: weights are whole, in 2^-bits, where float arithmetic makes no error; SIGNED: the
+     * same for int8 */
+    int32_t bits;
 };
 struct fv_op_softmax {
     int32_t outer, depth, table; /* int32[256]: exp(-d) in Q0.31 by distance from the maximum, -1: left out */
@@ -160,8 +161,8 @@ struct fv_op_cast {
     int32_t count;
 };
 struct fv_op_matmul {
-    int32_t batch[2], a_batch[2], b_batch[2], m, k, n, a_row, b_row,
-        b_column; /* strides in bytes; columns of a are packed */
+    /* strides in bytes; columns of a are packed */
+    int32_t batch[2], a_batch[2], b_batch[2], m, k, n, a_row, b_row, b_column;
     int32_t zero_a, zero_b, zero_out, multiplier, shift;
     int32_t single_rounding; /* as in convolutions: a fully connected layer whose weights are computed */
     int32_t bias;            /* offset of int32[n], 0: none */
@@ -206,8 +207,8 @@ struct fv_model_preprocess {
     int32_t fit;
     int32_t width, height, channels;
     int32_t order; /* 0: red green blue, 1: blue green red, 2: grey */
-    float
-        mean[3]; /* real input = (pixel - mean) * scale, then quantised with the input tensor's parameters */
+    /* real input = (pixel - mean) * scale, then quantised with the input tensor's parameters */
+    float mean[3];
     float scale[3];
     int32_t pad; /* pixel value of letterbox borders */
     int32_t reserved[4];

@@ -289,7 +289,8 @@ static const char *check_reduce(const struct check *c)
         return "the output does not fit its tensor";
     REQUIRE(reduce.elements, p->elements == product(p->count, 4) && p->elements <= 1 << 22,
             "not the product of the dropped axes");
-    REQUIRE(reduce.elements, product(p->dims, 4) * p->elements <= input(c, 0)->bytes, "more than the input has");
+    REQUIRE(reduce.elements, product(p->dims, 4) * p->elements <= input(c, 0)->bytes,
+            "more than the input has");
     REQUIRE(reduce.shift, between(p->shift, -31, 30), "the shift is out of range");
     REQUIRE(reduce.zero_in, between(p->zero_in, 0, 255) && between(p->zero_out, 0, 255),
             "zero points are not bytes");
@@ -474,7 +475,8 @@ static const char *check_matmul(const struct check *c)
             "zero points are not bytes");
     REQUIRE(matmul.single_rounding, between(p->single_rounding, 0, 1), "not 0 or 1");
     REQUIRE(matmul.shift, p->single_rounding || between(p->shift, -31, 30), "the shift is out of range");
-    REQUIRE(matmul.bias, p->bias == 0 || constant(c, p->bias, (int64_t)p->n * 4, 4), "the biases lie outside the file");
+    REQUIRE(matmul.bias, p->bias == 0 || constant(c, p->bias, (int64_t)p->n * 4, 4),
+            "the biases lie outside the file");
     *c->word = 14;
     const int64_t sums = p->single_rounding ? n16 * 4 * FV_MODEL_CONV_PIXELS : 0;
     if (scratch_bytes(c) < n16 * (k4 * 4 + 12) + sums) return "scratch is too small";

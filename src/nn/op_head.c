@@ -102,7 +102,8 @@ static void pack_columns(const struct fv_nn_call *call, const uint8_t *b, int32_
 }
 
 /* Rows of the result that are rounded once; the sums of FV_MODEL_CONV_PIXELS of them lie behind what is packed. */
-static void multiply_once(const struct fv_nn_call *call, const struct fv_nn_gemm *gemm, const uint8_t *a, uint8_t *out, int32_t count)
+static void multiply_once(const struct fv_nn_call *call, const struct fv_nn_gemm *gemm, const uint8_t *a,
+                          uint8_t *out, int32_t count)
 {
     const struct fv_op_matmul *p = &call->op->u.matmul;
     const int32_t n16 = (p->n + 15) / 16 * 16;
@@ -113,7 +114,8 @@ static void multiply_once(const struct fv_nn_call *call, const struct fv_nn_gemm
         for (int32_t i = 0; i < some; ++i) {
             uint8_t *to = out + (ptrdiff_t)(first + i) * p->n;
             for (int32_t j = 0; j < p->n; ++j) {
-                const int32_t scaled = fv_nn_scale_once(sums[(ptrdiff_t)i * n16 + j], p->multiplier, p->shift);
+                const int32_t scaled =
+                    fv_nn_scale_once(sums[(ptrdiff_t)i * n16 + j], p->multiplier, p->shift);
                 to[j] = (uint8_t)fv_nn_clamp(scaled + p->zero_out, 0, 255);
             }
         }
@@ -130,7 +132,8 @@ void fv_nn_op_matmul(const struct fv_nn_call *call, int32_t begin, int32_t end)
         const int32_t batch = row / per, b0 = batch / p->batch[1], b1 = batch % p->batch[1], at = row % per;
         count = 1;
         if (at < blocks) {
-            pack_columns(call, call->in[1] + (ptrdiff_t)b0 * p->b_batch[0] + (ptrdiff_t)b1 * p->b_batch[1], at);
+            pack_columns(call, call->in[1] + (ptrdiff_t)b0 * p->b_batch[0] + (ptrdiff_t)b1 * p->b_batch[1],
+                         at);
             continue;
         }
         count = per - at < end - row ? per - at : end - row;

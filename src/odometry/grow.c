@@ -121,8 +121,8 @@ static void fv_grow_feature(struct fv_odometry *o, const struct fv_kernels *kern
     fv_cross3(search->T_b_a.t, q, normal);
     if (!fv_normalise3(normal)) return;
     struct fv_found found = fv_map_search_line(
-        &o->map, kernels, neighbour, (const float(*)[3])o->line, box, normal, 2.0 / o->focal_px, level - 2, level + 2,
-        search->a.descriptors + (size_t)feature * FV_MAP_DESCRIPTOR_BYTES);
+        &o->map, kernels, neighbour, (const float(*)[3])o->line, box, normal, 2.0 / o->focal_px, level - 2,
+        level + 2, search->a.descriptors + (size_t)feature * FV_MAP_DESCRIPTOR_BYTES);
     if (found.feature == FV_MAP_NONE || found.distance > DISTANCE_GROW_MAX ||
         found.distance > 0.9 * found.second)
         return;

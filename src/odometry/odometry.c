@@ -41,7 +41,8 @@ void fv_odometry_carve(struct fv_odometry *o, const struct fovea_odometry_config
     o->sights = fv_arena_take_raw(frame, features_max, sizeof *o->sights);
     o->sight_feature = fv_arena_take_raw(frame, features_max, sizeof *o->sight_feature);
     o->match_distance = fv_arena_take_raw(frame, features_max, sizeof *o->match_distance);
-    o->joint = fv_arena_take_raw(frame, 36 * FV_COVARIANCE_POSES_MAX * FV_COVARIANCE_POSES_MAX, sizeof *o->joint);
+    o->joint =
+        fv_arena_take_raw(frame, 36 * FV_COVARIANCE_POSES_MAX * FV_COVARIANCE_POSES_MAX, sizeof *o->joint);
     o->local = fv_arena_take_raw(frame, LOCAL_MAX, sizeof *o->local);
     o->pairs = fv_arena_take_raw(frame, features_max, sizeof *o->pairs);
     o->tracks = fv_arena_take_raw(frame, features_max, sizeof *o->tracks);
@@ -97,8 +98,7 @@ enum fovea_status fv_odometry_load(struct fv_odometry *o, const struct fv_kernel
 {
     struct fv_odometry_state *s = o->state;
     struct fv_archive_info info;
-    const enum fovea_status status =
-        fv_archive_read(data, bytes, name, &o->map, &info, error);
+    const enum fovea_status status = fv_archive_read(data, bytes, name, &o->map, &info, error);
     if (status != FOVEA_OK || o->map.state->keyframe_count == 0) return status;
     s->frame_number = s->keyframe_frame = info.frame_number;
     s->state = FOVEA_TRACKING_LOST;

@@ -30,7 +30,12 @@
 extern "C" {
 #endif
 
-enum { FV_GROW_NEIGHBOURS_MAX = 5, FV_GROW_PENDING_MAX = 4, FV_LOCAL_KEYFRAMES_MAX = 12, FV_COVARIANCE_POSES_MAX = 8 };
+enum {
+    FV_GROW_NEIGHBOURS_MAX = 5,
+    FV_GROW_PENDING_MAX = 4,
+    FV_LOCAL_KEYFRAMES_MAX = 12,
+    FV_COVARIANCE_POSES_MAX = 8
+};
 
 /* Where the growing of a keyframe stands. */
 enum fv_grow_phase { FV_GROW_IDLE = 0, FV_GROW_TRIANGULATE = 1, FV_GROW_FUSE = 2 };
@@ -66,8 +71,8 @@ struct fv_odometry_state {
     int32_t pending[FV_GROW_PENDING_MAX];
     uint32_t pending_count;
     struct fv_grow_state grow;
-    bool sound;              /* the last covariance is to be relied on (covariance.h) */
-    uint64_t first_keyframe; /* number of that with which the last map was started */
+    bool sound;                               /* the last covariance is to be relied on (covariance.h) */
+    uint64_t first_keyframe;                  /* number of that with which the last map was started */
     uint32_t reference, reference_generation; /* keyframe that the last pose hangs on, */
     struct fv_se3 reference_published;        /* and T_world_cam as it was told at its own frame */
     struct fovea_pose pose;                   /* of the last frame */
@@ -87,16 +92,16 @@ struct fv_odometry {
     struct fv_loop_closer loop;
     struct fv_odometry_state *state;
     struct fv_recent *recent; /* features_max */
-    float *start_depth; /* inverse depths guessed, by feature of the first view */
-    float (*line)[3];   /* job part: bearings of the neighbour in which new landmarks are looked for */
+    float *start_depth;       /* inverse depths guessed, by feature of the first view */
+    float (*line)[3];         /* job part: bearings of the neighbour in which new landmarks are looked for */
     /* Frame part. */
-    struct fv_sight *sights;  /* of the matched features */
-    uint32_t *sight_feature;  /* feature of each sight */
-    uint16_t *match_distance; /* by feature */
-    double *joint;            /* normal equations of covariance.c */
-    uint32_t *local;          /* landmarks of the local map */
-    struct fv_pair *pairs;    /* start */
-    struct fv_track *tracks;  /* start: of each pair */
+    struct fv_sight *sights;       /* of the matched features */
+    uint32_t *sight_feature;       /* feature of each sight */
+    uint16_t *match_distance;      /* by feature */
+    double *joint;                 /* normal equations of covariance.c */
+    uint32_t *local;               /* landmarks of the local map */
+    struct fv_pair *pairs;         /* start */
+    struct fv_track *tracks;       /* start: of each pair */
     struct fv_start_depth *depths; /* start: of each track */
     uint8_t *inlier;
     uint32_t *nearest, *second;

@@ -11,8 +11,8 @@ static const double drift = 0.015; /* of the scale of a monocular map, relative,
 static const double floor_sigma_least = 0.03;
 static const double surprise = 3; /* standard deviations; measurements further off count for less */
 
-void fv_scale_carve(struct fv_scale *scale, const struct fovea_scale_config *config, const double T_base_cam[12],
-                    struct fv_arena *persistent, struct fv_arena *frame)
+void fv_scale_carve(struct fv_scale *scale, const struct fovea_scale_config *config,
+                    const double T_base_cam[12], struct fv_arena *persistent, struct fv_arena *frame)
 {
     memset(scale, 0, sizeof *scale);
     scale->config = *config;

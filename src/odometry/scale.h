@@ -45,14 +45,14 @@ struct fv_scale_station {
 };
 
 struct fv_scale_state {
-    struct fovea_pose pose; /* as published */
-    bool started; /* the map has given a pose */
-    bool known, metric; /* the scale is known; it has been published */
-    uint32_t source;    /* that it is known from */
-    double log_scale, variance; /* natural logarithm of metres per unit, and its variance */
+    struct fovea_pose pose;       /* as published */
+    bool started;                 /* the map has given a pose */
+    bool known, metric;           /* the scale is known; it has been published */
+    uint32_t source;              /* that it is known from */
+    double log_scale, variance;   /* natural logarithm of metres per unit, and its variance */
     double prior, prior_variance; /* the same, as the map brought it; a variance of 0: nothing */
-    double map_scale;           /* units of the map per unit of the continuous world, when last looked at */
-    uint32_t map;               /* that all this belongs to */
+    double map_scale;             /* units of the map per unit of the continuous world, when last looked at */
+    uint32_t map;                 /* that all this belongs to */
 
     /* What was published last: its position goes on from here. */
     double inner[3], outer[3];
@@ -77,8 +77,8 @@ struct fv_scale {
     struct fv_plane_point *points; /* FV_PLANE_POINTS_MAX */
 };
 
-void fv_scale_carve(struct fv_scale *scale, const struct fovea_scale_config *config, const double T_base_cam[12],
-                    struct fv_arena *persistent, struct fv_arena *frame);
+void fv_scale_carve(struct fv_scale *scale, const struct fovea_scale_config *config,
+                    const double T_base_cam[12], struct fv_arena *persistent, struct fv_arena *frame);
 void fv_scale_init(struct fv_scale *scale, uint64_t seed);
 
 /* Odometry that has come, in order of time. Samples not after the last one are passed over. */

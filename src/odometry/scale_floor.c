@@ -62,5 +62,6 @@ bool fv_scale_find_floor(struct fv_scale *scale, const struct fv_odometry *o, st
     const uint32_t count = met < FV_PLANE_POINTS_MAX ? met : FV_PLANE_POINTS_MAX;
     struct fv_plane_prior prior = {.sigma_rad = prior_sigma_rad, .off_max_rad = prior_off_max_rad};
     fv_copy3(scale->down, prior.down);
-    return fv_plane_estimate(scale->points, count, &prior, SAMPLES, INLIERS_MIN, &scale->state->random, floor);
+    return fv_plane_estimate(scale->points, count, &prior, SAMPLES, INLIERS_MIN, &scale->state->random,
+                             floor);
 }

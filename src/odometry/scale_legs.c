@@ -135,7 +135,8 @@ static void fv_scale_place_stations(struct fv_scale_state *s, const struct fv_od
     for (uint32_t i = 0; i < s->station_count; i++) {
         struct fv_scale_station station = s->stations[i];
         const struct fv_keyframe *keyframe = &o->map.keyframes[station.slot];
-        if (!keyframe->used || keyframe->generation != station.generation || keyframe->map_id != s->map) continue;
+        if (!keyframe->used || keyframe->generation != station.generation || keyframe->map_id != s->map)
+            continue;
         if (!station.placed) {
             int found = fv_scale_place_at(s, station.place.stamp_ns, station.place.at);
             if (found == 0) continue;

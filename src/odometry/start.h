@@ -41,8 +41,9 @@ struct fv_start_state {
     uint64_t sampled;                    /* number of the frame in which motions were last sampled */
     uint64_t guessed;    /* number of the first view that `guess` and odometry->start_depth hold for */
     struct fv_se3 guess; /* of the newest view */
-    uint64_t matched[FV_MAP_WAITING_MAX]; /* number of the first view that the links of a view's features lead
-                                             to; 0: none */
+    /* number of the first view that the links of a view's features lead
+     * to; 0: none */
+    uint64_t matched[FV_MAP_WAITING_MAX];
 };
 
 /* What one pair of the first and the last view is seen as, by view; FV_MAP_NONE: not found there. */
@@ -58,10 +59,11 @@ struct fv_start_bundle {
     struct fv_se3 T_view_first[FV_START_VIEWS_MAX]; /* |t| of the last is 1 */
     double cost;                                    /* robust, over all tracks */
     double noise;                                   /* of an error, in sigmas of its key points */
-    double direction_sigma; /* rad, of the last view's direction from the first: by noise, and by what parts
-                               of the image pull to either side */
-    uint32_t points,
-        parallax_points; /* that fit in all their views; of these with enough parallax to start on */
+    /* rad, of the last view's direction from the first: by noise, and by what parts
+     * of the image pull to either side */
+    double direction_sigma;
+    /* that fit in all their views; of these with enough parallax to start on */
+    uint32_t points, parallax_points;
 };
 
 /* Inverse depth of a track along the first view's bearing, in units of the bundle, and what adjusting it

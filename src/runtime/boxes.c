@@ -37,7 +37,8 @@ const uint8_t *fv_boxes_mask(struct fv_boxes *boxes, const uint8_t *fixed, int64
     for (uint32_t i = 0; i < state->count; i++) {
         const struct fovea_box *b = &state->boxes[i];
         float by = margin_px + heights_per_s * (b->y_max_px - b->y_min_px) * (float)age_ns * 1e-9f;
-        grown[i] = (struct fv_mask_box){b->x_min_px - by, b->y_min_px - by, b->x_max_px + by, b->y_max_px + by};
+        grown[i] =
+            (struct fv_mask_box){b->x_min_px - by, b->y_min_px - by, b->x_max_px + by, b->y_max_px + by};
     }
     fv_mask_compose(boxes->mask, fixed, boxes->width, boxes->height, grown, state->count);
     return boxes->mask;

@@ -14,28 +14,38 @@ static enum fovea_status check_use(const struct fv_model *model, struct fovea_er
 {
     const struct fv_model_decode *decode = &model->header->decode;
     const uint8_t pixel = 0;
-    const struct fovea_image image = {.data = &pixel, .width = 1, .height = 1, .stride_bytes = 1, .format = FOVEA_PIXEL_GREY8, .size_bytes = 1};
+    const struct fovea_image image = {.data = &pixel,
+                                      .width = 1,
+                                      .height = 1,
+                                      .stride_bytes = 1,
+                                      .format = FOVEA_PIXEL_GREY8,
+                                      .size_bytes = 1};
     struct fv_detect_view view;
     if (fv_detect_view(model, &image, &view) != FOVEA_OK) {
-        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "detect.model: expected a first input that is an image of 1 or 3 channels");
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                               "detect.model: expected a first input that is an image of 1 or 3 channels");
     }
     if (!fv_detect_gives_boxes(model)) {
-        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "detect.model: found decoder %d, expected one that gives boxes", decode->kind);
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                               "detect.model: found decoder %d, expected one that gives boxes", decode->kind);
     }
     return FOVEA_OK;
 }
 
-enum fovea_status fv_detection_prepare(struct fv_detection *detection, const struct fovea_config *config, struct fovea_error *error)
+enum fovea_status fv_detection_prepare(struct fv_detection *detection, const struct fovea_config *config,
+                                       struct fovea_error *error)
 {
     *detection = (struct fv_detection){.enabled = false};
     if (config->detect.model == NULL) return FOVEA_OK;
-    enum fovea_status status = fv_model_open(config->detect.model, config->detect.model_bytes, "detect.model", &detection->model, error);
+    enum fovea_status status = fv_model_open(config->detect.model, config->detect.model_bytes, "detect.model",
+                                             &detection->model, error);
     if (status == FOVEA_OK) status = check_use(&detection->model, error);
     if (status != FOVEA_OK) return status;
     /* As `fovea rectify` does unasked; a lens too wide for a pinhole gets a cylinder. */
     for (int shape = FV_VIEW_PINHOLE; shape <= FV_VIEW_CYLINDER && !detection->has_view; shape++) {
-        detection->has_view = fv_view_choose(&config->camera, (enum fv_view_shape)shape, FV_VIEW_CROP, config->camera.width,
-                                             config->camera.height, &detection->view, NULL) == FOVEA_OK;
+        detection->has_view =
+            fv_view_choose(&config->camera, (enum fv_view_shape)shape, FV_VIEW_CROP, config->camera.width,
+                           config->camera.height, &detection->view, NULL) == FOVEA_OK;
     }
     detection->enabled = true;
     return FOVEA_OK;
@@ -49,8 +59,8 @@ static float floor_of(const struct fovea_track_config *track)
     return (float)track->score_low > least ? (float)track->score_low : least;
 }
 
-void fv_detection_carve(struct fv_detection *detection, const struct fovea_config *config, struct fv_arena *persistent,
-                        struct fv_arena *job, struct fv_arena *frame)
+void fv_detection_carve(struct fv_detection *detection, const struct fovea_config *config,
+                        struct fv_arena *persistent, struct fv_arena *job, struct fv_arena *frame)
 {
     if (!detection->enabled) return;
     const size_t pixels = (size_t)config->camera.width * (size_t)config->camera.height;
@@ -60,7 +70,8 @@ void fv_detection_carve(struct fv_detection *detection, const struct fovea_confi
                                                          .iou = (float)config->detect.iou_threshold,
                                                          .count = (int32_t)config->detect.count_max,
                                                          .floor = floor_of(&config->track)};
-    detection->message_scratch = fv_arena_take(frame, fv_message_detections_scratch_bytes(config->detect.count_max), 1);
+    detection->message_scratch =
+        fv_arena_take(frame, fv_message_detections_scratch_bytes(config->detect.count_max), 1);
 }
 
 /* A label as messages carry it. */
@@ -97,11 +108,12 @@ void fv_detection_reset(struct fv_detection *detection)
 
 bool fv_detection_waiting(const struct fv_detection *detection)
 {
-    return detection->enabled && (detection->memory.job->phase != FV_DETECT_IDLE || detection->state->mapping != 0);
+    return detection->enabled &&
+           (detection->memory.job->phase != FV_DETECT_IDLE || detection->state->mapping != 0);
 }
 
-bool fv_detection_offer(struct fv_detection *detection, const struct fovea_frame *frame, const struct fv_frame_id *id,
-                        const struct fv_pyramid *pyramid)
+bool fv_detection_offer(struct fv_detection *detection, const struct fovea_frame *frame,
+                        const struct fv_frame_id *id, const struct fv_pyramid *pyramid)
 {
     if (!detection->enabled || fv_detection_waiting(detection)) return false;
     const struct fv_level *level = &pyramid->level[0];
@@ -111,19 +123,23 @@ bool fv_detection_offer(struct fv_detection *detection, const struct fovea_frame
                                      .stride_bytes = level->stride_bytes,
                                      .format = FOVEA_PIXEL_GREY8,
                                      .size_bytes = (size_t)level->stride_bytes * (size_t)level->height};
-    enum fovea_status status = fv_detect_start(&detection->memory, &detection->model, &frame->image, id->stamp_ns, id->sequence);
-    if (status == FOVEA_ERROR_UNSUPPORTED) status = fv_detect_start(&detection->memory, &detection->model, &grey, id->stamp_ns, id->sequence);
+    enum fovea_status status =
+        fv_detect_start(&detection->memory, &detection->model, &frame->image, id->stamp_ns, id->sequence);
+    if (status == FOVEA_ERROR_UNSUPPORTED)
+        status = fv_detect_start(&detection->memory, &detection->model, &grey, id->stamp_ns, id->sequence);
     if (status == FOVEA_OK) detection->state->frame = *id;
     return status == FOVEA_OK;
 }
 
 /* The box in the rectified image around the corners and edge middles of one in the raw image; points that the view does not
  * show are left out. Empty where none is shown. */
-static void rectify_box(const struct fv_detection *detection, const struct fovea_camera *camera, const struct fovea_detection *found,
-                        float box[4])
+static void rectify_box(const struct fv_detection *detection, const struct fovea_camera *camera,
+                        const struct fovea_detection *found, float box[4])
 {
-    const double x[3] = {(double)found->x_min_px, 0.5 * ((double)found->x_min_px + (double)found->x_max_px), (double)found->x_max_px};
-    const double y[3] = {(double)found->y_min_px, 0.5 * ((double)found->y_min_px + (double)found->y_max_px), (double)found->y_max_px};
+    const double x[3] = {(double)found->x_min_px, 0.5 * ((double)found->x_min_px + (double)found->x_max_px),
+                         (double)found->x_max_px};
+    const double y[3] = {(double)found->y_min_px, 0.5 * ((double)found->y_min_px + (double)found->y_max_px),
+                         (double)found->y_max_px};
     double low[2] = {1e9, 1e9}, high[2] = {-1e9, -1e9};
     for (int i = 0; i < 9; i++) {
         double at[2];
@@ -155,14 +171,15 @@ static bool map_some(struct fv_detection *detection, const struct fovea_camera *
     return state->mapped == count;
 }
 
-bool fv_detection_advance(struct fv_detection *detection, const struct fovea_config *config, const struct fv_kernels *kernels,
-                          uint32_t units, uint32_t *done)
+bool fv_detection_advance(struct fv_detection *detection, const struct fovea_config *config,
+                          const struct fv_kernels *kernels, uint32_t units, uint32_t *done)
 {
     struct fv_detection_state *state = detection->state;
     *done = 0;
     if (!fv_detection_waiting(detection) || units == 0) return false;
     if (!state->mapping) {
-        if (fv_detect_advance(&detection->memory, &detection->model, kernels, units, done) != FOVEA_OK) return false;
+        if (fv_detect_advance(&detection->memory, &detection->model, kernels, units, done) != FOVEA_OK)
+            return false;
         state->mapping = 1;
         state->mapped = 0;
     }
@@ -179,12 +196,13 @@ bool fv_detection_advance(struct fv_detection *detection, const struct fovea_con
 
 /* ---- what was found ---------------------------------------------------------------------------------------- */
 
-uint32_t fv_detection_encode(const struct fv_detection *detection, const struct fovea_config *config, uint32_t reset_counter,
-                             uint8_t *buffer, size_t capacity)
+uint32_t fv_detection_encode(const struct fv_detection *detection, const struct fovea_config *config,
+                             uint32_t reset_counter, uint8_t *buffer, size_t capacity)
 {
     const struct fv_detect_job *job = detection->memory.job;
     const char *names[FOVEA_DETECTIONS_MAX];
-    for (int32_t i = 0; i < job->count; i++) names[i] = label_of(&detection->model, job->found[i].class_id);
+    for (int32_t i = 0; i < job->count; i++)
+        names[i] = label_of(&detection->model, job->found[i].class_id);
     const struct fv_message_detections message = {
         .stamp = fv_frame_id_stamp(&detection->state->found_frame),
         .reset_counter = reset_counter,

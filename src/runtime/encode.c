@@ -23,12 +23,14 @@ static void encode_features(struct fovea *rt, uint32_t asked, struct fovea_outpu
     message.features = fovea_features_get(rt, &message.count);
     struct fv_outbox *outbox = &rt->outbox;
     fv_output_add(rt, FV_MESSAGE_FEATURES,
-                  fv_message_features_encode(&message, outbox->features_scratch, outbox->buffer[FV_MESSAGE_FEATURES],
+                  fv_message_features_encode(&message, outbox->features_scratch,
+                                             outbox->buffer[FV_MESSAGE_FEATURES],
                                              outbox->capacity[FV_MESSAGE_FEATURES]),
                   outputs);
 }
 
-static void encode_camera_status(struct fovea *rt, const struct fovea_inputs *inputs, struct fovea_outputs *outputs)
+static void encode_camera_status(struct fovea *rt, const struct fovea_inputs *inputs,
+                                 struct fovea_outputs *outputs)
 {
     const struct fv_message_camera_status message = {
         .stamp = last_stamp(rt),
@@ -49,8 +51,10 @@ static void encode_camera_status(struct fovea *rt, const struct fovea_inputs *in
 static void encode_statistics(struct fovea *rt, struct fovea_outputs *outputs)
 {
     const char *stages[FOVEA_STAGE_COUNT], *jobs[FOVEA_JOB_COUNT];
-    for (int i = 0; i < FOVEA_STAGE_COUNT; i++) stages[i] = fovea_stage_name((enum fovea_stage)i);
-    for (int i = 0; i < FOVEA_JOB_COUNT; i++) jobs[i] = fovea_job_name((enum fovea_job)i);
+    for (int i = 0; i < FOVEA_STAGE_COUNT; i++)
+        stages[i] = fovea_stage_name((enum fovea_stage)i);
+    for (int i = 0; i < FOVEA_JOB_COUNT; i++)
+        jobs[i] = fovea_job_name((enum fovea_job)i);
     struct fovea_stats stats;
     fovea_stats_get(rt, &stats);
     const struct fv_message_statistics message = {
@@ -82,7 +86,8 @@ void fv_encode(struct fovea *rt, const struct fovea_inputs *inputs, bool process
     if (processed && fv_every(rt->state->frames_processed - 1, config->features_every)) {
         encode_features(rt, inputs->grants.features, outputs);
     }
-    if (processed && config->odometry.enabled && fv_every(rt->state->frames_processed - 1, config->map_every)) {
+    if (processed && config->odometry.enabled &&
+        fv_every(rt->state->frames_processed - 1, config->map_every)) {
         fv_encode_map(rt, outputs);
     }
     if (fv_every(steps, config->camera_status_every)) encode_camera_status(rt, inputs, outputs);

@@ -45,20 +45,24 @@ static void base_covariance(const struct fv_se3 *B, const double camera[21], dou
         }
     }
     for (int r = 0, k = 0; r < 6; r++)
-        for (int c = r; c < 6; c++, k++) C[6 * r + c] = C[6 * c + r] = camera[k];
+        for (int c = r; c < 6; c++, k++)
+            C[6 * r + c] = C[6 * c + r] = camera[k];
     for (int r = 0; r < 6; r++)
         for (int c = 0; c < 6; c++)
-            for (int i = 0; i < 6; i++) AC[6 * r + c] += A[6 * r + i] * C[6 * i + c];
+            for (int i = 0; i < 6; i++)
+                AC[6 * r + c] += A[6 * r + i] * C[6 * i + c];
     for (int r = 0, k = 0; r < 6; r++) {
         for (int c = r; c < 6; c++, k++) {
             base[k] = 0;
-            for (int i = 0; i < 6; i++) base[k] += AC[6 * r + i] * A[6 * c + i];
+            for (int i = 0; i < 6; i++)
+                base[k] += AC[6 * r + i] * A[6 * c + i];
         }
     }
 }
 
 /* T_map_odom of the published frame: in its unit, and for the base about the base's frame at the start. */
-static void fill_map(const struct fovea_pose *pose, const struct fv_se3 *B, bool of_base, struct fv_message_pose *message)
+static void fill_map(const struct fovea_pose *pose, const struct fv_se3 *B, bool of_base,
+                     struct fv_message_pose *message)
 {
     struct fv_se3 inverse;
     struct fv_sim3 S, left, right;
@@ -97,11 +101,14 @@ static void encode_pose(struct fovea *rt, const struct fovea_inputs *inputs, enu
     fill_map(pose, &B, of_base, &message);
     if (of_base) base_covariance(&B, pose->covariance, message.covariance);
     fv_so3_to_quaternion(T.R, message.orientation);
-    fv_output_add(rt, kind, fv_message_pose_encode(&message, rt->outbox.buffer[kind], rt->outbox.capacity[kind]), outputs);
+    fv_output_add(rt, kind,
+                  fv_message_pose_encode(&message, rt->outbox.buffer[kind], rt->outbox.capacity[kind]),
+                  outputs);
 }
 
 /* Rates from the last two frames, 0 where there are no two of the same world and unit. */
-static void fill_rates(const struct fv_state *state, const struct fv_se3 *T, struct fv_message_bot_core_pose *message)
+static void fill_rates(const struct fv_state *state, const struct fv_se3 *T,
+                       struct fv_message_bot_core_pose *message)
 {
     const int64_t step_ns = state->frame.stamp_ns - state->base_ns;
     if (!state->base_known || step_ns <= 0 || step_ns > pause_max_ns) return;
@@ -128,7 +135,8 @@ static void encode_bot_core_pose(struct fovea *rt, bool due, struct fovea_output
         return;
     }
     const struct fv_se3 B = base_from_camera(rt), T = base_pose(rt, &B);
-    struct fv_message_bot_core_pose message = {.utime = (state->frame.stamp_ns + state->frame.utc_offset_ns) / 1000};
+    struct fv_message_bot_core_pose message = {.utime = (state->frame.stamp_ns + state->frame.utc_offset_ns) /
+                                                        1000};
     memcpy(message.position, T.t, sizeof message.position);
     fv_so3_to_quaternion(T.R, message.orientation);
     fill_rates(state, &T, &message);
@@ -137,11 +145,14 @@ static void encode_bot_core_pose(struct fovea *rt, bool due, struct fovea_output
     state->base_known = 1;
     state->base_world = world;
     if (!due || (pose->scale_source == FOVEA_SCALE_FREE && !rt->config.scale.allow_unscaled)) return;
-    fv_output_add(rt, kind,
-                  fv_message_bot_core_pose_encode(&message, rt->outbox.buffer[kind], rt->outbox.capacity[kind]), outputs);
+    fv_output_add(
+        rt, kind,
+        fv_message_bot_core_pose_encode(&message, rt->outbox.buffer[kind], rt->outbox.capacity[kind]),
+        outputs);
 }
 
-void fv_encode_poses(struct fovea *rt, const struct fovea_inputs *inputs, bool due, struct fovea_outputs *outputs)
+void fv_encode_poses(struct fovea *rt, const struct fovea_inputs *inputs, bool due,
+                     struct fovea_outputs *outputs)
 {
     if (due) {
         encode_pose(rt, inputs, FV_MESSAGE_POSE, outputs);

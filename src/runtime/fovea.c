@@ -125,7 +125,8 @@ static void process(struct fovea *rt, const struct fovea_inputs *inputs)
 /* Without a frame for as long as the source calls it stalled or gone, there is no pose to go on from. */
 static bool interrupt(struct fovea *rt, const struct fovea_inputs *inputs)
 {
-    const bool away = inputs->source_state == FOVEA_SOURCE_STALLED || inputs->source_state == FOVEA_SOURCE_GONE ||
+    const bool away = inputs->source_state == FOVEA_SOURCE_STALLED ||
+                      inputs->source_state == FOVEA_SOURCE_GONE ||
                       inputs->source_state == FOVEA_SOURCE_RETURNING;
     if (inputs->frame != NULL || !away || !rt->config.odometry.enabled) return false;
     if (!fv_odometry_interrupt(&rt->odometry)) return false;
@@ -133,14 +134,16 @@ static bool interrupt(struct fovea *rt, const struct fovea_inputs *inputs)
     return true;
 }
 
-enum fovea_status fovea_step(struct fovea *rt, const struct fovea_inputs *inputs, struct fovea_outputs *outputs)
+enum fovea_status fovea_step(struct fovea *rt, const struct fovea_inputs *inputs,
+                             struct fovea_outputs *outputs)
 {
     memset(outputs, 0, sizeof *outputs);
     rt->inputs = *inputs;
     take_commands(rt, inputs->commands);
     if (rt->config.odometry.enabled) {
         fv_scale_observe(&rt->scale, inputs->odometry, inputs->odometry_count);
-        if (inputs->has_boxes) fv_boxes_take(&rt->boxes, inputs->boxes_stamp_ns, inputs->boxes, inputs->box_count);
+        if (inputs->has_boxes)
+            fv_boxes_take(&rt->boxes, inputs->boxes_stamp_ns, inputs->boxes, inputs->box_count);
     }
     const bool processed = admit(rt, inputs->frame), interrupted = interrupt(rt, inputs);
     if (processed) {
@@ -159,11 +162,12 @@ enum fovea_status fovea_step(struct fovea *rt, const struct fovea_inputs *inputs
 }
 
 static const enum fovea_stage stage_of_job[FOVEA_JOB_COUNT] = {[FOVEA_JOB_MAP] = FOVEA_STAGE_MAP,
-                                                              [FOVEA_JOB_DETECT] = FOVEA_STAGE_DETECT,
-                                                              [FOVEA_JOB_LOOP] = FOVEA_STAGE_LOOP,
-                                                              [FOVEA_JOB_PREVIEW] = FOVEA_STAGE_PREVIEW};
+                                                               [FOVEA_JOB_DETECT] = FOVEA_STAGE_DETECT,
+                                                               [FOVEA_JOB_LOOP] = FOVEA_STAGE_LOOP,
+                                                               [FOVEA_JOB_PREVIEW] = FOVEA_STAGE_PREVIEW};
 
-enum fovea_status fovea_work(struct fovea *rt, const struct fovea_grants *grants, struct fovea_outputs *outputs)
+enum fovea_status fovea_work(struct fovea *rt, const struct fovea_grants *grants,
+                             struct fovea_outputs *outputs)
 {
     memset(outputs, 0, sizeof *outputs);
     rt->work_grants = *grants;
@@ -228,7 +232,8 @@ uint32_t fovea_keyframes_get(const struct fovea *rt, struct fovea_keyframe *list
 
 const char *fovea_stage_name(enum fovea_stage stage)
 {
-    static const char *const names[FOVEA_STAGE_COUNT] = {"pyramid", "features", "odometry", "encode", "map", "detect", "loop", "preview"};
+    static const char *const names[FOVEA_STAGE_COUNT] = {"pyramid", "features", "odometry", "encode",
+                                                         "map",     "detect",   "loop",     "preview"};
     return stage >= 0 && stage < FOVEA_STAGE_COUNT ? names[stage] : "unknown";
 }
 

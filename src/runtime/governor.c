@@ -6,43 +6,48 @@
 #include "fovea/fovea.h"
 
 enum {
-    MAP_UNITS_MIN = 24,          /* a window of five iterations within six frames, when keyframes are not close together: growing them goes first */
-    MAP_UNITS_FIXED = 56,        /* keyframes of a car follow each other by two frames */
-    DETECT_UNITS_MIN = 4,        /* a millisecond: 300 million multiply-accumulates within 20 frames */
-    DETECT_UNITS_FIXED = 56,     /* the shipped detector within two frames, ssd_mobilenet_v1 at 300 x 300 within 7 */
-    LOOP_UNITS_MIN = 4,          /* the largest map corrected within 20 s */
+    MAP_UNITS_MIN =
+        24, /* a window of five iterations within six frames, when keyframes are not close together: growing them goes first */
+    MAP_UNITS_FIXED = 56, /* keyframes of a car follow each other by two frames */
+    DETECT_UNITS_MIN = 4, /* a millisecond: 300 million multiply-accumulates within 20 frames */
+    DETECT_UNITS_FIXED =
+        56,             /* the shipped detector within two frames, ssd_mobilenet_v1 at 300 x 300 within 7 */
+    LOOP_UNITS_MIN = 4, /* the largest map corrected within 20 s */
     LOOP_UNITS_FIXED = 24,
-    PREVIEW_UNITS_MIN = 4,       /* a preview of 376x240 in 6 frames */
+    PREVIEW_UNITS_MIN = 4, /* a preview of 376x240 in 6 frames */
     PREVIEW_UNITS_FIXED = 8,
-    SHORT_FRAMES_TO_ACT = 15,    /* half a second at 30 Hz: a single slow frame changes nothing */
-    AMPLE_FRAMES_TO_ACT = 150,   /* slower up than down, so that it does not oscillate */
+    SHORT_FRAMES_TO_ACT = 15,  /* half a second at 30 Hz: a single slow frame changes nothing */
+    AMPLE_FRAMES_TO_ACT = 150, /* slower up than down, so that it does not oscillate */
     UNITS_MAX = 4096,
     USABLE_PERCENT = 85,         /* of the period: the rest is the system's and the driver's */
     UNIT_FIRST_GUESS_NS = 250000 /* the bound that units are built to */
 };
 
 static const uint32_t units_min[FOVEA_JOB_COUNT] = {[FOVEA_JOB_MAP] = MAP_UNITS_MIN,
-                                                  [FOVEA_JOB_DETECT] = DETECT_UNITS_MIN,
-                                                  [FOVEA_JOB_LOOP] = LOOP_UNITS_MIN,
-                                                  [FOVEA_JOB_PREVIEW] = PREVIEW_UNITS_MIN};
+                                                    [FOVEA_JOB_DETECT] = DETECT_UNITS_MIN,
+                                                    [FOVEA_JOB_LOOP] = LOOP_UNITS_MIN,
+                                                    [FOVEA_JOB_PREVIEW] = PREVIEW_UNITS_MIN};
 static const uint32_t units_fixed[FOVEA_JOB_COUNT] = {[FOVEA_JOB_MAP] = MAP_UNITS_FIXED,
-                                                    [FOVEA_JOB_DETECT] = DETECT_UNITS_FIXED,
-                                                    [FOVEA_JOB_LOOP] = LOOP_UNITS_FIXED,
-                                                    [FOVEA_JOB_PREVIEW] = PREVIEW_UNITS_FIXED};
+                                                      [FOVEA_JOB_DETECT] = DETECT_UNITS_FIXED,
+                                                      [FOVEA_JOB_LOOP] = LOOP_UNITS_FIXED,
+                                                      [FOVEA_JOB_PREVIEW] = PREVIEW_UNITS_FIXED};
 
 void fovea_grants_fixed(const struct fovea_config *config, struct fovea_grants *grants)
 {
     grants->features = config->features.count_max;
-    for (int job = 0; job < FOVEA_JOB_COUNT; job++) grants->units[job] = units_fixed[job];
+    for (int job = 0; job < FOVEA_JOB_COUNT; job++)
+        grants->units[job] = units_fixed[job];
 }
 
-void fovea_governor_init(struct fovea_governor *governor, const struct fovea_config *config, int64_t period_ns)
+void fovea_governor_init(struct fovea_governor *governor, const struct fovea_config *config,
+                         int64_t period_ns)
 {
     *governor = (struct fovea_governor){.period_ns = period_ns,
                                         .features = config->features.count_max,
                                         .features_max = config->features.count_max,
                                         .features_min = FOVEA_FEATURES_MIN};
-    for (int job = 0; job < FOVEA_JOB_COUNT; job++) governor->unit_ns[job] = UNIT_FIRST_GUESS_NS;
+    for (int job = 0; job < FOVEA_JOB_COUNT; job++)
+        governor->unit_ns[job] = UNIT_FIRST_GUESS_NS;
 }
 
 static int64_t usable_ns(const struct fovea_governor *governor)
@@ -50,7 +55,8 @@ static int64_t usable_ns(const struct fovea_governor *governor)
     return governor->period_ns / 100 * USABLE_PERCENT;
 }
 
-void fovea_governor_next(struct fovea_governor *governor, const struct fovea_config *config, struct fovea_grants *grants)
+void fovea_governor_next(struct fovea_governor *governor, const struct fovea_config *config,
+                         struct fovea_grants *grants)
 {
     if (governor->short_frames >= SHORT_FRAMES_TO_ACT) {
         governor->features -= governor->features / 10;
@@ -92,7 +98,8 @@ void fovea_governor_learn(struct fovea_governor *governor, int64_t step_ns, int6
                           const struct fovea_outputs *work_outputs)
 {
     uint32_t units = 0;
-    for (int job = 0; job < FOVEA_JOB_COUNT; job++) units += work_outputs->units_done[job];
+    for (int job = 0; job < FOVEA_JOB_COUNT; job++)
+        units += work_outputs->units_done[job];
     if (units > 0) {
         for (int job = 0; job < FOVEA_JOB_COUNT; job++) {
             if (work_outputs->units_done[job] == 0) continue;

@@ -22,7 +22,8 @@ uint32_t fv_jobs_waiting(const struct fovea *rt)
 {
     uint32_t waiting = fv_preview_waiting(&rt->preview) ? 1u << FOVEA_JOB_PREVIEW : 0;
     if (rt->config.odometry.enabled && map_waiting(rt)) waiting |= 1u << FOVEA_JOB_MAP;
-    if (rt->config.odometry.enabled && fv_odometry_loop_waiting(&rt->odometry)) waiting |= 1u << FOVEA_JOB_LOOP;
+    if (rt->config.odometry.enabled && fv_odometry_loop_waiting(&rt->odometry))
+        waiting |= 1u << FOVEA_JOB_LOOP;
     if (fv_detection_waiting(&rt->detection)) waiting |= 1u << FOVEA_JOB_DETECT;
     return waiting;
 }
@@ -81,7 +82,8 @@ static void track(struct fovea *rt, struct fovea_outputs *outputs)
     fv_tracking_update(&rt->tracking, &detections);
     fv_output_add(rt, FV_MESSAGE_TRACKS,
                   fv_tracking_encode(&rt->tracking, &rt->config, &rt->detection, fv_reset_counter(rt),
-                                     rt->outbox.buffer[FV_MESSAGE_TRACKS], rt->outbox.capacity[FV_MESSAGE_TRACKS]),
+                                     rt->outbox.buffer[FV_MESSAGE_TRACKS],
+                                     rt->outbox.capacity[FV_MESSAGE_TRACKS]),
                   outputs);
     if (!rt->config.odometry.enabled || !fv_config_movable(&rt->config)) return;
     fv_boxes_take(&rt->boxes, detections.stamp_ns, movable, fv_tracking_movable(&rt->tracking, movable));
@@ -94,7 +96,8 @@ static uint32_t advance_detection(struct fovea *rt, uint32_t units, struct fovea
     if (!fv_detection_advance(&rt->detection, &rt->config, &rt->kernels, units, &done)) return done;
     fv_output_add(rt, FV_MESSAGE_DETECTIONS,
                   fv_detection_encode(&rt->detection, &rt->config, fv_reset_counter(rt),
-                                      rt->outbox.buffer[FV_MESSAGE_DETECTIONS], rt->outbox.capacity[FV_MESSAGE_DETECTIONS]),
+                                      rt->outbox.buffer[FV_MESSAGE_DETECTIONS],
+                                      rt->outbox.capacity[FV_MESSAGE_DETECTIONS]),
                   outputs);
     if (rt->tracking.enabled) track(rt, outputs);
     return done;
@@ -112,11 +115,16 @@ static uint32_t advance_loop(struct fovea *rt, uint32_t units)
 uint32_t fv_job_advance(struct fovea *rt, enum fovea_job job, uint32_t units, struct fovea_outputs *outputs)
 {
     switch (job) {
-    case FOVEA_JOB_MAP: return advance_map(rt, units, outputs);
-    case FOVEA_JOB_DETECT: return advance_detection(rt, units, outputs);
-    case FOVEA_JOB_LOOP: return advance_loop(rt, units);
-    case FOVEA_JOB_PREVIEW: return advance_preview(rt, units, outputs);
-    case FOVEA_JOB_COUNT: break;
+    case FOVEA_JOB_MAP:
+        return advance_map(rt, units, outputs);
+    case FOVEA_JOB_DETECT:
+        return advance_detection(rt, units, outputs);
+    case FOVEA_JOB_LOOP:
+        return advance_loop(rt, units);
+    case FOVEA_JOB_PREVIEW:
+        return advance_preview(rt, units, outputs);
+    case FOVEA_JOB_COUNT:
+        break;
     }
     return 0;
 }

@@ -11,6 +11,7 @@ uint32_t fv_jobs_waiting(const struct fovea *rt);
 uint32_t fv_job_advance(struct fovea *rt, enum fovea_job job, uint32_t units, struct fovea_outputs *outputs);
 
 /* Put a message of `bytes` encoded bytes among the outputs; 0 bytes (it did not fit its buffer) is passed over. */
-void fv_output_add(struct fovea *rt, enum fv_message_kind kind, uint32_t bytes, struct fovea_outputs *outputs);
+void fv_output_add(struct fovea *rt, enum fv_message_kind kind, uint32_t bytes,
+                   struct fovea_outputs *outputs);
 
 #endif

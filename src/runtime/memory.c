@@ -8,7 +8,8 @@
 enum { PERSISTENT = FOVEA_MEMORY_PERSISTENT, JOB = FOVEA_MEMORY_JOB, FRAME = FOVEA_MEMORY_FRAME };
 
 /* Book what `owner` took since the last entry, part by part. */
-static void book(struct fovea_memory_table *table, const char *owner, const struct fv_arena *arenas, size_t *before)
+static void book(struct fovea_memory_table *table, const char *owner, const struct fv_arena *arenas,
+                 size_t *before)
 {
     for (int part = 0; part < FOVEA_MEMORY_PART_COUNT; part++) {
         const size_t bytes = arenas[part].used - before[part];
@@ -22,7 +23,8 @@ static void book(struct fovea_memory_table *table, const char *owner, const stru
     }
 }
 
-static void carve_buffer(struct fv_outbox *outbox, enum fv_message_kind kind, size_t capacity, struct fv_arena *arena)
+static void carve_buffer(struct fv_outbox *outbox, enum fv_message_kind kind, size_t capacity,
+                         struct fv_arena *arena)
 {
     outbox->capacity[kind] = capacity;
     outbox->buffer[kind] = fv_arena_take(arena, capacity, 1);
@@ -40,16 +42,20 @@ static void carve_outbox(struct fovea *rt, struct fv_arena *arena)
     carve_buffer(outbox, FV_MESSAGE_CAMERA_STATUS, fv_message_camera_status_size_max(), arena);
     carve_buffer(outbox, FV_MESSAGE_PREVIEW, fv_message_preview_size_max(rt->preview.jpeg_capacity), arena);
     if (rt->detection.enabled) {
-        carve_buffer(outbox, FV_MESSAGE_DETECTIONS, fv_detection_message_bytes(&rt->detection, &rt->config), arena);
-        carve_buffer(outbox, FV_MESSAGE_TRACKS,
-                     fv_message_tracks_size_max(rt->config.track.tracks_max, fv_detection_label_bytes(&rt->detection)), arena);
+        carve_buffer(outbox, FV_MESSAGE_DETECTIONS, fv_detection_message_bytes(&rt->detection, &rt->config),
+                     arena);
+        carve_buffer(
+            outbox, FV_MESSAGE_TRACKS,
+            fv_message_tracks_size_max(rt->config.track.tracks_max, fv_detection_label_bytes(&rt->detection)),
+            arena);
     }
     carve_buffer(outbox, FV_MESSAGE_MAP, rt->config.odometry.enabled ? fv_message_map_size_max() : 0, arena);
     outbox->features_scratch = fv_arena_take(arena, fv_message_features_scratch_bytes(count_max), 1);
 }
 
 /* Give every stage its pieces, for rt->config, from the arenas of the parts. */
-static void carve(struct fovea *rt, struct fv_arena arenas[FOVEA_MEMORY_PART_COUNT], struct fovea_memory_table *table)
+static void carve(struct fovea *rt, struct fv_arena arenas[FOVEA_MEMORY_PART_COUNT],
+                  struct fovea_memory_table *table)
 {
     const struct fovea_config *config = &rt->config;
     const int32_t width = config->camera.width, height = config->camera.height;
@@ -57,7 +63,8 @@ static void carve(struct fovea *rt, struct fv_arena arenas[FOVEA_MEMORY_PART_COU
 
     rt->state = fv_arena_take(&arenas[PERSISTENT], 1, sizeof *rt->state);
     book(table, "runtime", arenas, before);
-    rt->mask = config->mask == NULL ? NULL : fv_arena_take(&arenas[PERSISTENT], (size_t)width * (size_t)height, 1);
+    rt->mask =
+        config->mask == NULL ? NULL : fv_arena_take(&arenas[PERSISTENT], (size_t)width * (size_t)height, 1);
     book(table, "mask", arenas, before);
     fv_pyramid_carve(&rt->pyramid, width, height, config->features.pyramid_levels, &arenas[FRAME]);
     book(table, "pyramid", arenas, before);
@@ -67,8 +74,8 @@ static void carve(struct fovea *rt, struct fv_arena arenas[FOVEA_MEMORY_PART_COU
         const uint32_t count_max = config->features.count_max;
         fv_orb_carve(&rt->orb, count_max, &rt->pyramid, &arenas[FRAME]);
         book(table, "descriptors", arenas, before);
-        fv_odometry_carve(&rt->odometry, &config->odometry, &rt->config.camera, count_max, &arenas[PERSISTENT],
-                          &arenas[JOB], &arenas[FRAME]);
+        fv_odometry_carve(&rt->odometry, &config->odometry, &rt->config.camera, count_max,
+                          &arenas[PERSISTENT], &arenas[JOB], &arenas[FRAME]);
         book(table, "odometry", arenas, before);
         fv_scale_carve(&rt->scale, &config->scale, config->T_base_cam, &arenas[PERSISTENT], &arenas[FRAME]);
         book(table, "scale", arenas, before);
@@ -87,8 +94,8 @@ static void carve(struct fovea *rt, struct fv_arena arenas[FOVEA_MEMORY_PART_COU
 }
 
 /* Carve in counting mode: fills part_bytes and block_bytes. */
-static enum fovea_status measure(struct fovea *rt, const struct fovea_config *config, struct fovea_memory_table *table,
-                                 struct fovea_error *error)
+static enum fovea_status measure(struct fovea *rt, const struct fovea_config *config,
+                                 struct fovea_memory_table *table, struct fovea_error *error)
 {
     enum fovea_status status = fv_config_check(config, error);
     if (status != FOVEA_OK) return status;
@@ -97,7 +104,8 @@ static enum fovea_status measure(struct fovea *rt, const struct fovea_config *co
     status = fv_detection_prepare(&rt->detection, config, error);
     if (status != FOVEA_OK) return status;
     struct fv_arena arenas[FOVEA_MEMORY_PART_COUNT], head;
-    for (int part = 0; part < FOVEA_MEMORY_PART_COUNT; part++) fv_arena_count(&arenas[part]);
+    for (int part = 0; part < FOVEA_MEMORY_PART_COUNT; part++)
+        fv_arena_count(&arenas[part]);
     fv_arena_count(&head);
     fv_arena_take(&head, 1, sizeof *rt);
     if (table != NULL) {
@@ -108,7 +116,8 @@ static enum fovea_status measure(struct fovea *rt, const struct fovea_config *co
     carve(rt, arenas, table);
     rt->block_bytes = head.used;
     for (int part = 0; part < FOVEA_MEMORY_PART_COUNT; part++) {
-        if (arenas[part].exhausted) return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "memory: sizes overflow");
+        if (arenas[part].exhausted)
+            return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "memory: sizes overflow");
         rt->part_bytes[part] = arenas[part].used;
         rt->block_bytes += arenas[part].used;
     }
@@ -118,7 +127,9 @@ static enum fovea_status measure(struct fovea *rt, const struct fovea_config *co
 enum fovea_status fovea_size(const struct fovea_config *config, size_t *bytes, struct fovea_error *error)
 {
     struct fovea rt;
-    if (bytes == NULL) return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "bytes: found NULL, expected a place for the size");
+    if (bytes == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                               "bytes: found NULL, expected a place for the size");
     const enum fovea_status status = measure(&rt, config, NULL, error);
     if (status == FOVEA_OK) *bytes = rt.block_bytes;
     return status;
@@ -129,7 +140,8 @@ enum fovea_status fovea_memory(const struct fovea_config *config, struct fovea_m
 {
     struct fovea rt;
     struct fovea_memory_table rows;
-    if (table == NULL) return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "table: found NULL, expected a place for it");
+    if (table == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "table: found NULL, expected a place for it");
     const enum fovea_status status = measure(&rt, config, &rows, error);
     if (status == FOVEA_OK) *table = rows;
     return status;
@@ -150,14 +162,17 @@ static void place(struct fovea *rt, bool keep)
     if (rt->mask != NULL && keep) rt->config.mask = rt->mask;
 }
 
-static enum fovea_status check_block(const void *memory, size_t bytes, size_t needed, struct fovea_error *error)
+static enum fovea_status check_block(const void *memory, size_t bytes, size_t needed,
+                                     struct fovea_error *error)
 {
     if (memory == NULL || (uintptr_t)memory % FOVEA_BLOCK_ALIGNMENT != 0) {
-        return fovea_error_set(error, FOVEA_ERROR_MEMORY, "memory: found address %p, expected a multiple of %d", memory,
+        return fovea_error_set(error, FOVEA_ERROR_MEMORY,
+                               "memory: found address %p, expected a multiple of %d", memory,
                                FOVEA_BLOCK_ALIGNMENT);
     }
     if (bytes < needed) {
-        return fovea_error_set(error, FOVEA_ERROR_MEMORY, "memory: found %zu bytes, expected at least %zu", bytes, needed);
+        return fovea_error_set(error, FOVEA_ERROR_MEMORY, "memory: found %zu bytes, expected at least %zu",
+                               bytes, needed);
     }
     return FOVEA_OK;
 }
@@ -167,7 +182,9 @@ enum fovea_status fovea_init(void *memory, size_t bytes, const struct fovea_conf
 {
     struct fovea measured;
     enum fv_cpu_set cpu;
-    if (rt == NULL) return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "rt: found NULL, expected a place for the runtime");
+    if (rt == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                               "rt: found NULL, expected a place for the runtime");
     enum fovea_status status = measure(&measured, config, NULL, error);
     if (status == FOVEA_OK) status = check_block(memory, bytes, measured.block_bytes, error);
     if (status == FOVEA_OK) status = fv_cpu_from_environment(&cpu, error);

@@ -31,10 +31,12 @@ bool fv_preview_waiting(const struct fv_preview *preview)
 static void begin(struct fv_preview *preview, uint32_t quality)
 {
     preview->state->quality = quality;
-    fv_jpeg_start(&preview->state->jpeg, preview->width, preview->height, quality, preview->jpeg, preview->jpeg_capacity);
+    fv_jpeg_start(&preview->state->jpeg, preview->width, preview->height, quality, preview->jpeg,
+                  preview->jpeg_capacity);
 }
 
-bool fv_preview_unit(struct fv_preview *preview, const uint8_t *pixels, int32_t stride_bytes, uint32_t quality)
+bool fv_preview_unit(struct fv_preview *preview, const uint8_t *pixels, int32_t stride_bytes,
+                     uint32_t quality)
 {
     struct fv_preview_state *state = preview->state;
     if (!state->active) {
@@ -47,7 +49,8 @@ bool fv_preview_unit(struct fv_preview *preview, const uint8_t *pixels, int32_t 
         state->active = 1;
         return false;
     }
-    if (!fv_jpeg_encode(&state->jpeg, preview->pixels, preview->width, BLOCKS_PER_UNIT, preview->jpeg)) return false;
+    if (!fv_jpeg_encode(&state->jpeg, preview->pixels, preview->width, BLOCKS_PER_UNIT, preview->jpeg))
+        return false;
     if (state->jpeg.overflow && state->quality > 1) {
         begin(preview, state->quality - (state->quality + 3) / 4);
         return false;

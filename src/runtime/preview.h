@@ -14,9 +14,10 @@
 struct fv_preview_state {
     struct fv_frame_id frame;
     struct fv_jpeg jpeg;
-    uint32_t due;      /* a frame asked for a preview */
-    uint32_t active;   /* pixels are copied and being encoded */
-    uint32_t quality;  /* of this one: less than asked where a picture of so much noise did not fit its buffer */
+    uint32_t due;    /* a frame asked for a preview */
+    uint32_t active; /* pixels are copied and being encoded */
+    /* of this one: less than asked where a picture of so much noise did not fit its buffer */
+    uint32_t quality;
     uint32_t reserved;
 };
 
@@ -39,6 +40,7 @@ void fv_preview_ask(struct fv_preview *preview, const struct fv_frame_id *frame)
 bool fv_preview_waiting(const struct fv_preview *preview);
 
 /* Do one unit. `pixels` is the level of the last processed frame: the job looks at it in its first unit only. Returns true when the picture is complete in preview->jpeg, state->jpeg.used bytes. */
-bool fv_preview_unit(struct fv_preview *preview, const uint8_t *pixels, int32_t stride_bytes, uint32_t quality);
+bool fv_preview_unit(struct fv_preview *preview, const uint8_t *pixels, int32_t stride_bytes,
+                     uint32_t quality);
 
 #endif

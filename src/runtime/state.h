@@ -21,14 +21,14 @@
 /* What the runtime itself remembers from frame to frame. No addresses and no padding: copied and hashed as bytes. */
 struct fv_state {
     struct fv_frame_id frame; /* the last processed one */
-    uint64_t steps; /* since fovea_init; the clock of decimation */
+    uint64_t steps;           /* since fovea_init; the clock of decimation */
     uint64_t frames_in, frames_processed, steps_without_frame;
     uint64_t refused_stamp, refused_format, refused_paused;
     struct fovea_random random;
     uint32_t reset_counter;
     uint32_t features;
     uint32_t map_landmark, map_keyframe; /* from where the next piece of the map is sent */
-    uint32_t any_frame; /* a frame was processed since the start or the last reset */
+    uint32_t any_frame;                  /* a frame was processed since the start or the last reset */
     uint32_t paused;
     /* For the velocity of the base: its pose when last posed (odom), when, and in which world and unit. */
     double base[12];

@@ -2,14 +2,16 @@
 
 #include <string.h>
 
-void fv_tracking_carve(struct fv_tracking *tracking, const struct fovea_config *config, bool detecting, struct fv_arena *persistent,
-                       struct fv_arena *frame)
+void fv_tracking_carve(struct fv_tracking *tracking, const struct fovea_config *config, bool detecting,
+                       struct fv_arena *persistent, struct fv_arena *frame)
 {
     tracking->enabled = detecting && config->track.mode != FOVEA_TRACK_OFF;
     if (!tracking->enabled) return;
-    fv_track_carve(&tracking->tracker, &config->track, &config->camera, config->T_base_cam, persistent, frame);
+    fv_track_carve(&tracking->tracker, &config->track, &config->camera, config->T_base_cam, persistent,
+                   frame);
     tracking->state = fv_arena_take(persistent, 1, sizeof *tracking->state);
-    tracking->message_scratch = fv_arena_take(frame, fv_message_tracks_scratch_bytes(config->track.tracks_max), 1);
+    tracking->message_scratch =
+        fv_arena_take(frame, fv_message_tracks_scratch_bytes(config->track.tracks_max), 1);
 }
 
 void fv_tracking_reset(struct fv_tracking *tracking)
@@ -45,13 +47,15 @@ void fv_tracking_update(struct fv_tracking *tracking, const struct fovea_detecti
     fv_track_update(&tracking->tracker, &look);
 }
 
-uint32_t fv_tracking_encode(const struct fv_tracking *tracking, const struct fovea_config *config, const struct fv_detection *detection,
-                            uint32_t reset_counter, uint8_t *buffer, size_t capacity)
+uint32_t fv_tracking_encode(const struct fv_tracking *tracking, const struct fovea_config *config,
+                            const struct fv_detection *detection, uint32_t reset_counter, uint8_t *buffer,
+                            size_t capacity)
 {
     const char *names[FOVEA_TRACKS_MAX];
     struct fovea_tracks tracks;
     fv_track_get(&tracking->tracker, &tracks);
-    for (uint32_t i = 0; i < tracks.count; i++) names[i] = fv_detection_label(detection, tracks.list[i].class_id);
+    for (uint32_t i = 0; i < tracks.count; i++)
+        names[i] = fv_detection_label(detection, tracks.list[i].class_id);
     const struct fv_message_tracks message = {
         .stamp = fv_frame_id_stamp(&detection->state->found_frame),
         .reset_counter = reset_counter,
@@ -64,11 +68,13 @@ uint32_t fv_tracking_encode(const struct fv_tracking *tracking, const struct fov
     return fv_message_tracks_encode(&message, tracking->message_scratch, buffer, capacity);
 }
 
-uint32_t fv_tracking_movable(const struct fv_tracking *tracking, struct fovea_box boxes[FOVEA_INPUT_BOXES_MAX])
+uint32_t fv_tracking_movable(const struct fv_tracking *tracking,
+                             struct fovea_box boxes[FOVEA_INPUT_BOXES_MAX])
 {
     float found[FOVEA_INPUT_BOXES_MAX][4];
     if (!tracking->enabled) return 0;
     const uint32_t count = fv_track_movable(&tracking->tracker, found, FOVEA_INPUT_BOXES_MAX);
-    for (uint32_t i = 0; i < count; i++) boxes[i] = (struct fovea_box){found[i][0], found[i][1], found[i][2], found[i][3]};
+    for (uint32_t i = 0; i < count; i++)
+        boxes[i] = (struct fovea_box){found[i][0], found[i][1], found[i][2], found[i][3]};
     return count;
 }

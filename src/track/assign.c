@@ -53,7 +53,8 @@ static void add_row(const struct problem *p, int32_t row)
         s->least[j] = 1e9;
         s->used[j] = 0;
     }
-    do column = widen(p, column);
+    do
+        column = widen(p, column);
     while (s->row_of[column] != 0);
     while (column != 0) { /* turn the path over */
         const int32_t before = s->way[column];
@@ -62,18 +63,26 @@ static void add_row(const struct problem *p, int32_t row)
     }
 }
 
-void fv_assign(const float *cost, int32_t stride, int32_t rows, int32_t columns, struct fv_assign_scratch *s, int32_t *column_of)
+void fv_assign(const float *cost, int32_t stride, int32_t rows, int32_t columns, struct fv_assign_scratch *s,
+               int32_t *column_of)
 {
     const int turned = rows > columns;
-    const struct problem p = {.cost = cost, .row_step = turned ? 1 : stride, .column_step = turned ? stride : 1,
-                              .rows = turned ? columns : rows, .columns = turned ? rows : columns, .s = s};
-    for (int32_t r = 0; r < rows; ++r) column_of[r] = -1;
+    const struct problem p = {.cost = cost,
+                              .row_step = turned ? 1 : stride,
+                              .column_step = turned ? stride : 1,
+                              .rows = turned ? columns : rows,
+                              .columns = turned ? rows : columns,
+                              .s = s};
+    for (int32_t r = 0; r < rows; ++r)
+        column_of[r] = -1;
     for (int32_t j = 0; j <= p.columns; ++j) {
         s->column_potential[j] = 0;
         s->row_of[j] = 0;
     }
-    for (int32_t i = 0; i <= p.rows; ++i) s->row_potential[i] = 0;
-    for (int32_t i = 1; i <= p.rows; ++i) add_row(&p, i);
+    for (int32_t i = 0; i <= p.rows; ++i)
+        s->row_potential[i] = 0;
+    for (int32_t i = 1; i <= p.rows; ++i)
+        add_row(&p, i);
     for (int32_t j = 1; j <= p.columns; ++j) {
         const int32_t i = s->row_of[j];
         if (i == 0) continue;

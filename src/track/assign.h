@@ -22,8 +22,8 @@ struct fv_assign_scratch {
 
 /* cost[r stride + c] in [0, 1], r < rows, c < columns, both at most FV_ASSIGN_MAX; 1: forbidden. column_of[r] takes the row's
  * column, or -1. Ties go to the lower numbers. Real-time safe. */
-void fv_assign(const float *cost, int32_t stride, int32_t rows, int32_t columns, struct fv_assign_scratch *scratch,
-               int32_t *column_of);
+void fv_assign(const float *cost, int32_t stride, int32_t rows, int32_t columns,
+               struct fv_assign_scratch *scratch, int32_t *column_of);
 
 #ifdef __cplusplus
 }

@@ -4,13 +4,16 @@
 static double distance2(const struct fv_track_slot *slot, const struct fovea_detection *d)
 {
     /* Of where it was seen last: textbooks' centroid trackers do not predict. */
-    const double dx = 0.5 * ((double)d->x_min_px + (double)d->x_max_px) - 0.5 * ((double)slot->track.x_min_px + (double)slot->track.x_max_px);
-    const double dy = 0.5 * ((double)d->y_min_px + (double)d->y_max_px) - 0.5 * ((double)slot->track.y_min_px + (double)slot->track.y_max_px);
+    const double dx = 0.5 * ((double)d->x_min_px + (double)d->x_max_px) -
+                      0.5 * ((double)slot->track.x_min_px + (double)slot->track.x_max_px);
+    const double dy = 0.5 * ((double)d->y_min_px + (double)d->y_max_px) -
+                      0.5 * ((double)slot->track.y_min_px + (double)slot->track.y_max_px);
     return dx * dx + dy * dy;
 }
 
 /* Nearest detection of the slot's class that is free, or -1. */
-static int32_t nearest(const struct fv_tracker *tracker, const struct fv_track_slot *slot, const struct fv_track_look *look, double *best)
+static int32_t nearest(const struct fv_tracker *tracker, const struct fv_track_slot *slot,
+                       const struct fv_track_look *look, double *best)
 {
     int32_t found = -1;
     for (uint32_t d = 0; d < look->count; d++) {
@@ -60,7 +63,8 @@ void fv_track_match_centroid(struct fv_tracker *tracker, const struct fv_track_l
             if (!s->used || s->matched) continue;
             double distance = 0;
             int32_t *near = &tracker->column_of[i];
-            if (*near == -2 || (*near >= 0 && tracker->taken[*near])) *near = nearest(tracker, s, look, &distance);
+            if (*near == -2 || (*near >= 0 && tracker->taken[*near]))
+                *near = nearest(tracker, s, look, &distance);
             if (*near < 0) continue;
             distance = distance2(s, &look->detections[*near]);
             if (slot >= 0 ? distance >= least : distance > least) continue;

@@ -23,7 +23,8 @@ static inline void fv_filter_predict(struct fv_filter *f, double dt_s, double no
 
 static inline void fv_filter_update(struct fv_filter *f, double measured, double variance)
 {
-    const double gain_x = f->xx / (f->xx + variance), gain_v = f->xv / (f->xx + variance), off = measured - f->x;
+    const double gain_x = f->xx / (f->xx + variance), gain_v = f->xv / (f->xx + variance),
+                 off = measured - f->x;
     f->x += gain_x * off;
     f->v += gain_v * off;
     f->vv -= gain_v * f->xv;

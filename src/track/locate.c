@@ -5,14 +5,14 @@
 
 #include "geometry/se3.h"
 
-static const double height_share = 0.1;       /* deviation of a class's height */
-static const double edge_share = 0.03;        /* deviation of a box's edge, of the box's height */
-static const double tilt_sigma_rad = 0.01;    /* of the camera over the floor */
+static const double height_share = 0.1;                   /* deviation of a class's height */
+static const double edge_share = 0.03;                    /* deviation of a box's edge, of the box's height */
+static const double tilt_sigma_rad = 0.01;                /* of the camera over the floor */
 static const double range_max_m = 1000.0, walk_m_s = 1.0; /* a velocity gains so much within a second */
 
 struct place {
-    double at[3];         /* camera frame */
-    double along[3];      /* unit vector towards it */
+    double at[3];    /* camera frame */
+    double along[3]; /* unit vector towards it */
     double range_variance, across_variance;
 };
 
@@ -41,13 +41,18 @@ static bool is_cut(const struct fv_tracker *tracker, const struct fv_track_slot 
            t->y_max_px > (float)tracker->camera->height - 2.0f;
 }
 
-static bool by_size(const struct fv_tracker *tracker, const struct fv_track_slot *slot, double height_m, struct place *place)
+static bool by_size(const struct fv_tracker *tracker, const struct fv_track_slot *slot, double height_m,
+                    struct place *place)
 {
     double top[3], bottom[3], middle[3];
-    const double x = slot->box[FV_TRACK_X].x, y = slot->box[FV_TRACK_Y].x, half = 0.5 * slot->box[FV_TRACK_H].x;
-    if (!bearing(tracker, x, y - half, top) || !bearing(tracker, x, y + half, bottom) || !bearing(tracker, x, y, middle)) return false;
+    const double x = slot->box[FV_TRACK_X].x, y = slot->box[FV_TRACK_Y].x,
+                 half = 0.5 * slot->box[FV_TRACK_H].x;
+    if (!bearing(tracker, x, y - half, top) || !bearing(tracker, x, y + half, bottom) ||
+        !bearing(tracker, x, y, middle))
+        return false;
     const double difference[3] = {top[0] - bottom[0], top[1] - bottom[1], top[2] - bottom[2]};
-    const double chord = __builtin_sqrt(dot(difference, difference)); /* 2 sin of half the angle that the height fills */
+    const double chord =
+        __builtin_sqrt(dot(difference, difference)); /* 2 sin of half the angle that the height fills */
     if (!(chord > 1e-6)) return false;
     const double half_sine = 0.5 * chord, half_cosine = __builtin_sqrt(1.0 - half_sine * half_sine);
     const double range = 0.5 * height_m * half_cosine / half_sine;
@@ -55,7 +60,8 @@ static bool by_size(const struct fv_tracker *tracker, const struct fv_track_slot
     if (!(range < range_max_m)) return false;
     const double across = edge_sigma_px(slot) / tracker->camera->fy * range;
     memcpy(place->along, middle, sizeof middle);
-    for (int i = 0; i < 3; i++) place->at[i] = range * middle[i];
+    for (int i = 0; i < 3; i++)
+        place->at[i] = range * middle[i];
     place->range_variance = range * range * (share * share + height_share * height_share);
     place->across_variance = across * across;
     return true;
@@ -65,15 +71,21 @@ static bool by_floor(const struct fv_tracker *tracker, const struct fv_track_slo
 {
     double foot[3];
     const double *T = tracker->T_base_cam;
-    if (!bearing(tracker, slot->box[FV_TRACK_X].x, slot->box[FV_TRACK_Y].x + 0.5 * slot->box[FV_TRACK_H].x, foot)) return false;
-    const double down = -(T[8] * foot[0] + T[9] * foot[1] + T[10] * foot[2]); /* sine of the angle below the horizon */
+    if (!bearing(tracker, slot->box[FV_TRACK_X].x, slot->box[FV_TRACK_Y].x + 0.5 * slot->box[FV_TRACK_H].x,
+                 foot))
+        return false;
+    const double down =
+        -(T[8] * foot[0] + T[9] * foot[1] + T[10] * foot[2]); /* sine of the angle below the horizon */
     if (!(down > 0.02) || !(T[11] > 0.01)) return false;
     const double range = T[11] / down;
     if (!(range < range_max_m)) return false;
-    const double pixel_rad = edge_sigma_px(slot) / tracker->camera->fy, cosine = __builtin_sqrt(1.0 - down * down);
-    const double share = __builtin_sqrt(pixel_rad * pixel_rad + tilt_sigma_rad * tilt_sigma_rad) * cosine / down;
+    const double pixel_rad = edge_sigma_px(slot) / tracker->camera->fy,
+                 cosine = __builtin_sqrt(1.0 - down * down);
+    const double share =
+        __builtin_sqrt(pixel_rad * pixel_rad + tilt_sigma_rad * tilt_sigma_rad) * cosine / down;
     memcpy(place->along, foot, sizeof foot);
-    for (int i = 0; i < 3; i++) place->at[i] = range * foot[i];
+    for (int i = 0; i < 3; i++)
+        place->at[i] = range * foot[i];
     place->range_variance = range * range * share * share;
     place->across_variance = range * range * pixel_rad * pixel_rad;
     return true;
@@ -84,28 +96,37 @@ static void covariance_of(const struct place *place, const double *T_world_cam, 
 {
     double along[3];
     for (int i = 0; i < 3; i++) {
-        along[i] = T_world_cam == NULL ? place->along[i] : dot((const double[3]){T_world_cam[4 * i], T_world_cam[4 * i + 1], T_world_cam[4 * i + 2]}, place->along);
+        along[i] =
+            T_world_cam == NULL
+                ? place->along[i]
+                : dot((const double[3]){T_world_cam[4 * i], T_world_cam[4 * i + 1], T_world_cam[4 * i + 2]},
+                      place->along);
     }
     for (int i = 0; i < 9; i++) {
-        full[i] = (place->range_variance - place->across_variance) * along[i / 3] * along[i % 3] + (i % 4 == 0 ? place->across_variance : 0.0);
+        full[i] = (place->range_variance - place->across_variance) * along[i / 3] * along[i % 3] +
+                  (i % 4 == 0 ? place->across_variance : 0.0);
     }
 }
 
 static void upper(const double full[9], double covariance[6])
 {
     static const int index[6] = {0, 1, 2, 4, 5, 8};
-    for (int i = 0; i < 6; i++) covariance[i] = full[index[i]];
+    for (int i = 0; i < 6; i++)
+        covariance[i] = full[index[i]];
 }
 
 /* The matrix of the given variances that has the correlations of `full`. */
 static void scale_to(double full[9], const double variance[3])
 {
     double scale[3];
-    for (int i = 0; i < 3; i++) scale[i] = __builtin_sqrt(variance[i] / full[4 * i]);
-    for (int i = 0; i < 9; i++) full[i] *= scale[i / 3] * scale[i % 3];
+    for (int i = 0; i < 3; i++)
+        scale[i] = __builtin_sqrt(variance[i] / full[4 * i]);
+    for (int i = 0; i < 9; i++)
+        full[i] *= scale[i / 3] * scale[i % 3];
 }
 
-static void filter_place(struct fv_track_slot *slot, const struct place *place, const struct fv_track_look *look)
+static void filter_place(struct fv_track_slot *slot, const struct place *place,
+                         const struct fv_track_look *look)
 {
     struct fv_se3 T;
     double at[3], full[9];
@@ -137,7 +158,8 @@ static void filter_place(struct fv_track_slot *slot, const struct place *place, 
     slot->track.located = 2;
 }
 
-void fv_track_locate(const struct fv_tracker *tracker, struct fv_track_slot *slot, const struct fv_track_look *look)
+void fv_track_locate(const struct fv_tracker *tracker, struct fv_track_slot *slot,
+                     const struct fv_track_look *look)
 {
     const struct fovea_track_config *config = tracker->config;
     const int32_t c = slot->track.class_id;
@@ -145,7 +167,9 @@ void fv_track_locate(const struct fv_tracker *tracker, struct fv_track_slot *slo
     struct place place;
     slot->track.located = 0;
     if (!slot->matched || (height_m <= 0.0 && !config->ground) || is_cut(tracker, slot)) return;
-    if (!(height_m > 0.0 && by_size(tracker, slot, height_m, &place)) && !(config->ground && by_floor(tracker, slot, &place))) return;
+    if (!(height_m > 0.0 && by_size(tracker, slot, height_m, &place)) &&
+        !(config->ground && by_floor(tracker, slot, &place)))
+        return;
     if (look->posed && look->metric) {
         filter_place(slot, &place, look);
         return;

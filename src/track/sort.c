@@ -3,28 +3,43 @@
 
 /* Gates: 99.7 % of a four-dimensional normal distribution for centre and size; overlap that lets pairs pass which are farther,
  * as boxes are that something cuts off. Sizes deviate by a tenth besides what the filter knows. */
-static const double distance_gate = 16.0, overlap_gate = 0.3, overlap_gate_low = 0.4, far_gate = 40.0, size_share = 0.1;
+static const double distance_gate = 16.0, overlap_gate = 0.3, overlap_gate_low = 0.4, far_gate = 40.0,
+                    size_share = 0.1;
 
 /* What the cost needs of a prediction and of a detection, worked out once for all their pairs. */
 static void row_of(const struct fv_track_slot *slot, struct fv_track_side *side)
 {
     const struct fv_filter *b = slot->box;
-    *side = (struct fv_track_side){.x = b[FV_TRACK_X].x, .y = b[FV_TRACK_Y].x, .half_w = 0.5 * b[FV_TRACK_W].x,
-                                   .half_h = 0.5 * b[FV_TRACK_H].x, .x_variance = b[FV_TRACK_X].xx, .y_variance = b[FV_TRACK_Y].xx,
+    *side = (struct fv_track_side){.x = b[FV_TRACK_X].x,
+                                   .y = b[FV_TRACK_Y].x,
+                                   .half_w = 0.5 * b[FV_TRACK_W].x,
+                                   .half_h = 0.5 * b[FV_TRACK_H].x,
+                                   .x_variance = b[FV_TRACK_X].xx,
+                                   .y_variance = b[FV_TRACK_Y].xx,
                                    .x_reach = __builtin_sqrt(distance_gate * b[FV_TRACK_X].xx),
                                    .y_reach = __builtin_sqrt(distance_gate * b[FV_TRACK_Y].xx),
-                                   .w_variance = b[FV_TRACK_W].xx, .h_variance = b[FV_TRACK_H].xx, .class_id = slot->track.class_id};
+                                   .w_variance = b[FV_TRACK_W].xx,
+                                   .h_variance = b[FV_TRACK_H].xx,
+                                   .class_id = slot->track.class_id};
 }
 
 static void column_of(const struct fovea_detection *d, struct fv_track_side *side)
 {
-    const double x0 = (double)d->x_min_px, y0 = (double)d->y_min_px, x1 = (double)d->x_max_px, y1 = (double)d->y_max_px;
+    const double x0 = (double)d->x_min_px, y0 = (double)d->y_min_px, x1 = (double)d->x_max_px,
+                 y1 = (double)d->y_max_px;
     const double sigma = 0.025 * (x1 - x0 + y1 - y0) + 0.5, reach = __builtin_sqrt(distance_gate) * sigma;
-    *side = (struct fv_track_side){.x = 0.5 * (x0 + x1), .y = 0.5 * (y0 + y1), .half_w = 0.5 * (x1 - x0), .half_h = 0.5 * (y1 - y0),
-                                   .x_variance = sigma * sigma, .y_variance = sigma * sigma, .x_reach = reach, .y_reach = reach,
-                                   .w_variance = size_share * size_share * (x1 - x0) * (x1 - x0) + sigma * sigma,
-                                   .h_variance = size_share * size_share * (y1 - y0) * (y1 - y0) + sigma * sigma,
-                                   .class_id = d->class_id};
+    *side =
+        (struct fv_track_side){.x = 0.5 * (x0 + x1),
+                               .y = 0.5 * (y0 + y1),
+                               .half_w = 0.5 * (x1 - x0),
+                               .half_h = 0.5 * (y1 - y0),
+                               .x_variance = sigma * sigma,
+                               .y_variance = sigma * sigma,
+                               .x_reach = reach,
+                               .y_reach = reach,
+                               .w_variance = size_share * size_share * (x1 - x0) * (x1 - x0) + sigma * sigma,
+                               .h_variance = size_share * size_share * (y1 - y0) * (y1 - y0) + sigma * sigma,
+                               .class_id = d->class_id};
 }
 
 static double least(double a, double b)
@@ -51,7 +66,9 @@ static bool is_far(double off, double half, double reach)
 static float cost_of(const struct fv_track_side *a, const struct fv_track_side *b, bool only_overlap)
 {
     const double dx = b->x - a->x, dy = b->y - a->y;
-    if (is_far(dx, a->half_w + b->half_w, a->x_reach + b->x_reach) || is_far(dy, a->half_h + b->half_h, a->y_reach + b->y_reach)) return 1.0f;
+    if (is_far(dx, a->half_w + b->half_w, a->x_reach + b->x_reach) ||
+        is_far(dy, a->half_h + b->half_h, a->y_reach + b->y_reach))
+        return 1.0f;
     if (a->class_id != b->class_id) return 1.0f;
     const double iou = overlap(a, b);
     if (only_overlap) return iou >= overlap_gate_low ? (float)(1.0 - iou) : 1.0f;
@@ -63,31 +80,37 @@ static float cost_of(const struct fv_track_side *a, const struct fv_track_side *
 }
 
 /* One assignment of the slots in tracker->rows to the detections in tracker->columns. */
-static void assign(struct fv_tracker *tracker, const struct fv_track_look *look, int32_t rows, int32_t columns, bool only_overlap)
+static void assign(struct fv_tracker *tracker, const struct fv_track_look *look, int32_t rows,
+                   int32_t columns, bool only_overlap)
 {
     if (rows == 0 || columns == 0) return;
     struct fv_track_side *columns_of = tracker->sides, row;
-    for (int32_t c = 0; c < columns; c++) column_of(&look->detections[tracker->columns[c]], &columns_of[c]);
+    for (int32_t c = 0; c < columns; c++)
+        column_of(&look->detections[tracker->columns[c]], &columns_of[c]);
     for (int32_t r = 0; r < rows; r++) {
         row_of(&tracker->slots[tracker->rows[r]], &row);
-        for (int32_t c = 0; c < columns; c++) tracker->cost[r * columns + c] = cost_of(&row, &columns_of[c], only_overlap);
+        for (int32_t c = 0; c < columns; c++)
+            tracker->cost[r * columns + c] = cost_of(&row, &columns_of[c], only_overlap);
     }
     fv_assign(tracker->cost, columns, rows, columns, tracker->assign, tracker->column_of);
     for (int32_t r = 0; r < rows; r++) {
         if (tracker->column_of[r] < 0) continue;
-        fv_track_take(tracker, &tracker->slots[tracker->rows[r]], look, (uint32_t)tracker->columns[tracker->column_of[r]]);
+        fv_track_take(tracker, &tracker->slots[tracker->rows[r]], look,
+                      (uint32_t)tracker->columns[tracker->column_of[r]]);
     }
 }
 
 /* Detections of the first stage, or those of the second. */
-static int32_t gather_detections(const struct fv_tracker *tracker, const struct fv_track_look *look, bool first)
+static int32_t gather_detections(const struct fv_tracker *tracker, const struct fv_track_look *look,
+                                 bool first)
 {
     const struct fovea_track_config *config = tracker->config;
     int32_t count = 0;
     for (uint32_t d = 0; d < look->count + look->uncertain; d++) {
         const double score = (double)look->detections[d].score;
         const bool high = d < look->count && score >= config->score_high;
-        if (!tracker->taken[d] && high == first && score >= config->score_low) tracker->columns[count++] = (int32_t)d;
+        if (!tracker->taken[d] && high == first && score >= config->score_low)
+            tracker->columns[count++] = (int32_t)d;
     }
     return count;
 }

@@ -15,8 +15,9 @@ static double larger(double a, double b)
 
 /* ---- memory ------------------------------------------------------------------------------------------------ */
 
-void fv_track_carve(struct fv_tracker *tracker, const struct fovea_track_config *config, const struct fovea_camera *camera,
-                    const double T_base_cam[12], struct fv_arena *persistent, struct fv_arena *frame)
+void fv_track_carve(struct fv_tracker *tracker, const struct fovea_track_config *config,
+                    const struct fovea_camera *camera, const double T_base_cam[12],
+                    struct fv_arena *persistent, struct fv_arena *frame)
 {
     const size_t tracks = config->tracks_max;
     tracker->config = config;
@@ -38,7 +39,8 @@ void fv_track_reset(struct fv_tracker *tracker)
 {
     const struct fv_track_state before = *tracker->state;
     memset(tracker->slots, 0, tracker->config->tracks_max * sizeof *tracker->slots);
-    *tracker->state = (struct fv_track_state){.next_id = before.next_id, .updates = before.updates, .confirmed = before.confirmed};
+    *tracker->state = (struct fv_track_state){
+        .next_id = before.next_id, .updates = before.updates, .confirmed = before.confirmed};
 }
 
 /* ---- prediction -------------------------------------------------------------------------------------------- */
@@ -54,7 +56,8 @@ static void turn(const struct fv_tracker *tracker, struct fv_track_slot *slot, c
     const double before[2] = {slot->box[FV_TRACK_X].x, slot->box[FV_TRACK_Y].x};
     double b[3], turned[3], now[2];
     if (fovea_camera_unproject(tracker->camera, before, b, NULL) != FOVEA_OK) return;
-    for (int i = 0; i < 3; i++) turned[i] = R[3 * i] * b[0] + R[3 * i + 1] * b[1] + R[3 * i + 2] * b[2];
+    for (int i = 0; i < 3; i++)
+        turned[i] = R[3 * i] * b[0] + R[3 * i + 1] * b[1] + R[3 * i + 2] * b[2];
     if (fovea_camera_project(tracker->camera, turned, now, NULL) != FOVEA_OK) return;
     slot->box[FV_TRACK_X].x = now[0];
     slot->box[FV_TRACK_Y].x = now[1];
@@ -80,7 +83,8 @@ static bool rotation_since(const struct fv_track_state *state, const struct fv_t
     for (int i = 0; i < 3; i++) {
         for (int j = 0; j < 3; j++) {
             double sum = 0;
-            for (int k = 0; k < 3; k++) sum += look->T_world_cam[4 * k + i] * state->R_world_cam[3 * k + j];
+            for (int k = 0; k < 3; k++)
+                sum += look->T_world_cam[4 * k + i] * state->R_world_cam[3 * k + j];
             R[3 * i + j] = sum;
         }
     }
@@ -110,16 +114,20 @@ struct measured {
 
 static struct measured measure(const struct fovea_detection *d)
 {
-    const double x0 = (double)d->x_min_px, y0 = (double)d->y_min_px, x1 = (double)d->x_max_px, y1 = (double)d->y_max_px;
+    const double x0 = (double)d->x_min_px, y0 = (double)d->y_min_px, x1 = (double)d->x_max_px,
+                 y1 = (double)d->y_max_px;
     const double sigma = larger(measured_share * 0.5 * (x1 - x0 + y1 - y0), 0.5);
-    return (struct measured){{0.5 * (x0 + x1), 0.5 * (y0 + y1), x1 - x0, y1 - y0}, {sigma, sigma, 1.4 * sigma, 1.4 * sigma}};
+    return (struct measured){{0.5 * (x0 + x1), 0.5 * (y0 + y1), x1 - x0, y1 - y0},
+                             {sigma, sigma, 1.4 * sigma, 1.4 * sigma}};
 }
 
-void fv_track_take(struct fv_tracker *tracker, struct fv_track_slot *slot, const struct fv_track_look *look, uint32_t detection)
+void fv_track_take(struct fv_tracker *tracker, struct fv_track_slot *slot, const struct fv_track_look *look,
+                   uint32_t detection)
 {
     const struct fovea_detection *d = &look->detections[detection];
     const struct measured m = measure(d);
-    for (int k = 0; k < FV_TRACK_NUMBERS; k++) fv_filter_update(&slot->box[k], m.number[k], m.sigma[k] * m.sigma[k]);
+    for (int k = 0; k < FV_TRACK_NUMBERS; k++)
+        fv_filter_update(&slot->box[k], m.number[k], m.sigma[k] * m.sigma[k]);
     slot->track.score = d->score;
     slot->score_sum += (double)d->score;
     slot->track.class_id = d->class_id;
@@ -130,18 +138,24 @@ void fv_track_take(struct fv_tracker *tracker, struct fv_track_slot *slot, const
     tracker->taken[detection] = 1;
 }
 
-static void begin(struct fv_tracker *tracker, struct fv_track_slot *slot, const struct fv_track_look *look, uint32_t detection)
+static void begin(struct fv_tracker *tracker, struct fv_track_slot *slot, const struct fv_track_look *look,
+                  uint32_t detection)
 {
     const struct fovea_detection *d = &look->detections[detection];
     const struct measured m = measure(d);
     memset(slot, 0, sizeof *slot);
     slot->used = slot->matched = 1;
     slot->score_sum = (double)d->score;
-    slot->track = (struct fovea_track){.id = ++tracker->state->next_id, .class_id = d->class_id, .score = d->score,
-                                       .first_ns = look->stamp_ns, .seen_ns = look->stamp_ns, .hits = 1};
+    slot->track = (struct fovea_track){.id = ++tracker->state->next_id,
+                                       .class_id = d->class_id,
+                                       .score = d->score,
+                                       .first_ns = look->stamp_ns,
+                                       .seen_ns = look->stamp_ns,
+                                       .hits = 1};
     const double size = 0.5 * (m.number[FV_TRACK_W] + m.number[FV_TRACK_H]);
     for (int k = 0; k < FV_TRACK_NUMBERS; k++) {
-        fv_filter_start(&slot->box[k], m.number[k], m.sigma[k], (k < FV_TRACK_W ? velocity_share : size_velocity_share) * size);
+        fv_filter_start(&slot->box[k], m.number[k], m.sigma[k],
+                        (k < FV_TRACK_W ? velocity_share : size_velocity_share) * size);
     }
     tracker->taken[detection] = 1;
 }
@@ -151,7 +165,8 @@ static void begin(struct fv_tracker *tracker, struct fv_track_slot *slot, const 
 /* Whether `a` is given up before `b`; neither was seen in this look. */
 static bool weaker(const struct fv_track_slot *a, const struct fv_track_slot *b)
 {
-    const bool tentative_a = a->track.state == FOVEA_TRACK_TENTATIVE, tentative_b = b->track.state == FOVEA_TRACK_TENTATIVE;
+    const bool tentative_a = a->track.state == FOVEA_TRACK_TENTATIVE,
+               tentative_b = b->track.state == FOVEA_TRACK_TENTATIVE;
     if (tentative_a != tentative_b) return tentative_a;
     if (a->track.unseen != b->track.unseen) return a->track.unseen > b->track.unseen;
     if (a->track.hits != b->track.hits) return a->track.hits < b->track.hits;
@@ -191,7 +206,8 @@ static bool is_over(const struct fv_tracker *tracker, const struct fv_track_slot
     if (config->mode == FOVEA_TRACK_CENTROID) return slot->track.unseen > config->max_disappeared;
     if (slot->track.state == FOVEA_TRACK_TENTATIVE) return true;
     const double x = slot->box[FV_TRACK_X].x, y = slot->box[FV_TRACK_Y].x, size = size_of(slot);
-    const bool gone = x < -size || y < -size || x > tracker->camera->width + size || y > tracker->camera->height + size;
+    const bool gone =
+        x < -size || y < -size || x > tracker->camera->width + size || y > tracker->camera->height + size;
     return gone || (double)(stamp_ns - slot->track.seen_ns) * 1e-9 > config->coast_s;
 }
 
@@ -201,7 +217,8 @@ static bool is_believed(const struct fv_tracker *tracker, const struct fv_track_
 {
     const struct fovea_track_config *config = tracker->config;
     if (config->mode == FOVEA_TRACK_CENTROID || slot->track.state != FOVEA_TRACK_TENTATIVE) return true;
-    return slot->track.hits >= config->confirm_hits && slot->score_sum >= config->score_confirm * slot->track.hits;
+    return slot->track.hits >= config->confirm_hits &&
+           slot->score_sum >= config->score_confirm * slot->track.hits;
 }
 
 static void age(struct fv_tracker *tracker, struct fv_track_slot *slot, int64_t stamp_ns)
@@ -234,7 +251,8 @@ static void describe(struct fv_track_slot *slot)
 static void tell(struct fv_tracker *tracker, const struct fovea_track *track)
 {
     uint32_t at = tracker->state->listed++;
-    for (; at > 0 && tracker->list[at - 1].id > track->id; at--) tracker->list[at] = tracker->list[at - 1];
+    for (; at > 0 && tracker->list[at - 1].id > track->id; at--)
+        tracker->list[at] = tracker->list[at - 1];
     tracker->list[at] = *track;
 }
 
@@ -244,8 +262,10 @@ void fv_track_update(struct fv_tracker *tracker, const struct fv_track_look *loo
     if (state->started && state->stamp_ns >= look->stamp_ns) return;
     memset(tracker->taken, 0, look->count + look->uncertain);
     predict_all(tracker, look);
-    if (tracker->config->mode == FOVEA_TRACK_SORT) fv_track_match_sort(tracker, look);
-    else fv_track_match_centroid(tracker, look);
+    if (tracker->config->mode == FOVEA_TRACK_SORT)
+        fv_track_match_sort(tracker, look);
+    else
+        fv_track_match_centroid(tracker, look);
     begin_new(tracker, look);
     state->listed = 0;
     for (uint32_t i = 0; i < tracker->config->tracks_max; i++) {
@@ -263,7 +283,8 @@ void fv_track_update(struct fv_tracker *tracker, const struct fv_track_look *loo
     state->sequence = look->sequence;
     state->posed = look->posed;
     state->world = look->world;
-    for (int i = 0; i < 9; i++) state->R_world_cam[i] = look->T_world_cam[i / 3 * 4 + i % 3];
+    for (int i = 0; i < 9; i++)
+        state->R_world_cam[i] = look->T_world_cam[i / 3 * 4 + i % 3];
 }
 
 /* ---- what is told ------------------------------------------------------------------------------------------ */
@@ -271,8 +292,12 @@ void fv_track_update(struct fv_tracker *tracker, const struct fv_track_look *loo
 void fv_track_get(const struct fv_tracker *tracker, struct fovea_tracks *tracks)
 {
     const struct fv_track_state *state = tracker->state;
-    *tracks = (struct fovea_tracks){.updates = state->updates, .confirmed = state->confirmed, .stamp_ns = state->stamp_ns, .sequence = state->sequence,
-                                    .count = state->listed, .list = tracker->list};
+    *tracks = (struct fovea_tracks){.updates = state->updates,
+                                    .confirmed = state->confirmed,
+                                    .stamp_ns = state->stamp_ns,
+                                    .sequence = state->sequence,
+                                    .count = state->listed,
+                                    .list = tracker->list};
 }
 
 uint32_t fv_track_movable(const struct fv_tracker *tracker, float (*boxes)[4], uint32_t capacity)
@@ -281,7 +306,9 @@ uint32_t fv_track_movable(const struct fv_tracker *tracker, float (*boxes)[4], u
     for (uint32_t i = 0; i < tracker->config->tracks_max && count < capacity; i++) {
         const struct fovea_track *t = &tracker->slots[i].track;
         const int32_t c = t->class_id;
-        if (!tracker->slots[i].used || c < 0 || c >= FOVEA_TRACK_CLASSES_MAX || (tracker->config->movable[c / 32] >> c % 32 & 1) == 0) continue;
+        if (!tracker->slots[i].used || c < 0 || c >= FOVEA_TRACK_CLASSES_MAX ||
+            (tracker->config->movable[c / 32] >> c % 32 & 1) == 0)
+            continue;
         const float box[4] = {t->x_min_px, t->y_min_px, t->x_max_px, t->y_max_px};
         memcpy(boxes[count++], box, sizeof box);
     }

@@ -23,7 +23,8 @@
 
 #include "kernels/kernels.h"
 
-namespace bench {
+namespace bench
+{
 
 struct Input {
     cv::Mat image;      /* 752x480 grey, real where one was found */
@@ -35,7 +36,8 @@ using Run = std::function<void()>;
 
 struct Stage {
     Stage(const char *name, const char *size, const char *peer,
-          std::function<Run(const Input &, const struct fv_kernels &)> ours, std::function<Run(const Input &)> theirs);
+          std::function<Run(const Input &, const struct fv_kernels &)> ours,
+          std::function<Run(const Input &)> theirs);
     std::string name, size, peer;
     std::function<Run(const Input &, const struct fv_kernels &)> ours;
     std::function<Run(const Input &)> theirs; /* empty: none */
@@ -71,7 +73,8 @@ struct Facts {
     std::string machine, compiler, flags, commit, opencv, image;
 };
 bool write_json(const std::string &path, const Facts &facts, const std::vector<Result> &results);
-bool write_page(const std::string &path, const Facts &facts, const std::vector<Result> &results, bool kernels);
+bool write_page(const std::string &path, const Facts &facts, const std::vector<Result> &results,
+                bool kernels);
 
 } // namespace bench
 

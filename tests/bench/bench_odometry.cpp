@@ -14,8 +14,10 @@
 #include "fovea/source.h"
 #include "oracle/images.h"
 
-namespace bench {
-namespace {
+namespace bench
+{
+namespace
+{
 
 double cpu_us()
 {
@@ -25,7 +27,10 @@ double cpu_us()
 }
 
 struct Free {
-    void operator()(struct fovea *rt) const { std::free(rt); }
+    void operator()(struct fovea *rt) const
+    {
+        std::free(rt);
+    }
 };
 
 /* A runtime of default configuration held to a kernel set ("": the best), and what its frames took. */
@@ -74,7 +79,8 @@ void process(const struct fovea_config &config, const struct fovea_frame &frame,
 double mean(const std::vector<double> &values)
 {
     double sum = 0;
-    for (double v : values) sum += v;
+    for (double v : values)
+        sum += v;
     return sum / static_cast<double>(values.size());
 }
 
@@ -94,7 +100,8 @@ void run_recording(const char *title, const std::string &uri, uint32_t features,
     struct fovea_source_selection all_frames = {};
     all_frames.step = 1;
     if (fovea_source_find(uri.c_str(), &ops, &address, &error) != FOVEA_OK ||
-        ops->open(address, &all_frames, &source, &error) != FOVEA_OK || ops->start(source, &error) != FOVEA_OK) {
+        ops->open(address, &all_frames, &source, &error) != FOVEA_OK ||
+        ops->start(source, &error) != FOVEA_OK) {
         std::printf("SKIPPED the odometry on a recording: %s\n", error.text);
         return;
     }
@@ -110,9 +117,12 @@ void run_recording(const char *title, const std::string &uri, uint32_t features,
     }
     const cv::Ptr<cv::ORB> orb = cv::ORB::create(static_cast<int>(features));
     std::vector<double> orb_us;
-    for (struct fovea_frame frame; ops->dequeue(source, INT64_MAX, &frame) == FOVEA_OK; ops->requeue(source, &frame)) {
-        for (Contender &c : all) process(config, frame, c);
-        const cv::Mat image(frame.image.height, frame.image.width, CV_8U, const_cast<uint8_t *>(frame.image.data),
+    for (struct fovea_frame frame; ops->dequeue(source, INT64_MAX, &frame) == FOVEA_OK;
+         ops->requeue(source, &frame)) {
+        for (Contender &c : all)
+            process(config, frame, c);
+        const cv::Mat image(frame.image.height, frame.image.width, CV_8U,
+                            const_cast<uint8_t *>(frame.image.data),
                             static_cast<size_t>(frame.image.stride_bytes));
         std::vector<cv::KeyPoint> points;
         cv::Mat descriptors;
@@ -120,14 +130,18 @@ void run_recording(const char *title, const std::string &uri, uint32_t features,
         orb->detectAndCompute(image, cv::noArray(), points, descriptors);
         orb_us.push_back(cpu_us() - start);
     }
-    const std::string pixels = std::to_string(config.camera.width) + "x" + std::to_string(config.camera.height);
+    const std::string pixels =
+        std::to_string(config.camera.width) + "x" + std::to_string(config.camera.height);
     ops->stop(source);
     ops->close(source);
     for (const Contender &c : all) {
         const int used = static_cast<int>(c.features / static_cast<double>(c.us.size()));
-        const std::string size = pixels + ", " + std::to_string(used) + " features", name = std::string("step and work, ") + title;
-        results.push_back({name + ", mean", size, c.set, mean(c.us), "ORB::detectAndCompute, mean", mean(orb_us)});
-        results.push_back({name + ", p99", size, c.set, p99(c.us), "ORB::detectAndCompute, mean", mean(orb_us)});
+        const std::string size = pixels + ", " + std::to_string(used) + " features",
+                          name = std::string("step and work, ") + title;
+        results.push_back(
+            {name + ", mean", size, c.set, mean(c.us), "ORB::detectAndCompute, mean", mean(orb_us)});
+        results.push_back(
+            {name + ", p99", size, c.set, p99(c.us), "ORB::detectAndCompute, mean", mean(orb_us)});
     }
 }
 

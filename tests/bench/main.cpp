@@ -20,7 +20,8 @@
 #include "kernels/check.h"
 #include "oracle/images.h"
 
-namespace bench {
+namespace bench
+{
 
 std::vector<const Stage *> &stages()
 {
@@ -69,10 +70,12 @@ std::vector<double> measure(const std::vector<Run> &runs)
     }
     const double begin = cpu_us();
     while (samples[0].size() < samples_max &&
-           (samples[0].size() < samples_min || cpu_us() - begin < budget_us * static_cast<double>(runs.size()))) {
+           (samples[0].size() < samples_min ||
+            cpu_us() - begin < budget_us * static_cast<double>(runs.size()))) {
         for (size_t i = 0; i < runs.size(); i++) {
             const double start = cpu_us();
-            for (int k = 0; k < repeats[i]; k++) runs[i]();
+            for (int k = 0; k < repeats[i]; k++)
+                runs[i]();
             samples[i].push_back((cpu_us() - start) / repeats[i]);
         }
     }
@@ -86,7 +89,8 @@ std::vector<double> measure(const std::vector<Run> &runs)
 
 } // namespace bench
 
-namespace {
+namespace
+{
 
 using bench::Input;
 using bench::Result;
@@ -110,13 +114,17 @@ Input find_input()
 {
     const std::vector<std::string> euroc = images_under(data_folder() + "/euroc_mh05_a", 1000);
     if (euroc.size() > 110) {
-        const cv::Mat image = cv::imread(euroc[100], cv::IMREAD_GRAYSCALE), next = cv::imread(euroc[102], cv::IMREAD_GRAYSCALE);
-        if (image.cols == BENCH_WIDTH && image.rows == BENCH_HEIGHT) return {image, next, "EuRoC MH_05, frame 100"};
+        const cv::Mat image = cv::imread(euroc[100], cv::IMREAD_GRAYSCALE),
+                      next = cv::imread(euroc[102], cv::IMREAD_GRAYSCALE);
+        if (image.cols == BENCH_WIDTH && image.rows == BENCH_HEIGHT)
+            return {image, next, "EuRoC MH_05, frame 100"};
     }
     const std::string leuven = "/usr/share/doc/opencv-doc/examples/data/leuven";
-    const cv::Mat a = cv::imread(leuven + "A.jpg", cv::IMREAD_GRAYSCALE), b = cv::imread(leuven + "B.jpg", cv::IMREAD_GRAYSCALE);
+    const cv::Mat a = cv::imread(leuven + "A.jpg", cv::IMREAD_GRAYSCALE),
+                  b = cv::imread(leuven + "B.jpg", cv::IMREAD_GRAYSCALE);
     if (!a.empty() && !b.empty()) return {fit(a), fit(b), "opencv-doc leuvenA, scaled"};
-    const cv::Mat made = cv::Mat(BENCH_HEIGHT, BENCH_WIDTH, CV_8U, const_cast<uint8_t *>(bench_image()), BENCH_STRIDE).clone();
+    const cv::Mat made =
+        cv::Mat(BENCH_HEIGHT, BENCH_WIDTH, CV_8U, const_cast<uint8_t *>(bench_image()), BENCH_STRIDE).clone();
     return {made, made, "drawn rectangles with noise (no real image found)"};
 }
 
@@ -136,7 +144,8 @@ std::vector<struct fv_kernels> kernel_sets()
 void report(const Result &r)
 {
     std::printf("%-34s %-10s %-10s %10.1f us", r.name.c_str(), r.size.c_str(), r.isa.c_str(), r.ours_us);
-    if (!r.peer.empty()) std::printf("  %-32s %10.1f us  ratio %.3f", r.peer.c_str(), r.peer_us, r.ours_us / r.peer_us);
+    if (!r.peer.empty())
+        std::printf("  %-32s %10.1f us  ratio %.3f", r.peer.c_str(), r.peer_us, r.ours_us / r.peer_us);
     std::printf("\n");
 }
 
@@ -144,12 +153,13 @@ void run_stage(const bench::Stage &stage, const Input &input, std::vector<Result
 {
     const std::vector<struct fv_kernels> sets = kernel_sets();
     std::vector<Run> runs;
-    for (const auto &kernels : sets) runs.push_back(stage.ours(input, kernels));
+    for (const auto &kernels : sets)
+        runs.push_back(stage.ours(input, kernels));
     if (stage.theirs) runs.push_back(stage.theirs(input));
     const std::vector<double> us = bench::measure(runs);
     for (size_t i = 0; i < sets.size(); i++) {
-        results.push_back({stage.name, stage.size, fv_cpu_set_name(sets[i].set), us[i], stage.theirs ? stage.peer : "",
-                           stage.theirs ? us.back() : 0});
+        results.push_back({stage.name, stage.size, fv_cpu_set_name(sets[i].set), us[i],
+                           stage.theirs ? stage.peer : "", stage.theirs ? us.back() : 0});
         report(results.back());
     }
 }
@@ -194,7 +204,8 @@ void run_program(const std::string &program, std::vector<Result> &results)
         return;
     }
     for (const char *set : {"", "sse4", "neon", "c"}) {
-        const std::string command = "FOVEA_CPU=" + std::string(set) + " '" + program + "' run --source 'euroc:" + recording +
+        const std::string command = "FOVEA_CPU=" + std::string(set) + " '" + program +
+                                    "' run --source 'euroc:" + recording +
                                     "' --quiet --picture none --stats '" + stats + "' >/dev/null 2>&1";
         if (std::system(command.c_str()) != 0) continue; /* a set that this processor lacks */
         const cv::FileStorage file(stats, cv::FileStorage::READ | cv::FileStorage::FORMAT_JSON);
@@ -202,13 +213,17 @@ void run_program(const std::string &program, std::vector<Result> &results)
         for (const char *part : {"step", "frame"}) {
             const double p50_ns = static_cast<double>(file[part]["p50_ns"]);
             const std::string isa = set[0] != '\0' ? set : fv_cpu_set_name(fv_cpu_best(fv_cpu_detect()));
-            results.push_back({std::string(part) + ", EuRoC MH_05, median", "752x480", isa, p50_ns * 1e-3, "", 0});
+            results.push_back(
+                {std::string(part) + ", EuRoC MH_05, median", "752x480", isa, p50_ns * 1e-3, "", 0});
             report(results.back());
         }
     }
     std::stable_sort(results.begin(), results.end(), [](const Result &a, const Result &b) {
-        return (a.name.rfind("step", 0) == 0 ? 0 : a.name.rfind("frame", 0) == 0 ? 1 : 2) <
-               (b.name.rfind("step", 0) == 0 ? 0 : b.name.rfind("frame", 0) == 0 ? 1 : 2);
+        return (a.name.rfind("step", 0) == 0    ? 0
+                : a.name.rfind("frame", 0) == 0 ? 1
+                                                : 2) < (b.name.rfind("step", 0) == 0    ? 0
+                                                        : b.name.rfind("frame", 0) == 0 ? 1
+                                                                                        : 2);
     });
 }
 
@@ -236,9 +251,11 @@ int main(int argc, char **argv)
     }
     cv::setNumThreads(1);
     const Input input = find_input();
-    const bench::Facts facts = {machine(), options["compiler"], options["flags"], options["commit"], CV_VERSION, input.origin};
-    std::printf("%s; %s; %s; commit %s; OpenCV %s; image: %s\n", facts.machine.c_str(), facts.compiler.c_str(),
-                facts.flags.c_str(), facts.commit.c_str(), facts.opencv.c_str(), facts.image.c_str());
+    const bench::Facts facts = {machine(),         options["compiler"], options["flags"],
+                                options["commit"], CV_VERSION,          input.origin};
+    std::printf("%s; %s; %s; commit %s; OpenCV %s; image: %s\n", facts.machine.c_str(),
+                facts.compiler.c_str(), facts.flags.c_str(), facts.commit.c_str(), facts.opencv.c_str(),
+                facts.image.c_str());
 
     bench_image_set(input.image.data, input.image.step);
     std::vector<Result> results;
@@ -259,7 +276,11 @@ int main(int argc, char **argv)
         return 1;
     }
     if (options.count("json") && !bench::write_json(options["json"], facts, results)) return 1;
-    if (options.count("readme") && filter.empty() && !bench::write_page(options["readme"], facts, results, false)) return 1;
-    if (options.count("kernels") && filter.empty() && !bench::write_page(options["kernels"], facts, results, true)) return 1;
+    if (options.count("readme") && filter.empty() &&
+        !bench::write_page(options["readme"], facts, results, false))
+        return 1;
+    if (options.count("kernels") && filter.empty() &&
+        !bench::write_page(options["kernels"], facts, results, true))
+        return 1;
     return 0;
 }

@@ -11,7 +11,8 @@
 #include "base/arena.h"
 #include "image/pyramid.h"
 
-namespace bench {
+namespace bench
+{
 
 /* Run a carving function twice: to count, and on memory of that size. */
 class Block
@@ -39,10 +40,12 @@ struct Pyramid {
     Block block;
 
     Pyramid(const cv::Mat &grey, uint32_t levels)
-        : image(grey), frame{grey.data, grey.cols, grey.rows, static_cast<int32_t>(grey.step), FOVEA_PIXEL_GREY8,
-                             grey.step * static_cast<size_t>(grey.rows)},
-          pyramid(),
-          block([&](struct fv_arena *arena) { fv_pyramid_carve(&pyramid, grey.cols, grey.rows, levels, arena); })
+        : image(grey), frame{grey.data,         grey.cols,
+                             grey.rows,         static_cast<int32_t>(grey.step),
+                             FOVEA_PIXEL_GREY8, grey.step * static_cast<size_t>(grey.rows)},
+          pyramid(), block([&](struct fv_arena *arena) {
+              fv_pyramid_carve(&pyramid, grey.cols, grey.rows, levels, arena);
+          })
     {
     }
     Pyramid(const Pyramid &) = delete;

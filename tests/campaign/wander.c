@@ -69,14 +69,15 @@ static void begin(struct walk *walk, const char *uri)
     const char *address;
     struct fovea_error error;
     const struct fovea_source_selection all = {.step = 1, .frames = walk->frames};
-    if (fovea_source_find(uri, &walk->ops, &address, &error) || walk->ops->open(address, &all, &walk->source, &error) ||
-        walk->ops->start(walk->source, &error))
+    if (fovea_source_find(uri, &walk->ops, &address, &error) ||
+        walk->ops->open(address, &all, &walk->source, &error) || walk->ops->start(walk->source, &error))
         die(error.text);
     struct fovea_config *config = &walk->config;
     fovea_config_default(config);
     config->odometry.keyframes = FOVEA_ODOMETRY_KEYFRAMES_MAX;
     config->camera = walk->ops->info(walk->source)->camera;
-    if (fovea_camera_prepare(&config->camera, &error) || fovea_size(config, &walk->bytes, &error)) die(error.text);
+    if (fovea_camera_prepare(&config->camera, &error) || fovea_size(config, &walk->bytes, &error))
+        die(error.text);
     const size_t whole = (walk->bytes + 4095) / 4096 * 4096;
     void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, whole);
     walk->spent = calloc(walk->frames, sizeof *walk->spent);

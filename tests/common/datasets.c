@@ -366,10 +366,9 @@ const char *fv_test_long_video(const char *folder, uint32_t frames)
         movie += 8 + (bytes[i] + 1) / 2 * 2;
     }
     const uint32_t stream = 4 + 8 + STRH + 8 + STRF, head = 4 + 8 + AVIH + 8 + stream;
-    const uint32_t avih[14] = {50000, 0, 0, 0, frames, 0, 1, 0, FV_TEST_WIDTH, FV_TEST_HEIGHT,
-                               0,     0, 0, 0};
-    const uint32_t strh[12] = {
-        0, 0, 0, 1, 20, 0, frames, 0, 0xFFFFFFFF, 0, 0, FV_TEST_WIDTH | FV_TEST_HEIGHT << 16};
+    const uint32_t avih[14] = {50000, 0, 0, 0, frames, 0, 1, 0, FV_TEST_WIDTH, FV_TEST_HEIGHT, 0, 0, 0, 0};
+    const uint32_t strh[12] = {0,      0, 0,          1, 20, 0,
+                               frames, 0, 0xFFFFFFFF, 0, 0,  FV_TEST_WIDTH | FV_TEST_HEIGHT << 16};
     const uint32_t strf[10] = {STRF,
                                FV_TEST_WIDTH,
                                FV_TEST_HEIGHT,

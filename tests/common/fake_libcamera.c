@@ -235,16 +235,15 @@ static void send_frame(void)
     for (int32_t y = 0; y < FAKE_HEIGHT; ++y)
         for (int32_t x = 0; x < FAKE_WIDTH; ++x)
             me.buffers[index][y * FAKE_STRIDE + x] = fake_pixel(me.sequence - 1, x, y);
-    struct fv_libcamera_event event = {
-        .kind = FV_LIBCAMERA_FRAME,
-        .frame = {.index = (uint32_t)index,
-                  .bytes = FAKE_STRIDE * FAKE_HEIGHT,
-                  .stamp = {.stamp_ns = now_ns(),
-                            .clock_known = true,
-                            .clock = FOVEA_CLOCK_MONOTONIC,
-                            .meaning = FOVEA_STAMP_EXPOSURE_START,
-                            .sequence_known = true,
-                            .sequence = me.sequence}}};
+    struct fv_libcamera_event event = {.kind = FV_LIBCAMERA_FRAME,
+                                       .frame = {.index = (uint32_t)index,
+                                                 .bytes = FAKE_STRIDE * FAKE_HEIGHT,
+                                                 .stamp = {.stamp_ns = now_ns(),
+                                                           .clock_known = true,
+                                                           .clock = FOVEA_CLOCK_MONOTONIC,
+                                                           .meaning = FOVEA_STAMP_EXPOSURE_START,
+                                                           .sequence_known = true,
+                                                           .sequence = me.sequence}}};
     send_event(&event, 0);
 }
 

@@ -28,8 +28,8 @@ enum fake_fault {
 
 struct fake_stage {
     char folder[64];
-    atomic_bool away;                                  /* the camera is unplugged */
-    atomic_bool deaf;                                  /* a process that has seen it away does not see it come */
+    atomic_bool away; /* the camera is unplugged */
+    atomic_bool deaf; /* a process that has seen it away does not see it come */
     atomic_int fault, fault_at_set_up, fault_at_learn; /* enum fake_fault, done once */
     atomic_bool stubborn;                              /* not once, but by each process */
     atomic_int scribble;        /* 1 + value: written into the first byte of all buffers, then 0 */

@@ -37,7 +37,8 @@ static inline int nn_golden_set_up(void **state)
     char *file;
     size_t bytes;
     (void)state;
-    if (fovea_text_read("tests/golden/nn_operators.bin", 1 << 28, &file, &bytes, &error) != FOVEA_OK || bytes == 0 || bytes % 64 != 0) {
+    if (fovea_text_read("tests/golden/nn_operators.bin", 1 << 28, &file, &bytes, &error) != FOVEA_OK ||
+        bytes == 0 || bytes % 64 != 0) {
         fprintf(stderr, "tests/golden/nn_operators.bin: %s\n", error.text);
         return -1;
     }
@@ -45,7 +46,8 @@ static inline int nn_golden_set_up(void **state)
     if (golden.data == NULL) return -1;
     memcpy(golden.data, file, bytes);
     free(file);
-    for (const uint8_t *at = golden.data; at < golden.data + bytes && golden.count < NN_GOLDEN_MAX; ++golden.count) {
+    for (const uint8_t *at = golden.data; at < golden.data + bytes && golden.count < NN_GOLDEN_MAX;
+         ++golden.count) {
         struct nn_golden_model *m = &golden.models[golden.count];
         m->name = (const char *)at;
         memcpy(&m->model_bytes, at + 40, 4);

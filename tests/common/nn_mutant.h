@@ -20,7 +20,8 @@ static inline void nn_mutant_seal(uint8_t *data, size_t bytes)
 }
 
 /* The outputs read by every decoder, whatever the file's own. */
-static inline void nn_mutant_decode(const struct fv_model *model, const struct fv_detect_view *view, uint8_t *arena)
+static inline void nn_mutant_decode(const struct fv_model *model, const struct fv_detect_view *view,
+                                    uint8_t *arena)
 {
     struct fv_detect_scratch *scratch = malloc(sizeof *scratch);
     struct fovea_detection found[FOVEA_DETECTIONS_MAX];
@@ -55,7 +56,8 @@ static inline int nn_mutant_run(const uint8_t *data, size_t bytes)
     struct fv_nn_progress progress = {0, 0};
     uint32_t done;
     /* the best set, or one of lower ones: which bytes are read past an end differs */
-    const enum fv_cpu_set best = fv_cpu_best(fv_cpu_detect()), lower[2] = {FV_CPU_C, best >= FV_CPU_NEON ? FV_CPU_NEON : FV_CPU_AVX2};
+    const enum fv_cpu_set best = fv_cpu_best(fv_cpu_detect()),
+                          lower[2] = {FV_CPU_C, best >= FV_CPU_NEON ? FV_CPU_NEON : FV_CPU_AVX2};
     const uint32_t choice = model.header->checksum % 4;
     fv_kernels_init(&kernels, choice < 2 ? best : lower[choice - 2]);
     for (int i = 0; i < NN_MUTANT_UNITS_MAX; ++i) {
@@ -63,12 +65,18 @@ static inline int nn_mutant_run(const uint8_t *data, size_t bytes)
         if (fv_nn_run(&model, &kernels, arena, &progress, 1, &done) != FOVEA_AGAIN) break;
     }
     uint8_t pixels[16 * 16 * 3] = {1, 2, 3};
-    const struct fovea_image image = {.data = pixels, .width = 16, .height = 16, .stride_bytes = 48, .format = FOVEA_PIXEL_RGB24, .size_bytes = sizeof pixels};
+    const struct fovea_image image = {.data = pixels,
+                                      .width = 16,
+                                      .height = 16,
+                                      .stride_bytes = 48,
+                                      .format = FOVEA_PIXEL_RGB24,
+                                      .size_bytes = sizeof pixels};
     struct fv_detect_view view;
     if (fv_detect_view(&model, &image, &view) == FOVEA_OK) {
         fv_detect_fill(&model, &image, &view, arena, 0, model.header->preprocess.height);
     } else {
-        view = (struct fv_detect_view){.image_width = 16, .image_height = 16, .width = 16, .height = 16, .scale_x = 1, .scale_y = 1};
+        view = (struct fv_detect_view){
+            .image_width = 16, .image_height = 16, .width = 16, .height = 16, .scale_x = 1, .scale_y = 1};
     }
     nn_mutant_decode(&model, &view, arena);
     free(arena);

@@ -26,7 +26,8 @@ static inline int setup(void **state)
     fovea_config_default(&all);
     config = all.track;
     memcpy(T_base_cam, all.T_base_cam, sizeof T_base_cam);
-    camera = (struct fovea_camera){.width = WIDTH, .height = HEIGHT, .fx = 400, .fy = 400, .cx = 319.5, .cy = 239.5};
+    camera = (struct fovea_camera){
+        .width = WIDTH, .height = HEIGHT, .fx = 400, .fy = 400, .cx = 319.5, .cy = 239.5};
     return fovea_camera_prepare(&camera, &error) == FOVEA_OK ? 0 : -1;
 }
 
@@ -43,14 +44,19 @@ static inline void make(void)
 
 static inline struct fovea_detection box(double x, double y, double w, double h, double score)
 {
-    return (struct fovea_detection){(float)(x - w / 2), (float)(y - h / 2), (float)(x + w / 2), (float)(y + h / 2), (float)score, 0};
+    return (struct fovea_detection){(float)(x - w / 2), (float)(y - h / 2), (float)(x + w / 2),
+                                    (float)(y + h / 2), (float)score,       0};
 }
 
 /* A look at 30 Hz, that found so many and so many more below the model's threshold; the tracks after it. */
-static inline struct fovea_tracks look_unsure(int frame, const struct fovea_detection *found, uint32_t count, uint32_t uncertain)
+static inline struct fovea_tracks look_unsure(int frame, const struct fovea_detection *found, uint32_t count,
+                                              uint32_t uncertain)
 {
-    const struct fv_track_look l = {.stamp_ns = (int64_t)(frame + 1) * 33333333, .sequence = (uint64_t)frame, .detections = found,
-                                    .count = count, .uncertain = uncertain};
+    const struct fv_track_look l = {.stamp_ns = (int64_t)(frame + 1) * 33333333,
+                                    .sequence = (uint64_t)frame,
+                                    .detections = found,
+                                    .count = count,
+                                    .uncertain = uncertain};
     struct fovea_tracks tracks;
     fv_track_update(&tracker, &l);
     fv_track_get(&tracker, &tracks);

@@ -59,7 +59,8 @@ static void write_maps(const char *corpus)
     for (int keyframes = 0; keyframes < 3; keyframes++) {
         char name[64];
         size_t bytes;
-        small.map.state->scale = (struct fv_map_scale){(uint32_t)keyframes, 0, 0.5, 0.01}; /* enum fovea_scale_source */
+        small.map.state->scale =
+            (struct fv_map_scale){(uint32_t)keyframes, 0, 0.5, 0.01}; /* enum fovea_scale_source */
         uint8_t *data = small_map_save(&small, &bytes);
         snprintf(name, sizeof name, "fuzz_map/keyframes%d.map", keyframes);
         fv_test_write(fv_test_path(corpus, name), data, bytes);

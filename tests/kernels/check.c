@@ -67,7 +67,9 @@ void check_release(struct check *check)
         for (const uint8_t *p = start; p < data; p++)
             if (*p != PATTERN) check_fail(check, "wrote %td bytes before a buffer", data - p);
         for (const uint8_t *p = data + check->buffers[i].bytes; p < end; p++)
-            if (*p != PATTERN) check_fail(check, "wrote %td bytes past a buffer", p - data - (ptrdiff_t)check->buffers[i].bytes);
+            if (*p != PATTERN)
+                check_fail(check, "wrote %td bytes past a buffer",
+                           p - data - (ptrdiff_t)check->buffers[i].bytes);
         munmap(check->buffers[i].pages, check->buffers[i].pages_bytes);
     }
     check->buffer_count = 0;
@@ -82,16 +84,26 @@ void check_fill(struct check *check, void *data, size_t bytes)
     for (size_t i = 0; i < bytes; i++) {
         const uint32_t draw = check_random(check);
         switch (kind) {
-        case 0: out[i] = (uint8_t)draw; break;
-        case 1: out[i] = 0; break;
-        case 2: out[i] = 255; break;
-        case 3: out[i] = (uint8_t)(draw & 256 ? 255 : 0); break;
+        case 0:
+            out[i] = (uint8_t)draw;
+            break;
+        case 1:
+            out[i] = 0;
+            break;
+        case 2:
+            out[i] = 255;
+            break;
+        case 3:
+            out[i] = (uint8_t)(draw & 256 ? 255 : 0);
+            break;
         case 4:
             if (draw % 37 == 0) slope = (int32_t)(draw >> 8) % 9 - 4;
             ramp += slope;
             out[i] = (uint8_t)(ramp + (int32_t)(draw >> 24) % 5);
             break;
-        default: out[i] = (uint8_t)(base + (int32_t)(draw % 3)); break;
+        default:
+            out[i] = (uint8_t)(base + (int32_t)(draw % 3));
+            break;
         }
     }
 }
@@ -101,7 +113,8 @@ void check_equal(struct check *check, const char *what, const void *expected, co
     const uint8_t *e = expected, *f = found;
     if (memcmp(e, f, bytes) == 0) return;
     size_t i = 0;
-    while (e[i] == f[i]) i++;
+    while (e[i] == f[i])
+        i++;
     check_fail(check, "%s differs at byte %zu of %zu: C gives %u, found %u", what, i, bytes, e[i], f[i]);
 }
 
@@ -112,7 +125,8 @@ enum { ROWS = BENCH_HEIGHT + 16 };
 void bench_image_set(const uint8_t *pixels, size_t stride_bytes)
 {
     bench_image();
-    for (int y = 0; y < BENCH_HEIGHT; y++) memcpy(image + y * BENCH_STRIDE, pixels + (size_t)y * stride_bytes, BENCH_WIDTH);
+    for (int y = 0; y < BENCH_HEIGHT; y++)
+        memcpy(image + y * BENCH_STRIDE, pixels + (size_t)y * stride_bytes, BENCH_WIDTH);
 }
 
 const uint8_t *bench_image(void)
@@ -131,7 +145,8 @@ const uint8_t *bench_image(void)
             for (int column = x; column < x + w && column < BENCH_STRIDE; column++)
                 image[row * BENCH_STRIDE + column] = (uint8_t)grey;
     }
-    for (int i = 0; i < BENCH_STRIDE * ROWS; i++) image[i] = (uint8_t)(image[i] + check_between(&draw, -3, 3));
+    for (int i = 0; i < BENCH_STRIDE * ROWS; i++)
+        image[i] = (uint8_t)(image[i] + check_between(&draw, -3, 3));
     return image;
 }
 

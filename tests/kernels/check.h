@@ -28,8 +28,8 @@ struct check {
     const char *kernel; /* name of the row */
     const char *isa;    /* of the variant under test */
     bool failed;
-    char size[32];      /* bench: what one call covers, for the report */
-    void *kept;         /* bench: inputs made on the first call, freed with the buffers */
+    char size[32]; /* bench: what one call covers, for the report */
+    void *kept;    /* bench: inputs made on the first call, freed with the buffers */
     struct {
         uint8_t *pages; /* whole mapping */
         size_t pages_bytes;
@@ -52,7 +52,8 @@ void *check_buffer(struct check *check, size_t bytes, size_t alignment, size_t s
 void check_fill(struct check *check, void *data, size_t bytes);
 
 /* Compare and report the first difference. `what` names the output. */
-void check_equal(struct check *check, const char *what, const void *expected, const void *found, size_t bytes);
+void check_equal(struct check *check, const char *what, const void *expected, const void *found,
+                 size_t bytes);
 
 /* Report a failure of another kind. */
 void check_fail(struct check *check, const char *format, ...) __attribute__((format(printf, 2, 3)));
@@ -69,8 +70,8 @@ void bench_image_set(const uint8_t *pixels, size_t stride_bytes);
 /* Scratch of at least 8 MiB, 64-byte aligned, for outputs of benchmarks. */
 uint8_t *bench_scratch(void);
 
-#define FV_KERNEL(name, ...)                                                                                         \
-    void check_##name(struct check *, fv_k_##name##_fn *, fv_k_##name##_fn *);                                       \
+#define FV_KERNEL(name, ...)                                                                                 \
+    void check_##name(struct check *, fv_k_##name##_fn *, fv_k_##name##_fn *);                               \
     void bench_##name(struct check *, fv_k_##name##_fn *);
 #include "kernels/kernels.def"
 #undef FV_KERNEL
@@ -78,9 +79,9 @@ uint8_t *bench_scratch(void);
 /* Rows, for the harness and for tests/bench. */
 struct kernel_variant {
     const char *kernel, *isa;
-    uint32_t bit;                                      /* enum fv_isa, 0: C */
-    void (*check)(struct check *check);                /* against C, once; does nothing for C itself */
-    void (*bench)(struct check *check);                /* once */
+    uint32_t bit;                       /* enum fv_isa, 0: C */
+    void (*check)(struct check *check); /* against C, once; does nothing for C itself */
+    void (*bench)(struct check *check); /* once */
 };
 extern const struct kernel_variant kernel_variants[];
 extern const int kernel_variant_count;

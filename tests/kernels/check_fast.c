@@ -2,13 +2,15 @@
 
 enum { SLACK = 64, MARGIN = 3 };
 
-void check_fast_score_u8(struct check *check, fv_k_fast_score_u8_fn *reference, fv_k_fast_score_u8_fn *variant)
+void check_fast_score_u8(struct check *check, fv_k_fast_score_u8_fn *reference,
+                         fv_k_fast_score_u8_fn *variant)
 {
     const int32_t count = check_between(check, 1, 300), threshold = check_between(check, 1, 254);
     const int32_t stride = count + 2 * MARGIN + check_between(check, 0, 40);
     const size_t bytes = (size_t)(stride * 6 + count + 2 * MARGIN);
     uint8_t *image = check_buffer(check, bytes, 1, SLACK);
-    uint8_t *expected = check_buffer(check, (size_t)count, 1, SLACK), *found = check_buffer(check, (size_t)count, 1, SLACK);
+    uint8_t *expected = check_buffer(check, (size_t)count, 1, SLACK),
+            *found = check_buffer(check, (size_t)count, 1, SLACK);
     const uint8_t *pixels = image + 3 * stride + MARGIN;
     check_fill(check, image, bytes);
     /* Low thresholds more often: noise passes them everywhere. */
@@ -22,10 +24,12 @@ void bench_fast_score_u8(struct check *check, fv_k_fast_score_u8_fn *variant)
 {
     (void)check;
     for (int y = 3; y < BENCH_HEIGHT - 3; y++)
-        variant(bench_scratch() + y * BENCH_STRIDE, bench_image() + y * BENCH_STRIDE + 3, BENCH_STRIDE, BENCH_WIDTH - 6, 20);
+        variant(bench_scratch() + y * BENCH_STRIDE, bench_image() + y * BENCH_STRIDE + 3, BENCH_STRIDE,
+                BENCH_WIDTH - 6, 20);
 }
 
-void check_fast_peaks_u8(struct check *check, fv_k_fast_peaks_u8_fn *reference, fv_k_fast_peaks_u8_fn *variant)
+void check_fast_peaks_u8(struct check *check, fv_k_fast_peaks_u8_fn *reference,
+                         fv_k_fast_peaks_u8_fn *variant)
 {
     const int32_t count = check_between(check, 1, 300);
     const size_t bytes = (size_t)count + 2, columns_bytes = 2 * (size_t)((count + 1) / 2);
@@ -38,7 +42,8 @@ void check_fast_peaks_u8(struct check *check, fv_k_fast_peaks_u8_fn *reference, 
         for (size_t i = 0; i < bytes; i++)
             for (int k = 0; k < 3; k++)
                 if (check_between(check, 0, 9)) rows[k][i] = 0;
-    uint16_t *expected = check_buffer(check, columns_bytes, 2, 0), *found = check_buffer(check, columns_bytes, 2, 0);
+    uint16_t *expected = check_buffer(check, columns_bytes, 2, 0),
+             *found = check_buffer(check, columns_bytes, 2, 0);
     const int32_t n = reference(expected, rows[0], rows[1], rows[2], 1, count + 1);
     const int32_t m = variant(found, rows[0], rows[1], rows[2], 1, count + 1);
     if (n != m) check_fail(check, "C finds %d peaks, found %d", n, m);
@@ -52,8 +57,8 @@ void bench_fast_peaks_u8(struct check *check, fv_k_fast_peaks_u8_fn *variant)
     if (check->kept == NULL) {
         check->kept = scores;
         for (int y = 3; y < BENCH_HEIGHT - 3; y++)
-            fv_k_fast_score_u8__c(scores + y * BENCH_STRIDE, bench_image() + y * BENCH_STRIDE + 3, BENCH_STRIDE,
-                                  BENCH_WIDTH - 6, 20);
+            fv_k_fast_score_u8__c(scores + y * BENCH_STRIDE, bench_image() + y * BENCH_STRIDE + 3,
+                                  BENCH_STRIDE, BENCH_WIDTH - 6, 20);
     }
     for (int y = 4; y < BENCH_HEIGHT - 4; y++) {
         const uint8_t *row = scores + y * BENCH_STRIDE;

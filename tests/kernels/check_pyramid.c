@@ -2,7 +2,8 @@
 
 enum { SLACK = 64 };
 
-void check_blend_rows_u8(struct check *check, fv_k_blend_rows_u8_fn *reference, fv_k_blend_rows_u8_fn *variant)
+void check_blend_rows_u8(struct check *check, fv_k_blend_rows_u8_fn *reference,
+                         fv_k_blend_rows_u8_fn *variant)
 {
     const int32_t count = check_between(check, 1, 700), weight = check_between(check, 1, 127);
     const size_t bytes = (size_t)count;
@@ -24,7 +25,8 @@ void bench_blend_rows_u8(struct check *check, fv_k_blend_rows_u8_fn *variant)
     }
 }
 
-void check_shrink_row_u8(struct check *check, fv_k_shrink_row_u8_fn *reference, fv_k_shrink_row_u8_fn *variant)
+void check_shrink_row_u8(struct check *check, fv_k_shrink_row_u8_fn *reference,
+                         fv_k_shrink_row_u8_fn *variant)
 {
     const int32_t count = check_between(check, 1, 700);
     const size_t bytes = (size_t)count, bytes_in = (size_t)(count - 1 + (count - 1) / 5 + 2);

@@ -35,7 +35,8 @@ static struct check current;
 static void run_times(const struct kernel_variant *variant, long times)
 {
     current = (struct check){.random = 1, .kernel = variant->kernel, .isa = variant->isa};
-    for (long i = 0; i < times; i++) variant->bench(&current);
+    for (long i = 0; i < times; i++)
+        variant->bench(&current);
     check_release(&current);
 }
 
@@ -72,8 +73,9 @@ static bool available(const struct kernel_variant *variant)
 static void on_fault(int number)
 {
     char line[256];
-    const int bytes = snprintf(line, sizeof line, "FAILED %s__%s, seed %llu: signal %d (access outside a buffer?)\n",
-                               current.kernel, current.isa, (unsigned long long)current.seed, number);
+    const int bytes =
+        snprintf(line, sizeof line, "FAILED %s__%s, seed %llu: signal %d (access outside a buffer?)\n",
+                 current.kernel, current.isa, (unsigned long long)current.seed, number);
     if (write(STDOUT_FILENO, line, (size_t)bytes) != bytes) _exit(2);
     _exit(1);
 }
@@ -88,7 +90,8 @@ static void check_variant(void **state)
     enum { ROUNDS = 200 };
     for (int round = 0; round < (options.seeded ? 1 : ROUNDS); round++) {
         const uint64_t seed = options.seeded ? options.seed : (uint64_t)round * 1000003u + 17;
-        current = (struct check){.seed = seed, .random = seed, .kernel = variant->kernel, .isa = variant->isa};
+        current =
+            (struct check){.seed = seed, .random = seed, .kernel = variant->kernel, .isa = variant->isa};
         variant->check(&current);
         check_release(&current);
         if (current.failed) fail_msg("%s__%s", variant->kernel, variant->isa);
@@ -177,7 +180,8 @@ int main(int argc, char **argv)
     for (int i = 0; i < kernel_variant_count && tests != NULL && names != NULL; i++) {
         if (!chosen(&kernel_variants[i])) continue;
         snprintf(names[count], sizeof *names, "%s__%s", kernel_variants[i].kernel, kernel_variants[i].isa);
-        tests[count] = (struct CMUnitTest){.name = names[count], .test_func = check_variant,
+        tests[count] = (struct CMUnitTest){.name = names[count],
+                                           .test_func = check_variant,
                                            .initial_state = (void *)(uintptr_t)&kernel_variants[i]};
         count++;
     }

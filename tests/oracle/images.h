@@ -22,7 +22,8 @@ inline std::vector<std::string> images_under(const std::string &folder, size_t l
     std::error_code error;
     for (fs::recursive_directory_iterator i(folder, error), end; !error && i != end; i.increment(error)) {
         const std::string kind = i->path().extension().string();
-        if (kind == ".png" || kind == ".jpg" || kind == ".ppm" || kind == ".pgm" || kind == ".bmp") all.push_back(i->path().string());
+        if (kind == ".png" || kind == ".jpg" || kind == ".ppm" || kind == ".pgm" || kind == ".bmp")
+            all.push_back(i->path().string());
     }
     std::sort(all.begin(), all.end());
     for (size_t i = 0; i < all.size() && chosen.size() < limit; i += std::max<size_t>(1, all.size() / limit))

@@ -14,18 +14,23 @@
 #include "features/fast.h"
 #include "image/pyramid.h"
 
-namespace {
+namespace
+{
 
 struct Corner {
     int x, y, score;
-    bool operator==(const Corner &o) const { return x == o.x && y == o.y && score == o.score; }
+    bool operator==(const Corner &o) const
+    {
+        return x == o.x && y == o.y && score == o.score;
+    }
 };
 
 std::vector<Corner> ours(const struct fv_kernels &kernels, const cv::Mat &image, int threshold)
 {
     const int stride = (image.cols + FV_LEVEL_SLACK_BYTES + 63) / 64 * 64;
     std::vector<uint8_t> pixels(static_cast<size_t>(stride) * image.rows);
-    for (int y = 0; y < image.rows; y++) std::memcpy(&pixels[static_cast<size_t>(y) * stride], image.ptr(y), image.cols);
+    for (int y = 0; y < image.rows; y++)
+        std::memcpy(&pixels[static_cast<size_t>(y) * stride], image.ptr(y), image.cols);
 
     struct fv_arena arena;
     struct fv_fast_scratch scratch;
@@ -38,7 +43,8 @@ std::vector<Corner> ours(const struct fv_kernels &kernels, const cv::Mat &image,
 
     std::vector<Corner> corners;
     struct fv_fast fast;
-    fv_fast_begin(&fast, &kernels, pixels.data(), stride, image.cols, image.rows, FV_FAST_BORDER_MIN_PX, threshold, &scratch);
+    fv_fast_begin(&fast, &kernels, pixels.data(), stride, image.cols, image.rows, FV_FAST_BORDER_MIN_PX,
+                  threshold, &scratch);
     while (fv_fast_next(&fast))
         for (int i = 0; i < fast.count; i++)
             corners.push_back({fast.columns[i], fast.y, fast.scores[fast.columns[i]]});
@@ -60,8 +66,8 @@ bool compare(const char *set, const std::string &name, const cv::Mat &image, int
 {
     const std::vector<Corner> found = ours(kernels, image, threshold);
     if (found == expected) return true;
-    std::printf("FAILED %s, threshold %d, kernels %s: OpenCV finds %zu corners, found %zu\n", name.c_str(), threshold,
-                set, expected.size(), found.size());
+    std::printf("FAILED %s, threshold %d, kernels %s: OpenCV finds %zu corners, found %zu\n", name.c_str(),
+                threshold, set, expected.size(), found.size());
     for (size_t i = 0; i < std::min(found.size(), expected.size()); i++) {
         if (found[i] == expected[i]) continue;
         std::printf("  first difference: OpenCV (%d, %d) score %d, found (%d, %d) score %d\n", expected[i].x,
@@ -76,7 +82,8 @@ bool compare(const char *set, const std::string &name, const cv::Mat &image, int
 int main(int argc, char **argv)
 {
     const size_t limit = argc > 2 ? std::strtoul(argv[2], nullptr, 10) : 60;
-    std::vector<std::string> names = images_under(argc > 1 ? argv[1] : data_folder(), limit == 0 ? 1000000 : limit);
+    std::vector<std::string> names =
+        images_under(argc > 1 ? argv[1] : data_folder(), limit == 0 ? 1000000 : limit);
     if (names.empty()) {
         std::printf("SKIPPED images of %s: not there\n", data_folder().c_str());
         names = images_under("/usr/share/doc/opencv-doc/examples/data", 60);
@@ -102,7 +109,9 @@ int main(int argc, char **argv)
             corners += expected.size();
             for (const auto &set : sets)
                 if (!compare(set.first, name, image, threshold, set.second, expected)) return 1;
-            if (images % 20 == 1 && threshold % 20 == 0 && !compare("c", name, image, threshold, plain, expected)) return 1;
+            if (images % 20 == 1 && threshold % 20 == 0 &&
+                !compare("c", name, image, threshold, plain, expected))
+                return 1;
         }
     }
     /* Noise has more corners than any photograph. */

@@ -37,7 +37,14 @@ int main(void)
 enum { WIDTH = 320, HEIGHT = 240, STEPS = 10000, PICTURES = 4 };
 
 /* The corridor once round, every fourth frame, then dark ones, then a part of it again from another place. */
-enum { CORRIDOR = 323, DARK = 30, AGAIN = 150, AGAIN_FROM = 60, WAY = CORRIDOR + DARK + AGAIN, SAVE_AT = 300 };
+enum {
+    CORRIDOR = 323,
+    DARK = 30,
+    AGAIN = 150,
+    AGAIN_FROM = 60,
+    WAY = CORRIDOR + DARK + AGAIN,
+    SAVE_AT = 300
+};
 
 /* ---- traps --------------------------------------------------------------------------------------------------- */
 
@@ -104,7 +111,8 @@ static int forbid_system_calls(void)
         BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_KILL_PROCESS),
     };
     struct sock_fprog program = {.len = sizeof filter / sizeof filter[0], .filter = filter};
-    return prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0 && prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &program) == 0;
+    return prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0 &&
+           prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &program) == 0;
 }
 
 /* ---- the steps ----------------------------------------------------------------------------------------------- */
@@ -117,7 +125,7 @@ static struct fovea *rt;
 /* What the steps came to, seen by the parent too. */
 static struct tally {
     uint64_t messages, posed, lost, found_again, loops, saved_bytes, jobs_done[FOVEA_JOB_COUNT];
-} *tally;
+} * tally;
 
 static void paint(void)
 {
@@ -125,9 +133,12 @@ static void paint(void)
     fovea_random_seed(&random, 3);
     for (int p = 0; p < PICTURES; p++) {
         for (int block = 0; block < 900; block++) {
-            const uint32_t x = fovea_random_below(&random, WIDTH - 20), y = fovea_random_below(&random, HEIGHT - 20);
-            const uint32_t size = 4 + fovea_random_below(&random, 16), grey = fovea_random_below(&random, 256);
-            for (uint32_t row = y; row < y + size; row++) memset(&pictures[p][row * WIDTH + x], (int)grey, size);
+            const uint32_t x = fovea_random_below(&random, WIDTH - 20),
+                           y = fovea_random_below(&random, HEIGHT - 20);
+            const uint32_t size = 4 + fovea_random_below(&random, 16),
+                           grey = fovea_random_below(&random, 256);
+            for (uint32_t row = y; row < y + size; row++)
+                memset(&pictures[p][row * WIDTH + x], (int)grey, size);
         }
     }
 }
@@ -148,12 +159,14 @@ static bool film(struct fovea_camera *camera)
     struct fovea_frame frame;
     struct fovea_error error;
     corridor = map_pages((size_t)CORRIDOR * sizeof *corridor, MAP_PRIVATE);
-    if (corridor == NULL || fovea_source_find("sim:corridor?width=320&height=240", &ops, &address, &error) != FOVEA_OK ||
+    if (corridor == NULL ||
+        fovea_source_find("sim:corridor?width=320&height=240", &ops, &address, &error) != FOVEA_OK ||
         ops->open(address, &selection, &source, &error) != FOVEA_OK || ops->start(source, &error) != FOVEA_OK)
         return false;
     *camera = ops->info(source)->camera;
     for (int i = 0; i < CORRIDOR; i++) {
-        if (ops->dequeue(source, INT64_MAX, &frame) != FOVEA_OK || frame.image.stride_bytes != WIDTH) return false;
+        if (ops->dequeue(source, INT64_MAX, &frame) != FOVEA_OK || frame.image.stride_bytes != WIDTH)
+            return false;
         memcpy(corridor[i], frame.image.data, sizeof corridor[i]);
         ops->requeue(source, &frame);
     }
@@ -174,7 +187,8 @@ static int build(void **state)
     config.detect.model = detector_model(&config.detect.model_bytes);
     if (config.detect.model == NULL) return -1;
     if (fovea_size(&config, &bytes, &error) != FOVEA_OK) return -1;
-    void *memory = map_pages(bytes, MAP_PRIVATE), *saved = map_pages(fovea_map_bytes_max(&config), MAP_PRIVATE);
+    void *memory = map_pages(bytes, MAP_PRIVATE),
+         *saved = map_pages(fovea_map_bytes_max(&config), MAP_PRIVATE);
     tally = map_pages(sizeof *tally, MAP_SHARED);
     if (memory == NULL || saved == NULL || tally == NULL) return -1;
     if (fovea_init(memory, bytes, &config, &rt, &error) != FOVEA_OK) return -1;
@@ -193,7 +207,8 @@ static void take_step(const struct fovea_inputs *inputs)
     fovea_work(rt, &inputs->grants, &outputs);
     tally->messages += outputs.message_count;
     tally->saved_bytes += outputs.map_bytes;
-    for (int job = 0; job < FOVEA_JOB_COUNT; job++) tally->jobs_done[job] += outputs.units_done[job];
+    for (int job = 0; job < FOVEA_JOB_COUNT; job++)
+        tally->jobs_done[job] += outputs.units_done[job];
     fovea_pose_get(rt, &pose);
     fovea_stats_get(rt, &stats);
     tally->posed += pose.posed;
@@ -206,7 +221,11 @@ static void take_step(const struct fovea_inputs *inputs)
 static struct fovea_frame frame_of(const uint8_t *pixels, int i)
 {
     return (struct fovea_frame){
-        .image = {.data = pixels, .width = WIDTH, .height = HEIGHT, .stride_bytes = WIDTH, .format = FOVEA_PIXEL_GREY8,
+        .image = {.data = pixels,
+                  .width = WIDTH,
+                  .height = HEIGHT,
+                  .stride_bytes = WIDTH,
+                  .format = FOVEA_PIXEL_GREY8,
                   .size_bytes = sizeof pictures[0]},
         .stamp_ns = (int64_t)i * 133333333,
         .sequence = (uint64_t)i,
@@ -292,11 +311,12 @@ static void ten_thousand_steps_call_nothing(void **state)
     if (!WIFEXITED(status)) print_error("the loop was caught: signal %d\n", WTERMSIG(status));
     assert_true(WIFEXITED(status));
     assert_int_equal(WEXITSTATUS(status), 0);
-    print_message("posed %d, lost %d, found again %d, loops %d, saved %d bytes\n", (int)tally->posed, (int)tally->lost,
-                  (int)tally->found_again, (int)tally->loops, (int)tally->saved_bytes);
+    print_message("posed %d, lost %d, found again %d, loops %d, saved %d bytes\n", (int)tally->posed,
+                  (int)tally->lost, (int)tally->found_again, (int)tally->loops, (int)tally->saved_bytes);
     assert_true(tally->posed > WAY / 2 && tally->lost > 0 && tally->found_again > 0 && tally->loops > 0);
     assert_true(tally->saved_bytes > 0);
-    for (int job = 0; job < FOVEA_JOB_COUNT; job++) assert_true(tally->jobs_done[job] > 100);
+    for (int job = 0; job < FOVEA_JOB_COUNT; job++)
+        assert_true(tally->jobs_done[job] > 100);
 }
 
 static void planted_calls_are_seen(void **state)

@@ -72,7 +72,12 @@ static struct made make(const struct fovea_image *image)
     struct fovea_error error;
     size_t bytes = 0;
     fovea_config_default(&made.config);
-    made.config.camera = (struct fovea_camera){.width = image->width, .height = image->height, .fx = 500, .fy = 500, .cx = image->width / 2, .cy = image->height / 2};
+    made.config.camera = (struct fovea_camera){.width = image->width,
+                                               .height = image->height,
+                                               .fx = 500,
+                                               .fy = 500,
+                                               .cx = image->width / 2,
+                                               .cy = image->height / 2};
     made.config.odometry.enabled = false;
     made.config.preview.period_frames = 0;
     made.config.detect.model = model.data;
@@ -85,7 +90,8 @@ static struct made make(const struct fovea_image *image)
 }
 
 /* Frames that it takes with so much time each (0: no limit); the picture is the same in all. */
-static int frames_until_found(struct made *made, const struct fovea_image *image, int64_t budget_ns, struct fovea_detections *found)
+static int frames_until_found(struct made *made, const struct fovea_image *image, int64_t budget_ns,
+                              struct fovea_detections *found)
 {
     struct fovea_outputs outputs;
     for (int i = 0; i < 5000; i++) {
@@ -166,9 +172,11 @@ static void no_unit_takes_more_than_a_quarter_of_a_millisecond(void **state)
             if (run == 0 || took < best[units]) best[units] = took;
         }
         longest = 0;
-        for (int i = 1; i < units; i++) longest = best[i] > best[longest] ? i : longest;
+        for (int i = 1; i < units; i++)
+            longest = best[i] > best[longest] ? i : longest;
     }
-    printf("%d units from picture to boxes, the longest %.3f ms (number %d)\n", units, (double)best[longest] * 1e-6, longest);
+    printf("%d units from picture to boxes, the longest %.3f ms (number %d)\n", units,
+           (double)best[longest] * 1e-6, longest);
     assert_true(best[longest] <= 250000);
     free(block);
     free((void *)(uintptr_t)image.data);

@@ -36,9 +36,9 @@ static char stats_path[64], picture_path[64];
 
 static pid_t begin(const char *source, const char *const more[])
 {
-    const char *words[ARGUMENTS_MAX + 1] = {
-        "fovea",   "run",      "--quiet",   "--set",      "lcm_url=", "--source", source,
-        "--stats", stats_path, "--picture", picture_path};
+    const char *words[ARGUMENTS_MAX + 1] = {"fovea",    "run",       "--quiet",   "--set",
+                                            "lcm_url=", "--source",  source,      "--stats",
+                                            stats_path, "--picture", picture_path};
     int argc = 11;
     for (int i = 0; more != NULL && more[i] != NULL && argc < ARGUMENTS_MAX; i++)
         words[argc++] = more[i];
@@ -93,7 +93,8 @@ static void assert_fine(const char *source, int64_t frames, int64_t resident_max
         assert_int_equal(value(tree, NULL, "heap_calls_after_init"), 0);
         int64_t resident = value(tree, "memory", "resident_max_bytes");
         bool emulated = getenv("FOVEA_EMULATED") != NULL; /* the emulator's own memory is in it */
-        if (!emulated && resident > resident_max) fail_msg("%s: %lld bytes resident", source, (long long)resident);
+        if (!emulated && resident > resident_max)
+            fail_msg("%s: %lld bytes resident", source, (long long)resident);
     }
     fovea_yaml_free(tree);
     assert_int_equal(stat(picture_path, &info), 0);
@@ -126,8 +127,8 @@ static void test_program(void **state)
     fflush(NULL);
     pid_t child = fork();
     if (child == 0) {
-        execl(program, program, "run", "--frames", "300", "--quiet", "--stats", stats_path, "--picture", picture_path,
-              (char *)NULL);
+        execl(program, program, "run", "--frames", "300", "--quiet", "--stats", stats_path, "--picture",
+              picture_path, (char *)NULL);
         _exit(127);
     }
     assert_int_equal(wait4(child, &status, 0, &used), child);
@@ -136,7 +137,8 @@ static void test_program(void **state)
     int64_t resident = value(tree, "memory", "resident_max_bytes"), whole = (int64_t)used.ru_maxrss << 10;
     fovea_yaml_free(tree);
     if (resident > RESIDENT_MAX_BYTES) fail_msg("%lld bytes resident", (long long)resident);
-    if (whole > RESIDENT_MAX_BYTES) fail_msg("%lld bytes resident when the picture was drawn", (long long)whole);
+    if (whole > RESIDENT_MAX_BYTES)
+        fail_msg("%lld bytes resident when the picture was drawn", (long long)whole);
 }
 
 static void test_largest_map(void **state)
@@ -202,8 +204,9 @@ static void test_signals_end_cleanly(void **state)
  * a map of an earlier run is not replaced by one of nothing. */
 static void test_signals_before_the_first_frame(void **state)
 {
-    static const char calibration[] = "image_width: 96\nimage_height: 64\ndistortion_model: plumb_bob\nD: []\n"
-                                      "K: [80, 0, 48, 0, 81, 32, 0, 0, 1]\n";
+    static const char calibration[] =
+        "image_width: 96\nimage_height: 64\ndistortion_model: plumb_bob\nD: []\n"
+        "K: [80, 0, 48, 0, 81, 32, 0, 0, 1]\n";
     const int signals[] = {SIGINT, SIGTERM};
     char map[64], pipe[64], images[FV_TEST_PATH_BYTES], source[FV_TEST_PATH_BYTES + 16], text[16] = "";
     const char *const options[] = {"--save-map", map, "--camera", pipe, NULL};

@@ -112,7 +112,8 @@ static void test_units_are_bounded(void **state)
     }
     for (int i = 0; i < REPEATS; i++) {
         next_unit = 0;
-        for (size_t v = 0; v < sizeof views / sizeof views[0]; v++) run(&views[v]);
+        for (size_t v = 0; v < sizeof views / sizeof views[0]; v++)
+            run(&views[v]);
     }
     for (uint32_t i = 0; i < next_unit; i++)
         fv_histogram_add(&histograms[units[i].job], units[i].least_ns);

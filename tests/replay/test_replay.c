@@ -26,7 +26,8 @@ static size_t whole_bytes;
 
 static void make_recording(void)
 {
-    const struct short_run run = {.width = WIDTH, .height = HEIGHT, .turns = TURNS, .features = 200, .detect = true};
+    const struct short_run run = {
+        .width = WIDTH, .height = HEIGHT, .turns = TURNS, .features = 200, .detect = true};
     short_run_record(good, &run);
     struct fovea_error error;
     char *text;
@@ -81,7 +82,8 @@ static size_t find_field(const char *channel, int n, int number, struct fv_leaf 
     size_t at = find_data(channel, n);
     struct fv_walk walk;
     const size_t event = at - strlen(channel) - FOVEA_LOG_HEADER_BYTES;
-    const size_t bytes = (size_t)whole[event + 27] | (size_t)whole[event + 26] << 8 | (size_t)whole[event + 25] << 16;
+    const size_t bytes =
+        (size_t)whole[event + 27] | (size_t)whole[event + 26] << 8 | (size_t)whole[event + 25] << 16;
     fv_message_walk(&walk, fv_message_type_of(whole + at, bytes), whole + at, bytes);
     while (fv_message_leaf(&walk, leaf) == FOVEA_OK)
         if (number-- == 0) return at + leaf->offset;
@@ -141,16 +143,21 @@ static void test_changed_inputs(void **state)
     size_t inside = 44 * WIDTH + 117;
     assert_int_equal(replay_flipped(frame + inside, 0x80, &result, &error), FOVEA_OK);
     assert_true(result.different);
-    assert_non_null(strstr(result.difference, "frame 2 (stamp 100001000 ns): FOVEA_FRAME: hash of the pixels: found "));
+    assert_non_null(
+        strstr(result.difference, "frame 2 (stamp 100001000 ns): FOVEA_FRAME: hash of the pixels: found "));
     /* One unit more for the preview: it comes earlier. */
-    assert_int_equal(replay_flipped(find_data("FOVEA_GRANTS", 0) + 24 + 4 * FOVEA_JOB_PREVIEW + 3, 0x7f, &result, &error), FOVEA_OK);
+    assert_int_equal(
+        replay_flipped(find_data("FOVEA_GRANTS", 0) + 24 + 4 * FOVEA_JOB_PREVIEW + 3, 0x7f, &result, &error),
+        FOVEA_OK);
     assert_true(result.different);
     /* More features than the configuration allows are refused, not tried. */
     assert_int_equal(replay_flipped(find_data("FOVEA_GRANTS", 4) + 16, 0x7f, &result, &error),
                      FOVEA_ERROR_INPUT);
     assert_non_null(strstr(error.text, "features granted, expected at most 200"));
     /* Units of the network: its results come in another frame. */
-    assert_int_equal(replay_flipped(find_data("FOVEA_GRANTS", 1) + 24 + 4 * FOVEA_JOB_DETECT + 3, 0x7f, &result, &error), FOVEA_OK);
+    assert_int_equal(
+        replay_flipped(find_data("FOVEA_GRANTS", 1) + 24 + 4 * FOVEA_JOB_DETECT + 3, 0x7f, &result, &error),
+        FOVEA_OK);
     assert_true(result.different);
     assert_non_null(strstr(result.difference, "FOVEA_DETECTIONS"));
     /* A part of the header that does not fit its hash. */
@@ -169,12 +176,15 @@ static void test_changed_statistics(void **state)
     for (int field = 0; (at = find_field("FOVEA_STATISTICS", 2, field, &leaf)) != 0; field++) {
         struct fv_replay_result result;
         struct fovea_error error;
-        const char *named = "RECORDING_END: hash of all events before"; /* what was not reproduced was edited, though */
+        const char *named =
+            "RECORDING_END: hash of all events before"; /* what was not reproduced was edited, though */
         const bool count = strstr(leaf.path, "_count") != NULL && strcmp(leaf.path, "reset_counter") != 0;
-        const bool reading = strcmp(leaf.path, "stage_cpu_ns") == 0 || strcmp(leaf.path, "stage_wall_ns") == 0;
+        const bool reading =
+            strcmp(leaf.path, "stage_cpu_ns") == 0 || strcmp(leaf.path, "stage_wall_ns") == 0;
         const bool machine = strcmp(leaf.path, "version") == 0 || strcmp(leaf.path, "kernel_set") == 0;
         const size_t low = leaf.wire == FV_WIRE_STRING ? 0 : leaf.bytes / leaf.count - 1;
-        if (replay_flipped(at + low, 1, &result, &error) != FOVEA_OK) fail_msg("%s: %s", leaf.path, error.text);
+        if (replay_flipped(at + low, 1, &result, &error) != FOVEA_OK)
+            fail_msg("%s: %s", leaf.path, error.text);
         if (!reading && !machine) named = count ? "FOVEA_STATISTICS" : leaf.path;
         if (!result.different || strstr(result.difference, named) == NULL)
             fail_msg("%s: %s", leaf.path, result.difference);
@@ -243,7 +253,8 @@ static void test_cut_off(void **state)
 {
     (void)state;
     uint32_t refused = 0, none = 0;
-    for (size_t cut = whole_bytes - 1; cut > 2000; cut -= cut / 12 + 1) expect_cut(cut, &refused);
+    for (size_t cut = whole_bytes - 1; cut > 2000; cut -= cut / 12 + 1)
+        expect_cut(cut, &refused);
     assert_true(refused > 20);
     /* Where one event ends and the next begins, as when the program was killed. */
     for (int turn = TURNS - 4; turn < TURNS; turn++) {
@@ -295,7 +306,8 @@ static void test_texts_are_printable(void **state)
     struct fv_replay_result result;
     struct fovea_error error;
     struct fv_leaf leaf;
-    const size_t version = find_field("FOVEA_RECORDING", 0, 1, &leaf), reason = find_field("FOVEA_RECORDING_END", 0, 3, &leaf);
+    const size_t version = find_field("FOVEA_RECORDING", 0, 1, &leaf),
+                 reason = find_field("FOVEA_RECORDING_END", 0, 3, &leaf);
     assert_string_equal(leaf.path, "reason");
     assert_int_equal(replay_flipped(version, whole[version] ^ 0x1b, &result, &error), FOVEA_OK);
     assert_non_null(strstr(result.recorded_by, "Fovea ?"));
@@ -334,8 +346,7 @@ static void test_older_format(void **state)
     (void)state;
     struct fv_replay_result result;
     struct fovea_error error;
-    const size_t format = find_data("FOVEA_RECORDING", 0) + 8 + 3,
-                 end = find_event("FOVEA_RECORDING_END", 0);
+    const size_t format = find_data("FOVEA_RECORDING", 0) + 8 + 3, end = find_event("FOVEA_RECORDING_END", 0);
     assert_int_equal(whole[format], 3);
     whole[format] = 2;
     write_changed(whole, end);
@@ -392,12 +403,17 @@ int main(void)
     snprintf(changed, sizeof changed, "%s/changed", folder);
     make_recording();
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_equal),           cmocka_unit_test(test_differences),
-        cmocka_unit_test(test_changed_inputs),  cmocka_unit_test(test_missing_message),
-        cmocka_unit_test(test_changed_statistics), cmocka_unit_test(test_every_edit),
-        cmocka_unit_test(test_older_format),    cmocka_unit_test(test_more_after_the_end),
+        cmocka_unit_test(test_equal),
+        cmocka_unit_test(test_differences),
+        cmocka_unit_test(test_changed_inputs),
+        cmocka_unit_test(test_missing_message),
+        cmocka_unit_test(test_changed_statistics),
+        cmocka_unit_test(test_every_edit),
+        cmocka_unit_test(test_older_format),
+        cmocka_unit_test(test_more_after_the_end),
         cmocka_unit_test(test_texts_are_printable),
-        cmocka_unit_test(test_not_a_recording), cmocka_unit_test(test_cut_off),
+        cmocka_unit_test(test_not_a_recording),
+        cmocka_unit_test(test_cut_off),
         cmocka_unit_test(test_mutated),
     };
     int failed = cmocka_run_group_tests(tests, NULL, NULL);

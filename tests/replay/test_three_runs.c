@@ -30,7 +30,8 @@ static int command(const char *const words[], int count, const char *errors)
     pid_t child = fork();
     if (child == 0) {
         char *argv[COUNT_MAX + 1]; /* getopt_long moves them about */
-        for (int i = 0; i <= count; i++) argv[i] = i < count ? strdup(words[i]) : NULL;
+        for (int i = 0; i <= count; i++)
+            argv[i] = i < count ? strdup(words[i]) : NULL;
         if (errors != NULL && freopen(errors, "w", stderr) == NULL) exit(99);
         exit(fv_dispatch(count, argv));
     }
@@ -40,9 +41,21 @@ static int command(const char *const words[], int count, const char *errors)
 
 static void run(const char *source, const char *frames, const char *log)
 {
-    const char *const words[] = {"fovea",    "run",  "--quiet",  "--set",  "lcm_url=", "--picture", "none",
-                                 "--source", source, "--frames", frames,   "--set",    "preview.period_frames=7",
-                                 "--record", log};
+    const char *const words[] = {"fovea",
+                                 "run",
+                                 "--quiet",
+                                 "--set",
+                                 "lcm_url=",
+                                 "--picture",
+                                 "none",
+                                 "--source",
+                                 source,
+                                 "--frames",
+                                 frames,
+                                 "--set",
+                                 "preview.period_frames=7",
+                                 "--record",
+                                 log};
     assert_int_equal(command(words, sizeof words / sizeof words[0], NULL), FV_EXIT_OK);
 }
 
@@ -73,7 +86,8 @@ static void expect_equal(const char *first, const char *second)
     while (next(logs[0], &a)) {
         assert_true(next(logs[1], &b));
         assert_string_equal(a.channel, b.channel);
-        if (a.bytes != b.bytes || memcmp(a.data, b.data, a.bytes) != 0 || a.time_us != b.time_us || a.number != b.number)
+        if (a.bytes != b.bytes || memcmp(a.data, b.data, a.bytes) != 0 || a.time_us != b.time_us ||
+            a.number != b.number)
             fail_msg("event %d: %s differs", (int)a.number, a.channel);
         events++;
     }
@@ -85,8 +99,10 @@ static void expect_equal(const char *first, const char *second)
 
 static void expect_runs_equal(const char *source, const char *frames)
 {
-    for (int i = 0; i < RUNS; i++) run(source, frames, paths[i]);
-    for (int i = 1; i < RUNS; i++) expect_equal(paths[0], paths[i]);
+    for (int i = 0; i < RUNS; i++)
+        run(source, frames, paths[i]);
+    for (int i = 1; i < RUNS; i++)
+        expect_equal(paths[0], paths[i]);
 }
 
 static void test_simulated(void **state)
@@ -120,7 +136,8 @@ static void expect_verdict(const char *log, int status, const char *text)
     fclose(file);
     unlink(errors);
     assert_true(any == (text[0] != '\0'));
-    if (strncmp(line, any ? log : "", any ? strlen(log) : 0) != 0 || strstr(line, text) == NULL) fail_msg("%s", line);
+    if (strncmp(line, any ? log : "", any ? strlen(log) : 0) != 0 || strstr(line, text) == NULL)
+        fail_msg("%s", line);
 }
 
 static void test_verdicts(void **state)
@@ -149,11 +166,13 @@ static void test_verdicts(void **state)
 int main(void)
 {
     if (mkdtemp(folder) == NULL) return 1;
-    for (int i = 0; i < RUNS; i++) snprintf(paths[i], sizeof paths[i], "%s/%d", folder, i);
+    for (int i = 0; i < RUNS; i++)
+        snprintf(paths[i], sizeof paths[i], "%s/%d", folder, i);
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_simulated), cmocka_unit_test(test_recording),
                                        cmocka_unit_test(test_verdicts)};
     int failed = cmocka_run_group_tests(tests, NULL, NULL);
-    for (int i = 0; i < RUNS; i++) unlink(paths[i]);
+    for (int i = 0; i < RUNS; i++)
+        unlink(paths[i]);
     rmdir(folder);
     return failed;
 }

@@ -28,8 +28,9 @@
 enum { FRAMES = 1000, PERIOD_NS = 5000000, WIDTH = 320, HEIGHT = 240 };
 
 enum { CHANNELS = 9 };
-static const char *const suffixes[CHANNELS] = {"FEATURES",    "CAMERA_STATUS", "STATISTICS", "PREVIEW", "POSE",
-                                               "CAMERA_POSE", "MAP",           "DETECTIONS", "TRACKS"};
+static const char *const suffixes[CHANNELS] = {"FEATURES", "CAMERA_STATUS", "STATISTICS",
+                                               "PREVIEW",  "POSE",          "CAMERA_POSE",
+                                               "MAP",      "DETECTIONS",    "TRACKS"};
 
 static char build[512]; /* folder that this program was built into */
 
@@ -69,7 +70,8 @@ static void expect(struct subscriber *subscriber, const char *name, const uint64
     int status;
     while (fgets(line, sizeof line, subscriber->output) != NULL) {
         print_message("  %s: %s", name, line);
-        if (strncmp(line, "FEATURES ", 9) == 0 && sscanf(line, "%*[^m]messages, %*d bytes, frames %*d to %*d, %llu", &malformed) != 1)
+        if (strncmp(line, "FEATURES ", 9) == 0 &&
+            sscanf(line, "%*[^m]messages, %*d bytes, frames %*d to %*d, %llu", &malformed) != 1)
             malformed = 0;
         if (sscanf(line, "%63s %llu messages", suffix, &messages) == 2)
             for (int i = 0; i < CHANNELS; i++)
@@ -144,7 +146,8 @@ static void publish_truncated(struct fv_transport *transport)
     assert_true(fovea_features_t_encode(whole, 0, sizeof whole, &empty) > (int)sizeof data);
     memcpy(data, whole, sizeof data);
     struct fovea_outputs outputs = {.message_count = 1};
-    outputs.messages[0] = (struct fovea_message){.channel = "FOVEA_FEATURES", .data = data, .bytes = sizeof data};
+    outputs.messages[0] =
+        (struct fovea_message){.channel = "FOVEA_FEATURES", .data = data, .bytes = sizeof data};
     fv_transport_publish(transport, &outputs);
 }
 

@@ -214,8 +214,10 @@ static void test_commands(void **state)
     assert_int_equal(fv_transport_commands(transport), FOVEA_COMMAND_RESET | FOVEA_COMMAND_RESUME);
 
     /* Other robots' commands: to LCM a channel to listen to is a pattern, in which a dot is any letter. */
-    static const char *const others[] = {"T/\xc3\xa4_COMMAND", PREFIX "_COMMANDS", "X" PREFIX "_COMMAND", "T.B_COMMAND", "_COMMAND"};
-    for (size_t i = 0; i < sizeof others / sizeof others[0]; i++) send_on(lcm, others[i], FOVEA_COMMAND_RESET);
+    static const char *const others[] = {"T/\xc3\xa4_COMMAND", PREFIX "_COMMANDS", "X" PREFIX "_COMMAND",
+                                         "T.B_COMMAND", "_COMMAND"};
+    for (size_t i = 0; i < sizeof others / sizeof others[0]; i++)
+        send_on(lcm, others[i], FOVEA_COMMAND_RESET);
     send_command(lcm, FOVEA_COMMAND_SAVE);
     expect_counts(transport, base + 4, 0);
     assert_int_equal(fv_transport_commands(transport), FOVEA_COMMAND_SAVE);
@@ -246,7 +248,8 @@ static void test_commands(void **state)
     fv_transport_tell(out, transport);
     fclose(out);
     fv_transport_counts(transport, &counts);
-    snprintf(expected, sizeof expected, "  LCM: 0 messages could not be sent, %d commands and 0 messages of odometry were refused\n",
+    snprintf(expected, sizeof expected,
+             "  LCM: 0 messages could not be sent, %d commands and 0 messages of odometry were refused\n",
              (int)counts.commands_refused);
     assert_string_equal(told, expected);
     free(told);
@@ -319,7 +322,8 @@ static void test_odometry(void **state)
     assert_int_equal(fv_transport_odometry(transport, samples + 1, 7), 1);
     assert_int_equal(samples[0].stamp_ns, 1000002000);
     assert_int_equal(samples[1].stamp_ns, 1000003000);
-    assert_true(samples[0].position_m[0] == 1 && samples[0].position_m[1] == -2 && samples[0].position_m[2] == 3);
+    assert_true(samples[0].position_m[0] == 1 && samples[0].position_m[1] == -2 &&
+                samples[0].position_m[2] == 3);
     assert_true(fabs(samples[0].orientation[0] - 0.6) < 1e-9 && fabs(samples[0].orientation[2] - 0.8) < 1e-9);
     lcm_destroy(lcm);
     fv_transport_close(transport);
@@ -334,10 +338,8 @@ int main(void)
         return 0;
     }
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_missing_route),
-        cmocka_unit_test(test_urls),
-        cmocka_unit_test(test_no_heap_call),
-        cmocka_unit_test(test_commands),
+        cmocka_unit_test(test_missing_route), cmocka_unit_test(test_urls),
+        cmocka_unit_test(test_no_heap_call),  cmocka_unit_test(test_commands),
         cmocka_unit_test(test_odometry),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

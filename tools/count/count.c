@@ -12,12 +12,13 @@ struct qemu_info_t;
 enum { INLINE_ADD_U64 = 0 };
 
 extern void qemu_plugin_register_vcpu_tb_trans_cb(qemu_plugin_id_t id,
-                                                  void (*call)(qemu_plugin_id_t id, struct qemu_plugin_tb *block));
+                                                  void (*call)(qemu_plugin_id_t id,
+                                                               struct qemu_plugin_tb *block));
 extern size_t qemu_plugin_tb_n_insns(const struct qemu_plugin_tb *block);
-extern void qemu_plugin_register_vcpu_tb_exec_inline(struct qemu_plugin_tb *block, int operation, void *counter,
-                                                     uint64_t value);
-extern void qemu_plugin_register_atexit_cb(qemu_plugin_id_t id, void (*call)(qemu_plugin_id_t id, void *context),
-                                           void *context);
+extern void qemu_plugin_register_vcpu_tb_exec_inline(struct qemu_plugin_tb *block, int operation,
+                                                     void *counter, uint64_t value);
+extern void qemu_plugin_register_atexit_cb(qemu_plugin_id_t id,
+                                           void (*call)(qemu_plugin_id_t id, void *context), void *context);
 
 __attribute__((visibility("default"))) int qemu_plugin_version = 1;
 int qemu_plugin_install(qemu_plugin_id_t id, const struct qemu_info_t *info, int argc, char **argv);
@@ -27,7 +28,8 @@ static uint64_t instructions; /* qemu adds without a lock: exact for one busy th
 static void translated(qemu_plugin_id_t id, struct qemu_plugin_tb *block)
 {
     (void)id;
-    qemu_plugin_register_vcpu_tb_exec_inline(block, INLINE_ADD_U64, &instructions, qemu_plugin_tb_n_insns(block));
+    qemu_plugin_register_vcpu_tb_exec_inline(block, INLINE_ADD_U64, &instructions,
+                                             qemu_plugin_tb_n_insns(block));
 }
 
 static void ended(qemu_plugin_id_t id, void *context)

@@ -28,13 +28,15 @@ static void answer(int signal_number, siginfo_t *info, void *context)
     __cpuid_count(leaf, part, a, b, c, d);
     syscall(SYS_arch_prctl, SET_CPUID, FORBID);
     if (leaf == 7 && part == 0) {
-        b &= ~(1u << 16 | 1u << 17 | 1u << 21 | 1u << 26 | 1u << 27 | 1u << 28 | 1u << 30 | 1u << 31); /* F DQ IFMA PF ER CD BW VL */
+        b &= ~(1u << 16 | 1u << 17 | 1u << 21 | 1u << 26 | 1u << 27 | 1u << 28 | 1u << 30 |
+               1u << 31);                                           /* F DQ IFMA PF ER CD BW VL */
         c &= ~(1u << 1 | 1u << 6 | 1u << 11 | 1u << 12 | 1u << 14); /* VBMI VBMI2 VNNI BITALG VPOPCNTDQ */
-        d &= ~(1u << 2 | 1u << 3 | 1u << 8 | 1u << 22 | 1u << 23 | 1u << 24 | 1u << 25); /* 4VNNIW 4FMAPS VP2INTERSECT AMX-BF16 FP16 AMX */
+        d &= ~(1u << 2 | 1u << 3 | 1u << 8 | 1u << 22 | 1u << 23 | 1u << 24 |
+               1u << 25); /* 4VNNIW 4FMAPS VP2INTERSECT AMX-BF16 FP16 AMX */
     }
     if (leaf == 7 && part == 1) {
-        a &= ~(1u << 4 | 1u << 5);   /* AVX-VNNI, AVX512-BF16 */
-        d &= ~(1u << 4 | 1u << 10);  /* AVX-VNNI-INT8, INT16 */
+        a &= ~(1u << 4 | 1u << 5);  /* AVX-VNNI, AVX512-BF16 */
+        d &= ~(1u << 4 | 1u << 10); /* AVX-VNNI-INT8, INT16 */
     }
     r[REG_RAX] = a;
     r[REG_RBX] = b;

@@ -96,9 +96,11 @@ static const char *name_of(const char *const *names, int count, int value)
 }
 static const char *const states[] = {"starting", "tracking", "weak", "lost"};
 static const char *const scales[] = {"free", "camera_height", "odometry"};
-HANDLER(pose_t, "%s, %s in %s: position %.3f %.3f %.3f %s, scale %s to %.1f %%, quality %.2f, %d inliers, reset %d\n",
+HANDLER(pose_t,
+        "%s, %s in %s: position %.3f %.3f %.3f %s, scale %s to %.1f %%, quality %.2f, %d inliers, reset %d\n",
         name_of(states, 4, message.state), message.child_frame, message.parent_frame, message.position[0],
-        message.position[1], message.position[2], message.scale_source == FOVEA_POSE_T_SCALE_FREE ? "units" : "m",
+        message.position[1], message.position[2],
+        message.scale_source == FOVEA_POSE_T_SCALE_FREE ? "units" : "m",
         name_of(scales, 3, message.scale_source), 100 * message.scale_sigma, (double)message.quality,
         (int)message.inliers, (int)message.reset_counter)
 HANDLER(features_t, "%" PRId32 " of %" PRId32 " features\n", message.count, message.asked)
@@ -110,8 +112,9 @@ HANDLER(preview_t, "%" PRId32 " x %" PRId32 ", %" PRId32 " bytes of JPEG\n", mes
         message.size_bytes)
 HANDLER(map_t, "map %" PRId32 ", %" PRId32 " landmarks and %" PRId32 " keyframes told of\n", message.map_id,
         message.landmark_count, message.keyframe_count)
-HANDLER(detections_t, "%" PRId32 " objects found by %s, the best %s with %.2f\n", message.count, message.model,
-        message.count > 0 ? message.class_name[0] : "none", message.count > 0 ? (double)message.score[0] : 0)
+HANDLER(detections_t, "%" PRId32 " objects found by %s, the best %s with %.2f\n", message.count,
+        message.model, message.count > 0 ? message.class_name[0] : "none",
+        message.count > 0 ? (double)message.score[0] : 0)
 HANDLER(tracks_t, "%" PRId32 " tracks, the newest %" PRId64 "\n", message.count,
         message.count > 0 ? message.id[message.count - 1] : 0)
 
@@ -174,10 +177,9 @@ static int report(void)
 int main(int argc, char **argv)
 {
     const char *url = "udpm://239.255.76.67:7667?ttl=0&recv_buf_size=8388608", *prefix = "FOVEA";
-    static const lcm_msg_handler_t handlers[KINDS] = {on_pose_t,       on_features_t, on_camera_status_t,
-                                                      on_statistics_t, on_preview_t,  on_pose_t,
-                                                      on_bot_core_pose, on_map_t,   on_detections_t,
-                                                      on_tracks_t};
+    static const lcm_msg_handler_t handlers[KINDS] = {
+        on_pose_t, on_features_t,    on_camera_status_t, on_statistics_t, on_preview_t,
+        on_pose_t, on_bot_core_pose, on_map_t,           on_detections_t, on_tracks_t};
     double idle_s = 0;
     for (int i = 1; i < argc; i++) {
         if (strcmp(argv[i], "--quiet") == 0)

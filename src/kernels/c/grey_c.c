@@ -11,7 +11,8 @@ void fv_k_grey_shift_u16__c(uint8_t *grey, const uint8_t *source, int32_t count,
 
 void fv_k_grey_pick_u8__c(uint8_t *grey, const uint8_t *source, int32_t count, int32_t offset)
 {
-    for (int32_t i = 0; i < count; i++) grey[i] = source[2 * i + offset];
+    for (int32_t i = 0; i < count; i++)
+        grey[i] = source[2 * i + offset];
 }
 
 void fv_k_grey_mix_u8__c(uint8_t *grey, const uint8_t *source, int32_t count, int32_t first, int32_t third)
@@ -22,7 +23,8 @@ void fv_k_grey_mix_u8__c(uint8_t *grey, const uint8_t *source, int32_t count, in
     }
 }
 
-void fv_k_grey_bayer_u8__c(uint8_t *grey, const uint8_t *above, const uint8_t *row, const uint8_t *below, int32_t count)
+void fv_k_grey_bayer_u8__c(uint8_t *grey, const uint8_t *above, const uint8_t *row, const uint8_t *below,
+                           int32_t count)
 {
     fv_k_grey_bayer_ends(grey, above, row, below, count, 1);
 }

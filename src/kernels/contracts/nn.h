@@ -76,8 +76,9 @@ typedef void fv_k_nn_max_u8_fn(const uint8_t *a, const uint8_t *b, uint8_t *out,
  * file: lower and upper source column, weight of the upper one in [0, 2^bits]. */
 struct fv_nn_blend {
     int32_t channels, in_stride, out_w, out_stride, bits;
-    int32_t middle; /* sums below middle 2^(2 bits) round halves down: 0, or 128 where bytes stand for signed
-                       ones */
+    /* sums below middle 2^(2 bits) round halves down: 0, or 128 where bytes stand for signed
+     * ones */
+    int32_t middle;
     const int32_t *columns; /* [out_w][3] */
 };
 

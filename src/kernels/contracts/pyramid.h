@@ -9,7 +9,8 @@
 #include <stdint.h>
 
 /* out[i] = (a[i] (128 - weight_b) + b[i] weight_b + 64) >> 7 for i in [0, count), weight_b in [1, 127]. */
-typedef void fv_k_blend_rows_u8_fn(uint8_t *out, const uint8_t *a, const uint8_t *b, int32_t count, int32_t weight_b);
+typedef void fv_k_blend_rows_u8_fn(uint8_t *out, const uint8_t *a, const uint8_t *b, int32_t count,
+                                   int32_t weight_b);
 
 /* Six pixels to five: out[i] = (in[j] (128 - w) + in[j + 1] w + 64) >> 7 for i in [0, count), with j = i + floor(i / 5) and
  * w = 13, 38, 64, 90, 115 for i mod 5 = 0 .. 4. */

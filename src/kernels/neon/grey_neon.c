@@ -72,7 +72,8 @@ static inline uint16x8_t binomial(uint16x8_t left, uint16x8_t next)
 /* Sixteen outputs from x on; reads the columns x - 1 .. x + 22. */
 static inline void bayer_sixteen(uint8_t *grey, uint16x8_t left, uint16x8x2_t next)
 {
-    vst1q_u8(grey, vrshrn_high_n_u16(vrshrn_n_u16(binomial(left, next.val[0]), 4), binomial(next.val[0], next.val[1]), 4));
+    vst1q_u8(grey, vrshrn_high_n_u16(vrshrn_n_u16(binomial(left, next.val[0]), 4),
+                                     binomial(next.val[0], next.val[1]), 4));
 }
 
 void fv_k_grey_bayer_u8__neon(uint8_t *grey, const uint8_t *above, const uint8_t *row, const uint8_t *below,

@@ -21,28 +21,32 @@ static void load_block(struct block *b, const struct fv_nn_depthwise *d, int32_t
             b->weights[t][1] = vaddw_s8(b->weights[t][1], vget_high_s8(w));
         }
     }
-    for (int i = 0; i < 4; ++i) b->bias[i] = vld1q_s32(d->bias + channel + 4 * i);
+    for (int i = 0; i < 4; ++i)
+        b->bias[i] = vld1q_s32(d->bias + channel + 4 * i);
     load_scale(&b->scale, d->multiplier + channel, d->shift + channel);
     b->width = d->channels - channel < 16 ? d->channels - channel : 16;
 }
 
-static void pixel(const struct block *b, const uint8_t *const *tap, int32_t taps, const struct output *o, uint8_t *out)
+static void pixel(const struct block *b, const uint8_t *const *tap, int32_t taps, const struct output *o,
+                  uint8_t *out)
 {
     int32x4_t acc[4] = {b->bias[0], b->bias[1], b->bias[2], b->bias[3]};
     for (int32_t t = 0; t < taps; ++t) {
         const uint8x16_t v = vld1q_u8(tap[t]);
-        const int16x8_t low = vreinterpretq_s16_u16(vmovl_u8(vget_low_u8(v))), high = vreinterpretq_s16_u16(vmovl_u8(vget_high_u8(v)));
+        const int16x8_t low = vreinterpretq_s16_u16(vmovl_u8(vget_low_u8(v))),
+                        high = vreinterpretq_s16_u16(vmovl_u8(vget_high_u8(v)));
         acc[0] = vmlal_s16(acc[0], vget_low_s16(low), vget_low_s16(b->weights[t][0]));
         acc[1] = vmlal_high_s16(acc[1], low, b->weights[t][0]);
         acc[2] = vmlal_s16(acc[2], vget_low_s16(high), vget_low_s16(b->weights[t][1]));
         acc[3] = vmlal_high_s16(acc[3], high, b->weights[t][1]);
     }
-    for (int i = 0; i < 4; ++i) acc[i] = requantize(acc[i], b->scale.multiplier[i], b->scale.left[i], b->scale.right[i]);
+    for (int i = 0; i < 4; ++i)
+        acc[i] = requantize(acc[i], b->scale.multiplier[i], b->scale.left[i], b->scale.right[i]);
     store16(o, acc, out, b->width);
 }
 
-static void row(const struct block *b, const struct fv_nn_depthwise *d, const uint8_t *in, int32_t y, const struct output *o,
-                const uint8_t *border, uint8_t *out)
+static void row(const struct block *b, const struct fv_nn_depthwise *d, const uint8_t *in, int32_t y,
+                const struct output *o, const uint8_t *border, uint8_t *out)
 {
     const uint8_t *tap[TAPS_MAX];
     const int32_t taps = d->kh * d->kw;
@@ -59,8 +63,8 @@ static void row(const struct block *b, const struct fv_nn_depthwise *d, const ui
     }
 }
 
-void fv_k_nn_depthwise_u8__neon(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out, int32_t begin, int32_t end,
-                                uint8_t *scratch)
+void fv_k_nn_depthwise_u8__neon(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out,
+                                int32_t begin, int32_t end, uint8_t *scratch)
 {
     if (d->kh * d->kw > TAPS_MAX) {
         fv_k_nn_depthwise_u8__c(d, in, out, begin, end, scratch);

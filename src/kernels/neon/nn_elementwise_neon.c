@@ -5,7 +5,8 @@ void fv_k_nn_table_u8__neon(const uint8_t *table, const uint8_t *in, uint8_t *ou
     struct output o;
     init_output(&o, 0, 0, 255, table);
     int32_t i = 0;
-    for (; i + 16 <= count; i += 16) vst1q_u8(out + i, look_up(&o, vld1q_u8(in + i)));
+    for (; i + 16 <= count; i += 16)
+        vst1q_u8(out + i, look_up(&o, vld1q_u8(in + i)));
     fv_k_nn_table_u8__c(table, in + i, out + i, count - i);
 }
 
@@ -16,7 +17,8 @@ struct factor {
 
 static struct factor factor_of(int32_t zero, int32_t multiplier, int32_t shift)
 {
-    return (struct factor){vdupq_n_s32(zero), vdupq_n_s32(multiplier), vdupq_n_s32(shift > 0 ? shift : 0), vdupq_n_s32(shift < 0 ? shift : 0)};
+    return (struct factor){vdupq_n_s32(zero), vdupq_n_s32(multiplier), vdupq_n_s32(shift > 0 ? shift : 0),
+                           vdupq_n_s32(shift < 0 ? shift : 0)};
 }
 
 FV_INLINE int32x4_t term(int32x4_t value, const struct factor *f)
@@ -34,8 +36,8 @@ FV_INLINE void widen(const uint8_t *from, int32x4_t out[4])
     out[3] = vreinterpretq_s32_u32(vmovl_u16(vget_high_u16(high)));
 }
 
-void fv_k_nn_add_u8__neon(const struct fv_nn_add *p, const uint8_t *a, ptrdiff_t lda, const uint8_t *b, ptrdiff_t ldb, uint8_t *out,
-                          ptrdiff_t ldo, int32_t rows, int32_t count)
+void fv_k_nn_add_u8__neon(const struct fv_nn_add *p, const uint8_t *a, ptrdiff_t lda, const uint8_t *b,
+                          ptrdiff_t ldb, uint8_t *out, ptrdiff_t ldo, int32_t rows, int32_t count)
 {
     const struct factor fa = factor_of(p->zero_a, p->m_a, p->s_a), fb = factor_of(p->zero_b, p->m_b, p->s_b);
     const struct factor fo = factor_of(0, p->m_out, p->s_out);
@@ -46,7 +48,8 @@ void fv_k_nn_add_u8__neon(const struct fv_nn_add *p, const uint8_t *a, ptrdiff_t
             const int32_t width = count - i < 16 ? count - i : 16;
             uint8_t rest[2][16] = {{0}};
             const uint8_t *from[2] = {a + i, b + i};
-            for (int k = 0; k < 2 && width < 16; ++k) from[k] = memcpy(rest[k], from[k], (size_t)width);
+            for (int k = 0; k < 2 && width < 16; ++k)
+                from[k] = memcpy(rest[k], from[k], (size_t)width);
             int32x4_t x[4], y[4];
             widen(from[0], x);
             widen(from[1], y);

@@ -48,7 +48,8 @@ FV_INLINE void init_output(struct output *o, int32_t zero, int32_t low, int32_t 
     o->low = vdupq_n_u8((uint8_t)low);
     o->high = vdupq_n_u8((uint8_t)high);
     o->table = table;
-    for (int i = 0; i < 4 && table != NULL; ++i) o->part[i] = vld1q_u8_x4(table + 64 * i);
+    for (int i = 0; i < 4 && table != NULL; ++i)
+        o->part[i] = vld1q_u8_x4(table + 64 * i);
 }
 
 FV_INLINE uint8x16_t look_up(const struct output *o, uint8x16_t index)

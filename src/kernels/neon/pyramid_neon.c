@@ -2,12 +2,14 @@
 
 #include <arm_neon.h>
 
-void fv_k_blend_rows_u8__neon(uint8_t *out, const uint8_t *a, const uint8_t *b, int32_t count, int32_t weight_b)
+void fv_k_blend_rows_u8__neon(uint8_t *out, const uint8_t *a, const uint8_t *b, int32_t count,
+                              int32_t weight_b)
 {
     const uint8x16_t wb = vdupq_n_u8((uint8_t)weight_b), wa = vdupq_n_u8((uint8_t)(128 - weight_b));
     for (int32_t i = 0; i < count; i += 16) {
         const uint8x16_t pa = vld1q_u8(a + i), pb = vld1q_u8(b + i);
-        const uint16x8_t low = vmlal_u8(vmull_u8(vget_low_u8(pa), vget_low_u8(wa)), vget_low_u8(pb), vget_low_u8(wb));
+        const uint16x8_t low =
+            vmlal_u8(vmull_u8(vget_low_u8(pa), vget_low_u8(wa)), vget_low_u8(pb), vget_low_u8(wb));
         const uint16x8_t high = vmlal_high_u8(vmull_high_u8(pa, wa), pb, wb);
         vst1q_u8(out + i, vrshrn_high_n_u16(vrshrn_n_u16(low, 7), high, 7));
     }
@@ -25,7 +27,8 @@ void fv_k_shrink_row_u8__neon(uint8_t *out, const uint8_t *in, int32_t count)
         const uint8_t *from = in + i / 5 * 6;
         const uint8x16x2_t pixels = {{vld1q_u8(from), vld1q_u8(from + 16)}};
         const uint8x16_t pa = vqtbl2q_u8(pixels, first), pb = vqtbl2q_u8(pixels, second);
-        const uint16x8_t low = vmlal_u8(vmull_u8(vget_low_u8(pa), vget_low_u8(wa)), vget_low_u8(pb), vget_low_u8(wb));
+        const uint16x8_t low =
+            vmlal_u8(vmull_u8(vget_low_u8(pa), vget_low_u8(wa)), vget_low_u8(pb), vget_low_u8(wb));
         const uint16x8_t high = vmlal_high_u8(vmull_high_u8(pa, wa), pb, wb);
         vst1q_u8(out + i, vrshrn_high_n_u16(vrshrn_n_u16(low, 7), high, 7));
     }

@@ -42,8 +42,8 @@ void fv_k_grey_pick_u8__avx2(uint8_t *grey, const uint8_t *source, int32_t count
 /* Eight pixels from twice twelve bytes: (first, green) and (third, 0) as words, weighed in 32 bits. */
 static inline __m256i mix8(const uint8_t *source, __m256i outer, __m256i inner, __m256i round)
 {
-    const __m256i pair = _mm256_broadcastsi128_si256(
-        _mm_setr_epi8(0, -1, 1, -1, 3, -1, 4, -1, 6, -1, 7, -1, 9, -1, 10, -1));
+    const __m256i pair =
+        _mm256_broadcastsi128_si256(_mm_setr_epi8(0, -1, 1, -1, 3, -1, 4, -1, 6, -1, 7, -1, 9, -1, 10, -1));
     const __m256i last = _mm256_broadcastsi128_si256(
         _mm_setr_epi8(2, -1, -1, -1, 5, -1, -1, -1, 8, -1, -1, -1, 11, -1, -1, -1));
     const __m256i bytes = _mm256_loadu2_m128i((const __m128i *)(source + 12), (const __m128i *)source);
@@ -60,8 +60,10 @@ void fv_k_grey_mix_u8__avx2(uint8_t *grey, const uint8_t *source, int32_t count,
     for (; i + 34 <= count; i += 32) { /* the last load reaches 4 bytes further than 32 pixels */
         const uint8_t *s = source + 3 * i;
         const __m256i a = _mm256_packs_epi32(mix8(s, outer, inner, round), mix8(s + 24, outer, inner, round));
-        const __m256i b = _mm256_packs_epi32(mix8(s + 48, outer, inner, round), mix8(s + 72, outer, inner, round));
-        _mm256_storeu_si256((__m256i *)(grey + i), _mm256_permutevar8x32_epi32(_mm256_packus_epi16(a, b), order));
+        const __m256i b =
+            _mm256_packs_epi32(mix8(s + 48, outer, inner, round), mix8(s + 72, outer, inner, round));
+        _mm256_storeu_si256((__m256i *)(grey + i),
+                            _mm256_permutevar8x32_epi32(_mm256_packus_epi16(a, b), order));
     }
     fv_k_grey_mix_u8__c(grey + i, source + 3 * i, count - i, first, third);
 }

@@ -26,15 +26,16 @@ void fv_k_grey_pick_u8__avx512(uint8_t *grey, const uint8_t *source, int32_t cou
 }
 
 /* Sixteen pixels at a time: each 128-bit lane gets the twelve bytes of its four pixels. */
-void fv_k_grey_mix_u8__avx512(uint8_t *grey, const uint8_t *source, int32_t count, int32_t first, int32_t third)
+void fv_k_grey_mix_u8__avx512(uint8_t *grey, const uint8_t *source, int32_t count, int32_t first,
+                              int32_t third)
 {
     const __m512i outer = _mm512_set1_epi32(19235 << 16 | first), inner = _mm512_set1_epi32(third);
     const __m512i round = _mm512_set1_epi32(16384);
     const __m512i lanes = _mm512_setr_epi32(0, 1, 2, 3, 3, 4, 5, 6, 6, 7, 8, 9, 9, 10, 11, 12);
-    const __m512i pair = _mm512_broadcast_i32x4(
-        _mm_setr_epi8(0, -1, 1, -1, 3, -1, 4, -1, 6, -1, 7, -1, 9, -1, 10, -1));
-    const __m512i last = _mm512_broadcast_i32x4(
-        _mm_setr_epi8(2, -1, -1, -1, 5, -1, -1, -1, 8, -1, -1, -1, 11, -1, -1, -1));
+    const __m512i pair =
+        _mm512_broadcast_i32x4(_mm_setr_epi8(0, -1, 1, -1, 3, -1, 4, -1, 6, -1, 7, -1, 9, -1, 10, -1));
+    const __m512i last =
+        _mm512_broadcast_i32x4(_mm_setr_epi8(2, -1, -1, -1, 5, -1, -1, -1, 8, -1, -1, -1, 11, -1, -1, -1));
     for (int32_t i = 0; i < count; i += 16) {
         const int32_t left = count - i < 16 ? count - i : 16;
         const __mmask64 mask = (UINT64_C(1) << 3 * left) - 1u;

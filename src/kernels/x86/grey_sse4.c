@@ -51,7 +51,8 @@ void fv_k_grey_mix_u8__sse4(uint8_t *grey, const uint8_t *source, int32_t count,
     for (; i + 18 <= count; i += 16) { /* the last load reaches 4 bytes further than 16 pixels */
         const uint8_t *s = source + 3 * i;
         const __m128i a = _mm_packs_epi32(mix4(s, outer, inner, round), mix4(s + 12, outer, inner, round));
-        const __m128i b = _mm_packs_epi32(mix4(s + 24, outer, inner, round), mix4(s + 36, outer, inner, round));
+        const __m128i b =
+            _mm_packs_epi32(mix4(s + 24, outer, inner, round), mix4(s + 36, outer, inner, round));
         _mm_storeu_si128((__m128i *)(grey + i), _mm_packus_epi16(a, b));
     }
     fv_k_grey_mix_u8__c(grey + i, source + 3 * i, count - i, first, third);

@@ -10,8 +10,8 @@
 
 static inline __m512i fv_hamming_eight(const __m512i query[4], const __m512i train[4]);
 
-static inline void fv_hamming_two(uint32_t *nearest, uint32_t *second, const uint8_t *queries, int32_t query_count,
-                                  const uint8_t *trains, int32_t train_count)
+static inline void fv_hamming_two(uint32_t *nearest, uint32_t *second, const uint8_t *queries,
+                                  int32_t query_count, const uint8_t *trains, int32_t train_count)
 {
     for (int32_t q = 0; q < query_count; q += 16) {
         const int32_t left = query_count - q;

@@ -12,7 +12,8 @@
 /* Constants of 8 channels: see fv_nn_requantize. AVX2 has no arithmetic 64-bit shift: 2^62 is added before the logical one
  * and what it became, 2^(62 - right), taken off after it. `down`: the half of negative products. */
 struct scale8 {
-    __m256i multiplier, multiplier_odd, half_even, half_odd, down_even, down_odd, right_even, right_odd, excess;
+    __m256i multiplier, multiplier_odd, half_even, half_odd, down_even, down_odd, right_even, right_odd,
+        excess;
 };
 
 FV_INLINE void half_of(__m256i shift, __m256i *half, __m256i *down, __m256i *right)
@@ -49,8 +50,8 @@ FV_INLINE void load_scale(struct scale8 *s, __m256i m, __m256i shift)
 FV_INLINE __m256i scaled(__m256i product, __m256i half, __m256i down, __m256i right, const int above_zero)
 {
     if (!above_zero) {
-        half = _mm256_castpd_si256(
-            _mm256_blendv_pd(_mm256_castsi256_pd(half), _mm256_castsi256_pd(down), _mm256_castsi256_pd(product)));
+        half = _mm256_castpd_si256(_mm256_blendv_pd(_mm256_castsi256_pd(half), _mm256_castsi256_pd(down),
+                                                    _mm256_castsi256_pd(product)));
     }
     return _mm256_srlv_epi64(_mm256_add_epi64(product, half), right);
 }
@@ -59,9 +60,10 @@ FV_INLINE __m256i scaled(__m256i product, __m256i half, __m256i down, __m256i ri
  * clamped to zero anyway, so the rounding of negative ones does not matter. */
 FV_INLINE __m256i requantize(__m256i acc, const struct scale8 *s, const int above_zero)
 {
-    const __m256i even = scaled(_mm256_mul_epi32(acc, s->multiplier), s->half_even, s->down_even, s->right_even, above_zero);
-    const __m256i odd = scaled(_mm256_mul_epi32(_mm256_srli_epi64(acc, 32), s->multiplier_odd), s->half_odd, s->down_odd,
-                               s->right_odd, above_zero);
+    const __m256i even =
+        scaled(_mm256_mul_epi32(acc, s->multiplier), s->half_even, s->down_even, s->right_even, above_zero);
+    const __m256i odd = scaled(_mm256_mul_epi32(_mm256_srli_epi64(acc, 32), s->multiplier_odd), s->half_odd,
+                               s->down_odd, s->right_odd, above_zero);
     return _mm256_sub_epi32(low_words(even, odd), s->excess);
 }
 
@@ -74,7 +76,8 @@ struct table32 {
 FV_INLINE __m256i table_row(const uint8_t *table, int i)
 {
     return i < 0 ? _mm256_setzero_si256()
-                 : _mm256_broadcastsi128_si256(_mm_loadu_si128((const __m128i *)(const void *)(table + 16 * i)));
+                 : _mm256_broadcastsi128_si256(
+                       _mm_loadu_si128((const __m128i *)(const void *)(table + 16 * i)));
 }
 
 static inline void load_table(struct table32 *t, const uint8_t *table)
@@ -82,7 +85,8 @@ static inline void load_table(struct table32 *t, const uint8_t *table)
     for (int i = 0; i < 16; ++i) {
         t->row[i] = _mm256_xor_si256(table_row(table, i), table_row(table, i - 1));
         if (i >= 8) { /* of the first eight rows' differences those up to i - 8 no longer answer */
-            t->row[i] = _mm256_xor_si256(t->row[i], _mm256_xor_si256(table_row(table, i - 8), table_row(table, i - 9)));
+            t->row[i] = _mm256_xor_si256(t->row[i],
+                                         _mm256_xor_si256(table_row(table, i - 8), table_row(table, i - 9)));
         }
     }
 }
@@ -108,7 +112,8 @@ struct output {
     struct table32 table;
 };
 
-static inline void init_output(struct output *o, int32_t zero, int32_t low, int32_t high, const uint8_t *table)
+static inline void init_output(struct output *o, int32_t zero, int32_t low, int32_t high,
+                               const uint8_t *table)
 {
     o->zero = _mm256_set1_epi16((short)zero);
     o->low = _mm256_set1_epi8((char)low);
@@ -134,15 +139,16 @@ FV_INLINE void store_some(uint8_t *to, __m128i v, int32_t width)
         memcpy(to + width - 4, &last, 4);
     } else {
         const int32_t all = _mm_cvtsi128_si32(v);
-        for (int32_t i = 0; i < width; ++i) to[i] = (uint8_t)(all >> 8 * i);
+        for (int32_t i = 0; i < width; ++i)
+            to[i] = (uint8_t)(all >> 8 * i);
     }
 }
 
 /* Two rows of 16 channels, 0-7 and 8-15: results of requantize to bytes in order. */
 FV_INLINE __m256i two_rows(const struct output *o, const __m256i first[2], const __m256i second[2])
 {
-    const __m256i in_order = _mm256_setr_epi8(0, 2, 1, 3, 4, 6, 5, 7, 8, 10, 9, 11, 12, 14, 13, 15, 0, 2, 1, 3, 4, 6, 5, 7, 8, 10, 9,
-                                              11, 12, 14, 13, 15);
+    const __m256i in_order = _mm256_setr_epi8(0, 2, 1, 3, 4, 6, 5, 7, 8, 10, 9, 11, 12, 14, 13, 15, 0, 2, 1,
+                                              3, 4, 6, 5, 7, 8, 10, 9, 11, 12, 14, 13, 15);
     const __m256i a = _mm256_adds_epi16(_mm256_packs_epi32(first[0], first[1]), o->zero);
     const __m256i b = _mm256_adds_epi16(_mm256_packs_epi32(second[0], second[1]), o->zero);
     const __m256i bytes = _mm256_min_epu8(_mm256_max_epu8(_mm256_packus_epi16(a, b), o->low), o->high);
@@ -152,13 +158,14 @@ FV_INLINE __m256i two_rows(const struct output *o, const __m256i first[2], const
 }
 
 /* Scale ROWS rows (1, or an even number) of 16 accumulators and store the first `width` channels of each. */
-FV_INLINE void store_tile(const struct output *o, const struct scale8 scale[2], __m256i acc[][2], const int ROWS, uint8_t *out,
-                          ptrdiff_t ldo, int32_t width, const int above)
+FV_INLINE void store_tile(const struct output *o, const struct scale8 scale[2], __m256i acc[][2],
+                          const int ROWS, uint8_t *out, ptrdiff_t ldo, int32_t width, const int above)
 {
 #pragma GCC unroll 4
     for (int r = 0; r < ROWS; r += 2, out += 2 * ldo) {
         const int second = ROWS == 1 ? r : r + 1;
-        const __m256i a[2] = {requantize(acc[r][0], &scale[0], above), requantize(acc[r][1], &scale[1], above)};
+        const __m256i a[2] = {requantize(acc[r][0], &scale[0], above),
+                              requantize(acc[r][1], &scale[1], above)};
         __m256i b[2] = {a[0], a[1]};
         if (second != r) {
             b[0] = requantize(acc[second][0], &scale[0], above);

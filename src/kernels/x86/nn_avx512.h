@@ -57,7 +57,8 @@ FV_INLINE __m512i requantize(__m512i acc, const struct scale16 *s, const int abo
 }
 
 /* Lanes of 4 x 16 results to 64 bytes per 128-bit lane: [a b c d] of that lane, moved by `zero` and clamped. */
-FV_INLINE __m512i pack_lanes(__m512i a, __m512i b, __m512i c, __m512i d, __m512i zero, __m512i low, __m512i high)
+FV_INLINE __m512i pack_lanes(__m512i a, __m512i b, __m512i c, __m512i d, __m512i zero, __m512i low,
+                             __m512i high)
 {
     const __m512i ab = _mm512_adds_epi16(_mm512_packs_epi32(a, b), zero);
     const __m512i cd = _mm512_adds_epi16(_mm512_packs_epi32(c, d), zero);
@@ -71,7 +72,8 @@ struct table64 {
 
 FV_INLINE void load_table(struct table64 *t, const uint8_t *table)
 {
-    for (int i = 0; i < 4; ++i) t->part[i] = table == NULL ? _mm512_setzero_si512() : _mm512_loadu_si512(table + 64 * i);
+    for (int i = 0; i < 4; ++i)
+        t->part[i] = table == NULL ? _mm512_setzero_si512() : _mm512_loadu_si512(table + 64 * i);
 }
 
 FV_INLINE __m512i look_up(__m512i index, const struct table64 *t, const uint8_t *table)
@@ -85,7 +87,8 @@ FV_INLINE __m512i look_up(__m512i index, const struct table64 *t, const uint8_t 
     (void)t;
     uint8_t bytes[64];
     _mm512_storeu_si512(bytes, index);
-    for (int i = 0; i < 64; ++i) bytes[i] = table[bytes[i]];
+    for (int i = 0; i < 64; ++i)
+        bytes[i] = table[bytes[i]];
     return _mm512_loadu_si512(bytes);
 #endif
 }

@@ -29,7 +29,8 @@ static __m256i tap_weights(const struct fv_nn_depthwise *d, int32_t channel, int
     return sum;
 }
 
-static void add_step(struct block *b, const struct fv_nn_depthwise *d, int32_t channel, int32_t pair, int32_t kx)
+static void add_step(struct block *b, const struct fv_nn_depthwise *d, int32_t channel, int32_t pair,
+                     int32_t kx)
 {
     const int beside = 2 * pair + 1 == d->kh;
     const __m256i first = tap_weights(d, channel, 2 * pair, kx);
@@ -53,7 +54,8 @@ static void load_block(struct block *b, const struct fv_nn_depthwise *d, int32_t
     b->column_bytes = (ptrdiff_t)b->pairs * PAIR_BYTES;
     b->width = d->channels - channel < 16 ? d->channels - channel : 16;
     for (int32_t pair = 0; pair < b->pairs; ++pair) {
-        for (int32_t kx = 0; kx < d->kw; kx += 2 * pair + 1 == d->kh ? 2 : 1) add_step(b, d, channel, pair, kx);
+        for (int32_t kx = 0; kx < d->kw; kx += 2 * pair + 1 == d->kh ? 2 : 1)
+            add_step(b, d, channel, pair, kx);
     }
     for (int32_t h = 0; h < 2; ++h) {
         const int32_t at = channel + 8 * h;
@@ -65,7 +67,8 @@ static void load_block(struct block *b, const struct fv_nn_depthwise *d, int32_t
 
 FV_INLINE void interleave(const uint8_t *a, const uint8_t *b, uint8_t *to)
 {
-    const __m128i x = _mm_loadu_si128((const __m128i *)(const void *)a), y = _mm_loadu_si128((const __m128i *)(const void *)b);
+    const __m128i x = _mm_loadu_si128((const __m128i *)(const void *)a),
+                  y = _mm_loadu_si128((const __m128i *)(const void *)b);
     _mm256_store_si256((__m256i *)(void *)to, _mm256_cvtepu8_epi16(_mm_unpacklo_epi8(x, y)));
     _mm256_store_si256((__m256i *)(void *)(to + 32), _mm256_cvtepu8_epi16(_mm_unpackhi_epi8(x, y)));
 }
@@ -76,7 +79,8 @@ struct line {
     ptrdiff_t step;
 };
 
-static struct line line_of(const struct fv_nn_depthwise *d, const uint8_t *in, const uint8_t *border, int32_t y, int32_t ky)
+static struct line line_of(const struct fv_nn_depthwise *d, const uint8_t *in, const uint8_t *border,
+                           int32_t y, int32_t ky)
 {
     const int32_t iy = y * d->stride_y - d->pad_top + ky * d->dilation_y;
     if (iy < 0 || iy >= d->in_h) return (struct line){.pixels = border, .step = 0};
@@ -84,17 +88,19 @@ static struct line line_of(const struct fv_nn_depthwise *d, const uint8_t *in, c
 }
 
 /* Columns x, x + 1, ... of line a, each with the column `shift` further of line b. */
-static void interleave_lines(const struct fv_nn_depthwise *d, struct line a, struct line b, int32_t shift, int32_t x, int32_t count,
-                             const uint8_t *border, uint8_t *to, ptrdiff_t pitch)
+static void interleave_lines(const struct fv_nn_depthwise *d, struct line a, struct line b, int32_t shift,
+                             int32_t x, int32_t count, const uint8_t *border, uint8_t *to, ptrdiff_t pitch)
 {
     const int32_t end = x + count, inner_end = d->in_w - shift < end ? d->in_w - shift : end;
     while (x < end) {
         if (x >= 0 && x < inner_end) {
             const uint8_t *from_a = a.pixels + x * a.step, *from_b = b.pixels + (x + shift) * b.step;
-            for (; x < inner_end; ++x, from_a += a.step, from_b += b.step, to += pitch) interleave(from_a, from_b, to);
+            for (; x < inner_end; ++x, from_a += a.step, from_b += b.step, to += pitch)
+                interleave(from_a, from_b, to);
         } else {
             const uint8_t *from_a = x < 0 || x >= d->in_w ? border : a.pixels + x * a.step;
-            const uint8_t *from_b = x + shift < 0 || x + shift >= d->in_w ? border : b.pixels + (x + shift) * b.step;
+            const uint8_t *from_b =
+                x + shift < 0 || x + shift >= d->in_w ? border : b.pixels + (x + shift) * b.step;
             interleave(from_a, from_b, to);
             ++x;
             to += pitch;
@@ -102,21 +108,21 @@ static void interleave_lines(const struct fv_nn_depthwise *d, struct line a, str
     }
 }
 
-static void interleave_columns(const struct block *b, const struct fv_nn_depthwise *d, const uint8_t *in, int32_t y, int32_t x,
-                               int32_t count, const uint8_t *border, uint8_t *scratch)
+static void interleave_columns(const struct block *b, const struct fv_nn_depthwise *d, const uint8_t *in,
+                               int32_t y, int32_t x, int32_t count, const uint8_t *border, uint8_t *scratch)
 {
     for (int32_t pair = 0; pair < b->pairs; ++pair) {
         const int beside = 2 * pair + 1 == d->kh;
         const struct line first = line_of(d, in, border, y, 2 * pair);
         const struct line second = beside ? first : line_of(d, in, border, y, 2 * pair + 1);
-        interleave_lines(d, first, second, beside ? d->dilation_x : 0, x, count, border, scratch + (ptrdiff_t)pair * PAIR_BYTES,
-                         b->column_bytes);
+        interleave_lines(d, first, second, beside ? d->dilation_x : 0, x, count, border,
+                         scratch + (ptrdiff_t)pair * PAIR_BYTES, b->column_bytes);
     }
 }
 
 /* N neighbouring outputs. */
-FV_INLINE void tile(const struct block *b, const uint8_t *columns, ptrdiff_t step, const int N, const struct output *o, uint8_t *out,
-                    ptrdiff_t ldo, const int steps, const int above)
+FV_INLINE void tile(const struct block *b, const uint8_t *columns, ptrdiff_t step, const int N,
+                    const struct output *o, uint8_t *out, ptrdiff_t ldo, const int steps, const int above)
 {
     __m256i acc[TILE][2];
 #pragma GCC unroll 4
@@ -137,24 +143,26 @@ FV_INLINE void tile(const struct block *b, const uint8_t *columns, ptrdiff_t ste
     store_tile(o, b->scale, acc, N, out, ldo, b->width, above);
 }
 
-FV_INLINE void outputs(const struct block *b, const struct fv_nn_depthwise *d, const uint8_t *columns, int32_t count,
-                       const struct output *o, uint8_t *out, const int steps, const int above)
+FV_INLINE void outputs(const struct block *b, const struct fv_nn_depthwise *d, const uint8_t *columns,
+                       int32_t count, const struct output *o, uint8_t *out, const int steps, const int above)
 {
     const ptrdiff_t step = d->stride_x * b->column_bytes;
     if (count < TILE) {
         for (int32_t i = 0; i < count; ++i) {
-            tile(b, columns + i * step, step, 1, o, out + (ptrdiff_t)i * d->out_stride, d->out_stride, steps, above);
+            tile(b, columns + i * step, step, 1, o, out + (ptrdiff_t)i * d->out_stride, d->out_stride, steps,
+                 above);
         }
         return;
     }
     for (int32_t i = 0; i < count; i += TILE) {
         const int32_t at = i + TILE > count ? count - TILE : i; /* the last tile overlaps the one before */
-        tile(b, columns + at * step, step, TILE, o, out + (ptrdiff_t)at * d->out_stride, d->out_stride, steps, above);
+        tile(b, columns + at * step, step, TILE, o, out + (ptrdiff_t)at * d->out_stride, d->out_stride, steps,
+             above);
     }
 }
 
-static void row(const struct block *b, const struct fv_nn_depthwise *d, const uint8_t *in, int32_t y, const struct output *o,
-                const uint8_t *border, uint8_t *out, uint8_t *scratch)
+static void row(const struct block *b, const struct fv_nn_depthwise *d, const uint8_t *in, int32_t y,
+                const struct output *o, const uint8_t *border, uint8_t *out, uint8_t *scratch)
 {
     const int32_t span = (d->kw - 1) * d->dilation_x + 1;
     const int32_t most = span > COLUMNS_MAX ? 1 : (COLUMNS_MAX - span) / d->stride_x + 1;
@@ -162,15 +170,19 @@ static void row(const struct block *b, const struct fv_nn_depthwise *d, const ui
     for (int32_t x = 0, count; x < d->out_w; x += count) {
         count = d->out_w - x < most ? d->out_w - x : most;
         uint8_t *to = out + (ptrdiff_t)x * d->out_stride;
-        interleave_columns(b, d, in, y, x * d->stride_x - d->pad_left, (count - 1) * d->stride_x + span, border, scratch);
-        if (small && above) outputs(b, d, scratch, count, o, to, 5, 1);
-        else if (small) outputs(b, d, scratch, count, o, to, 5, 0);
-        else outputs(b, d, scratch, count, o, to, b->steps, 0);
+        interleave_columns(b, d, in, y, x * d->stride_x - d->pad_left, (count - 1) * d->stride_x + span,
+                           border, scratch);
+        if (small && above)
+            outputs(b, d, scratch, count, o, to, 5, 1);
+        else if (small)
+            outputs(b, d, scratch, count, o, to, 5, 0);
+        else
+            outputs(b, d, scratch, count, o, to, b->steps, 0);
     }
 }
 
-void fv_k_nn_depthwise_u8__avx2(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out, int32_t begin, int32_t end,
-                                uint8_t *scratch)
+void fv_k_nn_depthwise_u8__avx2(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out,
+                                int32_t begin, int32_t end, uint8_t *scratch)
 {
     if (step_count(d) > STEPS_MAX) {
         fv_k_nn_depthwise_u8__c(d, in, out, begin, end, scratch);
@@ -184,7 +196,8 @@ void fv_k_nn_depthwise_u8__avx2(const struct fv_nn_depthwise *d, const uint8_t *
         struct block b;
         load_block(&b, d, c);
         for (int32_t y = begin; y < end; ++y) {
-            row(&b, d, in + c, y, &o, border, out + c + (ptrdiff_t)(y - begin) * d->out_w * d->out_stride, scratch);
+            row(&b, d, in + c, y, &o, border, out + c + (ptrdiff_t)(y - begin) * d->out_w * d->out_stride,
+                scratch);
         }
     }
 }

@@ -43,7 +43,8 @@ static inline void spread(void *to, const void *from, size_t size, int32_t first
         const int32_t count = end - at < 64 - n ? end - at : 64 - n;
         memcpy(out + (size_t)n * size, in + (size_t)at * size, (size_t)count * size);
         n += count;
-        at = period != 0 ? 0 : c16 - (64 - n < c16 ? 64 - n : c16); /* lanes past the channels are never stored */
+        at = period != 0 ? 0
+                         : c16 - (64 - n < c16 ? 64 - n : c16); /* lanes past the channels are never stored */
     }
 }
 
@@ -51,7 +52,8 @@ static inline void spread(void *to, const void *from, size_t size, int32_t first
 static inline void transpose_words(const int32_t *words, __m512i out[4])
 {
     __m512i in[4];
-    for (int i = 0; i < 4; ++i) in[i] = _mm512_loadu_si512(words + 16 * i);
+    for (int i = 0; i < 4; ++i)
+        in[i] = _mm512_loadu_si512(words + 16 * i);
     const __m512i a = _mm512_shuffle_i32x4(in[0], in[1], 0x44), b = _mm512_shuffle_i32x4(in[2], in[3], 0x44);
     const __m512i c = _mm512_shuffle_i32x4(in[0], in[1], 0xEE), d = _mm512_shuffle_i32x4(in[2], in[3], 0xEE);
     out[0] = _mm512_shuffle_i32x4(a, b, 0x88);
@@ -72,7 +74,8 @@ static inline void load_lanes(struct lanes *l, const struct fv_nn_depthwise *d, 
     transpose_words(words, multiplier);
     spread(words, d->shift, 4, first, period, d->c16);
     transpose_words(words, shift);
-    for (int32_t q = 0; q < 4; ++q) load_scale_of(&l->scale[q], multiplier[q], shift[q]);
+    for (int32_t q = 0; q < 4; ++q)
+        load_scale_of(&l->scale[q], multiplier[q], shift[q]);
     for (int32_t step = 0; step < d->planes * groups * d->kw; ++step) {
         const int32_t kx = step % d->kw, group = step / d->kw % groups, plane = step / d->kw / groups;
         int8_t column[4][64] = {{0}};
@@ -80,8 +83,8 @@ static inline void load_lanes(struct lanes *l, const struct fv_nn_depthwise *d, 
             const int8_t *w = d->weights + ((ptrdiff_t)(plane * d->kh + 4 * group + r) * d->kw + kx) * d->c16;
             spread(column[r], w, 1, first, period, d->c16);
         }
-        interleave(_mm512_loadu_si512(column[0]), _mm512_loadu_si512(column[1]), _mm512_loadu_si512(column[2]),
-                   _mm512_loadu_si512(column[3]), l->weights[step]);
+        interleave(_mm512_loadu_si512(column[0]), _mm512_loadu_si512(column[1]),
+                   _mm512_loadu_si512(column[2]), _mm512_loadu_si512(column[3]), l->weights[step]);
     }
     load_table(&l->table, d->table);
     l->zero = _mm512_set1_epi16((short)d->zero_out);
@@ -89,63 +92,71 @@ static inline void load_lanes(struct lanes *l, const struct fv_nn_depthwise *d, 
     l->high = _mm512_set1_epi8((char)d->act_max);
 }
 
-FV_INLINE void finish(const struct lanes *l, const struct fv_nn_depthwise *d, const __m512i acc[4], uint8_t *out, __mmask64 mask,
-                      const int above)
+FV_INLINE void finish(const struct lanes *l, const struct fv_nn_depthwise *d, const __m512i acc[4],
+                      uint8_t *out, __mmask64 mask, const int above)
 {
-    __m512i bytes = pack_lanes(requantize(acc[0], &l->scale[0], above), requantize(acc[1], &l->scale[1], above),
-                               requantize(acc[2], &l->scale[2], above), requantize(acc[3], &l->scale[3], above), l->zero, l->low,
-                               l->high);
+    __m512i bytes =
+        pack_lanes(requantize(acc[0], &l->scale[0], above), requantize(acc[1], &l->scale[1], above),
+                   requantize(acc[2], &l->scale[2], above), requantize(acc[3], &l->scale[3], above), l->zero,
+                   l->low, l->high);
     if (d->table != NULL) bytes = look_up(bytes, &l->table, d->table);
     _mm512_mask_storeu_epi8(out, mask, bytes);
 }
 
 /* ---- blocks of 64 channels ---------------------------------------------------------------------------------- */
 
-static inline const uint8_t *input_row(const struct fv_nn_depthwise *d, const uint8_t *in, int32_t y, int32_t ky)
+static inline const uint8_t *input_row(const struct fv_nn_depthwise *d, const uint8_t *in, int32_t y,
+                                       int32_t ky)
 {
     const int32_t iy = y * d->stride_y - d->pad_top + ky * d->dilation_y;
     return ky >= d->kh || iy < 0 || iy >= d->in_h ? NULL : in + (ptrdiff_t)iy * d->in_w * d->in_stride;
 }
 
 /* Interleave input columns [first, first + count) of the rows for output row y. */
-static inline void interleave_columns(const struct fv_nn_depthwise *d, const uint8_t *in, int32_t y, int32_t first, int32_t count,
-                                      __mmask64 mask, uint8_t *scratch)
+static inline void interleave_columns(const struct fv_nn_depthwise *d, const uint8_t *in, int32_t y,
+                                      int32_t first, int32_t count, __mmask64 mask, uint8_t *scratch)
 {
     const __m512i border = _mm512_set1_epi8((char)d->zero_in);
     const int32_t groups = (d->kh + 3) / 4;
     for (int32_t g = 0; g < groups; ++g) {
         const uint8_t *row[4];
-        for (int32_t r = 0; r < 4; ++r) row[r] = input_row(d, in, y, 4 * g + r);
+        for (int32_t r = 0; r < 4; ++r)
+            row[r] = input_row(d, in, y, 4 * g + r);
         uint8_t *to = scratch + (ptrdiff_t)g * count * 256;
         for (int32_t i = 0; i < count; ++i, to += 256) {
             const int32_t x = first + i;
             const int inside = x >= 0 && x < d->in_w;
             const ptrdiff_t at = (ptrdiff_t)x * d->in_stride;
             __m512i v[4], out[4];
-            for (int r = 0; r < 4; ++r) v[r] = inside && row[r] != NULL ? _mm512_maskz_loadu_epi8(mask, row[r] + at) : border;
+            for (int r = 0; r < 4; ++r)
+                v[r] = inside && row[r] != NULL ? _mm512_maskz_loadu_epi8(mask, row[r] + at) : border;
             interleave(v[0], v[1], v[2], v[3], out);
-            for (int q = 0; q < 4; ++q) _mm512_store_si512(to + 64 * q, out[q]);
+            for (int q = 0; q < 4; ++q)
+                _mm512_store_si512(to + 64 * q, out[q]);
         }
     }
 }
 
-FV_INLINE void block_outputs(const struct lanes *l, const struct fv_nn_depthwise *d, const uint8_t *scratch, int32_t columns,
-                             int32_t outputs, uint8_t *out, const int KW, const int GROUPS, const int PLANES, const int above)
+FV_INLINE void block_outputs(const struct lanes *l, const struct fv_nn_depthwise *d, const uint8_t *scratch,
+                             int32_t columns, int32_t outputs, uint8_t *out, const int KW, const int GROUPS,
+                             const int PLANES, const int above)
 {
     for (int32_t x = 0; x < outputs; ++x, out += d->out_stride) {
         __m512i acc[4] = {l->bias[0], l->bias[1], l->bias[2], l->bias[3]};
         for (int s = 0; s < PLANES * GROUPS * KW; ++s) {
             const int kx = s % KW, g = s / KW % GROUPS;
-            const uint8_t *from = scratch + ((ptrdiff_t)g * columns + x * d->stride_x + kx * d->dilation_x) * 256;
+            const uint8_t *from =
+                scratch + ((ptrdiff_t)g * columns + x * d->stride_x + kx * d->dilation_x) * 256;
 #pragma GCC unroll 4
-            for (int q = 0; q < 4; ++q) acc[q] = _mm512_dpbusd_epi32(acc[q], _mm512_load_si512(from + 64 * q), l->weights[s][q]);
+            for (int q = 0; q < 4; ++q)
+                acc[q] = _mm512_dpbusd_epi32(acc[q], _mm512_load_si512(from + 64 * q), l->weights[s][q]);
         }
         finish(l, d, acc, out, l->mask, above);
     }
 }
 
-static inline void block_row(const struct lanes *l, const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out, int32_t y,
-                             uint8_t *scratch, int above)
+static inline void block_row(const struct lanes *l, const struct fv_nn_depthwise *d, const uint8_t *in,
+                             uint8_t *out, int32_t y, uint8_t *scratch, int above)
 {
     const int32_t span = (d->kw - 1) * d->dilation_x + 1, groups = (d->kh + 3) / 4;
     const int32_t most = span > COLUMNS_MAX ? 1 : (COLUMNS_MAX - span) / d->stride_x + 1;
@@ -155,22 +166,27 @@ static inline void block_row(const struct lanes *l, const struct fv_nn_depthwise
         interleave_columns(d, in, y, x * d->stride_x - d->pad_left, columns, l->mask, scratch);
         uint8_t *to = out + (ptrdiff_t)x * d->out_stride;
         const int small = d->kw == 3 && groups == 1;
-        if (small && d->planes == 1 && above) block_outputs(l, d, scratch, columns, count, to, 3, 1, 1, 1);
-        else if (small && d->planes == 1) block_outputs(l, d, scratch, columns, count, to, 3, 1, 1, 0);
-        else if (small && d->planes == 2 && above) block_outputs(l, d, scratch, columns, count, to, 3, 1, 2, 1);
-        else block_outputs(l, d, scratch, columns, count, to, d->kw, groups, d->planes, 0);
+        if (small && d->planes == 1 && above)
+            block_outputs(l, d, scratch, columns, count, to, 3, 1, 1, 1);
+        else if (small && d->planes == 1)
+            block_outputs(l, d, scratch, columns, count, to, 3, 1, 1, 0);
+        else if (small && d->planes == 2 && above)
+            block_outputs(l, d, scratch, columns, count, to, 3, 1, 2, 1);
+        else
+            block_outputs(l, d, scratch, columns, count, to, d->kw, groups, d->planes, 0);
     }
 }
 
-static inline void by_blocks(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out, int32_t begin, int32_t end,
-                             uint8_t *scratch, int above)
+static inline void by_blocks(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out, int32_t begin,
+                             int32_t end, uint8_t *scratch, int above)
 {
     struct lanes l;
     for (int32_t c = 0; c < d->channels; c += 64) {
         load_lanes(&l, d, c, 0);
         l.mask = d->channels - c >= 64 ? ~UINT64_C(0) : ~UINT64_C(0) >> (64 - (d->channels - c));
         for (int32_t y = begin; y < end; ++y) {
-            block_row(&l, d, in + c, out + c + (ptrdiff_t)(y - begin) * d->out_w * d->out_stride, y, scratch, above);
+            block_row(&l, d, in + c, out + c + (ptrdiff_t)(y - begin) * d->out_w * d->out_stride, y, scratch,
+                      above);
         }
     }
 }
@@ -200,8 +216,9 @@ static inline int flat_fits(const struct fv_nn_depthwise *d)
     const int32_t most = span > COLUMNS_MAX ? span : COLUMNS_MAX;
     const ptrdiff_t room = (ptrdiff_t)(all < most ? all : most) * 256 * ((d->kh + 3) / 4);
     const int32_t blocks = (d->channels + 63) / 64;
-    return d->kh <= 4 && d->planes * d->kw <= STEPS_MAX && d->channels * 5 < blocks * 64 * 4 && d->out_stride == d->channels &&
-           flat_part(d) * d->stride_x * d->kh <= room && d->channels / common_divisor(d->channels, 64) <= PHASES_MAX;
+    return d->kh <= 4 && d->planes * d->kw <= STEPS_MAX && d->channels * 5 < blocks * 64 * 4 &&
+           d->out_stride == d->channels && flat_part(d) * d->stride_x * d->kh <= room &&
+           d->channels / common_divisor(d->channels, 64) <= PHASES_MAX;
 }
 
 static inline void copy_flat(const struct fv_nn_depthwise *d, const uint8_t *row, uint8_t *to, ptrdiff_t part)
@@ -213,7 +230,8 @@ static inline void copy_flat(const struct fv_nn_depthwise *d, const uint8_t *row
         return;
     }
     if (d->stride_x == 1 && d->in_stride == d->channels) {
-        const int32_t left = d->pad_left < all ? d->pad_left : all, middle = all - left < d->in_w ? all - left : d->in_w;
+        const int32_t left = d->pad_left < all ? d->pad_left : all,
+                      middle = all - left < d->in_w ? all - left : d->in_w;
         memset(to, d->zero_in, (size_t)(left * d->channels));
         memcpy(to + left * d->channels, row, (size_t)(middle * d->channels));
         memset(to + (left + middle) * d->channels, d->zero_in, (size_t)((all - left - middle) * d->channels));
@@ -222,29 +240,36 @@ static inline void copy_flat(const struct fv_nn_depthwise *d, const uint8_t *row
     for (int32_t i = 0; i < all; ++i) {
         uint8_t *at = to + i % d->stride_x * part + (ptrdiff_t)(i / d->stride_x) * d->channels;
         const int32_t x = i - d->pad_left;
-        if (x < 0 || x >= d->in_w) memset(at, d->zero_in, (size_t)d->channels);
-        else if (d->channels <= 64) _mm512_mask_storeu_epi8(at, mask, _mm512_maskz_loadu_epi8(mask, row + (ptrdiff_t)x * d->in_stride));
-        else memcpy(at, row + (ptrdiff_t)x * d->in_stride, (size_t)d->channels);
+        if (x < 0 || x >= d->in_w)
+            memset(at, d->zero_in, (size_t)d->channels);
+        else if (d->channels <= 64)
+            _mm512_mask_storeu_epi8(at, mask,
+                                    _mm512_maskz_loadu_epi8(mask, row + (ptrdiff_t)x * d->in_stride));
+        else
+            memcpy(at, row + (ptrdiff_t)x * d->in_stride, (size_t)d->channels);
     }
 }
 
 /* Outputs j, j + step, ... of one row; rows lie `pitch` bytes apart. */
-FV_INLINE void flat_outputs(const struct lanes *l, const struct fv_nn_depthwise *d, const uint8_t *rows, ptrdiff_t pitch,
-                            ptrdiff_t part, int32_t j, int32_t step, int32_t total, uint8_t *out, const int KH, const int KW,
-                            const int PLANES, const int above)
+FV_INLINE void flat_outputs(const struct lanes *l, const struct fv_nn_depthwise *d, const uint8_t *rows,
+                            ptrdiff_t pitch, ptrdiff_t part, int32_t j, int32_t step, int32_t total,
+                            uint8_t *out, const int KH, const int KW, const int PLANES, const int above)
 {
     const __m512i none = _mm512_setzero_si512();
     for (; j < total; j += step) {
         __m512i acc[4] = {l->bias[0], l->bias[1], l->bias[2], l->bias[3]};
         for (int kx = 0; kx < KW; ++kx) {
             const int32_t column = kx * d->dilation_x;
-            const uint8_t *from = rows + column % d->stride_x * part + (ptrdiff_t)(column / d->stride_x) * d->channels + j;
+            const uint8_t *from =
+                rows + column % d->stride_x * part + (ptrdiff_t)(column / d->stride_x) * d->channels + j;
             __m512i v[4];
             interleave(_mm512_loadu_si512(from), KH > 1 ? _mm512_loadu_si512(from + pitch) : none,
-                       KH > 2 ? _mm512_loadu_si512(from + 2 * pitch) : none, KH > 3 ? _mm512_loadu_si512(from + 3 * pitch) : none, v);
+                       KH > 2 ? _mm512_loadu_si512(from + 2 * pitch) : none,
+                       KH > 3 ? _mm512_loadu_si512(from + 3 * pitch) : none, v);
             for (int p = 0; p < PLANES; ++p) {
 #pragma GCC unroll 4
-                for (int q = 0; q < 4; ++q) acc[q] = _mm512_dpbusd_epi32(acc[q], v[q], l->weights[p * KW + kx][q]);
+                for (int q = 0; q < 4; ++q)
+                    acc[q] = _mm512_dpbusd_epi32(acc[q], v[q], l->weights[p * KW + kx][q]);
             }
         }
         const __mmask64 mask = total - j >= 64 ? ~UINT64_C(0) : ~UINT64_C(0) >> (64 - (total - j));
@@ -252,34 +277,44 @@ FV_INLINE void flat_outputs(const struct lanes *l, const struct fv_nn_depthwise 
     }
 }
 
-static inline void by_flat_rows(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out, int32_t begin, int32_t end,
-                                uint8_t *scratch, int above)
+static inline void by_flat_rows(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out,
+                                int32_t begin, int32_t end, uint8_t *scratch, int above)
 {
     const int32_t phases = d->channels / common_divisor(d->channels, 64), total = d->out_w * d->channels;
     const ptrdiff_t part = flat_part(d), pitch = part * d->stride_x;
     const int small = d->kh == 3 && d->kw == 3;
     struct lanes lanes[PHASES_MAX];
-    for (int32_t p = 0; p < phases; ++p) load_lanes(&lanes[p], d, p * 64 % d->channels, d->channels);
+    for (int32_t p = 0; p < phases; ++p)
+        load_lanes(&lanes[p], d, p * 64 % d->channels, d->channels);
     for (int32_t y = begin; y < end; ++y, out += total) {
-        for (int32_t ky = 0; ky < d->kh; ++ky) copy_flat(d, input_row(d, in, y, ky), scratch + ky * pitch, part);
+        for (int32_t ky = 0; ky < d->kh; ++ky)
+            copy_flat(d, input_row(d, in, y, ky), scratch + ky * pitch, part);
         for (int32_t p = 0; p < phases && p * 64 < total; ++p) {
             const struct lanes *l = &lanes[p];
             const int32_t step = phases * 64;
-            if (small && d->planes == 1 && above) flat_outputs(l, d, scratch, pitch, part, p * 64, step, total, out, 3, 3, 1, 1);
-            else if (small && d->planes == 1) flat_outputs(l, d, scratch, pitch, part, p * 64, step, total, out, 3, 3, 1, 0);
-            else if (small && above) flat_outputs(l, d, scratch, pitch, part, p * 64, step, total, out, 3, 3, d->planes, 1);
-            else flat_outputs(l, d, scratch, pitch, part, p * 64, step, total, out, d->kh, d->kw, d->planes, 0);
+            if (small && d->planes == 1 && above)
+                flat_outputs(l, d, scratch, pitch, part, p * 64, step, total, out, 3, 3, 1, 1);
+            else if (small && d->planes == 1)
+                flat_outputs(l, d, scratch, pitch, part, p * 64, step, total, out, 3, 3, 1, 0);
+            else if (small && above)
+                flat_outputs(l, d, scratch, pitch, part, p * 64, step, total, out, 3, 3, d->planes, 1);
+            else
+                flat_outputs(l, d, scratch, pitch, part, p * 64, step, total, out, d->kh, d->kw, d->planes,
+                             0);
         }
     }
 }
 
-static inline void depthwise(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out, int32_t begin, int32_t end,
-                             uint8_t *scratch)
+static inline void depthwise(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out, int32_t begin,
+                             int32_t end, uint8_t *scratch)
 {
     const int above = d->act_min >= d->zero_out;
-    if (flat_fits(d)) by_flat_rows(d, in, out, begin, end, scratch, above);
-    else if (d->planes * ((d->kh + 3) / 4) * d->kw <= STEPS_MAX) by_blocks(d, in, out, begin, end, scratch, above);
-    else fv_k_nn_depthwise_u8__c(d, in, out, begin, end, scratch);
+    if (flat_fits(d))
+        by_flat_rows(d, in, out, begin, end, scratch, above);
+    else if (d->planes * ((d->kh + 3) / 4) * d->kw <= STEPS_MAX)
+        by_blocks(d, in, out, begin, end, scratch, above);
+    else
+        fv_k_nn_depthwise_u8__c(d, in, out, begin, end, scratch);
 }
 
 #endif

@@ -123,14 +123,16 @@ FV_INLINE void accumulate(const struct panel *p, const uint8_t *a, ptrdiff_t lda
 /* One row, without knowing the groups. */
 FV_INLINE void accumulate_one(const int8_t *weights, int32_t k4, const uint8_t *row, __m256i acc[1][2])
 {
-    for (int32_t i = 0; i < k4; ++i) add_wide(row + 4 * (ptrdiff_t)i, 0, 1, weights + 64 * (ptrdiff_t)i, acc);
+    for (int32_t i = 0; i < k4; ++i)
+        add_wide(row + 4 * (ptrdiff_t)i, 0, 1, weights + 64 * (ptrdiff_t)i, acc);
 }
 
 /* Factor times the sum of a row's k bytes, for each of `rows` rows. */
 static void sum_rows(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, int32_t rows, int32_t *sums)
 {
-    static const uint8_t ends[64] = {255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255,
-                                     255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255};
+    static const uint8_t ends[64] = {255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255,
+                                     255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255,
+                                     255, 255, 255, 255, 255, 255, 255, 255, 255, 255};
     const __m256i zero = _mm256_setzero_si256();
     const __m256i rest = _mm256_loadu_si256((const __m256i *)(const void *)(ends + 32 - g->k % 32));
     for (int32_t i = 0; i < rows; ++i, a += lda) {
@@ -141,10 +143,12 @@ static void sum_rows(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda
             continue;
         }
         for (; k + 32 <= g->k; k += 32) {
-            sum = _mm256_add_epi64(sum, _mm256_sad_epu8(_mm256_loadu_si256((const __m256i *)(const void *)(a + k)), zero));
+            sum = _mm256_add_epi64(
+                sum, _mm256_sad_epu8(_mm256_loadu_si256((const __m256i *)(const void *)(a + k)), zero));
         }
         if (k < g->k) {
-            const __m256i last = _mm256_and_si256(rest, _mm256_loadu_si256((const __m256i *)(const void *)(a + k)));
+            const __m256i last =
+                _mm256_and_si256(rest, _mm256_loadu_si256((const __m256i *)(const void *)(a + k)));
             sum = _mm256_add_epi64(sum, _mm256_sad_epu8(last, zero));
         }
         const __m128i half = _mm_add_epi64(_mm256_castsi256_si128(sum), _mm256_extracti128_si256(sum, 1));
@@ -163,7 +167,8 @@ struct strip {
     struct scale8 scale[2];
 };
 
-FV_INLINE void strip_u8(const struct panel *p, const struct strip *s, const struct output *o, int32_t k4, const int above)
+FV_INLINE void strip_u8(const struct panel *p, const struct strip *s, const struct output *o, int32_t k4,
+                        const int above)
 {
     __m256i acc[ROWS][2];
     if (s->rows < ROWS) {
@@ -175,7 +180,8 @@ FV_INLINE void strip_u8(const struct panel *p, const struct strip *s, const stru
         return;
     }
     for (int32_t i = 0; i < s->rows; i += ROWS) {
-        const int32_t at = i + ROWS > s->rows ? s->rows - ROWS : i; /* the last tile overlaps the one before */
+        const int32_t at =
+            i + ROWS > s->rows ? s->rows - ROWS : i; /* the last tile overlaps the one before */
         start(s->bias, s->sums + at, ROWS, acc);
         accumulate(p, s->a + at * s->lda, s->lda, acc);
         store_tile(o, s->scale, acc, ROWS, s->out + at * s->ldo, s->ldo, s->width, above);
@@ -196,7 +202,8 @@ static int32_t next_rows(int32_t left)
     return left <= CHUNK_ROWS_MAX ? left : CHUNK_ROWS;
 }
 
-void fv_k_nn_gemm_u8__avx2(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, uint8_t *out, ptrdiff_t ldo, int32_t m)
+void fv_k_nn_gemm_u8__avx2(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, uint8_t *out,
+                           ptrdiff_t ldo, int32_t m)
 {
     if (g->k4 > GROUPS_MAX) {
         fv_k_nn_gemm_u8__c(g, a, lda, out, ldo, m);
@@ -212,13 +219,21 @@ void fv_k_nn_gemm_u8__avx2(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff
         sum_rows(g, a + i * lda, lda, rows, sums);
         if (rows >= ROWS) init_maxima(&most, g->k, a + i * lda, lda, rows);
         for (int32_t c = 0; c < g->n; c += 16) {
-            struct strip s = {.bias = g->bias + c, .sums = sums, .a = a + i * lda, .out = out + i * ldo + c, .lda = lda, .ldo = ldo,
-                              .rows = rows, .width = g->n - c < 16 ? g->n - c : 16};
+            struct strip s = {.bias = g->bias + c,
+                              .sums = sums,
+                              .a = a + i * lda,
+                              .out = out + i * ldo + c,
+                              .lda = lda,
+                              .ldo = ldo,
+                              .rows = rows,
+                              .width = g->n - c < 16 ? g->n - c : 16};
             load_scales(s.scale, g->multiplier + c, g->shift + c);
             p.weights = g->weights + (ptrdiff_t)c * g->k4 * 4;
             if (rows >= ROWS) init_panel(&p, p.weights, g->k4, &most);
-            if (g->act_min >= g->zero_out) strip_u8(&p, &s, &o, g->k4, 1);
-            else strip_u8(&p, &s, &o, g->k4, 0);
+            if (g->act_min >= g->zero_out)
+                strip_u8(&p, &s, &o, g->k4, 1);
+            else
+                strip_u8(&p, &s, &o, g->k4, 0);
         }
     }
 }
@@ -231,7 +246,8 @@ FV_INLINE void store_words(__m256i acc[][2], const int N, int32_t *out, ptrdiff_
     }
 }
 
-void fv_k_nn_gemm_i32__avx2(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, int32_t *out, ptrdiff_t ldo, int32_t m)
+void fv_k_nn_gemm_i32__avx2(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, int32_t *out,
+                            ptrdiff_t ldo, int32_t m)
 {
     struct panel p;
     struct maxima most;
@@ -251,8 +267,10 @@ void fv_k_nn_gemm_i32__avx2(const struct fv_nn_gemm *g, const uint8_t *a, ptrdif
                 int32_t *to = out + (i + at) * ldo + c;
                 __m256i acc[ROWS][2];
                 start(g->bias + c, sums + at, tiles ? ROWS : 1, acc);
-                if (tiles) accumulate(&p, row, lda, acc);
-                else accumulate_one(weights, g->k4, row, acc);
+                if (tiles)
+                    accumulate(&p, row, lda, acc);
+                else
+                    accumulate_one(weights, g->k4, row, acc);
                 store_words(acc, tiles ? ROWS : 1, to, ldo);
             }
         }

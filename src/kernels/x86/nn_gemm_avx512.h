@@ -12,7 +12,7 @@ struct tile_job {
     const struct fv_nn_gemm *g;
     const uint8_t *a;
     ptrdiff_t lda;
-    const int8_t *weights;   /* of the first block */
+    const int8_t *weights; /* of the first block */
     const int32_t *bias;
     const int32_t *row_sums; /* times the factor, by row; NULL: none */
     int32_t rows;            /* valid rows, at most ROWS */
@@ -35,19 +35,22 @@ FV_INLINE void accumulate(const struct tile_job *j, const int ROWS, const int BL
         row[i] = j->a + at * j->lda;
         const __m512i sum = _mm512_set1_epi32(j->row_sums == NULL ? 0 : j->row_sums[at]);
 #pragma GCC unroll 4
-        for (int b = 0; b < BLOCKS; ++b) acc[i * BLOCKS + b] = _mm512_add_epi32(_mm512_load_si512(j->bias + 16 * b), sum);
+        for (int b = 0; b < BLOCKS; ++b)
+            acc[i * BLOCKS + b] = _mm512_add_epi32(_mm512_load_si512(j->bias + 16 * b), sum);
     }
     const int8_t *w = j->weights;
     const ptrdiff_t bytes = (ptrdiff_t)j->g->k4 * 4;
     for (ptrdiff_t k = 0; k < bytes; k += 4, w += 64) {
         __m512i v[4];
 #pragma GCC unroll 4
-        for (int b = 0; b < BLOCKS; ++b) v[b] = _mm512_load_si512(w + b * block);
+        for (int b = 0; b < BLOCKS; ++b)
+            v[b] = _mm512_load_si512(w + b * block);
 #pragma GCC unroll 12
         for (int i = 0; i < ROWS; ++i) {
             const __m512i x = broadcast4(row[i] + k);
 #pragma GCC unroll 4
-            for (int b = 0; b < BLOCKS; ++b) acc[i * BLOCKS + b] = _mm512_dpbusd_epi32(acc[i * BLOCKS + b], x, v[b]);
+            for (int b = 0; b < BLOCKS; ++b)
+                acc[i * BLOCKS + b] = _mm512_dpbusd_epi32(acc[i * BLOCKS + b], x, v[b]);
         }
     }
 }
@@ -63,23 +66,29 @@ struct store_job {
 };
 
 /* `group` rows of BLOCKS blocks fill one register of bytes. */
-FV_INLINE void store_bytes(const struct store_job *s, __m512i bytes, int32_t first, int32_t rows, const int BLOCKS)
+FV_INLINE void store_bytes(const struct store_job *s, __m512i bytes, int32_t first, int32_t rows,
+                           const int BLOCKS)
 {
     uint8_t *out = s->out + first * s->ldo;
     if (BLOCKS >= 3) {
         _mm512_mask_storeu_epi8(out, s->mask, bytes);
     } else if (BLOCKS == 2) {
         _mm256_mask_storeu_epi8(out, (__mmask32)s->mask, _mm512_castsi512_si256(bytes));
-        if (rows > 1) _mm256_mask_storeu_epi8(out + s->ldo, (__mmask32)s->mask, _mm512_extracti64x4_epi64(bytes, 1));
+        if (rows > 1)
+            _mm256_mask_storeu_epi8(out + s->ldo, (__mmask32)s->mask, _mm512_extracti64x4_epi64(bytes, 1));
     } else {
         _mm_mask_storeu_epi8(out, (__mmask16)s->mask, _mm512_castsi512_si128(bytes));
-        if (rows > 1) _mm_mask_storeu_epi8(out + s->ldo, (__mmask16)s->mask, _mm512_extracti32x4_epi32(bytes, 1));
-        if (rows > 2) _mm_mask_storeu_epi8(out + 2 * s->ldo, (__mmask16)s->mask, _mm512_extracti32x4_epi32(bytes, 2));
-        if (rows > 3) _mm_mask_storeu_epi8(out + 3 * s->ldo, (__mmask16)s->mask, _mm512_extracti32x4_epi32(bytes, 3));
+        if (rows > 1)
+            _mm_mask_storeu_epi8(out + s->ldo, (__mmask16)s->mask, _mm512_extracti32x4_epi32(bytes, 1));
+        if (rows > 2)
+            _mm_mask_storeu_epi8(out + 2 * s->ldo, (__mmask16)s->mask, _mm512_extracti32x4_epi32(bytes, 2));
+        if (rows > 3)
+            _mm_mask_storeu_epi8(out + 3 * s->ldo, (__mmask16)s->mask, _mm512_extracti32x4_epi32(bytes, 3));
     }
 }
 
-FV_INLINE void tile_u8(const struct tile_job *j, const struct store_job *s, const int ROWS, const int BLOCKS, const int above)
+FV_INLINE void tile_u8(const struct tile_job *j, const struct store_job *s, const int ROWS, const int BLOCKS,
+                       const int above)
 {
     const int group = BLOCKS == 1 ? 4 : BLOCKS == 2 ? 2 : 1;
     __m512i acc[24];
@@ -101,13 +110,15 @@ FV_INLINE void tile_u8(const struct tile_job *j, const struct store_job *s, cons
 }
 
 /* Factor times the sum of a row's k bytes, for each row of a chunk. */
-static inline void sum_rows(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, int32_t rows, int32_t *sums)
+static inline void sum_rows(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, int32_t rows,
+                            int32_t *sums)
 {
     const __m512i ones = _mm512_set1_epi8(1);
     for (int32_t i = 0; i < rows; ++i, a += lda) {
         __m512i sum = _mm512_setzero_si512();
         int32_t k = 0;
-        for (; k + 64 <= g->k; k += 64) sum = _mm512_dpbusd_epi32(sum, _mm512_loadu_si512(a + k), ones);
+        for (; k + 64 <= g->k; k += 64)
+            sum = _mm512_dpbusd_epi32(sum, _mm512_loadu_si512(a + k), ones);
         if (k < g->k) {
             const __mmask64 rest = ~UINT64_C(0) >> (64 - (g->k - k));
             sum = _mm512_dpbusd_epi32(sum, _mm512_maskz_loadu_epi8(rest, a + k), ones);
@@ -116,11 +127,12 @@ static inline void sum_rows(const struct fv_nn_gemm *g, const uint8_t *a, ptrdif
     }
 }
 
-FV_INLINE void column_u8(struct tile_job *j, struct store_job *s, const uint8_t *a, const int32_t *sums, int32_t m, uint8_t *out,
-                         const int ROWS, const int BLOCKS, const int above)
+FV_INLINE void column_u8(struct tile_job *j, struct store_job *s, const uint8_t *a, const int32_t *sums,
+                         int32_t m, uint8_t *out, const int ROWS, const int BLOCKS, const int above)
 {
     for (int32_t i = 0; i < m; i += ROWS) {
-        const int32_t at = i + ROWS > m && m >= ROWS ? m - ROWS : i; /* the last tile overlaps the one before */
+        const int32_t at =
+            i + ROWS > m && m >= ROWS ? m - ROWS : i; /* the last tile overlaps the one before */
         j->a = a + at * j->lda;
         j->row_sums = sums == NULL ? NULL : sums + at;
         j->rows = m - at < ROWS ? m - at : ROWS;
@@ -129,12 +141,15 @@ FV_INLINE void column_u8(struct tile_job *j, struct store_job *s, const uint8_t 
     }
 }
 
-#define COLUMN(rows, blocks)                                                                                         \
-    static __attribute__((noinline)) void column_##rows##x##blocks(struct tile_job *j, struct store_job *s, const uint8_t *a,  \
-                                                                   const int32_t *sums, int32_t m, uint8_t *out, int above)    \
-    {                                                                                                                \
-        if (above) column_u8(j, s, a, sums, m, out, rows, blocks, 1);                                                \
-        else column_u8(j, s, a, sums, m, out, rows, blocks, 0);                                                      \
+#define COLUMN(rows, blocks)                                                                                 \
+    static __attribute__((noinline)) void column_##rows##x##blocks(struct tile_job *j, struct store_job *s,  \
+                                                                   const uint8_t *a, const int32_t *sums,    \
+                                                                   int32_t m, uint8_t *out, int above)       \
+    {                                                                                                        \
+        if (above)                                                                                           \
+            column_u8(j, s, a, sums, m, out, rows, blocks, 1);                                               \
+        else                                                                                                 \
+            column_u8(j, s, a, sums, m, out, rows, blocks, 0);                                               \
     }
 COLUMN(6, 4)
 COLUMN(2, 4)
@@ -145,14 +160,18 @@ COLUMN(2, 2)
 COLUMN(12, 1)
 COLUMN(2, 1)
 
-static inline void column(int32_t blocks, struct tile_job *j, struct store_job *s, const uint8_t *a, const int32_t *sums, int32_t m,
-                          uint8_t *out, int above)
+static inline void column(int32_t blocks, struct tile_job *j, struct store_job *s, const uint8_t *a,
+                          const int32_t *sums, int32_t m, uint8_t *out, int above)
 {
     const int few = m <= 2;
-    if (blocks == 4) (few ? column_2x4 : column_6x4)(j, s, a, sums, m, out, above);
-    else if (blocks == 3) (few ? column_2x3 : column_8x3)(j, s, a, sums, m, out, above);
-    else if (blocks == 2) (few ? column_2x2 : column_12x2)(j, s, a, sums, m, out, above);
-    else (few ? column_2x1 : column_12x1)(j, s, a, sums, m, out, above);
+    if (blocks == 4)
+        (few ? column_2x4 : column_6x4)(j, s, a, sums, m, out, above);
+    else if (blocks == 3)
+        (few ? column_2x3 : column_8x3)(j, s, a, sums, m, out, above);
+    else if (blocks == 2)
+        (few ? column_2x2 : column_12x2)(j, s, a, sums, m, out, above);
+    else
+        (few ? column_2x1 : column_12x1)(j, s, a, sums, m, out, above);
 }
 
 /* Blocks for the next column of tiles: fours, and what is left in equal parts. */
@@ -161,7 +180,8 @@ static inline int32_t next_blocks(int32_t left)
     return left == 5 ? 3 : left >= 4 ? 4 : left;
 }
 
-static inline void gemm_u8(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, uint8_t *out, ptrdiff_t ldo, int32_t m)
+static inline void gemm_u8(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, uint8_t *out,
+                           ptrdiff_t ldo, int32_t m)
 {
     const int32_t blocks = (g->n + 15) / 16;
     const int above = g->act_min >= g->zero_out;
@@ -181,11 +201,13 @@ static inline void gemm_u8(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff
         for (int32_t b = 0, count; b < blocks; b += count) {
             count = next_blocks(blocks - b);
             const int32_t width = g->n - 16 * b < 16 * count ? g->n - 16 * b : 16 * count;
-            for (int32_t c = 0; c < count; ++c) load_scale(&s.scale[c], g->multiplier + 16 * (b + c), g->shift + 16 * (b + c));
+            for (int32_t c = 0; c < count; ++c)
+                load_scale(&s.scale[c], g->multiplier + 16 * (b + c), g->shift + 16 * (b + c));
             s.mask = ~UINT64_C(0) >> (64 - width);
             j.weights = g->weights + (ptrdiff_t)b * g->k4 * 64;
             j.bias = g->bias + 16 * b;
-            column(count, &j, &s, a + i * lda, g->row_sum_factor != 0 ? sums : NULL, rows, out + i * ldo + 16 * b, above);
+            column(count, &j, &s, a + i * lda, g->row_sum_factor != 0 ? sums : NULL, rows,
+                   out + i * ldo + 16 * b, above);
         }
     }
 }

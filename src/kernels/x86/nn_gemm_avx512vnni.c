@@ -1,11 +1,13 @@
 #include "kernels/x86/nn_gemm_avx512.h"
 
-void fv_k_nn_gemm_u8__avx512vnni(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, uint8_t *out, ptrdiff_t ldo, int32_t m)
+void fv_k_nn_gemm_u8__avx512vnni(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, uint8_t *out,
+                                 ptrdiff_t ldo, int32_t m)
 {
     gemm_u8(g, a, lda, out, ldo, m);
 }
 
-void fv_k_nn_gemm_i32__avx512vnni(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, int32_t *out, ptrdiff_t ldo, int32_t m)
+void fv_k_nn_gemm_i32__avx512vnni(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, int32_t *out,
+                                  ptrdiff_t ldo, int32_t m)
 {
     const int32_t blocks = (g->n + 15) / 16;
     struct tile_job j = {.g = g, .lda = lda};
@@ -21,7 +23,8 @@ void fv_k_nn_gemm_i32__avx512vnni(const struct fv_nn_gemm *g, const uint8_t *a, 
             j.weights = g->weights + (ptrdiff_t)b * g->k4 * 64;
             j.bias = g->bias + 16 * b;
             accumulate(&j, 4, 1, acc);
-            for (int32_t r = 0; r < rows; ++r) _mm512_storeu_si512(out + (i + r) * ldo + 16 * b, acc[r]);
+            for (int32_t r = 0; r < rows; ++r)
+                _mm512_storeu_si512(out + (i + r) * ldo + 16 * b, acc[r]);
         }
     }
 }

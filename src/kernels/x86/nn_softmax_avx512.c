@@ -45,15 +45,19 @@ static void row(const int32_t *exps, const uint8_t *in, uint8_t *out, int32_t de
         const __mmask16 mask = (__mmask16)(depth - i >= 16 ? 0xFFFF : (1 << (depth - i)) - 1);
         const __m512i e = exponentials(exps, in + i, mask, largest);
         const __m512i even = _mm512_srli_epi64(_mm512_add_epi64(_mm512_mul_epi32(e, factor), half), 31);
-        const __m512i odd = _mm512_slli_epi64(_mm512_add_epi64(_mm512_mul_epi32(_mm512_srli_epi64(e, 32), factor), half), 1);
+        const __m512i odd =
+            _mm512_slli_epi64(_mm512_add_epi64(_mm512_mul_epi32(_mm512_srli_epi64(e, 32), factor), half), 1);
         const __m512i high = _mm512_mask_mov_epi32(even, 0xAAAA, odd);
         const __mmask16 keep = _mm512_cmpge_epi32_mask(e, zero);
         const __m512i value = _mm512_maskz_srl_epi32(keep, _mm512_add_epi32(high, bias), shift);
-        _mm_mask_storeu_epi8(out + i, mask, _mm512_cvtepi32_epi8(_mm512_min_epu32(value, _mm512_set1_epi32(255))));
+        _mm_mask_storeu_epi8(out + i, mask,
+                             _mm512_cvtepi32_epi8(_mm512_min_epu32(value, _mm512_set1_epi32(255))));
     }
 }
 
-void fv_k_nn_softmax_u8__avx512(const int32_t *exps, const uint8_t *in, uint8_t *out, int32_t depth, int32_t rows)
+void fv_k_nn_softmax_u8__avx512(const int32_t *exps, const uint8_t *in, uint8_t *out, int32_t depth,
+                                int32_t rows)
 {
-    for (int32_t r = 0; r < rows; ++r) row(exps, in + (ptrdiff_t)r * depth, out + (ptrdiff_t)r * depth, depth);
+    for (int32_t r = 0; r < rows; ++r)
+        row(exps, in + (ptrdiff_t)r * depth, out + (ptrdiff_t)r * depth, depth);
 }

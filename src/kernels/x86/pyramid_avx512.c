@@ -9,7 +9,8 @@ static inline __m512i round7(__m512i sum)
     return _mm512_mulhrs_epi16(sum, _mm512_set1_epi16(256));
 }
 
-void fv_k_blend_rows_u8__avx512(uint8_t *out, const uint8_t *a, const uint8_t *b, int32_t count, int32_t weight_b)
+void fv_k_blend_rows_u8__avx512(uint8_t *out, const uint8_t *a, const uint8_t *b, int32_t count,
+                                int32_t weight_b)
 {
     const __m512i weights = _mm512_set1_epi16((int16_t)(weight_b << 8 | (128 - weight_b)));
     for (int32_t i = 0; i < count; i += 64) {

@@ -35,8 +35,14 @@ static int tear_down(void **state)
 
 static int export_frames(const char *uri, const char *frames)
 {
-    char *arguments[] = {(char[]){"export"}, (char[]){"--masks"}, (char[]){"--source"}, (char *)(uintptr_t)uri,
-                         (char[]){"--frames"}, (char *)(uintptr_t)frames, target, NULL};
+    char *arguments[] = {(char[]){"export"},
+                         (char[]){"--masks"},
+                         (char[]){"--source"},
+                         (char *)(uintptr_t)uri,
+                         (char[]){"--frames"},
+                         (char *)(uintptr_t)frames,
+                         target,
+                         NULL};
     return fv_command_export(7, arguments);
 }
 

@@ -18,7 +18,9 @@ static void test_texts(void **state)
         {"a\"b\\c", "\"a\\\"b\\\\c\""},
         {"a\nb\x01\x7f", "\"a\\u000ab\\u0001\x7f\""},
         {"K\xc3\xa4se \xf0\x9f\xa7\x80", "\"K\xc3\xa4se \xf0\x9f\xa7\x80\""},
-        {"\xff" "a\xc3", "\"\\ufffda\\ufffd\""},
+        {"\xff"
+         "a\xc3",
+         "\"\\ufffda\\ufffd\""},
     };
     for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
         char *text = NULL;

@@ -152,11 +152,14 @@ static void what_is_read_is_never_written_over(void **state)
         CALL(fv_command_rectify, "rectify", in, out, "--camera", camera, "--write-camera", camera),
         FV_EXIT_WRONG);
     /* DIR/in.png is the picture itself. */
-    assert_int_equal(CALL(fv_command_detect, "detect", "--model", "src/detect/shipped.fvm", "--draw", folder, in), FV_EXIT_WRONG);
+    assert_int_equal(
+        CALL(fv_command_detect, "detect", "--model", "src/detect/shipped.fvm", "--draw", folder, in),
+        FV_EXIT_WRONG);
     char drawn[96];
     snprintf(drawn, sizeof drawn, "%s/drawn", folder);
     /* Nor are two pictures of one name drawn into one file; the second is not even looked for. */
-    assert_int_equal(CALL(fv_command_detect, "detect", "--model", "src/detect/shipped.fvm", "--draw", drawn, in, "elsewhere/in.jpg"),
+    assert_int_equal(CALL(fv_command_detect, "detect", "--model", "src/detect/shipped.fvm", "--draw", drawn,
+                          in, "elsewhere/in.jpg"),
                      FV_EXIT_WRONG);
     assert_int_not_equal(access(drawn, F_OK), 0);
     for (int i = 0; i < 2; i++) {
@@ -169,8 +172,11 @@ static void what_is_read_is_never_written_over(void **state)
 static void lost_output_is_told(void **state)
 {
     (void)state;
-    const char *const lines[][6] = {{"fovea", "features", "--json", in}, {"fovea", "match", "--json", in, in},
-                                    {"fovea", "config"}, {"fovea", "help"}, {"fovea", "--version"},
+    const char *const lines[][6] = {{"fovea", "features", "--json", in},
+                                    {"fovea", "match", "--json", in, in},
+                                    {"fovea", "config"},
+                                    {"fovea", "help"},
+                                    {"fovea", "--version"},
                                     {"fovea", "run", "--help"}};
     for (size_t i = 0; i < sizeof lines / sizeof lines[0]; i++) {
         fflush(NULL);

@@ -94,9 +94,11 @@ static void record_turn(struct fv_recorder *recorder, uint32_t n)
                                   .frames_late = 63};
     inputs.grants.features = 500 + n;
     inputs.grants.units[0] = n;
-    uint8_t data[400] = {1, 2, 3, 4, 5, 6, 7, (uint8_t)n}; /* long: a log cut within it has room for its end */
+    uint8_t data[400] = {1, 2, 3, 4,
+                         5, 6, 7, (uint8_t)n}; /* long: a log cut within it has room for its end */
     struct fovea_outputs outputs = {.message_count = 1};
-    outputs.messages[0] = (struct fovea_message){.channel = "ROBOT/LEFT_X", .data = data, .bytes = sizeof data};
+    outputs.messages[0] =
+        (struct fovea_message){.channel = "ROBOT/LEFT_X", .data = data, .bytes = sizeof data};
     fv_recorder_step(recorder, &inputs, &outputs);
     struct fovea_grants grants = {.features = 400, .units = {n + 7}};
     fv_recorder_work(recorder, &inputs, &grants, &outputs);
@@ -163,8 +165,7 @@ static void check_turn(struct fovea_log *log, uint32_t n)
     expect_event(log, &event, "ROBOT/LEFT_INPUTS");
     assert_true(fv_message_inputs_decode(event.data, event.bytes, &inputs, &has_frame, &hash, &why, &at));
     memset(pixels, n & 255, sizeof pixels);
-    const struct fovea_frame same = {
-        .image = {pixels, WIDTH, HEIGHT, WIDTH, FOVEA_PIXEL_GREY8, IMAGE_BYTES}};
+    const struct fovea_frame same = {.image = {pixels, WIDTH, HEIGHT, WIDTH, FOVEA_PIXEL_GREY8, IMAGE_BYTES}};
     assert_true(hash == (has_frame ? fv_recording_frame_hash(&same) : 0));
     pixels[IMAGE_BYTES - 7] ^= 1;
     assert_true(hash != fv_recording_frame_hash(&same));
@@ -253,7 +254,8 @@ static uint64_t count_whole(const char *reason)
     if (status != FOVEA_END) fail_msg("%s", error.text);
     assert_int_equal(fovea_log_seek(log, 0, &error), FOVEA_OK);
     expect_event(log, &event, "ROBOT/LEFT_RECORDING");
-    for (uint32_t n = 0; n < turns; n++) check_turn(log, n);
+    for (uint32_t n = 0; n < turns; n++)
+        check_turn(log, n);
     assert_int_equal(check_end(log, reason), turns);
     assert_int_equal(event.offset < last, true);
     fovea_log_close(log);
@@ -300,7 +302,8 @@ static void test_limited_file(void **state)
         ends[events++] = event.offset;
     fovea_log_close(log);
     for (int i = events - 12; i < events; i++)
-        for (int more = 0; more < 3; more++) record_below((rlim_t)(ends[i] + (more == 2 ? 200 : 40 * more)));
+        for (int more = 0; more < 3; more++)
+            record_below((rlim_t)(ends[i] + (more == 2 ? 200 : 40 * more)));
 }
 
 static void test_full_disk(void **state)
@@ -355,7 +358,8 @@ static void test_slow_disk(void **state)
 static void *drain_slowly(void *context)
 {
     static char buffer[1 << 16];
-    while (read(*(int *)context, buffer, sizeof buffer) > 0) usleep(1000);
+    while (read(*(int *)context, buffer, sizeof buffer) > 0)
+        usleep(1000);
     return NULL;
 }
 
@@ -365,7 +369,8 @@ static void test_paced_by_a_slow_disk(void **state)
     (void)state;
     static uint8_t preview[IMAGE_BYTES];
     struct fovea_outputs outputs = {.message_count = 1};
-    outputs.messages[0] = (struct fovea_message){.channel = "ROBOT/LEFT_PREVIEW", .data = preview, .bytes = sizeof preview};
+    outputs.messages[0] =
+        (struct fovea_message){.channel = "ROBOT/LEFT_PREVIEW", .data = preview, .bytes = sizeof preview};
     char pipe_path[64];
     snprintf(pipe_path, sizeof pipe_path, "%s/slow", folder);
     assert_int_equal(mkfifo(pipe_path, 0600), 0);
@@ -412,9 +417,12 @@ int main(void)
     if (mkdtemp(folder) == NULL) return 1;
     snprintf(path, sizeof path, "%s/log", folder);
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_round_trip),  cmocka_unit_test(test_limited_file),
-        cmocka_unit_test(test_full_disk),   cmocka_unit_test(test_slow_disk),
-        cmocka_unit_test(test_paced_by_a_slow_disk), cmocka_unit_test(test_cannot_open),
+        cmocka_unit_test(test_round_trip),
+        cmocka_unit_test(test_limited_file),
+        cmocka_unit_test(test_full_disk),
+        cmocka_unit_test(test_slow_disk),
+        cmocka_unit_test(test_paced_by_a_slow_disk),
+        cmocka_unit_test(test_cannot_open),
     };
     int failed = cmocka_run_group_tests(tests, NULL, NULL);
     char command[64];

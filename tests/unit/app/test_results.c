@@ -42,18 +42,27 @@ static void holds(const char *path, const char *expected)
     assert_string_equal(text, expected);
 }
 
-static const struct fovea_detection found[2] = {{9.5f, 19.5f, 29.5f, 59.5f, 0.75f, 0}, {-0.5f, -0.5f, 1.5f, 2.5f, 0.5f, 3}};
+static const struct fovea_detection found[2] = {{9.5f, 19.5f, 29.5f, 59.5f, 0.75f, 0},
+                                                {-0.5f, -0.5f, 1.5f, 2.5f, 0.5f, 3}};
 
 /* COCO counts from the corner of the first pixel, MOTChallenge from 1 at its middle; only confirmed tracks were seen. */
 static void what_is_handed_over_is_written(void **state)
 {
     (void)state;
     const struct fovea_track list[3] = {
-        {.id = 4, .state = FOVEA_TRACK_CONFIRMED, .score = 0.75f, .x_min_px = 9, .y_min_px = 19, .x_max_px = 29, .y_max_px = 59},
+        {.id = 4,
+         .state = FOVEA_TRACK_CONFIRMED,
+         .score = 0.75f,
+         .x_min_px = 9,
+         .y_min_px = 19,
+         .x_max_px = 29,
+         .y_max_px = 59},
         {.id = 5, .state = FOVEA_TRACK_COASTING, .score = 0.5f, .x_max_px = 7, .y_max_px = 8},
         {.id = 6, .state = FOVEA_TRACK_TENTATIVE, .score = 0.5f, .x_max_px = 7, .y_max_px = 8}};
-    const struct fovea_detections none = {.looks = 1, .sequence = 6}, two = {.looks = 2, .sequence = 7, .count = 2, .list = found};
-    const struct fovea_tracks no_tracks = {.updates = 0}, tracks = {.updates = 2, .sequence = 7, .count = 3, .list = list};
+    const struct fovea_detections none = {.looks = 1, .sequence = 6},
+                                  two = {.looks = 2, .sequence = 7, .count = 2, .list = found};
+    const struct fovea_tracks no_tracks = {.updates = 0},
+                              tracks = {.updates = 2, .sequence = 7, .count = 3, .list = list};
     struct fv_results *results;
     struct fovea_error error;
     assert_int_equal(fv_results_open(detections_path, tracks_path, &results, &error), FOVEA_OK);
@@ -61,8 +70,10 @@ static void what_is_handed_over_is_written(void **state)
     fv_results_add(results, &two, &tracks);
     assert_int_equal(fv_results_close(results, &error), FOVEA_OK); /* which drains */
     holds(detections_path, "[\n"
-                           "{\"image_id\": 7, \"category_id\": 1, \"bbox\": [10.000, 20.000, 20.000, 40.000], \"score\": 0.750000},\n"
-                           "{\"image_id\": 7, \"category_id\": 4, \"bbox\": [0.000, 0.000, 2.000, 3.000], \"score\": 0.500000}\n]\n");
+                           "{\"image_id\": 7, \"category_id\": 1, \"bbox\": [10.000, 20.000, 20.000, "
+                           "40.000], \"score\": 0.750000},\n"
+                           "{\"image_id\": 7, \"category_id\": 4, \"bbox\": [0.000, 0.000, 2.000, 3.000], "
+                           "\"score\": 0.500000}\n]\n");
     holds(tracks_path, "8,4,10.00,20.00,20.00,40.00,0.7500,-1,-1,-1\n");
 }
 
@@ -96,8 +107,10 @@ static void what_finds_no_room_is_told(void **state)
     }
     assert_int_equal(fv_results_close(results, &error), FOVEA_OK);
     assert_int_equal(fv_results_open(detections_path, NULL, &results, &error), FOVEA_OK);
-    while (fv_results_room(results)) fv_results_add(results, &full, &no_tracks);
-    for (int n = 0; n < 100; n++) fv_results_add(results, &full, &no_tracks);
+    while (fv_results_room(results))
+        fv_results_add(results, &full, &no_tracks);
+    for (int n = 0; n < 100; n++)
+        fv_results_add(results, &full, &no_tracks);
     assert_int_equal(fv_results_close(results, &error), FOVEA_ERROR_SYSTEM);
     assert_non_null(strstr(error.text, "found.json"));
     assert_int_equal(fv_results_open("/dev/full", NULL, &results, &error), FOVEA_OK);

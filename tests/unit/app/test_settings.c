@@ -95,7 +95,8 @@ static void test_changed_values_read_back(void **state)
     char *text = printed(&settings, true);
     fv_settings_default(&back);
     assert_int_equal(fv_settings_parse(&back, "printed", text, strlen(text), &error), FOVEA_OK);
-    assert_int_equal(fv_settings_parse(&back, "printed", text, strlen(text), &error), FOVEA_OK); /* over what it holds */
+    assert_int_equal(fv_settings_parse(&back, "printed", text, strlen(text), &error),
+                     FOVEA_OK); /* over what it holds */
     assert_same(&settings, &back);
     free(text);
 }
@@ -104,11 +105,15 @@ static void test_changed_values_read_back(void **state)
 static void test_transform_with_its_last_row(void **state)
 {
     (void)state;
-    assert_int_equal(parse("T_base_cam:\n  - [0, 0, 1, 0.1]\n  - [-1, 0, 0, 0.2]\n  - [0, -1, 0, 0.3]\n  - [0, 0, 0, 1]\n"), FOVEA_OK);
+    assert_int_equal(
+        parse(
+            "T_base_cam:\n  - [0, 0, 1, 0.1]\n  - [-1, 0, 0, 0.2]\n  - [0, -1, 0, 0.3]\n  - [0, 0, 0, 1]\n"),
+        FOVEA_OK);
     assert_true(settings.runtime.T_base_cam[3] == 0.1 && settings.runtime.T_base_cam[11] == 0.3);
     assert_int_equal(fv_settings_check(&settings, &error), FOVEA_OK);
     assert_int_equal(parse("T_base_cam: [1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,2]\n"), FOVEA_ERROR_INPUT);
-    assert_non_null(strstr(error.text, "robot.yaml:1: T_base_cam: found a list of 16, expected a list of 12 numbers"));
+    assert_non_null(
+        strstr(error.text, "robot.yaml:1: T_base_cam: found a list of 16, expected a list of 12 numbers"));
 }
 
 struct wrong {
@@ -125,7 +130,8 @@ static void test_wrong_files(void **state)
         {"seed: 1\ncount_max: 500\n", {"robot.yaml:2:", "count_max", "unknown", "'features.count_max'"}},
         {"zzzz: 1\n", {"robot.yaml:1:", "zzzz", "unknown key"}},
         {"features:\n  max_count: 500\n", {"robot.yaml:2:", "features.max_count", "'features.count_max'"}},
-        {"features:\n  num_features: 500\n", {"robot.yaml:2:", "features.num_features", "'features.count_max'"}},
+        {"features:\n  num_features: 500\n",
+         {"robot.yaml:2:", "features.num_features", "'features.count_max'"}},
         {"lcm:\n  url: udpm://\n", {"robot.yaml:1:", "lcm", "'lcm_url'"}},
         {"track:\n  max_tracks: 5\n", {"robot.yaml:2:", "track.max_tracks", "'track.tracks_max'"}},
         {"camera_calibration: a.yaml\n", {"robot.yaml:1:", "camera_calibration", "'camera'"}},
@@ -176,11 +182,14 @@ static void test_wrong_together(void **state)
         {"channel_prefix: \"a b\"\n", {"robot.yaml:1:", "channel_prefix"}},
         {"T_base_cam: [2,0,0,0,0,1,0,0,0,0,1,0]\n", {"robot.yaml:1:", "T_base_cam", "orthonormal"}},
         {"T_base_cam: [-1,0,0,0,0,1,0,0,0,0,1,0]\n", {"robot.yaml:1:", "T_base_cam", "reflection"}},
-        {"T_base_cam: [1,0,0,1e7,0,1,0,0,0,0,1,0]\n", {"robot.yaml:1:", "T_base_cam", "found 1e+07", "-1e+06 to 1e+06"}},
+        {"T_base_cam: [1,0,0,1e7,0,1,0,0,0,0,1,0]\n",
+         {"robot.yaml:1:", "T_base_cam", "found 1e+07", "-1e+06 to 1e+06"}},
         {"channel_prefix: ''\n", {"robot.yaml:1:", "channel_prefix", "found ''", "1 to 31 bytes"}},
         {"lcm_url: http://here\n", {"robot.yaml:1:", "lcm_url", "http://here", "udpm://"}},
-        {"seed: 1\ntrack:\n  heights: person\n", {"robot.yaml:3:", "track.heights", "'person'", "class:metres"}},
-        {"track:\n  heights: person:1.7 ball:0\n", {"robot.yaml:2:", "track.heights", "'ball:0'", "class:metres"}},
+        {"seed: 1\ntrack:\n  heights: person\n",
+         {"robot.yaml:3:", "track.heights", "'person'", "class:metres"}},
+        {"track:\n  heights: person:1.7 ball:0\n",
+         {"robot.yaml:2:", "track.heights", "'ball:0'", "class:metres"}},
         {"track:\n  movable: 128\n", {"robot.yaml:2:", "track.movable", "'128'", "127"}},
     };
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {

@@ -15,10 +15,16 @@ static void a_long_run_is_thinned_evenly(void **state)
     for (int look = 0; look < LOOKS; look++) {
         struct fovea_track list[TRACKS + 1];
         for (int i = 0; i <= TRACKS; i++) {
-            list[i] = (struct fovea_track){.id = (uint64_t)i + 1, .class_id = i, .state = i < TRACKS ? FOVEA_TRACK_CONFIRMED : FOVEA_TRACK_COASTING,
-                                           .x_min_px = (float)(10 * i), .x_max_px = (float)(10 * i + 4)};
+            list[i] = (struct fovea_track){.id = (uint64_t)i + 1,
+                                           .class_id = i,
+                                           .state = i < TRACKS ? FOVEA_TRACK_CONFIRMED : FOVEA_TRACK_COASTING,
+                                           .x_min_px = (float)(10 * i),
+                                           .x_max_px = (float)(10 * i + 4)};
         }
-        const struct fovea_tracks tracks = {.updates = 1, .stamp_ns = 5000000000 + look * INT64_C(100000000), .count = TRACKS + 1, .list = list};
+        const struct fovea_tracks tracks = {.updates = 1,
+                                            .stamp_ns = 5000000000 + look * INT64_C(100000000),
+                                            .count = TRACKS + 1,
+                                            .list = list};
         fv_trails_look(&trails, &tracks);
         assert_true(trails.count <= FV_TRAILS_MAX);
     }
@@ -30,7 +36,8 @@ static void a_long_run_is_thinned_evenly(void **state)
         assert_int_equal(p->look, i / TRACKS);
         assert_int_equal(p->id, i % TRACKS + 1);
         assert_true(p->x_px == (float)(10 * p->class_id + 2));
-        assert_true(p->time_s > 12.79F * (float)p->look - 0.01F && p->time_s < 12.81F * (float)p->look + 0.01F);
+        assert_true(p->time_s > 12.79F * (float)p->look - 0.01F &&
+                    p->time_s < 12.81F * (float)p->look + 0.01F);
     }
 }
 

@@ -227,10 +227,8 @@ static void test_full_disk(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_similarity_is_found),
-        cmocka_unit_test(test_several_maps),
-        cmocka_unit_test(test_no_extent),
-        cmocka_unit_test(test_file_and_points),
+        cmocka_unit_test(test_similarity_is_found), cmocka_unit_test(test_several_maps),
+        cmocka_unit_test(test_no_extent),           cmocka_unit_test(test_file_and_points),
         cmocka_unit_test(test_full_disk),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

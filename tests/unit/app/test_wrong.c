@@ -203,18 +203,25 @@ static const char *const wrong_arguments[][2] = {
     {"fovea run --config @/save.yaml", "@/save.yaml:2: map.save: |/none/run.map"},
     {"fovea run --config @/only.yaml --picture none", "@/only.yaml:2: map.localise_only: |map.load"},
     {"fovea config --set T_base_cam=[1,2]", "T_base_cam|12 numbers"},
-    {"fovea run --source sim: --set odometry.enabled=false --save-map @/no.map", "map.save|@/no.map|odometry.enabled"},
-    {"fovea run --source sim: --set odometry.enabled=false --map @/no.map", "map.load|@/no.map|odometry.enabled"},
-    {"fovea run --source sim: --set odometry.enabled=false --trajectory @/no.tum", "--trajectory|odometry.enabled"},
+    {"fovea run --source sim: --set odometry.enabled=false --save-map @/no.map",
+     "map.save|@/no.map|odometry.enabled"},
+    {"fovea run --source sim: --set odometry.enabled=false --map @/no.map",
+     "map.load|@/no.map|odometry.enabled"},
+    {"fovea run --source sim: --set odometry.enabled=false --trajectory @/no.tum",
+     "--trajectory|odometry.enabled"},
     {"fovea run --source sim: --set odometry.enabled=false --trajectory-final @/no.tum",
      "--trajectory-final|odometry.enabled"},
     {"fovea run --source sim: --map @/no.map --stats @/no.map", "--stats|the file of --map"},
-    {"fovea run --source sim: --map @/no.map --save-map @/no.map --picture @/no.map", "--picture|@/no.map|--save-map"},
-    {"fovea run --source sim: --map @/no.map --trajectory-final @/no.map", "--trajectory-final|the file of --map"},
+    {"fovea run --source sim: --map @/no.map --save-map @/no.map --picture @/no.map",
+     "--picture|@/no.map|--save-map"},
+    {"fovea run --source sim: --map @/no.map --trajectory-final @/no.map",
+     "--trajectory-final|the file of --map"},
     {"fovea run --stats @/two --trajectory @/./two", "--stats|@/two|--trajectory"},
     {"fovea run --record @/two --set lcm_url=file://@/./two?mode=w", "--record|@/two|lcm_url"},
-    {"fovea run --config @/text.yaml --set lcm_url=file://@/text.yaml?mode=a", "lcm_url|@/text.yaml|--config"},
-    {"fovea run --source lcmlog:@/text.yaml --set lcm_url=file://@/text.yaml?mode=w", "lcm_url|@/text.yaml|--source"},
+    {"fovea run --config @/text.yaml --set lcm_url=file://@/text.yaml?mode=a",
+     "lcm_url|@/text.yaml|--config"},
+    {"fovea run --source lcmlog:@/text.yaml --set lcm_url=file://@/text.yaml?mode=w",
+     "lcm_url|@/text.yaml|--source"},
     {"fovea replay @/text.yaml --lcm-url file://@/text.yaml?mode=w", "--lcm-url|@/text.yaml|the recording"},
     {"fovea run --config=", "--config|''"},
 };
@@ -222,7 +229,8 @@ static const char *const wrong_arguments[][2] = {
 static void test_arguments(void **state)
 {
     (void)state;
-    static const char camera[] = "seed: 1\ncamera: /none/cam.yaml\n", record[] = "record: /none/run.lcm\nlcm_url: ''\n",
+    static const char camera[] = "seed: 1\ncamera: /none/cam.yaml\n",
+                      record[] = "record: /none/run.lcm\nlcm_url: ''\n",
                       source[] = "seed: 1\nsource: nothing\n", save[] = "map:\n  save: /none/run.map\n",
                       only[] = "map:\n  localise_only: true\n";
     file_write("text.yaml", "seed: 1\n", 8);
@@ -426,14 +434,15 @@ static void assert_kept(const char *name)
     assert_non_null(file);
     const size_t bytes = fread(found, 1, sizeof found - 1, file);
     fclose(file);
-    if (bytes != 4 || strcmp(found, "kept") != 0) fail_msg("%s: found [%s], expected what stood there", name, found);
+    if (bytes != 4 || strcmp(found, "kept") != 0)
+        fail_msg("%s: found [%s], expected what stood there", name, found);
 }
 
 /* One wrong word costs nobody the results of yesterday, and leaves no empty file behind. */
 static void test_results_are_kept(void **state)
 {
-    static const char *const results[] = {"record", "trajectory", "trajectory-final", "detections", "tracks",
-                                          "stats", "picture"};
+    static const char *const results[] = {"record", "trajectory", "trajectory-final", "detections",
+                                          "tracks", "stats",      "picture"};
     static const char *const wrong[][2] = {
         {"--trajectory @/none/x", "@/none/x"},
         {"--trajectory-final @/none/x", "@/none/x"},
@@ -446,7 +455,8 @@ static void test_results_are_kept(void **state)
         {"--tracks=", "--tracks|''"},
         {"--stats=", "--stats|''"},
     };
-    static const char small[] = "image_width: 96\nimage_height: 64\nK: [80, 0, 48, 0, 81, 32, 0, 0, 1]\nD: [0, 0, 0, 0]\n";
+    static const char small[] =
+        "image_width: 96\nimage_height: 64\nK: [80, 0, 48, 0, 81, 32, 0, 0, 1]\nD: [0, 0, 0, 0]\n";
     (void)state;
     char linked_to[256], link[256];
     const char *images = fv_test_images(folder); /* quicker to open than a simulated world */
@@ -462,7 +472,8 @@ static void test_results_are_kept(void **state)
             static const char *const names[] = {"unmade", "kept", "link"};
             for (int k = 0; k < 3; k++) {
                 snprintf(command, sizeof command,
-                         "fovea run --source images:@/images --camera @/cam.yaml --frames 1 --model src/detect/shipped.fvm --picture none --%s @/%s %s",
+                         "fovea run --source images:@/images --camera @/cam.yaml --frames 1 --model "
+                         "src/detect/shipped.fvm --picture none --%s @/%s %s",
                          results[i], names[k], wrong[j][0]);
                 assert_refused(command, wrong[j][1]);
             }
@@ -478,7 +489,8 @@ static void test_results_are_kept(void **state)
 static void test_check_keeps_the_log(void **state)
 {
     static const char *const commands[] = {
-        "fovea check --set lcm_url=file://@/kept?mode=w", "fovea check --memory-only --set lcm_url=file://@/kept?mode=w",
+        "fovea check --set lcm_url=file://@/kept?mode=w",
+        "fovea check --memory-only --set lcm_url=file://@/kept?mode=w",
         "fovea check --bench --source sim:still?frames=31 --set lcm_url=file://@/unmade?mode=w",
         "fovea check --set lcm_url=file://@/unmade?mode=a"};
     static char text[TEXT_MAX];
@@ -510,7 +522,8 @@ static int folder_make(void **state)
 static int folder_remove(void **state)
 {
     const char *const names[] = {"text.yaml",    "camera.yaml", "record.yaml", "value.yaml", "key.yaml",
-                                       "mutated.yaml", "cam.yaml",    "kept",        "link",      "source.yaml", "save.yaml", "only.yaml", "cam0.yaml"};
+                                 "mutated.yaml", "cam.yaml",    "kept",        "link",       "source.yaml",
+                                 "save.yaml",    "only.yaml",   "cam0.yaml"};
     (void)state;
     for (size_t i = 0; i < sizeof names / sizeof names[0]; i++) {
         char path[256];
@@ -523,9 +536,9 @@ static int folder_remove(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_arguments),    cmocka_unit_test(test_wrong_values),
-        cmocka_unit_test(test_wrong_keys),   cmocka_unit_test(test_mutated_configurations),
-        cmocka_unit_test(test_calibrations), cmocka_unit_test(test_results_are_kept),
+        cmocka_unit_test(test_arguments),           cmocka_unit_test(test_wrong_values),
+        cmocka_unit_test(test_wrong_keys),          cmocka_unit_test(test_mutated_configurations),
+        cmocka_unit_test(test_calibrations),        cmocka_unit_test(test_results_are_kept),
         cmocka_unit_test(test_check_keeps_the_log), cmocka_unit_test(test_there_were_enough),
     };
     return cmocka_run_group_tests(tests, folder_make, folder_remove);

@@ -19,7 +19,11 @@ static struct fv_model_header header;
 static struct fv_model_tensor tensors[2];
 static const int32_t inputs[1] = {0}, outputs[1] = {1};
 static float thresholds[8];
-static const struct fv_model model = {.base = (const uint8_t *)thresholds, .header = &header, .tensors = tensors, .inputs = inputs, .outputs = outputs};
+static const struct fv_model model = {.base = (const uint8_t *)thresholds,
+                                      .header = &header,
+                                      .tensors = tensors,
+                                      .inputs = inputs,
+                                      .outputs = outputs};
 static char line[LINE_MAX_BYTES];
 
 static void describe(int32_t kind, int32_t width, int32_t height)
@@ -39,7 +43,8 @@ static void describe(int32_t kind, int32_t width, int32_t height)
 static struct fv_detect_view view_of(int32_t width, int32_t height)
 {
     const uint8_t pixel = 0;
-    const struct fovea_image image = {.data = &pixel, .width = width, .height = height, .stride_bytes = width, .format = FOVEA_PIXEL_GREY8};
+    const struct fovea_image image = {
+        .data = &pixel, .width = width, .height = height, .stride_bytes = width, .format = FOVEA_PIXEL_GREY8};
     struct fv_detect_view view;
     assert_int_equal(fv_detect_view(&model, &image, &view), FOVEA_OK);
     return view;
@@ -51,12 +56,15 @@ static struct fv_detect_view view_of(int32_t width, int32_t height)
 static void read_head(void)
 {
     char *at = line + 5, *name = strsep(&at, " ");
-    const int32_t kind = strcmp(name, "yolov5") == 0 ? FV_DECODER_YOLOV5 : strcmp(name, "yolov8") == 0 ? FV_DECODER_YOLOV8 : FV_DECODER_YOLOV2;
+    const int32_t kind = strcmp(name, "yolov5") == 0   ? FV_DECODER_YOLOV5
+                         : strcmp(name, "yolov8") == 0 ? FV_DECODER_YOLOV8
+                                                       : FV_DECODER_YOLOV2;
     describe(kind, WIDTH, HEIGHT);
     struct fv_model_tensor *out = &tensors[1];
     struct fv_model_decode *d = &header.decode;
     out->rank = kind == FV_DECODER_YOLOV2 ? 4 : 3;
-    for (int i = 0; i < out->rank; i++) out->dims[i] = (int32_t)strtol(at, &at, 10);
+    for (int i = 0; i < out->rank; i++)
+        out->dims[i] = (int32_t)strtol(at, &at, 10);
     out->scale = strtof(at, &at);
     out->zero = (int32_t)strtol(at, &at, 10);
     d->classes = (int32_t)strtol(at, &at, 10);
@@ -85,7 +93,8 @@ static void read_bytes(void)
 
 static void near_to(double found, double expected, double scale)
 {
-    if (!(__builtin_fabs(found - expected) <= 1e-5 * scale)) fail_msg("found %.9g, expected %.9g", found, expected);
+    if (!(__builtin_fabs(found - expected) <= 1e-5 * scale))
+        fail_msg("found %.9g, expected %.9g", found, expected);
 }
 
 static void heads_give_what_they_stand_for(void **state)
@@ -108,7 +117,8 @@ static void heads_give_what_they_stand_for(void **state)
         } else if (strncmp(line, "box ", 4) == 0) {
             int class_id;
             double v[5];
-            assert_int_equal(sscanf(line, "box %d %lf %lf %lf %lf %lf", &class_id, &v[0], &v[1], &v[2], &v[3], &v[4]), 6);
+            assert_int_equal(
+                sscanf(line, "box %d %lf %lf %lf %lf %lf", &class_id, &v[0], &v[1], &v[2], &v[3], &v[4]), 6);
             assert_true(at < count);
             const struct fovea_detection *d = &found[at++];
             assert_int_equal(d->class_id, class_id);
@@ -142,7 +152,8 @@ static void make_rows(int32_t n, uint8_t (*score)(int32_t row, int32_t class_id)
     header.decode.normalised = 1;
     header.decode.iou_threshold = 0.5f;
     for (int32_t i = 0; i < n; i++) {
-        const uint8_t row[7] = {(uint8_t)(i % 64 * 4), (uint8_t)(i / 64 * 4), 2, 2, 255, score(i, 0), score(i, 1)};
+        const uint8_t row[7] = {
+            (uint8_t)(i % 64 * 4), (uint8_t)(i / 64 * 4), 2, 2, 255, score(i, 0), score(i, 1)};
         memcpy(arena + 7 * i, row, sizeof row);
     }
 }
@@ -165,12 +176,14 @@ static void the_best_of_too_many_are_kept(void **state)
     make_rows(ROWS, rising);
     header.decode.score_threshold = 0.001f;
     const struct fv_detect_view view = view_of(256, 256);
-    assert_int_equal(fv_detect_decode(&model, arena, &view, &scratch, found, FOVEA_DETECTIONS_MAX), FOVEA_DETECTIONS_MAX);
+    assert_int_equal(fv_detect_decode(&model, arena, &view, &scratch, found, FOVEA_DETECTIONS_MAX),
+                     FOVEA_DETECTIONS_MAX);
     for (int i = 0; i < FOVEA_DETECTIONS_MAX; i++) {
         /* scores fall by one step every ten; among equals the earlier row comes first */
         const int32_t row = ROWS - 10 - i / 10 * 10 + i % 10;
         assert_true(found[i].score == 1.0f * ((1.0f / 255) * (float)(10 + row / 10)));
-        near_to((double)found[i].x_min_px + 0.5, (row % 64 * 4 - 1) / 255.0 * 256 < 0 ? 0 : (row % 64 * 4 - 1) / 255.0 * 256, 256);
+        near_to((double)found[i].x_min_px + 0.5,
+                (row % 64 * 4 - 1) / 255.0 * 256 < 0 ? 0 : (row % 64 * 4 - 1) / 255.0 * 256, 256);
     }
 }
 
@@ -190,7 +203,8 @@ static void units_go_on_where_the_last_one_ended(void **state)
     header.decode.score_threshold = 0.2f;
     const struct fv_detect_view view = view_of(256, 256);
     fv_detect_decode_start(&scratch);
-    for (; fv_detect_decode_unit(&model, arena, &view, &none, &scratch) == FOVEA_AGAIN; units++) assert_true(units < 10);
+    for (; fv_detect_decode_unit(&model, arena, &view, &none, &scratch) == FOVEA_AGAIN; units++)
+        assert_true(units < 10);
     assert_int_equal(units, 4); /* two of the scan, the sort, the suppression */
     assert_int_equal(fv_detect_decode_take(&model, &none, &scratch, found, 4, NULL), 3);
 }
@@ -222,7 +236,8 @@ static int32_t decode_down_to(float floor, struct fovea_detection *found, int32_
     const struct fv_detect_limits limits = {.floor = floor};
     const struct fv_detect_view view = view_of(256, 256);
     fv_detect_decode_start(&scratch);
-    while (fv_detect_decode_unit(&model, arena, &view, &limits, &scratch) == FOVEA_AGAIN) continue;
+    while (fv_detect_decode_unit(&model, arena, &view, &limits, &scratch) == FOVEA_AGAIN)
+        continue;
     return fv_detect_decode_take(&model, &limits, &scratch, found, 4, uncertain);
 }
 
@@ -267,10 +282,16 @@ static int32_t decode_ssd(const int32_t order[4], struct fovea_detection found[4
     header.output_count = 4;
     memcpy(arena, values, sizeof values);
     for (int i = 0; i < 4; i++) {
-        all[1 + i] = (struct fv_model_tensor){.type = FV_TYPE_F32, .rank = 1, .dims = {sizes[i]}, .offset = 4 * first[i], .storage = 1 + i};
+        all[1 + i] = (struct fv_model_tensor){
+            .type = FV_TYPE_F32, .rank = 1, .dims = {sizes[i]}, .offset = 4 * first[i], .storage = 1 + i};
         listed[i] = 1 + order[i];
     }
-    const struct fv_model ssd = {.base = model.base, .header = &header, .tensors = all, .ops = &op, .inputs = inputs, .outputs = listed};
+    const struct fv_model ssd = {.base = model.base,
+                                 .header = &header,
+                                 .tensors = all,
+                                 .ops = &op,
+                                 .inputs = inputs,
+                                 .outputs = listed};
     const struct fv_detect_view view = view_of(WIDTH, HEIGHT);
     return fv_detect_decode(&ssd, arena, &view, &scratch, found, 4);
 }
@@ -300,7 +321,8 @@ static void ssd_before_its_post_processing(void **state)
     (void)state;
     static _Alignas(64) float file[256];
     static const float anchors[12] = {0.5f, 0.5f, 0.5f, 0.25f, 0.5f, 0.25f, 0.5f, 0.25f, 0.5f, 0.5f, 1, 1};
-    static const float boxes[12] = {0, 0, 0, 0, 1, 2, 0, 2.5f, 0, 0, 0, 0}, scores[9] = {0.1f, 0.75f, 0, 0.2f, 0.1f, 0.5f, 1, 0.1f, 0.1f};
+    static const float boxes[12] = {0, 0, 0, 0, 1, 2, 0, 2.5f, 0, 0, 0, 0},
+                       scores[9] = {0.1f, 0.75f, 0, 0.2f, 0.1f, 0.5f, 1, 0.1f, 0.1f};
     memcpy(file + FV_MODEL_HEADER_BYTES / 4, anchors, sizeof anchors);
     for (int swapped = 0; swapped < 2; swapped++) {
         const int32_t listed[2] = {1 + swapped, 2 - swapped};
@@ -308,7 +330,11 @@ static void ssd_before_its_post_processing(void **state)
             {.rank = 4, .dims = {1, HEIGHT, WIDTH, 3}},
             {.type = FV_TYPE_F32, .rank = 3, .dims = {1, 3, 4}, .storage = 1},
             {.type = FV_TYPE_F32, .rank = 3, .dims = {1, 3, 3}, .offset = sizeof boxes, .storage = 2}};
-        const struct fv_model raw = {.base = (const uint8_t *)file, .header = &header, .tensors = all, .inputs = inputs, .outputs = listed};
+        const struct fv_model raw = {.base = (const uint8_t *)file,
+                                     .header = &header,
+                                     .tensors = all,
+                                     .inputs = inputs,
+                                     .outputs = listed};
         struct fovea_detection found[4];
         describe(FV_DECODER_SSD_RAW, WIDTH, HEIGHT);
         header.output_count = 2;
@@ -317,7 +343,8 @@ static void ssd_before_its_post_processing(void **state)
         header.decode.score_threshold = 0.3f;
         header.decode.iou_threshold = 0.5f;
         header.decode.anchor_data = FV_MODEL_HEADER_BYTES;
-        for (int i = 0; i < 4; i++) header.decode.box_scales[i] = i < 2 ? 10 : 5;
+        for (int i = 0; i < 4; i++)
+            header.decode.box_scales[i] = i < 2 ? 10 : 5;
         memcpy(arena, boxes, sizeof boxes);
         memcpy(arena + sizeof boxes, scores, sizeof scores);
         const struct fv_detect_view view = view_of(WIDTH, HEIGHT);
@@ -342,11 +369,14 @@ static void foreign_shapes_give_nothing(void **state)
     const int32_t listed[4] = {1, 2, 1, 2};
     for (int32_t kind = 0; kind < FV_DECODER_COUNT; kind++) {
         for (int32_t rank = 0; rank <= 4; rank++) {
-            struct fv_model_tensor all[3] = {{.rank = 4, .dims = {1, HEIGHT, WIDTH, 3}}, {.rank = rank, .dims = {1, 1, 1, 1}},
+            struct fv_model_tensor all[3] = {{.rank = 4, .dims = {1, HEIGHT, WIDTH, 3}},
+                                             {.rank = rank, .dims = {1, 1, 1, 1}},
                                              {.rank = rank, .dims = {1, 1, 1, 1}}};
-            const struct fv_model odd = {.base = file, .header = &header, .tensors = all, .inputs = inputs, .outputs = listed};
+            const struct fv_model odd = {
+                .base = file, .header = &header, .tensors = all, .inputs = inputs, .outputs = listed};
             struct fovea_detection found[4];
-            if (rank > 0) all[1].dims[rank - 1] = 16; /* of four boxes, of which the other output holds no scores */
+            if (rank > 0)
+                all[1].dims[rank - 1] = 16; /* of four boxes, of which the other output holds no scores */
             describe(kind, WIDTH, HEIGHT);
             header.output_count = kind == FV_DECODER_SSD_RAW ? 2 : 4;
             header.file_bytes = sizeof file;

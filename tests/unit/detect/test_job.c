@@ -30,7 +30,8 @@ static int set_up(void **state)
     const int good = file != NULL && fread(file, 1, bytes, in) == bytes;
     fclose(in);
     struct fovea_error error;
-    for (int i = 0; i < WIDTH * HEIGHT; ++i) pixels[i] = (uint8_t)((i % WIDTH / 20 * 37 + i / WIDTH / 15 * 91) ^ (i * 7 & 15));
+    for (int i = 0; i < WIDTH * HEIGHT; ++i)
+        pixels[i] = (uint8_t)((i % WIDTH / 20 * 37 + i / WIDTH / 15 * 91) ^ (i * 7 & 15));
     return good && fv_model_open(file, bytes, "detector", &model, &error) == FOVEA_OK ? 0 : -1;
 }
 
@@ -46,7 +47,11 @@ static void carve(void *memory, struct fv_arena *arena)
     fv_detect_carve(memory, arena, &model, sizeof pixels);
 }
 
-static const struct fovea_image image = {.data = pixels, .width = WIDTH, .height = HEIGHT, .stride_bytes = WIDTH, .format = FOVEA_PIXEL_GREY8,
+static const struct fovea_image image = {.data = pixels,
+                                         .width = WIDTH,
+                                         .height = HEIGHT,
+                                         .stride_bytes = WIDTH,
+                                         .format = FOVEA_PIXEL_GREY8,
                                          .size_bytes = sizeof pixels};
 
 static void slices_give_the_same(void **state)
@@ -101,7 +106,8 @@ static void what_does_not_fit_is_refused(void **state)
 static void suppression_by_class_or_across(void **state)
 {
     (void)state;
-    const struct fovea_detection list[4] = {{0, 0, 10, 10, 0.9f, 1}, {1, 1, 11, 11, 0.8f, 1}, {1, 1, 11, 11, 0.7f, 2}, {20, 20, 30, 30, 0.6f, 1}};
+    const struct fovea_detection list[4] = {
+        {0, 0, 10, 10, 0.9f, 1}, {1, 1, 11, 11, 0.8f, 1}, {1, 1, 11, 11, 0.7f, 2}, {20, 20, 30, 30, 0.6f, 1}};
     struct fovea_detection work[4];
     uint8_t dropped[4];
     memcpy(work, list, sizeof list);
@@ -150,7 +156,8 @@ static void grey_of_the_right_size_is_filled_alike(void **state)
     boxed.tensors = &tensor;
     boxed.inputs = &first;
     for (int y = 0; y < SHOWN; y++) {
-        for (int x = 0; x < IN_WIDTH; x++) memset(colour[y][x], grey[y][x] = (uint8_t)(37 * y + 11 * x + x * y), 3);
+        for (int x = 0; x < IN_WIDTH; x++)
+            memset(colour[y][x], grey[y][x] = (uint8_t)(37 * y + 11 * x + x * y), 3);
     }
     const struct fovea_image images[2] = {
         {&grey[0][0], IN_WIDTH, SHOWN, IN_WIDTH + 5, FOVEA_PIXEL_GREY8, sizeof grey},
@@ -166,7 +173,8 @@ static void grey_of_the_right_size_is_filled_alike(void **state)
         fv_detect_fill(&boxed, &images[i], &view, filled[i], 7, IN_HEIGHT);
     }
     assert_memory_equal(filled[0], filled[1], bytes);
-    for (int i = 0; i < 2; i++) free(filled[i]);
+    for (int i = 0; i < 2; i++)
+        free(filled[i]);
 }
 
 int main(void)

@@ -19,11 +19,13 @@ static const char model_path[] = "src/detect/shipped.fvm";
 static float overlap(const struct fovea_detection *d, const struct fovea_truth_box *b)
 {
     /* Detections count from the centre of the first pixel, truth from its corner. */
-    const float x0 = d->x_min_px + 0.5f, y0 = d->y_min_px + 0.5f, x1 = d->x_max_px + 0.5f, y1 = d->y_max_px + 0.5f;
+    const float x0 = d->x_min_px + 0.5f, y0 = d->y_min_px + 0.5f, x1 = d->x_max_px + 0.5f,
+                y1 = d->y_max_px + 0.5f;
     const float w = (x1 < b->x_max_px ? x1 : b->x_max_px) - (x0 > b->x_min_px ? x0 : b->x_min_px);
     const float h = (y1 < b->y_max_px ? y1 : b->y_max_px) - (y0 > b->y_min_px ? y0 : b->y_min_px);
     if (w <= 0.0f || h <= 0.0f) return 0.0f;
-    return w * h / ((x1 - x0) * (y1 - y0) + (b->x_max_px - b->x_min_px) * (b->y_max_px - b->y_min_px) - w * h);
+    return w * h /
+           ((x1 - x0) * (y1 - y0) + (b->x_max_px - b->x_min_px) * (b->y_max_px - b->y_min_px) - w * h);
 }
 
 struct score {
@@ -38,7 +40,8 @@ static void judge(const struct fv_detect_job *job, const struct fovea_truth *tru
         if (b->visible_share < 0.5f || (w < 24.0f && h < 24.0f)) continue;
         score->objects++;
         for (int32_t i = 0; i < job->count; i++)
-            if (job->found[i].class_id == (int32_t)b->object_class - 1 && overlap(&job->found[i], b) >= 0.5f) {
+            if (job->found[i].class_id == (int32_t)b->object_class - 1 &&
+                overlap(&job->found[i], b) >= 0.5f) {
                 score->recalled++;
                 break;
             }
@@ -46,17 +49,19 @@ static void judge(const struct fv_detect_job *job, const struct fovea_truth *tru
     for (int32_t i = 0; i < job->count; i++) {
         int right = 0;
         for (uint32_t k = 0; k < truth->box_count; k++)
-            right |= job->found[i].class_id == (int32_t)truth->boxes[k].object_class - 1 && overlap(&job->found[i], &truth->boxes[k]) >= 0.5f;
+            right |= job->found[i].class_id == (int32_t)truth->boxes[k].object_class - 1 &&
+                     overlap(&job->found[i], &truth->boxes[k]) >= 0.5f;
         score->found++;
         score->right += right;
     }
 }
 
-static void look(const struct fv_detect_memory *memory, const struct fv_model *model, const struct fv_kernels *kernels,
-                 const struct fovea_frame *frame)
+static void look(const struct fv_detect_memory *memory, const struct fv_model *model,
+                 const struct fv_kernels *kernels, const struct fovea_frame *frame)
 {
     uint32_t done;
-    assert_int_equal(fv_detect_start(memory, model, &frame->image, frame->stamp_ns, frame->sequence), FOVEA_OK);
+    assert_int_equal(fv_detect_start(memory, model, &frame->image, frame->stamp_ns, frame->sequence),
+                     FOVEA_OK);
     assert_int_equal(fv_detect_advance(memory, model, kernels, UNITS_MAX, &done), FOVEA_OK);
 }
 
@@ -82,7 +87,8 @@ static void finds_rendered_objects(void **state)
     memset(block, 0, ARENA_BYTES);
     fv_arena_init(&arena, block, ARENA_BYTES);
     fv_detect_carve(&memory, &arena, &file.model, 640 * 480);
-    assert_int_equal(fovea_source_find("sim:orbit?seed=7000001&objects=24", &ops, &address, &error), FOVEA_OK);
+    assert_int_equal(fovea_source_find("sim:orbit?seed=7000001&objects=24", &ops, &address, &error),
+                     FOVEA_OK);
     assert_int_equal(ops->open(address, &selection, &source, &error), FOVEA_OK);
     assert_int_equal(ops->start(source, &error), FOVEA_OK);
     struct score score = {0, 0, 0, 0};
@@ -99,7 +105,8 @@ static void finds_rendered_objects(void **state)
     ops->close(source);
     free(block);
     fv_model_file_free(&file);
-    print_message("objects %d, recalled %d; found %d, right %d\n", score.objects, score.recalled, score.found, score.right);
+    print_message("objects %d, recalled %d; found %d, right %d\n", score.objects, score.recalled, score.found,
+                  score.right);
     assert_true(score.objects >= 5 * FRAMES);
     assert_true(score.recalled * 10 >= score.objects * 8);
     assert_true(score.right * 10 >= score.found * 8);

@@ -250,7 +250,8 @@ static void test_write_file_and_lost(void **state)
     struct stat there;
     const char *device = fv_test_path(folder, "device.yaml");
     assert_int_equal(symlink("/dev/full", device), 0);
-    assert_int_equal(fovea_calibration_write(device, FOVEA_CALIBRATION_ROS, &c, &lost, &error), FOVEA_ERROR_SYSTEM);
+    assert_int_equal(fovea_calibration_write(device, FOVEA_CALIBRATION_ROS, &c, &lost, &error),
+                     FOVEA_ERROR_SYSTEM);
     assert_non_null(strstr(error.text, "device.yaml: cannot be written: No space left"));
     assert_true(lstat(device, &there) == 0 && S_ISLNK(there.st_mode));
     fv_test_folder_remove(folder);

@@ -21,7 +21,8 @@ static void decode(const char *path, bool colour, uint8_t *pixels)
 {
     size_t bytes;
     uint8_t *file = fv_test_read(path, &bytes);
-    const struct fv_decode_image image = {.pixels = pixels, .width = W, .height = H, .stride_bytes = STRIDE, .colour = colour};
+    const struct fv_decode_image image = {
+        .pixels = pixels, .width = W, .height = H, .stride_bytes = STRIDE, .colour = colour};
     struct fovea_error reason = {.text = ""};
     memset(pixels, 0xEE, (size_t)STRIDE * H);
     if (fv_decode(file, bytes, &image, &reason) != FOVEA_OK) fail_msg("%s", reason.text);
@@ -33,7 +34,8 @@ static bool has_colour(const char *path)
     size_t bytes;
     uint8_t *file = fv_test_read(path, &bytes);
     const bool colour = fv_decode_has_colour(file, bytes);
-    for (size_t i = 0; i < bytes && i < 700; ++i) { /* in memory of just that size: a header that is cut off */
+    for (size_t i = 0; i < bytes && i < 700;
+         ++i) { /* in memory of just that size: a header that is cut off */
         uint8_t *part = malloc(i + 1);
         memcpy(part, file, i + 1);
         fv_decode_has_colour(part, i + 1);
@@ -49,7 +51,8 @@ static void test_png(void **state)
     static uint8_t picture[W * H * 4], rgb[STRIDE * H], grey[STRIDE * H];
     const char *path = fv_test_path(folder, "kind.png");
     for (int kind = 0; kind < 8; ++kind) {
-        const struct fv_test_png form = {.width = W, .height = H, .channels = 1 + kind % 4, .depth = 8, .interlaced = kind >= 4};
+        const struct fv_test_png form = {
+            .width = W, .height = H, .channels = 1 + kind % 4, .depth = 8, .interlaced = kind >= 4};
         fv_test_picture((uint32_t)kind, W, H, form.channels, picture);
         fv_test_write_png(path, &form, picture);
         assert_true(has_colour(path) == (form.channels >= 3));
@@ -57,7 +60,8 @@ static void test_png(void **state)
         decode(path, false, grey);
         for (int i = 0; i < W * H; ++i) {
             const uint8_t *sample = &picture[i * form.channels], *found = &rgb[i / W * STRIDE + i % W * 3];
-            for (int c = 0; c < 3; ++c) assert_int_equal(found[c], form.channels < 3 ? sample[0] : sample[c]);
+            for (int c = 0; c < 3; ++c)
+                assert_int_equal(found[c], form.channels < 3 ? sample[0] : sample[c]);
             const int weighed = (9798 * found[0] + 19235 * found[1] + 3735 * found[2] + 16384) >> 15;
             assert_int_equal(weighed, grey[i / W * STRIDE + i % W]);
         }
@@ -107,12 +111,14 @@ static void test_source(void **state)
             struct fovea_frame frame;
             strcat(uri, path);
             if (fovea_source_find(uri, &ops, &address, &error) != FOVEA_OK ||
-                ops->open(address, &selection, &source, &error) != FOVEA_OK || ops->start(source, &error) != FOVEA_OK ||
-                ops->dequeue(source, INT64_MAX, &frame) != FOVEA_OK)
+                ops->open(address, &selection, &source, &error) != FOVEA_OK ||
+                ops->start(source, &error) != FOVEA_OK || ops->dequeue(source, INT64_MAX, &frame) != FOVEA_OK)
                 fail_msg("%s", error.text);
             const bool colour = wanted == 1 && channels == 3;
             assert_int_equal(frame.image.format, colour ? FOVEA_PIXEL_RGB24 : FOVEA_PIXEL_GREY8);
-            if (colour) assert_memory_equal(frame.image.data + frame.image.stride_bytes, picture + (size_t)3 * W, 3 * W);
+            if (colour)
+                assert_memory_equal(frame.image.data + frame.image.stride_bytes, picture + (size_t)3 * W,
+                                    3 * W);
             ops->requeue(source, &frame);
             ops->close(source);
         }
@@ -121,6 +127,7 @@ static void test_source(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_png), cmocka_unit_test(test_jpeg), cmocka_unit_test(test_source)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_png), cmocka_unit_test(test_jpeg),
+                                       cmocka_unit_test(test_source)};
     return cmocka_run_group_tests(tests, fv_test_place_set_up, fv_test_place_tear_down);
 }

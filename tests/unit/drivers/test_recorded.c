@@ -283,7 +283,8 @@ static enum fovea_status fetch_nothing(void *recording, uint64_t index, struct f
 {
     (void)recording;
     (void)slot;
-    return fovea_error_set(error, FOVEA_GONE, "frame %04d of a folder with rather a long name: not there", (int)index);
+    return fovea_error_set(error, FOVEA_GONE, "frame %04d of a folder with rather a long name: not there",
+                           (int)index);
 }
 
 static void close_missing(void *recording)
@@ -303,14 +304,17 @@ static void test_many_missing(void **state)
         struct fovea_error error;
         struct fovea_frame frame;
         unsigned named = 0, unnamed = 0;
-        assert_int_equal(fv_player_open(&nothing, NULL, MANY, 0, "nothing", &everything, &info, &source, &error), FOVEA_OK);
+        assert_int_equal(
+            fv_player_open(&nothing, NULL, MANY, 0, "nothing", &everything, &info, &source, &error),
+            FOVEA_OK);
         assert_int_equal(fv_player_start(source, &error), FOVEA_OK);
         while (asked && fv_player_dequeue(source, 0, &frame) == FOVEA_AGAIN)
             for (; fv_player_complaint(source, &error) == FOVEA_OK; ++named)
                 assert_int_equal(strtol(error.text + strlen("frame "), NULL, 10), named);
         assert_int_equal(fv_player_dequeue(source, INT64_MAX, &frame), FOVEA_END);
         for (; fv_player_complaint(source, &error) == FOVEA_OK; ++named)
-            if (strstr(error.text, "more frames") != NULL) unnamed = (unsigned)strtoul(error.text, NULL, 10) - 1;
+            if (strstr(error.text, "more frames") != NULL)
+                unnamed = (unsigned)strtoul(error.text, NULL, 10) - 1;
         assert_int_equal(named + unnamed, MANY);
         assert_true(asked ? unnamed == 0 : unnamed > 0);
         fv_player_close(source);

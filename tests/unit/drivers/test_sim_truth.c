@@ -336,8 +336,9 @@ static bool seen_again(const struct sight *a, const struct sight *b, int32_t x, 
     const double z = (double)a->truth.depth_m[y * width + x], at[2] = {x, y};
     assert_int_equal(fovea_camera_unproject(&a->source->info.camera, at, bearing, NULL), FOVEA_OK);
     for (int i = 0; i < 3; i++)
-        world[i] = A[4 * i + 3] + z / bearing[2] *
-                                      (A[4 * i] * bearing[0] + A[4 * i + 1] * bearing[1] + A[4 * i + 2] * bearing[2]);
+        world[i] =
+            A[4 * i + 3] +
+            z / bearing[2] * (A[4 * i] * bearing[0] + A[4 * i + 1] * bearing[1] + A[4 * i + 2] * bearing[2]);
     for (int i = 0; i < 3; i++)
         c[i] = B[i] * (world[0] - B[3]) + B[4 + i] * (world[1] - B[7]) + B[8 + i] * (world[2] - B[11]);
     if (fovea_camera_project(&b->source->info.camera, c, pixel, NULL) != FOVEA_OK) return false;
@@ -350,8 +351,10 @@ static bool seen_again(const struct sight *a, const struct sight *b, int32_t x, 
 static void fit_add(struct fit *f, const struct fovea_image *image, const double pixel[2], double e)
 {
     const double x = pixel[0], y = pixel[1];
-    const double gx = (sample(image->data, image->width, x + 1, y) - sample(image->data, image->width, x - 1, y)) / 2;
-    const double gy = (sample(image->data, image->width, x, y + 1) - sample(image->data, image->width, x, y - 1)) / 2;
+    const double gx =
+        (sample(image->data, image->width, x + 1, y) - sample(image->data, image->width, x - 1, y)) / 2;
+    const double gy =
+        (sample(image->data, image->width, x, y + 1) - sample(image->data, image->width, x, y - 1)) / 2;
     f->xx += gx * gx;
     f->xy += gx * gy;
     f->yy += gy * gy;

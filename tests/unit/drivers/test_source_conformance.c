@@ -433,7 +433,8 @@ static void test_selection(void **state)
         if (row_of(ops)->live) {
             assert_int_equal(ops->open(row_of(ops)->address, &third, &source, &error), FOVEA_ERROR_ARGUMENT);
             const struct fovea_source_selection reversed = {.step = 1, .frames = 3, .reverse = true};
-            assert_int_equal(ops->open(row_of(ops)->address, &reversed, &source, &error), FOVEA_ERROR_UNSUPPORTED);
+            assert_int_equal(ops->open(row_of(ops)->address, &reversed, &source, &error),
+                             FOVEA_ERROR_UNSUPPORTED);
             continue;
         }
         play_again(ops, &some, &all);

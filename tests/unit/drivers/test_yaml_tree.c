@@ -54,14 +54,17 @@ static void test_structure(void **state)
 static void test_byte_order_mark(void **state)
 {
     (void)state;
-    struct fovea_yaml_tree *tree = parse("\xef\xbb\xbf" "a: 1\r\nb: 2\r\n");
+    struct fovea_yaml_tree *tree = parse("\xef\xbb\xbf"
+                                         "a: 1\r\nb: 2\r\n");
     assert_int_equal(tree->root->count, 2);
     assert_int_equal(fovea_yaml_child(tree->root, "b")->line, 2);
     fovea_yaml_free(tree);
     tree = parse("\xef\xbb\xbf%YAML:1.0\n---\nrows: 3\n");
     assert_int_equal(fovea_yaml_child(tree->root, "rows")->line, 3);
     fovea_yaml_free(tree);
-    refused("\xef\xbb\xbf" "a: \xff\n", 8, "f.yaml: byte 6: not YAML: invalid leading UTF-8 octet");
+    refused("\xef\xbb\xbf"
+            "a: \xff\n",
+            8, "f.yaml: byte 6: not YAML: invalid leading UTF-8 octet");
     refused("%YAML:1.0\na: \xff\n", 15, "f.yaml: byte 13: not YAML: invalid leading UTF-8 octet");
 }
 
@@ -235,11 +238,15 @@ static void test_text(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_structure), cmocka_unit_test(test_byte_order_mark),
+        cmocka_unit_test(test_structure),
+        cmocka_unit_test(test_byte_order_mark),
         cmocka_unit_test(test_empty_and_opencv_head),
-        cmocka_unit_test(test_refused),   cmocka_unit_test(test_limits),
-        cmocka_unit_test(test_values),    cmocka_unit_test(test_require_names_the_nearest),
-        cmocka_unit_test(test_files),     cmocka_unit_test(test_text),
+        cmocka_unit_test(test_refused),
+        cmocka_unit_test(test_limits),
+        cmocka_unit_test(test_values),
+        cmocka_unit_test(test_require_names_the_nearest),
+        cmocka_unit_test(test_files),
+        cmocka_unit_test(test_text),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

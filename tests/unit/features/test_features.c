@@ -41,7 +41,8 @@ static void draw_rectangles(void)
         const uint32_t w = 4 + fovea_random_below(&random, 40), h = 4 + fovea_random_below(&random, 40);
         const uint8_t grey = (uint8_t)fovea_random_below(&random, 256);
         for (uint32_t v = y; v < y + h && v < HEIGHT; v++)
-            for (uint32_t u = x; u < x + w && u < WIDTH; u++) pixels[v * WIDTH + u] = grey;
+            for (uint32_t u = x; u < x + w && u < WIDTH; u++)
+                pixels[v * WIDTH + u] = grey;
     }
 }
 
@@ -102,7 +103,8 @@ static void masked_places_have_no_features(void **state)
     struct stage stage;
     void *memory = carved(carve, &stage);
     draw_rectangles();
-    for (int i = 0; i < WIDTH * HEIGHT; i++) mask[i] = i % WIDTH < WIDTH / 2 ? 0 : 255;
+    for (int i = 0; i < WIDTH * HEIGHT; i++)
+        mask[i] = i % WIDTH < WIDTH / 2 ? 0 : 255;
     const uint32_t count = find(&stage, FV_CPU_C, mask, 500);
     assert_true(count > 100);
     for (uint32_t i = 0; i < count; i++) {

@@ -39,7 +39,8 @@ static uint32_t fields_with_corner(const struct fv_corner *corners, uint32_t cou
     for (uint32_t i = 0; i < count; i++) {
         const float x = fv_pyramid_to_raw(corners[i].level, corners[i].x) + 0.5f;
         const float y = fv_pyramid_to_raw(corners[i].level, corners[i].y) + 0.5f;
-        bool *field = &has[(int)(y * FV_SPREAD_COVER / (float)height[0])][(int)(x * FV_SPREAD_COVER / (float)width[0])];
+        bool *field =
+            &has[(int)(y * FV_SPREAD_COVER / (float)height[0])][(int)(x * FV_SPREAD_COVER / (float)width[0])];
         fields += !*field;
         *field = true;
     }
@@ -54,11 +55,14 @@ static void picks_exactly_what_is_asked_where_there_is_enough(void **state)
     void *memory = carved(carve, &spread);
     for (uint32_t count = 1; count <= COUNT_MAX; count += 37) {
         fv_spread_begin(&spread, count, 20, 3);
-        for (uint32_t level = LEVELS; level-- > 0;) offer_random(&spread, level, 4, 1);
+        for (uint32_t level = LEVELS; level-- > 0;)
+            offer_random(&spread, level, 4, 1);
         assert_int_equal(fv_spread_pick(&spread, corners), count);
         for (uint32_t i = 0; i < count; i++)
-            for (uint32_t k = 0; k < i; k++) assert_memory_not_equal(&corners[i], &corners[k], sizeof corners[i]);
-        for (uint32_t i = 1; i < count; i++) assert_true(corners[i].level <= corners[i - 1].level);
+            for (uint32_t k = 0; k < i; k++)
+                assert_memory_not_equal(&corners[i], &corners[k], sizeof corners[i]);
+        for (uint32_t i = 1; i < count; i++)
+            assert_true(corners[i].level <= corners[i - 1].level);
         if (count >= 256) assert_true(fields_with_corner(corners, count) >= FV_SPREAD_WANTED);
     }
     free(memory);
@@ -108,10 +112,12 @@ static void the_strongest_win_and_ties_go_to_the_first(void **state)
     struct fv_corner corners[COUNT_MAX];
     void *memory = carved(carve, &spread);
     fv_spread_begin(&spread, 3, 20, 3);
-    for (int32_t i = 0; i < 10; i++) fv_spread_offer(&spread, 0, 20 + 60 * i, 20, i == 7 ? 90 : 40);
+    for (int32_t i = 0; i < 10; i++)
+        fv_spread_offer(&spread, 0, 20 + 60 * i, 20, i == 7 ? 90 : 40);
     assert_int_equal(fv_spread_pick(&spread, corners), 3);
     uint32_t places = 0; /* in no order that is promised within a cell */
-    for (int i = 0; i < 3; i++) places |= 1u << (corners[i].x - 20) / 60;
+    for (int i = 0; i < 3; i++)
+        places |= 1u << (corners[i].x - 20) / 60;
     assert_int_equal(places, 1u << 0 | 1u << 1 | 1u << 7);
     free(memory);
 }
@@ -133,7 +139,8 @@ static void weak_corners_do_not_displace_strong_ones(void **state)
         const uint32_t count = fv_spread_pick(&spread, with_noise ? after : before);
         if (!with_noise) assert_int_equal(count, 15 * 11);
         uint32_t strong = 0;
-        for (uint32_t i = 0; i < count; i++) strong += (with_noise ? after : before)[i].score == 100;
+        for (uint32_t i = 0; i < count; i++)
+            strong += (with_noise ? after : before)[i].score == 100;
         assert_int_equal(strong, 15 * 11);
     }
     free(memory);

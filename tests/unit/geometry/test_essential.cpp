@@ -100,7 +100,8 @@ static void five_exact_points_give_the_truth(void **)
         }
         missed += best > 1e-4;
     }
-    if (missed > 10) /* near double roots and points at infinity of the parametrisation */ fail_msg("%d of 500 truths missed", missed);
+    if (missed > 10) /* near double roots and points at infinity of the parametrisation */
+        fail_msg("%d of 500 truths missed", missed);
 }
 
 static void motions_hold_the_truth(void **)

@@ -10,7 +10,8 @@
 #include "geometry/homography.h"
 #include "geometry/vec.h"
 
-namespace {
+namespace
+{
 
 const int matches = 300, scenes = 40;
 const double focal_px = 500;
@@ -30,18 +31,22 @@ void make_scene(scene &s, fovea_random *random, double outliers)
 {
     fv_se3 T;
     double turn[3], n[3] = {uniform(random, -.4, .4), uniform(random, -.4, .4), 1}, d = uniform(random, 3, 6);
-    for (double &t : turn) t = uniform(random, -.1, .1);
+    for (double &t : turn)
+        t = uniform(random, -.1, .1);
     fv_so3_exp(turn, T.R);
-    for (double &t : T.t) t = uniform(random, -.6, .6);
+    for (double &t : T.t)
+        t = uniform(random, -.6, .6);
     for (int r = 0; r < 3; r++)
-        for (int c = 0; c < 3; c++) s.H[3 * r + c] = T.R[3 * r + c] + T.t[r] * n[c] / d;
+        for (int c = 0; c < 3; c++)
+            s.H[3 * r + c] = T.R[3 * r + c] + T.t[r] * n[c] / d;
     s.pairs.resize(matches);
     s.a.resize(matches);
     s.b.resize(matches);
     for (int i = 0; i < matches; i++) {
         double x1[3] = {uniform(random, -.7, .7), uniform(random, -.5, .5), 1}, x2[3];
         fv_rotate3(s.H, x1, x2);
-        for (int k = 0; k < 2; k++) x2[k] = x2[k] / x2[2] + fovea_random_normal(random) / focal_px;
+        for (int k = 0; k < 2; k++)
+            x2[k] = x2[k] / x2[2] + fovea_random_normal(random) / focal_px;
         x2[2] = 1;
         if (uniform(random, 0, 1) < outliers) {
             x2[0] = uniform(random, -.7, .7);
@@ -86,14 +91,16 @@ void no_worse_than_opencv(void **)
             const fv_sampling sampling = {2.5 / focal_px, 0.999, 1000};
             double H[9];
             std::vector<uint8_t> inlier(matches);
-            assert_true(fv_homography_estimate(s.pairs.data(), matches, &sampling, &random, H, inlier.data()) > 0);
+            assert_true(
+                fv_homography_estimate(s.pairs.data(), matches, &sampling, &random, H, inlier.data()) > 0);
             cv::Mat C = cv::findHomography(s.a, s.b, cv::RANSAC, 2.5 / focal_px, cv::noArray(), 1000, 0.999);
             double error = grid_error(H, s.H);
             ours += error / scenes;
             theirs += grid_error(C.ptr<double>(), s.H) / scenes;
             worst = std::fmax(worst, error);
         }
-        std::printf("outliers %.0f %%: mean error %.3f px, worst %.3f; OpenCV %.3f px\n", 100 * outliers, ours, worst, theirs);
+        std::printf("outliers %.0f %%: mean error %.3f px, worst %.3f; OpenCV %.3f px\n", 100 * outliers,
+                    ours, worst, theirs);
         assert_true(ours < 1.25 * theirs && worst < 1.5);
     }
 }

@@ -136,8 +136,8 @@ static void look(const double p[3], struct fovea_random *random, double noise_px
     memcpy(A, J, sizeof J);
 }
 
-static void make_meetings(struct fovea_random *random, double outliers, double noise_px, double distance_sigma,
-                          const struct fv_sim3 *S_a_b, struct fv_meeting *meetings)
+static void make_meetings(struct fovea_random *random, double outliers, double noise_px,
+                          double distance_sigma, const struct fv_sim3 *S_a_b, struct fv_meeting *meetings)
 {
     struct fv_sim3 S_b_a;
     fv_sim3_invert(S_a_b, &S_b_a);

@@ -12,7 +12,8 @@ static uint8_t pixels[8 << 20];
 static struct fovea_image view(enum fovea_pixel_format format, int32_t width, int32_t height)
 {
     const int32_t stride = fovea_image_stride_min(format, width);
-    return (struct fovea_image){pixels, width, height, stride, format, fovea_image_bytes(format, height, stride)};
+    return (struct fovea_image){pixels, width,  height,
+                                stride, format, fovea_image_bytes(format, height, stride)};
 }
 
 static void sizes_are_those_of_the_formats(void **state)
@@ -46,7 +47,7 @@ static void every_format_has_a_name_and_passes_at_its_size(void **state)
         image.stride_bytes--;
         assert_int_equal(fovea_image_check(&image), FOVEA_ERROR_ARGUMENT);
     }
-    assert_string_equal(fovea_pixel_format_name((enum fovea_pixel_format)-1), "unknown");
+    assert_string_equal(fovea_pixel_format_name((enum fovea_pixel_format) - 1), "unknown");
 }
 
 static void the_last_row_needs_no_padding(void **state)

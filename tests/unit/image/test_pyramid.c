@@ -29,7 +29,8 @@ static void fill_random(void)
 {
     struct fovea_random random;
     fovea_random_seed(&random, 3);
-    for (size_t i = 0; i < sizeof pixels; i++) pixels[i] = (uint8_t)fovea_random_u32(&random);
+    for (size_t i = 0; i < sizeof pixels; i++)
+        pixels[i] = (uint8_t)fovea_random_u32(&random);
 }
 
 static void no_sample_lies_outside(void **state)
@@ -61,7 +62,8 @@ static void a_ramp_stays_a_ramp(void **state)
     struct fv_kernels kernels;
     void *memory = carved(carve, &pyramid);
     for (int32_t y = 0; y < HEIGHT; y++)
-        for (int32_t x = 0; x < WIDTH; x++) pixels[y * WIDTH + x] = (uint8_t)(x / 2 + y);
+        for (int32_t x = 0; x < WIDTH; x++)
+            pixels[y * WIDTH + x] = (uint8_t)(x / 2 + y);
     const struct fovea_image frame = grey();
     fv_kernels_init(&kernels, FV_CPU_C);
     fv_pyramid_build(&pyramid, &kernels, &frame);
@@ -69,8 +71,10 @@ static void a_ramp_stays_a_ramp(void **state)
         const struct fv_level *level = &pyramid.level[i];
         for (int32_t y = 0; y < level->height; y++)
             for (int32_t x = 0; x < level->width; x++) {
-                const float expected = fv_pyramid_to_raw(i, (float)x) / 2 + fv_pyramid_to_raw(i, (float)y) - 0.25f;
-                assert_float_equal(level->pixels[y * level->stride_bytes + x], expected, 0.75f + 0.55f * (float)i);
+                const float expected =
+                    fv_pyramid_to_raw(i, (float)x) / 2 + fv_pyramid_to_raw(i, (float)y) - 0.25f;
+                assert_float_equal(level->pixels[y * level->stride_bytes + x], expected,
+                                   0.75f + 0.55f * (float)i);
             }
     }
     free(memory);
@@ -106,14 +110,22 @@ static int32_t grey_of(enum fovea_pixel_format format, int32_t stride, int32_t x
     const uint8_t *row = pixels + y * stride;
     const int32_t word = row[2 * x] + 256 * row[2 * x + 1];
     switch (format) {
-    case FOVEA_PIXEL_Y10: return word / 4 > 255 ? 255 : word / 4;
-    case FOVEA_PIXEL_Y12: return word / 16 > 255 ? 255 : word / 16;
-    case FOVEA_PIXEL_Y14: return word / 64 > 255 ? 255 : word / 64;
-    case FOVEA_PIXEL_Y16: return word / 256;
-    case FOVEA_PIXEL_YUYV: return row[2 * x];
-    case FOVEA_PIXEL_UYVY: return row[2 * x + 1];
-    case FOVEA_PIXEL_RGB24: return (9798 * row[3 * x] + 19235 * row[3 * x + 1] + 3735 * row[3 * x + 2] + 16384) / 32768;
-    case FOVEA_PIXEL_BGR24: return (3735 * row[3 * x] + 19235 * row[3 * x + 1] + 9798 * row[3 * x + 2] + 16384) / 32768;
+    case FOVEA_PIXEL_Y10:
+        return word / 4 > 255 ? 255 : word / 4;
+    case FOVEA_PIXEL_Y12:
+        return word / 16 > 255 ? 255 : word / 16;
+    case FOVEA_PIXEL_Y14:
+        return word / 64 > 255 ? 255 : word / 64;
+    case FOVEA_PIXEL_Y16:
+        return word / 256;
+    case FOVEA_PIXEL_YUYV:
+        return row[2 * x];
+    case FOVEA_PIXEL_UYVY:
+        return row[2 * x + 1];
+    case FOVEA_PIXEL_RGB24:
+        return (9798 * row[3 * x] + 19235 * row[3 * x + 1] + 3735 * row[3 * x + 2] + 16384) / 32768;
+    case FOVEA_PIXEL_BGR24:
+        return (3735 * row[3 * x] + 19235 * row[3 * x + 1] + 9798 * row[3 * x + 2] + 16384) / 32768;
     case FOVEA_PIXEL_BAYER_RGGB8:
     case FOVEA_PIXEL_BAYER_BGGR8:
     case FOVEA_PIXEL_BAYER_GRBG8:
@@ -128,7 +140,8 @@ static int32_t grey_of(enum fovea_pixel_format format, int32_t stride, int32_t x
             }
         return sum / 16;
     }
-    default: return row[x];
+    default:
+        return row[x];
     }
 }
 
@@ -154,10 +167,12 @@ static void every_format_becomes_grey_as_documented(void **state)
             fv_pyramid_build(&pyramid, &kernels, &frame);
             for (int32_t y = 0; y < H; y++)
                 for (int32_t x = 0; x < W; x++)
-                    if (pyramid.level[0].pixels[y * pyramid.level[0].stride_bytes + x] != grey_of(f, stride, x, y))
+                    if (pyramid.level[0].pixels[y * pyramid.level[0].stride_bytes + x] !=
+                        grey_of(f, stride, x, y))
                         fail_msg("%s, kernels %s: (%d, %d) is %d, expected %d", fovea_pixel_format_name(f),
                                  fv_cpu_set_name(kernels.set), x, y,
-                                 pyramid.level[0].pixels[y * pyramid.level[0].stride_bytes + x], grey_of(f, stride, x, y));
+                                 pyramid.level[0].pixels[y * pyramid.level[0].stride_bytes + x],
+                                 grey_of(f, stride, x, y));
         }
     }
     free(memory);

@@ -17,8 +17,7 @@ static enum fovea_status read_into(struct small_map *small, const uint8_t *data,
 {
     struct fv_archive_info info;
     error->text[0] = '\0';
-    const enum fovea_status status =
-        fv_archive_read(data, bytes, "a.map", &small->map, &info, error);
+    const enum fovea_status status = fv_archive_read(data, bytes, "a.map", &small->map, &info, error);
     if (status != FOVEA_OK &&
         (strstr(error->text, "a.map: byte ") != error->text || strchr(error->text, '\n') != NULL))
         fail_msg("refused without the byte: %s", error->text);
@@ -64,7 +63,8 @@ static void test_there_and_back(void **state)
             const struct fv_view a = fv_map_view(&from->map, k), b = fv_map_view(&to->map, k);
             if (!a.frame->used) continue;
             assert_memory_equal(a.points, b.points, a.frame->features * sizeof *a.points);
-            assert_memory_equal(a.cells, b.cells, (size_t)(from->map.columns * from->map.rows + 1) * sizeof *a.cells);
+            assert_memory_equal(a.cells, b.cells,
+                                (size_t)(from->map.columns * from->map.rows + 1) * sizeof *a.cells);
             assert_int_equal(a.frame->landmarks, b.frame->landmarks);
         }
         free(again);
@@ -298,7 +298,8 @@ static void test_foreign_files_are_refused(void **state)
     }
     fv_archive_seal(data, bytes);
     assert_int_equal(read_into(to, data, bytes, &error), FOVEA_ERROR_INPUT);
-    if (strstr(error.text, "features of keyframe: found 0, expected them cell by cell") == NULL) fail_msg("%s", error.text);
+    if (strstr(error.text, "features of keyframe: found 0, expected them cell by cell") == NULL)
+        fail_msg("%s", error.text);
     free(data);
     data = small_map_save(from, &bytes);
     to->camera.fx += 0.01;

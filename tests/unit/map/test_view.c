@@ -171,8 +171,8 @@ static void test_parts_of_the_image(void **state)
     static const struct {
         uint16_t x_px, y_px;
         int part;
-    } rows[] = {{0, 0, 0},     {106, 119, 0},   {107, 119, 1},   {106, 120, 6},  {639, 0, 5},
-                {639, 239, 11}, {0, 240, 12},   {320, 250, 15},  {0, 479, 18},   {640, 480, 23}};
+    } rows[] = {{0, 0, 0},      {106, 119, 0}, {107, 119, 1},  {106, 120, 6}, {639, 0, 5},
+                {639, 239, 11}, {0, 240, 12},  {320, 250, 15}, {0, 479, 18},  {640, 480, 23}};
     for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
         const struct fv_pixel p = {.x = (uint16_t)(16 * rows[i].x_px), .y = (uint16_t)(16 * rows[i].y_px)};
         assert_int_equal(fv_map_part(&map, &p), rows[i].part);

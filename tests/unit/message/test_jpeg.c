@@ -30,7 +30,8 @@ static uint8_t *picture(int width, int height, int kind)
     return pixels;
 }
 
-static size_t encode(const uint8_t *pixels, int width, int height, unsigned quality, unsigned slice, uint8_t **output)
+static size_t encode(const uint8_t *pixels, int width, int height, unsigned quality, unsigned slice,
+                     uint8_t **output)
 {
     struct fv_jpeg jpeg;
     const size_t capacity = 4 * fv_jpeg_capacity(width, height);
@@ -142,7 +143,8 @@ static void small_buffer_overflows_honestly(void **state)
     fv_jpeg_start(&jpeg, 130, 90, 100, output, 1000);
     assert_true(fv_jpeg_encode(&jpeg, pixels, 130, 100000, output));
     assert_true(jpeg.overflow);
-    for (size_t i = 1000; i < sizeof output; i++) assert_int_equal(output[i], 0x5a);
+    for (size_t i = 1000; i < sizeof output; i++)
+        assert_int_equal(output[i], 0x5a);
     free(pixels);
 }
 

@@ -231,7 +231,8 @@ static void test_frames_without_loss(void **state)
     (void)state;
     enum { W = 70, H = 66, PADDING = 6, BYTES_MAX = (3 * W + PADDING) * H };
     static uint8_t pixels[BYTES_MAX], buffer[BYTES_MAX + 256];
-    for (int i = 0; i < BYTES_MAX; i++) pixels[i] = (uint8_t)(i * 31 + i / 256);
+    for (int i = 0; i < BYTES_MAX; i++)
+        pixels[i] = (uint8_t)(i * 31 + i / 256);
     for (int n = 0; n < 2 * FOVEA_PIXEL_FORMAT_COUNT; n++) {
         const enum fovea_pixel_format format = (enum fovea_pixel_format)(n / 2);
         const bool compressed = format == FOVEA_PIXEL_MJPEG;
@@ -240,7 +241,8 @@ static void test_frames_without_loss(void **state)
         struct fovea_frame in = frame, out;
         in.exposure_ns = 12345678901;
         in.image = (struct fovea_image){pixels, W, H, stride, format, whole + (n % 2 == 0 ? 10 : 0)};
-        if (n % 2 == 1 && !compressed) in.image.size_bytes = whole - (format == FOVEA_PIXEL_YU12 ? PADDING / 2 : PADDING);
+        if (n % 2 == 1 && !compressed)
+            in.image.size_bytes = whole - (format == FOVEA_PIXEL_YU12 ? PADDING / 2 : PADDING);
         if (compressed) in.image.size_bytes = whole;
         assert_int_equal(fovea_image_check(&in.image), FOVEA_OK);
         const size_t kept = in.image.size_bytes < whole ? in.image.size_bytes : whole;
@@ -253,7 +255,8 @@ static void test_frames_without_loss(void **state)
         assert_int_equal(out.image.size_bytes, kept);
         assert_memory_equal(out.image.data, pixels, kept);
         assert_true(out.image.width == W && out.image.height == H && out.image.stride_bytes == stride);
-        assert_true(out.image.format == format && out.stamp_ns == in.stamp_ns && out.exposure_ns == in.exposure_ns);
+        assert_true(out.image.format == format && out.stamp_ns == in.stamp_ns &&
+                    out.exposure_ns == in.exposure_ns);
         assert_true(out.sequence == 77 && out.clock == in.clock && out.stamp_meaning == in.stamp_meaning);
     }
 }
@@ -264,8 +267,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_channels),   cmocka_unit_test(test_features),
         cmocka_unit_test(test_statistics), cmocka_unit_test(test_camera_status),
-        cmocka_unit_test(test_preview),
-        cmocka_unit_test(test_frames_without_loss),
+        cmocka_unit_test(test_preview),    cmocka_unit_test(test_frames_without_loss),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -12,7 +12,8 @@ static int with_python(const char *arguments)
 {
     const char *python = getenv("FOVEA_PYTHON");
     char command[1024];
-    snprintf(command, sizeof command, "'%.700s' %s", python != NULL ? python : "build/venv-import/bin/python", arguments);
+    snprintf(command, sizeof command, "'%.700s' %s", python != NULL ? python : "build/venv-import/bin/python",
+             arguments);
     return system(command);
 }
 
@@ -20,7 +21,8 @@ static void uses_are_written_and_refused_as_they_should_be(void **state)
 {
     (void)state;
     if (with_python("-c 'import tflite, numpy, flatbuffers' 2>/dev/null") != 0) {
-        printf("SKIPPED uses of imported models: no Python with the packages tflite, numpy and flatbuffers\n");
+        printf(
+            "SKIPPED uses of imported models: no Python with the packages tflite, numpy and flatbuffers\n");
         return;
     }
     assert_int_equal(with_python("tests/import/uses.py"), 0);

@@ -35,7 +35,8 @@ static void foreign_and_cut_files(void **state)
     uint8_t *data = copy_of(g);
     refused(data, 100, "file's size is 100");
     char sizes[96];
-    snprintf(sizes, sizeof sizes, "stated size is %zu, expected the file's %zu", (size_t)g->model_bytes, (size_t)g->model_bytes - 64);
+    snprintf(sizes, sizeof sizes, "stated size is %zu, expected the file's %zu", (size_t)g->model_bytes,
+             (size_t)g->model_bytes - 64);
     refused(data, g->model_bytes - 64, sizes);
     data[g->model_bytes - 100] ^= 1;
     refused(data, g->model_bytes, "checksum");
@@ -71,10 +72,14 @@ static void hostile_words(void **state)
         int32_t word, value;
         const char *text;
     } cases[] = {
-        {0, 99, "unknown kind"}, {3, 7, "operand count"}, {5, 100000, "no such tensor"}, {13, 1000000, "rows do not match"},
-        {14, 100000, "no such tensor"}, {15, 0, "row cost"}, {16, -1, "side of the image"}, {17, 1 << 19, "does not fit its tensor"},
-        {20, 1, "pixels overlap"}, {25, 0, "window"}, {33, 3, "kernel height"}, {34, 1, "k / 4"}, {35, 300, "zero points"},
-        {41, 1 << 30, "weights lie outside"}, {42, 4, "biases lie outside"}, {45, 1 << 28, "table lies outside"},
+        {0, 99, "unknown kind"},        {3, 7, "operand count"},
+        {5, 100000, "no such tensor"},  {13, 1000000, "rows do not match"},
+        {14, 100000, "no such tensor"}, {15, 0, "row cost"},
+        {16, -1, "side of the image"},  {17, 1 << 19, "does not fit its tensor"},
+        {20, 1, "pixels overlap"},      {25, 0, "window"},
+        {33, 3, "kernel height"},       {34, 1, "k / 4"},
+        {35, 300, "zero points"},       {41, 1 << 30, "weights lie outside"},
+        {42, 4, "biases lie outside"},  {45, 1 << 28, "table lies outside"},
     };
     const struct nn_golden_model *g = named("CONV_2D int8");
     for (size_t i = 0; i < sizeof cases / sizeof *cases; ++i) {
@@ -94,12 +99,16 @@ static void hostile_products(void **state)
     const struct {
         int32_t word, value;
         const char *text;
-    } cases[] = {{32, 31, "shift is out of range"}, {33, 1, "scratch is too small"}, {33, 2, "not 0 or 1"}, {34, 1 << 28, "biases lie outside"}};
+    } cases[] = {{32, 31, "shift is out of range"},
+                 {33, 1, "scratch is too small"},
+                 {33, 2, "not 0 or 1"},
+                 {34, 1 << 28, "biases lie outside"}};
     const struct nn_golden_model *g = named("BATCH_MATMUL int8");
     for (size_t i = 0; i < sizeof cases / sizeof *cases; ++i) {
         uint8_t *data = copy_of(g);
         int32_t op = 0;
-        while (op_words(data, op)[0] != FV_OP_BATCH_MATMUL) op++;
+        while (op_words(data, op)[0] != FV_OP_BATCH_MATMUL)
+            op++;
         op_words(data, op)[cases[i].word] = cases[i].value;
         nn_mutant_seal(data, g->model_bytes);
         refused(data, g->model_bytes, cases[i].text);
@@ -124,7 +133,8 @@ static void more_work_than_data(void **state)
             nn_mutant_seal(data, g->model_bytes);
             refused(data, g->model_bytes, "target does not fit its tensor");
             copies++;
-        } else if (word[0] == reduce && word[25] == 1) { /* lengths of dropped axes from 25 on, strides from 29 on */
+        } else if (word[0] == reduce &&
+                   word[25] == 1) { /* lengths of dropped axes from 25 on, strides from 29 on */
             word[25] = 1000;
             word[29] = 0;
             word[33] *= 1000; /* elements */
@@ -157,17 +167,27 @@ static void mutate(struct fovea_random *random, uint8_t *data, uint32_t bytes)
     memcpy(&op_count, data + 28, 4);
     memcpy(&ops, data + 32, 4);
     static const int32_t values[8] = {0, 1, -1, 0x7FFFFFFF, (int32_t)0x80000000, 255, 65536, 3};
-    const uint32_t starts[4] = {16, tensors, ops, 512}, sizes[4] = {496, tensor_count * 64, op_count * 256, bytes - 512};
+    const uint32_t starts[4] = {16, tensors, ops, 512},
+                   sizes[4] = {496, tensor_count * 64, op_count * 256, bytes - 512};
     for (uint32_t n = fovea_random_below(random, 3) + 1; n > 0; --n) {
-        const uint32_t part = fovea_random_below(random, 4), at = starts[part] + fovea_random_below(random, sizes[part] / 4) * 4;
+        const uint32_t part = fovea_random_below(random, 4),
+                       at = starts[part] + fovea_random_below(random, sizes[part] / 4) * 4;
         int32_t word;
         if (at + 4 > bytes) continue;
         memcpy(&word, data + at, 4);
         switch (fovea_random_below(random, 4)) {
-        case 0: word ^= (int32_t)(1u << fovea_random_below(random, 32)); break;
-        case 1: word = values[fovea_random_below(random, 8)]; break;
-        case 2: word = (int32_t)((uint32_t)word + fovea_random_below(random, 17) - 8); break;
-        default: word = (int32_t)((uint32_t)word << fovea_random_below(random, 4)); break;
+        case 0:
+            word ^= (int32_t)(1u << fovea_random_below(random, 32));
+            break;
+        case 1:
+            word = values[fovea_random_below(random, 8)];
+            break;
+        case 2:
+            word = (int32_t)((uint32_t)word + fovea_random_below(random, 17) - 8);
+            break;
+        default:
+            word = (int32_t)((uint32_t)word << fovea_random_below(random, 4));
+            break;
         }
         memcpy(data + at, &word, 4);
     }

@@ -24,7 +24,8 @@ static uint8_t *new_arena(const struct fv_model *model, const struct nn_golden_m
     return arena;
 }
 
-static void compare(const struct fv_model *model, const struct nn_golden_model *g, uint8_t *arena, const char *how)
+static void compare(const struct fv_model *model, const struct nn_golden_model *g, uint8_t *arena,
+                    const char *how)
 {
     const uint8_t *expected = g->outputs;
     for (uint32_t i = 0; i < model->header->output_count; ++i) {
@@ -35,11 +36,15 @@ static void compare(const struct fv_model *model, const struct nn_golden_model *
                 float a, b;
                 memcpy(&a, found + 4 * k, 4);
                 memcpy(&b, expected + 4 * k, 4);
-                if (!(a - b < 1e-5f && b - a < 1e-5f)) fail_msg("%s, %s: output %u[%d] is %g, expected %g", g->name, how, i, k, (double)a, (double)b);
+                if (!(a - b < 1e-5f && b - a < 1e-5f))
+                    fail_msg("%s, %s: output %u[%d] is %g, expected %g", g->name, how, i, k, (double)a,
+                             (double)b);
             }
         } else {
             for (int32_t k = 0; k < t->bytes; ++k) {
-                if (found[k] != expected[k]) fail_msg("%s, %s: output %u byte %d is %d, expected %d", g->name, how, i, k, found[k], expected[k]);
+                if (found[k] != expected[k])
+                    fail_msg("%s, %s: output %u byte %d is %d, expected %d", g->name, how, i, k, found[k],
+                             expected[k]);
             }
         }
         expected += t->bytes;
@@ -50,7 +55,8 @@ static void compare(const struct fv_model *model, const struct nn_golden_model *
 static void open_model(const struct nn_golden_model *g, struct fv_model *model)
 {
     struct fovea_error error;
-    if (fv_model_open(g->model, g->model_bytes, g->name, model, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    if (fv_model_open(g->model, g->model_bytes, g->name, model, &error) != FOVEA_OK)
+        fail_msg("%s", error.text);
 }
 
 static void with_every_kernel_set(void **state)

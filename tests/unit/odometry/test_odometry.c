@@ -26,13 +26,14 @@ struct record {
     int frames;
     struct fovea_pose pose[FRAMES_MAX];
     double truth[FRAMES_MAX][3];
-    struct fv_se3 T_truth_cam[FRAMES_MAX],
-        T_reference_world[FRAMES_MAX]; /* as the map had it at that frame */
-    int reference[FRAMES_MAX];         /* frame that became the reference keyframe */
+    /* as the map had it at that frame */
+    struct fv_se3 T_truth_cam[FRAMES_MAX], T_reference_world[FRAMES_MAX];
+    int reference[FRAMES_MAX]; /* frame that became the reference keyframe */
     int64_t stamp[FRAMES_MAX];
-    int born[KEYFRAMES_MAX];             /* frame of each keyframe, by number */
-    int windows, hasty, late_frames;     /* optimised; with fewer than three steps; most frames from a keyframe to
-                                            the end of its window */
+    int born[KEYFRAMES_MAX]; /* frame of each keyframe, by number */
+    /* optimised; with fewer than three steps; most frames from a keyframe to
+     * the end of its window */
+    int windows, hasty, late_frames;
     uint64_t hash;
 };
 static struct record records[2];
@@ -107,7 +108,8 @@ static void run(const char *uri, int start, int frames, enum fv_cpu_set set, str
     const char *address;
     struct fovea_error error;
     struct fovea_source *source;
-    const struct fovea_source_selection all = {.start = (uint64_t)start, .step = 1, .frames = (uint64_t)frames};
+    const struct fovea_source_selection all = {
+        .start = (uint64_t)start, .step = 1, .frames = (uint64_t)frames};
     if (fovea_source_find(uri, &ops, &address, &error) || ops->open(address, &all, &source, &error) ||
         ops->start(source, &error))
         fail_msg("%s", error.text);

@@ -25,9 +25,16 @@ static uint8_t picture[WIDTH * HEIGHT];
 static int setup(void **state)
 {
     (void)state;
-    for (int i = 0; i < WIDTH * HEIGHT; i++) picture[i] = (uint8_t)((i % WIDTH / 20 * 37 + i / WIDTH / 15 * 91) ^ (i * 7 & 15));
+    for (int i = 0; i < WIDTH * HEIGHT; i++)
+        picture[i] = (uint8_t)((i % WIDTH / 20 * 37 + i / WIDTH / 15 * 91) ^ (i * 7 & 15));
     fovea_config_default(&config);
-    config.camera = (struct fovea_camera){.width = WIDTH, .height = HEIGHT, .fx = 200, .fy = 205, .cx = 161, .cy = 118, .k = {-0.2, 0.04, 1e-3, -5e-4}};
+    config.camera = (struct fovea_camera){.width = WIDTH,
+                                          .height = HEIGHT,
+                                          .fx = 200,
+                                          .fy = 205,
+                                          .cx = 161,
+                                          .cy = 118,
+                                          .k = {-0.2, 0.04, 1e-3, -5e-4}};
     config.odometry.enabled = false;
     config.detect.model = detector_model(&config.detect.model_bytes);
     if (config.detect.model == NULL) return -1;
@@ -54,7 +61,12 @@ static const struct fovea_message *turn(struct fovea *rt, int i, uint32_t units)
 {
     static struct fovea_outputs outputs;
     const struct fovea_frame frame = {
-        .image = {.data = picture, .width = WIDTH, .height = HEIGHT, .stride_bytes = WIDTH, .format = FOVEA_PIXEL_GREY8, .size_bytes = sizeof picture},
+        .image = {.data = picture,
+                  .width = WIDTH,
+                  .height = HEIGHT,
+                  .stride_bytes = WIDTH,
+                  .format = FOVEA_PIXEL_GREY8,
+                  .size_bytes = sizeof picture},
         .stamp_ns = (i + 1) * 1000,
         .sequence = (uint64_t)i + 100,
     };
@@ -87,7 +99,8 @@ static void slices_give_the_same_with_the_stamp_of_the_image(void **state)
         const struct fovea_message *message = turn(sliced.rt, i, 2);
         if (message == NULL) continue;
         fovea_detections_t decoded;
-        assert_int_equal(fovea_detections_t_decode(message->data, 0, (int)message->bytes, &decoded), message->bytes);
+        assert_int_equal(fovea_detections_t_decode(message->data, 0, (int)message->bytes, &decoded),
+                         message->bytes);
         fovea_detections_get(sliced.rt, &some);
         assert_int_equal(some.looks, ++looks);
         assert_int_equal(some.sequence, 100 + looked_at);
@@ -119,7 +132,12 @@ static void tracks_follow_the_looks(void **state)
     for (int i = 0; i < 5; i++) {
         static struct fovea_outputs outputs;
         const struct fovea_frame frame = {
-            .image = {.data = picture, .width = WIDTH, .height = HEIGHT, .stride_bytes = WIDTH, .format = FOVEA_PIXEL_GREY8, .size_bytes = sizeof picture},
+            .image = {.data = picture,
+                      .width = WIDTH,
+                      .height = HEIGHT,
+                      .stride_bytes = WIDTH,
+                      .format = FOVEA_PIXEL_GREY8,
+                      .size_bytes = sizeof picture},
             .stamp_ns = (i + 1) * 33333333,
             .sequence = (uint64_t)i + 100,
         };
@@ -143,9 +161,12 @@ static void tracks_follow_the_looks(void **state)
         confirmed = 0;
         for (uint32_t t = 0; t < tracks.count; t++) {
             const struct fovea_track *track = &tracks.list[t];
-            assert_true(out.id[t] == (int64_t)track->id && out.state[t] == track->state && out.x_max_px[t] == track->x_max_px);
-            assert_memory_equal(&out.velocity_covariance_m2_s2[6 * t], track->velocity_covariance_m2_s2, sizeof track->velocity_covariance_m2_s2);
-            assert_true(out.age_ns[t] == tracks.stamp_ns - track->first_ns && out.unseen_ns[t] == tracks.stamp_ns - track->seen_ns);
+            assert_true(out.id[t] == (int64_t)track->id && out.state[t] == track->state &&
+                        out.x_max_px[t] == track->x_max_px);
+            assert_memory_equal(&out.velocity_covariance_m2_s2[6 * t], track->velocity_covariance_m2_s2,
+                                sizeof track->velocity_covariance_m2_s2);
+            assert_true(out.age_ns[t] == tracks.stamp_ns - track->first_ns &&
+                        out.unseen_ns[t] == tracks.stamp_ns - track->seen_ns);
             confirmed += track->state == FOVEA_TRACK_CONFIRMED;
         }
         fovea_tracks_t_decode_cleanup(&out);
@@ -191,15 +212,19 @@ static void rectified_boxes_hold_the_raw_ones(void **state)
     fovea_detections_t out;
     const struct fovea_message *message = turn(made.rt, 0, 100000);
     assert_int_equal(fovea_detections_t_decode(message->data, 0, (int)message->bytes, &out), message->bytes);
-    assert_int_equal(fv_view_choose(&config.camera, FV_VIEW_PINHOLE, FV_VIEW_CROP, WIDTH, HEIGHT, &view, &error), FOVEA_OK);
+    assert_int_equal(
+        fv_view_choose(&config.camera, FV_VIEW_PINHOLE, FV_VIEW_CROP, WIDTH, HEIGHT, &view, &error),
+        FOVEA_OK);
     assert_int_equal(out.rectified_shape, FV_VIEW_PINHOLE);
     assert_true(out.rectified_fx == view.fx && out.rectified_cy == view.cy);
     for (int d = 0; d < out.count; d++) {
         double low[2] = {1e9, 1e9}, high[2] = {-1e9, -1e9};
         for (int i = 0; i < 4 * 2; i++) { /* corners and middles of the sides, by the way back */
             const double share[8][2] = {{0, 0}, {.5, 0}, {1, 0}, {1, .5}, {1, 1}, {.5, 1}, {0, 1}, {0, .5}};
-            const double x = (double)out.x_min_px[d] + share[i][0] * (double)(out.x_max_px[d] - out.x_min_px[d]);
-            const double y = (double)out.y_min_px[d] + share[i][1] * (double)(out.y_max_px[d] - out.y_min_px[d]);
+            const double x =
+                (double)out.x_min_px[d] + share[i][0] * (double)(out.x_max_px[d] - out.x_min_px[d]);
+            const double y =
+                (double)out.y_min_px[d] + share[i][1] * (double)(out.y_max_px[d] - out.y_min_px[d]);
             double at[2], raw[2];
             assert_true(fv_view_from_raw(&view, &config.camera, x, y, at));
             assert_true(fv_view_to_raw(&view, &config.camera, at[0], at[1], raw));

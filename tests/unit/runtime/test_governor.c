@@ -70,7 +70,8 @@ static void learns_the_cost_of_a_unit(void **state)
     (void)state;
     struct fovea_outputs outputs = {0};
     outputs.units_done[0] = 10;
-    for (int i = 0; i < 200; i++) fovea_governor_learn(&governor, 1000000, 10 * 50000, &outputs);
+    for (int i = 0; i < 200; i++)
+        fovea_governor_learn(&governor, 1000000, 10 * 50000, &outputs);
     assert_in_range(governor.unit_ns[0], 50000, 60000);
     fovea_governor_learn(&governor, 1000000, 10 * 400000, &outputs);
     assert_int_equal(governor.unit_ns[0], 400000); /* rises are believed at once */

@@ -189,9 +189,10 @@ static double squared_error(int n, int k, double unit_m)
 }
 
 struct confidence {
-    int posed, weak, falsely; /* frames; falsely: said to be tracking with an error over 22.5
-                                 (chi-square, 99.9 %, 6 dof) */
-    double sum, worst;        /* of squared errors over 6 */
+    /* frames; falsely: said to be tracking with an error over 22.5
+     * (chi-square, 99.9 %, 6 dof) */
+    int posed, weak, falsely;
+    double sum, worst; /* of squared errors over 6 */
 };
 
 /* The frame that became the keyframe called `number`; -1: before any pose, as the first frames of a start. */

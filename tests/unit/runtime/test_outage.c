@@ -36,7 +36,8 @@ static void lost_and_found(void **state)
     (void)state;
     sim_rig_open(&rig, "sequence:" ORBIT "[frames=24] then " ORBIT "[start=8,frames=14]", 0, 0);
     sim_rig_build(&rig);
-    while (rig.frames < BEFORE && sim_rig_next(&rig)) sim_rig_process(&rig);
+    while (rig.frames < BEFORE && sim_rig_next(&rig))
+        sim_rig_process(&rig);
     assert_int_equal(rig.frames, BEFORE);
     assert_int_equal(rig.pose[BEFORE - 1].state, FOVEA_TRACKING_OK);
 
@@ -46,7 +47,8 @@ static void lost_and_found(void **state)
     assert_int_equal(step_without_frame(FOVEA_SOURCE_GONE), FOVEA_TRACKING_LOST);
     assert_true(publishes("FOVEA_POSE"));
     for (int k = 0; k < 10; k++) {
-        assert_int_equal(step_without_frame(k < 8 ? FOVEA_SOURCE_GONE : FOVEA_SOURCE_RETURNING), FOVEA_TRACKING_LOST);
+        assert_int_equal(step_without_frame(k < 8 ? FOVEA_SOURCE_GONE : FOVEA_SOURCE_RETURNING),
+                         FOVEA_TRACKING_LOST);
         assert_false(publishes("FOVEA_POSE"));
     }
 
@@ -64,7 +66,8 @@ static void lost_and_found(void **state)
     for (int k = found; k < rig.frames; k++) { /* each view as the first time */
         const int first = k - BEFORE + BACK_AT;
         const double off = sim_rig_moved(rig.pose[k].T_world_cam, rig.pose[first].T_world_cam);
-        if (off > 0.05 * way) fail_msg("frame %d: %.1f %% of the way off frame %d", k, 100 * off / way, first);
+        if (off > 0.05 * way)
+            fail_msg("frame %d: %.1f %% of the way off frame %d", k, 100 * off / way, first);
     }
     sim_rig_close(&rig);
 }

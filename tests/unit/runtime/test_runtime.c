@@ -26,12 +26,15 @@ static int setup(void **state)
     struct fovea_random random;
     fovea_random_seed(&random, 11);
     for (int block = 0; block < 600; block++) {
-        const uint32_t x = fovea_random_below(&random, WIDTH - 20), y = fovea_random_below(&random, HEIGHT - 20);
+        const uint32_t x = fovea_random_below(&random, WIDTH - 20),
+                       y = fovea_random_below(&random, HEIGHT - 20);
         const uint32_t size = 4 + fovea_random_below(&random, 16), grey = fovea_random_below(&random, 256);
-        for (uint32_t row = y; row < y + size; row++) memset(&picture[row * WIDTH + x], (int)grey, size);
+        for (uint32_t row = y; row < y + size; row++)
+            memset(&picture[row * WIDTH + x], (int)grey, size);
     }
     fovea_config_default(&config);
-    config.camera = (struct fovea_camera){.width = WIDTH, .height = HEIGHT, .fx = 200, .fy = 200, .cx = 160, .cy = 120};
+    config.camera =
+        (struct fovea_camera){.width = WIDTH, .height = HEIGHT, .fx = 200, .fy = 200, .cx = 160, .cy = 120};
     assert_int_equal(fovea_camera_prepare(&config.camera, &error), FOVEA_OK);
     return 0;
 }
@@ -55,14 +58,19 @@ static struct made make(uint8_t fill)
 static struct fovea_frame frame_at(int64_t stamp_ns)
 {
     return (struct fovea_frame){
-        .image = {.data = picture, .width = WIDTH, .height = HEIGHT, .stride_bytes = WIDTH, .format = FOVEA_PIXEL_GREY8,
+        .image = {.data = picture,
+                  .width = WIDTH,
+                  .height = HEIGHT,
+                  .stride_bytes = WIDTH,
+                  .format = FOVEA_PIXEL_GREY8,
                   .size_bytes = sizeof picture},
         .stamp_ns = stamp_ns,
         .sequence = (uint64_t)(stamp_ns / 1000),
     };
 }
 
-static enum fovea_status step(struct fovea *rt, const struct fovea_frame *frame, struct fovea_outputs *outputs)
+static enum fovea_status step(struct fovea *rt, const struct fovea_frame *frame,
+                              struct fovea_outputs *outputs)
 {
     struct fovea_inputs inputs = {.frame = frame, .now_ns = frame ? frame->stamp_ns : 0};
     fovea_grants_fixed(&config, &inputs.grants);
@@ -84,7 +92,8 @@ static void size_and_table_agree(void **state)
     struct fovea_memory_table table;
     assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_OK);
     assert_int_equal(fovea_memory(&config, &table, &error), FOVEA_OK);
-    for (uint32_t i = 0; i < table.count; i++) sum += table.rows[i].bytes;
+    for (uint32_t i = 0; i < table.count; i++)
+        sum += table.rows[i].bytes;
     assert_int_equal(sum, bytes);
     void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, bytes);
     struct fovea *rt;
@@ -107,7 +116,8 @@ static void bad_configurations_are_refused(void **state)
     assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
     assert_string_equal(error.text, "camera width: found -5, expected 64 to 4096");
     config = good;
-    config.camera.field_max_rad = 0; /* as before fovea_camera_prepare: every point would be out of its field */
+    config.camera.field_max_rad =
+        0; /* as before fovea_camera_prepare: every point would be out of its field */
     assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
     assert_non_null(strstr(error.text, "fovea_camera_prepare"));
     config = good;
@@ -116,8 +126,12 @@ static void bad_configurations_are_refused(void **state)
     assert_string_equal(error.text, "camera fy: found nan, expected 0.001 to 1e+06");
     const struct {
         double *value, wrong;
-    } of_camera[] = {{&config.camera.fx, 0},        {&config.camera.cx, NAN},           {&config.camera.cy, 2e5},
-                     {&config.camera.fy, INFINITY}, {&config.camera.field_max_rad, 4}, {&config.camera.field_max_rad, NAN}};
+    } of_camera[] = {{&config.camera.fx, 0},
+                     {&config.camera.cx, NAN},
+                     {&config.camera.cy, 2e5},
+                     {&config.camera.fy, INFINITY},
+                     {&config.camera.field_max_rad, 4},
+                     {&config.camera.field_max_rad, NAN}};
     for (size_t i = 0; i < sizeof of_camera / sizeof of_camera[0]; i++) {
         config = good;
         *of_camera[i].value = of_camera[i].wrong;
@@ -204,7 +218,7 @@ static void commands_pause_resume_and_reset(void **state)
     inputs.commands = FOVEA_COMMAND_RESUME | FOVEA_COMMAND_SAVE;
     assert_int_equal(fovea_step(made.rt, &inputs, &outputs), FOVEA_OK);
     assert_true(outputs.jobs_waiting & 1u << FOVEA_JOB_MAP); /* the map is being saved */
-    frame.stamp_ns = 1000; /* after a reset time may start anew */
+    frame.stamp_ns = 1000;                                   /* after a reset time may start anew */
     inputs.commands = FOVEA_COMMAND_RESET;
     assert_int_equal(fovea_step(made.rt, &inputs, &outputs), FOVEA_OK);
     struct fovea_stats stats;
@@ -233,11 +247,13 @@ static void compare_runs(struct fovea *a, struct fovea *b, int first, int steps)
             assert_int_equal(from_a.message_count, from_b.message_count);
             for (uint32_t m = 0; m < from_a.message_count; m++) {
                 const struct fovea_message *sent = &from_a.messages[m], *other = &from_b.messages[m];
-                struct fv_difference difference = {.field = "a volatile field"}; /* equal too: there is no clock */
+                struct fv_difference difference = {.field =
+                                                       "a volatile field"}; /* equal too: there is no clock */
                 assert_string_equal(sent->channel, other->channel);
                 if (!fv_message_compare(sent->data, sent->bytes, other->data, other->bytes, &difference) ||
                     memcmp(sent->data, other->data, sent->bytes) != 0)
-                    fail_msg("%s: %s: %s, %s", sent->channel, difference.field, difference.expected, difference.found);
+                    fail_msg("%s: %s: %s, %s", sent->channel, difference.field, difference.expected,
+                             difference.found);
             }
         }
         assert_true(fovea_state_hash(a) == fovea_state_hash(b));
@@ -280,7 +296,8 @@ static void preview_of_noise_comes_too(void **state)
     int previews = 0;
     memcpy(before, picture, sizeof picture);
     fovea_random_seed(&random, 5);
-    for (size_t i = 0; i < sizeof picture; i++) picture[i] = (uint8_t)fovea_random_below(&random, 256);
+    for (size_t i = 0; i < sizeof picture; i++)
+        picture[i] = (uint8_t)fovea_random_below(&random, 256);
     config.preview = (struct fovea_preview_config){.period_frames = 1, .quality = 100, .level = 0};
     struct made made = make(0);
     for (int i = 0; i < 60; i++) {
@@ -344,7 +361,8 @@ static void masked_pixels_give_no_features(void **state)
 {
     (void)state;
     uint8_t *mask = malloc(WIDTH * HEIGHT);
-    for (int i = 0; i < WIDTH * HEIGHT; i++) mask[i] = i % WIDTH < WIDTH / 2 ? 0 : 255;
+    for (int i = 0; i < WIDTH * HEIGHT; i++)
+        mask[i] = i % WIDTH < WIDTH / 2 ? 0 : 255;
     config.mask = mask;
     struct made made = make(0);
     free(mask); /* the runtime has its own copy */
@@ -355,7 +373,8 @@ static void masked_pixels_give_no_features(void **state)
     uint32_t count;
     const struct fovea_feature *features = fovea_features_get(made.rt, &count);
     assert_true(count > 50);
-    for (uint32_t i = 0; i < count; i++) assert_true(features[i].x_px > WIDTH / 2 - 2);
+    for (uint32_t i = 0; i < count; i++)
+        assert_true(features[i].x_px > WIDTH / 2 - 2);
     free(made.memory);
 }
 

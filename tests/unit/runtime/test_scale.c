@@ -38,7 +38,8 @@ static void odometry_gives_metres(void **state)
     }
     const struct fovea_pose *last = &rig.pose[rig.frames - 1];
     double scale = sim_rig_scale(&rig, 120, rig.frames);
-    printf("odometry: scale off by %+.2f %%, said to be sure to %.2f %%\n", 100 * (scale - 1), 100 * last->scale_sigma);
+    printf("odometry: scale off by %+.2f %%, said to be sure to %.2f %%\n", 100 * (scale - 1),
+           100 * last->scale_sigma);
     assert_int_equal(last->scale_source, FOVEA_SCALE_ODOMETRY);
     assert_true(fabs(scale - 1) < 0.02);
     assert_true(last->scale_sigma > 0.002 && last->scale_sigma < 0.05);
@@ -80,12 +81,15 @@ static void a_saved_map_keeps_its_scale(void **state)
         rig.config.map_bytes = saved_bytes;
         rig.config.odometry.localise_only = localise_only;
         sim_rig_build(&rig);
-        while (sim_rig_next(&rig)) sim_rig_process(&rig);
+        while (sim_rig_next(&rig))
+            sim_rig_process(&rig);
         const struct fovea_pose *last = &rig.pose[rig.frames - 1];
         double scale = sim_rig_scale(&rig, 20, rig.frames);
-        printf("saved map, %s: scale off by %+.2f %%\n", localise_only ? "localised" : "mapped on", 100 * (scale - 1));
+        printf("saved map, %s: scale off by %+.2f %%\n", localise_only ? "localised" : "mapped on",
+               100 * (scale - 1));
         assert_int_equal(last->scale_source, FOVEA_SCALE_ODOMETRY);
-        assert_true(fabs(last->scale / saved_scale - 1) < 1e-9 && last->scale_sigma > 0.002 && last->map_scale == 1);
+        assert_true(fabs(last->scale / saved_scale - 1) < 1e-9 && last->scale_sigma > 0.002 &&
+                    last->map_scale == 1);
         assert_true(fabs(scale - 1) < 0.02);
         sim_rig_close(&rig);
     }
@@ -100,7 +104,8 @@ static void the_path_bends_but_does_not_tear(void **state)
     rig.config.scale.source = FOVEA_SCALE_CAMERA_HEIGHT;
     rig.config.scale.camera_height_m = 1.25;
     sim_rig_build(&rig);
-    while (sim_rig_next(&rig)) sim_rig_process(&rig);
+    while (sim_rig_next(&rig))
+        sim_rig_process(&rig);
     int metric = 0;
     double worst = 0, last_scale = 0;
     bool changed = false;
@@ -125,11 +130,13 @@ static void grow_map(double factor)
 {
     struct fv_odometry *o = &rig.rt->odometry;
     for (uint32_t i = 0; i < o->map.limits.landmarks; i++) {
-        for (int k = 0; k < 3; k++) o->map.landmarks[i].point[k] *= factor;
+        for (int k = 0; k < 3; k++)
+            o->map.landmarks[i].point[k] *= factor;
         o->map.landmarks[i].distance *= (float)factor;
     }
     for (uint32_t v = 0; v < fv_map_view_count(&o->map); v++) {
-        for (int k = 0; k < 3; k++) o->map.keyframes[v].T_cam_world.t[k] *= factor;
+        for (int k = 0; k < 3; k++)
+            o->map.keyframes[v].T_cam_world.t[k] *= factor;
         o->map.keyframes[v].depth *= factor;
     }
     for (int k = 0; k < 3; k++) {
@@ -168,7 +175,8 @@ static void the_maps_unit_is_minded(void **state)
     const struct fovea_pose *grown = &rig.pose[GROWN];
     const double off = sim_rig_moved(plain.T_world_cam, grown->T_world_cam),
                  way_grown = sim_rig_moved(grown->T_world_cam, rig.pose[rig.frames - 1].T_world_cam);
-    printf("map's unit a third: place off by %.4f m, the way from there %.3f m, %.3f m without\n", off, way_grown, way);
+    printf("map's unit a third: place off by %.4f m, the way from there %.3f m, %.3f m without\n", off,
+           way_grown, way);
     assert_int_equal(plain.scale_source, FOVEA_SCALE_CAMERA_HEIGHT);
     assert_int_equal(grown->scale_source, FOVEA_SCALE_CAMERA_HEIGHT);
     assert_true(fabs(3 * grown->scale / plain.scale - 1) < 0.01);
@@ -184,8 +192,8 @@ static fovea_pose_t pose_message(void)
     memset(&pose, 0, sizeof pose);
     for (uint32_t i = 0; i < rig.outputs.message_count; i++)
         if (strcmp(rig.outputs.messages[i].channel, "FOVEA_POSE") == 0)
-            assert_true(fovea_pose_t_decode(rig.outputs.messages[i].data, 0, (int)rig.outputs.messages[i].bytes,
-                                            &pose) > 0);
+            assert_true(fovea_pose_t_decode(rig.outputs.messages[i].data, 0,
+                                            (int)rig.outputs.messages[i].bytes, &pose) > 0);
     return pose;
 }
 
@@ -313,7 +321,8 @@ static void nothing_is_taken_in_boxes(void **state)
     (void)state;
     double share;
     int open = features_in_boxes(false, &share), masked = features_in_boxes(true, &share);
-    printf("boxes: cover up to %.0f %%; %d features in them without a mask, %d with it\n", 100 * share, open, masked);
+    printf("boxes: cover up to %.0f %%; %d features in them without a mask, %d with it\n", 100 * share, open,
+           masked);
     assert_true(share > 0.15 && open > 100);
     assert_int_equal(masked, 0);
 }

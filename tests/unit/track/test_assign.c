@@ -20,7 +20,8 @@ static double best_gain(const float *cost, int rows, int columns, int row, unsig
     double best = best_gain(cost, rows, columns, row + 1, used);
     for (int c = 0; c < columns; c++) {
         if (used >> c & 1 || cost[row * columns + c] >= 1) continue;
-        const double gain = 1.0 - (double)cost[row * columns + c] + best_gain(cost, rows, columns, row + 1, used | 1u << c);
+        const double gain =
+            1.0 - (double)cost[row * columns + c] + best_gain(cost, rows, columns, row + 1, used | 1u << c);
         best = gain > best ? gain : best;
     }
     return best;
@@ -47,16 +48,22 @@ static void nothing_gains_more(void **state)
     struct fovea_random random;
     fovea_random_seed(&random, 4);
     for (int round = 0; round < 2000; round++) {
-        const int rows = 1 + (int)fovea_random_below(&random, SIDE_MAX), columns = 1 + (int)fovea_random_below(&random, SIDE_MAX);
-        const uint32_t forbidden = fovea_random_below(&random, 10), coarse = fovea_random_below(&random, 2) == 0 ? 4 : 1000;
+        const int rows = 1 + (int)fovea_random_below(&random, SIDE_MAX),
+                  columns = 1 + (int)fovea_random_below(&random, SIDE_MAX);
+        const uint32_t forbidden = fovea_random_below(&random, 10),
+                       coarse = fovea_random_below(&random, 2) == 0 ? 4 : 1000;
         float cost[SIDE_MAX * SIDE_MAX];
         int32_t column_of[SIDE_MAX];
         for (int i = 0; i < rows * columns; i++) {
-            cost[i] = fovea_random_below(&random, 10) < forbidden ? 1.0f : (float)fovea_random_below(&random, coarse) / (float)coarse;
+            cost[i] = fovea_random_below(&random, 10) < forbidden
+                          ? 1.0f
+                          : (float)fovea_random_below(&random, coarse) / (float)coarse;
         }
         fv_assign(cost, columns, rows, columns, &scratch, column_of);
-        const double found = gain_of(cost, rows, columns, column_of), best = best_gain(cost, rows, columns, 0, 0);
-        if (!(found > best - 1e-6)) fail_msg("round %d: %d x %d: gained %f of %f", round, rows, columns, found, best);
+        const double found = gain_of(cost, rows, columns, column_of),
+                     best = best_gain(cost, rows, columns, 0, 0);
+        if (!(found > best - 1e-6))
+            fail_msg("round %d: %d x %d: gained %f of %f", round, rows, columns, found, best);
     }
 }
 
@@ -67,9 +74,12 @@ static void a_large_one_is_solved(void **state)
     static int32_t column_of[FV_ASSIGN_MAX];
     /* The best is the mirror image: everything else costs more. */
     for (int r = 0; r < FV_ASSIGN_MAX; r++)
-        for (int c = 0; c < FV_ASSIGN_MAX; c++) cost[r * FV_ASSIGN_MAX + c] = c == FV_ASSIGN_MAX - 1 - r ? 0.4f : 0.5f + 0.3f * (float)((r * 7 + c * 13) % 11) / 11.0f;
+        for (int c = 0; c < FV_ASSIGN_MAX; c++)
+            cost[r * FV_ASSIGN_MAX + c] =
+                c == FV_ASSIGN_MAX - 1 - r ? 0.4f : 0.5f + 0.3f * (float)((r * 7 + c * 13) % 11) / 11.0f;
     fv_assign(cost, FV_ASSIGN_MAX, FV_ASSIGN_MAX, FV_ASSIGN_MAX, &scratch, column_of);
-    for (int r = 0; r < FV_ASSIGN_MAX; r++) assert_int_equal(column_of[r], FV_ASSIGN_MAX - 1 - r);
+    for (int r = 0; r < FV_ASSIGN_MAX; r++)
+        assert_int_equal(column_of[r], FV_ASSIGN_MAX - 1 - r);
 }
 
 static void empty_sides_give_nothing(void **state)

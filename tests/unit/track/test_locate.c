@@ -17,11 +17,15 @@ static void places_are_in_metres(void **state)
     struct fovea_tracks t = {0};
     double truth[3] = {0};
     for (int f = 0; f < 60; f++) {
-        struct fv_track_look l = {.stamp_ns = (int64_t)(f + 1) * 33333333, .posed = true, .metric = true, .T_world_cam = {1, 0, 0, 0.01 * f, 0, 1, 0, 0, 0, 0, 1, 0}};
+        struct fv_track_look l = {.stamp_ns = (int64_t)(f + 1) * 33333333,
+                                  .posed = true,
+                                  .metric = true,
+                                  .T_world_cam = {1, 0, 0, 0.01 * f, 0, 1, 0, 0, 0, 0, 1, 0}};
         truth[0] = -1 + 0.03 * f;
         truth[1] = 0.3;
         truth[2] = 5 - 0.02 * f;
-        const double p[3] = {truth[0] - 0.01 * f, truth[1], truth[2]}, top[3] = {p[0], p[1] - 0.25, p[2]}, low[3] = {p[0], p[1] + 0.25, p[2]};
+        const double p[3] = {truth[0] - 0.01 * f, truth[1], truth[2]}, top[3] = {p[0], p[1] - 0.25, p[2]},
+                     low[3] = {p[0], p[1] + 0.25, p[2]};
         double a[2], b[2];
         fovea_camera_project(&camera, top, a, NULL);
         fovea_camera_project(&camera, low, b, NULL);
@@ -35,13 +39,19 @@ static void places_are_in_metres(void **state)
     static const int diagonal[3] = {0, 3, 5};
     static const double v_truth[3] = {0.9, 0, -0.6};
     for (int i = 0; i < 3; i++) {
-        const double sigma = __builtin_sqrt(t.list[0].covariance_m2[diagonal[i]]), off = t.list[0].position_m[i] - truth[i];
-        if (!(off * off < 9 * sigma * sigma && sigma < 0.5)) fail_msg("axis %d: off by %g m, sigma %g m", i, off, sigma);
-        const double v_sigma = __builtin_sqrt(t.list[0].velocity_covariance_m2_s2[diagonal[i]]), v_off = t.list[0].velocity_m_s[i] - v_truth[i];
-        if (!(v_off * v_off < 9 * v_sigma * v_sigma && v_sigma < 1)) fail_msg("axis %d: off by %g m/s, sigma %g m/s", i, v_off, v_sigma);
-        assert_true(0.5 * v_sigma > sigma); /* who may change his pace is known by the last half second at most */
+        const double sigma = __builtin_sqrt(t.list[0].covariance_m2[diagonal[i]]),
+                     off = t.list[0].position_m[i] - truth[i];
+        if (!(off * off < 9 * sigma * sigma && sigma < 0.5))
+            fail_msg("axis %d: off by %g m, sigma %g m", i, off, sigma);
+        const double v_sigma = __builtin_sqrt(t.list[0].velocity_covariance_m2_s2[diagonal[i]]),
+                     v_off = t.list[0].velocity_m_s[i] - v_truth[i];
+        if (!(v_off * v_off < 9 * v_sigma * v_sigma && v_sigma < 1))
+            fail_msg("axis %d: off by %g m/s, sigma %g m/s", i, v_off, v_sigma);
+        assert_true(0.5 * v_sigma >
+                    sigma); /* who may change his pace is known by the last half second at most */
     }
-    assert_true(__builtin_fabs(t.list[0].velocity_m_s[0] - 0.9) < 0.2 && __builtin_fabs(t.list[0].velocity_m_s[2] + 0.6) < 0.3);
+    assert_true(__builtin_fabs(t.list[0].velocity_m_s[0] - 0.9) < 0.2 &&
+                __builtin_fabs(t.list[0].velocity_m_s[2] + 0.6) < 0.3);
     config.height_m[0] = 0;
     free(block);
 }
@@ -60,7 +70,8 @@ static void the_floor_gives_a_place(void **state)
     const struct fovea_detection d = box(pixel[0], pixel[1] - 40, 30, 80, 0.9);
     const struct fovea_tracks t = look(0, &d, 1);
     assert_int_equal(t.list[0].located, 1);
-    for (int i = 0; i < 3; i++) assert_true(__builtin_fabs(t.list[0].position_m[i] - foot[i]) < 0.01);
+    for (int i = 0; i < 3; i++)
+        assert_true(__builtin_fabs(t.list[0].position_m[i] - foot[i]) < 0.01);
     assert_true(t.list[0].covariance_m2[5] > t.list[0].covariance_m2[0]); /* depth is less certain */
     config.ground = false;
     const double still[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};

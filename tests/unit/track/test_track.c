@@ -19,8 +19,10 @@ static uint64_t id_at(const struct fovea_tracks *tracks, const struct fovea_dete
 {
     for (uint32_t i = 0; i < tracks->count; i++) {
         const struct fovea_track *t = &tracks->list[i];
-        const float w = (t->x_max_px < d->x_max_px ? t->x_max_px : d->x_max_px) - (t->x_min_px > d->x_min_px ? t->x_min_px : d->x_min_px);
-        const float h = (t->y_max_px < d->y_max_px ? t->y_max_px : d->y_max_px) - (t->y_min_px > d->y_min_px ? t->y_min_px : d->y_min_px);
+        const float w = (t->x_max_px < d->x_max_px ? t->x_max_px : d->x_max_px) -
+                        (t->x_min_px > d->x_min_px ? t->x_min_px : d->x_min_px);
+        const float h = (t->y_max_px < d->y_max_px ? t->y_max_px : d->y_max_px) -
+                        (t->y_min_px > d->y_min_px ? t->y_min_px : d->y_min_px);
         const float area = (d->x_max_px - d->x_min_px) * (d->y_max_px - d->y_min_px);
         if (t->state == FOVEA_TRACK_CONFIRMED && w > 0 && h > 0 && w * h > 0.5f * area) return t->id;
     }
@@ -73,7 +75,8 @@ static int state_after(int sightings, double score)
     struct fovea_tracks t = {0};
     const struct fovea_detection d = box(100, 100, 40, 60, score);
     make();
-    for (int f = 0; f < sightings; f++) t = look(f, &d, 1);
+    for (int f = 0; f < sightings; f++)
+        t = look(f, &d, 1);
     assert_int_equal(t.count, 1);
     const int state = t.list[0].state;
     assert_int_equal(t.confirmed, state == FOVEA_TRACK_CONFIRMED);
@@ -112,7 +115,8 @@ static void what_is_below_the_threshold_ends_no_coasting(void **state)
     make();
     struct fovea_tracks t;
     const struct fovea_detection d = box(100, 100, 40, 60, 0.7);
-    for (int f = 0; f < 12; f++) t = look_unsure(f, &d, f < 5, f >= 8);
+    for (int f = 0; f < 12; f++)
+        t = look_unsure(f, &d, f < 5, f >= 8);
     assert_int_equal(t.count, 1);
     assert_int_equal(t.list[0].state, FOVEA_TRACK_COASTING);
     assert_int_equal(t.list[0].hits, 5);
@@ -125,7 +129,8 @@ static void uncertain_detections_hold_a_track_but_start_none(void **state)
     make();
     struct fovea_tracks t;
     for (int f = 0; f < 20; f++) {
-        const struct fovea_detection d[2] = {box(100 + 2 * f, 100, 40, 60, f < 5 ? 0.9 : 0.2), box(400, 300, 50, 50, 0.3)};
+        const struct fovea_detection d[2] = {box(100 + 2 * f, 100, 40, 60, f < 5 ? 0.9 : 0.2),
+                                             box(400, 300, 50, 50, 0.3)};
         t = look(f, d, 2);
         assert_int_equal(t.count, 1);
     }
@@ -155,12 +160,15 @@ static void a_full_pool_gives_up_its_weakest(void **state)
     (void)state;
     config.tracks_max = 3;
     make();
-    const struct fovea_detection first[4] = {box(50, 50, 30, 30, 0.9), box(150, 50, 30, 30, 0.9), box(250, 50, 30, 30, 0.9), box(350, 50, 30, 30, 0.8)};
+    const struct fovea_detection first[4] = {box(50, 50, 30, 30, 0.9), box(150, 50, 30, 30, 0.9),
+                                             box(250, 50, 30, 30, 0.9), box(350, 50, 30, 30, 0.8)};
     struct fovea_tracks t;
-    for (int f = 0; f < 4; f++) t = look(f, first, 4);
+    for (int f = 0; f < 4; f++)
+        t = look(f, first, 4);
     assert_int_equal(t.count, 3); /* all seen just now: none goes */
     assert_int_equal(id_at(&t, &first[3]), 0);
-    for (int f = 4; f < 8; f++) t = look(f, first + 1, 3);
+    for (int f = 4; f < 8; f++)
+        t = look(f, first + 1, 3);
     assert_int_equal(t.count, 3);
     assert_int_equal(id_at(&t, &first[1]), 2);
     assert_int_equal(id_at(&t, &first[2]), 3);
@@ -195,21 +203,24 @@ static void start_gently(struct object *o, struct fovea_random *random)
 {
     o->at[0] = o->size + fovea_random_below(random, WIDTH - 2 * (uint32_t)o->size);
     o->v[0] = (1.0 + fovea_random_below(random, 100) / 50.0) * (fovea_random_below(random, 2) == 0 ? 1 : -1);
-    for (int k = 0; k < 4; k++) o->wave[k] = fovea_random_below(random, 1000) / 1000.0;
+    for (int k = 0; k < 4; k++)
+        o->wave[k] = fovea_random_below(random, 1000) / 1000.0;
 }
 
 static void move_gently(struct object *o, int frame)
 {
     o->at[0] += o->v[0];
     if (o->at[0] < o->size / 2 || o->at[0] > WIDTH - o->size / 2) o->v[0] = -o->v[0];
-    o->at[1] = 120 + 240 * o->wave[0] + (20 + 20 * o->wave[1]) * fovea_sin(6.28 * o->wave[2] + frame * (0.01 + 0.02 * o->wave[3]));
+    o->at[1] = 120 + 240 * o->wave[0] +
+               (20 + 20 * o->wave[1]) * fovea_sin(6.28 * o->wave[2] + frame * (0.01 + 0.02 * o->wave[3]));
 }
 
 /* Straight on at up to 3 px per frame either way, thrown back by all four walls at once. */
 static void start_straight(struct object *o, struct fovea_random *random)
 {
     for (int k = 0; k < 2; k++) {
-        o->at[k] = o->size + fovea_random_below(random, (uint32_t)((k == 0 ? WIDTH : HEIGHT) - 2 * (int)o->size));
+        o->at[k] =
+            o->size + fovea_random_below(random, (uint32_t)((k == 0 ? WIDTH : HEIGHT) - 2 * (int)o->size));
         o->v[k] = (double)fovea_random_below(random, 120) / 20.0 - 3.0;
     }
     if (__builtin_fabs(o->v[0]) < 1) o->v[0] = o->v[0] < 0 ? -1 : 1;
@@ -221,7 +232,8 @@ static void move_and_bounce(struct object *o, int frame)
     for (int k = 0; k < 2; k++) {
         o->at[k] += o->v[k];
         const double wall = k == 0 ? WIDTH : HEIGHT;
-        if ((o->at[k] < o->size / 2 && o->v[k] < 0) || (o->at[k] > wall - o->size / 2 && o->v[k] > 0)) o->v[k] = -o->v[k];
+        if ((o->at[k] < o->size / 2 && o->v[k] < 0) || (o->at[k] > wall - o->size / 2 && o->v[k] > 0))
+            o->v[k] = -o->v[k];
     }
 }
 
@@ -230,12 +242,14 @@ static uint64_t id_of(const struct fovea_tracks *tracks, const struct fovea_dete
 {
     uint64_t id = 0;
     for (uint32_t k = 0; k < tracks->count; k++) {
-        if (tracks->list[k].state == FOVEA_TRACK_CONFIRMED && tracks->list[k].score == d->score) id = tracks->list[k].id;
+        if (tracks->list[k].state == FOVEA_TRACK_CONFIRMED && tracks->list[k].score == d->score)
+            id = tracks->list[k].id;
     }
     return id;
 }
 
-static void play_frame(const struct motion *motion, int frame, struct object *o, struct fovea_random *random, struct outcome *outcome)
+static void play_frame(const struct motion *motion, int frame, struct object *o, struct fovea_random *random,
+                       struct outcome *outcome)
 {
     struct fovea_detection seen[OBJECTS_MAX];
     int who[OBJECTS_MAX];
@@ -246,11 +260,14 @@ static void play_frame(const struct motion *motion, int frame, struct object *o,
         outcome->gaps += o[i].hidden && !behind;
         o[i].hidden = behind;
         if (behind) continue;
-        const double shake[2] = {(double)fovea_random_below(random, 21) / 10 - 1, (double)fovea_random_below(random, 21) / 10 - 1};
+        const double shake[2] = {(double)fovea_random_below(random, 21) / 10 - 1,
+                                 (double)fovea_random_below(random, 21) / 10 - 1};
         who[count] = i;
-        seen[count++] = box(o[i].at[0] + shake[0], o[i].at[1] + shake[1], o[i].size, 1.5 * o[i].size, 0.9 + 0.01 * i);
+        seen[count++] =
+            box(o[i].at[0] + shake[0], o[i].at[1] + shake[1], o[i].size, 1.5 * o[i].size, 0.9 + 0.01 * i);
         for (int j = 0; j < i; j++) {
-            outcome->crossings += !o[j].hidden && __builtin_fabs(o[i].at[0] - o[j].at[0]) < 5 && __builtin_fabs(o[i].at[1] - o[j].at[1]) < 5;
+            outcome->crossings += !o[j].hidden && __builtin_fabs(o[i].at[0] - o[j].at[0]) < 5 &&
+                                  __builtin_fabs(o[i].at[1] - o[j].at[1]) < 5;
         }
     }
     const struct fovea_tracks t = look(frame, seen, count);
@@ -274,15 +291,17 @@ static struct outcome play(const struct motion *motion, int scenes)
             motion->start(&o[i], &random);
         }
         make();
-        for (int f = 0; f < SCENE_FRAMES; f++) play_frame(motion, f, o, &random, &outcome);
+        for (int f = 0; f < SCENE_FRAMES; f++)
+            play_frame(motion, f, o, &random, &outcome);
         for (int i = 0; i < motion->objects; i++) {
             assert_true(o[i].id > 0);
-            for (int j = 0; j < i; j++) assert_true(o[i].id != o[j].id);
+            for (int j = 0; j < i; j++)
+                assert_true(o[i].id != o[j].id);
         }
         free(block);
     }
-    printf("%d scenes: %d times behind the pillar, %d frames with two objects in one place, %d switches\n", scenes, outcome.gaps,
-           outcome.crossings, outcome.switches);
+    printf("%d scenes: %d times behind the pillar, %d frames with two objects in one place, %d switches\n",
+           scenes, outcome.gaps, outcome.crossings, outcome.switches);
     return outcome;
 }
 
@@ -316,7 +335,8 @@ static uint64_t swing(bool posed)
         fv_so3_exp(rotation, R);
         double p[3];
         for (int i = 0; i < 3; i++) {
-            for (int j = 0; j < 3; j++) l.T_world_cam[4 * i + j] = R[3 * i + j];
+            for (int j = 0; j < 3; j++)
+                l.T_world_cam[4 * i + j] = R[3 * i + j];
             p[i] = R[i] * world[0] + R[3 + i] * world[1] + R[6 + i] * world[2];
         }
         assert_int_equal(fovea_camera_project(&camera, p, pixel, NULL), FOVEA_OK);
@@ -345,7 +365,10 @@ static bool read_truth(const char *path, double (*boxes)[4], int *count)
     FILE *file = fopen(path, "r");
     if (file == NULL) return false;
     double *b = boxes[0];
-    for (*count = 0; *count < 2000 && fscanf(file, "%lf%*[, \t]%lf%*[, \t]%lf%*[, \t]%lf", b, b + 1, b + 2, b + 3) == 4; b += 4) ++*count;
+    for (*count = 0;
+         *count < 2000 && fscanf(file, "%lf%*[, \t]%lf%*[, \t]%lf%*[, \t]%lf", b, b + 1, b + 2, b + 3) == 4;
+         b += 4)
+        ++*count;
     fclose(file);
     return true;
 }
@@ -366,7 +389,8 @@ static void one_pedestrian_seen_every_third_frame_is_one_track(void **state)
         config.mode = mode;
         make();
         for (int f = 0; f < count; f += 3) {
-            const struct fovea_detection d = box(boxes[f][0] + boxes[f][2] / 2, boxes[f][1] + boxes[f][3] / 2, boxes[f][2], boxes[f][3], 0.9);
+            const struct fovea_detection d = box(boxes[f][0] + boxes[f][2] / 2, boxes[f][1] + boxes[f][3] / 2,
+                                                 boxes[f][2], boxes[f][3], 0.9);
             const struct fovea_tracks t = look(f, &d, 1);
             assert_int_equal(t.count, 1);
             assert_int_equal(t.list[0].id, 1);
@@ -384,14 +408,17 @@ static void centroids_match_up_to_a_distance(void **state)
     config.max_disappeared = 3;
     make();
     const struct fovea_detection a[2] = {box(100, 100, 20, 20, 0.9), box(140, 100, 20, 20, 0.9)};
-    const struct fovea_detection b[2] = {box(125, 100, 20, 20, 0.9), box(160, 100, 20, 20, 0.9)}; /* nearest pairs first: 15, then 25 is too far from... */
+    const struct fovea_detection b[2] = {
+        box(125, 100, 20, 20, 0.9),
+        box(160, 100, 20, 20, 0.9)}; /* nearest pairs first: 15, then 25 is too far from... */
     struct fovea_tracks t = look(0, a, 2);
     assert_int_equal(t.count, 2);
     assert_int_equal(t.list[0].state, FOVEA_TRACK_CONFIRMED);
     t = look(1, b, 2);
     assert_int_equal(id_at(&t, &b[0]), 2); /* 15 px from the second, 25 from the first */
     assert_int_equal(id_at(&t, &b[1]), 3); /* 60 px from the first: another */
-    for (int f = 2; f < 5; f++) t = look(f, b, 2);
+    for (int f = 2; f < 5; f++)
+        t = look(f, b, 2);
     assert_int_equal(t.list[0].id, 1);
     assert_int_equal(t.list[0].state, FOVEA_TRACK_ENDED); /* the fourth look without it */
     t = look(5, b, 2);
@@ -437,16 +464,19 @@ static void a_hundred_objects_take_a_fifth_of_a_millisecond(void **state)
     double at[OBJECTS][2], v[OBJECTS][2];
     for (int i = 0; i < OBJECTS; i++) {
         at[i][0] = fovea_random_below(&random, WIDTH), at[i][1] = fovea_random_below(&random, HEIGHT);
-        for (int k = 0; k < 2; k++) v[i][k] = (double)fovea_random_below(&random, 80) / 20.0 - 2.0;
+        for (int k = 0; k < 2; k++)
+            v[i][k] = (double)fovea_random_below(&random, 80) / 20.0 - 2.0;
     }
     struct fovea_tracks t = {0};
     for (int f = 0; f < FRAMES; f++) {
         struct fovea_detection d[OBJECTS];
         const double rotation[3] = {0, 0.002 * f, 0};
         double R[9];
-        struct fv_track_look l = {.stamp_ns = (int64_t)(f + 1) * 33333333, .detections = d, .count = OBJECTS, .posed = true};
+        struct fv_track_look l = {
+            .stamp_ns = (int64_t)(f + 1) * 33333333, .detections = d, .count = OBJECTS, .posed = true};
         fv_so3_exp(rotation, R);
-        for (int i = 0; i < 9; i++) l.T_world_cam[i / 3 * 4 + i % 3] = R[i];
+        for (int i = 0; i < 9; i++)
+            l.T_world_cam[i / 3 * 4 + i % 3] = R[i];
         for (int i = 0; i < OBJECTS; i++) {
             for (int k = 0; k < 2; k++) {
                 at[i][k] += v[i][k];
@@ -466,7 +496,8 @@ static void a_hundred_objects_take_a_fifth_of_a_millisecond(void **state)
             took[j] = took[j - 1];
             took[j - 1] = swap;
         }
-    printf("100 objects: median %.3f ms, 90th percentile %.3f ms\n", (double)took[FRAMES / 2] * 1e-6, (double)took[FRAMES * 9 / 10] * 1e-6);
+    printf("100 objects: median %.3f ms, 90th percentile %.3f ms\n", (double)took[FRAMES / 2] * 1e-6,
+           (double)took[FRAMES * 9 / 10] * 1e-6);
     if (getenv("FOVEA_TIMED") != NULL) assert_true(took[FRAMES / 2] <= 200000);
     free(block);
 }
