@@ -64,8 +64,7 @@ static void fv_set_keypoint(const double bearing[3], const double A[6], uint32_t
 {
     const double sigma = sigma_px * fv_level_scale(level);
     for (int i = 0; i < 3; i++)
-        k->bearing[i] =
-            (float)bearing[i]; /* NOLINT(clang-analyzer-core.NullDereference): no keyframe is filled */
+        k->bearing[i] = (float)bearing[i]; /* NOLINT(*NullDereference): no keyframe is filled */
     for (int i = 0; i < 6; i++)
         k->A[i] = (float)A[i];
     k->weight = (float)(1 / (sigma * sigma));
