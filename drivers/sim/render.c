@@ -351,6 +351,12 @@ struct job {
     int32_t y_begin, y_end;
 };
 
+/* Where a pixel row begins in the canvas. */
+static inline size_t row_start(const struct job *job, int32_t y)
+{
+    return (size_t)(y % job->canvas->rows) * (size_t)job->raster->width;
+}
+
 /* A row of a tile into the canvas; of the last tile only what the image has. */
 static inline void row_write(uint16_t *to, const uint16_t *row, int32_t columns)
 {
@@ -381,7 +387,7 @@ static void first_pass(const struct job *job, int32_t tile, const uint16_t *list
             light, seen);
     }
     for (int32_t r = r0; r < r1; r++) {
-        const size_t to = (size_t)(ty + r) * (size_t)raster->width + (size_t)tx;
+        const size_t to = row_start(job, ty + r) + (size_t)tx;
         row_write(job->canvas->linear + to, light + (r - r0) * FV_SIM_TILE, columns);
         row_write(job->canvas->surface + to, seen + (r - r0) * FV_SIM_TILE, columns);
     }
@@ -429,7 +435,7 @@ FV_WIDE static int32_t find_edges(const struct job *job, int32_t tx, int32_t ty,
     int32_t count = 0;
     for (int32_t y = y_first - 1; y <= y_last; y++) {
         const int32_t inside = y < job->y_begin ? job->y_begin : y >= job->y_end ? job->y_end - 1 : y;
-        const size_t start = (size_t)inside * (size_t)width + (size_t)tx;
+        const size_t start = row_start(job, inside) + (size_t)tx;
         row_read(job->canvas->surface + start, columns, left, right, surface[(y + 3) % 3]);
         row_read(job->canvas->linear + start, columns, left, right, light[(y + 3) % 3]);
         if (y < y_first + 1) continue;
@@ -483,8 +489,7 @@ static void second_pass(const struct job *job, int32_t tile, const uint16_t *lis
         for (int32_t j = 0; j < n; j++) {
             const int32_t p = edge[first + j],
                           sum = light[4 * j] + light[4 * j + 1] + light[4 * j + 2] + light[4 * j + 3];
-            const size_t to =
-                (size_t)(ty + p / FV_SIM_TILE) * (size_t)raster->width + (size_t)(tx + p % FV_SIM_TILE);
+            const size_t to = row_start(job, ty + p / FV_SIM_TILE) + (size_t)(tx + p % FV_SIM_TILE);
             job->canvas->linear[to] = (uint16_t)(sum / 4);
         }
     }
@@ -525,15 +530,33 @@ static void block_pass(const struct job *job, int32_t bx, int32_t by, bool secon
     }
 }
 
+static void blocks_pass(const struct job *job, int32_t by, bool second)
+{
+    for (int32_t bx = 0; bx < job->raster->tiles_x; bx += FV_SIM_BLOCK_TILES)
+        block_pass(job, bx, by, second);
+}
+
+/* The second pass over a row of blocks, of which the next has had its first: no other changes its pixels any more. */
+static void blocks_finish(const struct job *job, int32_t by)
+{
+    const struct fv_sim_canvas *canvas = job->canvas;
+    const int32_t top = by * FV_SIM_TILE, bottom = top + FV_SIM_BLOCK_ROWS;
+    const int32_t y_begin = top > job->y_begin ? top : job->y_begin,
+                  y_end = bottom < job->y_end ? bottom : job->y_end;
+    blocks_pass(job, by, true);
+    if (canvas->finished != NULL)
+        canvas->finished(canvas->context, canvas->linear + row_start(job, y_begin), y_begin, y_end);
+}
+
 void fv_sim_render(const struct fv_sim_view *view, const struct fv_sim_raster *raster, int32_t y_begin,
                    int32_t y_end, struct fv_sim_canvas *canvas)
 {
     const struct job job = {view, raster, canvas, y_begin, y_end};
-    const int32_t first = y_begin / FV_SIM_TILE / FV_SIM_BLOCK_TILES * FV_SIM_BLOCK_TILES;
-    for (int32_t pass = 0; pass < 2; pass++) {
-        for (int32_t by = first; by < raster->tiles_y && by * FV_SIM_TILE < y_end; by += FV_SIM_BLOCK_TILES) {
-            for (int32_t bx = 0; bx < raster->tiles_x; bx += FV_SIM_BLOCK_TILES)
-                block_pass(&job, bx, by, pass == 1);
-        }
+    const int32_t first = y_begin / FV_SIM_BLOCK_ROWS * FV_SIM_BLOCK_TILES;
+    int32_t by = first;
+    for (; by < raster->tiles_y && by * FV_SIM_TILE < y_end; by += FV_SIM_BLOCK_TILES) {
+        blocks_pass(&job, by, false);
+        if (by > first) blocks_finish(&job, by - FV_SIM_BLOCK_TILES);
     }
+    if (by > first) blocks_finish(&job, by - FV_SIM_BLOCK_TILES);
 }

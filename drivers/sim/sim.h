@@ -239,6 +239,9 @@ enum {
     FV_SIM_TILE = 16,
     FV_SIM_TILE_PIXELS = FV_SIM_TILE * FV_SIM_TILE,
     FV_SIM_BLOCK_TILES = 4, /* tiles per side of a block, the coarser level of culling */
+    FV_SIM_BLOCK_ROWS = FV_SIM_TILE * FV_SIM_BLOCK_TILES,
+    FV_SIM_CANVAS_ROWS =
+        3 * FV_SIM_BLOCK_ROWS, /* a row of blocks whose edges are smoothed, and its neighbours */
     FV_SIM_SURFACES_MAX = FV_SIM_FACES_MAX + FV_SIM_ROUNDS_MAX
 };
 
@@ -283,10 +286,14 @@ void fv_sim_view_set(struct fv_sim_view *view, const struct fv_sim_world *world,
 int32_t fv_sim_view_cull(const struct fv_sim_view *view, const uint16_t *from, int32_t from_count,
                          const struct fv_sim_rect *bound, uint16_t *list, bool *covered);
 
-/* Frame-sized working memory of the renderer. */
+/* Working memory of the renderer. It may hold fewer rows than the image has: pixel row y is at row y % rows. */
 struct fv_sim_canvas {
-    uint16_t *linear;  /* light, 8 bits of fraction, width x height */
-    uint16_t *surface; /* seen surface + 1, width x height */
+    uint16_t *linear;  /* light, 8 bits of fraction, width x rows */
+    uint16_t *surface; /* seen surface + 1, width x rows */
+    int32_t rows;      /* those of the image, or FV_SIM_CANVAS_ROWS where these are fewer */
+    /* NULL, or called with rows that are done, from top to bottom: they stay until the next call. */
+    void (*finished)(void *context, const uint16_t *linear, int32_t y_begin, int32_t y_end);
+    void *context;
 };
 
 /* Light of the pixel rows [y_begin, y_end) into the canvas. Real-time safe. */
@@ -297,9 +304,16 @@ void fv_sim_render(const struct fv_sim_view *view, const struct fv_sim_raster *r
 void fv_sim_trace(const struct fv_sim_view *view, const uint16_t *list, int32_t list_count, const float *x,
                   const float *y, int32_t count, float *inverse_z, int32_t *hit);
 
-/* Light to grey levels with noise; a pure function of its arguments. */
-void fv_sim_sensor(const uint16_t *linear, int32_t count, double light, double noise, uint64_t seed,
-                   uint8_t *grey);
+/* Light to grey levels with noise, a pure function of the arguments: begun for each frame, then handed its pixels
+ * in order, each time but the last a multiple of FV_SIM_SENSOR_LANES. */
+enum { FV_SIM_SENSOR_LANES = 64 };
+struct fv_sim_sensor {
+    uint32_t state[FV_SIM_SENSOR_LANES];
+    uint16_t gain;  /* 256ths */
+    int16_t spread; /* 1/256 grey levels per 256 of a sum of four random bytes */
+};
+void fv_sim_sensor_begin(struct fv_sim_sensor *sensor, double light, double noise, uint64_t seed);
+void fv_sim_sensor_expose(struct fv_sim_sensor *sensor, const uint16_t *linear, int32_t count, uint8_t *grey);
 
 /* ---- the source (source.c, truth.c) ------------------------------------------------------------------ */
 
@@ -317,6 +331,7 @@ struct fovea_source {
     struct fv_sim_motion motion;
     struct fv_sim_raster raster;
     struct fv_sim_canvas canvas;
+    struct fv_sim_sensor sensor;
     struct fv_sim_world world;
     struct fv_sim_view view;
     uint8_t *image[FOVEA_SOURCE_FRAMES_HELD];
@@ -326,8 +341,10 @@ struct fovea_source {
     uint64_t delivered;
     bool started;
     struct fv_sim_odometry odometry;
-    uint16_t *blurred; /* sum of instants, only with blur */
-    float *depth_m;    /* truth; pages untouched until asked for */
+    uint8_t *grey; /* the image that is rendered */
+    uint16_t
+        *exposed;   /* light of the whole frame, only with blur (the mean of instants) or a rolling shutter */
+    float *depth_m; /* truth; pages untouched until asked for */
     uint8_t *class_mask;
     uint8_t *object_map;
 };

@@ -57,7 +57,7 @@ static void sim_close(struct fovea_source *source)
     fv_sim_raster_free(&source->raster);
     free(source->canvas.linear);
     free(source->canvas.surface);
-    free(source->blurred);
+    free(source->exposed);
     for (int32_t i = 0; i < FOVEA_SOURCE_FRAMES_HELD; i++)
         free(source->image[i]);
     free(source->depth_m);
@@ -66,29 +66,55 @@ static void sim_close(struct fovea_source *source)
     free(source);
 }
 
+/* Rows of an instant are done: they go through the sensor, or into what the whole frame is exposed to. */
+static void rows_done(void *context, const uint16_t *linear, int32_t y_begin, int32_t y_end)
+{
+    struct fovea_source *source = context;
+    const int32_t first = y_begin * source->options.width, count = y_end * source->options.width - first;
+    if (source->exposed == NULL) {
+        fv_sim_sensor_expose(&source->sensor, linear, count, source->grey + first);
+        return;
+    }
+    uint16_t *exposed = source->exposed + first;
+    if (!source->options.blur) {
+        memcpy(exposed, linear, (size_t)count * sizeof *exposed);
+        return;
+    }
+    for (int32_t i = 0; i < count; i++)
+        exposed[i] = (uint16_t)(exposed[i] + linear[i] / BLUR_STEPS);
+}
+
 static bool allocate(struct fovea_source *source)
 {
     const size_t pixels = (size_t)source->options.width * (size_t)source->options.height;
+    const int32_t rows =
+        source->options.height < FV_SIM_CANVAS_ROWS ? source->options.height : FV_SIM_CANVAS_ROWS;
+    const size_t in_canvas = (size_t)source->options.width * (size_t)rows;
+    const bool whole = source->options.blur || source->options.rolling;
     const size_t tiles = pixels / FV_SIM_TILE_PIXELS + 1;
-    source->canvas.linear = calloc(pixels, sizeof(uint16_t));
-    source->canvas.surface = calloc(pixels, sizeof(uint16_t));
+    source->canvas = (struct fv_sim_canvas){.linear = calloc(in_canvas, sizeof(uint16_t)),
+                                            .surface = calloc(in_canvas, sizeof(uint16_t)),
+                                            .rows = rows,
+                                            .finished = rows_done,
+                                            .context = source};
     source->depth_m = calloc(pixels, sizeof(float));
     source->class_mask = calloc(pixels, 1);
     source->object_map = calloc(pixels, 1);
     bool fine = source->canvas.linear && source->canvas.surface && source->depth_m && source->class_mask &&
                 source->object_map;
-    if (source->options.blur) {
-        source->blurred = calloc(pixels, sizeof(uint16_t));
-        fine = fine && source->blurred != NULL;
+    if (whole) {
+        source->exposed = calloc(pixels, sizeof(uint16_t));
+        fine = fine && source->exposed != NULL;
     }
     for (int32_t i = 0; i < FOVEA_SOURCE_FRAMES_HELD; i++) {
         source->image[i] = calloc(pixels, 1);
         fine = fine && source->image[i] != NULL;
     }
     size_t bytes =
-        sizeof *source + pixels * (2 * sizeof(uint16_t) + sizeof(float) + 2 + FOVEA_SOURCE_FRAMES_HELD) +
+        sizeof *source + in_canvas * 2 * sizeof(uint16_t) +
+        pixels * (sizeof(float) + 2 + FOVEA_SOURCE_FRAMES_HELD) +
         tiles * (FV_SIM_TILE_PIXELS * 2 * sizeof(float) + sizeof(struct fv_sim_rect) + sizeof(float)) +
-        (source->options.blur ? pixels * sizeof(uint16_t) : 0);
+        (whole ? pixels * sizeof(uint16_t) : 0);
     for (int32_t i = 0; i < source->world.texture_count; i++)
         bytes += source->world.texture[i].bytes;
     source->info.heap_bytes = bytes;
@@ -241,21 +267,16 @@ static void render_instant(struct fovea_source *source, double time_s)
     }
 }
 
-static const uint16_t *render_exposure(struct fovea_source *source, double time_s)
+static void render_frame(struct fovea_source *source, double time_s, uint64_t seed, uint8_t *grey)
 {
-    const size_t pixels = (size_t)source->options.width * (size_t)source->options.height;
-    if (!source->options.blur) {
-        render_instant(source, time_s);
-        return source->canvas.linear;
-    }
-    memset(source->blurred, 0, pixels * sizeof(uint16_t));
-    for (int32_t k = 0; k < BLUR_STEPS; k++) {
-        const double share = (k + 0.5) / BLUR_STEPS - 0.5;
-        render_instant(source, time_s + share * source->options.exposure_ms * 1e-3);
-        for (size_t i = 0; i < pixels; i++)
-            source->blurred[i] = (uint16_t)(source->blurred[i] + source->canvas.linear[i] / BLUR_STEPS);
-    }
-    return source->blurred;
+    const struct fv_sim_options *o = &source->options;
+    const int32_t pixels = o->width * o->height, steps = o->blur ? BLUR_STEPS : 1;
+    source->grey = grey;
+    fv_sim_sensor_begin(&source->sensor, o->light, o->noise, seed);
+    if (o->blur) memset(source->exposed, 0, (size_t)pixels * sizeof *source->exposed);
+    for (int32_t k = 0; k < steps; k++)
+        render_instant(source, time_s + ((k + 0.5) / steps - 0.5) * o->exposure_ms * 1e-3);
+    if (source->exposed != NULL) fv_sim_sensor_expose(&source->sensor, source->exposed, pixels, grey);
 }
 
 static uint64_t frame_index(const struct fovea_source *source, uint64_t n)
@@ -284,9 +305,8 @@ static enum fovea_status sim_dequeue(struct fovea_source *source, int64_t deadli
     const struct fv_sim_options *o = &source->options;
     const int32_t pixels = o->width * o->height;
     const uint64_t n = source->delivered, index = frame_index(source, n);
-    const uint16_t *linear = render_exposure(source, fv_sim_frame_time(source, index));
-    fv_sim_sensor(linear, pixels, o->light, o->noise, o->seed ^ (index + 1) * 0x9E3779B97F4A7C15u,
-                  source->image[slot]);
+    render_frame(source, fv_sim_frame_time(source, index), o->seed ^ (index + 1) * 0x9E3779B97F4A7C15u,
+                 source->image[slot]);
     source->image_index[slot] = index;
     source->held[slot] = true;
     source->delivered++;
