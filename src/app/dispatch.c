@@ -43,7 +43,7 @@ static int dispatch(int argc, char **argv)
         printf("fovea %s\n", FOVEA_VERSION);
         return FV_EXIT_OK;
     }
-    bool help = strcmp(argv[1], "help") == 0 || strcmp(argv[1], "--help") == 0;
+    bool help = strcmp(argv[1], "help") == 0 || strcmp(argv[1], "--help") == 0 || strcmp(argv[1], "-h") == 0;
     if (help && argc == 2) {
         help_print();
         return FV_EXIT_OK;

@@ -120,7 +120,7 @@ enum fv_options_result fv_options_parse(const struct fv_option *options, const c
         /* Of "-frames" getopt_long has read the "f", and stays at the word. */
         const bool single = code == '?' && optopt > 0 && optopt < CODE_HELP;
         if (single && (argument[0] != '-' || argument[1] != optopt) && optind < argc) argument = argv[optind];
-        if (code == CODE_HELP) {
+        if (code == CODE_HELP || (single && strcmp(argument, "-h") == 0)) {
             help_print(options, command, operands);
             return FV_OPTIONS_HELP;
         }

@@ -177,7 +177,9 @@ static void lost_output_is_told(void **state)
                                     {"fovea", "config"},
                                     {"fovea", "help"},
                                     {"fovea", "--version"},
-                                    {"fovea", "run", "--help"}};
+                                    {"fovea", "-h"},
+                                    {"fovea", "run", "--help"},
+                                    {"fovea", "run", "-h"}};
     for (size_t i = 0; i < sizeof lines / sizeof lines[0]; i++) {
         fflush(NULL);
         const pid_t child = fork();
