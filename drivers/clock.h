@@ -1,4 +1,5 @@
-/* Clocks of this host in nanoseconds. Drivers and the application read them; the runtime never does. Real-time safe. */
+/* Clocks of this host in nanoseconds. Drivers and the application read them; the runtime never
+ * does. Real-time safe. */
 #ifndef FOVEA_DRIVERS_CLOCK_H
 #define FOVEA_DRIVERS_CLOCK_H
 

@@ -1,10 +1,10 @@
-// A camera of libcamera: finding, buffers and frames (libcamera/device.h). It runs in the process that keeps
-// libcamera; libcamera/main.cpp is its main program, libcamera/protocol.h says why it is one and what it says
-// to the runtime.
+// A camera of libcamera: finding, buffers and frames (libcamera/device.h). It runs in the process
+// that keeps libcamera; libcamera/main.cpp is its main program, libcamera/protocol.h says why it is
+// one and what it says to the runtime.
 //
-// Requests are made at set-up and used again and again. Their completion, on libcamera's thread, only pushes
-// a number into a ring and rings a bell. No heap call per frame is ours; libcamera makes some for each
-// request.
+// Requests are made at set-up and used again and again. Their completion, on libcamera's thread,
+// only pushes a number into a ring and rings a bell. No heap call per frame is ours; libcamera
+// makes some for each request.
 #include "libcamera/device.h"
 
 #include <sys/eventfd.h>
@@ -61,13 +61,14 @@ Device::~Device()
     if (bell_ >= 0) close(bell_);
 }
 
-// ---- finding ---------------------------------------------------------------------------------------------
+// ---- finding
+// ---------------------------------------------------------------------------------------------
 
 enum fovea_status Device::failed(const char *what, int reason, fovea_error *error) const
 {
     const bool gone = reason == -ENODEV || gone_.load();
-    return fovea_error_set(error, gone ? FOVEA_GONE : FOVEA_ERROR_SYSTEM, "%s: %s: %s%s", uri_.c_str(), what,
-                           gone ? "the camera is away" : strerror(-reason),
+    return fovea_error_set(error, gone ? FOVEA_GONE : FOVEA_ERROR_SYSTEM, "%s: %s: %s%s",
+                           uri_.c_str(), what, gone ? "the camera is away" : strerror(-reason),
                            reason == -EBUSY ? ": another program is using it" : "");
 }
 
@@ -76,7 +77,8 @@ enum fovea_status Device::find(fovea_error *error)
     if (!manager_) {
         auto made = std::make_unique<CameraManager>();
         if (made->start() != 0)
-            return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "libcamera: its camera manager does not start");
+            return fovea_error_set(error, FOVEA_ERROR_SYSTEM,
+                                   "libcamera: its camera manager does not start");
         manager_ = std::move(made);
     }
     if (known_) {
@@ -91,14 +93,15 @@ enum fovea_status Device::find(fovea_error *error)
     }
     if (!camera_)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "libcamera:%s: found no such camera, expected one of: %.300s", options_.id,
-                               list.empty() ? "(there is none)" : list.c_str());
+                               "libcamera:%s: found no such camera, expected one of: %.300s",
+                               options_.id, list.empty() ? "(there is none)" : list.c_str());
     id_ = camera_->id();
     uri_ = "libcamera:" + id_;
     return FOVEA_OK;
 }
 
-// ---- configuration ---------------------------------------------------------------------------------------
+// ---- configuration
+// ---------------------------------------------------------------------------------------
 
 namespace
 {
@@ -114,8 +117,9 @@ void tell(fovea_error *told, const std::string &uri, const char *what, double as
 {
     if (told == nullptr) return;
     const size_t used = std::strlen(told->text);
-    std::snprintf(told->text + used, sizeof told->text - used, "%s%s%s: asked %g, the camera gives %g",
-                  used > 0 ? "" : uri.c_str(), used > 0 ? "; " : ": ", what, asked, given);
+    std::snprintf(told->text + used, sizeof told->text - used,
+                  "%s%s%s: asked %g, the camera gives %g", used > 0 ? "" : uri.c_str(),
+                  used > 0 ? "; " : ": ", what, asked, given);
 }
 
 std::string list_formats(const StreamConfiguration &stream)
@@ -144,20 +148,22 @@ enum fovea_status Device::shape(const StreamConfiguration &stream, fovea_error *
 {
     const Format *given = format_of(stream.pixelFormat);
     if (given == nullptr || (format_ != nullptr && given != format_))
-        return fovea_error_set(
-            error, FOVEA_ERROR_INPUT, "%s: format: found %s, expected %s; the camera gives: %.200s",
-            uri_.c_str(), stream.pixelFormat.toString().c_str(),
-            format_ != nullptr ? format_->theirs : "one that Fovea reads", list_formats(stream).c_str());
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%s: format: found %s, expected %s; the camera gives: %.200s",
+                               uri_.c_str(), stream.pixelFormat.toString().c_str(),
+                               format_ != nullptr ? format_->theirs : "one that Fovea reads",
+                               list_formats(stream).c_str());
     const auto width = static_cast<int32_t>(stream.size.width),
                height = static_cast<int32_t>(stream.size.height);
-    if (width < FOVEA_IMAGE_WIDTH_MIN || width > FOVEA_IMAGE_WIDTH_MAX || height < FOVEA_IMAGE_HEIGHT_MIN ||
-        height > FOVEA_IMAGE_HEIGHT_MAX)
-        return fovea_error_set(error, FOVEA_ERROR_UNSUPPORTED, "%s: found %d x %d pixels, expected %d to %d",
-                               uri_.c_str(), width, height, FOVEA_IMAGE_WIDTH_MIN, FOVEA_IMAGE_WIDTH_MAX);
+    if (width < FOVEA_IMAGE_WIDTH_MIN || width > FOVEA_IMAGE_WIDTH_MAX ||
+        height < FOVEA_IMAGE_HEIGHT_MIN || height > FOVEA_IMAGE_HEIGHT_MAX)
+        return fovea_error_set(error, FOVEA_ERROR_UNSUPPORTED,
+                               "%s: found %d x %d pixels, expected %d to %d", uri_.c_str(), width,
+                               height, FOVEA_IMAGE_WIDTH_MIN, FOVEA_IMAGE_WIDTH_MAX);
     if (known_ && (width != width_ || height != height_))
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "%s: found %d x %d pixels after it came back, expected %d x %d", uri_.c_str(),
-                               width, height, width_, height_);
+                               "%s: found %d x %d pixels after it came back, expected %d x %d",
+                               uri_.c_str(), width, height, width_, height_);
     format_ = given;
     width_ = width;
     height_ = height;
@@ -175,8 +181,8 @@ enum fovea_status Device::configure(fovea_error *told, fovea_error *error)
 #endif
     configuration_ = camera_->generateConfiguration(roles);
     if (!configuration_ || configuration_->size() != 1)
-        return fovea_error_set(error, FOVEA_ERROR_UNSUPPORTED, "%s: role: this camera does not have it",
-                               uri_.c_str());
+        return fovea_error_set(error, FOVEA_ERROR_UNSUPPORTED,
+                               "%s: role: this camera does not have it", uri_.c_str());
     StreamConfiguration &stream = configuration_->at(0);
     const Format *wanted = known_                ? format_
                            : options_.format > 0 ? &formats[options_.format - 1]
@@ -185,31 +191,34 @@ enum fovea_status Device::configure(fovea_error *told, fovea_error *error)
                   asked_height = known_ ? height_ : options_.height;
     if (wanted != nullptr) stream.pixelFormat = PixelFormat::fromString(wanted->theirs);
     if (asked_width > 0)
-        stream.size =
-            libcamera::Size(static_cast<unsigned>(asked_width), static_cast<unsigned>(asked_height));
+        stream.size = libcamera::Size(static_cast<unsigned>(asked_width),
+                                      static_cast<unsigned>(asked_height));
     stream.bufferCount = static_cast<unsigned>(options_.buffers);
     if (configuration_->validate() == CameraConfiguration::Invalid)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: found no valid configuration for what is asked",
-                               uri_.c_str());
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%s: found no valid configuration for what is asked", uri_.c_str());
     format_ = wanted;
     const enum fovea_status status = shape(stream, error);
     if (status != FOVEA_OK) return status;
     if (asked_width > 0 && asked_width != width_) tell(told, uri_, "width", asked_width, width_);
-    if (asked_height > 0 && asked_height != height_) tell(told, uri_, "height", asked_height, height_);
+    if (asked_height > 0 && asked_height != height_)
+        tell(told, uri_, "height", asked_height, height_);
     const int failure = camera_->configure(configuration_.get());
     if (failure != 0) return failed("configuring it", failure, error);
     stream_ = configuration_->at(0).stream();
     return FOVEA_OK;
 }
 
-// ---- buffers ---------------------------------------------------------------------------------------------
+// ---- buffers
+// ---------------------------------------------------------------------------------------------
 
 // All planes of a buffer in one piece where they are; else the first alone.
 void Device::survey(const FrameBuffer &buffer, fv_libcamera_buffer *size)
 {
     const auto &planes = buffer.planes(); // a vector, or from 0.7 on a Span
     const auto offset_of = [](const FrameBuffer::Plane &plane) {
-        return plane.offset == FrameBuffer::Plane::kInvalidOffset ? size_t{0} : size_t{plane.offset};
+        return plane.offset == FrameBuffer::Plane::kInvalidOffset ? size_t{0}
+                                                                  : size_t{plane.offset};
     };
     size_t end = offset_of(planes[0]) + planes[0].length;
     luma_only_ = false;
@@ -231,8 +240,9 @@ enum fovea_status Device::allocate(fovea_error *error)
     const auto &buffers = allocator_->buffers(stream_);
     const size_t used = std::min(buffers.size(), static_cast<size_t>(options_.buffers));
     if (used < FV_LIVE_BUFFERS_MIN)
-        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: found %zu buffers, expected at least %d",
-                               uri_.c_str(), used, FV_LIVE_BUFFERS_MIN);
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM,
+                               "%s: found %zu buffers, expected at least %d", uri_.c_str(), used,
+                               FV_LIVE_BUFFERS_MIN);
     for (size_t i = 0; i < used; ++i) {
         survey(*buffers[i], &sizes_[i]);
         std::unique_ptr<Request> request = camera_->createRequest(i);
@@ -243,10 +253,12 @@ enum fovea_status Device::allocate(fovea_error *error)
     return FOVEA_OK;
 }
 
-// ---- life ------------------------------------------------------------------------------------------------
+// ---- life
+// ------------------------------------------------------------------------------------------------
 
-enum fovea_status Device::learn(const fovea_libcamera_options &options, fovea_libcamera_agreed *agreed,
-                                fovea_error *told, fovea_error *error)
+enum fovea_status Device::learn(const fovea_libcamera_options &options,
+                                fovea_libcamera_agreed *agreed, fovea_error *told,
+                                fovea_error *error)
 {
     options_ = options;
     enum fovea_status status = find(error);
@@ -256,7 +268,8 @@ enum fovea_status Device::learn(const fovea_libcamera_options &options, fovea_li
     acquired_ = true;
     ControlList list(camera_->controls());
     status = configure(told, error);
-    if (status == FOVEA_OK) status = fv_libcamera_controls(*camera_, options_, uri_.c_str(), &list, error);
+    if (status == FOVEA_OK)
+        status = fv_libcamera_controls(*camera_, options_, uri_.c_str(), &list, error);
     if (status == FOVEA_OK) status = allocate(error);
     if (status == FOVEA_OK) {
         const bool can_time = fv_libcamera_has_control(*camera_, controls::FrameDurationLimits);
@@ -289,7 +302,8 @@ enum fovea_status Device::stream_on(fovea_error *error)
 {
     ControlList list(camera_->controls());
     fovea_error refused{};
-    if (fv_libcamera_controls(*camera_, options_, uri_.c_str(), &list, &refused) != FOVEA_OK) list.clear();
+    if (fv_libcamera_controls(*camera_, options_, uri_.c_str(), &list, &refused) != FOVEA_OK)
+        list.clear();
     completed_.clear();
     camera_->requestCompleted.connect(this, &Device::completed);
     camera_->disconnected.connect(this, &Device::disconnected);
@@ -346,7 +360,8 @@ void Device::tear_down()
     acquired_ = false;
 }
 
-// ---- frames ----------------------------------------------------------------------------------------------
+// ---- frames
+// ----------------------------------------------------------------------------------------------
 
 void Device::ring()
 {
@@ -392,8 +407,9 @@ enum fovea_status Device::take(fv_libcamera_frame *frame, fovea_error *error)
     uint64_t rung = 0;
     if (read(bell_, &rung, sizeof rung) < 0) rung = 0;
     if (!completed_.pop(&number))
-        return gone_.load() ? fovea_error_set(error, FOVEA_GONE, "%s: the camera is away", uri_.c_str())
-                            : FOVEA_AGAIN;
+        return gone_.load()
+                   ? fovea_error_set(error, FOVEA_GONE, "%s: the camera is away", uri_.c_str())
+                   : FOVEA_AGAIN;
     Request *request = requests_[number].get();
     const FrameMetadata &metadata = request->findBuffer(stream_)->metadata();
     size_t bytes = 0;
@@ -411,7 +427,8 @@ enum fovea_status Device::take(fv_libcamera_frame *frame, fovea_error *error)
 enum fovea_status Device::give(uint32_t index, fovea_error *error)
 {
     if (!streaming_ || index >= requests_.size())
-        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "%s: found no buffer %u", uri_.c_str(), index);
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "%s: found no buffer %u", uri_.c_str(),
+                               index);
     Request *request = requests_[index].get();
     request->reuse(Request::ReuseBuffers);
     const int failure = camera_->queueRequest(request);

@@ -1,5 +1,5 @@
-/* Plug-ins: shared objects and programs beside the program, loaded or started only when they are asked for.
- * Init-only. */
+/* Plug-ins: shared objects and programs beside the program, loaded or started only when they are
+ * asked for. Init-only. */
 #ifndef FOVEA_DRIVERS_PLUGIN_H
 #define FOVEA_DRIVERS_PLUGIN_H
 
@@ -16,17 +16,17 @@ struct fv_plugin_name {
     int version;
 };
 
-/* Where a file may be: in the folder that $FOVEA_PLUGINS names (place 0), beside the program, in ../lib/fovea
- * of it. False: it is not in this place. */
+/* Where a file may be: in the folder that $FOVEA_PLUGINS names (place 0), beside the program, in
+ * ../lib/fovea of it. False: it is not in this place. */
 bool fv_plugin_path(const char *file, int place, char path[FV_PLUGIN_PATH_BYTES]);
 
 /* The line that says so, and `why` where that is not empty. Returns FOVEA_ERROR_UNSUPPORTED. */
 enum fovea_status fv_plugin_missing(const struct fv_plugin_name *name, const char *why,
                                     struct fovea_error *error);
 
-/* The address of the table of a shared object, which begins with an int: its version. It stays loaded:
- * threads of what it brings along may outlive a dlclose. FOVEA_ERROR_UNSUPPORTED: there is none, or it is of
- * another version. */
+/* The address of the table of a shared object, which begins with an int: its version. It stays
+ * loaded: threads of what it brings along may outlive a dlclose. FOVEA_ERROR_UNSUPPORTED: there is
+ * none, or it is of another version. */
 enum fovea_status fv_plugin_load(const struct fv_plugin_name *name, const void **table,
                                  struct fovea_error *error);
 

@@ -2,11 +2,11 @@
  *
  *     sequence:PART then PART ...       PART: URI, or URI[start=N,step=N,frames=N,reverse]
  *
- * All parts are open from the start; each goes on one period after the last frame of the one before. Frames
- * come as the first part's camera would have seen them: a part with another calibration is resampled
- * (bilinear, edge pixels repeated beyond its border). Truth goes with the picture, so parts of different
- * recordings have different worlds. `sequence` of a frame counts all frames played. Live sources cannot be
- * parts. */
+ * All parts are open from the start; each goes on one period after the last frame of the one
+ * before. Frames come as the first part's camera would have seen them: a part with another
+ * calibration is resampled (bilinear, edge pixels repeated beyond its border). Truth goes with the
+ * picture, so parts of different recordings have different worlds. `sequence` of a frame counts all
+ * frames played. Live sources cannot be parts. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -14,7 +14,12 @@
 #include "fovea/text.h"
 #include "sequence.h"
 
-enum { PARTS_MAX = 8, ADDRESS_MAX = 4096, FRACTION_BITS = 5, PLACE_MAX = 1 << (16 - FRACTION_BITS) };
+enum {
+    PARTS_MAX = 8,
+    ADDRESS_MAX = 4096,
+    FRACTION_BITS = 5,
+    PLACE_MAX = 1 << (16 - FRACTION_BITS)
+};
 
 /* Where a pixel comes from: pixels of the part's image times 2^FRACTION_BITS, within its border. */
 struct from {
@@ -48,7 +53,8 @@ struct fovea_source { /* NOLINT(clang-analyzer-optin.performance.Padding): in or
     bool any, begun;            /* a frame came; the part that plays has given one */
 };
 
-/* ---- reading the address ------------------------------------------------------------------------------- */
+/* ---- reading the address
+ * ------------------------------------------------------------------------------- */
 
 static enum fovea_status read_option(const char *option, struct fovea_source_selection *selection,
                                      struct fovea_error *error)
@@ -56,8 +62,9 @@ static enum fovea_status read_option(const char *option, struct fovea_source_sel
     struct {
         const char *name;
         uint64_t *value;
-    } const names[] = {
-        {"start=", &selection->start}, {"step=", &selection->step}, {"frames=", &selection->frames}};
+    } const names[] = {{"start=", &selection->start},
+                       {"step=", &selection->step},
+                       {"frames=", &selection->frames}};
     char quoted[FOVEA_TEXT_QUOTED_BYTES];
     if (strcmp(option, "reverse") == 0) {
         selection->reverse = true;
@@ -95,20 +102,23 @@ static enum fovea_status read_selection(char *text, struct fovea_source_selectio
     return FOVEA_OK;
 }
 
-static enum fovea_status open_part(struct fovea_source *source, char *text, struct fovea_error *error)
+static enum fovea_status open_part(struct fovea_source *source, char *text,
+                                   struct fovea_error *error)
 {
     struct fovea_source_selection selection;
     char quoted[FOVEA_TEXT_QUOTED_BYTES];
     const char *address;
     if (source->count == PARTS_MAX)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "sequence: found more than %d parts", PARTS_MAX);
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "sequence: found more than %d parts",
+                               PARTS_MAX);
     struct part *part = &source->parts[source->count];
     enum fovea_status status = read_selection(text, &selection, error);
     selection.camera_given = source->selection.camera_given;
     if (status == FOVEA_OK) status = fovea_source_find(text, &part->ops, &address, error);
     if (status != FOVEA_OK) return status;
     if (part->ops == &fovea_source_sequence)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "sequence: found %s as a part, expected no sequence",
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "sequence: found %s as a part, expected no sequence",
                                fovea_text_quote(text, quoted, sizeof quoted));
     status = part->ops->open(address, &selection, &part->source, error);
     if (status != FOVEA_OK) return status;
@@ -120,7 +130,8 @@ static enum fovea_status open_part(struct fovea_source *source, char *text, stru
     return FOVEA_OK;
 }
 
-/* ---- one camera for all -------------------------------------------------------------------------------- */
+/* ---- one camera for all
+ * -------------------------------------------------------------------------------- */
 
 static bool same_camera(const struct fovea_source_info *a, const struct fovea_source_info *b)
 {
@@ -129,7 +140,8 @@ static bool same_camera(const struct fovea_source_info *a, const struct fovea_so
     if (!a->has_camera || !b->has_camera) return true;
     for (size_t i = 0; i < sizeof p->k / sizeof p->k[0]; i++)
         if (p->k[i] != q->k[i]) return false;
-    return p->lens == q->lens && p->fx == q->fx && p->fy == q->fy && p->cx == q->cx && p->cy == q->cy;
+    return p->lens == q->lens && p->fx == q->fx && p->fy == q->fy && p->cx == q->cx &&
+           p->cy == q->cy;
 }
 
 static uint16_t fixed(double place, int32_t size)
@@ -151,7 +163,8 @@ static enum fovea_status make_map(const struct fovea_source_info *to, struct par
             "or grey pictures of known cameras, at most %d each way",
             from->width, from->height, to->width, to->height, PLACE_MAX);
     part->map = malloc((size_t)to->width * (size_t)to->height * sizeof *part->map);
-    if (part->map == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "sequence: out of memory");
+    if (part->map == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "sequence: out of memory");
     struct from *at = part->map;
     for (int32_t y = 0; y < to->height; y++)
         for (int32_t x = 0; x < to->width; x++, at++) {
@@ -184,7 +197,8 @@ static void resample(const struct fovea_source_info *info, const struct from *ma
     }
 }
 
-/* ---- open and close ------------------------------------------------------------------------------------ */
+/* ---- open and close
+ * ------------------------------------------------------------------------------------ */
 
 static void sequence_close(struct fovea_source *source)
 {
@@ -197,7 +211,8 @@ static void sequence_close(struct fovea_source *source)
     free(source);
 }
 
-static enum fovea_status open_parts(struct fovea_source *source, char *text, struct fovea_error *error)
+static enum fovea_status open_parts(struct fovea_source *source, char *text,
+                                    struct fovea_error *error)
 {
     static const char between[] = " then ";
     enum fovea_status status = FOVEA_OK;
@@ -214,7 +229,8 @@ static enum fovea_status open_parts(struct fovea_source *source, char *text, str
 
 static uint64_t frames_of(const struct fovea_source_selection *selection, uint64_t all)
 {
-    const uint64_t left = all > selection->start ? (all - selection->start - 1) / selection->step + 1 : 0;
+    const uint64_t left =
+        all > selection->start ? (all - selection->start - 1) / selection->step + 1 : 0;
     return selection->frames > 0 && selection->frames < left ? selection->frames : left;
 }
 
@@ -248,13 +264,14 @@ static enum fovea_status unite(struct fovea_source *source, struct fovea_error *
     info->frame_count = known ? frames_of(&source->selection, frames) : source->selection.frames;
     info->rate_hz /= (double)source->selection.step;
     if (known && info->frame_count == 0)
-        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                               "start: found %llu, expected less than %llu frames",
-                               (unsigned long long)source->selection.start, (unsigned long long)frames);
+        return fovea_error_set(
+            error, FOVEA_ERROR_ARGUMENT, "start: found %llu, expected less than %llu frames",
+            (unsigned long long)source->selection.start, (unsigned long long)frames);
     return FOVEA_OK;
 }
 
-static enum fovea_status sequence_open(const char *address, const struct fovea_source_selection *selection,
+static enum fovea_status sequence_open(const char *address,
+                                       const struct fovea_source_selection *selection,
                                        struct fovea_source **opened, struct fovea_error *error)
 {
     char text[ADDRESS_MAX];
@@ -265,10 +282,12 @@ static enum fovea_status sequence_open(const char *address, const struct fovea_s
             error, FOVEA_ERROR_UNSUPPORTED,
             "sequence: cannot be played in reverse as a whole, expected [reverse] after a part");
     if (strlen(address) >= sizeof text)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "sequence: found %zu bytes, expected less than %d",
-                               strlen(address), ADDRESS_MAX);
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "sequence: found %zu bytes, expected less than %d", strlen(address),
+                               ADDRESS_MAX);
     struct fovea_source *source = calloc(1, sizeof *source);
-    if (source == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "sequence: out of memory");
+    if (source == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "sequence: out of memory");
     source->selection = *selection;
     strcpy(text, address);
     enum fovea_status status = open_parts(source, text, error);
@@ -280,7 +299,8 @@ static enum fovea_status sequence_open(const char *address, const struct fovea_s
     return status;
 }
 
-/* ---- playing ------------------------------------------------------------------------------------------- */
+/* ---- playing
+ * ------------------------------------------------------------------------------------------- */
 
 static const struct fovea_source_info *sequence_info(const struct fovea_source *source)
 {
@@ -297,7 +317,8 @@ static void sequence_stop(struct fovea_source *source)
 static enum fovea_status sequence_start(struct fovea_source *source, struct fovea_error *error)
 {
     for (uint32_t i = 0; i < source->count; i++) {
-        const enum fovea_status status = source->parts[i].ops->start(source->parts[i].source, error);
+        const enum fovea_status status =
+            source->parts[i].ops->start(source->parts[i].source, error);
         if (status == FOVEA_OK) continue;
         while (i-- > 0)
             source->parts[i].ops->stop(source->parts[i].source);
@@ -319,10 +340,9 @@ static bool chosen(struct fovea_source *source)
 static int64_t moved_stamp(struct fovea_source *source, int64_t stamp_ns)
 {
     if (!source->begun)
-        source->move_ns =
-            source->any
-                ? (int64_t)((uint64_t)source->last_ns + (uint64_t)source->period_ns - (uint64_t)stamp_ns)
-                : 0;
+        source->move_ns = source->any ? (int64_t)((uint64_t)source->last_ns +
+                                                  (uint64_t)source->period_ns - (uint64_t)stamp_ns)
+                                      : 0;
     source->begun = source->any = true;
     return source->last_ns = (int64_t)((uint64_t)stamp_ns + (uint64_t)source->move_ns);
 }
@@ -338,13 +358,13 @@ static void hand_out(struct fovea_source *source, uint32_t slot, struct fovea_fr
     frame->slot = slot;
     if (part->map == NULL) return;
     resample(&source->info, part->map, &held->own.image, held->pixels);
-    frame->image =
-        (struct fovea_image){.data = held->pixels,
-                             .width = source->info.width,
-                             .height = source->info.height,
-                             .stride_bytes = source->info.width,
-                             .format = FOVEA_PIXEL_GREY8,
-                             .size_bytes = (size_t)source->info.width * (size_t)source->info.height};
+    frame->image = (struct fovea_image){.data = held->pixels,
+                                        .width = source->info.width,
+                                        .height = source->info.height,
+                                        .stride_bytes = source->info.width,
+                                        .format = FOVEA_PIXEL_GREY8,
+                                        .size_bytes = (size_t)source->info.width *
+                                                      (size_t)source->info.height};
 }
 
 static enum fovea_status sequence_dequeue(struct fovea_source *source, int64_t deadline_ns,
@@ -389,10 +409,11 @@ static void sequence_requeue(struct fovea_source *source, const struct fovea_fra
     held->used = false;
 }
 
-/* ---- the rest of the table ----------------------------------------------------------------------------- */
+/* ---- the rest of the table
+ * ----------------------------------------------------------------------------- */
 
-static enum fovea_status sequence_truth(struct fovea_source *source, const struct fovea_frame *frame,
-                                        struct fovea_truth *truth)
+static enum fovea_status sequence_truth(struct fovea_source *source,
+                                        const struct fovea_frame *frame, struct fovea_truth *truth)
 {
     const struct held *held = &source->held[frame->slot];
     const struct part *part = &source->parts[held->part];
@@ -405,7 +426,8 @@ static enum fovea_status sequence_truth(struct fovea_source *source, const struc
     return FOVEA_OK;
 }
 
-static enum fovea_status sequence_truth_pose(struct fovea_source *source, const struct fovea_frame *frame,
+static enum fovea_status sequence_truth_pose(struct fovea_source *source,
+                                             const struct fovea_frame *frame,
                                              double T_world_cam[12])
 {
     const struct held *held = &source->held[frame->slot];
@@ -419,7 +441,8 @@ static void sequence_counts(const struct fovea_source *source, struct fovea_sour
     *counts = (struct fovea_source_counts){.delivered = source->delivered};
     for (uint32_t i = 0; i < source->count; i++) {
         struct fovea_source_counts own = {0};
-        if (source->parts[i].ops->counts != NULL) source->parts[i].ops->counts(source->parts[i].source, &own);
+        if (source->parts[i].ops->counts != NULL)
+            source->parts[i].ops->counts(source->parts[i].source, &own);
         counts->missing += own.missing;
         counts->damaged += own.damaged;
         counts->dropped += own.dropped;

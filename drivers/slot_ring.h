@@ -1,4 +1,5 @@
-/* Slot numbers between two threads: one pushes, the other pops; never more than FV_SLOT_RING_SLOTS inside. */
+/* Slot numbers between two threads: one pushes, the other pops; never more than FV_SLOT_RING_SLOTS
+ * inside. */
 #ifndef FOVEA_DRIVERS_SLOT_RING_H
 #define FOVEA_DRIVERS_SLOT_RING_H
 
@@ -8,7 +9,8 @@
 
 enum { FV_SLOT_RING_SLOTS = 8 };
 
-struct fv_slot_ring { /* NOLINT(clang-analyzer-optin.performance.Padding): a cache line for each writer */
+struct fv_slot_ring { /* NOLINT(clang-analyzer-optin.performance.Padding): a cache line for each
+                         writer */
     _Atomic uint32_t head;
     uint8_t slots[FV_SLOT_RING_SLOTS];
     _Alignas(64) _Atomic uint32_t tail;

@@ -1,5 +1,5 @@
-/* The drivers built in. A new driver adds its table here; tests/unit/drivers/test_source_conformance.c then
- * runs against it. */
+/* The drivers built in. A new driver adds its table here;
+ * tests/unit/drivers/test_source_conformance.c then runs against it. */
 #include <stdio.h>
 #include <string.h>
 
@@ -36,7 +36,8 @@ static enum fovea_status unknown_name(const char *uri, size_t length, struct fov
         const size_t used = strlen(list);
         snprintf(list + used, sizeof list - used, "%s%s:", count > 0 ? " " : "", names[count]);
     }
-    snprintf(word, sizeof word, "%.*s", (int)(length < sizeof word ? length : sizeof word - 1), uri);
+    snprintf(word, sizeof word, "%.*s", (int)(length < sizeof word ? length : sizeof word - 1),
+             uri);
     const char *nearest = fovea_text_nearest(word, names, count);
     return fovea_error_set(error, FOVEA_ERROR_INPUT, "source: found %s, expected one of %s%s%s%s",
                            fovea_text_quote(uri, quoted, sizeof quoted), list,

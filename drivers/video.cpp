@@ -44,12 +44,13 @@ enum fovea_status open_file(const char *path, fovea_video **video, int32_t *widt
     return FOVEA_OK;
 }
 
-// The container's time of the frame read last where it goes forward, else the frame number at the nominal
-// rate.
+// The container's time of the frame read last where it goes forward, else the frame number at the
+// nominal rate.
 int64_t frame_stamp(fovea_video *video)
 {
     const double position_ms = video->capture.get(cv::CAP_PROP_POS_MSEC);
-    int64_t stamp_ns = static_cast<int64_t>(static_cast<double>(video->position) * 1e9 / video->rate_hz);
+    int64_t stamp_ns =
+        static_cast<int64_t>(static_cast<double>(video->position) * 1e9 / video->rate_hz);
     if (position_ms >= 0.0 && position_ms < 1e12) {
         const int64_t told_ns = static_cast<int64_t>(position_ms * 1e6);
         if (told_ns > video->last_ns) stamp_ns = told_ns;
@@ -66,9 +67,11 @@ void to_grey(const cv::Mat &picture, uint8_t *grey, int32_t stride_bytes)
         const uint8_t *from = picture.ptr<uint8_t>(y);
         uint8_t *to = grey + static_cast<size_t>(y) * static_cast<size_t>(stride_bytes);
         for (int x = 0; x < picture.cols; ++x, from += channels)
-            to[x] = channels < 3 ? from[0]
-                                 : static_cast<uint8_t>(
-                                       (3735u * from[0] + 19235u * from[1] + 9798u * from[2] + 16384u) >> 15);
+            to[x] =
+                channels < 3
+                    ? from[0]
+                    : static_cast<uint8_t>(
+                          (3735u * from[0] + 19235u * from[1] + 9798u * from[2] + 16384u) >> 15);
     }
 }
 
@@ -81,22 +84,22 @@ bool next_frame(fovea_video *video, int64_t *stamp_ns)
     return true;
 }
 
-enum fovea_status read_frame(fovea_video *video, uint8_t *grey, int32_t stride_bytes, int64_t *stamp_ns,
-                             fovea_error *error)
+enum fovea_status read_frame(fovea_video *video, uint8_t *grey, int32_t stride_bytes,
+                             int64_t *stamp_ns, fovea_error *error)
 {
     if (!next_frame(video, stamp_ns)) return FOVEA_END;
     if (!video->capture.retrieve(video->picture) || video->picture.depth() != CV_8U ||
         video->picture.cols != video->width || video->picture.rows != video->height)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "%s: frame %llu: found no %d x %d picture in it, expected one",
-                               video->path.c_str(), static_cast<unsigned long long>(video->position - 1),
-                               video->width, video->height);
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT,
+            "%s: frame %llu: found no %d x %d picture in it, expected one", video->path.c_str(),
+            static_cast<unsigned long long>(video->position - 1), video->width, video->height);
     to_grey(video->picture, grey, stride_bytes);
     return FOVEA_OK;
 }
 
-enum fovea_status plugin_open(const char *path, fovea_video **video, int32_t *width, int32_t *height,
-                              double *rate_hz, fovea_error *error)
+enum fovea_status plugin_open(const char *path, fovea_video **video, int32_t *width,
+                              int32_t *height, double *rate_hz, fovea_error *error)
 try {
     cv::setNumThreads(1);
     cv::utils::logging::setLogLevel(
@@ -123,14 +126,16 @@ try {
     return 0;
 }
 
-// Containers of odd rates and odd key frames are led astray by a number; the time of the picture found says
-// where it is.
+// Containers of odd rates and odd key frames are led astray by a number; the time of the picture
+// found says where it is.
 enum fovea_status plugin_seek(fovea_video *video, uint64_t index, int64_t stamp_ns)
 try {
-    if (!video->capture.set(cv::CAP_PROP_POS_FRAMES, static_cast<double>(index)) || !video->capture.grab())
+    if (!video->capture.set(cv::CAP_PROP_POS_FRAMES, static_cast<double>(index)) ||
+        !video->capture.grab())
         return FOVEA_ERROR_UNSUPPORTED;
     const double position_ms = video->capture.get(cv::CAP_PROP_POS_MSEC);
-    if (!(position_ms > 0.0 && position_ms < 1e12) || static_cast<int64_t>(position_ms * 1e6) != stamp_ns)
+    if (!(position_ms > 0.0 && position_ms < 1e12) ||
+        static_cast<int64_t>(position_ms * 1e6) != stamp_ns)
         return FOVEA_ERROR_UNSUPPORTED;
     video->position = index;
     video->last_ns = stamp_ns - 1;
@@ -140,8 +145,8 @@ try {
     return FOVEA_ERROR_UNSUPPORTED;
 }
 
-enum fovea_status plugin_read(fovea_video *video, uint8_t *grey, int32_t stride_bytes, int64_t *stamp_ns,
-                              fovea_error *error)
+enum fovea_status plugin_read(fovea_video *video, uint8_t *grey, int32_t stride_bytes,
+                              int64_t *stamp_ns, fovea_error *error)
 try {
     return read_frame(video, grey, stride_bytes, stamp_ns, error);
 } catch (const std::exception &) {

@@ -11,9 +11,10 @@ enum fovea_status fovea_calibration_fit(struct fovea_camera *camera, int32_t wid
         const int64_t skew = (int64_t)camera->width * height - (int64_t)camera->height * width;
         const int64_t pixel = camera->width > camera->height ? camera->width : camera->height;
         if (!scale)
-            return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                                   "%s: image size: found %d x %d, expected %d x %d as the frames have",
-                                   origin, camera->width, camera->height, width, height);
+            return fovea_error_set(
+                error, FOVEA_ERROR_INPUT,
+                "%s: image size: found %d x %d, expected %d x %d as the frames have", origin,
+                camera->width, camera->height, width, height);
         if (llabs(skew) > pixel)
             return fovea_error_set(
                 error, FOVEA_ERROR_INPUT,

@@ -31,11 +31,13 @@ static enum fovea_status unsupported(const struct reader *r, node *where, const 
     return FOVEA_ERROR_UNSUPPORTED;
 }
 
-/* ---- lists and matrices ------------------------------------------------------------------------------ */
+/* ---- lists and matrices
+ * ------------------------------------------------------------------------------ */
 
-/* A list of numbers, bare or as the `data` of a mapping with `rows` and `cols`, which must agree with it. */
-static enum fovea_status read_list(const struct reader *r, node *list, size_t count_min, size_t count_max,
-                                   double *values, size_t *count, node **data)
+/* A list of numbers, bare or as the `data` of a mapping with `rows` and `cols`, which must agree
+ * with it. */
+static enum fovea_status read_list(const struct reader *r, node *list, size_t count_min,
+                                   size_t count_max, double *values, size_t *count, node **data)
 {
     *data = list;
     enum fovea_status status;
@@ -49,8 +51,10 @@ static enum fovea_status read_list(const struct reader *r, node *list, size_t co
     node *rows = fovea_yaml_child(list, "rows"), *cols = fovea_yaml_child(list, "cols");
     if (rows == NULL || cols == NULL) return FOVEA_OK;
     int64_t row_count, col_count;
-    if ((status = fovea_yaml_integer(r->tree, rows, 0, 64, &row_count, r->error)) != FOVEA_OK) return status;
-    if ((status = fovea_yaml_integer(r->tree, cols, 0, 64, &col_count, r->error)) != FOVEA_OK) return status;
+    if ((status = fovea_yaml_integer(r->tree, rows, 0, 64, &row_count, r->error)) != FOVEA_OK)
+        return status;
+    if ((status = fovea_yaml_integer(r->tree, cols, 0, 64, &col_count, r->error)) != FOVEA_OK)
+        return status;
     const long long product = row_count * col_count;
     if ((size_t)product == found) return FOVEA_OK;
     char expected[64];
@@ -97,8 +101,8 @@ static enum fovea_status read_camera_matrix(const struct reader *r, node *matrix
     return set_pinhole(r, data, K, pinhole);
 }
 
-/* Coefficients in the order of the lens model. OpenCV and ROS may append thin prism and tilt terms, zero
- * here. */
+/* Coefficients in the order of the lens model. OpenCV and ROS may append thin prism and tilt terms,
+ * zero here. */
 static enum fovea_status read_distortion(const struct reader *r, node *list)
 {
     struct fovea_camera *camera = &r->calibration->camera;
@@ -120,9 +124,11 @@ static enum fovea_status read_distortion(const struct reader *r, node *list)
                                  r->error);
     for (size_t i = 0; i < count; ++i) {
         if (i >= held && k[i] != 0.0)
-            return unsupported(r, fovea_yaml_leaf(data, i), "0 (this term is not in the lens model)");
+            return unsupported(r, fovea_yaml_leaf(data, i),
+                               "0 (this term is not in the lens model)");
         if (!(k[i] >= -1e6 && k[i] <= 1e6))
-            return fovea_yaml_refuse(r->tree, fovea_yaml_leaf(data, i), "a number in [-1e6, 1e6]", r->error);
+            return fovea_yaml_refuse(r->tree, fovea_yaml_leaf(data, i), "a number in [-1e6, 1e6]",
+                                     r->error);
         if (i < held) camera->k[i] = k[i];
     }
     return FOVEA_OK;
@@ -136,8 +142,8 @@ static enum fovea_status read_transform(const struct reader *r, node *list, doub
     node *data;
     const enum fovea_status status = read_list(r, list, 12, 16, values, &count, &data);
     if (status != FOVEA_OK) return status;
-    bool rigid = count == 12 ||
-                 (count == 16 && values[12] == 0 && values[13] == 0 && values[14] == 0 && values[15] == 1);
+    bool rigid = count == 12 || (count == 16 && values[12] == 0 && values[13] == 0 &&
+                                 values[14] == 0 && values[15] == 1);
     for (int i = 0; i < 3 && rigid; ++i) {
         for (int j = i; j < 3; ++j) {
             const double *a = values + 4 * i, *b = values + 4 * j;
@@ -146,11 +152,13 @@ static enum fovea_status read_transform(const struct reader *r, node *list, doub
         }
     }
     const double *v = values;
-    const double determinant = v[0] * (v[5] * v[10] - v[6] * v[9]) - v[1] * (v[4] * v[10] - v[6] * v[8]) +
+    const double determinant = v[0] * (v[5] * v[10] - v[6] * v[9]) -
+                               v[1] * (v[4] * v[10] - v[6] * v[8]) +
                                v[2] * (v[4] * v[9] - v[5] * v[8]);
     if (!rigid || !(determinant > 0.0))
         return fovea_yaml_refuse(
-            r->tree, data, "a rigid transform: rows of a rotation and a translation, then 0 0 0 1", r->error);
+            r->tree, data, "a rigid transform: rows of a rotation and a translation, then 0 0 0 1",
+            r->error);
     memcpy(T, values, 12 * sizeof T[0]);
     return FOVEA_OK;
 }
@@ -164,7 +172,8 @@ static void invert(const double T[12], double inverse[12])
     }
 }
 
-/* ---- size, name, model ------------------------------------------------------------------------------- */
+/* ---- size, name, model
+ * ------------------------------------------------------------------------------- */
 
 static enum fovea_status read_size(const struct reader *r, node *width_node, node *height_node)
 {
@@ -172,7 +181,8 @@ static enum fovea_status read_size(const struct reader *r, node *width_node, nod
     enum fovea_status status;
     if ((status = fovea_yaml_integer(r->tree, width_node, 1, 65535, &width, r->error)) != FOVEA_OK)
         return status;
-    if ((status = fovea_yaml_integer(r->tree, height_node, 1, 65535, &height, r->error)) != FOVEA_OK)
+    if ((status = fovea_yaml_integer(r->tree, height_node, 1, 65535, &height, r->error)) !=
+        FOVEA_OK)
         return status;
     r->calibration->camera.width = (int32_t)width;
     r->calibration->camera.height = (int32_t)height;
@@ -196,7 +206,8 @@ static enum fovea_status read_intrinsics(const struct reader *r, node *parent)
     node *list;
     enum fovea_status status = fovea_yaml_require(r->tree, parent, "intrinsics", &list, r->error);
     if (status != FOVEA_OK) return status;
-    if ((status = fovea_yaml_numbers(r->tree, list, 4, 4, values, NULL, r->error)) != FOVEA_OK) return status;
+    if ((status = fovea_yaml_numbers(r->tree, list, 4, 4, values, NULL, r->error)) != FOVEA_OK)
+        return status;
     return set_pinhole(r, list, values, order);
 }
 
@@ -225,23 +236,32 @@ static enum fovea_status read_model(const struct reader *r, node *name)
 static enum fovea_status read_name(const struct reader *r, node *name)
 {
     const char *text = "";
-    if (name == NULL || (name->kind == FOVEA_YAML_SCALAR && name->value[0] == '\0')) return FOVEA_OK;
+    if (name == NULL || (name->kind == FOVEA_YAML_SCALAR && name->value[0] == '\0'))
+        return FOVEA_OK;
     const enum fovea_status status =
         fovea_yaml_string(r->tree, name, sizeof r->calibration->name - 1, &text, r->error);
     if (status == FOVEA_OK) snprintf(r->calibration->name, sizeof r->calibration->name, "%s", text);
     return status;
 }
 
-/* ---- the formats ------------------------------------------------------------------------------------- */
+/* ---- the formats
+ * ------------------------------------------------------------------------------------- */
 
 static const char *const matrix_keys[] = {
     "camera_matrix", "Camera_Matrix", "cameraMatrix", "K", "k", "M1", NULL};
-static const char *const distortion_keys[] = {
-    "distortion_coefficients", "Distortion_Coefficients", "distCoeffs", "dist_coeffs", "D", "d", "D1", NULL};
+static const char *const distortion_keys[] = {"distortion_coefficients",
+                                              "Distortion_Coefficients",
+                                              "distCoeffs",
+                                              "dist_coeffs",
+                                              "D",
+                                              "d",
+                                              "D1",
+                                              NULL};
 static const char *const width_keys[] = {"image_width", "image_Width", "width", NULL};
 static const char *const height_keys[] = {"image_height", "image_Height", "height", NULL};
 
-/* Parts of camera_info that say that images are not the sensor's whole grid: refused unless they say nothing.
+/* Parts of camera_info that say that images are not the sensor's whole grid: refused unless they
+ * say nothing.
  */
 static enum fovea_status refuse_binning(const struct reader *r)
 {
@@ -274,11 +294,12 @@ static enum fovea_status read_matrix_format(const struct reader *r)
         return fovea_yaml_require(r->tree, root, matrix->key[1] == '\0' ? "D" : distortion_keys[0],
                                   &distortion, r->error);
     if (width != NULL && height == NULL)
-        return fovea_yaml_require(r->tree, root, width->key[0] == 'i' ? height_keys[0] : height_keys[2],
-                                  &height, r->error);
+        return fovea_yaml_require(r->tree, root,
+                                  width->key[0] == 'i' ? height_keys[0] : height_keys[2], &height,
+                                  r->error);
     if (width == NULL && height != NULL)
-        return fovea_yaml_require(r->tree, root, height->key[0] == 'i' ? width_keys[0] : width_keys[2],
-                                  &width, r->error);
+        return fovea_yaml_require(
+            r->tree, root, height->key[0] == 'i' ? width_keys[0] : width_keys[2], &width, r->error);
     if (width != NULL && (status = read_size(r, width, height)) != FOVEA_OK) return status;
     if (model != NULL && (status = read_model(r, model)) != FOVEA_OK) return status;
     if (fisheye != NULL) {
@@ -297,21 +318,25 @@ static enum fovea_status read_matrix_format(const struct reader *r)
 }
 
 /* What Kalibr and EuRoC files have in common: projection, intrinsics, distortion, resolution. */
-static enum fovea_status read_pinhole_format(const struct reader *r, node *parent, const char *distortion_key)
+static enum fovea_status read_pinhole_format(const struct reader *r, node *parent,
+                                             const char *distortion_key)
 {
     node *projection, *model, *distortion;
     enum fovea_status status;
-    if ((status = fovea_yaml_require(r->tree, parent, "camera_model", &projection, r->error)) != FOVEA_OK)
+    if ((status = fovea_yaml_require(r->tree, parent, "camera_model", &projection, r->error)) !=
+        FOVEA_OK)
         return status;
     if (projection->kind != FOVEA_YAML_SCALAR || strcmp(projection->value, "pinhole") != 0)
         return unsupported(r, projection, "pinhole");
     if ((status = read_intrinsics(r, parent)) != FOVEA_OK) return status;
     if ((status = read_resolution(r, parent)) != FOVEA_OK) return status;
-    if ((status = fovea_yaml_require(r->tree, parent, "distortion_model", &model, r->error)) != FOVEA_OK)
+    if ((status = fovea_yaml_require(r->tree, parent, "distortion_model", &model, r->error)) !=
+        FOVEA_OK)
         return status;
     if ((status = read_model(r, model)) != FOVEA_OK) return status;
     if (strcmp(model->value, "none") == 0) return FOVEA_OK;
-    if ((status = fovea_yaml_require(r->tree, parent, distortion_key, &distortion, r->error)) != FOVEA_OK)
+    if ((status = fovea_yaml_require(r->tree, parent, distortion_key, &distortion, r->error)) !=
+        FOVEA_OK)
         return status;
     return read_distortion(r, distortion);
 }
@@ -323,8 +348,8 @@ static enum fovea_status read_euroc(const struct reader *r)
     r->calibration->format = FOVEA_CALIBRATION_EUROC;
     enum fovea_status status = read_pinhole_format(r, root, "distortion_coefficients");
     if (status != FOVEA_OK) return status;
-    if (rate != NULL &&
-        (status = fovea_yaml_number(r->tree, rate, 0, 1e6, &r->calibration->rate_hz, r->error)) != FOVEA_OK)
+    if (rate != NULL && (status = fovea_yaml_number(r->tree, rate, 0, 1e6, &r->calibration->rate_hz,
+                                                    r->error)) != FOVEA_OK)
         return status;
     if (transform == NULL) return FOVEA_OK;
     r->calibration->has_T_body_cam = true;
@@ -346,14 +371,17 @@ static enum fovea_status read_kalibr(const struct reader *r, node *camera)
     return FOVEA_OK;
 }
 
-/* ---- choosing ---------------------------------------------------------------------------------------- */
+/* ---- choosing
+ * ---------------------------------------------------------------------------------------- */
 
 /* The camera of a camchain: a mapping below a key "camN". */
 static node *find_camchain(node *root, const char *which)
 {
-    for (node *each = root->first; root->kind == FOVEA_YAML_MAPPING && each != NULL; each = each->next)
-        if (each->kind == FOVEA_YAML_MAPPING && strncmp(each->key, "cam", 3) == 0 && each->key[3] >= '0' &&
-            each->key[3] <= '9' && (which == NULL || strcmp(each->key, which) == 0))
+    for (node *each = root->first; root->kind == FOVEA_YAML_MAPPING && each != NULL;
+         each = each->next)
+        if (each->kind == FOVEA_YAML_MAPPING && strncmp(each->key, "cam", 3) == 0 &&
+            each->key[3] >= '0' && each->key[3] <= '9' &&
+            (which == NULL || strcmp(each->key, which) == 0))
             return each;
     return NULL;
 }
@@ -375,18 +403,21 @@ static enum fovea_status read_any(const struct reader *r, const char *which)
             "%s:%u: found no keys, expected a camera calibration (camera_matrix, K, intrinsics or cam0)",
             r->tree->file, root->line);
     /* One of the keys misspelt is named as such. */
-    static const char *const heads[] = {"camera_matrix", "cameraMatrix", "intrinsics", "cam0", NULL};
+    static const char *const heads[] = {"camera_matrix", "cameraMatrix", "intrinsics", "cam0",
+                                        NULL};
     for (size_t i = 0; heads[i] != NULL; ++i)
         for (node *each = root->first; each != NULL; each = each->next)
             if (strcmp(each->key, heads[i]) == 0)
-                return fovea_yaml_refuse(r->tree, each, "a mapping with the keys of a camera", r->error);
+                return fovea_yaml_refuse(r->tree, each, "a mapping with the keys of a camera",
+                                         r->error);
             else if (strlen(each->key) > 3 && fovea_text_nearest(each->key, &heads[i], 1) != NULL)
                 return fovea_yaml_require(r->tree, root, heads[i], &missing, r->error);
     char quoted[FOVEA_TEXT_QUOTED_BYTES];
     return fovea_error_set(
         r->error, FOVEA_ERROR_INPUT,
         "%s:%u: found the key %s first, expected one of camera_matrix, K, intrinsics, cam0 in the file",
-        r->tree->file, root->first->line, fovea_text_quote(root->first->key, quoted, sizeof quoted));
+        r->tree->file, root->first->line,
+        fovea_text_quote(root->first->key, quoted, sizeof quoted));
 }
 
 static enum fovea_status read_tree(const struct fovea_yaml_tree *tree, const char *which,
@@ -403,8 +434,9 @@ static enum fovea_status read_tree(const struct fovea_yaml_tree *tree, const cha
     return FOVEA_OK;
 }
 
-enum fovea_status fovea_calibration_parse(const char *name, const char *text, size_t bytes, const char *which,
-                                          struct fovea_calibration *calibration, struct fovea_error *error)
+enum fovea_status fovea_calibration_parse(const char *name, const char *text, size_t bytes,
+                                          const char *which, struct fovea_calibration *calibration,
+                                          struct fovea_error *error)
 {
     struct fovea_yaml_tree *tree;
     enum fovea_status status = fovea_yaml_parse(name, text, bytes, &tree, error);
@@ -415,7 +447,8 @@ enum fovea_status fovea_calibration_parse(const char *name, const char *text, si
 }
 
 enum fovea_status fovea_calibration_read(const char *path, const char *which,
-                                         struct fovea_calibration *calibration, struct fovea_error *error)
+                                         struct fovea_calibration *calibration,
+                                         struct fovea_error *error)
 {
     struct fovea_yaml_tree *tree;
     enum fovea_status status = fovea_yaml_read(path, &tree, error);

@@ -8,15 +8,16 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-static const char *const format_names[FOVEA_CALIBRATION_FORMAT_COUNT] = {"ros", "ros-message", "opencv",
-                                                                         "kalibr", "euroc"};
+static const char *const format_names[FOVEA_CALIBRATION_FORMAT_COUNT] = {
+    "ros", "ros-message", "opencv", "kalibr", "euroc"};
 
 const char *fovea_calibration_format_name(enum fovea_calibration_format format)
 {
     return (unsigned)format < FOVEA_CALIBRATION_FORMAT_COUNT ? format_names[format] : NULL;
 }
 
-/* ---- text -------------------------------------------------------------------------------------------- */
+/* ---- text
+ * -------------------------------------------------------------------------------------------- */
 
 struct writer {
     char *text;
@@ -27,14 +28,16 @@ __attribute__((format(printf, 2, 3))) static void put(struct writer *w, const ch
 {
     va_list arguments;
     va_start(arguments, format);
-    const int length = vsnprintf(w->text + w->used, FOVEA_CALIBRATION_BYTES_MAX - w->used, format, arguments);
+    const int length =
+        vsnprintf(w->text + w->used, FOVEA_CALIBRATION_BYTES_MAX - w->used, format, arguments);
     va_end(arguments);
     w->used += (size_t)length;
     if (w->used >= FOVEA_CALIBRATION_BYTES_MAX)
         w->used = FOVEA_CALIBRATION_BYTES_MAX - 1; /* cannot be: sizes are fixed */
 }
 
-/* "1, 2, 3" with all bits of each number, and always with a point so that no reader takes it for an integer.
+/* "1, 2, 3" with all bits of each number, and always with a point so that no reader takes it for an
+ * integer.
  */
 static void put_numbers(struct writer *w, const double *values, size_t count)
 {
@@ -77,10 +80,11 @@ static void put_list(struct writer *w, const char *key, const double *values, si
     put(w, "]\n");
 }
 
-/* ---- the formats ------------------------------------------------------------------------------------- */
+/* ---- the formats
+ * ------------------------------------------------------------------------------------- */
 
-/* Coefficients that the file lists: 4 for equidistant, 4, 5 or 8 for radial-tangential, as few as say
- * everything. */
+/* Coefficients that the file lists: 4 for equidistant, 4, 5 or 8 for radial-tangential, as few as
+ * say everything. */
 static size_t coefficient_count(const struct fovea_camera *camera, size_t least)
 {
     if (camera->lens == FOVEA_LENS_EQUIDISTANT) return 4;
@@ -97,7 +101,8 @@ static const char *ros_model(const struct fovea_camera *camera)
 static void write_ros(struct writer *w, const struct fovea_calibration *c, bool message)
 {
     const struct fovea_camera *m = &c->camera;
-    const double K[9] = {m->fx, 0, m->cx, 0, m->fy, m->cy, 0, 0, 1}, R[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
+    const double K[9] = {m->fx, 0, m->cx, 0, m->fy, m->cy, 0, 0, 1},
+                 R[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1};
     const double P[12] = {m->fx, 0, m->cx, 0, 0, m->fy, m->cy, 0, 0, 0, 1, 0};
     const size_t count = coefficient_count(m, 5);
     if (message) {
@@ -152,7 +157,8 @@ static void write_kalibr(struct writer *w, const struct fovea_calibration *c)
     }
     put(w, "  camera_model: pinhole\n");
     put_list(w, "  intrinsics", intrinsics, 4);
-    put(w, "  distortion_model: %s\n", m->lens == FOVEA_LENS_EQUIDISTANT ? "equidistant" : "radtan");
+    put(w, "  distortion_model: %s\n",
+        m->lens == FOVEA_LENS_EQUIDISTANT ? "equidistant" : "radtan");
     put_list(w, "  distortion_coeffs", m->k, 4);
     put(w, "  resolution: [%d, %d]\n", m->width, m->height);
 }
@@ -174,20 +180,23 @@ static void write_euroc(struct writer *w, const struct fovea_calibration *c)
     }
     put(w, "resolution: [%d, %d]\ncamera_model: pinhole\n", m->width, m->height);
     put_list(w, "intrinsics", intrinsics, 4);
-    put(w, "distortion_model: %s\n", m->lens == FOVEA_LENS_EQUIDISTANT ? "equidistant" : "radial-tangential");
+    put(w, "distortion_model: %s\n",
+        m->lens == FOVEA_LENS_EQUIDISTANT ? "equidistant" : "radial-tangential");
     put_list(w, "distortion_coefficients", m->k, 4);
 }
 
-/* ---- what a format cannot hold ----------------------------------------------------------------------- */
+/* ---- what a format cannot hold
+ * ----------------------------------------------------------------------- */
 
-static enum fovea_status refuse_lossy(enum fovea_calibration_format format, const struct fovea_camera *camera,
-                                      struct fovea_error *error)
+static enum fovea_status refuse_lossy(enum fovea_calibration_format format,
+                                      const struct fovea_camera *camera, struct fovea_error *error)
 {
     static const char *const names[] = {"k3", "k4", "k5", "k6"};
     const char *name = fovea_calibration_format_name(format);
     if (name == NULL)
-        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "calibration format: found %d, expected 0 to %d",
-                               (int)format, FOVEA_CALIBRATION_FORMAT_COUNT - 1);
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                               "calibration format: found %d, expected 0 to %d", (int)format,
+                               FOVEA_CALIBRATION_FORMAT_COUNT - 1);
     if (camera->width <= 0 || camera->height <= 0)
         return fovea_error_set(
             error, FOVEA_ERROR_UNSUPPORTED,
@@ -199,16 +208,16 @@ static enum fovea_status refuse_lossy(enum fovea_calibration_format format, cons
         if (camera->k[4 + i] != 0)
             return fovea_error_set(
                 error, FOVEA_ERROR_UNSUPPORTED,
-                "%s: found %.9g, expected 0: the format %s holds k1 k2 p1 p2 and it would be lost", names[i],
-                camera->k[4 + i], name);
+                "%s: found %.9g, expected 0: the format %s holds k1 k2 p1 p2 and it would be lost",
+                names[i], camera->k[4 + i], name);
     return FOVEA_OK;
 }
 
 static void name_lost(enum fovea_calibration_format format, const struct fovea_calibration *c,
                       struct fovea_error *lost)
 {
-    const bool transform =
-        c->has_T_body_cam && format != FOVEA_CALIBRATION_KALIBR && format != FOVEA_CALIBRATION_EUROC;
+    const bool transform = c->has_T_body_cam && format != FOVEA_CALIBRATION_KALIBR &&
+                           format != FOVEA_CALIBRATION_EUROC;
     const bool rate = c->rate_hz > 0 && format != FOVEA_CALIBRATION_EUROC;
     const bool name = c->name[0] != '\0' && format != FOVEA_CALIBRATION_ROS &&
                       !(format == FOVEA_CALIBRATION_KALIBR && is_chain_key(c->name));
@@ -222,7 +231,8 @@ static void name_lost(enum fovea_calibration_format format, const struct fovea_c
                     rate ? " rate_hz" : "", name ? " name" : "");
 }
 
-/* ---- writing ----------------------------------------------------------------------------------------- */
+/* ---- writing
+ * ----------------------------------------------------------------------------------------- */
 
 enum fovea_status fovea_calibration_format_text(enum fovea_calibration_format format,
                                                 const struct fovea_calibration *calibration,
@@ -279,10 +289,12 @@ enum fovea_status fovea_calibration_write(const char *path, enum fovea_calibrati
 {
     char text[FOVEA_CALIBRATION_BYTES_MAX], temporary[4096];
     struct stat there;
-    const enum fovea_status status = fovea_calibration_format_text(format, calibration, text, lost, error);
+    const enum fovea_status status =
+        fovea_calibration_format_text(format, calibration, text, lost, error);
     if (status != FOVEA_OK) return status;
     if (snprintf(temporary, sizeof temporary, "%s.new", path) >= (int)sizeof temporary)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%.64s...: found a path that is too long", path);
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%.64s...: found a path that is too long",
+                               path);
     /* Another file would take a device's place. */
     const bool device = stat(path, &there) == 0 && !S_ISREG(there.st_mode);
     int reason = write_text(device ? path : temporary, text, !device);
@@ -291,5 +303,6 @@ enum fovea_status fovea_calibration_write(const char *path, enum fovea_calibrati
         remove(temporary);
     }
     if (reason == 0) return FOVEA_OK;
-    return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: cannot be written: %s", path, strerror(reason));
+    return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: cannot be written: %s", path,
+                           strerror(reason));
 }

@@ -59,7 +59,8 @@ static struct timespec left_until(int64_t deadline_ns)
     return fv_clock_timespec(left_ns > 0 ? left_ns : 0);
 }
 
-/* ---- the process ------------------------------------------------------------------------------------- */
+/* ---- the process
+ * ------------------------------------------------------------------------------------- */
 
 /* Signals of the terminal are for the runtime; everything else is as in a program just started. */
 static void set_attributes(posix_spawnattr_t *attributes)
@@ -75,8 +76,8 @@ static void set_attributes(posix_spawnattr_t *attributes)
     posix_spawnattr_setsigdefault(attributes, &reset);
     posix_spawnattr_setschedpolicy(attributes, SCHED_OTHER);
     posix_spawnattr_setschedparam(attributes, &ordinary);
-    posix_spawnattr_setflags(attributes,
-                             POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETSCHEDULER);
+    posix_spawnattr_setflags(attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF |
+                                             POSIX_SPAWN_SETSCHEDULER);
 }
 
 /* 0, or an errno value. */
@@ -99,7 +100,8 @@ static int spawn(const char *path, int socket, pid_t *pid)
     return failure;
 }
 
-static enum fovea_status start_process(struct fv_libcamera_client *client, struct fovea_error *error)
+static enum fovea_status start_process(struct fv_libcamera_client *client,
+                                       struct fovea_error *error)
 {
     static const struct fv_plugin_name name = {
         .scheme = "libcamera", .file = FOVEA_LIBCAMERA_PROGRAM, .package = "libcamera-dev"};
@@ -109,7 +111,8 @@ static enum fovea_status start_process(struct fv_libcamera_client *client, struc
         place++;
     if (place == FV_PLUGIN_PLACES) return fv_plugin_missing(&name, "", error);
     if (socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends) != 0)
-        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: no socket: %s", client->uri, strerror(errno));
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: no socket: %s", client->uri,
+                               strerror(errno));
     const int failure = spawn(path, ends[1], &client->pid);
     close(ends[1]);
     if (failure == 0) {
@@ -119,11 +122,12 @@ static enum fovea_status start_process(struct fv_libcamera_client *client, struc
     }
     close(ends[0]);
     client->pid = 0;
-    return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: %.300s cannot be started: %s", client->uri, path,
-                           strerror(failure));
+    return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: %.300s cannot be started: %s",
+                           client->uri, path, strerror(failure));
 }
 
-/* Whether it has ended, waiting for that until the deadline; `how` as of waitpid, -1 where that is not known.
+/* Whether it has ended, waiting for that until the deadline; `how` as of waitpid, -1 where that is
+ * not known.
  */
 static bool has_ended(pid_t pid, int64_t deadline_ns, int *how)
 {
@@ -154,7 +158,8 @@ static void leave(struct fv_libcamera_client *client, pid_t pid)
     }
 }
 
-/* Let it end by itself for so long, then kill it. One that the kernel holds is left to it, and reaped later. */
+/* Let it end by itself for so long, then kill it. One that the kernel holds is left to it, and
+ * reaped later. */
 static int end_process(struct fv_libcamera_client *client, int64_t patience_ns)
 {
     int how = -1;
@@ -163,7 +168,8 @@ static int end_process(struct fv_libcamera_client *client, int64_t patience_ns)
     if (client->pid == 0) return how;
     if (!has_ended(client->pid, now_ns() + patience_ns, &how)) {
         kill(client->pid, SIGKILL);
-        if (!has_ended(client->pid, now_ns() + fv_libcamera_patience_ns, &how)) leave(client, client->pid);
+        if (!has_ended(client->pid, now_ns() + fv_libcamera_patience_ns, &how))
+            leave(client, client->pid);
     }
     client->pid = 0;
     return how;
@@ -175,43 +181,49 @@ static enum fovea_status died(struct fv_libcamera_client *client, struct fovea_e
     const int how = end_process(client, fv_libcamera_patience_ns);
     char text[64] = "ended";
     if (how != -1 && WIFSIGNALED(how))
-        snprintf(text, sizeof text, "was ended by signal %d (%s)", WTERMSIG(how), strsignal(WTERMSIG(how)));
+        snprintf(text, sizeof text, "was ended by signal %d (%s)", WTERMSIG(how),
+                 strsignal(WTERMSIG(how)));
     else if (how != -1)
         snprintf(text, sizeof text, "ended with status %d", WEXITSTATUS(how));
-    return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: libcamera's process %s: another is started",
-                           client->uri, text);
+    return fovea_error_set(error, FOVEA_ERROR_SYSTEM,
+                           "%s: libcamera's process %s: another is started", client->uri, text);
 }
 
-/* ---- messages ---------------------------------------------------------------------------------------- */
+/* ---- messages
+ * ---------------------------------------------------------------------------------------- */
 
 static enum fovea_status no_sense(struct fv_libcamera_client *client, struct fovea_error *error)
 {
     end_process(client, 0);
-    return fovea_error_set(error, FOVEA_ERROR_SYSTEM,
-                           "%s: found a message of libcamera's process that makes no sense, expected one of "
-                           "version %d",
-                           client->uri, FV_LIBCAMERA_VERSION);
+    return fovea_error_set(
+        error, FOVEA_ERROR_SYSTEM,
+        "%s: found a message of libcamera's process that makes no sense, expected one of "
+        "version %d",
+        client->uri, FV_LIBCAMERA_VERSION);
 }
 
-static enum fovea_status ask(struct fv_libcamera_client *client, uint32_t call, struct fovea_error *error)
+static enum fovea_status ask(struct fv_libcamera_client *client, uint32_t call,
+                             struct fovea_error *error)
 {
     client->request.version = FV_LIBCAMERA_VERSION;
     client->request.call = call;
     const size_t bytes = fv_libcamera_request_bytes(call);
     if (client->socket < 0) return died(client, error);
-    if (send(client->socket, &client->request, bytes, MSG_NOSIGNAL | MSG_DONTWAIT) == (ssize_t)bytes)
+    if (send(client->socket, &client->request, bytes, MSG_NOSIGNAL | MSG_DONTWAIT) ==
+        (ssize_t)bytes)
         return FOVEA_OK;
     if (errno != EAGAIN) return died(client, error);
     end_process(client, 0);
-    return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: libcamera's process takes no more requests",
-                           client->uri);
+    return fovea_error_set(error, FOVEA_ERROR_SYSTEM,
+                           "%s: libcamera's process takes no more requests", client->uri);
 }
 
 /* Descriptors that came with a message, at most FV_LIVE_BUFFERS_MAX: how many. */
 static uint32_t take_descriptors(struct msghdr *message, int descriptors[FV_LIVE_BUFFERS_MAX])
 {
     struct cmsghdr *header = CMSG_FIRSTHDR(message);
-    if (header == NULL || header->cmsg_level != SOL_SOCKET || header->cmsg_type != SCM_RIGHTS) return 0;
+    if (header == NULL || header->cmsg_level != SOL_SOCKET || header->cmsg_type != SCM_RIGHTS)
+        return 0;
     const size_t bytes = header->cmsg_len - CMSG_LEN(0);
     memcpy(descriptors, CMSG_DATA(header), bytes);
     return (uint32_t)(bytes / sizeof(int));
@@ -223,10 +235,10 @@ static void close_all(const int *descriptors, uint32_t count)
         close(descriptors[i]);
 }
 
-/* The next message, if one is there, into `event`. FOVEA_AGAIN: none. `descriptors`: NULL where none are
- * expected. */
-static enum fovea_status receive(struct fv_libcamera_client *client, int *descriptors, uint32_t *count,
-                                 struct fovea_error *error)
+/* The next message, if one is there, into `event`. FOVEA_AGAIN: none. `descriptors`: NULL where
+ * none are expected. */
+static enum fovea_status receive(struct fv_libcamera_client *client, int *descriptors,
+                                 uint32_t *count, struct fovea_error *error)
 {
     union {
         struct cmsghdr align;
@@ -242,12 +254,14 @@ static enum fovea_status receive(struct fv_libcamera_client *client, int *descri
     const ssize_t bytes = recvmsg(client->socket, &message, MSG_DONTWAIT | MSG_CMSG_CLOEXEC);
     if (bytes < 0 && (errno == EAGAIN || errno == EINTR)) return FOVEA_AGAIN;
     if (bytes <= 0) return died(client, error);
-    const uint32_t came = take_descriptors(&message, descriptors != NULL ? descriptors : unexpected);
+    const uint32_t came =
+        take_descriptors(&message, descriptors != NULL ? descriptors : unexpected);
     if (descriptors == NULL) close_all(unexpected, came);
     if (count != NULL) *count = came;
     const struct fv_libcamera_event *event = &client->event;
     if ((size_t)bytes >= offsetof(struct fv_libcamera_event, frame) &&
-        event->version == FV_LIBCAMERA_VERSION && (size_t)bytes == fv_libcamera_event_bytes(event->kind))
+        event->version == FV_LIBCAMERA_VERSION &&
+        (size_t)bytes == fv_libcamera_event_bytes(event->kind))
         return FOVEA_OK;
     if (descriptors != NULL) close_all(descriptors, came);
     if (count != NULL) *count = 0;
@@ -275,18 +289,21 @@ static bool stands_still(pid_t pid, struct work *work)
     return now_ns() - work->since_ns >= fv_libcamera_idle_ns;
 }
 
-/* Until there is a message, the source is stopped, or it is time to look whether the process still works. */
-static void wait_for_message(const struct fv_libcamera_client *client, int quit_fd, int64_t deadline_ns)
+/* Until there is a message, the source is stopped, or it is time to look whether the process still
+ * works. */
+static void wait_for_message(const struct fv_libcamera_client *client, int quit_fd,
+                             int64_t deadline_ns)
 {
-    struct pollfd fds[2] = {{.fd = client->socket, .events = POLLIN}, {.fd = quit_fd, .events = POLLIN}};
+    struct pollfd fds[2] = {{.fd = client->socket, .events = POLLIN},
+                            {.fd = quit_fd, .events = POLLIN}};
     const int64_t look_ns = now_ns() + fv_libcamera_idle_ns / 8;
     const struct timespec left = left_until(look_ns < deadline_ns ? look_ns : deadline_ns);
     ppoll(fds, 2, &left, NULL);
 }
 
 /* Until the answer, past frames from before. `quit_fd`: -1 while opening. */
-static enum fovea_status await_answer(struct fv_libcamera_client *client, int quit_fd, int *descriptors,
-                                      uint32_t *count, struct fovea_error *error)
+static enum fovea_status await_answer(struct fv_libcamera_client *client, int quit_fd,
+                                      int *descriptors, uint32_t *count, struct fovea_error *error)
 {
     const int64_t deadline_ns = now_ns() + fv_libcamera_answer_ns;
     struct work work = {-1, now_ns()};
@@ -301,8 +318,9 @@ static enum fovea_status await_answer(struct fv_libcamera_client *client, int qu
         const bool over = can_be_read(quit_fd);
         if (over || now_ns() >= deadline_ns || stands_still(client->pid, &work)) {
             end_process(client, 0);
-            return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: %s: its process was killed", client->uri,
-                                   over ? "stopped while libcamera was asked" : "libcamera does not answer");
+            return fovea_error_set(
+                error, FOVEA_ERROR_SYSTEM, "%s: %s: its process was killed", client->uri,
+                over ? "stopped while libcamera was asked" : "libcamera does not answer");
         }
         if (status == FOVEA_AGAIN) wait_for_message(client, quit_fd, deadline_ns);
     }
@@ -311,7 +329,8 @@ static enum fovea_status await_answer(struct fv_libcamera_client *client, int qu
     return client->event.error.status;
 }
 
-/* ---- buffers ----------------------------------------------------------------------------------------- */
+/* ---- buffers
+ * ----------------------------------------------------------------------------------------- */
 
 static void unmap(struct fv_libcamera_client *client)
 {
@@ -323,8 +342,8 @@ static void unmap(struct fv_libcamera_client *client)
 }
 
 /* Takes the descriptors. */
-static enum fovea_status map(struct fv_libcamera_client *client, const int *descriptors, uint32_t count,
-                             struct fovea_error *error)
+static enum fovea_status map(struct fv_libcamera_client *client, const int *descriptors,
+                             uint32_t count, struct fovea_error *error)
 {
     const struct fv_libcamera_event *event = &client->event;
     bool right = count == event->buffer_count && count == client->agreed.buffers;
@@ -353,16 +372,18 @@ static enum fovea_status map(struct fv_libcamera_client *client, const int *desc
     return FOVEA_OK;
 }
 
-/* Where a device writes past the processor's caches, reading is begun and ended with the kernel's leave;
- * memory that needs none refuses the call. */
+/* Where a device writes past the processor's caches, reading is begun and ended with the kernel's
+ * leave; memory that needs none refuses the call. */
 static void let_read(const struct mapping *mapping, uint64_t when)
 {
     const struct dma_buf_sync sync = {.flags = when | DMA_BUF_SYNC_READ};
-    while (ioctl(mapping->fd, DMA_BUF_IOCTL_SYNC, &sync) < 0 && (errno == EINTR || errno == EAGAIN)) {
+    while (ioctl(mapping->fd, DMA_BUF_IOCTL_SYNC, &sync) < 0 &&
+           (errno == EINTR || errno == EAGAIN)) {
     }
 }
 
-/* ---- the device -------------------------------------------------------------------------------------- */
+/* ---- the device
+ * -------------------------------------------------------------------------------------- */
 
 static enum fovea_status find(void *of, int quit_fd, struct fovea_error *error)
 {
@@ -376,9 +397,10 @@ static enum fovea_status find(void *of, int quit_fd, struct fovea_error *error)
     }
     if (status == FOVEA_OK) status = ask(client, FV_LIBCAMERA_FIND, error);
     if (status == FOVEA_OK) status = await_answer(client, quit_fd, NULL, NULL, error);
-    /* libcamera looks around when it starts, and then believes what it is told: a camera that came when it was not
-     * listening stays away for it. */
-    if (status == FOVEA_GONE && now_ns() - client->started_ns > fv_libcamera_away_ns) end_process(client, 0);
+    /* libcamera looks around when it starts, and then believes what it is told: a camera that came
+     * when it was not listening stays away for it. */
+    if (status == FOVEA_GONE && now_ns() - client->started_ns > fv_libcamera_away_ns)
+        end_process(client, 0);
     return status;
 }
 
@@ -404,8 +426,8 @@ static void tear_down(void *of)
     end_process(client, fv_libcamera_patience_ns);
 }
 
-static enum fovea_status use_event(struct fv_libcamera_client *client, struct fv_live_buffer *buffer,
-                                   struct fovea_error *error)
+static enum fovea_status use_event(struct fv_libcamera_client *client,
+                                   struct fv_live_buffer *buffer, struct fovea_error *error)
 {
     struct fv_libcamera_event *event = &client->event;
     if (event->kind == FV_LIBCAMERA_BROKEN) {
@@ -429,14 +451,15 @@ static enum fovea_status use_event(struct fv_libcamera_client *client, struct fv
     return FOVEA_OK;
 }
 
-static enum fovea_status take(void *of, int64_t deadline_ns, int wake_fd, struct fv_live_buffer *buffer,
-                              struct fovea_error *error)
+static enum fovea_status take(void *of, int64_t deadline_ns, int wake_fd,
+                              struct fv_live_buffer *buffer, struct fovea_error *error)
 {
     struct fv_libcamera_client *client = of;
     reap_left(client);
     enum fovea_status status = receive(client, NULL, NULL, error);
     if (status == FOVEA_AGAIN) {
-        struct pollfd fds[2] = {{.fd = wake_fd, .events = POLLIN}, {.fd = client->socket, .events = POLLIN}};
+        struct pollfd fds[2] = {{.fd = wake_fd, .events = POLLIN},
+                                {.fd = client->socket, .events = POLLIN}};
         const struct timespec left = left_until(deadline_ns);
         ppoll(fds, 2, &left, NULL);
         status = receive(client, NULL, NULL, error);
@@ -469,7 +492,8 @@ const struct fv_live_ops fv_libcamera_live = {
     .close = close_client,
 };
 
-/* ---- opening ----------------------------------------------------------------------------------------- */
+/* ---- opening
+ * ----------------------------------------------------------------------------------------- */
 
 size_t fv_libcamera_heap_bytes(void)
 {
@@ -477,7 +501,8 @@ size_t fv_libcamera_heap_bytes(void)
 }
 
 /* By a process just started. `lost`: that was, but came to grief over it. */
-static enum fovea_status learn(struct fv_libcamera_client *client, bool *lost, struct fovea_error *error)
+static enum fovea_status learn(struct fv_libcamera_client *client, bool *lost,
+                               struct fovea_error *error)
 {
     enum fovea_status status = start_process(client, error);
     *lost = false;
@@ -489,11 +514,13 @@ static enum fovea_status learn(struct fv_libcamera_client *client, bool *lost, s
 }
 
 enum fovea_status fv_libcamera_open(const struct fovea_libcamera_options *options,
-                                    struct fv_libcamera_client **out, struct fovea_libcamera_agreed *agreed,
-                                    struct fovea_error *told, struct fovea_error *error)
+                                    struct fv_libcamera_client **out,
+                                    struct fovea_libcamera_agreed *agreed, struct fovea_error *told,
+                                    struct fovea_error *error)
 {
     struct fv_libcamera_client *client = calloc(1, sizeof *client);
-    if (client == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "libcamera: out of memory");
+    if (client == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "libcamera: out of memory");
     client->socket = -1;
     client->request.options = *options;
     snprintf(client->uri, sizeof client->uri, "libcamera:%s", options->id);
@@ -513,8 +540,8 @@ enum fovea_status fv_libcamera_open(const struct fovea_libcamera_options *option
     client->agreed = *agreed = client->event.agreed;
     *told = client->event.told;
     if (grief.text[0] != '\0')
-        fovea_error_set(told, FOVEA_OK, "%.256s%s%.200s", grief.text, told->text[0] != '\0' ? "; " : "",
-                        client->event.told.text);
+        fovea_error_set(told, FOVEA_OK, "%.256s%s%.200s", grief.text,
+                        told->text[0] != '\0' ? "; " : "", client->event.told.text);
     snprintf(client->uri, sizeof client->uri, "libcamera:%s", agreed->id);
     *out = client;
     return FOVEA_OK;

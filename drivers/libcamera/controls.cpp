@@ -76,23 +76,25 @@ const ControlId *control_named(const Camera &camera, const std::string &name, st
     return nullptr;
 }
 
-// A control that is not `required` is left out where the camera does not have it. `unit`: theirs in ours.
-enum fovea_status add_number(const Asked &asked, const ControlId &id, const char *what, double value,
-                             double unit, bool required)
+// A control that is not `required` is left out where the camera does not have it. `unit`: theirs in
+// ours.
+enum fovea_status add_number(const Asked &asked, const ControlId &id, const char *what,
+                             double value, double unit, bool required)
 {
     const auto found = asked.camera.controls().find(id.id());
     if (found == asked.camera.controls().end()) {
         if (!required) return FOVEA_OK;
-        return fovea_error_set(asked.error, FOVEA_ERROR_INPUT, "%s: %s: this camera has no such control",
-                               asked.uri, what);
+        return fovea_error_set(asked.error, FOVEA_ERROR_INPUT,
+                               "%s: %s: this camera has no such control", asked.uri, what);
     }
     const ControlInfo &info = found->second;
     const double low = number_of(info.min()), high = number_of(info.max());
     ControlValue made;
     const bool fits = !(value < low) && !(value > high);
     if (!fits || !make_value(id.type(), value, &made))
-        return fovea_error_set(asked.error, FOVEA_ERROR_INPUT, "%s: %s: found %.10g, expected [%.10g, %.10g]",
-                               asked.uri, what, value * unit, low * unit, high * unit);
+        return fovea_error_set(asked.error, FOVEA_ERROR_INPUT,
+                               "%s: %s: found %.10g, expected [%.10g, %.10g]", asked.uri, what,
+                               value * unit, low * unit, high * unit);
     asked.list->set(id.id(), made);
     return FOVEA_OK;
 }
@@ -103,14 +105,15 @@ enum fovea_status add_wish(const Asked &asked, const fovea_libcamera_wish &wish)
     const ControlId *id = control_named(asked.camera, wish.name, &names);
     if (id == nullptr)
         return fovea_error_set(asked.error, FOVEA_ERROR_INPUT,
-                               "%s: unknown control '%.63s'; expected one of: %.300s", asked.uri, wish.name,
-                               names.c_str());
+                               "%s: unknown control '%.63s'; expected one of: %.300s", asked.uri,
+                               wish.name, names.c_str());
     char *end = nullptr;
     const double value = std::strtod(wish.value, &end);
     const std::string what = std::string("control.") + wish.name;
     if (end == wish.value || *end != '\0' || !std::isfinite(value))
-        return fovea_error_set(asked.error, FOVEA_ERROR_INPUT, "%s: %s: found '%.63s', expected a number",
-                               asked.uri, what.c_str(), wish.value);
+        return fovea_error_set(asked.error, FOVEA_ERROR_INPUT,
+                               "%s: %s: found '%.63s', expected a number", asked.uri, what.c_str(),
+                               wish.value);
     return add_number(asked, *id, what.c_str(), value, 1, true);
 }
 
@@ -124,20 +127,21 @@ enum fovea_status add_modes(const Asked &asked, const fovea_libcamera_options &o
     enum fovea_status status = FOVEA_OK;
     if (options.auto_exposure_given)
         status = add_number(asked, controls::ExposureTimeMode, "auto_exposure",
-                            manual_time ? controls::ExposureTimeModeManual : controls::ExposureTimeModeAuto,
+                            manual_time ? controls::ExposureTimeModeManual
+                                        : controls::ExposureTimeModeAuto,
                             1, !manual_time);
     if (status == FOVEA_OK && (options.auto_gain_given || options.gain >= 0))
-        status =
-            add_number(asked, controls::AnalogueGainMode, "auto_gain",
-                       options.auto_gain ? controls::AnalogueGainModeAuto : controls::AnalogueGainModeManual,
-                       1, options.auto_gain);
+        status = add_number(asked, controls::AnalogueGainMode, "auto_gain",
+                            options.auto_gain ? controls::AnalogueGainModeAuto
+                                              : controls::AnalogueGainModeManual,
+                            1, options.auto_gain);
     return status;
 #else
-    // One switch for both; with a fixed time given and the switch on, pipelines that can keep the gain
-    // automatic do.
+    // One switch for both; with a fixed time given and the switch on, pipelines that can keep the
+    // gain automatic do.
     if (!options.auto_exposure_given && !options.auto_gain_given) return FOVEA_OK;
-    return add_number(asked, controls::AeEnable, "auto_exposure", !manual_time || options.auto_gain, 1,
-                      options.auto_exposure || options.auto_gain);
+    return add_number(asked, controls::AeEnable, "auto_exposure", !manual_time || options.auto_gain,
+                      1, options.auto_exposure || options.auto_gain);
 #endif
 }
 
@@ -148,8 +152,9 @@ bool fv_libcamera_has_control(const Camera &camera, const ControlId &id)
     return camera.controls().find(id.id()) != camera.controls().end();
 }
 
-enum fovea_status fv_libcamera_controls(const Camera &camera, const fovea_libcamera_options &options,
-                                        const char *uri, ControlList *list, fovea_error *error)
+enum fovea_status fv_libcamera_controls(const Camera &camera,
+                                        const fovea_libcamera_options &options, const char *uri,
+                                        ControlList *list, fovea_error *error)
 {
     const Asked asked = {camera, uri, list, error};
     enum fovea_status status = add_modes(asked, options);

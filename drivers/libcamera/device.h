@@ -1,6 +1,6 @@
-// A camera of libcamera, inside the process that keeps libcamera (protocol.h): found, configured, streaming,
-// its frames. What is asked of exposure, gain and controls by name is in controls.cpp. C++; one thread calls,
-// libcamera's own only completes requests.
+// A camera of libcamera, inside the process that keeps libcamera (protocol.h): found, configured,
+// streaming, its frames. What is asked of exposure, gain and controls by name is in controls.cpp.
+// C++; one thread calls, libcamera's own only completes requests.
 #ifndef FOVEA_LIBCAMERA_DEVICE_H
 #define FOVEA_LIBCAMERA_DEVICE_H
 
@@ -15,7 +15,8 @@
 #include "fovea/status.h"
 #include "protocol.h"
 
-// Numbers of completed requests, from libcamera's thread to ours: one writer, one reader, never full.
+// Numbers of completed requests, from libcamera's thread to ours: one writer, one reader, never
+// full.
 class Completed
 {
   public:

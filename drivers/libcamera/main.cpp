@@ -1,5 +1,6 @@
-// build/fovea-libcamera: the process that keeps libcamera. Started by client.c with one end of a socket as
-// descriptor FV_LIBCAMERA_SOCKET; answers requests and sends frames (protocol.h) until the other end closes.
+// build/fovea-libcamera: the process that keeps libcamera. Started by client.c with one end of a
+// socket as descriptor FV_LIBCAMERA_SOCKET; answers requests and sends frames (protocol.h) until
+// the other end closes.
 #include <libcamera/libcamera.h>
 #include <libcamera/logging.h>
 
@@ -95,7 +96,8 @@ void Process::answer(const fv_libcamera_request &request)
         case FV_LIBCAMERA_SET_UP:
             return device_.set_up(&event, descriptors);
         default:
-            return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "libcamera: found an unknown request");
+            return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                                   "libcamera: found an unknown request");
         }
     });
     error->status = status;
@@ -119,7 +121,8 @@ void Process::send_frames()
 
 bool Process::serve()
 {
-    struct pollfd fds[2] = {{FV_LIBCAMERA_SOCKET, POLLIN, 0}, {streams_ ? device_.bell() : -1, POLLIN, 0}};
+    struct pollfd fds[2] = {{FV_LIBCAMERA_SOCKET, POLLIN, 0},
+                            {streams_ ? device_.bell() : -1, POLLIN, 0}};
     if (poll(fds, 2, -1) < 0) return true;
     if (fds[1].revents != 0) send_frames();
     if (fds[0].revents == 0) return true;
@@ -159,12 +162,14 @@ int main()
     const struct rlimit none = {0, 0};
     struct pollfd other_end = {FV_LIBCAMERA_SOCKET, 0, 0};
     if (poll(&other_end, 1, 0) != 0) {
-        std::fprintf(stderr, "fovea-libcamera: started by fovea for sources libcamera:ID, not by hand\n");
+        std::fprintf(stderr,
+                     "fovea-libcamera: started by fovea for sources libcamera:ID, not by hand\n");
         return 2;
     }
     setrlimit(RLIMIT_CORE, &none); // writing one would hold up recovery
     std::thread(watch).detach();
-    if (std::getenv("LIBCAMERA_LOG_LEVELS") == nullptr) libcamera::logSetTarget(libcamera::LoggingTargetNone);
+    if (std::getenv("LIBCAMERA_LOG_LEVELS") == nullptr)
+        libcamera::logSetTarget(libcamera::LoggingTargetNone);
     libcamera::logSetLevel("*", "FATAL"); // errors are told by the runtime
     Process process;
     while (process.serve()) {

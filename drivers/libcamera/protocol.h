@@ -1,14 +1,14 @@
-/* What the program and the process that keeps libcamera (build/fovea-libcamera, built where libcamera-dev is
- * installed) say to each other.
+/* What the program and the process that keeps libcamera (build/fovea-libcamera, built where
+ * libcamera-dev is installed) say to each other.
  *
- * libcamera is a process of its own because it may end: 0.0.3 aborts when a camera is unplugged at the wrong
- * moment ("Trying to complete a request when stopped"), and its pipelines crash, hang and leak in others.
- * Here all of that is one more fault of a camera: drivers/live/recovery.h gets over it, and the runtime's own
- * process keeps its memory to itself.
+ * libcamera is a process of its own because it may end: 0.0.3 aborts when a camera is unplugged at
+ * the wrong moment ("Trying to complete a request when stopped"), and its pipelines crash, hang and
+ * leak in others. Here all of that is one more fault of a camera: drivers/live/recovery.h gets over
+ * it, and the runtime's own process keeps its memory to itself.
  *
- * Both hold one end of a socket that keeps messages apart. Frames do not travel: the descriptors of their
- * buffers come once, with the answer to SET_UP, and are mapped by the program; from then on an index says
- * which buffer is filled and which is free again.
+ * Both hold one end of a socket that keeps messages apart. Frames do not travel: the descriptors of
+ * their buffers come once, with the answer to SET_UP, and are mapped by the program; from then on
+ * an index says which buffer is filled and which is free again.
  *
  *   program                 process
  *   LEARN options      ->             find the camera, configure it once, let it go again
@@ -22,8 +22,9 @@
  *   GIVE index         ->             it is free again
  *                      <-   BROKEN    streaming is over: FOVEA_GONE when unplugged, or negative
  *
- * A process serves one SET_UP: when streaming is over, for whatever reason, the program ends it and starts
- * another. The process ends when its socket does. Both come from one build, which the version makes sure of.
+ * A process serves one SET_UP: when streaming is over, for whatever reason, the program ends it and
+ * starts another. The process ends when its socket does. Both come from one build, which the
+ * version makes sure of.
  */
 #ifndef FOVEA_LIBCAMERA_PROTOCOL_H
 #define FOVEA_LIBCAMERA_PROTOCOL_H
@@ -46,7 +47,12 @@ enum {
     FOVEA_LIBCAMERA_ID_BYTES = 200
 };
 
-enum fovea_libcamera_role { FOVEA_ROLE_VIDEO = 0, FOVEA_ROLE_VIEWFINDER, FOVEA_ROLE_STILL, FOVEA_ROLE_RAW };
+enum fovea_libcamera_role {
+    FOVEA_ROLE_VIDEO = 0,
+    FOVEA_ROLE_VIEWFINDER,
+    FOVEA_ROLE_STILL,
+    FOVEA_ROLE_RAW
+};
 
 /* A control by libcamera's name for it ("Brightness"), and the value as given. */
 struct fovea_libcamera_wish {
@@ -124,7 +130,8 @@ struct fv_libcamera_event {
 static inline size_t fv_libcamera_request_bytes(uint32_t call)
 {
     const bool whole = call == FV_LIBCAMERA_LEARN || call == FV_LIBCAMERA_KNOW;
-    return whole ? sizeof(struct fv_libcamera_request) : offsetof(struct fv_libcamera_request, options);
+    return whole ? sizeof(struct fv_libcamera_request)
+                 : offsetof(struct fv_libcamera_request, options);
 }
 
 static inline size_t fv_libcamera_event_bytes(uint32_t kind)
@@ -138,20 +145,21 @@ struct fv_libcamera_format {
     const char *name, *theirs;
     enum fovea_pixel_format format;
 };
-#define FV_LIBCAMERA_FORMATS(ROW)                                                                            \
-    ROW("GREY", "R8", FOVEA_PIXEL_GREY8)                                                                     \
-    ROW("NV12", "NV12", FOVEA_PIXEL_NV12)                                                                    \
-    ROW("YU12", "YUV420", FOVEA_PIXEL_YU12)                                                                  \
-    ROW("YUYV", "YUYV", FOVEA_PIXEL_YUYV)                                                                    \
-    ROW("UYVY", "UYVY", FOVEA_PIXEL_UYVY)                                                                    \
-    ROW("Y10", "R10", FOVEA_PIXEL_Y10)                                                                       \
-    ROW("Y12", "R12", FOVEA_PIXEL_Y12)                                                                       \
-    ROW("RGGB", "SRGGB8", FOVEA_PIXEL_BAYER_RGGB8)                                                           \
-    ROW("BGGR", "SBGGR8", FOVEA_PIXEL_BAYER_BGGR8)                                                           \
-    ROW("GRBG", "SGRBG8", FOVEA_PIXEL_BAYER_GRBG8)                                                           \
-    ROW("GBRG", "SGBRG8", FOVEA_PIXEL_BAYER_GBRG8)                                                           \
-    ROW("MJPG", "MJPEG", FOVEA_PIXEL_MJPEG)                                                                  \
-    ROW("RGB3", "BGR888", FOVEA_PIXEL_RGB24) /* libcamera names the words of 24 bits, not the bytes */       \
+#define FV_LIBCAMERA_FORMATS(ROW)                                                                  \
+    ROW("GREY", "R8", FOVEA_PIXEL_GREY8)                                                           \
+    ROW("NV12", "NV12", FOVEA_PIXEL_NV12)                                                          \
+    ROW("YU12", "YUV420", FOVEA_PIXEL_YU12)                                                        \
+    ROW("YUYV", "YUYV", FOVEA_PIXEL_YUYV)                                                          \
+    ROW("UYVY", "UYVY", FOVEA_PIXEL_UYVY)                                                          \
+    ROW("Y10", "R10", FOVEA_PIXEL_Y10)                                                             \
+    ROW("Y12", "R12", FOVEA_PIXEL_Y12)                                                             \
+    ROW("RGGB", "SRGGB8", FOVEA_PIXEL_BAYER_RGGB8)                                                 \
+    ROW("BGGR", "SBGGR8", FOVEA_PIXEL_BAYER_BGGR8)                                                 \
+    ROW("GRBG", "SGRBG8", FOVEA_PIXEL_BAYER_GRBG8)                                                 \
+    ROW("GBRG", "SGBRG8", FOVEA_PIXEL_BAYER_GBRG8)                                                 \
+    ROW("MJPG", "MJPEG", FOVEA_PIXEL_MJPEG)                                                        \
+    ROW("RGB3", "BGR888",                                                                          \
+        FOVEA_PIXEL_RGB24) /* libcamera names the words of 24 bits, not the bytes */               \
     ROW("BGR3", "RGB888", FOVEA_PIXEL_BGR24)
 
 #ifdef __cplusplus

@@ -14,20 +14,24 @@ static const char *const role_names[] = {"video", "viewfinder", "still", "raw", 
 enum { EXPOSURE = 5, AUTO_EXPOSURE = 7, AUTO_GAIN = 8 }; /* rows of the table */
 static const struct fv_uri_option option_table[] = {
     {"width", FV_URI_I32, AT(width), FOVEA_IMAGE_WIDTH_MIN, FOVEA_IMAGE_WIDTH_MAX, "pixels", NULL},
-    {"height", FV_URI_I32, AT(height), FOVEA_IMAGE_HEIGHT_MIN, FOVEA_IMAGE_HEIGHT_MAX, "rows", NULL},
+    {"height", FV_URI_I32, AT(height), FOVEA_IMAGE_HEIGHT_MIN, FOVEA_IMAGE_HEIGHT_MAX, "rows",
+     NULL},
     {"rate", FV_URI_REAL, AT(rate_hz), 0.1, 1000, "Hz", NULL},
     {"format", FV_URI_WORD, AT(format), 0, 0,
-     "any, GREY, NV12, YU12, YUYV, UYVY, Y10, Y12, RGGB, BGGR, GRBG, GBRG, MJPG, RGB3 or BGR3", format_names},
+     "any, GREY, NV12, YU12, YUYV, UYVY, Y10, Y12, RGGB, BGGR, GRBG, GBRG, MJPG, RGB3 or BGR3",
+     format_names},
     {"role", FV_URI_WORD, AT(role), 0, 0, "video, viewfinder, still or raw", role_names},
     {"exposure", FV_URI_REAL, AT(exposure_ms), 0.01, 10000, "milliseconds", NULL},
     {"gain", FV_URI_REAL, AT(gain), 0, 1000, "factor", NULL},
     {"auto_exposure", FV_URI_FLAG, AT(auto_exposure), 0, 1, "0 or 1", NULL},
     {"auto_gain", FV_URI_FLAG, AT(auto_gain), 0, 1, "0 or 1", NULL},
     {"readout", FV_URI_REAL, AT(readout_ms), 0, 1000, "milliseconds, first row to last", NULL},
-    {"buffers", FV_URI_I32, AT(buffers), FV_LIVE_BUFFERS_MIN, FV_LIVE_BUFFERS_MAX, "requests", NULL},
+    {"buffers", FV_URI_I32, AT(buffers), FV_LIVE_BUFFERS_MIN, FV_LIVE_BUFFERS_MAX, "requests",
+     NULL},
 };
 
-static enum fovea_status add_wish(void *to, const char *name, const char *value, struct fovea_error *error)
+static enum fovea_status add_wish(void *to, const char *name, const char *value,
+                                  struct fovea_error *error)
 {
     struct fovea_libcamera_options *options = to;
     char quoted[FOVEA_TEXT_QUOTED_BYTES];
@@ -64,7 +68,8 @@ static enum fovea_status parse(const char *address, struct fovea_libcamera_optio
     memcpy(o.id, address, length);
     address += length;
     if (*address == '?') address++;
-    const enum fovea_status status = fv_uri_options_parse(&options_table, address, &o, &given, error);
+    const enum fovea_status status =
+        fv_uri_options_parse(&options_table, address, &o, &given, error);
     if (status != FOVEA_OK) return status;
     o.auto_exposure_given = (given >> AUTO_EXPOSURE & 1) != 0 || (given >> EXPOSURE & 1) != 0;
     o.auto_gain_given = (given >> AUTO_GAIN & 1) != 0;
@@ -84,7 +89,8 @@ static enum fovea_status parse(const char *address, struct fovea_libcamera_optio
     return FOVEA_OK;
 }
 
-static enum fovea_status open_camera(const char *address, const struct fovea_source_selection *selection,
+static enum fovea_status open_camera(const char *address,
+                                     const struct fovea_source_selection *selection,
                                      struct fovea_source **source, struct fovea_error *error)
 {
     struct fovea_libcamera_options options;
@@ -113,4 +119,5 @@ static enum fovea_status open_camera(const char *address, const struct fovea_sou
 }
 
 const struct fovea_source_ops fovea_source_libcamera = FV_LIVE_OPS(
-    "libcamera", "ID[?width=..&format=..]  camera by libcamera: its id, or its number from 0", open_camera);
+    "libcamera", "ID[?width=..&format=..]  camera by libcamera: its id, or its number from 0",
+    open_camera);

@@ -1,4 +1,5 @@
-/* Lines for people from a source's own thread to whoever asks, by kind; never for the loop thread. */
+/* Lines for people from a source's own thread to whoever asks, by kind; never for the loop thread.
+ */
 #ifndef FOVEA_LIVE_COMPLAINTS_H
 #define FOVEA_LIVE_COMPLAINTS_H
 

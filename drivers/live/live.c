@@ -88,7 +88,8 @@ enum fovea_status fv_live_complaint(struct fovea_source *source, struct fovea_er
     return fv_complaints_take(&source->complaints, error);
 }
 
-/* ---- camera thread: recovery --------------------------------------------------------------------------- */
+/* ---- camera thread: recovery
+ * --------------------------------------------------------------------------- */
 
 static bool quitting(const struct fovea_source *source)
 {
@@ -100,7 +101,8 @@ static void show(struct fovea_source *source)
 {
     atomic_store_explicit(&source->mark_ns, source->recovery.view.mark_ns, memory_order_relaxed);
     atomic_store_explicit(&source->phase, (int)source->recovery.view.phase, memory_order_release);
-    atomic_store_explicit(&source->tallies.recovered, source->recovery.recovered, memory_order_relaxed);
+    atomic_store_explicit(&source->tallies.recovered, source->recovery.recovered,
+                          memory_order_relaxed);
 }
 
 static void count(_Atomic uint64_t *tally, uint64_t more)
@@ -119,13 +121,15 @@ static void pause_until(struct fovea_source *source, int64_t until_ns)
     ppoll(&wake, 1, &time, NULL); /* take_back notes that it was woken */
 }
 
-/* Slots that came back from the loop; a buffer of the device is given back to it while it streams. */
+/* Slots that came back from the loop; a buffer of the device is given back to it while it streams.
+ */
 static enum fovea_status take_back(struct fovea_source *source, struct fovea_error *error)
 {
     enum fovea_status status = FOVEA_OK;
     uint64_t woken;
     uint8_t slot;
-    if (read(source->wake_fd, &woken, sizeof woken) < 0) woken = 0; /* not woken: nothing to take note of */
+    if (read(source->wake_fd, &woken, sizeof woken) < 0)
+        woken = 0; /* not woken: nothing to take note of */
     while (fv_slot_ring_pop(&source->free, &slot)) {
         source->slot_free[slot] = true;
         source->out--;
@@ -154,7 +158,8 @@ static void tear_down(struct fovea_source *source)
     source->ops->tear_down(source->device);
 }
 
-static void broken(struct fovea_source *source, enum fovea_status status, const struct fovea_error *error)
+static void broken(struct fovea_source *source, enum fovea_status status,
+                   const struct fovea_error *error)
 {
     if (error->text[0] != '\0')
         fv_complaints_add(&source->complaints, status == FOVEA_GONE ? AWAY : BROKEN, error);
@@ -185,7 +190,8 @@ static void try_set_up(struct fovea_source *source)
     show(source);
 }
 
-/* ---- camera thread: frames ----------------------------------------------------------------------------- */
+/* ---- camera thread: frames
+ * ----------------------------------------------------------------------------- */
 
 static void read_clocks(struct fv_order_now *now)
 {
@@ -195,8 +201,9 @@ static void read_clocks(struct fv_order_now *now)
 }
 
 /* The picture of a buffer into the frame. FOVEA_ERROR_INPUT: damaged. */
-static enum fovea_status fill_image(struct fovea_source *source, const struct fv_live_buffer *buffer,
-                                    struct slot *slot, struct fovea_error *error)
+static enum fovea_status fill_image(struct fovea_source *source,
+                                    const struct fv_live_buffer *buffer, struct slot *slot,
+                                    struct fovea_error *error)
 {
     struct fovea_image *image = &slot->frame.image;
     if (buffer->damaged)
@@ -210,35 +217,42 @@ static enum fovea_status fill_image(struct fovea_source *source, const struct fv
         struct fovea_error reason = {.text = ""};
         const enum fovea_status status =
             fv_jpeg_decode(source->jpeg, buffer->data, buffer->bytes, &grey, &reason);
-        return status == FOVEA_OK ? status
-                                  : fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: frame skipped: %.256s",
-                                                    source->uri, reason.text);
+        return status == FOVEA_OK
+                   ? status
+                   : fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: frame skipped: %.256s",
+                                     source->uri, reason.text);
     }
     const size_t needed = fovea_image_bytes(image->format, image->height, buffer->stride_bytes);
     /* The last row need not be padded. */
-    const int32_t padding = buffer->stride_bytes - fovea_image_stride_min(image->format, image->width);
-    const size_t least = source->frame_bytes_min > 0 ? source->frame_bytes_min : needed - (size_t)padding;
+    const int32_t padding =
+        buffer->stride_bytes - fovea_image_stride_min(image->format, image->width);
+    const size_t least =
+        source->frame_bytes_min > 0 ? source->frame_bytes_min : needed - (size_t)padding;
     if (buffer->bytes < least)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: frame skipped: found %zu bytes, expected %zu",
-                               source->uri, buffer->bytes, needed);
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%s: frame skipped: found %zu bytes, expected %zu", source->uri,
+                               buffer->bytes, needed);
     image->data = buffer->data;
     image->stride_bytes = buffer->stride_bytes;
     image->size_bytes = needed;
     return FOVEA_OK;
 }
 
-static enum fovea_status fill_order(struct fovea_source *source, const struct fv_live_buffer *buffer,
-                                    struct slot *slot, struct fovea_error *error)
+static enum fovea_status fill_order(struct fovea_source *source,
+                                    const struct fv_live_buffer *buffer, struct slot *slot,
+                                    struct fovea_error *error)
 {
     struct fv_order_now now;
     const uint64_t replaced = source->order.replaced;
     read_clocks(&now);
-    const enum fv_order_verdict verdict = fv_order_frame(&source->order, &buffer->stamp, &now, &slot->frame);
+    const enum fv_order_verdict verdict =
+        fv_order_frame(&source->order, &buffer->stamp, &now, &slot->frame);
     if (source->order.replaced > replaced) {
-        fovea_error_set(error, FOVEA_OK,
-                        "%s: found stamps that are not of the last 10 s on any clock; the time of arrival "
-                        "takes their place",
-                        source->uri);
+        fovea_error_set(
+            error, FOVEA_OK,
+            "%s: found stamps that are not of the last 10 s on any clock; the time of arrival "
+            "takes their place",
+            source->uri);
         fv_complaints_add(&source->complaints, STAMPS, error);
     }
     if (verdict == FV_ORDER_GOOD) return FOVEA_OK;
@@ -267,10 +281,11 @@ static void hand_over(struct fovea_source *source, int slot)
     sem_post(&source->ready_count);
 }
 
-/* One filled buffer: to the loop, or counted as bad and back to the device. Not FOVEA_OK: streaming is
- * broken. */
-static enum fovea_status use_buffer(struct fovea_source *source, const struct fv_live_buffer *buffer,
-                                    int free, struct fovea_error *error)
+/* One filled buffer: to the loop, or counted as bad and back to the device. Not FOVEA_OK: streaming
+ * is broken. */
+static enum fovea_status use_buffer(struct fovea_source *source,
+                                    const struct fv_live_buffer *buffer, int free,
+                                    struct fovea_error *error)
 {
     struct slot *slot = &source->slots[free];
     count(&source->tallies.dropped, fv_order_count(&source->order, &buffer->stamp));
@@ -289,8 +304,8 @@ static enum fovea_status use_buffer(struct fovea_source *source, const struct fv
     status = source->ops->give(source->device, buffer->index, error);
     if (status != FOVEA_OK || good || !fv_recovery_bad(&source->recovery)) return status;
     return fovea_error_set(error, FOVEA_ERROR_SYSTEM,
-                           "%s: found %u damaged frames in a row: the camera is set up again", source->uri,
-                           source->recovery.times.bad_frames);
+                           "%s: found %u damaged frames in a row: the camera is set up again",
+                           source->uri, source->recovery.times.bad_frames);
 }
 
 /* Wait for a buffer, at most until it is time to give up waiting. */
@@ -308,12 +323,13 @@ static void stream(struct fovea_source *source)
         return;
     }
     if (status == FOVEA_OK)
-        status = source->ops->take(source->device, begin_ns + 100000000, source->wake_fd, &buffer, &error);
+        status = source->ops->take(source->device, begin_ns + 100000000, source->wake_fd, &buffer,
+                                   &error);
     if (status == FOVEA_OK) status = use_buffer(source, &buffer, slot, &error);
     if (status == FOVEA_AGAIN && fv_recovery_waited_enough(&source->recovery, now_ns()))
-        status =
-            fovea_error_set(&error, FOVEA_ERROR_SYSTEM, "%s: no frame for %.1f s: the camera is set up again",
-                            source->uri, (double)(now_ns() - source->recovery.view.mark_ns) * 1e-9);
+        status = fovea_error_set(&error, FOVEA_ERROR_SYSTEM,
+                                 "%s: no frame for %.1f s: the camera is set up again", source->uri,
+                                 (double)(now_ns() - source->recovery.view.mark_ns) * 1e-9);
     if (status != FOVEA_OK && status != FOVEA_AGAIN) broken(source, status, &error);
 }
 
@@ -336,18 +352,21 @@ static void *run(void *argument)
     return NULL;
 }
 
-/* ---- open and close ------------------------------------------------------------------------------------ */
+/* ---- open and close
+ * ------------------------------------------------------------------------------------ */
 
-enum fovea_status fv_live_selection(const char *scheme, const struct fovea_source_selection *selection,
+enum fovea_status fv_live_selection(const char *scheme,
+                                    const struct fovea_source_selection *selection,
                                     struct fovea_error *error)
 {
     if (selection->start == 0 && selection->step == 1 && !selection->reverse) return FOVEA_OK;
     const bool reverse = selection->start == 0 && selection->step == 1;
-    return fovea_error_set(error, reverse ? FOVEA_ERROR_UNSUPPORTED : FOVEA_ERROR_ARGUMENT,
-                           "%s: %s: found one, expected none: a camera gives its frames as they come", scheme,
-                           reverse                ? "reverse"
-                           : selection->step != 1 ? "step"
-                                                  : "start");
+    return fovea_error_set(
+        error, reverse ? FOVEA_ERROR_UNSUPPORTED : FOVEA_ERROR_ARGUMENT,
+        "%s: %s: found one, expected none: a camera gives its frames as they come", scheme,
+        reverse                ? "reverse"
+        : selection->step != 1 ? "step"
+                               : "start");
 }
 
 static enum fovea_status make_decoder(struct fovea_source *source, struct fovea_error *error)
@@ -371,7 +390,8 @@ static enum fovea_status make_decoder(struct fovea_source *source, struct fovea_
                                  .size_bytes = (size_t)stride * (size_t)source->info.height};
     }
     source->info.format = FOVEA_PIXEL_GREY8;
-    source->info.heap_bytes += slot_bytes * FV_LIVE_DECODED + fv_jpeg_decoder_bytes(source->jpeg, NULL);
+    source->info.heap_bytes +=
+        slot_bytes * FV_LIVE_DECODED + fv_jpeg_decoder_bytes(source->jpeg, NULL);
     return FOVEA_OK;
 }
 
@@ -386,9 +406,10 @@ static void release(struct fovea_source *source)
     free(source);
 }
 
-enum fovea_status fv_live_open(const struct fv_live_ops *ops, void *device, const struct fv_live_setup *setup,
-                               const struct fovea_source_selection *selection, struct fovea_source **out,
-                               struct fovea_error *error)
+enum fovea_status fv_live_open(const struct fv_live_ops *ops, void *device,
+                               const struct fv_live_setup *setup,
+                               const struct fovea_source_selection *selection,
+                               struct fovea_source **out, struct fovea_error *error)
 {
     struct fovea_source *source;
     if (posix_memalign((void **)&source, 64, sizeof *source) != 0) {
@@ -416,9 +437,10 @@ enum fovea_status fv_live_open(const struct fv_live_ops *ops, void *device, cons
     source->quit_fd = eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
     enum fovea_status status = FOVEA_OK;
     if (source->wake_fd < 0 || source->quit_fd < 0)
-        status =
-            fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: no eventfd: %s", source->uri, strerror(errno));
-    if (status == FOVEA_OK && setup->info.format == FOVEA_PIXEL_MJPEG) status = make_decoder(source, error);
+        status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: no eventfd: %s", source->uri,
+                                 strerror(errno));
+    if (status == FOVEA_OK && setup->info.format == FOVEA_PIXEL_MJPEG)
+        status = make_decoder(source, error);
     if (status != FOVEA_OK) {
         release(source);
         return status;
@@ -443,7 +465,8 @@ const struct fovea_source_info *fv_live_info(const struct fovea_source *source)
     return &source->info;
 }
 
-/* ---- start and stop ------------------------------------------------------------------------------------ */
+/* ---- start and stop
+ * ------------------------------------------------------------------------------------ */
 
 enum fovea_status fv_live_start(struct fovea_source *source, struct fovea_error *error)
 {
@@ -468,8 +491,9 @@ enum fovea_status fv_live_start(struct fovea_source *source, struct fovea_error 
     const int failed = fv_thread_start(&source->thread, run, source);
     if (failed != 0) {
         sem_destroy(&source->ready_count);
-        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: the camera thread cannot be started: %s",
-                               source->uri, strerror(failed));
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM,
+                               "%s: the camera thread cannot be started: %s", source->uri,
+                               strerror(failed));
     }
     source->started = true;
     return FOVEA_OK;
@@ -492,7 +516,8 @@ void fv_live_stop(struct fovea_source *source)
     source->started = false;
 }
 
-/* ---- loop thread --------------------------------------------------------------------------------------- */
+/* ---- loop thread
+ * --------------------------------------------------------------------------------------- */
 
 /* The camera thread is worth as much as the one that waits for it. */
 static void take_over_scheduling(struct fovea_source *source)
@@ -509,13 +534,15 @@ static bool finished(const struct fovea_source *source)
     return source->frames_max > 0 && source->delivered >= source->frames_max;
 }
 
-enum fovea_status fv_live_dequeue(struct fovea_source *source, int64_t deadline_ns, struct fovea_frame *frame)
+enum fovea_status fv_live_dequeue(struct fovea_source *source, int64_t deadline_ns,
+                                  struct fovea_frame *frame)
 {
     uint8_t slot;
     if (!source->started || finished(source)) return FOVEA_END;
     if (!source->scheduled) take_over_scheduling(source);
     if (source->held_count >= FOVEA_SOURCE_FRAMES_HELD) return FOVEA_AGAIN;
-    if (!fv_thread_take(&source->ready_count, deadline_ns) || !fv_slot_ring_pop(&source->ready, &slot))
+    if (!fv_thread_take(&source->ready_count, deadline_ns) ||
+        !fv_slot_ring_pop(&source->ready, &slot))
         return fv_live_state(source) == FOVEA_SOURCE_GONE ? FOVEA_GONE : FOVEA_AGAIN;
     source->held[slot] = true;
     source->held_count++;

@@ -1,12 +1,14 @@
-/* The live source: what every camera driver shares. A driver brings a device (find, set up, take a buffer,
- * give it back); recovery, stamps, counting, decoding and the handing over to the loop are here.
+/* The live source: what every camera driver shares. A driver brings a device (find, set up, take a
+ * buffer, give it back); recovery, stamps, counting, decoding and the handing over to the loop are
+ * here.
  *
- * A camera thread of the source's own is the only one that calls the device, so that no system call of a
- * driver, however long it hangs, holds up the loop: a camera that is being unplugged can block its callers
- * for seconds. Frames go to the loop, and buffers back, through two lock-free rings; the loop waits on a
- * semaphore with its deadline. The camera thread takes over the scheduling of the thread that first dequeues.
- * Raw frames are not copied: the loop sees the driver's buffer. MJPEG is decoded on the camera thread into
- * FV_LIVE_DECODED buffers made at open, with no heap call.
+ * A camera thread of the source's own is the only one that calls the device, so that no system call
+ * of a driver, however long it hangs, holds up the loop: a camera that is being unplugged can block
+ * its callers for seconds. Frames go to the loop, and buffers back, through two lock-free rings;
+ * the loop waits on a semaphore with its deadline. The camera thread takes over the scheduling of
+ * the thread that first dequeues. Raw frames are not copied: the loop sees the driver's buffer.
+ * MJPEG is decoded on the camera thread into FV_LIVE_DECODED buffers made at open, with no heap
+ * call.
  *
  * Buffers that the loop holds are waited for before a device is torn down. */
 #ifndef FOVEA_LIVE_LIVE_H
@@ -36,21 +38,22 @@ struct fv_live_buffer {
     struct fv_order_stamp stamp;
 };
 
-/* A device, called by the camera thread alone (but for `close`, which comes when that has ended). No call but
- * `set_up` and `find` may use the heap. `quit_fd` can be read once the source is being stopped: whatever may
- * wait for long then gives up. */
+/* A device, called by the camera thread alone (but for `close`, which comes when that has ended).
+ * No call but `set_up` and `find` may use the heap. `quit_fd` can be read once the source is being
+ * stopped: whatever may wait for long then gives up. */
 struct fv_live_ops {
-    /* Whether the camera is there. FOVEA_OK; FOVEA_GONE; negative: another camera is in its place. */
+    /* Whether the camera is there. FOVEA_OK; FOVEA_GONE; negative: another camera is in its place.
+     */
     enum fovea_status (*find)(void *device, int quit_fd, struct fovea_error *error);
-    /* Make it stream as it did when it was opened: same size and format. FOVEA_OK: it does; `error` may then
-     * hold something to be told all the same. FOVEA_GONE: unplugged meanwhile. Negative: refused. Nothing is
-     * left open on failure. */
+    /* Make it stream as it did when it was opened: same size and format. FOVEA_OK: it does; `error`
+     * may then hold something to be told all the same. FOVEA_GONE: unplugged meanwhile. Negative:
+     * refused. Nothing is left open on failure. */
     enum fovea_status (*set_up)(void *device, int quit_fd, struct fovea_error *error);
     void (*tear_down)(void *device);
-    /* Wait for a filled buffer until the deadline, or until `wake_fd` can be read. FOVEA_AGAIN: none.
-     * FOVEA_GONE: unplugged. Negative: streaming is broken. */
-    enum fovea_status (*take)(void *device, int64_t deadline_ns, int wake_fd, struct fv_live_buffer *buffer,
-                              struct fovea_error *error);
+    /* Wait for a filled buffer until the deadline, or until `wake_fd` can be read. FOVEA_AGAIN:
+     * none. FOVEA_GONE: unplugged. Negative: streaming is broken. */
+    enum fovea_status (*take)(void *device, int64_t deadline_ns, int wake_fd,
+                              struct fv_live_buffer *buffer, struct fovea_error *error);
     /* A buffer is free again. As `take`. */
     enum fovea_status (*give)(void *device, uint32_t index, struct fovea_error *error);
     void (*close)(void *device);
@@ -69,12 +72,14 @@ struct fv_live_setup {
 };
 
 /* Make a source of an open device, which is closed with it and also on error. */
-enum fovea_status fv_live_open(const struct fv_live_ops *ops, void *device, const struct fv_live_setup *setup,
-                               const struct fovea_source_selection *selection, struct fovea_source **source,
-                               struct fovea_error *error);
+enum fovea_status fv_live_open(const struct fv_live_ops *ops, void *device,
+                               const struct fv_live_setup *setup,
+                               const struct fovea_source_selection *selection,
+                               struct fovea_source **source, struct fovea_error *error);
 
 /* Refuses what a live source cannot do: anything but a number of frames. */
-enum fovea_status fv_live_selection(const char *scheme, const struct fovea_source_selection *selection,
+enum fovea_status fv_live_selection(const char *scheme,
+                                    const struct fovea_source_selection *selection,
                                     struct fovea_error *error);
 
 /* Said once at the next `complaint`, whichever thread asks: for what was negotiated at open. */
@@ -92,12 +97,12 @@ void fv_live_counts(const struct fovea_source *source, struct fovea_source_count
 enum fovea_source_state fv_live_state(const struct fovea_source *source);
 enum fovea_status fv_live_complaint(struct fovea_source *source, struct fovea_error *error);
 
-#define FV_LIVE_OPS(name_, help_, open_)                                                                     \
-    {                                                                                                        \
-        .name = (name_), .help = (help_), .open = (open_), .info = fv_live_info, .start = fv_live_start,     \
-        .dequeue = fv_live_dequeue, .requeue = fv_live_requeue, .stop = fv_live_stop,                        \
-        .close = fv_live_close, .counts = fv_live_counts, .state = fv_live_state,                            \
-        .complaint = fv_live_complaint                                                                       \
+#define FV_LIVE_OPS(name_, help_, open_)                                                           \
+    {                                                                                              \
+        .name = (name_), .help = (help_), .open = (open_), .info = fv_live_info,                   \
+        .start = fv_live_start, .dequeue = fv_live_dequeue, .requeue = fv_live_requeue,            \
+        .stop = fv_live_stop, .close = fv_live_close, .counts = fv_live_counts,                    \
+        .state = fv_live_state, .complaint = fv_live_complaint                                     \
     }
 
 extern const struct fovea_source_ops fovea_source_v4l2, fovea_source_libcamera;

@@ -19,7 +19,8 @@ static bool plausible(int64_t stamp_ns, int64_t now_ns)
     return stamp_ns > now_ns - oldest_ns && stamp_ns <= now_ns + ahead_ns;
 }
 
-/* The clock on which the stamp is the least old; false when on none. Clocks that agree count as MONOTONIC. */
+/* The clock on which the stamp is the least old; false when on none. Clocks that agree count as
+ * MONOTONIC. */
 static bool find_clock(int64_t stamp_ns, const struct fv_order_now *now, enum fovea_clock *clock)
 {
     bool found = false;
@@ -52,14 +53,16 @@ uint64_t fv_order_count(struct fv_order *order, const struct fv_order_stamp *sta
 }
 
 /* The stamp on the source's clock. False: it had to be replaced by the time of arrival. */
-static bool place(struct fv_order *order, const struct fv_order_stamp *stamp, const struct fv_order_now *now,
-                  int64_t *stamp_ns)
+static bool place(struct fv_order *order, const struct fv_order_stamp *stamp,
+                  const struct fv_order_now *now, int64_t *stamp_ns)
 {
     if (!order->clock_found) {
         enum fovea_clock clock = stamp->clock;
-        if (!stamp->clock_known && !find_clock(stamp->stamp_ns, now, &clock)) clock = FOVEA_CLOCK_MONOTONIC;
+        if (!stamp->clock_known && !find_clock(stamp->stamp_ns, now, &clock))
+            clock = FOVEA_CLOCK_MONOTONIC;
         order->driver_clock = clock;
-        if (!order->any) order->clock = clock == FOVEA_CLOCK_REALTIME ? FOVEA_CLOCK_MONOTONIC : clock;
+        if (!order->any)
+            order->clock = clock == FOVEA_CLOCK_REALTIME ? FOVEA_CLOCK_MONOTONIC : clock;
         order->clock_found = true;
     }
     const int64_t now_ns = now->clock_ns[order->clock];

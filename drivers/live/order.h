@@ -1,15 +1,17 @@
-/* Sequence numbers and stamps of a live camera, made fit for the runtime: numbers that grow over wraps and
- * restarts, and stamps that rise, on one clock, from the first frame to the last.
+/* Sequence numbers and stamps of a live camera, made fit for the runtime: numbers that grow over
+ * wraps and restarts, and stamps that rise, on one clock, from the first frame to the last.
  *
- * Clock: a driver that says CLOCK_MONOTONIC is held to it; where it does not say, the clock is found out from
- * the first frame, as the one of MONOTONIC, BOOTTIME and REALTIME on which the stamp is the least old. Stamps
- * of REALTIME, which may be set back, are moved to MONOTONIC on arrival. The clock of the first frame stays
- * that of the source; a camera that comes back with another has its stamps moved. A stamp that is not within
- * ten seconds before its arrival on its clock is replaced by the time of arrival, with FOVEA_STAMP_UNKNOWN.
+ * Clock: a driver that says CLOCK_MONOTONIC is held to it; where it does not say, the clock is
+ * found out from the first frame, as the one of MONOTONIC, BOOTTIME and REALTIME on which the stamp
+ * is the least old. Stamps of REALTIME, which may be set back, are moved to MONOTONIC on arrival.
+ * The clock of the first frame stays that of the source; a camera that comes back with another has
+ * its stamps moved. A stamp that is not within ten seconds before its arrival on its clock is
+ * replaced by the time of arrival, with FOVEA_STAMP_UNKNOWN.
  *
- * Meaning: with a known exposure, a stamp at the start of exposure is moved to its middle, (exposure +
- * readout) / 2 later: the middle row's. A stamp at the end of the frame is taken when the last row has come,
- * and is moved back by as much only when the readout time was given; else it stays as it is.
+ * Meaning: with a known exposure, a stamp at the start of exposure is moved to its middle,
+ * (exposure + readout) / 2 later: the middle row's. A stamp at the end of the frame is taken when
+ * the last row has come, and is moved back by as much only when the readout time was given; else it
+ * stays as it is.
  *
  * Repeated and backward stamps make a frame bad. Plain data, no system calls. */
 #ifndef FOVEA_LIVE_ORDER_H
@@ -58,8 +60,8 @@ void fv_order_start(struct fv_order *order, int64_t readout_ns);
 void fv_order_again(struct fv_order *order);
 /* Count one buffer, good or bad: how many frames the driver lost before it, by its numbers. */
 uint64_t fv_order_count(struct fv_order *order, const struct fv_order_stamp *stamp);
-/* Fill stamp_ns, clock, stamp_meaning, exposure_ns and sequence of `frame`, the buffer counted last;
- * untouched when it is not good. */
+/* Fill stamp_ns, clock, stamp_meaning, exposure_ns and sequence of `frame`, the buffer counted
+ * last; untouched when it is not good. */
 enum fv_order_verdict fv_order_frame(struct fv_order *order, const struct fv_order_stamp *stamp,
                                      const struct fv_order_now *now, struct fovea_frame *frame);
 

@@ -34,9 +34,11 @@ static void back_off(struct fv_recovery *recovery, int64_t now_ns)
         recovery->backoff_ns = recovery->times.backoff_max_ns;
 }
 
-void fv_recovery_start(struct fv_recovery *recovery, const struct fv_recovery_times *times, int64_t now_ns)
+void fv_recovery_start(struct fv_recovery *recovery, const struct fv_recovery_times *times,
+                       int64_t now_ns)
 {
-    *recovery = (struct fv_recovery){.times = *times, .next_ns = now_ns, .backoff_ns = times->backoff_min_ns};
+    *recovery = (struct fv_recovery){
+        .times = *times, .next_ns = now_ns, .backoff_ns = times->backoff_min_ns};
     enter(recovery, FV_RECOVERY_LOOKING, now_ns);
 }
 
@@ -54,7 +56,8 @@ void fv_recovery_tried(struct fv_recovery *recovery, enum fovea_status status, i
     } else if (status == FOVEA_GONE) {
         away(recovery, now_ns);
     } else {
-        if (recovery->view.phase != FV_RECOVERY_REFUSED) enter(recovery, FV_RECOVERY_REFUSED, now_ns);
+        if (recovery->view.phase != FV_RECOVERY_REFUSED)
+            enter(recovery, FV_RECOVERY_REFUSED, now_ns);
         back_off(recovery, now_ns);
     }
 }
@@ -97,8 +100,8 @@ bool fv_recovery_waited_enough(const struct fv_recovery *recovery, int64_t now_n
                                                      : waited_ns >= recovery->times.restart_ns;
 }
 
-enum fovea_source_state fv_recovery_state(const struct fv_recovery_times *times, struct fv_recovery_view view,
-                                          int64_t now_ns)
+enum fovea_source_state fv_recovery_state(const struct fv_recovery_times *times,
+                                          struct fv_recovery_view view, int64_t now_ns)
 {
     const int64_t waited_ns = now_ns - view.mark_ns;
     switch (view.phase) {

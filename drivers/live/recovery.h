@@ -1,5 +1,5 @@
-/* What happens to a live source when its camera does not do what it should: one state machine for all of
- * them.
+/* What happens to a live source when its camera does not do what it should: one state machine for
+ * all of them.
  *
  *            find: there             set up                first good frame
  *   GONE ───────────────► RETURNING ───────► RETURNING ───────────────────► OK ◄──────────┐
@@ -7,20 +7,22 @@
  *    │                 │     ▼                ▼                              ▼             │
  *    │                 └─ STALLED ◄───────────┴──────────────── STALLED ◄── LATE ──────────┘
  *    │                     │ back-off, then find                 │ stalled_ns
- *    └─ unplugged: from anywhere                                 └ restart_ns without a frame: set up again
+ *    └─ unplugged: from anywhere                                 └ restart_ns without a frame: set
+ * up again
  *
- * States as in enum fovea_source_state and camera_status_t: `ok` frames come; `late` one is overdue;
- * `stalled` the camera is there but gives no frame (or refuses to be set up); `gone` it is not there;
- * `returning` it is being set up, or was and its first frame is awaited (so also right after the start).
+ * States as in enum fovea_source_state and camera_status_t: `ok` frames come; `late` one is
+ * overdue; `stalled` the camera is there but gives no frame (or refuses to be set up); `gone` it is
+ * not there; `returning` it is being set up, or was and its first frame is awaited (so also right
+ * after the start).
  *
- * A fault ends streaming (unplugged, an error that the driver does not get over, too many bad frames in a
- * row, or restart_ns without a frame); the camera is then torn down, looked for and set up again. It is
- * looked for every absent_ns while away. Where set-up is refused, or frames do not come back, the pause grows
- * from backoff_min_ns by doubling and never beyond backoff_max_ns; it starts over with the first good frame
- * or when the camera has been away.
+ * A fault ends streaming (unplugged, an error that the driver does not get over, too many bad
+ * frames in a row, or restart_ns without a frame); the camera is then torn down, looked for and set
+ * up again. It is looked for every absent_ns while away. Where set-up is refused, or frames do not
+ * come back, the pause grows from backoff_min_ns by doubling and never beyond backoff_max_ns; it
+ * starts over with the first good frame or when the camera has been away.
  *
- * Plain data and pure functions of (state, event, time), so that it is tested without a camera. Times are
- * CLOCK_MONOTONIC. */
+ * Plain data and pure functions of (state, event, time), so that it is tested without a camera.
+ * Times are CLOCK_MONOTONIC. */
 #ifndef FOVEA_LIVE_RECOVERY_H
 #define FOVEA_LIVE_RECOVERY_H
 
@@ -37,8 +39,9 @@ struct fv_recovery_times {
     uint32_t bad_frames; /* so many in a row, and the camera is set up again */
 };
 
-/* For a camera of this nominal rate (0: not known): late after 2.5 periods, stalled after 10 and at least 0.5
- * s, set up again after twice that; 3 s for a first frame; a look every 50 ms; back-off from 50 ms to 1 s. */
+/* For a camera of this nominal rate (0: not known): late after 2.5 periods, stalled after 10 and at
+ * least 0.5 s, set up again after twice that; 3 s for a first frame; a look every 50 ms; back-off
+ * from 50 ms to 1 s. */
 void fv_recovery_times_default(struct fv_recovery_times *times, double rate_hz);
 
 enum fv_recovery_phase {
@@ -65,9 +68,11 @@ struct fv_recovery {
     uint64_t recovered; /* times that frames came back */
 };
 
-void fv_recovery_start(struct fv_recovery *recovery, const struct fv_recovery_times *times, int64_t now_ns);
+void fv_recovery_start(struct fv_recovery *recovery, const struct fv_recovery_times *times,
+                       int64_t now_ns);
 
-/* Looked for, and set up where it was there. FOVEA_OK: streaming. FOVEA_GONE: away. Negative: refused. */
+/* Looked for, and set up where it was there. FOVEA_OK: streaming. FOVEA_GONE: away. Negative:
+ * refused. */
 void fv_recovery_tried(struct fv_recovery *recovery, enum fovea_status status, int64_t now_ns);
 /* A good frame came. */
 void fv_recovery_good(struct fv_recovery *recovery, int64_t now_ns);
@@ -86,7 +91,7 @@ static inline bool fv_recovery_streams(const struct fv_recovery *recovery)
 }
 
 /* Any thread that holds a copy of the view. */
-enum fovea_source_state fv_recovery_state(const struct fv_recovery_times *times, struct fv_recovery_view view,
-                                          int64_t now_ns);
+enum fovea_source_state fv_recovery_state(const struct fv_recovery_times *times,
+                                          struct fv_recovery_view view, int64_t now_ns);
 
 #endif

@@ -25,8 +25,10 @@ static bool is_jpeg(const uint8_t *data, size_t bytes)
 static enum fovea_status unknown_kind(const uint8_t *data, size_t bytes, struct fovea_error *reason)
 {
     if (bytes == 0)
-        return fovea_error_set(reason, FOVEA_ERROR_INPUT, "found an empty file, expected PNG or JPEG");
-    return fovea_error_set(reason, FOVEA_ERROR_INPUT, "byte 0: found 0x%02X%s, expected PNG or JPEG", data[0],
+        return fovea_error_set(reason, FOVEA_ERROR_INPUT,
+                               "found an empty file, expected PNG or JPEG");
+    return fovea_error_set(reason, FOVEA_ERROR_INPUT,
+                           "byte 0: found 0x%02X%s, expected PNG or JPEG", data[0],
                            bytes < 8 ? " and too few bytes" : "");
 }
 
@@ -40,16 +42,18 @@ enum fovea_status fv_decode_check_size(int64_t width, int64_t height, struct fov
     if (width >= FOVEA_IMAGE_WIDTH_MIN && width <= FOVEA_IMAGE_WIDTH_MAX &&
         height >= FOVEA_IMAGE_HEIGHT_MIN && height <= FOVEA_IMAGE_HEIGHT_MAX)
         return FOVEA_OK;
-    return fovea_error_set(reason, FOVEA_ERROR_INPUT, "found %lld x %lld pixels, expected %d x %d to %d x %d",
-                           (long long)width, (long long)height, FOVEA_IMAGE_WIDTH_MIN, FOVEA_IMAGE_HEIGHT_MIN,
-                           FOVEA_IMAGE_WIDTH_MAX, FOVEA_IMAGE_HEIGHT_MAX);
+    return fovea_error_set(reason, FOVEA_ERROR_INPUT,
+                           "found %lld x %lld pixels, expected %d x %d to %d x %d",
+                           (long long)width, (long long)height, FOVEA_IMAGE_WIDTH_MIN,
+                           FOVEA_IMAGE_HEIGHT_MIN, FOVEA_IMAGE_WIDTH_MAX, FOVEA_IMAGE_HEIGHT_MAX);
 }
 
-static enum fovea_status probe_png(const uint8_t *data, size_t bytes, int32_t *width, int32_t *height,
-                                   struct fovea_error *reason)
+static enum fovea_status probe_png(const uint8_t *data, size_t bytes, int32_t *width,
+                                   int32_t *height, struct fovea_error *reason)
 {
     if (bytes < 33 || memcmp(data + 12, "IHDR", 4) != 0)
-        return fovea_error_set(reason, FOVEA_ERROR_INPUT, "byte 8: found no image header, expected IHDR");
+        return fovea_error_set(reason, FOVEA_ERROR_INPUT,
+                               "byte 8: found no image header, expected IHDR");
     const uint32_t w = big_endian(data + 16), h = big_endian(data + 20);
     const enum fovea_status status = fv_decode_check_size(w, h, reason);
     if (status != FOVEA_OK) return status;
@@ -58,15 +62,16 @@ static enum fovea_status probe_png(const uint8_t *data, size_t bytes, int32_t *w
     return FOVEA_OK;
 }
 
-enum fovea_status fv_decode_probe(const uint8_t *data, size_t bytes, int32_t *width, int32_t *height,
-                                  struct fovea_error *reason)
+enum fovea_status fv_decode_probe(const uint8_t *data, size_t bytes, int32_t *width,
+                                  int32_t *height, struct fovea_error *reason)
 {
     if (is_png(data, bytes)) return probe_png(data, bytes, width, height, reason);
     if (is_jpeg(data, bytes)) return fv_decode_jpeg_probe(data, bytes, width, height, reason);
     return unknown_kind(data, bytes, reason);
 }
 
-/* Number of components in a JPEG's frame header, 0 without one. Segments are walked as they state their lengths. */
+/* Number of components in a JPEG's frame header, 0 without one. Segments are walked as they state
+ * their lengths. */
 static int jpeg_components(const uint8_t *data, size_t bytes)
 {
     for (size_t at = 2; at + 10 <= bytes && data[at] == 0xFF;) {
@@ -82,7 +87,8 @@ static int jpeg_components(const uint8_t *data, size_t bytes)
 bool fv_decode_has_colour(const uint8_t *data, size_t bytes)
 {
     enum { COLOUR_TYPE_AT = 25, COLOUR_BIT = 2 };
-    if (is_png(data, bytes)) return bytes > COLOUR_TYPE_AT && (data[COLOUR_TYPE_AT] & COLOUR_BIT) != 0;
+    if (is_png(data, bytes))
+        return bytes > COLOUR_TYPE_AT && (data[COLOUR_TYPE_AT] & COLOUR_BIT) != 0;
     return is_jpeg(data, bytes) && jpeg_components(data, bytes) == 3;
 }
 
@@ -100,9 +106,11 @@ void fv_decode_rgb_row(const uint8_t *rgb, uint8_t *grey, int32_t width)
         grey[x] = (uint8_t)((9798u * rgb[0] + 19235u * rgb[1] + 3735u * rgb[2] + 16384u) >> 15);
 }
 
-/* ---- files ------------------------------------------------------------------------------------------- */
+/* ---- files
+ * ------------------------------------------------------------------------------------------- */
 
-static enum fovea_status read_whole(struct fv_file_buffer *buffer, int descriptor, struct fovea_error *reason)
+static enum fovea_status read_whole(struct fv_file_buffer *buffer, int descriptor,
+                                    struct fovea_error *reason)
 {
     struct stat about;
     if (fstat(descriptor, &about) != 0)
@@ -117,25 +125,30 @@ static enum fovea_status read_whole(struct fv_file_buffer *buffer, int descripto
     if (wanted > buffer->capacity || buffer->data == NULL) {
         fv_file_free(buffer);
         buffer->data = malloc(wanted + wanted / 4 + 1);
-        if (buffer->data == NULL) return fovea_error_set(reason, FOVEA_ERROR_SYSTEM, "out of memory");
+        if (buffer->data == NULL)
+            return fovea_error_set(reason, FOVEA_ERROR_SYSTEM, "out of memory");
         buffer->capacity = wanted + wanted / 4 + 1;
     }
     for (buffer->bytes = 0; buffer->bytes < wanted;) {
         const ssize_t got = read(descriptor, buffer->data + buffer->bytes, wanted - buffer->bytes);
         if (got < 0 && errno == EINTR) continue;
-        if (got < 0) return fovea_error_set(reason, FOVEA_ERROR_INPUT, "cannot be read: %s", strerror(errno));
+        if (got < 0)
+            return fovea_error_set(reason, FOVEA_ERROR_INPUT, "cannot be read: %s",
+                                   strerror(errno));
         if (got == 0) break;
         buffer->bytes += (size_t)got;
     }
     return FOVEA_OK;
 }
 
-enum fovea_status fv_file_read(struct fv_file_buffer *buffer, const char *path, struct fovea_error *reason)
+enum fovea_status fv_file_read(struct fv_file_buffer *buffer, const char *path,
+                               struct fovea_error *reason)
 {
     /* O_NONBLOCK: a pipe among the frames must not stop the reader. */
     const int descriptor = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
     if (descriptor < 0)
-        return fovea_error_set(reason, errno == ENOENT || errno == ENOTDIR ? FOVEA_GONE : FOVEA_ERROR_INPUT,
+        return fovea_error_set(reason,
+                               errno == ENOENT || errno == ENOTDIR ? FOVEA_GONE : FOVEA_ERROR_INPUT,
                                "cannot be opened: %s", strerror(errno));
     const enum fovea_status status = read_whole(buffer, descriptor, reason);
     close(descriptor);

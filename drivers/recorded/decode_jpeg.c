@@ -31,13 +31,13 @@ static void on_error(j_common_ptr jpeg)
     longjmp(job->escape, 1);
 }
 
-/* libjpeg makes up what is missing and only warns. A frame that is partly made up is no frame; warnings that
- * do not touch the picture are let pass. */
+/* libjpeg makes up what is missing and only warns. A frame that is partly made up is no frame;
+ * warnings that do not touch the picture are let pass. */
 static void on_message(j_common_ptr jpeg, int level)
 {
     const int code = jpeg->err->msg_code;
-    if (level >= 0 || code == JWRN_EXTRANEOUS_DATA || code == JWRN_JFIF_MAJOR || code == JWRN_ADOBE_XFORM ||
-        code == JWRN_TOO_MUCH_DATA)
+    if (level >= 0 || code == JWRN_EXTRANEOUS_DATA || code == JWRN_JFIF_MAJOR ||
+        code == JWRN_ADOBE_XFORM || code == JWRN_TOO_MUCH_DATA)
         return;
     on_error(jpeg);
 }
@@ -47,8 +47,8 @@ static void on_progress(j_common_ptr jpeg)
 {
     struct job *job = jpeg->client_data;
     if (job->jpeg.input_scan_number <= SCANS_MAX) return;
-    fovea_error_set(job->reason, FOVEA_ERROR_INPUT, "damaged JPEG: found more than %d scans, expected fewer",
-                    SCANS_MAX);
+    fovea_error_set(job->reason, FOVEA_ERROR_INPUT,
+                    "damaged JPEG: found more than %d scans, expected fewer", SCANS_MAX);
     longjmp(job->escape, 1);
 }
 
@@ -65,7 +65,8 @@ static void read_header(struct job *job, const uint8_t *data, size_t bytes)
     jpeg_read_header(&job->jpeg, TRUE);
 }
 
-/* Output as RGB where that is asked for; as grey where the file has a luma channel, else as RGB to be weighted here. */
+/* Output as RGB where that is asked for; as grey where the file has a luma channel, else as RGB to
+ * be weighted here. */
 static enum fovea_status set_output(struct job *job)
 {
     job->jpeg.dct_method = JDCT_ISLOW;
@@ -90,20 +91,23 @@ static enum fovea_status decode(struct job *job, const uint8_t *data, size_t byt
     const struct fv_decode_image *image = job->image;
     if (job->jpeg.image_width != (JDIMENSION)image->width ||
         job->jpeg.image_height != (JDIMENSION)image->height)
-        return fovea_error_set(job->reason, FOVEA_ERROR_INPUT, "found %u x %u pixels, expected %d x %d",
-                               job->jpeg.image_width, job->jpeg.image_height, image->width, image->height);
+        return fovea_error_set(job->reason, FOVEA_ERROR_INPUT,
+                               "found %u x %u pixels, expected %d x %d", job->jpeg.image_width,
+                               job->jpeg.image_height, image->width, image->height);
     const enum fovea_status status = set_output(job);
     if (status != FOVEA_OK) return status;
     const bool weigh = job->jpeg.out_color_space == JCS_RGB && !image->colour;
     uint8_t *rgb = NULL;
     if (weigh)
-        rgb = job->jpeg.mem->alloc_large((j_common_ptr)&job->jpeg, JPOOL_IMAGE, 3 * (size_t)image->width);
+        rgb = job->jpeg.mem->alloc_large((j_common_ptr)&job->jpeg, JPOOL_IMAGE,
+                                         3 * (size_t)image->width);
     jpeg_start_decompress(&job->jpeg);
     for (int32_t y = 0; y < image->height; ++y) {
         uint8_t *to = image->pixels + (size_t)y * (size_t)image->stride_bytes;
         JSAMPROW row = weigh ? rgb : to;
         if (jpeg_read_scanlines(&job->jpeg, &row, 1) != 1)
-            return fovea_error_set(job->reason, FOVEA_ERROR_INPUT, "damaged JPEG: row %d is missing", y);
+            return fovea_error_set(job->reason, FOVEA_ERROR_INPUT,
+                                   "damaged JPEG: row %d is missing", y);
         if (weigh) fv_decode_rgb_row(rgb, to, image->width);
     }
     jpeg_finish_decompress(&job->jpeg);
@@ -135,22 +139,23 @@ static void prepare(struct job *job)
     job->progress.progress_monitor = on_progress;
 }
 
-enum fovea_status fv_decode_jpeg_probe(const uint8_t *data, size_t bytes, int32_t *width, int32_t *height,
-                                       struct fovea_error *reason)
+enum fovea_status fv_decode_jpeg_probe(const uint8_t *data, size_t bytes, int32_t *width,
+                                       int32_t *height, struct fovea_error *reason)
 {
     struct job job = {.reason = reason};
     prepare(&job);
     enum fovea_status status = probe(&job, data, bytes);
     const int64_t w = job.jpeg.image_width, h = job.jpeg.image_height;
     jpeg_destroy_decompress(&job.jpeg);
-    if (status != FOVEA_OK || (status = fv_decode_check_size(w, h, reason)) != FOVEA_OK) return status;
+    if (status != FOVEA_OK || (status = fv_decode_check_size(w, h, reason)) != FOVEA_OK)
+        return status;
     *width = (int32_t)w;
     *height = (int32_t)h;
     return FOVEA_OK;
 }
 
-enum fovea_status fv_decode_jpeg(const uint8_t *data, size_t bytes, const struct fv_decode_image *image,
-                                 struct fovea_error *reason)
+enum fovea_status fv_decode_jpeg(const uint8_t *data, size_t bytes,
+                                 const struct fv_decode_image *image, struct fovea_error *reason)
 {
     struct job job = {.image = image, .reason = reason};
     prepare(&job);
@@ -159,9 +164,11 @@ enum fovea_status fv_decode_jpeg(const uint8_t *data, size_t bytes, const struct
     return status;
 }
 
-/* ---- with memory of its own ---------------------------------------------------------------------------- */
+/* ---- with memory of its own
+ * ---------------------------------------------------------------------------- */
 
-/* What one baseline picture needs of libjpeg is bounded by a few rows of blocks; the rest are tables. */
+/* What one baseline picture needs of libjpeg is bounded by a few rows of blocks; the rest are
+ * tables. */
 enum { ARENA_TABLES_BYTES = 64 * 1024, ARENA_COLUMN_BYTES = 192, ARENA_ALIGNMENT = 32 };
 
 struct fv_jpeg_decoder {
@@ -175,7 +182,8 @@ struct fv_jpeg_decoder {
 
 static struct fv_jpeg_decoder *decoder_of(j_common_ptr jpeg)
 {
-    return (struct fv_jpeg_decoder *)((char *)jpeg->client_data - offsetof(struct fv_jpeg_decoder, job));
+    return (struct fv_jpeg_decoder *)((char *)jpeg->client_data -
+                                      offsetof(struct fv_jpeg_decoder, job));
 }
 
 static void *arena_take(j_common_ptr jpeg, int pool, size_t bytes)
@@ -245,14 +253,17 @@ static enum fovea_status make(struct fv_jpeg_decoder *decoder)
     return FOVEA_OK;
 }
 
-enum fovea_status fv_jpeg_decoder_open(int32_t width, struct fv_jpeg_decoder **out, struct fovea_error *error)
+enum fovea_status fv_jpeg_decoder_open(int32_t width, struct fv_jpeg_decoder **out,
+                                       struct fovea_error *error)
 {
     struct fv_jpeg_decoder *decoder = calloc(1, sizeof *decoder);
-    if (decoder == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "out of memory for decoding JPEG");
+    if (decoder == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "out of memory for decoding JPEG");
     decoder->capacity = ARENA_TABLES_BYTES + (size_t)width * ARENA_COLUMN_BYTES;
     decoder->job.reason = error;
     prepare(&decoder->job);
-    if (make(decoder) != FOVEA_OK || posix_memalign((void **)&decoder->arena, 64, decoder->capacity) != 0) {
+    if (make(decoder) != FOVEA_OK ||
+        posix_memalign((void **)&decoder->arena, 64, decoder->capacity) != 0) {
         decoder->arena = NULL;
         decoder->heap = decoder->job.jpeg.mem;
         decoder->fresh = decoder->job.jpeg;

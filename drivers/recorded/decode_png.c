@@ -22,7 +22,8 @@ struct job {
 static void on_error(png_structp png, png_const_charp message)
 {
     const struct job *job = png_get_error_ptr(png);
-    fovea_error_set(job->reason, FOVEA_ERROR_INPUT, "damaged PNG near byte %zu: %s", job->at, message);
+    fovea_error_set(job->reason, FOVEA_ERROR_INPUT, "damaged PNG near byte %zu: %s", job->at,
+                    message);
     longjmp(png_jmpbuf(png), 1);
 }
 
@@ -63,7 +64,8 @@ static void read_as_is(struct job *job, int passes)
 static void read_weighted(struct job *job, int passes)
 {
     const struct fv_decode_image *image = job->image;
-    const size_t row_bytes = 3 * (size_t)image->width, kept = passes > 1 ? (size_t)image->height : 1;
+    const size_t row_bytes = 3 * (size_t)image->width,
+                 kept = passes > 1 ? (size_t)image->height : 1;
     job->rows = calloc(kept, row_bytes);
     if (job->rows == NULL) png_error(job->png, "out of memory");
     for (int pass = 0; pass < passes; ++pass) {
@@ -71,7 +73,8 @@ static void read_weighted(struct job *job, int passes)
             uint8_t *row = job->rows + (passes > 1 ? (size_t)y * row_bytes : 0);
             png_read_row(job->png, row, NULL);
             if (pass == passes - 1)
-                fv_decode_rgb_row(row, image->pixels + (size_t)y * (size_t)image->stride_bytes, image->width);
+                fv_decode_rgb_row(row, image->pixels + (size_t)y * (size_t)image->stride_bytes,
+                                  image->width);
         }
     }
 }
@@ -85,15 +88,17 @@ static enum fovea_status decode(struct job *job)
     png_set_chunk_malloc_max(job->png, CHUNK_BYTES_MAX);
     png_set_chunk_cache_max(job->png, CHUNKS_MAX);
 #ifdef FUZZING_BUILD_MODE_UNSAFE_FOR_PRODUCTION
-    png_set_crc_action(job->png, PNG_CRC_QUIET_USE, PNG_CRC_QUIET_USE); /* let mutated chunks get further */
+    png_set_crc_action(job->png, PNG_CRC_QUIET_USE,
+                       PNG_CRC_QUIET_USE); /* let mutated chunks get further */
     png_set_option(job->png, PNG_IGNORE_ADLER32, PNG_OPTION_ON);
 #endif
     png_read_info(job->png, job->info);
     const int64_t width = png_get_image_width(job->png, job->info),
                   height = png_get_image_height(job->png, job->info);
     if (width != job->image->width || height != job->image->height)
-        return fovea_error_set(job->reason, FOVEA_ERROR_INPUT, "found %lld x %lld pixels, expected %d x %d",
-                               (long long)width, (long long)height, job->image->width, job->image->height);
+        return fovea_error_set(job->reason, FOVEA_ERROR_INPUT,
+                               "found %lld x %lld pixels, expected %d x %d", (long long)width,
+                               (long long)height, job->image->width, job->image->height);
     const int passes = set_transforms(job);
     const int channels = png_get_channels(job->png, job->info);
     if (png_get_rowbytes(job->png, job->info) != (size_t)channels * (size_t)width ||
@@ -107,8 +112,8 @@ static enum fovea_status decode(struct job *job)
     return FOVEA_OK;
 }
 
-enum fovea_status fv_decode_png(const uint8_t *data, size_t bytes, const struct fv_decode_image *image,
-                                struct fovea_error *reason)
+enum fovea_status fv_decode_png(const uint8_t *data, size_t bytes,
+                                const struct fv_decode_image *image, struct fovea_error *reason)
 {
     struct job job = {.data = data, .bytes = bytes, .image = image, .reason = reason};
     enum fovea_status status;

@@ -1,6 +1,6 @@
 /* EuRoC data sets in ASL layout: mav0/cam0/{data.csv,data/,sensor.yaml},
- * mav0/state_groundtruth_estimate0/data.csv. Burri et al., "The EuRoC micro aerial vehicle datasets", IJRR
- * 2016. */
+ * mav0/state_groundtruth_estimate0/data.csv. Burri et al., "The EuRoC micro aerial vehicle
+ * datasets", IJRR 2016. */
 #include <string.h>
 
 #include "fovea/text.h"
@@ -28,7 +28,8 @@ static enum fovea_status read_extras(struct fv_listing *listing, const char *cam
     return status;
 }
 
-static enum fovea_status open_euroc(const char *address, const struct fovea_source_selection *selection,
+static enum fovea_status open_euroc(const char *address,
+                                    const struct fovea_source_selection *selection,
                                     struct fovea_source **source, struct fovea_error *error)
 {
     char mav[FV_PATH_BYTES], cam[FV_PATH_BYTES], data[FV_PATH_BYTES], list[FV_PATH_BYTES];
@@ -36,14 +37,16 @@ static enum fovea_status open_euroc(const char *address, const struct fovea_sour
     enum fovea_status status = fv_path_join(mav, address, "mav0", error);
     if (status == FOVEA_OK && !fv_path_exists(mav)) {
         status = fv_path_join(cam, address, "cam0", error);
-        if (status == FOVEA_OK && fv_path_exists(cam)) status = fv_path_join(mav, address, ".", error);
+        if (status == FOVEA_OK && fv_path_exists(cam))
+            status = fv_path_join(mav, address, ".", error);
     }
     if (status == FOVEA_OK) status = fv_path_join(cam, mav, "cam0", error);
     if (status == FOVEA_OK) status = fv_path_join(data, cam, "data", error);
     if (status == FOVEA_OK) status = fv_path_join(list, cam, "data.csv", error);
     if (status != FOVEA_OK) return status;
     struct fv_listing *listing = fv_listing_new(data);
-    if (listing == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", address);
+    if (listing == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", address);
     status = fv_listing_read(listing, list, ",", fovea_text_integer, "whole nanoseconds", error);
     if (status == FOVEA_OK) status = read_extras(listing, cam, mav, selection, &info, error);
     if (status != FOVEA_OK) {

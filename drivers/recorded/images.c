@@ -1,5 +1,5 @@
-/* Loose images: a pattern, a folder or one file, in natural order (img2 before img10), 30 per second. A
- * camera.yaml beside the first of them is their calibration. */
+/* Loose images: a pattern, a folder or one file, in natural order (img2 before img10), 30 per
+ * second. A camera.yaml beside the first of them is their calibration. */
 #include <glob.h>
 #include <stdlib.h>
 #include <string.h>
@@ -43,7 +43,8 @@ static bool is_folder(const char *path)
 }
 
 /* A name as a pattern that it alone fits. */
-static enum fovea_status escape(const char *name, char pattern[FV_PATH_BYTES], struct fovea_error *error)
+static enum fovea_status escape(const char *name, char pattern[FV_PATH_BYTES],
+                                struct fovea_error *error)
 {
     size_t used = 0;
     for (; *name != '\0' && used + 2 < FV_PATH_BYTES; ++name) {
@@ -57,7 +58,8 @@ static enum fovea_status escape(const char *name, char pattern[FV_PATH_BYTES], s
                            FV_PATH_BYTES - 2);
 }
 
-/* The file or folder of that name, else the files that fit the pattern; of a folder, its PNG and JPEG files.
+/* The file or folder of that name, else the files that fit the pattern; of a folder, its PNG and
+ * JPEG files.
  */
 static enum fovea_status find_files(const char *address, glob_t *found, struct fovea_error *error)
 {
@@ -72,8 +74,8 @@ static enum fovea_status find_files(const char *address, glob_t *found, struct f
         for (size_t i = 0; i < sizeof endings / sizeof endings[0]; ++i) {
             status = fv_path_join(pattern, name, endings[i], error);
             if (status != FOVEA_OK) return status;
-            const int more =
-                glob(pattern, GLOB_NOSORT | (found->gl_pathv != NULL ? GLOB_APPEND : 0), NULL, found);
+            const int more = glob(
+                pattern, GLOB_NOSORT | (found->gl_pathv != NULL ? GLOB_APPEND : 0), NULL, found);
             if (more != GLOB_NOMATCH) result = more;
         }
     } else {
@@ -81,20 +83,23 @@ static enum fovea_status find_files(const char *address, glob_t *found, struct f
     }
     if (result == 0) return FOVEA_OK;
     if (result == GLOB_NOMATCH)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: found no file, expected PNG or JPEG images",
-                               address);
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%s: found no file, expected PNG or JPEG images", address);
     return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: the files cannot be listed", address);
 }
 
-static enum fovea_status add_files(struct fv_listing *listing, const glob_t *found, struct fovea_error *error)
+static enum fovea_status add_files(struct fv_listing *listing, const glob_t *found,
+                                   struct fovea_error *error)
 {
     enum fovea_status status = FOVEA_OK;
     for (size_t i = 0; i < found->gl_pathc && status == FOVEA_OK; ++i)
-        status = fv_listing_add(listing, (int64_t)(i * 1000000000 / RATE_HZ), found->gl_pathv[i], error);
+        status =
+            fv_listing_add(listing, (int64_t)(i * 1000000000 / RATE_HZ), found->gl_pathv[i], error);
     return status;
 }
 
-static enum fovea_status find_calibration(const char *first, const struct fovea_source_selection *selection,
+static enum fovea_status find_calibration(const char *first,
+                                          const struct fovea_source_selection *selection,
                                           struct fovea_source_info *info, struct fovea_error *error)
 {
     char folder[FV_PATH_BYTES], path[FV_PATH_BYTES];
@@ -104,10 +109,12 @@ static enum fovea_status find_calibration(const char *first, const struct fovea_
     memcpy(folder, first, length);
     folder[length] = '\0';
     const enum fovea_status status = fv_path_join(path, folder, "camera.yaml", error);
-    return status != FOVEA_OK ? status : fv_info_set_calibration(info, path, selection, NULL, NULL, error);
+    return status != FOVEA_OK ? status
+                              : fv_info_set_calibration(info, path, selection, NULL, NULL, error);
 }
 
-static enum fovea_status open_images(const char *address, const struct fovea_source_selection *selection,
+static enum fovea_status open_images(const char *address,
+                                     const struct fovea_source_selection *selection,
                                      struct fovea_source **source, struct fovea_error *error)
 {
     struct fovea_source_info info = {.rate_hz = 0.0};
@@ -120,8 +127,9 @@ static enum fovea_status open_images(const char *address, const struct fovea_sou
     if (status == FOVEA_OK) {
         qsort(found.gl_pathv, found.gl_pathc, sizeof found.gl_pathv[0], natural_order);
         listing = fv_listing_new("");
-        status = listing == NULL ? fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", address)
-                                 : add_files(listing, &found, error);
+        status = listing == NULL
+                     ? fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", address)
+                     : add_files(listing, &found, error);
     }
     if (status == FOVEA_OK) status = find_calibration(found.gl_pathv[0], selection, &info, error);
     globfree(&found);

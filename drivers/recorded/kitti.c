@@ -1,6 +1,6 @@
-/* KITTI odometry sequences: times.txt, image_0/NNNNNN.png (grey) or image_2 (colour), calib.txt, poses.txt.
- * Geiger, Lenz, Urtasun, "Are we ready for autonomous driving?", CVPR 2012. Its images are rectified: no
- * distortion. */
+/* KITTI odometry sequences: times.txt, image_0/NNNNNN.png (grey) or image_2 (colour), calib.txt,
+ * poses.txt. Geiger, Lenz, Urtasun, "Are we ready for autonomous driving?", CVPR 2012. Its images
+ * are rectified: no distortion. */
 #include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -11,7 +11,8 @@
 #include "player.h"
 
 /* "png" or "jpg", by the first frame that is there. */
-static enum fovea_status find_extension(const char *images, const char **extension, struct fovea_error *error)
+static enum fovea_status find_extension(const char *images, const char **extension,
+                                        struct fovea_error *error)
 {
     static const char *const extensions[] = {"png", "jpg"};
     enum { LOOKED_AT = 1000 };
@@ -29,8 +30,8 @@ static enum fovea_status find_extension(const char *images, const char **extensi
 }
 
 /* Names are the frames' numbers. */
-static enum fovea_status read_list(struct fv_listing *listing, const char *times, const char *images,
-                                   struct fovea_error *error)
+static enum fovea_status read_list(struct fv_listing *listing, const char *times,
+                                   const char *images, struct fovea_error *error)
 {
     char name[32];
     const char *extension;
@@ -51,47 +52,51 @@ static enum fovea_status read_list(struct fv_listing *listing, const char *times
 }
 
 /* The row "P0: fx 0 cx tx 0 fy cy ty 0 0 1 tz". */
-static enum fovea_status take_projection(const struct fv_lines *lines, struct fovea_source_info *info,
-                                         struct fovea_error *error)
+static enum fovea_status take_projection(const struct fv_lines *lines,
+                                         struct fovea_source_info *info, struct fovea_error *error)
 {
     double P[12];
     const enum fovea_status status = fv_lines_numbers(lines, lines->fields[0], 1, 12, P, error);
     if (status != FOVEA_OK) return status;
     const bool projection = P[0] > 0.001 && P[0] < 1e6 && P[5] > 0.001 && P[5] < 1e6 && P[1] == 0 &&
-                            P[4] == 0 && P[8] == 0 && P[9] == 0 && P[10] == 1 && P[2] > -1e5 && P[2] < 1e5 &&
-                            P[6] > -1e5 && P[6] < 1e5;
+                            P[4] == 0 && P[8] == 0 && P[9] == 0 && P[10] == 1 && P[2] > -1e5 &&
+                            P[2] < 1e5 && P[6] > -1e5 && P[6] < 1e5;
     if (!projection)
         return fv_lines_refuse(lines, lines->fields[0], lines->fields[1],
                                "a projection fx 0 cx tx 0 fy cy ty 0 0 1 tz", error);
-    info->camera =
-        (struct fovea_camera){.lens = FOVEA_LENS_RADTAN, .fx = P[0], .fy = P[5], .cx = P[2], .cy = P[6]};
+    info->camera = (struct fovea_camera){
+        .lens = FOVEA_LENS_RADTAN, .fx = P[0], .fy = P[5], .cx = P[2], .cy = P[6]};
     info->has_camera = true;
     snprintf(info->camera_origin, sizeof info->camera_origin, "%s", lines->file);
     return FOVEA_OK;
 }
 
-static enum fovea_status read_calibration(const char *path, const char *key, struct fovea_source_info *info,
-                                          struct fovea_error *error)
+static enum fovea_status read_calibration(const char *path, const char *key,
+                                          struct fovea_source_info *info, struct fovea_error *error)
 {
     struct fv_lines lines;
     enum fovea_status status = fv_lines_open(&lines, path, error);
     if (status != FOVEA_OK) return status;
     while (!info->has_camera && (status = fv_lines_next(&lines, "", error)) == FOVEA_OK)
-        if (strcmp(lines.fields[0], key) == 0 && (status = take_projection(&lines, info, error)) != FOVEA_OK)
+        if (strcmp(lines.fields[0], key) == 0 &&
+            (status = take_projection(&lines, info, error)) != FOVEA_OK)
             break;
     if (status == FOVEA_END)
-        status = fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: found no line '%s', expected it", path, key);
+        status = fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: found no line '%s', expected it",
+                                 path, key);
     fv_lines_close(&lines);
     return status;
 }
 
-/* DIR/poses.txt; where there is none, poses/07.txt beside a folder sequences/07, as in the benchmark's own
- * archives. */
-static enum fovea_status find_poses(const char *folder, char path[FV_PATH_BYTES], struct fovea_error *error)
+/* DIR/poses.txt; where there is none, poses/07.txt beside a folder sequences/07, as in the
+ * benchmark's own archives. */
+static enum fovea_status find_poses(const char *folder, char path[FV_PATH_BYTES],
+                                    struct fovea_error *error)
 {
     char whole[PATH_MAX];
     const enum fovea_status status = fv_path_join(path, folder, "poses.txt", error);
-    if (status != FOVEA_OK || fv_path_exists(path) || realpath(folder, whole) == NULL) return status;
+    if (status != FOVEA_OK || fv_path_exists(path) || realpath(folder, whole) == NULL)
+        return status;
     char *number = strrchr(whole, '/');
     *number++ = '\0';
     char *sequences = strrchr(whole, '/');
@@ -101,14 +106,17 @@ static enum fovea_status find_poses(const char *folder, char path[FV_PATH_BYTES]
     return FOVEA_OK;
 }
 
-static enum fovea_status read_extras(struct fv_listing *listing, const char *folder, const char *key,
+static enum fovea_status read_extras(struct fv_listing *listing, const char *folder,
+                                     const char *key,
                                      const struct fovea_source_selection *selection,
                                      struct fovea_source_info *info, struct fovea_error *error)
 {
     char path[FV_PATH_BYTES];
     enum fovea_status status = fv_path_join(path, folder, "calib.txt", error);
-    if (status == FOVEA_OK && fv_path_exists(path)) status = read_calibration(path, key, info, error);
-    if (status != FOVEA_OK && selection->camera_given) status = FOVEA_OK; /* its own is not needed */
+    if (status == FOVEA_OK && fv_path_exists(path))
+        status = read_calibration(path, key, info, error);
+    if (status != FOVEA_OK && selection->camera_given)
+        status = FOVEA_OK; /* its own is not needed */
     if (status != FOVEA_OK || (status = find_poses(folder, path, error)) != FOVEA_OK) return status;
     if (!fv_path_exists(path)) return FOVEA_OK;
     struct fv_poses poses;
@@ -117,7 +125,8 @@ static enum fovea_status read_extras(struct fv_listing *listing, const char *fol
     return status;
 }
 
-static enum fovea_status open_kitti(const char *address, const struct fovea_source_selection *selection,
+static enum fovea_status open_kitti(const char *address,
+                                    const struct fovea_source_selection *selection,
                                     struct fovea_source **source, struct fovea_error *error)
 {
     char times[FV_PATH_BYTES], images[FV_PATH_BYTES];
@@ -131,7 +140,8 @@ static enum fovea_status open_kitti(const char *address, const struct fovea_sour
     }
     if (status != FOVEA_OK) return status;
     struct fv_listing *listing = fv_listing_new(images);
-    if (listing == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", address);
+    if (listing == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", address);
     status = read_list(listing, times, images, error);
     if (status == FOVEA_OK) status = read_extras(listing, address, key, selection, &info, error);
     if (status != FOVEA_OK) {

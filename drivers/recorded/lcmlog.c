@@ -1,7 +1,7 @@
-/* LCM logs with fovea.frame_t messages: our own recordings, and logs of other programs that publish the type.
- * Any channel whose last part is FRAME; frames as recorded, in any pixel format; compressed ones are decoded
- * to grey here. Damage is passed over to the next event that can be read, as liblcm does, but told: as one
- * damaged frame. */
+/* LCM logs with fovea.frame_t messages: our own recordings, and logs of other programs that publish
+ * the type. Any channel whose last part is FRAME; frames as recorded, in any pixel format;
+ * compressed ones are decoded to grey here. Damage is passed over to the next event that can be
+ * read, as liblcm does, but told: as one damaged frame. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -32,7 +32,8 @@ struct recording {
     struct fovea_log *log;
     struct entry *entries;
     size_t count, capacity;
-    char channel[FOVEA_LOG_CHANNEL_BYTES]; /* of the first frame; frames on others are another camera's */
+    char channel[FOVEA_LOG_CHANNEL_BYTES]; /* of the first frame; frames on others are another
+                                              camera's */
     struct fovea_calibration calibration;  /* from the head of our own recordings */
     bool has_calibration;
 };
@@ -47,18 +48,21 @@ static void close_recording(void *argument)
     free(recording);
 }
 
-/* ---- index ------------------------------------------------------------------------------------------- */
+/* ---- index
+ * ------------------------------------------------------------------------------------------- */
 
 static enum fovea_status add_entry(struct recording *recording, const struct entry *entry,
                                    struct fovea_error *error)
 {
     if (recording->count == recording->capacity) {
         const size_t larger = recording->capacity == 0 ? 1024 : 2 * recording->capacity;
-        struct entry *moved =
-            larger > FV_LISTING_FRAMES_MAX ? NULL : realloc(recording->entries, larger * sizeof *moved);
+        struct entry *moved = larger > FV_LISTING_FRAMES_MAX
+                                  ? NULL
+                                  : realloc(recording->entries, larger * sizeof *moved);
         if (moved == NULL)
-            return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: no memory for an index of %zu frames",
-                                   recording->path, larger);
+            return fovea_error_set(error, FOVEA_ERROR_SYSTEM,
+                                   "%s: no memory for an index of %zu frames", recording->path,
+                                   larger);
         recording->entries = moved;
         recording->capacity = larger;
     }
@@ -73,9 +77,11 @@ static bool of_one_prefix(const char *frame, const char *head)
     return length == strlen(head) - strlen("RECORDING") && memcmp(frame, head, length) == 0;
 }
 
-/* The head of a recording of ours: first of all in it, or somewhere in a log that heard others too. */
+/* The head of a recording of ours: first of all in it, or somewhere in a log that heard others too.
+ */
 static enum fovea_status read_head(struct recording *recording, const struct heads *heads,
-                                   const struct fovea_source_selection *selection, struct fovea_error *error)
+                                   const struct fovea_source_selection *selection,
+                                   struct fovea_error *error)
 {
     struct fovea_log_event event;
     uint32_t i = 0;
@@ -104,13 +110,15 @@ static enum fovea_status add_frame(struct recording *recording, const struct fov
                                    struct fovea_error *error)
 {
     struct entry entry = {.offset = event->offset};
-    if (recording->channel[0] == '\0') memcpy(recording->channel, event->channel, sizeof recording->channel);
+    if (recording->channel[0] == '\0')
+        memcpy(recording->channel, event->channel, sizeof recording->channel);
     if (strcmp(event->channel, recording->channel) != 0) return FOVEA_OK;
     entry.stamped = fovea_log_frame_stamp(recording->log, event, &entry.stamp_ns) == FOVEA_OK;
     return add_entry(recording, &entry, error);
 }
 
-/* Find the frames, and the places that cannot be read: one for all that lies between two events that can. */
+/* Find the frames, and the places that cannot be read: one for all that lies between two events
+ * that can. */
 static enum fovea_status make_index(struct recording *recording, struct heads *heads,
                                     struct fovea_error *error)
 {
@@ -119,7 +127,8 @@ static enum fovea_status make_index(struct recording *recording, struct heads *h
     struct entry damage = {.offset = 0};
     bool in_damage = false;
     enum fovea_status status;
-    while ((status = fovea_log_skim(recording->log, &event, first.text[0] ? NULL : &first)) != FOVEA_END) {
+    while ((status = fovea_log_skim(recording->log, &event, first.text[0] ? NULL : &first)) !=
+           FOVEA_END) {
         if (status != FOVEA_OK) {
             damage.offset = event.offset;
             status = in_damage ? FOVEA_OK : add_entry(recording, &damage, error);
@@ -129,7 +138,8 @@ static enum fovea_status make_index(struct recording *recording, struct heads *h
         } else {
             in_damage = false;
             if (fovea_log_channel_is(event.channel, "RECORDING")) note_head(heads, &event);
-            if (fovea_log_channel_is(event.channel, "FRAME")) status = add_frame(recording, &event, error);
+            if (fovea_log_channel_is(event.channel, "FRAME"))
+                status = add_frame(recording, &event, error);
         }
         if (status != FOVEA_OK) return status;
     }
@@ -140,20 +150,22 @@ static enum fovea_status make_index(struct recording *recording, struct heads *h
                            recording->path);
 }
 
-/* ---- frames ------------------------------------------------------------------------------------------ */
+/* ---- frames
+ * ------------------------------------------------------------------------------------------ */
 
-static enum fovea_status read_frame(struct recording *recording, uint64_t index, struct fovea_frame *frame,
-                                    struct fovea_error *error)
+static enum fovea_status read_frame(struct recording *recording, uint64_t index,
+                                    struct fovea_frame *frame, struct fovea_error *error)
 {
     struct fovea_log_event event;
-    enum fovea_status status = fovea_log_seek(recording->log, recording->entries[index].offset, error);
+    enum fovea_status status =
+        fovea_log_seek(recording->log, recording->entries[index].offset, error);
     if (status == FOVEA_OK) status = fovea_log_next(recording->log, &event, error);
     if (status == FOVEA_OK) status = fovea_log_frame(recording->path, &event, frame, error);
     return status;
 }
 
-static enum fovea_status fill(const struct fovea_image *from, struct fv_slot *slot, const char *path,
-                              uint64_t index, struct fovea_error *error)
+static enum fovea_status fill(const struct fovea_image *from, struct fv_slot *slot,
+                              const char *path, uint64_t index, struct fovea_error *error)
 {
     struct fovea_image *to = &slot->frame.image;
     if (from->format == FOVEA_PIXEL_MJPEG && to->format == FOVEA_PIXEL_GREY8) {
@@ -164,19 +176,21 @@ static enum fovea_status fill(const struct fovea_image *from, struct fv_slot *sl
         struct fovea_error reason = {.text = ""};
         const enum fovea_status status = fv_decode(from->data, from->size_bytes, &target, &reason);
         if (status == FOVEA_OK) return FOVEA_OK;
-        return fovea_error_set(error, status, "%s: frame %llu: %.256s", path, (unsigned long long)index,
-                               reason.text);
+        return fovea_error_set(error, status, "%s: frame %llu: %.256s", path,
+                               (unsigned long long)index, reason.text);
     }
     if (from->format != to->format || from->width != to->width || from->height != to->height)
-        return fovea_error_set(
-            error, FOVEA_ERROR_INPUT, "%s: frame %llu: found %d x %d %s, expected %d x %d %s", path,
-            (unsigned long long)index, from->width, from->height, fovea_pixel_format_name(from->format),
-            to->width, to->height, fovea_pixel_format_name(to->format));
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%s: frame %llu: found %d x %d %s, expected %d x %d %s", path,
+                               (unsigned long long)index, from->width, from->height,
+                               fovea_pixel_format_name(from->format), to->width, to->height,
+                               fovea_pixel_format_name(to->format));
     const size_t bytes = fovea_image_bytes(from->format, from->height, from->stride_bytes);
     if (bytes > slot->capacity_bytes)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "%s: frame %llu: found a stride of %d bytes, expected that of the first", path,
-                               (unsigned long long)index, from->stride_bytes);
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT,
+            "%s: frame %llu: found a stride of %d bytes, expected that of the first", path,
+            (unsigned long long)index, from->stride_bytes);
     memcpy(slot->pixels, from->data, bytes);
     to->stride_bytes = from->stride_bytes;
     to->size_bytes = bytes;
@@ -207,12 +221,15 @@ static enum fovea_status stamp(void *argument, uint64_t index, int64_t *stamp_ns
     return FOVEA_OK;
 }
 
-static const struct fv_recording_ops lcmlog_ops = {.fetch = fetch, .stamp = stamp, .close = close_recording};
+static const struct fv_recording_ops lcmlog_ops = {
+    .fetch = fetch, .stamp = stamp, .close = close_recording};
 
-/* ---- opening ----------------------------------------------------------------------------------------- */
+/* ---- opening
+ * ----------------------------------------------------------------------------------------- */
 
 /* Size and format from the first frame that can be read, rate from the stamps. */
-static enum fovea_status describe(struct recording *recording, const struct fovea_source_selection *selection,
+static enum fovea_status describe(struct recording *recording,
+                                  const struct fovea_source_selection *selection,
                                   struct fovea_source_info *info, size_t *frame_bytes,
                                   struct fovea_error *error)
 {
@@ -228,8 +245,8 @@ static enum fovea_status describe(struct recording *recording, const struct fove
         if (frame.image.format != FOVEA_PIXEL_MJPEG) continue;
         info->format = FOVEA_PIXEL_GREY8;
         *frame_bytes = 0;
-        status = fv_decode_probe(frame.image.data, frame.image.size_bytes, &info->width, &info->height,
-                                 i == 0 ? &why : NULL);
+        status = fv_decode_probe(frame.image.data, frame.image.size_bytes, &info->width,
+                                 &info->height, i == 0 ? &why : NULL);
     }
     if (status != FOVEA_OK)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
@@ -240,13 +257,15 @@ static enum fovea_status describe(struct recording *recording, const struct fove
         info->camera = recording->calibration.camera;
         snprintf(info->camera_origin, sizeof info->camera_origin, "%.240s", recording->path);
     }
-    info->rate_hz = fv_player_rate(&lcmlog_ops, recording, recording->count) / (double)selection->step;
-    info->heap_bytes =
-        sizeof *recording + recording->capacity * sizeof recording->entries[0] + frame.image.size_bytes;
+    info->rate_hz =
+        fv_player_rate(&lcmlog_ops, recording, recording->count) / (double)selection->step;
+    info->heap_bytes = sizeof *recording + recording->capacity * sizeof recording->entries[0] +
+                       frame.image.size_bytes;
     return FOVEA_OK;
 }
 
-static enum fovea_status open_lcmlog(const char *address, const struct fovea_source_selection *selection,
+static enum fovea_status open_lcmlog(const char *address,
+                                     const struct fovea_source_selection *selection,
                                      struct fovea_source **source, struct fovea_error *error)
 {
     struct fovea_source_info info;
@@ -265,8 +284,8 @@ static enum fovea_status open_lcmlog(const char *address, const struct fovea_sou
         close_recording(recording);
         return status;
     }
-    return fv_player_open(&lcmlog_ops, recording, recording->count, frame_bytes, address, selection, &info,
-                          source, error);
+    return fv_player_open(&lcmlog_ops, recording, recording->count, frame_bytes, address, selection,
+                          &info, source, error);
 }
 
 const struct fovea_source_ops fovea_source_lcmlog =

@@ -10,12 +10,15 @@ enum fovea_status fv_lines_open(struct fv_lines *lines, const char *path, struct
 {
     char *text;
     size_t bytes;
-    const enum fovea_status status = fovea_text_read(path, FV_LINES_BYTES_MAX, &text, &bytes, error);
+    const enum fovea_status status =
+        fovea_text_read(path, FV_LINES_BYTES_MAX, &text, &bytes, error);
     if (status != FOVEA_OK) return status;
     static const char mark[] = "\xef\xbb\xbf"; /* with which some editors begin UTF-8 */
     const bool marked = bytes >= sizeof mark - 1 && memcmp(text, mark, sizeof mark - 1) == 0;
-    *lines = (struct fv_lines){
-        .file = path, .text = text, .next = text + (marked ? sizeof mark - 1 : 0), .end = text + bytes};
+    *lines = (struct fv_lines){.file = path,
+                               .text = text,
+                               .next = text + (marked ? sizeof mark - 1 : 0),
+                               .end = text + bytes};
     return FOVEA_OK;
 }
 
@@ -45,7 +48,8 @@ static enum fovea_status split(struct fv_lines *lines, char *line, const char *s
     return FOVEA_OK;
 }
 
-enum fovea_status fv_lines_next(struct fv_lines *lines, const char *separators, struct fovea_error *error)
+enum fovea_status fv_lines_next(struct fv_lines *lines, const char *separators,
+                                struct fovea_error *error)
 {
     while (lines->next < lines->end) {
         char *line = lines->next, *end = memchr(line, '\n', (size_t)(lines->end - line));
@@ -53,13 +57,14 @@ enum fovea_status fv_lines_next(struct fv_lines *lines, const char *separators, 
         lines->next = end < lines->end ? end + 1 : end;
         lines->line++;
         if (end - line > FV_LINE_BYTES_MAX)
-            return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                                   "%s:%u: found a line of %lld bytes, expected at most %d", lines->file,
-                                   lines->line, (long long)(end - line), FV_LINE_BYTES_MAX);
+            return fovea_error_set(
+                error, FOVEA_ERROR_INPUT, "%s:%u: found a line of %lld bytes, expected at most %d",
+                lines->file, lines->line, (long long)(end - line), FV_LINE_BYTES_MAX);
         *end = '\0';
         if (memchr(line, '\0', (size_t)(end - line)) != NULL)
-            return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s:%u: found a zero byte, expected text",
-                                   lines->file, lines->line);
+            return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                                   "%s:%u: found a zero byte, expected text", lines->file,
+                                   lines->line);
         if (line[strspn(line, " \t\r")] == '#') continue;
         const enum fovea_status status = split(lines, line, separators, error);
         if (status != FOVEA_OK || lines->field_count > 0) return status;
@@ -72,18 +77,19 @@ enum fovea_status fv_lines_refuse(const struct fv_lines *lines, const char *what
 {
     char quoted[FOVEA_TEXT_QUOTED_BYTES] = "nothing";
     if (field != NULL) fovea_text_quote(field, quoted, sizeof quoted);
-    return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s:%u: %s: found %s, expected %s", lines->file,
-                           lines->line, what, quoted, expected);
+    return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s:%u: %s: found %s, expected %s",
+                           lines->file, lines->line, what, quoted, expected);
 }
 
-enum fovea_status fv_lines_numbers(const struct fv_lines *lines, const char *what, size_t first, size_t count,
-                                   double *values, struct fovea_error *error)
+enum fovea_status fv_lines_numbers(const struct fv_lines *lines, const char *what, size_t first,
+                                   size_t count, double *values, struct fovea_error *error)
 {
     for (size_t i = 0; i < count; ++i) {
         if (first + i >= lines->field_count)
-            return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s:%u: %s: found %zu numbers, expected %zu",
-                                   lines->file, lines->line, what,
-                                   lines->field_count - (first < lines->field_count ? first : 0), count);
+            return fovea_error_set(
+                error, FOVEA_ERROR_INPUT, "%s:%u: %s: found %zu numbers, expected %zu", lines->file,
+                lines->line, what, lines->field_count - (first < lines->field_count ? first : 0),
+                count);
         if (!fovea_text_number(lines->fields[first + i], &values[i]))
             return fv_lines_refuse(lines, what, lines->fields[first + i], "a finite number", error);
     }

@@ -1,4 +1,5 @@
-/* Text files of lines and fields: lists of frames, poses. The file is held in memory and cut up in place. */
+/* Text files of lines and fields: lists of frames, poses. The file is held in memory and cut up in
+ * place. */
 #ifndef FOVEA_RECORDED_LINES_H
 #define FOVEA_RECORDED_LINES_H
 
@@ -18,23 +19,26 @@ struct fv_lines {
     char *fields[FV_LINE_FIELDS_MAX]; /* of the line read last */
 };
 
-enum fovea_status fv_lines_open(struct fv_lines *lines, const char *path, struct fovea_error *error);
+enum fovea_status fv_lines_open(struct fv_lines *lines, const char *path,
+                                struct fovea_error *error);
 void fv_lines_close(struct fv_lines *lines);
 
-/* The next line that is neither blank nor a comment (#), cut into fields at any of `separators` and blanks.
- * FOVEA_END after the last. FOVEA_ERROR_INPUT: a line too long, with too many fields or a zero byte. */
-enum fovea_status fv_lines_next(struct fv_lines *lines, const char *separators, struct fovea_error *error);
+/* The next line that is neither blank nor a comment (#), cut into fields at any of `separators` and
+ * blanks. FOVEA_END after the last. FOVEA_ERROR_INPUT: a line too long, with too many fields or a
+ * zero byte. */
+enum fovea_status fv_lines_next(struct fv_lines *lines, const char *separators,
+                                struct fovea_error *error);
 
 /* "file:line: <what>: found 'field', expected <expected>". Returns FOVEA_ERROR_INPUT. */
 enum fovea_status fv_lines_refuse(const struct fv_lines *lines, const char *what, const char *field,
                                   const char *expected, struct fovea_error *error);
 
 /* Exactly `count` numbers from field `first` on. */
-enum fovea_status fv_lines_numbers(const struct fv_lines *lines, const char *what, size_t first, size_t count,
-                                   double *values, struct fovea_error *error);
+enum fovea_status fv_lines_numbers(const struct fv_lines *lines, const char *what, size_t first,
+                                   size_t count, double *values, struct fovea_error *error);
 
-/* Seconds as decimal text to nanoseconds: exact as long as there is no exponent, digits past the ninth cut
- * off. False unless it is a number and fits. */
+/* Seconds as decimal text to nanoseconds: exact as long as there is no exponent, digits past the
+ * ninth cut off. False unless it is a number and fits. */
 bool fv_stamp_from_seconds(const char *text, int64_t *stamp_ns);
 
 #endif

@@ -25,13 +25,15 @@ struct fv_listing {
     struct fv_file_buffer file;
 };
 
-/* ---- paths ------------------------------------------------------------------------------------------- */
+/* ---- paths
+ * ------------------------------------------------------------------------------------------- */
 
 enum fovea_status fv_path_join(char path[FV_PATH_BYTES], const char *folder, const char *name,
                                struct fovea_error *error)
 {
     const char *slash = folder[0] == '\0' || folder[strlen(folder) - 1] == '/' ? "" : "/";
-    if (snprintf(path, FV_PATH_BYTES, "%s%s%s", folder, slash, name) < FV_PATH_BYTES) return FOVEA_OK;
+    if (snprintf(path, FV_PATH_BYTES, "%s%s%s", folder, slash, name) < FV_PATH_BYTES)
+        return FOVEA_OK;
     return fovea_error_set(error, FOVEA_ERROR_INPUT,
                            "%.64s...: found a path of more than %d bytes, expected less", folder,
                            FV_PATH_BYTES - 1);
@@ -62,7 +64,8 @@ enum fovea_status fv_info_set_calibration(struct fovea_source_info *info, const 
     return FOVEA_OK;
 }
 
-/* ---- the list ---------------------------------------------------------------------------------------- */
+/* ---- the list
+ * ---------------------------------------------------------------------------------------- */
 
 struct fv_listing *fv_listing_new(const char *folder)
 {
@@ -105,24 +108,27 @@ enum fovea_status fv_listing_add(struct fv_listing *listing, int64_t stamp_ns, c
     void *frames = listing->frames, *names = listing->names;
     if (listing->count >= FV_LISTING_FRAMES_MAX)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "%s: found more than %d frames, expected at most that", listing->folder,
-                               (int)FV_LISTING_FRAMES_MAX);
-    const bool fits = grow(&frames, listing->count + 1, &listing->capacity, sizeof listing->frames[0]);
+                               "%s: found more than %d frames, expected at most that",
+                               listing->folder, (int)FV_LISTING_FRAMES_MAX);
+    const bool fits =
+        grow(&frames, listing->count + 1, &listing->capacity, sizeof listing->frames[0]);
     listing->frames = frames;
     const bool name_fits = grow(&names, listing->names_bytes + bytes, &listing->names_capacity, 1);
     listing->names = names;
     if (!fits || !name_fits)
-        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory for the list of frames",
-                               listing->folder);
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM,
+                               "%s: out of memory for the list of frames", listing->folder);
     memcpy(listing->names + listing->names_bytes, name, bytes);
-    listing->frames[listing->count++] = (struct listed){.stamp_ns = stamp_ns, .name = listing->names_bytes};
+    listing->frames[listing->count++] =
+        (struct listed){.stamp_ns = stamp_ns, .name = listing->names_bytes};
     listing->names_bytes += bytes;
     return FOVEA_OK;
 }
 
-enum fovea_status fv_listing_read(struct fv_listing *listing, const char *path, const char *separators,
-                                  bool (*stamp_of)(const char *text, int64_t *stamp_ns), const char *expected,
-                                  struct fovea_error *error)
+enum fovea_status fv_listing_read(struct fv_listing *listing, const char *path,
+                                  const char *separators,
+                                  bool (*stamp_of)(const char *text, int64_t *stamp_ns),
+                                  const char *expected, struct fovea_error *error)
 {
     struct fv_lines lines;
     enum fovea_status status = fv_lines_open(&lines, path, error);
@@ -151,7 +157,8 @@ void fv_listing_set_poses(struct fv_listing *listing, const struct fv_poses *pos
     listing->poses = *poses;
 }
 
-/* ---- for the player ---------------------------------------------------------------------------------- */
+/* ---- for the player
+ * ---------------------------------------------------------------------------------- */
 
 static enum fovea_status frame_path(const struct fv_listing *listing, uint64_t index,
                                     char path[FV_PATH_BYTES], struct fovea_error *error)
@@ -174,7 +181,8 @@ static enum fovea_status fetch(void *recording, uint64_t index, struct fv_slot *
     enum fovea_status status = frame_path(listing, index, path, error);
     if (status != FOVEA_OK) return status;
     status = fv_file_read(&listing->file, path, &reason);
-    if (status == FOVEA_OK) status = fv_decode(listing->file.data, listing->file.bytes, &target, &reason);
+    if (status == FOVEA_OK)
+        status = fv_decode(listing->file.data, listing->file.bytes, &target, &reason);
     if (status != FOVEA_OK) return fovea_error_set(error, status, "%s: %.256s", path, reason.text);
     slot->frame.stamp_ns = listing->frames[index].stamp_ns;
     slot->frame.exposure_ns = 0;
@@ -194,7 +202,8 @@ static enum fovea_status truth(const void *recording, const struct fovea_frame *
                                struct fovea_truth *truth)
 {
     const struct fv_listing *listing = recording;
-    truth->has_pose = fv_poses_at(&listing->poses, frame->stamp_ns, frame->sequence, truth->T_world_cam);
+    truth->has_pose =
+        fv_poses_at(&listing->poses, frame->stamp_ns, frame->sequence, truth->T_world_cam);
     truth->box_count = 0;
     truth->depth_m = NULL;
     truth->class_mask = NULL;
@@ -209,7 +218,8 @@ static void close_listing(void *recording)
 static const struct fv_recording_ops listing_ops = {
     .fetch = fetch, .stamp = stamp, .truth = truth, .close = close_listing};
 
-/* ---- opening ----------------------------------------------------------------------------------------- */
+/* ---- opening
+ * ----------------------------------------------------------------------------------------- */
 
 enum { PROBES = 5 };
 
@@ -218,8 +228,8 @@ struct probe {
     bool colour;
 };
 
-static enum fovea_status probe_frame(struct fv_listing *listing, uint64_t index, struct probe *probe,
-                                     struct fovea_error *error)
+static enum fovea_status probe_frame(struct fv_listing *listing, uint64_t index,
+                                     struct probe *probe, struct fovea_error *error)
 {
     char path[FV_PATH_BYTES];
     struct fovea_error reason = {.text = ""};
@@ -227,15 +237,15 @@ static enum fovea_status probe_frame(struct fv_listing *listing, uint64_t index,
     if (status != FOVEA_OK) return status;
     status = fv_file_read(&listing->file, path, &reason);
     if (status == FOVEA_OK)
-        status =
-            fv_decode_probe(listing->file.data, listing->file.bytes, &probe->width, &probe->height, &reason);
+        status = fv_decode_probe(listing->file.data, listing->file.bytes, &probe->width,
+                                 &probe->height, &reason);
     if (status != FOVEA_OK) return fovea_error_set(error, status, "%s: %.256s", path, reason.text);
     probe->colour = fv_decode_has_colour(listing->file.data, listing->file.bytes);
     return FOVEA_OK;
 }
 
-/* The size that most probed frames have, the earlier one when equally many. All frames are asked when none of
- * the five can be read. */
+/* The size that most probed frames have, the earlier one when equally many. All frames are asked
+ * when none of the five can be read. */
 static enum fovea_status find_size(struct fv_listing *listing, const char *list_file, bool colour,
                                    struct fovea_source_info *info, struct fovea_error *error)
 {
@@ -273,12 +283,12 @@ enum fovea_status fv_listing_open(struct fv_listing *listing, const char *list_f
 {
     enum fovea_status status = FOVEA_OK;
     if (listing->count == 0)
-        status = fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: found no frames, expected at least one",
-                                 list_file);
+        status = fovea_error_set(error, FOVEA_ERROR_INPUT,
+                                 "%s: found no frames, expected at least one", list_file);
     if (status == FOVEA_OK) status = find_size(listing, list_file, selection->colour, info, error);
     if (status == FOVEA_OK && info->has_camera && info->camera.width == 0) {
-        status = fovea_calibration_fit(&info->camera, info->width, info->height, false, info->camera_origin,
-                                       error);
+        status = fovea_calibration_fit(&info->camera, info->width, info->height, false,
+                                       info->camera_origin, error);
         info->has_camera = status == FOVEA_OK;
         if (selection->camera_given) status = FOVEA_OK; /* its own is not needed */
     }
@@ -291,6 +301,6 @@ enum fovea_status fv_listing_open(struct fv_listing *listing, const char *list_f
     info->has_truth = listing->poses.count > 0;
     info->heap_bytes = sizeof *listing + listing->capacity * sizeof listing->frames[0] +
                        listing->names_capacity + listing->poses.heap_bytes + listing->file.capacity;
-    return fv_player_open(&listing_ops, listing, listing->count, 0, list_file, selection, info, source,
-                          error);
+    return fv_player_open(&listing_ops, listing, listing->count, 0, list_file, selection, info,
+                          source, error);
 }

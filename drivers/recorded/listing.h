@@ -1,4 +1,5 @@
-/* Data sets whose frames are PNG or JPEG files: the list of them, and the player's way to fetch one. */
+/* Data sets whose frames are PNG or JPEG files: the list of them, and the player's way to fetch
+ * one. */
 #ifndef FOVEA_RECORDED_LISTING_H
 #define FOVEA_RECORDED_LISTING_H
 
@@ -15,20 +16,21 @@ void fv_listing_free(struct fv_listing *listing);
 
 enum fovea_status fv_listing_add(struct fv_listing *listing, int64_t stamp_ns, const char *name,
                                  struct fovea_error *error);
-/* A list of frames as a text file: a stamp and the file's name in each line. `stamp_of` reads a stamp,
- * `expected` says which kind. Errors name the line. */
-enum fovea_status fv_listing_read(struct fv_listing *listing, const char *path, const char *separators,
-                                  bool (*stamp_of)(const char *text, int64_t *stamp_ns), const char *expected,
-                                  struct fovea_error *error);
+/* A list of frames as a text file: a stamp and the file's name in each line. `stamp_of` reads a
+ * stamp, `expected` says which kind. Errors name the line. */
+enum fovea_status fv_listing_read(struct fv_listing *listing, const char *path,
+                                  const char *separators,
+                                  bool (*stamp_of)(const char *text, int64_t *stamp_ns),
+                                  const char *expected, struct fovea_error *error);
 size_t fv_listing_count(const struct fv_listing *listing);
 
 /* Poses become the listing's own. */
 void fv_listing_set_poses(struct fv_listing *listing, const struct fv_poses *poses);
 
-/* Make a source of a finished list. The frame size is the one that most of five frames, spread over the list,
- * state. `info` holds what the data set says of itself: camera (0 x 0 becomes the frame size), camera_origin,
- * rate_hz (0: taken from the stamps). `list_file` names the list in errors. The listing is owned by the
- * source, and freed on error. */
+/* Make a source of a finished list. The frame size is the one that most of five frames, spread over
+ * the list, state. `info` holds what the data set says of itself: camera (0 x 0 becomes the frame
+ * size), camera_origin, rate_hz (0: taken from the stamps). `list_file` names the list in errors.
+ * The listing is owned by the source, and freed on error. */
 enum fovea_status fv_listing_open(struct fv_listing *listing, const char *list_file,
                                   const struct fovea_source_selection *selection,
                                   struct fovea_source_info *info, struct fovea_source **source,
@@ -39,8 +41,8 @@ enum fovea_status fv_path_join(char path[FV_PATH_BYTES], const char *folder, con
                                struct fovea_error *error);
 bool fv_path_exists(const char *path);
 
-/* A data set's own calibration file into `info`, where it is there; T_body_cam too when it states one. A file
- * that cannot be read is as none where the selection says that a camera is given. */
+/* A data set's own calibration file into `info`, where it is there; T_body_cam too when it states
+ * one. A file that cannot be read is as none where the selection says that a camera is given. */
 enum fovea_status fv_info_set_calibration(struct fovea_source_info *info, const char *path,
                                           const struct fovea_source_selection *selection,
                                           double T_body_cam[12], bool *has_T_body_cam,

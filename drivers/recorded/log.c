@@ -17,17 +17,19 @@ struct fovea_log {
     size_t capacity;
 };
 
-enum fovea_status fovea_log_open(const char *path, struct fovea_log **log, struct fovea_error *error)
+enum fovea_status fovea_log_open(const char *path, struct fovea_log **log,
+                                 struct fovea_error *error)
 {
     struct stat info; /* looked at first: opening a pipe would wait for somebody to write into it */
     if (stat(path, &info) == 0 && !S_ISREG(info.st_mode))
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: found a %s, expected a log file", path,
-                               S_ISDIR(info.st_mode) ? "directory" : "device or pipe");
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: found a %s, expected a log file",
+                               path, S_ISDIR(info.st_mode) ? "directory" : "device or pipe");
     FILE *file = fopen(path, "rb");
     if (file == NULL || fstat(fileno(file), &info) != 0) {
         const int reason = errno;
         if (file != NULL) fclose(file);
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: cannot be opened: %s", path, strerror(reason));
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: cannot be opened: %s", path,
+                               strerror(reason));
     }
     struct fovea_log *opened = calloc(1, sizeof *opened);
     char *name = strdup(path);
@@ -63,7 +65,8 @@ static int64_t read_i64(const uint8_t *bytes)
     return (int64_t)((uint64_t)read_u32(bytes) << 32 | read_u32(bytes + 4));
 }
 
-static enum fovea_status cut_off(const struct fovea_log *log, int64_t needed, struct fovea_error *error)
+static enum fovea_status cut_off(const struct fovea_log *log, int64_t needed,
+                                 struct fovea_error *error)
 {
     return fovea_error_set(error, FOVEA_ERROR_INPUT,
                            "%s: byte %" PRId64 ": the event is cut off: found %" PRId64
@@ -82,18 +85,22 @@ static enum fovea_status read_head(struct fovea_log *log, struct fovea_log_event
     if (left <= 0) return FOVEA_END;
     if (left < FOVEA_LOG_HEADER_BYTES || fread(head, sizeof head, 1, log->file) != 1)
         return cut_off(log, FOVEA_LOG_HEADER_BYTES, error);
-    uint32_t sync = read_u32(head), channel_bytes = read_u32(head + 20), data_bytes = read_u32(head + 24);
+    uint32_t sync = read_u32(head), channel_bytes = read_u32(head + 20),
+             data_bytes = read_u32(head + 24);
     if (sync != FOVEA_LOG_SYNC)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "%s: byte %" PRId64 ": found %08" PRIx32 ", expected an LCM event (%08x)",
+                               "%s: byte %" PRId64 ": found %08" PRIx32
+                               ", expected an LCM event (%08x)",
                                log->path, log->offset, sync, FOVEA_LOG_SYNC);
     if (channel_bytes < 1 || channel_bytes >= FOVEA_LOG_CHANNEL_BYTES)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "%s: byte %" PRId64 ": channel length: found %" PRIu32 ", expected 1 to %d",
-                               log->path, log->offset + 20, channel_bytes, FOVEA_LOG_CHANNEL_BYTES - 1);
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT,
+            "%s: byte %" PRId64 ": channel length: found %" PRIu32 ", expected 1 to %d", log->path,
+            log->offset + 20, channel_bytes, FOVEA_LOG_CHANNEL_BYTES - 1);
     if (data_bytes > FOVEA_LOG_DATA_BYTES_MAX)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "%s: byte %" PRId64 ": data length: found %" PRIu32 ", expected at most %d",
+                               "%s: byte %" PRId64 ": data length: found %" PRIu32
+                               ", expected at most %d",
                                log->path, log->offset + 24, data_bytes, FOVEA_LOG_DATA_BYTES_MAX);
     int64_t whole = (int64_t)FOVEA_LOG_HEADER_BYTES + channel_bytes + data_bytes;
     if (left < whole || fread(event->channel, channel_bytes, 1, log->file) != 1)
@@ -101,10 +108,10 @@ static enum fovea_status read_head(struct fovea_log *log, struct fovea_log_event
     event->channel[channel_bytes] = '\0';
     for (uint32_t i = 0; i < channel_bytes; i++)
         if (event->channel[i] < ' ' || event->channel[i] > '~')
-            return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                                   "%s: byte %" PRId64
-                                   ": channel name: found byte %d, expected printable ASCII",
-                                   log->path, log->offset + FOVEA_LOG_HEADER_BYTES + i, event->channel[i]);
+            return fovea_error_set(
+                error, FOVEA_ERROR_INPUT,
+                "%s: byte %" PRId64 ": channel name: found byte %d, expected printable ASCII",
+                log->path, log->offset + FOVEA_LOG_HEADER_BYTES + i, event->channel[i]);
     event->number = read_i64(head + 4);
     event->time_us = read_i64(head + 12);
     event->bytes = data_bytes;
@@ -120,8 +127,8 @@ static enum fovea_status reserve(struct fovea_log *log, size_t bytes, struct fov
     uint8_t *larger = realloc(log->buffer, capacity);
     if (larger == NULL)
         return fovea_error_set(error, FOVEA_ERROR_MEMORY,
-                               "%s: byte %" PRId64 ": no memory for an event of %zu bytes", log->path,
-                               log->offset, bytes);
+                               "%s: byte %" PRId64 ": no memory for an event of %zu bytes",
+                               log->path, log->offset, bytes);
     log->buffer = larger;
     log->capacity = capacity;
     return FOVEA_OK;
@@ -133,7 +140,8 @@ enum fovea_status fovea_log_next(struct fovea_log *log, struct fovea_log_event *
     enum fovea_status status = read_head(log, event, error);
     if (status == FOVEA_OK) status = reserve(log, event->bytes, error);
     if (status != FOVEA_OK) return status;
-    int64_t whole = (int64_t)FOVEA_LOG_HEADER_BYTES + (int64_t)strlen(event->channel) + event->bytes;
+    int64_t whole =
+        (int64_t)FOVEA_LOG_HEADER_BYTES + (int64_t)strlen(event->channel) + event->bytes;
     if (event->bytes > 0 && fread(log->buffer, event->bytes, 1, log->file) != 1)
         return cut_off(log, whole, error); /* shortened while being read */
     event->data = log->buffer;
@@ -147,14 +155,15 @@ enum fovea_status fovea_log_skim(struct fovea_log *log, struct fovea_log_event *
     enum fovea_status status = read_head(log, event, error);
     if (status != FOVEA_OK) return status;
     return fovea_log_seek(
-        log, log->offset + FOVEA_LOG_HEADER_BYTES + (int64_t)strlen(event->channel) + event->bytes, error);
+        log, log->offset + FOVEA_LOG_HEADER_BYTES + (int64_t)strlen(event->channel) + event->bytes,
+        error);
 }
 
 enum fovea_status fovea_log_seek(struct fovea_log *log, int64_t offset, struct fovea_error *error)
 {
     if (fseeko(log->file, offset, SEEK_SET) != 0)
-        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: byte %" PRId64 ": %s", log->path, offset,
-                               strerror(errno));
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: byte %" PRId64 ": %s", log->path,
+                               offset, strerror(errno));
     log->offset = offset;
     return FOVEA_OK;
 }
@@ -179,9 +188,11 @@ bool fovea_log_channel_is(const char *channel, const char *suffix)
     return length == tail || channel[length - tail - 1] == '_';
 }
 
-/* ---- frames ------------------------------------------------------------------------------------------ */
+/* ---- frames
+ * ------------------------------------------------------------------------------------------ */
 
-/* Where the members of an encoded fovea.frame_t lie: fixed, since only the last has a variable length. */
+/* Where the members of an encoded fovea.frame_t lie: fixed, since only the last has a variable
+ * length. */
 enum {
     AT_STAMP = 8,
     AT_CLOCK = 16,
@@ -202,9 +213,11 @@ enum fovea_status fovea_log_frame_stamp(struct fovea_log *log, const struct fove
     uint8_t head[AT_STAMP + 8];
     const int64_t back = log->offset,
                   data = event->offset + FOVEA_LOG_HEADER_BYTES + (int64_t)strlen(event->channel);
-    if (event->bytes < sizeof head || fseeko(log->file, data, SEEK_SET) != 0) return FOVEA_ERROR_INPUT;
+    if (event->bytes < sizeof head || fseeko(log->file, data, SEEK_SET) != 0)
+        return FOVEA_ERROR_INPUT;
     const bool read = fread(head, sizeof head, 1, log->file) == 1;
-    if (fovea_log_seek(log, back, NULL) != FOVEA_OK || !read || read_i64(head) != __fovea_frame_t_get_hash())
+    if (fovea_log_seek(log, back, NULL) != FOVEA_OK || !read ||
+        read_i64(head) != __fovea_frame_t_get_hash())
         return FOVEA_ERROR_INPUT;
     *stamp_ns = read_i64(head + AT_STAMP);
     return FOVEA_OK;
@@ -217,12 +230,13 @@ enum fovea_status fovea_log_frame(const char *name, const struct fovea_log_event
     const uint8_t *data = event->data;
     if (event->bytes < AT_DATA || read_i64(data) != __fovea_frame_t_get_hash())
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "%s: byte %" PRId64 ": found another type, expected fovea.frame_t", name,
-                               start);
+                               "%s: byte %" PRId64 ": found another type, expected fovea.frame_t",
+                               name, start);
     if (read_u32(data + AT_SIZE) != event->bytes - AT_DATA)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "%s: byte %" PRId64 ": size_bytes: found %" PRIu32 ", expected %" PRIu32, name,
-                               start + AT_SIZE, read_u32(data + AT_SIZE), event->bytes - AT_DATA);
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT,
+            "%s: byte %" PRId64 ": size_bytes: found %" PRIu32 ", expected %" PRIu32, name,
+            start + AT_SIZE, read_u32(data + AT_SIZE), event->bytes - AT_DATA);
     struct fovea_frame found = {
         .image = {.data = data + AT_DATA,
                   .width = (int32_t)read_u32(data + AT_WIDTH),
@@ -237,18 +251,20 @@ enum fovea_status fovea_log_frame(const char *name, const struct fovea_log_event
         .sequence = (uint64_t)read_i64(data + AT_SEQUENCE),
     };
     if (data[AT_CLOCK] > FOVEA_CLOCK_SIMULATED || data[AT_MEANING] > FOVEA_STAMP_EXPOSURE_END)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "%s: byte %" PRId64
-                               ": clock and meaning of the stamp: found %d and %d, expected at most %d "
-                               "and %d",
-                               name, start + AT_CLOCK, data[AT_CLOCK], data[AT_MEANING],
-                               FOVEA_CLOCK_SIMULATED, FOVEA_STAMP_EXPOSURE_END);
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT,
+            "%s: byte %" PRId64
+            ": clock and meaning of the stamp: found %d and %d, expected at most %d "
+            "and %d",
+            name, start + AT_CLOCK, data[AT_CLOCK], data[AT_MEANING], FOVEA_CLOCK_SIMULATED,
+            FOVEA_STAMP_EXPOSURE_END);
     if (fovea_image_check(&found.image) != FOVEA_OK)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "%s: byte %" PRId64 ": found an image of %" PRId32 " x %" PRId32
-                               ", stride %" PRId32 ", format %d in %zu bytes, expected a consistent one",
-                               name, start + AT_WIDTH, found.image.width, found.image.height,
-                               found.image.stride_bytes, (int)found.image.format, found.image.size_bytes);
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT,
+            "%s: byte %" PRId64 ": found an image of %" PRId32 " x %" PRId32 ", stride %" PRId32
+            ", format %d in %zu bytes, expected a consistent one",
+            name, start + AT_WIDTH, found.image.width, found.image.height, found.image.stride_bytes,
+            (int)found.image.format, found.image.size_bytes);
     *frame = found;
     return FOVEA_OK;
 }

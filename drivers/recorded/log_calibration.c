@@ -42,7 +42,8 @@ static const char *take_string(struct cursor *cursor)
 }
 
 enum fovea_status fv_log_calibration(const char *name, const struct fovea_log_event *event,
-                                     struct fovea_calibration *calibration, struct fovea_error *error)
+                                     struct fovea_calibration *calibration,
+                                     struct fovea_error *error)
 {
     struct cursor cursor = {.data = event->data, .bytes = event->bytes};
     const int64_t start = event->offset + FOVEA_LOG_HEADER_BYTES + (int64_t)strlen(event->channel);
@@ -65,7 +66,8 @@ enum fovea_status fv_log_calibration(const char *name, const struct fovea_log_ev
         return fovea_calibration_parse(label, (const char *)data, bytes, NULL, calibration, error);
     }
     if (!cursor.short_of) return FOVEA_AGAIN;
-    return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                           "%s: byte %lld: found a length past the end of the message, expected less", name,
-                           (long long)start + (long long)cursor.at);
+    return fovea_error_set(
+        error, FOVEA_ERROR_INPUT,
+        "%s: byte %lld: found a length past the end of the message, expected less", name,
+        (long long)start + (long long)cursor.at);
 }

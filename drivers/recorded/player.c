@@ -23,7 +23,8 @@ struct fovea_source {
     char *origin; /* names the recording in complaints */
     struct fovea_source_info info;
 
-    /* The order of play: index = first + step * position, `count` of them (UINT64_MAX: until the end). */
+    /* The order of play: index = first + step * position, `count` of them (UINT64_MAX: until the
+     * end). */
     uint64_t first, count;
     int64_t step;
     int64_t mirror_ns; /* reverse: stamp becomes mirror_ns - stamp */
@@ -71,22 +72,26 @@ static uint64_t index_at(const struct fovea_source *source, uint64_t position)
 static bool stamp_at(const struct fovea_source *source, uint64_t position, int64_t *stamp_ns)
 {
     if (source->ops->stamp == NULL || position >= source->count) return false;
-    if (source->ops->stamp(source->recording, index_at(source, position), stamp_ns) != FOVEA_OK) return false;
+    if (source->ops->stamp(source->recording, index_at(source, position), stamp_ns) != FOVEA_OK)
+        return false;
     if (source->reverse) *stamp_ns = mirrored(source, *stamp_ns);
     return true;
 }
 
-/* ---- reader thread ----------------------------------------------------------------------------------- */
+/* ---- reader thread
+ * ----------------------------------------------------------------------------------- */
 
-/* Every frame that is skipped is named. When many are missing at once the reader, which only skips, waits a
- * while for the lines to be fetched; it stops doing so where nobody fetches them. */
+/* Every frame that is skipped is named. When many are missing at once the reader, which only skips,
+ * waits a while for the lines to be fetched; it stops doing so where nobody fetches them. */
 static void complain(struct complaints *complaints, const struct fovea_error *error)
 {
     const size_t bytes = strlen(error->text) + 1;
-    const struct timespec until = fv_clock_timespec(fv_clock_ns(CLOCK_MONOTONIC) + COMPLAINTS_PATIENCE_NS);
+    const struct timespec until =
+        fv_clock_timespec(fv_clock_ns(CLOCK_MONOTONIC) + COMPLAINTS_PATIENCE_NS);
     pthread_mutex_lock(&complaints->lock);
     while (complaints->bytes + bytes > COMPLAINTS_BYTES && !complaints->nobody_asks)
-        if (pthread_cond_clockwait(&complaints->room, &complaints->lock, CLOCK_MONOTONIC, &until) != 0)
+        if (pthread_cond_clockwait(&complaints->room, &complaints->lock, CLOCK_MONOTONIC, &until) !=
+            0)
             complaints->nobody_asks = true;
     if (complaints->bytes + bytes <= COMPLAINTS_BYTES) {
         memcpy(complaints->text + complaints->bytes, error->text, bytes);
@@ -105,12 +110,12 @@ struct reading {
     int64_t newest_ns; /* largest stamp delivered */
 };
 
-/* Whether a stamp leaps ahead of its place, as on a damaged line: the loop would take it and then refuse all
- * that follows as going back. It does when most of the next frames lie between the frames before and this
- * one, in order; a stamp that itself goes back or repeats is the loop's to refuse, and a clock that was set
- * back starts below what was. */
-static bool leaps_ahead(const struct fovea_source *source, const struct reading *reading, int64_t stamp_ns,
-                        int64_t *next_ns)
+/* Whether a stamp leaps ahead of its place, as on a damaged line: the loop would take it and then
+ * refuse all that follows as going back. It does when most of the next frames lie between the
+ * frames before and this one, in order; a stamp that itself goes back or repeats is the loop's to
+ * refuse, and a clock that was set back starts below what was. */
+static bool leaps_ahead(const struct fovea_source *source, const struct reading *reading,
+                        int64_t stamp_ns, int64_t *next_ns)
 {
     int64_t ahead_of = reading->newest_ns, other_ns;
     bool any = reading->any;
@@ -148,7 +153,8 @@ static enum fovea_status fetch_next(struct fovea_source *source, struct reading 
                                     struct fv_slot *slot)
 {
     struct fovea_source_counts *counts = &reading->counts;
-    while (reading->position < source->count && !atomic_load_explicit(&source->quit, memory_order_relaxed)) {
+    while (reading->position < source->count &&
+           !atomic_load_explicit(&source->quit, memory_order_relaxed)) {
         struct fovea_error error = {.text = ""};
         const enum fovea_status status = fetch_at(source, reading, slot, &error);
         if (status == FOVEA_END) break;
@@ -187,7 +193,8 @@ static void *read_frames(void *argument)
     return NULL;
 }
 
-/* ---- open and close ---------------------------------------------------------------------------------- */
+/* ---- open and close
+ * ---------------------------------------------------------------------------------- */
 
 /* Between the first and the last frame that has a stamp. */
 static enum fovea_status set_mirror(struct fovea_source *source, const char *origin,
@@ -210,15 +217,16 @@ static enum fovea_status set_mirror(struct fovea_source *source, const char *ori
 }
 
 static enum fovea_status set_order(struct fovea_source *source, uint64_t count, const char *origin,
-                                   const struct fovea_source_selection *selection, struct fovea_error *error)
+                                   const struct fovea_source_selection *selection,
+                                   struct fovea_error *error)
 {
     if (selection->step == 0 || selection->step > INT64_MAX)
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "step: found %llu, expected at least 1",
                                (unsigned long long)selection->step);
     if (count == 0 && selection->reverse)
-        return fovea_error_set(error, FOVEA_ERROR_UNSUPPORTED,
-                               "%s: reverse: its frames can only be played in order, expected no reverse",
-                               origin);
+        return fovea_error_set(
+            error, FOVEA_ERROR_UNSUPPORTED,
+            "%s: reverse: its frames can only be played in order, expected no reverse", origin);
     if (count > 0 && selection->start >= count)
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
                                "%s: start: found %llu, expected less than its %llu frames", origin,
@@ -246,11 +254,13 @@ static enum fovea_status make_slots(struct fovea_source *source, size_t frame_by
     const int32_t stride = (row_bytes + 63) / 64 * 64;
     const size_t image_bytes = fovea_image_bytes(info->format, info->height, stride);
     const size_t needed = image_bytes > frame_bytes ? image_bytes : frame_bytes;
-    const size_t slot_bytes = (needed + 127) / 64 * 64; /* a line more, for kernels that read past the end */
+    const size_t slot_bytes =
+        (needed + 127) / 64 * 64; /* a line more, for kernels that read past the end */
     if (posix_memalign((void **)&source->pixels, 64, slot_bytes * FV_PLAYER_SLOTS) != 0) {
         source->pixels = NULL;
-        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "out of memory for %d frames of %zu bytes",
-                               FV_PLAYER_SLOTS, slot_bytes);
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM,
+                               "out of memory for %d frames of %zu bytes", FV_PLAYER_SLOTS,
+                               slot_bytes);
     }
     memset(source->pixels, 0, slot_bytes * FV_PLAYER_SLOTS);
     for (uint32_t i = 0; i < FV_PLAYER_SLOTS; ++i) {
@@ -289,8 +299,8 @@ double fv_player_rate(const struct fv_recording_ops *ops, void *recording, uint6
     return found == 0 ? 0.0 : 1e9 / (double)steps[middle];
 }
 
-enum fovea_status fv_player_open(const struct fv_recording_ops *ops, void *recording, uint64_t count,
-                                 size_t frame_bytes, const char *origin,
+enum fovea_status fv_player_open(const struct fv_recording_ops *ops, void *recording,
+                                 uint64_t count, size_t frame_bytes, const char *origin,
                                  const struct fovea_source_selection *selection,
                                  const struct fovea_source_info *info, struct fovea_source **source,
                                  struct fovea_error *error)
@@ -336,12 +346,14 @@ const struct fovea_source_info *fv_player_info(const struct fovea_source *source
     return &source->info;
 }
 
-/* ---- start and stop ---------------------------------------------------------------------------------- */
+/* ---- start and stop
+ * ---------------------------------------------------------------------------------- */
 
 enum fovea_status fv_player_start(struct fovea_source *source, struct fovea_error *error)
 {
     if (source->started)
-        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "the recording is being played already");
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                               "the recording is being played already");
     memset(&source->ready, 0, sizeof source->ready);
     memset(&source->free, 0, sizeof source->free);
     memset(source->held, 0, sizeof source->held);
@@ -381,13 +393,15 @@ void fv_player_stop(struct fovea_source *source)
     source->started = false;
 }
 
-/* ---- loop thread ------------------------------------------------------------------------------------- */
+/* ---- loop thread
+ * ------------------------------------------------------------------------------------- */
 
 enum fovea_status fv_player_dequeue(struct fovea_source *source, int64_t deadline_ns,
                                     struct fovea_frame *frame)
 {
     if (!source->started) return FOVEA_END;
-    if (source->held_count >= FOVEA_SOURCE_FRAMES_HELD || !fv_thread_take(&source->ready_count, deadline_ns))
+    if (source->held_count >= FOVEA_SOURCE_FRAMES_HELD ||
+        !fv_thread_take(&source->ready_count, deadline_ns))
         return FOVEA_AGAIN;
     uint8_t slot;
     if (!fv_slot_ring_pop(&source->ready, &slot)) {

@@ -1,13 +1,14 @@
 /* The player: every recorded source is a list of frames and a way to fetch one; the rest is here.
  *
- * A reader thread fetches frames in the order of the selection into a ring of FV_PLAYER_SLOTS buffers, made
- * at open, and so decodes ahead of the loop. The loop thread takes ready slots and gives them back through
- * two lock-free rings; it waits on a semaphore with a deadline and shares no lock with the reader. The reader
- * runs at normal priority with signals blocked and a stack of 256 KiB.
+ * A reader thread fetches frames in the order of the selection into a ring of FV_PLAYER_SLOTS
+ * buffers, made at open, and so decodes ahead of the loop. The loop thread takes ready slots and
+ * gives them back through two lock-free rings; it waits on a semaphore with a deadline and shares
+ * no lock with the reader. The reader runs at normal priority with signals blocked and a stack of
+ * 256 KiB.
  *
- * Frames that are missing or damaged, or whose stamp leaps ahead of the frames that follow, are skipped,
- * counted and named. Counts travel with the frames: fovea_source_ops.counts tells those up to the frame
- * dequeued last, so that they do not depend on how far ahead the reader is.
+ * Frames that are missing or damaged, or whose stamp leaps ahead of the frames that follow, are
+ * skipped, counted and named. Counts travel with the frames: fovea_source_ops.counts tells those up
+ * to the frame dequeued last, so that they do not depend on how far ahead the reader is.
  *
  * Played in reverse, a frame's stamp is mirrored inside the range that is played (first +
  * last - stamp), so that time still goes forward; its sequence stays the index in the recording. */
@@ -18,8 +19,8 @@
 
 enum { FV_PLAYER_SLOTS = 6 };
 
-/* Where the reader puts a frame: `frame->image` describes the buffer (size, stride, format as in the info)
- * and `pixels` is its memory. */
+/* Where the reader puts a frame: `frame->image` describes the buffer (size, stride, format as in
+ * the info) and `pixels` is its memory. */
 struct fv_slot {
     struct fovea_frame frame;
     struct fovea_source_counts counts;
@@ -29,13 +30,14 @@ struct fv_slot {
 
 /* A recording as the player sees it. `fetch` and `stamp` are called by one thread at a time. */
 struct fv_recording_ops {
-    /* Fetch frame `index` (into pixels, stamp_ns, exposure_ns, clock, stamp_meaning, sequence). FOVEA_GONE:
-     * missing; FOVEA_ERROR_INPUT: damaged; `error` names file and reason. FOVEA_END: the recording is over
-     * before its count. */
+    /* Fetch frame `index` (into pixels, stamp_ns, exposure_ns, clock, stamp_meaning, sequence).
+     * FOVEA_GONE: missing; FOVEA_ERROR_INPUT: damaged; `error` names file and reason. FOVEA_END:
+     * the recording is over before its count. */
     enum fovea_status (*fetch)(void *recording, uint64_t index, struct fv_slot *slot,
                                struct fovea_error *error);
-    /* Stamp of frame `index`, quickly: with each frame the stamps of the next few are asked for. Negative: it
-     * has none. NULL: stamps are known with their frames only, which cannot be played in reverse then. */
+    /* Stamp of frame `index`, quickly: with each frame the stamps of the next few are asked for.
+     * Negative: it has none. NULL: stamps are known with their frames only, which cannot be played
+     * in reverse then. */
     enum fovea_status (*stamp)(void *recording, uint64_t index, int64_t *stamp_ns);
     /* Loop thread, no heap; NULL where there is none. */
     enum fovea_status (*truth)(const void *recording, const struct fovea_frame *frame,
@@ -43,18 +45,19 @@ struct fv_recording_ops {
     void (*close)(void *recording);
 };
 
-/* Make a source of an open recording of `count` frames (0: not known, played to the end), each in at least
- * `frame_bytes` (0: as size and format need; `fetch` may set the image's stride and size_bytes within
- * capacity_bytes). `info` is complete but for frame_count; heap_bytes is what the recording itself holds. The
- * recording is closed with the source, and also on error. `origin` names the recording in errors. */
-enum fovea_status fv_player_open(const struct fv_recording_ops *ops, void *recording, uint64_t count,
-                                 size_t frame_bytes, const char *origin,
+/* Make a source of an open recording of `count` frames (0: not known, played to the end), each in
+ * at least `frame_bytes` (0: as size and format need; `fetch` may set the image's stride and
+ * size_bytes within capacity_bytes). `info` is complete but for frame_count; heap_bytes is what the
+ * recording itself holds. The recording is closed with the source, and also on error. `origin`
+ * names the recording in errors. */
+enum fovea_status fv_player_open(const struct fv_recording_ops *ops, void *recording,
+                                 uint64_t count, size_t frame_bytes, const char *origin,
                                  const struct fovea_source_selection *selection,
                                  const struct fovea_source_info *info, struct fovea_source **source,
                                  struct fovea_error *error);
 
-/* Frames per second from the median of the first steps between stamps, so that gaps do not matter; 0: no
- * step. */
+/* Frames per second from the median of the first steps between stamps, so that gaps do not matter;
+ * 0: no step. */
 double fv_player_rate(const struct fv_recording_ops *ops, void *recording, uint64_t count);
 
 /* The rest of fovea_source_ops, the same for all recordings. */
@@ -74,12 +77,13 @@ enum fovea_source_state fv_player_state(const struct fovea_source *source);
 enum fovea_status fv_player_complaint(struct fovea_source *source, struct fovea_error *error);
 
 /* An operations table with all of them. */
-#define FV_PLAYER_OPS(name_, help_, open_)                                                                   \
-    {                                                                                                        \
-        .name = (name_), .help = (help_), .open = (open_), .info = fv_player_info, .start = fv_player_start, \
-        .dequeue = fv_player_dequeue, .requeue = fv_player_requeue, .stop = fv_player_stop,                  \
-        .close = fv_player_close, .truth = fv_player_truth, .truth_pose = fv_player_truth_pose,              \
-        .counts = fv_player_counts, .state = fv_player_state, .complaint = fv_player_complaint               \
+#define FV_PLAYER_OPS(name_, help_, open_)                                                         \
+    {                                                                                              \
+        .name = (name_), .help = (help_), .open = (open_), .info = fv_player_info,                 \
+        .start = fv_player_start, .dequeue = fv_player_dequeue, .requeue = fv_player_requeue,      \
+        .stop = fv_player_stop, .close = fv_player_close, .truth = fv_player_truth,                \
+        .truth_pose = fv_player_truth_pose, .counts = fv_player_counts, .state = fv_player_state,  \
+        .complaint = fv_player_complaint                                                           \
     }
 
 extern const struct fovea_source_ops fovea_source_euroc, fovea_source_tum, fovea_source_kitti,

@@ -6,7 +6,8 @@
 #include "fovea/text.h"
 #include "lines.h"
 
-/* ---- reading ----------------------------------------------------------------------------------------- */
+/* ---- reading
+ * ----------------------------------------------------------------------------------------- */
 
 static enum fovea_status parse_pose(const struct fv_lines *lines, enum fv_poses_layout layout,
                                     struct fv_pose *pose, struct fovea_error *error)
@@ -36,7 +37,8 @@ static enum fovea_status parse_pose(const struct fv_lines *lines, enum fv_poses_
 }
 
 /* Room for one element more than `count`: the list itself, moved if need be, or NULL. */
-static void *grow(void *list, size_t count, size_t *capacity, size_t size, struct fovea_error *error)
+static void *grow(void *list, size_t count, size_t *capacity, size_t size,
+                  struct fovea_error *error)
 {
     if (list != NULL && count < *capacity) return list;
     const size_t larger = *capacity == 0 ? 256 : *capacity * 2;
@@ -53,15 +55,16 @@ static enum fovea_status read_by_stamp(struct fv_lines *lines, enum fv_poses_lay
 {
     size_t capacity = 0;
     enum fovea_status status;
-    while ((status = fv_lines_next(lines, layout == FV_POSES_EUROC ? "," : "", error)) == FOVEA_OK) {
+    while ((status = fv_lines_next(lines, layout == FV_POSES_EUROC ? "," : "", error)) ==
+           FOVEA_OK) {
         struct fv_pose *list = grow(poses->by_stamp, poses->count, &capacity, sizeof *list, error);
         if (list == NULL) return FOVEA_ERROR_SYSTEM;
         poses->by_stamp = list;
         struct fv_pose *pose = &list[poses->count];
         if ((status = parse_pose(lines, layout, pose, error)) != FOVEA_OK) return status;
         if (poses->count > 0 && pose->stamp_ns <= pose[-1].stamp_ns)
-            return fv_lines_refuse(lines, "timestamp", lines->fields[0], "one later than on the line before",
-                                   error);
+            return fv_lines_refuse(lines, "timestamp", lines->fields[0],
+                                   "one later than on the line before", error);
         poses->count++;
     }
     poses->heap_bytes = capacity * sizeof(struct fv_pose);
@@ -85,8 +88,9 @@ static enum fovea_status read_by_index(struct fv_lines *lines, struct fv_poses *
     return status == FOVEA_END ? FOVEA_OK : status;
 }
 
-enum fovea_status fv_poses_read(const char *path, enum fv_poses_layout layout, const double T_body_cam[12],
-                                struct fv_poses *poses, struct fovea_error *error)
+enum fovea_status fv_poses_read(const char *path, enum fv_poses_layout layout,
+                                const double T_body_cam[12], struct fv_poses *poses,
+                                struct fovea_error *error)
 {
     struct fv_lines lines;
     struct fv_poses found = {0};
@@ -102,7 +106,8 @@ enum fovea_status fv_poses_read(const char *path, enum fv_poses_layout layout, c
     return status;
 }
 
-enum fovea_status fv_poses_read_kitti(const char *path, struct fv_poses *poses, struct fovea_error *error)
+enum fovea_status fv_poses_read_kitti(const char *path, struct fv_poses *poses,
+                                      struct fovea_error *error)
 {
     struct fv_lines lines;
     struct fv_poses found = {0};
@@ -124,7 +129,8 @@ void fv_poses_free(struct fv_poses *poses)
     *poses = (struct fv_poses){0};
 }
 
-/* ---- asking ------------------------------------------------------------------------------------------ */
+/* ---- asking
+ * ------------------------------------------------------------------------------------------ */
 
 static void to_matrix(const double q[4], const double t[3], double T[12])
 {
@@ -157,14 +163,16 @@ static void interpolate(const struct fv_pose *a, const struct fv_pose *b, double
         q[i] = (1.0 - share) * a->rotation_wxyz[i] + share * sign * b->rotation_wxyz[i];
         square += q[i] * q[i];
     }
-    const double length = __builtin_sqrt(square); /* at least 0.7: the two are less than 180 degrees apart */
+    const double length =
+        __builtin_sqrt(square); /* at least 0.7: the two are less than 180 degrees apart */
     for (int i = 0; i < 4; ++i)
         q[i] /= length;
     for (int i = 0; i < 3; ++i)
         t[i] = (1.0 - share) * a->position_m[i] + share * b->position_m[i];
 }
 
-bool fv_poses_at(const struct fv_poses *poses, int64_t stamp_ns, uint64_t index, double T_world_cam[12])
+bool fv_poses_at(const struct fv_poses *poses, int64_t stamp_ns, uint64_t index,
+                 double T_world_cam[12])
 {
     if (poses->by_index != NULL) {
         if (index >= poses->count) return false;

@@ -1,5 +1,6 @@
-/* Recordings in the layout of the TUM RGB-D benchmark: rgb.txt, groundtruth.txt; camera.yaml where somebody
- * put one. Sturm et al., "A benchmark for the evaluation of RGB-D SLAM systems", IROS 2012. */
+/* Recordings in the layout of the TUM RGB-D benchmark: rgb.txt, groundtruth.txt; camera.yaml where
+ * somebody put one. Sturm et al., "A benchmark for the evaluation of RGB-D SLAM systems", IROS
+ * 2012. */
 #include <string.h>
 
 #include "lines.h"
@@ -10,11 +11,14 @@ static enum fovea_status read_extras(struct fv_listing *listing, const char *fol
                                      const struct fovea_source_selection *selection,
                                      struct fovea_source_info *info, struct fovea_error *error)
 {
-    static const double identity[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0}; /* its poses are the camera's */
+    static const double identity[12] = {1, 0, 0, 0, 0, 1,
+                                        0, 0, 0, 0, 1, 0}; /* its poses are the camera's */
     char path[FV_PATH_BYTES];
     enum fovea_status status = fv_path_join(path, folder, "camera.yaml", error);
-    if (status == FOVEA_OK) status = fv_info_set_calibration(info, path, selection, NULL, NULL, error);
-    if (status != FOVEA_OK || (status = fv_path_join(path, folder, "groundtruth.txt", error)) != FOVEA_OK)
+    if (status == FOVEA_OK)
+        status = fv_info_set_calibration(info, path, selection, NULL, NULL, error);
+    if (status != FOVEA_OK ||
+        (status = fv_path_join(path, folder, "groundtruth.txt", error)) != FOVEA_OK)
         return status;
     if (!fv_path_exists(path)) return FOVEA_OK;
     struct fv_poses poses;
@@ -23,7 +27,8 @@ static enum fovea_status read_extras(struct fv_listing *listing, const char *fol
     return status;
 }
 
-static enum fovea_status open_tum(const char *address, const struct fovea_source_selection *selection,
+static enum fovea_status open_tum(const char *address,
+                                  const struct fovea_source_selection *selection,
                                   struct fovea_source **source, struct fovea_error *error)
 {
     char list[FV_PATH_BYTES];
@@ -31,7 +36,8 @@ static enum fovea_status open_tum(const char *address, const struct fovea_source
     enum fovea_status status = fv_path_join(list, address, "rgb.txt", error);
     if (status != FOVEA_OK) return status;
     struct fv_listing *listing = fv_listing_new(address);
-    if (listing == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", address);
+    if (listing == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", address);
     status = fv_listing_read(listing, list, "", fv_stamp_from_seconds, "seconds", error);
     if (status == FOVEA_OK) status = read_extras(listing, address, selection, &info, error);
     if (status != FOVEA_OK) {

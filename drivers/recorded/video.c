@@ -1,7 +1,7 @@
-/* Videos, through a plug-in that is looked for beside the program, in ../lib/fovea of it, and first of all in
- * the folder that $FOVEA_PLUGINS names. Frames can only be read in order, so a start is reached by skipping.
- * In reverse the video is gone through once at open, for its length and stamps, and then played by stretches:
- * each is read forward and kept. */
+/* Videos, through a plug-in that is looked for beside the program, in ../lib/fovea of it, and first
+ * of all in the folder that $FOVEA_PLUGINS names. Frames can only be read in order, so a start is
+ * reached by skipping. In reverse the video is gone through once at open, for its length and
+ * stamps, and then played by stretches: each is read forward and kept. */
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -63,10 +63,11 @@ static enum fovea_status load(struct recording *recording, struct fovea_error *e
     return status;
 }
 
-/* ---- frames ------------------------------------------------------------------------------------------ */
+/* ---- frames
+ * ------------------------------------------------------------------------------------------ */
 
-static enum fovea_status open_video_file(struct recording *recording, struct fovea_source_info *info,
-                                         struct fovea_error *error)
+static enum fovea_status open_video_file(struct recording *recording,
+                                         struct fovea_source_info *info, struct fovea_error *error)
 {
     recording->position = 0;
     return recording->plugin->open(recording->path, &recording->video, &info->width, &info->height,
@@ -82,13 +83,14 @@ static enum fovea_status open_again(struct recording *recording, struct fovea_er
 }
 
 /* Make frame `index` the next one. */
-static enum fovea_status go_to(struct recording *recording, uint64_t index, struct fovea_error *error)
+static enum fovea_status go_to(struct recording *recording, uint64_t index,
+                               struct fovea_error *error)
 {
     int64_t stamp_ns;
     if (index < recording->position || recording->video == NULL) {
-        const bool sought =
-            recording->video != NULL && recording->stamps_ns != NULL &&
-            recording->plugin->seek(recording->video, index, recording->stamps_ns[index]) == FOVEA_OK;
+        const bool sought = recording->video != NULL && recording->stamps_ns != NULL &&
+                            recording->plugin->seek(recording->video, index,
+                                                    recording->stamps_ns[index]) == FOVEA_OK;
         if (sought) recording->position = index;
         if (!sought && open_again(recording, error) != FOVEA_OK) return FOVEA_END;
     }
@@ -118,10 +120,12 @@ static enum fovea_status fetch(void *argument, uint64_t index, struct fv_slot *s
 
 static const struct fv_recording_ops video_ops = {.fetch = fetch, .close = close_recording};
 
-/* ---- in reverse -------------------------------------------------------------------------------------- */
+/* ---- in reverse
+ * -------------------------------------------------------------------------------------- */
 
 /* Stamps of the first `most` frames (0: of all), and how many there are. */
-static enum fovea_status find_stamps(struct recording *recording, uint64_t most, struct fovea_error *error)
+static enum fovea_status find_stamps(struct recording *recording, uint64_t most,
+                                     struct fovea_error *error)
 {
     int64_t stamp_ns;
     while ((most == 0 || recording->count < most) &&
@@ -131,7 +135,8 @@ static enum fovea_status find_stamps(struct recording *recording, uint64_t most,
             int64_t *moved = realloc(recording->stamps_ns, larger * sizeof *moved);
             if (moved == NULL)
                 return fovea_error_set(error, FOVEA_ERROR_SYSTEM,
-                                       "%s: out of memory for the stamps of its frames", recording->path);
+                                       "%s: out of memory for the stamps of its frames",
+                                       recording->path);
             recording->stamps_ns = moved;
             recording->capacity = larger;
         }
@@ -149,21 +154,23 @@ static enum fovea_status prepare_reverse(struct recording *recording,
 {
     const size_t bytes = (size_t)recording->width * (size_t)recording->height;
     uint64_t most = 0;
-    if (__builtin_mul_overflow(selection->frames - 1, selection->step, &most) || selection->frames == 0 ||
-        __builtin_add_overflow(most, selection->start + 1, &most))
+    if (__builtin_mul_overflow(selection->frames - 1, selection->step, &most) ||
+        selection->frames == 0 || __builtin_add_overflow(most, selection->start + 1, &most))
         most = 0;
     const enum fovea_status status = find_stamps(recording, most, error);
     if (status != FOVEA_OK) return status;
     recording->step = selection->step;
-    recording->room = bytes * KEPT_MAX <= KEPT_BYTES_MAX ? KEPT_MAX : (uint32_t)(KEPT_BYTES_MAX / bytes);
+    recording->room =
+        bytes * KEPT_MAX <= KEPT_BYTES_MAX ? KEPT_MAX : (uint32_t)(KEPT_BYTES_MAX / bytes);
     if (recording->room == 0) recording->room = 1;
     recording->pixels = malloc(recording->room * bytes);
     if (recording->pixels == NULL)
-        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory for %u frames", recording->path,
-                               recording->room);
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory for %u frames",
+                               recording->path, recording->room);
     for (uint32_t i = 0; i < recording->room; ++i)
         recording->kept[i].pixels = recording->pixels + i * bytes;
-    info->heap_bytes += recording->room * bytes + recording->capacity * sizeof recording->stamps_ns[0];
+    info->heap_bytes +=
+        recording->room * bytes + recording->capacity * sizeof recording->stamps_ns[0];
     return FOVEA_OK;
 }
 
@@ -197,7 +204,8 @@ static enum fovea_status fetch_reverse(void *argument, uint64_t index, struct fv
 {
     struct recording *recording = argument;
     const uint64_t end = recording->first + recording->kept_count * recording->step;
-    if (recording->kept_count == 0 || index < recording->first || index >= end) keep(recording, index);
+    if (recording->kept_count == 0 || index < recording->first || index >= end)
+        keep(recording, index);
     const struct kept *kept = &recording->kept[(index - recording->first) / recording->step];
     if (kept->status != FOVEA_OK) {
         *error = kept->error;
@@ -220,10 +228,12 @@ static enum fovea_status stamp(void *argument, uint64_t index, int64_t *stamp_ns
 static const struct fv_recording_ops reverse_ops = {
     .fetch = fetch_reverse, .stamp = stamp, .close = close_recording};
 
-/* ---- opening ----------------------------------------------------------------------------------------- */
+/* ---- opening
+ * ----------------------------------------------------------------------------------------- */
 
 /* Skip what comes before the start now: where there is nothing left, that is said. */
-static enum fovea_status go_to_start(struct recording *recording, uint64_t start, struct fovea_error *error)
+static enum fovea_status go_to_start(struct recording *recording, uint64_t start,
+                                     struct fovea_error *error)
 {
     int64_t stamp_ns;
     bool there = true;
@@ -232,12 +242,13 @@ static enum fovea_status go_to_start(struct recording *recording, uint64_t start
         recording->position += there;
     }
     if (there && recording->plugin->more(recording->video)) return FOVEA_OK;
-    return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                           "%s: start: found %llu, expected less than its %llu frames", recording->path,
-                           (unsigned long long)start, (unsigned long long)recording->position);
+    return fovea_error_set(
+        error, FOVEA_ERROR_ARGUMENT, "%s: start: found %llu, expected less than its %llu frames",
+        recording->path, (unsigned long long)start, (unsigned long long)recording->position);
 }
 
-static enum fovea_status open_video(const char *address, const struct fovea_source_selection *selection,
+static enum fovea_status open_video(const char *address,
+                                    const struct fovea_source_selection *selection,
                                     struct fovea_source **source, struct fovea_error *error)
 {
     struct fovea_source_info info = {.format = FOVEA_PIXEL_GREY8};
@@ -249,15 +260,17 @@ static enum fovea_status open_video(const char *address, const struct fovea_sour
     enum fovea_status status = FOVEA_OK;
     struct stat about;
     if (stat(address, &about) != 0)
-        status =
-            fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: cannot be opened: %s", address, strerror(errno));
+        status = fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: cannot be opened: %s", address,
+                                 strerror(errno));
     else if (!S_ISREG(about.st_mode)) /* OpenCV takes folders and pipes for anything at all */
-        status =
-            fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: found no regular file, expected a video", address);
+        status = fovea_error_set(error, FOVEA_ERROR_INPUT,
+                                 "%s: found no regular file, expected a video", address);
     if (status == FOVEA_OK) status = load(recording, error);
-    if (status == FOVEA_OK && recording->plugin != NULL) status = open_video_file(recording, &info, error);
+    if (status == FOVEA_OK && recording->plugin != NULL)
+        status = open_video_file(recording, &info, error);
     struct fovea_error reason = {.text = ""};
-    if (status == FOVEA_OK && (status = fv_decode_check_size(info.width, info.height, &reason)) != FOVEA_OK)
+    if (status == FOVEA_OK &&
+        (status = fv_decode_check_size(info.width, info.height, &reason)) != FOVEA_OK)
         fovea_error_set(error, status, "%s: %.256s", address, reason.text);
     recording->width = info.width;
     recording->height = info.height;
@@ -270,8 +283,8 @@ static enum fovea_status open_video(const char *address, const struct fovea_sour
         return status;
     }
     if (selection->step > 1) info.rate_hz /= (double)selection->step;
-    return fv_player_open(selection->reverse ? &reverse_ops : &video_ops, recording, recording->count, 0,
-                          address, selection, &info, source, error);
+    return fv_player_open(selection->reverse ? &reverse_ops : &video_ops, recording,
+                          recording->count, 0, address, selection, &info, source, error);
 }
 
 const struct fovea_source_ops fovea_source_video =

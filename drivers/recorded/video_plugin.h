@@ -1,6 +1,6 @@
-/* What the program and its video plug-in (drivers/video.cpp, built where OpenCV's videoio is) say to each
- * other. The plug-in is a shared object of its own so that OpenCV is loaded only when a video is asked for.
- * Plain C; no exceptions cross. */
+/* What the program and its video plug-in (drivers/video.cpp, built where OpenCV's videoio is) say
+ * to each other. The plug-in is a shared object of its own so that OpenCV is loaded only when a
+ * video is asked for. Plain C; no exceptions cross. */
 #ifndef FOVEA_RECORDED_VIDEO_PLUGIN_H
 #define FOVEA_RECORDED_VIDEO_PLUGIN_H
 
@@ -20,17 +20,17 @@ struct fovea_video;
 
 struct fovea_video_plugin {
     int version;
-    enum fovea_status (*open)(const char *path, struct fovea_video **video, int32_t *width, int32_t *height,
-                              double *rate_hz, struct fovea_error *error);
+    enum fovea_status (*open)(const char *path, struct fovea_video **video, int32_t *width,
+                              int32_t *height, double *rate_hz, struct fovea_error *error);
     /* Go past one frame without decoding it to pixels. FOVEA_END after the last. */
     enum fovea_status (*skip)(struct fovea_video *video, int64_t *stamp_ns);
     /* Whether there is a next frame. */
     int (*more)(struct fovea_video *video);
-    /* Make frame `index`, of that stamp when read in order, the next one. FOVEA_ERROR_UNSUPPORTED: what the
-     * file's index led to is not known to be it; then only closing is of use. */
+    /* Make frame `index`, of that stamp when read in order, the next one. FOVEA_ERROR_UNSUPPORTED:
+     * what the file's index led to is not known to be it; then only closing is of use. */
     enum fovea_status (*seek)(struct fovea_video *video, uint64_t index, int64_t stamp_ns);
-    /* The next frame as grey levels, by the formula of decode.h. FOVEA_ERROR_INPUT: it is damaged, the next
-     * may not be. */
+    /* The next frame as grey levels, by the formula of decode.h. FOVEA_ERROR_INPUT: it is damaged,
+     * the next may not be. */
     enum fovea_status (*read)(struct fovea_video *video, uint8_t *grey, int32_t stride_bytes,
                               int64_t *stamp_ns, struct fovea_error *error);
     void (*close)(struct fovea_video *video);

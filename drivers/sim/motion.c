@@ -2,9 +2,9 @@
 
 #include <string.h>
 
-/* Where the camera is: closed forms of time, so that any frame can be asked for. Positions are sums of slow
- * sinusoids or B-splines, so accelerations are continuous and bounded; a hand adds its tremble (up to 0.16
- * m/s, 0.9 m/s^2). */
+/* Where the camera is: closed forms of time, so that any frame can be asked for. Positions are sums
+ * of slow sinusoids or B-splines, so accelerations are continuous and bounded; a hand adds its
+ * tremble (up to 0.16 m/s, 0.9 m/s^2). */
 
 struct pose {
     double position[3], yaw, pitch, roll; /* yaw anticlockwise from +x, pitch up */
@@ -12,12 +12,14 @@ struct pose {
 
 static const double kidnap_leave_s = 14.0, kidnap_return_s = 17.0, kidnap_back_s = 12.0;
 
-/* ---- orientation ------------------------------------------------------------------------------------- */
+/* ---- orientation
+ * ------------------------------------------------------------------------------------- */
 
 static void pose_matrix(const struct pose *pose, double T[12])
 {
     const double cy = fovea_cos(pose->yaw), sy = fovea_sin(pose->yaw), cp = fovea_cos(pose->pitch);
-    const double sp = fovea_sin(pose->pitch), cr = fovea_cos(pose->roll), sr = fovea_sin(pose->roll);
+    const double sp = fovea_sin(pose->pitch), cr = fovea_cos(pose->roll),
+                 sr = fovea_sin(pose->roll);
     const double forward[3] = {cy * cp, sy * cp, sp}, right[3] = {sy, -cy, 0.0};
     const double down[3] = {cy * sp, sy * sp, -cp}; /* forward x right */
     for (int32_t i = 0; i < 3; i++) {
@@ -35,7 +37,8 @@ static void look_at(struct pose *pose, double x, double y, double z)
     pose->pitch = fovea_atan2(dz, __builtin_sqrt(dx * dx + dy * dy));
 }
 
-/* ---- a hand's tremble -------------------------------------------------------------------------------- */
+/* ---- a hand's tremble
+ * -------------------------------------------------------------------------------- */
 
 static double tremble(const double *phase, double t)
 {
@@ -52,9 +55,11 @@ static void hand(const struct fv_sim_motion *m, double t, double amount, struct 
     pose->roll += 0.022 * amount * tremble(m->phase + 15, t * 1.03);
 }
 
-/* ---- splines ----------------------------------------------------------------------------------------- */
+/* ---- splines
+ * ----------------------------------------------------------------------------------------- */
 
-static void spline_add(struct fv_sim_motion *m, double x, double y, double z, double yaw, double pitch)
+static void spline_add(struct fv_sim_motion *m, double x, double y, double z, double yaw,
+                       double pitch)
 {
     if (m->control_count == FV_SIM_SPLINE_MAX) return;
     double *c = m->control[m->control_count++];
@@ -65,7 +70,8 @@ static void spline_add(struct fv_sim_motion *m, double x, double y, double z, do
     c[4] = pitch;
 }
 
-/* Closed uniform cubic B-spline with one second per control point; yaw gains `turns` full turns per round. */
+/* Closed uniform cubic B-spline with one second per control point; yaw gains `turns` full turns per
+ * round. */
 static void spline_pose(const struct fv_sim_motion *m, double t, double turns, struct pose *pose)
 {
     const double floor_t = fovea_floor(t), f = t - floor_t, g = 1.0 - f;
@@ -102,15 +108,15 @@ static void spline_ring(struct fv_sim_motion *m, double speed)
     }
 }
 
-/* The tour: round the room, a stop, a turn on the spot, out of the door, round the corridor, back in, a quick
- * look. */
+/* The tour: round the room, a stop, a turn on the spot, out of the door, round the corridor, back
+ * in, a quick look. */
 static void spline_tour(struct fv_sim_motion *m)
 {
     const double half = 0.5 * FOVEA_PI, lane_y = -m->lane[1], door_y = -m->room[1];
     for (int32_t i = 0; i < 14; i++) {
         const double angle = half + 2.0 * FOVEA_PI * (i + 7.6) / 14.0 - FOVEA_PI * 0.1;
-        spline_add(m, 1.7 * fovea_cos(angle), 1.25 * fovea_sin(angle), 1.45 + 0.15 * fovea_sin(0.9 * i),
-                   angle + FOVEA_PI - 4.0 * half, -0.12);
+        spline_add(m, 1.7 * fovea_cos(angle), 1.25 * fovea_sin(angle),
+                   1.45 + 0.15 * fovea_sin(0.9 * i), angle + FOVEA_PI - 4.0 * half, -0.12);
     }
     for (int32_t i = 0; i < 5; i++)
         spline_add(m, 0.0, -1.3, 1.45, 5.0 * half, -0.1);
@@ -130,7 +136,8 @@ static void spline_tour(struct fv_sim_motion *m)
         fv_sim_ring(m->lane, camera_corner_m, along + 0.4, ahead, &heading);
         fv_sim_ring(m->lane, camera_corner_m, along, position, &(double){0.0});
         if (along + 0.4 >= length) heading += 4.0 * half;
-        spline_add(m, position[0], position[1], 1.4 + 0.05 * fovea_sin(0.5 * i), 8.0 * half + heading, -0.06);
+        spline_add(m, position[0], position[1], 1.4 + 0.05 * fovea_sin(0.5 * i),
+                   8.0 * half + heading, -0.06);
     }
     spline_add(m, -0.4, lane_y + 0.1, 1.40, 12.3 * half, -0.05);
     spline_add(m, -0.1, door_y - 0.8, 1.40, 12.8 * half, -0.05);
@@ -142,13 +149,15 @@ static void spline_tour(struct fv_sim_motion *m)
     spline_add(m, -0.2, -1.3, 1.45, 14.2 * half, -0.1);
 }
 
-/* ---- trajectories ------------------------------------------------------------------------------------ */
+/* ---- trajectories
+ * ------------------------------------------------------------------------------------ */
 
 static void orbit(const struct fv_sim_motion *m, double t, struct pose *pose)
 {
     const double *p = m->phase;
     const double angle = p[20] + m->direction * (0.26 * t + 0.25 * fovea_sin(0.37 * t + p[21]));
-    const double reach = 1.0 + 0.09 * fovea_sin(0.23 * t + p[22]) + 0.03 * fovea_sin(0.61 * t + p[23]);
+    const double reach =
+        1.0 + 0.09 * fovea_sin(0.23 * t + p[22]) + 0.03 * fovea_sin(0.61 * t + p[23]);
     pose->position[0] = 1.9 * reach * fovea_cos(angle);
     pose->position[1] = 1.45 * reach * fovea_sin(angle);
     pose->position[2] = 1.45 + 0.15 * fovea_sin(0.41 * t + p[24]);
@@ -165,7 +174,8 @@ static double stopgo_time(double t)
     double done = way;
     if (x < 0.5) {
         const double f = x / 0.5;
-        done = 0.5 * (f * f * f - 0.5 * f * f * f * f); /* integral of the smooth step 3 f^2 - 2 f^3 */
+        done =
+            0.5 * (f * f * f - 0.5 * f * f * f * f); /* integral of the smooth step 3 f^2 - 2 f^3 */
     } else if (x < 2.5) {
         done = 0.25 + x - 0.5;
     } else if (x < 3.0) {
@@ -175,14 +185,16 @@ static double stopgo_time(double t)
     return rounds * way + done;
 }
 
-/* Moving for 6 s, then standing for good: the time that has passed on the way. The last 0.5 s slow down. */
+/* Moving for 6 s, then standing for good: the time that has passed on the way. The last 0.5 s slow
+ * down. */
 static double stand_time(double t)
 {
     const double f = t < 5.5 ? 1.0 : t < 6.0 ? (6.0 - t) / 0.5 : 0.0;
     return t < 5.5 ? t : 5.75 - 0.5 * (f * f * f - 0.5 * f * f * f * f);
 }
 
-/* A turn of 110 degrees within a second (3.6 rad/s at its fastest) at 3 s, and back at 5.5 s, every 7 s. */
+/* A turn of 110 degrees within a second (3.6 rad/s at its fastest) at 3 s, and back at 5.5 s, every
+ * 7 s. */
 static double fast_turn(double t)
 {
     const double x = t - 7.0 * fovea_floor(t / 7.0);
@@ -194,8 +206,10 @@ static double fast_turn(double t)
 static void wander(const struct fv_sim_motion *m, double t, struct pose *pose)
 {
     const double *p = m->phase;
-    pose->position[0] = 6.5 * (0.6 * fovea_sin(0.0710 * t + p[20]) + 0.4 * fovea_sin(0.1307 * t + p[21]));
-    pose->position[1] = 4.2 * (0.6 * fovea_sin(0.0837 * t + p[22]) + 0.4 * fovea_sin(0.1573 * t + p[23]));
+    pose->position[0] =
+        6.5 * (0.6 * fovea_sin(0.0710 * t + p[20]) + 0.4 * fovea_sin(0.1307 * t + p[21]));
+    pose->position[1] =
+        4.2 * (0.6 * fovea_sin(0.0837 * t + p[22]) + 0.4 * fovea_sin(0.1573 * t + p[23]));
     pose->position[2] = 1.55 + 0.18 * fovea_sin(0.211 * t + p[24]);
     pose->yaw = p[25] + m->direction * 0.09 * t + 0.9 * fovea_sin(0.1271 * t + p[26]);
     pose->pitch = -0.06 + 0.08 * fovea_sin(0.173 * t + p[27]);
@@ -210,8 +224,8 @@ static void rotate(const struct fv_sim_motion *m, double t, struct pose *pose)
     hand(m, t, 1.0, pose);
     for (int32_t i = 0; i < 3; i++)
         pose->position[i] = spot.position[i]; /* exactly: only the turning trembles */
-    pose->yaw +=
-        p[21] + m->direction * (1.6 * fovea_sin(0.35 * t + p[22]) + 0.4 * fovea_sin(0.83 * t + p[23]));
+    pose->yaw += p[21] + m->direction * (1.6 * fovea_sin(0.35 * t + p[22]) +
+                                         0.4 * fovea_sin(0.83 * t + p[23]));
     pose->pitch += -0.08 + 0.14 * fovea_sin(0.52 * t + p[24]);
 }
 
@@ -228,7 +242,8 @@ static void kidnap(const struct fv_sim_motion *m, double t, struct pose *pose)
     }
 }
 
-/* ---- outside ----------------------------------------------------------------------------------------- */
+/* ---- outside
+ * ----------------------------------------------------------------------------------------- */
 
 void fv_sim_motion_create(struct fv_sim_motion *motion, const struct fv_sim_options *options,
                           const struct fv_sim_world *world)

@@ -1,7 +1,7 @@
 #include "sim.h"
 
-/* Moving objects: four classes, each of one size, on closed lanes that keep clear of the camera and the
- * furniture but cross in the picture, so that they occlude one another. */
+/* Moving objects: four classes, each of one size, on closed lanes that keep clear of the camera and
+ * the furniture but cross in the picture, so that they occlude one another. */
 
 static const double ball_radius_m = 0.15;
 static const double cone_radius_m = 0.18, cone_height_m = 0.50, cone_plate_m = 0.40,
@@ -14,21 +14,24 @@ static const double head_radius_m = 0.115, head_base_m = 1.485; /* top at 1.715 
 enum { VARIANTS = 3 };
 static const double ring_corner_m = 0.9;
 
-/* ---- lanes ------------------------------------------------------------------------------------------- */
+/* ---- lanes
+ * ------------------------------------------------------------------------------------------- */
 
 double fv_sim_ring_length(const double half[2], double corner)
 {
     return 4.0 * (half[0] + half[1] - 2.0 * corner) + 2.0 * FOVEA_PI * corner;
 }
 
-void fv_sim_ring(const double half[2], double corner, double along, double position[2], double *heading)
+void fv_sim_ring(const double half[2], double corner, double along, double position[2],
+                 double *heading)
 {
     const double arc = 0.5 * FOVEA_PI * corner, length = fv_sim_ring_length(half, corner);
     along -= length * fovea_floor(along / length);
-    /* Anticlockwise from the middle of nothing: side k runs in direction k * 90 degrees, then an arc to the
-     * left. */
+    /* Anticlockwise from the middle of nothing: side k runs in direction k * 90 degrees, then an
+     * arc to the left. */
     for (int32_t k = 0; k < 4; k++) {
-        const double straight = 2.0 * (((k & 1) ? half[1] : half[0]) - corner), turn = 0.5 * FOVEA_PI * k;
+        const double straight = 2.0 * (((k & 1) ? half[1] : half[0]) - corner),
+                     turn = 0.5 * FOVEA_PI * k;
         const double c = (k == 0) - (k == 2), s = (k == 1) - (k == 3); /* cos and sin of turn */
         const double side = (k & 1) ? half[0] : half[1], reach = (k & 1) ? half[1] : half[0];
         double x = along - (reach - corner), y = -side; /* in the side's own axes */
@@ -46,7 +49,8 @@ void fv_sim_ring(const double half[2], double corner, double along, double posit
     }
 }
 
-void fv_sim_object_pose(const struct fv_sim_object *o, double time_s, double position[2], double *heading)
+void fv_sim_object_pose(const struct fv_sim_object *o, double time_s, double position[2],
+                        double *heading)
 {
     if (o->on_ring) {
         const double along = o->phase + o->rate * time_s;
@@ -56,7 +60,8 @@ void fv_sim_object_pose(const struct fv_sim_object *o, double time_s, double pos
     }
     const double angle = o->phase + o->rate * time_s;
     const double wobble = 1.0 + o->wobble * fovea_sin(o->wobble_rate * time_s + o->wobble_phase);
-    const double slope = o->wobble * o->wobble_rate * fovea_cos(o->wobble_rate * time_s + o->wobble_phase);
+    const double slope =
+        o->wobble * o->wobble_rate * fovea_cos(o->wobble_rate * time_s + o->wobble_phase);
     const double c = fovea_cos(angle), s = fovea_sin(angle);
     position[0] = o->center[0] + o->radius[0] * wobble * c;
     position[1] = o->center[1] + o->radius[1] * wobble * s;
@@ -64,7 +69,8 @@ void fv_sim_object_pose(const struct fv_sim_object *o, double time_s, double pos
                            o->radius[0] * (slope * c - wobble * s * o->rate));
 }
 
-/* ---- creation ---------------------------------------------------------------------------------------- */
+/* ---- creation
+ * ---------------------------------------------------------------------------------------- */
 
 static double draw(struct fovea_random *random, double low, double high)
 {
@@ -72,14 +78,16 @@ static double draw(struct fovea_random *random, double low, double high)
 }
 
 /* Ellipses in a room: persons walk outside of the camera's way, low things roll below it. */
-static void choose_ellipse(struct fv_sim_object *o, const struct fv_sim_world *world, int32_t number,
-                           struct fovea_random *random)
+static void choose_ellipse(struct fv_sim_object *o, const struct fv_sim_world *world,
+                           int32_t number, struct fovea_random *random)
 {
     double x = world->room[0], y = world->room[1], speed = draw(random, 0.2, 0.6);
     o->wobble = draw(random, 0.0, 0.04);
     if (world->lane[0] <= 0.0 && x > 10.0) { /* the hall: the middle is the camera's */
-        x = o->object_class == FOVEA_OBJECT_PERSON ? draw(random, 8.6, 9.2) : draw(random, 1.5, 8.5);
-        y = o->object_class == FOVEA_OBJECT_PERSON ? draw(random, 6.1, 6.6) : draw(random, 1.0, 6.0);
+        x = o->object_class == FOVEA_OBJECT_PERSON ? draw(random, 8.6, 9.2)
+                                                   : draw(random, 1.5, 8.5);
+        y = o->object_class == FOVEA_OBJECT_PERSON ? draw(random, 6.1, 6.6)
+                                                   : draw(random, 1.0, 6.0);
         o->wobble *= 0.5;
     } else if (o->object_class == FOVEA_OBJECT_PERSON) {
         /* Persons of one lane keep their distance: same speed, spread over the lane. */
@@ -123,10 +131,10 @@ static void choose_ring(struct fv_sim_object *o, const struct fv_sim_world *worl
 
 void fv_sim_objects_create(struct fv_sim_world *world, const struct fv_sim_options *options)
 {
-    static const enum fovea_object_class order[4] = {FOVEA_OBJECT_PERSON, FOVEA_OBJECT_BALL, FOVEA_OBJECT_BOX,
-                                                     FOVEA_OBJECT_CONE};
-    static const enum fv_sim_material material[5] = {FV_SIM_CLOTHES, FV_SIM_BALL, FV_SIM_CONE, FV_SIM_PARCEL,
-                                                     FV_SIM_CLOTHES};
+    static const enum fovea_object_class order[4] = {FOVEA_OBJECT_PERSON, FOVEA_OBJECT_BALL,
+                                                     FOVEA_OBJECT_BOX, FOVEA_OBJECT_CONE};
+    static const enum fv_sim_material material[5] = {FV_SIM_CLOTHES, FV_SIM_BALL, FV_SIM_CONE,
+                                                     FV_SIM_PARCEL, FV_SIM_CLOTHES};
     uint16_t variant[FOVEA_OBJECT_CLASS_COUNT][VARIANTS] = {{0}}, head[VARIANTS] = {0};
     struct fovea_random random;
     fovea_random_seed(&random, world->seed ^ 0x0B7EC75u);
@@ -151,11 +159,12 @@ void fv_sim_objects_create(struct fv_sim_world *world, const struct fv_sim_optio
 }
 
 /* Nearest that a person comes to the camera between two times. */
-static double clearance(const struct fv_sim_object *o, const struct fv_sim_motion *motion, double begin_s,
-                        double end_s)
+static double clearance(const struct fv_sim_object *o, const struct fv_sim_motion *motion,
+                        double begin_s, double end_s)
 {
     double least = 1e9;
-    /* NOLINTNEXTLINE(clang-analyzer-security.FloatLoopCounter): some tenths of a second more or less are no matter */
+    /* NOLINTNEXTLINE(clang-analyzer-security.FloatLoopCounter): some tenths of a second more or
+     * less are no matter */
     for (double t = begin_s; t < end_s; t += 0.1) {
         double position[2], heading, T_world_cam[12];
         fv_sim_object_pose(o, t, position, &heading);
@@ -167,8 +176,8 @@ static double clearance(const struct fv_sim_object *o, const struct fv_sim_motio
     return __builtin_sqrt(least);
 }
 
-void fv_sim_objects_clear(struct fv_sim_world *world, const struct fv_sim_motion *motion, double begin_s,
-                          double end_s)
+void fv_sim_objects_clear(struct fv_sim_world *world, const struct fv_sim_motion *motion,
+                          double begin_s, double end_s)
 {
     const double enough_m = 0.75;
     enum { TRIES = 24 };
@@ -188,12 +197,15 @@ void fv_sim_objects_clear(struct fv_sim_world *world, const struct fv_sim_motion
     }
 }
 
-/* ---- placing ----------------------------------------------------------------------------------------- */
+/* ---- placing
+ * ----------------------------------------------------------------------------------------- */
 
-static struct fv_sim_round *put_round(struct fv_sim_world *world, const double position[2], double z,
-                                      double height, uint16_t texture, double heading, int32_t id)
+static struct fv_sim_round *put_round(struct fv_sim_world *world, const double position[2],
+                                      double z, double height, uint16_t texture, double heading,
+                                      int32_t id)
 {
-    struct fv_sim_round *round = fv_sim_world_round(world, position[0], position[1], z, height, texture);
+    struct fv_sim_round *round =
+        fv_sim_world_round(world, position[0], position[1], z, height, texture);
     if (round == NULL) return NULL;
     round->side[0] = fovea_cos(heading);
     round->side[1] = fovea_sin(heading);
@@ -201,8 +213,8 @@ static struct fv_sim_round *put_round(struct fv_sim_world *world, const double p
     return round;
 }
 
-static void put_ball(struct fv_sim_world *world, const struct fv_sim_object *o, const double position[2],
-                     double heading, double time_s, int32_t id)
+static void put_ball(struct fv_sim_world *world, const struct fv_sim_object *o,
+                     const double position[2], double heading, double time_s, int32_t id)
 {
     const double c = fovea_cos(heading), s = fovea_sin(heading), r = ball_radius_m;
     const double way = o->rate * time_s * (o->on_ring ? 1.0 : 0.5 * (o->radius[0] + o->radius[1]));
@@ -222,11 +234,12 @@ static void put_ball(struct fv_sim_world *world, const struct fv_sim_object *o, 
     round->object = (uint16_t)id;
 }
 
-static void put_cone(struct fv_sim_world *world, const struct fv_sim_object *o, const double position[2],
-                     double heading, int32_t id)
+static void put_cone(struct fv_sim_world *world, const struct fv_sim_object *o,
+                     const double position[2], double heading, int32_t id)
 {
     const double slope = cone_radius_m / cone_height_m, z = cone_plate_height_m;
-    struct fv_sim_round *round = put_round(world, position, z, cone_height_m - z, o->texture, heading, id);
+    struct fv_sim_round *round =
+        put_round(world, position, z, cone_height_m - z, o->texture, heading, id);
     if (round != NULL) {
         const double radius = slope * (cone_height_m - z);
         round->q0 = radius * radius;
@@ -235,17 +248,19 @@ static void put_cone(struct fv_sim_world *world, const struct fv_sim_object *o, 
     }
     const double size[3] = {cone_plate_m, cone_plate_m, cone_plate_height_m};
     const int32_t first = world->face_count;
-    fv_sim_world_box(world, position, 0.0, size, heading, o->texture_head, o->texture_head, 31, 0.0);
+    fv_sim_world_box(world, position, 0.0, size, heading, o->texture_head, o->texture_head, 31,
+                     0.0);
     for (int32_t i = first; i < world->face_count; i++) {
         world->face[i].object = (uint16_t)id;
         world->face[i].light *= 0.45f;
     }
 }
 
-static void put_person(struct fv_sim_world *world, const struct fv_sim_object *o, const double position[2],
-                       double heading, int32_t id)
+static void put_person(struct fv_sim_world *world, const struct fv_sim_object *o,
+                       const double position[2], double heading, int32_t id)
 {
-    struct fv_sim_round *legs = put_round(world, position, 0.0, leg_height_m, o->texture, heading, id);
+    struct fv_sim_round *legs =
+        put_round(world, position, 0.0, leg_height_m, o->texture, heading, id);
     struct fv_sim_round *torso =
         put_round(world, position, torso_base_m, torso_height_m, o->texture, heading, id);
     struct fv_sim_round *head =
@@ -274,7 +289,8 @@ void fv_sim_world_place(struct fv_sim_world *world, double time_s)
         if (o->object_class == FOVEA_OBJECT_PERSON) put_person(world, o, position, heading, id);
         if (o->object_class == FOVEA_OBJECT_BOX) {
             const int32_t first = world->face_count;
-            fv_sim_world_box(world, position, 0.0, box_size_m, heading, o->texture, o->texture, 31, 0.0);
+            fv_sim_world_box(world, position, 0.0, box_size_m, heading, o->texture, o->texture, 31,
+                             0.0);
             for (int32_t k = first; k < world->face_count; k++)
                 world->face[k].object = (uint16_t)id;
         }

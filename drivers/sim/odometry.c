@@ -2,9 +2,9 @@
 
 #include <string.h>
 
-/* Odometry of the body that carries the camera, at a rate of its own and with errors of each step: what wheels or legs
- * would tell. The body's frame is the camera's, so T_base_cam is the identity. A body that is carried off does not
- * turn its wheels: such steps are left out. */
+/* Odometry of the body that carries the camera, at a rate of its own and with errors of each step:
+ * what wheels or legs would tell. The body's frame is the camera's, so T_base_cam is the identity.
+ * A body that is carried off does not turn its wheels: such steps are left out. */
 
 static const double carried_off_m_s = 20.0;
 
@@ -19,7 +19,8 @@ static void relative(const double a[12], const double b[12], double R[9], double
     }
 }
 
-/* Unit quaternion of a rotation whose trace may have any sign: the largest of its four parts comes first. */
+/* Unit quaternion of a rotation whose trace may have any sign: the largest of its four parts comes
+ * first. */
 static void quaternion(const double R[9], double q[4])
 {
     double t = R[0] + R[4] + R[8], squares[4] = {t, R[0], R[4], R[8]};
@@ -50,8 +51,8 @@ static void turn(double R[9], const double S[9])
             for (int c = 0; c < 3; c++)
                 P[3 * r + c] -= along * P[c];
         }
-        double n =
-            __builtin_sqrt(P[3 * r] * P[3 * r] + P[3 * r + 1] * P[3 * r + 1] + P[3 * r + 2] * P[3 * r + 2]);
+        double n = __builtin_sqrt(P[3 * r] * P[3 * r] + P[3 * r + 1] * P[3 * r + 1] +
+                                  P[3 * r + 2] * P[3 * r + 2]);
         for (int c = 0; c < 3; c++)
             P[3 * r + c] /= n;
     }

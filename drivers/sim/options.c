@@ -4,7 +4,8 @@
 
 #include "../text/uri_options.h"
 
-/* ---- the table of options ---------------------------------------------------------------------------- */
+/* ---- the table of options
+ * ---------------------------------------------------------------------------- */
 
 static const char *const lens_name[] = {"radtan", "equidistant", "pinhole", NULL};
 static const char *const textures_name[] = {"natural", "repeated", NULL};
@@ -30,8 +31,8 @@ static const struct fv_uri_option option_table[] = {
     {"odometry_noise", FV_URI_REAL, AT(odometry_noise), 0, 1, "of a step, relative", NULL},
     {"time", FV_URI_REAL, AT(time_s), 0, 100000, "seconds", NULL},
 };
-static const struct fv_uri_table options_table = {"sim", option_table,
-                                                  sizeof option_table / sizeof option_table[0], NULL, NULL};
+static const struct fv_uri_table options_table = {
+    "sim", option_table, sizeof option_table / sizeof option_table[0], NULL, NULL};
 
 static const char *const trajectory_name[FV_SIM_TRAJECTORY_COUNT] = {
     "tour", "orbit", "corridor", "rotate", "stopgo", "fast", "kidnap", "wander", "still", "stand"};
@@ -43,9 +44,11 @@ static bool was_given(uint64_t given, size_t offset)
     return false;
 }
 
-/* ---- values ------------------------------------------------------------------------------------------ */
+/* ---- values
+ * ------------------------------------------------------------------------------------------ */
 
-static enum fovea_status check_together(const struct fv_sim_options *options, struct fovea_error *error)
+static enum fovea_status check_together(const struct fv_sim_options *options,
+                                        struct fovea_error *error)
 {
     const double period_ms = 1000.0 / options->rate_hz;
     if (options->exposure_ms > period_ms)
@@ -102,12 +105,14 @@ enum fovea_status fv_sim_options_parse(const char *address, struct fv_sim_option
     }
     if (word[0] == '\0') o.trajectory = FV_SIM_TOUR;
     if (o.trajectory == FV_SIM_TRAJECTORY_COUNT)
-        return fv_uri_unknown("sim", "trajectory", word, trajectory_name, FV_SIM_TRAJECTORY_COUNT, error);
+        return fv_uri_unknown("sim", "trajectory", word, trajectory_name, FV_SIM_TRAJECTORY_COUNT,
+                              error);
     o.objects = default_objects(o.trajectory);
     if (*address != '\0') address++;
     enum fovea_status status = fv_uri_options_parse(&options_table, address, &o, &given, error);
     if (status != FOVEA_OK) return status;
-    if (!was_given(given, AT(fov_deg))) o.fov_deg = o.lens == FV_SIM_LENS_EQUIDISTANT ? 105.0 : 80.0;
+    if (!was_given(given, AT(fov_deg)))
+        o.fov_deg = o.lens == FV_SIM_LENS_EQUIDISTANT ? 105.0 : 80.0;
     if (!was_given(given, AT(frames))) o.frames = fv_sim_motion_frames(o.trajectory, o.rate_hz);
     status = check_together(&o, error);
     if (status == FOVEA_OK) *options = o;

@@ -2,10 +2,11 @@
 
 #include <string.h>
 
-/* ---- brushes ----------------------------------------------------------------------------------------- */
+/* ---- brushes
+ * ----------------------------------------------------------------------------------------- */
 
-void fv_sim_brush_open(struct fv_sim_brush *brush, struct fv_sim_texture *texture, double texels_per_m,
-                       uint64_t seed)
+void fv_sim_brush_open(struct fv_sim_brush *brush, struct fv_sim_texture *texture,
+                       double texels_per_m, uint64_t seed)
 {
     brush->texels = texture->texels;
     brush->width = texture->width;
@@ -31,7 +32,8 @@ static int32_t clamp(int32_t value, int32_t low, int32_t high)
     return value < low ? low : value > high ? high : value;
 }
 
-void fv_sim_fill(struct fv_sim_brush *brush, int32_t x0, int32_t y0, int32_t x1, int32_t y1, int32_t grey)
+void fv_sim_fill(struct fv_sim_brush *brush, int32_t x0, int32_t y0, int32_t x1, int32_t y1,
+                 int32_t grey)
 {
     x0 = clamp(x0, 0, brush->width);
     x1 = clamp(x1, 0, brush->width);
@@ -43,8 +45,8 @@ void fv_sim_fill(struct fv_sim_brush *brush, int32_t x0, int32_t y0, int32_t x1,
                (size_t)(x1 - x0));
 }
 
-void fv_sim_frame(struct fv_sim_brush *brush, int32_t x0, int32_t y0, int32_t x1, int32_t y1, int32_t thick,
-                  int32_t grey)
+void fv_sim_frame(struct fv_sim_brush *brush, int32_t x0, int32_t y0, int32_t x1, int32_t y1,
+                  int32_t thick, int32_t grey)
 {
     fv_sim_fill(brush, x0, y0, x1, y0 + thick, grey);
     fv_sim_fill(brush, x0, y1 - thick, x1, y1, grey);
@@ -62,7 +64,8 @@ void fv_sim_disc(struct fv_sim_brush *brush, int32_t cx, int32_t cy, int32_t rad
     }
 }
 
-void fv_sim_triangle(struct fv_sim_brush *brush, const int32_t x[3], const int32_t y[3], int32_t grey)
+void fv_sim_triangle(struct fv_sim_brush *brush, const int32_t x[3], const int32_t y[3],
+                     int32_t grey)
 {
     int32_t top = y[0], bottom = y[0];
     for (int32_t i = 1; i < 3; i++) {
@@ -95,10 +98,10 @@ static int32_t lattice(int32_t x, int32_t y, uint32_t seed)
     return (int32_t)(h & 255u) - 128;
 }
 
-/* One row of one octave, added in units of 1/256 grey level: cubic fade between lattice values, 8-bit
- * fractions. */
-static void noise_row(int32_t *sum, int32_t x0, int32_t x1, int32_t y, int32_t cell, int32_t amplitude,
-                      uint32_t seed)
+/* One row of one octave, added in units of 1/256 grey level: cubic fade between lattice values,
+ * 8-bit fractions. */
+static void noise_row(int32_t *sum, int32_t x0, int32_t x1, int32_t y, int32_t cell,
+                      int32_t amplitude, uint32_t seed)
 {
     const int32_t cy = y / cell, fy = (y % cell) * 256 / cell, sy = fy * fy * (768 - 2 * fy) >> 16;
     int32_t left = 0, right = 0, last = INT32_MIN;
@@ -116,8 +119,8 @@ static void noise_row(int32_t *sum, int32_t x0, int32_t x1, int32_t y, int32_t c
     }
 }
 
-void fv_sim_noise(struct fv_sim_brush *brush, int32_t x0, int32_t y0, int32_t x1, int32_t y1, int32_t cell,
-                  int32_t finest, int32_t amplitude, int32_t fall)
+void fv_sim_noise(struct fv_sim_brush *brush, int32_t x0, int32_t y0, int32_t x1, int32_t y1,
+                  int32_t cell, int32_t finest, int32_t amplitude, int32_t fall)
 {
     enum { STRIP = 512 };
     int32_t sum[STRIP];
@@ -132,7 +135,8 @@ void fv_sim_noise(struct fv_sim_brush *brush, int32_t x0, int32_t y0, int32_t x1
         for (int32_t y = y0; y < y1; y++) {
             memset(sum, 0, sizeof sum);
             int32_t amount = amplitude;
-            for (int32_t size = cell; size >= finest && amount > 0; size /= 2, amount = amount * fall / 256)
+            for (int32_t size = cell; size >= finest && amount > 0;
+                 size /= 2, amount = amount * fall / 256)
                 noise_row(sum, left, right, y, size, amount, seed + (uint32_t)size * 0x27D4EB2Fu);
             uint8_t *row = brush->texels + (size_t)y * (size_t)brush->stride + left;
             for (int32_t i = 0; i < right - left; i++)
@@ -141,10 +145,11 @@ void fv_sim_noise(struct fv_sim_brush *brush, int32_t x0, int32_t y0, int32_t x1
     }
 }
 
-/* ---- materials --------------------------------------------------------------------------------------- */
+/* ---- materials
+ * --------------------------------------------------------------------------------------- */
 
-/* Courses of stones with joints: bricks, blocks, tiles, boards. Sizes in texels; `shift` moves every other
- * course by half a stone, or by a random amount. */
+/* Courses of stones with joints: bricks, blocks, tiles, boards. Sizes in texels; `shift` moves
+ * every other course by half a stone, or by a random amount. */
 struct courses {
     int32_t width, height, joint, grey, spread, joint_grey;
     bool random_shift, half_shift;
@@ -199,10 +204,11 @@ static void paint_carpet(struct fv_sim_brush *b)
             const int32_t grey = fv_sim_draw(b, 80, 150), kind = fv_sim_draw(b, 0, 3),
                           other = fv_sim_draw(b, 50, 190);
             fv_sim_fill(b, x, y, x + cell, y + cell, grey);
-            if (kind == 0) fv_sim_disc(b, x + cell / 2, y + cell / 2, cell / fv_sim_draw(b, 3, 6), other);
+            if (kind == 0)
+                fv_sim_disc(b, x + cell / 2, y + cell / 2, cell / fv_sim_draw(b, 3, 6), other);
             if (kind == 1)
-                fv_sim_frame(b, x + cell / 5, y + cell / 5, x + cell * 4 / 5, y + cell * 4 / 5, cell / 8 + 1,
-                             other);
+                fv_sim_frame(b, x + cell / 5, y + cell / 5, x + cell * 4 / 5, y + cell * 4 / 5,
+                             cell / 8 + 1, other);
             if (kind == 2) {
                 const int32_t tx[3] = {x, x + cell, x + fv_sim_draw(b, 0, cell)},
                               ty[3] = {y, y + fv_sim_draw(b, 0, cell), y + cell};
@@ -234,7 +240,8 @@ static void paint_carton(struct fv_sim_brush *b, int32_t grey)
     const int32_t tape = b->width / 10 + 1, at = fv_sim_draw(b, b->width / 3, b->width / 2);
     fv_sim_fill(b, at, 0, at + tape, b->height, grey + 45);
     for (int32_t i = 0; i < 3; i++) {
-        const int32_t x = fv_sim_draw(b, 0, b->width * 3 / 4), y = fv_sim_draw(b, 0, b->height * 3 / 4);
+        const int32_t x = fv_sim_draw(b, 0, b->width * 3 / 4),
+                      y = fv_sim_draw(b, 0, b->height * 3 / 4);
         const int32_t w = b->width / 4 + fv_sim_draw(b, 0, b->width / 6);
         const int32_t h = b->height / 5 + fv_sim_draw(b, 0, b->height / 8);
         fv_sim_poster(b, x, y, x + w, y + h);
@@ -244,10 +251,11 @@ static void paint_carton(struct fv_sim_brush *b, int32_t grey)
 /* A parcel is told from a carton by its broad edges and crossed bands. */
 static void paint_parcel(struct fv_sim_brush *b)
 {
-    const int32_t w = b->width, h = b->height, grey = fv_sim_draw(b, 130, 200), dark = fv_sim_draw(b, 15, 60),
-                  band = w / 9;
+    const int32_t w = b->width, h = b->height, grey = fv_sim_draw(b, 130, 200),
+                  dark = fv_sim_draw(b, 15, 60), band = w / 9;
     fv_sim_fill(b, 0, 0, w, h, grey);
-    const int32_t x[4][3] = {{0, band, w}, {band, w, w - band}, {w, w - band, 0}, {w - band, 0, band}};
+    const int32_t x[4][3] = {
+        {0, band, w}, {band, w, w - band}, {w, w - band, 0}, {w - band, 0, band}};
     const int32_t y[4][3] = {{0, 0, h}, {0, h, h}, {0, 0, h}, {0, h, h}};
     for (int32_t i = 0; i < 4; i++)
         fv_sim_triangle(b, x[i], y[i], dark);
@@ -256,8 +264,8 @@ static void paint_parcel(struct fv_sim_brush *b)
     fv_sim_noise(b, 0, 0, w, h, 16, 2, 14, 170);
 }
 
-/* Bands and fields in strong contrast, at the proportions of the object: they are what tells the classes
- * apart. */
+/* Bands and fields in strong contrast, at the proportions of the object: they are what tells the
+ * classes apart. */
 static void paint_ball(struct fv_sim_brush *b)
 {
     const int32_t panels = fv_sim_draw(b, 5, 8), dark = fv_sim_draw(b, 20, 90),
@@ -266,8 +274,8 @@ static void paint_ball(struct fv_sim_brush *b)
         fv_sim_fill(b, b->width * i / panels, 0, b->width * (i + 1) / panels, b->height,
                     (i & 1) ? dark : bright);
     for (int32_t i = 0; i < panels; i++)
-        fv_sim_disc(b, b->width * (2 * i + 1) / (2 * panels), b->height / 2, b->width / (4 * panels),
-                    (i & 1) ? bright : dark);
+        fv_sim_disc(b, b->width * (2 * i + 1) / (2 * panels), b->height / 2,
+                    b->width / (4 * panels), (i & 1) ? bright : dark);
     fv_sim_noise(b, 0, 0, b->width, b->height, 16, 2, 14, 170);
 }
 
@@ -306,15 +314,15 @@ static void paint_head(struct fv_sim_brush *b)
     fv_sim_fill(b, 0, 0, b->width, b->height * 2 / 5, fv_sim_draw(b, 20, 90));
     fv_sim_fill(b, 0, 0, b->width / 2, b->height * 3 / 5, fv_sim_draw(b, 20, 90));
     for (int32_t i = 0; i < 2; i++)
-        fv_sim_fill(b, b->width * (60 + 16 * i) / 100, b->height / 2, b->width * (66 + 16 * i) / 100,
-                    b->height * 56 / 100, 25);
+        fv_sim_fill(b, b->width * (60 + 16 * i) / 100, b->height / 2,
+                    b->width * (66 + 16 * i) / 100, b->height * 56 / 100, 25);
     fv_sim_noise(b, 0, 0, b->width, b->height, 16, 2, 16, 170);
 }
 
 static void paint_wood(struct fv_sim_brush *b)
 {
-    paint_courses(
-        b, &(struct courses){b->width, b->height / 4 + 1, 2, fv_sim_draw(b, 90, 150), 18, 50, true, false});
+    paint_courses(b, &(struct courses){b->width, b->height / 4 + 1, 2, fv_sim_draw(b, 90, 150), 18,
+                                       50, true, false});
     paint_grain(b, 18);
     fv_sim_noise(b, 0, 0, b->width, b->height, 48, 3, 30, 190);
 }
@@ -336,7 +344,8 @@ static void paint_metal(struct fv_sim_brush *b)
     paint_speckle(b, 20, 10, 60);
 }
 
-/* Walls, floors and ceilings: courses of stones (none: plain), grain, clouds of noise, specks. Lengths in mm.
+/* Walls, floors and ceilings: courses of stones (none: plain), grain, clouds of noise, specks.
+ * Lengths in mm.
  */
 struct laid {
     int32_t width, height, joint, grey_low, grey_high, spread, joint_grey;
@@ -349,9 +358,11 @@ static const struct laid laid_table[] = {
     [FV_SIM_BRICK] = {240, 80, 14, 90, 130, 32, 175, false, true, 0, 900, 2, 34, 190, 0, 0, 0},
     [FV_SIM_PANEL] = {420, 900, 18, 120, 160, 20, 60, false, false, 0, 500, 2, 28, 195, 0, 0, 0},
     [FV_SIM_BLOCKS] = {500, 250, 16, 130, 165, 18, 95, false, true, 0, 1000, 2, 32, 195, 0, 0, 0},
-    [FV_SIM_PARQUET] = {700, 110, 1, 105, 140, 30, 55, true, false, 12, 1500, 4, 32, 180, 2, 15, 70},
+    [FV_SIM_PARQUET] = {700, 110, 1, 105, 140, 30, 55, true, false, 12, 1500, 4, 32, 180, 2, 15,
+                        70},
     [FV_SIM_TILES] = {400, 400, 14, 120, 150, 34, 65, false, false, 0, 800, 2, 30, 195, 3, 15, 60},
-    [FV_SIM_CEILING] = {600, 600, 25, 185, 185, 10, 130, false, false, 0, 300, 2, 26, 190, 2, 40, 150},
+    [FV_SIM_CEILING] = {600, 600, 25, 185, 185, 10, 130, false, false, 0, 300, 2, 26, 190, 2, 40,
+                        150},
 };
 
 static void paint_laid(struct fv_sim_brush *b, const struct laid *l)
@@ -364,12 +375,13 @@ static void paint_laid(struct fv_sim_brush *b, const struct laid *l)
                                            fv_sim_mm(b, l->joint), grey, l->spread, l->joint_grey,
                                            l->random_shift, l->half_shift});
     if (l->grain > 0) paint_grain(b, l->grain);
-    fv_sim_noise(b, 0, 0, b->width, b->height, fv_sim_mm(b, l->cell), l->finest, l->amplitude, l->fall);
+    fv_sim_noise(b, 0, 0, b->width, b->height, fv_sim_mm(b, l->cell), l->finest, l->amplitude,
+                 l->fall);
     if (l->specks_per_m2 > 0) paint_speckle(b, l->specks_per_m2, l->speck_low, l->speck_high);
 }
 
-void fv_sim_paint(struct fv_sim_texture *texture, enum fv_sim_material material, double texels_per_m,
-                  uint64_t seed)
+void fv_sim_paint(struct fv_sim_texture *texture, enum fv_sim_material material,
+                  double texels_per_m, uint64_t seed)
 {
     struct fv_sim_brush brush, *b = &brush;
     fv_sim_brush_open(b, texture, texels_per_m, seed);

@@ -2,9 +2,10 @@
 
 #include <stddef.h>
 
-/* The places: a furnished room, a corridor that runs in a ring, a hall, and a house of room and corridor. The
- * camera's ways (motion.c) and the objects' (objects.c) keep clear of what is built here: along the walls
- * furniture is at most 0.65 m deep; what stands freely in the hall's middle is lower than 0.95 m. */
+/* The places: a furnished room, a corridor that runs in a ring, a hall, and a house of room and
+ * corridor. The camera's ways (motion.c) and the objects' (objects.c) keep clear of what is built
+ * here: along the walls furniture is at most 0.65 m deep; what stands freely in the hall's middle
+ * is lower than 0.95 m. */
 
 enum { SIDES = 15, ALL = 31, CLOSED = 63 };
 
@@ -14,8 +15,9 @@ struct builder {
     struct fv_sim_world *world;
     struct fovea_random random;
     uint16_t wood[2], fabric, carton[2], books[2], metal, clutter[2];
-    uint16_t floor;                       /* texture that furniture throws shade on */
-    double floor_x, floor_y, floor_scale; /* world of the texture's top left corner; texels per metre */
+    uint16_t floor; /* texture that furniture throws shade on */
+    double floor_x, floor_y,
+        floor_scale; /* world of the texture's top left corner; texels per metre */
 };
 
 static double draw(struct builder *b, double low, double high)
@@ -52,8 +54,8 @@ static void wall(struct fv_sim_world *world, double ax, double ay, double bx, do
 
 static enum fv_sim_material wall_material(struct builder *b)
 {
-    static const enum fv_sim_material choice[] = {FV_SIM_PLASTER, FV_SIM_BRICK, FV_SIM_PANEL, FV_SIM_BLOCKS,
-                                                  FV_SIM_PLASTER};
+    static const enum fv_sim_material choice[] = {FV_SIM_PLASTER, FV_SIM_BRICK, FV_SIM_PANEL,
+                                                  FV_SIM_BLOCKS, FV_SIM_PLASTER};
     return choice[pick(b, 5)];
 }
 
@@ -63,7 +65,8 @@ static enum fv_sim_material floor_material(struct builder *b)
     return choice[pick(b, 3)];
 }
 
-/* Four walls that look inward (or outward, seen from all round) on the rectangle (cx +- hx, cy +- hy). */
+/* Four walls that look inward (or outward, seen from all round) on the rectangle (cx +- hx, cy +-
+ * hy). */
 static void four_walls(struct builder *b, double cx, double cy, double hx, double hy, double height,
                        double scale, bool inward)
 {
@@ -73,13 +76,13 @@ static void four_walls(struct builder *b, double cx, double cy, double hx, doubl
         const double length = (k & 1) ? 2.0 * hx : 2.0 * hy;
         const uint16_t texture =
             fv_sim_world_texture(b->world, wall_material(b), length, height, scale, true);
-        wall(b->world, cx + x[from] * hx, cy + y[from] * hy, cx + x[to] * hx, cy + y[to] * hy, 0.0, height,
-             texture, 0.92 + 0.05 * k);
+        wall(b->world, cx + x[from] * hx, cy + y[from] * hy, cx + x[to] * hx, cy + y[to] * hy, 0.0,
+             height, texture, 0.92 + 0.05 * k);
     }
 }
 
-static void floor_and_ceiling(struct builder *b, double cx, double cy, double hx, double hy, double height,
-                              double scale)
+static void floor_and_ceiling(struct builder *b, double cx, double cy, double hx, double hy,
+                              double height, double scale)
 {
     const double origin[3] = {cx - hx, cy - hy, 0.0}, ux[3] = {2.0 * hx, 0.0, 0.0},
                  uy[3] = {0.0, 2.0 * hy, 0.0};
@@ -99,32 +102,35 @@ static void shade(struct builder *b, double x, double y, double sx, double sy)
     struct fv_sim_texture *floor = &b->world->texture[b->floor];
     const double k = b->floor_scale;
     fv_sim_paint_shade(floor, (int32_t)((x - sx / 2 - b->floor_x) * k),
-                       (int32_t)((b->floor_y - y - sy / 2) * k), (int32_t)((x + sx / 2 - b->floor_x) * k),
+                       (int32_t)((b->floor_y - y - sy / 2) * k),
+                       (int32_t)((x + sx / 2 - b->floor_x) * k),
                        (int32_t)((b->floor_y - y + sy / 2) * k), (int32_t)(0.25 * k), 130);
 }
 
-static void box(struct builder *b, double x, double y, double z, double sx, double sy, double sz, double yaw,
-                uint16_t side, uint16_t top, uint32_t faces)
+static void box(struct builder *b, double x, double y, double z, double sx, double sy, double sz,
+                double yaw, uint16_t side, uint16_t top, uint32_t faces)
 {
     const double center[2] = {x, y}, size[3] = {sx, sy, sz};
     if (z < 0.01) shade(b, x, y, sx, sy);
     fv_sim_world_box(b->world, center, z, size, yaw, side, top, faces, detail_per_m);
 }
 
-/* ---- furniture --------------------------------------------------------------------------------------- */
+/* ---- furniture
+ * --------------------------------------------------------------------------------------- */
 
-/* Against a wall: (x, y) on the wall, (ax, ay) the direction along it, (nx, ny) out of it. Sizes: along, out,
- * up. */
+/* Against a wall: (x, y) on the wall, (ax, ay) the direction along it, (nx, ny) out of it. Sizes:
+ * along, out, up. */
 struct stand {
     double x, y, ax, ay, nx, ny;
 };
 
-static void part(struct builder *b, const struct stand *s, double along, double out, double z, double width,
-                 double depth, double height, uint16_t side, uint16_t top, uint32_t faces)
+static void part(struct builder *b, const struct stand *s, double along, double out, double z,
+                 double width, double depth, double height, uint16_t side, uint16_t top,
+                 uint32_t faces)
 {
     const bool x_first = s->ax * s->ax > 0.5;
-    box(b, s->x + s->ax * along + s->nx * out, s->y + s->ay * along + s->ny * out, z, x_first ? width : depth,
-        x_first ? depth : width, height, 0.0, side, top, faces);
+    box(b, s->x + s->ax * along + s->nx * out, s->y + s->ay * along + s->ny * out, z,
+        x_first ? width : depth, x_first ? depth : width, height, 0.0, side, top, faces);
 }
 
 static double put_table(struct builder *b, const struct stand *s)
@@ -137,7 +143,8 @@ static double put_table(struct builder *b, const struct stand *s)
         part(b, s, along, out, 0.0, 0.06, 0.06, 0.70, b->wood[1], b->wood[1], SIDES);
     }
     for (int32_t i = 0; i < 3; i++) {
-        const double size = draw(b, 0.14, 0.32), deep = draw(b, 0.1, 0.3), high = draw(b, 0.12, 0.42);
+        const double size = draw(b, 0.14, 0.32), deep = draw(b, 0.1, 0.3),
+                     high = draw(b, 0.12, 0.42);
         part(b, s, width * (i - 1) * 0.32, depth / 2, 0.75, size, deep, high, b->clutter[i & 1],
              b->clutter[1], ALL);
     }
@@ -196,8 +203,8 @@ static double put_bin(struct builder *b, const struct stand *s)
 }
 
 /* Furniture along one wall from its left end (as seen from inside), with gaps. */
-static void furnish_wall(struct builder *b, double ax, double ay, double bx, double by, double free_from,
-                         double free_to)
+static void furnish_wall(struct builder *b, double ax, double ay, double bx, double by,
+                         double free_from, double free_to)
 {
     const double dx = bx - ax, dy = by - ay, length = __builtin_sqrt(dx * dx + dy * dy);
     struct stand s = {.ax = dx / length, .ay = dy / length, .nx = dy / length, .ny = -dx / length};
@@ -243,7 +250,8 @@ static void furnish(struct builder *b, double cx, double cy, double hx, double h
     furnish_wall(b, cx - hx, cy + hy, cx + hx, cy + hy, 1e9, 1e9);
     /* A low pile in the middle, askew. */
     box(b, cx, cy, 0.0, 0.42, 0.34, 0.3, draw(b, 0.0, 1.5), b->carton[0], b->clutter[0], ALL);
-    box(b, cx + 0.03, cy, 0.3, 0.26, 0.2, 0.18, draw(b, 0.0, 1.5), b->clutter[1], b->clutter[1], ALL);
+    box(b, cx + 0.03, cy, 0.3, 0.26, 0.2, 0.18, draw(b, 0.0, 1.5), b->clutter[1], b->clutter[1],
+        ALL);
 }
 
 void fv_sim_place_room(struct fv_sim_world *world, bool store)
@@ -302,7 +310,8 @@ void fv_sim_place_house(struct fv_sim_world *world)
     const int32_t first = world->face_count;
     four_walls(b, 0.0, 0.0, hx, hy, height, 100.0, true);
     four_walls(b, 0.0, 0.0, hx + thick, hy + thick, height, 80.0, false);
-    /* Wall 1 of each four is the one at -y: cut the doorway out of it, leaving left, right and lintel. */
+    /* Wall 1 of each four is the one at -y: cut the doorway out of it, leaving left, right and
+     * lintel. */
     for (int32_t k = 0; k < 2; k++) {
         struct fv_sim_face *face = &world->face[first + 4 * k + 1];
         const struct fv_sim_face whole = *face;
@@ -313,7 +322,8 @@ void fv_sim_place_house(struct fv_sim_world *world)
         const double cut[3][4] = {{0, near, 0, 1}, {far, 1, 0, 1}, {near, far, lintel / height, 1}};
         for (int32_t c = 0; c < 3; c++) {
             if (c > 0)
-                face = fv_sim_world_face(world, whole.origin, whole.u, whole.v, whole.texture, whole.light);
+                face = fv_sim_world_face(world, whole.origin, whole.u, whole.v, whole.texture,
+                                         whole.light);
             if (face == NULL) return;
             for (int32_t i = 0; i < 3; i++) {
                 face->origin[i] = whole.origin[i] + cut[c][0] * whole.u[i] + cut[c][2] * whole.v[i];
@@ -346,8 +356,8 @@ void fv_sim_place_hall(struct fv_sim_world *world)
     four_walls(b, 0.0, 0.0, hx, hy, height, 64.0, true);
     floor_and_ceiling(b, 0.0, 0.0, hx, hy, height, 54.0);
     furnish(b, 0.0, 0.0, hx, hy, 1e9, 1e9);
-    /* Pillars and racks round the free middle (|x| < 8, |y| < 5.5), low islands in it, banners under the
-     * ceiling. */
+    /* Pillars and racks round the free middle (|x| < 8, |y| < 5.5), low islands in it, banners
+     * under the ceiling. */
     for (int32_t i = 0; i < 14; i++) {
         const double angle = i * (2.0 * FOVEA_PI / 14.0) + 0.2, x = 10.6 * fovea_cos(angle),
                      y = 7.9 * fovea_sin(angle);
@@ -361,13 +371,15 @@ void fv_sim_place_hall(struct fv_sim_world *world)
     for (int32_t i = 0; i < 12; i++) {
         const double x = -7.0 + 2.8 * (i % 6) + draw(b, -0.5, 0.5),
                      y = (i < 6 ? -2.6 : 2.6) + draw(b, -1.2, 1.2), yaw = draw(b, 0.0, 1.5);
-        const double low = draw(b, 0.35, 0.6), length = draw(b, 0.5, 1.0), width = draw(b, 0.5, 0.8);
+        const double low = draw(b, 0.35, 0.6), length = draw(b, 0.5, 1.0),
+                     width = draw(b, 0.5, 0.8);
         box(b, x, y, 0.0, length, width, low, yaw, b->carton[i & 1], b->carton[1], ALL);
-        box(b, x + 0.05, y, low, 0.35, 0.3, draw(b, 0.15, 0.3), yaw + 0.5, b->clutter[i & 1], b->clutter[0],
-            ALL);
+        box(b, x + 0.05, y, low, 0.35, 0.3, draw(b, 0.15, 0.3), yaw + 0.5, b->clutter[i & 1],
+            b->clutter[0], ALL);
     }
     for (int32_t i = 0; i < 8; i++) {
         const double x = -9.0 + 2.6 * i, y = (i & 1) ? 4.0 : -4.0;
-        box(b, x, y, 3.0, 1.3, 0.04, 1.5, draw(b, -0.8, 0.8), b->clutter[i & 1], b->wood[0], CLOSED);
+        box(b, x, y, 3.0, 1.3, 0.04, 1.5, draw(b, -0.8, 0.8), b->clutter[i & 1], b->wood[0],
+            CLOSED);
     }
 }

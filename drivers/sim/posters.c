@@ -1,6 +1,7 @@
 #include "paint.h"
 
-/* What hangs and stands on walls: posters, shelves of books, doors, windows; and how light falls on a wall.
+/* What hangs and stands on walls: posters, shelves of books, doors, windows; and how light falls on
+ * a wall.
  */
 
 static int32_t clamp(int32_t value, int32_t low, int32_t high)
@@ -9,7 +10,8 @@ static int32_t clamp(int32_t value, int32_t low, int32_t high)
 }
 
 /* Lines of blocks, as print looks from afar; every letter a little different. */
-static void poster_print(struct fv_sim_brush *b, int32_t x0, int32_t y0, int32_t x1, int32_t y1, int32_t ink)
+static void poster_print(struct fv_sim_brush *b, int32_t x0, int32_t y0, int32_t x1, int32_t y1,
+                         int32_t ink)
 {
     int32_t y = y0 + 2;
     while (y < y1 - 3) {
@@ -17,8 +19,10 @@ static void poster_print(struct fv_sim_brush *b, int32_t x0, int32_t y0, int32_t
         int32_t x = x0 + 2;
         const int32_t end = x1 - fv_sim_draw(b, 2, clamp((x1 - x0) / 2, 2, 1000));
         while (x < end) {
-            const int32_t width = fv_sim_draw(b, height / 3 + 1, height), kind = fv_sim_draw(b, 0, 4);
-            if (kind < 3) fv_sim_fill(b, x, y, x + clamp(width - 1, 1, end - x), y + height - 1, ink);
+            const int32_t width = fv_sim_draw(b, height / 3 + 1, height),
+                          kind = fv_sim_draw(b, 0, 4);
+            if (kind < 3)
+                fv_sim_fill(b, x, y, x + clamp(width - 1, 1, end - x), y + height - 1, ink);
             if (kind == 1)
                 fv_sim_fill(b, x + width / 3, y + height / 4, x + width, y + height / 2, 255 - ink);
             if (kind == 2) fv_sim_fill(b, x, y, x + width / 2, y + height / 2, 255 - ink);
@@ -60,9 +64,12 @@ static void poster_landscape(struct fv_sim_brush *b, int32_t x0, int32_t y0, int
     fv_sim_fill(b, x0, y0, x1, horizon, fv_sim_draw(b, 170, 230));
     fv_sim_fill(b, x0, horizon, x1, y1, fv_sim_draw(b, 70, 120));
     for (int32_t i = 0; i < 6; i++) {
-        const int32_t middle = x0 + fv_sim_draw(b, w / 6, w * 5 / 6), half = fv_sim_draw(b, w / 12, w / 6);
-        const int32_t tx[3] = {middle - half, middle + half, middle + fv_sim_draw(b, -half / 2, half / 2)};
-        const int32_t ty[3] = {horizon + h / 8, horizon + h / 8, horizon - fv_sim_draw(b, h / 8, h * 2 / 5)};
+        const int32_t middle = x0 + fv_sim_draw(b, w / 6, w * 5 / 6),
+                      half = fv_sim_draw(b, w / 12, w / 6);
+        const int32_t tx[3] = {middle - half, middle + half,
+                               middle + fv_sim_draw(b, -half / 2, half / 2)};
+        const int32_t ty[3] = {horizon + h / 8, horizon + h / 8,
+                               horizon - fv_sim_draw(b, h / 8, h * 2 / 5)};
         fv_sim_triangle(b, tx, ty, fv_sim_draw(b, 30, 160));
     }
     fv_sim_noise(b, x0, y0, x1, y1, clamp(w / 4, 4, 256), 2, 60, 190);
@@ -109,7 +116,8 @@ void fv_sim_books(struct fv_sim_brush *b, int32_t x0, int32_t y0, int32_t x1, in
     const int32_t shelves = clamp((y1 - y0) / fv_sim_mm(b, 330), 2, 20), board = fv_sim_mm(b, 24);
     fv_sim_fill(b, x0, y0, x1, y1, 45);
     for (int32_t s = 0; s < shelves; s++) {
-        const int32_t top = y0 + (y1 - y0) * s / shelves, bottom = y0 + (y1 - y0) * (s + 1) / shelves - board;
+        const int32_t top = y0 + (y1 - y0) * s / shelves,
+                      bottom = y0 + (y1 - y0) * (s + 1) / shelves - board;
         fv_sim_fill(b, x0, bottom, x1, bottom + board, fv_sim_draw(b, 120, 150));
         for (int32_t x = x0 + board; x < x1 - board;) {
             const int32_t width = fv_sim_mm(b, fv_sim_draw(b, 18, 70)),
@@ -135,7 +143,8 @@ static void poster_door(struct fv_sim_brush *b, int32_t x0, int32_t y0, int32_t 
     for (int32_t i = 0; i < 2; i++) {
         const int32_t top = y0 + h * (10 + 45 * i) / 100;
         fv_sim_fill(b, x0 + w / 6, top, x1 - w / 6, top + h * 35 / 100, grey - 25);
-        fv_sim_frame(b, x0 + w / 6, top, x1 - w / 6, top + h * 35 / 100, fv_sim_mm(b, 14), grey + 35);
+        fv_sim_frame(b, x0 + w / 6, top, x1 - w / 6, top + h * 35 / 100, fv_sim_mm(b, 14),
+                     grey + 35);
     }
     fv_sim_disc(b, x0 + w * 9 / 10, y0 + h / 2, fv_sim_mm(b, 32), 235);
     fv_sim_poster(b, x0 + w / 3, y0 + h / 12, x0 + w * 2 / 3, y0 + h / 12 + w / 3);
@@ -182,7 +191,8 @@ static int32_t hang(struct fv_sim_brush *b, int32_t x)
     return width;
 }
 
-void fv_sim_paint_wall(struct fv_sim_texture *texture, double texels_per_m, uint64_t seed, double period_m)
+void fv_sim_paint_wall(struct fv_sim_texture *texture, double texels_per_m, uint64_t seed,
+                       double period_m)
 {
     struct fv_sim_brush brush, *b = &brush;
     fv_sim_brush_open(b, texture, texels_per_m, seed);
@@ -204,7 +214,8 @@ void fv_sim_paint_wall(struct fv_sim_texture *texture, double texels_per_m, uint
     for (x = fv_sim_mm(b, 400); above > fv_sim_mm(b, 1000) && x < b->width - fv_sim_mm(b, 2000);) {
         const int32_t width = fv_sim_mm(b, fv_sim_draw(b, 700, 2000)),
                       top = fv_sim_mm(b, fv_sim_draw(b, 250, 700));
-        fv_sim_poster(b, x, top, x + width, clamp(top + fv_sim_mm(b, fv_sim_draw(b, 700, 2400)), top, above));
+        fv_sim_poster(b, x, top, x + width,
+                      clamp(top + fv_sim_mm(b, fv_sim_draw(b, 700, 2400)), top, above));
         x += width + fv_sim_mm(b, fv_sim_draw(b, 150, 900));
     }
     /* A skirting board and a cable duct: long straight lines, as rooms have. */
@@ -212,14 +223,16 @@ void fv_sim_paint_wall(struct fv_sim_texture *texture, double texels_per_m, uint
     fv_sim_fill(b, 0, fv_sim_mm(b, 60), b->width, fv_sim_mm(b, 90), 100);
 }
 
-void fv_sim_paint_shade(struct fv_sim_texture *texture, int32_t x0, int32_t y0, int32_t x1, int32_t y1,
-                        int32_t soft, int32_t strength)
+void fv_sim_paint_shade(struct fv_sim_texture *texture, int32_t x0, int32_t y0, int32_t x1,
+                        int32_t y1, int32_t soft, int32_t strength)
 {
     if (soft < 1) soft = 1;
-    for (int32_t y = clamp(y0 - soft, 0, texture->height); y < clamp(y1 + soft, 0, texture->height); y++) {
+    for (int32_t y = clamp(y0 - soft, 0, texture->height); y < clamp(y1 + soft, 0, texture->height);
+         y++) {
         uint8_t *row = texture->texels + (size_t)y * (size_t)texture->level[0].stride;
         const int32_t dy = y < y0 ? y0 - y : y > y1 ? y - y1 : 0;
-        for (int32_t x = clamp(x0 - soft, 0, texture->width); x < clamp(x1 + soft, 0, texture->width); x++) {
+        for (int32_t x = clamp(x0 - soft, 0, texture->width);
+             x < clamp(x1 + soft, 0, texture->width); x++) {
             const int32_t dx = x < x0 ? x0 - x : x > x1 ? x - x1 : 0;
             const int32_t near = clamp(256 - (dx + dy) * 256 / soft, 0, 256);
             row[x] = (uint8_t)(row[x] * (256 * 256 - near * strength) / (256 * 256));

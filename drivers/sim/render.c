@@ -3,16 +3,18 @@
 #include <string.h>
 
 /* Tile by tile: which surfaces may show, which is nearest at every pixel, then its texture. Where
- * neighbouring pixels show different surfaces, four samples per pixel smooth the edge. Loops run over arrays
- * of samples so that the compiler can use vectors; every operation is a plain IEEE one, so the result does
- * not depend on whether it does. */
+ * neighbouring pixels show different surfaces, four samples per pixel smooth the edge. Loops run
+ * over arrays of samples so that the compiler can use vectors; every operation is a plain IEEE one,
+ * so the result does not depend on whether it does. */
 
 enum { SAMPLES = FV_SIM_TILE_PIXELS };
 
-/* ---- which surface ----------------------------------------------------------------------------------- */
+/* ---- which surface
+ * ----------------------------------------------------------------------------------- */
 
-FV_IN_WIDE void trace_face(const struct fv_sim_surface *s, const float *restrict x, const float *restrict y,
-                           int32_t count, float *restrict best, int32_t *restrict hit, int32_t number)
+FV_IN_WIDE void trace_face(const struct fv_sim_surface *s, const float *restrict x,
+                           const float *restrict y, int32_t count, float *restrict best,
+                           int32_t *restrict hit, int32_t number)
 {
     const float a = s->inverse_z[0], b = s->inverse_z[1], c = s->inverse_z[2];
     const float ua = s->u[0], ub = s->u[1], uc = s->u[2], va = s->v[0], vb = s->v[1], vc = s->v[2];
@@ -25,8 +27,9 @@ FV_IN_WIDE void trace_face(const struct fv_sim_surface *s, const float *restrict
     }
 }
 
-FV_IN_WIDE void trace_disc(const struct fv_sim_surface *s, const float *restrict x, const float *restrict y,
-                           int32_t count, float *restrict best, int32_t *restrict hit, int32_t number)
+FV_IN_WIDE void trace_disc(const struct fv_sim_surface *s, const float *restrict x,
+                           const float *restrict y, int32_t count, float *restrict best,
+                           int32_t *restrict hit, int32_t number)
 {
     for (int32_t i = 0; i < count; i++) {
         const float iz = s->inverse_z[0] * x[i] + s->inverse_z[1] * y[i] + s->inverse_z[2];
@@ -38,19 +41,22 @@ FV_IN_WIDE void trace_disc(const struct fv_sim_surface *s, const float *restrict
     }
 }
 
-/* |D t - p|^2 - s^2 = q0 + q1 s + q2 s^2 with s = t D.a - p.a, for D = (x, y, 1): A t^2 - 2 B t + C = 0 with
- * constant C > 0 (the camera is outside), so that 1/t = (B + sqrt(B^2 - A C)) / C is the nearer meeting. */
-FV_IN_WIDE void trace_round(const struct fv_sim_surface *s, const float *restrict x, const float *restrict y,
-                            int32_t count, float *restrict best, int32_t *restrict hit, int32_t number)
+/* |D t - p|^2 - s^2 = q0 + q1 s + q2 s^2 with s = t D.a - p.a, for D = (x, y, 1): A t^2 - 2 B t + C
+ * = 0 with constant C > 0 (the camera is outside), so that 1/t = (B + sqrt(B^2 - A C)) / C is the
+ * nearer meeting. */
+FV_IN_WIDE void trace_round(const struct fv_sim_surface *s, const float *restrict x,
+                            const float *restrict y, int32_t count, float *restrict best,
+                            int32_t *restrict hit, int32_t number)
 {
     const float px = s->p[0], py = s->p[1], pz = s->p[2], ax = s->a[0], ay = s->a[1], az = s->a[2];
-    const float k = s->k, lean = s->k * s->pa - 0.5f * s->q1, c = s->c, over = 1.0f / s->c, pa = s->pa,
-                height = s->height;
+    const float k = s->k, lean = s->k * s->pa - 0.5f * s->q1, c = s->c, over = 1.0f / s->c,
+                pa = s->pa, height = s->height;
     for (int32_t i = 0; i < count; i++) {
         const float da = ax * x[i] + ay * y[i] + az, dp = px * x[i] + py * y[i] + pz;
         const float qa = x[i] * x[i] + y[i] * y[i] + 1.0f - k * da * da, qb = dp - lean * da;
         const float square = qb * qb - qa * c, positive = square > 0.0f ? square : 0.0f;
-        const float iz = (qb + __builtin_sqrtf(positive)) * over, up = da - pa * iz; /* up = s / z */
+        const float iz = (qb + __builtin_sqrtf(positive)) * over,
+                    up = da - pa * iz; /* up = s / z */
         const int32_t seen = (square >= 0.0f) & (iz > best[i]) & (up >= 0.0f) & (up <= height * iz);
         best[i] = seen ? iz : best[i];
         hit[i] = seen ? number : hit[i];
@@ -58,7 +64,8 @@ FV_IN_WIDE void trace_round(const struct fv_sim_surface *s, const float *restric
 }
 
 FV_WIDE static void trace(const struct fv_sim_view *view, const uint16_t *list, int32_t list_count,
-                          const float *x, const float *y, int32_t count, float *inverse_z, int32_t *hit)
+                          const float *x, const float *y, int32_t count, float *inverse_z,
+                          int32_t *hit)
 {
     for (int32_t i = 0; i < count; i++) {
         inverse_z[i] = 0.0f;
@@ -75,13 +82,14 @@ FV_WIDE static void trace(const struct fv_sim_view *view, const uint16_t *list, 
     }
 }
 
-void fv_sim_trace(const struct fv_sim_view *view, const uint16_t *list, int32_t list_count, const float *x,
-                  const float *y, int32_t count, float *inverse_z, int32_t *hit)
+void fv_sim_trace(const struct fv_sim_view *view, const uint16_t *list, int32_t list_count,
+                  const float *x, const float *y, int32_t count, float *inverse_z, int32_t *hit)
 {
     trace(view, list, list_count, x, y, count, inverse_z, hit);
 }
 
-/* ---- what it looks like ------------------------------------------------------------------------------ */
+/* ---- what it looks like
+ * ------------------------------------------------------------------------------ */
 
 /* Floats and their bits. */
 union punned {
@@ -98,21 +106,22 @@ struct look {
     int32_t light[SAMPLES]; /* 256 is plain */
 };
 
-FV_IN_WIDE void look_face(const struct fv_sim_surface *s, const float *restrict x, const float *restrict y,
-                          int32_t count, float pixel_area, struct look *restrict look)
+FV_IN_WIDE void look_face(const struct fv_sim_surface *s, const float *restrict x,
+                          const float *restrict y, int32_t count, float pixel_area,
+                          struct look *restrict look)
 {
     const float a = s->inverse_z[0], b = s->inverse_z[1], c = s->inverse_z[2];
     const float ua = s->u[0], ub = s->u[1], uc = s->u[2], va = s->v[0], vb = s->v[1], vc = s->v[2];
-    const float area = s->area * pixel_area, slant = s->slant, tu = s->tex_u, tv = s->tex_v, du = s->tex_du,
-                dv = s->tex_dv;
+    const float area = s->area * pixel_area, slant = s->slant, tu = s->tex_u, tv = s->tex_v,
+                du = s->tex_du, dv = s->tex_dv;
     for (int32_t i = 0; i < count; i++) {
         const float z = 1.0f / (a * x[i] + b * y[i] + c);
         const float u = (ua * x[i] + ub * y[i] + uc) * z, v = (va * x[i] + vb * y[i] + vc) * z;
         look->u[i] = tu + u * du;
         look->v[i] = tv + v * dv;
-        /* Area of the footprint, times the root of the slant (1 / cosine of incidence): halfway between the
-         * area and the square of its long side, so that texture seen at a grazing angle neither blurs away
-         * nor sparkles. */
+        /* Area of the footprint, times the root of the slant (1 / cosine of incidence): halfway
+         * between the area and the square of its long side, so that texture seen at a grazing angle
+         * neither blurs away nor sparkles. */
         look->area.real[i] = area * z * z * z * __builtin_sqrtf(z * slant);
     }
 }
@@ -129,13 +138,14 @@ FV_IN_WIDE float turns(float y, float x)
     return (y < 0.0f ? -angle : angle) * 0.159154943f;
 }
 
-FV_IN_WIDE void look_round(const struct fv_sim_surface *s, const float *restrict x, const float *restrict y,
-                           const float *restrict inverse_z, int32_t count, float pixel_area,
-                           struct look *restrict look)
+FV_IN_WIDE void look_round(const struct fv_sim_surface *s, const float *restrict x,
+                           const float *restrict y, const float *restrict inverse_z, int32_t count,
+                           float pixel_area, struct look *restrict look)
 {
     const float area = s->area * pixel_area, over = 1.0f / s->height;
     for (int32_t i = 0; i < count; i++) {
-        /* NOLINTNEXTLINE(clang-analyzer-core.NullDereference): NULL is for walls and floors, which cover tiles whole */
+        /* NOLINTNEXTLINE(clang-analyzer-core.NullDereference): NULL is for walls and floors, which
+         * cover tiles whole */
         const float z = 1.0f / inverse_z[i], dx = x[i] * z - s->p[0], dy = y[i] * z - s->p[1],
                     dz = z - s->p[2];
         const float up = dx * s->a[0] + dy * s->a[1] + dz * s->a[2];
@@ -153,9 +163,9 @@ FV_IN_WIDE void look_round(const struct fv_sim_surface *s, const float *restrict
     }
 }
 
-/* Level for a footprint, from the bits of its area. Half-octaves of length are octaves of area, which the
- * exponent of a float counts: level l for footprints of 2^(l-1) to 2^l texels of the base, so that a level's
- * texel is never smaller than the pixel. */
+/* Level for a footprint, from the bits of its area. Half-octaves of length are octaves of area,
+ * which the exponent of a float counts: level l for footprints of 2^(l-1) to 2^l texels of the
+ * base, so that a level's texel is never smaller than the pixel. */
 FV_IN_WIDE int32_t level_of(int32_t area_bits, int32_t last)
 {
     const int32_t level = (area_bits >> 23) - 126, low = level < 0 ? 0 : level;
@@ -169,7 +179,8 @@ FV_IN_WIDE int32_t scale_bits(int32_t level)
     return one - (-(level & 1) & (one - five_sevenths)) - ((level >> 1) << 23);
 }
 
-/* 256ths of a texel of a level, from texels of the base and 256 times the level's scale; kept inside. */
+/* 256ths of a texel of a level, from texels of the base and 256 times the level's scale; kept
+ * inside. */
 FV_IN_WIDE int32_t texel_at(float base, float size, float fine)
 {
     const int32_t last = (int32_t)(size * fine) - 128, at = (int32_t)(base * fine) - 128,
@@ -178,7 +189,8 @@ FV_IN_WIDE int32_t texel_at(float base, float size, float fine)
 }
 
 /* Whether all samples have one level (as mostly); then only level[0] is set. */
-FV_IN_WIDE bool find_levels(const struct fv_sim_texture *texture, int32_t count, struct look *restrict look)
+FV_IN_WIDE bool find_levels(const struct fv_sim_texture *texture, int32_t count,
+                            struct look *restrict look)
 {
     const int32_t last = texture->level_count - 1;
     int32_t least = INT32_MAX, most = 0; /* positive floats are in the order of their bits */
@@ -218,8 +230,9 @@ FV_IN_WIDE void fetch_one_level(const struct fv_sim_texture *texture, int32_t co
     }
 }
 
-FV_IN_WIDE void fetch_levels(const struct fv_sim_texture *texture, int32_t count, struct look *restrict look,
-                             uint16_t *restrict upper, uint16_t *restrict lower)
+FV_IN_WIDE void fetch_levels(const struct fv_sim_texture *texture, int32_t count,
+                             struct look *restrict look, uint16_t *restrict upper,
+                             uint16_t *restrict lower)
 {
     const float width = texture->u_max, height = texture->v_max;
     union punned scale;
@@ -231,17 +244,19 @@ FV_IN_WIDE void fetch_levels(const struct fv_sim_texture *texture, int32_t count
     }
     for (int32_t i = 0; i < count; i++) {
         const struct fv_sim_level *l = &texture->level[look->level[i]];
-        const uint8_t *t = l->texels + (look->fixed_v[i] >> 8) * l->stride + (look->fixed_u[i] >> 8),
+        const uint8_t *t =
+                          l->texels + (look->fixed_v[i] >> 8) * l->stride + (look->fixed_u[i] >> 8),
                       *b = t + l->stride;
         upper[i] = (uint16_t)(t[0] | t[1] << 8);
         lower[i] = (uint16_t)(b[0] | b[1] << 8);
     }
 }
 
-/* Bilinear in 16 bits: rows modulo 2^16 (their true values fit), halved so that their difference has a sign.
- * Out in 1/256 grey levels. */
-FV_IN_WIDE void blend(const struct look *restrict look, int32_t count, const uint16_t *restrict upper,
-                      const uint16_t *restrict lower, uint16_t *restrict out)
+/* Bilinear in 16 bits: rows modulo 2^16 (their true values fit), halved so that their difference
+ * has a sign. Out in 1/256 grey levels. */
+FV_IN_WIDE void blend(const struct look *restrict look, int32_t count,
+                      const uint16_t *restrict upper, const uint16_t *restrict lower,
+                      uint16_t *restrict out)
 {
     int16_t value[SAMPLES];
     for (int32_t i = 0; i < count; i++) {
@@ -261,7 +276,8 @@ FV_IN_WIDE void blend(const struct look *restrict look, int32_t count, const uin
 }
 
 FV_WIDE static void shade(const struct fv_sim_surface *s, const float *x, const float *y,
-                          const float *inverse_z, int32_t count, float pixel_area, uint16_t *restrict out)
+                          const float *inverse_z, int32_t count, float pixel_area,
+                          uint16_t *restrict out)
 {
     struct look look;
     uint16_t upper[SAMPLES], lower[SAMPLES];
@@ -280,7 +296,8 @@ FV_WIDE static void shade(const struct fv_sim_surface *s, const float *x, const 
     blend(&look, count, upper, lower, out);
 }
 
-/* Which samples show which candidate: those of candidate k are at[begin[k]] to at[begin[k + 1] - 1]. */
+/* Which samples show which candidate: those of candidate k are at[begin[k]] to at[begin[k + 1] -
+ * 1]. */
 struct sorted {
     int32_t begin[FV_SIM_SURFACES_MAX + 2];
     uint16_t at[SAMPLES];
@@ -290,7 +307,8 @@ struct sorted {
 FV_IN_WIDE void sort_by_hit(const int32_t *restrict hit, int32_t count, int32_t list_count,
                             struct sorted *restrict sorted)
 {
-    int32_t *place = sorted->begin; /* one further on, so that filling in moves them to where they belong */
+    int32_t *place =
+        sorted->begin; /* one further on, so that filling in moves them to where they belong */
     for (int32_t k = 0; k < list_count + 2; k++)
         place[k] = 0;
     for (int32_t i = 0; i < count; i++)
@@ -342,7 +360,8 @@ FV_WIDE static void see(const struct fv_sim_view *view, const uint16_t *list, in
     }
 }
 
-/* ---- tiles ------------------------------------------------------------------------------------------- */
+/* ---- tiles
+ * ------------------------------------------------------------------------------------------- */
 
 struct job {
     const struct fv_sim_view *view;
@@ -366,10 +385,12 @@ static inline void row_write(uint16_t *to, const uint16_t *row, int32_t columns)
         memcpy(to, row, (size_t)columns * sizeof *row);
 }
 
-static void first_pass(const struct job *job, int32_t tile, const uint16_t *list, int32_t count, bool covered)
+static void first_pass(const struct job *job, int32_t tile, const uint16_t *list, int32_t count,
+                       bool covered)
 {
     const struct fv_sim_raster *raster = job->raster;
-    const int32_t tx = tile % raster->tiles_x * FV_SIM_TILE, ty = tile / raster->tiles_x * FV_SIM_TILE;
+    const int32_t tx = tile % raster->tiles_x * FV_SIM_TILE,
+                  ty = tile / raster->tiles_x * FV_SIM_TILE;
     const int32_t r0 = job->y_begin > ty ? job->y_begin - ty : 0,
                   r1 = job->y_end < ty + FV_SIM_TILE ? job->y_end - ty : FV_SIM_TILE;
     const int32_t columns = raster->width - tx < FV_SIM_TILE ? raster->width - tx : FV_SIM_TILE;
@@ -383,8 +404,8 @@ static void first_pass(const struct job *job, int32_t tile, const uint16_t *list
         for (int32_t i = 0; i < samples; i++)
             seen[i] = (uint16_t)(list[0] + 1);
     } else {
-        see(job->view, list, count, raster->x + first, raster->y + first, samples, raster->pixel_area[tile],
-            light, seen);
+        see(job->view, list, count, raster->x + first, raster->y + first, samples,
+            raster->pixel_area[tile], light, seen);
     }
     for (int32_t r = r0; r < r1; r++) {
         const size_t to = row_start(job, ty + r) + (size_t)tx;
@@ -396,10 +417,11 @@ static void first_pass(const struct job *job, int32_t tile, const uint16_t *list
 /* A step between surfaces of less than this (1/256 grey levels) needs no smoothing. */
 static const int32_t edge_step = 5 * 256;
 
-/* Marks pixels of a row that border on another surface of the row `other` and differ in brightness. */
+/* Marks pixels of a row that border on another surface of the row `other` and differ in brightness.
+ */
 FV_IN_WIDE void mark_steps(const uint16_t *restrict surface, const uint16_t *restrict light,
-                           const uint16_t *restrict other_surface, const uint16_t *restrict other_light,
-                           uint16_t *restrict mark)
+                           const uint16_t *restrict other_surface,
+                           const uint16_t *restrict other_light, uint16_t *restrict mark)
 {
     for (int32_t c = 0; c < FV_SIM_TILE; c++) {
         const uint16_t high = light[c] > other_light[c] ? light[c] : other_light[c],
@@ -409,7 +431,8 @@ FV_IN_WIDE void mark_steps(const uint16_t *restrict surface, const uint16_t *res
     }
 }
 
-/* A row of a tile with a pixel more on either side; past the image and the tile the last one is repeated. */
+/* A row of a tile with a pixel more on either side; past the image and the tile the last one is
+ * repeated. */
 FV_IN_WIDE void row_read(const uint16_t *from, int32_t columns, bool left, bool right,
                          uint16_t *restrict line)
 {
@@ -434,7 +457,9 @@ FV_WIDE static int32_t find_edges(const struct job *job, int32_t tx, int32_t ty,
     uint16_t surface[3][FV_SIM_TILE + 2], light[3][FV_SIM_TILE + 2];
     int32_t count = 0;
     for (int32_t y = y_first - 1; y <= y_last; y++) {
-        const int32_t inside = y < job->y_begin ? job->y_begin : y >= job->y_end ? job->y_end - 1 : y;
+        const int32_t inside = y < job->y_begin  ? job->y_begin
+                               : y >= job->y_end ? job->y_end - 1
+                                                 : y;
         const size_t start = row_start(job, inside) + (size_t)tx;
         row_read(job->canvas->surface + start, columns, left, right, surface[(y + 3) % 3]);
         row_read(job->canvas->linear + start, columns, left, right, light[(y + 3) % 3]);
@@ -464,7 +489,8 @@ static const float sub_x[4] = {-0.125f, 0.375f, -0.375f, 0.125f},
 static void second_pass(const struct job *job, int32_t tile, const uint16_t *list, int32_t count)
 {
     const struct fv_sim_raster *raster = job->raster;
-    const int32_t tx = tile % raster->tiles_x * FV_SIM_TILE, ty = tile / raster->tiles_x * FV_SIM_TILE;
+    const int32_t tx = tile % raster->tiles_x * FV_SIM_TILE,
+                  ty = tile / raster->tiles_x * FV_SIM_TILE;
     const float *tile_x = raster->x + (size_t)tile * FV_SIM_TILE_PIXELS,
                 *tile_y = raster->y + (size_t)tile * FV_SIM_TILE_PIXELS;
     uint8_t edge[SAMPLES];
@@ -477,9 +503,11 @@ static void second_pass(const struct job *job, int32_t tile, const uint16_t *lis
             /* Bearings between pixels from the differences to the neighbours in the tile. */
             const int32_t p = edge[first + j], c = p % FV_SIM_TILE, r = p / FV_SIM_TILE;
             const int32_t h = c + 1 < FV_SIM_TILE && tx + c + 1 < raster->width ? p : p - 1;
-            const int32_t v = r + 1 < FV_SIM_TILE && ty + r + 1 < raster->height ? p : p - FV_SIM_TILE;
+            const int32_t v =
+                r + 1 < FV_SIM_TILE && ty + r + 1 < raster->height ? p : p - FV_SIM_TILE;
             const float xx = tile_x[h + 1] - tile_x[h], yx = tile_y[h + 1] - tile_y[h];
-            const float xy = tile_x[v + FV_SIM_TILE] - tile_x[v], yy = tile_y[v + FV_SIM_TILE] - tile_y[v];
+            const float xy = tile_x[v + FV_SIM_TILE] - tile_x[v],
+                        yy = tile_y[v + FV_SIM_TILE] - tile_y[v];
             for (int32_t k = 0; k < 4; k++) {
                 x[4 * j + k] = tile_x[p] + sub_x[k] * xx + sub_y[k] * xy;
                 y[4 * j + k] = tile_y[p] + sub_x[k] * yx + sub_y[k] * yy;
@@ -487,8 +515,8 @@ static void second_pass(const struct job *job, int32_t tile, const uint16_t *lis
         }
         see(job->view, list, count, x, y, 4 * n, raster->pixel_area[tile], light, seen);
         for (int32_t j = 0; j < n; j++) {
-            const int32_t p = edge[first + j],
-                          sum = light[4 * j] + light[4 * j + 1] + light[4 * j + 2] + light[4 * j + 3];
+            const int32_t p = edge[first + j], sum = light[4 * j] + light[4 * j + 1] +
+                                                     light[4 * j + 2] + light[4 * j + 3];
             const size_t to = row_start(job, ty + p / FV_SIM_TILE) + (size_t)(tx + p % FV_SIM_TILE);
             job->canvas->linear[to] = (uint16_t)(sum / 4);
         }
@@ -520,8 +548,8 @@ static void block_pass(const struct job *job, int32_t bx, int32_t by, bool secon
         if ((y + 1) * FV_SIM_TILE <= job->y_begin || y * FV_SIM_TILE >= job->y_end) continue;
         for (int32_t x = bx; x < x_end; x++) {
             const int32_t tile = y * raster->tiles_x + x;
-            const int32_t count =
-                fv_sim_view_cull(job->view, in_block, block_count, &raster->bound[tile], in_tile, &covered);
+            const int32_t count = fv_sim_view_cull(job->view, in_block, block_count,
+                                                   &raster->bound[tile], in_tile, &covered);
             if (!second)
                 first_pass(job, tile, in_tile, count, covered);
             else if (!covered)
@@ -536,7 +564,8 @@ static void blocks_pass(const struct job *job, int32_t by, bool second)
         block_pass(job, bx, by, second);
 }
 
-/* The second pass over a row of blocks, of which the next has had its first: no other changes its pixels any more. */
+/* The second pass over a row of blocks, of which the next has had its first: no other changes its
+ * pixels any more. */
 static void blocks_finish(const struct job *job, int32_t by)
 {
     const struct fv_sim_canvas *canvas = job->canvas;
@@ -548,8 +577,8 @@ static void blocks_finish(const struct job *job, int32_t by)
         canvas->finished(canvas->context, canvas->linear + row_start(job, y_begin), y_begin, y_end);
 }
 
-void fv_sim_render(const struct fv_sim_view *view, const struct fv_sim_raster *raster, int32_t y_begin,
-                   int32_t y_end, struct fv_sim_canvas *canvas)
+void fv_sim_render(const struct fv_sim_view *view, const struct fv_sim_raster *raster,
+                   int32_t y_begin, int32_t y_end, struct fv_sim_canvas *canvas)
 {
     const struct job job = {view, raster, canvas, y_begin, y_end};
     const int32_t first = y_begin / FV_SIM_BLOCK_ROWS * FV_SIM_BLOCK_TILES;

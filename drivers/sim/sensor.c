@@ -1,7 +1,8 @@
 #include "sim.h"
 
-/* Noise of a sensor: the sum of four random bytes is nearly normal (its ends lie at 3.4 standard deviations).
- * The bytes come from 64 generators side by side (xorshift32, Marsaglia 2003), so that vectors can be used.
+/* Noise of a sensor: the sum of four random bytes is nearly normal (its ends lie at 3.4 standard
+ * deviations). The bytes come from 64 generators side by side (xorshift32, Marsaglia 2003), so that
+ * vectors can be used.
  */
 
 enum { LANES = FV_SIM_SENSOR_LANES };
@@ -32,7 +33,8 @@ FV_WIDE static void expose(struct fv_sim_sensor *restrict sensor, const uint16_t
         for (int32_t j = 0; j < n; j++) {
             const uint32_t s = sensor->state[j];
             const int32_t sum =
-                (int32_t)((s & 255u) + (s >> 8 & 255u) + (s >> 16 & 255u) + (s >> 24)) - MIDDLE_OF_BYTES;
+                (int32_t)((s & 255u) + (s >> 8 & 255u) + (s >> 16 & 255u) + (s >> 24)) -
+                MIDDLE_OF_BYTES;
             int32_t value = ((linear[i + j] * gain >> 8) + ((int16_t)sum * spread >> 8) + 128) >> 8;
             value = value < 0 ? 0 : value;
             grey[i + j] = (uint8_t)(value > 255 ? 255 : value);
@@ -50,7 +52,8 @@ void fv_sim_sensor_begin(struct fv_sim_sensor *sensor, double light, double nois
     sensor->spread = (int16_t)(noise * 256.0 * 256.0 / spread_of_bytes + 0.5);
 }
 
-void fv_sim_sensor_expose(struct fv_sim_sensor *sensor, const uint16_t *linear, int32_t count, uint8_t *grey)
+void fv_sim_sensor_expose(struct fv_sim_sensor *sensor, const uint16_t *linear, int32_t count,
+                          uint8_t *grey)
 {
     expose(sensor, linear, count, grey);
 }

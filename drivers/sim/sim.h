@@ -1,15 +1,17 @@
-/* The simulated camera, inside: what its files share. The outside is include/fovea/source.h; options are in
- * README.md.
+/* The simulated camera, inside: what its files share. The outside is include/fovea/source.h;
+ * options are in README.md.
  *
- * World: metres, z up, a closed box (the enclosure) with solids in it. Two kinds of surface are enough:
- *  - face: a rectangle, origin + u U + v V with u, v in [0, 1] (walls, furniture), or the disc inscribed in
- * it;
- *  - round: a surface of revolution, radius^2 = q0 + q1 s + q2 s^2 at height s in [0, height] over its base
- * (ball, cone, cylinder, ellipsoid). Rays are (x, y, 1) in the camera frame, so the ray parameter is the
- * depth z, and on a face 1/z, u/z and v/z are affine in (x, y): no division decides what is seen.
+ * World: metres, z up, a closed box (the enclosure) with solids in it. Two kinds of surface are
+ * enough:
+ *  - face: a rectangle, origin + u U + v V with u, v in [0, 1] (walls, furniture), or the disc
+ * inscribed in it;
+ *  - round: a surface of revolution, radius^2 = q0 + q1 s + q2 s^2 at height s in [0, height] over
+ * its base (ball, cone, cylinder, ellipsoid). Rays are (x, y, 1) in the camera frame, so the ray
+ * parameter is the depth z, and on a face 1/z, u/z and v/z are affine in (x, y): no division
+ * decides what is seen.
  *
- * Everything is a pure function of (options, frame index). Float arithmetic is plain IEEE with sqrt and
- * division only; elementary functions come from fovea/elementary.h. */
+ * Everything is a pure function of (options, frame index). Float arithmetic is plain IEEE with sqrt
+ * and division only; elementary functions come from fovea/elementary.h. */
 #ifndef FOVEA_DRIVERS_SIM_H
 #define FOVEA_DRIVERS_SIM_H
 
@@ -21,7 +23,8 @@
 #include "fovea/elementary.h"
 #include "fovea/source.h"
 
-/* ---- options (options.c) ----------------------------------------------------------------------------- */
+/* ---- options (options.c)
+ * ----------------------------------------------------------------------------- */
 
 enum fv_sim_trajectory {
     FV_SIM_TOUR,
@@ -55,37 +58,42 @@ struct fv_sim_options {
     int32_t objects;
     enum fv_sim_textures textures;
     double light;
-    double time_s;                      /* of frame 0 on the trajectory */
-    double odometry_hz, odometry_noise; /* samples per second; deviation of each step's length, relative */
+    double time_s; /* of frame 0 on the trajectory */
+    double odometry_hz,
+        odometry_noise; /* samples per second; deviation of each step's length, relative */
 };
 
-/* Parse what follows "sim:" in the URI. Every error is one line that names the option, what was found and
- * what is expected. Init-only. */
+/* Parse what follows "sim:" in the URI. Every error is one line that names the option, what was
+ * found and what is expected. Init-only. */
 enum fovea_status fv_sim_options_parse(const char *address, struct fv_sim_options *options,
                                        struct fovea_error *error);
 
-/* Wider vectors where the processor has them; the results do not depend on it, as every operation is a plain IEEE or
- * integer one. Only for static functions: clang 14 gives no other file the plain name. */
+/* Wider vectors where the processor has them; the results do not depend on it, as every operation
+ * is a plain IEEE or integer one. Only for static functions: clang 14 gives no other file the plain
+ * name. */
 #if defined(__x86_64__) && !defined(FOVEA_SANITIZED)
 #define FV_WIDE __attribute__((target_clones("avx2", "default")))
 #else
 #define FV_WIDE
 #endif
-#define FV_IN_WIDE static inline __attribute__((always_inline)) /* compiled with its caller's vectors */
+#define FV_IN_WIDE                                                                                 \
+    static inline __attribute__((always_inline)) /* compiled with its caller's vectors */
 
-/* ---- textures (texture.c, paint.c) ------------------------------------------------------------------- */
+/* ---- textures (texture.c, paint.c)
+ * ------------------------------------------------------------------- */
 
 enum { FV_SIM_LEVELS_MAX = 24, FV_SIM_TEXTURES_MAX = 64 };
 
-/* One level of a texture; the last column and row are stored twice, so that bilinear sampling may read past
- * them. */
+/* One level of a texture; the last column and row are stored twice, so that bilinear sampling may
+ * read past them. */
 struct fv_sim_level {
     const uint8_t *texels;
     int32_t width, height, stride;
 };
 
-/* Half-octave pyramid: level l is smaller by about 2^(l/2) (2^-(l/2), times 5/7 for odd l), which makes
- * bilinear sampling of the nearest level nearly as smooth as trilinear sampling at half its price. */
+/* Half-octave pyramid: level l is smaller by about 2^(l/2) (2^-(l/2), times 5/7 for odd l), which
+ * makes bilinear sampling of the nearest level nearly as smooth as trilinear sampling at half its
+ * price. */
 struct fv_sim_texture {
     int32_t width, height; /* of the base */
     float u_max, v_max;    /* largest base coordinates */
@@ -95,7 +103,8 @@ struct fv_sim_texture {
     size_t bytes;
 };
 
-/* Allocate all levels; the base (level 0) is for the caller to paint, then `finish` makes the others. */
+/* Allocate all levels; the base (level 0) is for the caller to paint, then `finish` makes the
+ * others. */
 bool fv_sim_texture_create(struct fv_sim_texture *texture, int32_t width, int32_t height);
 void fv_sim_texture_finish(struct fv_sim_texture *texture);
 void fv_sim_texture_free(struct fv_sim_texture *texture);
@@ -123,23 +132,28 @@ enum fv_sim_material {
     FV_SIM_MATERIAL_COUNT
 };
 
-/* Paint the base level with a material, from a seed; `texels_per_m` sets the size of its details. */
-void fv_sim_paint(struct fv_sim_texture *texture, enum fv_sim_material material, double texels_per_m,
-                  uint64_t seed);
-/* Hang posters, signs, shelves, windows and doors on a wall; `period_m` > 0 repeats the same ones. */
-void fv_sim_paint_wall(struct fv_sim_texture *texture, double texels_per_m, uint64_t seed, double period_m);
+/* Paint the base level with a material, from a seed; `texels_per_m` sets the size of its details.
+ */
+void fv_sim_paint(struct fv_sim_texture *texture, enum fv_sim_material material,
+                  double texels_per_m, uint64_t seed);
+/* Hang posters, signs, shelves, windows and doors on a wall; `period_m` > 0 repeats the same ones.
+ */
+void fv_sim_paint_wall(struct fv_sim_texture *texture, double texels_per_m, uint64_t seed,
+                       double period_m);
 /* Darken a soft-edged rectangle (texels): the shade that furniture throws. */
-void fv_sim_paint_shade(struct fv_sim_texture *texture, int32_t x0, int32_t y0, int32_t x1, int32_t y1,
-                        int32_t soft, int32_t strength);
+void fv_sim_paint_shade(struct fv_sim_texture *texture, int32_t x0, int32_t y0, int32_t x1,
+                        int32_t y1, int32_t soft, int32_t strength);
 /* Darken towards the edges and by large soft pools, as lamps light a room. */
 void fv_sim_paint_light(struct fv_sim_texture *texture, double texels_per_m, uint64_t seed);
 
-/* ---- world (world.c, places.c, objects.c) ------------------------------------------------------------ */
+/* ---- world (world.c, places.c, objects.c)
+ * ------------------------------------------------------------ */
 
 enum { FV_SIM_FACES_MAX = 1408, FV_SIM_ROUNDS_MAX = 192, FV_SIM_OBJECTS_MAX = 48 };
 
 struct fv_sim_face {
-    double origin[3], u[3], v[3];       /* u and v are perpendicular; u x v points to the side that is seen */
+    double origin[3], u[3],
+        v[3]; /* u and v are perpendicular; u x v points to the side that is seen */
     float tex_u, tex_v, tex_du, tex_dv; /* texels at u = v = 0, and across the face */
     float light;
     uint16_t texture, object; /* object: 0 for what never moves */
@@ -186,14 +200,16 @@ void fv_sim_world_free(struct fv_sim_world *world);
 void fv_sim_world_place(struct fv_sim_world *world, double time_s);
 
 /* Building blocks (world.c). */
-uint16_t fv_sim_world_texture(struct fv_sim_world *world, enum fv_sim_material material, double width_m,
-                              double height_m, double texels_per_m, bool wall);
-struct fv_sim_face *fv_sim_world_face(struct fv_sim_world *world, const double origin[3], const double u[3],
-                                      const double v[3], uint16_t texture, double light);
-/* Upright box with its middle at (x, y), standing on z; `faces` bits: 1 -x, 2 +x, 4 -y, 8 +y, 16 top, 32
- * bottom. */
-void fv_sim_world_box(struct fv_sim_world *world, const double center[2], double z, const double size[3],
-                      double yaw, uint16_t side, uint16_t top, uint32_t faces, double texels_per_m);
+uint16_t fv_sim_world_texture(struct fv_sim_world *world, enum fv_sim_material material,
+                              double width_m, double height_m, double texels_per_m, bool wall);
+struct fv_sim_face *fv_sim_world_face(struct fv_sim_world *world, const double origin[3],
+                                      const double u[3], const double v[3], uint16_t texture,
+                                      double light);
+/* Upright box with its middle at (x, y), standing on z; `faces` bits: 1 -x, 2 +x, 4 -y, 8 +y, 16
+ * top, 32 bottom. */
+void fv_sim_world_box(struct fv_sim_world *world, const double center[2], double z,
+                      const double size[3], double yaw, uint16_t side, uint16_t top, uint32_t faces,
+                      double texels_per_m);
 struct fv_sim_round *fv_sim_world_round(struct fv_sim_world *world, double x, double y, double z,
                                         double height, uint16_t texture);
 
@@ -207,10 +223,12 @@ void fv_sim_objects_create(struct fv_sim_world *world, const struct fv_sim_optio
 void fv_sim_object_pose(const struct fv_sim_object *object, double time_s, double position[2],
                         double *heading);
 /* Closed lane round a rectangle with rounded corners: place after `along` metres, heading. */
-void fv_sim_ring(const double half[2], double corner, double along, double position[2], double *heading);
+void fv_sim_ring(const double half[2], double corner, double along, double position[2],
+                 double *heading);
 double fv_sim_ring_length(const double half[2], double corner);
 
-/* ---- motion (motion.c) ------------------------------------------------------------------------------- */
+/* ---- motion (motion.c)
+ * ------------------------------------------------------------------------------- */
 
 enum { FV_SIM_SPLINE_MAX = 160, FV_SIM_PHASES = 32 };
 
@@ -228,12 +246,13 @@ void fv_sim_motion_create(struct fv_sim_motion *motion, const struct fv_sim_opti
 /* Frames of one showing at `rate_hz`; 0: endless. */
 uint64_t fv_sim_motion_frames(enum fv_sim_trajectory trajectory, double rate_hz);
 void fv_sim_motion_pose(const struct fv_sim_motion *motion, double time_s, double T_world_cam[12]);
-/* Move persons along their lanes until they keep clear of the camera between two times, as far as 24 tries
- * allow. */
-void fv_sim_objects_clear(struct fv_sim_world *world, const struct fv_sim_motion *motion, double begin_s,
-                          double end_s);
+/* Move persons along their lanes until they keep clear of the camera between two times, as far as
+ * 24 tries allow. */
+void fv_sim_objects_clear(struct fv_sim_world *world, const struct fv_sim_motion *motion,
+                          double begin_s, double end_s);
 
-/* ---- view and rendering (view.c, render.c, sensor.c) ------------------------------------------------- */
+/* ---- view and rendering (view.c, render.c, sensor.c)
+ * ------------------------------------------------- */
 
 enum {
     FV_SIM_TILE = 16,
@@ -247,12 +266,14 @@ enum {
 
 /* One surface as the camera sees it: everything in the camera frame, single precision. */
 struct fv_sim_surface {
-    float inverse_z[3], u[3], v[3]; /* face: affine in (x, y, 1), u and v scaled to [0, 1] and divided by z */
-    float area;                     /* face: texel^2 per unit of normalised area at z = 1 */
-    float slant;                    /* face: 1 / distance of the plane; round: 1 / smallest z */
+    float inverse_z[3], u[3],
+        v[3];    /* face: affine in (x, y, 1), u and v scaled to [0, 1] and divided by z */
+    float area;  /* face: texel^2 per unit of normalised area at z = 1 */
+    float slant; /* face: 1 / distance of the plane; round: 1 / smallest z */
     float x_min, x_max, y_min, y_max; /* bounds in the normalised plane */
     float p[3], a[3], e1[3], e2[3];   /* round: base, axis and the two sides */
-    float height, q1, q2, k, pa, c;   /* round: k = 1 + q2, pa = p.a, c the constant of the quadratic */
+    float height, q1, q2, k, pa,
+        c; /* round: k = 1 + q2, pa = p.a, c the constant of the quadratic */
     float tex_u, tex_v, tex_du, tex_dv, light, sun[3];
     const struct fv_sim_texture *texture;
     uint16_t object;
@@ -268,7 +289,8 @@ struct fv_sim_raster {
     int32_t width, height, tiles_x, tiles_y;
     float *x, *y;              /* tile-major, FV_SIM_TILE_PIXELS each */
     struct fv_sim_rect *bound; /* of each tile, a pixel of margin included */
-    float *pixel_area; /* of each tile: normalised area of a pixel at its middle, times the root of |ray| */
+    float *pixel_area; /* of each tile: normalised area of a pixel at its middle, times the root of
+                          |ray| */
 };
 
 struct fv_sim_view {
@@ -279,33 +301,35 @@ struct fv_sim_view {
 bool fv_sim_raster_create(struct fv_sim_raster *raster, const struct fovea_camera *camera);
 void fv_sim_raster_free(struct fv_sim_raster *raster);
 /* Turn the world into surfaces for one camera pose; what cannot be seen is left out. */
-void fv_sim_view_set(struct fv_sim_view *view, const struct fv_sim_world *world, const double T_world_cam[12],
-                     const struct fv_sim_rect *bound);
-/* Surfaces of `from` (NULL: all of the view) that may be seen in `bound`; returns how many. `*covered` says
- * whether the first one is alone and fills the bound. */
+void fv_sim_view_set(struct fv_sim_view *view, const struct fv_sim_world *world,
+                     const double T_world_cam[12], const struct fv_sim_rect *bound);
+/* Surfaces of `from` (NULL: all of the view) that may be seen in `bound`; returns how many.
+ * `*covered` says whether the first one is alone and fills the bound. */
 int32_t fv_sim_view_cull(const struct fv_sim_view *view, const uint16_t *from, int32_t from_count,
                          const struct fv_sim_rect *bound, uint16_t *list, bool *covered);
 
-/* Working memory of the renderer. It may hold fewer rows than the image has: pixel row y is at row y % rows. */
+/* Working memory of the renderer. It may hold fewer rows than the image has: pixel row y is at row
+ * y % rows. */
 struct fv_sim_canvas {
     uint16_t *linear;  /* light, 8 bits of fraction, width x rows */
     uint16_t *surface; /* seen surface + 1, width x rows */
     int32_t rows;      /* those of the image, or FV_SIM_CANVAS_ROWS where these are fewer */
-    /* NULL, or called with rows that are done, from top to bottom: they stay until the next call. */
+    /* NULL, or called with rows that are done, from top to bottom: they stay until the next call.
+     */
     void (*finished)(void *context, const uint16_t *linear, int32_t y_begin, int32_t y_end);
     void *context;
 };
 
 /* Light of the pixel rows [y_begin, y_end) into the canvas. Real-time safe. */
-void fv_sim_render(const struct fv_sim_view *view, const struct fv_sim_raster *raster, int32_t y_begin,
-                   int32_t y_end, struct fv_sim_canvas *canvas);
-/* Which surface each of `count` <= FV_SIM_TILE_PIXELS rays meets (index into `list`, -1: none), and 1/z
- * there. */
-void fv_sim_trace(const struct fv_sim_view *view, const uint16_t *list, int32_t list_count, const float *x,
-                  const float *y, int32_t count, float *inverse_z, int32_t *hit);
+void fv_sim_render(const struct fv_sim_view *view, const struct fv_sim_raster *raster,
+                   int32_t y_begin, int32_t y_end, struct fv_sim_canvas *canvas);
+/* Which surface each of `count` <= FV_SIM_TILE_PIXELS rays meets (index into `list`, -1: none), and
+ * 1/z there. */
+void fv_sim_trace(const struct fv_sim_view *view, const uint16_t *list, int32_t list_count,
+                  const float *x, const float *y, int32_t count, float *inverse_z, int32_t *hit);
 
-/* Light to grey levels with noise, a pure function of the arguments: begun for each frame, then handed its pixels
- * in order, each time but the last a multiple of FV_SIM_SENSOR_LANES. */
+/* Light to grey levels with noise, a pure function of the arguments: begun for each frame, then
+ * handed its pixels in order, each time but the last a multiple of FV_SIM_SENSOR_LANES. */
 enum { FV_SIM_SENSOR_LANES = 64 };
 struct fv_sim_sensor {
     uint32_t state[FV_SIM_SENSOR_LANES];
@@ -313,9 +337,11 @@ struct fv_sim_sensor {
     int16_t spread; /* 1/256 grey levels per 256 of a sum of four random bytes */
 };
 void fv_sim_sensor_begin(struct fv_sim_sensor *sensor, double light, double noise, uint64_t seed);
-void fv_sim_sensor_expose(struct fv_sim_sensor *sensor, const uint16_t *linear, int32_t count, uint8_t *grey);
+void fv_sim_sensor_expose(struct fv_sim_sensor *sensor, const uint16_t *linear, int32_t count,
+                          uint8_t *grey);
 
-/* ---- the source (source.c, truth.c) ------------------------------------------------------------------ */
+/* ---- the source (source.c, truth.c)
+ * ------------------------------------------------------------------ */
 
 /* Where odometry stands. */
 struct fv_sim_odometry {
@@ -341,10 +367,10 @@ struct fovea_source {
     uint64_t delivered;
     bool started;
     struct fv_sim_odometry odometry;
-    uint8_t *grey; /* the image that is rendered */
-    uint16_t
-        *exposed;   /* light of the whole frame, only with blur (the mean of instants) or a rolling shutter */
-    float *depth_m; /* truth; pages untouched until asked for */
+    uint8_t *grey;     /* the image that is rendered */
+    uint16_t *exposed; /* light of the whole frame, only with blur (the mean of instants) or a
+                          rolling shutter */
+    float *depth_m;    /* truth; pages untouched until asked for */
     uint8_t *class_mask;
     uint8_t *object_map;
 };

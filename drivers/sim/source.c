@@ -6,16 +6,18 @@
 
 enum { BLUR_STEPS = 8, ROLLING_ROWS = 4 };
 
-/* ---- the camera -------------------------------------------------------------------------------------- */
+/* ---- the camera
+ * -------------------------------------------------------------------------------------- */
 
-/* Calibration with the asked field of view across; coefficients like those of a common machine-vision lens,
- * scaled so that they bend equally at the edge of any field. */
+/* Calibration with the asked field of view across; coefficients like those of a common
+ * machine-vision lens, scaled so that they bend equally at the edge of any field. */
 static enum fovea_status make_camera(const struct fv_sim_options *o, struct fovea_camera *camera,
                                      struct fovea_error *error)
 {
     const double half = 0.5 * o->fov_deg * FOVEA_PI / 180.0;
     double edge = fovea_tan(half); /* distorted radius at the left and right edge */
-    *camera = (struct fovea_camera){.width = o->width, .height = o->height, .lens = FOVEA_LENS_RADTAN};
+    *camera =
+        (struct fovea_camera){.width = o->width, .height = o->height, .lens = FOVEA_LENS_RADTAN};
     camera->cx = 0.5 * (o->width - 1) + 3.2;
     camera->cy = 0.5 * (o->height - 1) - 1.7;
     if (o->lens == FV_SIM_LENS_RADTAN) {
@@ -33,8 +35,8 @@ static enum fovea_status make_camera(const struct fv_sim_options *o, struct fove
         camera->k[2] = 0.004;
         camera->k[3] = -0.0008;
         const double h2 = half * half;
-        edge = half *
-               (1.0 + h2 * (camera->k[0] + h2 * (camera->k[1] + h2 * (camera->k[2] + h2 * camera->k[3]))));
+        edge = half * (1.0 + h2 * (camera->k[0] +
+                                   h2 * (camera->k[1] + h2 * (camera->k[2] + h2 * camera->k[3]))));
     }
     camera->fx = 0.5 * o->width / edge;
     camera->fy = camera->fx * 1.001;
@@ -48,7 +50,8 @@ double fv_sim_frame_time(const struct fovea_source *source, uint64_t index)
            (0.5 * source->options.exposure_ms + delay) * 1e-3;
 }
 
-/* ---- opening ----------------------------------------------------------------------------------------- */
+/* ---- opening
+ * ----------------------------------------------------------------------------------------- */
 
 static void sim_close(struct fovea_source *source)
 {
@@ -66,11 +69,13 @@ static void sim_close(struct fovea_source *source)
     free(source);
 }
 
-/* Rows of an instant are done: they go through the sensor, or into what the whole frame is exposed to. */
+/* Rows of an instant are done: they go through the sensor, or into what the whole frame is exposed
+ * to. */
 static void rows_done(void *context, const uint16_t *linear, int32_t y_begin, int32_t y_end)
 {
     struct fovea_source *source = context;
-    const int32_t first = y_begin * source->options.width, count = y_end * source->options.width - first;
+    const int32_t first = y_begin * source->options.width,
+                  count = y_end * source->options.width - first;
     if (source->exposed == NULL) {
         fv_sim_sensor_expose(&source->sensor, linear, count, source->grey + first);
         return;
@@ -100,8 +105,8 @@ static bool allocate(struct fovea_source *source)
     source->depth_m = calloc(pixels, sizeof(float));
     source->class_mask = calloc(pixels, 1);
     source->object_map = calloc(pixels, 1);
-    bool fine = source->canvas.linear && source->canvas.surface && source->depth_m && source->class_mask &&
-                source->object_map;
+    bool fine = source->canvas.linear && source->canvas.surface && source->depth_m &&
+                source->class_mask && source->object_map;
     if (whole) {
         source->exposed = calloc(pixels, sizeof(uint16_t));
         fine = fine && source->exposed != NULL;
@@ -110,19 +115,19 @@ static bool allocate(struct fovea_source *source)
         source->image[i] = calloc(pixels, 1);
         fine = fine && source->image[i] != NULL;
     }
-    size_t bytes =
-        sizeof *source + in_canvas * 2 * sizeof(uint16_t) +
-        pixels * (sizeof(float) + 2 + FOVEA_SOURCE_FRAMES_HELD) +
-        tiles * (FV_SIM_TILE_PIXELS * 2 * sizeof(float) + sizeof(struct fv_sim_rect) + sizeof(float)) +
-        (whole ? pixels * sizeof(uint16_t) : 0);
+    size_t bytes = sizeof *source + in_canvas * 2 * sizeof(uint16_t) +
+                   pixels * (sizeof(float) + 2 + FOVEA_SOURCE_FRAMES_HELD) +
+                   tiles * (FV_SIM_TILE_PIXELS * 2 * sizeof(float) + sizeof(struct fv_sim_rect) +
+                            sizeof(float)) +
+                   (whole ? pixels * sizeof(uint16_t) : 0);
     for (int32_t i = 0; i < source->world.texture_count; i++)
         bytes += source->world.texture[i].bytes;
     source->info.heap_bytes = bytes;
     return fine;
 }
 
-/* A stamp holds 292 years. Where no number of frames is asked for, the first two must have one: nobody waits
- * for more. */
+/* A stamp holds 292 years. Where no number of frames is asked for, the first two must have one:
+ * nobody waits for more. */
 static enum fovea_status check_time(const struct fovea_source *source, struct fovea_error *error)
 {
     static const double seconds_max = 9e9;
@@ -131,34 +136,39 @@ static enum fovea_status check_time(const struct fovea_source *source, struct fo
     const double steps = all_told ? (double)(source->deliverable - 1) : 1.0;
     const double last_s = ((double)s->start + (double)s->step * steps) / source->options.rate_hz;
     if (last_s <= seconds_max) return FOVEA_OK;
-    return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                           "sim: start, step, frames: found a last frame at %.9g s, expected at most %g s",
-                           last_s, seconds_max);
+    return fovea_error_set(
+        error, FOVEA_ERROR_ARGUMENT,
+        "sim: start, step, frames: found a last frame at %.9g s, expected at most %g s", last_s,
+        seconds_max);
 }
 
-/* Frames on the trajectory that the selection leaves: start, start + step, ... `frames` of them; then turned
- * round. */
+/* Frames on the trajectory that the selection leaves: start, start + step, ... `frames` of them;
+ * then turned round. */
 static enum fovea_status select_frames(struct fovea_source *source, struct fovea_error *error)
 {
     const struct fovea_source_selection *s = &source->selection;
     const uint64_t all = source->options.frames;
     if (s->step == 0)
-        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "sim: step: found 0, expected at least 1");
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                               "sim: step: found 0, expected at least 1");
     source->deliverable = s->frames;
     if (all == 0 && s->frames == 0 && s->reverse)
-        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                               "sim: reverse: the trajectory is endless, expected a number of frames");
+        return fovea_error_set(
+            error, FOVEA_ERROR_ARGUMENT,
+            "sim: reverse: the trajectory is endless, expected a number of frames");
     if (all == 0) return check_time(source, error);
     if (s->start >= all)
-        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                               "sim: start: found %llu, expected less than the trajectory's %llu frames",
-                               (unsigned long long)s->start, (unsigned long long)all);
+        return fovea_error_set(
+            error, FOVEA_ERROR_ARGUMENT,
+            "sim: start: found %llu, expected less than the trajectory's %llu frames",
+            (unsigned long long)s->start, (unsigned long long)all);
     const uint64_t left = (all - s->start - 1) / s->step + 1;
     if (s->frames == 0 || s->frames > left) source->deliverable = left;
     return check_time(source, error);
 }
 
-static enum fovea_status sim_open(const char *address, const struct fovea_source_selection *selection,
+static enum fovea_status sim_open(const char *address,
+                                  const struct fovea_source_selection *selection,
                                   struct fovea_source **out, struct fovea_error *error)
 {
     struct fv_sim_options options;
@@ -184,7 +194,8 @@ static enum fovea_status sim_open(const char *address, const struct fovea_source
     fv_sim_motion_create(&source->motion, &options, &source->world);
     if (options.trajectory == FV_SIM_TOUR) {
         /* Here the ways cross, at the door; elsewhere they are apart by construction. */
-        const double seconds = options.frames == 0 ? 600.0 : (double)options.frames / options.rate_hz;
+        const double seconds =
+            options.frames == 0 ? 600.0 : (double)options.frames / options.rate_hz;
         fv_sim_objects_clear(&source->world, &source->motion, options.time_s,
                              options.time_s + (seconds < 600.0 ? seconds : 600.0));
     }
@@ -201,7 +212,8 @@ static enum fovea_status sim_open(const char *address, const struct fovea_source
     return FOVEA_OK;
 }
 
-/* ---- frames ------------------------------------------------------------------------------------------ */
+/* ---- frames
+ * ------------------------------------------------------------------------------------------ */
 
 static const struct fovea_source_info *sim_info(const struct fovea_source *source)
 {
@@ -221,7 +233,8 @@ static void sim_stop(struct fovea_source *source)
     memset(source->held, 0, sizeof source->held);
 }
 
-static struct fv_sim_rect rows_bound(const struct fv_sim_raster *raster, int32_t y_begin, int32_t y_end)
+static struct fv_sim_rect rows_bound(const struct fv_sim_raster *raster, int32_t y_begin,
+                                     int32_t y_end)
 {
     struct fv_sim_rect all = {1e9f, -1e9f, 1e9f, -1e9f};
     for (int32_t ty = y_begin / FV_SIM_TILE; ty * FV_SIM_TILE < y_end; ty++) {
@@ -248,7 +261,8 @@ void fv_sim_look(struct fovea_source *source, double time_s, int32_t y_begin, in
 double fv_sim_row_delay(const struct fovea_source *source, int32_t y_begin, int32_t y_end)
 {
     if (!source->options.rolling) return 0.0;
-    return ((0.5 * (y_begin + y_end) / source->options.height) - 0.5) * source->options.readout_ms * 1e-3;
+    return ((0.5 * (y_begin + y_end) / source->options.height) - 0.5) * source->options.readout_ms *
+           1e-3;
 }
 
 int32_t fv_sim_band_rows(const struct fovea_source *source)
@@ -276,7 +290,8 @@ static void render_frame(struct fovea_source *source, double time_s, uint64_t se
     if (o->blur) memset(source->exposed, 0, (size_t)pixels * sizeof *source->exposed);
     for (int32_t k = 0; k < steps; k++)
         render_instant(source, time_s + ((k + 0.5) / steps - 0.5) * o->exposure_ms * 1e-3);
-    if (source->exposed != NULL) fv_sim_sensor_expose(&source->sensor, source->exposed, pixels, grey);
+    if (source->exposed != NULL)
+        fv_sim_sensor_expose(&source->sensor, source->exposed, pixels, grey);
 }
 
 static uint64_t frame_index(const struct fovea_source *source, uint64_t n)
@@ -305,13 +320,14 @@ static enum fovea_status sim_dequeue(struct fovea_source *source, int64_t deadli
     const struct fv_sim_options *o = &source->options;
     const int32_t pixels = o->width * o->height;
     const uint64_t n = source->delivered, index = frame_index(source, n);
-    render_frame(source, fv_sim_frame_time(source, index), o->seed ^ (index + 1) * 0x9E3779B97F4A7C15u,
-                 source->image[slot]);
+    render_frame(source, fv_sim_frame_time(source, index),
+                 o->seed ^ (index + 1) * 0x9E3779B97F4A7C15u, source->image[slot]);
     source->image_index[slot] = index;
     source->held[slot] = true;
     source->delivered++;
     *frame = (struct fovea_frame){
-        .image = {source->image[slot], o->width, o->height, o->width, FOVEA_PIXEL_GREY8, (size_t)pixels},
+        .image = {source->image[slot], o->width, o->height, o->width, FOVEA_PIXEL_GREY8,
+                  (size_t)pixels},
         .stamp_ns = frame_stamp(source, n),
         .exposure_ns = (int64_t)(o->exposure_ms * 1e6 + 0.5),
         .clock = FOVEA_CLOCK_SIMULATED,
@@ -340,11 +356,12 @@ static enum fovea_source_state sim_state(const struct fovea_source *source)
 
 const struct fovea_source_ops fovea_source_sim = {
     .name = "sim",
-    .help = "[TRAJECTORY][?OPTION=VALUE&...]  simulated camera: tour (default), orbit, corridor, rotate, "
-            "stopgo, fast, "
-            "kidnap, wander, still, stand; options seed width height rate frames lens fov noise blur rolling "
-            "exposure "
-            "readout objects textures light odometry odometry_noise time",
+    .help =
+        "[TRAJECTORY][?OPTION=VALUE&...]  simulated camera: tour (default), orbit, corridor, rotate, "
+        "stopgo, fast, "
+        "kidnap, wander, still, stand; options seed width height rate frames lens fov noise blur rolling "
+        "exposure "
+        "readout objects textures light odometry odometry_noise time",
     .open = sim_open,
     .info = sim_info,
     .start = sim_start,

@@ -3,8 +3,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Level 0 is the base, level 1 is 5/7 of it (area-weighted), and every further one halves the one two before
- * it. So the scales are exact rationals close to 2^(-l/2), and all of it is integer arithmetic. */
+/* Level 0 is the base, level 1 is 5/7 of it (area-weighted), and every further one halves the one
+ * two before it. So the scales are exact rationals close to 2^(-l/2), and all of it is integer
+ * arithmetic. */
 static int32_t level_size(int32_t base, int32_t level)
 {
     int64_t size = (level & 1) ? ((int64_t)base * 5 + 6) / 7 : base;
@@ -52,13 +53,14 @@ static int32_t clamp(int32_t value, int32_t low, int32_t high)
     return value < low ? low : value > high ? high : value;
 }
 
-/* Weights, in fifths of a source texel, of the (up to three) source texels under target texel i of a 7:5
- * reduction. */
+/* Weights, in fifths of a source texel, of the (up to three) source texels under target texel i of
+ * a 7:5 reduction. */
 static int32_t seven_to_five(int32_t i, int32_t weight[3])
 {
     const int32_t begin = 7 * i, end = begin + 7, first = begin / 5;
     for (int32_t k = 0; k < 3; k++) {
-        const int32_t low = clamp(5 * (first + k), begin, end), high = clamp(5 * (first + k + 1), begin, end);
+        const int32_t low = clamp(5 * (first + k), begin, end),
+                      high = clamp(5 * (first + k + 1), begin, end);
         weight[k] = high - low;
     }
     return first;
@@ -74,8 +76,8 @@ static void reduce_seven_to_five(const struct fv_sim_level *from, struct fv_sim_
             const int32_t x0 = seven_to_five(x, wx);
             int32_t sum = 0;
             for (int32_t j = 0; j < 3; j++) {
-                const uint8_t *row =
-                    from->texels + (size_t)clamp(y0 + j, 0, from->height - 1) * (size_t)from->stride;
+                const uint8_t *row = from->texels + (size_t)clamp(y0 + j, 0, from->height - 1) *
+                                                        (size_t)from->stride;
                 for (int32_t i = 0; i < 3; i++)
                     sum += wy[j] * wx[i] * row[clamp(x0 + i, 0, from->width - 1)];
             }
@@ -88,11 +90,13 @@ static void reduce_half(const struct fv_sim_level *from, struct fv_sim_level *to
 {
     for (int32_t y = 0; y < to->height; y++) {
         uint8_t *out = (uint8_t *)to->texels + (size_t)y * (size_t)to->stride;
-        const uint8_t *a = from->texels + (size_t)clamp(2 * y, 0, from->height - 1) * (size_t)from->stride;
+        const uint8_t *a =
+            from->texels + (size_t)clamp(2 * y, 0, from->height - 1) * (size_t)from->stride;
         const uint8_t *b =
             from->texels + (size_t)clamp(2 * y + 1, 0, from->height - 1) * (size_t)from->stride;
         for (int32_t x = 0; x < to->width; x++) {
-            const int32_t x0 = clamp(2 * x, 0, from->width - 1), x1 = clamp(2 * x + 1, 0, from->width - 1);
+            const int32_t x0 = clamp(2 * x, 0, from->width - 1),
+                          x1 = clamp(2 * x + 1, 0, from->width - 1);
             *out++ = (uint8_t)((a[x0] + a[x1] + b[x0] + b[x1] + 2) / 4);
         }
     }
@@ -104,7 +108,8 @@ static void double_last(struct fv_sim_level *level)
     const size_t stride = (size_t)level->stride;
     for (int32_t y = 0; y < level->height; y++)
         texels[(size_t)y * stride + stride - 1] = texels[(size_t)y * stride + stride - 2];
-    memcpy(texels + (size_t)level->height * stride, texels + (size_t)(level->height - 1) * stride, stride);
+    memcpy(texels + (size_t)level->height * stride, texels + (size_t)(level->height - 1) * stride,
+           stride);
 }
 
 void fv_sim_texture_finish(struct fv_sim_texture *texture)

@@ -2,28 +2,32 @@
 
 #include <string.h>
 
-/* Exact truth of a frame, traced anew at pixel centres with the frame's own geometry. With a rolling shutter,
- * maps and boxes follow the rows, pose and unoccluded sizes belong to the stamp. */
+/* Exact truth of a frame, traced anew at pixel centres with the frame's own geometry. With a
+ * rolling shutter, maps and boxes follow the rows, pose and unoccluded sizes belong to the stamp.
+ */
 
-enum { GRID = 64 };              /* samples per side where an object reaches out of the image */
-static const float aside = 6.0f; /* normalised coordinates beyond this count as out of any lens's field */
+enum { GRID = 64 }; /* samples per side where an object reaches out of the image */
+static const float aside =
+    6.0f; /* normalised coordinates beyond this count as out of any lens's field */
 
 struct tally {
     int32_t visible, x_min, y_min, x_max, y_max;
 };
 
-/* ---- maps -------------------------------------------------------------------------------------------- */
+/* ---- maps
+ * -------------------------------------------------------------------------------------------- */
 
-static void trace_tile(struct fovea_source *source, int32_t tile, const uint16_t *list, int32_t count,
-                       int32_t y_begin, int32_t y_end)
+static void trace_tile(struct fovea_source *source, int32_t tile, const uint16_t *list,
+                       int32_t count, int32_t y_begin, int32_t y_end)
 {
     const struct fv_sim_raster *raster = &source->raster;
-    const int32_t tx = tile % raster->tiles_x * FV_SIM_TILE, ty = tile / raster->tiles_x * FV_SIM_TILE;
+    const int32_t tx = tile % raster->tiles_x * FV_SIM_TILE,
+                  ty = tile / raster->tiles_x * FV_SIM_TILE;
     float inverse_z[FV_SIM_TILE_PIXELS];
     int32_t hit[FV_SIM_TILE_PIXELS];
     const size_t first = (size_t)tile * FV_SIM_TILE_PIXELS;
-    fv_sim_trace(&source->view, list, count, raster->x + first, raster->y + first, FV_SIM_TILE_PIXELS,
-                 inverse_z, hit);
+    fv_sim_trace(&source->view, list, count, raster->x + first, raster->y + first,
+                 FV_SIM_TILE_PIXELS, inverse_z, hit);
     for (int32_t i = 0; i < FV_SIM_TILE_PIXELS; i++) {
         const int32_t x = tx + i % FV_SIM_TILE, y = ty + i / FV_SIM_TILE;
         if (x >= raster->width || y < y_begin || y >= y_end) continue;
@@ -31,7 +35,8 @@ static void trace_tile(struct fovea_source *source, int32_t tile, const uint16_t
         const int32_t object = hit[i] < 0 ? 0 : source->view.surface[list[hit[i]]].object;
         source->depth_m[at] = hit[i] < 0 ? 0.0f : 1.0f / inverse_z[i];
         source->object_map[at] = (uint8_t)object;
-        source->class_mask[at] = object == 0 ? 0 : (uint8_t)source->world.object[object - 1].object_class;
+        source->class_mask[at] =
+            object == 0 ? 0 : (uint8_t)source->world.object[object - 1].object_class;
     }
 }
 
@@ -72,7 +77,8 @@ static void tally_objects(const struct fovea_source *source, struct tally *tally
     }
 }
 
-/* ---- size of an object if nothing hid it and the image were larger ----------------------------------- */
+/* ---- size of an object if nothing hid it and the image were larger
+ * ----------------------------------- */
 
 struct alone {
     uint16_t list[16];
@@ -106,16 +112,17 @@ static int32_t pixels_inside(const struct fovea_source *source, const struct alo
     int32_t hit[FV_SIM_TILE_PIXELS], sum = 0;
     for (int32_t tile = 0; tile < raster->tiles_x * raster->tiles_y; tile++) {
         const struct fv_sim_rect *b = &raster->bound[tile];
-        if (b->x_min > alone->bound.x_max || b->x_max < alone->bound.x_min || b->y_min > alone->bound.y_max ||
-            b->y_max < alone->bound.y_min)
+        if (b->x_min > alone->bound.x_max || b->x_max < alone->bound.x_min ||
+            b->y_min > alone->bound.y_max || b->y_max < alone->bound.y_min)
             continue;
-        const int32_t tx = tile % raster->tiles_x * FV_SIM_TILE, ty = tile / raster->tiles_x * FV_SIM_TILE;
+        const int32_t tx = tile % raster->tiles_x * FV_SIM_TILE,
+                      ty = tile / raster->tiles_x * FV_SIM_TILE;
         const size_t first = (size_t)tile * FV_SIM_TILE_PIXELS;
         fv_sim_trace(&source->view, alone->list, alone->count, raster->x + first, raster->y + first,
                      FV_SIM_TILE_PIXELS, inverse_z, hit);
         for (int32_t i = 0; i < FV_SIM_TILE_PIXELS; i++)
-            sum +=
-                hit[i] >= 0 && tx + i % FV_SIM_TILE < raster->width && ty + i / FV_SIM_TILE < raster->height;
+            sum += hit[i] >= 0 && tx + i % FV_SIM_TILE < raster->width &&
+                   ty + i / FV_SIM_TILE < raster->height;
     }
     return sum;
 }
@@ -138,11 +145,11 @@ static double pixels_outside(const struct fovea_source *source, const struct alo
         for (int32_t c = 0; c < GRID; c++) {
             double pixel[2], j[6];
             if (hit[c] < 0) continue;
-            if (fovea_camera_project(camera, (const double[3]){(double)x[c], (double)y[c], 1.0}, pixel, j) !=
-                FOVEA_OK)
+            if (fovea_camera_project(camera, (const double[3]){(double)x[c], (double)y[c], 1.0},
+                                     pixel, j) != FOVEA_OK)
                 continue;
-            const bool inside = pixel[0] >= -0.5 && pixel[0] < camera->width - 0.5 && pixel[1] >= -0.5 &&
-                                pixel[1] < camera->height - 0.5;
+            const bool inside = pixel[0] >= -0.5 && pixel[0] < camera->width - 0.5 &&
+                                pixel[1] >= -0.5 && pixel[1] < camera->height - 0.5;
             const double det = j[0] * j[4] - j[1] * j[3];
             if (!inside && det > 0.0) sum += det * step_x * step_y;
         }
@@ -159,13 +166,15 @@ static float visible_share(const struct fovea_source *source, int32_t object, in
     return visible >= whole ? 1.0f : (float)(visible / whole);
 }
 
-/* ---- all of it --------------------------------------------------------------------------------------- */
+/* ---- all of it
+ * --------------------------------------------------------------------------------------- */
 
 enum fovea_status fv_sim_truth(struct fovea_source *source, const struct fovea_frame *frame,
                                struct fovea_truth *truth)
 {
     struct tally tally[FV_SIM_OBJECTS_MAX + 1];
-    if (frame->slot >= FOVEA_SOURCE_FRAMES_HELD || !source->held[frame->slot]) return FOVEA_ERROR_ARGUMENT;
+    if (frame->slot >= FOVEA_SOURCE_FRAMES_HELD || !source->held[frame->slot])
+        return FOVEA_ERROR_ARGUMENT;
     const double time_s = fv_sim_frame_time(source, source->image_index[frame->slot]);
     trace_image(source, time_s);
     tally_objects(source, tally);
@@ -197,7 +206,8 @@ enum fovea_status fv_sim_truth(struct fovea_source *source, const struct fovea_f
 enum fovea_status fv_sim_truth_pose(struct fovea_source *source, const struct fovea_frame *frame,
                                     double T_world_cam[12])
 {
-    if (frame->slot >= FOVEA_SOURCE_FRAMES_HELD || !source->held[frame->slot]) return FOVEA_ERROR_ARGUMENT;
+    if (frame->slot >= FOVEA_SOURCE_FRAMES_HELD || !source->held[frame->slot])
+        return FOVEA_ERROR_ARGUMENT;
     fv_sim_motion_pose(&source->motion, fv_sim_frame_time(source, source->image_index[frame->slot]),
                        T_world_cam);
     return FOVEA_OK;

@@ -2,27 +2,32 @@
 
 #include <stdlib.h>
 
-/* ---- raster: a bearing for every pixel --------------------------------------------------------------- */
+/* ---- raster: a bearing for every pixel
+ * --------------------------------------------------------------- */
 
 /* Normalised coordinates (x, y) = (X/Z, Y/Z) of a pixel. */
-static bool normalised(const struct fovea_camera *camera, double px, double py, double *x, double *y)
+static bool normalised(const struct fovea_camera *camera, double px, double py, double *x,
+                       double *y)
 {
     double bearing[3];
-    if (fovea_camera_unproject(camera, (const double[2]){px, py}, bearing, NULL) != FOVEA_OK) return false;
+    if (fovea_camera_unproject(camera, (const double[2]){px, py}, bearing, NULL) != FOVEA_OK)
+        return false;
     if (bearing[2] < 0.1) return false;
     *x = bearing[0] / bearing[2];
     *y = bearing[1] / bearing[2];
     return true;
 }
 
-static bool fill_tile(struct fv_sim_raster *raster, const struct fovea_camera *camera, int32_t tx, int32_t ty)
+static bool fill_tile(struct fv_sim_raster *raster, const struct fovea_camera *camera, int32_t tx,
+                      int32_t ty)
 {
     const int32_t tile = ty * raster->tiles_x + tx;
     float *x = raster->x + (size_t)tile * FV_SIM_TILE_PIXELS,
           *y = raster->y + (size_t)tile * FV_SIM_TILE_PIXELS;
     struct fv_sim_rect bound = {1e9f, -1e9f, 1e9f, -1e9f};
     double nx, ny, mx = 0.0, my = 0.0;
-    /* One pixel of margin all round, for samples between pixels. Pixels past the image repeat its edge. */
+    /* One pixel of margin all round, for samples between pixels. Pixels past the image repeat its
+     * edge. */
     for (int32_t r = -1; r <= FV_SIM_TILE; r++) {
         for (int32_t c = -1; c <= FV_SIM_TILE; c++) {
             int32_t px = tx * FV_SIM_TILE + c, py = ty * FV_SIM_TILE + r;
@@ -51,10 +56,12 @@ static bool fill_tile(struct fv_sim_raster *raster, const struct fovea_camera *c
     /* Normalised area of a pixel from the lens's Jacobian at the tile's middle. */
     double pixel[2], j[6];
     raster->pixel_area[tile] = 1.0f;
-    if (fovea_camera_project(camera, (const double[3]){mx, my, 1.0}, pixel, j) != FOVEA_OK) return false;
+    if (fovea_camera_project(camera, (const double[3]){mx, my, 1.0}, pixel, j) != FOVEA_OK)
+        return false;
     const double det = j[0] * j[4] - j[1] * j[3];
     if (det > 0.0)
-        raster->pixel_area[tile] = (float)(__builtin_sqrt(__builtin_sqrt(mx * mx + my * my + 1.0)) / det);
+        raster->pixel_area[tile] =
+            (float)(__builtin_sqrt(__builtin_sqrt(mx * mx + my * my + 1.0)) / det);
     return true;
 }
 
@@ -69,7 +76,8 @@ bool fv_sim_raster_create(struct fv_sim_raster *raster, const struct fovea_camer
     raster->y = malloc(tiles * FV_SIM_TILE_PIXELS * sizeof(float));
     raster->bound = malloc(tiles * sizeof *raster->bound);
     raster->pixel_area = malloc(tiles * sizeof(float));
-    if (raster->x == NULL || raster->y == NULL || raster->bound == NULL || raster->pixel_area == NULL)
+    if (raster->x == NULL || raster->y == NULL || raster->bound == NULL ||
+        raster->pixel_area == NULL)
         return false;
     for (int32_t ty = 0; ty < raster->tiles_y; ty++) {
         for (int32_t tx = 0; tx < raster->tiles_x; tx++) {
@@ -88,7 +96,8 @@ void fv_sim_raster_free(struct fv_sim_raster *raster)
     *raster = (struct fv_sim_raster){0};
 }
 
-/* ---- surfaces in the camera frame -------------------------------------------------------------------- */
+/* ---- surfaces in the camera frame
+ * -------------------------------------------------------------------- */
 
 static const double near_m = 0.05;
 
@@ -123,9 +132,10 @@ static void store3(float out[3], const double in[3])
         out[i] = (float)in[i];
 }
 
-/* Bounds of corner points in the normalised plane; everything when one is beside or behind the camera. false:
- * all of them are behind. */
-static bool set_bounds(struct fv_sim_surface *s, const double (*corner)[3], int32_t count, double *z_min)
+/* Bounds of corner points in the normalised plane; everything when one is beside or behind the
+ * camera. false: all of them are behind. */
+static bool set_bounds(struct fv_sim_surface *s, const double (*corner)[3], int32_t count,
+                       double *z_min)
 {
     int32_t behind = 0;
     s->x_min = s->y_min = 1e9f;
@@ -225,7 +235,8 @@ static bool set_round(struct fv_sim_surface *s, const struct fv_sim_round *round
     for (int32_t k = 0; k < 8; k++) {
         for (int32_t i = 0; i < 3; i++)
             corner[k][i] = p[i] + ((k & 1) ? round->height : 0.0) * a[i] +
-                           ((k & 2) ? radius : -radius) * e1[i] + ((k & 4) ? radius : -radius) * e2[i];
+                           ((k & 2) ? radius : -radius) * e1[i] +
+                           ((k & 4) ? radius : -radius) * e2[i];
     }
     if (!set_bounds(s, (const double(*)[3])corner, 8, &z_min) || outside(s, bound)) return false;
     const double k = 1.0 + round->q2, pa = dot(p, a),
@@ -249,9 +260,10 @@ static bool set_round(struct fv_sim_surface *s, const struct fv_sim_round *round
     s->tex_du = (float)texture->width;
     s->tex_dv = (float)texture->height;
     /* Texels per metre, squared: across by the girth, along by the height. */
-    s->area =
-        (float)((double)texture->width / (2.0 * FOVEA_PI * radius) * (double)texture->height / round->height);
-    s->slant = (float)(z_min > near_m ? 1.0 / z_min : 1.0 / near_m); /* nearest: for depth culling */
+    s->area = (float)((double)texture->width / (2.0 * FOVEA_PI * radius) * (double)texture->height /
+                      round->height);
+    s->slant =
+        (float)(z_min > near_m ? 1.0 / z_min : 1.0 / near_m); /* nearest: for depth culling */
     s->light = round->light;
     s->texture = texture;
     s->object = round->object;
@@ -260,38 +272,43 @@ static bool set_round(struct fv_sim_surface *s, const struct fv_sim_round *round
     return true;
 }
 
-void fv_sim_view_set(struct fv_sim_view *view, const struct fv_sim_world *world, const double T_world_cam[12],
-                     const struct fv_sim_rect *bound)
+void fv_sim_view_set(struct fv_sim_view *view, const struct fv_sim_world *world,
+                     const double T_world_cam[12], const struct fv_sim_rect *bound)
 {
     int32_t count = 0;
     for (int32_t i = 0; i < world->face_count; i++) {
         const struct fv_sim_face *face = &world->face[i];
-        if (set_face(&view->surface[count], face, &world->texture[face->texture], T_world_cam, bound))
+        if (set_face(&view->surface[count], face, &world->texture[face->texture], T_world_cam,
+                     bound))
             count++;
     }
     for (int32_t i = 0; i < world->round_count; i++) {
         const struct fv_sim_round *round = &world->round[i];
-        if (set_round(&view->surface[count], round, &world->texture[round->texture], T_world_cam, bound))
+        if (set_round(&view->surface[count], round, &world->texture[round->texture], T_world_cam,
+                      bound))
             count++;
     }
     view->surface_count = count;
 }
 
-/* ---- what may be seen in a rectangle of bearings ----------------------------------------------------- */
+/* ---- what may be seen in a rectangle of bearings
+ * ----------------------------------------------------- */
 
 /* Smallest and largest value of an affine function over a rectangle. */
 static inline float affine_max(const float f[3], const struct fv_sim_rect *r)
 {
-    return f[2] + f[0] * (f[0] > 0.0f ? r->x_max : r->x_min) + f[1] * (f[1] > 0.0f ? r->y_max : r->y_min);
+    return f[2] + f[0] * (f[0] > 0.0f ? r->x_max : r->x_min) +
+           f[1] * (f[1] > 0.0f ? r->y_max : r->y_min);
 }
 
 static inline float affine_min(const float f[3], const struct fv_sim_rect *r)
 {
-    return f[2] + f[0] * (f[0] > 0.0f ? r->x_min : r->x_max) + f[1] * (f[1] > 0.0f ? r->y_min : r->y_max);
+    return f[2] + f[0] * (f[0] > 0.0f ? r->x_min : r->x_max) +
+           f[1] * (f[1] > 0.0f ? r->y_min : r->y_max);
 }
 
-/* Whether a surface may show in the rectangle, its largest 1/z there, and, when it fills the rectangle, its
- * smallest. */
+/* Whether a surface may show in the rectangle, its largest 1/z there, and, when it fills the
+ * rectangle, its smallest. */
 static bool may_show(const struct fv_sim_surface *s, const struct fv_sim_rect *r, float *nearest,
                      float *filled)
 {

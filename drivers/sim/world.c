@@ -2,7 +2,8 @@
 
 #include <string.h>
 
-/* ---- building blocks --------------------------------------------------------------------------------- */
+/* ---- building blocks
+ * --------------------------------------------------------------------------------- */
 
 /* A seed of its own for the n-th thing made (SplitMix64's finaliser). */
 static uint64_t seed_for(uint64_t seed, uint64_t n)
@@ -13,8 +14,8 @@ static uint64_t seed_for(uint64_t seed, uint64_t n)
     return z ^ (z >> 31);
 }
 
-uint16_t fv_sim_world_texture(struct fv_sim_world *world, enum fv_sim_material material, double width_m,
-                              double height_m, double texels_per_m, bool wall)
+uint16_t fv_sim_world_texture(struct fv_sim_world *world, enum fv_sim_material material,
+                              double width_m, double height_m, double texels_per_m, bool wall)
 {
     if (world->texture_count == FV_SIM_TEXTURES_MAX) {
         world->full = true;
@@ -22,13 +23,15 @@ uint16_t fv_sim_world_texture(struct fv_sim_world *world, enum fv_sim_material m
     }
     const int32_t index = world->texture_count;
     struct fv_sim_texture *texture = &world->texture[index];
-    const int32_t width = (int32_t)(width_m * texels_per_m), height = (int32_t)(height_m * texels_per_m);
+    const int32_t width = (int32_t)(width_m * texels_per_m),
+                  height = (int32_t)(height_m * texels_per_m);
     if (!fv_sim_texture_create(texture, width < 16 ? 16 : width, height < 16 ? 16 : height)) {
         world->full = true;
         return 0;
     }
     world->texture_count++;
-    /* Repeated textures: the same material always looks the same, and walls hang the same things. */
+    /* Repeated textures: the same material always looks the same, and walls hang the same things.
+     */
     const uint64_t seed =
         seed_for(world->seed, world->repeated ? 1000u + (uint64_t)material : (uint64_t)index);
     fv_sim_paint(texture, material, texels_per_m, seed);
@@ -40,8 +43,9 @@ uint16_t fv_sim_world_texture(struct fv_sim_world *world, enum fv_sim_material m
     return (uint16_t)index;
 }
 
-struct fv_sim_face *fv_sim_world_face(struct fv_sim_world *world, const double origin[3], const double u[3],
-                                      const double v[3], uint16_t texture, double light)
+struct fv_sim_face *fv_sim_world_face(struct fv_sim_world *world, const double origin[3],
+                                      const double u[3], const double v[3], uint16_t texture,
+                                      double light)
 {
     if (world->face_count == FV_SIM_FACES_MAX) {
         world->full = true;
@@ -62,14 +66,15 @@ struct fv_sim_face *fv_sim_world_face(struct fv_sim_world *world, const double o
     return face;
 }
 
-/* Show a piece of a shared texture at its own scale; a face larger than the texture stretches it. */
-static void take_piece(struct fv_sim_world *world, struct fv_sim_face *face, double width_m, double height_m,
-                       double texels_per_m)
+/* Show a piece of a shared texture at its own scale; a face larger than the texture stretches it.
+ */
+static void take_piece(struct fv_sim_world *world, struct fv_sim_face *face, double width_m,
+                       double height_m, double texels_per_m)
 {
     const struct fv_sim_texture *t = &world->texture[face->texture];
     struct fovea_random random;
-    fovea_random_seed(&random,
-                      seed_for(world->seed, world->repeated ? 7u : 5000u + (uint64_t)world->face_count));
+    fovea_random_seed(
+        &random, seed_for(world->seed, world->repeated ? 7u : 5000u + (uint64_t)world->face_count));
     int32_t du = (int32_t)(width_m * texels_per_m), dv = (int32_t)(height_m * texels_per_m);
     if (du > t->width) du = t->width;
     if (dv > t->height) dv = t->height;
@@ -81,11 +86,13 @@ static void take_piece(struct fv_sim_world *world, struct fv_sim_face *face, dou
     face->tex_dv = -(float)dv;
 }
 
-void fv_sim_world_box(struct fv_sim_world *world, const double center[2], double z, const double size[3],
-                      double yaw, uint16_t side, uint16_t top, uint32_t faces, double texels_per_m)
+void fv_sim_world_box(struct fv_sim_world *world, const double center[2], double z,
+                      const double size[3], double yaw, uint16_t side, uint16_t top, uint32_t faces,
+                      double texels_per_m)
 {
     const double c = fovea_cos(yaw), s = fovea_sin(yaw);
-    /* Corners go round anticlockwise from (-x, -y); side k runs from corner k to k + 1 and faces outward. */
+    /* Corners go round anticlockwise from (-x, -y); side k runs from corner k to k + 1 and faces
+     * outward. */
     static const double round_x[4] = {-0.5, 0.5, 0.5, -0.5}, round_y[4] = {-0.5, -0.5, 0.5, 0.5};
     static const uint32_t bit[4] = {4, 2, 8, 1};
     double corner[4][2];
@@ -97,23 +104,27 @@ void fv_sim_world_box(struct fv_sim_world *world, const double center[2], double
     for (int32_t k = 0; k < 4; k++) {
         if (!(faces & bit[k])) continue;
         const double *from = corner[k], *to = corner[(k + 1) % 4];
-        const double origin[3] = {from[0], from[1], z}, u[3] = {to[0] - from[0], to[1] - from[1], 0.0};
+        const double origin[3] = {from[0], from[1], z},
+                     u[3] = {to[0] - from[0], to[1] - from[1], 0.0};
         const double v[3] = {0.0, 0.0, size[2]}, width = (k & 1) ? size[1] : size[0];
         /* Outward normal is (u.y, -u.x); light comes mostly from +x -y. */
         const double light = 0.84 + 0.1 * (u[1] * 0.8 + u[0] * 0.6) / width;
         struct fv_sim_face *face = fv_sim_world_face(world, origin, u, v, side, light);
-        if (face != NULL && texels_per_m > 0.0) take_piece(world, face, width, size[2], texels_per_m);
+        if (face != NULL && texels_per_m > 0.0)
+            take_piece(world, face, width, size[2], texels_per_m);
     }
     const double ux[3] = {c * size[0], s * size[0], 0.0}, uy[3] = {-s * size[1], c * size[1], 0.0};
     if (faces & 16) {
         const double origin[3] = {corner[0][0], corner[0][1], z + size[2]};
         struct fv_sim_face *face = fv_sim_world_face(world, origin, ux, uy, top, 1.06);
-        if (face != NULL && texels_per_m > 0.0) take_piece(world, face, size[0], size[1], texels_per_m);
+        if (face != NULL && texels_per_m > 0.0)
+            take_piece(world, face, size[0], size[1], texels_per_m);
     }
     if (faces & 32) {
         const double origin[3] = {corner[3][0], corner[3][1], z}, down[3] = {-uy[0], -uy[1], 0.0};
         struct fv_sim_face *face = fv_sim_world_face(world, origin, ux, down, top, 0.6);
-        if (face != NULL && texels_per_m > 0.0) take_piece(world, face, size[0], size[1], texels_per_m);
+        if (face != NULL && texels_per_m > 0.0)
+            take_piece(world, face, size[0], size[1], texels_per_m);
     }
 }
 
@@ -134,7 +145,8 @@ struct fv_sim_round *fv_sim_world_round(struct fv_sim_world *world, double x, do
     return round;
 }
 
-/* ---- whole worlds ------------------------------------------------------------------------------------ */
+/* ---- whole worlds
+ * ------------------------------------------------------------------------------------ */
 
 bool fv_sim_world_build(struct fv_sim_world *world, const struct fv_sim_options *options)
 {

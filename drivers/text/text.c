@@ -9,7 +9,8 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-/* ---- whole files ------------------------------------------------------------------------------------- */
+/* ---- whole files
+ * ------------------------------------------------------------------------------------- */
 
 /* Read until the end or one byte past the limit, so that the caller sees that there was more. */
 static enum fovea_status read_all(int descriptor, const char *path, size_t max_bytes, char **text,
@@ -27,13 +28,15 @@ static enum fovea_status read_all(int descriptor, const char *path, size_t max_b
         if (got < 0 && errno == EINTR) continue;
         if (got < 0) {
             free(buffer);
-            return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: cannot be read: %s", path, strerror(errno));
+            return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: cannot be read: %s", path,
+                                   strerror(errno));
         }
         used += (size_t)got;
         if (used > max_bytes) {
             free(buffer);
             return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                                   "%s: found more than %zu bytes, expected at most that", path, max_bytes);
+                                   "%s: found more than %zu bytes, expected at most that", path,
+                                   max_bytes);
         }
         if (got == 0) {
             buffer[used] = '\0';
@@ -43,7 +46,8 @@ static enum fovea_status read_all(int descriptor, const char *path, size_t max_b
         }
     }
     free(buffer);
-    return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory after %zu bytes", path, used);
+    return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory after %zu bytes", path,
+                           used);
 }
 
 enum fovea_status fovea_text_read(const char *path, size_t max_bytes, char **text, size_t *bytes,
@@ -51,18 +55,21 @@ enum fovea_status fovea_text_read(const char *path, size_t max_bytes, char **tex
 {
     const int descriptor = open(path, O_RDONLY | O_CLOEXEC);
     if (descriptor < 0)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: cannot be opened: %s", path, strerror(errno));
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: cannot be opened: %s", path,
+                               strerror(errno));
     struct stat about;
     enum fovea_status status;
     if (fstat(descriptor, &about) == 0 && S_ISDIR(about.st_mode))
-        status = fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: found a directory, expected a file", path);
+        status = fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: found a directory, expected a file",
+                                 path);
     else
         status = read_all(descriptor, path, max_bytes, text, bytes, error);
     close(descriptor);
     return status;
 }
 
-/* ---- numbers ----------------------------------------------------------------------------------------- */
+/* ---- numbers
+ * ----------------------------------------------------------------------------------------- */
 
 /* Shape of a decimal number, checked by hand since strtod also takes blanks, hexadecimal, "nan" and
  * "infinity". */
@@ -109,7 +116,8 @@ bool fovea_text_integer(const char *text, int64_t *value)
     return true;
 }
 
-/* ---- error lines ------------------------------------------------------------------------------------- */
+/* ---- error lines
+ * ------------------------------------------------------------------------------------- */
 
 const char *fovea_text_quote(const char *text, char *quoted, size_t bytes)
 {
@@ -156,8 +164,8 @@ static int distance(const char *a, size_t m, const char *b, size_t n)
             int best = last[j - 1] + cost;
             if (last[j] + 1 < best) best = last[j] + 1;
             if (now[j - 1] + 1 < best) best = now[j - 1] + 1;
-            if (i > 1 && j > 1 && lower(a[i - 1]) == lower(b[j - 2]) && lower(a[i - 2]) == lower(b[j - 1]) &&
-                before[j - 2] + 1 < best)
+            if (i > 1 && j > 1 && lower(a[i - 1]) == lower(b[j - 2]) &&
+                lower(a[i - 2]) == lower(b[j - 1]) && before[j - 2] + 1 < best)
                 best = before[j - 2] + 1;
             now[j] = best;
         }

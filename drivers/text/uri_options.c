@@ -25,11 +25,12 @@ enum fovea_status fv_uri_unknown(const char *scheme, const char *what, const cha
     size_t used = 0;
     list[0] = '\0';
     for (size_t i = 0; i < count && used < sizeof list; i++)
-        used += (size_t)snprintf(list + used, sizeof list - used, "%s%s", i == 0 ? "" : " ", names[i]);
+        used +=
+            (size_t)snprintf(list + used, sizeof list - used, "%s%s", i == 0 ? "" : " ", names[i]);
     fovea_text_quote(found, quoted, sizeof quoted);
-    return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: unknown %s %s%s%s%s expected one of: %s", scheme,
-                           what, quoted, like != NULL ? ", did you mean '" : ";", like != NULL ? like : "",
-                           like != NULL ? "'?" : "", list);
+    return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: unknown %s %s%s%s%s expected one of: %s",
+                           scheme, what, quoted, like != NULL ? ", did you mean '" : ";",
+                           like != NULL ? like : "", like != NULL ? "'?" : "", list);
 }
 
 static bool store_word(void *to, const struct fv_uri_option *option, const char *value)
@@ -47,11 +48,13 @@ static bool store_number(void *to, const struct fv_uri_option *option, const cha
     double value;
     int64_t whole;
     if (option->kind == FV_URI_REAL) {
-        if (!fovea_text_number(text, &value) || value < option->low || value > option->high) return false;
+        if (!fovea_text_number(text, &value) || value < option->low || value > option->high)
+            return false;
         *(double *)to = value;
         return true;
     }
-    if (!fovea_text_integer(text, &whole) || whole < (int64_t)option->low || whole > (int64_t)option->high)
+    if (!fovea_text_integer(text, &whole) || whole < (int64_t)option->low ||
+        whole > (int64_t)option->high)
         return false; /* bounds are whole here; as doubles, 2^53 and one more are the same */
     if (option->kind == FV_URI_U64) *(uint64_t *)to = (uint64_t)whole;
     if (option->kind == FV_URI_I32) *(int32_t *)to = (int32_t)whole;
@@ -74,12 +77,13 @@ static enum fovea_status store(const struct fv_uri_table *table, const struct fv
     if (word ? store_word(to, option, value) : store_number(to, option, value)) return FOVEA_OK;
     fovea_text_quote(value, quoted, sizeof quoted);
     if (word)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: %s: found %s, expected %s", table->scheme,
-                               option->name, quoted, option->unit);
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: %s: found %s, expected %s",
+                               table->scheme, option->name, quoted, option->unit);
     return fovea_error_set(
-        error, FOVEA_ERROR_INPUT, "%s: %s: found %s, expected %s in [%.*f, %.*f] (%s)", table->scheme,
-        option->name, quoted, option->kind == FV_URI_REAL ? "a number" : "a whole number",
-        digits_of(option->low), option->low, digits_of(option->high), option->high, option->unit);
+        error, FOVEA_ERROR_INPUT, "%s: %s: found %s, expected %s in [%.*f, %.*f] (%s)",
+        table->scheme, option->name, quoted,
+        option->kind == FV_URI_REAL ? "a number" : "a whole number", digits_of(option->low),
+        option->low, digits_of(option->high), option->high, option->unit);
 }
 
 /* One "name=value". */
@@ -97,22 +101,25 @@ static enum fovea_status parse_option(const struct fv_uri_table *table, char *te
         if (strcmp(text, names[i]) != 0) continue;
         option = &table->options[i];
         if (*given >> i & 1)
-            return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: %s: found a second time, expected once",
-                                   table->scheme, text);
+            return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                                   "%s: %s: found a second time, expected once", table->scheme,
+                                   text);
         *given |= UINT64_C(1) << i;
     }
     names[table->count] = table->other_prefix;
     if (option == NULL && !other)
-        return fv_uri_unknown(table->scheme, "option", text, names, table->count + (prefix > 0), error);
+        return fv_uri_unknown(table->scheme, "option", text, names, table->count + (prefix > 0),
+                              error);
     if (value == NULL)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: %s: found no value, expected %s=VALUE (%s)",
-                               table->scheme, text, text, other ? "of a control" : option->unit);
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%s: %s: found no value, expected %s=VALUE (%s)", table->scheme,
+                               text, text, other ? "of a control" : option->unit);
     return other ? table->other(options, text + prefix, value, error)
                  : store(table, option, value, options, error);
 }
 
-enum fovea_status fv_uri_options_parse(const struct fv_uri_table *table, const char *text, void *options,
-                                       uint64_t *given, struct fovea_error *error)
+enum fovea_status fv_uri_options_parse(const struct fv_uri_table *table, const char *text,
+                                       void *options, uint64_t *given, struct fovea_error *error)
 {
     char word[FV_URI_WORD_BYTES];
     *given = 0;

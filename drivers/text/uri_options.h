@@ -31,21 +31,25 @@ struct fv_uri_table {
     const char *scheme; /* begins every error line */
     const struct fv_uri_option *options;
     size_t count; /* at most 64 */
-    /* Takes options that begin with `other_prefix` (given without it); both NULL where there are none. */
+    /* Takes options that begin with `other_prefix` (given without it); both NULL where there are
+     * none. */
     const char *other_prefix;
-    enum fovea_status (*other)(void *options, const char *name, const char *value, struct fovea_error *error);
+    enum fovea_status (*other)(void *options, const char *name, const char *value,
+                               struct fovea_error *error);
 };
 
-/* Read all of `text` into `options`, which holds the defaults. Bit i of `*given` is set when row i was given.
- * FOVEA_ERROR_INPUT: `error` names the option, what was found and what is expected; `options` is then partly
- * filled. */
-enum fovea_status fv_uri_options_parse(const struct fv_uri_table *table, const char *text, void *options,
-                                       uint64_t *given, struct fovea_error *error);
+/* Read all of `text` into `options`, which holds the defaults. Bit i of `*given` is set when row i
+ * was given. FOVEA_ERROR_INPUT: `error` names the option, what was found and what is expected;
+ * `options` is then partly filled. */
+enum fovea_status fv_uri_options_parse(const struct fv_uri_table *table, const char *text,
+                                       void *options, uint64_t *given, struct fovea_error *error);
 
-/* The next piece of `*at` up to a character of `stops`, cut to fit `word`; `*at` moves behind it. */
+/* The next piece of `*at` up to a character of `stops`, cut to fit `word`; `*at` moves behind it.
+ */
 void fv_uri_next_word(const char **at, const char *stops, char word[FV_URI_WORD_BYTES]);
 
-/* The error for a name that is none of `names`: lists them, and the nearest. `what` is said of the name. */
+/* The error for a name that is none of `names`: lists them, and the nearest. `what` is said of the
+ * name. */
 enum fovea_status fv_uri_unknown(const char *scheme, const char *what, const char *found,
                                  const char *const *names, size_t count, struct fovea_error *error);
 

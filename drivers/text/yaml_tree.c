@@ -5,8 +5,8 @@
 #include <string.h>
 #include <yaml.h>
 
-/* The parser runs twice over the text: once counting nodes and bytes, once filling memory of exactly that
- * size. */
+/* The parser runs twice over the text: once counting nodes and bytes, once filling memory of
+ * exactly that size. */
 struct block {
     struct fovea_yaml_tree tree;
     char *text;
@@ -22,7 +22,8 @@ struct builder {
     uint32_t documents, depth;
     yaml_mark_t document; /* where the last one starts */
     struct level {
-        struct fovea_yaml_node *node, *last; /* the collection and its youngest child; NULL when counting */
+        struct fovea_yaml_node *node,
+            *last; /* the collection and its youngest child; NULL when counting */
         bool mapping, has_key;
         uint32_t count, key_line;
         char *key;
@@ -68,8 +69,8 @@ static enum fovea_status take_key(struct builder *b, struct level *level, const 
 }
 
 /* Append a node to the collection on top of the stack. */
-static enum fovea_status add_node(struct builder *b, const yaml_event_t *event, enum fovea_yaml_kind kind,
-                                  struct fovea_yaml_node **added)
+static enum fovea_status add_node(struct builder *b, const yaml_event_t *event,
+                                  enum fovea_yaml_kind kind, struct fovea_yaml_node **added)
 {
     if (b->nodes >= FOVEA_YAML_NODES_MAX)
         return refuse(b, &event->start_mark, "more values than a file may have", "at most 65536");
@@ -78,8 +79,8 @@ static enum fovea_status add_node(struct builder *b, const yaml_event_t *event, 
     b->nodes++;
     *added = node;
     if (node != NULL) {
-        *node =
-            (struct fovea_yaml_node){.kind = kind, .value = "", .line = (uint32_t)event->start_mark.line + 1};
+        *node = (struct fovea_yaml_node){
+            .kind = kind, .value = "", .line = (uint32_t)event->start_mark.line + 1};
         if (level != NULL) {
             node->parent = level->node;
             node->index = level->count;
@@ -106,9 +107,10 @@ static enum fovea_status add_value(struct builder *b, const yaml_event_t *event)
 {
     struct level *level = b->depth > 0 ? &b->levels[b->depth - 1] : NULL;
     if (level != NULL && level->mapping && !level->has_key) return take_key(b, level, event);
-    const enum fovea_yaml_kind kind = event->type == YAML_SCALAR_EVENT          ? FOVEA_YAML_SCALAR
-                                      : event->type == YAML_MAPPING_START_EVENT ? FOVEA_YAML_MAPPING
-                                                                                : FOVEA_YAML_SEQUENCE;
+    const enum fovea_yaml_kind kind = event->type == YAML_SCALAR_EVENT ? FOVEA_YAML_SCALAR
+                                      : event->type == YAML_MAPPING_START_EVENT
+                                          ? FOVEA_YAML_MAPPING
+                                          : FOVEA_YAML_SEQUENCE;
     struct fovea_yaml_node *node = NULL;
     const enum fovea_status status = add_node(b, event, kind, &node);
     if (status != FOVEA_OK) return status;
@@ -157,8 +159,9 @@ static enum fovea_status take_event(struct builder *b, const yaml_event_t *event
     switch (event->type) {
     case YAML_DOCUMENT_START_EVENT:
         b->document = event->start_mark;
-        return ++b->documents > 2 ? refuse(b, &event->start_mark, "a third document", "one per file")
-                                  : FOVEA_OK;
+        return ++b->documents > 2
+                   ? refuse(b, &event->start_mark, "a third document", "one per file")
+                   : FOVEA_OK;
     case YAML_SCALAR_EVENT:
     case YAML_SEQUENCE_START_EVENT:
     case YAML_MAPPING_START_EVENT:
@@ -209,8 +212,9 @@ static enum fovea_status run_parser(struct builder *b, const char *text, size_t 
     return status;
 }
 
-/* Bytes that the parser is not given: the mark with which some editors begin UTF-8, which libyaml takes for a column,
- * and OpenCV's "%YAML:1.0" to the end of its line, which stays so that line numbers hold. */
+/* Bytes that the parser is not given: the mark with which some editors begin UTF-8, which libyaml
+ * takes for a column, and OpenCV's "%YAML:1.0" to the end of its line, which stays so that line
+ * numbers hold. */
 static size_t head_bytes(const char *text, size_t bytes)
 {
     static const char mark[] = "\xef\xbb\xbf", head[] = "%YAML:";
@@ -232,8 +236,8 @@ static struct block *block_new(const struct builder *counted)
     char *name = block->text + counted->bytes;
     memcpy(name, counted->file, name_bytes);
     block->nodes[0] = (struct fovea_yaml_node){.kind = FOVEA_YAML_MAPPING, .line = 1, .value = ""};
-    block->tree =
-        (struct fovea_yaml_tree){.file = name, .root = block->nodes, .node_count = (uint32_t)counted->nodes};
+    block->tree = (struct fovea_yaml_tree){
+        .file = name, .root = block->nodes, .node_count = (uint32_t)counted->nodes};
     return block;
 }
 
@@ -241,8 +245,8 @@ enum fovea_status fovea_yaml_parse(const char *name, const char *text, size_t by
                                    struct fovea_yaml_tree **tree, struct fovea_error *error)
 {
     if (bytes > FOVEA_YAML_BYTES_MAX)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: found %zu bytes, expected at most %d", name,
-                               bytes, (int)FOVEA_YAML_BYTES_MAX);
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: found %zu bytes, expected at most %d",
+                               name, bytes, (int)FOVEA_YAML_BYTES_MAX);
     const size_t skipped = head_bytes(text, bytes);
     text += skipped;
     bytes -= skipped;
@@ -261,7 +265,8 @@ enum fovea_status fovea_yaml_parse(const char *name, const char *text, size_t by
     return FOVEA_OK;
 }
 
-enum fovea_status fovea_yaml_read(const char *path, struct fovea_yaml_tree **tree, struct fovea_error *error)
+enum fovea_status fovea_yaml_read(const char *path, struct fovea_yaml_tree **tree,
+                                  struct fovea_error *error)
 {
     char *text;
     size_t bytes;

@@ -16,8 +16,8 @@ const char *fovea_yaml_path(const struct fovea_yaml_node *node, char path[FOVEA_
         if (node->key != NULL) {
             fovea_text_quote(node->key, quoted, sizeof quoted);
             quoted[strlen(quoted) - 1] = '\0'; /* without its quotes */
-            length = (size_t)snprintf(part, sizeof part, "%s%s", node->parent->parent != NULL ? "." : "",
-                                      quoted + 1);
+            length = (size_t)snprintf(part, sizeof part, "%s%s",
+                                      node->parent->parent != NULL ? "." : "", quoted + 1);
         } else {
             length = (size_t)snprintf(part, sizeof part, "[%u]", node->index);
         }
@@ -29,23 +29,27 @@ const char *fovea_yaml_path(const struct fovea_yaml_node *node, char path[FOVEA_
     return memmove(path, path + at, FOVEA_YAML_PATH_BYTES - at);
 }
 
-enum fovea_status fovea_yaml_refuse(const struct fovea_yaml_tree *tree, const struct fovea_yaml_node *node,
-                                    const char *expected, struct fovea_error *error)
+enum fovea_status fovea_yaml_refuse(const struct fovea_yaml_tree *tree,
+                                    const struct fovea_yaml_node *node, const char *expected,
+                                    struct fovea_error *error)
 {
-    char path[FOVEA_YAML_PATH_BYTES], quoted[FOVEA_TEXT_QUOTED_BYTES], found[FOVEA_TEXT_QUOTED_BYTES + 16];
+    char path[FOVEA_YAML_PATH_BYTES], quoted[FOVEA_TEXT_QUOTED_BYTES],
+        found[FOVEA_TEXT_QUOTED_BYTES + 16];
     if (node->kind == FOVEA_YAML_SCALAR && node->quoted) /* "0" is no number */
-        snprintf(found, sizeof found, "the text %s", fovea_text_quote(node->value, quoted, sizeof quoted));
+        snprintf(found, sizeof found, "the text %s",
+                 fovea_text_quote(node->value, quoted, sizeof quoted));
     else if (node->kind == FOVEA_YAML_SCALAR)
         fovea_text_quote(node->value, found, sizeof found);
     else
-        snprintf(found, sizeof found, "a %s of %u", node->kind == FOVEA_YAML_MAPPING ? "mapping" : "list",
-                 node->count);
+        snprintf(found, sizeof found, "a %s of %u",
+                 node->kind == FOVEA_YAML_MAPPING ? "mapping" : "list", node->count);
     return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s:%u: %s: found %s, expected %s", tree->file,
                            node->line, fovea_yaml_path(node, path), found, expected);
 }
 
-enum fovea_status fovea_yaml_require(const struct fovea_yaml_tree *tree, const struct fovea_yaml_node *node,
-                                     const char *key, const struct fovea_yaml_node **child,
+enum fovea_status fovea_yaml_require(const struct fovea_yaml_tree *tree,
+                                     const struct fovea_yaml_node *node, const char *key,
+                                     const struct fovea_yaml_node **child,
                                      struct fovea_error *error)
 {
     if (node->kind != FOVEA_YAML_MAPPING) {
@@ -59,19 +63,22 @@ enum fovea_status fovea_yaml_require(const struct fovea_yaml_tree *tree, const s
         return FOVEA_OK;
     }
     const struct fovea_yaml_node *like = NULL;
-    for (const struct fovea_yaml_node *each = node->first; each != NULL && like == NULL; each = each->next)
+    for (const struct fovea_yaml_node *each = node->first; each != NULL && like == NULL;
+         each = each->next)
         if (fovea_text_nearest(each->key, &key, 1) != NULL) like = each;
     char path[FOVEA_YAML_PATH_BYTES], quoted[FOVEA_TEXT_QUOTED_BYTES];
     if (like != NULL)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s:%u: %s: found the key %s, expected '%s'",
-                               tree->file, like->line, fovea_yaml_path(node, path),
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%s:%u: %s: found the key %s, expected '%s'", tree->file, like->line,
+                               fovea_yaml_path(node, path),
                                fovea_text_quote(like->key, quoted, sizeof quoted), key);
-    return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s:%u: %s: found no key '%s', expected it", tree->file,
-                           node->line, fovea_yaml_path(node, path), key);
+    return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s:%u: %s: found no key '%s', expected it",
+                           tree->file, node->line, fovea_yaml_path(node, path), key);
 }
 
-enum fovea_status fovea_yaml_number(const struct fovea_yaml_tree *tree, const struct fovea_yaml_node *node,
-                                    double min, double max, double *value, struct fovea_error *error)
+enum fovea_status fovea_yaml_number(const struct fovea_yaml_tree *tree,
+                                    const struct fovea_yaml_node *node, double min, double max,
+                                    double *value, struct fovea_error *error)
 {
     double number;
     const bool is_number =
@@ -85,23 +92,26 @@ enum fovea_status fovea_yaml_number(const struct fovea_yaml_tree *tree, const st
     return fovea_yaml_refuse(tree, node, expected, error);
 }
 
-enum fovea_status fovea_yaml_integer(const struct fovea_yaml_tree *tree, const struct fovea_yaml_node *node,
-                                     int64_t min, int64_t max, int64_t *value, struct fovea_error *error)
+enum fovea_status fovea_yaml_integer(const struct fovea_yaml_tree *tree,
+                                     const struct fovea_yaml_node *node, int64_t min, int64_t max,
+                                     int64_t *value, struct fovea_error *error)
 {
     int64_t number;
-    const bool is_number =
-        node->kind == FOVEA_YAML_SCALAR && !node->quoted && fovea_text_integer(node->value, &number);
+    const bool is_number = node->kind == FOVEA_YAML_SCALAR && !node->quoted &&
+                           fovea_text_integer(node->value, &number);
     if (is_number && number >= min && number <= max) {
         *value = number;
         return FOVEA_OK;
     }
     char expected[96];
-    snprintf(expected, sizeof expected, "a whole number in [%lld, %lld]", (long long)min, (long long)max);
+    snprintf(expected, sizeof expected, "a whole number in [%lld, %lld]", (long long)min,
+             (long long)max);
     return fovea_yaml_refuse(tree, node, expected, error);
 }
 
-enum fovea_status fovea_yaml_bool(const struct fovea_yaml_tree *tree, const struct fovea_yaml_node *node,
-                                  bool *value, struct fovea_error *error)
+enum fovea_status fovea_yaml_bool(const struct fovea_yaml_tree *tree,
+                                  const struct fovea_yaml_node *node, bool *value,
+                                  struct fovea_error *error)
 {
     static const char *const words[] = {"false", "true", "no", "yes", "off", "on"};
     if (node->kind == FOVEA_YAML_SCALAR && !node->quoted) {
@@ -114,8 +124,9 @@ enum fovea_status fovea_yaml_bool(const struct fovea_yaml_tree *tree, const stru
     return fovea_yaml_refuse(tree, node, "true or false", error);
 }
 
-enum fovea_status fovea_yaml_string(const struct fovea_yaml_tree *tree, const struct fovea_yaml_node *node,
-                                    size_t max_bytes, const char **value, struct fovea_error *error)
+enum fovea_status fovea_yaml_string(const struct fovea_yaml_tree *tree,
+                                    const struct fovea_yaml_node *node, size_t max_bytes,
+                                    const char **value, struct fovea_error *error)
 {
     const bool null = !node->quoted && (node->value[0] == '\0' || strcmp(node->value, "~") == 0 ||
                                         strcasecmp(node->value, "null") == 0);
@@ -128,9 +139,9 @@ enum fovea_status fovea_yaml_string(const struct fovea_yaml_tree *tree, const st
     return fovea_yaml_refuse(tree, node, expected, error);
 }
 
-enum fovea_status fovea_yaml_choice(const struct fovea_yaml_tree *tree, const struct fovea_yaml_node *node,
-                                    const char *const *choices, size_t choice_count, size_t *index,
-                                    struct fovea_error *error)
+enum fovea_status fovea_yaml_choice(const struct fovea_yaml_tree *tree,
+                                    const struct fovea_yaml_node *node, const char *const *choices,
+                                    size_t choice_count, size_t *index, struct fovea_error *error)
 {
     char expected[FOVEA_ERROR_TEXT_BYTES] = "one of";
     for (size_t i = 0; i < choice_count; ++i) {
@@ -161,8 +172,9 @@ const struct fovea_yaml_node *fovea_yaml_leaf(const struct fovea_yaml_node *node
     return NULL;
 }
 
-enum fovea_status fovea_yaml_numbers(const struct fovea_yaml_tree *tree, const struct fovea_yaml_node *node,
-                                     size_t count_min, size_t count_max, double *values, size_t *count,
+enum fovea_status fovea_yaml_numbers(const struct fovea_yaml_tree *tree,
+                                     const struct fovea_yaml_node *node, size_t count_min,
+                                     size_t count_max, double *values, size_t *count,
                                      struct fovea_error *error)
 {
     char expected[96];
@@ -178,7 +190,8 @@ enum fovea_status fovea_yaml_numbers(const struct fovea_yaml_tree *tree, const s
              each = following(each, node)) {
             double number;
             if (each->kind == FOVEA_YAML_SEQUENCE) continue;
-            if (each->kind != FOVEA_YAML_SCALAR || each->quoted || !fovea_text_number(each->value, &number))
+            if (each->kind != FOVEA_YAML_SCALAR || each->quoted ||
+                !fovea_text_number(each->value, &number))
                 return fovea_yaml_refuse(tree, each, "a finite number", error);
             if (pass == 1) values[found] = number;
             if (++found > count_max) return fovea_yaml_refuse(tree, node, expected, error);

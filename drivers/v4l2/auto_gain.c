@@ -1,5 +1,6 @@
-/* Automatic gain for cameras that have a gain but no automatism of their own: the camera thread measures how
- * bright the frames are and moves the gain by a share of what is missing (an integrating controller). */
+/* Automatic gain for cameras that have a gain but no automatism of their own: the camera thread
+ * measures how bright the frames are and moves the gain by a share of what is missing (an
+ * integrating controller). */
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
@@ -9,13 +10,14 @@
 enum {
     TARGET = 112,  /* mean grey level: below the middle, since what is overexposed is lost */
     DEAD_BAND = 8, /* levels about the target that are left alone */
-    /* A new gain shows in the frame after the next with most sensors; it is judged by what it made. */
+    /* A new gain shows in the frame after the next with most sensors; it is judged by what it made.
+     */
     FRAMES_APART = 4,
-    /* A miss of so many levels moves the gain by its whole range: the loop is stable for cameras whose whole
-     * range changes the picture by less than twice that. */
+    /* A miss of so many levels moves the gain by its whole range: the loop is stable for cameras
+     * whose whole range changes the picture by less than twice that. */
     LEVELS_FULL = 1024,
-    GRID = 32 /* measured at GRID x GRID places, at each a square of four pixels (all colours of a Bayer
-                 pattern) */
+    GRID = 32 /* measured at GRID x GRID places, at each a square of four pixels (all colours of a
+                 Bayer pattern) */
 };
 
 /* Where the grey level of a pixel lies: at pixel * bytes + offset, of `bits` bits. */
@@ -62,7 +64,8 @@ int fv_v4l2_brightness(const struct fovea_image *image)
         const int32_t y = (2 * (j / 2) + 1) * image->height / (2 * GRID) - j % 2;
         const uint8_t *row = image->data + (ptrdiff_t)y * image->stride_bytes + offset;
         for (int32_t i = 0; i < 2 * GRID; ++i) {
-            const uint8_t *at = row + (size_t)((2 * (i / 2) + 1) * image->width / (2 * GRID) - i % 2) * bytes;
+            const uint8_t *at =
+                row + (size_t)((2 * (i / 2) + 1) * image->width / (2 * GRID) - i % 2) * bytes;
             sum += bits == 8 ? at[0] : (uint32_t)(at[0] | at[1] << 8) >> (bits - 8) & 255u;
         }
     }
@@ -72,16 +75,19 @@ int fv_v4l2_brightness(const struct fovea_image *image)
 static bool write_gain(const struct fv_v4l2_device *device, int32_t value)
 {
     struct v4l2_ext_control control = {.id = device->gain.id, .value = value};
-    struct v4l2_ext_controls all = {.which = V4L2_CTRL_WHICH_CUR_VAL, .count = 1, .controls = &control};
+    struct v4l2_ext_controls all = {
+        .which = V4L2_CTRL_WHICH_CUR_VAL, .count = 1, .controls = &control};
     return fv_v4l2_system->ioctl(device->fd, VIDIOC_S_EXT_CTRLS, &all) == 0;
 }
 
 enum fovea_status fv_v4l2_auto_gain_begin(struct fv_v4l2_device *device,
-                                          const struct v4l2_query_ext_ctrl *info, struct fovea_error *error)
+                                          const struct v4l2_query_ext_ctrl *info,
+                                          struct fovea_error *error)
 {
     struct fv_v4l2_auto_gain *gain = &device->gain;
     struct v4l2_ext_control control = {.id = info->id};
-    struct v4l2_ext_controls all = {.which = V4L2_CTRL_WHICH_CUR_VAL, .count = 1, .controls = &control};
+    struct v4l2_ext_controls all = {
+        .which = V4L2_CTRL_WHICH_CUR_VAL, .count = 1, .controls = &control};
     const bool again = gain->id == info->id; /* goes on where it was before the camera went away */
     if (!again && fv_v4l2_system->ioctl(device->fd, VIDIOC_G_EXT_CTRLS, &all) != 0)
         return fv_v4l2_failed(device, "auto_gain: asking for the gain", errno, error);
@@ -113,7 +119,7 @@ void fv_v4l2_auto_gain_seen(struct fv_v4l2_device *device, const struct fovea_im
     int64_t value = gain->value + change * gain->step;
     if (value < gain->minimum) value = gain->minimum;
     if (value > gain->maximum) value = gain->maximum;
-    /* One that fails is tried again with a later frame; an unplugged camera is noticed when frames are waited
-     * for. */
+    /* One that fails is tried again with a later frame; an unplugged camera is noticed when frames
+     * are waited for. */
     if (value != gain->value && write_gain(device, (int32_t)value)) gain->value = (int32_t)value;
 }

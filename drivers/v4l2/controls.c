@@ -33,8 +33,8 @@ static bool query(const struct fv_v4l2_device *device, uint32_t id, control_info
            (info->flags & V4L2_CTRL_FLAG_DISABLED) == 0;
 }
 
-static enum fovea_status unknown(const struct fv_v4l2_device *device, const char *name, char names[][32],
-                                 size_t count, struct fovea_error *error)
+static enum fovea_status unknown(const struct fv_v4l2_device *device, const char *name,
+                                 char names[][32], size_t count, struct fovea_error *error)
 {
     const char *list[CONTROLS_MAX];
     for (size_t i = 0; i < count; ++i)
@@ -58,11 +58,12 @@ static enum fovea_status find_by_name(const struct fv_v4l2_device *device, const
     return unknown(device, name, names, count, error);
 }
 
-/* ---- values ------------------------------------------------------------------------------------------ */
+/* ---- values
+ * ------------------------------------------------------------------------------------------ */
 
 /* A row of a menu by its name, in the form of option_name. */
-static bool menu_row(const struct fv_v4l2_device *device, const control_info *info, const char *text,
-                     int64_t *value)
+static bool menu_row(const struct fv_v4l2_device *device, const control_info *info,
+                     const char *text, int64_t *value)
 {
     for (int64_t i = info->minimum; i <= info->maximum && i < 64; ++i) {
         struct v4l2_querymenu row = {.id = info->id, .index = (uint32_t)i};
@@ -91,24 +92,26 @@ static enum fovea_status check_range(const struct fv_v4l2_device *device, const 
     const bool inside = value >= info->minimum && value <= info->maximum;
     if (inside && (uint64_t)(value - info->minimum) % step == 0) return FOVEA_OK;
     return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                           "%s: %s: found %.10g, expected [%.10g, %.10g] in steps of %.10g", device->uri,
-                           what, (double)value * unit, (double)info->minimum * unit,
+                           "%s: %s: found %.10g, expected [%.10g, %.10g] in steps of %.10g",
+                           device->uri, what, (double)value * unit, (double)info->minimum * unit,
                            (double)info->maximum * unit, (double)step * unit);
 }
 
 static enum fovea_status write_value(const struct fv_v4l2_device *device, const char *what,
-                                     const control_info *info, int64_t value, struct fovea_error *error)
+                                     const control_info *info, int64_t value,
+                                     struct fovea_error *error)
 {
     struct v4l2_ext_control control = {.id = info->id};
-    struct v4l2_ext_controls all = {.which = V4L2_CTRL_WHICH_CUR_VAL, .count = 1, .controls = &control};
+    struct v4l2_ext_controls all = {
+        .which = V4L2_CTRL_WHICH_CUR_VAL, .count = 1, .controls = &control};
     if (info->type == V4L2_CTRL_TYPE_INTEGER64)
         control.value64 = value;
     else
         control.value = (int32_t)value;
     if (fv_v4l2_system->ioctl(device->fd, VIDIOC_S_EXT_CTRLS, &all) == 0) return FOVEA_OK;
     if (errno == ENODEV) return fv_v4l2_failed(device, "setting a control", errno, error);
-    return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: %s: the camera refuses %lld: %s%s", device->uri,
-                           what, (long long)value, strerror(errno),
+    return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: %s: the camera refuses %lld: %s%s",
+                           device->uri, what, (long long)value, strerror(errno),
                            info->flags & V4L2_CTRL_FLAG_READ_ONLY ? " (it can only be read)"
                            : info->flags & V4L2_CTRL_FLAG_INACTIVE
                                ? " (an automatic control is in charge of it)"
@@ -118,15 +121,16 @@ static enum fovea_status write_value(const struct fv_v4l2_device *device, const 
 static bool read_value(const struct fv_v4l2_device *device, uint32_t id, int32_t *value)
 {
     struct v4l2_ext_control control = {.id = id};
-    struct v4l2_ext_controls all = {.which = V4L2_CTRL_WHICH_CUR_VAL, .count = 1, .controls = &control};
+    struct v4l2_ext_controls all = {
+        .which = V4L2_CTRL_WHICH_CUR_VAL, .count = 1, .controls = &control};
     if (fv_v4l2_system->ioctl(device->fd, VIDIOC_G_EXT_CTRLS, &all) != 0) return false;
     *value = control.value;
     return true;
 }
 
 /* What the camera made of a value, in our unit, where that is not what was asked for. */
-static void tell_difference(const struct fv_v4l2_device *device, const char *what, uint32_t id, double asked,
-                            double unit, struct fovea_error *told)
+static void tell_difference(const struct fv_v4l2_device *device, const char *what, uint32_t id,
+                            double asked, double unit, struct fovea_error *told)
 {
     int32_t value;
     if (!read_value(device, id, &value)) return;
@@ -134,8 +138,9 @@ static void tell_difference(const struct fv_v4l2_device *device, const char *wha
         fv_v4l2_tell(told, device, what, asked, value * unit);
 }
 
-static enum fovea_status set_wish(const struct fv_v4l2_device *device, const struct fv_v4l2_wish *wish,
-                                  struct fovea_error *told, struct fovea_error *error)
+static enum fovea_status set_wish(const struct fv_v4l2_device *device,
+                                  const struct fv_v4l2_wish *wish, struct fovea_error *told,
+                                  struct fovea_error *error)
 {
     control_info info;
     char what[FV_V4L2_WORD_BYTES + 16], quoted[FOVEA_TEXT_QUOTED_BYTES];
@@ -144,32 +149,36 @@ static enum fovea_status set_wish(const struct fv_v4l2_device *device, const str
     enum fovea_status status = find_by_name(device, wish->name, &info, error);
     if (status != FOVEA_OK) return status;
     const bool menu = info.type == V4L2_CTRL_TYPE_MENU || info.type == V4L2_CTRL_TYPE_INTEGER_MENU;
-    const bool number = menu || info.type == V4L2_CTRL_TYPE_INTEGER || info.type == V4L2_CTRL_TYPE_BOOLEAN ||
-                        info.type == V4L2_CTRL_TYPE_INTEGER64 || info.type == V4L2_CTRL_TYPE_BITMASK ||
-                        info.type == V4L2_CTRL_TYPE_BUTTON;
+    const bool number = menu || info.type == V4L2_CTRL_TYPE_INTEGER ||
+                        info.type == V4L2_CTRL_TYPE_BOOLEAN ||
+                        info.type == V4L2_CTRL_TYPE_INTEGER64 ||
+                        info.type == V4L2_CTRL_TYPE_BITMASK || info.type == V4L2_CTRL_TYPE_BUTTON;
     if (!number)
         return fovea_error_set(error, FOVEA_ERROR_UNSUPPORTED,
-                               "%s: %s: found a control of type %u, expected a number", device->uri, what,
-                               info.type);
-    const bool read =
-        fovea_text_integer(wish->value, &value) || (menu && menu_row(device, &info, wish->value, &value));
+                               "%s: %s: found a control of type %u, expected a number", device->uri,
+                               what, info.type);
+    const bool read = fovea_text_integer(wish->value, &value) ||
+                      (menu && menu_row(device, &info, wish->value, &value));
     if (!read || (menu && !menu_has(device, &info, value)))
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: %s: found %s, expected %s in [%lld, %lld]",
-                               device->uri, what, fovea_text_quote(wish->value, quoted, sizeof quoted),
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%s: %s: found %s, expected %s in [%lld, %lld]", device->uri, what,
+                               fovea_text_quote(wish->value, quoted, sizeof quoted),
                                menu ? "a row of the menu, by name or number," : "a whole number",
                                (long long)info.minimum, (long long)info.maximum);
-    status =
-        info.type == V4L2_CTRL_TYPE_BITMASK ? FOVEA_OK : check_range(device, what, &info, value, 1, error);
+    status = info.type == V4L2_CTRL_TYPE_BITMASK
+                 ? FOVEA_OK
+                 : check_range(device, what, &info, value, 1, error);
     if (status == FOVEA_OK) status = write_value(device, what, &info, value, error);
     if (status == FOVEA_OK && (menu || info.type == V4L2_CTRL_TYPE_INTEGER))
         tell_difference(device, what, info.id, (double)value, 1, told);
     return status;
 }
 
-/* ---- exposure and gain ------------------------------------------------------------------------------- */
+/* ---- exposure and gain
+ * ------------------------------------------------------------------------------- */
 
-/* Automatic exposure on or off. "Off" is the manual mode, "on" aperture priority (the lens is what it is) or
- * full. */
+/* Automatic exposure on or off. "Off" is the manual mode, "on" aperture priority (the lens is what
+ * it is) or full. */
 static enum fovea_status set_auto_exposure(const struct fv_v4l2_device *device, bool on,
                                            struct fovea_error *error)
 {
@@ -191,7 +200,8 @@ static void keep_rate(const struct fv_v4l2_device *device)
 {
     control_info info;
     struct fovea_error unused;
-    if (query(device, V4L2_CID_EXPOSURE_AUTO_PRIORITY, &info) && (info.flags & V4L2_CTRL_FLAG_INACTIVE) == 0)
+    if (query(device, V4L2_CID_EXPOSURE_AUTO_PRIORITY, &info) &&
+        (info.flags & V4L2_CTRL_FLAG_INACTIVE) == 0)
         (void)write_value(device, "exposure_dynamic_framerate", &info, 0, &unused);
 }
 
@@ -201,10 +211,11 @@ static enum fovea_status set_exposure(const struct fv_v4l2_device *device, struc
     control_info info;
     const double unit_ms = 0.1; /* of V4L2_CID_EXPOSURE_ABSOLUTE */
     if (!query(device, V4L2_CID_EXPOSURE_ABSOLUTE, &info))
-        return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "%s: exposure: this driver knows no exposure in units of time, expected "
-                               "control.exposure=N in its own unit",
-                               device->uri);
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT,
+            "%s: exposure: this driver knows no exposure in units of time, expected "
+            "control.exposure=N in its own unit",
+            device->uri);
     const int64_t step = info.step > 0 ? (int64_t)info.step : 1;
     const int64_t asked = (int64_t)(device->options.exposure_ms / unit_ms + 0.5);
     const int64_t value = asked < info.minimum || asked > info.maximum
@@ -213,7 +224,8 @@ static enum fovea_status set_exposure(const struct fv_v4l2_device *device, struc
     enum fovea_status status = check_range(device, "exposure (ms)", &info, value, unit_ms, error);
     if (status == FOVEA_OK) status = write_value(device, "exposure", &info, value, error);
     if (status == FOVEA_OK)
-        tell_difference(device, "exposure (ms)", info.id, device->options.exposure_ms, unit_ms, told);
+        tell_difference(device, "exposure (ms)", info.id, device->options.exposure_ms, unit_ms,
+                        told);
     return status;
 }
 
@@ -233,7 +245,8 @@ static enum fovea_status set_gain(struct fv_v4l2_device *device, struct fovea_er
         status = write_value(device, "auto_gain", &automatic, device->options.auto_gain, error);
     if (status != FOVEA_OK || device->options.gain < 0) return status;
     if (!query(device, V4L2_CID_GAIN, &info) && !query(device, V4L2_CID_ANALOGUE_GAIN, &info))
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: gain: this camera has none", device->uri);
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: gain: this camera has none",
+                               device->uri);
     const int64_t value = (int64_t)(device->options.gain + 0.5);
     status = check_range(device, "gain", &info, value, 1, error);
     if (status == FOVEA_OK) status = write_value(device, "gain", &info, value, error);
@@ -256,7 +269,8 @@ enum fovea_status fv_v4l2_controls_set(struct fv_v4l2_device *device, struct fov
 {
     const struct fv_v4l2_options *options = &device->options;
     enum fovea_status status = FOVEA_OK;
-    if (options->auto_exposure_given) status = set_auto_exposure(device, options->auto_exposure, error);
+    if (options->auto_exposure_given)
+        status = set_auto_exposure(device, options->auto_exposure, error);
     if (status == FOVEA_OK && options->auto_exposure_given) keep_rate(device);
     if (status == FOVEA_OK && options->exposure_ms > 0) status = set_exposure(device, told, error);
     if (status == FOVEA_OK) status = set_gain(device, told, error);

@@ -1,5 +1,5 @@
-/* Which node the camera is behind. Nodes are numbered as cameras come, so a camera that was unplugged may
- * come back under another: the driver remembers the camera, not the node. */
+/* Which node the camera is behind. Nodes are numbered as cameras come, so a camera that was
+ * unplugged may come back under another: the driver remembers the camera, not the node. */
 #include <errno.h>
 #include <string.h>
 
@@ -15,8 +15,10 @@ static void cut(char *to, size_t bytes, const void *from, size_t from_bytes)
 static void read_sysfs(const char *node, struct fv_v4l2_identity *identity)
 {
     const struct fv_v4l2_system *system = fv_v4l2_system;
-    if (!system->attribute(node, "name", identity->name, sizeof identity->name)) identity->name[0] = '\0';
-    if (!system->attribute(node, "index", identity->index, sizeof identity->index)) identity->index[0] = '\0';
+    if (!system->attribute(node, "name", identity->name, sizeof identity->name))
+        identity->name[0] = '\0';
+    if (!system->attribute(node, "index", identity->index, sizeof identity->index))
+        identity->index[0] = '\0';
     if (!system->attribute(node, "serial", identity->serial, sizeof identity->serial))
         identity->serial[0] = '\0';
 }
@@ -28,7 +30,8 @@ bool fv_v4l2_identify(int fd, const char *node, struct fv_v4l2_identity *identit
     if (fv_v4l2_system->ioctl(fd, VIDIOC_QUERYCAP, &capability) != 0) return false;
     cut(identity->driver, sizeof identity->driver, capability.driver, sizeof capability.driver);
     cut(identity->card, sizeof identity->card, capability.card, sizeof capability.card);
-    cut(identity->bus_info, sizeof identity->bus_info, capability.bus_info, sizeof capability.bus_info);
+    cut(identity->bus_info, sizeof identity->bus_info, capability.bus_info,
+        sizeof capability.bus_info);
     read_sysfs(node, identity);
     return true;
 }
@@ -64,8 +67,8 @@ static bool is_ours(const struct fv_v4l2_device *device, const struct fv_v4l2_id
                                    : strcmp(ours->bus_info, other->bus_info) == 0;
 }
 
-/* FOVEA_OK: the node is our camera. FOVEA_GONE: it is not there. FOVEA_ERROR_INPUT: another camera is, named
- * in `error`. */
+/* FOVEA_OK: the node is our camera. FOVEA_GONE: it is not there. FOVEA_ERROR_INPUT: another camera
+ * is, named in `error`. */
 static enum fovea_status look_at(const struct fv_v4l2_device *device, const char *node,
                                  struct fovea_error *error)
 {
@@ -74,19 +77,22 @@ static enum fovea_status look_at(const struct fv_v4l2_device *device, const char
     if (same_kind(&device->identity, &other)) {
         const int fd = fv_v4l2_system->open(node);
         if (fd < 0)
-            return errno == EBUSY || errno == EACCES ? FOVEA_OK : FOVEA_GONE; /* set-up says why not */
+            return errno == EBUSY || errno == EACCES ? FOVEA_OK
+                                                     : FOVEA_GONE; /* set-up says why not */
         const bool known = fv_v4l2_identify(fd, node, &other);
         const bool gone = !known && errno == ENODEV;
         fv_v4l2_system->close(fd);
         if (!known) return gone ? FOVEA_GONE : FOVEA_OK;
         if (is_ours(device, &other)) return FOVEA_OK;
     }
-    return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: found '%.64s' at %.64s, expected '%.32s' at %.32s",
-                           device->uri, other.card[0] != '\0' ? other.card : other.name, node,
+    return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                           "%s: found '%.64s' at %.64s, expected '%.32s' at %.32s", device->uri,
+                           other.card[0] != '\0' ? other.card : other.name, node,
                            device->identity.card, device->identity.bus_info);
 }
 
-/* A name that udev gives to one camera or one port is taken at its word: no other node is looked at. */
+/* A name that udev gives to one camera or one port is taken at its word: no other node is looked
+ * at. */
 static bool named_by_udev(const char *path)
 {
     return strncmp(path, "/dev/v4l/", 9) == 0;

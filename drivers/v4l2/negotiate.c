@@ -20,8 +20,8 @@ static void unpack(const struct fv_v4l2_device *device, const struct v4l2_format
                                     planes->pixelformat, planes->plane_fmt[0].bytesperline,
                                     planes->field,       planes->num_planes};
     else
-        *picture =
-            (struct picture){pix->width, pix->height, pix->pixelformat, pix->bytesperline, pix->field, 1};
+        *picture = (struct picture){pix->width,        pix->height, pix->pixelformat,
+                                    pix->bytesperline, pix->field,  1};
 }
 
 static void pack(const struct fv_v4l2_device *device, const struct picture *picture,
@@ -44,19 +44,22 @@ static void pack(const struct fv_v4l2_device *device, const struct picture *pict
     }
 }
 
-/* ---- what it is -------------------------------------------------------------------------------------- */
+/* ---- what it is
+ * -------------------------------------------------------------------------------------- */
 
 static enum fovea_status check_kind(struct fv_v4l2_device *device, struct fovea_error *error)
 {
     struct v4l2_capability capability = {0};
     if (fv_v4l2_system->ioctl(device->fd, VIDIOC_QUERYCAP, &capability) != 0) {
-        if (errno != ENOTTY && errno != EINVAL) return fv_v4l2_failed(device, "asking for it", errno, error);
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: found no video device, expected a camera",
-                               device->uri);
+        if (errno != ENOTTY && errno != EINVAL)
+            return fv_v4l2_failed(device, "asking for it", errno, error);
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%s: found no video device, expected a camera", device->uri);
     }
-    const uint32_t can =
-        capability.capabilities & V4L2_CAP_DEVICE_CAPS ? capability.device_caps : capability.capabilities;
-    device->planes = (can & V4L2_CAP_VIDEO_CAPTURE) == 0 && (can & V4L2_CAP_VIDEO_CAPTURE_MPLANE) != 0;
+    const uint32_t can = capability.capabilities & V4L2_CAP_DEVICE_CAPS ? capability.device_caps
+                                                                        : capability.capabilities;
+    device->planes =
+        (can & V4L2_CAP_VIDEO_CAPTURE) == 0 && (can & V4L2_CAP_VIDEO_CAPTURE_MPLANE) != 0;
     if ((can & V4L2_CAP_VIDEO_CAPTURE) == 0 && !device->planes)
         return fovea_error_set(
             error, FOVEA_ERROR_INPUT,
@@ -70,7 +73,8 @@ static enum fovea_status check_kind(struct fv_v4l2_device *device, struct fovea_
     return FOVEA_OK;
 }
 
-/* ---- format ------------------------------------------------------------------------------------------ */
+/* ---- format
+ * ------------------------------------------------------------------------------------------ */
 
 /* The driver's formats, as a list for people; the row of the best one that we take, or NULL. */
 static const struct fv_v4l2_format *list_formats(const struct fv_v4l2_device *device, char *list,
@@ -104,13 +108,14 @@ static enum fovea_status choose_format(const struct fv_v4l2_device *device, stru
     if (device->options.format > 0) best = &fv_v4l2_formats[device->options.format - 1];
     if (best == NULL)
         return fovea_error_set(error, FOVEA_ERROR_UNSUPPORTED,
-                               "%s: format: found only %s, expected one that Fovea reads", device->uri, list);
+                               "%s: format: found only %s, expected one that Fovea reads",
+                               device->uri, list);
     picture->fourcc = best->fourcc;
     return FOVEA_OK;
 }
 
-static enum fovea_status refuse_format(const struct fv_v4l2_device *device, uint32_t asked, uint32_t given,
-                                       struct fovea_error *error)
+static enum fovea_status refuse_format(const struct fv_v4l2_device *device, uint32_t asked,
+                                       uint32_t given, struct fovea_error *error)
 {
     char list[256], wanted[5], found[5];
     list_formats(device, list, sizeof list);
@@ -128,28 +133,32 @@ void fv_v4l2_tell(struct fovea_error *told, const struct fv_v4l2_device *device,
              used > 0 ? "" : device->uri, used > 0 ? "; " : ": ", what, asked, given);
 }
 
-static enum fovea_status check_picture(const struct fv_v4l2_device *device, const struct picture *asked,
-                                       const struct picture *given, struct fovea_error *error)
+static enum fovea_status check_picture(const struct fv_v4l2_device *device,
+                                       const struct picture *asked, const struct picture *given,
+                                       struct fovea_error *error)
 {
     const struct fv_v4l2_agreed *agreed = &device->agreed;
-    if (given->fourcc != asked->fourcc) return refuse_format(device, asked->fourcc, given->fourcc, error);
+    if (given->fourcc != asked->fourcc)
+        return refuse_format(device, asked->fourcc, given->fourcc, error);
     if (given->plane_count != 1)
         return fovea_error_set(error, FOVEA_ERROR_UNSUPPORTED,
                                "%s: found pictures in %u pieces, expected one", device->uri,
                                given->plane_count);
     if (given->field != V4L2_FIELD_NONE && given->field != V4L2_FIELD_ANY)
         return fovea_error_set(error, FOVEA_ERROR_UNSUPPORTED,
-                               "%s: found interlaced pictures, expected progressive ones", device->uri);
+                               "%s: found interlaced pictures, expected progressive ones",
+                               device->uri);
     if (given->width < FOVEA_IMAGE_WIDTH_MIN || given->width > FOVEA_IMAGE_WIDTH_MAX ||
         given->height < FOVEA_IMAGE_HEIGHT_MIN || given->height > FOVEA_IMAGE_HEIGHT_MAX)
-        return fovea_error_set(error, FOVEA_ERROR_UNSUPPORTED, "%s: found %u x %u pixels, expected %d to %d",
-                               device->uri, given->width, given->height, FOVEA_IMAGE_WIDTH_MIN,
-                               FOVEA_IMAGE_WIDTH_MAX);
+        return fovea_error_set(
+            error, FOVEA_ERROR_UNSUPPORTED, "%s: found %u x %u pixels, expected %d to %d",
+            device->uri, given->width, given->height, FOVEA_IMAGE_WIDTH_MIN, FOVEA_IMAGE_WIDTH_MAX);
     if (device->known &&
         (given->width != (uint32_t)agreed->width || given->height != (uint32_t)agreed->height))
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "%s: found %u x %u pixels after it came back, expected %d x %d", device->uri,
-                               given->width, given->height, agreed->width, agreed->height);
+                               "%s: found %u x %u pixels after it came back, expected %d x %d",
+                               device->uri, given->width, given->height, agreed->width,
+                               agreed->height);
     return FOVEA_OK;
 }
 
@@ -194,17 +203,21 @@ static enum fovea_status set_format(struct fv_v4l2_device *device, struct fovea_
     status = check_picture(device, &asked, &given, error);
     if (status != FOVEA_OK) return status;
     if (given.width != asked.width) fv_v4l2_tell(told, device, "width", asked.width, given.width);
-    if (given.height != asked.height) fv_v4l2_tell(told, device, "height", asked.height, given.height);
+    if (given.height != asked.height)
+        fv_v4l2_tell(told, device, "height", asked.height, given.height);
     device->agreed.format = shifted(options, fv_v4l2_format_by_fourcc(given.fourcc));
     device->agreed.width = (int32_t)given.width;
     device->agreed.height = (int32_t)given.height;
-    const int32_t least = fovea_image_stride_min(device->agreed.format->format, (int32_t)given.width);
+    const int32_t least =
+        fovea_image_stride_min(device->agreed.format->format, (int32_t)given.width);
     device->agreed.stride_bytes = (int32_t)given.stride_bytes;
-    if (device->agreed.stride_bytes < least) device->agreed.stride_bytes = least; /* some drivers say 0 */
+    if (device->agreed.stride_bytes < least)
+        device->agreed.stride_bytes = least; /* some drivers say 0 */
     return FOVEA_OK;
 }
 
-/* ---- rate -------------------------------------------------------------------------------------------- */
+/* ---- rate
+ * -------------------------------------------------------------------------------------------- */
 
 static enum fovea_status set_rate(struct fv_v4l2_device *device, struct fovea_error *told,
                                   struct fovea_error *error)

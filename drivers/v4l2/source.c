@@ -33,8 +33,10 @@ static enum fovea_status set_up(void *of, int quit_fd, struct fovea_error *error
     enum fovea_status status = open_node(device, error);
     if (status != FOVEA_OK) return status;
     status = fv_v4l2_negotiate(device, NULL, error);
-    /* A camera that came back and now refuses a control is still better than none: it is told of. */
-    if (status == FOVEA_OK && fv_v4l2_controls_set(device, NULL, &refused) == FOVEA_GONE) status = FOVEA_GONE;
+    /* A camera that came back and now refuses a control is still better than none: it is told of.
+     */
+    if (status == FOVEA_OK && fv_v4l2_controls_set(device, NULL, &refused) == FOVEA_GONE)
+        status = FOVEA_GONE;
     if (status == FOVEA_OK) status = fv_v4l2_stream_on(device, error);
     if (status != FOVEA_OK)
         tear_down(device);
@@ -70,7 +72,8 @@ static enum fovea_status learn(struct fv_v4l2_device *device, struct fovea_error
 {
     if (fv_v4l2_find(device, error) != FOVEA_OK)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "%s: found no such device, expected a camera: is it plugged in?", device->uri);
+                               "%s: found no such device, expected a camera: is it plugged in?",
+                               device->uri);
     enum fovea_status status = open_node(device, error);
     if (status != FOVEA_OK) return status;
     status = fv_v4l2_negotiate(device, told, error);
@@ -84,7 +87,8 @@ static enum fovea_status learn(struct fv_v4l2_device *device, struct fovea_error
     return FOVEA_OK;
 }
 
-static enum fovea_status open_camera(const char *address, const struct fovea_source_selection *selection,
+static enum fovea_status open_camera(const char *address,
+                                     const struct fovea_source_selection *selection,
                                      struct fovea_source **source, struct fovea_error *error)
 {
     struct fovea_error told = {.text = ""};
@@ -117,5 +121,5 @@ static enum fovea_status open_camera(const char *address, const struct fovea_sou
     return status;
 }
 
-const struct fovea_source_ops fovea_source_v4l2 =
-    FV_LIVE_OPS("v4l2", "DEVICE[?width=..&format=..]  camera by Video4Linux, as /dev/video0", open_camera);
+const struct fovea_source_ops fovea_source_v4l2 = FV_LIVE_OPS(
+    "v4l2", "DEVICE[?width=..&format=..]  camera by Video4Linux, as /dev/video0", open_camera);

@@ -44,7 +44,8 @@ static size_t list_nodes(char paths[FV_V4L2_NODES_MAX][FV_V4L2_PATH_BYTES])
     size_t count = 0;
     DIR *folder = opendir("/dev");
     if (folder == NULL) return 0;
-    for (const struct dirent *entry; (entry = readdir(folder)) != NULL && count < FV_V4L2_NODES_MAX;) {
+    for (const struct dirent *entry;
+         (entry = readdir(folder)) != NULL && count < FV_V4L2_NODES_MAX;) {
         if (strncmp(entry->d_name, "video", 5) != 0 || strlen(entry->d_name) > 16) continue;
         if (entry->d_name[5] < '0' || entry->d_name[5] > '9') continue;
         snprintf(paths[count++], FV_V4L2_PATH_BYTES, "/dev/%.16s", entry->d_name);

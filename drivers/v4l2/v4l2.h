@@ -9,9 +9,11 @@
 
 enum { FV_V4L2_WISHES_MAX = 16, FV_V4L2_WORD_BYTES = 64 };
 
-/* ---- options (options.c) ----------------------------------------------------------------------------- */
+/* ---- options (options.c)
+ * ----------------------------------------------------------------------------- */
 
-/* A control by its name, as v4l2-ctl writes it ("exposure_time_absolute"), and the value as given. */
+/* A control by its name, as v4l2-ctl writes it ("exposure_time_absolute"), and the value as given.
+ */
 struct fv_v4l2_wish {
     char name[FV_V4L2_WORD_BYTES], value[FV_V4L2_WORD_BYTES];
 };
@@ -36,7 +38,8 @@ struct fv_v4l2_options {
 enum fovea_status fv_v4l2_options_parse(const char *address, struct fv_v4l2_options *options,
                                         struct fovea_error *error);
 
-/* ---- formats (formats.c) ----------------------------------------------------------------------------- */
+/* ---- formats (formats.c)
+ * ----------------------------------------------------------------------------- */
 
 struct fv_v4l2_format {
     const char *name; /* in options */
@@ -54,7 +57,8 @@ const struct fv_v4l2_format *fv_v4l2_format_by_fourcc(uint32_t fourcc);
 /* "YUYV"; characters that cannot be shown become '?'. Returns `text`. */
 const char *fv_v4l2_fourcc(uint32_t fourcc, char text[5]);
 
-/* ---- the device -------------------------------------------------------------------------------------- */
+/* ---- the device
+ * -------------------------------------------------------------------------------------- */
 
 /* Which camera it is, apart from the node it is found under. */
 struct fv_v4l2_identity {
@@ -105,24 +109,25 @@ bool fv_v4l2_identify(int fd, const char *node, struct fv_v4l2_identity *identit
 /* Forget a serial number that another camera of this host has too. Init-only. */
 void fv_v4l2_identity_settle(struct fv_v4l2_identity *identity, const char *node);
 
-/* negotiate.c: size, format and rate, on an open node; `told` (or NULL) gets a line where they are not as
- * asked. Once the device is known, anything else than before is refused. */
+/* negotiate.c: size, format and rate, on an open node; `told` (or NULL) gets a line where they are
+ * not as asked. Once the device is known, anything else than before is refused. */
 enum fovea_status fv_v4l2_negotiate(struct fv_v4l2_device *device, struct fovea_error *told,
                                     struct fovea_error *error);
 /* Add to `told` (or NULL) that something is not as asked. */
 void fv_v4l2_tell(struct fovea_error *told, const struct fv_v4l2_device *device, const char *what,
                   double asked, double given);
 
-/* controls.c: exposure, gain and controls by name, each checked against the driver's range, on an open node.
- * `told` (or NULL) gets a line where a value, read back, differs by over 1 % from what was asked for.
- * Sets device->exposure_ns. */
+/* controls.c: exposure, gain and controls by name, each checked against the driver's range, on an
+ * open node. `told` (or NULL) gets a line where a value, read back, differs by over 1 % from what
+ * was asked for. Sets device->exposure_ns. */
 enum fovea_status fv_v4l2_controls_set(struct fv_v4l2_device *device, struct fovea_error *told,
                                        struct fovea_error *error);
 
-/* auto_gain.c: for a camera that has a gain, described by `info`, but does not move it itself. `begin` with
- * every set-up; `seen` with every good frame, on the camera thread. */
+/* auto_gain.c: for a camera that has a gain, described by `info`, but does not move it itself.
+ * `begin` with every set-up; `seen` with every good frame, on the camera thread. */
 enum fovea_status fv_v4l2_auto_gain_begin(struct fv_v4l2_device *device,
-                                          const struct v4l2_query_ext_ctrl *info, struct fovea_error *error);
+                                          const struct v4l2_query_ext_ctrl *info,
+                                          struct fovea_error *error);
 void fv_v4l2_auto_gain_seen(struct fv_v4l2_device *device, const struct fovea_image *image);
 /* Mean grey level [0, 255] over a grid, of any raw format that V4L2 cameras give. */
 int fv_v4l2_brightness(const struct fovea_image *image);
@@ -130,11 +135,12 @@ int fv_v4l2_brightness(const struct fovea_image *image);
 /* stream.c: buffers and streaming on an open, negotiated node. */
 enum fovea_status fv_v4l2_stream_on(struct fv_v4l2_device *device, struct fovea_error *error);
 void fv_v4l2_stream_off(struct fv_v4l2_device *device);
-enum fovea_status fv_v4l2_take(void *device, int64_t deadline_ns, int wake_fd, struct fv_live_buffer *buffer,
-                               struct fovea_error *error);
+enum fovea_status fv_v4l2_take(void *device, int64_t deadline_ns, int wake_fd,
+                               struct fv_live_buffer *buffer, struct fovea_error *error);
 enum fovea_status fv_v4l2_give(void *device, uint32_t index, struct fovea_error *error);
 
-/* The error of a failed call: FOVEA_GONE where errno means unplugged, else FOVEA_ERROR_SYSTEM with advice. */
+/* The error of a failed call: FOVEA_GONE where errno means unplugged, else FOVEA_ERROR_SYSTEM with
+ * advice. */
 enum fovea_status fv_v4l2_failed(const struct fv_v4l2_device *device, const char *what, int reason,
                                  struct fovea_error *error);
 

@@ -1,16 +1,18 @@
 /* Calibration files: reading and writing the formats that the field uses.
  *
- *  - ROS camera_info YAML, as camera_calibration writes it (camera_matrix, distortion_coefficients, ...) and
- *    as `ros2 topic echo` prints it (K, D or k, d); also the camera.yaml beside recordings in TUM layout;
- *  - OpenCV FileStorage YAML, as its calibration programs write it (camera_matrix or cameraMatrix or K with
- *    distortion_coefficients or distCoeffs or D; image_width, image_height; fisheye_model);
+ *  - ROS camera_info YAML, as camera_calibration writes it (camera_matrix, distortion_coefficients,
+ * ...) and as `ros2 topic echo` prints it (K, D or k, d); also the camera.yaml beside recordings in
+ * TUM layout;
+ *  - OpenCV FileStorage YAML, as its calibration programs write it (camera_matrix or cameraMatrix
+ * or K with distortion_coefficients or distCoeffs or D; image_width, image_height; fisheye_model);
  *  - Kalibr camchain (cam0, cam1, ...) with pinhole projection;
  *  - EuRoC/ASL sensor.yaml.
- * The format is found from the keys; keys that are not needed are ignored. Lens models: FOVEA_LENS_RADTAN for
- * plumb_bob, rational_polynomial, radtan and radial-tangential, FOVEA_LENS_EQUIDISTANT for equidistant, equi
- * and fisheye. What struct fovea_camera cannot hold (skew, thin prism and tilt terms, omnidirectional models,
- * binning) is refused unless it is zero. Every error is one line with file, line, key, found and expected.
- * Of the drivers and the command, which need libyaml: not in the library, and not installed. */
+ * The format is found from the keys; keys that are not needed are ignored. Lens models:
+ * FOVEA_LENS_RADTAN for plumb_bob, rational_polynomial, radtan and radial-tangential,
+ * FOVEA_LENS_EQUIDISTANT for equidistant, equi and fisheye. What struct fovea_camera cannot hold
+ * (skew, thin prism and tilt terms, omnidirectional models, binning) is refused unless it is zero.
+ * Every error is one line with file, line, key, found and expected. Of the drivers and the command,
+ * which need libyaml: not in the library, and not installed. */
 #ifndef FOVEA_CALIBRATION_H
 #define FOVEA_CALIBRATION_H
 
@@ -35,7 +37,7 @@ enum fovea_calibration_format {
 };
 
 struct fovea_calibration {
-    struct fovea_camera camera;           /* prepared; 0 x 0 where the file does not state the size */
+    struct fovea_camera camera; /* prepared; 0 x 0 where the file does not state the size */
     enum fovea_calibration_format format; /* as found by reading; ignored by writing */
     char name[64]; /* camera_name, or the key of a camchain ("cam0"); "" where not stated */
     bool has_T_body_cam;
@@ -48,31 +50,36 @@ enum { FOVEA_CALIBRATION_BYTES_MAX = 4096 }; /* of a file that is written */
 /* Name of a format: ros, ros-message, opencv, kalibr, euroc. NULL out of range. */
 const char *fovea_calibration_format_name(enum fovea_calibration_format format);
 
-/* Read a calibration file, or text that errors call `name`. `which` chooses the camera of a camchain
- * ("cam1"), NULL takes the first. FOVEA_ERROR_INPUT: malformed; FOVEA_ERROR_UNSUPPORTED: a model that Fovea
- * does not have. Init-only. */
+/* Read a calibration file, or text that errors call `name`. `which` chooses the camera of a
+ * camchain
+ * ("cam1"), NULL takes the first. FOVEA_ERROR_INPUT: malformed; FOVEA_ERROR_UNSUPPORTED: a model
+ * that Fovea does not have. Init-only. */
 enum fovea_status fovea_calibration_read(const char *path, const char *which,
-                                         struct fovea_calibration *calibration, struct fovea_error *error);
-enum fovea_status fovea_calibration_parse(const char *name, const char *text, size_t bytes, const char *which,
-                                          struct fovea_calibration *calibration, struct fovea_error *error);
+                                         struct fovea_calibration *calibration,
+                                         struct fovea_error *error);
+enum fovea_status fovea_calibration_parse(const char *name, const char *text, size_t bytes,
+                                          const char *which, struct fovea_calibration *calibration,
+                                          struct fovea_error *error);
 
-/* Write a calibration. Numbers keep all their bits, so reading the file again gives the same camera. A camera
- * that the format cannot hold (k3 to k6 in Kalibr and EuRoC files; a size that is not stated) is refused with
- * FOVEA_ERROR_UNSUPPORTED and a line that names what would be lost. What else the format has no place for
- * (T_body_cam, rate, name) is told in `lost` (which may be NULL): "" when nothing is. A file is replaced as a
- * whole or not at all; a device or pipe is written to. Init-only. */
+/* Write a calibration. Numbers keep all their bits, so reading the file again gives the same
+ * camera. A camera that the format cannot hold (k3 to k6 in Kalibr and EuRoC files; a size that is
+ * not stated) is refused with FOVEA_ERROR_UNSUPPORTED and a line that names what would be lost.
+ * What else the format has no place for (T_body_cam, rate, name) is told in `lost` (which may be
+ * NULL): "" when nothing is. A file is replaced as a whole or not at all; a device or pipe is
+ * written to. Init-only. */
 enum fovea_status fovea_calibration_write(const char *path, enum fovea_calibration_format format,
                                           const struct fovea_calibration *calibration,
                                           struct fovea_error *lost, struct fovea_error *error);
 enum fovea_status fovea_calibration_format_text(enum fovea_calibration_format format,
                                                 const struct fovea_calibration *calibration,
                                                 char text[FOVEA_CALIBRATION_BYTES_MAX],
-                                                struct fovea_error *lost, struct fovea_error *error);
+                                                struct fovea_error *lost,
+                                                struct fovea_error *error);
 
-/* Make a camera fit frames of width x height, and prepare it. A size that is not stated becomes the frames'.
- * Another size is refused (FOVEA_ERROR_INPUT), or, when `scale` is set and the shape agrees to a pixel, the
- * focal lengths and the centre are scaled, pixel centres staying whole numbers. `origin` names the
- * calibration in errors. Init-only. */
+/* Make a camera fit frames of width x height, and prepare it. A size that is not stated becomes the
+ * frames'. Another size is refused (FOVEA_ERROR_INPUT), or, when `scale` is set and the shape
+ * agrees to a pixel, the focal lengths and the centre are scaled, pixel centres staying whole
+ * numbers. `origin` names the calibration in errors. Init-only. */
 enum fovea_status fovea_calibration_fit(struct fovea_camera *camera, int32_t width, int32_t height,
                                         bool scale, const char *origin, struct fovea_error *error);
 

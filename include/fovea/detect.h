@@ -1,10 +1,12 @@
 /* Detections: what an int8 network found in an image.
  *
- * A network reads an image resized to its input (stretched, or letterboxed with its shape kept); boxes are given in pixels
- * of the image it looked at, (0, 0) the centre of the top left pixel, max exclusive.
+ * A network reads an image resized to its input (stretched, or letterboxed with its shape kept);
+ * boxes are given in pixels of the image it looked at, (0, 0) the centre of the top left pixel, max
+ * exclusive.
  *
- * In the runtime detection is a job: an image is copied when the job is free, the network runs in units of at most 0.25 ms
- * over as many frames as it takes, and its boxes come out with the stamp of the image that they belong to. */
+ * In the runtime detection is a job: an image is copied when the job is free, the network runs in
+ * units of at most 0.25 ms over as many frames as it takes, and its boxes come out with the stamp
+ * of the image that they belong to. */
 #ifndef FOVEA_DETECT_H
 #define FOVEA_DETECT_H
 
@@ -24,17 +26,21 @@ struct fovea_detection {
 };
 
 struct fovea_detect_config {
-    /* A model file (.fvm, made by tools/import) of `model_bytes` bytes in memory, at a multiple of 64, which stays the
-     * caller's and must stay as it is while the runtime is in use: it is read in place and shared by copies of the runtime.
-     * Checked from end to end by fovea_size and fovea_init. NULL: no detection. */
+    /* A model file (.fvm, made by tools/import) of `model_bytes` bytes in memory, at a multiple of
+     * 64, which stays the caller's and must stay as it is while the runtime is in use: it is read
+     * in place and shared by copies of the runtime. Checked from end to end by fovea_size and
+     * fovea_init. NULL: no detection. */
     const void *model;
     size_t model_bytes;
 
     /* [1, 1000000], default 1: look at every so-manieth frame, if the network is free then */
     uint32_t period_frames;
-    uint32_t count_max; /* [1, 300], default 100: detections of one image, best first; costs message size */
-    double score_threshold; /* [0, 1], default 0: the model's own; above: at least this for every class */
-    double iou_threshold;   /* [0, 1], default 0: the model's own overlap above which the lesser box goes */
+    uint32_t count_max; /* [1, 300], default 100: detections of one image, best first; costs message
+                           size */
+    double score_threshold; /* [0, 1], default 0: the model's own; above: at least this for every
+                               class */
+    double iou_threshold;   /* [0, 1], default 0: the model's own overlap above which the lesser box
+                               goes */
 };
 
 /* What the last look that completed found, in memory of the runtime's block. */

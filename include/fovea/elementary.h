@@ -1,9 +1,11 @@
-/* Elementary functions and random numbers that give the same bits on every machine, compiler and C library.
+/* Elementary functions and random numbers that give the same bits on every machine, compiler and C
+ * library.
  *
- * libm differs between processors and releases, so nothing that influences a result may use it. These are made of
- * IEEE-754 double additions, multiplications, divisions and integer operations only, compiled without contraction.
- * Accuracy against the exact value, over the whole stated domain: at most 4e-16 relative (absolute near zeros of
- * sin, cos and log). All are real-time safe on any thread. */
+ * libm differs between processors and releases, so nothing that influences a result may use it.
+ * These are made of IEEE-754 double additions, multiplications, divisions and integer operations
+ * only, compiled without contraction. Accuracy against the exact value, over the whole stated
+ * domain: at most 4e-16 relative (absolute near zeros of sin, cos and log). All are real-time safe
+ * on any thread. */
 #ifndef FOVEA_ELEMENTARY_H
 #define FOVEA_ELEMENTARY_H
 
@@ -31,14 +33,15 @@ double fovea_asin(double sine);
 double fovea_exp(double exponent);
 double fovea_log(double positive);
 
-/* base^exponent for base > 0 as exp(exponent log base): relative error grows with |exponent log base| as usual. */
+/* base^exponent for base > 0 as exp(exponent log base): relative error grows with |exponent log
+ * base| as usual. */
 double fovea_pow(double base, double exponent);
 
 /* Largest integer value not above `value`, |value| < 2^51. */
 double fovea_floor(double value);
 
-/* Seeded generator (xoshiro128++ 1.0 by Blackman and Vigna, public domain algorithm, seeded through splitmix64).
- * A plain struct, so that it lives in the state, is copied and replayed with it. */
+/* Seeded generator (xoshiro128++ 1.0 by Blackman and Vigna, public domain algorithm, seeded through
+ * splitmix64). A plain struct, so that it lives in the state, is copied and replayed with it. */
 struct fovea_random {
     uint32_t s[4];
 };

@@ -1,7 +1,7 @@
 /* Features: image corners with their place in the raw image.
  *
- * FAST-9/16 corners (Rosten and Drummond, ECCV 2006) found on every level of the pyramid, thinned by
- * non-maximum suppression, and spread over the image. */
+ * FAST-9/16 corners (Rosten and Drummond, ECCV 2006) found on every level of the pyramid, thinned
+ * by non-maximum suppression, and spread over the image. */
 #ifndef FOVEA_FEATURES_H
 #define FOVEA_FEATURES_H
 
@@ -22,7 +22,8 @@ struct fovea_feature {
 };
 
 struct fovea_features_config {
-    uint32_t count_max; /* [100, 4000], default 1000: features asked per frame; step time grows linearly */
+    uint32_t count_max;      /* [100, 4000], default 1000: features asked per frame; step time grows
+                                linearly */
     uint32_t pyramid_levels; /* [1, 8], default 8 */
     uint32_t threshold;      /* [2, 100] grey levels, default 20: tried first in every cell */
     uint32_t threshold_min;  /* [2, threshold], default 7: where a cell would stay empty */

@@ -2,23 +2,19 @@
  *
  *     struct fovea_config config;
  *     fovea_config_default(&config);
- *     config.camera = ...;                                  // the calibration, through fovea_camera_prepare
- *     size_t bytes;
- *     fovea_size(&config, &bytes, &error);
- *     void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, bytes);
- *     struct fovea *rt;
- *     fovea_init(memory, bytes, &config, &rt, &error);
- *     for (;;) {
- *         wait for a frame;
- *         fovea_step(rt, &inputs, &outputs);   publish outputs;
+ *     config.camera = ...;                                  // the calibration, through
+ * fovea_camera_prepare size_t bytes; fovea_size(&config, &bytes, &error); void *memory =
+ * aligned_alloc(FOVEA_BLOCK_ALIGNMENT, bytes); struct fovea *rt; fovea_init(memory, bytes, &config,
+ * &rt, &error); for (;;) { wait for a frame; fovea_step(rt, &inputs, &outputs);   publish outputs;
  *         fovea_work(rt, &grants, &outputs);   publish outputs;
  *         give the frame back;
  *     }
  *
- * The caller owns the block; there is nothing to destroy. After fovea_init no function here calls the heap, takes a
- * lock, logs or makes a system call (other than through the clock that the caller may hand in). fovea_step and
- * fovea_work are functions of (state, inputs, grants): same bits in, same bits out, on every processor.
- * The block may be moved or copied only through fovea_copy, since it holds addresses of itself. */
+ * The caller owns the block; there is nothing to destroy. After fovea_init no function here calls
+ * the heap, takes a lock, logs or makes a system call (other than through the clock that the caller
+ * may hand in). fovea_step and fovea_work are functions of (state, inputs, grants): same bits in,
+ * same bits out, on every processor. The block may be moved or copied only through fovea_copy,
+ * since it holds addresses of itself. */
 #ifndef FOVEA_FOVEA_H
 #define FOVEA_FOVEA_H
 
@@ -43,19 +39,22 @@ extern "C" {
 
 enum { FOVEA_BLOCK_ALIGNMENT = 64 };
 
-/* ---- configuration ---------------------------------------------------------------------------------------- */
+/* ---- configuration
+ * ---------------------------------------------------------------------------------------- */
 
 /* Wall and thread-CPU clock for stage times; called twice per stage. Never influences results. */
 typedef void (*fovea_clock_function)(void *context, int64_t *wall_ns, int64_t *cpu_ns);
 
 struct fovea_preview_config {
-    uint32_t period_frames; /* [0, 1000000], default 10: one preview every so many frames; 0: none */
-    uint32_t quality;       /* [1, 100], default 70: JPEG quality in libjpeg's scale */
-    uint32_t level;         /* [0, 7], default 2: pyramid level that is shown */
+    uint32_t
+        period_frames; /* [0, 1000000], default 10: one preview every so many frames; 0: none */
+    uint32_t quality;  /* [1, 100], default 70: JPEG quality in libjpeg's scale */
+    uint32_t level;    /* [0, 7], default 2: pyramid level that is shown */
 };
 
 struct fovea_config {
-    struct fovea_camera camera; /* prepared (fovea_camera_prepare); width x height is the frame size */
+    struct fovea_camera
+        camera; /* prepared (fovea_camera_prepare); width x height is the frame size */
     struct fovea_features_config features;
     struct fovea_odometry_config odometry;
     struct fovea_detect_config detect;
@@ -64,11 +63,12 @@ struct fovea_config {
     struct fovea_preview_config preview;
     uint64_t seed; /* of the generator in the state, default 1 */
 
-    /* Static mask: width x height bytes, 0 where features are ignored; NULL: none. Copied by fovea_init. */
+    /* Static mask: width x height bytes, 0 where features are ignored; NULL: none. Copied by
+     * fovea_init. */
     const uint8_t *mask;
 
-    /* A map saved earlier with the same camera, to begin with; NULL: none. Read by fovea_init only. The name is for
-     * errors, for example the file's path. */
+    /* A map saved earlier with the same camera, to begin with; NULL: none. Read by fovea_init only.
+     * The name is for errors, for example the file's path. */
     const uint8_t *map;
     size_t map_bytes;
     const char *map_name;
@@ -79,7 +79,8 @@ struct fovea_config {
     /* Put before channel names, at most 31 bytes of [A-Za-z0-9_/.-]; default "FOVEA". */
     char channel_prefix[32];
 
-    /* Publish every n-th message of a kind, [0, 1000000]; 0: never. Defaults 1, statistics 30, map 5. */
+    /* Publish every n-th message of a kind, [0, 1000000]; 0: never. Defaults 1, statistics 30,
+     * map 5. */
     uint32_t pose_every, features_every, statistics_every, camera_status_every, map_every;
 
     /* Stage clock, or NULL for no stage times. */
@@ -89,20 +90,24 @@ struct fovea_config {
 
 void fovea_config_default(struct fovea_config *config);
 
-/* ---- set-up ------------------------------------------------------------------------------------------------ */
+/* ---- set-up
+ * ------------------------------------------------------------------------------------------------
+ */
 
 struct fovea; /* the runtime's state, at the start of the block */
 
-/* Bytes that fovea_init will need for this configuration. The number comes from running the same carving code without
- * memory, so the two cannot disagree. Checks the whole configuration. Init-only.
- * FOVEA_ERROR_ARGUMENT: `error` names the member, what was found and the range. */
-enum fovea_status fovea_size(const struct fovea_config *config, size_t *bytes, struct fovea_error *error);
-
-/* Build the runtime inside `memory` (FOVEA_BLOCK_ALIGNMENT aligned, at least fovea_size bytes; every byte of it is
- * written), with the best kernels that the processor has, or those of the set that the environment's FOVEA_CPU names
- * (src/README.md). Init-only. On error nothing is usable and `*rt` is untouched. */
-enum fovea_status fovea_init(void *memory, size_t bytes, const struct fovea_config *config, struct fovea **rt,
+/* Bytes that fovea_init will need for this configuration. The number comes from running the same
+ * carving code without memory, so the two cannot disagree. Checks the whole configuration.
+ * Init-only. FOVEA_ERROR_ARGUMENT: `error` names the member, what was found and the range. */
+enum fovea_status fovea_size(const struct fovea_config *config, size_t *bytes,
                              struct fovea_error *error);
+
+/* Build the runtime inside `memory` (FOVEA_BLOCK_ALIGNMENT aligned, at least fovea_size bytes;
+ * every byte of it is written), with the best kernels that the processor has, or those of the set
+ * that the environment's FOVEA_CPU names (src/README.md). Init-only. On error nothing is usable and
+ * `*rt` is untouched. */
+enum fovea_status fovea_init(void *memory, size_t bytes, const struct fovea_config *config,
+                             struct fovea **rt, struct fovea_error *error);
 
 /* The three parts of the block. */
 enum fovea_memory_part {
@@ -120,7 +125,8 @@ struct fovea_memory_row {
 
 enum { FOVEA_MEMORY_ROWS_MAX = 48 };
 
-/* The memory table: who takes how much of the block. Rows sum up to the block, padding included. Any thread. */
+/* The memory table: who takes how much of the block. Rows sum up to the block, padding included.
+ * Any thread. */
 struct fovea_memory_table {
     uint32_t count;
     struct fovea_memory_row rows[FOVEA_MEMORY_ROWS_MAX];
@@ -128,7 +134,8 @@ struct fovea_memory_table {
 enum fovea_status fovea_memory(const struct fovea_config *config, struct fovea_memory_table *table,
                                struct fovea_error *error);
 
-/* ---- the loop ---------------------------------------------------------------------------------------------- */
+/* ---- the loop
+ * ---------------------------------------------------------------------------------------------- */
 
 /* Jobs that fovea_work advances, in order of priority. */
 enum fovea_job {
@@ -139,18 +146,21 @@ enum fovea_job {
     FOVEA_JOB_COUNT
 };
 
-/* What the governor allows: the only way in which time influences results. Recorded with every frame. */
+/* What the governor allows: the only way in which time influences results. Recorded with every
+ * frame. */
 struct fovea_grants {
-    uint32_t features;               /* features asked of this step, at most config.features.count_max */
+    uint32_t features; /* features asked of this step, at most config.features.count_max */
     uint32_t units[FOVEA_JOB_COUNT]; /* units of at most 0.25 ms each, by job */
 };
 
 /* Commands, as bits, taken at the start of a step. */
 enum fovea_command {
-    FOVEA_COMMAND_RESET = 1, /* forget everything learnt since fovea_init; the reset counter rises */
+    FOVEA_COMMAND_RESET =
+        1, /* forget everything learnt since fovea_init; the reset counter rises */
     FOVEA_COMMAND_PAUSE = 2, /* frames are counted but not processed until resumed */
     FOVEA_COMMAND_RESUME = 4,
-    FOVEA_COMMAND_SAVE = 8, /* save the map: in units of the map's job, to where fovea_map_save_to said */
+    FOVEA_COMMAND_SAVE =
+        8, /* save the map: in units of the map's job, to where fovea_map_save_to said */
 };
 
 enum { FOVEA_INPUT_ODOMETRY_MAX = 64, FOVEA_INPUT_BOXES_MAX = 64 };
@@ -162,7 +172,7 @@ struct fovea_box {
 
 struct fovea_inputs {
     const struct fovea_frame *frame; /* NULL: none this time */
-    int64_t now_ns;                  /* on the frames' clock: this frame's stamp, or when it was due */
+    int64_t now_ns; /* on the frames' clock: this frame's stamp, or when it was due */
     enum fovea_source_state source_state;
     struct fovea_source_counts source_counts;
     uint32_t commands;     /* enum fovea_command bits */
@@ -173,21 +183,24 @@ struct fovea_inputs {
     uint32_t odometry_count;
     struct fovea_odometry_sample odometry[FOVEA_INPUT_ODOMETRY_MAX];
 
-    /* What moves in an image: features in it never enter the map. The boxes of the image with this stamp, which may be
-     * an earlier one (a detector takes its time; boxes then grow with their age) or that of this frame. */
+    /* What moves in an image: features in it never enter the map. The boxes of the image with this
+     * stamp, which may be an earlier one (a detector takes its time; boxes then grow with their
+     * age) or that of this frame. */
     bool has_boxes; /* false: nothing new */
     int64_t boxes_stamp_ns;
     uint32_t box_count;
     struct fovea_box boxes[FOVEA_INPUT_BOXES_MAX];
 
-    /* Measured by the application, told on in the statistics message only, never used for results. */
+    /* Measured by the application, told on in the statistics message only, never used for results.
+     */
     int64_t latency_ns;  /* from the stamp to the call of fovea_step; 0: unknown */
     float temperature_c; /* of the processor; NaN where unknown */
     uint64_t resident_bytes;
     uint64_t frames_late; /* dropped because the loop was busy */
 };
 
-/* One encoded LCM message, in memory of the block, valid until the next fovea_step or fovea_work. */
+/* One encoded LCM message, in memory of the block, valid until the next fovea_step or fovea_work.
+ */
 struct fovea_message {
     const char *channel;
     const uint8_t *data;
@@ -205,13 +218,14 @@ struct fovea_outputs {
     size_t map_bytes;      /* of a work: the map was saved, in so many bytes; 0: not in this one */
 };
 
-/* Process one frame, or note that there is none. FOVEA_OK: processed. FOVEA_AGAIN: nothing to process (no frame, paused,
- * or refused: stamp not after the last one, wrong size or format; counted in the statistics). Never fails on data.
- * `outputs` is overwritten. Loop thread. */
+/* Process one frame, or note that there is none. FOVEA_OK: processed. FOVEA_AGAIN: nothing to
+ * process (no frame, paused, or refused: stamp not after the last one, wrong size or format;
+ * counted in the statistics). Never fails on data. `outputs` is overwritten. Loop thread. */
 enum fovea_status fovea_step(struct fovea *rt, const struct fovea_inputs *inputs,
                              struct fovea_outputs *outputs);
 
-/* Advance the jobs by at most the granted units. `outputs` is overwritten. Loop thread. FOVEA_AGAIN: units are left. */
+/* Advance the jobs by at most the granted units. `outputs` is overwritten. Loop thread.
+ * FOVEA_AGAIN: units are left. */
 enum fovea_status fovea_work(struct fovea *rt, const struct fovea_grants *grants,
                              struct fovea_outputs *outputs);
 
@@ -221,26 +235,31 @@ const struct fovea_feature *fovea_features_get(const struct fovea *rt, uint32_t 
 /* Pose of the last processed frame, as published. */
 void fovea_pose_get(const struct fovea *rt, struct fovea_pose *pose);
 
-/* What the last completed look of the detector found; `looks` is 0 without one. Valid until the next fovea_work. */
+/* What the last completed look of the detector found; `looks` is 0 without one. Valid until the
+ * next fovea_work. */
 void fovea_detections_get(const struct fovea *rt, struct fovea_detections *detections);
 
-/* The tracks as of the last completed look; `updates` is 0 without one. Valid until the next fovea_work. */
+/* The tracks as of the last completed look; `updates` is 0 without one. Valid until the next
+ * fovea_work. */
 void fovea_tracks_get(const struct fovea *rt, struct fovea_tracks *tracks);
 
 /* Name of a class of the configured model, "" where it has none. Any thread. */
 const char *fovea_detect_label(const struct fovea *rt, int32_t class_id);
 
-/* Keyframes of the map by slot, the first `count_max` of odometry.keyframes slots; returns how many were written. A slot
- * whose number has changed holds another keyframe. Bounded. Loop thread. */
-uint32_t fovea_keyframes_get(const struct fovea *rt, struct fovea_keyframe *list, uint32_t count_max);
+/* Keyframes of the map by slot, the first `count_max` of odometry.keyframes slots; returns how many
+ * were written. A slot whose number has changed holds another keyframe. Bounded. Loop thread. */
+uint32_t fovea_keyframes_get(const struct fovea *rt, struct fovea_keyframe *list,
+                             uint32_t count_max);
 
-/* ---- the governor ------------------------------------------------------------------------------------------ */
+/* ---- the governor
+ * ------------------------------------------------------------------------------------------ */
 
-/* Grants of the fixed schedule: all features, and per job the guaranteed minimum. For recorded input at full speed. */
+/* Grants of the fixed schedule: all features, and per job the guaranteed minimum. For recorded
+ * input at full speed. */
 void fovea_grants_fixed(const struct fovea_config *config, struct fovea_grants *grants);
 
-/* Grants from measured time, for frames that come by the clock. A plain struct owned by the application, outside
- * the block, since clocks must not touch the state. */
+/* Grants from measured time, for frames that come by the clock. A plain struct owned by the
+ * application, outside the block, since clocks must not touch the state. */
 struct fovea_governor {
     int64_t period_ns;
     uint32_t features, features_max, features_min;
@@ -251,35 +270,40 @@ struct fovea_governor {
 
 void fovea_governor_init(struct fovea_governor *governor, const struct fovea_config *config,
                          int64_t period_ns);
-/* Grants for the next step and work: features lowered after sustained shortage, raised again after sustained ease. */
+/* Grants for the next step and work: features lowered after sustained shortage, raised again after
+ * sustained ease. */
 void fovea_governor_next(struct fovea_governor *governor, const struct fovea_config *config,
                          struct fovea_grants *grants);
-/* Lower `grants->units` to what is left of the period after the step took `step_ns`; minimum kept. */
+/* Lower `grants->units` to what is left of the period after the step took `step_ns`; minimum kept.
+ */
 void fovea_governor_work(struct fovea_governor *governor, int64_t step_ns, uint32_t jobs_waiting,
                          struct fovea_grants *grants);
 /* Learn from what the work took. */
 void fovea_governor_learn(struct fovea_governor *governor, int64_t step_ns, int64_t work_ns,
                           const struct fovea_outputs *work_outputs);
 
-/* ---- maps kept --------------------------------------------------------------------------------------------- */
+/* ---- maps kept
+ * --------------------------------------------------------------------------------------------- */
 
 /* Most bytes that a saved map of this configuration takes. Any thread. */
 size_t fovea_map_bytes_max(const struct fovea_config *config);
 
-/* Where FOVEA_COMMAND_SAVE writes: a buffer of the caller's, to be left alone until outputs.map_bytes tells that all is
- * there; NULL: nowhere. Outside the state: with or without a buffer, runs are equal. A buffer that is too small gets
- * what fits: outputs.map_bytes tells. Loop thread, real-time safe. */
+/* Where FOVEA_COMMAND_SAVE writes: a buffer of the caller's, to be left alone until
+ * outputs.map_bytes tells that all is there; NULL: nowhere. Outside the state: with or without a
+ * buffer, runs are equal. A buffer that is too small gets what fits: outputs.map_bytes tells. Loop
+ * thread, real-time safe. */
 void fovea_map_save_to(struct fovea *rt, uint8_t *buffer, size_t bytes);
 
-/* Put in the checksum that makes saved bytes a file; fewer than a checksum has are left alone. Any thread; not for the loop, as it
- * reads them all. */
+/* Put in the checksum that makes saved bytes a file; fewer than a checksum has are left alone. Any
+ * thread; not for the loop, as it reads them all. */
 void fovea_map_seal(uint8_t *data, size_t bytes);
 
-/* Save in one go, when no loop runs: returns the bytes of the sealed file, 0 when the buffer is too small or there is no
- * odometry. */
+/* Save in one go, when no loop runs: returns the bytes of the sealed file, 0 when the buffer is too
+ * small or there is no odometry. */
 size_t fovea_map_save(struct fovea *rt, uint8_t *buffer, size_t bytes);
 
-/* ---- looking inside ---------------------------------------------------------------------------------------- */
+/* ---- looking inside
+ * ---------------------------------------------------------------------------------------- */
 
 enum fovea_stage {
     FOVEA_STAGE_PYRAMID = 0,
@@ -299,20 +323,25 @@ struct fovea_stats {
     uint64_t frames_in, frames_processed, frames_refused, steps_without_frame;
     uint64_t refused_stamp, refused_format, refused_paused;
     uint32_t reset_counter;
-    uint32_t features;                                                         /* of the last frame */
-    uint32_t loops_closed, maps_merged;                                        /* since the last reset */
-    int64_t stage_cpu_ns[FOVEA_STAGE_COUNT], stage_wall_ns[FOVEA_STAGE_COUNT]; /* of the last step and work */
+    uint32_t features;                  /* of the last frame */
+    uint32_t loops_closed, maps_merged; /* since the last reset */
+    int64_t stage_cpu_ns[FOVEA_STAGE_COUNT],
+        stage_wall_ns[FOVEA_STAGE_COUNT]; /* of the last step and work */
 };
 void fovea_stats_get(const struct fovea *rt, struct fovea_stats *stats);
 
-/* 64-bit FNV-1a hash of everything in the state that may influence later results: equal after equal histories on any
- * processor of the same word size and byte order. Bounded; not for every frame. Loop thread. */
+/* 64-bit FNV-1a hash of everything in the state that may influence later results: equal after equal
+ * histories on any processor of the same word size and byte order. Bounded; not for every frame.
+ * Loop thread. */
 uint64_t fovea_state_hash(const struct fovea *rt);
 
-/* Copy a runtime into another block of at least the same size, which may then be stepped on its own. Loop thread. */
-enum fovea_status fovea_copy(const struct fovea *rt, void *memory, size_t bytes, struct fovea **copy);
+/* Copy a runtime into another block of at least the same size, which may then be stepped on its
+ * own. Loop thread. */
+enum fovea_status fovea_copy(const struct fovea *rt, void *memory, size_t bytes,
+                             struct fovea **copy);
 
-/* Name of the kernel set that was picked ("c", "sse4", "avx2", "avx512", "neon", "dotprod", "i8mm"). Any thread. */
+/* Name of the kernel set that was picked ("c", "sse4", "avx2", "avx512", "neon", "dotprod",
+ * "i8mm"). Any thread. */
 const char *fovea_cpu_name(const struct fovea *rt);
 
 #ifdef __cplusplus

@@ -1,8 +1,9 @@
 /* Images: a view of pixels that somebody else owns.
  *
- * Rows are `stride_bytes` apart, top row first. Multi-plane formats (NV12, YU12) have their planes one after
- * the other in the same buffer, chroma stride as in V4L2 (NV12: stride_bytes; YU12: stride_bytes / 2).
- * For FOVEA_PIXEL_MJPEG the view is `size_bytes` of compressed data and the stride is 0. */
+ * Rows are `stride_bytes` apart, top row first. Multi-plane formats (NV12, YU12) have their planes
+ * one after the other in the same buffer, chroma stride as in V4L2 (NV12: stride_bytes; YU12:
+ * stride_bytes / 2). For FOVEA_PIXEL_MJPEG the view is `size_bytes` of compressed data and the
+ * stride is 0. */
 #ifndef FOVEA_IMAGE_H
 #define FOVEA_IMAGE_H
 
@@ -51,17 +52,20 @@ struct fovea_image {
     size_t size_bytes; /* bytes readable from `data` */
 };
 
-/* Name as used in configuration and messages ("grey8", "yuyv", ...); "unknown" out of range. Any thread. */
+/* Name as used in configuration and messages ("grey8", "yuyv", ...); "unknown" out of range. Any
+ * thread. */
 const char *fovea_pixel_format_name(enum fovea_pixel_format format);
 
-/* Smallest stride in bytes of a row of `width` pixels; 0 for compressed or unknown formats. Any thread. */
+/* Smallest stride in bytes of a row of `width` pixels; 0 for compressed or unknown formats. Any
+ * thread. */
 int32_t fovea_image_stride_min(enum fovea_pixel_format format, int32_t width);
 
-/* Bytes that an image with these rows occupies, all planes; 0 for compressed or unknown formats. Any thread. */
+/* Bytes that an image with these rows occupies, all planes; 0 for compressed or unknown formats.
+ * Any thread. */
 size_t fovea_image_bytes(enum fovea_pixel_format format, int32_t height, int32_t stride_bytes);
 
-/* Whether the view is consistent: known format, size within FOVEA_IMAGE_* limits, stride and size_bytes large
- * enough. Returns FOVEA_OK or FOVEA_ERROR_ARGUMENT. Real-time safe, any thread. */
+/* Whether the view is consistent: known format, size within FOVEA_IMAGE_* limits, stride and
+ * size_bytes large enough. Returns FOVEA_OK or FOVEA_ERROR_ARGUMENT. Real-time safe, any thread. */
 enum fovea_status fovea_image_check(const struct fovea_image *image);
 
 #ifdef __cplusplus

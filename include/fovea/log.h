@@ -1,13 +1,13 @@
 /* Reading LCM log files, as written by `fovea run --record` and by lcm-logger.
  *
- * A log is a row of events. Each has a 28-byte header, all big-endian: sync word 0xEDA1DA01 (4), number (8),
- * microseconds since 1970 (8), channel length (4), data length (4); then channel and data. Logs come from
- * outside and may be cut off, damaged or hostile: every length is held against the file before it is used,
- * and an error names file and byte. (lcm_eventlog_read_next_event allocates what the header asks for and
- * skips damage without a word.)
+ * A log is a row of events. Each has a 28-byte header, all big-endian: sync word 0xEDA1DA01 (4),
+ * number (8), microseconds since 1970 (8), channel length (4), data length (4); then channel and
+ * data. Logs come from outside and may be cut off, damaged or hostile: every length is held against
+ * the file before it is used, and an error names file and byte. (lcm_eventlog_read_next_event
+ * allocates what the header asks for and skips damage without a word.)
  *
- * Memory: one buffer on the heap, as large as the largest event read. Not real-time safe; one thread per log.
- * Of the drivers and the command: not in the library, and not installed. */
+ * Memory: one buffer on the heap, as large as the largest event read. Not real-time safe; one
+ * thread per log. Of the drivers and the command: not in the library, and not installed. */
 #ifndef FOVEA_LOG_H
 #define FOVEA_LOG_H
 
@@ -40,12 +40,13 @@ struct fovea_log_event {
 struct fovea_log;
 
 /* Open a log for reading. FOVEA_ERROR_INPUT: cannot be opened, or not a regular file. */
-enum fovea_status fovea_log_open(const char *path, struct fovea_log **log, struct fovea_error *error);
+enum fovea_status fovea_log_open(const char *path, struct fovea_log **log,
+                                 struct fovea_error *error);
 void fovea_log_close(struct fovea_log *log);
 
-/* Next event with its data. FOVEA_END after the last one; FOVEA_ERROR_INPUT: `error` names file, byte, found,
- * expected. After an error event->offset is the place of what could not be read, and the position is not defined (fovea_log_seek
- * and fovea_log_resync mend that). */
+/* Next event with its data. FOVEA_END after the last one; FOVEA_ERROR_INPUT: `error` names file,
+ * byte, found, expected. After an error event->offset is the place of what could not be read, and
+ * the position is not defined (fovea_log_seek and fovea_log_resync mend that). */
 enum fovea_status fovea_log_next(struct fovea_log *log, struct fovea_log_event *event,
                                  struct fovea_error *error);
 
@@ -56,22 +57,24 @@ enum fovea_status fovea_log_skim(struct fovea_log *log, struct fovea_log_event *
 /* Go on with the event at `offset`, from an earlier event, or 0. */
 enum fovea_status fovea_log_seek(struct fovea_log *log, int64_t offset, struct fovea_error *error);
 
-/* After an error: go on with the next sync word behind the place of what could not be read. By chance it may stand inside
- * data: what follows it is then rarely an event. FOVEA_END: there is none. */
+/* After an error: go on with the next sync word behind the place of what could not be read. By
+ * chance it may stand inside data: what follows it is then rarely an event. FOVEA_END: there is
+ * none. */
 enum fovea_status fovea_log_resync(struct fovea_log *log);
 
-/* Whether the channel's last part is `suffix`: "FOVEA_FRAME" and "FRAME" end in "FRAME", "SUBFRAME" does not.
+/* Whether the channel's last part is `suffix`: "FOVEA_FRAME" and "FRAME" end in "FRAME", "SUBFRAME"
+ * does not.
  */
 bool fovea_log_channel_is(const char *channel, const char *suffix);
 
-/* Read an event that holds a fovea.frame_t. `frame` points into the event's data; its clock is that of the
- * recording and its sequence that of the recorded frame. FOVEA_ERROR_INPUT: other type, or sizes that do not
- * fit; `name` (the file) and the byte stand in `error`. */
+/* Read an event that holds a fovea.frame_t. `frame` points into the event's data; its clock is that
+ * of the recording and its sequence that of the recorded frame. FOVEA_ERROR_INPUT: other type, or
+ * sizes that do not fit; `name` (the file) and the byte stand in `error`. */
 enum fovea_status fovea_log_frame(const char *name, const struct fovea_log_event *event,
                                   struct fovea_frame *frame, struct fovea_error *error);
 
-/* Stamp of a frame that was skimmed, without reading its picture; the log stays where it is. FOVEA_ERROR_INPUT: it holds
- * no fovea.frame_t. */
+/* Stamp of a frame that was skimmed, without reading its picture; the log stays where it is.
+ * FOVEA_ERROR_INPUT: it holds no fovea.frame_t. */
 enum fovea_status fovea_log_frame_stamp(struct fovea_log *log, const struct fovea_log_event *event,
                                         int64_t *stamp_ns);
 

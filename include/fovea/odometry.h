@@ -1,9 +1,10 @@
 /* Monocular visual odometry: where the camera is, from its images alone.
  *
- * Features are matched against landmarks of the local map, predicted by a motion model; the pose minimises the robust
- * pixel error of the matches. Keyframes are kept when the view has changed; their landmarks and poses are optimised
- * together by a job. The world frame is the camera frame of the first keyframe; without a scale source its unit is
- * such that the median depth at the start is 1.
+ * Features are matched against landmarks of the local map, predicted by a motion model; the pose
+ * minimises the robust pixel error of the matches. Keyframes are kept when the view has changed;
+ * their landmarks and poses are optimised together by a job. The world frame is the camera frame of
+ * the first keyframe; without a scale source its unit is such that the median depth at the start
+ * is 1.
  *
  * After Klein and Murray (ISMAR 2007) and Mur-Artal, Montiel and Tardos (T-RO 2015). */
 #ifndef FOVEA_ODOMETRY_H
@@ -18,7 +19,8 @@ extern "C" {
 
 enum fovea_tracking_state {
     FOVEA_TRACKING_STARTING = 0, /* no map yet: waiting for enough parallax between two views */
-    FOVEA_TRACKING_OK = 1, /* pose from at least inliers_good landmarks, its covariance to be relied on */
+    FOVEA_TRACKING_OK =
+        1, /* pose from at least inliers_good landmarks, its covariance to be relied on */
     /* pose from at least FOVEA_POSED_INLIERS_MIN: too few, or landmarks of a young map, or parts of
      * the image contradict one another, as where something moves */
     FOVEA_TRACKING_WEAK = 2,
@@ -36,8 +38,10 @@ enum fovea_scale_source {
 
 struct fovea_scale_config {
     enum fovea_scale_source source; /* default FOVEA_SCALE_FREE */
-    double camera_height_m; /* [0.01, 1000], default 1: of the camera over the floor; for camera_height */
-    bool allow_unscaled;    /* default false: send the bot_core pose also while the scale is not known */
+    double camera_height_m;         /* [0.01, 1000], default 1: of the camera over the floor; for
+                                       camera_height */
+    bool allow_unscaled; /* default false: send the bot_core pose also while the scale is not known
+                          */
 };
 
 /* Where the robot is by its wheels or legs: T_odom_base, in a frame of odometry's own. */
@@ -51,48 +55,56 @@ enum { FOVEA_ODOMETRY_KEYFRAMES_MAX = 256, FOVEA_ODOMETRY_LANDMARKS_MAX = 20000 
 
 struct fovea_odometry_config {
     bool enabled;       /* default true */
-    uint32_t keyframes; /* [8, 256], default 128: keyframes kept; memory about 46 kB each at 1000 features */
+    uint32_t keyframes; /* [8, 256], default 128: keyframes kept; memory about 46 kB each at 1000
+                           features */
     uint32_t landmarks; /* [1000, 20000], default 16000: landmarks kept; memory about 120 B each */
-    uint32_t window;    /* [3, 12], default 8: keyframes optimised together; time grows with the square */
-    uint32_t inliers_good;      /* [20, 200], default 40: fewer inliers make the state `weak` */
-    bool loops;                 /* default true: close loops and merge maps */
-    uint32_t lost_frames_reset; /* [1, 10000], default 15: frames lost before a new map is started */
-    bool localise_only; /* default false: the map that is loaded stays as it is; no other is started */
+    uint32_t
+        window; /* [3, 12], default 8: keyframes optimised together; time grows with the square */
+    uint32_t inliers_good; /* [20, 200], default 40: fewer inliers make the state `weak` */
+    bool loops;            /* default true: close loops and merge maps */
+    uint32_t
+        lost_frames_reset; /* [1, 10000], default 15: frames lost before a new map is started */
+    bool localise_only; /* default false: the map that is loaded stays as it is; no other is started
+                         */
 };
 
 /* What is known about the last processed frame. */
 struct fovea_pose {
     enum fovea_tracking_state state;
     bool posed; /* T_world_cam holds */
-    /* Row-major 3x4; the world is `odom` of REP-105, continuous where loops correct the map; its unit is the metre unless
-     * the scale is free. */
+    /* Row-major 3x4; the world is `odom` of REP-105, continuous where loops correct the map; its
+     * unit is the metre unless the scale is free. */
     double T_world_cam[12];
-    /* p_map = map_scale R p_world + t with [R t] = T_map_odom (row-major 3x4): where the map, as corrected by loops, has
-     * what the continuous world has at p_world. Identity and 1 before the first correction; with
-     * a scale both are in metres, map_scale is 1, and T_map_odom takes up what a better estimate changes. */
+    /* p_map = map_scale R p_world + t with [R t] = T_map_odom (row-major 3x4): where the map, as
+     * corrected by loops, has what the continuous world has at p_world. Identity and 1 before the
+     * first correction; with a scale both are in metres, map_scale is 1, and T_map_odom takes up
+     * what a better estimate changes. */
     double T_map_odom[12], map_scale;
-    /* Covariance of the pose relative to its reference keyframe: upper triangle by rows of the 6x6 matrix over
-     * (x y z, rotation x y z) in the camera frame; lengths in the world's unit, angles in rad. From the joint information
-     * of the frame, its landmarks and their keyframes, at the noise that the frame shows; what moved the reference since its
-     * own pose was told is added. What is uncertain about the scale is not in it. */
+    /* Covariance of the pose relative to its reference keyframe: upper triangle by rows of the 6x6
+     * matrix over (x y z, rotation x y z) in the camera frame; lengths in the world's unit, angles
+     * in rad. From the joint information of the frame, its landmarks and their keyframes, at the
+     * noise that the frame shows; what moved the reference since its own pose was told is added.
+     * What is uncertain about the scale is not in it. */
     double covariance[21];
     uint32_t matches, inliers; /* landmarks matched, and of them those that agree */
-    float quality;             /* share of the landmarks predicted to be visible that are inliers, [0, 1] */
-    uint32_t reset_counter;    /* rises whenever a new map is started after the first */
+    float quality; /* share of the landmarks predicted to be visible that are inliers, [0, 1] */
+    uint32_t reset_counter; /* rises whenever a new map is started after the first */
     /* of the map that began this world; 0: the first. A map that it was merged into
      * is told by T_map_odom alone */
     uint32_t map_id;
     uint32_t keyframes, landmarks;        /* in all maps */
     enum fovea_scale_source scale_source; /* FOVEA_SCALE_FREE until a scale is known */
     double scale;                         /* world's units per unit of the map; 1 when free */
-    double scale_sigma;                   /* one standard deviation of the scale, relative; 0 when free */
+    double scale_sigma; /* one standard deviation of the scale, relative; 0 when free */
 
-    /* The same pose relative to a keyframe, which later optimisation may move: row-major 3x4, unit of the map. */
+    /* The same pose relative to a keyframe, which later optimisation may move: row-major 3x4, unit
+     * of the map. */
     uint64_t reference_keyframe; /* its number; holds when posed */
     double T_keyframe_cam[12];
 };
 
-/* A keyframe as its map has it now: row-major 3x4 in the map's own world and unit, which no scale touches. */
+/* A keyframe as its map has it now: row-major 3x4 in the map's own world and unit, which no scale
+ * touches. */
 struct fovea_keyframe {
     bool used;
     uint32_t map_id;

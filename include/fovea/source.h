@@ -1,8 +1,9 @@
 /* Frame sources: cameras, recordings and the simulated camera behind one operations table.
  *
- * Life of a source: open -> start -> { dequeue -> requeue }* -> stop -> close. `open` may allocate, read files and
- * start threads; between `start` and `stop` the calls made on the loop thread (dequeue, requeue, truth, truth_pose) make no heap
- * call, and wait at most until the deadline. At most `FOVEA_SOURCE_FRAMES_HELD` frames may be held at once. */
+ * Life of a source: open -> start -> { dequeue -> requeue }* -> stop -> close. `open` may allocate,
+ * read files and start threads; between `start` and `stop` the calls made on the loop thread
+ * (dequeue, requeue, truth, truth_pose) make no heap call, and wait at most until the deadline. At
+ * most `FOVEA_SOURCE_FRAMES_HELD` frames may be held at once. */
 #ifndef FOVEA_SOURCE_H
 #define FOVEA_SOURCE_H
 
@@ -75,25 +76,28 @@ struct fovea_truth_box {
     uint32_t id; /* constant over the run, from 1 */
     enum fovea_object_class object_class;
     float x_min_px, y_min_px, x_max_px, y_max_px;
-    float visible_share; /* visible pixels / pixels if nothing occluded it and the image were larger */
+    float visible_share; /* visible pixels / pixels if nothing occluded it and the image were larger
+                          */
 };
 
-/* What is exactly known about a frame. Members that a source does not know are absent: has_pose false,
- * box_count 0, NULL maps. Maps are owned by the source and valid until the frame is requeued. */
+/* What is exactly known about a frame. Members that a source does not know are absent: has_pose
+ * false, box_count 0, NULL maps. Maps are owned by the source and valid until the frame is
+ * requeued. */
 struct fovea_truth {
     bool has_pose;
-    double T_world_cam
-        [12]; /* row-major 3x4: camera points (metres) to the world; z of the world is up in `sim:` */
+    double T_world_cam[12]; /* row-major 3x4: camera points (metres) to the world; z of the world is
+                               up in `sim:` */
     uint32_t box_count;
     struct fovea_truth_box boxes[FOVEA_TRUTH_BOXES_MAX];
     const float *depth_m;      /* width x height, z of the camera frame; 0: unknown */
     const uint8_t *class_mask; /* width x height, enum fovea_object_class */
 };
 
-/* How frames of a recording are chosen: start, start + step, start + 2 step, ..., at most `frames` of them (0: all);
- * played last first when `reverse`, with stamps that still rise. Live sources refuse anything but a number of frames.
- * `colour`: recordings of PNG and JPEG files that have colours give RGB24 frames in place of grey ones; others ignore it.
- * `camera_given`: the caller has a calibration: the source's own is not needed, and one that cannot be read is as none. */
+/* How frames of a recording are chosen: start, start + step, start + 2 step, ..., at most `frames`
+ * of them (0: all); played last first when `reverse`, with stamps that still rise. Live sources
+ * refuse anything but a number of frames. `colour`: recordings of PNG and JPEG files that have
+ * colours give RGB24 frames in place of grey ones; others ignore it. `camera_given`: the caller has
+ * a calibration: the source's own is not needed, and one that cannot be read is as none. */
 struct fovea_source_selection {
     uint64_t start;
     uint64_t step; /* at least 1 */
@@ -123,7 +127,7 @@ struct fovea_source_info {
     bool has_truth;
     struct fovea_camera camera;
     char camera_origin[256]; /* file that the calibration came from, or "built in" */
-    size_t heap_bytes;       /* what open allocated outside the runtime's block, for the memory table */
+    size_t heap_bytes; /* what open allocated outside the runtime's block, for the memory table */
 };
 
 struct fovea_source; /* one open source; each driver defines its own */
@@ -132,18 +136,20 @@ struct fovea_source_ops {
     const char *name; /* scheme of the URI */
     const char *help; /* one line: "DIR  EuRoC data set in ASL layout" */
 
-    /* Mandatory. `address` is what follows "name:" in the URI. On failure `error` holds the line to print and
-     * nothing is left open. Init-only. */
+    /* Mandatory. `address` is what follows "name:" in the URI. On failure `error` holds the line to
+     * print and nothing is left open. Init-only. */
     enum fovea_status (*open)(const char *address, const struct fovea_source_selection *selection,
                               struct fovea_source **source, struct fovea_error *error);
     /* Valid from open to close. */
     const struct fovea_source_info *(*info)(const struct fovea_source *source);
     enum fovea_status (*start)(struct fovea_source *source, struct fovea_error *error);
-    /* Wait for a frame until CLOCK_MONOTONIC reaches `deadline_ns` (INT64_MAX: no limit; 0: do not wait).
-     * FOVEA_OK: `frame` is valid until requeued. FOVEA_AGAIN: none in time. FOVEA_END: no more will come.
-     * FOVEA_GONE: the camera is away, keep asking. Negative: the source is beyond repair. Loop thread.
-     * FOVEA_AGAIN comes at once while FOVEA_SOURCE_FRAMES_HELD frames are held, and early after a signal. */
-    enum fovea_status (*dequeue)(struct fovea_source *source, int64_t deadline_ns, struct fovea_frame *frame);
+    /* Wait for a frame until CLOCK_MONOTONIC reaches `deadline_ns` (INT64_MAX: no limit; 0: do not
+     * wait). FOVEA_OK: `frame` is valid until requeued. FOVEA_AGAIN: none in time. FOVEA_END: no
+     * more will come. FOVEA_GONE: the camera is away, keep asking. Negative: the source is beyond
+     * repair. Loop thread. FOVEA_AGAIN comes at once while FOVEA_SOURCE_FRAMES_HELD frames are
+     * held, and early after a signal. */
+    enum fovea_status (*dequeue)(struct fovea_source *source, int64_t deadline_ns,
+                                 struct fovea_frame *frame);
     void (*requeue)(struct fovea_source *source, const struct fovea_frame *frame);
     void (*stop)(struct fovea_source *source);
     void (*close)(struct fovea_source *source);
@@ -151,26 +157,28 @@ struct fovea_source_ops {
     /* Optional (NULL where it does not apply). */
     enum fovea_status (*truth)(struct fovea_source *source, const struct fovea_frame *frame,
                                struct fovea_truth *truth);
-    /* The pose of `truth` alone, in microseconds where the maps may take as long as a frame. FOVEA_ERROR_UNSUPPORTED:
-     * the pose of this frame is not known. */
+    /* The pose of `truth` alone, in microseconds where the maps may take as long as a frame.
+     * FOVEA_ERROR_UNSUPPORTED: the pose of this frame is not known. */
     enum fovea_status (*truth_pose)(struct fovea_source *source, const struct fovea_frame *frame,
                                     double T_world_cam[12]);
-    /* Wheel or leg odometry of the robot that carries the camera, of the time after the last call up to this frame's
-     * stamp: at most `count_max` samples, the rest comes with the next call. Returns their number. */
+    /* Wheel or leg odometry of the robot that carries the camera, of the time after the last call
+     * up to this frame's stamp: at most `count_max` samples, the rest comes with the next call.
+     * Returns their number. */
     uint32_t (*odometry)(struct fovea_source *source, const struct fovea_frame *frame,
                          struct fovea_odometry_sample *samples, uint32_t count_max);
     void (*counts)(const struct fovea_source *source, struct fovea_source_counts *counts);
     enum fovea_source_state (*state)(const struct fovea_source *source);
-    /* One line about the next frame that was skipped (file and reason), FOVEA_AGAIN when there is nothing to say. To be
-     * asked a few times a second. Off the loop thread. */
+    /* One line about the next frame that was skipped (file and reason), FOVEA_AGAIN when there is
+     * nothing to say. To be asked a few times a second. Off the loop thread. */
     enum fovea_status (*complaint)(struct fovea_source *source, struct fovea_error *error);
 };
 
-/* All drivers built in, ended by NULL (drivers/table.c): of the `fovea` command, not in the library. */
+/* All drivers built in, ended by NULL (drivers/table.c): of the `fovea` command, not in the
+ * library. */
 extern const struct fovea_source_ops *const fovea_source_table[];
 
-/* The driver for a URI "name:address" and where its address starts; an error that lists the known names otherwise. Of the
- * command, too. */
+/* The driver for a URI "name:address" and where its address starts; an error that lists the known
+ * names otherwise. Of the command, too. */
 enum fovea_status fovea_source_find(const char *uri, const struct fovea_source_ops **ops,
                                     const char **address, struct fovea_error *error);
 

@@ -1,9 +1,10 @@
 /* Status codes, and the one-line error that says why something was refused.
  *
- * Zero is success, negative values are errors, positive values are normal outcomes that the caller must
- * tell apart. Functions that check input from outside (configuration, calibration, models, recordings)
- * also fill a struct fovea_error: one line that names the file, the key or byte, what was found and what
- * was expected. Outputs are untouched on error unless a function says otherwise. */
+ * Zero is success, negative values are errors, positive values are normal outcomes that the caller
+ * must tell apart. Functions that check input from outside (configuration, calibration, models,
+ * recordings) also fill a struct fovea_error: one line that names the file, the key or byte, what
+ * was found and what was expected. Outputs are untouched on error unless a function says otherwise.
+ */
 #ifndef FOVEA_STATUS_H
 #define FOVEA_STATUS_H
 
@@ -39,10 +40,11 @@ struct fovea_error {
 /* Short English name of a status, for logs and messages. Any thread; never NULL. */
 const char *fovea_status_name(enum fovea_status status);
 
-/* Fill `error` (which may be NULL) with a printf-style line, cut to fit, and return `status`, so that a check
- * reads `return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s:%d: ...", ...)`. Init-only: never from a step. */
-enum fovea_status fovea_error_set(struct fovea_error *error, enum fovea_status status, const char *format,
-                                  ...)
+/* Fill `error` (which may be NULL) with a printf-style line, cut to fit, and return `status`, so
+ * that a check reads `return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s:%d: ...", ...)`.
+ * Init-only: never from a step. */
+enum fovea_status fovea_error_set(struct fovea_error *error, enum fovea_status status,
+                                  const char *format, ...)
 #if defined(__GNUC__)
     __attribute__((format(printf, 3, 4)))
 #endif

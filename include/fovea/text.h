@@ -1,6 +1,6 @@
-/* Small text tools that the configuration, calibration files and drivers share: whole files, strict numbers,
- * and the pieces of a good error line. Init-only, any thread; nothing here belongs into the loop. Of the drivers and
- * the command: not in the library, and not installed. */
+/* Small text tools that the configuration, calibration files and drivers share: whole files, strict
+ * numbers, and the pieces of a good error line. Init-only, any thread; nothing here belongs into
+ * the loop. Of the drivers and the command: not in the library, and not installed. */
 #ifndef FOVEA_TEXT_H
 #define FOVEA_TEXT_H
 
@@ -14,27 +14,30 @@
 extern "C" {
 #endif
 
-/* Read a whole file of at most `max_bytes` into memory from malloc (the caller frees it), followed by a zero
- * byte that `*bytes` does not count. FOVEA_ERROR_INPUT: not there, a directory, or too large, as `error` says. */
+/* Read a whole file of at most `max_bytes` into memory from malloc (the caller frees it), followed
+ * by a zero byte that `*bytes` does not count. FOVEA_ERROR_INPUT: not there, a directory, or too
+ * large, as `error` says. */
 enum fovea_status fovea_text_read(const char *path, size_t max_bytes, char **text, size_t *bytes,
                                   struct fovea_error *error);
 
-/* A finite decimal number that takes up the whole of `text` ("1", "-.5e-3"); the decimal point is '.' in
- * every locale. False, and `*value` untouched, for anything else: blanks, hexadecimal, nan, inf, overflow. */
+/* A finite decimal number that takes up the whole of `text` ("1", "-.5e-3"); the decimal point is
+ * '.' in every locale. False, and `*value` untouched, for anything else: blanks, hexadecimal, nan,
+ * inf, overflow. */
 bool fovea_text_number(const char *text, double *value);
 
 /* The same for a whole decimal number that fits 64 bits. */
 bool fovea_text_integer(const char *text, int64_t *value);
 
-/* Copy for display: at most 48 bytes of `text` and bytes - 1 in all, control characters and bytes above 126
- * as \xNN, "..." where cut, in single quotes. Returns `quoted`. */
+/* Copy for display: at most 48 bytes of `text` and bytes - 1 in all, control characters and bytes
+ * above 126 as \xNN, "..." where cut, in single quotes. Returns `quoted`. */
 const char *fovea_text_quote(const char *text, char *quoted, size_t bytes);
 
 enum { FOVEA_TEXT_QUOTED_BYTES = 208 }; /* enough for every result of fovea_text_quote */
 
-/* The name most like `word` by edit distance (Damerau-Levenshtein with adjacent swaps, case ignored) when at
- * most a quarter of the longer one's letters differ (one of three to seven letters, none of fewer); NULL when
- * none is. Names and words are compared over their first 64 bytes. */
+/* The name most like `word` by edit distance (Damerau-Levenshtein with adjacent swaps, case
+ * ignored) when at most a quarter of the longer one's letters differ (one of three to seven
+ * letters, none of fewer); NULL when none is. Names and words are compared over their first 64
+ * bytes. */
 const char *fovea_text_nearest(const char *word, const char *const *names, size_t name_count);
 
 #ifdef __cplusplus

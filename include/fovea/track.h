@@ -1,16 +1,21 @@
 /* Tracks: objects with an id, from the detections of one image after the other.
  *
- * Two modes. `sort`: a Kalman filter of constant velocity for the centre and size of each box; the camera's rotation between two
- * images, known from the odometry, moves the prediction; detections are assigned to predictions at least total cost
- * (overlap and Mahalanobis distance, gated, by class), first the certain detections, then the uncertain ones, those below the
- * model's threshold among them, to what was seen just before. After Bewley et al., "Simple online and realtime tracking", ICIP 2016 (filter and assignment); Zhang et al.,
- * "ByteTrack", ECCV 2022 (two stages by score); Aharon et al., "BoT-SORT", 2022 (camera motion, noise in proportion to the box).
- * `centroid`: the nearest centroids are matched up to a distance, what has not been seen for too long is deregistered.
+ * Two modes. `sort`: a Kalman filter of constant velocity for the centre and size of each box; the
+ * camera's rotation between two images, known from the odometry, moves the prediction; detections
+ * are assigned to predictions at least total cost (overlap and Mahalanobis distance, gated, by
+ * class), first the certain detections, then the uncertain ones, those below the model's threshold
+ * among them, to what was seen just before. After Bewley et al., "Simple online and realtime
+ * tracking", ICIP 2016 (filter and assignment); Zhang et al., "ByteTrack", ECCV 2022 (two stages by
+ * score); Aharon et al., "BoT-SORT", 2022 (camera motion, noise in proportion to the box).
+ * `centroid`: the nearest centroids are matched up to a distance, what has not been seen for too
+ * long is deregistered.
  *
- * An id is given once per run, also across resets. A full pool gives up its weakest track: a tentative one first, then one that
- * coasts, then the one of the fewest sightings; a detection that starts a track never displaces one that was seen just now.
+ * An id is given once per run, also across resets. A full pool gives up its weakest track: a
+ * tentative one first, then one that coasts, then the one of the fewest sightings; a detection that
+ * starts a track never displaces one that was seen just now.
  *
- * Time is that of the images (their stamps), so results do not depend on when they were computed. */
+ * Time is that of the images (their stamps), so results do not depend on when they were computed.
+ */
 #ifndef FOVEA_TRACK_H
 #define FOVEA_TRACK_H
 
@@ -34,35 +39,42 @@ enum fovea_track_state {
 
 struct fovea_track_config {
     int mode;               /* enum fovea_track_mode, default FOVEA_TRACK_SORT */
-    uint32_t tracks_max;    /* [1, 256], default 128; memory: 2.2 kB each, with the costs of 300 detections */
+    uint32_t tracks_max;    /* [1, 256], default 128; memory: 2.2 kB each, with the costs of 300
+                               detections */
     uint32_t confirm_hits;  /* sort: [1, 100], default 2 sightings confirm a track, */
     double score_confirm;   /* sort: [0, 1], default 0.5: when their mean score is at least this */
     double score_high;      /* sort: [0, 1], default 0.4: detections of the first stage */
     double score_low;       /* sort: [0, 1], default 0.2: less certain ones are left out */
     double score_new;       /* sort: [0, 1], default 0.4: a new track needs so much */
     double coast_s;         /* sort: [0, 60], default 2: a confirmed track unseen for longer ends */
-    double max_distance_px; /* centroid: [1, 10000], default 60: farther detections are other objects */
-    uint32_t max_disappeared; /* centroid: [0, 10000], default 20: images unseen before a track ends */
+    double max_distance_px; /* centroid: [1, 10000], default 60: farther detections are other
+                               objects */
+    uint32_t
+        max_disappeared; /* centroid: [0, 10000], default 20: images unseen before a track ends */
     /* objects stand on the floor, which is z = 0 of the base frame (T_base_cam says how high the
      * camera is); default false */
     bool ground;
-    /* Height of an object of each class, metres; 0: not known. One standard deviation is taken to be a tenth. */
+    /* Height of an object of each class, metres; 0: not known. One standard deviation is taken to
+     * be a tenth. */
     float height_m[FOVEA_TRACK_CLASSES_MAX];
-    /* Classes that move on their own, as bits: their boxes are masked out of the map. Default none; the
-     * command takes those that its network names and that are known to move (track.movable: auto). */
+    /* Classes that move on their own, as bits: their boxes are masked out of the map. Default none;
+     * the command takes those that its network names and that are known to move (track.movable:
+     * auto). */
     uint32_t movable[FOVEA_TRACK_CLASSES_MAX / 32];
 };
 
 struct fovea_track {
     uint64_t id; /* from 1 */
     int32_t class_id;
-    int32_t state;                                /* enum fovea_track_state */
-    float score;                                  /* of the last detection */
-    float x_min_px, y_min_px, x_max_px, y_max_px; /* estimated box, raw image, as of the list's stamp */
+    int32_t state; /* enum fovea_track_state */
+    float score;   /* of the last detection */
+    float x_min_px, y_min_px, x_max_px,
+        y_max_px;          /* estimated box, raw image, as of the list's stamp */
     float x_px_s, y_px_s;  /* velocity of its centre, the camera's rotation taken out */
     uint32_t hits, unseen; /* detections in all; images looked at since the last one */
 
-    /* Where it is: 0 unknown, 1 in the camera frame of the image (metres; the pose has no metric scale), 2 in the world. */
+    /* Where it is: 0 unknown, 1 in the camera frame of the image (metres; the pose has no metric
+     * scale), 2 in the world. */
     uint32_t located;
     int64_t first_ns, seen_ns; /* stamps of the first and the last detection */
     /* of its centre by size, of its foot by the floor; velocity in the world only */

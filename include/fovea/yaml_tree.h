@@ -1,12 +1,13 @@
-/* A YAML file as a read-only tree in which every value knows its line: what configuration and calibration
- * files are read from.
+/* A YAML file as a read-only tree in which every value knows its line: what configuration and
+ * calibration files are read from.
  *
- * Reading is done by libyaml. Limits, since files may be hostile: FOVEA_YAML_* below. Refused, each with its
- * line: anchors and aliases, keys that are not scalars, a key twice in one mapping, a second document (an
- * empty one at the end is none), zero bytes in text. The first line "%YAML:1.0" of OpenCV's FileStorage,
- * which is not YAML, is taken for a comment; tags are ignored. Every error line reads "file:line: key: found
- * ..., expected ...". Init-only, any thread. Of the drivers and the command, which need libyaml: not in the
- * library, and not installed. */
+ * Reading is done by libyaml. Limits, since files may be hostile: FOVEA_YAML_* below. Refused, each
+ * with its line: anchors and aliases, keys that are not scalars, a key twice in one mapping, a
+ * second document (an empty one at the end is none), zero bytes in text. The first line "%YAML:1.0"
+ * of OpenCV's FileStorage, which is not YAML, is taken for a comment; tags are ignored. Every error
+ * line reads "file:line: key: found
+ * ..., expected ...". Init-only, any thread. Of the drivers and the command, which need libyaml:
+ * not in the library, and not installed. */
 #ifndef FOVEA_YAML_TREE_H
 #define FOVEA_YAML_TREE_H
 
@@ -48,19 +49,23 @@ struct fovea_yaml_tree {
     uint32_t node_count;
 };
 
-/* Read a file, or `bytes` bytes of text that errors call `name`. On success the caller owns `*tree`. */
-enum fovea_status fovea_yaml_read(const char *path, struct fovea_yaml_tree **tree, struct fovea_error *error);
+/* Read a file, or `bytes` bytes of text that errors call `name`. On success the caller owns
+ * `*tree`. */
+enum fovea_status fovea_yaml_read(const char *path, struct fovea_yaml_tree **tree,
+                                  struct fovea_error *error);
 enum fovea_status fovea_yaml_parse(const char *name, const char *text, size_t bytes,
                                    struct fovea_yaml_tree **tree, struct fovea_error *error);
 void fovea_yaml_free(struct fovea_yaml_tree *tree);
 
-/* Child of a mapping by key, NULL where absent or `node` is no mapping. Children of both kinds of collection
- * are also linked: node->first, ->next. */
+/* Child of a mapping by key, NULL where absent or `node` is no mapping. Children of both kinds of
+ * collection are also linked: node->first, ->next. */
 const struct fovea_yaml_node *fovea_yaml_child(const struct fovea_yaml_node *node, const char *key);
 
-/* The child, or an error that says which key is missing and, if one is like it, which was found instead. */
-enum fovea_status fovea_yaml_require(const struct fovea_yaml_tree *tree, const struct fovea_yaml_node *node,
-                                     const char *key, const struct fovea_yaml_node **child,
+/* The child, or an error that says which key is missing and, if one is like it, which was found
+ * instead. */
+enum fovea_status fovea_yaml_require(const struct fovea_yaml_tree *tree,
+                                     const struct fovea_yaml_node *node, const char *key,
+                                     const struct fovea_yaml_node **child,
                                      struct fovea_error *error);
 
 /* The scalar number `index` (from 0) at or below `node` in reading order, NULL past the last. */
@@ -69,29 +74,37 @@ const struct fovea_yaml_node *fovea_yaml_leaf(const struct fovea_yaml_node *node
 /* Where a node is, for people: "camera_matrix.data[3]"; "the file" for the root. Returns `path`. */
 const char *fovea_yaml_path(const struct fovea_yaml_node *node, char path[FOVEA_YAML_PATH_BYTES]);
 
-/* Fill `error` with "file:line: path: found <the node>, expected <expected>". Returns FOVEA_ERROR_INPUT. */
-enum fovea_status fovea_yaml_refuse(const struct fovea_yaml_tree *tree, const struct fovea_yaml_node *node,
-                                    const char *expected, struct fovea_error *error);
-
-/* Typed values, range inclusive. FOVEA_ERROR_INPUT (outputs untouched) says what was found and expected. */
-enum fovea_status fovea_yaml_number(const struct fovea_yaml_tree *tree, const struct fovea_yaml_node *node,
-                                    double min, double max, double *value, struct fovea_error *error);
-enum fovea_status fovea_yaml_integer(const struct fovea_yaml_tree *tree, const struct fovea_yaml_node *node,
-                                     int64_t min, int64_t max, int64_t *value, struct fovea_error *error);
-/* true/false, yes/no, on/off. */
-enum fovea_status fovea_yaml_bool(const struct fovea_yaml_tree *tree, const struct fovea_yaml_node *node,
-                                  bool *value, struct fovea_error *error);
-/* Any scalar but null, of at most max_bytes bytes without its zero; lives as long as the tree. */
-enum fovea_status fovea_yaml_string(const struct fovea_yaml_tree *tree, const struct fovea_yaml_node *node,
-                                    size_t max_bytes, const char **value, struct fovea_error *error);
-/* One of `choice_count` words; the error lists them. */
-enum fovea_status fovea_yaml_choice(const struct fovea_yaml_tree *tree, const struct fovea_yaml_node *node,
-                                    const char *const *choices, size_t choice_count, size_t *index,
+/* Fill `error` with "file:line: path: found <the node>, expected <expected>". Returns
+ * FOVEA_ERROR_INPUT. */
+enum fovea_status fovea_yaml_refuse(const struct fovea_yaml_tree *tree,
+                                    const struct fovea_yaml_node *node, const char *expected,
                                     struct fovea_error *error);
-/* A sequence of finite numbers, nested sequences read through in order (so rows of a matrix may be bracketed
- * or not). Between count_min and count_max of them; `*count` may be NULL. */
-enum fovea_status fovea_yaml_numbers(const struct fovea_yaml_tree *tree, const struct fovea_yaml_node *node,
-                                     size_t count_min, size_t count_max, double *values, size_t *count,
+
+/* Typed values, range inclusive. FOVEA_ERROR_INPUT (outputs untouched) says what was found and
+ * expected. */
+enum fovea_status fovea_yaml_number(const struct fovea_yaml_tree *tree,
+                                    const struct fovea_yaml_node *node, double min, double max,
+                                    double *value, struct fovea_error *error);
+enum fovea_status fovea_yaml_integer(const struct fovea_yaml_tree *tree,
+                                     const struct fovea_yaml_node *node, int64_t min, int64_t max,
+                                     int64_t *value, struct fovea_error *error);
+/* true/false, yes/no, on/off. */
+enum fovea_status fovea_yaml_bool(const struct fovea_yaml_tree *tree,
+                                  const struct fovea_yaml_node *node, bool *value,
+                                  struct fovea_error *error);
+/* Any scalar but null, of at most max_bytes bytes without its zero; lives as long as the tree. */
+enum fovea_status fovea_yaml_string(const struct fovea_yaml_tree *tree,
+                                    const struct fovea_yaml_node *node, size_t max_bytes,
+                                    const char **value, struct fovea_error *error);
+/* One of `choice_count` words; the error lists them. */
+enum fovea_status fovea_yaml_choice(const struct fovea_yaml_tree *tree,
+                                    const struct fovea_yaml_node *node, const char *const *choices,
+                                    size_t choice_count, size_t *index, struct fovea_error *error);
+/* A sequence of finite numbers, nested sequences read through in order (so rows of a matrix may be
+ * bracketed or not). Between count_min and count_max of them; `*count` may be NULL. */
+enum fovea_status fovea_yaml_numbers(const struct fovea_yaml_tree *tree,
+                                     const struct fovea_yaml_node *node, size_t count_min,
+                                     size_t count_max, double *values, size_t *count,
                                      struct fovea_error *error);
 
 #ifdef __cplusplus

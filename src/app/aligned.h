@@ -1,5 +1,6 @@
-/* Memory from the heap at the start of a cache line, in whole lines: for models, arenas, and structs whose members have
- * lines of their own. NULL: none is left. To be given to free(). Init-only. */
+/* Memory from the heap at the start of a cache line, in whole lines: for models, arenas, and
+ * structs whose members have lines of their own. NULL: none is left. To be given to free().
+ * Init-only. */
 #ifndef FOVEA_APP_ALIGNED_H
 #define FOVEA_APP_ALIGNED_H
 

@@ -10,7 +10,8 @@ enum { SIDE_MAX = 16384 };
 
 enum fovea_status fv_canvas_create(struct fv_canvas *canvas, int width, int height, uint32_t colour)
 {
-    if (width < 1 || height < 1 || width > SIDE_MAX || height > SIDE_MAX) return FOVEA_ERROR_ARGUMENT;
+    if (width < 1 || height < 1 || width > SIDE_MAX || height > SIDE_MAX)
+        return FOVEA_ERROR_ARGUMENT;
     uint8_t *rgb = malloc((size_t)width * (size_t)height * 3);
     if (rgb == NULL) return FOVEA_ERROR_SYSTEM;
     *canvas = (struct fv_canvas){width, height, rgb};
@@ -34,7 +35,8 @@ static int clamp(int value, int low, int high)
     return value < low ? low : value > high ? high : value;
 }
 
-/* Coordinates far outside would overflow an int: they are brought to just beyond the canvas first. */
+/* Coordinates far outside would overflow an int: they are brought to just beyond the canvas first.
+ */
 static int round_down(float value)
 {
     if (!(value > -100000.0F)) return -100000;
@@ -71,16 +73,18 @@ static void blend(struct fv_canvas *canvas, int x, int y, uint32_t colour, float
     }
 }
 
-void fv_canvas_fill(struct fv_canvas *canvas, int left, int top, int width, int height, uint32_t colour)
+void fv_canvas_fill(struct fv_canvas *canvas, int left, int top, int width, int height,
+                    uint32_t colour)
 {
-    int right = clamp(left + width, 0, canvas->width), bottom = clamp(top + height, 0, canvas->height);
+    int right = clamp(left + width, 0, canvas->width),
+        bottom = clamp(top + height, 0, canvas->height);
     for (int y = clamp(top, 0, canvas->height); y < bottom; y++)
         for (int x = clamp(left, 0, canvas->width); x < right; x++)
             blend(canvas, x, y, colour, 1.0F);
 }
 
-void fv_canvas_line(struct fv_canvas *canvas, float x0, float y0, float x1, float y1, float thickness,
-                    uint32_t colour)
+void fv_canvas_line(struct fv_canvas *canvas, float x0, float y0, float x1, float y1,
+                    float thickness, uint32_t colour)
 {
     float dx = x1 - x0, dy = y1 - y0, length2 = dx * dx + dy * dy, half = thickness * 0.5F;
     int left = clamp(round_down((x0 < x1 ? x0 : x1) - half) - 1, 0, canvas->width);
@@ -135,7 +139,8 @@ void fv_canvas_box(struct fv_canvas *canvas, float x_min, float y_min, float x_m
     fv_canvas_line(canvas, x_min, bottom, x_min, y_min, thickness, colour);
 }
 
-int fv_canvas_text(struct fv_canvas *canvas, int left, int top, int scale, uint32_t colour, const char *text)
+int fv_canvas_text(struct fv_canvas *canvas, int left, int top, int scale, uint32_t colour,
+                   const char *text)
 {
     for (; *text != '\0'; text++, left += FV_FONT_ADVANCE * scale) {
         const uint8_t *glyph = fv_font_glyph(*text);
@@ -152,7 +157,8 @@ int fv_canvas_text_width(int scale, const char *text)
     return (int)strlen(text) * FV_FONT_ADVANCE * scale;
 }
 
-enum fovea_status fv_canvas_write(const struct fv_canvas *canvas, const char *path, struct fovea_error *error)
+enum fovea_status fv_canvas_write(const struct fv_canvas *canvas, const char *path,
+                                  struct fovea_error *error)
 {
     const int32_t stride = 3 * canvas->width;
     const struct fovea_image image = {canvas->rgb,       canvas->width,

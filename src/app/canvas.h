@@ -1,9 +1,9 @@
-/* Canvas: an RGB picture to draw plots and overlays on, written as PNG. Off the loop thread; the heap is
- * used.
+/* Canvas: an RGB picture to draw plots and overlays on, written as PNG. Off the loop thread; the
+ * heap is used.
  *
- * Pixel (0, 0) is the centre of the top left pixel, as in images. Colours are 0xRRGGBB. Everything may reach
- * beyond the border and is cut there. Lines, circles and discs are anti-aliased (coverage from the distance
- * to the shape). */
+ * Pixel (0, 0) is the centre of the top left pixel, as in images. Colours are 0xRRGGBB. Everything
+ * may reach beyond the border and is cut there. Lines, circles and discs are anti-aliased (coverage
+ * from the distance to the shape). */
 #ifndef FOVEA_APP_CANVAS_H
 #define FOVEA_APP_CANVAS_H
 
@@ -22,17 +22,19 @@ struct fv_canvas {
 };
 
 /* FOVEA_ERROR_ARGUMENT for sizes outside [1, 16384], FOVEA_ERROR_SYSTEM without memory. */
-enum fovea_status fv_canvas_create(struct fv_canvas *canvas, int width, int height, uint32_t colour);
+enum fovea_status fv_canvas_create(struct fv_canvas *canvas, int width, int height,
+                                   uint32_t colour);
 void fv_canvas_free(struct fv_canvas *canvas);
 
 /* Copy a grey8 or rgb24 image with its top left pixel at (left, top). */
 void fv_canvas_image(struct fv_canvas *canvas, int left, int top, const struct fovea_image *image);
 
 /* Fill the pixels [left, left + width) x [top, top + height). */
-void fv_canvas_fill(struct fv_canvas *canvas, int left, int top, int width, int height, uint32_t colour);
-/* Straight line with round ends, `thickness` pixels wide. */
-void fv_canvas_line(struct fv_canvas *canvas, float x0, float y0, float x1, float y1, float thickness,
+void fv_canvas_fill(struct fv_canvas *canvas, int left, int top, int width, int height,
                     uint32_t colour);
+/* Straight line with round ends, `thickness` pixels wide. */
+void fv_canvas_line(struct fv_canvas *canvas, float x0, float y0, float x1, float y1,
+                    float thickness, uint32_t colour);
 /* Ring of the given radius, drawn `thickness` wide. */
 void fv_canvas_circle(struct fv_canvas *canvas, float x, float y, float radius, float thickness,
                       uint32_t colour);
@@ -41,9 +43,10 @@ void fv_canvas_disc(struct fv_canvas *canvas, float x, float y, float radius, ui
 void fv_canvas_box(struct fv_canvas *canvas, float x_min, float y_min, float x_max, float y_max,
                    float thickness, uint32_t colour);
 
-/* Text in a bitmap font of 6 x 9 pixels per character times `scale`; printable ASCII, others show as '?'.
- * (left, top) is the corner of the first character. Returns the x where the text ends. */
-int fv_canvas_text(struct fv_canvas *canvas, int left, int top, int scale, uint32_t colour, const char *text);
+/* Text in a bitmap font of 6 x 9 pixels per character times `scale`; printable ASCII, others show
+ * as '?'. (left, top) is the corner of the first character. Returns the x where the text ends. */
+int fv_canvas_text(struct fv_canvas *canvas, int left, int top, int scale, uint32_t colour,
+                   const char *text);
 int fv_canvas_text_width(int scale, const char *text);
 enum { FV_CANVAS_TEXT_HEIGHT = 9 };
 

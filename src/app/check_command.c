@@ -1,5 +1,5 @@
-/* fovea check: will this configuration run on this machine, and with what memory? One line per question, each
- * ok, warning or failed, with what to do about it. */
+/* fovea check: will this configuration run on this machine, and with what memory? One line per
+ * question, each ok, warning or failed, with what to do about it. */
 #include <inttypes.h>
 #include <malloc.h>
 #include <stdarg.h>
@@ -36,10 +36,11 @@ struct check {
 
 enum verdict { OK, WARNING, FAILED };
 
-static void line(struct check *check, enum verdict verdict, const char *what, const char *format, ...)
-    __attribute__((format(printf, 4, 5)));
+static void line(struct check *check, enum verdict verdict, const char *what, const char *format,
+                 ...) __attribute__((format(printf, 4, 5)));
 
-static void line(struct check *check, enum verdict verdict, const char *what, const char *format, ...)
+static void line(struct check *check, enum verdict verdict, const char *what, const char *format,
+                 ...)
 {
     static const char *const names[] = {"ok", "warning", "failed"};
     va_list arguments;
@@ -51,7 +52,8 @@ static void line(struct check *check, enum verdict verdict, const char *what, co
     if (verdict == FAILED) check->failed = true;
 }
 
-/* ---- memory ------------------------------------------------------------------------------------------ */
+/* ---- memory
+ * ------------------------------------------------------------------------------------------ */
 
 /* Bytes in use on the C library's heap, mapped pieces included. */
 static size_t heap_bytes(void)
@@ -77,16 +79,18 @@ static size_t recorder_bytes(const struct check *check)
     return fv_recorder_bytes(&setup);
 }
 
-static enum fovea_status memory_print(struct check *check, size_t lcm_bytes, struct fovea_error *error)
+static enum fovea_status memory_print(struct check *check, size_t lcm_bytes,
+                                      struct fovea_error *error)
 {
     struct fovea_memory_table table;
     size_t parts[FOVEA_MEMORY_PART_COUNT];
     enum fovea_status status = fovea_memory(&check->settings.runtime, &table, error);
     if (status != FOVEA_OK) return status;
-    printf("memory of %s, %d x %d, in bytes\n", check->settings.source, check->settings.runtime.camera.width,
-           check->settings.runtime.camera.height);
+    printf("memory of %s, %d x %d, in bytes\n", check->settings.source,
+           check->settings.runtime.camera.width, check->settings.runtime.camera.height);
     for (uint32_t i = 0; i < table.count; i++)
-        memory_row(table.rows[i].owner, fv_report_part_name(table.rows[i].part), table.rows[i].bytes);
+        memory_row(table.rows[i].owner, fv_report_part_name(table.rows[i].part),
+                   table.rows[i].bytes);
     fv_report_parts(&table, parts);
     for (int part = 0; part < FOVEA_MEMORY_PART_COUNT; part++)
         memory_row("all", fv_report_part_name((enum fovea_memory_part)part), parts[part]);
@@ -97,7 +101,8 @@ static enum fovea_status memory_print(struct check *check, size_t lcm_bytes, str
     memory_row("trajectory", "outside", fv_trajectory_bytes());
     if (check->setup.model.data != NULL) memory_row("model", "outside", check->setup.model.bytes);
     memory_row("stack of the loop", "outside", FV_THREAD_STACK_BYTES);
-    if (check->setup.source != NULL) memory_row("recorder, if recording", "outside", recorder_bytes(check));
+    if (check->setup.source != NULL)
+        memory_row("recorder, if recording", "outside", recorder_bytes(check));
     if (check->settings.mask[0] != '\0')
         memory_row("mask", "outside",
                    (size_t)check->settings.runtime.camera.width *
@@ -106,11 +111,13 @@ static enum fovea_status memory_print(struct check *check, size_t lcm_bytes, str
         memory_row("map, until started", "outside", check->settings.runtime.map_bytes);
     if (check->settings.map_save[0] != '\0')
         memory_row("map, while saved", "outside", fovea_map_bytes_max(&check->settings.runtime));
-    if (check->setup.model.data != NULL) memory_row("results, if written", "outside", fv_results_bytes());
+    if (check->setup.model.data != NULL)
+        memory_row("results, if written", "outside", fv_results_bytes());
     return FOVEA_OK;
 }
 
-/* ---- the machine ------------------------------------------------------------------------------------- */
+/* ---- the machine
+ * ------------------------------------------------------------------------------------- */
 
 static enum fovea_status kernels_check(struct check *check, struct fovea_error *error)
 {
@@ -147,11 +154,11 @@ static void rights_check(struct check *check)
     pthread_join(thread, NULL);
     if (rights.why.text[0] != '\0' && priority > 0 && !rights.fifo)
         line(check, WARNING, "scheduling",
-             "%s (for good: 'USER - rtprio %" PRIu32 "' in /etc/security/limits.conf)", rights.why.text,
-             priority);
+             "%s (for good: 'USER - rtprio %" PRIu32 "' in /etc/security/limits.conf)",
+             rights.why.text, priority);
     else if (rights.why.text[0] != '\0')
-        line(check, WARNING, "scheduling", "%s: set loop.cpu to one from 0 to %ld, or to -1", rights.why.text,
-             sysconf(_SC_NPROCESSORS_CONF) - 1);
+        line(check, WARNING, "scheduling", "%s: set loop.cpu to one from 0 to %ld, or to -1",
+             rights.why.text, sysconf(_SC_NPROCESSORS_CONF) - 1);
     else if (priority == 0)
         line(check, WARNING, "scheduling",
              "ordinary, as loop.priority is 0: other programs may delay the loop");
@@ -217,8 +224,8 @@ static size_t lcm_bytes(const struct check *check)
     struct fv_transport *transport = NULL;
     char log[FV_TRANSPORT_URL_BYTES];
     /* A log takes as much wherever it is, and opening it would cut it. */
-    const char *url =
-        fv_transport_file(check->settings.lcm_url, log) ? "file:///dev/null?mode=w" : check->settings.lcm_url;
+    const char *url = fv_transport_file(check->settings.lcm_url, log) ? "file:///dev/null?mode=w"
+                                                                      : check->settings.lcm_url;
     size_t before = heap_bytes();
     if (fv_transport_open(url, check->settings.lcm_ttl, &transport, &error) != FOVEA_OK) return 0;
     size_t bytes = heap_bytes() - before;
@@ -226,7 +233,8 @@ static size_t lcm_bytes(const struct check *check)
     return bytes;
 }
 
-/* ---- the camera -------------------------------------------------------------------------------------- */
+/* ---- the camera
+ * -------------------------------------------------------------------------------------- */
 
 static void camera_check(struct check *check)
 {
@@ -263,7 +271,8 @@ static void camera_check(struct check *check)
         line(check, WARNING, "frames", "%s", error.text);
 }
 
-/* ---- bench ------------------------------------------------------------------------------------------- */
+/* ---- bench
+ * ------------------------------------------------------------------------------------------- */
 
 static void *loop_body(void *argument)
 {
@@ -271,8 +280,8 @@ static void *loop_body(void *argument)
     return NULL;
 }
 
-/* Frames at full speed through the loop; what 99 of 100 need must fit in 85 % of a period (the governor's
- * share). */
+/* Frames at full speed through the loop; what 99 of 100 need must fit in 85 % of a period (the
+ * governor's share). */
 static enum fovea_status bench(struct check *check, struct fovea_error *error)
 {
     static struct fv_timings timings;
@@ -289,8 +298,8 @@ static enum fovea_status bench(struct check *check, struct fovea_error *error)
     fv_timings_init(&timings);
     enum fovea_status status = loop.ops->start(loop.source, error);
     if (status != FOVEA_OK) return status;
-    status = fv_realtime_start(&thread, check->settings.priority, check->settings.cpu, loop_body, &loop,
-                               &rights, error);
+    status = fv_realtime_start(&thread, check->settings.priority, check->settings.cpu, loop_body,
+                               &loop, &rights, error);
     if (status != FOVEA_OK) return status;
     pthread_join(thread, NULL);
     loop.ops->stop(loop.source);
@@ -312,7 +321,8 @@ static enum fovea_status bench(struct check *check, struct fovea_error *error)
     return FOVEA_OK;
 }
 
-/* ---- the command ------------------------------------------------------------------------------------- */
+/* ---- the command
+ * ------------------------------------------------------------------------------------- */
 
 static enum fovea_status machine_check(struct check *check, const struct fovea_error *lock,
                                        struct fovea_error *error)
@@ -333,9 +343,11 @@ static enum fovea_status memory_check(struct check *check, struct fovea_error *l
 {
     const struct fovea_config *config = &check->settings.runtime;
     enum fovea_status status = fovea_size(config, &check->bytes, error);
-    if (status == FOVEA_OK) status = memory_print(check, check->memory_only ? 0 : lcm_bytes(check), error);
+    if (status == FOVEA_OK)
+        status = memory_print(check, check->memory_only ? 0 : lcm_bytes(check), error);
     if (status != FOVEA_OK || check->memory_only) return status;
-    status = fv_realtime_map(check->bytes, check->settings.lock_memory, &check->memory, &check->locked, lock);
+    status = fv_realtime_map(check->bytes, check->settings.lock_memory, &check->memory,
+                             &check->locked, lock);
     return status == FOVEA_OK ? status : fovea_error_set(error, status, "%s", lock->text);
 }
 
@@ -390,12 +402,16 @@ int fv_command_check(int argc, char **argv)
     const struct fv_option options[] = {
         {"config", "FILE", FV_OPTION_TEXT, &check.options.config, "configuration to check"},
         {"source", "URI", FV_OPTION_TEXT, &check.options.source, FV_SETUP_SOURCE_HELP},
-        {"camera", "FILE", FV_OPTION_TEXT, &check.options.camera, "calibration, instead of the source's own"},
+        {"camera", "FILE", FV_OPTION_TEXT, &check.options.camera,
+         "calibration, instead of the source's own"},
         {"rate", "max|real", FV_OPTION_TEXT, &check.options.rate,
          "as for run: memory of the recorder depends on it"},
-        {"set", "KEY=VALUE", FV_OPTION_LIST, &check.options.sets, "override a key of the configuration"},
-        {"memory-only", NULL, FV_OPTION_FLAG, &check.memory_only, "print the memory table and nothing else"},
-        {"bench", NULL, FV_OPTION_FLAG, &check.bench, "measure the frame rate that this board can hold"},
+        {"set", "KEY=VALUE", FV_OPTION_LIST, &check.options.sets,
+         "override a key of the configuration"},
+        {"memory-only", NULL, FV_OPTION_FLAG, &check.memory_only,
+         "print the memory table and nothing else"},
+        {"bench", NULL, FV_OPTION_FLAG, &check.bench,
+         "measure the frame rate that this board can hold"},
         {0},
     };
     int first;

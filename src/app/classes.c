@@ -6,13 +6,14 @@
 
 enum { ENTRY_BYTES = 64 };
 
-/* What moves on its own, or is pushed about, by the names that COCO, Pascal VOC and the shipped network give
- * it. */
+/* What moves on its own, or is pushed about, by the names that COCO, Pascal VOC and the shipped
+ * network give it. */
 static const char *const moves[] = {
-    "person",      "bicycle",  "car",        "motorcycle", "motorbike", "airplane", "aeroplane", "bus",
-    "train",       "truck",    "boat",       "bird",       "cat",       "dog",      "horse",     "sheep",
-    "cow",         "elephant", "bear",       "zebra",      "giraffe",   "frisbee",  "skis",      "snowboard",
-    "sports ball", "kite",     "skateboard", "surfboard",  "suitcase",  "ball",     "box",       "cone"};
+    "person",   "bicycle", "car",       "motorcycle",  "motorbike", "airplane",   "aeroplane",
+    "bus",      "train",   "truck",     "boat",        "bird",      "cat",        "dog",
+    "horse",    "sheep",   "cow",       "elephant",    "bear",      "zebra",      "giraffe",
+    "frisbee",  "skis",    "snowboard", "sports ball", "kite",      "skateboard", "surfboard",
+    "suitcase", "ball",    "box",       "cone"};
 
 /* The class called so, or whose number it is; -1: none that the tracker can hold. */
 static int32_t class_of(const struct fv_model *model, const char *name)
@@ -23,17 +24,19 @@ static int32_t class_of(const struct fv_model *model, const char *name)
         const char *label = fv_model_label(model, i);
         if (strcmp(label, name) == 0) return i - first < FOVEA_TRACK_CLASSES_MAX ? i - first : -1;
     }
-    if (!fovea_text_number(name, &number) || !(number >= 0 && number < FOVEA_TRACK_CLASSES_MAX)) return -1;
+    if (!fovea_text_number(name, &number) || !(number >= 0 && number < FOVEA_TRACK_CLASSES_MAX))
+        return -1;
     return number == (double)(int32_t)number ? (int32_t)number : -1;
 }
 
-/* The next entry of a list that spaces separate; an underscore stands for a space within a label. False: none
- * is left. */
+/* The next entry of a list that spaces separate; an underscore stands for a space within a label.
+ * False: none is left. */
 static bool next(const char **list, char entry[ENTRY_BYTES])
 {
     *list += strspn(*list, " ");
     const size_t length = strcspn(*list, " ");
-    snprintf(entry, ENTRY_BYTES, "%.*s", (int)(length < ENTRY_BYTES ? length : ENTRY_BYTES - 1), *list);
+    snprintf(entry, ENTRY_BYTES, "%.*s", (int)(length < ENTRY_BYTES ? length : ENTRY_BYTES - 1),
+             *list);
     *list += length;
     for (char *c = entry; *c != '\0'; c++)
         if (*c == '_') *c = ' ';
@@ -84,7 +87,8 @@ enum fovea_status fv_classes_check(const struct fv_settings *settings, struct fo
             !(number >= 0 && number < FOVEA_TRACK_CLASSES_MAX && number == (double)(int32_t)number))
             return refuse("track.movable", entry, "auto, labels or numbers from 0 to 127", error);
     for (const char *list = settings->heights; next(&list, entry);)
-        if (!take_height(entry, &number)) return refuse("track.heights", entry, height_expected, error);
+        if (!take_height(entry, &number))
+            return refuse("track.heights", entry, height_expected, error);
     return FOVEA_OK;
 }
 
@@ -100,13 +104,17 @@ enum fovea_status fv_classes_resolve(struct fv_settings *settings, const struct 
         else if (strcmp(entry, "auto") == 0)
             take_moving(track, model);
         else
-            return refuse("track.movable", entry, "auto, labels or numbers of the network's classes", error);
+            return refuse("track.movable", entry,
+                          "auto, labels or numbers of the network's classes", error);
     }
     for (const char *list = settings->heights; next(&list, entry);) {
         double height;
-        if (!take_height(entry, &height)) return refuse("track.heights", entry, height_expected, error);
+        if (!take_height(entry, &height))
+            return refuse("track.heights", entry, height_expected, error);
         const int32_t c = class_of(model, entry);
-        if (c < 0) return refuse("track.heights", entry, "a label or number of the network's classes", error);
+        if (c < 0)
+            return refuse("track.heights", entry, "a label or number of the network's classes",
+                          error);
         track->height_m[c] = (float)height;
     }
     return FOVEA_OK;

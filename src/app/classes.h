@@ -1,18 +1,19 @@
-/* Lists of a network's classes in the configuration, by label or number: "person car", "person:1.7 0:0.22". Among the movable
- * classes `auto` stands for those of the network's that are known to move (people, animals, vehicles, balls ...). Init-only. */
+/* Lists of a network's classes in the configuration, by label or number: "person car", "person:1.7
+ * 0:0.22". Among the movable classes `auto` stands for those of the network's that are known to
+ * move (people, animals, vehicles, balls ...). Init-only. */
 #ifndef FOVEA_APP_CLASSES_H
 #define FOVEA_APP_CLASSES_H
 
 #include "app/settings.h"
 #include "nn/model.h"
 
-/* Fill settings->runtime.track's heights and movable classes from settings->heights and settings->movable. FOVEA_ERROR_INPUT: `error`
- * begins with the key and names the entry. */
+/* Fill settings->runtime.track's heights and movable classes from settings->heights and
+ * settings->movable. FOVEA_ERROR_INPUT: `error` begins with the key and names the entry. */
 enum fovea_status fv_classes_resolve(struct fv_settings *settings, const struct fv_model *model,
                                      struct fovea_error *error);
 
-/* What is wrong with the lists whatever the network is: the form of an entry, a number that no class has. FOVEA_ERROR_INPUT as
- * above. */
+/* What is wrong with the lists whatever the network is: the form of an entry, a number that no
+ * class has. FOVEA_ERROR_INPUT as above. */
 enum fovea_status fv_classes_check(const struct fv_settings *settings, struct fovea_error *error);
 
 #endif

@@ -12,16 +12,18 @@
 
 enum { SIDE_MAX = 16384, FILE_BYTES_MAX = 1 << 28 };
 
-static enum fovea_status new_image(const char *path, int64_t width, int64_t height, struct fovea_image *image,
-                                   struct fovea_error *error)
+static enum fovea_status new_image(const char *path, int64_t width, int64_t height,
+                                   struct fovea_image *image, struct fovea_error *error)
 {
     if (width < 1 || width > SIDE_MAX || height < 1 || height > SIDE_MAX) {
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%.300s: %lld x %lld pixels, expected 1 to %d", path,
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%.300s: %lld x %lld pixels, expected 1 to %d", path,
                                (long long)width, (long long)height, SIDE_MAX);
     }
     const size_t bytes = (size_t)(width * height * 3);
     uint8_t *data = malloc(bytes);
-    if (data == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.300s: out of memory", path);
+    if (data == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.300s: out of memory", path);
     *image = (struct fovea_image){.data = data,
                                   .width = (int32_t)width,
                                   .height = (int32_t)height,
@@ -41,8 +43,8 @@ static enum fovea_status read_png(const char *path, const uint8_t *data, size_t 
     png.format = PNG_FORMAT_RGB;
     enum fovea_status status = new_image(path, png.width, png.height, image, error);
     const png_color black = {0, 0, 0};
-    if (status == FOVEA_OK &&
-        !png_image_finish_read(&png, &black, (void *)(uintptr_t)image->data, image->stride_bytes, NULL)) {
+    if (status == FOVEA_OK && !png_image_finish_read(&png, &black, (void *)(uintptr_t)image->data,
+                                                     image->stride_bytes, NULL)) {
         free((void *)(uintptr_t)image->data);
         status = fovea_error_set(error, FOVEA_ERROR_INPUT, "%.300s: %.100s", path, png.message);
     }
@@ -87,12 +89,13 @@ static enum fovea_status read_jpeg(const char *path, const uint8_t *data, size_t
     jpeg_read_header(&info, TRUE);
     info.out_color_space = JCS_RGB;
     jpeg_start_decompress(&info);
-    const enum fovea_status status = new_image(path, info.output_width, info.output_height, image, error);
+    const enum fovea_status status =
+        new_image(path, info.output_width, info.output_height, image, error);
     if (status == FOVEA_OK) {
         made = image;
         while (info.output_scanline < info.output_height) {
-            JSAMPROW row =
-                (JSAMPROW)(uintptr_t)image->data + (size_t)info.output_scanline * (size_t)image->stride_bytes;
+            JSAMPROW row = (JSAMPROW)(uintptr_t)image->data +
+                           (size_t)info.output_scanline * (size_t)image->stride_bytes;
             jpeg_read_scanlines(&info, &row, 1);
         }
         jpeg_finish_decompress(&info);
@@ -113,8 +116,10 @@ static enum fovea_status read_bmp(const char *path, const uint8_t *data, size_t 
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "%.300s: byte 28: only uncompressed BMP of 24 bits is read", path);
     }
-    const int64_t width = (int32_t)little32(data + 18), signed_height = (int32_t)little32(data + 22);
-    const int64_t height = signed_height < 0 ? -signed_height : signed_height, start = little32(data + 10);
+    const int64_t width = (int32_t)little32(data + 18),
+                  signed_height = (int32_t)little32(data + 22);
+    const int64_t height = signed_height < 0 ? -signed_height : signed_height,
+                  start = little32(data + 10);
     const int64_t stride = (width * 3 + 3) / 4 * 4;
     if (width < 1 || height < 1 || width > SIDE_MAX || height > SIDE_MAX ||
         start + stride * height > (int64_t)bytes) {
@@ -135,7 +140,8 @@ static enum fovea_status read_bmp(const char *path, const uint8_t *data, size_t 
     return status;
 }
 
-enum fovea_status fv_colour_read(const char *path, struct fovea_image *image, struct fovea_error *error)
+enum fovea_status fv_colour_read(const char *path, struct fovea_image *image,
+                                 struct fovea_error *error)
 {
     char *text;
     size_t bytes;
@@ -150,7 +156,8 @@ enum fovea_status fv_colour_read(const char *path, struct fovea_image *image, st
     else if (bytes > 4 && data[0] == 'B' && data[1] == 'M')
         status = read_bmp(path, data, bytes, image, error);
     else
-        status = fovea_error_set(error, FOVEA_ERROR_INPUT, "%.300s: byte 0: neither PNG, JPEG nor BMP", path);
+        status = fovea_error_set(error, FOVEA_ERROR_INPUT,
+                                 "%.300s: byte 0: neither PNG, JPEG nor BMP", path);
     free(text);
     return status;
 }

@@ -1,5 +1,5 @@
-/* Pictures in colour for commands: PNG, JPEG and uncompressed 24-bit BMP as rgb24, of any size up to 16384.
- * The heap is used. */
+/* Pictures in colour for commands: PNG, JPEG and uncompressed 24-bit BMP as rgb24, of any size up
+ * to 16384. The heap is used. */
 #ifndef FOVEA_APP_COLOUR_H
 #define FOVEA_APP_COLOUR_H
 
@@ -7,6 +7,7 @@
 #include "fovea/status.h"
 
 /* image->data is from malloc, to be given to free(). Errors name the file. */
-enum fovea_status fv_colour_read(const char *path, struct fovea_image *image, struct fovea_error *error);
+enum fovea_status fv_colour_read(const char *path, struct fovea_image *image,
+                                 struct fovea_error *error);
 
 #endif

@@ -1,6 +1,6 @@
-/* Commands of the `fovea` program. A command is one row of the table in commands.c: its name, one line of
- * help and the function that does it, in NAME_command.c. A row is added when the command works, not
- * before. */
+/* Commands of the `fovea` program. A command is one row of the table in commands.c: its name, one
+ * line of help and the function that does it, in NAME_command.c. A row is added when the command
+ * works, not before. */
 #ifndef FOVEA_APP_COMMAND_H
 #define FOVEA_APP_COMMAND_H
 
@@ -20,8 +20,8 @@ struct fv_command {
 /* All commands, ended by a row whose name is NULL. */
 extern const struct fv_command fv_commands[];
 
-/* All of the program: find the command in argv[1] and run it. Returns the exit status, FV_EXIT_FAILED (and a line) also when what
- * it printed on stdout could not be written. */
+/* All of the program: find the command in argv[1] and run it. Returns the exit status,
+ * FV_EXIT_FAILED (and a line) also when what it printed on stdout could not be written. */
 int fv_dispatch(int argc, char **argv);
 
 int fv_command_run(int argc, char **argv);      /* the real-time loop */

@@ -5,7 +5,8 @@
 
 const struct fv_command fv_commands[] = {
     {"run", "run the loop on a camera, a recording or the simulated camera", fv_command_run},
-    {"check", "tell whether a configuration will run on this machine, and its memory", fv_command_check},
+    {"check", "tell whether a configuration will run on this machine, and its memory",
+     fv_command_check},
     {"config", "print the commented configuration, or check a file", fv_command_config},
     {"replay", "run a recording again and compare every message", fv_command_replay},
     {"features", "find, describe and draw the features of a picture", fv_command_features},

@@ -26,7 +26,8 @@ struct engine {
     uint64_t units; /* run so many at a time; 0: all */
 };
 
-static enum fovea_status engine_open(struct engine *engine, const char *path, struct fovea_error *error)
+static enum fovea_status engine_open(struct engine *engine, const char *path,
+                                     struct fovea_error *error)
 {
     enum fv_cpu_set set;
     enum fovea_status status = fv_cpu_from_environment(&set, error);
@@ -58,21 +59,23 @@ static enum fovea_status look_at(struct engine *engine, const struct fovea_image
     const uint32_t units =
         engine->units == 0 || engine->units > 1u << 30 ? 1u << 30 : (uint32_t)engine->units;
     uint32_t done;
-    while (fv_nn_run(model, &engine->kernels, engine->arena, &progress, units, &done) == FOVEA_AGAIN)
+    while (fv_nn_run(model, &engine->kernels, engine->arena, &progress, units, &done) ==
+           FOVEA_AGAIN)
         continue;
-    engine->count =
-        fv_detect_decode(model, engine->arena, &view, engine->scratch, engine->found, FOVEA_DETECTIONS_MAX);
+    engine->count = fv_detect_decode(model, engine->arena, &view, engine->scratch, engine->found,
+                                     FOVEA_DETECTIONS_MAX);
     return FOVEA_OK;
 }
 
 static const char *label_of(const struct engine *engine, int32_t class_id)
 {
-    const char *label =
-        fv_model_label(&engine->file.model, class_id + engine->file.model.header->decode.first_label);
+    const char *label = fv_model_label(&engine->file.model,
+                                       class_id + engine->file.model.header->decode.first_label);
     return label == NULL ? "" : label;
 }
 
-static void print_line(const struct engine *engine, const char *path, const struct fovea_image *image)
+static void print_line(const struct engine *engine, const char *path,
+                       const struct fovea_image *image)
 {
     printf("{\"image\": ");
     fv_json_text(stdout, path);
@@ -99,13 +102,15 @@ static const char *stem(const char *path, int *length)
 static int by_stem(const void *a, const void *b)
 {
     int length_a, length_b;
-    const char *name_a = stem(*(char *const *)a, &length_a), *name_b = stem(*(char *const *)b, &length_b);
+    const char *name_a = stem(*(char *const *)a, &length_a),
+               *name_b = stem(*(char *const *)b, &length_b);
     const int order = strncmp(name_a, name_b, (size_t)(length_a < length_b ? length_a : length_b));
     return order != 0 ? order : length_a - length_b;
 }
 
 /* No two pictures are drawn into one file. */
-static enum fovea_status check_stems(char **paths, int count, const char *folder, struct fovea_error *error)
+static enum fovea_status check_stems(char **paths, int count, const char *folder,
+                                     struct fovea_error *error)
 {
     char **sorted = malloc((size_t)count * sizeof *sorted);
     enum fovea_status status = FOVEA_OK;
@@ -116,18 +121,20 @@ static enum fovea_status check_stems(char **paths, int count, const char *folder
         int length;
         const char *name = stem(sorted[i], &length);
         if (by_stem(&sorted[i - 1], &sorted[i]) == 0 && strcmp(sorted[i - 1], sorted[i]) != 0)
-            status = fovea_error_set(error, FOVEA_ERROR_INPUT,
-                                     "--draw %.200s: found %.200s and %.200s, both to be drawn into "
-                                     "%.*s.png; expected different names",
-                                     folder, sorted[i - 1], sorted[i], length < 200 ? length : 200, name);
+            status = fovea_error_set(
+                error, FOVEA_ERROR_INPUT,
+                "--draw %.200s: found %.200s and %.200s, both to be drawn into "
+                "%.*s.png; expected different names",
+                folder, sorted[i - 1], sorted[i], length < 200 ? length : 200, name);
     }
     free(sorted);
     return status;
 }
 
 /* dir/name.png with the boxes and their labels. */
-static enum fovea_status draw(const struct engine *engine, const char *path, const struct fovea_image *image,
-                              const char *folder, struct fovea_error *error)
+static enum fovea_status draw(const struct engine *engine, const char *path,
+                              const struct fovea_image *image, const char *folder,
+                              struct fovea_error *error)
 {
     static const uint32_t colours[6] = {0xff5544, 0x44cc66, 0x4499ff, 0xffdd33, 0xbb77ff, 0x33ccbb};
     char target[1024];
@@ -186,7 +193,8 @@ int fv_command_detect(int argc, char **argv)
     if (folder != NULL && check_stems(argv + first, argc - first, folder, &error) != FOVEA_OK)
         status = fv_say_wrong("%s", error.text);
     else if (folder != NULL && mkdir(folder, 0777) != 0 && errno != EEXIST)
-        status = fv_say_wrong("--draw %.300s: the folder cannot be made: %s", folder, strerror(errno));
+        status =
+            fv_say_wrong("--draw %.300s: the folder cannot be made: %s", folder, strerror(errno));
     if (!fv_detect_gives_boxes(&engine.file.model))
         fv_say("%s: its decoder gives no boxes: the lists stay empty", model);
     for (int i = first; i < argc && status == FV_EXIT_OK; ++i) {

@@ -25,8 +25,9 @@ static int unknown(const char *name)
         names[count] = fv_commands[count].name;
     const char *nearest = fovea_text_nearest(name, names, count);
     return fv_say_wrong("fovea: unknown %s '%s'%s%s%s ('fovea help' lists all)",
-                        name[0] == '-' ? "option" : "command", name, nearest ? ", nearest is '" : "",
-                        nearest ? nearest : "", nearest ? "'" : "");
+                        name[0] == '-' ? "option" : "command", name,
+                        nearest ? ", nearest is '" : "", nearest ? nearest : "",
+                        nearest ? "'" : "");
 }
 
 static const struct fv_command *command_find(const char *name)
@@ -43,7 +44,8 @@ static int dispatch(int argc, char **argv)
         printf("fovea %s\n", FOVEA_VERSION);
         return FV_EXIT_OK;
     }
-    bool help = strcmp(argv[1], "help") == 0 || strcmp(argv[1], "--help") == 0 || strcmp(argv[1], "-h") == 0;
+    bool help = strcmp(argv[1], "help") == 0 || strcmp(argv[1], "--help") == 0 ||
+                strcmp(argv[1], "-h") == 0;
     if (help && argc == 2) {
         help_print();
         return FV_EXIT_OK;

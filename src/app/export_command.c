@@ -1,8 +1,10 @@
-/* fovea export: frames of any source as PNG files, with their truth as COCO annotations where the source knows it.
+/* fovea export: frames of any source as PNG files, with their truth as COCO annotations where the
+ * source knows it.
  *
- * DIR/000000.png ..., DIR/truth.json and, with --masks, DIR/000000.mask.png (the class of every pixel). For training
- * and evaluating detectors and trackers. Boxes are COCO's: [left, top, width, height], (0, 0) the corner of the first
- * pixel; `track_id` is constant over the run and `visible` the visible share. */
+ * DIR/000000.png ..., DIR/truth.json and, with --masks, DIR/000000.mask.png (the class of every
+ * pixel). For training and evaluating detectors and trackers. Boxes are COCO's: [left, top, width,
+ * height], (0, 0) the corner of the first pixel; `track_id` is constant over the run and `visible`
+ * the visible share. */
 #include <errno.h>
 #include <inttypes.h>
 #include <stdio.h>
@@ -16,8 +18,8 @@
 #include "app/setup.h"
 #include "fovea/source.h"
 
-static const char *const class_names[FOVEA_OBJECT_CLASS_COUNT] = {"background", "ball", "cone", "box",
-                                                                  "person"};
+static const char *const class_names[FOVEA_OBJECT_CLASS_COUNT] = {"background", "ball", "cone",
+                                                                  "box", "person"};
 
 enum { PATH_BYTES = 1024 };
 
@@ -34,7 +36,8 @@ static enum fovea_status write_picture(const struct export_run *export, const ch
                                        const struct fovea_image *image, struct fovea_error *error)
 {
     char path[PATH_BYTES];
-    snprintf(path, sizeof path, "%.900s/%06" PRIu64 "%s.png", export->folder, export->frames, suffix);
+    snprintf(path, sizeof path, "%.900s/%06" PRIu64 "%s.png", export->folder, export->frames,
+             suffix);
     return fv_picture_write(path, image, error);
 }
 
@@ -47,13 +50,15 @@ static enum fovea_status write_truth(struct export_run *export, const struct fov
         return FOVEA_OK;
     for (uint32_t i = 0; i < truth.box_count; i++) {
         const struct fovea_truth_box *b = &truth.boxes[i];
-        const double w = (double)(b->x_max_px - b->x_min_px), h = (double)(b->y_max_px - b->y_min_px);
-        fprintf(export->annotations,
-                "%s\n  {\"id\": %" PRIu64 ", \"image_id\": %" PRIu64
-                ", \"category_id\": %d, \"track_id\": %u, "
-                "\"bbox\": [%.2f, %.2f, %.2f, %.2f], \"area\": %.2f, \"iscrowd\": 0, \"visible\": %.4f}",
-                export->boxes == 0 ? "" : ",", export->boxes + 1, export->frames, (int)b->object_class, b->id,
-                (double)b->x_min_px, (double)b->y_min_px, w, h, w * h, (double)b->visible_share);
+        const double w = (double)(b->x_max_px - b->x_min_px),
+                     h = (double)(b->y_max_px - b->y_min_px);
+        fprintf(
+            export->annotations,
+            "%s\n  {\"id\": %" PRIu64 ", \"image_id\": %" PRIu64
+            ", \"category_id\": %d, \"track_id\": %u, "
+            "\"bbox\": [%.2f, %.2f, %.2f, %.2f], \"area\": %.2f, \"iscrowd\": 0, \"visible\": %.4f}",
+            export->boxes == 0 ? "" : ",", export->boxes + 1, export->frames, (int)b->object_class,
+            b->id, (double)b->x_min_px, (double)b->y_min_px, w, h, w * h, (double)b->visible_share);
         export->boxes++;
     }
     if (!export->masks || truth.class_mask == NULL) return FOVEA_OK;
@@ -112,7 +117,8 @@ static enum fovea_status write_json(const struct export_run *export, struct fove
     char path[PATH_BYTES];
     snprintf(path, sizeof path, "%.900s/truth.json", export->folder);
     FILE *file = fopen(path, "w");
-    if (file == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: %s", path, strerror(errno));
+    if (file == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: %s", path, strerror(errno));
     fprintf(file, "{\"images\": [");
     append(file, export->images);
     fprintf(file, "\n], \"annotations\": [");
@@ -130,15 +136,16 @@ static enum fovea_status write_json(const struct export_run *export, struct fove
 static enum fovea_status run(struct export_run *export, struct fovea_error *error)
 {
     if (mkdir(export->folder, 0777) != 0)
-        return fovea_error_set(error,
-                               errno == ENOSPC || errno == EROFS ? FOVEA_ERROR_SYSTEM : FOVEA_ERROR_INPUT,
-                               "%.300s: %s; expected a folder that can be made", export->folder,
-                               errno == EEXIST ? "exists" : strerror(errno));
+        return fovea_error_set(
+            error, errno == ENOSPC || errno == EROFS ? FOVEA_ERROR_SYSTEM : FOVEA_ERROR_INPUT,
+            "%.300s: %s; expected a folder that can be made", export->folder,
+            errno == EEXIST ? "exists" : strerror(errno));
     export->images = tmpfile();
     export->annotations = tmpfile();
     enum fovea_status status = FOVEA_OK;
     if (export->images == NULL || export->annotations == NULL)
-        status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "export: no temporary file: %s", strerror(errno));
+        status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "export: no temporary file: %s",
+                                 strerror(errno));
     if (status == FOVEA_OK) status = write_frames(export, error);
     if (status == FOVEA_OK) status = write_json(export, error);
     if (export->images != NULL) fclose(export->images);
@@ -161,7 +168,8 @@ int fv_command_export(int argc, char **argv)
         {0},
     };
     int first;
-    const enum fv_options_result result = fv_options_parse(options, "DIR", 1, 1, argc, argv, &first);
+    const enum fv_options_result result =
+        fv_options_parse(options, "DIR", 1, 1, argc, argv, &first);
     if (result == FV_OPTIONS_HELP) fv_setup_sources_print();
     if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
     struct fovea_error error;
@@ -179,6 +187,7 @@ int fv_command_export(int argc, char **argv)
     if (status != FOVEA_OK)
         return status == FOVEA_ERROR_SYSTEM ? fv_say_failed("%s", error.text)
                                             : fv_say_wrong("%s", error.text);
-    printf("%" PRIu64 " frames, %" PRIu64 " boxes in %s\n", export.frames, export.boxes, export.folder);
+    printf("%" PRIu64 " frames, %" PRIu64 " boxes in %s\n", export.frames, export.boxes,
+           export.folder);
     return FV_EXIT_OK;
 }

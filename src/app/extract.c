@@ -15,25 +15,28 @@ enum fovea_status fv_extract_config(uint64_t max, struct fovea_features_config *
 {
     static struct fovea_config defaults;
     if (max < FOVEA_FEATURES_MIN || max > FOVEA_FEATURES_MAX)
-        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "--max: found %" PRIu64 ", expected %d to %d",
-                               max, FOVEA_FEATURES_MIN, FOVEA_FEATURES_MAX);
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                               "--max: found %" PRIu64 ", expected %d to %d", max,
+                               FOVEA_FEATURES_MIN, FOVEA_FEATURES_MAX);
     fovea_config_default(&defaults);
     *config = defaults.features;
     config->count_max = (uint32_t)max;
-    config->per_cell = FV_SPREAD_KEPT; /* the strongest: pictures are to be matched, not a motion tied down */
+    config->per_cell =
+        FV_SPREAD_KEPT; /* the strongest: pictures are to be matched, not a motion tied down */
     return FOVEA_OK;
 }
 
 static void carve(struct fv_extract *extract, const struct fovea_features_config *config,
                   struct fv_arena *arena)
 {
-    fv_pyramid_carve(&extract->pyramid, extract->image.width, extract->image.height, config->pyramid_levels,
-                     arena);
+    fv_pyramid_carve(&extract->pyramid, extract->image.width, extract->image.height,
+                     config->pyramid_levels, arena);
     fv_features_carve(&extract->features, config, &extract->pyramid, arena);
     fv_orb_carve(&extract->orb, config->count_max, &extract->pyramid, arena);
 }
 
-static enum fovea_status take_memory(struct fv_extract *extract, const struct fovea_features_config *config,
+static enum fovea_status take_memory(struct fv_extract *extract,
+                                     const struct fovea_features_config *config,
                                      struct fovea_error *error)
 {
     struct fv_arena arena;
@@ -48,8 +51,9 @@ static enum fovea_status take_memory(struct fv_extract *extract, const struct fo
     return FOVEA_OK;
 }
 
-static enum fovea_status make_mask(const struct fovea_image *image, const struct fv_extract_ignore *ignore,
-                                   uint8_t **mask, struct fovea_error *error)
+static enum fovea_status make_mask(const struct fovea_image *image,
+                                   const struct fv_extract_ignore *ignore, uint8_t **mask,
+                                   struct fovea_error *error)
 {
     const bool fixed = ignore->mask_path != NULL;
     if (fixed) {
@@ -74,15 +78,16 @@ static enum fovea_status run(const struct fv_extract_ignore *ignore,
     enum fv_cpu_set cpu;
     uint8_t *mask = NULL;
     enum fovea_status status = fv_cpu_from_environment(&cpu, error);
-    if (status == FOVEA_OK && ignore != NULL) status = make_mask(&extract->image, ignore, &mask, error);
+    if (status == FOVEA_OK && ignore != NULL)
+        status = make_mask(&extract->image, ignore, &mask, error);
     if (status == FOVEA_OK) status = take_memory(extract, config, error);
     if (status == FOVEA_OK) {
         fv_kernels_init(&extract->kernels, cpu);
         fv_pyramid_build(&extract->pyramid, &extract->kernels, &extract->image);
-        const uint32_t count = fv_features_find(&extract->features, &extract->kernels, &extract->pyramid,
-                                                mask, config->count_max);
-        fv_orb_describe(&extract->orb, &extract->kernels, &extract->pyramid, extract->features.corners,
-                        count);
+        const uint32_t count = fv_features_find(&extract->features, &extract->kernels,
+                                                &extract->pyramid, mask, config->count_max);
+        fv_orb_describe(&extract->orb, &extract->kernels, &extract->pyramid,
+                        extract->features.corners, count);
     }
     free(mask);
     return status;
@@ -97,9 +102,10 @@ enum fovea_status fv_extract(const char *path, const struct fv_extract_ignore *i
     return status == FOVEA_OK ? run(ignore, config, extract, error) : status;
 }
 
-enum fovea_status fv_extract_image(const struct fovea_image *image, const struct fv_extract_ignore *ignore,
-                                   const struct fovea_features_config *config, struct fv_extract *extract,
-                                   struct fovea_error *error)
+enum fovea_status fv_extract_image(const struct fovea_image *image,
+                                   const struct fv_extract_ignore *ignore,
+                                   const struct fovea_features_config *config,
+                                   struct fv_extract *extract, struct fovea_error *error)
 {
     memset(extract, 0, sizeof *extract);
     uint8_t *pixels = malloc(image->size_bytes);

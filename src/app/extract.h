@@ -1,5 +1,5 @@
-/* Features and descriptors of one picture, for the commands that look at pictures: the stages of the loop on
- * memory of their own. The heap is used. */
+/* Features and descriptors of one picture, for the commands that look at pictures: the stages of
+ * the loop on memory of their own. The heap is used. */
 #ifndef FOVEA_APP_EXTRACT_H
 #define FOVEA_APP_EXTRACT_H
 
@@ -29,12 +29,14 @@ enum fovea_status fv_extract(const char *path, const struct fv_extract_ignore *i
                              const struct fovea_features_config *config, struct fv_extract *extract,
                              struct fovea_error *error);
 /* The same for an image in memory, which is copied. */
-enum fovea_status fv_extract_image(const struct fovea_image *image, const struct fv_extract_ignore *ignore,
-                                   const struct fovea_features_config *config, struct fv_extract *extract,
-                                   struct fovea_error *error);
+enum fovea_status fv_extract_image(const struct fovea_image *image,
+                                   const struct fv_extract_ignore *ignore,
+                                   const struct fovea_features_config *config,
+                                   struct fv_extract *extract, struct fovea_error *error);
 void fv_extract_free(struct fv_extract *extract);
 
-/* Take what the commands' options say, checked: `max` in [FOVEA_FEATURES_MIN, FOVEA_FEATURES_MAX]. */
+/* Take what the commands' options say, checked: `max` in [FOVEA_FEATURES_MIN, FOVEA_FEATURES_MAX].
+ */
 enum fovea_status fv_extract_config(uint64_t max, struct fovea_features_config *config,
                                     struct fovea_error *error);
 

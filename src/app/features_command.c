@@ -12,14 +12,16 @@
 #include "fovea/text.h"
 
 /* From fine (warm) to coarse (cold) levels. */
-static const uint32_t level_colour[FOVEA_PYRAMID_LEVELS_MAX] = {0xff5544, 0xff9933, 0xffdd33, 0xaadd33,
-                                                                0x44cc66, 0x33ccbb, 0x4499ff, 0xbb77ff};
+static const uint32_t level_colour[FOVEA_PYRAMID_LEVELS_MAX] = {
+    0xff5544, 0xff9933, 0xffdd33, 0xaadd33, 0x44cc66, 0x33ccbb, 0x4499ff, 0xbb77ff};
 
 /* Each feature as a circle of a third of its patch, with a hand that shows its direction. */
-static enum fovea_status draw(const struct fv_extract *extract, const char *path, struct fovea_error *error)
+static enum fovea_status draw(const struct fv_extract *extract, const char *path,
+                              struct fovea_error *error)
 {
     struct fv_canvas canvas;
-    enum fovea_status status = fv_canvas_create(&canvas, extract->image.width, extract->image.height, 0);
+    enum fovea_status status =
+        fv_canvas_create(&canvas, extract->image.width, extract->image.height, 0);
     if (status != FOVEA_OK) return fovea_error_set(error, status, "%.300s: out of memory", path);
     fv_canvas_image(&canvas, 0, 0, &extract->image);
     for (uint32_t i = 0; i < extract->features.count; i++) {
@@ -37,15 +39,16 @@ static enum fovea_status draw(const struct fv_extract *extract, const char *path
 
 static void print_json(const struct fv_extract *extract)
 {
-    printf("{\"width\": %d, \"height\": %d, \"kernel_set\": \"%s\", \"features\": [", extract->image.width,
-           extract->image.height, fv_cpu_set_name(extract->kernels.set));
+    printf("{\"width\": %d, \"height\": %d, \"kernel_set\": \"%s\", \"features\": [",
+           extract->image.width, extract->image.height, fv_cpu_set_name(extract->kernels.set));
     for (uint32_t i = 0; i < extract->features.count; i++) {
         const struct fovea_feature *f = &extract->features.list[i];
-        printf("%s\n  {\"x_px\": %.4f, \"y_px\": %.4f, \"size_px\": %.3f, \"level\": %d, \"score\": %d, "
-               "\"angle_rad\": %.6f, "
-               "\"descriptor\": \"",
-               i == 0 ? "" : ",", (double)f->x_px, (double)f->y_px, (double)f->size_px, f->level, f->score,
-               (double)extract->orb.angle_rad[i]);
+        printf(
+            "%s\n  {\"x_px\": %.4f, \"y_px\": %.4f, \"size_px\": %.3f, \"level\": %d, \"score\": %d, "
+            "\"angle_rad\": %.6f, "
+            "\"descriptor\": \"",
+            i == 0 ? "" : ",", (double)f->x_px, (double)f->y_px, (double)f->size_px, f->level,
+            f->score, (double)extract->orb.angle_rad[i]);
         for (int k = 0; k < FV_DESCRIPTOR_BYTES; k++)
             printf("%02x", extract->orb.descriptors[(size_t)i * FV_DESCRIPTOR_BYTES + (size_t)k]);
         printf("\"}");
@@ -58,8 +61,8 @@ static void print_summary(const struct fv_extract *extract)
     uint32_t on_level[FOVEA_PYRAMID_LEVELS_MAX] = {0};
     for (uint32_t i = 0; i < extract->features.count; i++)
         on_level[extract->features.list[i].level]++;
-    printf("%u features in %d x %d pixels, by level:", extract->features.count, extract->image.width,
-           extract->image.height);
+    printf("%u features in %d x %d pixels, by level:", extract->features.count,
+           extract->image.width, extract->image.height);
     for (uint32_t level = 0; level < extract->pyramid.levels; level++)
         printf(" %u", on_level[level]);
     printf("\n");
@@ -99,7 +102,8 @@ int fv_command_features(int argc, char **argv)
         {0},
     };
     int first;
-    const enum fv_options_result result = fv_options_parse(options, "IMAGE", 1, 1, argc, argv, &first);
+    const enum fv_options_result result =
+        fv_options_parse(options, "IMAGE", 1, 1, argc, argv, &first);
     if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
 
     struct fovea_features_config config;
@@ -113,8 +117,9 @@ int fv_command_features(int argc, char **argv)
     struct fv_mask_box boxes[FV_OPTION_LIST_MAX];
     for (int i = 0; i < ignored.count; i++)
         if (!read_box(ignored.values[i], &boxes[i]))
-            return fv_say_wrong("--ignore: found '%.100s', expected four numbers: min x, min y, max x, max y",
-                                ignored.values[i]);
+            return fv_say_wrong(
+                "--ignore: found '%.100s', expected four numbers: min x, min y, max x, max y",
+                ignored.values[i]);
     const struct fv_extract_ignore ignore = {mask, boxes, (uint32_t)ignored.count};
     enum fv_exit status = FV_EXIT_OK;
     if (fv_extract(argv[first], &ignore, &config, &extract, &error) != FOVEA_OK)

@@ -29,12 +29,14 @@ static bool same(const char *one, const char *other)
     struct stat a, b;
     if (one == NULL || other == NULL || *one == '\0' || *other == '\0') return false;
     if (stat(one, &a) == 0) {
-        return S_ISREG(a.st_mode) && stat(other, &b) == 0 && a.st_dev == b.st_dev && a.st_ino == b.st_ino;
+        return S_ISREG(a.st_mode) && stat(other, &b) == 0 && a.st_dev == b.st_dev &&
+               a.st_ino == b.st_ino;
     }
     /* Neither is there yet: one name in one folder. 'none' is no file. */
     if (strcmp(one, "none") == 0 || strcmp(name_of(one), name_of(other)) != 0) return false;
     if (strcmp(one, other) == 0) return true;
-    return folder_of(one, &a) && folder_of(other, &b) && a.st_dev == b.st_dev && a.st_ino == b.st_ino;
+    return folder_of(one, &a) && folder_of(other, &b) && a.st_dev == b.st_dev &&
+           a.st_ino == b.st_ino;
 }
 
 static enum fovea_status apart(const struct fv_file *written, const struct fv_file *others,
@@ -43,8 +45,8 @@ static enum fovea_status apart(const struct fv_file *written, const struct fv_fi
     for (; others->option != NULL; others++) {
         if (same(written->path, others->path))
             return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                                   "%s: found %.300s, the file of %s, expected another file", written->option,
-                                   written->path, others->option);
+                                   "%s: found %.300s, the file of %s, expected another file",
+                                   written->option, written->path, others->option);
     }
     return FOVEA_OK;
 }
@@ -64,7 +66,8 @@ enum fovea_status fv_files_apart(const struct fv_file *written, const struct fv_
 static int write_try(const char *path)
 {
     struct stat about;
-    if (stat(path, &about) == 0 && !S_ISREG(about.st_mode)) return S_ISDIR(about.st_mode) ? EISDIR : 0;
+    if (stat(path, &about) == 0 && !S_ISREG(about.st_mode))
+        return S_ISDIR(about.st_mode) ? EISDIR : 0;
     const int made = open(path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0644);
     if (made >= 0) {
         close(made);
@@ -89,8 +92,8 @@ enum fovea_status fv_files_writable(const struct fv_file *written, const char **
         const int why = write_try(written->path);
         if (why == 0) continue;
         *blame = written->option;
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%.300s: cannot be written: %s", written->path,
-                               strerror(why));
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%.300s: cannot be written: %s",
+                               written->path, strerror(why));
     }
     return FOVEA_OK;
 }

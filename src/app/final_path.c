@@ -58,7 +58,8 @@ struct fv_final {
     _Alignas(64) uint8_t memory[RING_BYTES];
 };
 
-enum fovea_status fv_final_open(const char *path, struct fv_final **final, struct fovea_error *error)
+enum fovea_status fv_final_open(const char *path, struct fv_final **final,
+                                struct fovea_error *error)
 {
     struct fv_final *opened = fv_aligned_zeroed(sizeof *opened);
     if (opened == NULL)
@@ -66,8 +67,8 @@ enum fovea_status fv_final_open(const char *path, struct fv_final **final, struc
     fv_ring_init(&opened->ring, opened->memory, sizeof opened->memory);
     enum fovea_status status = fv_trajectory_open(path, &opened->out, error);
     if (status == FOVEA_OK && (opened->spool = tmpfile()) == NULL)
-        status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.200s: no temporary file for it: %s", path,
-                                 strerror(errno));
+        status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.200s: no temporary file for it: %s",
+                                 path, strerror(errno));
     if (status != FOVEA_OK) {
         fv_final_close(opened);
         return status;
@@ -111,9 +112,10 @@ static const struct fovea_keyframe *nearest(const struct fv_final *final, uint32
     uint64_t least = UINT64_MAX;
     for (uint32_t i = 0; i < count; i++) {
         const struct fovea_keyframe *now = &final->now[i], *before = &final->before[i];
-        uint64_t apart = now->number > gone->number ? now->number - gone->number : gone->number - now->number;
-        if (!now->used || !before->used || now->number != before->number || before->map_id != gone->map_id ||
-            apart >= least)
+        uint64_t apart =
+            now->number > gone->number ? now->number - gone->number : gone->number - now->number;
+        if (!now->used || !before->used || now->number != before->number ||
+            before->map_id != gone->map_id || apart >= least)
             continue;
         best = before; /* both as they were before */
         least = apart;
@@ -147,7 +149,8 @@ void fv_final_look(struct fv_final *final, const struct fovea *rt)
     uint32_t count = fovea_keyframes_get(rt, final->now, FOVEA_ODOMETRY_KEYFRAMES_MAX);
     for (uint32_t i = 0; i < count; i++) {
         const struct fovea_keyframe *before = &final->before[i], *now = &final->now[i];
-        if (before->used && (!now->used || now->number != before->number)) leave(final, count, before);
+        if (before->used && (!now->used || now->number != before->number))
+            leave(final, count, before);
     }
     memcpy(final->before, final->now, count * sizeof final->now[0]);
 }
@@ -214,7 +217,8 @@ static struct left *find(struct left *sorted, size_t count, uint64_t number)
     return bsearch(&key, sorted, count, sizeof *sorted, by_number);
 }
 
-/* All keyframes in their maps' worlds, sorted. What a keyframe hangs on left later, so the last are placed first. */
+/* All keyframes in their maps' worlds, sorted. What a keyframe hangs on left later, so the last are
+ * placed first. */
 static struct left *place(const struct fv_final *final)
 {
     struct left *sorted = malloc((final->left_count + 1) * sizeof *sorted);
@@ -232,7 +236,8 @@ static struct left *place(const struct fv_final *final)
     return sorted;
 }
 
-/* The scale known last in each world; worlds past the last element share it, and are not judged either. */
+/* The scale known last in each world; worlds past the last element share it, and are not judged
+ * either. */
 struct scales {
     uint32_t count;
     uint32_t map[FV_TRAJECTORY_MAPS_MAX];
@@ -252,9 +257,10 @@ static double *scale_of(struct scales *scales, uint32_t map)
     return &scales->scale[i];
 }
 
-/* The next frame of the spool in its place; false at the end. Frames without their keyframe are counted. */
-static bool next_frame(struct fv_final *final, struct left *sorted, struct hung *frame, struct fv_se3 *T,
-                       uint64_t *without)
+/* The next frame of the spool in its place; false at the end. Frames without their keyframe are
+ * counted. */
+static bool next_frame(struct fv_final *final, struct left *sorted, struct hung *frame,
+                       struct fv_se3 *T, uint64_t *without)
 {
     while (fread(frame, sizeof *frame, 1, final->spool) == 1) {
         const struct left *keyframe = find(sorted, final->left_count, frame->keyframe);
@@ -291,7 +297,8 @@ static void write_frames(struct fv_final *final, struct left *sorted)
     }
 }
 
-void fv_final_finish(struct fv_final *final, struct fovea *rt, struct fv_trajectory_summary *summary)
+void fv_final_finish(struct fv_final *final, struct fovea *rt,
+                     struct fv_trajectory_summary *summary)
 {
     *summary = (struct fv_trajectory_summary){.error_m = NAN, .scale = NAN};
     if (final == NULL) return;

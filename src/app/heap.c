@@ -44,8 +44,9 @@ void *__libc_calloc(size_t count, size_t bytes);
 void *__libc_realloc(void *memory, size_t bytes);
 void __libc_free(void *memory);
 void *__libc_memalign(size_t alignment, size_t bytes);
-void *memalign(size_t alignment,
-               size_t bytes); /* declared in malloc.h with attributes that differ between versions */
+void *
+memalign(size_t alignment,
+         size_t bytes); /* declared in malloc.h with attributes that differ between versions */
 
 void *malloc(size_t bytes)
 {

@@ -47,7 +47,8 @@ static void write_full(struct fv_keeper *keeper)
 void fv_keeper_tend(struct fv_keeper *keeper)
 {
     if (atomic_load(&keeper->stage) == FV_KEEPER_FULL) write_full(keeper);
-    if (atomic_load(&keeper->stage) != FV_KEEPER_IDLE || !atomic_exchange(&keeper->asked, false)) return;
+    if (atomic_load(&keeper->stage) != FV_KEEPER_IDLE || !atomic_exchange(&keeper->asked, false))
+        return;
     if (!keeps(keeper)) {
         fv_say("fovea run: asked to save the map, but map.save names no file");
         return;
@@ -70,8 +71,9 @@ enum fovea_status fv_keeper_end(struct fv_keeper *keeper, struct fovea_error *er
     const size_t bytes = buffer == NULL ? 0 : fovea_map_save(keeper->rt, buffer, capacity);
     enum fovea_status status = FOVEA_OK;
     if (bytes == 0)
-        status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.200s: no memory to save the map (%zu bytes)",
-                                 keeper->path, capacity);
+        status = fovea_error_set(error, FOVEA_ERROR_SYSTEM,
+                                 "%.200s: no memory to save the map (%zu bytes)", keeper->path,
+                                 capacity);
     else
         status = fv_map_file_write(keeper->path, buffer, bytes, error);
     free(buffer);

@@ -26,14 +26,16 @@ static void sleep_until(const struct fv_loop *loop, int64_t due_ns)
     }
 }
 
-/* ---- pace -------------------------------------------------------------------------------------------- */
+/* ---- pace
+ * -------------------------------------------------------------------------------------------- */
 
-/* When a frame of a source that is not live is due. `asked_ns`: when the loop began to ask for it. */
+/* When a frame of a source that is not live is due. `asked_ns`: when the loop began to ask for it.
+ */
 static int64_t due_of(struct fv_loop *loop, const struct fovea_frame *frame, int64_t asked_ns)
 {
     int64_t now = now_ns(), gap = 0;
-    bool odd =
-        __builtin_sub_overflow(frame->stamp_ns, loop->last_stamp_ns, &gap) || gap <= 0 || gap > gap_max_ns;
+    bool odd = __builtin_sub_overflow(frame->stamp_ns, loop->last_stamp_ns, &gap) || gap <= 0 ||
+               gap > gap_max_ns;
     if (!loop->any_frame) {
         loop->last_due_ns = now;
     } else if (odd) { /* repeats, goes back or leaps: a new start, one period on */
@@ -49,7 +51,8 @@ static int64_t due_of(struct fv_loop *loop, const struct fovea_frame *frame, int
     return loop->last_due_ns;
 }
 
-/* Whether to drop a frame that was due `late_ns` ago; tells apart a busy loop from one that had no processor.
+/* Whether to drop a frame that was due `late_ns` ago; tells apart a busy loop from one that had no
+ * processor.
  */
 static bool too_late(struct fv_loop *loop, int64_t late_ns)
 {
@@ -65,7 +68,8 @@ static bool too_late(struct fv_loop *loop, int64_t late_ns)
     return true;
 }
 
-/* ---- taking a frame ---------------------------------------------------------------------------------- */
+/* ---- taking a frame
+ * ---------------------------------------------------------------------------------- */
 
 enum taken { TAKEN_FRAME, TAKEN_NONE, TAKEN_END };
 
@@ -109,7 +113,8 @@ static clockid_t clock_of(const struct fovea_frame *frame)
                                                   : CLOCK_MONOTONIC;
 }
 
-/* Times of a live frame. Recordings carry stamps of another clock: there, latency is what pacing measured. */
+/* Times of a live frame. Recordings carry stamps of another clock: there, latency is what pacing
+ * measured. */
 static void tell_times(const struct fv_loop *loop, const struct fovea_frame *frame, int64_t late_ns,
                        struct fovea_inputs *inputs)
 {
@@ -132,8 +137,10 @@ static void fill_inputs(struct fv_loop *loop, const struct fovea_frame *frame, i
     if (loop->ops->state != NULL) inputs->source_state = loop->ops->state(loop->source);
     if (loop->ops->counts != NULL) loop->ops->counts(loop->source, &inputs->source_counts);
     if (loop->hooks.commands != NULL) inputs->commands = loop->hooks.commands(loop->hooks.context);
-    inputs->temperature_c = atomic_load_explicit(&loop->shared->temperature_c, memory_order_relaxed);
-    inputs->resident_bytes = atomic_load_explicit(&loop->shared->resident_bytes, memory_order_relaxed);
+    inputs->temperature_c =
+        atomic_load_explicit(&loop->shared->temperature_c, memory_order_relaxed);
+    inputs->resident_bytes =
+        atomic_load_explicit(&loop->shared->resident_bytes, memory_order_relaxed);
     if (loop->real_time)
         fovea_governor_next(&loop->governor, loop->config, &inputs->grants);
     else
@@ -141,7 +148,8 @@ static void fill_inputs(struct fv_loop *loop, const struct fovea_frame *frame, i
     if (loop->hooks.sense != NULL) loop->hooks.sense(loop->hooks.context, inputs);
 }
 
-/* ---- one turn ---------------------------------------------------------------------------------------- */
+/* ---- one turn
+ * ---------------------------------------------------------------------------------------- */
 
 struct span {
     int64_t wall_ns, cpu_ns;
@@ -202,7 +210,8 @@ static void turn(struct fv_loop *loop, const struct fovea_frame *frame, int64_t 
     if (hooks->step_done != NULL)
         hooks->step_done(hooks->context, &inputs, &outputs, status == FOVEA_OK ? &pose : NULL);
 
-    if (loop->real_time) fovea_governor_work(&loop->governor, step.cpu_ns, outputs.jobs_waiting, &grants);
+    if (loop->real_time)
+        fovea_governor_work(&loop->governor, step.cpu_ns, outputs.jobs_waiting, &grants);
     begin = span_begin();
     fovea_work(loop->rt, &grants, &outputs);
     struct span work = span_end(begin);
@@ -222,8 +231,9 @@ static void turn(struct fv_loop *loop, const struct fovea_frame *frame, int64_t 
 static void prepare(struct fv_loop *loop)
 {
     double rate_hz = loop->ops->info(loop->source)->rate_hz;
-    loop->period_ns =
-        rate_hz >= 0.1 && rate_hz <= 10000.0 ? (int64_t)((double)FV_SECOND_NS / rate_hz) : FV_SECOND_NS / 30;
+    loop->period_ns = rate_hz >= 0.1 && rate_hz <= 10000.0
+                          ? (int64_t)((double)FV_SECOND_NS / rate_hz)
+                          : FV_SECOND_NS / 30;
     fovea_governor_init(&loop->governor, loop->config, loop->period_ns);
     loop->counts = (struct fv_loop_counts){0};
     loop->status = FOVEA_OK;

@@ -1,14 +1,15 @@
 /* The real-time loop: dequeue, step, publish, work, publish, requeue.
  *
- * Runs on a thread of its own, which from the first frame to the last makes no heap call and only these
- * system calls: clock_gettime, clock_nanosleep, what the source's dequeue needs, and LCM's send. The thread
- * that started it watches signals, the terminal and /proc meanwhile, and talks to it through struct
- * fv_loop_shared only.
+ * Runs on a thread of its own, which from the first frame to the last makes no heap call and only
+ * these system calls: clock_gettime, clock_nanosleep, what the source's dequeue needs, and LCM's
+ * send. The thread that started it watches signals, the terminal and /proc meanwhile, and talks to
+ * it through struct fv_loop_shared only.
  *
- * Frames of a source that is not live are paced by their stamps when `real_time` is set. A frame is late by
- * the time since it was due, or since it was asked for when the source itself was slow; one that is late by
- * more than FV_LOOP_QUEUE frame periods is dropped and counted, as a camera's driver with that many buffers
- * would. Until then the loop catches up, so that no frame is dropped for which there was processor time. */
+ * Frames of a source that is not live are paced by their stamps when `real_time` is set. A frame is
+ * late by the time since it was due, or since it was asked for when the source itself was slow; one
+ * that is late by more than FV_LOOP_QUEUE frame periods is dropped and counted, as a camera's
+ * driver with that many buffers would. Until then the loop catches up, so that no frame is dropped
+ * for which there was processor time. */
 #ifndef FOVEA_APP_LOOP_H
 #define FOVEA_APP_LOOP_H
 
@@ -31,8 +32,8 @@ struct fv_loop_shared {
     _Atomic int64_t step_ns;
 };
 
-/* What happens around a step and a work; each may be NULL. Called on the loop's thread: no heap, and no
- * waiting but in `pace`. Outputs are valid during the call. */
+/* What happens around a step and a work; each may be NULL. Called on the loop's thread: no heap,
+ * and no waiting but in `pace`. Outputs are valid during the call. */
 struct fv_loop_hooks {
     void *context;
     void (*pace)(void *context);         /* before a turn, when frames do not come by the clock */
@@ -40,10 +41,10 @@ struct fv_loop_hooks {
     /* Fill in the odometry and boxes that have come; the rest of `inputs` is set. */
     void (*sense)(void *context, struct fovea_inputs *inputs);
     /* `pose` is that of this frame; NULL when none was processed. */
-    void (*step_done)(void *context, const struct fovea_inputs *inputs, const struct fovea_outputs *outputs,
-                      const struct fovea_pose *pose);
-    void (*work_done)(void *context, const struct fovea_inputs *inputs, const struct fovea_grants *grants,
-                      const struct fovea_outputs *outputs);
+    void (*step_done)(void *context, const struct fovea_inputs *inputs,
+                      const struct fovea_outputs *outputs, const struct fovea_pose *pose);
+    void (*work_done)(void *context, const struct fovea_inputs *inputs,
+                      const struct fovea_grants *grants, const struct fovea_outputs *outputs);
 };
 
 struct fv_loop_counts {
@@ -53,7 +54,8 @@ struct fv_loop_counts {
     uint64_t lost;      /* of the processed: state `lost`; the rest was looking for a start */
     uint64_t refused;   /* of these: not taken by the step (stamp, format, paused) */
     uint64_t late;      /* of these: dropped since the loop was busy or had no processor time */
-    uint64_t starved;   /* of the late: the loop had less than half of a processor while the frame waited */
+    uint64_t starved;   /* of the late: the loop had less than half of a processor while the frame
+                           waited */
     uint64_t without_frame;
 };
 
@@ -86,8 +88,8 @@ struct fv_loop {
     bool waiting; /* the last turn of a live source was without a frame */
 };
 
-/* Run until the source ends, `frames_max` is reached or `shared->stop` is set. The source must have been
- * started. */
+/* Run until the source ends, `frames_max` is reached or `shared->stop` is set. The source must have
+ * been started. */
 void fv_loop_run(struct fv_loop *loop);
 
 #endif

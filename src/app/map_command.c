@@ -33,7 +33,8 @@ static bool next_map(const struct fv_map_open *open, uint32_t *id)
     uint32_t next = UINT32_MAX;
     for (uint32_t k = 0; k < open->map.limits.keyframes; k++) {
         const struct fv_keyframe *keyframe = &open->map.keyframes[k];
-        if (keyframe->used && keyframe->map_id >= *id && keyframe->map_id < next) next = keyframe->map_id;
+        if (keyframe->used && keyframe->map_id >= *id && keyframe->map_id < next)
+            next = keyframe->map_id;
     }
     *id = next;
     return next != UINT32_MAX;
@@ -45,8 +46,8 @@ static void info_print(const struct fv_map_open *open, const char *path)
     const struct fovea_camera *c = &open->info.camera;
     uint32_t largest = 0, slots[FV_MAP_KEYFRAMES_MAX];
     const bool any = fv_map_open_largest(open, &largest);
-    printf("%s: %zu bytes, format %d, hash %016" PRIx64 "\n", path, open->file_bytes, FV_ARCHIVE_VERSION,
-           open->hash);
+    printf("%s: %zu bytes, format %d, hash %016" PRIx64 "\n", path, open->file_bytes,
+           FV_ARCHIVE_VERSION, open->hash);
     printf("  camera     %d x %d, %s, f %.6g %.6g, c %.6g %.6g\n", c->width, c->height,
            c->lens == FOVEA_LENS_RADTAN ? "radtan" : "equidistant", c->fx, c->fy, c->cx, c->cy);
     printf("  keyframes  %u (slots for %u), %u frames seen\n", map->state->keyframe_count,
@@ -58,7 +59,8 @@ static void info_print(const struct fv_map_open *open, const char *path)
         uint32_t landmarks = 0;
         double length = 0, last[3], centre[3];
         for (uint32_t i = 0; i < map->limits.landmarks; i++)
-            landmarks += map->landmarks[i].used && fv_map_open_map_of(open, &map->landmarks[i]) == id;
+            landmarks +=
+                map->landmarks[i].used && fv_map_open_map_of(open, &map->landmarks[i]) == id;
         for (uint32_t i = 0; i < count; i++) {
             fv_map_open_centre(open, slots[i], centre);
             double square = 0;
@@ -67,21 +69,23 @@ static void info_print(const struct fv_map_open *open, const char *path)
             length += __builtin_sqrt(square);
             memcpy(last, centre, sizeof last);
         }
-        printf("  map %-6u %u keyframes, %u landmarks, %.4g units from keyframe to keyframe, units", id,
-               count, landmarks, length);
+        printf("  map %-6u %u keyframes, %u landmarks, %.4g units from keyframe to keyframe, units",
+               id, count, landmarks, length);
         unit_print(map->state, id);
         puts(id == open->info.map_id ? ", current when saved" : "");
     }
 }
 
-/* ---- export ------------------------------------------------------------------------------------------ */
+/* ---- export
+ * ------------------------------------------------------------------------------------------ */
 
 static enum fv_exit finish(FILE *file, const char *path)
 {
     errno = EIO; /* where an earlier write failed, its reason is gone */
     int reason = fflush(file) != 0 || ferror(file) != 0 ? errno : 0;
     if (fclose(file) != 0 && reason == 0) reason = errno;
-    return reason != 0 ? fv_say_failed("%s: cannot be written: %s", path, strerror(reason)) : FV_EXIT_OK;
+    return reason != 0 ? fv_say_failed("%s: cannot be written: %s", path, strerror(reason))
+                       : FV_EXIT_OK;
 }
 
 /* Landmarks grey by their observers, keyframes blue; coordinates are the map's own. */
@@ -94,17 +98,20 @@ static enum fv_exit ply_write(const struct fv_map_open *open, uint32_t map_id, c
     if (file == NULL)
         return fv_say_wrong("fovea map: --ply: %s: cannot be written: %s", path, strerror(errno));
     for (uint32_t i = 0; i < map->limits.landmarks; i++)
-        landmarks += map->landmarks[i].used && fv_map_open_map_of(open, &map->landmarks[i]) == map_id;
-    fprintf(file,
-            "ply\nformat ascii 1.0\ncomment map %u: %u landmarks, then %u keyframes\nelement vertex %u\n"
-            "property double x\nproperty double y\nproperty double z\n"
-            "property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n",
-            map_id, landmarks, keyframes, landmarks + keyframes);
+        landmarks +=
+            map->landmarks[i].used && fv_map_open_map_of(open, &map->landmarks[i]) == map_id;
+    fprintf(
+        file,
+        "ply\nformat ascii 1.0\ncomment map %u: %u landmarks, then %u keyframes\nelement vertex %u\n"
+        "property double x\nproperty double y\nproperty double z\n"
+        "property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n",
+        map_id, landmarks, keyframes, landmarks + keyframes);
     for (uint32_t i = 0; i < map->limits.landmarks; i++) {
         const struct fv_landmark *l = &map->landmarks[i];
         if (!l->used || fv_map_open_map_of(open, l) != map_id) continue;
         const int grey = 100 + 12 * l->observer_count;
-        fprintf(file, "%.9g %.9g %.9g %d %d %d\n", l->point[0], l->point[1], l->point[2], grey, grey, grey);
+        fprintf(file, "%.9g %.9g %.9g %d %d %d\n", l->point[0], l->point[1], l->point[2], grey,
+                grey, grey);
     }
     for (uint32_t i = 0; i < keyframes; i++) {
         double centre[3];
@@ -130,13 +137,14 @@ static enum fv_exit tum_write(const struct fv_map_open *open, uint32_t map_id, c
         fv_so3_to_quaternion(T.R, q);
         const int64_t second = 1000000000, rest = k->stamp_ns % second;
         fprintf(file, "%" PRId64 ".%09" PRId64 " %.9g %.9g %.9g %.9g %.9g %.9g %.9g\n",
-                k->stamp_ns / second - (rest < 0), rest + (rest < 0 ? second : 0), T.t[0], T.t[1], T.t[2],
-                q[1], q[2], q[3], q[0]);
+                k->stamp_ns / second - (rest < 0), rest + (rest < 0 ? second : 0), T.t[0], T.t[1],
+                T.t[2], q[1], q[2], q[3], q[0]);
     }
     return finish(file, path);
 }
 
-/* ---- the command ------------------------------------------------------------------------------------- */
+/* ---- the command
+ * ------------------------------------------------------------------------------------- */
 
 struct asked {
     const char *action, *file, *picture, *ply, *tum, *world;
@@ -160,7 +168,8 @@ static enum fv_exit carry_out(const struct asked *asked, const struct fv_map_ope
                 asked->world);
     }
     if (asked->picture != NULL) {
-        if (fv_map_picture(open, asked->file, map_id, asked->picture, &error) == FOVEA_OK) return FV_EXIT_OK;
+        if (fv_map_picture(open, asked->file, map_id, asked->picture, &error) == FOVEA_OK)
+            return FV_EXIT_OK;
         return fv_say_failed("%s", error.text);
     }
     enum fv_exit end = asked->ply != NULL ? ply_write(open, map_id, asked->ply) : FV_EXIT_OK;
@@ -171,11 +180,15 @@ static enum fv_exit carry_out(const struct asked *asked, const struct fv_map_ope
 /* NULL when the words fit together. */
 static const char *trouble(const struct asked *asked, int operands)
 {
-    const bool draw = strcmp(asked->action, "draw") == 0, export = strcmp(asked->action, "export") == 0;
-    if (!draw && !export && strcmp(asked->action, "info") != 0) return "expected info, export or draw";
-    if (draw != (operands == 3)) return draw ? "draw needs a map and a picture" : "expected one map";
+    const bool draw = strcmp(asked->action, "draw") == 0,
+               export = strcmp(asked->action, "export") == 0;
+    if (!draw && !export && strcmp(asked->action, "info") != 0)
+        return "expected info, export or draw";
+    if (draw != (operands == 3))
+        return draw ? "draw needs a map and a picture" : "expected one map";
     if (export && asked->ply == NULL && asked->tum == NULL) return "export needs --ply or --tum";
-    if (!export && (asked->ply != NULL || asked->tum != NULL)) return "--ply and --tum belong to export";
+    if (!export && (asked->ply != NULL || asked->tum != NULL))
+        return "--ply and --tum belong to export";
     if (!export && !draw && asked->world != NULL) return "--world belongs to export and draw";
     return NULL;
 }
@@ -184,9 +197,12 @@ int fv_command_map(int argc, char **argv)
 {
     struct asked asked = {0};
     const struct fv_option options[] = {
-        {"ply", "FILE", FV_OPTION_TEXT, &asked.ply, "export: landmarks and keyframes as a point cloud"},
-        {"tum", "FILE", FV_OPTION_TEXT, &asked.tum, "export: T_world_cam of the keyframes in TUM format"},
-        {"world", "N", FV_OPTION_TEXT, &asked.world, "which of several maps (the one with most keyframes)"},
+        {"ply", "FILE", FV_OPTION_TEXT, &asked.ply,
+         "export: landmarks and keyframes as a point cloud"},
+        {"tum", "FILE", FV_OPTION_TEXT, &asked.tum,
+         "export: T_world_cam of the keyframes in TUM format"},
+        {"world", "N", FV_OPTION_TEXT, &asked.world,
+         "which of several maps (the one with most keyframes)"},
         {0},
     };
     int first;

@@ -10,8 +10,9 @@
 static void carve(struct fv_map_open *open, struct fv_arena *arena)
 {
     const struct fv_archive_info *info = &open->info;
-    const struct fv_map_limits limits = {info->keyframe_slots, info->landmark_slots, info->features_max,
-                                         info->camera.width, info->camera.height};
+    const struct fv_map_limits limits = {info->keyframe_slots, info->landmark_slots,
+                                         info->features_max, info->camera.width,
+                                         info->camera.height};
     fv_bearing_carve(&open->bearings, info->camera.width, info->camera.height, arena);
     fv_map_carve(&open->map, &limits, &open->camera, &open->bearings, arena);
 }
@@ -38,8 +39,8 @@ static enum fovea_status check_sizes(const char *path, const struct fv_archive_i
     return FOVEA_OK;
 }
 
-static enum fovea_status fill(struct fv_map_open *open, const char *path, const uint8_t *data, size_t bytes,
-                              struct fovea_error *error)
+static enum fovea_status fill(struct fv_map_open *open, const char *path, const uint8_t *data,
+                              size_t bytes, struct fovea_error *error)
 {
     struct fv_arena arena;
     enum fovea_status status = fv_archive_info(data, bytes, path, &open->info, error);
@@ -54,8 +55,8 @@ static enum fovea_status fill(struct fv_map_open *open, const char *path, const 
     const size_t needed = arena.used;
     open->memory = fv_aligned_new(needed);
     if (open->memory == NULL)
-        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.200s: no memory for the map (%zu bytes)", path,
-                               needed);
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM,
+                               "%.200s: no memory for the map (%zu bytes)", path, needed);
     fv_arena_init(&arena, open->memory, needed);
     carve(open, &arena);
     open->camera = open->info.camera;
@@ -111,7 +112,8 @@ bool fv_map_open_largest(const struct fv_map_open *open, uint32_t *map_id)
     uint32_t most = 0;
     for (uint32_t k = 0; k < open->map.limits.keyframes; k++) {
         if (!open->map.keyframes[k].used) continue;
-        const uint32_t id = open->map.keyframes[k].map_id, count = fv_map_count_keyframes(&open->map, id);
+        const uint32_t id = open->map.keyframes[k].map_id,
+                       count = fv_map_count_keyframes(&open->map, id);
         if (count > most) *map_id = id;
         if (count > most) most = count;
     }

@@ -1,4 +1,5 @@
-/* A map file opened for looking at: its pools in memory of its own. For commands; the heap is used. */
+/* A map file opened for looking at: its pools in memory of its own. For commands; the heap is used.
+ */
 #ifndef FOVEA_APP_MAP_OPEN_H
 #define FOVEA_APP_MAP_OPEN_H
 
@@ -20,14 +21,15 @@ struct fv_map_open {
 };
 
 /* Read a file and check all of it. Errors are one line that names file and byte. */
-enum fovea_status fv_map_open(const char *path, struct fv_map_open *open, struct fovea_error *error);
+enum fovea_status fv_map_open(const char *path, struct fv_map_open *open,
+                              struct fovea_error *error);
 /* The same of a sealed map in memory; `name` is what errors call it. */
 enum fovea_status fv_map_open_bytes(const uint8_t *data, size_t bytes, const char *name,
                                     struct fv_map_open *open, struct fovea_error *error);
 void fv_map_open_free(struct fv_map_open *open);
 
-/* Keyframes of one map in the order in which they were made, at most FV_MAP_KEYFRAMES_MAX; returns their
- * number. */
+/* Keyframes of one map in the order in which they were made, at most FV_MAP_KEYFRAMES_MAX; returns
+ * their number. */
 uint32_t fv_map_open_order(const struct fv_map_open *open, uint32_t map_id, uint32_t *slots);
 /* The map with most keyframes; false: there is none. */
 bool fv_map_open_largest(const struct fv_map_open *open, uint32_t *map_id);
@@ -39,8 +41,9 @@ void fv_map_open_centre(const struct fv_map_open *open, uint32_t slot, double ce
 /* Top and side view of one map as PNG (map_picture.c). */
 enum fovea_status fv_map_picture(const struct fv_map_open *open, const char *name, uint32_t map_id,
                                  const char *path, struct fovea_error *error);
-/* The same on a canvas, to be freed by the caller; `views` 1: only from above. FOVEA_ERROR_SYSTEM: no memory. */
-enum fovea_status fv_map_panel(struct fv_canvas *canvas, const struct fv_map_open *open, const char *name,
-                               uint32_t map_id, int views);
+/* The same on a canvas, to be freed by the caller; `views` 1: only from above. FOVEA_ERROR_SYSTEM:
+ * no memory. */
+enum fovea_status fv_map_panel(struct fv_canvas *canvas, const struct fv_map_open *open,
+                               const char *name, uint32_t map_id, int views);
 
 #endif

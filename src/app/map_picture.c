@@ -1,5 +1,5 @@
-/* The picture of a map: seen from above and from the side, in the frame of its first camera (x right, y down,
- * z forward). */
+/* The picture of a map: seen from above and from the side, in the frame of its first camera (x
+ * right, y down, z forward). */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -38,7 +38,8 @@ static int by_value(const void *a, const void *b)
 }
 
 /* Between which values of one axis the map lies, but for the landmarks that stray most. */
-static void extent(const struct fv_map_open *open, uint32_t map_id, int axis, double *low, double *high)
+static void extent(const struct fv_map_open *open, uint32_t map_id, int axis, double *low,
+                   double *high)
 {
     double *values = malloc((open->map.limits.landmarks + 1) * sizeof *values);
     uint32_t slots[FV_MAP_KEYFRAMES_MAX], count = 0;
@@ -71,7 +72,8 @@ static void fit(const struct fv_map_open *open, uint32_t map_id, struct panel *p
         double low, high;
         extent(open, map_id, axes[a], &low, &high);
         panel->centre[a] = (low + high) / 2;
-        if (high > low) panel->px_per_unit = fmin(panel->px_per_unit, 0.94 * sides[a] / (high - low));
+        if (high > low)
+            panel->px_per_unit = fmin(panel->px_per_unit, 0.94 * sides[a] / (high - low));
     }
     if (!isfinite(panel->px_per_unit)) panel->px_per_unit = 1;
 }
@@ -95,28 +97,32 @@ static void draw_grid(struct fv_canvas *canvas, const struct panel *panel)
     for (int k = -20; k <= 20; k++) {
         const float x = (float)(WIDTH / 2.0 + k * tick * panel->px_per_unit);
         const float y = (float)(panel->top + PANEL / 2.0 + k * tick * panel->px_per_unit);
-        if (x > EDGE && x < WIDTH - EDGE) fv_canvas_line(canvas, x, (float)panel->top, x, bottom, 1.0F, GREY);
-        if (y > (float)panel->top && y < bottom) fv_canvas_line(canvas, EDGE, y, WIDTH - EDGE, y, 1.0F, GREY);
+        if (x > EDGE && x < WIDTH - EDGE)
+            fv_canvas_line(canvas, x, (float)panel->top, x, bottom, 1.0F, GREY);
+        if (y > (float)panel->top && y < bottom)
+            fv_canvas_line(canvas, EDGE, y, WIDTH - EDGE, y, 1.0F, GREY);
     }
     snprintf(label, sizeof label, "%s; one square is %.4g", panel->title, tick);
     fv_canvas_text(canvas, EDGE, panel->top + PANEL - 20, 1, INK, label);
 }
 
 /* Landmarks with many observers are dark. */
-static void draw_landmarks(struct fv_canvas *canvas, const struct fv_map_open *open, uint32_t map_id,
-                           const struct panel *panel)
+static void draw_landmarks(struct fv_canvas *canvas, const struct fv_map_open *open,
+                           uint32_t map_id, const struct panel *panel)
 {
     for (uint32_t i = 0; i < open->map.limits.landmarks; i++) {
         const struct fv_landmark *l = &open->map.landmarks[i];
         float pixel[2];
-        if (!l->used || fv_map_open_map_of(open, l) != map_id || !to_pixel(panel, l->point, pixel)) continue;
+        if (!l->used || fv_map_open_map_of(open, l) != map_id || !to_pixel(panel, l->point, pixel))
+            continue;
         const uint32_t grey = l->observer_count > 8 ? 0x30 : 0xb0 - 0x10 * l->observer_count;
         fv_canvas_disc(canvas, pixel[0], pixel[1], 1.1F, grey << 16 | grey << 8 | grey);
     }
 }
 
-static void draw_line(struct fv_canvas *canvas, const struct fv_map_open *open, const struct panel *panel,
-                      uint32_t a, uint32_t b, float thickness, uint32_t colour)
+static void draw_line(struct fv_canvas *canvas, const struct fv_map_open *open,
+                      const struct panel *panel, uint32_t a, uint32_t b, float thickness,
+                      uint32_t colour)
 {
     double centre[3];
     float from[2], to[2];
@@ -127,13 +133,14 @@ static void draw_line(struct fv_canvas *canvas, const struct fv_map_open *open, 
     fv_canvas_line(canvas, from[0], from[1], to[0], to[1], thickness, colour);
 }
 
-static void draw_graph(struct fv_canvas *canvas, const struct fv_map_open *open, const uint32_t *slots,
-                       uint32_t count, const struct panel *panel)
+static void draw_graph(struct fv_canvas *canvas, const struct fv_map_open *open,
+                       const uint32_t *slots, uint32_t count, const struct panel *panel)
 {
     const struct fv_map *map = &open->map;
     for (uint32_t i = 0; i < count; i++) {
         struct fv_neighbour near[NEIGHBOURS_MAX];
-        const uint32_t found = fv_map_neighbours(map, slots[i], COVISIBLE_MIN, near, NEIGHBOURS_MAX);
+        const uint32_t found =
+            fv_map_neighbours(map, slots[i], COVISIBLE_MIN, near, NEIGHBOURS_MAX);
         for (uint32_t k = 0; k < found; k++)
             draw_line(canvas, open, panel, slots[i], near[k].slot, 1.0F, COVISIBLE);
     }
@@ -153,18 +160,22 @@ static void draw_graph(struct fv_canvas *canvas, const struct fv_map_open *open,
     }
 }
 
-enum fovea_status fv_map_panel(struct fv_canvas *canvas, const struct fv_map_open *open, const char *name,
-                               uint32_t map_id, int views)
+enum fovea_status fv_map_panel(struct fv_canvas *canvas, const struct fv_map_open *open,
+                               const char *name, uint32_t map_id, int views)
 {
     struct panel panels[2] = {
         {.right = 0, .up = 2, .up_sign = 1, .top = TOP, .title = "from above: x right, z up"},
-        {.right = 2, .up = 1, .up_sign = -1, .top = TOP + PANEL, .title = "from the side: z right, y down"}};
+        {.right = 2,
+         .up = 1,
+         .up_sign = -1,
+         .top = TOP + PANEL,
+         .title = "from the side: z right, y down"}};
     char line[200];
     uint32_t slots[FV_MAP_KEYFRAMES_MAX], landmarks = 0;
     const uint32_t count = fv_map_open_order(open, map_id, slots);
     for (uint32_t i = 0; i < open->map.limits.landmarks; i++)
-        landmarks +=
-            open->map.landmarks[i].used && fv_map_open_map_of(open, &open->map.landmarks[i]) == map_id;
+        landmarks += open->map.landmarks[i].used &&
+                     fv_map_open_map_of(open, &open->map.landmarks[i]) == map_id;
     enum fovea_status status = fv_canvas_create(canvas, WIDTH, TOP + views * PANEL, 0xffffff);
     if (status != FOVEA_OK) return status;
     for (int i = 0; i < views; i++) {
@@ -173,8 +184,10 @@ enum fovea_status fv_map_panel(struct fv_canvas *canvas, const struct fv_map_ope
         draw_landmarks(canvas, open, map_id, &panels[i]);
         draw_graph(canvas, open, slots, count, &panels[i]);
     }
-    snprintf(line, sizeof line, "%.60s: map %u, %u keyframes, %u landmarks", name, map_id, count, landmarks);
-    fv_canvas_text(canvas, EDGE, 10, fv_canvas_text_width(2, line) > WIDTH - 2 * EDGE ? 1 : 2, INK, line);
+    snprintf(line, sizeof line, "%.60s: map %u, %u keyframes, %u landmarks", name, map_id, count,
+             landmarks);
+    fv_canvas_text(canvas, EDGE, 10, fv_canvas_text_width(2, line) > WIDTH - 2 * EDGE ? 1 : 2, INK,
+                   line);
     int x = fv_canvas_text(canvas, EDGE, 38, 1, PATH, "keyframes in order (ring: the first)   ");
     x = fv_canvas_text(canvas, x, 38, 1, 0x609060, "covisible (30 landmarks and more)   ");
     x = fv_canvas_text(canvas, x, 38, 1, LOOP, "closed loops   ");
@@ -187,7 +200,8 @@ enum fovea_status fv_map_picture(const struct fv_map_open *open, const char *nam
 {
     struct fv_canvas canvas;
     enum fovea_status status = fv_map_panel(&canvas, open, name, map_id, 2);
-    if (status != FOVEA_OK) return fovea_error_set(error, status, "%.200s: no memory for the picture", path);
+    if (status != FOVEA_OK)
+        return fovea_error_set(error, status, "%.200s: no memory for the picture", path);
     status = fv_canvas_write(&canvas, path, error);
     fv_canvas_free(&canvas);
     return status;

@@ -11,8 +11,9 @@ enum fovea_status fv_mask_read(const char *path, int32_t width, int32_t height, 
     png_image png = {.version = PNG_IMAGE_VERSION};
     errno = 0;
     if (!png_image_begin_read_from_file(&png, path))
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%.200s: mask: found %s, expected a PNG picture",
-                               path, errno == ENOENT ? "no such file" : png.message);
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%.200s: mask: found %s, expected a PNG picture", path,
+                               errno == ENOENT ? "no such file" : png.message);
     if (png.width != (png_uint_32)width || png.height != (png_uint_32)height) {
         fovea_error_set(error, FOVEA_ERROR_INPUT,
                         "%.200s: mask: found %u x %u pixels, expected %d x %d as the frames", path,
@@ -32,7 +33,8 @@ enum fovea_status fv_mask_read(const char *path, int32_t width, int32_t height, 
     if (!png_image_finish_read(&png, &white, pixels, 0, NULL)) {
         free(pixels);
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "%.200s: mask: found damage (%s), expected a whole PNG", path, png.message);
+                               "%.200s: mask: found damage (%s), expected a whole PNG", path,
+                               png.message);
     }
     for (size_t i = 0; i < bytes; i++)
         pixels[i] = pixels[i] < 128 ? 0 : 255;

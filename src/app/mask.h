@@ -6,8 +6,8 @@
 
 #include "fovea/status.h"
 
-/* Read into memory from malloc: width x height bytes, 0 or 255 (levels below 128 count as black, what is transparent as white).
- * FOVEA_ERROR_INPUT: not a PNG, or not of that size. Init-only. */
+/* Read into memory from malloc: width x height bytes, 0 or 255 (levels below 128 count as black,
+ * what is transparent as white). FOVEA_ERROR_INPUT: not a PNG, or not of that size. Init-only. */
 enum fovea_status fv_mask_read(const char *path, int32_t width, int32_t height, uint8_t **mask,
                                struct fovea_error *error);
 

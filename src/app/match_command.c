@@ -38,8 +38,8 @@ static enum fovea_status draw(const struct fv_extract *a, const struct fv_extrac
     return status;
 }
 
-static void print_json(const struct fv_extract *a, const struct fv_extract *b, const struct fv_match *matches,
-                       uint32_t count)
+static void print_json(const struct fv_extract *a, const struct fv_extract *b,
+                       const struct fv_match *matches, uint32_t count)
 {
     printf("{\"features\": [%u, %u], \"matches\": [", a->features.count, b->features.count);
     for (uint32_t i = 0; i < count; i++) {
@@ -74,8 +74,8 @@ static struct fv_match *take_memory(uint32_t count_max, struct fv_matcher *match
     return matches;
 }
 
-static enum fv_exit match(const struct fv_extract *a, const struct fv_extract *b, uint32_t count_max,
-                          uint16_t ratio_q8, const char *picture, bool json)
+static enum fv_exit match(const struct fv_extract *a, const struct fv_extract *b,
+                          uint32_t count_max, uint16_t ratio_q8, const char *picture, bool json)
 {
     struct fovea_error error;
     struct fv_matcher matcher;
@@ -83,8 +83,9 @@ static enum fv_exit match(const struct fv_extract *a, const struct fv_extract *b
     struct fv_match *matches = take_memory(count_max, &matcher, &memory);
     if (matches == NULL) return fv_say_failed("out of memory");
     const struct fv_match_rules rules = {FV_MATCH_DISTANCE_ANY, ratio_q8, true};
-    const uint32_t count = fv_match_all(&matcher, &a->kernels, a->orb.descriptors, a->features.count,
-                                        b->orb.descriptors, b->features.count, &rules, matches);
+    const uint32_t count =
+        fv_match_all(&matcher, &a->kernels, a->orb.descriptors, a->features.count,
+                     b->orb.descriptors, b->features.count, &rules, matches);
     enum fv_exit status = FV_EXIT_OK;
     if (picture != NULL && draw(a, b, matches, count, picture, &error) != FOVEA_OK)
         status = fv_say_failed("%s", error.text);
@@ -110,7 +111,8 @@ int fv_command_match(int argc, char **argv)
         {0},
     };
     int first;
-    const enum fv_options_result result = fv_options_parse(options, "A B", 2, 2, argc, argv, &first);
+    const enum fv_options_result result =
+        fv_options_parse(options, "A B", 2, 2, argc, argv, &first);
     if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
 
     struct fovea_features_config config;

@@ -16,7 +16,8 @@ static int64_t cpu_ns(void)
     return fv_clock_ns(CLOCK_THREAD_CPUTIME_ID);
 }
 
-static void print_shape(const struct fv_model *model, const char *what, const int32_t *list, uint32_t count)
+static void print_shape(const struct fv_model *model, const char *what, const int32_t *list,
+                        uint32_t count)
 {
     static const char *const types[FV_TYPE_COUNT] = {"uint8", "int32", "int64", "float32"};
     for (uint32_t i = 0; i < count; ++i) {
@@ -73,7 +74,8 @@ static enum fovea_status time_model(const struct fv_model *model, const struct f
     return FOVEA_OK;
 }
 
-/* The most that the matrix kernel reaches here on a product that fits the caches, in GMAC/s: the yardstick. */
+/* The most that the matrix kernel reaches here on a product that fits the caches, in GMAC/s: the
+ * yardstick. */
 static double peak_gmacs(const struct fv_kernels *kernels)
 {
     enum { M = 48, K = 512, N = 64, LOOPS = 200 };
@@ -123,10 +125,13 @@ static int info(const char *path)
     print_shape(model, "input", model->inputs, h->input_count);
     print_shape(model, "output", model->outputs, h->output_count);
     print_operators(model);
-    printf("%-10s%.1f million multiply-accumulates, %u labels\n", "work", macs * 1e-6, h->label_count);
+    printf("%-10s%.1f million multiply-accumulates, %u labels\n", "work", macs * 1e-6,
+           h->label_count);
     if (fv_detect_gives_boxes(model)) {
-        printf("%-10sscore at least %g%s, overlap at most %g\n", "boxes", (double)h->decode.score_threshold,
-               h->decode.thresholds != 0 ? " or as classes have it" : "", (double)h->decode.iou_threshold);
+        printf("%-10sscore at least %g%s, overlap at most %g\n", "boxes",
+               (double)h->decode.score_threshold,
+               h->decode.thresholds != 0 ? " or as classes have it" : "",
+               (double)h->decode.iou_threshold);
     }
     printf("%-10sconstants %u bytes, arena %u bytes, file %zu bytes\n", "memory", h->data_bytes,
            h->arena_bytes, file.bytes);
@@ -138,8 +143,9 @@ static int info(const char *path)
     }
     const double rate = macs * 1e-6 / best_ms, peak = peak_gmacs(&kernels);
     printf("%-10s%u, the longest %.3f ms\n", "units", units, unit_ms);
-    printf("%-10s%.3f ms with %s, %.1f GMAC/s, %.0f %% of the matrix kernel's %.0f GMAC/s\n", "time", best_ms,
-           fv_cpu_set_name(kernels.set), rate, peak > 0 ? 100 * rate / peak : 0, peak);
+    printf("%-10s%.3f ms with %s, %.1f GMAC/s, %.0f %% of the matrix kernel's %.0f GMAC/s\n",
+           "time", best_ms, fv_cpu_set_name(kernels.set), rate, peak > 0 ? 100 * rate / peak : 0,
+           peak);
     fv_model_file_free(&file);
     return FV_EXIT_OK;
 }
@@ -148,7 +154,8 @@ int fv_command_model(int argc, char **argv)
 {
     const struct fv_option options[] = {{0}};
     int first;
-    const enum fv_options_result result = fv_options_parse(options, "info FILE", 2, 2, argc, argv, &first);
+    const enum fv_options_result result =
+        fv_options_parse(options, "info FILE", 2, 2, argc, argv, &first);
     if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
     if (strcmp(argv[first], "info") != 0)
         return fv_say_wrong("model: unknown action '%s'; expected info", argv[first]);

@@ -8,7 +8,8 @@
 
 enum { FILE_BYTES_MAX = 1 << 28 };
 
-enum fovea_status fv_model_file_read(const char *path, struct fv_model_file *file, struct fovea_error *error)
+enum fovea_status fv_model_file_read(const char *path, struct fv_model_file *file,
+                                     struct fovea_error *error)
 {
     char *data;
     *file = (struct fv_model_file){.data = NULL};
@@ -17,7 +18,8 @@ enum fovea_status fv_model_file_read(const char *path, struct fv_model_file *fil
     file->data = fv_aligned_new(file->bytes + FV_CACHE_LINE_BYTES); /* kernels read whole lines */
     if (file->data != NULL) memcpy(file->data, data, file->bytes);
     free(data);
-    if (file->data == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.300s: out of memory", path);
+    if (file->data == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.300s: out of memory", path);
     status = fv_model_open(file->data, file->bytes, path, &file->model, error);
     if (status != FOVEA_OK) fv_model_file_free(file);
     return status;

@@ -1,4 +1,5 @@
-/* Model files of networks (.fvm, src/nn/model.h) in memory of their own. The heap is used; init-only. */
+/* Model files of networks (.fvm, src/nn/model.h) in memory of their own. The heap is used;
+ * init-only. */
 #ifndef FOVEA_APP_MODEL_FILE_H
 #define FOVEA_APP_MODEL_FILE_H
 
@@ -11,9 +12,10 @@ struct fv_model_file {
     struct fv_model model;
 };
 
-/* Read and check. FOVEA_ERROR_INPUT or FOVEA_ERROR_SYSTEM: `error` names the file and what is wrong, and nothing is left in
- * `file`. */
-enum fovea_status fv_model_file_read(const char *path, struct fv_model_file *file, struct fovea_error *error);
+/* Read and check. FOVEA_ERROR_INPUT or FOVEA_ERROR_SYSTEM: `error` names the file and what is
+ * wrong, and nothing is left in `file`. */
+enum fovea_status fv_model_file_read(const char *path, struct fv_model_file *file,
+                                     struct fovea_error *error);
 void fv_model_file_free(struct fv_model_file *file);
 
 #endif

@@ -13,8 +13,8 @@ static void help_print(const struct fv_option *options, const char *command, con
 {
     printf("usage: fovea %s [OPTION]...%s%s\n\n", command, *operands ? " " : "", operands);
     for (const struct fv_option *option = options; option->name != NULL; option++) {
-        int width =
-            printf("  --%s%s%s", option->name, option->value ? " " : "", option->value ? option->value : "");
+        int width = printf("  --%s%s%s", option->name, option->value ? " " : "",
+                           option->value ? option->value : "");
         printf("%*s %s\n", width < 26 ? 26 - width : 0, "", option->help);
     }
     printf("  --help                   this text\n");
@@ -34,8 +34,8 @@ static enum fv_options_result unknown(const struct fv_option *options, const cha
         names[count] = options[count].name;
     const char *nearest = fovea_text_nearest(name + dash, names, count);
     fv_say("fovea %s: unknown option '%s%s'%s%s%s ('fovea %s --help' lists all)", command,
-           argument[0] == '-' ? "" : "--", name, nearest ? ", nearest is '--" : "", nearest ? nearest : "",
-           nearest ? "'" : "", command);
+           argument[0] == '-' ? "" : "--", name, nearest ? ", nearest is '--" : "",
+           nearest ? nearest : "", nearest ? "'" : "", command);
     return FV_OPTIONS_WRONG;
 }
 
@@ -50,7 +50,8 @@ static bool count_read(const char *text, uint64_t least, uint64_t *value)
     return true;
 }
 
-static enum fv_options_result store(const struct fv_option *option, const char *command, const char *text)
+static enum fv_options_result store(const struct fv_option *option, const char *command,
+                                    const char *text)
 {
     struct fv_option_list *list = option->target;
     switch (option->kind) {
@@ -62,16 +63,18 @@ static enum fv_options_result store(const struct fv_option *option, const char *
         return FV_OPTIONS_READ;
     case FV_OPTION_COUNT:
     case FV_OPTION_POSITIVE:
-        if (count_read(text, option->kind == FV_OPTION_POSITIVE, option->target)) return FV_OPTIONS_READ;
-        fv_say("fovea %s: --%s: found '%s', expected a whole number from %d", command, option->name, text,
-               option->kind == FV_OPTION_POSITIVE);
+        if (count_read(text, option->kind == FV_OPTION_POSITIVE, option->target))
+            return FV_OPTIONS_READ;
+        fv_say("fovea %s: --%s: found '%s', expected a whole number from %d", command, option->name,
+               text, option->kind == FV_OPTION_POSITIVE);
         return FV_OPTIONS_WRONG;
     case FV_OPTION_LIST:
         if (list->count < FV_OPTION_LIST_MAX) {
             list->values[list->count++] = text;
             return FV_OPTIONS_READ;
         }
-        fv_say("fovea %s: --%s: given more than %d times", command, option->name, FV_OPTION_LIST_MAX);
+        fv_say("fovea %s: --%s: given more than %d times", command, option->name,
+               FV_OPTION_LIST_MAX);
         return FV_OPTIONS_WRONG;
     }
     return FV_OPTIONS_WRONG;
@@ -95,7 +98,8 @@ static enum fv_options_result operands_check(const char *command, const char *op
 {
     if (argc - optind > maximum) {
         fv_say("fovea %s: unexpected argument '%s', expected %s%s beside the options", command,
-               argv[optind + maximum], maximum == 0 ? "nothing" : "only ", maximum == 0 ? "" : operands);
+               argv[optind + maximum], maximum == 0 ? "nothing" : "only ",
+               maximum == 0 ? "" : operands);
         return FV_OPTIONS_WRONG;
     }
     if (argc - optind < minimum) {
@@ -106,7 +110,8 @@ static enum fv_options_result operands_check(const char *command, const char *op
 }
 
 enum fv_options_result fv_options_parse(const struct fv_option *options, const char *operands,
-                                        int operands_min, int operands_max, int argc, char **argv, int *first)
+                                        int operands_min, int operands_max, int argc, char **argv,
+                                        int *first)
 {
     struct option table[FV_OPTIONS_MAX + 2];
     const char *command = argv[0];
@@ -119,14 +124,16 @@ enum fv_options_result fv_options_parse(const struct fv_option *options, const c
         const char *argument = optind > 0 && optind <= argc ? argv[optind - 1] : "";
         /* Of "-frames" getopt_long has read the "f", and stays at the word. */
         const bool single = code == '?' && optopt > 0 && optopt < CODE_HELP;
-        if (single && (argument[0] != '-' || argument[1] != optopt) && optind < argc) argument = argv[optind];
+        if (single && (argument[0] != '-' || argument[1] != optopt) && optind < argc)
+            argument = argv[optind];
         if (code == CODE_HELP || (single && strcmp(argument, "-h") == 0)) {
             help_print(options, command, operands);
             return FV_OPTIONS_HELP;
         }
         if (code == ':') {
             const struct fv_option *option = &options[optopt - CODE_FIRST];
-            fv_say("fovea %s: --%s: value missing, expected %s", command, option->name, option->value);
+            fv_say("fovea %s: --%s: value missing, expected %s", command, option->name,
+                   option->value);
             return FV_OPTIONS_WRONG;
         }
         if (code == '?' && optopt >= CODE_HELP) {

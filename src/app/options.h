@@ -1,5 +1,5 @@
-/* Options of a command as a table: getopt_long does the parsing, this adds typed values, help and one-line
- * errors.
+/* Options of a command as a table: getopt_long does the parsing, this adds typed values, help and
+ * one-line errors.
  *
  *     struct fv_option options[] = {
  *         {"frames", "N", FV_OPTION_COUNT, &frames, "stop after N frames"},
@@ -42,9 +42,10 @@ enum fv_options_result {
     FV_OPTIONS_WRONG /* one line was printed to stderr: leave with FV_EXIT_WRONG */
 };
 
-/* Parse argv[1...]. `operands` tells what may stand beside the options, for the help ("FILE", "" for
- * nothing); their number must be within [operands_min, operands_max]. After FV_OPTIONS_READ, `*first` is the
- * index in argv of the first operand (getopt_long moves operands behind the options). */
+/* Parse argv[1...]. `operands` tells what may stand beside the options, for the help ("FILE", ""
+ * for nothing); their number must be within [operands_min, operands_max]. After FV_OPTIONS_READ,
+ * `*first` is the index in argv of the first operand (getopt_long moves operands behind the
+ * options). */
 enum fv_options_result fv_options_parse(const struct fv_option *options, const char *operands,
                                         int operands_min, int operands_max, int argc, char **argv,
                                         int *first);

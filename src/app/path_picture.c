@@ -84,8 +84,10 @@ static void view_fit(const struct fv_trajectory_summary *summary, struct view *v
 
 static void to_pixel(const struct view *view, const double p[3], float pixel[2])
 {
-    pixel[0] = (float)(SIDE / 2.0 + (along(view->axis[0], p) - view->centre[0]) * view->px_per_unit);
-    pixel[1] = (float)(TOP + SIDE / 2.0 - (along(view->axis[1], p) - view->centre[1]) * view->px_per_unit);
+    pixel[0] =
+        (float)(SIDE / 2.0 + (along(view->axis[0], p) - view->centre[0]) * view->px_per_unit);
+    pixel[1] =
+        (float)(TOP + SIDE / 2.0 - (along(view->axis[1], p) - view->centre[1]) * view->px_per_unit);
 }
 
 static void grid(struct fv_canvas *canvas, const struct view *view, const char *unit)
@@ -98,8 +100,10 @@ static void grid(struct fv_canvas *canvas, const struct view *view, const char *
     for (int k = -12; k <= 12; k++) {
         float x = (float)(middle[0] + k * tick * view->px_per_unit),
               y = (float)(middle[1] + k * tick * view->px_per_unit);
-        if (x > EDGE && x < SIDE - EDGE) fv_canvas_line(canvas, x, TOP, x, TOP + SIDE - EDGE, 1.0F, GREY);
-        if (y > TOP && y < TOP + SIDE - EDGE) fv_canvas_line(canvas, EDGE, y, SIDE - EDGE, y, 1.0F, GREY);
+        if (x > EDGE && x < SIDE - EDGE)
+            fv_canvas_line(canvas, x, TOP, x, TOP + SIDE - EDGE, 1.0F, GREY);
+        if (y > TOP && y < TOP + SIDE - EDGE)
+            fv_canvas_line(canvas, EDGE, y, SIDE - EDGE, y, 1.0F, GREY);
     }
     snprintf(label, sizeof label, "one square is %.4g %s", tick, unit);
     fv_canvas_text(canvas, EDGE, TOP + SIDE - 20, 1, INK, label);
@@ -142,12 +146,14 @@ enum fovea_status fv_path_panel(struct fv_canvas *canvas, const char *name,
         draw(canvas, summary, &view);
     }
     snprintf(line, sizeof line, "%.60s  %" PRIu64 " posed frames", name, summary->samples);
-    fv_canvas_text(canvas, EDGE, 14, fv_canvas_text_width(2, line) > SIDE - MARGIN ? 1 : 2, INK, line);
+    fv_canvas_text(canvas, EDGE, 14, fv_canvas_text_width(2, line) > SIDE - MARGIN ? 1 : 2, INK,
+                   line);
     int x = fv_canvas_text(canvas, EDGE, 44, 1, OURS, "path (rings: a map starts, dot: end)   ");
     if (aligned) {
         x = fv_canvas_text(canvas, x, 44, 1, TRUTH, "truth   ");
-        snprintf(line, sizeof line, "RMS error %.4g m over %.4g m, %" PRIu32 " map%s", summary->error_m,
-                 summary->truth_length_m, summary->maps, summary->maps == 1 ? "" : "s");
+        snprintf(line, sizeof line, "RMS error %.4g m over %.4g m, %" PRIu32 " map%s",
+                 summary->error_m, summary->truth_length_m, summary->maps,
+                 summary->maps == 1 ? "" : "s");
         fv_canvas_text(canvas, x, 44, 1, INK, line);
     }
     return FOVEA_OK;

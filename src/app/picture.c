@@ -14,7 +14,8 @@ static enum fovea_status decode(const struct fv_file_buffer *file, struct fovea_
                                 struct fovea_error *reason)
 {
     struct fv_decode_image into = {0};
-    enum fovea_status status = fv_decode_probe(file->data, file->bytes, &into.width, &into.height, reason);
+    enum fovea_status status =
+        fv_decode_probe(file->data, file->bytes, &into.width, &into.height, reason);
     if (status != FOVEA_OK) return status;
     into.stride_bytes = into.width;
     const size_t bytes = (size_t)into.width * (size_t)into.height;
@@ -34,7 +35,8 @@ static enum fovea_status decode(const struct fv_file_buffer *file, struct fovea_
     return FOVEA_OK;
 }
 
-enum fovea_status fv_picture_read(const char *path, struct fovea_image *image, struct fovea_error *error)
+enum fovea_status fv_picture_read(const char *path, struct fovea_image *image,
+                                  struct fovea_error *error)
 {
     struct fv_file_buffer file = {0};
     struct fovea_error reason;
@@ -59,7 +61,8 @@ enum fovea_status fv_picture_write(const char *path, const struct fovea_image *i
                                    struct fovea_error *error)
 {
     const bool colour = image->format == FOVEA_PIXEL_RGB24;
-    png_image png = {.version = PNG_IMAGE_VERSION, .format = colour ? PNG_FORMAT_RGB : PNG_FORMAT_GRAY};
+    png_image png = {.version = PNG_IMAGE_VERSION,
+                     .format = colour ? PNG_FORMAT_RGB : PNG_FORMAT_GRAY};
     png.width = (png_uint_32)image->width;
     png.height = (png_uint_32)image->height;
     FILE *file = fopen(path, "wbe");

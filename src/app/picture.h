@@ -7,10 +7,11 @@
 #include "fovea/status.h"
 
 /* Read a picture. image->data is from malloc, to be given to free(). Errors name the file. */
-enum fovea_status fv_picture_read(const char *path, struct fovea_image *image, struct fovea_error *error);
+enum fovea_status fv_picture_read(const char *path, struct fovea_image *image,
+                                  struct fovea_error *error);
 
-/* Write a grey8 or rgb24 image. FOVEA_ERROR_SYSTEM: `error` names the file and the reason; no half of a
- * picture is left. */
+/* Write a grey8 or rgb24 image. FOVEA_ERROR_SYSTEM: `error` names the file and the reason; no half
+ * of a picture is left. */
 enum fovea_status fv_picture_write(const char *path, const struct fovea_image *image,
                                    struct fovea_error *error);
 

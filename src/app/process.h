@@ -1,5 +1,5 @@
-/* What the process and its machine look like from outside. Each call reads a file under /proc or /sys: off
- * the loop thread. */
+/* What the process and its machine look like from outside. Each call reads a file under /proc or
+ * /sys: off the loop thread. */
 #ifndef FOVEA_APP_PROCESS_H
 #define FOVEA_APP_PROCESS_H
 
@@ -9,8 +9,8 @@
 uint64_t fv_process_resident_bytes(void);
 uint64_t fv_process_resident_max_bytes(void);
 
-/* The hottest thermal zone that names the processor, or else the hottest of all, degrees Celsius; NaN where
- * none. */
+/* The hottest thermal zone that names the processor, or else the hottest of all, degrees Celsius;
+ * NaN where none. */
 float fv_process_temperature_c(void);
 
 #endif

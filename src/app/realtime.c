@@ -14,14 +14,16 @@ enum fovea_status fv_realtime_map(size_t bytes, bool lock, void **memory, bool *
 {
     void *mapped = mmap(NULL, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
     if (mapped == MAP_FAILED)
-        return fovea_error_set(why, FOVEA_ERROR_SYSTEM, "no %zu bytes of memory: %s", bytes, strerror(errno));
+        return fovea_error_set(why, FOVEA_ERROR_SYSTEM, "no %zu bytes of memory: %s", bytes,
+                               strerror(errno));
     *locked = lock && mlock(mapped, bytes) == 0;
     if (lock && !*locked) {
         struct rlimit limit = {0};
         getrlimit(RLIMIT_MEMLOCK, &limit);
-        fovea_error_set(why, FOVEA_OK,
-                        "memory is not locked: %s; the limit is %llu KiB (ulimit -l), %zu are needed",
-                        strerror(errno), (unsigned long long)limit.rlim_cur / 1024, bytes / 1024 + 1);
+        fovea_error_set(
+            why, FOVEA_OK,
+            "memory is not locked: %s; the limit is %llu KiB (ulimit -l), %zu are needed",
+            strerror(errno), (unsigned long long)limit.rlim_cur / 1024, bytes / 1024 + 1);
     }
     size_t page = (size_t)sysconf(_SC_PAGESIZE);
     for (size_t at = 0; at < bytes; at += page)
@@ -35,8 +37,8 @@ void fv_realtime_unmap(void *memory, size_t bytes)
     munmap(memory, bytes);
 }
 
-static enum fovea_status start(pthread_t *thread, uint32_t priority, int32_t cpu, void *(*body)(void *),
-                               void *argument, int *failure)
+static enum fovea_status start(pthread_t *thread, uint32_t priority, int32_t cpu,
+                               void *(*body)(void *), void *argument, int *failure)
 {
     pthread_attr_t attributes;
     *failure = pthread_attr_init(&attributes);
@@ -66,22 +68,23 @@ static void say_why(struct fv_realtime_rights *rights, uint32_t priority, int32_
                  "no SCHED_FIFO: not permitted; 'ulimit -r %u' or CAP_SYS_NICE would permit it",
                  (unsigned)priority);
     if (cpu >= 0 && !rights->bound)
-        snprintf(not_bound, sizeof not_bound, "not bound to processor %d: there is no such one", (int)cpu);
+        snprintf(not_bound, sizeof not_bound, "not bound to processor %d: there is no such one",
+                 (int)cpu);
     if (no_fifo[0] != '\0' || not_bound[0] != '\0')
         fovea_error_set(&rights->why, FOVEA_OK, "%s%s%s", not_bound,
                         not_bound[0] != '\0' && no_fifo[0] != '\0' ? "; " : "", no_fifo);
 }
 
-enum fovea_status fv_realtime_start(pthread_t *thread, uint32_t priority, int32_t cpu, void *(*body)(void *),
-                                    void *argument, struct fv_realtime_rights *rights,
-                                    struct fovea_error *error)
+enum fovea_status fv_realtime_start(pthread_t *thread, uint32_t priority, int32_t cpu,
+                                    void *(*body)(void *), void *argument,
+                                    struct fv_realtime_rights *rights, struct fovea_error *error)
 {
     int failure = 0;
     *rights = (struct fv_realtime_rights){.fifo = priority > 0, .bound = cpu >= 0};
     /* What is not permitted and what is not there are gone without, one after the other. */
     for (int tries = 0; tries < 3; tries++) {
-        if (start(thread, rights->fifo ? priority : 0, rights->bound ? cpu : -1, body, argument, &failure) ==
-            FOVEA_OK) {
+        if (start(thread, rights->fifo ? priority : 0, rights->bound ? cpu : -1, body, argument,
+                  &failure) == FOVEA_OK) {
             say_why(rights, priority, cpu);
             return FOVEA_OK;
         }

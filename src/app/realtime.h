@@ -1,5 +1,5 @@
-/* Real-time means of the system: memory that stays, and a thread that runs first. Init-only. What the system
- * does not permit is no error: it is told, with what would mend it. */
+/* Real-time means of the system: memory that stays, and a thread that runs first. Init-only. What
+ * the system does not permit is no error: it is told, with what would mend it. */
 #ifndef FOVEA_APP_REALTIME_H
 #define FOVEA_APP_REALTIME_H
 
@@ -11,23 +11,26 @@
 #include "drivers/thread.h" /* FV_THREAD_STACK_BYTES */
 #include "fovea/status.h"
 
-/* Map `bytes` of zeroed memory, lock it when asked to, and touch every page. Whether it could be locked is in
+/* Map `bytes` of zeroed memory, lock it when asked to, and touch every page. Whether it could be
+ * locked is in
  * `*locked`; if not, `why` tells. FOVEA_ERROR_SYSTEM: no memory. */
 enum fovea_status fv_realtime_map(size_t bytes, bool lock, void **memory, bool *locked,
                                   struct fovea_error *why);
 void fv_realtime_unmap(void *memory, size_t bytes);
 
 struct fv_realtime_rights {
-    bool fifo;              /* runs under SCHED_FIFO */
-    bool bound;             /* runs on the processor that was asked for */
-    struct fovea_error why; /* what was not permitted, one line; "" when nothing was asked in vain */
+    bool fifo;  /* runs under SCHED_FIFO */
+    bool bound; /* runs on the processor that was asked for */
+    struct fovea_error
+        why; /* what was not permitted, one line; "" when nothing was asked in vain */
 };
 
 /* Start a thread with a stack of FV_THREAD_STACK_BYTES under SCHED_FIFO `priority` (0:
- * ordinary) on processor `cpu` (-1: any). What is not permitted is left out and told in `rights`. */
-enum fovea_status fv_realtime_start(pthread_t *thread, uint32_t priority, int32_t cpu, void *(*body)(void *),
-                                    void *argument, struct fv_realtime_rights *rights,
-                                    struct fovea_error *error);
+ * ordinary) on processor `cpu` (-1: any). What is not permitted is left out and told in `rights`.
+ */
+enum fovea_status fv_realtime_start(pthread_t *thread, uint32_t priority, int32_t cpu,
+                                    void *(*body)(void *), void *argument,
+                                    struct fv_realtime_rights *rights, struct fovea_error *error);
 
 /* Touch half of the calling thread's stack, so that the loop meets no page fault there. */
 void fv_realtime_touch_stack(void);

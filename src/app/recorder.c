@@ -25,8 +25,9 @@
 #include "message/wire.h"
 
 enum {
-    PACED_FRAMES = 4,       /* the loop waits for the disk: no need to hold more */
-    SMALL_BYTES = 32 << 10, /* inputs, grants and the messages of one turn that are not named below */
+    PACED_FRAMES = 4, /* the loop waits for the disk: no need to hold more */
+    SMALL_BYTES =
+        32 << 10, /* inputs, grants and the messages of one turn that are not named below */
     FEATURE_BYTES = 16,
     OBJECTS_BYTES = 256 << 10, /* detections and tracks, as many as there may be */
     WRITE_BYTES_MAX = 1 << 20,
@@ -68,26 +69,29 @@ struct fv_recorder {
     char reason[FV_RECORDING_END_REASON_BYTES];
 };
 
-/* ---- the loop's side --------------------------------------------------------------------------------- */
+/* ---- the loop's side
+ * --------------------------------------------------------------------------------- */
 
 /* Room for an event with at most `bytes_max` of data; NULL ends the recording. */
 static uint8_t *event_begin(struct fv_recorder *recorder, const char *channel, size_t bytes_max)
 {
     if (atomic_load_explicit(&recorder->ending, memory_order_relaxed) != RUNNING) return NULL;
     size_t channel_bytes = strlen(channel);
-    uint8_t *event = fv_ring_reserve(&recorder->ring, FOVEA_LOG_HEADER_BYTES + channel_bytes + bytes_max);
+    uint8_t *event =
+        fv_ring_reserve(&recorder->ring, FOVEA_LOG_HEADER_BYTES + channel_bytes + bytes_max);
     if (event == NULL) {
         int running = RUNNING;
         atomic_compare_exchange_strong(&recorder->ending, &running, ENDED_SLOW);
         return NULL;
     }
-    /* NOLINTNEXTLINE(bugprone-not-null-terminated-result): the format of logs wants the bytes alone */
+    /* NOLINTNEXTLINE(bugprone-not-null-terminated-result): the format of logs wants the bytes alone
+     */
     memcpy(event + FOVEA_LOG_HEADER_BYTES, channel, channel_bytes);
     return event;
 }
 
-static void event_end(struct fv_recorder *recorder, uint8_t *event, const char *channel, int64_t time_us,
-                      uint32_t bytes)
+static void event_end(struct fv_recorder *recorder, uint8_t *event, const char *channel,
+                      int64_t time_us, uint32_t bytes)
 {
     size_t channel_bytes = strlen(channel);
     fv_recording_event_head(event, recorder->event_number++, time_us, channel_bytes, bytes);
@@ -116,15 +120,16 @@ static void record_messages(struct fv_recorder *recorder, int64_t time_us,
                     outputs->messages[i].bytes);
 }
 
-static void record_frame(struct fv_recorder *recorder, int64_t time_us, const struct fovea_inputs *inputs)
+static void record_frame(struct fv_recorder *recorder, int64_t time_us,
+                         const struct fovea_inputs *inputs)
 {
     const char *channel = recorder->channels[FV_MESSAGE_FRAME];
     size_t size = fv_message_frame_size_max(fv_message_frame_image_bytes(inputs->frame));
     uint8_t *event = event_begin(recorder, channel, size);
     if (event != NULL)
-        event_end(
-            recorder, event, channel, time_us,
-            fv_message_frame_encode(inputs->frame, inputs->utc_offset_ns, data_of(event, channel), size));
+        event_end(recorder, event, channel, time_us,
+                  fv_message_frame_encode(inputs->frame, inputs->utc_offset_ns,
+                                          data_of(event, channel), size));
 }
 
 static int64_t event_time_us(const struct fovea_inputs *inputs)
@@ -179,11 +184,13 @@ static void sleep_a_little(void)
 void fv_recorder_pace(struct fv_recorder *recorder)
 {
     if (recorder == NULL) return;
-    while (fv_ring_room(&recorder->ring) < recorder->turn_bytes && atomic_load(&recorder->ending) == RUNNING)
+    while (fv_ring_room(&recorder->ring) < recorder->turn_bytes &&
+           atomic_load(&recorder->ending) == RUNNING)
         sleep_a_little();
 }
 
-/* ---- the writer -------------------------------------------------------------------------------------- */
+/* ---- the writer
+ * -------------------------------------------------------------------------------------- */
 
 /* Lengths as an event's header states them. */
 static uint32_t channel_bytes_of(const uint8_t *event)
@@ -210,7 +217,8 @@ static size_t whole_events(const uint8_t *data, size_t bytes, size_t limit)
     return at;
 }
 
-static bool is_on(const struct fv_recorder *recorder, const uint8_t *event, enum fv_message_kind kind)
+static bool is_on(const struct fv_recorder *recorder, const uint8_t *event,
+                  enum fv_message_kind kind)
 {
     const char *channel = recorder->channels[kind];
     return channel_bytes_of(event) == strlen(channel) &&
@@ -232,8 +240,8 @@ static void count_event(struct fv_recorder *recorder, const uint8_t *event)
         written->turns++;
     }
     recorder->after_frame = is_on(recorder, event, FV_MESSAGE_FRAME);
-    written->hash =
-        fv_recording_hash_event(written->hash, event, head_bytes, event + head_bytes, data_bytes_of(event));
+    written->hash = fv_recording_hash_event(written->hash, event, head_bytes, event + head_bytes,
+                                            data_bytes_of(event));
     written->time_us = (int64_t)fv_wire_read(event + 12, 8);
     written->bytes += event_bytes(event);
     written->events++;
@@ -253,19 +261,23 @@ static size_t write_bytes(int file, const uint8_t *data, size_t bytes)
     return done;
 }
 
-/* The last message: without it, a replay takes the log for one that was cut off. Not in a log that has not begun. */
+/* The last message: without it, a replay takes the log for one that was cut off. Not in a log that
+ * has not begun. */
 static bool write_end(struct fv_recorder *recorder)
 {
     const struct extent *at = &recorder->written;
     const char *channel = recorder->channels[FV_MESSAGE_RECORDING_END];
-    const size_t channel_bytes = strlen(channel), head_bytes = FOVEA_LOG_HEADER_BYTES + channel_bytes;
+    const size_t channel_bytes = strlen(channel),
+                 head_bytes = FOVEA_LOG_HEADER_BYTES + channel_bytes;
     uint8_t event[FOVEA_LOG_HEADER_BYTES + FV_MESSAGE_CHANNEL_BYTES + FV_RECORDING_END_BYTES_MAX];
     struct fv_recording_end end = {.turns = at->turns, .events = at->events, .hash = at->hash};
     if (at->events == 0) return true;
     memcpy(end.reason, recorder->reason, sizeof end.reason);
-    const uint32_t bytes = fv_recording_end_encode(&end, event + head_bytes, FV_RECORDING_END_BYTES_MAX);
+    const uint32_t bytes =
+        fv_recording_end_encode(&end, event + head_bytes, FV_RECORDING_END_BYTES_MAX);
     fv_recording_event_head(event, (int64_t)at->events, at->time_us, channel_bytes, bytes);
-    /* NOLINTNEXTLINE(bugprone-not-null-terminated-result): the format of logs wants the bytes alone */
+    /* NOLINTNEXTLINE(bugprone-not-null-terminated-result): the format of logs wants the bytes alone
+     */
     memcpy(event + FOVEA_LOG_HEADER_BYTES, channel, channel_bytes);
     if (write_bytes(recorder->file, event, head_bytes + bytes) < head_bytes + bytes) return false;
     recorder->written.events++;
@@ -280,8 +292,8 @@ static bool cut_to(struct fv_recorder *recorder, const struct extent *extent)
     return lseek(recorder->file, (off_t)extent->bytes, SEEK_SET) >= 0;
 }
 
-/* End the log before the run, after a whole turn: the one that is written, when `between_turns`, and else (or when
- * that leaves no room for the log's own end) the one before it. */
+/* End the log before the run, after a whole turn: the one that is written, when `between_turns`,
+ * and else (or when that leaves no room for the log's own end) the one before it. */
 static void end_early(struct fv_recorder *recorder, enum ending ending, const char *reason,
                       bool between_turns)
 {
@@ -325,10 +337,11 @@ static void say_ended(const struct fv_recorder *recorder)
 static void end_slow(struct fv_recorder *recorder)
 {
     char reason[FV_RECORDING_END_REASON_BYTES];
-    snprintf(reason, sizeof reason,
-             "the disk is too slow: %zu MiB waited to be written; record to a faster disk, fewer frames, or "
-             "raise record_buffer",
-             recorder->ring.capacity >> 20);
+    snprintf(
+        reason, sizeof reason,
+        "the disk is too slow: %zu MiB waited to be written; record to a faster disk, fewer frames, or "
+        "raise record_buffer",
+        recorder->ring.capacity >> 20);
     end_early(recorder, ENDED_SLOW, reason, false);
 }
 
@@ -337,8 +350,8 @@ static void *write_all(void *context)
     struct fv_recorder *recorder = context;
     for (;;) {
         bool stopping = atomic_load_explicit(&recorder->stop, memory_order_acquire);
-        int ending =
-            atomic_load(&recorder->ending); /* read first: what was committed before it is still written */
+        int ending = atomic_load(
+            &recorder->ending); /* read first: what was committed before it is still written */
         while (write_some(recorder))
             ;
         if (atomic_load(&recorder->ending) == ENDED_FAILED) break;
@@ -357,7 +370,8 @@ static void *write_all(void *context)
     return NULL;
 }
 
-/* ---- opening and closing ----------------------------------------------------------------------------- */
+/* ---- opening and closing
+ * ----------------------------------------------------------------------------- */
 
 static void release(struct fv_recorder *recorder)
 {
@@ -371,11 +385,12 @@ static enum fovea_status start_thread(struct fv_recorder *recorder, struct fovea
 {
     int failed = fv_thread_start(&recorder->thread, write_all, recorder);
     if (failed == 0) return FOVEA_OK;
-    return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: no thread to write it: %s", recorder->path,
-                           strerror(failed));
+    return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: no thread to write it: %s",
+                           recorder->path, strerror(failed));
 }
 
-/* The most that a turn takes: the level that a preview shows has at most 1 / 1.4 of the pixels of the one below it. */
+/* The most that a turn takes: the level that a preview shows has at most 1 / 1.4 of the pixels of
+ * the one below it. */
 static size_t turn_bytes(const struct fv_recorder_setup *setup)
 {
     const struct fovea_config *config = &setup->settings->runtime;
@@ -395,8 +410,8 @@ static size_t ring_bytes(const struct fv_recorder_setup *setup, size_t header_by
     return ((bytes > least ? bytes : least) + 63) / 64 * 64;
 }
 
-static enum fovea_status make_ring(struct fv_recorder *recorder, const struct fv_recorder_setup *setup,
-                                   struct fovea_error *error)
+static enum fovea_status make_ring(struct fv_recorder *recorder,
+                                   const struct fv_recorder_setup *setup, struct fovea_error *error)
 {
     const size_t bytes = ring_bytes(setup, recorder->header_bytes);
     recorder->turn_bytes = turn_bytes(setup) + recorder->header_bytes;
@@ -408,8 +423,8 @@ static enum fovea_status make_ring(struct fv_recorder *recorder, const struct fv
     return FOVEA_OK;
 }
 
-enum fovea_status fv_recorder_open(const struct fv_recorder_setup *setup, struct fv_recorder **recorder,
-                                   struct fovea_error *error)
+enum fovea_status fv_recorder_open(const struct fv_recorder_setup *setup,
+                                   struct fv_recorder **recorder, struct fovea_error *error)
 {
     struct fv_recorder *opened = fv_aligned_zeroed(sizeof *opened);
     if (opened == NULL)
@@ -424,8 +439,8 @@ enum fovea_status fv_recorder_open(const struct fv_recorder_setup *setup, struct
     enum fovea_status status = FOVEA_OK;
     opened->file = open(setup->path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
     if (opened->file < 0)
-        status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: cannot be written: %s", setup->path,
-                                 strerror(errno));
+        status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: cannot be written: %s",
+                                 setup->path, strerror(errno));
     if (status == FOVEA_OK)
         status = fv_recording_header_encode(setup->settings, setup->kernel_set, setup->real_time,
                                             &opened->header, &opened->header_bytes, error);
@@ -452,7 +467,8 @@ size_t fv_recorder_bytes(const struct fv_recorder_setup *setup)
            FV_THREAD_STACK_BYTES;
 }
 
-enum fovea_status fv_recorder_close(struct fv_recorder *recorder, struct fv_recorder_summary *summary)
+enum fovea_status fv_recorder_close(struct fv_recorder *recorder,
+                                    struct fv_recorder_summary *summary)
 {
     struct fv_recorder_summary told = {.complete = true};
     if (recorder != NULL) {

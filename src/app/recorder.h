@@ -1,17 +1,18 @@
-/* Recording a run as an LCM log: header, frames, inputs, grants and messages, so that `fovea replay` needs
- * nothing else.
+/* Recording a run as an LCM log: header, frames, inputs, grants and messages, so that `fovea
+ * replay` needs nothing else.
  *
- * The loop thread copies into a preallocated ring and never waits, allocates or enters the system; a thread
- * of its own writes. When the disk is full or the ring overflows because the disk is slow, the recording ends
- * at a whole turn, the log's last message and one line on stderr say why, what came later is counted, and the run
- * goes on. For recorded input at full speed fv_recorder_pace lets the loop wait for the disk instead.
+ * The loop thread copies into a preallocated ring and never waits, allocates or enters the system;
+ * a thread of its own writes. When the disk is full or the ring overflows because the disk is slow,
+ * the recording ends at a whole turn, the log's last message and one line on stderr say why, what
+ * came later is counted, and the run goes on. For recorded input at full speed fv_recorder_pace
+ * lets the loop wait for the disk instead.
  *
  *     fv_recorder_open(&setup, &recorder, &error);          // before the loop
  *     for each turn:
- *         fv_recorder_pace(recorder);                        // only with --rate max, before the turn
- *         fovea_step(...);  fv_recorder_step(recorder, &inputs, &outputs);
- *         fovea_work(...);  fv_recorder_work(recorder, &inputs, &grants, &outputs);
- *     fv_recorder_close(recorder, &summary);                 // after the loop
+ *         fv_recorder_pace(recorder);                        // only with --rate max, before the
+ * turn fovea_step(...);  fv_recorder_step(recorder, &inputs, &outputs); fovea_work(...);
+ * fv_recorder_work(recorder, &inputs, &grants, &outputs); fv_recorder_close(recorder, &summary); //
+ * after the loop
  *
  * Every function takes NULL for "not recording". */
 #ifndef FOVEA_APP_RECORDER_H
@@ -28,8 +29,9 @@
 struct fv_recorder;
 
 struct fv_recorder_setup {
-    const char *path;                   /* replaced if it exists */
-    const struct fv_settings *settings; /* as the runtime was initialised: camera fitted, mask loaded */
+    const char *path; /* replaced if it exists */
+    const struct fv_settings
+        *settings; /* as the runtime was initialised: camera fitted, mask loaded */
     const char *kernel_set;
     bool real_time;
     size_t frame_bytes; /* of the largest frame */
@@ -38,11 +40,11 @@ struct fv_recorder_setup {
 };
 
 /* Create the file, the ring and the thread. Init-only. */
-enum fovea_status fv_recorder_open(const struct fv_recorder_setup *setup, struct fv_recorder **recorder,
-                                   struct fovea_error *error);
+enum fovea_status fv_recorder_open(const struct fv_recorder_setup *setup,
+                                   struct fv_recorder **recorder, struct fovea_error *error);
 
-/* Record what a step was given and what it gave. After fovea_step, while frame and outputs are valid. Loop
- * thread, real-time safe. */
+/* Record what a step was given and what it gave. After fovea_step, while frame and outputs are
+ * valid. Loop thread, real-time safe. */
 void fv_recorder_step(struct fv_recorder *recorder, const struct fovea_inputs *inputs,
                       const struct fovea_outputs *outputs);
 
@@ -54,18 +56,19 @@ void fv_recorder_work(struct fv_recorder *recorder, const struct fovea_inputs *i
 void fv_recorder_pace(struct fv_recorder *recorder);
 
 struct fv_recorder_summary {
-    uint64_t events, bytes;                     /* written; whole events only, the log's own end among them */
-    uint64_t turns_lost;                        /* steps that came after the recording had ended */
-    bool complete;                              /* everything was written */
+    uint64_t events, bytes; /* written; whole events only, the log's own end among them */
+    uint64_t turns_lost;    /* steps that came after the recording had ended */
+    bool complete;          /* everything was written */
     char reason[FV_RECORDING_END_REASON_BYTES]; /* why not, "" when complete */
 };
 
-/* Bytes that a recorder so set up takes outside the runtime's block, for the memory table; its path does not matter.
- * Init-only. */
+/* Bytes that a recorder so set up takes outside the runtime's block, for the memory table; its path
+ * does not matter. Init-only. */
 size_t fv_recorder_bytes(const struct fv_recorder_setup *setup);
 
-/* Write what is left, sync, close, free. `summary` may be NULL. FOVEA_OK: complete. FOVEA_ERROR_SYSTEM: it
- * ended early; that has been said. */
-enum fovea_status fv_recorder_close(struct fv_recorder *recorder, struct fv_recorder_summary *summary);
+/* Write what is left, sync, close, free. `summary` may be NULL. FOVEA_OK: complete.
+ * FOVEA_ERROR_SYSTEM: it ended early; that has been said. */
+enum fovea_status fv_recorder_close(struct fv_recorder *recorder,
+                                    struct fv_recorder_summary *summary);
 
 #endif

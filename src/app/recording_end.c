@@ -30,7 +30,8 @@ uint64_t fv_recording_hash_event(uint64_t hash, const uint8_t *head_and_channel,
     return fv_hash_bulk(fv_hash(hash, head_and_channel, head_and_channel_bytes), data, bytes);
 }
 
-uint32_t fv_recording_end_encode(const struct fv_recording_end *end, uint8_t *buffer, size_t capacity)
+uint32_t fv_recording_end_encode(const struct fv_recording_end *end, uint8_t *buffer,
+                                 size_t capacity)
 {
     const fovea_recording_end_t message = {
         .turns = (int64_t)end->turns,
@@ -53,8 +54,9 @@ bool fv_recording_end_decode(const uint8_t *data, size_t bytes, struct fv_record
         *at = 0;
         return false;
     }
-    *end = (struct fv_recording_end){
-        .turns = (uint64_t)message.turns, .events = (uint64_t)message.events, .hash = (uint64_t)message.hash};
+    *end = (struct fv_recording_end){.turns = (uint64_t)message.turns,
+                                     .events = (uint64_t)message.events,
+                                     .hash = (uint64_t)message.hash};
     snprintf(end->reason, sizeof end->reason, "%s", message.reason);
     fovea_recording_end_t_decode_cleanup(&message);
     return true;

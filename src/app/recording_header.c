@@ -32,8 +32,8 @@
 
 enum { PARTS_MAX = 5 };
 
-static void add_part(fovea_recording_t *message, const char *name, const char *origin, const void *data,
-                     size_t bytes)
+static void add_part(fovea_recording_t *message, const char *name, const char *origin,
+                     const void *data, size_t bytes)
 {
     message->parts[message->part_count++] = (fovea_recording_part_t){
         .name = (char *)name, /* lcm-gen knows no const; it only reads */
@@ -71,20 +71,21 @@ static enum fovea_status encode(const fovea_recording_t *message, uint8_t **data
     return FOVEA_OK;
 }
 
-enum fovea_status fv_recording_header_encode(const struct fv_settings *settings, const char *kernel_set,
-                                             bool real_time, uint8_t **data, uint32_t *bytes,
-                                             struct fovea_error *error)
+enum fovea_status fv_recording_header_encode(const struct fv_settings *settings,
+                                             const char *kernel_set, bool real_time, uint8_t **data,
+                                             uint32_t *bytes, struct fovea_error *error)
 {
     const struct fovea_camera *camera = &settings->runtime.camera;
     struct fovea_calibration calibration = {.camera = *camera};
     char calibration_text[FOVEA_CALIBRATION_BYTES_MAX];
-    enum fovea_status status =
-        fovea_calibration_format_text(FOVEA_CALIBRATION_ROS, &calibration, calibration_text, NULL, error);
+    enum fovea_status status = fovea_calibration_format_text(FOVEA_CALIBRATION_ROS, &calibration,
+                                                             calibration_text, NULL, error);
     if (status != FOVEA_OK) return status;
     size_t text_bytes = 0;
     char *text = settings_text(settings, &text_bytes);
     if (text == NULL)
-        return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory for the header of a recording");
+        return fovea_error_set(error, FOVEA_ERROR_MEMORY,
+                               "no memory for the header of a recording");
     fovea_recording_part_t parts[PARTS_MAX];
     fovea_recording_t message = {
         .format = FOVEA_RECORDING_T_FORMAT,
@@ -102,7 +103,8 @@ enum fovea_status fv_recording_header_encode(const struct fv_settings *settings,
         add_part(&message, "mask", settings->mask, settings->runtime.mask,
                  (size_t)camera->width * (size_t)camera->height);
     if (settings->runtime.map != NULL)
-        add_part(&message, "map", settings->map_load, settings->runtime.map, settings->runtime.map_bytes);
+        add_part(&message, "map", settings->map_load, settings->runtime.map,
+                 settings->runtime.map_bytes);
     if (settings->runtime.detect.model != NULL)
         add_part(&message, "model", settings->model, settings->runtime.detect.model,
                  settings->runtime.detect.model_bytes);
@@ -111,7 +113,8 @@ enum fovea_status fv_recording_header_encode(const struct fv_settings *settings,
     return status;
 }
 
-/* ---- back -------------------------------------------------------------------------------------------- */
+/* ---- back
+ * -------------------------------------------------------------------------------------------- */
 
 struct source {
     const char *name;
@@ -125,10 +128,10 @@ static enum fovea_status check_hashes(const struct source *from, const fovea_rec
         const fovea_recording_part_t *part = &message->parts[i];
         uint64_t hash = fv_hash(FV_HASH_START, part->data, (size_t)part->size_bytes);
         if (hash != (uint64_t)part->hash)
-            return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                                   "%s: byte %" PRId64 ": %.64s: found hash %016" PRIx64
-                                   ", expected %016" PRIx64,
-                                   from->name, from->offset, part->name, hash, (uint64_t)part->hash);
+            return fovea_error_set(
+                error, FOVEA_ERROR_INPUT,
+                "%s: byte %" PRId64 ": %.64s: found hash %016" PRIx64 ", expected %016" PRIx64,
+                from->name, from->offset, part->name, hash, (uint64_t)part->hash);
     }
     return FOVEA_OK;
 }
@@ -147,7 +150,8 @@ static enum fovea_status read_mask(const struct source *from, const fovea_record
     int64_t expected = (int64_t)config->camera.width * config->camera.height;
     if (part->size_bytes != expected)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "%s: byte %" PRId64 ": mask: found %" PRId32 " bytes, expected %" PRId64,
+                               "%s: byte %" PRId64 ": mask: found %" PRId32
+                               " bytes, expected %" PRId64,
                                from->name, from->offset, part->size_bytes, expected);
     header->mask = malloc((size_t)expected);
     if (header->mask == NULL)
@@ -176,7 +180,8 @@ static enum fovea_status read_model(const struct source *from, const fovea_recor
     const size_t bytes = (size_t)part->size_bytes;
     header->model = fv_aligned_new(bytes + FV_CACHE_LINE_BYTES);
     if (header->model == NULL)
-        return fovea_error_set(error, FOVEA_ERROR_MEMORY, "%s: no memory for the model", from->name);
+        return fovea_error_set(error, FOVEA_ERROR_MEMORY, "%s: no memory for the model",
+                               from->name);
     memcpy(header->model, part->data, bytes);
     header->settings.runtime.detect.model = header->model;
     header->settings.runtime.detect.model_bytes = bytes;
@@ -196,9 +201,9 @@ static enum fovea_status read_parts(const struct source *from, const fovea_recor
     const fovea_recording_part_t *model = find_part(message, "model");
     const fovea_recording_part_t *map = find_part(message, "map");
     if (configuration == NULL || calibration == NULL)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: byte %" PRId64 ": found no %s, expected one",
-                               from->name, from->offset,
-                               configuration == NULL ? "configuration" : "calibration");
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT, "%s: byte %" PRId64 ": found no %s, expected one", from->name,
+            from->offset, configuration == NULL ? "configuration" : "calibration");
     char label[160];
     snprintf(label, sizeof label, "%.128s: configuration", from->name);
     status = fv_settings_parse(&header->settings, label, (const char *)configuration->data,
@@ -226,20 +231,23 @@ enum fovea_status fv_recording_header_decode(const char *name, int64_t offset, c
     memset(header, 0, sizeof *header);
     fv_settings_default(&header->settings);
     if (!fv_message_check("fovea.recording_t", data, bytes, &problem, &at))
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: byte %" PRId64 ": header of a recording: %s",
-                               name, offset + (int64_t)at, problem);
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%s: byte %" PRId64 ": header of a recording: %s", name,
+                               offset + (int64_t)at, problem);
     fovea_recording_t message;
     memset(&message, 0, sizeof message);
     enum fovea_status status = FOVEA_OK;
     if (fovea_recording_t_decode(data, 0, (int)bytes, &message) < 0)
-        status = fovea_error_set(error, FOVEA_ERROR_INPUT,
-                                 "%s: byte %" PRId64 ": the header cannot be decoded", name, offset);
+        status =
+            fovea_error_set(error, FOVEA_ERROR_INPUT,
+                            "%s: byte %" PRId64 ": the header cannot be decoded", name, offset);
     else if (message.format != FOVEA_RECORDING_T_FORMAT &&
              message.format != FOVEA_RECORDING_T_FORMAT_WITHOUT_END)
-        status = fovea_error_set(
-            error, FOVEA_ERROR_UNSUPPORTED,
-            "%s: byte %" PRId64 ": found recording format %" PRId32 ", expected %d or %d", name, offset + 8,
-            message.format, FOVEA_RECORDING_T_FORMAT_WITHOUT_END, FOVEA_RECORDING_T_FORMAT);
+        status = fovea_error_set(error, FOVEA_ERROR_UNSUPPORTED,
+                                 "%s: byte %" PRId64 ": found recording format %" PRId32
+                                 ", expected %d or %d",
+                                 name, offset + 8, message.format,
+                                 FOVEA_RECORDING_T_FORMAT_WITHOUT_END, FOVEA_RECORDING_T_FORMAT);
     else
         status = read_parts(&from, &message, header, error);
     if (status == FOVEA_OK) {

@@ -1,5 +1,5 @@
-/* The first message of a recording: configuration, calibration, mask, loaded map and model as bytes with their hashes, so that a
- * replay needs no other file. */
+/* The first message of a recording: configuration, calibration, mask, loaded map and model as bytes
+ * with their hashes, so that a replay needs no other file. */
 #ifndef FOVEA_APP_RECORDING_HEADER_H
 #define FOVEA_APP_RECORDING_HEADER_H
 
@@ -11,11 +11,11 @@
 #include "fovea/source.h"
 #include "fovea/status.h"
 
-/* Encode the header of a run whose settings are complete (camera fitted, mask loaded). `*data` is the
- * caller's to free. Init-only. */
-enum fovea_status fv_recording_header_encode(const struct fv_settings *settings, const char *kernel_set,
-                                             bool real_time, uint8_t **data, uint32_t *bytes,
-                                             struct fovea_error *error);
+/* Encode the header of a run whose settings are complete (camera fitted, mask loaded). `*data` is
+ * the caller's to free. Init-only. */
+enum fovea_status fv_recording_header_encode(const struct fv_settings *settings,
+                                             const char *kernel_set, bool real_time, uint8_t **data,
+                                             uint32_t *bytes, struct fovea_error *error);
 
 /* What a header held. `mask` is the caller's to free; settings.runtime.mask points to it. */
 struct fv_recording_header {
@@ -28,8 +28,8 @@ struct fv_recording_header {
     char version[32], machine[96], kernel_set[32];
 };
 
-/* Read a header back into complete settings. `name` and `offset` (the message's first byte in the file) are
- * for errors, which name a part whose hash does not fit its bytes, too. Init-only. */
+/* Read a header back into complete settings. `name` and `offset` (the message's first byte in the
+ * file) are for errors, which name a part whose hash does not fit its bytes, too. Init-only. */
 enum fovea_status fv_recording_header_decode(const char *name, int64_t offset, const uint8_t *data,
                                              size_t bytes, struct fv_recording_header *header,
                                              struct fovea_error *error);

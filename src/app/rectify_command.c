@@ -19,7 +19,8 @@ struct request {
 };
 
 /* "WxH", or the picture's own size. */
-static bool read_size(const char *text, const struct fovea_image *image, int32_t *width, int32_t *height)
+static bool read_size(const char *text, const struct fovea_image *image, int32_t *width,
+                      int32_t *height)
 {
     char word[16];
     int64_t across = image->width, down = image->height;
@@ -28,7 +29,8 @@ static bool read_size(const char *text, const struct fovea_image *image, int32_t
         if (length >= sizeof word || text[length] == '\0') return false;
         memcpy(word, text, length);
         word[length] = '\0';
-        if (!fovea_text_integer(word, &across) || !fovea_text_integer(text + length + 1, &down)) return false;
+        if (!fovea_text_integer(word, &across) || !fovea_text_integer(text + length + 1, &down))
+            return false;
         if (across < 0 || across > 99999 || down < 0 || down > 99999)
             return false; /* the view knows its own bounds */
     }
@@ -37,7 +39,8 @@ static bool read_size(const char *text, const struct fovea_image *image, int32_t
     return true;
 }
 
-static enum fovea_status choose_view(const struct request *request, const struct fovea_camera *camera,
+static enum fovea_status choose_view(const struct request *request,
+                                     const struct fovea_camera *camera,
                                      const struct fovea_image *image, struct fv_rectified *view,
                                      struct fovea_error *error)
 {
@@ -45,15 +48,18 @@ static enum fovea_status choose_view(const struct request *request, const struct
     const bool cylinder = request->shape != NULL && strcmp(request->shape, "cylinder") == 0;
     if (request->shape != NULL && !cylinder && strcmp(request->shape, "pinhole") != 0)
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                               "--view: found '%.100s', expected pinhole or cylinder", request->shape);
+                               "--view: found '%.100s', expected pinhole or cylinder",
+                               request->shape);
     if (cylinder && request->calibration != NULL)
-        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                               "--write-camera: calibration files hold no cylinder, expected --view pinhole");
+        return fovea_error_set(
+            error, FOVEA_ERROR_ARGUMENT,
+            "--write-camera: calibration files hold no cylinder, expected --view pinhole");
     if (!read_size(request->size, image, &width, &height))
-        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "--size: found '%.100s', expected WIDTHxHEIGHT",
-                               request->size);
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                               "--size: found '%.100s', expected WIDTHxHEIGHT", request->size);
     return fv_view_choose(camera, cylinder ? FV_VIEW_CYLINDER : FV_VIEW_PINHOLE,
-                          request->keep_all ? FV_VIEW_KEEP_ALL : FV_VIEW_CROP, width, height, view, error);
+                          request->keep_all ? FV_VIEW_KEEP_ALL : FV_VIEW_CROP, width, height, view,
+                          error);
 }
 
 static enum fovea_status write_camera(const char *path, const struct fv_rectified *view,
@@ -71,9 +77,9 @@ static enum fovea_status write_camera(const char *path, const struct fv_rectifie
 }
 
 /* Map, resample, write. */
-static enum fovea_status resample(const struct fovea_camera *camera, const struct fv_rectified *view,
-                                  const struct fovea_image *image, const char *path,
-                                  struct fovea_error *error)
+static enum fovea_status resample(const struct fovea_camera *camera,
+                                  const struct fv_rectified *view, const struct fovea_image *image,
+                                  const char *path, struct fovea_error *error)
 {
     struct fv_rectify rectify;
     struct fv_kernels kernels;
@@ -88,7 +94,8 @@ static enum fovea_status resample(const struct fovea_camera *camera, const struc
     fv_arena_take_raw(&arena, out_bytes, 1);
     const size_t bytes = arena.used;
     void *memory = fv_aligned_new(bytes);
-    if (memory == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "out of memory: %zu bytes", bytes);
+    if (memory == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "out of memory: %zu bytes", bytes);
     fv_arena_init(&arena, memory, bytes);
     fv_rectify_carve(&rectify, camera, view, &arena);
     uint8_t *out = fv_arena_take_raw(&arena, out_bytes, 1);
@@ -106,19 +113,21 @@ static enum fovea_status rectify(const struct request *request, const char *in, 
     struct fovea_calibration calibration;
     struct fovea_image image = {0};
     struct fv_rectified view;
-    enum fovea_status status = fovea_calibration_read(request->camera, request->which, &calibration, error);
+    enum fovea_status status =
+        fovea_calibration_read(request->camera, request->which, &calibration, error);
     if (status == FOVEA_OK) status = fv_picture_read(in, &image, error);
     if (status == FOVEA_OK)
-        status = fovea_calibration_fit(&calibration.camera, image.width, image.height, request->scale,
-                                       request->camera, error);
-    if (status == FOVEA_OK) status = choose_view(request, &calibration.camera, &image, &view, error);
+        status = fovea_calibration_fit(&calibration.camera, image.width, image.height,
+                                       request->scale, request->camera, error);
+    if (status == FOVEA_OK)
+        status = choose_view(request, &calibration.camera, &image, &view, error);
     if (status == FOVEA_OK) status = resample(&calibration.camera, &view, &image, out, error);
     if (status == FOVEA_OK && request->calibration != NULL)
         status = write_camera(request->calibration, &view, error);
     if (status == FOVEA_OK)
         printf("%s of %d x %d pixels, f %.4f, centre %.4f %.4f\n",
-               view.shape == FV_VIEW_PINHOLE ? "pinhole" : "cylinder", view.width, view.height, view.fx,
-               view.cx, view.cy);
+               view.shape == FV_VIEW_PINHOLE ? "pinhole" : "cylinder", view.width, view.height,
+               view.fx, view.cx, view.cy);
     free((void *)(uintptr_t)image.data);
     return status;
 }
@@ -129,26 +138,32 @@ int fv_command_rectify(int argc, char **argv)
     const struct fv_option options[] = {
         {"camera", "FILE", FV_OPTION_TEXT, &request.camera,
          "calibration of the camera that took the picture"},
-        {"which", "NAME", FV_OPTION_TEXT, &request.which, "camera of a camchain (default the first)"},
+        {"which", "NAME", FV_OPTION_TEXT, &request.which,
+         "camera of a camchain (default the first)"},
         {"scale-camera", NULL, FV_OPTION_FLAG, &request.scale,
          "scale a calibration that was made at another resolution"},
-        {"view", "SHAPE", FV_OPTION_TEXT, &request.shape, "pinhole (default) or cylinder, for wide fisheyes"},
+        {"view", "SHAPE", FV_OPTION_TEXT, &request.shape,
+         "pinhole (default) or cylinder, for wide fisheyes"},
         {"keep-all", NULL, FV_OPTION_FLAG, &request.keep_all,
          "show all that the camera sees, with black margins"},
-        {"size", "WxH", FV_OPTION_TEXT, &request.size, "size of the result (default that of the picture)"},
+        {"size", "WxH", FV_OPTION_TEXT, &request.size,
+         "size of the result (default that of the picture)"},
         {"write-camera", "FILE", FV_OPTION_TEXT, &request.calibration,
          "write the result's own calibration (ROS camera_info)"},
         {0},
     };
     int first;
-    const enum fv_options_result result = fv_options_parse(options, "IN OUT", 2, 2, argc, argv, &first);
+    const enum fv_options_result result =
+        fv_options_parse(options, "IN OUT", 2, 2, argc, argv, &first);
     if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
     if (request.camera == NULL) return fv_say_wrong("rectify: no camera, expected --camera FILE");
     struct fovea_error error;
-    const struct fv_file written[] = {{"OUT", argv[first + 1]}, {"--write-camera", request.calibration}, {0}};
+    const struct fv_file written[] = {
+        {"OUT", argv[first + 1]}, {"--write-camera", request.calibration}, {0}};
     const struct fv_file read[] = {{"IN", argv[first]}, {"--camera", request.camera}, {0}};
     enum fovea_status status = fv_files_apart(written, read, &error);
     if (status == FOVEA_OK) status = rectify(&request, argv[first], argv[first + 1], &error);
     if (status == FOVEA_OK) return FV_EXIT_OK;
-    return status == FOVEA_ERROR_SYSTEM ? fv_say_failed("%s", error.text) : fv_say_wrong("%s", error.text);
+    return status == FOVEA_ERROR_SYSTEM ? fv_say_failed("%s", error.text)
+                                        : fv_say_wrong("%s", error.text);
 }

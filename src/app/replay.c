@@ -60,19 +60,20 @@ static void count_event(struct replay *replay)
     uint8_t head[FOVEA_LOG_HEADER_BYTES + FOVEA_LOG_CHANNEL_BYTES];
     fv_recording_event_head(head, event->number, event->time_us, channel_bytes, event->bytes);
     memcpy(head + FOVEA_LOG_HEADER_BYTES, event->channel, channel_bytes + 1);
-    replay->hash = fv_recording_hash_event(replay->hash, head, FOVEA_LOG_HEADER_BYTES + channel_bytes,
-                                           event->data, event->bytes);
+    replay->hash = fv_recording_hash_event(
+        replay->hash, head, FOVEA_LOG_HEADER_BYTES + channel_bytes, event->data, event->bytes);
     replay->events++;
 }
 
-/* ---- building ---------------------------------------------------------------------------------------- */
+/* ---- building
+ * ---------------------------------------------------------------------------------------- */
 
 static enum fovea_status read_header(struct replay *replay, struct fovea_error *error)
 {
     enum fovea_status status = fovea_log_next(replay->log, &replay->event, error);
     if (status == FOVEA_END)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: byte 0: found nothing, expected a recording",
-                               replay->path);
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%s: byte 0: found nothing, expected a recording", replay->path);
     if (status != FOVEA_OK) return status;
     if (!fovea_log_channel_is(replay->event.channel, "RECORDING"))
         return fovea_error_set(
@@ -80,15 +81,17 @@ static enum fovea_status read_header(struct replay *replay, struct fovea_error *
             "%s: byte 0: found a log that begins with channel %s, expected a recording of fovea run "
             "(..._RECORDING)",
             replay->path, replay->event.channel);
-    status = fv_recording_header_decode(replay->path, data_offset(&replay->event), replay->event.data,
-                                        replay->event.bytes, &replay->header, error);
+    status =
+        fv_recording_header_decode(replay->path, data_offset(&replay->event), replay->event.data,
+                                   replay->event.bytes, &replay->header, error);
     if (status != FOVEA_OK) return status;
     count_event(replay);
     for (int kind = 0; kind < FV_MESSAGE_KIND_COUNT; kind++)
-        fv_message_channel(replay->header.settings.runtime.channel_prefix, (enum fv_message_kind)kind,
-                           replay->channels[kind]);
-    snprintf(replay->result->recorded_by, sizeof replay->result->recorded_by, "Fovea %s on %s, kernels %s",
-             replay->header.version, replay->header.machine, replay->header.kernel_set);
+        fv_message_channel(replay->header.settings.runtime.channel_prefix,
+                           (enum fv_message_kind)kind, replay->channels[kind]);
+    snprintf(replay->result->recorded_by, sizeof replay->result->recorded_by,
+             "Fovea %s on %s, kernels %s", replay->header.version, replay->header.machine,
+             replay->header.kernel_set);
     fv_say_clean(replay->result->recorded_by);
     return FOVEA_OK;
 }
@@ -102,29 +105,30 @@ static enum fovea_status build(struct replay *replay, struct fovea_error *error)
     if (status == FOVEA_OK) {
         replay->memory = fv_aligned_new(bytes);
         if (replay->memory == NULL)
-            return fovea_error_set(error, FOVEA_ERROR_MEMORY, "%s: no memory for a block of %zu bytes",
-                                   replay->path, bytes);
+            return fovea_error_set(error, FOVEA_ERROR_MEMORY,
+                                   "%s: no memory for a block of %zu bytes", replay->path, bytes);
         status = fovea_init(replay->memory, bytes, config, &replay->rt, &inner);
     }
     if (status != FOVEA_OK)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%.200s: configuration: %.300s", replay->path,
-                               inner.text);
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%.200s: configuration: %.300s",
+                               replay->path, inner.text);
     replay->result->kernel_set = fovea_cpu_name(replay->rt);
     return FOVEA_OK;
 }
 
-/* ---- comparing --------------------------------------------------------------------------------------- */
+/* ---- comparing
+ * --------------------------------------------------------------------------------------- */
 
-static void note_difference(struct replay *replay, const char *channel, const char *field, const char *found,
-                            const char *expected)
+static void note_difference(struct replay *replay, const char *channel, const char *field,
+                            const char *found, const char *expected)
 {
     struct fv_replay_result *result = replay->result;
     if (result->different) return;
     result->different = true;
     snprintf(result->difference, sizeof result->difference,
-             "%.160s: frame %" PRId64 " (stamp %" PRId64 " ns): %s: %s%sfound %s, expected %s", replay->path,
-             (int64_t)replay->sequence, replay->stamp_ns, channel, field, field[0] != '\0' ? ": " : "", found,
-             expected);
+             "%.160s: frame %" PRId64 " (stamp %" PRId64 " ns): %s: %s%sfound %s, expected %s",
+             replay->path, (int64_t)replay->sequence, replay->stamp_ns, channel, field,
+             field[0] != '\0' ? ": " : "", found, expected);
 }
 
 /* A recorded message: the next that the runtime sent must be the same. */
@@ -139,12 +143,14 @@ static void compare(struct replay *replay)
     struct fv_difference difference;
     if (strcmp(message->channel, event->channel) != 0) {
         note_difference(replay, event->channel, "", message->channel, "this channel");
-    } else if (fv_message_compare(event->data, event->bytes, message->data, message->bytes, &difference)) {
+    } else if (fv_message_compare(event->data, event->bytes, message->data, message->bytes,
+                                  &difference)) {
         replay->result->messages_equal++;
         replay->result->messages_with_readings += message->volatile_values;
         replay->result->bytes_equal += event->bytes;
     } else {
-        note_difference(replay, event->channel, difference.field, difference.found, difference.expected);
+        note_difference(replay, event->channel, difference.field, difference.found,
+                        difference.expected);
     }
 }
 
@@ -166,10 +172,12 @@ static void compare_pixels(struct replay *replay, uint64_t expected)
     if (found == expected) return;
     snprintf(texts[0], sizeof texts[0], "%016" PRIx64, found);
     snprintf(texts[1], sizeof texts[1], "%016" PRIx64, expected);
-    note_difference(replay, replay->channels[FV_MESSAGE_FRAME], "hash of the pixels", texts[0], texts[1]);
+    note_difference(replay, replay->channels[FV_MESSAGE_FRAME], "hash of the pixels", texts[0],
+                    texts[1]);
 }
 
-/* ---- feeding ----------------------------------------------------------------------------------------- */
+/* ---- feeding
+ * ----------------------------------------------------------------------------------------- */
 
 static enum fovea_status take_frame(struct replay *replay, struct fovea_error *error)
 {
@@ -181,8 +189,9 @@ static enum fovea_status take_frame(struct replay *replay, struct fovea_error *e
     if (frame.image.size_bytes > replay->pixels_capacity) {
         uint8_t *larger = realloc(replay->pixels, frame.image.size_bytes);
         if (larger == NULL)
-            return fovea_error_set(error, FOVEA_ERROR_MEMORY, "%s: no memory for a frame of %zu bytes",
-                                   replay->path, frame.image.size_bytes);
+            return fovea_error_set(error, FOVEA_ERROR_MEMORY,
+                                   "%s: no memory for a frame of %zu bytes", replay->path,
+                                   frame.image.size_bytes);
         replay->pixels = larger;
         replay->pixels_capacity = frame.image.size_bytes;
     }
@@ -193,8 +202,8 @@ static enum fovea_status take_frame(struct replay *replay, struct fovea_error *e
     return FOVEA_OK;
 }
 
-static enum fovea_status check_grants(const struct replay *replay, const struct fovea_grants *grants,
-                                      struct fovea_error *error)
+static enum fovea_status check_grants(const struct replay *replay,
+                                      const struct fovea_grants *grants, struct fovea_error *error)
 {
     uint32_t most = replay->header.settings.runtime.features.count_max;
     char text[96];
@@ -211,13 +220,14 @@ static enum fovea_status step(struct replay *replay, struct fovea_error *error)
     uint64_t hash;
     const char *problem;
     size_t at;
-    if (!fv_message_inputs_decode(replay->event.data, replay->event.bytes, &inputs, &has_frame, &hash,
-                                  &problem, &at))
+    if (!fv_message_inputs_decode(replay->event.data, replay->event.bytes, &inputs, &has_frame,
+                                  &hash, &problem, &at))
         return refuse(replay, at, problem, error);
     if (has_frame != replay->frame_waits)
         return refuse(replay, 8,
-                      has_frame ? "found inputs that had a frame, expected the frame before them"
-                                : "found inputs without a frame, expected those of the frame before",
+                      has_frame
+                          ? "found inputs that had a frame, expected the frame before them"
+                          : "found inputs without a frame, expected those of the frame before",
                       error);
     enum fovea_status status = check_grants(replay, &inputs.grants, error);
     if (status != FOVEA_OK) return status;
@@ -255,7 +265,8 @@ static enum fovea_status work(struct replay *replay, struct fovea_error *error)
     return FOVEA_OK;
 }
 
-static void compare_number(struct replay *replay, const char *field, uint64_t found, uint64_t expected)
+static void compare_number(struct replay *replay, const char *field, uint64_t found,
+                           uint64_t expected)
 {
     char texts[2][32];
     if (found == expected) return;
@@ -264,7 +275,8 @@ static void compare_number(struct replay *replay, const char *field, uint64_t fo
     note_difference(replay, replay->event.channel, field, texts[0], texts[1]);
 }
 
-/* What the log says of itself must be so: then nothing was taken out, put in or edited where no message shows it. */
+/* What the log says of itself must be so: then nothing was taken out, put in or edited where no
+ * message shows it. */
 static enum fovea_status end(struct replay *replay, struct fovea_error *error)
 {
     struct fv_replay_result *result = replay->result;
@@ -292,7 +304,8 @@ static enum fovea_status feed(struct replay *replay, struct fovea_error *error)
     while ((status = fovea_log_next(replay->log, &replay->event, error)) == FOVEA_OK) {
         const char *channel = replay->event.channel;
         if (marked && replay->result->end != FV_REPLAY_CUT_OFF)
-            return refuse(replay, 0, "found an event after the end of the recording, expected none", error);
+            return refuse(replay, 0, "found an event after the end of the recording, expected none",
+                          error);
         if (marked && strcmp(channel, replay->channels[FV_MESSAGE_RECORDING_END]) == 0)
             status = end(replay, error);
         else if (strcmp(channel, replay->channels[FV_MESSAGE_FRAME]) == 0)
@@ -313,12 +326,14 @@ static enum fovea_status feed(struct replay *replay, struct fovea_error *error)
     return status == FOVEA_END ? FOVEA_OK : status;
 }
 
-enum fovea_status fv_replay(const char *path, bool stop_at_difference, fv_replay_function sent, void *context,
-                            struct fv_replay_result *result, struct fovea_error *error)
+enum fovea_status fv_replay(const char *path, bool stop_at_difference, fv_replay_function sent,
+                            void *context, struct fv_replay_result *result,
+                            struct fovea_error *error)
 {
     struct replay *replay = calloc(1, sizeof *replay);
     memset(result, 0, sizeof *result);
-    if (replay == NULL) return fovea_error_set(error, FOVEA_ERROR_MEMORY, "%s: no memory to replay", path);
+    if (replay == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_MEMORY, "%s: no memory to replay", path);
     replay->path = path;
     replay->stop_at_difference = stop_at_difference;
     replay->sent = sent;

@@ -1,9 +1,10 @@
-/* Replaying a recording: the runtime is built again from the header, fed the recorded frames, inputs and
- * grants, and what it sends is held against what it sent then, message by message and bit by bit.
+/* Replaying a recording: the runtime is built again from the header, fed the recorded frames,
+ * inputs and grants, and what it sends is held against what it sent then, message by message and
+ * bit by bit.
  *
- * Of messages with clock readings (fovea_message.volatile_values) all but those is compared. A log comes from
- * outside: whatever is in it, the outcome is a replay or one line that names file and byte. Memory: the runtime's
- * block, one frame, one event. Init-only (not for the loop). */
+ * Of messages with clock readings (fovea_message.volatile_values) all but those is compared. A log
+ * comes from outside: whatever is in it, the outcome is a replay or one line that names file and
+ * byte. Memory: the runtime's block, one frame, one event. Init-only (not for the loop). */
 #ifndef FOVEA_APP_REPLAY_H
 #define FOVEA_APP_REPLAY_H
 
@@ -16,16 +17,17 @@
 /* How a recording ends. */
 enum fv_replay_end {
     FV_REPLAY_CUT_OFF = 0, /* within a turn or without its last message: the rest is missing */
-    FV_REPLAY_UNMARKED,    /* with a turn, and of a format that had no mark at its end: nobody can tell */
+    FV_REPLAY_UNMARKED, /* with a turn, and of a format that had no mark at its end: nobody can tell
+                         */
     FV_REPLAY_ENDED_EARLY, /* the recording ended before the run, as `reason` says */
     FV_REPLAY_WHOLE
 };
 
 struct fv_replay_result {
     uint64_t frames, steps, works;
-    uint64_t messages_equal, bytes_equal;       /* compared and found equal */
-    uint64_t messages_with_readings;            /* of clocks, among them: all but those was compared */
-    enum fv_replay_end end;                     /* where the replay came to the end of the log */
+    uint64_t messages_equal, bytes_equal; /* compared and found equal */
+    uint64_t messages_with_readings;      /* of clocks, among them: all but those was compared */
+    enum fv_replay_end end;               /* where the replay came to the end of the log */
     char reason[FV_RECORDING_END_REASON_BYTES]; /* printable, as recorded_by is */
     bool different;
     char difference[512];   /* one line: frame, channel, field, both values */
@@ -34,12 +36,14 @@ struct fv_replay_result {
 };
 
 /* Called with what every step and work sends; may be NULL. */
-typedef void (*fv_replay_function)(void *context, int64_t now_ns, const struct fovea_outputs *outputs);
+typedef void (*fv_replay_function)(void *context, int64_t now_ns,
+                                   const struct fovea_outputs *outputs);
 
-/* Run a recording until its end or, when `stop_at_difference`, the first difference (noted in either case).
- * FOVEA_OK: the recording was read to the end, or a difference was found. Else `error` says what is wrong
- * with it and `result` tells how far the replay came. */
-enum fovea_status fv_replay(const char *path, bool stop_at_difference, fv_replay_function sent, void *context,
-                            struct fv_replay_result *result, struct fovea_error *error);
+/* Run a recording until its end or, when `stop_at_difference`, the first difference (noted in
+ * either case). FOVEA_OK: the recording was read to the end, or a difference was found. Else
+ * `error` says what is wrong with it and `result` tells how far the replay came. */
+enum fovea_status fv_replay(const char *path, bool stop_at_difference, fv_replay_function sent,
+                            void *context, struct fv_replay_result *result,
+                            struct fovea_error *error);
 
 #endif

@@ -39,7 +39,8 @@ static void tell_end(const struct fv_replay_result *result)
 {
     static const char *const ends[] = {
         [FV_REPLAY_CUT_OFF] = "; the recording is cut off here",
-        [FV_REPLAY_UNMARKED] = "; whether more is missing cannot be told of a recording of this format",
+        [FV_REPLAY_UNMARKED] =
+            "; whether more is missing cannot be told of a recording of this format",
         [FV_REPLAY_ENDED_EARLY] = "; the recording ended before its run: ",
         [FV_REPLAY_WHOLE] = ""};
     printf("%s%s\n", result->different ? "" : ends[result->end],
@@ -49,16 +50,17 @@ static void tell_end(const struct fv_replay_result *result)
 static enum fv_exit tell(const char *path, bool verify, enum fovea_status status,
                          const struct fv_replay_result *result, const struct fovea_error *error)
 {
-    if (status != FOVEA_OK && result->steps == 0) return (fv_say("%s", error->text), fv_setup_exit(status));
+    if (status != FOVEA_OK && result->steps == 0)
+        return (fv_say("%s", error->text), fv_setup_exit(status));
     if (result->recorded_by[0] != '\0')
         printf("  recorded by %s; replayed with kernels %s\n", result->recorded_by,
                result->kernel_set != NULL ? result->kernel_set : "none");
-    printf("  %" PRIu64 " frames, %" PRIu64 " steps, %" PRIu64 " works", result->frames, result->steps,
-           result->works);
+    printf("  %" PRIu64 " frames, %" PRIu64 " steps, %" PRIu64 " works", result->frames,
+           result->steps, result->works);
     tell_end(result);
     if (verify)
-        printf("  %" PRIu64 " messages (%" PRIu64 " bytes) equal bit for bit, clock readings in %" PRIu64
-               " of them left out\n",
+        printf("  %" PRIu64 " messages (%" PRIu64
+               " bytes) equal bit for bit, clock readings in %" PRIu64 " of them left out\n",
                result->messages_equal, result->bytes_equal, result->messages_with_readings);
     fflush(stdout);
     if (status != FOVEA_OK) return (fv_say("%s", error->text), fv_setup_exit(status));
@@ -68,9 +70,10 @@ static enum fv_exit tell(const char *path, bool verify, enum fovea_status status
     if (verify && result->messages_equal == 0)
         return fv_say_failed("%s: found no message to compare, so nothing is verified", path);
     if (verify && result->end == FV_REPLAY_CUT_OFF)
-        return fv_say_failed("%s: found no end of the recording after %" PRIu64
-                             " frames, expected one (..._RECORDING_END): what came after them is missing",
-                             path, result->frames);
+        return fv_say_failed(
+            "%s: found no end of the recording after %" PRIu64
+            " frames, expected one (..._RECORDING_END): what came after them is missing",
+            path, result->frames);
     return FV_EXIT_OK;
 }
 
@@ -79,8 +82,10 @@ int fv_command_replay(int argc, char **argv)
     bool verify = false;
     const char *url = "", *rate = "real";
     const struct fv_option options[] = {
-        {"verify", NULL, FV_OPTION_FLAG, &verify, "compare every message and name the first difference"},
-        {"lcm-url", "URL", FV_OPTION_TEXT, &url, "send the messages to this LCM address, on this host"},
+        {"verify", NULL, FV_OPTION_FLAG, &verify,
+         "compare every message and name the first difference"},
+        {"lcm-url", "URL", FV_OPTION_TEXT, &url,
+         "send the messages to this LCM address, on this host"},
         {"rate", "max|real", FV_OPTION_TEXT, &rate, "pace of sending (real)"},
         {0},
     };
@@ -96,12 +101,13 @@ int fv_command_replay(int argc, char **argv)
     fv_transport_file(url, log);
     const struct fv_file written[] = {{"fovea replay: --lcm-url", log}, {0}},
                          recording[] = {{"the recording", argv[first]}, {0}};
-    if (fv_files_apart(written, recording, &error) != FOVEA_OK) return fv_say_wrong("%s", error.text);
+    if (fv_files_apart(written, recording, &error) != FOVEA_OK)
+        return fv_say_wrong("%s", error.text);
     sending.paced = strcmp(rate, "real") == 0;
     enum fovea_status status = fv_transport_open(url, 0, &sending.transport, &error);
     if (status != FOVEA_OK) return (fv_say("%s", error.text), fv_setup_exit(status));
-    status =
-        fv_replay(argv[first], verify, sending.transport != NULL ? send : NULL, &sending, &result, &error);
+    status = fv_replay(argv[first], verify, sending.transport != NULL ? send : NULL, &sending,
+                       &result, &error);
     fv_transport_close(sending.transport);
     return tell(argv[first], verify, status, &result, &error);
 }

@@ -5,7 +5,8 @@
 #include "app/heap.h"
 #include "app/json.h"
 
-void fv_report_parts(const struct fovea_memory_table *table, size_t part_bytes[FOVEA_MEMORY_PART_COUNT])
+void fv_report_parts(const struct fovea_memory_table *table,
+                     size_t part_bytes[FOVEA_MEMORY_PART_COUNT])
 {
     for (int part = 0; part < FOVEA_MEMORY_PART_COUNT; part++)
         part_bytes[part] = 0;
@@ -19,15 +20,16 @@ const char *fv_report_part_name(enum fovea_memory_part part)
     return part >= 0 && part < FOVEA_MEMORY_PART_COUNT ? names[part] : "unknown";
 }
 
-/* ---- JSON -------------------------------------------------------------------------------------------- */
+/* ---- JSON
+ * -------------------------------------------------------------------------------------------- */
 
 static void histogram_json(FILE *file, const char *prefix, const struct fv_histogram *histogram)
 {
     fprintf(file,
             "\"%smean_ns\": %" PRId64 ", \"%sp50_ns\": %" PRId64 ", \"%sp99_ns\": %" PRId64
             ", \"%smax_ns\": %" PRId64,
-            prefix, fv_histogram_mean(histogram), prefix, fv_histogram_percentile(histogram, 0.5), prefix,
-            fv_histogram_percentile(histogram, 0.99), prefix, histogram->max_ns);
+            prefix, fv_histogram_mean(histogram), prefix, fv_histogram_percentile(histogram, 0.5),
+            prefix, fv_histogram_percentile(histogram, 0.99), prefix, histogram->max_ns);
 }
 
 static void pair_json(FILE *file, int indent, const char *name, const struct fv_times_pair *pair,
@@ -47,10 +49,11 @@ static void frames_json(FILE *file, const struct fv_loop *loop)
     fprintf(file,
             "  \"frames\": {\"in\": %" PRIu64 ", \"processed\": %" PRIu64 ", \"dropped\": %" PRIu64
             ", \"tracked\": %" PRIu64 ", \"lost\": %" PRIu64 ",\n",
-            counts->in, counts->processed, counts->late + source->dropped, counts->tracked, counts->lost);
+            counts->in, counts->processed, counts->late + source->dropped, counts->tracked,
+            counts->lost);
     fprintf(file,
-            "             \"refused\": %" PRIu64 ", \"late\": %" PRIu64 ", \"late_without_cpu\": %" PRIu64
-            ", \"steps_without_frame\": %" PRIu64 ",\n",
+            "             \"refused\": %" PRIu64 ", \"late\": %" PRIu64
+            ", \"late_without_cpu\": %" PRIu64 ", \"steps_without_frame\": %" PRIu64 ",\n",
             counts->refused, counts->late, counts->starved, counts->without_frame);
     fprintf(file,
             "             \"source_missing\": %" PRIu64 ", \"source_damaged\": %" PRIu64
@@ -64,7 +67,8 @@ void fv_report_json(FILE *file, const struct fv_report *report)
     const struct fv_timings *timings = loop->timings;
     fprintf(file, "{\n  \"version\": \"%s\",\n  \"source\": ", FOVEA_VERSION);
     fv_json_text(file, report->source);
-    fprintf(file, ",\n  \"width\": %d, \"height\": %d,\n  \"kernel_set\": \"%s\",\n  \"rate\": \"%s\",\n",
+    fprintf(file,
+            ",\n  \"width\": %d, \"height\": %d,\n  \"kernel_set\": \"%s\",\n  \"rate\": \"%s\",\n",
             report->width, report->height, report->kernel_set, loop->real_time ? "real" : "max");
     frames_json(file, loop);
     fprintf(file, "  \"stages\": {\n");
@@ -77,13 +81,15 @@ void fv_report_json(FILE *file, const struct fv_report *report)
     pair_json(file, 2, "frame", &timings->frame, ",");
     fprintf(file, "  \"latency\": {");
     histogram_json(file, "", &timings->latency);
-    fprintf(file, "},\n  \"run\": {\"wall_ns\": %" PRId64 ", \"loop_cpu_ns\": %" PRId64 "},\n", loop->wall_ns,
-            loop->cpu_ns);
+    fprintf(file, "},\n  \"run\": {\"wall_ns\": %" PRId64 ", \"loop_cpu_ns\": %" PRId64 "},\n",
+            loop->wall_ns, loop->cpu_ns);
     fprintf(file, "  \"memory\": {");
     for (int part = 0; part < FOVEA_MEMORY_PART_COUNT; part++)
         fprintf(file, "\"%s\": %zu, ", fv_report_part_name((enum fovea_memory_part)part),
                 report->part_bytes[part]);
-    fprintf(file, "\"block\": %zu, \"resident_bytes\": %" PRIu64 ", \"resident_max_bytes\": %" PRIu64 "},\n",
+    fprintf(file,
+            "\"block\": %zu, \"resident_bytes\": %" PRIu64 ", \"resident_max_bytes\": %" PRIu64
+            "},\n",
             report->block_bytes, report->resident_bytes, report->resident_max_bytes);
     fprintf(file, "  \"resident_bytes\": %" PRIu64 ",\n", report->resident_bytes);
     if (fv_heap_counted())
@@ -92,13 +98,16 @@ void fv_report_json(FILE *file, const struct fv_report *report)
         fprintf(file, "  \"heap_calls_after_init\": null\n}\n");
 }
 
-/* ---- summary ----------------------------------------------------------------------------------------- */
+/* ---- summary
+ * ----------------------------------------------------------------------------------------- */
 
 static void row(FILE *file, const char *name, const struct fv_histogram *histogram)
 {
-    fprintf(file, "  %-10s %8.3f %8.3f %8.3f %8.3f\n", name, (double)fv_histogram_mean(histogram) * 1e-6,
+    fprintf(file, "  %-10s %8.3f %8.3f %8.3f %8.3f\n", name,
+            (double)fv_histogram_mean(histogram) * 1e-6,
             (double)fv_histogram_percentile(histogram, 0.5) * 1e-6,
-            (double)fv_histogram_percentile(histogram, 0.99) * 1e-6, (double)histogram->max_ns * 1e-6);
+            (double)fv_histogram_percentile(histogram, 0.99) * 1e-6,
+            (double)histogram->max_ns * 1e-6);
 }
 
 static void troubles(FILE *file, const struct fv_loop *loop)
@@ -112,13 +121,16 @@ static void troubles(FILE *file, const struct fv_loop *loop)
                 counts->late, counts->starved);
     if (counts->refused > 0)
         fprintf(file,
-                "  %" PRIu64 " frames refused (stamp not after the last, other size or format, or paused)\n",
+                "  %" PRIu64
+                " frames refused (stamp not after the last, other size or format, or paused)\n",
                 counts->refused);
     if (source->missing + source->damaged > 0)
-        fprintf(file, "  %" PRIu64 " frames missing, %" PRIu64 " damaged: skipped\n", source->missing,
-                source->damaged);
-    if (source->dropped > 0) fprintf(file, "  %" PRIu64 " frames lost by the source\n", source->dropped);
-    if (source->recovered > 0) fprintf(file, "  the camera came back %" PRIu64 " times\n", source->recovered);
+        fprintf(file, "  %" PRIu64 " frames missing, %" PRIu64 " damaged: skipped\n",
+                source->missing, source->damaged);
+    if (source->dropped > 0)
+        fprintf(file, "  %" PRIu64 " frames lost by the source\n", source->dropped);
+    if (source->recovered > 0)
+        fprintf(file, "  the camera came back %" PRIu64 " times\n", source->recovered);
 }
 
 void fv_report_summary(FILE *file, const struct fv_report *report)
@@ -126,19 +138,20 @@ void fv_report_summary(FILE *file, const struct fv_report *report)
     const struct fv_loop *loop = report->loop;
     const struct fv_timings *timings = loop->timings;
     double seconds = (double)loop->wall_ns * 1e-9;
-    fprintf(file, "%s: %d x %d, %" PRIu64 " frames in %.1f s (%.1f Hz), kernel set %s\n", report->source,
-            report->width, report->height, loop->counts.processed, seconds,
+    fprintf(file, "%s: %d x %d, %" PRIu64 " frames in %.1f s (%.1f Hz), kernel set %s\n",
+            report->source, report->width, report->height, loop->counts.processed, seconds,
             seconds > 0.0 ? (double)loop->counts.processed / seconds : 0.0, report->kernel_set);
     troubles(file, loop);
-    fprintf(file, "  %-10s %8s %8s %8s %8s   ms of processor time\n", "", "mean", "p50", "p99", "max");
+    fprintf(file, "  %-10s %8s %8s %8s %8s   ms of processor time\n", "", "mean", "p50", "p99",
+            "max");
     for (int i = 0; i < FOVEA_STAGE_COUNT; i++)
         row(file, fovea_stage_name((enum fovea_stage)i), &timings->stages[i].cpu);
     row(file, "step", &timings->step.cpu);
     row(file, "work", &timings->work.cpu);
     row(file, "frame", &timings->frame.cpu);
     if (loop->real_time) row(file, "latency", &timings->latency);
-    fprintf(file, "  memory: block %.2f MiB, resident %.1f MiB; ", (double)report->block_bytes / 1048576.0,
-            (double)report->resident_bytes / 1048576.0);
+    fprintf(file, "  memory: block %.2f MiB, resident %.1f MiB; ",
+            (double)report->block_bytes / 1048576.0, (double)report->resident_bytes / 1048576.0);
     if (fv_heap_counted())
         fprintf(file, "heap calls of the loop: %" PRIu64 "\n", loop->heap_calls);
     else

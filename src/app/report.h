@@ -17,16 +17,17 @@ struct fv_report {
 };
 
 /* Bytes per part of the block. */
-void fv_report_parts(const struct fovea_memory_table *table, size_t part_bytes[FOVEA_MEMORY_PART_COUNT]);
+void fv_report_parts(const struct fovea_memory_table *table,
+                     size_t part_bytes[FOVEA_MEMORY_PART_COUNT]);
 const char *fv_report_part_name(enum fovea_memory_part part);
 
 void fv_report_summary(FILE *file, const struct fv_report *report);
 
-/* JSON: frames {in processed dropped tracked lost ...}; stages by name, step, work, frame, each with mean_ns
- * p50_ns p99_ns max_ns of the loop thread's CPU time and the same of wall time as wall_*; memory;
- * heap_calls_after_init (null where this build cannot count). Frames that were dropped came too late or were
- * lost by the source; tracked and lost count frames with and without a pose, of those for which one was
- * sought. */
+/* JSON: frames {in processed dropped tracked lost ...}; stages by name, step, work, frame, each
+ * with mean_ns p50_ns p99_ns max_ns of the loop thread's CPU time and the same of wall time as
+ * wall_*; memory; heap_calls_after_init (null where this build cannot count). Frames that were
+ * dropped came too late or were lost by the source; tracked and lost count frames with and without
+ * a pose, of those for which one was sought. */
 void fv_report_json(FILE *file, const struct fv_report *report);
 
 #endif

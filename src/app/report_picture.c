@@ -17,7 +17,8 @@ enum {
     FRAME_LIGHT = 0xf7d9b0
 };
 
-/* Distance between grid lines: 1, 2 or 5 times a power of ten, at most six of them up to `range`. */
+/* Distance between grid lines: 1, 2 or 5 times a power of ten, at most six of them up to `range`.
+ */
 static double tick_of(double range)
 {
     double tick = 1e-6;
@@ -31,8 +32,10 @@ static void title(struct fv_canvas *canvas, const struct fv_report *report)
     char line[160];
     snprintf(line, sizeof line, "%.60s  %d x %d  %" PRIu64 " frames  kernel set %s", report->source,
              report->width, report->height, report->loop->counts.processed, report->kernel_set);
-    fv_canvas_text(canvas, LEFT, 12, fv_canvas_text_width(2, line) > RIGHT - LEFT ? 1 : 2, INK, line);
-    int x = fv_canvas_text(canvas, LEFT, 40, 1, INK, "ms of the loop's processor time over the run:  ");
+    fv_canvas_text(canvas, LEFT, 12, fv_canvas_text_width(2, line) > RIGHT - LEFT ? 1 : 2, INK,
+                   line);
+    int x =
+        fv_canvas_text(canvas, LEFT, 40, 1, INK, "ms of the loop's processor time over the run:  ");
     x = fv_canvas_text(canvas, x, 40, 1, STEP, "step (mean)   ");
     x = fv_canvas_text(canvas, x, 40, 1, FRAME, "step and work together (mean)   ");
     fv_canvas_text(canvas, x, 40, 1, 0xc0a070, "largest");
@@ -46,7 +49,8 @@ static void grid(struct fv_canvas *canvas, double top_ms, uint64_t frames)
         float y = (float)(BOTTOM - (double)i * tick / top_ms * (BOTTOM - TOP));
         fv_canvas_line(canvas, LEFT, y, RIGHT, y, 1.0F, i == 0 ? INK : GREY);
         snprintf(label, sizeof label, "%.4g", (double)i * tick);
-        fv_canvas_text(canvas, LEFT - 8 - fv_canvas_text_width(1, label), (int)y - 4, 1, INK, label);
+        fv_canvas_text(canvas, LEFT - 8 - fv_canvas_text_width(1, label), (int)y - 4, 1, INK,
+                       label);
     }
     fv_canvas_text(canvas, LEFT, BOTTOM + 8, 1, INK, "frame 1");
     snprintf(label, sizeof label, "%" PRIu64, frames);
@@ -70,7 +74,8 @@ static double bin_mean_ms(const struct fv_curve *curve, uint32_t bin)
     return frames > 0 ? (double)curve->sum_ns[bin] / frames * 1e-6 : 0.0;
 }
 
-static void mean_curve(struct fv_canvas *canvas, const struct fv_curve *curve, double top_ms, uint32_t colour)
+static void mean_curve(struct fv_canvas *canvas, const struct fv_curve *curve, double top_ms,
+                       uint32_t colour)
 {
     for (uint32_t i = 1; i < curve->bins; i++)
         fv_canvas_line(canvas, bin_x(curve, i - 1), value_y(bin_mean_ms(curve, i - 1), top_ms),
@@ -123,8 +128,8 @@ static void bar_draw(struct fv_canvas *canvas, int y, const struct bar *bar, dou
     fv_canvas_fill(canvas, x[0], y + 6, x[1] - x[0], 2, bar->colour);
     fv_canvas_fill(canvas, x[1], y + 2, 2, 10, bar->colour);
     if (x[2] < right) fv_canvas_fill(canvas, x[2], y + 5, 1, 4, bar->colour);
-    snprintf(label, sizeof label, "%8.3f %8.3f %8.3f %8.3f", (double)fv_histogram_mean(bar->times) * 1e-6,
-             values[0], values[1], values[2]);
+    snprintf(label, sizeof label, "%8.3f %8.3f %8.3f %8.3f",
+             (double)fv_histogram_mean(bar->times) * 1e-6, values[0], values[1], values[2]);
     fv_canvas_text(canvas, 660, y + 3, 1, INK, label);
 }
 
@@ -133,8 +138,8 @@ static void bars(struct fv_canvas *canvas, const struct fv_timings *timings)
     struct bar list[FOVEA_STAGE_COUNT + 3];
     int count = 0;
     for (; count < FOVEA_STAGE_COUNT; count++)
-        list[count] =
-            (struct bar){fovea_stage_name((enum fovea_stage)count), &timings->stages[count].cpu, 0x6f8f6f};
+        list[count] = (struct bar){fovea_stage_name((enum fovea_stage)count),
+                                   &timings->stages[count].cpu, 0x6f8f6f};
     list[count++] = (struct bar){"step", &timings->step.cpu, STEP};
     list[count++] = (struct bar){"work", &timings->work.cpu, 0x8a5fa8};
     list[count++] = (struct bar){"frame", &timings->frame.cpu, FRAME};

@@ -53,11 +53,13 @@ enum fovea_status fv_results_open(const char *detections_path, const char *track
     *results = NULL;
     if (detections_path == NULL && tracks_path == NULL) return FOVEA_OK;
     struct fv_results *opened = fv_aligned_zeroed(sizeof *opened);
-    if (opened == NULL) return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory for the results");
+    if (opened == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory for the results");
     fv_ring_init(&opened->ring, opened->memory, sizeof opened->memory);
     for (int kind = 0; kind < KINDS; kind++) {
         opened->outputs[kind].path = paths[kind];
-        if (paths[kind] == NULL || (opened->outputs[kind].file = fopen(paths[kind], "we")) != NULL) continue;
+        if (paths[kind] == NULL || (opened->outputs[kind].file = fopen(paths[kind], "we")) != NULL)
+            continue;
         fovea_error_set(error, FOVEA_ERROR_INPUT, "%.200s: cannot be written: %s", paths[kind],
                         strerror(errno));
         close_files(opened);
@@ -68,7 +70,8 @@ enum fovea_status fv_results_open(const char *detections_path, const char *track
     return FOVEA_OK;
 }
 
-/* ---- loop thread ------------------------------------------------------------------------------------------- */
+/* ---- loop thread
+ * ------------------------------------------------------------------------------------------- */
 
 static size_t record_bytes(enum kind kind, uint32_t count)
 {
@@ -105,21 +108,24 @@ void fv_results_add(struct fv_results *results, const struct fovea_detections *d
     if (tracks->updates > 0) add(results, TRACKS, tracks->sequence, tracks->list, tracks->count);
 }
 
-/* ---- the other side ---------------------------------------------------------------------------------------- */
+/* ---- the other side
+ * ---------------------------------------------------------------------------------------- */
 
-/* Pixels count from the corner of the first one in COCO's files, from 1 at its middle in MOTChallenge's. */
+/* Pixels count from the corner of the first one in COCO's files, from 1 at its middle in
+ * MOTChallenge's. */
 static void write_detection(struct fv_results *results, uint64_t sequence, const void *row)
 {
     struct fovea_detection found;
     struct output *output = &results->outputs[DETECTIONS];
     memcpy(&found, row, sizeof found);
-    const int bytes = fprintf(output->file,
-                              "%s{\"image_id\": %" PRIu64
-                              ", \"category_id\": %d, \"bbox\": [%.3f, %.3f, %.3f, %.3f], \"score\": %.6f}",
-                              output->written == 0 ? "[\n" : ",\n", sequence, found.class_id + 1,
-                              (double)found.x_min_px + 0.5, (double)found.y_min_px + 0.5,
-                              (double)found.x_max_px - (double)found.x_min_px,
-                              (double)found.y_max_px - (double)found.y_min_px, (double)found.score);
+    const int bytes =
+        fprintf(output->file,
+                "%s{\"image_id\": %" PRIu64
+                ", \"category_id\": %d, \"bbox\": [%.3f, %.3f, %.3f, %.3f], \"score\": %.6f}",
+                output->written == 0 ? "[\n" : ",\n", sequence, found.class_id + 1,
+                (double)found.x_min_px + 0.5, (double)found.y_min_px + 0.5,
+                (double)found.x_max_px - (double)found.x_min_px,
+                (double)found.y_max_px - (double)found.y_min_px, (double)found.score);
     results->failed |= bytes < 0;
     output->written++;
 }
@@ -130,18 +136,19 @@ static void write_track(struct fv_results *results, uint64_t sequence, const voi
     struct output *output = &results->outputs[TRACKS];
     memcpy(&track, row, sizeof track);
     if (track.state != FOVEA_TRACK_CONFIRMED) return;
-    const int bytes = fprintf(output->file, "%" PRIu64 ",%" PRIu64 ",%.2f,%.2f,%.2f,%.2f,%.4f,-1,-1,-1\n",
-                              sequence + 1, track.id, (double)track.x_min_px + 1, (double)track.y_min_px + 1,
-                              (double)track.x_max_px - (double)track.x_min_px,
-                              (double)track.y_max_px - (double)track.y_min_px, (double)track.score);
+    const int bytes =
+        fprintf(output->file, "%" PRIu64 ",%" PRIu64 ",%.2f,%.2f,%.2f,%.2f,%.4f,-1,-1,-1\n",
+                sequence + 1, track.id, (double)track.x_min_px + 1, (double)track.y_min_px + 1,
+                (double)track.x_max_px - (double)track.x_min_px,
+                (double)track.y_max_px - (double)track.y_min_px, (double)track.score);
     results->failed |= bytes < 0;
     output->written++;
 }
 
 void fv_results_drain(struct fv_results *results)
 {
-    static void (*const write[KINDS])(struct fv_results *, uint64_t, const void *) = {write_detection,
-                                                                                      write_track};
+    static void (*const write[KINDS])(struct fv_results *, uint64_t,
+                                      const void *) = {write_detection, write_track};
     size_t bytes;
     const uint8_t *data;
     if (results == NULL) return;
@@ -171,12 +178,14 @@ enum fovea_status fv_results_close(struct fv_results *results, struct fovea_erro
         bool failed = ferror(output->file) != 0;
         failed = fclose(output->file) != 0 || failed || results->failed;
         if (failed)
-            status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.200s: cannot be written", output->path);
+            status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.200s: cannot be written",
+                                     output->path);
     }
     if (status == FOVEA_OK && results->lost > 0)
         status = fovea_error_set(
             error, FOVEA_ERROR_SYSTEM, "%.200s: found no time to write %" PRIu64 " lists",
-            detections->file != NULL ? detections->path : results->outputs[TRACKS].path, results->lost);
+            detections->file != NULL ? detections->path : results->outputs[TRACKS].path,
+            results->lost);
     free(results);
     return status;
 }

@@ -1,5 +1,5 @@
-/* One run of `fovea run`, shared by the files of the command: run_command.c opens and runs it, run_end.c tells and
- * writes what came of it. */
+/* One run of `fovea run`, shared by the files of the command: run_command.c opens and runs it,
+ * run_end.c tells and writes what came of it. */
 #ifndef FOVEA_APP_RUN_H
 #define FOVEA_APP_RUN_H
 
@@ -22,7 +22,8 @@
 struct fv_run {
     struct fv_setup_options options;
     struct fovea_source_selection selection;
-    const char *stats_path, *trajectory_path, *final_path, *picture_path, *detections_path, *tracks_path;
+    const char *stats_path, *trajectory_path, *final_path, *picture_path, *detections_path,
+        *tracks_path;
     bool quiet, all_boxes;
 
     struct fv_settings settings;
@@ -46,8 +47,9 @@ struct fv_run {
     pthread_t watcher;
 };
 
-/* After the loop's last call: the summary on stdout, the statistics, the ends of trajectories and results, and the
- * picture, for whose memory the source is closed. What could not be written is told on stderr. */
+/* After the loop's last call: the summary on stdout, the statistics, the ends of trajectories and
+ * results, and the picture, for whose memory the source is closed. What could not be written is
+ * told on stderr. */
 enum fv_exit fv_run_report(struct fv_run *run);
 /* Close the recording, if there is one, and tell what is in it. */
 void fv_run_end_recording(struct fv_run *run);

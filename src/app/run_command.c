@@ -17,7 +17,8 @@
 #include "app/signals.h"
 #include "app/transport_url.h"
 
-/* ---- around the loop: called on its thread ----------------------------------------------------------- */
+/* ---- around the loop: called on its thread
+ * ----------------------------------------------------------- */
 
 static void pace(void *context)
 {
@@ -48,7 +49,8 @@ static void boxes_from_truth(struct fv_run *run, struct fovea_inputs *inputs)
 {
     struct fovea_truth truth;
     const struct fovea_source_ops *ops = run->setup.ops;
-    if (ops->truth == NULL || ops->truth(run->setup.source, inputs->frame, &truth) != FOVEA_OK) return;
+    if (ops->truth == NULL || ops->truth(run->setup.source, inputs->frame, &truth) != FOVEA_OK)
+        return;
     inputs->has_boxes = true;
     inputs->boxes_stamp_ns = inputs->frame->stamp_ns;
     for (uint32_t i = 0; i < truth.box_count && inputs->box_count < FOVEA_INPUT_BOXES_MAX; i++) {
@@ -66,15 +68,15 @@ static void sense(void *context, struct fovea_inputs *inputs)
         if (ops->odometry == NULL)
             inputs->odometry_count = odometry_heard(run, inputs, inputs->odometry);
         else if (inputs->frame != NULL)
-            inputs->odometry_count =
-                ops->odometry(run->setup.source, inputs->frame, inputs->odometry, FOVEA_INPUT_ODOMETRY_MAX);
+            inputs->odometry_count = ops->odometry(run->setup.source, inputs->frame,
+                                                   inputs->odometry, FOVEA_INPUT_ODOMETRY_MAX);
     }
     if (run->settings.movable_boxes == FV_MOVABLE_TRUTH && inputs->frame != NULL)
         boxes_from_truth(run, inputs);
 }
 
-static void step_done(void *context, const struct fovea_inputs *inputs, const struct fovea_outputs *outputs,
-                      const struct fovea_pose *pose)
+static void step_done(void *context, const struct fovea_inputs *inputs,
+                      const struct fovea_outputs *outputs, const struct fovea_pose *pose)
 {
     struct fv_run *run = context;
     fv_transport_publish(run->transport, outputs);
@@ -87,16 +89,16 @@ static void step_done(void *context, const struct fovea_inputs *inputs, const st
     const struct fovea_source_ops *ops = run->setup.ops;
     memcpy(sample.T_world_cam, pose->T_world_cam, sizeof sample.T_world_cam);
     double truth[12] = {0};
-    sample.has_truth =
-        ops->truth_pose != NULL && ops->truth_pose(run->setup.source, inputs->frame, truth) == FOVEA_OK;
+    sample.has_truth = ops->truth_pose != NULL &&
+                       ops->truth_pose(run->setup.source, inputs->frame, truth) == FOVEA_OK;
     for (int i = 0; i < 3; i++)
         sample.truth_m[i] = truth[4 * i + 3];
     fv_trajectory_add(run->trajectory, &sample);
     fv_final_frame(run->final, pose, &sample);
 }
 
-static void work_done(void *context, const struct fovea_inputs *inputs, const struct fovea_grants *grants,
-                      const struct fovea_outputs *outputs)
+static void work_done(void *context, const struct fovea_inputs *inputs,
+                      const struct fovea_grants *grants, const struct fovea_outputs *outputs)
 {
     struct fv_run *run = context;
     fv_transport_publish(run->transport, outputs);
@@ -124,39 +126,49 @@ static void *loop_body(void *argument)
     return NULL;
 }
 
-/* ---- set-up ------------------------------------------------------------------------------------------ */
+/* ---- set-up
+ * ------------------------------------------------------------------------------------------ */
 
 static enum fv_options_result options_read(struct fv_run *run, int argc, char **argv)
 {
     const struct fv_option options[] = {
-        {"config", "FILE", FV_OPTION_TEXT, &run->options.config, "configuration ('fovea config' prints one)"},
+        {"config", "FILE", FV_OPTION_TEXT, &run->options.config,
+         "configuration ('fovea config' prints one)"},
         {"source", "URI", FV_OPTION_TEXT, &run->options.source, FV_SETUP_SOURCE_HELP},
-        {"camera", "FILE", FV_OPTION_TEXT, &run->options.camera, "calibration, instead of the source's own"},
+        {"camera", "FILE", FV_OPTION_TEXT, &run->options.camera,
+         "calibration, instead of the source's own"},
         {"rate", "max|real", FV_OPTION_TEXT, &run->options.rate,
          "every frame, or by the clock with late ones dropped"},
         {"frames", "N", FV_OPTION_COUNT, &run->selection.frames, "end after N frames"},
-        {"start", "N", FV_OPTION_COUNT, &run->selection.start, "begin with frame N of the recording, from 0"},
-        {"step", "K", FV_OPTION_POSITIVE, &run->selection.step, "take every K-th frame of the recording"},
+        {"start", "N", FV_OPTION_COUNT, &run->selection.start,
+         "begin with frame N of the recording, from 0"},
+        {"step", "K", FV_OPTION_POSITIVE, &run->selection.step,
+         "take every K-th frame of the recording"},
         {"reverse", NULL, FV_OPTION_FLAG, &run->selection.reverse, "last frame first"},
-        {"stats", "FILE", FV_OPTION_TEXT, &run->stats_path, "write times, counts and memory as JSON"},
+        {"stats", "FILE", FV_OPTION_TEXT, &run->stats_path,
+         "write times, counts and memory as JSON"},
         {"trajectory", "FILE", FV_OPTION_TEXT, &run->trajectory_path,
          "write T_world_cam of every posed frame, as published, in TUM format"},
         {"trajectory-final", "FILE", FV_OPTION_TEXT, &run->final_path,
          "the same after all optimisation, written at the end"},
         {"picture", "FILE", FV_OPTION_TEXT, &run->picture_path,
-         "where to draw path, map, tracks and timings (default " FV_RUN_PICTURE_FILE " here; 'none')"},
+         "where to draw path, map, tracks and timings (default " FV_RUN_PICTURE_FILE
+         " here; 'none')"},
         {"model", "FILE", FV_OPTION_TEXT, &run->options.model,
          "network that looks for objects (.fvm, made by tools/import)"},
         {"detections", "FILE", FV_OPTION_TEXT, &run->detections_path,
          "write what it finds as COCO results JSON"},
         {"all-boxes", NULL, FV_OPTION_FLAG, &run->all_boxes,
          "with what is below its threshold and was kept for the tracker"},
-        {"tracks", "FILE", FV_OPTION_TEXT, &run->tracks_path, "write the tracks of it as MOTChallenge text"},
-        {"record", "FILE", FV_OPTION_TEXT, &run->options.record, "record the run for 'fovea replay'"},
+        {"tracks", "FILE", FV_OPTION_TEXT, &run->tracks_path,
+         "write the tracks of it as MOTChallenge text"},
+        {"record", "FILE", FV_OPTION_TEXT, &run->options.record,
+         "record the run for 'fovea replay'"},
         {"map", "FILE", FV_OPTION_TEXT, &run->options.map, "begin with a map that was saved"},
         {"save-map", "FILE", FV_OPTION_TEXT, &run->options.save_map,
          "save the map at the end, and on the command `save`"},
-        {"set", "KEY=VALUE", FV_OPTION_LIST, &run->options.sets, "override a key of the configuration"},
+        {"set", "KEY=VALUE", FV_OPTION_LIST, &run->options.sets,
+         "override a key of the configuration"},
         {"quiet", NULL, FV_OPTION_FLAG, &run->quiet, "no status line and no summary"},
         {0},
     };
@@ -205,7 +217,8 @@ static enum fovea_status settings_read(struct fv_run *run, struct fovea_error *e
     };
     const struct fv_file map[] = {{"--map", run->settings.map_load}, {0}};
     status = fv_files_apart(written, read, error);
-    if (status == FOVEA_OK) status = fv_files_apart(written + 1, map, error); /* a map may be saved again */
+    if (status == FOVEA_OK)
+        status = fv_files_apart(written + 1, map, error); /* a map may be saved again */
     if (status != FOVEA_OK || run->settings.map_save[0] == '\0') return status;
     status = fv_map_file_probe(run->settings.map_save, error);
     if (status != FOVEA_OK) fv_settings_blame(&run->settings, "map.save", error);
@@ -222,9 +235,11 @@ static enum fv_exit outputs_check(struct fv_run *run)
         return fv_say_wrong("fovea run: --detections: found no network, expected --model FILE");
     if (run->tracks_path != NULL && run->settings.model[0] == '\0')
         return fv_say_wrong("fovea run: --tracks: found no network, expected --model FILE");
-    if (!run->settings.runtime.odometry.enabled && (run->trajectory_path != NULL || run->final_path != NULL))
-        return fv_say_wrong("fovea run: --trajectory%s: found no odometry, expected odometry.enabled true",
-                            run->trajectory_path != NULL ? "" : "-final");
+    if (!run->settings.runtime.odometry.enabled &&
+        (run->trajectory_path != NULL || run->final_path != NULL))
+        return fv_say_wrong(
+            "fovea run: --trajectory%s: found no odometry, expected odometry.enabled true",
+            run->trajectory_path != NULL ? "" : "-final");
     files_written(run, written);
     for (const struct fv_file *file = written + 2; file->option != NULL; file++)
         if (file->path != NULL && file->path[0] == '\0')
@@ -244,14 +259,15 @@ static enum fovea_status runtime_open(struct fv_run *run, struct fovea_error *er
     config->clock = fv_timing_clock;
     enum fovea_status status = fovea_size(config, &run->bytes, error);
     if (status == FOVEA_OK)
-        status = fv_realtime_map(run->bytes, run->settings.lock_memory, &run->memory, &locked, error);
+        status =
+            fv_realtime_map(run->bytes, run->settings.lock_memory, &run->memory, &locked, error);
     if (status != FOVEA_OK) return status;
     if (run->settings.lock_memory && !locked) run->unlocked = *error;
     return fovea_init(run->memory, run->bytes, config, &run->loop.rt, error);
 }
 
-/* A machine that cannot send messages is no reason not to run: the recording and the statistics are still of
- * use. A malformed URL is. */
+/* A machine that cannot send messages is no reason not to run: the recording and the statistics are
+ * still of use. A malformed URL is. */
 static enum fovea_status transport_open(struct fv_run *run, struct fovea_error *error)
 {
     const char *prefix = run->settings.runtime.channel_prefix;
@@ -259,8 +275,8 @@ static enum fovea_status transport_open(struct fv_run *run, struct fovea_error *
         fv_transport_open(run->settings.lcm_url, run->settings.lcm_ttl, &run->transport, error);
     bool odometry = run->settings.runtime.scale.source == FOVEA_SCALE_ODOMETRY;
     if (status == FOVEA_OK)
-        status = fv_transport_listen(run->transport, prefix, odometry ? run->settings.odometry_channel : NULL,
-                                     error);
+        status = fv_transport_listen(run->transport, prefix,
+                                     odometry ? run->settings.odometry_channel : NULL, error);
     if (status == FOVEA_OK) return FOVEA_OK;
     fv_settings_locate(&run->settings, error);
     if (status == FOVEA_ERROR_INPUT) return status;
@@ -287,19 +303,22 @@ static enum fovea_status recorder_open(struct fv_run *run, struct fovea_error *e
 /* Kept as it is until there is something to write. */
 static enum fovea_status stats_open(struct fv_run *run, struct fovea_error *error)
 {
-    if (run->stats_path == NULL || (run->stats = fopen(run->stats_path, "ae")) != NULL) return FOVEA_OK;
+    if (run->stats_path == NULL || (run->stats = fopen(run->stats_path, "ae")) != NULL)
+        return FOVEA_OK;
     return fovea_error_set(error, FOVEA_ERROR_INPUT, "--stats: %.200s: cannot be written: %s",
                            run->stats_path, strerror(errno));
 }
 
-/* What is as good as it can be here. Not before all the rest is known to be right: wrong input is one line. */
+/* What is as good as it can be here. Not before all the rest is known to be right: wrong input is
+ * one line. */
 static void remarks(const struct fv_run *run)
 {
     if (run->unlocked.text[0] != '\0') fv_say("fovea run: %s", run->unlocked.text);
     if (fv_setup_wants_colour(&run->setup) &&
         run->setup.ops->info(run->setup.source)->format == FOVEA_PIXEL_GREY8)
-        fv_say("fovea run: the network takes colour and this source gives grey levels: all its channels get "
-               "these");
+        fv_say(
+            "fovea run: the network takes colour and this source gives grey levels: all its channels get "
+            "these");
 }
 
 /* Last what cuts files: by then all that can be wrong with the input has been said. */
@@ -313,7 +332,8 @@ static enum fovea_status open_all(struct fv_run *run, struct fovea_error *error)
     if (status == FOVEA_OK) remarks(run);
     if (status == FOVEA_OK) status = stats_open(run, error);
     if (status == FOVEA_OK) status = recorder_open(run, error);
-    if (status == FOVEA_OK) status = fv_trajectory_open(run->trajectory_path, &run->trajectory, error);
+    if (status == FOVEA_OK)
+        status = fv_trajectory_open(run->trajectory_path, &run->trajectory, error);
     if (status == FOVEA_OK)
         status = fv_results_open(run->detections_path, run->tracks_path, &run->results, error);
     if (status == FOVEA_OK && run->final_path != NULL)
@@ -336,7 +356,8 @@ static void close_all(struct fv_run *run)
     if (run->stats != NULL) fclose(run->stats);
 }
 
-/* ---- watching ---------------------------------------------------------------------------------------- */
+/* ---- watching
+ * ---------------------------------------------------------------------------------------- */
 
 static void complaints(struct fv_run *run)
 {
@@ -352,8 +373,9 @@ static void status_line(struct fv_run *run, uint64_t frames_before, double secon
     fv_say_status("  frame %" PRIu64 "  %.1f Hz  step %.2f ms  %" PRIu64 " corners  %" PRIu64
                   " dropped  %.1f MiB ",
                   frames, (double)(frames - frames_before) / seconds,
-                  (double)atomic_load(&run->shared.step_ns) * 1e-6, atomic_load(&run->shared.features),
-                  dropped, (double)atomic_load(&run->shared.resident_bytes) / 1048576.0);
+                  (double)atomic_load(&run->shared.step_ns) * 1e-6,
+                  atomic_load(&run->shared.features), dropped,
+                  (double)atomic_load(&run->shared.resident_bytes) / 1048576.0);
 }
 
 /* Until the loop has ended: signals, the terminal, what the process looks like. */
@@ -385,7 +407,8 @@ static void watch(struct fv_run *run, const sigset_t *signals)
     complaints(run);
 }
 
-static enum fovea_status run_loop(struct fv_run *run, const sigset_t *signals, struct fovea_error *error)
+static enum fovea_status run_loop(struct fv_run *run, const sigset_t *signals,
+                                  struct fovea_error *error)
 {
     struct fv_realtime_rights rights;
     pthread_t thread;
@@ -406,8 +429,8 @@ static enum fovea_status run_loop(struct fv_run *run, const sigset_t *signals, s
 
     enum fovea_status status = loop->ops->start(loop->source, error);
     if (status != FOVEA_OK) return status;
-    status =
-        fv_realtime_start(&thread, run->settings.priority, run->settings.cpu, loop_body, run, &rights, error);
+    status = fv_realtime_start(&thread, run->settings.priority, run->settings.cpu, loop_body, run,
+                               &rights, error);
     if (status != FOVEA_OK) return status;
     if (rights.why.text[0] != '\0') fv_say("fovea run: %s", rights.why.text);
     watch(run, signals);
@@ -418,7 +441,8 @@ static enum fovea_status run_loop(struct fv_run *run, const sigset_t *signals, s
     return FOVEA_OK;
 }
 
-/* ---- the command ------------------------------------------------------------------------------------- */
+/* ---- the command
+ * ------------------------------------------------------------------------------------- */
 
 int fv_command_run(int argc, char **argv)
 {

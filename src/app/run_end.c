@@ -15,8 +15,8 @@
 static enum fv_exit stats_write(struct fv_run *run, const struct fv_report *report)
 {
     if (run->stats == NULL) return FV_EXIT_OK;
-    bool failed =
-        ftruncate(fileno(run->stats), 0) != 0 && errno != EINVAL; /* EINVAL: not a file of its own */
+    bool failed = ftruncate(fileno(run->stats), 0) != 0 &&
+                  errno != EINVAL; /* EINVAL: not a file of its own */
     fv_report_json(run->stats, report);
     failed = failed || ferror(run->stats) != 0;
     failed = fclose(run->stats) != 0 || failed;
@@ -32,10 +32,12 @@ static enum fv_exit picture_draw(const struct fv_run *run, const struct fv_repor
     const struct fv_run_picture picture = {report, path, &run->trails};
     const char *file = run->picture_path != NULL ? run->picture_path : FV_RUN_PICTURE_FILE;
     if (strcmp(file, "none") == 0) return FV_EXIT_OK;
-    enum fovea_status status = fv_run_picture(file, &picture, run->loop.rt, &run->settings.runtime, &error);
+    enum fovea_status status =
+        fv_run_picture(file, &picture, run->loop.rt, &run->settings.runtime, &error);
     if (status != FOVEA_OK) fv_say("%s", error.text);
     if (status != FOVEA_OK && run->picture_path != NULL) return FV_EXIT_FAILED;
-    if (status == FOVEA_OK && !run->quiet) printf("  path, map, tracks and timings are drawn in %s\n", file);
+    if (status == FOVEA_OK && !run->quiet)
+        printf("  path, map, tracks and timings are drawn in %s\n", file);
     return FV_EXIT_OK;
 }
 
@@ -53,8 +55,8 @@ static void path_tell(const struct fv_run *run, const struct fv_trajectory_summa
 {
     const struct fv_loop_counts *counts = &run->loop.counts;
     if (!run->settings.runtime.odometry.enabled) return;
-    printf("  posed %" PRIu64 " of %" PRIu64 " frames, lost %" PRIu64, counts->tracked, counts->processed,
-           counts->lost);
+    printf("  posed %" PRIu64 " of %" PRIu64 " frames, lost %" PRIu64, counts->tracked,
+           counts->processed, counts->lost);
     struct fovea_stats stats;
     fovea_stats_get(run->loop.rt, &stats);
     if (stats.loops_closed > 0) printf(", %" PRIu32 " loops closed", stats.loops_closed);
@@ -68,7 +70,8 @@ static void found_tell(const struct fv_run *run)
 {
     if (run->settings.model[0] == '\0') return;
     printf("  found %" PRIu64 " objects in %" PRIu64 " images", run->objects, run->looks);
-    if (run->settings.runtime.track.mode != FOVEA_TRACK_OFF) printf(", %" PRIu64 " tracks", run->tracks);
+    if (run->settings.runtime.track.mode != FOVEA_TRACK_OFF)
+        printf(", %" PRIu64 " tracks", run->tracks);
     printf("\n");
 }
 
@@ -121,6 +124,6 @@ void fv_run_end_recording(struct fv_run *run)
     run->recorder = NULL;
     if (run->quiet) return;
     printf("  recorded %" PRIu64 " events, %.1f MB, in %s%s%s\n", summary.events,
-           (double)summary.bytes * 1e-6, run->settings.record, summary.complete ? "" : ": incomplete, ",
-           summary.complete ? "" : summary.reason);
+           (double)summary.bytes * 1e-6, run->settings.record,
+           summary.complete ? "" : ": incomplete, ", summary.complete ? "" : summary.reason);
 }

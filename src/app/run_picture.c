@@ -20,16 +20,19 @@ enum {
     COLOURS = 6
 };
 
-static const uint32_t colours[COLOURS] = {0xd62728, 0x2ca02c, 0x1f77b4, 0xbf9000, 0x9467bd, 0x17a2a2};
+static const uint32_t colours[COLOURS] = {0xd62728, 0x2ca02c, 0x1f77b4,
+                                          0xbf9000, 0x9467bd, 0x17a2a2};
 
-/* ---- tracks -------------------------------------------------------------------------------------------- */
+/* ---- tracks
+ * -------------------------------------------------------------------------------------------- */
 
 struct time_axis {
     double seconds;
     int32_t width_px; /* of the camera's image */
 };
 
-static void to_pixel(const struct time_axis *axis, const struct fv_trail_point *point, float pixel[2])
+static void to_pixel(const struct time_axis *axis, const struct fv_trail_point *point,
+                     float pixel[2])
 {
     pixel[0] = (float)(LEFT + (double)point->time_s / axis->seconds * (RIGHT - LEFT));
     pixel[1] = (float)(TOP + (double)point->x_px / axis->width_px * (BOTTOM - TOP));
@@ -51,13 +54,14 @@ static void tracks_grid(struct fv_canvas *canvas, const struct time_axis *axis)
         const float y = TOP + (float)i / 4 * (BOTTOM - TOP);
         fv_canvas_line(canvas, LEFT, y, RIGHT, y, 1.0F, GREY);
         snprintf(label, sizeof label, "%d", i * axis->width_px / 4);
-        fv_canvas_text(canvas, LEFT - 8 - fv_canvas_text_width(1, label), (int)y - 4, 1, INK, label);
+        fv_canvas_text(canvas, LEFT - 8 - fv_canvas_text_width(1, label), (int)y - 4, 1, INK,
+                       label);
     }
 }
 
 /* A line where a track was seen in the look before too, thin over a gap; its id where it begins. */
-static void trail_draw(struct fv_canvas *canvas, const struct fv_trails *trails, const struct time_axis *axis,
-                       uint32_t i)
+static void trail_draw(struct fv_canvas *canvas, const struct fv_trails *trails,
+                       const struct time_axis *axis, uint32_t i)
 {
     const struct fv_trail_point *point = &trails->points[i];
     const uint32_t colour = colours[point->class_id % COLOURS];
@@ -78,12 +82,13 @@ static void trail_draw(struct fv_canvas *canvas, const struct fv_trails *trails,
 static enum fovea_status tracks_panel(struct fv_canvas *canvas, const struct fv_trails *trails,
                                       const struct fovea *rt, int32_t width_px)
 {
-    const struct time_axis axis = {(double)(trails->last_ns - trails->first_ns) * 1e-9 + 1e-3, width_px};
+    const struct time_axis axis = {(double)(trails->last_ns - trails->first_ns) * 1e-9 + 1e-3,
+                                   width_px};
     enum fovea_status status = fv_canvas_create(canvas, TRACKS_WIDTH, TRACKS_HEIGHT, 0xffffff);
     if (status != FOVEA_OK) return status;
     fv_canvas_text(canvas, LEFT - 26, 10, 2, INK, "tracks: column of the image over time");
-    int x =
-        fv_canvas_text(canvas, LEFT - 26, 38, 1, INK, "one line and number per id, thin while not seen   ");
+    int x = fv_canvas_text(canvas, LEFT - 26, 38, 1, INK,
+                           "one line and number per id, thin while not seen   ");
     bool named[COLOURS] = {false};
     tracks_grid(canvas, &axis);
     for (uint32_t i = 0; i < trails->count; i++) {
@@ -99,7 +104,9 @@ static enum fovea_status tracks_panel(struct fv_canvas *canvas, const struct fv_
     return FOVEA_OK;
 }
 
-/* ---- map ----------------------------------------------------------------------------------------------- */
+/* ---- map
+ * -----------------------------------------------------------------------------------------------
+ */
 
 /* No panel (no pixels) when there is no map yet. */
 static enum fovea_status map_panel(struct fv_canvas *canvas, struct fovea *rt,
@@ -121,7 +128,8 @@ static enum fovea_status map_panel(struct fv_canvas *canvas, struct fovea *rt,
     return status;
 }
 
-/* ---- the sheet ----------------------------------------------------------------------------------------- */
+/* ---- the sheet
+ * ----------------------------------------------------------------------------------------- */
 
 enum { PATH, TIMINGS, MAP, TRACKS, PANELS };
 
@@ -154,7 +162,8 @@ static enum fovea_status sheet_create(struct sheet *sheet)
     const int second = larger(width[MAP], width[TRACKS]);
     sheet->right = larger(width[PATH], width[TIMINGS]) + GAP;
     return fv_canvas_create(&sheet->canvas, second > 0 ? sheet->right + second : sheet->right - GAP,
-                            larger(height[PATH] + height[TIMINGS], height[MAP] + height[TRACKS]), 0xffffff);
+                            larger(height[PATH] + height[TIMINGS], height[MAP] + height[TRACKS]),
+                            0xffffff);
 }
 
 /* Copy a panel to its place and free it. */
@@ -168,8 +177,8 @@ static void panel_place(struct sheet *sheet, int i, struct fv_canvas *panel)
     fv_canvas_free(panel);
 }
 
-static enum fovea_status panel_draw(int i, struct fv_canvas *panel, const struct fv_run_picture *picture,
-                                    const struct fovea *rt)
+static enum fovea_status panel_draw(int i, struct fv_canvas *panel,
+                                    const struct fv_run_picture *picture, const struct fovea *rt)
 {
     const struct fv_report *report = picture->report;
     if (i == PATH) return fv_path_panel(panel, report->source, picture->path);
@@ -177,7 +186,8 @@ static enum fovea_status panel_draw(int i, struct fv_canvas *panel, const struct
     return tracks_panel(panel, picture->trails, rt, report->width);
 }
 
-/* The map comes first, by itself, as it is opened in memory of its own; the others one after the other. */
+/* The map comes first, by itself, as it is opened in memory of its own; the others one after the
+ * other. */
 static enum fovea_status sheet_draw(struct sheet *sheet, const struct fv_run_picture *picture,
                                     struct fovea *rt, const struct fovea_config *config)
 {
@@ -203,8 +213,9 @@ static enum fovea_status sheet_draw(struct sheet *sheet, const struct fv_run_pic
     return FOVEA_OK;
 }
 
-enum fovea_status fv_run_picture(const char *path, const struct fv_run_picture *picture, struct fovea *rt,
-                                 const struct fovea_config *config, struct fovea_error *error)
+enum fovea_status fv_run_picture(const char *path, const struct fv_run_picture *picture,
+                                 struct fovea *rt, const struct fovea_config *config,
+                                 struct fovea_error *error)
 {
     struct sheet sheet = {0};
     enum fovea_status status = sheet_draw(&sheet, picture, rt, config);

@@ -39,7 +39,8 @@ void fv_say_status(const char *format, ...)
     va_start(arguments, format);
     vsnprintf(line, sizeof line, format, arguments);
     va_end(arguments);
-    size_t columns = ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80;
+    size_t columns =
+        ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80;
     if (strlen(line) >= columns && columns < sizeof line) line[columns - 1] = '\0';
     fprintf(stderr, "%s%s", clear(line[0] != '\0'), line);
 }

@@ -1,5 +1,5 @@
-/* One line to a person on stderr. Whatever the text quotes from files or arguments, it stays one line:
- * control bytes are shown as '?' and the line is cut at 1023 bytes. Off the loop thread. */
+/* One line to a person on stderr. Whatever the text quotes from files or arguments, it stays one
+ * line: control bytes are shown as '?' and the line is cut at 1023 bytes. Off the loop thread. */
 #ifndef FOVEA_APP_SAY_H
 #define FOVEA_APP_SAY_H
 
@@ -15,13 +15,14 @@ void fv_say(const char *format, ...) FV_SAY_FORMAT;
 /* The same, returning the exit status to leave with. */
 enum fv_exit fv_say_wrong(const char *format, ...) FV_SAY_FORMAT;  /* FV_EXIT_WRONG */
 enum fv_exit fv_say_failed(const char *format, ...) FV_SAY_FORMAT; /* FV_EXIT_FAILED */
-/* What a terminal shows while a command works: written over by the next one, and gone when a line is said or
- * the text is empty. Cut to the terminal's width. */
+/* What a terminal shows while a command works: written over by the next one, and gone when a line
+ * is said or the text is empty. Cut to the terminal's width. */
 void fv_say_status(const char *format, ...) FV_SAY_FORMAT;
-/* Show control bytes of a text from elsewhere as '?', so that printing it cannot steer the terminal. */
+/* Show control bytes of a text from elsewhere as '?', so that printing it cannot steer the
+ * terminal. */
 void fv_say_clean(char *text);
-/* For the end of a command: FV_EXIT_OK when all that it printed on stdout could be written, else told and
- * FV_EXIT_FAILED. */
+/* For the end of a command: FV_EXIT_OK when all that it printed on stdout could be written, else
+ * told and FV_EXIT_FAILED. */
 enum fv_exit fv_say_unwritten(void);
 
 #endif

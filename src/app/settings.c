@@ -23,7 +23,8 @@ void fv_settings_default(struct fv_settings *settings)
     settings->lock_memory = true;
 }
 
-/* ---- reading ----------------------------------------------------------------------------------------- */
+/* ---- reading
+ * ----------------------------------------------------------------------------------------- */
 
 struct reading {
     struct fv_settings *settings;
@@ -65,13 +66,15 @@ static enum fovea_status take(const struct reading *r, const struct fv_settings_
     case FV_SETTINGS_U64:
     case FV_SETTINGS_I32:
         status = fovea_yaml_integer(r->tree, node, key->min, key->max, &whole, r->error);
-        if (status == FOVEA_OK && key->kind == FV_SETTINGS_U32) *(uint32_t *)target = (uint32_t)whole;
-        if (status == FOVEA_OK && key->kind == FV_SETTINGS_U64) *(uint64_t *)target = (uint64_t)whole;
+        if (status == FOVEA_OK && key->kind == FV_SETTINGS_U32)
+            *(uint32_t *)target = (uint32_t)whole;
+        if (status == FOVEA_OK && key->kind == FV_SETTINGS_U64)
+            *(uint64_t *)target = (uint64_t)whole;
         if (status == FOVEA_OK && key->kind == FV_SETTINGS_I32) *(int32_t *)target = (int32_t)whole;
         return status;
     case FV_SETTINGS_REAL:
-        return fovea_yaml_number(r->tree, node, (double)key->min, (double)key->max, (double *)target,
-                                 r->error);
+        return fovea_yaml_number(r->tree, node, (double)key->min, (double)key->max,
+                                 (double *)target, r->error);
     case FV_SETTINGS_BOOL:
         return fovea_yaml_bool(r->tree, node, (bool *)target, r->error);
     case FV_SETTINGS_TEXT:
@@ -79,7 +82,8 @@ static enum fovea_status take(const struct reading *r, const struct fv_settings_
         if (status == FOVEA_OK) strcpy(target, text);
         return status;
     case FV_SETTINGS_CHOICE:
-        status = fovea_yaml_choice(r->tree, node, key->choices, choice_count(key), &index, r->error);
+        status =
+            fovea_yaml_choice(r->tree, node, key->choices, choice_count(key), &index, r->error);
         if (status == FOVEA_OK) *(int *)target = (int)index;
         return status;
     case FV_SETTINGS_TRANSFORM:
@@ -106,13 +110,15 @@ static bool is_section(const char *name)
 {
     for (size_t i = 0; i < fv_settings_key_count; i++) {
         size_t length = section_length(fv_settings_keys[i].name);
-        if (length > 0 && strncmp(fv_settings_keys[i].name, name, length) == 0 && name[length] == '\0')
+        if (length > 0 && strncmp(fv_settings_keys[i].name, name, length) == 0 &&
+            name[length] == '\0')
             return true;
     }
     return false;
 }
 
-/* The nearest full name to `name`, or the one whose last part is `name` (a key written outside its section).
+/* The nearest full name to `name`, or the one whose last part is `name` (a key written outside its
+ * section).
  */
 static const char *name_nearest(const char *name)
 {
@@ -124,7 +130,8 @@ static const char *name_nearest(const char *name)
     const char *nearest = fovea_text_nearest(name, names, fv_settings_key_count);
     if (nearest != NULL) return nearest;
     const char *dot = strrchr(name, '.');
-    const char *leaf = fovea_text_nearest(dot != NULL ? dot + 1 : name, leaves, fv_settings_key_count);
+    const char *leaf =
+        fovea_text_nearest(dot != NULL ? dot + 1 : name, leaves, fv_settings_key_count);
     for (size_t i = 0; leaf != NULL && i < fv_settings_key_count; i++)
         if (leaves[i] == leaf) return names[i];
     return NULL;
@@ -142,7 +149,8 @@ static bool has_word(const char *name, const char *word, size_t length)
     return false;
 }
 
-/* Where no name is like it: the one that shares most words with the last part of `name`, in its section rather than elsewhere
+/* Where no name is like it: the one that shares most words with the last part of `name`, in its
+ * section rather than elsewhere
  * ("features.max_count", "lcm"); NULL when none does. */
 static const char *name_by_words(const char *name)
 {
@@ -192,9 +200,10 @@ static enum fovea_status take_key(const struct reading *r, const struct fovea_ya
     if (key == NULL) return unknown(r, node, name);
     uint32_t *line = &r->settings->line[key - fv_settings_keys];
     if (!r->from_set && *line != 0) /* once in its section and once as section.key */
-        return fovea_error_set(r->error, FOVEA_ERROR_INPUT,
-                               "%s:%u: %s: found it again (first on line %u), expected each key once",
-                               r->tree->file, node->line, name, *line);
+        return fovea_error_set(
+            r->error, FOVEA_ERROR_INPUT,
+            "%s:%u: %s: found it again (first on line %u), expected each key once", r->tree->file,
+            node->line, name, *line);
     enum fovea_status status = take(r, key, node);
     if (status == FOVEA_OK) *line = r->from_set ? FV_SETTINGS_SET : node->line;
     return status;
@@ -204,7 +213,8 @@ static enum fovea_status take_tree(const struct reading *r)
 {
     const struct fovea_yaml_node *root = r->tree->root;
     if (root->kind != FOVEA_YAML_MAPPING)
-        return fovea_yaml_refuse(r->tree, root, "keys with values ('fovea config' shows how)", r->error);
+        return fovea_yaml_refuse(r->tree, root, "keys with values ('fovea config' shows how)",
+                                 r->error);
     for (const struct fovea_yaml_node *node = root->first; node != NULL; node = node->next) {
         enum fovea_status status = FOVEA_OK;
         if (!is_section(node->key)) {
@@ -212,12 +222,13 @@ static enum fovea_status take_tree(const struct reading *r)
             if (status != FOVEA_OK) return status;
             continue;
         }
-        bool empty =
-            node->kind == FOVEA_YAML_SCALAR && !node->quoted &&
-            (node->value[0] == '\0' || strcmp(node->value, "~") == 0 || strcmp(node->value, "null") == 0);
+        bool empty = node->kind == FOVEA_YAML_SCALAR && !node->quoted &&
+                     (node->value[0] == '\0' || strcmp(node->value, "~") == 0 ||
+                      strcmp(node->value, "null") == 0);
         if (node->kind != FOVEA_YAML_MAPPING && !empty)
             return fovea_yaml_refuse(r->tree, node, "a section with keys in it", r->error);
-        for (const struct fovea_yaml_node *child = node->first; child != NULL; child = child->next) {
+        for (const struct fovea_yaml_node *child = node->first; child != NULL;
+             child = child->next) {
             char name[128];
             snprintf(name, sizeof name, "%.60s.%.60s", node->key, child->key);
             status = take_key(r, child, name);
@@ -227,8 +238,8 @@ static enum fovea_status take_tree(const struct reading *r)
     return FOVEA_OK;
 }
 
-enum fovea_status fv_settings_parse(struct fv_settings *settings, const char *name, const char *text,
-                                    size_t bytes, struct fovea_error *error)
+enum fovea_status fv_settings_parse(struct fv_settings *settings, const char *name,
+                                    const char *text, size_t bytes, struct fovea_error *error)
 {
     struct fovea_yaml_tree *tree;
     enum fovea_status status = fovea_yaml_parse(name, text, bytes, &tree, error);
@@ -241,7 +252,8 @@ enum fovea_status fv_settings_parse(struct fv_settings *settings, const char *na
     return status;
 }
 
-enum fovea_status fv_settings_read(struct fv_settings *settings, const char *path, struct fovea_error *error)
+enum fovea_status fv_settings_read(struct fv_settings *settings, const char *path,
+                                   struct fovea_error *error)
 {
     char *text;
     size_t bytes;
@@ -252,7 +264,8 @@ enum fovea_status fv_settings_read(struct fv_settings *settings, const char *pat
     return status;
 }
 
-/* ---- --set ------------------------------------------------------------------------------------------- */
+/* ---- --set
+ * ------------------------------------------------------------------------------------------- */
 
 static enum fovea_status set_refuse(const char *key, const char *found, const char *expected,
                                     struct fovea_error *error)
@@ -273,7 +286,8 @@ static bool one_value(const struct fovea_yaml_tree *tree, bool in_section)
     return true;
 }
 
-/* The line number of a text that has but one line says nothing: "--set:1: key" becomes "--set: key". */
+/* The line number of a text that has but one line says nothing: "--set:1: key" becomes "--set:
+ * key". */
 static void drop_line(struct fovea_error *error)
 {
     static const char with[] = "--set:1: ", without[] = "--set: ";
@@ -283,8 +297,8 @@ static void drop_line(struct fovea_error *error)
     memcpy(error->text, without, sizeof without - 1);
 }
 
-static enum fovea_status set_parsed(struct fv_settings *settings, const char *name, const char *value,
-                                    struct fovea_error *error)
+static enum fovea_status set_parsed(struct fv_settings *settings, const char *name,
+                                    const char *value, struct fovea_error *error)
 {
     enum { VALUE_MAX = 2048 };
     char text[VALUE_MAX + 256];
@@ -299,7 +313,8 @@ static enum fovea_status set_parsed(struct fv_settings *settings, const char *na
         return set_refuse(name, value, "one value", error);
     struct reading reading = {settings, tree, error, true};
     const bool one = one_value(tree, section > 0);
-    enum fovea_status status = one ? take_tree(&reading) : set_refuse(name, value, "one value", error);
+    enum fovea_status status =
+        one ? take_tree(&reading) : set_refuse(name, value, "one value", error);
     fovea_yaml_free(tree);
     drop_line(error);
     return status;
@@ -334,7 +349,8 @@ enum fovea_status fv_settings_set(struct fv_settings *settings, const char *assi
     return FOVEA_OK;
 }
 
-/* ---- checks ------------------------------------------------------------------------------------------ */
+/* ---- checks
+ * ------------------------------------------------------------------------------------------ */
 
 void fv_settings_locate(const struct fv_settings *settings, struct fovea_error *error)
 {
@@ -342,13 +358,15 @@ void fv_settings_locate(const struct fv_settings *settings, struct fovea_error *
     if (error == NULL) return;
     for (size_t i = 0; i < fv_settings_key_count; i++) {
         size_t length = strlen(fv_settings_keys[i].name);
-        if (strncmp(error->text, fv_settings_keys[i].name, length) != 0 || error->text[length] != ':')
+        if (strncmp(error->text, fv_settings_keys[i].name, length) != 0 ||
+            error->text[length] != ':')
             continue;
         memcpy(text, error->text, sizeof text);
         if (settings->line[i] == FV_SETTINGS_SET)
             fovea_error_set(error, error->status, "--set: %s", text);
         else if (settings->line[i] > 0)
-            fovea_error_set(error, error->status, "%.200s:%u: %s", settings->file, settings->line[i], text);
+            fovea_error_set(error, error->status, "%.200s:%u: %s", settings->file,
+                            settings->line[i], text);
         else /* a default that what was set does not go with */
             fovea_error_set(error, error->status, "%.200s: %.*s (default)%s",
                             settings->file[0] != '\0' ? settings->file : "--set", (int)length, text,
@@ -357,7 +375,8 @@ void fv_settings_locate(const struct fv_settings *settings, struct fovea_error *
     }
 }
 
-void fv_settings_blame(const struct fv_settings *settings, const char *key, struct fovea_error *error)
+void fv_settings_blame(const struct fv_settings *settings, const char *key,
+                       struct fovea_error *error)
 {
     char text[FOVEA_ERROR_TEXT_BYTES];
     const uint32_t line = settings->line[key_find(key) - fv_settings_keys];
@@ -365,8 +384,8 @@ void fv_settings_blame(const struct fv_settings *settings, const char *key, stru
     if (error == NULL || line == 0 || line == FV_SETTINGS_SET) return;
     memcpy(text, error->text, sizeof text);
     const bool named = strncmp(text, key, length) == 0 && text[length] == ':';
-    fovea_error_set(error, error->status, "%.200s:%u: %s%s%.280s", settings->file, line, named ? "" : key,
-                    named ? "" : ": ", text);
+    fovea_error_set(error, error->status, "%.200s:%u: %s%s%.280s", settings->file, line,
+                    named ? "" : key, named ? "" : ": ", text);
 }
 
 enum fovea_status fv_settings_check(const struct fv_settings *settings, struct fovea_error *error)
@@ -385,9 +404,10 @@ enum fovea_status fv_settings_check(const struct fv_settings *settings, struct f
         status = fv_transport_url_check(settings->lcm_url, error);
     if (status == FOVEA_OK) status = fv_classes_check(settings, error);
     if (status == FOVEA_OK && !runtime.odometry.enabled && (load || save))
-        status = fovea_error_set(error, FOVEA_ERROR_INPUT,
-                                 "map.%s: found '%.200s' without odometry, expected odometry.enabled true",
-                                 load ? "load" : "save", load ? settings->map_load : settings->map_save);
+        status = fovea_error_set(
+            error, FOVEA_ERROR_INPUT,
+            "map.%s: found '%.200s' without odometry, expected odometry.enabled true",
+            load ? "load" : "save", load ? settings->map_load : settings->map_save);
     if (status == FOVEA_OK) return FOVEA_OK;
     fv_settings_locate(settings, error);
     return FOVEA_ERROR_INPUT;

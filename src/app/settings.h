@@ -1,8 +1,9 @@
 /* Configuration: one YAML file, one table of keys (settings_keys.c), one struct.
  *
- * A key is a row of the table: name, type, unit, range, what it does and what raising it costs. Defaults come
- * from fovea_config_default and fv_settings_default, so that the library and the program cannot disagree.
- * Values are taken in this order: defaults, the file, `--set`. All of it is init-only. */
+ * A key is a row of the table: name, type, unit, range, what it does and what raising it costs.
+ * Defaults come from fovea_config_default and fv_settings_default, so that the library and the
+ * program cannot disagree. Values are taken in this order: defaults, the file, `--set`. All of it
+ * is init-only. */
 #ifndef FOVEA_APP_SETTINGS_H
 #define FOVEA_APP_SETTINGS_H
 
@@ -20,7 +21,8 @@ extern "C" {
 enum fv_rate {
     FV_RATE_AUTO = 0, /* `real` for live sources, `max` for others */
     FV_RATE_MAX = 1,  /* every frame is processed, grants follow the fixed schedule */
-    FV_RATE_REAL = 2  /* frames come by the clock, late ones are dropped, grants come from the governor */
+    FV_RATE_REAL =
+        2 /* frames come by the clock, late ones are dropped, grants come from the governor */
 };
 
 /* Where boxes around movable things come from. */
@@ -37,10 +39,10 @@ struct fv_settings {
     char mask[FV_SETTINGS_PATH_BYTES];   /* picture; "": none */
     char map_load[FV_SETTINGS_PATH_BYTES], map_save[FV_SETTINGS_PATH_BYTES]; /* "": none */
     int rate;                                                                /* enum fv_rate */
-    char lcm_url[256];                                                       /* "": nothing is sent */
+    char lcm_url[256]; /* "": nothing is sent */
     uint32_t lcm_ttl;
-    char odometry_channel[64];           /* of bot_core.pose_t, for scale.source: odometry; "": none */
-    int movable_boxes;                   /* enum fv_movable_boxes */
+    char odometry_channel[64]; /* of bot_core.pose_t, for scale.source: odometry; "": none */
+    int movable_boxes;         /* enum fv_movable_boxes */
     char record[FV_SETTINGS_PATH_BYTES]; /* "": none */
     uint32_t record_buffer;              /* frames that may wait for the disk in real time */
     char movable[256], heights[512];     /* lists of classes (app/classes.h) */
@@ -50,8 +52,8 @@ struct fv_settings {
     int32_t cpu;       /* -1: any */
     bool lock_memory;
 
-    /* Where each key was set, by index in the table: 0 default, FV_SETTINGS_SET given by --set, else line of
-     * `file`. */
+    /* Where each key was set, by index in the table: 0 default, FV_SETTINGS_SET given by --set,
+     * else line of `file`. */
     uint32_t line[FV_SETTINGS_KEYS_MAX];
     char file[FV_SETTINGS_PATH_BYTES];
 };
@@ -60,30 +62,37 @@ struct fv_settings {
 
 void fv_settings_default(struct fv_settings *settings);
 
-/* Read a file, or `bytes` of text that errors call `name`, over what `settings` holds. FOVEA_ERROR_INPUT:
- * `error` names file, line, key, what was found, what was expected and, for an unknown key, the nearest known
- * one; `settings` is then partly changed. */
-enum fovea_status fv_settings_read(struct fv_settings *settings, const char *path, struct fovea_error *error);
-enum fovea_status fv_settings_parse(struct fv_settings *settings, const char *name, const char *text,
-                                    size_t bytes, struct fovea_error *error);
+/* Read a file, or `bytes` of text that errors call `name`, over what `settings` holds.
+ * FOVEA_ERROR_INPUT: `error` names file, line, key, what was found, what was expected and, for an
+ * unknown key, the nearest known one; `settings` is then partly changed. */
+enum fovea_status fv_settings_read(struct fv_settings *settings, const char *path,
+                                   struct fovea_error *error);
+enum fovea_status fv_settings_parse(struct fv_settings *settings, const char *name,
+                                    const char *text, size_t bytes, struct fovea_error *error);
 
 /* Take one "key=value". */
 enum fovea_status fv_settings_set(struct fv_settings *settings, const char *assignment,
                                   struct fovea_error *error);
 
-/* Check what concerns several keys at once, by the runtime's own checks. The camera may still be missing. */
+/* Check what concerns several keys at once, by the runtime's own checks. The camera may still be
+ * missing. */
 enum fovea_status fv_settings_check(const struct fv_settings *settings, struct fovea_error *error);
 
-/* When an error line starts with a key's name, put before it where that key was set ("robot.yaml:12: "). */
+/* When an error line starts with a key's name, put before it where that key was set
+ * ("robot.yaml:12: "). */
 void fv_settings_locate(const struct fv_settings *settings, struct fovea_error *error);
 
-/* The value of `key` led to `error`: when it stands in the file, put file, line and key before the line. */
-void fv_settings_blame(const struct fv_settings *settings, const char *key, struct fovea_error *error);
+/* The value of `key` led to `error`: when it stands in the file, put file, line and key before the
+ * line. */
+void fv_settings_blame(const struct fv_settings *settings, const char *key,
+                       struct fovea_error *error);
 
-/* Write as YAML that reads back to the same values; with every key's help as comments when `commented`. */
+/* Write as YAML that reads back to the same values; with every key's help as comments when
+ * `commented`. */
 void fv_settings_print(FILE *file, const struct fv_settings *settings, bool commented);
 
-/* ---- the table --------------------------------------------------------------------------------------- */
+/* ---- the table
+ * --------------------------------------------------------------------------------------- */
 
 enum fv_settings_kind {
     FV_SETTINGS_U32,

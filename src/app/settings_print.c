@@ -8,7 +8,8 @@
 
 enum { COMMENT_COLUMNS = 110 };
 
-/* Words of `text`, broken into comment lines. `column` is where the line stands; returns where it ends. */
+/* Words of `text`, broken into comment lines. `column` is where the line stands; returns where it
+ * ends. */
 static int wrap(FILE *file, int indent, int column, const char *text)
 {
     while (*text != '\0') {
@@ -40,16 +41,17 @@ static void range_write(const struct fv_settings_key *key, char *range, size_t b
         return;
     case FV_SETTINGS_CHOICE:
         for (size_t i = 0; key->choices[i] != NULL && used < bytes; i++)
-            used +=
-                (size_t)snprintf(range + used, bytes - used, "%s%s", i > 0 ? " | " : "[", key->choices[i]);
+            used += (size_t)snprintf(range + used, bytes - used, "%s%s", i > 0 ? " | " : "[",
+                                     key->choices[i]);
         if (used < bytes) snprintf(range + used, bytes - used, "]");
         return;
     case FV_SETTINGS_TEXT:
-        snprintf(range, bytes, "[%s, at most %" PRId64 " bytes]", unit[0] != '\0' ? unit : "text", key->max);
+        snprintf(range, bytes, "[%s, at most %" PRId64 " bytes]", unit[0] != '\0' ? unit : "text",
+                 key->max);
         return;
     case FV_SETTINGS_TRANSFORM:
-        snprintf(range, bytes, "[R: a rotation; t: %" PRId64 " to %" PRId64 "%s%s]", key->min, key->max,
-                 space, unit);
+        snprintf(range, bytes, "[R: a rotation; t: %" PRId64 " to %" PRId64 "%s%s]", key->min,
+                 key->max, space, unit);
         return;
     }
 }
@@ -69,7 +71,8 @@ static void comment(FILE *file, const struct fv_settings_key *key, int indent)
     fprintf(file, "\n");
 }
 
-/* The shortest of the usual lengths that reads back to the same number, wherever the locale puts its point.
+/* The shortest of the usual lengths that reads back to the same number, wherever the locale puts
+ * its point.
  */
 static void number(FILE *file, double value)
 {
@@ -104,7 +107,8 @@ static void quoted(FILE *file, const char *text)
     fputc('"', file);
 }
 
-static void value_print(FILE *file, const struct fv_settings *settings, const struct fv_settings_key *key)
+static void value_print(FILE *file, const struct fv_settings *settings,
+                        const struct fv_settings_key *key)
 {
     const char *at = (const char *)settings + key->offset;
     switch (key->kind) {
@@ -143,10 +147,11 @@ void fv_settings_print(FILE *file, const struct fv_settings *settings, bool comm
 {
     const char *section = "";
     if (commented)
-        fprintf(file,
-                "# Configuration of Fovea %s. Any key may be left out; 'fovea run --set key=value' overrides "
-                "one.\n",
-                FOVEA_VERSION);
+        fprintf(
+            file,
+            "# Configuration of Fovea %s. Any key may be left out; 'fovea run --set key=value' overrides "
+            "one.\n",
+            FOVEA_VERSION);
     for (size_t i = 0; i < fv_settings_key_count; i++) {
         const struct fv_settings_key *key = &fv_settings_keys[i];
         const char *dot = strchr(key->name, '.');

@@ -18,8 +18,9 @@ static enum fovea_status set(struct fv_settings *settings, const char *key, cons
     if (value == NULL) return FOVEA_OK;
     int length = snprintf(assignment, sizeof assignment, "%s=%s", key, value);
     if (length >= (int)sizeof assignment)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "--%s: found %d bytes, expected at most %d",
-                               key + section, length, FV_SETTINGS_PATH_BYTES - 1);
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "--%s: found %d bytes, expected at most %d", key + section, length,
+                               FV_SETTINGS_PATH_BYTES - 1);
     enum fovea_status status = fv_settings_set(settings, assignment, error);
     /* "--set: rate: found" would name an option that nobody gave. */
     if (status != FOVEA_OK && error != NULL && strncmp(error->text, "--set: ", 7) == 0) {
@@ -36,8 +37,8 @@ void fv_setup_sources_print(void)
         printf("  %s:%s\n", (*ops)->name, (*ops)->help);
 }
 
-enum fovea_status fv_setup_settings(const struct fv_setup_options *options, struct fv_settings *settings,
-                                    struct fovea_error *error)
+enum fovea_status fv_setup_settings(const struct fv_setup_options *options,
+                                    struct fv_settings *settings, struct fovea_error *error)
 {
     enum fovea_status status = FOVEA_OK;
     fv_settings_default(settings);
@@ -75,7 +76,8 @@ static enum fovea_status model_read(struct fv_settings *settings, struct fv_setu
     settings->runtime.detect.model = setup->model.data;
     settings->runtime.detect.model_bytes = setup->model.bytes;
     if (status != FOVEA_OK) fv_settings_blame(settings, "detect.model", error);
-    if (status == FOVEA_OK && (status = fv_classes_resolve(settings, &setup->model.model, error)) != FOVEA_OK)
+    if (status == FOVEA_OK &&
+        (status = fv_classes_resolve(settings, &setup->model.model, error)) != FOVEA_OK)
         fv_settings_locate(settings, error);
     return status;
 }
@@ -85,8 +87,8 @@ bool fv_setup_wants_colour(const struct fv_setup *setup)
     return setup->model.data != NULL && setup->model.model.header->preprocess.channels == 3;
 }
 
-static enum fovea_status camera_fit(struct fv_settings *settings, const struct fovea_source_info *info,
-                                    struct fovea_error *error)
+static enum fovea_status camera_fit(struct fv_settings *settings,
+                                    const struct fovea_source_info *info, struct fovea_error *error)
 {
     struct fovea_camera *camera = &settings->runtime.camera;
     const char *origin = settings->camera[0] != '\0' ? settings->camera : info->camera_origin;
@@ -98,7 +100,8 @@ static enum fovea_status camera_fit(struct fv_settings *settings, const struct f
                 settings->source);
         *camera = info->camera;
     }
-    return fovea_calibration_fit(camera, info->width, info->height, settings->camera_scale, origin, error);
+    return fovea_calibration_fit(camera, info->width, info->height, settings->camera_scale, origin,
+                                 error);
 }
 
 static enum fovea_status map_read(struct fv_settings *settings, struct fv_setup *setup,
@@ -109,8 +112,9 @@ static enum fovea_status map_read(struct fv_settings *settings, struct fv_setup 
     if (settings->map_load[0] != '\0')
         status = fv_map_file_read(settings->map_load, &setup->map, &config->map_bytes, error);
     else if (config->odometry.localise_only) {
-        fovea_error_set(error, FOVEA_ERROR_INPUT,
-                        "map.localise_only: found true without a map, expected map.load to name one");
+        fovea_error_set(
+            error, FOVEA_ERROR_INPUT,
+            "map.localise_only: found true without a map, expected map.load to name one");
         fv_settings_locate(settings, error);
         return FOVEA_ERROR_INPUT;
     }
@@ -134,7 +138,8 @@ enum fovea_status fv_setup_read(struct fv_settings *settings, struct fv_setup *s
     return status == FOVEA_OK ? fv_settings_check(settings, error) : status;
 }
 
-enum fovea_status fv_setup_open(struct fv_settings *settings, const struct fovea_source_selection *selection,
+enum fovea_status fv_setup_open(struct fv_settings *settings,
+                                const struct fovea_source_selection *selection,
                                 struct fv_setup *setup, struct fovea_error *error)
 {
     const char *address;
@@ -179,10 +184,12 @@ bool fv_setup_real_time(const struct fv_settings *settings, const struct fv_setu
 size_t fv_setup_frame_bytes(const struct fv_setup *setup)
 {
     const struct fovea_source_info *info = setup->ops->info(setup->source);
-    return fovea_image_bytes(info->format, info->height, fovea_image_stride_min(info->format, info->width));
+    return fovea_image_bytes(info->format, info->height,
+                             fovea_image_stride_min(info->format, info->width));
 }
 
 enum fv_exit fv_setup_exit(enum fovea_status status)
 {
-    return status == FOVEA_ERROR_SYSTEM || status == FOVEA_ERROR_MEMORY ? FV_EXIT_FAILED : FV_EXIT_WRONG;
+    return status == FOVEA_ERROR_SYSTEM || status == FOVEA_ERROR_MEMORY ? FV_EXIT_FAILED
+                                                                        : FV_EXIT_WRONG;
 }

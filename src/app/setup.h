@@ -1,5 +1,5 @@
-/* From settings to something that runs: the source opened, the camera and the mask found and fitted. What
- * `fovea run` and `fovea check` share. Init-only. */
+/* From settings to something that runs: the source opened, the camera and the mask found and
+ * fitted. What `fovea run` and `fovea check` share. Init-only. */
 #ifndef FOVEA_APP_SETUP_H
 #define FOVEA_APP_SETUP_H
 
@@ -20,8 +20,8 @@ struct fv_setup_options {
 void fv_setup_sources_print(void);
 
 /* Defaults, then the file, then --set, then the options of their own; all checked. */
-enum fovea_status fv_setup_settings(const struct fv_setup_options *options, struct fv_settings *settings,
-                                    struct fovea_error *error);
+enum fovea_status fv_setup_settings(const struct fv_setup_options *options,
+                                    struct fv_settings *settings, struct fovea_error *error);
 
 struct fv_setup {
     const struct fovea_source_ops *ops;
@@ -30,12 +30,15 @@ struct fv_setup {
     struct fv_model_file model;  /* data NULL: none */
 };
 
-/* Open settings->source, and fill in settings->runtime.camera, .mask, .map and .detect.model. FOVEA_ERROR_SYSTEM: the machine's
- * fault; other errors are wrong input. On an error with `ops` but no `source`, it is the source that does not open. What else is there
- * is for fv_setup_close in any case. */
-enum fovea_status fv_setup_open(struct fv_settings *settings, const struct fovea_source_selection *selection,
+/* Open settings->source, and fill in settings->runtime.camera, .mask, .map and .detect.model.
+ * FOVEA_ERROR_SYSTEM: the machine's fault; other errors are wrong input. On an error with `ops` but
+ * no `source`, it is the source that does not open. What else is there is for fv_setup_close in any
+ * case. */
+enum fovea_status fv_setup_open(struct fv_settings *settings,
+                                const struct fovea_source_selection *selection,
                                 struct fv_setup *setup, struct fovea_error *error);
-/* The part of it that comes after the source: mask and map, for the size of frames that the camera's calibration states. */
+/* The part of it that comes after the source: mask and map, for the size of frames that the
+ * camera's calibration states. */
 enum fovea_status fv_setup_read(struct fv_settings *settings, struct fv_setup *setup,
                                 struct fovea_error *error);
 /* The source alone, with its memory; the rest stays. */
@@ -49,8 +52,8 @@ bool fv_setup_wants_colour(const struct fv_setup *setup);
 bool fv_setup_real_time(const struct fv_settings *settings, const struct fv_setup *setup);
 size_t fv_setup_frame_bytes(const struct fv_setup *setup);
 
-/* The exit status that goes with an error: FV_EXIT_FAILED for FOVEA_ERROR_SYSTEM and FOVEA_ERROR_MEMORY, else
- * FV_EXIT_WRONG. */
+/* The exit status that goes with an error: FV_EXIT_FAILED for FOVEA_ERROR_SYSTEM and
+ * FOVEA_ERROR_MEMORY, else FV_EXIT_WRONG. */
 enum fv_exit fv_setup_exit(enum fovea_status status);
 
 #endif

@@ -5,10 +5,10 @@
 #include "geometry/linear.h"
 #include "geometry/vec.h"
 
-/* u = H v, normalised and made orthogonal to `other` (or NULL); any such direction where H v vanishes.
- * Returns |H v|. */
-static double image_of(const double H[9], const double v[3], const double other[3], double floor_norm,
-                       double u[3])
+/* u = H v, normalised and made orthogonal to `other` (or NULL); any such direction where H v
+ * vanishes. Returns |H v|. */
+static double image_of(const double H[9], const double v[3], const double other[3],
+                       double floor_norm, double u[3])
 {
     for (int i = 0; i < 3; i++)
         u[i] = fv_dot3(H + 3 * i, v);
@@ -43,7 +43,8 @@ bool fv_similarity_fit(const struct fv_similarity_sums *sums, double *scale, dou
         for (int j = 0; j < 3; j++)
             S[3 * i + j] = H[i] * H[j] + H[3 + i] * H[3 + j] + H[6 + i] * H[6 + j];
     fv_eigen_symmetric(S, 3, values, V);
-    /* The two largest directions fix the rotation; the third follows as the right-handed one on both sides.
+    /* The two largest directions fix the rotation; the third follows as the right-handed one on
+     * both sides.
      */
     const double first = image_of(H, V, NULL, 0.0, u[0]);
     const double second = image_of(H, V + 3, u[0], 1e-12 * first, u[1]);

@@ -9,7 +9,8 @@ enum { EXACT = 256, PER_OCTAVE = 128, PER_OCTAVE_BITS = 7 };
 static uint32_t bucket_of(int64_t value_ns)
 {
     if (value_ns < EXACT) return (uint32_t)value_ns;
-    int shift = 63 - __builtin_clzll((unsigned long long)value_ns) - PER_OCTAVE_BITS; /* at least 1 */
+    int shift =
+        63 - __builtin_clzll((unsigned long long)value_ns) - PER_OCTAVE_BITS; /* at least 1 */
     int64_t bucket = EXACT + (int64_t)(shift - 1) * PER_OCTAVE + (value_ns >> shift) - PER_OCTAVE;
     return bucket < FV_HISTOGRAM_BUCKETS ? (uint32_t)bucket : FV_HISTOGRAM_BUCKETS - 1;
 }

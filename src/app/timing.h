@@ -1,8 +1,9 @@
-/* Times of a run of any length in fixed memory: histograms for percentiles, and a curve over the run for the
- * picture.
+/* Times of a run of any length in fixed memory: histograms for percentiles, and a curve over the
+ * run for the picture.
  *
- * A histogram is exact below 256 ns; above, buckets are 1/128 of their octave wide, so that a percentile is
- * off by at most 0.4 % (mean and maximum are exact). Adding is a handful of instructions and real-time safe.
+ * A histogram is exact below 256 ns; above, buckets are 1/128 of their octave wide, so that a
+ * percentile is off by at most 0.4 % (mean and maximum are exact). Adding is a handful of
+ * instructions and real-time safe.
  */
 #ifndef FOVEA_APP_TIMING_H
 #define FOVEA_APP_TIMING_H
@@ -26,10 +27,12 @@ struct fv_histogram {
 /* Negative values count as 0. */
 void fv_histogram_add(struct fv_histogram *histogram, int64_t value_ns);
 int64_t fv_histogram_mean(const struct fv_histogram *histogram); /* 0 when empty */
-/* The smallest value that at least `share` (in (0, 1]) of the samples do not exceed; 0 when empty. */
+/* The smallest value that at least `share` (in (0, 1]) of the samples do not exceed; 0 when empty.
+ */
 int64_t fv_histogram_percentile(const struct fv_histogram *histogram, double share);
 
-/* Largest and mean value per bin. Bins hold `stride` frames each; when all are full, neighbours merge. */
+/* Largest and mean value per bin. Bins hold `stride` frames each; when all are full, neighbours
+ * merge. */
 enum { FV_CURVE_BINS = 1024 };
 
 struct fv_curve {
@@ -48,7 +51,8 @@ struct fv_times_pair {
 struct fv_timings {
     struct fv_times_pair stages[FOVEA_STAGE_COUNT];
     struct fv_times_pair step, work, frame; /* frame: step and work together */
-    struct fv_histogram latency; /* from a frame's time to its step, when frames come by the clock */
+    struct fv_histogram
+        latency; /* from a frame's time to its step, when frames come by the clock */
     struct fv_curve step_curve, frame_curve; /* CPU time over the run */
 };
 

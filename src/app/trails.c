@@ -27,11 +27,11 @@ void fv_trails_look(struct fv_trails *trails, const struct fovea_tracks *tracks)
     for (uint32_t i = 0; i < tracks->count && trails->count < FV_TRAILS_MAX; i++) {
         const struct fovea_track *t = &tracks->list[i];
         if (t->state != FOVEA_TRACK_CONFIRMED) continue;
-        trails->points[trails->count++] =
-            (struct fv_trail_point){.time_s = (float)((double)(tracks->stamp_ns - trails->first_ns) * 1e-9),
-                                    .x_px = 0.5F * (t->x_min_px + t->x_max_px),
-                                    .id = (uint32_t)t->id,
-                                    .look = look / trails->stride,
-                                    .class_id = t->class_id};
+        trails->points[trails->count++] = (struct fv_trail_point){
+            .time_s = (float)((double)(tracks->stamp_ns - trails->first_ns) * 1e-9),
+            .x_px = 0.5F * (t->x_min_px + t->x_max_px),
+            .id = (uint32_t)t->id,
+            .look = look / trails->stride,
+            .class_id = t->class_id};
     }
 }

@@ -50,12 +50,14 @@ enum fovea_status fv_trajectory_open(const char *path, struct fv_trajectory **tr
                                      struct fovea_error *error)
 {
     struct fv_trajectory *opened = fv_aligned_new(sizeof *opened);
-    if (opened == NULL) return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory for the trajectory");
+    if (opened == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory for the trajectory");
     memset(opened, 0, offsetof(struct fv_trajectory, map_of));
     fv_ring_init(&opened->ring, opened->memory, sizeof opened->memory);
     opened->stride = 1;
     if (path != NULL && (opened->file = fopen(path, "we")) == NULL) {
-        fovea_error_set(error, FOVEA_ERROR_INPUT, "%.200s: cannot be written: %s", path, strerror(errno));
+        fovea_error_set(error, FOVEA_ERROR_INPUT, "%.200s: cannot be written: %s", path,
+                        strerror(errno));
         free(opened);
         return FOVEA_ERROR_INPUT;
     }
@@ -63,11 +65,13 @@ enum fovea_status fv_trajectory_open(const char *path, struct fv_trajectory **tr
     return FOVEA_OK;
 }
 
-/* ---- loop thread ------------------------------------------------------------------------------------- */
+/* ---- loop thread
+ * ------------------------------------------------------------------------------------- */
 
 bool fv_trajectory_room(struct fv_trajectory *trajectory)
 {
-    return trajectory == NULL || fv_ring_room(&trajectory->ring) >= sizeof(struct fv_trajectory_sample);
+    return trajectory == NULL ||
+           fv_ring_room(&trajectory->ring) >= sizeof(struct fv_trajectory_sample);
 }
 
 bool fv_trajectory_add(struct fv_trajectory *trajectory, const struct fv_trajectory_sample *sample)
@@ -83,7 +87,8 @@ bool fv_trajectory_add(struct fv_trajectory *trajectory, const struct fv_traject
     return true;
 }
 
-/* ---- the other side ---------------------------------------------------------------------------------- */
+/* ---- the other side
+ * ---------------------------------------------------------------------------------- */
 
 static void line_write(struct fv_trajectory *trajectory, const struct fv_trajectory_sample *sample)
 {
@@ -95,10 +100,10 @@ static void line_write(struct fv_trajectory *trajectory, const struct fv_traject
     if (trajectory->file == NULL) return;
     fv_se3_from_rows(T, &pose);
     fv_so3_to_quaternion(pose.R, q);
-    int written =
-        fprintf(trajectory->file, "%s%" PRId64 ".%09" PRId64 " %.9g %.9g %.9g %.9g %.9g %.9g %.9g\n",
-                sample->stamp_ns < 0 ? "-" : "", seconds < 0 ? -seconds : seconds, rest < 0 ? -rest : rest,
-                T[3], T[7], T[11], q[1], q[2], q[3], q[0]);
+    int written = fprintf(trajectory->file,
+                          "%s%" PRId64 ".%09" PRId64 " %.9g %.9g %.9g %.9g %.9g %.9g %.9g\n",
+                          sample->stamp_ns < 0 ? "-" : "", seconds < 0 ? -seconds : seconds,
+                          rest < 0 ? -rest : rest, T[3], T[7], T[11], q[1], q[2], q[3], q[0]);
     if (written < 0 && trajectory->failed == 0) trajectory->failed = errno;
 }
 
@@ -137,11 +142,12 @@ static void sums_add(struct map *map, const double centre[3], const double truth
     sums->n += 1.0;
 }
 
-/* Note the world of a sample: one met before, or a new one. Its index, FV_TRAJECTORY_MAPS_MAX for those that
- * are too many to judge. */
+/* Note the world of a sample: one met before, or a new one. Its index, FV_TRAJECTORY_MAPS_MAX for
+ * those that are too many to judge. */
 static void map_enter(struct fv_trajectory *trajectory, uint32_t id)
 {
-    uint32_t known = trajectory->maps < FV_TRAJECTORY_MAPS_MAX ? trajectory->maps : FV_TRAJECTORY_MAPS_MAX,
+    uint32_t known = trajectory->maps < FV_TRAJECTORY_MAPS_MAX ? trajectory->maps
+                                                               : FV_TRAJECTORY_MAPS_MAX,
              i = 0;
     while (i < known && trajectory->map[i].id != id)
         i++;
@@ -153,12 +159,14 @@ static void map_enter(struct fv_trajectory *trajectory, uint32_t id)
     trajectory->maps++;
 }
 
-static void point_keep(struct fv_trajectory *trajectory, const double centre[3], const double truth[3])
+static void point_keep(struct fv_trajectory *trajectory, const double centre[3],
+                       const double truth[3])
 {
     if (trajectory->samples % trajectory->stride != 0) return;
     if (trajectory->points == FV_TRAJECTORY_POINTS_MAX) { /* keep every second one */
         for (uint32_t i = 0; i < FV_TRAJECTORY_POINTS_MAX / 2; i++) {
-            memcpy(trajectory->centres[i], trajectory->centres[2 * i], sizeof trajectory->centres[i]);
+            memcpy(trajectory->centres[i], trajectory->centres[2 * i],
+                   sizeof trajectory->centres[i]);
             memcpy(trajectory->truths[i], trajectory->truths[2 * i], sizeof trajectory->truths[i]);
             trajectory->map_of[i] = trajectory->map_of[2 * i];
         }
@@ -224,8 +232,8 @@ static void judge(struct fv_trajectory *trajectory, struct fv_trajectory_summary
         const struct fv_similarity_sums *sums = &trajectory->map[i].sums;
         struct fit *fit = &fits[i];
         double rms;
-        fit->found =
-            sums->n >= 3.0 && fv_similarity_fit(sums, &fit->scale, fit->rotation, fit->translation, &rms);
+        fit->found = sums->n >= 3.0 &&
+                     fv_similarity_fit(sums, &fit->scale, fit->rotation, fit->translation, &rms);
         if (!fit->found) continue;
         sum2 += sums->n * rms * rms;
         judged += sums->n;

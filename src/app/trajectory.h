@@ -1,11 +1,11 @@
-/* The camera's path: from the loop thread through a wait-free ring to whoever writes it to a file and holds
- * it against the truth. All memory is taken at open, whatever the length of the run.
+/* The camera's path: from the loop thread through a wait-free ring to whoever writes it to a file
+ * and holds it against the truth. All memory is taken at open, whatever the length of the run.
  *
  * The file has the TUM format: one line "time x y z qx qy qz qw" per posed frame, time in seconds,
- * T_world_cam as it was published with that frame. The error is the root mean square distance of the camera
- * centres to the truth after the best similarity transform (Umeyama, PAMI 1991), from running sums. Maps that
- * were started anew after a loss are each aligned by themselves: the first FV_TRAJECTORY_MAPS_MAX of them,
- * later ones are not judged. */
+ * T_world_cam as it was published with that frame. The error is the root mean square distance of
+ * the camera centres to the truth after the best similarity transform (Umeyama, PAMI 1991), from
+ * running sums. Maps that were started anew after a loss are each aligned by themselves: the first
+ * FV_TRAJECTORY_MAPS_MAX of them, later ones are not judged. */
 #ifndef FOVEA_APP_TRAJECTORY_H
 #define FOVEA_APP_TRAJECTORY_H
 
@@ -35,7 +35,8 @@ size_t fv_trajectory_bytes(void);
 enum fovea_status fv_trajectory_open(const char *path, struct fv_trajectory **trajectory,
                                      struct fovea_error *error);
 
-/* Hand over one posed frame. False, and counted, when the ring is full. Loop thread, real-time safe. */
+/* Hand over one posed frame. False, and counted, when the ring is full. Loop thread, real-time
+ * safe. */
 bool fv_trajectory_add(struct fv_trajectory *trajectory, const struct fv_trajectory_sample *sample);
 /* Whether there is room for another; for a loop that may wait. Loop thread. */
 bool fv_trajectory_room(struct fv_trajectory *trajectory);
@@ -49,13 +50,14 @@ struct fv_trajectory_summary {
     uint64_t judged;        /* samples that the error is of: with truth, in maps of some extent */
     double truth_length_m;  /* of the path through the samples with truth */
     double error_m;         /* root mean square; NaN when nothing could be judged */
-    double scale; /* from the trajectory's unit to metres, of the map with most samples; NaN likewise */
+    double scale; /* from the trajectory's unit to metres, of the map with most samples; NaN
+                     likewise */
     bool metric;  /* the last sample was in metres, so that the scale should be 1 */
     int failed;   /* 0; or errno: why the file could not be written whole */
 
     /* Camera centres for a picture: at most FV_TRAJECTORY_POINTS_MAX, evenly thinned; owned by the
-     * trajectory. With an error they are aligned to the truth, and those that could not be are NaN. `map_of`
-     * counts maps from 0. */
+     * trajectory. With an error they are aligned to the truth, and those that could not be are NaN.
+     * `map_of` counts maps from 0. */
     uint32_t points;
     const double (*centres)[3], (*truths)[3]; /* truths is NULL unless every sample had truth */
     const uint8_t *map_of;
@@ -65,8 +67,8 @@ struct fv_trajectory_summary {
 void fv_trajectory_finish(struct fv_trajectory *trajectory, struct fv_trajectory_summary *summary);
 void fv_trajectory_close(struct fv_trajectory *trajectory);
 
-/* Best similarity of points p to points q (Umeyama), from sums over samples about any origin: n, sum p, sum
- * q, sum q p^T (row-major), sum |p|^2, sum |q|^2. False without extent. */
+/* Best similarity of points p to points q (Umeyama), from sums over samples about any origin: n,
+ * sum p, sum q, sum q p^T (row-major), sum |p|^2, sum |q|^2. False without extent. */
 struct fv_similarity_sums {
     double n, p[3], q[3], qp[9], pp, qq;
 };

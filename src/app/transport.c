@@ -25,7 +25,8 @@ enum {
     COMMANDS_PER_CALL = 32,
     ODOMETRY_RING_BYTES = 1 << 15, /* half a second at 1 kHz */
     LISTEN_TIMEOUT_MS = 100,
-    KNOWN_COMMANDS = FOVEA_COMMAND_RESET | FOVEA_COMMAND_PAUSE | FOVEA_COMMAND_RESUME | FOVEA_COMMAND_SAVE
+    KNOWN_COMMANDS =
+        FOVEA_COMMAND_RESET | FOVEA_COMMAND_PAUSE | FOVEA_COMMAND_RESUME | FOVEA_COMMAND_SAVE
 };
 
 struct fv_transport {
@@ -45,17 +46,20 @@ struct fv_transport {
     atomic_uint_fast64_t commands_taken, commands_refused, odometry_taken, odometry_refused;
 };
 
-/* ---- out --------------------------------------------------------------------------------------------- */
+/* ---- out
+ * --------------------------------------------------------------------------------------------- */
 
-static enum fovea_status create(const char *url, uint32_t ttl, char complete[FV_TRANSPORT_URL_BYTES],
-                                lcm_t **lcm, struct fovea_error *error)
+static enum fovea_status create(const char *url, uint32_t ttl,
+                                char complete[FV_TRANSPORT_URL_BYTES], lcm_t **lcm,
+                                struct fovea_error *error)
 {
     enum fovea_status status = fv_transport_url_check(url, error);
     if (status == FOVEA_OK) status = fv_transport_reachable(url, error);
     if (status != FOVEA_OK) return status;
     fv_transport_url_complete(url, ttl, complete);
     *lcm = lcm_create(complete);
-    if (*lcm == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: LCM cannot use this URL", url);
+    if (*lcm == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: LCM cannot use this URL", url);
     return FOVEA_OK;
 }
 
@@ -75,8 +79,8 @@ enum fovea_status fv_transport_open(const char *url, uint32_t ttl, struct fv_tra
         free(opened);
         return status;
     }
-    /* LCM makes its transmit mutex on the heap when the first message goes out: not on the loop thread, then.
-     * The channel is the one of LCM's own test messages. */
+    /* LCM makes its transmit mutex on the heap when the first message goes out: not on the loop
+     * thread, then. The channel is the one of LCM's own test messages. */
     lcm_publish(opened->out, "LCM_SELF_TEST", "lcm self test", 13);
     *transport = opened;
     return FOVEA_OK;
@@ -87,12 +91,14 @@ void fv_transport_publish(struct fv_transport *transport, const struct fovea_out
     if (transport == NULL) return;
     for (uint32_t i = 0; i < outputs->message_count; i++) {
         const struct fovea_message *message = &outputs->messages[i];
-        const bool sent = lcm_publish(transport->out, message->channel, message->data, message->bytes) == 0;
+        const bool sent =
+            lcm_publish(transport->out, message->channel, message->data, message->bytes) == 0;
         ++*(sent ? &transport->sent : &transport->failed);
     }
 }
 
-/* ---- in ---------------------------------------------------------------------------------------------- */
+/* ---- in
+ * ---------------------------------------------------------------------------------------------- */
 
 static void take_command(const lcm_recv_buf_t *received, const char *channel, void *context)
 {
@@ -101,9 +107,10 @@ static void take_command(const lcm_recv_buf_t *received, const char *channel, vo
     size_t at;
     fovea_command_t command;
     (void)channel;
-    bool good = fv_message_check("fovea.command_t", received->data, received->data_size, &problem, &at) &&
-                fovea_command_t_decode(received->data, 0, (int)received->data_size, &command) >= 0 &&
-                command.commands != 0 && (command.commands & ~KNOWN_COMMANDS) == 0;
+    bool good =
+        fv_message_check("fovea.command_t", received->data, received->data_size, &problem, &at) &&
+        fovea_command_t_decode(received->data, 0, (int)received->data_size, &command) >= 0 &&
+        command.commands != 0 && (command.commands & ~KNOWN_COMMANDS) == 0;
     uint32_t bits = good ? (uint32_t)command.commands : 0;
     uint8_t *room = good ? fv_ring_reserve(&transport->commands, sizeof bits) : NULL;
     if (room == NULL) {
@@ -115,12 +122,14 @@ static void take_command(const lcm_recv_buf_t *received, const char *channel, vo
     atomic_fetch_add(&transport->commands_taken, 1);
 }
 
-/* A pose as odometry: finite, with a quaternion that is one, at a time that nanoseconds can tell. */
+/* A pose as odometry: finite, with a quaternion that is one, at a time that nanoseconds can tell.
+ */
 static bool odometry_from(const bot_core_pose_t *pose, struct fovea_odometry_sample *sample)
 {
     const double *q = pose->orientation;
     double norm2 = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
-    if (!(norm2 > 0.98 && norm2 < 1.02) || pose->utime < 0 || pose->utime > INT64_MAX / 1000) return false;
+    if (!(norm2 > 0.98 && norm2 < 1.02) || pose->utime < 0 || pose->utime > INT64_MAX / 1000)
+        return false;
     sample->stamp_ns = pose->utime * 1000;
     for (int i = 0; i < 4; i++)
         sample->orientation[i] = q[i] / __builtin_sqrt(norm2);
@@ -139,9 +148,10 @@ static void take_odometry(const lcm_recv_buf_t *received, const char *channel, v
     bot_core_pose_t pose;
     struct fovea_odometry_sample sample;
     (void)channel;
-    bool good = fv_message_check("bot_core.pose_t", received->data, received->data_size, &problem, &at) &&
-                bot_core_pose_t_decode(received->data, 0, (int)received->data_size, &pose) >= 0 &&
-                odometry_from(&pose, &sample);
+    bool good =
+        fv_message_check("bot_core.pose_t", received->data, received->data_size, &problem, &at) &&
+        bot_core_pose_t_decode(received->data, 0, (int)received->data_size, &pose) >= 0 &&
+        odometry_from(&pose, &sample);
     uint8_t *room = good ? fv_ring_reserve(&transport->odometry, sizeof sample) : NULL;
     if (room == NULL) {
         atomic_fetch_add(&transport->odometry_refused, 1);
@@ -152,10 +162,10 @@ static void take_odometry(const lcm_recv_buf_t *received, const char *channel, v
     atomic_fetch_add(&transport->odometry_taken, 1);
 }
 
-/* To LCM a channel to listen to is a regular expression: what is no letter or digit is to stand for itself alone. Letters
- * beyond ASCII take several bytes, between which no backslash may come. */
-static lcm_subscription_t *subscribe_to(struct fv_transport *transport, lcm_t *in, const char *channel,
-                                        lcm_msg_handler_t take)
+/* To LCM a channel to listen to is a regular expression: what is no letter or digit is to stand for
+ * itself alone. Letters beyond ASCII take several bytes, between which no backslash may come. */
+static lcm_subscription_t *subscribe_to(struct fv_transport *transport, lcm_t *in,
+                                        const char *channel, lcm_msg_handler_t take)
 {
     char pattern[2 * FV_MESSAGE_CHANNEL_BYTES];
     size_t used = 0;
@@ -182,13 +192,14 @@ static void *listen_for_commands(void *context)
 {
     struct fv_transport *transport = context;
     lcm_t *in = lcm_create(transport->url);
-    /* LCM tests here whether its own messages come back, for up to ten seconds: why this is done off the
-     * loop. */
+    /* LCM tests here whether its own messages come back, for up to ten seconds: why this is done
+     * off the loop. */
     if (in == NULL || !subscribe(transport, in)) {
-        fv_say("%s: LCM messages do not come back on this host, so commands%s will not be heard; this mends "
-               "it: %s",
-               transport->url, transport->odometry_channel[0] != '\0' ? " and odometry" : "",
-               FV_TRANSPORT_MEND);
+        fv_say(
+            "%s: LCM messages do not come back on this host, so commands%s will not be heard; this mends "
+            "it: %s",
+            transport->url, transport->odometry_channel[0] != '\0' ? " and odometry" : "",
+            FV_TRANSPORT_MEND);
     } else {
         /* Without a connection (tcpq) LCM would select() on descriptor -1, which aborts. */
         while (!atomic_load(&transport->stop))
@@ -232,8 +243,8 @@ uint32_t fv_transport_commands(struct fv_transport *transport)
     return all;
 }
 
-uint32_t fv_transport_odometry(struct fv_transport *transport, struct fovea_odometry_sample *samples,
-                               uint32_t count_max)
+uint32_t fv_transport_odometry(struct fv_transport *transport,
+                               struct fovea_odometry_sample *samples, uint32_t count_max)
 {
     uint32_t count = 0;
     if (transport == NULL) return 0;

@@ -1,6 +1,6 @@
-/* Does an LCM message reach a subscriber on this host? A message goes out through LCM itself; a socket that
- * is set up as LCM's subscribers set up theirs listens for it. (LCM's own self test blocks for ten seconds
- * where it fails.) */
+/* Does an LCM message reach a subscriber on this host? A message goes out through LCM itself; a
+ * socket that is set up as LCM's subscribers set up theirs listens for it. (LCM's own self test
+ * blocks for ten seconds where it fails.) */
 #include "app/transport.h"
 
 #include <arpa/inet.h>
@@ -26,7 +26,7 @@ static int open_listener(const struct sockaddr_in *address, const char **what)
     *what = listener < 0                                                          ? "open a socket"
             : setsockopt(listener, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on) != 0 ? "share the port"
             : setsockopt(listener, SOL_SOCKET, SO_REUSEPORT, &on, sizeof on) != 0 ? "share the port"
-            : bind(listener, (const struct sockaddr *)&any, sizeof any) != 0      ? "bind to the port"
+            : bind(listener, (const struct sockaddr *)&any, sizeof any) != 0 ? "bind to the port"
             : setsockopt(listener, IPPROTO_IP, IP_ADD_MEMBERSHIP, &group, sizeof group) != 0
                 ? "join the group"
                 : NULL;
@@ -37,7 +37,8 @@ static int open_listener(const struct sockaddr_in *address, const char **what)
     return -1;
 }
 
-/* Whether a datagram that holds `channel` comes within TRY_MS. LCM puts the channel's name after 8 bytes. */
+/* Whether a datagram that holds `channel` comes within TRY_MS. LCM puts the channel's name after 8
+ * bytes. */
 static bool arrives(int listener, const char *channel)
 {
     char datagram[2048];
@@ -50,8 +51,8 @@ static bool arrives(int listener, const char *channel)
     return false;
 }
 
-static enum fovea_status try_multicast(struct fv_transport *transport, const char *url, int listener,
-                                       struct fovea_error *error)
+static enum fovea_status try_multicast(struct fv_transport *transport, const char *url,
+                                       int listener, struct fovea_error *error)
 {
     char channel[64];
     const uint8_t nothing[1] = {0};
@@ -65,10 +66,12 @@ static enum fovea_status try_multicast(struct fv_transport *transport, const cha
         if (arrives(listener, channel)) return FOVEA_OK;
     }
     fv_transport_counts(transport, &counts);
-    return fovea_error_set(
-        error, FOVEA_ERROR_SYSTEM, "%s: messages %s; this mends it where there is no network: %s", url,
-        counts.failed > 0 ? "cannot be sent" : "are sent but do not reach a subscriber on this host",
-        FV_TRANSPORT_MEND);
+    return fovea_error_set(error, FOVEA_ERROR_SYSTEM,
+                           "%s: messages %s; this mends it where there is no network: %s", url,
+                           counts.failed > 0
+                               ? "cannot be sent"
+                               : "are sent but do not reach a subscriber on this host",
+                           FV_TRANSPORT_MEND);
 }
 
 enum fovea_status fv_transport_check(const char *url, uint32_t ttl, struct fovea_error *error)
@@ -77,7 +80,8 @@ enum fovea_status fv_transport_check(const char *url, uint32_t ttl, struct fovea
     struct sockaddr_in address;
     char log[FV_TRANSPORT_URL_BYTES];
     enum fovea_status status = fv_transport_url_check(url, error);
-    if (status == FOVEA_OK && fv_transport_file(url, log)) { /* LCM would cut it, or write into it */
+    if (status == FOVEA_OK &&
+        fv_transport_file(url, log)) { /* LCM would cut it, or write into it */
         const char *blame;
         const struct fv_file written[] = {{"lcm_url", log}, {0}};
         return fv_files_writable(written, &blame, error);
@@ -91,8 +95,8 @@ enum fovea_status fv_transport_check(const char *url, uint32_t ttl, struct fovea
         int listener = open_listener(&address, &what);
         if (listener < 0) {
             status = fovea_error_set(error, FOVEA_ERROR_SYSTEM,
-                                     "%s: a subscriber cannot %s (%s); this mends it: %s", url, what,
-                                     strerror(errno), FV_TRANSPORT_MEND);
+                                     "%s: a subscriber cannot %s (%s); this mends it: %s", url,
+                                     what, strerror(errno), FV_TRANSPORT_MEND);
         } else {
             status = try_multicast(transport, url, listener, error);
             close(listener);

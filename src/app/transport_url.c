@@ -22,11 +22,13 @@ static const char *const schemes[] = {
 enum fv_transport_kind fv_transport_kind_of(const char *url)
 {
     for (int kind = 0; kind < FV_TRANSPORT_UNKNOWN; kind++)
-        if (strncmp(url, schemes[kind], strlen(schemes[kind])) == 0) return (enum fv_transport_kind)kind;
+        if (strncmp(url, schemes[kind], strlen(schemes[kind])) == 0)
+            return (enum fv_transport_kind)kind;
     return FV_TRANSPORT_UNKNOWN;
 }
 
-/* ---- parts --------------------------------------------------------------------------------------------- */
+/* ---- parts
+ * --------------------------------------------------------------------------------------------- */
 
 struct parts {
     char host[256]; /* or the path of a file */
@@ -52,7 +54,8 @@ static bool split(const char *url, enum fv_transport_kind kind, struct parts *pa
     return true;
 }
 
-/* "name=value" of a query; false when `name` does not stand at `*at`, which moves behind the pair otherwise. */
+/* "name=value" of a query; false when `name` does not stand at `*at`, which moves behind the pair
+ * otherwise. */
 static bool query_take(const char **at, const char *name, char value[16])
 {
     size_t length = strlen(name);
@@ -75,8 +78,10 @@ static const char *udpm_expected(const struct parts *parts)
     struct in_addr group;
     char value[16];
     const char *at = parts->query;
-    if (parts->port[0] != '\0' && !number_within(parts->port, 1, 65535)) return "a port from 1 to 65535";
-    if (parts->host[0] == '\0' && parts->port[0] == '\0') return NULL; /* LCM's own group and port */
+    if (parts->port[0] != '\0' && !number_within(parts->port, 1, 65535))
+        return "a port from 1 to 65535";
+    if (parts->host[0] == '\0' && parts->port[0] == '\0')
+        return NULL; /* LCM's own group and port */
     if (inet_pton(AF_INET, parts->host, &group) != 1 || !IN_MULTICAST(ntohl(group.s_addr)))
         return "an LCM URL like udpm://239.255.76.67:7667";
     while (*at != '\0') {
@@ -99,14 +104,16 @@ enum fovea_status fv_transport_url_check(const char *url, struct fovea_error *er
         expected = "an LCM URL like udpm://239.255.76.67:7667";
     else if (kind == FV_TRANSPORT_UDPM)
         expected = udpm_expected(&parts);
-    else if (kind == FV_TRANSPORT_TCPQ && parts.port[0] != '\0' && !number_within(parts.port, 1, 65535))
+    else if (kind == FV_TRANSPORT_TCPQ && parts.port[0] != '\0' &&
+             !number_within(parts.port, 1, 65535))
         expected = "a port from 1 to 65535";
     else if (kind == FV_TRANSPORT_FILE &&
              (parts.host[0] == '\0' || !query_take(&parts.query, "mode", value) ||
               (strcmp(value, "w") != 0 && strcmp(value, "a") != 0)))
         expected = "file://PATH?mode=w (or mode=a)";
     if (expected == NULL) return FOVEA_OK;
-    return fovea_error_set(error, FOVEA_ERROR_INPUT, "lcm_url: found \"%.300s\", expected %s", url, expected);
+    return fovea_error_set(error, FOVEA_ERROR_INPUT, "lcm_url: found \"%.300s\", expected %s", url,
+                           expected);
 }
 
 void fv_transport_udpm(const char *url, struct sockaddr_in *address)
@@ -134,7 +141,8 @@ bool fv_transport_file(const char *url, char path[FV_TRANSPORT_URL_BYTES])
 void fv_transport_url_complete(const char *url, uint32_t ttl, char complete[FV_TRANSPORT_URL_BYTES])
 {
     bool add = fv_transport_kind_of(url) == FV_TRANSPORT_UDPM && strstr(url, "ttl=") == NULL;
-    bool bare = strcmp(url, schemes[FV_TRANSPORT_UDPM]) == 0; /* LCM takes options after an address only */
+    bool bare =
+        strcmp(url, schemes[FV_TRANSPORT_UDPM]) == 0; /* LCM takes options after an address only */
     if (add)
         snprintf(complete, FV_TRANSPORT_URL_BYTES, "%s%s%cttl=%" PRIu32, url,
                  bare ? "239.255.76.67:7667" : "", strchr(url, '?') != NULL ? '&' : '?', ttl);
@@ -142,7 +150,8 @@ void fv_transport_url_complete(const char *url, uint32_t ttl, char complete[FV_T
         snprintf(complete, FV_TRANSPORT_URL_BYTES, "%s", url);
 }
 
-/* ---- is there anything at the other end? ------------------------------------------------------------------- */
+/* ---- is there anything at the other end?
+ * ------------------------------------------------------------------- */
 
 /* LCM's own test of the route prints several lines and gives no reason, so ask first. */
 static enum fovea_status check_route(const char *url, struct fovea_error *error)
@@ -150,21 +159,25 @@ static enum fovea_status check_route(const char *url, struct fovea_error *error)
     struct sockaddr_in address;
     fv_transport_udpm(url, &address);
     int probe = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
-    int failed =
-        probe < 0 || connect(probe, (const struct sockaddr *)&address, sizeof address) != 0 ? errno : 0;
+    int failed = probe < 0 || connect(probe, (const struct sockaddr *)&address, sizeof address) != 0
+                     ? errno
+                     : 0;
     if (probe >= 0) close(probe);
     if (failed == 0) return FOVEA_OK;
-    return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: no route for LCM messages (%s); this mends it: %s",
-                           url, strerror(failed), FV_TRANSPORT_MEND);
+    return fovea_error_set(error, FOVEA_ERROR_SYSTEM,
+                           "%s: no route for LCM messages (%s); this mends it: %s", url,
+                           strerror(failed), FV_TRANSPORT_MEND);
 }
 
-static enum fovea_status check_server(const char *url, const struct parts *parts, struct fovea_error *error)
+static enum fovea_status check_server(const char *url, const struct parts *parts,
+                                      struct fovea_error *error)
 {
     const struct addrinfo wanted = {.ai_family = AF_INET, .ai_socktype = SOCK_STREAM};
     struct addrinfo *found = NULL;
     int failed = getaddrinfo(parts->host[0] != '\0' ? parts->host : "localhost",
                              parts->port[0] != '\0' ? parts->port : "7700", &wanted, &found);
-    if (failed != 0) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: %s", url, gai_strerror(failed));
+    if (failed != 0)
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: %s", url, gai_strerror(failed));
     int probe = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
     failed = probe < 0 || connect(probe, found->ai_addr, found->ai_addrlen) != 0 ? errno : 0;
     if (probe >= 0) close(probe);
@@ -172,11 +185,12 @@ static enum fovea_status check_server(const char *url, const struct parts *parts
     if (failed == 0) return FOVEA_OK;
     return fovea_error_set(
         error, FOVEA_ERROR_SYSTEM,
-        "%s: no LCM server answers (%s); start one there, or send by udpm://, which needs none", url,
-        strerror(failed));
+        "%s: no LCM server answers (%s); start one there, or send by udpm://, which needs none",
+        url, strerror(failed));
 }
 
-static enum fovea_status check_file(const char *url, const struct parts *parts, struct fovea_error *error)
+static enum fovea_status check_file(const char *url, const struct parts *parts,
+                                    struct fovea_error *error)
 {
     int file = open(parts->host, O_WRONLY | O_CREAT | O_CLOEXEC, 0644);
     if (file < 0)

@@ -1,4 +1,5 @@
-/* LCM URLs: what is accepted, and what can be told before LCM is asked, which prints lines of its own. Init-only. */
+/* LCM URLs: what is accepted, and what can be told before LCM is asked, which prints lines of its
+ * own. Init-only. */
 #ifndef FOVEA_APP_TRANSPORT_URL_H
 #define FOVEA_APP_TRANSPORT_URL_H
 
@@ -23,11 +24,12 @@ enum fovea_status fv_transport_url_check(const char *url, struct fovea_error *er
 /* Group and port of a well-formed udpm URL. */
 void fv_transport_udpm(const char *url, struct sockaddr_in *address);
 
-/* Is there a route to the group, a server that answers, a file that can be written? FOVEA_ERROR_SYSTEM: no, and `error`
- * holds what mends it. */
+/* Is there a route to the group, a server that answers, a file that can be written?
+ * FOVEA_ERROR_SYSTEM: no, and `error` holds what mends it. */
 enum fovea_status fv_transport_reachable(const char *url, struct fovea_error *error);
 
 /* The URL with the time-to-live, unless it states one. */
-void fv_transport_url_complete(const char *url, uint32_t ttl, char complete[FV_TRANSPORT_URL_BYTES]);
+void fv_transport_url_complete(const char *url, uint32_t ttl,
+                               char complete[FV_TRANSPORT_URL_BYTES]);
 
 #endif

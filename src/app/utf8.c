@@ -16,7 +16,8 @@ int fv_utf8_decode(const char *text, uint32_t *code)
         if (((unsigned char)text[i] & 0xc0) != 0x80) return 0;
         value = value << 6 | ((unsigned char)text[i] & 0x3f);
     }
-    if (bytes == 0 || value < smallest[bytes] || value > 0x10ffff || (value >= 0xd800 && value <= 0xdfff))
+    if (bytes == 0 || value < smallest[bytes] || value > 0x10ffff ||
+        (value >= 0xd800 && value <= 0xdfff))
         return 0;
     *code = value;
     return bytes;

@@ -5,8 +5,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-/* Bytes of the code point that `text` starts with, which goes to `*code`; 0 for malformed, overlong or
- * surrogate sequences and at the end of the text. */
+/* Bytes of the code point that `text` starts with, which goes to `*code`; 0 for malformed, overlong
+ * or surrogate sequences and at the end of the text. */
 int fv_utf8_decode(const char *text, uint32_t *code);
 
 /* Whether the whole text is well-formed. */

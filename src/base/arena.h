@@ -1,10 +1,11 @@
 /* Arena: hands out pieces of one block that the caller owns, front to back; nothing is given back.
  *
- * The same carving code runs in three modes, so that they cannot disagree: counting (base NULL), which yields the size;
- * building, on memory to be zeroed; and rebasing, on a block that was copied from elsewhere and whose contents stay,
- * where carving only finds the addresses again. So carving code assigns addresses and nothing else: a piece is NULL
- * when counting, and keeps its old contents when rebasing. Pieces are cache-line aligned and stay where they are for
- * the arena's life. Cost: constant, except for the zeroing. */
+ * The same carving code runs in three modes, so that they cannot disagree: counting (base NULL),
+ * which yields the size; building, on memory to be zeroed; and rebasing, on a block that was copied
+ * from elsewhere and whose contents stay, where carving only finds the addresses again. So carving
+ * code assigns addresses and nothing else: a piece is NULL when counting, and keeps its old
+ * contents when rebasing. Pieces are cache-line aligned and stay where they are for the arena's
+ * life. Cost: constant, except for the zeroing. */
 #ifndef FOVEA_BASE_ARENA_H
 #define FOVEA_BASE_ARENA_H
 
@@ -29,8 +30,8 @@ struct fv_arena {
 void fv_arena_count(struct fv_arena *arena);
 void fv_arena_init(struct fv_arena *arena, void *base, size_t capacity);
 
-/* `count` elements of `size` bytes, zeroed unless rebasing. NULL when counting, or when it does not fit (then
- * arena->exhausted is set). Real-time safe. */
+/* `count` elements of `size` bytes, zeroed unless rebasing. NULL when counting, or when it does not
+ * fit (then arena->exhausted is set). Real-time safe. */
 void *fv_arena_take(struct fv_arena *arena, size_t count, size_t size);
 
 /* The same without zeroing, for large scratch that is written before it is read. */

@@ -1,9 +1,10 @@
 /* Elementary functions from additions, multiplications, divisions and integer operations alone.
  *
- * Every function reduces its argument to a small interval, where a Taylor series is cut so late that the rest
- * is below 2^-56 of the result, and evaluates the series so that the leading term is added last. Reductions
- * follow W. J. Cody and W. Waite, "Software Manual for the Elementary Functions" (1980): constants are split
- * so that the products with the small whole number are exact. */
+ * Every function reduces its argument to a small interval, where a Taylor series is cut so late
+ * that the rest is below 2^-56 of the result, and evaluates the series so that the leading term is
+ * added last. Reductions follow W. J. Cody and W. Waite, "Software Manual for the Elementary
+ * Functions" (1980): constants are split so that the products with the small whole number are
+ * exact. */
 #include "fovea/elementary.h"
 
 #include <string.h>
@@ -23,14 +24,15 @@ static double fv_polynomial(const double *c, int count, double x)
     return sum;
 }
 
-/* ---- circle functions -------------------------------------------------------------------------------- */
+/* ---- circle functions
+ * -------------------------------------------------------------------------------- */
 
 /* pi/2 in three parts: 33 bits, the next 33 bits, and 53 more. */
 static const double half_pi_1 = 0x1.921fb544p+0, half_pi_2 = 0x1.0b4611a6p-34,
                     half_pi_3 = 0x1.3198a2e037073p-69;
 
-/* angle = quadrant * pi/2 + rest + tail, |rest| <= pi/4 (a little more through rounding). Returns quadrant
- * mod 4. */
+/* angle = quadrant * pi/2 + rest + tail, |rest| <= pi/4 (a little more through rounding). Returns
+ * quadrant mod 4. */
 static int fv_reduce_angle(double angle, double *rest, double *tail)
 {
     double quadrant = fovea_floor(angle * 0x1.45f306dc9c883p-1 + 0.5);
@@ -101,10 +103,10 @@ double fovea_tan(double angle_rad)
 }
 
 /* atan(k/4), k = 0..4, as head and tail, and pi/2 likewise. */
-static const double atan_head[] = {0.0, 0x1.f5b75f92c80ddp-3, 0x1.dac670561bb4fp-2, 0x1.4978fa3269ee1p-1,
-                                   0x1.921fb54442d18p-1};
-static const double atan_tail[] = {0.0, 0x1.8ab6e3cf7afbdp-57, 0x1.a2b7f222f65e2p-56, 0x1.2419a87f2a458p-56,
-                                   0x1.1a62633145c07p-55};
+static const double atan_head[] = {0.0, 0x1.f5b75f92c80ddp-3, 0x1.dac670561bb4fp-2,
+                                   0x1.4978fa3269ee1p-1, 0x1.921fb54442d18p-1};
+static const double atan_tail[] = {0.0, 0x1.8ab6e3cf7afbdp-57, 0x1.a2b7f222f65e2p-56,
+                                   0x1.2419a87f2a458p-56, 0x1.1a62633145c07p-55};
 static const double half_pi_head = 0x1.921fb54442d18p+0, half_pi_tail = 0x1.1a62633145c07p-54;
 static const double atan_series[] = {-1.0 / 3, 1.0 / 5,   -1.0 / 7, 1.0 / 9,  -1.0 / 11,
                                      1.0 / 13, -1.0 / 15, 1.0 / 17, -1.0 / 19};
@@ -126,7 +128,8 @@ double fovea_atan2(double y, double x)
     int k = (int)(small / large * 4.0 + 0.5);
     double c = 0.25 * k;
     double t = (small - c * large) / (large + c * small), z = t * t;
-    double rest = t + (t * z * fv_polynomial(atan_series, 9, z) + atan_tail[k]), head = atan_head[k];
+    double rest = t + (t * z * fv_polynomial(atan_series, 9, z) + atan_tail[k]),
+           head = atan_head[k];
     if (swapped) {
         rest = half_pi_tail - rest;
         head = half_pi_head - head;
@@ -161,12 +164,13 @@ double fovea_asin(double sine)
     return fovea_atan2(sine, fv_other_leg(sine));
 }
 
-/* ---- exponential and logarithm ----------------------------------------------------------------------- */
+/* ---- exponential and logarithm
+ * ----------------------------------------------------------------------- */
 
 static const double ln2_head = 0x1.62e42feep-1, ln2_tail = 0x1.a39ef35793c76p-33;
-static const double exp_series[] = {1.0 / 6,        1.0 / 24,        1.0 / 120,         1.0 / 720,
-                                    1.0 / 5040,     1.0 / 40320,     1.0 / 362880,      1.0 / 3628800,
-                                    1.0 / 39916800, 1.0 / 479001600, 1.0 / 6227020800.0};
+static const double exp_series[] = {
+    1.0 / 6,      1.0 / 24,      1.0 / 120,      1.0 / 720,       1.0 / 5040,        1.0 / 40320,
+    1.0 / 362880, 1.0 / 3628800, 1.0 / 39916800, 1.0 / 479001600, 1.0 / 6227020800.0};
 
 double fovea_exp(double exponent)
 {

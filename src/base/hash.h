@@ -1,5 +1,5 @@
-/* FNV-1a, 64 bits (Fowler, Noll, Vo): tells two states or files apart; no defence against an adversary.
- * Start from FV_HASH_START and feed pieces in order. Real-time safe, any thread. */
+/* FNV-1a, 64 bits (Fowler, Noll, Vo): tells two states or files apart; no defence against an
+ * adversary. Start from FV_HASH_START and feed pieces in order. Real-time safe, any thread. */
 #ifndef FOVEA_BASE_HASH_H
 #define FOVEA_BASE_HASH_H
 
@@ -21,8 +21,8 @@ static inline uint64_t fv_hash(uint64_t hash, const void *data, size_t bytes)
     return hash;
 }
 
-/* The same for much data at once, several bytes a cycle: four interleaved FNV-1a hashes over words of 8 bytes
- * (little-endian processors), then fv_hash over the four and the bytes that are left. */
+/* The same for much data at once, several bytes a cycle: four interleaved FNV-1a hashes over words
+ * of 8 bytes (little-endian processors), then fv_hash over the four and the bytes that are left. */
 static inline uint64_t fv_hash_bulk(uint64_t hash, const void *data, size_t bytes)
 {
     const uint8_t *from = (const uint8_t *)data;

@@ -10,8 +10,8 @@ void fv_ring_init(struct fv_ring *ring, void *memory, size_t capacity)
     atomic_init(&ring->tail, 0);
 }
 
-/* Room after head in one piece, and at the start of the memory. head == tail means empty, so a byte stays
- * free. */
+/* Room after head in one piece, and at the start of the memory. head == tail means empty, so a byte
+ * stays free. */
 static void room(struct fv_ring *ring, size_t *after, size_t *front)
 {
     size_t head = atomic_load_explicit(&ring->head, memory_order_relaxed);

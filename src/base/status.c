@@ -30,8 +30,8 @@ const char *fovea_status_name(enum fovea_status status)
     return "unknown status";
 }
 
-enum fovea_status fovea_error_set(struct fovea_error *error, enum fovea_status status, const char *format,
-                                  ...)
+enum fovea_status fovea_error_set(struct fovea_error *error, enum fovea_status status,
+                                  const char *format, ...)
 {
     if (error != NULL) {
         va_list arguments;

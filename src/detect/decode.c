@@ -15,13 +15,16 @@ int fv_detect_gives_boxes(const struct fv_model *model)
     return fv_head_of(model->header->decode.kind) != NULL;
 }
 
-/* ---- the best candidates: a heap with the worst on top ------------------------------------------------------ */
+/* ---- the best candidates: a heap with the worst on top
+ * ------------------------------------------------------ */
 
-/* Whether `a` comes before `b` in the result: not uncertain, higher score, or earlier in the outputs. */
+/* Whether `a` comes before `b` in the result: not uncertain, higher score, or earlier in the
+ * outputs. */
 static int better(const struct fv_detect_candidate *a, const struct fv_detect_candidate *b)
 {
     if (a->uncertain != b->uncertain) return b->uncertain;
-    return a->found.score > b->found.score || (a->found.score == b->found.score && a->order < b->order);
+    return a->found.score > b->found.score ||
+           (a->found.score == b->found.score && a->order < b->order);
 }
 
 static void sink(struct fv_detect_candidate *heap, int32_t at, int32_t count)
@@ -46,7 +49,8 @@ static void rise(struct fv_detect_candidate *heap, int32_t at)
 
 void fv_detect_keep(struct fv_detect_scratch *s, const struct fovea_detection *found, int uncertain)
 {
-    const struct fv_detect_candidate item = {.found = *found, .order = s->offered++, .uncertain = uncertain};
+    const struct fv_detect_candidate item = {
+        .found = *found, .order = s->offered++, .uncertain = uncertain};
     if (s->count < FV_DETECT_CANDIDATES_MAX) {
         s->heap[s->count] = item;
         rise(s->heap, s->count++);
@@ -68,7 +72,8 @@ static void sort(struct fv_detect_scratch *s)
     }
 }
 
-/* ---- non-maximum suppression -------------------------------------------------------------------------------- */
+/* ---- non-maximum suppression
+ * -------------------------------------------------------------------------------- */
 
 static float overlap(const struct fovea_detection *a, const struct fovea_detection *b)
 {
@@ -101,8 +106,8 @@ static int suppress_some(struct fovea_detection *list, int32_t count, float iou,
     return progress->at == count;
 }
 
-int32_t fv_detect_suppress(struct fovea_detection *list, int32_t count, float iou, int class_agnostic,
-                           uint8_t *dropped)
+int32_t fv_detect_suppress(struct fovea_detection *list, int32_t count, float iou,
+                           int class_agnostic, uint8_t *dropped)
 {
     struct fv_detect_progress progress = {.left = 0};
     memset(dropped, 0, (size_t)count);
@@ -110,7 +115,8 @@ int32_t fv_detect_suppress(struct fovea_detection *list, int32_t count, float io
     return progress.left;
 }
 
-/* ---- all of it, in units ------------------------------------------------------------------------------------- */
+/* ---- all of it, in units
+ * ------------------------------------------------------------------------------------- */
 
 void fv_detect_decode_start(struct fv_detect_scratch *scratch)
 {
@@ -129,19 +135,22 @@ static int32_t sure_left(const struct fv_detect_scratch *s)
     return left;
 }
 
-/* What the decoder reads: the model's outputs, for SSD those of the detection at its end, which models list in any order. */
+/* What the decoder reads: the model's outputs, for SSD those of the detection at its end, which
+ * models list in any order. */
 static const int32_t *sources(const struct fv_model *model, int32_t *count)
 {
     const struct fv_model_header *h = model->header;
     const struct fv_model_op *last = h->op_count > 0 ? &model->ops[h->op_count - 1] : NULL;
-    const int ssd = h->decode.kind == FV_DECODER_SSD && last != NULL && last->kind == FV_OP_DETECTION;
+    const int ssd =
+        h->decode.kind == FV_DECODER_SSD && last != NULL && last->kind == FV_OP_DETECTION;
     *count = ssd ? last->output_count : (int32_t)h->output_count;
     return ssd ? last->outputs : model->outputs;
 }
 
 static void open_outputs(const struct fv_model *model, uint8_t *arena, struct fv_head_job *j)
 {
-    if (j->d->thresholds != 0) j->thresholds = (const float *)(const void *)(model->base + j->d->thresholds);
+    if (j->d->thresholds != 0)
+        j->thresholds = (const float *)(const void *)(model->base + j->d->thresholds);
     const int32_t *from = sources(model, &j->out_count);
     for (int32_t i = 0; i < j->out_count; ++i) {
         j->out[i] = (struct fv_head_output){.t = &model->tensors[from[i]],
@@ -149,7 +158,8 @@ static void open_outputs(const struct fv_model *model, uint8_t *arena, struct fv
     }
 }
 
-static void scan_some(struct fv_head_job *j, const struct fv_head *head, struct fv_detect_progress *progress)
+static void scan_some(struct fv_head_job *j, const struct fv_head *head,
+                      struct fv_detect_progress *progress)
 {
     int64_t cost = 1;
     const int64_t items = head->items(j, &cost), most = VALUES_PER_UNIT / (cost < 1 ? 1 : cost),
@@ -162,7 +172,8 @@ static void scan_some(struct fv_head_job *j, const struct fv_head *head, struct 
 
 enum fovea_status fv_detect_decode_unit(const struct fv_model *model, uint8_t *arena,
                                         const struct fv_detect_view *view,
-                                        const struct fv_detect_limits *limits, struct fv_detect_scratch *s)
+                                        const struct fv_detect_limits *limits,
+                                        struct fv_detect_scratch *s)
 {
     const struct fv_model_decode *d = &model->header->decode;
     const struct fv_head *head = fv_head_of(d->kind);
@@ -186,8 +197,9 @@ enum fovea_status fv_detect_decode_unit(const struct fv_model *model, uint8_t *a
         memset(s->dropped, 0, sizeof s->dropped);
         return due ? FOVEA_AGAIN : FOVEA_OK;
     default:
-        if (!suppress_some(s->candidates, s->count, limits->iou > 0.0f ? limits->iou : d->iou_threshold,
-                           d->class_agnostic, s->dropped, progress, PAIRS_PER_UNIT)) {
+        if (!suppress_some(s->candidates, s->count,
+                           limits->iou > 0.0f ? limits->iou : d->iou_threshold, d->class_agnostic,
+                           s->dropped, progress, PAIRS_PER_UNIT)) {
             return FOVEA_AGAIN;
         }
         s->count = progress->left;
@@ -212,9 +224,9 @@ int32_t fv_detect_decode_take(const struct fv_model *model, const struct fv_dete
     return count;
 }
 
-int32_t fv_detect_decode(const struct fv_model *model, uint8_t *arena, const struct fv_detect_view *view,
-                         struct fv_detect_scratch *scratch, struct fovea_detection *detections,
-                         int32_t capacity)
+int32_t fv_detect_decode(const struct fv_model *model, uint8_t *arena,
+                         const struct fv_detect_view *view, struct fv_detect_scratch *scratch,
+                         struct fovea_detection *detections, int32_t capacity)
 {
     const struct fv_detect_limits none = {.count = 0};
     fv_detect_decode_start(scratch);

@@ -19,7 +19,8 @@ enum { FV_DETECT_CELLS_MAX = 128 * 128 };
 struct fv_detect_limits {
     float score, iou;
     int32_t count;
-    /* boxes below the threshold are kept as uncertain ones down to this score, but for FOMO, whose boxes grow with it */
+    /* boxes below the threshold are kept as uncertain ones down to this score, but for FOMO, whose
+     * boxes grow with it */
     float floor;
 };
 
@@ -39,7 +40,7 @@ struct fv_detect_progress {
 struct fv_detect_scratch {
     struct fv_detect_progress progress;
     int32_t count, offered; /* candidates held; ever */
-    int32_t sure;           /* once sorted: of those held, how many are not uncertain; they are the first */
+    int32_t sure; /* once sorted: of those held, how many are not uncertain; they are the first */
     struct fv_detect_candidate heap[FV_DETECT_CANDIDATES_MAX];
     struct fovea_detection candidates[FV_DETECT_CANDIDATES_MAX]; /* by falling score, once sorted */
     uint8_t dropped[FV_DETECT_CANDIDATES_MAX];
@@ -50,28 +51,31 @@ struct fv_detect_scratch {
 /* Whether the model's decoder gives boxes at all. */
 int fv_detect_gives_boxes(const struct fv_model *model);
 
-/* Decode the outputs of a finished run in units of bounded cost: start, then unit until FOVEA_OK, then take. Outputs whose
- * shape does not fit the decoder give nothing. Real-time safe. */
+/* Decode the outputs of a finished run in units of bounded cost: start, then unit until FOVEA_OK,
+ * then take. Outputs whose shape does not fit the decoder give nothing. Real-time safe. */
 void fv_detect_decode_start(struct fv_detect_scratch *scratch);
 enum fovea_status fv_detect_decode_unit(const struct fv_model *model, uint8_t *arena,
                                         const struct fv_detect_view *view,
                                         const struct fv_detect_limits *limits,
                                         struct fv_detect_scratch *scratch);
-/* At most `capacity` detections by falling score (ties: order of the outputs). Returns how many. Behind them go the uncertain ones,
- * which suppress no others, as far as there is room; `uncertain` takes how many, NULL: none are wanted. */
+/* At most `capacity` detections by falling score (ties: order of the outputs). Returns how many.
+ * Behind them go the uncertain ones, which suppress no others, as far as there is room; `uncertain`
+ * takes how many, NULL: none are wanted. */
 int32_t fv_detect_decode_take(const struct fv_model *model, const struct fv_detect_limits *limits,
-                              const struct fv_detect_scratch *scratch, struct fovea_detection *detections,
-                              int32_t capacity, int32_t *uncertain);
+                              const struct fv_detect_scratch *scratch,
+                              struct fovea_detection *detections, int32_t capacity,
+                              int32_t *uncertain);
 
 /* All units at once, with the model's own limits. */
-int32_t fv_detect_decode(const struct fv_model *model, uint8_t *arena, const struct fv_detect_view *view,
-                         struct fv_detect_scratch *scratch, struct fovea_detection *detections,
-                         int32_t capacity);
+int32_t fv_detect_decode(const struct fv_model *model, uint8_t *arena,
+                         const struct fv_detect_view *view, struct fv_detect_scratch *scratch,
+                         struct fovea_detection *detections, int32_t capacity);
 
-/* Greedy suppression of candidates already sorted by falling score; keeps those that overlap no better one (of their class,
- * or of any) by more than `iou`. Returns how many are left, at the front. */
-int32_t fv_detect_suppress(struct fovea_detection *list, int32_t count, float iou, int class_agnostic,
-                           uint8_t *dropped);
+/* Greedy suppression of candidates already sorted by falling score; keeps those that overlap no
+ * better one (of their class, or of any) by more than `iou`. Returns how many are left, at the
+ * front. */
+int32_t fv_detect_suppress(struct fovea_detection *list, int32_t count, float iou,
+                           int class_agnostic, uint8_t *dropped);
 
 #ifdef __cplusplus
 }

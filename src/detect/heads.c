@@ -28,8 +28,8 @@ static float value_at(const struct fv_head_output *o, int64_t i)
 
 static float threshold_of(const struct fv_head_job *j, int32_t class_id)
 {
-    const float own =
-        j->thresholds != NULL && class_id < j->d->classes ? j->thresholds[class_id] : j->d->score_threshold;
+    const float own = j->thresholds != NULL && class_id < j->d->classes ? j->thresholds[class_id]
+                                                                        : j->d->score_threshold;
     return own > j->score_threshold ? own : j->score_threshold;
 }
 
@@ -69,8 +69,8 @@ static void add_centred(struct fv_head_job *j, float x, float y, float w, float 
     const struct fv_model_preprocess *p = &j->model->header->preprocess;
     const float sx = j->d->normalised ? (float)p->width : 1.0f,
                 sy = j->d->normalised ? (float)p->height : 1.0f;
-    add_box(j, (x - w * 0.5f) * sx, (y - h * 0.5f) * sy, (x + w * 0.5f) * sx, (y + h * 0.5f) * sy, score,
-            class_id);
+    add_box(j, (x - w * 0.5f) * sx, (y - h * 0.5f) * sy, (x + w * 0.5f) * sx, (y + h * 0.5f) * sy,
+            score, class_id);
 }
 
 static float sigmoid(float x)
@@ -78,7 +78,8 @@ static float sigmoid(float x)
     return (float)(1.0 / (1.0 + fovea_exp(-(double)x)));
 }
 
-/* ---- classifiers ------------------------------------------------------------------------------------------- */
+/* ---- classifiers
+ * ------------------------------------------------------------------------------------------- */
 
 static int64_t classifier_items(const struct fv_head_job *j, int64_t *cost)
 {
@@ -98,7 +99,8 @@ static void classifier_scan(struct fv_head_job *j, int64_t begin, int64_t end)
     }
 }
 
-/* ---- SSD: the outputs of TFLite_Detection_PostProcess ------------------------------------------------------ */
+/* ---- SSD: the outputs of TFLite_Detection_PostProcess
+ * ------------------------------------------------------ */
 
 static int64_t ssd_items(const struct fv_head_job *j, int64_t *cost)
 {
@@ -117,15 +119,17 @@ static void ssd_scan(struct fv_head_job *j, int64_t begin, int64_t end)
     const float w = (float)p->width, h = (float)p->height;
     for (int64_t i = begin; i < end; ++i) {
         const float score = value_at(&j->out[2], i), class_value = value_at(&j->out[1], i);
-        const int32_t class_id = class_value >= 0.0f && class_value < 4096.0f ? (int32_t)class_value : 0;
+        const int32_t class_id =
+            class_value >= 0.0f && class_value < 4096.0f ? (int32_t)class_value : 0;
         if (!(score >= least_of(j, class_id))) continue;
         add_box(j, value_at(b, 4 * i + 1) * w, value_at(b, 4 * i) * h, value_at(b, 4 * i + 3) * w,
                 value_at(b, 4 * i + 2) * h, score, class_id);
     }
 }
 
-/* ---- SSD before its post-processing ------------------------------------------------------------------------
- * Box encodings [n][4] and scores [n][1 + classes], in either order, with the anchors of the file; class 0 is background. */
+/* ---- SSD before its post-processing
+ * ------------------------------------------------------------------------ Box encodings [n][4] and
+ * scores [n][1 + classes], in either order, with the anchors of the file; class 0 is background. */
 
 static const struct fv_head_output *ssd_raw_boxes(const struct fv_head_job *j)
 {
@@ -146,7 +150,8 @@ static int64_t ssd_raw_columns(const struct fv_head_job *j)
 static int64_t ssd_raw_items(const struct fv_head_job *j, int64_t *cost)
 {
     const struct fv_model_header *h = j->model->header;
-    if (j->out_count < 2 || j->d->anchor_data < FV_MODEL_HEADER_BYTES || j->d->anchor_data % 4 != 0) return 0;
+    if (j->out_count < 2 || j->d->anchor_data < FV_MODEL_HEADER_BYTES || j->d->anchor_data % 4 != 0)
+        return 0;
     const int64_t n = count_of(ssd_raw_boxes(j)) / 4, columns = ssd_raw_columns(j);
     *cost = columns;
     return columns < 2 || j->d->anchor_data + n * 16 > (int64_t)h->file_bytes ? 0 : n;
@@ -160,10 +165,13 @@ static void ssd_raw_box(struct fv_head_job *j, int64_t i, float score, int32_t c
     const struct fv_head_output *b = ssd_raw_boxes(j);
     const float cy = value_at(b, 4 * i) / scale[0] * anchor[2] + anchor[0];
     const float cx = value_at(b, 4 * i + 1) / scale[1] * anchor[3] + anchor[1];
-    const float bh = (float)fovea_exp((double)value_at(b, 4 * i + 2) / (double)scale[2]) * anchor[2];
-    const float bw = (float)fovea_exp((double)value_at(b, 4 * i + 3) / (double)scale[3]) * anchor[3];
+    const float bh =
+        (float)fovea_exp((double)value_at(b, 4 * i + 2) / (double)scale[2]) * anchor[2];
+    const float bw =
+        (float)fovea_exp((double)value_at(b, 4 * i + 3) / (double)scale[3]) * anchor[3];
     add_box(j, (cx - bw * 0.5f) * (float)p->width, (cy - bh * 0.5f) * (float)p->height,
-            (cx + bw * 0.5f) * (float)p->width, (cy + bh * 0.5f) * (float)p->height, score, class_id);
+            (cx + bw * 0.5f) * (float)p->width, (cy + bh * 0.5f) * (float)p->height, score,
+            class_id);
 }
 
 static void ssd_raw_scan(struct fv_head_job *j, int64_t begin, int64_t end)
@@ -178,7 +186,8 @@ static void ssd_raw_scan(struct fv_head_job *j, int64_t begin, int64_t end)
     }
 }
 
-/* ---- YOLOv5: rows of centre, size, objectness, classes ----------------------------------------------------- */
+/* ---- YOLOv5: rows of centre, size, objectness, classes
+ * ----------------------------------------------------- */
 
 static int64_t yolov5_items(const struct fv_head_job *j, int64_t *cost)
 {
@@ -197,13 +206,14 @@ static void yolov5_scan(struct fv_head_job *j, int64_t begin, int64_t end)
         for (int32_t c = 0; c < columns - 5; ++c) {
             const float score = object * value_at(o, at + 5 + c);
             if (score >= least_of(j, c))
-                add_centred(j, value_at(o, at), value_at(o, at + 1), value_at(o, at + 2), value_at(o, at + 3),
-                            score, c);
+                add_centred(j, value_at(o, at), value_at(o, at + 1), value_at(o, at + 2),
+                            value_at(o, at + 3), score, c);
         }
     }
 }
 
-/* ---- YOLOv8 and YOLO11: columns of centre, size, classes; the best class of each counts -------------------- */
+/* ---- YOLOv8 and YOLO11: columns of centre, size, classes; the best class of each counts
+ * -------------------- */
 
 static int64_t yolov8_items(const struct fv_head_job *j, int64_t *cost)
 {
@@ -229,12 +239,13 @@ static void yolov8_scan(struct fv_head_job *j, int64_t begin, int64_t end)
             }
         }
         if (score >= least_of(j, best))
-            add_centred(j, value_at(o, i), value_at(o, n + i), value_at(o, 2 * n + i), value_at(o, 3 * n + i),
-                        score, best);
+            add_centred(j, value_at(o, i), value_at(o, n + i), value_at(o, 2 * n + i),
+                        value_at(o, 3 * n + i), score, best);
     }
 }
 
-/* ---- YOLOv2 and its tiny kin: a grid of cells with several anchors each, everything before its activation ---- */
+/* ---- YOLOv2 and its tiny kin: a grid of cells with several anchors each, everything before its
+ * activation ---- */
 
 enum { EXP_COST = 16 }; /* an exponential beside a value read */
 
@@ -242,12 +253,14 @@ static int64_t yolov2_items(const struct fv_head_job *j, int64_t *cost)
 {
     const struct fv_model_tensor *t = j->out[0].t;
     const int32_t anchors = j->d->anchor_count;
-    if (t->rank != 4 || anchors < 1 || t->dims[3] % anchors != 0 || t->dims[3] / anchors < 6) return 0;
+    if (t->rank != 4 || anchors < 1 || t->dims[3] % anchors != 0 || t->dims[3] / anchors < 6)
+        return 0;
     *cost = (int64_t)t->dims[3] / anchors * EXP_COST;
     return (int64_t)t->dims[1] * t->dims[2] * anchors;
 }
 
-static void yolov2_box(struct fv_head_job *j, int64_t item, int64_t at, float score, int32_t class_id)
+static void yolov2_box(struct fv_head_job *j, int64_t item, int64_t at, float score,
+                       int32_t class_id)
 {
     const struct fv_head_output *o = &j->out[0];
     const struct fv_model_preprocess *p = &j->model->header->preprocess;
@@ -256,10 +269,10 @@ static void yolov2_box(struct fv_head_job *j, int64_t item, int64_t at, float sc
                   y = (int32_t)(item / anchors / w);
     const float cx = ((float)x + sigmoid(value_at(o, at))) / (float)w * (float)p->width;
     const float cy = ((float)y + sigmoid(value_at(o, at + 1))) / (float)h * (float)p->height;
-    const float bw =
-        j->d->anchors[2 * a] * (float)fovea_exp((double)value_at(o, at + 2)) / (float)w * (float)p->width;
-    const float bh = j->d->anchors[2 * a + 1] * (float)fovea_exp((double)value_at(o, at + 3)) / (float)h *
-                     (float)p->height;
+    const float bw = j->d->anchors[2 * a] * (float)fovea_exp((double)value_at(o, at + 2)) /
+                     (float)w * (float)p->width;
+    const float bh = j->d->anchors[2 * a + 1] * (float)fovea_exp((double)value_at(o, at + 3)) /
+                     (float)h * (float)p->height;
     add_box(j, cx - bw * 0.5f, cy - bh * 0.5f, cx + bw * 0.5f, cy + bh * 0.5f, score, class_id);
 }
 
@@ -272,17 +285,20 @@ static void yolov2_scan(struct fv_head_job *j, int64_t begin, int64_t end)
         const float object = sigmoid(value_at(o, at + 4));
         double sum = 0, largest = (double)value_at(o, at + 5);
         for (int32_t c = 1; c < classes; ++c)
-            largest = (double)value_at(o, at + 5 + c) > largest ? (double)value_at(o, at + 5 + c) : largest;
+            largest = (double)value_at(o, at + 5 + c) > largest ? (double)value_at(o, at + 5 + c)
+                                                                : largest;
         for (int32_t c = 0; c < classes; ++c)
             sum += fovea_exp((double)value_at(o, at + 5 + c) - largest);
         for (int32_t c = 0; c < classes; ++c) {
-            const float score = object * (float)(fovea_exp((double)value_at(o, at + 5 + c) - largest) / sum);
+            const float score =
+                object * (float)(fovea_exp((double)value_at(o, at + 5 + c) - largest) / sum);
             if (score >= least_of(j, c)) yolov2_box(j, i, at, score, c);
         }
     }
 }
 
-/* ---- FOMO: cells of a class that touch are one object; its box is theirs, its score the best ---------------- */
+/* ---- FOMO: cells of a class that touch are one object; its box is theirs, its score the best
+ * ---------------- */
 
 /* A grid of cells by classes, of which the first is background. */
 struct grid {
@@ -301,7 +317,8 @@ static int is_object(const struct grid *g, int32_t cell)
     return value_at(g->o, (int64_t)cell * g->classes + g->class_id + 1) >= g->threshold;
 }
 
-/* All cells that touch `start` (8 neighbours) over other cells of the object; each enters the stack once. */
+/* All cells that touch `start` (8 neighbours) over other cells of the object; each enters the stack
+ * once. */
 static struct cells grow(const struct grid *g, int32_t start, uint8_t *seen, int32_t *stack)
 {
     struct cells c = {.x0 = g->w, .x1 = -1, .y0 = g->h, .y1 = -1, .score = 0};
@@ -318,7 +335,8 @@ static struct cells grow(const struct grid *g, int32_t start, uint8_t *seen, int
         c.y1 = y > c.y1 ? y : c.y1;
         for (int32_t k = 0; k < 9; ++k) {
             const int32_t nx = x + k % 3 - 1, ny = y + k / 3 - 1, next = ny * g->w + nx;
-            if (nx < 0 || nx >= g->w || ny < 0 || ny >= g->h || seen[next] || !is_object(g, next)) continue;
+            if (nx < 0 || nx >= g->w || ny < 0 || ny >= g->h || seen[next] || !is_object(g, next))
+                continue;
             seen[next] = 1;
             stack[top++] = next;
         }
@@ -363,5 +381,7 @@ const struct fv_head *fv_head_of(int32_t decoder)
         [FV_DECODER_YOLOV8] = {yolov8_items, yolov8_scan, 1},
         [FV_DECODER_YOLOV2] = {yolov2_items, yolov2_scan, 1},
         [FV_DECODER_FOMO] = {fomo_items, fomo_scan, 0}};
-    return decoder >= 0 && decoder < FV_DECODER_COUNT && heads[decoder].scan != NULL ? &heads[decoder] : NULL;
+    return decoder >= 0 && decoder < FV_DECODER_COUNT && heads[decoder].scan != NULL
+               ? &heads[decoder]
+               : NULL;
 }

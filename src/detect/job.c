@@ -2,8 +2,8 @@
 
 #include "detect/pixel.h"
 
-void fv_detect_carve(struct fv_detect_memory *memory, struct fv_arena *arena, const struct fv_model *model,
-                     size_t pixel_bytes)
+void fv_detect_carve(struct fv_detect_memory *memory, struct fv_arena *arena,
+                     const struct fv_model *model, size_t pixel_bytes)
 {
     *memory = (struct fv_detect_memory){.pixel_bytes = pixel_bytes};
     memory->job = fv_arena_take(arena, 1, sizeof *memory->job);
@@ -12,8 +12,9 @@ void fv_detect_carve(struct fv_detect_memory *memory, struct fv_arena *arena, co
     memory->pixels = fv_arena_take(arena, pixel_bytes, 1);
 }
 
-enum fovea_status fv_detect_start(const struct fv_detect_memory *memory, const struct fv_model *model,
-                                  const struct fovea_image *image, int64_t stamp_ns, uint64_t sequence)
+enum fovea_status fv_detect_start(const struct fv_detect_memory *memory,
+                                  const struct fv_model *model, const struct fovea_image *image,
+                                  int64_t stamp_ns, uint64_t sequence)
 {
     struct fv_detect_job *job = memory->job;
     if (job->phase != FV_DETECT_IDLE) return FOVEA_AGAIN;
@@ -56,7 +57,8 @@ static void fill_some(const struct fv_detect_memory *memory, const struct fv_mod
 static void decode_some(const struct fv_detect_memory *memory, const struct fv_model *model)
 {
     struct fv_detect_job *job = memory->job;
-    if (fv_detect_decode_unit(model, memory->arena, &job->view, &memory->limits, memory->scratch) != FOVEA_OK)
+    if (fv_detect_decode_unit(model, memory->arena, &job->view, &memory->limits, memory->scratch) !=
+        FOVEA_OK)
         return;
     job->count = fv_detect_decode_take(model, &memory->limits, memory->scratch, job->found,
                                        FOVEA_DETECTIONS_MAX, &job->uncertain);
@@ -74,8 +76,9 @@ static void run_some(const struct fv_detect_memory *memory, const struct fv_mode
     job->phase = FV_DETECT_DECODE;
 }
 
-enum fovea_status fv_detect_advance(const struct fv_detect_memory *memory, const struct fv_model *model,
-                                    const struct fv_kernels *kernels, uint32_t units, uint32_t *done)
+enum fovea_status fv_detect_advance(const struct fv_detect_memory *memory,
+                                    const struct fv_model *model, const struct fv_kernels *kernels,
+                                    uint32_t units, uint32_t *done)
 {
     struct fv_detect_job *job = memory->job;
     *done = 0;

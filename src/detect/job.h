@@ -1,8 +1,8 @@
-/* Detection as a resumable job: an image is taken, the network runs over many frames in units, then its boxes appear with the
- * stamp of the image that they belong to.
+/* Detection as a resumable job: an image is taken, the network runs over many frames in units, then
+ * its boxes appear with the stamp of the image that they belong to.
  *
- * All state lies in pieces that the caller carves from its block and holds no addresses of them, so it can be copied and
- * hashed. Real-time safe. */
+ * All state lies in pieces that the caller carves from its block and holds no addresses of them, so
+ * it can be copied and hashed. Real-time safe. */
 #ifndef FOVEA_DETECT_JOB_H
 #define FOVEA_DETECT_JOB_H
 
@@ -40,18 +40,21 @@ struct fv_detect_memory {
 };
 
 /* Carve the pieces for images of up to `pixel_bytes` bytes. Works in counting mode. Init-only. */
-void fv_detect_carve(struct fv_detect_memory *memory, struct fv_arena *arena, const struct fv_model *model,
-                     size_t pixel_bytes);
+void fv_detect_carve(struct fv_detect_memory *memory, struct fv_arena *arena,
+                     const struct fv_model *model, size_t pixel_bytes);
 
-/* Take an image: its pixels are copied, without what lies between rows. FOVEA_AGAIN: the job is under way, nothing was taken. FOVEA_ERROR_UNSUPPORTED: the
- * image's format or size does not fit. */
-enum fovea_status fv_detect_start(const struct fv_detect_memory *memory, const struct fv_model *model,
-                                  const struct fovea_image *image, int64_t stamp_ns, uint64_t sequence);
+/* Take an image: its pixels are copied, without what lies between rows. FOVEA_AGAIN: the job is
+ * under way, nothing was taken. FOVEA_ERROR_UNSUPPORTED: the image's format or size does not fit.
+ */
+enum fovea_status fv_detect_start(const struct fv_detect_memory *memory,
+                                  const struct fv_model *model, const struct fovea_image *image,
+                                  int64_t stamp_ns, uint64_t sequence);
 
-/* Go on for at most `units` units; `done` takes how many ran. FOVEA_OK: idle; job->found is new when the sequence in
- * found_sequence is that of the image taken. FOVEA_AGAIN: units are left. */
-enum fovea_status fv_detect_advance(const struct fv_detect_memory *memory, const struct fv_model *model,
-                                    const struct fv_kernels *kernels, uint32_t units, uint32_t *done);
+/* Go on for at most `units` units; `done` takes how many ran. FOVEA_OK: idle; job->found is new
+ * when the sequence in found_sequence is that of the image taken. FOVEA_AGAIN: units are left. */
+enum fovea_status fv_detect_advance(const struct fv_detect_memory *memory,
+                                    const struct fv_model *model, const struct fv_kernels *kernels,
+                                    uint32_t units, uint32_t *done);
 
 #ifdef __cplusplus
 }

@@ -40,10 +40,12 @@ static void from_packed(const uint8_t *pair, int32_t x, int32_t luma_at, bool lu
         from_yuv(y, pair[1 - luma_at], pair[3 - luma_at], rgb);
 }
 
-static void from_planes(const struct fovea_image *image, int32_t x, int32_t y, bool luma, uint8_t rgb[3])
+static void from_planes(const struct fovea_image *image, int32_t x, int32_t y, bool luma,
+                        uint8_t rgb[3])
 {
     const size_t stride = (size_t)image->stride_bytes, rows = (size_t)image->height;
-    const uint8_t value = image->data[(size_t)y * stride + (size_t)x], *chroma = image->data + stride * rows;
+    const uint8_t value = image->data[(size_t)y * stride + (size_t)x],
+                  *chroma = image->data + stride * rows;
     const size_t cx = (size_t)x / 2, cy = (size_t)y / 2;
     if (luma) {
         memset(rgb, value, 3);
@@ -58,8 +60,10 @@ static void from_planes(const struct fovea_image *image, int32_t x, int32_t y, b
 static void from_bayer(const struct fovea_image *image, int32_t x, int32_t y, uint8_t rgb[3])
 {
     /* Column and row of red within the cell. */
-    const bool right = image->format == FOVEA_PIXEL_BAYER_BGGR8 || image->format == FOVEA_PIXEL_BAYER_GRBG8;
-    const bool low = image->format == FOVEA_PIXEL_BAYER_BGGR8 || image->format == FOVEA_PIXEL_BAYER_GBRG8;
+    const bool right =
+        image->format == FOVEA_PIXEL_BAYER_BGGR8 || image->format == FOVEA_PIXEL_BAYER_GRBG8;
+    const bool low =
+        image->format == FOVEA_PIXEL_BAYER_BGGR8 || image->format == FOVEA_PIXEL_BAYER_GBRG8;
     const uint8_t *upper = image->data + (ptrdiff_t)(y & ~1) * image->stride_bytes + (x & ~1),
                   *lower = upper + image->stride_bytes;
     const uint8_t *red_row = low ? lower : upper, *blue_row = low ? upper : lower;
@@ -74,7 +78,8 @@ static void from_words(const uint8_t *at, int shift, uint8_t rgb[3])
     memset(rgb, value > 255 ? 255 : value, 3);
 }
 
-void fv_pixel_fetch(const struct fovea_image *image, int32_t x, int32_t y, bool luma, uint8_t rgb[3])
+void fv_pixel_fetch(const struct fovea_image *image, int32_t x, int32_t y, bool luma,
+                    uint8_t rgb[3])
 {
     const uint8_t *row = image->data + (ptrdiff_t)y * image->stride_bytes;
     switch (image->format) {
@@ -124,7 +129,8 @@ void fv_pixel_fetch(const struct fovea_image *image, int32_t x, int32_t y, bool 
     memset(rgb, 0, 3);
 }
 
-static void copy_rows(const uint8_t *from, int32_t from_stride, uint8_t *to, int32_t to_stride, int32_t rows)
+static void copy_rows(const uint8_t *from, int32_t from_stride, uint8_t *to, int32_t to_stride,
+                      int32_t rows)
 {
     for (int32_t y = 0; y < rows; ++y)
         memcpy(to + (ptrdiff_t)y * to_stride, from + (ptrdiff_t)y * from_stride, (size_t)to_stride);
@@ -139,7 +145,8 @@ enum fovea_status fv_pixel_copy(const struct fovea_image *image, uint8_t *to, si
     const uint8_t *chroma = image->data + (size_t)image->stride_bytes * (size_t)h;
     uint8_t *to_chroma = to + (size_t)stride * (size_t)h;
     copy_rows(image->data, image->stride_bytes, to, stride, h);
-    if (image->format == FOVEA_PIXEL_NV12) copy_rows(chroma, image->stride_bytes, to_chroma, stride, h / 2);
+    if (image->format == FOVEA_PIXEL_NV12)
+        copy_rows(chroma, image->stride_bytes, to_chroma, stride, h / 2);
     if (image->format == FOVEA_PIXEL_YU12)
         copy_rows(chroma, image->stride_bytes / 2, to_chroma, stride / 2, h);
     *copied = *image;

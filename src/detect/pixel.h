@@ -3,9 +3,9 @@
  *   grey8                    three equal values
  *   Y10, Y12, Y14, Y16       the 8 high bits of the significant ones, three equal values
  *   RGB24, BGR24             as they are
- *   YUYV, UYVY, NV12, YU12   BT.601 with luma from 16 to 235 (what cameras send and OpenCV takes for granted); a network that
- *                            takes grey gets the luma as it is
- *   Bayer                    of the cell of 2 x 2 that the pixel is in: red, the mean of the greens, blue */
+ *   YUYV, UYVY, NV12, YU12   BT.601 with luma from 16 to 235 (what cameras send and OpenCV takes
+ * for granted); a network that takes grey gets the luma as it is Bayer                    of the
+ * cell of 2 x 2 that the pixel is in: red, the mean of the greens, blue */
 #ifndef FOVEA_DETECT_PIXEL_H
 #define FOVEA_DETECT_PIXEL_H
 
@@ -17,11 +17,13 @@
 /* Whether pixels of this format can be fetched: all but the compressed ones. */
 bool fv_pixel_known(enum fovea_pixel_format format);
 
-/* The pixel (x, y) of a checked image. `luma`: YUV formats give their luma thrice. Real-time safe. */
-void fv_pixel_fetch(const struct fovea_image *image, int32_t x, int32_t y, bool luma, uint8_t rgb[3]);
+/* The pixel (x, y) of a checked image. `luma`: YUV formats give their luma thrice. Real-time safe.
+ */
+void fv_pixel_fetch(const struct fovea_image *image, int32_t x, int32_t y, bool luma,
+                    uint8_t rgb[3]);
 
-/* Copy the pixels of a checked image, rows and planes without gaps, to `to`; `*copied` is a view of the copy.
- * FOVEA_ERROR_MEMORY: they do not fit into `capacity` bytes. Real-time safe. */
+/* Copy the pixels of a checked image, rows and planes without gaps, to `to`; `*copied` is a view of
+ * the copy. FOVEA_ERROR_MEMORY: they do not fit into `capacity` bytes. Real-time safe. */
 enum fovea_status fv_pixel_copy(const struct fovea_image *image, uint8_t *to, size_t capacity,
                                 struct fovea_image *copied);
 

@@ -13,13 +13,17 @@ enum fovea_status fv_detect_view(const struct fv_model *model, const struct fove
     const struct fv_model_preprocess *p = &model->header->preprocess;
     const struct fv_model_tensor *t = &model->tensors[model->inputs[0]];
     const int colours = p->channels == 1 || p->channels == 3;
-    const int fits = t->rank == 4 && t->dims[0] == 1 && t->dims[1] == p->height && t->dims[2] == p->width &&
-                     t->dims[3] == p->channels && (t->type == FV_TYPE_U8 || t->type == FV_TYPE_F32) &&
+    const int fits = t->rank == 4 && t->dims[0] == 1 && t->dims[1] == p->height &&
+                     t->dims[2] == p->width && t->dims[3] == p->channels &&
+                     (t->type == FV_TYPE_U8 || t->type == FV_TYPE_F32) &&
                      (t->flags & FV_TENSOR_CONST) == 0;
-    if (!colours || !fits || !fv_pixel_known(image->format) || image->width < 1 || image->height < 1)
+    if (!colours || !fits || !fv_pixel_known(image->format) || image->width < 1 ||
+        image->height < 1)
         return FOVEA_ERROR_UNSUPPORTED;
-    *view = (struct fv_detect_view){
-        .image_width = image->width, .image_height = image->height, .width = p->width, .height = p->height};
+    *view = (struct fv_detect_view){.image_width = image->width,
+                                    .image_height = image->height,
+                                    .width = p->width,
+                                    .height = p->height};
     if (p->fit == FV_FIT_LETTERBOX) {
         if ((int64_t)p->width * image->height < (int64_t)p->height * image->width) {
             view->height = (int32_t)(((int64_t)image->height * p->width * 2 + image->width) /
@@ -38,8 +42,10 @@ enum fovea_status fv_detect_view(const struct fv_model *model, const struct fove
     return FOVEA_OK;
 }
 
-/* Lower neighbour and weight of the upper one for target `at` of `count` over `size` source pixels. */
-static void source_of(int32_t at, int32_t count, int32_t size, int32_t *low, int32_t *high, int32_t *weight)
+/* Lower neighbour and weight of the upper one for target `at` of `count` over `size` source pixels.
+ */
+static void source_of(int32_t at, int32_t count, int32_t size, int32_t *low, int32_t *high,
+                      int32_t *weight)
 {
     /* (at + 0.5) size / count - 0.5 in units of 1 / WEIGHT_ONE, rounded down */
     const int64_t position = ((int64_t)(2 * at + 1) * size * WEIGHT_ONE / count - WEIGHT_ONE) / 2;
@@ -54,13 +60,15 @@ static void source_of(int32_t at, int32_t count, int32_t size, int32_t *low, int
 }
 
 /* Red, green and blue of one interpolated pixel. */
-static void sample(const struct fovea_image *image, const uint8_t *upper, const uint8_t *lower, int32_t wy,
-                   int32_t left, int32_t right, int32_t wx, uint8_t rgb[3])
+static void sample(const struct fovea_image *image, const uint8_t *upper, const uint8_t *lower,
+                   int32_t wy, int32_t left, int32_t right, int32_t wx, uint8_t rgb[3])
 {
     const int32_t channels = image->format == FOVEA_PIXEL_GREY8 ? 1 : 3;
     for (int32_t c = 0; c < channels; ++c) {
-        const int32_t a = upper[left * channels + c] * (WEIGHT_ONE - wx) + upper[right * channels + c] * wx;
-        const int32_t b = lower[left * channels + c] * (WEIGHT_ONE - wx) + lower[right * channels + c] * wx;
+        const int32_t a =
+            upper[left * channels + c] * (WEIGHT_ONE - wx) + upper[right * channels + c] * wx;
+        const int32_t b =
+            lower[left * channels + c] * (WEIGHT_ONE - wx) + lower[right * channels + c] * wx;
         const int64_t sum = (int64_t)a * (WEIGHT_ONE - wy) + (int64_t)b * wy;
         rgb[c] = (uint8_t)((sum + (INT64_C(1) << (2 * WEIGHT_BITS - 1))) >> (2 * WEIGHT_BITS));
     }
@@ -128,7 +136,9 @@ static void put(const struct fv_model *model, const struct tables *t, uint8_t *i
     }
 }
 
-enum { BLOCK_ROWS = 16 }; /* that share where a column looks: the division there costs more than the sample */
+enum {
+    BLOCK_ROWS = 16
+}; /* that share where a column looks: the division there costs more than the sample */
 
 /* Where rows of a block look. */
 struct block {
@@ -136,15 +146,16 @@ struct block {
     int32_t shown[BLOCK_ROWS], up[BLOCK_ROWS], down[BLOCK_ROWS], wy[BLOCK_ROWS];
 };
 
-static void block_begin(const struct fovea_image *image, const struct fv_detect_view *view, int32_t begin,
-                        int32_t end, struct block *b)
+static void block_begin(const struct fovea_image *image, const struct fv_detect_view *view,
+                        int32_t begin, int32_t end, struct block *b)
 {
     b->begin = begin;
     b->count = end - begin < BLOCK_ROWS ? end - begin : BLOCK_ROWS;
     for (int32_t i = 0; i < b->count; ++i) {
         const int32_t iy = begin + i - view->top;
         b->shown[i] = iy >= 0 && iy < view->height;
-        if (b->shown[i]) source_of(iy, view->height, image->height, &b->up[i], &b->down[i], &b->wy[i]);
+        if (b->shown[i])
+            source_of(iy, view->height, image->height, &b->up[i], &b->down[i], &b->wy[i]);
     }
 }
 
@@ -163,8 +174,8 @@ static void fill_column(const struct fv_model *model, const struct tables *table
         const int32_t rows[2] = {b->up[i], b->down[i]};
         if (is_shown && b->shown[i] && plain) {
             sample(image, image->data + (ptrdiff_t)rows[0] * image->stride_bytes,
-                   image->data + (ptrdiff_t)rows[1] * image->stride_bytes, b->wy[i], columns[0], columns[1],
-                   wx, rgb);
+                   image->data + (ptrdiff_t)rows[1] * image->stride_bytes, b->wy[i], columns[0],
+                   columns[1], wx, rgb);
         } else if (is_shown && b->shown[i]) {
             sample_made(image, rows, b->wy[i], columns, wx, p->channels == 1, rgb);
         }
@@ -172,7 +183,8 @@ static void fill_column(const struct fv_model *model, const struct tables *table
     }
 }
 
-/* A grey frame of the network's own size needs no interpolation: most cameras' case, and thirty times faster. */
+/* A grey frame of the network's own size needs no interpolation: most cameras' case, and thirty
+ * times faster. */
 static bool is_direct(const struct fv_model *model, const struct fovea_image *image,
                       const struct fv_detect_view *view)
 {
@@ -191,8 +203,8 @@ int32_t fv_detect_rows_per_unit(const struct fv_model *model, const struct fovea
 }
 
 static void fill_direct(const struct fv_model *model, const uint8_t table[256],
-                        const struct fovea_image *image, const struct fv_detect_view *view, int32_t y,
-                        uint8_t *input)
+                        const struct fovea_image *image, const struct fv_detect_view *view,
+                        int32_t y, uint8_t *input)
 {
     const int32_t width = model->header->preprocess.width, iy = y - view->top;
     const uint8_t pad = table[(uint8_t)model->header->preprocess.pad];

@@ -1,9 +1,10 @@
 /* From a camera image to a network's input tensor.
  *
- * Bilinear with 15-bit weights, pixel centres aligned (target x looks at (x + 0.5) scale - 0.5), edges repeated: integer
- * arithmetic only. Letterboxing keeps the shape, centres the image and fills the rest. Colours are reordered; a grey image
- * gives three equal channels, a colour image gives a grey one by BT.601. Values go through a table of 256 made from the
- * model's mean and scale and the input's quantisation. */
+ * Bilinear with 15-bit weights, pixel centres aligned (target x looks at (x + 0.5) scale - 0.5),
+ * edges repeated: integer arithmetic only. Letterboxing keeps the shape, centres the image and
+ * fills the rest. Colours are reordered; a grey image gives three equal channels, a colour image
+ * gives a grey one by BT.601. Values go through a table of 256 made from the model's mean and scale
+ * and the input's quantisation. */
 #ifndef FOVEA_DETECT_PREPROCESS_H
 #define FOVEA_DETECT_PREPROCESS_H
 
@@ -14,20 +15,22 @@
 extern "C" {
 #endif
 
-/* How the image lies in the input: input = image * scale + offset, per axis, in pixel-corner coordinates. */
+/* How the image lies in the input: input = image * scale + offset, per axis, in pixel-corner
+ * coordinates. */
 struct fv_detect_view {
     int32_t image_width, image_height;
     int32_t left, top, width, height; /* part of the input that holds the image */
     float scale_x, scale_y;           /* input pixels per image pixel */
 };
 
-/* Whether the model takes images at all (a first input of 8-bit or float [1, h, w, 1 or 3]) and `image` has a format that
- * can be read: all but the compressed ones (detect/pixel.h). Fills `view`. Real-time safe.
- * FOVEA_ERROR_UNSUPPORTED: it does not. */
+/* Whether the model takes images at all (a first input of 8-bit or float [1, h, w, 1 or 3]) and
+ * `image` has a format that can be read: all but the compressed ones (detect/pixel.h). Fills
+ * `view`. Real-time safe. FOVEA_ERROR_UNSUPPORTED: it does not. */
 enum fovea_status fv_detect_view(const struct fv_model *model, const struct fovea_image *image,
                                  struct fv_detect_view *view);
 
-/* Rows of the input that are filled in about 0.1 ms here, 0.25 ms on a slow board. Real-time safe. */
+/* Rows of the input that are filled in about 0.1 ms here, 0.25 ms on a slow board. Real-time safe.
+ */
 int32_t fv_detect_rows_per_unit(const struct fv_model *model, const struct fovea_image *image,
                                 const struct fv_detect_view *view);
 

@@ -2,7 +2,9 @@
 
 #include <string.h>
 
-enum { PAD = FV_CACHE_LINE_BYTES }; /* before column 0 and after the last, for neighbours and whole vectors */
+enum {
+    PAD = FV_CACHE_LINE_BYTES
+}; /* before column 0 and after the last, for neighbours and whole vectors */
 
 void fv_fast_carve(struct fv_fast_scratch *scratch, int32_t width, struct fv_arena *frame)
 {
@@ -16,8 +18,8 @@ static uint8_t *score_row(const struct fv_fast *fast, int32_t y)
     return fast->scratch.scores + y % 3 * fast->scratch.row_bytes + PAD;
 }
 
-/* Scores reach one pixel further than corners, since suppression looks at neighbours, but never closer than 3
- * to the edge; what lies beyond counts as zero. */
+/* Scores reach one pixel further than corners, since suppression looks at neighbours, but never
+ * closer than 3 to the edge; what lies beyond counts as zero. */
 static int32_t margin(const struct fv_fast *fast)
 {
     return fast->border_px > FV_FAST_BORDER_MIN_PX ? fast->border_px - 1 : FV_FAST_BORDER_MIN_PX;
@@ -38,19 +40,19 @@ static void score(struct fv_fast *fast, int32_t y)
 }
 
 void fv_fast_begin(struct fv_fast *fast, const struct fv_kernels *kernels, const uint8_t *pixels,
-                   int32_t stride_bytes, int32_t width, int32_t height, int32_t border_px, int32_t threshold,
-                   const struct fv_fast_scratch *scratch)
+                   int32_t stride_bytes, int32_t width, int32_t height, int32_t border_px,
+                   int32_t threshold, const struct fv_fast_scratch *scratch)
 {
-    *fast =
-        (struct fv_fast){.kernels = kernels,
-                         .pixels = pixels,
-                         .stride_bytes = stride_bytes,
-                         .width = width,
-                         .height = height,
-                         .border_px = border_px > FV_FAST_BORDER_MIN_PX ? border_px : FV_FAST_BORDER_MIN_PX,
-                         .threshold = threshold,
-                         .scratch = *scratch,
-                         .columns = scratch->columns};
+    *fast = (struct fv_fast){.kernels = kernels,
+                             .pixels = pixels,
+                             .stride_bytes = stride_bytes,
+                             .width = width,
+                             .height = height,
+                             .border_px = border_px > FV_FAST_BORDER_MIN_PX ? border_px
+                                                                            : FV_FAST_BORDER_MIN_PX,
+                             .threshold = threshold,
+                             .scratch = *scratch,
+                             .columns = scratch->columns};
     fast->y = fast->border_px - 1;
     fast->scored = fast->border_px - 2;
 }
@@ -64,8 +66,8 @@ bool fv_fast_next(struct fv_fast *fast)
     while (fast->scored < fast->y + 1)
         score(fast, ++fast->scored);
     fast->scores = score_row(fast, fast->y);
-    fast->count =
-        fast->kernels->fast_peaks_u8(fast->scratch.columns, score_row(fast, fast->y - 1), fast->scores,
-                                     score_row(fast, fast->y + 1), border, fast->width - border);
+    fast->count = fast->kernels->fast_peaks_u8(fast->scratch.columns, score_row(fast, fast->y - 1),
+                                               fast->scores, score_row(fast, fast->y + 1), border,
+                                               fast->width - border);
     return true;
 }

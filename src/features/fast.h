@@ -1,15 +1,14 @@
 /* FAST-9/16 corners with non-maximum suppression (Rosten and Drummond, ECCV 2006), row by row.
  *
  *     struct fv_fast fast;
- *     fv_fast_begin(&fast, kernels, pixels, stride_bytes, width, height, border_px, threshold, scratch);
- *     while (fv_fast_next(&fast))
- *         for (int32_t i = 0; i < fast.count; i++)
- *             corner at (fast.columns[i], fast.y) with fast.scores[fast.columns[i]];
+ *     fv_fast_begin(&fast, kernels, pixels, stride_bytes, width, height, border_px, threshold,
+ * scratch); while (fv_fast_next(&fast)) for (int32_t i = 0; i < fast.count; i++) corner at
+ * (fast.columns[i], fast.y) with fast.scores[fast.columns[i]];
  *
- * Corners and scores equal those of OpenCV's FAST(threshold, nonmaxSuppression = true): a corner stays when
- * its score is greater than those of its eight neighbours. Raster order. Suppression at a low threshold and
- * then keeping the scores of at least t gives the corners of threshold t, so one scan serves all higher
- * thresholds. */
+ * Corners and scores equal those of OpenCV's FAST(threshold, nonmaxSuppression = true): a corner
+ * stays when its score is greater than those of its eight neighbours. Raster order. Suppression at
+ * a low threshold and then keeping the scores of at least t gives the corners of threshold t, so
+ * one scan serves all higher thresholds. */
 #ifndef FOVEA_FEATURES_FAST_H
 #define FOVEA_FEATURES_FAST_H
 
@@ -47,11 +46,11 @@ struct fv_fast {
 /* Take scratch for images up to `width` pixels wide from the arena. */
 void fv_fast_carve(struct fv_fast_scratch *scratch, int32_t width, struct fv_arena *frame);
 
-/* Start on an image of which FV_LEVEL_SLACK_BYTES after each row may be read. Corners keep border_px (at
- * least 3) from its edges; threshold in [1, 254]. Real-time safe. */
+/* Start on an image of which FV_LEVEL_SLACK_BYTES after each row may be read. Corners keep
+ * border_px (at least 3) from its edges; threshold in [1, 254]. Real-time safe. */
 void fv_fast_begin(struct fv_fast *fast, const struct fv_kernels *kernels, const uint8_t *pixels,
-                   int32_t stride_bytes, int32_t width, int32_t height, int32_t border_px, int32_t threshold,
-                   const struct fv_fast_scratch *scratch);
+                   int32_t stride_bytes, int32_t width, int32_t height, int32_t border_px,
+                   int32_t threshold, const struct fv_fast_scratch *scratch);
 
 /* Go to the next row; false after the last. Real-time safe. */
 bool fv_fast_next(struct fv_fast *fast);

@@ -58,7 +58,8 @@ static void fill_list(struct fv_features *features)
 }
 
 uint32_t fv_features_find(struct fv_features *features, const struct fv_kernels *kernels,
-                          const struct fv_pyramid *pyramid, const uint8_t *mask, uint32_t count_asked)
+                          const struct fv_pyramid *pyramid, const uint8_t *mask,
+                          uint32_t count_asked)
 {
     const uint32_t asked =
         count_asked < features->config.count_max ? count_asked : features->config.count_max;

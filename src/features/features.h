@@ -1,10 +1,11 @@
 /* Features of a frame: FAST corners on every level of the pyramid, spread over the image.
  *
- * Corners are those of FAST-9/16 with non-maximum suppression (fast.h) at config.threshold_min; where a cell
- * of the grid holds any corner of config.threshold, only those count. They are picked so that they cover the
- * image, with a share for each level (spread.h), and keep FV_FEATURES_BORDER_PX from the border of their
- * level, so that a descriptor's patch fits. The order is fixed: by level from coarse to fine, then cell by
- * cell. Integer only up to the final scaling of places. */
+ * Corners are those of FAST-9/16 with non-maximum suppression (fast.h) at config.threshold_min;
+ * where a cell of the grid holds any corner of config.threshold, only those count. They are picked
+ * so that they cover the image, with a share for each level (spread.h), and keep
+ * FV_FEATURES_BORDER_PX from the border of their level, so that a descriptor's patch fits. The
+ * order is fixed: by level from coarse to fine, then cell by cell. Integer only up to the final
+ * scaling of places. */
 #ifndef FOVEA_FEATURES_FEATURES_H
 #define FOVEA_FEATURES_FEATURES_H
 
@@ -32,15 +33,17 @@ struct fv_features {
     struct fv_spread spread;
 };
 
-/* Take memory for frames of the pyramid's size from the arena. Fills sizes and addresses only. Init-only. */
+/* Take memory for frames of the pyramid's size from the arena. Fills sizes and addresses only.
+ * Init-only. */
 void fv_features_carve(struct fv_features *features, const struct fovea_features_config *config,
                        const struct fv_pyramid *pyramid, struct fv_arena *frame);
 
-/* Find at most `count_asked` features (cut to config.count_max). `mask`, when not NULL, is level-0 width x
- * height bytes without padding: no feature where it is 0. Fills features->list, ->corners and ->count;
- * returns the count. Real-time safe; cost bounded by the number of pixels. */
+/* Find at most `count_asked` features (cut to config.count_max). `mask`, when not NULL, is level-0
+ * width x height bytes without padding: no feature where it is 0. Fills features->list, ->corners
+ * and ->count; returns the count. Real-time safe; cost bounded by the number of pixels. */
 uint32_t fv_features_find(struct fv_features *features, const struct fv_kernels *kernels,
-                          const struct fv_pyramid *pyramid, const uint8_t *mask, uint32_t count_asked);
+                          const struct fv_pyramid *pyramid, const uint8_t *mask,
+                          uint32_t count_asked);
 
 #ifdef __cplusplus
 }

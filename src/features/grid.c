@@ -8,7 +8,8 @@ void fv_grid_carve(struct fv_grid *grid, int32_t width, int32_t height, uint32_t
     grid->columns = (width + FV_GRID_CELL_PX - 1) / FV_GRID_CELL_PX;
     grid->rows = (height + FV_GRID_CELL_PX - 1) / FV_GRID_CELL_PX;
     grid->count_max = count_max;
-    grid->start = fv_arena_take(arena, (size_t)grid->columns * (size_t)grid->rows + 2, sizeof *grid->start);
+    grid->start =
+        fv_arena_take(arena, (size_t)grid->columns * (size_t)grid->rows + 2, sizeof *grid->start);
     grid->points = fv_arena_take(arena, count_max, sizeof *grid->points);
 }
 
@@ -28,7 +29,8 @@ void fv_grid_build(struct fv_grid *grid, const struct fv_grid_point *points, uin
 {
     const int32_t cells = grid->columns * grid->rows;
     if (count > grid->count_max) count = grid->count_max;
-    /* start[c + 1] counts, then holds where cell c goes on; after placing it is where cell c + 1 starts. */
+    /* start[c + 1] counts, then holds where cell c goes on; after placing it is where cell c + 1
+     * starts. */
     memset(grid->start, 0, ((size_t)cells + 2) * sizeof *grid->start);
     for (uint32_t i = 0; i < count; i++)
         grid->start[cell_of(grid, points[i].x_px, points[i].y_px) + 2]++;
@@ -39,8 +41,8 @@ void fv_grid_build(struct fv_grid *grid, const struct fv_grid_point *points, uin
     }
 }
 
-uint32_t fv_grid_query(const struct fv_grid *grid, float x_px, float y_px, float radius_px, int level_min,
-                       int level_max, uint16_t *indices, uint32_t indices_max)
+uint32_t fv_grid_query(const struct fv_grid *grid, float x_px, float y_px, float radius_px,
+                       int level_min, int level_max, uint16_t *indices, uint32_t indices_max)
 {
     const int32_t column_first = cell_along(x_px - radius_px, grid->columns);
     const int32_t column_last = cell_along(x_px + radius_px, grid->columns);

@@ -27,7 +27,8 @@ void fv_mask_compose(uint8_t *mask, const uint8_t *fixed, int32_t width, int32_t
     for (uint32_t i = 0; i < count; i++) {
         const struct fv_mask_box *box = &boxes[i];
         if (!(box->x_max > box->x_min && box->y_max > box->y_min)) continue;
-        const int32_t left = floor_within(box->x_min, width), right = ceil_within(box->x_max, width);
+        const int32_t left = floor_within(box->x_min, width),
+                      right = ceil_within(box->x_max, width);
         const int32_t bottom = ceil_within(box->y_max, height);
         for (int32_t y = floor_within(box->y_min, height); y < bottom && left < right; y++)
             memset(mask + (size_t)y * (size_t)width + (size_t)left, 0, (size_t)(right - left));

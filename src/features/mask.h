@@ -1,5 +1,5 @@
-/* Masks: where features are not looked for. A fixed mask (the robot's own parts) is joined with boxes of this
- * frame (people, vehicles: what moves on its own and would mislead odometry). */
+/* Masks: where features are not looked for. A fixed mask (the robot's own parts) is joined with
+ * boxes of this frame (people, vehicles: what moves on its own and would mislead odometry). */
 #ifndef FOVEA_FEATURES_MASK_H
 #define FOVEA_FEATURES_MASK_H
 
@@ -9,15 +9,15 @@
 extern "C" {
 #endif
 
-/* In raw pixels, min inclusive, max exclusive; may reach beyond the image. A box whose max is not above its
- * min, or that is not a number, covers nothing. */
+/* In raw pixels, min inclusive, max exclusive; may reach beyond the image. A box whose max is not
+ * above its min, or that is not a number, covers nothing. */
 struct fv_mask_box {
     float x_min, y_min, x_max, y_max;
 };
 
-/* Write width x height bytes without padding: those of `fixed` (NULL: 255 everywhere), and 0 in every pixel
- * that a box touches. `mask` may be `fixed` itself. Real-time safe: cost proportional to the pixels of the
- * image and of the boxes. */
+/* Write width x height bytes without padding: those of `fixed` (NULL: 255 everywhere), and 0 in
+ * every pixel that a box touches. `mask` may be `fixed` itself. Real-time safe: cost proportional
+ * to the pixels of the image and of the boxes. */
 void fv_mask_compose(uint8_t *mask, const uint8_t *fixed, int32_t width, int32_t height,
                      const struct fv_mask_box *boxes, uint32_t count);
 

@@ -29,16 +29,17 @@ static bool passes(const struct fv_match *match, const struct fv_match_rules *ru
            256u * match->distance < (uint32_t)rules->ratio_q8 * match->second;
 }
 
-uint32_t fv_match_all(struct fv_matcher *matcher, const struct fv_kernels *kernels, const uint8_t *queries,
-                      uint32_t query_count, const uint8_t *trains, uint32_t train_count,
-                      const struct fv_match_rules *rules, struct fv_match *matches)
+uint32_t fv_match_all(struct fv_matcher *matcher, const struct fv_kernels *kernels,
+                      const uint8_t *queries, uint32_t query_count, const uint8_t *trains,
+                      uint32_t train_count, const struct fv_match_rules *rules,
+                      struct fv_match *matches)
 {
     uint32_t count = 0;
-    kernels->hamming_two_u8(matcher->nearest, matcher->second, queries, (int32_t)query_count, trains,
-                            (int32_t)train_count);
+    kernels->hamming_two_u8(matcher->nearest, matcher->second, queries, (int32_t)query_count,
+                            trains, (int32_t)train_count);
     if (rules->mutual)
-        kernels->hamming_two_u8(matcher->back, matcher->back_second, trains, (int32_t)train_count, queries,
-                                (int32_t)query_count);
+        kernels->hamming_two_u8(matcher->back, matcher->back_second, trains, (int32_t)train_count,
+                                queries, (int32_t)query_count);
     for (uint32_t q = 0; q < query_count; q++) {
         const uint32_t nearest = matcher->nearest[q];
         if (nearest == FV_MATCH_NONE) continue;
@@ -50,9 +51,10 @@ uint32_t fv_match_all(struct fv_matcher *matcher, const struct fv_kernels *kerne
     return count;
 }
 
-bool fv_match_window(const struct fv_kernels *kernels, const struct fv_grid *grid, const uint8_t *trains,
-                     const uint8_t *query, const struct fv_match_window *window,
-                     const struct fv_match_rules *rules, struct fv_match *match)
+bool fv_match_window(const struct fv_kernels *kernels, const struct fv_grid *grid,
+                     const uint8_t *trains, const uint8_t *query,
+                     const struct fv_match_window *window, const struct fv_match_rules *rules,
+                     struct fv_match *match)
 {
     uint16_t candidates[FV_MATCH_CANDIDATES_MAX], distances[FV_MATCH_CANDIDATES_MAX];
     const uint32_t count =
@@ -76,18 +78,21 @@ bool fv_match_window(const struct fv_kernels *kernels, const struct fv_grid *gri
 }
 
 /* Keep only the matches to which their train was given in the end: back[train] is the query. */
-static uint32_t keep_owners(const struct fv_matcher *matcher, struct fv_match *matches, uint32_t count)
+static uint32_t keep_owners(const struct fv_matcher *matcher, struct fv_match *matches,
+                            uint32_t count)
 {
     uint32_t kept = 0;
     for (uint32_t i = 0; i < count; i++)
-        if (index_of(matcher->back[matches[i].train]) == matches[i].query) matches[kept++] = matches[i];
+        if (index_of(matcher->back[matches[i].train]) == matches[i].query)
+            matches[kept++] = matches[i];
     return kept;
 }
 
 uint32_t fv_match_guided(struct fv_matcher *matcher, const struct fv_kernels *kernels,
                          const struct fv_grid *grid, const uint8_t *trains, uint32_t train_count,
-                         const uint8_t *queries, uint32_t query_count, const struct fv_match_window *windows,
-                         const struct fv_match_rules *rules, struct fv_match *matches)
+                         const uint8_t *queries, uint32_t query_count,
+                         const struct fv_match_window *windows, const struct fv_match_rules *rules,
+                         struct fv_match *matches)
 {
     uint32_t count = 0;
     for (uint32_t t = 0; t < train_count; t++)
@@ -95,8 +100,8 @@ uint32_t fv_match_guided(struct fv_matcher *matcher, const struct fv_kernels *ke
     for (uint32_t q = 0; q < query_count; q++) {
         struct fv_match *match = &matches[count];
         match->query = (uint16_t)q;
-        if (!fv_match_window(kernels, grid, trains, queries + (size_t)q * FV_DESCRIPTOR_BYTES, &windows[q],
-                             rules, match))
+        if (!fv_match_window(kernels, grid, trains, queries + (size_t)q * FV_DESCRIPTOR_BYTES,
+                             &windows[q], rules, match))
             continue;
         const uint32_t claim = (uint32_t)match->distance << FV_MATCH_INDEX_BITS | q;
         if (claim < matcher->back[match->train]) matcher->back[match->train] = claim;

@@ -1,7 +1,9 @@
-/* Matching of binary descriptors: brute force over two sets, and guided search in predicted windows.
+/* Matching of binary descriptors: brute force over two sets, and guided search in predicted
+ * windows.
  *
- * Distances are Hamming distances of 256 bits. Of equally near descriptors the one with the lower index
- * counts as the nearest (in a window: the one that the grid gives first). Integer, deterministic, bounded. */
+ * Distances are Hamming distances of 256 bits. Of equally near descriptors the one with the lower
+ * index counts as the nearest (in a window: the one that the grid gives first). Integer,
+ * deterministic, bounded. */
 #ifndef FOVEA_FEATURES_MATCH_H
 #define FOVEA_FEATURES_MATCH_H
 
@@ -49,31 +51,35 @@ struct fv_matcher {
     uint32_t *back, *back_second; /* per train */
 };
 
-/* Take memory for sets of at most `count_max` (at most FV_MATCH_COUNT_MAX) descriptors. Sets sizes and
- * addresses only. */
+/* Take memory for sets of at most `count_max` (at most FV_MATCH_COUNT_MAX) descriptors. Sets sizes
+ * and addresses only. */
 void fv_matcher_carve(struct fv_matcher *matcher, uint32_t count_max, struct fv_arena *arena);
 
-/* Compare all with all. Descriptors are FV_DESCRIPTOR_BYTES each, 8-byte aligned; counts at most count_max.
- * Fills `matches` (room for query_count) in order of queries; returns how many. Real-time safe: cost
- * query_count * train_count, twice with the cross check. */
-uint32_t fv_match_all(struct fv_matcher *matcher, const struct fv_kernels *kernels, const uint8_t *queries,
-                      uint32_t query_count, const uint8_t *trains, uint32_t train_count,
-                      const struct fv_match_rules *rules, struct fv_match *matches);
+/* Compare all with all. Descriptors are FV_DESCRIPTOR_BYTES each, 8-byte aligned; counts at most
+ * count_max. Fills `matches` (room for query_count) in order of queries; returns how many.
+ * Real-time safe: cost query_count * train_count, twice with the cross check. */
+uint32_t fv_match_all(struct fv_matcher *matcher, const struct fv_kernels *kernels,
+                      const uint8_t *queries, uint32_t query_count, const uint8_t *trains,
+                      uint32_t train_count, const struct fv_match_rules *rules,
+                      struct fv_match *matches);
 
-/* Find for one query the nearest train among the grid's points in the window; points' indices index `trains`.
- * `mutual` is not looked at. Returns false, `match` untouched, when none passes. match->query is left to the
- * caller. Real-time safe: cost the points of the window, at most FV_MATCH_CANDIDATES_MAX. */
-bool fv_match_window(const struct fv_kernels *kernels, const struct fv_grid *grid, const uint8_t *trains,
-                     const uint8_t *query, const struct fv_match_window *window,
-                     const struct fv_match_rules *rules, struct fv_match *match);
+/* Find for one query the nearest train among the grid's points in the window; points' indices index
+ * `trains`. `mutual` is not looked at. Returns false, `match` untouched, when none passes.
+ * match->query is left to the caller. Real-time safe: cost the points of the window, at most
+ * FV_MATCH_CANDIDATES_MAX. */
+bool fv_match_window(const struct fv_kernels *kernels, const struct fv_grid *grid,
+                     const uint8_t *trains, const uint8_t *query,
+                     const struct fv_match_window *window, const struct fv_match_rules *rules,
+                     struct fv_match *match);
 
-/* The same for many queries, windows[i] that of query i. With rules->mutual every train is given only to the
- * nearest of the queries that chose it (ties: the first). Fills `matches` in order of queries; returns how
- * many. */
+/* The same for many queries, windows[i] that of query i. With rules->mutual every train is given
+ * only to the nearest of the queries that chose it (ties: the first). Fills `matches` in order of
+ * queries; returns how many. */
 uint32_t fv_match_guided(struct fv_matcher *matcher, const struct fv_kernels *kernels,
                          const struct fv_grid *grid, const uint8_t *trains, uint32_t train_count,
-                         const uint8_t *queries, uint32_t query_count, const struct fv_match_window *windows,
-                         const struct fv_match_rules *rules, struct fv_match *matches);
+                         const uint8_t *queries, uint32_t query_count,
+                         const struct fv_match_window *windows, const struct fv_match_rules *rules,
+                         struct fv_match *matches);
 
 #ifdef __cplusplus
 }

@@ -37,7 +37,8 @@ uint8_t fv_orb_direction(int32_t m10, int32_t m01)
     int direction = 0; /* how many bounds lie below small / large */
     for (int step = FV_ORB_DIRECTIONS / 16; step > 0; step /= 2)
         if (small << 30 > bounds[direction + step - 1] * large) direction += step;
-    if (direction == FV_ORB_DIRECTIONS / 8 - 1 && small << 30 > bounds[direction] * large) direction++;
+    if (direction == FV_ORB_DIRECTIONS / 8 - 1 && small << 30 > bounds[direction] * large)
+        direction++;
     if (y > x) direction = FV_ORB_QUARTER - direction;
     if (m10 < 0) direction = 2 * FV_ORB_QUARTER - direction;
     return (uint8_t)(m01 < 0 ? -direction : direction);
@@ -45,7 +46,8 @@ uint8_t fv_orb_direction(int32_t m10, int32_t m01)
 
 float fv_orb_angle(uint8_t direction)
 {
-    const int turned = direction > FV_ORB_DIRECTIONS / 2 ? direction - FV_ORB_DIRECTIONS : direction;
+    const int turned =
+        direction > FV_ORB_DIRECTIONS / 2 ? direction - FV_ORB_DIRECTIONS : direction;
     return (float)(turned * (2.0 * FOVEA_PI / FV_ORB_DIRECTIONS));
 }
 
@@ -77,8 +79,8 @@ static const uint8_t *reflected_row(const struct fv_level *level, int32_t y)
 }
 
 /* Flag the rows that descriptors will sample. */
-static void mark_rows(struct fv_orb *orb, const struct fv_level *level, const struct fv_corner *corners,
-                      uint32_t count)
+static void mark_rows(struct fv_orb *orb, const struct fv_level *level,
+                      const struct fv_corner *corners, uint32_t count)
 {
     memset(orb->row_needed, 0, (size_t)level->height);
     for (uint32_t i = 0; i < count; i++)
@@ -86,34 +88,36 @@ static void mark_rows(struct fv_orb *orb, const struct fv_level *level, const st
 }
 
 /* Smooth the flagged ones of the rows [from, to). */
-static void smooth_rows(struct fv_orb *orb, const struct fv_kernels *kernels, const struct fv_level *level,
-                        int32_t from, int32_t to)
+static void smooth_rows(struct fv_orb *orb, const struct fv_kernels *kernels,
+                        const struct fv_level *level, int32_t from, int32_t to)
 {
     for (int32_t y = from; y < to; y++) {
         if (!orb->row_needed[y]) continue;
         const uint8_t *rows[2 * FV_BLUR7_RADIUS + 1];
         for (int i = 0; i <= 2 * FV_BLUR7_RADIUS; i++)
             rows[i] = reflected_row(level, y + i - FV_BLUR7_RADIUS);
-        kernels->blur7_row_u8(orb->smooth + (ptrdiff_t)y * level->stride_bytes, rows, level->width, orb->row);
+        kernels->blur7_row_u8(orb->smooth + (ptrdiff_t)y * level->stride_bytes, rows, level->width,
+                              orb->row);
     }
 }
 
 /* Further quarter turns take (x, y) to (-y, x), so they change what a step in x and in y means. */
-static void describe_one(const struct fv_orb *orb, const struct fv_kernels *kernels, const uint8_t *centre,
-                         int32_t stride, uint8_t direction, uint8_t *descriptor)
+static void describe_one(const struct fv_orb *orb, const struct fv_kernels *kernels,
+                         const uint8_t *centre, int32_t stride, uint8_t direction,
+                         uint8_t *descriptor)
 {
     const int32_t along[4] = {1, stride, -1, -stride}, across[4] = {stride, -1, -stride, 1};
     const int quarter = direction / FV_ORB_QUARTER;
-    kernels->brief_u8(descriptor, centre, orb->turned[direction % FV_ORB_QUARTER].xy, along[quarter],
-                      across[quarter]);
+    kernels->brief_u8(descriptor, centre, orb->turned[direction % FV_ORB_QUARTER].xy,
+                      along[quarter], across[quarter]);
 }
 
-/* Corners of one level, whose results go to the same places of `angle_rad` and `descriptors`. They come
- * roughly from top to bottom: in small groups, and with no more smoothed than the group needs, all stays in
- * the nearest cache. */
-static void describe_level(struct fv_orb *orb, const struct fv_kernels *kernels, const struct fv_level *level,
-                           const struct fv_corner *corners, uint32_t count, float *angle_rad,
-                           uint8_t *descriptors)
+/* Corners of one level, whose results go to the same places of `angle_rad` and `descriptors`. They
+ * come roughly from top to bottom: in small groups, and with no more smoothed than the group needs,
+ * all stays in the nearest cache. */
+static void describe_level(struct fv_orb *orb, const struct fv_kernels *kernels,
+                           const struct fv_level *level, const struct fv_corner *corners,
+                           uint32_t count, float *angle_rad, uint8_t *descriptors)
 {
     int32_t centres[GROUP], moments[2 * GROUP], smoothed = 0;
     mark_rows(orb, level, corners, count);
@@ -138,8 +142,9 @@ static void describe_level(struct fv_orb *orb, const struct fv_kernels *kernels,
     }
 }
 
-void fv_orb_describe(struct fv_orb *orb, const struct fv_kernels *kernels, const struct fv_pyramid *pyramid,
-                     const struct fv_corner *corners, uint32_t count)
+void fv_orb_describe(struct fv_orb *orb, const struct fv_kernels *kernels,
+                     const struct fv_pyramid *pyramid, const struct fv_corner *corners,
+                     uint32_t count)
 {
     if (!orb->turned_ready) fill_turned(orb);
     for (uint32_t start = 0, end; start < count; start = end) {
@@ -147,6 +152,7 @@ void fv_orb_describe(struct fv_orb *orb, const struct fv_kernels *kernels, const
         for (end = start + 1; end < count && corners[end].level == level;)
             end++;
         describe_level(orb, kernels, &pyramid->level[level], corners + start, end - start,
-                       orb->angle_rad + start, orb->descriptors + (size_t)start * FV_DESCRIPTOR_BYTES);
+                       orb->angle_rad + start,
+                       orb->descriptors + (size_t)start * FV_DESCRIPTOR_BYTES);
     }
 }

@@ -1,7 +1,7 @@
-/* The 256 pairs of ORB's rotation-aware BRIEF, learnt by its authors for high variance and low correlation
- * (Rublee et al., ICCV 2011, section 4.3). The numbers are those published with OpenCV
- * (modules/features2d/src/orb.cpp, bit_pattern_31_; BSD licence, Willow Garage 2009), rearranged: the x of all first
- * members, the x of all second members, then the y likewise. */
+/* The 256 pairs of ORB's rotation-aware BRIEF, learnt by its authors for high variance and low
+ * correlation (Rublee et al., ICCV 2011, section 4.3). The numbers are those published with OpenCV
+ * (modules/features2d/src/orb.cpp, bit_pattern_31_; BSD licence, Willow Garage 2009), rearranged:
+ * the x of all first members, the x of all second members, then the y likewise. */
 #include "features/orb.h"
 
 // clang-format off

@@ -4,9 +4,9 @@ enum { GROUP = 32 };
 
 static const float offset_max_px = 0.75f;
 
-/* With separable weights the basis u, v, u^2 - m, v^2 - m, u v is orthogonal (m the weighted mean of u^2), so
- * each coefficient of the least-squares fit is one weighted sum. Weights 2 9 15 9 2 per axis: sum 37, of w
- * u^2 34, of w (37 u^2 - 34)^2 69486. All sums are integers and exact. */
+/* With separable weights the basis u, v, u^2 - m, v^2 - m, u v is orthogonal (m the weighted mean
+ * of u^2), so each coefficient of the least-squares fit is one weighted sum. Weights 2 9 15 9 2 per
+ * axis: sum 37, of w u^2 34, of w (37 u^2 - 34)^2 69486. All sums are integers and exact. */
 void fv_refine_peak(const uint8_t *scores, float offset_px[2])
 {
     static const int32_t weight[5] = {2, 9, 15, 9, 2}, slope[5] = {-4, -9, 0, 9, 4},
@@ -34,7 +34,9 @@ void fv_refine_peak(const uint8_t *scores, float offset_px[2])
     const double peak[2] = {(uv * gv - vv * gu) / determinant, (uv * gu - uu * gv) / determinant};
     for (int i = 0; i < 2; i++) {
         const float at = (float)peak[i];
-        offset_px[i] = at < -offset_max_px ? -offset_max_px : at > offset_max_px ? offset_max_px : at;
+        offset_px[i] = at < -offset_max_px  ? -offset_max_px
+                       : at > offset_max_px ? offset_max_px
+                                            : at;
     }
 }
 
@@ -56,13 +58,14 @@ static void refine_group(const struct fv_kernels *kernels, const struct fv_level
 }
 
 void fv_refine_corners(const struct fv_kernels *kernels, const struct fv_pyramid *pyramid,
-                       const struct fv_corner *corners, uint32_t count, struct fovea_feature *features)
+                       const struct fv_corner *corners, uint32_t count,
+                       struct fovea_feature *features)
 {
     for (uint32_t start = 0, end; start < count; start = end) {
         for (end = start + 1;
              end < count && end - start < GROUP && corners[end].level == corners[start].level;)
             end++;
-        refine_group(kernels, &pyramid->level[corners[start].level], corners + start, (int)(end - start),
-                     features + start);
+        refine_group(kernels, &pyramid->level[corners[start].level], corners + start,
+                     (int)(end - start), features + start);
     }
 }

@@ -5,7 +5,13 @@
 #include <stdbool.h>
 #include <string.h>
 
-enum { OVER_EVEN = 6, OVER_STRONGEST = 30, CELL_MIN_PX = 4, FULL_WORTH_LEVELS = 6, WORTH_MAX = 640 };
+enum {
+    OVER_EVEN = 6,
+    OVER_STRONGEST = 30,
+    CELL_MIN_PX = 4,
+    FULL_WORTH_LEVELS = 6,
+    WORTH_MAX = 640
+};
 
 /* Shares of the levels fall by (over - 1) / over from each to the next. */
 static uint32_t share_of(uint32_t level, uint32_t levels, uint32_t count, uint32_t over)
@@ -21,8 +27,8 @@ static uint32_t share_of(uint32_t level, uint32_t levels, uint32_t count, uint32
     return (uint32_t)((count * part + sum / 2) / sum);
 }
 
-void fv_spread_carve(struct fv_spread *spread, uint32_t levels, const int32_t width[], const int32_t height[],
-                     uint32_t count_max, struct fv_arena *frame)
+void fv_spread_carve(struct fv_spread *spread, uint32_t levels, const int32_t width[],
+                     const int32_t height[], uint32_t count_max, struct fv_arena *frame)
 {
     spread->levels = levels;
     spread->cover = fv_arena_take(frame, FV_SPREAD_FIELDS, sizeof *spread->cover);
@@ -46,7 +52,8 @@ static int32_t square_root(uint32_t value)
     return (int32_t)root;
 }
 
-/* 2^32 / divisor rounded up: for numerators and divisors below 2^16 multiplied() divides exactly. */
+/* 2^32 / divisor rounded up: for numerators and divisors below 2^16 multiplied() divides exactly.
+ */
 static uint32_t inverse(int32_t divisor)
 {
     return (uint32_t)((UINT64_C(0x100000000) + (uint32_t)divisor - 1) / (uint32_t)divisor);
@@ -62,7 +69,8 @@ static void begin_level(struct fv_spread_level *level, uint32_t share)
     const uint32_t cells = share < 1 ? 1 : share < level->cells_max ? share : level->cells_max;
     level->cell_px = square_root((uint32_t)level->width * (uint32_t)level->height / cells);
     if (level->cell_px < CELL_MIN_PX) level->cell_px = CELL_MIN_PX;
-    /* Cells cut by the border make more than asked: widen until they fit, at most until one cell covers all.
+    /* Cells cut by the border make more than asked: widen until they fit, at most until one cell
+     * covers all.
      */
     for (;; level->cell_px++) {
         level->columns = (level->width + level->cell_px - 1) / level->cell_px;
@@ -73,8 +81,8 @@ static void begin_level(struct fv_spread_level *level, uint32_t share)
     memset(level->cells, 0, (size_t)(level->columns * level->rows) * sizeof *level->cells);
 }
 
-/* 1 where covering is what counts; else the scale of the level, of the coarsest half of that of the last
- * before them. 255 times the largest stays below WORTH_MAX. */
+/* 1 where covering is what counts; else the scale of the level, of the coarsest half of that of the
+ * last before them. 255 times the largest stays below WORTH_MAX. */
 static uint16_t worth_of_level(uint32_t level, uint8_t per_cell)
 {
     if (per_cell < FV_SPREAD_KEPT) return 256;
@@ -101,13 +109,15 @@ void fv_spread_begin(struct fv_spread *spread, uint32_t count, uint8_t threshold
 
 static struct fv_spread_cell *cell_at(const struct fv_spread_level *level, int32_t x, int32_t y)
 {
-    return &level->cells[multiplied(y, level->per_cell) * level->columns + multiplied(x, level->per_cell)];
+    return &level->cells[multiplied(y, level->per_cell) * level->columns +
+                         multiplied(x, level->per_cell)];
 }
 
 /* The field in which a pixel of a level has its centre. */
 static int32_t field_of(const struct fv_spread_level *level, int32_t x, int32_t y)
 {
-    return multiplied(2 * y + 1, level->field_y) * FV_SPREAD_COVER + multiplied(2 * x + 1, level->field_x);
+    return multiplied(2 * y + 1, level->field_y) * FV_SPREAD_COVER +
+           multiplied(2 * x + 1, level->field_x);
 }
 
 static uint64_t kept_of(int32_t x, int32_t y, uint8_t score, int32_t field)
@@ -140,12 +150,13 @@ void fv_spread_offer(struct fv_spread *spread, uint32_t level, int32_t x, int32_
     const int32_t index = field_of(at, x, y);
     const struct fv_corner corner = {
         .x = (uint16_t)x, .y = (uint16_t)y, .level = (uint8_t)level, .score = score};
-    if (worth(spread, &corner) > worth(spread, &spread->cover[index])) spread->cover[index] = corner;
+    if (worth(spread, &corner) > worth(spread, &spread->cover[index]))
+        spread->cover[index] = corner;
 
     struct fv_spread_cell *cell = cell_at(at, x, y);
     if (score < spread->threshold && score_of(cell->best[0]) >= spread->threshold) return;
-    /* The smaller of each pair moves on: no branch to mispredict, where the strength of corners is anyone's
-     * guess. */
+    /* The smaller of each pair moves on: no branch to mispredict, where the strength of corners is
+     * anyone's guess. */
     uint64_t moving = kept_of(x, y, score, index);
     for (int i = 0; i < FV_SPREAD_KEPT; i++) {
         const uint64_t here = cell->best[i];
@@ -161,7 +172,8 @@ struct ranking {
     uint32_t of_score[256];
 };
 
-static void rank(struct fv_spread_level *level, uint8_t threshold, int per_cell, struct ranking *ranking)
+static void rank(struct fv_spread_level *level, uint8_t threshold, int per_cell,
+                 struct ranking *ranking)
 {
     *ranking = (struct ranking){0};
     for (int32_t i = 0; i < level->columns * level->rows; i++) {
@@ -176,7 +188,8 @@ static void rank(struct fv_spread_level *level, uint8_t threshold, int per_cell,
     }
 }
 
-/* Rank all levels; cells may give more than planned where the count would not be reached otherwise. */
+/* Rank all levels; cells may give more than planned where the count would not be reached otherwise.
+ */
 static void rank_levels(struct fv_spread *spread, struct ranking rankings[])
 {
     uint32_t total = 0;
@@ -190,8 +203,8 @@ static void rank_levels(struct fv_spread *spread, struct ranking rankings[])
     } while (total < spread->count && ++per_cell <= FV_SPREAD_KEPT);
 }
 
-/* Share `count` picks out: coarse to fine, each level up to what it and the coarser ones are due; then what
- * is left, fine to coarse. */
+/* Share `count` picks out: coarse to fine, each level up to what it and the coarser ones are due;
+ * then what is left, fine to coarse. */
 static void share_out(const struct fv_spread *spread, uint32_t count, struct ranking rankings[])
 {
     const uint32_t over = spread->per_cell < FV_SPREAD_KEPT ? OVER_EVEN : OVER_STRONGEST;
@@ -214,7 +227,8 @@ static void share_out(const struct fv_spread *spread, uint32_t count, struct ran
 static void take_strongest(struct fv_spread_level *level, const struct ranking *ranking, bool has[])
 {
     uint32_t room = ranking->room;
-    int lowest = 255; /* the lowest score that is taken; `room` becomes how many of exactly that score */
+    int lowest =
+        255; /* the lowest score that is taken; `room` becomes how many of exactly that score */
     while (lowest > 0 && ranking->of_score[lowest] <= room)
         room -= ranking->of_score[lowest--];
     for (int32_t i = 0; i < level->columns * level->rows; i++) {
@@ -231,7 +245,8 @@ static void take_strongest(struct fv_spread_level *level, const struct ranking *
     }
 }
 
-/* How many fields are to be filled: the empty ones that have a corner, until enough fields hold one. */
+/* How many fields are to be filled: the empty ones that have a corner, until enough fields hold
+ * one. */
 static uint32_t fields_to_fill(const struct fv_spread *spread, const bool has[])
 {
     uint32_t held = 0, empty = 0;
@@ -243,8 +258,8 @@ static uint32_t fields_to_fill(const struct fv_spread *spread, const bool has[])
     return empty < wanted ? empty : wanted;
 }
 
-/* Mark the corner of a field as taken in the cell of its level. Where stronger ones have pushed it out, it
- * takes the place of the weakest that is still free. False where all are taken already. */
+/* Mark the corner of a field as taken in the cell of its level. Where stronger ones have pushed it
+ * out, it takes the place of the weakest that is still free. False where all are taken already. */
 static bool take_field(const struct fv_spread *spread, const struct fv_corner *field, int32_t index)
 {
     struct fv_spread_cell *cell = cell_at(&spread->level[field->level], field->x, field->y);
@@ -263,7 +278,8 @@ static bool take_field(const struct fv_spread *spread, const struct fv_corner *f
     return true;
 }
 
-/* Fill up to `room` empty fields, those with the worthiest corners; returns how many were filled. */
+/* Fill up to `room` empty fields, those with the worthiest corners; returns how many were filled.
+ */
 static uint32_t fill_fields(const struct fv_spread *spread, const bool has[], uint32_t room)
 {
     uint32_t of_worth[WORTH_MAX] = {0}, filled = 0;
@@ -283,12 +299,14 @@ static uint32_t fill_fields(const struct fv_spread *spread, const bool has[], ui
     return filled;
 }
 
-static uint32_t copy_taken(const struct fv_spread_level *level, uint8_t number, struct fv_corner *corners)
+static uint32_t copy_taken(const struct fv_spread_level *level, uint8_t number,
+                           struct fv_corner *corners)
 {
     uint32_t count = 0;
     for (int32_t i = 0; i < level->columns * level->rows; i++)
         for (int k = 0; k < level->cells[i].count; k++)
-            if (level->cells[i].taken >> k & 1) corners[count++] = corner_of(level->cells[i].best[k], number);
+            if (level->cells[i].taken >> k & 1)
+                corners[count++] = corner_of(level->cells[i].best[k], number);
     return count;
 }
 
@@ -306,9 +324,9 @@ static uint32_t top_up(struct fv_spread_level *level, uint32_t room)
 
 uint32_t fv_spread_pick(struct fv_spread *spread, struct fv_corner *corners)
 {
-    /* Fields to fill cost strong corners, whose loss empties further fields: a few turns come close. Each
-     * looks ahead by what the last one added, so that rather too many strong ones are given up, and some
-     * taken back at the end. */
+    /* Fields to fill cost strong corners, whose loss empties further fields: a few turns come
+     * close. Each looks ahead by what the last one added, so that rather too many strong ones are
+     * given up, and some taken back at the end. */
     enum { TURNS = 4 };
     struct ranking rankings[FOVEA_PYRAMID_LEVELS_MAX];
     bool has[FV_SPREAD_FIELDS];

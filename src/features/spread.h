@@ -1,19 +1,20 @@
 /* Spread: pick corners so that they cover the image rather than crowd on its strongest texture.
  *
- * Each level is due a share of the features, which falls by 5/6 from level to level, as side lengths do, and
- * gives its strongest corners. (Where only strength counts, per_cell being FV_SPREAD_KEPT, it falls by 29/30:
- * coarse corners are less exact but survive blur and change of scale; measured on the Oxford affine sets.) It
- * is cut into square cells, about as many as its share: a cell gives at most `per_cell` (more where too few
- * would be found), and when any of its corners reaches `threshold` those below do not count. What a coarse
- * level lacks goes to the finer ones, what is then left to the coarser. Beside that, the frame is cut into
- * FV_SPREAD_COVER x FV_SPREAD_COVER fields: where the strong corners leave fields empty, the strongest corner
- * of such a field over all levels takes the place of the weakest elsewhere, until FV_SPREAD_WANTED fields
- * hold one. (Where only strength counts, a corner of a field counts by its score times the scale of its
- * level, of the two coarsest by half of the next one's: in weak texture the fine corners are the first that
- * blur takes away. On the Oxford sets it raises the matching score of blurred images by a twentieth and costs
- * the others a hundredth; photographs warped and blurred by hand agree.) Strong corners match best, covered
- * fields tie the geometry down. Ties go to the earlier in raster order; corners of the fields to the coarser
- * level. Integer, bounded, deterministic. */
+ * Each level is due a share of the features, which falls by 5/6 from level to level, as side
+ * lengths do, and gives its strongest corners. (Where only strength counts, per_cell being
+ * FV_SPREAD_KEPT, it falls by 29/30: coarse corners are less exact but survive blur and change of
+ * scale; measured on the Oxford affine sets.) It is cut into square cells, about as many as its
+ * share: a cell gives at most `per_cell` (more where too few would be found), and when any of its
+ * corners reaches `threshold` those below do not count. What a coarse level lacks goes to the finer
+ * ones, what is then left to the coarser. Beside that, the frame is cut into FV_SPREAD_COVER x
+ * FV_SPREAD_COVER fields: where the strong corners leave fields empty, the strongest corner of such
+ * a field over all levels takes the place of the weakest elsewhere, until FV_SPREAD_WANTED fields
+ * hold one. (Where only strength counts, a corner of a field counts by its score times the scale of
+ * its level, of the two coarsest by half of the next one's: in weak texture the fine corners are
+ * the first that blur takes away. On the Oxford sets it raises the matching score of blurred images
+ * by a twentieth and costs the others a hundredth; photographs warped and blurred by hand agree.)
+ * Strong corners match best, covered fields tie the geometry down. Ties go to the earlier in raster
+ * order; corners of the fields to the coarser level. Integer, bounded, deterministic. */
 #ifndef FOVEA_FEATURES_SPREAD_H
 #define FOVEA_FEATURES_SPREAD_H
 
@@ -41,9 +42,10 @@ struct fv_corner {
 };
 
 struct fv_spread_cell {
-    /* Strongest first, 0 where there is none. A kept corner is one number that orders them: score, then 2^16
-     * - 1 - y and 2^16 - 1 - x (the earlier in raster order is the larger), then its field; 8, 16, 16 and 8
-     * bits. */
+    /* Strongest first, 0 where there is none. A kept corner is one number that orders them: score,
+     * then 2^16
+     * - 1 - y and 2^16 - 1 - x (the earlier in raster order is the larger), then its field; 8, 16,
+     * 16 and 8 bits. */
     uint64_t best[FV_SPREAD_KEPT];
     uint8_t count;    /* kept */
     uint8_t eligible; /* of them, the first so many may be picked for their strength */
@@ -68,17 +70,19 @@ struct fv_spread {
     struct fv_corner *cover; /* FV_SPREAD_COVER^2 fields, score 0: empty */
 };
 
-/* Take memory for `count_max` corners from levels of these sizes. Fills sizes and addresses only. Init-only.
+/* Take memory for `count_max` corners from levels of these sizes. Fills sizes and addresses only.
+ * Init-only.
  */
-void fv_spread_carve(struct fv_spread *spread, uint32_t levels, const int32_t width[], const int32_t height[],
-                     uint32_t count_max, struct fv_arena *frame);
+void fv_spread_carve(struct fv_spread *spread, uint32_t levels, const int32_t width[],
+                     const int32_t height[], uint32_t count_max, struct fv_arena *frame);
 
-/* Start a frame of which at most `count` (at most count_max) corners will be picked; where a cell has corners
- * of `threshold`, weaker ones do not count; a cell gives `per_cell` [1, FV_SPREAD_KEPT]. */
+/* Start a frame of which at most `count` (at most count_max) corners will be picked; where a cell
+ * has corners of `threshold`, weaker ones do not count; a cell gives `per_cell` [1,
+ * FV_SPREAD_KEPT]. */
 void fv_spread_begin(struct fv_spread *spread, uint32_t count, uint8_t threshold, uint8_t per_cell);
 
-/* Offer a corner with a score of at least 1; calls come by level from coarse to fine, in raster order.
- * Constant time. */
+/* Offer a corner with a score of at least 1; calls come by level from coarse to fine, in raster
+ * order. Constant time. */
 void fv_spread_offer(struct fv_spread *spread, uint32_t level, int32_t x, int32_t y, uint8_t score);
 
 /* Pick the corners, by level from coarse to fine and cell by cell; returns how many. */

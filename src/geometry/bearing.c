@@ -8,8 +8,8 @@ void fv_bearing_carve(struct fv_bearing_table *table, int32_t width, int32_t hei
 {
     table->columns = (width + FV_BEARING_STEP_PX - 1) / FV_BEARING_STEP_PX + 1;
     table->rows = (height + FV_BEARING_STEP_PX - 1) / FV_BEARING_STEP_PX + 1;
-    table->nodes =
-        fv_arena_take(persistent, (size_t)table->columns * (size_t)table->rows, sizeof *table->nodes);
+    table->nodes = fv_arena_take(persistent, (size_t)table->columns * (size_t)table->rows,
+                                 sizeof *table->nodes);
 }
 
 void fv_bearing_init(struct fv_bearing_table *table, const struct fovea_camera *camera)
@@ -47,8 +47,8 @@ static inline bool find_cell(const struct fv_bearing_table *table, double x_px, 
     return inside;
 }
 
-/* Bilinear blend of the four nodes around; false where one of them is refused, which makes the norm no
- * number. */
+/* Bilinear blend of the four nodes around; false where one of them is refused, which makes the norm
+ * no number. */
 static bool blend(const struct fv_bearing_table *table, double x_px, double y_px, double bearing[3])
 {
     struct cell cell;
@@ -64,8 +64,8 @@ static bool blend(const struct fv_bearing_table *table, double x_px, double y_px
     return fv_normalise3(bearing);
 }
 
-bool fv_bearing_of(const struct fv_bearing_table *table, const struct fovea_camera *camera, double x_px,
-                   double y_px, double bearing[3], double A[6])
+bool fv_bearing_of(const struct fv_bearing_table *table, const struct fovea_camera *camera,
+                   double x_px, double y_px, double bearing[3], double A[6])
 {
     double b[3], pixel[2], J[6];
     if (!blend(table, x_px, y_px, b)) return false;
@@ -89,7 +89,8 @@ bool fv_bearing_of(const struct fv_bearing_table *table, const struct fovea_came
     return true;
 }
 
-/* ---- two points at a time: the same operations in the same order, lane by lane ------------------------- */
+/* ---- two points at a time: the same operations in the same order, lane by lane
+ * ------------------------- */
 
 typedef double fv_pair __attribute__((vector_size(16)));
 typedef int64_t fv_flags __attribute__((vector_size(16))); /* -1 true, 0 false */
@@ -124,7 +125,8 @@ static inline fv_flags pair_blend(const struct fv_bearing_table *table, fv_pair 
                                   fv_pair bearing[3])
 {
     struct cell a, b;
-    const bool in_a = find_cell(table, x_px[0], y_px[0], &a), in_b = find_cell(table, x_px[1], y_px[1], &b);
+    const bool in_a = find_cell(table, x_px[0], y_px[0], &a),
+               in_b = find_cell(table, x_px[1], y_px[1], &b);
     const fv_pair u = {a.u, b.u}, v = {a.v, b.v};
     const fv_pair weight[4] = {(1 - u) * (1 - v), u * (1 - v), (1 - u) * v, u * v};
     const int32_t offset[4] = {0, 1, table->columns, table->columns + 1};
@@ -152,8 +154,9 @@ static inline fv_flags pair_radial_scale(const double *k, bool rational, fv_pair
 }
 
 /* fovea_camera_project of a radial-tangential camera; `radius_max` is the tangent of its field. */
-static inline fv_flags pair_project(const struct fovea_camera *camera, bool rational, double radius_max,
-                                    const fv_pair p[3], fv_pair pixel[2], fv_pair J[6])
+static inline fv_flags pair_project(const struct fovea_camera *camera, bool rational,
+                                    double radius_max, const fv_pair p[3], fv_pair pixel[2],
+                                    fv_pair J[6])
 {
     const double *k = camera->k, p1 = k[2], p2 = k[3];
     const fv_pair w = 1 / p[2], x = p[0] * w, y = p[1] * w, r2 = x * x + y * y;
@@ -176,8 +179,8 @@ static inline fv_flags pair_project(const struct fovea_camera *camera, bool rati
     return (p[2] > 0) & (r2 <= radius_max * radius_max) & positive;
 }
 
-/* The steps of fv_bearing_of, each for a block of pairs: within a step the pairs do not wait for each other,
- * and the processor hides their divisions and roots behind one another. */
+/* The steps of fv_bearing_of, each for a block of pairs: within a step the pairs do not wait for
+ * each other, and the processor hides their divisions and roots behind one another. */
 enum { BLOCK = 8 };
 
 struct ray_pair {
@@ -185,8 +188,8 @@ struct ray_pair {
     fv_flags seen;
 };
 
-static void pairs_start(const struct fv_bearing_table *table, const float (*pixels)[2], struct ray_pair *pair,
-                        int count)
+static void pairs_start(const struct fv_bearing_table *table, const float (*pixels)[2],
+                        struct ray_pair *pair, int count)
 {
     for (int k = 0; k < count; k++, pair++, pixels += 2) {
         pair->e[0] = (fv_pair){(double)pixels[0][0], (double)pixels[1][0]};
@@ -211,9 +214,11 @@ static void pairs_step(struct ray_pair *pair, int count)
 {
     for (int k = 0; k < count; k++, pair++) {
         const fv_pair *J = pair->J, e0 = pair->e[0], e1 = pair->e[1];
-        const fv_pair m00 = pair_dot3(J, J), m01 = pair_dot3(J, J + 3), m11 = pair_dot3(J + 3, J + 3);
+        const fv_pair m00 = pair_dot3(J, J), m01 = pair_dot3(J, J + 3),
+                      m11 = pair_dot3(J + 3, J + 3);
         const fv_pair determinant = m00 * m11 - m01 * m01;
-        const fv_pair u = (m11 * e0 - m01 * e1) / determinant, v = (m00 * e1 - m01 * e0) / determinant;
+        const fv_pair u = (m11 * e0 - m01 * e1) / determinant,
+                      v = (m00 * e1 - m01 * e0) / determinant;
         for (int i = 0; i < 3; i++)
             pair->b[i] += J[i] * u + J[3 + i] * v;
         pair->seen &= (determinant > 1e-12) & pair_normalise3(pair->b);

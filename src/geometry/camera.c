@@ -1,7 +1,7 @@
-/* Camera models. Radial-tangential: D. C. Brown, "Close-range camera calibration" (1971), with the rational
- * terms of Claus and Fitzgibbon as OpenCV orders them. Equidistant: J. Kannala and S. Brandt, "A generic
- * camera model and calibration method for conventional, wide-angle, and fish-eye lenses" (PAMI 2006),
- * radially symmetric part. */
+/* Camera models. Radial-tangential: D. C. Brown, "Close-range camera calibration" (1971), with the
+ * rational terms of Claus and Fitzgibbon as OpenCV orders them. Equidistant: J. Kannala and S.
+ * Brandt, "A generic camera model and calibration method for conventional, wide-angle, and fish-eye
+ * lenses" (PAMI 2006), radially symmetric part. */
 #include "fovea/camera.h"
 
 #include <stdbool.h>
@@ -20,14 +20,17 @@ enum {
 };
 
 static const double field_limit_radtan_rad = 1.56; /* the image plane reaches infinity at pi/2 */
-static const double field_min_rad = 0.02;          /* a lens that folds back earlier is a wrong calibration */
+static const double field_min_rad =
+    0.02; /* a lens that folds back earlier is a wrong calibration */
 static const double share_min =
     0.4; /* of the image that sees something: a circular fish-eye leaves the corners dark */
 static const double residual_max = 1e-9; /* of unprojection, on the plane at distance 1 */
 
-/* ---- radial-tangential ------------------------------------------------------------------------------- */
+/* ---- radial-tangential
+ * ------------------------------------------------------------------------------- */
 
-/* Radial factor at r2 and its derivative by r2. False where the rational model's pole has been passed. */
+/* Radial factor at r2 and its derivative by r2. False where the rational model's pole has been
+ * passed. */
 static bool fv_radial_scale(const double *k, double r2, double *scale, double *derivative)
 {
     double above = 1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]));
@@ -62,17 +65,19 @@ static bool fv_radtan_monotone(const double *k, double angle_rad)
     int azimuths = k[2] != 0 || k[3] != 0 ? AZIMUTHS : 1;
     for (int i = 0; i < azimuths; i++) {
         double azimuth = first + i * (2 * FOVEA_PI / AZIMUTHS), out[2], j[4];
-        if (!fv_radtan_distort(k, r * fovea_cos(azimuth), r * fovea_sin(azimuth), out, j)) return false;
+        if (!fv_radtan_distort(k, r * fovea_cos(azimuth), r * fovea_sin(azimuth), out, j))
+            return false;
         if (!(j[0] * j[3] - j[1] * j[2] > 0 && j[0] + j[3] > 0)) return false;
     }
     return true;
 }
 
-/* Radius on the undistorted plane whose purely radial distortion gives `distorted`: Newton kept inside a
- * bracket. */
+/* Radius on the undistorted plane whose purely radial distortion gives `distorted`: Newton kept
+ * inside a bracket. */
 static double fv_radtan_radius(const double *k, double distorted, double radius_max)
 {
-    double low = 0, high = radius_max, r = distorted < radius_max ? distorted : radius_max, scale, derivative;
+    double low = 0, high = radius_max, r = distorted < radius_max ? distorted : radius_max, scale,
+           derivative;
     for (int i = 0; i < RADIAL_STEPS; i++) {
         if (!fv_radial_scale(k, r * r, &scale, &derivative)) return high;
         double error = r * scale - distorted, slope = scale + 2 * r * r * derivative;
@@ -90,8 +95,8 @@ static double fv_radtan_radius(const double *k, double distorted, double radius_
 }
 
 /* Undistorted plane point of distorted (u, v), and the derivative of distortion there. */
-static bool fv_radtan_undistort(const struct fovea_camera *camera, double u, double v, double out[2],
-                                double j[4])
+static bool fv_radtan_undistort(const struct fovea_camera *camera, double u, double v,
+                                double out[2], double j[4])
 {
     const double *k = camera->k;
     double radius_max = fovea_tan(camera->field_max_rad), distorted = __builtin_sqrt(u * u + v * v);
@@ -149,16 +154,18 @@ static enum fovea_status fv_radtan_unproject(const struct fovea_camera *camera, 
     if (jacobian) {
         double d = 1 / (j[0] * j[3] - j[1] * j[2]), fx = d / camera->fx, fy = d / camera->fy;
         double inverse[4] = {j[3] * fx, -j[1] * fy, -j[2] * fx, j[0] * fy}; /* d(plane)/d(pixel) */
-        double by_plane[6] = {n - x * x * n3, -x * y * n3, -x * y * n3, n - y * y * n3, -x * n3, -y * n3};
+        double by_plane[6] = {n - x * x * n3, -x * y * n3, -x * y * n3,
+                              n - y * y * n3, -x * n3,     -y * n3};
         for (int row = 0; row < 3; row++)
             for (int column = 0; column < 2; column++)
-                jacobian[2 * row + column] =
-                    by_plane[2 * row] * inverse[column] + by_plane[2 * row + 1] * inverse[2 + column];
+                jacobian[2 * row + column] = by_plane[2 * row] * inverse[column] +
+                                             by_plane[2 * row + 1] * inverse[2 + column];
     }
     return FOVEA_OK;
 }
 
-/* ---- equidistant ------------------------------------------------------------------------------------- */
+/* ---- equidistant
+ * ------------------------------------------------------------------------------------- */
 
 static double fv_equidistant_distort(const double *k, double angle, double *slope)
 {
@@ -167,16 +174,19 @@ static double fv_equidistant_distort(const double *k, double angle, double *slop
     return angle * (1 + a2 * (k[0] + a2 * (k[1] + a2 * (k[2] + a2 * k[3]))));
 }
 
-static enum fovea_status fv_equidistant_project(const struct fovea_camera *camera, const double p[3],
-                                                double pixel[2], double jacobian[6])
+static enum fovea_status fv_equidistant_project(const struct fovea_camera *camera,
+                                                const double p[3], double pixel[2],
+                                                double jacobian[6])
 {
     double r2 = p[0] * p[0] + p[1] * p[1], r = __builtin_sqrt(r2), n2 = r2 + p[2] * p[2];
     double angle = fovea_atan2(r, p[2]), slope;
-    if (!(n2 > 0 && angle <= camera->field_max_rad) || (!(r > 0) && !(p[2] > 0))) return FOVEA_ERROR_ARGUMENT;
+    if (!(n2 > 0 && angle <= camera->field_max_rad) || (!(r > 0) && !(p[2] > 0)))
+        return FOVEA_ERROR_ARGUMENT;
     double distorted = fv_equidistant_distort(camera->k, angle, &slope);
     /* On the axis every direction is radial, and the ratio has the limit 1/z. */
     bool axis = !(r > 1e-12 * p[2]);
-    double c = axis ? 1 : p[0] / r, s = axis ? 0 : p[1] / r, across = axis ? 1 / p[2] : distorted / r;
+    double c = axis ? 1 : p[0] / r, s = axis ? 0 : p[1] / r,
+           across = axis ? 1 / p[2] : distorted / r;
     pixel[0] = camera->fx * across * p[0] + camera->cx;
     pixel[1] = camera->fy * across * p[1] + camera->cy;
     if (jacobian) {
@@ -213,8 +223,8 @@ static double fv_equidistant_angle(const struct fovea_camera *camera, double dis
     return angle;
 }
 
-static enum fovea_status fv_equidistant_unproject(const struct fovea_camera *camera, double u, double v,
-                                                  double bearing[3], double jacobian[6])
+static enum fovea_status fv_equidistant_unproject(const struct fovea_camera *camera, double u,
+                                                  double v, double bearing[3], double jacobian[6])
 {
     double distorted = __builtin_sqrt(u * u + v * v), slope;
     double angle = fv_equidistant_angle(camera, distorted);
@@ -239,7 +249,8 @@ static enum fovea_status fv_equidistant_unproject(const struct fovea_camera *cam
     return FOVEA_OK;
 }
 
-/* ---- both -------------------------------------------------------------------------------------------- */
+/* ---- both
+ * -------------------------------------------------------------------------------------------- */
 
 static bool fv_monotone(const struct fovea_camera *camera, double angle_rad)
 {
@@ -258,27 +269,29 @@ static enum fovea_status fv_camera_check(const struct fovea_camera *c, struct fo
 {
     const enum fovea_status bad = FOVEA_ERROR_INPUT;
     if (c->lens != FOVEA_LENS_RADTAN && c->lens != FOVEA_LENS_EQUIDISTANT)
-        return fovea_error_set(error, bad, "camera lens: found %d, expected 0 (radtan) or 1 (equidistant)",
+        return fovea_error_set(error, bad,
+                               "camera lens: found %d, expected 0 (radtan) or 1 (equidistant)",
                                (int)c->lens);
     if (!(fv_finite(c->fx) && fv_finite(c->fy) && c->fx > 0 && c->fy > 0))
-        return fovea_error_set(error, bad, "camera fx fy: found %g %g, expected finite numbers above 0",
-                               c->fx, c->fy);
+        return fovea_error_set(
+            error, bad, "camera fx fy: found %g %g, expected finite numbers above 0", c->fx, c->fy);
     if (c->width < 0 || c->height < 0 || (c->width == 0) != (c->height == 0))
-        return fovea_error_set(error, bad, "camera size: found %d x %d, expected both above 0, or 0 x 0",
+        return fovea_error_set(error, bad,
+                               "camera size: found %d x %d, expected both above 0, or 0 x 0",
                                c->width, c->height);
     if (!(fv_finite(c->cx) && fv_finite(c->cy)))
-        return fovea_error_set(error, bad, "camera cx cy: found %g %g, expected finite numbers", c->cx,
-                               c->cy);
-    if (c->width > 0 && !(c->cx > -2.0 * c->width && c->cx < 2.0 * c->width && c->cy > -2.0 * c->height &&
-                          c->cy < 2.0 * c->height))
-        return fovea_error_set(error, bad,
-                               "camera cx cy: found %g %g, expected within two sizes of a %d x %d image",
-                               c->cx, c->cy, c->width, c->height);
+        return fovea_error_set(error, bad, "camera cx cy: found %g %g, expected finite numbers",
+                               c->cx, c->cy);
+    if (c->width > 0 && !(c->cx > -2.0 * c->width && c->cx < 2.0 * c->width &&
+                          c->cy > -2.0 * c->height && c->cy < 2.0 * c->height))
+        return fovea_error_set(
+            error, bad, "camera cx cy: found %g %g, expected within two sizes of a %d x %d image",
+            c->cx, c->cy, c->width, c->height);
     for (int i = 0; i < FOVEA_LENS_COEFFICIENTS; i++)
         if (!fv_finite(c->k[i]))
-            return fovea_error_set(error, bad,
-                                   "camera distortion coefficient %d: found %g, expected a finite number",
-                                   i + 1, c->k[i]);
+            return fovea_error_set(
+                error, bad, "camera distortion coefficient %d: found %g, expected a finite number",
+                i + 1, c->k[i]);
     return FOVEA_OK;
 }
 
@@ -299,7 +312,8 @@ static double fv_share_seen(const struct fovea_camera *camera)
 
 enum fovea_status fovea_camera_prepare(struct fovea_camera *camera, struct fovea_error *error)
 {
-    if (camera == NULL) return fovea_error_set(error, FOVEA_ERROR_INPUT, "camera: found NULL, expected one");
+    if (camera == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "camera: found NULL, expected one");
     enum fovea_status status = fv_camera_check(camera, error);
     if (status != FOVEA_OK) return status;
     double limit = camera->lens == FOVEA_LENS_RADTAN ? field_limit_radtan_rad : FOVEA_PI;
@@ -317,8 +331,8 @@ enum fovea_status fovea_camera_prepare(struct fovea_camera *camera, struct fovea
     if (low < field_min_rad)
         return fovea_error_set(
             error, FOVEA_ERROR_INPUT,
-            "camera distortion: folds back at %.4f rad from the axis, expected at least %.2f rad", low,
-            field_min_rad);
+            "camera distortion: folds back at %.4f rad from the axis, expected at least %.2f rad",
+            low, field_min_rad);
     camera->field_max_rad = low;
     const double seen = fv_share_seen(camera);
     if (seen < share_min)
@@ -333,14 +347,16 @@ enum fovea_status fovea_camera_prepare(struct fovea_camera *camera, struct fovea
 enum fovea_status fovea_camera_project(const struct fovea_camera *camera, const double point[3],
                                        double pixel[2], double jacobian[6])
 {
-    return camera->lens == FOVEA_LENS_RADTAN ? fv_radtan_project(camera, point, pixel, jacobian)
-                                             : fv_equidistant_project(camera, point, pixel, jacobian);
+    return camera->lens == FOVEA_LENS_RADTAN
+               ? fv_radtan_project(camera, point, pixel, jacobian)
+               : fv_equidistant_project(camera, point, pixel, jacobian);
 }
 
 enum fovea_status fovea_camera_unproject(const struct fovea_camera *camera, const double pixel[2],
                                          double bearing[3], double jacobian[6])
 {
     double u = (pixel[0] - camera->cx) / camera->fx, v = (pixel[1] - camera->cy) / camera->fy;
-    return camera->lens == FOVEA_LENS_RADTAN ? fv_radtan_unproject(camera, u, v, bearing, jacobian)
-                                             : fv_equidistant_unproject(camera, u, v, bearing, jacobian);
+    return camera->lens == FOVEA_LENS_RADTAN
+               ? fv_radtan_unproject(camera, u, v, bearing, jacobian)
+               : fv_equidistant_unproject(camera, u, v, bearing, jacobian);
 }

@@ -28,7 +28,8 @@ void fv_essential_from_motion(const struct fv_se3 *T, double E[9])
 
 void fv_essential_motions(const double E[9], struct fv_se3 T[4])
 {
-    /* Columns are b x (columns of R), so their cross products are parallel to b; cofactors give the rest. */
+    /* Columns are b x (columns of R), so their cross products are parallel to b; cofactors give the
+     * rest. */
     double columns[3][3], cofactor[3][3], b[3] = {0}, best = 0;
     for (int c = 0; c < 3; c++)
         for (int r = 0; r < 3; r++)
@@ -75,9 +76,10 @@ static void fv_tangent_basis(const double t[3], double u[3], double v[3])
     fv_cross3(t, u, v);
 }
 
-/* Residual with its derivative by (rotation on the left of R, two tangents of t), Sampson-normalised. */
-static double fv_residual_row(const struct fv_se3 *T, const double E[9], const double u[3], const double v[3],
-                              const struct fv_pair *pair, double row[5])
+/* Residual with its derivative by (rotation on the left of R, two tangents of t),
+ * Sampson-normalised. */
+static double fv_residual_row(const struct fv_se3 *T, const double E[9], const double u[3],
+                              const double v[3], const struct fv_pair *pair, double row[5])
 {
     double q[3], m[3], w[3], a[3], b[3];
     fv_rotate3(T->R, pair->x1, q);
@@ -97,9 +99,11 @@ static double fv_residual_row(const struct fv_se3 *T, const double E[9], const d
     return c * inverse;
 }
 
-/* Normal equations of the pairs below the threshold (Tukey weights), and the tangents of t that they are in. */
+/* Normal equations of the pairs below the threshold (Tukey weights), and the tangents of t that
+ * they are in. */
 static void fv_normal_equations(const struct fv_pair *pairs, uint32_t count, double threshold_rad,
-                                const struct fv_se3 *T, double u[3], double v[3], double A[25], double g[5])
+                                const struct fv_se3 *T, double u[3], double v[3], double A[25],
+                                double g[5])
 {
     double limit2 = threshold_rad * threshold_rad, E[9], row[5];
     fv_essential_from_motion(T, E);
@@ -124,8 +128,8 @@ static void fv_normal_equations(const struct fv_pair *pairs, uint32_t count, dou
     }
 }
 
-void fv_essential_refine(const struct fv_pair *pairs, uint32_t count, double threshold_rad, int steps,
-                         struct fv_se3 *T)
+void fv_essential_refine(const struct fv_pair *pairs, uint32_t count, double threshold_rad,
+                         int steps, struct fv_se3 *T)
 {
     for (int step = 0; step < steps; step++) {
         double u[3], v[3], A[25], g[5];
@@ -164,8 +168,8 @@ static bool fv_in_front(const struct fv_se3 *T, const struct fv_pair *pair)
 }
 
 /* The motion of E with most inliers in front of both cameras. */
-static uint32_t fv_pick_motion(const double E[9], const struct fv_pair *pairs, uint32_t count, double limit2,
-                               struct fv_se3 *best)
+static uint32_t fv_pick_motion(const double E[9], const struct fv_pair *pairs, uint32_t count,
+                               double limit2, struct fv_se3 *best)
 {
     struct fv_se3 T[4];
     uint32_t most = 0, votes[4] = {0};
@@ -183,8 +187,8 @@ static uint32_t fv_pick_motion(const double E[9], const struct fv_pair *pairs, u
 }
 
 /* Local optimisation: refine over a wide and then the proper threshold; true when the cost fell. */
-static bool fv_optimise(const struct fv_pair *pairs, uint32_t count, double threshold_rad, double E[9],
-                        double *cost, struct fv_se3 *T)
+static bool fv_optimise(const struct fv_pair *pairs, uint32_t count, double threshold_rad,
+                        double E[9], double *cost, struct fv_se3 *T)
 {
     double limit2 = threshold_rad * threshold_rad, candidate[9];
     struct fv_se3 moved;
@@ -205,7 +209,8 @@ uint32_t fv_essential_estimate(const struct fv_pair *pairs, uint32_t count,
                                struct fv_se3 *T_2_1, uint8_t *inlier)
 {
     if (count < 6) return 0;
-    double limit2 = sampling->threshold_rad * sampling->threshold_rad, best[9], cost = limit2 * count;
+    double limit2 = sampling->threshold_rad * sampling->threshold_rad, best[9],
+           cost = limit2 * count;
     double whole = cost;
     struct fv_se3 motion;
     fv_se3_identity(&motion);
@@ -239,7 +244,8 @@ uint32_t fv_essential_estimate(const struct fv_pair *pairs, uint32_t count,
     fv_essential_from_motion(&motion, best);
     uint32_t inliers = 0;
     for (uint32_t i = 0; i < count; i++) {
-        inlier[i] = fv_essential_residual2(best, &pairs[i]) < limit2 && fv_in_front(&motion, &pairs[i]);
+        inlier[i] =
+            fv_essential_residual2(best, &pairs[i]) < limit2 && fv_in_front(&motion, &pairs[i]);
         inliers += inlier[i];
     }
     *T_2_1 = motion;

@@ -1,5 +1,5 @@
-/* Nister's five-point solver: null space of the five epipolar constraints, ten cubic constraints on its four
- * coordinates, elimination to a polynomial of degree ten in one of them. */
+/* Nister's five-point solver: null space of the five epipolar constraints, ten cubic constraints on
+ * its four coordinates, elimination to a polynomial of degree ten in one of them. */
 #include "geometry/essential.h"
 
 #include <string.h>
@@ -35,8 +35,9 @@ enum monomial {
 /* Degree-one (x y z 1), degree-two (xx xy xz x yy yz y zz z 1) index tables for products. */
 static const uint8_t product_11[4][4] = {{0, 1, 2, 3}, {1, 4, 5, 6}, {2, 5, 7, 8}, {3, 6, 8, 9}};
 static const uint8_t product_21[10][4] = {
-    {XXX, XXY, XXZ, XX}, {XXY, XYY, XYZ, XY}, {XXZ, XYZ, XZZ, XZ}, {XX, XY, XZ, X}, {XYY, YYY, YYZ, YY},
-    {XYZ, YYZ, YZZ, YZ}, {XY, YY, YZ, Y},     {XZZ, YZZ, ZZZ, ZZ}, {XZ, YZ, ZZ, Z}, {X, Y, Z, ONE}};
+    {XXX, XXY, XXZ, XX}, {XXY, XYY, XYZ, XY}, {XXZ, XYZ, XZZ, XZ}, {XX, XY, XZ, X},
+    {XYY, YYY, YYZ, YY}, {XYZ, YYZ, YZZ, YZ}, {XY, YY, YZ, Y},     {XZZ, YZZ, ZZZ, ZZ},
+    {XZ, YZ, ZZ, Z},     {X, Y, Z, ONE}};
 
 static void fv_add_product_11(const double a[4], const double b[4], double factor, double out[10])
 {
@@ -52,8 +53,8 @@ static void fv_add_product_21(const double a[10], const double b[4], double out[
             out[product_21[i][j]] += a[i] * b[j];
 }
 
-/* Orthonormal basis of the vectors orthogonal to five rows of nine: Householder reflections. basis[k] is a
- * column. */
+/* Orthonormal basis of the vectors orthogonal to five rows of nine: Householder reflections.
+ * basis[k] is a column. */
 static bool fv_null_space(const struct fv_pair pairs[5], double basis[4][9])
 {
     double A[5][9];
@@ -96,8 +97,8 @@ static bool fv_null_space(const struct fv_pair pairs[5], double basis[4][9])
     return true;
 }
 
-/* The ten cubic constraints: det E = 0 and E E^T E - tr(E E^T) E / 2 = 0; e[i] holds E's entry i as (x y z
- * 1). */
+/* The ten cubic constraints: det E = 0 and E E^T E - tr(E E^T) E / 2 = 0; e[i] holds E's entry i as
+ * (x y z 1). */
 static void fv_constraints(const double e[9][4], double C[10][MONOMIALS])
 {
     memset(C, 0, 10 * sizeof *C);
@@ -127,7 +128,8 @@ static void fv_constraints(const double e[9][4], double C[10][MONOMIALS])
                 fv_add_product_21(G[r][k], e[3 * k + c], C[1 + 3 * r + c]);
 }
 
-/* Gauss-Jordan with row pivoting; rows 4..9 end up as leading monomial plus the last ten columns. */
+/* Gauss-Jordan with row pivoting; rows 4..9 end up as leading monomial plus the last ten columns.
+ */
 static bool fv_eliminate(double C[10][MONOMIALS])
 {
     for (int k = 0; k < 10; k++) {
@@ -155,8 +157,8 @@ static bool fv_eliminate(double C[10][MONOMIALS])
     return true;
 }
 
-/* One row of Nister's B(z): row `a` minus z times row `b`, as polynomials in z for x, y (degree 3) and 1
- * (degree 4). */
+/* One row of Nister's B(z): row `a` minus z times row `b`, as polynomials in z for x, y (degree 3)
+ * and 1 (degree 4). */
 static void fv_reduced_row(const double *a, const double *b, double out[3][5])
 {
     for (int v = 0; v < 2; v++) {
@@ -201,7 +203,8 @@ static bool fv_back_substitute(double B[3][3][5], double z, double *x, double *y
     double rows[3][3], best[3] = {0}, best_square = 0;
     for (int r = 0; r < 3; r++)
         for (int c = 0; c < 3; c++)
-            rows[r][c] = B[r][c][0] + z * (B[r][c][1] + z * (B[r][c][2] + z * (B[r][c][3] + z * B[r][c][4])));
+            rows[r][c] = B[r][c][0] +
+                         z * (B[r][c][1] + z * (B[r][c][2] + z * (B[r][c][3] + z * B[r][c][4])));
     for (int r = 0; r < 3; r++) {
         double cross[3];
         fv_cross3(rows[r], rows[(r + 1) % 3], cross);

@@ -30,8 +30,8 @@ static bool fv_smallest_vector(double A[81], double h[9])
     return true;
 }
 
-/* Least-squares H (Frobenius norm 1) of `count` >= 4 pairs picked by `index` (NULL: the first ones) whose
- * `weight` (NULL: 1) is above 0. False when the pairs do not determine it. */
+/* Least-squares H (Frobenius norm 1) of `count` >= 4 pairs picked by `index` (NULL: the first ones)
+ * whose `weight` (NULL: 1) is above 0. False when the pairs do not determine it. */
 static bool fv_homography_fit(const struct fv_pair *pairs, const uint32_t *index, uint32_t count,
                               const uint8_t *weight, double H[9])
 {
@@ -89,11 +89,12 @@ static bool fv_homography_optimise(const struct fv_pair *pairs, uint32_t count, 
 }
 
 uint32_t fv_homography_estimate(const struct fv_pair *pairs, uint32_t count,
-                                const struct fv_sampling *sampling, struct fovea_random *random, double H[9],
-                                uint8_t *inlier)
+                                const struct fv_sampling *sampling, struct fovea_random *random,
+                                double H[9], uint8_t *inlier)
 {
     if (count < 5) return 0;
-    double limit2 = sampling->threshold_rad * sampling->threshold_rad, whole = limit2 * count, cost = whole;
+    double limit2 = sampling->threshold_rad * sampling->threshold_rad, whole = limit2 * count,
+           cost = whole;
     double best[9] = {1, 0, 0, 0, 1, 0, 0, 0, 1}, candidate[9];
     uint32_t bound = sampling->iterations_max;
     for (uint32_t iteration = 0; iteration < bound; iteration++) {
@@ -120,8 +121,10 @@ uint32_t fv_homography_estimate(const struct fv_pair *pairs, uint32_t count,
     return inliers;
 }
 
-/* One motion from H (middle singular value 1, positive determinant) and two directions of the plane. */
-static void fv_plane_motion(const double H[9], const double v[3], const double u[3], struct fv_se3 *T)
+/* One motion from H (middle singular value 1, positive determinant) and two directions of the
+ * plane. */
+static void fv_plane_motion(const double H[9], const double v[3], const double u[3],
+                            struct fv_se3 *T)
 {
     double Hv[3], Hu[3], n[3], m[3];
     fv_rotate3(H, v, Hv);
@@ -156,7 +159,8 @@ int fv_homography_motions(const double H[9], struct fv_se3 T[4], double *baselin
     below = below > 0 ? below : 0;
     *baseline_ratio = __builtin_sqrt(above + 1) - __builtin_sqrt(1 - below);
     if (!(above + below > 1e-8)) return 0;
-    double share1 = __builtin_sqrt(below / (above + below)), share3 = __builtin_sqrt(above / (above + below));
+    double share1 = __builtin_sqrt(below / (above + below)),
+           share3 = __builtin_sqrt(above / (above + below));
     for (int k = 0; k < 2; k++) {
         double u[3];
         for (int i = 0; i < 3; i++)

@@ -48,7 +48,8 @@ bool fv_ldlt_solve(double *A, int n, double *b)
 
 bool fv_invert_symmetric3(const double S[6], double inverse[6])
 {
-    double a = S[3] * S[5] - S[4] * S[4], b = S[2] * S[4] - S[1] * S[5], c = S[1] * S[4] - S[2] * S[3];
+    double a = S[3] * S[5] - S[4] * S[4], b = S[2] * S[4] - S[1] * S[5],
+           c = S[1] * S[4] - S[2] * S[3];
     double determinant = S[0] * a + S[1] * b + S[2] * c;
     if (!(determinant > 1e-12 * fv_abs(S[0] * S[3] * S[5])) || !(determinant > 0)) return false;
     double d = 1 / determinant;
@@ -66,8 +67,10 @@ static void fv_jacobi_rotate(double *S, double *V, int n, int p, int q)
 {
     double off = S[n * p + q];
     if (off == 0) return;
-    double theta = (S[n * q + q] - S[n * p + p]) / (2 * off), root = __builtin_sqrt(theta * theta + 1);
-    double t = 1 / (theta >= 0 ? theta + root : theta - root), c = 1 / __builtin_sqrt(t * t + 1), s = t * c;
+    double theta = (S[n * q + q] - S[n * p + p]) / (2 * off),
+           root = __builtin_sqrt(theta * theta + 1);
+    double t = 1 / (theta >= 0 ? theta + root : theta - root), c = 1 / __builtin_sqrt(t * t + 1),
+           s = t * c;
     for (int k = 0; k < n; k++) {
         double a = S[n * k + p], b = S[n * k + q];
         S[n * k + p] = c * a - s * b;

@@ -1,4 +1,5 @@
-/* Small dense symmetric systems, our own LDL^T: no pivoting, fixed order of operations. Real-time safe. */
+/* Small dense symmetric systems, our own LDL^T: no pivoting, fixed order of operations. Real-time
+ * safe. */
 #ifndef FOVEA_GEOMETRY_LINEAR_H
 #define FOVEA_GEOMETRY_LINEAR_H
 
@@ -10,19 +11,20 @@ extern "C" {
 
 enum { FV_LDLT_SIZE_MAX = 128, FV_EIGEN_SIZE_MAX = 4 };
 
-/* Factor the symmetric positive definite n x n matrix A (row-major, lower triangle read) in place: unit lower
- * triangle L below the diagonal, D on it. False where a pivot is not safely positive. */
+/* Factor the symmetric positive definite n x n matrix A (row-major, lower triangle read) in place:
+ * unit lower triangle L below the diagonal, D on it. False where a pivot is not safely positive. */
 bool fv_ldlt_factor(double *A, int n);
 /* Solve with the factors, in place. */
 void fv_ldlt_back(const double *A, int n, double *b);
 /* Both: b becomes A^-1 b; A is overwritten. */
 bool fv_ldlt_solve(double *A, int n, double *b);
 
-/* Inverse of a symmetric 3x3 given as xx xy xz yy yz zz. False when it is not safely positive definite. */
+/* Inverse of a symmetric 3x3 given as xx xy xz yy yz zz. False when it is not safely positive
+ * definite. */
 bool fv_invert_symmetric3(const double S[6], double inverse[6]);
 
-/* Eigenvectors (rows of V, by falling eigenvalue) of a symmetric n x n matrix, n at most FV_EIGEN_SIZE_MAX, by cyclic Jacobi
- * rotations. */
+/* Eigenvectors (rows of V, by falling eigenvalue) of a symmetric n x n matrix, n at most
+ * FV_EIGEN_SIZE_MAX, by cyclic Jacobi rotations. */
 void fv_eigen_symmetric(const double *S, int n, double *values, double *V);
 
 #ifdef __cplusplus

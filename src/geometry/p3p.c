@@ -1,5 +1,6 @@
-/* Three depths from the law of cosines in three triangles, as homogeneous cones: one root of a cubic makes a
- * member of their pencil degenerate, which splits into two planes, each of which leaves a quadratic. */
+/* Three depths from the law of cosines in three triangles, as homogeneous cones: one root of a
+ * cubic makes a member of their pencil degenerate, which splits into two planes, each of which
+ * leaves a quadratic. */
 #include "geometry/pose.h"
 
 #include <string.h>
@@ -47,7 +48,8 @@ static bool fv_align(const double points[3][3], const double bearings[3][3], con
     fv_cross3(w1, w2, w3);
     fv_cross3(c1, c2, c3);
     /* Orthonormal frames along the first edge and the normal. */
-    if (!fv_normalise3(w1) || !fv_normalise3(w3) || !fv_normalise3(c1) || !fv_normalise3(c3)) return false;
+    if (!fv_normalise3(w1) || !fv_normalise3(w3) || !fv_normalise3(c1) || !fv_normalise3(c3))
+        return false;
     fv_cross3(w3, w1, w2);
     fv_cross3(c3, c1, c2);
     for (int r = 0; r < 3; r++)
@@ -93,8 +95,8 @@ static void fv_adjugate(const double S[9], double out[9])
 }
 
 /* The two planes of a degenerate cone S (J. Richter-Gebert, "Perspectives on projective geometry",
- * 2011, 11.1): its adjugate is -p p^T with p their common line, and S + [p]x has rank one. False when they
- * are not real. */
+ * 2011, 11.1): its adjugate is -p p^T with p their common line, and S + [p]x has rank one. False
+ * when they are not real. */
 static bool fv_split(const double S[9], double plane1[3], double plane2[3])
 {
     double B[9];
@@ -130,16 +132,18 @@ static int fv_cubic_roots(double c3, double c2, double c1, double c0, double roo
     return 3;
 }
 
-/* Cones D1 = a23 M12 - a12 M23 and D2 = a23 M13 - a13 M23 that hold the depths, and a plane pair of their
- * pencil. */
+/* Cones D1 = a23 M12 - a12 M23 and D2 = a23 M13 - a13 M23 that hold the depths, and a plane pair of
+ * their pencil. */
 static bool fv_pencil_planes(const struct triangle *g, double plane1[3], double plane2[3])
 {
     const double D1[9] = {g->a23,          -g->b12 * g->a23, 0, -g->b12 * g->a23,
                           g->a23 - g->a12, g->b23 * g->a12,  0, g->b23 * g->a12,
                           -g->a12};
-    const double D2[9] = {
-        g->a23,         0, -g->b13 * g->a23, 0, -g->a13, g->b23 * g->a13, -g->b13 * g->a23, g->b23 * g->a13,
-        g->a23 - g->a13};
+    const double D2[9] = {g->a23,           0,
+                          -g->b13 * g->a23, 0,
+                          -g->a13,          g->b23 * g->a13,
+                          -g->b13 * g->a23, g->b23 * g->a13,
+                          g->a23 - g->a13};
     double adj1[9], adj2[9], c1 = 0, c2 = 0, roots[3], S[9];
     fv_adjugate(D1, adj1);
     fv_adjugate(D2, adj2);
@@ -165,15 +169,17 @@ static double fv_distance2(const double a[3], const double b[3])
 
 int fv_p3p(const double y[3][3], const double x[3][3], struct fv_se3 T[FV_P3P_SOLUTIONS_MAX])
 {
-    const struct triangle g = {fv_dot3(y[0], y[1]),      fv_dot3(y[0], y[2]),      fv_dot3(y[1], y[2]),
-                               fv_distance2(x[0], x[1]), fv_distance2(x[0], x[2]), fv_distance2(x[1], x[2])};
+    const struct triangle g = {fv_dot3(y[0], y[1]),      fv_dot3(y[0], y[2]),
+                               fv_dot3(y[1], y[2]),      fv_distance2(x[0], x[1]),
+                               fv_distance2(x[0], x[2]), fv_distance2(x[1], x[2])};
     double planes[2][3], depths[4][3];
-    if (!(g.a12 > 0 && g.a13 > 0 && g.a23 > 0) || !fv_pencil_planes(&g, planes[0], planes[1])) return 0;
+    if (!(g.a12 > 0 && g.a13 > 0 && g.a23 > 0) || !fv_pencil_planes(&g, planes[0], planes[1]))
+        return 0;
     int candidates = 0, found = 0;
     for (int k = 0; k < 2; k++)
         if (planes[k][0] != 0)
-            candidates += fv_plane_depths(&g, -planes[k][1] / planes[k][0], -planes[k][2] / planes[k][0],
-                                          depths + candidates);
+            candidates += fv_plane_depths(&g, -planes[k][1] / planes[k][0],
+                                          -planes[k][2] / planes[k][0], depths + candidates);
     for (int k = 0; k < candidates; k++)
         found += fv_polish(&g, depths[k]) && fv_align(x, y, depths[k], &T[found]);
     return found;

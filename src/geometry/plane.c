@@ -9,12 +9,15 @@ enum { REFINEMENTS = 6 };
 static const double sigma_best = 0.02; /* relative: no floor is flatter, no point better */
 static const double gate = 2.5;        /* standard deviations */
 static const double sigma_max = 0.1;   /* of the height: worse is no answer */
-/* Of the plane over what stands on it: less is none, and up to the second the height gets surer by so much. */
+/* Of the plane over what stands on it: less is none, and up to the second the height gets surer by
+ * so much. */
 static const double density_least = 1.8, density_sure = 2.6, sigma_unsure = 0.08;
 
-/* Of a point over or under the plane, in its standard deviations; positive: below the plane. What errs evenly to both sides
- * is the inverse of a triangulated distance: distances themselves err farther outward, and would draw the plane down. */
-static double fv_plane_residual(const double down[3], double height, const struct fv_plane_point *point)
+/* Of a point over or under the plane, in its standard deviations; positive: below the plane. What
+ * errs evenly to both sides is the inverse of a triangulated distance: distances themselves err
+ * farther outward, and would draw the plane down. */
+static double fv_plane_residual(const double down[3], double height,
+                                const struct fv_plane_point *point)
 {
     const double depth = fv_dot3(down, point->p);
     return depth > 1e-9 * height ? (1 - height / depth) / point->sigma : -1e9;
@@ -26,8 +29,8 @@ static double fv_plane_weight(const struct fv_plane_point *point)
     return point->sigma > sigma_best ? sigma_best / point->sigma : 1;
 }
 
-static double fv_plane_score(const struct fv_plane_point *points, uint32_t count, const double down[3],
-                             double height)
+static double fv_plane_score(const struct fv_plane_point *points, uint32_t count,
+                             const double down[3], double height)
 {
     double score = 0;
     for (uint32_t i = 0; i < count; i++) {
@@ -42,8 +45,8 @@ static double fv_plane_score(const struct fv_plane_point *points, uint32_t count
 
 /* Weight in the plane over that in the layer of the same thickness above it: a floor is
  * denser than what stands on it, the lower edge of a cloud is not. */
-static double fv_plane_density(const struct fv_plane_point *points, uint32_t count, const double down[3],
-                               double height)
+static double fv_plane_density(const struct fv_plane_point *points, uint32_t count,
+                               const double down[3], double height)
 {
     double in = 0, above = 0;
     for (uint32_t i = 0; i < count; i++) {
@@ -58,8 +61,8 @@ static double fv_plane_density(const struct fv_plane_point *points, uint32_t cou
 
 /* A hypothesis; false for points that give none, or one too far from what is expected. */
 static bool fv_plane_hypothesis(const struct fv_plane_point *points, uint32_t count,
-                                const struct fv_plane_prior *prior, bool three, struct fovea_random *random,
-                                double down[3], double *height)
+                                const struct fv_plane_prior *prior, bool three,
+                                struct fovea_random *random, double down[3], double *height)
 {
     uint32_t index[3];
     double a[3], b[3];
@@ -79,14 +82,16 @@ static bool fv_plane_hypothesis(const struct fv_plane_point *points, uint32_t co
     return *height > 1e-9 && fv_dot3(down, prior->down) > fovea_cos(prior->off_max_rad);
 }
 
-/* Weighted least squares over the inliers. The plane is x p = 1 with x = down / height: along the ray p / |p| its inverse
- * distance is x p / |p|, which is held to 1 / |p|, relative to what the plane says; the prior holds x to
- * prior->down / height across the direction. `information`: of x. False when the system is singular. */
+/* Weighted least squares over the inliers. The plane is x p = 1 with x = down / height: along the
+ * ray p / |p| its inverse distance is x p / |p|, which is held to 1 / |p|, relative to what the
+ * plane says; the prior holds x to prior->down / height across the direction. `information`: of x.
+ * False when the system is singular. */
 static bool fv_plane_refine(const struct fv_plane_point *points, uint32_t count,
                             const struct fv_plane_prior *prior, double down[3], double *height,
                             double information[9], uint32_t *inliers)
 {
-    double A[9] = {0}, b[3] = {0}, weight = 1 / (prior->sigma_rad * prior->sigma_rad) * *height * *height;
+    double A[9] = {0}, b[3] = {0},
+           weight = 1 / (prior->sigma_rad * prior->sigma_rad) * *height * *height;
     for (int r = 0; r < 3; r++)
         for (int c = 0; c < 3; c++)
             A[3 * r + c] = weight * ((r == c) - prior->down[r] * prior->down[c]);
@@ -144,7 +149,8 @@ bool fv_plane_estimate(const struct fv_plane_point *points, uint32_t count,
     }
     if (!(found.height > 0)) return false;
     for (int k = 0; k < REFINEMENTS; k++)
-        if (!fv_plane_refine(points, count, prior, found.down, &found.height, information, &found.inliers))
+        if (!fv_plane_refine(points, count, prior, found.down, &found.height, information,
+                             &found.inliers))
             return false;
     if (fv_dot3(found.down, prior->down) < fovea_cos(prior->off_max_rad)) return false;
     found.support = fv_plane_score(points, count, found.down, found.height);
@@ -153,7 +159,8 @@ bool fv_plane_estimate(const struct fv_plane_point *points, uint32_t count,
     if (density < density_least) return false;
     if (density < density_sure)
         found.sigma += sigma_unsure * (density_sure - density) / (density_sure - density_least);
-    if (found.inliers < inliers_min || !(found.support > 0) || !(found.sigma < sigma_max)) return false;
+    if (found.inliers < inliers_min || !(found.support > 0) || !(found.sigma < sigma_max))
+        return false;
     *plane = found;
     return true;
 }

@@ -1,11 +1,12 @@
 /* The floor under a camera: the lowest large plane among points below it, by robust sampling.
  *
- * Points are in the camera's frame, the plane is {p : down p = height} with the unit vector `down` and height
- * > 0. Hypotheses come by turns from three points, and from one point with the expected direction; the best
- * is refined by weighted least squares, with the expected direction as a prior. The score is that of MSAC (P.
- * Torr and A. Zisserman, CVIU 2000) on relative heights, less what lies under the plane: a floor has nothing
- * below it, a table top has. Every point has its own uncertainty, since triangulated points err along their
- * rays. Real-time safe: bounded by count and samples; no heap. */
+ * Points are in the camera's frame, the plane is {p : down p = height} with the unit vector `down`
+ * and height > 0. Hypotheses come by turns from three points, and from one point with the expected
+ * direction; the best is refined by weighted least squares, with the expected direction as a prior.
+ * The score is that of MSAC (P. Torr and A. Zisserman, CVIU 2000) on relative heights, less what
+ * lies under the plane: a floor has nothing below it, a table top has. Every point has its own
+ * uncertainty, since triangulated points err along their rays. Real-time safe: bounded by count and
+ * samples; no heap. */
 #ifndef FOVEA_GEOMETRY_PLANE_H
 #define FOVEA_GEOMETRY_PLANE_H
 
@@ -26,8 +27,8 @@ struct fv_plane_point {
 };
 
 struct fv_plane_prior {
-    double down[3];     /* unit: where the floor's normal is expected to point away from the camera */
-    double sigma_rad;   /* one standard deviation of its direction */
+    double down[3];   /* unit: where the floor's normal is expected to point away from the camera */
+    double sigma_rad; /* one standard deviation of its direction */
     double off_max_rad; /* hypotheses further aside are not looked at */
 };
 
@@ -36,12 +37,13 @@ struct fv_plane {
     double height;  /* distance of the camera from the plane, in the points' unit */
     double sigma;   /* one standard deviation of the height, relative */
     uint32_t inliers;
-    double support; /* weight of the inliers less that of what lies below, the best known points counting 1 */
+    double support; /* weight of the inliers less that of what lies below, the best known points
+                       counting 1 */
 };
 
-/* Up to `samples` hypotheses. False, `plane` untouched: fewer than `inliers_min` points agree, or they fix
- * the height badly (they lie on a line, or all far away), or as much lies below the plane as in it, or it is
- * hardly denser than what stands on it. */
+/* Up to `samples` hypotheses. False, `plane` untouched: fewer than `inliers_min` points agree, or
+ * they fix the height badly (they lie on a line, or all far away), or as much lies below the plane
+ * as in it, or it is hardly denser than what stands on it. */
 bool fv_plane_estimate(const struct fv_plane_point *points, uint32_t count,
                        const struct fv_plane_prior *prior, uint32_t samples, uint32_t inliers_min,
                        struct fovea_random *random, struct fv_plane *plane);

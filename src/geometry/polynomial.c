@@ -35,7 +35,8 @@ static double fv_bracketed_root(const double *c, int degree, double low, double 
             high = x;
         double next = x - v / slope;
         /* Newton's iteration creeps far from the root of a high power: then halve. */
-        if (!(next > low && next < high) || fv_abs(next - x) > 0.5 * before) next = 0.5 * (low + high);
+        if (!(next > low && next < high) || fv_abs(next - x) > 0.5 * before)
+            next = 0.5 * (low + high);
         double step = fv_abs(next - x);
         before = step;
         x = next;
@@ -44,7 +45,8 @@ static double fv_bracketed_root(const double *c, int degree, double low, double 
     return x;
 }
 
-int fv_polynomial_roots(const double *coefficients, int degree, double low, double high, double *roots)
+int fv_polynomial_roots(const double *coefficients, int degree, double low, double high,
+                        double *roots)
 {
     /* Derivatives, scaled so that coefficients stay of the same order; row d has degree d. */
     double derivative[FV_POLYNOMIAL_DEGREE_MAX + 1][FV_POLYNOMIAL_DEGREE_MAX + 1];
@@ -78,10 +80,12 @@ int fv_polynomial_roots(const double *coefficients, int degree, double low, doub
 
 double fv_cubic_root(double b, double c, double d)
 {
-    /* Start on the outer side of the extremum that faces the root, where Newton's iteration is monotone. */
+    /* Start on the outer side of the extremum that faces the root, where Newton's iteration is
+     * monotone. */
     double discriminant = b * b - 3 * c, x;
     if (discriminant >= 0) {
-        double width = __builtin_sqrt(discriminant), left = (-b - width) / 3, right = (-b + width) / 3;
+        double width = __builtin_sqrt(discriminant), left = (-b - width) / 3,
+               right = (-b + width) / 3;
         double at_left = ((left + b) * left + c) * left + d;
         x = at_left > 0 ? left - 1.2 * width / 3 : right + 1.2 * width / 3;
         /* The single root beyond the extrema, or the outer one of three. */

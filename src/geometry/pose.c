@@ -7,9 +7,11 @@
 #include "geometry/vec.h"
 
 static const double chi_square_95_2 = 5.991, chi_square_99_2 = 9.21;
-static const double settled_variance_min = 0.08; /* px^2 of level 0: matches are not better than that */
+static const double settled_variance_min =
+    0.08; /* px^2 of level 0: matches are not better than that */
 
-/* ---- sampling ---------------------------------------------------------------------------------------- */
+/* ---- sampling
+ * ---------------------------------------------------------------------------------------- */
 
 /* Squared sine of the angle between bearing and point (1 when behind): what MSAC adds up. */
 static double fv_angle2(const struct fv_se3 *T, const struct fv_sight *s)
@@ -33,15 +35,15 @@ static double fv_sample_cost(const struct fv_se3 *T, const struct fv_sight *sigh
 }
 
 /* Angular Gauss-Newton over the sights below the threshold: the local optimisation. */
-static void fv_angular_refine(const struct fv_sight *sights, uint32_t count, double limit2, int steps,
-                              struct fv_se3 *T)
+static void fv_angular_refine(const struct fv_sight *sights, uint32_t count, double limit2,
+                              int steps, struct fv_se3 *T)
 {
     for (int step = 0; step < steps; step++) {
         double A[36] = {0}, g[6] = {0};
         for (uint32_t i = 0; i < count; i++) {
             if (fv_angle2(T, &sights[i]) >= limit2) continue;
-            /* Residual b x q / |q|, whose length is the sine; its derivative by q, the length held, is [b]x /
-             * |q|. */
+            /* Residual b x q / |q|, whose length is the sine; its derivative by q, the length held,
+             * is [b]x / |q|. */
             double q[3], r[3];
             const double *b = sights[i].bearing;
             fv_se3_apply(T, sights[i].point, q);
@@ -71,7 +73,8 @@ uint32_t fv_pose_sample(struct fv_sight *sights, uint32_t count, const struct fv
                         struct fovea_random *random, struct fv_se3 *T_cam_world)
 {
     if (count < 4) return 0;
-    double limit2 = sampling->threshold_rad * sampling->threshold_rad, whole = limit2 * count, cost = whole;
+    double limit2 = sampling->threshold_rad * sampling->threshold_rad, whole = limit2 * count,
+           cost = whole;
     struct fv_se3 best;
     fv_se3_identity(&best);
     uint32_t bound = sampling->iterations_max;
@@ -115,7 +118,8 @@ uint32_t fv_pose_sample(struct fv_sight *sights, uint32_t count, const struct fv
     return inliers;
 }
 
-/* ---- refinement -------------------------------------------------------------------------------------- */
+/* ---- refinement
+ * -------------------------------------------------------------------------------------- */
 
 bool fv_sight_error(const double bearing[3], const double A[6], const double q[3], double error[2],
                     double J[6])
@@ -133,8 +137,8 @@ bool fv_sight_error(const double bearing[3], const double A[6], const double q[3
     return true;
 }
 
-/* Weighted squared pixel error; derivative rows by the small motion when `rows` is not NULL. Negative:
- * behind. */
+/* Weighted squared pixel error; derivative rows by the small motion when `rows` is not NULL.
+ * Negative: behind. */
 static double fv_pixel_error(const struct fv_se3 *T, const struct fv_sight *s, double residual[2],
                              double rows[12])
 {
@@ -149,8 +153,8 @@ static double fv_pixel_error(const struct fv_se3 *T, const struct fv_sight *s, d
     return s->weight * (residual[0] * residual[0] + residual[1] * residual[1]);
 }
 
-static void fv_accumulate(double A[36], double g[6], const double rows[12], const double residual[2],
-                          double weight)
+static void fv_accumulate(double A[36], double g[6], const double rows[12],
+                          const double residual[2], double weight)
 {
     for (int a = 0; a < 6; a++) {
         double u = weight * rows[a], v = weight * rows[6 + a];
@@ -160,7 +164,8 @@ static void fv_accumulate(double A[36], double g[6], const double rows[12], cons
     }
 }
 
-static bool fv_refine_step(const struct fv_sight *sights, uint32_t count, struct fv_se3 *T, double *moved)
+static bool fv_refine_step(const struct fv_sight *sights, uint32_t count, struct fv_se3 *T,
+                           double *moved)
 {
     double A[36] = {0}, g[6] = {0};
     for (uint32_t i = 0; i < count; i++) {
@@ -168,7 +173,8 @@ static bool fv_refine_step(const struct fv_sight *sights, uint32_t count, struct
         if (!sights[i].inlier) continue;
         double error2 = fv_pixel_error(T, &sights[i], residual, rows);
         if (error2 < 0) continue;
-        double robust = error2 > chi_square_95_2 ? __builtin_sqrt(chi_square_95_2 / error2) : 1; /* Huber */
+        double robust =
+            error2 > chi_square_95_2 ? __builtin_sqrt(chi_square_95_2 / error2) : 1; /* Huber */
         fv_accumulate(A, g, rows, residual, robust * sights[i].weight);
     }
     for (int a = 0; a < 6; a++)
@@ -180,7 +186,8 @@ static bool fv_refine_step(const struct fv_sight *sights, uint32_t count, struct
 }
 
 /* Inliers are sights with weighted squared errors below `limit2`. */
-static void fv_sort_sights(struct fv_sight *sights, uint32_t count, const struct fv_se3 *T, double limit2)
+static void fv_sort_sights(struct fv_sight *sights, uint32_t count, const struct fv_se3 *T,
+                           double limit2)
 {
     double residual[2];
     for (uint32_t i = 0; i < count; i++) {

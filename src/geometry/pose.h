@@ -1,10 +1,11 @@
-/* Pose of a calibrated camera from points and their bearings: minimal solver, sampling, and refinement.
+/* Pose of a calibrated camera from points and their bearings: minimal solver, sampling, and
+ * refinement.
  *
- * T_cam_world takes points of the world to the camera. Minimal solver: M. Persson and K. Nordberg, "Lambda
- * twist: an accurate fast robust perspective three point (P3P) solver" (ECCV 2018); the pencil is split as by
- * Y. Ding et al., "Revisiting the P3P problem" (CVPR 2023). Sampling: MSAC with local optimisation.
- * Refinement minimises pixel errors, on bearings with the lens's Jacobian. Real-time safe, any thread; no
- * heap. */
+ * T_cam_world takes points of the world to the camera. Minimal solver: M. Persson and K. Nordberg,
+ * "Lambda twist: an accurate fast robust perspective three point (P3P) solver" (ECCV 2018); the
+ * pencil is split as by Y. Ding et al., "Revisiting the P3P problem" (CVPR 2023). Sampling: MSAC
+ * with local optimisation. Refinement minimises pixel errors, on bearings with the lens's Jacobian.
+ * Real-time safe, any thread; no heap. */
 #ifndef FOVEA_GEOMETRY_POSE_H
 #define FOVEA_GEOMETRY_POSE_H
 
@@ -21,19 +22,20 @@ extern "C" {
 
 enum { FV_P3P_SOLUTIONS_MAX = 4 };
 
-/* A point of the world, where it was seen, and how sure that is. Pixel errors need no projection through the
- * lens: near the bearing b, a point q of the camera frame lies e = A q / (b q) pixels from the key point, A =
- * d(pixel)/d(point) at b, A b = 0. That is exact to first order, and outliers need no more. */
+/* A point of the world, where it was seen, and how sure that is. Pixel errors need no projection
+ * through the lens: near the bearing b, a point q of the camera frame lies e = A q / (b q) pixels
+ * from the key point, A = d(pixel)/d(point) at b, A b = 0. That is exact to first order, and
+ * outliers need no more. */
 struct fv_sight {
     double point[3];   /* world */
     double bearing[3]; /* unit, camera */
     double A[6];       /* 2x3 row-major, px */
     double weight;     /* 1 / sigma_px^2 of the key point */
-    bool inlier;       /* in: use it (refinement starts from all that are set); out: fits the pose */
+    bool inlier; /* in: use it (refinement starts from all that are set); out: fits the pose */
 };
 
-/* Pixel error of a point q of the camera frame, and, when `J` is not NULL, its 2x3 derivative by q. False:
- * behind. */
+/* Pixel error of a point q of the camera frame, and, when `J` is not NULL, its 2x3 derivative by q.
+ * False: behind. */
 bool fv_sight_error(const double bearing[3], const double A[6], const double q[3], double error[2],
                     double J[6]);
 
@@ -41,32 +43,37 @@ bool fv_sight_error(const double bearing[3], const double A[6], const double q[3
 int fv_p3p(const double bearings[3][3], const double points[3][3],
            struct fv_se3 T_cam_world[FV_P3P_SOLUTIONS_MAX]);
 
-/* Robust pose by P3P samples on bearings. Residual: angle between bearing and point. Sets `inlier` of every
- * sight and `T_cam_world` on success; returns the number of inliers, 0 (all untouched) when none was found.
+/* Robust pose by P3P samples on bearings. Residual: angle between bearing and point. Sets `inlier`
+ * of every sight and `T_cam_world` on success; returns the number of inliers, 0 (all untouched)
+ * when none was found.
  */
 uint32_t fv_pose_sample(struct fv_sight *sights, uint32_t count, const struct fv_sampling *sampling,
                         struct fovea_random *random, struct fv_se3 *T_cam_world);
 
 struct fv_pose_fit {
-    uint32_t inliers; /* sights with weighted squared error below the chi-square bound 5.991 (95 %, 2 dof) */
+    uint32_t inliers; /* sights with weighted squared error below the chi-square bound 5.991 (95 %,
+                         2 dof) */
     double cost;      /* sum of their weighted squared errors, px^2 */
     /* of the inliers, row-major, order as in fv_se3_move (camera side, translation
      * first) */
     double information[36];
 };
 
-/* Refine T_cam_world over all sights by Gauss-Newton with Huber weights, in `rounds` of `steps`; after each
- * round sights are sorted anew into inliers and outliers, so that none is lost for good. Sights behind the
- * camera or past the field are outliers. False when the system is singular (pose untouched). */
+/* Refine T_cam_world over all sights by Gauss-Newton with Huber weights, in `rounds` of `steps`;
+ * after each round sights are sorted anew into inliers and outliers, so that none is lost for good.
+ * Sights behind the camera or past the field are outliers. False when the system is singular (pose
+ * untouched). */
 bool fv_pose_refine(struct fv_sight *sights, uint32_t count, int rounds, int steps,
                     struct fv_se3 *T_cam_world, struct fv_pose_fit *fit);
 
-/* Variance of a sight's error by what a fit leaves (a posteriori), weighted px^2; 1 where nothing is left to tell. */
+/* Variance of a sight's error by what a fit leaves (a posteriori), weighted px^2; 1 where nothing
+ * is left to tell. */
 double fv_pose_variance(const struct fv_pose_fit *fit);
 
-/* Go on from fv_pose_refine's pose and fit, with the limit that the noise found allows: 9.21 (chi-square, 99 %, 2 dof) times
- * its variance, and never more than before. Where matches are good to a third of a pixel, what is a pixel off is a thing
- * that moves. Two steps. False when the system is singular (pose untouched). */
+/* Go on from fv_pose_refine's pose and fit, with the limit that the noise found allows: 9.21
+ * (chi-square, 99 %, 2 dof) times its variance, and never more than before. Where matches are good
+ * to a third of a pixel, what is a pixel off is a thing that moves. Two steps. False when the
+ * system is singular (pose untouched). */
 bool fv_pose_settle(struct fv_sight *sights, uint32_t count, struct fv_se3 *T_cam_world,
                     struct fv_pose_fit *fit);
 

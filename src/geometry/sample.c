@@ -2,7 +2,8 @@
 
 void fv_sample_distinct(struct fovea_random *random, uint32_t count, uint32_t size, uint32_t *index)
 {
-    /* Draw from what is left and shift past the ones taken, kept in rising order: no rejection, so bounded.
+    /* Draw from what is left and shift past the ones taken, kept in rising order: no rejection, so
+     * bounded.
      */
     uint32_t sorted[FV_SAMPLE_SIZE_MAX];
     for (uint32_t k = 0; k < size; k++) {

@@ -1,4 +1,5 @@
-/* Helpers of robust sampling (M. Fischler and R. Bolles, "Random sample consensus", 1981). Real-time safe. */
+/* Helpers of robust sampling (M. Fischler and R. Bolles, "Random sample consensus", 1981).
+ * Real-time safe. */
 #ifndef FOVEA_GEOMETRY_SAMPLE_H
 #define FOVEA_GEOMETRY_SAMPLE_H
 
@@ -13,9 +14,11 @@ extern "C" {
 enum { FV_SAMPLE_SIZE_MAX = 8 };
 
 /* `size` different numbers below `count` (count >= size), in random order. */
-void fv_sample_distinct(struct fovea_random *random, uint32_t count, uint32_t size, uint32_t *index);
+void fv_sample_distinct(struct fovea_random *random, uint32_t count, uint32_t size,
+                        uint32_t *index);
 
-/* Samples needed so that, with probability `confidence`, one holds inliers only; at least 4, at most 1000000.
+/* Samples needed so that, with probability `confidence`, one holds inliers only; at least 4, at
+ * most 1000000.
  */
 uint32_t fv_sample_bound(double inlier_share, uint32_t size, double confidence);
 

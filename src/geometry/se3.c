@@ -115,8 +115,8 @@ void fv_so3_orthonormalise(double R[9])
         double G[9], N[9];
         for (int r = 0; r < 3; r++)
             for (int c = 0; c < 3; c++)
-                G[3 * r + c] =
-                    (r == c ? 1.5 : 0) - 0.5 * (R[r] * R[c] + R[3 + r] * R[3 + c] + R[6 + r] * R[6 + c]);
+                G[3 * r + c] = (r == c ? 1.5 : 0) -
+                               0.5 * (R[r] * R[c] + R[3 + r] * R[3 + c] + R[6 + r] * R[6 + c]);
         fv_multiply33(R, G, N);
         memcpy(R, N, sizeof N);
     }

@@ -1,6 +1,6 @@
 /* Rigid motion. `struct fv_se3` named T_a_b takes points of frame b to frame a: p_a = R p_b + t.
- * Small motions are 6-vectors: translation first, rotation (axis times angle, rad) last, as in the pose
- * message. Real-time safe, any thread. */
+ * Small motions are 6-vectors: translation first, rotation (axis times angle, rad) last, as in the
+ * pose message. Real-time safe, any thread. */
 #ifndef FOVEA_GEOMETRY_SE3_H
 #define FOVEA_GEOMETRY_SE3_H
 
@@ -29,11 +29,13 @@ void fv_se3_apply_inverse(const struct fv_se3 *T, const double point[3], double 
 void fv_so3_exp(const double rotation_rad[3], double R[9]);
 void fv_so3_log(const double R[9], double rotation_rad[3]);
 
-/* T <- (exp(rotation), translation) T: a small motion on the left, not coupled (retraction for optimisers).
+/* T <- (exp(rotation), translation) T: a small motion on the left, not coupled (retraction for
+ * optimisers).
  */
 void fv_se3_move(struct fv_se3 *T, const double step[6]);
 
-/* Nearest rotation of a matrix that is nearly one (two steps of Newton's iteration for the polar factor). */
+/* Nearest rotation of a matrix that is nearly one (two steps of Newton's iteration for the polar
+ * factor). */
 void fv_so3_orthonormalise(double R[9]);
 
 /* Unit quaternion w x y z, w >= 0, and back. */

@@ -56,7 +56,8 @@ void fv_sim3_move_pose(const struct fv_sim3 *S, struct fv_se3 *T_cam)
     double shift[3];
     for (int r = 0; r < 3; r++)
         for (int c = 0; c < 3; c++)
-            moved.R[3 * r + c] = T_cam->R[3 * r] * S->R[3 * c] + T_cam->R[3 * r + 1] * S->R[3 * c + 1] +
+            moved.R[3 * r + c] = T_cam->R[3 * r] * S->R[3 * c] +
+                                 T_cam->R[3 * r + 1] * S->R[3 * c + 1] +
                                  T_cam->R[3 * r + 2] * S->R[3 * c + 2];
     fv_rotate3(moved.R, S->t, shift);
     for (int i = 0; i < 3; i++)
@@ -65,11 +66,12 @@ void fv_sim3_move_pose(const struct fv_sim3 *S, struct fv_se3 *T_cam)
     *T_cam = moved;
 }
 
-/* ---- exponential ----------------------------------------------------------------------------------- */
+/* ---- exponential
+ * ----------------------------------------------------------------------------------- */
 
-/* Coefficients of W = A [w]x + B [w]x^2 + C I, the integral of exp(tau (sigma I + [w]x)) over tau in [0, 1].
- * With z = sigma + i theta and f = (exp z - 1) / z: C = f at theta = 0, A = Im f / theta, B = (C - Re f) /
- * theta^2. Near zero by the power series of f, z^k / (k + 1)!. */
+/* Coefficients of W = A [w]x + B [w]x^2 + C I, the integral of exp(tau (sigma I + [w]x)) over tau
+ * in [0, 1]. With z = sigma + i theta and f = (exp z - 1) / z: C = f at theta = 0, A = Im f /
+ * theta, B = (C - Re f) / theta^2. Near zero by the power series of f, z^k / (k + 1)!. */
 static void fv_sim3_coefficients(double sigma, double theta2, double *A, double *B, double *C)
 {
     double theta = __builtin_sqrt(theta2), factor = 1;

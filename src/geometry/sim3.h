@@ -1,11 +1,11 @@
-/* Similarity: rigid motion with a scale. `struct fv_sim3` named S_a_b takes points of frame b to frame a:
- * p_a = s R p_b + t.
+/* Similarity: rigid motion with a scale. `struct fv_sim3` named S_a_b takes points of frame b to
+ * frame a: p_a = s R p_b + t.
  *
- * Small similarities are 7-vectors: translation, rotation (axis times angle, rad), logarithm of the scale.
- * Exponential and logarithm follow H. Strasdat, J. Montiel, A. Davison, "Scale drift-aware large scale
- * monocular SLAM" (RSS 2010). Alignment of points: B. Horn, "Closed-form solution of absolute orientation
- * using unit quaternions" (JOSA A 1987), with the scale of S. Umeyama (PAMI 1991). Real-time safe, any
- * thread; no heap. */
+ * Small similarities are 7-vectors: translation, rotation (axis times angle, rad), logarithm of the
+ * scale. Exponential and logarithm follow H. Strasdat, J. Montiel, A. Davison, "Scale drift-aware
+ * large scale monocular SLAM" (RSS 2010). Alignment of points: B. Horn, "Closed-form solution of
+ * absolute orientation using unit quaternions" (JOSA A 1987), with the scale of S. Umeyama (PAMI
+ * 1991). Real-time safe, any thread; no heap. */
 #ifndef FOVEA_GEOMETRY_SIM3_H
 #define FOVEA_GEOMETRY_SIM3_H
 
@@ -34,22 +34,26 @@ void fv_sim3_invert(const struct fv_sim3 *S, struct fv_sim3 *out);
 /* `out` may be the point. */
 void fv_sim3_apply(const struct fv_sim3 *S, const double point[3], double out[3]);
 
-/* Exponential of (translation part, rotation, log scale), and its inverse with angles in [0, pi]. */
+/* Exponential of (translation part, rotation, log scale), and its inverse with angles in [0, pi].
+ */
 void fv_sim3_exp(const double x[7], struct fv_sim3 *S);
 void fv_sim3_log(const struct fv_sim3 *S, double x[7]);
-/* A pose T_cam_old whose world was taken to another by S_new_old; lengths in the camera frame grow by S's
- * scale. */
+/* A pose T_cam_old whose world was taken to another by S_new_old; lengths in the camera frame grow
+ * by S's scale. */
 void fv_sim3_move_pose(const struct fv_sim3 *S_new_old, struct fv_se3 *T_cam);
 
-/* ---- alignment ------------------------------------------------------------------------------------- */
+/* ---- alignment
+ * ------------------------------------------------------------------------------------- */
 
-/* Best S_a_b for pairs of points, in the sense of least squares on a. At least 3; false when they lie on a
- * line. */
-bool fv_sim3_align(const double (*a)[3], const double (*b)[3], uint32_t count, struct fv_sim3 *S_a_b);
+/* Best S_a_b for pairs of points, in the sense of least squares on a. At least 3; false when they
+ * lie on a line. */
+bool fv_sim3_align(const double (*a)[3], const double (*b)[3], uint32_t count,
+                   struct fv_sim3 *S_a_b);
 
-/* A landmark as two cameras know it: its point in the frame of each camera (in the unit of its map), and
- * where each saw it (bearing and d(pixel)/d(point), weight 1 / sigma_px^2; 0: that camera did not see it). How far off
- * a point is, is less certain than where it was seen: its error along its ray shows as pixels from elsewhere. */
+/* A landmark as two cameras know it: its point in the frame of each camera (in the unit of its
+ * map), and where each saw it (bearing and d(pixel)/d(point), weight 1 / sigma_px^2; 0: that camera
+ * did not see it). How far off a point is, is less certain than where it was seen: its error along
+ * its ray shows as pixels from elsewhere. */
 struct fv_meeting {
     double point_a[3], point_b[3];
     double sigma_a, sigma_b; /* of their distances, relative, above 0 */
@@ -59,32 +63,37 @@ struct fv_meeting {
     bool inlier;
 };
 
-/* Squared pixel errors of a meeting in camera a and in camera b, over their variances (sights and distances); false
- * when a point lies behind. */
-bool fv_sim3_errors(const struct fv_meeting *m, const struct fv_sim3 *S_a_b, const struct fv_sim3 *S_b_a,
-                    double square[2]);
+/* Squared pixel errors of a meeting in camera a and in camera b, over their variances (sights and
+ * distances); false when a point lies behind. */
+bool fv_sim3_errors(const struct fv_meeting *m, const struct fv_sim3 *S_a_b,
+                    const struct fv_sim3 *S_b_a, double square[2]);
 
-/* Robust sampling, resumable: call with `samples` more until *done reaches the bound; keeps the best in
- * `best`. Marks nothing. A meeting agrees when both errors are below `limit` (chi-square). */
+/* Robust sampling, resumable: call with `samples` more until *done reaches the bound; keeps the
+ * best in `best`. Marks nothing. A meeting agrees when both errors are below `limit` (chi-square).
+ */
 struct fv_sim3_search {
     struct fv_sim3 best; /* S_a_b */
     uint32_t best_inliers, done, bound;
 };
 void fv_sim3_search_begin(struct fv_sim3_search *search, uint32_t samples_max);
 /* True when more samples are needed. */
-bool fv_sim3_search_more(struct fv_sim3_search *search, const struct fv_meeting *meetings, uint32_t count,
-                         uint32_t samples, double limit, struct fovea_random *random);
+bool fv_sim3_search_more(struct fv_sim3_search *search, const struct fv_meeting *meetings,
+                         uint32_t count, uint32_t samples, double limit,
+                         struct fovea_random *random);
 
-/* Refine S_a_b on the errors of both cameras, pixels and (they alone give the scale, where both stand in one
- * place) distances, by Gauss-Newton with Huber weights, `steps` times, over those marked as inliers;
- * afterwards all are sorted anew with `limit`. Returns the number of inliers, 0 when the system is singular.
+/* Refine S_a_b on the errors of both cameras, pixels and (they alone give the scale, where both
+ * stand in one place) distances, by Gauss-Newton with Huber weights, `steps` times, over those
+ * marked as inliers; afterwards all are sorted anew with `limit`. Returns the number of inliers, 0
+ * when the system is singular.
  */
 uint32_t fv_sim3_refine(struct fv_meeting *meetings, uint32_t count, double limit, int steps,
                         struct fv_sim3 *S_a_b);
 
-/* Standard deviation (rad, all axes together) of the rotation of S_a_b by the weights of the inliers' pixels and
- * distances; pi when they do not fix it. Large where all that meets lies far off in one direction. */
-double fv_sim3_turn_sigma(const struct fv_meeting *meetings, uint32_t count, const struct fv_sim3 *S_a_b);
+/* Standard deviation (rad, all axes together) of the rotation of S_a_b by the weights of the
+ * inliers' pixels and distances; pi when they do not fix it. Large where all that meets lies far
+ * off in one direction. */
+double fv_sim3_turn_sigma(const struct fv_meeting *meetings, uint32_t count,
+                          const struct fv_sim3 *S_a_b);
 
 #ifdef __cplusplus
 }

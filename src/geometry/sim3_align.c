@@ -11,7 +11,8 @@ static const double huber_square =
     5.991; /* 95 % of chi-square with 2 degrees of freedom, those of the pixels */
 static const double distance_ratio_max = 1.5;
 
-/* ---- closed form ----------------------------------------------------------------------------------- */
+/* ---- closed form
+ * ----------------------------------------------------------------------------------- */
 
 bool fv_sim3_align(const double (*a)[3], const double (*b)[3], uint32_t count, struct fv_sim3 *S)
 {
@@ -53,7 +54,8 @@ bool fv_sim3_align(const double (*a)[3], const double (*b)[3], uint32_t count, s
     return true;
 }
 
-/* ---- errors and sampling --------------------------------------------------------------------------- */
+/* ---- errors and sampling
+ * --------------------------------------------------------------------------- */
 
 static bool fv_distances_agree(const double q[3], const double p[3])
 {
@@ -61,16 +63,18 @@ static bool fv_distances_agree(const double q[3], const double p[3])
     return ratio2 < bound && ratio2 * bound > 1;
 }
 
-/* Squared error of a point q of the camera's frame, whose own error along its ray is `along`, over the variance of both. */
-static bool fv_square_error(const double bearing[3], const double A[6], double weight, const double q[3],
-                            const double along[3], double *square)
+/* Squared error of a point q of the camera's frame, whose own error along its ray is `along`, over
+ * the variance of both. */
+static bool fv_square_error(const double bearing[3], const double A[6], double weight,
+                            const double q[3], const double along[3], double *square)
 {
     double e[2], J[6];
     *square = 0;
     if (!fv_sight_error(bearing, A, q, e, J)) return false;
     const double u[2] = {fv_dot3(J, along), fv_dot3(J + 3, along)},
                  by_u = weight * (u[0] * e[0] + u[1] * e[1]);
-    *square = weight * (e[0] * e[0] + e[1] * e[1]) - by_u * by_u / (1 + weight * (u[0] * u[0] + u[1] * u[1]));
+    *square = weight * (e[0] * e[0] + e[1] * e[1]) -
+              by_u * by_u / (1 + weight * (u[0] * u[0] + u[1] * u[1]));
     return true;
 }
 
@@ -83,8 +87,8 @@ static void fv_move_point(const struct fv_sim3 *S, const double point[3], double
         along[k] = sigma * (q[k] - S->t[k]);
 }
 
-bool fv_sim3_errors(const struct fv_meeting *m, const struct fv_sim3 *S_a_b, const struct fv_sim3 *S_b_a,
-                    double square[2])
+bool fv_sim3_errors(const struct fv_meeting *m, const struct fv_sim3 *S_a_b,
+                    const struct fv_sim3 *S_b_a, double square[2])
 {
     double q[3], along[3];
     square[1] = 0;
@@ -111,8 +115,9 @@ void fv_sim3_search_begin(struct fv_sim3_search *search, uint32_t samples_max)
     search->bound = samples_max;
 }
 
-bool fv_sim3_search_more(struct fv_sim3_search *search, const struct fv_meeting *meetings, uint32_t count,
-                         uint32_t samples, double limit, struct fovea_random *random)
+bool fv_sim3_search_more(struct fv_sim3_search *search, const struct fv_meeting *meetings,
+                         uint32_t count, uint32_t samples, double limit,
+                         struct fovea_random *random)
 {
     if (count < 3) return false;
     for (uint32_t n = 0; n < samples && search->done < search->bound; n++, search->done++) {
@@ -139,7 +144,8 @@ bool fv_sim3_search_more(struct fv_sim3_search *search, const struct fv_meeting 
     return search->done < search->bound;
 }
 
-/* ---- refinement ------------------------------------------------------------------------------------ */
+/* ---- refinement
+ * ------------------------------------------------------------------------------------ */
 
 static void fv_add_row(double e, double weight, const double row[7], double H[49], double g[7])
 {
@@ -154,11 +160,12 @@ static void fv_add_row(double e, double weight, const double row[7], double H[49
 /* Rows of one camera: pixels, and (in a) how far its own point is. */
 struct camera_rows {
     double e[3], row[3][7], weight[3]; /* of errors independent of each other */
-    double u[3];                       /* what the error of the other's point along its ray does to each */
+    double u[3]; /* what the error of the other's point along its ray does to each */
     int count;
 };
 
-/* Their sum into the system: the inverse of diag(1 / weight) + u u^T by Sherman and Morrison, under a Huber weight. */
+/* Their sum into the system: the inverse of diag(1 / weight) + u u^T by Sherman and Morrison, under
+ * a Huber weight. */
 static void fv_add_rows(const struct camera_rows *r, double H[49], double g[7])
 {
     double together[7] = {0}, by_u = 0, of_u = 1, square = 0;
@@ -177,9 +184,10 @@ static void fv_add_rows(const struct camera_rows *r, double H[49], double g[7])
     fv_add_row(by_u, -robust / of_u, together, H, g);
 }
 
-/* The row of an error whose derivative by q is J. A step moves `place` by u + w x place + sigma place; q goes with
- * it, or, with `back`, against it through the inverse transform. */
-static void fv_step_row(const double J[3], const double place[3], const struct fv_sim3 *back, double row[7])
+/* The row of an error whose derivative by q is J. A step moves `place` by u + w x place + sigma
+ * place; q goes with it, or, with `back`, against it through the inverse transform. */
+static void fv_step_row(const double J[3], const double place[3], const struct fv_sim3 *back,
+                        double row[7])
 {
     double by_place[3];
     if (back) {
@@ -194,8 +202,8 @@ static void fv_step_row(const double J[3], const double place[3], const struct f
     row[6] = fv_dot3(by_place, place);
 }
 
-/* The step x moves S_a_b to (u, exp w, exp sigma) applied after it: q' = exp(sigma) exp(w) q + u. Seen from
- * b, it moves the points of a by its inverse. */
+/* The step x moves S_a_b to (u, exp w, exp sigma) applied after it: q' = exp(sigma) exp(w) q + u.
+ * Seen from b, it moves the points of a by its inverse. */
 static void fv_meeting_system(const struct fv_meeting *m, const struct fv_sim3 *S_a_b,
                               const struct fv_sim3 *S_b_a, double H[49], double g[7])
 {
@@ -203,7 +211,8 @@ static void fv_meeting_system(const struct fv_meeting *m, const struct fv_sim3 *
     double q[3], along[3], J[9];
     fv_move_point(S_a_b, m->point_b, m->sigma_b, q, along);
     if (!fv_sight_error(m->bearing_a, m->A_a, q, r.e, J)) return;
-    /* Pixels alone leave the scale open when both cameras stand in one place: the distances are held against each other. */
+    /* Pixels alone leave the scale open when both cameras stand in one place: the distances are
+     * held against each other. */
     const double per_sigma = 1 / m->sigma_a, length = fv_norm3(m->point_a);
     r.e[2] = (fv_dot3(m->bearing_a, q) / length - 1) * per_sigma;
     for (int k = 0; k < 3; k++)
@@ -226,8 +235,8 @@ static void fv_meeting_system(const struct fv_meeting *m, const struct fv_sim3 *
 }
 
 /* Over the inliers; H is filled below its diagonal, and damped by next to nothing. */
-static void fv_meetings_system(const struct fv_meeting *meetings, uint32_t count, const struct fv_sim3 *S_a_b,
-                               double H[49], double g[7])
+static void fv_meetings_system(const struct fv_meeting *meetings, uint32_t count,
+                               const struct fv_sim3 *S_a_b, double H[49], double g[7])
 {
     struct fv_sim3 S_b_a;
     memset(H, 0, 49 * sizeof *H);
@@ -270,7 +279,8 @@ uint32_t fv_sim3_refine(struct fv_meeting *meetings, uint32_t count, double limi
     return inliers;
 }
 
-double fv_sim3_turn_sigma(const struct fv_meeting *meetings, uint32_t count, const struct fv_sim3 *S_a_b)
+double fv_sim3_turn_sigma(const struct fv_meeting *meetings, uint32_t count,
+                          const struct fv_sim3 *S_a_b)
 {
     double H[49], g[7], variance = 0;
     fv_meetings_system(meetings, count, S_a_b, H, g);

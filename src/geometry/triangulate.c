@@ -12,7 +12,8 @@ bool fv_triangulate(const struct fv_se3 *T, const double x1[3], const double x2[
     /* Depths of the shortest segment between the rays d1 q + t and d2 x2. */
     double d1 = (c * b - a) / square, d2 = (b - c * a) / square;
     if (!(d1 > 0 && d2 > 0)) return false;
-    /* On it, errors e1 + e2 = gap with e1/d1, e2/d2 the angles: e1^2/d1^2 + e2^2/d2^2 is least at e1 ~ d1^2.
+    /* On it, errors e1 + e2 = gap with e1/d1, e2/d2 the angles: e1^2/d1^2 + e2^2/d2^2 is least at
+     * e1 ~ d1^2.
      */
     double share = d1 * d1 / (d1 * d1 + d2 * d2), in_2[3], moved[3];
     for (int i = 0; i < 3; i++) {

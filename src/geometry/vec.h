@@ -1,5 +1,6 @@
-/* Vectors of 3 and row-major 3x3 matrices in double precision, as small functions that compilers inline.
- * Outputs may not be the same storage as inputs unless a line says so. Real-time safe, any thread. */
+/* Vectors of 3 and row-major 3x3 matrices in double precision, as small functions that compilers
+ * inline. Outputs may not be the same storage as inputs unless a line says so. Real-time safe, any
+ * thread. */
 #ifndef FOVEA_GEOMETRY_VEC_H
 #define FOVEA_GEOMETRY_VEC_H
 

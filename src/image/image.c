@@ -59,17 +59,21 @@ static bool within(int32_t value, int32_t low, int32_t high)
 enum fovea_status fovea_image_check(const struct fovea_image *image)
 {
     if (image == NULL || image->data == NULL || !known(image->format)) return FOVEA_ERROR_ARGUMENT;
-    if (!within(image->width, FOVEA_IMAGE_WIDTH_MIN, FOVEA_IMAGE_WIDTH_MAX)) return FOVEA_ERROR_ARGUMENT;
-    if (!within(image->height, FOVEA_IMAGE_HEIGHT_MIN, FOVEA_IMAGE_HEIGHT_MAX)) return FOVEA_ERROR_ARGUMENT;
+    if (!within(image->width, FOVEA_IMAGE_WIDTH_MIN, FOVEA_IMAGE_WIDTH_MAX))
+        return FOVEA_ERROR_ARGUMENT;
+    if (!within(image->height, FOVEA_IMAGE_HEIGHT_MIN, FOVEA_IMAGE_HEIGHT_MAX))
+        return FOVEA_ERROR_ARGUMENT;
 
     const struct layout *layout = &layouts[image->format];
     if (layout->half_bytes_per_pixel == 0) /* compressed */
         return image->stride_bytes == 0 && image->size_bytes > 0 ? FOVEA_OK : FOVEA_ERROR_ARGUMENT;
-    if ((layout->even_width && image->width % 2 != 0) || (layout->even_height && image->height % 2 != 0))
+    if ((layout->even_width && image->width % 2 != 0) ||
+        (layout->even_height && image->height % 2 != 0))
         return FOVEA_ERROR_ARGUMENT;
     if (image->stride_bytes < fovea_image_stride_min(image->format, image->width))
         return FOVEA_ERROR_ARGUMENT;
-    if (layout->half_strides_per_row == 3 && image->stride_bytes % 2 != 0) return FOVEA_ERROR_ARGUMENT;
+    if (layout->half_strides_per_row == 3 && image->stride_bytes % 2 != 0)
+        return FOVEA_ERROR_ARGUMENT;
 
     /* The last row need not be followed by its padding. */
     const size_t whole = fovea_image_bytes(image->format, image->height, image->stride_bytes);
@@ -78,5 +82,6 @@ enum fovea_status fovea_image_check(const struct fovea_image *image)
                                  : fovea_image_stride_min(image->format, image->width);
     const int32_t last_stride =
         image->format == FOVEA_PIXEL_YU12 ? image->stride_bytes / 2 : image->stride_bytes;
-    return image->size_bytes >= whole - (size_t)(last_stride - last_row) ? FOVEA_OK : FOVEA_ERROR_ARGUMENT;
+    return image->size_bytes >= whole - (size_t)(last_stride - last_row) ? FOVEA_OK
+                                                                         : FOVEA_ERROR_ARGUMENT;
 }

@@ -34,11 +34,12 @@ void fv_pyramid_carve(struct fv_pyramid *pyramid, int32_t width, int32_t height,
         level->stride_bytes = (level->width + FV_LEVEL_SLACK_BYTES + line - 1) / line * line;
         level->pixels = fv_arena_take(frame, (size_t)level->height, (size_t)level->stride_bytes);
     }
-    pyramid->row = fv_arena_take(frame, 1, (size_t)pyramid->level[0].stride_bytes + FV_LEVEL_SLACK_BYTES);
+    pyramid->row =
+        fv_arena_take(frame, 1, (size_t)pyramid->level[0].stride_bytes + FV_LEVEL_SLACK_BYTES);
 }
 
-static void shrink(const struct fv_kernels *kernels, const struct fv_level *from, const struct fv_level *to,
-                   uint8_t *row)
+static void shrink(const struct fv_kernels *kernels, const struct fv_level *from,
+                   const struct fv_level *to, uint8_t *row)
 {
     static const uint8_t weight[5] = {13, 38, 64, 90, 115};
     for (int32_t y = 0; y < to->height; y++) {

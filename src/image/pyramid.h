@@ -1,12 +1,12 @@
 /* Pyramid: the frame as grey levels, each 5/6 of the size of the one before (scale 1.2).
  *
- * Level 0 is the frame, converted to grey. Pixel (x, y) of level n+1 is the bilinear sample of level n at
- * (1.2 x + 0.1, 1.2 y + 0.1): pixel centres map by exactly 1.2, so the place in the raw image is
- * 1.2^level (x + 0.5) - 0.5 with no rounding of sizes in it. Since 1.2 = 6/5, six pixels make five with only the
- * weights .9/.1 .7/.3 .5/.5 .3/.7 .1/.9, kept in 1/128: 115/13 90/38 64/64 38/90 13/115. Rows are blended first, then
- * columns, each rounded half up to 8 bits. A level is 5 floor(w/6) + max(0, w mod 6 - 1) wide, w that of the level before,
- * so that no sample lies outside.
- * Integer only: the same bits with every kernel set. */
+ * Level 0 is the frame, converted to grey. Pixel (x, y) of level n+1 is the bilinear sample of
+ * level n at (1.2 x + 0.1, 1.2 y + 0.1): pixel centres map by exactly 1.2, so the place in the raw
+ * image is 1.2^level (x + 0.5) - 0.5 with no rounding of sizes in it. Since 1.2 = 6/5, six pixels
+ * make five with only the weights .9/.1 .7/.3 .5/.5 .3/.7 .1/.9, kept in 1/128: 115/13 90/38 64/64
+ * 38/90 13/115. Rows are blended first, then columns, each rounded half up to 8 bits. A level is 5
+ * floor(w/6) + max(0, w mod 6 - 1) wide, w that of the level before, so that no sample lies
+ * outside. Integer only: the same bits with every kernel set. */
 #ifndef FOVEA_IMAGE_PYRAMID_H
 #define FOVEA_IMAGE_PYRAMID_H
 
@@ -21,7 +21,8 @@
 extern "C" {
 #endif
 
-/* Rows start 64-byte aligned; FV_LEVEL_SLACK_BYTES after the last pixel of a row may be read and hold undefined values. */
+/* Rows start 64-byte aligned; FV_LEVEL_SLACK_BYTES after the last pixel of a row may be read and
+ * hold undefined values. */
 enum { FV_LEVEL_SLACK_BYTES = 64 };
 
 struct fv_level {
@@ -50,8 +51,8 @@ static inline float fv_pyramid_to_raw(uint32_t level, float level_px)
     return fv_pyramid_scale(level) * (level_px + 0.5f) - 0.5f;
 }
 
-/* Take `levels` [1, 8] images for frames of width x height (within FOVEA_IMAGE_*) from the arena. Fills sizes and addresses
- * only. Init-only. */
+/* Take `levels` [1, 8] images for frames of width x height (within FOVEA_IMAGE_*) from the arena.
+ * Fills sizes and addresses only. Init-only. */
 void fv_pyramid_carve(struct fv_pyramid *pyramid, int32_t width, int32_t height, uint32_t levels,
                       struct fv_arena *frame);
 

@@ -18,10 +18,10 @@ bool fv_view_to_raw(const struct fv_rectified *view, const struct fovea_camera *
     return fovea_camera_project(camera, cylinder, raw_px, NULL) == FOVEA_OK;
 }
 
-/* One output pixel's place in the raw image in 1/64 pixel. False: outside. The image reaches half a pixel
- * beyond the outermost pixel centres; there the outermost pixels are repeated. */
-static bool place_of(const struct fv_rectified *view, const struct fovea_camera *camera, int32_t x, int32_t y,
-                     int32_t place[2])
+/* One output pixel's place in the raw image in 1/64 pixel. False: outside. The image reaches half a
+ * pixel beyond the outermost pixel centres; there the outermost pixels are repeated. */
+static bool place_of(const struct fv_rectified *view, const struct fovea_camera *camera, int32_t x,
+                     int32_t y, int32_t place[2])
 {
     double raw[2];
     const int32_t size[2] = {camera->width, camera->height};
@@ -40,8 +40,8 @@ struct fv_places {
     int32_t at[FV_REMAP_BLOCK][2]; /* 1/64 pixels */
 };
 
-static void block_places(const struct fv_rectified *view, const struct fovea_camera *camera, int32_t x,
-                         int32_t y, struct fv_places *places)
+static void block_places(const struct fv_rectified *view, const struct fovea_camera *camera,
+                         int32_t x, int32_t y, struct fv_places *places)
 {
     for (int i = 0; i < FV_REMAP_BLOCK; i++)
         places->inside[i] = place_of(view, camera, x + i, y, places->at[i]);
@@ -51,7 +51,8 @@ static void block_places(const struct fv_rectified *view, const struct fovea_cam
 static bool fill_window(const struct fovea_camera *camera, const struct fv_places *places,
                         struct fv_remap_block *block)
 {
-    int32_t low[2] = {camera->width - FV_REMAP_WINDOW_COLUMNS, camera->height - FV_REMAP_WINDOW_ROWS};
+    int32_t low[2] = {camera->width - FV_REMAP_WINDOW_COLUMNS,
+                      camera->height - FV_REMAP_WINDOW_ROWS};
     for (int i = 0; i < FV_REMAP_BLOCK; i++)
         for (int k = 0; k < 2; k++)
             if (places->inside[i] && places->at[i][k] / FRACTION < low[k])
@@ -60,7 +61,8 @@ static bool fill_window(const struct fovea_camera *camera, const struct fv_place
     block->x = (int16_t)low[0];
     block->y = (int16_t)low[1];
     for (int i = 0; i < FV_REMAP_BLOCK; i++) {
-        static const uint8_t row_bits[ROW_MAX + 1] = {0, FV_REMAP_ROW_1, FV_REMAP_ROW_1 | FV_REMAP_ROW_2};
+        static const uint8_t row_bits[ROW_MAX + 1] = {0, FV_REMAP_ROW_1,
+                                                      FV_REMAP_ROW_1 | FV_REMAP_ROW_2};
         if (!places->inside[i]) {
             block->at[i] = FV_REMAP_OUTSIDE;
             continue;
@@ -101,7 +103,8 @@ static uint32_t fill_map(const struct fv_rectify *rectify, const struct fovea_ca
                 memset(&block, 0, sizeof block);
                 block.first = scattered;
                 block.y = FV_REMAP_SCATTERED;
-                if (rectify->scattered != NULL) fill_scattered(&places, rectify->scattered + scattered);
+                if (rectify->scattered != NULL)
+                    fill_scattered(&places, rectify->scattered + scattered);
                 scattered += FV_REMAP_BLOCK;
             }
             if (rectify->blocks != NULL)
@@ -119,17 +122,20 @@ void fv_rectify_carve(struct fv_rectify *rectify, const struct fovea_camera *cam
     rectify->stride_bytes =
         (view->width + FV_CACHE_LINE_BYTES - 1) / FV_CACHE_LINE_BYTES * FV_CACHE_LINE_BYTES;
     rectify->scattered_count = fill_map(rectify, camera);
-    rectify->blocks = fv_arena_take_raw(persistent, (size_t)view->height * (size_t)rectify->blocks_per_row,
-                                        sizeof *rectify->blocks);
-    rectify->scattered = fv_arena_take_raw(persistent, rectify->scattered_count, sizeof *rectify->scattered);
+    rectify->blocks =
+        fv_arena_take_raw(persistent, (size_t)view->height * (size_t)rectify->blocks_per_row,
+                          sizeof *rectify->blocks);
+    rectify->scattered =
+        fv_arena_take_raw(persistent, rectify->scattered_count, sizeof *rectify->scattered);
     if (rectify->blocks != NULL) fill_map(rectify, camera);
 }
 
-void fv_rectify_run(const struct fv_rectify *rectify, const struct fv_kernels *kernels, const uint8_t *source,
-                    int32_t source_stride_bytes, uint8_t *out)
+void fv_rectify_run(const struct fv_rectify *rectify, const struct fv_kernels *kernels,
+                    const uint8_t *source, int32_t source_stride_bytes, uint8_t *out)
 {
     for (int32_t y = 0; y < rectify->view.height; y++)
-        kernels->remap_row_u8(out + (ptrdiff_t)y * rectify->stride_bytes, source, source_stride_bytes,
+        kernels->remap_row_u8(out + (ptrdiff_t)y * rectify->stride_bytes, source,
+                              source_stride_bytes,
                               rectify->blocks + (ptrdiff_t)y * rectify->blocks_per_row,
                               rectify->blocks_per_row, rectify->scattered);
 }

@@ -3,18 +3,19 @@
 #include "fovea/image.h"
 #include "image/rectify.h"
 
-/* Largest X/Z and Y/Z of a pinhole view (75 degrees); largest angle and Y / sqrt(X^2 + Z^2) (60 degrees) of a
- * cylinder. */
-static const double tangent_max = 3.7320508075688772, azimuth_max = 3.1, elevation_max = 1.7320508075688772;
+/* Largest X/Z and Y/Z of a pinhole view (75 degrees); largest angle and Y / sqrt(X^2 + Z^2) (60
+ * degrees) of a cylinder. */
+static const double tangent_max = 3.7320508075688772, azimuth_max = 3.1,
+                    elevation_max = 1.7320508075688772;
 
 struct bounds {
     double low[2], high[2];
 };
 
-/* Direction of a raw pixel in the view's own coordinates before scaling; false where the model refuses it or
- * the view cannot show it. */
-static bool normalised(const struct fovea_camera *camera, enum fv_view_shape shape, double x_px, double y_px,
-                       double at[2])
+/* Direction of a raw pixel in the view's own coordinates before scaling; false where the model
+ * refuses it or the view cannot show it. */
+static bool normalised(const struct fovea_camera *camera, enum fv_view_shape shape, double x_px,
+                       double y_px, double at[2])
 {
     const double pixel[2] = {x_px, y_px};
     double b[3];
@@ -32,10 +33,10 @@ static bool normalised(const struct fovea_camera *camera, enum fv_view_shape sha
     return __builtin_fabs(at[0]) <= azimuth_max;
 }
 
-/* Nearest visible point on the way from the border pixel to the image's centre: where the model ends inside
- * the image, the edge of what it covers stands for the border. */
-static bool edge_point(const struct fovea_camera *camera, enum fv_view_shape shape, double x_px, double y_px,
-                       double at[2])
+/* Nearest visible point on the way from the border pixel to the image's centre: where the model
+ * ends inside the image, the edge of what it covers stands for the border. */
+static bool edge_point(const struct fovea_camera *camera, enum fv_view_shape shape, double x_px,
+                       double y_px, double at[2])
 {
     enum { STEPS = 64 };
     for (int i = STEPS; i > 0; i--) {
@@ -55,12 +56,14 @@ static void widen(struct bounds *outer, const double at[2])
     }
 }
 
-/* Bounds of all border rays (outer), and of the rectangle between the innermost ones of each side (inner). */
-static bool border_bounds(const struct fovea_camera *camera, enum fv_view_shape shape, struct bounds *outer,
-                          struct bounds *inner)
+/* Bounds of all border rays (outer), and of the rectangle between the innermost ones of each side
+ * (inner). */
+static bool border_bounds(const struct fovea_camera *camera, enum fv_view_shape shape,
+                          struct bounds *outer, struct bounds *inner)
 {
     const double right = camera->width - 1, bottom = camera->height - 1;
-    const struct bounds nothing = {{1e9, 1e9}, {-1e9, -1e9}}, everything = {{-1e9, -1e9}, {1e9, 1e9}};
+    const struct bounds nothing = {{1e9, 1e9}, {-1e9, -1e9}},
+                        everything = {{-1e9, -1e9}, {1e9, 1e9}};
     double at[2];
     *outer = nothing;
     *inner = everything;
@@ -88,12 +91,12 @@ enum fovea_status fv_view_choose(const struct fovea_camera *camera, enum fv_view
                                  struct fv_rectified *view, struct fovea_error *error)
 {
     struct bounds outer, inner;
-    if (width < FOVEA_IMAGE_WIDTH_MIN || width > FOVEA_IMAGE_WIDTH_MAX || height < FOVEA_IMAGE_HEIGHT_MIN ||
-        height > FOVEA_IMAGE_HEIGHT_MAX)
+    if (width < FOVEA_IMAGE_WIDTH_MIN || width > FOVEA_IMAGE_WIDTH_MAX ||
+        height < FOVEA_IMAGE_HEIGHT_MIN || height > FOVEA_IMAGE_HEIGHT_MAX)
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                               "rectified size: found %d x %d, expected %d x %d to %d x %d", width, height,
-                               FOVEA_IMAGE_WIDTH_MIN, FOVEA_IMAGE_HEIGHT_MIN, FOVEA_IMAGE_WIDTH_MAX,
-                               FOVEA_IMAGE_HEIGHT_MAX);
+                               "rectified size: found %d x %d, expected %d x %d to %d x %d", width,
+                               height, FOVEA_IMAGE_WIDTH_MIN, FOVEA_IMAGE_HEIGHT_MIN,
+                               FOVEA_IMAGE_WIDTH_MAX, FOVEA_IMAGE_HEIGHT_MAX);
     if (!border_bounds(camera, shape, &outer, &inner))
         return fovea_error_set(
             error, FOVEA_ERROR_ARGUMENT,
@@ -116,8 +119,8 @@ enum fovea_status fv_view_choose(const struct fovea_camera *camera, enum fv_view
     return FOVEA_OK;
 }
 
-bool fv_view_from_raw(const struct fv_rectified *view, const struct fovea_camera *camera, double x_px,
-                      double y_px, double view_px[2])
+bool fv_view_from_raw(const struct fv_rectified *view, const struct fovea_camera *camera,
+                      double x_px, double y_px, double view_px[2])
 {
     double at[2];
     if (!normalised(camera, view->shape, x_px, y_px, at)) return false;

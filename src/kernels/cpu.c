@@ -27,7 +27,8 @@ uint32_t fv_cpu_detect(void)
     const uint32_t avx2 = bit_AVX2 | bit_BMI | bit_BMI2;
     const uint32_t avx512 = bit_AVX512F | bit_AVX512BW | bit_AVX512DQ | bit_AVX512VL | bit_AVX512CD;
     const uint32_t vnni = bit_AVX512VNNI;
-    const uint32_t icl = vnni | bit_AVX512VBMI | bit_AVX512VBMI2 | bit_AVX512BITALG | bit_AVX512VPOPCNTDQ;
+    const uint32_t icl =
+        vnni | bit_AVX512VBMI | bit_AVX512VBMI2 | bit_AVX512BITALG | bit_AVX512VPOPCNTDQ;
 
     uint32_t eax, ebx, ecx, edx, ebx7 = 0, ecx7 = 0;
     if (!__get_cpuid(1, &eax, &ebx, &ecx, &edx)) return 0;
@@ -71,7 +72,8 @@ static const struct set {
     [FV_CPU_SSE4] = {"sse4", FV_ISA_SSE4, FV_ISA_SSE4},
     [FV_CPU_AVX2] = {"avx2", FV_ISA_AVX2, FV_ISA_SSE4 | FV_ISA_AVX2},
     [FV_CPU_AVX512] = {"avx512", FV_ISA_AVX512,
-                       FV_ISA_SSE4 | FV_ISA_AVX2 | FV_ISA_AVX512 | FV_ISA_AVX512VNNI | FV_ISA_AVX512ICL},
+                       FV_ISA_SSE4 | FV_ISA_AVX2 | FV_ISA_AVX512 | FV_ISA_AVX512VNNI |
+                           FV_ISA_AVX512ICL},
     [FV_CPU_NEON] = {"neon", FV_ISA_NEON, FV_ISA_NEON},
     [FV_CPU_DOTPROD] = {"dotprod", FV_ISA_DOTPROD, FV_ISA_NEON | FV_ISA_DOTPROD},
     [FV_CPU_I8MM] = {"i8mm", FV_ISA_I8MM, FV_ISA_NEON | FV_ISA_DOTPROD | FV_ISA_I8MM},
@@ -119,8 +121,9 @@ enum fovea_status fv_cpu_parse(const char *name, enum fv_cpu_set *set, struct fo
         }
         strcat(strcat(offered, i == 0 ? "" : ", "), sets[i].name);
     }
-    return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "FOVEA_CPU: found '%.32s', %s; expected one of %s",
-                           name, known ? "which this processor lacks" : "which is not a kernel set", offered);
+    return fovea_error_set(
+        error, FOVEA_ERROR_ARGUMENT, "FOVEA_CPU: found '%.32s', %s; expected one of %s", name,
+        known ? "which this processor lacks" : "which is not a kernel set", offered);
 }
 
 enum fovea_status fv_cpu_from_environment(enum fv_cpu_set *set, struct fovea_error *error)

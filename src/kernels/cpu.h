@@ -1,8 +1,8 @@
 /* Which instruction sets this processor has, and which of them may be used.
  *
- * A *set* is what a person names: FOVEA_CPU=c|sse4|avx2|avx512|neon|dotprod|i8mm. An *ISA* is what one kernel variant needs,
- * a bit each. A set allows every ISA up to it; the set avx512 also allows the finer ISAs (VNNI, and what Ice Lake added)
- * where the processor has them. */
+ * A *set* is what a person names: FOVEA_CPU=c|sse4|avx2|avx512|neon|dotprod|i8mm. An *ISA* is what
+ * one kernel variant needs, a bit each. A set allows every ISA up to it; the set avx512 also allows
+ * the finer ISAs (VNNI, and what Ice Lake added) where the processor has them. */
 #ifndef FOVEA_KERNELS_CPU_H
 #define FOVEA_KERNELS_CPU_H
 
@@ -49,7 +49,8 @@ uint32_t fv_cpu_allowed(enum fv_cpu_set set);
 enum fv_cpu_set fv_cpu_best(uint32_t isas);
 
 /* Read a set's name; NULL or "" stands for the best. Init-only.
- * FOVEA_ERROR_ARGUMENT: the name is unknown or the processor lacks the set; `error` says so; `set` is untouched. */
+ * FOVEA_ERROR_ARGUMENT: the name is unknown or the processor lacks the set; `error` says so; `set`
+ * is untouched. */
 enum fovea_status fv_cpu_parse(const char *name, enum fv_cpu_set *set, struct fovea_error *error);
 
 /* fv_cpu_parse of the environment variable FOVEA_CPU. Init-only. */

@@ -32,7 +32,8 @@ static inline int32_t fv_nn_one_over_one_plus(int32_t x)
     for (int i = 0; i < 3; ++i) {
         const int32_t product = fv_nn_high_product(half, y);
         const int32_t error = (int32_t)((INT64_C(1) << 29) - product);
-        y = (int32_t)((uint32_t)y + (uint32_t)fv_nn_saturate((int64_t)fv_nn_high_product(y, error) * 4));
+        y = (int32_t)((uint32_t)y +
+                      (uint32_t)fv_nn_saturate((int64_t)fv_nn_high_product(y, error) * 4));
     }
     return fv_nn_saturate((int64_t)y * 2);
 }

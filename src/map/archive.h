@@ -2,19 +2,18 @@
  *
  * Layout, all little-endian, numbers as IEEE 754 and two's complement:
  *
- *     header     FV_ARCHIVE_HEADER_BYTES: magic, version, byte order mark, size, calibration, counts
- *     landmarks  each FV_ARCHIVE_LANDMARK_BYTES and 4 bytes per observer (keyframe slot, feature)
- *     keyframes  each FV_ARCHIVE_KEYFRAME_BYTES and FV_ARCHIVE_FEATURE_BYTES per feature, cell by cell of the grid
- *     edges      of closed loops, 16 bytes each
- *     scales     of maps whose unit is known in metres, FV_ARCHIVE_SCALE_BYTES each
- *     checksum   8 bytes, FNV-1a of all before
+ *     header     FV_ARCHIVE_HEADER_BYTES: magic, version, byte order mark, size, calibration,
+ * counts landmarks  each FV_ARCHIVE_LANDMARK_BYTES and 4 bytes per observer (keyframe slot,
+ * feature) keyframes  each FV_ARCHIVE_KEYFRAME_BYTES and FV_ARCHIVE_FEATURE_BYTES per feature, cell
+ * by cell of the grid edges      of closed loops, 16 bytes each scales     of maps whose unit is
+ * known in metres, FV_ARCHIVE_SCALE_BYTES each checksum   8 bytes, FNV-1a of all before
  *
  * Bearings, grids, redundancy and the place index are not stored: they follow from the rest.
  *
- * Writing: the map's jobs rest while it goes on, so that poses and points stay as they are, but frames may
- * still add and remove keyframes and landmarks. So links are stored from both ends with the generations of
- * their slots, and reading keeps those that agree. Without a buffer the units pass all the same: what becomes
- * of the bytes does not touch the state.
+ * Writing: the map's jobs rest while it goes on, so that poses and points stay as they are, but
+ * frames may still add and remove keyframes and landmarks. So links are stored from both ends with
+ * the generations of their slots, and reading keeps those that agree. Without a buffer the units
+ * pass all the same: what becomes of the bytes does not touch the state.
  *
  * Reading trusts nothing: every number is checked before it is used, errors name the byte. */
 #ifndef FOVEA_MAP_ARCHIVE_H
@@ -49,7 +48,8 @@ enum {
 /* Most bytes that a map within these limits takes. */
 size_t fv_archive_bytes_max(const struct fv_map_limits *limits);
 
-/* ---- writing ----------------------------------------------------------------------------------------- */
+/* ---- writing
+ * ----------------------------------------------------------------------------------------- */
 
 enum fv_archive_phase {
     FV_ARCHIVE_IDLE = 0,
@@ -75,7 +75,8 @@ static inline bool fv_archive_busy(const struct fv_archive_state *archive)
 {
     return archive->phase != FV_ARCHIVE_IDLE && archive->phase != FV_ARCHIVE_DONE;
 }
-/* One unit: a part of the map goes into `out`, which may be NULL; nothing beyond `capacity`. Real-time safe.
+/* One unit: a part of the map goes into `out`, which may be NULL; nothing beyond `capacity`.
+ * Real-time safe.
  */
 void fv_archive_unit(struct fv_archive_state *archive, const struct fv_map *map,
                      const struct fovea_camera *camera, uint8_t *out, size_t capacity);
@@ -84,7 +85,8 @@ size_t fv_archive_take(struct fv_archive_state *archive);
 /* Put the checksum at the end of a written file. A pass over all bytes: not for the loop. */
 void fv_archive_seal(uint8_t *data, size_t bytes);
 
-/* ---- reading ----------------------------------------------------------------------------------------- */
+/* ---- reading
+ * ----------------------------------------------------------------------------------------- */
 
 /* What a file says of itself. */
 struct fv_archive_info {
@@ -95,15 +97,16 @@ struct fv_archive_info {
     uint64_t keyframe_number, frame_number;
 };
 
-/* Check size, magic, version, byte order and checksum, and read the header. `name` is for errors, which are
- * FOVEA_ERROR_INPUT and name the byte. Init-only. */
+/* Check size, magic, version, byte order and checksum, and read the header. `name` is for errors,
+ * which are FOVEA_ERROR_INPUT and name the byte. Init-only. */
 enum fovea_status fv_archive_info(const uint8_t *data, size_t bytes, const char *name,
                                   struct fv_archive_info *info, struct fovea_error *error);
 
-/* Fill the map from a file that was made with its camera. FOVEA_ERROR_INPUT: the file is damaged, from
- * another camera, or needs more than the map's limits; the map is empty then. Init-only. */
-enum fovea_status fv_archive_read(const uint8_t *data, size_t bytes, const char *name, struct fv_map *map,
-                                  struct fv_archive_info *info, struct fovea_error *error);
+/* Fill the map from a file that was made with its camera. FOVEA_ERROR_INPUT: the file is damaged,
+ * from another camera, or needs more than the map's limits; the map is empty then. Init-only. */
+enum fovea_status fv_archive_read(const uint8_t *data, size_t bytes, const char *name,
+                                  struct fv_map *map, struct fv_archive_info *info,
+                                  struct fovea_error *error);
 
 #ifdef __cplusplus
 }

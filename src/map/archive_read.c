@@ -5,7 +5,8 @@
 #include "geometry/vec.h"
 #include "map/archive.h"
 
-/* ---- bytes ------------------------------------------------------------------------------------------- */
+/* ---- bytes
+ * ------------------------------------------------------------------------------------------- */
 
 /* Where reading stands. After the first error nothing is read any more, and values are 0. */
 struct reader {
@@ -16,11 +17,13 @@ struct reader {
     enum fovea_status status;
 };
 
-static void refuse(struct reader *r, size_t at, const char *what, int64_t found, const char *expected)
+static void refuse(struct reader *r, size_t at, const char *what, int64_t found,
+                   const char *expected)
 {
     if (r->status != FOVEA_OK) return;
-    r->status = fovea_error_set(r->error, FOVEA_ERROR_INPUT, "%.200s: byte %zu: %s: found %lld, expected %s",
-                                r->name, at, what, (long long)found, expected);
+    r->status = fovea_error_set(r->error, FOVEA_ERROR_INPUT,
+                                "%.200s: byte %zu: %s: found %lld, expected %s", r->name, at, what,
+                                (long long)found, expected);
 }
 
 static uint64_t get(struct reader *r, int bytes)
@@ -69,8 +72,8 @@ static double get_double(struct reader *r, double limit, const char *what)
     if (value >= -limit && value <= limit) return value;
     if (r->status == FOVEA_OK)
         r->status = fovea_error_set(r->error, FOVEA_ERROR_INPUT,
-                                    "%.200s: byte %zu: %s: found %g, expected a number within %g", r->name,
-                                    at, what, value, limit);
+                                    "%.200s: byte %zu: %s: found %g, expected a number within %g",
+                                    r->name, at, what, value, limit);
     return 0;
 }
 
@@ -82,9 +85,9 @@ static float get_float(struct reader *r, float low, float high, const char *what
     memcpy(&value, &bits, sizeof value);
     if (value >= low && value <= high) return value;
     if (r->status == FOVEA_OK)
-        r->status =
-            fovea_error_set(r->error, FOVEA_ERROR_INPUT, "%.200s: byte %zu: %s: found %g, expected %g to %g",
-                            r->name, at, what, (double)value, (double)low, (double)high);
+        r->status = fovea_error_set(r->error, FOVEA_ERROR_INPUT,
+                                    "%.200s: byte %zu: %s: found %g, expected %g to %g", r->name,
+                                    at, what, (double)value, (double)low, (double)high);
     return 0;
 }
 
@@ -98,7 +101,8 @@ static void get_bytes(struct reader *r, uint8_t *to, uint32_t bytes)
     r->at += bytes;
 }
 
-/* ---- header ------------------------------------------------------------------------------------------ */
+/* ---- header
+ * ------------------------------------------------------------------------------------------ */
 
 static void read_envelope(struct reader *r)
 {
@@ -112,13 +116,15 @@ static void read_envelope(struct reader *r)
     }
     r->at = 8;
     const uint32_t version = get_u32(r), order = get_u32(r);
-    if (order == 0x04030201) refuse(r, 12, "byte order mark", order, "that of a little-endian file");
+    if (order == 0x04030201)
+        refuse(r, 12, "byte order mark", order, "that of a little-endian file");
     if (version != FV_ARCHIVE_VERSION)
         refuse(r, 8, "version", version, "3: saved by another Fovea, map the place again");
     if (order != 0x01020304) refuse(r, 12, "byte order mark", order, "16909060");
     const uint64_t bytes = get(r, 8);
     if (bytes != r->bytes)
-        refuse(r, 16, "size stated", (int64_t)bytes, "that of the file: it is cut, or something was added");
+        refuse(r, 16, "size stated", (int64_t)bytes,
+               "that of the file: it is cut, or something was added");
     if (r->status != FOVEA_OK) return;
     struct reader end = *r;
     end.at = r->bytes - FV_ARCHIVE_CHECKSUM_BYTES;
@@ -127,8 +133,9 @@ static void read_envelope(struct reader *r)
     if (found != stated) {
         r->status = fovea_error_set(
             r->error, FOVEA_ERROR_INPUT,
-            "%.200s: byte %zu: checksum: found %016llx, expected %016llx: the file is damaged", r->name,
-            r->bytes - FV_ARCHIVE_CHECKSUM_BYTES, (unsigned long long)found, (unsigned long long)stated);
+            "%.200s: byte %zu: checksum: found %016llx, expected %016llx: the file is damaged",
+            r->name, r->bytes - FV_ARCHIVE_CHECKSUM_BYTES, (unsigned long long)found,
+            (unsigned long long)stated);
         return;
     }
     r->bytes -= FV_ARCHIVE_CHECKSUM_BYTES;
@@ -177,7 +184,8 @@ enum fovea_status fv_archive_info(const uint8_t *data, size_t bytes, const char 
     return r.status;
 }
 
-/* ---- records ----------------------------------------------------------------------------------------- */
+/* ---- records
+ * ----------------------------------------------------------------------------------------- */
 
 static void read_landmark(struct reader *r, struct fv_map *map)
 {
@@ -200,11 +208,13 @@ static void read_landmark(struct reader *r, struct fv_map *map)
     l->seen = get_u32(r);
     l->expected = (uint16_t)get(r, 2);
     l->found = (uint16_t)get(r, 2);
-    const uint32_t level = (uint32_t)get(r, 1), observers = (uint32_t)get(r, 1), best = (uint32_t)get(r, 1);
+    const uint32_t level = (uint32_t)get(r, 1), observers = (uint32_t)get(r, 1),
+                   best = (uint32_t)get(r, 1);
     (void)get(r, 1);
     if (level >= FOVEA_PYRAMID_LEVELS_MAX) refuse(r, at + 60, "level", level, "at most 7");
     if (observers > FV_MAP_OBSERVERS_MAX) refuse(r, at + 61, "observers", observers, "at most 12");
-    if (best > 0 && best >= observers) refuse(r, at + 62, "best observer", best, "less than the observers");
+    if (best > 0 && best >= observers)
+        refuse(r, at + 62, "best observer", best, "less than the observers");
     for (uint32_t i = 0; i < observers && r->status == FOVEA_OK; i++) {
         const size_t here = r->at;
         l->observers[i].keyframe = (uint16_t)get(r, 2);
@@ -221,12 +231,13 @@ static void read_landmark(struct reader *r, struct fv_map *map)
     map->state->landmark_count++;
 }
 
-static void refuse_rotation(struct reader *r, size_t at, const char *what, double found, int expected)
+static void refuse_rotation(struct reader *r, size_t at, const char *what, double found,
+                            int expected)
 {
     if (r->status != FOVEA_OK) return;
     r->status = fovea_error_set(r->error, FOVEA_ERROR_INPUT,
-                                "%.200s: byte %zu: %s of a rotation: found %.6g, expected %d", r->name, at,
-                                what, found, expected);
+                                "%.200s: byte %zu: %s of a rotation: found %.6g, expected %d",
+                                r->name, at, what, found, expected);
 }
 
 static void read_pose(struct reader *r, struct fv_se3 *T)
@@ -257,9 +268,11 @@ static void read_features(struct reader *r, struct fv_map *map, uint32_t slot)
     for (uint32_t f = 0; f < view.frame->features && r->status == FOVEA_OK; f++) {
         const size_t at = r->at;
         const uint16_t x = (uint16_t)get(r, 2), y = (uint16_t)get(r, 2);
-        const uint32_t level = (uint32_t)get(r, 2), landmark = (uint32_t)get(r, 2), generation = get_u32(r);
+        const uint32_t level = (uint32_t)get(r, 2), landmark = (uint32_t)get(r, 2),
+                       generation = get_u32(r);
         struct fv_keypoint keypoint;
-        get_bytes(r, view.descriptors + (size_t)f * FV_MAP_DESCRIPTOR_BYTES, FV_MAP_DESCRIPTOR_BYTES);
+        get_bytes(r, view.descriptors + (size_t)f * FV_MAP_DESCRIPTOR_BYTES,
+                  FV_MAP_DESCRIPTOR_BYTES);
         if (level >= FOVEA_PYRAMID_LEVELS_MAX) refuse(r, at + 4, "level", level, "at most 7");
         view.points[f] = (struct fv_pixel){x, y, (uint8_t)level, 0};
         if (r->status == FOVEA_OK && !fv_map_keypoint(map, &view.points[f], &keypoint))
@@ -297,7 +310,8 @@ static void read_keyframe(struct reader *r, struct fv_map *map)
     if (k->number >= map->state->keyframe_number)
         refuse(r, at + 8, "number", (int64_t)k->number, "less than that of the next keyframe");
     if (!(k->depth > 0)) refuse(r, at + 32, "depth", 0, "more than 0");
-    if (k->map_id >= map->state->map_next) refuse(r, at + 24, "map", k->map_id, "less than the next map's");
+    if (k->map_id >= map->state->map_next)
+        refuse(r, at + 24, "map", k->map_id, "less than the next map's");
     if (r->status != FOVEA_OK) return;
     k->features = features;
     k->used = true;
@@ -308,8 +322,10 @@ static void read_keyframe(struct reader *r, struct fv_map *map)
 static void read_edge(struct reader *r, struct fv_map *map)
 {
     struct fv_map_edge e;
-    e.a = get_index(r, map->limits.keyframes, "keyframe of an edge", "less than odometry.keyframes");
-    e.b = get_index(r, map->limits.keyframes, "keyframe of an edge", "less than odometry.keyframes");
+    e.a =
+        get_index(r, map->limits.keyframes, "keyframe of an edge", "less than odometry.keyframes");
+    e.b =
+        get_index(r, map->limits.keyframes, "keyframe of an edge", "less than odometry.keyframes");
     e.generation_a = get_u32(r);
     e.generation_b = get_u32(r);
     if (r->status == FOVEA_OK && fv_map_holds(map, e.a, e.generation_a) &&
@@ -344,7 +360,8 @@ static void read_scale(struct reader *r, struct fv_map *map)
         s->left[s->left_count++] = odom;
 }
 
-/* ---- making it whole --------------------------------------------------------------------------------- */
+/* ---- making it whole
+ * --------------------------------------------------------------------------------- */
 
 /* Observers whose keyframes link back, each keyframe once. */
 static void mend_landmark(struct fv_map *map, uint32_t slot)
@@ -419,8 +436,9 @@ static bool same_camera(const struct fovea_camera *a, const struct fovea_camera 
     return same;
 }
 
-enum fovea_status fv_archive_read(const uint8_t *data, size_t bytes, const char *name, struct fv_map *map,
-                                  struct fv_archive_info *info, struct fovea_error *error)
+enum fovea_status fv_archive_read(const uint8_t *data, size_t bytes, const char *name,
+                                  struct fv_map *map, struct fv_archive_info *info,
+                                  struct fovea_error *error)
 {
     const struct fovea_camera *camera = map->camera;
     struct reader r = {data, bytes, FV_ARCHIVE_HEADER_BYTES,
@@ -428,18 +446,20 @@ enum fovea_status fv_archive_read(const uint8_t *data, size_t bytes, const char 
     if (r.status != FOVEA_OK) return r.status;
     r.bytes -= FV_ARCHIVE_CHECKSUM_BYTES;
     if (!same_camera(&info->camera, camera))
-        return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "%.200s: byte 24: camera: found %d x %d with f %.6g %.6g c %.6g %.6g, "
-                               "expected this run's %d x %d "
-                               "with f %.6g %.6g c %.6g %.6g and its distortion",
-                               name, info->camera.width, info->camera.height, info->camera.fx,
-                               info->camera.fy, info->camera.cx, info->camera.cy, camera->width,
-                               camera->height, camera->fx, camera->fy, camera->cx, camera->cy);
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT,
+            "%.200s: byte 24: camera: found %d x %d with f %.6g %.6g c %.6g %.6g, "
+            "expected this run's %d x %d "
+            "with f %.6g %.6g c %.6g %.6g and its distortion",
+            name, info->camera.width, info->camera.height, info->camera.fx, info->camera.fy,
+            info->camera.cx, info->camera.cy, camera->width, camera->height, camera->fx, camera->fy,
+            camera->cx, camera->cy);
     fv_map_reset(map);
     map->state->keyframe_number = info->keyframe_number;
     map->state->map_id = map->state->odom_id = info->map_id;
     map->state->map_next = info->map_next;
-    if (info->map_id >= info->map_next) refuse(&r, 156, "map", info->map_id, "less than the next map's");
+    if (info->map_id >= info->map_next)
+        refuse(&r, 156, "map", info->map_id, "less than the next map's");
     for (uint32_t i = 0; i < info->landmarks && r.status == FOVEA_OK; i++)
         read_landmark(&r, map);
     for (uint32_t i = 0; i < info->keyframes && r.status == FOVEA_OK; i++)

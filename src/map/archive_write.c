@@ -7,16 +7,20 @@
 
 size_t fv_archive_bytes_max(const struct fv_map_limits *limits)
 {
-    const size_t landmark = FV_ARCHIVE_LANDMARK_BYTES + FV_MAP_OBSERVERS_MAX * FV_ARCHIVE_OBSERVER_BYTES;
-    const size_t keyframe = FV_ARCHIVE_KEYFRAME_BYTES + (size_t)limits->features * FV_ARCHIVE_FEATURE_BYTES;
+    const size_t landmark =
+        FV_ARCHIVE_LANDMARK_BYTES + FV_MAP_OBSERVERS_MAX * FV_ARCHIVE_OBSERVER_BYTES;
+    const size_t keyframe =
+        FV_ARCHIVE_KEYFRAME_BYTES + (size_t)limits->features * FV_ARCHIVE_FEATURE_BYTES;
     return FV_ARCHIVE_HEADER_BYTES + limits->landmarks * landmark + limits->keyframes * keyframe +
-           FV_MAP_EDGES_MAX * FV_ARCHIVE_EDGE_BYTES + FV_ARCHIVE_SCALES_MAX * FV_ARCHIVE_SCALE_BYTES +
-           FV_ARCHIVE_CHECKSUM_BYTES;
+           FV_MAP_EDGES_MAX * FV_ARCHIVE_EDGE_BYTES +
+           FV_ARCHIVE_SCALES_MAX * FV_ARCHIVE_SCALE_BYTES + FV_ARCHIVE_CHECKSUM_BYTES;
 }
 
-/* ---- bytes ------------------------------------------------------------------------------------------- */
+/* ---- bytes
+ * ------------------------------------------------------------------------------------------- */
 
-/* A place in the file; `at` goes on where there is no room, so that sizes do not depend on the buffer. */
+/* A place in the file; `at` goes on where there is no room, so that sizes do not depend on the
+ * buffer. */
 struct pen {
     uint8_t *out;
     size_t capacity;
@@ -33,7 +37,8 @@ static void put(struct pen *pen, uint64_t value, int bytes)
 
 static void put_bytes(struct pen *pen, const uint8_t *from, uint32_t bytes)
 {
-    if (pen->out != NULL && pen->at + bytes <= pen->capacity) memcpy(pen->out + pen->at, from, bytes);
+    if (pen->out != NULL && pen->at + bytes <= pen->capacity)
+        memcpy(pen->out + pen->at, from, bytes);
     pen->at += bytes;
 }
 
@@ -57,7 +62,8 @@ static void put_doubles(struct pen *pen, const double *values, int count)
         put_double(pen, values[i]);
 }
 
-/* ---- records ----------------------------------------------------------------------------------------- */
+/* ---- records
+ * ----------------------------------------------------------------------------------------- */
 
 static void write_landmark(struct pen *pen, const struct fv_landmark *l, uint32_t slot)
 {
@@ -98,7 +104,8 @@ static void write_keyframe(struct pen *pen, const struct fv_keyframe *k, uint32_
     put(pen, k->held, 4);
 }
 
-static void write_feature(struct pen *pen, const struct fv_map *map, const struct fv_view *view, uint32_t f)
+static void write_feature(struct pen *pen, const struct fv_map *map, const struct fv_view *view,
+                          uint32_t f)
 {
     const int32_t landmark = view->landmark[f];
     put(pen, view->points[f].x, 2);
@@ -106,11 +113,13 @@ static void write_feature(struct pen *pen, const struct fv_map *map, const struc
     put(pen, view->points[f].level, 2);
     put(pen, (uint16_t)landmark, 2);
     put(pen, landmark == FV_MAP_NONE ? 0 : map->landmarks[landmark].generation, 4);
-    put_bytes(pen, view->descriptors + (size_t)f * FV_MAP_DESCRIPTOR_BYTES, FV_MAP_DESCRIPTOR_BYTES);
+    put_bytes(pen, view->descriptors + (size_t)f * FV_MAP_DESCRIPTOR_BYTES,
+              FV_MAP_DESCRIPTOR_BYTES);
 }
 
-static void write_header(struct pen *pen, const struct fv_archive_state *archive, const struct fv_map *map,
-                         const struct fovea_camera *camera, uint64_t bytes)
+static void write_header(struct pen *pen, const struct fv_archive_state *archive,
+                         const struct fv_map *map, const struct fovea_camera *camera,
+                         uint64_t bytes)
 {
     put_bytes(pen, (const uint8_t *)"FOVEAMAP", 8);
     put(pen, FV_ARCHIVE_VERSION, 4);
@@ -136,7 +145,8 @@ static void write_header(struct pen *pen, const struct fv_archive_state *archive
     put(pen, 0, 8);
 }
 
-/* ---- units ------------------------------------------------------------------------------------------- */
+/* ---- units
+ * ------------------------------------------------------------------------------------------- */
 
 void fv_archive_begin(struct fv_archive_state *archive, uint64_t frame_number)
 {
@@ -145,7 +155,8 @@ void fv_archive_begin(struct fv_archive_state *archive, uint64_t frame_number)
         .at = FV_ARCHIVE_HEADER_BYTES, .frame_number = frame_number, .phase = FV_ARCHIVE_LANDMARKS};
 }
 
-static void landmarks_unit(struct fv_archive_state *archive, const struct fv_map *map, struct pen *pen)
+static void landmarks_unit(struct fv_archive_state *archive, const struct fv_map *map,
+                           struct pen *pen)
 {
     const uint32_t left = map->limits.landmarks - archive->slot;
     const uint32_t end =
@@ -161,9 +172,10 @@ static void landmarks_unit(struct fv_archive_state *archive, const struct fv_map
     archive->phase = FV_ARCHIVE_KEYFRAMES;
 }
 
-/* A keyframe's record, then its features in pieces. When the keyframe goes meanwhile, so does what was
- * written of it. */
-static void keyframes_unit(struct fv_archive_state *archive, const struct fv_map *map, struct pen *pen)
+/* A keyframe's record, then its features in pieces. When the keyframe goes meanwhile, so does what
+ * was written of it. */
+static void keyframes_unit(struct fv_archive_state *archive, const struct fv_map *map,
+                           struct pen *pen)
 {
     if (archive->feature != UINT32_MAX && !fv_map_holds(map, archive->slot, archive->generation)) {
         pen->at = archive->record_at;
@@ -200,7 +212,8 @@ static void keyframes_unit(struct fv_archive_state *archive, const struct fv_map
 static void write_scale(struct fv_archive_state *archive, const struct fv_map *map, struct pen *pen,
                         const struct fv_map_odom *odom)
 {
-    if (odom->scale.source == FOVEA_SCALE_FREE || fv_map_count_keyframes(map, odom->map_id) == 0) return;
+    if (odom->scale.source == FOVEA_SCALE_FREE || fv_map_count_keyframes(map, odom->map_id) == 0)
+        return;
     put(pen, odom->map_id, 4);
     put(pen, odom->scale.source, 4);
     put_double(pen, odom->scale.log_scale - fovea_log(odom->S_map_odom.s));
@@ -208,7 +221,8 @@ static void write_scale(struct fv_archive_state *archive, const struct fv_map *m
     archive->scales++;
 }
 
-static void write_scales(struct fv_archive_state *archive, const struct fv_map *map, struct pen *pen)
+static void write_scales(struct fv_archive_state *archive, const struct fv_map *map,
+                         struct pen *pen)
 {
     const struct fv_map_state *s = map->state;
     const struct fv_map_odom current = {s->map_id, s->odom_id, s->S_map_odom, s->scale};
@@ -223,7 +237,8 @@ static void edges_unit(struct fv_archive_state *archive, const struct fv_map *ma
 {
     for (uint32_t i = 0; i < FV_MAP_EDGES_MAX && i < map->state->edge_count; i++) {
         const struct fv_map_edge *e = &map->edges[i];
-        if (!fv_map_holds(map, e->a, e->generation_a) || !fv_map_holds(map, e->b, e->generation_b)) continue;
+        if (!fv_map_holds(map, e->a, e->generation_a) || !fv_map_holds(map, e->b, e->generation_b))
+            continue;
         put(pen, e->a, 4);
         put(pen, e->b, 4);
         put(pen, e->generation_a, 4);

@@ -1,11 +1,13 @@
-/* What the pools keep: covisibility, redundancy, room for landmarks, and several maps side by side. */
+/* What the pools keep: covisibility, redundancy, room for landmarks, and several maps side by side.
+ */
 #include <string.h>
 
 #include "map/map.h"
 
 enum { RATE_AGAIN_MAX = 8 }; /* candidates rated anew before one goes: ratings may be stale */
 
-/* ---- covisibility ---------------------------------------------------------------------------------- */
+/* ---- covisibility
+ * ---------------------------------------------------------------------------------- */
 
 void fv_map_count_shared(const struct fv_map *map, uint32_t slot, uint16_t *shared)
 {
@@ -30,16 +32,19 @@ uint32_t fv_map_neighbours(const struct fv_map *map, uint32_t slot, uint32_t sha
         uint32_t best = 0;
         for (uint32_t k = 1; k < map->limits.keyframes; k++)
             if (shared[k] > shared[best] ||
-                (shared[k] == shared[best] && map->keyframes[k].number > map->keyframes[best].number))
+                (shared[k] == shared[best] &&
+                 map->keyframes[k].number > map->keyframes[best].number))
                 best = k;
         if (shared[best] == 0 || shared[best] < shared_min) break;
-        neighbours[count] = (struct fv_neighbour){best, map->keyframes[best].generation, shared[best]};
+        neighbours[count] =
+            (struct fv_neighbour){best, map->keyframes[best].generation, shared[best]};
         shared[best] = 0;
     }
     return count;
 }
 
-/* ---- keyframes ------------------------------------------------------------------------------------- */
+/* ---- keyframes
+ * ------------------------------------------------------------------------------------- */
 
 void fv_map_rate_keyframe(struct fv_map *map, uint32_t slot)
 {
@@ -63,7 +68,8 @@ static int32_t fv_highest_rated(const struct fv_map *map, bool held)
                       map->state->keyframe_count > FV_MAP_KEEP_NEWEST;
         if (!k->used || newest || (k->held && !held)) continue;
         if (best == FV_MAP_NONE || k->redundancy > map->keyframes[best].redundancy ||
-            (k->redundancy == map->keyframes[best].redundancy && k->number < map->keyframes[best].number))
+            (k->redundancy == map->keyframes[best].redundancy &&
+             k->number < map->keyframes[best].number))
             best = (int32_t)i;
     }
     return best;
@@ -97,10 +103,13 @@ uint32_t fv_map_most_redundant(struct fv_map *map)
     return (uint32_t)best;
 }
 
-/* ---- landmarks ------------------------------------------------------------------------------------- */
+/* ---- landmarks
+ * ------------------------------------------------------------------------------------- */
 
-/* One round of the hand: landmarks not seen lately go, when they have at most `observers_max` observers. */
-static void fv_sweep(struct fv_map *map, uint32_t wanted, uint32_t observers_max, uint64_t frame_number)
+/* One round of the hand: landmarks not seen lately go, when they have at most `observers_max`
+ * observers. */
+static void fv_sweep(struct fv_map *map, uint32_t wanted, uint32_t observers_max,
+                     uint64_t frame_number)
 {
     struct fv_map_state *s = map->state;
     for (uint32_t n = 0; n < map->limits.landmarks && s->free_count < wanted; n++) {
@@ -122,7 +131,8 @@ void fv_map_make_room(struct fv_map *map, uint32_t wanted, uint64_t frame_number
         fv_map_remove_keyframe(map, fv_map_most_redundant(map));
 }
 
-/* ---- edges and maps -------------------------------------------------------------------------------- */
+/* ---- edges and maps
+ * -------------------------------------------------------------------------------- */
 
 void fv_map_add_edge(struct fv_map *map, uint32_t a, uint32_t b)
 {
@@ -132,7 +142,8 @@ void fv_map_add_edge(struct fv_map *map, uint32_t a, uint32_t b)
         map->keyframes[k].held = false;
     for (uint32_t i = 0; i < FV_MAP_EDGES_MAX && i < map->state->edge_count; i++) {
         const struct fv_map_edge *e = &map->edges[i];
-        if (!fv_map_holds(map, e->a, e->generation_a) || !fv_map_holds(map, e->b, e->generation_b)) continue;
+        if (!fv_map_holds(map, e->a, e->generation_a) || !fv_map_holds(map, e->b, e->generation_b))
+            continue;
         map->keyframes[e->a].held = map->keyframes[e->b].held = true;
     }
 }
@@ -179,7 +190,8 @@ void fv_map_enter(struct fv_map *map, uint32_t map_id)
 void fv_map_drop(struct fv_map *map, uint32_t map_id)
 {
     for (uint32_t k = 0; k < map->limits.keyframes; k++)
-        if (map->keyframes[k].used && map->keyframes[k].map_id == map_id) fv_map_remove_keyframe(map, k);
+        if (map->keyframes[k].used && map->keyframes[k].map_id == map_id)
+            fv_map_remove_keyframe(map, k);
 }
 
 uint32_t fv_map_count_keyframes(const struct fv_map *map, uint32_t map_id)

@@ -25,24 +25,29 @@ enum {
 
 static const double ratio_max = 0.85;
 static const double least_score = 0.1 * FV_PLACE_ONE;
-static const double score_share = 0.6;      /* of the worst neighbour's score, that a candidate must reach */
+static const double score_share =
+    0.6; /* of the worst neighbour's score, that a candidate must reach */
 static const double chi_square_99_2 = 9.21; /* 99 % of chi-square with 2 degrees of freedom */
 static const double found_share_min = 0.3;  /* of the group's landmarks in view */
 static const double scale_log_max = 0.7;    /* within one map: drift does not double lengths */
 static const double turn_max_rad = 0.6;
-/* A relation less certain corrects nothing: a wall seen from afar is as tilted in the map as its few degrees allow. */
+/* A relation less certain corrects nothing: a wall seen from afar is as tilted in the map as its
+ * few degrees allow. */
 static const double turn_sigma_max_rad = 0.02;
 static const double distance_sigma_least = 0.01;
 static const double drift_share_max = 0.1; /* of the path since the candidate */
 static const double drift_slack = 0.3;     /* of the median depth */
 
-/* ---- memory ---------------------------------------------------------------------------------------- */
+/* ---- memory
+ * ---------------------------------------------------------------------------------------- */
 
 void fv_loop_carve(struct fv_loop_closer *loop, const struct fv_map_limits *limits,
-                   const struct fovea_camera *camera, struct fv_arena *persistent, struct fv_arena *job)
+                   const struct fovea_camera *camera, struct fv_arena *persistent,
+                   struct fv_arena *job)
 {
     const struct fv_pose_graph_limits graph = {
-        limits->keyframes, limits->keyframes * FV_LOOP_HELD_BY_KEYFRAME + FV_MAP_EDGES_MAX + 1, 12, 200};
+        limits->keyframes, limits->keyframes * FV_LOOP_HELD_BY_KEYFRAME + FV_MAP_EDGES_MAX + 1, 12,
+        200};
     loop->camera = camera;
     loop->state = fv_arena_take(persistent, 1, sizeof *loop->state);
     fv_pose_graph_carve(&loop->graph, &graph, job);
@@ -83,7 +88,8 @@ bool fv_loop_waiting(const struct fv_loop_closer *loop)
     return loop->state->phase != FV_LOOP_IDLE;
 }
 
-/* ---- candidates ------------------------------------------------------------------------------------ */
+/* ---- candidates
+ * ------------------------------------------------------------------------------------ */
 
 /* Score below which a keyframe is less like the offered one than its own neighbours are. */
 static uint32_t fv_least_score(struct fv_loop_closer *loop, const struct fv_map *map,
@@ -92,9 +98,11 @@ static uint32_t fv_least_score(struct fv_loop_closer *loop, const struct fv_map 
 {
     struct fv_neighbour near[FV_LOOP_NEIGHBOURS];
     struct fv_place_set among = {{0}};
-    uint32_t count = fv_map_neighbours(map, slot, 30, near, FV_LOOP_NEIGHBOURS), least = FV_PLACE_ONE;
+    uint32_t count = fv_map_neighbours(map, slot, 30, near, FV_LOOP_NEIGHBOURS),
+             least = FV_PLACE_ONE;
     for (uint32_t i = 0; i < count; i++)
-        if (fv_place_holds(place, near[i].slot, near[i].generation)) fv_place_set_add(&among, near[i].slot);
+        if (fv_place_holds(place, near[i].slot, near[i].generation))
+            fv_place_set_add(&among, near[i].slot);
     fv_place_scores(place, words, &among, loop->scores);
     for (uint32_t i = 0; i < count; i++)
         if (loop->scores[near[i].slot] > 0 && loop->scores[near[i].slot] < least)
@@ -103,7 +111,8 @@ static uint32_t fv_least_score(struct fv_loop_closer *loop, const struct fv_map 
     return least > (uint32_t)least_score ? least : (uint32_t)least_score;
 }
 
-static void fv_pick_candidates(struct fv_loop_closer *loop, const struct fv_map *map, uint32_t least)
+static void fv_pick_candidates(struct fv_loop_closer *loop, const struct fv_map *map,
+                               uint32_t least)
 {
     struct fv_loop_state *s = loop->state;
     s->candidate_count = 0;
@@ -119,8 +128,8 @@ static void fv_pick_candidates(struct fv_loop_closer *loop, const struct fv_map 
     }
 }
 
-void fv_loop_offer(struct fv_loop_closer *loop, const struct fv_map *map, const struct fv_place *place,
-                   const struct fv_place_words *words, uint32_t slot)
+void fv_loop_offer(struct fv_loop_closer *loop, const struct fv_map *map,
+                   const struct fv_place *place, const struct fv_place_words *words, uint32_t slot)
 {
     struct fv_loop_state *s = loop->state;
     if (s->phase != FV_LOOP_IDLE) return;
@@ -134,7 +143,8 @@ void fv_loop_offer(struct fv_loop_closer *loop, const struct fv_map *map, const 
         bool near = other->number + RECENT_KEYFRAMES > keyframe->number &&
                     keyframe->number + RECENT_KEYFRAMES > other->number;
         if (!other->used || k == slot || shared[k] >= SHARED_KNOWN ||
-            (near && other->map_id == keyframe->map_id) || !fv_place_holds(place, k, other->generation))
+            (near && other->map_id == keyframe->map_id) ||
+            !fv_place_holds(place, k, other->generation))
             continue;
         fv_place_set_add(&among, k);
     }
@@ -146,7 +156,8 @@ void fv_loop_offer(struct fv_loop_closer *loop, const struct fv_map *map, const 
     if (s->candidate_count > 0) s->phase = FV_LOOP_MATCH;
 }
 
-/* ---- matches without prediction -------------------------------------------------------------------- */
+/* ---- matches without prediction
+ * -------------------------------------------------------------------- */
 
 /* Features of a keyframe that have landmarks, with their descriptors. */
 static uint32_t fv_gather_features(const struct fv_map *map, uint32_t slot, uint16_t *features,
@@ -170,12 +181,13 @@ double fv_loop_distance_sigma(const struct fv_landmark *l, const double A[6], do
         pixels2 += A[k] * A[k];
     const double parallax =
         (double)l->spread * (double)l->spread * l->observer_count * weight * 0.5 * pixels2;
-    const double variance = distance_sigma_least * distance_sigma_least + (parallax > 1 ? 1 / parallax : 1);
+    const double variance =
+        distance_sigma_least * distance_sigma_least + (parallax > 1 ? 1 / parallax : 1);
     return __builtin_sqrt(variance);
 }
 
-static void fv_side(const struct fv_map *map, const struct fv_view *view, uint32_t feature, double point[3],
-                    double *sigma, double bearing[3], double A[6], double *weight)
+static void fv_side(const struct fv_map *map, const struct fv_view *view, uint32_t feature,
+                    double point[3], double *sigma, double bearing[3], double A[6], double *weight)
 {
     const struct fv_landmark *l = &map->landmarks[view->landmark[feature]];
     struct fv_keypoint p;
@@ -218,7 +230,8 @@ static void fv_make_meetings(struct fv_loop_closer *loop, const struct fv_map *m
     }
     s->meeting_count = 0;
     for (uint32_t q = 0; q < s->query_count; q++) {
-        uint32_t distance = loop->nearest[q] >> FV_MATCH_INDEX_BITS, train = loop->nearest[q] & 0xffff;
+        uint32_t distance = loop->nearest[q] >> FV_MATCH_INDEX_BITS,
+                 train = loop->nearest[q] & 0xffff;
         if (loop->nearest[q] == FV_MATCH_NONE || distance > DISTANCE_MAX ||
             (loop->best_of_train[train] & 0xffff) != q ||
             distance > ratio_max * (loop->second[q] >> FV_MATCH_INDEX_BITS))
@@ -243,15 +256,17 @@ static void fv_match_unit(struct fv_loop_closer *loop, const struct fv_map *map,
 {
     struct fv_loop_state *s = loop->state;
     if (s->next == 0) {
-        s->query_count = fv_gather_features(map, s->keyframe.slot, loop->query_feature, loop->queries);
-        s->train_count =
-            fv_gather_features(map, s->candidates[s->candidate].slot, loop->train_feature, loop->trains);
+        s->query_count =
+            fv_gather_features(map, s->keyframe.slot, loop->query_feature, loop->queries);
+        s->train_count = fv_gather_features(map, s->candidates[s->candidate].slot,
+                                            loop->train_feature, loop->trains);
         s->counts.tried++;
     }
-    uint32_t left = s->query_count - s->next, some = left < QUERIES_PER_UNIT ? left : QUERIES_PER_UNIT;
+    uint32_t left = s->query_count - s->next,
+             some = left < QUERIES_PER_UNIT ? left : QUERIES_PER_UNIT;
     kernels->hamming_two_u8(loop->nearest + s->next, loop->second + s->next,
-                            loop->queries + (size_t)s->next * FV_MAP_DESCRIPTOR_BYTES, (int32_t)some,
-                            loop->trains, (int32_t)s->train_count);
+                            loop->queries + (size_t)s->next * FV_MAP_DESCRIPTOR_BYTES,
+                            (int32_t)some, loop->trains, (int32_t)s->train_count);
     s->next += some;
     if (s->next < s->query_count) return;
     fv_make_meetings(loop, map);
@@ -263,7 +278,8 @@ static void fv_match_unit(struct fv_loop_closer *loop, const struct fv_map *map,
     s->phase = FV_LOOP_SAMPLE;
 }
 
-/* ---- the similarity -------------------------------------------------------------------------------- */
+/* ---- the similarity
+ * -------------------------------------------------------------------------------- */
 
 /* Landmarks that the candidate and its neighbours see. */
 static void fv_gather_group(struct fv_loop_closer *loop, struct fv_map *map)
@@ -277,10 +293,12 @@ static void fv_gather_group(struct fv_loop_closer *loop, struct fv_map *map)
     for (uint32_t i = 0; i <= count; i++) {
         struct fv_view view = fv_map_view(map, near[i].slot);
         for (uint32_t f = 0; f < view.frame->features && s->group_count < FV_LOOP_GROUP_MAX; f++) {
-            if (view.landmark[f] == FV_MAP_NONE || map->landmarks[view.landmark[f]].mark == mark) continue;
+            if (view.landmark[f] == FV_MAP_NONE || map->landmarks[view.landmark[f]].mark == mark)
+                continue;
             struct fv_landmark *l = &map->landmarks[view.landmark[f]];
             l->mark = mark;
-            loop->group[s->group_count++] = (struct fv_loop_name){(uint32_t)view.landmark[f], l->generation};
+            loop->group[s->group_count++] =
+                (struct fv_loop_name){(uint32_t)view.landmark[f], l->generation};
         }
     }
 }
@@ -297,8 +315,8 @@ static void fv_sample_unit(struct fv_loop_closer *loop)
     for (uint32_t i = 0; i < s->meeting_count; i++) {
         double square[2];
         struct fv_meeting *m = &loop->meetings[i];
-        m->inlier = fv_sim3_errors(m, &s->search.best, &inverse, square) && square[0] < chi_square_99_2 &&
-                    square[1] < chi_square_99_2;
+        m->inlier = fv_sim3_errors(m, &s->search.best, &inverse, square) &&
+                    square[0] < chi_square_99_2 && square[1] < chi_square_99_2;
     }
     s->S_keyframe_candidate = s->search.best;
     s->inliers = s->search.best_inliers;
@@ -309,7 +327,8 @@ static void fv_sample_unit(struct fv_loop_closer *loop)
 static uint32_t fv_refine(struct fv_loop_closer *loop)
 {
     struct fv_loop_state *s = loop->state;
-    return fv_sim3_refine(loop->meetings, s->meeting_count, chi_square_99_2, 3, &s->S_keyframe_candidate);
+    return fv_sim3_refine(loop->meetings, s->meeting_count, chi_square_99_2, 3,
+                          &s->S_keyframe_candidate);
 }
 
 static void fv_refine_unit(struct fv_loop_closer *loop, struct fv_map *map)
@@ -330,11 +349,13 @@ static void fv_refine_unit(struct fv_loop_closer *loop, struct fv_map *map)
     s->phase = FV_LOOP_GUIDED;
 }
 
-/* ---- plausibility ---------------------------------------------------------------------------------- */
+/* ---- plausibility
+ * ---------------------------------------------------------------------------------- */
 
 /* Correction of the keyframe's world that makes S_keyframe_candidate true. */
 static void fv_loop_correction(const struct fv_map *map, uint32_t keyframe, uint32_t candidate,
-                               const struct fv_sim3 *S_keyframe_candidate, struct fv_sim3 *correction)
+                               const struct fv_sim3 *S_keyframe_candidate,
+                               struct fv_sim3 *correction)
 {
     struct fv_sim3 T, wanted; /* S_keyframe_newworld */
     fv_sim3_from_se3(&map->keyframes[candidate].T_cam_world, 1, &T);
@@ -390,10 +411,12 @@ bool fv_loop_plausible(const struct fv_map *map, uint32_t keyframe, uint32_t can
     fv_centre(k, centre);
     fv_effect(correction, centre, &shift, &turn, &scale);
     return turn < turn_max_rad && scale < scale_log_max &&
-           shift < drift_share_max * fv_path_since(map, keyframe, c->number) + drift_slack * k->depth;
+           shift <
+               drift_share_max * fv_path_since(map, keyframe, c->number) + drift_slack * k->depth;
 }
 
-/* ---- sightings ------------------------------------------------------------------------------------- */
+/* ---- sightings
+ * ------------------------------------------------------------------------------------- */
 
 static bool fv_enough_found(const struct fv_loop_state *s, uint32_t least)
 {
@@ -435,7 +458,8 @@ static void fv_judge_sighting(struct fv_loop_closer *loop, const struct fv_map *
     }
     s->belief.sightings = 0;
     s->next = 0;
-    if (map->keyframes[s->keyframe.slot].map_id == map->keyframes[s->candidates[s->candidate].slot].map_id) {
+    if (map->keyframes[s->keyframe.slot].map_id ==
+        map->keyframes[s->candidates[s->candidate].slot].map_id) {
         fv_loop_graph_begin(loop, map);
         s->phase = FV_LOOP_GRAPH;
     } else {
@@ -456,7 +480,8 @@ static void fv_guided_done(struct fv_loop_closer *loop, const struct fv_map *map
     s->counts.sighted++;
     fv_loop_correction(map, s->keyframe.slot, candidate, &s->S_keyframe_candidate, &s->correction);
     if (!fv_loop_plausible(map, s->keyframe.slot, candidate, &s->correction) ||
-        fv_sim3_turn_sigma(loop->meetings, s->meeting_count, &s->S_keyframe_candidate) > turn_sigma_max_rad) {
+        fv_sim3_turn_sigma(loop->meetings, s->meeting_count, &s->S_keyframe_candidate) >
+            turn_sigma_max_rad) {
         s->counts.implausible++;
         fv_next_candidate(s);
         return;
@@ -466,13 +491,15 @@ static void fv_guided_done(struct fv_loop_closer *loop, const struct fv_map *map
     s->phase = FV_LOOP_BEFORE;
 }
 
-/* Ask the next keyframe before the offered one; when there is none, or enough have been asked, judge. */
+/* Ask the next keyframe before the offered one; when there is none, or enough have been asked,
+ * judge. */
 static void fv_before_unit(struct fv_loop_closer *loop, const struct fv_map *map,
                            const struct fv_kernels *kernels)
 {
     struct fv_loop_state *s = loop->state;
     if (s->next == 0) {
-        int32_t parent = fv_loop_named(map, s->before) ? map->keyframes[s->before.slot].parent : FV_MAP_NONE;
+        int32_t parent =
+            fv_loop_named(map, s->before) ? map->keyframes[s->before.slot].parent : FV_MAP_NONE;
         bool enough = s->asked == ASKED_BEFORE_MAX || 1 + s->seen_before >= FV_LOOP_SIGHTINGS;
         if (enough || parent == FV_MAP_NONE || !map->keyframes[parent].used ||
             map->keyframes[parent].map_id != map->keyframes[s->keyframe.slot].map_id) {
@@ -496,7 +523,8 @@ static void fv_before_unit(struct fv_loop_closer *loop, const struct fv_map *map
     s->next = 0;
 }
 
-/* ---- the job --------------------------------------------------------------------------------------- */
+/* ---- the job
+ * --------------------------------------------------------------------------------------- */
 
 /* While a sighting is made, the two keyframes must stay what they were. */
 static bool fv_still_there(const struct fv_loop_state *s, const struct fv_map *map)

@@ -6,8 +6,8 @@
 
 enum { GRAPH_PER_UNIT = 8, GRAPH_NEIGHBOURS = FV_LOOP_HELD_BY_KEYFRAME - 1, GRAPH_SHARED_MIN = 40 };
 
-/* Relative precision of an edge: translation in median depths, rotation, log scale. Drift turns less than it
- * shifts, and stretches more. */
+/* Relative precision of an edge: translation in median depths, rotation, log scale. Drift turns
+ * less than it shifts, and stretches more. */
 static const double weight_turn = 4, weight_scale = 0.25;
 static const double weight_loop = 4;
 
@@ -18,7 +18,8 @@ static void fv_edge_weight(const struct fv_keyframe *a, double factor, double we
     weight[2] = factor * weight_scale;
 }
 
-/* ---- the essential graph --------------------------------------------------------------------------- */
+/* ---- the essential graph
+ * --------------------------------------------------------------------------- */
 
 void fv_loop_graph_begin(struct fv_loop_closer *loop, const struct fv_map *map)
 {
@@ -26,7 +27,8 @@ void fv_loop_graph_begin(struct fv_loop_closer *loop, const struct fv_map *map)
     const uint32_t map_id = map->keyframes[s->keyframe.slot].map_id;
     uint64_t oldest = UINT64_MAX;
     for (uint32_t k = 0; k < map->limits.keyframes; k++)
-        if (map->keyframes[k].used && map->keyframes[k].map_id == map_id && map->keyframes[k].number < oldest)
+        if (map->keyframes[k].used && map->keyframes[k].map_id == map_id &&
+            map->keyframes[k].number < oldest)
             oldest = map->keyframes[k].number;
     fv_pose_graph_begin(&loop->graph);
     for (uint32_t k = 0; k < map->limits.keyframes; k++) {
@@ -80,8 +82,8 @@ static void fv_hold_loops(struct fv_loop_closer *loop, const struct fv_map *map)
     for (uint32_t e = 0; e < FV_MAP_EDGES_MAX && e < map->state->edge_count; e++) {
         const struct fv_map_edge *edge = &map->edges[e];
         if (fv_map_holds(map, edge->a, edge->generation_a) &&
-            fv_map_holds(map, edge->b, edge->generation_b) && fv_in_graph(loop, map, (int32_t)edge->a) &&
-            fv_in_graph(loop, map, (int32_t)edge->b))
+            fv_map_holds(map, edge->b, edge->generation_b) &&
+            fv_in_graph(loop, map, (int32_t)edge->a) && fv_in_graph(loop, map, (int32_t)edge->b))
             fv_hold(loop, map, edge->a, edge->b, 2);
     }
 }
@@ -95,15 +97,18 @@ bool fv_loop_graph_unit(struct fv_loop_closer *loop, const struct fv_map *map)
         const uint32_t candidate = s->candidates[s->candidate].slot;
         fv_edge_weight(&map->keyframes[s->keyframe.slot], weight_loop, weight);
         (void)fv_pose_graph_add_edge(&loop->graph, (uint32_t)loop->node_of[s->keyframe.slot],
-                                     (uint32_t)loop->node_of[candidate], &s->S_keyframe_candidate, weight);
+                                     (uint32_t)loop->node_of[candidate], &s->S_keyframe_candidate,
+                                     weight);
         fv_hold_loops(loop, map);
     }
     for (uint32_t done = 0; done < GRAPH_PER_UNIT && s->next < nodes; done++, s->next++)
-        if (fv_loop_named(map, loop->nodes[s->next])) fv_hold_keyframe(loop, map, loop->nodes[s->next].slot);
+        if (fv_loop_named(map, loop->nodes[s->next]))
+            fv_hold_keyframe(loop, map, loop->nodes[s->next].slot);
     return s->next >= nodes;
 }
 
-/* ---- the commit ------------------------------------------------------------------------------------ */
+/* ---- the commit
+ * ------------------------------------------------------------------------------------ */
 
 /* Corrections of the keyframes that were in the graph. */
 static void fv_correct_nodes(struct fv_loop_closer *loop, const struct fv_map *map)
@@ -117,9 +122,10 @@ static void fv_correct_nodes(struct fv_loop_closer *loop, const struct fv_map *m
     }
 }
 
-/* Keyframes made since, and the frame in work, get the correction of the nearest ancestor that has one.
- * Parents are older than their children, so each step up comes nearer to the graph. */
-static void fv_correct_born_since(struct fv_loop_closer *loop, const struct fv_map *map, uint32_t map_id)
+/* Keyframes made since, and the frame in work, get the correction of the nearest ancestor that has
+ * one. Parents are older than their children, so each step up comes nearer to the graph. */
+static void fv_correct_born_since(struct fv_loop_closer *loop, const struct fv_map *map,
+                                  uint32_t map_id)
 {
     for (uint32_t k = 0; k <= map->limits.keyframes; k++) {
         const struct fv_keyframe *keyframe = &map->keyframes[k];
@@ -129,8 +135,8 @@ static void fv_correct_born_since(struct fv_loop_closer *loop, const struct fv_m
                     : loop->corrected[k] || !keyframe->used || keyframe->map_id != map_id)
             continue;
         int32_t at = keyframe->parent;
-        for (uint32_t n = 0; n < map->limits.keyframes && at != FV_MAP_NONE && !fv_in_graph(loop, map, at);
-             n++)
+        for (uint32_t n = 0;
+             n < map->limits.keyframes && at != FV_MAP_NONE && !fv_in_graph(loop, map, at); n++)
             at = map->keyframes[at].parent;
         if (at == FV_MAP_NONE || !fv_in_graph(loop, map, at)) continue;
         loop->corrections[k] = loop->corrections[at];
@@ -144,8 +150,9 @@ static void fv_correct_map(struct fv_loop_closer *loop, const struct fv_map *map
 {
     for (uint32_t k = 0; k <= map->limits.keyframes; k++) {
         const struct fv_keyframe *keyframe = &map->keyframes[k];
-        loop->corrected[k] = k == fv_map_current(map) ? map->state->map_id == map_id
-                                                      : keyframe->used && keyframe->map_id == map_id;
+        loop->corrected[k] = k == fv_map_current(map)
+                                 ? map->state->map_id == map_id
+                                 : keyframe->used && keyframe->map_id == map_id;
         loop->corrections[k] = *S;
     }
 }
@@ -200,7 +207,8 @@ static void fv_list_fusing(struct fv_loop_state *s, const struct fv_map *map)
     s->fuse_at = 0;
 }
 
-void fv_loop_commit(struct fv_loop_closer *loop, struct fv_map *map, struct fv_loop_outcome *outcome)
+void fv_loop_commit(struct fv_loop_closer *loop, struct fv_map *map,
+                    struct fv_loop_outcome *outcome)
 {
     struct fv_loop_state *s = loop->state;
     const uint32_t keyframe = s->keyframe.slot, candidate = s->candidates[s->candidate].slot;

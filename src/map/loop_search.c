@@ -1,5 +1,5 @@
-/* Loop closing: the landmarks around a candidate, looked for in other keyframes, before and after the
- * correction. */
+/* Loop closing: the landmarks around a candidate, looked for in other keyframes, before and after
+ * the correction. */
 #include <string.h>
 
 #include "fovea/features.h"
@@ -7,11 +7,17 @@
 #include "geometry/vec.h"
 #include "map/loop.h"
 
-enum { GROUP_PER_UNIT = 300, FUSE_PER_UNIT = 120, DISTANCE_GUIDED_MAX = 64, DISTANCE_FUSE_MAX = 50 };
+enum {
+    GROUP_PER_UNIT = 300,
+    FUSE_PER_UNIT = 120,
+    DISTANCE_GUIDED_MAX = 64,
+    DISTANCE_FUSE_MAX = 50
+};
 
 static const double radius_guided_px = 7, radius_fuse_px = 4; /* times the level's scale */
 static const double chi_square_99_2 = 9.21, chi_square_95_2 = 5.991;
-static const double distance_ratio_max = 1.3; /* of two landmarks that are the same thing, from the camera */
+static const double distance_ratio_max =
+    1.3; /* of two landmarks that are the same thing, from the camera */
 
 static double fv_scale_of(int level)
 {
@@ -19,7 +25,8 @@ static double fv_scale_of(int level)
     return scales[level & 7];
 }
 
-/* Level at which a landmark should appear at this distance, in the landmark's own unit; -1: none. */
+/* Level at which a landmark should appear at this distance, in the landmark's own unit; -1: none.
+ */
 static int fv_level_at(const struct fv_landmark *l, double distance)
 {
     double ratio = (double)l->distance / distance;
@@ -31,19 +38,22 @@ static int fv_level_at(const struct fv_landmark *l, double distance)
     return level < FOVEA_PYRAMID_LEVELS_MAX ? level : -1;
 }
 
-static bool fv_in_image(const struct fv_loop_closer *loop, const struct fv_map *map, const double q[3],
-                        double pixel[2])
+static bool fv_in_image(const struct fv_loop_closer *loop, const struct fv_map *map,
+                        const double q[3], double pixel[2])
 {
-    return fovea_camera_project(loop->camera, q, pixel, 0) == FOVEA_OK && pixel[0] >= 0 && pixel[1] >= 0 &&
-           pixel[0] < map->limits.width && pixel[1] < map->limits.height;
+    return fovea_camera_project(loop->camera, q, pixel, 0) == FOVEA_OK && pixel[0] >= 0 &&
+           pixel[1] >= 0 && pixel[0] < map->limits.width && pixel[1] < map->limits.height;
 }
 
-/* ---- before the correction ------------------------------------------------------------------------- */
+/* ---- before the correction
+ * ------------------------------------------------------------------------- */
 
-/* A landmark found at a feature that has a landmark of its own: the two meet. The candidate need not see the
- * landmark, so its side says only how far it is. False when the two are not at one distance. */
-static bool fv_add_meeting(struct fv_loop_closer *loop, const struct fv_map *map, const struct fv_view *view,
-                           uint32_t feature, const struct fv_landmark *l, const double q[3],
+/* A landmark found at a feature that has a landmark of its own: the two meet. The candidate need
+ * not see the landmark, so its side says only how far it is. False when the two are not at one
+ * distance. */
+static bool fv_add_meeting(struct fv_loop_closer *loop, const struct fv_map *map,
+                           const struct fv_view *view, uint32_t feature,
+                           const struct fv_landmark *l, const double q[3],
                            const double in_candidate[3])
 {
     struct fv_meeting *m = &loop->meetings[loop->state->meeting_count];
@@ -82,9 +92,9 @@ static void fv_look_for(struct fv_loop_closer *loop, const struct fv_map *map,
     int level = fv_level_at(l, distance);
     if (cosine < 0.6 || level < 0) return;
     s->visible++;
-    struct fv_found found =
-        fv_map_search(map, kernels, look->slot, pixel[0], pixel[1], radius_guided_px * fv_scale_of(level),
-                      level - 1, level + 1, fv_map_descriptor(map, l), false);
+    struct fv_found found = fv_map_search(map, kernels, look->slot, pixel[0], pixel[1],
+                                          radius_guided_px * fv_scale_of(level), level - 1,
+                                          level + 1, fv_map_descriptor(map, l), false);
     if (found.feature == FV_MAP_NONE || found.distance > DISTANCE_GUIDED_MAX ||
         found.distance > 0.9 * found.second || loop->nearest[found.feature] != 0 ||
         fv_map_error2(map, &look->view.points[found.feature], q) > 2 * chi_square_99_2)
@@ -102,8 +112,9 @@ bool fv_loop_search_group(struct fv_loop_closer *loop, const struct fv_map *map,
                           const struct fv_sim3 *S_keyframe_candidate)
 {
     struct fv_loop_state *s = loop->state;
-    struct outlook look = {
-        .view = fv_map_view(map, slot), .S_keyframe_candidate = *S_keyframe_candidate, .slot = slot};
+    struct outlook look = {.view = fv_map_view(map, slot),
+                           .S_keyframe_candidate = *S_keyframe_candidate,
+                           .slot = slot};
     struct fv_sim3 inverse;
     look.T_candidate_world = map->keyframes[s->candidates[s->candidate].slot].T_cam_world;
     fv_sim3_invert(S_keyframe_candidate, &inverse);
@@ -120,11 +131,13 @@ bool fv_loop_search_group(struct fv_loop_closer *loop, const struct fv_map *map,
     return s->next >= s->group_count;
 }
 
-/* ---- after it: fusing ------------------------------------------------------------------------------ */
+/* ---- after it: fusing
+ * ------------------------------------------------------------------------------ */
 
-/* Look for a landmark of the group in a keyframe; link it there, or make one of it and what is there. */
-static void fv_fuse_into(struct fv_loop_closer *loop, struct fv_map *map, const struct fv_kernels *kernels,
-                         uint32_t landmark, uint32_t keyframe)
+/* Look for a landmark of the group in a keyframe; link it there, or make one of it and what is
+ * there. */
+static void fv_fuse_into(struct fv_loop_closer *loop, struct fv_map *map,
+                         const struct fv_kernels *kernels, uint32_t landmark, uint32_t keyframe)
 {
     struct fv_landmark *l = &map->landmarks[landmark];
     struct fv_view view = fv_map_view(map, keyframe);
@@ -135,9 +148,9 @@ static void fv_fuse_into(struct fv_loop_closer *loop, struct fv_map *map, const 
     if (!fv_in_image(loop, map, q, pixel)) return;
     int level = fv_level_at(l, fv_norm3(q));
     if (level < 0) return;
-    struct fv_found found =
-        fv_map_search(map, kernels, keyframe, pixel[0], pixel[1], radius_fuse_px * fv_scale_of(level),
-                      level - 1, level + 1, fv_map_descriptor(map, l), false);
+    struct fv_found found = fv_map_search(map, kernels, keyframe, pixel[0], pixel[1],
+                                          radius_fuse_px * fv_scale_of(level), level - 1, level + 1,
+                                          fv_map_descriptor(map, l), false);
     if (found.feature == FV_MAP_NONE || found.distance > DISTANCE_FUSE_MAX ||
         fv_map_error2(map, &view.points[found.feature], q) > chi_square_95_2)
         return;
@@ -153,13 +166,14 @@ static void fv_fuse_into(struct fv_loop_closer *loop, struct fv_map *map, const 
     }
 }
 
-bool fv_loop_fuse_unit(struct fv_loop_closer *loop, struct fv_map *map, const struct fv_kernels *kernels)
+bool fv_loop_fuse_unit(struct fv_loop_closer *loop, struct fv_map *map,
+                       const struct fv_kernels *kernels)
 {
     struct fv_loop_state *s = loop->state;
     if (s->fuse_at >= s->fuse_count) return true;
     struct fv_loop_name into = s->fuse_into[s->fuse_at];
-    for (uint32_t done = 0; done < FUSE_PER_UNIT && s->next < s->group_count && fv_loop_named(map, into);
-         done++) {
+    for (uint32_t done = 0;
+         done < FUSE_PER_UNIT && s->next < s->group_count && fv_loop_named(map, into); done++) {
         struct fv_loop_name name = loop->group[s->next++];
         const struct fv_landmark *l = &map->landmarks[name.slot];
         if (l->used && l->generation == name.generation)

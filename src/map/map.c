@@ -4,8 +4,9 @@
 
 #include "geometry/vec.h"
 
-void fv_map_carve(struct fv_map *map, const struct fv_map_limits *limits, const struct fovea_camera *camera,
-                  const struct fv_bearing_table *bearings, struct fv_arena *arena)
+void fv_map_carve(struct fv_map *map, const struct fv_map_limits *limits,
+                  const struct fovea_camera *camera, const struct fv_bearing_table *bearings,
+                  struct fv_arena *arena)
 {
     const int32_t longest = limits->width > limits->height ? limits->width : limits->height;
     map->limits = *limits;
@@ -25,9 +26,10 @@ void fv_map_carve(struct fv_map *map, const struct fv_map_limits *limits, const 
     map->points = fv_arena_take(arena, features, sizeof *map->points);
     map->descriptors = fv_arena_take(arena, features, FV_MAP_DESCRIPTOR_BYTES);
     map->links = fv_arena_take(arena, features, sizeof *map->links);
-    map->keypoints =
-        fv_arena_take(arena, (size_t)(1 + FV_MAP_WAITING_MAX) * limits->features, sizeof *map->keypoints);
-    map->cells = fv_arena_take(arena, views * (size_t)(map->columns * map->rows + 1), sizeof *map->cells);
+    map->keypoints = fv_arena_take(arena, (size_t)(1 + FV_MAP_WAITING_MAX) * limits->features,
+                                   sizeof *map->keypoints);
+    map->cells =
+        fv_arena_take(arena, views * (size_t)(map->columns * map->rows + 1), sizeof *map->cells);
 }
 
 void fv_map_reset(struct fv_map *map)
@@ -46,7 +48,8 @@ void fv_map_reset(struct fv_map *map)
     }
     memset(map->edges, 0, FV_MAP_EDGES_MAX * sizeof *map->edges);
     uint32_t map_id = map->state->map_next;
-    uint64_t keyframe_number = map->state->keyframe_number; /* goes on: numbers name keyframes in messages */
+    uint64_t keyframe_number =
+        map->state->keyframe_number; /* goes on: numbers name keyframes in messages */
     memset(map->state, 0, sizeof *map->state);
     map->state->free_count = map->limits.landmarks;
     map->state->keyframe_number = keyframe_number;
@@ -55,7 +58,8 @@ void fv_map_reset(struct fv_map *map)
     fv_sim3_identity(&map->state->S_map_odom);
 }
 
-/* ---- keyframes --------------------------------------------------------------------------------------- */
+/* ---- keyframes
+ * --------------------------------------------------------------------------------------- */
 
 uint32_t fv_map_add_keyframe(struct fv_map *map, uint32_t from)
 {
@@ -81,17 +85,20 @@ void fv_map_remove_keyframe(struct fv_map *map, uint32_t slot)
         int32_t landmark = view.landmark[i];
         if (landmark == FV_MAP_NONE) continue;
         fv_map_unlink(map, (uint32_t)landmark, slot);
-        if (map->landmarks[landmark].observer_count == 0) fv_map_remove_landmark(map, (uint32_t)landmark);
+        if (map->landmarks[landmark].observer_count == 0)
+            fv_map_remove_landmark(map, (uint32_t)landmark);
     }
     for (uint32_t i = 0; i < fv_map_view_count(map); i++) /* children hang on to the grandparent */
-        if (map->keyframes[i].parent == (int32_t)slot) map->keyframes[i].parent = view.frame->parent;
+        if (map->keyframes[i].parent == (int32_t)slot)
+            map->keyframes[i].parent = view.frame->parent;
     view.frame->used = false;
     view.frame->generation++;
     view.frame->features = 0;
     map->state->keyframe_count--;
 }
 
-/* ---- landmarks --------------------------------------------------------------------------------------- */
+/* ---- landmarks
+ * --------------------------------------------------------------------------------------- */
 
 int32_t fv_map_add_landmark(struct fv_map *map, const double point[3], uint64_t frame_number)
 {
@@ -128,7 +135,8 @@ bool fv_map_link(struct fv_map *map, uint32_t landmark, uint32_t keyframe, uint3
     if (view.landmark[feature] != FV_MAP_NONE) return false;
     for (uint32_t i = 0; i < l->observer_count; i++)
         if (l->observers[i].keyframe == keyframe) return false;
-    if (l->observer_count == FV_MAP_OBSERVERS_MAX) fv_map_unlink(map, landmark, l->observers[1].keyframe);
+    if (l->observer_count == FV_MAP_OBSERVERS_MAX)
+        fv_map_unlink(map, landmark, l->observers[1].keyframe);
     struct fv_observer observer = {(uint16_t)keyframe, (uint16_t)feature};
     l->observers[l->observer_count++] = observer;
     view.landmark[feature] = (int16_t)landmark;
@@ -159,7 +167,8 @@ void fv_map_fuse_landmarks(struct fv_map *map, uint32_t keep, uint32_t drop)
     while (from->observer_count > 0) {
         struct fv_observer o = from->observers[from->observer_count - 1];
         fv_map_unlink(map, drop, o.keyframe);
-        if (to->observer_count < FV_MAP_OBSERVERS_MAX) (void)fv_map_link(map, keep, o.keyframe, o.feature);
+        if (to->observer_count < FV_MAP_OBSERVERS_MAX)
+            (void)fv_map_link(map, keep, o.keyframe, o.feature);
     }
     to->found = (uint16_t)(to->found + from->found / 2);
     if (to->expected < to->found) to->expected = to->found;

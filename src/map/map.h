@@ -1,22 +1,25 @@
 /* The map: keyframes and landmarks in pools of fixed capacity.
  *
- * Everything is linked by slot number; a slot's generation tells whether it still holds what a link meant.
- * The two links between a keyframe's feature and its landmark (view.landmark[], landmark.observers[]) are
- * kept in step by the functions below, and nothing else writes them. State holds no addresses: the addresses
- * are in struct fv_map, which carving fills again after a copy.
+ * Everything is linked by slot number; a slot's generation tells whether it still holds what a link
+ * meant. The two links between a keyframe's feature and its landmark (view.landmark[],
+ * landmark.observers[]) are kept in step by the functions below, and nothing else writes them.
+ * State holds no addresses: the addresses are in struct fv_map, which carving fills again after a
+ * copy.
  *
- * Besides the keyframes there are more views: that of the current frame, and those of the FV_MAP_WAITING_MAX frames that
- * a start waits on; links of these are the start's own scratch. World points are doubles. A view's features are kept in
- * the order of its grid, as pixels in fixed point (1/64 px up to 1024 pixels, 1/16 px at 4096); bearings and Jacobians follow from the lens model,
- * and are floats (6e-8 rad) where they are kept. Real-time safe; no heap.
+ * Besides the keyframes there are more views: that of the current frame, and those of the
+ * FV_MAP_WAITING_MAX frames that a start waits on; links of these are the start's own scratch.
+ * World points are doubles. A view's features are kept in the order of its grid, as pixels in fixed
+ * point (1/64 px up to 1024 pixels, 1/16 px at 4096); bearings and Jacobians follow from the lens
+ * model, and are floats (6e-8 rad) where they are kept. Real-time safe; no heap.
  *
- * Several maps may share the pools: each keyframe names its map, and maps have worlds of their own. Landmarks belong
- * to the map of their observers; links never join keyframes of two maps.
+ * Several maps may share the pools: each keyframe names its map, and maps have worlds of their own.
+ * Landmarks belong to the map of their observers; links never join keyframes of two maps.
  *
- * Rules of a full pool (keep.c). Keyframes: the most redundant one goes; redundancy is the share of its landmarks
- * that at least FV_MAP_ENOUGH_OBSERVERS others see as well. The newest FV_MAP_KEEP_NEWEST of them stay, and those that an
- * edge of a loop holds go only when no other is left. Landmarks: a hand goes round the pool and takes those that were not
- * seen for FV_MAP_UNSEEN_FRAMES frames, first those with few observers. */
+ * Rules of a full pool (keep.c). Keyframes: the most redundant one goes; redundancy is the share of
+ * its landmarks that at least FV_MAP_ENOUGH_OBSERVERS others see as well. The newest
+ * FV_MAP_KEEP_NEWEST of them stay, and those that an edge of a loop holds go only when no other is
+ * left. Landmarks: a hand goes round the pool and takes those that were not seen for
+ * FV_MAP_UNSEEN_FRAMES frames, first those with few observers. */
 #ifndef FOVEA_MAP_MAP_H
 #define FOVEA_MAP_MAP_H
 
@@ -44,8 +47,9 @@ enum {
     FV_MAP_WORLDS_MAX = 8,       /* maps that were left, whose odom frame is remembered */
     FV_MAP_EDGES_MAX = 128,      /* of closed loops; the oldest gives way */
     FV_MAP_ENOUGH_OBSERVERS = 3, /* besides a keyframe, that make it redundant for a landmark */
-    FV_MAP_KEEP_NEWEST = 16,     /* keyframes that are never culled: odometry and its window work on them */
-    FV_MAP_UNSEEN_FRAMES = 60,   /* before a landmark may be taken from a full pool */
+    FV_MAP_KEEP_NEWEST =
+        16, /* keyframes that are never culled: odometry and its window work on them */
+    FV_MAP_UNSEEN_FRAMES = 60, /* before a landmark may be taken from a full pool */
     FV_MAP_NONE = -1
 };
 
@@ -82,14 +86,17 @@ struct fv_observer {
 };
 
 struct fv_landmark {
-    double point[3];     /* world */
-    float distance;      /* from the reference camera, world units */
-    float spread;        /* rms angle (rad) of the rays from its observers around their mean: its parallax */
+    double point[3]; /* world */
+    float distance;  /* from the reference camera, world units */
+    float
+        spread; /* rms angle (rad) of the rays from its observers around their mean: its parallax */
     uint32_t generation; /* of the slot */
     uint32_t mark;       /* scratch of gathering: last round that met it */
     uint32_t born, seen; /* numbers of frames, modulo 2^32: first, and last found */
-    uint16_t expected, found; /* frames in which it should have been, and was, seen; both halved when large */
-    int16_t direction[3]; /* mean unit vector from the cameras that see it to it, of FV_MAP_DIRECTION_ONE */
+    uint16_t expected,
+        found; /* frames in which it should have been, and was, seen; both halved when large */
+    int16_t direction[3]; /* mean unit vector from the cameras that see it to it, of
+                             FV_MAP_DIRECTION_ONE */
     uint8_t observer_count;
     uint8_t best;  /* the observer whose descriptor is nearest to the others' */
     uint8_t level; /* of the reference observation */
@@ -109,8 +116,9 @@ struct fv_map_scale {
     double log_scale, variance; /* natural logarithm of metres per unit, and its variance */
 };
 
-/* The continuous frame in which poses of a map are published: REP-105's `odom`. S_map_odom takes its points to the world
- * of the map. Corrections of the map change it, and not the pose in `odom`; nor does joining another map. */
+/* The continuous frame in which poses of a map are published: REP-105's `odom`. S_map_odom takes
+ * its points to the world of the map. Corrections of the map change it, and not the pose in `odom`;
+ * nor does joining another map. */
 struct fv_map_odom {
     uint32_t map_id, odom_id;
     struct fv_sim3 S_map_odom;
@@ -122,13 +130,14 @@ struct fv_map_state {
     uint32_t keyframe_count, landmark_count;
     uint32_t free_count; /* of the list of free landmark slots */
     uint32_t mark;
-    uint32_t map_id;       /* of the map that is being made or tracked */
-    uint32_t map_next;     /* id of the next map; ids are never used again */
-    uint32_t edge_count;   /* edges written, modulo FV_MAP_EDGES_MAX the next one's place */
-    uint32_t hand;         /* landmark slot at which the search for room goes on */
-    uint32_t odom_id;      /* of the frame that poses are published in; that of the map that began it */
-    uint32_t left_count;   /* maps left, modulo FV_MAP_WORLDS_MAX the next one's place */
-    uint32_t landmark_top; /* slots from here on were never used: passes over all landmarks end here */
+    uint32_t map_id;     /* of the map that is being made or tracked */
+    uint32_t map_next;   /* id of the next map; ids are never used again */
+    uint32_t edge_count; /* edges written, modulo FV_MAP_EDGES_MAX the next one's place */
+    uint32_t hand;       /* landmark slot at which the search for room goes on */
+    uint32_t odom_id; /* of the frame that poses are published in; that of the map that began it */
+    uint32_t left_count; /* maps left, modulo FV_MAP_WORLDS_MAX the next one's place */
+    uint32_t
+        landmark_top; /* slots from here on were never used: passes over all landmarks end here */
     uint32_t reserved;
     struct fv_sim3 S_map_odom; /* of the current map, as is the scale */
     struct fv_map_scale scale;
@@ -147,11 +156,13 @@ struct fv_map {
     int32_t columns, rows;
     double pixel_px; /* unit of a feature's place: a power of two */
     struct fv_map_state *state;
-    struct fv_keyframe *keyframes; /* limits.keyframes, then the current frame, then the waiting ones */
+    struct fv_keyframe
+        *keyframes; /* limits.keyframes, then the current frame, then the waiting ones */
     struct fv_landmark *landmarks;
     uint32_t *free_landmarks;
     struct fv_map_edge *edges; /* FV_MAP_EDGES_MAX */
-    struct fv_pixel *points; /* of view v: limits.features from v * limits.features; likewise the next two */
+    struct fv_pixel
+        *points; /* of view v: limits.features from v * limits.features; likewise the next two */
     uint8_t *descriptors;
     int16_t *links;
     struct fv_keypoint *keypoints; /* of the current and the waiting views */
@@ -170,9 +181,11 @@ struct fv_view {
     uint16_t *cells;               /* the first feature of each cell, then the number of features */
 };
 
-/* Camera and bearings stay the caller's; their addresses are set anew by carving again after a copy. */
-void fv_map_carve(struct fv_map *map, const struct fv_map_limits *limits, const struct fovea_camera *camera,
-                  const struct fv_bearing_table *bearings, struct fv_arena *persistent);
+/* Camera and bearings stay the caller's; their addresses are set anew by carving again after a
+ * copy. */
+void fv_map_carve(struct fv_map *map, const struct fv_map_limits *limits,
+                  const struct fovea_camera *camera, const struct fv_bearing_table *bearings,
+                  struct fv_arena *persistent);
 /* Empty the map; generations go on rising, so that links from before no longer hold. */
 void fv_map_reset(struct fv_map *map);
 
@@ -190,8 +203,13 @@ static inline uint32_t fv_map_view_count(const struct fv_map *map)
     return map->limits.keyframes + 1 + FV_MAP_WAITING_MAX;
 }
 
-/* Parts of the image, by whose errors it is told whether errors hang together, as where something moves. */
-enum { FV_MAP_PART_COLUMNS = 6, FV_MAP_PART_ROWS = 4, FV_MAP_PARTS = FV_MAP_PART_COLUMNS * FV_MAP_PART_ROWS };
+/* Parts of the image, by whose errors it is told whether errors hang together, as where something
+ * moves. */
+enum {
+    FV_MAP_PART_COLUMNS = 6,
+    FV_MAP_PART_ROWS = 4,
+    FV_MAP_PARTS = FV_MAP_PART_COLUMNS * FV_MAP_PART_ROWS
+};
 static inline int fv_map_part(const struct fv_map *map, const struct fv_pixel *p)
 {
     const int column = (int)(p->x * map->pixel_px * FV_MAP_PART_COLUMNS / map->limits.width),
@@ -208,42 +226,46 @@ static inline double fv_level_scale(uint32_t level)
     return scales[level & 7];
 }
 
-/* ---- views (view.c) ------------------------------------------------------------------------------------------ */
+/* ---- views (view.c)
+ * ------------------------------------------------------------------------------------------ */
 
-/* Fill the current or a waiting view: features go cell by cell, those of a cell in their order; those to which the lens
- * model knows no bearing are left out. `from`, unless NULL, gets the number of each in `features`. At most
- * limits.features are looked at. */
+/* Fill the current or a waiting view: features go cell by cell, those of a cell in their order;
+ * those to which the lens model knows no bearing are left out. `from`, unless NULL, gets the number
+ * of each in `features`. At most limits.features are looked at. */
 void fv_map_fill_view(const struct fv_map *map, uint32_t slot, const struct fovea_feature *features,
                       const uint8_t *descriptors, uint32_t count, uint16_t *from);
 /* Find the cells of a view whose features lie cell by cell. False, and of no use: they do not. */
 bool fv_map_index_view(const struct fv_map *map, uint32_t slot);
-/* What geometry needs of a feature. False, and untouched: the lens model knows no bearing there; features of views
- * have one. */
-bool fv_map_keypoint(const struct fv_map *map, const struct fv_pixel *point, struct fv_keypoint *keypoint);
+/* What geometry needs of a feature. False, and untouched: the lens model knows no bearing there;
+ * features of views have one. */
+bool fv_map_keypoint(const struct fv_map *map, const struct fv_pixel *point,
+                     struct fv_keypoint *keypoint);
 /* Bearings of a view's features, limits.features elements. */
 void fv_map_bearings(const struct fv_map *map, uint32_t slot, float (*bearings)[3]);
-/* Weighted squared error of a feature that sees the point q (camera frame), px^2; 1e9 behind the camera. */
+/* Weighted squared error of a feature that sees the point q (camera frame), px^2; 1e9 behind the
+ * camera. */
 double fv_map_error2(const struct fv_map *map, const struct fv_pixel *point, const double q[3]);
 /* Copy a view with its frame to another slot; links are not copied. The slot's generation rises. */
 void fv_map_copy_view(struct fv_map *map, uint32_t from, uint32_t to);
 
-/* Make a keyframe of a view (current or waiting), in the current map. When no slot is free, the most redundant keyframe
- * goes. Returns its slot. */
+/* Make a keyframe of a view (current or waiting), in the current map. When no slot is free, the
+ * most redundant keyframe goes. Returns its slot. */
 uint32_t fv_map_add_keyframe(struct fv_map *map, uint32_t from);
 /* Drop a keyframe; landmarks that are left with no observer go with it. */
 void fv_map_remove_keyframe(struct fv_map *map, uint32_t slot);
-/* Free `wanted` landmark slots, by the rules above; `frame_number` is now. When no landmark may go, the most
- * redundant keyframes do; at least two stay. */
+/* Free `wanted` landmark slots, by the rules above; `frame_number` is now. When no landmark may go,
+ * the most redundant keyframes do; at least two stay. */
 void fv_map_make_room(struct fv_map *map, uint32_t wanted, uint64_t frame_number);
 
 /* A new landmark without observers; FV_MAP_NONE when the pool is full. */
 int32_t fv_map_add_landmark(struct fv_map *map, const double point[3], uint64_t frame_number);
 void fv_map_remove_landmark(struct fv_map *map, uint32_t landmark);
-/* Feature `feature` of a keyframe sees the landmark. False when either is taken, or the landmark is seen by
- * that keyframe already. A full list of observers gives up its second oldest. */
+/* Feature `feature` of a keyframe sees the landmark. False when either is taken, or the landmark is
+ * seen by that keyframe already. A full list of observers gives up its second oldest. */
 bool fv_map_link(struct fv_map *map, uint32_t landmark, uint32_t keyframe, uint32_t feature);
 void fv_map_unlink(struct fv_map *map, uint32_t landmark, uint32_t keyframe);
-/* Recompute direction, distance and spread from observers, and choose the descriptor nearest to the others. */
+/* Recompute direction, distance and spread from observers, and choose the descriptor nearest to the
+ * others. */
 void fv_map_refresh_landmark(struct fv_map *map, uint32_t landmark);
 /* A component of a unit vector, as a landmark keeps it. */
 static inline int16_t fv_map_direction(double component)
@@ -252,7 +274,8 @@ static inline int16_t fv_map_direction(double component)
     return (int16_t)(scaled < 0 ? scaled - 0.5 : scaled + 0.5);
 }
 /* Of a landmark that has observers. */
-static inline const uint8_t *fv_map_descriptor(const struct fv_map *map, const struct fv_landmark *l)
+static inline const uint8_t *fv_map_descriptor(const struct fv_map *map,
+                                               const struct fv_landmark *l)
 {
     const struct fv_observer o = l->observers[l->best];
     return map->descriptors +
@@ -265,21 +288,23 @@ static inline double fv_map_cosine(const struct fv_landmark *l, const double ray
            (FV_MAP_DIRECTION_ONE * length);
 }
 
-/* Make one of two landmarks that are the same thing: `keep` gets what `drop` has, as far as it has room and keyframes do
- * not see both; `drop` goes. */
+/* Make one of two landmarks that are the same thing: `keep` gets what `drop` has, as far as it has
+ * room and keyframes do not see both; `drop` goes. */
 void fv_map_fuse_landmarks(struct fv_map *map, uint32_t keep, uint32_t drop);
 
-/* ---- covisibility, redundancy and maps (keep.c) ---------------------------------------------------------- */
+/* ---- covisibility, redundancy and maps (keep.c)
+ * ---------------------------------------------------------- */
 
 /* A keyframe that shares landmarks with another. */
 struct fv_neighbour {
     uint32_t slot, generation, shared;
 };
 
-/* How many landmarks each keyframe shares with a view's links; `shared` by slot, limits.keyframes elements. */
+/* How many landmarks each keyframe shares with a view's links; `shared` by slot, limits.keyframes
+ * elements. */
 void fv_map_count_shared(const struct fv_map *map, uint32_t slot, uint16_t *shared);
-/* The keyframes that share at least `shared_min` landmarks with a keyframe, most first (of equals the newer), at most
- * `max` (itself left out). Returns their number. */
+/* The keyframes that share at least `shared_min` landmarks with a keyframe, most first (of equals
+ * the newer), at most `max` (itself left out). Returns their number. */
 uint32_t fv_map_neighbours(const struct fv_map *map, uint32_t slot, uint32_t shared_min,
                            struct fv_neighbour *neighbours, uint32_t max);
 static inline bool fv_map_holds(const struct fv_map *map, uint32_t slot, uint32_t generation)
@@ -287,7 +312,8 @@ static inline bool fv_map_holds(const struct fv_map *map, uint32_t slot, uint32_
     return map->keyframes[slot].used && map->keyframes[slot].generation == generation;
 }
 
-/* Rate a keyframe's redundancy anew. To be called for a keyframe and its neighbours when it has its landmarks. */
+/* Rate a keyframe's redundancy anew. To be called for a keyframe and its neighbours when it has its
+ * landmarks. */
 void fv_map_rate_keyframe(struct fv_map *map, uint32_t slot);
 /* The keyframe that would go next. */
 uint32_t fv_map_most_redundant(struct fv_map *map);
@@ -296,13 +322,15 @@ uint32_t fv_map_most_redundant(struct fv_map *map);
 void fv_map_add_edge(struct fv_map *map, uint32_t a, uint32_t b);
 /* Begin another map in the same pools; its world is new, S_map_odom is the identity. */
 void fv_map_begin_another(struct fv_map *map);
-/* Another map is the current one from now on, with the `odom` frame that it was left with, if that is still known. */
+/* Another map is the current one from now on, with the `odom` frame that it was left with, if that
+ * is still known. */
 void fv_map_enter(struct fv_map *map, uint32_t map_id);
 /* Drop all keyframes of a map, with their landmarks. */
 void fv_map_drop(struct fv_map *map, uint32_t map_id);
 uint32_t fv_map_count_keyframes(const struct fv_map *map, uint32_t map_id);
 
-/* ---- guided search ----------------------------------------------------------------------------------- */
+/* ---- guided search
+ * ----------------------------------------------------------------------------------- */
 
 struct fv_found {
     int32_t feature; /* FV_MAP_NONE: none */
@@ -310,18 +338,20 @@ struct fv_found {
     uint32_t distance, second;
 };
 
-/* The feature of a view nearest to `descriptor` within radius_px of (x, y), of levels [level_min, level_max].
- * When `only_free`, features that have a landmark are left out. */
-struct fv_found fv_map_search(const struct fv_map *map, const struct fv_kernels *kernels, uint32_t slot,
-                              double x_px, double y_px, double radius_px, int level_min, int level_max,
-                              const uint8_t *descriptor, bool only_free);
+/* The feature of a view nearest to `descriptor` within radius_px of (x, y), of levels [level_min,
+ * level_max]. When `only_free`, features that have a landmark are left out. */
+struct fv_found fv_map_search(const struct fv_map *map, const struct fv_kernels *kernels,
+                              uint32_t slot, double x_px, double y_px, double radius_px,
+                              int level_min, int level_max, const uint8_t *descriptor,
+                              bool only_free);
 
-/* The feature without landmark nearest to `descriptor` within `box` (x0 y0 x1 y1, px) whose bearing (of
- * fv_map_bearings) lies within limit_rad times its level's scale of the plane with the unit normal `normal` (the view's
- * frame). */
-struct fv_found fv_map_search_line(const struct fv_map *map, const struct fv_kernels *kernels, uint32_t slot,
-                                   const float (*bearings)[3], const double box[4], const double normal[3],
-                                   double limit_rad, int level_min, int level_max, const uint8_t *descriptor);
+/* The feature without landmark nearest to `descriptor` within `box` (x0 y0 x1 y1, px) whose bearing
+ * (of fv_map_bearings) lies within limit_rad times its level's scale of the plane with the unit
+ * normal `normal` (the view's frame). */
+struct fv_found fv_map_search_line(const struct fv_map *map, const struct fv_kernels *kernels,
+                                   uint32_t slot, const float (*bearings)[3], const double box[4],
+                                   const double normal[3], double limit_rad, int level_min,
+                                   int level_max, const uint8_t *descriptor);
 
 #ifdef __cplusplus
 }

@@ -6,7 +6,8 @@ void fv_place_carve(struct fv_place *place, uint32_t keyframes, struct fv_arena 
 {
     place->keyframes = keyframes;
     place->lanes = (keyframes + 63) / 64;
-    place->rows = fv_arena_take(arena, (size_t)FV_VOCABULARY_WORDS * place->lanes, sizeof *place->rows);
+    place->rows =
+        fv_arena_take(arena, (size_t)FV_VOCABULARY_WORDS * place->lanes, sizeof *place->rows);
     place->slots = fv_arena_take(arena, keyframes, sizeof *place->slots);
 }
 
@@ -60,7 +61,8 @@ void fv_place_insert(struct fv_place *place, uint32_t slot, uint32_t generation,
                      const struct fv_place_words *words)
 {
     fv_place_remove(place, slot);
-    /* A view without any telling word keeps an entry that nothing finds, so that it is not made again. */
+    /* A view without any telling word keeps an entry that nothing finds, so that it is not made
+     * again. */
     place->slots[slot] = (struct fv_place_slot){generation, words->weight > 0 ? words->weight : 1};
     for (uint32_t k = 0; k < sizeof words->present / sizeof *words->present; k++)
         for (uint64_t bits = words->present[k]; bits != 0;) {

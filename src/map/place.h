@@ -1,14 +1,15 @@
 /* Place recognition: which keyframes look like a view.
  *
- * A view is the set of visual words of its descriptors (vocabulary.h). The inverted index holds for every
- * word one bit per keyframe slot, so its size is fixed, and adding or removing a keyframe cannot fail. Two
- * views are as similar as the cosine of their weighted sets: the weight of the words they share over the root
- * of the product of their own weights. How often a word occurs in a view is left out, since repeated texture
- * would shout down the rest (Jegou, Douze and Schmid, "On the burstiness of visual elements", CVPR 2009).
+ * A view is the set of visual words of its descriptors (vocabulary.h). The inverted index holds for
+ * every word one bit per keyframe slot, so its size is fixed, and adding or removing a keyframe
+ * cannot fail. Two views are as similar as the cosine of their weighted sets: the weight of the
+ * words they share over the root of the product of their own weights. How often a word occurs in a
+ * view is left out, since repeated texture would shout down the rest (Jegou, Douze and Schmid, "On
+ * the burstiness of visual elements", CVPR 2009).
  *
- * A slot's entry carries the generation of the keyframe that it was made for; fv_place_holds tells whether it
- * is still that one, so whoever frees a keyframe need not tell the index. Integer only but for one root; no
- * addresses in the state. Real-time safe. */
+ * A slot's entry carries the generation of the keyframe that it was made for; fv_place_holds tells
+ * whether it is still that one, so whoever frees a keyframe need not tell the index. Integer only
+ * but for one root; no addresses in the state. Real-time safe. */
 #ifndef FOVEA_MAP_PLACE_H
 #define FOVEA_MAP_PLACE_H
 
@@ -66,23 +67,25 @@ struct fv_place {
     struct fv_place_slot *slots; /* persistent */
 };
 
-/* Take memory for an index over `keyframes` slots (at most 64 * FV_PLACE_LANES_MAX): 8 bytes per word and 64
- * keyframes. Sets sizes and addresses only. */
+/* Take memory for an index over `keyframes` slots (at most 64 * FV_PLACE_LANES_MAX): 8 bytes per
+ * word and 64 keyframes. Sets sizes and addresses only. */
 void fv_place_carve(struct fv_place *place, uint32_t keyframes, struct fv_arena *persistent);
 /* Empty the index. */
 void fv_place_clear(struct fv_place *place);
 
-/* ---- words of a view ----------------------------------------------------------------------------------- */
+/* ---- words of a view
+ * ----------------------------------------------------------------------------------- */
 
 void fv_place_words_begin(struct fv_place_words *words);
 /* Take in descriptors; at most FV_PLACE_UNIT of them make a unit of work. */
 void fv_place_words_add(struct fv_place_words *words, const struct fv_kernels *kernels,
                         const uint8_t *descriptors, uint32_t count);
 
-/* ---- the index ----------------------------------------------------------------------------------------- */
+/* ---- the index
+ * ----------------------------------------------------------------------------------------- */
 
-/* Make the entry of a keyframe, in place of any other of the slot. One unit: a bit in each of the words'
- * rows. */
+/* Make the entry of a keyframe, in place of any other of the slot. One unit: a bit in each of the
+ * words' rows. */
 void fv_place_insert(struct fv_place *place, uint32_t slot, uint32_t generation,
                      const struct fv_place_words *words);
 void fv_place_remove(struct fv_place *place, uint32_t slot);
@@ -92,12 +95,13 @@ static inline bool fv_place_holds(const struct fv_place *place, uint32_t slot, u
     return place->slots[slot].weight != 0 && place->slots[slot].generation == generation;
 }
 
-/* Scores of all slots in `among` that have an entry; others are 0. `scores`: place->keyframes elements. One
- * unit: a view's words times the keyframes that have them. */
+/* Scores of all slots in `among` that have an entry; others are 0. `scores`: place->keyframes
+ * elements. One unit: a view's words times the keyframes that have them. */
 void fv_place_scores(const struct fv_place *place, const struct fv_place_words *words,
                      const struct fv_place_set *among, uint32_t *scores);
 
-/* The `max` best of `scores` that are at least `least`, best first, equal ones by slot. Returns how many. */
+/* The `max` best of `scores` that are at least `least`, best first, equal ones by slot. Returns how
+ * many. */
 uint32_t fv_place_best(const uint32_t *scores, uint32_t keyframes, uint32_t least,
                        struct fv_place_candidate *best, uint32_t max);
 

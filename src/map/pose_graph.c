@@ -19,7 +19,8 @@ void fv_pose_graph_carve(struct fv_pose_graph *g, const struct fv_pose_graph_lim
     g->order = fv_arena_take(job, limits->nodes, sizeof *g->order);
 }
 
-/* ---- building -------------------------------------------------------------------------------------- */
+/* ---- building
+ * -------------------------------------------------------------------------------------- */
 
 void fv_pose_graph_begin(struct fv_pose_graph *g)
 {
@@ -37,8 +38,8 @@ int32_t fv_pose_graph_add_node(struct fv_pose_graph *g, const struct fv_sim3 *S,
     return (int32_t)g->state->node_count++;
 }
 
-bool fv_pose_graph_add_edge(struct fv_pose_graph *g, uint32_t a, uint32_t b, const struct fv_sim3 *S_a_b,
-                            const double weight[3])
+bool fv_pose_graph_add_edge(struct fv_pose_graph *g, uint32_t a, uint32_t b,
+                            const struct fv_sim3 *S_a_b, const double weight[3])
 {
     if (g->state->edge_count == g->limits.edges || a == b) return false;
     struct fv_graph_edge *edge = &g->edges[g->state->edge_count++];
@@ -50,7 +51,8 @@ bool fv_pose_graph_add_edge(struct fv_pose_graph *g, uint32_t a, uint32_t b, con
     return true;
 }
 
-void fv_pose_graph_between(const struct fv_pose_graph *g, uint32_t a, uint32_t b, struct fv_sim3 *S_a_b)
+void fv_pose_graph_between(const struct fv_pose_graph *g, uint32_t a, uint32_t b,
+                           struct fv_sim3 *S_a_b)
 {
     struct fv_sim3 inverse;
     fv_sim3_invert(&g->nodes[b].S, &inverse);
@@ -68,7 +70,8 @@ static void fv_list_neighbours(struct fv_pose_graph *g)
     uint32_t end = 0;
     for (uint32_t n = 0; n < s->node_count; n++)
         g->nodes[n].first = end += g->nodes[n].first;
-    for (uint32_t e = s->edge_count; e-- > 0;) { /* from the back, so that each list keeps the edges' order */
+    for (uint32_t e = s->edge_count;
+         e-- > 0;) { /* from the back, so that each list keeps the edges' order */
         g->neighbours[--g->nodes[g->edges[e].a].first] = e;
         g->neighbours[--g->nodes[g->edges[e].b].first] = e;
     }
@@ -79,8 +82,8 @@ static uint32_t fv_neighbours_end(const struct fv_pose_graph *g, uint32_t node)
     return node + 1 < g->state->node_count ? g->nodes[node + 1].first : 2 * g->state->edge_count;
 }
 
-/* Breadth first from a node: moving ones join the order with their parents before them. A fixed node gives no
- * parent's block, so its children are roots of the elimination. */
+/* Breadth first from a node: moving ones join the order with their parents before them. A fixed
+ * node gives no parent's block, so its children are roots of the elimination. */
 static void fv_reach(struct fv_pose_graph *g, uint32_t from)
 {
     for (uint32_t k = g->nodes[from].first; k < fv_neighbours_end(g, from); k++) {
@@ -113,9 +116,11 @@ bool fv_pose_graph_start(struct fv_pose_graph *g)
     return true;
 }
 
-/* ---- errors ---------------------------------------------------------------------------------------- */
+/* ---- errors
+ * ---------------------------------------------------------------------------------------- */
 
-static void fv_edge_error(const struct fv_pose_graph *g, const struct fv_graph_edge *edge, double e[7])
+static void fv_edge_error(const struct fv_pose_graph *g, const struct fv_graph_edge *edge,
+                          double e[7])
 {
     struct fv_sim3 inverse, E;
     fv_sim3_invert(&g->nodes[edge->a].S, &inverse);
@@ -182,8 +187,8 @@ static void fv_multiply77(const double A[49], const double B[49], double out[49]
     }
 }
 
-/* Derivative of log(exp(x) exp(e)) by x at 0 (left) and of log(exp(e) exp(x)) (right): 1 -+ ad/2 + ad^2/12 -
- * ad^4/720 + ad^6/30240, Bernoulli's numbers over factorials. */
+/* Derivative of log(exp(x) exp(e)) by x at 0 (left) and of log(exp(e) exp(x)) (right): 1 -+ ad/2 +
+ * ad^2/12 - ad^4/720 + ad^6/30240, Bernoulli's numbers over factorials. */
 static void fv_log_derivatives(const double e[7], double left[49], double right[49])
 {
     double ad[49], square[49], fourth[49], sixth[49];
@@ -198,11 +203,12 @@ static void fv_log_derivatives(const double e[7], double left[49], double right[
     }
 }
 
-/* ---- linearising ----------------------------------------------------------------------------------- */
+/* ---- linearising
+ * ----------------------------------------------------------------------------------- */
 
 /* A^T W B of one edge. */
-static void fv_normal_block(const struct fv_graph_edge *edge, const double A[49], const double B[49],
-                            double out[49])
+static void fv_normal_block(const struct fv_graph_edge *edge, const double A[49],
+                            const double B[49], double out[49])
 {
     for (int r = 0; r < 7; r++) {
         double row[7] = {0};
@@ -215,7 +221,8 @@ static void fv_normal_block(const struct fv_graph_edge *edge, const double A[49]
     }
 }
 
-/* What the edge adds to the gradient and the diagonal of a node; the latter is kept in `tree` unless NULL. */
+/* What the edge adds to the gradient and the diagonal of a node; the latter is kept in `tree`
+ * unless NULL. */
 static void fv_add_to_node(const struct fv_graph_edge *edge, const double A[49], const double e[7],
                            struct fv_graph_node *node, double *tree)
 {
@@ -275,7 +282,8 @@ static void fv_linearise_unit(struct fv_pose_graph *g)
     s->phase = FV_GRAPH_FACTOR;
 }
 
-/* ---- judging a step -------------------------------------------------------------------------------- */
+/* ---- judging a step
+ * -------------------------------------------------------------------------------- */
 
 static void fv_take_steps(struct fv_pose_graph *g)
 {

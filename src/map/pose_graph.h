@@ -1,12 +1,14 @@
-/* Pose-graph optimisation: poses that similarities tie together, adjusted to agree with all of them; a job.
+/* Pose-graph optimisation: poses that similarities tie together, adjusted to agree with all of
+ * them; a job.
  *
- * A node is S_cam_world of a keyframe, an edge says what S_a_b between two of them should be. Minimised is
- * half the sum over edges of the weighted squares of log(S_a_b S_b_world S_a_world^-1), by
- * Levenberg-Marquardt; after H. Strasdat, J. Montiel, A. Davison, "Scale drift-aware large scale monocular
- * SLAM" (RSS 2010). Each step is solved by conjugate gradients with the exact solution of a spanning tree as
- * preconditioner, which needs no fill-in and so fixed memory (F. Dellaert et al., "Subgraph-preconditioned
- * conjugate gradients for large scale SLAM", IROS 2010). Works on its own copy, in units of bounded cost;
- * state holds no addresses. Real-time safe. */
+ * A node is S_cam_world of a keyframe, an edge says what S_a_b between two of them should be.
+ * Minimised is half the sum over edges of the weighted squares of log(S_a_b S_b_world
+ * S_a_world^-1), by Levenberg-Marquardt; after H. Strasdat, J. Montiel, A. Davison, "Scale
+ * drift-aware large scale monocular SLAM" (RSS 2010). Each step is solved by conjugate gradients
+ * with the exact solution of a spanning tree as preconditioner, which needs no fill-in and so fixed
+ * memory (F. Dellaert et al., "Subgraph-preconditioned conjugate gradients for large scale SLAM",
+ * IROS 2010). Works on its own copy, in units of bounded cost; state holds no addresses. Real-time
+ * safe. */
 #ifndef FOVEA_MAP_POSE_GRAPH_H
 #define FOVEA_MAP_POSE_GRAPH_H
 
@@ -33,7 +35,8 @@ struct fv_graph_node {
     /* what the tree's edge to the parent adds to the two diagonals: lower triangles by rows */
     double own[28], parents[28];
     double factor[49];    /* of what elimination of the tree left of the diagonal block */
-    double to_parent[49]; /* tree's block between this node (rows) and its parent; then factor^-1 times it */
+    double to_parent[49]; /* tree's block between this node (rows) and its parent; then factor^-1
+                             times it */
     double step[7], residual[7], direction[7], image[7], preconditioned[7];
     int32_t parent;     /* in the tree; -1: a root, or not reached */
     uint32_t tree_edge; /* that leads to the parent */
@@ -44,7 +47,8 @@ struct fv_graph_node {
 struct fv_graph_edge {
     struct fv_sim3 S_a_b;
     double weight[3]; /* of translation, rotation, log scale: 1 / sigma^2 */
-    /* Of the normal equations: rows a, columns b. It tells how steps hang together, and not where they end: floats do. */
+    /* Of the normal equations: rows a, columns b. It tells how steps hang together, and not where
+     * they end: floats do. */
     float block[49];
     uint32_t a, b;
 };
@@ -81,19 +85,23 @@ void fv_pose_graph_carve(struct fv_pose_graph *graph, const struct fv_pose_graph
 /* Empty the graph; then add nodes and edges, and start. */
 void fv_pose_graph_begin(struct fv_pose_graph *graph);
 /* Number of the node, -1 when there is no room. */
-int32_t fv_pose_graph_add_node(struct fv_pose_graph *graph, const struct fv_sim3 *S_cam_world, bool fixed);
+int32_t fv_pose_graph_add_node(struct fv_pose_graph *graph, const struct fv_sim3 *S_cam_world,
+                               bool fixed);
 /* False when there is no room. */
-bool fv_pose_graph_add_edge(struct fv_pose_graph *graph, uint32_t a, uint32_t b, const struct fv_sim3 *S_a_b,
-                            const double weight[3]);
+bool fv_pose_graph_add_edge(struct fv_pose_graph *graph, uint32_t a, uint32_t b,
+                            const struct fv_sim3 *S_a_b, const double weight[3]);
 /* What nodes say of the edge now: S_a_world S_b_world^-1. */
-void fv_pose_graph_between(const struct fv_pose_graph *graph, uint32_t a, uint32_t b, struct fv_sim3 *S_a_b);
+void fv_pose_graph_between(const struct fv_pose_graph *graph, uint32_t a, uint32_t b,
+                           struct fv_sim3 *S_a_b);
 /* Build the tree. Nodes that no path ties to a fixed one do not move. False when nothing moves. */
 bool fv_pose_graph_start(struct fv_pose_graph *graph);
 
-/* One unit of work, at most about 0.25 ms; true when units are left. Afterwards nodes[].S is the result. */
+/* One unit of work, at most about 0.25 ms; true when units are left. Afterwards nodes[].S is the
+ * result. */
 bool fv_pose_graph_unit(struct fv_pose_graph *graph);
 
-/* ---- between the files of the job ------------------------------------------------------------------ */
+/* ---- between the files of the job
+ * ------------------------------------------------------------------ */
 
 /* Factor the tree with the damping. False when a block is not positive definite. */
 bool fv_graph_factor(struct fv_pose_graph *graph);

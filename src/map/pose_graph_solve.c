@@ -1,4 +1,5 @@
-/* The linear part of pose-graph optimisation: conjugate gradients, with the spanning tree solved exactly. */
+/* The linear part of pose-graph optimisation: conjugate gradients, with the spanning tree solved
+ * exactly. */
 #include <string.h>
 
 #include "geometry/linear.h"
@@ -36,7 +37,8 @@ static void fv_add_triangle(const double triangle[28], double M[49])
             M[7 * r + c] += triangle[i++];
 }
 
-/* ---- the tree -------------------------------------------------------------------------------------- */
+/* ---- the tree
+ * -------------------------------------------------------------------------------------- */
 
 static void fv_damp(const struct fv_graph_node *node, double damping, double D[49])
 {
@@ -44,8 +46,8 @@ static void fv_damp(const struct fv_graph_node *node, double damping, double D[4
         D[8 * a] += damping * node->diagonal[8 * a] + 1e-12;
 }
 
-/* Diagonal blocks of the tree alone: a node has the share of the edge to its parent, and of those to its
- * children. */
+/* Diagonal blocks of the tree alone: a node has the share of the edge to its parent, and of those
+ * to its children. */
 static void fv_tree_blocks(struct fv_pose_graph *g)
 {
     for (uint32_t k = 0; k < g->state->ordered; k++) {
@@ -97,7 +99,8 @@ static void fv_apply_tree(struct fv_pose_graph *g)
 {
     const struct fv_pose_graph_state *s = g->state;
     for (uint32_t k = 0; k < s->ordered; k++)
-        memcpy(g->nodes[g->order[k]].preconditioned, g->nodes[g->order[k]].residual, 7 * sizeof(double));
+        memcpy(g->nodes[g->order[k]].preconditioned, g->nodes[g->order[k]].residual,
+               7 * sizeof(double));
     for (uint32_t k = s->ordered; k-- > 0;) {
         struct fv_graph_node *node = &g->nodes[g->order[k]];
         if (node->parent < 0) continue;
@@ -117,7 +120,8 @@ static void fv_apply_tree(struct fv_pose_graph *g)
     }
 }
 
-/* ---- conjugate gradients --------------------------------------------------------------------------- */
+/* ---- conjugate gradients
+ * --------------------------------------------------------------------------- */
 
 /* image = H direction. Fixed nodes have direction zero, and their image is not read. */
 static void fv_apply_system(struct fv_pose_graph *g)

@@ -16,13 +16,16 @@ struct fv_view fv_map_view(const struct fv_map *map, uint32_t slot)
                            .points = map->points + first,
                            .descriptors = map->descriptors + first * FV_MAP_DESCRIPTOR_BYTES,
                            .landmark = map->links + first,
-                           .cells = map->cells + (size_t)slot * (size_t)(map->columns * map->rows + 1)};
+                           .cells =
+                               map->cells + (size_t)slot * (size_t)(map->columns * map->rows + 1)};
     if (slot >= map->limits.keyframes)
-        view.keypoints = map->keypoints + (size_t)(slot - map->limits.keyframes) * map->limits.features;
+        view.keypoints =
+            map->keypoints + (size_t)(slot - map->limits.keyframes) * map->limits.features;
     return view;
 }
 
-/* ---- the grid ---------------------------------------------------------------------------------------- */
+/* ---- the grid
+ * ---------------------------------------------------------------------------------------- */
 
 static int32_t fv_clamp(int32_t v, int32_t low, int32_t high)
 {
@@ -31,8 +34,10 @@ static int32_t fv_clamp(int32_t v, int32_t low, int32_t high)
 
 static int32_t fv_cell_of(const struct fv_map *map, const struct fv_pixel *p)
 {
-    const int32_t column = fv_clamp((int32_t)(p->x * map->pixel_px) / FV_MAP_CELL_PX, 0, map->columns - 1),
-                  row = fv_clamp((int32_t)(p->y * map->pixel_px) / FV_MAP_CELL_PX, 0, map->rows - 1);
+    const int32_t column = fv_clamp((int32_t)(p->x * map->pixel_px) / FV_MAP_CELL_PX, 0,
+                                    map->columns - 1),
+                  row =
+                      fv_clamp((int32_t)(p->y * map->pixel_px) / FV_MAP_CELL_PX, 0, map->rows - 1);
     return row * map->columns + column;
 }
 
@@ -58,9 +63,11 @@ bool fv_map_index_view(const struct fv_map *map, uint32_t slot)
     return true;
 }
 
-/* ---- geometry of features ---------------------------------------------------------------------------- */
+/* ---- geometry of features
+ * ---------------------------------------------------------------------------- */
 
-static void fv_set_keypoint(const double bearing[3], const double A[6], uint32_t level, struct fv_keypoint *k)
+static void fv_set_keypoint(const double bearing[3], const double A[6], uint32_t level,
+                            struct fv_keypoint *k)
 {
     const double sigma = sigma_px * fv_level_scale(level);
     for (int i = 0; i < 3; i++)
@@ -70,11 +77,12 @@ static void fv_set_keypoint(const double bearing[3], const double A[6], uint32_t
     k->weight = (float)(1 / (sigma * sigma));
 }
 
-bool fv_map_keypoint(const struct fv_map *map, const struct fv_pixel *point, struct fv_keypoint *keypoint)
+bool fv_map_keypoint(const struct fv_map *map, const struct fv_pixel *point,
+                     struct fv_keypoint *keypoint)
 {
     double bearing[3], A[6];
-    if (!fv_bearing_of(map->bearings, map->camera, point->x * map->pixel_px, point->y * map->pixel_px,
-                       bearing, A))
+    if (!fv_bearing_of(map->bearings, map->camera, point->x * map->pixel_px,
+                       point->y * map->pixel_px, bearing, A))
         return false;
     fv_set_keypoint(bearing, A, point->level, keypoint);
     return true;
@@ -97,7 +105,8 @@ void fv_map_bearings(const struct fv_map *map, uint32_t slot, float (*bearings)[
     const struct fv_view view = fv_map_view(map, slot);
     struct fv_ray rays[RAYS_PER_TURN];
     for (uint32_t f = 0; f < view.frame->features;) {
-        const uint32_t left = view.frame->features - f, some = left < RAYS_PER_TURN ? left : RAYS_PER_TURN;
+        const uint32_t left = view.frame->features - f,
+                       some = left < RAYS_PER_TURN ? left : RAYS_PER_TURN;
         fv_some_rays(map, view.points + f, some, rays);
         for (uint32_t i = 0; i < some; i++, f++)
             for (int k = 0; k < 3; k++)
@@ -108,25 +117,28 @@ void fv_map_bearings(const struct fv_map *map, uint32_t slot, float (*bearings)[
 double fv_map_error2(const struct fv_map *map, const struct fv_pixel *point, const double q[3])
 {
     double b[3], A[6], e[2];
-    if (!fv_bearing_of(map->bearings, map->camera, point->x * map->pixel_px, point->y * map->pixel_px, b,
-                       A) ||
+    if (!fv_bearing_of(map->bearings, map->camera, point->x * map->pixel_px,
+                       point->y * map->pixel_px, b, A) ||
         !fv_sight_error(b, A, q, e, 0))
         return 1e9;
     const double sigma = sigma_px * fv_level_scale(point->level);
     return (e[0] * e[0] + e[1] * e[1]) / (sigma * sigma);
 }
 
-/* ---- filling ----------------------------------------------------------------------------------------- */
+/* ---- filling
+ * ----------------------------------------------------------------------------------------- */
 
-/* Features of the frame into the view, cell by cell. Links are scratch: the cell of each, as they come. */
+/* Features of the frame into the view, cell by cell. Links are scratch: the cell of each, as they
+ * come. */
 static void fv_sort_in(const struct fv_map *map, const struct fv_view *view,
-                       const struct fovea_feature *features, const uint8_t *descriptors, uint32_t count,
-                       uint16_t *from)
+                       const struct fovea_feature *features, const uint8_t *descriptors,
+                       uint32_t count, uint16_t *from)
 {
     const int32_t cells = map->columns * map->rows;
     memset(view->cells, 0, (size_t)(cells + 1) * sizeof *view->cells);
     for (uint32_t i = 0; i < count; i++) {
-        const struct fv_pixel p = {fv_fixed(map, features[i].x_px), fv_fixed(map, features[i].y_px), 0, 0};
+        const struct fv_pixel p = {fv_fixed(map, features[i].x_px), fv_fixed(map, features[i].y_px),
+                                   0, 0};
         view->landmark[i] = (int16_t)fv_cell_of(map, &p);
         view->cells[view->landmark[i] + 1]++;
     }
@@ -134,8 +146,9 @@ static void fv_sort_in(const struct fv_map *map, const struct fv_view *view,
         view->cells[c + 1] = (uint16_t)(view->cells[c + 1] + view->cells[c]);
     for (uint32_t i = 0; i < count; i++) { /* cells move on to their ends, which index_view mends */
         const uint32_t at = view->cells[view->landmark[i]]++;
-        view->points[at] = (struct fv_pixel){fv_fixed(map, features[i].x_px), fv_fixed(map, features[i].y_px),
-                                             (uint8_t)features[i].level, 0};
+        view->points[at] =
+            (struct fv_pixel){fv_fixed(map, features[i].x_px), fv_fixed(map, features[i].y_px),
+                              (uint8_t)features[i].level, 0};
         memcpy(view->descriptors + (size_t)at * FV_MAP_DESCRIPTOR_BYTES,
                descriptors + (size_t)i * FV_MAP_DESCRIPTOR_BYTES, FV_MAP_DESCRIPTOR_BYTES);
         if (from != NULL) from[at] = (uint16_t)i;
@@ -155,11 +168,13 @@ void fv_map_fill_view(const struct fv_map *map, uint32_t slot, const struct fove
         fv_some_rays(map, view.points + f, some, rays);
         for (uint32_t i = 0; i < some; i++, f++) {
             if (!rays[i].seen) continue;
-            fv_set_keypoint(rays[i].bearing, rays[i].A, view.points[f].level, &view.keypoints[kept]);
+            fv_set_keypoint(rays[i].bearing, rays[i].A, view.points[f].level,
+                            &view.keypoints[kept]);
             if (kept != f) {
                 view.points[kept] = view.points[f];
                 memcpy(view.descriptors + (size_t)kept * FV_MAP_DESCRIPTOR_BYTES,
-                       view.descriptors + (size_t)f * FV_MAP_DESCRIPTOR_BYTES, FV_MAP_DESCRIPTOR_BYTES);
+                       view.descriptors + (size_t)f * FV_MAP_DESCRIPTOR_BYTES,
+                       FV_MAP_DESCRIPTOR_BYTES);
                 if (from != NULL) from[kept] = from[f];
             }
             kept++;
@@ -187,11 +202,13 @@ void fv_map_copy_view(struct fv_map *map, uint32_t from, uint32_t to)
         b.landmark[i] = FV_MAP_NONE;
 }
 
-/* ---- guided search ----------------------------------------------------------------------------------- */
+/* ---- guided search
+ * ----------------------------------------------------------------------------------- */
 
 /* Features of the view within the square around (x, y); cut at CANDIDATES_MAX. */
 static int32_t fv_gather(const struct fv_map *map, const struct fv_view *view, double x, double y,
-                         double radius, int level_min, int level_max, bool only_free, uint16_t *candidates)
+                         double radius, int level_min, int level_max, bool only_free,
+                         uint16_t *candidates)
 {
     const int32_t c0 = fv_clamp((int32_t)(x - radius) / FV_MAP_CELL_PX, 0, map->columns - 1),
                   c1 = fv_clamp((int32_t)(x + radius) / FV_MAP_CELL_PX, 0, map->columns - 1),
@@ -206,7 +223,8 @@ static int32_t fv_gather(const struct fv_map *map, const struct fv_view *view, d
         for (uint32_t f = first; f < last && count < CANDIDATES_MAX; f++) {
             const struct fv_pixel *p = &view->points[f];
             const double dx = p->x * map->pixel_px - x, dy = p->y * map->pixel_px - y;
-            if (dx * dx + dy * dy > square || (int)p->level < level_min || (int)p->level > level_max)
+            if (dx * dx + dy * dy > square || (int)p->level < level_min ||
+                (int)p->level > level_max)
                 continue;
             if (only_free && view->landmark[f] != FV_MAP_NONE) continue;
             candidates[count++] = (uint16_t)f;
@@ -216,11 +234,13 @@ static int32_t fv_gather(const struct fv_map *map, const struct fv_view *view, d
 }
 
 static struct fv_found fv_nearest(const struct fv_kernels *kernels, const struct fv_view *view,
-                                  const uint16_t *candidates, int32_t count, const uint8_t *descriptor)
+                                  const uint16_t *candidates, int32_t count,
+                                  const uint8_t *descriptor)
 {
     struct fv_found found = {FV_MAP_NONE, 256, 256};
     uint16_t distances[CANDIDATES_MAX];
-    if (count > 0) kernels->hamming_some_u8(distances, descriptor, view->descriptors, candidates, count);
+    if (count > 0)
+        kernels->hamming_some_u8(distances, descriptor, view->descriptors, candidates, count);
     for (int32_t k = 0; k < count; k++) {
         if (distances[k] < found.distance) {
             found.second = found.distance;
@@ -233,9 +253,10 @@ static struct fv_found fv_nearest(const struct fv_kernels *kernels, const struct
     return found;
 }
 
-struct fv_found fv_map_search(const struct fv_map *map, const struct fv_kernels *kernels, uint32_t slot,
-                              double x_px, double y_px, double radius_px, int level_min, int level_max,
-                              const uint8_t *descriptor, bool only_free)
+struct fv_found fv_map_search(const struct fv_map *map, const struct fv_kernels *kernels,
+                              uint32_t slot, double x_px, double y_px, double radius_px,
+                              int level_min, int level_max, const uint8_t *descriptor,
+                              bool only_free)
 {
     const struct fv_found none = {FV_MAP_NONE, 256, 256};
     uint16_t candidates[CANDIDATES_MAX];
@@ -246,14 +267,16 @@ struct fv_found fv_map_search(const struct fv_map *map, const struct fv_kernels 
     return fv_nearest(kernels, &view, candidates, count, descriptor);
 }
 
-struct fv_found fv_map_search_line(const struct fv_map *map, const struct fv_kernels *kernels, uint32_t slot,
-                                   const float (*bearings)[3], const double box[4], const double normal[3],
-                                   double limit_rad, int level_min, int level_max, const uint8_t *descriptor)
+struct fv_found fv_map_search_line(const struct fv_map *map, const struct fv_kernels *kernels,
+                                   uint32_t slot, const float (*bearings)[3], const double box[4],
+                                   const double normal[3], double limit_rad, int level_min,
+                                   int level_max, const uint8_t *descriptor)
 {
     uint16_t candidates[CANDIDATES_MAX];
     int32_t count = 0, corner[4];
     for (int i = 0; i < 4; i++) {
-        const double margin = i < 2 ? -6 : 6, limit = (i & 1 ? map->rows : map->columns) * FV_MAP_CELL_PX - 1;
+        const double margin = i < 2 ? -6 : 6,
+                     limit = (i & 1 ? map->rows : map->columns) * FV_MAP_CELL_PX - 1;
         const double v = box[i] + margin;
         corner[i] = (int32_t)(v > 0 ? (v < limit ? v : limit) : 0) / FV_MAP_CELL_PX;
     }
@@ -264,7 +287,8 @@ struct fv_found fv_map_search_line(const struct fv_map *map, const struct fv_ker
         for (uint32_t f = first; f < last && count < CANDIDATES_MAX; f++) {
             const int level = view.points[f].level;
             if (view.landmark[f] != FV_MAP_NONE || level < level_min || level > level_max) continue;
-            const double off = normal[0] * (double)bearings[f][0] + normal[1] * (double)bearings[f][1] +
+            const double off = normal[0] * (double)bearings[f][0] +
+                               normal[1] * (double)bearings[f][1] +
                                normal[2] * (double)bearings[f][2],
                          limit = limit_rad * fv_level_scale((uint32_t)level);
             if (off * off > limit * limit) continue;

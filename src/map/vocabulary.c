@@ -12,8 +12,8 @@ __asm__(".pushsection .rodata\n"
         ".size fv_vocabulary_data, fv_vocabulary_end - fv_vocabulary_data\n"
         ".popsection\n");
 
-void fv_vocabulary_words(const struct fv_kernels *kernels, const uint8_t *descriptors, uint32_t count,
-                         uint16_t *words)
+void fv_vocabulary_words(const struct fv_kernels *kernels, const uint8_t *descriptors,
+                         uint32_t count, uint16_t *words)
 {
     static const uint16_t children[FV_VOCABULARY_BRANCH] = {0,  1,  2,  3,  4,  5,  6,  7,  8,  9,
                                                             10, 11, 12, 13, 14, 15, 16, 17, 18, 19};
@@ -24,7 +24,8 @@ void fv_vocabulary_words(const struct fv_kernels *kernels, const uint8_t *descri
         for (int depth = 0; depth < FV_VOCABULARY_DEPTH; depth++) {
             uint16_t distances[FV_VOCABULARY_BRANCH];
             kernels->hamming_some_u8(distances, descriptor,
-                                     level + (size_t)node * FV_VOCABULARY_BRANCH * FV_DESCRIPTOR_BYTES,
+                                     level +
+                                         (size_t)node * FV_VOCABULARY_BRANCH * FV_DESCRIPTOR_BYTES,
                                      children, FV_VOCABULARY_BRANCH);
             uint32_t best = 0;
             for (uint32_t k = 1; k < FV_VOCABULARY_BRANCH; k++)

@@ -26,7 +26,8 @@ void fv_window_abort(struct fv_window *window)
     window->state->phase = FV_WINDOW_IDLE;
 }
 
-/* ---- a pass: apply the pending step, linearise, eliminate -------------------------------------------- */
+/* ---- a pass: apply the pending step, linearise, eliminate
+ * -------------------------------------------- */
 
 /* Point moved by what the poses' step leaves for it. */
 static void fv_move_point(struct fv_window *w, struct fv_window_landmark *l)
@@ -63,7 +64,8 @@ static double fv_linearise(struct fv_window_state *s, int n, struct fv_window_ob
     fv_se3_apply(&pose->T_cam_world, point, q);
     if (!fv_sight_error(b, A, q, e, J)) {
         memset(o->cross, 0, sizeof o->cross);
-        return 1e3 * huber_square; /* behind the camera: as bad as a far outlier, without a direction */
+        return 1e3 *
+               huber_square; /* behind the camera: as bad as a far outlier, without a direction */
     }
     double weight = o->weight, square = weight * (e[0] * e[0] + e[1] * e[1]), cost = square;
     if (square > huber_square) {
@@ -172,7 +174,8 @@ static void fv_begin_pass(struct fv_window_state *s)
     s->phase = FV_WINDOW_PASS;
 }
 
-/* Solve for the next step and start the pass that applies it; false when the system cannot be solved. */
+/* Solve for the next step and start the pass that applies it; false when the system cannot be
+ * solved. */
 static bool fv_take_step(struct fv_window_state *s)
 {
     int n = 6 * (int)s->moved_count;
@@ -180,7 +183,8 @@ static bool fv_take_step(struct fv_window_state *s)
     memcpy(s->step, s->gradient, (size_t)n * sizeof *s->step);
     fv_ldlt_back(s->system, n, s->step);
     for (uint32_t i = 0; i < s->pose_count; i++)
-        if (s->poses[i].column >= 0) fv_se3_move(&s->poses[i].T_cam_world, s->step + s->poses[i].column);
+        if (s->poses[i].column >= 0)
+            fv_se3_move(&s->poses[i].T_cam_world, s->step + s->poses[i].column);
     s->step_pending = true;
     fv_begin_pass(s);
     return true;
@@ -245,7 +249,8 @@ bool fv_window_unit(struct fv_window *w)
     return s->phase == FV_WINDOW_PASS;
 }
 
-/* ---- filled by hand ---------------------------------------------------------------------------------- */
+/* ---- filled by hand
+ * ---------------------------------------------------------------------------------- */
 
 void fv_window_clear(struct fv_window *w)
 {

@@ -1,10 +1,12 @@
-/* Window optimisation: the newest keyframes and the landmarks that they see, adjusted together; a job.
+/* Window optimisation: the newest keyframes and the landmarks that they see, adjusted together; a
+ * job.
  *
- * Levenberg-Marquardt on robust (Huber) pixel errors; landmarks are eliminated by the Schur complement, the
- * reduced system of poses is solved by our own LDL^T. After B. Triggs et al., "Bundle adjustment: a modern
- * synthesis" (2000). The window is copied into job memory when the job starts; the copy is worked on in
- * units; the commit writes back what still holds by (slot, generation). Keyframes outside the window that see
- * its landmarks take part unmoved. State holds no addresses. Real-time safe; every unit is bounded. */
+ * Levenberg-Marquardt on robust (Huber) pixel errors; landmarks are eliminated by the Schur
+ * complement, the reduced system of poses is solved by our own LDL^T. After B. Triggs et al.,
+ * "Bundle adjustment: a modern synthesis" (2000). The window is copied into job memory when the job
+ * starts; the copy is worked on in units; the commit writes back what still holds by (slot,
+ * generation). Keyframes outside the window that see its landmarks take part unmoved. State holds
+ * no addresses. Real-time safe; every unit is bounded. */
 #ifndef FOVEA_MAP_WINDOW_H
 #define FOVEA_MAP_WINDOW_H
 
@@ -27,7 +29,8 @@ struct fv_window_limits {
     uint32_t landmarks;    /* [100, 4000] */
     uint32_t observations; /* of all of them */
     uint32_t passes;       /* over the window: one more than Levenberg-Marquardt steps; [4, 200] */
-    /* share of the cost: a step that saves no more, from the FV_WINDOW_STEPS_MINth on, is the last */
+    /* share of the cost: a step that saves no more, from the FV_WINDOW_STEPS_MINth on, is the last
+     */
     double settled;
 };
 
@@ -51,7 +54,8 @@ struct fv_window_observation {
     float bearing[3], A[6], weight;
     struct fv_pixel seen; /* until the first pass makes the above of it */
     uint16_t pose;
-    /* 6x3 block between pose and landmark. It multiplies what vanishes at the optimum, which floats leave where it is. */
+    /* 6x3 block between pose and landmark. It multiplies what vanishes at the optimum, which floats
+     * leave where it is. */
     float cross[18];
 };
 
@@ -68,7 +72,8 @@ struct fv_window_state {
     double damping, cost, cost_before, cost_at_start;
     double step[FV_WINDOW_SYSTEM_MAX];
     double gradient[FV_WINDOW_SYSTEM_MAX];
-    double system[FV_WINDOW_SYSTEM_MAX * FV_WINDOW_SYSTEM_MAX]; /* row-major with 6 * moved_count columns */
+    double system[FV_WINDOW_SYSTEM_MAX *
+                  FV_WINDOW_SYSTEM_MAX]; /* row-major with 6 * moved_count columns */
     struct fv_window_pose poses[FV_WINDOW_POSES_MAX];
     int8_t pose_of[FV_MAP_KEYFRAMES_MAX + 2]; /* index in poses by slot; -1: not in the window */
     uint64_t keyframe_number;                 /* newest keyframe when the job started */
@@ -86,25 +91,27 @@ struct fv_window {
 void fv_window_carve(struct fv_window *window, const struct fv_window_limits *limits,
                      const struct fv_map *map, struct fv_arena *job);
 
-/* Copy the window around keyframe `newest`. False when there is nothing to optimise (then the job stays
- * idle). */
+/* Copy the window around keyframe `newest`. False when there is nothing to optimise (then the job
+ * stays idle). */
 bool fv_window_start(struct fv_window *window, struct fv_map *map, uint32_t newest);
 
-/* A window filled by hand, for views that are not keyframes of a map: clear, put poses (returns the index),
- * then each landmark followed by its observations, then begin. The caller keeps to the limits;
- * FV_WINDOW_POSES_MAX poses, of which FV_WINDOW_KEYFRAMES_MAX move. Results are poses[].before and
- * landmarks[].before; there is nothing to commit. */
+/* A window filled by hand, for views that are not keyframes of a map: clear, put poses (returns the
+ * index), then each landmark followed by its observations, then begin. The caller keeps to the
+ * limits; FV_WINDOW_POSES_MAX poses, of which FV_WINDOW_KEYFRAMES_MAX move. Results are
+ * poses[].before and landmarks[].before; there is nothing to commit. */
 void fv_window_clear(struct fv_window *window);
 uint32_t fv_window_put_pose(struct fv_window *window, const struct fv_se3 *T_cam_world, bool moved);
 void fv_window_put_landmark(struct fv_window *window, const double point[3]);
-void fv_window_put_observation(struct fv_window *window, const struct fv_keypoint *keypoint, uint32_t pose);
+void fv_window_put_observation(struct fv_window *window, const struct fv_keypoint *keypoint,
+                               uint32_t pose);
 void fv_window_begin(struct fv_window *window, uint32_t passes);
 
 /* One unit of work; true when units are left. */
 bool fv_window_unit(struct fv_window *window);
 
-/* Write the result to the map: poses, landmarks, and what hangs on them (keyframes and landmarks outside the
- * window move with their parent or reference); observations that do not fit are unlinked. Ends the job. */
+/* Write the result to the map: poses, landmarks, and what hangs on them (keyframes and landmarks
+ * outside the window move with their parent or reference); observations that do not fit are
+ * unlinked. Ends the job. */
 struct fv_window_result {
     uint32_t moved_keyframes, dropped_observations;
     double cost_at_start, cost; /* robust, weighted px^2 */

@@ -5,7 +5,8 @@
 #include "geometry/vec.h"
 #include "map/window.h"
 
-/* ---- start ------------------------------------------------------------------------------------------- */
+/* ---- start
+ * ------------------------------------------------------------------------------------------- */
 
 static int32_t fv_pose_of(const struct fv_window_state *s, uint32_t slot)
 {
@@ -42,7 +43,8 @@ static void fv_pick_keyframes(struct fv_window *w, const struct fv_map *map, uin
         uint32_t best = 0;
         for (uint32_t k = 1; k < map->limits.keyframes; k++)
             if (shared[k] > shared[best] ||
-                (shared[k] == shared[best] && map->keyframes[k].number > map->keyframes[best].number))
+                (shared[k] == shared[best] &&
+                 map->keyframes[k].number > map->keyframes[best].number))
                 best = k;
         if (shared[best] < 15 && s->pose_count >= 2) break;
         if (shared[best] == 0) break;
@@ -52,7 +54,8 @@ static void fv_pick_keyframes(struct fv_window *w, const struct fv_map *map, uin
 }
 
 /* The oldest of the window stays where it is, unless keyframes outside hold the window in place. */
-static void fv_number_columns(struct fv_window_state *s, const struct fv_map *map, uint32_t in_window)
+static void fv_number_columns(struct fv_window_state *s, const struct fv_map *map,
+                              uint32_t in_window)
 {
     uint32_t oldest = 0;
     for (uint32_t i = 1; i < in_window; i++)
@@ -64,13 +67,15 @@ static void fv_number_columns(struct fv_window_state *s, const struct fv_map *ma
         if (held || i != oldest) s->poses[i].column = 6 * (int32_t)s->moved_count++;
 }
 
-static void fv_add_observations(struct fv_window *w, const struct fv_map *map, const struct fv_landmark *l)
+static void fv_add_observations(struct fv_window *w, const struct fv_map *map,
+                                const struct fv_landmark *l)
 {
     struct fv_window_state *s = w->state;
     for (uint32_t k = 0; k < l->observer_count; k++) {
         uint32_t slot = l->observers[k].keyframe;
         int32_t pose = fv_pose_of(s, slot);
-        if (pose < 0 && s->pose_count < FV_WINDOW_POSES_MAX) pose = (int32_t)fv_add_pose(s, map, slot);
+        if (pose < 0 && s->pose_count < FV_WINDOW_POSES_MAX)
+            pose = (int32_t)fv_add_pose(s, map, slot);
         if (pose < 0) continue;
         struct fv_window_observation *o = &w->observations[s->observation_count++];
         o->seen = fv_map_view(map, slot).points[l->observers[k].feature];
@@ -85,7 +90,8 @@ static void fv_copy_landmarks(struct fv_window *w, struct fv_map *map, uint32_t 
     struct fv_window_state *s = w->state;
     for (uint32_t i = 0; i < in_window; i++) {
         struct fv_view view = fv_map_view(map, s->poses[i].slot);
-        for (uint32_t f = 0; f < view.frame->features && s->landmark_count < w->limits.landmarks; f++) {
+        for (uint32_t f = 0; f < view.frame->features && s->landmark_count < w->limits.landmarks;
+             f++) {
             if (view.landmark[f] == FV_MAP_NONE) continue;
             struct fv_landmark *l = &map->landmarks[view.landmark[f]];
             if (l->mark == map->state->mark || l->observer_count < observers_min) continue;
@@ -118,11 +124,13 @@ bool fv_window_start(struct fv_window *w, struct fv_map *map, uint32_t newest)
     return true;
 }
 
-/* ---- commit ------------------------------------------------------------------------------------------ */
+/* ---- commit
+ * ------------------------------------------------------------------------------------------ */
 
 static const double misfit_square = 5.991; /* 95 % of chi-square with 2 degrees of freedom */
 
-/* T_world_world of a moved keyframe: takes world points that hung on it to where they belong now. */
+/* T_world_world of a moved keyframe: takes world points that hung on it to where they belong now.
+ */
 static void fv_correction(const struct fv_window_pose *p, struct fv_se3 *C)
 {
     struct fv_se3 inverse;
@@ -130,18 +138,19 @@ static void fv_correction(const struct fv_window_pose *p, struct fv_se3 *C)
     fv_se3_compose(&inverse, &p->at_start, C);
 }
 
-static const struct fv_window_pose *fv_moved(const struct fv_window_state *s, const struct fv_map *map,
-                                             int32_t slot)
+static const struct fv_window_pose *fv_moved(const struct fv_window_state *s,
+                                             const struct fv_map *map, int32_t slot)
 {
     int32_t i = slot < 0 ? -1 : fv_pose_of(s, (uint32_t)slot);
-    if (i < 0 || s->poses[i].column < 0 || map->keyframes[slot].generation != s->poses[i].generation)
+    if (i < 0 || s->poses[i].column < 0 ||
+        map->keyframes[slot].generation != s->poses[i].generation)
         return 0;
     return &s->poses[i];
 }
 
 /* Unlink the landmark's observations that do not fit; true when it still has two observers. */
-static bool fv_drop_misfits(struct fv_window *w, struct fv_map *map, const struct fv_window_landmark *l,
-                            uint32_t *dropped)
+static bool fv_drop_misfits(struct fv_window *w, struct fv_map *map,
+                            const struct fv_window_landmark *l, uint32_t *dropped)
 {
     const struct fv_window_state *s = w->state;
     for (uint32_t k = 0; k < l->count; k++) {
@@ -153,7 +162,8 @@ static bool fv_drop_misfits(struct fv_window *w, struct fv_map *map, const struc
         for (int i = 0; i < 6; i++)
             A[i] = o->A[i];
         fv_se3_apply(&pose->T_cam_world, l->point, q);
-        if (fv_sight_error(b, A, q, e, 0) && o->weight * (e[0] * e[0] + e[1] * e[1]) < misfit_square)
+        if (fv_sight_error(b, A, q, e, 0) &&
+            o->weight * (e[0] * e[0] + e[1] * e[1]) < misfit_square)
             continue;
         if (map->keyframes[pose->slot].generation == pose->generation) {
             fv_map_unlink(map, l->slot, pose->slot);
@@ -167,7 +177,8 @@ static bool fv_drop_misfits(struct fv_window *w, struct fv_map *map, const struc
 static void fv_move_dependants(const struct fv_window_state *s, struct fv_map *map)
 {
     struct fv_se3 C, inverse;
-    for (uint32_t slot = 0; slot < map->limits.keyframes + 1; slot++) { /* the current frame as well */
+    for (uint32_t slot = 0; slot < map->limits.keyframes + 1;
+         slot++) { /* the current frame as well */
         struct fv_keyframe *k = &map->keyframes[slot];
         bool current = slot == fv_map_current(map);
         if ((!k->used && !current) || fv_pose_of(s, slot) >= 0) continue;

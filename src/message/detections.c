@@ -13,7 +13,8 @@ size_t fv_message_detections_size_max(uint32_t count_max, size_t name_bytes, siz
     fovea_detections_t empty;
     memset(&empty, 0, sizeof empty);
     empty.model = (char *)"";
-    const size_t each = sizeof(int32_t) + FLOATS * sizeof(float) + sizeof(int32_t) + label_bytes + 1;
+    const size_t each =
+        sizeof(int32_t) + FLOATS * sizeof(float) + sizeof(int32_t) + label_bytes + 1;
     return (size_t)fovea_detections_t_encoded_size(&empty) + name_bytes + count_max * each;
 }
 
@@ -22,8 +23,8 @@ size_t fv_message_detections_scratch_bytes(uint32_t count_max)
     return (size_t)count_max * (sizeof(char *) + sizeof(int32_t) + FLOATS * sizeof(float));
 }
 
-uint32_t fv_message_detections_encode(const struct fv_message_detections *in, void *scratch, uint8_t *buffer,
-                                      size_t capacity)
+uint32_t fv_message_detections_encode(const struct fv_message_detections *in, void *scratch,
+                                      uint8_t *buffer, size_t capacity)
 {
     const uint32_t n = in->count;
     char **names = scratch;
@@ -66,5 +67,6 @@ uint32_t fv_message_detections_encode(const struct fv_message_detections *in, vo
         .rectified_x_max_px = column[7],
         .rectified_y_max_px = column[8],
     };
-    return fv_wire_encoded(fovea_detections_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
+    return fv_wire_encoded(
+        fovea_detections_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
 }

@@ -45,9 +45,11 @@ const struct fv_type *fv_message_type_of(const uint8_t *data, size_t bytes)
     return NULL;
 }
 
-/* ---- walking ----------------------------------------------------------------------------------------- */
+/* ---- walking
+ * ----------------------------------------------------------------------------------------- */
 
-void fv_message_walk(struct fv_walk *walk, const struct fv_type *type, const uint8_t *data, size_t bytes)
+void fv_message_walk(struct fv_walk *walk, const struct fv_type *type, const uint8_t *data,
+                     size_t bytes)
 {
     memset(walk, 0, sizeof *walk);
     walk->data = data;
@@ -68,9 +70,10 @@ static void write_path(const struct fv_walk *walk, char *path)
     int used = 0;
     for (int i = 0; i <= walk->depth && used < FV_FIELD_PATH_BYTES; i++) {
         const struct fv_field *field = &walk->level[i].type->fields[walk->level[i].field];
-        bool number = field->array && (field->wire == FV_WIRE_STRUCT || field->wire == FV_WIRE_STRING);
-        used += snprintf(path + used, (size_t)(FV_FIELD_PATH_BYTES - used), "%s%s", i > 0 ? "." : "",
-                         field->name);
+        bool number =
+            field->array && (field->wire == FV_WIRE_STRUCT || field->wire == FV_WIRE_STRING);
+        used += snprintf(path + used, (size_t)(FV_FIELD_PATH_BYTES - used), "%s%s",
+                         i > 0 ? "." : "", field->name);
         if (number && used < FV_FIELD_PATH_BYTES)
             used += snprintf(path + used, (size_t)(FV_FIELD_PATH_BYTES - used), "[%" PRId32 "]",
                              walk->level[i].element);
@@ -94,11 +97,12 @@ static enum fovea_status read_string(struct fv_walk *walk, struct fv_leaf *leaf)
     return FOVEA_OK;
 }
 
-static enum fovea_status read_numbers(struct fv_walk *walk, const struct fv_field *field, int32_t count,
-                                      struct fv_leaf *leaf)
+static enum fovea_status read_numbers(struct fv_walk *walk, const struct fv_field *field,
+                                      int32_t count, struct fv_leaf *leaf)
 {
     uint64_t bytes = (uint64_t)count * wire_bytes[field->wire];
-    if (bytes > walk->bytes - walk->at) return problem(walk, "a field reaches past the end of the message");
+    if (bytes > walk->bytes - walk->at)
+        return problem(walk, "a field reaches past the end of the message");
     leaf->data = walk->data + walk->at;
     leaf->offset = walk->at;
     leaf->bytes = (uint32_t)bytes;
@@ -106,7 +110,8 @@ static enum fovea_status read_numbers(struct fv_walk *walk, const struct fv_fiel
     if (!field->array && field->wire < FV_WIRE_FLOAT) {
         int64_t value = read_integer(field->wire, leaf->data);
         bool fits = value >= 0 && value <= INT32_MAX;
-        walk->level[walk->depth].values[walk->level[walk->depth].field] = fits ? (int32_t)value : -1;
+        walk->level[walk->depth].values[walk->level[walk->depth].field] =
+            fits ? (int32_t)value : -1;
     }
     walk->at += bytes;
     walk->level[walk->depth].field++;
@@ -117,17 +122,20 @@ enum fovea_status fv_message_leaf(struct fv_walk *walk, struct fv_leaf *leaf)
 {
     for (;;) { /* every turn consumes bytes, ends a field, or ends a struct */
         const struct fv_type *type = walk->level[walk->depth].type;
-        int32_t *field_number = &walk->level[walk->depth].field, *element = &walk->level[walk->depth].element;
+        int32_t *field_number = &walk->level[walk->depth].field,
+                *element = &walk->level[walk->depth].element;
         if (*field_number == type->field_count) {
             if (walk->depth == 0)
-                return walk->at == walk->bytes ? FOVEA_END : problem(walk, "bytes follow the last field");
+                return walk->at == walk->bytes ? FOVEA_END
+                                               : problem(walk, "bytes follow the last field");
             walk->depth--;
             walk->level[walk->depth].element++;
             continue;
         }
         const struct fv_field *field = &type->fields[*field_number];
-        int32_t count =
-            field->count_field < 0 ? field->count : walk->level[walk->depth].values[field->count_field];
+        int32_t count = field->count_field < 0
+                            ? field->count
+                            : walk->level[walk->depth].values[field->count_field];
         if (count < 0) return problem(walk, "a count is negative");
         bool numbers = field->wire != FV_WIRE_STRING && field->wire != FV_WIRE_STRUCT;
         if (!numbers && *element == count) {
@@ -137,7 +145,8 @@ enum fovea_status fv_message_leaf(struct fv_walk *walk, struct fv_leaf *leaf)
         }
         if (field->wire == FV_WIRE_STRUCT) {
             if (walk->depth + 1 == FV_NESTING_MAX) return problem(walk, "types nest too deep");
-            if (walk->at == walk->bytes) return problem(walk, "a field reaches past the end of the message");
+            if (walk->at == walk->bytes)
+                return problem(walk, "a field reaches past the end of the message");
             walk->depth++;
             memset(&walk->level[walk->depth], 0, sizeof walk->level[0]);
             walk->level[walk->depth].type = &fv_types[field->nested];
@@ -149,7 +158,8 @@ enum fovea_status fv_message_leaf(struct fv_walk *walk, struct fv_leaf *leaf)
     }
 }
 
-bool fv_message_check(const char *type, const uint8_t *data, size_t bytes, const char **why, size_t *at)
+bool fv_message_check(const char *type, const uint8_t *data, size_t bytes, const char **why,
+                      size_t *at)
 {
     const struct fv_type *found = fv_message_type_of(data, bytes);
     if (found == NULL || strcmp(found->name, type) != 0) {
@@ -169,7 +179,8 @@ bool fv_message_check(const char *type, const uint8_t *data, size_t bytes, const
     return status == FOVEA_END;
 }
 
-/* ---- comparing --------------------------------------------------------------------------------------- */
+/* ---- comparing
+ * --------------------------------------------------------------------------------------- */
 
 bool fv_message_field_is_volatile(const struct fv_type *type, const char *path)
 {
@@ -198,7 +209,8 @@ static void write_value(const struct fv_leaf *leaf, uint32_t element, char *text
         break;
     case FV_WIRE_FLOAT:
         single.bits = (uint32_t)fv_wire_read(data, 4);
-        snprintf(text, FV_FIELD_VALUE_BYTES, "%.9g (%08" PRIx32 ")", (double)single.value, single.bits);
+        snprintf(text, FV_FIELD_VALUE_BYTES, "%.9g (%08" PRIx32 ")", (double)single.value,
+                 single.bits);
         break;
     case FV_WIRE_DOUBLE:
         twice.bits = fv_wire_read(data, 8);
@@ -220,10 +232,12 @@ static bool leaves_differ(const struct fv_leaf *expected, const struct fv_leaf *
     if (expected->bytes == found->bytes && memcmp(expected->data, found->data, found->bytes) == 0)
         return false;
     uint32_t element = 0, step = expected->wire == FV_WIRE_STRING ? 0 : wire_bytes[expected->wire];
-    while (step > 0 && memcmp(expected->data + element * step, found->data + element * step, step) == 0)
+    while (step > 0 &&
+           memcmp(expected->data + element * step, found->data + element * step, step) == 0)
         element++;
     if (expected->count > 1)
-        snprintf(difference->field, FV_FIELD_PATH_BYTES, "%.80s[%" PRIu32 "]", expected->path, element);
+        snprintf(difference->field, FV_FIELD_PATH_BYTES, "%.80s[%" PRIu32 "]", expected->path,
+                 element);
     else
         memcpy(difference->field, expected->path, FV_FIELD_PATH_BYTES);
     write_value(expected, element, difference->expected);

@@ -1,10 +1,11 @@
 /* What an encoded message holds, field by field, without decoding it.
  *
- * A table of every type's fields is made from include/lcmtypes/ at build time (tools/lcm_fields.awk; a test
- * holds it against lcm-gen's type hashes). With it a message is checked before anything trusts its lengths
- * (the generated `_decode` allocates what a message asks for, negative counts included), and two messages are compared down
- * to the first field that differs. LCM's wire format: the type's hash (8 bytes), then the fields in order,
- * all big-endian; a string is its length with the zero (4 bytes) and its bytes.
+ * A table of every type's fields is made from include/lcmtypes/ at build time
+ * (tools/lcm_fields.awk; a test holds it against lcm-gen's type hashes). With it a message is
+ * checked before anything trusts its lengths (the generated `_decode` allocates what a message asks
+ * for, negative counts included), and two messages are compared down to the first field that
+ * differs. LCM's wire format: the type's hash (8 bytes), then the fields in order, all big-endian;
+ * a string is its length with the zero (4 bytes) and its bytes.
  *
  * No memory of its own, bounded by the message's length, any thread. */
 #ifndef FOVEA_MESSAGE_FIELDS_H
@@ -49,7 +50,12 @@ struct fv_type {
     int64_t (*hash)(void);
 };
 
-enum { FV_FIELDS_MAX = 48, FV_NESTING_MAX = 3, FV_FIELD_PATH_BYTES = 96, FV_FIELD_VALUE_BYTES = 64 };
+enum {
+    FV_FIELDS_MAX = 48,
+    FV_NESTING_MAX = 3,
+    FV_FIELD_PATH_BYTES = 96,
+    FV_FIELD_VALUE_BYTES = 64
+};
 
 /* All types, `*count` of them. */
 const struct fv_type *fv_message_types(int32_t *count);
@@ -80,28 +86,31 @@ struct fv_walk {
 };
 
 /* Begin with a message of this type (whose hash has been seen). */
-void fv_message_walk(struct fv_walk *walk, const struct fv_type *type, const uint8_t *data, size_t bytes);
+void fv_message_walk(struct fv_walk *walk, const struct fv_type *type, const uint8_t *data,
+                     size_t bytes);
 
-/* FOVEA_OK: `leaf` is the next one. FOVEA_END: the message is whole and well-formed. FOVEA_ERROR_INPUT: it is
- * not, and walk->problem and walk->at say why and where. */
+/* FOVEA_OK: `leaf` is the next one. FOVEA_END: the message is whole and well-formed.
+ * FOVEA_ERROR_INPUT: it is not, and walk->problem and walk->at say why and where. */
 enum fovea_status fv_message_leaf(struct fv_walk *walk, struct fv_leaf *leaf);
 
-/* Whether a message is of the named type ("fovea.inputs_t") and well-formed from end to end, so that the
- * generated `_decode` may be let loose on it. On failure `*problem` and `*at` (byte within the message) say why
- * and where. */
-bool fv_message_check(const char *type, const uint8_t *data, size_t bytes, const char **problem, size_t *at);
+/* Whether a message is of the named type ("fovea.inputs_t") and well-formed from end to end, so
+ * that the generated `_decode` may be let loose on it. On failure `*problem` and `*at` (byte within
+ * the message) say why and where. */
+bool fv_message_check(const char *type, const uint8_t *data, size_t bytes, const char **problem,
+                      size_t *at);
 
 struct fv_difference {
     char field[FV_FIELD_PATH_BYTES]; /* "x_px[17]", or "" where the types differ */
     char expected[FV_FIELD_VALUE_BYTES], found[FV_FIELD_VALUE_BYTES];
 };
 
-/* Whether a field tells of the moment or the machine, not of the run, so that another run of the same inputs fills it
- * otherwise: the readings of clocks in fovea.statistics_t, its version and its kernel set. `path` as in struct fv_leaf. */
+/* Whether a field tells of the moment or the machine, not of the run, so that another run of the
+ * same inputs fills it otherwise: the readings of clocks in fovea.statistics_t, its version and its
+ * kernel set. `path` as in struct fv_leaf. */
 bool fv_message_field_is_volatile(const struct fv_type *type, const char *path);
 
-/* Compare two messages bit for bit, all but the volatile fields. True: equal. False: the first field that differs, and
- * both values. */
+/* Compare two messages bit for bit, all but the volatile fields. True: equal. False: the first
+ * field that differs, and both values. */
 bool fv_message_compare(const uint8_t *expected, size_t expected_bytes, const uint8_t *found,
                         size_t found_bytes, struct fv_difference *difference);
 

@@ -4,9 +4,10 @@
 
 /* T.81 table K.1: luminance quantisation, natural order. */
 static const uint8_t base_quantiser[64] = {
-    16, 11,  10,  16, 24, 40, 51, 61, 12,  12,  14,  19,  26, 58, 60, 55,  14,  13,  16,  24, 40, 57,
-    69, 56,  14,  17, 22, 29, 51, 87, 80,  62,  18,  22,  37, 56, 68, 109, 103, 77,  24,  35, 55, 64,
-    81, 104, 113, 92, 49, 64, 78, 87, 103, 121, 120, 101, 72, 92, 95, 98,  112, 100, 103, 99,
+    16, 11, 10, 16, 24,  40,  51,  61,  12, 12, 14, 19, 26,  58,  60,  55,
+    14, 13, 16, 24, 40,  57,  69,  56,  14, 17, 22, 29, 51,  87,  80,  62,
+    18, 22, 37, 56, 68,  109, 103, 77,  24, 35, 55, 64, 81,  104, 113, 92,
+    49, 64, 78, 87, 103, 121, 120, 101, 72, 92, 95, 98, 112, 100, 103, 99,
 };
 
 /* Natural index of the k-th coefficient in zigzag order (T.81 figure 5). */
@@ -16,21 +17,23 @@ static const uint8_t zigzag[64] = {
     30, 37, 44, 51, 58, 59, 52, 45, 38, 31, 39, 46, 53, 60, 61, 54, 47, 55, 62, 63,
 };
 
-/* T.81 tables K.3 and K.5: luminance Huffman codes as counts per length and values in code order. */
+/* T.81 tables K.3 and K.5: luminance Huffman codes as counts per length and values in code order.
+ */
 static const uint8_t dc_counts[16] = {0, 1, 5, 1, 1, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0};
 static const uint8_t dc_values[12] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11};
 static const uint8_t ac_counts[16] = {0, 2, 1, 3, 3, 2, 4, 3, 5, 5, 4, 4, 0, 0, 1, 0x7d};
 static const uint8_t ac_values[162] = {
-    0x01, 0x02, 0x03, 0x00, 0x04, 0x11, 0x05, 0x12, 0x21, 0x31, 0x41, 0x06, 0x13, 0x51, 0x61, 0x07, 0x22,
-    0x71, 0x14, 0x32, 0x81, 0x91, 0xa1, 0x08, 0x23, 0x42, 0xb1, 0xc1, 0x15, 0x52, 0xd1, 0xf0, 0x24, 0x33,
-    0x62, 0x72, 0x82, 0x09, 0x0a, 0x16, 0x17, 0x18, 0x19, 0x1a, 0x25, 0x26, 0x27, 0x28, 0x29, 0x2a, 0x34,
-    0x35, 0x36, 0x37, 0x38, 0x39, 0x3a, 0x43, 0x44, 0x45, 0x46, 0x47, 0x48, 0x49, 0x4a, 0x53, 0x54, 0x55,
-    0x56, 0x57, 0x58, 0x59, 0x5a, 0x63, 0x64, 0x65, 0x66, 0x67, 0x68, 0x69, 0x6a, 0x73, 0x74, 0x75, 0x76,
-    0x77, 0x78, 0x79, 0x7a, 0x83, 0x84, 0x85, 0x86, 0x87, 0x88, 0x89, 0x8a, 0x92, 0x93, 0x94, 0x95, 0x96,
-    0x97, 0x98, 0x99, 0x9a, 0xa2, 0xa3, 0xa4, 0xa5, 0xa6, 0xa7, 0xa8, 0xa9, 0xaa, 0xb2, 0xb3, 0xb4, 0xb5,
-    0xb6, 0xb7, 0xb8, 0xb9, 0xba, 0xc2, 0xc3, 0xc4, 0xc5, 0xc6, 0xc7, 0xc8, 0xc9, 0xca, 0xd2, 0xd3, 0xd4,
-    0xd5, 0xd6, 0xd7, 0xd8, 0xd9, 0xda, 0xe1, 0xe2, 0xe3, 0xe4, 0xe5, 0xe6, 0xe7, 0xe8, 0xe9, 0xea, 0xf1,
-    0xf2, 0xf3, 0xf4, 0xf5, 0xf6, 0xf7, 0xf8, 0xf9, 0xfa,
+    0x01, 0x02, 0x03, 0x00, 0x04, 0x11, 0x05, 0x12, 0x21, 0x31, 0x41, 0x06, 0x13, 0x51, 0x61,
+    0x07, 0x22, 0x71, 0x14, 0x32, 0x81, 0x91, 0xa1, 0x08, 0x23, 0x42, 0xb1, 0xc1, 0x15, 0x52,
+    0xd1, 0xf0, 0x24, 0x33, 0x62, 0x72, 0x82, 0x09, 0x0a, 0x16, 0x17, 0x18, 0x19, 0x1a, 0x25,
+    0x26, 0x27, 0x28, 0x29, 0x2a, 0x34, 0x35, 0x36, 0x37, 0x38, 0x39, 0x3a, 0x43, 0x44, 0x45,
+    0x46, 0x47, 0x48, 0x49, 0x4a, 0x53, 0x54, 0x55, 0x56, 0x57, 0x58, 0x59, 0x5a, 0x63, 0x64,
+    0x65, 0x66, 0x67, 0x68, 0x69, 0x6a, 0x73, 0x74, 0x75, 0x76, 0x77, 0x78, 0x79, 0x7a, 0x83,
+    0x84, 0x85, 0x86, 0x87, 0x88, 0x89, 0x8a, 0x92, 0x93, 0x94, 0x95, 0x96, 0x97, 0x98, 0x99,
+    0x9a, 0xa2, 0xa3, 0xa4, 0xa5, 0xa6, 0xa7, 0xa8, 0xa9, 0xaa, 0xb2, 0xb3, 0xb4, 0xb5, 0xb6,
+    0xb7, 0xb8, 0xb9, 0xba, 0xc2, 0xc3, 0xc4, 0xc5, 0xc6, 0xc7, 0xc8, 0xc9, 0xca, 0xd2, 0xd3,
+    0xd4, 0xd5, 0xd6, 0xd7, 0xd8, 0xd9, 0xda, 0xe1, 0xe2, 0xe3, 0xe4, 0xe5, 0xe6, 0xe7, 0xe8,
+    0xe9, 0xea, 0xf1, 0xf2, 0xf3, 0xf4, 0xf5, 0xf6, 0xf7, 0xf8, 0xf9, 0xfa,
 };
 
 enum { END_OF_BLOCK = 0x00, SIXTEEN_ZEROS = 0xf0, HEADER_BYTES = 400, BLOCKS_BYTES_MAX = 512 };
@@ -55,7 +58,8 @@ static void put_word(struct fv_jpeg *jpeg, uint8_t *output, uint32_t word)
     put_byte(jpeg, output, word & 255);
 }
 
-/* Entropy-coded bits, most significant first; a 0xff byte is followed by a stuffed zero. count <= 16. */
+/* Entropy-coded bits, most significant first; a 0xff byte is followed by a stuffed zero. count
+ * <= 16. */
 static void put_bits(struct fv_jpeg *jpeg, uint8_t *output, uint32_t bits, uint32_t count)
 {
     jpeg->bit_buffer = (jpeg->bit_buffer << count) | (bits & ((1u << count) - 1));
@@ -69,8 +73,8 @@ static void put_bits(struct fv_jpeg *jpeg, uint8_t *output, uint32_t bits, uint3
 }
 
 /* Code of one symbol, found by walking the canonical code (T.81 annex C): at most 16 steps. */
-static void put_symbol(struct fv_jpeg *jpeg, uint8_t *output, const uint8_t counts[16], const uint8_t *values,
-                       uint8_t symbol)
+static void put_symbol(struct fv_jpeg *jpeg, uint8_t *output, const uint8_t counts[16],
+                       const uint8_t *values, uint8_t symbol)
 {
     uint32_t code = 0, index = 0;
     for (uint32_t length = 1; length <= 16; length++) {
@@ -84,8 +88,8 @@ static void put_symbol(struct fv_jpeg *jpeg, uint8_t *output, const uint8_t coun
     }
 }
 
-static void put_table(struct fv_jpeg *jpeg, uint8_t *output, uint32_t table_class, const uint8_t counts[16],
-                      const uint8_t *values, uint32_t value_count)
+static void put_table(struct fv_jpeg *jpeg, uint8_t *output, uint32_t table_class,
+                      const uint8_t counts[16], const uint8_t *values, uint32_t value_count)
 {
     put_word(jpeg, output, 0xffc4);
     put_word(jpeg, output, 2 + 1 + 16 + value_count);
@@ -122,8 +126,8 @@ static void put_headers(struct fv_jpeg *jpeg, uint8_t *output)
         put_byte(jpeg, output, scan[i]);
 }
 
-void fv_jpeg_start(struct fv_jpeg *jpeg, int32_t width, int32_t height, uint32_t quality, uint8_t *output,
-                   size_t capacity)
+void fv_jpeg_start(struct fv_jpeg *jpeg, int32_t width, int32_t height, uint32_t quality,
+                   uint8_t *output, size_t capacity)
 {
     memset(jpeg, 0, sizeof *jpeg);
     jpeg->width = width;
@@ -139,8 +143,9 @@ void fv_jpeg_start(struct fv_jpeg *jpeg, int32_t width, int32_t height, uint32_t
     put_headers(jpeg, output);
 }
 
-/* One-dimensional DCT-II of 8 values `step` apart, in place, by even-odd decomposition. Constants are
- * cos(k pi / 16) in 13 fractional bits; the orthonormal factor 1/2 (1/(2 sqrt 2) for k = 0) is in `shift`. */
+/* One-dimensional DCT-II of 8 values `step` apart, in place, by even-odd decomposition. Constants
+ * are cos(k pi / 16) in 13 fractional bits; the orthonormal factor 1/2 (1/(2 sqrt 2) for k = 0) is
+ * in `shift`. */
 static void dct_8(int32_t *v, int step, int shift)
 {
     enum { C1 = 8035, C2 = 7568, C3 = 6811, C4 = 5793, C5 = 4551, C6 = 3135, C7 = 1598 };
@@ -174,8 +179,10 @@ static void load_block(const struct fv_jpeg *jpeg, const uint8_t *pixels, int32_
     }
 }
 
-/* A coefficient is coded as the symbol (zeros before it, bits of its magnitude) and that many bits. */
-static void put_coefficient(struct fv_jpeg *jpeg, uint8_t *output, uint32_t zeros, int32_t value, bool dc)
+/* A coefficient is coded as the symbol (zeros before it, bits of its magnitude) and that many bits.
+ */
+static void put_coefficient(struct fv_jpeg *jpeg, uint8_t *output, uint32_t zeros, int32_t value,
+                            bool dc)
 {
     uint32_t magnitude = (uint32_t)(value < 0 ? -value : value), size = 0;
     while (magnitude >> size)
@@ -188,7 +195,8 @@ static void put_coefficient(struct fv_jpeg *jpeg, uint8_t *output, uint32_t zero
     if (size > 0) put_bits(jpeg, output, (uint32_t)(value < 0 ? value - 1 : value), size);
 }
 
-static void encode_block(struct fv_jpeg *jpeg, const uint8_t *pixels, int32_t stride_bytes, uint8_t *output)
+static void encode_block(struct fv_jpeg *jpeg, const uint8_t *pixels, int32_t stride_bytes,
+                         uint8_t *output)
 {
     int32_t values[64];
     load_block(jpeg, pixels, stride_bytes, values);
@@ -218,8 +226,8 @@ static void encode_block(struct fv_jpeg *jpeg, const uint8_t *pixels, int32_t st
     if (zeros > 0) put_symbol(jpeg, output, ac_counts, ac_values, END_OF_BLOCK);
 }
 
-bool fv_jpeg_encode(struct fv_jpeg *jpeg, const uint8_t *pixels, int32_t stride_bytes, uint32_t block_count,
-                    uint8_t *output)
+bool fv_jpeg_encode(struct fv_jpeg *jpeg, const uint8_t *pixels, int32_t stride_bytes,
+                    uint32_t block_count, uint8_t *output)
 {
     for (uint32_t i = 0; i < block_count && jpeg->block < jpeg->blocks && !jpeg->overflow; i++) {
         encode_block(jpeg, pixels, stride_bytes, output);

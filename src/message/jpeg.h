@@ -1,8 +1,9 @@
 /* Baseline JPEG encoder for grey previews, cut into units (ITU-T T.81, Annex K tables).
  *
- * The libraries that encode JPEG allocate per image, keep addresses in their state and cannot stop between blocks;
- * a preview must fit the loop's job memory, be resumable every 64 blocks and give the same bytes on every machine. So
- * this one is ours: integers only, one component, no restart markers.
+ * The libraries that encode JPEG allocate per image, keep addresses in their state and cannot stop
+ * between blocks; a preview must fit the loop's job memory, be resumable every 64 blocks and give
+ * the same bytes on every machine. So this one is ours: integers only, one component, no restart
+ * markers.
  *
  * Memory: the caller's struct and output buffer. Real-time safe. */
 #ifndef FOVEA_MESSAGE_JPEG_H
@@ -27,18 +28,19 @@ struct fv_jpeg {
     uint16_t quantiser[64]; /* natural order, 1..255 */
 };
 
-/* Bytes of output buffer that suffice for any ordinary picture of this size; one that does not fit is given up and
- * reported by `overflow`. */
+/* Bytes of output buffer that suffice for any ordinary picture of this size; one that does not fit
+ * is given up and reported by `overflow`. */
 size_t fv_jpeg_capacity(int32_t width, int32_t height);
 
 /* Write the headers. quality 1..100 in libjpeg's scale. */
-void fv_jpeg_start(struct fv_jpeg *jpeg, int32_t width, int32_t height, uint32_t quality, uint8_t *output,
-                   size_t capacity);
+void fv_jpeg_start(struct fv_jpeg *jpeg, int32_t width, int32_t height, uint32_t quality,
+                   uint8_t *output, size_t capacity);
 
-/* Encode up to `block_count` more blocks of `pixels` (8-bit grey, width x height, rows stride_bytes apart); edges are
- * repeated to whole blocks. Returns true when the picture is complete (end marker written) or has overflowed. */
-bool fv_jpeg_encode(struct fv_jpeg *jpeg, const uint8_t *pixels, int32_t stride_bytes, uint32_t block_count,
-                    uint8_t *output);
+/* Encode up to `block_count` more blocks of `pixels` (8-bit grey, width x height, rows stride_bytes
+ * apart); edges are repeated to whole blocks. Returns true when the picture is complete (end marker
+ * written) or has overflowed. */
+bool fv_jpeg_encode(struct fv_jpeg *jpeg, const uint8_t *pixels, int32_t stride_bytes,
+                    uint32_t block_count, uint8_t *output);
 
 #ifdef __cplusplus
 }

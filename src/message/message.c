@@ -79,13 +79,15 @@ fovea_stamp_t fv_message_stamp(const struct fovea_frame *frame, int64_t utc_offs
     return stamp;
 }
 
-/* ---- features ---------------------------------------------------------------------------------------- */
+/* ---- features
+ * ---------------------------------------------------------------------------------------- */
 
 size_t fv_message_features_size_max(uint32_t count_max)
 {
     fovea_features_t empty;
     memset(&empty, 0, sizeof empty);
-    return (size_t)fovea_features_t_encoded_size(&empty) + fv_message_features_scratch_bytes(count_max);
+    return (size_t)fovea_features_t_encoded_size(&empty) +
+           fv_message_features_scratch_bytes(count_max);
 }
 
 size_t fv_message_features_scratch_bytes(uint32_t count_max)
@@ -93,8 +95,8 @@ size_t fv_message_features_scratch_bytes(uint32_t count_max)
     return (size_t)count_max * (3 * sizeof(float) + 2);
 }
 
-uint32_t fv_message_features_encode(const struct fv_message_features *in, void *scratch, uint8_t *buffer,
-                                    size_t capacity)
+uint32_t fv_message_features_encode(const struct fv_message_features *in, void *scratch,
+                                    uint8_t *buffer, size_t capacity)
 {
     float *x_px = scratch, *y_px = x_px + in->count, *size_px = y_px + in->count;
     uint8_t *level = (uint8_t *)(size_px + in->count), *score = level + in->count;
@@ -118,10 +120,12 @@ uint32_t fv_message_features_encode(const struct fv_message_features *in, void *
         .level = level,
         .score = score,
     };
-    return fv_wire_encoded(fovea_features_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
+    return fv_wire_encoded(
+        fovea_features_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
 }
 
-/* ---- statistics -------------------------------------------------------------------------------------- */
+/* ---- statistics
+ * -------------------------------------------------------------------------------------- */
 
 size_t fv_message_statistics_size_max(void)
 {
@@ -203,10 +207,12 @@ uint32_t fv_message_statistics_encode(const struct fv_message_statistics *in, ui
         .memory_frame_bytes = (int64_t)in->memory_bytes[FOVEA_MEMORY_FRAME],
     };
     fill_counters(&message, in->stats, in->inputs);
-    return fv_wire_encoded(fovea_statistics_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
+    return fv_wire_encoded(
+        fovea_statistics_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
 }
 
-/* ---- camera status and preview ----------------------------------------------------------------------- */
+/* ---- camera status and preview
+ * ----------------------------------------------------------------------- */
 
 size_t fv_message_camera_status_size_max(void)
 {
@@ -233,7 +239,8 @@ uint32_t fv_message_camera_status_encode(const struct fv_message_camera_status *
         .dropped = (int64_t)in->counts.dropped,
         .recovered = (int64_t)in->counts.recovered,
     };
-    return fv_wire_encoded(fovea_camera_status_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
+    return fv_wire_encoded(
+        fovea_camera_status_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
 }
 
 size_t fv_message_preview_size_max(size_t jpeg_bytes_max)
@@ -243,7 +250,8 @@ size_t fv_message_preview_size_max(size_t jpeg_bytes_max)
     return (size_t)fovea_preview_t_encoded_size(&empty) + jpeg_bytes_max;
 }
 
-uint32_t fv_message_preview_encode(const struct fv_message_preview *in, uint8_t *buffer, size_t capacity)
+uint32_t fv_message_preview_encode(const struct fv_message_preview *in, uint8_t *buffer,
+                                   size_t capacity)
 {
     fovea_preview_t message = {
         .stamp = in->stamp,

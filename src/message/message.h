@@ -1,10 +1,10 @@
 /* Messages: the runtime's results as LCM bytes, encoded into memory that the caller owns.
  *
- * Types stand in include/lcmtypes/; encoding goes through lcm-gen's `_encode` (its `_publish` calls the
- * heap). An encoder returns the bytes written, or 0 when `capacity` is too small; `*_size_max` says what is
- * always enough, for carving. Values read from clocks go into the statistics message alone. Everything here
- * is real-time safe, except where it says init-only, and needs fv_message_prepare to have run once in the
- * process. */
+ * Types stand in include/lcmtypes/; encoding goes through lcm-gen's `_encode` (its `_publish` calls
+ * the heap). An encoder returns the bytes written, or 0 when `capacity` is too small; `*_size_max`
+ * says what is always enough, for carving. Values read from clocks go into the statistics message
+ * alone. Everything here is real-time safe, except where it says init-only, and needs
+ * fv_message_prepare to have run once in the process. */
 #ifndef FOVEA_MESSAGE_MESSAGE_H
 #define FOVEA_MESSAGE_MESSAGE_H
 
@@ -41,11 +41,12 @@ enum fv_message_kind {
 
 enum { FV_MESSAGE_CHANNEL_BYTES = 64, FV_MESSAGE_NAME_BYTES_MAX = 24 };
 
-/* Compute lcm-gen's type hashes, which it stores in unguarded statics when first used. Init-only. */
+/* Compute lcm-gen's type hashes, which it stores in unguarded statics when first used. Init-only.
+ */
 void fv_message_prepare(void);
 
-/* "FOVEA" and FV_MESSAGE_FEATURES give "FOVEA_FEATURES"; an empty prefix gives "FEATURES". `name` holds
- * FV_MESSAGE_CHANNEL_BYTES. */
+/* "FOVEA" and FV_MESSAGE_FEATURES give "FOVEA_FEATURES"; an empty prefix gives "FEATURES". `name`
+ * holds FV_MESSAGE_CHANNEL_BYTES. */
 void fv_message_channel(const char *prefix, enum fv_message_kind kind, char *name);
 
 /* The stamp of a frame as messages carry it; NULL: no frame yet (time 0, sequence -1). */
@@ -53,10 +54,10 @@ fovea_stamp_t fv_message_stamp(const struct fovea_frame *frame, int64_t utc_offs
 
 struct fv_message_pose {
     fovea_stamp_t stamp;
-    const char *parent_frame, *child_frame;     /* at most FV_MESSAGE_NAME_BYTES_MAX with the zero */
-    const struct fovea_pose *pose;              /* state, scale and counts */
-    double position[3], orientation[4];         /* T_parent_child; looked at only when pose->posed */
-    double covariance[21];                      /* of the child; likewise */
+    const char *parent_frame, *child_frame; /* at most FV_MESSAGE_NAME_BYTES_MAX with the zero */
+    const struct fovea_pose *pose;          /* state, scale and counts */
+    double position[3], orientation[4];     /* T_parent_child; looked at only when pose->posed */
+    double covariance[21];                  /* of the child; likewise */
     double map_position[3], map_orientation[4]; /* T_map_parent; likewise */
     int64_t reference_keyframe;                 /* -1: none */
     int64_t latency_ns;
@@ -84,20 +85,22 @@ struct fv_message_features {
 size_t fv_message_features_size_max(uint32_t count_max);
 /* Scratch that encoding needs, 4-byte aligned: the message holds one array per member. */
 size_t fv_message_features_scratch_bytes(uint32_t count_max);
-uint32_t fv_message_features_encode(const struct fv_message_features *in, void *scratch, uint8_t *buffer,
-                                    size_t capacity);
+uint32_t fv_message_features_encode(const struct fv_message_features *in, void *scratch,
+                                    uint8_t *buffer, size_t capacity);
 
 struct fv_message_statistics {
     fovea_stamp_t stamp;
     const char *kernel_set;
     const struct fovea_stats *stats;
-    const struct fovea_inputs *inputs;      /* of the last step: counters and what the application measured */
+    const struct fovea_inputs
+        *inputs; /* of the last step: counters and what the application measured */
     const struct fovea_grants *work_grants; /* of the last work */
     const uint32_t *units_done;             /* [FOVEA_JOB_COUNT] in the last work */
     uint32_t jobs_waiting;                  /* bit per job */
     const size_t *memory_bytes;             /* [FOVEA_MEMORY_PART_COUNT] */
-    const char *const *stage_names; /* [FOVEA_STAGE_COUNT], at most FV_MESSAGE_NAME_BYTES_MAX with the zero */
-    const char *const *job_names;   /* [FOVEA_JOB_COUNT], likewise */
+    const char *const
+        *stage_names; /* [FOVEA_STAGE_COUNT], at most FV_MESSAGE_NAME_BYTES_MAX with the zero */
+    const char *const *job_names; /* [FOVEA_JOB_COUNT], likewise */
 };
 size_t fv_message_statistics_size_max(void);
 uint32_t fv_message_statistics_encode(const struct fv_message_statistics *in, uint8_t *buffer,
@@ -124,7 +127,8 @@ struct fv_message_preview {
     uint32_t jpeg_bytes;
 };
 size_t fv_message_preview_size_max(size_t jpeg_bytes_max);
-uint32_t fv_message_preview_encode(const struct fv_message_preview *in, uint8_t *buffer, size_t capacity);
+uint32_t fv_message_preview_encode(const struct fv_message_preview *in, uint8_t *buffer,
+                                   size_t capacity);
 
 struct fv_message_detections {
     fovea_stamp_t stamp; /* of the image looked at */
@@ -138,12 +142,13 @@ struct fv_message_detections {
     const char *const *names;          /* of the classes, one per detection */
     const float (*rectified_boxes)[4]; /* x_min y_min x_max y_max per detection */
 };
-/* For labels of at most `label_bytes` bytes and a model's name of at most `name_bytes`, zeros not counted. */
+/* For labels of at most `label_bytes` bytes and a model's name of at most `name_bytes`, zeros not
+ * counted. */
 size_t fv_message_detections_size_max(uint32_t count_max, size_t name_bytes, size_t label_bytes);
 /* Scratch that encoding needs, 8-byte aligned. */
 size_t fv_message_detections_scratch_bytes(uint32_t count_max);
-uint32_t fv_message_detections_encode(const struct fv_message_detections *in, void *scratch, uint8_t *buffer,
-                                      size_t capacity);
+uint32_t fv_message_detections_encode(const struct fv_message_detections *in, void *scratch,
+                                      uint8_t *buffer, size_t capacity);
 
 /* A piece of the map: places [first, last) of each pool, and what is in them. */
 enum { FV_MESSAGE_MAP_LANDMARKS = 256, FV_MESSAGE_MAP_KEYFRAMES = 8 };
@@ -178,8 +183,8 @@ struct fv_message_tracks {
 size_t fv_message_tracks_size_max(uint32_t count_max, size_t label_bytes);
 /* Scratch that encoding needs, 8-byte aligned. */
 size_t fv_message_tracks_scratch_bytes(uint32_t count_max);
-uint32_t fv_message_tracks_encode(const struct fv_message_tracks *in, void *scratch, uint8_t *buffer,
-                                  size_t capacity);
+uint32_t fv_message_tracks_encode(const struct fv_message_tracks *in, void *scratch,
+                                  uint8_t *buffer, size_t capacity);
 
 #ifdef __cplusplus
 }

@@ -41,8 +41,8 @@ size_t fv_message_frame_image_bytes(const struct fovea_frame *frame)
     return bytes < image->size_bytes ? bytes : image->size_bytes;
 }
 
-uint32_t fv_message_frame_encode(const struct fovea_frame *frame, int64_t utc_offset_ns, uint8_t *buffer,
-                                 size_t capacity)
+uint32_t fv_message_frame_encode(const struct fovea_frame *frame, int64_t utc_offset_ns,
+                                 uint8_t *buffer, size_t capacity)
 {
     const fovea_frame_t message = {
         .stamp = fv_message_stamp(frame, utc_offset_ns),
@@ -57,16 +57,19 @@ uint32_t fv_message_frame_encode(const struct fovea_frame *frame, int64_t utc_of
     return fv_wire_encoded(fovea_frame_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
 }
 
-/* What a step was told of the robot's motion and of things that move; false: more than there is room for. */
+/* What a step was told of the robot's motion and of things that move; false: more than there is
+ * room for. */
 static bool fill_lists(const struct fovea_inputs *inputs, fovea_odometry_sample_t *samples,
                        fovea_box_t *boxes)
 {
-    if (inputs->odometry_count > FOVEA_INPUT_ODOMETRY_MAX || inputs->box_count > FOVEA_INPUT_BOXES_MAX)
+    if (inputs->odometry_count > FOVEA_INPUT_ODOMETRY_MAX ||
+        inputs->box_count > FOVEA_INPUT_BOXES_MAX)
         return false;
     for (uint32_t i = 0; i < inputs->odometry_count; i++) {
         samples[i].stamp_ns = inputs->odometry[i].stamp_ns;
         memcpy(samples[i].position, inputs->odometry[i].position_m, sizeof samples[i].position);
-        memcpy(samples[i].orientation, inputs->odometry[i].orientation, sizeof samples[i].orientation);
+        memcpy(samples[i].orientation, inputs->odometry[i].orientation,
+               sizeof samples[i].orientation);
     }
     for (uint32_t i = 0; i < inputs->box_count; i++) {
         const struct fovea_box *b = &inputs->boxes[i];
@@ -75,8 +78,8 @@ static bool fill_lists(const struct fovea_inputs *inputs, fovea_odometry_sample_
     return true;
 }
 
-uint32_t fv_message_inputs_encode(const struct fovea_inputs *inputs, uint64_t frame_hash, uint8_t *buffer,
-                                  size_t capacity)
+uint32_t fv_message_inputs_encode(const struct fovea_inputs *inputs, uint64_t frame_hash,
+                                  uint8_t *buffer, size_t capacity)
 {
     int32_t units[FOVEA_JOB_COUNT];
     fovea_odometry_sample_t samples[FOVEA_INPUT_ODOMETRY_MAX];
@@ -113,8 +116,8 @@ uint32_t fv_message_inputs_encode(const struct fovea_inputs *inputs, uint64_t fr
     return fv_wire_encoded(fovea_inputs_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
 }
 
-uint32_t fv_message_grants_encode(int64_t now_ns, const struct fovea_grants *grants, uint8_t *buffer,
-                                  size_t capacity)
+uint32_t fv_message_grants_encode(int64_t now_ns, const struct fovea_grants *grants,
+                                  uint8_t *buffer, size_t capacity)
 {
     int32_t units[FOVEA_JOB_COUNT];
     for (int job = 0; job < FOVEA_JOB_COUNT; job++)
@@ -128,7 +131,8 @@ uint32_t fv_message_grants_encode(int64_t now_ns, const struct fovea_grants *gra
     return fv_wire_encoded(fovea_grants_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
 }
 
-/* ---- back -------------------------------------------------------------------------------------------- */
+/* ---- back
+ * -------------------------------------------------------------------------------------------- */
 
 /* Reads the numbers of a checked message in the order of its fields. */
 struct reader {
@@ -154,7 +158,8 @@ static int64_t next_i64(struct reader *reader)
 }
 
 /* features, job_count and units: the common end of inputs and grants. */
-static bool next_grants(struct reader *reader, struct fovea_grants *grants, const char **problem, size_t *at)
+static bool next_grants(struct reader *reader, struct fovea_grants *grants, const char **problem,
+                        size_t *at)
 {
     int32_t features = next_i32(reader), jobs = next_i32(reader);
     size_t jobs_at = reader->leaf.offset;
@@ -202,9 +207,11 @@ static bool next_count(struct reader *reader, uint32_t most, uint32_t *count, co
     return false;
 }
 
-static bool next_odometry(struct reader *reader, struct fovea_inputs *found, const char **problem, size_t *at)
+static bool next_odometry(struct reader *reader, struct fovea_inputs *found, const char **problem,
+                          size_t *at)
 {
-    if (!next_count(reader, FOVEA_INPUT_ODOMETRY_MAX, &found->odometry_count, problem, at)) return false;
+    if (!next_count(reader, FOVEA_INPUT_ODOMETRY_MAX, &found->odometry_count, problem, at))
+        return false;
     for (uint32_t i = 0; i < found->odometry_count; i++) {
         found->odometry[i].stamp_ns = next_i64(reader);
         next_doubles(reader, found->odometry[i].position_m, 3);
@@ -213,14 +220,15 @@ static bool next_odometry(struct reader *reader, struct fovea_inputs *found, con
     return true;
 }
 
-static bool next_boxes(struct reader *reader, struct fovea_inputs *found, const char **problem, size_t *at)
+static bool next_boxes(struct reader *reader, struct fovea_inputs *found, const char **problem,
+                       size_t *at)
 {
     found->has_boxes = next_bits(reader) != 0;
     found->boxes_stamp_ns = next_i64(reader);
     if (!next_count(reader, FOVEA_INPUT_BOXES_MAX, &found->box_count, problem, at)) return false;
     for (uint32_t i = 0; i < found->box_count; i++) {
-        float *sides[4] = {&found->boxes[i].x_min_px, &found->boxes[i].y_min_px, &found->boxes[i].x_max_px,
-                           &found->boxes[i].y_max_px};
+        float *sides[4] = {&found->boxes[i].x_min_px, &found->boxes[i].y_min_px,
+                           &found->boxes[i].x_max_px, &found->boxes[i].y_max_px};
         for (int k = 0; k < 4; k++) {
             uint32_t bits = (uint32_t)next_bits(reader);
             memcpy(sides[k], &bits, sizeof bits);
@@ -229,8 +237,9 @@ static bool next_boxes(struct reader *reader, struct fovea_inputs *found, const 
     return true;
 }
 
-bool fv_message_inputs_decode(const uint8_t *data, size_t bytes, struct fovea_inputs *inputs, bool *has_frame,
-                              uint64_t *frame_hash, const char **problem, size_t *at)
+bool fv_message_inputs_decode(const uint8_t *data, size_t bytes, struct fovea_inputs *inputs,
+                              bool *has_frame, uint64_t *frame_hash, const char **problem,
+                              size_t *at)
 {
     struct reader reader;
     if (!begin(&reader, "fovea.inputs_t", data, bytes, problem, at)) return false;

@@ -1,8 +1,9 @@
-/* What recordings hold besides published messages: frames, inputs and grants, into the caller's memory and
- * back.
+/* What recordings hold besides published messages: frames, inputs and grants, into the caller's
+ * memory and back.
  *
- * Encoders: real-time safe, return the bytes written or 0 when `capacity` is too small. Decoders take events
- * from outside: they check the message first, allocate nothing, and leave outputs untouched when they refuse.
+ * Encoders: real-time safe, return the bytes written or 0 when `capacity` is too small. Decoders
+ * take events from outside: they check the message first, allocate nothing, and leave outputs
+ * untouched when they refuse.
  */
 #ifndef FOVEA_MESSAGE_RECORDED_H
 #define FOVEA_MESSAGE_RECORDED_H
@@ -24,18 +25,20 @@ size_t fv_message_grants_size_max(void);
 /* The pixels that count: all planes at the frame's stride, or all of a compressed picture. */
 size_t fv_message_frame_image_bytes(const struct fovea_frame *frame);
 
-uint32_t fv_message_frame_encode(const struct fovea_frame *frame, int64_t utc_offset_ns, uint8_t *buffer,
-                                 size_t capacity);
-uint32_t fv_message_inputs_encode(const struct fovea_inputs *inputs, uint64_t frame_hash, uint8_t *buffer,
-                                  size_t capacity);
-uint32_t fv_message_grants_encode(int64_t now_ns, const struct fovea_grants *grants, uint8_t *buffer,
-                                  size_t capacity);
+uint32_t fv_message_frame_encode(const struct fovea_frame *frame, int64_t utc_offset_ns,
+                                 uint8_t *buffer, size_t capacity);
+uint32_t fv_message_inputs_encode(const struct fovea_inputs *inputs, uint64_t frame_hash,
+                                  uint8_t *buffer, size_t capacity);
+uint32_t fv_message_grants_encode(int64_t now_ns, const struct fovea_grants *grants,
+                                  uint8_t *buffer, size_t capacity);
 
-/* `has_frame` and `frame_hash` tell of the frame that went with these inputs; inputs->frame is NULL. Jobs that
- * this build does not have are refused, jobs that the recording did not have get no units. On refusal
+/* `has_frame` and `frame_hash` tell of the frame that went with these inputs; inputs->frame is
+ * NULL. Jobs that this build does not have are refused, jobs that the recording did not have get no
+ * units. On refusal
  * `*problem` and `*at` (byte within the message) say why and where. */
-bool fv_message_inputs_decode(const uint8_t *data, size_t bytes, struct fovea_inputs *inputs, bool *has_frame,
-                              uint64_t *frame_hash, const char **problem, size_t *at);
+bool fv_message_inputs_decode(const uint8_t *data, size_t bytes, struct fovea_inputs *inputs,
+                              bool *has_frame, uint64_t *frame_hash, const char **problem,
+                              size_t *at);
 bool fv_message_grants_decode(const uint8_t *data, size_t bytes, struct fovea_grants *grants,
                               const char **problem, size_t *at);
 

@@ -22,7 +22,8 @@ size_t fv_message_tracks_size_max(uint32_t count_max, size_t label_bytes)
 {
     fovea_tracks_t empty;
     memset(&empty, 0, sizeof empty);
-    return (size_t)fovea_tracks_t_encoded_size(&empty) + count_max * (BYTES_EACH + 4 + label_bytes + 1);
+    return (size_t)fovea_tracks_t_encoded_size(&empty) +
+           count_max * (BYTES_EACH + 4 + label_bytes + 1);
 }
 
 size_t fv_message_tracks_scratch_bytes(uint32_t count_max)
@@ -48,8 +49,8 @@ static void lay_out(struct columns *c, void *scratch, size_t n)
     c->located = c->state + n;
 }
 
-static void fill(const struct columns *c, uint32_t i, const struct fovea_track *track, const char *name,
-                 int64_t stamp_ns)
+static void fill(const struct columns *c, uint32_t i, const struct fovea_track *track,
+                 const char *name, int64_t stamp_ns)
 {
     const float real[7] = {track->score,    track->x_min_px, track->y_min_px, track->x_max_px,
                            track->y_max_px, track->x_px_s,   track->y_px_s};
@@ -69,12 +70,13 @@ static void fill(const struct columns *c, uint32_t i, const struct fovea_track *
         c->velocity[3 * i + (uint32_t)k] = track->located ? track->velocity_m_s[k] : 0.0;
     for (uint32_t k = 0; k < 6; k++) {
         c->covariance[6 * i + k] = track->located ? track->covariance_m2[k] : 0.0;
-        c->velocity_covariance[6 * i + k] = track->located ? track->velocity_covariance_m2_s2[k] : 0.0;
+        c->velocity_covariance[6 * i + k] =
+            track->located ? track->velocity_covariance_m2_s2[k] : 0.0;
     }
 }
 
-uint32_t fv_message_tracks_encode(const struct fv_message_tracks *in, void *scratch, uint8_t *buffer,
-                                  size_t capacity)
+uint32_t fv_message_tracks_encode(const struct fv_message_tracks *in, void *scratch,
+                                  uint8_t *buffer, size_t capacity)
 {
     struct columns c;
     lay_out(&c, scratch, in->count);

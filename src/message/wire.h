@@ -1,5 +1,5 @@
-/* What encoders and readers of messages share: lcm-gen takes sizes as int and gives negative ones for failure; numbers on
- * LCM's wire are big-endian. Real-time safe, any thread. */
+/* What encoders and readers of messages share: lcm-gen takes sizes as int and gives negative ones
+ * for failure; numbers on LCM's wire are big-endian. Real-time safe, any thread. */
 #ifndef FOVEA_MESSAGE_WIRE_H
 #define FOVEA_MESSAGE_WIRE_H
 

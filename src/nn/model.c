@@ -33,11 +33,11 @@ uint32_t fv_model_checksum(const uint8_t *data, size_t bytes)
     return ~crc;
 }
 
-static enum fovea_status fail(struct fovea_error *error, const char *name, size_t byte, const char *what,
-                              int64_t found, const char *expected)
+static enum fovea_status fail(struct fovea_error *error, const char *name, size_t byte,
+                              const char *what, int64_t found, const char *expected)
 {
-    return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: byte %zu: %s is %lld, expected %s", name, byte,
-                           what, (long long)found, expected);
+    return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: byte %zu: %s is %lld, expected %s", name,
+                           byte, what, (long long)found, expected);
 }
 
 /* A table of `count` entries of `size` bytes at `offset`, aligned to 4, inside the file. */
@@ -47,8 +47,8 @@ static int fits(const struct fv_model_header *h, uint32_t offset, uint64_t count
            count * size <= h->file_bytes - offset;
 }
 
-static enum fovea_status check_header(const struct fv_model_header *h, size_t bytes, const char *name,
-                                      struct fovea_error *error)
+static enum fovea_status check_header(const struct fv_model_header *h, size_t bytes,
+                                      const char *name, struct fovea_error *error)
 {
     static const char magic[4] = {'F', 'V', 'M', 1};
     if (bytes < FV_MODEL_HEADER_BYTES)
@@ -57,8 +57,8 @@ static enum fovea_status check_header(const struct fv_model_header *h, size_t by
         return fovea_error_set(
             error, FOVEA_ERROR_INPUT,
             "%s: byte 0: not a Fovea model (found %02x %02x %02x %02x, expected 46 56 4d 01)", name,
-            (unsigned)(uint8_t)h->magic[0], (unsigned)(uint8_t)h->magic[1], (unsigned)(uint8_t)h->magic[2],
-            (unsigned)(uint8_t)h->magic[3]);
+            (unsigned)(uint8_t)h->magic[0], (unsigned)(uint8_t)h->magic[1],
+            (unsigned)(uint8_t)h->magic[2], (unsigned)(uint8_t)h->magic[3]);
     }
     if (h->version != FV_MODEL_VERSION)
         return fail(error, name, 4, "the version", h->version, "2; import the .tflite file anew");
@@ -66,19 +66,23 @@ static enum fovea_status check_header(const struct fv_model_header *h, size_t by
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "%s: byte 8: the stated size is %llu, expected the file's %zu", name,
                                (unsigned long long)h->file_bytes, bytes);
-    if (bytes > FV_MODEL_BYTES_MAX) return fail(error, name, 8, "the size", h->file_bytes, "at most 2^28");
+    if (bytes > FV_MODEL_BYTES_MAX)
+        return fail(error, name, 8, "the size", h->file_bytes, "at most 2^28");
     const uint32_t crc = fv_model_checksum((const uint8_t *)h + 16, bytes - 16);
     if (crc != h->checksum)
         return fail(error, name, 12, "the checksum", h->checksum,
                     "that of the contents: the file is damaged");
     if (h->tensor_count > FV_MODEL_TENSORS_MAX ||
         !fits(h, h->tensors, h->tensor_count, sizeof(struct fv_model_tensor))) {
-        return fail(error, name, 20, "the tensor count", h->tensor_count, "a table inside the file");
+        return fail(error, name, 20, "the tensor count", h->tensor_count,
+                    "a table inside the file");
     }
-    if (h->op_count > FV_MODEL_OPS_MAX || !fits(h, h->ops, h->op_count, sizeof(struct fv_model_op))) {
+    if (h->op_count > FV_MODEL_OPS_MAX ||
+        !fits(h, h->ops, h->op_count, sizeof(struct fv_model_op))) {
         return fail(error, name, 28, "the operator count", h->op_count, "a table inside the file");
     }
-    if (h->input_count < 1 || h->input_count > FV_MODEL_IO_MAX || !fits(h, h->inputs, h->input_count, 4)) {
+    if (h->input_count < 1 || h->input_count > FV_MODEL_IO_MAX ||
+        !fits(h, h->inputs, h->input_count, 4)) {
         return fail(error, name, 36, "the input count", h->input_count, "1 to 16");
     }
     if (h->output_count < 1 || h->output_count > FV_MODEL_IO_MAX ||
@@ -86,7 +90,8 @@ static enum fovea_status check_header(const struct fv_model_header *h, size_t by
         return fail(error, name, 44, "the output count", h->output_count, "1 to 16");
     }
     if (h->label_count > FV_MODEL_LABELS_MAX || !fits(h, h->labels, h->label_bytes, 1)) {
-        return fail(error, name, 52, "the label count", h->label_count, "at most 4096 inside the file");
+        return fail(error, name, 52, "the label count", h->label_count,
+                    "at most 4096 inside the file");
     }
     if (h->arena_bytes < FV_MODEL_SLACK_BYTES || h->arena_bytes > FV_MODEL_ARENA_BYTES_MAX) {
         return fail(error, name, 72, "the arena's size", h->arena_bytes, "64 to 2^28 bytes");
@@ -96,8 +101,8 @@ static enum fovea_status check_header(const struct fv_model_header *h, size_t by
     return FOVEA_OK;
 }
 
-static enum fovea_status check_labels(const struct fv_model_header *h, const uint8_t *base, const char *name,
-                                      struct fovea_error *error)
+static enum fovea_status check_labels(const struct fv_model_header *h, const uint8_t *base,
+                                      const char *name, struct fovea_error *error)
 {
     uint32_t zeros = 0;
     for (uint32_t i = 0; i < h->label_bytes; ++i)
@@ -134,14 +139,16 @@ static int32_t tensor_fault(const struct fv_model *m, const struct fv_model_tens
     const int64_t bytes = (count / last - 1) * t->pixel_stride + (int64_t)last * size[t->type];
     if (t->bytes != bytes) return 9;
     const int64_t room = (t->flags & FV_TENSOR_CONST) != 0 ? h->file_bytes : h->arena_bytes;
-    if (t->offset < 0 || t->offset % size[t->type] != 0 || t->offset + bytes + FV_MODEL_SLACK_BYTES > room)
+    if (t->offset < 0 || t->offset % size[t->type] != 0 ||
+        t->offset + bytes + FV_MODEL_SLACK_BYTES > room)
         return 10;
     if (!(t->scale > 0.0f && t->scale < 1e30f)) return 11;
     if (t->zero < 0 || t->zero > 255) return 12;
     if (t->storage < 0 || (uint32_t)t->storage >= h->tensor_count) return 14;
     const struct fv_model_tensor *whole = &m->tensors[t->storage];
-    if (&m->tensors[whole->storage < 0 || (uint32_t)whole->storage >= h->tensor_count ? 0 : whole->storage] !=
-        whole)
+    if (&m->tensors[whole->storage < 0 || (uint32_t)whole->storage >= h->tensor_count
+                        ? 0
+                        : whole->storage] != whole)
         return 14;
     if (((whole->flags ^ t->flags) & FV_TENSOR_CONST) != 0 || t->offset < whole->offset ||
         t->offset + bytes > (int64_t)whole->offset + whole->bytes)
@@ -149,11 +156,12 @@ static int32_t tensor_fault(const struct fv_model *m, const struct fv_model_tens
     return -1;
 }
 
-static enum fovea_status check_tensors(const struct fv_model *m, const char *name, struct fovea_error *error)
+static enum fovea_status check_tensors(const struct fv_model *m, const char *name,
+                                       struct fovea_error *error)
 {
-    static const char *const words[16] = {"type",       "flags",  "rank",    "shape",       "shape",  "shape",
-                                          "shape",      "shape",  "shape",   "size",        "offset", "scale",
-                                          "zero point", "source", "storage", "pixel stride"};
+    static const char *const words[16] = {
+        "type",  "flags", "rank",   "shape", "shape",      "shape",  "shape",   "shape",
+        "shape", "size",  "offset", "scale", "zero point", "source", "storage", "pixel stride"};
     for (uint32_t i = 0; i < m->header->tensor_count; ++i) {
         const int32_t fault = tensor_fault(m, &m->tensors[i]);
         if (fault < 0) continue;
@@ -162,13 +170,14 @@ static enum fovea_status check_tensors(const struct fv_model *m, const char *nam
         return fovea_error_set(
             error, FOVEA_ERROR_INPUT,
             "%s: byte %zu: tensor %u: %s %d does not fit the type, the shape or the memory", name,
-            (size_t)m->header->tensors + i * sizeof *m->tensors + (size_t)fault * 4, i, words[fault], found);
+            (size_t)m->header->tensors + i * sizeof *m->tensors + (size_t)fault * 4, i,
+            words[fault], found);
     }
     return FOVEA_OK;
 }
 
-/* Whether scratch shares bytes of the arena with an operand: what is kept there (indices among others) must
- * stay as written. */
+/* Whether scratch shares bytes of the arena with an operand: what is kept there (indices among
+ * others) must stay as written. */
 static int scratch_is_shared(const struct fv_model *m, const struct fv_model_op *op)
 {
     const struct fv_model_tensor *s = &m->tensors[op->scratch];
@@ -176,14 +185,16 @@ static int scratch_is_shared(const struct fv_model *m, const struct fv_model_op 
         const struct fv_model_tensor *t =
             &m->tensors[i < op->input_count ? op->inputs[i] : op->outputs[i - op->input_count]];
         if ((t->flags & FV_TENSOR_CONST) != 0) continue;
-        if (t->offset < (int64_t)s->offset + s->bytes && s->offset < (int64_t)t->offset + t->bytes) return 1;
+        if (t->offset < (int64_t)s->offset + s->bytes && s->offset < (int64_t)t->offset + t->bytes)
+            return 1;
     }
     return 0;
 }
 
-/* Inputs were written before and outputs are no constants: `written` holds a bit per storage record. */
-static const char *order_fault(const struct fv_model *m, const struct fv_model_op *op, uint8_t *written,
-                               int32_t *word)
+/* Inputs were written before and outputs are no constants: `written` holds a bit per storage
+ * record. */
+static const char *order_fault(const struct fv_model *m, const struct fv_model_op *op,
+                               uint8_t *written, int32_t *word)
 {
     const int32_t count = (int32_t)m->header->tensor_count;
     *word = 3;
@@ -193,7 +204,8 @@ static const char *order_fault(const struct fv_model *m, const struct fv_model_o
         *word = 5 + i;
         if (op->inputs[i] < 0 || op->inputs[i] >= count) return "no such tensor";
         const struct fv_model_tensor *t = &m->tensors[op->inputs[i]];
-        if ((t->flags & FV_TENSOR_CONST) == 0 && (written[t->storage / 8] >> t->storage % 8 & 1) == 0) {
+        if ((t->flags & FV_TENSOR_CONST) == 0 &&
+            (written[t->storage / 8] >> t->storage % 8 & 1) == 0) {
             return "reads a tensor that nothing wrote before (a cycle or a gap)";
         }
     }
@@ -208,14 +220,15 @@ static const char *order_fault(const struct fv_model *m, const struct fv_model_o
     if (op->scratch < -1 || op->scratch >= count) return "no such tensor";
     if (op->scratch >= 0 && (m->tensors[op->scratch].flags & FV_TENSOR_CONST) != 0)
         return "scratch is a constant";
-    if (op->scratch >= 0 && scratch_is_shared(m, op)) return "scratch shares memory with an operand";
+    if (op->scratch >= 0 && scratch_is_shared(m, op))
+        return "scratch shares memory with an operand";
     *word = 15;
     if (op->row_cost < 1) return "row cost below 1";
     return NULL;
 }
 
-static enum fovea_status check_io(const struct fv_model *m, uint8_t *written, int outputs, const char *name,
-                                  struct fovea_error *error)
+static enum fovea_status check_io(const struct fv_model *m, uint8_t *written, int outputs,
+                                  const char *name, struct fovea_error *error)
 {
     const struct fv_model_header *h = m->header;
     const int32_t *list = outputs ? m->outputs : m->inputs;
@@ -236,7 +249,8 @@ static enum fovea_status check_io(const struct fv_model *m, uint8_t *written, in
     return FOVEA_OK;
 }
 
-static enum fovea_status check_ops(const struct fv_model *m, const char *name, struct fovea_error *error)
+static enum fovea_status check_ops(const struct fv_model *m, const char *name,
+                                   struct fovea_error *error)
 {
     uint8_t written[FV_MODEL_TENSORS_MAX / 8];
     memset(written, 0, sizeof written);
@@ -252,8 +266,9 @@ static enum fovea_status check_ops(const struct fv_model *m, const char *name, s
         if (fault == NULL) continue;
         int32_t found;
         memcpy(&found, (const uint8_t *)op + word * 4, 4);
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: byte %zu: operator %u (%s): %s (found %d)",
-                               name, (size_t)m->header->ops + i * sizeof *op + (size_t)word * 4, i,
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%s: byte %zu: operator %u (%s): %s (found %d)", name,
+                               (size_t)m->header->ops + i * sizeof *op + (size_t)word * 4, i,
                                fv_model_kind_name(op->kind), fault, found);
     }
     return check_io(m, written, 1, name, error);
@@ -265,7 +280,8 @@ static int finite_between(float value, float low, float high)
     return value >= low && value <= high;
 }
 
-static enum fovea_status check_use(const struct fv_model *m, const char *name, struct fovea_error *error)
+static enum fovea_status check_use(const struct fv_model *m, const char *name,
+                                   struct fovea_error *error)
 {
     const struct fv_model_preprocess *p = &m->header->preprocess;
     const struct fv_model_decode *d = &m->header->decode;
@@ -278,10 +294,12 @@ static enum fovea_status check_use(const struct fv_model *m, const char *name, s
         return fail(error, name, at + 12, "the channels", p->channels, "0 to 4");
     for (int i = 0; i < 3; ++i) {
         if (!finite_between(p->mean[i], -1e6f, 1e6f) || !finite_between(p->scale[i], -1e6f, 1e6f)) {
-            return fail(error, name, at + 20 + 4 * (size_t)i, "the mean or scale", i, "a number up to 1e6");
+            return fail(error, name, at + 20 + 4 * (size_t)i, "the mean or scale", i,
+                        "a number up to 1e6");
         }
     }
-    if (p->pad < 0 || p->pad > 255) return fail(error, name, at + 44, "the border", p->pad, "0 to 255");
+    if (p->pad < 0 || p->pad > 255)
+        return fail(error, name, at + 44, "the border", p->pad, "0 to 255");
     if (d->kind < 0 || d->kind >= FV_DECODER_COUNT)
         return fail(error, name, to, "the decoder", d->kind, "a known kind");
     if (d->classes < 0 || d->classes > FV_MODEL_LABELS_MAX)
@@ -289,7 +307,8 @@ static enum fovea_status check_use(const struct fv_model *m, const char *name, s
     if (!finite_between(d->score_threshold, 0, 1) || !finite_between(d->iou_threshold, 0, 1))
         return fail(error, name, to + 8, "a threshold", 0, "0 to 1");
     if (d->max_detections < 0 || d->max_detections > 4096)
-        return fail(error, name, to + 20, "the number of detections", d->max_detections, "0 to 4096");
+        return fail(error, name, to + 20, "the number of detections", d->max_detections,
+                    "0 to 4096");
     if (d->anchor_count < 0 || d->anchor_count > 8)
         return fail(error, name, to + 28, "the number of anchors", d->anchor_count, "0 to 8");
     for (int i = 0; i < 16; ++i) {
@@ -304,8 +323,8 @@ static enum fovea_status check_use(const struct fv_model *m, const char *name, s
     return FOVEA_OK;
 }
 
-enum fovea_status fv_model_open(const void *data, size_t bytes, const char *name, struct fv_model *model,
-                                struct fovea_error *error)
+enum fovea_status fv_model_open(const void *data, size_t bytes, const char *name,
+                                struct fv_model *model, struct fovea_error *error)
 {
     if ((uintptr_t)data % 64 != 0)
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,

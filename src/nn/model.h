@@ -1,24 +1,25 @@
 /* The model file (.fvm): one flat, little-endian, 64-byte aligned block that is used where it lies.
  *
- * Layout: header (512 bytes), tensor records (64 bytes each), operator records (256 bytes each), indices of
- * the input and output tensors, labels (zero-terminated), constant data, 64 bytes of zeros that kernels may
- * read past the end. Everything refers to everything by offset or index; nothing is patched at load.
- * `checksum` is CRC-32 (IEEE 802.3, as in zlib) of all bytes from 16 to the end. tools/import writes it
- * (write.py and layout.py mirror this page).
+ * Layout: header (512 bytes), tensor records (64 bytes each), operator records (256 bytes each),
+ * indices of the input and output tensors, labels (zero-terminated), constant data, 64 bytes of
+ * zeros that kernels may read past the end. Everything refers to everything by offset or index;
+ * nothing is patched at load. `checksum` is CRC-32 (IEEE 802.3, as in zlib) of all bytes from 16 to
+ * the end. tools/import writes it (write.py and layout.py mirror this page).
  *
- * 8-bit tensors are unsigned here: an int8 value q is held as q + 128 and its zero point moved along.
- * Quantised arithmetic only sees (value - zero point), so one set of kernels serves both forms.
+ * 8-bit tensors are unsigned here: an int8 value q is held as q + 128 and its zero point moved
+ * along. Quantised arithmetic only sees (value - zero point), so one set of kernels serves both
+ * forms.
  *
- * A tensor record describes bytes of the arena, or of the file when constant. `storage` is the record that it
- * is a part of (itself for a whole one), so a slice of channels is a record whose pixels lie `pixel_stride`
- * bytes apart.
+ * A tensor record describes bytes of the arena, or of the file when constant. `storage` is the
+ * record that it is a part of (itself for a whole one), so a slice of channels is a record whose
+ * pixels lie `pixel_stride` bytes apart.
  *
- * Operators stand in the order in which they run; each reads only inputs, constants and what an earlier one
- * wrote. The work of an operator is cut into `rows` slices that are independent of each other; `row_cost`
- * estimates one slice in multiply-accumulates.
+ * Operators stand in the order in which they run; each reads only inputs, constants and what an
+ * earlier one wrote. The work of an operator is cut into `rows` slices that are independent of each
+ * other; `row_cost` estimates one slice in multiply-accumulates.
  *
- * The loader (fv_model_open) checks every number that a kernel or operator later relies on, so that a hostile
- * file is refused with the byte at fault and never causes an access out of bounds. */
+ * The loader (fv_model_open) checks every number that a kernel or operator later relies on, so that
+ * a hostile file is refused with the byte at fault and never causes an access out of bounds. */
 #ifndef FOVEA_NN_MODEL_H
 #define FOVEA_NN_MODEL_H
 
@@ -34,39 +35,53 @@ extern "C" {
 enum {
     FV_MODEL_VERSION = 2,
     FV_MODEL_HEADER_BYTES = 512,
-    FV_MODEL_SLACK_BYTES = 64, /* that may be read past a tensor's end, in the arena and in the file */
+    FV_MODEL_SLACK_BYTES =
+        64, /* that may be read past a tensor's end, in the arena and in the file */
     FV_MODEL_TENSORS_MAX = 1 << 16,
     FV_MODEL_OPS_MAX = 1 << 14,
     FV_MODEL_BYTES_MAX = 1 << 28,
     FV_MODEL_ARENA_BYTES_MAX = 1 << 28,
     FV_MODEL_IO_MAX = 16,
     FV_MODEL_LABELS_MAX = 4096,
-    FV_MODEL_CONV_PIXELS = 48,      /* output pixels gathered at a time */
-    FV_MODEL_DEPTHWISE_COLUMNS = 72 /* input columns interleaved at a time (more when the kernel is wider) */
+    FV_MODEL_CONV_PIXELS = 48, /* output pixels gathered at a time */
+    FV_MODEL_DEPTHWISE_COLUMNS =
+        72 /* input columns interleaved at a time (more when the kernel is wider) */
 };
 
-enum fv_model_type { FV_TYPE_U8 = 0, FV_TYPE_I32 = 1, FV_TYPE_I64 = 2, FV_TYPE_F32 = 3, FV_TYPE_COUNT };
-enum fv_model_flag { FV_TENSOR_CONST = 1, FV_TENSOR_SIGNED = 2 }; /* SIGNED: was int8 in the .tflite file */
+enum fv_model_type {
+    FV_TYPE_U8 = 0,
+    FV_TYPE_I32 = 1,
+    FV_TYPE_I64 = 2,
+    FV_TYPE_F32 = 3,
+    FV_TYPE_COUNT
+};
+enum fv_model_flag {
+    FV_TENSOR_CONST = 1,
+    FV_TENSOR_SIGNED = 2
+}; /* SIGNED: was int8 in the .tflite file */
 
 struct fv_model_tensor {
     int32_t type, flags, rank, dims[6];
     int32_t bytes;  /* from the first to the last byte that belongs to it */
     int32_t offset; /* into the arena, or the file when constant */
     float scale;
-    int32_t zero;         /* in unsigned form */
-    int32_t source;       /* tensor in the .tflite file, -1: none */
-    int32_t storage;      /* record of the whole */
-    int32_t pixel_stride; /* bytes between neighbours along all axes but the last, which is packed */
+    int32_t zero;    /* in unsigned form */
+    int32_t source;  /* tensor in the .tflite file, -1: none */
+    int32_t storage; /* record of the whole */
+    int32_t
+        pixel_stride; /* bytes between neighbours along all axes but the last, which is packed */
 };
 
 enum fv_model_op_kind {
     FV_OP_NONE = 0,
-    FV_OP_CONV, /* convolution of any kind but depthwise, phases of transposed ones, fully connected layers */
+    FV_OP_CONV, /* convolution of any kind but depthwise, phases of transposed ones, fully connected
+                   layers */
     FV_OP_DEPTHWISE,
     FV_OP_BINARY, /* add, subtract, multiply, maximum, minimum, prelu with broadcasting */
     FV_OP_POOL,
     FV_OP_REDUCE, /* mean, maximum, minimum over axes */
-    FV_OP_COPY,   /* any move of bytes (transpose, slice, concatenate, tile, ...), through a table if given */
+    FV_OP_COPY, /* any move of bytes (transpose, slice, concatenate, tile, ...), through a table if
+                   given */
     FV_OP_FILL,
     FV_OP_RESIZE,
     FV_OP_SOFTMAX,
@@ -79,8 +94,8 @@ enum fv_model_op_kind {
     FV_OP_KIND_COUNT
 };
 
-/* Shapes of an operator on images [batch][h][w][c]; strides are bytes from pixel to pixel, rows follow
- * without gap. */
+/* Shapes of an operator on images [batch][h][w][c]; strides are bytes from pixel to pixel, rows
+ * follow without gap. */
 struct fv_op_image {
     int32_t batch, in_h, in_w, in_c, in_stride, out_h, out_w, out_c, out_stride;
 };
@@ -88,19 +103,22 @@ struct fv_op_window {
     int32_t kh, kw, stride_y, stride_x, dilation_y, dilation_x, pad_top, pad_left;
 };
 
-/* Words that are offsets count bytes from the start of the file; 0 in `table` means none. Per channel: int32
- * bias (holding everything constant), multiplier and shift, padded to 16 channels. */
+/* Words that are offsets count bytes from the start of the file; 0 in `table` means none. Per
+ * channel: int32 bias (holding everything constant), multiplier and shift, padded to 16 channels.
+ */
 struct fv_op_conv {
     struct fv_op_image image;
     struct fv_op_window window;
     int32_t k, k4; /* products per output, and the number of groups of 4 that hold them */
     int32_t zero_in, zero_out, act_min, act_max;
-    int32_t row_sum_factor;  /* times the sum of the inputs of an output pixel, added to each accumulator */
-    int32_t single_rounding; /* 1: multiplier and shift are the low and high word of a double, rounded once */
+    int32_t row_sum_factor;  /* times the sum of the inputs of an output pixel, added to each
+                                accumulator */
+    int32_t single_rounding; /* 1: multiplier and shift are the low and high word of a double,
+                                rounded once */
     int32_t weights;         /* int8 [out_c / 16][k4][16][4], k in order ky, kx, channel */
     int32_t bias, multiplier, shift, table;
-    /* Where output pixels lie that are not neighbours, as those of one phase of a transposed convolution:
-     * bytes before the first, and from row to row; 0: rows follow without gap. */
+    /* Where output pixels lie that are not neighbours, as those of one phase of a transposed
+     * convolution: bytes before the first, and from row to row; 0: rows follow without gap. */
     int32_t out_first, out_row;
 };
 struct fv_op_depthwise {
@@ -112,7 +130,14 @@ struct fv_op_depthwise {
     int32_t weights; /* int8 [planes][kh kw][c16] */
     int32_t bias, multiplier, shift, table;
 };
-enum fv_binary { FV_BINARY_ADD, FV_BINARY_SUB, FV_BINARY_MUL, FV_BINARY_MAX, FV_BINARY_MIN, FV_BINARY_PRELU };
+enum fv_binary {
+    FV_BINARY_ADD,
+    FV_BINARY_SUB,
+    FV_BINARY_MUL,
+    FV_BINARY_MAX,
+    FV_BINARY_MIN,
+    FV_BINARY_PRELU
+};
 struct fv_op_binary {
     int32_t function, dims[6], a[6], b[6], out[6]; /* byte strides by axis */
     int32_t zero_a, zero_b, zero_out, m_a, s_a, m_b, s_b, m_out, s_out, act_min, act_max, table;
@@ -144,7 +169,8 @@ struct fv_op_resize {
     int32_t bits;
 };
 struct fv_op_softmax {
-    int32_t outer, depth, table; /* int32[256]: exp(-d) in Q0.31 by distance from the maximum, -1: left out */
+    int32_t outer, depth,
+        table; /* int32[256]: exp(-d) in Q0.31 by distance from the maximum, -1: left out */
 };
 struct fv_op_arg_max {
     int32_t outer, axis, inner, element_bytes, minimum;
@@ -164,7 +190,8 @@ struct fv_op_matmul {
     /* strides in bytes; columns of a are packed */
     int32_t batch[2], a_batch[2], b_batch[2], m, k, n, a_row, b_row, b_column;
     int32_t zero_a, zero_b, zero_out, multiplier, shift;
-    int32_t single_rounding; /* as in convolutions: a fully connected layer whose weights are computed */
+    int32_t single_rounding; /* as in convolutions: a fully connected layer whose weights are
+                                computed */
     int32_t bias;            /* offset of int32[n], 0: none */
 };
 struct fv_op_detection {
@@ -201,7 +228,8 @@ struct fv_model_op {
     } u;
 };
 
-/* How an image becomes the input: value = pixel (0..255) through `table_*`, see src/detect/preprocess.h. */
+/* How an image becomes the input: value = pixel (0..255) through `table_*`, see
+ * src/detect/preprocess.h. */
 enum fv_model_fit { FV_FIT_STRETCH = 0, FV_FIT_LETTERBOX = 1 };
 struct fv_model_preprocess {
     int32_t fit;
@@ -258,7 +286,8 @@ struct fv_model_header {
     uint32_t tail[8];
 };
 
-/* A checked model. Views into the caller's bytes, which must stay where they are while the model is used. */
+/* A checked model. Views into the caller's bytes, which must stay where they are while the model is
+ * used. */
 struct fv_model {
     const uint8_t *base;
     const struct fv_model_header *header;
@@ -268,10 +297,10 @@ struct fv_model {
 };
 
 /* Check `bytes` bytes at `data` (64-byte aligned) as a model file. Init-only.
- * FOVEA_ERROR_INPUT: `error` names the byte at fault, what was found and what was expected; `model` is
- * untouched. `name` stands in error texts. */
-enum fovea_status fv_model_open(const void *data, size_t bytes, const char *name, struct fv_model *model,
-                                struct fovea_error *error);
+ * FOVEA_ERROR_INPUT: `error` names the byte at fault, what was found and what was expected; `model`
+ * is untouched. `name` stands in error texts. */
+enum fovea_status fv_model_open(const void *data, size_t bytes, const char *name,
+                                struct fv_model *model, struct fovea_error *error);
 
 /* Label of a class, or NULL. Any thread. */
 const char *fv_model_label(const struct fv_model *model, int32_t index);

@@ -12,10 +12,10 @@ struct check {
 };
 
 #define WORD(member) ((int32_t)(offsetof(struct fv_model_op, u.member) / 4))
-#define REQUIRE(member, condition, text)                                                                     \
-    do {                                                                                                     \
-        *c->word = WORD(member);                                                                             \
-        if (!(condition)) return text;                                                                       \
+#define REQUIRE(member, condition, text)                                                           \
+    do {                                                                                           \
+        *c->word = WORD(member);                                                                   \
+        if (!(condition)) return text;                                                             \
     } while (0)
 
 static int between(int64_t value, int64_t low, int64_t high)
@@ -40,8 +40,8 @@ static int64_t scratch_bytes(const struct check *c)
                : c->m->tensors[c->op->scratch].bytes;
 }
 
-/* Constant data of `bytes` bytes at a multiple of `alignment`, with the slack that kernels may read behind
- * it. */
+/* Constant data of `bytes` bytes at a multiple of `alignment`, with the slack that kernels may read
+ * behind it. */
 static int constant(const struct check *c, int32_t offset, int64_t bytes, int32_t alignment)
 {
     return offset >= FV_MODEL_HEADER_BYTES && offset % alignment == 0 &&
@@ -69,17 +69,20 @@ static int shifts_fit(const struct check *c, int32_t offset, int32_t count)
 
 static int activation_fits(int32_t zero_in, int32_t zero_out, int32_t low, int32_t high)
 {
-    return between(zero_in, 0, 255) && between(zero_out, 0, 255) && low >= 0 && low <= high && high <= 255;
+    return between(zero_in, 0, 255) && between(zero_out, 0, 255) && low >= 0 && low <= high &&
+           high <= 255;
 }
 
 static const char *operands(const struct check *c, int32_t inputs, int32_t outputs)
 {
     *c->word = 3;
-    return c->op->input_count == inputs && c->op->output_count == outputs ? NULL : "wrong number of operands";
+    return c->op->input_count == inputs && c->op->output_count == outputs
+               ? NULL
+               : "wrong number of operands";
 }
 
-/* An image of bytes inside its tensor, from byte `first` on; `row`: bytes from row to row, 0 where rows
- * follow without gap. */
+/* An image of bytes inside its tensor, from byte `first` on; `row`: bytes from row to row, 0 where
+ * rows follow without gap. */
 static const char *half_image(const struct fv_model_tensor *t, int32_t batch, int32_t h, int32_t w,
                               int32_t channels, int32_t stride, int32_t first, int32_t row)
 {
@@ -93,7 +96,8 @@ static const char *half_image(const struct fv_model_tensor *t, int32_t batch, in
     if (first < 0 || row < 0 || (row != 0 && row < line))
         return "the first pixel or the distance of rows is out of range";
     const int64_t last = (lines - 1) * (row != 0 ? row : (int64_t)w * stride) + line;
-    if (t->type != FV_TYPE_U8 || first + last > t->bytes) return "the image does not fit its tensor";
+    if (t->type != FV_TYPE_U8 || first + last > t->bytes)
+        return "the image does not fit its tensor";
     return NULL;
 }
 
@@ -108,7 +112,8 @@ static const char *check_images(const struct check *c, const struct fv_op_image 
     fault = half_image(input(c, 0), im->batch, im->in_h, im->in_w, im->in_c, im->in_stride, 0, 0);
     if (fault != NULL) return fault;
     *c->word = 21;
-    fault = half_image(output(c, 0), im->batch, im->out_h, im->out_w, im->out_c, im->out_stride, first, row);
+    fault = half_image(output(c, 0), im->batch, im->out_h, im->out_w, im->out_c, im->out_stride,
+                       first, row);
     if (fault != NULL) return fault;
     *c->word = 13;
     return c->op->rows == im->batch * im->out_h ? NULL : "rows do not match the image";
@@ -129,9 +134,11 @@ static const char *check_window(const struct check *c, const struct fv_op_window
     return NULL;
 }
 
-/* Bytes that strides reach, both ends, over axes of the given lengths; false when a length is out of range.
+/* Bytes that strides reach, both ends, over axes of the given lengths; false when a length is out
+ * of range.
  */
-static int reach(const int32_t *dims, const int32_t *strides, int32_t axes, int64_t *low, int64_t *high)
+static int reach(const int32_t *dims, const int32_t *strides, int32_t axes, int64_t *low,
+                 int64_t *high)
 {
     int64_t count = 1;
     for (int32_t i = 0; i < axes; ++i) {
@@ -152,16 +159,17 @@ static int64_t product(const int32_t *dims, int32_t axes)
 }
 
 /* A strided walk from `first` with elements of `size` bytes stays inside the tensor. */
-static int walk_fits(const int32_t *dims, const int32_t *strides, int32_t axes, int64_t first, int32_t size,
-                     const struct fv_model_tensor *t)
+static int walk_fits(const int32_t *dims, const int32_t *strides, int32_t axes, int64_t first,
+                     int32_t size, const struct fv_model_tensor *t)
 {
     int64_t low = first, high = first;
     return reach(dims, strides, axes, &low, &high) && low >= 0 && high + size <= t->bytes;
 }
 
-/* Likewise of an output, of which no byte is written twice: a file makes no more work than its size. */
-static int walk_fills(const int32_t *dims, const int32_t *strides, int32_t axes, int64_t first, int32_t size,
-                      const struct fv_model_tensor *t)
+/* Likewise of an output, of which no byte is written twice: a file makes no more work than its
+ * size. */
+static int walk_fills(const int32_t *dims, const int32_t *strides, int32_t axes, int64_t first,
+                      int32_t size, const struct fv_model_tensor *t)
 {
     return walk_fits(dims, strides, axes, first, size, t) && product(dims, axes) <= t->bytes / size;
 }
@@ -196,7 +204,8 @@ static const char *check_conv(const struct check *c)
     const int64_t pitch = ((int64_t)p->k4 * 4 + 15 + 63) / 64 * 64;
     REQUIRE(conv.single_rounding, between(p->single_rounding, 0, pointwise),
             "not 0 or 1, or not for this window");
-    REQUIRE(conv.shift, p->single_rounding || shifts_fit(c, p->shift, n16), "a shift is out of range");
+    REQUIRE(conv.shift, p->single_rounding || shifts_fit(c, p->shift, n16),
+            "a shift is out of range");
     int64_t scratch = pointwise ? 0 : FV_MODEL_CONV_PIXELS * pitch + FV_MODEL_SLACK_BYTES;
     if (p->single_rounding) scratch += (int64_t)n16 * 4 * FV_MODEL_CONV_PIXELS;
     *c->word = 14;
@@ -213,11 +222,14 @@ static const char *check_depthwise(const struct check *c)
     REQUIRE(depthwise.zero_in, activation_fits(p->zero_in, p->zero_out, p->act_min, p->act_max),
             "zero points or range are not bytes");
     REQUIRE(depthwise.planes, between(p->planes, 1, 3), "out of range");
-    REQUIRE(depthwise.c16, p->c16 == (p->image.in_c + 15) / 16 * 16, "not the channels rounded up to 16");
+    REQUIRE(depthwise.c16, p->c16 == (p->image.in_c + 15) / 16 * 16,
+            "not the channels rounded up to 16");
     const int64_t taps = (int64_t)p->window.kh * p->window.kw;
-    REQUIRE(depthwise.weights, taps <= 1 << 16 && constant(c, p->weights, p->planes * taps * p->c16, 64),
+    REQUIRE(depthwise.weights,
+            taps <= 1 << 16 && constant(c, p->weights, p->planes * taps * p->c16, 64),
             "weights lie outside the file");
-    REQUIRE(depthwise.bias, constant(c, p->bias, (int64_t)p->c16 * 4, 64), "biases lie outside the file");
+    REQUIRE(depthwise.bias, constant(c, p->bias, (int64_t)p->c16 * 4, 64),
+            "biases lie outside the file");
     REQUIRE(depthwise.multiplier, constant(c, p->multiplier, (int64_t)p->c16 * 4, 64),
             "multipliers lie outside the file");
     REQUIRE(depthwise.shift,
@@ -242,7 +254,8 @@ static const char *check_binary(const struct check *c)
     if (input(c, 0)->type != FV_TYPE_U8 || input(c, 1)->type != FV_TYPE_U8 ||
         output(c, 0)->type != FV_TYPE_U8)
         return "operands are not bytes";
-    REQUIRE(binary.function, between(p->function, FV_BINARY_ADD, FV_BINARY_PRELU), "no such function");
+    REQUIRE(binary.function, between(p->function, FV_BINARY_ADD, FV_BINARY_PRELU),
+            "no such function");
     REQUIRE(binary.a, walk_fits(p->dims, p->a, 6, 0, 1, input(c, 0)),
             "the first input does not fit its tensor");
     REQUIRE(binary.b, walk_fits(p->dims, p->b, 6, 0, 1, input(c, 1)),
@@ -250,7 +263,8 @@ static const char *check_binary(const struct check *c)
     REQUIRE(binary.out, walk_fills(p->dims, p->out, 6, 0, 1, output(c, 0)),
             "the output does not fit its tensor");
     REQUIRE(binary.zero_a,
-            activation_fits(p->zero_a, p->zero_out, p->act_min, p->act_max) && between(p->zero_b, 0, 255),
+            activation_fits(p->zero_a, p->zero_out, p->act_min, p->act_max) &&
+                between(p->zero_b, 0, 255),
             "zero points or range are not bytes");
     const int32_t most = p->function <= FV_BINARY_SUB ? 0 : 30;
     REQUIRE(binary.s_a, between(p->s_a, -31, most), "the shift is out of range");
@@ -279,10 +293,12 @@ static const char *check_reduce(const struct check *c)
     const struct fv_op_reduce *p = &c->op->u.reduce;
     const char *fault = operands(c, 1, 1);
     if (fault != NULL) return fault;
-    REQUIRE(reduce.function, between(p->function, FV_REDUCE_MEAN, FV_REDUCE_MIN), "no such function");
+    REQUIRE(reduce.function, between(p->function, FV_REDUCE_MEAN, FV_REDUCE_MIN),
+            "no such function");
     int64_t low = 0, high = 0;
     *c->word = WORD(reduce.dims);
-    const int good = reach(p->dims, p->outer, 4, &low, &high) && reach(p->count, p->inner, 4, &low, &high);
+    const int good =
+        reach(p->dims, p->outer, 4, &low, &high) && reach(p->count, p->inner, 4, &low, &high);
     if (!good || low < 0 || high + 1 > input(c, 0)->bytes || input(c, 0)->type != FV_TYPE_U8)
         return "the input does not fit its tensor";
     if (product(p->dims, 4) > output(c, 0)->bytes || output(c, 0)->type != FV_TYPE_U8)
@@ -358,7 +374,8 @@ static const char *check_resize(const struct check *c)
             "the table is outside the file or the image");
     if (p->mode != FV_RESIZE_SIGNED && p->mode != FV_RESIZE_EXACT) return NULL;
     REQUIRE(resize.bits, between(p->bits, 0, 10), "out of range");
-    REQUIRE(resize.rows, weights_fit(c, p->rows, p->image.out_h, 1 << p->bits), "a weight is out of range");
+    REQUIRE(resize.rows, weights_fit(c, p->rows, p->image.out_h, 1 << p->bits),
+            "a weight is out of range");
     REQUIRE(resize.columns, weights_fit(c, p->columns, p->image.out_w, 1 << p->bits),
             "a weight is out of range");
     return NULL;
@@ -380,7 +397,8 @@ static const char *check_softmax(const struct check *c)
     if (fault != NULL) return fault;
     const int64_t bytes = (int64_t)p->outer * p->depth;
     REQUIRE(softmax.depth,
-            p->outer >= 1 && p->depth >= 1 && bytes <= input(c, 0)->bytes && bytes <= output(c, 0)->bytes,
+            p->outer >= 1 && p->depth >= 1 && bytes <= input(c, 0)->bytes &&
+                bytes <= output(c, 0)->bytes,
             "does not fit the tensors");
     REQUIRE(softmax.depth, p->depth <= 8191, "more values than the sum can hold");
     REQUIRE(softmax.table, constant(c, p->table, 1024, 4) && exps_fit(words_at(c, p->table)),
@@ -394,11 +412,13 @@ static const char *check_arg_max(const struct check *c)
     const struct fv_op_arg_max *p = &c->op->u.arg_max;
     const char *fault = operands(c, 1, 1);
     if (fault != NULL) return fault;
-    const int good =
-        between(p->outer, 1, 1 << 24) && between(p->axis, 1, 1 << 24) && between(p->inner, 1, 1 << 14);
+    const int good = between(p->outer, 1, 1 << 24) && between(p->axis, 1, 1 << 24) &&
+                     between(p->inner, 1, 1 << 14);
     REQUIRE(arg_max.outer, good && (int64_t)p->outer * p->axis <= input(c, 0)->bytes / p->inner,
             "does not fit the input");
-    const int32_t size = output(c, 0)->type == FV_TYPE_I64 ? 8 : output(c, 0)->type == FV_TYPE_I32 ? 4 : 0;
+    const int32_t size = output(c, 0)->type == FV_TYPE_I64   ? 8
+                         : output(c, 0)->type == FV_TYPE_I32 ? 4
+                                                             : 0;
     REQUIRE(arg_max.element_bytes,
             p->element_bytes == size && (int64_t)p->outer * p->inner * size <= output(c, 0)->bytes,
             "does not fit the output");
@@ -415,7 +435,8 @@ static const char *check_convert(const struct check *c, int32_t count)
     *c->word = 16;
     if (count < 1 || (int64_t)count * size[input(c, 0)->type] > input(c, 0)->bytes)
         return "does not fit the input";
-    if ((int64_t)count * size[output(c, 0)->type] > output(c, 0)->bytes) return "does not fit the output";
+    if ((int64_t)count * size[output(c, 0)->type] > output(c, 0)->bytes)
+        return "does not fit the output";
     *c->word = 13;
     return c->op->rows == (count - 1) / 4096 + 1 ? NULL : "rows do not match the count";
 }
@@ -440,7 +461,8 @@ static const char *check_quantize(const struct check *c)
     *c->word = 5;
     if (input(c, 0)->type != FV_TYPE_F32 || output(c, 0)->type != FV_TYPE_U8)
         return "not from floats to bytes";
-    REQUIRE(quantize.scale, p->scale > 1e-30f && p->scale < 1e30f, "the scale is not a positive number");
+    REQUIRE(quantize.scale, p->scale > 1e-30f && p->scale < 1e30f,
+            "the scale is not a positive number");
     REQUIRE(quantize.zero, between(p->zero, 0, 255), "the zero point is not a byte");
     return NULL;
 }
@@ -463,18 +485,20 @@ static const char *check_matmul(const struct check *c)
             "the first input does not fit its tensor");
     REQUIRE(matmul.n, walk_fits(dims_b, strides_b, 4, 0, 1, input(c, 1)),
             "the second input does not fit its tensor");
-    const int64_t batches = (int64_t)p->batch[0] * p->batch[1], n16 = ((int64_t)p->n + 15) / 16 * 16,
-                  k4 = ((int64_t)p->k + 3) / 4;
+    const int64_t batches = (int64_t)p->batch[0] * p->batch[1],
+                  n16 = ((int64_t)p->n + 15) / 16 * 16, k4 = ((int64_t)p->k + 3) / 4;
     REQUIRE(matmul.k, p->k <= 1 << 22, "out of range");
     const int fits = input(c, 0)->type == FV_TYPE_U8 && input(c, 1)->type == FV_TYPE_U8 &&
                      output(c, 0)->type == FV_TYPE_U8;
     REQUIRE(matmul.n, fits && batches * p->m * p->n <= output(c, 0)->bytes,
             "the output does not fit its tensor");
     REQUIRE(matmul.zero_a,
-            between(p->zero_a, 0, 255) && between(p->zero_b, 0, 255) && between(p->zero_out, 0, 255),
+            between(p->zero_a, 0, 255) && between(p->zero_b, 0, 255) &&
+                between(p->zero_out, 0, 255),
             "zero points are not bytes");
     REQUIRE(matmul.single_rounding, between(p->single_rounding, 0, 1), "not 0 or 1");
-    REQUIRE(matmul.shift, p->single_rounding || between(p->shift, -31, 30), "the shift is out of range");
+    REQUIRE(matmul.shift, p->single_rounding || between(p->shift, -31, 30),
+            "the shift is out of range");
     REQUIRE(matmul.bias, p->bias == 0 || constant(c, p->bias, (int64_t)p->n * 4, 4),
             "the biases lie outside the file");
     *c->word = 14;
@@ -512,7 +536,8 @@ static const char *check_detection(const struct check *c)
     REQUIRE(detection.per_class, between(p->per_class, 0, 1 << 17), "out of range");
     REQUIRE(detection.score_threshold, p->score_threshold > -1e6f && p->score_threshold < 1e6f,
             "not a number in range");
-    REQUIRE(detection.iou_threshold, p->iou_threshold >= 0.0f && p->iou_threshold <= 1.0f, "not in [0, 1]");
+    REQUIRE(detection.iou_threshold, p->iou_threshold >= 0.0f && p->iou_threshold <= 1.0f,
+            "not in [0, 1]");
     REQUIRE(detection.y_scale,
             usable(p->y_scale) && usable(p->x_scale) && usable(p->h_scale) && usable(p->w_scale),
             "a box scale is not a positive number");
@@ -535,12 +560,14 @@ static const char *check_detection(const struct check *c)
             return "the output does not fit its tensor";
     }
     *c->word = 14;
-    if (scratch_bytes(c) < (int64_t)p->anchors * 32 + slots * 64 + 64) return "scratch is too small";
+    if (scratch_bytes(c) < (int64_t)p->anchors * 32 + slots * 64 + 64)
+        return "scratch is too small";
     *c->word = 13;
     return c->op->rows == fv_nn_detection_rows(p) ? NULL : "rows is not what its steps make";
 }
 
-const char *fv_model_check_op(const struct fv_model *model, const struct fv_model_op *op, int32_t *word)
+const char *fv_model_check_op(const struct fv_model *model, const struct fv_model_op *op,
+                              int32_t *word)
 {
     static const char *(*const checks[FV_OP_KIND_COUNT])(const struct check *) = {
         [FV_OP_CONV] = check_conv,

@@ -4,9 +4,10 @@
 
 #include "nn/model.h"
 
-/* Everything that running operator `index` relies on: shapes that agree, every access within its tensor,
- * constants within the file, parameters in range. Returns NULL, or what is wrong as a phrase; `word` takes
- * the record word at fault. */
-const char *fv_model_check_op(const struct fv_model *model, const struct fv_model_op *op, int32_t *word);
+/* Everything that running operator `index` relies on: shapes that agree, every access within its
+ * tensor, constants within the file, parameters in range. Returns NULL, or what is wrong as a
+ * phrase; `word` takes the record word at fault. */
+const char *fv_model_check_op(const struct fv_model *model, const struct fv_model_op *op,
+                              int32_t *word);
 
 #endif

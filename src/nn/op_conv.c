@@ -1,5 +1,5 @@
-/* Convolutions as matrix products: the inputs of an output pixel are a row of k bytes. A 1x1 convolution
- * reads its rows where they lie; others gather FV_MODEL_CONV_PIXELS rows at a time. */
+/* Convolutions as matrix products: the inputs of an output pixel are a row of k bytes. A 1x1
+ * convolution reads its rows where they lie; others gather FV_MODEL_CONV_PIXELS rows at a time. */
 #include <string.h>
 
 #include "kernels/nn_requantize.h"
@@ -25,17 +25,17 @@ static struct fv_nn_gemm gemm_of(const struct fv_nn_call *call)
     };
 }
 
-/* Copy in pieces of 16 bytes: up to 15 bytes past the end are read (tensors have slack) and written (the next
- * run, or the slack of the scratch, comes there). Short runs are many, and a call of memcpy for each costs
- * more than the bytes. */
+/* Copy in pieces of 16 bytes: up to 15 bytes past the end are read (tensors have slack) and written
+ * (the next run, or the slack of the scratch, comes there). Short runs are many, and a call of
+ * memcpy for each costs more than the bytes. */
 static inline void copy_run(uint8_t *to, const uint8_t *from, int32_t bytes)
 {
     for (int32_t i = 0; i < bytes; i += 16)
         memcpy(to + i, from + i, 16);
 }
 
-/* One kernel row of one output pixel at a border or with gaps: kw pixels of in_c bytes, zero_in outside the
- * image. */
+/* One kernel row of one output pixel at a border or with gaps: kw pixels of in_c bytes, zero_in
+ * outside the image. */
 static void gather_run(const struct fv_op_conv *c, const uint8_t *line, int32_t ix, uint8_t *to)
 {
     const struct fv_op_image *im = &c->image;
@@ -48,15 +48,17 @@ static void gather_run(const struct fv_op_conv *c, const uint8_t *line, int32_t 
 }
 
 /* Kernel row ky of `count` neighbouring output pixels of one row, the first at x. */
-static void gather_line(const struct fv_nn_call *call, const uint8_t *image, int32_t y, int32_t x, int32_t ky,
-                        int32_t count, uint8_t *rows, ptrdiff_t pitch)
+static void gather_line(const struct fv_nn_call *call, const uint8_t *image, int32_t y, int32_t x,
+                        int32_t ky, int32_t count, uint8_t *rows, ptrdiff_t pitch)
 {
     const struct fv_op_conv *c = &call->op->u.conv;
     const struct fv_op_image *im = &c->image;
     const struct fv_op_window *w = &c->window;
-    const int whole = w->dilation_x == 1 && im->in_stride == im->in_c; /* a kernel row is one run of bytes */
+    const int whole =
+        w->dilation_x == 1 && im->in_stride == im->in_c; /* a kernel row is one run of bytes */
     const int32_t run = w->kw * im->in_c, iy = y * w->stride_y - w->pad_top + ky * w->dilation_y;
-    const uint8_t *line = iy < 0 || iy >= im->in_h ? NULL : image + (ptrdiff_t)iy * im->in_w * im->in_stride;
+    const uint8_t *line =
+        iy < 0 || iy >= im->in_h ? NULL : image + (ptrdiff_t)iy * im->in_w * im->in_stride;
     uint8_t *to = rows + (ptrdiff_t)ky * run;
     for (int32_t i = 0, some; i < count; i += some, to += some * pitch) {
         const int32_t ix = (x + i) * w->stride_x - w->pad_left;
@@ -66,7 +68,8 @@ static void gather_line(const struct fv_nn_call *call, const uint8_t *image, int
             const int32_t fit = (im->in_w - w->kw - ix) / w->stride_x + 1;
             some = fit < count - i ? fit : count - i;
             call->kernels->nn_gather_u8(line + (ptrdiff_t)ix * im->in_stride,
-                                        (ptrdiff_t)w->stride_x * im->in_stride, to, pitch, run, some);
+                                        (ptrdiff_t)w->stride_x * im->in_stride, to, pitch, run,
+                                        some);
         } else {
             gather_run(c, line, ix, to);
         }
@@ -78,7 +81,8 @@ static void gather(const struct fv_nn_call *call, int32_t first, int32_t count, 
 {
     const struct fv_op_conv *c = &call->op->u.conv;
     const struct fv_op_image *im = &c->image;
-    int32_t x = first % im->out_w, y = first / im->out_w % im->out_h, n = first / im->out_w / im->out_h;
+    int32_t x = first % im->out_w, y = first / im->out_w % im->out_h,
+            n = first / im->out_w / im->out_h;
     while (count > 0) {
         const int32_t part = im->out_w - x < count ? im->out_w - x : count;
         const uint8_t *image = call->in[0] + (ptrdiff_t)n * im->in_h * im->in_w * im->in_stride;
@@ -108,8 +112,8 @@ int32_t fv_nn_scale_once(int32_t acc, int32_t low, int32_t high)
 }
 
 /* `count` pixels from `first` on, whose inputs lie in `rows`; `out` is pixel `first`'s. */
-static void fully_connected(const struct fv_nn_call *call, const struct fv_nn_gemm *gemm, const uint8_t *rows,
-                            ptrdiff_t pitch, uint8_t *out, int32_t count)
+static void fully_connected(const struct fv_nn_call *call, const struct fv_nn_gemm *gemm,
+                            const uint8_t *rows, ptrdiff_t pitch, uint8_t *out, int32_t count)
 {
     const struct fv_op_conv *c = &call->op->u.conv;
     int32_t *acc = (int32_t *)(void *)call->scratch;
@@ -118,7 +122,8 @@ static void fully_connected(const struct fv_nn_call *call, const struct fv_nn_ge
     for (int32_t i = 0; i < count; ++i, acc += n16, out += c->image.out_stride) {
         for (int32_t o = 0; o < gemm->n; ++o) {
             const int32_t scaled = fv_nn_scale_once(acc[o], gemm->multiplier[o], gemm->shift[o]);
-            const uint8_t value = (uint8_t)fv_nn_clamp(scaled + c->zero_out, c->act_min, c->act_max);
+            const uint8_t value =
+                (uint8_t)fv_nn_clamp(scaled + c->zero_out, c->act_min, c->act_max);
             out[o] = gemm->table == NULL ? value : gemm->table[value];
         }
     }
@@ -131,16 +136,17 @@ static int is_pointwise(const struct fv_op_conv *c)
            w->pad_left == 0 && c->image.in_h == c->image.out_h && c->image.in_w == c->image.out_w;
 }
 
-/* Multiply `count` gathered rows, the first that of pixel `first`; in pieces that end with the image's rows
- * where those have gaps. */
-static void multiply(const struct fv_nn_call *call, const struct fv_nn_gemm *gemm, const uint8_t *rows,
-                     ptrdiff_t pitch, int32_t first, int32_t count)
+/* Multiply `count` gathered rows, the first that of pixel `first`; in pieces that end with the
+ * image's rows where those have gaps. */
+static void multiply(const struct fv_nn_call *call, const struct fv_nn_gemm *gemm,
+                     const uint8_t *rows, ptrdiff_t pitch, int32_t first, int32_t count)
 {
     const struct fv_op_conv *c = &call->op->u.conv;
     const ptrdiff_t stride = c->image.out_stride,
                     row = c->out_row != 0 ? c->out_row : c->image.out_w * stride;
     while (count > 0) {
-        const int32_t y = first / c->image.out_w, x = first % c->image.out_w, left = c->image.out_w - x;
+        const int32_t y = first / c->image.out_w, x = first % c->image.out_w,
+                      left = c->image.out_w - x;
         const int32_t part = c->out_row == 0 || count < left ? count : left;
         uint8_t *out = call->out[0] + c->out_first + y * row + x * stride;
         if (c->single_rounding)
@@ -161,10 +167,11 @@ void fv_nn_op_conv(const struct fv_nn_call *call, int32_t begin, int32_t end)
     const ptrdiff_t pitch = (c->k4 * 4 + 15 + 63) / 64 * 64; /* room for copy_run */
     if (is_pointwise(c)) {
         const ptrdiff_t step = c->image.in_stride;
-        const int32_t most =
-            c->single_rounding ? FV_MODEL_CONV_PIXELS : last - first; /* the scratch holds so many */
+        const int32_t most = c->single_rounding ? FV_MODEL_CONV_PIXELS
+                                                : last - first; /* the scratch holds so many */
         for (int32_t p = first; p < last; p += most) {
-            multiply(call, &gemm, call->in[0] + p * step, step, p, last - p < most ? last - p : most);
+            multiply(call, &gemm, call->in[0] + p * step, step, p,
+                     last - p < most ? last - p : most);
         }
         return;
     }

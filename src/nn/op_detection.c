@@ -1,7 +1,7 @@
-/* TFLite_Detection_PostProcess: boxes from centre-size encodings and anchors, then non-maximum suppression,
- * either over each anchor's best class ("fast") or class by class ("regular"). A row of the operator is a
- * step of bounded cost. Order of ties as in the reference: lower index first. Outputs: boxes [n][ymin xmin
- * ymax xmax], classes, scores, count; unused entries are zero. */
+/* TFLite_Detection_PostProcess: boxes from centre-size encodings and anchors, then non-maximum
+ * suppression, either over each anchor's best class ("fast") or class by class ("regular"). A row
+ * of the operator is a step of bounded cost. Order of ties as in the reference: lower index first.
+ * Outputs: boxes [n][ymin xmin ymax xmax], classes, scores, count; unused entries are zero. */
 #include <string.h>
 
 #include "fovea/elementary.h"
@@ -31,7 +31,8 @@ struct state {
     int32_t columns;
 };
 
-static void decode_boxes(const struct fv_nn_call *call, const struct state *s, int32_t begin, int32_t end)
+static void decode_boxes(const struct fv_nn_call *call, const struct state *s, int32_t begin,
+                         int32_t end)
 {
     const struct fv_op_detection *p = s->p;
     const float *anchor =
@@ -39,9 +40,12 @@ static void decode_boxes(const struct fv_nn_call *call, const struct state *s, i
     const float *table = (const float *)(const void *)(call->model->base + p->box_table);
     const uint8_t *code = call->in[0] + 4 * (ptrdiff_t)begin;
     for (int32_t i = begin; i < end; ++i, anchor += 4, code += 4) {
-        const double y = (double)table[code[0]] / p->y_scale, x = (double)table[code[1]] / p->x_scale;
-        const double h = (double)table[code[2]] / p->h_scale, w = (double)table[code[3]] / p->w_scale;
-        const float cy = (float)(y * anchor[2] + anchor[0]), cx = (float)(x * anchor[3] + anchor[1]);
+        const double y = (double)table[code[0]] / p->y_scale,
+                     x = (double)table[code[1]] / p->x_scale;
+        const double h = (double)table[code[2]] / p->h_scale,
+                     w = (double)table[code[3]] / p->w_scale;
+        const float cy = (float)(y * anchor[2] + anchor[0]),
+                    cx = (float)(x * anchor[3] + anchor[1]);
         const float half_h = (float)(0.5 * fovea_exp(h) * anchor[2]),
                     half_w = (float)(0.5 * fovea_exp(w) * anchor[3]);
         float *box = s->boxes + (ptrdiff_t)i * 4;
@@ -54,7 +58,8 @@ static void decode_boxes(const struct fv_nn_call *call, const struct state *s, i
 
 static float overlap(const float *a, const float *b)
 {
-    if (b[0] >= a[2] || a[0] >= b[2] || b[1] >= a[3] || a[1] >= b[3]) return 0.0f; /* most pairs are apart */
+    if (b[0] >= a[2] || a[0] >= b[2] || b[1] >= a[3] || a[1] >= b[3])
+        return 0.0f; /* most pairs are apart */
     const float area_a = (a[2] - a[0]) * (a[3] - a[1]), area_b = (b[2] - b[0]) * (b[3] - b[1]);
     if (!(area_a > 0.0f) || !(area_b > 0.0f)) return 0.0f;
     const float y0 = a[0] > b[0] ? a[0] : b[0], x0 = a[1] > b[1] ? a[1] : b[1];
@@ -64,8 +69,8 @@ static float overlap(const float *a, const float *b)
     return both / (area_a + area_b - both);
 }
 
-/* Anchors whose score passes the threshold, highest first (counting sort by the byte, stable). Returns how
- * many. */
+/* Anchors whose score passes the threshold, highest first (counting sort by the byte, stable).
+ * Returns how many. */
 static int32_t sort_by_score(const struct state *s)
 {
     int32_t count[257] = {0}, total = 0;
@@ -92,7 +97,8 @@ static void suppress_begin(const struct state *s)
     memset(s->active, 1, (size_t)s->run->total);
 }
 
-/* Select up to `count` more anchors, but no more than `limit` in all; they end up at the front of `order`. */
+/* Select up to `count` more anchors, but no more than `limit` in all; they end up at the front of
+ * `order`. */
 static void suppress_some(const struct state *s, int32_t count, int32_t limit)
 {
     struct run *run = s->run;
@@ -120,19 +126,22 @@ static void write_detection(const struct fv_nn_call *call, const struct state *s
         s->table[s->scores[(ptrdiff_t)anchor * s->columns + s->p->class_offset + class_]];
 }
 
-/* Best class of an anchor that is below (value, class) in the order of falling score and rising index. */
+/* Best class of an anchor that is below (value, class) in the order of falling score and rising
+ * index. */
 static int32_t next_class(const struct state *s, int32_t anchor, int32_t after)
 {
     const uint8_t *score = s->scores + (ptrdiff_t)anchor * s->columns + s->p->class_offset;
     int32_t best = -1;
     for (int32_t c = 0; c < s->p->classes; ++c) {
-        if (after >= 0 && (score[c] > score[after] || (score[c] == score[after] && c <= after))) continue;
+        if (after >= 0 && (score[c] > score[after] || (score[c] == score[after] && c <= after)))
+            continue;
         if (best < 0 || score[c] > score[best]) best = c;
     }
     return best;
 }
 
-/* ---- steps: each row of the operator is one ------------------------------------------------------------ */
+/* ---- steps: each row of the operator is one
+ * ------------------------------------------------------------ */
 
 /* Selections of a class that one step makes. */
 static int32_t share(const struct fv_op_detection *p)
@@ -150,9 +159,10 @@ static int32_t steps_per_class(const struct fv_op_detection *p)
 int32_t fv_nn_detection_rows(const struct fv_op_detection *p)
 {
     const int32_t decode = (p->anchors - 1) / ANCHORS_PER_STEP + 1;
-    const int64_t rows =
-        decode +
-        (p->regular_nms ? (int64_t)p->classes * steps_per_class(p) : (int64_t)p->max_detections + 1) + 1;
+    const int64_t rows = decode +
+                         (p->regular_nms ? (int64_t)p->classes * steps_per_class(p)
+                                         : (int64_t)p->max_detections + 1) +
+                         1;
     return rows > 1 << 30 ? -1 : (int32_t)rows;
 }
 
@@ -189,9 +199,8 @@ static void merge_class(const struct state *s, int32_t c)
     for (int32_t i = 0; i < s->run->selected; ++i) {
         const uint8_t score = s->score[s->order[i]];
         int32_t at = total;
-        while (at > 0 &&
-               s->scores[(ptrdiff_t)found[2 * at - 2] * s->columns + p->class_offset + found[2 * at - 1]] <
-                   score)
+        while (at > 0 && s->scores[(ptrdiff_t)found[2 * at - 2] * s->columns + p->class_offset +
+                                   found[2 * at - 1]] < score)
             --at;
         if (at >= p->max_detections) continue;
         total = total < p->max_detections ? total + 1 : total;
@@ -237,7 +246,8 @@ static void step(const struct fv_nn_call *call, const struct state *s, int32_t r
     const int32_t decode = (p->anchors - 1) / ANCHORS_PER_STEP + 1, begin = row * ANCHORS_PER_STEP;
     if (row == 0) clear_outputs(call, s);
     if (row < decode) {
-        const int32_t end = p->anchors - begin > ANCHORS_PER_STEP ? begin + ANCHORS_PER_STEP : p->anchors;
+        const int32_t end =
+            p->anchors - begin > ANCHORS_PER_STEP ? begin + ANCHORS_PER_STEP : p->anchors;
         decode_boxes(call, s, begin, end);
         if (!p->regular_nms) best_scores(s, begin, end);
     } else if (row == call->op->rows - 1) {
@@ -257,7 +267,8 @@ static void step(const struct fv_nn_call *call, const struct state *s, int32_t r
 void fv_nn_op_detection(const struct fv_nn_call *call, int32_t begin, int32_t end)
 {
     const struct fv_op_detection *p = &call->op->u.detection;
-    const size_t n = (size_t)p->anchors, slots = (size_t)p->max_detections * (size_t)p->max_per_anchor;
+    const size_t n = (size_t)p->anchors,
+                 slots = (size_t)p->max_detections * (size_t)p->max_per_anchor;
     uint8_t *scratch = call->scratch;
     const struct state s = {
         .p = p,

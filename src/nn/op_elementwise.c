@@ -1,4 +1,5 @@
-/* Operators that treat elements one by one: arithmetic with broadcasting, moves of bytes, conversions. */
+/* Operators that treat elements one by one: arithmetic with broadcasting, moves of bytes,
+ * conversions. */
 #include <string.h>
 
 #include "kernels/nn_requantize.h"
@@ -6,10 +7,10 @@
 
 enum { CHUNK = 4096, FILL_CHUNK = 16384 };
 
-/* Byte offsets of row `row` of a six-axis walk, for operands with the strides given; the last axis is the
- * row. */
-static void row_offsets(const int32_t dims[6], int32_t row, const int32_t *const *strides, ptrdiff_t *offsets,
-                        int count)
+/* Byte offsets of row `row` of a six-axis walk, for operands with the strides given; the last axis
+ * is the row. */
+static void row_offsets(const int32_t dims[6], int32_t row, const int32_t *const *strides,
+                        ptrdiff_t *offsets, int count)
 {
     for (int i = 0; i < count; ++i)
         offsets[i] = 0;
@@ -30,7 +31,8 @@ static int32_t binary_value(const struct fv_op_binary *p, int32_t a, int32_t b)
     if (p->function == FV_BINARY_MUL) {
         value = fv_nn_requantize(x * y, p->m_out, p->s_out);
     } else if (p->function == FV_BINARY_PRELU) {
-        value = x >= 0 ? fv_nn_requantize(x, p->m_a, p->s_a) : fv_nn_requantize(x * y, p->m_out, p->s_out);
+        value = x >= 0 ? fv_nn_requantize(x, p->m_a, p->s_a)
+                       : fv_nn_requantize(x * y, p->m_out, p->s_out);
     } else {
         const int32_t u = fv_nn_requantize(x * (1 << 20), p->m_a, p->s_a);
         const int32_t v = fv_nn_requantize(y * (1 << 20), p->m_b, p->s_b);
@@ -84,8 +86,8 @@ void fv_nn_op_binary(const struct fv_nn_call *call, int32_t begin, int32_t end)
     }
 }
 
-static void copy_row(const struct fv_op_copy *p, const uint8_t *table, const struct fv_kernels *kernels,
-                     const uint8_t *src, uint8_t *dst)
+static void copy_row(const struct fv_op_copy *p, const uint8_t *table,
+                     const struct fv_kernels *kernels, const uint8_t *src, uint8_t *dst)
 {
     const int32_t count = p->dims[5], size = p->element_bytes;
     const int packed = p->src[5] == size && p->dst[5] == size;
@@ -102,12 +104,12 @@ static void copy_row(const struct fv_op_copy *p, const uint8_t *table, const str
     }
 }
 
-/* Rows that share all axes but the last two form a matrix; when bytes run along opposite axes it is a
- * transposition. */
+/* Rows that share all axes but the last two form a matrix; when bytes run along opposite axes it is
+ * a transposition. */
 static int is_transpose(const struct fv_op_copy *p)
 {
-    return p->element_bytes == 1 && p->table == 0 && p->src[4] == 1 && p->dst[5] == 1 && p->src[5] > 1 &&
-           p->dst[4] > 1;
+    return p->element_bytes == 1 && p->table == 0 && p->src[4] == 1 && p->dst[5] == 1 &&
+           p->src[5] > 1 && p->dst[4] > 1;
 }
 
 void fv_nn_op_copy(const struct fv_nn_call *call, int32_t begin, int32_t end)
@@ -116,7 +118,8 @@ void fv_nn_op_copy(const struct fv_nn_call *call, int32_t begin, int32_t end)
     const int32_t *strides[2] = {p->src, p->dst};
     const uint8_t *table = p->table == 0 ? NULL : call->model->base + p->table;
     const int transpose = is_transpose(p);
-    for (int32_t row = begin, rows; row < end; row += rows) { /* rows up to the end of axis 4 at once */
+    for (int32_t row = begin, rows; row < end;
+         row += rows) { /* rows up to the end of axis 4 at once */
         ptrdiff_t at[2];
         row_offsets(p->dims, row, strides, at, 2);
         const uint8_t *src = call->in[0] + p->src_first + at[0];
@@ -155,9 +158,9 @@ void fv_nn_op_dequantize(const struct fv_nn_call *call, int32_t begin, int32_t e
         out[i] = table[call->in[0][i]];
 }
 
-/* Nearest integer, halves away from zero, cut to [-512, 512]: all beyond ends at 0 or 255 whatever the zero
- * point. The size is cut as an integer, which a compiler can do for several values at once, and which takes
- * what is no number as well. */
+/* Nearest integer, halves away from zero, cut to [-512, 512]: all beyond ends at 0 or 255 whatever
+ * the zero point. The size is cut as an integer, which a compiler can do for several values at
+ * once, and which takes what is no number as well. */
 static inline int32_t round_away(float value)
 {
     const int32_t most = 0x44000000; /* the bits of 512.0f */

@@ -56,7 +56,8 @@ void fv_nn_op_arg_max(const struct fv_nn_call *call, int32_t begin, int32_t end)
     }
 }
 
-/* The scratch of a product: the second matrix packed as weights, then bias, multiplier and shift by column.
+/* The scratch of a product: the second matrix packed as weights, then bias, multiplier and shift by
+ * column.
  */
 static struct fv_nn_gemm gemm_of(const struct fv_op_matmul *p, uint8_t *scratch)
 {
@@ -74,14 +75,15 @@ static struct fv_nn_gemm gemm_of(const struct fv_op_matmul *p, uint8_t *scratch)
                                .row_sum_factor = 128 - p->zero_b};
 }
 
-/* Pack 16 columns of the second matrix as signed weights w = b - 128. With w' = zero_b - 128 the product is
- * the sum over k of a w - w' a - zero_a (w - w'): the second term is the kernel's row sum, the third the
- * bias. */
+/* Pack 16 columns of the second matrix as signed weights w = b - 128. With w' = zero_b - 128 the
+ * product is the sum over k of a w - w' a - zero_a (w - w'): the second term is the kernel's row
+ * sum, the third the bias. */
 static void pack_columns(const struct fv_nn_call *call, const uint8_t *b, int32_t block)
 {
     const struct fv_op_matmul *p = &call->op->u.matmul;
     uint8_t *scratch = call->scratch;
-    const int32_t *bias = p->bias == 0 ? NULL : (const int32_t *)(const void *)(call->model->base + p->bias);
+    const int32_t *bias =
+        p->bias == 0 ? NULL : (const int32_t *)(const void *)(call->model->base + p->bias);
     const int32_t n16 = (p->n + 15) / 16 * 16, k4 = (p->k + 3) / 4, first = block * 16;
     const int32_t columns = p->n - first < 16 ? p->n - first : 16;
     int8_t *weights = (int8_t *)scratch + (ptrdiff_t)block * k4 * 64;
@@ -101,16 +103,18 @@ static void pack_columns(const struct fv_nn_call *call, const uint8_t *b, int32_
     }
 }
 
-/* Rows of the result that are rounded once; the sums of FV_MODEL_CONV_PIXELS of them lie behind what is packed. */
-static void multiply_once(const struct fv_nn_call *call, const struct fv_nn_gemm *gemm, const uint8_t *a,
-                          uint8_t *out, int32_t count)
+/* Rows of the result that are rounded once; the sums of FV_MODEL_CONV_PIXELS of them lie behind
+ * what is packed. */
+static void multiply_once(const struct fv_nn_call *call, const struct fv_nn_gemm *gemm,
+                          const uint8_t *a, uint8_t *out, int32_t count)
 {
     const struct fv_op_matmul *p = &call->op->u.matmul;
     const int32_t n16 = (p->n + 15) / 16 * 16;
     int32_t *sums = (int32_t *)(void *)(call->scratch + (ptrdiff_t)n16 * (gemm->k4 * 4 + 12));
     for (int32_t first = 0, some; first < count; first += some) {
         some = count - first < FV_MODEL_CONV_PIXELS ? count - first : FV_MODEL_CONV_PIXELS;
-        call->kernels->nn_gemm_i32(gemm, a + (ptrdiff_t)first * p->a_row, p->a_row, sums, n16, some);
+        call->kernels->nn_gemm_i32(gemm, a + (ptrdiff_t)first * p->a_row, p->a_row, sums, n16,
+                                   some);
         for (int32_t i = 0; i < some; ++i) {
             uint8_t *to = out + (ptrdiff_t)(first + i) * p->n;
             for (int32_t j = 0; j < p->n; ++j) {
@@ -129,15 +133,18 @@ void fv_nn_op_matmul(const struct fv_nn_call *call, int32_t begin, int32_t end)
     const struct fv_nn_gemm gemm = gemm_of(p, call->scratch);
     const int32_t blocks = (p->n + 15) / 16, per = blocks + p->m;
     for (int32_t row = begin, count; row < end; row += count) {
-        const int32_t batch = row / per, b0 = batch / p->batch[1], b1 = batch % p->batch[1], at = row % per;
+        const int32_t batch = row / per, b0 = batch / p->batch[1], b1 = batch % p->batch[1],
+                      at = row % per;
         count = 1;
         if (at < blocks) {
-            pack_columns(call, call->in[1] + (ptrdiff_t)b0 * p->b_batch[0] + (ptrdiff_t)b1 * p->b_batch[1],
-                         at);
+            pack_columns(
+                call, call->in[1] + (ptrdiff_t)b0 * p->b_batch[0] + (ptrdiff_t)b1 * p->b_batch[1],
+                at);
             continue;
         }
         count = per - at < end - row ? per - at : end - row;
-        const uint8_t *a = call->in[0] + (ptrdiff_t)b0 * p->a_batch[0] + (ptrdiff_t)b1 * p->a_batch[1];
+        const uint8_t *a =
+            call->in[0] + (ptrdiff_t)b0 * p->a_batch[0] + (ptrdiff_t)b1 * p->a_batch[1];
         const ptrdiff_t first = at - blocks;
         uint8_t *out = call->out[0] + ((ptrdiff_t)batch * p->m + first) * p->n;
         if (p->single_rounding)

@@ -12,8 +12,8 @@ static void window_part(int32_t start, int32_t size, int32_t kernel, int32_t *fi
     if (*last < *first) *last = *first;
 }
 
-static void max_pixel(const struct fv_nn_call *call, const uint8_t *corner, int32_t ky, int32_t ky_end,
-                      int32_t kx, int32_t kx_end, uint8_t *out)
+static void max_pixel(const struct fv_nn_call *call, const uint8_t *corner, int32_t ky,
+                      int32_t ky_end, int32_t kx, int32_t kx_end, uint8_t *out)
 {
     const struct fv_op_pool *p = &call->op->u.pool;
     const struct fv_op_image *im = &p->image;
@@ -21,7 +21,8 @@ static void max_pixel(const struct fv_nn_call *call, const uint8_t *corner, int3
     memset(out, 0, (size_t)im->in_c);
     for (int32_t y = ky; y < ky_end; ++y) {
         for (int32_t x = kx; x < kx_end; ++x) {
-            call->kernels->nn_max_u8(out, corner + y * line + (ptrdiff_t)x * im->in_stride, out, im->in_c);
+            call->kernels->nn_max_u8(out, corner + y * line + (ptrdiff_t)x * im->in_stride, out,
+                                     im->in_c);
         }
     }
     if (p->act_min == 0 && p->act_max == 255) return;
@@ -37,9 +38,9 @@ static inline void max_lanes(uint8_t *to, const uint8_t *from)
         to[i] = to[i] > from[i] ? to[i] : from[i];
 }
 
-/* An output row of windows that move pixel by pixel, at most MAX_COLUMNS wide: the largest of every column
- * once, then of the columns. `line` is input row iy, which may lie outside; up to 63 bytes past a pixel are
- * read. */
+/* An output row of windows that move pixel by pixel, at most MAX_COLUMNS wide: the largest of every
+ * column once, then of the columns. `line` is input row iy, which may lie outside; up to 63 bytes
+ * past a pixel are read. */
 static void max_row(const struct fv_op_pool *p, const uint8_t *line, int32_t iy, uint8_t *out)
 {
     const struct fv_op_image *im = &p->image;
@@ -77,8 +78,8 @@ static int32_t average_of(int32_t sum, int32_t count, int32_t is_signed)
     return (sum > 0 ? (sum + count / 2) / count : (sum - count / 2) / count) + 128;
 }
 
-static void average_pixel(const struct fv_op_pool *p, const uint8_t *corner, int32_t ky, int32_t ky_end,
-                          int32_t kx, int32_t kx_end, uint8_t *out)
+static void average_pixel(const struct fv_op_pool *p, const uint8_t *corner, int32_t ky,
+                          int32_t ky_end, int32_t kx, int32_t kx_end, uint8_t *out)
 {
     const struct fv_op_image *im = &p->image;
     const ptrdiff_t line = (ptrdiff_t)im->in_w * im->in_stride;
@@ -94,8 +95,8 @@ static void average_pixel(const struct fv_op_pool *p, const uint8_t *corner, int
             }
         }
         for (int32_t c = 0; c < n; ++c) {
-            out[c0 + c] =
-                (uint8_t)fv_nn_clamp(average_of(sum[c], count, p->is_signed), p->act_min, p->act_max);
+            out[c0 + c] = (uint8_t)fv_nn_clamp(average_of(sum[c], count, p->is_signed), p->act_min,
+                                               p->act_max);
         }
     }
 }
@@ -131,15 +132,16 @@ void fv_nn_op_pool(const struct fv_nn_call *call, int32_t begin, int32_t end)
 enum { REDUCE_LANES = 64 };
 
 /* `lanes` results whose inputs are neighbours: sums or extremes over the dropped axes. */
-static void reduce_lanes(const struct fv_op_reduce *p, const uint8_t *in, int32_t lanes, int32_t *result)
+static void reduce_lanes(const struct fv_op_reduce *p, const uint8_t *in, int32_t lanes,
+                         int32_t *result)
 {
     for (int32_t c = 0; c < lanes; ++c)
         result[c] = p->function == FV_REDUCE_MEAN ? 0 : in[c];
     for (int32_t i = 0; i < p->count[0] * p->count[1] * p->count[2]; ++i) {
         const int32_t i2 = i % p->count[2], i1 = i / p->count[2] % p->count[1],
                       i0 = i / p->count[2] / p->count[1];
-        const uint8_t *at =
-            in + (ptrdiff_t)i0 * p->inner[0] + (ptrdiff_t)i1 * p->inner[1] + (ptrdiff_t)i2 * p->inner[2];
+        const uint8_t *at = in + (ptrdiff_t)i0 * p->inner[0] + (ptrdiff_t)i1 * p->inner[1] +
+                            (ptrdiff_t)i2 * p->inner[2];
         for (int32_t l = 0; l < p->count[3]; ++l, at += p->inner[3]) {
             if (p->function == FV_REDUCE_MEAN) {
                 for (int32_t c = 0; c < lanes; ++c)
@@ -172,9 +174,9 @@ void fv_nn_op_reduce(const struct fv_nn_call *call, int32_t begin, int32_t end)
             for (int32_t c = 0; c < lanes; ++c) {
                 int32_t value = result[c];
                 if (p->function == FV_REDUCE_MEAN) {
-                    value =
-                        fv_nn_sum(fv_nn_requantize(value - p->zero_in * p->elements, p->multiplier, p->shift),
-                                  p->zero_out);
+                    value = fv_nn_sum(
+                        fv_nn_requantize(value - p->zero_in * p->elements, p->multiplier, p->shift),
+                        p->zero_out);
                 }
                 out[first + c] = (uint8_t)fv_nn_clamp(value, 0, 255);
             }
@@ -194,7 +196,8 @@ static float weight_of(const struct entry *entry)
 }
 
 /* uint8: float arithmetic in the reference's order, 0.5 added and cut off. */
-static void blend_float(const uint8_t *const corner[4], float dy, float dx, uint8_t *out, int32_t count)
+static void blend_float(const uint8_t *const corner[4], float dy, float dx, uint8_t *out,
+                        int32_t count)
 {
     for (int32_t c = 0; c < count; ++c) {
         const float top = (float)corner[0][c] * (1.0f - dy) * (1.0f - dx);
@@ -211,7 +214,8 @@ void fv_nn_op_resize(const struct fv_nn_call *call, int32_t begin, int32_t end)
     const struct fv_op_resize *p = &call->op->u.resize;
     const struct fv_op_image *im = &p->image;
     const struct entry *rows = (const struct entry *)(const void *)(call->model->base + p->rows);
-    const struct entry *columns = (const struct entry *)(const void *)(call->model->base + p->columns);
+    const struct entry *columns =
+        (const struct entry *)(const void *)(call->model->base + p->columns);
     const ptrdiff_t line = (ptrdiff_t)im->in_w * im->in_stride;
     const struct fv_nn_blend blend = {.channels = im->in_c,
                                       .in_stride = im->in_stride,
@@ -225,7 +229,8 @@ void fv_nn_op_resize(const struct fv_nn_call *call, int32_t begin, int32_t end)
         const struct entry *y = &rows[row % im->out_h];
         uint8_t *out = call->out[0] + (ptrdiff_t)row * im->out_w * im->out_stride;
         if (p->mode == FV_RESIZE_EXACT || p->mode == FV_RESIZE_SIGNED) {
-            call->kernels->nn_blend_u8(&blend, image + y->low * line, image + y->high * line, y->weight, out);
+            call->kernels->nn_blend_u8(&blend, image + y->low * line, image + y->high * line,
+                                       y->weight, out);
             continue;
         }
         for (int32_t i = 0; i < im->out_w; ++i, out += im->out_stride) {

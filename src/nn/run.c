@@ -58,8 +58,9 @@ static void prepare(const struct fv_model *model, const struct fv_kernels *kerne
     if (op->scratch >= 0) call->scratch = fv_nn_tensor(model, arena, op->scratch);
 }
 
-enum fovea_status fv_nn_run(const struct fv_model *model, const struct fv_kernels *kernels, uint8_t *arena,
-                            struct fv_nn_progress *progress, uint32_t units, uint32_t *done)
+enum fovea_status fv_nn_run(const struct fv_model *model, const struct fv_kernels *kernels,
+                            uint8_t *arena, struct fv_nn_progress *progress, uint32_t units,
+                            uint32_t *done)
 {
     const int32_t op_count = (int32_t)model->header->op_count;
     uint32_t count = 0;

@@ -1,13 +1,13 @@
 /* Running a checked model in units.
  *
  * The state is the arena (fv_nn_arena_bytes, 64-byte aligned, owned by the caller) and a struct
- * fv_nn_progress; neither holds addresses, so both may be copied, moved and saved between units. A unit is a
- * run of rows of one operator worth at most FV_NN_UNIT_COST (or one row, if that is more); 0.25 ms at 16
- * GMAC/s, which a Cortex-A76 with dot products passes. Units depend on the model alone, so a recorded number
- * of units does the same work on every machine.
+ * fv_nn_progress; neither holds addresses, so both may be copied, moved and saved between units. A
+ * unit is a run of rows of one operator worth at most FV_NN_UNIT_COST (or one row, if that is
+ * more); 0.25 ms at 16 GMAC/s, which a Cortex-A76 with dot products passes. Units depend on the
+ * model alone, so a recorded number of units does the same work on every machine.
  *
- * Operators may overwrite the input tensors: write the inputs before every run. All functions are real-time
- * safe and touch nothing but their arguments. */
+ * Operators may overwrite the input tensors: write the inputs before every run. All functions are
+ * real-time safe and touch nothing but their arguments. */
 #ifndef FOVEA_NN_RUN_H
 #define FOVEA_NN_RUN_H
 
@@ -33,10 +33,12 @@ uint32_t fv_nn_units(const struct fv_model *model);
 
 /* Go on from `progress` ({0, 0} starts) for at most `units` units; `done` takes how many ran.
  * FOVEA_OK: the run is complete. FOVEA_AGAIN: units are left. */
-enum fovea_status fv_nn_run(const struct fv_model *model, const struct fv_kernels *kernels, uint8_t *arena,
-                            struct fv_nn_progress *progress, uint32_t units, uint32_t *done);
+enum fovea_status fv_nn_run(const struct fv_model *model, const struct fv_kernels *kernels,
+                            uint8_t *arena, struct fv_nn_progress *progress, uint32_t units,
+                            uint32_t *done);
 
-/* Where a tensor's bytes are: in the arena, or in the file when constant (then not to be written). */
+/* Where a tensor's bytes are: in the arena, or in the file when constant (then not to be written).
+ */
 uint8_t *fv_nn_tensor(const struct fv_model *model, uint8_t *arena, int32_t tensor);
 
 /* ---- operators, one file each; they compute rows [begin, end) of op->rows ---- */
@@ -47,12 +49,12 @@ struct fv_nn_call {
     uint8_t *in[4], *out[4], *scratch;
 };
 typedef void fv_nn_op_fn(const struct fv_nn_call *call, int32_t begin, int32_t end);
-fv_nn_op_fn fv_nn_op_conv, fv_nn_op_depthwise, fv_nn_op_binary, fv_nn_op_pool, fv_nn_op_reduce, fv_nn_op_copy,
-    fv_nn_op_fill, fv_nn_op_resize, fv_nn_op_softmax, fv_nn_op_arg_max, fv_nn_op_dequantize,
-    fv_nn_op_quantize, fv_nn_op_cast, fv_nn_op_matmul, fv_nn_op_detection;
+fv_nn_op_fn fv_nn_op_conv, fv_nn_op_depthwise, fv_nn_op_binary, fv_nn_op_pool, fv_nn_op_reduce,
+    fv_nn_op_copy, fv_nn_op_fill, fv_nn_op_resize, fv_nn_op_softmax, fv_nn_op_arg_max,
+    fv_nn_op_dequantize, fv_nn_op_quantize, fv_nn_op_cast, fv_nn_op_matmul, fv_nn_op_detection;
 
-/* LiteRT's fully connected layer: acc times a double, of which `low` and `high` are the words, rounded once, halves away from
- * zero; within +-100000. */
+/* LiteRT's fully connected layer: acc times a double, of which `low` and `high` are the words,
+ * rounded once, halves away from zero; within +-100000. */
 int32_t fv_nn_scale_once(int32_t acc, int32_t low, int32_t high);
 
 /* Rows that the steps of a detection make; -1: too many. */

@@ -17,17 +17,20 @@ enum {
 
 static const double variance_min = 0.05; /* px^2 of level 0: matches are not better than that */
 static const double chi_square_95_2 = 5.991;
-static const double scale_sigma = 0.01; /* of the window's unit of length against that of the whole path */
+static const double scale_sigma =
+    0.01; /* of the window's unit of length against that of the whole path */
 static const double nearly = 1e-6,
                     nearly_zero = 1e-9; /* added to diagonals, relative: no parallax is any depth */
-static const double own_share =
-    0.75; /* of the variance that inliers show: their landmarks' own errors are in it, and counted again */
-static const double together_max = 3; /* parts' variance over that of the errors: more, and something moves */
+static const double own_share = 0.75;   /* of the variance that inliers show: their landmarks' own
+                                           errors are in it, and counted again */
+static const double together_max =
+    3; /* parts' variance over that of the errors: more, and something moves */
 static const double young_spread_px =
     20; /* below it, landmarks' errors have much in common; above, less and less */
 static const double bend_max = 0.05, bend_share = 0.2;
 
-/* A sight of a landmark, linearised: by the view's small motion (left of T_cam_world) and by the point. */
+/* A sight of a landmark, linearised: by the view's small motion (left of T_cam_world) and by the
+ * point. */
 struct fv_linear_sight {
     int pose; /* block of the system, or REFERENCE */
     double weight, rows[12], by_point[6];
@@ -51,13 +54,15 @@ static void fv_sample_inliers(const struct fv_view *view, uint32_t inliers, stru
     j->sample_count = 0;
     for (uint32_t f = 0; f < view->frame->features && j->sample_count < wanted; f++) {
         if (view->landmark[f] == FV_MAP_NONE) continue;
-        if (met * wanted / inliers != (met + 1) * wanted / inliers) j->sample[j->sample_count++] = f;
+        if (met * wanted / inliers != (met + 1) * wanted / inliers)
+            j->sample[j->sample_count++] = f;
         met++;
     }
 }
 
 /* The keyframes that see most of the sample. */
-static void fv_pick_poses(const struct fv_odometry *o, const struct fv_view *view, struct fv_joint *j)
+static void fv_pick_poses(const struct fv_odometry *o, const struct fv_view *view,
+                          struct fv_joint *j)
 {
     uint16_t shared[FOVEA_ODOMETRY_KEYFRAMES_MAX] = {0};
     for (uint32_t i = 0; i < j->sample_count; i++) {
@@ -83,8 +88,8 @@ static void fv_pick_poses(const struct fv_odometry *o, const struct fv_view *vie
 }
 
 /* False: behind the camera, or a misfit that robust estimates leave out. */
-static bool fv_linear_sight_of(const struct fv_se3 *T, const struct fv_keypoint *p, const double point[3],
-                               int pose, struct fv_linear_sight *s)
+static bool fv_linear_sight_of(const struct fv_se3 *T, const struct fv_keypoint *p,
+                               const double point[3], int pose, struct fv_linear_sight *s)
 {
     double q[3], e[2], J[6];
     struct fv_sight sight;
@@ -105,7 +110,8 @@ static bool fv_linear_sight_of(const struct fv_se3 *T, const struct fv_keypoint 
 
 /* All sights of a landmark by views that take part; returns their number. */
 static int fv_find_sights(const struct fv_odometry *o, const struct fv_view *view, uint32_t feature,
-                          const struct fv_joint *j, struct fv_linear_sight sights[FV_MAP_OBSERVERS_MAX + 1])
+                          const struct fv_joint *j,
+                          struct fv_linear_sight sights[FV_MAP_OBSERVERS_MAX + 1])
 {
     const struct fv_landmark *l = &o->map.landmarks[view->landmark[feature]];
     int count = fv_linear_sight_of(&view->frame->T_cam_world, &view->keypoints[feature], l->point,
@@ -116,15 +122,15 @@ static int fv_find_sights(const struct fv_odometry *o, const struct fv_view *vie
         struct fv_keypoint p;
         if (j->block_of[slot] != OUTSIDE &&
             fv_map_keypoint(&o->map, &from.points[l->observers[k].feature], &p))
-            count +=
-                fv_linear_sight_of(&from.frame->T_cam_world, &p, l->point, j->block_of[slot], &sights[count]);
+            count += fv_linear_sight_of(&from.frame->T_cam_world, &p, l->point, j->block_of[slot],
+                                        &sights[count]);
     }
     return count;
 }
 
 /* S += sign * left (6xn) right^T, rows of n apart. */
-static void fv_add_block(struct fv_joint *j, int row, int column, const double *left, const double *right,
-                         int n, double factor)
+static void fv_add_block(struct fv_joint *j, int row, int column, const double *left,
+                         const double *right, int n, double factor)
 {
     double *block = j->S + 6 * row * j->size + 6 * column;
     for (int r = 0; r < 6; r++)
@@ -147,7 +153,8 @@ static void fv_add_landmark(struct fv_joint *j, const struct fv_linear_sight *si
                 H[k] += w * (b[r] * b[c] + b[3 + r] * b[3 + c]);
         for (int r = 0; r < 6; r++)
             for (int c = 0; c < 3; c++)
-                cross[i][3 * r + c] = w * (sights[i].rows[r] * b[c] + sights[i].rows[6 + r] * b[3 + c]);
+                cross[i][3 * r + c] =
+                    w * (sights[i].rows[r] * b[c] + sights[i].rows[6 + r] * b[3 + c]);
     }
     H[0] *= 1 + nearly;
     H[3] *= 1 + nearly;
@@ -171,14 +178,17 @@ static void fv_add_landmark(struct fv_joint *j, const struct fv_linear_sight *si
     }
 }
 
-/* The unit of length is free: hold it, so that the path of the poses keeps its size about the reference. */
-static void fv_hold_scale(const struct fv_odometry *o, const struct fv_view *view, struct fv_joint *j)
+/* The unit of length is free: hold it, so that the path of the poses keeps its size about the
+ * reference. */
+static void fv_hold_scale(const struct fv_odometry *o, const struct fv_view *view,
+                          struct fv_joint *j)
 {
     const double origin[3] = {0, 0, 0};
     double centre[3], way[6 * FV_COVARIANCE_POSES_MAX] = {0}, square = 0;
     fv_se3_apply_inverse(&o->map.keyframes[o->state->newest].T_cam_world, origin, centre);
     for (int k = 0; k < j->poses; k++) {
-        const struct fv_keyframe *frame = k == j->poses - 1 ? view->frame : &o->map.keyframes[j->slots[k]];
+        const struct fv_keyframe *frame =
+            k == j->poses - 1 ? view->frame : &o->map.keyframes[j->slots[k]];
         fv_se3_apply(&frame->T_cam_world, centre, way + 6 * k);
         square += fv_dot3(way + 6 * k, way + 6 * k);
     }
@@ -189,8 +199,9 @@ static void fv_hold_scale(const struct fv_odometry *o, const struct fv_view *vie
             j->S[r * j->size + c] += prior * way[r] * way[c];
 }
 
-/* Variance of an error as the parts of the image show it: the mean square of what they pull at the pose with,
- * each on its own, in sigmas of the pose. Equal to that of the errors where these are independent. */
+/* Variance of an error as the parts of the image show it: the mean square of what they pull at the
+ * pose with, each on its own, in sigmas of the pose. Equal to that of the errors where these are
+ * independent. */
 static double fv_parts_variance(const struct fv_odometry *o, const struct fv_view *view,
                                 const struct fv_pose_fit *fit)
 {
@@ -224,8 +235,9 @@ static double fv_parts_variance(const struct fv_odometry *o, const struct fv_vie
     return square / 6;
 }
 
-/* What the map in sight is bent by: noise over the mean parallax of its landmarks. Those with more of it hold
- * the rest in place; where none has much, as in a young map, their errors have much in common. */
+/* What the map in sight is bent by: noise over the mean parallax of its landmarks. Those with more
+ * of it hold the rest in place; where none has much, as in a young map, their errors have much in
+ * common. */
 static double fv_map_bend(const struct fv_odometry *o, const struct fv_view *view, double noise_px)
 {
     double sum = 0;
@@ -293,7 +305,8 @@ static double fv_way(const struct fv_keyframe *reference, const struct fv_view *
     return fv_norm3(T.t);
 }
 
-bool fv_covariance_write(struct fv_odometry *o, const struct fv_view *view, const struct fv_pose_fit *fit)
+bool fv_covariance_write(struct fv_odometry *o, const struct fv_view *view,
+                         const struct fv_pose_fit *fit)
 {
     const struct fv_keyframe *reference = &o->map.keyframes[o->state->newest];
     double *covariance = o->state->pose.covariance, variance = fv_pose_variance(fit);
@@ -308,7 +321,8 @@ bool fv_covariance_write(struct fv_odometry *o, const struct fv_view *view, cons
     }
     for (int k = 0; k < 21; k++)
         covariance[k] *= factor;
-    if (bend < bend_max || o->map.state->keyframe_number - o->state->first_keyframe >= YOUNG_KEYFRAMES)
+    if (bend < bend_max ||
+        o->map.state->keyframe_number - o->state->first_keyframe >= YOUNG_KEYFRAMES)
         return sound;
     const double drift = bend_share * bend * fv_way(reference, view),
                  turn = drift / (reference->depth > 0 ? reference->depth : 1);

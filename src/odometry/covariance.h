@@ -1,24 +1,26 @@
-/* Covariance of a frame's pose relative to its reference keyframe (the newest), and whether it is to be
- * relied on.
+/* Covariance of a frame's pose relative to its reference keyframe (the newest), and whether it is
+ * to be relied on.
  *
- * The joint problem of the frame, its landmarks and the keyframes that see them is linearised where it
- * stands: the reference is held, landmarks are eliminated by the Schur complement, and the frame's block of
- * the inverse is what is left (B. Triggs et al., "Bundle adjustment: a modern synthesis", 2000, 9). So the
- * errors that landmarks have in common, because keyframes that they were seen from are off, count as what
- * they are. A sample of 48 landmarks stands for all, and the 7 keyframes that see most of them for the rest.
- * The unit of length, which is free, is held by the path of these poses to 1 %.
+ * The joint problem of the frame, its landmarks and the keyframes that see them is linearised where
+ * it stands: the reference is held, landmarks are eliminated by the Schur complement, and the
+ * frame's block of the inverse is what is left (B. Triggs et al., "Bundle adjustment: a modern
+ * synthesis", 2000, 9). So the errors that landmarks have in common, because keyframes that they
+ * were seen from are off, count as what they are. A sample of 48 landmarks stands for all, and the
+ * 7 keyframes that see most of them for the rest. The unit of length, which is free, is held by the
+ * path of these poses to 1 %.
  *
- * Errors are taken to have the variance that the frame's inliers show a posteriori, and where their errors
- * hang together, more: each part of the image (6 x 4) pulls at the pose, and at the minimum all of that adds
- * up to nothing. Of independent errors, the mean square of the pulls, in sigmas of the pose, is the variance.
- * It is larger where a part of the map is off or moves, and pulls against all the rest (the sandwich estimate
- * over clusters: K.-Y. Liang and S. Zeger, "Longitudinal data analysis using generalized linear models",
- * 1986). The larger of both variances counts.
+ * Errors are taken to have the variance that the frame's inliers show a posteriori, and where their
+ * errors hang together, more: each part of the image (6 x 4) pulls at the pose, and at the minimum
+ * all of that adds up to nothing. Of independent errors, the mean square of the pulls, in sigmas of
+ * the pose, is the variance. It is larger where a part of the map is off or moves, and pulls
+ * against all the rest (the sandwich estimate over clusters: K.-Y. Liang and S. Zeger,
+ * "Longitudinal data analysis using generalized linear models", 1986). The larger of both variances
+ * counts.
  *
- * Not to be relied on, whatever its size: where the parts' variance is three times that of the errors or
- * more; and while the map is young (fewer than ten keyframes) and bends, which is that noise over the mean
- * parallax of the landmarks in sight leaves 5 % open. Then a share of that, over the way from the reference,
- * is added. */
+ * Not to be relied on, whatever its size: where the parts' variance is three times that of the
+ * errors or more; and while the map is young (fewer than ten keyframes) and bends, which is that
+ * noise over the mean parallax of the landmarks in sight leaves 5 % open. Then a share of that,
+ * over the way from the reference, is added. */
 #ifndef FOVEA_ODOMETRY_COVARIANCE_H
 #define FOVEA_ODOMETRY_COVARIANCE_H
 
@@ -28,8 +30,8 @@
 extern "C" {
 #endif
 
-/* Write the covariance to state->pose, lengths in the map's unit. False: it is not to be relied on. Real-time
- * safe. */
+/* Write the covariance to state->pose, lengths in the map's unit. False: it is not to be relied on.
+ * Real-time safe. */
 bool fv_covariance_write(struct fv_odometry *odometry, const struct fv_view *view,
                          const struct fv_pose_fit *fit);
 

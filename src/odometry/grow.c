@@ -1,5 +1,5 @@
-/* New landmarks of a keyframe: features without one are matched along epipolar lines in its neighbours,
- * triangulated, checked, and looked for in the other neighbours. */
+/* New landmarks of a keyframe: features without one are matched along epipolar lines in its
+ * neighbours, triangulated, checked, and looked for in the other neighbours. */
 #include <string.h>
 
 #include "geometry/triangulate.h"
@@ -10,10 +10,13 @@ enum { UNIT_FEATURES = 96, DISTANCE_GROW_MAX = 50, DISTANCE_FUSE_MAX = 50, CULL_
 
 static const double cos_parallax_max = 0.99996; /* half a degree */
 static const double chi_square_95_2 = 5.991;
-static const double baseline_share_min = 0.03; /* of the median depth: nearer neighbours give no depth */
-static const double depth_near = 0.15; /* of the median depth: where the search along the line starts */
+static const double baseline_share_min =
+    0.03; /* of the median depth: nearer neighbours give no depth */
+static const double depth_near =
+    0.15; /* of the median depth: where the search along the line starts */
 
-/* ---- neighbours -------------------------------------------------------------------------------------- */
+/* ---- neighbours
+ * -------------------------------------------------------------------------------------- */
 
 static bool fv_baseline_serves(const struct fv_odometry *o, uint32_t a, uint32_t b)
 {
@@ -45,7 +48,8 @@ static void fv_begin_grow(struct fv_odometry *o, uint32_t keyframe)
     g->phase = FV_GROW_TRIANGULATE;
 }
 
-/* ---- matching along the epipolar line ---------------------------------------------------------------- */
+/* ---- matching along the epipolar line
+ * ---------------------------------------------------------------- */
 
 /* From keyframe a to neighbour b. */
 struct line_search {
@@ -54,7 +58,8 @@ struct line_search {
     double depth;
 };
 
-static void fv_line_begin(const struct fv_odometry *o, uint32_t a, uint32_t b, struct line_search *search)
+static void fv_line_begin(const struct fv_odometry *o, uint32_t a, uint32_t b,
+                          struct line_search *search)
 {
     struct fv_se3 T_world_a;
     search->a = fv_map_view(&o->map, a);
@@ -65,8 +70,8 @@ static void fv_line_begin(const struct fv_odometry *o, uint32_t a, uint32_t b, s
     search->depth = search->a.frame->depth;
 }
 
-/* Box of the part of the line between the nearest plausible depth and infinity; false when it is out of
- * sight. */
+/* Box of the part of the line between the nearest plausible depth and infinity; false when it is
+ * out of sight. */
 static bool fv_line_box(const struct fv_odometry *o, const struct line_search *search,
                         const double bearing[3], double box[4])
 {
@@ -85,21 +90,25 @@ static bool fv_line_box(const struct fv_odometry *o, const struct line_search *s
     box[1] = far[1] < near[1] ? far[1] : near[1];
     box[2] = far[0] < near[0] ? near[0] : far[0];
     box[3] = far[1] < near[1] ? near[1] : far[1];
-    return box[2] > 0 && box[3] > 0 && box[0] < o->map.limits.width && box[1] < o->map.limits.height;
+    return box[2] > 0 && box[3] > 0 && box[0] < o->map.limits.width &&
+           box[1] < o->map.limits.height;
 }
 
-/* Triangulate and check: parallax, errors in both views, and sizes that agree with the levels. `point` in a's
- * frame. */
-static bool fv_new_point(const struct fv_odometry *o, const struct line_search *search, const double x1[3],
-                         uint32_t feature_a, uint32_t feature_b, double point[3])
+/* Triangulate and check: parallax, errors in both views, and sizes that agree with the levels.
+ * `point` in a's frame. */
+static bool fv_new_point(const struct fv_odometry *o, const struct line_search *search,
+                         const double x1[3], uint32_t feature_a, uint32_t feature_b,
+                         double point[3])
 {
     const struct fv_pixel *p = &search->a.points[feature_a], *r = &search->b.points[feature_b];
     double x2[3], q[3], cosine;
     for (int i = 0; i < 3; i++)
         x2[i] = (double)o->line[feature_b][i];
-    if (!fv_triangulate(&search->T_b_a, x1, x2, point, &cosine) || cosine > cos_parallax_max) return false;
+    if (!fv_triangulate(&search->T_b_a, x1, x2, point, &cosine) || cosine > cos_parallax_max)
+        return false;
     fv_se3_apply(&search->T_b_a, point, q);
-    if (fv_map_error2(&o->map, p, point) > chi_square_95_2 || fv_map_error2(&o->map, r, q) > chi_square_95_2)
+    if (fv_map_error2(&o->map, p, point) > chi_square_95_2 ||
+        fv_map_error2(&o->map, r, q) > chi_square_95_2)
         return false;
     double distances = fv_norm3(q) / fv_norm3(point),
            levels = fv_level_scale(r->level) / fv_level_scale(p->level);
@@ -121,8 +130,8 @@ static void fv_grow_feature(struct fv_odometry *o, const struct fv_kernels *kern
     fv_cross3(search->T_b_a.t, q, normal);
     if (!fv_normalise3(normal)) return;
     struct fv_found found = fv_map_search_line(
-        &o->map, kernels, neighbour, (const float(*)[3])o->line, box, normal, 2.0 / o->focal_px, level - 2,
-        level + 2, search->a.descriptors + (size_t)feature * FV_MAP_DESCRIPTOR_BYTES);
+        &o->map, kernels, neighbour, (const float(*)[3])o->line, box, normal, 2.0 / o->focal_px,
+        level - 2, level + 2, search->a.descriptors + (size_t)feature * FV_MAP_DESCRIPTOR_BYTES);
     if (found.feature == FV_MAP_NONE || found.distance > DISTANCE_GROW_MAX ||
         found.distance > 0.9 * found.second)
         return;
@@ -178,11 +187,13 @@ static void fv_end_grow(struct fv_odometry *o)
     fv_map_rate_keyframe(&o->map, keyframe);
     for (uint32_t i = 0; i < count; i++)
         fv_map_rate_keyframe(&o->map, neighbours[i].slot);
-    if (keyframe == o->state->newest) o->state->keyframe_matches = o->map.keyframes[keyframe].landmarks;
+    if (keyframe == o->state->newest)
+        o->state->keyframe_matches = o->map.keyframes[keyframe].landmarks;
     o->state->grow.phase = FV_GROW_IDLE;
 }
 
-/* ---- fusing ------------------------------------------------------------------------------------------ */
+/* ---- fusing
+ * ------------------------------------------------------------------------------------------ */
 
 /* Look for a landmark in a keyframe that does not see it yet. */
 static void fv_fuse(struct fv_odometry *o, const struct fv_kernels *kernels, uint32_t landmark,
@@ -204,9 +215,9 @@ static void fv_fuse(struct fv_odometry *o, const struct fv_kernels *kernels, uin
     for (; ratio < 0.9129 && level > -1; ratio *= 1.2)
         level--;
     if (level < 0 || level >= FOVEA_PYRAMID_LEVELS_MAX) return;
-    struct fv_found found =
-        fv_map_search(&o->map, kernels, keyframe, pixel[0], pixel[1], 3 * fv_level_scale((uint32_t)level),
-                      level - 1, level + 1, fv_map_descriptor(&o->map, l), true);
+    struct fv_found found = fv_map_search(&o->map, kernels, keyframe, pixel[0], pixel[1],
+                                          3 * fv_level_scale((uint32_t)level), level - 1, level + 1,
+                                          fv_map_descriptor(&o->map, l), true);
     if (found.feature == FV_MAP_NONE || found.distance > DISTANCE_FUSE_MAX ||
         fv_map_error2(&o->map, &view.points[found.feature], q) > chi_square_95_2)
         return;
@@ -228,7 +239,8 @@ static void fv_fuse_unit(struct fv_odometry *o, const struct fv_kernels *kernels
     if (g->next == view.frame->features) fv_end_grow(o);
 }
 
-/* ---- the job's part ---------------------------------------------------------------------------------- */
+/* ---- the job's part
+ * ---------------------------------------------------------------------------------- */
 
 bool fv_odometry_grow_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
@@ -243,7 +255,8 @@ bool fv_odometry_grow_unit(struct fv_odometry *o, const struct fv_kernels *kerne
         if (o->map.keyframes[keyframe].used) fv_begin_grow(o, keyframe);
         return true;
     }
-    if (!o->map.keyframes[g->keyframe].used || o->map.keyframes[g->keyframe].generation != g->generation)
+    if (!o->map.keyframes[g->keyframe].used ||
+        o->map.keyframes[g->keyframe].generation != g->generation)
         g->phase = FV_GROW_IDLE;
     else if (g->phase == FV_GROW_TRIANGULATE)
         fv_triangulate_unit(o, kernels);
@@ -259,7 +272,8 @@ void fv_odometry_cull(struct fv_odometry *o)
         if (!l->used) continue;
         bool lost = l->expected >= CULL_EXPECTED_MIN && l->found * 4u < l->expected;
         bool thin = l->observer_count < 2;
-        bool old = (uint32_t)o->state->frame_number - l->born > 15 && l->observer_count < 3 && l->found < 5;
+        bool old = (uint32_t)o->state->frame_number - l->born > 15 && l->observer_count < 3 &&
+                   l->found < 5;
         if (lost || thin || old) fv_map_remove_landmark(&o->map, i);
     }
 }

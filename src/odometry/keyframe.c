@@ -9,10 +9,13 @@ enum {
     MATCHES_LOW = 100      /* fewer, and any change of view is worth a keyframe */
 };
 
-static const double kept_share = 0.7; /* of the matches of the last keyframe, below which one is needed */
-static const double kept_share_urgent = 0.5;    /* at which it may not wait */
-static const double parallax_wanted_rad = 0.12; /* travelled over median depth: a new keyframe adds depth */
-static const double parallax_least_rad = 0.01;  /* less is standing still or turning: no keyframe is of use */
+static const double kept_share =
+    0.7; /* of the matches of the last keyframe, below which one is needed */
+static const double kept_share_urgent = 0.5; /* at which it may not wait */
+static const double parallax_wanted_rad =
+    0.12; /* travelled over median depth: a new keyframe adds depth */
+static const double parallax_least_rad =
+    0.01; /* less is standing still or turning: no keyframe is of use */
 
 static const double still_move_rad = 0.002; /* above the noise of a standing camera's pose */
 
@@ -42,7 +45,8 @@ static double fv_distance_to(const struct fv_odometry *o, uint32_t keyframe)
     return fv_norm3(T.t);
 }
 
-/* Count the frames for which the camera has stayed within `still_move_rad` of one place, seen from the scene.
+/* Count the frames for which the camera has stayed within `still_move_rad` of one place, seen from
+ * the scene.
  */
 static void fv_note_stillness(struct fv_odometry *o, double depth)
 {
@@ -84,9 +88,10 @@ void fv_odometry_queue(struct fv_odometry *o, uint32_t keyframe)
 void fv_odometry_make_keyframe(struct fv_odometry *o)
 {
     struct fv_odometry_state *s = o->state;
-    fv_map_make_room(
-        &o->map, LANDMARKS_ROOM < o->map.limits.landmarks / 4 ? LANDMARKS_ROOM : o->map.limits.landmarks / 4,
-        s->frame_number);
+    fv_map_make_room(&o->map,
+                     LANDMARKS_ROOM < o->map.limits.landmarks / 4 ? LANDMARKS_ROOM
+                                                                  : o->map.limits.landmarks / 4,
+                     s->frame_number);
     struct fv_view current = fv_map_view(&o->map, fv_map_current(&o->map));
     double depth = fv_current_depth(o);
     uint32_t slot = fv_map_add_keyframe(&o->map, fv_map_current(&o->map));

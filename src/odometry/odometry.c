@@ -13,11 +13,12 @@ enum {
     MAP_KEYFRAMES_MIN = 5
 };
 
-static const double window_settled = 1e-4; /* of the cost; what is left is far below the pixels' noise */
+static const double window_settled =
+    1e-4; /* of the cost; what is left is far below the pixels' noise */
 
 void fv_odometry_carve(struct fv_odometry *o, const struct fovea_odometry_config *config,
-                       const struct fovea_camera *camera, uint32_t features_max, struct fv_arena *persistent,
-                       struct fv_arena *job, struct fv_arena *frame)
+                       const struct fovea_camera *camera, uint32_t features_max,
+                       struct fv_arena *persistent, struct fv_arena *job, struct fv_arena *frame)
 {
     memset(o, 0, sizeof *o);
     o->config = *config;
@@ -25,8 +26,8 @@ void fv_odometry_carve(struct fv_odometry *o, const struct fovea_odometry_config
     o->focal_px = __builtin_sqrt(camera->fx * camera->fy);
     o->local_max = LOCAL_MAX;
     fv_bearing_carve(&o->bearings, camera->width, camera->height, persistent);
-    const struct fv_map_limits limits = {config->keyframes, config->landmarks, features_max, camera->width,
-                                         camera->height};
+    const struct fv_map_limits limits = {config->keyframes, config->landmarks, features_max,
+                                         camera->width, camera->height};
     fv_map_carve(&o->map, &limits, &o->camera, &o->bearings, persistent);
     o->state = fv_arena_take(persistent, 1, sizeof *o->state);
     o->recent = fv_arena_take(persistent, features_max, sizeof *o->recent);
@@ -41,8 +42,8 @@ void fv_odometry_carve(struct fv_odometry *o, const struct fovea_odometry_config
     o->sights = fv_arena_take_raw(frame, features_max, sizeof *o->sights);
     o->sight_feature = fv_arena_take_raw(frame, features_max, sizeof *o->sight_feature);
     o->match_distance = fv_arena_take_raw(frame, features_max, sizeof *o->match_distance);
-    o->joint =
-        fv_arena_take_raw(frame, 36 * FV_COVARIANCE_POSES_MAX * FV_COVARIANCE_POSES_MAX, sizeof *o->joint);
+    o->joint = fv_arena_take_raw(frame, 36 * FV_COVARIANCE_POSES_MAX * FV_COVARIANCE_POSES_MAX,
+                                 sizeof *o->joint);
     o->local = fv_arena_take_raw(frame, LOCAL_MAX, sizeof *o->local);
     o->pairs = fv_arena_take_raw(frame, features_max, sizeof *o->pairs);
     o->tracks = fv_arena_take_raw(frame, features_max, sizeof *o->tracks);
@@ -104,8 +105,9 @@ enum fovea_status fv_odometry_load(struct fv_odometry *o, const struct fv_kernel
     s->state = FOVEA_TRACKING_LOST;
     s->newest = 0;
     for (uint32_t k = 0; k < o->map.limits.keyframes; k++)
-        if (o->map.keyframes[k].used && (!o->map.keyframes[s->newest].used ||
-                                         o->map.keyframes[k].number > o->map.keyframes[s->newest].number))
+        if (o->map.keyframes[k].used &&
+            (!o->map.keyframes[s->newest].used ||
+             o->map.keyframes[k].number > o->map.keyframes[s->newest].number))
             s->newest = k;
     while (fv_odometry_index_waiting(o))
         fv_odometry_index_unit(o, kernels);
@@ -132,7 +134,8 @@ bool fv_odometry_interrupt(struct fv_odometry *o)
     return true;
 }
 
-/* ---- the step ---------------------------------------------------------------------------------------- */
+/* ---- the step
+ * ---------------------------------------------------------------------------------------- */
 
 static void fv_write_rows(const double R[9], const double t[3], double rows[12])
 {
@@ -151,8 +154,8 @@ static enum fovea_tracking_state fv_confidence(const struct fv_odometry *o, uint
 }
 
 /* Pose of a view in the world that poses are published in. */
-static void fv_published_pose(const struct fv_odometry *o, const struct fv_sim3 *S_odom_map, uint32_t view,
-                              struct fv_se3 *T_odom_cam)
+static void fv_published_pose(const struct fv_odometry *o, const struct fv_sim3 *S_odom_map,
+                              uint32_t view, struct fv_se3 *T_odom_cam)
 {
     struct fv_sim3 S_odom_cam;
     struct fv_se3 T_map_cam;
@@ -163,8 +166,8 @@ static void fv_published_pose(const struct fv_odometry *o, const struct fv_sim3 
     fv_copy3(S_odom_cam.t, T_odom_cam->t);
 }
 
-/* Optimisation has moved the reference keyframe since its own frame's pose was published: by so much the two
- * published poses disagree with the map, and that is added to the covariance. */
+/* Optimisation has moved the reference keyframe since its own frame's pose was published: by so
+ * much the two published poses disagree with the map, and that is added to the covariance. */
 static void fv_add_correction(struct fv_odometry *o, const struct fv_sim3 *S_odom_map,
                               const struct fv_se3 *T_odom_cam)
 {
@@ -212,7 +215,8 @@ static void fv_write_pose(struct fv_odometry *o)
     pose->posed = true;
 }
 
-/* Lost for long: try to make another map beside those that are kept. A map too small to be met again goes. */
+/* Lost for long: try to make another map beside those that are kept. A map too small to be met
+ * again goes. */
 static void fv_start_another(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
     struct fv_odometry_state *s = o->state;
@@ -240,7 +244,8 @@ static void fv_track_step(struct fv_odometry *o, const struct fv_kernels *kernel
     s->lost_frames = 0;
     s->start.count = 0;
     s->state = fv_confidence(o, inliers);
-    if (!o->config.localise_only && fv_odometry_keyframe_needed(o, inliers)) fv_odometry_make_keyframe(o);
+    if (!o->config.localise_only && fv_odometry_keyframe_needed(o, inliers))
+        fv_odometry_make_keyframe(o);
     fv_write_pose(o);
 }
 
@@ -265,13 +270,15 @@ void fv_odometry_step(struct fv_odometry *o, const struct fv_kernels *kernels,
     s->pose.landmarks = o->map.state->landmark_count;
 }
 
-/* ---- the job ----------------------------------------------------------------------------------------- */
+/* ---- the job
+ * ----------------------------------------------------------------------------------------- */
 
 bool fv_odometry_job_waiting(const struct fv_odometry *o)
 {
     const struct fv_odometry_state *s = o->state;
     return fv_archive_busy(o->archive) || s->pending_count > 0 || s->grow.phase != FV_GROW_IDLE ||
-           s->job_wanted || o->window.state->phase != FV_WINDOW_IDLE || fv_odometry_index_waiting(o);
+           s->job_wanted || o->window.state->phase != FV_WINDOW_IDLE ||
+           fv_odometry_index_waiting(o);
 }
 
 /* The window of the newest keyframe: started, advanced, or committed. */

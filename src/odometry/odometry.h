@@ -1,13 +1,13 @@
 /* Visual odometry: the stage behind include/fovea/odometry.h.
  *
- * A step (fv_odometry_step) gives the pose of a frame: start.c finds the first keyframes, track.c the
- * pose against the local map, keyframe.c decides whether the frame becomes a keyframe. A job
- * (fv_odometry_unit) does the rest in units: grow.c triangulates and fuses new landmarks of a keyframe, then
- * the window is optimised and committed. Between frames the pose is carried along when a commit moves the
- * keyframe that it hangs on.
+ * A step (fv_odometry_step) gives the pose of a frame: start.c finds the first keyframes, track.c
+ * the pose against the local map, keyframe.c decides whether the frame becomes a keyframe. A job
+ * (fv_odometry_unit) does the rest in units: grow.c triangulates and fuses new landmarks of a
+ * keyframe, then the window is optimised and committed. Between frames the pose is carried along
+ * when a commit moves the keyframe that it hangs on.
  *
- * struct fv_odometry holds sizes and addresses only; everything else is in the three arenas, without
- * addresses. */
+ * struct fv_odometry holds sizes and addresses only; everything else is in the three arenas,
+ * without addresses. */
 #ifndef FOVEA_ODOMETRY_ODOMETRY_H
 #define FOVEA_ODOMETRY_ODOMETRY_H
 
@@ -71,8 +71,8 @@ struct fv_odometry_state {
     int32_t pending[FV_GROW_PENDING_MAX];
     uint32_t pending_count;
     struct fv_grow_state grow;
-    bool sound;                               /* the last covariance is to be relied on (covariance.h) */
-    uint64_t first_keyframe;                  /* number of that with which the last map was started */
+    bool sound;              /* the last covariance is to be relied on (covariance.h) */
+    uint64_t first_keyframe; /* number of that with which the last map was started */
     uint32_t reference, reference_generation; /* keyframe that the last pose hangs on, */
     struct fv_se3 reference_published;        /* and T_world_cam as it was told at its own frame */
     struct fovea_pose pose;                   /* of the last frame */
@@ -87,13 +87,15 @@ struct fv_odometry {
     struct fv_window window;
     struct fv_relocaliser relocaliser;
     struct fv_archive_state *archive; /* of the map that is being saved */
-    uint8_t *save_to; /* the caller's buffer, or NULL: what becomes of the bytes is outside the state */
+    uint8_t
+        *save_to; /* the caller's buffer, or NULL: what becomes of the bytes is outside the state */
     size_t save_capacity;
     struct fv_loop_closer loop;
     struct fv_odometry_state *state;
     struct fv_recent *recent; /* features_max */
     float *start_depth;       /* inverse depths guessed, by feature of the first view */
-    float (*line)[3];         /* job part: bearings of the neighbour in which new landmarks are looked for */
+    float (
+        *line)[3]; /* job part: bearings of the neighbour in which new landmarks are looked for */
     /* Frame part. */
     struct fv_sight *sights;       /* of the matched features */
     uint32_t *sight_feature;       /* feature of each sight */
@@ -119,18 +121,19 @@ struct fv_odometry_input {
 
 /* Take memory from the three parts. Fills sizes and addresses only. Init-only. */
 void fv_odometry_carve(struct fv_odometry *odometry, const struct fovea_odometry_config *config,
-                       const struct fovea_camera *camera, uint32_t features_max, struct fv_arena *persistent,
-                       struct fv_arena *job, struct fv_arena *frame);
+                       const struct fovea_camera *camera, uint32_t features_max,
+                       struct fv_arena *persistent, struct fv_arena *job, struct fv_arena *frame);
 void fv_odometry_init(struct fv_odometry *odometry, uint64_t seed);
 
 /* Forget the map and start again; the reset counter rises. Real-time safe. */
 void fv_odometry_reset(struct fv_odometry *odometry);
 
-/* No frame has come for too long to go on from the last pose: a tracked state becomes `lost`, and the next frame is looked for in
- * the map. Returns whether that is news. Real-time safe. */
+/* No frame has come for too long to go on from the last pose: a tracked state becomes `lost`, and
+ * the next frame is looked for in the map. Returns whether that is news. Real-time safe. */
 bool fv_odometry_interrupt(struct fv_odometry *odometry);
 
-/* Pose of a frame. Writes state->pose. Real-time safe: bounded by the features and landmarks configured. */
+/* Pose of a frame. Writes state->pose. Real-time safe: bounded by the features and landmarks
+ * configured. */
 void fv_odometry_step(struct fv_odometry *odometry, const struct fv_kernels *kernels,
                       const struct fv_odometry_input *input);
 
@@ -141,19 +144,21 @@ bool fv_odometry_job_waiting(const struct fv_odometry *odometry);
 bool fv_odometry_loop_unit(struct fv_odometry *odometry, const struct fv_kernels *kernels);
 bool fv_odometry_loop_waiting(const struct fv_odometry *odometry);
 
-/* Begin to save the map: the job does it first, in units; fv_archive_take(o->archive) tells when all is
- * written. */
+/* Begin to save the map: the job does it first, in units; fv_archive_take(o->archive) tells when
+ * all is written. */
 void fv_odometry_save_begin(struct fv_odometry *odometry);
-/* Take a saved map instead of an empty one; the state is `lost` until the camera is found in it. Errors as
- * fv_archive_read. Init-only. */
+/* Take a saved map instead of an empty one; the state is `lost` until the camera is found in it.
+ * Errors as fv_archive_read. Init-only. */
 enum fovea_status fv_odometry_load(struct fv_odometry *odometry, const struct fv_kernels *kernels,
                                    const uint8_t *data, size_t bytes, const char *name,
                                    struct fovea_error *error);
 
-/* ---- between the stage's own files ------------------------------------------------------------------- */
+/* ---- between the stage's own files
+ * ------------------------------------------------------------------- */
 
 /* A key point that sees a point of the world. */
-static inline void fv_sight_from(const struct fv_keypoint *p, const double point[3], struct fv_sight *s)
+static inline void fv_sight_from(const struct fv_keypoint *p, const double point[3],
+                                 struct fv_sight *s)
 {
     for (int k = 0; k < 3; k++) {
         s->point[k] = point[k];
@@ -169,13 +174,13 @@ static inline void fv_sight_from(const struct fv_keypoint *p, const double point
 bool fv_odometry_start(struct fv_odometry *odometry, const struct fv_kernels *kernels);
 /* Pose of the current view against the local map; number of inliers (0: failed). */
 uint32_t fv_odometry_track(struct fv_odometry *odometry, const struct fv_kernels *kernels);
-/* Pieces of tracking that relocalisation shares: forget the view's matches; make sights of them, returning
- * their number; refine over them and forget those that do not fit; match the local map around them (`widen`
- * times the usual radius), returning how many landmarks are in view. */
+/* Pieces of tracking that relocalisation shares: forget the view's matches; make sights of them,
+ * returning their number; refine over them and forget those that do not fit; match the local map
+ * around them (`widen` times the usual radius), returning how many landmarks are in view. */
 void fv_odometry_clear_matches(struct fv_odometry *odometry, const struct fv_view *view);
 uint32_t fv_odometry_collect_sights(struct fv_odometry *odometry, const struct fv_view *view);
-uint32_t fv_odometry_refine(struct fv_odometry *odometry, const struct fv_view *view, int rounds, int steps,
-                            struct fv_se3 *T, struct fv_pose_fit *fit);
+uint32_t fv_odometry_refine(struct fv_odometry *odometry, const struct fv_view *view, int rounds,
+                            int steps, struct fv_se3 *T, struct fv_pose_fit *fit);
 uint32_t fv_odometry_match_local(struct fv_odometry *odometry, const struct fv_kernels *kernels,
                                  const struct fv_view *view, const struct fv_se3 *T, double widen);
 /* Inliers and covariance of the first pose, from the first map. */

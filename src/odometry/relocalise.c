@@ -15,12 +15,13 @@ enum {
 };
 
 static const double ratio_max = 0.85;
-static const double least_score = 0.12 * FV_PLACE_ONE; /* below, views have no more in common than any two */
-static const double inlier_share_min = 0.5;            /* of the matches of the guided search */
-/* Inliers of the landmarks that the pose should see, and of the view's features: one of the two must be
- * reached. In simulation, at a wrong place that has one thing in common with the right one (a bookcase of the
- * same make) 0.05 to 0.29 and up to 0.08 are found, seldom both; at the right one 0.2 and more of both, where
- * the map is bent too. */
+static const double least_score =
+    0.12 * FV_PLACE_ONE;                    /* below, views have no more in common than any two */
+static const double inlier_share_min = 0.5; /* of the matches of the guided search */
+/* Inliers of the landmarks that the pose should see, and of the view's features: one of the two
+ * must be reached. In simulation, at a wrong place that has one thing in common with the right one
+ * (a bookcase of the same make) 0.05 to 0.29 and up to 0.08 are found, seldom both; at the right
+ * one 0.2 and more of both, where the map is bent too. */
 static const double found_share_min = 0.25, view_share_min = 0.125;
 
 void fv_relocaliser_carve(struct fv_relocaliser *r, uint32_t keyframes, struct fv_arena *persistent,
@@ -38,7 +39,8 @@ void fv_relocaliser_reset(struct fv_relocaliser *r)
     memset(r->index, 0, sizeof *r->index);
 }
 
-/* ---- the index --------------------------------------------------------------------------------------- */
+/* ---- the index
+ * --------------------------------------------------------------------------------------- */
 
 /* A keyframe without an entry; FV_MAP_NONE: all have one. */
 static int32_t fv_unindexed(const struct fv_odometry *o)
@@ -81,14 +83,17 @@ void fv_odometry_index_unit(struct fv_odometry *o, const struct fv_kernels *kern
         fv_loop_offer(&o->loop, &o->map, &o->relocaliser.place, &index->words, index->slot);
 }
 
-/* ---- one candidate ----------------------------------------------------------------------------------- */
+/* ---- one candidate
+ * ----------------------------------------------------------------------------------- */
 
 /* Landmarks that a keyframe sees, into o->local from `count` on; returns the new count. */
-static uint32_t fv_gather_keyframe(struct fv_odometry *o, uint32_t slot, uint32_t mark, uint32_t count)
+static uint32_t fv_gather_keyframe(struct fv_odometry *o, uint32_t slot, uint32_t mark,
+                                   uint32_t count)
 {
     const struct fv_view view = fv_map_view(&o->map, slot);
     for (uint32_t f = 0; f < view.frame->features && count < FV_RELOCALISE_LANDMARKS; f++) {
-        if (view.landmark[f] == FV_MAP_NONE || o->map.landmarks[view.landmark[f]].mark == mark) continue;
+        if (view.landmark[f] == FV_MAP_NONE || o->map.landmarks[view.landmark[f]].mark == mark)
+            continue;
         struct fv_landmark *l = &o->map.landmarks[view.landmark[f]];
         l->mark = mark;
         memcpy(o->gathered + (size_t)count * FV_MAP_DESCRIPTOR_BYTES, fv_map_descriptor(&o->map, l),
@@ -98,8 +103,8 @@ static uint32_t fv_gather_keyframe(struct fv_odometry *o, uint32_t slot, uint32_
     return count;
 }
 
-/* Match the view's descriptors with those of the landmarks around a keyframe; each landmark is given to the
- * nearest. */
+/* Match the view's descriptors with those of the landmarks around a keyframe; each landmark is
+ * given to the nearest. */
 static uint32_t fv_match_keyframe(struct fv_odometry *o, const struct fv_kernels *kernels,
                                   const struct fv_view *view, uint32_t slot)
 {
@@ -109,8 +114,8 @@ static uint32_t fv_match_keyframe(struct fv_odometry *o, const struct fv_kernels
     uint32_t count = fv_gather_keyframe(o, slot, mark, 0), matches = 0;
     for (uint32_t i = 0; i < near; i++)
         count = fv_gather_keyframe(o, neighbours[i].slot, mark, count);
-    kernels->hamming_two_u8(o->nearest, o->second, view->descriptors, (int32_t)view->frame->features,
-                            o->gathered, (int32_t)count);
+    kernels->hamming_two_u8(o->nearest, o->second, view->descriptors,
+                            (int32_t)view->frame->features, o->gathered, (int32_t)count);
     fv_odometry_clear_matches(o, view);
     for (uint32_t f = 0; f < view->frame->features; f++) {
         const uint32_t distance = o->nearest[f] >> FV_MATCH_INDEX_BITS;
@@ -132,8 +137,8 @@ static uint32_t fv_inliers_wanted(uint32_t features)
                                                  : wanted;
 }
 
-bool fv_odometry_try_keyframe(struct fv_odometry *o, const struct fv_kernels *kernels, uint32_t slot,
-                              struct fv_se3 *T, struct fv_pose_fit *fit)
+bool fv_odometry_try_keyframe(struct fv_odometry *o, const struct fv_kernels *kernels,
+                              uint32_t slot, struct fv_se3 *T, struct fv_pose_fit *fit)
 {
     const struct fv_view view = fv_map_view(&o->map, fv_map_current(&o->map));
     if (fv_match_keyframe(o, kernels, &view, slot) < MATCHES_MIN) return false;
@@ -146,12 +151,15 @@ bool fv_odometry_try_keyframe(struct fv_odometry *o, const struct fv_kernels *ke
     if (fv_odometry_refine(o, &view, 3, 5, T, fit) < SAMPLED_INLIERS_MIN) return false;
     const uint32_t visible = fit->inliers + fv_odometry_match_local(o, kernels, &view, T, 2);
     const uint32_t matches = fv_odometry_collect_sights(o, &view);
-    if (fv_odometry_refine(o, &view, 3, 5, T, fit) < fv_inliers_wanted(view.frame->features)) return false;
+    if (fv_odometry_refine(o, &view, 3, 5, T, fit) < fv_inliers_wanted(view.frame->features))
+        return false;
     return fit->inliers > inlier_share_min * matches &&
-           (fit->inliers > found_share_min * visible || fit->inliers > view_share_min * view.frame->features);
+           (fit->inliers > found_share_min * visible ||
+            fit->inliers > view_share_min * view.frame->features);
 }
 
-/* ---- all candidates ---------------------------------------------------------------------------------- */
+/* ---- all candidates
+ * ---------------------------------------------------------------------------------- */
 
 /* The frame hangs on this keyframe from now on, in its map. */
 static void fv_enter(struct fv_odometry *o, uint32_t slot)
@@ -164,14 +172,15 @@ static void fv_enter(struct fv_odometry *o, uint32_t slot)
     fv_map_enter(&o->map, o->map.keyframes[slot].map_id);
 }
 
-bool fv_odometry_relocalise(struct fv_odometry *o, const struct fv_kernels *kernels, struct fv_se3 *T,
-                            struct fv_pose_fit *fit)
+bool fv_odometry_relocalise(struct fv_odometry *o, const struct fv_kernels *kernels,
+                            struct fv_se3 *T, struct fv_pose_fit *fit)
 {
     struct fv_relocaliser *r = &o->relocaliser;
     const struct fv_view view = fv_map_view(&o->map, fv_map_current(&o->map));
     struct fv_place_set among = {{0}};
     for (uint32_t k = 0; k < o->map.limits.keyframes; k++)
-        if (o->map.keyframes[k].used && fv_place_holds(&r->place, k, o->map.keyframes[k].generation))
+        if (o->map.keyframes[k].used &&
+            fv_place_holds(&r->place, k, o->map.keyframes[k].generation))
             fv_place_set_add(&among, k);
     fv_place_words_begin(r->words);
     fv_place_words_add(r->words, kernels, view.descriptors, view.frame->features);
@@ -179,13 +188,15 @@ bool fv_odometry_relocalise(struct fv_odometry *o, const struct fv_kernels *kern
     for (int attempt = 0; attempt < FV_RELOCALISE_TRIES; attempt++) {
         struct fv_place_candidate best;
         struct fv_neighbour same[SAME_PLACE_MAX];
-        if (fv_place_best(r->scores, o->map.limits.keyframes, (uint32_t)least_score, &best, 1) == 0) break;
+        if (fv_place_best(r->scores, o->map.limits.keyframes, (uint32_t)least_score, &best, 1) == 0)
+            break;
         if (fv_odometry_try_keyframe(o, kernels, best.slot, T, fit)) {
             fv_enter(o, best.slot);
             return true;
         }
         r->scores[best.slot] = 0; /* and its neighbours: the next try is another place */
-        const uint32_t count = fv_map_neighbours(&o->map, best.slot, SHARED_SAME_PLACE, same, SAME_PLACE_MAX);
+        const uint32_t count =
+            fv_map_neighbours(&o->map, best.slot, SHARED_SAME_PLACE, same, SAME_PLACE_MAX);
         for (uint32_t i = 0; i < count; i++)
             r->scores[same[i].slot] = 0;
     }

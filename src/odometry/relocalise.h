@@ -1,10 +1,11 @@
 /* Finding the camera again in the maps that are kept, from the image alone.
  *
- * Keyframes enter the place index in units of the map's job. A lost frame is turned into words; the keyframes
- * most like it, of every map, are tried: landmarks seen by the keyframe and its neighbours are matched by
- * descriptor, a pose is sampled from three of them at a time, and refined; then all landmarks of that part of
- * the map are searched for where the pose predicts them. The pose counts only with FV_RELOCALISED_INLIERS_MIN
- * that agree, most of the matches: a wrong place costs more than a frame without a pose.
+ * Keyframes enter the place index in units of the map's job. A lost frame is turned into words; the
+ * keyframes most like it, of every map, are tried: landmarks seen by the keyframe and its
+ * neighbours are matched by descriptor, a pose is sampled from three of them at a time, and
+ * refined; then all landmarks of that part of the map are searched for where the pose predicts
+ * them. The pose counts only with FV_RELOCALISED_INLIERS_MIN that agree, most of the matches: a
+ * wrong place costs more than a frame without a pose.
  *
  * Bounded work per frame: at most FV_RELOCALISE_TRIES keyframes. Real-time safe. */
 #ifndef FOVEA_ODOMETRY_RELOCALISE_H
@@ -44,8 +45,8 @@ struct fv_relocaliser {
 
 struct fv_odometry;
 
-void fv_relocaliser_carve(struct fv_relocaliser *relocaliser, uint32_t keyframes, struct fv_arena *persistent,
-                          struct fv_arena *frame);
+void fv_relocaliser_carve(struct fv_relocaliser *relocaliser, uint32_t keyframes,
+                          struct fv_arena *persistent, struct fv_arena *frame);
 /* Forget all places. */
 void fv_relocaliser_reset(struct fv_relocaliser *relocaliser);
 
@@ -53,16 +54,16 @@ void fv_relocaliser_reset(struct fv_relocaliser *relocaliser);
 bool fv_odometry_index_waiting(const struct fv_odometry *odometry);
 void fv_odometry_index_unit(struct fv_odometry *odometry, const struct fv_kernels *kernels);
 
-/* Pose of the current view against the neighbourhood of one keyframe, without prediction: sampled, refined,
- * and verified by guided search. True: T and the view's links to landmarks are set.
+/* Pose of the current view against the neighbourhood of one keyframe, without prediction: sampled,
+ * refined, and verified by guided search. True: T and the view's links to landmarks are set.
  */
-bool fv_odometry_try_keyframe(struct fv_odometry *odometry, const struct fv_kernels *kernels, uint32_t slot,
-                              struct fv_se3 *T, struct fv_pose_fit *fit);
+bool fv_odometry_try_keyframe(struct fv_odometry *odometry, const struct fv_kernels *kernels,
+                              uint32_t slot, struct fv_se3 *T, struct fv_pose_fit *fit);
 
-/* The same against the keyframes most like the view, of all maps. On success the keyframe found is the
- * newest: its map is the current one, and the frame's pose is bound to it. */
-bool fv_odometry_relocalise(struct fv_odometry *odometry, const struct fv_kernels *kernels, struct fv_se3 *T,
-                            struct fv_pose_fit *fit);
+/* The same against the keyframes most like the view, of all maps. On success the keyframe found is
+ * the newest: its map is the current one, and the frame's pose is bound to it. */
+bool fv_odometry_relocalise(struct fv_odometry *odometry, const struct fv_kernels *kernels,
+                            struct fv_se3 *T, struct fv_pose_fit *fit);
 
 #ifdef __cplusplus
 }

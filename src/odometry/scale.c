@@ -6,19 +6,22 @@
 
 enum { KEYFRAMES_BEHIND_MAX = 3 };
 
-static const double drift = 0.015; /* of the scale of a monocular map, relative, from keyframe to keyframe */
+static const double drift =
+    0.015; /* of the scale of a monocular map, relative, from keyframe to keyframe */
 /* Floors are not flat, and robots nod on them: no fit is surer than this, relative. */
 static const double floor_sigma_least = 0.03;
 static const double surprise = 3; /* standard deviations; measurements further off count for less */
 
 void fv_scale_carve(struct fv_scale *scale, const struct fovea_scale_config *config,
-                    const double T_base_cam[12], struct fv_arena *persistent, struct fv_arena *frame)
+                    const double T_base_cam[12], struct fv_arena *persistent,
+                    struct fv_arena *frame)
 {
     memset(scale, 0, sizeof *scale);
     scale->config = *config;
     fv_se3_from_rows(T_base_cam, &scale->T_base_cam);
     const double *R = scale->T_base_cam.R;
-    /* An identity is what stands there unless configured; base and camera axes never agree on a robot. */
+    /* An identity is what stands there unless configured; base and camera axes never agree on a
+     * robot. */
     bool turned = R[0] < 0.999 || R[4] < 0.999;
     for (int i = 0; i < 3; i++)
         scale->down[i] = turned ? -R[6 + i] : i == 1;
@@ -33,7 +36,8 @@ void fv_scale_init(struct fv_scale *scale, uint64_t seed)
 }
 
 /* Another map: its unit is another, and known where it brings a scale. Odometry itself goes on. */
-static void fv_scale_enter(struct fv_scale_state *s, uint32_t map, const struct fv_map_state *brought)
+static void fv_scale_enter(struct fv_scale_state *s, uint32_t map,
+                           const struct fv_map_state *brought)
 {
     s->started = s->metric = false;
     s->known = brought->scale.source != FOVEA_SCALE_FREE;
@@ -68,7 +72,8 @@ static void fv_scale_measure(struct fv_scale *scale, double log_scale, double va
     s->variance *= 1 - gain;
 }
 
-/* ---- camera height ------------------------------------------------------------------------------------- */
+/* ---- camera height
+ * ------------------------------------------------------------------------------------- */
 
 void fv_scale_unit(struct fv_scale *scale, const struct fv_odometry *o)
 {
@@ -79,7 +84,8 @@ void fv_scale_unit(struct fv_scale *scale, const struct fv_odometry *o)
         return;
     }
     double log_scale = fovea_log(scale->config.camera_height_m / floor.height);
-    fv_scale_measure(scale, log_scale, floor.sigma * floor.sigma + floor_sigma_least * floor_sigma_least);
+    fv_scale_measure(scale, log_scale,
+                     floor.sigma * floor.sigma + floor_sigma_least * floor_sigma_least);
 }
 
 bool fv_scale_waiting(const struct fv_scale *scale, const struct fv_odometry *o)
@@ -93,7 +99,8 @@ bool fv_scale_waiting(const struct fv_scale *scale, const struct fv_odometry *o)
     return behind >= KEYFRAMES_BEHIND_MAX || !fv_odometry_job_waiting(o);
 }
 
-/* ---- publishing ---------------------------------------------------------------------------------------- */
+/* ---- publishing
+ * ---------------------------------------------------------------------------------------- */
 
 /* Lengths of a covariance (upper triangle by rows, translation first) in another unit. */
 static void fv_scale_covariance(double covariance[21], double factor)
@@ -103,7 +110,8 @@ static void fv_scale_covariance(double covariance[21], double factor)
             covariance[k] *= (row < 3 ? factor : 1) * (column < 3 ? factor : 1);
 }
 
-/* `metres` per unit of the map. The continuous world has a unit of its own, which loops leave alone. */
+/* `metres` per unit of the map. The continuous world has a unit of its own, which loops leave
+ * alone. */
 static void fv_scale_publish(struct fv_scale_state *s, double metres)
 {
     struct fovea_pose *pose = &s->pose;
@@ -117,7 +125,8 @@ static void fv_scale_publish(struct fv_scale_state *s, double metres)
     fv_scale_covariance(pose->covariance, factor);
 }
 
-/* T_map_odom in metres, where the path has bent as well: what takes the published pose to the map's. */
+/* T_map_odom in metres, where the path has bent as well: what takes the published pose to the
+ * map's. */
 static void fv_scale_map(struct fovea_pose *pose, const struct fv_odometry *o, double metres)
 {
     struct fv_se3 T_map_cam, T_odom_cam, T;
@@ -172,7 +181,8 @@ void fv_scale_step(struct fv_scale *scale, struct fv_odometry *o)
         memset(s->outer, 0, sizeof s->outer);
     }
     if (!s->known) return;
-    map->scale = (struct fv_map_scale){s->source, 0, s->log_scale + fovea_log(s->map_scale), s->variance};
+    map->scale =
+        (struct fv_map_scale){s->source, 0, s->log_scale + fovea_log(s->map_scale), s->variance};
     s->pose.scale = fovea_exp(s->log_scale);
     fv_scale_publish(s, s->pose.scale);
     fv_scale_map(&s->pose, o, s->pose.scale);

@@ -1,18 +1,18 @@
-/* Metric scale of a monocular map, from the height of the camera over the floor or from wheel or leg
- * odometry, and the pose that is published with it.
+/* Metric scale of a monocular map, from the height of the camera over the floor or from wheel or
+ * leg odometry, and the pose that is published with it.
  *
- * The map keeps the unit that it was started with. What is estimated is one number, metres per unit of the
- * map, and it acts on what is published alone: the published position moves by `scale` times what the inner
- * one moves, so that a better estimate bends the path but does not tear it. Only when the scale becomes known
- * the unit changes, and all that was published before is to be multiplied (the message says so by its
- * scale_source).
+ * The map keeps the unit that it was started with. What is estimated is one number, metres per unit
+ * of the map, and it acts on what is published alone: the published position moves by `scale` times
+ * what the inner one moves, so that a better estimate bends the path but does not tear it. Only
+ * when the scale becomes known the unit changes, and all that was published before is to be
+ * multiplied (the message says so by its scale_source).
  *
- * camera_height: a unit of work after each keyframe fits the floor to the landmarks below the camera
- * (geometry/plane.h); the logarithm of the scale is then filtered (Kalman, one state, drifting with every
- * keyframe since the scale of a monocular map does). odometry: between the last keyframes, the camera's
- * displacement by odometry is divided by that in the map; the middle of these legs counts, and their
- * spread gives the uncertainty. A new map starts with the scale unknown; one that was left or loaded with the
- * scale that it had, which new measurements add to.
+ * camera_height: a unit of work after each keyframe fits the floor to the landmarks below the
+ * camera (geometry/plane.h); the logarithm of the scale is then filtered (Kalman, one state,
+ * drifting with every keyframe since the scale of a monocular map does). odometry: between the last
+ * keyframes, the camera's displacement by odometry is divided by that in the map; the middle of
+ * these legs counts, and their spread gives the uncertainty. A new map starts with the scale
+ * unknown; one that was left or loaded with the scale that it had, which new measurements add to.
  *
  * State holds no addresses. Real-time safe: every function is bounded; no heap. */
 #ifndef FOVEA_ODOMETRY_SCALE_H
@@ -51,8 +51,8 @@ struct fv_scale_state {
     uint32_t source;              /* that it is known from */
     double log_scale, variance;   /* natural logarithm of metres per unit, and its variance */
     double prior, prior_variance; /* the same, as the map brought it; a variance of 0: nothing */
-    double map_scale;             /* units of the map per unit of the continuous world, when last looked at */
-    uint32_t map;                 /* that all this belongs to */
+    double map_scale; /* units of the map per unit of the continuous world, when last looked at */
+    uint32_t map;     /* that all this belongs to */
 
     /* What was published last: its position goes on from here. */
     double inner[3], outer[3];
@@ -62,7 +62,7 @@ struct fv_scale_state {
     uint64_t fitted; /* number of the map's next keyframe when the floor was last fitted */
 
     /* odometry */
-    uint64_t place_count;                              /* that have come; the last ones are kept, in a ring */
+    uint64_t place_count; /* that have come; the last ones are kept, in a ring */
     struct fv_scale_place places[FV_SCALE_PLACES_MAX]; /* of the camera, by odometry */
     uint32_t station_count;
     uint64_t station_next; /* number of the first keyframe that is no station yet */
@@ -72,19 +72,23 @@ struct fv_scale_state {
 struct fv_scale {
     struct fovea_scale_config config;
     struct fv_se3 T_base_cam;
-    double down[3]; /* of the floor, camera frame: base -z, or camera y where T_base_cam turns nothing */
+    double down[3]; /* of the floor, camera frame: base -z, or camera y where T_base_cam turns
+                       nothing */
     struct fv_scale_state *state;
     struct fv_plane_point *points; /* FV_PLANE_POINTS_MAX */
 };
 
 void fv_scale_carve(struct fv_scale *scale, const struct fovea_scale_config *config,
-                    const double T_base_cam[12], struct fv_arena *persistent, struct fv_arena *frame);
+                    const double T_base_cam[12], struct fv_arena *persistent,
+                    struct fv_arena *frame);
 void fv_scale_init(struct fv_scale *scale, uint64_t seed);
 
 /* Odometry that has come, in order of time. Samples not after the last one are passed over. */
-void fv_scale_observe(struct fv_scale *scale, const struct fovea_odometry_sample *samples, uint32_t count);
+void fv_scale_observe(struct fv_scale *scale, const struct fovea_odometry_sample *samples,
+                      uint32_t count);
 
-/* After a frame's pose is known: state->pose becomes what is published, and the map remembers its scale. */
+/* After a frame's pose is known: state->pose becomes what is published, and the map remembers its
+ * scale. */
 void fv_scale_step(struct fv_scale *scale, struct fv_odometry *odometry);
 
 /* The floor's turn to be fitted, and one unit that does it. */
@@ -94,7 +98,8 @@ void fv_scale_unit(struct fv_scale *scale, const struct fv_odometry *odometry);
 /* ---- between the files of the stage */
 
 /* Fit the floor to the map as the current frame sees it; false when none is found. */
-bool fv_scale_find_floor(struct fv_scale *scale, const struct fv_odometry *odometry, struct fv_plane *floor);
+bool fv_scale_find_floor(struct fv_scale *scale, const struct fv_odometry *odometry,
+                         struct fv_plane *floor);
 /* Hold the keyframes against odometry. */
 void fv_scale_walk(struct fv_scale *scale, const struct fv_odometry *odometry);
 

@@ -5,10 +5,12 @@
 enum { SAMPLES = 96, INLIERS_MIN = 20 };
 
 static const double depression_least = 0.07; /* sine of the angle below the horizon: 4 degrees */
-static const double flat_sigma = 0.02;       /* of the floor right below, relative to the camera's height */
-static const double slope_sigma_rad = 0.01;  /* of the floor ahead against that below */
-static const double sigma_most = 0.3;        /* of a point's distance, relative; worse ones say nothing */
-static const double prior_sigma_rad = 0.05, prior_off_max_rad = 0.2; /* robots nod, and ramps begin */
+static const double flat_sigma =
+    0.02; /* of the floor right below, relative to the camera's height */
+static const double slope_sigma_rad = 0.01; /* of the floor ahead against that below */
+static const double sigma_most = 0.3; /* of a point's distance, relative; worse ones say nothing */
+static const double prior_sigma_rad = 0.05,
+                    prior_off_max_rad = 0.2; /* robots nod, and ramps begin */
 
 /* Largest squared sine of the parallax between the first observer of a landmark and the others. */
 static double fv_floor_parallax2(const struct fv_odometry *o, const struct fv_landmark *l)
@@ -16,7 +18,8 @@ static double fv_floor_parallax2(const struct fv_odometry *o, const struct fv_la
     static const double origin[3] = {0, 0, 0};
     double first[3], ray[3], centre[3], across[3], best = 0;
     for (uint32_t k = 0; k < l->observer_count; k++) {
-        fv_se3_apply_inverse(&o->map.keyframes[l->observers[k].keyframe].T_cam_world, origin, centre);
+        fv_se3_apply_inverse(&o->map.keyframes[l->observers[k].keyframe].T_cam_world, origin,
+                             centre);
         fv_subtract3(l->point, centre, k == 0 ? first : ray);
         if (k == 0) continue;
         fv_cross3(first, ray, across);
@@ -26,8 +29,8 @@ static double fv_floor_parallax2(const struct fv_odometry *o, const struct fv_la
     return best;
 }
 
-/* A landmark as a point of the floor; false when it is none, or says nothing. Its height errs along the ray by
- * what triangulation leaves open, and across by what the floor's shape does. */
+/* A landmark as a point of the floor; false when it is none, or says nothing. Its height errs along
+ * the ray by what triangulation leaves open, and across by what the floor's shape does. */
 static bool fv_floor_point(const struct fv_scale *scale, const struct fv_odometry *o,
                            const struct fv_se3 *T_cam_world, const struct fv_landmark *l,
                            struct fv_plane_point *point)
@@ -43,7 +46,8 @@ static bool fv_floor_point(const struct fv_scale *scale, const struct fv_odometr
     return true;
 }
 
-bool fv_scale_find_floor(struct fv_scale *scale, const struct fv_odometry *o, struct fv_plane *floor)
+bool fv_scale_find_floor(struct fv_scale *scale, const struct fv_odometry *o,
+                         struct fv_plane *floor)
 {
     const struct fv_se3 *T_cam_world = &o->map.keyframes[fv_map_current(&o->map)].T_cam_world;
     uint32_t met = 0;
@@ -55,13 +59,14 @@ bool fv_scale_find_floor(struct fv_scale *scale, const struct fv_odometry *o, st
             continue;
         if (!fv_floor_point(scale, o, T_cam_world, l, &point)) continue;
         /* Reservoir: every point is kept with the same probability (J. Vitter, 1985). */
-        uint32_t at = met < FV_PLANE_POINTS_MAX ? met : fovea_random_below(&scale->state->random, met + 1);
+        uint32_t at =
+            met < FV_PLANE_POINTS_MAX ? met : fovea_random_below(&scale->state->random, met + 1);
         met++;
         if (at < FV_PLANE_POINTS_MAX) scale->points[at] = point;
     }
     const uint32_t count = met < FV_PLANE_POINTS_MAX ? met : FV_PLANE_POINTS_MAX;
     struct fv_plane_prior prior = {.sigma_rad = prior_sigma_rad, .off_max_rad = prior_off_max_rad};
     fv_copy3(scale->down, prior.down);
-    return fv_plane_estimate(scale->points, count, &prior, SAMPLES, INLIERS_MIN, &scale->state->random,
-                             floor);
+    return fv_plane_estimate(scale->points, count, &prior, SAMPLES, INLIERS_MIN,
+                             &scale->state->random, floor);
 }

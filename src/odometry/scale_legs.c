@@ -1,14 +1,16 @@
-/* The scale from wheel or leg odometry: what the camera moved by odometry over what it moved in the map. */
+/* The scale from wheel or leg odometry: what the camera moved by odometry over what it moved in the
+ * map. */
 #include <string.h>
 
 #include "geometry/vec.h"
 #include "odometry/scale.h"
 
-static const double leg_least_m = 0.2;      /* shorter ones measure noise */
-static const double inner_least = 1e-3;     /* units of the map: less is no motion, whatever odometry says */
+static const double leg_least_m = 0.2; /* shorter ones measure noise */
+static const double inner_least =
+    1e-3; /* units of the map: less is no motion, whatever odometry says */
 static const double sigma_leg_least = 0.01; /* of one leg, relative */
-static const double sigma_few = 0.1;        /* of one leg, while there are too few to show their spread */
-static const double sigma_least = 0.005;    /* of them all: what no number of legs takes away */
+static const double sigma_few = 0.1; /* of one leg, while there are too few to show their spread */
+static const double sigma_least = 0.005;       /* of them all: what no number of legs takes away */
 static const uint64_t gap_most_ns = 500000000; /* between samples */
 enum { LEGS_FEW = 6 };
 
@@ -18,13 +20,15 @@ static uint64_t fv_apart_ns(int64_t earlier, int64_t later)
     return (uint64_t)later - (uint64_t)earlier;
 }
 
-void fv_scale_observe(struct fv_scale *scale, const struct fovea_odometry_sample *samples, uint32_t count)
+void fv_scale_observe(struct fv_scale *scale, const struct fovea_odometry_sample *samples,
+                      uint32_t count)
 {
     struct fv_scale_state *s = scale->state;
     if (scale->config.source != FOVEA_SCALE_ODOMETRY) return;
     for (uint32_t i = 0; i < count && i < FV_SCALE_PLACES_MAX; i++) {
         int64_t last = s->places[(s->place_count - 1) % FV_SCALE_PLACES_MAX].stamp_ns;
-        /* Far back: a clock was set, or the last stamp was wrong. What came before has another time. */
+        /* Far back: a clock was set, or the last stamp was wrong. What came before has another
+         * time. */
         if (s->place_count > 0 && last > samples[i].stamp_ns &&
             fv_apart_ns(samples[i].stamp_ns, last) > gap_most_ns)
             s->place_count = 0;
@@ -41,8 +45,10 @@ void fv_scale_observe(struct fv_scale *scale, const struct fovea_odometry_sample
 /* -1: odometry has not come so far yet; 0: it begins later or has a gap there; 1: found. */
 static int fv_scale_place_at(const struct fv_scale_state *s, int64_t stamp_ns, double at[3])
 {
-    uint64_t oldest = s->place_count > FV_SCALE_PLACES_MAX ? s->place_count - FV_SCALE_PLACES_MAX : 0;
-    if (s->place_count == 0 || s->places[(s->place_count - 1) % FV_SCALE_PLACES_MAX].stamp_ns < stamp_ns)
+    uint64_t oldest =
+        s->place_count > FV_SCALE_PLACES_MAX ? s->place_count - FV_SCALE_PLACES_MAX : 0;
+    if (s->place_count == 0 ||
+        s->places[(s->place_count - 1) % FV_SCALE_PLACES_MAX].stamp_ns < stamp_ns)
         return -1;
     uint64_t low = oldest, high = s->place_count - 1; /* the first one not before the stamp */
     while (low < high) {
@@ -74,8 +80,8 @@ static void fv_scale_sort(double *values, uint32_t count)
     }
 }
 
-/* Mean of the legs within three deviations of their median; the deviation is that of their middle (1.4826
- * times the median of distances, for normal errors). */
+/* Mean of the legs within three deviations of their median; the deviation is that of their middle
+ * (1.4826 times the median of distances, for normal errors). */
 static void fv_scale_settle(struct fv_scale_state *s, double *legs, uint32_t count)
 {
     double off[FV_SCALE_STATIONS_MAX], sum = 0;
@@ -128,14 +134,16 @@ static void fv_scale_note_keyframes(struct fv_scale_state *s, const struct fv_od
     }
 }
 
-/* Ask odometry for the places of stations; forget those that it does not know or the map no longer holds. */
+/* Ask odometry for the places of stations; forget those that it does not know or the map no longer
+ * holds. */
 static void fv_scale_place_stations(struct fv_scale_state *s, const struct fv_odometry *o)
 {
     uint32_t kept = 0;
     for (uint32_t i = 0; i < s->station_count; i++) {
         struct fv_scale_station station = s->stations[i];
         const struct fv_keyframe *keyframe = &o->map.keyframes[station.slot];
-        if (!keyframe->used || keyframe->generation != station.generation || keyframe->map_id != s->map)
+        if (!keyframe->used || keyframe->generation != station.generation ||
+            keyframe->map_id != s->map)
             continue;
         if (!station.placed) {
             int found = fv_scale_place_at(s, station.place.stamp_ns, station.place.at);

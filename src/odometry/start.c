@@ -7,25 +7,30 @@
 #include "odometry/odometry.h"
 
 enum {
-    MATCHES_MIN = 80,       /* fewer, and the first view is given up */
-    MATCHES_WANTED = 150,   /* fewer, and a later one takes its place for the next frame */
-    DISTANCE_MAX = 64,      /* Hamming */
-    TRACKS_MAX = 800,       /* more bring nothing but time */
-    TRACKS_TRIED = 200,     /* of them, on which motions are compared */
-    SAMPLING_FRAMES = 3,    /* between samplings, while the last guess does not serve */
-    SPREAD_STEP = 7919,     /* prime, above the number of features: steps of it visit every match once */
+    MATCHES_MIN = 80,     /* fewer, and the first view is given up */
+    MATCHES_WANTED = 150, /* fewer, and a later one takes its place for the next frame */
+    DISTANCE_MAX = 64,    /* Hamming */
+    TRACKS_MAX = 800,     /* more bring nothing but time */
+    TRACKS_TRIED = 200,   /* of them, on which motions are compared */
+    SAMPLING_FRAMES = 3,  /* between samplings, while the last guess does not serve */
+    SPREAD_STEP =
+        7919, /* prime, above the number of features: steps of it visit every match once */
     WAITING_FRAMES_MAX = 60 /* then the view has changed too much to hope */
 };
 
 static const double ratio_max = 0.8;
-static const double direction_sigma_max_rad = 0.05; /* of the baseline; more, and the first map may be bent */
-static const double points_share_min = 0.6;         /* of the tracks, that must fit in all views */
+static const double direction_sigma_max_rad =
+    0.05; /* of the baseline; more, and the first map may be bent */
+static const double points_share_min = 0.6; /* of the tracks, that must fit in all views */
 static const double parallax_share_min =
-    0.3;                                   /* of the points: of fewer, a thing that moves may be the cause */
-static const double turn_cost_min = 1.5;   /* times the cost: less, and the camera may only have turned */
-static const double rival_cost_min = 1.15; /* times the best one's: less, and it is too early to choose */
+    0.3; /* of the points: of fewer, a thing that moves may be the cause */
+static const double turn_cost_min =
+    1.5; /* times the cost: less, and the camera may only have turned */
+static const double rival_cost_min =
+    1.15; /* times the best one's: less, and it is too early to choose */
 
-/* ---- waiting views ----------------------------------------------------------------------------------- */
+/* ---- waiting views
+ * ----------------------------------------------------------------------------------- */
 
 static void fv_drop_first(struct fv_start_state *s)
 {
@@ -53,12 +58,13 @@ static void fv_thin_out(struct fv_start_state *s)
     s->stride *= 2;
 }
 
-/* ---- matching ---------------------------------------------------------------------------------------- */
+/* ---- matching
+ * ---------------------------------------------------------------------------------------- */
 
-/* Matches of one view's features in another: nearest, clearly nearer than the second, one to one. nearest[k]
- * and second[k] are rewritten to the features of match k; returns their number. */
-static uint32_t fv_match_views(struct fv_odometry *o, const struct fv_kernels *kernels, uint32_t from,
-                               uint32_t to)
+/* Matches of one view's features in another: nearest, clearly nearer than the second, one to one.
+ * nearest[k] and second[k] are rewritten to the features of match k; returns their number. */
+static uint32_t fv_match_views(struct fv_odometry *o, const struct fv_kernels *kernels,
+                               uint32_t from, uint32_t to)
 {
     const struct fv_view a = fv_map_view(&o->map, from), b = fv_map_view(&o->map, to);
     uint32_t count_a = a.frame->features, count_b = b.frame->features, count = 0;
@@ -85,14 +91,17 @@ static uint32_t fv_match_views(struct fv_odometry *o, const struct fv_kernels *k
     return count;
 }
 
-/* Matches to pairs of bearings and tracks of the first and the last view, in an order that spreads any number
- * of the first ones evenly over all of them. */
-static uint32_t fv_take_pairs(struct fv_odometry *o, uint32_t count, const struct fv_start_bundle *b)
+/* Matches to pairs of bearings and tracks of the first and the last view, in an order that spreads
+ * any number of the first ones evenly over all of them. */
+static uint32_t fv_take_pairs(struct fv_odometry *o, uint32_t count,
+                              const struct fv_start_bundle *b)
 {
-    const uint32_t last = b->view_count - 1,
-                   limit = TRACKS_MAX < o->window.limits.landmarks ? TRACKS_MAX : o->window.limits.landmarks;
+    const uint32_t last = b->view_count - 1, limit = TRACKS_MAX < o->window.limits.landmarks
+                                                         ? TRACKS_MAX
+                                                         : o->window.limits.landmarks;
     const uint32_t taken = count < limit ? count : limit;
-    const struct fv_view from = fv_map_view(&o->map, b->slots[0]), to = fv_map_view(&o->map, b->slots[last]);
+    const struct fv_view from = fv_map_view(&o->map, b->slots[0]),
+                         to = fv_map_view(&o->map, b->slots[last]);
     for (uint32_t n = 0; n < taken; n++) {
         const uint32_t k = n * SPREAD_STEP % count, i = o->nearest[k], feature = o->second[k];
         for (int axis = 0; axis < 3; axis++) {
@@ -107,7 +116,8 @@ static uint32_t fv_take_pairs(struct fv_odometry *o, uint32_t count, const struc
     return taken;
 }
 
-/* Links of a view's features to those of the first view: nearest[] and second[] hold the matches. */
+/* Links of a view's features to those of the first view: nearest[] and second[] hold the matches.
+ */
 static void fv_note_matches(struct fv_odometry *o, uint32_t held, uint32_t count)
 {
     struct fv_start_state *s = &o->state->start;
@@ -131,7 +141,8 @@ static void fv_match_stale(struct fv_odometry *o, const struct fv_kernels *kerne
 }
 
 /* Find the tracks in the views in between. */
-static void fv_extend_tracks(struct fv_odometry *o, uint32_t tracks, const struct fv_start_bundle *b)
+static void fv_extend_tracks(struct fv_odometry *o, uint32_t tracks,
+                             const struct fv_start_bundle *b)
 {
     const struct fv_view first = fv_map_view(&o->map, b->slots[0]);
     for (uint32_t f = 0; f < first.frame->features; f++)
@@ -148,9 +159,11 @@ static void fv_extend_tracks(struct fv_odometry *o, uint32_t tracks, const struc
     }
 }
 
-/* ---- waiting for more -------------------------------------------------------------------------------- */
+/* ---- waiting for more
+ * -------------------------------------------------------------------------------- */
 
-/* Hold the current view, which has `matches` with the first, unless it follows the last one too closely. */
+/* Hold the current view, which has `matches` with the first, unless it follows the last one too
+ * closely. */
 static void fv_hold(struct fv_odometry *o, uint32_t matches, uint64_t first)
 {
     struct fv_start_state *s = &o->state->start;
@@ -165,11 +178,13 @@ static void fv_hold(struct fv_odometry *o, uint32_t matches, uint64_t first)
     s->frames[held] = o->state->frame_number;
     s->matched[held] = 0;
     fv_map_copy_view(&o->map, fv_map_current(&o->map), s->slots[held]);
-    o->map.keyframes[s->slots[held]].T_cam_world = s->guess; /* as long as the first view stays the same */
+    o->map.keyframes[s->slots[held]].T_cam_world =
+        s->guess; /* as long as the first view stays the same */
     if (held > 0 && s->frames[0] == first) fv_note_matches(o, held, matches);
 }
 
-/* ---- choosing ---------------------------------------------------------------------------------------- */
+/* ---- choosing
+ * ---------------------------------------------------------------------------------------- */
 
 /* The first view held, some of those in between that are matched with it, and the current one. */
 static void fv_choose_views(const struct fv_odometry *o, struct fv_start_bundle *b)
@@ -193,17 +208,19 @@ static void fv_choose_views(const struct fv_odometry *o, struct fv_start_bundle 
 }
 
 /* Whether a bundle of so many tracks is good enough to start on. */
-static bool fv_serves(const struct fv_start_bundle *b, uint32_t tracks, uint32_t parallax_points_min)
+static bool fv_serves(const struct fv_start_bundle *b, uint32_t tracks,
+                      uint32_t parallax_points_min)
 {
     return b->points >= points_share_min * tracks && b->parallax_points >= parallax_points_min &&
            b->parallax_points >= parallax_share_min * b->points &&
            b->direction_sigma <= direction_sigma_max_rad;
 }
 
-/* Keep the better of two bundles in `best`, and the cost of the best one that ended at another motion in
- * `rival`. */
+/* Keep the better of two bundles in `best`, and the cost of the best one that ended at another
+ * motion in `rival`. */
 static void fv_compare(struct fv_odometry *o, uint32_t tried, uint32_t tracks,
-                       const struct fv_start_bundle *candidate, struct fv_start_bundle *best, double *rival)
+                       const struct fv_start_bundle *candidate, struct fv_start_bundle *best,
+                       double *rival)
 {
     const bool same = best->cost < 1e300 && fv_start_same(best, candidate);
     if (candidate->cost < best->cost) {
@@ -215,8 +232,8 @@ static void fv_compare(struct fv_odometry *o, uint32_t tried, uint32_t tracks,
     }
 }
 
-/* Bundle the last guess, on some of the tracks, and when that serves, or has not served for some frames,
- * every motion that two views allow as well. True when one is clearly the best. */
+/* Bundle the last guess, on some of the tracks, and when that serves, or has not served for some
+ * frames, every motion that two views allow as well. True when one is clearly the best. */
 static bool fv_choose(struct fv_odometry *o, uint32_t tracks, struct fv_start_bundle *best)
 {
     struct fv_start_state *s = &o->state->start;
@@ -236,7 +253,8 @@ static bool fv_choose(struct fv_odometry *o, uint32_t tracks, struct fv_start_bu
         return false;
     s->sampled = o->state->frame_number;
     const uint32_t count = fv_start_motions(o, tracks, motions);
-    /* A rough guess may lead past what moves into the wrong minimum, a sure one cannot go far: both are tried. */
+    /* A rough guess may lead past what moves into the wrong minimum, a sure one cannot go far: both
+     * are tried. */
     static const enum fv_start_trust trusts[] = {FV_START_ROUGH, FV_START_SURE};
     for (uint32_t k = 0; k < 2 * count; k++) {
         if (!fv_start_guess_motion(o, tried, &motions[k / 2], &candidate)) continue;
@@ -252,8 +270,8 @@ static bool fv_choose(struct fv_odometry *o, uint32_t tracks, struct fv_start_bu
            fv_serves(best, tried, parallax_points_min);
 }
 
-/* The chosen motion, adjusted on all tracks, must hold as well, and explain them far better than turning
- * alone. */
+/* The chosen motion, adjusted on all tracks, must hold as well, and explain them far better than
+ * turning alone. */
 static bool fv_settle(struct fv_odometry *o, uint32_t tracks, struct fv_start_bundle *b)
 {
     const double turn_cost = fv_start_turn_cost(o, tracks, b);
@@ -262,7 +280,8 @@ static bool fv_settle(struct fv_odometry *o, uint32_t tracks, struct fv_start_bu
     return fv_serves(b, tracks, FV_START_POINTS_MIN) && turn_cost >= turn_cost_min * b->cost;
 }
 
-/* ---- the map ----------------------------------------------------------------------------------------- */
+/* ---- the map
+ * ----------------------------------------------------------------------------------------- */
 
 /* What makes the median depth of the points that will be landmarks 1. */
 static double fv_unit_scale(const struct fv_odometry *o, uint32_t tracks)
@@ -281,8 +300,8 @@ static double fv_unit_scale(const struct fv_odometry *o, uint32_t tracks)
     return __builtin_sqrt(low * high);
 }
 
-static void fv_add_track(struct fv_odometry *o, const struct fv_start_bundle *b, const uint32_t *keyframes,
-                         uint32_t track, double scale)
+static void fv_add_track(struct fv_odometry *o, const struct fv_start_bundle *b,
+                         const uint32_t *keyframes, uint32_t track, double scale)
 {
     const uint32_t last = b->view_count - 1;
     const struct fv_view current = fv_map_view(&o->map, fv_map_current(&o->map));
@@ -303,7 +322,8 @@ static void fv_add_track(struct fv_odometry *o, const struct fv_start_bundle *b,
     o->recent[o->state->recent_count++] = recent;
 }
 
-static void fv_make_first_map(struct fv_odometry *o, uint32_t tracks, const struct fv_start_bundle *b)
+static void fv_make_first_map(struct fv_odometry *o, uint32_t tracks,
+                              const struct fv_start_bundle *b)
 {
     struct fv_odometry_state *s = o->state;
     uint32_t keyframes[FV_START_VIEWS_MAX];
@@ -334,7 +354,8 @@ static void fv_make_first_map(struct fv_odometry *o, uint32_t tracks, const stru
     fv_odometry_queue(o, s->newest);
 }
 
-/* Matches of the first view that serves; those that do not are dropped, at most half of them in one frame. */
+/* Matches of the first view that serves; those that do not are dropped, at most half of them in one
+ * frame. */
 static uint32_t fv_match_first(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
     struct fv_start_state *s = &o->state->start;

@@ -1,8 +1,8 @@
-/* Bundle adjustment of a start: the first view fixed, the poses of the others and the inverse depths of all
- * tracks along the first view's bearings moved. Little parallax is the rule here, and inverse depths are
- * nearly linear in it (J. Civera, A. Davison, J. Montiel, "Inverse depth parametrization for monocular SLAM",
- * 2008; F. Yu and D. Gallup, "3D reconstruction from accidental motion", 2014): a point far away is no
- * special case. */
+/* Bundle adjustment of a start: the first view fixed, the poses of the others and the inverse
+ * depths of all tracks along the first view's bearings moved. Little parallax is the rule here, and
+ * inverse depths are nearly linear in it (J. Civera, A. Davison, J. Montiel, "Inverse depth
+ * parametrization for monocular SLAM", 2008; F. Yu and D. Gallup, "3D reconstruction from
+ * accidental motion", 2014): a point far away is no special case. */
 #include <string.h>
 
 #include "geometry/linear.h"
@@ -19,17 +19,20 @@ enum {
 
 static const double gain_min = 1e-3; /* of the cost: smaller, and the minimum is reached */
 static const double chi_square_95_2 = 5.991,
-                    error_max = 9;          /* px^2 of level 0: a mismatch says no more than that */
-static const double good_error = 0.05;      /* px^2 of level 0 */
-static const double variance_min = 0.05;    /* px^2 of level 0: matches are not better than that */
-static const double parallax_some_px = 2.5; /* of a landmark: less, and noise decides how far it is */
-static const double point_share_min = 0.5;  /* of the tracks, that fit the motion before both cameras */
+                    error_max = 9;       /* px^2 of level 0: a mismatch says no more than that */
+static const double good_error = 0.05;   /* px^2 of level 0 */
+static const double variance_min = 0.05; /* px^2 of level 0: matches are not better than that */
+static const double parallax_some_px =
+    2.5; /* of a landmark: less, and noise decides how far it is */
+static const double point_share_min =
+    0.5; /* of the tracks, that fit the motion before both cameras */
 static const double stage_limit2[] = {100, 25, 6}; /* px^2 of level 0 */
 enum { STAGES = sizeof stage_limit2 / sizeof stage_limit2[0], TIGHT_ROUNDS = 2 };
 static const double inverse_depth_max =
     0.7; /* of the way to the last view: nearer ones would only tell where that lies */
 static const double behind_max = 0.1;
-static const double align_limit2 = 1e4; /* px^2: what an error says no more beyond, a quarter in each step */
+static const double align_limit2 =
+    1e4; /* px^2: what an error says no more beyond, a quarter in each step */
 
 /* Normal equations of the views moved, the inverse depths eliminated. */
 struct fv_start_system {
@@ -38,8 +41,8 @@ struct fv_start_system {
     int size;
 };
 
-/* Error of a track in view v (px), its weight, and derivatives by the view's motion (translation first, then
- * rotation, on the left of R) and by the inverse depth. False: behind the camera. */
+/* Error of a track in view v (px), its weight, and derivatives by the view's motion (translation
+ * first, then rotation, on the left of R) and by the inverse depth. False: behind the camera. */
 struct fv_start_row {
     double error[2], weight;
     double by_pose[2][6], by_depth[2];
@@ -57,15 +60,15 @@ static void fv_move(struct fv_se3 *T, const double step[6])
         T->t[k] += step[k];
 }
 
-static const struct fv_keypoint *fv_keypoint_of(const struct fv_view *view, const struct fv_track *track,
-                                                uint32_t v)
+static const struct fv_keypoint *fv_keypoint_of(const struct fv_view *view,
+                                                const struct fv_track *track, uint32_t v)
 {
     return &view->keypoints[track->feature[v]];
 }
 
 static bool fv_row(const struct fv_start_bundle *b, const struct fv_view views[FV_START_VIEWS_MAX],
-                   const struct fv_pair *pair, const struct fv_track *track, double inverse_depth, uint32_t v,
-                   struct fv_start_row *row)
+                   const struct fv_pair *pair, const struct fv_track *track, double inverse_depth,
+                   uint32_t v, struct fv_start_row *row)
 {
     const struct fv_keypoint *p = fv_keypoint_of(&views[v], track, v),
                              *first = fv_keypoint_of(&views[0], track, 0);
@@ -91,13 +94,15 @@ static bool fv_row(const struct fv_start_bundle *b, const struct fv_view views[F
 /* Geman's and McClure's weight: errors beyond the limit count less and less. Returns the cost. */
 static double fv_robust(struct fv_start_row *row, double limit2)
 {
-    const double square = row->weight * (row->error[0] * row->error[0] + row->error[1] * row->error[1]);
+    const double square =
+        row->weight * (row->error[0] * row->error[0] + row->error[1] * row->error[1]);
     const double trust = 1 / (1 + square / limit2);
     row->weight *= trust * trust;
     return square * trust;
 }
 
-/* ---- first guess ------------------------------------------------------------------------------------- */
+/* ---- first guess
+ * ------------------------------------------------------------------------------------- */
 
 /* Move view v until it fits the points. False: too few are seen. */
 static bool fv_place_view(struct fv_odometry *o, uint32_t count,
@@ -203,7 +208,8 @@ bool fv_start_guess_reversed(struct fv_odometry *o, uint32_t count, struct fv_st
     return true;
 }
 
-void fv_start_note_guess(struct fv_odometry *o, uint32_t count, uint32_t all, const struct fv_start_bundle *b)
+void fv_start_note_guess(struct fv_odometry *o, uint32_t count, uint32_t all,
+                         const struct fv_start_bundle *b)
 {
     struct fv_start_state *s = &o->state->start;
     const struct fv_view first = fv_map_view(&o->map, b->slots[0]);
@@ -227,12 +233,13 @@ void fv_start_note_guess(struct fv_odometry *o, uint32_t count, uint32_t all, co
         o->map.keyframes[b->slots[v]].T_cam_world = b->T_view_first[v];
 }
 
-/* ---- adjustment -------------------------------------------------------------------------------------- */
+/* ---- adjustment
+ * -------------------------------------------------------------------------------------- */
 
 /* Add a track: its blocks, with its inverse depth eliminated. Returns its cost. */
 static double fv_add_rows(struct fv_odometry *o, const struct fv_start_bundle *b,
-                          const struct fv_view views[FV_START_VIEWS_MAX], uint32_t track, double damping,
-                          double limit2, struct fv_start_system *s)
+                          const struct fv_view views[FV_START_VIEWS_MAX], uint32_t track,
+                          double damping, double limit2, struct fv_start_system *s)
 {
     struct fv_start_depth *d = &o->depths[track];
     double cost = 0, h = 0;
@@ -278,8 +285,8 @@ static void fv_eliminate_depth(const struct fv_start_depth *d, struct fv_start_s
 
 /* Normal equations at the present poses and depths; returns the cost. */
 static double fv_build(struct fv_odometry *o, uint32_t count, const struct fv_start_bundle *b,
-                       const struct fv_view views[FV_START_VIEWS_MAX], double damping, double limit2,
-                       struct fv_start_system *s)
+                       const struct fv_view views[FV_START_VIEWS_MAX], double damping,
+                       double limit2, struct fv_start_system *s)
 {
     double cost = 0;
     s->size = 6 * ((int)b->view_count - 1);
@@ -312,14 +319,17 @@ static bool fv_step(struct fv_odometry *o, uint32_t count, struct fv_start_bundl
         for (int k = 0; k < s->size; k++)
             change += d->cross[k] * s->g[k];
         d->value -= d->inverse * change;
-        d->value = d->value > near ? near : d->value < -near * behind_max ? -near * behind_max : d->value;
+        d->value = d->value > near                 ? near
+                   : d->value < -near * behind_max ? -near * behind_max
+                                                   : d->value;
     }
     return true;
 }
 
 /* Levenberg's and Marquardt's steps until nothing is gained. */
-static void fv_minimise(struct fv_odometry *o, uint32_t count, const struct fv_view views[FV_START_VIEWS_MAX],
-                        struct fv_start_bundle *b, double limit2, struct fv_start_system *s)
+static void fv_minimise(struct fv_odometry *o, uint32_t count,
+                        const struct fv_view views[FV_START_VIEWS_MAX], struct fv_start_bundle *b,
+                        double limit2, struct fv_start_system *s)
 {
     struct fv_se3 before[FV_START_VIEWS_MAX];
     double damping = 1e-3, cost = fv_build(o, count, b, views, damping, limit2, s);
@@ -360,8 +370,8 @@ static void fv_normalise(struct fv_odometry *o, uint32_t count, struct fv_start_
         o->depths[i].value /= scale;
 }
 
-/* What each part of the image pulls at the poses with, the inverse depths eliminated; at the minimum all of
- * it adds up to nothing. */
+/* What each part of the image pulls at the poses with, the inverse depths eliminated; at the
+ * minimum all of it adds up to nothing. */
 static void fv_pull(const struct fv_odometry *o, uint32_t count, const struct fv_start_bundle *b,
                     const struct fv_view views[FV_START_VIEWS_MAX], double limit2,
                     double pull[FV_MAP_PARTS][SYSTEM_MAX])
@@ -378,20 +388,21 @@ static void fv_pull(const struct fv_odometry *o, uint32_t count, const struct fv
                 continue;
             (void)fv_robust(&row, limit2);
             for (int k = 0; k < 6; k++)
-                sum[6 * (v - 1) + k] +=
-                    row.weight * (row.by_pose[0][k] * row.error[0] + row.by_pose[1][k] * row.error[1]);
+                sum[6 * (v - 1) + k] += row.weight * (row.by_pose[0][k] * row.error[0] +
+                                                      row.by_pose[1][k] * row.error[1]);
         }
         for (uint32_t k = 0; k < 6 * (b->view_count - 1); k++)
             sum[k] -= d->cross[k] * d->inverse * d->gradient;
     }
 }
 
-/* One standard deviation (rad) of the direction in which the last view lies; the scale, which is free, is
- * held by a prior along it. The larger of two: by the noise, whose errors are independent; and by what the
- * parts of the image pull to either side, whose errors may be one (K.-Y. Liang and S. Zeger, "Longitudinal
- * data analysis using generalized linear models", 1986): where a thing that moves bends the bundle, it pulls
- * against all the rest. FOVEA_PI: not determined. */
-static double fv_direction_sigma(struct fv_odometry *o, uint32_t count, const struct fv_start_bundle *b,
+/* One standard deviation (rad) of the direction in which the last view lies; the scale, which is
+ * free, is held by a prior along it. The larger of two: by the noise, whose errors are independent;
+ * and by what the parts of the image pull to either side, whose errors may be one (K.-Y. Liang and
+ * S. Zeger, "Longitudinal data analysis using generalized linear models", 1986): where a thing that
+ * moves bends the bundle, it pulls against all the rest. FOVEA_PI: not determined. */
+static double fv_direction_sigma(struct fv_odometry *o, uint32_t count,
+                                 const struct fv_start_bundle *b,
                                  const struct fv_view views[FV_START_VIEWS_MAX], double limit2,
                                  struct fv_start_system *s)
 {
@@ -422,14 +433,15 @@ static double fv_direction_sigma(struct fv_odometry *o, uint32_t count, const st
     return __builtin_sqrt(variance > variance_parts ? variance : variance_parts);
 }
 
-/* ---- judgement --------------------------------------------------------------------------------------- */
+/* ---- judgement
+ * --------------------------------------------------------------------------------------- */
 
-/* How badly a track is explained; `fits` tells whether all its errors are small. The logarithm (Cauchy's
- * weights) at the scale of a good match lets a slightly bent geometry, which explains a moving thing as well,
- * lose to the right one. */
+/* How badly a track is explained; `fits` tells whether all its errors are small. The logarithm
+ * (Cauchy's weights) at the scale of a good match lets a slightly bent geometry, which explains a
+ * moving thing as well, lose to the right one. */
 static double fv_track_cost(const struct fv_odometry *o, const struct fv_start_bundle *b,
-                            const struct fv_view views[FV_START_VIEWS_MAX], uint32_t track, bool *fits,
-                            double *square)
+                            const struct fv_view views[FV_START_VIEWS_MAX], uint32_t track,
+                            bool *fits, double *square)
 {
     double cost = 0;
     *square = 0;
@@ -449,8 +461,8 @@ static double fv_track_cost(const struct fv_odometry *o, const struct fv_start_b
 }
 
 /* Cost, points and noise of the bundle. */
-static void fv_judge(struct fv_odometry *o, uint32_t count, const struct fv_view views[FV_START_VIEWS_MAX],
-                     struct fv_start_bundle *b)
+static void fv_judge(struct fv_odometry *o, uint32_t count,
+                     const struct fv_view views[FV_START_VIEWS_MAX], struct fv_start_bundle *b)
 {
     const struct fv_se3 *last = &b->T_view_first[b->view_count - 1];
     double squares = 0, freedom = -6.0 * (b->view_count - 1);
@@ -509,8 +521,10 @@ double fv_start_turn_cost(struct fv_odometry *o, uint32_t count, const struct fv
     return cost;
 }
 
-bool fv_start_point_serves(const struct fv_odometry *o, const struct fv_start_bundle *b, uint32_t track)
+bool fv_start_point_serves(const struct fv_odometry *o, const struct fv_start_bundle *b,
+                           uint32_t track)
 {
-    return o->inlier[track] && fv_start_parallax_px(o, &o->pairs[track], &b->T_view_first[b->view_count - 1],
-                                                    o->depths[track].value) >= parallax_some_px;
+    return o->inlier[track] &&
+           fv_start_parallax_px(o, &o->pairs[track], &b->T_view_first[b->view_count - 1],
+                                o->depths[track].value) >= parallax_some_px;
 }

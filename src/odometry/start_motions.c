@@ -1,6 +1,6 @@
-/* Motions that may explain the matches of two views. Sampling finds the essential matrix that most of them
- * fit; a plane or a shallow scene leaves others that fit about as well, so the motions of the homography are
- * followed to their own minimum, too. */
+/* Motions that may explain the matches of two views. Sampling finds the essential matrix that most
+ * of them fit; a plane or a shallow scene leaves others that fit about as well, so the motions of
+ * the homography are followed to their own minimum, too. */
 #include "geometry/essential.h"
 #include "geometry/homography.h"
 #include "geometry/vec.h"
@@ -16,8 +16,8 @@ static const double mismatch_share_max = 0.5;
 static const double cost_share_max =
     1.5; /* of the best one's cost, above which a motion is out of the question */
 
-bool fv_start_inverse_depth(const struct fv_odometry *o, const struct fv_pair *pair, const struct fv_se3 *T,
-                            double *inverse_depth)
+bool fv_start_inverse_depth(const struct fv_odometry *o, const struct fv_pair *pair,
+                            const struct fv_se3 *T, double *inverse_depth)
 {
     const double limit = place_limit_px / o->focal_px;
     double ray[3], q[3], off[3], across[3];
@@ -33,8 +33,8 @@ bool fv_start_inverse_depth(const struct fv_odometry *o, const struct fv_pair *p
     return fv_dot3(q, pair->x2) > 0 && fv_dot3(off, off) <= limit * limit * fv_dot3(q, q);
 }
 
-double fv_start_parallax_px(const struct fv_odometry *o, const struct fv_pair *pair, const struct fv_se3 *T,
-                            double inverse_depth)
+double fv_start_parallax_px(const struct fv_odometry *o, const struct fv_pair *pair,
+                            const struct fv_se3 *T, double inverse_depth)
 {
     double ray[3], q[3], cross[3];
     fv_rotate3(T->R, pair->x1, ray);
@@ -44,8 +44,8 @@ double fv_start_parallax_px(const struct fv_odometry *o, const struct fv_pair *p
     return o->focal_px * fv_norm3(cross) / (fv_norm3(q) + 1e-12);
 }
 
-/* Truncated squares of the residuals; a point that cannot be placed counts as a mismatch. `parallax`: points
- * with enough of it to start on. */
+/* Truncated squares of the residuals; a point that cannot be placed counts as a mismatch.
+ * `parallax`: points with enough of it to start on. */
 static double fv_motion_cost(const struct fv_odometry *o, uint32_t count, const struct fv_se3 *T,
                              uint32_t *parallax)
 {
@@ -56,8 +56,8 @@ static double fv_motion_cost(const struct fv_odometry *o, uint32_t count, const 
         double inverse_depth = 0, r2 = fv_essential_residual2(E, &o->pairs[i]);
         if (r2 > limit2 || !fv_start_inverse_depth(o, &o->pairs[i], T, &inverse_depth)) r2 = limit2;
         cost += r2;
-        *parallax +=
-            r2 < limit2 && fv_start_parallax_px(o, &o->pairs[i], T, inverse_depth) >= FV_START_PARALLAX_PX;
+        *parallax += r2 < limit2 && fv_start_parallax_px(o, &o->pairs[i], T, inverse_depth) >=
+                                        FV_START_PARALLAX_PX;
     }
     return cost / limit2;
 }
@@ -79,8 +79,8 @@ bool fv_start_same(const struct fv_start_bundle *a, const struct fv_start_bundle
 }
 
 /* Keep the list sorted by cost and free of repetitions. */
-static uint32_t fv_add_motion(struct fv_odometry *o, uint32_t pairs, const struct fv_se3 *T, uint32_t count,
-                              struct fv_se3 *list, double *costs)
+static uint32_t fv_add_motion(struct fv_odometry *o, uint32_t pairs, const struct fv_se3 *T,
+                              uint32_t count, struct fv_se3 *list, double *costs)
 {
     uint32_t parallax;
     double cost = fv_motion_cost(o, pairs, T, &parallax);
@@ -122,8 +122,8 @@ static void fv_face_points(const struct fv_pair *pairs, uint32_t count, struct f
 }
 
 /* Follow a motion to its own minimum over some of the pairs, then look at it on all. */
-static uint32_t fv_try_motion(struct fv_odometry *o, uint32_t pairs, struct fv_se3 *T, uint32_t found,
-                              struct fv_se3 *list, double *costs)
+static uint32_t fv_try_motion(struct fv_odometry *o, uint32_t pairs, struct fv_se3 *T,
+                              uint32_t found, struct fv_se3 *list, double *costs)
 {
     const uint32_t some = pairs < PAIRS_FOLLOWED ? pairs : PAIRS_FOLLOWED;
     fv_essential_refine(o->pairs, some, 2 * threshold_px / o->focal_px, REFINE_STEPS, T);
@@ -131,14 +131,16 @@ static uint32_t fv_try_motion(struct fv_odometry *o, uint32_t pairs, struct fv_s
     return fv_add_motion(o, pairs, T, found, list, costs);
 }
 
-uint32_t fv_start_motions(struct fv_odometry *o, uint32_t count, struct fv_se3 T[FV_START_MOTIONS_MAX])
+uint32_t fv_start_motions(struct fv_odometry *o, uint32_t count,
+                          struct fv_se3 T[FV_START_MOTIONS_MAX])
 {
     const struct fv_sampling sampling = {threshold_px / o->focal_px, 0.999, 300};
     double H[9], ratio, costs[FV_START_MOTIONS_MAX];
     struct fv_se3 motion, planes[4];
-    uint32_t found = 0,
-             fit_plane = fv_homography_estimate(o->pairs, count, &sampling, &o->state->random, H, o->inlier);
-    uint32_t fit = fv_essential_estimate(o->pairs, count, &sampling, &o->state->random, &motion, o->inlier);
+    uint32_t found = 0, fit_plane = fv_homography_estimate(o->pairs, count, &sampling,
+                                                           &o->state->random, H, o->inlier);
+    uint32_t fit =
+        fv_essential_estimate(o->pairs, count, &sampling, &o->state->random, &motion, o->inlier);
     if (fit < FIT_MIN) return 0;
     fv_essential_refine(o->pairs, count, refine_px / o->focal_px, REFINE_STEPS, &motion);
     found = fv_add_motion(o, count, &motion, found, T, costs);
@@ -146,7 +148,8 @@ uint32_t fv_start_motions(struct fv_odometry *o, uint32_t count, struct fv_se3 T
     int plane_count = fit_plane >= FIT_MIN ? fv_homography_motions(H, planes, &ratio) : 0;
     for (int k = 0; k < plane_count; k++)
         found = fv_try_motion(o, count, &planes[k], found, T, costs);
-    /* A little turn and a little translation look much alike: every direction is followed to where it leads.
+    /* A little turn and a little translation look much alike: every direction is followed to where
+     * it leads.
      */
     for (int k = 14; k < 27; k++) { /* its opposite comes by itself: see fv_try_motion */
         struct fv_se3 other = motion;

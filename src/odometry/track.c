@@ -11,12 +11,14 @@ enum {
 };
 
 static const double radius_first_px = 12, radius_wide_px = 30; /* times the level's scale */
-static const double local_widen = 4; /* of the local map's search, where it makes up for a poor first stage */
-static const double found_share_low = 0.2; /* of the landmarks in view: less, and the search is widened */
+static const double local_widen =
+    4; /* of the local map's search, where it makes up for a poor first stage */
+static const double found_share_low =
+    0.2; /* of the landmarks in view: less, and the search is widened */
 
 /* Take feature `f` for a landmark, unless a nearer one has it. */
-static void fv_take(struct fv_odometry *o, const struct fv_view *view, uint32_t f, uint32_t landmark,
-                    uint32_t distance)
+static void fv_take(struct fv_odometry *o, const struct fv_view *view, uint32_t f,
+                    uint32_t landmark, uint32_t distance)
 {
     if (view->landmark[f] != FV_MAP_NONE && o->match_distance[f] <= distance) return;
     view->landmark[f] = (int16_t)landmark;
@@ -42,7 +44,8 @@ static bool fv_project_landmark(const struct fv_odometry *o, const struct fv_se3
 
 /* First stage: the landmarks of the last frame around where `T` predicts them. */
 static uint32_t fv_match_recent(struct fv_odometry *o, const struct fv_kernels *kernels,
-                                const struct fv_view *view, const struct fv_se3 *T, double radius_px)
+                                const struct fv_view *view, const struct fv_se3 *T,
+                                double radius_px)
 {
     uint32_t matches = 0;
     fv_odometry_clear_matches(o, view);
@@ -50,10 +53,12 @@ static uint32_t fv_match_recent(struct fv_odometry *o, const struct fv_kernels *
         const struct fv_recent *r = &o->recent[i];
         const struct fv_landmark *l = &o->map.landmarks[r->landmark];
         double q[3], pixel[2];
-        if (!l->used || l->generation != r->generation || !fv_project_landmark(o, T, l, q, pixel)) continue;
-        struct fv_found found = fv_map_search(&o->map, kernels, fv_map_current(&o->map), pixel[0], pixel[1],
-                                              radius_px * fv_level_scale(r->level), (int)r->level - 1,
-                                              (int)r->level + 1, fv_map_descriptor(&o->map, l), false);
+        if (!l->used || l->generation != r->generation || !fv_project_landmark(o, T, l, q, pixel))
+            continue;
+        struct fv_found found =
+            fv_map_search(&o->map, kernels, fv_map_current(&o->map), pixel[0], pixel[1],
+                          radius_px * fv_level_scale(r->level), (int)r->level - 1,
+                          (int)r->level + 1, fv_map_descriptor(&o->map, l), false);
         if (found.feature == FV_MAP_NONE || found.distance > DISTANCE_TRACK_MAX ||
             found.distance > 0.9 * found.second)
             continue;
@@ -69,7 +74,8 @@ uint32_t fv_odometry_collect_sights(struct fv_odometry *o, const struct fv_view 
     uint32_t count = 0;
     for (uint32_t f = 0; f < view->frame->features; f++) {
         if (view->landmark[f] == FV_MAP_NONE) continue;
-        fv_sight_from(&view->keypoints[f], o->map.landmarks[view->landmark[f]].point, &o->sights[count]);
+        fv_sight_from(&view->keypoints[f], o->map.landmarks[view->landmark[f]].point,
+                      &o->sights[count]);
         o->sight_feature[count++] = f;
     }
     return count;
@@ -87,15 +93,17 @@ static uint32_t fv_refine(struct fv_odometry *o, const struct fv_view *view, int
     return fit->inliers;
 }
 
-uint32_t fv_odometry_refine(struct fv_odometry *o, const struct fv_view *view, int rounds, int steps,
-                            struct fv_se3 *T, struct fv_pose_fit *fit)
+uint32_t fv_odometry_refine(struct fv_odometry *o, const struct fv_view *view, int rounds,
+                            int steps, struct fv_se3 *T, struct fv_pose_fit *fit)
 {
     return fv_refine(o, view, rounds, steps, false, T, fit);
 }
 
-/* ---- local map --------------------------------------------------------------------------------------- */
+/* ---- local map
+ * --------------------------------------------------------------------------------------- */
 
-/* Landmarks of the keyframes with most votes in `shared` (which is used up), except those matched already. */
+/* Landmarks of the keyframes with most votes in `shared` (which is used up), except those matched
+ * already. */
 static uint32_t fv_gather_local(struct fv_odometry *o, const struct fv_view *view, uint16_t *shared)
 {
     uint32_t count = 0, mark = ++o->map.state->mark;
@@ -110,7 +118,8 @@ static uint32_t fv_gather_local(struct fv_odometry *o, const struct fv_view *vie
         shared[best] = 0;
         struct fv_view from = fv_map_view(&o->map, best);
         for (uint32_t f = 0; f < from.frame->features && count < o->local_max; f++) {
-            if (from.landmark[f] == FV_MAP_NONE || o->map.landmarks[from.landmark[f]].mark == mark) continue;
+            if (from.landmark[f] == FV_MAP_NONE || o->map.landmarks[from.landmark[f]].mark == mark)
+                continue;
             o->map.landmarks[from.landmark[f]].mark = mark;
             o->local[count++] = (uint32_t)from.landmark[f];
         }
@@ -121,7 +130,8 @@ static uint32_t fv_gather_local(struct fv_odometry *o, const struct fv_view *vie
 /* Level at which a landmark should appear at this distance. */
 static int fv_predict_level(const struct fv_landmark *l, double distance)
 {
-    double ratio = (double)l->distance / distance; /* nearer than the reference: larger, so a coarser level */
+    double ratio =
+        (double)l->distance / distance; /* nearer than the reference: larger, so a coarser level */
     int level = l->level;
     for (; ratio > 1.0954 && level < FOVEA_PYRAMID_LEVELS_MAX; ratio /= 1.2)
         level++;
@@ -130,8 +140,8 @@ static int fv_predict_level(const struct fv_landmark *l, double distance)
     return level;
 }
 
-/* Second stage: the rest of the local map, close to where the refined pose sees it. Returns how many are in
- * view. */
+/* Second stage: the rest of the local map, close to where the refined pose sees it. Returns how
+ * many are in view. */
 uint32_t fv_odometry_match_local(struct fv_odometry *o, const struct fv_kernels *kernels,
                                  const struct fv_view *view, const struct fv_se3 *T, double widen)
 {
@@ -151,8 +161,8 @@ uint32_t fv_odometry_match_local(struct fv_odometry *o, const struct fv_kernels 
         l->expected++;
         double radius = widen * (cosine > 0.998 ? 3 : 5) * fv_level_scale((uint32_t)level);
         struct fv_found found =
-            fv_map_search(&o->map, kernels, fv_map_current(&o->map), pixel[0], pixel[1], radius, level - 1,
-                          level + 1, fv_map_descriptor(&o->map, l), true);
+            fv_map_search(&o->map, kernels, fv_map_current(&o->map), pixel[0], pixel[1], radius,
+                          level - 1, level + 1, fv_map_descriptor(&o->map, l), true);
         if (found.feature == FV_MAP_NONE || found.distance > DISTANCE_TRACK_MAX ||
             found.distance > 0.9 * found.second)
             continue;
@@ -161,7 +171,8 @@ uint32_t fv_odometry_match_local(struct fv_odometry *o, const struct fv_kernels 
     return visible;
 }
 
-/* ---- the whole --------------------------------------------------------------------------------------- */
+/* ---- the whole
+ * --------------------------------------------------------------------------------------- */
 
 /* Remember what this frame saw, for the next one and for the landmarks' records. */
 static void fv_remember(struct fv_odometry *o, const struct fv_view *view)
@@ -177,27 +188,32 @@ static void fv_remember(struct fv_odometry *o, const struct fv_view *view)
             l->expected /= 2;
             l->found /= 2;
         }
-        struct fv_recent recent = {(uint32_t)view->landmark[f], l->generation, view->points[f].level};
+        struct fv_recent recent = {(uint32_t)view->landmark[f], l->generation,
+                                   view->points[f].level};
         o->recent[o->state->recent_count++] = recent;
     }
 }
 
 /* First stage: a rough pose with matches to build on. */
-static bool fv_rough_pose(struct fv_odometry *o, const struct fv_kernels *kernels, const struct fv_view *view,
-                          const struct fv_se3 *last, struct fv_se3 *T, struct fv_pose_fit *fit)
+static bool fv_rough_pose(struct fv_odometry *o, const struct fv_kernels *kernels,
+                          const struct fv_view *view, const struct fv_se3 *last, struct fv_se3 *T,
+                          struct fv_pose_fit *fit)
 {
     if (o->state->state != FOVEA_TRACKING_LOST) {
         *T = *last;
         if (o->state->moving_known) fv_se3_compose(&o->state->motion, last, T);
         struct fv_se3 predicted = *T;
         uint32_t matches = fv_match_recent(o, kernels, view, T, radius_first_px);
-        if (matches >= INLIERS_FIRST_MIN && fv_refine(o, view, 2, 4, true, T, fit) >= INLIERS_FIRST_MIN)
+        if (matches >= INLIERS_FIRST_MIN &&
+            fv_refine(o, view, 2, 4, true, T, fit) >= INLIERS_FIRST_MIN)
             return true;
         *T = predicted;
         matches = fv_match_recent(o, kernels, view, T, radius_wide_px);
-        if (matches >= INLIERS_FIRST_MIN && fv_odometry_refine(o, view, 3, 5, T, fit) >= INLIERS_FIRST_MIN)
+        if (matches >= INLIERS_FIRST_MIN &&
+            fv_odometry_refine(o, view, 3, 5, T, fit) >= INLIERS_FIRST_MIN)
             return true;
-        /* Too few of what the last frame saw is left, as in fast driving: the local map tells more. */
+        /* Too few of what the last frame saw is left, as in fast driving: the local map tells more.
+         */
         *T = predicted;
         (void)fv_odometry_match_local(o, kernels, view, T, local_widen);
         if (fv_odometry_refine(o, view, 3, 5, T, fit) >= INLIERS_FIRST_MIN) return true;
@@ -226,7 +242,8 @@ uint32_t fv_odometry_track(struct fv_odometry *o, const struct fv_kernels *kerne
     uint32_t known = fit.inliers, visible = fv_odometry_match_local(o, kernels, &view, &T, 1);
     o->state->pose.matches = fv_odometry_collect_sights(o, &view);
     uint32_t inliers = fv_refine(o, &view, 2, 4, true, &T, &fit);
-    if (inliers < found_share_low * (visible + known)) { /* a wrong rough pose finds what agrees with it */
+    if (inliers <
+        found_share_low * (visible + known)) { /* a wrong rough pose finds what agrees with it */
         (void)fv_odometry_match_local(o, kernels, &view, &T, local_widen);
         o->state->pose.matches = fv_odometry_collect_sights(o, &view);
         inliers = fv_odometry_refine(o, &view, 3, 5, &T, &fit);

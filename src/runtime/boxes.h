@@ -1,8 +1,10 @@
-/* Boxes around what moves on its own (people, vehicles), and the mask that keeps features out of them.
+/* Boxes around what moves on its own (people, vehicles), and the mask that keeps features out of
+ * them.
  *
- * Boxes belong to an image, which may be some frames old when they come. Until newer ones come they grow with
- * their age, by the way that such a thing goes: its own height per second to each side. Boxes older than
- * FV_BOXES_AGE_MAX_NS no longer count. State holds no addresses. Real-time safe. */
+ * Boxes belong to an image, which may be some frames old when they come. Until newer ones come they
+ * grow with their age, by the way that such a thing goes: its own height per second to each side.
+ * Boxes older than FV_BOXES_AGE_MAX_NS no longer count. State holds no addresses. Real-time safe.
+ */
 #ifndef FOVEA_RUNTIME_BOXES_H
 #define FOVEA_RUNTIME_BOXES_H
 
@@ -23,10 +25,11 @@ struct fv_boxes {
     uint8_t *mask; /* of this frame: width x height */
 };
 
-void fv_boxes_carve(struct fv_boxes *boxes, int32_t width, int32_t height, struct fv_arena *persistent,
-                    struct fv_arena *frame);
+void fv_boxes_carve(struct fv_boxes *boxes, int32_t width, int32_t height,
+                    struct fv_arena *persistent, struct fv_arena *frame);
 /* Replace the boxes by those of the image with this stamp. */
-void fv_boxes_take(struct fv_boxes *boxes, int64_t stamp_ns, const struct fovea_box *list, uint32_t count);
+void fv_boxes_take(struct fv_boxes *boxes, int64_t stamp_ns, const struct fovea_box *list,
+                   uint32_t count);
 /* The mask of a frame with this stamp: `fixed` (which may be NULL) itself where no box counts. */
 const uint8_t *fv_boxes_mask(struct fv_boxes *boxes, const uint8_t *fixed, int64_t stamp_ns);
 

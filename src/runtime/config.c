@@ -44,12 +44,14 @@ struct range {
     uint64_t value, low, high;
 };
 
-static enum fovea_status check_ranges(const struct range *ranges, size_t count, struct fovea_error *error)
+static enum fovea_status check_ranges(const struct range *ranges, size_t count,
+                                      struct fovea_error *error)
 {
     for (size_t i = 0; i < count; i++) {
         if (ranges[i].value < ranges[i].low || ranges[i].value > ranges[i].high) {
-            return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "%s: found %lld, expected %llu to %llu",
-                                   ranges[i].name, (long long)ranges[i].value,
+            return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                                   "%s: found %lld, expected %llu to %llu", ranges[i].name,
+                                   (long long)ranges[i].value,
                                    /* of signed members too */ (unsigned long long)ranges[i].low,
                                    (unsigned long long)ranges[i].high);
         }
@@ -68,21 +70,24 @@ static enum fovea_status check_prefix(const char prefix[32], struct fovea_error 
         const bool alphanumeric =
             (*c >= 'a' && *c <= 'z') || (*c >= 'A' && *c <= 'Z') || (*c >= '0' && *c <= '9');
         if (!alphanumeric && strchr("_/.-", *c) == NULL) {
-            return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                                   "channel_prefix: found byte 0x%02x, expected letters, digits and _ / . -",
-                                   (unsigned char)*c);
+            return fovea_error_set(
+                error, FOVEA_ERROR_ARGUMENT,
+                "channel_prefix: found byte 0x%02x, expected letters, digits and _ / . -",
+                (unsigned char)*c);
         }
     }
     return FOVEA_OK;
 }
 
-/* A rotation must be orthonormal to 1e-3: figures typed with four digits pass, a transposed scale does not. */
+/* A rotation must be orthonormal to 1e-3: figures typed with four digits pass, a transposed scale
+ * does not. */
 static enum fovea_status check_transform(const double T[12], struct fovea_error *error)
 {
     for (int i = 0; i < 12; i++) {
         if (!(T[i] > -1e6 && T[i] < 1e6)) {
             return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                                   "T_base_cam: found %g as element %d, expected -1e+06 to 1e+06", T[i], i);
+                                   "T_base_cam: found %g as element %d, expected -1e+06 to 1e+06",
+                                   T[i], i);
         }
     }
     for (int a = 0; a < 3; a++) {
@@ -91,14 +96,16 @@ static enum fovea_status check_transform(const double T[12], struct fovea_error 
                 T[4 * a] * T[4 * b] + T[4 * a + 1] * T[4 * b + 1] + T[4 * a + 2] * T[4 * b + 2];
             const double off = dot - (a == b ? 1.0 : 0.0);
             if (off > 1e-3 || off < -1e-3) {
-                return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                                       "T_base_cam: found %g as product of rows %d and %d of its rotation, "
-                                       "expected %d: orthonormal rows",
-                                       dot, a, b, a == b);
+                return fovea_error_set(
+                    error, FOVEA_ERROR_ARGUMENT,
+                    "T_base_cam: found %g as product of rows %d and %d of its rotation, "
+                    "expected %d: orthonormal rows",
+                    dot, a, b, a == b);
             }
         }
     }
-    const double determinant = T[0] * (T[5] * T[10] - T[6] * T[9]) - T[1] * (T[4] * T[10] - T[6] * T[8]) +
+    const double determinant = T[0] * (T[5] * T[10] - T[6] * T[9]) -
+                               T[1] * (T[4] * T[10] - T[6] * T[8]) +
                                T[2] * (T[4] * T[9] - T[5] * T[8]);
     if (determinant < 0) {
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
@@ -111,14 +118,16 @@ static enum fovea_status check_real(const char *name, double value, double low, 
                                     struct fovea_error *error)
 {
     if (value >= low && value <= high) return FOVEA_OK;
-    return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "%s: found %g, expected %g to %g", name, value, low,
-                           high);
+    return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "%s: found %g, expected %g to %g", name,
+                           value, low, high);
 }
 
-static enum fovea_status check_track(const struct fovea_track_config *track, struct fovea_error *error)
+static enum fovea_status check_track(const struct fovea_track_config *track,
+                                     struct fovea_error *error)
 {
     enum fovea_status status = check_real("track.score_high", track->score_high, 0, 1, error);
-    if (status == FOVEA_OK) status = check_real("track.score_confirm", track->score_confirm, 0, 1, error);
+    if (status == FOVEA_OK)
+        status = check_real("track.score_confirm", track->score_confirm, 0, 1, error);
     if (status == FOVEA_OK) status = check_real("track.score_low", track->score_low, 0, 1, error);
     if (status == FOVEA_OK) status = check_real("track.score_new", track->score_new, 0, 1, error);
     if (status == FOVEA_OK) status = check_real("track.coast_s", track->coast_s, 0, 60, error);
@@ -129,17 +138,20 @@ static enum fovea_status check_track(const struct fovea_track_config *track, str
     return status;
 }
 
-/* Of what fovea_camera_prepare has looked at, what would be silently wrong had it never seen the camera. */
+/* Of what fovea_camera_prepare has looked at, what would be silently wrong had it never seen the
+ * camera. */
 static enum fovea_status check_camera(const struct fovea_camera *camera, struct fovea_error *error)
 {
     enum fovea_status status = check_real("camera fx", camera->fx, 0.001, 1e6, error);
     if (status == FOVEA_OK) status = check_real("camera fy", camera->fy, 0.001, 1e6, error);
     if (status == FOVEA_OK) status = check_real("camera cx", camera->cx, -1e5, 1e5, error);
     if (status == FOVEA_OK) status = check_real("camera cy", camera->cy, -1e5, 1e5, error);
-    if (status != FOVEA_OK || (camera->field_max_rad > 0 && camera->field_max_rad <= FOVEA_PI)) return status;
-    return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                           "camera field_max_rad: found %g, expected what fovea_camera_prepare sets",
-                           camera->field_max_rad);
+    if (status != FOVEA_OK || (camera->field_max_rad > 0 && camera->field_max_rad <= FOVEA_PI))
+        return status;
+    return fovea_error_set(
+        error, FOVEA_ERROR_ARGUMENT,
+        "camera field_max_rad: found %g, expected what fovea_camera_prepare sets",
+        camera->field_max_rad);
 }
 
 bool fv_config_movable(const struct fovea_config *config)
@@ -150,11 +162,12 @@ bool fv_config_movable(const struct fovea_config *config)
     return any != 0;
 }
 
-static enum fovea_status check_scale(const struct fovea_scale_config *scale, struct fovea_error *error)
+static enum fovea_status check_scale(const struct fovea_scale_config *scale,
+                                     struct fovea_error *error)
 {
     if ((unsigned)scale->source > FOVEA_SCALE_ODOMETRY) {
-        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "scale.source: found %d, expected 0 to 2",
-                               (int)scale->source);
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                               "scale.source: found %d, expected 0 to 2", (int)scale->source);
     }
     if (!(scale->camera_height_m >= 0.01 && scale->camera_height_m <= 1000)) {
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,

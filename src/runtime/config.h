@@ -4,8 +4,8 @@
 
 #include "fovea/fovea.h"
 
-/* Every member against its documented range; `error` names the member, what was found and what was expected. The camera
- * must have been prepared. Init-only. FOVEA_OK or FOVEA_ERROR_ARGUMENT. */
+/* Every member against its documented range; `error` names the member, what was found and what was
+ * expected. The camera must have been prepared. Init-only. FOVEA_OK or FOVEA_ERROR_ARGUMENT. */
 enum fovea_status fv_config_check(const struct fovea_config *config, struct fovea_error *error);
 
 /* Whether any class is said to move on its own. */

@@ -8,7 +8,9 @@ enum {
     PIXEL_BYTES_MAX = 3  /* of the formats that the detector reads */
 };
 
-/* ---- set-up ------------------------------------------------------------------------------------------------ */
+/* ---- set-up
+ * ------------------------------------------------------------------------------------------------
+ */
 
 static enum fovea_status check_use(const struct fv_model *model, struct fovea_error *error)
 {
@@ -22,30 +24,33 @@ static enum fovea_status check_use(const struct fv_model *model, struct fovea_er
                                       .size_bytes = 1};
     struct fv_detect_view view;
     if (fv_detect_view(model, &image, &view) != FOVEA_OK) {
-        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                               "detect.model: expected a first input that is an image of 1 or 3 channels");
+        return fovea_error_set(
+            error, FOVEA_ERROR_ARGUMENT,
+            "detect.model: expected a first input that is an image of 1 or 3 channels");
     }
     if (!fv_detect_gives_boxes(model)) {
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                               "detect.model: found decoder %d, expected one that gives boxes", decode->kind);
+                               "detect.model: found decoder %d, expected one that gives boxes",
+                               decode->kind);
     }
     return FOVEA_OK;
 }
 
-enum fovea_status fv_detection_prepare(struct fv_detection *detection, const struct fovea_config *config,
-                                       struct fovea_error *error)
+enum fovea_status fv_detection_prepare(struct fv_detection *detection,
+                                       const struct fovea_config *config, struct fovea_error *error)
 {
     *detection = (struct fv_detection){.enabled = false};
     if (config->detect.model == NULL) return FOVEA_OK;
-    enum fovea_status status = fv_model_open(config->detect.model, config->detect.model_bytes, "detect.model",
-                                             &detection->model, error);
+    enum fovea_status status = fv_model_open(config->detect.model, config->detect.model_bytes,
+                                             "detect.model", &detection->model, error);
     if (status == FOVEA_OK) status = check_use(&detection->model, error);
     if (status != FOVEA_OK) return status;
     /* As `fovea rectify` does unasked; a lens too wide for a pinhole gets a cylinder. */
     for (int shape = FV_VIEW_PINHOLE; shape <= FV_VIEW_CYLINDER && !detection->has_view; shape++) {
         detection->has_view =
-            fv_view_choose(&config->camera, (enum fv_view_shape)shape, FV_VIEW_CROP, config->camera.width,
-                           config->camera.height, &detection->view, NULL) == FOVEA_OK;
+            fv_view_choose(&config->camera, (enum fv_view_shape)shape, FV_VIEW_CROP,
+                           config->camera.width, config->camera.height, &detection->view,
+                           NULL) == FOVEA_OK;
     }
     detection->enabled = true;
     return FOVEA_OK;
@@ -66,10 +71,11 @@ void fv_detection_carve(struct fv_detection *detection, const struct fovea_confi
     const size_t pixels = (size_t)config->camera.width * (size_t)config->camera.height;
     detection->state = fv_arena_take(persistent, 1, sizeof *detection->state);
     fv_detect_carve(&detection->memory, job, &detection->model, pixels * PIXEL_BYTES_MAX);
-    detection->memory.limits = (struct fv_detect_limits){.score = (float)config->detect.score_threshold,
-                                                         .iou = (float)config->detect.iou_threshold,
-                                                         .count = (int32_t)config->detect.count_max,
-                                                         .floor = floor_of(&config->track)};
+    detection->memory.limits =
+        (struct fv_detect_limits){.score = (float)config->detect.score_threshold,
+                                  .iou = (float)config->detect.iou_threshold,
+                                  .count = (int32_t)config->detect.count_max,
+                                  .floor = floor_of(&config->track)};
     detection->message_scratch =
         fv_arena_take(frame, fv_message_detections_scratch_bytes(config->detect.count_max), 1);
 }
@@ -91,13 +97,17 @@ size_t fv_detection_label_bytes(const struct fv_detection *detection)
     return longest;
 }
 
-size_t fv_detection_message_bytes(const struct fv_detection *detection, const struct fovea_config *config)
+size_t fv_detection_message_bytes(const struct fv_detection *detection,
+                                  const struct fovea_config *config)
 {
-    return fv_message_detections_size_max(config->detect.count_max, sizeof detection->model.header->name,
+    return fv_message_detections_size_max(config->detect.count_max,
+                                          sizeof detection->model.header->name,
                                           fv_detection_label_bytes(detection));
 }
 
-/* ---- the job ----------------------------------------------------------------------------------------------- */
+/* ---- the job
+ * -----------------------------------------------------------------------------------------------
+ */
 
 void fv_detection_reset(struct fv_detection *detection)
 {
@@ -122,23 +132,27 @@ bool fv_detection_offer(struct fv_detection *detection, const struct fovea_frame
                                      .height = level->height,
                                      .stride_bytes = level->stride_bytes,
                                      .format = FOVEA_PIXEL_GREY8,
-                                     .size_bytes = (size_t)level->stride_bytes * (size_t)level->height};
-    enum fovea_status status =
-        fv_detect_start(&detection->memory, &detection->model, &frame->image, id->stamp_ns, id->sequence);
+                                     .size_bytes =
+                                         (size_t)level->stride_bytes * (size_t)level->height};
+    enum fovea_status status = fv_detect_start(&detection->memory, &detection->model, &frame->image,
+                                               id->stamp_ns, id->sequence);
     if (status == FOVEA_ERROR_UNSUPPORTED)
-        status = fv_detect_start(&detection->memory, &detection->model, &grey, id->stamp_ns, id->sequence);
+        status = fv_detect_start(&detection->memory, &detection->model, &grey, id->stamp_ns,
+                                 id->sequence);
     if (status == FOVEA_OK) detection->state->frame = *id;
     return status == FOVEA_OK;
 }
 
-/* The box in the rectified image around the corners and edge middles of one in the raw image; points that the view does not
- * show are left out. Empty where none is shown. */
+/* The box in the rectified image around the corners and edge middles of one in the raw image;
+ * points that the view does not show are left out. Empty where none is shown. */
 static void rectify_box(const struct fv_detection *detection, const struct fovea_camera *camera,
                         const struct fovea_detection *found, float box[4])
 {
-    const double x[3] = {(double)found->x_min_px, 0.5 * ((double)found->x_min_px + (double)found->x_max_px),
+    const double x[3] = {(double)found->x_min_px,
+                         0.5 * ((double)found->x_min_px + (double)found->x_max_px),
                          (double)found->x_max_px};
-    const double y[3] = {(double)found->y_min_px, 0.5 * ((double)found->y_min_px + (double)found->y_max_px),
+    const double y[3] = {(double)found->y_min_px,
+                         0.5 * ((double)found->y_min_px + (double)found->y_max_px),
                          (double)found->y_max_px};
     double low[2] = {1e9, 1e9}, high[2] = {-1e9, -1e9};
     for (int i = 0; i < 9; i++) {
@@ -162,7 +176,8 @@ static bool map_some(struct fv_detection *detection, const struct fovea_camera *
     struct fv_detection_state *state = detection->state;
     const struct fv_detect_job *job = detection->memory.job;
     const uint32_t count = (uint32_t)job->count;
-    const uint32_t end = count - state->mapped > BOXES_PER_UNIT ? state->mapped + BOXES_PER_UNIT : count;
+    const uint32_t end =
+        count - state->mapped > BOXES_PER_UNIT ? state->mapped + BOXES_PER_UNIT : count;
     for (; state->mapped < end; state->mapped++) {
         float *box = state->rectified[state->mapped];
         memset(box, 0, 4 * sizeof *box);
@@ -178,7 +193,8 @@ bool fv_detection_advance(struct fv_detection *detection, const struct fovea_con
     *done = 0;
     if (!fv_detection_waiting(detection) || units == 0) return false;
     if (!state->mapping) {
-        if (fv_detect_advance(&detection->memory, &detection->model, kernels, units, done) != FOVEA_OK)
+        if (fv_detect_advance(&detection->memory, &detection->model, kernels, units, done) !=
+            FOVEA_OK)
             return false;
         state->mapping = 1;
         state->mapped = 0;
@@ -194,10 +210,12 @@ bool fv_detection_advance(struct fv_detection *detection, const struct fovea_con
     return false;
 }
 
-/* ---- what was found ---------------------------------------------------------------------------------------- */
+/* ---- what was found
+ * ---------------------------------------------------------------------------------------- */
 
-uint32_t fv_detection_encode(const struct fv_detection *detection, const struct fovea_config *config,
-                             uint32_t reset_counter, uint8_t *buffer, size_t capacity)
+uint32_t fv_detection_encode(const struct fv_detection *detection,
+                             const struct fovea_config *config, uint32_t reset_counter,
+                             uint8_t *buffer, size_t capacity)
 {
     const struct fv_detect_job *job = detection->memory.job;
     const char *names[FOVEA_DETECTIONS_MAX];
@@ -210,7 +228,8 @@ uint32_t fv_detection_encode(const struct fv_detection *detection, const struct 
         .width = config->camera.width,
         .height = config->camera.height,
         .rectified_shape = detection->has_view ? (int8_t)detection->view.shape : -1,
-        .rectified = {detection->view.fx, detection->view.fy, detection->view.cx, detection->view.cy},
+        .rectified = {detection->view.fx, detection->view.fy, detection->view.cx,
+                      detection->view.cy},
         .count = (uint32_t)job->count,
         .detections = job->found,
         .names = names,

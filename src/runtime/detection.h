@@ -1,5 +1,5 @@
-/* The detector within the runtime: looks at a frame when it is free, and hands out what it found as one message, with the
- * stamp of that frame and boxes in the raw and the rectified image. */
+/* The detector within the runtime: looks at a frame when it is free, and hands out what it found as
+ * one message, with the stamp of that frame and boxes in the raw and the rectified image. */
 #ifndef FOVEA_RUNTIME_DETECTION_H
 #define FOVEA_RUNTIME_DETECTION_H
 
@@ -30,9 +30,11 @@ struct fv_detection {
     struct fv_rectified view; /* the rectified image */
 };
 
-/* Check the configured model, which must take images and give boxes; choose the rectified view. Init-only. FOVEA_ERROR_*:
- * `error` begins with the configuration's key. Nothing is enabled without a model. */
-enum fovea_status fv_detection_prepare(struct fv_detection *detection, const struct fovea_config *config,
+/* Check the configured model, which must take images and give boxes; choose the rectified view.
+ * Init-only. FOVEA_ERROR_*: `error` begins with the configuration's key. Nothing is enabled without
+ * a model. */
+enum fovea_status fv_detection_prepare(struct fv_detection *detection,
+                                       const struct fovea_config *config,
                                        struct fovea_error *error);
 
 void fv_detection_carve(struct fv_detection *detection, const struct fovea_config *config,
@@ -40,25 +42,28 @@ void fv_detection_carve(struct fv_detection *detection, const struct fovea_confi
 
 /* Bytes that a message takes at most. */
 size_t fv_detection_label_bytes(const struct fv_detection *detection); /* of the longest label */
-size_t fv_detection_message_bytes(const struct fv_detection *detection, const struct fovea_config *config);
+size_t fv_detection_message_bytes(const struct fv_detection *detection,
+                                  const struct fovea_config *config);
 
 /* Forget the look under way. Real-time safe, as all that follows. */
 void fv_detection_reset(struct fv_detection *detection);
 
-/* Look at this frame, unless an earlier look goes on: its pixels are copied. Formats that the detector does not read are
- * looked at in grey, from the pyramid. True: the look begins. */
+/* Look at this frame, unless an earlier look goes on: its pixels are copied. Formats that the
+ * detector does not read are looked at in grey, from the pyramid. True: the look begins. */
 bool fv_detection_offer(struct fv_detection *detection, const struct fovea_frame *frame,
                         const struct fv_frame_id *id, const struct fv_pyramid *pyramid);
 
 bool fv_detection_waiting(const struct fv_detection *detection);
 
-/* Do at most `units` units, `*done` of them. True: a look is complete, and what it found is in job->found. */
+/* Do at most `units` units, `*done` of them. True: a look is complete, and what it found is in
+ * job->found. */
 bool fv_detection_advance(struct fv_detection *detection, const struct fovea_config *config,
                           const struct fv_kernels *kernels, uint32_t units, uint32_t *done);
 
 /* Encode what the last look found. Returns the bytes. */
-uint32_t fv_detection_encode(const struct fv_detection *detection, const struct fovea_config *config,
-                             uint32_t reset_counter, uint8_t *buffer, size_t capacity);
+uint32_t fv_detection_encode(const struct fv_detection *detection,
+                             const struct fovea_config *config, uint32_t reset_counter,
+                             uint8_t *buffer, size_t capacity);
 
 void fv_detection_get(const struct fv_detection *detection, struct fovea_detections *detections);
 /* "" where there is none. */

@@ -38,12 +38,14 @@ static void encode_camera_status(struct fovea *rt, const struct fovea_inputs *in
         .state = inputs->source_state,
         .width = rt->config.camera.width,
         .height = rt->config.camera.height,
-        .pixel_format = fovea_pixel_format_name((enum fovea_pixel_format)rt->state->frame.pixel_format),
+        .pixel_format =
+            fovea_pixel_format_name((enum fovea_pixel_format)rt->state->frame.pixel_format),
         .exposure_ns = rt->state->frame.exposure_ns,
         .counts = inputs->source_counts,
     };
     fv_output_add(rt, FV_MESSAGE_CAMERA_STATUS,
-                  fv_message_camera_status_encode(&message, rt->outbox.buffer[FV_MESSAGE_CAMERA_STATUS],
+                  fv_message_camera_status_encode(&message,
+                                                  rt->outbox.buffer[FV_MESSAGE_CAMERA_STATUS],
                                                   rt->outbox.capacity[FV_MESSAGE_CAMERA_STATUS]),
                   outputs);
 }
@@ -75,12 +77,13 @@ static void encode_statistics(struct fovea *rt, struct fovea_outputs *outputs)
                   outputs);
 }
 
-void fv_encode(struct fovea *rt, const struct fovea_inputs *inputs, bool processed, bool interrupted,
-               struct fovea_outputs *outputs)
+void fv_encode(struct fovea *rt, const struct fovea_inputs *inputs, bool processed,
+               bool interrupted, struct fovea_outputs *outputs)
 {
     const struct fovea_config *config = &rt->config;
     const uint64_t steps = rt->state->steps;
-    const bool pose_due = processed && fv_every(rt->state->frames_processed - 1, config->pose_every);
+    const bool pose_due =
+        processed && fv_every(rt->state->frames_processed - 1, config->pose_every);
     if (config->odometry.enabled && (processed || interrupted))
         fv_encode_poses(rt, inputs, pose_due || (interrupted && config->pose_every > 0), outputs);
     if (processed && fv_every(rt->state->frames_processed - 1, config->features_every)) {

@@ -6,20 +6,22 @@
 #include "runtime/encode_pose.h"
 #include "runtime/jobs.h"
 
-static const int64_t pause_max_ns = 500000000; /* between frames; over a longer one there is no velocity */
+static const int64_t pause_max_ns =
+    500000000; /* between frames; over a longer one there is no velocity */
 
-/* T_base_cam as far as it can be used: while the scale is free, its metres mean nothing beside the map's units,
- * and the base is taken to sit where the camera does. */
+/* T_base_cam as far as it can be used: while the scale is free, its metres mean nothing beside the
+ * map's units, and the base is taken to sit where the camera does. */
 static struct fv_se3 base_from_camera(const struct fovea *rt)
 {
     struct fv_se3 T_base_cam;
     fv_se3_from_rows(rt->config.T_base_cam, &T_base_cam);
-    if (rt->scale.state->pose.scale_source == FOVEA_SCALE_FREE) memset(T_base_cam.t, 0, sizeof T_base_cam.t);
+    if (rt->scale.state->pose.scale_source == FOVEA_SCALE_FREE)
+        memset(T_base_cam.t, 0, sizeof T_base_cam.t);
     return T_base_cam;
 }
 
-/* The base's frame at the start is `odom`, the first camera's is `world`: T_odom_base = B T_world_cam B^-1 with B =
- * T_base_cam. */
+/* The base's frame at the start is `odom`, the first camera's is `world`: T_odom_base = B
+ * T_world_cam B^-1 with B = T_base_cam. */
 static struct fv_se3 base_pose(const struct fovea *rt, const struct fv_se3 *B)
 {
     struct fv_se3 T, inverse;
@@ -30,8 +32,8 @@ static struct fv_se3 base_pose(const struct fovea *rt, const struct fv_se3 *B)
     return T;
 }
 
-/* Covariance of a small motion of the camera, as one of the base: by the adjoint of T_base_cam. Upper triangles by
- * rows, translation first. */
+/* Covariance of a small motion of the camera, as one of the base: by the adjoint of T_base_cam.
+ * Upper triangles by rows, translation first. */
 static void base_covariance(const struct fv_se3 *B, const double camera[21], double base[21])
 {
     double A[36] = {0}, C[36], AC[36] = {0};
@@ -60,7 +62,8 @@ static void base_covariance(const struct fv_se3 *B, const double camera[21], dou
     }
 }
 
-/* T_map_odom of the published frame: in its unit, and for the base about the base's frame at the start. */
+/* T_map_odom of the published frame: in its unit, and for the base about the base's frame at the
+ * start. */
 static void fill_map(const struct fovea_pose *pose, const struct fv_se3 *B, bool of_base,
                      struct fv_message_pose *message)
 {
@@ -79,8 +82,8 @@ static void fill_map(const struct fovea_pose *pose, const struct fv_se3 *B, bool
     fv_so3_to_quaternion(S.R, message->map_orientation);
 }
 
-static void encode_pose(struct fovea *rt, const struct fovea_inputs *inputs, enum fv_message_kind kind,
-                        struct fovea_outputs *outputs)
+static void encode_pose(struct fovea *rt, const struct fovea_inputs *inputs,
+                        enum fv_message_kind kind, struct fovea_outputs *outputs)
 {
     const struct fovea_pose *pose = &rt->scale.state->pose;
     const bool of_base = kind == FV_MESSAGE_POSE;
@@ -101,9 +104,10 @@ static void encode_pose(struct fovea *rt, const struct fovea_inputs *inputs, enu
     fill_map(pose, &B, of_base, &message);
     if (of_base) base_covariance(&B, pose->covariance, message.covariance);
     fv_so3_to_quaternion(T.R, message.orientation);
-    fv_output_add(rt, kind,
-                  fv_message_pose_encode(&message, rt->outbox.buffer[kind], rt->outbox.capacity[kind]),
-                  outputs);
+    fv_output_add(
+        rt, kind,
+        fv_message_pose_encode(&message, rt->outbox.buffer[kind], rt->outbox.capacity[kind]),
+        outputs);
 }
 
 /* Rates from the last two frames, 0 where there are no two of the same world and unit. */
@@ -135,8 +139,8 @@ static void encode_bot_core_pose(struct fovea *rt, bool due, struct fovea_output
         return;
     }
     const struct fv_se3 B = base_from_camera(rt), T = base_pose(rt, &B);
-    struct fv_message_bot_core_pose message = {.utime = (state->frame.stamp_ns + state->frame.utc_offset_ns) /
-                                                        1000};
+    struct fv_message_bot_core_pose message = {
+        .utime = (state->frame.stamp_ns + state->frame.utc_offset_ns) / 1000};
     memcpy(message.position, T.t, sizeof message.position);
     fv_so3_to_quaternion(T.R, message.orientation);
     fill_rates(state, &T, &message);
@@ -144,11 +148,12 @@ static void encode_bot_core_pose(struct fovea *rt, bool due, struct fovea_output
     state->base_ns = state->frame.stamp_ns;
     state->base_known = 1;
     state->base_world = world;
-    if (!due || (pose->scale_source == FOVEA_SCALE_FREE && !rt->config.scale.allow_unscaled)) return;
-    fv_output_add(
-        rt, kind,
-        fv_message_bot_core_pose_encode(&message, rt->outbox.buffer[kind], rt->outbox.capacity[kind]),
-        outputs);
+    if (!due || (pose->scale_source == FOVEA_SCALE_FREE && !rt->config.scale.allow_unscaled))
+        return;
+    fv_output_add(rt, kind,
+                  fv_message_bot_core_pose_encode(&message, rt->outbox.buffer[kind],
+                                                  rt->outbox.capacity[kind]),
+                  outputs);
 }
 
 void fv_encode_poses(struct fovea *rt, const struct fovea_inputs *inputs, bool due,

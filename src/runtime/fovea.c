@@ -4,7 +4,8 @@
 #include "runtime/jobs.h"
 #include "runtime/state.h"
 
-/* ---- stage clock -------------------------------------------------------------------------------------------- */
+/* ---- stage clock
+ * -------------------------------------------------------------------------------------------- */
 
 /* Clock readings around a stage; nothing where the configuration has no clock. */
 struct instant {
@@ -14,7 +15,8 @@ struct instant {
 static struct instant stage_begin(const struct fovea *rt)
 {
     struct instant now = {0, 0};
-    if (rt->config.clock != NULL) rt->config.clock(rt->config.clock_context, &now.wall_ns, &now.cpu_ns);
+    if (rt->config.clock != NULL)
+        rt->config.clock(rt->config.clock_context, &now.wall_ns, &now.cpu_ns);
     return now;
 }
 
@@ -25,7 +27,8 @@ static void stage_end(struct fovea *rt, enum fovea_stage stage, struct instant b
     rt->times.cpu_ns[stage] = end.cpu_ns - begin.cpu_ns;
 }
 
-/* ---- taking inputs ------------------------------------------------------------------------------------------ */
+/* ---- taking inputs
+ * ------------------------------------------------------------------------------------------ */
 
 /* Forget what was learnt; counters of frames go on. */
 static void reset(struct fovea *rt)
@@ -46,7 +49,8 @@ static void take_commands(struct fovea *rt, uint32_t commands)
     if (commands & FOVEA_COMMAND_RESET) reset(rt);
     if (commands & FOVEA_COMMAND_PAUSE) rt->state->paused = 1;
     if (commands & FOVEA_COMMAND_RESUME) rt->state->paused = 0;
-    if ((commands & FOVEA_COMMAND_SAVE) && rt->config.odometry.enabled) fv_odometry_save_begin(&rt->odometry);
+    if ((commands & FOVEA_COMMAND_SAVE) && rt->config.odometry.enabled)
+        fv_odometry_save_begin(&rt->odometry);
 }
 
 /* Whether there is a frame to process; counts what is refused. */
@@ -79,7 +83,9 @@ static void remember(struct fv_state *state, const struct fovea_frame *frame, in
     state->frames_processed++;
 }
 
-/* ---- the loop ----------------------------------------------------------------------------------------------- */
+/* ---- the loop
+ * -----------------------------------------------------------------------------------------------
+ */
 
 static void ask_preview(struct fovea *rt)
 {
@@ -107,7 +113,8 @@ static void process(struct fovea *rt, const struct fovea_inputs *inputs)
     rt->state->features =
         fv_features_find(&rt->features, &rt->kernels, &rt->pyramid, mask, inputs->grants.features);
     if (rt->config.odometry.enabled) {
-        fv_orb_describe(&rt->orb, &rt->kernels, &rt->pyramid, rt->features.corners, rt->features.count);
+        fv_orb_describe(&rt->orb, &rt->kernels, &rt->pyramid, rt->features.corners,
+                        rt->features.count);
     }
     stage_end(rt, FOVEA_STAGE_FEATURES, begin);
 
@@ -122,7 +129,8 @@ static void process(struct fovea *rt, const struct fovea_inputs *inputs)
     stage_end(rt, FOVEA_STAGE_ODOMETRY, begin);
 }
 
-/* Without a frame for as long as the source calls it stalled or gone, there is no pose to go on from. */
+/* Without a frame for as long as the source calls it stalled or gone, there is no pose to go on
+ * from. */
 static bool interrupt(struct fovea *rt, const struct fovea_inputs *inputs)
 {
     const bool away = inputs->source_state == FOVEA_SOURCE_STALLED ||
@@ -161,10 +169,11 @@ enum fovea_status fovea_step(struct fovea *rt, const struct fovea_inputs *inputs
     return processed ? FOVEA_OK : FOVEA_AGAIN;
 }
 
-static const enum fovea_stage stage_of_job[FOVEA_JOB_COUNT] = {[FOVEA_JOB_MAP] = FOVEA_STAGE_MAP,
-                                                               [FOVEA_JOB_DETECT] = FOVEA_STAGE_DETECT,
-                                                               [FOVEA_JOB_LOOP] = FOVEA_STAGE_LOOP,
-                                                               [FOVEA_JOB_PREVIEW] = FOVEA_STAGE_PREVIEW};
+static const enum fovea_stage stage_of_job[FOVEA_JOB_COUNT] = {
+    [FOVEA_JOB_MAP] = FOVEA_STAGE_MAP,
+    [FOVEA_JOB_DETECT] = FOVEA_STAGE_DETECT,
+    [FOVEA_JOB_LOOP] = FOVEA_STAGE_LOOP,
+    [FOVEA_JOB_PREVIEW] = FOVEA_STAGE_PREVIEW};
 
 enum fovea_status fovea_work(struct fovea *rt, const struct fovea_grants *grants,
                              struct fovea_outputs *outputs)
@@ -181,7 +190,8 @@ enum fovea_status fovea_work(struct fovea *rt, const struct fovea_grants *grants
     return outputs->jobs_waiting ? FOVEA_AGAIN : FOVEA_OK;
 }
 
-/* ---- looking inside ----------------------------------------------------------------------------------------- */
+/* ---- looking inside
+ * ----------------------------------------------------------------------------------------- */
 
 const struct fovea_feature *fovea_features_get(const struct fovea *rt, uint32_t *count)
 {
@@ -214,7 +224,8 @@ void fovea_tracks_get(const struct fovea *rt, struct fovea_tracks *tracks)
     if (rt->tracking.enabled) fv_track_get(&rt->tracking.tracker, tracks);
 }
 
-uint32_t fovea_keyframes_get(const struct fovea *rt, struct fovea_keyframe *list, uint32_t count_max)
+uint32_t fovea_keyframes_get(const struct fovea *rt, struct fovea_keyframe *list,
+                             uint32_t count_max)
 {
     const struct fv_map *map = &rt->odometry.map;
     if (!rt->config.odometry.enabled) return 0;
@@ -232,8 +243,8 @@ uint32_t fovea_keyframes_get(const struct fovea *rt, struct fovea_keyframe *list
 
 const char *fovea_stage_name(enum fovea_stage stage)
 {
-    static const char *const names[FOVEA_STAGE_COUNT] = {"pyramid", "features", "odometry", "encode",
-                                                         "map",     "detect",   "loop",     "preview"};
+    static const char *const names[FOVEA_STAGE_COUNT] = {
+        "pyramid", "features", "odometry", "encode", "map", "detect", "loop", "preview"};
     return stage >= 0 && stage < FOVEA_STAGE_COUNT ? names[stage] : "unknown";
 }
 

@@ -1,17 +1,18 @@
-/* The governor: turns measured time into grants. It stands outside the state, so that a replay, which is given the
- * recorded grants, needs no clock.
+/* The governor: turns measured time into grants. It stands outside the state, so that a replay,
+ * which is given the recorded grants, needs no clock.
  *
- * A job's guaranteed minimum is what finishes it in bounded frames even on a board that is always short of time; the rest
- * of the period is shared by priority. Sustained shortage lowers the features asked for, by a tenth at a time. */
+ * A job's guaranteed minimum is what finishes it in bounded frames even on a board that is always
+ * short of time; the rest of the period is shared by priority. Sustained shortage lowers the
+ * features asked for, by a tenth at a time. */
 #include "fovea/fovea.h"
 
 enum {
-    MAP_UNITS_MIN =
-        24, /* a window of five iterations within six frames, when keyframes are not close together: growing them goes first */
+    MAP_UNITS_MIN = 24,   /* a window of five iterations within six frames, when keyframes are not
+                             close together: growing them goes first */
     MAP_UNITS_FIXED = 56, /* keyframes of a car follow each other by two frames */
     DETECT_UNITS_MIN = 4, /* a millisecond: 300 million multiply-accumulates within 20 frames */
     DETECT_UNITS_FIXED =
-        56,             /* the shipped detector within two frames, ssd_mobilenet_v1 at 300 x 300 within 7 */
+        56, /* the shipped detector within two frames, ssd_mobilenet_v1 at 300 x 300 within 7 */
     LOOP_UNITS_MIN = 4, /* the largest map corrected within 20 s */
     LOOP_UNITS_FIXED = 24,
     PREVIEW_UNITS_MIN = 4, /* a preview of 376x240 in 6 frames */
@@ -60,11 +61,13 @@ void fovea_governor_next(struct fovea_governor *governor, const struct fovea_con
 {
     if (governor->short_frames >= SHORT_FRAMES_TO_ACT) {
         governor->features -= governor->features / 10;
-        if (governor->features < governor->features_min) governor->features = governor->features_min;
+        if (governor->features < governor->features_min)
+            governor->features = governor->features_min;
         governor->short_frames = 0;
     } else if (governor->ample_frames >= AMPLE_FRAMES_TO_ACT) {
         governor->features += governor->features / 10;
-        if (governor->features > governor->features_max) governor->features = governor->features_max;
+        if (governor->features > governor->features_max)
+            governor->features = governor->features_max;
         governor->ample_frames = 0;
     }
     fovea_grants_fixed(config, grants);

@@ -2,7 +2,8 @@
 
 #include "runtime/config.h"
 
-void fv_output_add(struct fovea *rt, enum fv_message_kind kind, uint32_t bytes, struct fovea_outputs *outputs)
+void fv_output_add(struct fovea *rt, enum fv_message_kind kind, uint32_t bytes,
+                   struct fovea_outputs *outputs)
 {
     if (bytes == 0 || outputs->message_count >= FOVEA_MESSAGES_MAX) return;
     outputs->messages[outputs->message_count++] = (struct fovea_message){
@@ -51,7 +52,8 @@ static uint32_t advance_preview(struct fovea *rt, uint32_t units, struct fovea_o
     uint32_t done = 0;
     while (done < units && fv_preview_waiting(&rt->preview)) {
         done++;
-        if (fv_preview_unit(&rt->preview, level->pixels, level->stride_bytes, rt->config.preview.quality)) {
+        if (fv_preview_unit(&rt->preview, level->pixels, level->stride_bytes,
+                            rt->config.preview.quality)) {
             send_preview(rt, outputs);
             break; /* one message per work call: its buffer is in use until the next */
         }
@@ -73,7 +75,8 @@ static uint32_t advance_map(struct fovea *rt, uint32_t units, struct fovea_outpu
     return done;
 }
 
-/* What a look found goes to the tracker; what moves on its own is kept out of the map from now on. */
+/* What a look found goes to the tracker; what moves on its own is kept out of the map from now on.
+ */
 static void track(struct fovea *rt, struct fovea_outputs *outputs)
 {
     struct fovea_detections detections;
@@ -81,12 +84,13 @@ static void track(struct fovea *rt, struct fovea_outputs *outputs)
     fv_detection_get(&rt->detection, &detections);
     fv_tracking_update(&rt->tracking, &detections);
     fv_output_add(rt, FV_MESSAGE_TRACKS,
-                  fv_tracking_encode(&rt->tracking, &rt->config, &rt->detection, fv_reset_counter(rt),
-                                     rt->outbox.buffer[FV_MESSAGE_TRACKS],
+                  fv_tracking_encode(&rt->tracking, &rt->config, &rt->detection,
+                                     fv_reset_counter(rt), rt->outbox.buffer[FV_MESSAGE_TRACKS],
                                      rt->outbox.capacity[FV_MESSAGE_TRACKS]),
                   outputs);
     if (!rt->config.odometry.enabled || !fv_config_movable(&rt->config)) return;
-    fv_boxes_take(&rt->boxes, detections.stamp_ns, movable, fv_tracking_movable(&rt->tracking, movable));
+    fv_boxes_take(&rt->boxes, detections.stamp_ns, movable,
+                  fv_tracking_movable(&rt->tracking, movable));
 }
 
 /* One message per work call: its buffer is in use until the next. */
@@ -112,7 +116,8 @@ static uint32_t advance_loop(struct fovea *rt, uint32_t units)
     return done;
 }
 
-uint32_t fv_job_advance(struct fovea *rt, enum fovea_job job, uint32_t units, struct fovea_outputs *outputs)
+uint32_t fv_job_advance(struct fovea *rt, enum fovea_job job, uint32_t units,
+                        struct fovea_outputs *outputs)
 {
     switch (job) {
     case FOVEA_JOB_MAP:

@@ -40,17 +40,20 @@ static void carve_outbox(struct fovea *rt, struct fv_arena *arena)
     carve_buffer(outbox, FV_MESSAGE_FEATURES, fv_message_features_size_max(count_max), arena);
     carve_buffer(outbox, FV_MESSAGE_STATISTICS, fv_message_statistics_size_max(), arena);
     carve_buffer(outbox, FV_MESSAGE_CAMERA_STATUS, fv_message_camera_status_size_max(), arena);
-    carve_buffer(outbox, FV_MESSAGE_PREVIEW, fv_message_preview_size_max(rt->preview.jpeg_capacity), arena);
+    carve_buffer(outbox, FV_MESSAGE_PREVIEW, fv_message_preview_size_max(rt->preview.jpeg_capacity),
+                 arena);
     if (rt->detection.enabled) {
-        carve_buffer(outbox, FV_MESSAGE_DETECTIONS, fv_detection_message_bytes(&rt->detection, &rt->config),
+        carve_buffer(outbox, FV_MESSAGE_DETECTIONS,
+                     fv_detection_message_bytes(&rt->detection, &rt->config), arena);
+        carve_buffer(outbox, FV_MESSAGE_TRACKS,
+                     fv_message_tracks_size_max(rt->config.track.tracks_max,
+                                                fv_detection_label_bytes(&rt->detection)),
                      arena);
-        carve_buffer(
-            outbox, FV_MESSAGE_TRACKS,
-            fv_message_tracks_size_max(rt->config.track.tracks_max, fv_detection_label_bytes(&rt->detection)),
-            arena);
     }
-    carve_buffer(outbox, FV_MESSAGE_MAP, rt->config.odometry.enabled ? fv_message_map_size_max() : 0, arena);
-    outbox->features_scratch = fv_arena_take(arena, fv_message_features_scratch_bytes(count_max), 1);
+    carve_buffer(outbox, FV_MESSAGE_MAP,
+                 rt->config.odometry.enabled ? fv_message_map_size_max() : 0, arena);
+    outbox->features_scratch =
+        fv_arena_take(arena, fv_message_features_scratch_bytes(count_max), 1);
 }
 
 /* Give every stage its pieces, for rt->config, from the arenas of the parts. */
@@ -59,12 +62,14 @@ static void carve(struct fovea *rt, struct fv_arena arenas[FOVEA_MEMORY_PART_COU
 {
     const struct fovea_config *config = &rt->config;
     const int32_t width = config->camera.width, height = config->camera.height;
-    size_t before[FOVEA_MEMORY_PART_COUNT] = {arenas[PERSISTENT].used, arenas[JOB].used, arenas[FRAME].used};
+    size_t before[FOVEA_MEMORY_PART_COUNT] = {arenas[PERSISTENT].used, arenas[JOB].used,
+                                              arenas[FRAME].used};
 
     rt->state = fv_arena_take(&arenas[PERSISTENT], 1, sizeof *rt->state);
     book(table, "runtime", arenas, before);
-    rt->mask =
-        config->mask == NULL ? NULL : fv_arena_take(&arenas[PERSISTENT], (size_t)width * (size_t)height, 1);
+    rt->mask = config->mask == NULL
+                   ? NULL
+                   : fv_arena_take(&arenas[PERSISTENT], (size_t)width * (size_t)height, 1);
     book(table, "mask", arenas, before);
     fv_pyramid_carve(&rt->pyramid, width, height, config->features.pyramid_levels, &arenas[FRAME]);
     book(table, "pyramid", arenas, before);
@@ -77,14 +82,16 @@ static void carve(struct fovea *rt, struct fv_arena arenas[FOVEA_MEMORY_PART_COU
         fv_odometry_carve(&rt->odometry, &config->odometry, &rt->config.camera, count_max,
                           &arenas[PERSISTENT], &arenas[JOB], &arenas[FRAME]);
         book(table, "odometry", arenas, before);
-        fv_scale_carve(&rt->scale, &config->scale, config->T_base_cam, &arenas[PERSISTENT], &arenas[FRAME]);
+        fv_scale_carve(&rt->scale, &config->scale, config->T_base_cam, &arenas[PERSISTENT],
+                       &arenas[FRAME]);
         book(table, "scale", arenas, before);
         fv_boxes_carve(&rt->boxes, width, height, &arenas[PERSISTENT], &arenas[FRAME]);
         book(table, "boxes", arenas, before);
     }
     fv_detection_carve(&rt->detection, config, &arenas[PERSISTENT], &arenas[JOB], &arenas[FRAME]);
     book(table, "detection", arenas, before);
-    fv_tracking_carve(&rt->tracking, config, rt->detection.enabled, &arenas[PERSISTENT], &arenas[FRAME]);
+    fv_tracking_carve(&rt->tracking, config, rt->detection.enabled, &arenas[PERSISTENT],
+                      &arenas[FRAME]);
     book(table, "tracking", arenas, before);
     const struct fv_level *level = &rt->pyramid.level[config->preview.level];
     fv_preview_carve(&rt->preview, level->width, level->height, &arenas[PERSISTENT], &arenas[JOB]);
@@ -124,7 +131,8 @@ static enum fovea_status measure(struct fovea *rt, const struct fovea_config *co
     return FOVEA_OK;
 }
 
-enum fovea_status fovea_size(const struct fovea_config *config, size_t *bytes, struct fovea_error *error)
+enum fovea_status fovea_size(const struct fovea_config *config, size_t *bytes,
+                             struct fovea_error *error)
 {
     struct fovea rt;
     if (bytes == NULL)
@@ -141,7 +149,8 @@ enum fovea_status fovea_memory(const struct fovea_config *config, struct fovea_m
     struct fovea rt;
     struct fovea_memory_table rows;
     if (table == NULL)
-        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "table: found NULL, expected a place for it");
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                               "table: found NULL, expected a place for it");
     const enum fovea_status status = measure(&rt, config, &rows, error);
     if (status == FOVEA_OK) *table = rows;
     return status;
@@ -171,14 +180,14 @@ static enum fovea_status check_block(const void *memory, size_t bytes, size_t ne
                                FOVEA_BLOCK_ALIGNMENT);
     }
     if (bytes < needed) {
-        return fovea_error_set(error, FOVEA_ERROR_MEMORY, "memory: found %zu bytes, expected at least %zu",
-                               bytes, needed);
+        return fovea_error_set(error, FOVEA_ERROR_MEMORY,
+                               "memory: found %zu bytes, expected at least %zu", bytes, needed);
     }
     return FOVEA_OK;
 }
 
-enum fovea_status fovea_init(void *memory, size_t bytes, const struct fovea_config *config, struct fovea **rt,
-                             struct fovea_error *error)
+enum fovea_status fovea_init(void *memory, size_t bytes, const struct fovea_config *config,
+                             struct fovea **rt, struct fovea_error *error)
 {
     struct fovea measured;
     enum fv_cpu_set cpu;
@@ -196,28 +205,32 @@ enum fovea_status fovea_init(void *memory, size_t bytes, const struct fovea_conf
     place(built, false);
     fv_kernels_init(&built->kernels, cpu);
     if (built->mask != NULL) {
-        memcpy(built->mask, config->mask, (size_t)config->camera.width * (size_t)config->camera.height);
+        memcpy(built->mask, config->mask,
+               (size_t)config->camera.width * (size_t)config->camera.height);
         built->config.mask = built->mask;
     }
     if (config->odometry.enabled) {
         fv_odometry_init(&built->odometry, config->seed);
         fv_scale_init(&built->scale, config->seed);
         if (config->map != NULL)
-            status = fv_odometry_load(&built->odometry, &built->kernels, config->map, config->map_bytes,
-                                      config->map_name != NULL ? config->map_name : "map", error);
+            status =
+                fv_odometry_load(&built->odometry, &built->kernels, config->map, config->map_bytes,
+                                 config->map_name != NULL ? config->map_name : "map", error);
         if (status != FOVEA_OK) return status;
     }
     built->config.map = NULL; /* the caller's, and read */
     fv_message_prepare();
     for (int kind = 0; kind < FV_MESSAGE_KIND_COUNT; kind++) {
-        fv_message_channel(config->channel_prefix, (enum fv_message_kind)kind, built->outbox.channel[kind]);
+        fv_message_channel(config->channel_prefix, (enum fv_message_kind)kind,
+                           built->outbox.channel[kind]);
     }
     fovea_random_seed(&built->state->random, config->seed);
     *rt = built;
     return FOVEA_OK;
 }
 
-enum fovea_status fovea_copy(const struct fovea *rt, void *memory, size_t bytes, struct fovea **copy)
+enum fovea_status fovea_copy(const struct fovea *rt, void *memory, size_t bytes,
+                             struct fovea **copy)
 {
     const enum fovea_status status = check_block(memory, bytes, rt->block_bytes, NULL);
     if (status != FOVEA_OK) return status;

@@ -4,8 +4,8 @@
 
 enum { BLOCKS_PER_UNIT = 64 }; /* about 0.05 ms here, 0.25 ms on a slow board */
 
-void fv_preview_carve(struct fv_preview *preview, int32_t width, int32_t height, struct fv_arena *persistent,
-                      struct fv_arena *job)
+void fv_preview_carve(struct fv_preview *preview, int32_t width, int32_t height,
+                      struct fv_arena *persistent, struct fv_arena *job)
 {
     preview->width = width;
     preview->height = height;
@@ -41,15 +41,16 @@ bool fv_preview_unit(struct fv_preview *preview, const uint8_t *pixels, int32_t 
     struct fv_preview_state *state = preview->state;
     if (!state->active) {
         for (int32_t y = 0; y < preview->height; y++) {
-            memcpy(preview->pixels + (size_t)y * (size_t)preview->width, pixels + (ptrdiff_t)y * stride_bytes,
-                   (size_t)preview->width);
+            memcpy(preview->pixels + (size_t)y * (size_t)preview->width,
+                   pixels + (ptrdiff_t)y * stride_bytes, (size_t)preview->width);
         }
         begin(preview, quality);
         state->due = 0;
         state->active = 1;
         return false;
     }
-    if (!fv_jpeg_encode(&state->jpeg, preview->pixels, preview->width, BLOCKS_PER_UNIT, preview->jpeg))
+    if (!fv_jpeg_encode(&state->jpeg, preview->pixels, preview->width, BLOCKS_PER_UNIT,
+                        preview->jpeg))
         return false;
     if (state->jpeg.overflow && state->quality > 1) {
         begin(preview, state->quality - (state->quality + 3) / 4);

@@ -1,5 +1,6 @@
-/* The preview job: a JPEG of one pyramid level, for people. Copies its level when it starts, encodes a few blocks per unit,
- * and yields one message, which carries the stamp of the image that it shows. */
+/* The preview job: a JPEG of one pyramid level, for people. Copies its level when it starts,
+ * encodes a few blocks per unit, and yields one message, which carries the stamp of the image that
+ * it shows. */
 #ifndef FOVEA_RUNTIME_PREVIEW_H
 #define FOVEA_RUNTIME_PREVIEW_H
 
@@ -30,16 +31,18 @@ struct fv_preview {
 };
 
 /* Persistent state and job memory for a level of width x height pixels. */
-void fv_preview_carve(struct fv_preview *preview, int32_t width, int32_t height, struct fv_arena *persistent,
-                      struct fv_arena *job);
+void fv_preview_carve(struct fv_preview *preview, int32_t width, int32_t height,
+                      struct fv_arena *persistent, struct fv_arena *job);
 
-/* Ask for a preview of the frame that was just processed; an unfinished one goes on first. One that was asked for but
- * not begun must be asked for again with each new frame, since it will look at that. */
+/* Ask for a preview of the frame that was just processed; an unfinished one goes on first. One that
+ * was asked for but not begun must be asked for again with each new frame, since it will look at
+ * that. */
 void fv_preview_ask(struct fv_preview *preview, const struct fv_frame_id *frame);
 
 bool fv_preview_waiting(const struct fv_preview *preview);
 
-/* Do one unit. `pixels` is the level of the last processed frame: the job looks at it in its first unit only. Returns true when the picture is complete in preview->jpeg, state->jpeg.used bytes. */
+/* Do one unit. `pixels` is the level of the last processed frame: the job looks at it in its first
+ * unit only. Returns true when the picture is complete in preview->jpeg, state->jpeg.used bytes. */
 bool fv_preview_unit(struct fv_preview *preview, const uint8_t *pixels, int32_t stride_bytes,
                      uint32_t quality);
 

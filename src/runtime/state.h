@@ -18,7 +18,8 @@
 #include "runtime/preview.h"
 #include "runtime/tracking.h"
 
-/* What the runtime itself remembers from frame to frame. No addresses and no padding: copied and hashed as bytes. */
+/* What the runtime itself remembers from frame to frame. No addresses and no padding: copied and
+ * hashed as bytes. */
 struct fv_state {
     struct fv_frame_id frame; /* the last processed one */
     uint64_t steps;           /* since fovea_init; the clock of decimation */
@@ -28,9 +29,10 @@ struct fv_state {
     uint32_t reset_counter;
     uint32_t features;
     uint32_t map_landmark, map_keyframe; /* from where the next piece of the map is sent */
-    uint32_t any_frame;                  /* a frame was processed since the start or the last reset */
+    uint32_t any_frame; /* a frame was processed since the start or the last reset */
     uint32_t paused;
-    /* For the velocity of the base: its pose when last posed (odom), when, and in which world and unit. */
+    /* For the velocity of the base: its pose when last posed (odom), when, and in which world and
+     * unit. */
     double base[12];
     int64_t base_ns;
     uint32_t base_known, base_world;
@@ -69,7 +71,8 @@ struct fovea {
     struct fv_preview preview;
     struct fv_outbox outbox;
 
-    /* Of the last step and work, for the statistics message; clocks or copies of inputs, never hashed. */
+    /* Of the last step and work, for the statistics message; clocks or copies of inputs, never
+     * hashed. */
     struct fv_times times;
     struct fovea_inputs inputs;
     struct fovea_grants work_grants;
@@ -79,7 +82,8 @@ struct fovea {
 /* How often a new world was started: by command, or since tracking was lost for long. */
 static inline uint32_t fv_reset_counter(const struct fovea *rt)
 {
-    return rt->config.odometry.enabled ? rt->odometry.state->reset_counter : rt->state->reset_counter;
+    return rt->config.odometry.enabled ? rt->odometry.state->reset_counter
+                                       : rt->state->reset_counter;
 }
 
 /* Whether the n-th of something is due when every period-th is; never for period 0. */
@@ -88,9 +92,9 @@ static inline bool fv_every(uint64_t n, uint32_t period)
     return period != 0 && n % period == 0;
 }
 
-/* Messages of a step that processed a frame, or of one that had none. `interrupted`: the pose became `lost` without a frame, which is
- * told at once, with the stamp of the last frame. */
-void fv_encode(struct fovea *rt, const struct fovea_inputs *inputs, bool processed, bool interrupted,
-               struct fovea_outputs *outputs);
+/* Messages of a step that processed a frame, or of one that had none. `interrupted`: the pose
+ * became `lost` without a frame, which is told at once, with the stamp of the last frame. */
+void fv_encode(struct fovea *rt, const struct fovea_inputs *inputs, bool processed,
+               bool interrupted, struct fovea_outputs *outputs);
 
 #endif

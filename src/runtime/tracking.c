@@ -2,13 +2,13 @@
 
 #include <string.h>
 
-void fv_tracking_carve(struct fv_tracking *tracking, const struct fovea_config *config, bool detecting,
-                       struct fv_arena *persistent, struct fv_arena *frame)
+void fv_tracking_carve(struct fv_tracking *tracking, const struct fovea_config *config,
+                       bool detecting, struct fv_arena *persistent, struct fv_arena *frame)
 {
     tracking->enabled = detecting && config->track.mode != FOVEA_TRACK_OFF;
     if (!tracking->enabled) return;
-    fv_track_carve(&tracking->tracker, &config->track, &config->camera, config->T_base_cam, persistent,
-                   frame);
+    fv_track_carve(&tracking->tracker, &config->track, &config->camera, config->T_base_cam,
+                   persistent, frame);
     tracking->state = fv_arena_take(persistent, 1, sizeof *tracking->state);
     tracking->message_scratch =
         fv_arena_take(frame, fv_message_tracks_scratch_bytes(config->track.tracks_max), 1);
@@ -48,8 +48,8 @@ void fv_tracking_update(struct fv_tracking *tracking, const struct fovea_detecti
 }
 
 uint32_t fv_tracking_encode(const struct fv_tracking *tracking, const struct fovea_config *config,
-                            const struct fv_detection *detection, uint32_t reset_counter, uint8_t *buffer,
-                            size_t capacity)
+                            const struct fv_detection *detection, uint32_t reset_counter,
+                            uint8_t *buffer, size_t capacity)
 {
     const char *names[FOVEA_TRACKS_MAX];
     struct fovea_tracks tracks;

@@ -1,5 +1,5 @@
-/* The tracker within the runtime: it takes what the detector found, with the pose of the image that was looked at, and hands out
- * one message per look. */
+/* The tracker within the runtime: it takes what the detector found, with the pose of the image that
+ * was looked at, and hands out one message per look. */
 #ifndef FOVEA_RUNTIME_TRACKING_H
 #define FOVEA_RUNTIME_TRACKING_H
 
@@ -8,7 +8,8 @@
 #include "runtime/detection.h"
 #include "track/track.h"
 
-/* Pose of the image that the detector looks at. No addresses and no padding: copied and hashed as bytes. */
+/* Pose of the image that the detector looks at. No addresses and no padding: copied and hashed as
+ * bytes. */
 struct fv_tracking_state {
     double T_world_cam[12];
     uint64_t world; /* poses of equal `world` share a frame */
@@ -23,8 +24,8 @@ struct fv_tracking {
 };
 
 /* With a detector, unless the mode is off. `config` must stay where it is. */
-void fv_tracking_carve(struct fv_tracking *tracking, const struct fovea_config *config, bool detecting,
-                       struct fv_arena *persistent, struct fv_arena *frame);
+void fv_tracking_carve(struct fv_tracking *tracking, const struct fovea_config *config,
+                       bool detecting, struct fv_arena *persistent, struct fv_arena *frame);
 
 /* Forget all tracks. Real-time safe, as all that follows. */
 void fv_tracking_reset(struct fv_tracking *tracking);
@@ -35,8 +36,8 @@ void fv_tracking_update(struct fv_tracking *tracking, const struct fovea_detecti
 
 /* Encode the tracks as of the last look, with the stamp of its frame. Returns the bytes. */
 uint32_t fv_tracking_encode(const struct fv_tracking *tracking, const struct fovea_config *config,
-                            const struct fv_detection *detection, uint32_t reset_counter, uint8_t *buffer,
-                            size_t capacity);
+                            const struct fv_detection *detection, uint32_t reset_counter,
+                            uint8_t *buffer, size_t capacity);
 
 /* Boxes of movable classes in the last look; returns how many. */
 uint32_t fv_tracking_movable(const struct fv_tracking *tracking,

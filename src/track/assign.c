@@ -1,6 +1,7 @@
 #include "track/assign.h"
 
-/* The problem with at least as many columns as rows; entries count from 1, column 0 is where a new row starts from. */
+/* The problem with at least as many columns as rows; entries count from 1, column 0 is where a new
+ * row starts from. */
 struct problem {
     const float *cost;
     int32_t row_step, column_step, rows, columns;
@@ -10,10 +11,12 @@ struct problem {
 static double reduced(const struct problem *p, int32_t row, int32_t column)
 {
     const float cost = p->cost[(row - 1) * p->row_step + (column - 1) * p->column_step];
-    return (double)(cost < 1.0f ? cost : 1.0f) - p->s->row_potential[row] - p->s->column_potential[column];
+    return (double)(cost < 1.0f ? cost : 1.0f) - p->s->row_potential[row] -
+           p->s->column_potential[column];
 }
 
-/* One step of Dijkstra's search: take in the row of `column`, return the nearest column not yet reached. */
+/* One step of Dijkstra's search: take in the row of `column`, return the nearest column not yet
+ * reached. */
 static int32_t widen(const struct problem *p, int32_t column)
 {
     struct fv_assign_scratch *s = p->s;
@@ -63,8 +66,8 @@ static void add_row(const struct problem *p, int32_t row)
     }
 }
 
-void fv_assign(const float *cost, int32_t stride, int32_t rows, int32_t columns, struct fv_assign_scratch *s,
-               int32_t *column_of)
+void fv_assign(const float *cost, int32_t stride, int32_t rows, int32_t columns,
+               struct fv_assign_scratch *s, int32_t *column_of)
 {
     const int turned = rows > columns;
     const struct problem p = {.cost = cost,

@@ -1,4 +1,5 @@
-/* Matching by nearest centroids: of all pairs the nearest is matched, then the nearest of what is left, up to max_distance. */
+/* Matching by nearest centroids: of all pairs the nearest is matched, then the nearest of what is
+ * left, up to max_distance. */
 #include "track/track.h"
 
 static double distance2(const struct fv_track_slot *slot, const struct fovea_detection *d)

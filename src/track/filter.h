@@ -1,5 +1,6 @@
-/* A number that moves at nearly constant velocity, estimated by a Kalman filter: position, velocity and their covariance. White
- * noise of the velocity's change drives it (Bar-Shalom, Li and Kirubarajan, 2001, section 6.2.2). Real-time safe. */
+/* A number that moves at nearly constant velocity, estimated by a Kalman filter: position, velocity
+ * and their covariance. White noise of the velocity's change drives it (Bar-Shalom, Li and
+ * Kirubarajan, 2001, section 6.2.2). Real-time safe. */
 #ifndef FOVEA_TRACK_FILTER_H
 #define FOVEA_TRACK_FILTER_H
 

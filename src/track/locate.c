@@ -1,14 +1,16 @@
-/* Where a track is in metres: from the height of its class, which gives the range, or from the floor, which its foot stands on. */
+/* Where a track is in metres: from the height of its class, which gives the range, or from the
+ * floor, which its foot stands on. */
 #include "track/track.h"
 
 #include <string.h>
 
 #include "geometry/se3.h"
 
-static const double height_share = 0.1;                   /* deviation of a class's height */
-static const double edge_share = 0.03;                    /* deviation of a box's edge, of the box's height */
-static const double tilt_sigma_rad = 0.01;                /* of the camera over the floor */
-static const double range_max_m = 1000.0, walk_m_s = 1.0; /* a velocity gains so much within a second */
+static const double height_share = 0.1;    /* deviation of a class's height */
+static const double edge_share = 0.03;     /* deviation of a box's edge, of the box's height */
+static const double tilt_sigma_rad = 0.01; /* of the camera over the floor */
+static const double range_max_m = 1000.0,
+                    walk_m_s = 1.0; /* a velocity gains so much within a second */
 
 struct place {
     double at[3];    /* camera frame */
@@ -37,12 +39,13 @@ static double edge_sigma_px(const struct fv_track_slot *slot)
 static bool is_cut(const struct fv_tracker *tracker, const struct fv_track_slot *slot)
 {
     const struct fovea_track *t = &slot->track;
-    return t->x_min_px < 1.0f || t->y_min_px < 1.0f || t->x_max_px > (float)tracker->camera->width - 2.0f ||
+    return t->x_min_px < 1.0f || t->y_min_px < 1.0f ||
+           t->x_max_px > (float)tracker->camera->width - 2.0f ||
            t->y_max_px > (float)tracker->camera->height - 2.0f;
 }
 
-static bool by_size(const struct fv_tracker *tracker, const struct fv_track_slot *slot, double height_m,
-                    struct place *place)
+static bool by_size(const struct fv_tracker *tracker, const struct fv_track_slot *slot,
+                    double height_m, struct place *place)
 {
     double top[3], bottom[3], middle[3];
     const double x = slot->box[FV_TRACK_X].x, y = slot->box[FV_TRACK_Y].x,
@@ -51,8 +54,8 @@ static bool by_size(const struct fv_tracker *tracker, const struct fv_track_slot
         !bearing(tracker, x, y, middle))
         return false;
     const double difference[3] = {top[0] - bottom[0], top[1] - bottom[1], top[2] - bottom[2]};
-    const double chord =
-        __builtin_sqrt(dot(difference, difference)); /* 2 sin of half the angle that the height fills */
+    const double chord = __builtin_sqrt(
+        dot(difference, difference)); /* 2 sin of half the angle that the height fills */
     if (!(chord > 1e-6)) return false;
     const double half_sine = 0.5 * chord, half_cosine = __builtin_sqrt(1.0 - half_sine * half_sine);
     const double range = 0.5 * height_m * half_cosine / half_sine;
@@ -67,15 +70,16 @@ static bool by_size(const struct fv_tracker *tracker, const struct fv_track_slot
     return true;
 }
 
-static bool by_floor(const struct fv_tracker *tracker, const struct fv_track_slot *slot, struct place *place)
+static bool by_floor(const struct fv_tracker *tracker, const struct fv_track_slot *slot,
+                     struct place *place)
 {
     double foot[3];
     const double *T = tracker->T_base_cam;
-    if (!bearing(tracker, slot->box[FV_TRACK_X].x, slot->box[FV_TRACK_Y].x + 0.5 * slot->box[FV_TRACK_H].x,
-                 foot))
+    if (!bearing(tracker, slot->box[FV_TRACK_X].x,
+                 slot->box[FV_TRACK_Y].x + 0.5 * slot->box[FV_TRACK_H].x, foot))
         return false;
-    const double down =
-        -(T[8] * foot[0] + T[9] * foot[1] + T[10] * foot[2]); /* sine of the angle below the horizon */
+    const double down = -(T[8] * foot[0] + T[9] * foot[1] +
+                          T[10] * foot[2]); /* sine of the angle below the horizon */
     if (!(down > 0.02) || !(T[11] > 0.01)) return false;
     const double range = T[11] / down;
     if (!(range < range_max_m)) return false;
@@ -96,11 +100,11 @@ static void covariance_of(const struct place *place, const double *T_world_cam, 
 {
     double along[3];
     for (int i = 0; i < 3; i++) {
-        along[i] =
-            T_world_cam == NULL
-                ? place->along[i]
-                : dot((const double[3]){T_world_cam[4 * i], T_world_cam[4 * i + 1], T_world_cam[4 * i + 2]},
-                      place->along);
+        along[i] = T_world_cam == NULL
+                       ? place->along[i]
+                       : dot((const double[3]){T_world_cam[4 * i], T_world_cam[4 * i + 1],
+                                               T_world_cam[4 * i + 2]},
+                             place->along);
     }
     for (int i = 0; i < 9; i++) {
         full[i] = (place->range_variance - place->across_variance) * along[i / 3] * along[i % 3] +
@@ -163,7 +167,8 @@ void fv_track_locate(const struct fv_tracker *tracker, struct fv_track_slot *slo
 {
     const struct fovea_track_config *config = tracker->config;
     const int32_t c = slot->track.class_id;
-    const double height_m = c >= 0 && c < FOVEA_TRACK_CLASSES_MAX ? (double)config->height_m[c] : 0.0;
+    const double height_m =
+        c >= 0 && c < FOVEA_TRACK_CLASSES_MAX ? (double)config->height_m[c] : 0.0;
     struct place place;
     slot->track.located = 0;
     if (!slot->matched || (height_m <= 0.0 && !config->ground) || is_cut(tracker, slot)) return;

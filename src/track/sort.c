@@ -1,10 +1,11 @@
 /* Matching by optimal assignment, certain detections first. */
 #include "track/track.h"
 
-/* Gates: 99.7 % of a four-dimensional normal distribution for centre and size; overlap that lets pairs pass which are farther,
- * as boxes are that something cuts off. Sizes deviate by a tenth besides what the filter knows. */
-static const double distance_gate = 16.0, overlap_gate = 0.3, overlap_gate_low = 0.4, far_gate = 40.0,
-                    size_share = 0.1;
+/* Gates: 99.7 % of a four-dimensional normal distribution for centre and size; overlap that lets
+ * pairs pass which are farther, as boxes are that something cuts off. Sizes deviate by a tenth
+ * besides what the filter knows. */
+static const double distance_gate = 16.0, overlap_gate = 0.3, overlap_gate_low = 0.4,
+                    far_gate = 40.0, size_share = 0.1;
 
 /* What the cost needs of a prediction and of a detection, worked out once for all their pairs. */
 static void row_of(const struct fv_track_slot *slot, struct fv_track_side *side)
@@ -27,19 +28,20 @@ static void column_of(const struct fovea_detection *d, struct fv_track_side *sid
 {
     const double x0 = (double)d->x_min_px, y0 = (double)d->y_min_px, x1 = (double)d->x_max_px,
                  y1 = (double)d->y_max_px;
-    const double sigma = 0.025 * (x1 - x0 + y1 - y0) + 0.5, reach = __builtin_sqrt(distance_gate) * sigma;
-    *side =
-        (struct fv_track_side){.x = 0.5 * (x0 + x1),
-                               .y = 0.5 * (y0 + y1),
-                               .half_w = 0.5 * (x1 - x0),
-                               .half_h = 0.5 * (y1 - y0),
-                               .x_variance = sigma * sigma,
-                               .y_variance = sigma * sigma,
-                               .x_reach = reach,
-                               .y_reach = reach,
-                               .w_variance = size_share * size_share * (x1 - x0) * (x1 - x0) + sigma * sigma,
-                               .h_variance = size_share * size_share * (y1 - y0) * (y1 - y0) + sigma * sigma,
-                               .class_id = d->class_id};
+    const double sigma = 0.025 * (x1 - x0 + y1 - y0) + 0.5,
+                 reach = __builtin_sqrt(distance_gate) * sigma;
+    *side = (struct fv_track_side){
+        .x = 0.5 * (x0 + x1),
+        .y = 0.5 * (y0 + y1),
+        .half_w = 0.5 * (x1 - x0),
+        .half_h = 0.5 * (y1 - y0),
+        .x_variance = sigma * sigma,
+        .y_variance = sigma * sigma,
+        .x_reach = reach,
+        .y_reach = reach,
+        .w_variance = size_share * size_share * (x1 - x0) * (x1 - x0) + sigma * sigma,
+        .h_variance = size_share * size_share * (y1 - y0) * (y1 - y0) + sigma * sigma,
+        .class_id = d->class_id};
 }
 
 static double least(double a, double b)
@@ -49,8 +51,10 @@ static double least(double a, double b)
 
 static double overlap(const struct fv_track_side *a, const struct fv_track_side *b)
 {
-    const double w = least(a->x + a->half_w, b->x + b->half_w) + least(a->half_w - a->x, b->half_w - b->x);
-    const double h = least(a->y + a->half_h, b->y + b->half_h) + least(a->half_h - a->y, b->half_h - b->y);
+    const double w =
+        least(a->x + a->half_w, b->x + b->half_w) + least(a->half_w - a->x, b->half_w - b->x);
+    const double h =
+        least(a->y + a->half_h, b->y + b->half_h) + least(a->half_h - a->y, b->half_h - b->y);
     if (w <= 0 || h <= 0) return 0;
     return w * h / (4 * (a->half_w * a->half_h + b->half_w * b->half_h) - w * h);
 }
@@ -62,8 +66,10 @@ static bool is_far(double off, double half, double reach)
     return off > half && off > reach;
 }
 
-/* In [0, 1); 1: not the same object. Overlap and squared Mahalanobis distance of centre and size share the cost. */
-static float cost_of(const struct fv_track_side *a, const struct fv_track_side *b, bool only_overlap)
+/* In [0, 1); 1: not the same object. Overlap and squared Mahalanobis distance of centre and size
+ * share the cost. */
+static float cost_of(const struct fv_track_side *a, const struct fv_track_side *b,
+                     bool only_overlap)
 {
     const double dx = b->x - a->x, dy = b->y - a->y;
     if (is_far(dx, a->half_w + b->half_w, a->x_reach + b->x_reach) ||
@@ -73,8 +79,9 @@ static float cost_of(const struct fv_track_side *a, const struct fv_track_side *
     const double iou = overlap(a, b);
     if (only_overlap) return iou >= overlap_gate_low ? (float)(1.0 - iou) : 1.0f;
     const double dw = 2 * (b->half_w - a->half_w), dh = 2 * (b->half_h - a->half_h);
-    const double far = dx * dx / (a->x_variance + b->x_variance) + dy * dy / (a->y_variance + b->y_variance) +
-                       dw * dw / (a->w_variance + b->w_variance) + dh * dh / (a->h_variance + b->h_variance);
+    const double far =
+        dx * dx / (a->x_variance + b->x_variance) + dy * dy / (a->y_variance + b->y_variance) +
+        dw * dw / (a->w_variance + b->w_variance) + dh * dh / (a->h_variance + b->h_variance);
     if (far > far_gate || (far > distance_gate && iou < overlap_gate)) return 1.0f;
     return (float)(1.0 - 0.5 * iou - 0.5 / (1.0 + 0.25 * far));
 }
@@ -127,10 +134,12 @@ static int32_t gather_slots(const struct fv_tracker *tracker, bool fresh)
     return count;
 }
 
-/* Tentative tracks take part in the first stage: else a track whose object has just gone behind something would take the
- * detections of the one that comes out there. */
+/* Tentative tracks take part in the first stage: else a track whose object has just gone behind
+ * something would take the detections of the one that comes out there. */
 void fv_track_match_sort(struct fv_tracker *tracker, const struct fv_track_look *look)
 {
-    assign(tracker, look, gather_slots(tracker, false), gather_detections(tracker, look, true), false);
-    assign(tracker, look, gather_slots(tracker, true), gather_detections(tracker, look, false), true);
+    assign(tracker, look, gather_slots(tracker, false), gather_detections(tracker, look, true),
+           false);
+    assign(tracker, look, gather_slots(tracker, true), gather_detections(tracker, look, false),
+           true);
 }

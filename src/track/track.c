@@ -2,8 +2,9 @@
 
 #include <string.h>
 
-/* Noise of a box in shares of its size: measurements of 5 %, a velocity that is unknown to two sizes per second at first and
- * gains two sizes per second within a second (twice what DeepSORT and BoT-SORT take at 30 Hz: objects that turn). */
+/* Noise of a box in shares of its size: measurements of 5 %, a velocity that is unknown to two
+ * sizes per second at first and gains two sizes per second within a second (twice what DeepSORT and
+ * BoT-SORT take at 30 Hz: objects that turn). */
 static const double measured_share = 0.05, velocity_share = 2.0, drift_share = 2.0;
 /* Sizes change more slowly than places. */
 static const double size_velocity_share = 0.3, size_drift_share = 0.2;
@@ -13,7 +14,9 @@ static double larger(double a, double b)
     return a > b ? a : b;
 }
 
-/* ---- memory ------------------------------------------------------------------------------------------------ */
+/* ---- memory
+ * ------------------------------------------------------------------------------------------------
+ */
 
 void fv_track_carve(struct fv_tracker *tracker, const struct fovea_track_config *config,
                     const struct fovea_camera *camera, const double T_base_cam[12],
@@ -43,14 +46,16 @@ void fv_track_reset(struct fv_tracker *tracker)
         .next_id = before.next_id, .updates = before.updates, .confirmed = before.confirmed};
 }
 
-/* ---- prediction -------------------------------------------------------------------------------------------- */
+/* ---- prediction
+ * -------------------------------------------------------------------------------------------- */
 
 static double size_of(const struct fv_track_slot *slot)
 {
     return larger(0.5 * (slot->box[FV_TRACK_W].x + slot->box[FV_TRACK_H].x), 1.0);
 }
 
-/* Shift of a box's centre when the camera has turned: R takes bearings of the image before to this one's. */
+/* Shift of a box's centre when the camera has turned: R takes bearings of the image before to this
+ * one's. */
 static void turn(const struct fv_tracker *tracker, struct fv_track_slot *slot, const double R[9])
 {
     const double before[2] = {slot->box[FV_TRACK_X].x, slot->box[FV_TRACK_Y].x};
@@ -65,11 +70,14 @@ static void turn(const struct fv_tracker *tracker, struct fv_track_slot *slot, c
 
 static void predict(struct fv_track_slot *slot, double dt_s)
 {
-    const double size = size_of(slot), drift = drift_share * size, size_drift = size_drift_share * size;
+    const double size = size_of(slot), drift = drift_share * size,
+                 size_drift = size_drift_share * size;
     for (int k = 0; k < FV_TRACK_NUMBERS; k++) {
         const bool is_place = k < FV_TRACK_W;
-        /* Unseen, a size is better left as it was: a box that shrank behind an edge would go on shrinking. */
-        if (!is_place && slot->track.unseen > 0) slot->box[k].v = slot->box[k].vv = slot->box[k].xv = 0;
+        /* Unseen, a size is better left as it was: a box that shrank behind an edge would go on
+         * shrinking. */
+        if (!is_place && slot->track.unseen > 0)
+            slot->box[k].v = slot->box[k].vv = slot->box[k].xv = 0;
         fv_filter_predict(&slot->box[k], dt_s, is_place ? drift * drift : size_drift * size_drift);
     }
     slot->box[FV_TRACK_W].x = larger(slot->box[FV_TRACK_W].x, 1.0);
@@ -77,7 +85,8 @@ static void predict(struct fv_track_slot *slot, double dt_s)
 }
 
 /* R_now_before, and whether it is known. */
-static bool rotation_since(const struct fv_track_state *state, const struct fv_track_look *look, double R[9])
+static bool rotation_since(const struct fv_track_state *state, const struct fv_track_look *look,
+                           double R[9])
 {
     if (!look->posed || !state->posed || look->world != state->world) return false;
     for (int i = 0; i < 3; i++) {
@@ -106,7 +115,8 @@ static void predict_all(struct fv_tracker *tracker, const struct fv_track_look *
     }
 }
 
-/* ---- what a detection does --------------------------------------------------------------------------------- */
+/* ---- what a detection does
+ * --------------------------------------------------------------------------------- */
 
 struct measured {
     double number[FV_TRACK_NUMBERS], sigma[FV_TRACK_NUMBERS];
@@ -121,8 +131,8 @@ static struct measured measure(const struct fovea_detection *d)
                              {sigma, sigma, 1.4 * sigma, 1.4 * sigma}};
 }
 
-void fv_track_take(struct fv_tracker *tracker, struct fv_track_slot *slot, const struct fv_track_look *look,
-                   uint32_t detection)
+void fv_track_take(struct fv_tracker *tracker, struct fv_track_slot *slot,
+                   const struct fv_track_look *look, uint32_t detection)
 {
     const struct fovea_detection *d = &look->detections[detection];
     const struct measured m = measure(d);
@@ -138,8 +148,8 @@ void fv_track_take(struct fv_tracker *tracker, struct fv_track_slot *slot, const
     tracker->taken[detection] = 1;
 }
 
-static void begin(struct fv_tracker *tracker, struct fv_track_slot *slot, const struct fv_track_look *look,
-                  uint32_t detection)
+static void begin(struct fv_tracker *tracker, struct fv_track_slot *slot,
+                  const struct fv_track_look *look, uint32_t detection)
 {
     const struct fovea_detection *d = &look->detections[detection];
     const struct measured m = measure(d);
@@ -160,7 +170,8 @@ static void begin(struct fv_tracker *tracker, struct fv_track_slot *slot, const 
     tracker->taken[detection] = 1;
 }
 
-/* ---- the pool ---------------------------------------------------------------------------------------------- */
+/* ---- the pool
+ * ---------------------------------------------------------------------------------------------- */
 
 /* Whether `a` is given up before `b`; neither was seen in this look. */
 static bool weaker(const struct fv_track_slot *a, const struct fv_track_slot *b)
@@ -192,31 +203,37 @@ static void begin_new(struct fv_tracker *tracker, const struct fv_track_look *lo
     for (uint32_t d = 0; d < look->count; d++) {
         if (tracker->taken[d] || (double)look->detections[d].score < least) continue;
         struct fv_track_slot *slot = room(tracker);
-        if (slot == NULL) return; /* detections come by falling score: none of the others has more right */
+        if (slot == NULL)
+            return; /* detections come by falling score: none of the others has more right */
         begin(tracker, slot, look, d);
     }
 }
 
-/* ---- life -------------------------------------------------------------------------------------------------- */
+/* ---- life
+ * --------------------------------------------------------------------------------------------------
+ */
 
-static bool is_over(const struct fv_tracker *tracker, const struct fv_track_slot *slot, int64_t stamp_ns)
+static bool is_over(const struct fv_tracker *tracker, const struct fv_track_slot *slot,
+                    int64_t stamp_ns)
 {
     const struct fovea_track_config *config = tracker->config;
     if (slot->matched) return false;
     if (config->mode == FOVEA_TRACK_CENTROID) return slot->track.unseen > config->max_disappeared;
     if (slot->track.state == FOVEA_TRACK_TENTATIVE) return true;
     const double x = slot->box[FV_TRACK_X].x, y = slot->box[FV_TRACK_Y].x, size = size_of(slot);
-    const bool gone =
-        x < -size || y < -size || x > tracker->camera->width + size || y > tracker->camera->height + size;
+    const bool gone = x < -size || y < -size || x > tracker->camera->width + size ||
+                      y > tracker->camera->height + size;
     return gone || (double)(stamp_ns - slot->track.seen_ns) * 1e-9 > config->coast_s;
 }
 
-/* Whether the object of a track that was seen just now is believed to be there. A detector that errs often does so again in the
- * next image, with a score as low: repetition alone proves little. */
+/* Whether the object of a track that was seen just now is believed to be there. A detector that
+ * errs often does so again in the next image, with a score as low: repetition alone proves little.
+ */
 static bool is_believed(const struct fv_tracker *tracker, const struct fv_track_slot *slot)
 {
     const struct fovea_track_config *config = tracker->config;
-    if (config->mode == FOVEA_TRACK_CENTROID || slot->track.state != FOVEA_TRACK_TENTATIVE) return true;
+    if (config->mode == FOVEA_TRACK_CENTROID || slot->track.state != FOVEA_TRACK_TENTATIVE)
+        return true;
     return slot->track.hits >= config->confirm_hits &&
            slot->score_sum >= config->score_confirm * slot->track.hits;
 }
@@ -287,7 +304,8 @@ void fv_track_update(struct fv_tracker *tracker, const struct fv_track_look *loo
         state->R_world_cam[i] = look->T_world_cam[i / 3 * 4 + i % 3];
 }
 
-/* ---- what is told ------------------------------------------------------------------------------------------ */
+/* ---- what is told
+ * ------------------------------------------------------------------------------------------ */
 
 void fv_track_get(const struct fv_tracker *tracker, struct fovea_tracks *tracks)
 {

@@ -1,7 +1,7 @@
 /* The tracker: what fovea/track.h says, on detections handed in image by image.
  *
- * All state lies in pieces carved from the caller's block and holds no addresses. Real-time safe; 100 tracks and 100 detections
- * take about 0.1 ms here. */
+ * All state lies in pieces carved from the caller's block and holds no addresses. Real-time safe;
+ * 100 tracks and 100 detections take about 0.1 ms here. */
 #ifndef FOVEA_TRACK_TRACK_H
 #define FOVEA_TRACK_TRACK_H
 
@@ -21,7 +21,7 @@ struct fv_track_look {
     int64_t stamp_ns;
     uint64_t sequence;
     const struct fovea_detection
-        *detections;           /* by falling score; with the uncertain ones at most FOVEA_DETECTIONS_MAX */
+        *detections; /* by falling score; with the uncertain ones at most FOVEA_DETECTIONS_MAX */
     uint32_t count, uncertain; /* the uncertain ones come last; they go on tracks but start none */
     bool posed;                /* T_world_cam holds */
     bool metric;               /* and its unit is the metre */
@@ -69,7 +69,8 @@ struct fv_tracker {
     struct fv_assign_scratch *assign;
 };
 
-/* `config`, `camera` and `T_base_cam` must stay where they are. Works in counting mode. Init-only. */
+/* `config`, `camera` and `T_base_cam` must stay where they are. Works in counting mode. Init-only.
+ */
 void fv_track_carve(struct fv_tracker *tracker, const struct fovea_track_config *config,
                     const struct fovea_camera *camera, const double T_base_cam[12],
                     struct fv_arena *persistent, struct fv_arena *frame);
@@ -77,13 +78,14 @@ void fv_track_carve(struct fv_tracker *tracker, const struct fovea_track_config 
 /* Forget all tracks; ids go on. */
 void fv_track_reset(struct fv_tracker *tracker);
 
-/* Take a look into account. Looks must come in the order of their stamps; one that does not is passed over. */
+/* Take a look into account. Looks must come in the order of their stamps; one that does not is
+ * passed over. */
 void fv_track_update(struct fv_tracker *tracker, const struct fv_track_look *look);
 
 void fv_track_get(const struct fv_tracker *tracker, struct fovea_tracks *tracks);
 
-/* Boxes (x_min y_min x_max y_max) of movable classes in the last look, tracked or coasting. At most `capacity`; returns how
- * many. */
+/* Boxes (x_min y_min x_max y_max) of movable classes in the last look, tracked or coasting. At most
+ * `capacity`; returns how many. */
 uint32_t fv_track_movable(const struct fv_tracker *tracker, float (*boxes)[4], uint32_t capacity);
 
 /* ---- parts, one file each ---- */
@@ -91,12 +93,13 @@ uint32_t fv_track_movable(const struct fv_tracker *tracker, float (*boxes)[4], u
 /* locate.c: where a track that was just seen is. */
 void fv_track_locate(const struct fv_tracker *tracker, struct fv_track_slot *slot,
                      const struct fv_track_look *look);
-/* sort.c and centroid.c: match the detections of a look with the predicted slots; sets slot->matched and tracker->taken. */
+/* sort.c and centroid.c: match the detections of a look with the predicted slots; sets
+ * slot->matched and tracker->taken. */
 void fv_track_match_sort(struct fv_tracker *tracker, const struct fv_track_look *look);
 void fv_track_match_centroid(struct fv_tracker *tracker, const struct fv_track_look *look);
 /* track.c: a detection becomes part of a track. */
-void fv_track_take(struct fv_tracker *tracker, struct fv_track_slot *slot, const struct fv_track_look *look,
-                   uint32_t detection);
+void fv_track_take(struct fv_tracker *tracker, struct fv_track_slot *slot,
+                   const struct fv_track_look *look, uint32_t detection);
 
 #ifdef __cplusplus
 }

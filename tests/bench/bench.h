@@ -1,17 +1,21 @@
-/* Benchmarks beside OpenCV: same real image, one thread, same process, samples interleaved, medians of thread-CPU time.
+/* Benchmarks beside OpenCV: same real image, one thread, same process, samples interleaved, medians
+ * of thread-CPU time.
  *
  * A room adds rows in its own tests/bench/bench_<room>.cpp:
  *
  *     static const bench::Stage pyramid("pyramid, 8 levels", "752x480", "resize x7",
- *                                       [](const bench::Input &input, const struct fv_kernels &kernels) -> bench::Run {
+ *                                       [](const bench::Input &input, const struct fv_kernels
+ * &kernels) -> bench::Run {
  *                                           ... set up with kernels ...
  *                                           return [=] { what is timed };
  *                                       },
  *                                       [](const bench::Input &input) -> bench::Run { ... });
- *     static const bench::Peer mix("grey_mix_u8", "cvtColor RGB2GRAY", [](const bench::Input &input) -> bench::Run { ... });
+ *     static const bench::Peer mix("grey_mix_u8", "cvtColor RGB2GRAY", [](const bench::Input
+ * &input) -> bench::Run { ... });
  *
- * A Stage is timed with the best kernel set of this processor, with sse4 (or neon) and with plain C. A Peer stands beside a kernel
- * of kernels.def, whose own work is bench_<name> of tests/kernels; kernels without one are compared with plain C. */
+ * A Stage is timed with the best kernel set of this processor, with sse4 (or neon) and with plain
+ * C. A Peer stands beside a kernel of kernels.def, whose own work is bench_<name> of tests/kernels;
+ * kernels without one are compared with plain C. */
 #ifndef FOVEA_TESTS_BENCH_BENCH_H
 #define FOVEA_TESTS_BENCH_BENCH_H
 
@@ -64,11 +68,12 @@ struct Result {
 /* Time the runs in turn until each has enough samples; medians in microseconds. */
 std::vector<double> measure(const std::vector<Run> &runs);
 
-/* Time the whole of a frame on a recording (bench_odometry.cpp), one row per set for the mean and for the 99th percentile. */
+/* Time the whole of a frame on a recording (bench_odometry.cpp), one row per set for the mean and
+ * for the 99th percentile. */
 void run_odometry(std::vector<Result> &results);
 
-/* Writes of the results: build/bench.json, and tables between the markers of pages: of stages and the whole program in
- * README.md, of kernels in src/kernels/MEASURED.md. */
+/* Writes of the results: build/bench.json, and tables between the markers of pages: of stages and
+ * the whole program in README.md, of kernels in src/kernels/MEASURED.md. */
 struct Facts {
     std::string machine, compiler, flags, commit, opencv, image;
 };

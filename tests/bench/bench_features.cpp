@@ -10,7 +10,8 @@
 using bench::Input;
 using bench::Run;
 
-/* FAST on the raw frame, with suppression: threshold 20 as OpenCV's users mostly take it, and 7 as in weak texture. */
+/* FAST on the raw frame, with suppression: threshold 20 as OpenCV's users mostly take it, and 7 as
+ * in weak texture. */
 static Run fast(const Input &input, const struct fv_kernels &kernels, int threshold)
 {
     auto made = std::make_shared<bench::Pyramid>(input.image, 1);
@@ -24,8 +25,8 @@ static Run fast(const Input &input, const struct fv_kernels &kernels, int thresh
         const struct fv_level &level = made->pyramid.level[0];
         struct fv_fast scan;
         size_t count = 0;
-        fv_fast_begin(&scan, &kernels, level.pixels, level.stride_bytes, level.width, level.height, 3,
-                      threshold, scratch.get());
+        fv_fast_begin(&scan, &kernels, level.pixels, level.stride_bytes, level.width, level.height,
+                      3, threshold, scratch.get());
         while (fv_fast_next(&scan))
             for (int32_t i = 0; i < scan.count; i++)
                 (*corners)[count++] = {scan.columns[i], static_cast<uint16_t>(scan.y), 0,
@@ -56,8 +57,9 @@ static const bench::Stage features(
         auto made = std::make_shared<bench::Pyramid>(input.image, 8);
         auto found = std::make_shared<struct fv_features>();
         const struct fovea_features_config config = {1000, 8, 20, 7, 8};
-        auto block = std::make_shared<bench::Block>(
-            [&](struct fv_arena *arena) { fv_features_carve(found.get(), &config, &made->pyramid, arena); });
+        auto block = std::make_shared<bench::Block>([&](struct fv_arena *arena) {
+            fv_features_carve(found.get(), &config, &made->pyramid, arena);
+        });
         fv_pyramid_build(&made->pyramid, &kernels, &made->frame);
         return [=] {
             (void)block;

@@ -24,11 +24,13 @@ static const bench::Stage pyramid(
         return [levels, image] {
             image.copyTo((*levels)[0]);
             for (int i = 1; i < 8; i++)
-                cv::resize((*levels)[i - 1], (*levels)[i], (*levels)[i].size(), 0, 0, cv::INTER_LINEAR);
+                cv::resize((*levels)[i - 1], (*levels)[i], (*levels)[i].size(), 0, 0,
+                           cv::INTER_LINEAR);
         };
     });
 
-/* The peer of a grey conversion: OpenCV's cvtColor of the image in as many channels, into a made image. */
+/* The peer of a grey conversion: OpenCV's cvtColor of the image in as many channels, into a made
+ * image. */
 static Run convert(const Input &input, int channels, int code)
 {
     cv::Mat source, grey(input.image.size(), CV_8U);
@@ -36,12 +38,15 @@ static Run convert(const Input &input, int channels, int code)
     return [source, grey, code]() mutable { cv::cvtColor(source, grey, code); };
 }
 
-static const bench::Peer mix("grey_mix_u8", "cvtColor RGB2GRAY",
-                             [](const Input &input) { return convert(input, 3, cv::COLOR_RGB2GRAY); });
-static const bench::Peer pick("grey_pick_u8", "cvtColor YUV2GRAY_YUY2",
-                              [](const Input &input) { return convert(input, 2, cv::COLOR_YUV2GRAY_YUY2); });
-static const bench::Peer bayer("grey_bayer_u8", "cvtColor BayerBG2GRAY",
-                               [](const Input &input) { return convert(input, 1, cv::COLOR_BayerBG2GRAY); });
+static const bench::Peer mix("grey_mix_u8", "cvtColor RGB2GRAY", [](const Input &input) {
+    return convert(input, 3, cv::COLOR_RGB2GRAY);
+});
+static const bench::Peer pick("grey_pick_u8", "cvtColor YUV2GRAY_YUY2", [](const Input &input) {
+    return convert(input, 2, cv::COLOR_YUV2GRAY_YUY2);
+});
+static const bench::Peer bayer("grey_bayer_u8", "cvtColor BayerBG2GRAY", [](const Input &input) {
+    return convert(input, 1, cv::COLOR_BayerBG2GRAY);
+});
 static const bench::Peer shift("grey_shift_u16", "Mat::convertTo", [](const Input &input) -> Run {
     cv::Mat source, grey(input.image.size(), CV_8U);
     input.image.convertTo(source, CV_16U, 4);

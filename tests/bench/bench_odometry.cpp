@@ -1,5 +1,6 @@
-/* The whole of a frame (pyramid, features, pose, map) on a real recording, from its first frame on, start included, beside
- * cv::ORB on the same images: every frame goes through all kernel sets and OpenCV in turn. */
+/* The whole of a frame (pyramid, features, pose, map) on a real recording, from its first frame on,
+ * start included, beside cv::ORB on the same images: every frame goes through all kernel sets and
+ * OpenCV in turn. */
 #include "bench/bench.h"
 
 #include <algorithm>
@@ -33,7 +34,8 @@ struct Free {
     }
 };
 
-/* A runtime of default configuration held to a kernel set ("": the best), and what its frames took. */
+/* A runtime of default configuration held to a kernel set ("": the best), and what its frames took.
+ */
 struct Contender {
     std::string set;
     std::unique_ptr<struct fovea, Free> rt;
@@ -91,7 +93,8 @@ double p99(std::vector<double> values)
 }
 
 /* Rows for one recording with so many features. */
-void run_recording(const char *title, const std::string &uri, uint32_t features, std::vector<Result> &results)
+void run_recording(const char *title, const std::string &uri, uint32_t features,
+                   std::vector<Result> &results)
 {
     const struct fovea_source_ops *ops;
     const char *address;
@@ -138,8 +141,8 @@ void run_recording(const char *title, const std::string &uri, uint32_t features,
         const int used = static_cast<int>(c.features / static_cast<double>(c.us.size()));
         const std::string size = pixels + ", " + std::to_string(used) + " features",
                           name = std::string("step and work, ") + title;
-        results.push_back(
-            {name + ", mean", size, c.set, mean(c.us), "ORB::detectAndCompute, mean", mean(orb_us)});
+        results.push_back({name + ", mean", size, c.set, mean(c.us), "ORB::detectAndCompute, mean",
+                           mean(orb_us)});
         results.push_back(
             {name + ", p99", size, c.set, p99(c.us), "ORB::detectAndCompute, mean", mean(orb_us)});
     }

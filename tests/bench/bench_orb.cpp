@@ -112,11 +112,13 @@ const bench::Stage describe(
 const bench::Stage matching(
     "Hamming, two nearest of 1000 x 1000", "256 bit", "BFMatcher::knnMatch",
     [](const Input &input, const struct fv_kernels &kernels) -> Run {
-        const cv::Mat queries = real_descriptors(input.image), trains = real_descriptors(input.next);
+        const cv::Mat queries = real_descriptors(input.image),
+                      trains = real_descriptors(input.next);
         auto nearest = std::make_shared<std::vector<uint32_t>>(1000),
              second = std::make_shared<std::vector<uint32_t>>(1000);
         return [=] {
-            kernels.hamming_two_u8(nearest->data(), second->data(), queries.data, 1000, trains.data, 1000);
+            kernels.hamming_two_u8(nearest->data(), second->data(), queries.data, 1000, trains.data,
+                                   1000);
         };
     },
     [](const Input &input) {

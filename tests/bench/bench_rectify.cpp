@@ -36,7 +36,8 @@ void opencv_camera(const struct fovea_camera &camera, cv::Mat &K, cv::Mat &D)
 struct fv_rectified crop(const struct fovea_camera &camera)
 {
     struct fv_rectified view;
-    fv_view_choose(&camera, FV_VIEW_PINHOLE, FV_VIEW_CROP, camera.width, camera.height, &view, nullptr);
+    fv_view_choose(&camera, FV_VIEW_PINHOLE, FV_VIEW_CROP, camera.width, camera.height, &view,
+                   nullptr);
     return view;
 }
 
@@ -63,12 +64,13 @@ const bench::Stage rectify(
         auto map = std::make_shared<struct fv_rectify>();
         auto block = std::make_shared<bench::Block>(
             [&](struct fv_arena *arena) { fv_rectify_carve(map.get(), &camera, &view, arena); });
-        auto out =
-            std::make_shared<std::vector<uint8_t>>(static_cast<size_t>(map->stride_bytes * view.height));
+        auto out = std::make_shared<std::vector<uint8_t>>(
+            static_cast<size_t>(map->stride_bytes * view.height));
         const cv::Mat image = input.image;
         return [=] {
             (void)block;
-            fv_rectify_run(map.get(), &kernels, image.data, static_cast<int32_t>(image.step), out->data());
+            fv_rectify_run(map.get(), &kernels, image.data, static_cast<int32_t>(image.step),
+                           out->data());
         };
     },
     remap_opencv);
@@ -99,7 +101,8 @@ const bench::Stage undistort(
         auto rays = std::make_shared<std::vector<struct fv_ray>>(points->size());
         return [=] {
             (void)block;
-            fv_bearings_of(table.get(), camera.get(), reinterpret_cast<const float(*)[2]>(points->data()),
+            fv_bearings_of(table.get(), camera.get(),
+                           reinterpret_cast<const float(*)[2]>(points->data()),
                            static_cast<uint32_t>(points->size()), rays->data());
         };
     },

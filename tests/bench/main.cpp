@@ -1,6 +1,7 @@
 /* make bench: every stage and kernel beside OpenCV's function. See bench.h.
  *
- *   bench [--program FOVEA] [--json FILE] [--readme FILE] [--commit TEXT] [--compiler TEXT] [--flags TEXT] [NAME...]
+ *   bench [--program FOVEA] [--json FILE] [--readme FILE] [--commit TEXT] [--compiler TEXT]
+ * [--flags TEXT] [NAME...]
  *
  * With NAMEs only rows whose name contains one of them are run, and the README is left alone. */
 #include "bench/bench.h"
@@ -98,7 +99,8 @@ using bench::Run;
 
 bool chosen(const std::string &name, const std::vector<std::string> &filter)
 {
-    return filter.empty() || std::any_of(filter.begin(), filter.end(), [&](const std::string &part) {
+    return filter.empty() ||
+           std::any_of(filter.begin(), filter.end(), [&](const std::string &part) {
                return name.find(part) != std::string::npos;
            });
 }
@@ -123,8 +125,9 @@ Input find_input()
     const cv::Mat a = cv::imread(leuven + "A.jpg", cv::IMREAD_GRAYSCALE),
                   b = cv::imread(leuven + "B.jpg", cv::IMREAD_GRAYSCALE);
     if (!a.empty() && !b.empty()) return {fit(a), fit(b), "opencv-doc leuvenA, scaled"};
-    const cv::Mat made =
-        cv::Mat(BENCH_HEIGHT, BENCH_WIDTH, CV_8U, const_cast<uint8_t *>(bench_image()), BENCH_STRIDE).clone();
+    const cv::Mat made = cv::Mat(BENCH_HEIGHT, BENCH_WIDTH, CV_8U,
+                                 const_cast<uint8_t *>(bench_image()), BENCH_STRIDE)
+                             .clone();
     return {made, made, "drawn rectangles with noise (no real image found)"};
 }
 
@@ -143,9 +146,11 @@ std::vector<struct fv_kernels> kernel_sets()
 
 void report(const Result &r)
 {
-    std::printf("%-34s %-10s %-10s %10.1f us", r.name.c_str(), r.size.c_str(), r.isa.c_str(), r.ours_us);
+    std::printf("%-34s %-10s %-10s %10.1f us", r.name.c_str(), r.size.c_str(), r.isa.c_str(),
+                r.ours_us);
     if (!r.peer.empty())
-        std::printf("  %-32s %10.1f us  ratio %.3f", r.peer.c_str(), r.peer_us, r.ours_us / r.peer_us);
+        std::printf("  %-32s %10.1f us  ratio %.3f", r.peer.c_str(), r.peer_us,
+                    r.ours_us / r.peer_us);
     std::printf("\n");
 }
 
@@ -173,7 +178,8 @@ void run_kernel(const std::string &kernel, const Input &input, std::vector<Resul
     std::vector<struct check> checks;
     const uint32_t isas = fv_cpu_detect();
     for (int i = 0; i < kernel_variant_count; i++)
-        if (kernel == kernel_variants[i].kernel && (kernel_variants[i].bit & isas) == kernel_variants[i].bit)
+        if (kernel == kernel_variants[i].kernel &&
+            (kernel_variants[i].bit & isas) == kernel_variants[i].bit)
             variants.push_back(&kernel_variants[i]);
     checks.resize(variants.size());
     std::vector<Run> runs;
@@ -188,33 +194,39 @@ void run_kernel(const std::string &kernel, const Input &input, std::vector<Resul
     const std::vector<double> us = bench::measure(runs);
     for (size_t i = 0; i < variants.size(); i++) {
         const std::string size = checks[i].size[0] != '\0' ? checks[i].size : "752x480";
-        results.push_back({kernel, size, variants[i]->isa, us[i], peer != nullptr ? peer->peer : "plain C",
+        results.push_back({kernel, size, variants[i]->isa, us[i],
+                           peer != nullptr ? peer->peer : "plain C",
                            peer != nullptr ? us.back() : us[0], true});
         report(results.back());
         check_release(&checks[i]);
     }
 }
 
-/* The whole step and frame on a real recording, as the program itself measures them. Several rows without a peer. */
+/* The whole step and frame on a real recording, as the program itself measures them. Several rows
+ * without a peer. */
 void run_program(const std::string &program, std::vector<Result> &results)
 {
-    const std::string recording = data_folder() + "/euroc_mh05_a", stats = program + "-bench-stats.json";
+    const std::string recording = data_folder() + "/euroc_mh05_a",
+                      stats = program + "-bench-stats.json";
     if (!std::filesystem::exists(recording) || !std::filesystem::exists(program)) {
-        std::printf("SKIPPED the step on a recording: no %s or no %s\n", recording.c_str(), program.c_str());
+        std::printf("SKIPPED the step on a recording: no %s or no %s\n", recording.c_str(),
+                    program.c_str());
         return;
     }
     for (const char *set : {"", "sse4", "neon", "c"}) {
         const std::string command = "FOVEA_CPU=" + std::string(set) + " '" + program +
                                     "' run --source 'euroc:" + recording +
-                                    "' --quiet --picture none --stats '" + stats + "' >/dev/null 2>&1";
+                                    "' --quiet --picture none --stats '" + stats +
+                                    "' >/dev/null 2>&1";
         if (std::system(command.c_str()) != 0) continue; /* a set that this processor lacks */
         const cv::FileStorage file(stats, cv::FileStorage::READ | cv::FileStorage::FORMAT_JSON);
         std::filesystem::remove(stats);
         for (const char *part : {"step", "frame"}) {
             const double p50_ns = static_cast<double>(file[part]["p50_ns"]);
-            const std::string isa = set[0] != '\0' ? set : fv_cpu_set_name(fv_cpu_best(fv_cpu_detect()));
-            results.push_back(
-                {std::string(part) + ", EuRoC MH_05, median", "752x480", isa, p50_ns * 1e-3, "", 0});
+            const std::string isa =
+                set[0] != '\0' ? set : fv_cpu_set_name(fv_cpu_best(fv_cpu_detect()));
+            results.push_back({std::string(part) + ", EuRoC MH_05, median", "752x480", isa,
+                               p50_ns * 1e-3, "", 0});
             report(results.back());
         }
     }
@@ -254,8 +266,8 @@ int main(int argc, char **argv)
     const bench::Facts facts = {machine(),         options["compiler"], options["flags"],
                                 options["commit"], CV_VERSION,          input.origin};
     std::printf("%s; %s; %s; commit %s; OpenCV %s; image: %s\n", facts.machine.c_str(),
-                facts.compiler.c_str(), facts.flags.c_str(), facts.commit.c_str(), facts.opencv.c_str(),
-                facts.image.c_str());
+                facts.compiler.c_str(), facts.flags.c_str(), facts.commit.c_str(),
+                facts.opencv.c_str(), facts.image.c_str());
 
     bench_image_set(input.image.data, input.image.step);
     std::vector<Result> results;

@@ -27,7 +27,8 @@ static std::string number(double value, const char *format)
 bool write_json(const std::string &path, const Facts &facts, const std::vector<Result> &results)
 {
     std::ofstream out(path);
-    out << "{\n  \"machine\": " << quoted(facts.machine) << ",\n  \"compiler\": " << quoted(facts.compiler)
+    out << "{\n  \"machine\": " << quoted(facts.machine)
+        << ",\n  \"compiler\": " << quoted(facts.compiler)
         << ",\n  \"flags\": " << quoted(facts.flags) << ",\n  \"commit\": " << quoted(facts.commit)
         << ",\n  \"opencv\": " << quoted(facts.opencv) << ",\n  \"image\": " << quoted(facts.image)
         << ",\n  \"results\": [";
@@ -38,7 +39,8 @@ bool write_json(const std::string &path, const Facts &facts, const std::vector<R
         if (r.peer.empty())
             out << ", \"peer\": null, \"peer_us\": null, \"ratio\": null}";
         else
-            out << ", \"peer\": " << quoted(r.peer) << ", \"peer_us\": " << number(r.peer_us, "%.3f")
+            out << ", \"peer\": " << quoted(r.peer)
+                << ", \"peer_us\": " << number(r.peer_us, "%.3f")
                 << ", \"ratio\": " << number(r.ours_us / r.peer_us, "%.4f") << "}";
         comma = ",\n";
     }
@@ -60,14 +62,16 @@ static std::string table_row(const std::vector<const Result *> &row)
     std::ostringstream out;
     const bool peer = !best->peer.empty() && best->peer != "plain C";
     out << "| " << best->name << " | " << best->size << " | " << (peer ? best->peer : "–") << " | "
-        << (peer ? number(best->peer_us, "%.0f") : "–") << " | " << number(best->ours_us, "%.1f") << " ("
-        << best->isa << ") | " << (peer ? number(best->ours_us / best->peer_us, "%.3f") : "–") << " | "
+        << (peer ? number(best->peer_us, "%.0f") : "–") << " | " << number(best->ours_us, "%.1f")
+        << " (" << best->isa << ") | "
+        << (peer ? number(best->ours_us / best->peer_us, "%.3f") : "–") << " | "
         << (base != nullptr ? number(base->ours_us, "%.1f") : "–") << " | "
         << (c != nullptr ? number(c->ours_us, "%.0f") : "–") << " |\n";
     return out.str();
 }
 
-/* What a frame costs on ARM is counted under an emulator and kept in the kernels' page (tools/arm_report.sh).
+/* What a frame costs on ARM is counted under an emulator and kept in the kernels' page
+ * (tools/arm_report.sh).
  */
 static std::string arm_line()
 {
@@ -80,8 +84,8 @@ static std::string arm_line()
         for (std::string cell; std::getline(row, cell, '|');)
             cells.push_back(cell.substr(0, cell.find_last_not_of(' ') + 1));
         if (cells.size() < 3) break;
-        return "\nOn aarch64, counted instructions of a " + cells[0] + ":" + cells[2] + ", in plain C" +
-               cells[1] + " ([" + page + "](" + page + ")).\n";
+        return "\nOn aarch64, counted instructions of a " + cells[0] + ":" + cells[2] +
+               ", in plain C" + cells[1] + " ([" + page + "](" + page + ")).\n";
     }
     return "";
 }
@@ -90,8 +94,9 @@ static std::string table(const Facts &facts, const std::vector<Result> &results,
 {
     std::ostringstream out;
     out << "Medians of thread-CPU time in microseconds, one thread, samples interleaved with OpenCV "
-        << facts.opencv << " in one process. Machine: " << facts.machine << "; compiler: " << facts.compiler
-        << "; flags: " << facts.flags << "; commit: " << facts.commit << "; image: " << facts.image << ".\n\n"
+        << facts.opencv << " in one process. Machine: " << facts.machine
+        << "; compiler: " << facts.compiler << "; flags: " << facts.flags
+        << "; commit: " << facts.commit << "; image: " << facts.image << ".\n\n"
         << "| what | size | OpenCV's | OpenCV | Fovea (set) | ratio | sse4 / neon | plain C |\n"
         << "| --- | --- | --- | ---: | ---: | ---: | ---: | ---: |\n";
     for (size_t i = 0; i < results.size();) {
@@ -105,9 +110,11 @@ static std::string table(const Facts &facts, const std::vector<Result> &results,
     return out.str();
 }
 
-bool write_page(const std::string &path, const Facts &facts, const std::vector<Result> &results, bool kernels)
+bool write_page(const std::string &path, const Facts &facts, const std::vector<Result> &results,
+                bool kernels)
 {
-    const std::string begin = "<!-- bench:begin (written by make bench) -->\n", end = "<!-- bench:end -->";
+    const std::string begin = "<!-- bench:begin (written by make bench) -->\n",
+                      end = "<!-- bench:end -->";
     std::ifstream in(path);
     std::stringstream whole;
     whole << in.rdbuf();

@@ -1,10 +1,10 @@
-/* Loops in the simulated corridor, seed by seed, against the truth: how many runs close their loop, whether
- * any loop is false, and how far the poses are off after closing, as a share of the path.
+/* Loops in the simulated corridor, seed by seed, against the truth: how many runs close their loop,
+ * whether any loop is false, and how far the poses are off after closing, as a share of the path.
  *
- * Usage: loops SEEDS NEEDED OPTIONS [RECORD]     exit 0 when at least NEEDED runs closed a loop, none was
- * false, and the map of every run that closed one is within 0.3 % of the path in the end. OPTIONS go to
- * sim:corridor, for example textures=repeated. RECORD: a file of the seeds that are done, which are not run
- * again. */
+ * Usage: loops SEEDS NEEDED OPTIONS [RECORD]     exit 0 when at least NEEDED runs closed a loop,
+ * none was false, and the map of every run that closed one is within 0.3 % of the path in the end.
+ * OPTIONS go to sim:corridor, for example textures=repeated. RECORD: a file of the seeds that are
+ * done, which are not run again. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -49,7 +49,8 @@ static double map_fit(const struct run *run, double *scale)
     const struct fv_map *map = &run->rt->odometry.map;
     struct fv_similarity_sums sums = {0};
     for (uint32_t k = 0; k < map->limits.keyframes; k++) {
-        const double *truth = map->keyframes[k].used ? truth_at(run, map->keyframes[k].stamp_ns) : NULL;
+        const double *truth =
+            map->keyframes[k].used ? truth_at(run, map->keyframes[k].stamp_ns) : NULL;
         if (truth == NULL) continue;
         const double origin[3] = {0, 0, 0}, q[3] = {truth[3], truth[7], truth[11]};
         double p[3];
@@ -92,9 +93,10 @@ static bool is_false(const struct run *run)
             transposed[3 * r + q] = T_k_c.R[3 * q + r];
     fv_multiply33(s->S_keyframe_candidate.R, transposed, R);
     fv_so3_log(R, rotation);
-    printf("    frame %u: keyframe %llu on %llu, off %.3f m, %.3f rad, scale %.4f, %u of %u found\n",
-           run->frames, (unsigned long long)k->number, (unsigned long long)c->number, fv_norm3(off),
-           fv_norm3(rotation), s->correction.s, s->found, s->visible);
+    printf(
+        "    frame %u: keyframe %llu on %llu, off %.3f m, %.3f rad, scale %.4f, %u of %u found\n",
+        run->frames, (unsigned long long)k->number, (unsigned long long)c->number, fv_norm3(off),
+        fv_norm3(rotation), s->correction.s, s->found, s->visible);
     return !(fv_norm3(off) < off_max_m && fv_norm3(rotation) < turn_max_rad);
 }
 
@@ -112,7 +114,8 @@ static void open_run(struct run *run, const char *uri)
     config.camera = run->ops->info(run->source)->camera;
     config.preview.period_frames = 0;
     size_t bytes;
-    if (fovea_camera_prepare(&config.camera, &error) || fovea_size(&config, &bytes, &error)) die(error.text);
+    if (fovea_camera_prepare(&config.camera, &error) || fovea_size(&config, &bytes, &error))
+        die(error.text);
     void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, (bytes + 4095) / 4096 * 4096);
     if (memory == NULL || fovea_init(memory, bytes, &config, &run->rt, &error)) die(error.text);
 }
@@ -126,7 +129,8 @@ static void one_frame(struct run *run, const struct fovea_frame *frame)
     fovea_config_default(&config);
     fovea_grants_fixed(&config, &inputs.grants);
     run->stamp_ns[run->frames] = frame->stamp_ns;
-    if (run->ops->truth_pose(run->source, frame, run->truth[run->frames]) != FOVEA_OK) die("no truth");
+    if (run->ops->truth_pose(run->source, frame, run->truth[run->frames]) != FOVEA_OK)
+        die("no truth");
     if (run->frames > 0) {
         const double *a = run->truth[run->frames - 1], *b = run->truth[run->frames];
         const double d[3] = {b[3] - a[3], b[7] - a[7], b[11] - a[11]};
@@ -155,7 +159,8 @@ static void run_seed(unsigned seed, const char *options, struct verdict *verdict
 {
     static struct run run;
     char uri[256];
-    (void)snprintf(uri, sizeof uri, "sim:corridor?seed=%u%s%s", seed, options[0] ? "&" : "", options);
+    (void)snprintf(uri, sizeof uri, "sim:corridor?seed=%u%s%s", seed, options[0] ? "&" : "",
+                   options);
     open_run(&run, uri);
     struct fovea_frame frame;
     while (run.frames < FRAMES_MAX && run.ops->dequeue(run.source, INT64_MAX, &frame) == FOVEA_OK) {
@@ -163,13 +168,15 @@ static void run_seed(unsigned seed, const char *options, struct verdict *verdict
         run.ops->requeue(run.source, &frame);
     }
     double scale;
-    *verdict = (struct verdict){true, run.closed, run.false_ones, map_fit(&run, &scale) / run.path_m};
+    *verdict =
+        (struct verdict){true, run.closed, run.false_ones, map_fit(&run, &scale) / run.path_m};
     const struct fv_loop_closer_counts *c = &run.rt->odometry.loop.state->counts;
-    printf("seed %u: %u of %u posed, loops %u (false %u), map off %.4f %% of %.1f m; offered %u tried %u "
-           "sampled %u sighted %u "
-           "implausible %u fused %u\n",
-           seed, run.posed, run.frames, run.closed, run.false_ones, 100 * verdict->share, run.path_m,
-           c->offered, c->tried, c->sampled, c->sighted, c->implausible, c->fused);
+    printf(
+        "seed %u: %u of %u posed, loops %u (false %u), map off %.4f %% of %.1f m; offered %u tried %u "
+        "sampled %u sighted %u "
+        "implausible %u fused %u\n",
+        seed, run.posed, run.frames, run.closed, run.false_ones, 100 * verdict->share, run.path_m,
+        c->offered, c->tried, c->sampled, c->sighted, c->implausible, c->fused);
     fflush(stdout);
     run.ops->stop(run.source);
     run.ops->close(run.source);
@@ -184,8 +191,8 @@ static void read_record(const char *path)
     FILE *file = fopen(path, "r");
     unsigned seed;
     struct verdict verdict = {.done = true};
-    while (file != NULL &&
-           fscanf(file, "%u %u %u %lf\n", &seed, &verdict.closed, &verdict.wrong, &verdict.share) == 4)
+    while (file != NULL && fscanf(file, "%u %u %u %lf\n", &seed, &verdict.closed, &verdict.wrong,
+                                  &verdict.share) == 4)
         if (seed <= SEEDS_MAX) verdicts[seed] = verdict;
     if (file != NULL) fclose(file);
 }
@@ -194,7 +201,8 @@ static void write_record(const char *path, unsigned seed)
 {
     FILE *file = fopen(path, "a");
     if (file == NULL) die("the record cannot be written");
-    fprintf(file, "%u %u %u %.9f\n", seed, verdicts[seed].closed, verdicts[seed].wrong, verdicts[seed].share);
+    fprintf(file, "%u %u %u %.9f\n", seed, verdicts[seed].closed, verdicts[seed].wrong,
+            verdicts[seed].share);
     fclose(file);
 }
 
@@ -214,7 +222,8 @@ int main(int argc, char **argv)
         wrong += verdict->wrong;
         far += verdict->closed > 0 && !(verdict->share <= share_max);
     }
-    printf("%u of %u runs closed their loop (%u needed), %u loops false, %u maps off by more than %.1f %%\n",
-           found, seeds, needed, wrong, far, 100 * share_max);
+    printf(
+        "%u of %u runs closed their loop (%u needed), %u loops false, %u maps off by more than %.1f %%\n",
+        found, seeds, needed, wrong, far, 100 * share_max);
     return found >= needed && wrong == 0 && far == 0 ? 0 : 1;
 }

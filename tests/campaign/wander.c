@@ -1,10 +1,11 @@
-/* A long walk on the simulated camera: frames must cost at the end what they cost after a while, when pools
- * are full, and memory must not grow by a byte.
+/* A long walk on the simulated camera: frames must cost at the end what they cost after a while,
+ * when pools are full, and memory must not grow by a byte.
  *
- * Usage: wander FRAMES [OPTIONS]     step and work of every frame are timed in CPU time of this thread. Of
- * 108,000 frames (an hour at 30 Hz) the median of the last sixth (ten minutes) may be at most 1.05 times that
- * of frames 9,000 to 27,000 (minutes 5 to 15); of fewer frames, the same shares. OPTIONS go to sim:wander.
- * Exit 0 when that holds and resident memory at the end is that of the same place. */
+ * Usage: wander FRAMES [OPTIONS]     step and work of every frame are timed in CPU time of this
+ * thread. Of 108,000 frames (an hour at 30 Hz) the median of the last sixth (ten minutes) may be at
+ * most 1.05 times that of frames 9,000 to 27,000 (minutes 5 to 15); of fewer frames, the same
+ * shares. OPTIONS go to sim:wander. Exit 0 when that holds and resident memory at the end is that
+ * of the same place. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -70,7 +71,8 @@ static void begin(struct walk *walk, const char *uri)
     struct fovea_error error;
     const struct fovea_source_selection all = {.step = 1, .frames = walk->frames};
     if (fovea_source_find(uri, &walk->ops, &address, &error) ||
-        walk->ops->open(address, &all, &walk->source, &error) || walk->ops->start(walk->source, &error))
+        walk->ops->open(address, &all, &walk->source, &error) ||
+        walk->ops->start(walk->source, &error))
         die(error.text);
     struct fovea_config *config = &walk->config;
     fovea_config_default(config);
@@ -82,13 +84,14 @@ static void begin(struct walk *walk, const char *uri)
     void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, whole);
     walk->spent = calloc(walk->frames, sizeof *walk->spent);
     if (memory == NULL || walk->spent == NULL) die("no memory");
-    /* As `fovea run` does: every page of the block is touched at the start. Code that first runs after the count must
-     * not count either. */
+    /* As `fovea run` does: every page of the block is touched at the start. Code that first runs
+     * after the count must not count either. */
     memset(memory, 0xa5, whole);
     for (size_t i = 0; i < walk->frames; i++)
         walk->spent[i] = 1;
     if (fovea_init(memory, walk->bytes, config, &walk->rt, &error)) die(error.text);
-    if (mlockall(MCL_CURRENT)) fputs("pages cannot be locked: code may yet become resident\n", stderr);
+    if (mlockall(MCL_CURRENT))
+        fputs("pages cannot be locked: code may yet become resident\n", stderr);
 }
 
 /* All frames; what is resident is noted after frame number `early`. */
@@ -99,7 +102,8 @@ static void go(struct walk *walk, size_t early)
     struct fovea_outputs outputs;
     size_t n = 0;
     fovea_grants_fixed(&walk->config, &inputs.grants);
-    for (; n < walk->frames && walk->ops->dequeue(walk->source, INT64_MAX, &frame) == FOVEA_OK; n++) {
+    for (; n < walk->frames && walk->ops->dequeue(walk->source, INT64_MAX, &frame) == FOVEA_OK;
+         n++) {
         inputs.frame = &frame;
         inputs.now_ns = frame.stamp_ns;
         const double began = cpu_ms();
@@ -120,7 +124,8 @@ int main(int argc, char **argv)
 {
     if (argc < 2) die("usage: wander FRAMES [OPTIONS]");
     struct walk walk = {.frames = (size_t)atol(argv[1])};
-    const size_t early = walk.frames / 12, early_end = walk.frames / 4, late = walk.frames - walk.frames / 6;
+    const size_t early = walk.frames / 12, early_end = walk.frames / 4,
+                 late = walk.frames - walk.frames / 6;
     char uri[256];
     (void)snprintf(uri, sizeof uri, "sim:wander%s%s", argc > 2 ? "?" : "", argc > 2 ? argv[2] : "");
     begin(&walk, uri);
@@ -132,10 +137,10 @@ int main(int argc, char **argv)
         "%zu of %zu frames posed; %u keyframes, %u landmarks; %u loops closed, %u maps merged, %u resets\n",
         walk.posed, walk.frames, o->map.state->keyframe_count, o->map.state->landmark_count,
         o->loop.state->counts.closed, o->loop.state->counts.merged, o->state->reset_counter);
-    printf("median CPU ms per frame: %.3f early, %.3f at the end (%.3f times; at most %.2f)\n", first, last,
-           last / first, ratio_max);
-    printf("resident bytes: %ld early, %ld at the end; block %zu\n", walk.resident_early, walk.resident_end,
-           walk.bytes);
+    printf("median CPU ms per frame: %.3f early, %.3f at the end (%.3f times; at most %.2f)\n",
+           first, last, last / first, ratio_max);
+    printf("resident bytes: %ld early, %ld at the end; block %zu\n", walk.resident_early,
+           walk.resident_end, walk.bytes);
     walk.ops->stop(walk.source);
     walk.ops->close(walk.source);
     free(walk.rt);

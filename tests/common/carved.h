@@ -1,4 +1,5 @@
-/* Memory of a stage for tests: the carving function run twice, to count and on memory of exactly that size. */
+/* Memory of a stage for tests: the carving function run twice, to count and on memory of exactly
+ * that size. */
 #ifndef FOVEA_TESTS_COMMON_CARVED_H
 #define FOVEA_TESTS_COMMON_CARVED_H
 

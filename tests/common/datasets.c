@@ -18,7 +18,8 @@ static void need(bool holds, const char *what, const char *where)
     abort();
 }
 
-/* ---- files ------------------------------------------------------------------------------------------- */
+/* ---- files
+ * ------------------------------------------------------------------------------------------- */
 
 const char *fv_test_folder(char path[FV_TEST_PATH_BYTES])
 {
@@ -62,8 +63,8 @@ const char *fv_test_path(const char *folder, const char *name)
     static char paths[8][FV_TEST_PATH_BYTES];
     static unsigned next;
     char *path = paths[next++ % 8];
-    need(snprintf(path, FV_TEST_PATH_BYTES, "%s/%s", folder, name) < FV_TEST_PATH_BYTES, "path too long",
-         name);
+    need(snprintf(path, FV_TEST_PATH_BYTES, "%s/%s", folder, name) < FV_TEST_PATH_BYTES,
+         "path too long", name);
     return path;
 }
 
@@ -104,21 +105,23 @@ void *fv_test_read(const char *path, size_t *bytes)
     return memory;
 }
 
-/* ---- pictures ---------------------------------------------------------------------------------------- */
+/* ---- pictures
+ * ---------------------------------------------------------------------------------------- */
 
-void fv_test_picture(uint32_t index, int32_t width, int32_t height, int32_t channels, uint8_t *pixels)
+void fv_test_picture(uint32_t index, int32_t width, int32_t height, int32_t channels,
+                     uint8_t *pixels)
 {
     for (int32_t y = 0; y < height; ++y)
         for (int32_t x = 0; x < width; ++x)
             for (int32_t c = 0; c < channels; ++c)
-                *pixels++ = (uint8_t)(((x / 8 + y / 8 + (int32_t)index) % 2) * 120 + (x * (c + 1)) % 64 +
-                                      y % 32 + (int32_t)index);
+                *pixels++ = (uint8_t)(((x / 8 + y / 8 + (int32_t)index) % 2) * 120 +
+                                      (x * (c + 1)) % 64 + y % 32 + (int32_t)index);
 }
 
 void fv_test_write_png(const char *path, const struct fv_test_png *form, const uint8_t *samples)
 {
-    static const int types[] = {0, PNG_COLOR_TYPE_GRAY, PNG_COLOR_TYPE_GRAY_ALPHA, PNG_COLOR_TYPE_RGB,
-                                PNG_COLOR_TYPE_RGB_ALPHA};
+    static const int types[] = {0, PNG_COLOR_TYPE_GRAY, PNG_COLOR_TYPE_GRAY_ALPHA,
+                                PNG_COLOR_TYPE_RGB, PNG_COLOR_TYPE_RGB_ALPHA};
     FILE *file = fopen(path, "wb");
     need(file != NULL, "not opened", path);
     png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, NULL, NULL, NULL);
@@ -139,8 +142,8 @@ void fv_test_write_png(const char *path, const struct fv_test_png *form, const u
     need(fclose(file) == 0, "not written", path);
 }
 
-void fv_test_write_jpeg(const char *path, int32_t width, int32_t height, int32_t channels, bool progressive,
-                        bool rgb, const uint8_t *samples)
+void fv_test_write_jpeg(const char *path, int32_t width, int32_t height, int32_t channels,
+                        bool progressive, bool rgb, const uint8_t *samples)
 {
     struct jpeg_compress_struct jpeg;
     struct jpeg_error_mgr errors;
@@ -159,7 +162,8 @@ void fv_test_write_jpeg(const char *path, int32_t width, int32_t height, int32_t
     if (progressive) jpeg_simple_progression(&jpeg);
     jpeg_start_compress(&jpeg, TRUE);
     for (int32_t y = 0; y < height; ++y) {
-        JSAMPROW row = (JSAMPROW)(uintptr_t)(samples + (size_t)y * (size_t)width * (size_t)channels);
+        JSAMPROW row =
+            (JSAMPROW)(uintptr_t)(samples + (size_t)y * (size_t)width * (size_t)channels);
         jpeg_write_scanlines(&jpeg, &row, 1);
     }
     jpeg_finish_compress(&jpeg);
@@ -167,7 +171,8 @@ void fv_test_write_jpeg(const char *path, int32_t width, int32_t height, int32_t
     need(fclose(file) == 0, "not written", path);
 }
 
-/* ---- recordings -------------------------------------------------------------------------------------- */
+/* ---- recordings
+ * -------------------------------------------------------------------------------------- */
 
 static void write_frame(const char *path, uint32_t index, bool as_jpeg)
 {
@@ -191,8 +196,8 @@ __attribute__((format(printf, 2, 3))) static void say(struct text *text, const c
 {
     va_list arguments;
     va_start(arguments, format);
-    text->used +=
-        (size_t)vsnprintf(text->bytes + text->used, sizeof text->bytes - text->used, format, arguments);
+    text->used += (size_t)vsnprintf(text->bytes + text->used, sizeof text->bytes - text->used,
+                                    format, arguments);
     va_end(arguments);
     need(text->used < sizeof text->bytes, "text too long", format);
 }
@@ -218,7 +223,8 @@ const char *fv_test_euroc(const char *folder)
         say(&truth, "%lld,%.6f,0,0,1,0,0,0,0,0,0,0,0,0,0,0,0\n",
             1403638538577829376LL - 5000000 + (long long)i * 12500000, -0.01 + 0.025 * i);
     fv_test_write(fv_test_path(top, "mav0/cam0/data.csv"), list.bytes, list.used);
-    fv_test_write(fv_test_path(top, "mav0/state_groundtruth_estimate0/data.csv"), truth.bytes, truth.used);
+    fv_test_write(fv_test_path(top, "mav0/state_groundtruth_estimate0/data.csv"), truth.bytes,
+                  truth.used);
     fv_test_write_text(
         fv_test_path(top, "mav0/cam0/sensor.yaml"),
         "sensor_type: camera\nT_BS:\n  cols: 4\n  rows: 4\n"
@@ -244,11 +250,12 @@ const char *fv_test_tum(const char *folder)
     }
     fv_test_write(fv_test_path(top, "rgb.txt"), list.bytes, list.used);
     fv_test_write(fv_test_path(top, "groundtruth.txt"), truth.bytes, truth.used);
-    fv_test_write_text(fv_test_path(top, "camera.yaml"),
-                       "image_width: 96\nimage_height: 64\ncamera_name: small\n"
-                       "camera_matrix: {rows: 3, cols: 3, data: [80, 0, 47.5, 0, 80, 31.5, 0, 0, 1]}\n"
-                       "distortion_model: plumb_bob\n"
-                       "distortion_coefficients: {rows: 1, cols: 5, data: [0, 0, 0, 0, 0]}\n");
+    fv_test_write_text(
+        fv_test_path(top, "camera.yaml"),
+        "image_width: 96\nimage_height: 64\ncamera_name: small\n"
+        "camera_matrix: {rows: 3, cols: 3, data: [80, 0, 47.5, 0, 80, 31.5, 0, 0, 1]}\n"
+        "distortion_model: plumb_bob\n"
+        "distortion_coefficients: {rows: 1, cols: 5, data: [0, 0, 0, 0, 0]}\n");
     return fv_test_path(folder, "tum");
 }
 
@@ -284,7 +291,8 @@ const char *fv_test_images(const char *folder)
     return fv_test_path(folder, "images");
 }
 
-/* ---- containers -------------------------------------------------------------------------------------- */
+/* ---- containers
+ * -------------------------------------------------------------------------------------- */
 
 static void put_bytes(FILE *file, const void *bytes, size_t count)
 {
@@ -354,7 +362,8 @@ static void put_words(FILE *file, const uint32_t *words, size_t count)
 const char *fv_test_long_video(const char *folder, uint32_t frames)
 {
     enum { AVIH = 56, STRH = 56, STRF = 40 };
-    const char *path = fv_test_path(folder, "video.avi"), *still = fv_test_path(folder, "still.jpg");
+    const char *path = fv_test_path(folder, "video.avi"),
+               *still = fv_test_path(folder, "still.jpg");
     FILE *file = fopen(path, "wb");
     need(file != NULL, "not opened", path);
     void **pictures = calloc(frames, sizeof *pictures);
@@ -366,7 +375,8 @@ const char *fv_test_long_video(const char *folder, uint32_t frames)
         movie += 8 + (bytes[i] + 1) / 2 * 2;
     }
     const uint32_t stream = 4 + 8 + STRH + 8 + STRF, head = 4 + 8 + AVIH + 8 + stream;
-    const uint32_t avih[14] = {50000, 0, 0, 0, frames, 0, 1, 0, FV_TEST_WIDTH, FV_TEST_HEIGHT, 0, 0, 0, 0};
+    const uint32_t avih[14] = {50000,          0, 0, 0, frames, 0, 1, 0, FV_TEST_WIDTH,
+                               FV_TEST_HEIGHT, 0, 0, 0, 0};
     const uint32_t strh[12] = {0,      0, 0,          1, 20, 0,
                                frames, 0, 0xFFFFFFFF, 0, 0,  FV_TEST_WIDTH | FV_TEST_HEIGHT << 16};
     const uint32_t strf[10] = {STRF,

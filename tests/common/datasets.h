@@ -1,5 +1,5 @@
-/* Small recordings that tests write for themselves, so that they need no data from outside. Whatever fails
- * here fails the test with a message. */
+/* Small recordings that tests write for themselves, so that they need no data from outside.
+ * Whatever fails here fails the test with a message. */
 #ifndef FOVEA_TESTS_DATASETS_H
 #define FOVEA_TESTS_DATASETS_H
 
@@ -30,8 +30,10 @@ void fv_test_write(const char *path, const void *bytes, size_t count);
 void fv_test_write_text(const char *path, const char *text);
 void *fv_test_read(const char *path, size_t *bytes); /* caller frees */
 
-/* Frame `index` of every recording written here: width x height grey levels, or RGB with channels 3. */
-void fv_test_picture(uint32_t index, int32_t width, int32_t height, int32_t channels, uint8_t *pixels);
+/* Frame `index` of every recording written here: width x height grey levels, or RGB with
+ * channels 3. */
+void fv_test_picture(uint32_t index, int32_t width, int32_t height, int32_t channels,
+                     uint8_t *pixels);
 
 struct fv_test_png {
     int32_t width, height, channels; /* 1 grey, 2 grey and alpha, 3 RGB, 4 RGBA */
@@ -40,12 +42,13 @@ struct fv_test_png {
 };
 void fv_test_write_png(const char *path, const struct fv_test_png *form, const uint8_t *samples);
 /* channels 1 or 3; `rgb` keeps RGB in the file instead of YCbCr. */
-void fv_test_write_jpeg(const char *path, int32_t width, int32_t height, int32_t channels, bool progressive,
-                        bool rgb, const uint8_t *samples);
+void fv_test_write_jpeg(const char *path, int32_t width, int32_t height, int32_t channels,
+                        bool progressive, bool rgb, const uint8_t *samples);
 
-/* Recordings of FV_TEST_FRAMES grey frames at 20 per second in a new folder below `folder`; returns its path
- * (of the file for logs and videos), valid until eight calls of fv_test_path later. With calibration and
- * ground truth where the layout has them: the camera moves by 0.1 m per frame along x of the world. */
+/* Recordings of FV_TEST_FRAMES grey frames at 20 per second in a new folder below `folder`; returns
+ * its path (of the file for logs and videos), valid until eight calls of fv_test_path later. With
+ * calibration and ground truth where the layout has them: the camera moves by 0.1 m per frame along
+ * x of the world. */
 const char *fv_test_euroc(const char *folder);
 const char *fv_test_tum(const char *folder); /* JPEG */
 const char *fv_test_kitti(const char *folder);

@@ -1,4 +1,5 @@
-/* The small detector of the tests (tests/golden/detector.fvm), in memory as the runtime wants it. */
+/* The small detector of the tests (tests/golden/detector.fvm), in memory as the runtime wants it.
+ */
 #ifndef FOVEA_TESTS_DETECTOR_H
 #define FOVEA_TESTS_DETECTOR_H
 

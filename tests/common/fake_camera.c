@@ -22,7 +22,8 @@ bool fake_alive(const struct fake_camera *camera)
     return camera->plugged && camera->open_now > 0 && !camera->dead;
 }
 
-/* ---- pictures ---------------------------------------------------------------------------------------- */
+/* ---- pictures
+ * ---------------------------------------------------------------------------------------- */
 
 static size_t bytes_per_2_pixels(uint32_t format)
 {
@@ -50,7 +51,8 @@ static uint32_t stride_of(const struct fake_camera *camera)
 
 static uint32_t size_of(const struct fake_camera *camera)
 {
-    const bool chroma = camera->format == V4L2_PIX_FMT_NV12 || camera->format == V4L2_PIX_FMT_YUV420;
+    const bool chroma =
+        camera->format == V4L2_PIX_FMT_NV12 || camera->format == V4L2_PIX_FMT_YUV420;
     if (camera->format == V4L2_PIX_FMT_MJPEG) return FAKE_FRAME_BYTES_MAX / 16;
     return stride_of(camera) * (uint32_t)camera->set_height * (chroma ? 3 : 2) / 2;
 }
@@ -102,7 +104,8 @@ static bool every(uint32_t made, uint32_t period)
     return period > 0 && made % period == period - 1;
 }
 
-/* ---- buffers ----------------------------------------------------------------------------------------- */
+/* ---- buffers
+ * ----------------------------------------------------------------------------------------- */
 
 bool fake_frame_ready(const struct fake_camera *camera)
 {
@@ -153,7 +156,8 @@ static int request_buffers(struct fake_camera *camera, struct v4l2_requestbuffer
         camera->buffer_count = camera->queue_count = 0;
         return camera->mapped_now > 0 ? fake_refuse(EBUSY) : 0;
     }
-    if (camera->buffers_max > 0 && request->count > camera->buffers_max) request->count = camera->buffers_max;
+    if (camera->buffers_max > 0 && request->count > camera->buffers_max)
+        request->count = camera->buffers_max;
     camera->buffer_count = request->count;
     camera->queue_count = 0;
     memset(camera->queued, 0, sizeof camera->queued);
@@ -175,7 +179,8 @@ static int query_buffer(struct fake_camera *camera, struct v4l2_buffer *buffer)
 
 static int queue_buffer(struct fake_camera *camera, const struct v4l2_buffer *buffer)
 {
-    if (buffer->index >= camera->buffer_count || camera->queued[buffer->index]) return fake_refuse(EINVAL);
+    if (buffer->index >= camera->buffer_count || camera->queued[buffer->index])
+        return fake_refuse(EINVAL);
     camera->queued[buffer->index] = true;
     camera->queue[camera->queue_count++] = buffer->index;
     return 0;
@@ -193,7 +198,8 @@ int fake_stream(struct fake_camera *camera, bool on)
     return 0;
 }
 
-/* ---- formats and controls ---------------------------------------------------------------------------- */
+/* ---- formats and controls
+ * ---------------------------------------------------------------------------- */
 
 static void describe(const struct fake_camera *camera, struct v4l2_format *format)
 {
@@ -201,7 +207,8 @@ static void describe(const struct fake_camera *camera, struct v4l2_format *forma
     struct v4l2_pix_format_mplane *planes = &format->fmt.pix_mp;
     if (camera->planes) {
         planes->width = (uint32_t)camera->set_width, planes->height = (uint32_t)camera->set_height;
-        planes->pixelformat = camera->format, planes->field = V4L2_FIELD_NONE, planes->num_planes = 1;
+        planes->pixelformat = camera->format, planes->field = V4L2_FIELD_NONE,
+        planes->num_planes = 1;
         planes->plane_fmt[0].bytesperline = stride_of(camera),
         planes->plane_fmt[0].sizeimage = size_of(camera);
     } else {
@@ -213,7 +220,8 @@ static void describe(const struct fake_camera *camera, struct v4l2_format *forma
 
 static int set_format(struct fake_camera *camera, struct v4l2_format *format)
 {
-    const uint32_t wanted = camera->planes ? format->fmt.pix_mp.pixelformat : format->fmt.pix.pixelformat;
+    const uint32_t wanted =
+        camera->planes ? format->fmt.pix_mp.pixelformat : format->fmt.pix.pixelformat;
     const uint32_t width = camera->planes ? format->fmt.pix_mp.width : format->fmt.pix.width;
     const uint32_t height = camera->planes ? format->fmt.pix_mp.height : format->fmt.pix.height;
     camera->format = camera->formats[0];
@@ -260,12 +268,14 @@ static int query_control(struct fake_camera *camera, struct v4l2_query_ext_ctrl 
 static int query_menu(struct fake_camera *camera, struct v4l2_querymenu *row)
 {
     const struct fake_control *control = control_of(camera, row->id);
-    if (control == NULL || row->index >= 5 || control->menu[row->index] == NULL) return fake_refuse(EINVAL);
+    if (control == NULL || row->index >= 5 || control->menu[row->index] == NULL)
+        return fake_refuse(EINVAL);
     snprintf((char *)row->name, sizeof row->name, "%s", control->menu[row->index]);
     return 0;
 }
 
-static int access_control(struct fake_camera *camera, const struct v4l2_ext_controls *all, bool write)
+static int access_control(struct fake_camera *camera, const struct v4l2_ext_controls *all,
+                          bool write)
 {
     struct fake_control *control = control_of(camera, all->controls[0].id);
     if (control == NULL) return fake_refuse(EINVAL);
@@ -298,7 +308,8 @@ static int parameters(struct fake_camera *camera, struct v4l2_streamparm *p, boo
 
 static int capability(const struct fake_camera *camera, struct v4l2_capability *c)
 {
-    *c = (struct v4l2_capability){.capabilities = V4L2_CAP_DEVICE_CAPS, .device_caps = V4L2_CAP_STREAMING};
+    *c = (struct v4l2_capability){.capabilities = V4L2_CAP_DEVICE_CAPS,
+                                  .device_caps = V4L2_CAP_STREAMING};
     c->device_caps |= camera->planes ? V4L2_CAP_VIDEO_CAPTURE_MPLANE : V4L2_CAP_VIDEO_CAPTURE;
     snprintf((char *)c->driver, sizeof c->driver, "%s", camera->driver);
     snprintf((char *)c->card, sizeof c->card, "%s", camera->card);
@@ -308,7 +319,8 @@ static int capability(const struct fake_camera *camera, struct v4l2_capability *
 
 static int enumerate(const struct fake_camera *camera, struct v4l2_fmtdesc *row)
 {
-    if (row->index >= FAKE_FORMATS_MAX || camera->formats[row->index] == 0) return fake_refuse(EINVAL);
+    if (row->index >= FAKE_FORMATS_MAX || camera->formats[row->index] == 0)
+        return fake_refuse(EINVAL);
     row->pixelformat = camera->formats[row->index];
     return 0;
 }

@@ -1,6 +1,7 @@
-/* A camera that is not there: it stands behind the system calls of the V4L2 driver (drivers/v4l2/system.h)
- * and does what a test asks of it, also what no virtual driver of the kernel does. Several may stand side by
- * side. Frames come by the clock, or as fast as buffers are given back with rate_hz 0. Any thread. */
+/* A camera that is not there: it stands behind the system calls of the V4L2 driver
+ * (drivers/v4l2/system.h) and does what a test asks of it, also what no virtual driver of the
+ * kernel does. Several may stand side by side. Frames come by the clock, or as fast as buffers are
+ * given back with rate_hz 0. Any thread. */
 #ifndef FOVEA_TESTS_FAKE_CAMERA_H
 #define FOVEA_TESTS_FAKE_CAMERA_H
 
@@ -57,7 +58,8 @@ struct fake_camera {
     struct fake_control controls[FAKE_CONTROLS_MAX];
     int grain; /* not 0: it makes of values multiples of this, and does not say so */
 
-    /* Fill frame `index` and return its bytes; NULL: byte i is (i + 37 index) & 255 over the whole frame. */
+    /* Fill frame `index` and return its bytes; NULL: byte i is (i + 37 index) & 255 over the whole
+     * frame. */
     size_t (*fill)(uint32_t index, uint8_t *data, size_t capacity);
 
     /* What goes wrong; may be changed at any time under fake_lock. */
@@ -66,9 +68,9 @@ struct fake_camera {
     uint32_t error_every, truncate_every, drop_every; /* 0: never */
     uint32_t sequence;                                /* of the next frame */
     bool silent;                                      /* no frames */
-    bool fatal;                                       /* poll says POLLERR, DQBUF EIO, until STREAMOFF */
-    bool source_change;                               /* one event */
-    int32_t width_now; /* it gives this width at S_FMT from now on; 0: `width` */
+    bool fatal;         /* poll says POLLERR, DQBUF EIO, until STREAMOFF */
+    bool source_change; /* one event */
+    int32_t width_now;  /* it gives this width at S_FMT from now on; 0: `width` */
 
     /* What happened; read under fake_lock. */
     uint64_t frames, set_ups, opens;
@@ -88,16 +90,16 @@ struct fake_camera {
     size_t buffer_bytes;
 };
 
-/* Put the fake in the place of the system calls, with no cameras; and take it away again (fails the test
- * where descriptors or mappings are left). */
+/* Put the fake in the place of the system calls, with no cameras; and take it away again (fails the
+ * test where descriptors or mappings are left). */
 void fake_begin(void);
 void fake_end(void);
 /* Both around one test, as fixtures of CMocka. */
 int fake_set_up(void **state);
 int fake_tear_down(void **state);
 
-/* A camera of 96 x 64 in every format, 1000 frames a second, with controls; for tests to change. Not plugged
- * in. */
+/* A camera of 96 x 64 in every format, 1000 frames a second, with controls; for tests to change.
+ * Not plugged in. */
 struct fake_camera *fake_new(void);
 void fake_plug(struct fake_camera *camera, const char *node);
 void fake_unplug(struct fake_camera *camera);

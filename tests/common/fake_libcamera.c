@@ -41,7 +41,8 @@ static struct fake_stage *map_stage(const char *path)
     return stage;
 }
 
-/* ---- in the test --------------------------------------------------------------------------------------- */
+/* ---- in the test
+ * --------------------------------------------------------------------------------------- */
 
 static void name_in(const struct fake_stage *stage, const char *file, char path[128])
 {
@@ -136,7 +137,8 @@ struct fake_holdings fake_holdings(void)
     return holdings;
 }
 
-/* ---- in the process ------------------------------------------------------------------------------------ */
+/* ---- in the process
+ * ------------------------------------------------------------------------------------ */
 
 static struct {
     struct fake_stage *stage;
@@ -146,7 +148,8 @@ static struct {
     uint32_t sequence;
 } me;
 
-static void send_bytes(const void *bytes, size_t count, const int *descriptors, uint32_t descriptor_count)
+static void send_bytes(const void *bytes, size_t count, const int *descriptors,
+                       uint32_t descriptor_count)
 {
     union {
         struct cmsghdr align;
@@ -184,7 +187,8 @@ static void send_broken(uint32_t kind, enum fovea_status status, const char *tex
 static bool do_wrong(atomic_int *fault, uint32_t kind)
 {
     struct fv_libcamera_event event = {.kind = FV_LIBCAMERA_FRAME, .frame = {.index = 77}};
-    switch (atomic_load(&me.stage->stubborn) ? atomic_load(fault) : atomic_exchange(fault, FAKE_NONE)) {
+    switch (atomic_load(&me.stage->stubborn) ? atomic_load(fault)
+                                             : atomic_exchange(fault, FAKE_NONE)) {
     case FAKE_ABORT:
         signal(SIGABRT, SIG_DFL);
         abort();
@@ -324,7 +328,8 @@ int fake_libcamera_run(void)
     for (int i = 0; i < BUFFERS; ++i) {
         me.descriptors[i] = memfd_create("fake-buffer", MFD_CLOEXEC);
         if (me.descriptors[i] < 0 || ftruncate(me.descriptors[i], BUFFER_BYTES) != 0) die("memfd");
-        me.buffers[i] = mmap(NULL, BUFFER_BYTES, PROT_READ | PROT_WRITE, MAP_SHARED, me.descriptors[i], 0);
+        me.buffers[i] =
+            mmap(NULL, BUFFER_BYTES, PROT_READ | PROT_WRITE, MAP_SHARED, me.descriptors[i], 0);
     }
     for (;;) {
         struct pollfd socket = {.fd = FV_LIBCAMERA_SOCKET, .events = POLLIN};

@@ -1,7 +1,7 @@
-/* The process that keeps libcamera (drivers/libcamera/protocol.h), played by the test program itself: started
- * under that name, it serves frames of a made-up camera and does wrong what the test asks for. Test and
- * process share a stage: a file in a folder of its own, in which the name also is; FOVEA_PLUGINS points to
- * it. */
+/* The process that keeps libcamera (drivers/libcamera/protocol.h), played by the test program
+ * itself: started under that name, it serves frames of a made-up camera and does wrong what the
+ * test asks for. Test and process share a stage: a file in a folder of its own, in which the name
+ * also is; FOVEA_PLUGINS points to it. */
 #ifndef FOVEA_TESTS_FAKE_LIBCAMERA_H
 #define FOVEA_TESTS_FAKE_LIBCAMERA_H
 

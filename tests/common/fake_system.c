@@ -35,9 +35,11 @@ void fake_unlock(void)
     pthread_mutex_unlock(&lock);
 }
 
-/* ---- which camera ------------------------------------------------------------------------------------ */
+/* ---- which camera
+ * ------------------------------------------------------------------------------------ */
 
-/* Under the lock, as all from here on. The camera is found while its descriptor is open, plugged in or not.
+/* Under the lock, as all from here on. The camera is found while its descriptor is open, plugged in
+ * or not.
  */
 static struct fake_camera *by_fd(int fd)
 {
@@ -53,7 +55,8 @@ static struct fake_camera *by_node(const char *node)
     return NULL;
 }
 
-/* ---- the system calls -------------------------------------------------------------------------------- */
+/* ---- the system calls
+ * -------------------------------------------------------------------------------- */
 
 static int fake_open(const char *path)
 {
@@ -214,7 +217,8 @@ static const struct fv_v4l2_system fake_system = {
     .attribute = fake_attribute,
 };
 
-/* ---- for tests --------------------------------------------------------------------------------------- */
+/* ---- for tests
+ * --------------------------------------------------------------------------------------- */
 
 void fake_begin(void)
 {
@@ -260,32 +264,34 @@ struct fake_camera *fake_new(void)
         .serial = "",
         .formats = {V4L2_PIX_FMT_GREY, V4L2_PIX_FMT_Y10, V4L2_PIX_FMT_Y12, V4L2_PIX_FMT_Y16,
                     V4L2_PIX_FMT_YUYV, V4L2_PIX_FMT_UYVY, V4L2_PIX_FMT_NV12, V4L2_PIX_FMT_YUV420,
-                    V4L2_PIX_FMT_SRGGB8, V4L2_PIX_FMT_SBGGR8, V4L2_PIX_FMT_SGRBG8, V4L2_PIX_FMT_SGBRG8,
-                    V4L2_PIX_FMT_MJPEG, V4L2_PIX_FMT_RGB24, V4L2_PIX_FMT_BGR24},
+                    V4L2_PIX_FMT_SRGGB8, V4L2_PIX_FMT_SBGGR8, V4L2_PIX_FMT_SGRBG8,
+                    V4L2_PIX_FMT_SGBRG8, V4L2_PIX_FMT_MJPEG, V4L2_PIX_FMT_RGB24,
+                    V4L2_PIX_FMT_BGR24},
         .width = 96,
         .height = 64,
         .rate_hz = 900,
-        .controls = {{V4L2_CID_BRIGHTNESS, "Brightness", V4L2_CTRL_TYPE_INTEGER, -64, 64, 4, 0, {NULL}, 0},
-                     {V4L2_CID_GAIN, "Gain", V4L2_CTRL_TYPE_INTEGER, 0, 255, 1, 16, {NULL}, 0},
-                     {V4L2_CID_AUTOGAIN, "Gain, Automatic", V4L2_CTRL_TYPE_BOOLEAN, 0, 1, 1, 1, {NULL}, 0},
-                     {V4L2_CID_EXPOSURE_AUTO,
-                      "Auto Exposure",
-                      V4L2_CTRL_TYPE_MENU,
-                      0,
-                      3,
-                      1,
-                      3,
-                      {NULL, "Manual Mode", NULL, "Aperture Priority Mode", NULL},
-                      0},
-                     {V4L2_CID_EXPOSURE_ABSOLUTE,
-                      "Exposure Time, Absolute",
-                      V4L2_CTRL_TYPE_INTEGER,
-                      3,
-                      2047,
-                      1,
-                      166,
-                      {NULL},
-                      0}},
+        .controls =
+            {{V4L2_CID_BRIGHTNESS, "Brightness", V4L2_CTRL_TYPE_INTEGER, -64, 64, 4, 0, {NULL}, 0},
+             {V4L2_CID_GAIN, "Gain", V4L2_CTRL_TYPE_INTEGER, 0, 255, 1, 16, {NULL}, 0},
+             {V4L2_CID_AUTOGAIN, "Gain, Automatic", V4L2_CTRL_TYPE_BOOLEAN, 0, 1, 1, 1, {NULL}, 0},
+             {V4L2_CID_EXPOSURE_AUTO,
+              "Auto Exposure",
+              V4L2_CTRL_TYPE_MENU,
+              0,
+              3,
+              1,
+              3,
+              {NULL, "Manual Mode", NULL, "Aperture Priority Mode", NULL},
+              0},
+             {V4L2_CID_EXPOSURE_ABSOLUTE,
+              "Exposure Time, Absolute",
+              V4L2_CTRL_TYPE_INTEGER,
+              3,
+              2047,
+              1,
+              166,
+              {NULL},
+              0}},
     };
     camera->fd = -1;
     camera->last_stamp_ns = 0;

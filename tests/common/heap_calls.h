@@ -1,5 +1,5 @@
-/* The C library's heap, where each call calls on_heap_call() first, and free() on_heap_free(); whoever includes this defines
- * them. For one file of a program, or of a preloaded object. */
+/* The C library's heap, where each call calls on_heap_call() first, and free() on_heap_free();
+ * whoever includes this defines them. For one file of a program, or of a preloaded object. */
 #ifndef FOVEA_TESTS_HEAP_CALLS_H
 #define FOVEA_TESTS_HEAP_CALLS_H
 

@@ -1,4 +1,5 @@
-/* The small models of tests/golden/nn_operators.bin (tests/import/make_golden.py describes the format). */
+/* The small models of tests/golden/nn_operators.bin (tests/import/make_golden.py describes the
+ * format). */
 #ifndef FOVEA_TESTS_NN_GOLDEN_H
 #define FOVEA_TESTS_NN_GOLDEN_H
 
@@ -37,7 +38,8 @@ static inline int nn_golden_set_up(void **state)
     char *file;
     size_t bytes;
     (void)state;
-    if (fovea_text_read("tests/golden/nn_operators.bin", 1 << 28, &file, &bytes, &error) != FOVEA_OK ||
+    if (fovea_text_read("tests/golden/nn_operators.bin", 1 << 28, &file, &bytes, &error) !=
+            FOVEA_OK ||
         bytes == 0 || bytes % 64 != 0) {
         fprintf(stderr, "tests/golden/nn_operators.bin: %s\n", error.text);
         return -1;

@@ -10,7 +10,8 @@
 
 enum { NN_MUTANT_ARENA_MAX = 1 << 22, NN_MUTANT_UNITS_MAX = 60 };
 
-/* State the size and the checksum that the bytes have, so that the checks behind them are reached. */
+/* State the size and the checksum that the bytes have, so that the checks behind them are reached.
+ */
 static inline void nn_mutant_seal(uint8_t *data, size_t bytes)
 {
     if (bytes < FV_MODEL_HEADER_BYTES) return;
@@ -37,8 +38,8 @@ static inline void nn_mutant_decode(const struct fv_model *model, const struct f
     free(scratch);
 }
 
-/* Open, and when that succeeds run some units and the decoder in memory of exactly the stated size. `data`: 64-byte aligned.
- * Returns whether the model was taken. */
+/* Open, and when that succeeds run some units and the decoder in memory of exactly the stated size.
+ * `data`: 64-byte aligned. Returns whether the model was taken. */
 static inline int nn_mutant_run(const uint8_t *data, size_t bytes)
 {
     struct fv_model model;
@@ -61,7 +62,9 @@ static inline int nn_mutant_run(const uint8_t *data, size_t bytes)
     const uint32_t choice = model.header->checksum % 4;
     fv_kernels_init(&kernels, choice < 2 ? best : lower[choice - 2]);
     for (int i = 0; i < NN_MUTANT_UNITS_MAX; ++i) {
-        if (progress.op < (int32_t)model.header->op_count && model.ops[progress.op].row_cost > 1 << 26) break;
+        if (progress.op < (int32_t)model.header->op_count &&
+            model.ops[progress.op].row_cost > 1 << 26)
+            break;
         if (fv_nn_run(&model, &kernels, arena, &progress, 1, &done) != FOVEA_AGAIN) break;
     }
     uint8_t pixels[16 * 16 * 3] = {1, 2, 3};
@@ -75,8 +78,12 @@ static inline int nn_mutant_run(const uint8_t *data, size_t bytes)
     if (fv_detect_view(&model, &image, &view) == FOVEA_OK) {
         fv_detect_fill(&model, &image, &view, arena, 0, model.header->preprocess.height);
     } else {
-        view = (struct fv_detect_view){
-            .image_width = 16, .image_height = 16, .width = 16, .height = 16, .scale_x = 1, .scale_y = 1};
+        view = (struct fv_detect_view){.image_width = 16,
+                                       .image_height = 16,
+                                       .width = 16,
+                                       .height = 16,
+                                       .scale_x = 1,
+                                       .scale_y = 1};
     }
     nn_mutant_decode(&model, &view, arena);
     free(arena);

@@ -1,5 +1,5 @@
-/* A network of the test's own: nothing but a loopback, so that multicast can be taken away and mended without
- * touching the machine. Must be entered before any thread exists. */
+/* A network of the test's own: nothing but a loopback, so that multicast can be taken away and
+ * mended without touching the machine. Must be entered before any thread exists. */
 #ifndef FOVEA_TESTS_OWN_NETWORK_H
 #define FOVEA_TESTS_OWN_NETWORK_H
 
@@ -8,7 +8,8 @@
 /* Enter a new network namespace; its loopback is down. False: not permitted here. */
 bool own_network_enter(void);
 
-/* Loopback up, multicast on, route 224.0.0.0/4 through it: what the command does that `fovea check` tells people. */
+/* Loopback up, multicast on, route 224.0.0.0/4 through it: what the command does that `fovea check`
+ * tells people. */
 bool own_network_mend(void);
 
 #endif

@@ -38,7 +38,8 @@ static void make_settings(const struct short_run *run, struct fv_settings *setti
                                            .cy = 0.5 * run->height};
     expect(fovea_camera_prepare(&config->camera, &error), &error);
     config->features.count_max = run->features;
-    config->odometry.keyframes = 8; /* a block of 2 MB in place of 7: clearing it takes most of a replay */
+    config->odometry.keyframes =
+        8; /* a block of 2 MB in place of 7: clearing it takes most of a replay */
     config->odometry.landmarks = 1000;
     if (run->detect) config->detect.model = detector_model(&config->detect.model_bytes);
     config->preview.period_frames = 5;
@@ -46,8 +47,8 @@ static void make_settings(const struct short_run *run, struct fv_settings *setti
     config->statistics_every = 4;
 }
 
-static void record_turns(const struct short_run *run, struct fovea *rt, const struct fovea_config *config,
-                         struct fv_recorder *recorder)
+static void record_turns(const struct short_run *run, struct fovea *rt,
+                         const struct fovea_config *config, struct fv_recorder *recorder)
 {
     size_t bytes = (size_t)run->width * (size_t)run->height;
     uint8_t *pixels = malloc(bytes);

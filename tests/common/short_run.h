@@ -1,4 +1,5 @@
-/* A short run of the runtime on a painted scene, recorded: what replay and its fuzzer start from. */
+/* A short run of the runtime on a painted scene, recorded: what replay and its fuzzer start from.
+ */
 #ifndef FOVEA_TESTS_SHORT_RUN_H
 #define FOVEA_TESTS_SHORT_RUN_H
 

@@ -19,7 +19,8 @@ void sim_rig_open(struct sim_rig *rig, const char *uri, int start, int frames)
         .start = (uint64_t)start, .step = 1, .frames = (uint64_t)frames};
     memset(rig, 0, sizeof *rig);
     if (frames > SIM_RIG_FRAMES_MAX || fovea_source_find(uri, &rig->ops, &address, &error) ||
-        rig->ops->open(address, &selection, &rig->source, &error) || rig->ops->start(rig->source, &error))
+        rig->ops->open(address, &selection, &rig->source, &error) ||
+        rig->ops->start(rig->source, &error))
         fail_msg("%s", error.text);
     fovea_config_default(&rig->config);
     rig->config.camera = rig->ops->info(rig->source)->camera;
@@ -41,7 +42,8 @@ bool sim_rig_next(struct sim_rig *rig)
     rig->inputs.frame = &rig->frame;
     rig->inputs.now_ns = rig->frame.stamp_ns;
     fovea_grants_fixed(&rig->config, &rig->inputs.grants);
-    assert_int_equal(rig->ops->truth_pose(rig->source, &rig->frame, rig->truth[rig->frames]), FOVEA_OK);
+    assert_int_equal(rig->ops->truth_pose(rig->source, &rig->frame, rig->truth[rig->frames]),
+                     FOVEA_OK);
     return true;
 }
 
@@ -87,7 +89,8 @@ double sim_rig_path_error(const struct sim_rig *rig)
     struct fovea_error error;
     assert_int_equal(fv_trajectory_open(NULL, &trajectory, &error), FOVEA_OK);
     for (int n = 0; n < rig->frames; n++) {
-        struct fv_trajectory_sample sample = {.stamp_ns = n, .map = rig->pose[n].map_id, .has_truth = true};
+        struct fv_trajectory_sample sample = {
+            .stamp_ns = n, .map = rig->pose[n].map_id, .has_truth = true};
         if (!rig->pose[n].posed) continue;
         memcpy(sample.T_world_cam, rig->pose[n].T_world_cam, sizeof sample.T_world_cam);
         for (int i = 0; i < 3; i++)

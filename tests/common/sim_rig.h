@@ -1,5 +1,5 @@
-/* A runtime on the simulated camera, frame by frame through the public interface, with poses and truth kept.
- * One at a time: large, so make it static. Failures end the test. */
+/* A runtime on the simulated camera, frame by frame through the public interface, with poses and
+ * truth kept. One at a time: large, so make it static. Failures end the test. */
 #ifndef FOVEA_TESTS_COMMON_SIM_RIG_H
 #define FOVEA_TESTS_COMMON_SIM_RIG_H
 
@@ -32,10 +32,11 @@ void sim_rig_close(struct sim_rig *rig);
 
 /* Distance between two poses' origins. */
 double sim_rig_moved(const double a[12], const double b[12]);
-/* Published way over true way between two frames, in steps of 15 frames; all of them must be posed. */
+/* Published way over true way between two frames, in steps of 15 frames; all of them must be posed.
+ */
 double sim_rig_scale(const struct sim_rig *rig, int from, int to);
-/* Root mean square distance of the posed frames' places from the truth, after the best similarity, over the
- * length of the true path through them; they must all be in one world. */
+/* Root mean square distance of the posed frames' places from the truth, after the best similarity,
+ * over the length of the true path through them; they must all be in one world. */
 double sim_rig_path_error(const struct sim_rig *rig);
 
 #endif

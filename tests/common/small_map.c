@@ -8,8 +8,8 @@
 static void carve(void *context, struct fv_arena *arena)
 {
     struct small_map *small = context;
-    const struct fv_map_limits limits = {SMALL_MAP_KEYFRAMES, SMALL_MAP_LANDMARKS, SMALL_MAP_FEATURES, 320,
-                                         240};
+    const struct fv_map_limits limits = {SMALL_MAP_KEYFRAMES, SMALL_MAP_LANDMARKS,
+                                         SMALL_MAP_FEATURES, 320, 240};
     fv_bearing_carve(&small->bearings, 320, 240, arena);
     fv_map_carve(&small->map, &limits, &small->camera, &small->bearings, arena);
 }
@@ -17,8 +17,13 @@ static void carve(void *context, struct fv_arena *arena)
 void small_map_make(struct small_map *small)
 {
     memset(small, 0, sizeof *small);
-    small->camera = (struct fovea_camera){
-        .width = 320, .height = 240, .fx = 210, .fy = 211, .cx = 160.5, .cy = 119, .k = {-0.1, 0.01}};
+    small->camera = (struct fovea_camera){.width = 320,
+                                          .height = 240,
+                                          .fx = 210,
+                                          .fy = 211,
+                                          .cx = 160.5,
+                                          .cy = 119,
+                                          .k = {-0.1, 0.01}};
     if (fovea_camera_prepare(&small->camera, NULL) != FOVEA_OK) abort();
     small->memory = carved(carve, small);
     fv_bearing_init(&small->bearings, &small->camera);
@@ -62,7 +67,8 @@ void small_map_grow(struct small_map *small, struct fovea_random *random)
     const int32_t before =
         map->state->keyframe_count > 0 ? map->keyframes[fv_map_current(map)].parent : FV_MAP_NONE;
     const uint32_t slot = fv_map_add_keyframe(map, fv_map_current(map));
-    map->keyframes[slot].parent = before != FV_MAP_NONE && map->keyframes[before].used ? before : FV_MAP_NONE;
+    map->keyframes[slot].parent =
+        before != FV_MAP_NONE && map->keyframes[before].used ? before : FV_MAP_NONE;
     for (uint32_t f = 0; f < map->keyframes[slot].features; f++) {
         uint32_t landmark = fovea_random_below(random, SMALL_MAP_LANDMARKS);
         if (f % 3 == 0) {
@@ -75,7 +81,8 @@ void small_map_grow(struct small_map *small, struct fovea_random *random)
         }
         if (fv_map_link(map, landmark, slot, f)) fv_map_refresh_landmark(map, landmark);
     }
-    if (before != FV_MAP_NONE && map->keyframes[before].used && before != (int32_t)slot && slot % 3 == 0)
+    if (before != FV_MAP_NONE && map->keyframes[before].used && before != (int32_t)slot &&
+        slot % 3 == 0)
         fv_map_add_edge(map, (uint32_t)before, slot);
     map->keyframes[fv_map_current(map)].parent = (int32_t)slot;
 }
@@ -142,7 +149,8 @@ const char *small_map_trouble(const struct fv_map *map)
     }
     if (landmarks != map->state->landmark_count || keyframes != map->state->keyframe_count)
         return "pools are miscounted";
-    if (map->state->free_count != map->limits.landmarks - landmarks) return "free landmarks are miscounted";
+    if (map->state->free_count != map->limits.landmarks - landmarks)
+        return "free landmarks are miscounted";
     for (uint32_t i = 0; i < map->state->free_count; i++)
         if (map->landmarks[map->free_landmarks[i]].used) return "a free landmark is used";
     return NULL;

@@ -17,7 +17,8 @@ enum { SMALL_MAP_KEYFRAMES = 10, SMALL_MAP_LANDMARKS = 400, SMALL_MAP_FEATURES =
 /* Empty pools for a camera of 320 x 240 pixels. */
 void small_map_make(struct small_map *small);
 void small_map_free(struct small_map *small);
-/* One more keyframe with features, some of which see landmarks of earlier ones and some new ones. */
+/* One more keyframe with features, some of which see landmarks of earlier ones and some new ones.
+ */
 void small_map_grow(struct small_map *small, struct fovea_random *random);
 /* The map as sealed bytes from malloc. */
 uint8_t *small_map_save(const struct small_map *small, size_t *bytes);

@@ -1,4 +1,5 @@
-/* A tracker behind a pinhole camera, and looks at 30 Hz that are given to it. For one file of a program. */
+/* A tracker behind a pinhole camera, and looks at 30 Hz that are given to it. For one file of a
+ * program. */
 #ifndef FOVEA_TESTS_TRACK_RIG_H
 #define FOVEA_TESTS_TRACK_RIG_H
 
@@ -48,9 +49,10 @@ static inline struct fovea_detection box(double x, double y, double w, double h,
                                     (float)(y + h / 2), (float)score,       0};
 }
 
-/* A look at 30 Hz, that found so many and so many more below the model's threshold; the tracks after it. */
-static inline struct fovea_tracks look_unsure(int frame, const struct fovea_detection *found, uint32_t count,
-                                              uint32_t uncertain)
+/* A look at 30 Hz, that found so many and so many more below the model's threshold; the tracks
+ * after it. */
+static inline struct fovea_tracks look_unsure(int frame, const struct fovea_detection *found,
+                                              uint32_t count, uint32_t uncertain)
 {
     const struct fv_track_look l = {.stamp_ns = (int64_t)(frame + 1) * 33333333,
                                     .sequence = (uint64_t)frame,
@@ -63,7 +65,8 @@ static inline struct fovea_tracks look_unsure(int frame, const struct fovea_dete
     return tracks;
 }
 
-static inline struct fovea_tracks look(int frame, const struct fovea_detection *found, uint32_t count)
+static inline struct fovea_tracks look(int frame, const struct fovea_detection *found,
+                                       uint32_t count)
 {
     return look_unsure(frame, found, count, 0);
 }

@@ -14,7 +14,8 @@ static inline int decode_one(const uint8_t *data, size_t bytes)
     struct fovea_error reason = {.text = ""};
     int32_t width = 64, height = 64;
     const enum fovea_status probed = fv_decode_probe(data, bytes, &width, &height, &reason);
-    if (probed != FOVEA_OK && (reason.text[0] == '\0' || strchr(reason.text, '\n') != NULL)) abort();
+    if (probed != FOVEA_OK && (reason.text[0] == '\0' || strchr(reason.text, '\n') != NULL))
+        abort();
     if ((int64_t)width * height > 1 << 18) return 0; /* larger ones only take longer */
     uint8_t *pixels = malloc((size_t)width * (size_t)height);
     if (pixels == NULL) return 0;

@@ -1,5 +1,5 @@
-/* Calibration files: any bytes are refused in one line or give a camera; a camera that was read can be
- * written in every format that holds it, and reads back the same. */
+/* Calibration files: any bytes are refused in one line or give a camera; a camera that was read can
+ * be written in every format that holds it, and reads back the same. */
 #include <stdint.h>
 #include <stdlib.h>
 #include <string.h>
@@ -17,18 +17,20 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t bytes)
 {
     struct fovea_calibration found, again;
     struct fovea_error error = {.text = ""}, lost;
-    if (fovea_calibration_parse("fuzz", (const char *)data, bytes, NULL, &found, &error) != FOVEA_OK) {
+    if (fovea_calibration_parse("fuzz", (const char *)data, bytes, NULL, &found, &error) !=
+        FOVEA_OK) {
         check_line(&error);
         return 0;
     }
     for (int format = 0; format < FOVEA_CALIBRATION_FORMAT_COUNT; ++format) {
         char text[FOVEA_CALIBRATION_BYTES_MAX];
-        if (fovea_calibration_format_text((enum fovea_calibration_format)format, &found, text, &lost,
-                                          &error) != FOVEA_OK) {
+        if (fovea_calibration_format_text((enum fovea_calibration_format)format, &found, text,
+                                          &lost, &error) != FOVEA_OK) {
             check_line(&error);
             continue;
         }
-        if (fovea_calibration_parse("again", text, strlen(text), NULL, &again, &error) != FOVEA_OK) abort();
+        if (fovea_calibration_parse("again", text, strlen(text), NULL, &again, &error) != FOVEA_OK)
+            abort();
         if (again.camera.fx != found.camera.fx || again.camera.cy != found.camera.cy ||
             again.camera.lens != found.camera.lens || again.camera.width != found.camera.width)
             abort();

@@ -1,5 +1,5 @@
-/* Configuration files: whatever the bytes are, reading them ends in settings that print and read back to the
- * same values, or in one line that names the file. */
+/* Configuration files: whatever the bytes are, reading them ends in settings that print and read
+ * back to the same values, or in one line that names the file. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -18,7 +18,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t bytes)
     static struct fv_settings settings, back;
     struct fovea_error error;
     fv_settings_default(&settings);
-    enum fovea_status status = fv_settings_parse(&settings, "fuzz.yaml", (const char *)data, bytes, &error);
+    enum fovea_status status =
+        fv_settings_parse(&settings, "fuzz.yaml", (const char *)data, bytes, &error);
     if (status == FOVEA_OK) status = fv_settings_check(&settings, &error);
     if (status != FOVEA_OK) {
         expect(strchr(error.text, '\n') == NULL);
@@ -36,7 +37,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t bytes)
     fv_settings_print(file, &back, true);
     fclose(file);
     expect(text_bytes == again_bytes && memcmp(text, again, text_bytes) == 0);
-    expect(memcmp(settings.runtime.T_base_cam, back.runtime.T_base_cam, sizeof back.runtime.T_base_cam) == 0);
+    expect(memcmp(settings.runtime.T_base_cam, back.runtime.T_base_cam,
+                  sizeof back.runtime.T_base_cam) == 0);
     free(text);
     free(again);
     return 0;

@@ -1,7 +1,7 @@
-/* Logs: whatever the bytes are, a replay and a source that plays them end in order, without a read or write
- * out of bounds. The input is either a log as it is (first byte even), or edits to a good recording: a cut,
- * then triples of offset (3 bytes) and value; then the hashes of the header's parts are made to fit, so that
- * what is behind them is reached too. */
+/* Logs: whatever the bytes are, a replay and a source that plays them end in order, without a read
+ * or write out of bounds. The input is either a log as it is (first byte even), or edits to a good
+ * recording: a cut, then triples of offset (3 bytes) and value; then the hashes of the header's
+ * parts are made to fit, so that what is behind them is reached too. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -25,7 +25,8 @@ static char path[64];
 
 int LLVMFuzzerInitialize(int *argc, char ***argv)
 {
-    const struct short_run run = {.width = 64, .height = 64, .turns = 12, .features = 150, .detect = true};
+    const struct short_run run = {
+        .width = 64, .height = 64, .turns = 12, .features = 150, .detect = true};
     (void)argc;
     (void)argv;
     file = memfd_create("log", 0);
@@ -48,7 +49,8 @@ static void mend_hashes(uint8_t *log, size_t bytes)
 {
     if (bytes < 28) return;
     size_t at = 28 + (size_t)read_big(log + 20), end = at + read_big(log + 24);
-    const struct fv_type *type = at < end && end <= bytes ? fv_message_type_of(log + at, end - at) : NULL;
+    const struct fv_type *type =
+        at < end && end <= bytes ? fv_message_type_of(log + at, end - at) : NULL;
     if (type == NULL || strcmp(type->name, "fovea.recording_t") != 0) return;
     struct fv_walk walk;
     struct fv_leaf leaf;
@@ -77,7 +79,8 @@ static size_t make_log(const uint8_t *data, size_t bytes, uint8_t **log)
     memcpy(*log, good, good_bytes);
     size_t cut = bytes >= 4 && data[1] >= 128 ? ((size_t)data[2] << 8 | data[3]) * 2 : good_bytes;
     for (size_t at = 4; at + 4 <= bytes; at += 4) {
-        size_t offset = ((size_t)data[at] << 16 | (size_t)data[at + 1] << 8 | data[at + 2]) % good_bytes;
+        size_t offset =
+            ((size_t)data[at] << 16 | (size_t)data[at + 1] << 8 | data[at + 2]) % good_bytes;
         (*log)[offset] = data[at + 3];
     }
     cut = cut < good_bytes ? cut : good_bytes;

@@ -1,5 +1,5 @@
-/* Map files: whatever the bytes say, reading refuses them or gives a map that is whole. The checksum is put
- * right first, or nothing would get past it. */
+/* Map files: whatever the bytes say, reading refuses them or gives a map that is whole. The
+ * checksum is put right first, or nothing would get past it. */
 #include <stdlib.h>
 #include <string.h>
 

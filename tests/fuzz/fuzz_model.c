@@ -1,4 +1,5 @@
-/* Model files: opened, and run for some units where the checks let them pass. Size and checksum are mended first. */
+/* Model files: opened, and run for some units where the checks let them pass. Size and checksum are
+ * mended first. */
 #include "common/nn_mutant.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t bytes);

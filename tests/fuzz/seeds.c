@@ -1,4 +1,5 @@
-/* Writes the seeds of the fuzz targets that read recordings and calibrations (tools/make_fuzz_seeds.sh). */
+/* Writes the seeds of the fuzz targets that read recordings and calibrations
+ * (tools/make_fuzz_seeds.sh). */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -14,15 +15,18 @@ static void write_pictures(const char *corpus)
     fv_test_make_folder(fv_test_path(corpus, "fuzz_png"));
     fv_test_make_folder(fv_test_path(corpus, "fuzz_jpeg"));
     for (int kind = 0; kind < 8; ++kind) {
-        const struct fv_test_png form = {
-            .width = 64, .height = 64, .channels = 1 + kind % 4, .depth = 8, .interlaced = kind >= 4};
+        const struct fv_test_png form = {.width = 64,
+                                         .height = 64,
+                                         .channels = 1 + kind % 4,
+                                         .depth = 8,
+                                         .interlaced = kind >= 4};
         memset(picture, 40 * kind, sizeof picture);
         snprintf(name, sizeof name, "fuzz_png/kind%d.png", kind);
         fv_test_write_png(fv_test_path(corpus, name), &form, picture);
         if (kind >= 6) continue;
         snprintf(name, sizeof name, "fuzz_jpeg/kind%d.jpg", kind);
-        fv_test_write_jpeg(fv_test_path(corpus, name), 64, 64, kind < 2 ? 1 : 3, kind % 2 == 1, kind >= 4,
-                           picture);
+        fv_test_write_jpeg(fv_test_path(corpus, name), 64, 64, kind < 2 ? 1 : 3, kind % 2 == 1,
+                           kind >= 4, picture);
     }
 }
 
@@ -40,8 +44,8 @@ static void write_calibrations(const char *corpus)
         struct fovea_error error;
         c.camera.lens = format % 2 == 0 ? FOVEA_LENS_RADTAN : FOVEA_LENS_EQUIDISTANT;
         c.camera.k[0] = -0.1;
-        if (fovea_calibration_format_text((enum fovea_calibration_format)format, &c, text, NULL, &error) !=
-            FOVEA_OK)
+        if (fovea_calibration_format_text((enum fovea_calibration_format)format, &c, text, NULL,
+                                          &error) != FOVEA_OK)
             abort();
         snprintf(name, sizeof name, "fuzz_calibration/%s.yaml",
                  fovea_calibration_format_name((enum fovea_calibration_format)format));
@@ -84,7 +88,8 @@ static void write_rest(const char *corpus)
                        "#t\n5,1,2,3,1,0,0,0,9\n50000000,1,2,3,0.6,0.8,0,0\n");
     fv_test_write_text(fv_test_path(corpus, "fuzz_poses/tum.txt"),
                        "0.1 1 2 3 0 0 0 1\n0.2 1 2 3 0.6 0.8 0 0\n");
-    fv_test_write_text(fv_test_path(corpus, "fuzz_poses/kitti.txt"), "1 0 0 9e-1 0 1 0 0 0 0 1 0\n");
+    fv_test_write_text(fv_test_path(corpus, "fuzz_poses/kitti.txt"),
+                       "1 0 0 9e-1 0 1 0 0 0 0 1 0\n");
     fv_test_folder_remove(folder);
 }
 

@@ -1,5 +1,5 @@
-/* Preloaded into the process that keeps libcamera: counts its heap calls in the file that HIL_HEAP_COUNT
- * names, an unsigned long, which `hil-tool read ... heap_count=FILE` reads. */
+/* Preloaded into the process that keeps libcamera: counts its heap calls in the file that
+ * HIL_HEAP_COUNT names, an unsigned long, which `hil-tool read ... heap_count=FILE` reads. */
 #include <fcntl.h>
 #include <stdatomic.h>
 #include <stdlib.h>

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: GPL-2.0
 /*
- * A kernel module for the virtual machine: gives the controller of the emulated USB bus the firmware path
- * that real ones have, from which libcamera makes the name of a USB camera.
+ * A kernel module for the virtual machine: gives the controller of the emulated USB bus the
+ * firmware path that real ones have, from which libcamera makes the name of a USB camera.
  */
 #include <linux/module.h>
 #include <linux/platform_device.h>

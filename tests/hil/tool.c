@@ -85,7 +85,8 @@ void tool_fail(const char *format, ...)
     exit(1);
 }
 
-/* The end of the picture that begins at `at`: behind FF D9, which entropy-coded data cannot hold. */
+/* The end of the picture that begins at `at`: behind FF D9, which entropy-coded data cannot hold.
+ */
 static size_t jpeg_end(const uint8_t *data, size_t at, size_t bytes)
 {
     for (size_t i = at + 2; i + 1 < bytes; ++i)

@@ -1,9 +1,10 @@
 /* hil-tool direct RECORDING FRAMES OUT
- * A recording of `fovea run` on a camera with its pictures taken from FRAMES (raw grey, as fed to the camera)
- * instead, in the same order: what the runtime would have recorded had these been fed directly. Fails when a
- * recorded picture is none of those, when other pictures lie between two of them than the driver's numbers
- * say (so also when they are out of order), or when more were passed over than half of FRAMES holds. `fovea
- * replay OUT --verify` then says whether the messages are those of the camera. */
+ * A recording of `fovea run` on a camera with its pictures taken from FRAMES (raw grey, as fed to
+ * the camera) instead, in the same order: what the runtime would have recorded had these been fed
+ * directly. Fails when a recorded picture is none of those, when other pictures lie between two of
+ * them than the driver's numbers say (so also when they are out of order), or when more were passed
+ * over than half of FRAMES holds. `fovea replay OUT --verify` then says whether the messages are
+ * those of the camera. */
 #include "tool.h"
 
 #include <arpa/inet.h>
@@ -61,7 +62,8 @@ int tool_direct(int argc, char **argv)
             const size_t picture_bytes = (size_t)frame.width * (size_t)frame.height;
             if (frames.data == NULL) tool_frames_read(&frames, argv[2], picture_bytes);
             uint8_t *pixels = data + event.bytes - frame.size_bytes;
-            /* The camera begins anywhere in the circle of frames, and may lose some; the order stays. */
+            /* The camera begins anywhere in the circle of frames, and may lose some; the order
+             * stays. */
             size_t k = 0;
             for (; k < frames.count; ++k)
                 if (same(&frame, pixels, frames.data + frames.at[(next + k) % frames.count])) break;
@@ -69,14 +71,15 @@ int tool_direct(int argc, char **argv)
             const size_t lost = (size_t)(frame.stamp.sequence - last_number - 1);
             /* v4l2loopback forgets the number of a frame that was there before the reader. */
             if (replaced > 1 && lost % frames.count != k)
-                tool_fail("frame %zu: found %zu of those fed passed over, the driver says %zu", replaced, k,
-                          lost);
+                tool_fail("frame %zu: found %zu of those fed passed over, the driver says %zu",
+                          replaced, k, lost);
             last_number = frame.stamp.sequence;
             if (replaced > 1) skipped += lost;
             next = (next + k) % frames.count;
             for (int32_t y = 0; y < frame.height; ++y)
                 memcpy(pixels + (ptrdiff_t)y * frame.stride_bytes,
-                       frames.data + frames.at[next] + (ptrdiff_t)y * frame.width, (size_t)frame.width);
+                       frames.data + frames.at[next] + (ptrdiff_t)y * frame.width,
+                       (size_t)frame.width);
             next = (next + 1) % frames.count;
             replaced++;
             fovea_frame_t_decode_cleanup(&frame);

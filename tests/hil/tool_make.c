@@ -1,8 +1,7 @@
 /* hil-tool make FORMAT WIDTH HEIGHT COUNT FILE
- *     Frames in which every byte value occurs and no two are alike; MJPG also writes FILE.grey, what the
- *     pictures decode to.
- * hil-tool make sim URI COUNT FILE
- *     Grey frames of the simulated camera. */
+ *     Frames in which every byte value occurs and no two are alike; MJPG also writes FILE.grey,
+ * what the pictures decode to. hil-tool make sim URI COUNT FILE Grey frames of the simulated
+ * camera. */
 #include "tool.h"
 
 #include <errno.h>
@@ -69,11 +68,13 @@ static int make_sim(const char *uri, int count, FILE *file)
     struct fovea_frame frame;
     struct fovea_error error;
     if (fovea_source_find(uri, &ops, &address, &error) != FOVEA_OK ||
-        ops->open(address, &selection, &source, &error) != FOVEA_OK || ops->start(source, &error) != FOVEA_OK)
+        ops->open(address, &selection, &source, &error) != FOVEA_OK ||
+        ops->start(source, &error) != FOVEA_OK)
         tool_fail("%s", error.text);
     while (ops->dequeue(source, INT64_MAX, &frame) == FOVEA_OK) {
         for (int32_t y = 0; y < frame.image.height; ++y)
-            put(file, frame.image.data + (ptrdiff_t)y * frame.image.stride_bytes, (size_t)frame.image.width);
+            put(file, frame.image.data + (ptrdiff_t)y * frame.image.stride_bytes,
+                (size_t)frame.image.width);
         ops->requeue(source, &frame);
     }
     ops->stop(source);
@@ -84,7 +85,8 @@ static int make_sim(const char *uri, int count, FILE *file)
 int tool_make(int argc, char **argv)
 {
     const int sim = argc == 5 && strcmp(argv[1], "sim") == 0;
-    if (argc != 6 && !sim) tool_fail("usage: make FORMAT WIDTH HEIGHT COUNT FILE | make sim URI COUNT FILE");
+    if (argc != 6 && !sim)
+        tool_fail("usage: make FORMAT WIDTH HEIGHT COUNT FILE | make sim URI COUNT FILE");
     FILE *file = fopen(argv[argc - 1], "wb");
     if (file == NULL) tool_fail("%s: %s", argv[argc - 1], strerror(errno));
     if (sim) return make_sim(argv[2], atoi(argv[3]), file) + fclose(file);

@@ -33,7 +33,8 @@
 #include "common/heap_calls.h"
 #include "fovea/source.h"
 
-/* ---- heap calls, of this thread and of all ----------------------------------------------------------- */
+/* ---- heap calls, of this thread and of all
+ * ----------------------------------------------------------- */
 
 static atomic_ulong heap_calls;
 static _Thread_local unsigned long heap_calls_here;
@@ -48,7 +49,8 @@ static void on_heap_free(void)
 {
 }
 
-/* ---- what is read ------------------------------------------------------------------------------------ */
+/* ---- what is read
+ * ------------------------------------------------------------------------------------ */
 
 static const char *const state_names[] = {"ok", "late", "stalled", "gone", "returning", "ended"};
 
@@ -87,9 +89,11 @@ static void look(void)
     }
 }
 
-/* ---- comparing --------------------------------------------------------------------------------------- */
+/* ---- comparing
+ * --------------------------------------------------------------------------------------- */
 
-static void copy_rows(uint8_t **to, const uint8_t *from, size_t row_bytes, ptrdiff_t stride, int32_t rows)
+static void copy_rows(uint8_t **to, const uint8_t *from, size_t row_bytes, ptrdiff_t stride,
+                      int32_t rows)
 {
     for (int32_t y = 0; y < rows; ++y, *to += row_bytes)
         memcpy(*to, from + y * stride, row_bytes);
@@ -112,8 +116,8 @@ static void compare(const struct fovea_image *image)
 {
     compact(image);
     for (size_t i = 0; i < reading.expected.count; ++i)
-        if (memcmp(reading.expected.data + reading.expected.at[i], reading.compact, reading.frame_bytes) ==
-            0) {
+        if (memcmp(reading.expected.data + reading.expected.at[i], reading.compact,
+                   reading.frame_bytes) == 0) {
             reading.exact++;
             return;
         }
@@ -131,10 +135,11 @@ static bool take(int64_t deadline_ns)
     if (status < 0) tool_fail("dequeue: %s", fovea_status_name(status));
     if (status != FOVEA_OK) return false;
     if (reading.taken == 0)
-        printf("%.3f first frame: %d x %d %s, clock %d, meaning %d, exposure %.4f ms, age %.1f ms\n", since(),
-               frame.image.width, frame.image.height, fovea_pixel_format_name(frame.image.format),
-               frame.clock, frame.stamp_meaning, (double)frame.exposure_ns * 1e-6,
-               (double)(tool_now_ns() - frame.stamp_ns) * 1e-6);
+        printf(
+            "%.3f first frame: %d x %d %s, clock %d, meaning %d, exposure %.4f ms, age %.1f ms\n",
+            since(), frame.image.width, frame.image.height,
+            fovea_pixel_format_name(frame.image.format), frame.clock, frame.stamp_meaning,
+            (double)frame.exposure_ns * 1e-6, (double)(tool_now_ns() - frame.stamp_ns) * 1e-6);
     if (reading.taken > 0 &&
         (frame.stamp_ns <= reading.last_stamp_ns || frame.sequence <= reading.last_sequence))
         reading.backward = true;
@@ -179,7 +184,8 @@ static unsigned long heap_calls_there(void)
     unsigned long calls = 0;
     FILE *file = reading.heap_count == NULL ? NULL : fopen(reading.heap_count, "rb");
     if (file == NULL) return 0;
-    if (fread(&calls, sizeof calls, 1, file) != 1) tool_fail("%s: cannot be read", reading.heap_count);
+    if (fread(&calls, sizeof calls, 1, file) != 1)
+        tool_fail("%s: cannot be read", reading.heap_count);
     fclose(file);
     return calls;
 }
@@ -215,7 +221,8 @@ static bool reach(enum fovea_source_state state)
     return reading.state == state;
 }
 
-/* ---- what the process holds -------------------------------------------------------------------------- */
+/* ---- what the process holds
+ * -------------------------------------------------------------------------- */
 
 struct holdings {
     long descriptors, mappings, processes;
@@ -248,7 +255,8 @@ static struct holdings count_holdings(void)
     closedir(folder);
     FILE *maps = fopen("/proc/self/maps", "r");
     for (char line[512]; maps != NULL && fgets(line, sizeof line, maps) != NULL;)
-        if (strstr(line, "/dev/video") != NULL || strstr(line, "dmabuf") != NULL) holdings.mappings++;
+        if (strstr(line, "/dev/video") != NULL || strstr(line, "dmabuf") != NULL)
+            holdings.mappings++;
     if (maps != NULL) fclose(maps);
     return holdings;
 }
@@ -302,33 +310,36 @@ static bool unplug_times(void)
     }
     const struct holdings after = count_holdings();
     qsort(took_ns, (size_t)round, sizeof *took_ns, ascending);
-    printf("unplugged %ld times: frames again after %.3f s (median), %.3f s (worst), %ld later than 1 s\n",
-           round, (double)took_ns[round / 2] * 1e-9, (double)took_ns[round - 1] * 1e-9, late);
+    printf(
+        "unplugged %ld times: frames again after %.3f s (median), %.3f s (worst), %ld later than 1 s\n",
+        round, (double)took_ns[round / 2] * 1e-9, (double)took_ns[round - 1] * 1e-9, late);
     printf(
         "descriptors %ld then %ld, mappings %ld then %ld, processes %ld then %ld, heap %zu then %zu bytes\n",
         before.descriptors, after.descriptors, before.mappings, after.mappings, before.processes,
         after.processes, before.heap_bytes, after.heap_bytes);
     free(took_ns);
-    return round == reading.times && late * 100 <= reading.times && before.descriptors == after.descriptors &&
-           before.mappings == after.mappings && before.processes == after.processes &&
-           before.heap_bytes == after.heap_bytes;
+    return round == reading.times && late * 100 <= reading.times &&
+           before.descriptors == after.descriptors && before.mappings == after.mappings &&
+           before.processes == after.processes && before.heap_bytes == after.heap_bytes;
 }
 
-/* ---- the command ------------------------------------------------------------------------------------- */
+/* ---- the command
+ * ------------------------------------------------------------------------------------- */
 
 static void read_option(const char *text)
 {
     const struct {
         const char *name, **word;
         long *number;
-    } options[] = {{"frames=", NULL, &reading.frames},   {"seconds=", NULL, &reading.seconds},
-                   {"times=", NULL, &reading.times},     {"held=", NULL, &reading.held},
-                   {"expect=", &reading.expect, NULL},   {"until=", &reading.until, NULL},
-                   {"unplug=", &reading.unplug, NULL},   {"plug=", &reading.plug, NULL},
-                   {"open=", &reading.open, NULL},       {"run=", &reading.run, NULL},
-                   {"says=", &reading.says, NULL},       {"damaged=", NULL, &reading.damaged},
-                   {"dropped=", NULL, &reading.dropped}, {"recovered=", NULL, &reading.recovered},
-                   {"pace=", &reading.pace, NULL},       {"heap_count=", &reading.heap_count, NULL}};
+    } options[] = {
+        {"frames=", NULL, &reading.frames},   {"seconds=", NULL, &reading.seconds},
+        {"times=", NULL, &reading.times},     {"held=", NULL, &reading.held},
+        {"expect=", &reading.expect, NULL},   {"until=", &reading.until, NULL},
+        {"unplug=", &reading.unplug, NULL},   {"plug=", &reading.plug, NULL},
+        {"open=", &reading.open, NULL},       {"run=", &reading.run, NULL},
+        {"says=", &reading.says, NULL},       {"damaged=", NULL, &reading.damaged},
+        {"dropped=", NULL, &reading.dropped}, {"recovered=", NULL, &reading.recovered},
+        {"pace=", &reading.pace, NULL},       {"heap_count=", &reading.heap_count, NULL}};
     for (size_t i = 0; i < sizeof options / sizeof options[0]; ++i) {
         const size_t length = strlen(options[i].name);
         if (strncmp(text, options[i].name, length) != 0) continue;
@@ -345,7 +356,8 @@ static enum fovea_status open_source(void)
     const char *address;
     struct fovea_error error = {.text = ""};
     enum fovea_status status = fovea_source_find(reading.uri, &reading.ops, &address, &error);
-    if (status == FOVEA_OK) status = reading.ops->open(address, &selection, &reading.source, &error);
+    if (status == FOVEA_OK)
+        status = reading.ops->open(address, &selection, &reading.source, &error);
     if (status == FOVEA_OK) status = reading.ops->start(reading.source, &error);
     if (status != FOVEA_OK) printf("refused: %s\n", error.text);
     return status;
@@ -369,12 +381,13 @@ int tool_read(int argc, char **argv)
     if (reading.open != NULL) return status == FOVEA_OK;
     if (status != FOVEA_OK) return 1;
     const struct fovea_source_info *info = reading.ops->info(reading.source);
-    reading.frame_bytes =
-        fovea_image_bytes(info->format, info->height, fovea_image_stride_min(info->format, info->width));
+    reading.frame_bytes = fovea_image_bytes(info->format, info->height,
+                                            fovea_image_stride_min(info->format, info->width));
     reading.compact = malloc(reading.frame_bytes);
-    if (reading.expect != NULL) tool_frames_read(&reading.expected, reading.expect, reading.frame_bytes);
-    printf("open: %d x %d %s at %.2f Hz\n", info->width, info->height, fovea_pixel_format_name(info->format),
-           info->rate_hz);
+    if (reading.expect != NULL)
+        tool_frames_read(&reading.expected, reading.expect, reading.frame_bytes);
+    printf("open: %d x %d %s at %.2f Hz\n", info->width, info->height,
+           fovea_pixel_format_name(info->format), info->rate_hz);
     look();
     bool good = true;
     if (reading.times > 0)
@@ -386,12 +399,14 @@ int tool_read(int argc, char **argv)
     if (reading.times == 0 && !told_enough()) good = false;
     struct fovea_source_counts counts;
     reading.ops->counts(reading.source, &counts);
-    printf("%.3f end: state %s, delivered %llu, damaged %llu, dropped %llu, recovered %llu, exact %ld, "
-           "longest wait "
-           "past a deadline %.1f ms\n",
-           since(), state_names[reading.state], (unsigned long long)counts.delivered,
-           (unsigned long long)counts.damaged, (unsigned long long)counts.dropped,
-           (unsigned long long)counts.recovered, reading.exact, (double)reading.longest_wait_ns * 1e-6);
+    printf(
+        "%.3f end: state %s, delivered %llu, damaged %llu, dropped %llu, recovered %llu, exact %ld, "
+        "longest wait "
+        "past a deadline %.1f ms\n",
+        since(), state_names[reading.state], (unsigned long long)counts.delivered,
+        (unsigned long long)counts.damaged, (unsigned long long)counts.dropped,
+        (unsigned long long)counts.recovered, reading.exact,
+        (double)reading.longest_wait_ns * 1e-6);
     reading.ops->stop(reading.source);
     reading.ops->close(reading.source);
     if (reading.times == 0 && reading.until == NULL && reading.taken < reading.frames) good = false;

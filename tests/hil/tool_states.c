@@ -1,8 +1,9 @@
 /* hil-tool states LOG [state=NAME...] [pose=N...] [rate=HZ]
- * What the messages of a recording say of the camera and of the pose, change by change. Fails unless the
- * states of the camera that are named come in this order and those of the pose in theirs (others may lie
- * between), and, with rate=, steps without a frame came at least at 0.7 of that rate while the camera was
- * gone. A pose=3 (lost) that is named must be said while no frame comes, not with the first one after.
+ * What the messages of a recording say of the camera and of the pose, change by change. Fails
+ * unless the states of the camera that are named come in this order and those of the pose in theirs
+ * (others may lie between), and, with rate=, steps without a frame came at least at 0.7 of that
+ * rate while the camera was gone. A pose=3 (lost) that is named must be said while no frame comes,
+ * not with the first one after.
  */
 #include "tool.h"
 
@@ -95,7 +96,8 @@ int tool_states(int argc, char **argv)
     struct fovea_log_event event;
     struct fovea_error error = {.text = ""};
     double rate_hz = 0;
-    if (argc < 2 || fovea_log_open(argv[1], &log, &error) != FOVEA_OK) tool_fail("states: %s", error.text);
+    if (argc < 2 || fovea_log_open(argv[1], &log, &error) != FOVEA_OK)
+        tool_fail("states: %s", error.text);
     for (int i = 2; i < argc && wanted_count < 16 && pose_count < 16; ++i) {
         if (strncmp(argv[i], "state=", 6) == 0) wanted[wanted_count++] = argv[i] + 6;
         if (strncmp(argv[i], "pose=", 5) == 0) wanted_poses[pose_count++] = atoi(argv[i] + 5);
@@ -104,16 +106,18 @@ int tool_states(int argc, char **argv)
     while (fovea_log_next(log, &event, &error) == FOVEA_OK)
         take_event(&event);
     fovea_log_close(log);
-    printf("%ld frames, %ld poses (%ld starting, %ld tracking, %ld weak, %ld lost); delivered %llu, damaged "
-           "%llu, "
-           "dropped %llu, recovered %llu; %ld steps in %.2f s while gone\n",
-           told.frames, told.poses, told.pose_state[0], told.pose_state[1], told.pose_state[2],
-           told.pose_state[3], (unsigned long long)told.delivered, (unsigned long long)told.damaged,
-           (unsigned long long)told.dropped, (unsigned long long)told.recovered, told.gone_steps,
-           (double)told.gone_ns * 1e-9);
+    printf(
+        "%ld frames, %ld poses (%ld starting, %ld tracking, %ld weak, %ld lost); delivered %llu, damaged "
+        "%llu, "
+        "dropped %llu, recovered %llu; %ld steps in %.2f s while gone\n",
+        told.frames, told.poses, told.pose_state[0], told.pose_state[1], told.pose_state[2],
+        told.pose_state[3], (unsigned long long)told.delivered, (unsigned long long)told.damaged,
+        (unsigned long long)told.dropped, (unsigned long long)told.recovered, told.gone_steps,
+        (double)told.gone_ns * 1e-9);
     const bool went_on =
-        rate_hz == 0 ||
-        (told.gone_steps >= 3 && (double)told.gone_steps >= 0.7 * rate_hz * (double)told.gone_ns * 1e-9);
+        rate_hz == 0 || (told.gone_steps >= 3 &&
+                         (double)told.gone_steps >= 0.7 * rate_hz * (double)told.gone_ns * 1e-9);
     if (lost_too_late) printf("lost only when the camera was back\n");
-    return next_wanted == wanted_count && next_pose == pose_count && !lost_too_late && went_on ? 0 : 1;
+    return next_wanted == wanted_count && next_pose == pose_count && !lost_too_late && went_on ? 0
+                                                                                               : 1;
 }

@@ -1,18 +1,19 @@
 /* hil-tool usb FORMAT[,FORMAT...] WIDTH HEIGHT FILE RATE [NAME=VALUE...]
- * A USB camera in user space, as the kernel's uvcvideo sees it: USB Video Class 1.0 with one bulk endpoint,
- * spoken over USB/IP through a socket into vhci-hcd. It gives the frames of FILE (a '%' in its name stands
- * for the format's) over and over, and has exposure, gain, brightness, and a sharpness that chooses a fault:
+ * A USB camera in user space, as the kernel's uvcvideo sees it: USB Video Class 1.0 with one bulk
+ * endpoint, spoken over USB/IP through a socket into vhci-hcd. It gives the frames of FILE (a '%'
+ * in its name stands for the format's) over and over, and has exposure, gain, brightness, and a
+ * sharpness that chooses a fault:
  *
  *   0  none                     1  every fourth frame never comes
  *   2  half of every fourth     3  every fourth has the error bit
  *   4  bytes in the middle of every third are overwritten
- *   5  the gain is refused      6  every request for a format is refused, as where the bus has no room
+ *   5  the gain is refused      6  every request for a format is refused, as where the bus has no
+ * room
  *
  *   port=N          of the emulated bus
  *   serial=TEXT     serial number
- *   after=FILE      a frame goes out when FILE has grown by one since the last, or after ten seconds,
- *                   whatever RATE says
- *   leaves=N        the camera is unplugged when N frames have gone out
+ *   after=FILE      a frame goes out when FILE has grown by one since the last, or after ten
+ * seconds, whatever RATE says leaves=N        the camera is unplugged when N frames have gone out
  *   waits=MS        so long it streams before its first frame
  *
  * After the USB Video Class specification 1.0 (descriptors and requests) and
@@ -106,10 +107,12 @@ static struct camera {
 enum { DROP = 1, TRUNCATE, MARK, CORRUPT, REFUSE_GAIN, NO_ROOM };
 
 static struct control controls[] = {
-    {CAMERA, 0x02, 1, 1, 8, 9, 8, 8}, /* exposure mode: manual 1, aperture priority 8; "step" is the mask of
-                                         modes */
-    {CAMERA, 0x04, 4, 1, 5000, 1, 156, 156},  {PROCESSING, 0x02, 2, -64, 64, 1, 0, 0},
-    {PROCESSING, 0x04, 2, 0, 255, 1, 16, 16}, {PROCESSING, 0x08, 2, 0, NO_ROOM, 1, 0, 0}, /* the fault */
+    {CAMERA, 0x02, 1, 1, 8, 9, 8, 8}, /* exposure mode: manual 1, aperture priority 8; "step" is the
+                                         mask of modes */
+    {CAMERA, 0x04, 4, 1, 5000, 1, 156, 156},
+    {PROCESSING, 0x02, 2, -64, 64, 1, 0, 0},
+    {PROCESSING, 0x04, 2, 0, 255, 1, 16, 16},
+    {PROCESSING, 0x08, 2, 0, NO_ROOM, 1, 0, 0}, /* the fault */
 };
 
 static int32_t fault(void)
@@ -123,7 +126,8 @@ static const struct offer *offer(const uint8_t block[26])
     return &camera.offers[block[2] - 1];
 }
 
-/* ---- the socket -------------------------------------------------------------------------------------- */
+/* ---- the socket
+ * -------------------------------------------------------------------------------------- */
 
 static void receive(void *to, size_t bytes)
 {
@@ -164,7 +168,8 @@ static void reply_unlink(uint32_t number, int32_t status)
     deliver(&packet, sizeof packet);
 }
 
-/* ---- descriptors ------------------------------------------------------------------------------------- */
+/* ---- descriptors
+ * ------------------------------------------------------------------------------------- */
 
 /* One descriptor, its length filled in. */
 static void add(const uint8_t *bytes, size_t count)
@@ -191,9 +196,9 @@ static void describe_format(const struct offer *each, uint8_t index)
     if (four == NULL)
         ADD(0x24, 6, index, 1, 0, 1, 0, 0, 0, 0);
     else
-        ADD(0x24, 4, index, 1, (uint8_t)four[0], (uint8_t)four[1], (uint8_t)four[2], (uint8_t)four[3], 0, 0,
-            0x10, 0, 0x80, 0, 0, 0xaa, 0, 0x38, 0x9b, 0x71, (uint8_t)(4 * each->format->half_bytes), 1, 0, 0,
-            0, 0);
+        ADD(0x24, 4, index, 1, (uint8_t)four[0], (uint8_t)four[1], (uint8_t)four[2],
+            (uint8_t)four[3], 0, 0, 0x10, 0, 0x80, 0, 0, 0xaa, 0, 0x38, 0x9b, 0x71,
+            (uint8_t)(4 * each->format->half_bytes), 1, 0, 0, 0, 0);
     ADD(0x24, subtype, 1, 0, WORD(camera.width), WORD(camera.height), LONG(bits), LONG(bits),
         LONG(each->frame_bytes), LONG(camera.interval), 1, LONG(camera.interval));
 }
@@ -211,8 +216,8 @@ static void describe(void)
     store_word(control + 5, camera.descriptor_bytes - control);
     ADD(4, 1, 0, 1, 0x0e, 2, 0, 0); /* streaming interface, one bulk endpoint */
     const size_t streaming = camera.descriptor_bytes;
-    uint8_t head[14 + FORMATS_MAX] = {0, 0x24, 1, (uint8_t)camera.offer_count, 0, 0, 0x81, 0, OUTPUT, 0,
-                                      0, 0,    1};
+    uint8_t head[14 + FORMATS_MAX] = {
+        0, 0x24, 1, (uint8_t)camera.offer_count, 0, 0, 0x81, 0, OUTPUT, 0, 0, 0, 1};
     add(head, 13 + camera.offer_count);
     for (size_t i = 0; i < camera.offer_count; ++i)
         describe_format(&camera.offers[i], (uint8_t)(i + 1));
@@ -221,7 +226,8 @@ static void describe(void)
     store_word(2, camera.descriptor_bytes);
 }
 
-/* ---- requests ---------------------------------------------------------------------------------------- */
+/* ---- requests
+ * ---------------------------------------------------------------------------------------- */
 
 static void fix_probe(uint8_t probe[26])
 {
@@ -270,7 +276,8 @@ static bool get_descriptor(uint32_t number, unsigned value, size_t wanted)
 }
 
 /* Probe and commit of the streaming interface. */
-static bool negotiate(uint32_t number, unsigned request, unsigned selector, const uint8_t *data, size_t bytes)
+static bool negotiate(uint32_t number, unsigned request, unsigned selector, const uint8_t *data,
+                      size_t bytes)
 {
     uint8_t *block = selector == 1 ? camera.probe : selector == 2 ? camera.commit : NULL;
     uint8_t answer[26];
@@ -357,14 +364,16 @@ static void answer_request(uint32_t number, const uint8_t setup[8], const uint8_
     const bool class_request = (kind & 0x7f) == 0x21;
     bool done = false;
     if (kind == 0x80 && request == 6) done = get_descriptor(number, value, bytes);
-    if (class_request && (index & 255) == 1) done = negotiate(number, request, value >> 8, data, bytes);
+    if (class_request && (index & 255) == 1)
+        done = negotiate(number, request, value >> 8, data, bytes);
     if (class_request && (index & 255) == 0)
         done = use_control(number, request, index >> 8, value >> 8, data, bytes);
     if (kind == 0x80 && request == 0) { /* status */
         reply(number, 0, "\0", 2, 0);
         done = true;
     }
-    if ((kind == 0 && request == 9) || (kind == 1 && request == 11)) { /* set configuration, set interface */
+    if ((kind == 0 && request == 9) ||
+        (kind == 1 && request == 11)) { /* set configuration, set interface */
         reply(number, 0, NULL, 0, 0);
         done = true;
     }
@@ -376,7 +385,8 @@ static void answer_request(uint32_t number, const uint8_t setup[8], const uint8_
     if (!done) reply(number, -EPIPE, NULL, 0, 0);
 }
 
-/* ---- transfers --------------------------------------------------------------------------------------- */
+/* ---- transfers
+ * --------------------------------------------------------------------------------------- */
 
 static void forget(struct pending *list, size_t *count, size_t i)
 {
@@ -454,7 +464,8 @@ static void send_payload(void)
     static uint8_t payload[PAYLOAD_MAX];
     const struct tool_frames *frames = &offer(camera.commit)->frames;
     const size_t index = (size_t)(camera.number - 1) % frames->count;
-    const size_t room = (camera.pending[0].bytes < PAYLOAD_MAX ? camera.pending[0].bytes : PAYLOAD_MAX) - 2;
+    const size_t room =
+        (camera.pending[0].bytes < PAYLOAD_MAX ? camera.pending[0].bytes : PAYLOAD_MAX) - 2;
     const size_t left = camera.total - camera.sent, bytes = left < room ? left : room;
     const bool last = bytes == left;
     payload[0] = 2;
@@ -489,7 +500,8 @@ static void serve(void)
     }
 }
 
-/* ---- set-up ------------------------------------------------------------------------------------------ */
+/* ---- set-up
+ * ------------------------------------------------------------------------------------------ */
 
 static void read_option(const char *text)
 {
@@ -520,18 +532,22 @@ static void add_offer(const char *name, const char *file)
     each->format = tool_format(name);
     const size_t raw = tool_frame_bytes(each->format, camera.width, camera.height);
     tool_frames_read(&each->frames, path, raw);
-    each->frame_bytes = (uint32_t)(raw > 0 ? raw : (size_t)camera.width * (size_t)camera.height * 2);
+    each->frame_bytes =
+        (uint32_t)(raw > 0 ? raw : (size_t)camera.width * (size_t)camera.height * 2);
 }
 
 static void attach(void)
 {
     int pair[2];
     char line[64];
-    if (socketpair(AF_UNIX, SOCK_STREAM, 0, pair) != 0) tool_fail("socketpair: %s", strerror(errno));
+    if (socketpair(AF_UNIX, SOCK_STREAM, 0, pair) != 0)
+        tool_fail("socketpair: %s", strerror(errno));
     camera.socket = pair[0];
     const int file = open("/sys/devices/platform/vhci_hcd.0/attach", O_WRONLY);
-    const int length = snprintf(line, sizeof line, "%ld %d %ld 3", camera.port, pair[1], 65537 + camera.port);
-    if (file < 0 || write(file, line, (size_t)length) != length) tool_fail("attach: %s", strerror(errno));
+    const int length =
+        snprintf(line, sizeof line, "%ld %d %ld 3", camera.port, pair[1], 65537 + camera.port);
+    if (file < 0 || write(file, line, (size_t)length) != length)
+        tool_fail("attach: %s", strerror(errno));
     close(file);
     close(pair[1]);
 }

@@ -1,10 +1,9 @@
 /* hil-tool write DEVICE FORMAT WIDTH HEIGHT FILE RATE COUNT [OPTION...]
  * Frames of FILE, over and over, COUNT of them (0: until killed), into a video output.
  *
- *   mmap=N      through N mapped buffers, not by write(); with more of them than FILE has frames, the output
- *               always has frames waiting
- *   after=FILE  a frame goes out when FILE has grown by one since the last, or after ten seconds,
- *              whatever RATE says */
+ *   mmap=N      through N mapped buffers, not by write(); with more of them than FILE has frames,
+ * the output always has frames waiting after=FILE  a frame goes out when FILE has grown by one
+ * since the last, or after ten seconds, whatever RATE says */
 #include "tool.h"
 
 #include <errno.h>
@@ -34,8 +33,9 @@ static void call(int fd, unsigned long request, void *argument, const char *what
 
 static void map_buffers(void)
 {
-    struct v4l2_requestbuffers request = {
-        .count = (unsigned)output.buffers, .type = V4L2_BUF_TYPE_VIDEO_OUTPUT, .memory = V4L2_MEMORY_MMAP};
+    struct v4l2_requestbuffers request = {.count = (unsigned)output.buffers,
+                                          .type = V4L2_BUF_TYPE_VIDEO_OUTPUT,
+                                          .memory = V4L2_MEMORY_MMAP};
     const int fd = output.fd;
     call(fd, VIDIOC_REQBUFS, &request, "REQBUFS");
     output.buffers = request.count < BUFFERS_MAX ? request.count : BUFFERS_MAX;
@@ -43,7 +43,8 @@ static void map_buffers(void)
         struct v4l2_buffer buffer = {
             .index = i, .type = V4L2_BUF_TYPE_VIDEO_OUTPUT, .memory = V4L2_MEMORY_MMAP};
         call(fd, VIDIOC_QUERYBUF, &buffer, "QUERYBUF");
-        output.maps[i] = mmap(NULL, buffer.length, PROT_READ | PROT_WRITE, MAP_SHARED, fd, buffer.m.offset);
+        output.maps[i] =
+            mmap(NULL, buffer.length, PROT_READ | PROT_WRITE, MAP_SHARED, fd, buffer.m.offset);
         if (output.maps[i] == MAP_FAILED) tool_fail("mmap: %s", strerror(errno));
     }
 }

@@ -28,7 +28,8 @@ void check_fail(struct check *check, const char *format, ...)
     va_list arguments;
     if (check->failed) return;
     check->failed = true;
-    printf("FAILED %s__%s, seed %llu: ", check->kernel, check->isa, (unsigned long long)check->seed);
+    printf("FAILED %s__%s, seed %llu: ", check->kernel, check->isa,
+           (unsigned long long)check->seed);
     va_start(arguments, format);
     vprintf(format, arguments);
     va_end(arguments);
@@ -40,7 +41,8 @@ void *check_buffer(struct check *check, size_t bytes, size_t alignment, size_t s
     const size_t page = (size_t)sysconf(_SC_PAGESIZE);
     const size_t inner = (bytes + slack + alignment + page - 1) / page * page;
     if (check->buffer_count == CHECK_BUFFERS_MAX) abort();
-    uint8_t *pages = mmap(NULL, inner + 2 * page, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    uint8_t *pages =
+        mmap(NULL, inner + 2 * page, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
     if (pages == MAP_FAILED) abort();
     uint8_t *data = pages + page;
     if (check_random(check) & 1) data += (inner - bytes - slack) & ~(alignment - 1);
@@ -108,14 +110,16 @@ void check_fill(struct check *check, void *data, size_t bytes)
     }
 }
 
-void check_equal(struct check *check, const char *what, const void *expected, const void *found, size_t bytes)
+void check_equal(struct check *check, const char *what, const void *expected, const void *found,
+                 size_t bytes)
 {
     const uint8_t *e = expected, *f = found;
     if (memcmp(e, f, bytes) == 0) return;
     size_t i = 0;
     while (e[i] == f[i])
         i++;
-    check_fail(check, "%s differs at byte %zu of %zu: C gives %u, found %u", what, i, bytes, e[i], f[i]);
+    check_fail(check, "%s differs at byte %zu of %zu: C gives %u, found %u", what, i, bytes, e[i],
+               f[i]);
 }
 
 static uint8_t *image;
@@ -136,9 +140,11 @@ const uint8_t *bench_image(void)
     image = aligned_alloc(64, BENCH_STRIDE * ROWS);
     if (image == NULL) abort();
     memset(image, 110, BENCH_STRIDE * ROWS);
-    /* Overlapping rectangles of random grey, then noise: edges and corners at the density of an indoor scene. */
+    /* Overlapping rectangles of random grey, then noise: edges and corners at the density of an
+     * indoor scene. */
     for (int n = 0; n < 1200; n++) {
-        const int x = check_between(&draw, 0, BENCH_WIDTH - 1), y = check_between(&draw, 0, BENCH_HEIGHT - 1);
+        const int x = check_between(&draw, 0, BENCH_WIDTH - 1),
+                  y = check_between(&draw, 0, BENCH_HEIGHT - 1);
         const int w = check_between(&draw, 2, 70), h = check_between(&draw, 2, 70);
         const int grey = check_between(&draw, 20, 230);
         for (int row = y; row < y + h && row < ROWS; row++)

@@ -24,8 +24,8 @@ void bench_fast_score_u8(struct check *check, fv_k_fast_score_u8_fn *variant)
 {
     (void)check;
     for (int y = 3; y < BENCH_HEIGHT - 3; y++)
-        variant(bench_scratch() + y * BENCH_STRIDE, bench_image() + y * BENCH_STRIDE + 3, BENCH_STRIDE,
-                BENCH_WIDTH - 6, 20);
+        variant(bench_scratch() + y * BENCH_STRIDE, bench_image() + y * BENCH_STRIDE + 3,
+                BENCH_STRIDE, BENCH_WIDTH - 6, 20);
 }
 
 void check_fast_peaks_u8(struct check *check, fv_k_fast_peaks_u8_fn *reference,

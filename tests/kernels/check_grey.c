@@ -23,10 +23,12 @@ void bench_grey_shift_u16(struct check *check, fv_k_grey_shift_u16_fn *variant)
 {
     (void)check;
     for (int y = 0; y < BENCH_HEIGHT; y++)
-        variant(bench_scratch() + y * BENCH_STRIDE, bench_words() + 2 * y * BENCH_STRIDE, BENCH_WIDTH, 2);
+        variant(bench_scratch() + y * BENCH_STRIDE, bench_words() + 2 * y * BENCH_STRIDE,
+                BENCH_WIDTH, 2);
 }
 
-void check_grey_pick_u8(struct check *check, fv_k_grey_pick_u8_fn *reference, fv_k_grey_pick_u8_fn *variant)
+void check_grey_pick_u8(struct check *check, fv_k_grey_pick_u8_fn *reference,
+                        fv_k_grey_pick_u8_fn *variant)
 {
     const int32_t count = check_between(check, 0, 400), offset = check_between(check, 0, 1);
     uint8_t *source = check_buffer(check, 2 * (size_t)count, 1, 0);
@@ -42,12 +44,15 @@ void bench_grey_pick_u8(struct check *check, fv_k_grey_pick_u8_fn *variant)
 {
     (void)check;
     for (int y = 0; y < BENCH_HEIGHT; y++)
-        variant(bench_scratch() + y * BENCH_STRIDE, bench_words() + 2 * y * BENCH_STRIDE, BENCH_WIDTH, 0);
+        variant(bench_scratch() + y * BENCH_STRIDE, bench_words() + 2 * y * BENCH_STRIDE,
+                BENCH_WIDTH, 0);
 }
 
-void check_grey_mix_u8(struct check *check, fv_k_grey_mix_u8_fn *reference, fv_k_grey_mix_u8_fn *variant)
+void check_grey_mix_u8(struct check *check, fv_k_grey_mix_u8_fn *reference,
+                       fv_k_grey_mix_u8_fn *variant)
 {
-    const int32_t count = check_between(check, 0, 400), first = check_between(check, 0, 1) ? 9798 : 3735;
+    const int32_t count = check_between(check, 0, 400),
+                  first = check_between(check, 0, 1) ? 9798 : 3735;
     uint8_t *source = check_buffer(check, 3 * (size_t)count, 1, 0);
     uint8_t *expected = check_buffer(check, (size_t)count, 1, 0),
             *found = check_buffer(check, (size_t)count, 1, 0);
@@ -61,8 +66,8 @@ void bench_grey_mix_u8(struct check *check, fv_k_grey_mix_u8_fn *variant)
 {
     (void)check;
     for (int y = 0; y < BENCH_HEIGHT; y++)
-        variant(bench_scratch() + y * BENCH_STRIDE, bench_words() + 3 * y * BENCH_STRIDE, BENCH_WIDTH, 9798,
-                3735);
+        variant(bench_scratch() + y * BENCH_STRIDE, bench_words() + 3 * y * BENCH_STRIDE,
+                BENCH_WIDTH, 9798, 3735);
 }
 
 void check_grey_bayer_u8(struct check *check, fv_k_grey_bayer_u8_fn *reference,
@@ -86,6 +91,7 @@ void bench_grey_bayer_u8(struct check *check, fv_k_grey_bayer_u8_fn *variant)
     (void)check;
     for (int y = 1; y < BENCH_HEIGHT; y++) {
         const uint8_t *row = bench_image() + y * BENCH_STRIDE;
-        variant(bench_scratch() + y * BENCH_STRIDE, row - BENCH_STRIDE, row, row + BENCH_STRIDE, BENCH_WIDTH);
+        variant(bench_scratch() + y * BENCH_STRIDE, row - BENCH_STRIDE, row, row + BENCH_STRIDE,
+                BENCH_WIDTH);
     }
 }

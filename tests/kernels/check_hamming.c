@@ -2,7 +2,8 @@
 
 #include <string.h>
 
-/* Descriptors, some of them near or equal to earlier ones, so that distances tie and reach 0 and 256. */
+/* Descriptors, some of them near or equal to earlier ones, so that distances tie and reach 0 and
+ * 256. */
 static uint8_t *random_descriptors(struct check *check, int32_t count)
 {
     uint8_t *all = check_buffer(check, FV_DESCRIPTOR_BYTES * (size_t)count, 8, 0);
@@ -22,10 +23,13 @@ void check_hamming_two_u8(struct check *check, fv_k_hamming_two_u8_fn *reference
                           fv_k_hamming_two_u8_fn *variant)
 {
     const int32_t queries = check_between(check, 0, 40), trains = check_between(check, 0, 40);
-    const uint8_t *query = random_descriptors(check, queries), *train = random_descriptors(check, trains);
+    const uint8_t *query = random_descriptors(check, queries),
+                  *train = random_descriptors(check, trains);
     const size_t bytes = 4 * (size_t)queries;
-    uint32_t *expected = check_buffer(check, bytes, 4, 0), *found = check_buffer(check, bytes, 4, 0);
-    uint32_t *expected_2 = check_buffer(check, bytes, 4, 0), *found_2 = check_buffer(check, bytes, 4, 0);
+    uint32_t *expected = check_buffer(check, bytes, 4, 0),
+             *found = check_buffer(check, bytes, 4, 0);
+    uint32_t *expected_2 = check_buffer(check, bytes, 4, 0),
+             *found_2 = check_buffer(check, bytes, 4, 0);
     reference(expected, expected_2, query, queries, train, trains);
     variant(found, found_2, query, queries, train, trains);
     check_equal(check, "nearest", expected, found, bytes);

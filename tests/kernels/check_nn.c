@@ -25,8 +25,8 @@ static void draw_range(struct check *check, int32_t *zero, int32_t *low, int32_t
     *high = check_between(check, 0, 2) ? 255 : check_between(check, *low, 255);
 }
 
-/* Weights of all sizes, or mostly of sizes whose pairs just fit 16 bits when multiplied by 255, or just do
- * not. */
+/* Weights of all sizes, or mostly of sizes whose pairs just fit 16 bits when multiplied by 255, or
+ * just do not. */
 static void fill_weights(struct check *check, int8_t *weights, int32_t count)
 {
     check_fill(check, weights, (size_t)count);
@@ -34,7 +34,10 @@ static void fill_weights(struct check *check, int8_t *weights, int32_t count)
     for (int32_t i = 0; i < count; ++i) {
         const int32_t size = check_between(check, 60, 64), kind = check_between(check, 0, 200);
         if (kind != 0)
-            weights[i] = (int8_t)(kind == 1 ? 65 : kind == 2 ? -65 : weights[i] >= 0 ? size : -size);
+            weights[i] = (int8_t)(kind == 1         ? 65
+                                  : kind == 2       ? -65
+                                  : weights[i] >= 0 ? size
+                                                    : -size);
     }
 }
 
@@ -52,8 +55,13 @@ static struct fv_nn_gemm draw_gemm(struct check *check, int32_t k, int32_t n)
             *multiplier = check_buffer(check, (size_t)n16 * 4, 64, SLACK);
     int32_t *shift = check_buffer(check, (size_t)n16 * 4, 64, SLACK);
     fill_scaling(check, bias, multiplier, shift, n16);
-    struct fv_nn_gemm g = {
-        .k = k, .k4 = k4, .n = n, .weights = weights, .bias = bias, .multiplier = multiplier, .shift = shift};
+    struct fv_nn_gemm g = {.k = k,
+                           .k4 = k4,
+                           .n = n,
+                           .weights = weights,
+                           .bias = bias,
+                           .multiplier = multiplier,
+                           .shift = shift};
     draw_range(check, &g.zero_out, &g.act_min, &g.act_max);
     g.row_sum_factor = check_between(check, 0, 1) ? 0 : check_between(check, -128, 127);
     if (check_between(check, 0, 3) == 0) {
@@ -64,7 +72,8 @@ static struct fv_nn_gemm draw_gemm(struct check *check, int32_t k, int32_t n)
     return g;
 }
 
-void check_nn_gemm_u8(struct check *check, fv_k_nn_gemm_u8_fn *reference, fv_k_nn_gemm_u8_fn *variant)
+void check_nn_gemm_u8(struct check *check, fv_k_nn_gemm_u8_fn *reference,
+                      fv_k_nn_gemm_u8_fn *variant)
 {
     const int32_t k = check_between(check, 1, 150), n = check_between(check, 1, 150),
                   m = check_between(check, 1, 40);
@@ -79,7 +88,8 @@ void check_nn_gemm_u8(struct check *check, fv_k_nn_gemm_u8_fn *reference, fv_k_n
     check_equal(check, "out", expected, found, bytes);
 }
 
-void check_nn_gemm_i32(struct check *check, fv_k_nn_gemm_i32_fn *reference, fv_k_nn_gemm_i32_fn *variant)
+void check_nn_gemm_i32(struct check *check, fv_k_nn_gemm_i32_fn *reference,
+                       fv_k_nn_gemm_i32_fn *variant)
 {
     const int32_t k = check_between(check, 1, 300), n = check_between(check, 1, 90),
                   m = check_between(check, 1, 24);
@@ -88,7 +98,8 @@ void check_nn_gemm_i32(struct check *check, fv_k_nn_gemm_i32_fn *reference, fv_k
     uint8_t *a = check_buffer(check, (size_t)((m - 1) * lda + k), 1, SLACK);
     check_fill(check, a, (size_t)((m - 1) * lda + k));
     const size_t bytes = (size_t)(m * ldo) * 4;
-    int32_t *expected = check_buffer(check, bytes, 64, 0), *found = check_buffer(check, bytes, 64, 0);
+    int32_t *expected = check_buffer(check, bytes, 64, 0),
+            *found = check_buffer(check, bytes, 64, 0);
     reference(&g, a, lda, expected, ldo, m);
     variant(&g, a, lda, found, ldo, m);
     check_equal(check, "accumulators", expected, found, bytes);
@@ -132,7 +143,8 @@ static struct fv_nn_depthwise draw_depthwise(struct check *check)
 {
     struct fv_nn_depthwise d = {.kh = check_between(check, 1, 5), .kw = check_between(check, 1, 5)};
     if (check_between(check, 0, 1)) d.kh = d.kw = 3;
-    d.channels = check_between(check, 0, 2) ? check_between(check, 1, 150) : 8 * check_between(check, 1, 18);
+    d.channels =
+        check_between(check, 0, 2) ? check_between(check, 1, 150) : 8 * check_between(check, 1, 18);
     d.in_stride = d.channels + check_between(check, 0, 1) * check_between(check, 0, 20);
     d.out_stride = d.channels + check_between(check, 0, 1) * check_between(check, 0, 20);
     d.in_h = check_between(check, 1, 9);
@@ -164,7 +176,8 @@ static uint8_t *depthwise_scratch(struct check *check, const struct fv_nn_depthw
 {
     const int32_t span = (d->kw - 1) * d->dilation_x + 1, all = (d->out_w - 1) * d->stride_x + span;
     const int32_t most = span > 72 ? span : 72;
-    return check_buffer(check, (size_t)(all < most ? all : most) * 256 * (size_t)((d->kh + 3) / 4), 64, 0);
+    return check_buffer(check, (size_t)(all < most ? all : most) * 256 * (size_t)((d->kh + 3) / 4),
+                        64, 0);
 }
 
 void check_nn_depthwise_u8(struct check *check, fv_k_nn_depthwise_u8_fn *reference,
@@ -179,7 +192,8 @@ void check_nn_depthwise_u8(struct check *check, fv_k_nn_depthwise_u8_fn *referen
     const size_t in_bytes = (size_t)((d.in_h * d.in_w - 1) * d.in_stride + d.channels);
     uint8_t *in = check_buffer(check, in_bytes, 1, SLACK);
     check_fill(check, in, in_bytes);
-    const int32_t y = check_between(check, 0, (d.in_h + 4) / d.stride_y), rows = check_between(check, 1, 3);
+    const int32_t y = check_between(check, 0, (d.in_h + 4) / d.stride_y),
+                  rows = check_between(check, 1, 3);
     const size_t bytes = (size_t)((rows * d.out_w - 1) * d.out_stride + d.channels);
     uint8_t *expected = check_buffer(check, bytes, 1, 0), *found = check_buffer(check, bytes, 1, 0);
     uint8_t *scratch = depthwise_scratch(check, &d);
@@ -196,7 +210,8 @@ void bench_nn_depthwise_u8(struct check *check, fv_k_nn_depthwise_u8_fn *variant
         d = check_buffer(check, sizeof *d, 8, 0);
         *d = draw_depthwise(check);
         d->kh = d->kw = 3;
-        d->stride_x = d->stride_y = d->dilation_x = d->dilation_y = d->pad_left = d->pad_top = d->planes = 1;
+        d->stride_x = d->stride_y = d->dilation_x = d->dilation_y = d->pad_left = d->pad_top =
+            d->planes = 1;
         d->in_w = d->out_w = d->in_h = SIDE;
         d->channels = d->c16 = d->in_stride = d->out_stride = CHANNELS;
         d->weights = check_buffer(check, 9 * CHANNELS, 64, SLACK);
@@ -214,7 +229,8 @@ void bench_nn_depthwise_u8(struct check *check, fv_k_nn_depthwise_u8_fn *variant
     variant(d, bench_scratch(), bench_scratch() + (1 << 20), 0, SIDE, bench_scratch() + (4 << 20));
 }
 
-void check_nn_table_u8(struct check *check, fv_k_nn_table_u8_fn *reference, fv_k_nn_table_u8_fn *variant)
+void check_nn_table_u8(struct check *check, fv_k_nn_table_u8_fn *reference,
+                       fv_k_nn_table_u8_fn *variant)
 {
     const int32_t count = check_between(check, 1, 400);
     uint8_t *table = check_buffer(check, 256, 1, 0), *in = check_buffer(check, (size_t)count, 1, 0);
@@ -241,13 +257,16 @@ void bench_nn_table_u8(struct check *check, fv_k_nn_table_u8_fn *variant)
 
 static struct fv_nn_add draw_add(struct check *check)
 {
-    struct fv_nn_add p = {.zero_a = check_between(check, 0, 255), .zero_b = check_between(check, 0, 255)};
+    struct fv_nn_add p = {.zero_a = check_between(check, 0, 255),
+                          .zero_b = check_between(check, 0, 255)};
     draw_range(check, &p.zero_out, &p.act_min, &p.act_max);
     p.m_a = (int32_t)(0x40000000u + check_random(check) % 0x40000000u);
     p.m_b = (int32_t)(0x40000000u + check_random(check) % 0x40000000u);
     p.m_out = (int32_t)(0x40000000u + check_random(check) % 0x40000000u);
-    p.s_a = check_between(check, 0, 3) == 0 ? check_between(check, -20, 0) : check_between(check, -3, 0);
-    p.s_b = check_between(check, 0, 3) == 0 ? check_between(check, -20, 0) : check_between(check, -3, 0);
+    p.s_a = check_between(check, 0, 3) == 0 ? check_between(check, -20, 0)
+                                            : check_between(check, -3, 0);
+    p.s_b = check_between(check, 0, 3) == 0 ? check_between(check, -20, 0)
+                                            : check_between(check, -3, 0);
     p.s_out = check_between(check, -22, -16);
     const int32_t half =
         check_between(check, 0, 3); /* the input of the larger scale has the factor one half */
@@ -261,11 +280,14 @@ void check_nn_add_u8(struct check *check, fv_k_nn_add_u8_fn *reference, fv_k_nn_
     const int32_t count =
         check_between(check, 0, 1) ? check_between(check, 1, 300) : 16 * check_between(check, 1, 2);
     const int32_t rows = check_between(check, 1, 9);
-    const ptrdiff_t lda = count + check_between(check, 0, 20), ldb = count + check_between(check, 0, 20);
-    const size_t bytes_a = (size_t)((rows - 1) * lda + count), bytes_b = (size_t)((rows - 1) * ldb + count);
+    const ptrdiff_t lda = count + check_between(check, 0, 20),
+                    ldb = count + check_between(check, 0, 20);
+    const size_t bytes_a = (size_t)((rows - 1) * lda + count),
+                 bytes_b = (size_t)((rows - 1) * ldb + count);
     const struct fv_nn_add p = draw_add(check);
     uint8_t *a = check_buffer(check, bytes_a, 1, 0), *b = check_buffer(check, bytes_b, 1, 0);
-    uint8_t *expected = check_buffer(check, bytes_a, 1, 0), *found = check_buffer(check, bytes_a, 1, 0);
+    uint8_t *expected = check_buffer(check, bytes_a, 1, 0),
+            *found = check_buffer(check, bytes_a, 1, 0);
     check_fill(check, a, bytes_a);
     check_fill(check, b, bytes_b);
     const int in_place = check_between(check, 0, 1);
@@ -282,14 +304,15 @@ void bench_nn_add_u8(struct check *check, fv_k_nn_add_u8_fn *variant)
 {
     const struct fv_nn_add p = draw_add(check);
     snprintf(check->size, sizeof check->size, "65536");
-    variant(&p, bench_scratch(), 256, bench_scratch() + (1 << 20), 256, bench_scratch() + (2 << 20), 256, 256,
-            256);
+    variant(&p, bench_scratch(), 256, bench_scratch() + (1 << 20), 256, bench_scratch() + (2 << 20),
+            256, 256, 256);
 }
 
 void check_nn_max_u8(struct check *check, fv_k_nn_max_u8_fn *reference, fv_k_nn_max_u8_fn *variant)
 {
     const int32_t count = check_between(check, 1, 300);
-    uint8_t *a = check_buffer(check, (size_t)count, 1, 0), *b = check_buffer(check, (size_t)count, 1, 0);
+    uint8_t *a = check_buffer(check, (size_t)count, 1, 0),
+            *b = check_buffer(check, (size_t)count, 1, 0);
     uint8_t *expected = check_buffer(check, (size_t)count, 1, 0),
             *found = check_buffer(check, (size_t)count, 1, 0);
     check_fill(check, a, (size_t)count);
@@ -310,7 +333,8 @@ void check_nn_transpose_u8(struct check *check, fv_k_nn_transpose_u8_fn *referen
                            fv_k_nn_transpose_u8_fn *variant)
 {
     const int32_t rows = check_between(check, 1, 60), columns = check_between(check, 1, 60);
-    const ptrdiff_t ldi = columns + check_between(check, 0, 9), ldo = rows + check_between(check, 0, 9);
+    const ptrdiff_t ldi = columns + check_between(check, 0, 9),
+                    ldo = rows + check_between(check, 0, 9);
     const size_t in_bytes = (size_t)((rows - 1) * ldi + columns),
                  bytes = (size_t)((columns - 1) * ldo + rows);
     uint8_t *in = check_buffer(check, in_bytes, 1, 0);
@@ -327,7 +351,8 @@ void bench_nn_transpose_u8(struct check *check, fv_k_nn_transpose_u8_fn *variant
     variant(bench_scratch(), 144, bench_scratch() + (1 << 20), 784, 784, 144);
 }
 
-void check_nn_blend_u8(struct check *check, fv_k_nn_blend_u8_fn *reference, fv_k_nn_blend_u8_fn *variant)
+void check_nn_blend_u8(struct check *check, fv_k_nn_blend_u8_fn *reference,
+                       fv_k_nn_blend_u8_fn *variant)
 {
     const int32_t in_w = check_between(check, 1, 20), out_w = check_between(check, 1, 30),
                   bits = check_between(check, 0, 10);
@@ -346,7 +371,8 @@ void check_nn_blend_u8(struct check *check, fv_k_nn_blend_u8_fn *reference, fv_k
     p.columns = columns;
     const size_t in_bytes = (size_t)((in_w - 1) * p.in_stride + p.channels),
                  bytes = (size_t)((out_w - 1) * p.out_stride + p.channels);
-    uint8_t *top = check_buffer(check, in_bytes, 1, SLACK), *bottom = check_buffer(check, in_bytes, 1, SLACK);
+    uint8_t *top = check_buffer(check, in_bytes, 1, SLACK),
+            *bottom = check_buffer(check, in_bytes, 1, SLACK);
     uint8_t *expected = check_buffer(check, bytes, 1, 0), *found = check_buffer(check, bytes, 1, 0);
     check_fill(check, top, in_bytes);
     check_fill(check, bottom, in_bytes);
@@ -367,15 +393,20 @@ void bench_nn_blend_u8(struct check *check, fv_k_nn_blend_u8_fn *variant)
             columns[3 * x + 1] = x / 16 + (x < 512);
             columns[3 * x + 2] = x % 16;
         }
-        *p = (struct fv_nn_blend){
-            .channels = 21, .in_stride = 21, .out_w = 513, .out_stride = 21, .bits = 4, .columns = columns};
+        *p = (struct fv_nn_blend){.channels = 21,
+                                  .in_stride = 21,
+                                  .out_w = 513,
+                                  .out_stride = 21,
+                                  .bits = 4,
+                                  .columns = columns};
         check->kept = p;
     }
     snprintf(check->size, sizeof check->size, "row of 513x21");
     variant(p, bench_scratch(), bench_scratch() + 4096, 7, bench_scratch() + (1 << 20));
 }
 
-void check_nn_argmax_u8(struct check *check, fv_k_nn_argmax_u8_fn *reference, fv_k_nn_argmax_u8_fn *variant)
+void check_nn_argmax_u8(struct check *check, fv_k_nn_argmax_u8_fn *reference,
+                        fv_k_nn_argmax_u8_fn *variant)
 {
     const int32_t axis = check_between(check, 1, check_between(check, 0, 1) ? 40 : 200),
                   count = check_between(check, 1, 20);
@@ -427,7 +458,8 @@ void bench_nn_softmax_u8(struct check *check, fv_k_nn_softmax_u8_fn *variant)
     variant(check->kept, bench_scratch(), bench_scratch() + (1 << 20), 16, 4116);
 }
 
-void check_nn_gather_u8(struct check *check, fv_k_nn_gather_u8_fn *reference, fv_k_nn_gather_u8_fn *variant)
+void check_nn_gather_u8(struct check *check, fv_k_nn_gather_u8_fn *reference,
+                        fv_k_nn_gather_u8_fn *variant)
 {
     const int32_t run = check_between(check, 1, 300), count = check_between(check, 1, 12),
                   step = check_between(check, 1, 200);

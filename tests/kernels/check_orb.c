@@ -26,7 +26,8 @@ static int32_t random_centre(struct check *check, const struct patch *patch, int
            check_between(check, margin, patch->width - 1 - margin);
 }
 
-void check_blur7_row_u8(struct check *check, fv_k_blur7_row_u8_fn *reference, fv_k_blur7_row_u8_fn *variant)
+void check_blur7_row_u8(struct check *check, fv_k_blur7_row_u8_fn *reference,
+                        fv_k_blur7_row_u8_fn *variant)
 {
     const int32_t width = check_between(check, 4, check_between(check, 0, 1) ? 300 : 40);
     const uint8_t *rows[7];
@@ -56,7 +57,8 @@ void bench_blur7_row_u8(struct check *check, fv_k_blur7_row_u8_fn *variant)
     }
 }
 
-void check_moments_u8(struct check *check, fv_k_moments_u8_fn *reference, fv_k_moments_u8_fn *variant)
+void check_moments_u8(struct check *check, fv_k_moments_u8_fn *reference,
+                      fv_k_moments_u8_fn *variant)
 {
     enum { COUNT = 5 };
     const struct patch patch = random_patch(check, 16);
@@ -74,7 +76,8 @@ enum { BENCH_FEATURES = 1000 };
 
 static int32_t bench_centre(int i)
 {
-    return (20 + i * 7919 % (BENCH_HEIGHT - 40)) * BENCH_STRIDE + 20 + i * 6151 % (BENCH_WIDTH - 48);
+    return (20 + i * 7919 % (BENCH_HEIGHT - 40)) * BENCH_STRIDE + 20 +
+           i * 6151 % (BENCH_WIDTH - 48);
 }
 
 void bench_moments_u8(struct check *check, fv_k_moments_u8_fn *variant)
@@ -112,6 +115,6 @@ void bench_brief_u8(struct check *check, fv_k_brief_u8_fn *variant)
     for (int i = 0; i < 4 * FV_BRIEF_BITS; i++)
         places[i] = (int8_t)(i * 31 % 37 - 18);
     for (int i = 0; i < BENCH_FEATURES; i++)
-        variant(bench_scratch() + FV_DESCRIPTOR_BYTES * i, bench_image() + bench_centre(i), places, 1,
-                BENCH_STRIDE);
+        variant(bench_scratch() + FV_DESCRIPTOR_BYTES * i, bench_image() + bench_centre(i), places,
+                1, BENCH_STRIDE);
 }

@@ -2,8 +2,9 @@
 
 static struct fv_remap_block random_block(struct check *check, int32_t width, int32_t height)
 {
-    struct fv_remap_block block = {.x = (int16_t)check_between(check, 0, width - FV_REMAP_WINDOW_COLUMNS),
-                                   .y = (int16_t)check_between(check, 0, height - FV_REMAP_WINDOW_ROWS)};
+    struct fv_remap_block block = {
+        .x = (int16_t)check_between(check, 0, width - FV_REMAP_WINDOW_COLUMNS),
+        .y = (int16_t)check_between(check, 0, height - FV_REMAP_WINDOW_ROWS)};
     for (int i = 0; i < FV_REMAP_BLOCK; i++) {
         static const uint8_t rows[3] = {0, FV_REMAP_ROW_1, FV_REMAP_ROW_1 | FV_REMAP_ROW_2};
         block.at[i] = (uint8_t)(check_between(check, 0, 14) | rows[check_between(check, 0, 2)]);
@@ -14,12 +15,14 @@ static struct fv_remap_block random_block(struct check *check, int32_t width, in
     return block;
 }
 
-void check_remap_row_u8(struct check *check, fv_k_remap_row_u8_fn *reference, fv_k_remap_row_u8_fn *variant)
+void check_remap_row_u8(struct check *check, fv_k_remap_row_u8_fn *reference,
+                        fv_k_remap_row_u8_fn *variant)
 {
     enum { SCATTERED = 4 * FV_REMAP_BLOCK };
     const int32_t width = check_between(check, 16, 60), height = check_between(check, 4, 30);
     const int32_t stride = width + check_between(check, 0, 20), count = check_between(check, 0, 20);
-    const size_t bytes = (size_t)(stride * (height - 1) + width), out_bytes = FV_REMAP_BLOCK * (size_t)count;
+    const size_t bytes = (size_t)(stride * (height - 1) + width),
+                 out_bytes = FV_REMAP_BLOCK * (size_t)count;
     uint8_t *source = check_buffer(check, bytes, 1, 0);
     check_fill(check, source, bytes);
     struct fv_remap_pixel scattered[SCATTERED];
@@ -36,13 +39,15 @@ void check_remap_row_u8(struct check *check, fv_k_remap_row_u8_fn *reference, fv
             blocks[k] = (struct fv_remap_block){.x = FV_REMAP_BLOCK * check_between(check, 0, 3),
                                                 .y = FV_REMAP_SCATTERED};
     }
-    uint8_t *expected = check_buffer(check, out_bytes, 1, 0), *found = check_buffer(check, out_bytes, 1, 0);
+    uint8_t *expected = check_buffer(check, out_bytes, 1, 0),
+            *found = check_buffer(check, out_bytes, 1, 0);
     reference(expected, source, stride, blocks, count, scattered);
     variant(found, source, stride, blocks, count, scattered);
     check_equal(check, "remapped row", expected, found, out_bytes);
 }
 
-/* A map like that of a barrel lens: columns and rows advance a little slower than the output, and bend. */
+/* A map like that of a barrel lens: columns and rows advance a little slower than the output, and
+ * bend. */
 void bench_remap_row_u8(struct check *check, fv_k_remap_row_u8_fn *variant)
 {
     (void)check;
@@ -62,5 +67,6 @@ void bench_remap_row_u8(struct check *check, fv_k_remap_row_u8_fn *variant)
         }
     made = 1;
     for (int y = 0; y < BENCH_HEIGHT; y++)
-        variant(bench_scratch() + y * BENCH_STRIDE, bench_image(), BENCH_STRIDE, map[y], BLOCKS, NULL);
+        variant(bench_scratch() + y * BENCH_STRIDE, bench_image(), BENCH_STRIDE, map[y], BLOCKS,
+                NULL);
 }

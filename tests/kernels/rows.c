@@ -1,24 +1,25 @@
-/* One entry for each variant of each row of kernels.def. A row without its check_<name> and bench_<name> does not link. */
+/* One entry for each variant of each row of kernels.def. A row without its check_<name> and
+ * bench_<name> does not link. */
 #include "kernels/check.h"
 
-#define FV_KERNEL(name, ...)                                                                                 \
-    static void bench_##name##__c(struct check *check)                                                       \
-    {                                                                                                        \
-        bench_##name(check, fv_k_##name##__c);                                                               \
-    }                                                                                                        \
-    static void check_##name##__c(struct check *check)                                                       \
-    {                                                                                                        \
-        check_##name(check, fv_k_##name##__c, fv_k_##name##__c);                                             \
-    }                                                                                                        \
+#define FV_KERNEL(name, ...)                                                                       \
+    static void bench_##name##__c(struct check *check)                                             \
+    {                                                                                              \
+        bench_##name(check, fv_k_##name##__c);                                                     \
+    }                                                                                              \
+    static void check_##name##__c(struct check *check)                                             \
+    {                                                                                              \
+        check_##name(check, fv_k_##name##__c, fv_k_##name##__c);                                   \
+    }                                                                                              \
     FV_VARIANTS(WRAP, name, __VA_ARGS__)
-#define WRAP(name, isa, bit)                                                                                 \
-    static void check_##name##__##isa(struct check *check)                                                   \
-    {                                                                                                        \
-        check_##name(check, fv_k_##name##__c, fv_k_##name##__##isa);                                         \
-    }                                                                                                        \
-    static void bench_##name##__##isa(struct check *check)                                                   \
-    {                                                                                                        \
-        bench_##name(check, fv_k_##name##__##isa);                                                           \
+#define WRAP(name, isa, bit)                                                                       \
+    static void check_##name##__##isa(struct check *check)                                         \
+    {                                                                                              \
+        check_##name(check, fv_k_##name##__c, fv_k_##name##__##isa);                               \
+    }                                                                                              \
+    static void bench_##name##__##isa(struct check *check)                                         \
+    {                                                                                              \
+        bench_##name(check, fv_k_##name##__##isa);                                                 \
     }
 #include "kernels/kernels.def"
 #undef FV_KERNEL

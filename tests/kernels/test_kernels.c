@@ -1,11 +1,12 @@
-/* Proves every SIMD variant of every kernel equal to C on random and extreme inputs, and times them.
+/* Proves every SIMD variant of every kernel equal to C on random and extreme inputs, and times
+ * them.
  *
  *   test_kernels                     check all
  *   test_kernels NAME...             check the kernels whose name contains NAME
  *   test_kernels --seed S NAME       repeat a failure
  *   test_kernels --bench [NAME...]   time each variant: nanoseconds per image, and how many times C
- *   test_kernels --times N VARIANT   do the work of that benchmark N times (to count instructions, to profile)
- *   test_kernels --list              names of the variants that this processor can run
+ *   test_kernels --times N VARIANT   do the work of that benchmark N times (to count instructions,
+ * to profile) test_kernels --list              names of the variants that this processor can run
  *
  * Variants that the processor lacks are named and skipped. FOVEA_CPU caps what is run. */
 #include "kernels/check.h"
@@ -73,9 +74,9 @@ static bool available(const struct kernel_variant *variant)
 static void on_fault(int number)
 {
     char line[256];
-    const int bytes =
-        snprintf(line, sizeof line, "FAILED %s__%s, seed %llu: signal %d (access outside a buffer?)\n",
-                 current.kernel, current.isa, (unsigned long long)current.seed, number);
+    const int bytes = snprintf(
+        line, sizeof line, "FAILED %s__%s, seed %llu: signal %d (access outside a buffer?)\n",
+        current.kernel, current.isa, (unsigned long long)current.seed, number);
     if (write(STDOUT_FILENO, line, (size_t)bytes) != bytes) _exit(2);
     _exit(1);
 }
@@ -90,8 +91,8 @@ static void check_variant(void **state)
     enum { ROUNDS = 200 };
     for (int round = 0; round < (options.seeded ? 1 : ROUNDS); round++) {
         const uint64_t seed = options.seeded ? options.seed : (uint64_t)round * 1000003u + 17;
-        current =
-            (struct check){.seed = seed, .random = seed, .kernel = variant->kernel, .isa = variant->isa};
+        current = (struct check){
+            .seed = seed, .random = seed, .kernel = variant->kernel, .isa = variant->isa};
         variant->check(&current);
         check_release(&current);
         if (current.failed) fail_msg("%s__%s", variant->kernel, variant->isa);
@@ -139,7 +140,8 @@ static int bench(void)
         const int64_t ns = time_variant(variant);
         if (variant->bit == 0) c_ns = ns;
         printf("%-28s %-10s %12lld %8.2f  %s\n", variant->kernel, variant->isa, (long long)ns,
-               (double)c_ns / (double)(ns > 0 ? ns : 1), current.size[0] != '\0' ? current.size : "752x480");
+               (double)c_ns / (double)(ns > 0 ? ns : 1),
+               current.size[0] != '\0' ? current.size : "752x480");
     }
     return 0;
 }
@@ -179,7 +181,8 @@ int main(int argc, char **argv)
     size_t count = 0;
     for (int i = 0; i < kernel_variant_count && tests != NULL && names != NULL; i++) {
         if (!chosen(&kernel_variants[i])) continue;
-        snprintf(names[count], sizeof *names, "%s__%s", kernel_variants[i].kernel, kernel_variants[i].isa);
+        snprintf(names[count], sizeof *names, "%s__%s", kernel_variants[i].kernel,
+                 kernel_variants[i].isa);
         tests[count] = (struct CMUnitTest){.name = names[count],
                                            .test_func = check_variant,
                                            .initial_state = (void *)(uintptr_t)&kernel_variants[i]};

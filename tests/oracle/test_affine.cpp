@@ -1,10 +1,11 @@
-/* Matching score of our ORB beside OpenCV's on the Oxford affine sets (Mikolajczyk et al., IJCV 2005): image
- * 1 against images 2 to 6, related by known homographies, the same number of features asked of both.
+/* Matching score of our ORB beside OpenCV's on the Oxford affine sets (Mikolajczyk et al., IJCV
+ * 2005): image 1 against images 2 to 6, related by known homographies, the same number of features
+ * asked of both.
  *
- * A match is a pair of mutually nearest descriptors; it is right when the homography brings one point within
- * 2.5 pixels of the other in both images. Score = right matches / features of image 1 that lie in image 2 (or
- * the other way round, whichever are fewer). Also printed: median distance of the right matches in image 2,
- * and the share of 16 x 16 cells of image 1 that hold a feature.
+ * A match is a pair of mutually nearest descriptors; it is right when the homography brings one
+ * point within 2.5 pixels of the other in both images. Score = right matches / features of image 1
+ * that lie in image 2 (or the other way round, whichever are fewer). Also printed: median distance
+ * of the right matches in image 2, and the share of 16 x 16 cells of image 1 that hold a feature.
  *
  *   test_affine [COUNT]     default 1000 */
 #include "oracle/images.h"
@@ -58,7 +59,8 @@ Set ours(const cv::Mat &image, uint32_t count)
     Set set;
     for (uint32_t i = 0; i < found; i++)
         set.points.emplace_back(features.list[i].x_px, features.list[i].y_px);
-    set.descriptors = cv::Mat(static_cast<int>(found), FV_DESCRIPTOR_BYTES, CV_8U, orb.descriptors).clone();
+    set.descriptors =
+        cv::Mat(static_cast<int>(found), FV_DESCRIPTOR_BYTES, CV_8U, orb.descriptors).clone();
     set.spread = spread_of(set.points, image.size());
     return set;
 }
@@ -67,7 +69,8 @@ Set theirs(const cv::Mat &image, uint32_t count)
 {
     std::vector<cv::KeyPoint> points;
     Set set;
-    cv::ORB::create(static_cast<int>(count))->detectAndCompute(image, cv::noArray(), points, set.descriptors);
+    cv::ORB::create(static_cast<int>(count))
+        ->detectAndCompute(image, cv::noArray(), points, set.descriptors);
     for (const auto &p : points)
         set.points.emplace_back(p.pt.x, p.pt.y);
     set.spread = spread_of(set.points, image.size());
@@ -108,8 +111,9 @@ Score match(const Set &a, const Set &b, const cv::Matx33d &H, cv::Size size_a, c
     }
     Score score;
     score.right = static_cast<int>(errors.size());
-    score.score = score.right / static_cast<double>(std::max(1, std::min(inside(a.points, H, size_b),
-                                                                         inside(b.points, H.inv(), size_a))));
+    score.score =
+        score.right / static_cast<double>(std::max(1, std::min(inside(a.points, H, size_b),
+                                                               inside(b.points, H.inv(), size_a))));
     if (!errors.empty()) {
         std::nth_element(errors.begin(), errors.begin() + score.right / 2, errors.end());
         score.error_px = errors[static_cast<size_t>(score.right / 2)];
@@ -144,17 +148,19 @@ int main(int argc, char **argv)
         }
         const Set a = ours(first, count), cv_a = theirs(first, count);
         double sum = 0, cv_sum = 0;
-        std::printf("%-6s spread %.2f, OpenCV %.2f; features %zu, OpenCV %zu\n", name.c_str(), a.spread,
-                    cv_a.spread, a.points.size(), cv_a.points.size());
+        std::printf("%-6s spread %.2f, OpenCV %.2f; features %zu, OpenCV %zu\n", name.c_str(),
+                    a.spread, cv_a.spread, a.points.size(), cv_a.points.size());
         for (int i = 2; i <= 6; i++) {
             const cv::Mat image =
                 cv::imread(folder + "img" + std::to_string(i) + ".png", cv::IMREAD_GRAYSCALE);
             cv::Matx33d H;
-            if (image.empty() || !read_homography(folder + "H1to" + std::to_string(i) + "p.xml", H)) return 1;
+            if (image.empty() || !read_homography(folder + "H1to" + std::to_string(i) + "p.xml", H))
+                return 1;
             const Score s = match(a, ours(image, count), H, first.size(), image.size());
             const Score cv_s = match(cv_a, theirs(image, count), H, first.size(), image.size());
-            std::printf("  1-%d   score %.3f, %3d right, %.2f px;   OpenCV %.3f, %3d right, %.2f px\n", i,
-                        s.score, s.right, s.error_px, cv_s.score, cv_s.right, cv_s.error_px);
+            std::printf(
+                "  1-%d   score %.3f, %3d right, %.2f px;   OpenCV %.3f, %3d right, %.2f px\n", i,
+                s.score, s.right, s.error_px, cv_s.score, cv_s.right, cv_s.error_px);
             sum += s.score;
             cv_sum += cv_s.score;
         }

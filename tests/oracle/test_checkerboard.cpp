@@ -1,6 +1,7 @@
-/* The lens model on real pictures of a checkerboard with strong barrel distortion (vamr_checkerboard),
- * through the published K and D: the board's corners, projected from the published poses, against those found
- * in the images; and lines of the board, straight after rectification. */
+/* The lens model on real pictures of a checkerboard with strong barrel distortion
+ * (vamr_checkerboard), through the published K and D: the board's corners, projected from the
+ * published poses, against those found in the images; and lines of the board, straight after
+ * rectification. */
 #include "oracle/images.h"
 
 #include <array>
@@ -45,14 +46,14 @@ bool read_set(const std::string &folder, Set &set)
     const std::vector<double> K = numbers_of(folder + "K.txt"), D = numbers_of(folder + "D.txt"),
                               poses = numbers_of(folder + "poses.txt");
     if (K.size() != 9 || D.size() != 2 || poses.size() % 6 != 0) {
-        std::printf("FAILED %s: found %zu numbers in K.txt, %zu in D.txt, %zu in poses.txt\n", folder.c_str(),
-                    K.size(), D.size(), poses.size());
+        std::printf("FAILED %s: found %zu numbers in K.txt, %zu in D.txt, %zu in poses.txt\n",
+                    folder.c_str(), K.size(), D.size(), poses.size());
         return false;
     }
     set.camera = {752, 480, FOVEA_LENS_RADTAN, K[0], K[4], K[2], K[5], {D[0], D[1]}, 0};
     for (const auto &name : set.images) {
-        const size_t line =
-            std::strtoul(name.c_str() + name.rfind('_') + 1, nullptr, 10); /* img_0009.jpg: the ninth */
+        const size_t line = std::strtoul(name.c_str() + name.rfind('_') + 1, nullptr,
+                                         10); /* img_0009.jpg: the ninth */
         Pose pose;
         if (line < 1 || 6 * line > poses.size()) return false;
         for (size_t i = 0; i < 6; i++)
@@ -71,10 +72,11 @@ bool find_board(const cv::Mat &image, std::vector<cv::Point2f> &corners)
     return true;
 }
 
-/* Distances of the found corners from where the camera model puts them. Found boards may start at either end.
+/* Distances of the found corners from where the camera model puts them. Found boards may start at
+ * either end.
  */
-bool corner_errors(const struct fovea_camera &camera, const Pose &pose, const std::vector<cv::Point2f> &found,
-                   std::vector<double> &errors)
+bool corner_errors(const struct fovea_camera &camera, const Pose &pose,
+                   const std::vector<cv::Point2f> &found, std::vector<double> &errors)
 {
     cv::Matx33d R;
     cv::Rodrigues(cv::Vec3d(pose[0], pose[1], pose[2]), R);
@@ -82,8 +84,8 @@ bool corner_errors(const struct fovea_camera &camera, const Pose &pose, const st
     std::vector<double> there(count), back(count);
     double there_sum = 0, back_sum = 0;
     for (size_t i = 0; i < count; i++) {
-        const cv::Vec3d corner(static_cast<double>(i % 9) * square_m, static_cast<double>(i / 9) * square_m,
-                               0);
+        const cv::Vec3d corner(static_cast<double>(i % 9) * square_m,
+                               static_cast<double>(i / 9) * square_m, 0);
         const cv::Vec3d p = R * corner + cv::Vec3d(pose[3], pose[4], pose[5]);
         double pixel[2];
         if (fovea_camera_project(&camera, p.val, pixel, nullptr) != FOVEA_OK) return false;
@@ -132,7 +134,8 @@ struct Rectifier {
     explicit Rectifier(const struct fovea_camera &camera)
     {
         fv_kernels_init(&kernels, fv_cpu_best(fv_cpu_detect()));
-        fv_view_choose(&camera, FV_VIEW_PINHOLE, FV_VIEW_CROP, camera.width, camera.height, &view, nullptr);
+        fv_view_choose(&camera, FV_VIEW_PINHOLE, FV_VIEW_CROP, camera.width, camera.height, &view,
+                       nullptr);
         block = std::make_unique<bench::Block>(
             [&](struct fv_arena *arena) { fv_rectify_carve(&map, &camera, &view, arena); });
     }
@@ -173,18 +176,21 @@ int main()
             raw.push_back(crookedness_of_board(corners));
             if (!corner_errors(set.camera, set.poses[i], corners, errors)) return 1;
         }
-        if (find_board(rectifier.run(image), corners)) straight.push_back(crookedness_of_board(corners));
+        if (find_board(rectifier.run(image), corners))
+            straight.push_back(crookedness_of_board(corners));
     }
     if (found < set.images.size() / 2 || straight.size() < set.images.size() / 2) {
         std::printf("FAILED: board found in %zu of %zu images, in %zu rectified ones\n", found,
                     set.images.size(), straight.size());
         return 1;
     }
-    const double error = median(errors), worst = *std::max_element(straight.begin(), straight.end());
-    std::printf("projected corners: median %.3f px from those found, %zu corners of %zu images\n", error,
-                errors.size(), found);
-    std::printf("worst line of a board off straight by %.3f px RMS, median of %zu images (largest %.3f); raw "
-                "%.2f px\n",
-                median(straight), straight.size(), worst, median(raw));
+    const double error = median(errors),
+                 worst = *std::max_element(straight.begin(), straight.end());
+    std::printf("projected corners: median %.3f px from those found, %zu corners of %zu images\n",
+                error, errors.size(), found);
+    std::printf(
+        "worst line of a board off straight by %.3f px RMS, median of %zu images (largest %.3f); raw "
+        "%.2f px\n",
+        median(straight), straight.size(), worst, median(raw));
     return error < 0.25 && worst < 0.3 ? 0 : 1;
 }

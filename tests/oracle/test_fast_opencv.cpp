@@ -1,7 +1,8 @@
-/* FAST corners and scores equal OpenCV's FAST with suppression, on every image of the data folder (or of opencv-doc),
- * over thresholds 5 to 60, with every kernel set of this processor.
+/* FAST corners and scores equal OpenCV's FAST with suppression, on every image of the data folder
+ * (or of opencv-doc), over thresholds 5 to 60, with every kernel set of this processor.
  *
- *   test_fast_opencv [FOLDER [LIMIT]]     default: up to 60 images of $FOVEA_DATA; LIMIT 0: all of them */
+ *   test_fast_opencv [FOLDER [LIMIT]]     default: up to 60 images of $FOVEA_DATA; LIMIT 0: all of
+ * them */
 #include "oracle/images.h"
 
 #include <cstdio>
@@ -43,8 +44,8 @@ std::vector<Corner> ours(const struct fv_kernels &kernels, const cv::Mat &image,
 
     std::vector<Corner> corners;
     struct fv_fast fast;
-    fv_fast_begin(&fast, &kernels, pixels.data(), stride, image.cols, image.rows, FV_FAST_BORDER_MIN_PX,
-                  threshold, &scratch);
+    fv_fast_begin(&fast, &kernels, pixels.data(), stride, image.cols, image.rows,
+                  FV_FAST_BORDER_MIN_PX, threshold, &scratch);
     while (fv_fast_next(&fast))
         for (int i = 0; i < fast.count; i++)
             corners.push_back({fast.columns[i], fast.y, fast.scores[fast.columns[i]]});
@@ -57,7 +58,8 @@ std::vector<Corner> theirs(const cv::Mat &image, int threshold)
     std::vector<Corner> corners;
     cv::FAST(image, points, threshold, true, cv::FastFeatureDetector::TYPE_9_16);
     for (const auto &p : points)
-        corners.push_back({static_cast<int>(p.pt.x), static_cast<int>(p.pt.y), static_cast<int>(p.response)});
+        corners.push_back(
+            {static_cast<int>(p.pt.x), static_cast<int>(p.pt.y), static_cast<int>(p.response)});
     return corners;
 }
 
@@ -66,12 +68,13 @@ bool compare(const char *set, const std::string &name, const cv::Mat &image, int
 {
     const std::vector<Corner> found = ours(kernels, image, threshold);
     if (found == expected) return true;
-    std::printf("FAILED %s, threshold %d, kernels %s: OpenCV finds %zu corners, found %zu\n", name.c_str(),
-                threshold, set, expected.size(), found.size());
+    std::printf("FAILED %s, threshold %d, kernels %s: OpenCV finds %zu corners, found %zu\n",
+                name.c_str(), threshold, set, expected.size(), found.size());
     for (size_t i = 0; i < std::min(found.size(), expected.size()); i++) {
         if (found[i] == expected[i]) continue;
-        std::printf("  first difference: OpenCV (%d, %d) score %d, found (%d, %d) score %d\n", expected[i].x,
-                    expected[i].y, expected[i].score, found[i].x, found[i].y, found[i].score);
+        std::printf("  first difference: OpenCV (%d, %d) score %d, found (%d, %d) score %d\n",
+                    expected[i].x, expected[i].y, expected[i].score, found[i].x, found[i].y,
+                    found[i].score);
         break;
     }
     return false;
@@ -94,7 +97,8 @@ int main(int argc, char **argv)
     for (int set = 0; set < FV_CPU_SET_COUNT; set++) {
         struct fv_kernels kernels;
         fv_kernels_init(&kernels, static_cast<enum fv_cpu_set>(set));
-        if (kernels.set == set && set != FV_CPU_C) sets.push_back({fv_cpu_set_name(kernels.set), kernels});
+        if (kernels.set == set && set != FV_CPU_C)
+            sets.push_back({fv_cpu_set_name(kernels.set), kernels});
     }
     struct fv_kernels plain;
     fv_kernels_init(&plain, FV_CPU_C);
@@ -127,6 +131,7 @@ int main(int argc, char **argv)
                 if (!compare(set.first, "noise", noise, threshold, set.second, expected)) return 1;
         }
     }
-    std::printf("%zu images, %zu corners of OpenCV, all equal in place and score\n", images, corners);
+    std::printf("%zu images, %zu corners of OpenCV, all equal in place and score\n", images,
+                corners);
     return corners > 1000 ? 0 : 1;
 }

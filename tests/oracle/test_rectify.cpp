@@ -1,5 +1,5 @@
-/* Rectification: every output pixel against the exact map in double precision, pinhole and cylinder, crop and
- * keep-all, narrow and wide lenses; and a real image against cv::remap. */
+/* Rectification: every output pixel against the exact map in double precision, pinhole and
+ * cylinder, crop and keep-all, narrow and wide lenses; and a real image against cv::remap. */
 #include "oracle/images.h"
 
 #include <cmath>
@@ -17,8 +17,8 @@
 namespace
 {
 
-struct fovea_camera camera_of(enum fovea_lens lens, int width, int height, double fx, double fy, double cx,
-                              double cy, std::initializer_list<double> k)
+struct fovea_camera camera_of(enum fovea_lens lens, int width, int height, double fx, double fy,
+                              double cx, double cy, std::initializer_list<double> k)
 {
     struct fovea_camera camera = {};
     struct fovea_error error;
@@ -32,11 +32,12 @@ struct fovea_camera camera_of(enum fovea_lens lens, int width, int height, doubl
     return camera;
 }
 
-cv::Mat rectified(const struct fovea_camera &camera, const struct fv_rectified &view, const cv::Mat &image,
-                  const struct fv_kernels &kernels)
+cv::Mat rectified(const struct fovea_camera &camera, const struct fv_rectified &view,
+                  const cv::Mat &image, const struct fv_kernels &kernels)
 {
     struct fv_rectify rectify;
-    bench::Block block([&](struct fv_arena *arena) { fv_rectify_carve(&rectify, &camera, &view, arena); });
+    bench::Block block(
+        [&](struct fv_arena *arena) { fv_rectify_carve(&rectify, &camera, &view, arena); });
     cv::Mat out(view.height, rectify.stride_bytes, CV_8U);
     fv_rectify_run(&rectify, &kernels, image.data, static_cast<int32_t>(image.step), out.data);
     return out.colRange(0, view.width).clone();
@@ -49,8 +50,11 @@ double bilinear(const cv::Mat &image, double x, double y)
     const int x0 = std::min(static_cast<int>(x), image.cols - 2),
               y0 = std::min(static_cast<int>(y), image.rows - 2);
     const double fx = x - x0, fy = y - y0;
-    const auto at = [&](int dx, int dy) { return static_cast<double>(image.at<uint8_t>(y0 + dy, x0 + dx)); };
-    return (at(0, 0) * (1 - fx) + at(1, 0) * fx) * (1 - fy) + (at(0, 1) * (1 - fx) + at(1, 1) * fx) * fy;
+    const auto at = [&](int dx, int dy) {
+        return static_cast<double>(image.at<uint8_t>(y0 + dy, x0 + dx));
+    };
+    return (at(0, 0) * (1 - fx) + at(1, 0) * fx) * (1 - fy) +
+           (at(0, 1) * (1 - fx) + at(1, 1) * fx) * fy;
 }
 
 /* A smooth image: then 1/64 pixel and the blend's rounding make less than two grey levels. */
@@ -65,7 +69,8 @@ cv::Mat smooth_image(int width, int height)
 }
 
 bool check_exact(const char *name, const struct fovea_camera &camera, enum fv_view_shape shape,
-                 enum fv_view_fit fit, int width, int height, const std::vector<struct fv_kernels> &sets)
+                 enum fv_view_fit fit, int width, int height,
+                 const std::vector<struct fv_kernels> &sets)
 {
     struct fv_rectified view;
     struct fovea_error error;
@@ -89,19 +94,22 @@ bool check_exact(const char *name, const struct fovea_camera &camera, enum fv_vi
                                  raw[1] > -0.49 && raw[0] < camera.width - 0.51 &&
                                  raw[1] < camera.height - 0.51;
             if (visible)
-                worst = std::max(worst, std::abs(out.at<uint8_t>(y, x) - bilinear(image, raw[0], raw[1])));
+                worst = std::max(worst,
+                                 std::abs(out.at<uint8_t>(y, x) - bilinear(image, raw[0], raw[1])));
             seen += visible;
         }
     const double share = static_cast<double>(seen) / (static_cast<double>(width) * height);
-    std::printf("%-34s f %6.1f, %5.1f %% of pixels seen, worst difference %.2f grey levels\n", name, view.fx,
-                100 * share, worst);
-    return worst < 2 && share > (fit == FV_VIEW_CROP ? 0.9999 : 0.3) && (fit == FV_VIEW_CROP || share < 1);
+    std::printf("%-34s f %6.1f, %5.1f %% of pixels seen, worst difference %.2f grey levels\n", name,
+                view.fx, 100 * share, worst);
+    return worst < 2 && share > (fit == FV_VIEW_CROP ? 0.9999 : 0.3) &&
+           (fit == FV_VIEW_CROP || share < 1);
 }
 
 /* Without distortion the view is the camera, and its image the image. */
 bool check_identity(const struct fv_kernels &kernels)
 {
-    const struct fovea_camera camera = camera_of(FOVEA_LENS_RADTAN, 333, 222, 300, 300, 160, 110, {});
+    const struct fovea_camera camera =
+        camera_of(FOVEA_LENS_RADTAN, 333, 222, 300, 300, 160, 110, {});
     const struct fv_rectified view = {FV_VIEW_PINHOLE, 333, 222, 300, 300, 160, 110};
     cv::Mat image(222, 333, CV_8U);
     cv::RNG(4).fill(image, cv::RNG::UNIFORM, 0, 256);
@@ -124,10 +132,13 @@ bool check_remap(const struct fv_kernels &kernels)
         camera_of(FOVEA_LENS_RADTAN, 752, 480, 458.654, 457.296, 367.215, 248.375,
                   {-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05});
     struct fv_rectified view;
-    if (fv_view_choose(&camera, FV_VIEW_PINHOLE, FV_VIEW_CROP, 752, 480, &view, nullptr) != FOVEA_OK)
+    if (fv_view_choose(&camera, FV_VIEW_PINHOLE, FV_VIEW_CROP, 752, 480, &view, nullptr) !=
+        FOVEA_OK)
         return false;
-    const cv::Mat K = (cv::Mat_<double>(3, 3) << camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1);
-    const cv::Mat D = (cv::Mat_<double>(1, 4) << camera.k[0], camera.k[1], camera.k[2], camera.k[3]);
+    const cv::Mat K =
+        (cv::Mat_<double>(3, 3) << camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1);
+    const cv::Mat D =
+        (cv::Mat_<double>(1, 4) << camera.k[0], camera.k[1], camera.k[2], camera.k[3]);
     const cv::Mat P = (cv::Mat_<double>(3, 3) << view.fx, 0, view.cx, 0, view.fy, view.cy, 0, 0, 1);
     cv::Mat x, y, exact, fixed, expected, map_1, map_2, difference;
     cv::initUndistortRectifyMap(K, D, cv::noArray(), P, image.size(), CV_32F, x, y);
@@ -142,9 +153,10 @@ bool check_remap(const struct fv_kernels &kernels)
     const cv::Rect inner(1, 1, 750, 478);
     const double error = cv::norm(ours(inner), exact(inner), cv::NORM_L1) / inner.area();
     const double cv_error = cv::norm(fixed(inner), exact(inner), cv::NORM_L1) / inner.area();
-    std::printf("EuRoC image: mean difference to exact resampling %.3f grey levels, OpenCV's fixed-point "
-                "remap %.3f\n",
-                error, cv_error);
+    std::printf(
+        "EuRoC image: mean difference to exact resampling %.3f grey levels, OpenCV's fixed-point "
+        "remap %.3f\n",
+        error, cv_error);
     return error < 0.26; /* rounding to whole grey levels alone makes 0.25 */
 }
 
@@ -161,23 +173,27 @@ int main()
     const struct fovea_camera drone =
         camera_of(FOVEA_LENS_RADTAN, 752, 480, 458.654, 457.296, 367.215, 248.375,
                   {-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05});
-    const struct fovea_camera fisheye = camera_of(FOVEA_LENS_EQUIDISTANT, 960, 600, 227.37, 226.55, 471.42,
-                                                  305.64, {0.02474, -0.02245, 0.0188, -0.00682});
+    const struct fovea_camera fisheye =
+        camera_of(FOVEA_LENS_EQUIDISTANT, 960, 600, 227.37, 226.55, 471.42, 305.64,
+                  {0.02474, -0.02245, 0.0188, -0.00682});
     bool good = check_identity(sets.back());
-    good = check_exact("drone, pinhole, crop", drone, FV_VIEW_PINHOLE, FV_VIEW_CROP, 752, 480, sets) && good;
-    good = check_exact("drone, pinhole, keep all, odd size", drone, FV_VIEW_PINHOLE, FV_VIEW_KEEP_ALL, 641,
-                       399, sets) &&
-           good;
     good =
-        check_exact("drone, cylinder, crop", drone, FV_VIEW_CYLINDER, FV_VIEW_CROP, 640, 480, sets) && good;
-    good = check_exact("fisheye, cylinder, keep all", fisheye, FV_VIEW_CYLINDER, FV_VIEW_KEEP_ALL, 960, 600,
+        check_exact("drone, pinhole, crop", drone, FV_VIEW_PINHOLE, FV_VIEW_CROP, 752, 480, sets) &&
+        good;
+    good = check_exact("drone, pinhole, keep all, odd size", drone, FV_VIEW_PINHOLE,
+                       FV_VIEW_KEEP_ALL, 641, 399, sets) &&
+           good;
+    good = check_exact("drone, cylinder, crop", drone, FV_VIEW_CYLINDER, FV_VIEW_CROP, 640, 480,
                        sets) &&
            good;
-    good = check_exact("fisheye, pinhole, keep all", fisheye, FV_VIEW_PINHOLE, FV_VIEW_KEEP_ALL, 960, 600,
-                       sets) &&
+    good = check_exact("fisheye, cylinder, keep all", fisheye, FV_VIEW_CYLINDER, FV_VIEW_KEEP_ALL,
+                       960, 600, sets) &&
            good;
-    good = check_exact("fisheye, pinhole, crop, small", fisheye, FV_VIEW_PINHOLE, FV_VIEW_CROP, 160, 120,
-                       sets) &&
+    good = check_exact("fisheye, pinhole, keep all", fisheye, FV_VIEW_PINHOLE, FV_VIEW_KEEP_ALL,
+                       960, 600, sets) &&
+           good;
+    good = check_exact("fisheye, pinhole, crop, small", fisheye, FV_VIEW_PINHOLE, FV_VIEW_CROP, 160,
+                       120, sets) &&
            good;
     good = check_remap(sets.back()) && good;
     return good ? 0 : 1;

@@ -1,8 +1,9 @@
-/* The armed proof: ten thousand steps and works without a heap call, a lock or a system call. The steps run in a child
- * process under a seccomp filter that kills it at the first system call, with malloc and the lock functions interposed.
- * The steps come to everything that a loop does: a way through the simulated corridor that closes a loop, darkness that
- * loses the camera and its being found again, a map saved, then pictures that fit nothing, pauses, resets, frames that are
- * missing or refused. And the trap works: a planted call of each kind is caught. */
+/* The armed proof: ten thousand steps and works without a heap call, a lock or a system call. The
+ * steps run in a child process under a seccomp filter that kills it at the first system call, with
+ * malloc and the lock functions interposed. The steps come to everything that a loop does: a way
+ * through the simulated corridor that closes a loop, darkness that loses the camera and its being
+ * found again, a map saved, then pictures that fit nothing, pauses, resets, frames that are missing
+ * or refused. And the trap works: a planted call of each kind is caught. */
 #ifdef FOVEA_SANITIZED
 #include <stdio.h>
 
@@ -36,7 +37,8 @@ int main(void)
 
 enum { WIDTH = 320, HEIGHT = 240, STEPS = 10000, PICTURES = 4 };
 
-/* The corridor once round, every fourth frame, then dark ones, then a part of it again from another place. */
+/* The corridor once round, every fourth frame, then dark ones, then a part of it again from another
+ * place. */
 enum {
     CORRIDOR = 323,
     DARK = 30,
@@ -46,7 +48,9 @@ enum {
     SAVE_AT = 300
 };
 
-/* ---- traps --------------------------------------------------------------------------------------------------- */
+/* ---- traps
+ * ---------------------------------------------------------------------------------------------------
+ */
 
 static volatile int armed;
 void *volatile planted_piece; /* seen from outside, so that a planted call is not optimised away */
@@ -66,8 +70,8 @@ static void on_heap_free(void)
     trip();
 }
 
-/* A lock taken in the loop would have to be one of these. Outside of the armed time the test has one thread, so doing
- * nothing is right. */
+/* A lock taken in the loop would have to be one of these. Outside of the armed time the test has
+ * one thread, so doing nothing is right. */
 int pthread_mutex_lock(pthread_mutex_t *mutex)
 {
     (void)mutex;
@@ -101,7 +105,8 @@ int pthread_rwlock_unlock(pthread_rwlock_t *lock)
     return 0;
 }
 
-/* From here on only exit_group is allowed. False where the kernel (or an emulator) has no filters. */
+/* From here on only exit_group is allowed. False where the kernel (or an emulator) has no filters.
+ */
 static int forbid_system_calls(void)
 {
     struct sock_filter filter[] = {
@@ -115,7 +120,9 @@ static int forbid_system_calls(void)
            prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &program) == 0;
 }
 
-/* ---- the steps ----------------------------------------------------------------------------------------------- */
+/* ---- the steps
+ * -----------------------------------------------------------------------------------------------
+ */
 
 static uint8_t pictures[PICTURES][WIDTH * HEIGHT], dark[WIDTH * HEIGHT];
 static uint8_t (*corridor)[WIDTH * HEIGHT];
@@ -160,12 +167,15 @@ static bool film(struct fovea_camera *camera)
     struct fovea_error error;
     corridor = map_pages((size_t)CORRIDOR * sizeof *corridor, MAP_PRIVATE);
     if (corridor == NULL ||
-        fovea_source_find("sim:corridor?width=320&height=240", &ops, &address, &error) != FOVEA_OK ||
-        ops->open(address, &selection, &source, &error) != FOVEA_OK || ops->start(source, &error) != FOVEA_OK)
+        fovea_source_find("sim:corridor?width=320&height=240", &ops, &address, &error) !=
+            FOVEA_OK ||
+        ops->open(address, &selection, &source, &error) != FOVEA_OK ||
+        ops->start(source, &error) != FOVEA_OK)
         return false;
     *camera = ops->info(source)->camera;
     for (int i = 0; i < CORRIDOR; i++) {
-        if (ops->dequeue(source, INT64_MAX, &frame) != FOVEA_OK || frame.image.stride_bytes != WIDTH)
+        if (ops->dequeue(source, INT64_MAX, &frame) != FOVEA_OK ||
+            frame.image.stride_bytes != WIDTH)
             return false;
         memcpy(corridor[i], frame.image.data, sizeof corridor[i]);
         ops->requeue(source, &frame);
@@ -311,9 +321,11 @@ static void ten_thousand_steps_call_nothing(void **state)
     if (!WIFEXITED(status)) print_error("the loop was caught: signal %d\n", WTERMSIG(status));
     assert_true(WIFEXITED(status));
     assert_int_equal(WEXITSTATUS(status), 0);
-    print_message("posed %d, lost %d, found again %d, loops %d, saved %d bytes\n", (int)tally->posed,
-                  (int)tally->lost, (int)tally->found_again, (int)tally->loops, (int)tally->saved_bytes);
-    assert_true(tally->posed > WAY / 2 && tally->lost > 0 && tally->found_again > 0 && tally->loops > 0);
+    print_message("posed %d, lost %d, found again %d, loops %d, saved %d bytes\n",
+                  (int)tally->posed, (int)tally->lost, (int)tally->found_again, (int)tally->loops,
+                  (int)tally->saved_bytes);
+    assert_true(tally->posed > WAY / 2 && tally->lost > 0 && tally->found_again > 0 &&
+                tally->loops > 0);
     assert_true(tally->saved_bytes > 0);
     for (int job = 0; job < FOVEA_JOB_COUNT; job++)
         assert_true(tally->jobs_done[job] > 100);

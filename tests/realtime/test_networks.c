@@ -1,5 +1,6 @@
-/* A real network in the loop: with a millisecond of work per frame ssd_mobilenet_v1 completes over several frames, and finds what
- * it finds in one go; no unit takes more than 0.25 ms. The model comes from $FOVEA_DATA and is imported here. */
+/* A real network in the loop: with a millisecond of work per frame ssd_mobilenet_v1 completes over
+ * several frames, and finds what it finds in one go; no unit takes more than 0.25 ms. The model
+ * comes from $FOVEA_DATA and is imported here. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -26,13 +27,15 @@ static int64_t cpu_ns(void)
     return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
 }
 
-/* Import the model with the build's Python; false where there is no model or no Python with the packages. */
+/* Import the model with the build's Python; false where there is no model or no Python with the
+ * packages. */
 static bool import_model(void)
 {
     char source[512], target[] = "/tmp/fovea-test-XXXXXX", command[1600];
     const char *python = getenv("FOVEA_PYTHON");
     struct fovea_error error = {0};
-    snprintf(source, sizeof source, "%s/models/ssd_mobilenet_v1_coco_quant_meta.tflite", fv_data_folder());
+    snprintf(source, sizeof source, "%s/models/ssd_mobilenet_v1_coco_quant_meta.tflite",
+             fv_data_folder());
     if (access(source, R_OK) != 0) {
         printf("SKIPPED network in the loop: no %s\n", source);
         return false;
@@ -43,7 +46,8 @@ static bool import_model(void)
     snprintf(command, sizeof command, "%s tools/import '%s' -o %s >/dev/null 2>&1",
              python != NULL ? python : "build/venv-import/bin/python", source, target);
     const bool imported = system(command) == 0;
-    if (!imported) printf("SKIPPED network in the loop: no Python with the packages tflite and numpy\n");
+    if (!imported)
+        printf("SKIPPED network in the loop: no Python with the packages tflite and numpy\n");
     const bool read = imported && fv_model_file_read(target, &model, &error) == FOVEA_OK;
     if (imported && !read) fail_msg("%s", error.text);
     unlink(target);
@@ -58,7 +62,8 @@ static bool read_picture(const char *name, struct fovea_image *image)
     return fv_colour_read(path, image, &error) == FOVEA_OK;
 }
 
-/* ---- in the loop --------------------------------------------------------------------------------------------- */
+/* ---- in the loop
+ * --------------------------------------------------------------------------------------------- */
 
 struct made {
     void *memory;
@@ -95,7 +100,8 @@ static int frames_until_found(struct made *made, const struct fovea_image *image
 {
     struct fovea_outputs outputs;
     for (int i = 0; i < 5000; i++) {
-        const struct fovea_frame frame = {.image = *image, .stamp_ns = 1000 + i, .sequence = (uint64_t)i};
+        const struct fovea_frame frame = {
+            .image = *image, .stamp_ns = 1000 + i, .sequence = (uint64_t)i};
         struct fovea_inputs inputs = {.frame = &frame, .now_ns = frame.stamp_ns};
         fovea_grants_fixed(&made->config, &inputs.grants);
         fovea_step(made->rt, &inputs, &outputs);
@@ -125,7 +131,8 @@ static void slices_of_a_millisecond_find_the_same(void **state)
         struct made a = make(&image), b = make(&image);
         assert_int_equal(frames_until_found(&a, &image, 0, &whole), 1);
         const int frames = frames_until_found(&b, &image, 1000000, &sliced);
-        printf("%s: %u detections, after %d frames with 1 ms each\n", names[n], whole.count, frames);
+        printf("%s: %u detections, after %d frames with 1 ms each\n", names[n], whole.count,
+               frames);
         assert_true(frames > 2);
         assert_true(whole.count > 0);
         assert_int_equal(whole.count, sliced.count);
@@ -138,12 +145,18 @@ static void slices_of_a_millisecond_find_the_same(void **state)
     }
 }
 
-/* ---- units ----------------------------------------------------------------------------------------------------- */
+/* ---- units
+ * -----------------------------------------------------------------------------------------------------
+ */
 
 static void no_unit_takes_more_than_a_quarter_of_a_millisecond(void **state)
 {
     (void)state;
-    enum { RUNS = 9, RUNS_MAX = 90, UNITS_MAX = 2000 }; /* the more, while something else holds them up */
+    enum {
+        RUNS = 9,
+        RUNS_MAX = 90,
+        UNITS_MAX = 2000
+    }; /* the more, while something else holds them up */
     static int64_t best[UNITS_MAX];
     struct fovea_image image;
     struct fv_kernels kernels;

@@ -1,6 +1,6 @@
-/* fovea run from end to end, each run in a process of its own: the simulated camera and every recording come
- * through to the end without a heap call of the loop and within their memory; the JSON and the picture are there; a
- * signal ends it. */
+/* fovea run from end to end, each run in a process of its own: the simulated camera and every
+ * recording come through to the end without a heap call of the loop and within their memory; the
+ * JSON and the picture are there; a signal ends it. */
 #include <fcntl.h>
 #include <setjmp.h>
 #include <signal.h>
@@ -27,7 +27,8 @@
 /* Of the whole process. */
 enum {
     RESIDENT_MAX_BYTES = 32 << 20,
-    RESIDENT_FULL_MAX_BYTES = 40 << 20, /* with room for 256 keyframes, and the simulated world, 15 MB */
+    RESIDENT_FULL_MAX_BYTES =
+        40 << 20, /* with room for 256 keyframes, and the simulated world, 15 MB */
     ARGUMENTS_MAX = 24
 };
 
@@ -72,14 +73,17 @@ static int64_t value(const struct fovea_yaml_tree *tree, const char *section, co
 {
     int64_t whole = -1;
     struct fovea_error error;
-    const struct fovea_yaml_node *node = section != NULL ? fovea_yaml_child(tree->root, section) : tree->root;
+    const struct fovea_yaml_node *node =
+        section != NULL ? fovea_yaml_child(tree->root, section) : tree->root;
     node = node != NULL ? fovea_yaml_child(node, key) : NULL;
     if (node == NULL) fail_msg("no %s in the JSON", key);
-    if (fovea_yaml_integer(tree, node, 0, INT64_MAX, &whole, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    if (fovea_yaml_integer(tree, node, 0, INT64_MAX, &whole, &error) != FOVEA_OK)
+        fail_msg("%s", error.text);
     return whole;
 }
 
-static void assert_fine(const char *source, int64_t frames, int64_t resident_max, const char *const more[])
+static void assert_fine(const char *source, int64_t frames, int64_t resident_max,
+                        const char *const more[])
 {
     struct stat info;
     int status = end(begin(source, more));
@@ -110,8 +114,8 @@ static void test_simulated(void **state)
     assert_fine("sim:orbit?lens=equidistant&width=752", 60, RESIDENT_MAX_BYTES, recorded);
 }
 
-/* The program itself as people start it: with LCM, whose libraries and buffers count, and to its very end, when it
- * draws its picture. */
+/* The program itself as people start it: with LCM, whose libraries and buffers count, and to its
+ * very end, when it draws its picture. */
 static void test_program(void **state)
 {
     const char *build = getenv("FOVEA_PLUGINS");
@@ -127,14 +131,15 @@ static void test_program(void **state)
     fflush(NULL);
     pid_t child = fork();
     if (child == 0) {
-        execl(program, program, "run", "--frames", "300", "--quiet", "--stats", stats_path, "--picture",
-              picture_path, (char *)NULL);
+        execl(program, program, "run", "--frames", "300", "--quiet", "--stats", stats_path,
+              "--picture", picture_path, (char *)NULL);
         _exit(127);
     }
     assert_int_equal(wait4(child, &status, 0, &used), child);
     assert_int_equal(status, 0);
     struct fovea_yaml_tree *tree = stats_read();
-    int64_t resident = value(tree, "memory", "resident_max_bytes"), whole = (int64_t)used.ru_maxrss << 10;
+    int64_t resident = value(tree, "memory", "resident_max_bytes"),
+            whole = (int64_t)used.ru_maxrss << 10;
     fovea_yaml_free(tree);
     if (resident > RESIDENT_MAX_BYTES) fail_msg("%lld bytes resident", (long long)resident);
     if (whole > RESIDENT_MAX_BYTES)
@@ -200,15 +205,16 @@ static void test_signals_end_cleanly(void **state)
     }
 }
 
-/* While things are opened, here the calibration: that goes on, no frame comes any more, all that was asked for is written, and
- * a map of an earlier run is not replaced by one of nothing. */
+/* While things are opened, here the calibration: that goes on, no frame comes any more, all that
+ * was asked for is written, and a map of an earlier run is not replaced by one of nothing. */
 static void test_signals_before_the_first_frame(void **state)
 {
     static const char calibration[] =
         "image_width: 96\nimage_height: 64\ndistortion_model: plumb_bob\nD: []\n"
         "K: [80, 0, 48, 0, 81, 32, 0, 0, 1]\n";
     const int signals[] = {SIGINT, SIGTERM};
-    char map[64], pipe[64], images[FV_TEST_PATH_BYTES], source[FV_TEST_PATH_BYTES + 16], text[16] = "";
+    char map[64], pipe[64], images[FV_TEST_PATH_BYTES], source[FV_TEST_PATH_BYTES + 16],
+        text[16] = "";
     const char *const options[] = {"--save-map", map, "--camera", pipe, NULL};
     (void)state;
     snprintf(images, sizeof images, "%s", fv_test_images(folder));
@@ -223,7 +229,8 @@ static void test_signals_before_the_first_frame(void **state)
         assert_true(end_of_it >= 0);
         kill(child, signals[i]);
         usleep(100000);
-        assert_int_equal(write(end_of_it, calibration, sizeof calibration - 1), sizeof calibration - 1);
+        assert_int_equal(write(end_of_it, calibration, sizeof calibration - 1),
+                         sizeof calibration - 1);
         close(end_of_it);
         assert_int_equal(end(child), FV_EXIT_OK);
         struct fovea_yaml_tree *tree = stats_read();
@@ -245,8 +252,10 @@ static void test_signals_end_the_set_up(void **state)
     char pipe[64];
     const char *const waiting[] = {"--camera", pipe, NULL};
     (void)state;
-#ifdef __SANITIZE_THREAD__ /* it hands signals on between calls only, and this one does not return */
-    print_message("SKIPPED signals while a file is opened: ThreadSanitizer keeps them until that is done\n");
+#ifdef __SANITIZE_THREAD__ /* it hands signals on between calls only, and this one does not return \
+                            */
+    print_message(
+        "SKIPPED signals while a file is opened: ThreadSanitizer keeps them until that is done\n");
     skip();
 #endif
     snprintf(pipe, sizeof pipe, "%s/pipe", folder);
@@ -256,7 +265,8 @@ static void test_signals_end_the_set_up(void **state)
         pid_t child = begin("sim:still", waiting), ended = 0;
         sleep(STARTED_S);
         kill(child, signals[i]);
-        for (int tenths = 0; tenths < 100 && (ended = waitpid(child, &status, WNOHANG)) == 0; tenths++)
+        for (int tenths = 0; tenths < 100 && (ended = waitpid(child, &status, WNOHANG)) == 0;
+             tenths++)
             usleep(100000);
         if (ended == 0) {
             kill(child, SIGKILL);

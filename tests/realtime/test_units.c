@@ -1,6 +1,7 @@
-/* Units are bounded: run one by one on the simulated camera, 99 of 100 of every job take at most 0.25 ms of processor time,
- * and 999 of 1000 at most four times that. Runs repeat bit for bit, so each unit is timed several times and its least time
- * counts: what others on the machine add is not the unit's. Judged in the ordinary build alone (FOVEA_TIMED). */
+/* Units are bounded: run one by one on the simulated camera, 99 of 100 of every job take at most
+ * 0.25 ms of processor time, and 999 of 1000 at most four times that. Runs repeat bit for bit, so
+ * each unit is timed several times and its least time counts: what others on the machine add is not
+ * the unit's. Judged in the ordinary build alone (FOVEA_TIMED). */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -14,8 +15,15 @@
 #include "fovea/fovea.h"
 #include "fovea/source.h"
 
-/* Every unit is timed so often, and on while some are held up by what runs beside them: the least time counts. */
-enum { REPEATS = 3, REPEATS_MAX = 16, UNITS_MAX = 100000, UNIT_NS = 250000, UNIT_MAX_NS = 4 * UNIT_NS };
+/* Every unit is timed so often, and on while some are held up by what runs beside them: the least
+ * time counts. */
+enum {
+    REPEATS = 3,
+    REPEATS_MAX = 16,
+    UNITS_MAX = 100000,
+    UNIT_NS = 250000,
+    UNIT_MAX_NS = 4 * UNIT_NS
+};
 
 static struct fv_histogram histograms[FOVEA_JOB_COUNT];
 static struct unit {
@@ -33,8 +41,8 @@ static int64_t cpu_ns(void)
 
 #define JOB(name) (1u << FOVEA_JOB_##name)
 
-/* What is looked at, and the jobs that are timed there. Map and preview begin with the frames; the way through the corridor
- * closes a loop. */
+/* What is looked at, and the jobs that are timed there. Map and preview begin with the frames; the
+ * way through the corridor closes a loop. */
 static const struct view {
     const char *uri;
     uint32_t step, frames, timed;
@@ -48,7 +56,8 @@ static const struct view {
 static void note(int job, int64_t took_ns)
 {
     struct unit *unit = &units[next_unit++];
-    assert_true(next_unit < UNITS_MAX && (unit->least_ns == 0 || unit->job == job)); /* the same each time */
+    assert_true(next_unit < UNITS_MAX &&
+                (unit->least_ns == 0 || unit->job == job)); /* the same each time */
     if (unit->least_ns == 0 || took_ns < unit->least_ns) *unit = (struct unit){job, took_ns};
 }
 
@@ -114,7 +123,8 @@ static bool judged_good(void)
     bool good = true;
     for (int job = 0; job < FOVEA_JOB_COUNT; job++) {
         const struct fv_histogram *h = &histograms[job];
-        const int64_t p99 = fv_histogram_percentile(h, 0.99), p999 = fv_histogram_percentile(h, 0.999);
+        const int64_t p99 = fv_histogram_percentile(h, 0.99),
+                      p999 = fv_histogram_percentile(h, 0.999);
         print_message("%-10s %6llu units, %7.1f us mean, %7.1f p99, %7.1f p99.9, %7.1f max\n",
                       fovea_job_name((enum fovea_job)job), (unsigned long long)h->count,
                       (double)fv_histogram_mean(h) * 1e-3, (double)p99 * 1e-3, (double)p999 * 1e-3,

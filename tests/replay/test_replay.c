@@ -1,5 +1,5 @@
-/* Recording and replaying a short run: equal bit for bit; every kind of change to the log is found and named;
- * damaged logs end in one line. */
+/* Recording and replaying a short run: equal bit for bit; every kind of change to the log is found
+ * and named; damaged logs end in one line. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -35,7 +35,8 @@ static void make_recording(void)
     whole = (uint8_t *)text;
 }
 
-/* ---- changing it ------------------------------------------------------------------------------------- */
+/* ---- changing it
+ * ------------------------------------------------------------------------------------- */
 
 static void write_changed(const uint8_t *bytes, size_t count)
 {
@@ -76,14 +77,15 @@ static enum fovea_status replay_flipped(size_t at, uint8_t bits, struct fv_repla
     return fv_replay(changed, true, NULL, NULL, result, error);
 }
 
-/* Offset in the file of a field of the n-th event on a channel, and its bytes; 0: there is no such field. */
+/* Offset in the file of a field of the n-th event on a channel, and its bytes; 0: there is no such
+ * field. */
 static size_t find_field(const char *channel, int n, int number, struct fv_leaf *leaf)
 {
     size_t at = find_data(channel, n);
     struct fv_walk walk;
     const size_t event = at - strlen(channel) - FOVEA_LOG_HEADER_BYTES;
-    const size_t bytes =
-        (size_t)whole[event + 27] | (size_t)whole[event + 26] << 8 | (size_t)whole[event + 25] << 16;
+    const size_t bytes = (size_t)whole[event + 27] | (size_t)whole[event + 26] << 8 |
+                         (size_t)whole[event + 25] << 16;
     fv_message_walk(&walk, fv_message_type_of(whole + at, bytes), whole + at, bytes);
     while (fv_message_leaf(&walk, leaf) == FOVEA_OK)
         if (number-- == 0) return at + leaf->offset;
@@ -103,7 +105,8 @@ static void expect_difference(const char *channel, int n, size_t offset, const c
         fail_msg("%s: %s", field, result.difference);
 }
 
-/* ---- tests ------------------------------------------------------------------------------------------- */
+/* ---- tests
+ * ------------------------------------------------------------------------------------------- */
 
 static void test_equal(void **state)
 {
@@ -117,14 +120,16 @@ static void test_equal(void **state)
     assert_int_equal(result.steps, TURNS);
     assert_int_equal(result.works, TURNS);
     assert_int_equal(result.messages_with_readings, TURNS / 4);
-    assert_true(result.messages_equal > 2 * TURNS - 3); /* features, camera status and some previews */
+    assert_true(result.messages_equal >
+                2 * TURNS - 3); /* features, camera status and some previews */
 }
 
 static void test_differences(void **state)
 {
     (void)state;
     /* Offsets by the wire format: hash 8, stamp 8+1+1+8+8, then the fields in order. */
-    expect_difference("FOVEA_FEATURES", 7, 8 + 7, "stamp.time_ns", "found 350001000, expected 350001001");
+    expect_difference("FOVEA_FEATURES", 7, 8 + 7, "stamp.time_ns",
+                      "found 350001000, expected 350001001");
     expect_difference("FOVEA_FEATURES", 7, 34 + 4 + 3, "width", "found 160, expected 161");
     expect_difference("FOVEA_FEATURES", 7, 54 + 4 * 5, "x_px[5]", "found ");
     expect_difference("FOVEA_CAMERA_STATUS", 3, 34 + 8, "state", "found 0, expected 1");
@@ -144,20 +149,21 @@ static void test_changed_inputs(void **state)
     assert_int_equal(replay_flipped(frame + inside, 0x80, &result, &error), FOVEA_OK);
     assert_true(result.different);
     assert_non_null(
-        strstr(result.difference, "frame 2 (stamp 100001000 ns): FOVEA_FRAME: hash of the pixels: found "));
+        strstr(result.difference,
+               "frame 2 (stamp 100001000 ns): FOVEA_FRAME: hash of the pixels: found "));
     /* One unit more for the preview: it comes earlier. */
-    assert_int_equal(
-        replay_flipped(find_data("FOVEA_GRANTS", 0) + 24 + 4 * FOVEA_JOB_PREVIEW + 3, 0x7f, &result, &error),
-        FOVEA_OK);
+    assert_int_equal(replay_flipped(find_data("FOVEA_GRANTS", 0) + 24 + 4 * FOVEA_JOB_PREVIEW + 3,
+                                    0x7f, &result, &error),
+                     FOVEA_OK);
     assert_true(result.different);
     /* More features than the configuration allows are refused, not tried. */
     assert_int_equal(replay_flipped(find_data("FOVEA_GRANTS", 4) + 16, 0x7f, &result, &error),
                      FOVEA_ERROR_INPUT);
     assert_non_null(strstr(error.text, "features granted, expected at most 200"));
     /* Units of the network: its results come in another frame. */
-    assert_int_equal(
-        replay_flipped(find_data("FOVEA_GRANTS", 1) + 24 + 4 * FOVEA_JOB_DETECT + 3, 0x7f, &result, &error),
-        FOVEA_OK);
+    assert_int_equal(replay_flipped(find_data("FOVEA_GRANTS", 1) + 24 + 4 * FOVEA_JOB_DETECT + 3,
+                                    0x7f, &result, &error),
+                     FOVEA_OK);
     assert_true(result.different);
     assert_non_null(strstr(result.difference, "FOVEA_DETECTIONS"));
     /* A part of the header that does not fit its hash. */
@@ -166,7 +172,8 @@ static void test_changed_inputs(void **state)
     assert_non_null(strstr(error.text, "configuration: found hash"));
 }
 
-/* Every field of the statistics is reproduced: but for those that tell of the moment and the machine. */
+/* Every field of the statistics is reproduced: but for those that tell of the moment and the
+ * machine. */
 static void test_changed_statistics(void **state)
 {
     (void)state;
@@ -176,12 +183,14 @@ static void test_changed_statistics(void **state)
     for (int field = 0; (at = find_field("FOVEA_STATISTICS", 2, field, &leaf)) != 0; field++) {
         struct fv_replay_result result;
         struct fovea_error error;
-        const char *named =
-            "RECORDING_END: hash of all events before"; /* what was not reproduced was edited, though */
-        const bool count = strstr(leaf.path, "_count") != NULL && strcmp(leaf.path, "reset_counter") != 0;
+        const char *named = "RECORDING_END: hash of all events before"; /* what was not reproduced
+                                                                           was edited, though */
+        const bool count =
+            strstr(leaf.path, "_count") != NULL && strcmp(leaf.path, "reset_counter") != 0;
         const bool reading =
             strcmp(leaf.path, "stage_cpu_ns") == 0 || strcmp(leaf.path, "stage_wall_ns") == 0;
-        const bool machine = strcmp(leaf.path, "version") == 0 || strcmp(leaf.path, "kernel_set") == 0;
+        const bool machine =
+            strcmp(leaf.path, "version") == 0 || strcmp(leaf.path, "kernel_set") == 0;
         const size_t low = leaf.wire == FV_WIRE_STRING ? 0 : leaf.bytes / leaf.count - 1;
         if (replay_flipped(at + low, 1, &result, &error) != FOVEA_OK)
             fail_msg("%s: %s", leaf.path, error.text);
@@ -228,12 +237,15 @@ static void test_not_a_recording(void **state)
     size_t frame = find_event("FOVEA_FRAME", 0);
     write_changed(whole + frame, whole_bytes - frame);
     assert_int_equal(fv_replay(changed, true, NULL, NULL, &result, &error), FOVEA_ERROR_INPUT);
-    assert_non_null(strstr(error.text, "begins with channel FOVEA_FRAME, expected a recording of fovea run"));
-    assert_int_equal(fv_replay("/nonexistent", true, NULL, NULL, &result, &error), FOVEA_ERROR_INPUT);
+    assert_non_null(
+        strstr(error.text, "begins with channel FOVEA_FRAME, expected a recording of fovea run"));
+    assert_int_equal(fv_replay("/nonexistent", true, NULL, NULL, &result, &error),
+                     FOVEA_ERROR_INPUT);
     assert_int_equal(fv_replay("/tmp", true, NULL, NULL, &result, &error), FOVEA_ERROR_INPUT);
 }
 
-/* Cut anywhere: never a difference, and either the byte where the last event begins, or a log that lacks its end. */
+/* Cut anywhere: never a difference, and either the byte where the last event begins, or a log that
+ * lacks its end. */
 static void expect_cut(size_t cut, uint32_t *refused)
 {
     struct fv_replay_result result;
@@ -276,7 +288,8 @@ static void expect_edits_found(const char *channel, int n)
         const size_t low = leaf.wire == FV_WIRE_STRING ? 0 : leaf.bytes / leaf.count - 1;
         if (leaf.bytes == 0 || (leaf.wire == FV_WIRE_STRING && leaf.bytes == 1)) continue;
         const enum fovea_status status = replay_flipped(at + low, 1, &result, &error);
-        if (status == FOVEA_OK && !result.different) fail_msg("%s: %s: the edit passes", channel, leaf.path);
+        if (status == FOVEA_OK && !result.different)
+            fail_msg("%s: %s: the edit passes", channel, leaf.path);
     }
 }
 
@@ -293,10 +306,12 @@ static void test_every_edit(void **state)
     struct fv_replay_result result;
     struct fovea_error error;
     const size_t event = find_event("FOVEA_GRANTS", 9);
-    for (size_t at = event; at < event + FOVEA_LOG_HEADER_BYTES; at++) /* sync, number, time, sizes */
+    for (size_t at = event; at < event + FOVEA_LOG_HEADER_BYTES;
+         at++) /* sync, number, time, sizes */
         assert_true(replay_flipped(at, 1, &result, &error) != FOVEA_OK || result.different);
     replay_flipped(event + 11, 1, &result, &error);
-    assert_non_null(strstr(result.difference, "FOVEA_RECORDING_END: hash of all events before: found "));
+    assert_non_null(
+        strstr(result.difference, "FOVEA_RECORDING_END: hash of all events before: found "));
 }
 
 /* What a log says of itself is printed: its control bytes are not. */
@@ -315,7 +330,8 @@ static void test_texts_are_printable(void **state)
     uint8_t *longer = malloc(whole_bytes + 4);
     assert_non_null(longer);
     memcpy(longer, whole, whole_bytes);
-    longer[end + 27] = (uint8_t)(longer[end + 27] + 4); /* the bytes of the message, and of its text */
+    longer[end + 27] =
+        (uint8_t)(longer[end + 27] + 4); /* the bytes of the message, and of its text */
     longer[reason - 1] = 5;
     memcpy(longer + reason, "\x1b[2J", 5);
     write_changed(longer, whole_bytes + 4);
@@ -329,7 +345,8 @@ static void test_more_after_the_end(void **state)
     (void)state;
     struct fv_replay_result result;
     struct fovea_error error;
-    const size_t inputs = find_event("FOVEA_INPUTS", 9), more = find_event("FOVEA_GRANTS", 9) - inputs;
+    const size_t inputs = find_event("FOVEA_INPUTS", 9),
+                 more = find_event("FOVEA_GRANTS", 9) - inputs;
     uint8_t *longer = malloc(whole_bytes + more);
     assert_non_null(longer);
     memcpy(longer, whole, whole_bytes);
@@ -337,7 +354,8 @@ static void test_more_after_the_end(void **state)
     write_changed(longer, whole_bytes + more);
     free(longer);
     assert_int_equal(fv_replay(changed, true, NULL, NULL, &result, &error), FOVEA_ERROR_INPUT);
-    assert_non_null(strstr(error.text, "found an event after the end of the recording, expected none"));
+    assert_non_null(
+        strstr(error.text, "found an event after the end of the recording, expected none"));
 }
 
 /* Format 2 had no end: read as before, but nobody can say whether it is whole. */
@@ -346,7 +364,8 @@ static void test_older_format(void **state)
     (void)state;
     struct fv_replay_result result;
     struct fovea_error error;
-    const size_t format = find_data("FOVEA_RECORDING", 0) + 8 + 3, end = find_event("FOVEA_RECORDING_END", 0);
+    const size_t format = find_data("FOVEA_RECORDING", 0) + 8 + 3,
+                 end = find_event("FOVEA_RECORDING_END", 0);
     assert_int_equal(whole[format], 3);
     whole[format] = 2;
     write_changed(whole, end);
@@ -361,7 +380,8 @@ static void test_older_format(void **state)
     assert_int_equal(fv_replay(changed, true, NULL, NULL, &result, &error), FOVEA_ERROR_INPUT);
     whole[format] = 1;
     write_changed(whole, end);
-    assert_int_equal(fv_replay(changed, true, NULL, NULL, &result, &error), FOVEA_ERROR_UNSUPPORTED);
+    assert_int_equal(fv_replay(changed, true, NULL, NULL, &result, &error),
+                     FOVEA_ERROR_UNSUPPORTED);
     assert_non_null(strstr(error.text, "found recording format 1, expected 2 or 3"));
     whole[format] = 3;
 }
@@ -390,8 +410,8 @@ static void test_mutated(void **state)
         }
         outcomes[status != FOVEA_OK ? 0 : result.different ? 1 : 2]++;
     }
-    print_message("100 mutated logs: %u refused, %u different, %u equal\n", outcomes[0], outcomes[1],
-                  outcomes[2]);
+    print_message("100 mutated logs: %u refused, %u different, %u equal\n", outcomes[0],
+                  outcomes[1], outcomes[2]);
     assert_true(outcomes[0] > 30 && outcomes[1] > 5);
     free(copy);
 }

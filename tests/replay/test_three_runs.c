@@ -1,5 +1,6 @@
-/* Three runs of the program, each a process of its own, record the same frames, grants and messages to the byte; only what
- * is measured in the process (in inputs and statistics) may differ. And what the command that verifies a recording says. */
+/* Three runs of the program, each a process of its own, record the same frames, grants and messages
+ * to the byte; only what is measured in the process (in inputs and statistics) may differ. And what
+ * the command that verifies a recording says. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -156,9 +157,11 @@ static void test_verdicts(void **state)
     }
     fovea_log_close(log);
     assert_int_equal(truncate(paths[0], last), 0); /* as when the program was killed there */
-    expect_verdict(paths[0], FV_EXIT_FAILED, "found no end of the recording after 10 frames, expected one");
+    expect_verdict(paths[0], FV_EXIT_FAILED,
+                   "found no end of the recording after 10 frames, expected one");
     assert_int_equal(truncate(paths[0], grants), 0);
-    expect_verdict(paths[0], FV_EXIT_FAILED, "found no end of the recording after 10 frames, expected one");
+    expect_verdict(paths[0], FV_EXIT_FAILED,
+                   "found no end of the recording after 10 frames, expected one");
     assert_int_equal(truncate(paths[0], grants - 1), 0);
     expect_verdict(paths[0], FV_EXIT_WRONG, "the event is cut off");
 }
@@ -168,7 +171,8 @@ int main(void)
     if (mkdtemp(folder) == NULL) return 1;
     for (int i = 0; i < RUNS; i++)
         snprintf(paths[i], sizeof paths[i], "%s/%d", folder, i);
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_simulated), cmocka_unit_test(test_recording),
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_simulated),
+                                       cmocka_unit_test(test_recording),
                                        cmocka_unit_test(test_verdicts)};
     int failed = cmocka_run_group_tests(tests, NULL, NULL);
     for (int i = 0; i < RUNS; i++)

@@ -1,5 +1,5 @@
-/* The bot_core pose, recorded by a run of the program and read by a decoder in Python that knows the published layout
- * only (bot_core_pose.py). */
+/* The bot_core pose, recorded by a run of the program and read by a decoder in Python that knows
+ * the published layout only (bot_core_pose.py). */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -16,12 +16,13 @@ static void poses_are_as_libbot2_lays_them_out(void **state)
 {
     (void)state;
     char command[2048];
-    snprintf(command, sizeof command,
-             "%s/fovea run --source 'sim:orbit?width=320&height=240&frames=60' --quiet --picture none "
-             "--set lcm_url= --set scale.allow_unscaled=true --set loop.priority=0 --record "
-             "%s/bot_core_pose.lcm && "
-             "python3 tests/transport/bot_core_pose.py %s/bot_core_pose.lcm",
-             build, build, build);
+    snprintf(
+        command, sizeof command,
+        "%s/fovea run --source 'sim:orbit?width=320&height=240&frames=60' --quiet --picture none "
+        "--set lcm_url= --set scale.allow_unscaled=true --set loop.priority=0 --record "
+        "%s/bot_core_pose.lcm && "
+        "python3 tests/transport/bot_core_pose.py %s/bot_core_pose.lcm",
+        build, build, build);
     assert_int_equal(system(command), 0);
 }
 

@@ -1,5 +1,5 @@
-/* The example subscribers in C and Python each receive every message of 1,000 frames at 200 Hz, in a network
- * of the test's own. */
+/* The example subscribers in C and Python each receive every message of 1,000 frames at 200 Hz, in
+ * a network of the test's own. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -34,7 +34,8 @@ static const char *const suffixes[CHANNELS] = {"FEATURES", "CAMERA_STATUS", "STA
 
 static char build[512]; /* folder that this program was built into */
 
-/* ---- subscribers ------------------------------------------------------------------------------------- */
+/* ---- subscribers
+ * ------------------------------------------------------------------------------------- */
 
 struct subscriber {
     pid_t process;
@@ -87,7 +88,8 @@ static void expect(struct subscriber *subscriber, const char *name, const uint64
     assert_true(WIFEXITED(status) && WEXITSTATUS(status) == 0);
 }
 
-/* ---- the run ----------------------------------------------------------------------------------------- */
+/* ---- the run
+ * ----------------------------------------------------------------------------------------- */
 
 static void count_and_publish(struct fv_transport *transport, const struct fovea_outputs *outputs,
                               uint64_t sent[CHANNELS])
@@ -159,8 +161,8 @@ static void run_runtime(uint64_t sent[CHANNELS])
     struct fovea *rt;
     size_t bytes;
     fovea_config_default(&config);
-    config.camera =
-        (struct fovea_camera){.width = WIDTH, .height = HEIGHT, .fx = 300, .fy = 300, .cx = 160, .cy = 120};
+    config.camera = (struct fovea_camera){
+        .width = WIDTH, .height = HEIGHT, .fx = 300, .fy = 300, .cx = 160, .cy = 120};
     config.detect.model = detector_model(&config.detect.model_bytes);
     assert_int_equal(fovea_camera_prepare(&config.camera, &error), FOVEA_OK);
     if (fovea_size(&config, &bytes, &error) != FOVEA_OK) fail_msg("%s", error.text);
@@ -201,7 +203,8 @@ static void test_every_message(void **state)
     if (with_python)
         start(&second, python_arguments);
     else
-        print_message("SKIPPED the Python subscriber: no Python package lcm in %s/venv-lcm\n", build);
+        print_message("SKIPPED the Python subscriber: no Python package lcm in %s/venv-lcm\n",
+                      build);
     run_runtime(sent);
     assert_int_equal(sent[0], FRAMES); /* features */
     assert_int_equal(sent[4], FRAMES); /* poses */
@@ -242,7 +245,8 @@ int main(int argc, char **argv)
         return 0;
     }
     struct fovea_error error;
-    if (!(own_network_enter() && own_network_mend()) && fv_transport_check(URL, 0, &error) != FOVEA_OK) {
+    if (!(own_network_enter() && own_network_mend()) &&
+        fv_transport_check(URL, 0, &error) != FOVEA_OK) {
         printf("SKIPPED test_subscribers: no network namespace of its own, and %s\n", error.text);
         return 0;
     }

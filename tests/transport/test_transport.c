@@ -1,5 +1,5 @@
-/* LCM in a network of the test's own: the missing route is found and mended, sending makes no heap call,
- * commands come in and hostile ones do not. */
+/* LCM in a network of the test's own: the missing route is found and mended, sending makes no heap
+ * call, commands come in and hostile ones do not. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -23,7 +23,8 @@
 #include "fovea_command_t.h"
 
 #define URL "udpm://239.255.76.67:7667"
-#define PREFIX "T.\xc3\xa4" /* a mark and a letter beyond ASCII, as channels of other programs may have */
+#define PREFIX                                                                                     \
+    "T.\xc3\xa4" /* a mark and a letter beyond ASCII, as channels of other programs may have */
 
 static bool own_network;
 
@@ -64,7 +65,8 @@ static void test_missing_route(void **state)
         assert_true(own_network_mend());
     } else { /* here the loopback is down; the second time a route leads nowhere */
         mend_as_told();
-        assert_int_equal(system("ip route del 224.0.0.0/4; ip route add unreachable 224.0.0.0/4"), 0);
+        assert_int_equal(system("ip route del 224.0.0.0/4; ip route add unreachable 224.0.0.0/4"),
+                         0);
         assert_int_equal(fv_transport_check(URL, 0, &error), FOVEA_ERROR_SYSTEM);
         mend_as_told();
     }
@@ -133,7 +135,8 @@ static void test_no_heap_call(void **state)
     if (fv_transport_open(URL, 0, &transport, &error) != FOVEA_OK) fail_msg("%s", error.text);
     struct fovea_outputs outputs = {.message_count = 2};
     outputs.messages[0] = (struct fovea_message){.channel = "T_SMALL", .data = data, .bytes = 100};
-    outputs.messages[1] = (struct fovea_message){.channel = "T_LARGE", .data = data, .bytes = sizeof data};
+    outputs.messages[1] =
+        (struct fovea_message){.channel = "T_LARGE", .data = data, .bytes = sizeof data};
     struct sender sender = {.transport = transport, .outputs = &outputs};
     pthread_t thread; /* as the loop: not the thread that opened */
     assert_int_equal(pthread_create(&thread, NULL, send_many, &sender), 0);
@@ -213,9 +216,10 @@ static void test_commands(void **state)
     expect_counts(transport, base + 3, 0);
     assert_int_equal(fv_transport_commands(transport), FOVEA_COMMAND_RESET | FOVEA_COMMAND_RESUME);
 
-    /* Other robots' commands: to LCM a channel to listen to is a pattern, in which a dot is any letter. */
-    static const char *const others[] = {"T/\xc3\xa4_COMMAND", PREFIX "_COMMANDS", "X" PREFIX "_COMMAND",
-                                         "T.B_COMMAND", "_COMMAND"};
+    /* Other robots' commands: to LCM a channel to listen to is a pattern, in which a dot is any
+     * letter. */
+    static const char *const others[] = {"T/\xc3\xa4_COMMAND", PREFIX "_COMMANDS",
+                                         "X" PREFIX "_COMMAND", "T.B_COMMAND", "_COMMAND"};
     for (size_t i = 0; i < sizeof others / sizeof others[0]; i++)
         send_on(lcm, others[i], FOVEA_COMMAND_RESET);
     send_command(lcm, FOVEA_COMMAND_SAVE);
@@ -230,7 +234,8 @@ static void test_commands(void **state)
     expect_counts(transport, base + 4, 4);
     assert_int_equal(fv_transport_commands(transport), 0);
 
-    for (int i = 0; i < 100; i++) { /* more than the ring holds, slower than LCM's own queue overflows */
+    for (int i = 0; i < 100;
+         i++) { /* more than the ring holds, slower than LCM's own queue overflows */
         send_command(lcm, FOVEA_COMMAND_SAVE);
         sleep_ms(2);
     }
@@ -248,9 +253,10 @@ static void test_commands(void **state)
     fv_transport_tell(out, transport);
     fclose(out);
     fv_transport_counts(transport, &counts);
-    snprintf(expected, sizeof expected,
-             "  LCM: 0 messages could not be sent, %d commands and 0 messages of odometry were refused\n",
-             (int)counts.commands_refused);
+    snprintf(
+        expected, sizeof expected,
+        "  LCM: 0 messages could not be sent, %d commands and 0 messages of odometry were refused\n",
+        (int)counts.commands_refused);
     assert_string_equal(told, expected);
     free(told);
     fv_transport_close(transport);
@@ -264,7 +270,8 @@ static void send_pose(lcm_t *lcm, const char *channel, const bot_core_pose_t *po
 }
 
 /* Until the listener is there, and then until nothing more comes; returns how many came. */
-static uint64_t await_odometry(struct fv_transport *transport, lcm_t *lcm, const bot_core_pose_t *pose)
+static uint64_t await_odometry(struct fv_transport *transport, lcm_t *lcm,
+                               const bot_core_pose_t *pose)
 {
     struct fv_transport_counts counts = {0};
     struct fovea_odometry_sample samples[64];
@@ -280,14 +287,16 @@ static uint64_t await_odometry(struct fv_transport *transport, lcm_t *lcm, const
     return counts.odometry;
 }
 
-/* Poses of the robot's odometry come in order, on their very channel alone; what is no pose is refused. */
+/* Poses of the robot's odometry come in order, on their very channel alone; what is no pose is
+ * refused. */
 static void test_odometry(void **state)
 {
     (void)state;
     struct fv_transport *transport = NULL;
     struct fovea_error error;
     struct fovea_odometry_sample samples[8];
-    const bot_core_pose_t good = {.utime = 1000002, .pos = {1, -2, 3}, .orientation = {0.603, 0, 0.804, 0}};
+    const bot_core_pose_t good = {
+        .utime = 1000002, .pos = {1, -2, 3}, .orientation = {0.603, 0, 0.804, 0}};
     bot_core_pose_t wrong[5] = {good, good, good, good, good}, next = good;
     if (fv_transport_open(URL, 0, &transport, &error) != FOVEA_OK ||
         fv_transport_listen(transport, "T", "ODOM.1", &error) != FOVEA_OK)
@@ -324,7 +333,8 @@ static void test_odometry(void **state)
     assert_int_equal(samples[1].stamp_ns, 1000003000);
     assert_true(samples[0].position_m[0] == 1 && samples[0].position_m[1] == -2 &&
                 samples[0].position_m[2] == 3);
-    assert_true(fabs(samples[0].orientation[0] - 0.6) < 1e-9 && fabs(samples[0].orientation[2] - 0.8) < 1e-9);
+    assert_true(fabs(samples[0].orientation[0] - 0.6) < 1e-9 &&
+                fabs(samples[0].orientation[2] - 0.8) < 1e-9);
     lcm_destroy(lcm);
     fv_transport_close(transport);
 }

@@ -1,8 +1,10 @@
-/* A plug-in for qemu's user mode that counts executed instructions: QEMU_PLUGIN=count.so tools/emulate.sh PROGRAM.
+/* A plug-in for qemu's user mode that counts executed instructions: QEMU_PLUGIN=count.so
+ * tools/emulate.sh PROGRAM.
  *
- * Debian ships qemu's plug-in interface without its header, so the few calls that are needed are declared here (interface version
- * 1, qemu 4.2 and later; docs/devel/tcg-plugins.rst of qemu). Counts each translation block by its length, on every
- * thread together, and prints the sum at exit on stderr. */
+ * Debian ships qemu's plug-in interface without its header, so the few calls that are needed are
+ * declared here (interface version 1, qemu 4.2 and later; docs/devel/tcg-plugins.rst of qemu).
+ * Counts each translation block by its length, on every thread together, and prints the sum at exit
+ * on stderr. */
 #include <inttypes.h>
 #include <stdio.h>
 
@@ -18,7 +20,8 @@ extern size_t qemu_plugin_tb_n_insns(const struct qemu_plugin_tb *block);
 extern void qemu_plugin_register_vcpu_tb_exec_inline(struct qemu_plugin_tb *block, int operation,
                                                      void *counter, uint64_t value);
 extern void qemu_plugin_register_atexit_cb(qemu_plugin_id_t id,
-                                           void (*call)(qemu_plugin_id_t id, void *context), void *context);
+                                           void (*call)(qemu_plugin_id_t id, void *context),
+                                           void *context);
 
 __attribute__((visibility("default"))) int qemu_plugin_version = 1;
 int qemu_plugin_install(qemu_plugin_id_t id, const struct qemu_info_t *info, int argc, char **argv);

@@ -1,6 +1,7 @@
-/* Loaded before another program (LD_PRELOAD), hides AVX-512, AVX-VNNI and AMX from it: for timing a library's AVX2 code on a
- * processor that has more. Libraries ask by the CPUID instruction; where kernel and processor can make it fault
- * (arch_prctl(ARCH_SET_CPUID, 0), Linux 4.12), it is answered here without those bits. Says on stderr when it cannot. */
+/* Loaded before another program (LD_PRELOAD), hides AVX-512, AVX-VNNI and AMX from it: for timing a
+ * library's AVX2 code on a processor that has more. Libraries ask by the CPUID instruction; where
+ * kernel and processor can make it fault (arch_prctl(ARCH_SET_CPUID, 0), Linux 4.12), it is
+ * answered here without those bits. Says on stderr when it cannot. */
 #define _GNU_SOURCE
 #include <cpuid.h>
 #include <signal.h>
@@ -29,8 +30,9 @@ static void answer(int signal_number, siginfo_t *info, void *context)
     syscall(SYS_arch_prctl, SET_CPUID, FORBID);
     if (leaf == 7 && part == 0) {
         b &= ~(1u << 16 | 1u << 17 | 1u << 21 | 1u << 26 | 1u << 27 | 1u << 28 | 1u << 30 |
-               1u << 31);                                           /* F DQ IFMA PF ER CD BW VL */
-        c &= ~(1u << 1 | 1u << 6 | 1u << 11 | 1u << 12 | 1u << 14); /* VBMI VBMI2 VNNI BITALG VPOPCNTDQ */
+               1u << 31); /* F DQ IFMA PF ER CD BW VL */
+        c &= ~(1u << 1 | 1u << 6 | 1u << 11 | 1u << 12 |
+               1u << 14); /* VBMI VBMI2 VNNI BITALG VPOPCNTDQ */
         d &= ~(1u << 2 | 1u << 3 | 1u << 8 | 1u << 22 | 1u << 23 | 1u << 24 |
                1u << 25); /* 4VNNIW 4FMAPS VP2INTERSECT AMX-BF16 FP16 AMX */
     }

@@ -1,18 +1,18 @@
-/* Listen to Fovea's messages: print each, and at the end how many came on each channel and whether any is
- * missing.
+/* Listen to Fovea's messages: print each, and at the end how many came on each channel and whether
+ * any is missing.
  *
  *     subscribe [--url URL] [--prefix FOVEA] [--idle SECONDS] [--quiet]
  *
- * Ends on SIGINT, or when nothing has come for --idle seconds. `make build/subscribe` builds it; elsewhere, in a folder
- * of its own:
- *     lcm-gen -c PREFIX/share/fovea/lcmtypes/[bf]*.lcm && cc -o subscribe *.c -llcm
+ * Ends on SIGINT, or when nothing has come for --idle seconds. `make build/subscribe` builds it;
+ * elsewhere, in a folder of its own: lcm-gen -c PREFIX/share/fovea/lcmtypes/[bf]*.lcm && cc -o
+ * subscribe *.c -llcm
  *
  * Nothing may be lost between the network and this program, so two buffers must be large enough:
- *  - the socket's: recv_buf_size in the URL; the kernel allows net.core.rmem_max (sysctl), often only 208
- * KiB, which holds about ten messages of 1,000 features;
+ *  - the socket's: recv_buf_size in the URL; the kernel allows net.core.rmem_max (sysctl), often
+ * only 208 KiB, which holds about ten messages of 1,000 features;
  *  - LCM's queue of each subscription: 30 messages unless set.
- * The decoders that lcm-gen makes hold lengths against the message, but a count above 2^28 overflows in them: listen
- * where you trust those who send. */
+ * The decoders that lcm-gen makes hold lengths against the message, but a count above 2^28
+ * overflows in them: listen where you trust those who send. */
 #include <inttypes.h>
 #include <signal.h>
 #include <stdbool.h>
@@ -37,7 +37,8 @@ enum { QUEUE_MESSAGES = 1000, KINDS = 10 };
 
 static volatile sig_atomic_t stop;
 
-/* What came on one channel. Gaps are counted by the frame number, where the message has one per frame. */
+/* What came on one channel. Gaps are counted by the frame number, where the message has one per
+ * frame. */
 struct channel {
     const char *suffix;
     uint64_t messages, bytes, gaps, malformed;
@@ -69,26 +70,27 @@ static void count(struct channel *channel, const lcm_recv_buf_t *received, int64
 
 static void print_stamp(const char *name, const fovea_stamp_t *stamp)
 {
-    printf("%s: frame %" PRId64 " at %.6f s: ", name, stamp->sequence, (double)stamp->time_ns * 1e-9);
+    printf("%s: frame %" PRId64 " at %.6f s: ", name, stamp->sequence,
+           (double)stamp->time_ns * 1e-9);
 }
 
 /* One handler per type: decode, count, print, give back what decoding allocated. */
-#define HANDLER(TYPE, ...)                                                                                   \
-    static void on_##TYPE(const lcm_recv_buf_t *received, const char *name, void *context)                   \
-    {                                                                                                        \
-        fovea_##TYPE message;                                                                                \
-        struct channel *channel = context;                                                                   \
-        memset(&message, 0, sizeof message);                                                                 \
-        if (fovea_##TYPE##_decode(received->data, 0, (int)received->data_size, &message) < 0) {              \
-            channel->malformed++;                                                                            \
-            return;                                                                                          \
-        }                                                                                                    \
-        count(channel, received, message.stamp.sequence);                                                    \
-        if (!quiet) {                                                                                        \
-            print_stamp(name, &message.stamp);                                                               \
-            printf(__VA_ARGS__);                                                                             \
-        }                                                                                                    \
-        fovea_##TYPE##_decode_cleanup(&message);                                                             \
+#define HANDLER(TYPE, ...)                                                                         \
+    static void on_##TYPE(const lcm_recv_buf_t *received, const char *name, void *context)         \
+    {                                                                                              \
+        fovea_##TYPE message;                                                                      \
+        struct channel *channel = context;                                                         \
+        memset(&message, 0, sizeof message);                                                       \
+        if (fovea_##TYPE##_decode(received->data, 0, (int)received->data_size, &message) < 0) {    \
+            channel->malformed++;                                                                  \
+            return;                                                                                \
+        }                                                                                          \
+        count(channel, received, message.stamp.sequence);                                          \
+        if (!quiet) {                                                                              \
+            print_stamp(name, &message.stamp);                                                     \
+            printf(__VA_ARGS__);                                                                   \
+        }                                                                                          \
+        fovea_##TYPE##_decode_cleanup(&message);                                                   \
     }
 static const char *name_of(const char *const *names, int count, int value)
 {
@@ -96,22 +98,24 @@ static const char *name_of(const char *const *names, int count, int value)
 }
 static const char *const states[] = {"starting", "tracking", "weak", "lost"};
 static const char *const scales[] = {"free", "camera_height", "odometry"};
-HANDLER(pose_t,
-        "%s, %s in %s: position %.3f %.3f %.3f %s, scale %s to %.1f %%, quality %.2f, %d inliers, reset %d\n",
-        name_of(states, 4, message.state), message.child_frame, message.parent_frame, message.position[0],
-        message.position[1], message.position[2],
-        message.scale_source == FOVEA_POSE_T_SCALE_FREE ? "units" : "m",
-        name_of(scales, 3, message.scale_source), 100 * message.scale_sigma, (double)message.quality,
-        (int)message.inliers, (int)message.reset_counter)
+HANDLER(
+    pose_t,
+    "%s, %s in %s: position %.3f %.3f %.3f %s, scale %s to %.1f %%, quality %.2f, %d inliers, reset %d\n",
+    name_of(states, 4, message.state), message.child_frame, message.parent_frame,
+    message.position[0], message.position[1], message.position[2],
+    message.scale_source == FOVEA_POSE_T_SCALE_FREE ? "units" : "m",
+    name_of(scales, 3, message.scale_source), 100 * message.scale_sigma, (double)message.quality,
+    (int)message.inliers, (int)message.reset_counter)
 HANDLER(features_t, "%" PRId32 " of %" PRId32 " features\n", message.count, message.asked)
-HANDLER(camera_status_t, "state %d, %" PRId32 " x %" PRId32 " %s, %" PRId64 " dropped\n", message.state,
-        message.width, message.height, message.pixel_format, message.dropped)
+HANDLER(camera_status_t, "state %d, %" PRId32 " x %" PRId32 " %s, %" PRId64 " dropped\n",
+        message.state, message.width, message.height, message.pixel_format, message.dropped)
 HANDLER(statistics_t, "%" PRId64 " frames in, %" PRId64 " processed, latency %.2f ms, %s kernels\n",
-        message.frames_in, message.frames_processed, (double)message.latency_ns * 1e-6, message.kernel_set)
-HANDLER(preview_t, "%" PRId32 " x %" PRId32 ", %" PRId32 " bytes of JPEG\n", message.width, message.height,
-        message.size_bytes)
-HANDLER(map_t, "map %" PRId32 ", %" PRId32 " landmarks and %" PRId32 " keyframes told of\n", message.map_id,
-        message.landmark_count, message.keyframe_count)
+        message.frames_in, message.frames_processed, (double)message.latency_ns * 1e-6,
+        message.kernel_set)
+HANDLER(preview_t, "%" PRId32 " x %" PRId32 ", %" PRId32 " bytes of JPEG\n", message.width,
+        message.height, message.size_bytes)
+HANDLER(map_t, "map %" PRId32 ", %" PRId32 " landmarks and %" PRId32 " keyframes told of\n",
+        message.map_id, message.landmark_count, message.keyframe_count)
 HANDLER(detections_t, "%" PRId32 " objects found by %s, the best %s with %.2f\n", message.count,
         message.model, message.count > 0 ? message.class_name[0] : "none",
         message.count > 0 ? (double)message.score[0] : 0)
@@ -130,11 +134,12 @@ static void on_bot_core_pose(const lcm_recv_buf_t *received, const char *name, v
     count(channel, received, channel->last + 1);
     if (!quiet)
         printf("%s: at %.6f s: position %.3f %.3f %.3f m, velocity %.3f %.3f %.3f m/s\n", name,
-               (double)message.utime * 1e-6, message.pos[0], message.pos[1], message.pos[2], message.vel[0],
-               message.vel[1], message.vel[2]);
+               (double)message.utime * 1e-6, message.pos[0], message.pos[1], message.pos[2],
+               message.vel[0], message.vel[1], message.vel[2]);
 }
 
-/* To LCM the channel to listen to is a regular expression, in which the dot that a prefix may hold is any letter. */
+/* To LCM the channel to listen to is a regular expression, in which the dot that a prefix may hold
+ * is any letter. */
 static void write_pattern(const char *prefix, const char *suffix, char *pattern, size_t bytes)
 {
     size_t used = 0;
@@ -165,8 +170,8 @@ static int report(void)
     for (int i = 0; i < KINDS; i++) {
         const struct channel *c = &channels[i];
         if (c->messages > 0 || c->malformed > 0)
-            printf("%s %" PRIu64 " messages, %" PRIu64 " bytes, frames %" PRId64 " to %" PRId64 ", %" PRIu64
-                   " malformed\n",
+            printf("%s %" PRIu64 " messages, %" PRIu64 " bytes, frames %" PRId64 " to %" PRId64
+                   ", %" PRIu64 " malformed\n",
                    c->suffix, c->messages, c->bytes, c->first, c->last, c->malformed);
     }
     /* Features and camera status come with every frame unless decimated; then gaps are no loss. */
@@ -191,8 +196,9 @@ int main(int argc, char **argv)
         else if (i + 1 < argc && strcmp(argv[i], "--idle") == 0)
             idle_s = atof(argv[++i]);
         else
-            return fprintf(stderr,
-                           "usage: subscribe [--url URL] [--prefix FOVEA] [--idle SECONDS] [--quiet]\n"),
+            return fprintf(
+                       stderr,
+                       "usage: subscribe [--url URL] [--prefix FOVEA] [--idle SECONDS] [--quiet]\n"),
                    2;
     }
     lcm_t *lcm = lcm_create(url);
@@ -202,7 +208,8 @@ int main(int argc, char **argv)
         write_pattern(prefix, channels[i].suffix, pattern, sizeof pattern);
         lcm_subscription_t *subscription = lcm_subscribe(lcm, pattern, handlers[i], &channels[i]);
         if (subscription == NULL)
-            return fprintf(stderr, "subscribe: %s: cannot listen; 'fovea check' tells what is missing\n",
+            return fprintf(stderr,
+                           "subscribe: %s: cannot listen; 'fovea check' tells what is missing\n",
                            url),
                    1;
         lcm_subscription_set_queue_capacity(subscription, QUEUE_MESSAGES);

@@ -1,10 +1,11 @@
 /* Train the visual vocabulary (src/map/vocabulary.h) from pictures and sources.
  *
- * train SEED OUTPUT LIST: every line of LIST is a picture's path, or a source's URI, a blank and every how
- * many frames one is taken. Descriptors are those of the runtime's own extractor. Each node's descriptors are
- * split by k-medians under the Hamming distance: centres drawn far apart (k-means++), then bitwise
- * majorities, until nothing changes or ROUNDS_MAX. A node with fewer different descriptors than children
- * repeats its first centre, which no descriptor then chooses. The same list and seed give the same file. */
+ * train SEED OUTPUT LIST: every line of LIST is a picture's path, or a source's URI, a blank and
+ * every how many frames one is taken. Descriptors are those of the runtime's own extractor. Each
+ * node's descriptors are split by k-medians under the Hamming distance: centres drawn far apart
+ * (k-means++), then bitwise majorities, until nothing changes or ROUNDS_MAX. A node with fewer
+ * different descriptors than children repeats its first centre, which no descriptor then chooses.
+ * The same list and seed give the same file. */
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -41,7 +42,8 @@ static uint32_t distance(const descriptor a, const descriptor b)
     return sum;
 }
 
-/* ---- descriptors --------------------------------------------------------------------------------------- */
+/* ---- descriptors
+ * --------------------------------------------------------------------------------------- */
 
 static void take(struct set *set, const struct fv_extract *extract)
 {
@@ -59,7 +61,8 @@ static void take(struct set *set, const struct fv_extract *extract)
     set->images++;
 }
 
-static void take_picture(struct set *set, const char *path, const struct fovea_features_config *config)
+static void take_picture(struct set *set, const char *path,
+                         const struct fovea_features_config *config)
 {
     struct fovea_error error;
     struct fv_extract extract;
@@ -80,11 +83,13 @@ static void take_frames(struct set *set, const char *uri, uint64_t step,
     struct fovea_frame frame;
     const struct fovea_source_selection selection = {.step = step};
     if (fovea_source_find(uri, &ops, &address, &error) != FOVEA_OK ||
-        ops->open(address, &selection, &source, &error) != FOVEA_OK || ops->start(source, &error) != FOVEA_OK)
+        ops->open(address, &selection, &source, &error) != FOVEA_OK ||
+        ops->start(source, &error) != FOVEA_OK)
         die(error.text);
     while (ops->dequeue(source, INT64_MAX, &frame) == FOVEA_OK) {
         struct fv_extract extract;
-        if (fv_extract_image(&frame.image, NULL, config, &extract, &error) != FOVEA_OK) die(error.text);
+        if (fv_extract_image(&frame.image, NULL, config, &extract, &error) != FOVEA_OK)
+            die(error.text);
         take(set, &extract);
         fv_extract_free(&extract);
         ops->requeue(source, &frame);
@@ -113,15 +118,18 @@ static void read_list(struct set *set, const char *path)
     fclose(list);
 }
 
-/* ---- the tree ------------------------------------------------------------------------------------------ */
+/* ---- the tree
+ * ------------------------------------------------------------------------------------------ */
 
-/* Centres far apart: each next one with a probability that grows with the square of the distance to the
- * nearest. */
-static uint32_t choose_centres(struct set *set, const uint32_t *member, uint32_t count, descriptor *centre)
+/* Centres far apart: each next one with a probability that grows with the square of the distance to
+ * the nearest. */
+static uint32_t choose_centres(struct set *set, const uint32_t *member, uint32_t count,
+                               descriptor *centre)
 {
     uint32_t *nearest = malloc(count * sizeof *nearest), chosen = 0;
     if (nearest == NULL) die("out of memory");
-    memcpy(centre[chosen++], set->all[member[fovea_random_below(&set->random, count)]], sizeof *centre);
+    memcpy(centre[chosen++], set->all[member[fovea_random_below(&set->random, count)]],
+           sizeof *centre);
     for (uint32_t i = 0; i < count; i++)
         nearest[i] = BITS;
     while (chosen < FV_VOCABULARY_BRANCH) {
@@ -146,8 +154,8 @@ static uint32_t choose_centres(struct set *set, const uint32_t *member, uint32_t
     return chosen;
 }
 
-static bool assign(const struct set *set, const uint32_t *member, uint32_t count, descriptor *centre,
-                   uint8_t *cluster)
+static bool assign(const struct set *set, const uint32_t *member, uint32_t count,
+                   descriptor *centre, uint8_t *cluster)
 {
     bool changed = false;
     for (uint32_t i = 0; i < count; i++) {
@@ -185,10 +193,10 @@ static void move_centres(const struct set *set, const uint32_t *member, uint32_t
     }
 }
 
-/* Split members of node `node` of `depth`, and go on into each part. `first`: bytes before this level's
- * centres. */
-static void split(struct set *set, uint32_t *member, uint32_t count, int depth, uint32_t node, size_t first,
-                  uint32_t nodes)
+/* Split members of node `node` of `depth`, and go on into each part. `first`: bytes before this
+ * level's centres. */
+static void split(struct set *set, uint32_t *member, uint32_t count, int depth, uint32_t node,
+                  size_t first, uint32_t nodes)
 {
     if (depth == FV_VOCABULARY_DEPTH) return;
     descriptor centre[FV_VOCABULARY_BRANCH];
@@ -221,8 +229,8 @@ static void split(struct set *set, uint32_t *member, uint32_t count, int depth, 
     free(sorted);
     nodes *= FV_VOCABULARY_BRANCH;
     for (uint32_t k = 0; k < FV_VOCABULARY_BRANCH; k++)
-        split(set, member + start[k], start[k + 1] - start[k], depth + 1, node * FV_VOCABULARY_BRANCH + k,
-              first + (size_t)nodes * FV_DESCRIPTOR_BYTES, nodes);
+        split(set, member + start[k], start[k + 1] - start[k], depth + 1,
+              node * FV_VOCABULARY_BRANCH + k, first + (size_t)nodes * FV_DESCRIPTOR_BYTES, nodes);
 }
 
 /* Word of a descriptor in the new tree. */
@@ -234,7 +242,8 @@ static uint32_t word_of(const struct set *set, const descriptor d)
         uint32_t best = 0, least = BITS + 1;
         for (uint32_t k = 0; k < FV_VOCABULARY_BRANCH; k++) {
             descriptor centre;
-            memcpy(centre, set->file + first + ((size_t)node * FV_VOCABULARY_BRANCH + k) * sizeof centre,
+            memcpy(centre,
+                   set->file + first + ((size_t)node * FV_VOCABULARY_BRANCH + k) * sizeof centre,
                    sizeof centre);
             const uint32_t away = distance(d, centre);
             if (away < least) {
@@ -249,8 +258,8 @@ static uint32_t word_of(const struct set *set, const descriptor d)
     return node;
 }
 
-/* Weight of each word: log(images / images with it), squared; a word that no image has counts as in one
- * image. */
+/* Weight of each word: log(images / images with it), squared; a word that no image has counts as in
+ * one image. */
 static void weigh(struct set *set)
 {
     uint32_t *images = calloc(FV_VOCABULARY_WORDS, sizeof *images),
@@ -265,7 +274,8 @@ static void weigh(struct set *set)
     for (uint32_t w = 0; w < FV_VOCABULARY_WORDS; w++) {
         const double idf = fovea_log((double)set->images / (images[w] > 0 ? images[w] : 1));
         const uint32_t weight = (uint32_t)(FV_VOCABULARY_WEIGHT_ONE * idf * idf + 0.5);
-        uint8_t *at = set->file + (size_t)FV_VOCABULARY_CENTRES * FV_DESCRIPTOR_BYTES + 2 * (size_t)w;
+        uint8_t *at =
+            set->file + (size_t)FV_VOCABULARY_CENTRES * FV_DESCRIPTOR_BYTES + 2 * (size_t)w;
         at[0] = (uint8_t)(weight & 0xff);
         at[1] = (uint8_t)(weight >> 8);
         used += images[w] > 0;

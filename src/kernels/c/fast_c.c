@@ -43,8 +43,8 @@ static int32_t strength(const int32_t difference[16])
     return best;
 }
 
-void fv_k_fast_score_u8__c(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes, int32_t count,
-                           int32_t threshold)
+void fv_k_fast_score_u8__c(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes,
+                           int32_t count, int32_t threshold)
 {
     for (int32_t i = 0; i < count; i++) {
         int32_t difference[16];

@@ -15,7 +15,8 @@ void fv_k_grey_pick_u8__c(uint8_t *grey, const uint8_t *source, int32_t count, i
         grey[i] = source[2 * i + offset];
 }
 
-void fv_k_grey_mix_u8__c(uint8_t *grey, const uint8_t *source, int32_t count, int32_t first, int32_t third)
+void fv_k_grey_mix_u8__c(uint8_t *grey, const uint8_t *source, int32_t count, int32_t first,
+                         int32_t third)
 {
     for (int32_t i = 0; i < count; i++) {
         const uint8_t *s = source + 3 * i;
@@ -23,8 +24,8 @@ void fv_k_grey_mix_u8__c(uint8_t *grey, const uint8_t *source, int32_t count, in
     }
 }
 
-void fv_k_grey_bayer_u8__c(uint8_t *grey, const uint8_t *above, const uint8_t *row, const uint8_t *below,
-                           int32_t count)
+void fv_k_grey_bayer_u8__c(uint8_t *grey, const uint8_t *above, const uint8_t *row,
+                           const uint8_t *below, int32_t count)
 {
     fv_k_grey_bayer_ends(grey, above, row, below, count, 1);
 }

@@ -8,8 +8,8 @@ static uint32_t fv_hamming_bytes(const uint8_t *a, const uint8_t *b)
     return distance;
 }
 
-void fv_k_hamming_two_u8__c(uint32_t *nearest, uint32_t *second, const uint8_t *queries, int32_t query_count,
-                            const uint8_t *trains, int32_t train_count)
+void fv_k_hamming_two_u8__c(uint32_t *nearest, uint32_t *second, const uint8_t *queries,
+                            int32_t query_count, const uint8_t *trains, int32_t train_count)
 {
     for (int32_t q = 0; q < query_count; q++) {
         uint32_t best = FV_MATCH_NONE, next = FV_MATCH_NONE;
@@ -30,6 +30,6 @@ void fv_k_hamming_some_u8__c(uint16_t *distances, const uint8_t *query, const ui
                              const uint16_t *indices, int32_t count)
 {
     for (int32_t k = 0; k < count; k++)
-        distances[k] =
-            (uint16_t)fv_hamming_bytes(query, descriptors + FV_DESCRIPTOR_BYTES * (size_t)indices[k]);
+        distances[k] = (uint16_t)fv_hamming_bytes(query, descriptors + FV_DESCRIPTOR_BYTES *
+                                                                           (size_t)indices[k]);
 }

@@ -1,7 +1,8 @@
 #include "kernels/kernels.h"
 #include "kernels/nn_requantize.h"
 
-static int32_t accumulate(const struct fv_nn_depthwise *d, const uint8_t *in, int32_t y, int32_t x, int32_t c)
+static int32_t accumulate(const struct fv_nn_depthwise *d, const uint8_t *in, int32_t y, int32_t x,
+                          int32_t c)
 {
     uint32_t sum = (uint32_t)d->bias[c];
     const int32_t taps = d->kh * d->kw;
@@ -9,7 +10,8 @@ static int32_t accumulate(const struct fv_nn_depthwise *d, const uint8_t *in, in
         const int32_t iy = y * d->stride_y - d->pad_top + tap / d->kw * d->dilation_y;
         const int32_t ix = x * d->stride_x - d->pad_left + tap % d->kw * d->dilation_x;
         const int inside = iy >= 0 && iy < d->in_h && ix >= 0 && ix < d->in_w;
-        const int32_t v = inside ? in[((ptrdiff_t)iy * d->in_w + ix) * d->in_stride + c] : d->zero_in;
+        const int32_t v =
+            inside ? in[((ptrdiff_t)iy * d->in_w + ix) * d->in_stride + c] : d->zero_in;
         for (int32_t p = 0; p < d->planes; ++p)
             sum += (uint32_t)(v * d->weights[((ptrdiff_t)p * taps + tap) * d->c16 + c]);
     }
@@ -28,8 +30,8 @@ static void row(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out
     }
 }
 
-void fv_k_nn_depthwise_u8__c(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out, int32_t begin,
-                             int32_t end, uint8_t *scratch)
+void fv_k_nn_depthwise_u8__c(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out,
+                             int32_t begin, int32_t end, uint8_t *scratch)
 {
     (void)scratch;
     for (int32_t y = begin; y < end; ++y)

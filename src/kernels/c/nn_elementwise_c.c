@@ -33,8 +33,8 @@ void fv_k_nn_max_u8__c(const uint8_t *a, const uint8_t *b, uint8_t *out, int32_t
         out[i] = a[i] > b[i] ? a[i] : b[i];
 }
 
-void fv_k_nn_transpose_u8__c(const uint8_t *in, ptrdiff_t ldi, uint8_t *out, ptrdiff_t ldo, int32_t rows,
-                             int32_t columns)
+void fv_k_nn_transpose_u8__c(const uint8_t *in, ptrdiff_t ldi, uint8_t *out, ptrdiff_t ldo,
+                             int32_t rows, int32_t columns)
 {
     for (int32_t c = 0; c < columns; ++c) {
         for (int32_t r = 0; r < rows; ++r)
@@ -49,7 +49,8 @@ void fv_k_nn_blend_u8__c(const struct fv_nn_blend *p, const uint8_t *top, const 
     const int32_t middle = half == 0 ? 0 : p->middle << 2 * p->bits;
     for (int32_t x = 0; x < p->out_w; ++x, out += p->out_stride) {
         const int32_t *entry = p->columns + (ptrdiff_t)3 * x;
-        const ptrdiff_t low = (ptrdiff_t)entry[0] * p->in_stride, high = (ptrdiff_t)entry[1] * p->in_stride;
+        const ptrdiff_t low = (ptrdiff_t)entry[0] * p->in_stride,
+                        high = (ptrdiff_t)entry[1] * p->in_stride;
         for (int32_t c = 0; c < p->channels; ++c) {
             const int32_t left = top[low + c] * (one - weight) + bottom[low + c] * weight;
             const int32_t right = top[high + c] * (one - weight) + bottom[high + c] * weight;
@@ -69,10 +70,10 @@ void fv_k_nn_argmax_u8__c(const uint8_t *in, int32_t axis, int32_t *out, int32_t
     }
 }
 
-/* Short runs are many, and a call of memcpy for each costs more than the bytes: pieces of 16 are moved
- * inline. */
-void fv_k_nn_gather_u8__c(const uint8_t *in, ptrdiff_t step, uint8_t *out, ptrdiff_t pitch, int32_t run,
-                          int32_t count)
+/* Short runs are many, and a call of memcpy for each costs more than the bytes: pieces of 16 are
+ * moved inline. */
+void fv_k_nn_gather_u8__c(const uint8_t *in, ptrdiff_t step, uint8_t *out, ptrdiff_t pitch,
+                          int32_t run, int32_t count)
 {
     for (int32_t i = 0; i < count; ++i, in += step, out += pitch) {
         for (int32_t at = 0; at < run; at += 16)

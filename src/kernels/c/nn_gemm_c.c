@@ -1,7 +1,8 @@
 #include "kernels/kernels.h"
 #include "kernels/nn_requantize.h"
 
-static int32_t accumulate(const struct fv_nn_gemm *g, const uint8_t *row, int32_t row_sum, int32_t channel)
+static int32_t accumulate(const struct fv_nn_gemm *g, const uint8_t *row, int32_t row_sum,
+                          int32_t channel)
 {
     const int8_t *w = g->weights + ((ptrdiff_t)(channel / 16) * g->k4 * 16 + channel % 16) * 4;
     uint32_t sum = (uint32_t)g->bias[channel] + (uint32_t)g->row_sum_factor * (uint32_t)row_sum;

@@ -17,12 +17,13 @@ static void row(const int32_t *exps, const uint8_t *in, uint8_t *out, int32_t de
     for (int32_t i = 0; i < depth; ++i) {
         const int32_t e = exps[largest - in[i]];
         out[i] = e < 0 ? 0
-                       : (uint8_t)fv_nn_clamp(fv_nn_divide_by_power(fv_nn_high_product(scale, e), exponent),
-                                              0, 255);
+                       : (uint8_t)fv_nn_clamp(
+                             fv_nn_divide_by_power(fv_nn_high_product(scale, e), exponent), 0, 255);
     }
 }
 
-void fv_k_nn_softmax_u8__c(const int32_t *exps, const uint8_t *in, uint8_t *out, int32_t depth, int32_t rows)
+void fv_k_nn_softmax_u8__c(const int32_t *exps, const uint8_t *in, uint8_t *out, int32_t depth,
+                           int32_t rows)
 {
     for (int32_t r = 0; r < rows; ++r)
         row(exps, in + (ptrdiff_t)r * depth, out + (ptrdiff_t)r * depth, depth);

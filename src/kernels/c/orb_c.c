@@ -5,7 +5,8 @@ const uint8_t fv_moments_half_width[FV_MOMENTS_RADIUS + 1] = {15, 15, 15, 15, 14
 
 static const uint16_t fv_blur7_weights[7] = {18, 34, 48, 56, 48, 34, 18};
 
-void fv_k_blur7_row_u8__c(uint8_t *out, const uint8_t *const rows[7], int32_t width, uint16_t *scratch)
+void fv_k_blur7_row_u8__c(uint8_t *out, const uint8_t *const rows[7], int32_t width,
+                          uint16_t *scratch)
 {
     uint16_t *column = scratch + FV_BLUR7_RADIUS; /* sums down the columns: at most 255 * 256 */
     for (int32_t x = 0; x < width; x++) {
@@ -51,8 +52,8 @@ void fv_k_brief_u8__c(uint8_t descriptor[FV_DESCRIPTOR_BYTES], const uint8_t *ce
         unsigned byte = 0;
         for (int bit = 0; bit < 8; bit++) {
             const int8_t *first = places + 2 * (8 * i + bit), *second = first + 2 * FV_BRIEF_BITS;
-            const int less =
-                centre[along * first[0] + across * first[1]] < centre[along * second[0] + across * second[1]];
+            const int less = centre[along * first[0] + across * first[1]] <
+                             centre[along * second[0] + across * second[1]];
             byte |= (unsigned)less << bit;
         }
         descriptor[i] = (uint8_t)byte;

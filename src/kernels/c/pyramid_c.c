@@ -1,6 +1,7 @@
 #include "kernels/kernels.h"
 
-void fv_k_blend_rows_u8__c(uint8_t *out, const uint8_t *a, const uint8_t *b, int32_t count, int32_t weight_b)
+void fv_k_blend_rows_u8__c(uint8_t *out, const uint8_t *a, const uint8_t *b, int32_t count,
+                           int32_t weight_b)
 {
     for (int32_t i = 0; i < count; i++)
         out[i] = (uint8_t)((a[i] * (128 - weight_b) + b[i] * weight_b + 64) >> 7);

@@ -17,17 +17,18 @@ void fv_k_remap_row_u8__c(uint8_t *out, const uint8_t *source, ptrdiff_t stride,
             const struct fv_remap_pixel *pixel = scattered + block->first;
             for (int i = 0; i < FV_REMAP_BLOCK; i++, pixel++)
                 out[i] = pixel->x < 0 ? 0
-                                      : fv_remap_blend(source + pixel->y * stride + pixel->x, stride,
-                                                       pixel->fx, pixel->fy);
+                                      : fv_remap_blend(source + pixel->y * stride + pixel->x,
+                                                       stride, pixel->fx, pixel->fy);
             continue;
         }
         const uint8_t *window = source + block->y * stride + block->x;
         for (int i = 0; i < FV_REMAP_BLOCK; i++) {
             const int at = block->at[i];
             const int row = (at & FV_REMAP_ROW_1 ? 1 : 0) + (at & FV_REMAP_ROW_2 ? 1 : 0);
-            out[i] = at & FV_REMAP_OUTSIDE ? 0
-                                           : fv_remap_blend(window + row * stride + (at & FV_REMAP_COLUMN),
-                                                            stride, block->fx[i], block->fy[i]);
+            out[i] = at & FV_REMAP_OUTSIDE
+                         ? 0
+                         : fv_remap_blend(window + row * stride + (at & FV_REMAP_COLUMN), stride,
+                                          block->fx[i], block->fy[i]);
         }
     }
 }

@@ -1,4 +1,5 @@
-/* Contract of the kernel that scores the surroundings of found corners, for their sub-pixel places. */
+/* Contract of the kernel that scores the surroundings of found corners, for their sub-pixel places.
+ */
 #ifndef FOVEA_KERNELS_CONTRACTS_CORNER_H
 #define FOVEA_KERNELS_CONTRACTS_CORNER_H
 
@@ -12,11 +13,12 @@ enum {
     FV_CORNER_MARGIN_PX = 8
 };
 
-/* scores[40 k + 8 v + u] = strength of the pixel (u - 2, v - 2) away from pixel k of `count`, which lies
- * centres[k] bytes from `image`: the largest t such that 9 contiguous of the 16 pixels of the FAST circle
- * (contracts/fast.h) all differ from it by t or more in the same direction; 0 where there is none. One more
- * than the FAST score, and not cut at a threshold. Reads 5 rows up and down, 5 columns to the left and 8 to
- * the right of each pixel. Every variant gives the same bits. */
+/* scores[40 k + 8 v + u] = strength of the pixel (u - 2, v - 2) away from pixel k of `count`, which
+ * lies centres[k] bytes from `image`: the largest t such that 9 contiguous of the 16 pixels of the
+ * FAST circle (contracts/fast.h) all differ from it by t or more in the same direction; 0 where
+ * there is none. One more than the FAST score, and not cut at a threshold. Reads 5 rows up and
+ * down, 5 columns to the left and 8 to the right of each pixel. Every variant gives the same bits.
+ */
 typedef void fv_k_corner_scores_u8_fn(uint8_t *scores, const uint8_t *image, ptrdiff_t stride_bytes,
                                       const int32_t *centres, int32_t count);
 

@@ -3,7 +3,8 @@
 #include <arm_neon.h>
 
 /* As the SSE4 variant. */
-static inline void fv_corner_arcs(const uint8x16_t ring[16], uint8x16_t *brightest, uint8x16_t *darkest)
+static inline void fv_corner_arcs(const uint8x16_t ring[16], uint8x16_t *brightest,
+                                  uint8x16_t *darkest)
 {
     uint8x16_t low[16], high[16], low_4[16], high_4[16];
     for (int i = 0; i < 16; i++) {
@@ -25,7 +26,8 @@ static inline void fv_corner_arcs(const uint8x16_t ring[16], uint8x16_t *brighte
 }
 
 /* Scores of two rows of eight pixels, `apart` bytes from each other. */
-static inline uint8x16_t fv_corner_two_rows(const uint8_t *row, ptrdiff_t apart, const ptrdiff_t offsets[16])
+static inline uint8x16_t fv_corner_two_rows(const uint8_t *row, ptrdiff_t apart,
+                                            const ptrdiff_t offsets[16])
 {
     uint8x16_t ring[16], brightest, darkest;
     for (int i = 0; i < 16; i++)
@@ -44,7 +46,8 @@ void fv_k_corner_scores_u8__neon(uint8_t *scores, const uint8_t *image, ptrdiff_
     for (int32_t k = 0; k < count; k++, scores += FV_CORNER_SCORES) {
         const uint8_t *row = image + centres[k] - 2 * stride_bytes - 2;
         for (int v = 0; v < 4; v += 2)
-            vst1q_u8(scores + 8 * v, fv_corner_two_rows(row + v * stride_bytes, stride_bytes, offsets));
+            vst1q_u8(scores + 8 * v,
+                     fv_corner_two_rows(row + v * stride_bytes, stride_bytes, offsets));
         vst1_u8(scores + 32, vget_low_u8(fv_corner_two_rows(row + 4 * stride_bytes, 0, offsets)));
     }
 }

@@ -8,8 +8,9 @@
 
 enum { STRETCH = 1024 }; /* pixels whose groups are listed at once */
 
-/* Of the arcs of nine, the best weakest pixel (brightest) and the best strongest one (darkest). Two arcs that
- * differ in their ends share eight pixels: min over them once, then the better of the two ends. */
+/* Of the arcs of nine, the best weakest pixel (brightest) and the best strongest one (darkest). Two
+ * arcs that differ in their ends share eight pixels: min over them once, then the better of the two
+ * ends. */
 static inline void best_arcs(const uint8x16_t p[16], uint8x16_t *brightest, uint8x16_t *darkest)
 {
     uint8x16_t low[8], high[8];
@@ -37,7 +38,8 @@ static inline int any(uint8x16_t v)
     return vmaxvq_u32(vreinterpretq_u32_u8(v)) != 0;
 }
 
-/* Of two opposite pairs: the brighter of each, then the darker of the two; and the other way round. */
+/* Of two opposite pairs: the brighter of each, then the darker of the two; and the other way round.
+ */
 static inline void pairs(const uint8_t *first, const uint8_t *first8, const uint8_t *second,
                          const uint8_t *second8, uint8x16_t *bright, uint8x16_t *dark)
 {
@@ -53,15 +55,17 @@ static inline int candidates(const uint8_t *c, ptrdiff_t s, uint8x16_t t)
     uint8x16_t bright = vdupq_n_u8(255), dark = vdupq_n_u8(0);
     pairs(c - 3 * s, c + 3 * s, c + 3, c - 3, &bright, &dark);
     pairs(c - 2 * s + 2, c + 2 * s - 2, c + 2 * s + 2, c - 2 * s - 2, &bright, &dark);
-    return any(vorrq_u8(vcgtq_u8(bright, vqaddq_u8(centre, t)), vcltq_u8(dark, vqsubq_u8(centre, t))));
+    return any(
+        vorrq_u8(vcgtq_u8(bright, vqaddq_u8(centre, t)), vcltq_u8(dark, vqsubq_u8(centre, t))));
 }
 
 static inline void score_group(uint8_t *scores, const uint8_t *c, ptrdiff_t s, uint8x16_t t)
 {
-    const uint8x16_t p[16] = {load(c - 3 * s), load(c - 3 * s + 1), load(c - 2 * s + 2), load(c - s + 3),
-                              load(c + 3),     load(c + s + 3),     load(c + 2 * s + 2), load(c + 3 * s + 1),
-                              load(c + 3 * s), load(c + 3 * s - 1), load(c + 2 * s - 2), load(c + s - 3),
-                              load(c - 3),     load(c - s - 3),     load(c - 2 * s - 2), load(c - 3 * s - 1)};
+    const uint8x16_t p[16] = {
+        load(c - 3 * s), load(c - 3 * s + 1), load(c - 2 * s + 2), load(c - s + 3),
+        load(c + 3),     load(c + s + 3),     load(c + 2 * s + 2), load(c + 3 * s + 1),
+        load(c + 3 * s), load(c + 3 * s - 1), load(c + 2 * s - 2), load(c + s - 3),
+        load(c - 3),     load(c - s - 3),     load(c - 2 * s - 2), load(c - 3 * s - 1)};
     const uint8x16_t centre = load(c);
     uint8x16_t bright, dark;
     best_arcs(p, &bright, &dark);
@@ -69,12 +73,12 @@ static inline void score_group(uint8_t *scores, const uint8_t *c, ptrdiff_t s, u
     vst1q_u8(scores, vandq_u8(vcgtq_u8(best, t), vsubq_u8(best, vdupq_n_u8(1))));
 }
 
-/* Two passes over a stretch of the row. The first asks of every group of sixteen pixels whether any of them
- * has, in each of four opposite pairs of the circle, a pixel beyond the threshold on the same side: nine
- * contiguous ones hold one of every pair. The second scores the groups that passed. Listing them instead of
- * branching spares the mispredictions. */
-static void score_stretch(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes, int32_t count,
-                          int32_t threshold)
+/* Two passes over a stretch of the row. The first asks of every group of sixteen pixels whether any
+ * of them has, in each of four opposite pairs of the circle, a pixel beyond the threshold on the
+ * same side: nine contiguous ones hold one of every pair. The second scores the groups that passed.
+ * Listing them instead of branching spares the mispredictions. */
+static void score_stretch(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes,
+                          int32_t count, int32_t threshold)
 {
     const uint8x16_t t = vdupq_n_u8((uint8_t)threshold);
     int32_t groups[STRETCH / 16 + 1], found = 0;
@@ -87,12 +91,12 @@ static void score_stretch(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stri
         score_group(scores + groups[k], pixels + groups[k], stride_bytes, t);
 }
 
-void fv_k_fast_score_u8__neon(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes, int32_t count,
-                              int32_t threshold)
+void fv_k_fast_score_u8__neon(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes,
+                              int32_t count, int32_t threshold)
 {
     for (int32_t i = 0; i < count; i += STRETCH)
-        score_stretch(scores + i, pixels + i, stride_bytes, count - i < STRETCH ? count - i : STRETCH,
-                      threshold);
+        score_stretch(scores + i, pixels + i, stride_bytes,
+                      count - i < STRETCH ? count - i : STRETCH, threshold);
 }
 
 int32_t fv_k_fast_peaks_u8__neon(uint16_t *columns, const uint8_t *above, const uint8_t *row,
@@ -107,7 +111,8 @@ int32_t fv_k_fast_peaks_u8__neon(uint16_t *columns, const uint8_t *above, const 
         around = MAX(around, MAX(MAX(load(below + i - 1), load(below + i)), load(below + i + 1)));
         /* Narrowing by 4 leaves one nibble per lane: a 64-bit mask. */
         const uint8x8_t nibbles = vshrn_n_u16(vreinterpretq_u16_u8(vcgtq_u8(centre, around)), 4);
-        uint64_t peaks = vget_lane_u64(vreinterpret_u64_u8(nibbles), 0) & UINT64_C(0x1111111111111111);
+        uint64_t peaks =
+            vget_lane_u64(vreinterpret_u64_u8(nibbles), 0) & UINT64_C(0x1111111111111111);
         if (to - i < 16) peaks &= (UINT64_C(1) << 4 * (to - i)) - 1u;
         for (; peaks != 0; peaks &= peaks - 1)
             columns[found++] = (uint16_t)(i + (__builtin_ctzll(peaks) >> 2));

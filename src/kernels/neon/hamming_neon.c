@@ -18,7 +18,8 @@ static inline uint8x16_t fv_difference(const struct fv_descriptor *a, const stru
     return vaddq_u8(vcntq_u8(veorq_u8(a->low, b->low)), vcntq_u8(veorq_u8(a->high, b->high)));
 }
 
-/* Four queries at a time; pairwise additions bring the four distances into the lanes of one register. */
+/* Four queries at a time; pairwise additions bring the four distances into the lanes of one
+ * register. */
 void fv_k_hamming_two_u8__neon(uint32_t *nearest, uint32_t *second, const uint8_t *queries,
                                int32_t query_count, const uint8_t *trains, int32_t train_count)
 {
@@ -29,7 +30,8 @@ void fv_k_hamming_two_u8__neon(uint32_t *nearest, uint32_t *second, const uint8_
             query[i] = fv_descriptor_load(queries + FV_DESCRIPTOR_BYTES * (size_t)(q + i));
         uint32x4_t best = vdupq_n_u32(FV_MATCH_NONE), next = best;
         for (int32_t t = 0; t < train_count; t++) {
-            const struct fv_descriptor train = fv_descriptor_load(trains + FV_DESCRIPTOR_BYTES * (size_t)t);
+            const struct fv_descriptor train =
+                fv_descriptor_load(trains + FV_DESCRIPTOR_BYTES * (size_t)t);
             const uint8x16_t pairs =
                 vpaddq_u8(fv_difference(&query[0], &train), fv_difference(&query[1], &train));
             const uint8x16_t more =
@@ -47,8 +49,8 @@ void fv_k_hamming_two_u8__neon(uint32_t *nearest, uint32_t *second, const uint8_
                            query_count - q, trains, train_count);
 }
 
-void fv_k_hamming_some_u8__neon(uint16_t *distances, const uint8_t *query, const uint8_t *descriptors,
-                                const uint16_t *indices, int32_t count)
+void fv_k_hamming_some_u8__neon(uint16_t *distances, const uint8_t *query,
+                                const uint8_t *descriptors, const uint16_t *indices, int32_t count)
 {
     const struct fv_descriptor one = fv_descriptor_load(query);
     for (int32_t k = 0; k < count; k++) {

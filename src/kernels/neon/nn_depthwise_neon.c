@@ -1,4 +1,5 @@
-/* Depthwise convolution, 16 channels at a time, one tap after the other, weights as 16-bit sums of their planes. */
+/* Depthwise convolution, 16 channels at a time, one tap after the other, weights as 16-bit sums of
+ * their planes. */
 #include "kernels/neon/nn_neon.h"
 
 enum { TAPS_MAX = 64 };
@@ -27,8 +28,8 @@ static void load_block(struct block *b, const struct fv_nn_depthwise *d, int32_t
     b->width = d->channels - channel < 16 ? d->channels - channel : 16;
 }
 
-static void pixel(const struct block *b, const uint8_t *const *tap, int32_t taps, const struct output *o,
-                  uint8_t *out)
+static void pixel(const struct block *b, const uint8_t *const *tap, int32_t taps,
+                  const struct output *o, uint8_t *out)
 {
     int32x4_t acc[4] = {b->bias[0], b->bias[1], b->bias[2], b->bias[3]};
     for (int32_t t = 0; t < taps; ++t) {
@@ -45,8 +46,8 @@ static void pixel(const struct block *b, const uint8_t *const *tap, int32_t taps
     store16(o, acc, out, b->width);
 }
 
-static void row(const struct block *b, const struct fv_nn_depthwise *d, const uint8_t *in, int32_t y,
-                const struct output *o, const uint8_t *border, uint8_t *out)
+static void row(const struct block *b, const struct fv_nn_depthwise *d, const uint8_t *in,
+                int32_t y, const struct output *o, const uint8_t *border, uint8_t *out)
 {
     const uint8_t *tap[TAPS_MAX];
     const int32_t taps = d->kh * d->kw;
@@ -78,7 +79,8 @@ void fv_k_nn_depthwise_u8__neon(const struct fv_nn_depthwise *d, const uint8_t *
         struct block b;
         load_block(&b, d, c);
         for (int32_t y = begin; y < end; ++y) {
-            row(&b, d, in + c, y, &o, border, out + c + (ptrdiff_t)(y - begin) * d->out_w * d->out_stride);
+            row(&b, d, in + c, y, &o, border,
+                out + c + (ptrdiff_t)(y - begin) * d->out_w * d->out_stride);
         }
     }
 }

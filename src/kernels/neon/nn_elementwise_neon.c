@@ -17,8 +17,8 @@ struct factor {
 
 static struct factor factor_of(int32_t zero, int32_t multiplier, int32_t shift)
 {
-    return (struct factor){vdupq_n_s32(zero), vdupq_n_s32(multiplier), vdupq_n_s32(shift > 0 ? shift : 0),
-                           vdupq_n_s32(shift < 0 ? shift : 0)};
+    return (struct factor){vdupq_n_s32(zero), vdupq_n_s32(multiplier),
+                           vdupq_n_s32(shift > 0 ? shift : 0), vdupq_n_s32(shift < 0 ? shift : 0)};
 }
 
 FV_INLINE int32x4_t term(int32x4_t value, const struct factor *f)
@@ -36,10 +36,12 @@ FV_INLINE void widen(const uint8_t *from, int32x4_t out[4])
     out[3] = vreinterpretq_s32_u32(vmovl_u16(vget_high_u16(high)));
 }
 
-void fv_k_nn_add_u8__neon(const struct fv_nn_add *p, const uint8_t *a, ptrdiff_t lda, const uint8_t *b,
-                          ptrdiff_t ldb, uint8_t *out, ptrdiff_t ldo, int32_t rows, int32_t count)
+void fv_k_nn_add_u8__neon(const struct fv_nn_add *p, const uint8_t *a, ptrdiff_t lda,
+                          const uint8_t *b, ptrdiff_t ldb, uint8_t *out, ptrdiff_t ldo,
+                          int32_t rows, int32_t count)
 {
-    const struct factor fa = factor_of(p->zero_a, p->m_a, p->s_a), fb = factor_of(p->zero_b, p->m_b, p->s_b);
+    const struct factor fa = factor_of(p->zero_a, p->m_a, p->s_a),
+                        fb = factor_of(p->zero_b, p->m_b, p->s_b);
     const struct factor fo = factor_of(0, p->m_out, p->s_out);
     struct output o;
     init_output(&o, p->zero_out, p->act_min, p->act_max, NULL);

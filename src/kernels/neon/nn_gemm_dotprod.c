@@ -1,4 +1,5 @@
-/* ARMv8.2 with dot products: bytes as signed numbers (128 less), 16 inputs of a row at a time by lane. */
+/* ARMv8.2 with dot products: bytes as signed numbers (128 less), 16 inputs of a row at a time by
+ * lane. */
 #include "kernels/neon/nn_gemm_frame.h"
 
 FV_INLINE void start_of(const int8_t *w, int32_t k4, int32x4_t start[4])
@@ -14,11 +15,11 @@ FV_INLINE void start_of(const int8_t *w, int32_t k4, int32x4_t start[4])
         start[i] = vshlq_n_s32(start[i], 7);
 }
 
-#define LANE(lane)                                                                                           \
-    for (int i = 0; i < 4; ++i) {                                                                            \
-        const int8x16_t v = vld1q_s8(w + 64 * (lane) + 16 * i);                                              \
-        for (int r = 0; r < TILE_ROWS; ++r)                                                                  \
-            acc[r][i] = vdotq_laneq_s32(acc[r][i], v, x[r], lane);                                           \
+#define LANE(lane)                                                                                 \
+    for (int i = 0; i < 4; ++i) {                                                                  \
+        const int8x16_t v = vld1q_s8(w + 64 * (lane) + 16 * i);                                    \
+        for (int r = 0; r < TILE_ROWS; ++r)                                                        \
+            acc[r][i] = vdotq_laneq_s32(acc[r][i], v, x[r], lane);                                 \
     }
 
 FV_INLINE void accumulate(const uint8_t *const row[TILE_ROWS], const int8_t *w, int32_t k4,
@@ -45,14 +46,14 @@ FV_INLINE void accumulate(const uint8_t *const row[TILE_ROWS], const int8_t *w, 
     }
 }
 
-void fv_k_nn_gemm_u8__dotprod(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, uint8_t *out,
-                              ptrdiff_t ldo, int32_t m)
+void fv_k_nn_gemm_u8__dotprod(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda,
+                              uint8_t *out, ptrdiff_t ldo, int32_t m)
 {
     gemm_u8(g, a, lda, out, ldo, m);
 }
 
-void fv_k_nn_gemm_i32__dotprod(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, int32_t *out,
-                               ptrdiff_t ldo, int32_t m)
+void fv_k_nn_gemm_i32__dotprod(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda,
+                               int32_t *out, ptrdiff_t ldo, int32_t m)
 {
     gemm_i32(g, a, lda, out, ldo, m);
 }

@@ -1,5 +1,5 @@
-/* The frame of the matrix product around a tile of 4 rows by 16 channels, which each file defines for its instruction set:
- * `accumulate` and `start_of` below. */
+/* The frame of the matrix product around a tile of 4 rows by 16 channels, which each file defines
+ * for its instruction set: `accumulate` and `start_of` below. */
 #ifndef FOVEA_KERNELS_NEON_NN_GEMM_FRAME_H
 #define FOVEA_KERNELS_NEON_NN_GEMM_FRAME_H
 
@@ -22,7 +22,8 @@ FV_INLINE int32_t sum_row(const struct fv_nn_gemm *g, const uint8_t *row)
 /* Sums of one tile: 4 rows by 16 channels from packed weights, added to acc. */
 FV_INLINE void accumulate(const uint8_t *const row[TILE_ROWS], const int8_t *w, int32_t k4,
                           int32x4_t acc[TILE_ROWS][4]);
-/* What a block's accumulators start with besides the bias, for kernels that multiply other numbers than the bytes. */
+/* What a block's accumulators start with besides the bias, for kernels that multiply other numbers
+ * than the bytes. */
 FV_INLINE void start_of(const int8_t *w, int32_t k4, int32x4_t start[4]);
 
 struct tile {
@@ -30,8 +31,8 @@ struct tile {
     int32_t rows, sum[TILE_ROWS];
 };
 
-FV_INLINE void init_tile(struct tile *t, const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda,
-                         int32_t left)
+FV_INLINE void init_tile(struct tile *t, const struct fv_nn_gemm *g, const uint8_t *a,
+                         ptrdiff_t lda, int32_t left)
 {
     t->rows = left < TILE_ROWS ? left : TILE_ROWS;
     for (int32_t r = 0; r < TILE_ROWS; ++r) {
@@ -68,7 +69,8 @@ FV_INLINE void gemm_u8(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t l
     for (int32_t i = 0; i < m; i += CHUNK_TILES * TILE_ROWS) {
         int32_t count = 0;
         for (; count < CHUNK_TILES && i + count * TILE_ROWS < m; ++count) {
-            init_tile(&tiles[count], g, a + (i + count * TILE_ROWS) * lda, lda, m - i - count * TILE_ROWS);
+            init_tile(&tiles[count], g, a + (i + count * TILE_ROWS) * lda, lda,
+                      m - i - count * TILE_ROWS);
         }
         for (int32_t b = 0; b < blocks; ++b) {
             struct scale16 s;

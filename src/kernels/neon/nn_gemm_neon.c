@@ -1,4 +1,5 @@
-/* ARMv8.0: bytes as signed numbers (128 less), products of 8 bits widened to 16 and added in pairs. */
+/* ARMv8.0: bytes as signed numbers (128 less), products of 8 bits widened to 16 and added in pairs.
+ */
 #include "kernels/neon/nn_gemm_frame.h"
 
 FV_INLINE int8x8_t four_inputs(const uint8_t *bytes)
@@ -21,7 +22,8 @@ FV_INLINE void start_of(const int8_t *w, int32_t k4, int32x4_t start[4])
 }
 
 /* Two rows: sixteen registers of pairs of sums, joined at the end. */
-FV_INLINE void two_rows(const uint8_t *const row[2], const int8_t *w, int32_t k4, int32x4_t acc[2][4])
+FV_INLINE void two_rows(const uint8_t *const row[2], const int8_t *w, int32_t k4,
+                        int32x4_t acc[2][4])
 {
     int32x4_t pair[2][8];
     for (int i = 0; i < 8; ++i)
@@ -47,14 +49,14 @@ FV_INLINE void accumulate(const uint8_t *const row[TILE_ROWS], const int8_t *w, 
     two_rows(row + 2, w, k4, acc + 2);
 }
 
-void fv_k_nn_gemm_u8__neon(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, uint8_t *out,
-                           ptrdiff_t ldo, int32_t m)
+void fv_k_nn_gemm_u8__neon(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda,
+                           uint8_t *out, ptrdiff_t ldo, int32_t m)
 {
     gemm_u8(g, a, lda, out, ldo, m);
 }
 
-void fv_k_nn_gemm_i32__neon(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, int32_t *out,
-                            ptrdiff_t ldo, int32_t m)
+void fv_k_nn_gemm_i32__neon(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda,
+                            int32_t *out, ptrdiff_t ldo, int32_t m)
 {
     gemm_i32(g, a, lda, out, ldo, m);
 }

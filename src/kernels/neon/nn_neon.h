@@ -1,5 +1,5 @@
-/* What the NEON network kernels share: exact requantisation, packing, tables. Included by files of one instruction set each;
- * everything is inlined there. */
+/* What the NEON network kernels share: exact requantisation, packing, tables. Included by files of
+ * one instruction set each; everything is inlined there. */
 #ifndef FOVEA_KERNELS_NEON_NN_NEON_H
 #define FOVEA_KERNELS_NEON_NN_NEON_H
 
@@ -10,8 +10,8 @@
 
 #define FV_INLINE static inline __attribute__((always_inline))
 
-/* Constants of 16 channels. sqrdmulh is gemmlowp's high product; srshl rounds halves up, so one is taken off negative
- * values first where the shift is to the right. */
+/* Constants of 16 channels. sqrdmulh is gemmlowp's high product; srshl rounds halves up, so one is
+ * taken off negative values first where the shift is to the right. */
 struct scale16 {
     int32x4_t multiplier[4], left[4], right[4];
 };
@@ -42,7 +42,8 @@ struct output {
     uint8x16x4_t part[4];
 };
 
-FV_INLINE void init_output(struct output *o, int32_t zero, int32_t low, int32_t high, const uint8_t *table)
+FV_INLINE void init_output(struct output *o, int32_t zero, int32_t low, int32_t high,
+                           const uint8_t *table)
 {
     o->zero = vdupq_n_s16((int16_t)zero);
     o->low = vdupq_n_u8((uint8_t)low);

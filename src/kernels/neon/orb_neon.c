@@ -2,14 +2,15 @@
 
 #include <arm_neon.h>
 
-/* The weights halved, 9 17 24 28 24 17 9: then a sum down a column has 15 bits, two of them still fit a word,
- * and what the contract rounds off by 16 bits is rounded off by 14 here. */
+/* The weights halved, 9 17 24 28 24 17 9: then a sum down a column has 15 bits, two of them still
+ * fit a word, and what the contract rounds off by 16 bits is rounded off by 14 here. */
 static inline void fv_blur7_columns(const uint8_t *const rows[7], int32_t x, uint16_t *column)
 {
     uint8x16_t r[7];
     for (int i = 0; i < 7; i++)
         r[i] = vld1q_u8(rows[i] + x);
-    uint16x8_t low = vmull_u8(vget_low_u8(r[3]), vdup_n_u8(28)), high = vmull_high_u8(r[3], vdupq_n_u8(28));
+    uint16x8_t low = vmull_u8(vget_low_u8(r[3]), vdup_n_u8(28)),
+               high = vmull_high_u8(r[3], vdupq_n_u8(28));
     low = vmlaq_n_u16(low, vaddl_u8(vget_low_u8(r[0]), vget_low_u8(r[6])), 9);
     high = vmlaq_n_u16(high, vaddl_high_u8(r[0], r[6]), 9);
     low = vmlaq_n_u16(low, vaddl_u8(vget_low_u8(r[1]), vget_low_u8(r[5])), 17);
@@ -43,7 +44,8 @@ static inline void fv_blur7_sixteen(uint8_t *out, const uint16_t *column)
     vst1q_u8(out, vuzp1q_u8(a, vreinterpretq_u8_u16(fv_blur7_eight(column + 8))));
 }
 
-void fv_k_blur7_row_u8__neon(uint8_t *out, const uint8_t *const rows[7], int32_t width, uint16_t *scratch)
+void fv_k_blur7_row_u8__neon(uint8_t *out, const uint8_t *const rows[7], int32_t width,
+                             uint16_t *scratch)
 {
     if (width < 16) {
         fv_k_blur7_row_u8__c(out, rows, width, scratch);
@@ -64,22 +66,23 @@ void fv_k_blur7_row_u8__neon(uint8_t *out, const uint8_t *const rows[7], int32_t
     fv_blur7_sixteen(out + last, column + last);
 }
 
-/* Products with |u| in unsigned words. Over 15 rows of the circle the weights of one lane add up to at most
- * 174 (the columns 5 and 13), and 174 x 255 fits; over 31 rows they would not, so the upper and the lower
- * half have their own sums. Left and right are subtracted at the end. */
+/* Products with |u| in unsigned words. Over 15 rows of the circle the weights of one lane add up to
+ * at most 174 (the columns 5 and 13), and 174 x 255 fits; over 31 rows they would not, so the upper
+ * and the lower half have their own sums. Left and right are subtracted at the end. */
 struct fv_moment_words {
     uint16x8_t left, right; /* sums of |u| I, lanes folded in two */
 };
 
 static inline uint16x8_t fv_moments_rows(struct fv_moment_words *words, const uint8_t *row,
-                                         uint8x16_t left_mask, uint8x16_t right_mask, uint8x16_t left_u,
-                                         uint8x16_t right_u)
+                                         uint8x16_t left_mask, uint8x16_t right_mask,
+                                         uint8x16_t left_u, uint8x16_t right_u)
 {
     const uint8x16_t left = vandq_u8(vld1q_u8(row - 16), left_mask);
     const uint8x16_t right = vandq_u8(vld1q_u8(row), right_mask);
     words->left = vmlal_u8(words->left, vget_low_u8(left), vget_low_u8(left_u));
     words->right = vmlal_u8(words->right, vget_low_u8(right), vget_low_u8(right_u));
-    const uint16x8_t left_far = vmull_high_u8(left, left_u), right_far = vmull_high_u8(right, right_u);
+    const uint16x8_t left_far = vmull_high_u8(left, left_u),
+                     right_far = vmull_high_u8(right, right_u);
     words->left = vaddq_u16(words->left, left_far);
     words->right = vaddq_u16(words->right, right_far);
     return vaddq_u16(vpaddlq_u8(left), vpaddlq_u8(right));
@@ -90,8 +93,8 @@ static inline int32_t fv_moments_side(const struct fv_moment_words *words)
     return (int32_t)vaddlvq_u16(words->right) - (int32_t)vaddlvq_u16(words->left);
 }
 
-void fv_k_moments_u8__neon(int32_t *m, const uint8_t *image, ptrdiff_t stride, const int32_t *centres,
-                           int32_t count)
+void fv_k_moments_u8__neon(int32_t *m, const uint8_t *image, ptrdiff_t stride,
+                           const int32_t *centres, int32_t count)
 {
     static const uint8_t ramp[16] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
     const uint8x16_t right_u = vld1q_u8(ramp), left_u = vsubq_u8(vdupq_n_u8(16), right_u);
@@ -110,10 +113,10 @@ void fv_k_moments_u8__neon(int32_t *m, const uint8_t *image, ptrdiff_t stride, c
         int32_t m10 = fv_moments_side(&below);
         below = none;
         for (int v = 1; v <= FV_MOMENTS_RADIUS; v++) {
-            const uint16x8_t down =
-                fv_moments_rows(&below, row + v * stride, left_mask[v], right_mask[v], left_u, right_u);
-            const uint16x8_t up =
-                fv_moments_rows(&above, row - v * stride, left_mask[v], right_mask[v], left_u, right_u);
+            const uint16x8_t down = fv_moments_rows(&below, row + v * stride, left_mask[v],
+                                                    right_mask[v], left_u, right_u);
+            const uint16x8_t up = fv_moments_rows(&above, row - v * stride, left_mask[v],
+                                                  right_mask[v], left_u, right_u);
             const int16x8_t across = vreinterpretq_s16_u16(vsubq_u16(down, up));
             m01 = vmlal_n_s16(m01, vget_low_s16(across), (int16_t)v);
             m01 = vmlal_n_s16(m01, vget_high_s16(across), (int16_t)v);
@@ -123,7 +126,8 @@ void fv_k_moments_u8__neon(int32_t *m, const uint8_t *image, ptrdiff_t stride, c
     }
 }
 
-/* Sampled into arrays first: the vector loads that compare come long after the byte stores that they need. */
+/* Sampled into arrays first: the vector loads that compare come long after the byte stores that
+ * they need. */
 static inline void fv_brief_sample(uint8_t samples[2 * FV_BRIEF_BITS], const uint8_t *centre,
                                    const int8_t *places, int16_t along, int16_t across)
 {
@@ -131,8 +135,10 @@ static inline void fv_brief_sample(uint8_t samples[2 * FV_BRIEF_BITS], const uin
         const int8x8x2_t place = vld2_s8(places + 2 * i);
         const int16x8_t x = vmovl_s8(place.val[0]), y = vmovl_s8(place.val[1]);
         int32_t offset[8];
-        vst1q_s32(offset, vmlal_n_s16(vmull_n_s16(vget_low_s16(x), along), vget_low_s16(y), across));
-        vst1q_s32(offset + 4, vmlal_n_s16(vmull_n_s16(vget_high_s16(x), along), vget_high_s16(y), across));
+        vst1q_s32(offset,
+                  vmlal_n_s16(vmull_n_s16(vget_low_s16(x), along), vget_low_s16(y), across));
+        vst1q_s32(offset + 4,
+                  vmlal_n_s16(vmull_n_s16(vget_high_s16(x), along), vget_high_s16(y), across));
         for (int k = 0; k < 8; k++)
             samples[i + k] = centre[offset[k]];
     }
@@ -141,7 +147,8 @@ static inline void fv_brief_sample(uint8_t samples[2 * FV_BRIEF_BITS], const uin
 void fv_k_brief_u8__neon(uint8_t descriptor[FV_DESCRIPTOR_BYTES], const uint8_t *centre,
                          const int8_t places[4 * FV_BRIEF_BITS], int32_t along, int32_t across)
 {
-    static const uint8_t bit_of_lane[16] = {1, 2, 4, 8, 16, 32, 64, 128, 1, 2, 4, 8, 16, 32, 64, 128};
+    static const uint8_t bit_of_lane[16] = {1, 2, 4, 8, 16, 32, 64, 128,
+                                            1, 2, 4, 8, 16, 32, 64, 128};
     const uint8x16_t bits = vld1q_u8(bit_of_lane);
     uint8_t samples[2 * FV_BRIEF_BITS];
     fv_brief_sample(samples, centre, places, (int16_t)along, (int16_t)across);

@@ -15,9 +15,11 @@ void fv_k_blend_rows_u8__neon(uint8_t *out, const uint8_t *a, const uint8_t *b, 
     }
 }
 
-/* 15 outputs of which the first has phase 0, from 18 inputs; the 16th is right as well, but steps of 15 keep the phase. */
+/* 15 outputs of which the first has phase 0, from 18 inputs; the 16th is right as well, but steps
+ * of 15 keep the phase. */
 static const uint8_t first_of_15[16] = {0, 1, 2, 3, 4, 6, 7, 8, 9, 10, 12, 13, 14, 15, 16, 18};
-static const uint8_t weight_of_15[16] = {13, 38, 64, 90, 115, 13, 38, 64, 90, 115, 13, 38, 64, 90, 115, 13};
+static const uint8_t weight_of_15[16] = {13, 38,  64, 90, 115, 13, 38,  64,
+                                         90, 115, 13, 38, 64,  90, 115, 13};
 
 void fv_k_shrink_row_u8__neon(uint8_t *out, const uint8_t *in, int32_t count)
 {

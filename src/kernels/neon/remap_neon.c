@@ -11,7 +11,8 @@ static inline uint8x16_t fv_remap_pick(const uint8_t *row, uint8x16_t pick)
 /* 64 times the blend of horizontal neighbours, which lie side by side. */
 static inline int16x8_t fv_remap_along(uint8x16_t pairs, uint8x8_t fx)
 {
-    const uint8x8_t left = vget_low_u8(vuzp1q_u8(pairs, pairs)), right = vget_low_u8(vuzp2q_u8(pairs, pairs));
+    const uint8x8_t left = vget_low_u8(vuzp1q_u8(pairs, pairs)),
+                    right = vget_low_u8(vuzp2q_u8(pairs, pairs));
     return vreinterpretq_s16_u16(vmlal_u8(vmull_u8(left, vsub_u8(vdup_n_u8(64), fx)), right, fx));
 }
 
@@ -21,7 +22,8 @@ static inline uint8x8_t fv_remap_eight(const uint8_t *window, ptrdiff_t stride,
     const uint8x8_t at = vld1_u8(block->at);
     const uint8x16_t twice = vcombine_u8(vzip1_u8(at, at), vzip2_u8(at, at));
     const uint8x16_t next = vreinterpretq_u8_u16(vdupq_n_u16(0x100));
-    const uint8x16_t pick = vaddq_u8(vandq_u8(twice, vdupq_n_u8(FV_REMAP_OUTSIDE | FV_REMAP_COLUMN)), next);
+    const uint8x16_t pick =
+        vaddq_u8(vandq_u8(twice, vdupq_n_u8(FV_REMAP_OUTSIDE | FV_REMAP_COLUMN)), next);
     const uint8x16_t row_1 = vtstq_u8(twice, vdupq_n_u8(FV_REMAP_ROW_1));
     const uint8x16_t row_2 = vtstq_u8(twice, vdupq_n_u8(FV_REMAP_ROW_2));
     uint8x16_t row[FV_REMAP_WINDOW_ROWS];
@@ -32,7 +34,8 @@ static inline uint8x8_t fv_remap_eight(const uint8_t *window, ptrdiff_t stride,
 
     const uint8x8_t fx = vld1_u8(block->fx);
     const int16x8_t top = fv_remap_along(above, fx), bottom = fv_remap_along(below, fx);
-    const int16x8_t fy = vreinterpretq_s16_u16(vshll_n_u8(vld1_u8(block->fy), 8)); /* 256 fy, doubled below */
+    const int16x8_t fy =
+        vreinterpretq_s16_u16(vshll_n_u8(vld1_u8(block->fy), 8)); /* 256 fy, doubled below */
     const int16x8_t sum = vaddq_s16(top, vqrdmulhq_s16(vsubq_s16(bottom, top), vaddq_s16(fy, fy)));
     return vqrshrun_n_s16(sum, 6);
 }

@@ -12,7 +12,8 @@ static inline __m256i load(const uint8_t *p)
     return _mm256_loadu_si256((const __m256i *)p);
 }
 
-/* Of two opposite pairs: the brighter of each, then the darker of the two; and the other way round. */
+/* Of two opposite pairs: the brighter of each, then the darker of the two; and the other way round.
+ */
 static inline void pairs(const uint8_t *first, const uint8_t *first8, const uint8_t *second,
                          const uint8_t *second8, __m256i *bright, __m256i *dark)
 {
@@ -34,12 +35,12 @@ static inline uint32_t candidates(const uint8_t *c, ptrdiff_t s, __m256i t)
     return ~(uint32_t)_mm256_movemask_epi8(within);
 }
 
-/* Two passes over a stretch of the row. The first asks of every group of sixteen pixels whether any of them
- * has, in each of four opposite pairs of the circle, a pixel beyond the threshold on the same side: nine
- * contiguous ones hold one of every pair. The second scores the groups that passed. Listing them instead of
- * branching spares the mispredictions. */
-static void score_stretch(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes, int32_t count,
-                          int32_t threshold)
+/* Two passes over a stretch of the row. The first asks of every group of sixteen pixels whether any
+ * of them has, in each of four opposite pairs of the circle, a pixel beyond the threshold on the
+ * same side: nine contiguous ones hold one of every pair. The second scores the groups that passed.
+ * Listing them instead of branching spares the mispredictions. */
+static void score_stretch(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes,
+                          int32_t count, int32_t threshold)
 {
     const __m256i t = _mm256_set1_epi8((char)threshold);
     int32_t groups[FV_FAST_STRETCH / 16 + 2], found = 0;
@@ -54,8 +55,8 @@ static void score_stretch(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stri
     fv_fast_score_listed(scores, pixels, stride_bytes, groups, found, count, threshold);
 }
 
-void fv_k_fast_score_u8__avx2(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes, int32_t count,
-                              int32_t threshold)
+void fv_k_fast_score_u8__avx2(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes,
+                              int32_t count, int32_t threshold)
 {
     for (int32_t i = 0; i < count; i += FV_FAST_STRETCH)
         score_stretch(scores + i, pixels + i, stride_bytes,
@@ -73,7 +74,8 @@ int32_t fv_k_fast_peaks_u8__avx2(uint16_t *columns, const uint8_t *above, const 
         around = MAX(around, MAX(MAX(load(above + i - 1), load(above + i)), load(above + i + 1)));
         around = MAX(around, MAX(MAX(load(below + i - 1), load(below + i)), load(below + i + 1)));
         /* A lane of the saturated difference is zero where the centre is not greater. */
-        const __m256i lower = _mm256_cmpeq_epi8(_mm256_subs_epu8(centre, around), _mm256_setzero_si256());
+        const __m256i lower =
+            _mm256_cmpeq_epi8(_mm256_subs_epu8(centre, around), _mm256_setzero_si256());
         uint32_t peaks = ~(uint32_t)_mm256_movemask_epi8(lower);
         if (to - i < 32) peaks &= (1u << (to - i)) - 1u;
         for (; peaks != 0; peaks &= peaks - 1)

@@ -12,7 +12,8 @@ static inline __m512i load(const uint8_t *p)
     return _mm512_loadu_si512(p);
 }
 
-/* Of two opposite pairs: the brighter of each, then the darker of the two; and the other way round. */
+/* Of two opposite pairs: the brighter of each, then the darker of the two; and the other way round.
+ */
 static inline void pairs(const uint8_t *first, const uint8_t *first8, const uint8_t *second,
                          const uint8_t *second8, __m512i *bright, __m512i *dark)
 {
@@ -24,19 +25,21 @@ static inline void pairs(const uint8_t *first, const uint8_t *first8, const uint
 /* Bit k of the result: pixel k may be a corner. */
 static inline uint64_t candidates(const uint8_t *c, ptrdiff_t s, __m512i t)
 {
-    const __m512i centre = load(c), above = _mm512_adds_epu8(centre, t), below = _mm512_subs_epu8(centre, t);
+    const __m512i centre = load(c), above = _mm512_adds_epu8(centre, t),
+                  below = _mm512_subs_epu8(centre, t);
     __m512i bright, dark, bright2, dark2;
     pairs(c - 3 * s, c + 3 * s, c + 3, c - 3, &bright, &dark);
     pairs(c - 2 * s + 2, c + 2 * s - 2, c + 2 * s + 2, c - 2 * s - 2, &bright2, &dark2);
     const __mmask64 brighter =
         _mm512_mask_cmpgt_epu8_mask(_mm512_cmpgt_epu8_mask(bright, above), bright2, above);
-    const __mmask64 darker = _mm512_mask_cmplt_epu8_mask(_mm512_cmplt_epu8_mask(dark, below), dark2, below);
+    const __mmask64 darker =
+        _mm512_mask_cmplt_epu8_mask(_mm512_cmplt_epu8_mask(dark, below), dark2, below);
     return brighter | darker;
 }
 
 /* As the AVX2 variant, asking of 64 pixels at a time. */
-static void score_stretch(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes, int32_t count,
-                          int32_t threshold)
+static void score_stretch(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes,
+                          int32_t count, int32_t threshold)
 {
     const __m512i t = _mm512_set1_epi8((char)threshold);
     int32_t groups[FV_FAST_STRETCH / 16 + 4], found = 0;
@@ -51,8 +54,8 @@ static void score_stretch(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stri
     fv_fast_score_listed(scores, pixels, stride_bytes, groups, found, count, threshold);
 }
 
-void fv_k_fast_score_u8__avx512(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes, int32_t count,
-                                int32_t threshold)
+void fv_k_fast_score_u8__avx512(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes,
+                                int32_t count, int32_t threshold)
 {
     for (int32_t i = 0; i < count; i += FV_FAST_STRETCH)
         score_stretch(scores + i, pixels + i, stride_bytes,

@@ -12,8 +12,9 @@ static inline __m128i load(const uint8_t *p)
     return _mm_loadu_si128((const __m128i *)p);
 }
 
-/* Of the arcs of nine, the best weakest pixel (brightest) and the best strongest one (darkest). Two arcs that
- * differ in their ends share eight pixels: min over them once, then the better of the two ends. */
+/* Of the arcs of nine, the best weakest pixel (brightest) and the best strongest one (darkest). Two
+ * arcs that differ in their ends share eight pixels: min over them once, then the better of the two
+ * ends. */
 static inline void best_arcs(const __m128i p[16], __m128i *brightest, __m128i *darkest)
 {
     __m128i low[8], high[8];
@@ -36,7 +37,8 @@ static inline void best_arcs(const __m128i p[16], __m128i *brightest, __m128i *d
     *darkest = dark;
 }
 
-/* Of two opposite pairs: the brighter of each, then the darker of the two; and the other way round. */
+/* Of two opposite pairs: the brighter of each, then the darker of the two; and the other way round.
+ */
 static inline void pairs(const uint8_t *first, const uint8_t *first8, const uint8_t *second,
                          const uint8_t *second8, __m128i *bright, __m128i *dark)
 {
@@ -52,31 +54,33 @@ static inline uint32_t candidates(const uint8_t *c, ptrdiff_t s, __m128i t)
     __m128i bright = _mm_set1_epi8(-1), dark = _mm_setzero_si128();
     pairs(c - 3 * s, c + 3 * s, c + 3, c - 3, &bright, &dark);
     pairs(c - 2 * s + 2, c + 2 * s - 2, c + 2 * s + 2, c - 2 * s - 2, &bright, &dark);
-    const __m128i beyond =
-        MAX(_mm_subs_epu8(bright, _mm_adds_epu8(centre, t)), _mm_subs_epu8(_mm_subs_epu8(centre, t), dark));
+    const __m128i beyond = MAX(_mm_subs_epu8(bright, _mm_adds_epu8(centre, t)),
+                               _mm_subs_epu8(_mm_subs_epu8(centre, t), dark));
     return !_mm_testz_si128(beyond, beyond);
 }
 
 static inline void score_group(uint8_t *scores, const uint8_t *c, ptrdiff_t s, __m128i t1)
 {
-    const __m128i p[16] = {load(c - 3 * s), load(c - 3 * s + 1), load(c - 2 * s + 2), load(c - s + 3),
-                           load(c + 3),     load(c + s + 3),     load(c + 2 * s + 2), load(c + 3 * s + 1),
-                           load(c + 3 * s), load(c + 3 * s - 1), load(c + 2 * s - 2), load(c + s - 3),
-                           load(c - 3),     load(c - s - 3),     load(c - 2 * s - 2), load(c - 3 * s - 1)};
+    const __m128i p[16] = {
+        load(c - 3 * s), load(c - 3 * s + 1), load(c - 2 * s + 2), load(c - s + 3),
+        load(c + 3),     load(c + s + 3),     load(c + 2 * s + 2), load(c + 3 * s + 1),
+        load(c + 3 * s), load(c + 3 * s - 1), load(c + 2 * s - 2), load(c + s - 3),
+        load(c - 3),     load(c - s - 3),     load(c - 2 * s - 2), load(c - 3 * s - 1)};
     const __m128i centre = load(c);
     __m128i bright, dark;
     best_arcs(p, &bright, &dark);
     const __m128i best = MAX(_mm_subs_epu8(bright, centre), _mm_subs_epu8(centre, dark));
     const __m128i corner = _mm_cmpeq_epi8(MAX(best, t1), best);
-    _mm_storeu_si128((__m128i *)scores, _mm_and_si128(corner, _mm_sub_epi8(best, _mm_set1_epi8(1))));
+    _mm_storeu_si128((__m128i *)scores,
+                     _mm_and_si128(corner, _mm_sub_epi8(best, _mm_set1_epi8(1))));
 }
 
-/* Two passes over a stretch of the row. The first asks of every group of sixteen pixels whether any of them
- * has, in each of four opposite pairs of the circle, a pixel beyond the threshold on the same side: nine
- * contiguous ones hold one of every pair. The second scores the groups that passed. Listing them instead of
- * branching spares the mispredictions. */
-static void score_stretch(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes, int32_t count,
-                          int32_t threshold)
+/* Two passes over a stretch of the row. The first asks of every group of sixteen pixels whether any
+ * of them has, in each of four opposite pairs of the circle, a pixel beyond the threshold on the
+ * same side: nine contiguous ones hold one of every pair. The second scores the groups that passed.
+ * Listing them instead of branching spares the mispredictions. */
+static void score_stretch(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes,
+                          int32_t count, int32_t threshold)
 {
     const __m128i t = _mm_set1_epi8((char)threshold), t1 = _mm_set1_epi8((char)(threshold + 1));
     int32_t groups[STRETCH / 16 + 1], found = 0;
@@ -89,12 +93,12 @@ static void score_stretch(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stri
         score_group(scores + groups[k], pixels + groups[k], stride_bytes, t1);
 }
 
-void fv_k_fast_score_u8__sse4(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes, int32_t count,
-                              int32_t threshold)
+void fv_k_fast_score_u8__sse4(uint8_t *scores, const uint8_t *pixels, ptrdiff_t stride_bytes,
+                              int32_t count, int32_t threshold)
 {
     for (int32_t i = 0; i < count; i += STRETCH)
-        score_stretch(scores + i, pixels + i, stride_bytes, count - i < STRETCH ? count - i : STRETCH,
-                      threshold);
+        score_stretch(scores + i, pixels + i, stride_bytes,
+                      count - i < STRETCH ? count - i : STRETCH, threshold);
 }
 
 int32_t fv_k_fast_peaks_u8__sse4(uint16_t *columns, const uint8_t *above, const uint8_t *row,

@@ -39,29 +39,34 @@ void fv_k_grey_pick_u8__avx2(uint8_t *grey, const uint8_t *source, int32_t count
     fv_k_grey_pick_u8__c(grey + i, source + 2 * i, count - i, offset);
 }
 
-/* Eight pixels from twice twelve bytes: (first, green) and (third, 0) as words, weighed in 32 bits. */
+/* Eight pixels from twice twelve bytes: (first, green) and (third, 0) as words, weighed in 32 bits.
+ */
 static inline __m256i mix8(const uint8_t *source, __m256i outer, __m256i inner, __m256i round)
 {
-    const __m256i pair =
-        _mm256_broadcastsi128_si256(_mm_setr_epi8(0, -1, 1, -1, 3, -1, 4, -1, 6, -1, 7, -1, 9, -1, 10, -1));
+    const __m256i pair = _mm256_broadcastsi128_si256(
+        _mm_setr_epi8(0, -1, 1, -1, 3, -1, 4, -1, 6, -1, 7, -1, 9, -1, 10, -1));
     const __m256i last = _mm256_broadcastsi128_si256(
         _mm_setr_epi8(2, -1, -1, -1, 5, -1, -1, -1, 8, -1, -1, -1, 11, -1, -1, -1));
-    const __m256i bytes = _mm256_loadu2_m128i((const __m128i *)(source + 12), (const __m128i *)source);
+    const __m256i bytes =
+        _mm256_loadu2_m128i((const __m128i *)(source + 12), (const __m128i *)source);
     const __m256i a = _mm256_madd_epi16(_mm256_shuffle_epi8(bytes, pair), outer);
     const __m256i b = _mm256_madd_epi16(_mm256_shuffle_epi8(bytes, last), inner);
     return _mm256_srli_epi32(_mm256_add_epi32(_mm256_add_epi32(a, b), round), 15);
 }
 
-void fv_k_grey_mix_u8__avx2(uint8_t *grey, const uint8_t *source, int32_t count, int32_t first, int32_t third)
+void fv_k_grey_mix_u8__avx2(uint8_t *grey, const uint8_t *source, int32_t count, int32_t first,
+                            int32_t third)
 {
     const __m256i outer = _mm256_set1_epi32(19235 << 16 | first), inner = _mm256_set1_epi32(third);
-    const __m256i round = _mm256_set1_epi32(16384), order = _mm256_setr_epi32(0, 4, 1, 5, 2, 6, 3, 7);
+    const __m256i round = _mm256_set1_epi32(16384),
+                  order = _mm256_setr_epi32(0, 4, 1, 5, 2, 6, 3, 7);
     int32_t i = 0;
     for (; i + 34 <= count; i += 32) { /* the last load reaches 4 bytes further than 32 pixels */
         const uint8_t *s = source + 3 * i;
-        const __m256i a = _mm256_packs_epi32(mix8(s, outer, inner, round), mix8(s + 24, outer, inner, round));
-        const __m256i b =
-            _mm256_packs_epi32(mix8(s + 48, outer, inner, round), mix8(s + 72, outer, inner, round));
+        const __m256i a =
+            _mm256_packs_epi32(mix8(s, outer, inner, round), mix8(s + 24, outer, inner, round));
+        const __m256i b = _mm256_packs_epi32(mix8(s + 48, outer, inner, round),
+                                             mix8(s + 72, outer, inner, round));
         _mm256_storeu_si256((__m256i *)(grey + i),
                             _mm256_permutevar8x32_epi32(_mm256_packus_epi16(a, b), order));
     }
@@ -76,8 +81,8 @@ static inline __m256i column(const uint8_t *above, const uint8_t *row, const uin
     return _mm256_add_epi16(_mm256_add_epi16(a, b), _mm256_slli_epi16(r, 1));
 }
 
-void fv_k_grey_bayer_u8__avx2(uint8_t *grey, const uint8_t *above, const uint8_t *row, const uint8_t *below,
-                              int32_t count)
+void fv_k_grey_bayer_u8__avx2(uint8_t *grey, const uint8_t *above, const uint8_t *row,
+                              const uint8_t *below, int32_t count)
 {
     int32_t x = 1;
     for (; x + 17 <= count; x += 16) {

@@ -32,7 +32,8 @@ void fv_k_grey_pick_u8__sse4(uint8_t *grey, const uint8_t *source, int32_t count
     fv_k_grey_pick_u8__c(grey + i, source + 2 * i, count - i, offset);
 }
 
-/* Four pixels from twelve of sixteen bytes: (first, green) and (third, 0) as words, weighed in 32 bits. */
+/* Four pixels from twelve of sixteen bytes: (first, green) and (third, 0) as words, weighed in 32
+ * bits. */
 static inline __m128i mix4(const uint8_t *source, __m128i outer, __m128i inner, __m128i round)
 {
     const __m128i pair = _mm_setr_epi8(0, -1, 1, -1, 3, -1, 4, -1, 6, -1, 7, -1, 9, -1, 10, -1);
@@ -43,14 +44,16 @@ static inline __m128i mix4(const uint8_t *source, __m128i outer, __m128i inner, 
     return _mm_srli_epi32(_mm_add_epi32(_mm_add_epi32(a, b), round), 15);
 }
 
-void fv_k_grey_mix_u8__sse4(uint8_t *grey, const uint8_t *source, int32_t count, int32_t first, int32_t third)
+void fv_k_grey_mix_u8__sse4(uint8_t *grey, const uint8_t *source, int32_t count, int32_t first,
+                            int32_t third)
 {
     const __m128i outer = _mm_set1_epi32(19235 << 16 | first), inner = _mm_set1_epi32(third);
     const __m128i round = _mm_set1_epi32(16384);
     int32_t i = 0;
     for (; i + 18 <= count; i += 16) { /* the last load reaches 4 bytes further than 16 pixels */
         const uint8_t *s = source + 3 * i;
-        const __m128i a = _mm_packs_epi32(mix4(s, outer, inner, round), mix4(s + 12, outer, inner, round));
+        const __m128i a =
+            _mm_packs_epi32(mix4(s, outer, inner, round), mix4(s + 12, outer, inner, round));
         const __m128i b =
             _mm_packs_epi32(mix4(s + 24, outer, inner, round), mix4(s + 36, outer, inner, round));
         _mm_storeu_si128((__m128i *)(grey + i), _mm_packus_epi16(a, b));
@@ -66,8 +69,8 @@ static inline __m128i column(const uint8_t *above, const uint8_t *row, const uin
     return _mm_add_epi16(_mm_add_epi16(a, b), _mm_slli_epi16(r, 1));
 }
 
-void fv_k_grey_bayer_u8__sse4(uint8_t *grey, const uint8_t *above, const uint8_t *row, const uint8_t *below,
-                              int32_t count)
+void fv_k_grey_bayer_u8__sse4(uint8_t *grey, const uint8_t *above, const uint8_t *row,
+                              const uint8_t *below, int32_t count)
 {
     int32_t x = 1;
     for (; x + 9 <= count; x += 8) {

@@ -6,7 +6,8 @@ static inline __m512i fv_hamming_eight(const __m512i query[4], const __m512i tra
     __m512i count[4];
     for (int w = 0; w < 4; w++)
         count[w] = _mm512_popcnt_epi64(_mm512_xor_si512(query[w], train[w]));
-    return _mm512_add_epi64(_mm512_add_epi64(count[0], count[1]), _mm512_add_epi64(count[2], count[3]));
+    return _mm512_add_epi64(_mm512_add_epi64(count[0], count[1]),
+                            _mm512_add_epi64(count[2], count[3]));
 }
 
 void fv_k_hamming_two_u8__avx512icl(uint32_t *nearest, uint32_t *second, const uint8_t *queries,

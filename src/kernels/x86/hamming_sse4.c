@@ -39,10 +39,11 @@ void fv_k_hamming_two_u8__sse4(uint32_t *nearest, uint32_t *second, const uint8_
     }
 }
 
-void fv_k_hamming_some_u8__sse4(uint16_t *distances, const uint8_t *query, const uint8_t *descriptors,
-                                const uint16_t *indices, int32_t count)
+void fv_k_hamming_some_u8__sse4(uint16_t *distances, const uint8_t *query,
+                                const uint8_t *descriptors, const uint16_t *indices, int32_t count)
 {
     const struct fv_words words = fv_words_load(query);
     for (int32_t k = 0; k < count; k++)
-        distances[k] = (uint16_t)fv_hamming(&words, descriptors + FV_DESCRIPTOR_BYTES * (size_t)indices[k]);
+        distances[k] =
+            (uint16_t)fv_hamming(&words, descriptors + FV_DESCRIPTOR_BYTES * (size_t)indices[k]);
 }

@@ -5,10 +5,11 @@
 static inline int32_t largest(__m256i v)
 {
     const __m128i both = _mm_max_epu8(_mm256_castsi256_si128(v), _mm256_extracti128_si256(v, 1));
-    const __m128i flipped =
-        _mm_xor_si128(both, _mm_set1_epi8(-1)); /* the smallest of 255 - v, which has an instruction */
+    const __m128i flipped = _mm_xor_si128(
+        both, _mm_set1_epi8(-1)); /* the smallest of 255 - v, which has an instruction */
     return 255 -
-           (_mm_cvtsi128_si32(_mm_minpos_epu16(_mm_min_epu8(flipped, _mm_srli_epi16(flipped, 8)))) & 0xFF);
+           (_mm_cvtsi128_si32(_mm_minpos_epu16(_mm_min_epu8(flipped, _mm_srli_epi16(flipped, 8)))) &
+            0xFF);
 }
 
 void fv_k_nn_argmax_u8__avx2(const uint8_t *in, int32_t axis, int32_t *out, int32_t count)
@@ -29,8 +30,9 @@ void fv_k_nn_argmax_u8__avx2(const uint8_t *in, int32_t axis, int32_t *out, int3
             const int32_t value = largest(v);
             if (value <= best) continue;
             best = value;
-            const uint32_t equal =
-                (uint32_t)_mm256_movemask_epi8(_mm256_cmpeq_epi8(v, _mm256_set1_epi8((char)value))) & valid;
+            const uint32_t equal = (uint32_t)_mm256_movemask_epi8(
+                                       _mm256_cmpeq_epi8(v, _mm256_set1_epi8((char)value))) &
+                                   valid;
             out[i] = k + (int32_t)_tzcnt_u32(equal);
         }
     }

@@ -1,5 +1,5 @@
-/* What the AVX2 network kernels share: exact requantisation of 8 accumulators, byte tables, storing tiles. Included by files of
- * that set; inlined. */
+/* What the AVX2 network kernels share: exact requantisation of 8 accumulators, byte tables, storing
+ * tiles. Included by files of that set; inlined. */
 #ifndef FOVEA_KERNELS_X86_NN_AVX2_H
 #define FOVEA_KERNELS_X86_NN_AVX2_H
 
@@ -9,27 +9,32 @@
 
 #define FV_INLINE static inline __attribute__((always_inline))
 
-/* Constants of 8 channels: see fv_nn_requantize. AVX2 has no arithmetic 64-bit shift: 2^62 is added before the logical one
- * and what it became, 2^(62 - right), taken off after it. `down`: the half of negative products. */
+/* Constants of 8 channels: see fv_nn_requantize. AVX2 has no arithmetic 64-bit shift: 2^62 is added
+ * before the logical one and what it became, 2^(62 - right), taken off after it. `down`: the half
+ * of negative products. */
 struct scale8 {
-    __m256i multiplier, multiplier_odd, half_even, half_odd, down_even, down_odd, right_even, right_odd,
-        excess;
+    __m256i multiplier, multiplier_odd, half_even, half_odd, down_even, down_odd, right_even,
+        right_odd, excess;
 };
 
 FV_INLINE void half_of(__m256i shift, __m256i *half, __m256i *down, __m256i *right)
 {
-    const __m256i one = _mm256_set1_epi64x(1), is_right = _mm256_cmpgt_epi64(_mm256_setzero_si256(), shift);
+    const __m256i one = _mm256_set1_epi64x(1),
+                  is_right = _mm256_cmpgt_epi64(_mm256_setzero_si256(), shift);
     *half = _mm256_sllv_epi64(one, _mm256_sub_epi64(_mm256_set1_epi64x(30), shift));
-    *half = _mm256_add_epi64(*half, _mm256_and_si256(is_right, _mm256_set1_epi64x(INT64_C(1) << 30)));
+    *half =
+        _mm256_add_epi64(*half, _mm256_and_si256(is_right, _mm256_set1_epi64x(INT64_C(1) << 30)));
     *half = _mm256_add_epi64(*half, _mm256_set1_epi64x(INT64_C(1) << 62));
-    *down = _mm256_sub_epi64(*half, _mm256_and_si256(is_right, _mm256_set1_epi64x(INT64_C(1) << 31)));
+    *down =
+        _mm256_sub_epi64(*half, _mm256_and_si256(is_right, _mm256_set1_epi64x(INT64_C(1) << 31)));
     *right = _mm256_sub_epi64(_mm256_set1_epi64x(31), shift);
 }
 
 /* Words of two 64-bit vectors, the lower halves: in each lane 0 1 of `even`, then 0 1 of `odd`. */
 FV_INLINE __m256i low_words(__m256i even, __m256i odd)
 {
-    return _mm256_castps_si256(_mm256_shuffle_ps(_mm256_castsi256_ps(even), _mm256_castsi256_ps(odd), 0x88));
+    return _mm256_castps_si256(
+        _mm256_shuffle_ps(_mm256_castsi256_ps(even), _mm256_castsi256_ps(odd), 0x88));
 }
 
 FV_INLINE void load_scale(struct scale8 *s, __m256i m, __m256i shift)
@@ -47,28 +52,31 @@ FV_INLINE void load_scale(struct scale8 *s, __m256i m, __m256i shift)
 }
 
 /* A product plus its rounding, shifted; a negative one is rounded down where it lies half way. */
-FV_INLINE __m256i scaled(__m256i product, __m256i half, __m256i down, __m256i right, const int above_zero)
+FV_INLINE __m256i scaled(__m256i product, __m256i half, __m256i down, __m256i right,
+                         const int above_zero)
 {
     if (!above_zero) {
-        half = _mm256_castpd_si256(_mm256_blendv_pd(_mm256_castsi256_pd(half), _mm256_castsi256_pd(down),
-                                                    _mm256_castsi256_pd(product)));
+        half = _mm256_castpd_si256(_mm256_blendv_pd(
+            _mm256_castsi256_pd(half), _mm256_castsi256_pd(down), _mm256_castsi256_pd(product)));
     }
     return _mm256_srlv_epi64(_mm256_add_epi64(product, half), right);
 }
 
-/* Leaves the channels of each lane in the order 0 2 1 3, which store_tile undoes. `above_zero`: results below zero will be
- * clamped to zero anyway, so the rounding of negative ones does not matter. */
+/* Leaves the channels of each lane in the order 0 2 1 3, which store_tile undoes. `above_zero`:
+ * results below zero will be clamped to zero anyway, so the rounding of negative ones does not
+ * matter. */
 FV_INLINE __m256i requantize(__m256i acc, const struct scale8 *s, const int above_zero)
 {
-    const __m256i even =
-        scaled(_mm256_mul_epi32(acc, s->multiplier), s->half_even, s->down_even, s->right_even, above_zero);
-    const __m256i odd = scaled(_mm256_mul_epi32(_mm256_srli_epi64(acc, 32), s->multiplier_odd), s->half_odd,
-                               s->down_odd, s->right_odd, above_zero);
+    const __m256i even = scaled(_mm256_mul_epi32(acc, s->multiplier), s->half_even, s->down_even,
+                                s->right_even, above_zero);
+    const __m256i odd = scaled(_mm256_mul_epi32(_mm256_srli_epi64(acc, 32), s->multiplier_odd),
+                               s->half_odd, s->down_odd, s->right_odd, above_zero);
     return _mm256_sub_epi32(low_words(even, odd), s->excess);
 }
 
-/* A table of 256 bytes as 16 rows of 16 that are combined by exclusive or. pshufb gives zero where bit 7 of its index is set, so
- * x - 16 i picks from row i where 16 i <= x < 16 i + 128, and with signed saturation, for i >= 8, wherever 16 i <= x. */
+/* A table of 256 bytes as 16 rows of 16 that are combined by exclusive or. pshufb gives zero where
+ * bit 7 of its index is set, so x - 16 i picks from row i where 16 i <= x < 16 i + 128, and with
+ * signed saturation, for i >= 8, wherever 16 i <= x. */
 struct table32 {
     __m256i row[16];
 };
@@ -85,8 +93,8 @@ static inline void load_table(struct table32 *t, const uint8_t *table)
     for (int i = 0; i < 16; ++i) {
         t->row[i] = _mm256_xor_si256(table_row(table, i), table_row(table, i - 1));
         if (i >= 8) { /* of the first eight rows' differences those up to i - 8 no longer answer */
-            t->row[i] = _mm256_xor_si256(t->row[i],
-                                         _mm256_xor_si256(table_row(table, i - 8), table_row(table, i - 9)));
+            t->row[i] = _mm256_xor_si256(
+                t->row[i], _mm256_xor_si256(table_row(table, i - 8), table_row(table, i - 9)));
         }
     }
 }
@@ -134,7 +142,8 @@ FV_INLINE void store_some(uint8_t *to, __m128i v, int32_t width)
         _mm_storel_epi64((__m128i *)(void *)(to + width - 8), _mm_shuffle_epi8(v, tail));
     } else if (width >= 4) {
         const __m128i tail = _mm_loadu_si128((const __m128i *)(const void *)(count_up + width - 4));
-        const int32_t first = _mm_cvtsi128_si32(v), last = _mm_cvtsi128_si32(_mm_shuffle_epi8(v, tail));
+        const int32_t first = _mm_cvtsi128_si32(v),
+                      last = _mm_cvtsi128_si32(_mm_shuffle_epi8(v, tail));
         memcpy(to, &first, 4);
         memcpy(to + width - 4, &last, 4);
     } else {
@@ -147,19 +156,23 @@ FV_INLINE void store_some(uint8_t *to, __m128i v, int32_t width)
 /* Two rows of 16 channels, 0-7 and 8-15: results of requantize to bytes in order. */
 FV_INLINE __m256i two_rows(const struct output *o, const __m256i first[2], const __m256i second[2])
 {
-    const __m256i in_order = _mm256_setr_epi8(0, 2, 1, 3, 4, 6, 5, 7, 8, 10, 9, 11, 12, 14, 13, 15, 0, 2, 1,
-                                              3, 4, 6, 5, 7, 8, 10, 9, 11, 12, 14, 13, 15);
+    const __m256i in_order = _mm256_setr_epi8(0, 2, 1, 3, 4, 6, 5, 7, 8, 10, 9, 11, 12, 14, 13, 15,
+                                              0, 2, 1, 3, 4, 6, 5, 7, 8, 10, 9, 11, 12, 14, 13, 15);
     const __m256i a = _mm256_adds_epi16(_mm256_packs_epi32(first[0], first[1]), o->zero);
     const __m256i b = _mm256_adds_epi16(_mm256_packs_epi32(second[0], second[1]), o->zero);
-    const __m256i bytes = _mm256_min_epu8(_mm256_max_epu8(_mm256_packus_epi16(a, b), o->low), o->high);
-    const __m256i fours = _mm256_permutevar8x32_epi32(bytes, _mm256_setr_epi32(0, 4, 1, 5, 2, 6, 3, 7));
+    const __m256i bytes =
+        _mm256_min_epu8(_mm256_max_epu8(_mm256_packus_epi16(a, b), o->low), o->high);
+    const __m256i fours =
+        _mm256_permutevar8x32_epi32(bytes, _mm256_setr_epi32(0, 4, 1, 5, 2, 6, 3, 7));
     const __m256i ordered = _mm256_shuffle_epi8(fours, in_order);
     return o->has_table ? look_up(&o->table, ordered) : ordered;
 }
 
-/* Scale ROWS rows (1, or an even number) of 16 accumulators and store the first `width` channels of each. */
+/* Scale ROWS rows (1, or an even number) of 16 accumulators and store the first `width` channels of
+ * each. */
 FV_INLINE void store_tile(const struct output *o, const struct scale8 scale[2], __m256i acc[][2],
-                          const int ROWS, uint8_t *out, ptrdiff_t ldo, int32_t width, const int above)
+                          const int ROWS, uint8_t *out, ptrdiff_t ldo, int32_t width,
+                          const int above)
 {
 #pragma GCC unroll 4
     for (int r = 0; r < ROWS; r += 2, out += 2 * ldo) {

@@ -1,5 +1,5 @@
-/* What the AVX-512 network kernels share: exact requantisation of 16 accumulators, packing of 64, byte tables. Included by
- * files of one instruction set each; everything is inlined there. */
+/* What the AVX-512 network kernels share: exact requantisation of 16 accumulators, packing of 64,
+ * byte tables. Included by files of one instruction set each; everything is inlined there. */
 #ifndef FOVEA_KERNELS_X86_NN_AVX512_H
 #define FOVEA_KERNELS_X86_NN_AVX512_H
 
@@ -9,9 +9,11 @@
 
 #define FV_INLINE static inline __attribute__((always_inline))
 
-/* Constants of 16 channels: see fv_nn_requantize. Even and odd channels take turns in the 64-bit products. */
+/* Constants of 16 channels: see fv_nn_requantize. Even and odd channels take turns in the 64-bit
+ * products. */
 struct scale16 {
-    __m512i multiplier, multiplier_odd, half_even, half_odd, fix_even, fix_odd, right_even, right_odd;
+    __m512i multiplier, multiplier_odd, half_even, half_odd, fix_even, fix_odd, right_even,
+        right_odd;
 };
 
 FV_INLINE void half_of(__m512i shift, __m512i *half, __m512i *fix, __m512i *right)
@@ -29,7 +31,8 @@ FV_INLINE void load_scale_of(struct scale16 *s, __m512i m, __m512i h)
 {
     s->multiplier = m;
     s->multiplier_odd = _mm512_srli_epi64(m, 32);
-    half_of(_mm512_srai_epi64(_mm512_slli_epi64(h, 32), 32), &s->half_even, &s->fix_even, &s->right_even);
+    half_of(_mm512_srai_epi64(_mm512_slli_epi64(h, 32), 32), &s->half_even, &s->fix_even,
+            &s->right_even);
     half_of(_mm512_srai_epi64(h, 32), &s->half_odd, &s->fix_odd, &s->right_odd);
 }
 
@@ -38,7 +41,8 @@ FV_INLINE void load_scale(struct scale16 *s, const int32_t *multiplier, const in
     load_scale_of(s, _mm512_loadu_si512(multiplier), _mm512_loadu_si512(shift));
 }
 
-/* `above_zero`: results below zero will be clamped to zero anyway, so the rounding of negative ones does not matter. */
+/* `above_zero`: results below zero will be clamped to zero anyway, so the rounding of negative ones
+ * does not matter. */
 FV_INLINE __m512i requantize(__m512i acc, const struct scale16 *s, const int above_zero)
 {
     __m512i even = _mm512_mul_epi32(acc, s->multiplier);
@@ -56,7 +60,8 @@ FV_INLINE __m512i requantize(__m512i acc, const struct scale16 *s, const int abo
     return _mm512_mask_shuffle_epi32(even, 0xAAAA, odd, _MM_PERM_CCAA);
 }
 
-/* Lanes of 4 x 16 results to 64 bytes per 128-bit lane: [a b c d] of that lane, moved by `zero` and clamped. */
+/* Lanes of 4 x 16 results to 64 bytes per 128-bit lane: [a b c d] of that lane, moved by `zero` and
+ * clamped. */
 FV_INLINE __m512i pack_lanes(__m512i a, __m512i b, __m512i c, __m512i d, __m512i zero, __m512i low,
                              __m512i high)
 {

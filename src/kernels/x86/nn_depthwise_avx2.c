@@ -1,8 +1,9 @@
-/* Depthwise convolution with vpmaddwd: two taps at a time, 16 channels at a time, weights as 16-bit sums of their planes.
+/* Depthwise convolution with vpmaddwd: two taps at a time, 16 channels at a time, weights as 16-bit
+ * sums of their planes.
  *
- * The taps of a pair lie in neighbouring rows of the kernel, or, where a last row is left over, side by side in it. Each input
- * column is widened and interleaved once into scratch, for the outputs of all kernel columns over it:
- * [column][pair of rows][16 channels][2]. */
+ * The taps of a pair lie in neighbouring rows of the kernel, or, where a last row is left over,
+ * side by side in it. Each input column is widened and interleaved once into scratch, for the
+ * outputs of all kernel columns over it: [column][pair of rows][16 channels][2]. */
 #include "kernels/kernels.h"
 #include "kernels/x86/nn_avx2.h"
 
@@ -11,7 +12,8 @@ enum { STEPS_MAX = 64, COLUMNS_MAX = 72, TILE = 4, PAIR_BYTES = 64 };
 struct block {
     __m256i weights[STEPS_MAX][2], bias[2]; /* channels 0-7 and 8-15 */
     struct scale8 scale[2];
-    ptrdiff_t from[STEPS_MAX]; /* of a step's inputs in scratch, from the output's first column on */
+    ptrdiff_t
+        from[STEPS_MAX]; /* of a step's inputs in scratch, from the output's first column on */
     ptrdiff_t column_bytes;
     int32_t steps, pairs; /* pairs of rows */
     int32_t width;        /* valid channels */
@@ -24,18 +26,20 @@ static __m256i tap_weights(const struct fv_nn_depthwise *d, int32_t channel, int
     const int32_t taps = d->kh * d->kw, tap = ky * d->kw + kx;
     for (int32_t p = 0; p < d->planes && ky < d->kh && kx < d->kw; ++p) {
         const int8_t *w = d->weights + ((ptrdiff_t)p * taps + tap) * d->c16 + channel;
-        sum = _mm256_add_epi16(sum, _mm256_cvtepi8_epi16(_mm_load_si128((const __m128i *)(const void *)w)));
+        sum = _mm256_add_epi16(
+            sum, _mm256_cvtepi8_epi16(_mm_load_si128((const __m128i *)(const void *)w)));
     }
     return sum;
 }
 
-static void add_step(struct block *b, const struct fv_nn_depthwise *d, int32_t channel, int32_t pair,
-                     int32_t kx)
+static void add_step(struct block *b, const struct fv_nn_depthwise *d, int32_t channel,
+                     int32_t pair, int32_t kx)
 {
     const int beside = 2 * pair + 1 == d->kh;
     const __m256i first = tap_weights(d, channel, 2 * pair, kx);
     const __m256i second = tap_weights(d, channel, 2 * pair + !beside, kx + beside);
-    const __m256i x = _mm256_permute4x64_epi64(first, 0xD8), y = _mm256_permute4x64_epi64(second, 0xD8);
+    const __m256i x = _mm256_permute4x64_epi64(first, 0xD8),
+                  y = _mm256_permute4x64_epi64(second, 0xD8);
     b->weights[b->steps][0] = _mm256_unpacklo_epi16(x, y);
     b->weights[b->steps][1] = _mm256_unpackhi_epi16(x, y);
     b->from[b->steps] = kx * d->dilation_x * b->column_bytes + (ptrdiff_t)pair * PAIR_BYTES;
@@ -60,7 +64,8 @@ static void load_block(struct block *b, const struct fv_nn_depthwise *d, int32_t
     for (int32_t h = 0; h < 2; ++h) {
         const int32_t at = channel + 8 * h;
         b->bias[h] = _mm256_load_si256((const __m256i *)(const void *)(d->bias + at));
-        load_scale(&b->scale[h], _mm256_load_si256((const __m256i *)(const void *)(d->multiplier + at)),
+        load_scale(&b->scale[h],
+                   _mm256_load_si256((const __m256i *)(const void *)(d->multiplier + at)),
                    _mm256_load_si256((const __m256i *)(const void *)(d->shift + at)));
     }
 }
@@ -79,22 +84,25 @@ struct line {
     ptrdiff_t step;
 };
 
-static struct line line_of(const struct fv_nn_depthwise *d, const uint8_t *in, const uint8_t *border,
-                           int32_t y, int32_t ky)
+static struct line line_of(const struct fv_nn_depthwise *d, const uint8_t *in,
+                           const uint8_t *border, int32_t y, int32_t ky)
 {
     const int32_t iy = y * d->stride_y - d->pad_top + ky * d->dilation_y;
     if (iy < 0 || iy >= d->in_h) return (struct line){.pixels = border, .step = 0};
-    return (struct line){.pixels = in + (ptrdiff_t)iy * d->in_w * d->in_stride, .step = d->in_stride};
+    return (struct line){.pixels = in + (ptrdiff_t)iy * d->in_w * d->in_stride,
+                         .step = d->in_stride};
 }
 
 /* Columns x, x + 1, ... of line a, each with the column `shift` further of line b. */
-static void interleave_lines(const struct fv_nn_depthwise *d, struct line a, struct line b, int32_t shift,
-                             int32_t x, int32_t count, const uint8_t *border, uint8_t *to, ptrdiff_t pitch)
+static void interleave_lines(const struct fv_nn_depthwise *d, struct line a, struct line b,
+                             int32_t shift, int32_t x, int32_t count, const uint8_t *border,
+                             uint8_t *to, ptrdiff_t pitch)
 {
     const int32_t end = x + count, inner_end = d->in_w - shift < end ? d->in_w - shift : end;
     while (x < end) {
         if (x >= 0 && x < inner_end) {
-            const uint8_t *from_a = a.pixels + x * a.step, *from_b = b.pixels + (x + shift) * b.step;
+            const uint8_t *from_a = a.pixels + x * a.step,
+                          *from_b = b.pixels + (x + shift) * b.step;
             for (; x < inner_end; ++x, from_a += a.step, from_b += b.step, to += pitch)
                 interleave(from_a, from_b, to);
         } else {
@@ -108,8 +116,9 @@ static void interleave_lines(const struct fv_nn_depthwise *d, struct line a, str
     }
 }
 
-static void interleave_columns(const struct block *b, const struct fv_nn_depthwise *d, const uint8_t *in,
-                               int32_t y, int32_t x, int32_t count, const uint8_t *border, uint8_t *scratch)
+static void interleave_columns(const struct block *b, const struct fv_nn_depthwise *d,
+                               const uint8_t *in, int32_t y, int32_t x, int32_t count,
+                               const uint8_t *border, uint8_t *scratch)
 {
     for (int32_t pair = 0; pair < b->pairs; ++pair) {
         const int beside = 2 * pair + 1 == d->kh;
@@ -122,7 +131,8 @@ static void interleave_columns(const struct block *b, const struct fv_nn_depthwi
 
 /* N neighbouring outputs. */
 FV_INLINE void tile(const struct block *b, const uint8_t *columns, ptrdiff_t step, const int N,
-                    const struct output *o, uint8_t *out, ptrdiff_t ldo, const int steps, const int above)
+                    const struct output *o, uint8_t *out, ptrdiff_t ldo, const int steps,
+                    const int above)
 {
     __m256i acc[TILE][2];
 #pragma GCC unroll 4
@@ -135,7 +145,8 @@ FV_INLINE void tile(const struct block *b, const uint8_t *columns, ptrdiff_t ste
         const __m256i *x = (const __m256i *)(const void *)(columns + b->from[s]);
         const __m256i w0 = b->weights[s][0], w1 = b->weights[s][1];
 #pragma GCC unroll 4
-        for (int i = 0; i < N; ++i, x = (const __m256i *)(const void *)((const uint8_t *)x + step)) {
+        for (int i = 0; i < N;
+             ++i, x = (const __m256i *)(const void *)((const uint8_t *)x + step)) {
             acc[i][0] = _mm256_add_epi32(acc[i][0], _mm256_madd_epi16(w0, x[0]));
             acc[i][1] = _mm256_add_epi32(acc[i][1], _mm256_madd_epi16(w1, x[1]));
         }
@@ -143,26 +154,29 @@ FV_INLINE void tile(const struct block *b, const uint8_t *columns, ptrdiff_t ste
     store_tile(o, b->scale, acc, N, out, ldo, b->width, above);
 }
 
-FV_INLINE void outputs(const struct block *b, const struct fv_nn_depthwise *d, const uint8_t *columns,
-                       int32_t count, const struct output *o, uint8_t *out, const int steps, const int above)
+FV_INLINE void outputs(const struct block *b, const struct fv_nn_depthwise *d,
+                       const uint8_t *columns, int32_t count, const struct output *o, uint8_t *out,
+                       const int steps, const int above)
 {
     const ptrdiff_t step = d->stride_x * b->column_bytes;
     if (count < TILE) {
         for (int32_t i = 0; i < count; ++i) {
-            tile(b, columns + i * step, step, 1, o, out + (ptrdiff_t)i * d->out_stride, d->out_stride, steps,
-                 above);
+            tile(b, columns + i * step, step, 1, o, out + (ptrdiff_t)i * d->out_stride,
+                 d->out_stride, steps, above);
         }
         return;
     }
     for (int32_t i = 0; i < count; i += TILE) {
-        const int32_t at = i + TILE > count ? count - TILE : i; /* the last tile overlaps the one before */
-        tile(b, columns + at * step, step, TILE, o, out + (ptrdiff_t)at * d->out_stride, d->out_stride, steps,
-             above);
+        const int32_t at =
+            i + TILE > count ? count - TILE : i; /* the last tile overlaps the one before */
+        tile(b, columns + at * step, step, TILE, o, out + (ptrdiff_t)at * d->out_stride,
+             d->out_stride, steps, above);
     }
 }
 
-static void row(const struct block *b, const struct fv_nn_depthwise *d, const uint8_t *in, int32_t y,
-                const struct output *o, const uint8_t *border, uint8_t *out, uint8_t *scratch)
+static void row(const struct block *b, const struct fv_nn_depthwise *d, const uint8_t *in,
+                int32_t y, const struct output *o, const uint8_t *border, uint8_t *out,
+                uint8_t *scratch)
 {
     const int32_t span = (d->kw - 1) * d->dilation_x + 1;
     const int32_t most = span > COLUMNS_MAX ? 1 : (COLUMNS_MAX - span) / d->stride_x + 1;
@@ -170,8 +184,8 @@ static void row(const struct block *b, const struct fv_nn_depthwise *d, const ui
     for (int32_t x = 0, count; x < d->out_w; x += count) {
         count = d->out_w - x < most ? d->out_w - x : most;
         uint8_t *to = out + (ptrdiff_t)x * d->out_stride;
-        interleave_columns(b, d, in, y, x * d->stride_x - d->pad_left, (count - 1) * d->stride_x + span,
-                           border, scratch);
+        interleave_columns(b, d, in, y, x * d->stride_x - d->pad_left,
+                           (count - 1) * d->stride_x + span, border, scratch);
         if (small && above)
             outputs(b, d, scratch, count, o, to, 5, 1);
         else if (small)
@@ -196,8 +210,8 @@ void fv_k_nn_depthwise_u8__avx2(const struct fv_nn_depthwise *d, const uint8_t *
         struct block b;
         load_block(&b, d, c);
         for (int32_t y = begin; y < end; ++y) {
-            row(&b, d, in + c, y, &o, border, out + c + (ptrdiff_t)(y - begin) * d->out_w * d->out_stride,
-                scratch);
+            row(&b, d, in + c, y, &o, border,
+                out + c + (ptrdiff_t)(y - begin) * d->out_w * d->out_stride, scratch);
         }
     }
 }

@@ -1,10 +1,13 @@
 /* Depthwise convolution with vpdpbusd, for the files of the VNNI and the Ice Lake set.
  *
- * The bytes of up to four rows are interleaved, so that one 32-bit lane holds one channel's column of the kernel, and each
- * column of the kernel costs one vpdpbusd per 16 channels. Two ways, by the number of channels:
- *  - blocks: 64 channels at a time; each input column is interleaved once into scratch and used by all outputs over it;
- *  - flat: few channels; a row of pixels is one run of bytes in which outputs j and inputs j + kx channels belong together,
- *    with the weights repeating every `channels` bytes. Rows are copied with their borders, columns sorted by stride. */
+ * The bytes of up to four rows are interleaved, so that one 32-bit lane holds one channel's column
+ * of the kernel, and each column of the kernel costs one vpdpbusd per 16 channels. Two ways, by the
+ * number of channels:
+ *  - blocks: 64 channels at a time; each input column is interleaved once into scratch and used by
+ * all outputs over it;
+ *  - flat: few channels; a row of pixels is one run of bytes in which outputs j and inputs j + kx
+ * channels belong together, with the weights repeating every `channels` bytes. Rows are copied with
+ * their borders, columns sorted by stride. */
 #ifndef FOVEA_KERNELS_X86_NN_DEPTHWISE_AVX512_H
 #define FOVEA_KERNELS_X86_NN_DEPTHWISE_AVX512_H
 
@@ -13,7 +16,8 @@
 
 enum { STEPS_MAX = 20, COLUMNS_MAX = 72, PHASES_MAX = 3 };
 
-/* What 64 neighbouring outputs share. A step is one plane of weights, one group of four kernel rows, one kernel column. */
+/* What 64 neighbouring outputs share. A step is one plane of weights, one group of four kernel
+ * rows, one kernel column. */
 struct lanes {
     __m512i weights[STEPS_MAX][4];
     __m512i bias[4];
@@ -33,8 +37,10 @@ FV_INLINE void interleave(__m512i a, __m512i b, __m512i c, __m512i d, __m512i ou
     out[3] = _mm512_unpackhi_epi16(ab_high, cd_high);
 }
 
-/* 64 elements of a per-channel array from channel `first` on, cyclic when `period` is not 0; past the end the last pad repeats. */
-static inline void spread(void *to, const void *from, size_t size, int32_t first, int32_t period, int32_t c16)
+/* 64 elements of a per-channel array from channel `first` on, cyclic when `period` is not 0; past
+ * the end the last pad repeats. */
+static inline void spread(void *to, const void *from, size_t size, int32_t first, int32_t period,
+                          int32_t c16)
 {
     uint8_t *out = to;
     const uint8_t *in = from;
@@ -43,27 +49,34 @@ static inline void spread(void *to, const void *from, size_t size, int32_t first
         const int32_t count = end - at < 64 - n ? end - at : 64 - n;
         memcpy(out + (size_t)n * size, in + (size_t)at * size, (size_t)count * size);
         n += count;
-        at = period != 0 ? 0
-                         : c16 - (64 - n < c16 ? 64 - n : c16); /* lanes past the channels are never stored */
+        at = period != 0
+                 ? 0
+                 : c16 -
+                       (64 - n < c16 ? 64 - n : c16); /* lanes past the channels are never stored */
     }
 }
 
-/* Words of 64 channels in the order in which interleaving leaves the channels: out[q] holds 4 q .. 4 q + 3 of each 16. */
+/* Words of 64 channels in the order in which interleaving leaves the channels: out[q] holds 4 q ..
+ * 4 q + 3 of each 16. */
 static inline void transpose_words(const int32_t *words, __m512i out[4])
 {
     __m512i in[4];
     for (int i = 0; i < 4; ++i)
         in[i] = _mm512_loadu_si512(words + 16 * i);
-    const __m512i a = _mm512_shuffle_i32x4(in[0], in[1], 0x44), b = _mm512_shuffle_i32x4(in[2], in[3], 0x44);
-    const __m512i c = _mm512_shuffle_i32x4(in[0], in[1], 0xEE), d = _mm512_shuffle_i32x4(in[2], in[3], 0xEE);
+    const __m512i a = _mm512_shuffle_i32x4(in[0], in[1], 0x44),
+                  b = _mm512_shuffle_i32x4(in[2], in[3], 0x44);
+    const __m512i c = _mm512_shuffle_i32x4(in[0], in[1], 0xEE),
+                  d = _mm512_shuffle_i32x4(in[2], in[3], 0xEE);
     out[0] = _mm512_shuffle_i32x4(a, b, 0x88);
     out[1] = _mm512_shuffle_i32x4(a, b, 0xDD);
     out[2] = _mm512_shuffle_i32x4(c, d, 0x88);
     out[3] = _mm512_shuffle_i32x4(c, d, 0xDD);
 }
 
-/* Prepare 64 lanes that stand for channels first, first + 1, ... (modulo `period` when it is not 0). */
-static inline void load_lanes(struct lanes *l, const struct fv_nn_depthwise *d, int32_t first, int32_t period)
+/* Prepare 64 lanes that stand for channels first, first + 1, ... (modulo `period` when it is not
+ * 0). */
+static inline void load_lanes(struct lanes *l, const struct fv_nn_depthwise *d, int32_t first,
+                              int32_t period)
 {
     const int32_t groups = (d->kh + 3) / 4;
     int32_t words[64];
@@ -77,10 +90,12 @@ static inline void load_lanes(struct lanes *l, const struct fv_nn_depthwise *d, 
     for (int32_t q = 0; q < 4; ++q)
         load_scale_of(&l->scale[q], multiplier[q], shift[q]);
     for (int32_t step = 0; step < d->planes * groups * d->kw; ++step) {
-        const int32_t kx = step % d->kw, group = step / d->kw % groups, plane = step / d->kw / groups;
+        const int32_t kx = step % d->kw, group = step / d->kw % groups,
+                      plane = step / d->kw / groups;
         int8_t column[4][64] = {{0}};
         for (int32_t r = 0; r < 4 && 4 * group + r < d->kh; ++r) {
-            const int8_t *w = d->weights + ((ptrdiff_t)(plane * d->kh + 4 * group + r) * d->kw + kx) * d->c16;
+            const int8_t *w =
+                d->weights + ((ptrdiff_t)(plane * d->kh + 4 * group + r) * d->kw + kx) * d->c16;
             spread(column[r], w, 1, first, period, d->c16);
         }
         interleave(_mm512_loadu_si512(column[0]), _mm512_loadu_si512(column[1]),
@@ -97,24 +112,27 @@ FV_INLINE void finish(const struct lanes *l, const struct fv_nn_depthwise *d, co
 {
     __m512i bytes =
         pack_lanes(requantize(acc[0], &l->scale[0], above), requantize(acc[1], &l->scale[1], above),
-                   requantize(acc[2], &l->scale[2], above), requantize(acc[3], &l->scale[3], above), l->zero,
-                   l->low, l->high);
+                   requantize(acc[2], &l->scale[2], above), requantize(acc[3], &l->scale[3], above),
+                   l->zero, l->low, l->high);
     if (d->table != NULL) bytes = look_up(bytes, &l->table, d->table);
     _mm512_mask_storeu_epi8(out, mask, bytes);
 }
 
-/* ---- blocks of 64 channels ---------------------------------------------------------------------------------- */
+/* ---- blocks of 64 channels
+ * ---------------------------------------------------------------------------------- */
 
-static inline const uint8_t *input_row(const struct fv_nn_depthwise *d, const uint8_t *in, int32_t y,
-                                       int32_t ky)
+static inline const uint8_t *input_row(const struct fv_nn_depthwise *d, const uint8_t *in,
+                                       int32_t y, int32_t ky)
 {
     const int32_t iy = y * d->stride_y - d->pad_top + ky * d->dilation_y;
-    return ky >= d->kh || iy < 0 || iy >= d->in_h ? NULL : in + (ptrdiff_t)iy * d->in_w * d->in_stride;
+    return ky >= d->kh || iy < 0 || iy >= d->in_h ? NULL
+                                                  : in + (ptrdiff_t)iy * d->in_w * d->in_stride;
 }
 
 /* Interleave input columns [first, first + count) of the rows for output row y. */
 static inline void interleave_columns(const struct fv_nn_depthwise *d, const uint8_t *in, int32_t y,
-                                      int32_t first, int32_t count, __mmask64 mask, uint8_t *scratch)
+                                      int32_t first, int32_t count, __mmask64 mask,
+                                      uint8_t *scratch)
 {
     const __m512i border = _mm512_set1_epi8((char)d->zero_in);
     const int32_t groups = (d->kh + 3) / 4;
@@ -129,7 +147,8 @@ static inline void interleave_columns(const struct fv_nn_depthwise *d, const uin
             const ptrdiff_t at = (ptrdiff_t)x * d->in_stride;
             __m512i v[4], out[4];
             for (int r = 0; r < 4; ++r)
-                v[r] = inside && row[r] != NULL ? _mm512_maskz_loadu_epi8(mask, row[r] + at) : border;
+                v[r] =
+                    inside && row[r] != NULL ? _mm512_maskz_loadu_epi8(mask, row[r] + at) : border;
             interleave(v[0], v[1], v[2], v[3], out);
             for (int q = 0; q < 4; ++q)
                 _mm512_store_si512(to + 64 * q, out[q]);
@@ -137,9 +156,9 @@ static inline void interleave_columns(const struct fv_nn_depthwise *d, const uin
     }
 }
 
-FV_INLINE void block_outputs(const struct lanes *l, const struct fv_nn_depthwise *d, const uint8_t *scratch,
-                             int32_t columns, int32_t outputs, uint8_t *out, const int KW, const int GROUPS,
-                             const int PLANES, const int above)
+FV_INLINE void block_outputs(const struct lanes *l, const struct fv_nn_depthwise *d,
+                             const uint8_t *scratch, int32_t columns, int32_t outputs, uint8_t *out,
+                             const int KW, const int GROUPS, const int PLANES, const int above)
 {
     for (int32_t x = 0; x < outputs; ++x, out += d->out_stride) {
         __m512i acc[4] = {l->bias[0], l->bias[1], l->bias[2], l->bias[3]};
@@ -149,14 +168,16 @@ FV_INLINE void block_outputs(const struct lanes *l, const struct fv_nn_depthwise
                 scratch + ((ptrdiff_t)g * columns + x * d->stride_x + kx * d->dilation_x) * 256;
 #pragma GCC unroll 4
             for (int q = 0; q < 4; ++q)
-                acc[q] = _mm512_dpbusd_epi32(acc[q], _mm512_load_si512(from + 64 * q), l->weights[s][q]);
+                acc[q] =
+                    _mm512_dpbusd_epi32(acc[q], _mm512_load_si512(from + 64 * q), l->weights[s][q]);
         }
         finish(l, d, acc, out, l->mask, above);
     }
 }
 
-static inline void block_row(const struct lanes *l, const struct fv_nn_depthwise *d, const uint8_t *in,
-                             uint8_t *out, int32_t y, uint8_t *scratch, int above)
+static inline void block_row(const struct lanes *l, const struct fv_nn_depthwise *d,
+                             const uint8_t *in, uint8_t *out, int32_t y, uint8_t *scratch,
+                             int above)
 {
     const int32_t span = (d->kw - 1) * d->dilation_x + 1, groups = (d->kh + 3) / 4;
     const int32_t most = span > COLUMNS_MAX ? 1 : (COLUMNS_MAX - span) / d->stride_x + 1;
@@ -177,23 +198,26 @@ static inline void block_row(const struct lanes *l, const struct fv_nn_depthwise
     }
 }
 
-static inline void by_blocks(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out, int32_t begin,
-                             int32_t end, uint8_t *scratch, int above)
+static inline void by_blocks(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out,
+                             int32_t begin, int32_t end, uint8_t *scratch, int above)
 {
     struct lanes l;
     for (int32_t c = 0; c < d->channels; c += 64) {
         load_lanes(&l, d, c, 0);
         l.mask = d->channels - c >= 64 ? ~UINT64_C(0) : ~UINT64_C(0) >> (64 - (d->channels - c));
         for (int32_t y = begin; y < end; ++y) {
-            block_row(&l, d, in + c, out + c + (ptrdiff_t)(y - begin) * d->out_w * d->out_stride, y, scratch,
-                      above);
+            block_row(&l, d, in + c, out + c + (ptrdiff_t)(y - begin) * d->out_w * d->out_stride, y,
+                      scratch, above);
         }
     }
 }
 
-/* ---- flat rows ------------------------------------------------------------------------------------------------ */
+/* ---- flat rows
+ * ------------------------------------------------------------------------------------------------
+ */
 
-/* Bytes of one copied row: for each remainder modulo the stride, the columns with it side by side, and room to read past. */
+/* Bytes of one copied row: for each remainder modulo the stride, the columns with it side by side,
+ * and room to read past. */
 static inline ptrdiff_t flat_part(const struct fv_nn_depthwise *d)
 {
     const int32_t span = (d->kw - 1) * d->dilation_x + 1, all = (d->out_w - 1) * d->stride_x + span;
@@ -221,7 +245,8 @@ static inline int flat_fits(const struct fv_nn_depthwise *d)
            d->channels / common_divisor(d->channels, 64) <= PHASES_MAX;
 }
 
-static inline void copy_flat(const struct fv_nn_depthwise *d, const uint8_t *row, uint8_t *to, ptrdiff_t part)
+static inline void copy_flat(const struct fv_nn_depthwise *d, const uint8_t *row, uint8_t *to,
+                             ptrdiff_t part)
 {
     const int32_t span = (d->kw - 1) * d->dilation_x + 1, all = (d->out_w - 1) * d->stride_x + span;
     const __mmask64 mask = ~UINT64_C(0) >> (64 - (d->channels < 64 ? d->channels : 64));
@@ -234,7 +259,8 @@ static inline void copy_flat(const struct fv_nn_depthwise *d, const uint8_t *row
                       middle = all - left < d->in_w ? all - left : d->in_w;
         memset(to, d->zero_in, (size_t)(left * d->channels));
         memcpy(to + left * d->channels, row, (size_t)(middle * d->channels));
-        memset(to + (left + middle) * d->channels, d->zero_in, (size_t)((all - left - middle) * d->channels));
+        memset(to + (left + middle) * d->channels, d->zero_in,
+               (size_t)((all - left - middle) * d->channels));
         return;
     }
     for (int32_t i = 0; i < all; ++i) {
@@ -243,25 +269,26 @@ static inline void copy_flat(const struct fv_nn_depthwise *d, const uint8_t *row
         if (x < 0 || x >= d->in_w)
             memset(at, d->zero_in, (size_t)d->channels);
         else if (d->channels <= 64)
-            _mm512_mask_storeu_epi8(at, mask,
-                                    _mm512_maskz_loadu_epi8(mask, row + (ptrdiff_t)x * d->in_stride));
+            _mm512_mask_storeu_epi8(
+                at, mask, _mm512_maskz_loadu_epi8(mask, row + (ptrdiff_t)x * d->in_stride));
         else
             memcpy(at, row + (ptrdiff_t)x * d->in_stride, (size_t)d->channels);
     }
 }
 
 /* Outputs j, j + step, ... of one row; rows lie `pitch` bytes apart. */
-FV_INLINE void flat_outputs(const struct lanes *l, const struct fv_nn_depthwise *d, const uint8_t *rows,
-                            ptrdiff_t pitch, ptrdiff_t part, int32_t j, int32_t step, int32_t total,
-                            uint8_t *out, const int KH, const int KW, const int PLANES, const int above)
+FV_INLINE void flat_outputs(const struct lanes *l, const struct fv_nn_depthwise *d,
+                            const uint8_t *rows, ptrdiff_t pitch, ptrdiff_t part, int32_t j,
+                            int32_t step, int32_t total, uint8_t *out, const int KH, const int KW,
+                            const int PLANES, const int above)
 {
     const __m512i none = _mm512_setzero_si512();
     for (; j < total; j += step) {
         __m512i acc[4] = {l->bias[0], l->bias[1], l->bias[2], l->bias[3]};
         for (int kx = 0; kx < KW; ++kx) {
             const int32_t column = kx * d->dilation_x;
-            const uint8_t *from =
-                rows + column % d->stride_x * part + (ptrdiff_t)(column / d->stride_x) * d->channels + j;
+            const uint8_t *from = rows + column % d->stride_x * part +
+                                  (ptrdiff_t)(column / d->stride_x) * d->channels + j;
             __m512i v[4];
             interleave(_mm512_loadu_si512(from), KH > 1 ? _mm512_loadu_si512(from + pitch) : none,
                        KH > 2 ? _mm512_loadu_si512(from + 2 * pitch) : none,
@@ -280,7 +307,8 @@ FV_INLINE void flat_outputs(const struct lanes *l, const struct fv_nn_depthwise 
 static inline void by_flat_rows(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out,
                                 int32_t begin, int32_t end, uint8_t *scratch, int above)
 {
-    const int32_t phases = d->channels / common_divisor(d->channels, 64), total = d->out_w * d->channels;
+    const int32_t phases = d->channels / common_divisor(d->channels, 64),
+                  total = d->out_w * d->channels;
     const ptrdiff_t part = flat_part(d), pitch = part * d->stride_x;
     const int small = d->kh == 3 && d->kw == 3;
     struct lanes lanes[PHASES_MAX];
@@ -297,16 +325,17 @@ static inline void by_flat_rows(const struct fv_nn_depthwise *d, const uint8_t *
             else if (small && d->planes == 1)
                 flat_outputs(l, d, scratch, pitch, part, p * 64, step, total, out, 3, 3, 1, 0);
             else if (small && above)
-                flat_outputs(l, d, scratch, pitch, part, p * 64, step, total, out, 3, 3, d->planes, 1);
+                flat_outputs(l, d, scratch, pitch, part, p * 64, step, total, out, 3, 3, d->planes,
+                             1);
             else
-                flat_outputs(l, d, scratch, pitch, part, p * 64, step, total, out, d->kh, d->kw, d->planes,
-                             0);
+                flat_outputs(l, d, scratch, pitch, part, p * 64, step, total, out, d->kh, d->kw,
+                             d->planes, 0);
         }
     }
 }
 
-static inline void depthwise(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out, int32_t begin,
-                             int32_t end, uint8_t *scratch)
+static inline void depthwise(const struct fv_nn_depthwise *d, const uint8_t *in, uint8_t *out,
+                             int32_t begin, int32_t end, uint8_t *scratch)
 {
     const int above = d->act_min >= d->zero_out;
     if (flat_fits(d))

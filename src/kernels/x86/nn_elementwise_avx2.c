@@ -29,8 +29,10 @@ void fv_k_nn_max_u8__avx2(const uint8_t *a, const uint8_t *b, uint8_t *out, int3
 }
 
 struct blend {
-    __m256i upper, lower, pair, half, middle; /* pair: the weights of the two columns beside each other */
-    __m256i rows, left, right; /* of more than 7 bits: of the two rows beside each other, of each column */
+    __m256i upper, lower, pair, half,
+        middle; /* pair: the weights of the two columns beside each other */
+    __m256i rows, left,
+        right; /* of more than 7 bits: of the two rows beside each other, of each column */
     __m128i shift;
 };
 
@@ -74,10 +76,11 @@ FV_INLINE __m128i blend16_wide(const uint8_t *const corner[4], ptrdiff_t c, cons
     const __m256i low_right = _mm256_madd_epi16(_mm256_unpacklo_epi16(v[2], v[3]), b->rows);
     const __m256i high_left = _mm256_madd_epi16(_mm256_unpackhi_epi16(v[0], v[1]), b->rows);
     const __m256i high_right = _mm256_madd_epi16(_mm256_unpackhi_epi16(v[2], v[3]), b->rows);
-    return round16(
-        _mm256_add_epi32(_mm256_mullo_epi32(low_left, b->left), _mm256_mullo_epi32(low_right, b->right)),
-        _mm256_add_epi32(_mm256_mullo_epi32(high_left, b->left), _mm256_mullo_epi32(high_right, b->right)),
-        b);
+    return round16(_mm256_add_epi32(_mm256_mullo_epi32(low_left, b->left),
+                                    _mm256_mullo_epi32(low_right, b->right)),
+                   _mm256_add_epi32(_mm256_mullo_epi32(high_left, b->left),
+                                    _mm256_mullo_epi32(high_right, b->right)),
+                   b);
 }
 
 /* Two 16-bit weights beside each other. */
@@ -98,7 +101,8 @@ void fv_k_nn_blend_u8__avx2(const struct fv_nn_blend *p, const uint8_t *top, con
                       .rows = pair_of(one - weight, weight)};
     for (int32_t x = 0; x < p->out_w; ++x, out += p->out_stride) {
         const int32_t *entry = p->columns + (ptrdiff_t)3 * x;
-        const ptrdiff_t left = (ptrdiff_t)entry[0] * p->in_stride, right = (ptrdiff_t)entry[1] * p->in_stride;
+        const ptrdiff_t left = (ptrdiff_t)entry[0] * p->in_stride,
+                        right = (ptrdiff_t)entry[1] * p->in_stride;
         const uint8_t *const corner[4] = {top + left, bottom + left, top + right, bottom + right};
         b.pair = pair_of(one - entry[2], entry[2]);
         b.left = _mm256_set1_epi32(one - entry[2]);

@@ -13,8 +13,10 @@ struct sum_job {
     __m512i zero_a, zero_b, zero_out, low, high;
 };
 
-/* 64 sums; `half_a`: the factor of a is exactly one half, as it is for the input of the larger scale. */
-FV_INLINE __m512i sum64(const struct sum_job *j, __m512i a, __m512i b, const int half_a, const int half_b)
+/* 64 sums; `half_a`: the factor of a is exactly one half, as it is for the input of the larger
+ * scale. */
+FV_INLINE __m512i sum64(const struct sum_job *j, __m512i a, __m512i b, const int half_a,
+                        const int half_b)
 {
     const __m512i order = _mm512_setr_epi32(0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15);
     __m512i r[4];
@@ -28,11 +30,12 @@ FV_INLINE __m512i sum64(const struct sum_job *j, __m512i a, __m512i b, const int
                            : i == 1 ? _mm512_extracti32x4_epi32(b, 1)
                            : i == 2 ? _mm512_extracti32x4_epi32(b, 2)
                                     : _mm512_extracti32x4_epi32(b, 3);
-        const __m512i sum =
-            _mm512_add_epi32(term(ai, j->zero_a, &j->a, half_a), term(bi, j->zero_b, &j->b, half_b));
+        const __m512i sum = _mm512_add_epi32(term(ai, j->zero_a, &j->a, half_a),
+                                             term(bi, j->zero_b, &j->b, half_b));
         r[i] = requantize(sum, &j->out, 0);
     }
-    return _mm512_permutexvar_epi32(order, pack_lanes(r[0], r[1], r[2], r[3], j->zero_out, j->low, j->high));
+    return _mm512_permutexvar_epi32(
+        order, pack_lanes(r[0], r[1], r[2], r[3], j->zero_out, j->low, j->high));
 }
 
 /* 64 bytes: of one row, or of 64 / count rows. */
@@ -40,13 +43,18 @@ FV_INLINE __m512i load_rows(const uint8_t *from, ptrdiff_t stride, int32_t count
 {
     if (count == 16) {
         __m512i v = _mm512_castsi128_si512(_mm_loadu_si128((const __m128i *)(const void *)from));
-        v = _mm512_inserti32x4(v, _mm_loadu_si128((const __m128i *)(const void *)(from + stride)), 1);
-        v = _mm512_inserti32x4(v, _mm_loadu_si128((const __m128i *)(const void *)(from + 2 * stride)), 2);
-        return _mm512_inserti32x4(v, _mm_loadu_si128((const __m128i *)(const void *)(from + 3 * stride)), 3);
+        v = _mm512_inserti32x4(v, _mm_loadu_si128((const __m128i *)(const void *)(from + stride)),
+                               1);
+        v = _mm512_inserti32x4(
+            v, _mm_loadu_si128((const __m128i *)(const void *)(from + 2 * stride)), 2);
+        return _mm512_inserti32x4(
+            v, _mm_loadu_si128((const __m128i *)(const void *)(from + 3 * stride)), 3);
     }
     if (count == 32) {
-        const __m512i v = _mm512_castsi256_si512(_mm256_loadu_si256((const __m256i *)(const void *)from));
-        return _mm512_inserti64x4(v, _mm256_loadu_si256((const __m256i *)(const void *)(from + stride)), 1);
+        const __m512i v =
+            _mm512_castsi256_si512(_mm256_loadu_si256((const __m256i *)(const void *)from));
+        return _mm512_inserti64x4(
+            v, _mm256_loadu_si256((const __m256i *)(const void *)(from + stride)), 1);
     }
     return _mm512_maskz_loadu_epi8(mask, from);
 }
@@ -73,7 +81,8 @@ struct operands {
     int32_t rows, count;
 };
 
-FV_INLINE void sums(const struct sum_job *j, const struct operands *o, const int half_a, const int half_b)
+FV_INLINE void sums(const struct sum_job *j, const struct operands *o, const int half_a,
+                    const int half_b)
 {
     const int32_t group = o->count == 16 ? 4 : o->count == 32 ? 2 : 1;
     int32_t r = 0;
@@ -84,19 +93,28 @@ FV_INLINE void sums(const struct sum_job *j, const struct operands *o, const int
     }
     for (; r < o->rows; ++r) {
         for (int32_t i = 0; i < o->count; i += 64) {
-            const __mmask64 mask = o->count - i >= 64 ? ~UINT64_C(0) : ~UINT64_C(0) >> (64 - (o->count - i));
+            const __mmask64 mask =
+                o->count - i >= 64 ? ~UINT64_C(0) : ~UINT64_C(0) >> (64 - (o->count - i));
             const __m512i va = _mm512_maskz_loadu_epi8(mask, o->a + r * o->lda + i);
             const __m512i vb = _mm512_maskz_loadu_epi8(mask, o->b + r * o->ldb + i);
-            _mm512_mask_storeu_epi8(o->out + r * o->ldo + i, mask, sum64(j, va, vb, half_a, half_b));
+            _mm512_mask_storeu_epi8(o->out + r * o->ldo + i, mask,
+                                    sum64(j, va, vb, half_a, half_b));
         }
     }
 }
 
-void fv_k_nn_add_u8__avx512(const struct fv_nn_add *p, const uint8_t *a, ptrdiff_t lda, const uint8_t *b,
-                            ptrdiff_t ldb, uint8_t *out, ptrdiff_t ldo, int32_t rows, int32_t count)
+void fv_k_nn_add_u8__avx512(const struct fv_nn_add *p, const uint8_t *a, ptrdiff_t lda,
+                            const uint8_t *b, ptrdiff_t ldb, uint8_t *out, ptrdiff_t ldo,
+                            int32_t rows, int32_t count)
 {
-    const struct operands o = {
-        .a = a, .b = b, .out = out, .lda = lda, .ldb = ldb, .ldo = ldo, .rows = rows, .count = count};
+    const struct operands o = {.a = a,
+                               .b = b,
+                               .out = out,
+                               .lda = lda,
+                               .ldb = ldb,
+                               .ldo = ldo,
+                               .rows = rows,
+                               .count = count};
     struct sum_job j = {
         .zero_a = _mm512_set1_epi32(p->zero_a),
         .zero_b = _mm512_set1_epi32(p->zero_b),
@@ -119,15 +137,17 @@ void fv_k_nn_max_u8__avx512(const uint8_t *a, const uint8_t *b, uint8_t *out, in
 {
     for (int32_t i = 0; i < count; i += 64) {
         const __mmask64 mask = count - i >= 64 ? ~UINT64_C(0) : ~UINT64_C(0) >> (64 - (count - i));
-        _mm512_mask_storeu_epi8(
-            out + i, mask,
-            _mm512_max_epu8(_mm512_maskz_loadu_epi8(mask, a + i), _mm512_maskz_loadu_epi8(mask, b + i)));
+        _mm512_mask_storeu_epi8(out + i, mask,
+                                _mm512_max_epu8(_mm512_maskz_loadu_epi8(mask, a + i),
+                                                _mm512_maskz_loadu_epi8(mask, b + i)));
     }
 }
 
 struct blend {
-    __m512i upper, lower, pair, half, middle; /* pair: the weights of the two columns beside each other */
-    __m512i rows, left, right; /* of more than 7 bits: of the two rows beside each other, of each column */
+    __m512i upper, lower, pair, half,
+        middle; /* pair: the weights of the two columns beside each other */
+    __m512i rows, left,
+        right; /* of more than 7 bits: of the two rows beside each other, of each column */
     __m128i shift;
 };
 
@@ -140,10 +160,10 @@ FV_INLINE __m512i load32(const uint8_t *from)
 FV_INLINE __m256i round32(__m512i low, __m512i high, const struct blend *b)
 {
     const __m512i down = _mm512_sub_epi32(b->half, _mm512_set1_epi32(1));
-    low =
-        _mm512_add_epi32(low, _mm512_mask_mov_epi32(b->half, _mm512_cmpgt_epi32_mask(b->middle, low), down));
-    high = _mm512_add_epi32(high,
-                            _mm512_mask_mov_epi32(b->half, _mm512_cmpgt_epi32_mask(b->middle, high), down));
+    low = _mm512_add_epi32(
+        low, _mm512_mask_mov_epi32(b->half, _mm512_cmpgt_epi32_mask(b->middle, low), down));
+    high = _mm512_add_epi32(
+        high, _mm512_mask_mov_epi32(b->half, _mm512_cmpgt_epi32_mask(b->middle, high), down));
     return _mm512_cvtepi16_epi8(
         _mm512_packus_epi32(_mm512_srl_epi32(low, b->shift), _mm512_srl_epi32(high, b->shift)));
 }
@@ -170,10 +190,11 @@ FV_INLINE __m256i blend32_wide(const uint8_t *const corner[4], ptrdiff_t c, cons
     const __m512i low_right = _mm512_madd_epi16(_mm512_unpacklo_epi16(v[2], v[3]), b->rows);
     const __m512i high_left = _mm512_madd_epi16(_mm512_unpackhi_epi16(v[0], v[1]), b->rows);
     const __m512i high_right = _mm512_madd_epi16(_mm512_unpackhi_epi16(v[2], v[3]), b->rows);
-    return round32(
-        _mm512_add_epi32(_mm512_mullo_epi32(low_left, b->left), _mm512_mullo_epi32(low_right, b->right)),
-        _mm512_add_epi32(_mm512_mullo_epi32(high_left, b->left), _mm512_mullo_epi32(high_right, b->right)),
-        b);
+    return round32(_mm512_add_epi32(_mm512_mullo_epi32(low_left, b->left),
+                                    _mm512_mullo_epi32(low_right, b->right)),
+                   _mm512_add_epi32(_mm512_mullo_epi32(high_left, b->left),
+                                    _mm512_mullo_epi32(high_right, b->right)),
+                   b);
 }
 
 /* Two 16-bit weights beside each other. */
@@ -182,8 +203,8 @@ FV_INLINE __m512i pair_of(int32_t first, int32_t second)
     return _mm512_set1_epi32((int32_t)((uint32_t)second << 16 | (uint32_t)first));
 }
 
-void fv_k_nn_blend_u8__avx512(const struct fv_nn_blend *p, const uint8_t *top, const uint8_t *bottom,
-                              int32_t weight, uint8_t *out)
+void fv_k_nn_blend_u8__avx512(const struct fv_nn_blend *p, const uint8_t *top,
+                              const uint8_t *bottom, int32_t weight, uint8_t *out)
 {
     const int32_t one = 1 << p->bits;
     struct blend b = {.upper = _mm512_set1_epi16((short)(one - weight)),
@@ -194,7 +215,8 @@ void fv_k_nn_blend_u8__avx512(const struct fv_nn_blend *p, const uint8_t *top, c
                       .rows = pair_of(one - weight, weight)};
     for (int32_t x = 0; x < p->out_w; ++x, out += p->out_stride) {
         const int32_t *entry = p->columns + (ptrdiff_t)3 * x;
-        const ptrdiff_t left = (ptrdiff_t)entry[0] * p->in_stride, right = (ptrdiff_t)entry[1] * p->in_stride;
+        const ptrdiff_t left = (ptrdiff_t)entry[0] * p->in_stride,
+                        right = (ptrdiff_t)entry[1] * p->in_stride;
         const uint8_t *const corner[4] = {top + left, bottom + left, top + right, bottom + right};
         b.pair = pair_of(one - entry[2], entry[2]);
         b.left = _mm512_set1_epi32(one - entry[2]);
@@ -202,20 +224,21 @@ void fv_k_nn_blend_u8__avx512(const struct fv_nn_blend *p, const uint8_t *top, c
         for (int32_t c = 0; c < p->channels; c += 32) {
             const __mmask32 mask =
                 p->channels - c >= 32 ? ~UINT32_C(0) : ~UINT32_C(0) >> (32 - (p->channels - c));
-            _mm256_mask_storeu_epi8(out + c, mask,
-                                    p->bits <= 7 ? blend32(corner, c, &b) : blend32_wide(corner, c, &b));
+            _mm256_mask_storeu_epi8(
+                out + c, mask, p->bits <= 7 ? blend32(corner, c, &b) : blend32_wide(corner, c, &b));
         }
     }
 }
 
-void fv_k_nn_gather_u8__avx512(const uint8_t *in, ptrdiff_t step, uint8_t *out, ptrdiff_t pitch, int32_t run,
-                               int32_t count)
+void fv_k_nn_gather_u8__avx512(const uint8_t *in, ptrdiff_t step, uint8_t *out, ptrdiff_t pitch,
+                               int32_t run, int32_t count)
 {
     const int32_t whole = run / 64 * 64;
     const __mmask64 rest = run == whole ? 0 : ~UINT64_C(0) >> (64 - (run - whole));
     for (int32_t i = 0; i < count; ++i, in += step, out += pitch) {
         for (int32_t at = 0; at < whole; at += 64)
             _mm512_storeu_si512(out + at, _mm512_loadu_si512(in + at));
-        if (rest != 0) _mm512_mask_storeu_epi8(out + whole, rest, _mm512_maskz_loadu_epi8(rest, in + whole));
+        if (rest != 0)
+            _mm512_mask_storeu_epi8(out + whole, rest, _mm512_maskz_loadu_epi8(rest, in + whole));
     }
 }

@@ -1,8 +1,9 @@
-/* The matrix product on bytes: vpmaddubsw multiplies four neighbouring inputs by the weights of 8 channels and adds pairs, vpmaddwd
- * adds the pairs. The first saturates at 16 bits. Which groups of four k may use it is found for each block of channels and
- * chunk of rows, from the largest value that each k has in these rows: a pair of weights of one sign comes nearest to the limit
- * there, one of both signs never reaches it. The other groups are multiplied as 16-bit values, even and odd k apart. Finding
- * out costs as much as two or three rows of the product.
+/* The matrix product on bytes: vpmaddubsw multiplies four neighbouring inputs by the weights of 8
+ * channels and adds pairs, vpmaddwd adds the pairs. The first saturates at 16 bits. Which groups of
+ * four k may use it is found for each block of channels and chunk of rows, from the largest value
+ * that each k has in these rows: a pair of weights of one sign comes nearest to the limit there,
+ * one of both signs never reaches it. The other groups are multiplied as 16-bit values, even and
+ * odd k apart. Finding out costs as much as two or three rows of the product.
  *
  * A tile is four rows by 16 channels. */
 #include "kernels/kernels.h"
@@ -34,7 +35,8 @@ struct maxima {
     uint8_t of[4 * GROUPS_MAX + 32];
 };
 
-static void init_maxima(struct maxima *most, int32_t k, const uint8_t *a, ptrdiff_t lda, int32_t rows)
+static void init_maxima(struct maxima *most, int32_t k, const uint8_t *a, ptrdiff_t lda,
+                        int32_t rows)
 {
     for (int32_t i = 0; i < k; i += 32) {
         const uint8_t *from = a + i;
@@ -53,14 +55,16 @@ FV_INLINE __m256i reach(__m256i most, __m256i w)
     return _mm256_xor_si256(sum, _mm256_srai_epi16(sum, 15));
 }
 
-static void init_panel(struct panel *p, const int8_t *weights, int32_t k4, const struct maxima *most)
+static void init_panel(struct panel *p, const int8_t *weights, int32_t k4,
+                       const struct maxima *most)
 {
     const __m256i limit = _mm256_set1_epi16(INT16_MAX);
     p->weights = weights;
     p->narrow_count = p->wide_count = 0;
     for (int32_t i = 0; i < k4; ++i, weights += 64) {
         const __m256i x = four_inputs(most->of + 4 * (ptrdiff_t)i);
-        const __m256i top = _mm256_max_epi16(reach(x, load32(weights)), reach(x, load32(weights + 32)));
+        const __m256i top =
+            _mm256_max_epi16(reach(x, load32(weights)), reach(x, load32(weights + 32)));
         const __m256i large = _mm256_cmpeq_epi16(top, limit);
         const int none = _mm256_testz_si256(large, large);
         p->narrow[p->narrow_count] = p->wide[p->wide_count] = (uint16_t)i;
@@ -70,27 +74,34 @@ static void init_panel(struct panel *p, const int8_t *weights, int32_t k4, const
 }
 
 /* Products of N rows with a group of four k where no pair saturates. */
-FV_INLINE void add_narrow(const uint8_t *a, ptrdiff_t lda, const int N, const int8_t *w, __m256i acc[][2])
+FV_INLINE void add_narrow(const uint8_t *a, ptrdiff_t lda, const int N, const int8_t *w,
+                          __m256i acc[][2])
 {
     const __m256i ones = _mm256_set1_epi16(1), w0 = load32(w), w1 = load32(w + 32);
 #pragma GCC unroll 4
     for (int r = 0; r < N; ++r) {
         const __m256i x = four_inputs(a + r * lda);
-        acc[r][0] = _mm256_add_epi32(acc[r][0], _mm256_madd_epi16(_mm256_maddubs_epi16(x, w0), ones));
-        acc[r][1] = _mm256_add_epi32(acc[r][1], _mm256_madd_epi16(_mm256_maddubs_epi16(x, w1), ones));
+        acc[r][0] =
+            _mm256_add_epi32(acc[r][0], _mm256_madd_epi16(_mm256_maddubs_epi16(x, w0), ones));
+        acc[r][1] =
+            _mm256_add_epi32(acc[r][1], _mm256_madd_epi16(_mm256_maddubs_epi16(x, w1), ones));
     }
 }
 
 /* The same for any weights. */
-FV_INLINE void add_wide(const uint8_t *a, ptrdiff_t lda, const int N, const int8_t *w, __m256i acc[][2])
+FV_INLINE void add_wide(const uint8_t *a, ptrdiff_t lda, const int N, const int8_t *w,
+                        __m256i acc[][2])
 {
     const __m256i w0 = load32(w), w1 = load32(w + 32);
-    const __m256i even0 = _mm256_srai_epi16(_mm256_slli_epi16(w0, 8), 8), odd0 = _mm256_srai_epi16(w0, 8);
-    const __m256i even1 = _mm256_srai_epi16(_mm256_slli_epi16(w1, 8), 8), odd1 = _mm256_srai_epi16(w1, 8);
+    const __m256i even0 = _mm256_srai_epi16(_mm256_slli_epi16(w0, 8), 8),
+                  odd0 = _mm256_srai_epi16(w0, 8);
+    const __m256i even1 = _mm256_srai_epi16(_mm256_slli_epi16(w1, 8), 8),
+                  odd1 = _mm256_srai_epi16(w1, 8);
 #pragma GCC unroll 4
     for (int r = 0; r < N; ++r) {
         const __m256i x = four_inputs(a + r * lda);
-        const __m256i even = _mm256_and_si256(x, _mm256_set1_epi16(255)), odd = _mm256_srli_epi16(x, 8);
+        const __m256i even = _mm256_and_si256(x, _mm256_set1_epi16(255)),
+                      odd = _mm256_srli_epi16(x, 8);
         acc[r][0] = _mm256_add_epi32(acc[r][0], _mm256_madd_epi16(even, even0));
         acc[r][1] = _mm256_add_epi32(acc[r][1], _mm256_madd_epi16(even, even1));
         acc[r][0] = _mm256_add_epi32(acc[r][0], _mm256_madd_epi16(odd, odd0));
@@ -104,11 +115,13 @@ FV_INLINE void start(const int32_t *bias, const int32_t *sums, const int N, __m2
     for (int r = 0; r < N; ++r) {
         const __m256i sum = _mm256_set1_epi32(sums[r]);
         acc[r][0] = _mm256_add_epi32(_mm256_load_si256((const __m256i *)(const void *)bias), sum);
-        acc[r][1] = _mm256_add_epi32(_mm256_load_si256((const __m256i *)(const void *)(bias + 8)), sum);
+        acc[r][1] =
+            _mm256_add_epi32(_mm256_load_si256((const __m256i *)(const void *)(bias + 8)), sum);
     }
 }
 
-FV_INLINE void accumulate(const struct panel *p, const uint8_t *a, ptrdiff_t lda, __m256i acc[ROWS][2])
+FV_INLINE void accumulate(const struct panel *p, const uint8_t *a, ptrdiff_t lda,
+                          __m256i acc[ROWS][2])
 {
     for (int32_t i = 0; i < p->narrow_count; ++i) {
         const ptrdiff_t group = p->narrow[i];
@@ -121,14 +134,16 @@ FV_INLINE void accumulate(const struct panel *p, const uint8_t *a, ptrdiff_t lda
 }
 
 /* One row, without knowing the groups. */
-FV_INLINE void accumulate_one(const int8_t *weights, int32_t k4, const uint8_t *row, __m256i acc[1][2])
+FV_INLINE void accumulate_one(const int8_t *weights, int32_t k4, const uint8_t *row,
+                              __m256i acc[1][2])
 {
     for (int32_t i = 0; i < k4; ++i)
         add_wide(row + 4 * (ptrdiff_t)i, 0, 1, weights + 64 * (ptrdiff_t)i, acc);
 }
 
 /* Factor times the sum of a row's k bytes, for each of `rows` rows. */
-static void sum_rows(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, int32_t rows, int32_t *sums)
+static void sum_rows(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, int32_t rows,
+                     int32_t *sums)
 {
     static const uint8_t ends[64] = {255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255,
                                      255, 255, 255, 255, 255, 255, 255, 255, 255, 255, 255,
@@ -144,14 +159,16 @@ static void sum_rows(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda
         }
         for (; k + 32 <= g->k; k += 32) {
             sum = _mm256_add_epi64(
-                sum, _mm256_sad_epu8(_mm256_loadu_si256((const __m256i *)(const void *)(a + k)), zero));
+                sum,
+                _mm256_sad_epu8(_mm256_loadu_si256((const __m256i *)(const void *)(a + k)), zero));
         }
         if (k < g->k) {
             const __m256i last =
                 _mm256_and_si256(rest, _mm256_loadu_si256((const __m256i *)(const void *)(a + k)));
             sum = _mm256_add_epi64(sum, _mm256_sad_epu8(last, zero));
         }
-        const __m128i half = _mm_add_epi64(_mm256_castsi256_si128(sum), _mm256_extracti128_si256(sum, 1));
+        const __m128i half =
+            _mm_add_epi64(_mm256_castsi256_si128(sum), _mm256_extracti128_si256(sum, 1));
         const __m128i total = _mm_add_epi64(half, _mm_unpackhi_epi64(half, half));
         sums[i] = (int32_t)((uint32_t)_mm_cvtsi128_si32(total) * (uint32_t)g->row_sum_factor);
     }
@@ -167,8 +184,8 @@ struct strip {
     struct scale8 scale[2];
 };
 
-FV_INLINE void strip_u8(const struct panel *p, const struct strip *s, const struct output *o, int32_t k4,
-                        const int above)
+FV_INLINE void strip_u8(const struct panel *p, const struct strip *s, const struct output *o,
+                        int32_t k4, const int above)
 {
     __m256i acc[ROWS][2];
     if (s->rows < ROWS) {
@@ -191,7 +208,8 @@ FV_INLINE void strip_u8(const struct panel *p, const struct strip *s, const stru
 static void load_scales(struct scale8 scale[2], const int32_t *multiplier, const int32_t *shift)
 {
     for (int h = 0; h < 2; ++h) {
-        load_scale(&scale[h], _mm256_load_si256((const __m256i *)(const void *)(multiplier + 8 * h)),
+        load_scale(&scale[h],
+                   _mm256_load_si256((const __m256i *)(const void *)(multiplier + 8 * h)),
                    _mm256_load_si256((const __m256i *)(const void *)(shift + 8 * h)));
     }
 }
@@ -202,8 +220,8 @@ static int32_t next_rows(int32_t left)
     return left <= CHUNK_ROWS_MAX ? left : CHUNK_ROWS;
 }
 
-void fv_k_nn_gemm_u8__avx2(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, uint8_t *out,
-                           ptrdiff_t ldo, int32_t m)
+void fv_k_nn_gemm_u8__avx2(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda,
+                           uint8_t *out, ptrdiff_t ldo, int32_t m)
 {
     if (g->k4 > GROUPS_MAX) {
         fv_k_nn_gemm_u8__c(g, a, lda, out, ldo, m);
@@ -246,8 +264,8 @@ FV_INLINE void store_words(__m256i acc[][2], const int N, int32_t *out, ptrdiff_
     }
 }
 
-void fv_k_nn_gemm_i32__avx2(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, int32_t *out,
-                            ptrdiff_t ldo, int32_t m)
+void fv_k_nn_gemm_i32__avx2(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda,
+                            int32_t *out, ptrdiff_t ldo, int32_t m)
 {
     struct panel p;
     struct maxima most;

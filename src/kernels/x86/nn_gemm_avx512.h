@@ -1,5 +1,5 @@
-/* The matrix product with vpdpbusd, for the files of the VNNI and the Ice Lake set. A tile is ROWS rows times BLOCKS blocks
- * of 16 channels; its accumulators fill the registers. */
+/* The matrix product with vpdpbusd, for the files of the VNNI and the Ice Lake set. A tile is ROWS
+ * rows times BLOCKS blocks of 16 channels; its accumulators fill the registers. */
 #ifndef FOVEA_KERNELS_X86_NN_GEMM_AVX512_H
 #define FOVEA_KERNELS_X86_NN_GEMM_AVX512_H
 
@@ -75,20 +75,24 @@ FV_INLINE void store_bytes(const struct store_job *s, __m512i bytes, int32_t fir
     } else if (BLOCKS == 2) {
         _mm256_mask_storeu_epi8(out, (__mmask32)s->mask, _mm512_castsi512_si256(bytes));
         if (rows > 1)
-            _mm256_mask_storeu_epi8(out + s->ldo, (__mmask32)s->mask, _mm512_extracti64x4_epi64(bytes, 1));
+            _mm256_mask_storeu_epi8(out + s->ldo, (__mmask32)s->mask,
+                                    _mm512_extracti64x4_epi64(bytes, 1));
     } else {
         _mm_mask_storeu_epi8(out, (__mmask16)s->mask, _mm512_castsi512_si128(bytes));
         if (rows > 1)
-            _mm_mask_storeu_epi8(out + s->ldo, (__mmask16)s->mask, _mm512_extracti32x4_epi32(bytes, 1));
+            _mm_mask_storeu_epi8(out + s->ldo, (__mmask16)s->mask,
+                                 _mm512_extracti32x4_epi32(bytes, 1));
         if (rows > 2)
-            _mm_mask_storeu_epi8(out + 2 * s->ldo, (__mmask16)s->mask, _mm512_extracti32x4_epi32(bytes, 2));
+            _mm_mask_storeu_epi8(out + 2 * s->ldo, (__mmask16)s->mask,
+                                 _mm512_extracti32x4_epi32(bytes, 2));
         if (rows > 3)
-            _mm_mask_storeu_epi8(out + 3 * s->ldo, (__mmask16)s->mask, _mm512_extracti32x4_epi32(bytes, 3));
+            _mm_mask_storeu_epi8(out + 3 * s->ldo, (__mmask16)s->mask,
+                                 _mm512_extracti32x4_epi32(bytes, 3));
     }
 }
 
-FV_INLINE void tile_u8(const struct tile_job *j, const struct store_job *s, const int ROWS, const int BLOCKS,
-                       const int above)
+FV_INLINE void tile_u8(const struct tile_job *j, const struct store_job *s, const int ROWS,
+                       const int BLOCKS, const int above)
 {
     const int group = BLOCKS == 1 ? 4 : BLOCKS == 2 ? 2 : 1;
     __m512i acc[24];
@@ -101,7 +105,8 @@ FV_INLINE void tile_u8(const struct tile_job *j, const struct store_job *s, cons
         for (int b = 0; b < 4; ++b) {
             const int row = i + b / BLOCKS;
             const int used = BLOCKS == 3 ? b < 3 : row < ROWS;
-            r[b] = used ? requantize(acc[row * BLOCKS + b % BLOCKS], &s->scale[b % BLOCKS], above) : r[0];
+            r[b] = used ? requantize(acc[row * BLOCKS + b % BLOCKS], &s->scale[b % BLOCKS], above)
+                        : r[0];
         }
         __m512i bytes = pack_lanes(r[0], r[1], r[2], r[3], s->zero, s->low, s->high);
         if (s->lookup != NULL) bytes = look_up(bytes, &s->table, s->lookup);
@@ -110,8 +115,8 @@ FV_INLINE void tile_u8(const struct tile_job *j, const struct store_job *s, cons
 }
 
 /* Factor times the sum of a row's k bytes, for each row of a chunk. */
-static inline void sum_rows(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, int32_t rows,
-                            int32_t *sums)
+static inline void sum_rows(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda,
+                            int32_t rows, int32_t *sums)
 {
     const __m512i ones = _mm512_set1_epi8(1);
     for (int32_t i = 0; i < rows; ++i, a += lda) {
@@ -127,8 +132,9 @@ static inline void sum_rows(const struct fv_nn_gemm *g, const uint8_t *a, ptrdif
     }
 }
 
-FV_INLINE void column_u8(struct tile_job *j, struct store_job *s, const uint8_t *a, const int32_t *sums,
-                         int32_t m, uint8_t *out, const int ROWS, const int BLOCKS, const int above)
+FV_INLINE void column_u8(struct tile_job *j, struct store_job *s, const uint8_t *a,
+                         const int32_t *sums, int32_t m, uint8_t *out, const int ROWS,
+                         const int BLOCKS, const int above)
 {
     for (int32_t i = 0; i < m; i += ROWS) {
         const int32_t at =
@@ -141,15 +147,15 @@ FV_INLINE void column_u8(struct tile_job *j, struct store_job *s, const uint8_t 
     }
 }
 
-#define COLUMN(rows, blocks)                                                                                 \
-    static __attribute__((noinline)) void column_##rows##x##blocks(struct tile_job *j, struct store_job *s,  \
-                                                                   const uint8_t *a, const int32_t *sums,    \
-                                                                   int32_t m, uint8_t *out, int above)       \
-    {                                                                                                        \
-        if (above)                                                                                           \
-            column_u8(j, s, a, sums, m, out, rows, blocks, 1);                                               \
-        else                                                                                                 \
-            column_u8(j, s, a, sums, m, out, rows, blocks, 0);                                               \
+#define COLUMN(rows, blocks)                                                                       \
+    static __attribute__((noinline)) void column_##rows##x##blocks(                                \
+        struct tile_job *j, struct store_job *s, const uint8_t *a, const int32_t *sums, int32_t m, \
+        uint8_t *out, int above)                                                                   \
+    {                                                                                              \
+        if (above)                                                                                 \
+            column_u8(j, s, a, sums, m, out, rows, blocks, 1);                                     \
+        else                                                                                       \
+            column_u8(j, s, a, sums, m, out, rows, blocks, 0);                                     \
     }
 COLUMN(6, 4)
 COLUMN(2, 4)
@@ -180,8 +186,8 @@ static inline int32_t next_blocks(int32_t left)
     return left == 5 ? 3 : left >= 4 ? 4 : left;
 }
 
-static inline void gemm_u8(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, uint8_t *out,
-                           ptrdiff_t ldo, int32_t m)
+static inline void gemm_u8(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda,
+                           uint8_t *out, ptrdiff_t ldo, int32_t m)
 {
     const int32_t blocks = (g->n + 15) / 16;
     const int above = g->act_min >= g->zero_out;

@@ -1,13 +1,13 @@
 #include "kernels/x86/nn_gemm_avx512.h"
 
-void fv_k_nn_gemm_u8__avx512vnni(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, uint8_t *out,
-                                 ptrdiff_t ldo, int32_t m)
+void fv_k_nn_gemm_u8__avx512vnni(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda,
+                                 uint8_t *out, ptrdiff_t ldo, int32_t m)
 {
     gemm_u8(g, a, lda, out, ldo, m);
 }
 
-void fv_k_nn_gemm_i32__avx512vnni(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, int32_t *out,
-                                  ptrdiff_t ldo, int32_t m)
+void fv_k_nn_gemm_i32__avx512vnni(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda,
+                                  int32_t *out, ptrdiff_t ldo, int32_t m)
 {
     const int32_t blocks = (g->n + 15) / 16;
     struct tile_job j = {.g = g, .lda = lda};

@@ -28,8 +28,8 @@ static void block(const uint8_t *in, ptrdiff_t ldi, uint8_t *out, ptrdiff_t ldo)
         _mm_storeu_si128((__m128i *)(void *)(out + i * ldo), v[i]);
 }
 
-void fv_k_nn_transpose_u8__sse4(const uint8_t *in, ptrdiff_t ldi, uint8_t *out, ptrdiff_t ldo, int32_t rows,
-                                int32_t columns)
+void fv_k_nn_transpose_u8__sse4(const uint8_t *in, ptrdiff_t ldi, uint8_t *out, ptrdiff_t ldo,
+                                int32_t rows, int32_t columns)
 {
     const int32_t whole_rows = rows / 16 * 16, whole_columns = columns / 16 * 16;
     for (int32_t r = 0; r < whole_rows; r += 16) {

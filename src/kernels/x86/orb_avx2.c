@@ -12,7 +12,8 @@ static inline __m256i fv_blur7_column(const uint8_t *const rows[7], int32_t x)
     const __m256i middle = _mm256_mullo_epi16(_mm256_add_epi16(r[1], r[5]), _mm256_set1_epi16(34));
     const __m256i inner = _mm256_mullo_epi16(_mm256_add_epi16(r[2], r[4]), _mm256_set1_epi16(48));
     const __m256i centre = _mm256_mullo_epi16(r[3], _mm256_set1_epi16(56));
-    const __m256i sum = _mm256_add_epi16(_mm256_add_epi16(outer, middle), _mm256_add_epi16(inner, centre));
+    const __m256i sum =
+        _mm256_add_epi16(_mm256_add_epi16(outer, middle), _mm256_add_epi16(inner, centre));
     return _mm256_xor_si256(sum, _mm256_set1_epi16(INT16_MIN));
 }
 
@@ -37,7 +38,8 @@ static inline __m256i fv_blur7_sixteen(const uint16_t *column)
                               _mm256_add_epi32(odd, bias), 0xaa);
 }
 
-void fv_k_blur7_row_u8__avx2(uint8_t *out, const uint8_t *const rows[7], int32_t width, uint16_t *scratch)
+void fv_k_blur7_row_u8__avx2(uint8_t *out, const uint8_t *const rows[7], int32_t width,
+                             uint16_t *scratch)
 {
     if (width < 32) {
         fv_k_blur7_row_u8__c(out, rows, width, scratch);
@@ -63,16 +65,17 @@ void fv_k_blur7_row_u8__avx2(uint8_t *out, const uint8_t *const rows[7], int32_t
     }
 }
 
-void fv_k_moments_u8__avx2(int32_t *m, const uint8_t *image, ptrdiff_t stride, const int32_t *centres,
-                           int32_t count)
+void fv_k_moments_u8__avx2(int32_t *m, const uint8_t *image, ptrdiff_t stride,
+                           const int32_t *centres, int32_t count)
 {
-    const __m256i u = _mm256_setr_epi8(-16, -15, -14, -13, -12, -11, -10, -9, -8, -7, -6, -5, -4, -3, -2, -1,
-                                       0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+    const __m256i u =
+        _mm256_setr_epi8(-16, -15, -14, -13, -12, -11, -10, -9, -8, -7, -6, -5, -4, -3, -2, -1, 0,
+                         1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
     const __m256i ones = _mm256_set1_epi8(1), one_words = _mm256_set1_epi16(1);
     __m256i mask[FV_MOMENTS_RADIUS + 1];
     for (int v = 0; v <= FV_MOMENTS_RADIUS; v++)
-        mask[v] =
-            _mm256_cmpgt_epi8(_mm256_set1_epi8((char)(fv_moments_half_width[v] + 1)), _mm256_abs_epi8(u));
+        mask[v] = _mm256_cmpgt_epi8(_mm256_set1_epi8((char)(fv_moments_half_width[v] + 1)),
+                                    _mm256_abs_epi8(u));
     for (int32_t k = 0; k < count; k++) {
         const uint8_t *row = image + centres[k] - 16;
         const __m256i middle = _mm256_and_si256(_mm256_loadu_si256((const __m256i *)row), mask[0]);
@@ -85,13 +88,14 @@ void fv_k_moments_u8__avx2(int32_t *m, const uint8_t *image, ptrdiff_t stride, c
                 _mm256_and_si256(_mm256_loadu_si256((const __m256i *)(row - v * stride)), mask[v]);
             const __m256i along =
                 _mm256_add_epi16(_mm256_maddubs_epi16(below, u), _mm256_maddubs_epi16(above, u));
-            const __m256i across =
-                _mm256_sub_epi16(_mm256_maddubs_epi16(below, ones), _mm256_maddubs_epi16(above, ones));
+            const __m256i across = _mm256_sub_epi16(_mm256_maddubs_epi16(below, ones),
+                                                    _mm256_maddubs_epi16(above, ones));
             m10 = _mm256_add_epi32(m10, _mm256_madd_epi16(along, one_words));
             m01 = _mm256_add_epi32(m01, _mm256_madd_epi16(across, _mm256_set1_epi16((int16_t)v)));
         }
         const __m256i pairs = _mm256_hadd_epi32(m10, m01);
-        const __m128i sum = _mm_add_epi32(_mm256_castsi256_si128(pairs), _mm256_extracti128_si256(pairs, 1));
+        const __m128i sum =
+            _mm_add_epi32(_mm256_castsi256_si128(pairs), _mm256_extracti128_si256(pairs, 1));
         _mm_storel_epi64((__m128i *)(m + 2 * k), _mm_hadd_epi32(sum, sum));
     }
 }
@@ -99,8 +103,8 @@ void fv_k_moments_u8__avx2(int32_t *m, const uint8_t *image, ptrdiff_t stride, c
 static inline __m256i fv_brief_eight(const uint8_t *centre, const int8_t *places, __m256i step)
 {
     const __m256i place = _mm256_cvtepi8_epi16(_mm_loadu_si128((const __m128i *)places));
-    const __m256i words =
-        _mm256_i32gather_epi32((const int *)(const void *)centre, _mm256_madd_epi16(place, step), 1);
+    const __m256i words = _mm256_i32gather_epi32((const int *)(const void *)centre,
+                                                 _mm256_madd_epi16(place, step), 1);
     return _mm256_and_si256(words, _mm256_set1_epi32(255));
 }
 

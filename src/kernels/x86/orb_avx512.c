@@ -12,7 +12,8 @@ static inline __m512i fv_blur7_column(const uint8_t *const rows[7], int32_t x, _
     const __m512i middle = _mm512_mullo_epi16(_mm512_add_epi16(r[1], r[5]), _mm512_set1_epi16(34));
     const __m512i inner = _mm512_mullo_epi16(_mm512_add_epi16(r[2], r[4]), _mm512_set1_epi16(48));
     const __m512i centre = _mm512_mullo_epi16(r[3], _mm512_set1_epi16(56));
-    const __m512i sum = _mm512_add_epi16(_mm512_add_epi16(outer, middle), _mm512_add_epi16(inner, centre));
+    const __m512i sum =
+        _mm512_add_epi16(_mm512_add_epi16(outer, middle), _mm512_add_epi16(inner, centre));
     return _mm512_xor_si512(sum, _mm512_set1_epi16(INT16_MIN));
 }
 
@@ -35,7 +36,8 @@ static inline __m512i fv_blur7_thirtytwo(const uint16_t *column)
                                    _mm512_add_epi32(odd, bias));
 }
 
-void fv_k_blur7_row_u8__avx512(uint8_t *out, const uint8_t *const rows[7], int32_t width, uint16_t *scratch)
+void fv_k_blur7_row_u8__avx512(uint8_t *out, const uint8_t *const rows[7], int32_t width,
+                               uint16_t *scratch)
 {
     const uint8_t *const row[7] = {rows[0], rows[1], rows[2], rows[3], rows[4], rows[5], rows[6]};
     uint16_t *column = scratch + 16;
@@ -54,18 +56,19 @@ void fv_k_blur7_row_u8__avx512(uint8_t *out, const uint8_t *const rows[7], int32
 }
 
 /* Two rows at once: row v in the low half, row -v in the high half. */
-void fv_k_moments_u8__avx512(int32_t *m, const uint8_t *image, ptrdiff_t stride, const int32_t *centres,
-                             int32_t count)
+void fv_k_moments_u8__avx512(int32_t *m, const uint8_t *image, ptrdiff_t stride,
+                             const int32_t *centres, int32_t count)
 {
-    const __m256i u_half = _mm256_setr_epi8(-16, -15, -14, -13, -12, -11, -10, -9, -8, -7, -6, -5, -4, -3, -2,
-                                            -1, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+    const __m256i u_half =
+        _mm256_setr_epi8(-16, -15, -14, -13, -12, -11, -10, -9, -8, -7, -6, -5, -4, -3, -2, -1, 0,
+                         1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
     const __m512i u = _mm512_broadcast_i64x4(u_half);
     const __m512i ones = _mm512_set1_epi8(1), one_words = _mm512_set1_epi16(1);
     __mmask32 mask[FV_MOMENTS_RADIUS + 1];
     __m512i across_weight[FV_MOMENTS_RADIUS + 1];
     for (int v = 0; v <= FV_MOMENTS_RADIUS; v++) {
-        mask[v] =
-            _mm256_cmple_epi8_mask(_mm256_abs_epi8(u_half), _mm256_set1_epi8((char)fv_moments_half_width[v]));
+        mask[v] = _mm256_cmple_epi8_mask(_mm256_abs_epi8(u_half),
+                                         _mm256_set1_epi8((char)fv_moments_half_width[v]));
         across_weight[v] =
             _mm512_inserti64x4(_mm512_set1_epi16((int16_t)v), _mm256_set1_epi16((int16_t)-v), 1);
     }
@@ -78,9 +81,10 @@ void fv_k_moments_u8__avx512(int32_t *m, const uint8_t *image, ptrdiff_t stride,
             const __m256i below = _mm256_maskz_loadu_epi8(mask[v], row + v * stride);
             const __m256i above = _mm256_maskz_loadu_epi8(mask[v], row - v * stride);
             const __m512i both = _mm512_inserti64x4(_mm512_castsi256_si512(below), above, 1);
-            m10 = _mm512_add_epi32(m10, _mm512_madd_epi16(_mm512_maddubs_epi16(both, u), one_words));
-            m01 =
-                _mm512_add_epi32(m01, _mm512_madd_epi16(_mm512_maddubs_epi16(both, ones), across_weight[v]));
+            m10 =
+                _mm512_add_epi32(m10, _mm512_madd_epi16(_mm512_maddubs_epi16(both, u), one_words));
+            m01 = _mm512_add_epi32(
+                m01, _mm512_madd_epi16(_mm512_maddubs_epi16(both, ones), across_weight[v]));
         }
         m[2 * k] = _mm512_reduce_add_epi32(m10);
         m[2 * k + 1] = _mm512_reduce_add_epi32(m01);

@@ -4,8 +4,9 @@
 
 #include <immintrin.h>
 
-/* The weights halved, 9 17 24 28 24 17 9: then a sum down a column has 15 bits, which multiply-adds of signed
- * words take, and along the row they are doubled again, so that 16 bits are rounded off as the contract says.
+/* The weights halved, 9 17 24 28 24 17 9: then a sum down a column has 15 bits, which multiply-adds
+ * of signed words take, and along the row they are doubled again, so that 16 bits are rounded off
+ * as the contract says.
  */
 static inline __m512i fv_blur7_two_rows(__m512i a, __m512i b, bool high, int weight_a, int weight_b)
 {
@@ -41,8 +42,8 @@ static inline __m512i fv_blur7_weights(int first, int second)
     return _mm512_set1_epi32(4 * second << 16 | 4 * first);
 }
 
-/* 32 outputs in the low bytes of words: even ones from the pairs that begin three columns before them, odd
- * ones likewise. */
+/* 32 outputs in the low bytes of words: even ones from the pairs that begin three columns before
+ * them, odd ones likewise. */
 static inline __m512i fv_blur7_along(const uint16_t *column)
 {
     const __m512i a = _mm512_loadu_si512(column - 3), b = _mm512_loadu_si512(column - 1);

@@ -2,7 +2,8 @@
 
 #include <immintrin.h>
 
-/* Columns of eight pixels. The sums go up to 65280; moved down by 32768 they fit the signed words of pmaddwd.
+/* Columns of eight pixels. The sums go up to 65280; moved down by 32768 they fit the signed words
+ * of pmaddwd.
  */
 static inline __m128i fv_blur7_column(const uint8_t *const rows[7], int32_t x)
 {
@@ -25,18 +26,22 @@ static inline __m128i fv_blur7_eight(const uint16_t *column)
     const __m128i c = _mm_loadu_si128((const __m128i *)(column + 1));
     const __m128i d = _mm_loadu_si128((const __m128i *)(column + 3));
     const __m128i bias = _mm_set1_epi32(256 * 32768 + 32768);
-    const __m128i even = _mm_add_epi32(_mm_add_epi32(_mm_madd_epi16(a, _mm_set1_epi32(34 << 16 | 18)),
-                                                     _mm_madd_epi16(b, _mm_set1_epi32(56 << 16 | 48))),
-                                       _mm_add_epi32(_mm_madd_epi16(c, _mm_set1_epi32(34 << 16 | 48)),
-                                                     _mm_madd_epi16(d, _mm_set1_epi32(18))));
-    const __m128i odd = _mm_add_epi32(_mm_add_epi32(_mm_madd_epi16(a, _mm_set1_epi32(18 << 16)),
-                                                    _mm_madd_epi16(b, _mm_set1_epi32(48 << 16 | 34))),
-                                      _mm_add_epi32(_mm_madd_epi16(c, _mm_set1_epi32(48 << 16 | 56)),
-                                                    _mm_madd_epi16(d, _mm_set1_epi32(18 << 16 | 34))));
-    return _mm_blend_epi16(_mm_srli_epi32(_mm_add_epi32(even, bias), 16), _mm_add_epi32(odd, bias), 0xaa);
+    const __m128i even =
+        _mm_add_epi32(_mm_add_epi32(_mm_madd_epi16(a, _mm_set1_epi32(34 << 16 | 18)),
+                                    _mm_madd_epi16(b, _mm_set1_epi32(56 << 16 | 48))),
+                      _mm_add_epi32(_mm_madd_epi16(c, _mm_set1_epi32(34 << 16 | 48)),
+                                    _mm_madd_epi16(d, _mm_set1_epi32(18))));
+    const __m128i odd =
+        _mm_add_epi32(_mm_add_epi32(_mm_madd_epi16(a, _mm_set1_epi32(18 << 16)),
+                                    _mm_madd_epi16(b, _mm_set1_epi32(48 << 16 | 34))),
+                      _mm_add_epi32(_mm_madd_epi16(c, _mm_set1_epi32(48 << 16 | 56)),
+                                    _mm_madd_epi16(d, _mm_set1_epi32(18 << 16 | 34))));
+    return _mm_blend_epi16(_mm_srli_epi32(_mm_add_epi32(even, bias), 16), _mm_add_epi32(odd, bias),
+                           0xaa);
 }
 
-void fv_k_blur7_row_u8__sse4(uint8_t *out, const uint8_t *const rows[7], int32_t width, uint16_t *scratch)
+void fv_k_blur7_row_u8__sse4(uint8_t *out, const uint8_t *const rows[7], int32_t width,
+                             uint16_t *scratch)
 {
     if (width < 16) {
         fv_k_blur7_row_u8__c(out, rows, width, scratch);
@@ -61,23 +66,25 @@ void fv_k_blur7_row_u8__sse4(uint8_t *out, const uint8_t *const rows[7], int32_t
     }
 }
 
-/* Both moments of the columns -16..-1 or 0..15 + 1 of the circle: `u` holds the columns' weights. */
+/* Both moments of the columns -16..-1 or 0..15 + 1 of the circle: `u` holds the columns' weights.
+ */
 struct fv_moment_sums {
     __m128i m10, m01;
 };
 
-static inline void fv_moments_rows(struct fv_moment_sums *sums, __m128i below, __m128i above, __m128i u,
-                                   int v)
+static inline void fv_moments_rows(struct fv_moment_sums *sums, __m128i below, __m128i above,
+                                   __m128i u, int v)
 {
     const __m128i ones = _mm_set1_epi8(1);
     const __m128i along = _mm_add_epi16(_mm_maddubs_epi16(below, u), _mm_maddubs_epi16(above, u));
-    const __m128i across = _mm_sub_epi16(_mm_maddubs_epi16(below, ones), _mm_maddubs_epi16(above, ones));
+    const __m128i across =
+        _mm_sub_epi16(_mm_maddubs_epi16(below, ones), _mm_maddubs_epi16(above, ones));
     sums->m10 = _mm_add_epi32(sums->m10, _mm_madd_epi16(along, _mm_set1_epi16(1)));
     sums->m01 = _mm_add_epi32(sums->m01, _mm_madd_epi16(across, _mm_set1_epi16((int16_t)v)));
 }
 
-void fv_k_moments_u8__sse4(int32_t *m, const uint8_t *image, ptrdiff_t stride, const int32_t *centres,
-                           int32_t count)
+void fv_k_moments_u8__sse4(int32_t *m, const uint8_t *image, ptrdiff_t stride,
+                           const int32_t *centres, int32_t count)
 {
     const __m128i u_left =
         _mm_setr_epi8(-16, -15, -14, -13, -12, -11, -10, -9, -8, -7, -6, -5, -4, -3, -2, -1);
@@ -92,25 +99,28 @@ void fv_k_moments_u8__sse4(int32_t *m, const uint8_t *image, ptrdiff_t stride, c
         const uint8_t *row = image + centres[k];
         struct fv_moment_sums sums = {_mm_setzero_si128(), _mm_setzero_si128()};
         const __m128i zero = _mm_setzero_si128();
-        fv_moments_rows(&sums, _mm_and_si128(_mm_loadu_si128((const __m128i *)(row - 16)), left_mask[0]),
+        fv_moments_rows(&sums,
+                        _mm_and_si128(_mm_loadu_si128((const __m128i *)(row - 16)), left_mask[0]),
                         zero, u_left, 0);
-        fv_moments_rows(&sums, _mm_and_si128(_mm_loadu_si128((const __m128i *)row), right_mask[0]), zero,
-                        u_right, 0);
+        fv_moments_rows(&sums, _mm_and_si128(_mm_loadu_si128((const __m128i *)row), right_mask[0]),
+                        zero, u_right, 0);
         for (int v = 1; v <= FV_MOMENTS_RADIUS; v++) {
             const uint8_t *below = row + v * stride, *above = row - v * stride;
             fv_moments_rows(
                 &sums, _mm_and_si128(_mm_loadu_si128((const __m128i *)(below - 16)), left_mask[v]),
-                _mm_and_si128(_mm_loadu_si128((const __m128i *)(above - 16)), left_mask[v]), u_left, v);
-            fv_moments_rows(&sums, _mm_and_si128(_mm_loadu_si128((const __m128i *)below), right_mask[v]),
-                            _mm_and_si128(_mm_loadu_si128((const __m128i *)above), right_mask[v]), u_right,
-                            v);
+                _mm_and_si128(_mm_loadu_si128((const __m128i *)(above - 16)), left_mask[v]), u_left,
+                v);
+            fv_moments_rows(
+                &sums, _mm_and_si128(_mm_loadu_si128((const __m128i *)below), right_mask[v]),
+                _mm_and_si128(_mm_loadu_si128((const __m128i *)above), right_mask[v]), u_right, v);
         }
         const __m128i pairs = _mm_hadd_epi32(sums.m10, sums.m01);
         _mm_storel_epi64((__m128i *)(m + 2 * k), _mm_hadd_epi32(pairs, pairs));
     }
 }
 
-/* Sampled into arrays first: the vector loads that compare come long after the byte stores that they need. */
+/* Sampled into arrays first: the vector loads that compare come long after the byte stores that
+ * they need. */
 static inline void fv_brief_sample(uint8_t samples[2 * FV_BRIEF_BITS], const uint8_t *centre,
                                    const int8_t *places, __m128i step)
 {

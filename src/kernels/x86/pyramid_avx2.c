@@ -27,8 +27,10 @@ static inline __m256i sixteen(const uint8_t *in, int32_t i, int row)
     const int32_t j = i + 8;
     const __m256i pixels =
         _mm256_loadu2_m128i((const __m128i *)(in + j + j / 5), (const __m128i *)(in + i + i / 5));
-    const __m256i pairs = _mm256_shuffle_epi8(pixels, _mm256_loadu_si256((const __m256i *)shrink_pairs[row]));
-    return round7(_mm256_maddubs_epi16(pairs, _mm256_loadu_si256((const __m256i *)shrink_weights[row])));
+    const __m256i pairs =
+        _mm256_shuffle_epi8(pixels, _mm256_loadu_si256((const __m256i *)shrink_pairs[row]));
+    return round7(
+        _mm256_maddubs_epi16(pairs, _mm256_loadu_si256((const __m256i *)shrink_weights[row])));
 }
 
 void fv_k_shrink_row_u8__avx2(uint8_t *out, const uint8_t *in, int32_t count)
@@ -38,7 +40,8 @@ void fv_k_shrink_row_u8__avx2(uint8_t *out, const uint8_t *in, int32_t count)
         const __m256i first = sixteen(in, i, row),
                       second = sixteen(in, i + 16, row + 2 >= 5 ? row - 3 : row + 2);
         const __m256i mixed = _mm256_packus_epi16(first, second);
-        _mm256_storeu_si256((__m256i *)(out + i), _mm256_permute4x64_epi64(mixed, _MM_SHUFFLE(3, 1, 2, 0)));
+        _mm256_storeu_si256((__m256i *)(out + i),
+                            _mm256_permute4x64_epi64(mixed, _MM_SHUFFLE(3, 1, 2, 0)));
         row = row == 0 ? 4 : row - 1; /* 4 rows further, mod 5 */
     }
 }

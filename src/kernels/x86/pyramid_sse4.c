@@ -25,7 +25,8 @@ void fv_k_blend_rows_u8__sse4(uint8_t *out, const uint8_t *a, const uint8_t *b, 
 static inline __m128i eight(const uint8_t *in, int32_t i, int row)
 {
     const __m128i pixels = _mm_loadu_si128((const __m128i *)(in + i + i / 5));
-    const __m128i pairs = _mm_shuffle_epi8(pixels, _mm_loadu_si128((const __m128i *)shrink_pairs[row]));
+    const __m128i pairs =
+        _mm_shuffle_epi8(pixels, _mm_loadu_si128((const __m128i *)shrink_pairs[row]));
     return round7(_mm_maddubs_epi16(pairs, _mm_loadu_si128((const __m128i *)shrink_weights[row])));
 }
 

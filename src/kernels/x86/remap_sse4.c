@@ -8,7 +8,8 @@ static inline __m128i fv_remap_eight(const uint8_t *window, ptrdiff_t stride,
 {
     const __m128i at = _mm_loadl_epi64((const __m128i *)block->at);
     const __m128i twice = _mm_unpacklo_epi8(at, at);
-    const __m128i pick = _mm_add_epi8(twice, _mm_set1_epi16(0x100)); /* the pixel and its right neighbour */
+    const __m128i pick =
+        _mm_add_epi8(twice, _mm_set1_epi16(0x100)); /* the pixel and its right neighbour */
     __m128i row[FV_REMAP_WINDOW_ROWS];
     for (int i = 0; i < FV_REMAP_WINDOW_ROWS; i++)
         row[i] = _mm_shuffle_epi8(_mm_loadu_si128((const __m128i *)(window + i * stride)), pick);
@@ -19,8 +20,10 @@ static inline __m128i fv_remap_eight(const uint8_t *window, ptrdiff_t stride,
 
     const __m128i fx = _mm_loadl_epi64((const __m128i *)block->fx);
     const __m128i weights = _mm_unpacklo_epi8(_mm_sub_epi8(_mm_set1_epi8(64), fx), fx);
-    const __m128i top = _mm_maddubs_epi16(above, weights), bottom = _mm_maddubs_epi16(below, weights);
-    const __m128i fy = _mm_slli_epi16(_mm_cvtepu8_epi16(_mm_loadl_epi64((const __m128i *)block->fy)), 9);
+    const __m128i top = _mm_maddubs_epi16(above, weights),
+                  bottom = _mm_maddubs_epi16(below, weights);
+    const __m128i fy =
+        _mm_slli_epi16(_mm_cvtepu8_epi16(_mm_loadl_epi64((const __m128i *)block->fy)), 9);
     const __m128i sum = _mm_add_epi16(top, _mm_mulhrs_epi16(_mm_sub_epi16(bottom, top), fy));
     return _mm_srli_epi16(_mm_add_epi16(sum, _mm_set1_epi16(32)), 6);
 }

@@ -1,4 +1,5 @@
-/* The canvas: shapes land where they should, everything is cut at the border, and the PNG reads back. */
+/* The canvas: shapes land where they should, everything is cut at the border, and the PNG reads
+ * back. */
 #include <float.h>
 #include <math.h>
 #include <setjmp.h>

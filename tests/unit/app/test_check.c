@@ -1,4 +1,5 @@
-/* `fovea check` says everything that it can, whatever is missing. Each run is a process of its own. */
+/* `fovea check` says everything that it can, whatever is missing. Each run is a process of its own.
+ */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stdbool.h>
@@ -43,7 +44,8 @@ static int check(const char *command)
     int argc = 0, status = 0;
     FILE *files[2] = {capture(), capture()};
     snprintf(line, sizeof line, "%s", command);
-    for (char *word = strtok(line, " "); word != NULL && argc < ARGUMENTS_MAX; word = strtok(NULL, " "))
+    for (char *word = strtok(line, " "); word != NULL && argc < ARGUMENTS_MAX;
+         word = strtok(NULL, " "))
         argv[argc++] = word;
     argv[argc] = NULL;
     fflush(NULL);
@@ -103,7 +105,9 @@ static void test_everything_is_told(void **state)
                                          "map, while saved"};
     (void)state;
     assert_int_equal(
-        check("fovea check --source sim:still --set lcm_url=memq:// --set map.save=/tmp/fovea_none.map"), 0);
+        check(
+            "fovea check --source sim:still --set lcm_url=memq:// --set map.save=/tmp/fovea_none.map"),
+        0);
     assert_string_equal(err, "");
     assert_tells(out, "memory of sim:still, 640 x 480");
     for (size_t i = 0; i < sizeof owners / sizeof owners[0]; i++)
@@ -124,17 +128,19 @@ static void test_frame_rate(void **state)
 /* A camera that is not there is one line of the report, not the end of it. */
 static void test_without_the_camera(void **state)
 {
-    static const char absent[] = "failed   camera       v4l2:/dev/fovea_none: found no such device, expected "
-                                 "a camera: is it plugged in?\n";
+    static const char absent[] =
+        "failed   camera       v4l2:/dev/fovea_none: found no such device, expected "
+        "a camera: is it plugged in?\n";
     char command[256];
     (void)state;
     assert_int_equal(check("fovea check --source v4l2:/dev/fovea_none --set lcm_url="), 2);
     assert_string_equal(err, absent);
     assert_machine_told();
-    assert_tells(out, "memory of v4l2:/dev/fovea_none: known when it answers, or with a calibration that "
-                      "states the size of its frames");
-    snprintf(command, sizeof command, "fovea check --source v4l2:/dev/fovea_none --set lcm_url= --camera %s",
-             camera);
+    assert_tells(
+        out, "memory of v4l2:/dev/fovea_none: known when it answers, or with a calibration that "
+             "states the size of its frames");
+    snprintf(command, sizeof command,
+             "fovea check --source v4l2:/dev/fovea_none --set lcm_url= --camera %s", camera);
     assert_int_equal(check(command), 2);
     assert_string_equal(err, absent);
     assert_machine_told();
@@ -161,13 +167,13 @@ static void test_without_the_camera_with_a_mask(void **state)
     snprintf(mask, sizeof mask, "%s.png", camera);
     memset(white, 255, sizeof white);
     fv_test_write_png(mask, &(struct fv_test_png){752, 480, 1, 8, false}, white);
-    snprintf(command, sizeof command, "fovea check --memory-only --source v4l2:/dev/fovea_none --camera %s",
-             camera);
+    snprintf(command, sizeof command,
+             "fovea check --memory-only --source v4l2:/dev/fovea_none --camera %s", camera);
     assert_int_equal(check(command), 2);
     const int without = block_told();
     snprintf(command, sizeof command,
-             "fovea check --memory-only --source v4l2:/dev/fovea_none --camera %s --set mask=%s", camera,
-             mask);
+             "fovea check --memory-only --source v4l2:/dev/fovea_none --camera %s --set mask=%s",
+             camera, mask);
     assert_int_equal(check(command), 2);
     assert_int_equal(block_told() - without, sizeof white);
     unlink(mask);
@@ -204,8 +210,9 @@ static void test_without_rights(void **state)
     (void)state;
     as_nobody = true;
     assert_int_equal(check("fovea check --source sim:still --set lcm_url="), 0);
-    assert_tells(out, "\nwarning  scheduling   no SCHED_FIFO: not permitted; 'ulimit -r 40' or CAP_SYS_NICE "
-                      "would permit it");
+    assert_tells(
+        out, "\nwarning  scheduling   no SCHED_FIFO: not permitted; 'ulimit -r 40' or CAP_SYS_NICE "
+             "would permit it");
 #ifndef FOVEA_SANITIZED /* sanitizers have mlock do nothing and succeed */
     assert_tells(out, "\nwarning  memory lock  memory is not locked: ");
 #endif
@@ -214,14 +221,16 @@ static void test_without_rights(void **state)
     assert_tells(out, "\nwarning  scheduling   ");
     assert_tells(out, "no SCHED_FIFO: not permitted");
     assert_tells(out, "not bound to processor 1000");
-    assert_int_equal(check("fovea run --source sim:still --set lcm_url= --set loop.cpu=1000 --frames 1 "
-                           "--picture none --quiet"),
-                     0);
+    assert_int_equal(
+        check("fovea run --source sim:still --set lcm_url= --set loop.cpu=1000 --frames 1 "
+              "--picture none --quiet"),
+        0);
     assert_tells(err, "no SCHED_FIFO: not permitted");
     assert_tells(err, "not bound to processor 1000");
     /* Wrong input is one line here too. */
     setenv("FOVEA_CPU", "mmx", 1);
-    assert_int_equal(check("fovea run --source sim:still --set lcm_url= --frames 1 --picture none"), 2);
+    assert_int_equal(check("fovea run --source sim:still --set lcm_url= --frames 1 --picture none"),
+                     2);
     assert_tells(err, "FOVEA_CPU: found 'mmx'");
     assert_string_equal(strchr(err, '\n'), "\n");
     unsetenv("FOVEA_CPU");
@@ -230,8 +239,9 @@ static void test_without_rights(void **state)
 
 static int camera_make(void **state)
 {
-    static const char text[] = "image_width: 752\nimage_height: 480\nK: [458, 0, 367, 0, 457, 248, 0, 0, "
-                               "1]\nD: [-0.28, 0.07, 0, 0]\n";
+    static const char text[] =
+        "image_width: 752\nimage_height: 480\nK: [458, 0, 367, 0, 457, 248, 0, 0, "
+        "1]\nD: [-0.28, 0.07, 0, 0]\n";
     const int file = mkstemp(camera);
     (void)state;
     if (file < 0) return -1;

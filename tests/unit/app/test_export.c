@@ -97,7 +97,8 @@ static void writes_frames_masks_and_truth(void **state)
     assert_int_equal(written, boxes);
 }
 
-/* A folder that is there already may hold somebody's work; an endless source would fill the disk. */
+/* A folder that is there already may hold somebody's work; an endless source would fill the disk.
+ */
 static void refuses_wrong_input(void **state)
 {
     (void)state;

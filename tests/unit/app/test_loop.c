@@ -1,4 +1,5 @@
-/* The loop on a source made for it: counting, pace, late frames, the end; and the shape of the JSON about it.
+/* The loop on a source made for it: counting, pace, late frames, the end; and the shape of the JSON
+ * about it.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -18,7 +19,8 @@
 
 enum { SIDE = 64, FRAMES_MAX = 400 };
 
-/* ---- a source ---------------------------------------------------------------------------------------- */
+/* ---- a source
+ * ---------------------------------------------------------------------------------------- */
 
 struct fovea_source {
     struct fovea_source_info info;
@@ -49,7 +51,8 @@ static const struct fovea_source_info *info(const struct fovea_source *from)
     return &from->info;
 }
 
-static enum fovea_status dequeue(struct fovea_source *from, int64_t deadline_ns, struct fovea_frame *frame)
+static enum fovea_status dequeue(struct fovea_source *from, int64_t deadline_ns,
+                                 struct fovea_frame *frame)
 {
     (void)deadline_ns;
     if (from->delay_ns > 0) pause_ns(from->delay_ns);
@@ -75,7 +78,8 @@ static void requeue(struct fovea_source *from, const struct fovea_frame *frame)
 static const struct fovea_source_ops ops = {
     .name = "made", .info = info, .dequeue = dequeue, .requeue = requeue};
 
-/* ---- a loop around it -------------------------------------------------------------------------------- */
+/* ---- a loop around it
+ * -------------------------------------------------------------------------------- */
 
 static struct fovea_config config;
 static struct fv_timings timings;
@@ -89,8 +93,8 @@ static int set_up(void **state)
     (void)state;
     struct fovea_error error;
     fovea_config_default(&config);
-    config.camera =
-        (struct fovea_camera){.width = SIDE, .height = SIDE, .fx = 60, .fy = 60, .cx = 31.5, .cy = 31.5};
+    config.camera = (struct fovea_camera){
+        .width = SIDE, .height = SIDE, .fx = 60, .fy = 60, .cx = 31.5, .cy = 31.5};
     config.preview.level = 0;
     config.features.pyramid_levels = 1;
     config.clock = fv_timing_clock;
@@ -185,15 +189,16 @@ static void test_slow_source_drops_nothing(void **state)
     source.delay_ns = 25000000; /* 40 Hz for frames of 100 Hz */
     fv_loop_run(&loop);
     assert_int_equal(loop.counts.processed + loop.counts.late, 20);
-    assert_int_equal(loop.counts.late, loop.counts.starved); /* 0 unless this machine stands still */
+    assert_int_equal(loop.counts.late,
+                     loop.counts.starved); /* 0 unless this machine stands still */
 }
 
 /* What happens in the middle of frame 10, or of the first that is processed after it. */
 static bool busy, stalled;
 static int64_t stall_ns;
 
-static void stall(void *context, const struct fovea_inputs *inputs, const struct fovea_outputs *outputs,
-                  const struct fovea_pose *pose)
+static void stall(void *context, const struct fovea_inputs *inputs,
+                  const struct fovea_outputs *outputs, const struct fovea_pose *pose)
 {
     (void)context;
     (void)outputs;
@@ -217,8 +222,10 @@ static void test_late_frames(void **state)
     fv_loop_run(&loop);
     assert_int_equal(loop.counts.in, 40);
     assert_int_equal(loop.counts.processed + loop.counts.late, 40);
-    assert_int_equal(loop.counts.late, loop.counts.starved); /* 0 unless this machine stands still */
-    /* 16 frames wait: all but the last few are dropped, and it was not the loop's work that kept it. */
+    assert_int_equal(loop.counts.late,
+                     loop.counts.starved); /* 0 unless this machine stands still */
+    /* 16 frames wait: all but the last few are dropped, and it was not the loop's work that kept
+     * it. */
     free(memory);
     assert_int_equal(set_up(NULL), 0);
     loop.real_time = true;
@@ -234,8 +241,8 @@ static void test_late_frames(void **state)
     assert_int_equal(timings.latency.count, loop.counts.processed);
 }
 
-static void grab(void *context, const struct fovea_inputs *inputs, const struct fovea_outputs *outputs,
-                 const struct fovea_pose *pose)
+static void grab(void *context, const struct fovea_inputs *inputs,
+                 const struct fovea_outputs *outputs, const struct fovea_pose *pose)
 {
     void *volatile piece = malloc(16);
     (void)context;
@@ -257,15 +264,18 @@ static void test_planted_heap_call_is_counted(void **state)
     assert_int_equal(loop.heap_calls, 200);
 }
 
-/* ---- JSON, which is YAML too ------------------------------------------------------------------------- */
+/* ---- JSON, which is YAML too
+ * ------------------------------------------------------------------------- */
 
-static int64_t whole(const struct fovea_yaml_tree *tree, const struct fovea_yaml_node *node, const char *key)
+static int64_t whole(const struct fovea_yaml_tree *tree, const struct fovea_yaml_node *node,
+                     const char *key)
 {
     struct fovea_error error;
     const struct fovea_yaml_node *child;
     int64_t value = -1;
     if (fovea_yaml_require(tree, node, key, &child, &error) != FOVEA_OK) fail_msg("%s", error.text);
-    if (fovea_yaml_integer(tree, child, 0, INT64_MAX, &value, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    if (fovea_yaml_integer(tree, child, 0, INT64_MAX, &value, &error) != FOVEA_OK)
+        fail_msg("%s", error.text);
     return value;
 }
 
@@ -306,7 +316,8 @@ static void test_json(void **state)
     FILE *file = open_memstream(&text, &text_bytes);
     fv_report_json(file, &report);
     fclose(file);
-    if (fovea_yaml_parse("json", text, text_bytes, &tree, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    if (fovea_yaml_parse("json", text, text_bytes, &tree, &error) != FOVEA_OK)
+        fail_msg("%s", error.text);
     const struct fovea_yaml_node *frames = fovea_yaml_child(tree->root, "frames");
     assert_int_equal(whole(tree, frames, "in"), 100);
     assert_int_equal(whole(tree, frames, "processed"), 100);
@@ -314,7 +325,8 @@ static void test_json(void **state)
     assert_int_equal(whole(tree, frames, "tracked"), 0);
     assert_int_equal(whole(tree, frames, "lost"), 0);
     for (int i = 0; i < FOVEA_STAGE_COUNT; i++)
-        assert_times(tree, fovea_yaml_child(fovea_yaml_child(tree->root, "stages"), fovea_stage_name(i)));
+        assert_times(tree,
+                     fovea_yaml_child(fovea_yaml_child(tree->root, "stages"), fovea_stage_name(i)));
     assert_times(tree, fovea_yaml_child(tree->root, "step"));
     assert_times(tree, fovea_yaml_child(tree->root, "work"));
     assert_times(tree, fovea_yaml_child(tree->root, "frame"));

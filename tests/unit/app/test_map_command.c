@@ -1,4 +1,5 @@
-/* fovea map: what it exports counts up, pictures are pictures, wrong words and files are refused. */
+/* fovea map: what it exports counts up, pictures are pictures, wrong words and files are refused.
+ */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -19,7 +20,8 @@ static char folder[FV_TEST_PATH_BYTES], map[FV_TEST_PATH_BYTES + 16], ply[FV_TES
     tum[FV_TEST_PATH_BYTES + 16], png[FV_TEST_PATH_BYTES + 16];
 static uint32_t keyframes, landmarks;
 
-static int call(const char *a, const char *b, const char *c, const char *d, const char *e, const char *f)
+static int call(const char *a, const char *b, const char *c, const char *d, const char *e,
+                const char *f)
 {
     const char *words[] = {"map", a, b, c, d, e, f, NULL};
     char *argv[8];
@@ -70,17 +72,21 @@ static void test_wrong_words(void **state)
     assert_int_equal(call("draw", map, NULL, NULL, NULL, NULL), FV_EXIT_WRONG);
     assert_int_equal(call("export", map, NULL, NULL, NULL, NULL), FV_EXIT_WRONG);
     assert_int_equal(call("info", map, "--ply", ply, NULL, NULL), FV_EXIT_WRONG);
-    assert_int_equal(call("info", map, "--world", "0", NULL, NULL), FV_EXIT_WRONG); /* it tells of all */
-    assert_int_equal(call("draw", map, map, NULL, NULL, NULL), FV_EXIT_WRONG);      /* over what it reads */
+    assert_int_equal(call("info", map, "--world", "0", NULL, NULL),
+                     FV_EXIT_WRONG); /* it tells of all */
+    assert_int_equal(call("draw", map, map, NULL, NULL, NULL),
+                     FV_EXIT_WRONG); /* over what it reads */
     assert_int_equal(call("draw", map, png, "--world", "7", NULL), FV_EXIT_WRONG);
-    assert_int_equal(call("draw", map, png, "--world", "4294967296", NULL), FV_EXIT_WRONG); /* 0, and 2^32 */
+    assert_int_equal(call("draw", map, png, "--world", "4294967296", NULL),
+                     FV_EXIT_WRONG); /* 0, and 2^32 */
     assert_int_equal(call("draw", map, png, "--world", "-4294967296", NULL), FV_EXIT_WRONG);
     assert_int_equal(call("info", "/nonexistent", NULL, NULL, NULL, NULL), FV_EXIT_WRONG);
     assert_int_equal(call("info", ply, NULL, NULL, NULL, NULL), FV_EXIT_WRONG); /* no map */
     assert_int_equal(call("info", map, NULL, NULL, NULL, NULL), FV_EXIT_OK);    /* still there */
 }
 
-/* A file that says that two thousand million maps came before: what it holds is listed all the same, at once. */
+/* A file that says that two thousand million maps came before: what it holds is listed all the
+ * same, at once. */
 static void test_many_maps(void **state)
 {
     (void)state;

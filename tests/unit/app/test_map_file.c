@@ -1,6 +1,6 @@
-/* Map files outlive a death at any instant: a child that saves one map after another is killed at a random
- * moment, and what is there then is one of the maps, whole. FOVEA_KILLS: how often (100; the campaign says
- * 1,000). */
+/* Map files outlive a death at any instant: a child that saves one map after another is killed at a
+ * random moment, and what is there then is one of the maps, whole. FOVEA_KILLS: how often (100; the
+ * campaign says 1,000). */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -62,7 +62,8 @@ static void test_kills(void **state)
         const pid_t child = fork();
         assert_true(child >= 0);
         if (child == 0) save_for_ever(files, n % 2);
-        nanosleep(&(struct timespec){.tv_nsec = 200000 + fovea_random_below(&random, 12000000)}, NULL);
+        nanosleep(&(struct timespec){.tv_nsec = 200000 + fovea_random_below(&random, 12000000)},
+                  NULL);
         int status;
         kill(child, SIGKILL);
         assert_int_equal(waitpid(child, &status, 0), child);
@@ -84,8 +85,8 @@ static void test_kills(void **state)
         free(read.data);
     }
     print_message(
-        "%d kills: found one map %d times and the other %d times, cut short while writing %d times\n", kills,
-        found[0], found[1], parts);
+        "%d kills: found one map %d times and the other %d times, cut short while writing %d times\n",
+        kills, found[0], found[1], parts);
     if (kills >= 100) assert_true(found[0] > 0 && found[1] > 0 && parts > 0);
     free(files[0].data);
     free(files[1].data);

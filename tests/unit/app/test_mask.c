@@ -20,11 +20,13 @@ static uint16_t pixels[4 * BYTES]; /* room for every format */
 
 static void save(png_uint_32 format)
 {
-    png_image png = {.version = PNG_IMAGE_VERSION, .width = WIDTH, .height = HEIGHT, .format = format};
+    png_image png = {
+        .version = PNG_IMAGE_VERSION, .width = WIDTH, .height = HEIGHT, .format = format};
     assert_true(png_image_write_to_file(&png, path, 0, pixels, 0, NULL));
 }
 
-/* The left half is to be ignored, the right half not. Memory that the reader gets holds anything. */
+/* The left half is to be ignored, the right half not. Memory that the reader gets holds anything.
+ */
 static void assert_halves(void)
 {
     for (int fill = 0; fill < 256; fill += 255) {

@@ -41,14 +41,16 @@ static int set_up(void **state)
         for (int row = y; row < y + size; row++)
             memset(pixels + row * WIDTH + x, grey, (size_t)size);
     }
-    const struct fovea_image image = {pixels, WIDTH, HEIGHT, WIDTH, FOVEA_PIXEL_GREY8, sizeof pixels};
+    const struct fovea_image image = {pixels,       WIDTH, HEIGHT, WIDTH, FOVEA_PIXEL_GREY8,
+                                      sizeof pixels};
     if (fv_picture_write(in, &image, &error) != FOVEA_OK) return -1;
     FILE *file = fopen(camera, "w");
     if (file == NULL) return -1;
-    fprintf(file,
-            "image_width: %d\nimage_height: %d\ncamera_matrix:\n  data: [300, 0, 200, 0, 300, 150, 0, 0, 1]\n"
-            "distortion_model: plumb_bob\ndistortion_coefficients:\n  data: [-0.2, 0.03, 0, 0, 0]\n",
-            WIDTH, HEIGHT);
+    fprintf(
+        file,
+        "image_width: %d\nimage_height: %d\ncamera_matrix:\n  data: [300, 0, 200, 0, 300, 150, 0, 0, 1]\n"
+        "distortion_model: plumb_bob\ndistortion_coefficients:\n  data: [-0.2, 0.03, 0, 0, 0]\n",
+        WIDTH, HEIGHT);
     return fclose(file);
 }
 
@@ -95,11 +97,13 @@ static void commands_write_pictures(void **state)
     size_of(out, 2 * WIDTH, HEIGHT);
     assert_int_equal(CALL(fv_command_rectify, "rectify", in, out, "--camera", camera), FV_EXIT_OK);
     size_of(out, WIDTH, HEIGHT);
-    assert_int_equal(CALL(fv_command_rectify, "rectify", in, out, "--camera", camera, "--size", "320x200"),
-                     FV_EXIT_OK);
+    assert_int_equal(
+        CALL(fv_command_rectify, "rectify", in, out, "--camera", camera, "--size", "320x200"),
+        FV_EXIT_OK);
     size_of(out, 320, 200);
-    assert_int_equal(CALL(fv_command_rectify, "rectify", in, out, "--camera", camera, "--view", "cylinder"),
-                     FV_EXIT_OK);
+    assert_int_equal(
+        CALL(fv_command_rectify, "rectify", in, out, "--camera", camera, "--view", "cylinder"),
+        FV_EXIT_OK);
     size_of(out, WIDTH, HEIGHT);
 }
 
@@ -110,15 +114,18 @@ static void wrong_input_is_told(void **state)
     assert_int_equal(CALL(fv_command_features, "features", camera), FV_EXIT_WRONG);
     assert_int_equal(CALL(fv_command_features, "features", in, "--max", "7"), FV_EXIT_WRONG);
     assert_int_equal(CALL(fv_command_features, "features", in, "--ignore", "4,4,2"), FV_EXIT_WRONG);
-    assert_int_equal(CALL(fv_command_features, "features", in, "--draw", "/nowhere/x.png"), FV_EXIT_FAILED);
+    assert_int_equal(CALL(fv_command_features, "features", in, "--draw", "/nowhere/x.png"),
+                     FV_EXIT_FAILED);
     assert_int_equal(CALL(fv_command_match, "match", in), FV_EXIT_WRONG);
     assert_int_equal(CALL(fv_command_match, "match", in, in, "--ratio", "0"), FV_EXIT_WRONG);
     assert_int_equal(CALL(fv_command_rectify, "rectify", in, out), FV_EXIT_WRONG);
     assert_int_equal(CALL(fv_command_rectify, "rectify", in, out, "--camera", in), FV_EXIT_WRONG);
-    assert_int_equal(CALL(fv_command_rectify, "rectify", in, out, "--camera", camera, "--view", "cube"),
-                     FV_EXIT_WRONG);
-    assert_int_equal(CALL(fv_command_rectify, "rectify", in, out, "--camera", camera, "--size", "9x9"),
-                     FV_EXIT_WRONG);
+    assert_int_equal(
+        CALL(fv_command_rectify, "rectify", in, out, "--camera", camera, "--view", "cube"),
+        FV_EXIT_WRONG);
+    assert_int_equal(
+        CALL(fv_command_rectify, "rectify", in, out, "--camera", camera, "--size", "9x9"),
+        FV_EXIT_WRONG);
     assert_int_not_equal(access(out, F_OK), 0);
 }
 
@@ -144,22 +151,25 @@ static void what_is_read_is_never_written_over(void **state)
     assert_int_equal(CALL(fv_command_features, "features", in, "--draw", in), FV_EXIT_WRONG);
     assert_int_equal(CALL(fv_command_features, "features", in, "--draw", out), FV_EXIT_WRONG);
     assert_int_equal(CALL(fv_command_match, "match", in, in, "--draw", in), FV_EXIT_WRONG);
-    assert_int_equal(CALL(fv_command_rectify, "rectify", in, in, "--camera", camera), FV_EXIT_WRONG);
-    assert_int_equal(CALL(fv_command_rectify, "rectify", in, out, "--camera", camera), FV_EXIT_WRONG);
-    assert_int_equal(CALL(fv_command_rectify, "rectify", in, camera, "--camera", camera), FV_EXIT_WRONG);
+    assert_int_equal(CALL(fv_command_rectify, "rectify", in, in, "--camera", camera),
+                     FV_EXIT_WRONG);
+    assert_int_equal(CALL(fv_command_rectify, "rectify", in, out, "--camera", camera),
+                     FV_EXIT_WRONG);
+    assert_int_equal(CALL(fv_command_rectify, "rectify", in, camera, "--camera", camera),
+                     FV_EXIT_WRONG);
     unlink(out);
     assert_int_equal(
         CALL(fv_command_rectify, "rectify", in, out, "--camera", camera, "--write-camera", camera),
         FV_EXIT_WRONG);
     /* DIR/in.png is the picture itself. */
-    assert_int_equal(
-        CALL(fv_command_detect, "detect", "--model", "src/detect/shipped.fvm", "--draw", folder, in),
-        FV_EXIT_WRONG);
+    assert_int_equal(CALL(fv_command_detect, "detect", "--model", "src/detect/shipped.fvm",
+                          "--draw", folder, in),
+                     FV_EXIT_WRONG);
     char drawn[96];
     snprintf(drawn, sizeof drawn, "%s/drawn", folder);
     /* Nor are two pictures of one name drawn into one file; the second is not even looked for. */
-    assert_int_equal(CALL(fv_command_detect, "detect", "--model", "src/detect/shipped.fvm", "--draw", drawn,
-                          in, "elsewhere/in.jpg"),
+    assert_int_equal(CALL(fv_command_detect, "detect", "--model", "src/detect/shipped.fvm",
+                          "--draw", drawn, in, "elsewhere/in.jpg"),
                      FV_EXIT_WRONG);
     assert_int_not_equal(access(drawn, F_OK), 0);
     for (int i = 0; i < 2; i++) {
@@ -211,7 +221,8 @@ static void networks_without_boxes_are_told(void **state)
     fflush(NULL);
     const pid_t child = fork();
     if (child == 0) {
-        if (freopen(out, "w", stderr) == NULL || freopen("/dev/null", "w", stdout) == NULL) _exit(99);
+        if (freopen(out, "w", stderr) == NULL || freopen("/dev/null", "w", stdout) == NULL)
+            _exit(99);
         const int code = CALL(fv_command_detect, "detect", "--model", camera, in, in);
         fflush(NULL);
         _exit(code);

@@ -1,5 +1,5 @@
-/* Recording: what is read back is what went in; a full, limited or slow disk ends the recording and nothing
- * else. */
+/* Recording: what is read back is what went in; a full, limited or slow disk ends the recording and
+ * nothing else. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -46,7 +46,8 @@ static void make_settings(struct fv_settings *settings)
     settings->runtime.seed = 1234567890123456789u;
     settings->runtime.T_base_cam[3] = 0.1;
     settings->runtime.preview.level = 0;
-    snprintf(settings->runtime.channel_prefix, sizeof settings->runtime.channel_prefix, "ROBOT/LEFT");
+    snprintf(settings->runtime.channel_prefix, sizeof settings->runtime.channel_prefix,
+             "ROBOT/LEFT");
     for (int i = 0; i < IMAGE_BYTES; i++)
         mask[i] = i % 3 == 0;
 }
@@ -107,7 +108,8 @@ static void record_turn(struct fv_recorder *recorder, uint32_t n)
 static void expect_event(struct fovea_log *log, struct fovea_log_event *event, const char *channel)
 {
     struct fovea_error error = {0};
-    if (fovea_log_next(log, event, &error) != FOVEA_OK) fail_msg("expected %s: %s", channel, error.text);
+    if (fovea_log_next(log, event, &error) != FOVEA_OK)
+        fail_msg("expected %s: %s", channel, error.text);
     assert_string_equal(event->channel, channel);
 }
 
@@ -117,8 +119,8 @@ static void check_header(const struct fovea_log_event *event)
     struct fv_settings *settings = malloc(sizeof *settings);
     struct fovea_error error;
     make_settings(settings);
-    if (fv_recording_header_decode(path, event->offset, event->data, event->bytes, header, &error) !=
-        FOVEA_OK)
+    if (fv_recording_header_decode(path, event->offset, event->data, event->bytes, header,
+                                   &error) != FOVEA_OK)
         fail_msg("%s", error.text);
     const struct fovea_config *found = &header->settings.runtime, *expected = &settings->runtime;
     assert_memory_equal(&found->camera, &expected->camera, sizeof found->camera);
@@ -132,8 +134,9 @@ static void check_header(const struct fovea_log_event *event)
     uint8_t *damaged = malloc(event->bytes); /* one bit of the mask: its hash tells */
     memcpy(damaged, event->data, event->bytes);
     damaged[event->bytes - 1] ^= 1;
-    assert_int_equal(fv_recording_header_decode(path, event->offset, damaged, event->bytes, header, &error),
-                     FOVEA_ERROR_INPUT);
+    assert_int_equal(
+        fv_recording_header_decode(path, event->offset, damaged, event->bytes, header, &error),
+        FOVEA_ERROR_INPUT);
     assert_non_null(strstr(error.text, "mask: found hash"));
     free(damaged);
     free(settings);
@@ -163,18 +166,21 @@ static void check_turn(struct fovea_log *log, uint32_t n)
     bool has_frame;
     uint64_t hash;
     expect_event(log, &event, "ROBOT/LEFT_INPUTS");
-    assert_true(fv_message_inputs_decode(event.data, event.bytes, &inputs, &has_frame, &hash, &why, &at));
+    assert_true(
+        fv_message_inputs_decode(event.data, event.bytes, &inputs, &has_frame, &hash, &why, &at));
     memset(pixels, n & 255, sizeof pixels);
-    const struct fovea_frame same = {.image = {pixels, WIDTH, HEIGHT, WIDTH, FOVEA_PIXEL_GREY8, IMAGE_BYTES}};
+    const struct fovea_frame same = {
+        .image = {pixels, WIDTH, HEIGHT, WIDTH, FOVEA_PIXEL_GREY8, IMAGE_BYTES}};
     assert_true(hash == (has_frame ? fv_recording_frame_hash(&same) : 0));
     pixels[IMAGE_BYTES - 7] ^= 1;
     assert_true(hash != fv_recording_frame_hash(&same));
     assert_true(has_frame == (n % 4 != 3) && inputs.now_ns == 1000000000LL + n * 10000000LL);
     assert_true(inputs.source_state == FOVEA_SOURCE_LATE && inputs.source_counts.delivered == n &&
                 inputs.source_counts.recovered == 4 && inputs.commands == (n % 5 == 0) &&
-                inputs.utc_offset_ns == 50 && inputs.latency_ns == 60 && inputs.temperature_c == 61.5f &&
-                inputs.resident_bytes == 62 && inputs.frames_late == 63 &&
-                inputs.grants.features == 500 + n && inputs.grants.units[0] == n);
+                inputs.utc_offset_ns == 50 && inputs.latency_ns == 60 &&
+                inputs.temperature_c == 61.5f && inputs.resident_bytes == 62 &&
+                inputs.frames_late == 63 && inputs.grants.features == 500 + n &&
+                inputs.grants.units[0] == n);
     assert_true(event.time_us == (inputs.now_ns + 50) / 1000);
     expect_event(log, &event, "ROBOT/LEFT_X");
     assert_int_equal(event.data[7], n & 255);
@@ -235,7 +241,8 @@ static void test_round_trip(void **state)
     assert_int_equal(events, summary.events);
 }
 
-/* Every event of the file is whole, every turn too, and the last tells why no more came; returns their number. */
+/* Every event of the file is whole, every turn too, and the last tells why no more came; returns
+ * their number. */
 static uint64_t count_whole(const char *reason)
 {
     struct fovea_log *log;
@@ -287,7 +294,8 @@ static void record_below(rlim_t bytes_max)
     assert_int_equal(count_whole("File too large"), summary.events);
 }
 
-/* Wherever in a turn the file is full: in a frame, in what follows it, right after a turn, and in the log's own end. */
+/* Wherever in a turn the file is full: in a frame, in what follows it, right after a turn, and in
+ * the log's own end. */
 static void test_limited_file(void **state)
 {
     (void)state;
@@ -336,7 +344,8 @@ static void test_slow_disk(void **state)
     char pipe_path[64];
     snprintf(pipe_path, sizeof pipe_path, "%s/pipe", folder);
     assert_int_equal(mkfifo(pipe_path, 0600), 0);
-    int reader = open(pipe_path, O_RDONLY | O_NONBLOCK); /* takes nothing until the recording has ended */
+    int reader =
+        open(pipe_path, O_RDONLY | O_NONBLOCK); /* takes nothing until the recording has ended */
     assert_true(reader >= 0);
     snprintf(path, sizeof path, "%s", pipe_path);
     struct fv_recorder *recorder = open_recorder(24 * IMAGE_BYTES);
@@ -363,14 +372,15 @@ static void *drain_slowly(void *context)
     return NULL;
 }
 
-/* Where the loop waits for the disk, its slowness loses nothing: not in turns with a preview of the whole size either. */
+/* Where the loop waits for the disk, its slowness loses nothing: not in turns with a preview of the
+ * whole size either. */
 static void test_paced_by_a_slow_disk(void **state)
 {
     (void)state;
     static uint8_t preview[IMAGE_BYTES];
     struct fovea_outputs outputs = {.message_count = 1};
-    outputs.messages[0] =
-        (struct fovea_message){.channel = "ROBOT/LEFT_PREVIEW", .data = preview, .bytes = sizeof preview};
+    outputs.messages[0] = (struct fovea_message){
+        .channel = "ROBOT/LEFT_PREVIEW", .data = preview, .bytes = sizeof preview};
     char pipe_path[64];
     snprintf(pipe_path, sizeof pipe_path, "%s/slow", folder);
     assert_int_equal(mkfifo(pipe_path, 0600), 0);
@@ -403,11 +413,13 @@ static void test_cannot_open(void **state)
     (void)state;
     struct fv_settings *settings = malloc(sizeof *settings);
     make_settings(settings);
-    struct fv_recorder_setup setup = {.path = "/nonexistent/log", .settings = settings, .kernel_set = "c"};
+    struct fv_recorder_setup setup = {
+        .path = "/nonexistent/log", .settings = settings, .kernel_set = "c"};
     struct fv_recorder *recorder = NULL;
     struct fovea_error error;
     assert_int_equal(fv_recorder_open(&setup, &recorder, &error), FOVEA_ERROR_SYSTEM);
-    assert_string_equal(error.text, "/nonexistent/log: cannot be written: No such file or directory");
+    assert_string_equal(error.text,
+                        "/nonexistent/log: cannot be written: No such file or directory");
     assert_null(recorder);
     free(settings);
 }

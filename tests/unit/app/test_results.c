@@ -1,4 +1,5 @@
-/* Files of detections and tracks: what stands in them, byte for byte; nothing found; a full ring; a full disk. */
+/* Files of detections and tracks: what stands in them, byte for byte; nothing found; a full ring; a
+ * full disk. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -45,7 +46,8 @@ static void holds(const char *path, const char *expected)
 static const struct fovea_detection found[2] = {{9.5f, 19.5f, 29.5f, 59.5f, 0.75f, 0},
                                                 {-0.5f, -0.5f, 1.5f, 2.5f, 0.5f, 3}};
 
-/* COCO counts from the corner of the first pixel, MOTChallenge from 1 at its middle; only confirmed tracks were seen. */
+/* COCO counts from the corner of the first pixel, MOTChallenge from 1 at its middle; only confirmed
+ * tracks were seen. */
 static void what_is_handed_over_is_written(void **state)
 {
     (void)state;
@@ -69,11 +71,12 @@ static void what_is_handed_over_is_written(void **state)
     fv_results_add(results, &none, &no_tracks);
     fv_results_add(results, &two, &tracks);
     assert_int_equal(fv_results_close(results, &error), FOVEA_OK); /* which drains */
-    holds(detections_path, "[\n"
-                           "{\"image_id\": 7, \"category_id\": 1, \"bbox\": [10.000, 20.000, 20.000, "
-                           "40.000], \"score\": 0.750000},\n"
-                           "{\"image_id\": 7, \"category_id\": 4, \"bbox\": [0.000, 0.000, 2.000, 3.000], "
-                           "\"score\": 0.500000}\n]\n");
+    holds(detections_path,
+          "[\n"
+          "{\"image_id\": 7, \"category_id\": 1, \"bbox\": [10.000, 20.000, 20.000, "
+          "40.000], \"score\": 0.750000},\n"
+          "{\"image_id\": 7, \"category_id\": 4, \"bbox\": [0.000, 0.000, 2.000, 3.000], "
+          "\"score\": 0.500000}\n]\n");
     holds(tracks_path, "8,4,10.00,20.00,20.00,40.00,0.7500,-1,-1,-1\n");
 }
 
@@ -88,10 +91,12 @@ static void nothing_found_is_an_empty_list(void **state)
     assert_int_equal(fv_results_open(NULL, NULL, &results, &error), FOVEA_OK);
     assert_null(results);
     assert_true(fv_results_room(results));
-    assert_int_equal(fv_results_open("/none/found.json", NULL, &results, &error), FOVEA_ERROR_INPUT);
+    assert_int_equal(fv_results_open("/none/found.json", NULL, &results, &error),
+                     FOVEA_ERROR_INPUT);
 }
 
-/* As long as there is room nothing is lost, over many times the ring; without it the loss is told. */
+/* As long as there is room nothing is lost, over many times the ring; without it the loss is told.
+ */
 static void what_finds_no_room_is_told(void **state)
 {
     (void)state;

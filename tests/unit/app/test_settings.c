@@ -50,8 +50,9 @@ static void test_default_reads_back(void **state)
         fv_settings_default(&settings);
         char *text = printed(&settings, commented != 0);
         memset(&back, 0, sizeof back);
-        memset(&back, 0x55,
-               offsetof(struct fv_settings, line)); /* every key must be printed to overwrite this */
+        memset(
+            &back, 0x55,
+            offsetof(struct fv_settings, line)); /* every key must be printed to overwrite this */
         struct fv_settings filled = back;
         assert_int_equal(fv_settings_parse(&back, "printed", text, strlen(text), &error), FOVEA_OK);
         for (size_t i = 0; i < fv_settings_key_count; i++) {
@@ -112,8 +113,8 @@ static void test_transform_with_its_last_row(void **state)
     assert_true(settings.runtime.T_base_cam[3] == 0.1 && settings.runtime.T_base_cam[11] == 0.3);
     assert_int_equal(fv_settings_check(&settings, &error), FOVEA_OK);
     assert_int_equal(parse("T_base_cam: [1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,2]\n"), FOVEA_ERROR_INPUT);
-    assert_non_null(
-        strstr(error.text, "robot.yaml:1: T_base_cam: found a list of 16, expected a list of 12 numbers"));
+    assert_non_null(strstr(
+        error.text, "robot.yaml:1: T_base_cam: found a list of 16, expected a list of 12 numbers"));
 }
 
 struct wrong {
@@ -125,19 +126,25 @@ static void test_wrong_files(void **state)
 {
     (void)state;
     const struct wrong cases[] = {
-        {"featurs:\n  count_max: 5\n", {"robot.yaml:1:", "featurs", "unknown key", "nearest is 'features'"}},
-        {"features:\n  cuont_max: 500\n", {"robot.yaml:2:", "features.cuont_max", "'features.count_max'"}},
-        {"seed: 1\ncount_max: 500\n", {"robot.yaml:2:", "count_max", "unknown", "'features.count_max'"}},
+        {"featurs:\n  count_max: 5\n",
+         {"robot.yaml:1:", "featurs", "unknown key", "nearest is 'features'"}},
+        {"features:\n  cuont_max: 500\n",
+         {"robot.yaml:2:", "features.cuont_max", "'features.count_max'"}},
+        {"seed: 1\ncount_max: 500\n",
+         {"robot.yaml:2:", "count_max", "unknown", "'features.count_max'"}},
         {"zzzz: 1\n", {"robot.yaml:1:", "zzzz", "unknown key"}},
-        {"features:\n  max_count: 500\n", {"robot.yaml:2:", "features.max_count", "'features.count_max'"}},
+        {"features:\n  max_count: 500\n",
+         {"robot.yaml:2:", "features.max_count", "'features.count_max'"}},
         {"features:\n  num_features: 500\n",
          {"robot.yaml:2:", "features.num_features", "'features.count_max'"}},
         {"lcm:\n  url: udpm://\n", {"robot.yaml:1:", "lcm", "'lcm_url'"}},
         {"track:\n  max_tracks: 5\n", {"robot.yaml:2:", "track.max_tracks", "'track.tracks_max'"}},
         {"camera_calibration: a.yaml\n", {"robot.yaml:1:", "camera_calibration", "'camera'"}},
         {"frame_rate: real\n", {"robot.yaml:1:", "frame_rate", "'rate'"}},
-        {"features:\n  count_max: many\n", {"robot.yaml:2:", "features.count_max", "'many'", "whole number"}},
-        {"features:\n  count_max: 99\n", {"robot.yaml:2:", "features.count_max", "'99'", "[100, 4000]"}},
+        {"features:\n  count_max: many\n",
+         {"robot.yaml:2:", "features.count_max", "'many'", "whole number"}},
+        {"features:\n  count_max: 99\n",
+         {"robot.yaml:2:", "features.count_max", "'99'", "[100, 4000]"}},
         {"features:\n  count_max: \"500\"\n",
          {"robot.yaml:2:", "features.count_max", "'500'", "whole number"}},
         {"features:\n  count_max: 500.5\n", {"robot.yaml:2:", "features.count_max", "'500.5'"}},
@@ -217,7 +224,8 @@ static void test_wrong_assignments(void **state)
         {"seed=1}, {a: b", {"--set: seed", "'1}, {a: b'", "one value"}},
         {"seed=1, lcm_ttl: 3", {"--set: seed", "'1, lcm_ttl: 3'", "one value"}},
         {"features.count_max=500, threshold: 30", {"--set: features.count_max", "one value"}},
-        {"features.count_max=500}, seed: 3, loop: {cpu: 1", {"--set: features.count_max", "one value"}},
+        {"features.count_max=500}, seed: 3, loop: {cpu: 1",
+         {"--set: features.count_max", "one value"}},
         {"T_base_cam=[1, 2", {"--set: T_base_cam", "'[1, 2'", "one value"}},
         {"source=\xff\xfe", {"--set: source", "UTF-8"}},
         {"mask=\xc0\x80", {"--set: mask", "UTF-8"}},
@@ -256,8 +264,8 @@ static void test_every_key_is_ranged(void **state)
     }
 }
 
-/* What moves is masked without being asked for; names that the network lacks are no error in `auto`, and one
- * when asked for. */
+/* What moves is masked without being asked for; names that the network lacks are no error in
+ * `auto`, and one when asked for. */
 static void test_movable_classes(void **state)
 {
     struct fv_model_file file;
@@ -272,7 +280,8 @@ static void test_movable_classes(void **state)
         assert_int_equal(fv_classes_resolve(&settings, &file.model, &error), FOVEA_OK);
         found[i] = settings.runtime.track.movable[0];
     }
-    assert_int_equal(found[0], 15); /* the shipped network knows four things, and all of them move */
+    assert_int_equal(found[0],
+                     15); /* the shipped network knows four things, and all of them move */
     assert_int_equal(found[1], 0);
     assert_int_equal(__builtin_popcount(found[2]), 1);
     assert_int_equal(found[3], found[0]);
@@ -285,10 +294,14 @@ static void test_movable_classes(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_default_reads_back),  cmocka_unit_test(test_changed_values_read_back),
-        cmocka_unit_test(test_wrong_files),         cmocka_unit_test(test_wrong_together),
-        cmocka_unit_test(test_movable_classes),     cmocka_unit_test(test_wrong_assignments),
-        cmocka_unit_test(test_every_key_is_ranged), cmocka_unit_test(test_transform_with_its_last_row),
+        cmocka_unit_test(test_default_reads_back),
+        cmocka_unit_test(test_changed_values_read_back),
+        cmocka_unit_test(test_wrong_files),
+        cmocka_unit_test(test_wrong_together),
+        cmocka_unit_test(test_movable_classes),
+        cmocka_unit_test(test_wrong_assignments),
+        cmocka_unit_test(test_every_key_is_ranged),
+        cmocka_unit_test(test_transform_with_its_last_row),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

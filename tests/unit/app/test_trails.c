@@ -1,4 +1,5 @@
-/* Trails of tracks in fixed memory: a run of any length fits, thinned evenly, and only confirmed tracks count. */
+/* Trails of tracks in fixed memory: a run of any length fits, thinned evenly, and only confirmed
+ * tracks count. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -17,7 +18,8 @@ static void a_long_run_is_thinned_evenly(void **state)
         for (int i = 0; i <= TRACKS; i++) {
             list[i] = (struct fovea_track){.id = (uint64_t)i + 1,
                                            .class_id = i,
-                                           .state = i < TRACKS ? FOVEA_TRACK_CONFIRMED : FOVEA_TRACK_COASTING,
+                                           .state = i < TRACKS ? FOVEA_TRACK_CONFIRMED
+                                                               : FOVEA_TRACK_COASTING,
                                            .x_min_px = (float)(10 * i),
                                            .x_max_px = (float)(10 * i + 4)};
         }

@@ -98,7 +98,8 @@ static void test_similarity_is_found(void **state)
         }
 }
 
-/* Maps of different worlds are aligned one by one; one without extent is left out, and too many are no harm.
+/* Maps of different worlds are aligned one by one; one without extent is left out, and too many are
+ * no harm.
  */
 static void test_several_maps(void **state)
 {
@@ -179,7 +180,8 @@ static void test_file_and_points(void **state)
     }
     fv_trajectory_finish(trajectory, &summary);
     assert_int_equal(summary.samples, COUNT);
-    assert_true(summary.points > FV_TRAJECTORY_POINTS_MAX / 4 && summary.points <= FV_TRAJECTORY_POINTS_MAX);
+    assert_true(summary.points > FV_TRAJECTORY_POINTS_MAX / 4 &&
+                summary.points <= FV_TRAJECTORY_POINTS_MAX);
     double stride = summary.centres[1][0] - summary.centres[0][0];
     for (uint32_t i = 0; i < summary.points; i++)
         assert_true(summary.centres[i][0] == stride * i);
@@ -189,8 +191,8 @@ static void test_file_and_points(void **state)
     for (int n = 0; n < COUNT; n++) {
         long long seconds, rest;
         double t[3], q[4], R[9];
-        assert_int_equal(fscanf(file, "%lld.%lld %lf %lf %lf %lf %lf %lf %lf", &seconds, &rest, &t[0], &t[1],
-                                &t[2], &q[0], &q[1], &q[2], &q[3]),
+        assert_int_equal(fscanf(file, "%lld.%lld %lf %lf %lf %lf %lf %lf %lf", &seconds, &rest,
+                                &t[0], &t[1], &t[2], &q[0], &q[1], &q[2], &q[3]),
                          9);
         assert_int_equal(seconds * 1000000000 + rest, samples[n].stamp_ns);
         assert_true(t[0] == n && t[2] == n + 0.5);
@@ -205,7 +207,8 @@ static void test_file_and_points(void **state)
     }
     fclose(file);
     unlink(path);
-    assert_int_equal(fv_trajectory_open("/nowhere/path.tum", &trajectory, &error), FOVEA_ERROR_INPUT);
+    assert_int_equal(fv_trajectory_open("/nowhere/path.tum", &trajectory, &error),
+                     FOVEA_ERROR_INPUT);
     assert_non_null(strstr(error.text, "/nowhere/path.tum"));
 }
 
@@ -215,7 +218,8 @@ static void test_full_disk(void **state)
     struct fv_trajectory *trajectory;
     struct fv_trajectory_summary summary;
     struct fovea_error error;
-    const struct fv_trajectory_sample sample = {.T_world_cam = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0}};
+    const struct fv_trajectory_sample sample = {
+        .T_world_cam = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0}};
     assert_int_equal(fv_trajectory_open("/dev/full", &trajectory, &error), FOVEA_OK);
     assert_true(fv_trajectory_add(trajectory, &sample));
     fv_trajectory_finish(trajectory, &summary);

@@ -1,6 +1,7 @@
-/* Wrong input of every kind: arguments, configurations, calibrations, folders; made by hand and by mutation.
- * Each must end with status 2 and exactly one line on stderr, which names the file or option and the key.
- * Every case runs in a process of its own, so that under sanitizers a finding shows as another status. */
+/* Wrong input of every kind: arguments, configurations, calibrations, folders; made by hand and by
+ * mutation. Each must end with status 2 and exactly one line on stderr, which names the file or
+ * option and the key. Every case runs in a process of its own, so that under sanitizers a finding
+ * shows as another status. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -23,7 +24,8 @@ enum { TEXT_MAX = 1 << 15, ARGUMENTS_MAX = 24, SECONDS_MAX = 60 };
 static char folder[] = "/tmp/fovea_wrong_XXXXXX";
 static int cases;
 
-/* ---- running one case -------------------------------------------------------------------------------- */
+/* ---- running one case
+ * -------------------------------------------------------------------------------- */
 
 static size_t read_all(int fd, char *text)
 {
@@ -75,7 +77,8 @@ static int words(const char *command, char *line, size_t bytes, char **argv)
 {
     int argc = 0;
     replace_folder(command, line, bytes);
-    for (char *word = strtok(line, " "); word != NULL && argc < ARGUMENTS_MAX; word = strtok(NULL, " "))
+    for (char *word = strtok(line, " "); word != NULL && argc < ARGUMENTS_MAX;
+         word = strtok(NULL, " "))
         argv[argc++] = word;
     argv[argc] = NULL;
     return argc;
@@ -84,7 +87,8 @@ static int words(const char *command, char *line, size_t bytes, char **argv)
 static void assert_one_line(const char *what, const char *text)
 {
     const char *end = strchr(text, '\n');
-    if (end == NULL || end == text || end[1] != '\0') fail_msg("%s: not one line: [%s]", what, text);
+    if (end == NULL || end == text || end[1] != '\0')
+        fail_msg("%s: not one line: [%s]", what, text);
 }
 
 /* `names`: what the line must contain, separated by '|'. */
@@ -113,7 +117,8 @@ static void file_write(const char *name, const char *text, size_t bytes)
     fclose(file);
 }
 
-/* ---- arguments --------------------------------------------------------------------------------------- */
+/* ---- arguments
+ * --------------------------------------------------------------------------------------- */
 
 static const char *const wrong_arguments[][2] = {
     {"fovea", "no command"},
@@ -143,9 +148,11 @@ static const char *const wrong_arguments[][2] = {
     {"fovea run --config @", "@"},
     {"fovea run --stats @/none/stats.json", "--stats|@/none/stats.json"},
     {"fovea run --picture @/none/t.png", "--picture|@/none/t.png"},
-    {"fovea run --record @/none/run.log --frames 1 --picture none --set lcm_url=", "@/none/run.log"},
+    {"fovea run --record @/none/run.log --frames 1 --picture none --set lcm_url=",
+     "@/none/run.log"},
     {"fovea run --record @/text.yaml --source lcmlog:@/text.yaml", "--record|@/text.yaml|--source"},
-    {"fovea run --set record=@/./text.yaml --config @/text.yaml", "--record|@/./text.yaml|--config"},
+    {"fovea run --set record=@/./text.yaml --config @/text.yaml",
+     "--record|@/./text.yaml|--config"},
     {"fovea run --stats @/text.yaml --config @/text.yaml", "--stats|@/text.yaml|--config"},
     {"fovea run --stats @/one --trajectory @/one", "--stats|@/one|--trajectory"},
     {"fovea run --camera @/none.yaml", "@/none.yaml"},
@@ -154,7 +161,8 @@ static const char *const wrong_arguments[][2] = {
     {"fovea export --frames 1 @/text.yaml/frames", "@/text.yaml/frames"},
     {"fovea replay @", "@: found a directory"},
     {"fovea run --config @/camera.yaml", "@/camera.yaml:2: camera: |/none/cam.yaml"},
-    {"fovea run --config @/record.yaml --frames 1 --picture none", "@/record.yaml:1: record: |/none/run.lcm"},
+    {"fovea run --config @/record.yaml --frames 1 --picture none",
+     "@/record.yaml:1: record: |/none/run.lcm"},
     {"fovea run --set", "--set|value missing"},
     {"fovea run --set seed", "--set|seed"},
     {"fovea run --set sed=1", "--set|sed|'seed'"},
@@ -164,8 +172,10 @@ static const char *const wrong_arguments[][2] = {
     {"fovea run --set lcm_url=http://here --picture none", "lcm_url|http://here"},
     {"fovea run --set lcm_url=udpm://1.2.3.4:7667 --picture none", "lcm_url|1.2.3.4"},
     {"fovea run --set lcm_url=file://@/x.log --picture none", "lcm_url|@/x.log|mode=w"},
-    {"fovea run --set lcm_url=udpm://239.255.76.67:7667?ttl=x --picture none", "lcm_url|ttl=0 to 255"},
-    {"fovea run --set lcm_url=udpm://239.255.76.67:7667?lot=1 --picture none", "lcm_url|lot=1|recv_buf_size"},
+    {"fovea run --set lcm_url=udpm://239.255.76.67:7667?ttl=x --picture none",
+     "lcm_url|ttl=0 to 255"},
+    {"fovea run --set lcm_url=udpm://239.255.76.67:7667?lot=1 --picture none",
+     "lcm_url|lot=1|recv_buf_size"},
     {"fovea check --set lcm_url=udpm://:7667", "lcm_url|udpm://:7667"},
     {"fovea run --set lcm_ttl=\"0\"", "lcm_ttl|the text '0'"},
     {"fovea run --set mask=@/none.png --picture none", "mask|@/none.png"},
@@ -201,7 +211,8 @@ static const char *const wrong_arguments[][2] = {
     {"fovea config --set lcm_url=udpm://1.2.3.4:7667", "lcm_url|1.2.3.4"},
     {"fovea config --check @/source.yaml", "@/source.yaml:2: source: |'nothing'|sim:"},
     {"fovea run --config @/save.yaml", "@/save.yaml:2: map.save: |/none/run.map"},
-    {"fovea run --config @/only.yaml --picture none", "@/only.yaml:2: map.localise_only: |map.load"},
+    {"fovea run --config @/only.yaml --picture none",
+     "@/only.yaml:2: map.localise_only: |map.load"},
     {"fovea config --set T_base_cam=[1,2]", "T_base_cam|12 numbers"},
     {"fovea run --source sim: --set odometry.enabled=false --save-map @/no.map",
      "map.save|@/no.map|odometry.enabled"},
@@ -222,7 +233,8 @@ static const char *const wrong_arguments[][2] = {
      "lcm_url|@/text.yaml|--config"},
     {"fovea run --source lcmlog:@/text.yaml --set lcm_url=file://@/text.yaml?mode=w",
      "lcm_url|@/text.yaml|--source"},
-    {"fovea replay @/text.yaml --lcm-url file://@/text.yaml?mode=w", "--lcm-url|@/text.yaml|the recording"},
+    {"fovea replay @/text.yaml --lcm-url file://@/text.yaml?mode=w",
+     "--lcm-url|@/text.yaml|the recording"},
     {"fovea run --config=", "--config|''"},
 };
 
@@ -231,7 +243,8 @@ static void test_arguments(void **state)
     (void)state;
     static const char camera[] = "seed: 1\ncamera: /none/cam.yaml\n",
                       record[] = "record: /none/run.lcm\nlcm_url: ''\n",
-                      source[] = "seed: 1\nsource: nothing\n", save[] = "map:\n  save: /none/run.map\n",
+                      source[] = "seed: 1\nsource: nothing\n",
+                      save[] = "map:\n  save: /none/run.map\n",
                       only[] = "map:\n  localise_only: true\n";
     file_write("text.yaml", "seed: 1\n", 8);
     file_write("camera.yaml", camera, sizeof camera - 1);
@@ -244,7 +257,8 @@ static void test_arguments(void **state)
         assert_refused(wrong_arguments[i][0], wrong_arguments[i][1]);
 }
 
-/* ---- configurations ---------------------------------------------------------------------------------- */
+/* ---- configurations
+ * ---------------------------------------------------------------------------------- */
 
 static const char *const wrong_values[] = {"",          "~",     "[1, 2]", "{a: 1}",
                                            "\"\\x01\"", "1e400", "0x10",   "12 apples"};
@@ -260,10 +274,11 @@ static void test_wrong_values(void **state)
             char text[512], names[256];
             if (key->kind == FV_SETTINGS_TEXT && (v < 2 ? v == 99 : v > 3))
                 continue; /* other scalars are texts */
-            int bytes = dot != NULL ? snprintf(text, sizeof text, "# a comment\n%.*s:\n  %s: %s\n",
-                                               (int)(dot - key->name), key->name, dot + 1, wrong_values[v])
-                                    : snprintf(text, sizeof text, "# a comment\n%s: %s\n", key->name,
-                                               wrong_values[v]);
+            int bytes = dot != NULL
+                            ? snprintf(text, sizeof text, "# a comment\n%.*s:\n  %s: %s\n",
+                                       (int)(dot - key->name), key->name, dot + 1, wrong_values[v])
+                            : snprintf(text, sizeof text, "# a comment\n%s: %s\n", key->name,
+                                       wrong_values[v]);
             file_write("value.yaml", text, (size_t)bytes);
             snprintf(names, sizeof names, "@/value.yaml:%d:|%s", dot != NULL ? 3 : 2, key->name);
             assert_refused("fovea config --check @/value.yaml", names);
@@ -280,24 +295,27 @@ static void test_wrong_keys(void **state)
         const char *dot = strchr(key->name, '.'), *leaf = dot != NULL ? dot + 1 : key->name;
         char section[64] = "", swapped[64], text[512], names[256];
         const char *indent = dot != NULL ? "  " : "";
-        if (dot != NULL) snprintf(section, sizeof section, "%.*s:\n", (int)(dot - key->name), key->name);
+        if (dot != NULL)
+            snprintf(section, sizeof section, "%.*s:\n", (int)(dot - key->name), key->name);
         snprintf(swapped, sizeof swapped, "%s", leaf);
         size_t at = leaf[0] == leaf[1] ? 1 : 0;
         swapped[at] = leaf[at + 1];
         swapped[at + 1] = leaf[at];
         int bytes = snprintf(text, sizeof text, "%s%s%s: 1\n", section, indent, swapped);
         file_write("key.yaml", text, (size_t)bytes);
-        snprintf(names, sizeof names, "@/key.yaml:%d:|%s|'%s'", dot != NULL ? 2 : 1, swapped, key->name);
+        snprintf(names, sizeof names, "@/key.yaml:%d:|%s|'%s'", dot != NULL ? 2 : 1, swapped,
+                 key->name);
         assert_refused("fovea config --check @/key.yaml", names);
-        bytes = snprintf(text, sizeof text, "%s%s%s: 1\n%s%s: 1\n", section, indent, leaf, indent, leaf);
+        bytes = snprintf(text, sizeof text, "%s%s%s: 1\n%s%s: 1\n", section, indent, leaf, indent,
+                         leaf);
         file_write("key.yaml", text, (size_t)bytes);
         snprintf(names, sizeof names, "@/key.yaml:%d:|%s|each key once", dot != NULL ? 3 : 2, leaf);
         assert_refused("fovea config --check @/key.yaml", names);
     }
 }
 
-/* A valid file with bytes changed, removed or doubled: fine or refused in one line that names the file, never
- * else. */
+/* A valid file with bytes changed, removed or doubled: fine or refused in one line that names the
+ * file, never else. */
 static void mutate(struct fovea_random *random, char *text, size_t *bytes)
 {
     uint32_t changes = 1 + fovea_random_below(random, 4);
@@ -358,7 +376,8 @@ static void test_mutated_configurations(void **state)
     free(valid);
 }
 
-/* ---- calibrations ------------------------------------------------------------------------------------ */
+/* ---- calibrations
+ * ------------------------------------------------------------------------------------ */
 
 static const char calibration[] = "image_width: 640\n"
                                   "image_height: 480\n"
@@ -407,8 +426,9 @@ static void test_calibrations(void **state)
         char changed[2048];
         const char *at = strstr(calibration, wrong_calibrations[i][0]);
         assert_non_null(at);
-        int bytes = snprintf(changed, sizeof changed, "%.*s%s%s", (int)(at - calibration), calibration,
-                             wrong_calibrations[i][1], at + strlen(wrong_calibrations[i][0]));
+        int bytes =
+            snprintf(changed, sizeof changed, "%.*s%s%s", (int)(at - calibration), calibration,
+                     wrong_calibrations[i][1], at + strlen(wrong_calibrations[i][0]));
         file_write("cam.yaml", changed, (size_t)bytes);
         assert_refused(command, wrong_calibrations[i][2]);
     }
@@ -424,7 +444,8 @@ static void test_calibrations(void **state)
     }
 }
 
-/* ---- what an earlier run has left ----------------------------------------------------------------------- */
+/* ---- what an earlier run has left
+ * ----------------------------------------------------------------------- */
 
 static void assert_kept(const char *name)
 {
@@ -471,10 +492,11 @@ static void test_results_are_kept(void **state)
             if (strncmp(wrong[j][0] + 2, results[i], strcspn(wrong[j][0], " =") - 2) == 0) continue;
             static const char *const names[] = {"unmade", "kept", "link"};
             for (int k = 0; k < 3; k++) {
-                snprintf(command, sizeof command,
-                         "fovea run --source images:@/images --camera @/cam.yaml --frames 1 --model "
-                         "src/detect/shipped.fvm --picture none --%s @/%s %s",
-                         results[i], names[k], wrong[j][0]);
+                snprintf(
+                    command, sizeof command,
+                    "fovea run --source images:@/images --camera @/cam.yaml --frames 1 --model "
+                    "src/detect/shipped.fvm --picture none --%s @/%s %s",
+                    results[i], names[k], wrong[j][0]);
                 assert_refused(command, wrong[j][1]);
             }
             assert_kept("kept");
@@ -499,7 +521,8 @@ static void test_check_keeps_the_log(void **state)
     file_write("kept", "kept", 4);
     snprintf(unmade, sizeof unmade, "%s/unmade", folder);
     for (size_t i = 0; i < sizeof commands / sizeof commands[0]; i++) {
-        const int argc = words(commands[i], line, sizeof line, argv), status = run(argc, argv, text);
+        const int argc = words(commands[i], line, sizeof line, argv),
+                  status = run(argc, argv, text);
         if (status != 0) fail_msg("%s: wait status %x: [%s]", commands[i], status, text);
         assert_kept("kept");
         if (access(unmade, F_OK) == 0) fail_msg("%s: made the file", commands[i]);
@@ -521,9 +544,10 @@ static int folder_make(void **state)
 
 static int folder_remove(void **state)
 {
-    const char *const names[] = {"text.yaml",    "camera.yaml", "record.yaml", "value.yaml", "key.yaml",
-                                 "mutated.yaml", "cam.yaml",    "kept",        "link",       "source.yaml",
-                                 "save.yaml",    "only.yaml",   "cam0.yaml"};
+    const char *const names[] = {"text.yaml", "camera.yaml",  "record.yaml", "value.yaml",
+                                 "key.yaml",  "mutated.yaml", "cam.yaml",    "kept",
+                                 "link",      "source.yaml",  "save.yaml",   "only.yaml",
+                                 "cam0.yaml"};
     (void)state;
     for (size_t i = 0; i < sizeof names / sizeof names[0]; i++) {
         char path[256];

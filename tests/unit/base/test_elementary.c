@@ -1,5 +1,5 @@
-/* Elementary functions and random numbers: against libm in long double over the stated domains; golden bits
- * that must be the same with every compiler and on every architecture. */
+/* Elementary functions and random numbers: against libm in long double over the stated domains;
+ * golden bits that must be the same with every compiler and on every architecture. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -22,10 +22,12 @@ static double wide(struct fovea_random *random, double low, double high)
     return fovea_random_u32(random) & 1 ? v : -v;
 }
 
-static void within(const char *name, double argument, double got, long double want, long double scale)
+static void within(const char *name, double argument, double got, long double want,
+                   long double scale)
 {
     long double error = fabsl(got - want) / scale;
-    if (!(error <= tolerance)) fail_msg("%s(%a) = %a, error %Lg of %Lg", name, argument, got, error, scale);
+    if (!(error <= tolerance))
+        fail_msg("%s(%a) = %a, error %Lg of %Lg", name, argument, got, error, scale);
 }
 
 static long double larger(long double a, long double b)
@@ -41,11 +43,13 @@ static void circle_functions_match_long_double(void **state)
     for (int i = 0; i < SAMPLES; i++) {
         double x = i & 1 ? wide(&random, 1e-300, 1e6) : wide(&random, 1e-3, 1e6);
         /* A multiple of pi/2 and its neighbours are the hard cases. */
-        if (i % 7 == 0) x = (double)fovea_random_below(&random, 600000) * 1.5707963267948966 + 1e-9 * (i % 3);
+        if (i % 7 == 0)
+            x = (double)fovea_random_below(&random, 600000) * 1.5707963267948966 + 1e-9 * (i % 3);
         long double s = sinl(x), c = cosl(x);
         within("sin", x, fovea_sin(x), s, larger(fabsl(s), 1e-3L));
         within("cos", x, fovea_cos(x), c, larger(fabsl(c), 1e-3L));
-        if (fabsl(s) > 1e-3L && fabsl(c) > 1e-3L) within("tan", x, fovea_tan(x), tanl(x), fabsl(tanl(x)));
+        if (fabsl(s) > 1e-3L && fabsl(c) > 1e-3L)
+            within("tan", x, fovea_tan(x), tanl(x), fabsl(tanl(x)));
     }
     double small = 1e-200;
     assert_true(fovea_sin(small) == small);
@@ -87,9 +91,12 @@ static void exponentials_match_long_double(void **state)
         long double want = logl(p);
         within("log", p, fovea_log(p), want, larger(fabsl(want), 1e-300L));
     }
-    assert_true(fovea_exp(0) == 1 && fovea_exp(-1e9) == fovea_exp(-708) && fovea_exp(1e9) == fovea_exp(709));
-    assert_true(fovea_log(1) == 0 && fovea_log(0) == fovea_log(0x1p-1022) && fovea_log(-1) == fovea_log(0));
-    assert_true(fabs(fovea_pow(2, 0.5) - sqrt(2)) < 1e-15 && fabs(fovea_pow(10, -3) - 1e-3) < 1e-17);
+    assert_true(fovea_exp(0) == 1 && fovea_exp(-1e9) == fovea_exp(-708) &&
+                fovea_exp(1e9) == fovea_exp(709));
+    assert_true(fovea_log(1) == 0 && fovea_log(0) == fovea_log(0x1p-1022) &&
+                fovea_log(-1) == fovea_log(0));
+    assert_true(fabs(fovea_pow(2, 0.5) - sqrt(2)) < 1e-15 &&
+                fabs(fovea_pow(10, -3) - 1e-3) < 1e-17);
 }
 
 static void floor_is_floor(void **state)
@@ -112,7 +119,8 @@ static void bits_are_the_same_everywhere(void **state)
     fovea_random_seed(&random, 5);
     uint64_t hash = 14695981039346656037u;
     for (int i = 0; i < 20000; i++) {
-        double x = (fovea_random_unit(&random) - 0.5) * (i % 3 ? 20 : 2e6), y = fovea_random_normal(&random);
+        double x = (fovea_random_unit(&random) - 0.5) * (i % 3 ? 20 : 2e6),
+               y = fovea_random_normal(&random);
         double values[] = {fovea_sin(x),      fovea_cos(x),     fovea_tan(x),
                            fovea_atan2(y, x), fovea_acos(y),    fovea_asin(y),
                            fovea_exp(y),      fovea_log(y * y), fovea_pow(y * y + 0.1, y)};

@@ -1,4 +1,5 @@
-/* The byte ring: order and content survive wraps; one thread against another; a full ring refuses. */
+/* The byte ring: order and content survive wraps; one thread against another; a full ring refuses.
+ */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

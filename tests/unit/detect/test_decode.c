@@ -1,5 +1,6 @@
-/* Heads of detectors against boxes computed elsewhere (tests/import/make_decoders.py): the same boxes, in the same order, to
- * 1e-5; in units as at once; thresholds by class; the best of too many candidates. */
+/* Heads of detectors against boxes computed elsewhere (tests/import/make_decoders.py): the same
+ * boxes, in the same order, to 1e-5; in units as at once; thresholds by class; the best of too many
+ * candidates. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -43,14 +44,18 @@ static void describe(int32_t kind, int32_t width, int32_t height)
 static struct fv_detect_view view_of(int32_t width, int32_t height)
 {
     const uint8_t pixel = 0;
-    const struct fovea_image image = {
-        .data = &pixel, .width = width, .height = height, .stride_bytes = width, .format = FOVEA_PIXEL_GREY8};
+    const struct fovea_image image = {.data = &pixel,
+                                      .width = width,
+                                      .height = height,
+                                      .stride_bytes = width,
+                                      .format = FOVEA_PIXEL_GREY8};
     struct fv_detect_view view;
     assert_int_equal(fv_detect_view(&model, &image, &view), FOVEA_OK);
     return view;
 }
 
-/* ---- against the other computation ---------------------------------------------------------------------------- */
+/* ---- against the other computation
+ * ---------------------------------------------------------------------------- */
 
 /* "head NAME d0 d1 d2 [d3] scale zero classes normalised agnostic score iou anchors..." */
 static void read_head(void)
@@ -117,8 +122,9 @@ static void heads_give_what_they_stand_for(void **state)
         } else if (strncmp(line, "box ", 4) == 0) {
             int class_id;
             double v[5];
-            assert_int_equal(
-                sscanf(line, "box %d %lf %lf %lf %lf %lf", &class_id, &v[0], &v[1], &v[2], &v[3], &v[4]), 6);
+            assert_int_equal(sscanf(line, "box %d %lf %lf %lf %lf %lf", &class_id, &v[0], &v[1],
+                                    &v[2], &v[3], &v[4]),
+                             6);
             assert_true(at < count);
             const struct fovea_detection *d = &found[at++];
             assert_int_equal(d->class_id, class_id);
@@ -137,7 +143,8 @@ static void heads_give_what_they_stand_for(void **state)
     assert_true(boxes > 200);
 }
 
-/* ---- thresholds, and too many candidates ------------------------------------------------------------------------ */
+/* ---- thresholds, and too many candidates
+ * ------------------------------------------------------------------------ */
 
 /* A YOLOv5 output of n rows of two classes: boxes side by side on a grid, scores by `score`. */
 static void make_rows(int32_t n, uint8_t (*score)(int32_t row, int32_t class_id))
@@ -190,7 +197,8 @@ static void the_best_of_too_many_are_kept(void **state)
 /* Where the first unit of the scan ends, and in the last one. */
 static uint8_t at_the_seam(int32_t row, int32_t class_id)
 {
-    return class_id == 0 && (row == 9361 || row == 9362 || row == 11999) ? (uint8_t)(200 - row % 7) : 0;
+    return class_id == 0 && (row == 9361 || row == 9362 || row == 11999) ? (uint8_t)(200 - row % 7)
+                                                                         : 0;
 }
 
 static void units_go_on_where_the_last_one_ended(void **state)
@@ -253,7 +261,8 @@ static void uncertain_boxes_come_last_and_suppress_no_others(void **state)
     header.decode.class_agnostic = 0;
     assert_int_equal(decode_down_to(0.1f, found, &uncertain), 1);
     assert_int_equal(uncertain, 1);
-    assert_true(found[0].class_id == 0 && found[1].class_id == 1 && found[1].score > found[0].score);
+    assert_true(found[0].class_id == 0 && found[1].class_id == 1 &&
+                found[1].score > found[0].score);
     assert_int_equal(decode_down_to(0.45f, found, &uncertain), 1); /* a floor raises no threshold */
     assert_int_equal(uncertain, 0);
     header.decode.class_agnostic = 1;
@@ -266,24 +275,29 @@ static void uncertain_boxes_come_last_and_suppress_no_others(void **state)
     assert_int_equal(found[0].class_id, 1);
 }
 
-/* ---- the outputs of TFLite_Detection_PostProcess ------------------------------------------------------------------ */
+/* ---- the outputs of TFLite_Detection_PostProcess
+ * ------------------------------------------------------------------ */
 
-/* Two boxes: the whole image, of class 3, and its upper left quarter, of class 1. The model lists boxes, classes, scores and their
- * number as `order` says. */
+/* Two boxes: the whole image, of class 3, and its upper left quarter, of class 1. The model lists
+ * boxes, classes, scores and their number as `order` says. */
 static int32_t decode_ssd(const int32_t order[4], struct fovea_detection found[4])
 {
     static const float values[14] = {0, 0, 1, 1, 0, 0, 0.5f, 0.5f, 3, 1, 0.75f, 0.5f, 2};
     static const int32_t first[4] = {0, 8, 10, 12}, sizes[4] = {8, 2, 2, 1};
     struct fv_model_tensor all[5] = {{.rank = 4, .dims = {1, HEIGHT, WIDTH, 3}}};
-    const struct fv_model_op op = {.kind = FV_OP_DETECTION, .output_count = 4, .outputs = {1, 2, 3, 4}};
+    const struct fv_model_op op = {
+        .kind = FV_OP_DETECTION, .output_count = 4, .outputs = {1, 2, 3, 4}};
     int32_t listed[4];
     describe(FV_DECODER_SSD, WIDTH, HEIGHT);
     header.op_count = 1;
     header.output_count = 4;
     memcpy(arena, values, sizeof values);
     for (int i = 0; i < 4; i++) {
-        all[1 + i] = (struct fv_model_tensor){
-            .type = FV_TYPE_F32, .rank = 1, .dims = {sizes[i]}, .offset = 4 * first[i], .storage = 1 + i};
+        all[1 + i] = (struct fv_model_tensor){.type = FV_TYPE_F32,
+                                              .rank = 1,
+                                              .dims = {sizes[i]},
+                                              .offset = 4 * first[i],
+                                              .storage = 1 + i};
         listed[i] = 1 + order[i];
     }
     const struct fv_model ssd = {.base = model.base,
@@ -313,14 +327,17 @@ static void ssd_outputs_are_known_in_any_order(void **state)
     }
 }
 
-/* ---- boxes and scores before it ---------------------------------------------------------------------------------- */
+/* ---- boxes and scores before it
+ * ---------------------------------------------------------------------------------- */
 
-/* Three anchors; the second box is moved and widened against its own, the third is below the threshold. */
+/* Three anchors; the second box is moved and widened against its own, the third is below the
+ * threshold. */
 static void ssd_before_its_post_processing(void **state)
 {
     (void)state;
     static _Alignas(64) float file[256];
-    static const float anchors[12] = {0.5f, 0.5f, 0.5f, 0.25f, 0.5f, 0.25f, 0.5f, 0.25f, 0.5f, 0.5f, 1, 1};
+    static const float anchors[12] = {0.5f, 0.5f,  0.5f, 0.25f, 0.5f, 0.25f,
+                                      0.5f, 0.25f, 0.5f, 0.5f,  1,    1};
     static const float boxes[12] = {0, 0, 0, 0, 1, 2, 0, 2.5f, 0, 0, 0, 0},
                        scores[9] = {0.1f, 0.75f, 0, 0.2f, 0.1f, 0.5f, 1, 0.1f, 0.1f};
     memcpy(file + FV_MODEL_HEADER_BYTES / 4, anchors, sizeof anchors);
@@ -329,7 +346,11 @@ static void ssd_before_its_post_processing(void **state)
         const struct fv_model_tensor all[3] = {
             {.rank = 4, .dims = {1, HEIGHT, WIDTH, 3}},
             {.type = FV_TYPE_F32, .rank = 3, .dims = {1, 3, 4}, .storage = 1},
-            {.type = FV_TYPE_F32, .rank = 3, .dims = {1, 3, 3}, .offset = sizeof boxes, .storage = 2}};
+            {.type = FV_TYPE_F32,
+             .rank = 3,
+             .dims = {1, 3, 3},
+             .offset = sizeof boxes,
+             .storage = 2}};
         const struct fv_model raw = {.base = (const uint8_t *)file,
                                      .header = &header,
                                      .tensors = all,
@@ -372,11 +393,15 @@ static void foreign_shapes_give_nothing(void **state)
             struct fv_model_tensor all[3] = {{.rank = 4, .dims = {1, HEIGHT, WIDTH, 3}},
                                              {.rank = rank, .dims = {1, 1, 1, 1}},
                                              {.rank = rank, .dims = {1, 1, 1, 1}}};
-            const struct fv_model odd = {
-                .base = file, .header = &header, .tensors = all, .inputs = inputs, .outputs = listed};
+            const struct fv_model odd = {.base = file,
+                                         .header = &header,
+                                         .tensors = all,
+                                         .inputs = inputs,
+                                         .outputs = listed};
             struct fovea_detection found[4];
             if (rank > 0)
-                all[1].dims[rank - 1] = 16; /* of four boxes, of which the other output holds no scores */
+                all[1].dims[rank - 1] =
+                    16; /* of four boxes, of which the other output holds no scores */
             describe(kind, WIDTH, HEIGHT);
             header.output_count = kind == FV_DECODER_SSD_RAW ? 2 : 4;
             header.file_bytes = sizeof file;

@@ -1,4 +1,5 @@
-/* The detection job: the same boxes however it is sliced, with the stamp of the image that was looked at; suppression. */
+/* The detection job: the same boxes however it is sliced, with the stamp of the image that was
+ * looked at; suppression. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -81,8 +82,10 @@ static void slices_give_the_same(void **state)
     assert_int_equal(sliced.job->found_stamp_ns, 77);
     for (int32_t i = 0; i < whole.job->count; ++i) {
         const struct fovea_detection *d = &whole.job->found[i];
-        assert_true(d->x_min_px >= -0.5f && d->x_max_px <= WIDTH - 0.5f && d->x_min_px < d->x_max_px);
-        assert_true(d->y_min_px >= -0.5f && d->y_max_px <= HEIGHT - 0.5f && d->y_min_px < d->y_max_px);
+        assert_true(d->x_min_px >= -0.5f && d->x_max_px <= WIDTH - 0.5f &&
+                    d->x_min_px < d->x_max_px);
+        assert_true(d->y_min_px >= -0.5f && d->y_max_px <= HEIGHT - 0.5f &&
+                    d->y_min_px < d->y_max_px);
         assert_true(i == 0 || d->score <= whole.job->found[i - 1].score);
     }
     free(a);
@@ -106,8 +109,10 @@ static void what_does_not_fit_is_refused(void **state)
 static void suppression_by_class_or_across(void **state)
 {
     (void)state;
-    const struct fovea_detection list[4] = {
-        {0, 0, 10, 10, 0.9f, 1}, {1, 1, 11, 11, 0.8f, 1}, {1, 1, 11, 11, 0.7f, 2}, {20, 20, 30, 30, 0.6f, 1}};
+    const struct fovea_detection list[4] = {{0, 0, 10, 10, 0.9f, 1},
+                                            {1, 1, 11, 11, 0.8f, 1},
+                                            {1, 1, 11, 11, 0.7f, 2},
+                                            {20, 20, 30, 30, 0.6f, 1}};
     struct fovea_detection work[4];
     uint8_t dropped[4];
     memcpy(work, list, sizeof list);
@@ -137,7 +142,8 @@ static void letterbox_keeps_the_shape(void **state)
     assert_true(view.scale_x == view.scale_y);
 }
 
-/* Grey frames of the network's own size take a short way; the long one, which other formats take, gives the same. */
+/* Grey frames of the network's own size take a short way; the long one, which other formats take,
+ * gives the same. */
 static void grey_of_the_right_size_is_filled_alike(void **state)
 {
     (void)state;

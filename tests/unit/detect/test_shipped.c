@@ -25,14 +25,16 @@ static float overlap(const struct fovea_detection *d, const struct fovea_truth_b
     const float h = (y1 < b->y_max_px ? y1 : b->y_max_px) - (y0 > b->y_min_px ? y0 : b->y_min_px);
     if (w <= 0.0f || h <= 0.0f) return 0.0f;
     return w * h /
-           ((x1 - x0) * (y1 - y0) + (b->x_max_px - b->x_min_px) * (b->y_max_px - b->y_min_px) - w * h);
+           ((x1 - x0) * (y1 - y0) + (b->x_max_px - b->x_min_px) * (b->y_max_px - b->y_min_px) -
+            w * h);
 }
 
 struct score {
     int objects, recalled, found, right;
 };
 
-static void judge(const struct fv_detect_job *job, const struct fovea_truth *truth, struct score *score)
+static void judge(const struct fv_detect_job *job, const struct fovea_truth *truth,
+                  struct score *score)
 {
     for (uint32_t k = 0; k < truth->box_count; k++) {
         const struct fovea_truth_box *b = &truth->boxes[k];
@@ -60,12 +62,13 @@ static void look(const struct fv_detect_memory *memory, const struct fv_model *m
                  const struct fv_kernels *kernels, const struct fovea_frame *frame)
 {
     uint32_t done;
-    assert_int_equal(fv_detect_start(memory, model, &frame->image, frame->stamp_ns, frame->sequence),
-                     FOVEA_OK);
+    assert_int_equal(
+        fv_detect_start(memory, model, &frame->image, frame->stamp_ns, frame->sequence), FOVEA_OK);
     assert_int_equal(fv_detect_advance(memory, model, kernels, UNITS_MAX, &done), FOVEA_OK);
 }
 
-/* A seed and a place that training never saw: most of what shows well is found, and most of what is found is there. */
+/* A seed and a place that training never saw: most of what shows well is found, and most of what is
+ * found is there. */
 static void finds_rendered_objects(void **state)
 {
     (void)state;
@@ -105,8 +108,8 @@ static void finds_rendered_objects(void **state)
     ops->close(source);
     free(block);
     fv_model_file_free(&file);
-    print_message("objects %d, recalled %d; found %d, right %d\n", score.objects, score.recalled, score.found,
-                  score.right);
+    print_message("objects %d, recalled %d; found %d, right %d\n", score.objects, score.recalled,
+                  score.found, score.right);
     assert_true(score.objects >= 5 * FRAMES);
     assert_true(score.recalled * 10 >= score.objects * 8);
     assert_true(score.right * 10 >= score.found * 8);

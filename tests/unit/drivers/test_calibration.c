@@ -1,5 +1,5 @@
-/* Calibration files: every format read, written and read again without loss; whatever is wrong named in one
- * line. */
+/* Calibration files: every format read, written and read again without loss; whatever is wrong
+ * named in one line. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -24,7 +24,8 @@ static struct fovea_calibration parse(const char *text)
 {
     struct fovea_calibration calibration;
     struct fovea_error error = {.text = ""};
-    if (fovea_calibration_parse("c.yaml", text, strlen(text), NULL, &calibration, &error) != FOVEA_OK)
+    if (fovea_calibration_parse("c.yaml", text, strlen(text), NULL, &calibration, &error) !=
+        FOVEA_OK)
         fail_msg("%s", error.text);
     return calibration;
 }
@@ -33,28 +34,30 @@ static void refused(enum fovea_status status, const char *text, const char *line
 {
     struct fovea_calibration calibration;
     struct fovea_error error = {.text = ""};
-    assert_int_equal(fovea_calibration_parse("c.yaml", text, strlen(text), NULL, &calibration, &error),
-                     status);
+    assert_int_equal(
+        fovea_calibration_parse("c.yaml", text, strlen(text), NULL, &calibration, &error), status);
     assert_string_equal(error.text, line);
     assert_int_equal(error.status, status);
 }
 
-/* ---- formats ----------------------------------------------------------------------------------------- */
+/* ---- formats
+ * ----------------------------------------------------------------------------------------- */
 
 static void test_ros(void **state)
 {
     (void)state;
-    struct fovea_calibration c =
-        parse("image_width: 640\nimage_height: 480\ncamera_name: head\n"
-              "camera_matrix:\n  rows: 3\n  cols: 3\n  data: [585.5, 0, 320, 0, 586, 240, 0, 0, 1]\n"
-              "distortion_model: plumb_bob\n"
-              "distortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [0.1, -0.2, 0.003, 0.004, 0.05]\n"
-              "rectification_matrix:\n  rows: 3\n  cols: 3\n  data: [1, 0, 0, 0, 1, 0, 0, 0, 1]\n");
+    struct fovea_calibration c = parse(
+        "image_width: 640\nimage_height: 480\ncamera_name: head\n"
+        "camera_matrix:\n  rows: 3\n  cols: 3\n  data: [585.5, 0, 320, 0, 586, 240, 0, 0, 1]\n"
+        "distortion_model: plumb_bob\n"
+        "distortion_coefficients:\n  rows: 1\n  cols: 5\n  data: [0.1, -0.2, 0.003, 0.004, 0.05]\n"
+        "rectification_matrix:\n  rows: 3\n  cols: 3\n  data: [1, 0, 0, 0, 1, 0, 0, 0, 1]\n");
     assert_int_equal(c.format, FOVEA_CALIBRATION_ROS);
     assert_int_equal(c.camera.width, 640);
     assert_int_equal(c.camera.height, 480);
     assert_int_equal(c.camera.lens, FOVEA_LENS_RADTAN);
-    assert_true(c.camera.fx == 585.5 && c.camera.fy == 586 && c.camera.cx == 320 && c.camera.cy == 240);
+    assert_true(c.camera.fx == 585.5 && c.camera.fy == 586 && c.camera.cx == 320 &&
+                c.camera.cy == 240);
     assert_true(c.camera.k[0] == 0.1 && c.camera.k[2] == 0.003 && c.camera.k[4] == 0.05 &&
                 c.camera.k[5] == 0);
     assert_true(c.camera.field_max_rad > 0.3);
@@ -64,8 +67,9 @@ static void test_ros(void **state)
         "K: [500, 0, 320, 0, 500, 240, 0, 0, 1]\nbinning_x: 0\nroi: {x_offset: 0, y_offset: 0}\n");
     assert_int_equal(c.format, FOVEA_CALIBRATION_ROS_MESSAGE);
     assert_true(c.camera.k[5] == 6 && c.camera.k[7] == 8);
-    c = parse("height: 480\nwidth: 640\ndistortion_model: equidistant\nd:\n- 0.1\n- 0.2\n- 0.0\n- 0.0\n"
-              "k:\n- 300\n- 0\n- 320\n- 0\n- 300\n- 240\n- 0\n- 0\n- 1\n---\n");
+    c = parse(
+        "height: 480\nwidth: 640\ndistortion_model: equidistant\nd:\n- 0.1\n- 0.2\n- 0.0\n- 0.0\n"
+        "k:\n- 300\n- 0\n- 320\n- 0\n- 300\n- 240\n- 0\n- 0\n- 1\n---\n");
     assert_int_equal(c.camera.lens, FOVEA_LENS_EQUIDISTANT);
     assert_true(c.camera.k[1] == 0.2);
 }
@@ -73,21 +77,23 @@ static void test_ros(void **state)
 static void test_opencv(void **state)
 {
     (void)state;
-    struct fovea_calibration c =
-        parse("%YAML:1.0\n---\ncalibration_time: \"Thu 1 Jan\"\nimage_width: 640\nimage_height: 480\n"
-              "camera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n"
-              "   data: [ 5.3591573396163199e+02, 0., 3.4228315473308373e+02, 0.,\n"
-              "       5.3591573396163199e+02, 2.3557082909788173e+02, 0., 0., 1. ]\n"
-              "distortion_coefficients: !!opencv-matrix\n   rows: 5\n   cols: 1\n   dt: d\n"
-              "   data: [ -2.6637260909660682e-01, -3.8588898922304653e-02,\n"
-              "       1.7831947042852964e-03, -2.8122100441115472e-04, 2.3839153080878486e-01 ]\n");
+    struct fovea_calibration c = parse(
+        "%YAML:1.0\n---\ncalibration_time: \"Thu 1 Jan\"\nimage_width: 640\nimage_height: 480\n"
+        "camera_matrix: !!opencv-matrix\n   rows: 3\n   cols: 3\n   dt: d\n"
+        "   data: [ 5.3591573396163199e+02, 0., 3.4228315473308373e+02, 0.,\n"
+        "       5.3591573396163199e+02, 2.3557082909788173e+02, 0., 0., 1. ]\n"
+        "distortion_coefficients: !!opencv-matrix\n   rows: 5\n   cols: 1\n   dt: d\n"
+        "   data: [ -2.6637260909660682e-01, -3.8588898922304653e-02,\n"
+        "       1.7831947042852964e-03, -2.8122100441115472e-04, 2.3839153080878486e-01 ]\n");
     assert_int_equal(c.format, FOVEA_CALIBRATION_OPENCV);
     assert_true(c.camera.fx == 535.91573396163199 && c.camera.k[4] == 0.23839153080878486);
-    c = parse("cameraMatrix: [[300, 0, 100], [0, 301, 101], [0, 0, 1]]\ndistCoeffs: [[0.1, 0.2, 0, 0]]\n"
-              "fisheye_model: 1\n"); /* no size stated */
+    c = parse(
+        "cameraMatrix: [[300, 0, 100], [0, 301, 101], [0, 0, 1]]\ndistCoeffs: [[0.1, 0.2, 0, 0]]\n"
+        "fisheye_model: 1\n"); /* no size stated */
     assert_int_equal(c.camera.width, 0);
     assert_int_equal(c.camera.lens, FOVEA_LENS_EQUIDISTANT);
-    c = parse("K: [300, 0, 100, 0, 301, 101, 0, 0, 1]\nD: [0.1, 0.2, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]\n");
+    c = parse(
+        "K: [300, 0, 100, 0, 301, 101, 0, 0, 1]\nD: [0.1, 0.2, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]\n");
     assert_true(c.camera.k[1] == 0.2);
 }
 
@@ -113,31 +119,35 @@ static void test_kalibr(void **state)
     assert_true(fabs(c.T_body_cam[3] + 0.3) < 1e-15 && fabs(c.T_body_cam[7] - 0.1) < 1e-15 &&
                 fabs(c.T_body_cam[11] - 0.2) < 1e-15);
     struct fovea_error error;
-    assert_int_equal(fovea_calibration_parse("c.yaml", camchain, sizeof camchain - 1, "cam1", &c, &error),
-                     FOVEA_OK);
+    assert_int_equal(
+        fovea_calibration_parse("c.yaml", camchain, sizeof camchain - 1, "cam1", &c, &error),
+        FOVEA_OK);
     assert_true(c.camera.fx == 200 && !c.has_T_body_cam);
-    assert_int_equal(fovea_calibration_parse("c.yaml", camchain, sizeof camchain - 1, "cam2", &c, &error),
-                     FOVEA_ERROR_INPUT);
+    assert_int_equal(
+        fovea_calibration_parse("c.yaml", camchain, sizeof camchain - 1, "cam2", &c, &error),
+        FOVEA_ERROR_INPUT);
     assert_non_null(strstr(error.text, "expected 'cam2'"));
 }
 
 static void test_euroc(void **state)
 {
     (void)state;
-    struct fovea_calibration c =
-        parse("sensor_type: camera\ncomment: VI-Sensor cam0 (MT9M034)\nT_BS:\n  cols: 4\n  rows: 4\n"
-              "  data: [0.0148655429818, -0.999880929698, 0.00414029679422, -0.0216401454975,\n"
-              "         0.999557249008, 0.0149672133247, 0.025715529948, -0.064676986768,\n"
-              "        -0.0257744366974, 0.00375618835797, 0.999660727178, 0.00981073058949,\n"
-              "         0.0, 0.0, 0.0, 1.0]\nrate_hz: 20\nresolution: [752, 480]\ncamera_model: pinhole\n"
-              "intrinsics: [458.654, 457.296, 367.215, 248.375] #fu, fv, cu, cv\ndistortion_model: "
-              "radial-tangential\n"
-              "distortion_coefficients: [-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05]\n");
+    struct fovea_calibration c = parse(
+        "sensor_type: camera\ncomment: VI-Sensor cam0 (MT9M034)\nT_BS:\n  cols: 4\n  rows: 4\n"
+        "  data: [0.0148655429818, -0.999880929698, 0.00414029679422, -0.0216401454975,\n"
+        "         0.999557249008, 0.0149672133247, 0.025715529948, -0.064676986768,\n"
+        "        -0.0257744366974, 0.00375618835797, 0.999660727178, 0.00981073058949,\n"
+        "         0.0, 0.0, 0.0, 1.0]\nrate_hz: 20\nresolution: [752, 480]\ncamera_model: pinhole\n"
+        "intrinsics: [458.654, 457.296, 367.215, 248.375] #fu, fv, cu, cv\ndistortion_model: "
+        "radial-tangential\n"
+        "distortion_coefficients: [-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05]\n");
     assert_int_equal(c.format, FOVEA_CALIBRATION_EUROC);
-    assert_true(c.rate_hz == 20 && c.camera.k[3] == 1.76187114e-05 && c.T_body_cam[7] == -0.064676986768);
+    assert_true(c.rate_hz == 20 && c.camera.k[3] == 1.76187114e-05 &&
+                c.T_body_cam[7] == -0.064676986768);
 }
 
-/* ---- round trip -------------------------------------------------------------------------------------- */
+/* ---- round trip
+ * -------------------------------------------------------------------------------------- */
 
 static void random_camera(struct fovea_random *random, enum fovea_lens lens, int coefficients,
                           struct fovea_calibration *c)
@@ -192,9 +202,10 @@ static void test_round_trip(void **state)
             const bool fisheye = round % 2 == 1;
             random_camera(&random, fisheye ? FOVEA_LENS_EQUIDISTANT : FOVEA_LENS_RADTAN,
                           fisheye ? 4 : counts[round / 2 % 5], &c);
-            const bool short_format = format == FOVEA_CALIBRATION_KALIBR || format == FOVEA_CALIBRATION_EUROC;
-            const enum fovea_status status =
-                fovea_calibration_format_text((enum fovea_calibration_format)format, &c, text, &lost, &error);
+            const bool short_format =
+                format == FOVEA_CALIBRATION_KALIBR || format == FOVEA_CALIBRATION_EUROC;
+            const enum fovea_status status = fovea_calibration_format_text(
+                (enum fovea_calibration_format)format, &c, text, &lost, &error);
             if (short_format && !fisheye && c.camera.k[4] != 0) { /* it says what would be lost */
                 assert_int_equal(status, FOVEA_ERROR_UNSUPPORTED);
                 assert_memory_equal(error.text, "k3: found ", 10);
@@ -225,25 +236,29 @@ static void test_write_file_and_lost(void **state)
     struct fovea_error lost = {.text = "?"}, error = {.text = ""};
     fv_test_folder(folder);
     const char *path = fv_test_path(folder, "c.yaml");
-    assert_int_equal(fovea_calibration_write(path, FOVEA_CALIBRATION_KALIBR, &c, &lost, &error), FOVEA_OK);
+    assert_int_equal(fovea_calibration_write(path, FOVEA_CALIBRATION_KALIBR, &c, &lost, &error),
+                     FOVEA_OK);
     assert_string_equal(lost.text, "");
     assert_int_equal(fovea_calibration_read(path, NULL, &again, &error), FOVEA_OK);
     for (int i = 0; i < 12; ++i)
         assert_true(fabs(again.T_body_cam[i] - c.T_body_cam[i]) < 1e-15);
-    assert_int_equal(fovea_calibration_write(path, FOVEA_CALIBRATION_OPENCV, &c, &lost, &error), FOVEA_OK);
+    assert_int_equal(fovea_calibration_write(path, FOVEA_CALIBRATION_OPENCV, &c, &lost, &error),
+                     FOVEA_OK);
     assert_string_equal(lost.text, "the format opencv has no place for: T_body_cam name");
     c.camera.width = 0;
     assert_int_equal(fovea_calibration_write(path, FOVEA_CALIBRATION_ROS, &c, &lost, &error),
                      FOVEA_ERROR_UNSUPPORTED);
-    assert_int_equal(fovea_calibration_read(path, NULL, &again, &error), FOVEA_OK); /* the old file stands */
+    assert_int_equal(fovea_calibration_read(path, NULL, &again, &error),
+                     FOVEA_OK); /* the old file stands */
     assert_int_equal(again.format, FOVEA_CALIBRATION_OPENCV);
     c.camera.width = 512;
     snprintf(c.name, sizeof c.name, "it's \"odd\": \\ # \n");
-    assert_int_equal(fovea_calibration_write(path, FOVEA_CALIBRATION_ROS, &c, &lost, &error), FOVEA_OK);
+    assert_int_equal(fovea_calibration_write(path, FOVEA_CALIBRATION_ROS, &c, &lost, &error),
+                     FOVEA_OK);
     assert_int_equal(fovea_calibration_read(path, NULL, &again, &error), FOVEA_OK);
     assert_string_equal(again.name, c.name);
-    assert_int_equal(fovea_calibration_write(fv_test_path(folder, "no/such/c.yaml"), FOVEA_CALIBRATION_ROS,
-                                             &c, &lost, &error),
+    assert_int_equal(fovea_calibration_write(fv_test_path(folder, "no/such/c.yaml"),
+                                             FOVEA_CALIBRATION_ROS, &c, &lost, &error),
                      FOVEA_ERROR_SYSTEM);
     assert_non_null(strstr(error.text, "cannot be written"));
     /* A device takes the text and stays what it is; here by a link, which stays as well. */
@@ -257,7 +272,8 @@ static void test_write_file_and_lost(void **state)
     fv_test_folder_remove(folder);
 }
 
-/* ---- fitting ----------------------------------------------------------------------------------------- */
+/* ---- fitting
+ * ----------------------------------------------------------------------------------------- */
 
 static void test_fit(void **state)
 {
@@ -269,64 +285,79 @@ static void test_fit(void **state)
     assert_int_equal(fovea_calibration_fit(&camera, 640, 480, false, "c.yaml", &error), FOVEA_OK);
     assert_int_equal(camera.width, 640);
     assert_int_equal(fovea_calibration_fit(&camera, 640, 480, false, "c.yaml", &error), FOVEA_OK);
-    assert_int_equal(fovea_calibration_fit(&camera, 320, 240, false, "c.yaml", &error), FOVEA_ERROR_INPUT);
-    assert_string_equal(error.text,
-                        "c.yaml: image size: found 640 x 480, expected 320 x 240 as the frames have");
+    assert_int_equal(fovea_calibration_fit(&camera, 320, 240, false, "c.yaml", &error),
+                     FOVEA_ERROR_INPUT);
+    assert_string_equal(
+        error.text, "c.yaml: image size: found 640 x 480, expected 320 x 240 as the frames have");
     assert_int_equal(camera.width, 640);
     assert_int_equal(fovea_calibration_fit(&camera, 320, 240, true, "c.yaml", &error), FOVEA_OK);
     /* The centre of the image stays its centre, with pixel centres at whole numbers. */
     assert_true(camera.fx == 150 && camera.cx == 159.5 && camera.cy == 119.5);
-    assert_int_equal(fovea_calibration_fit(&camera, 320, 200, true, "c.yaml", &error), FOVEA_ERROR_INPUT);
+    assert_int_equal(fovea_calibration_fit(&camera, 320, 200, true, "c.yaml", &error),
+                     FOVEA_ERROR_INPUT);
     assert_non_null(strstr(error.text, "expected the shape of the frames"));
 }
 
-/* ---- wrong files ------------------------------------------------------------------------------------- */
+/* ---- wrong files
+ * ------------------------------------------------------------------------------------- */
 
 #define MATRIX "camera_matrix: {rows: 3, cols: 3, data: [500, 0, 320, 0, 500, 240, 0, 0, 1]}\n"
 #define SIZE "image_width: 640\nimage_height: 480\n"
 #define COEFFICIENTS "distortion_coefficients: {rows: 1, cols: 4, data: [0, 0, 0, 0]}\n"
-#define CHAIN(model, intrinsics, rest)                                                                       \
-    "cam0:\n  camera_model: " model "\n  intrinsics: " intrinsics "\n  resolution: [640, 480]\n" rest
+#define CHAIN(model, intrinsics, rest)                                                             \
+    "cam0:\n  camera_model: " model "\n  intrinsics: " intrinsics                                  \
+    "\n  resolution: [640, 480]\n" rest
 
 static void test_refused(void **state)
 {
     (void)state;
     const enum fovea_status input = FOVEA_ERROR_INPUT, unsupported = FOVEA_ERROR_UNSUPPORTED;
-    refused(input, "",
-            "c.yaml:1: found no keys, expected a camera calibration (camera_matrix, K, intrinsics or cam0)");
-    refused(input, "hello\n",
-            "c.yaml:1: found no keys, expected a camera calibration (camera_matrix, K, intrinsics or cam0)");
+    refused(
+        input, "",
+        "c.yaml:1: found no keys, expected a camera calibration (camera_matrix, K, intrinsics or cam0)");
+    refused(
+        input, "hello\n",
+        "c.yaml:1: found no keys, expected a camera calibration (camera_matrix, K, intrinsics or cam0)");
     refused(
         input, "a: 1\n",
         "c.yaml:1: found the key 'a' first, expected one of camera_matrix, K, intrinsics, cam0 in the file");
     refused(input, "x: 1\ncamera_matrx: 1\n",
             "c.yaml:2: the file: found the key 'camera_matrx', expected 'camera_matrix'");
-    refused(input, SIZE MATRIX, "c.yaml:1: the file: found no key 'distortion_coefficients', expected it");
-    refused(input, SIZE MATRIX "distortion_coeficients: []\n",
-            "c.yaml:4: the file: found the key 'distortion_coeficients', expected 'distortion_coefficients'");
+    refused(input, SIZE MATRIX,
+            "c.yaml:1: the file: found no key 'distortion_coefficients', expected it");
+    refused(
+        input, SIZE MATRIX "distortion_coeficients: []\n",
+        "c.yaml:4: the file: found the key 'distortion_coeficients', expected 'distortion_coefficients'");
     refused(input, "image_width: 640\n" MATRIX COEFFICIENTS,
             "c.yaml:1: the file: found no key 'image_height', expected it");
     refused(input, "image_width: -1\nimage_height: 480\n" MATRIX COEFFICIENTS,
             "c.yaml:1: image_width: found '-1', expected a whole number in [1, 65535]");
     refused(input, SIZE "camera_matrix: {rows: 3, cols: 3, data: [500, 0, 320]}\n" COEFFICIENTS,
             "c.yaml:3: camera_matrix.data: found a list of 3, expected a list of 9 numbers");
+    refused(
+        input,
+        SIZE
+        "camera_matrix: {rows: 3, cols: 4, data: [500, 0, 320, 0, 500, 240, 0, 0, 1]}\n" COEFFICIENTS,
+        "c.yaml:3: camera_matrix.data: found a list of 9, expected a list of rows x cols = 12 numbers");
+    refused(
+        input, SIZE "camera_matrix: {data: [500, 0, 320, 0, -500, 240, 0, 0, 1]}\n" COEFFICIENTS,
+        "c.yaml:3: camera_matrix.data[4]: found '-500', expected a focal length in [0.001, 1e6] pixels");
     refused(input,
-            SIZE
-            "camera_matrix: {rows: 3, cols: 4, data: [500, 0, 320, 0, 500, 240, 0, 0, 1]}\n" COEFFICIENTS,
-            "c.yaml:3: camera_matrix.data: found a list of 9, expected a list of rows x cols = 12 numbers");
-    refused(input, SIZE "camera_matrix: {data: [500, 0, 320, 0, -500, 240, 0, 0, 1]}\n" COEFFICIENTS,
-            "c.yaml:3: camera_matrix.data[4]: found '-500', expected a focal length in [0.001, 1e6] pixels");
-    refused(input, SIZE "camera_matrix: {data: [500, 0, 320, 0, .nan, 240, 0, 0, 1]}\n" COEFFICIENTS,
+            SIZE "camera_matrix: {data: [500, 0, 320, 0, .nan, 240, 0, 0, 1]}\n" COEFFICIENTS,
             "c.yaml:3: camera_matrix.data[4]: found '.nan', expected a finite number");
-    refused(unsupported, SIZE "camera_matrix: {data: [500, 2, 320, 0, 500, 240, 0, 0, 1]}\n" COEFFICIENTS,
-            "c.yaml:3: camera_matrix.data[1]: found '2', expected 0 (a camera with skew is not supported)");
-    refused(input, SIZE MATRIX "distortion_coefficients: {data: [0, 0, 0]}\n",
-            "c.yaml:4: distortion_coefficients.data: found a list of 3, expected a list of 4, 5, 8, 12 or 14 "
-            "numbers");
-    refused(unsupported,
-            SIZE MATRIX "distortion_coefficients: {data: [0, 0, 0, 0, 0, 0, 0, 0, 0.5, 0, 0, 0]}\n",
-            "c.yaml:4: distortion_coefficients.data[8]: found '0.5', expected 0 (this term is not in the "
-            "lens model)");
+    refused(
+        unsupported,
+        SIZE "camera_matrix: {data: [500, 2, 320, 0, 500, 240, 0, 0, 1]}\n" COEFFICIENTS,
+        "c.yaml:3: camera_matrix.data[1]: found '2', expected 0 (a camera with skew is not supported)");
+    refused(
+        input, SIZE MATRIX "distortion_coefficients: {data: [0, 0, 0]}\n",
+        "c.yaml:4: distortion_coefficients.data: found a list of 3, expected a list of 4, 5, 8, 12 or 14 "
+        "numbers");
+    refused(
+        unsupported,
+        SIZE MATRIX "distortion_coefficients: {data: [0, 0, 0, 0, 0, 0, 0, 0, 0.5, 0, 0, 0]}\n",
+        "c.yaml:4: distortion_coefficients.data[8]: found '0.5', expected 0 (this term is not in the "
+        "lens model)");
     refused(
         unsupported, SIZE MATRIX COEFFICIENTS "distortion_model: fov\n",
         "c.yaml:5: distortion_model: found 'fov', expected one of plumb_bob, rational_polynomial, radtan, "
@@ -357,8 +388,9 @@ static void test_centre_far_outside(void **state)
     struct fovea_error error = {.text = ""};
     static const char text[] =
         SIZE "camera_matrix: {data: [500, 0, 9999, 0, 500, 240, 0, 0, 1]}\n" COEFFICIENTS;
-    assert_int_equal(fovea_calibration_parse("c.yaml", text, sizeof text - 1, NULL, &calibration, &error),
-                     FOVEA_ERROR_INPUT);
+    assert_int_equal(
+        fovea_calibration_parse("c.yaml", text, sizeof text - 1, NULL, &calibration, &error),
+        FOVEA_ERROR_INPUT);
     assert_memory_equal(error.text, "c.yaml: ", 8);
     assert_non_null(strstr(error.text, "9999"));
 }
@@ -380,7 +412,8 @@ static void test_published_files(void **state)
             print_message("SKIPPED %s: not there\n", files[i].file);
             continue;
         }
-        if (fovea_calibration_read(path, NULL, &calibration, &error) != FOVEA_OK) fail_msg("%s", error.text);
+        if (fovea_calibration_read(path, NULL, &calibration, &error) != FOVEA_OK)
+            fail_msg("%s", error.text);
         assert_true(calibration.camera.fx == files[i].fx);
     }
 }

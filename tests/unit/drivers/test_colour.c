@@ -1,4 +1,5 @@
-/* Colours of recorded pictures: given when they are asked for and there, weighed into the same grey levels. */
+/* Colours of recorded pictures: given when they are asked for and there, weighed into the same grey
+ * levels. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -59,10 +60,12 @@ static void test_png(void **state)
         decode(path, true, rgb);
         decode(path, false, grey);
         for (int i = 0; i < W * H; ++i) {
-            const uint8_t *sample = &picture[i * form.channels], *found = &rgb[i / W * STRIDE + i % W * 3];
+            const uint8_t *sample = &picture[i * form.channels],
+                          *found = &rgb[i / W * STRIDE + i % W * 3];
             for (int c = 0; c < 3; ++c)
                 assert_int_equal(found[c], form.channels < 3 ? sample[0] : sample[c]);
-            const int weighed = (9798 * found[0] + 19235 * found[1] + 3735 * found[2] + 16384) >> 15;
+            const int weighed =
+                (9798 * found[0] + 19235 * found[1] + 3735 * found[2] + 16384) >> 15;
             assert_int_equal(weighed, grey[i / W * STRIDE + i % W]);
         }
         assert_int_equal(rgb[3 * W], 0xEE); /* nothing past the row */
@@ -112,13 +115,14 @@ static void test_source(void **state)
             strcat(uri, path);
             if (fovea_source_find(uri, &ops, &address, &error) != FOVEA_OK ||
                 ops->open(address, &selection, &source, &error) != FOVEA_OK ||
-                ops->start(source, &error) != FOVEA_OK || ops->dequeue(source, INT64_MAX, &frame) != FOVEA_OK)
+                ops->start(source, &error) != FOVEA_OK ||
+                ops->dequeue(source, INT64_MAX, &frame) != FOVEA_OK)
                 fail_msg("%s", error.text);
             const bool colour = wanted == 1 && channels == 3;
             assert_int_equal(frame.image.format, colour ? FOVEA_PIXEL_RGB24 : FOVEA_PIXEL_GREY8);
             if (colour)
-                assert_memory_equal(frame.image.data + frame.image.stride_bytes, picture + (size_t)3 * W,
-                                    3 * W);
+                assert_memory_equal(frame.image.data + frame.image.stride_bytes,
+                                    picture + (size_t)3 * W, 3 * W);
             ops->requeue(source, &frame);
             ops->close(source);
         }

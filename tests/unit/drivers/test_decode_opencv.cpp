@@ -1,4 +1,5 @@
-// Pictures against OpenCV, to the last grey level: PNG through cvtColor, JPEG through its own grey decoding.
+// Pictures against OpenCV, to the last grey level: PNG through cvtColor, JPEG through its own grey
+// decoding.
 #include <opencv2/imgcodecs.hpp>
 #include <opencv2/imgproc.hpp>
 
@@ -28,10 +29,12 @@ static void compare(const std::string &path)
     assert_int_equal(width, expected.cols);
     assert_int_equal(height, expected.rows);
     cv::Mat found(height, width, CV_8UC1);
-    const fv_decode_image image = {found.data, width, height, static_cast<int32_t>(found.step), false};
+    const fv_decode_image image = {found.data, width, height, static_cast<int32_t>(found.step),
+                                   false};
     if (fv_decode(file.data, file.bytes, &image, &reason) != FOVEA_OK) fail_msg("%s", reason.text);
     fv_file_free(&file);
-    if (cv::norm(found, expected, cv::NORM_INF) != 0) fail_msg("%s differs from OpenCV", path.c_str());
+    if (cv::norm(found, expected, cv::NORM_INF) != 0)
+        fail_msg("%s differs from OpenCV", path.c_str());
 }
 
 static void test_own_pictures(void **state)
@@ -43,13 +46,13 @@ static void test_own_pictures(void **state)
     for (int kind = 0; kind < 12; ++kind) {
         const char *path = fv_test_path(folder, kind < 8 ? "p.png" : "p.jpg");
         const fv_test_png form = {200, 150, 1 + kind % 4, 8, kind >= 4};
-        fv_test_picture(static_cast<uint32_t>(kind), form.width, form.height, kind < 8 ? form.channels : 3,
-                        samples);
+        fv_test_picture(static_cast<uint32_t>(kind), form.width, form.height,
+                        kind < 8 ? form.channels : 3, samples);
         if (kind < 8)
             fv_test_write_png(path, &form, samples);
         else
-            fv_test_write_jpeg(path, form.width, form.height, kind % 2 == 0 ? 1 : 3, kind >= 10, false,
-                               samples);
+            fv_test_write_jpeg(path, form.width, form.height, kind % 2 == 0 ? 1 : 3, kind >= 10,
+                               false, samples);
         compare(path);
     }
     fv_test_folder_remove(folder);

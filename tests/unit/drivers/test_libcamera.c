@@ -1,7 +1,7 @@
-/* The runtime's side of libcamera (drivers/libcamera/client.c) on a process of the tests' own, which is this
- * program under another name: frames through descriptors, and whatever a process can do wrong. libcamera
- * itself is tested in the virtual machine (tests/hil). `test_libcamera N` lets the process end N times in a
- * row (default 20). */
+/* The runtime's side of libcamera (drivers/libcamera/client.c) on a process of the tests' own,
+ * which is this program under another name: frames through descriptors, and whatever a process can
+ * do wrong. libcamera itself is tested in the virtual machine (tests/hil). `test_libcamera N` lets
+ * the process end N times in a row (default 20). */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -24,7 +24,8 @@
 #include "common/live_source.h"
 
 static long times = 20;
-static const int64_t usual_ns = 30000000000, patience_ns = 1500000000; /* for an answer; where none comes */
+static const int64_t usual_ns = 30000000000,
+                     patience_ns = 1500000000; /* for an answer; where none comes */
 static struct fake_stage *stage;
 static const struct fovea_source_ops *const ops = &fovea_source_libcamera;
 
@@ -34,7 +35,8 @@ static struct fovea_source *start_source(void)
     struct fovea_source *source = NULL;
     struct fovea_error error = {.text = ""};
     fake_stage_reset(stage);
-    if (ops->open("0?rate=100", &everything, &source, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    if (ops->open("0?rate=100", &everything, &source, &error) != FOVEA_OK)
+        fail_msg("%s", error.text);
     assert_int_equal(ops->start(source, &error), FOVEA_OK);
     return source;
 }
@@ -44,12 +46,13 @@ static void assert_state_in_time(struct fovea_source *source, enum fovea_source_
     fv_test_wait_for_state(source, wanted);
 }
 
-/* What the loop does while something is waited for: a source whose frames nobody takes does not look at its
- * camera. */
+/* What the loop does while something is waited for: a source whose frames nobody takes does not
+ * look at its camera. */
 static void take_any(struct fovea_source *source)
 {
     struct fovea_frame frame;
-    if (ops->dequeue(source, fv_test_now_ns() + 1000000, &frame) == FOVEA_OK) ops->requeue(source, &frame);
+    if (ops->dequeue(source, fv_test_now_ns() + 1000000, &frame) == FOVEA_OK)
+        ops->requeue(source, &frame);
 }
 
 /* Lines go by until one holds these words. */
@@ -90,7 +93,8 @@ static void wait_for_frame_of_life(struct fovea_source *source, uint32_t life)
     wait_for_frame_of_set_up(source, life);
 }
 
-/* ---- frames ------------------------------------------------------------------------------------------ */
+/* ---- frames
+ * ------------------------------------------------------------------------------------------ */
 
 static struct fovea_frame take(struct fovea_source *source)
 {
@@ -124,7 +128,8 @@ static void test_frames_bit_for_bit(void **state)
         for (int32_t y = 0; y < FAKE_HEIGHT; ++y)
             for (int32_t x = 0; x < FAKE_WIDTH; ++x)
                 if (frame.image.data[y * FAKE_STRIDE + x] != fake_pixel(frame.sequence, x, y))
-                    fail_msg("frame %llu differs at %d, %d", (unsigned long long)frame.sequence, x, y);
+                    fail_msg("frame %llu differs at %d, %d", (unsigned long long)frame.sequence, x,
+                             y);
         ops->requeue(source, &frame);
     }
     qsort(took_ns, FRAMES, sizeof *took_ns, ascending);
@@ -163,7 +168,8 @@ static void test_frames_held_outlive_the_process(void **state)
     fv_test_finish(source);
 }
 
-/* ---- faults ------------------------------------------------------------------------------------------ */
+/* ---- faults
+ * ------------------------------------------------------------------------------------------ */
 
 static void test_faults_while_streaming(void **state)
 {
@@ -232,7 +238,8 @@ static void test_unplugged(void **state)
     }
 }
 
-/* The process that says that the camera is away missed how it came back: it is not believed for ever. */
+/* The process that says that the camera is away missed how it came back: it is not believed for
+ * ever. */
 static void test_comes_back_unheard(void **state)
 {
     (void)state;
@@ -358,8 +365,9 @@ static void test_refused_at_open(void **state)
         enum fake_fault fault;
         const char *says;
         unsigned lives; /* what is refused is refused; a process that is lost is replaced once */
-    } faults[] = {
-        {FAKE_BROKEN, "it is on fire", 1}, {FAKE_ABORT, "signal 6", 2}, {FAKE_HANG, "does not answer", 2}};
+    } faults[] = {{FAKE_BROKEN, "it is on fire", 1},
+                  {FAKE_ABORT, "signal 6", 2},
+                  {FAKE_HANG, "does not answer", 2}};
     struct fovea_source *source = NULL;
     for (size_t i = 0; i < sizeof faults / sizeof faults[0]; ++i) {
         fv_libcamera_answer_ns = faults[i].fault == FAKE_HANG ? patience_ns : usual_ns;
@@ -385,7 +393,8 @@ static void test_fault_while_opening(void **state)
     static const struct {
         enum fake_fault fault;
         const char *says;
-    } faults[] = {{FAKE_ABORT, "signal 6"}, {FAKE_HANG, "does not answer"}, {FAKE_SHORT, "makes no sense"}};
+    } faults[] = {
+        {FAKE_ABORT, "signal 6"}, {FAKE_HANG, "does not answer"}, {FAKE_SHORT, "makes no sense"}};
     for (size_t i = 0; i < sizeof faults / sizeof faults[0]; ++i) {
         fv_libcamera_answer_ns = faults[i].fault == FAKE_HANG ? patience_ns : usual_ns;
         struct fovea_source *source = NULL;
@@ -402,7 +411,8 @@ static void test_fault_while_opening(void **state)
     fv_libcamera_answer_ns = usual_ns;
 }
 
-/* ---- over and over ----------------------------------------------------------------------------------- */
+/* ---- over and over
+ * ----------------------------------------------------------------------------------- */
 
 static void test_ends_over_and_over(void **state)
 {
@@ -423,8 +433,9 @@ static void test_ends_over_and_over(void **state)
     }
     const struct fake_holdings after = fake_holdings();
     qsort(took_ns, (size_t)times, sizeof *took_ns, ascending);
-    print_message("ended %ld times: frames again after %.3f s (median), %.3f s (worst), %ld later than 1 s\n",
-                  times, (double)took_ns[times / 2] * 1e-9, (double)took_ns[times - 1] * 1e-9, late);
+    print_message(
+        "ended %ld times: frames again after %.3f s (median), %.3f s (worst), %ld later than 1 s\n",
+        times, (double)took_ns[times / 2] * 1e-9, (double)took_ns[times - 1] * 1e-9, late);
     assert_true(late * 100 <= times);
     assert_int_equal(before.descriptors, after.descriptors);
     assert_int_equal(before.buffers, after.buffers);

@@ -1,6 +1,6 @@
-/* Motion JPEG from a camera: the decoder with its own memory gives the bits of the ordinary one, makes no
- * heap call, and lets no damaged frame through or keep anything of it. `test_mjpeg N` decodes N damaged
- * frames (default 300). */
+/* Motion JPEG from a camera: the decoder with its own memory gives the bits of the ordinary one,
+ * makes no heap call, and lets no damaged frame through or keep anything of it. `test_mjpeg N`
+ * decodes N damaged frames (default 300). */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -22,7 +22,8 @@ enum { W = 320, H = 240, PICTURES = 4, STRIDE = 320, DAMAGED = 300 };
 
 static uint32_t damaged_frames = DAMAGED;
 
-/* ---- pictures ---------------------------------------------------------------------------------------- */
+/* ---- pictures
+ * ---------------------------------------------------------------------------------------- */
 
 static char folder[FV_TEST_PATH_BYTES];
 static struct {
@@ -55,7 +56,8 @@ static int drop_pictures(void **state)
     return 0;
 }
 
-static const struct fv_decode_image into = {.pixels = found, .width = W, .height = H, .stride_bytes = STRIDE};
+static const struct fv_decode_image into = {
+    .pixels = found, .width = W, .height = H, .stride_bytes = STRIDE};
 static const struct fv_decode_image reference = {
     .pixels = expected, .width = W, .height = H, .stride_bytes = STRIDE};
 
@@ -110,7 +112,8 @@ static size_t damage(const uint8_t *data, size_t bytes, uint8_t *out)
     }
 }
 
-/* ---- tests ------------------------------------------------------------------------------------------- */
+/* ---- tests
+ * ------------------------------------------------------------------------------------------- */
 
 static void test_same_bits(void **state)
 {
@@ -120,8 +123,8 @@ static void test_same_bits(void **state)
     assert_int_equal(fv_jpeg_decoder_open(W, &decoder, &error), FOVEA_OK);
     for (int round = 0; round < 3; ++round)
         for (int i = 0; i < PICTURES - 1; ++i) {
-            assert_int_equal(fv_decode_jpeg(pictures[i].data, pictures[i].bytes, &reference, &error),
-                             FOVEA_OK);
+            assert_int_equal(
+                fv_decode_jpeg(pictures[i].data, pictures[i].bytes, &reference, &error), FOVEA_OK);
             memset(found, round, sizeof found);
             fv_heap_arm();
             const enum fovea_status status =
@@ -149,7 +152,8 @@ static void test_tables_left_out(void **state)
     const size_t bytes = without_tables(pictures[1].data, pictures[1].bytes, bare);
     assert_true(bytes < pictures[1].bytes - 300);
     assert_int_equal(fv_jpeg_decoder_open(W, &decoder, &error), FOVEA_OK);
-    assert_int_equal(fv_decode_jpeg(pictures[1].data, pictures[1].bytes, &reference, &error), FOVEA_OK);
+    assert_int_equal(fv_decode_jpeg(pictures[1].data, pictures[1].bytes, &reference, &error),
+                     FOVEA_OK);
     if (fv_jpeg_decode(decoder, bare, bytes, &into, &error) != FOVEA_OK) fail_msg("%s", error.text);
     assert_memory_equal(expected, found, sizeof found);
     fv_jpeg_decoder_close(decoder);
@@ -166,7 +170,8 @@ static void test_damaged(void **state)
     uint8_t *bad = malloc(pictures[1].bytes), *bare = malloc(pictures[1].bytes);
     const size_t bare_bytes = without_tables(pictures[1].data, pictures[1].bytes, bare);
     assert_int_equal(fv_jpeg_decoder_open(W, &decoder, &error), FOVEA_OK);
-    assert_int_equal(fv_decode_jpeg(pictures[1].data, pictures[1].bytes, &reference, &error), FOVEA_OK);
+    assert_int_equal(fv_decode_jpeg(pictures[1].data, pictures[1].bytes, &reference, &error),
+                     FOVEA_OK);
     for (uint32_t i = 0; i < damaged_frames; ++i) {
         const size_t bytes = damage(pictures[1].data, pictures[1].bytes, bad);
         fv_heap_arm();
@@ -181,7 +186,8 @@ static void test_damaged(void **state)
         assert_memory_equal(expected, found, sizeof found);
     }
     print_message("%u of %u damaged pictures were refused\n", refused, damaged_frames);
-    assert_true(refused > damaged_frames / 2); /* the others decode: a changed coefficient is a picture too */
+    assert_true(refused >
+                damaged_frames / 2); /* the others decode: a changed coefficient is a picture too */
     fv_jpeg_decoder_close(decoder);
     free(bad);
     free(bare);
@@ -201,7 +207,8 @@ static void test_source(void **state)
     (void)state;
     const uint32_t frames = damaged_frames / 2;
     struct fovea_error error;
-    assert_int_equal(fv_decode_jpeg(pictures[1].data, pictures[1].bytes, &reference, &error), FOVEA_OK);
+    assert_int_equal(fv_decode_jpeg(pictures[1].data, pictures[1].bytes, &reference, &error),
+                     FOVEA_OK);
     fake_begin();
     struct fake_camera *camera = fake_new();
     camera->fill = fill_damaged;
@@ -219,7 +226,8 @@ static void test_source(void **state)
                                 expected + y * STRIDE, W);
     }
     const struct fovea_source_counts counts = fv_test_counts(source);
-    assert_true(counts.delivered == frames && counts.damaged >= frames - 1 && counts.recovered == 0);
+    assert_true(counts.delivered == frames && counts.damaged >= frames - 1 &&
+                counts.recovered == 0);
     assert_true(fv_test_complains_of(source, "damaged JPEG"));
     fv_test_finish(source);
     fake_end();

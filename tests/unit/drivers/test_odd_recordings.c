@@ -1,5 +1,5 @@
-/* Recordings that are odd and yet to be played: stamps that leap, logs with damage inside, names that look
- * like patterns, a calibration that is not needed, a video backwards. */
+/* Recordings that are odd and yet to be played: stamps that leap, logs with damage inside, names
+ * that look like patterns, a calibration that is not needed, a video backwards. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -33,7 +33,8 @@ struct played {
     struct fovea_error complaint;
 };
 
-static void play(const struct fovea_source_ops *ops, struct fovea_source *source, struct played *played)
+static void play(const struct fovea_source_ops *ops, struct fovea_source *source,
+                 struct played *played)
 {
     struct fovea_frame frame;
     struct fovea_error error;
@@ -46,7 +47,8 @@ static void play(const struct fovea_source_ops *ops, struct fovea_source *source
     while ((status = ops->dequeue(source, INT64_MAX, &frame)) == FOVEA_OK && played->count < MANY) {
         played->sequence[played->count] = frame.sequence;
         for (int32_t i = 0; i < frame.image.width; ++i)
-            played->picture[played->count] = played->picture[played->count] * 31 + frame.image.data[i];
+            played->picture[played->count] =
+                played->picture[played->count] * 31 + frame.image.data[i];
         played->stamp_ns[played->count++] = frame.stamp_ns;
         ops->requeue(source, &frame);
     }
@@ -58,8 +60,8 @@ static void play(const struct fovea_source_ops *ops, struct fovea_source *source
 }
 
 static enum fovea_status play_uri(const char *scheme, const char *address,
-                                  const struct fovea_source_selection *selection, struct played *played,
-                                  struct fovea_error *error)
+                                  const struct fovea_source_selection *selection,
+                                  struct played *played, struct fovea_error *error)
 {
     char uri[FV_TEST_PATH_BYTES + 16];
     const struct fovea_source_ops *ops;
@@ -75,10 +77,12 @@ static void play_fine(const char *scheme, const char *address, struct played *pl
 {
     static const struct fovea_source_selection everything = {.step = 1};
     struct fovea_error error = {.text = ""};
-    if (play_uri(scheme, address, &everything, played, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    if (play_uri(scheme, address, &everything, played, &error) != FOVEA_OK)
+        fail_msg("%s", error.text);
 }
 
-/* ---- stamps ------------------------------------------------------------------------------------------ */
+/* ---- stamps
+ * ------------------------------------------------------------------------------------------ */
 
 /* Stamps of a recording, ended by END. */
 enum { END = -1, FAR = 1000000 };
@@ -107,7 +111,8 @@ static void close_nothing(void *recording)
 static void play_stamps(const int64_t *stamps, const struct fovea_source_selection *selection,
                         struct played *played)
 {
-    static const struct fv_recording_ops ops = {.fetch = fetch_stamp, .stamp = stamp, .close = close_nothing};
+    static const struct fv_recording_ops ops = {
+        .fetch = fetch_stamp, .stamp = stamp, .close = close_nothing};
     static const struct fovea_source_ops source_ops = FV_PLAYER_OPS("stamps", "", NULL);
     const struct fovea_source_info info = {.width = W, .height = 1, .format = FOVEA_PIXEL_GREY8};
     int64_t memory[MANY];
@@ -116,14 +121,15 @@ static void play_stamps(const int64_t *stamps, const struct fovea_source_selecti
     uint64_t count = 0;
     for (; stamps[count] != END; ++count)
         memory[count] = stamps[count];
-    assert_int_equal(fv_player_open(&ops, memory, count, 0, "stamps.txt", selection, &info, &source, &error),
-                     FOVEA_OK);
+    assert_int_equal(
+        fv_player_open(&ops, memory, count, 0, "stamps.txt", selection, &info, &source, &error),
+        FOVEA_OK);
     play(&source_ops, source, played);
     assert_int_equal(played->counts.delivered + played->counts.damaged, count);
 }
 
-/* A frame whose stamp leaps ahead would make the loop refuse all that follow; one that goes back or repeats
- * is the loop's, and so is a clock that was set back. */
+/* A frame whose stamp leaps ahead would make the loop refuse all that follow; one that goes back or
+ * repeats is the loop's, and so is a clock that was set back. */
 static void test_leaping_stamps(void **state)
 {
     static const struct {
@@ -143,9 +149,11 @@ static void test_leaping_stamps(void **state)
         {{1, 2, 3, FAR, END}, {0}},
         {{10, 20, 30, 40, 35, 50, 60, END}, {0}}, /* 35 goes back */
         {{10, 20, 20, 20, 30, 40, END}, {0}},
-        {{10, 20, 30, 40, 5, 30, 8, 9, 50, END}, {0}},               /* 5, 30, 8 and 9 go back */
-        {{10, 20, 30, 1, 2, 3, 4, 5, 6, 7, 8, 9, END}, {100, 1, 2}}, /* begun by three of another clock */
-        {{10, 20, 30, 40, 50, 60, 70, 80, 90, 91, 1, 2, 3, 4, 5, 6, 7, 8, 9, END}, {0}}, /* set back */
+        {{10, 20, 30, 40, 5, 30, 8, 9, 50, END}, {0}}, /* 5, 30, 8 and 9 go back */
+        {{10, 20, 30, 1, 2, 3, 4, 5, 6, 7, 8, 9, END},
+         {100, 1, 2}}, /* begun by three of another clock */
+        {{10, 20, 30, 40, 50, 60, 70, 80, 90, 91, 1, 2, 3, 4, 5, 6, 7, 8, 9, END},
+         {0}}, /* set back */
         {{9, 8, 7, 6, 5, 4, 3, 2, 1, END}, {0}},
     };
     const struct fovea_source_selection everything = {.step = 1};
@@ -162,7 +170,8 @@ static void test_leaping_stamps(void **state)
             if (at == played.count || played.sequence[at++] != i)
                 fail_msg("case %zu: frame %u is missing", c, (unsigned)i);
         }
-        if (at != played.count) fail_msg("case %zu: %zu frames came, expected %zu", c, played.count, at);
+        if (at != played.count)
+            fail_msg("case %zu: %zu frames came, expected %zu", c, played.count, at);
     }
     play_stamps(cases[0].stamps, &everything, &played);
     assert_string_equal(
@@ -170,13 +179,14 @@ static void test_leaping_stamps(void **state)
         "stamps.txt: frame 3: timestamp: found 1000000 ns, expected one before the next frames' 5 ns");
 }
 
-/* Played backwards, what leaps ahead is what lay far behind; and only frames that are played count. */
+/* Played backwards, what leaps ahead is what lay far behind; and only frames that are played count.
+ */
 static void test_leaps_as_they_are_played(void **state)
 {
     static const int64_t behind[] = {101, 102, 103, 4, 105, 106, 107, END},
                          ahead[] = {1, 2, 3, FAR, 5, 6, 7, 8, 9, END};
-    const struct fovea_source_selection reverse = {.step = 1, .reverse = true}, second = {.step = 2},
-                                        odd = {.start = 1, .step = 2};
+    const struct fovea_source_selection reverse = {.step = 1, .reverse = true},
+                                        second = {.step = 2}, odd = {.start = 1, .step = 2};
     struct played played;
     (void)state;
     play_stamps(behind, &reverse, &played);
@@ -191,22 +201,26 @@ static void test_leaps_as_they_are_played(void **state)
     play_stamps(ahead, &reverse, &played); /* goes back: the loop's */
     assert_int_equal(played.count, 9);
     const struct fovea_source_info info = {.width = W, .height = 1, .format = FOVEA_PIXEL_GREY8};
-    static const struct fv_recording_ops ops = {.fetch = fetch_stamp, .stamp = stamp, .close = close_nothing};
+    static const struct fv_recording_ops ops = {
+        .fetch = fetch_stamp, .stamp = stamp, .close = close_nothing};
     static const struct fovea_source_ops source_ops = FV_PLAYER_OPS("stamps", "", NULL);
     int64_t memory[9];
     struct fovea_source *source;
     struct fovea_error error;
     memcpy(memory, ahead, sizeof memory);
-    assert_int_equal(fv_player_open(&ops, memory, 9, 0, "x", &second, &info, &source, &error), FOVEA_OK);
+    assert_int_equal(fv_player_open(&ops, memory, 9, 0, "x", &second, &info, &source, &error),
+                     FOVEA_OK);
     play(&source_ops, source, &played);
     assert_int_equal(played.count, 5);
-    assert_int_equal(fv_player_open(&ops, memory, 9, 0, "x", &odd, &info, &source, &error), FOVEA_OK);
+    assert_int_equal(fv_player_open(&ops, memory, 9, 0, "x", &odd, &info, &source, &error),
+                     FOVEA_OK);
     play(&source_ops, source, &played);
     assert_int_equal(played.count, 3);
     assert_int_equal(played.counts.damaged, 1);
 }
 
-/* ---- logs -------------------------------------------------------------------------------------------- */
+/* ---- logs
+ * -------------------------------------------------------------------------------------------- */
 
 /* The header of one event is spoilt: that frame is lost, all others come. */
 static void test_log_goes_on_after_damage(void **state)
@@ -241,8 +255,8 @@ static void test_log_goes_on_after_damage(void **state)
             assert_non_null(strstr(played.complaint.text, place));
         }
     }
-    /* A piece of a header gone, one from inside a frame, whose length then swallows the next one's head, and
-     * the end of the file; in reverse too. */
+    /* A piece of a header gone, one from inside a frame, whose length then swallows the next one's
+     * head, and the end of the file; in reverse too. */
     const struct fovea_source_selection reverse = {.step = 1, .reverse = true};
     struct fovea_error error;
     memmove(whole + 7 * event + 50, whole + 7 * event + 150, bytes - 7 * event - 150);
@@ -282,10 +296,11 @@ static void put_head(FILE *file, const char *channel, int focal)
     static char none[] = "", name[] = "calibration";
     char text[256];
     uint8_t bytes[1024];
-    snprintf(text, sizeof text,
-             "image_width: 96\nimage_height: 64\ndistortion_model: plumb_bob\nD: []\nK: [%d, 0, 48, 0, %d, "
-             "32, 0, 0, 1]\n",
-             focal, focal);
+    snprintf(
+        text, sizeof text,
+        "image_width: 96\nimage_height: 64\ndistortion_model: plumb_bob\nD: []\nK: [%d, 0, 48, 0, %d, "
+        "32, 0, 0, 1]\n",
+        focal, focal);
     fovea_recording_part_t part = {
         .name = name, .origin = none, .size_bytes = (int32_t)strlen(text), .data = (uint8_t *)text};
     fovea_recording_t head = {.format = 1,
@@ -346,7 +361,8 @@ static void test_log_of_nothing(void **state)
     (void)state;
     for (size_t i = 0; i + 4 <= sizeof noise; i += 4) /* sync words */
         memcpy(noise + i, "\xED\xA1\xDA\x01", 4);
-    static const char event[] = "\xED\xA1\xDA\x01................\0\0\0\x04\0\0\0\0NAME"; /* and one event */
+    static const char event[] =
+        "\xED\xA1\xDA\x01................\0\0\0\x04\0\0\0\0NAME"; /* and one event */
     memcpy(noise + sizeof noise / 2, event, sizeof event - 1);
     fv_test_write(path, noise, sizeof noise);
     assert_int_equal(play_uri("lcmlog", path, &everything, &played, &error), FOVEA_ERROR_INPUT);
@@ -354,9 +370,11 @@ static void test_log_of_nothing(void **state)
     assert_memory_equal(error.text + strlen(path), ": byte 20: channel length", 25);
 }
 
-/* ---- names ------------------------------------------------------------------------------------------- */
+/* ---- names
+ * ------------------------------------------------------------------------------------------- */
 
-/* Folders and files are themselves, whatever is in their names and whatever else those would fit. */
+/* Folders and files are themselves, whatever is in their names and whatever else those would fit.
+ */
 static void test_names_that_look_like_patterns(void **state)
 {
     static const char *const names[] = {"run [1]", "a*b", "what?", "back\\slash", "all of *[?]\\"};
@@ -423,12 +441,15 @@ static void test_kitti_poses_beside_the_sequences(void **state)
     for (size_t i = 0; i < sizeof ways / sizeof ways[0]; ++i) {
         struct fovea_source *source;
         struct fovea_error error;
-        const bool last = i + 1 == sizeof ways / sizeof ways[0]; /* not where the archives have it */
+        const bool last =
+            i + 1 == sizeof ways / sizeof ways[0]; /* not where the archives have it */
         if (last)
-            assert_int_equal(
-                rename(fv_test_path(folder, "archive/sequences"), fv_test_path(folder, "archive/others")), 0);
-        assert_int_equal(fovea_source_kitti.open(fv_test_path(folder, ways[i]), &everything, &source, &error),
-                         FOVEA_OK);
+            assert_int_equal(rename(fv_test_path(folder, "archive/sequences"),
+                                    fv_test_path(folder, "archive/others")),
+                             0);
+        assert_int_equal(
+            fovea_source_kitti.open(fv_test_path(folder, ways[i]), &everything, &source, &error),
+            FOVEA_OK);
         assert_true(fovea_source_kitti.info(source)->has_truth == !last);
         fovea_source_kitti.close(source);
     }
@@ -436,10 +457,11 @@ static void test_kitti_poses_beside_the_sequences(void **state)
     fv_test_folder_remove(top);
 }
 
-/* ---- videos ------------------------------------------------------------------------------------------- */
+/* ---- videos
+ * ------------------------------------------------------------------------------------------- */
 
-/* In reverse a video is read in stretches, of which this one has several; the same frames come, to the last
- * bit. */
+/* In reverse a video is read in stretches, of which this one has several; the same frames come, to
+ * the last bit. */
 static void test_video_in_reverse(void **state)
 {
     enum { FRAMES = 150 };
@@ -448,8 +470,10 @@ static void test_video_in_reverse(void **state)
         {.start = 3, .step = 2, .reverse = true},
         {.start = 20, .step = 7, .frames = 5, .reverse = true},
         {.start = 149, .step = 500, .reverse = true}};
-    const struct fovea_source_selection everything = {.step = 1}, late = {.start = FRAMES, .step = 1},
-                                        late_reverse = {.start = FRAMES, .step = 1, .reverse = true};
+    const struct fovea_source_selection everything = {.step = 1},
+                                        late = {.start = FRAMES, .step = 1},
+                                        late_reverse = {
+                                            .start = FRAMES, .step = 1, .reverse = true};
     static struct played all, played;
     struct fovea_error error;
     char path[FV_TEST_PATH_BYTES];
@@ -462,7 +486,8 @@ static void test_video_in_reverse(void **state)
     assert_int_equal(all.count, FRAMES);
     for (size_t c = 0; c < sizeof reverse / sizeof reverse[0]; ++c) {
         const struct fovea_source_selection *s = &reverse[c];
-        const uint64_t left = (FRAMES - s->start - 1) / s->step + 1, count = s->frames > 0 ? s->frames : left;
+        const uint64_t left = (FRAMES - s->start - 1) / s->step + 1,
+                       count = s->frames > 0 ? s->frames : left;
         assert_int_equal(play_uri("video", path, s, &played, &error), FOVEA_OK);
         assert_int_equal(played.count, count);
         for (size_t i = 0; i < count; ++i) {
@@ -477,9 +502,11 @@ static void test_video_in_reverse(void **state)
     assert_int_equal(play_uri("video", path, &late_reverse, &played, &error), FOVEA_ERROR_ARGUMENT);
 }
 
-/* ---- text -------------------------------------------------------------------------------------------- */
+/* ---- text
+ * -------------------------------------------------------------------------------------------- */
 
-/* The mark with which some editors begin UTF-8 stands before a comment, or before the first stamp. */
+/* The mark with which some editors begin UTF-8 stands before a comment, or before the first stamp.
+ */
 static void test_byte_order_mark(void **state)
 {
     struct played played;
@@ -512,7 +539,8 @@ static void test_own_calibration_not_needed(void **state)
                 {"tum", "camera.yaml", fv_test_tum, "P0: no\n"},
                 {"kitti", "calib.txt", fv_test_kitti, "P0: no\n"},
                 {"kitti", "calib.txt", fv_test_kitti, "P0: 90 0 5000 0 0 90 32 0 0 0 1 0\n"}};
-    const struct fovea_source_selection alone = {.step = 1}, given = {.step = 1, .camera_given = true};
+    const struct fovea_source_selection alone = {.step = 1},
+                                        given = {.step = 1, .camera_given = true};
     (void)state;
     for (size_t i = 0; i < sizeof sets / sizeof sets[0]; ++i) {
         struct played played;
@@ -520,7 +548,8 @@ static void test_own_calibration_not_needed(void **state)
         char top[FV_TEST_PATH_BYTES];
         snprintf(top, sizeof top, "%s", sets[i].make(folder));
         assert_int_equal(play_uri(sets[i].scheme, top, &given, &played, &error), FOVEA_OK);
-        assert_true(played.has_camera && played.camera.width == W && played.camera.field_max_rad > 0);
+        assert_true(played.has_camera && played.camera.width == W &&
+                    played.camera.field_max_rad > 0);
         fv_test_write_text(fv_test_path(top, sets[i].file), sets[i].wrong);
         assert_int_equal(play_uri(sets[i].scheme, top, &alone, &played, &error), FOVEA_ERROR_INPUT);
         assert_non_null(strstr(error.text, sets[i].file));
@@ -534,7 +563,8 @@ static void test_own_calibration_not_needed(void **state)
 /* The same of a log's own: the head of a recording of ours, here cut off behind the type's hash. */
 static void test_own_head_not_needed(void **state)
 {
-    const struct fovea_source_selection alone = {.step = 1}, given = {.step = 1, .camera_given = true};
+    const struct fovea_source_selection alone = {.step = 1},
+                                        given = {.step = 1, .camera_given = true};
     const uint64_t hash = (uint64_t)__fovea_recording_t_get_hash();
     struct played played;
     struct fovea_error error;

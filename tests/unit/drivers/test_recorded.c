@@ -1,5 +1,5 @@
-/* Recordings: pictures to the last grey level, truth at the frames' stamps, and damage that is counted, named
- * and skipped. */
+/* Recordings: pictures to the last grey level, truth at the frames' stamps, and damage that is
+ * counted, named and skipped. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -27,7 +27,8 @@
 static char *const folder = fv_test_place;
 static const struct fovea_source_selection everything = {.step = 1};
 
-/* ---- pictures ---------------------------------------------------------------------------------------- */
+/* ---- pictures
+ * ---------------------------------------------------------------------------------------- */
 
 enum { W = FV_TEST_WIDTH, H = FV_TEST_HEIGHT, STRIDE = 128 };
 
@@ -35,7 +36,8 @@ static void decode(const char *path, uint8_t *grey)
 {
     size_t bytes;
     uint8_t *file = fv_test_read(path, &bytes);
-    const struct fv_decode_image image = {.pixels = grey, .width = W, .height = H, .stride_bytes = STRIDE};
+    const struct fv_decode_image image = {
+        .pixels = grey, .width = W, .height = H, .stride_bytes = STRIDE};
     struct fovea_error reason = {.text = ""};
     int32_t width = 0, height = 0;
     assert_int_equal(fv_decode_probe(file, bytes, &width, &height, &reason), FOVEA_OK);
@@ -75,7 +77,8 @@ static void test_png_kinds(void **state)
         decode(path, grey);
         for (int i = 0; i < W * H; ++i) {
             const uint8_t *sample = &picture[i * form.channels];
-            assert_int_equal(grey[i / W * STRIDE + i % W], form.channels < 3 ? sample[0] : weighted(sample));
+            assert_int_equal(grey[i / W * STRIDE + i % W],
+                             form.channels < 3 ? sample[0] : weighted(sample));
         }
         assert_int_equal(grey[W], 0xEE); /* nothing past the row */
     }
@@ -102,14 +105,15 @@ static void test_jpeg_kinds(void **state)
     }
 }
 
-/* Whatever is cut off, a picture is whole or refused. Marked in an end of 2 bytes, JPEG's is the only one
- * that may lack. */
+/* Whatever is cut off, a picture is whole or refused. Marked in an end of 2 bytes, JPEG's is the
+ * only one that may lack. */
 static void test_truncated(void **state)
 {
     (void)state;
     static uint8_t picture[W * H], grey[STRIDE * H];
     const struct fv_test_png form = {.width = W, .height = H, .channels = 1, .depth = 8};
-    const struct fv_decode_image image = {.pixels = grey, .width = W, .height = H, .stride_bytes = STRIDE};
+    const struct fv_decode_image image = {
+        .pixels = grey, .width = W, .height = H, .stride_bytes = STRIDE};
     fv_test_picture(3, W, H, 1, picture);
     for (int kind = 0; kind < 3; ++kind) {
         const char *path = fv_test_path(folder, "cut");
@@ -126,7 +130,8 @@ static void test_truncated(void **state)
             memcpy(part, file, kept);
             const enum fovea_status status = fv_decode(part, kept, &image, &reason);
             free(part);
-            if (status == FOVEA_OK) fail_msg("kind %d: %zu of %zu bytes made a picture", kind, kept, bytes);
+            if (status == FOVEA_OK)
+                fail_msg("kind %d: %zu of %zu bytes made a picture", kind, kept, bytes);
             assert_true(strlen(reason.text) > 5 && strchr(reason.text, '\n') == NULL);
         }
         free(file);
@@ -157,9 +162,11 @@ static void test_size_limits(void **state)
     free(file);
 }
 
-/* ---- playing ----------------------------------------------------------------------------------------- */
+/* ---- playing
+ * ----------------------------------------------------------------------------------------- */
 
-static struct fovea_source *open_uri(const char *uri, const struct fovea_source_selection *selection,
+static struct fovea_source *open_uri(const char *uri,
+                                     const struct fovea_source_selection *selection,
                                      const struct fovea_source_ops **ops)
 {
     const char *address;
@@ -206,7 +213,8 @@ static void test_pictures_and_truth(void **state)
             assert_int_equal(frame.stamp_ns, sets[s].first_ns + (int64_t)i * 50000000);
             fv_test_picture(i, W, H, 1, picture);
             for (int y = 0; y < H && sets[s].make != fv_test_tum; ++y)
-                assert_memory_equal(frame.image.data + y * frame.image.stride_bytes, picture + y * W, W);
+                assert_memory_equal(frame.image.data + y * frame.image.stride_bytes,
+                                    picture + y * W, W);
             assert_int_equal(ops->truth(source, &frame, &truth), FOVEA_OK);
             assert_true(truth.has_pose);
             assert_true(fabs(truth.T_world_cam[3] - (sets[s].offset_m + 0.1 * i)) < 1e-6);
@@ -269,7 +277,8 @@ static void test_damage_is_counted_and_named(void **state)
         assert_int_equal(ops->complaint(source, &error), FOVEA_OK);
         snprintf(file, sizeof file, "%06d.png: ", i);
         assert_non_null(strstr(error.text, file));
-        if (i == 2) assert_non_null(strstr(error.text, "cannot be opened: No such file or directory"));
+        if (i == 2)
+            assert_non_null(strstr(error.text, "cannot be opened: No such file or directory"));
         if (i == 3) assert_non_null(strstr(error.text, "damaged PNG near byte"));
     }
     assert_int_equal(ops->complaint(source, NULL), FOVEA_AGAIN);
@@ -283,8 +292,8 @@ static enum fovea_status fetch_nothing(void *recording, uint64_t index, struct f
 {
     (void)recording;
     (void)slot;
-    return fovea_error_set(error, FOVEA_GONE, "frame %04d of a folder with rather a long name: not there",
-                           (int)index);
+    return fovea_error_set(error, FOVEA_GONE,
+                           "frame %04d of a folder with rather a long name: not there", (int)index);
 }
 
 static void close_missing(void *recording)
@@ -292,7 +301,8 @@ static void close_missing(void *recording)
     (void)recording;
 }
 
-/* Thousands of missing frames: all named where somebody asks; where nobody does, the reader goes on and counts. */
+/* Thousands of missing frames: all named where somebody asks; where nobody does, the reader goes on
+ * and counts. */
 static void test_many_missing(void **state)
 {
     (void)state;
@@ -349,7 +359,8 @@ static void close_nothing(void *recording)
     (void)recording;
 }
 
-/* The loop is not kept past its deadline by a reader that is busy, and gets the frame when it is there. */
+/* The loop is not kept past its deadline by a reader that is busy, and gets the frame when it is
+ * there. */
 static void test_deadline_passes_while_decoding(void **state)
 {
     (void)state;
@@ -383,7 +394,8 @@ static void test_start_again(void **state)
 {
     (void)state;
     const struct fovea_source_ops *ops;
-    struct fovea_source *source = open_uri(uri_of("images", fv_test_images(folder)), &everything, &ops);
+    struct fovea_source *source =
+        open_uri(uri_of("images", fv_test_images(folder)), &everything, &ops);
     struct fovea_error error;
     for (int round = 0; round < 20; ++round) { /* stopped after 0, 1, 2, ... frames */
         struct fovea_frame frame;
@@ -411,13 +423,15 @@ static void test_natural_order(void **state)
         struct fovea_frame frame;
         assert_int_equal(ops->dequeue(source, INT64_MAX, &frame), FOVEA_OK);
         fv_test_picture(i, W, H, 1, picture);
-        if (i % 2 == 0) assert_memory_equal(frame.image.data + frame.image.stride_bytes, picture + W, W);
+        if (i % 2 == 0)
+            assert_memory_equal(frame.image.data + frame.image.stride_bytes, picture + W, W);
         ops->requeue(source, &frame);
     }
     ops->close(source);
 }
 
-/* ---- text files -------------------------------------------------------------------------------------- */
+/* ---- text files
+ * -------------------------------------------------------------------------------------- */
 
 static void test_stamps(void **state)
 {
@@ -454,7 +468,8 @@ static void test_poses(void **state)
     fv_test_write_text(
         path,
         "# t x y z qx qy qz qw\n0.0 0 0 0 0 0 0 1\n0.1 1 2 3 0 0 -0.17364818 -0.98480775\n9 0 0 0 0 0 0 1\n");
-    if (fv_poses_read(path, FV_POSES_TUM, identity, &poses, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    if (fv_poses_read(path, FV_POSES_TUM, identity, &poses, &error) != FOVEA_OK)
+        fail_msg("%s", error.text);
     assert_true(fv_poses_at(&poses, 50000000, 0, T));
     assert_true(fabs(T[0] - cos(10 * 3.14159265358979 / 180)) < 1e-6 &&
                 fabs(T[4] - sin(10 * 3.14159265358979 / 180)) < 1e-6);
@@ -476,12 +491,14 @@ static void test_poses(void **state)
     };
     for (size_t i = 0; i < sizeof wrong / sizeof wrong[0]; ++i) {
         fv_test_write_text(path, wrong[i].text);
-        assert_int_equal(fv_poses_read(path, FV_POSES_TUM, identity, &poses, &error), FOVEA_ERROR_INPUT);
+        assert_int_equal(fv_poses_read(path, FV_POSES_TUM, identity, &poses, &error),
+                         FOVEA_ERROR_INPUT);
         assert_string_equal(error.text + strlen(path), wrong[i].line);
     }
 }
 
-/* ---- the head of a recording ------------------------------------------------------------------------- */
+/* ---- the head of a recording
+ * ------------------------------------------------------------------------- */
 
 static void test_log_calibration(void **state)
 {
@@ -507,7 +524,8 @@ static void test_log_calibration(void **state)
     uint8_t bytes[1024];
     const int size = fovea_recording_t_encode(bytes, 0, sizeof bytes, &head);
     assert_true(size > 0);
-    struct fovea_log_event event = {.channel = "FOVEA_RECORDING", .bytes = (uint32_t)size, .data = bytes};
+    struct fovea_log_event event = {
+        .channel = "FOVEA_RECORDING", .bytes = (uint32_t)size, .data = bytes};
     struct fovea_calibration found;
     struct fovea_error error = {.text = ""};
     if (fv_log_calibration("x.log", &event, &found, &error) != FOVEA_OK) fail_msg("%s", error.text);
@@ -533,7 +551,8 @@ static void test_log_calibration(void **state)
     memcpy(strstr((char *)bytes + size - (int)sizeof calibration, "image_w"), "image_x", 7);
     assert_int_equal(fv_log_calibration("x.log", &event, &found, &error), FOVEA_ERROR_INPUT);
     assert_string_equal(
-        error.text, "x.log: calibration:1: the file: found the key 'image_xidth', expected 'image_width'");
+        error.text,
+        "x.log: calibration:1: the file: found the key 'image_xidth', expected 'image_width'");
 }
 
 int main(void)

@@ -1,4 +1,5 @@
-/* The state machine of live sources and the order of their frames: pure functions, no camera and no clock. */
+/* The state machine of live sources and the order of their frames: pure functions, no camera and no
+ * clock. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -54,7 +55,8 @@ static void test_ages(void **state)
     assert_int_equal(state_of(&r, 184 * ms), FOVEA_SOURCE_LATE);
     assert_int_equal(state_of(&r, 599 * ms), FOVEA_SOURCE_LATE);
     assert_int_equal(state_of(&r, 600 * ms), FOVEA_SOURCE_STALLED);
-    assert_true(!fv_recovery_waited_enough(&r, 1099 * ms) && fv_recovery_waited_enough(&r, 1100 * ms));
+    assert_true(!fv_recovery_waited_enough(&r, 1099 * ms) &&
+                fv_recovery_waited_enough(&r, 1100 * ms));
     assert_true(r.recovered == 0);
     fv_recovery_good(&r, 700 * ms); /* it comes by itself: nothing was recovered from */
     assert_int_equal(state_of(&r, 700 * ms), FOVEA_SOURCE_OK);
@@ -127,7 +129,8 @@ static void test_bad_frames(void **state)
     assert_true(fv_recovery_bad(&r));
 }
 
-/* ---- order ------------------------------------------------------------------------------------------- */
+/* ---- order
+ * ------------------------------------------------------------------------------------------- */
 
 static const struct fv_order_now base = {{1000000 * ms, 5000000 * ms, 1700000000000 * ms}};
 
@@ -175,7 +178,8 @@ static void test_numbers(void **state)
 static void test_clock_found_out(void **state)
 {
     (void)state;
-    const enum fovea_clock told[3] = {FOVEA_CLOCK_MONOTONIC, FOVEA_CLOCK_BOOTTIME, FOVEA_CLOCK_MONOTONIC};
+    const enum fovea_clock told[3] = {FOVEA_CLOCK_MONOTONIC, FOVEA_CLOCK_BOOTTIME,
+                                      FOVEA_CLOCK_MONOTONIC};
     for (int clock = 0; clock < 3; ++clock) {
         struct fv_order order;
         struct fovea_frame frame = {.sequence = 0};

@@ -1,5 +1,5 @@
-/* The simulated camera's frames: the same bits from every machine, compiler and way of asking; life of the
- * source. */
+/* The simulated camera's frames: the same bits from every machine, compiler and way of asking; life
+ * of the source. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -12,7 +12,8 @@
 
 #include "fovea/source.h"
 
-static struct fovea_source *open_source(const char *address, const struct fovea_source_selection *selection)
+static struct fovea_source *open_source(const char *address,
+                                        const struct fovea_source_selection *selection)
 {
     const struct fovea_source_ops *ops;
     const char *rest;
@@ -74,7 +75,8 @@ static uint64_t hash_at(const char *address, uint64_t start, uint64_t *truth_has
         *truth_hash = hash_bytes(*truth_hash, truth.class_mask, pixels);
         for (uint32_t i = 0; i < truth.box_count; i++) {
             const struct fovea_truth_box *b = &truth.boxes[i];
-            const float values[5] = {b->x_min_px, b->y_min_px, b->x_max_px, b->y_max_px, b->visible_share};
+            const float values[5] = {b->x_min_px, b->y_min_px, b->x_max_px, b->y_max_px,
+                                     b->visible_share};
             *truth_hash = hash_bytes(*truth_hash, &b->id, sizeof b->id);
             *truth_hash = hash_bytes(*truth_hash, values, sizeof values);
         }
@@ -84,7 +86,8 @@ static uint64_t hash_at(const char *address, uint64_t start, uint64_t *truth_has
     return hash;
 }
 
-/* Change these only when the pictures are meant to change: recordings and measurements depend on them. */
+/* Change these only when the pictures are meant to change: recordings and measurements depend on
+ * them. */
 static const struct {
     const char *address;
     uint64_t frame, image, truth;
@@ -92,16 +95,18 @@ static const struct {
     {"tour?width=320&height=240", 0, 0xd364054129bed019u, 0x90a87638fffb6c1eu},
     {"tour?width=320&height=240&objects=16", 1100, 0xa4f0fe14f2977664u, 0x1d333f8eaa7a5606u},
     {"orbit", 123, 0x839a1ae2879bae9bu, 0xf2a47beb7ff7c428u},
-    {"orbit?seed=99&width=320&height=240&lens=equidistant&objects=24&noise=5", 77, 0x9da10932ce4fb0a6u,
-     0x138d970e2946142au},
-    {"corridor?width=320&height=240&textures=repeated", 400, 0x5c1b7cb6436d27f9u, 0xf27eba63e6b26e51u},
+    {"orbit?seed=99&width=320&height=240&lens=equidistant&objects=24&noise=5", 77,
+     0x9da10932ce4fb0a6u, 0x138d970e2946142au},
+    {"corridor?width=320&height=240&textures=repeated", 400, 0x5c1b7cb6436d27f9u,
+     0xf27eba63e6b26e51u},
     {"rotate?width=200&height=130&lens=pinhole", 50, 0xa95a95b882c22834u, 0x1d310abd6332df50u},
     {"stopgo?width=160&height=120&seed=4", 300, 0xfd4bd41ebb4c1799u, 0x586ccb907aa377abu},
     {"fast?width=320&height=240&blur=1&exposure=15", 100, 0x9f19415826b8cc07u, 0x73044f71c6eb7c06u},
     {"kidnap?width=320&height=240", 440, 0x742fd52bac7ed3b6u, 0x72de142b8a4acd8cu},
     {"wander?width=320&height=240&objects=30", 100000, 0xc6fb1eee4677dc7du, 0x4479cc184c3347cau},
     {"still?width=320&height=240&rolling=1&light=0.5", 9, 0x1f551bdf26ff6484u, 0x6676acb0e4827abcu},
-    {"orbit?width=320&height=240&rolling=1&blur=1&objects=12", 200, 0x4f4708e23fc7da13u, 0x3c4a51d233af1a97u},
+    {"orbit?width=320&height=240&rolling=1&blur=1&objects=12", 200, 0x4f4708e23fc7da13u,
+     0x3c4a51d233af1a97u},
 };
 
 static void test_golden(void **state)
@@ -113,8 +118,8 @@ static void test_golden(void **state)
         const uint64_t image = hash_at(golden[i].address, golden[i].frame, &truth);
         if (image == golden[i].image && truth == golden[i].truth) continue;
         wrong++;
-        print_message("    {\"%s\", %d, 0x%016llxu, 0x%016llxu},\n", golden[i].address, (int)golden[i].frame,
-                      (unsigned long long)image, (unsigned long long)truth);
+        print_message("    {\"%s\", %d, 0x%016llxu, 0x%016llxu},\n", golden[i].address,
+                      (int)golden[i].frame, (unsigned long long)image, (unsigned long long)truth);
     }
     assert_int_equal(wrong, 0);
 }
@@ -154,7 +159,8 @@ static void test_order_does_not_matter(void **state)
         assert_int_equal(sim_ops()->state(source), FOVEA_SOURCE_ENDED);
         close_source(source);
         /* From 1 in steps of 3, two of them: frames 1 and 4; turned round. */
-        const struct fovea_source_selection selection = {.start = 1, .step = 3, .frames = 2, .reverse = true};
+        const struct fovea_source_selection selection = {
+            .start = 1, .step = 3, .frames = 2, .reverse = true};
         source = open_source(addresses[n], &selection);
         assert_int_equal(sim_ops()->info(source)->frame_count, 2);
         const int expected[2] = {4, 1};
@@ -177,7 +183,8 @@ static void test_frames_say_what_they_are(void **state)
 {
     (void)state;
     struct fovea_frame a, b, c;
-    struct fovea_source *source = open_source("still?width=96&height=80&rate=20&exposure=4&noise=3", NULL);
+    struct fovea_source *source =
+        open_source("still?width=96&height=80&rate=20&exposure=4&noise=3", NULL);
     const struct fovea_source_info *info = sim_ops()->info(source);
     assert_true(info->has_camera && info->has_truth && !info->live);
     assert_int_equal(info->width, 96);
@@ -202,8 +209,8 @@ static void test_frames_say_what_they_are(void **state)
     close_source(source);
 }
 
-/* Noise has the standard deviation that was asked for, is new in every frame, and nothing else moves when all
- * stands. */
+/* Noise has the standard deviation that was asked for, is new in every frame, and nothing else
+ * moves when all stands. */
 static void test_noise(void **state)
 {
     (void)state;
@@ -221,8 +228,9 @@ static void test_noise(void **state)
         count++;
     }
     const double mean = sum / count, variance = square / count - mean * mean;
-    print_message("noise 3: difference of two frames has mean %.3f, variance %.2f (expected 18.2)\n", mean,
-                  variance);
+    print_message(
+        "noise 3: difference of two frames has mean %.3f, variance %.2f (expected 18.2)\n", mean,
+        variance);
     assert_true(mean > -0.03 && mean < 0.03);
     assert_true(variance > 17.4 && variance < 19.0);
     close_source(source);
@@ -240,7 +248,8 @@ static double thread_ms(void)
     return (double)now.tv_sec * 1e3 + (double)now.tv_nsec * 1e-6;
 }
 
-/* 5 ms on a core of its own; here other tests run beside it, and the machine may be emulated or instrumented. */
+/* 5 ms on a core of its own; here other tests run beside it, and the machine may be emulated or
+ * instrumented. */
 #if defined(FOVEA_SANITIZED) || !defined(__x86_64__)
 static const double frame_ms_most = 1000;
 #else
@@ -266,8 +275,9 @@ static void test_timing(void **state)
             if (took > most) most = took;
             sim_ops()->requeue(source, &frame);
         }
-        print_message("%-9s open %.0f ms, %.1f MiB; 640x480 frame mean %.2f ms, at most %.2f ms\n", names[n],
-                      opened - begin, (double)sim_ops()->info(source)->heap_bytes / 1048576.0,
+        print_message("%-9s open %.0f ms, %.1f MiB; 640x480 frame mean %.2f ms, at most %.2f ms\n",
+                      names[n], opened - begin,
+                      (double)sim_ops()->info(source)->heap_bytes / 1048576.0,
                       (thread_ms() - opened) / FRAMES, most);
         assert_true((thread_ms() - opened) / FRAMES < frame_ms_most);
         close_source(source);

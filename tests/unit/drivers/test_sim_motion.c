@@ -28,7 +28,8 @@ static struct scene open_scene(const char *address)
     scene.motion = malloc(sizeof *scene.motion);
     assert_true(fv_sim_world_build(scene.world, &scene.options));
     fv_sim_motion_create(scene.motion, &scene.options, scene.world);
-    if (scene.options.trajectory == FV_SIM_TOUR) fv_sim_objects_clear(scene.world, scene.motion, 0.0, 68.0);
+    if (scene.options.trajectory == FV_SIM_TOUR)
+        fv_sim_objects_clear(scene.world, scene.motion, 0.0, 68.0);
     return scene;
 }
 
@@ -106,8 +107,8 @@ static void test_speeds(void **state)
                 way += gap(a, b);
             }
             if (seed == 1)
-                print_message("%-9s %6.1f m, at most %.2f m/s, %.2f m/s^2, %.2f rad/s\n", limits[n].name, way,
-                              speed, acceleration, turning);
+                print_message("%-9s %6.1f m, at most %.2f m/s, %.2f m/s^2, %.2f rad/s\n",
+                              limits[n].name, way, speed, acceleration, turning);
             assert_true(speed <= limits[n].speed);
             assert_true(acceleration <= limits[n].acceleration + 1e-9);
             assert_true(turning <= limits[n].turning + 1e-6);

@@ -1,4 +1,5 @@
-/* Options of the simulated camera: what is taken, and that every wrong one is refused in one telling line. */
+/* Options of the simulated camera: what is taken, and that every wrong one is refused in one
+ * telling line. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -29,9 +30,10 @@ static void test_values(void **state)
     (void)state;
     struct fv_sim_options o;
     struct fovea_error error;
-    const char *uri = "orbit?seed=7&width=752&height=480&rate=20&frames=11&lens=equidistant&fov=100.5&noise="
-                      "0.5&blur=1&rolling=1"
-                      "&exposure=12.5&readout=30&objects=3&textures=repeated&light=1.5&time=4.25";
+    const char *uri =
+        "orbit?seed=7&width=752&height=480&rate=20&frames=11&lens=equidistant&fov=100.5&noise="
+        "0.5&blur=1&rolling=1"
+        "&exposure=12.5&readout=30&objects=3&textures=repeated&light=1.5&time=4.25";
     assert_int_equal(fv_sim_options_parse(uri, &o, &error), FOVEA_OK);
     assert_int_equal(o.seed, 7);
     assert_int_equal(o.width, 752);
@@ -100,16 +102,17 @@ static void test_open_refuses_what_cannot_be(void **state)
     assert_int_equal(fovea_source_sim.open("orbit", &still, &source, &error), FOVEA_ERROR_ARGUMENT);
     assert_int_equal(fovea_source_sim.open("wander", &back, &source, &error), FOVEA_ERROR_ARGUMENT);
     /* A tall fisheye image whose corners would look backward. */
-    assert_int_equal(
-        fovea_source_sim.open("orbit?lens=equidistant&fov=130&width=640&height=1280", NULL, &source, &error),
-        FOVEA_ERROR_INPUT);
+    assert_int_equal(fovea_source_sim.open("orbit?lens=equidistant&fov=130&width=640&height=1280",
+                                           NULL, &source, &error),
+                     FOVEA_ERROR_INPUT);
     assert_non_null(strstr(error.text, "fov"));
     /* Frames whose time no stamp can hold. */
-    const struct fovea_source_selection far_off[] = {{.start = INT64_MAX, .step = 1},
-                                                     {.start = 300000000000, .step = 1},
-                                                     {.start = 1, .step = INT64_MAX, .frames = 3},
-                                                     {.start = 1, .step = INT64_MAX},
-                                                     {.step = 1, .frames = 300000000000, .reverse = true}};
+    const struct fovea_source_selection far_off[] = {
+        {.start = INT64_MAX, .step = 1},
+        {.start = 300000000000, .step = 1},
+        {.start = 1, .step = INT64_MAX, .frames = 3},
+        {.start = 1, .step = INT64_MAX},
+        {.step = 1, .frames = 300000000000, .reverse = true}};
     for (size_t i = 0; i < sizeof far_off / sizeof far_off[0]; i++) {
         assert_int_equal(fovea_source_sim.open("wander?rate=30", &far_off[i], &source, &error),
                          FOVEA_ERROR_ARGUMENT);
@@ -118,18 +121,22 @@ static void test_open_refuses_what_cannot_be(void **state)
     assert_int_equal(
         fovea_source_sim.open("orbit?frames=9007199254740992&rate=1", &far_off[1], &source, &error),
         FOVEA_ERROR_ARGUMENT);
-    const struct fovea_source_selection backwards = {.step = 1, .reverse = true}, first = {.step = INT64_MAX};
+    const struct fovea_source_selection backwards = {.step = 1, .reverse = true},
+                                        first = {.step = INT64_MAX};
     assert_int_equal(
         fovea_source_sim.open("orbit?frames=9007199254740992&rate=1", &backwards, &source, &error),
         FOVEA_ERROR_ARGUMENT);
     assert_null(source);
-    assert_int_equal(fovea_source_sim.open("orbit?width=64&height=64", &first, &source, &error), FOVEA_OK);
+    assert_int_equal(fovea_source_sim.open("orbit?width=64&height=64", &first, &source, &error),
+                     FOVEA_OK);
     fovea_source_sim.close(source); /* its one frame is at 0 */
     const struct fovea_source_selection long_after = {.start = 200000000000, .step = 1};
-    assert_int_equal(fovea_source_sim.open("wander?rate=30", &long_after, &source, &error), FOVEA_OK);
-    fovea_source_sim.close(source);
-    assert_int_equal(fovea_source_sim.open("orbit?frames=9007199254740992&rate=1", NULL, &source, &error),
+    assert_int_equal(fovea_source_sim.open("wander?rate=30", &long_after, &source, &error),
                      FOVEA_OK);
+    fovea_source_sim.close(source);
+    assert_int_equal(
+        fovea_source_sim.open("orbit?frames=9007199254740992&rate=1", NULL, &source, &error),
+        FOVEA_OK);
     fovea_source_sim.close(source);
 }
 

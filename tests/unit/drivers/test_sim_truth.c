@@ -1,6 +1,6 @@
-/* The truth of the simulated camera against geometry done another way: rays in the world by brute force,
- * objects by their documented sizes, and the pictures themselves, which must fit when one is seen from the
- * other's place. */
+/* The truth of the simulated camera against geometry done another way: rays in the world by brute
+ * force, objects by their documented sizes, and the pictures themselves, which must fit when one is
+ * seen from the other's place. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -18,7 +18,8 @@ static struct fovea_source *open_at(const char *address, uint64_t start, struct 
     struct fovea_source *source = NULL;
     struct fovea_error error;
     const struct fovea_source_selection selection = {.start = start, .step = 1};
-    if (fovea_source_sim.open(address, &selection, &source, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    if (fovea_source_sim.open(address, &selection, &source, &error) != FOVEA_OK)
+        fail_msg("%s", error.text);
     assert_int_equal(fovea_source_sim.start(source, &error), FOVEA_OK);
     assert_int_equal(fovea_source_sim.dequeue(source, 0, frame), FOVEA_OK);
     return source;
@@ -30,13 +31,15 @@ static void close_source(struct fovea_source *source)
     fovea_source_sim.close(source);
 }
 
-/* ---- rays by brute force ------------------------------------------------------------------------------ */
+/* ---- rays by brute force
+ * ------------------------------------------------------------------------------ */
 
 /* First meeting of the ray o + t d with a face, or infinity: plane, then the two coordinates. */
 static double meet_face(const struct fv_sim_face *f, const double o[3], const double d[3])
 {
     const double *u = f->u, *v = f->v;
-    const double n[3] = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]};
+    const double n[3] = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2],
+                         u[0] * v[1] - u[1] * v[0]};
     double dn = 0, on = 0, pu = 0, pv = 0, uu = 0, vv = 0;
     for (int i = 0; i < 3; i++) {
         dn += d[i] * n[i];
@@ -114,8 +117,9 @@ static void check_rays(const char *address, uint64_t start)
         for (int32_t x = 2; x < frame.image.width; x += 7) {
             double b[3], d[3], t = INFINITY;
             int object = 0;
-            assert_int_equal(fovea_camera_unproject(&source->info.camera, (const double[2]){x, y}, b, NULL),
-                             FOVEA_OK);
+            assert_int_equal(
+                fovea_camera_unproject(&source->info.camera, (const double[2]){x, y}, b, NULL),
+                FOVEA_OK);
             for (int i = 0; i < 3; i++) /* scaled so that t is the depth */
                 d[i] = (T[4 * i] * b[0] + T[4 * i + 1] * b[1] + T[4 * i + 2] * b[2]) / b[2];
             for (int32_t i = 0; i < w->face_count; i++) {
@@ -143,8 +147,8 @@ static void check_rays(const char *address, uint64_t start)
                 worst = fmax(worst, error);
         }
     }
-    print_message("%s frame %d: %d rays (%d on bodies), %d differ (edges), others within %.1e\n", address,
-                  (int)start, count, rounds, wrong, worst);
+    print_message("%s frame %d: %d rays (%d on bodies), %d differ (edges), others within %.1e\n",
+                  address, (int)start, count, rounds, wrong, worst);
     assert_true(wrong * 500 <= count);
     close_source(source);
 }
@@ -158,15 +162,16 @@ static void test_depth_and_classes(void **state)
     check_rays("wander?lens=equidistant&objects=24&seed=4", 900);
 }
 
-/* ---- boxes by the sizes in the documentation ---------------------------------------------------------- */
+/* ---- boxes by the sizes in the documentation
+ * ---------------------------------------------------------- */
 
 struct extent {
     double x_min, x_max, y_min, y_max;
     bool whole;
 };
 
-static void extend(struct extent *e, const struct fovea_source *source, const double T[12], double x,
-                   double y, double z)
+static void extend(struct extent *e, const struct fovea_source *source, const double T[12],
+                   double x, double y, double z)
 {
     const double d[3] = {x - T[3], y - T[7], z - T[11]};
     double c[3], pixel[2];
@@ -230,18 +235,20 @@ static void test_boxes(void **state)
             assert_int_equal(box->object_class, o->object_class);
             assert_true(box->visible_share > 0.0f && box->visible_share <= 1.0f);
             assert_true(box->x_min_px < box->x_max_px && box->y_min_px < box->y_max_px);
-            if (box->visible_share < 1.0f || box->x_min_px < 1 || box->y_min_px < 1 || box->x_max_px > 639 ||
-                box->y_max_px > 479)
+            if (box->visible_share < 1.0f || box->x_min_px < 1 || box->y_min_px < 1 ||
+                box->x_max_px > 639 || box->y_max_px > 479)
                 continue;
             double position[2], heading;
             struct extent e = {1e9, -1e9, 1e9, -1e9, true};
             fv_sim_object_pose(o, fv_sim_frame_time(source, start), position, &heading);
             outline(&e, source, truth.T_world_cam, o->object_class, position, heading);
             assert_true(e.whole);
-            /* Pixel k covers [k - 0.5, k + 0.5]; the box's far sides are exclusive. A pixel belongs to the
-             * object when its centre does, so that each side lies within a pixel of the outline. */
-            const double off[4] = {(double)box->x_min_px - e.x_min, e.x_max - ((double)box->x_max_px - 1.0),
-                                   (double)box->y_min_px - e.y_min, e.y_max - ((double)box->y_max_px - 1.0)};
+            /* Pixel k covers [k - 0.5, k + 0.5]; the box's far sides are exclusive. A pixel belongs
+             * to the object when its centre does, so that each side lies within a pixel of the
+             * outline. */
+            const double off[4] = {
+                (double)box->x_min_px - e.x_min, e.x_max - ((double)box->x_max_px - 1.0),
+                (double)box->y_min_px - e.y_min, e.y_max - ((double)box->y_max_px - 1.0)};
             for (int k = 0; k < 4; k++) {
                 worst = fmax(worst, fabs(off[k]));
                 /* The tip of a cone is thinner than a pixel for a while. */
@@ -255,13 +262,14 @@ static void test_boxes(void **state)
         }
         close_source(source);
     }
-    print_message("boxes checked: ball %d cone %d box %d person %d, sides within %.2f px\n", checked[1],
-                  checked[2], checked[3], checked[4], worst);
+    print_message("boxes checked: ball %d cone %d box %d person %d, sides within %.2f px\n",
+                  checked[1], checked[2], checked[3], checked[4], worst);
     for (int c = 1; c < FOVEA_OBJECT_CLASS_COUNT; c++)
         assert_true(checked[c] >= 5);
 }
 
-/* An object that leaves the image keeps its share of the whole, and one behind another loses what is hidden.
+/* An object that leaves the image keeps its share of the whole, and one behind another loses what
+ * is hidden.
  */
 static void test_visible_share(void **state)
 {
@@ -270,17 +278,19 @@ static void test_visible_share(void **state)
     static struct fovea_truth narrow, wide;
     int compared = 0;
     for (uint64_t start = 0; start < 800; start += 160) {
-        /* The same camera with a smaller image: its truth must agree with counting in the larger one. */
-        struct fovea_source *source =
-            open_at("orbit?objects=16&seed=8&lens=pinhole&width=640&height=480&fov=80", start, &frame);
+        /* The same camera with a smaller image: its truth must agree with counting in the larger
+         * one. */
+        struct fovea_source *source = open_at(
+            "orbit?objects=16&seed=8&lens=pinhole&width=640&height=480&fov=80", start, &frame);
         struct fovea_frame inner;
-        struct fovea_source *part =
-            open_at("orbit?objects=16&seed=8&lens=pinhole&width=320&height=240&fov=45.5288", start, &inner);
+        struct fovea_source *part = open_at(
+            "orbit?objects=16&seed=8&lens=pinhole&width=320&height=240&fov=45.5288", start, &inner);
         assert_int_equal(fovea_source_sim.truth(source, &frame, &wide), FOVEA_OK);
         assert_int_equal(fovea_source_sim.truth(part, &inner, &narrow), FOVEA_OK);
         for (uint32_t i = 0; i < narrow.box_count; i++) {
             for (uint32_t k = 0; k < wide.box_count; k++) {
-                if (wide.boxes[k].id != narrow.boxes[i].id || wide.boxes[k].visible_share < 1.0f) continue;
+                if (wide.boxes[k].id != narrow.boxes[i].id || wide.boxes[k].visible_share < 1.0f)
+                    continue;
                 double visible = 0, whole = 0;
                 const uint8_t id = (uint8_t)narrow.boxes[i].id;
                 for (int32_t p = 0; p < 640 * 480; p++)
@@ -299,7 +309,8 @@ static void test_visible_share(void **state)
     assert_true(compared >= 5);
 }
 
-/* ---- pictures ----------------------------------------------------------------------------------------- */
+/* ---- pictures
+ * ----------------------------------------------------------------------------------------- */
 
 struct fit {
     double xx, xy, yy, xe, ye;
@@ -311,7 +322,8 @@ static double sample(const uint8_t *image, int32_t width, double x, double y)
     const int32_t ix = (int32_t)x, iy = (int32_t)y;
     const double fx = x - ix, fy = y - iy;
     const uint8_t *p = image + iy * width + ix;
-    return (p[0] * (1 - fx) + p[1] * fx) * (1 - fy) + (p[width] * (1 - fx) + p[width + 1] * fx) * fy;
+    return (p[0] * (1 - fx) + p[1] * fx) * (1 - fy) +
+           (p[width] * (1 - fx) + p[width + 1] * fx) * fy;
 }
 
 static int compare_doubles(const void *a, const void *b)
@@ -327,8 +339,10 @@ struct sight {
     struct fovea_truth truth;
 };
 
-/* Where the second frame shows what the first has at (x, y), by depth and pose. False: outside it, or hidden there. */
-static bool seen_again(const struct sight *a, const struct sight *b, int32_t x, int32_t y, double pixel[2])
+/* Where the second frame shows what the first has at (x, y), by depth and pose. False: outside it,
+ * or hidden there. */
+static bool seen_again(const struct sight *a, const struct sight *b, int32_t x, int32_t y,
+                       double pixel[2])
 {
     double bearing[3], world[3], c[3];
     const int32_t width = a->frame.image.width, height = a->frame.image.height;
@@ -336,11 +350,12 @@ static bool seen_again(const struct sight *a, const struct sight *b, int32_t x, 
     const double z = (double)a->truth.depth_m[y * width + x], at[2] = {x, y};
     assert_int_equal(fovea_camera_unproject(&a->source->info.camera, at, bearing, NULL), FOVEA_OK);
     for (int i = 0; i < 3; i++)
-        world[i] =
-            A[4 * i + 3] +
-            z / bearing[2] * (A[4 * i] * bearing[0] + A[4 * i + 1] * bearing[1] + A[4 * i + 2] * bearing[2]);
+        world[i] = A[4 * i + 3] + z / bearing[2] *
+                                      (A[4 * i] * bearing[0] + A[4 * i + 1] * bearing[1] +
+                                       A[4 * i + 2] * bearing[2]);
     for (int i = 0; i < 3; i++)
-        c[i] = B[i] * (world[0] - B[3]) + B[4 + i] * (world[1] - B[7]) + B[8 + i] * (world[2] - B[11]);
+        c[i] =
+            B[i] * (world[0] - B[3]) + B[4 + i] * (world[1] - B[7]) + B[8 + i] * (world[2] - B[11]);
     if (fovea_camera_project(&b->source->info.camera, c, pixel, NULL) != FOVEA_OK) return false;
     if (pixel[0] < 2 || pixel[1] < 2 || pixel[0] > width - 4 || pixel[1] > height - 4) return false;
     const int32_t nearest = (int32_t)(pixel[1] + 0.5) * width + (int32_t)(pixel[0] + 0.5);
@@ -351,10 +366,12 @@ static bool seen_again(const struct sight *a, const struct sight *b, int32_t x, 
 static void fit_add(struct fit *f, const struct fovea_image *image, const double pixel[2], double e)
 {
     const double x = pixel[0], y = pixel[1];
-    const double gx =
-        (sample(image->data, image->width, x + 1, y) - sample(image->data, image->width, x - 1, y)) / 2;
-    const double gy =
-        (sample(image->data, image->width, x, y + 1) - sample(image->data, image->width, x, y - 1)) / 2;
+    const double gx = (sample(image->data, image->width, x + 1, y) -
+                       sample(image->data, image->width, x - 1, y)) /
+                      2;
+    const double gy = (sample(image->data, image->width, x, y + 1) -
+                       sample(image->data, image->width, x, y - 1)) /
+                      2;
     f->xx += gx * gx;
     f->xy += gx * gy;
     f->yy += gy * gy;
@@ -374,7 +391,8 @@ static int find_shifts(const struct fit fits[TILES], double shifts[TILES], doubl
         const struct fit *f = &fits[k];
         const double det = f->xx * f->yy - f->xy * f->xy;
         if (f->count < TILE * TILE / 2 || det < 1e4 * f->count) continue;
-        const double sx = (f->yy * f->xe - f->xy * f->ye) / det, sy = (f->xx * f->ye - f->xy * f->xe) / det;
+        const double sx = (f->yy * f->xe - f->xy * f->ye) / det,
+                     sy = (f->xx * f->ye - f->xy * f->xe) / det;
         sum += sx * sx + sy * sy;
         shifts[count++] = sqrt(sx * sx + sy * sy);
     }
@@ -383,8 +401,8 @@ static int find_shifts(const struct fit fits[TILES], double shifts[TILES], doubl
     return count;
 }
 
-/* See the first frame's pixels in the second through depth and pose; then the shift that would fit best, tile
- * by tile. */
+/* See the first frame's pixels in the second through depth and pose; then the shift that would fit
+ * best, tile by tile. */
 static void check_pictures(const char *address, uint64_t start, uint64_t later)
 {
     static struct sight a, b;
@@ -401,8 +419,8 @@ static void check_pictures(const char *address, uint64_t start, uint64_t later)
         for (int32_t x = 2; x < width - 2; x++) {
             double pixel[2];
             if (!seen_again(&a, &b, x, y, pixel)) continue;
-            const double e =
-                sample(b.frame.image.data, width, pixel[0], pixel[1]) - a.frame.image.data[y * width + x];
+            const double e = sample(b.frame.image.data, width, pixel[0], pixel[1]) -
+                             a.frame.image.data[y * width + x];
             fit_add(&fits[(y / TILE) * 16 + x / TILE], &b.frame.image, pixel, e);
             differences[count++] = fabs(e);
         }
@@ -411,10 +429,11 @@ static void check_pictures(const char *address, uint64_t start, uint64_t later)
     const int tiles = find_shifts(fits, shifts, &rms);
     qsort(differences, (size_t)count, sizeof *differences, compare_doubles);
     const double median = differences[count / 2], high = differences[count * 9 / 10];
-    print_message("%s frames %d and %d: %d %% of pixels compared, difference median %.1f, 90 %% %.1f grey "
-                  "levels; shift of %d tiles median %.3f, rms %.3f px\n",
-                  address, (int)start, (int)later, count * 100 / (width * height), median, high, tiles,
-                  shifts[tiles / 2], rms);
+    print_message(
+        "%s frames %d and %d: %d %% of pixels compared, difference median %.1f, 90 %% %.1f grey "
+        "levels; shift of %d tiles median %.3f, rms %.3f px\n",
+        address, (int)start, (int)later, count * 100 / (width * height), median, high, tiles,
+        shifts[tiles / 2], rms);
     assert_true(count > width * height / 2);
     assert_true(tiles >= 40);
     assert_true(median <= 3.0 && high <= 16.0);

@@ -1,5 +1,5 @@
-/* What every source must do, held against every driver of the table. A driver without a row here fails.
- * Recordings are written by the test; those of $FOVEA_DATA are played too where they are. */
+/* What every source must do, held against every driver of the table. A driver without a row here
+ * fails. Recordings are written by the test; those of $FOVEA_DATA are played too where they are. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -19,7 +19,8 @@
 #include "common/fake_camera.h"
 #include "fovea/source.h"
 
-/* ---- heap calls of one thread, and pieces not given back --------------------------------------------- */
+/* ---- heap calls of one thread, and pieces not given back
+ * --------------------------------------------- */
 
 static _Thread_local volatile unsigned long *watched_calls;
 
@@ -85,7 +86,8 @@ static long pieces_now(void)
 }
 #endif
 
-/* ---- the drivers ------------------------------------------------------------------------------------- */
+/* ---- the drivers
+ * ------------------------------------------------------------------------------------- */
 
 static char folder[FV_TEST_PATH_BYTES];
 
@@ -107,7 +109,9 @@ static struct row rows[] = {
     {.name = "euroc", .make = fv_test_euroc, .wrong = {"/nonexistent", "/", ""}},
     {.name = "tum", .make = fv_test_tum, .wrong = {"/nonexistent", "/", ""}},
     {.name = "kitti", .make = fv_test_kitti, .wrong = {"/nonexistent", "/", ""}},
-    {.name = "images", .make = fv_test_images, .wrong = {"/nonexistent/*.png", "/", "", "/dev/null"}},
+    {.name = "images",
+     .make = fv_test_images,
+     .wrong = {"/nonexistent/*.png", "/", "", "/dev/null"}},
     {.name = "lcmlog", .make = fv_test_lcmlog, .wrong = {"/nonexistent", "/", "", "/dev/null"}},
     {.name = "video",
      .make = fv_test_video,
@@ -119,7 +123,10 @@ static struct row rows[] = {
      .in_order_only = true,
      .length_unknown = true,
      .wrong = {"", "sim:orbit then ", "sim:orbit[steps=2]", "sequence:sim:"}},
-    {.name = "libcamera", .live = true, .address = "0", .wrong = {"", "0?widht=3", "no such camera"}},
+    {.name = "libcamera",
+     .live = true,
+     .address = "0",
+     .wrong = {"", "0?widht=3", "no such camera"}},
     {.name = "v4l2", /* the fake device, set up below */
      .live = true,
      .address = "/dev/video0?format=GREY",
@@ -153,8 +160,8 @@ static void start(const struct fovea_source_ops *ops, struct fovea_source *sourc
     if (ops->start(source, &error) != FOVEA_OK) fail_msg("%s: %s", ops->name, error.text);
 }
 
-/* Drivers to be tested: all but those whose plug-in is not built, and libcamera where it finds no camera (it has its tests in
- * the virtual machine, tests/hil). */
+/* Drivers to be tested: all but those whose plug-in is not built, and libcamera where it finds no
+ * camera (it has its tests in the virtual machine, tests/hil). */
 static const struct fovea_source_ops *next_driver(size_t *i)
 {
     while (fovea_source_table[*i] != NULL) {
@@ -165,7 +172,8 @@ static const struct fovea_source_ops *next_driver(size_t *i)
         if (strcmp(ops->name, "video") != 0 && !camera) return ops;
         static bool tried[2], usable[2];
         if (!tried[camera]) {
-            const enum fovea_status status = ops->open(row_of(ops)->address, &everything, &source, &error);
+            const enum fovea_status status =
+                ops->open(row_of(ops)->address, &everything, &source, &error);
             if (status == FOVEA_OK) ops->close(source);
             usable[camera] = status != FOVEA_ERROR_UNSUPPORTED && !(camera && status < 0);
             if (!usable[camera]) print_message("SKIPPED %s: %s\n", ops->name, error.text);
@@ -189,7 +197,8 @@ static uint64_t hash_image(const struct fovea_image *image)
     const int32_t row_bytes = fovea_image_stride_min(image->format, image->width);
     for (int32_t y = 0; y < image->height; ++y)
         for (int32_t x = 0; x < row_bytes; ++x)
-            hash = (hash ^ image->data[(size_t)y * (size_t)image->stride_bytes + (size_t)x]) * 0x100000001b3u;
+            hash = (hash ^ image->data[(size_t)y * (size_t)image->stride_bytes + (size_t)x]) *
+                   0x100000001b3u;
     return hash;
 }
 
@@ -204,8 +213,8 @@ struct played {
 };
 
 /* Play to the end, or until 64 frames; heap calls made meanwhile are added to `calls`. */
-static void play(const struct fovea_source_ops *ops, struct fovea_source *source, struct played *played,
-                 volatile unsigned long *calls)
+static void play(const struct fovea_source_ops *ops, struct fovea_source *source,
+                 struct played *played, volatile unsigned long *calls)
 {
     static struct fovea_truth truth;
     double pose_alone[12];
@@ -246,8 +255,8 @@ static void play(const struct fovea_source_ops *ops, struct fovea_source *source
     if (ops->counts != NULL) assert_int_equal(counts.delivered, played->count);
 }
 
-static void play_again(const struct fovea_source_ops *ops, const struct fovea_source_selection *selection,
-                       struct played *played)
+static void play_again(const struct fovea_source_ops *ops,
+                       const struct fovea_source_selection *selection, struct played *played)
 {
     struct fovea_source *source = open_with(ops, selection);
     start(ops, source);
@@ -259,7 +268,8 @@ static void play_again(const struct fovea_source_ops *ops, const struct fovea_so
             played->frames[i].stamp_ns = 0; /* another time each time */
 }
 
-/* ---- tests ------------------------------------------------------------------------------------------- */
+/* ---- tests
+ * ------------------------------------------------------------------------------------------- */
 
 static void test_table(void **state)
 {
@@ -270,8 +280,8 @@ static void test_table(void **state)
     for (size_t i = 0; fovea_source_table[i] != NULL; ++i) {
         const struct fovea_source_ops *each = fovea_source_table[i];
         char uri[64];
-        assert_true(each->open && each->info && each->start && each->dequeue && each->requeue && each->stop &&
-                    each->close);
+        assert_true(each->open && each->info && each->start && each->dequeue && each->requeue &&
+                    each->stop && each->close);
         assert_true(each->help != NULL && strchr(each->help, '\n') == NULL);
         snprintf(uri, sizeof uri, "%s:a:b", each->name);
         assert_int_equal(fovea_source_find(uri, &ops, &address, &error), FOVEA_OK);
@@ -295,7 +305,8 @@ static void test_wrong_addresses(void **state)
         for (size_t j = 0; j < 4 && row_of(ops)->wrong[j] != NULL; ++j) {
             struct fovea_source *source = NULL;
             struct fovea_error error = {.text = ""};
-            const enum fovea_status status = ops->open(row_of(ops)->wrong[j], &everything, &source, &error);
+            const enum fovea_status status =
+                ops->open(row_of(ops)->wrong[j], &everything, &source, &error);
             if (status >= 0) fail_msg("%s:%s was opened", ops->name, row_of(ops)->wrong[j]);
             assert_null(source);
             assert_int_equal(error.status, status);
@@ -312,7 +323,8 @@ static void test_info(void **state)
         struct fovea_source *source = open_with(ops, &some);
         const struct fovea_source_info *info = ops->info(source);
         assert_true(info->width >= FOVEA_IMAGE_WIDTH_MIN && info->width <= FOVEA_IMAGE_WIDTH_MAX);
-        assert_true(info->height >= FOVEA_IMAGE_HEIGHT_MIN && info->height <= FOVEA_IMAGE_HEIGHT_MAX);
+        assert_true(info->height >= FOVEA_IMAGE_HEIGHT_MIN &&
+                    info->height <= FOVEA_IMAGE_HEIGHT_MAX);
         assert_true(info->format < FOVEA_PIXEL_FORMAT_COUNT);
         assert_true(info->rate_hz > 0 && info->rate_hz < 1000);
         assert_true(info->heap_bytes > 0);
@@ -345,11 +357,13 @@ static void test_play_without_heap(void **state)
         if (ops->state != NULL) assert_int_equal(ops->state(source), FOVEA_SOURCE_ENDED);
         ops->stop(source);
         ops->close(source);
-        if (can_watch && calls != 0) fail_msg("%s: %lu heap calls on the loop thread", ops->name, calls);
+        if (can_watch && calls != 0)
+            fail_msg("%s: %lu heap calls on the loop thread", ops->name, calls);
         play_again(ops, &some, &second);
         for (size_t j = 0; j < first.count && row_of(ops)->live; ++j)
             first.frames[j].stamp_ns = 0;
-        assert_memory_equal(&first, &second, sizeof first.count + first.count * sizeof first.frames[0]);
+        assert_memory_equal(&first, &second,
+                            sizeof first.count + first.count * sizeof first.frames[0]);
     }
 }
 
@@ -408,7 +422,8 @@ static void test_deadlines(void **state)
             const int64_t before_ns = now_ns();
             const enum fovea_status status =
                 ops->dequeue(source, j % 2 == 0 ? 0 : before_ns + 2000000, &frame);
-            assert_true(now_ns() - before_ns < 5000000000); /* a busy machine may hold the thread up */
+            assert_true(now_ns() - before_ns <
+                        5000000000); /* a busy machine may hold the thread up */
             assert_true(status == FOVEA_OK || status == FOVEA_AGAIN);
             if (status == FOVEA_OK) ops->requeue(source, &frame);
         }
@@ -423,7 +438,8 @@ static void test_selection(void **state)
     size_t i = 0;
     for (const struct fovea_source_ops *ops; (ops = next_driver(&i)) != NULL;) {
         const struct fovea_source_selection third = {.start = 1, .step = 3, .frames = 3};
-        const struct fovea_source_selection turned = {.start = 1, .step = 3, .frames = 3, .reverse = true};
+        const struct fovea_source_selection turned = {
+            .start = 1, .step = 3, .frames = 3, .reverse = true};
         const struct fovea_source_selection none = {.step = 0};
         struct fovea_source *source = NULL;
         struct fovea_error error = {.text = ""};
@@ -431,8 +447,10 @@ static void test_selection(void **state)
         assert_true(ops->open(row_of(ops)->address, &none, &source, &error) < 0);
         assert_true(strlen(error.text) > 0);
         if (row_of(ops)->live) {
-            assert_int_equal(ops->open(row_of(ops)->address, &third, &source, &error), FOVEA_ERROR_ARGUMENT);
-            const struct fovea_source_selection reversed = {.step = 1, .frames = 3, .reverse = true};
+            assert_int_equal(ops->open(row_of(ops)->address, &third, &source, &error),
+                             FOVEA_ERROR_ARGUMENT);
+            const struct fovea_source_selection reversed = {
+                .step = 1, .frames = 3, .reverse = true};
             assert_int_equal(ops->open(row_of(ops)->address, &reversed, &source, &error),
                              FOVEA_ERROR_UNSUPPORTED);
             continue;
@@ -452,7 +470,8 @@ static void test_selection(void **state)
         for (size_t j = 0; j < 3; ++j) {
             assert_true(chosen.frames[j].hash == all.frames[7 - 3 * j].hash);
             assert_int_equal(chosen.frames[j].has_pose, all.frames[7 - 3 * j].has_pose);
-            assert_true(chosen.frames[j].x_m == all.frames[7 - 3 * j].x_m); /* truth goes with the picture */
+            assert_true(chosen.frames[j].x_m ==
+                        all.frames[7 - 3 * j].x_m); /* truth goes with the picture */
         }
     }
 }
@@ -467,7 +486,8 @@ static void test_start_past_the_end(void **state)
         struct fovea_error error = {.text = ""};
         if (row_of(ops)->make == NULL || row_of(ops)->in_order_only)
             continue; /* endless, or finds out on the way */
-        assert_int_equal(ops->open(row_of(ops)->address, &late, &source, &error), FOVEA_ERROR_ARGUMENT);
+        assert_int_equal(ops->open(row_of(ops)->address, &late, &source, &error),
+                         FOVEA_ERROR_ARGUMENT);
         assert_non_null(strstr(error.text, "start: found 1000000"));
     }
 }
@@ -495,7 +515,8 @@ static void test_no_leaks(void **state)
             for (size_t j = 0; j < 4 && row_of(ops)->wrong[j] != NULL; ++j)
                 assert_true(ops->open(row_of(ops)->wrong[j], &everything, &source, &error) < 0);
         }
-        if (pieces_now() != before) fail_msg("%s: %ld pieces of heap lost", ops->name, pieces_now() - before);
+        if (pieces_now() != before)
+            fail_msg("%s: %ld pieces of heap lost", ops->name, pieces_now() - before);
     }
 }
 
@@ -538,10 +559,12 @@ static void test_real_recordings(void **state)
         start(ops, source);
         static struct fovea_truth truth;
         size_t frames = 0, poses = 0;
-        for (enum fovea_status status; (status = ops->dequeue(source, INT64_MAX, &frame)) != FOVEA_END;) {
+        for (enum fovea_status status;
+             (status = ops->dequeue(source, INT64_MAX, &frame)) != FOVEA_END;) {
             assert_int_equal(status, FOVEA_OK);
             ++frames;
-            if (info->has_truth && ops->truth(source, &frame, &truth) == FOVEA_OK && truth.has_pose) ++poses;
+            if (info->has_truth && ops->truth(source, &frame, &truth) == FOVEA_OK && truth.has_pose)
+                ++poses;
             ops->requeue(source, &frame);
         }
         assert_int_equal(frames, info->frame_count);

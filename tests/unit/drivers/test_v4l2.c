@@ -17,7 +17,8 @@
 static const struct fovea_source_selection everything = {.step = 1};
 static const struct fovea_source_ops *const ops = &fovea_source_v4l2;
 
-/* ---- opening ----------------------------------------------------------------------------------------- */
+/* ---- opening
+ * ----------------------------------------------------------------------------------------- */
 
 static void test_wrong_options(void **state)
 {
@@ -40,13 +41,15 @@ static void test_wrong_options(void **state)
         {"/dev/video0?exposure=500", {"exposure", "500", "[0.3, 204.7]"}},
         {"/dev/video0?gain=256", {"gain", "256", "[0, 255]"}},
         {"/dev/video0?buffers=2", {"buffers", "'2'", "[3, 8]"}},
-        {"/dev/video0?control.brightnes=3", {"control", "'brightnes'", "did you mean 'brightness'"}},
+        {"/dev/video0?control.brightnes=3",
+         {"control", "'brightnes'", "did you mean 'brightness'"}},
         {"/dev/video0?control.brightness=3", {"control.brightness", "found 3", "steps of 4"}},
         {"/dev/video0?control.brightness=99", {"control.brightness", "found 99", "[-64, 64]"}},
         {"/dev/video0?control.brightness=x", {"control.brightness", "'x'", "a whole number"}},
         {"/dev/video0?control.auto_exposure=Sports",
          {"control.auto_exposure", "'Sports'", "row of the menu"}},
-        {"/dev/video0?control.auto_exposure=2", {"control.auto_exposure", "'2'", "row of the menu"}},
+        {"/dev/video0?control.auto_exposure=2",
+         {"control.auto_exposure", "'2'", "row of the menu"}},
         {"/dev/video0?control.gain", {"control.gain", "no value", "VALUE"}},
     };
     fake_plug(fake_new(), "/dev/video0");
@@ -54,7 +57,8 @@ static void test_wrong_options(void **state)
         struct fovea_source *source = NULL;
         struct fovea_error error = {.text = ""};
         const enum fovea_status status = ops->open(wrong[i].address, &everything, &source, &error);
-        if (status != FOVEA_ERROR_INPUT) fail_msg("%s: %d %s", wrong[i].address, status, error.text);
+        if (status != FOVEA_ERROR_INPUT)
+            fail_msg("%s: %d %s", wrong[i].address, status, error.text);
         assert_null(source);
         for (int k = 0; k < 3; ++k)
             if (strstr(error.text, wrong[i].says[k]) == NULL)
@@ -68,7 +72,8 @@ static void test_negotiation_is_told(void **state)
     struct fake_camera *camera = fake_new();
     camera->rate_hz = 25;
     fake_plug(camera, "/dev/video0");
-    struct fovea_source *source = fv_test_open("/dev/video0?width=640&height=480&rate=60&format=YUYV");
+    struct fovea_source *source =
+        fv_test_open("/dev/video0?width=640&height=480&rate=60&format=YUYV");
     const struct fovea_source_info *info = ops->info(source);
     assert_int_equal(info->width, 96);
     assert_int_equal(info->height, 64);
@@ -81,8 +86,9 @@ static void test_negotiation_is_told(void **state)
     assert_non_null(strstr(error.text, "rate: asked 60, the camera gives 25"));
     assert_int_equal(ops->complaint(source, &error), FOVEA_AGAIN);
     ops->close(source);
-    source = fv_test_open(
-        "/dev/video0?width=96&height=64&rate=25&format=GREY"); /* nothing differs: nothing is told */
+    source =
+        fv_test_open("/dev/video0?width=96&height=64&rate=25&format=GREY"); /* nothing differs:
+                                                                               nothing is told */
     assert_int_equal(ops->complaint(source, &error), FOVEA_AGAIN);
     ops->close(source);
     memset(camera->formats, 0, sizeof camera->formats);
@@ -93,7 +99,8 @@ static void test_negotiation_is_told(void **state)
     assert_int_equal(ops->info(source)->format, FOVEA_PIXEL_YUYV);
     ops->close(source);
     source = NULL;
-    assert_int_equal(ops->open("/dev/video0?format=GREY", &everything, &source, &error), FOVEA_ERROR_INPUT);
+    assert_int_equal(ops->open("/dev/video0?format=GREY", &everything, &source, &error),
+                     FOVEA_ERROR_INPUT);
     assert_non_null(strstr(error.text, "expected GREY; the camera gives: H264 YUYV"));
 }
 
@@ -115,13 +122,16 @@ static void test_controls_that_differ_are_told(void **state)
     assert_told("/dev/video0?exposure=5&gain=40&control.brightness=-8", NULL);
     assert_told("/dev/video0?exposure=0.56", "exposure (ms): asked 0.56, the camera gives 0.6");
     assert_told("/dev/video0?gain=1.4", "gain: asked 1.4, the camera gives 1");
-    assert_told("/dev/video0?exposure=0.56&gain=1.4&width=640&height=480",
-                "width: asked 640, the camera gives 96; height: asked 480, the camera gives 64; "
-                "exposure (ms): asked 0.56, the camera gives 0.6; gain: asked 1.4, the camera gives 1");
+    assert_told(
+        "/dev/video0?exposure=0.56&gain=1.4&width=640&height=480",
+        "width: asked 640, the camera gives 96; height: asked 480, the camera gives 64; "
+        "exposure (ms): asked 0.56, the camera gives 0.6; gain: asked 1.4, the camera gives 1");
     camera->grain = 16;
-    assert_told("/dev/video0?exposure=5&gain=40",
-                "exposure (ms): asked 5, the camera gives 4.8; gain: asked 40, the camera gives 32");
-    assert_told("/dev/video0?control.brightness=-8", "control.brightness: asked -8, the camera gives 0");
+    assert_told(
+        "/dev/video0?exposure=5&gain=40",
+        "exposure (ms): asked 5, the camera gives 4.8; gain: asked 40, the camera gives 32");
+    assert_told("/dev/video0?control.brightness=-8",
+                "control.brightness: asked -8, the camera gives 0");
 }
 
 static void test_open_refused(void **state)
@@ -157,14 +167,16 @@ static void test_controls(void **state)
     (void)state;
     struct fake_camera *camera = fake_new();
     fake_plug(camera, "/dev/video0");
-    struct fovea_source *source = fv_test_open("/dev/video0?exposure=5&gain=40&control.brightness=-8");
+    struct fovea_source *source =
+        fv_test_open("/dev/video0?exposure=5&gain=40&control.brightness=-8");
     assert_int_equal(value_of(camera, V4L2_CID_EXPOSURE_AUTO), V4L2_EXPOSURE_MANUAL);
     assert_int_equal(value_of(camera, V4L2_CID_EXPOSURE_ABSOLUTE), 50);
     assert_int_equal(value_of(camera, V4L2_CID_AUTOGAIN), 0);
     assert_int_equal(value_of(camera, V4L2_CID_GAIN), 40);
     assert_int_equal(value_of(camera, V4L2_CID_BRIGHTNESS), -8);
     ops->close(source);
-    source = fv_test_open("/dev/video0?auto_exposure=0&auto_gain=1&control.exposure_time_absolute=77");
+    source =
+        fv_test_open("/dev/video0?auto_exposure=0&auto_gain=1&control.exposure_time_absolute=77");
     assert_int_equal(value_of(camera, V4L2_CID_EXPOSURE_AUTO), V4L2_EXPOSURE_MANUAL);
     assert_int_equal(value_of(camera, V4L2_CID_AUTOGAIN), 1);
     assert_int_equal(value_of(camera, V4L2_CID_EXPOSURE_ABSOLUTE), 77);
@@ -203,9 +215,11 @@ static void test_selection(void **state)
     fv_test_finish(source);
 }
 
-/* ---- pictures ---------------------------------------------------------------------------------------- */
+/* ---- pictures
+ * ---------------------------------------------------------------------------------------- */
 
-static void check_format(struct fake_camera *camera, const char *name, enum fovea_pixel_format expected)
+static void check_format(struct fake_camera *camera, const char *name,
+                         enum fovea_pixel_format expected)
 {
     char address[64];
     snprintf(address, sizeof address, "/dev/video0?format=%s", name);
@@ -248,7 +262,8 @@ static void test_formats(void **state)
         {"GBRG", FOVEA_PIXEL_BAYER_GBRG8}, {"RGB3", FOVEA_PIXEL_RGB24},
         {"BGR3", FOVEA_PIXEL_BGR24},
     };
-    for (int variant = 0; variant < 3; ++variant) { /* plain, padded rows, planes in the interface */
+    for (int variant = 0; variant < 3;
+         ++variant) { /* plain, padded rows, planes in the interface */
         for (size_t i = 0; i < sizeof rows / sizeof rows[0]; ++i) {
             fake_begin();
             struct fake_camera *camera = fake_new();
@@ -275,7 +290,8 @@ static void test_stamps(void **state)
         {FAKE_STAMPS_MONOTONIC, "", FOVEA_CLOCK_MONOTONIC, FOVEA_STAMP_EXPOSURE_START},
         {FAKE_STAMPS_MONOTONIC, "?exposure=5", FOVEA_CLOCK_MONOTONIC, FOVEA_STAMP_EXPOSURE_MIDDLE},
         {FAKE_STAMPS_END, "?exposure=5", FOVEA_CLOCK_MONOTONIC, FOVEA_STAMP_EXPOSURE_END},
-        {FAKE_STAMPS_END, "?exposure=5&readout=10", FOVEA_CLOCK_MONOTONIC, FOVEA_STAMP_EXPOSURE_MIDDLE},
+        {FAKE_STAMPS_END, "?exposure=5&readout=10", FOVEA_CLOCK_MONOTONIC,
+         FOVEA_STAMP_EXPOSURE_MIDDLE},
         {FAKE_STAMPS_REALTIME, "", FOVEA_CLOCK_MONOTONIC, FOVEA_STAMP_UNKNOWN},
         {FAKE_STAMPS_STRANGE, "", FOVEA_CLOCK_MONOTONIC, FOVEA_STAMP_UNKNOWN},
     };
@@ -297,7 +313,8 @@ static void test_stamps(void **state)
             assert_true(frame.stamp_ns > last_ns && frame.stamp_ns < fv_test_now_ns() + 20000000);
             assert_true(frame.stamp_ns > fv_test_now_ns() - 8000000000);
             last_ns = frame.stamp_ns;
-            assert_int_equal(frame.exposure_ns, strstr(rows[i].options, "exposure") != NULL ? 5000000 : 0);
+            assert_int_equal(frame.exposure_ns,
+                             strstr(rows[i].options, "exposure") != NULL ? 5000000 : 0);
         }
         if (rows[i].stamps == FAKE_STAMPS_STRANGE)
             assert_true(fv_test_complains_of(source, "time of arrival"));
@@ -321,8 +338,8 @@ static void test_bad_stamps_are_skipped(void **state)
         }
         const struct fovea_source_counts counts = fv_test_counts(source);
         assert_true(counts.damaged >= 6 && counts.delivered == 20);
-        assert_true(
-            fv_test_complains_of(source, kind == FAKE_STAMPS_REPEATED ? "is that of" : "lies before"));
+        assert_true(fv_test_complains_of(source, kind == FAKE_STAMPS_REPEATED ? "is that of"
+                                                                              : "lies before"));
         fv_test_finish(source);
     }
 }

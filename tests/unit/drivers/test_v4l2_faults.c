@@ -15,7 +15,8 @@
 
 static const struct fovea_source_ops *const ops = &fovea_source_v4l2;
 
-/* ---- faults ------------------------------------------------------------------------------------------ */
+/* ---- faults
+ * ------------------------------------------------------------------------------------------ */
 
 static void test_damaged_frames(void **state)
 {
@@ -38,7 +39,8 @@ static void test_damaged_frames(void **state)
     assert_true(counts.damaged >= 80 && counts.dropped >= 20);
     assert_true(counts.delivered + counts.damaged + counts.dropped >= last + 1);
     assert_true(counts.recovered == 0);
-    assert_true(fv_test_complains_of(source, "damaged") || fv_test_complains_of(source, "expected 12288"));
+    assert_true(fv_test_complains_of(source, "damaged") ||
+                fv_test_complains_of(source, "expected 12288"));
     fv_test_finish(source);
     /* Nothing but damaged frames: the camera is set up again and again, the loop is told so. */
     camera->error_every = 1;
@@ -250,7 +252,8 @@ static void test_links(void **state)
     fake_link("/dev/v4l/by-id/usb-fake-index0", camera);
     fake_link("/dev/v4l/by-path/usb-port1-index0", camera);
     fake_plug(camera, "/dev/video3");
-    const char *const names[] = {"/dev/v4l/by-id/usb-fake-index0", "/dev/v4l/by-path/usb-port1-index0"};
+    const char *const names[] = {"/dev/v4l/by-id/usb-fake-index0",
+                                 "/dev/v4l/by-path/usb-port1-index0"};
     for (int i = 0; i < 2; ++i) {
         struct fovea_source *source = fv_test_start(names[i]);
         fv_test_next_frame(source);
@@ -277,11 +280,13 @@ static void test_comes_back_different(void **state)
     fv_test_wait_for_state(source, FOVEA_SOURCE_GONE);
     camera->width_now = 128; /* the driver changes the frame size */
     fake_plug(camera, "/dev/video0");
-    assert_true(fv_test_complains_of(source, "found 128 x 64 pixels after it came back, expected 96 x 64"));
+    assert_true(
+        fv_test_complains_of(source, "found 128 x 64 pixels after it came back, expected 96 x 64"));
     fv_test_wait_for_state(source, FOVEA_SOURCE_STALLED);
     fake_lock();
     camera->width_now = 0;
-    camera->controls[1].refuses = EPIPE; /* and now a control: frames come all the same, and it is told */
+    camera->controls[1].refuses =
+        EPIPE; /* and now a control: frames come all the same, and it is told */
     fake_unlock();
     fv_test_next_frame(source);
     assert_true(fv_test_complains_of(source, "gain: the camera refuses 9"));
@@ -333,7 +338,8 @@ static void test_held_over_unplug(void **state)
     fake_unplug(camera);
     fv_test_wait_for_state(source, FOVEA_SOURCE_GONE);
     fake_plug(camera, "/dev/video0");
-    while (ops->dequeue(source, fv_test_now_ns() + 100000000, &more) == FOVEA_OK) /* what was under way */
+    while (ops->dequeue(source, fv_test_now_ns() + 100000000, &more) ==
+           FOVEA_OK) /* what was under way */
         ops->requeue(source, &more);
     for (size_t k = 0; k < held.image.size_bytes; ++k)
         assert_int_equal(held.image.data[k], (uint8_t)(k + 37 * (size_t)held.sequence));

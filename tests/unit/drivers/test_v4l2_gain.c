@@ -73,7 +73,8 @@ static int level_now(struct fovea_source *source)
     return level;
 }
 
-/* From dark and from bright it comes to the target and stays; where the range ends it stays at the end. */
+/* From dark and from bright it comes to the target and stays; where the range ends it stays at the
+ * end. */
 static void test_comes_to_target(void **state)
 {
     (void)state;
@@ -93,14 +94,16 @@ static void test_comes_to_target(void **state)
         for (int k = 0; k < 40; ++k) {
             const int level = level_now(source);
             if (level < rows[i].low || level > rows[i].high)
-                fail_msg("row %zu: found level %d, expected [%d, %d]", i, level, rows[i].low, rows[i].high);
+                fail_msg("row %zu: found level %d, expected [%d, %d]", i, level, rows[i].low,
+                         rows[i].high);
         }
         if (rows[i].end >= 0) assert_int_equal(gain_now(), rows[i].end);
         fv_test_finish(source);
     }
 }
 
-/* The gain found before the camera was unplugged is set again, whatever the camera came back with. */
+/* The gain found before the camera was unplugged is set again, whatever the camera came back with.
+ */
 static void test_goes_on_after_unplug(void **state)
 {
     (void)state;
@@ -126,7 +129,8 @@ static void test_refused(void **state)
     const char *address;
     struct fovea_source *source = NULL;
     struct fovea_error error = {.text = ""};
-    assert_int_equal(fovea_source_find("v4l2:/dev/video0?auto_gain=1", &ops, &address, NULL), FOVEA_OK);
+    assert_int_equal(fovea_source_find("v4l2:/dev/video0?auto_gain=1", &ops, &address, NULL),
+                     FOVEA_OK);
     find_control(V4L2_CID_GAIN)->refuses = EPIPE;
     assert_int_equal(ops->open(address, &everything, &source, &error), FOVEA_ERROR_INPUT);
     assert_non_null(strstr(error.text, "auto_gain: the camera refuses a gain"));
@@ -135,7 +139,8 @@ static void test_refused(void **state)
     assert_non_null(strstr(error.text, "auto_gain: this camera has no gain"));
 }
 
-/* Every layout gives the grey level; pictures of the smallest size are measured within their bounds. */
+/* Every layout gives the grey level; pictures of the smallest size are measured within their
+ * bounds. */
 static void test_brightness(void **state)
 {
     (void)state;
@@ -169,16 +174,22 @@ static void test_brightness(void **state)
     static uint8_t colours[64 * 64 * 3];
     for (size_t k = 0; k < sizeof colours; ++k)
         colours[k] = k % 192 < 96 ? 40 : 200;
-    const struct fovea_image halves = {
-        .data = colours, .width = 64, .height = 64, .stride_bytes = 192, .format = FOVEA_PIXEL_RGB24};
+    const struct fovea_image halves = {.data = colours,
+                                       .width = 64,
+                                       .height = 64,
+                                       .stride_bytes = 192,
+                                       .format = FOVEA_PIXEL_RGB24};
     assert_int_equal(fv_v4l2_brightness(&halves), 120);
     /* The four colours of a Bayer pattern count alike. */
     static uint8_t mosaic[64 * 64];
     for (int y = 0; y < 64; ++y)
         for (int x = 0; x < 64; ++x)
             mosaic[64 * y + x] = (uint8_t)(x % 2 == 0 && y % 2 == 0 ? 200 : 40);
-    const struct fovea_image bayer = {
-        .data = mosaic, .width = 64, .height = 64, .stride_bytes = 64, .format = FOVEA_PIXEL_BAYER_RGGB8};
+    const struct fovea_image bayer = {.data = mosaic,
+                                      .width = 64,
+                                      .height = 64,
+                                      .stride_bytes = 64,
+                                      .format = FOVEA_PIXEL_BAYER_RGGB8};
     assert_int_equal(fv_v4l2_brightness(&bayer), 80);
 }
 

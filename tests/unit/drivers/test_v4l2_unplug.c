@@ -1,5 +1,5 @@
-/* Unplugged over and over, on the fake device: frames come back in time, and nothing is left behind.
- * `test_v4l2_unplug N` does it N times (default 25). */
+/* Unplugged over and over, on the fake device: frames come back in time, and nothing is left
+ * behind. `test_v4l2_unplug N` does it N times (default 25). */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>

@@ -1,6 +1,6 @@
-/* Wrong folders and files: data sets and calibrations spoilt by hand and by mutation. Each is refused at open
- * in one line that names the file and what was found, or, where single frames are concerned, played with the
- * damage counted. Never anything else, under sanitizers too. */
+/* Wrong folders and files: data sets and calibrations spoilt by hand and by mutation. Each is
+ * refused at open in one line that names the file and what was found, or, where single frames are
+ * concerned, played with the damage counted. Never anything else, under sanitizers too. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -21,9 +21,10 @@ static char *const folder = fv_test_place;
 static const struct fovea_source_selection everything = {.step = 1};
 static int cases;
 
-/* Open and, if that works, play to the end. `line` takes the error; frames that came are returned. */
-static enum fovea_status try_source(const char *scheme, const char *address, struct fovea_error *error,
-                                    size_t *frames)
+/* Open and, if that works, play to the end. `line` takes the error; frames that came are returned.
+ */
+static enum fovea_status try_source(const char *scheme, const char *address,
+                                    struct fovea_error *error, size_t *frames)
 {
     char uri[FV_TEST_PATH_BYTES + 16];
     const struct fovea_source_ops *ops;
@@ -48,7 +49,8 @@ static enum fovea_status try_source(const char *scheme, const char *address, str
     ops->counts(source, &counts);
     assert_int_equal(counts.delivered, *frames);
     if (ops->info(source)->frame_count > 0)
-        assert_int_equal(counts.delivered + counts.missing + counts.damaged, ops->info(source)->frame_count);
+        assert_int_equal(counts.delivered + counts.missing + counts.damaged,
+                         ops->info(source)->frame_count);
     while (ops->complaint(source, error) == FOVEA_OK)
         assert_null(strchr(error->text, '\n'));
     ops->stop(source);
@@ -56,7 +58,8 @@ static enum fovea_status try_source(const char *scheme, const char *address, str
     return FOVEA_OK;
 }
 
-/* ---- by hand ----------------------------------------------------------------------------------------- */
+/* ---- by hand
+ * ----------------------------------------------------------------------------------------- */
 
 struct wrong {
     const char *scheme, *file; /* below the recording; NULL text: removed */
@@ -67,7 +70,8 @@ struct wrong {
 #define GT "mav0/state_groundtruth_estimate0/data.csv"
 #define CAM "mav0/cam0/"
 static const struct wrong wrong[] = {
-    {"euroc", CAM "data.csv", NULL, "/" CAM "data.csv: cannot be opened: No such file or directory"},
+    {"euroc", CAM "data.csv", NULL,
+     "/" CAM "data.csv: cannot be opened: No such file or directory"},
     {"euroc", CAM "data.csv", "", "/" CAM "data.csv: found no frames, expected at least one"},
     {"euroc", CAM "data.csv", "#timestamp,filename\n",
      "/" CAM "data.csv: found no frames, expected at least one"},
@@ -83,21 +87,25 @@ static const struct wrong wrong[] = {
      "/" CAM "data.csv:1: filename: found nothing, expected the file of the frame"},
     {"euroc", CAM "data.csv", "1,a.png\n",
      "/" CAM "data.csv: found no frame that can be read among 1; the first is "},
-    {"euroc", CAM "sensor.yaml", "", "/" CAM "sensor.yaml:1: found no keys, expected a camera calibration"},
+    {"euroc", CAM "sensor.yaml", "",
+     "/" CAM "sensor.yaml:1: found no keys, expected a camera calibration"},
     {"euroc", CAM "sensor.yaml", "intrinsics: [1,2,3,4]\n",
      "/" CAM "sensor.yaml:1: the file: found no key 'camera_model', expected it"},
     {"euroc", CAM "sensor.yaml", "T_BS: [\n", "/" CAM "sensor.yaml:2: column 1: not YAML: "},
     {"euroc", GT, "1,2,3\n", "/" GT ":1: pose: found 2 numbers, expected 7"},
     {"euroc", GT, "1,0,0,0,1,0,0,inf\n", "/" GT ":1: pose: found 'inf', expected a finite number"},
-    {"euroc", GT, "1,0,0,0,0,0,0,0\n", "/" GT ":1: rotation: found '0', expected a unit quaternion"},
+    {"euroc", GT, "1,0,0,0,0,0,0,0\n",
+     "/" GT ":1: rotation: found '0', expected a unit quaternion"},
     {"euroc", GT, "2,0,0,0,1,0,0,0\n1,0,0,0,1,0,0,0\n",
      "/" GT ":2: timestamp: found '1', expected one later than on the line before"},
     {"tum", "rgb.txt", NULL, "/rgb.txt: cannot be opened: No such file or directory"},
     {"tum", "rgb.txt", "# nothing\n\n", "/rgb.txt: found no frames, expected at least one"},
     {"tum", "rgb.txt", "0.0 rgb/0000.jpg\nrgb/0001.jpg 0.1\n",
      "/rgb.txt:2: timestamp: found 'rgb/0001.jpg', expected seconds"},
-    {"tum", "rgb.txt", "1e40 rgb/0000.jpg\n", "/rgb.txt:1: timestamp: found '1e40', expected seconds"},
-    {"tum", "rgb.txt", "0.0\n", "/rgb.txt:1: filename: found nothing, expected the file of the frame"},
+    {"tum", "rgb.txt", "1e40 rgb/0000.jpg\n",
+     "/rgb.txt:1: timestamp: found '1e40', expected seconds"},
+    {"tum", "rgb.txt", "0.0\n",
+     "/rgb.txt:1: filename: found nothing, expected the file of the frame"},
     {"tum", "camera.yaml", "image_width: 96\n",
      "/camera.yaml:1: found the key 'image_width' first, expected one of camera_matrix, K, intrinsics, cam0 "
      "in the file"},
@@ -110,7 +118,8 @@ static const struct wrong wrong[] = {
     {"kitti", "calib.txt", "P0: 1 2 3\n", "/calib.txt:1: P0:: found 3 numbers, expected 12"},
     {"kitti", "calib.txt", "P0: 0 0 47.5 0 0 80 31.5 0 0 0 1 0\n",
      "/calib.txt:1: P0:: found '0', expected a projection fx 0 cx tx 0 fy cy ty 0 0 1 tz"},
-    {"kitti", "poses.txt", "1 0 0 0 0 1 0 0 0 0 1\n", "/poses.txt:1: pose: found 11 numbers, expected 12"},
+    {"kitti", "poses.txt", "1 0 0 0 0 1 0 0 0 0 1\n",
+     "/poses.txt:1: pose: found 11 numbers, expected 12"},
     {"kitti", "poses.txt", "1 0 0 0 0 1 0 0 0 0 1 1e999\n",
      "/poses.txt:1: pose: found '1e999', expected a finite number"},
     {"images", "camera.yaml", "K: 3\n", "/camera.yaml:1: the file: found no key 'D', expected it"},
@@ -159,7 +168,8 @@ static void test_long_lines_and_zero_bytes(void **state)
     memset(text, 'x', sizeof text);
     fv_test_write(fv_test_path(top, "rgb.txt"), text, sizeof text);
     assert_int_equal(try_source("tum", top, &error, &frames), FOVEA_ERROR_INPUT);
-    assert_non_null(strstr(error.text, "rgb.txt:1: found a line of 100000 bytes, expected at most 4096"));
+    assert_non_null(
+        strstr(error.text, "rgb.txt:1: found a line of 100000 bytes, expected at most 4096"));
     fv_test_write(fv_test_path(top, "rgb.txt"), "0.0 a\0b.jpg\n", 12);
     assert_int_equal(try_source("tum", top, &error, &frames), FOVEA_ERROR_INPUT);
     assert_non_null(strstr(error.text, "rgb.txt:1: found a zero byte, expected text"));
@@ -190,15 +200,17 @@ static void test_stamps_out_of_order(void **state)
     struct fovea_error error;
     size_t frames;
     make_recording("tum", top);
-    fv_test_write_text(fv_test_path(top, "rgb.txt"),
-                       "5 rgb/0000.jpg\n5 rgb/0001.jpg\n3 rgb/0002.jpg\n-9000000000 rgb/0003.jpg\n9000000000 "
-                       "rgb/0004.jpg\n");
+    fv_test_write_text(
+        fv_test_path(top, "rgb.txt"),
+        "5 rgb/0000.jpg\n5 rgb/0001.jpg\n3 rgb/0002.jpg\n-9000000000 rgb/0003.jpg\n9000000000 "
+        "rgb/0004.jpg\n");
     assert_int_equal(try_source("tum", top, &error, &frames), FOVEA_OK);
     assert_int_equal(frames, 5);
     fv_test_folder_remove(top);
 }
 
-/* ---- by mutation ------------------------------------------------------------------------------------- */
+/* ---- by mutation
+ * ------------------------------------------------------------------------------------- */
 
 static void mutate(struct fovea_random *random, uint8_t *bytes, size_t *count)
 {
@@ -263,7 +275,8 @@ static void test_mutated(void **state)
             const enum fovea_status status = try_source(files[i][0], top, &error, &frames);
             if (status == FOVEA_OK) continue;
             ++refused;
-            if (status > 0 || strncmp(error.text, top, strlen(top)) != 0 || strchr(error.text, '\n') != NULL)
+            if (status > 0 || strncmp(error.text, top, strlen(top)) != 0 ||
+                strchr(error.text, '\n') != NULL)
                 fail_msg("seed 17, %s, round %d: status %d: [%s]", path, round, status, error.text);
         }
         free(whole);
@@ -273,8 +286,8 @@ static void test_mutated(void **state)
     assert_true(refused > 50);
 }
 
-/* A log that is cut gives the frames before the cut, or is refused by byte; one with a byte spoilt gives all
- * frames that the damage leaves. */
+/* A log that is cut gives the frames before the cut, or is refused by byte; one with a byte spoilt
+ * gives all frames that the damage leaves. */
 static void test_mutated_log(void **state)
 {
     (void)state;
@@ -293,8 +306,8 @@ static void test_mutated_log(void **state)
         if (round % 2 == 0) {
             count = 1 + fovea_random_below(&random, (uint32_t)bytes - 1);
         } else { /* in a header */
-            const size_t at =
-                fovea_random_below(&random, FV_TEST_FRAMES) * frame_bytes + fovea_random_below(&random, 98);
+            const size_t at = fovea_random_below(&random, FV_TEST_FRAMES) * frame_bytes +
+                              fovea_random_below(&random, 98);
             spoilt[at] = (uint8_t)~spoilt[at];
         }
         fv_test_write(path, spoilt, count);
@@ -316,13 +329,17 @@ static void test_mutated_log(void **state)
 static void test_mutated_calibrations(void **state)
 {
     (void)state;
-    struct fovea_calibration c = {
-        .camera =
-            {.width = 640, .height = 480, .fx = 500, .fy = 501, .cx = 320, .cy = 240, .k = {-0.2, 0.05}},
-        .name = "cam0",
-        .has_T_body_cam = true,
-        .T_body_cam = {0, 0, 1, 0.1, -1, 0, 0, 0.2, 0, -1, 0, 0.3},
-        .rate_hz = 20};
+    struct fovea_calibration c = {.camera = {.width = 640,
+                                             .height = 480,
+                                             .fx = 500,
+                                             .fy = 501,
+                                             .cx = 320,
+                                             .cy = 240,
+                                             .k = {-0.2, 0.05}},
+                                  .name = "cam0",
+                                  .has_T_body_cam = true,
+                                  .T_body_cam = {0, 0, 1, 0.1, -1, 0, 0, 0.2, 0, -1, 0, 0.3},
+                                  .rate_hz = 20};
     struct fovea_random random;
     fovea_random_seed(&random, 29);
     int refused = 0;
@@ -343,7 +360,8 @@ static void test_mutated_calibrations(void **state)
             continue;
         }
         ++refused;
-        if (status > 0 || strncmp(error.text, "cam.yaml:", 9) != 0 || strchr(error.text, '\n') != NULL)
+        if (status > 0 || strncmp(error.text, "cam.yaml:", 9) != 0 ||
+            strchr(error.text, '\n') != NULL)
             fail_msg("seed 29, round %d: status %d: [%s]", round, status, error.text);
     }
     assert_true(refused > 100);

@@ -15,7 +15,8 @@ static struct fovea_yaml_tree *parse(const char *text)
 {
     struct fovea_yaml_tree *tree = NULL;
     struct fovea_error error = {0};
-    if (fovea_yaml_parse("f.yaml", text, strlen(text), &tree, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    if (fovea_yaml_parse("f.yaml", text, strlen(text), &tree, &error) != FOVEA_OK)
+        fail_msg("%s", error.text);
     return tree;
 }
 
@@ -31,7 +32,8 @@ static void refused(const char *text, size_t bytes, const char *line)
 static void test_structure(void **state)
 {
     (void)state;
-    struct fovea_yaml_tree *tree = parse("# comment\na: 1\nb:\n  - x\n  - {c: 2.5, d: [3, 4]}\ne: 'q'\n");
+    struct fovea_yaml_tree *tree =
+        parse("# comment\na: 1\nb:\n  - x\n  - {c: 2.5, d: [3, 4]}\ne: 'q'\n");
     assert_int_equal(tree->root->kind, FOVEA_YAML_MAPPING);
     assert_int_equal(tree->root->count, 3);
     const struct fovea_yaml_node *b = fovea_yaml_child(tree->root, "b");
@@ -78,7 +80,8 @@ static void test_empty_and_opencv_head(void **state)
     tree = parse("%YAML:1.0\n---\nK: !!opencv-matrix\n   rows: 3\n");
     assert_int_equal(fovea_yaml_child(tree->root, "K")->line, 3);
     fovea_yaml_free(tree);
-    refused("%YAML 3.0\n---\na: 1\n", 19, "f.yaml:1: column 1: not YAML: found incompatible YAML document");
+    refused("%YAML 3.0\n---\na: 1\n", 19,
+            "f.yaml:1: column 1: not YAML: found incompatible YAML document");
 }
 
 static void test_refused(void **state)
@@ -92,7 +95,8 @@ static void test_refused(void **state)
     refused("a: 1\n---\nb: 1\n", 14, "f.yaml:2: found a second document, expected one per file");
     refused("[a, b]: 1\n", 10, "f.yaml:1: found a collection as a key, expected a plain key");
     refused("a: \"x\\0y\"\n", 10, "f.yaml:1: found a zero byte in a value, expected text");
-    refused("a: [1, 2\nb: 3\n", 14, "f.yaml:2: column 2: not YAML: did not find expected ',' or ']'");
+    refused("a: [1, 2\nb: 3\n", 14,
+            "f.yaml:2: column 2: not YAML: did not find expected ',' or ']'");
     refused("a: \xff\n", 5, "f.yaml: byte 3: not YAML: invalid leading UTF-8 octet");
     char deep[200];
     memset(deep, '[', 100);
@@ -118,7 +122,8 @@ static void test_limits(void **state)
     used = 0;
     for (int i = 0; i < 2000; ++i)
         used += (size_t)sprintf(text + used, "k%d: 1\n", i);
-    refused(text, used, "f.yaml:1025: found more keys than one mapping may have, expected at most 1024");
+    refused(text, used,
+            "f.yaml:1025: found more keys than one mapping may have, expected at most 1024");
     free(text);
 }
 
@@ -135,7 +140,8 @@ static void test_values(void **state)
     bool truth = false;
     const char *text = NULL;
     size_t choice = 0, count = 0;
-    assert_int_equal(fovea_yaml_number(tree, fovea_yaml_child(root, "n"), 0, 3, &number, &error), FOVEA_OK);
+    assert_int_equal(fovea_yaml_number(tree, fovea_yaml_child(root, "n"), 0, 3, &number, &error),
+                     FOVEA_OK);
     assert_true(number == 2.5);
     assert_int_equal(fovea_yaml_number(tree, fovea_yaml_child(root, "n"), 0, 2, &number, &error),
                      FOVEA_ERROR_INPUT);
@@ -143,7 +149,8 @@ static void test_values(void **state)
     const char *const no_numbers[] = {"q", "nan", "inf", "hex", "m", "s"};
     for (size_t i = 0; i < 6; ++i) {
         const struct fovea_yaml_node *node = fovea_yaml_child(root, no_numbers[i]);
-        assert_int_equal(fovea_yaml_number(tree, node, -1e300, 1e300, &number, &error), FOVEA_ERROR_INPUT);
+        assert_int_equal(fovea_yaml_number(tree, node, -1e300, 1e300, &number, &error),
+                         FOVEA_ERROR_INPUT);
     }
     assert_true(number == 2.5);
     assert_int_equal(fovea_yaml_integer(tree, fovea_yaml_child(root, "i"), -3, 3, &integer, &error),
@@ -154,17 +161,21 @@ static void test_values(void **state)
     assert_string_equal(error.text, "f.yaml:1: n: found '2.5', expected a whole number in [-3, 3]");
     assert_int_equal(fovea_yaml_bool(tree, fovea_yaml_child(root, "b"), &truth, &error), FOVEA_OK);
     assert_true(truth);
-    assert_int_equal(fovea_yaml_bool(tree, fovea_yaml_child(root, "i"), &truth, &error), FOVEA_ERROR_INPUT);
-    assert_int_equal(fovea_yaml_string(tree, fovea_yaml_child(root, "s"), 5, &text, &error), FOVEA_OK);
+    assert_int_equal(fovea_yaml_bool(tree, fovea_yaml_child(root, "i"), &truth, &error),
+                     FOVEA_ERROR_INPUT);
+    assert_int_equal(fovea_yaml_string(tree, fovea_yaml_child(root, "s"), 5, &text, &error),
+                     FOVEA_OK);
     assert_string_equal(text, "hello");
     assert_int_equal(fovea_yaml_string(tree, fovea_yaml_child(root, "s"), 4, &text, &error),
                      FOVEA_ERROR_INPUT);
     const char *const choices[] = {"low", "mid"};
-    assert_int_equal(fovea_yaml_choice(tree, fovea_yaml_child(root, "c"), choices, 2, &choice, &error),
-                     FOVEA_OK);
+    assert_int_equal(
+        fovea_yaml_choice(tree, fovea_yaml_child(root, "c"), choices, 2, &choice, &error),
+        FOVEA_OK);
     assert_int_equal(choice, 1);
-    assert_int_equal(fovea_yaml_choice(tree, fovea_yaml_child(root, "s"), choices, 2, &choice, &error),
-                     FOVEA_ERROR_INPUT);
+    assert_int_equal(
+        fovea_yaml_choice(tree, fovea_yaml_child(root, "s"), choices, 2, &choice, &error),
+        FOVEA_ERROR_INPUT);
     assert_string_equal(error.text, "f.yaml:4: s: found 'hello', expected one of low, mid");
     double m[4] = {0};
     assert_int_equal(fovea_yaml_numbers(tree, fovea_yaml_child(root, "m"), 1, 4, m, &count, &error),
@@ -185,9 +196,10 @@ static void test_require_names_the_nearest(void **state)
     struct fovea_error error;
     assert_int_equal(fovea_yaml_require(tree, tree->root, "camera_matrix", &child, &error),
                      FOVEA_ERROR_INPUT);
-    assert_string_equal(error.text,
-                        "f.yaml:2: the file: found the key 'camera_matirx', expected 'camera_matrix'");
-    assert_int_equal(fovea_yaml_require(tree, tree->root, "image_width", &child, &error), FOVEA_ERROR_INPUT);
+    assert_string_equal(
+        error.text, "f.yaml:2: the file: found the key 'camera_matirx', expected 'camera_matrix'");
+    assert_int_equal(fovea_yaml_require(tree, tree->root, "image_width", &child, &error),
+                     FOVEA_ERROR_INPUT);
     assert_string_equal(error.text, "f.yaml:1: the file: found no key 'image_width', expected it");
     fovea_yaml_free(tree);
 }
@@ -198,11 +210,13 @@ static void test_files(void **state)
     struct fovea_yaml_tree *tree = NULL;
     struct fovea_error error;
     assert_int_equal(fovea_yaml_read("/nonexistent.yaml", &tree, &error), FOVEA_ERROR_INPUT);
-    assert_string_equal(error.text, "/nonexistent.yaml: cannot be opened: No such file or directory");
+    assert_string_equal(error.text,
+                        "/nonexistent.yaml: cannot be opened: No such file or directory");
     assert_int_equal(fovea_yaml_read("/", &tree, &error), FOVEA_ERROR_INPUT);
     assert_string_equal(error.text, "/: found a directory, expected a file");
     assert_int_equal(fovea_yaml_read("/dev/zero", &tree, &error), FOVEA_ERROR_INPUT);
-    assert_string_equal(error.text, "/dev/zero: found more than 1048576 bytes, expected at most that");
+    assert_string_equal(error.text,
+                        "/dev/zero: found more than 1048576 bytes, expected at most that");
 }
 
 static void test_text(void **state)

@@ -37,8 +37,10 @@ static void draw_rectangles(void)
     fovea_random_seed(&random, 11);
     memset(pixels, 100, sizeof pixels);
     for (int n = 0; n < 400; n++) {
-        const uint32_t x = fovea_random_below(&random, WIDTH), y = fovea_random_below(&random, HEIGHT);
-        const uint32_t w = 4 + fovea_random_below(&random, 40), h = 4 + fovea_random_below(&random, 40);
+        const uint32_t x = fovea_random_below(&random, WIDTH),
+                       y = fovea_random_below(&random, HEIGHT);
+        const uint32_t w = 4 + fovea_random_below(&random, 40),
+                       h = 4 + fovea_random_below(&random, 40);
         const uint8_t grey = (uint8_t)fovea_random_below(&random, 256);
         for (uint32_t v = y; v < y + h && v < HEIGHT; v++)
             for (uint32_t u = x; u < x + w && u < WIDTH; u++)
@@ -46,9 +48,11 @@ static void draw_rectangles(void)
     }
 }
 
-static uint32_t find(struct stage *stage, enum fv_cpu_set set, const uint8_t *with_mask, uint32_t asked)
+static uint32_t find(struct stage *stage, enum fv_cpu_set set, const uint8_t *with_mask,
+                     uint32_t asked)
 {
-    const struct fovea_image frame = {pixels, WIDTH, HEIGHT, WIDTH, FOVEA_PIXEL_GREY8, sizeof pixels};
+    const struct fovea_image frame = {pixels,       WIDTH, HEIGHT, WIDTH, FOVEA_PIXEL_GREY8,
+                                      sizeof pixels};
     fv_kernels_init(&stage->kernels, set);
     fv_pyramid_build(&stage->pyramid, &stage->kernels, &frame);
     return fv_features_find(&stage->features, &stage->kernels, &stage->pyramid, with_mask, asked);
@@ -91,7 +95,8 @@ static void every_kernel_set_finds_the_same(void **state)
     const uint32_t count = find(&expected, FV_CPU_C, NULL, 500);
     for (int set = 1; set < FV_CPU_SET_COUNT; set++) {
         assert_int_equal(find(&found, (enum fv_cpu_set)set, NULL, 500), count);
-        assert_memory_equal(expected.features.list, found.features.list, count * sizeof *found.features.list);
+        assert_memory_equal(expected.features.list, found.features.list,
+                            count * sizeof *found.features.list);
     }
     free(memory);
     free(other);

@@ -39,7 +39,8 @@ static void query_equals_exhaustive_search(void **state)
         const float x = (float)(fovea_random_unit(&random) * (WIDTH + 60) - 30);
         const float y = (float)(fovea_random_unit(&random) * (HEIGHT + 60) - 30);
         const float radius = (float)(fovea_random_unit(&random) * 40);
-        const int low = (int)fovea_random_below(&random, 8), high = low + (int)fovea_random_below(&random, 3);
+        const int low = (int)fovea_random_below(&random, 8),
+                  high = low + (int)fovea_random_below(&random, 3);
         uint16_t found[COUNT];
         uint8_t is_found[COUNT] = {0};
         const uint32_t count = fv_grid_query(&grid, x, y, radius, low, high, found, COUNT);

@@ -88,7 +88,8 @@ static void features_keep_out_of_masks(void **state)
     fv_kernels_init(&kernels, fv_cpu_best(fv_cpu_detect()));
     stage.config = &defaults.features;
     void *memory = carved(carve, &stage);
-    const struct fovea_image image = {pixels, WIDTH, HEIGHT, WIDTH, FOVEA_PIXEL_GREY8, sizeof pixels};
+    const struct fovea_image image = {pixels,       WIDTH, HEIGHT, WIDTH, FOVEA_PIXEL_GREY8,
+                                      sizeof pixels};
     fv_pyramid_build(&stage.pyramid, &kernels, &image);
 
     const struct fv_mask_box boxes[] = {{60, 50, 140, 190}, {200, 0, 260, 90}};
@@ -99,7 +100,8 @@ static void features_keep_out_of_masks(void **state)
             fv_features_find(&stage.features, &kernels, &stage.pyramid, masked ? mask : NULL, 500);
         assert_true(count > 200);
         for (uint32_t i = 0; i < count; i++) {
-            /* The mask is asked for the whole pixel of the level; refinement moves less than a pixel of it.
+            /* The mask is asked for the whole pixel of the level; refinement moves less than a
+             * pixel of it.
              */
             const struct fv_corner *corner = &stage.features.corners[i];
             const int x = (int)(fv_pyramid_to_raw(corner->level, corner->x) + 0.5f);

@@ -32,7 +32,8 @@ static void carve(void *context, struct fv_arena *arena)
     fv_grid_carve(&world->grid, WIDTH, HEIGHT, COUNT, arena);
 }
 
-/* Trains: random points; queries: the trains in reverse order with some bits turned over, two of them twice.
+/* Trains: random points; queries: the trains in reverse order with some bits turned over, two of
+ * them twice.
  */
 static int set_up(void **state)
 {
@@ -42,9 +43,9 @@ static int set_up(void **state)
     fv_kernels_init(&world->kernels, fv_cpu_best(fv_cpu_detect()));
     world->memory = carved(carve, world);
     for (int t = 0; t < COUNT; t++) {
-        world->points[t] = (struct fv_grid_point){(float)fovea_random_below(&random, WIDTH),
-                                                  (float)fovea_random_below(&random, HEIGHT), (uint16_t)t,
-                                                  (uint8_t)fovea_random_below(&random, 8), 0};
+        world->points[t] = (struct fv_grid_point){
+            (float)fovea_random_below(&random, WIDTH), (float)fovea_random_below(&random, HEIGHT),
+            (uint16_t)t, (uint8_t)fovea_random_below(&random, 8), 0};
         for (int i = 0; i < FV_DESCRIPTOR_BYTES; i++)
             world->trains[t][i] = (uint8_t)fovea_random_u32(&random);
         if (t % 50 == 49) memcpy(world->trains[t], world->trains[t - 1], FV_DESCRIPTOR_BYTES);
@@ -110,16 +111,19 @@ static void all_follow_the_rules(void **state)
         {256, 256, false}, {40, 256, false}, {256, 205, false}, {256, 256, true}, {60, 128, true}};
     uint32_t counts[5];
     for (size_t r = 0; r < 5; r++) {
-        const uint32_t count = fv_match_all(&world->matcher, &world->kernels, world->queries[0], COUNT,
-                                            world->trains[0], COUNT, &rules[r], world->matches);
+        const uint32_t count =
+            fv_match_all(&world->matcher, &world->kernels, world->queries[0], COUNT,
+                         world->trains[0], COUNT, &rules[r], world->matches);
         uint32_t k = 0;
         for (int q = 0; q < COUNT; q++) {
             struct fv_match expected = nearest(world->queries[q], world->trains, NULL);
             expected.query = (uint16_t)q;
             if (expected.distance > rules[r].distance_max) continue;
-            if (rules[r].ratio_q8 < 256 && 256 * expected.distance >= rules[r].ratio_q8 * expected.second)
+            if (rules[r].ratio_q8 < 256 &&
+                256 * expected.distance >= rules[r].ratio_q8 * expected.second)
                 continue;
-            if (rules[r].mutual && nearest(world->trains[expected.train], world->queries, NULL).train != q)
+            if (rules[r].mutual &&
+                nearest(world->trains[expected.train], world->queries, NULL).train != q)
                 continue;
             assert_true(k < count);
             same(&world->matches[k++], &expected);
@@ -140,13 +144,13 @@ static void empty_sets_match_nothing(void **state)
     assert_int_equal(fv_match_all(&world->matcher, &world->kernels, world->queries[0], COUNT,
                                   world->trains[0], 0, &rules, world->matches),
                      0);
-    assert_int_equal(fv_match_all(&world->matcher, &world->kernels, world->queries[0], 0, world->trains[0],
-                                  COUNT, &rules, world->matches),
+    assert_int_equal(fv_match_all(&world->matcher, &world->kernels, world->queries[0], 0,
+                                  world->trains[0], COUNT, &rules, world->matches),
                      0);
     /* One train: no second, so the ratio test passes. */
     const struct fv_match_rules ratio = {256, 205, false};
-    assert_int_equal(fv_match_all(&world->matcher, &world->kernels, world->trains[0], 1, world->trains[0], 1,
-                                  &ratio, world->matches),
+    assert_int_equal(fv_match_all(&world->matcher, &world->kernels, world->trains[0], 1,
+                                  world->trains[0], 1, &ratio, world->matches),
                      1);
     assert_int_equal(world->matches[0].second, 257);
 }
@@ -170,22 +174,22 @@ static void windows_restrict_the_search(void **state)
         for (int t = 0; t < COUNT; t++) {
             const struct fv_grid_point *p = &world->points[t];
             const float dx = p->x_px - window.x_px, dy = p->y_px - window.y_px;
-            allowed[t] = dx <= 30 && dx >= -30 && dy <= 30 && dy >= -30 && p->level >= window.level_min &&
-                         p->level <= window.level_max;
+            allowed[t] = dx <= 30 && dx >= -30 && dy <= 30 && dy >= -30 &&
+                         p->level >= window.level_min && p->level <= window.level_max;
         }
         struct fv_match expected = nearest(world->queries[q], world->trains, allowed),
                         found = {(uint16_t)q, 0, 0, 0};
         expected.query = (uint16_t)q;
-        assert_true(fv_match_window(&world->kernels, &world->grid, world->trains[0], world->queries[q],
-                                    &window, &rules, &found));
+        assert_true(fv_match_window(&world->kernels, &world->grid, world->trains[0],
+                                    world->queries[q], &window, &rules, &found));
         same(&found, &expected);
         fewer += found.second > nearest(world->queries[q], world->trains, NULL).second;
     }
     assert_true(fewer > COUNT / 2);
     const struct fv_match_window nowhere = {-500, -500, 10, 0, 7};
     struct fv_match untouched = {1, 2, 3, 4};
-    assert_false(fv_match_window(&world->kernels, &world->grid, world->trains[0], world->queries[0], &nowhere,
-                                 &rules, &untouched));
+    assert_false(fv_match_window(&world->kernels, &world->grid, world->trains[0], world->queries[0],
+                                 &nowhere, &rules, &untouched));
     assert_int_equal(untouched.distance, 3);
 }
 
@@ -197,8 +201,9 @@ static void guided_gives_a_train_once(void **state)
     for (int q = 0; q < COUNT; q++)
         windows[q] = (struct fv_match_window){WIDTH / 2, HEIGHT / 2, 60, 0, 7};
     struct fv_match_rules rules = {256, 256, false};
-    const uint32_t loose = fv_match_guided(&world->matcher, &world->kernels, &world->grid, world->trains[0],
-                                           COUNT, world->queries[0], COUNT, windows, &rules, world->matches);
+    const uint32_t loose =
+        fv_match_guided(&world->matcher, &world->kernels, &world->grid, world->trains[0], COUNT,
+                        world->queries[0], COUNT, windows, &rules, world->matches);
     assert_int_equal(loose, COUNT);
     uint16_t best[COUNT];
     memset(best, 0xff, sizeof best);
@@ -206,8 +211,9 @@ static void guided_gives_a_train_once(void **state)
         if (world->matches[i].distance < best[world->matches[i].train])
             best[world->matches[i].train] = world->matches[i].distance;
     rules.mutual = true;
-    const uint32_t count = fv_match_guided(&world->matcher, &world->kernels, &world->grid, world->trains[0],
-                                           COUNT, world->queries[0], COUNT, windows, &rules, world->matches);
+    const uint32_t count =
+        fv_match_guided(&world->matcher, &world->kernels, &world->grid, world->trains[0], COUNT,
+                        world->queries[0], COUNT, windows, &rules, world->matches);
     bool taken[COUNT] = {false};
     uint32_t claimed = 0;
     for (int t = 0; t < COUNT; t++)

@@ -28,14 +28,15 @@ static void direction_is_the_nearest(void **state)
     for (int k = 0; k < FV_ORB_DIRECTIONS; k++) {
         const double angle = 2 * M_PI * k / FV_ORB_DIRECTIONS;
         assert_int_equal(
-            fv_orb_direction((int32_t)lround(1e6 * cos(angle)), (int32_t)lround(1e6 * sin(angle))), k);
+            fv_orb_direction((int32_t)lround(1e6 * cos(angle)), (int32_t)lround(1e6 * sin(angle))),
+            k);
     }
     assert_int_equal(fv_orb_direction(INT32_MIN + 1, 0), FV_ORB_DIRECTIONS / 2);
     assert_int_equal(fv_orb_direction(0, INT32_MIN + 1), 3 * FV_ORB_QUARTER);
 }
 
-/* What describe rests on: the pattern of direction k + 64 is that of k with (x, y) taken to (-y, x), for
- * every direction. */
+/* What describe rests on: the pattern of direction k + 64 is that of k with (x, y) taken to (-y,
+ * x), for every direction. */
 static void quarter_turns_swap_coordinates(void **state)
 {
     (void)state;

@@ -41,15 +41,17 @@ static void no_peak_no_offset(void **state)
         scores[i] = (uint8_t)(10 * (i % 8 - 2) * (i % 8 - 2) + 10 * (i / 8 - 2) * (i / 8 - 2));
     fv_refine_peak(scores, offset);
     assert_true(offset[0] == 0 && offset[1] == 0);
-    for (int i = 0; i < FV_CORNER_SCORES; i++) /* a ramp that bends a little: the peak is far away */
-        scores[i] =
-            (uint8_t)(100 + 30 * (i % 8 % 5) - (i % 8 - 2) * (i % 8 - 2) - 4 * (i / 8 - 2) * (i / 8 - 2));
+    for (int i = 0; i < FV_CORNER_SCORES;
+         i++) /* a ramp that bends a little: the peak is far away */
+        scores[i] = (uint8_t)(100 + 30 * (i % 8 % 5) - (i % 8 - 2) * (i % 8 - 2) -
+                              4 * (i / 8 - 2) * (i / 8 - 2));
     fv_refine_peak(scores, offset);
-    assert_true(offset[0] <= 0.75f && offset[0] >= -0.75f && offset[1] <= 0.75f && offset[1] >= -0.75f);
+    assert_true(offset[0] <= 0.75f && offset[0] >= -0.75f && offset[1] <= 0.75f &&
+                offset[1] >= -0.75f);
 }
 
-/* Bright discs with soft edges at known places: the strongest pixel is off by up to half a pixel, the peak by
- * little. */
+/* Bright discs with soft edges at known places: the strongest pixel is off by up to half a pixel,
+ * the peak by little. */
 static void disc_is_found_between_pixels(void **state)
 {
     (void)state;

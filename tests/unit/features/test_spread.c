@@ -29,7 +29,8 @@ static void offer_random(struct fv_spread *spread, uint32_t level, uint32_t rari
     for (int32_t y = 19; y < height[level] - 19; y += 2)
         for (int32_t x = 19; x < width[level] - 19; x += 2)
             if (fovea_random_below(&random, rarity) == 0)
-                fv_spread_offer(spread, level, x, y, (uint8_t)(7 + fovea_random_below(&random, 120)));
+                fv_spread_offer(spread, level, x, y,
+                                (uint8_t)(7 + fovea_random_below(&random, 120)));
 }
 
 static uint32_t fields_with_corner(const struct fv_corner *corners, uint32_t count)
@@ -39,8 +40,8 @@ static uint32_t fields_with_corner(const struct fv_corner *corners, uint32_t cou
     for (uint32_t i = 0; i < count; i++) {
         const float x = fv_pyramid_to_raw(corners[i].level, corners[i].x) + 0.5f;
         const float y = fv_pyramid_to_raw(corners[i].level, corners[i].y) + 0.5f;
-        bool *field =
-            &has[(int)(y * FV_SPREAD_COVER / (float)height[0])][(int)(x * FV_SPREAD_COVER / (float)width[0])];
+        bool *field = &has[(int)(y * FV_SPREAD_COVER / (float)height[0])]
+                          [(int)(x * FV_SPREAD_COVER / (float)width[0])];
         fields += !*field;
         *field = true;
     }
@@ -122,7 +123,8 @@ static void the_strongest_win_and_ties_go_to_the_first(void **state)
     free(memory);
 }
 
-/* Adding weak corners must not move the picks that strong ones made: what noise brings does not disturb the rest. */
+/* Adding weak corners must not move the picks that strong ones made: what noise brings does not
+ * disturb the rest. */
 static void weak_corners_do_not_displace_strong_ones(void **state)
 {
     (void)state;
@@ -134,7 +136,8 @@ static void weak_corners_do_not_displace_strong_ones(void **state)
         for (int32_t y = 20; y < 460; y += 2)
             for (int32_t x = 20; x < 620; x += 2) {
                 if (x % 40 == 20 && y % 40 == 20) fv_spread_offer(&spread, 0, x, y, 100);
-                if (with_noise && (x * 7 + y * 13) % 101 == 0) fv_spread_offer(&spread, 0, x, y, 10);
+                if (with_noise && (x * 7 + y * 13) % 101 == 0)
+                    fv_spread_offer(&spread, 0, x, y, 10);
             }
         const uint32_t count = fv_spread_pick(&spread, with_noise ? after : before);
         if (!with_noise) assert_int_equal(count, 15 * 11);

@@ -1,4 +1,5 @@
-/* Bearings from the table against the camera model's own iteration, and many at a time against one by one. */
+/* Bearings from the table against the camera model's own iteration, and many at a time against one
+ * by one. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -16,11 +17,12 @@
 
 enum { CAMERAS = 5, POINTS = 4001 };
 
-/* What the table may be off from the model. In the last part of its field, where distortion is about to fold
- * back, a lens has next to no derivative, and one Newton step is not enough. */
+/* What the table may be off from the model. In the last part of its field, where distortion is
+ * about to fold back, a lens has next to no derivative, and one Newton step is not enough. */
 static const double inner_part = 0.85, error_max_px = 1e-4, edge_error_max_px = 0.1;
 
-/* EuRoC, KITTI, a rational lens, TUM VI's fisheye, and one calibrated wider than its polynomial holds. */
+/* EuRoC, KITTI, a rational lens, TUM VI's fisheye, and one calibrated wider than its polynomial
+ * holds. */
 static const struct fovea_camera cameras[CAMERAS] = {
     {752,
      480,
@@ -82,15 +84,16 @@ static void make_table(struct table *table, const struct fovea_camera *camera)
     fv_bearing_init(&table->bearings, &table->camera);
 }
 
-static double distance_px(const struct fovea_camera *camera, const double bearing[3], const double pixel[2])
+static double distance_px(const struct fovea_camera *camera, const double bearing[3],
+                          const double pixel[2])
 {
     double at[2];
     if (fovea_camera_project(camera, bearing, at, NULL) != FOVEA_OK) return INFINITY;
     return sqrt((at[0] - pixel[0]) * (at[0] - pixel[0]) + (at[1] - pixel[1]) * (at[1] - pixel[1]));
 }
 
-/* A undoes what the model's own derivative of the bearing by the pixel does, and gives nothing along the
- * bearing. */
+/* A undoes what the model's own derivative of the bearing by the pixel does, and gives nothing
+ * along the bearing. */
 static void check_derivative(const struct fovea_camera *camera, const double pixel[2],
                              const double bearing[3], const double A[6])
 {
@@ -124,7 +127,8 @@ static void bearings_are_the_models(void **state)
             const double pixel[2] = {(cameras[c].width - 1) * fovea_random_unit(&random),
                                      (cameras[c].height - 1) * fovea_random_unit(&random)};
             double bearing[3], A[6], exact[3], J[6];
-            if (!fv_bearing_of(&table.bearings, &table.camera, pixel[0], pixel[1], bearing, A)) continue;
+            if (!fv_bearing_of(&table.bearings, &table.camera, pixel[0], pixel[1], bearing, A))
+                continue;
             seen++;
             assert_int_equal(fovea_camera_unproject(&table.camera, pixel, exact, J), FOVEA_OK);
             const double off = distance_px(&table.camera, bearing, pixel);
@@ -133,8 +137,8 @@ static void bearings_are_the_models(void **state)
             worst = fmax(worst, off);
             check_derivative(&table.camera, pixel, bearing, A);
         }
-        printf("lens %d: %d of %d seen, off by at most %.1e px, at the edge of the field %.1e px\n", c, seen,
-               POINTS, worst, edge);
+        printf("lens %d: %d of %d seen, off by at most %.1e px, at the edge of the field %.1e px\n",
+               c, seen, POINTS, worst, edge);
         assert_true(worst < error_max_px && edge < edge_error_max_px);
         assert_true(seen > POINTS / 3);
         free(table.memory);

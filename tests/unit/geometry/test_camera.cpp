@@ -1,5 +1,5 @@
-/* Camera models: against OpenCV's projections, against themselves there and back, and against numeric
- * derivatives. */
+/* Camera models: against OpenCV's projections, against themselves there and back, and against
+ * numeric derivatives. */
 #include <opencv2/calib3d.hpp>
 
 #include "common/cmocka_cpp.h"
@@ -10,8 +10,8 @@
 #include "fovea/camera.h"
 #include "fovea/elementary.h"
 
-static fovea_camera camera_of(fovea_lens lens, int width, int height, double fx, double fy, double cx,
-                              double cy, const double *k, int count)
+static fovea_camera camera_of(fovea_lens lens, int width, int height, double fx, double fy,
+                              double cx, double cy, const double *k, int count)
 {
     fovea_camera camera;
     memset(&camera, 0, sizeof camera);
@@ -37,11 +37,13 @@ static const double fisheye[] = {0.02474, -0.02245, 0.0188, -0.00682};
 static int cameras(fovea_camera out[6])
 {
     int n = 0;
-    out[n++] = camera_of(FOVEA_LENS_RADTAN, 1241, 376, 718.856, 718.856, 607.1928, 185.2157, none, 8);
+    out[n++] =
+        camera_of(FOVEA_LENS_RADTAN, 1241, 376, 718.856, 718.856, 607.1928, 185.2157, none, 8);
     out[n++] = camera_of(FOVEA_LENS_RADTAN, 752, 480, 458.654, 457.296, 367.215, 248.375, drone, 4);
     out[n++] = camera_of(FOVEA_LENS_RADTAN, 1280, 720, 1020, 1015, 640, 360, rational, 8);
     out[n++] = camera_of(FOVEA_LENS_RADTAN, 640, 480, 500, 502, 330, 236, barrel, 5);
-    out[n++] = camera_of(FOVEA_LENS_EQUIDISTANT, 960, 600, 227.37, 226.55, 471.42, 305.64, fisheye, 4);
+    out[n++] =
+        camera_of(FOVEA_LENS_EQUIDISTANT, 960, 600, 227.37, 226.55, 471.42, 305.64, fisheye, 4);
     out[n++] = camera_of(FOVEA_LENS_EQUIDISTANT, 1024, 1024, 300, 300, 511.5, 511.5, none, 4);
     return n;
 }
@@ -54,7 +56,8 @@ static void projection_equals_opencv(void **)
     fovea_random_seed(&random, 11);
     for (int c = 0; c < count; c++) {
         const fovea_camera &camera = all[c];
-        cv::Mat K = (cv::Mat_<double>(3, 3) << camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1);
+        cv::Mat K =
+            (cv::Mat_<double>(3, 3) << camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1);
         for (int i = 0; i < 500; i++) {
             double z = 0.5 + 5 * fovea_random_unit(&random),
                    half = camera.lens == FOVEA_LENS_RADTAN ? 0.6 : 2.5;
@@ -68,14 +71,15 @@ static void projection_equals_opencv(void **)
             if (camera.lens == FOVEA_LENS_RADTAN)
                 cv::projectPoints(in, zero, zero, K, cv::Mat(1, 8, CV_64F, (void *)camera.k), out);
             else
-                cv::fisheye::projectPoints(in, out, zero, zero, K, cv::Mat(1, 4, CV_64F, (void *)camera.k));
+                cv::fisheye::projectPoints(in, out, zero, zero, K,
+                                           cv::Mat(1, 4, CV_64F, (void *)camera.k));
             assert_true(fabs(pixel[0] - out[0].x) < 1e-9 && fabs(pixel[1] - out[0].y) < 1e-9);
         }
     }
 }
 
-/* Every pixel that unprojects projects back onto itself; every point within the field comes back as its
- * bearing. */
+/* Every pixel that unprojects projects back onto itself; every point within the field comes back as
+ * its bearing. */
 static void there_and_back(void **)
 {
     fovea_camera all[6];
@@ -91,17 +95,20 @@ static void there_and_back(void **)
                     continue;
                 }
                 seen++;
-                double norm = bearing[0] * bearing[0] + bearing[1] * bearing[1] + bearing[2] * bearing[2];
+                double norm =
+                    bearing[0] * bearing[0] + bearing[1] * bearing[1] + bearing[2] * bearing[2];
                 assert_true(fabs(norm - 1) < 1e-14);
                 assert_int_equal(fovea_camera_project(&camera, bearing, back, NULL), FOVEA_OK);
                 if (!(fabs(back[0] - x) < 1e-9 && fabs(back[1] - y) < 1e-9))
-                    fail_msg("camera %d pixel %d %d comes back as %.9f %.9f", c, x, y, back[0], back[1]);
+                    fail_msg("camera %d pixel %d %d comes back as %.9f %.9f", c, x, y, back[0],
+                             back[1]);
             }
         /* The lenses whose polynomial holds over their whole image refuse nothing. */
         if (camera.lens == FOVEA_LENS_RADTAN) assert_int_equal(refused, 0);
         assert_true(seen > 1000);
         for (int i = 0; i < 400; i++) {
-            double angle = camera.field_max_rad * 0.98 * i / 400, azimuth = 0.7 * i, bearing[3], pixel[2];
+            double angle = camera.field_max_rad * 0.98 * i / 400, azimuth = 0.7 * i, bearing[3],
+                   pixel[2];
             double want[3] = {sin(angle) * cos(azimuth), sin(angle) * sin(azimuth), cos(angle)};
             assert_int_equal(fovea_camera_project(&camera, want, pixel, NULL), FOVEA_OK);
             assert_int_equal(fovea_camera_unproject(&camera, pixel, bearing, NULL), FOVEA_OK);
@@ -138,8 +145,8 @@ static void derivatives_match_differences(void **)
             double point[3] = {3.7 * bearing[0], 3.7 * bearing[1], 3.7 * bearing[2]}, P[6], out[2];
             assert_int_equal(fovea_camera_project(&camera, point, out, P), FOVEA_OK);
             for (int k = 0; k < 3; k++) {
-                double above[3] = {point[0], point[1], point[2]}, below[3] = {point[0], point[1], point[2]},
-                       a[2], b[2];
+                double above[3] = {point[0], point[1], point[2]},
+                       below[3] = {point[0], point[1], point[2]}, a[2], b[2];
                 above[k] += 1e-5;
                 below[k] -= 1e-5;
                 if (fovea_camera_project(&camera, above, a, NULL) ||
@@ -205,8 +212,10 @@ static void wrong_parameters_are_named(void **)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(projection_equals_opencv),      cmocka_unit_test(there_and_back),
-        cmocka_unit_test(derivatives_match_differences), cmocka_unit_test(folded_distortion_is_refused),
+        cmocka_unit_test(projection_equals_opencv),
+        cmocka_unit_test(there_and_back),
+        cmocka_unit_test(derivatives_match_differences),
+        cmocka_unit_test(folded_distortion_is_refused),
         cmocka_unit_test(wrong_parameters_are_named),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,5 +1,5 @@
-/* Two-view solver: synthetic truth at 0, 30 and 50 % outliers, on pinhole-like and wide bearings, and beside
- * OpenCV. */
+/* Two-view solver: synthetic truth at 0, 30 and 50 % outliers, on pinhole-like and wide bearings,
+ * and beside OpenCV. */
 #include <opencv2/calib3d.hpp>
 
 #include "common/cmocka_cpp.h"
@@ -28,11 +28,13 @@ struct scene {
     bool good[COUNT];
 };
 
-/* Points 2 to 10 units away in a field of +-`spread` (tangent), noise of `noise_px`, a share of random
- * matches. */
-static void make_scene(scene &s, fovea_random *random, double outliers, double noise_px, double spread)
+/* Points 2 to 10 units away in a field of +-`spread` (tangent), noise of `noise_px`, a share of
+ * random matches. */
+static void make_scene(scene &s, fovea_random *random, double outliers, double noise_px,
+                       double spread)
 {
-    double turn[3] = {uniform(random, -.15, .15), uniform(random, -.15, .15), uniform(random, -.15, .15)};
+    double turn[3] = {uniform(random, -.15, .15), uniform(random, -.15, .15),
+                      uniform(random, -.15, .15)};
     fv_so3_exp(turn, s.T_2_1.R);
     for (double &v : s.T_2_1.t)
         v = fovea_random_normal(random);
@@ -41,7 +43,9 @@ static void make_scene(scene &s, fovea_random *random, double outliers, double n
     s.b.clear();
     for (int i = 0; i < COUNT;) {
         double z = uniform(random, 2, 10),
-               p[3] = {z * uniform(random, -spread, spread), z * uniform(random, -spread, spread), z}, q[3];
+               p[3] = {z * uniform(random, -spread, spread), z * uniform(random, -spread, spread),
+                       z},
+               q[3];
         fv_se3_apply(&s.T_2_1, p, q);
         if (q[2] < 0.3) continue;
         double n = noise_px / focal_px;
@@ -135,13 +139,14 @@ static void estimates_hold_under_outliers(void **)
                 fv_sampling sampling = {2.0 / focal_px, 0.999, 500};
                 fv_se3 T;
                 uint8_t inlier[COUNT];
-                uint32_t inliers = fv_essential_estimate(s.pairs, COUNT, &sampling, &random, &T, inlier);
+                uint32_t inliers =
+                    fv_essential_estimate(s.pairs, COUNT, &sampling, &random, &T, inlier);
                 assert_true(inliers > 0.9 * (1 - share) * COUNT);
                 worst = fmax(worst, rotation_error(T.R, s.T_2_1.R));
                 worst_direction = fmax(worst_direction, direction_error(T.t, s.T_2_1.t));
             }
-            printf("outliers %.0f %% spread %s: worst rotation %.3f deg, direction %.3f deg\n", 100 * share,
-                   wide ? "wide" : "narrow", worst, worst_direction);
+            printf("outliers %.0f %% spread %s: worst rotation %.3f deg, direction %.3f deg\n",
+                   100 * share, wide ? "wide" : "narrow", worst, worst_direction);
             assert_true(worst < 0.3 && worst_direction < 2);
         }
 }
@@ -153,8 +158,8 @@ static double cpu_seconds(void)
     return t.tv_sec + 1e-9 * t.tv_nsec;
 }
 
-/* The bar: at most 0.3 of the time of OpenCV's RANSAC, and no more error than its USAC_MAGSAC, at 30 %
- * outliers. */
+/* The bar: at most 0.3 of the time of OpenCV's RANSAC, and no more error than its USAC_MAGSAC, at
+ * 30 % outliers. */
 static void faster_and_no_worse_than_opencv(void **)
 {
     cv::setNumThreads(1);
@@ -190,10 +195,11 @@ static void faster_and_no_worse_than_opencv(void **)
     }
     std::sort(error_ours.begin(), error_ours.end());
     std::sort(error_magsac.begin(), error_magsac.end());
-    printf("ours %.3f ms, RANSAC %.3f ms (ratio %.3f), MAGSAC %.3f ms; median rotation error %.4f, MAGSAC "
-           "%.4f deg\n",
-           1e3 * ours / 40, 1e3 * ransac / 40, ours / ransac, 1e3 * magsac / 40, error_ours[20],
-           error_magsac[20]);
+    printf(
+        "ours %.3f ms, RANSAC %.3f ms (ratio %.3f), MAGSAC %.3f ms; median rotation error %.4f, MAGSAC "
+        "%.4f deg\n",
+        1e3 * ours / 40, 1e3 * ransac / 40, ours / ransac, 1e3 * magsac / 40, error_ours[20],
+        error_magsac[20]);
     if (getenv("FOVEA_TIMED") != NULL) assert_true(ours <= 0.3 * ransac);
     assert_true(error_ours[20] <= error_magsac[20]);
 }

@@ -18,12 +18,13 @@ static double uniform(struct fovea_random *random, double low, double high)
     return low + (high - low) * fovea_random_unit(random);
 }
 
-/* Points of the plane n p = d (camera 1), n facing the camera, seen from both; `translate` 0: a pure
- * rotation. */
+/* Points of the plane n p = d (camera 1), n facing the camera, seen from both; `translate` 0: a
+ * pure rotation. */
 static void make_plane(struct fovea_random *random, double outliers, double noise, double translate,
                        struct fv_se3 *T, struct fv_pair *pairs)
 {
-    double turn[3], n[3] = {uniform(random, -.5, .5), uniform(random, -.5, .5), 1}, d = uniform(random, 3, 6);
+    double turn[3], n[3] = {uniform(random, -.5, .5), uniform(random, -.5, .5), 1},
+                    d = uniform(random, 3, 6);
     for (int i = 0; i < 3; i++)
         turn[i] = uniform(random, -.15, .15);
     fv_so3_exp(turn, T->R);
@@ -103,7 +104,8 @@ static void a_rotation_is_told_from_a_motion(void **state)
         double H[9], ratio = 1;
         make_plane(&random, 0.3, 0.5 / 460, 0, &T, pairs);
         struct fv_sampling sampling = {3.0 / 460, 0.999, 300};
-        assert_true(fv_homography_estimate(pairs, COUNT, &sampling, &random, H, inlier) > 0.6 * COUNT);
+        assert_true(fv_homography_estimate(pairs, COUNT, &sampling, &random, H, inlier) >
+                    0.6 * COUNT);
         (void)fv_homography_motions(H, found, &ratio);
         assert_true(ratio < 0.02);
     }

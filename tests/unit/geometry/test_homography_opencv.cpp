@@ -30,7 +30,8 @@ double uniform(fovea_random *random, double low, double high)
 void make_scene(scene &s, fovea_random *random, double outliers)
 {
     fv_se3 T;
-    double turn[3], n[3] = {uniform(random, -.4, .4), uniform(random, -.4, .4), 1}, d = uniform(random, 3, 6);
+    double turn[3], n[3] = {uniform(random, -.4, .4), uniform(random, -.4, .4), 1},
+                    d = uniform(random, 3, 6);
     for (double &t : turn)
         t = uniform(random, -.1, .1);
     fv_so3_exp(turn, T.R);
@@ -91,16 +92,17 @@ void no_worse_than_opencv(void **)
             const fv_sampling sampling = {2.5 / focal_px, 0.999, 1000};
             double H[9];
             std::vector<uint8_t> inlier(matches);
-            assert_true(
-                fv_homography_estimate(s.pairs.data(), matches, &sampling, &random, H, inlier.data()) > 0);
-            cv::Mat C = cv::findHomography(s.a, s.b, cv::RANSAC, 2.5 / focal_px, cv::noArray(), 1000, 0.999);
+            assert_true(fv_homography_estimate(s.pairs.data(), matches, &sampling, &random, H,
+                                               inlier.data()) > 0);
+            cv::Mat C = cv::findHomography(s.a, s.b, cv::RANSAC, 2.5 / focal_px, cv::noArray(),
+                                           1000, 0.999);
             double error = grid_error(H, s.H);
             ours += error / scenes;
             theirs += grid_error(C.ptr<double>(), s.H) / scenes;
             worst = std::fmax(worst, error);
         }
-        std::printf("outliers %.0f %%: mean error %.3f px, worst %.3f; OpenCV %.3f px\n", 100 * outliers,
-                    ours, worst, theirs);
+        std::printf("outliers %.0f %%: mean error %.3f px, worst %.3f; OpenCV %.3f px\n",
+                    100 * outliers, ours, worst, theirs);
         assert_true(ours < 1.25 * theirs && worst < 1.5);
     }
 }

@@ -1,5 +1,5 @@
-/* The floor below a camera: synthetic truth at 0, 30 and 50 % outliers, a table in the way, and clouds without a
- * floor. */
+/* The floor below a camera: synthetic truth at 0, 30 and 50 % outliers, a table in the way, and
+ * clouds without a floor. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -21,9 +21,10 @@ static double uniform(struct fovea_random *random, double low, double high)
     return low + (high - low) * fovea_random_unit(random);
 }
 
-/* A point on the plane down p = height, ahead of the camera, its distance wrong by about `sigma`, relative. */
-static void floor_point(struct fovea_random *random, const double down[3], double height, double sigma,
-                        struct fv_plane_point *point)
+/* A point on the plane down p = height, ahead of the camera, its distance wrong by about `sigma`,
+ * relative. */
+static void floor_point(struct fovea_random *random, const double down[3], double height,
+                        double sigma, struct fv_plane_point *point)
 {
     double ray[3];
     do {
@@ -73,8 +74,9 @@ static void floors_are_found_among_outliers(void **state)
             worst_angle = fmax(worst_angle, acos(fmin(1, fv_dot3(down, plane.down))));
             squares += off * off / (plane.sigma * plane.sigma);
         }
-        printf("outliers %.0f %%: worst height %.2f %%, angle %.2f deg; squared error over variance %.2f\n",
-               100 * shares[s], 100 * worst_height, worst_angle * 180 / FOVEA_PI, squares / 50);
+        printf(
+            "outliers %.0f %%: worst height %.2f %%, angle %.2f deg; squared error over variance %.2f\n",
+            100 * shares[s], 100 * worst_height, worst_angle * 180 / FOVEA_PI, squares / 50);
         assert_true(worst_height < 0.05 && worst_angle < 0.03);
     }
 }
@@ -107,7 +109,8 @@ static void no_floor_is_made_up(void **state)
         for (int i = 0; i < COUNT; i++)
             other_point(&random, 1.5, .2, 4, &points[i]); /* a cloud below, of no shape */
         found += fv_plane_estimate(points, COUNT, &prior, SAMPLES, 20, &random, &plane);
-        assert_true(!fv_plane_estimate(points, 19, &prior, SAMPLES, 20, &random, &plane)); /* too few */
+        assert_true(
+            !fv_plane_estimate(points, 19, &prior, SAMPLES, 20, &random, &plane)); /* too few */
     }
     printf("floors found in clouds: %d of 50\n", found);
     assert_true(found <= 5);

@@ -1,5 +1,5 @@
-/* P3P, robust sampling, refinement and triangulation: synthetic truth at 0, 30 and 50 % outliers, and beside
- * OpenCV. */
+/* P3P, robust sampling, refinement and triangulation: synthetic truth at 0, 30 and 50 % outliers,
+ * and beside OpenCV. */
 #include <opencv2/calib3d.hpp>
 
 #include "common/cmocka_cpp.h"
@@ -52,8 +52,8 @@ static double motion_error(const fv_se3 &A, const fv_se3 &B)
     return fv_norm3(w) + fv_norm3(D.t) / 5;
 }
 
-static void make_sights(const fovea_camera &camera, fovea_random *random, const fv_se3 &T, double outliers,
-                        double noise, fv_sight sights[COUNT])
+static void make_sights(const fovea_camera &camera, fovea_random *random, const fv_se3 &T,
+                        double outliers, double noise, fv_sight sights[COUNT])
 {
     for (int i = 0; i < COUNT; i++) {
         fv_sight &s = sights[i];
@@ -124,14 +124,17 @@ static void sampling_and_refinement_find_the_pose(void **)
             worst = fmax(worst, motion_error(found, T));
             mean_chi += fit.cost / fit.inliers / 100;
         }
-        printf("outliers %.0f %%: worst pose error sampled %.4f, refined %.4f; chi-square per sight %.3f\n",
-               100 * share, worst_sample, worst, mean_chi);
+        printf(
+            "outliers %.0f %%: worst pose error sampled %.4f, refined %.4f; chi-square per sight %.3f\n",
+            100 * share, worst_sample, worst, mean_chi);
         assert_true(worst_sample < 0.03 && worst < 0.003);
-        assert_true(mean_chi > 1.4 && mean_chi < 2.0); /* two residuals of unit variance, cut at 95 % */
+        assert_true(mean_chi > 1.4 &&
+                    mean_chi < 2.0); /* two residuals of unit variance, cut at 95 % */
     }
 }
 
-/* The information matrix is that of the pose: over many noise draws the normalised error square has mean six.
+/* The information matrix is that of the pose: over many noise draws the normalised error square has
+ * mean six.
  */
 static void information_is_consistent(void **)
 {
@@ -169,14 +172,16 @@ static double cpu_seconds(void)
     return t.tv_sec + 1e-9 * t.tv_nsec;
 }
 
-/* The bar: P3P sampling in at most 0.6 of the time of OpenCV's solvePnPRansac with P3P, 500 points. */
+/* The bar: P3P sampling in at most 0.6 of the time of OpenCV's solvePnPRansac with P3P, 500 points.
+ */
 static void faster_than_opencv(void **)
 {
     cv::setNumThreads(1);
     fovea_camera camera = drone_camera();
     memset(camera.k, 0, sizeof camera.k);
     assert_int_equal(fovea_camera_prepare(&camera, NULL), FOVEA_OK);
-    cv::Mat K = (cv::Mat_<double>(3, 3) << camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1);
+    cv::Mat K =
+        (cv::Mat_<double>(3, 3) << camera.fx, 0, camera.cx, 0, camera.fy, camera.cy, 0, 0, 1);
     const double shares[] = {0, 0.3};
     for (double share : shares) {
         fovea_random random;
@@ -210,8 +215,10 @@ static void faster_than_opencv(void **)
             memcpy(C.t, t.ptr<double>(), sizeof C.t);
             error_theirs += motion_error(C, T) / 60;
         }
-        printf("outliers %.0f %%: ours %.1f us, OpenCV %.1f us (ratio %.3f); mean error %.5f, OpenCV %.5f\n",
-               100 * share, 1e6 * ours / 60, 1e6 * theirs / 60, ours / theirs, error_ours, error_theirs);
+        printf(
+            "outliers %.0f %%: ours %.1f us, OpenCV %.1f us (ratio %.3f); mean error %.5f, OpenCV %.5f\n",
+            100 * share, 1e6 * ours / 60, 1e6 * theirs / 60, ours / theirs, error_ours,
+            error_theirs);
         if (getenv("FOVEA_TIMED") != NULL) assert_true(ours <= 0.6 * theirs);
     }
 }
@@ -222,12 +229,13 @@ static void triangulation_is_exact_and_splits_errors(void **)
     fovea_random_seed(&random, 35);
     for (int trial = 0; trial < 1000; trial++) {
         fv_se3 T;
-        double turn[3] = {uniform(&random, -.2, .2), uniform(&random, -.2, .2), uniform(&random, -.2, .2)};
+        double turn[3] = {uniform(&random, -.2, .2), uniform(&random, -.2, .2),
+                          uniform(&random, -.2, .2)};
         fv_so3_exp(turn, T.R);
         for (double &v : T.t)
             v = uniform(&random, -0.5, 0.5);
-        double p[3] = {uniform(&random, -2, 2), uniform(&random, -2, 2), uniform(&random, 2, 8)}, q[3],
-               got[3], c;
+        double p[3] = {uniform(&random, -2, 2), uniform(&random, -2, 2), uniform(&random, 2, 8)},
+               q[3], got[3], c;
         fv_se3_apply(&T, p, q);
         double x1[3] = {p[0], p[1], p[2]}, x2[3] = {q[0], q[1], q[2]};
         fv_normalise3(x1);

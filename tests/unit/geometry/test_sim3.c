@@ -1,5 +1,5 @@
-/* Similarities: the group's own laws, and alignment of landmarks known to two cameras against synthetic
- * truth. */
+/* Similarities: the group's own laws, and alignment of landmarks known to two cameras against
+ * synthetic truth. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -36,8 +36,8 @@ static double difference(const struct fv_sim3 *A, const struct fv_sim3 *B)
     return worst;
 }
 
-/* exp is a homomorphism along each direction, log its inverse; from steps of 1e-9 to large ones, mixed with
- * pure rotation, pure scale and pure translation. */
+/* exp is a homomorphism along each direction, log its inverse; from steps of 1e-9 to large ones,
+ * mixed with pure rotation, pure scale and pure translation. */
 static void test_exponential(void **context)
 {
     (void)context;
@@ -108,7 +108,8 @@ static void test_group(void **context)
         fv_sim3_identity(&one);
         assert_true(difference(&C, &one) < 1e-12);
 
-        /* A camera's pose follows its world: points are seen in the same direction, further by the scale. */
+        /* A camera's pose follows its world: points are seen in the same direction, further by the
+         * scale. */
         struct fv_se3 T, moved;
         fv_so3_exp(y + 3, T.R);
         fv_copy3(y, T.t);
@@ -123,21 +124,23 @@ static void test_group(void **context)
     }
 }
 
-/* ---- alignment ------------------------------------------------------------------------------------- */
+/* ---- alignment
+ * ------------------------------------------------------------------------------------- */
 
 static void look(const double p[3], struct fovea_random *random, double noise_px, double bearing[3],
                  double A[6])
 {
     double x = p[0] / p[2] + noise_px * fovea_random_normal(random) / focal_px,
-           y = p[1] / p[2] + noise_px * fovea_random_normal(random) / focal_px, n = sqrt(x * x + y * y + 1),
-           f = focal_px * n;
+           y = p[1] / p[2] + noise_px * fovea_random_normal(random) / focal_px,
+           n = sqrt(x * x + y * y + 1), f = focal_px * n;
     const double b[3] = {x / n, y / n, 1 / n}, J[6] = {f, 0, -f * x, 0, f, -f * y};
     memcpy(bearing, b, sizeof b);
     memcpy(A, J, sizeof J);
 }
 
 static void make_meetings(struct fovea_random *random, double outliers, double noise_px,
-                          double distance_sigma, const struct fv_sim3 *S_a_b, struct fv_meeting *meetings)
+                          double distance_sigma, const struct fv_sim3 *S_a_b,
+                          struct fv_meeting *meetings)
 {
     struct fv_sim3 S_b_a;
     fv_sim3_invert(S_a_b, &S_b_a);
@@ -145,7 +148,8 @@ static void make_meetings(struct fovea_random *random, double outliers, double n
         struct fv_meeting *m = &meetings[i];
         memset(m, 0, sizeof *m);
         double depth = uniform(random, 2, 8);
-        const double p[3] = {depth * uniform(random, -0.5, 0.5), depth * uniform(random, -0.4, 0.4), depth};
+        const double p[3] = {depth * uniform(random, -0.5, 0.5), depth * uniform(random, -0.4, 0.4),
+                             depth};
         fv_copy3(p, m->point_a);
         fv_sim3_apply(&S_b_a, p, m->point_b);
         look(m->point_a, random, noise_px, m->bearing_a, m->A_a);
@@ -159,7 +163,8 @@ static void make_meetings(struct fovea_random *random, double outliers, double n
             m->point_b[k] *= longer_b;
         }
         if (i < outliers * MEETINGS) {
-            const double other[3] = {uniform(random, -3, 3), uniform(random, -3, 3), uniform(random, 2, 8)};
+            const double other[3] = {uniform(random, -3, 3), uniform(random, -3, 3),
+                                     uniform(random, 2, 8)};
             fv_copy3(other, m->point_b);
             look(other, random, noise_px, m->bearing_b, m->A_b);
         }
@@ -188,7 +193,8 @@ static void test_alignment_exact(void **context)
                 b[i][k] = uniform(&random, -2, 2);
             fv_sim3_apply(&truth, b[i], a[i]);
         }
-        assert_true(fv_sim3_align((const double(*)[3])a, (const double(*)[3])b, n % 2 ? 3 : 6, &found));
+        assert_true(
+            fv_sim3_align((const double(*)[3])a, (const double(*)[3])b, n % 2 ? 3 : 6, &found));
         assert_true(difference(&truth, &found) < 1e-8);
         for (int i = 0; i < 6; i++) /* on a line there is no answer */
             for (int k = 0; k < 3; k++)
@@ -237,8 +243,9 @@ static void test_search_and_refinement(void **context)
     }
 }
 
-/* Errors of a camera that stands one unit beside the other: a point 4 units away that is 10 % too far off along the
- * other's ray is 10 px off here, which is two standard deviations if its distance is known to 5 %. */
+/* Errors of a camera that stands one unit beside the other: a point 4 units away that is 10 % too
+ * far off along the other's ray is 10 px off here, which is two standard deviations if its distance
+ * is known to 5 %. */
 static void test_errors_along_the_ray(void **context)
 {
     (void)context;
@@ -255,7 +262,8 @@ static void test_errors_along_the_ray(void **context)
     fv_copy3(in_b, exact.point_b);
     look(in_a, &random, 0, exact.bearing_a, exact.A_a);
     look(in_b, &random, 0, exact.bearing_b, exact.A_b);
-    assert_true(fv_sim3_errors(&exact, &S_a_b, &S_b_a, square) && square[0] < 1e-12 && square[1] < 1e-12);
+    assert_true(fv_sim3_errors(&exact, &S_a_b, &S_b_a, square) && square[0] < 1e-12 &&
+                square[1] < 1e-12);
     m = exact;
     for (int k = 0; k < 3; k++) {
         m.point_a[k] *= further;
@@ -263,7 +271,8 @@ static void test_errors_along_the_ray(void **context)
     }
     assert_true(fv_sim3_errors(&m, &S_a_b, &S_b_a, square));
     assert_true(square[0] > 3 && square[0] < 4.2 && square[1] > 3 && square[1] < 4.2);
-    m.sigma_a = m.sigma_b = 0; /* where the points are said to be exact, each counts with all its pixels */
+    m.sigma_a = m.sigma_b =
+        0; /* where the points are said to be exact, each counts with all its pixels */
     assert_true(fv_sim3_errors(&m, &S_a_b, &S_b_a, square));
     assert_true(square[0] > 60 && square[1] > 60);
     m = exact;
@@ -276,8 +285,8 @@ static void test_errors_along_the_ray(void **context)
     assert_true(fv_sim3_errors(&m, &S_a_b, &S_b_a, square) && square[0] < 1e-12 && square[1] == 0);
 }
 
-/* What is said of the rotation's error, against the errors made: where landmarks are where they are said to be,
- * and where their distances are as vague as after little parallax. */
+/* What is said of the rotation's error, against the errors made: where landmarks are where they are
+ * said to be, and where their distances are as vague as after little parallax. */
 static void test_certainty_of_turn(void **context)
 {
     (void)context;

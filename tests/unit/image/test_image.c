@@ -37,7 +37,8 @@ static void every_format_has_a_name_and_passes_at_its_size(void **state)
 {
     (void)state;
     for (int format = 0; format < FOVEA_PIXEL_FORMAT_COUNT; format++) {
-        assert_string_not_equal(fovea_pixel_format_name((enum fovea_pixel_format)format), "unknown");
+        assert_string_not_equal(fovea_pixel_format_name((enum fovea_pixel_format)format),
+                                "unknown");
         if (format == FOVEA_PIXEL_MJPEG) continue;
         struct fovea_image image = view((enum fovea_pixel_format)format, 64, 66);
         assert_int_equal(fovea_image_check(&image), FOVEA_OK);

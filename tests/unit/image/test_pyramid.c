@@ -1,4 +1,5 @@
-/* The pyramid: sizes, places, exactness over kernel sets, every capture format, and accuracy on a ramp. */
+/* The pyramid: sizes, places, exactness over kernel sets, every capture format, and accuracy on a
+ * ramp. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -54,7 +55,8 @@ static void places_map_by_exactly_one_point_two(void **state)
     assert_float_equal(fv_pyramid_to_raw(2, 0.0f), 0.22f, 1e-6f);
 }
 
-/* On a ramp, bilinear samples are exact: each level shows the ramp at the mapped places, to the rounding of its parents. */
+/* On a ramp, bilinear samples are exact: each level shows the ramp at the mapped places, to the
+ * rounding of its parents. */
 static void a_ramp_stays_a_ramp(void **state)
 {
     (void)state;
@@ -159,7 +161,8 @@ static void every_format_becomes_grey_as_documented(void **state)
             if (format == FOVEA_PIXEL_MJPEG) continue;
             const enum fovea_pixel_format f = (enum fovea_pixel_format)format;
             const int32_t stride = fovea_image_stride_min(f, W) + 6;
-            const struct fovea_image frame = {pixels, W, H, stride, f, fovea_image_bytes(f, H, stride)};
+            const struct fovea_image frame = {pixels, W, H,
+                                              stride, f, fovea_image_bytes(f, H, stride)};
             assert_int_equal(fovea_image_check(&frame), FOVEA_OK);
             pyramid.level[0].width = W;
             pyramid.level[0].height = H;
@@ -169,8 +172,8 @@ static void every_format_becomes_grey_as_documented(void **state)
                 for (int32_t x = 0; x < W; x++)
                     if (pyramid.level[0].pixels[y * pyramid.level[0].stride_bytes + x] !=
                         grey_of(f, stride, x, y))
-                        fail_msg("%s, kernels %s: (%d, %d) is %d, expected %d", fovea_pixel_format_name(f),
-                                 fv_cpu_set_name(kernels.set), x, y,
+                        fail_msg("%s, kernels %s: (%d, %d) is %d, expected %d",
+                                 fovea_pixel_format_name(f), fv_cpu_set_name(kernels.set), x, y,
                                  pyramid.level[0].pixels[y * pyramid.level[0].stride_bytes + x],
                                  grey_of(f, stride, x, y));
         }

@@ -16,7 +16,8 @@ static void names_are_read_back(void **state)
     for (int set = 0; set < FV_CPU_SET_COUNT; set++) {
         enum fv_cpu_set found = FV_CPU_SET_COUNT;
         struct fovea_error error = {0};
-        const enum fovea_status status = fv_cpu_parse(fv_cpu_set_name((enum fv_cpu_set)set), &found, &error);
+        const enum fovea_status status =
+            fv_cpu_parse(fv_cpu_set_name((enum fv_cpu_set)set), &found, &error);
         struct fv_kernels kernels;
         fv_kernels_init(&kernels, (enum fv_cpu_set)set);
         if (status == FOVEA_OK) {
@@ -51,8 +52,8 @@ static void unknown_names_are_refused_with_what_is_offered(void **state)
     struct fovea_error error = {0};
     assert_int_equal(fv_cpu_parse("SSE4", &set, &error), FOVEA_ERROR_ARGUMENT);
     assert_int_equal(set, FV_CPU_SET_COUNT);
-    assert_non_null(
-        strstr(error.text, "FOVEA_CPU: found 'SSE4', which is not a kernel set; expected one of c"));
+    assert_non_null(strstr(
+        error.text, "FOVEA_CPU: found 'SSE4', which is not a kernel set; expected one of c"));
 }
 
 static void the_environment_caps_the_table(void **state)
@@ -76,13 +77,13 @@ static void the_best_variant_is_picked(void **state)
     (void)state;
     struct fv_kernels kernels;
     fv_kernels_init(&kernels, fv_cpu_best(fv_cpu_detect()));
-#define BEST(name, isa, bit)                                                                                 \
+#define BEST(name, isa, bit)                                                                       \
     if (kernels.isas & (bit)) best = (void (*)(void))fv_k_##name##__##isa;
-#define FV_KERNEL(name, ...)                                                                                 \
-    {                                                                                                        \
-        void (*best)(void) = (void (*)(void))fv_k_##name##__c;                                               \
-        FV_VARIANTS(BEST, name, __VA_ARGS__)                                                                 \
-        assert_true((void (*)(void))kernels.name == best);                                                   \
+#define FV_KERNEL(name, ...)                                                                       \
+    {                                                                                              \
+        void (*best)(void) = (void (*)(void))fv_k_##name##__c;                                     \
+        FV_VARIANTS(BEST, name, __VA_ARGS__)                                                       \
+        assert_true((void (*)(void))kernels.name == best);                                         \
     }
 #include "kernels/kernels.def"
 }

@@ -1,5 +1,5 @@
-/* Maps as files: there and back without loss, also when the map changes while it is written; damaged, hostile
- * and foreign files refused with the byte, or read into a map that is whole. */
+/* Maps as files: there and back without loss, also when the map changes while it is written;
+ * damaged, hostile and foreign files refused with the byte, or read into a map that is whole. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -17,7 +17,8 @@ static enum fovea_status read_into(struct small_map *small, const uint8_t *data,
 {
     struct fv_archive_info info;
     error->text[0] = '\0';
-    const enum fovea_status status = fv_archive_read(data, bytes, "a.map", &small->map, &info, error);
+    const enum fovea_status status =
+        fv_archive_read(data, bytes, "a.map", &small->map, &info, error);
     if (status != FOVEA_OK &&
         (strstr(error->text, "a.map: byte ") != error->text || strchr(error->text, '\n') != NULL))
         fail_msg("refused without the byte: %s", error->text);
@@ -48,7 +49,8 @@ static void test_there_and_back(void **state)
 {
     (void)state;
     for (uint64_t seed = 1; seed <= 8; seed++) {
-        struct small_map *from = filled(seed, (uint32_t)(3 + 3 * seed)), *to = filled(seed + 100, 4);
+        struct small_map *from = filled(seed, (uint32_t)(3 + 3 * seed)),
+                         *to = filled(seed + 100, 4);
         struct fovea_error error;
         size_t bytes, again_bytes;
         uint8_t *data = small_map_save(from, &bytes);
@@ -59,7 +61,8 @@ static void test_there_and_back(void **state)
         uint8_t *again = small_map_save(to, &again_bytes);
         assert_int_equal(again_bytes, bytes);
         assert_memory_equal(again, data, bytes);
-        for (uint32_t k = 0; k < from->map.limits.keyframes; k++) { /* what is not stored is made again */
+        for (uint32_t k = 0; k < from->map.limits.keyframes;
+             k++) { /* what is not stored is made again */
             const struct fv_view a = fv_map_view(&from->map, k), b = fv_map_view(&to->map, k);
             if (!a.frame->used) continue;
             assert_memory_equal(a.points, b.points, a.frame->features * sizeof *a.points);
@@ -74,8 +77,8 @@ static void test_there_and_back(void **state)
     }
 }
 
-/* Scales of the maps whose unit is known, per unit of their points; twice told or impossible ones are
- * refused. */
+/* Scales of the maps whose unit is known, per unit of their points; twice told or impossible ones
+ * are refused. */
 static void test_scales(void **state)
 {
     (void)state;
@@ -126,7 +129,8 @@ static void test_scales(void **state)
     give_back(to);
 }
 
-/* Keyframes come and go between the units: what is read is whole, and has what stayed all the time. */
+/* Keyframes come and go between the units: what is read is whole, and has what stayed all the time.
+ */
 static void test_saved_while_it_changes(void **state)
 {
     (void)state;
@@ -289,7 +293,8 @@ static void test_foreign_files_are_refused(void **state)
     size_t at = FV_ARCHIVE_HEADER_BYTES;
     for (uint32_t i = 0; i < from->map.state->landmark_count; i++)
         at += FV_ARCHIVE_LANDMARK_BYTES + (size_t)FV_ARCHIVE_OBSERVER_BYTES * data[at + 61];
-    const size_t last = FV_ARCHIVE_FEATURE_BYTES * (size_t)(data[at + FV_ARCHIVE_KEYFRAME_BYTES - 8] - 1);
+    const size_t last =
+        FV_ARCHIVE_FEATURE_BYTES * (size_t)(data[at + FV_ARCHIVE_KEYFRAME_BYTES - 8] - 1);
     at += FV_ARCHIVE_KEYFRAME_BYTES;
     for (size_t i = 0; i < FV_ARCHIVE_FEATURE_BYTES; i++) {
         const uint8_t kept = data[at + i];
@@ -312,7 +317,8 @@ static void test_foreign_files_are_refused(void **state)
     give_back(to);
 }
 
-/* Numbers that the rest of the map agrees with, and that a run could not count on from; and a mirror. */
+/* Numbers that the rest of the map agrees with, and that a run could not count on from; and a
+ * mirror. */
 static void test_numbers_have_room(void **state)
 {
     (void)state;
@@ -337,7 +343,8 @@ static void test_numbers_have_room(void **state)
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
         memcpy(bad, data, bytes);
         bad[cases[i].at] = cases[i].value;
-        for (size_t k = 7; k < 24 && cases[i].at == pose; k += 8) /* the first row the other way round */
+        for (size_t k = 7; k < 24 && cases[i].at == pose;
+             k += 8) /* the first row the other way round */
             bad[pose + k] ^= 0x80;
         fv_archive_seal(bad, bytes);
         assert_int_equal(read_into(to, bad, bytes, &error), FOVEA_ERROR_INPUT);

@@ -1,6 +1,6 @@
-/* Loop closing and merging on a synthetic ring: points with random descriptors, keyframes whose estimated
- * poses drift in place, direction and scale, and see the first points again as new landmarks when they come
- * round. */
+/* Loop closing and merging on a synthetic ring: points with random descriptors, keyframes whose
+ * estimated poses drift in place, direction and scale, and see the first points again as new
+ * landmarks when they come round. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -58,8 +58,13 @@ static void make_world(uint64_t seed)
 {
     memset(&w, 0, sizeof w);
     struct fovea_error error;
-    w.camera = (struct fovea_camera){
-        .width = 640, .height = 480, .lens = FOVEA_LENS_RADTAN, .fx = 400, .fy = 400, .cx = 320, .cy = 240};
+    w.camera = (struct fovea_camera){.width = 640,
+                                     .height = 480,
+                                     .lens = FOVEA_LENS_RADTAN,
+                                     .fx = 400,
+                                     .fy = 400,
+                                     .cx = 320,
+                                     .cy = 240};
     assert_int_equal(fovea_camera_prepare(&w.camera, &error), FOVEA_OK);
     fv_kernels_init(&w.kernels, FV_CPU_C);
     w.memory = carved(carve, NULL);
@@ -70,7 +75,8 @@ static void make_world(uint64_t seed)
     fovea_random_seed(&w.random, seed);
     fv_sim3_identity(&w.drift);
     for (int i = 0; i < POINTS; i++) { /* on both sides of a round corridor of radius 10 */
-        double angle = uniform(0, 6.283185), radius = uniform(0, 1) < 0.5 ? uniform(8, 9) : uniform(11, 12);
+        double angle = uniform(0, 6.283185),
+               radius = uniform(0, 1) < 0.5 ? uniform(8, 9) : uniform(11, 12);
         const double p[3] = {radius * fovea_cos(angle), uniform(-1, 1), radius * fovea_sin(angle)};
         fv_copy3(p, w.point[i]);
         for (int k = 0; k < 32; k++)
@@ -96,7 +102,8 @@ static void true_pose(uint32_t n, struct fv_se3 *T_cam_world)
 }
 
 /* A feature of point i, with some bits of its descriptor wrong. */
-static void fill_feature(struct fovea_feature *feature, uint8_t *descriptor, int i, const double pixel[2])
+static void fill_feature(struct fovea_feature *feature, uint8_t *descriptor, int i,
+                         const double pixel[2])
 {
     memset(feature, 0, sizeof *feature);
     feature->x_px = (float)pixel[0];
@@ -104,10 +111,12 @@ static void fill_feature(struct fovea_feature *feature, uint8_t *descriptor, int
     feature->level = w.vague ? 7 : 0;
     memcpy(descriptor, w.descriptor[i], 32);
     for (int k = 0; k < 4; k++)
-        descriptor[fovea_random_below(&w.random, 32)] ^= (uint8_t)(1u << fovea_random_below(&w.random, 8));
+        descriptor[fovea_random_below(&w.random, 32)] ^=
+            (uint8_t)(1u << fovea_random_below(&w.random, 8));
 }
 
-/* A keyframe at the next place: what it sees, and its links, in the world as it is estimated there. */
+/* A keyframe at the next place: what it sees, and its links, in the world as it is estimated there.
+ */
 static void add_keyframe(void)
 {
     const uint32_t n = w.count, current = fv_map_current(&w.map);
@@ -178,8 +187,8 @@ static void camera_in_odom(double centre[3])
     fv_sim3_apply(&S_odom_map, centre, centre);
 }
 
-/* Finish the work on an offered keyframe, a new keyframe (if `grow`) being born while the graph is solved.
- * True when the map was corrected; the pose in odom must not have noticed. */
+/* Finish the work on an offered keyframe, a new keyframe (if `grow`) being born while the graph is
+ * solved. True when the map was corrected; the pose in odom must not have noticed. */
 static bool work(bool grow)
 {
     bool committed = false;
@@ -254,7 +263,8 @@ static void test_closes_the_ring(void **context)
     assert_true(fabs(before) > 0.5);                 /* it had drifted indeed */
     for (uint32_t n = w.count - 2; n < w.count; n++) /* the last one was born meanwhile */
         if (!(fabs(distance_off(n, 2)) < 0.2))
-            fail_msg("keyframe %u of %u is %.3f off, %.3f before", n, w.count, distance_off(n, 2), before);
+            fail_msg("keyframe %u of %u is %.3f off, %.3f before", n, w.count, distance_off(n, 2),
+                     before);
     uint16_t shared[FV_MAP_KEYFRAMES_MAX];
     fv_map_count_shared(&w.map, w.loop.state->keyframe.slot, shared);
     assert_true(shared[w.loop.state->candidates[w.loop.state->candidate].slot] > 20);
@@ -272,7 +282,8 @@ static void test_merges_maps(void **context)
         offer(w.count - 1);
         assert_false(work(false));
     }
-    /* Lost, and another map begun in a world of its own, a little further on; it comes round to the first. */
+    /* Lost, and another map begun in a world of its own, a little further on; it comes round to the
+     * first. */
     fv_map_begin_another(&w.map);
     const double x[7] = {3, 1, -2, 0.5, 1, -0.3, 0.6};
     fv_sim3_exp(x, &w.drift);
@@ -288,14 +299,16 @@ static void test_merges_maps(void **context)
     assert_true(merged);
     assert_int_equal(w.loop.state->counts.merged, 1);
     assert_int_equal(w.map.state->map_id, w.map.keyframes[w.slot[0]].map_id);
-    assert_int_equal(fv_map_count_keyframes(&w.map, w.map.state->map_id), w.map.state->keyframe_count);
-    assert_true(w.map.state->odom_id != w.map.state->map_id); /* poses go on in the frame they were in */
+    assert_int_equal(fv_map_count_keyframes(&w.map, w.map.state->map_id),
+                     w.map.state->keyframe_count);
+    assert_true(w.map.state->odom_id !=
+                w.map.state->map_id); /* poses go on in the frame they were in */
     assert_true(fabs(distance_off(w.count - 1, 2)) < 0.2);
     free(w.memory);
 }
 
-/* All that meets lies in one direction and is seen coarsely: the place is known again, but where it is to a degree
- * only, and nothing is corrected by that. */
+/* All that meets lies in one direction and is seen coarsely: the place is known again, but where it
+ * is to a degree only, and nothing is corrected by that. */
 static void test_vague_relation_corrects_nothing(void **context)
 {
     (void)context;
@@ -332,7 +345,8 @@ static void test_odom_of_maps(void **context)
     free(w.memory);
 }
 
-/* A full pool gives up what is most redundant, never the newest; landmarks unseen for long make room first.
+/* A full pool gives up what is most redundant, never the newest; landmarks unseen for long make
+ * room first.
  */
 static void test_full_pools(void **context)
 {
@@ -354,7 +368,8 @@ static void test_full_pools(void **context)
     assert_true(w.map.state->free_count >= wanted);
     assert_int_equal(w.map.state->keyframe_count, keyframes);
     check_links();
-    fv_map_make_room(&w.map, w.map.limits.landmarks, 30); /* none may go by age: keyframes do, but two stay */
+    fv_map_make_room(&w.map, w.map.limits.landmarks,
+                     30); /* none may go by age: keyframes do, but two stay */
     assert_int_equal(w.map.state->keyframe_count, 2);
     check_links();
     free(w.memory);
@@ -386,16 +401,19 @@ static void test_no_larger_than_drift(void **state)
         add_keyframe();
     assert_true(plausible(0, 0, 1, 0) && plausible(0, 0.5, 1.9, 4));
     assert_true(plausible(0, 0, 1, 4.7) && !plausible(0, 0, 1, 5.8));
-    assert_true(plausible(37, 0, 1, 1) && !plausible(37, 0, 1, 1.3)); /* a short way, a small correction */
+    assert_true(plausible(37, 0, 1, 1) &&
+                !plausible(37, 0, 1, 1.3)); /* a short way, a small correction */
     assert_true(!plausible(0, 0.7, 1, 0) && !plausible(0, -0.7, 1, 0));
     assert_true(!plausible(0, 0, 2.2, 0) && !plausible(0, 0, 1 / 2.2, 0));
-    w.map.keyframes[w.slot[0]].map_id = 1; /* another map lies anywhere, and has a unit of its own */
+    w.map.keyframes[w.slot[0]].map_id =
+        1; /* another map lies anywhere, and has a unit of its own */
     assert_true(plausible(0, 3, 40, 1000) && plausible(0, 3, 1.0 / 40, 1000));
     assert_true(!plausible(0, 0, 60, 0) && !plausible(0, 0, 1.0 / 60, 0));
     free(w.memory);
 }
 
-/* A ray's direction is known to a pixel over the focal length; the distance, to that over all the parallax. */
+/* A ray's direction is known to a pixel over the focal length; the distance, to that over all the
+ * parallax. */
 static void test_certainty_of_distances(void **state)
 {
     (void)state;
@@ -419,7 +437,8 @@ static void test_certainty_of_distances(void **state)
         feature++;
     fv_loop_side_a(&w.map, &view, feature, &m);
     fv_loop_side_b(&w.map, &view, feature, &m);
-    assert_true(m.sigma_a >= 0.01 && m.sigma_a == m.sigma_b && m.weight_a > 0 && m.weight_a == m.weight_b);
+    assert_true(m.sigma_a >= 0.01 && m.sigma_a == m.sigma_b && m.weight_a > 0 &&
+                m.weight_a == m.weight_b);
     assert_memory_equal(m.point_a, m.point_b, sizeof m.point_a);
     assert_memory_equal(m.bearing_a, m.bearing_b, sizeof m.bearing_a);
     assert_memory_equal(m.A_a, m.A_b, sizeof m.A_a);

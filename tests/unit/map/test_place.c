@@ -1,5 +1,5 @@
-/* The vocabulary and the place index: words against an exhaustive search of the tree, the index against sets
- * counted one by one, and views of one simulated place found among others. */
+/* The vocabulary and the place index: words against an exhaustive search of the tree, the index
+ * against sets counted one by one, and views of one simulated place found among others. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -50,8 +50,9 @@ static uint32_t word_by_search(const uint8_t *descriptor)
     for (int depth = 0; depth < FV_VOCABULARY_DEPTH; depth++) {
         uint32_t best = 0, least = 1000;
         for (uint32_t k = 0; k < FV_VOCABULARY_BRANCH; k++) {
-            uint32_t d = distance(descriptor, fv_vocabulary_data +
-                                                  32 * (size_t)(first + node * FV_VOCABULARY_BRANCH + k));
+            uint32_t d =
+                distance(descriptor, fv_vocabulary_data +
+                                         32 * (size_t)(first + node * FV_VOCABULARY_BRANCH + k));
             if (d < least) {
                 least = d;
                 best = k;
@@ -130,7 +131,8 @@ static void test_index(void **state)
     for (uint32_t slot = 0; slot < SLOTS; slot++) {
         double shared = 0, own = 0, asked = 0;
         for (uint32_t w = 0; w < FV_VOCABULARY_WORDS; w++) {
-            bool in = kept[slot].present[w / 64] >> (w % 64) & 1, out = query.present[w / 64] >> (w % 64) & 1;
+            bool in = kept[slot].present[w / 64] >> (w % 64) & 1,
+                 out = query.present[w / 64] >> (w % 64) & 1;
             shared += in && out ? fv_vocabulary_weight(w) : 0;
             own += in ? fv_vocabulary_weight(w) : 0;
             asked += out ? fv_vocabulary_weight(w) : 0;
@@ -139,14 +141,16 @@ static void test_index(void **state)
         assert_int_equal(fv_place_holds(&place, slot, generation[slot]), generation[slot] != 0);
         assert_false(fv_place_holds(&place, slot, generation[slot] + 1));
         assert_int_equal(scores[slot],
-                         counts ? (uint32_t)(FV_PLACE_ONE * shared / __builtin_sqrt(own * asked)) : 0);
+                         counts ? (uint32_t)(FV_PLACE_ONE * shared / __builtin_sqrt(own * asked))
+                                : 0);
     }
     struct fv_place_candidate best[7];
     uint32_t count = fv_place_best(scores, SLOTS, 1, best, 7);
     assert_int_equal(count, 7);
     uint32_t better = 0;
     for (uint32_t slot = 0; slot < SLOTS; slot++)
-        better += scores[slot] > best[6].score || (scores[slot] == best[6].score && slot < best[6].slot);
+        better +=
+            scores[slot] > best[6].score || (scores[slot] == best[6].score && slot < best[6].slot);
     assert_int_equal(better, 6);
     for (uint32_t i = 1; i < 7; i++)
         assert_true(best[i - 1].score > best[i].score ||
@@ -176,7 +180,8 @@ static void words_of_world(uint32_t world, struct fv_place_words words[2])
         assert_int_equal(ops->dequeue(source, INT64_MAX, &frame), FOVEA_OK);
         assert_int_equal(fv_extract_image(&frame.image, NULL, &config, &extract, &error), FOVEA_OK);
         fv_place_words_begin(&words[i]);
-        fv_place_words_add(&words[i], &extract.kernels, extract.orb.descriptors, extract.features.count);
+        fv_place_words_add(&words[i], &extract.kernels, extract.orb.descriptors,
+                           extract.features.count);
         fv_extract_free(&extract);
         ops->requeue(source, &frame);
     }
@@ -184,7 +189,8 @@ static void words_of_world(uint32_t world, struct fv_place_words words[2])
     ops->close(source);
 }
 
-/* Views of several worlds, each seen again a second later: the same world comes first, and clearly so. */
+/* Views of several worlds, each seen again a second later: the same world comes first, and clearly
+ * so. */
 static void test_places(void **state)
 {
     (void)state;

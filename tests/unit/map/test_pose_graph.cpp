@@ -1,5 +1,5 @@
-/* The pose graph beside Ceres: the same cost on graphs with noise, the truth on graphs without, and units of
- * bounded work. */
+/* The pose graph beside Ceres: the same cost on graphs with noise, the truth on graphs without, and
+ * units of bounded work. */
 #include <ceres/ceres.h>
 
 #include "common/cmocka_cpp.h"
@@ -41,16 +41,17 @@ static void random_step(fovea_random *random, double size, double x[7])
         x[i] = size * fovea_random_normal(random);
 }
 
-/* A walk round a ring that ends where it began, with edges along the way, a few across neighbours, and one
- * that closes the loop; measured with noise, started from the walk as measured. */
-static void make_ring(fv_pose_graph *graph, fovea_random *random, int count, double noise, int across,
-                      std::vector<fv_sim3> *truth)
+/* A walk round a ring that ends where it began, with edges along the way, a few across neighbours,
+ * and one that closes the loop; measured with noise, started from the walk as measured. */
+static void make_ring(fv_pose_graph *graph, fovea_random *random, int count, double noise,
+                      int across, std::vector<fv_sim3> *truth)
 {
     std::vector<fv_sim3> walk((size_t)count);
     truth->resize((size_t)count);
     for (int i = 0; i < count; i++) {
         double angle = 6.283185 * i / count;
-        const double turn[3] = {0.1 * fovea_sin(3 * angle), angle > 3.14 ? angle - 6.283185 : angle, 0.2},
+        const double turn[3] = {0.1 * fovea_sin(3 * angle), angle > 3.14 ? angle - 6.283185 : angle,
+                                0.2},
                      at[3] = {8 * fovea_cos(angle), fovea_sin(2 * angle), 8 * fovea_sin(angle)};
         fv_se3 T;
         fv_so3_exp(turn, T.R);
@@ -76,8 +77,8 @@ static void make_ring(fv_pose_graph *graph, fovea_random *random, int count, dou
     for (int i = 0; i < count; i++)
         assert_int_equal(fv_pose_graph_add_node(graph, &walk[(size_t)i], i == 0), i);
     for (int i = 1; i < count; i++)
-        assert_true(
-            fv_pose_graph_add_edge(graph, (uint32_t)i, (uint32_t)i - 1, &measured[(size_t)i - 1], weight));
+        assert_true(fv_pose_graph_add_edge(graph, (uint32_t)i, (uint32_t)i - 1,
+                                           &measured[(size_t)i - 1], weight));
     for (int k = 2; k <= across; k++)
         for (int i = k; i < count; i++) {
             fv_sim3 S = between(i - k, i, noise);
@@ -95,7 +96,8 @@ static int finish(fv_pose_graph *graph)
     return units;
 }
 
-/* ---- Ceres ----------------------------------------------------------------------------------------- */
+/* ---- Ceres
+ * ----------------------------------------------------------------------------------------- */
 
 struct EdgeError {
     const fv_graph_edge *edge;
@@ -124,9 +126,10 @@ static double solve_with_ceres(const fv_pose_graph *graph)
         if (graph->nodes[n].fixed) problem.SetParameterBlockConstant(&x[7 * n]);
     }
     for (uint32_t e = 0; e < graph->state->edge_count; e++)
-        problem.AddResidualBlock(new ceres::NumericDiffCostFunction<EdgeError, ceres::CENTRAL, 7, 7, 7>(
-                                     new EdgeError{&graph->edges[e]}),
-                                 nullptr, &x[7 * graph->edges[e].a], &x[7 * graph->edges[e].b]);
+        problem.AddResidualBlock(
+            new ceres::NumericDiffCostFunction<EdgeError, ceres::CENTRAL, 7, 7, 7>(
+                new EdgeError{&graph->edges[e]}),
+            nullptr, &x[7 * graph->edges[e].a], &x[7 * graph->edges[e].b]);
     ceres::Solver::Options options;
     options.max_num_iterations = 200;
     options.function_tolerance = 1e-15;
@@ -147,7 +150,8 @@ static void test_same_cost_as_ceres(void **)
         fv_pose_graph graph;
         void *memory = make_graph(&graph);
         std::vector<fv_sim3> truth;
-        make_ring(&graph, &random, n < 4 ? 20 + 12 * n : 150, n % 2 ? 0.03 : 0.01, n < 2 ? 1 : 3, &truth);
+        make_ring(&graph, &random, n < 4 ? 20 + 12 * n : 150, n % 2 ? 0.03 : 0.01, n < 2 ? 1 : 3,
+                  &truth);
         double expected = solve_with_ceres(&graph);
         assert_true(fv_pose_graph_start(&graph));
         finish(&graph);
@@ -185,7 +189,8 @@ static void test_truth_without_noise(void **)
     free(memory);
 }
 
-/* What no path ties to a fixed node stays, and does no harm; nothing to move is no job; a full graph says so.
+/* What no path ties to a fixed node stays, and does no harm; nothing to move is no job; a full
+ * graph says so.
  */
 static void test_edges_of_use(void **)
 {
@@ -200,7 +205,8 @@ static void test_edges_of_use(void **)
     fv_sim3_exp(x, &alone);
     int32_t first = fv_pose_graph_add_node(&graph, &alone, false),
             second = fv_pose_graph_add_node(&graph, &alone, false);
-    assert_true(fv_pose_graph_add_edge(&graph, (uint32_t)first, (uint32_t)second, &truth[3], weight));
+    assert_true(
+        fv_pose_graph_add_edge(&graph, (uint32_t)first, (uint32_t)second, &truth[3], weight));
     assert_true(fv_pose_graph_start(&graph));
     finish(&graph);
     assert_memory_equal(&graph.nodes[first].S, &alone, sizeof alone);

@@ -1,5 +1,5 @@
-/* Views: features sorted into the grid without losing any, where they were to half a unit, with the bearings
- * of the lens model; searches find what a scan of all features finds. */
+/* Views: features sorted into the grid without losing any, where they were to half a unit, with the
+ * bearings of the lens model; searches find what a scan of all features finds. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -86,11 +86,13 @@ static void test_features_stay_what_they_are(void **state)
             struct fv_keypoint k;
             assert_false(seen[t.from[f]]);
             seen[t.from[f]] = true;
-            const double x = view.points[f].x * t.map.pixel_px, y = view.points[f].y * t.map.pixel_px;
+            const double x = view.points[f].x * t.map.pixel_px,
+                         y = view.points[f].y * t.map.pixel_px;
             assert_true(fv_abs(x - (double)o->x_px) <= t.map.pixel_px / 2 &&
                         fv_abs(y - (double)o->y_px) <= t.map.pixel_px / 2);
             assert_int_equal(view.points[f].level, o->level);
-            assert_memory_equal(view.descriptors + 32 * (size_t)f, t.descriptor + 32 * (size_t)t.from[f], 32);
+            assert_memory_equal(view.descriptors + 32 * (size_t)f,
+                                t.descriptor + 32 * (size_t)t.from[f], 32);
             assert_true(fv_map_keypoint(&t.map, &view.points[f], &k));
             assert_memory_equal(&k, &view.keypoints[f], sizeof k);
             assert_memory_equal(k.bearing, t.bearing[f], sizeof k.bearing);
@@ -117,9 +119,11 @@ static void test_beyond_the_lens(void **state)
         known += fovea_camera_unproject(&t.camera, pixel, bearing, NULL) == FOVEA_OK;
     }
     assert_true(known > 100 && known < FEATURES);
-    assert_in_range(view.frame->features, known - known / 10, known); /* the table's border loses a few */
+    assert_in_range(view.frame->features, known - known / 10,
+                    known); /* the table's border loses a few */
     for (uint32_t f = 0; f < view.frame->features; f++)
-        assert_memory_equal(view.descriptors + 32 * (size_t)f, t.descriptor + 32 * (size_t)t.from[f], 32);
+        assert_memory_equal(view.descriptors + 32 * (size_t)f,
+                            t.descriptor + 32 * (size_t)t.from[f], 32);
     free(memory);
 }
 
@@ -132,7 +136,8 @@ static void test_search_is_a_scan(void **state)
     struct fovea_random random;
     fovea_random_seed(&random, 2);
     for (int n = 0; n < 3000; n++) {
-        const double x = 860 * fovea_random_unit(&random) - 50, y = 580 * fovea_random_unit(&random) - 50,
+        const double x = 860 * fovea_random_unit(&random) - 50,
+                     y = 580 * fovea_random_unit(&random) - 50,
                      radius = 60 * fovea_random_unit(&random);
         const int low = (int)fovea_random_below(&random, 8), high = low + 2;
         const uint8_t *wanted = t.descriptor + 32 * (size_t)fovea_random_below(&random, FEATURES);
@@ -163,7 +168,8 @@ static void test_search_is_a_scan(void **state)
     free(memory);
 }
 
-/* Six columns and four rows, numbered as one reads; what lies on the last edge is still in the last of them. */
+/* Six columns and four rows, numbered as one reads; what lies on the last edge is still in the last
+ * of them. */
 static void test_parts_of_the_image(void **state)
 {
     (void)state;
@@ -174,7 +180,8 @@ static void test_parts_of_the_image(void **state)
     } rows[] = {{0, 0, 0},      {106, 119, 0}, {107, 119, 1},  {106, 120, 6}, {639, 0, 5},
                 {639, 239, 11}, {0, 240, 12},  {320, 250, 15}, {0, 479, 18},  {640, 480, 23}};
     for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++) {
-        const struct fv_pixel p = {.x = (uint16_t)(16 * rows[i].x_px), .y = (uint16_t)(16 * rows[i].y_px)};
+        const struct fv_pixel p = {.x = (uint16_t)(16 * rows[i].x_px),
+                                   .y = (uint16_t)(16 * rows[i].y_px)};
         assert_int_equal(fv_map_part(&map, &p), rows[i].part);
     }
 }

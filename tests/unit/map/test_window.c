@@ -1,5 +1,5 @@
-/* Window optimisation on a synthetic map: noise on poses, points and pixels must shrink to what the pixels
- * allow. */
+/* Window optimisation on a synthetic map: noise on poses, points and pixels must shrink to what the
+ * pixels allow. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -46,8 +46,8 @@ static void carve(void *context, struct fv_arena *arena)
 }
 
 /* A row of views that look at a cloud; the first `exact` poses and no points are exact. */
-static void build(struct fixture *f, uint64_t seed, double pose_noise, double point_noise, double pixel_noise,
-                  double outliers, int exact)
+static void build(struct fixture *f, uint64_t seed, double pose_noise, double point_noise,
+                  double pixel_noise, double outliers, int exact)
 {
     struct fovea_random random;
     fovea_random_seed(&random, seed);
@@ -159,8 +159,8 @@ static void exact_pixels_give_the_truth(void **state)
     build(&f, 51, 0.03, 0.1, 0, 0, 3); /* the three outside the window are exact and hold it */
     int units;
     struct fv_window_result result = run(&f, VIEWS - 1, &units);
-    printf("units %d, cost %.3g to %.3g, pose %.2e, point %.2e\n", units, result.cost_at_start, result.cost,
-           pose_error(&f, 3, 7), median_point_error(&f));
+    printf("units %d, cost %.3g to %.3g, pose %.2e, point %.2e\n", units, result.cost_at_start,
+           result.cost, pose_error(&f, 3, 7), median_point_error(&f));
     assert_int_equal(result.moved_keyframes, WINDOW);
     assert_true(result.cost < 1e-3 * result.cost_at_start);
     assert_true(pose_error(&f, 3, 7) < 1e-4 && median_point_error(&f) < 1e-3);
@@ -174,14 +174,16 @@ static void noise_and_outliers_are_borne(void **state)
     build(&f, 52, 0.02, 0.05, 0.7, 0.05, 3);
     int units;
     struct fv_window_result result = run(&f, VIEWS - 1, &units);
-    printf("units %d, cost %.0f to %.0f, dropped %u, pose %.4f, point %.4f\n", units, result.cost_at_start,
-           result.cost, result.dropped_observations, pose_error(&f, 3, 7), median_point_error(&f));
+    printf("units %d, cost %.0f to %.0f, dropped %u, pose %.4f, point %.4f\n", units,
+           result.cost_at_start, result.cost, result.dropped_observations, pose_error(&f, 3, 7),
+           median_point_error(&f));
     assert_true(pose_error(&f, 3, 7) < 0.03 && median_point_error(&f) < 0.05);
     assert_in_range(result.dropped_observations, 40, 260);
     destroy(&f);
 }
 
-/* What happened to the map since the start of the job: a landmark gone, another born on a moved keyframe. */
+/* What happened to the map since the start of the job: a landmark gone, another born on a moved
+ * keyframe. */
 static void commit_respects_what_changed(void **state)
 {
     (void)state;
@@ -203,7 +205,8 @@ static void commit_respects_what_changed(void **state)
     double seen_before[3], seen_after[3];
     fv_se3_apply(&before, place, seen_before);
     (void)fv_window_commit(&f.window, &f.map);
-    fv_se3_apply(&f.map.keyframes[VIEWS - 1].T_cam_world, f.map.landmarks[reused].point, seen_after);
+    fv_se3_apply(&f.map.keyframes[VIEWS - 1].T_cam_world, f.map.landmarks[reused].point,
+                 seen_after);
     for (int k = 0; k < 3; k++)
         assert_true(fabs(seen_before[k] - seen_after[k]) < 1e-9); /* it moved with its keyframe */
     assert_true(memcmp(&before, &f.map.keyframes[VIEWS - 1].T_cam_world, sizeof before) != 0);

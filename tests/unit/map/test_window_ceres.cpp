@@ -1,5 +1,5 @@
-/* The window beside Ceres: from the same start to the same robust cost, on scenes with noise, outliers and
- * free scale. */
+/* The window beside Ceres: from the same start to the same robust cost, on scenes with noise,
+ * outliers and free scale. */
 #include <ceres/ceres.h>
 #include <ceres/rotation.h>
 
@@ -28,7 +28,8 @@ static double spread(fovea_random *random, double size)
 
 static void carve(void *window, fv_arena *arena)
 {
-    const fv_window_limits limits = {FV_WINDOW_KEYFRAMES_MAX, LANDMARKS_MAX, OBSERVATIONS_MAX, PASSES, 1e-10};
+    const fv_window_limits limits = {FV_WINDOW_KEYFRAMES_MAX, LANDMARKS_MAX, OBSERVATIONS_MAX,
+                                     PASSES, 1e-10};
     fv_window_carve(static_cast<fv_window *>(window), &limits, NULL, arena);
 }
 
@@ -39,7 +40,8 @@ static void *make_window(fv_window *window)
     return memory;
 }
 
-/* What a pinhole of 450 px sees of a point, with noise; bearings and derivatives as a view has them. */
+/* What a pinhole of 450 px sees of a point, with noise; bearings and derivatives as a view has
+ * them. */
 static bool observe(fovea_random *random, const scene *scene, const double q[3], fv_keypoint *p)
 {
     const double f = 450;
@@ -133,8 +135,9 @@ static double solve_with_ceres(const fv_window *w)
         fv_copy3(l->point, &points[3 * i]);
         for (uint32_t k = 0; k < l->count; k++) {
             const fv_window_observation *o = &w->observations[l->first + k];
-            problem.AddResidualBlock(new ceres::AutoDiffCostFunction<SightError, 2, 6, 3>(new SightError{o}),
-                                     new ceres::HuberLoss(sqrt(5.991)), &poses[6 * o->pose], &points[3 * i]);
+            problem.AddResidualBlock(
+                new ceres::AutoDiffCostFunction<SightError, 2, 6, 3>(new SightError{o}),
+                new ceres::HuberLoss(sqrt(5.991)), &poses[6 * o->pose], &points[3 * i]);
         }
     }
     ceres::Solver::Options options;
@@ -167,9 +170,10 @@ static void test_same_cost_as_ceres(void **)
         while (fv_window_unit(&window)) {
         }
         const fv_window_state *s = window.state;
-        print_message("scene %zu: %u observations, cost %.3f, then %.9g in %u passes; Ceres %.9g, %+.1e\n", n,
-                      s->observation_count, s->cost_at_start, s->cost_before, s->pass, expected,
-                      s->cost_before / expected - 1);
+        print_message(
+            "scene %zu: %u observations, cost %.3f, then %.9g in %u passes; Ceres %.9g, %+.1e\n", n,
+            s->observation_count, s->cost_at_start, s->cost_before, s->pass, expected,
+            s->cost_before / expected - 1);
         assert_true(s->cost_before < 0.5 * s->cost_at_start);
         if (!(fabs(s->cost_before - expected) <= 1e-6 * expected))
             fail_msg("scene %zu: cost %.12g, Ceres %.12g", n, s->cost_before, expected);

@@ -1,4 +1,5 @@
-/* The field table against lcm-gen: same hashes, same bytes for every type; damage is seen and named. */
+/* The field table against lcm-gen: same hashes, same bytes for every type; damage is seen and
+ * named. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -32,36 +33,37 @@
 #include "fovea_tracks_t.h"
 
 /* Decode with the generated code, encode again: the bytes written, or -1. */
-#define ROUND_TRIP(P, T)                                                                                     \
-    static int round_trip_##P##_##T(const uint8_t *in, size_t bytes, uint8_t *out, size_t capacity)          \
-    {                                                                                                        \
-        P##_##T message;                                                                                     \
-        memset(&message, 0, sizeof message);                                                                 \
-        int used = P##_##T##_decode(in, 0, (int)bytes, &message);                                            \
-        int written = used == (int)bytes ? P##_##T##_encode(out, 0, (int)capacity, &message) : -1;           \
-        if (written >= 0) assert_int_equal(written, P##_##T##_encoded_size(&message));                       \
-        P##_##T##_decode_cleanup(&message);                                                                  \
-        return written;                                                                                      \
+#define ROUND_TRIP(P, T)                                                                           \
+    static int round_trip_##P##_##T(const uint8_t *in, size_t bytes, uint8_t *out,                 \
+                                    size_t capacity)                                               \
+    {                                                                                              \
+        P##_##T message;                                                                           \
+        memset(&message, 0, sizeof message);                                                       \
+        int used = P##_##T##_decode(in, 0, (int)bytes, &message);                                  \
+        int written = used == (int)bytes ? P##_##T##_encode(out, 0, (int)capacity, &message) : -1; \
+        if (written >= 0) assert_int_equal(written, P##_##T##_encoded_size(&message));             \
+        P##_##T##_decode_cleanup(&message);                                                        \
+        return written;                                                                            \
     }
-#define EVERY_TYPE(X)                                                                                        \
-    X(bot_core, pose_t)                                                                                      \
-    X(fovea, box_t)                                                                                          \
-    X(fovea, camera_status_t)                                                                                \
-    X(fovea, command_t)                                                                                      \
-    X(fovea, detections_t)                                                                                   \
-    X(fovea, features_t)                                                                                     \
-    X(fovea, frame_t)                                                                                        \
-    X(fovea, grants_t)                                                                                       \
-    X(fovea, inputs_t)                                                                                       \
-    X(fovea, map_t)                                                                                          \
-    X(fovea, odometry_sample_t)                                                                              \
-    X(fovea, pose_t)                                                                                         \
-    X(fovea, preview_t)                                                                                      \
-    X(fovea, recording_end_t)                                                                                \
-    X(fovea, recording_part_t)                                                                               \
-    X(fovea, recording_t)                                                                                    \
-    X(fovea, stamp_t)                                                                                        \
-    X(fovea, statistics_t)                                                                                   \
+#define EVERY_TYPE(X)                                                                              \
+    X(bot_core, pose_t)                                                                            \
+    X(fovea, box_t)                                                                                \
+    X(fovea, camera_status_t)                                                                      \
+    X(fovea, command_t)                                                                            \
+    X(fovea, detections_t)                                                                         \
+    X(fovea, features_t)                                                                           \
+    X(fovea, frame_t)                                                                              \
+    X(fovea, grants_t)                                                                             \
+    X(fovea, inputs_t)                                                                             \
+    X(fovea, map_t)                                                                                \
+    X(fovea, odometry_sample_t)                                                                    \
+    X(fovea, pose_t)                                                                               \
+    X(fovea, preview_t)                                                                            \
+    X(fovea, recording_end_t)                                                                      \
+    X(fovea, recording_part_t)                                                                     \
+    X(fovea, recording_t)                                                                          \
+    X(fovea, stamp_t)                                                                              \
+    X(fovea, statistics_t)                                                                         \
     X(fovea, tracks_t)
 EVERY_TYPE(ROUND_TRIP)
 
@@ -79,8 +81,8 @@ static uint32_t draw(uint32_t below)
     return (uint32_t)(seed >> 33) % below;
 }
 
-/* lcm-gen's hash, from its description: member names, types of primitives, dimensions; nested hashes are
- * added. */
+/* lcm-gen's hash, from its description: member names, types of primitives, dimensions; nested
+ * hashes are added. */
 static int64_t update(int64_t hash, int c)
 {
     return (int64_t)((((uint64_t)hash << 8) ^ (uint64_t)(hash >> 55)) + (uint64_t)(int64_t)c);
@@ -110,7 +112,8 @@ static uint64_t hash_of(const struct fv_type *types, const struct fv_type *type)
             char count[16];
             snprintf(count, sizeof count, "%d", (int)field->count);
             own = update(own, field->count_field >= 0);
-            own = update_text(own, field->count_field >= 0 ? type->fields[field->count_field].name : count);
+            own = update_text(own, field->count_field >= 0 ? type->fields[field->count_field].name
+                                                           : count);
         }
     }
     uint64_t sum = (uint64_t)own + nested;
@@ -155,8 +158,8 @@ static void make(const struct fv_type *types, const struct fv_type *type, uint8_
                     put(out, at, 'a' + draw(26), 1);
                 put(out, at, 0, 1);
             } else {
-                uint64_t value =
-                    (uint64_t)draw(1u << 31) << 40 ^ (uint64_t)draw(1u << 31) << 20 ^ draw(1u << 31);
+                uint64_t value = (uint64_t)draw(1u << 31) << 40 ^ (uint64_t)draw(1u << 31) << 20 ^
+                                 draw(1u << 31);
                 if (counts_others) value = (uint64_t)(counts[i] = (int32_t)draw(6));
                 put(out, at, value, sizes[field->wire]);
             }
@@ -279,8 +282,8 @@ static void test_first_difference(void **state)
     assert_string_equal(difference.found, "an unknown type");
 }
 
-/* Clock readings, version and kernel set of the statistics may differ; all else of them, and a field of such
- * a name in another message, may not. */
+/* Clock readings, version and kernel set of the statistics may differ; all else of them, and a
+ * field of such a name in another message, may not. */
 static void test_volatile_fields(void **state)
 {
     (void)state;
@@ -316,7 +319,8 @@ static void test_volatile_fields(void **state)
     message.kernel_set = (char *)"c";
     assert_int_equal(fovea_statistics_t_encode(b, 0, sizeof b, &message), bytes);
     assert_true(fv_message_compare(a, (size_t)bytes, b, (size_t)bytes, &difference));
-    assert_false(fv_message_compare(a, (size_t)bytes - 1, b, (size_t)bytes - 1, &difference)); /* cut off */
+    assert_false(
+        fv_message_compare(a, (size_t)bytes - 1, b, (size_t)bytes - 1, &difference)); /* cut off */
 
     fovea_recording_t recording = {.version = (char *)"1",
                                    .machine = (char *)"m",

@@ -1,5 +1,6 @@
-/* The preview's JPEG encoder, with libjpeg as the judge: what it writes decodes without a warning, to a picture as close
- * to the original as libjpeg's own at the same quality, and in any slicing to the same bytes. */
+/* The preview's JPEG encoder, with libjpeg as the judge: what it writes decodes without a warning,
+ * to a picture as close to the original as libjpeg's own at the same quality, and in any slicing to
+ * the same bytes. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -44,7 +45,8 @@ static size_t encode(const uint8_t *pixels, int width, int height, unsigned qual
 }
 
 /* Mean squared error after libjpeg decoded it. */
-static double decode_error(const uint8_t *jpeg, size_t bytes, const uint8_t *pixels, int width, int height)
+static double decode_error(const uint8_t *jpeg, size_t bytes, const uint8_t *pixels, int width,
+                           int height)
 {
     struct jpeg_decompress_struct decoder;
     struct jpeg_error_mgr errors;
@@ -72,7 +74,8 @@ static double decode_error(const uint8_t *jpeg, size_t bytes, const uint8_t *pix
     return sum / (width * height);
 }
 
-static size_t encode_with_libjpeg(const uint8_t *pixels, int width, int height, int quality, uint8_t **output)
+static size_t encode_with_libjpeg(const uint8_t *pixels, int width, int height, int quality,
+                                  uint8_t **output)
 {
     struct jpeg_compress_struct encoder;
     struct jpeg_error_mgr errors;
@@ -107,8 +110,10 @@ static void as_good_as_libjpeg(void **state)
             for (size_t q = 0; q < 5; q++) {
                 const int width = sizes[s][0], height = sizes[s][1];
                 uint8_t *pixels = picture(width, height, kind), *ours, *theirs;
-                const size_t our_bytes = encode(pixels, width, height, (unsigned)qualities[q], 7, &ours);
-                const size_t their_bytes = encode_with_libjpeg(pixels, width, height, qualities[q], &theirs);
+                const size_t our_bytes =
+                    encode(pixels, width, height, (unsigned)qualities[q], 7, &ours);
+                const size_t their_bytes =
+                    encode_with_libjpeg(pixels, width, height, qualities[q], &theirs);
                 const double our_error = decode_error(ours, our_bytes, pixels, width, height);
                 const double their_error = decode_error(theirs, their_bytes, pixels, width, height);
                 assert_true(our_error <= 1.02 * their_error + 0.1);

@@ -1,4 +1,5 @@
-/* Encoders: what comes out decodes to what went in, fits the promised bound, and is refused a byte short. */
+/* Encoders: what comes out decodes to what went in, fits the promised bound, and is refused a byte
+ * short. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -27,7 +28,8 @@ static void assert_well_formed(const char *type, const uint8_t *data, uint32_t b
 {
     const char *why = NULL;
     size_t at = 0;
-    if (!fv_message_check(type, data, bytes, &why, &at)) fail_msg("%s: byte %zu: %s", type, at, why);
+    if (!fv_message_check(type, data, bytes, &why, &at))
+        fail_msg("%s: byte %zu: %s", type, at, why);
 }
 
 static void assert_stamp(const fovea_stamp_t *stamp)
@@ -78,7 +80,8 @@ static void test_features(void **state)
         fovea_features_t out;
         assert_int_equal(fovea_features_t_decode(buffer, 0, (int)bytes, &out), bytes);
         assert_stamp(&out.stamp);
-        assert_true(out.reset_counter == 3 && out.width == 752 && out.height == 480 && out.asked == 1000);
+        assert_true(out.reset_counter == 3 && out.width == 752 && out.height == 480 &&
+                    out.asked == 1000);
         assert_int_equal(out.count, count);
         for (uint32_t i = 0; i < count; i++)
             assert_true(out.x_px[i] == features[i].x_px && out.y_px[i] == features[i].y_px &&
@@ -103,15 +106,17 @@ static void assert_statistics(const fovea_statistics_t *out)
                 out->refused_stamp == 5 && out->refused_format == 4 && out->refused_paused == 3 &&
                 out->steps_without_frame == 6 && out->reset_counter == 2 && out->features == 1 &&
                 out->features_granted == 950);
-    assert_true(out->frames_late == 13 && out->source_missing == 101 && out->source_damaged == 102 &&
-                out->source_dropped == 103 && out->source_recovered == 104);
+    assert_true(out->frames_late == 13 && out->source_missing == 101 &&
+                out->source_damaged == 102 && out->source_dropped == 103 &&
+                out->source_recovered == 104);
     assert_true(out->latency_ns == 11 && out->temperature_c == 41.5f && out->resident_bytes == 12);
     assert_true(out->memory_persistent_bytes == 1000 && out->memory_job_bytes == 2000 &&
                 out->memory_frame_bytes == 3000);
     assert_true(out->stage_count == FOVEA_STAGE_COUNT && out->job_count == FOVEA_JOB_COUNT);
     assert_true(out->stage_cpu_ns[1] == 1001 && out->stage_wall_ns[1] == 2001 &&
                 strcmp(out->stage_name[1], longest_name) == 0);
-    assert_true(out->job_units_granted[0] == 20 && out->job_units_done[0] == 10 && out->job_waiting[0] == 1);
+    assert_true(out->job_units_granted[0] == 20 && out->job_units_done[0] == 10 &&
+                out->job_waiting[0] == 1);
 }
 
 static void test_statistics(void **state)
@@ -161,8 +166,9 @@ static void test_statistics(void **state)
     size_t bound = fv_message_statistics_size_max();
     uint32_t bytes = fv_message_statistics_encode(&in, buffer, bound);
     assert_in_range(bytes, 1, bound);
-    assert_true(bound - bytes <
-                2 * FV_MESSAGE_NAME_BYTES_MAX); /* version and kernel set are shorter than allowed */
+    assert_true(
+        bound - bytes <
+        2 * FV_MESSAGE_NAME_BYTES_MAX); /* version and kernel set are shorter than allowed */
     assert_int_equal(fv_message_statistics_encode(&in, buffer, bytes - 1), 0);
     assert_int_equal(fv_message_statistics_encode(&in, buffer, bytes), bytes);
     assert_well_formed("fovea.statistics_t", buffer, bytes);
@@ -193,8 +199,8 @@ static void test_camera_status(void **state)
     assert_int_equal(fovea_camera_status_t_decode(buffer, 0, (int)bytes, &out), bytes);
     assert_stamp(&out.stamp);
     assert_string_equal(out.pixel_format, "bayer_rggb8");
-    assert_true(out.now_ns == 99 && out.state == FOVEA_CAMERA_STATUS_T_STATE_RETURNING && out.width == 640 &&
-                out.height == 400 && out.exposure_ns == 5000);
+    assert_true(out.now_ns == 99 && out.state == FOVEA_CAMERA_STATUS_T_STATE_RETURNING &&
+                out.width == 640 && out.height == 400 && out.exposure_ns == 5000);
     assert_true(out.delivered == 1 && out.missing == 2 && out.damaged == 3 && out.dropped == 4 &&
                 out.recovered == 5);
     fovea_camera_status_t_decode_cleanup(&out);
@@ -220,12 +226,14 @@ static void test_preview(void **state)
     fovea_preview_t out;
     assert_int_equal(fovea_preview_t_decode(buffer, 0, (int)bytes, &out), bytes);
     assert_stamp(&out.stamp);
-    assert_true(out.width == 320 && out.height == 200 && out.scale == 1.44 && out.size_bytes == 1000);
+    assert_true(out.width == 320 && out.height == 200 && out.scale == 1.44 &&
+                out.size_bytes == 1000);
     assert_memory_equal(out.jpeg, jpeg, sizeof jpeg);
     fovea_preview_t_decode_cleanup(&out);
 }
 
-/* Frames of recordings: every byte of every format comes back, rows with padding too, the last one with and without it. */
+/* Frames of recordings: every byte of every format comes back, rows with padding too, the last one
+ * with and without it. */
 static void test_frames_without_loss(void **state)
 {
     (void)state;
@@ -240,24 +248,29 @@ static void test_frames_without_loss(void **state)
         const size_t whole = compressed ? 777 : fovea_image_bytes(format, H, stride);
         struct fovea_frame in = frame, out;
         in.exposure_ns = 12345678901;
-        in.image = (struct fovea_image){pixels, W, H, stride, format, whole + (n % 2 == 0 ? 10 : 0)};
+        in.image =
+            (struct fovea_image){pixels, W, H, stride, format, whole + (n % 2 == 0 ? 10 : 0)};
         if (n % 2 == 1 && !compressed)
             in.image.size_bytes = whole - (format == FOVEA_PIXEL_YU12 ? PADDING / 2 : PADDING);
         if (compressed) in.image.size_bytes = whole;
         assert_int_equal(fovea_image_check(&in.image), FOVEA_OK);
         const size_t kept = in.image.size_bytes < whole ? in.image.size_bytes : whole;
-        const uint32_t bytes = fv_message_frame_encode(&in, -5, buffer, fv_message_frame_size_max(kept));
+        const uint32_t bytes =
+            fv_message_frame_encode(&in, -5, buffer, fv_message_frame_size_max(kept));
         assert_int_equal(bytes, fv_message_frame_size_max(kept));
         assert_well_formed("fovea.frame_t", buffer, bytes);
-        const struct fovea_log_event event = {.channel = "FOVEA_FRAME", .bytes = bytes, .data = buffer};
+        const struct fovea_log_event event = {
+            .channel = "FOVEA_FRAME", .bytes = bytes, .data = buffer};
         struct fovea_error error;
         if (fovea_log_frame("log", &event, &out, &error) != FOVEA_OK) fail_msg("%s", error.text);
         assert_int_equal(out.image.size_bytes, kept);
         assert_memory_equal(out.image.data, pixels, kept);
-        assert_true(out.image.width == W && out.image.height == H && out.image.stride_bytes == stride);
+        assert_true(out.image.width == W && out.image.height == H &&
+                    out.image.stride_bytes == stride);
         assert_true(out.image.format == format && out.stamp_ns == in.stamp_ns &&
                     out.exposure_ns == in.exposure_ns);
-        assert_true(out.sequence == 77 && out.clock == in.clock && out.stamp_meaning == in.stamp_meaning);
+        assert_true(out.sequence == 77 && out.clock == in.clock &&
+                    out.stamp_meaning == in.stamp_meaning);
     }
 }
 

@@ -1,5 +1,5 @@
-/* What tools/import writes about the use of a model, by tests/import/uses.py: it needs the build's Python with tflite, numpy and
- * flatbuffers. */
+/* What tools/import writes about the use of a model, by tests/import/uses.py: it needs the build's
+ * Python with tflite, numpy and flatbuffers. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -12,8 +12,8 @@ static int with_python(const char *arguments)
 {
     const char *python = getenv("FOVEA_PYTHON");
     char command[1024];
-    snprintf(command, sizeof command, "'%.700s' %s", python != NULL ? python : "build/venv-import/bin/python",
-             arguments);
+    snprintf(command, sizeof command, "'%.700s' %s",
+             python != NULL ? python : "build/venv-import/bin/python", arguments);
     return system(command);
 }
 
@@ -30,6 +30,7 @@ static void uses_are_written_and_refused_as_they_should_be(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(uses_are_written_and_refused_as_they_should_be)};
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(uses_are_written_and_refused_as_they_should_be)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,4 +1,5 @@
-/* Damaged model files are refused with a reason, or run within their memory (the sanitizer build watches). */
+/* Damaged model files are refused with a reason, or run within their memory (the sanitizer build
+ * watches). */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -35,8 +36,8 @@ static void foreign_and_cut_files(void **state)
     uint8_t *data = copy_of(g);
     refused(data, 100, "file's size is 100");
     char sizes[96];
-    snprintf(sizes, sizeof sizes, "stated size is %zu, expected the file's %zu", (size_t)g->model_bytes,
-             (size_t)g->model_bytes - 64);
+    snprintf(sizes, sizeof sizes, "stated size is %zu, expected the file's %zu",
+             (size_t)g->model_bytes, (size_t)g->model_bytes - 64);
     refused(data, g->model_bytes - 64, sizes);
     data[g->model_bytes - 100] ^= 1;
     refused(data, g->model_bytes, "checksum");
@@ -64,7 +65,8 @@ static const struct nn_golden_model *named(const char *start)
     return NULL;
 }
 
-/* One word of the first operator record set to a value, sealed, and the reason for which it is refused. */
+/* One word of the first operator record set to a value, sealed, and the reason for which it is
+ * refused. */
 static void hostile_words(void **state)
 {
     (void)state;

@@ -1,5 +1,5 @@
-/* Small models, one for each operator, give the reference interpreter's outputs bit for bit (floats to 1e-5): with every
- * kernel set, unit by unit, and with the state moved between units. */
+/* Small models, one for each operator, give the reference interpreter's outputs bit for bit (floats
+ * to 1e-5): with every kernel set, unit by unit, and with the state moved between units. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -37,14 +37,14 @@ static void compare(const struct fv_model *model, const struct nn_golden_model *
                 memcpy(&a, found + 4 * k, 4);
                 memcpy(&b, expected + 4 * k, 4);
                 if (!(a - b < 1e-5f && b - a < 1e-5f))
-                    fail_msg("%s, %s: output %u[%d] is %g, expected %g", g->name, how, i, k, (double)a,
-                             (double)b);
+                    fail_msg("%s, %s: output %u[%d] is %g, expected %g", g->name, how, i, k,
+                             (double)a, (double)b);
             }
         } else {
             for (int32_t k = 0; k < t->bytes; ++k) {
                 if (found[k] != expected[k])
-                    fail_msg("%s, %s: output %u byte %d is %d, expected %d", g->name, how, i, k, found[k],
-                             expected[k]);
+                    fail_msg("%s, %s: output %u byte %d is %d, expected %d", g->name, how, i, k,
+                             found[k], expected[k]);
             }
         }
         expected += t->bytes;
@@ -71,7 +71,8 @@ static void with_every_kernel_set(void **state)
             uint32_t done;
             open_model(&golden.models[i], &model);
             uint8_t *arena = new_arena(&model, &golden.models[i]);
-            assert_int_equal(fv_nn_run(&model, &kernels, arena, &progress, UINT32_MAX, &done), FOVEA_OK);
+            assert_int_equal(fv_nn_run(&model, &kernels, arena, &progress, UINT32_MAX, &done),
+                             FOVEA_OK);
             assert_int_equal(done, fv_nn_units(&model));
             compare(&model, &golden.models[i], arena, fv_cpu_set_name((enum fv_cpu_set)set));
             free(arena);

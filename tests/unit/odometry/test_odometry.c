@@ -1,5 +1,5 @@
-/* Odometry on the simulated camera, whose truth is exact: poses, honesty when turning, standing or carried
- * off, the same bits with every kernel set. */
+/* Odometry on the simulated camera, whose truth is exact: poses, honesty when turning, standing or
+ * carried off, the same bits with every kernel set. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -61,7 +61,8 @@ static void carve(struct rig *rig, const struct fovea_camera *camera)
     fv_pyramid_carve(&rig->pyramid, camera->width, camera->height, 8, frame);
     fv_features_carve(&rig->features, &features, &rig->pyramid, frame);
     fv_orb_carve(&rig->orb, FEATURES, &rig->pyramid, frame);
-    fv_odometry_carve(&rig->odometry, &config, camera, FEATURES, &rig->arenas[0], &rig->arenas[1], frame);
+    fv_odometry_carve(&rig->odometry, &config, camera, FEATURES, &rig->arenas[0], &rig->arenas[1],
+                      frame);
 }
 
 static void build_rig(struct rig *rig, const struct fovea_camera *camera, enum fv_cpu_set set)
@@ -110,8 +111,8 @@ static void run(const char *uri, int start, int frames, enum fv_cpu_set set, str
     struct fovea_source *source;
     const struct fovea_source_selection all = {
         .start = (uint64_t)start, .step = 1, .frames = (uint64_t)frames};
-    if (fovea_source_find(uri, &ops, &address, &error) || ops->open(address, &all, &source, &error) ||
-        ops->start(source, &error))
+    if (fovea_source_find(uri, &ops, &address, &error) ||
+        ops->open(address, &all, &source, &error) || ops->start(source, &error))
         fail_msg("%s", error.text);
     struct fovea_camera camera = ops->info(source)->camera;
     assert_int_equal(fovea_camera_prepare(&camera, &error), FOVEA_OK);
@@ -124,7 +125,8 @@ static void run(const char *uri, int start, int frames, enum fv_cpu_set set, str
     uint64_t keyframes = 0;
     while (record->frames < frames && ops->dequeue(source, INT64_MAX, &frame) == FOVEA_OK) {
         fv_pyramid_build(&rig.pyramid, &rig.kernels, &frame.image);
-        uint32_t count = fv_features_find(&rig.features, &rig.kernels, &rig.pyramid, NULL, FEATURES);
+        uint32_t count =
+            fv_features_find(&rig.features, &rig.kernels, &rig.pyramid, NULL, FEATURES);
         fv_orb_describe(&rig.orb, &rig.kernels, &rig.pyramid, rig.features.corners, count);
         const struct fv_odometry_input input = {.stamp_ns = frame.stamp_ns,
                                                 .count = count,
@@ -191,8 +193,8 @@ static void an_orbit_is_followed_at_constant_scale(void **state)
     assert_true(posed > 150 && high / low < 1.05);
 }
 
-/* Normalised squared error of a pose relative to its reference keyframe; `unit` is metres per unit of the
- * map. */
+/* Normalised squared error of a pose relative to its reference keyframe; `unit` is metres per unit
+ * of the map. */
 static double squared_error(const struct record *r, int n, double unit)
 {
     struct fv_se3 estimate, truth, T, inverse;
@@ -221,8 +223,8 @@ static double squared_error(const struct record *r, int n, double unit)
     return sum;
 }
 
-/* The covariance says how far off the pose is, and a pose called good is not far off. Windows are done within
- * six frames of their keyframes, in at least three steps. */
+/* The covariance says how far off the pose is, and a pose called good is not far off. Windows are
+ * done within six frames of their keyframes, in at least three steps. */
 static void confidence_is_earned(void **state)
 {
     (void)state;
@@ -238,7 +240,8 @@ static void confidence_is_earned(void **state)
             first++;
         assert_true(first < 40);
         assert_true(r->windows > 5 && r->hasty == 0 && r->late_frames < 6);
-        double unit = travelled(r, first, r->frames - 1, true) / travelled(r, first, r->frames - 1, false);
+        double unit =
+            travelled(r, first, r->frames - 1, true) / travelled(r, first, r->frames - 1, false);
         for (int n = first + 1; n < r->frames; n++) {
             if (!r->pose[n].posed || r->reference[n] < 0 || r->reference[n] == n) continue;
             double error = squared_error(r, n, unit);
@@ -248,9 +251,10 @@ static void confidence_is_earned(void **state)
             false_confidence += r->pose[n].state == FOVEA_TRACKING_OK && error > 22.5;
         }
     }
-    printf("%d poses, %d of them called good: normalised squared error %.2f per dimension, falsely confident "
-           "%d\n",
-           count, good, sum / count / 6, false_confidence);
+    printf(
+        "%d poses, %d of them called good: normalised squared error %.2f per dimension, falsely confident "
+        "%d\n",
+        count, good, sum / count / 6, false_confidence);
     assert_true(sum / count / 6 > 0.1 && sum / count / 6 < 2);
     assert_true(good > count / 2 && false_confidence <= good / 50);
 }
@@ -260,7 +264,8 @@ static void turning_on_the_spot_is_no_translation(void **state)
     (void)state;
     run("sim:rotate?width=480&height=360", 0, 90, fv_cpu_best(fv_cpu_detect()), &records[0]);
     for (int n = 0; n < records[0].frames; n++)
-        assert_true(!records[0].pose[n].posed && records[0].pose[n].state == FOVEA_TRACKING_STARTING);
+        assert_true(!records[0].pose[n].posed &&
+                    records[0].pose[n].state == FOVEA_TRACKING_STARTING);
 }
 
 static void being_carried_off_is_noticed(void **state)
@@ -282,12 +287,14 @@ static void standing_still_neither_drifts_nor_makes_keyframes(void **state)
     int still = 0, keyframes = 0;
     double moved = 0;
     for (int n = 20; n < r->frames; n++) {
-        if (!r->pose[n].posed || !r->pose[n - 20].posed || travelled(r, n - 20, n, true) > 1e-9) continue;
+        if (!r->pose[n].posed || !r->pose[n - 20].posed || travelled(r, n - 20, n, true) > 1e-9)
+            continue;
         still++;
         keyframes += r->pose[n].keyframes > r->pose[n - 1].keyframes;
         moved = fmax(moved, travelled(r, n - 10, n, false));
     }
-    printf("stopgo: %d frames still, largest change over ten frames %.5f of the depth\n", still, moved);
+    printf("stopgo: %d frames still, largest change over ten frames %.5f of the depth\n", still,
+           moved);
     assert_true(still > 20 && keyframes == 0 && moved < 0.01);
 }
 

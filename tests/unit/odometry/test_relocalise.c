@@ -1,6 +1,6 @@
-/* A camera that is carried off and comes back: lost while away, found within 15 frames of its return, where
- * it is. And a map saved on the way, in units beside the frames: another run finds itself in it and leaves it
- * as it is. */
+/* A camera that is carried off and comes back: lost while away, found within 15 frames of its
+ * return, where it is. And a map saved on the way, in units beside the frames: another run finds
+ * itself in it and leaves it as it is. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -41,8 +41,8 @@ static void open_world(struct world *world, uint64_t start, const uint8_t *map, 
     struct fovea_error error;
     size_t bytes;
     char uri[96];
-    snprintf(uri, sizeof uri, "sim:kidnap?width=480&height=360&seed=3&objects=2&rate=%d&time=%d", RATE,
-             BEGIN_S);
+    snprintf(uri, sizeof uri, "sim:kidnap?width=480&height=360&seed=3&objects=2&rate=%d&time=%d",
+             RATE, BEGIN_S);
     memset(world, 0, sizeof *world);
     assert_int_equal(fovea_source_find(uri, &world->ops, &address, &error), FOVEA_OK);
     assert_int_equal(world->ops->open(address, &selection, &world->source, &error), FOVEA_OK);
@@ -142,7 +142,8 @@ static void test_carried_off_and_back(void **state)
         const size_t bytes = turn(&world, n == SAVE ? FOVEA_COMMAND_SAVE : 0, &poses[n]);
         if (bytes > 0) saved_bytes = bytes;
         saving += n >= SAVE && saved_bytes == 0;
-        away += n >= LEAVE + 5 && n < RETURN && poses[n].posed && poses[n].map_id == poses[SAME].map_id;
+        away +=
+            n >= LEAVE + 5 && n < RETURN && poses[n].posed && poses[n].map_id == poses[SAME].map_id;
         if (again < 0 && n >= RETURN && poses[n].posed && poses[n].map_id == poses[SAME].map_id)
             again = n - RETURN;
     }
@@ -152,8 +153,8 @@ static void test_carried_off_and_back(void **state)
     assert_in_range(again, 0, 15);
     const double moved = apart(&poses[SAME], &poses[SAME + RATE]);
     const double off = apart(&poses[SAME + again + 5], &poses[RETURN + again + 5]);
-    print_message("found again after %d frames, %.4f of a second's way off; saved in %d frames\n", again,
-                  off / moved, saving + 1);
+    print_message("found again after %d frames, %.4f of a second's way off; saved in %d frames\n",
+                  again, off / moved, saving + 1);
     assert_true(off < 0.1 * moved);
     assert_true(saved_bytes > 100000);
     assert_in_range(saving, 0, RATE);
@@ -175,7 +176,8 @@ static void test_found_in_a_saved_map(void **state)
         if (n == 0) first = pose;
         if (!pose.posed) continue;
         posed++;
-        assert_true(apart(&pose, &poses[from + n]) < 0.1 * apart(&poses[SAME], &poses[SAME + RATE]));
+        assert_true(apart(&pose, &poses[from + n]) <
+                    0.1 * apart(&poses[SAME], &poses[SAME + RATE]));
     }
     assert_in_range(posed, frames - 3, frames);
     assert_int_equal(pose.keyframes, first.keyframes);

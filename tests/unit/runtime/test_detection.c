@@ -1,5 +1,5 @@
-/* Detection within the runtime: the same boxes however the work is sliced, each with the stamp of its image; limits; refusals;
- * boxes in the rectified image. */
+/* Detection within the runtime: the same boxes however the work is sliced, each with the stamp of
+ * its image; limits; refusals; boxes in the rectified image. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -79,7 +79,8 @@ static const struct fovea_message *turn(struct fovea *rt, int i, uint32_t units)
     assert_true(outputs.units_done[FOVEA_JOB_DETECT] <= units);
     assert_true(waited == (outputs.units_done[FOVEA_JOB_DETECT] > 0) || units == 0);
     for (uint32_t m = 0; m < outputs.message_count; m++)
-        if (strcmp(outputs.messages[m].channel, "FOVEA_DETECTIONS") == 0) return &outputs.messages[m];
+        if (strcmp(outputs.messages[m].channel, "FOVEA_DETECTIONS") == 0)
+            return &outputs.messages[m];
     return NULL;
 }
 
@@ -110,8 +111,10 @@ static void slices_give_the_same_with_the_stamp_of_the_image(void **state)
         assert_memory_equal(some.list, all.list, all.count * sizeof *all.list);
         assert_int_equal(decoded.count, all.count);
         for (uint32_t d = 0; d < all.count; d++) {
-            assert_true(decoded.score[d] == all.list[d].score && decoded.x_max_px[d] == all.list[d].x_max_px);
-            assert_string_equal(decoded.class_name[d], fovea_detect_label(sliced.rt, decoded.class_id[d]));
+            assert_true(decoded.score[d] == all.list[d].score &&
+                        decoded.x_max_px[d] == all.list[d].x_max_px);
+            assert_string_equal(decoded.class_name[d],
+                                fovea_detect_label(sliced.rt, decoded.class_id[d]));
         }
         fovea_detections_t_decode_cleanup(&decoded);
         looked_at = i + 1;
@@ -148,22 +151,26 @@ static void tracks_follow_the_looks(void **state)
         fovea_work(made.rt, &inputs.grants, &outputs);
         const struct fovea_message *message = NULL;
         for (uint32_t m = 0; m < outputs.message_count; m++)
-            if (strcmp(outputs.messages[m].channel, "FOVEA_TRACKS") == 0) message = &outputs.messages[m];
+            if (strcmp(outputs.messages[m].channel, "FOVEA_TRACKS") == 0)
+                message = &outputs.messages[m];
         assert_non_null(message);
         fovea_tracks_t out;
-        assert_int_equal(fovea_tracks_t_decode(message->data, 0, (int)message->bytes, &out), message->bytes);
+        assert_int_equal(fovea_tracks_t_decode(message->data, 0, (int)message->bytes, &out),
+                         message->bytes);
         fovea_tracks_get(made.rt, &tracks);
         assert_int_equal(tracks.updates, i + 1);
         assert_int_equal(tracks.sequence, 100 + i);
         assert_int_equal(out.stamp.time_ns, frame.stamp_ns);
         assert_int_equal(out.count, tracks.count);
-        assert_true(out.count > 0 && out.vector_count == 3 * out.count && out.matrix_count == 6 * out.count);
+        assert_true(out.count > 0 && out.vector_count == 3 * out.count &&
+                    out.matrix_count == 6 * out.count);
         confirmed = 0;
         for (uint32_t t = 0; t < tracks.count; t++) {
             const struct fovea_track *track = &tracks.list[t];
             assert_true(out.id[t] == (int64_t)track->id && out.state[t] == track->state &&
                         out.x_max_px[t] == track->x_max_px);
-            assert_memory_equal(&out.velocity_covariance_m2_s2[6 * t], track->velocity_covariance_m2_s2,
+            assert_memory_equal(&out.velocity_covariance_m2_s2[6 * t],
+                                track->velocity_covariance_m2_s2,
                                 sizeof track->velocity_covariance_m2_s2);
             assert_true(out.age_ns[t] == tracks.stamp_ns - track->first_ns &&
                         out.unseen_ns[t] == tracks.stamp_ns - track->seen_ns);
@@ -203,7 +210,8 @@ static void limits_hold(void **state)
     free(made.memory);
 }
 
-/* Every point of the raw box's border must lie in the rectified box, and each of its sides be touched. */
+/* Every point of the raw box's border must lie in the rectified box, and each of its sides be
+ * touched. */
 static void rectified_boxes_hold_the_raw_ones(void **state)
 {
     (void)state;
@@ -211,7 +219,8 @@ static void rectified_boxes_hold_the_raw_ones(void **state)
     struct fv_rectified view;
     fovea_detections_t out;
     const struct fovea_message *message = turn(made.rt, 0, 100000);
-    assert_int_equal(fovea_detections_t_decode(message->data, 0, (int)message->bytes, &out), message->bytes);
+    assert_int_equal(fovea_detections_t_decode(message->data, 0, (int)message->bytes, &out),
+                     message->bytes);
     assert_int_equal(
         fv_view_choose(&config.camera, FV_VIEW_PINHOLE, FV_VIEW_CROP, WIDTH, HEIGHT, &view, &error),
         FOVEA_OK);
@@ -220,7 +229,8 @@ static void rectified_boxes_hold_the_raw_ones(void **state)
     for (int d = 0; d < out.count; d++) {
         double low[2] = {1e9, 1e9}, high[2] = {-1e9, -1e9};
         for (int i = 0; i < 4 * 2; i++) { /* corners and middles of the sides, by the way back */
-            const double share[8][2] = {{0, 0}, {.5, 0}, {1, 0}, {1, .5}, {1, 1}, {.5, 1}, {0, 1}, {0, .5}};
+            const double share[8][2] = {{0, 0}, {.5, 0}, {1, 0}, {1, .5},
+                                        {1, 1}, {.5, 1}, {0, 1}, {0, .5}};
             const double x =
                 (double)out.x_min_px[d] + share[i][0] * (double)(out.x_max_px[d] - out.x_min_px[d]);
             const double y =

@@ -1,4 +1,5 @@
-/* The governor: what is left of the period goes to waiting jobs, shortage lowers features, ease raises them again. */
+/* The governor: what is left of the period goes to waiting jobs, shortage lowers features, ease
+ * raises them again. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -58,7 +59,8 @@ static void minimum_is_kept_when_there_is_no_time(void **state)
 static void shortage_lowers_features_and_ease_raises_them(void **state)
 {
     (void)state;
-    assert_int_equal(run(10, PERIOD_NS, 0), config.features.count_max); /* a short spell changes nothing */
+    assert_int_equal(run(10, PERIOD_NS, 0),
+                     config.features.count_max); /* a short spell changes nothing */
     const uint32_t lowered = run(100, PERIOD_NS, 0);
     assert_true(lowered < config.features.count_max * 3 / 4);
     assert_true(run(2000, PERIOD_NS, 0) >= FOVEA_FEATURES_MIN);

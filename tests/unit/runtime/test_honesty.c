@@ -1,5 +1,6 @@
-/* Odometry is honest on the simulated camera: standing, turning on the spot, carried off, followed; and so is
- * its covariance. Short by default; with FOVEA_LONG set, at full size and length (tools/campaign.sh). */
+/* Odometry is honest on the simulated camera: standing, turning on the spot, carried off, followed;
+ * and so is its covariance. Short by default; with FOVEA_LONG set, at full size and length
+ * (tools/campaign.sh). */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -31,7 +32,8 @@ static void run_source(const char *uri, int start, int frames)
 static void run(const char *trajectory, int seed, int start, int frames)
 {
     char uri[128];
-    snprintf(uri, sizeof uri, "sim:%s?seed=%d%s", trajectory, seed, all ? "" : "&width=400&height=300");
+    snprintf(uri, sizeof uri, "sim:%s?seed=%d%s", trajectory, seed,
+             all ? "" : "&width=400&height=300");
     run_source(uri, start, frames);
 }
 
@@ -66,7 +68,8 @@ static void mean_place(int n, double place[12])
             place[i] += rig.pose[k].T_world_cam[i] / 30;
 }
 
-/* After a walk of 6 s, five minutes of standing: no more than 1 mm per metre of depth, no keyframe. */
+/* After a walk of 6 s, five minutes of standing: no more than 1 mm per metre of depth, no keyframe.
+ */
 static void standing_still_does_not_drift(void **state)
 {
     (void)state;
@@ -85,9 +88,10 @@ static void standing_still_does_not_drift(void **state)
         mean_place(n, place);
         drift = fmax(drift, sim_rig_moved(first, place));
     }
-    printf("standing for %.0f s at %.2f m: drift %.3f mm per metre, largest deviation of a frame %.3f\n",
-           (rig.frames - stands) / 30.0, depth_m, 1e3 * drift * metres / depth_m,
-           1e3 * shake * metres / depth_m);
+    printf(
+        "standing for %.0f s at %.2f m: drift %.3f mm per metre, largest deviation of a frame %.3f\n",
+        (rig.frames - stands) / 30.0, depth_m, 1e3 * drift * metres / depth_m,
+        1e3 * shake * metres / depth_m);
     assert_true(drift * metres / depth_m < 0.001);
 }
 
@@ -113,7 +117,8 @@ static void turning_is_never_translation(void **state)
     }
 }
 
-/* Carried off at frame 420: five frames later it is lost, and while away no pose is in the old map's world.
+/* Carried off at frame 420: five frames later it is lost, and while away no pose is in the old
+ * map's world.
  */
 static void being_carried_off_is_noticed(void **state)
 {
@@ -142,7 +147,8 @@ static double metres_per_unit(int a, int b)
             if (!rig.pose[n].posed) continue;
             count += pass == 0;
             for (int i = 0; i < 3; i++) {
-                const double place[2] = {rig.pose[n].T_world_cam[4 * i + 3], rig.truth[n][4 * i + 3]};
+                const double place[2] = {rig.pose[n].T_world_cam[4 * i + 3],
+                                         rig.truth[n][4 * i + 3]};
                 for (int k = 0; k < 2; k++) {
                     if (pass == 0)
                         mean[k][i] += place[k];
@@ -157,8 +163,8 @@ static double metres_per_unit(int a, int b)
     return sqrt(square[1] / square[0]);
 }
 
-/* Normalised squared error (6 degrees of freedom) of the pose of frame n relative to its reference keyframe,
- * which is frame k. */
+/* Normalised squared error (6 degrees of freedom) of the pose of frame n relative to its reference
+ * keyframe, which is frame k. */
 static double squared_error(int n, int k, double unit_m)
 {
     const struct fovea_pose *pose = &rig.pose[n];
@@ -195,7 +201,8 @@ struct confidence {
     double sum, worst; /* of squared errors over 6 */
 };
 
-/* The frame that became the keyframe called `number`; -1: before any pose, as the first frames of a start. */
+/* The frame that became the keyframe called `number`; -1: before any pose, as the first frames of a
+ * start. */
 static int frame_of(uint64_t number, int until)
 {
     for (int k = 0; k <= until; k++)
@@ -203,13 +210,14 @@ static int frame_of(uint64_t number, int until)
     return -1;
 }
 
-/* Every posed frame counts; the lengths of a world are in its own unit, so each is scaled to the truth by
- * itself. */
+/* Every posed frame counts; the lengths of a world are in its own unit, so each is scaled to the
+ * truth by itself. */
 static struct confidence rate_confidence(void)
 {
     struct confidence c = {0};
     for (int a = 0, b; a < rig.frames; a = b) {
-        for (b = a + 1; b < rig.frames && rig.pose[b].reset_counter == rig.pose[a].reset_counter; b++) {
+        for (b = a + 1; b < rig.frames && rig.pose[b].reset_counter == rig.pose[a].reset_counter;
+             b++) {
         }
         const double unit_m = metres_per_unit(a, b);
         for (int n = a; n < b; n++) {
@@ -226,8 +234,8 @@ static struct confidence rate_confidence(void)
     return c;
 }
 
-/* The covariance says how far off the pose is, and a pose said to be tracking is not far off: on orbits, with
- * things moving about that nobody masks out. */
+/* The covariance says how far off the pose is, and a pose said to be tracking is not far off: on
+ * orbits, with things moving about that nobody masks out. */
 static void the_covariance_is_honest(void **state)
 {
     (void)state;
@@ -236,25 +244,28 @@ static void the_covariance_is_honest(void **state)
     for (int seed = 1; seed <= seeds; seed++) {
         run("orbit", seed, 0, all ? 900 : 110);
         const struct confidence c = rate_confidence();
-        printf("orbit, seed %d: %d frames posed, %d of them weak, squared error %.2f per degree of freedom, "
-               "worst %.1f, falsely confident %d\n",
-               seed, c.posed, c.weak, c.sum / c.posed, c.worst, c.falsely);
+        printf(
+            "orbit, seed %d: %d frames posed, %d of them weak, squared error %.2f per degree of freedom, "
+            "worst %.1f, falsely confident %d\n",
+            seed, c.posed, c.weak, c.sum / c.posed, c.worst, c.falsely);
         assert_true(c.posed > rig.frames * 3 / 4);
         all_seeds.posed += c.posed;
         all_seeds.weak += c.weak;
         all_seeds.falsely += c.falsely;
         all_seeds.sum += c.sum;
     }
-    const double mean = all_seeds.sum / all_seeds.posed, share = (double)all_seeds.falsely / all_seeds.posed;
-    printf("%d seeds: squared error %.2f per degree of freedom, falsely confident %.2f %%, weak %.1f %%\n",
-           seeds, mean, 100 * share, 100.0 * all_seeds.weak / all_seeds.posed);
+    const double mean = all_seeds.sum / all_seeds.posed,
+                 share = (double)all_seeds.falsely / all_seeds.posed;
+    printf(
+        "%d seeds: squared error %.2f per degree of freedom, falsely confident %.2f %%, weak %.1f %%\n",
+        seeds, mean, 100 * share, 100.0 * all_seeds.weak / all_seeds.posed);
     assert_true(mean >= 0.5 && mean <= 2);
     assert_true(share <= 0.005);
 }
 
-/* An orbit is followed to 0.5 % of its path. In this one things walk about while the map starts: unless
- * errors count less beyond a limit as tight as the noise, they bend it, and the whole path with it (0.7 % of
- * it). */
+/* An orbit is followed to 0.5 % of its path. In this one things walk about while the map starts:
+ * unless errors count less beyond a limit as tight as the noise, they bend it, and the whole path
+ * with it (0.7 % of it). */
 static void things_that_walk_do_not_bend_the_start(void **state)
 {
     (void)state;
@@ -263,7 +274,8 @@ static void things_that_walk_do_not_bend_the_start(void **state)
     int posed = 0;
     for (int n = 0; n < rig.frames; n++)
         posed += rig.pose[n].posed;
-    printf("orbit: %d of %d frames posed, off by %.2f %% of the path\n", posed, rig.frames, 100 * share);
+    printf("orbit: %d of %d frames posed, off by %.2f %% of the path\n", posed, rig.frames,
+           100 * share);
     assert_true(posed >= rig.frames - 14 && share <= 0.005);
 }
 

@@ -1,5 +1,5 @@
-/* An outage of the camera, at the runtime: the pose is `lost` with the first step that hears of it, and the camera is found
- * again in the map, where it comes back to what it saw before. */
+/* An outage of the camera, at the runtime: the pose is `lost` with the first step that hears of it,
+ * and the camera is found again in the map, where it comes back to what it saw before. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -41,7 +41,8 @@ static void lost_and_found(void **state)
     assert_int_equal(rig.frames, BEFORE);
     assert_int_equal(rig.pose[BEFORE - 1].state, FOVEA_TRACKING_OK);
 
-    /* A late frame is waited for; from stalled on there is nothing to go on from. It is told once, at once. */
+    /* A late frame is waited for; from stalled on there is nothing to go on from. It is told once,
+     * at once. */
     assert_int_equal(step_without_frame(FOVEA_SOURCE_LATE), FOVEA_TRACKING_OK);
     assert_false(publishes("FOVEA_POSE"));
     assert_int_equal(step_without_frame(FOVEA_SOURCE_GONE), FOVEA_TRACKING_LOST);
@@ -56,13 +57,16 @@ static void lost_and_found(void **state)
     int found = -1;
     while (sim_rig_next(&rig)) {
         sim_rig_process(&rig);
-        if (found < 0 && rig.pose[rig.frames - 1].state == FOVEA_TRACKING_OK) found = rig.frames - 1;
+        if (found < 0 && rig.pose[rig.frames - 1].state == FOVEA_TRACKING_OK)
+            found = rig.frames - 1;
     }
     assert_int_equal(rig.frames, BEFORE + AFTER);
-    if (found < BEFORE || found >= BEFORE + FOUND_WITHIN) fail_msg("found again at frame %d", found);
+    if (found < BEFORE || found >= BEFORE + FOUND_WITHIN)
+        fail_msg("found again at frame %d", found);
     assert_int_equal(rig.pose[rig.frames - 1].state, FOVEA_TRACKING_OK);
     assert_int_equal(rig.pose[rig.frames - 1].reset_counter, rig.pose[BEFORE - 1].reset_counter);
-    const double way = sim_rig_moved(rig.pose[BACK_AT].T_world_cam, rig.pose[BEFORE - 1].T_world_cam);
+    const double way =
+        sim_rig_moved(rig.pose[BACK_AT].T_world_cam, rig.pose[BEFORE - 1].T_world_cam);
     for (int k = found; k < rig.frames; k++) { /* each view as the first time */
         const int first = k - BEFORE + BACK_AT;
         const double off = sim_rig_moved(rig.pose[k].T_world_cam, rig.pose[first].T_world_cam);

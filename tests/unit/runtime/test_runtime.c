@@ -28,13 +28,14 @@ static int setup(void **state)
     for (int block = 0; block < 600; block++) {
         const uint32_t x = fovea_random_below(&random, WIDTH - 20),
                        y = fovea_random_below(&random, HEIGHT - 20);
-        const uint32_t size = 4 + fovea_random_below(&random, 16), grey = fovea_random_below(&random, 256);
+        const uint32_t size = 4 + fovea_random_below(&random, 16),
+                       grey = fovea_random_below(&random, 256);
         for (uint32_t row = y; row < y + size; row++)
             memset(&picture[row * WIDTH + x], (int)grey, size);
     }
     fovea_config_default(&config);
-    config.camera =
-        (struct fovea_camera){.width = WIDTH, .height = HEIGHT, .fx = 200, .fy = 200, .cx = 160, .cy = 120};
+    config.camera = (struct fovea_camera){
+        .width = WIDTH, .height = HEIGHT, .fx = 200, .fy = 200, .cx = 160, .cy = 120};
     assert_int_equal(fovea_camera_prepare(&config.camera, &error), FOVEA_OK);
     return 0;
 }
@@ -98,7 +99,8 @@ static void size_and_table_agree(void **state)
     void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, bytes);
     struct fovea *rt;
     assert_int_equal(fovea_init(memory, bytes - 1, &config, &rt, &error), FOVEA_ERROR_MEMORY);
-    assert_int_equal(fovea_init((uint8_t *)memory + 8, bytes, &config, &rt, &error), FOVEA_ERROR_MEMORY);
+    assert_int_equal(fovea_init((uint8_t *)memory + 8, bytes, &config, &rt, &error),
+                     FOVEA_ERROR_MEMORY);
     assert_int_equal(fovea_init(memory, bytes, &config, &rt, &error), FOVEA_OK);
     free(memory);
 }
@@ -246,11 +248,13 @@ static void compare_runs(struct fovea *a, struct fovea *b, int first, int steps)
             }
             assert_int_equal(from_a.message_count, from_b.message_count);
             for (uint32_t m = 0; m < from_a.message_count; m++) {
-                const struct fovea_message *sent = &from_a.messages[m], *other = &from_b.messages[m];
-                struct fv_difference difference = {.field =
-                                                       "a volatile field"}; /* equal too: there is no clock */
+                const struct fovea_message *sent = &from_a.messages[m],
+                                           *other = &from_b.messages[m];
+                struct fv_difference difference = {
+                    .field = "a volatile field"}; /* equal too: there is no clock */
                 assert_string_equal(sent->channel, other->channel);
-                if (!fv_message_compare(sent->data, sent->bytes, other->data, other->bytes, &difference) ||
+                if (!fv_message_compare(sent->data, sent->bytes, other->data, other->bytes,
+                                        &difference) ||
                     memcmp(sent->data, other->data, sent->bytes) != 0)
                     fail_msg("%s: %s: %s, %s", sent->channel, difference.field, difference.expected,
                              difference.found);
@@ -285,7 +289,8 @@ static void a_copy_goes_on_alone(void **state)
     free(twin.memory);
 }
 
-/* Noise at the best quality takes more bytes than there is room for: it comes at a lower one, not never. */
+/* Noise at the best quality takes more bytes than there is room for: it comes at a lower one, not
+ * never. */
 static void preview_of_noise_comes_too(void **state)
 {
     (void)state;
@@ -314,7 +319,8 @@ static void preview_of_noise_comes_too(void **state)
     assert_true(previews > 0);
 }
 
-/* A preview tells the time, number, clock and UTC of the frame that it shows, as the test below gave them. */
+/* A preview tells the time, number, clock and UTC of the frame that it shows, as the test below
+ * gave them. */
 static void assert_preview_of(const struct fovea_message *message, int64_t stamp_ns)
 {
     fovea_preview_t preview;
@@ -338,7 +344,8 @@ static void preview_takes_the_granted_units_and_keeps_its_stamp(void **state)
         struct fovea_frame frame = frame_at((i + 1) * 1000000);
         frame.clock = FOVEA_CLOCK_BOOTTIME;
         frame.stamp_meaning = FOVEA_STAMP_EXPOSURE_END;
-        struct fovea_inputs inputs = {.frame = &frame, .now_ns = frame.stamp_ns, .utc_offset_ns = 12345};
+        struct fovea_inputs inputs = {
+            .frame = &frame, .now_ns = frame.stamp_ns, .utc_offset_ns = 12345};
         fovea_grants_fixed(&config, &inputs.grants);
         fovea_step(made.rt, &inputs, &outputs);
         const bool waiting = (outputs.jobs_waiting & 1u << FOVEA_JOB_PREVIEW) != 0;

@@ -1,5 +1,5 @@
-/* Metric scale on the simulated camera: from odometry with errors, slips and a lever arm, from the camera's height;
- * what is said while it is unknown; and boxes in which nothing is looked at. */
+/* Metric scale on the simulated camera: from odometry with errors, slips and a lever arm, from the
+ * camera's height; what is said while it is unknown; and boxes in which nothing is looked at. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -29,8 +29,8 @@ static void odometry_gives_metres(void **state)
     rig.config.scale.source = FOVEA_SCALE_ODOMETRY;
     sim_rig_build(&rig);
     while (sim_rig_next(&rig)) {
-        rig.inputs.odometry_count =
-            rig.ops->odometry(rig.source, &rig.frame, rig.inputs.odometry, FOVEA_INPUT_ODOMETRY_MAX);
+        rig.inputs.odometry_count = rig.ops->odometry(rig.source, &rig.frame, rig.inputs.odometry,
+                                                      FOVEA_INPUT_ODOMETRY_MAX);
         /* Every 2.5 s a wheel slips: 40 cm that nothing moved by. */
         for (uint32_t i = 0; i < rig.inputs.odometry_count; i++)
             rig.inputs.odometry[i].position_m[0] += 0.4 * (double)(rig.frames / 75);
@@ -58,8 +58,8 @@ static void a_wrong_stamp_does_not_end_odometry(void **state)
     rig.config.scale.source = FOVEA_SCALE_ODOMETRY;
     sim_rig_build(&rig);
     while (sim_rig_next(&rig)) {
-        rig.inputs.odometry_count =
-            rig.ops->odometry(rig.source, &rig.frame, rig.inputs.odometry, FOVEA_INPUT_ODOMETRY_MAX);
+        rig.inputs.odometry_count = rig.ops->odometry(rig.source, &rig.frame, rig.inputs.odometry,
+                                                      FOVEA_INPUT_ODOMETRY_MAX);
         assert_true(rig.inputs.odometry_count > 0);
         if (rig.frames == 2) rig.inputs.odometry[0].stamp_ns += INT64_C(86400000000000);
         sim_rig_process(&rig);
@@ -71,7 +71,8 @@ static void a_wrong_stamp_does_not_end_odometry(void **state)
     sim_rig_close(&rig);
 }
 
-/* A map keeps its metres: a run that has no odometry publishes them, and says from where they are. */
+/* A map keeps its metres: a run that has no odometry publishes them, and says from where they are.
+ */
 static void a_saved_map_keeps_its_scale(void **state)
 {
     (void)state;
@@ -119,8 +120,8 @@ static void the_path_bends_but_does_not_tear(void **state)
         worst = fmax(worst, sim_rig_moved(a->T_world_cam, b->T_world_cam));
     }
     double scale = sim_rig_scale(&rig, 150, rig.frames);
-    printf("camera height: %d frames in metres, scale off by %+.1f %%, largest step %.3f m\n", metric,
-           100 * (scale - 1), worst);
+    printf("camera height: %d frames in metres, scale off by %+.1f %%, largest step %.3f m\n",
+           metric, 100 * (scale - 1), worst);
     assert_true(metric > 120 && changed && worst < 0.1 && fabs(scale - 1) < 0.1);
     sim_rig_close(&rig);
 }
@@ -174,9 +175,10 @@ static void the_maps_unit_is_minded(void **state)
     run_grown(3);
     const struct fovea_pose *grown = &rig.pose[GROWN];
     const double off = sim_rig_moved(plain.T_world_cam, grown->T_world_cam),
-                 way_grown = sim_rig_moved(grown->T_world_cam, rig.pose[rig.frames - 1].T_world_cam);
-    printf("map's unit a third: place off by %.4f m, the way from there %.3f m, %.3f m without\n", off,
-           way_grown, way);
+                 way_grown =
+                     sim_rig_moved(grown->T_world_cam, rig.pose[rig.frames - 1].T_world_cam);
+    printf("map's unit a third: place off by %.4f m, the way from there %.3f m, %.3f m without\n",
+           off, way_grown, way);
     assert_int_equal(plain.scale_source, FOVEA_SCALE_CAMERA_HEIGHT);
     assert_int_equal(grown->scale_source, FOVEA_SCALE_CAMERA_HEIGHT);
     assert_true(fabs(3 * grown->scale / plain.scale - 1) < 0.01);
@@ -197,7 +199,8 @@ static fovea_pose_t pose_message(void)
     return pose;
 }
 
-/* The message's pose of the base must be that of the camera with the lever arm, to the last digits. */
+/* The message's pose of the base must be that of the camera with the lever arm, to the last digits.
+ */
 static void check_base(const struct fv_se3 *B)
 {
     struct fv_se3 expected, inverse;
@@ -249,7 +252,8 @@ static void a_lever_arm_is_minded(void **state)
         checked++;
     }
     double scale = sim_rig_scale(&rig, 120, rig.frames);
-    printf("lever arm: %d poses of the base checked, scale off by %+.2f %%\n", checked, 100 * (scale - 1));
+    printf("lever arm: %d poses of the base checked, scale off by %+.2f %%\n", checked,
+           100 * (scale - 1));
     assert_true(checked > 100 && fabs(scale - 1) < 0.02);
     sim_rig_close(&rig);
 }
@@ -309,8 +313,9 @@ static int features_in_boxes(bool masked, double *share)
         const struct fovea_feature *f = fovea_features_get(rig.rt, &count);
         for (uint32_t i = 0; i < count; i++)
             for (uint32_t b = 0; b < truth.box_count; b++)
-                inside += f[i].x_px >= truth.boxes[b].x_min_px && f[i].x_px < truth.boxes[b].x_max_px &&
-                          f[i].y_px >= truth.boxes[b].y_min_px && f[i].y_px < truth.boxes[b].y_max_px;
+                inside +=
+                    f[i].x_px >= truth.boxes[b].x_min_px && f[i].x_px < truth.boxes[b].x_max_px &&
+                    f[i].y_px >= truth.boxes[b].y_min_px && f[i].y_px < truth.boxes[b].y_max_px;
     }
     sim_rig_close(&rig);
     return inside;
@@ -321,8 +326,8 @@ static void nothing_is_taken_in_boxes(void **state)
     (void)state;
     double share;
     int open = features_in_boxes(false, &share), masked = features_in_boxes(true, &share);
-    printf("boxes: cover up to %.0f %%; %d features in them without a mask, %d with it\n", 100 * share, open,
-           masked);
+    printf("boxes: cover up to %.0f %%; %d features in them without a mask, %d with it\n",
+           100 * share, open, masked);
     assert_true(share > 0.15 && open > 100);
     assert_int_equal(masked, 0);
 }

@@ -1,4 +1,5 @@
-/* Optimal assignment: the least total cost, against trying everything; forbidden pairs; more rows than columns; ties. */
+/* Optimal assignment: the least total cost, against trying everything; forbidden pairs; more rows
+ * than columns; ties. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -20,8 +21,8 @@ static double best_gain(const float *cost, int rows, int columns, int row, unsig
     double best = best_gain(cost, rows, columns, row + 1, used);
     for (int c = 0; c < columns; c++) {
         if (used >> c & 1 || cost[row * columns + c] >= 1) continue;
-        const double gain =
-            1.0 - (double)cost[row * columns + c] + best_gain(cost, rows, columns, row + 1, used | 1u << c);
+        const double gain = 1.0 - (double)cost[row * columns + c] +
+                            best_gain(cost, rows, columns, row + 1, used | 1u << c);
         best = gain > best ? gain : best;
     }
     return best;
@@ -76,7 +77,8 @@ static void a_large_one_is_solved(void **state)
     for (int r = 0; r < FV_ASSIGN_MAX; r++)
         for (int c = 0; c < FV_ASSIGN_MAX; c++)
             cost[r * FV_ASSIGN_MAX + c] =
-                c == FV_ASSIGN_MAX - 1 - r ? 0.4f : 0.5f + 0.3f * (float)((r * 7 + c * 13) % 11) / 11.0f;
+                c == FV_ASSIGN_MAX - 1 - r ? 0.4f
+                                           : 0.5f + 0.3f * (float)((r * 7 + c * 13) % 11) / 11.0f;
     fv_assign(cost, FV_ASSIGN_MAX, FV_ASSIGN_MAX, FV_ASSIGN_MAX, &scratch, column_of);
     for (int r = 0; r < FV_ASSIGN_MAX; r++)
         assert_int_equal(column_of[r], FV_ASSIGN_MAX - 1 - r);

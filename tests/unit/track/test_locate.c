@@ -8,7 +8,8 @@
 
 #include "common/track_rig.h"
 
-/* A ball 0.5 m high flies past a camera that moves; its place, velocity and covariance must hold the truth. */
+/* A ball 0.5 m high flies past a camera that moves; its place, velocity and covariance must hold
+ * the truth. */
 static void places_are_in_metres(void **state)
 {
     (void)state;
@@ -24,12 +25,13 @@ static void places_are_in_metres(void **state)
         truth[0] = -1 + 0.03 * f;
         truth[1] = 0.3;
         truth[2] = 5 - 0.02 * f;
-        const double p[3] = {truth[0] - 0.01 * f, truth[1], truth[2]}, top[3] = {p[0], p[1] - 0.25, p[2]},
-                     low[3] = {p[0], p[1] + 0.25, p[2]};
+        const double p[3] = {truth[0] - 0.01 * f, truth[1], truth[2]},
+                     top[3] = {p[0], p[1] - 0.25, p[2]}, low[3] = {p[0], p[1] + 0.25, p[2]};
         double a[2], b[2];
         fovea_camera_project(&camera, top, a, NULL);
         fovea_camera_project(&camera, low, b, NULL);
-        const struct fovea_detection d = box(a[0], 0.5 * (a[1] + b[1]), b[1] - a[1], b[1] - a[1], 0.9);
+        const struct fovea_detection d =
+            box(a[0], 0.5 * (a[1] + b[1]), b[1] - a[1], b[1] - a[1], 0.9);
         l.detections = &d;
         l.count = 1;
         fv_track_update(&tracker, &l);
@@ -72,7 +74,8 @@ static void the_floor_gives_a_place(void **state)
     assert_int_equal(t.list[0].located, 1);
     for (int i = 0; i < 3; i++)
         assert_true(__builtin_fabs(t.list[0].position_m[i] - foot[i]) < 0.01);
-    assert_true(t.list[0].covariance_m2[5] > t.list[0].covariance_m2[0]); /* depth is less certain */
+    assert_true(t.list[0].covariance_m2[5] >
+                t.list[0].covariance_m2[0]); /* depth is less certain */
     config.ground = false;
     const double still[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
     memcpy(T_base_cam, still, sizeof still);

@@ -1,4 +1,5 @@
-/* The tracker: ids through crossings, gaps and turns of the camera; life cycle; the pool; its time. */
+/* The tracker: ids through crossings, gaps and turns of the camera; life cycle; the pool; its time.
+ */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -24,12 +25,15 @@ static uint64_t id_at(const struct fovea_tracks *tracks, const struct fovea_dete
         const float h = (t->y_max_px < d->y_max_px ? t->y_max_px : d->y_max_px) -
                         (t->y_min_px > d->y_min_px ? t->y_min_px : d->y_min_px);
         const float area = (d->x_max_px - d->x_min_px) * (d->y_max_px - d->y_min_px);
-        if (t->state == FOVEA_TRACK_CONFIRMED && w > 0 && h > 0 && w * h > 0.5f * area) return t->id;
+        if (t->state == FOVEA_TRACK_CONFIRMED && w > 0 && h > 0 && w * h > 0.5f * area)
+            return t->id;
     }
     return 0;
 }
 
-/* ---- life ---------------------------------------------------------------------------------------------------- */
+/* ---- life
+ * ----------------------------------------------------------------------------------------------------
+ */
 
 static void tracks_live_and_end(void **state)
 {
@@ -92,14 +96,16 @@ static void good_scores_confirm_and_poor_ones_never(void **state)
     assert_int_equal(state_after(30, 0.45), FOVEA_TRACK_TENTATIVE);
 }
 
-/* What is below the model's threshold goes on a track, seen just before, whatever the scores of the tracker say; it starts none. */
+/* What is below the model's threshold goes on a track, seen just before, whatever the scores of the
+ * tracker say; it starts none. */
 static void what_is_below_the_threshold_starts_no_track(void **state)
 {
     (void)state;
     make();
     struct fovea_tracks t;
     for (int f = 0; f < 20; f++) {
-        const struct fovea_detection d[2] = {box(100 + 2 * f, 100, 40, 60, 0.7), box(400, 300, 50, 50, 0.7)};
+        const struct fovea_detection d[2] = {box(100 + 2 * f, 100, 40, 60, 0.7),
+                                             box(400, 300, 50, 50, 0.7)};
         t = f < 5 ? look_unsure(f, d, 1, 1) : look_unsure(f, d, 0, 2);
         assert_int_equal(t.count, 1);
     }
@@ -177,9 +183,12 @@ static void a_full_pool_gives_up_its_weakest(void **state)
     free(block);
 }
 
-/* ---- identity ------------------------------------------------------------------------------------------------ */
+/* ---- identity
+ * ------------------------------------------------------------------------------------------------
+ */
 
-/* Scenes of objects of one class that cross each other's ways; behind a pillar none is seen. True boxes, shaken by a pixel. */
+/* Scenes of objects of one class that cross each other's ways; behind a pillar none is seen. True
+ * boxes, shaken by a pixel. */
 enum { OBJECTS_MAX = 8, SCENE_FRAMES = 300 };
 
 struct object {
@@ -198,11 +207,13 @@ struct outcome {
     int gaps, crossings, switches;
 };
 
-/* To and fro at 1 to 3 px per frame, so through the pillar within 1.4 s; up and down in gentle waves. */
+/* To and fro at 1 to 3 px per frame, so through the pillar within 1.4 s; up and down in gentle
+ * waves. */
 static void start_gently(struct object *o, struct fovea_random *random)
 {
     o->at[0] = o->size + fovea_random_below(random, WIDTH - 2 * (uint32_t)o->size);
-    o->v[0] = (1.0 + fovea_random_below(random, 100) / 50.0) * (fovea_random_below(random, 2) == 0 ? 1 : -1);
+    o->v[0] = (1.0 + fovea_random_below(random, 100) / 50.0) *
+              (fovea_random_below(random, 2) == 0 ? 1 : -1);
     for (int k = 0; k < 4; k++)
         o->wave[k] = fovea_random_below(random, 1000) / 1000.0;
 }
@@ -211,16 +222,17 @@ static void move_gently(struct object *o, int frame)
 {
     o->at[0] += o->v[0];
     if (o->at[0] < o->size / 2 || o->at[0] > WIDTH - o->size / 2) o->v[0] = -o->v[0];
-    o->at[1] = 120 + 240 * o->wave[0] +
-               (20 + 20 * o->wave[1]) * fovea_sin(6.28 * o->wave[2] + frame * (0.01 + 0.02 * o->wave[3]));
+    o->at[1] =
+        120 + 240 * o->wave[0] +
+        (20 + 20 * o->wave[1]) * fovea_sin(6.28 * o->wave[2] + frame * (0.01 + 0.02 * o->wave[3]));
 }
 
 /* Straight on at up to 3 px per frame either way, thrown back by all four walls at once. */
 static void start_straight(struct object *o, struct fovea_random *random)
 {
     for (int k = 0; k < 2; k++) {
-        o->at[k] =
-            o->size + fovea_random_below(random, (uint32_t)((k == 0 ? WIDTH : HEIGHT) - 2 * (int)o->size));
+        o->at[k] = o->size + fovea_random_below(
+                                 random, (uint32_t)((k == 0 ? WIDTH : HEIGHT) - 2 * (int)o->size));
         o->v[k] = (double)fovea_random_below(random, 120) / 20.0 - 3.0;
     }
     if (__builtin_fabs(o->v[0]) < 1) o->v[0] = o->v[0] < 0 ? -1 : 1;
@@ -232,7 +244,8 @@ static void move_and_bounce(struct object *o, int frame)
     for (int k = 0; k < 2; k++) {
         o->at[k] += o->v[k];
         const double wall = k == 0 ? WIDTH : HEIGHT;
-        if ((o->at[k] < o->size / 2 && o->v[k] < 0) || (o->at[k] > wall - o->size / 2 && o->v[k] > 0))
+        if ((o->at[k] < o->size / 2 && o->v[k] < 0) ||
+            (o->at[k] > wall - o->size / 2 && o->v[k] > 0))
             o->v[k] = -o->v[k];
     }
 }
@@ -248,8 +261,8 @@ static uint64_t id_of(const struct fovea_tracks *tracks, const struct fovea_dete
     return id;
 }
 
-static void play_frame(const struct motion *motion, int frame, struct object *o, struct fovea_random *random,
-                       struct outcome *outcome)
+static void play_frame(const struct motion *motion, int frame, struct object *o,
+                       struct fovea_random *random, struct outcome *outcome)
 {
     struct fovea_detection seen[OBJECTS_MAX];
     int who[OBJECTS_MAX];
@@ -263,8 +276,8 @@ static void play_frame(const struct motion *motion, int frame, struct object *o,
         const double shake[2] = {(double)fovea_random_below(random, 21) / 10 - 1,
                                  (double)fovea_random_below(random, 21) / 10 - 1};
         who[count] = i;
-        seen[count++] =
-            box(o[i].at[0] + shake[0], o[i].at[1] + shake[1], o[i].size, 1.5 * o[i].size, 0.9 + 0.01 * i);
+        seen[count++] = box(o[i].at[0] + shake[0], o[i].at[1] + shake[1], o[i].size,
+                            1.5 * o[i].size, 0.9 + 0.01 * i);
         for (int j = 0; j < i; j++) {
             outcome->crossings += !o[j].hidden && __builtin_fabs(o[i].at[0] - o[j].at[0]) < 5 &&
                                   __builtin_fabs(o[i].at[1] - o[j].at[1]) < 5;
@@ -300,20 +313,23 @@ static struct outcome play(const struct motion *motion, int scenes)
         }
         free(block);
     }
-    printf("%d scenes: %d times behind the pillar, %d frames with two objects in one place, %d switches\n",
-           scenes, outcome.gaps, outcome.crossings, outcome.switches);
+    printf(
+        "%d scenes: %d times behind the pillar, %d frames with two objects in one place, %d switches\n",
+        scenes, outcome.gaps, outcome.crossings, outcome.switches);
     return outcome;
 }
 
 static void crossings_and_occlusions_keep_ids(void **state)
 {
     (void)state;
-    const struct outcome outcome = play(&(struct motion){OBJECTS_MAX, start_gently, move_gently}, 20);
+    const struct outcome outcome =
+        play(&(struct motion){OBJECTS_MAX, start_gently, move_gently}, 20);
     assert_int_equal(outcome.switches, 0);
     assert_true(outcome.gaps > 50 && outcome.crossings > 5);
 }
 
-/* Against the filter's model of motion, out of sight as well: an id is lost less than once in a hundred times behind the pillar. */
+/* Against the filter's model of motion, out of sight as well: an id is lost less than once in a
+ * hundred times behind the pillar. */
 static void abrupt_turns_cost_few_ids(void **state)
 {
     (void)state;
@@ -322,7 +338,8 @@ static void abrupt_turns_cost_few_ids(void **state)
     assert_true(outcome.switches * 100 < outcome.gaps);
 }
 
-/* The camera swings by 40 px per frame and back: without its pose the boxes are lost, with it they are not. */
+/* The camera swings by 40 px per frame and back: without its pose the boxes are lost, with it they
+ * are not. */
 static uint64_t swing(bool posed)
 {
     make();
@@ -365,8 +382,8 @@ static bool read_truth(const char *path, double (*boxes)[4], int *count)
     FILE *file = fopen(path, "r");
     if (file == NULL) return false;
     double *b = boxes[0];
-    for (*count = 0;
-         *count < 2000 && fscanf(file, "%lf%*[, \t]%lf%*[, \t]%lf%*[, \t]%lf", b, b + 1, b + 2, b + 3) == 4;
+    for (*count = 0; *count < 2000 && fscanf(file, "%lf%*[, \t]%lf%*[, \t]%lf%*[, \t]%lf", b, b + 1,
+                                             b + 2, b + 3) == 4;
          b += 4)
         ++*count;
     fclose(file);
@@ -389,8 +406,9 @@ static void one_pedestrian_seen_every_third_frame_is_one_track(void **state)
         config.mode = mode;
         make();
         for (int f = 0; f < count; f += 3) {
-            const struct fovea_detection d = box(boxes[f][0] + boxes[f][2] / 2, boxes[f][1] + boxes[f][3] / 2,
-                                                 boxes[f][2], boxes[f][3], 0.9);
+            const struct fovea_detection d =
+                box(boxes[f][0] + boxes[f][2] / 2, boxes[f][1] + boxes[f][3] / 2, boxes[f][2],
+                    boxes[f][3], 0.9);
             const struct fovea_tracks t = look(f, &d, 1);
             assert_int_equal(t.count, 1);
             assert_int_equal(t.list[0].id, 1);
@@ -444,7 +462,9 @@ static void boxes_of_movable_classes_are_told(void **state)
     free(block);
 }
 
-/* ---- time ---------------------------------------------------------------------------------------------------- */
+/* ---- time
+ * ----------------------------------------------------------------------------------------------------
+ */
 
 static int64_t cpu_ns(void)
 {
@@ -463,7 +483,8 @@ static void a_hundred_objects_take_a_fifth_of_a_millisecond(void **state)
     fovea_random_seed(&random, 9);
     double at[OBJECTS][2], v[OBJECTS][2];
     for (int i = 0; i < OBJECTS; i++) {
-        at[i][0] = fovea_random_below(&random, WIDTH), at[i][1] = fovea_random_below(&random, HEIGHT);
+        at[i][0] = fovea_random_below(&random, WIDTH),
+        at[i][1] = fovea_random_below(&random, HEIGHT);
         for (int k = 0; k < 2; k++)
             v[i][k] = (double)fovea_random_below(&random, 80) / 20.0 - 2.0;
     }
@@ -472,8 +493,10 @@ static void a_hundred_objects_take_a_fifth_of_a_millisecond(void **state)
         struct fovea_detection d[OBJECTS];
         const double rotation[3] = {0, 0.002 * f, 0};
         double R[9];
-        struct fv_track_look l = {
-            .stamp_ns = (int64_t)(f + 1) * 33333333, .detections = d, .count = OBJECTS, .posed = true};
+        struct fv_track_look l = {.stamp_ns = (int64_t)(f + 1) * 33333333,
+                                  .detections = d,
+                                  .count = OBJECTS,
+                                  .posed = true};
         fv_so3_exp(rotation, R);
         for (int i = 0; i < 9; i++)
             l.T_world_cam[i / 3 * 4 + i % 3] = R[i];
@@ -496,8 +519,8 @@ static void a_hundred_objects_take_a_fifth_of_a_millisecond(void **state)
             took[j] = took[j - 1];
             took[j - 1] = swap;
         }
-    printf("100 objects: median %.3f ms, 90th percentile %.3f ms\n", (double)took[FRAMES / 2] * 1e-6,
-           (double)took[FRAMES * 9 / 10] * 1e-6);
+    printf("100 objects: median %.3f ms, 90th percentile %.3f ms\n",
+           (double)took[FRAMES / 2] * 1e-6, (double)took[FRAMES * 9 / 10] * 1e-6);
     if (getenv("FOVEA_TIMED") != NULL) assert_true(took[FRAMES / 2] <= 200000);
     free(block);
 }
