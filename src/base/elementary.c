@@ -16,7 +16,7 @@ double fovea_floor(double value)
     return whole > value ? whole - 1.0 : whole;
 }
 
-static double fv_polynomial(const double *c, int count, double x)
+static double polynomial(const double *c, int count, double x)
 {
     double sum = c[count - 1];
     for (int i = count - 2; i >= 0; i--)
@@ -24,8 +24,7 @@ static double fv_polynomial(const double *c, int count, double x)
     return sum;
 }
 
-/* ---- circle functions
- * -------------------------------------------------------------------------------- */
+/* ---- circle functions ------------------------------------------------------------------------ */
 
 /* pi/2 in three parts: 33 bits, the next 33 bits, and 53 more. */
 static const double half_pi_1 = 0x1.921fb544p+0, half_pi_2 = 0x1.0b4611a6p-34,
@@ -33,7 +32,7 @@ static const double half_pi_1 = 0x1.921fb544p+0, half_pi_2 = 0x1.0b4611a6p-34,
 
 /* angle = quadrant * pi/2 + rest + tail, |rest| <= pi/4 (a little more through rounding). Returns
  * quadrant mod 4. */
-static int fv_reduce_angle(double angle, double *rest, double *tail)
+static int reduce_angle(double angle, double *rest, double *tail)
 {
     double quadrant = fovea_floor(angle * 0x1.45f306dc9c883p-1 + 0.5);
     double head = angle - quadrant * half_pi_1; /* both exact: 20 + 33 bits, then cancellation */
@@ -65,36 +64,36 @@ static const double cos_series[] = {1.0 / 24,
                                     1.0 / 20922789888000.0,
                                     -1.0 / 6402373705728000.0};
 
-static double fv_sin_small(double x, double tail)
+static double sin_small(double x, double tail)
 {
     double z = x * x;
-    return x + (x * z * fv_polynomial(sin_series, 8, z) + tail * (1.0 - 0.5 * z));
+    return x + (x * z * polynomial(sin_series, 8, z) + tail * (1.0 - 0.5 * z));
 }
 
-static double fv_cos_small(double x, double tail)
+static double cos_small(double x, double tail)
 {
     double z = x * x, half = 0.5 * z;
     double one = 1.0 - half;
-    return one + (((1.0 - one) - half) + (z * z * fv_polynomial(cos_series, 8, z) - x * tail));
+    return one + (((1.0 - one) - half) + (z * z * polynomial(cos_series, 8, z) - x * tail));
 }
 
 /* Sine of angle + shift * pi/2. */
-static double fv_sin_shifted(double angle, int shift)
+static double sin_shifted(double angle, int shift)
 {
     double rest, tail;
-    int quadrant = (fv_reduce_angle(angle, &rest, &tail) + shift) & 3;
-    double value = quadrant & 1 ? fv_cos_small(rest, tail) : fv_sin_small(rest, tail);
+    int quadrant = (reduce_angle(angle, &rest, &tail) + shift) & 3;
+    double value = quadrant & 1 ? cos_small(rest, tail) : sin_small(rest, tail);
     return quadrant & 2 ? -value : value;
 }
 
 double fovea_sin(double angle_rad)
 {
-    return angle_rad >= -1e6 && angle_rad <= 1e6 ? fv_sin_shifted(angle_rad, 0) : 0.0;
+    return angle_rad >= -1e6 && angle_rad <= 1e6 ? sin_shifted(angle_rad, 0) : 0.0;
 }
 
 double fovea_cos(double angle_rad)
 {
-    return angle_rad >= -1e6 && angle_rad <= 1e6 ? fv_sin_shifted(angle_rad, 1) : 1.0;
+    return angle_rad >= -1e6 && angle_rad <= 1e6 ? sin_shifted(angle_rad, 1) : 1.0;
 }
 
 double fovea_tan(double angle_rad)
@@ -128,8 +127,7 @@ double fovea_atan2(double y, double x)
     int k = (int)(small / large * 4.0 + 0.5);
     double c = 0.25 * k;
     double t = (small - c * large) / (large + c * small), z = t * t;
-    double rest = t + (t * z * fv_polynomial(atan_series, 9, z) + atan_tail[k]),
-           head = atan_head[k];
+    double rest = t + (t * z * polynomial(atan_series, 9, z) + atan_tail[k]), head = atan_head[k];
     if (swapped) {
         rest = half_pi_tail - rest;
         head = half_pi_head - head;
@@ -142,30 +140,29 @@ double fovea_atan2(double y, double x)
 }
 
 /* sqrt(1 - v^2) without cancellation. */
-static double fv_other_leg(double v)
+static double other_leg(double v)
 {
     return __builtin_sqrt(v > -0.5 && v < 0.5 ? 1.0 - v * v : (1.0 - v) * (1.0 + v));
 }
 
-static double fv_clamp_unit(double v)
+static double clamp_unit(double v)
 {
     return v > 1.0 ? 1.0 : v >= -1.0 ? v : -1.0;
 }
 
 double fovea_acos(double cosine)
 {
-    cosine = fv_clamp_unit(cosine);
-    return fovea_atan2(fv_other_leg(cosine), cosine);
+    cosine = clamp_unit(cosine);
+    return fovea_atan2(other_leg(cosine), cosine);
 }
 
 double fovea_asin(double sine)
 {
-    sine = fv_clamp_unit(sine);
-    return fovea_atan2(sine, fv_other_leg(sine));
+    sine = clamp_unit(sine);
+    return fovea_atan2(sine, other_leg(sine));
 }
 
-/* ---- exponential and logarithm
- * ----------------------------------------------------------------------- */
+/* ---- exponential and logarithm --------------------------------------------------------------- */
 
 static const double ln2_head = 0x1.62e42feep-1, ln2_tail = 0x1.a39ef35793c76p-33;
 static const double exp_series[] = {
@@ -179,7 +176,7 @@ double fovea_exp(double exponent)
     double head = x - k * ln2_head, tail = k * ln2_tail, r = head - tail;
     double lost = (head - r) - tail;
     double z = r * r;
-    double fraction = 1.0 + (r + (0.5 * z + (z * r * fv_polynomial(exp_series, 11, r) + lost)));
+    double fraction = 1.0 + (r + (0.5 * z + (z * r * polynomial(exp_series, 11, r) + lost)));
     uint64_t bits = (uint64_t)(1023 + (int64_t)k) << 52;
     double scale;
     memcpy(&scale, &bits, sizeof scale);
@@ -203,7 +200,7 @@ double fovea_log(double positive)
     memcpy(&m, &bits, sizeof m);
     double f = m - 1.0, s = f / (2.0 + f), z = s * s;
     double half = 0.5 * f * f;
-    double series = z * fv_polynomial(log_series, 11, z);
+    double series = z * polynomial(log_series, 11, z);
     double whole = (double)k;
     return whole * ln2_head - ((half - (s * (half + series) + whole * ln2_tail)) - f);
 }

@@ -2,7 +2,7 @@
  * 2021), its state filled by splitmix64 (Steele, Lea and Flood, OOPSLA 2014). */
 #include "fovea/elementary.h"
 
-static uint64_t fv_splitmix(uint64_t *state)
+static uint64_t splitmix(uint64_t *state)
 {
     uint64_t z = *state += 0x9e3779b97f4a7c15u;
     z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
@@ -10,14 +10,14 @@ static uint64_t fv_splitmix(uint64_t *state)
     return z ^ (z >> 31);
 }
 
-static uint32_t fv_rotate_left(uint32_t x, int by)
+static uint32_t rotate_left(uint32_t x, int by)
 {
     return (x << by) | (x >> (32 - by));
 }
 
 void fovea_random_seed(struct fovea_random *random, uint64_t seed)
 {
-    uint64_t a = fv_splitmix(&seed), b = fv_splitmix(&seed);
+    uint64_t a = splitmix(&seed), b = splitmix(&seed);
     random->s[0] = (uint32_t)a;
     random->s[1] = (uint32_t)(a >> 32);
     random->s[2] = (uint32_t)b;
@@ -29,14 +29,14 @@ void fovea_random_seed(struct fovea_random *random, uint64_t seed)
 uint32_t fovea_random_u32(struct fovea_random *random)
 {
     uint32_t *s = random->s;
-    uint32_t result = fv_rotate_left(s[0] + s[3], 7) + s[0];
+    uint32_t result = rotate_left(s[0] + s[3], 7) + s[0];
     uint32_t t = s[1] << 9;
     s[2] ^= s[0];
     s[3] ^= s[1];
     s[1] ^= s[2];
     s[0] ^= s[3];
     s[2] ^= t;
-    s[3] = fv_rotate_left(s[3], 11);
+    s[3] = rotate_left(s[3], 11);
     return result;
 }
 

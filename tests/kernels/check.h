@@ -3,9 +3,11 @@
  * For each row of kernels.def, two functions (in tests/kernels/check_<family>.c):
  *   void check_<name>(struct check *check, fv_k_<name>_fn *reference, fv_k_<name>_fn *variant)
  *       draws sizes, strides and fills, runs both and compares with check_equal; called for every
- * variant, many times; void bench_<name>(struct check *check, fv_k_<name>_fn *variant) does one
- * image's worth of work (BENCH_WIDTH x BENCH_HEIGHT unless check->size is set to say otherwise). A
- * failing check prints kernel, variant and seed; `test_kernels --seed S kernel` repeats it. */
+ *       variant, many times;
+ *   void bench_<name>(struct check *check, fv_k_<name>_fn *variant)
+ *       does one image's worth of work (BENCH_WIDTH x BENCH_HEIGHT unless check->size is set to say
+ *       otherwise).
+ * A failing check prints kernel, variant and seed; `test_kernels --seed S kernel` repeats it. */
 #ifndef FOVEA_TESTS_KERNELS_CHECK_H
 #define FOVEA_TESTS_KERNELS_CHECK_H
 

@@ -6,7 +6,8 @@
  *   test_kernels --seed S NAME       repeat a failure
  *   test_kernels --bench [NAME...]   time each variant: nanoseconds per image, and how many times C
  *   test_kernels --times N VARIANT   do the work of that benchmark N times (to count instructions,
- * to profile) test_kernels --list              names of the variants that this processor can run
+ *                                    to profile)
+ *   test_kernels --list              names of the variants that this processor can run
  *
  * Variants that the processor lacks are named and skipped. FOVEA_CPU caps what is run. */
 #include "kernels/check.h"

@@ -3,7 +3,7 @@
 const int8_t fv_corner_circle[2][16] = {{0, 1, 2, 3, 3, 3, 2, 1, 0, -1, -2, -3, -3, -3, -2, -1},
                                         {3, 3, 2, 1, 0, -1, -2, -3, -3, -3, -2, -1, 0, 1, 2, 3}};
 
-static uint8_t fv_corner_score(const uint8_t *pixel, ptrdiff_t stride_bytes)
+static uint8_t corner_score(const uint8_t *pixel, ptrdiff_t stride_bytes)
 {
     int best = 0;
     for (int start = 0; start < 16; start++) {
@@ -26,6 +26,6 @@ void fv_k_corner_scores_u8__c(uint8_t *scores, const uint8_t *image, ptrdiff_t s
     for (int32_t k = 0; k < count; k++)
         for (int v = 0; v < FV_CORNER_ROWS; v++)
             for (int u = 0; u < FV_CORNER_COLUMNS; u++)
-                *scores++ = fv_corner_score(image + centres[k] + (v - 2) * stride_bytes + u - 2,
-                                            stride_bytes);
+                *scores++ =
+                    corner_score(image + centres[k] + (v - 2) * stride_bytes + u - 2, stride_bytes);
 }

@@ -3,8 +3,8 @@
 #include <arm_neon.h>
 
 /* As the SSE4 variant. */
-static inline void fv_corner_arcs(const uint8x16_t ring[16], uint8x16_t *brightest,
-                                  uint8x16_t *darkest)
+static inline void corner_arcs(const uint8x16_t ring[16], uint8x16_t *brightest,
+                               uint8x16_t *darkest)
 {
     uint8x16_t low[16], high[16], low_4[16], high_4[16];
     for (int i = 0; i < 16; i++) {
@@ -26,14 +26,14 @@ static inline void fv_corner_arcs(const uint8x16_t ring[16], uint8x16_t *brighte
 }
 
 /* Scores of two rows of eight pixels, `apart` bytes from each other. */
-static inline uint8x16_t fv_corner_two_rows(const uint8_t *row, ptrdiff_t apart,
-                                            const ptrdiff_t offsets[16])
+static inline uint8x16_t corner_two_rows(const uint8_t *row, ptrdiff_t apart,
+                                         const ptrdiff_t offsets[16])
 {
     uint8x16_t ring[16], brightest, darkest;
     for (int i = 0; i < 16; i++)
         ring[i] = vcombine_u8(vld1_u8(row + offsets[i]), vld1_u8(row + offsets[i] + apart));
     const uint8x16_t centre = vcombine_u8(vld1_u8(row), vld1_u8(row + apart));
-    fv_corner_arcs(ring, &brightest, &darkest);
+    corner_arcs(ring, &brightest, &darkest);
     return vmaxq_u8(vqsubq_u8(brightest, centre), vqsubq_u8(centre, darkest));
 }
 
@@ -47,7 +47,7 @@ void fv_k_corner_scores_u8__neon(uint8_t *scores, const uint8_t *image, ptrdiff_
         const uint8_t *row = image + centres[k] - 2 * stride_bytes - 2;
         for (int v = 0; v < 4; v += 2)
             vst1q_u8(scores + 8 * v,
-                     fv_corner_two_rows(row + v * stride_bytes, stride_bytes, offsets));
-        vst1_u8(scores + 32, vget_low_u8(fv_corner_two_rows(row + 4 * stride_bytes, 0, offsets)));
+                     corner_two_rows(row + v * stride_bytes, stride_bytes, offsets));
+        vst1_u8(scores + 32, vget_low_u8(corner_two_rows(row + 4 * stride_bytes, 0, offsets)));
     }
 }

@@ -9,8 +9,8 @@ struct fv_moments_weights {
     uint8x16_t left_in, right_in; /* 1 within the circle */
 };
 
-static inline uint32x4_t fv_moments_row(uint32x4_t *left, uint32x4_t *right, const uint8_t *row,
-                                        const struct fv_moments_weights *weights)
+static inline uint32x4_t moments_row(uint32x4_t *left, uint32x4_t *right, const uint8_t *row,
+                                     const struct fv_moments_weights *weights)
 {
     const uint8x16_t a = vld1q_u8(row - 16), b = vld1q_u8(row);
     *left = vdotq_u32(*left, a, weights->left);
@@ -36,10 +36,10 @@ void fv_k_moments_u8__dotprod(int32_t *m, const uint8_t *image, ptrdiff_t stride
         const uint8_t *row = image + centres[k];
         uint32x4_t left = vdupq_n_u32(0), right = left,
                    across = left; /* `across` modulo 2^32: may be negative */
-        fv_moments_row(&left, &right, row, &weights[0]);
+        moments_row(&left, &right, row, &weights[0]);
         for (int v = 1; v <= FV_MOMENTS_RADIUS; v++) {
-            const uint32x4_t down = fv_moments_row(&left, &right, row + v * stride, &weights[v]);
-            const uint32x4_t up = fv_moments_row(&left, &right, row - v * stride, &weights[v]);
+            const uint32x4_t down = moments_row(&left, &right, row + v * stride, &weights[v]);
+            const uint32x4_t up = moments_row(&left, &right, row - v * stride, &weights[v]);
             across = vmlaq_n_u32(across, vsubq_u32(down, up), (uint32_t)v);
         }
         m[2 * k] = (int32_t)vaddvq_u32(vsubq_u32(right, left));

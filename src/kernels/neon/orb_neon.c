@@ -4,7 +4,7 @@
 
 /* The weights halved, 9 17 24 28 24 17 9: then a sum down a column has 15 bits, two of them still
  * fit a word, and what the contract rounds off by 16 bits is rounded off by 14 here. */
-static inline void fv_blur7_columns(const uint8_t *const rows[7], int32_t x, uint16_t *column)
+static inline void blur7_columns(const uint8_t *const rows[7], int32_t x, uint16_t *column)
 {
     uint8x16_t r[7];
     for (int i = 0; i < 7; i++)
@@ -22,7 +22,7 @@ static inline void fv_blur7_columns(const uint8_t *const rows[7], int32_t x, uin
 }
 
 /* Eight outputs in the low bytes of words. */
-static inline uint16x8_t fv_blur7_eight(const uint16_t *column)
+static inline uint16x8_t blur7_eight(const uint16_t *column)
 {
     const uint16x8_t outer = vaddq_u16(vld1q_u16(column - 3), vld1q_u16(column + 3));
     const uint16x8_t middle = vaddq_u16(vld1q_u16(column - 2), vld1q_u16(column + 2));
@@ -38,10 +38,10 @@ static inline uint16x8_t fv_blur7_eight(const uint16_t *column)
     return vrshrn_high_n_u32(vrshrn_n_u32(low, 14), high, 14);
 }
 
-static inline void fv_blur7_sixteen(uint8_t *out, const uint16_t *column)
+static inline void blur7_sixteen(uint8_t *out, const uint16_t *column)
 {
-    const uint8x16_t a = vreinterpretq_u8_u16(fv_blur7_eight(column));
-    vst1q_u8(out, vuzp1q_u8(a, vreinterpretq_u8_u16(fv_blur7_eight(column + 8))));
+    const uint8x16_t a = vreinterpretq_u8_u16(blur7_eight(column));
+    vst1q_u8(out, vuzp1q_u8(a, vreinterpretq_u8_u16(blur7_eight(column + 8))));
 }
 
 void fv_k_blur7_row_u8__neon(uint8_t *out, const uint8_t *const rows[7], int32_t width,
@@ -55,15 +55,15 @@ void fv_k_blur7_row_u8__neon(uint8_t *out, const uint8_t *const rows[7], int32_t
     uint16_t *column = scratch + 8;
     const int32_t last = width - 16; /* the last vectors overlap the ones before */
     for (int32_t x = 0; x < last; x += 16)
-        fv_blur7_columns(row, x, column);
-    fv_blur7_columns(row, last, column);
+        blur7_columns(row, x, column);
+    blur7_columns(row, last, column);
     for (int32_t i = 1; i <= FV_BLUR7_RADIUS; i++) {
         column[-i] = column[i];
         column[width - 1 + i] = column[width - 1 - i];
     }
     for (int32_t x = 0; x < last; x += 16)
-        fv_blur7_sixteen(out + x, column + x);
-    fv_blur7_sixteen(out + last, column + last);
+        blur7_sixteen(out + x, column + x);
+    blur7_sixteen(out + last, column + last);
 }
 
 /* Products with |u| in unsigned words. Over 15 rows of the circle the weights of one lane add up to
@@ -73,9 +73,9 @@ struct fv_moment_words {
     uint16x8_t left, right; /* sums of |u| I, lanes folded in two */
 };
 
-static inline uint16x8_t fv_moments_rows(struct fv_moment_words *words, const uint8_t *row,
-                                         uint8x16_t left_mask, uint8x16_t right_mask,
-                                         uint8x16_t left_u, uint8x16_t right_u)
+static inline uint16x8_t moments_rows(struct fv_moment_words *words, const uint8_t *row,
+                                      uint8x16_t left_mask, uint8x16_t right_mask,
+                                      uint8x16_t left_u, uint8x16_t right_u)
 {
     const uint8x16_t left = vandq_u8(vld1q_u8(row - 16), left_mask);
     const uint8x16_t right = vandq_u8(vld1q_u8(row), right_mask);
@@ -88,7 +88,7 @@ static inline uint16x8_t fv_moments_rows(struct fv_moment_words *words, const ui
     return vaddq_u16(vpaddlq_u8(left), vpaddlq_u8(right));
 }
 
-static inline int32_t fv_moments_side(const struct fv_moment_words *words)
+static inline int32_t moments_side(const struct fv_moment_words *words)
 {
     return (int32_t)vaddlvq_u16(words->right) - (int32_t)vaddlvq_u16(words->left);
 }
@@ -109,27 +109,27 @@ void fv_k_moments_u8__neon(int32_t *m, const uint8_t *image, ptrdiff_t stride,
         const struct fv_moment_words none = {vdupq_n_u16(0), vdupq_n_u16(0)};
         struct fv_moment_words below = none, above = none;
         int32x4_t m01 = vdupq_n_s32(0);
-        fv_moments_rows(&below, row, left_mask[0], right_mask[0], left_u, right_u);
-        int32_t m10 = fv_moments_side(&below);
+        moments_rows(&below, row, left_mask[0], right_mask[0], left_u, right_u);
+        int32_t m10 = moments_side(&below);
         below = none;
         for (int v = 1; v <= FV_MOMENTS_RADIUS; v++) {
-            const uint16x8_t down = fv_moments_rows(&below, row + v * stride, left_mask[v],
-                                                    right_mask[v], left_u, right_u);
-            const uint16x8_t up = fv_moments_rows(&above, row - v * stride, left_mask[v],
-                                                  right_mask[v], left_u, right_u);
+            const uint16x8_t down = moments_rows(&below, row + v * stride, left_mask[v],
+                                                 right_mask[v], left_u, right_u);
+            const uint16x8_t up = moments_rows(&above, row - v * stride, left_mask[v],
+                                               right_mask[v], left_u, right_u);
             const int16x8_t across = vreinterpretq_s16_u16(vsubq_u16(down, up));
             m01 = vmlal_n_s16(m01, vget_low_s16(across), (int16_t)v);
             m01 = vmlal_n_s16(m01, vget_high_s16(across), (int16_t)v);
         }
-        m[2 * k] = m10 + fv_moments_side(&below) + fv_moments_side(&above);
+        m[2 * k] = m10 + moments_side(&below) + moments_side(&above);
         m[2 * k + 1] = vaddvq_s32(m01);
     }
 }
 
 /* Sampled into arrays first: the vector loads that compare come long after the byte stores that
  * they need. */
-static inline void fv_brief_sample(uint8_t samples[2 * FV_BRIEF_BITS], const uint8_t *centre,
-                                   const int8_t *places, int16_t along, int16_t across)
+static inline void brief_sample(uint8_t samples[2 * FV_BRIEF_BITS], const uint8_t *centre,
+                                const int8_t *places, int16_t along, int16_t across)
 {
     for (int i = 0; i < 2 * FV_BRIEF_BITS; i += 8) {
         const int8x8x2_t place = vld2_s8(places + 2 * i);
@@ -151,7 +151,7 @@ void fv_k_brief_u8__neon(uint8_t descriptor[FV_DESCRIPTOR_BYTES], const uint8_t 
                                             1, 2, 4, 8, 16, 32, 64, 128};
     const uint8x16_t bits = vld1q_u8(bit_of_lane);
     uint8_t samples[2 * FV_BRIEF_BITS];
-    fv_brief_sample(samples, centre, places, (int16_t)along, (int16_t)across);
+    brief_sample(samples, centre, places, (int16_t)along, (int16_t)across);
     for (int i = 0; i < FV_BRIEF_BITS; i += 16) {
         const uint8x16_t a = vld1q_u8(samples + i), b = vld1q_u8(samples + FV_BRIEF_BITS + i);
         const uint8x16_t less = vandq_u8(vcltq_u8(a, b), bits);

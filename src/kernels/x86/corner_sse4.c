@@ -4,7 +4,7 @@
 
 /* Largest minimum and smallest maximum over all arcs of nine of the circle, by doubling: arcs of
  * two, four, eight, and one more. */
-static inline void fv_corner_arcs(const __m128i ring[16], __m128i *brightest, __m128i *darkest)
+static inline void corner_arcs(const __m128i ring[16], __m128i *brightest, __m128i *darkest)
 {
     __m128i low[16], high[16], low_4[16], high_4[16];
     for (int i = 0; i < 16; i++) {
@@ -26,8 +26,8 @@ static inline void fv_corner_arcs(const __m128i ring[16], __m128i *brightest, __
 }
 
 /* Scores of two rows of eight pixels, `apart` bytes from each other. */
-static inline __m128i fv_corner_two_rows(const uint8_t *row, ptrdiff_t apart,
-                                         const ptrdiff_t offsets[16])
+static inline __m128i corner_two_rows(const uint8_t *row, ptrdiff_t apart,
+                                      const ptrdiff_t offsets[16])
 {
     __m128i ring[16], brightest, darkest;
     for (int i = 0; i < 16; i++)
@@ -35,7 +35,7 @@ static inline __m128i fv_corner_two_rows(const uint8_t *row, ptrdiff_t apart,
                                      _mm_loadl_epi64((const __m128i *)(row + offsets[i] + apart)));
     const __m128i centre = _mm_unpacklo_epi64(_mm_loadl_epi64((const __m128i *)row),
                                               _mm_loadl_epi64((const __m128i *)(row + apart)));
-    fv_corner_arcs(ring, &brightest, &darkest);
+    corner_arcs(ring, &brightest, &darkest);
     return _mm_max_epu8(_mm_subs_epu8(brightest, centre), _mm_subs_epu8(centre, darkest));
 }
 
@@ -49,8 +49,8 @@ void fv_k_corner_scores_u8__sse4(uint8_t *scores, const uint8_t *image, ptrdiff_
         const uint8_t *row = image + centres[k] - 2 * stride_bytes - 2;
         for (int v = 0; v < 4; v += 2)
             _mm_storeu_si128((__m128i *)(scores + 8 * v),
-                             fv_corner_two_rows(row + v * stride_bytes, stride_bytes, offsets));
+                             corner_two_rows(row + v * stride_bytes, stride_bytes, offsets));
         _mm_storel_epi64((__m128i *)(scores + 32),
-                         fv_corner_two_rows(row + 4 * stride_bytes, 0, offsets));
+                         corner_two_rows(row + 4 * stride_bytes, 0, offsets));
     }
 }

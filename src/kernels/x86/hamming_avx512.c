@@ -1,7 +1,7 @@
 #include "kernels/x86/hamming_avx512.h"
 
 /* As the AVX2 variant with sixteen queries; the carry-save adder is two ternary operations. */
-static inline __m512i fv_nibble_counts(__m512i words, __m512i table)
+static inline __m512i nibble_counts(__m512i words, __m512i table)
 {
     const __m512i nibble = _mm512_set1_epi8(15);
     return _mm512_add_epi8(
@@ -9,7 +9,7 @@ static inline __m512i fv_nibble_counts(__m512i words, __m512i table)
         _mm512_shuffle_epi8(table, _mm512_and_si512(_mm512_srli_epi16(words, 4), nibble)));
 }
 
-static inline __m512i fv_hamming_eight(const __m512i query[4], const __m512i train[4])
+static inline __m512i hamming_eight(const __m512i query[4], const __m512i train[4])
 {
     const __m512i ones_table =
         _mm512_broadcast_i32x4(_mm_setr_epi8(0, 1, 1, 2, 1, 2, 2, 3, 1, 2, 2, 3, 2, 3, 3, 4));
@@ -21,8 +21,8 @@ static inline __m512i fv_hamming_eight(const __m512i query[4], const __m512i tra
     const __m512i ones = _mm512_ternarylogic_epi64(a, b, c, 0x96); /* odd number of ones */
     const __m512i twos = _mm512_ternarylogic_epi64(a, b, c, 0xe8); /* majority */
     const __m512i counts = _mm512_add_epi8(
-        _mm512_add_epi8(fv_nibble_counts(ones, ones_table), fv_nibble_counts(d, ones_table)),
-        fv_nibble_counts(twos, twos_table));
+        _mm512_add_epi8(nibble_counts(ones, ones_table), nibble_counts(d, ones_table)),
+        nibble_counts(twos, twos_table));
     return _mm512_sad_epu8(counts, _mm512_setzero_si512());
 }
 

@@ -1,5 +1,5 @@
 /* Two nearest of many for sixteen queries at a time, around the distances of eight, which each file
- * defines for its instruction set: `fv_hamming_eight`. */
+ * defines for its instruction set: `hamming_eight`. */
 #ifndef FOVEA_KERNELS_X86_HAMMING_AVX512_H
 #define FOVEA_KERNELS_X86_HAMMING_AVX512_H
 
@@ -8,7 +8,7 @@
 #include <immintrin.h>
 #include <string.h>
 
-static inline __m512i fv_hamming_eight(const __m512i query[4], const __m512i train[4]);
+static inline __m512i hamming_eight(const __m512i query[4], const __m512i train[4]);
 
 static inline void fv_hamming_two(uint32_t *nearest, uint32_t *second, const uint8_t *queries,
                                   int32_t query_count, const uint8_t *trains, int32_t train_count)
@@ -39,7 +39,7 @@ static inline void fv_hamming_two(uint32_t *nearest, uint32_t *second, const uin
                 train[w] = _mm512_set1_epi64(word);
             }
             const __m512i distance = _mm512_or_si512(
-                fv_hamming_eight(even, train), _mm512_slli_epi64(fv_hamming_eight(odd, train), 32));
+                hamming_eight(even, train), _mm512_slli_epi64(hamming_eight(odd, train), 32));
             const __m512i match = _mm512_or_si512(_mm512_slli_epi32(distance, FV_MATCH_INDEX_BITS),
                                                   _mm512_set1_epi32(t));
             next = _mm512_min_epu32(next, _mm512_max_epu32(best, match));

@@ -1,7 +1,7 @@
 #include "kernels/x86/hamming_avx512.h"
 
 /* As the AVX-512 variant, with VPOPCNTDQ counting whole words. */
-static inline __m512i fv_hamming_eight(const __m512i query[4], const __m512i train[4])
+static inline __m512i hamming_eight(const __m512i query[4], const __m512i train[4])
 {
     __m512i count[4];
     for (int w = 0; w < 4; w++)

@@ -4,10 +4,10 @@
  * of the kernel, and each column of the kernel costs one vpdpbusd per 16 channels. Two ways, by the
  * number of channels:
  *  - blocks: 64 channels at a time; each input column is interleaved once into scratch and used by
- * all outputs over it;
+ *    all outputs over it;
  *  - flat: few channels; a row of pixels is one run of bytes in which outputs j and inputs j + kx
- * channels belong together, with the weights repeating every `channels` bytes. Rows are copied with
- * their borders, columns sorted by stride. */
+ *    channels belong together, with the weights repeating every `channels` bytes. Rows are copied
+ *    with their borders, columns sorted by stride. */
 #ifndef FOVEA_KERNELS_X86_NN_DEPTHWISE_AVX512_H
 #define FOVEA_KERNELS_X86_NN_DEPTHWISE_AVX512_H
 
@@ -118,8 +118,7 @@ FV_INLINE void finish(const struct lanes *l, const struct fv_nn_depthwise *d, co
     _mm512_mask_storeu_epi8(out, mask, bytes);
 }
 
-/* ---- blocks of 64 channels
- * ---------------------------------------------------------------------------------- */
+/* ---- blocks of 64 channels ------------------------------------------------------------------- */
 
 static inline const uint8_t *input_row(const struct fv_nn_depthwise *d, const uint8_t *in,
                                        int32_t y, int32_t ky)
@@ -212,9 +211,7 @@ static inline void by_blocks(const struct fv_nn_depthwise *d, const uint8_t *in,
     }
 }
 
-/* ---- flat rows
- * ------------------------------------------------------------------------------------------------
- */
+/* ---- flat rows ------------------------------------------------------------------------------- */
 
 /* Bytes of one copied row: for each remainder modulo the stride, the columns with it side by side,
  * and room to read past. */

@@ -3,7 +3,7 @@
 #include <immintrin.h>
 
 /* As the SSE4 variant, twice as wide; all shuffles stay within lanes but for the last pack. */
-static inline __m256i fv_blur7_column(const uint8_t *const rows[7], int32_t x)
+static inline __m256i blur7_column(const uint8_t *const rows[7], int32_t x)
 {
     __m256i r[7];
     for (int i = 0; i < 7; i++)
@@ -17,7 +17,7 @@ static inline __m256i fv_blur7_column(const uint8_t *const rows[7], int32_t x)
     return _mm256_xor_si256(sum, _mm256_set1_epi16(INT16_MIN));
 }
 
-static inline __m256i fv_blur7_sixteen(const uint16_t *column)
+static inline __m256i blur7_sixteen(const uint16_t *column)
 {
     const __m256i a = _mm256_loadu_si256((const __m256i *)(column - 3));
     const __m256i b = _mm256_loadu_si256((const __m256i *)(column - 1));
@@ -49,7 +49,7 @@ void fv_k_blur7_row_u8__avx2(uint8_t *out, const uint8_t *const rows[7], int32_t
     uint16_t *column = scratch + 16;
     for (int32_t x = 0;; x += 16) {
         if (x > width - 16) x = width - 16; /* the last vector overlaps the one before */
-        _mm256_storeu_si256((__m256i *)(column + x), fv_blur7_column(row, x));
+        _mm256_storeu_si256((__m256i *)(column + x), blur7_column(row, x));
         if (x == width - 16) break;
     }
     for (int32_t i = 1; i <= FV_BLUR7_RADIUS; i++) {
@@ -59,7 +59,7 @@ void fv_k_blur7_row_u8__avx2(uint8_t *out, const uint8_t *const rows[7], int32_t
     for (int32_t x = 0;; x += 32) {
         if (x > width - 32) x = width - 32;
         const __m256i packed =
-            _mm256_packus_epi16(fv_blur7_sixteen(column + x), fv_blur7_sixteen(column + x + 16));
+            _mm256_packus_epi16(blur7_sixteen(column + x), blur7_sixteen(column + x + 16));
         _mm256_storeu_si256((__m256i *)(out + x), _mm256_permute4x64_epi64(packed, 0xd8));
         if (x == width - 32) break;
     }
@@ -100,7 +100,7 @@ void fv_k_moments_u8__avx2(int32_t *m, const uint8_t *image, ptrdiff_t stride,
     }
 }
 
-static inline __m256i fv_brief_eight(const uint8_t *centre, const int8_t *places, __m256i step)
+static inline __m256i brief_eight(const uint8_t *centre, const int8_t *places, __m256i step)
 {
     const __m256i place = _mm256_cvtepi8_epi16(_mm_loadu_si128((const __m128i *)places));
     const __m256i words = _mm256_i32gather_epi32((const int *)(const void *)centre,
@@ -113,8 +113,8 @@ void fv_k_brief_u8__avx2(uint8_t descriptor[FV_DESCRIPTOR_BYTES], const uint8_t 
 {
     const __m256i step = _mm256_set1_epi32((int32_t)((uint32_t)across << 16 | (uint16_t)along));
     for (int i = 0; i < FV_DESCRIPTOR_BYTES; i++, places += 16) {
-        const __m256i a = fv_brief_eight(centre, places, step);
-        const __m256i b = fv_brief_eight(centre, places + 2 * FV_BRIEF_BITS, step);
+        const __m256i a = brief_eight(centre, places, step);
+        const __m256i b = brief_eight(centre, places + 2 * FV_BRIEF_BITS, step);
         descriptor[i] = (uint8_t)_mm256_movemask_ps(_mm256_castsi256_ps(_mm256_cmpgt_epi32(b, a)));
     }
 }

@@ -3,7 +3,7 @@
 #include <immintrin.h>
 
 /* As the SSE4 variant, four times as wide; ends of rows by masks. */
-static inline __m512i fv_blur7_column(const uint8_t *const rows[7], int32_t x, __mmask32 mask)
+static inline __m512i blur7_column(const uint8_t *const rows[7], int32_t x, __mmask32 mask)
 {
     __m512i r[7];
     for (int i = 0; i < 7; i++)
@@ -17,7 +17,7 @@ static inline __m512i fv_blur7_column(const uint8_t *const rows[7], int32_t x, _
     return _mm512_xor_si512(sum, _mm512_set1_epi16(INT16_MIN));
 }
 
-static inline __m512i fv_blur7_thirtytwo(const uint16_t *column)
+static inline __m512i blur7_thirtytwo(const uint16_t *column)
 {
     const __m512i a = _mm512_loadu_si512(column - 3), b = _mm512_loadu_si512(column - 1);
     const __m512i c = _mm512_loadu_si512(column + 1), d = _mm512_loadu_si512(column + 3);
@@ -43,7 +43,7 @@ void fv_k_blur7_row_u8__avx512(uint8_t *out, const uint8_t *const rows[7], int32
     uint16_t *column = scratch + 16;
     for (int32_t x = 0; x < width; x += 32) {
         const __mmask32 mask = width - x >= 32 ? 0xffffffffu : (1u << (width - x)) - 1u;
-        _mm512_mask_storeu_epi16(column + x, mask, fv_blur7_column(row, x, mask));
+        _mm512_mask_storeu_epi16(column + x, mask, blur7_column(row, x, mask));
     }
     for (int32_t i = 1; i <= FV_BLUR7_RADIUS; i++) {
         column[-i] = column[i];
@@ -51,7 +51,7 @@ void fv_k_blur7_row_u8__avx512(uint8_t *out, const uint8_t *const rows[7], int32
     }
     for (int32_t x = 0; x < width; x += 32) {
         const __mmask32 mask = width - x >= 32 ? 0xffffffffu : (1u << (width - x)) - 1u;
-        _mm512_mask_cvtepi16_storeu_epi8(out + x, mask, fv_blur7_thirtytwo(column + x));
+        _mm512_mask_cvtepi16_storeu_epi8(out + x, mask, blur7_thirtytwo(column + x));
     }
 }
 
@@ -91,7 +91,7 @@ void fv_k_moments_u8__avx512(int32_t *m, const uint8_t *image, ptrdiff_t stride,
     }
 }
 
-static inline __m512i fv_brief_sixteen(const uint8_t *centre, const int8_t *places, __m512i step)
+static inline __m512i brief_sixteen(const uint8_t *centre, const int8_t *places, __m512i step)
 {
     const __m512i place = _mm512_cvtepi8_epi16(_mm256_loadu_si256((const __m256i *)places));
     const __m512i words = _mm512_i32gather_epi32(_mm512_madd_epi16(place, step), centre, 1);
@@ -103,8 +103,8 @@ void fv_k_brief_u8__avx512(uint8_t descriptor[FV_DESCRIPTOR_BYTES], const uint8_
 {
     const __m512i step = _mm512_set1_epi32((int32_t)((uint32_t)across << 16 | (uint16_t)along));
     for (int i = 0; i < FV_DESCRIPTOR_BYTES; i += 2, places += 32) {
-        const __m512i a = fv_brief_sixteen(centre, places, step);
-        const __m512i b = fv_brief_sixteen(centre, places + 2 * FV_BRIEF_BITS, step);
+        const __m512i a = brief_sixteen(centre, places, step);
+        const __m512i b = brief_sixteen(centre, places + 2 * FV_BRIEF_BITS, step);
         const __mmask16 less = _mm512_cmplt_epu32_mask(a, b);
         descriptor[i] = (uint8_t)less;
         descriptor[i + 1] = (uint8_t)(less >> 8);

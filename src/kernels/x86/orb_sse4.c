@@ -5,7 +5,7 @@
 /* Columns of eight pixels. The sums go up to 65280; moved down by 32768 they fit the signed words
  * of pmaddwd.
  */
-static inline __m128i fv_blur7_column(const uint8_t *const rows[7], int32_t x)
+static inline __m128i blur7_column(const uint8_t *const rows[7], int32_t x)
 {
     __m128i r[7];
     for (int i = 0; i < 7; i++)
@@ -19,7 +19,7 @@ static inline __m128i fv_blur7_column(const uint8_t *const rows[7], int32_t x)
 }
 
 /* Eight outputs as words: the same four loads serve the even and the odd pixels. */
-static inline __m128i fv_blur7_eight(const uint16_t *column)
+static inline __m128i blur7_eight(const uint16_t *column)
 {
     const __m128i a = _mm_loadu_si128((const __m128i *)(column - 3));
     const __m128i b = _mm_loadu_si128((const __m128i *)(column - 1));
@@ -51,7 +51,7 @@ void fv_k_blur7_row_u8__sse4(uint8_t *out, const uint8_t *const rows[7], int32_t
     uint16_t *column = scratch + 8;
     for (int32_t x = 0;; x += 8) {
         if (x > width - 8) x = width - 8; /* the last vector overlaps the one before */
-        _mm_storeu_si128((__m128i *)(column + x), fv_blur7_column(row, x));
+        _mm_storeu_si128((__m128i *)(column + x), blur7_column(row, x));
         if (x == width - 8) break;
     }
     for (int32_t i = 1; i <= FV_BLUR7_RADIUS; i++) {
@@ -60,7 +60,7 @@ void fv_k_blur7_row_u8__sse4(uint8_t *out, const uint8_t *const rows[7], int32_t
     }
     for (int32_t x = 0;; x += 16) {
         if (x > width - 16) x = width - 16;
-        const __m128i low = fv_blur7_eight(column + x), high = fv_blur7_eight(column + x + 8);
+        const __m128i low = blur7_eight(column + x), high = blur7_eight(column + x + 8);
         _mm_storeu_si128((__m128i *)(out + x), _mm_packus_epi16(low, high));
         if (x == width - 16) break;
     }
@@ -72,8 +72,8 @@ struct fv_moment_sums {
     __m128i m10, m01;
 };
 
-static inline void fv_moments_rows(struct fv_moment_sums *sums, __m128i below, __m128i above,
-                                   __m128i u, int v)
+static inline void moments_rows(struct fv_moment_sums *sums, __m128i below, __m128i above,
+                                __m128i u, int v)
 {
     const __m128i ones = _mm_set1_epi8(1);
     const __m128i along = _mm_add_epi16(_mm_maddubs_epi16(below, u), _mm_maddubs_epi16(above, u));
@@ -99,18 +99,18 @@ void fv_k_moments_u8__sse4(int32_t *m, const uint8_t *image, ptrdiff_t stride,
         const uint8_t *row = image + centres[k];
         struct fv_moment_sums sums = {_mm_setzero_si128(), _mm_setzero_si128()};
         const __m128i zero = _mm_setzero_si128();
-        fv_moments_rows(&sums,
-                        _mm_and_si128(_mm_loadu_si128((const __m128i *)(row - 16)), left_mask[0]),
-                        zero, u_left, 0);
-        fv_moments_rows(&sums, _mm_and_si128(_mm_loadu_si128((const __m128i *)row), right_mask[0]),
-                        zero, u_right, 0);
+        moments_rows(&sums,
+                     _mm_and_si128(_mm_loadu_si128((const __m128i *)(row - 16)), left_mask[0]),
+                     zero, u_left, 0);
+        moments_rows(&sums, _mm_and_si128(_mm_loadu_si128((const __m128i *)row), right_mask[0]),
+                     zero, u_right, 0);
         for (int v = 1; v <= FV_MOMENTS_RADIUS; v++) {
             const uint8_t *below = row + v * stride, *above = row - v * stride;
-            fv_moments_rows(
+            moments_rows(
                 &sums, _mm_and_si128(_mm_loadu_si128((const __m128i *)(below - 16)), left_mask[v]),
                 _mm_and_si128(_mm_loadu_si128((const __m128i *)(above - 16)), left_mask[v]), u_left,
                 v);
-            fv_moments_rows(
+            moments_rows(
                 &sums, _mm_and_si128(_mm_loadu_si128((const __m128i *)below), right_mask[v]),
                 _mm_and_si128(_mm_loadu_si128((const __m128i *)above), right_mask[v]), u_right, v);
         }
@@ -121,8 +121,8 @@ void fv_k_moments_u8__sse4(int32_t *m, const uint8_t *image, ptrdiff_t stride,
 
 /* Sampled into arrays first: the vector loads that compare come long after the byte stores that
  * they need. */
-static inline void fv_brief_sample(uint8_t samples[2 * FV_BRIEF_BITS], const uint8_t *centre,
-                                   const int8_t *places, __m128i step)
+static inline void brief_sample(uint8_t samples[2 * FV_BRIEF_BITS], const uint8_t *centre,
+                                const int8_t *places, __m128i step)
 {
     for (int i = 0; i < 2 * FV_BRIEF_BITS; i += 4) {
         const __m128i place = _mm_cvtepi8_epi16(_mm_loadl_epi64((const __m128i *)(places + 2 * i)));
@@ -140,8 +140,8 @@ void fv_k_brief_u8__sse4(uint8_t descriptor[FV_DESCRIPTOR_BYTES], const uint8_t 
                          const int8_t places[4 * FV_BRIEF_BITS], int32_t along, int32_t across)
 {
     uint8_t samples[2 * FV_BRIEF_BITS];
-    fv_brief_sample(samples, centre, places,
-                    _mm_set1_epi32((int32_t)((uint32_t)across << 16 | (uint16_t)along)));
+    brief_sample(samples, centre, places,
+                 _mm_set1_epi32((int32_t)((uint32_t)across << 16 | (uint16_t)along)));
     for (int i = 0; i < FV_BRIEF_BITS; i += 16) {
         const __m128i a = _mm_loadu_si128((const __m128i *)(samples + i));
         const __m128i b = _mm_loadu_si128((const __m128i *)(samples + FV_BRIEF_BITS + i));

@@ -3,8 +3,8 @@
 #include <immintrin.h>
 
 /* Pairs of horizontal neighbours (bytes) to 64 times their blend (words). */
-static inline __m128i fv_remap_eight(const uint8_t *window, ptrdiff_t stride,
-                                     const struct fv_remap_block *block)
+static inline __m128i remap_eight(const uint8_t *window, ptrdiff_t stride,
+                                  const struct fv_remap_block *block)
 {
     const __m128i at = _mm_loadl_epi64((const __m128i *)block->at);
     const __m128i twice = _mm_unpacklo_epi8(at, at);
@@ -38,7 +38,7 @@ void fv_k_remap_row_u8__sse4(uint8_t *out, const uint8_t *source, ptrdiff_t stri
             fv_k_remap_row_u8__c(out, source, stride, block, 1, scattered);
             continue;
         }
-        const __m128i words = fv_remap_eight(source + block->y * stride + block->x, stride, block);
+        const __m128i words = remap_eight(source + block->y * stride + block->x, stride, block);
         _mm_storel_epi64((__m128i *)out, _mm_packus_epi16(words, words));
     }
 }
