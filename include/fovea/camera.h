@@ -7,8 +7,8 @@
  *    x' = x scale + 2 p1 x y + p2 (r2 + 2 x^2),  y' = y scale + p1 (r2 + 2 y^2) + 2 p2 x y;
  *    coefficients in OpenCV's order k1 k2 p1 p2 k3 k4 k5 k6;
  *  - equidistant fisheye (Kannala-Brandt, as OpenCV's fisheye and Kalibr's `equi`): with theta the
- * angle to the optical axis, theta' = theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4
- * theta^8). */
+ *    angle to the optical axis, theta' = theta (1 + k1 theta^2 + k2 theta^4 + k3 theta^6 + k4
+ *    theta^8). */
 #ifndef FOVEA_CAMERA_H
 #define FOVEA_CAMERA_H
 

@@ -2,10 +2,15 @@
  *
  *     struct fovea_config config;
  *     fovea_config_default(&config);
- *     config.camera = ...;                                  // the calibration, through
- * fovea_camera_prepare size_t bytes; fovea_size(&config, &bytes, &error); void *memory =
- * aligned_alloc(FOVEA_BLOCK_ALIGNMENT, bytes); struct fovea *rt; fovea_init(memory, bytes, &config,
- * &rt, &error); for (;;) { wait for a frame; fovea_step(rt, &inputs, &outputs);   publish outputs;
+ *     config.camera = ...;           // the calibration, through fovea_camera_prepare
+ *     size_t bytes;
+ *     fovea_size(&config, &bytes, &error);
+ *     void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, bytes);
+ *     struct fovea *rt;
+ *     fovea_init(memory, bytes, &config, &rt, &error);
+ *     for (;;) {
+ *         wait for a frame;
+ *         fovea_step(rt, &inputs, &outputs);   publish outputs;
  *         fovea_work(rt, &grants, &outputs);   publish outputs;
  *         give the frame back;
  *     }
@@ -39,8 +44,7 @@ extern "C" {
 
 enum { FOVEA_BLOCK_ALIGNMENT = 64 };
 
-/* ---- configuration
- * ---------------------------------------------------------------------------------------- */
+/* ---- configuration --------------------------------------------------------------------------- */
 
 /* Wall and thread-CPU clock for stage times; called twice per stage. Never influences results. */
 typedef void (*fovea_clock_function)(void *context, int64_t *wall_ns, int64_t *cpu_ns);
@@ -90,9 +94,7 @@ struct fovea_config {
 
 void fovea_config_default(struct fovea_config *config);
 
-/* ---- set-up
- * ------------------------------------------------------------------------------------------------
- */
+/* ---- set-up ---------------------------------------------------------------------------------- */
 
 struct fovea; /* the runtime's state, at the start of the block */
 
@@ -134,8 +136,7 @@ struct fovea_memory_table {
 enum fovea_status fovea_memory(const struct fovea_config *config, struct fovea_memory_table *table,
                                struct fovea_error *error);
 
-/* ---- the loop
- * ---------------------------------------------------------------------------------------------- */
+/* ---- the loop -------------------------------------------------------------------------------- */
 
 /* Jobs that fovea_work advances, in order of priority. */
 enum fovea_job {
@@ -161,6 +162,7 @@ enum fovea_command {
     FOVEA_COMMAND_RESUME = 4,
     FOVEA_COMMAND_SAVE =
         8, /* save the map: in units of the map's job, to where fovea_map_save_to said */
+    FOVEA_COMMAND_OVERWRITE = 16, /* for who writes the saved map to a file; a step ignores it */
 };
 
 enum { FOVEA_INPUT_ODOMETRY_MAX = 64, FOVEA_INPUT_BOXES_MAX = 64 };
@@ -251,8 +253,7 @@ const char *fovea_detect_label(const struct fovea *rt, int32_t class_id);
 uint32_t fovea_keyframes_get(const struct fovea *rt, struct fovea_keyframe *list,
                              uint32_t count_max);
 
-/* ---- the governor
- * ------------------------------------------------------------------------------------------ */
+/* ---- the governor ---------------------------------------------------------------------------- */
 
 /* Grants of the fixed schedule: all features, and per job the guaranteed minimum. For recorded
  * input at full speed. */
@@ -282,8 +283,7 @@ void fovea_governor_work(struct fovea_governor *governor, int64_t step_ns, uint3
 void fovea_governor_learn(struct fovea_governor *governor, int64_t step_ns, int64_t work_ns,
                           const struct fovea_outputs *work_outputs);
 
-/* ---- maps kept
- * --------------------------------------------------------------------------------------------- */
+/* ---- maps kept ------------------------------------------------------------------------------- */
 
 /* Most bytes that a saved map of this configuration takes. Any thread. */
 size_t fovea_map_bytes_max(const struct fovea_config *config);
@@ -302,22 +302,20 @@ void fovea_map_seal(uint8_t *data, size_t bytes);
  * small or there is no odometry. */
 size_t fovea_map_save(struct fovea *rt, uint8_t *buffer, size_t bytes);
 
-/* ---- looking inside
- * ---------------------------------------------------------------------------------------- */
+/* ---- looking inside -------------------------------------------------------------------------- */
 
 enum fovea_stage {
     FOVEA_STAGE_PYRAMID = 0,
     FOVEA_STAGE_FEATURES = 1,
     FOVEA_STAGE_ODOMETRY = 2,
     FOVEA_STAGE_ENCODE = 3,
-    FOVEA_STAGE_MAP = 4, /* jobs' shares of work */
-    FOVEA_STAGE_DETECT = 5,
-    FOVEA_STAGE_LOOP = 6,
-    FOVEA_STAGE_PREVIEW = 7,
-    FOVEA_STAGE_COUNT
+    FOVEA_STAGE_JOBS = 4, /* then the jobs' shares of work: one stage per job, in their order */
+    FOVEA_STAGE_COUNT = FOVEA_STAGE_JOBS + FOVEA_JOB_COUNT
 };
 const char *fovea_stage_name(enum fovea_stage stage);
 const char *fovea_job_name(enum fovea_job job);
+/* The configuration key that gives the job work: with its value off, empty or 0 there is none. */
+const char *fovea_job_key(enum fovea_job job);
 
 struct fovea_stats {
     uint64_t frames_in, frames_processed, frames_refused, steps_without_frame;

@@ -171,6 +171,11 @@ struct fovea_source_ops {
     /* One line about the next frame that was skipped (file and reason), FOVEA_AGAIN when there is
      * nothing to say. To be asked a few times a second. Off the loop thread. */
     enum fovea_status (*complaint)(struct fovea_source *source, struct fovea_error *error);
+    /* Call `visit` with the path of every file that the open source has read or may read, and of
+     * every folder whose files it takes as they are there, so that nothing of it is written over.
+     * NULL: it reads no files. Not on the loop thread. */
+    void (*reads)(const struct fovea_source *source, void (*visit)(void *context, const char *path),
+                  void *context);
 };
 
 /* All drivers built in, ended by NULL (drivers/table.c): of the `fovea` command, not in the

@@ -10,13 +10,18 @@ enum {
     PAIRS_PER_UNIT = 1 << 15   /* compared by a unit of the suppression: likewise */
 };
 
+const char *fv_detect_label(const struct fv_model *model, int32_t class_id)
+{
+    const char *label = fv_model_label(model, class_id + model->header->decode.first_label);
+    return label != NULL ? label : "";
+}
+
 int fv_detect_gives_boxes(const struct fv_model *model)
 {
     return fv_head_of(model->header->decode.kind) != NULL;
 }
 
-/* ---- the best candidates: a heap with the worst on top
- * ------------------------------------------------------ */
+/* ---- the best candidates: a heap with the worst on top --------------------------------------- */
 
 /* Whether `a` comes before `b` in the result: not uncertain, higher score, or earlier in the
  * outputs. */
@@ -72,8 +77,7 @@ static void sort(struct fv_detect_scratch *s)
     }
 }
 
-/* ---- non-maximum suppression
- * -------------------------------------------------------------------------------- */
+/* ---- non-maximum suppression ----------------------------------------------------------------- */
 
 static float overlap(const struct fovea_detection *a, const struct fovea_detection *b)
 {
@@ -106,17 +110,7 @@ static int suppress_some(struct fovea_detection *list, int32_t count, float iou,
     return progress->at == count;
 }
 
-int32_t fv_detect_suppress(struct fovea_detection *list, int32_t count, float iou,
-                           int class_agnostic, uint8_t *dropped)
-{
-    struct fv_detect_progress progress = {.left = 0};
-    memset(dropped, 0, (size_t)count);
-    suppress_some(list, count, iou, class_agnostic, dropped, &progress, INT32_MAX);
-    return progress.left;
-}
-
-/* ---- all of it, in units
- * ------------------------------------------------------------------------------------- */
+/* ---- all of it, in units --------------------------------------------------------------------- */
 
 void fv_detect_decode_start(struct fv_detect_scratch *scratch)
 {
@@ -171,7 +165,7 @@ static void scan_some(struct fv_head_job *j, const struct fv_head *head,
 }
 
 enum fovea_status fv_detect_decode_unit(const struct fv_model *model, uint8_t *arena,
-                                        const struct fv_detect_view *view,
+                                        const struct fv_nn_view *view,
                                         const struct fv_detect_limits *limits,
                                         struct fv_detect_scratch *s)
 {
@@ -225,7 +219,7 @@ int32_t fv_detect_decode_take(const struct fv_model *model, const struct fv_dete
 }
 
 int32_t fv_detect_decode(const struct fv_model *model, uint8_t *arena,
-                         const struct fv_detect_view *view, struct fv_detect_scratch *scratch,
+                         const struct fv_nn_view *view, struct fv_detect_scratch *scratch,
                          struct fovea_detection *detections, int32_t capacity)
 {
     const struct fv_detect_limits none = {.count = 0};

@@ -2,7 +2,7 @@
 #ifndef FOVEA_DETECT_DECODE_H
 #define FOVEA_DETECT_DECODE_H
 
-#include "detect/preprocess.h"
+#include "nn/input.h"
 #include "fovea/detect.h"
 #include "nn/model.h"
 
@@ -50,12 +50,14 @@ struct fv_detect_scratch {
 
 /* Whether the model's decoder gives boxes at all. */
 int fv_detect_gives_boxes(const struct fv_model *model);
+/* Name of a class, "" where the model has none. */
+const char *fv_detect_label(const struct fv_model *model, int32_t class_id);
 
 /* Decode the outputs of a finished run in units of bounded cost: start, then unit until FOVEA_OK,
  * then take. Outputs whose shape does not fit the decoder give nothing. Real-time safe. */
 void fv_detect_decode_start(struct fv_detect_scratch *scratch);
 enum fovea_status fv_detect_decode_unit(const struct fv_model *model, uint8_t *arena,
-                                        const struct fv_detect_view *view,
+                                        const struct fv_nn_view *view,
                                         const struct fv_detect_limits *limits,
                                         struct fv_detect_scratch *scratch);
 /* At most `capacity` detections by falling score (ties: order of the outputs). Returns how many.
@@ -68,14 +70,8 @@ int32_t fv_detect_decode_take(const struct fv_model *model, const struct fv_dete
 
 /* All units at once, with the model's own limits. */
 int32_t fv_detect_decode(const struct fv_model *model, uint8_t *arena,
-                         const struct fv_detect_view *view, struct fv_detect_scratch *scratch,
+                         const struct fv_nn_view *view, struct fv_detect_scratch *scratch,
                          struct fovea_detection *detections, int32_t capacity);
-
-/* Greedy suppression of candidates already sorted by falling score; keeps those that overlap no
- * better one (of their class, or of any) by more than `iou`. Returns how many are left, at the
- * front. */
-int32_t fv_detect_suppress(struct fovea_detection *list, int32_t count, float iou,
-                           int class_agnostic, uint8_t *dropped);
 
 #ifdef __cplusplus
 }

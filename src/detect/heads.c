@@ -49,7 +49,7 @@ static float clamped(float value, float high)
 static void add_box(struct fv_head_job *j, float x0, float y0, float x1, float y1, float score,
                     int32_t class_id)
 {
-    const struct fv_detect_view *v = j->view;
+    const struct fv_nn_view *v = j->view;
     const float width = (float)v->image_width, height = (float)v->image_height;
     const struct fovea_detection found = {
         .x_min_px = clamped((x0 - (float)v->left) / v->scale_x, width) - 0.5f,
@@ -78,8 +78,7 @@ static float sigmoid(float x)
     return (float)(1.0 / (1.0 + fovea_exp(-(double)x)));
 }
 
-/* ---- classifiers
- * ------------------------------------------------------------------------------------------- */
+/* ---- classifiers ----------------------------------------------------------------------------- */
 
 static int64_t classifier_items(const struct fv_head_job *j, int64_t *cost)
 {
@@ -99,8 +98,7 @@ static void classifier_scan(struct fv_head_job *j, int64_t begin, int64_t end)
     }
 }
 
-/* ---- SSD: the outputs of TFLite_Detection_PostProcess
- * ------------------------------------------------------ */
+/* ---- SSD: the outputs of TFLite_Detection_PostProcess ---------------------------------------- */
 
 static int64_t ssd_items(const struct fv_head_job *j, int64_t *cost)
 {
@@ -186,8 +184,7 @@ static void ssd_raw_scan(struct fv_head_job *j, int64_t begin, int64_t end)
     }
 }
 
-/* ---- YOLOv5: rows of centre, size, objectness, classes
- * ----------------------------------------------------- */
+/* ---- YOLOv5: rows of centre, size, objectness, classes --------------------------------------- */
 
 static int64_t yolov5_items(const struct fv_head_job *j, int64_t *cost)
 {
@@ -212,8 +209,7 @@ static void yolov5_scan(struct fv_head_job *j, int64_t begin, int64_t end)
     }
 }
 
-/* ---- YOLOv8 and YOLO11: columns of centre, size, classes; the best class of each counts
- * -------------------- */
+/* ---- YOLOv8 and YOLO11: columns of centre, size, classes; the best class of each counts ------ */
 
 static int64_t yolov8_items(const struct fv_head_job *j, int64_t *cost)
 {
@@ -245,7 +241,7 @@ static void yolov8_scan(struct fv_head_job *j, int64_t begin, int64_t end)
 }
 
 /* ---- YOLOv2 and its tiny kin: a grid of cells with several anchors each, everything before its
- * activation ---- */
+ * activation --- */
 
 enum { EXP_COST = 16 }; /* an exponential beside a value read */
 
@@ -297,8 +293,8 @@ static void yolov2_scan(struct fv_head_job *j, int64_t begin, int64_t end)
     }
 }
 
-/* ---- FOMO: cells of a class that touch are one object; its box is theirs, its score the best
- * ---------------- */
+/* ---- FOMO: cells of a class that touch are one object; its box is theirs, its score the best ---
+ */
 
 /* A grid of cells by classes, of which the first is background. */
 struct grid {

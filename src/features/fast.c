@@ -28,26 +28,23 @@ static int32_t margin(const struct fv_fast *fast)
 static void score(struct fv_fast *fast, int32_t y)
 {
     uint8_t *row = score_row(fast, y);
-    const int32_t from = margin(fast), count = fast->width - 2 * from;
-    if (y < from || y >= fast->height - from) {
-        memset(row - 1, 0, (size_t)fast->width + 2);
+    const int32_t from = margin(fast), count = fast->image.width - 2 * from;
+    if (y < from || y >= fast->image.height - from) {
+        memset(row - 1, 0, (size_t)fast->image.width + 2);
         return;
     }
-    const uint8_t *pixels = fast->pixels + (ptrdiff_t)y * fast->stride_bytes + from;
-    fast->kernels->fast_score_u8(row + from, pixels, fast->stride_bytes, count, fast->threshold);
+    const uint8_t *pixels = fv_plane_row(&fast->image, y) + from;
+    fast->kernels->fast_score_u8(row + from, pixels, fast->image.stride, count, fast->threshold);
     row[from - 1] = 0;
     row[from + count] = 0;
 }
 
-void fv_fast_begin(struct fv_fast *fast, const struct fv_kernels *kernels, const uint8_t *pixels,
-                   int32_t stride_bytes, int32_t width, int32_t height, int32_t border_px,
-                   int32_t threshold, const struct fv_fast_scratch *scratch)
+void fv_fast_begin(struct fv_fast *fast, const struct fv_kernels *kernels,
+                   const struct fv_plane *image, int32_t border_px, int32_t threshold,
+                   const struct fv_fast_scratch *scratch)
 {
     *fast = (struct fv_fast){.kernels = kernels,
-                             .pixels = pixels,
-                             .stride_bytes = stride_bytes,
-                             .width = width,
-                             .height = height,
+                             .image = *image,
                              .border_px = border_px > FV_FAST_BORDER_MIN_PX ? border_px
                                                                             : FV_FAST_BORDER_MIN_PX,
                              .threshold = threshold,
@@ -61,13 +58,13 @@ bool fv_fast_next(struct fv_fast *fast)
 {
     const int32_t border = fast->border_px;
     fast->count = 0;
-    if (fast->width <= 2 * border || fast->y + 1 >= fast->height - border) return false;
+    if (fast->image.width <= 2 * border || fast->y + 1 >= fast->image.height - border) return false;
     fast->y++;
     while (fast->scored < fast->y + 1)
         score(fast, ++fast->scored);
     fast->scores = score_row(fast, fast->y);
     fast->count = fast->kernels->fast_peaks_u8(fast->scratch.columns, score_row(fast, fast->y - 1),
                                                fast->scores, score_row(fast, fast->y + 1), border,
-                                               fast->width - border);
+                                               fast->image.width - border);
     return true;
 }

@@ -1,9 +1,10 @@
 /* FAST-9/16 corners with non-maximum suppression (Rosten and Drummond, ECCV 2006), row by row.
  *
  *     struct fv_fast fast;
- *     fv_fast_begin(&fast, kernels, pixels, stride_bytes, width, height, border_px, threshold,
- * scratch); while (fv_fast_next(&fast)) for (int32_t i = 0; i < fast.count; i++) corner at
- * (fast.columns[i], fast.y) with fast.scores[fast.columns[i]];
+ *     fv_fast_begin(&fast, kernels, &image, border_px, threshold, scratch);
+ *     while (fv_fast_next(&fast))
+ *         for (int32_t i = 0; i < fast.count; i++)
+ *             corner at (fast.columns[i], fast.y) with fast.scores[fast.columns[i]];
  *
  * Corners and scores equal those of OpenCV's FAST(threshold, nonmaxSuppression = true): a corner
  * stays when its score is greater than those of its eight neighbours. Raster order. Suppression at
@@ -16,6 +17,7 @@
 #include <stdint.h>
 
 #include "base/arena.h"
+#include "image/plane.h"
 #include "kernels/kernels.h"
 
 #ifdef __cplusplus
@@ -32,8 +34,8 @@ struct fv_fast_scratch {
 
 struct fv_fast {
     const struct fv_kernels *kernels;
-    const uint8_t *pixels;
-    int32_t stride_bytes, width, height, border_px, threshold;
+    struct fv_plane image;
+    int32_t border_px, threshold;
     struct fv_fast_scratch scratch;
     int32_t scored; /* rows up to this one have scores */
 
@@ -48,9 +50,9 @@ void fv_fast_carve(struct fv_fast_scratch *scratch, int32_t width, struct fv_are
 
 /* Start on an image of which FV_LEVEL_SLACK_BYTES after each row may be read. Corners keep
  * border_px (at least 3) from its edges; threshold in [1, 254]. Real-time safe. */
-void fv_fast_begin(struct fv_fast *fast, const struct fv_kernels *kernels, const uint8_t *pixels,
-                   int32_t stride_bytes, int32_t width, int32_t height, int32_t border_px,
-                   int32_t threshold, const struct fv_fast_scratch *scratch);
+void fv_fast_begin(struct fv_fast *fast, const struct fv_kernels *kernels,
+                   const struct fv_plane *image, int32_t border_px, int32_t threshold,
+                   const struct fv_fast_scratch *scratch);
 
 /* Go to the next row; false after the last. Real-time safe. */
 bool fv_fast_next(struct fv_fast *fast);

@@ -27,11 +27,11 @@ static int32_t raw_pixel(uint32_t level, int32_t level_px)
 static void find_in_level(struct fv_features *features, const struct fv_kernels *kernels,
                           const struct fv_pyramid *pyramid, uint32_t level, const uint8_t *mask)
 {
-    const struct fv_level *from = &pyramid->level[level];
+    const struct fv_plane *from = &pyramid->level[level];
     const int32_t mask_width = pyramid->level[0].width;
     struct fv_fast fast;
-    fv_fast_begin(&fast, kernels, from->pixels, from->stride_bytes, from->width, from->height,
-                  FV_FEATURES_BORDER_PX, (int32_t)features->config.threshold_min, &features->fast);
+    fv_fast_begin(&fast, kernels, from, FV_FEATURES_BORDER_PX,
+                  (int32_t)features->config.threshold_min, &features->fast);
     while (fv_fast_next(&fast)) {
         const uint8_t *mask_row =
             mask == NULL ? NULL : mask + (ptrdiff_t)raw_pixel(level, fast.y) * mask_width;

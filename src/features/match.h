@@ -1,8 +1,7 @@
-/* Matching of binary descriptors: brute force over two sets, and guided search in predicted
- * windows.
+/* Matching of binary descriptors: brute force over two sets.
  *
  * Distances are Hamming distances of 256 bits. Of equally near descriptors the one with the lower
- * index counts as the nearest (in a window: the one that the grid gives first). Integer,
+ * index counts as the nearest. Integer,
  * deterministic, bounded. */
 #ifndef FOVEA_FEATURES_MATCH_H
 #define FOVEA_FEATURES_MATCH_H
@@ -11,19 +10,13 @@
 #include <stdint.h>
 
 #include "base/arena.h"
-#include "features/grid.h"
 #include "kernels/kernels.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
-enum {
-    FV_MATCH_COUNT_MAX = 65535,
-    FV_MATCH_DISTANCE_ANY = 256,
-    FV_MATCH_RATIO_ANY = 256,
-    FV_MATCH_CANDIDATES_MAX = 256 /* looked at in one window */
-};
+enum { FV_MATCH_COUNT_MAX = 65535, FV_MATCH_DISTANCE_ANY = 256, FV_MATCH_RATIO_ANY = 256 };
 
 struct fv_match {
     uint16_t query, train; /* indices */
@@ -37,12 +30,6 @@ struct fv_match_rules {
      * FV_MATCH_RATIO_ANY: not tested */
     uint16_t ratio_q8;
     bool mutual; /* cross check: the query must be the nearest of its train as well */
-};
-
-/* Where the match of a query is expected. */
-struct fv_match_window {
-    float x_px, y_px, radius_px;  /* half side of the square, raw image */
-    uint8_t level_min, level_max; /* pyramid levels */
 };
 
 struct fv_matcher {
@@ -62,24 +49,6 @@ uint32_t fv_match_all(struct fv_matcher *matcher, const struct fv_kernels *kerne
                       const uint8_t *queries, uint32_t query_count, const uint8_t *trains,
                       uint32_t train_count, const struct fv_match_rules *rules,
                       struct fv_match *matches);
-
-/* Find for one query the nearest train among the grid's points in the window; points' indices index
- * `trains`. `mutual` is not looked at. Returns false, `match` untouched, when none passes.
- * match->query is left to the caller. Real-time safe: cost the points of the window, at most
- * FV_MATCH_CANDIDATES_MAX. */
-bool fv_match_window(const struct fv_kernels *kernels, const struct fv_grid *grid,
-                     const uint8_t *trains, const uint8_t *query,
-                     const struct fv_match_window *window, const struct fv_match_rules *rules,
-                     struct fv_match *match);
-
-/* The same for many queries, windows[i] that of query i. With rules->mutual every train is given
- * only to the nearest of the queries that chose it (ties: the first). Fills `matches` in order of
- * queries; returns how many. */
-uint32_t fv_match_guided(struct fv_matcher *matcher, const struct fv_kernels *kernels,
-                         const struct fv_grid *grid, const uint8_t *trains, uint32_t train_count,
-                         const uint8_t *queries, uint32_t query_count,
-                         const struct fv_match_window *windows, const struct fv_match_rules *rules,
-                         struct fv_match *matches);
 
 #ifdef __cplusplus
 }

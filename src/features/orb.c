@@ -12,13 +12,13 @@ enum {
 void fv_orb_carve(struct fv_orb *orb, uint32_t count_max, const struct fv_pyramid *pyramid,
                   struct fv_arena *frame)
 {
-    const struct fv_level *largest = &pyramid->level[0];
+    const struct fv_plane *largest = &pyramid->level[0];
     orb->count_max = count_max;
     orb->angle_rad = fv_arena_take(frame, count_max, sizeof *orb->angle_rad);
     orb->descriptors = fv_arena_take(frame, count_max, FV_DESCRIPTOR_BYTES);
     orb->turned = fv_arena_take_raw(frame, FV_ORB_QUARTER, sizeof *orb->turned);
     orb->turned_ready = false;
-    orb->smooth = fv_arena_take_raw(frame, (size_t)largest->height, (size_t)largest->stride_bytes);
+    orb->smooth = fv_arena_take_raw(frame, (size_t)largest->height, (size_t)largest->stride);
     orb->row_needed = fv_arena_take(frame, (size_t)largest->height, 1);
     orb->row = fv_arena_take_raw(frame, (size_t)largest->width + FV_BLUR7_PAD, sizeof *orb->row);
 }
@@ -71,15 +71,15 @@ static void fill_turned(struct fv_orb *orb)
 }
 
 /* Row y of a level with rows outside reflected at the border, the edge not repeated. */
-static const uint8_t *reflected_row(const struct fv_level *level, int32_t y)
+static const uint8_t *reflected_row(const struct fv_plane *level, int32_t y)
 {
     if (y < 0) y = -y;
     if (y >= level->height) y = 2 * level->height - 2 - y;
-    return level->pixels + (ptrdiff_t)y * level->stride_bytes;
+    return level->pixels + (ptrdiff_t)y * level->stride;
 }
 
 /* Flag the rows that descriptors will sample. */
-static void mark_rows(struct fv_orb *orb, const struct fv_level *level,
+static void mark_rows(struct fv_orb *orb, const struct fv_plane *level,
                       const struct fv_corner *corners, uint32_t count)
 {
     memset(orb->row_needed, 0, (size_t)level->height);
@@ -89,14 +89,14 @@ static void mark_rows(struct fv_orb *orb, const struct fv_level *level,
 
 /* Smooth the flagged ones of the rows [from, to). */
 static void smooth_rows(struct fv_orb *orb, const struct fv_kernels *kernels,
-                        const struct fv_level *level, int32_t from, int32_t to)
+                        const struct fv_plane *level, int32_t from, int32_t to)
 {
     for (int32_t y = from; y < to; y++) {
         if (!orb->row_needed[y]) continue;
         const uint8_t *rows[2 * FV_BLUR7_RADIUS + 1];
         for (int i = 0; i <= 2 * FV_BLUR7_RADIUS; i++)
             rows[i] = reflected_row(level, y + i - FV_BLUR7_RADIUS);
-        kernels->blur7_row_u8(orb->smooth + (ptrdiff_t)y * level->stride_bytes, rows, level->width,
+        kernels->blur7_row_u8(orb->smooth + (ptrdiff_t)y * level->stride, rows, level->width,
                               orb->row);
     }
 }
@@ -116,7 +116,7 @@ static void describe_one(const struct fv_orb *orb, const struct fv_kernels *kern
  * come roughly from top to bottom: in small groups, and with no more smoothed than the group needs,
  * all stays in the nearest cache. */
 static void describe_level(struct fv_orb *orb, const struct fv_kernels *kernels,
-                           const struct fv_level *level, const struct fv_corner *corners,
+                           const struct fv_plane *level, const struct fv_corner *corners,
                            uint32_t count, float *angle_rad, uint8_t *descriptors)
 {
     int32_t centres[GROUP], moments[2 * GROUP], smoothed = 0;
@@ -126,17 +126,17 @@ static void describe_level(struct fv_orb *orb, const struct fv_kernels *kernels,
         int32_t end = smoothed;
         for (int i = 0; i < group; i++) {
             const struct fv_corner *corner = &corners[start + (uint32_t)i];
-            centres[i] = corner->y * level->stride_bytes + corner->x;
+            centres[i] = corner->y * level->stride + corner->x;
             if (end < corner->y + REACH_PX + 1) end = corner->y + REACH_PX + 1;
         }
         smooth_rows(orb, kernels, level, smoothed, end);
         smoothed = end;
-        kernels->moments_u8(moments, level->pixels, level->stride_bytes, centres, group);
+        kernels->moments_u8(moments, level->pixels, level->stride, centres, group);
         for (int i = 0; i < group; i++) {
             const uint32_t k = start + (uint32_t)i;
             const uint8_t direction = fv_orb_direction(moments[2 * i], moments[2 * i + 1]);
             angle_rad[k] = fv_orb_angle(direction);
-            describe_one(orb, kernels, orb->smooth + centres[i], level->stride_bytes, direction,
+            describe_one(orb, kernels, orb->smooth + centres[i], level->stride, direction,
                          descriptors + (size_t)k * FV_DESCRIPTOR_BYTES);
         }
     }

@@ -41,14 +41,14 @@ void fv_refine_peak(const uint8_t *scores, float offset_px[2])
 }
 
 /* At most GROUP corners of one level. */
-static void refine_group(const struct fv_kernels *kernels, const struct fv_level *level,
+static void refine_group(const struct fv_kernels *kernels, const struct fv_plane *level,
                          const struct fv_corner *corners, int count, struct fovea_feature *features)
 {
     int32_t centres[GROUP] = {0};
     uint8_t scores[GROUP * FV_CORNER_SCORES];
     for (int i = 0; i < count; i++)
-        centres[i] = corners[i].y * level->stride_bytes + corners[i].x;
-    kernels->corner_scores_u8(scores, level->pixels, level->stride_bytes, centres, count);
+        centres[i] = corners[i].y * level->stride + corners[i].x;
+    kernels->corner_scores_u8(scores, level->pixels, level->stride, centres, count);
     for (int i = 0; i < count; i++) {
         float offset[2];
         fv_refine_peak(scores + FV_CORNER_SCORES * i, offset);

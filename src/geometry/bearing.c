@@ -89,8 +89,7 @@ bool fv_bearing_of(const struct fv_bearing_table *table, const struct fovea_came
     return true;
 }
 
-/* ---- two points at a time: the same operations in the same order, lane by lane
- * ------------------------- */
+/* ---- two points at a time: the same operations in the same order, lane by lane --------------- */
 
 typedef double fv_pair __attribute__((vector_size(16)));
 typedef int64_t fv_flags __attribute__((vector_size(16))); /* -1 true, 0 false */

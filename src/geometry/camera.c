@@ -26,12 +26,11 @@ static const double share_min =
     0.4; /* of the image that sees something: a circular fish-eye leaves the corners dark */
 static const double residual_max = 1e-9; /* of unprojection, on the plane at distance 1 */
 
-/* ---- radial-tangential
- * ------------------------------------------------------------------------------- */
+/* ---- radial-tangential ----------------------------------------------------------------------- */
 
 /* Radial factor at r2 and its derivative by r2. False where the rational model's pole has been
  * passed. */
-static bool fv_radial_scale(const double *k, double r2, double *scale, double *derivative)
+static bool radial_scale(const double *k, double r2, double *scale, double *derivative)
 {
     double above = 1 + r2 * (k[0] + r2 * (k[1] + r2 * k[4]));
     double below = 1 + r2 * (k[5] + r2 * (k[6] + r2 * k[7]));
@@ -44,10 +43,10 @@ static bool fv_radial_scale(const double *k, double r2, double *scale, double *d
 }
 
 /* Distort a point of the plane at distance 1; `j` is the 2x2 derivative, row-major. */
-static bool fv_radtan_distort(const double *k, double x, double y, double out[2], double j[4])
+static bool radtan_distort(const double *k, double x, double y, double out[2], double j[4])
 {
     double r2 = x * x + y * y, scale, derivative;
-    if (!fv_radial_scale(k, r2, &scale, &derivative)) return false;
+    if (!radial_scale(k, r2, &scale, &derivative)) return false;
     double p1 = k[2], p2 = k[3];
     out[0] = x * scale + 2 * p1 * x * y + p2 * (r2 + 2 * x * x);
     out[1] = y * scale + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y;
@@ -59,13 +58,13 @@ static bool fv_radtan_distort(const double *k, double x, double y, double out[2]
 }
 
 /* One-to-one at this angle: the derivative keeps its orientation in every direction. */
-static bool fv_radtan_monotone(const double *k, double angle_rad)
+static bool radtan_monotone(const double *k, double angle_rad)
 {
     double r = fovea_tan(angle_rad), first = fovea_atan2(k[2], k[3]);
     int azimuths = k[2] != 0 || k[3] != 0 ? AZIMUTHS : 1;
     for (int i = 0; i < azimuths; i++) {
         double azimuth = first + i * (2 * FOVEA_PI / AZIMUTHS), out[2], j[4];
-        if (!fv_radtan_distort(k, r * fovea_cos(azimuth), r * fovea_sin(azimuth), out, j))
+        if (!radtan_distort(k, r * fovea_cos(azimuth), r * fovea_sin(azimuth), out, j))
             return false;
         if (!(j[0] * j[3] - j[1] * j[2] > 0 && j[0] + j[3] > 0)) return false;
     }
@@ -74,12 +73,12 @@ static bool fv_radtan_monotone(const double *k, double angle_rad)
 
 /* Radius on the undistorted plane whose purely radial distortion gives `distorted`: Newton kept
  * inside a bracket. */
-static double fv_radtan_radius(const double *k, double distorted, double radius_max)
+static double radtan_radius(const double *k, double distorted, double radius_max)
 {
     double low = 0, high = radius_max, r = distorted < radius_max ? distorted : radius_max, scale,
            derivative;
     for (int i = 0; i < RADIAL_STEPS; i++) {
-        if (!fv_radial_scale(k, r * r, &scale, &derivative)) return high;
+        if (!radial_scale(k, r * r, &scale, &derivative)) return high;
         double error = r * scale - distorted, slope = scale + 2 * r * r * derivative;
         if (error > 0)
             high = r;
@@ -95,16 +94,16 @@ static double fv_radtan_radius(const double *k, double distorted, double radius_
 }
 
 /* Undistorted plane point of distorted (u, v), and the derivative of distortion there. */
-static bool fv_radtan_undistort(const struct fovea_camera *camera, double u, double v,
-                                double out[2], double j[4])
+static bool radtan_undistort(const struct fovea_camera *camera, double u, double v, double out[2],
+                             double j[4])
 {
     const double *k = camera->k;
     double radius_max = fovea_tan(camera->field_max_rad), distorted = __builtin_sqrt(u * u + v * v);
-    double ratio = distorted > 0 ? fv_radtan_radius(k, distorted, radius_max) / distorted : 1;
+    double ratio = distorted > 0 ? radtan_radius(k, distorted, radius_max) / distorted : 1;
     double x = u * ratio, y = v * ratio, got[2];
     bool close = false;
     for (int i = 0; i < PLANE_STEPS; i++) {
-        if (!fv_radtan_distort(k, x, y, got, j)) return false;
+        if (!radtan_distort(k, x, y, got, j)) return false;
         double a = u - got[0], b = v - got[1], determinant = j[0] * j[3] - j[1] * j[2];
         close = a * a + b * b <= residual_max * residual_max;
         if (!(determinant > 0) || a * a + b * b <= 1e-28 * (1 + distorted * distorted)) break;
@@ -116,8 +115,8 @@ static bool fv_radtan_undistort(const struct fovea_camera *camera, double u, dou
     return close && x * x + y * y <= radius_max * radius_max * (1 + 1e-12);
 }
 
-static enum fovea_status fv_radtan_project(const struct fovea_camera *camera, const double p[3],
-                                           double pixel[2], double jacobian[6])
+static enum fovea_status radtan_project(const struct fovea_camera *camera, const double p[3],
+                                        double pixel[2], double jacobian[6])
 {
     if (!(p[2] > 0)) return FOVEA_ERROR_ARGUMENT;
     double w = 1 / p[2], x = p[0] * w, y = p[1] * w, r2 = x * x + y * y;
@@ -127,7 +126,7 @@ static enum fovea_status fv_radtan_project(const struct fovea_camera *camera, co
         if (!(r2 <= radius_max * radius_max)) return FOVEA_ERROR_ARGUMENT;
     }
     double out[2], j[4];
-    if (!fv_radtan_distort(camera->k, x, y, out, j)) return FOVEA_ERROR_ARGUMENT;
+    if (!radtan_distort(camera->k, x, y, out, j)) return FOVEA_ERROR_ARGUMENT;
     pixel[0] = camera->fx * out[0] + camera->cx;
     pixel[1] = camera->fy * out[1] + camera->cy;
     if (jacobian) {
@@ -142,11 +141,11 @@ static enum fovea_status fv_radtan_project(const struct fovea_camera *camera, co
     return FOVEA_OK;
 }
 
-static enum fovea_status fv_radtan_unproject(const struct fovea_camera *camera, double u, double v,
-                                             double bearing[3], double jacobian[6])
+static enum fovea_status radtan_unproject(const struct fovea_camera *camera, double u, double v,
+                                          double bearing[3], double jacobian[6])
 {
     double plane[2], j[4];
-    if (!fv_radtan_undistort(camera, u, v, plane, j)) return FOVEA_ERROR_ARGUMENT;
+    if (!radtan_undistort(camera, u, v, plane, j)) return FOVEA_ERROR_ARGUMENT;
     double x = plane[0], y = plane[1], n = 1 / __builtin_sqrt(x * x + y * y + 1), n3 = n * n * n;
     bearing[0] = x * n;
     bearing[1] = y * n;
@@ -164,25 +163,23 @@ static enum fovea_status fv_radtan_unproject(const struct fovea_camera *camera, 
     return FOVEA_OK;
 }
 
-/* ---- equidistant
- * ------------------------------------------------------------------------------------- */
+/* ---- equidistant ----------------------------------------------------------------------------- */
 
-static double fv_equidistant_distort(const double *k, double angle, double *slope)
+static double equidistant_distort(const double *k, double angle, double *slope)
 {
     double a2 = angle * angle;
     *slope = 1 + a2 * (3 * k[0] + a2 * (5 * k[1] + a2 * (7 * k[2] + a2 * 9 * k[3])));
     return angle * (1 + a2 * (k[0] + a2 * (k[1] + a2 * (k[2] + a2 * k[3]))));
 }
 
-static enum fovea_status fv_equidistant_project(const struct fovea_camera *camera,
-                                                const double p[3], double pixel[2],
-                                                double jacobian[6])
+static enum fovea_status equidistant_project(const struct fovea_camera *camera, const double p[3],
+                                             double pixel[2], double jacobian[6])
 {
     double r2 = p[0] * p[0] + p[1] * p[1], r = __builtin_sqrt(r2), n2 = r2 + p[2] * p[2];
     double angle = fovea_atan2(r, p[2]), slope;
     if (!(n2 > 0 && angle <= camera->field_max_rad) || (!(r > 0) && !(p[2] > 0)))
         return FOVEA_ERROR_ARGUMENT;
-    double distorted = fv_equidistant_distort(camera->k, angle, &slope);
+    double distorted = equidistant_distort(camera->k, angle, &slope);
     /* On the axis every direction is radial, and the ratio has the limit 1/z. */
     bool axis = !(r > 1e-12 * p[2]);
     double c = axis ? 1 : p[0] / r, s = axis ? 0 : p[1] / r,
@@ -202,14 +199,14 @@ static enum fovea_status fv_equidistant_project(const struct fovea_camera *camer
 }
 
 /* Angle whose distortion is `distorted`; negative where there is none within the field. */
-static double fv_equidistant_angle(const struct fovea_camera *camera, double distorted)
+static double equidistant_angle(const struct fovea_camera *camera, double distorted)
 {
     double low = 0, high = camera->field_max_rad, slope;
-    double limit = fv_equidistant_distort(camera->k, high, &slope);
+    double limit = equidistant_distort(camera->k, high, &slope);
     if (!(distorted <= limit)) return -1;
     double angle = distorted < high ? distorted : high;
     for (int i = 0; i < RADIAL_STEPS; i++) {
-        double error = fv_equidistant_distort(camera->k, angle, &slope) - distorted;
+        double error = equidistant_distort(camera->k, angle, &slope) - distorted;
         if (error > 0)
             high = angle;
         else
@@ -223,13 +220,13 @@ static double fv_equidistant_angle(const struct fovea_camera *camera, double dis
     return angle;
 }
 
-static enum fovea_status fv_equidistant_unproject(const struct fovea_camera *camera, double u,
-                                                  double v, double bearing[3], double jacobian[6])
+static enum fovea_status equidistant_unproject(const struct fovea_camera *camera, double u,
+                                               double v, double bearing[3], double jacobian[6])
 {
     double distorted = __builtin_sqrt(u * u + v * v), slope;
-    double angle = fv_equidistant_angle(camera, distorted);
+    double angle = equidistant_angle(camera, distorted);
     if (!(angle >= 0)) return FOVEA_ERROR_ARGUMENT;
-    (void)fv_equidistant_distort(camera->k, angle, &slope);
+    (void)equidistant_distort(camera->k, angle, &slope);
     bool axis = !(distorted > 1e-12);
     double c = axis ? 1 : u / distorted, s = axis ? 0 : v / distorted;
     double sine = fovea_sin(angle), cosine = fovea_cos(angle), across = axis ? 1 : sine / distorted;
@@ -249,37 +246,36 @@ static enum fovea_status fv_equidistant_unproject(const struct fovea_camera *cam
     return FOVEA_OK;
 }
 
-/* ---- both
- * -------------------------------------------------------------------------------------------- */
+/* ---- both ------------------------------------------------------------------------------------ */
 
-static bool fv_monotone(const struct fovea_camera *camera, double angle_rad)
+static bool monotone(const struct fovea_camera *camera, double angle_rad)
 {
-    if (camera->lens == FOVEA_LENS_RADTAN) return fv_radtan_monotone(camera->k, angle_rad);
+    if (camera->lens == FOVEA_LENS_RADTAN) return radtan_monotone(camera->k, angle_rad);
     double slope;
-    (void)fv_equidistant_distort(camera->k, angle_rad, &slope);
+    (void)equidistant_distort(camera->k, angle_rad, &slope);
     return slope > 0;
 }
 
-static bool fv_finite(double v)
+static bool finite(double v)
 {
     return v - v == 0;
 }
 
-static enum fovea_status fv_camera_check(const struct fovea_camera *c, struct fovea_error *error)
+static enum fovea_status camera_check(const struct fovea_camera *c, struct fovea_error *error)
 {
     const enum fovea_status bad = FOVEA_ERROR_INPUT;
     if (c->lens != FOVEA_LENS_RADTAN && c->lens != FOVEA_LENS_EQUIDISTANT)
         return fovea_error_set(error, bad,
                                "camera lens: found %d, expected 0 (radtan) or 1 (equidistant)",
                                (int)c->lens);
-    if (!(fv_finite(c->fx) && fv_finite(c->fy) && c->fx > 0 && c->fy > 0))
+    if (!(finite(c->fx) && finite(c->fy) && c->fx > 0 && c->fy > 0))
         return fovea_error_set(
             error, bad, "camera fx fy: found %g %g, expected finite numbers above 0", c->fx, c->fy);
     if (c->width < 0 || c->height < 0 || (c->width == 0) != (c->height == 0))
         return fovea_error_set(error, bad,
                                "camera size: found %d x %d, expected both above 0, or 0 x 0",
                                c->width, c->height);
-    if (!(fv_finite(c->cx) && fv_finite(c->cy)))
+    if (!(finite(c->cx) && finite(c->cy)))
         return fovea_error_set(error, bad, "camera cx cy: found %g %g, expected finite numbers",
                                c->cx, c->cy);
     if (c->width > 0 && !(c->cx > -2.0 * c->width && c->cx < 2.0 * c->width &&
@@ -288,7 +284,7 @@ static enum fovea_status fv_camera_check(const struct fovea_camera *c, struct fo
             error, bad, "camera cx cy: found %g %g, expected within two sizes of a %d x %d image",
             c->cx, c->cy, c->width, c->height);
     for (int i = 0; i < FOVEA_LENS_COEFFICIENTS; i++)
-        if (!fv_finite(c->k[i]))
+        if (!finite(c->k[i]))
             return fovea_error_set(
                 error, bad, "camera distortion coefficient %d: found %g, expected a finite number",
                 i + 1, c->k[i]);
@@ -296,7 +292,7 @@ static enum fovea_status fv_camera_check(const struct fovea_camera *c, struct fo
 }
 
 /* Share of the image that some direction maps to; 1 where the size is not stated. */
-static double fv_share_seen(const struct fovea_camera *camera)
+static double share_seen(const struct fovea_camera *camera)
 {
     int seen = 0;
     if (camera->width == 0) return 1;
@@ -314,19 +310,19 @@ enum fovea_status fovea_camera_prepare(struct fovea_camera *camera, struct fovea
 {
     if (camera == NULL)
         return fovea_error_set(error, FOVEA_ERROR_INPUT, "camera: found NULL, expected one");
-    enum fovea_status status = fv_camera_check(camera, error);
+    enum fovea_status status = camera_check(camera, error);
     if (status != FOVEA_OK) return status;
     double limit = camera->lens == FOVEA_LENS_RADTAN ? field_limit_radtan_rad : FOVEA_PI;
     double low = 0, high = limit;
     bool folds = false;
     for (int i = 1; i <= SCAN_STEPS && !folds; i++) {
         double angle = limit * i / SCAN_STEPS;
-        folds = !fv_monotone(camera, angle);
+        folds = !monotone(camera, angle);
         *(folds ? &high : &low) = angle;
     }
     for (int i = 0; i < BISECTIONS && folds; i++) {
         double middle = 0.5 * (low + high);
-        *(fv_monotone(camera, middle) ? &low : &high) = middle;
+        *(monotone(camera, middle) ? &low : &high) = middle;
     }
     if (low < field_min_rad)
         return fovea_error_set(
@@ -334,12 +330,11 @@ enum fovea_status fovea_camera_prepare(struct fovea_camera *camera, struct fovea
             "camera distortion: folds back at %.4f rad from the axis, expected at least %.2f rad",
             low, field_min_rad);
     camera->field_max_rad = low;
-    const double seen = fv_share_seen(camera);
+    const double seen = share_seen(camera);
     if (seen < share_min)
         return fovea_error_set(
             error, FOVEA_ERROR_INPUT,
-            "camera distortion: folds back at %.2f rad from the axis, so that only %.0f %% of the "
-            "image sees anything, expected at least %.0f %%",
+            "camera distortion: folds back at %.2f rad from the axis, so that only %.0f %% of the image sees anything, expected at least %.0f %%",
             low, 100 * seen, 100 * share_min);
     return FOVEA_OK;
 }
@@ -347,9 +342,8 @@ enum fovea_status fovea_camera_prepare(struct fovea_camera *camera, struct fovea
 enum fovea_status fovea_camera_project(const struct fovea_camera *camera, const double point[3],
                                        double pixel[2], double jacobian[6])
 {
-    return camera->lens == FOVEA_LENS_RADTAN
-               ? fv_radtan_project(camera, point, pixel, jacobian)
-               : fv_equidistant_project(camera, point, pixel, jacobian);
+    return camera->lens == FOVEA_LENS_RADTAN ? radtan_project(camera, point, pixel, jacobian)
+                                             : equidistant_project(camera, point, pixel, jacobian);
 }
 
 enum fovea_status fovea_camera_unproject(const struct fovea_camera *camera, const double pixel[2],
@@ -357,6 +351,6 @@ enum fovea_status fovea_camera_unproject(const struct fovea_camera *camera, cons
 {
     double u = (pixel[0] - camera->cx) / camera->fx, v = (pixel[1] - camera->cy) / camera->fy;
     return camera->lens == FOVEA_LENS_RADTAN
-               ? fv_radtan_unproject(camera, u, v, bearing, jacobian)
-               : fv_equidistant_unproject(camera, u, v, bearing, jacobian);
+               ? radtan_unproject(camera, u, v, bearing, jacobian)
+               : equidistant_unproject(camera, u, v, bearing, jacobian);
 }

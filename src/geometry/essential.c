@@ -66,7 +66,7 @@ void fv_essential_motions(const double E[9], struct fv_se3 T[4])
 }
 
 /* Two directions orthogonal to the unit vector t. */
-static void fv_tangent_basis(const double t[3], double u[3], double v[3])
+static void tangent_basis(const double t[3], double u[3], double v[3])
 {
     int axis = fv_abs(t[0]) < fv_abs(t[1]) ? (fv_abs(t[0]) < fv_abs(t[2]) ? 0 : 2)
                                            : (fv_abs(t[1]) < fv_abs(t[2]) ? 1 : 2);
@@ -78,8 +78,8 @@ static void fv_tangent_basis(const double t[3], double u[3], double v[3])
 
 /* Residual with its derivative by (rotation on the left of R, two tangents of t),
  * Sampson-normalised. */
-static double fv_residual_row(const struct fv_se3 *T, const double E[9], const double u[3],
-                              const double v[3], const struct fv_pair *pair, double row[5])
+static double residual_row(const struct fv_se3 *T, const double E[9], const double u[3],
+                           const double v[3], const struct fv_pair *pair, double row[5])
 {
     double q[3], m[3], w[3], a[3], b[3];
     fv_rotate3(T->R, pair->x1, q);
@@ -101,17 +101,17 @@ static double fv_residual_row(const struct fv_se3 *T, const double E[9], const d
 
 /* Normal equations of the pairs below the threshold (Tukey weights), and the tangents of t that
  * they are in. */
-static void fv_normal_equations(const struct fv_pair *pairs, uint32_t count, double threshold_rad,
-                                const struct fv_se3 *T, double u[3], double v[3], double A[25],
-                                double g[5])
+static void normal_equations(const struct fv_pair *pairs, uint32_t count, double threshold_rad,
+                             const struct fv_se3 *T, double u[3], double v[3], double A[25],
+                             double g[5])
 {
     double limit2 = threshold_rad * threshold_rad, E[9], row[5];
     fv_essential_from_motion(T, E);
-    fv_tangent_basis(T->t, u, v);
+    tangent_basis(T->t, u, v);
     memset(A, 0, 25 * sizeof *A);
     memset(g, 0, 5 * sizeof *g);
     for (uint32_t i = 0; i < count; i++) {
-        double r = fv_residual_row(T, E, u, v, &pairs[i], row), r2 = r * r;
+        double r = residual_row(T, E, u, v, &pairs[i], row), r2 = r * r;
         if (r2 > limit2) continue;
         double share = r2 / limit2, weight = (1 - share) * (1 - share);
         for (int a = 0; a < 5; a++) {
@@ -133,7 +133,7 @@ void fv_essential_refine(const struct fv_pair *pairs, uint32_t count, double thr
 {
     for (int step = 0; step < steps; step++) {
         double u[3], v[3], A[25], g[5];
-        fv_normal_equations(pairs, count, threshold_rad, T, u, v, A, g);
+        normal_equations(pairs, count, threshold_rad, T, u, v, A, g);
         if (!fv_ldlt_solve(A, 5, g)) return;
         double turn[3] = {-g[0], -g[1], -g[2]}, exp[9], R[9];
         fv_so3_exp(turn, exp);
@@ -146,7 +146,7 @@ void fv_essential_refine(const struct fv_pair *pairs, uint32_t count, double thr
 }
 
 /* MSAC cost: truncated squares, given up as soon as `best` is passed. */
-static double fv_cost(const double E[9], const struct fv_pair *pairs, uint32_t count, double limit2,
+static double cost_of(const double E[9], const struct fv_pair *pairs, uint32_t count, double limit2,
                       double best)
 {
     double cost = 0;
@@ -158,7 +158,7 @@ static double fv_cost(const double E[9], const struct fv_pair *pairs, uint32_t c
     return cost;
 }
 
-static bool fv_in_front(const struct fv_se3 *T, const struct fv_pair *pair)
+static bool in_front(const struct fv_se3 *T, const struct fv_pair *pair)
 {
     /* Depths d1, d2 of d2 x2 = d1 R x1 + t in the least-squares sense, signs only. */
     double q[3];
@@ -168,8 +168,8 @@ static bool fv_in_front(const struct fv_se3 *T, const struct fv_pair *pair)
 }
 
 /* The motion of E with most inliers in front of both cameras. */
-static uint32_t fv_pick_motion(const double E[9], const struct fv_pair *pairs, uint32_t count,
-                               double limit2, struct fv_se3 *best)
+static uint32_t pick_motion(const double E[9], const struct fv_pair *pairs, uint32_t count,
+                            double limit2, struct fv_se3 *best)
 {
     struct fv_se3 T[4];
     uint32_t most = 0, votes[4] = {0};
@@ -177,7 +177,7 @@ static uint32_t fv_pick_motion(const double E[9], const struct fv_pair *pairs, u
     for (uint32_t i = 0; i < count; i++)
         if (fv_essential_residual2(E, &pairs[i]) < limit2)
             for (int k = 0; k < 4; k++)
-                votes[k] += fv_in_front(&T[k], &pairs[i]);
+                votes[k] += in_front(&T[k], &pairs[i]);
     for (int k = 0; k < 4; k++)
         if (votes[k] > most) {
             most = votes[k];
@@ -187,16 +187,16 @@ static uint32_t fv_pick_motion(const double E[9], const struct fv_pair *pairs, u
 }
 
 /* Local optimisation: refine over a wide and then the proper threshold; true when the cost fell. */
-static bool fv_optimise(const struct fv_pair *pairs, uint32_t count, double threshold_rad,
-                        double E[9], double *cost, struct fv_se3 *T)
+static bool optimise(const struct fv_pair *pairs, uint32_t count, double threshold_rad, double E[9],
+                     double *cost, struct fv_se3 *T)
 {
     double limit2 = threshold_rad * threshold_rad, candidate[9];
     struct fv_se3 moved;
-    if (!fv_pick_motion(E, pairs, count, limit2, &moved)) return false;
+    if (!pick_motion(E, pairs, count, limit2, &moved)) return false;
     uint32_t used = count < REFINE_SAMPLES_MAX ? count : REFINE_SAMPLES_MAX;
     fv_essential_refine(pairs, used, 3 * threshold_rad, REFINE_STEPS, &moved);
     fv_essential_from_motion(&moved, candidate);
-    double now = fv_cost(candidate, pairs, count, limit2, *cost);
+    double now = cost_of(candidate, pairs, count, limit2, *cost);
     if (now >= *cost) return false;
     *cost = now;
     *T = moved;
@@ -226,7 +226,7 @@ uint32_t fv_essential_estimate(const struct fv_pair *pairs, uint32_t count,
         int solutions = fv_essential_five_point(sample, E);
         bool improved = false;
         for (int k = 0; k < solutions; k++) {
-            double now = fv_cost(E[k], pairs, count, limit2, cost);
+            double now = cost_of(E[k], pairs, count, limit2, cost);
             if (now < cost) {
                 cost = now;
                 memcpy(best, E[k], sizeof best);
@@ -234,18 +234,18 @@ uint32_t fv_essential_estimate(const struct fv_pair *pairs, uint32_t count,
             }
         }
         if (!improved) continue;
-        (void)fv_optimise(pairs, count, sampling->threshold_rad, best, &cost, &motion);
+        (void)optimise(pairs, count, sampling->threshold_rad, best, &cost, &motion);
         uint32_t fit = (uint32_t)((1 - cost / whole) * count);
         uint32_t needed = fv_sample_bound((double)fit / count, 5, sampling->confidence);
         if (needed < bound) bound = needed;
     }
-    if (!any || !fv_pick_motion(best, pairs, count, limit2, &motion)) return 0;
+    if (!any || !pick_motion(best, pairs, count, limit2, &motion)) return 0;
     fv_essential_refine(pairs, count, 2 * sampling->threshold_rad, 3, &motion);
     fv_essential_from_motion(&motion, best);
     uint32_t inliers = 0;
     for (uint32_t i = 0; i < count; i++) {
         inlier[i] =
-            fv_essential_residual2(best, &pairs[i]) < limit2 && fv_in_front(&motion, &pairs[i]);
+            fv_essential_residual2(best, &pairs[i]) < limit2 && in_front(&motion, &pairs[i]);
         inliers += inlier[i];
     }
     *T_2_1 = motion;

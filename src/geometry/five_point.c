@@ -39,14 +39,14 @@ static const uint8_t product_21[10][4] = {
     {XYY, YYY, YYZ, YY}, {XYZ, YYZ, YZZ, YZ}, {XY, YY, YZ, Y},     {XZZ, YZZ, ZZZ, ZZ},
     {XZ, YZ, ZZ, Z},     {X, Y, Z, ONE}};
 
-static void fv_add_product_11(const double a[4], const double b[4], double factor, double out[10])
+static void add_product_11(const double a[4], const double b[4], double factor, double out[10])
 {
     for (int i = 0; i < 4; i++)
         for (int j = 0; j < 4; j++)
             out[product_11[i][j]] += factor * a[i] * b[j];
 }
 
-static void fv_add_product_21(const double a[10], const double b[4], double out[MONOMIALS])
+static void add_product_21(const double a[10], const double b[4], double out[MONOMIALS])
 {
     for (int i = 0; i < 10; i++)
         for (int j = 0; j < 4; j++)
@@ -55,7 +55,7 @@ static void fv_add_product_21(const double a[10], const double b[4], double out[
 
 /* Orthonormal basis of the vectors orthogonal to five rows of nine: Householder reflections.
  * basis[k] is a column. */
-static bool fv_null_space(const struct fv_pair pairs[5], double basis[4][9])
+static bool null_space(const struct fv_pair pairs[5], double basis[4][9])
 {
     double A[5][9];
     for (int i = 0; i < 5; i++)
@@ -99,21 +99,21 @@ static bool fv_null_space(const struct fv_pair pairs[5], double basis[4][9])
 
 /* The ten cubic constraints: det E = 0 and E E^T E - tr(E E^T) E / 2 = 0; e[i] holds E's entry i as
  * (x y z 1). */
-static void fv_constraints(const double e[9][4], double C[10][MONOMIALS])
+static void constraints(const double e[9][4], double C[10][MONOMIALS])
 {
     memset(C, 0, 10 * sizeof *C);
     for (int i = 0; i < 3; i++) { /* determinant by cofactors of the first row */
         int a = (i + 1) % 3, b = (i + 2) % 3;
         double minor[10] = {0};
-        fv_add_product_11(e[3 + a], e[6 + b], 1, minor);
-        fv_add_product_11(e[3 + b], e[6 + a], -1, minor);
-        fv_add_product_21(minor, e[i], C[0]);
+        add_product_11(e[3 + a], e[6 + b], 1, minor);
+        add_product_11(e[3 + b], e[6 + a], -1, minor);
+        add_product_21(minor, e[i], C[0]);
     }
     double G[3][3][10] = {{{0}}}; /* E E^T */
     for (int r = 0; r < 3; r++)
         for (int c = r; c < 3; c++)
             for (int k = 0; k < 3; k++)
-                fv_add_product_11(e[3 * r + k], e[3 * c + k], 1, G[r][c]);
+                add_product_11(e[3 * r + k], e[3 * c + k], 1, G[r][c]);
     for (int i = 0; i < 10; i++) {
         double half_trace = 0.5 * (G[0][0][i] + G[1][1][i] + G[2][2][i]);
         for (int r = 0; r < 3; r++)
@@ -125,12 +125,12 @@ static void fv_constraints(const double e[9][4], double C[10][MONOMIALS])
     for (int r = 0; r < 3; r++)
         for (int c = 0; c < 3; c++)
             for (int k = 0; k < 3; k++)
-                fv_add_product_21(G[r][k], e[3 * k + c], C[1 + 3 * r + c]);
+                add_product_21(G[r][k], e[3 * k + c], C[1 + 3 * r + c]);
 }
 
 /* Gauss-Jordan with row pivoting; rows 4..9 end up as leading monomial plus the last ten columns.
  */
-static bool fv_eliminate(double C[10][MONOMIALS])
+static bool eliminate(double C[10][MONOMIALS])
 {
     for (int k = 0; k < 10; k++) {
         int pivot = k;
@@ -159,7 +159,7 @@ static bool fv_eliminate(double C[10][MONOMIALS])
 
 /* One row of Nister's B(z): row `a` minus z times row `b`, as polynomials in z for x, y (degree 3)
  * and 1 (degree 4). */
-static void fv_reduced_row(const double *a, const double *b, double out[3][5])
+static void reduced_row(const double *a, const double *b, double out[3][5])
 {
     for (int v = 0; v < 2; v++) {
         const double *p = a + (v ? YZZ : XZZ), *q = b + (v ? YZZ : XZZ); /* z^2, z, 1 */
@@ -177,28 +177,28 @@ static void fv_reduced_row(const double *a, const double *b, double out[3][5])
     out[2][4] = -q[0];
 }
 
-static void fv_polynomial_multiply(const double *a, int degree_a, const double *b, int degree_b,
-                                   double factor, double *out)
+static void polynomial_multiply(const double *a, int degree_a, const double *b, int degree_b,
+                                double factor, double *out)
 {
     for (int i = 0; i <= degree_a; i++)
         for (int j = 0; j <= degree_b; j++)
             out[i + j] += factor * a[i] * b[j];
 }
 
-static void fv_determinant(double B[3][3][5], double out[11])
+static void determinant(double B[3][3][5], double out[11])
 {
     memset(out, 0, 11 * sizeof *out);
     for (int i = 0; i < 3; i++) { /* along the column of constants */
         int a = (i + 1) % 3, b = (i + 2) % 3;
         double minor[7] = {0};
-        fv_polynomial_multiply(B[a][0], 3, B[b][1], 3, 1, minor);
-        fv_polynomial_multiply(B[a][1], 3, B[b][0], 3, -1, minor);
-        fv_polynomial_multiply(minor, 6, B[i][2], 4, 1, out);
+        polynomial_multiply(B[a][0], 3, B[b][1], 3, 1, minor);
+        polynomial_multiply(B[a][1], 3, B[b][0], 3, -1, minor);
+        polynomial_multiply(minor, 6, B[i][2], 4, 1, out);
     }
 }
 
 /* x and y from B(z) (x y 1)^T = 0: the longest cross product of two rows. */
-static bool fv_back_substitute(double B[3][3][5], double z, double *x, double *y)
+static bool back_substitute(double B[3][3][5], double z, double *x, double *y)
 {
     double rows[3][3], best[3] = {0}, best_square = 0;
     for (int r = 0; r < 3; r++)
@@ -223,19 +223,19 @@ static bool fv_back_substitute(double B[3][3][5], double z, double *x, double *y
 int fv_essential_five_point(const struct fv_pair pairs[5], double E[FV_ESSENTIAL_SOLUTIONS_MAX][9])
 {
     double basis[4][9], e[9][4], C[10][MONOMIALS], B[3][3][5], polynomial[11], roots[10];
-    if (!fv_null_space(pairs, basis)) return 0;
+    if (!null_space(pairs, basis)) return 0;
     for (int i = 0; i < 9; i++)
         for (int b = 0; b < 4; b++)
             e[i][b] = basis[b][i];
-    fv_constraints(e, C);
-    if (!fv_eliminate(C)) return 0;
+    constraints(e, C);
+    if (!eliminate(C)) return 0;
     for (int i = 0; i < 3; i++)
-        fv_reduced_row(C[4 + 2 * i], C[5 + 2 * i], B[i]);
-    fv_determinant(B, polynomial);
+        reduced_row(C[4 + 2 * i], C[5 + 2 * i], B[i]);
+    determinant(B, polynomial);
     int count = fv_polynomial_roots(polynomial, 10, -1000, 1000, roots), found = 0;
     for (int k = 0; k < count; k++) {
         double x, y, z = roots[k];
-        if (!fv_back_substitute(B, z, &x, &y)) continue;
+        if (!back_substitute(B, z, &x, &y)) continue;
         double square = x * x + y * y + z * z + 1, scale = __builtin_sqrt(2 / square);
         for (int i = 0; i < 9; i++)
             E[found][i] = scale * (x * e[i][0] + y * e[i][1] + z * e[i][2] + e[i][3]);

@@ -1,4 +1,4 @@
-#include "geometry/plane.h"
+#include "geometry/floor.h"
 
 #include "geometry/linear.h"
 #include "geometry/sample.h"
@@ -16,53 +16,53 @@ static const double density_least = 1.8, density_sure = 2.6, sigma_unsure = 0.08
 /* Of a point over or under the plane, in its standard deviations; positive: below the plane. What
  * errs evenly to both sides is the inverse of a triangulated distance: distances themselves err
  * farther outward, and would draw the plane down. */
-static double fv_plane_residual(const double down[3], double height,
-                                const struct fv_plane_point *point)
+static double floor_residual(const double down[3], double height,
+                             const struct fv_floor_point *point)
 {
     const double depth = fv_dot3(down, point->p);
     return depth > 1e-9 * height ? (1 - height / depth) / point->sigma : -1e9;
 }
 
 /* Points weigh by how well they are known, the best count 1. */
-static double fv_plane_weight(const struct fv_plane_point *point)
+static double floor_weight(const struct fv_floor_point *point)
 {
     return point->sigma > sigma_best ? sigma_best / point->sigma : 1;
 }
 
-static double fv_plane_score(const struct fv_plane_point *points, uint32_t count,
-                             const double down[3], double height)
+static double floor_score(const struct fv_floor_point *points, uint32_t count, const double down[3],
+                          double height)
 {
     double score = 0;
     for (uint32_t i = 0; i < count; i++) {
-        double e = fv_plane_residual(down, height, &points[i]), share = e * e / (gate * gate);
+        double e = floor_residual(down, height, &points[i]), share = e * e / (gate * gate);
         if (share < 1)
-            score += fv_plane_weight(&points[i]) * (1 - share);
+            score += floor_weight(&points[i]) * (1 - share);
         else if (e > 0)
-            score -= fv_plane_weight(&points[i]);
+            score -= floor_weight(&points[i]);
     }
     return score;
 }
 
 /* Weight in the plane over that in the layer of the same thickness above it: a floor is
  * denser than what stands on it, the lower edge of a cloud is not. */
-static double fv_plane_density(const struct fv_plane_point *points, uint32_t count,
-                               const double down[3], double height)
+static double floor_density(const struct fv_floor_point *points, uint32_t count,
+                            const double down[3], double height)
 {
     double in = 0, above = 0;
     for (uint32_t i = 0; i < count; i++) {
-        double e = fv_plane_residual(down, height, &points[i]);
+        double e = floor_residual(down, height, &points[i]);
         if (e * e < gate * gate)
-            in += fv_plane_weight(&points[i]);
+            in += floor_weight(&points[i]);
         else if (e < 0 && e > -3 * gate)
-            above += fv_plane_weight(&points[i]);
+            above += floor_weight(&points[i]);
     }
     return in / (above + 1e-9);
 }
 
 /* A hypothesis; false for points that give none, or one too far from what is expected. */
-static bool fv_plane_hypothesis(const struct fv_plane_point *points, uint32_t count,
-                                const struct fv_plane_prior *prior, bool three,
-                                struct fovea_random *random, double down[3], double *height)
+static bool floor_hypothesis(const struct fv_floor_point *points, uint32_t count,
+                             const struct fv_floor_prior *prior, bool three,
+                             struct fovea_random *random, double down[3], double *height)
 {
     uint32_t index[3];
     double a[3], b[3];
@@ -86,9 +86,9 @@ static bool fv_plane_hypothesis(const struct fv_plane_point *points, uint32_t co
  * ray p / |p| its inverse distance is x p / |p|, which is held to 1 / |p|, relative to what the
  * plane says; the prior holds x to prior->down / height across the direction. `information`: of x.
  * False when the system is singular. */
-static bool fv_plane_refine(const struct fv_plane_point *points, uint32_t count,
-                            const struct fv_plane_prior *prior, double down[3], double *height,
-                            double information[9], uint32_t *inliers)
+static bool floor_refine(const struct fv_floor_point *points, uint32_t count,
+                         const struct fv_floor_prior *prior, double down[3], double *height,
+                         double information[9], uint32_t *inliers)
 {
     double A[9] = {0}, b[3] = {0},
            weight = 1 / (prior->sigma_rad * prior->sigma_rad) * *height * *height;
@@ -98,7 +98,7 @@ static bool fv_plane_refine(const struct fv_plane_point *points, uint32_t count,
     *inliers = 0;
     for (uint32_t i = 0; i < count; i++) {
         const double *p = points[i].p;
-        double e = fv_plane_residual(down, *height, &points[i]);
+        double e = floor_residual(down, *height, &points[i]);
         if (e * e > gate * gate) continue;
         const double said = fv_dot3(down, p) / *height,
                      w = 1 / (points[i].sigma * points[i].sigma * said * said);
@@ -121,7 +121,7 @@ static bool fv_plane_refine(const struct fv_plane_point *points, uint32_t count,
 }
 
 /* Relative deviation of the height: that of |x| = 1 / height, by the inverse of the information. */
-static double fv_plane_sigma(const double information[9], const double down[3], double height)
+static double floor_sigma(const double information[9], const double down[3], double height)
 {
     double A[9], v[3];
     for (int i = 0; i < 9; i++)
@@ -132,16 +132,16 @@ static double fv_plane_sigma(const double information[9], const double down[3], 
     return variance > 0 ? height * __builtin_sqrt(variance) : 1;
 }
 
-bool fv_plane_estimate(const struct fv_plane_point *points, uint32_t count,
-                       const struct fv_plane_prior *prior, uint32_t samples, uint32_t inliers_min,
-                       struct fovea_random *random, struct fv_plane *plane)
+bool fv_floor_estimate(const struct fv_floor_point *points, uint32_t count,
+                       const struct fv_floor_prior *prior, uint32_t samples, uint32_t inliers_min,
+                       struct fovea_random *random, struct fv_floor *plane)
 {
     double best = 0, down[3], height, information[9];
-    struct fv_plane found = {.height = 0};
+    struct fv_floor found = {.height = 0};
     if (count < inliers_min || count < 3) return false;
     for (uint32_t k = 0; k < samples; k++) {
-        if (!fv_plane_hypothesis(points, count, prior, k % 2 == 1, random, down, &height)) continue;
-        double score = fv_plane_score(points, count, down, height);
+        if (!floor_hypothesis(points, count, prior, k % 2 == 1, random, down, &height)) continue;
+        double score = floor_score(points, count, down, height);
         if (score <= best) continue;
         best = score;
         fv_copy3(down, found.down);
@@ -149,13 +149,13 @@ bool fv_plane_estimate(const struct fv_plane_point *points, uint32_t count,
     }
     if (!(found.height > 0)) return false;
     for (int k = 0; k < REFINEMENTS; k++)
-        if (!fv_plane_refine(points, count, prior, found.down, &found.height, information,
-                             &found.inliers))
+        if (!floor_refine(points, count, prior, found.down, &found.height, information,
+                          &found.inliers))
             return false;
     if (fv_dot3(found.down, prior->down) < fovea_cos(prior->off_max_rad)) return false;
-    found.support = fv_plane_score(points, count, found.down, found.height);
-    found.sigma = fv_plane_sigma(information, found.down, found.height);
-    double density = fv_plane_density(points, count, found.down, found.height);
+    found.support = floor_score(points, count, found.down, found.height);
+    found.sigma = floor_sigma(information, found.down, found.height);
+    double density = floor_density(points, count, found.down, found.height);
     if (density < density_least) return false;
     if (density < density_sure)
         found.sigma += sigma_unsure * (density_sure - density) / (density_sure - density_least);

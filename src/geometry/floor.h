@@ -7,8 +7,8 @@
  * lies under the plane: a floor has nothing below it, a table top has. Every point has its own
  * uncertainty, since triangulated points err along their rays. Real-time safe: bounded by count and
  * samples; no heap. */
-#ifndef FOVEA_GEOMETRY_PLANE_H
-#define FOVEA_GEOMETRY_PLANE_H
+#ifndef FOVEA_GEOMETRY_FLOOR_H
+#define FOVEA_GEOMETRY_FLOOR_H
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -19,20 +19,20 @@
 extern "C" {
 #endif
 
-enum { FV_PLANE_POINTS_MAX = 512 };
+enum { FV_FLOOR_POINTS_MAX = 512 };
 
-struct fv_plane_point {
+struct fv_floor_point {
     double p[3];  /* camera frame, any unit */
     double sigma; /* one standard deviation of its height, relative, above 0 */
 };
 
-struct fv_plane_prior {
+struct fv_floor_prior {
     double down[3];   /* unit: where the floor's normal is expected to point away from the camera */
     double sigma_rad; /* one standard deviation of its direction */
     double off_max_rad; /* hypotheses further aside are not looked at */
 };
 
-struct fv_plane {
+struct fv_floor {
     double down[3]; /* unit */
     double height;  /* distance of the camera from the plane, in the points' unit */
     double sigma;   /* one standard deviation of the height, relative */
@@ -44,9 +44,9 @@ struct fv_plane {
 /* Up to `samples` hypotheses. False, `plane` untouched: fewer than `inliers_min` points agree, or
  * they fix the height badly (they lie on a line, or all far away), or as much lies below the plane
  * as in it, or it is hardly denser than what stands on it. */
-bool fv_plane_estimate(const struct fv_plane_point *points, uint32_t count,
-                       const struct fv_plane_prior *prior, uint32_t samples, uint32_t inliers_min,
-                       struct fovea_random *random, struct fv_plane *plane);
+bool fv_floor_estimate(const struct fv_floor_point *points, uint32_t count,
+                       const struct fv_floor_prior *prior, uint32_t samples, uint32_t inliers_min,
+                       struct fovea_random *random, struct fv_floor *plane);
 
 #ifdef __cplusplus
 }

@@ -7,7 +7,7 @@
 #include "geometry/vec.h"
 
 /* Smallest eigenvector of a symmetric 9x9 by inverse iteration from a fixed start. */
-static bool fv_smallest_vector(double A[81], double h[9])
+static bool smallest_vector(double A[81], double h[9])
 {
     double trace = 0;
     for (int i = 0; i < 9; i++)
@@ -32,8 +32,8 @@ static bool fv_smallest_vector(double A[81], double h[9])
 
 /* Least-squares H (Frobenius norm 1) of `count` >= 4 pairs picked by `index` (NULL: the first ones)
  * whose `weight` (NULL: 1) is above 0. False when the pairs do not determine it. */
-static bool fv_homography_fit(const struct fv_pair *pairs, const uint32_t *index, uint32_t count,
-                              const uint8_t *weight, double H[9])
+static bool homography_fit(const struct fv_pair *pairs, const uint32_t *index, uint32_t count,
+                           const uint8_t *weight, double H[9])
 {
     /* x2 x (H x1) = 0: with P = I - x2 x2^T, A sums P (x) x1 x1^T. */
     double A[81] = {0};
@@ -48,11 +48,11 @@ static bool fv_homography_fit(const struct fv_pair *pairs, const uint32_t *index
                         A[9 * (3 * r + a) + 3 * s + b] += P * p->x1[a] * p->x1[b];
             }
     }
-    return fv_smallest_vector(A, H);
+    return smallest_vector(A, H);
 }
 
 /* Squared angle (rad^2, small-angle) between x2 and H x1. */
-static double fv_homography_residual2(const double H[9], const struct fv_pair *pair)
+static double homography_residual2(const double H[9], const struct fv_pair *pair)
 {
     double q[3], r[3];
     fv_rotate3(H, pair->x1, q);
@@ -61,12 +61,12 @@ static double fv_homography_residual2(const double H[9], const struct fv_pair *p
     return square > 1e-18 ? fv_dot3(r, r) / square : 1;
 }
 
-static double fv_homography_cost(const double H[9], const struct fv_pair *pairs, uint32_t count,
-                                 double limit2, double best)
+static double homography_cost(const double H[9], const struct fv_pair *pairs, uint32_t count,
+                              double limit2, double best)
 {
     double cost = 0;
     for (uint32_t i = 0; i < count; i++) {
-        double r2 = fv_homography_residual2(H, &pairs[i]);
+        double r2 = homography_residual2(H, &pairs[i]);
         cost += r2 < limit2 ? r2 : limit2;
         if ((i & 15) == 15 && cost >= best) return cost;
     }
@@ -74,14 +74,14 @@ static double fv_homography_cost(const double H[9], const struct fv_pair *pairs,
 }
 
 /* Refit over the inliers; true when the cost fell. */
-static bool fv_homography_optimise(const struct fv_pair *pairs, uint32_t count, double limit2,
-                                   uint8_t *inlier, double H[9], double *cost)
+static bool homography_optimise(const struct fv_pair *pairs, uint32_t count, double limit2,
+                                uint8_t *inlier, double H[9], double *cost)
 {
     double fitted[9];
     for (uint32_t i = 0; i < count; i++)
-        inlier[i] = fv_homography_residual2(H, &pairs[i]) < limit2;
-    if (!fv_homography_fit(pairs, 0, count, inlier, fitted)) return false;
-    double now = fv_homography_cost(fitted, pairs, count, limit2, *cost);
+        inlier[i] = homography_residual2(H, &pairs[i]) < limit2;
+    if (!homography_fit(pairs, 0, count, inlier, fitted)) return false;
+    double now = homography_cost(fitted, pairs, count, limit2, *cost);
     if (now >= *cost) return false;
     *cost = now;
     memcpy(H, fitted, sizeof fitted);
@@ -100,20 +100,20 @@ uint32_t fv_homography_estimate(const struct fv_pair *pairs, uint32_t count,
     for (uint32_t iteration = 0; iteration < bound; iteration++) {
         uint32_t index[4];
         fv_sample_distinct(random, count, 4, index);
-        if (!fv_homography_fit(pairs, index, 4, 0, candidate)) continue;
-        double now = fv_homography_cost(candidate, pairs, count, limit2, cost);
+        if (!homography_fit(pairs, index, 4, 0, candidate)) continue;
+        double now = homography_cost(candidate, pairs, count, limit2, cost);
         if (now >= cost) continue;
         cost = now;
         memcpy(best, candidate, sizeof best);
-        (void)fv_homography_optimise(pairs, count, limit2, inlier, best, &cost);
+        (void)homography_optimise(pairs, count, limit2, inlier, best, &cost);
         uint32_t needed = fv_sample_bound(1 - cost / whole, 4, sampling->confidence);
         if (needed < bound) bound = needed;
     }
-    for (int k = 0; k < 3 && fv_homography_optimise(pairs, count, limit2, inlier, best, &cost); k++)
+    for (int k = 0; k < 3 && homography_optimise(pairs, count, limit2, inlier, best, &cost); k++)
         ;
     uint32_t inliers = 0;
     for (uint32_t i = 0; i < count; i++) {
-        inlier[i] = fv_homography_residual2(best, &pairs[i]) < limit2;
+        inlier[i] = homography_residual2(best, &pairs[i]) < limit2;
         inliers += inlier[i];
     }
     if (inliers < 5) return 0;
@@ -123,8 +123,7 @@ uint32_t fv_homography_estimate(const struct fv_pair *pairs, uint32_t count,
 
 /* One motion from H (middle singular value 1, positive determinant) and two directions of the
  * plane. */
-static void fv_plane_motion(const double H[9], const double v[3], const double u[3],
-                            struct fv_se3 *T)
+static void plane_motion(const double H[9], const double v[3], const double u[3], struct fv_se3 *T)
 {
     double Hv[3], Hu[3], n[3], m[3];
     fv_rotate3(H, v, Hv);
@@ -165,7 +164,7 @@ int fv_homography_motions(const double H[9], struct fv_se3 T[4], double *baselin
         double u[3];
         for (int i = 0; i < 3; i++)
             u[i] = share1 * V[i] + (k ? -share3 : share3) * V[6 + i];
-        fv_plane_motion(scaled, V + 3, u, &T[2 * k]);
+        plane_motion(scaled, V + 3, u, &T[2 * k]);
         if (!fv_normalise3(T[2 * k].t)) return 0;
         T[2 * k + 1] = T[2 * k];
         for (int i = 0; i < 3; i++)

@@ -63,7 +63,7 @@ bool fv_invert_symmetric3(const double S[6], double inverse[6])
 }
 
 /* Rotate rows p and q of S and V so that S[p][q] vanishes. */
-static void fv_jacobi_rotate(double *S, double *V, int n, int p, int q)
+static void jacobi_rotate(double *S, double *V, int n, int p, int q)
 {
     double off = S[n * p + q];
     if (off == 0) return;
@@ -94,7 +94,7 @@ void fv_eigen_symmetric(const double *input, int n, double *values, double *V)
     for (int sweep = 0; sweep < 8; sweep++)
         for (int p = 0; p < n - 1; p++)
             for (int q = p + 1; q < n; q++)
-                fv_jacobi_rotate(S, W, n, p, q);
+                jacobi_rotate(S, W, n, p, q);
     bool taken[FV_EIGEN_SIZE_MAX] = {false};
     for (int row = 0; row < n; row++) { /* equal ones in the order in which they stand */
         int best = -1;

@@ -14,7 +14,7 @@ struct triangle {
 };
 
 /* Gauss-Newton on the three law-of-cosines equations: the depths come out to full precision. */
-static bool fv_polish(const struct triangle *g, double d[3])
+static bool polish(const struct triangle *g, double d[3])
 {
     for (int i = 0; i < 3; i++) {
         double r1 = d[0] * d[0] - 2 * g->b12 * d[0] * d[1] + d[1] * d[1] - g->a12;
@@ -34,8 +34,8 @@ static bool fv_polish(const struct triangle *g, double d[3])
 }
 
 /* Rigid motion that takes the triangle of world points onto the one of camera points. */
-static bool fv_align(const double points[3][3], const double bearings[3][3], const double d[3],
-                     struct fv_se3 *T)
+static bool align(const double points[3][3], const double bearings[3][3], const double d[3],
+                  struct fv_se3 *T)
 {
     double Y[3][3], w1[3], w2[3], w3[3], c1[3], c2[3], c3[3];
     for (int k = 0; k < 3; k++)
@@ -62,7 +62,7 @@ static bool fv_align(const double points[3][3], const double bearings[3][3], con
 }
 
 /* Depths for one plane d1 = w0 d2 + w1 d3, by a quadratic in tau = d3 / d2. */
-static int fv_plane_depths(const struct triangle *g, double w0, double w1, double depths[][3])
+static int plane_depths(const struct triangle *g, double w0, double w1, double depths[][3])
 {
     double difference = g->a13 - g->a12;
     double a = difference * w1 * w1 + 2 * g->a12 * g->b13 * w1 - g->a12;
@@ -87,7 +87,7 @@ static int fv_plane_depths(const struct triangle *g, double w0, double w1, doubl
 }
 
 /* Adjugate of a symmetric matrix. */
-static void fv_adjugate(const double S[9], double out[9])
+static void adjugate(const double S[9], double out[9])
 {
     fv_cross3(S + 3, S + 6, out);
     fv_cross3(S + 6, S, out + 3);
@@ -97,10 +97,10 @@ static void fv_adjugate(const double S[9], double out[9])
 /* The two planes of a degenerate cone S (J. Richter-Gebert, "Perspectives on projective geometry",
  * 2011, 11.1): its adjugate is -p p^T with p their common line, and S + [p]x has rank one. False
  * when they are not real. */
-static bool fv_split(const double S[9], double plane1[3], double plane2[3])
+static bool split(const double S[9], double plane1[3], double plane2[3])
 {
     double B[9];
-    fv_adjugate(S, B);
+    adjugate(S, B);
     int at = B[0] < B[4] ? (B[0] < B[8] ? 0 : 2) : (B[4] < B[8] ? 1 : 2);
     if (!(B[4 * at] < 0)) return false;
     double beta = 1 / __builtin_sqrt(-B[4 * at]), p[3];
@@ -119,7 +119,7 @@ static bool fv_split(const double S[9], double plane1[3], double plane2[3])
 }
 
 /* Real roots of the cubic c3 g^3 + c2 g^2 + c1 g + c0. */
-static int fv_cubic_roots(double c3, double c2, double c1, double c0, double roots[3])
+static int cubic_roots(double c3, double c2, double c1, double c0, double roots[3])
 {
     if (!(fv_abs(c3) > 1e-300)) return 0;
     double b = c2 / c3, c = c1 / c3, d = c0 / c3, g = fv_cubic_root(b, c, d);
@@ -134,7 +134,7 @@ static int fv_cubic_roots(double c3, double c2, double c1, double c0, double roo
 
 /* Cones D1 = a23 M12 - a12 M23 and D2 = a23 M13 - a13 M23 that hold the depths, and a plane pair of
  * their pencil. */
-static bool fv_pencil_planes(const struct triangle *g, double plane1[3], double plane2[3])
+static bool pencil_planes(const struct triangle *g, double plane1[3], double plane2[3])
 {
     const double D1[9] = {g->a23,          -g->b12 * g->a23, 0, -g->b12 * g->a23,
                           g->a23 - g->a12, g->b23 * g->a12,  0, g->b23 * g->a12,
@@ -145,22 +145,22 @@ static bool fv_pencil_planes(const struct triangle *g, double plane1[3], double 
                           -g->b13 * g->a23, g->b23 * g->a13,
                           g->a23 - g->a13};
     double adj1[9], adj2[9], c1 = 0, c2 = 0, roots[3], S[9];
-    fv_adjugate(D1, adj1);
-    fv_adjugate(D2, adj2);
+    adjugate(D1, adj1);
+    adjugate(D2, adj2);
     for (int i = 0; i < 9; i++) {
         c1 += adj1[i] * D2[i];
         c2 += D1[i] * adj2[i];
     }
-    int count = fv_cubic_roots(fv_determinant33(D2), c2, c1, fv_determinant33(D1), roots);
+    int count = cubic_roots(fv_determinant33(D2), c2, c1, fv_determinant33(D1), roots);
     for (int k = 0; k < count; k++) {
         for (int i = 0; i < 9; i++)
             S[i] = D1[i] + roots[k] * D2[i];
-        if (fv_split(S, plane1, plane2)) return true;
+        if (split(S, plane1, plane2)) return true;
     }
     return false;
 }
 
-static double fv_distance2(const double a[3], const double b[3])
+static double distance2(const double a[3], const double b[3])
 {
     double d[3];
     fv_subtract3(a, b, d);
@@ -169,18 +169,17 @@ static double fv_distance2(const double a[3], const double b[3])
 
 int fv_p3p(const double y[3][3], const double x[3][3], struct fv_se3 T[FV_P3P_SOLUTIONS_MAX])
 {
-    const struct triangle g = {fv_dot3(y[0], y[1]),      fv_dot3(y[0], y[2]),
-                               fv_dot3(y[1], y[2]),      fv_distance2(x[0], x[1]),
-                               fv_distance2(x[0], x[2]), fv_distance2(x[1], x[2])};
+    const struct triangle g = {fv_dot3(y[0], y[1]),   fv_dot3(y[0], y[2]),   fv_dot3(y[1], y[2]),
+                               distance2(x[0], x[1]), distance2(x[0], x[2]), distance2(x[1], x[2])};
     double planes[2][3], depths[4][3];
-    if (!(g.a12 > 0 && g.a13 > 0 && g.a23 > 0) || !fv_pencil_planes(&g, planes[0], planes[1]))
+    if (!(g.a12 > 0 && g.a13 > 0 && g.a23 > 0) || !pencil_planes(&g, planes[0], planes[1]))
         return 0;
     int candidates = 0, found = 0;
     for (int k = 0; k < 2; k++)
         if (planes[k][0] != 0)
-            candidates += fv_plane_depths(&g, -planes[k][1] / planes[k][0],
-                                          -planes[k][2] / planes[k][0], depths + candidates);
+            candidates += plane_depths(&g, -planes[k][1] / planes[k][0],
+                                       -planes[k][2] / planes[k][0], depths + candidates);
     for (int k = 0; k < candidates; k++)
-        found += fv_polish(&g, depths[k]) && fv_align(x, y, depths[k], &T[found]);
+        found += polish(&g, depths[k]) && align(x, y, depths[k], &T[found]);
     return found;
 }

@@ -2,7 +2,7 @@
 
 #include "geometry/vec.h"
 
-static double fv_value(const double *c, int degree, double x)
+static double value(const double *c, int degree, double x)
 {
     double v = c[degree];
     for (int i = degree - 1; i >= 0; i--)
@@ -10,7 +10,7 @@ static double fv_value(const double *c, int degree, double x)
     return v;
 }
 
-static double fv_value_and_slope(const double *c, int degree, double x, double *slope)
+static double value_and_slope(const double *c, int degree, double x, double *slope)
 {
     double v = c[degree], s = 0;
     for (int i = degree - 1; i >= 0; i--) {
@@ -22,12 +22,12 @@ static double fv_value_and_slope(const double *c, int degree, double x, double *
 }
 
 /* The root between low and high, where the signs differ. `tolerance` is relative to 1 + |x|. */
-static double fv_bracketed_root(const double *c, int degree, double low, double high, double at_low,
-                                double tolerance)
+static double bracketed_root(const double *c, int degree, double low, double high, double at_low,
+                             double tolerance)
 {
     double x = 0.5 * (low + high), before = high - low;
     for (int i = 0; i < 60; i++) {
-        double slope, v = fv_value_and_slope(c, degree, x, &slope);
+        double slope, v = value_and_slope(c, degree, x, &slope);
         if (v == 0) return x;
         if ((v > 0) == (at_low > 0))
             low = x;
@@ -60,12 +60,12 @@ int fv_polynomial_roots(const double *coefficients, int degree, double low, doub
     for (int d = 1; d <= degree; d++) {
         const double *c = derivative[d];
         double tolerance = d == degree ? 1e-14 : 1e-9, found[FV_POLYNOMIAL_DEGREE_MAX + 2];
-        double left = low, at_left = fv_value(c, d, left);
+        double left = low, at_left = value(c, d, left);
         int roots_found = 0;
         for (int i = 0; i <= count; i++) {
-            double right = i < count ? splits[i] : high, at_right = fv_value(c, d, right);
+            double right = i < count ? splits[i] : high, at_right = value(c, d, right);
             if ((at_left > 0) != (at_right > 0))
-                found[roots_found++] = fv_bracketed_root(c, d, left, right, at_left, tolerance);
+                found[roots_found++] = bracketed_root(c, d, left, right, at_left, tolerance);
             left = right;
             at_left = at_right;
         }

@@ -5,16 +5,15 @@
 #include "geometry/linear.h"
 #include "geometry/sample.h"
 #include "geometry/vec.h"
+#include "geometry/chi_square.h"
 
-static const double chi_square_95_2 = 5.991, chi_square_99_2 = 9.21;
 static const double settled_variance_min =
     0.08; /* px^2 of level 0: matches are not better than that */
 
-/* ---- sampling
- * ---------------------------------------------------------------------------------------- */
+/* ---- sampling -------------------------------------------------------------------------------- */
 
 /* Squared sine of the angle between bearing and point (1 when behind): what MSAC adds up. */
-static double fv_angle2(const struct fv_se3 *T, const struct fv_sight *s)
+static double angle2(const struct fv_se3 *T, const struct fv_sight *s)
 {
     double q[3];
     fv_se3_apply(T, s->point, q);
@@ -22,12 +21,12 @@ static double fv_angle2(const struct fv_se3 *T, const struct fv_sight *s)
     return along > 0 ? 1 - along * along / square : 1;
 }
 
-static double fv_sample_cost(const struct fv_se3 *T, const struct fv_sight *sights, uint32_t count,
-                             double limit2, double best)
+static double sample_cost(const struct fv_se3 *T, const struct fv_sight *sights, uint32_t count,
+                          double limit2, double best)
 {
     double cost = 0;
     for (uint32_t i = 0; i < count; i++) {
-        double r2 = fv_angle2(T, &sights[i]);
+        double r2 = angle2(T, &sights[i]);
         cost += r2 < limit2 ? r2 : limit2;
         if ((i & 15) == 15 && cost >= best) return cost;
     }
@@ -35,13 +34,13 @@ static double fv_sample_cost(const struct fv_se3 *T, const struct fv_sight *sigh
 }
 
 /* Angular Gauss-Newton over the sights below the threshold: the local optimisation. */
-static void fv_angular_refine(const struct fv_sight *sights, uint32_t count, double limit2,
-                              int steps, struct fv_se3 *T)
+static void angular_refine(const struct fv_sight *sights, uint32_t count, double limit2, int steps,
+                           struct fv_se3 *T)
 {
     for (int step = 0; step < steps; step++) {
         double A[36] = {0}, g[6] = {0};
         for (uint32_t i = 0; i < count; i++) {
-            if (fv_angle2(T, &sights[i]) >= limit2) continue;
+            if (angle2(T, &sights[i]) >= limit2) continue;
             /* Residual b x q / |q|, whose length is the sine; its derivative by q, the length held,
              * is [b]x / |q|. */
             double q[3], r[3];
@@ -89,7 +88,7 @@ uint32_t fv_pose_sample(struct fv_sight *sights, uint32_t count, const struct fv
         }
         int solutions = fv_p3p(bearings, points, T), improved = -1;
         for (int k = 0; k < solutions; k++) {
-            double now = fv_sample_cost(&T[k], sights, count, limit2, cost);
+            double now = sample_cost(&T[k], sights, count, limit2, cost);
             if (now < cost) {
                 cost = now;
                 best = T[k];
@@ -98,9 +97,9 @@ uint32_t fv_pose_sample(struct fv_sight *sights, uint32_t count, const struct fv
         }
         if (improved < 0) continue;
         struct fv_se3 moved = best;
-        fv_angular_refine(sights, count, 4 * limit2, 1, &moved);
-        fv_angular_refine(sights, count, limit2, 1, &moved);
-        double now = fv_sample_cost(&moved, sights, count, limit2, cost);
+        angular_refine(sights, count, 4 * limit2, 1, &moved);
+        angular_refine(sights, count, limit2, 1, &moved);
+        double now = sample_cost(&moved, sights, count, limit2, cost);
         if (now < cost) {
             cost = now;
             best = moved;
@@ -110,16 +109,15 @@ uint32_t fv_pose_sample(struct fv_sight *sights, uint32_t count, const struct fv
     }
     uint32_t inliers = 0;
     for (uint32_t i = 0; i < count; i++)
-        inliers += fv_angle2(&best, &sights[i]) < limit2;
+        inliers += angle2(&best, &sights[i]) < limit2;
     if (inliers < 4) return 0;
     for (uint32_t i = 0; i < count; i++)
-        sights[i].inlier = fv_angle2(&best, &sights[i]) < limit2;
+        sights[i].inlier = angle2(&best, &sights[i]) < limit2;
     *T_cam_world = best;
     return inliers;
 }
 
-/* ---- refinement
- * -------------------------------------------------------------------------------------- */
+/* ---- refinement ------------------------------------------------------------------------------ */
 
 bool fv_sight_error(const double bearing[3], const double A[6], const double q[3], double error[2],
                     double J[6])
@@ -139,8 +137,8 @@ bool fv_sight_error(const double bearing[3], const double A[6], const double q[3
 
 /* Weighted squared pixel error; derivative rows by the small motion when `rows` is not NULL.
  * Negative: behind. */
-static double fv_pixel_error(const struct fv_se3 *T, const struct fv_sight *s, double residual[2],
-                             double rows[12])
+static double pixel_error(const struct fv_se3 *T, const struct fv_sight *s, double residual[2],
+                          double rows[12])
 {
     double q[3], J[6];
     fv_se3_apply(T, s->point, q);
@@ -153,8 +151,8 @@ static double fv_pixel_error(const struct fv_se3 *T, const struct fv_sight *s, d
     return s->weight * (residual[0] * residual[0] + residual[1] * residual[1]);
 }
 
-static void fv_accumulate(double A[36], double g[6], const double rows[12],
-                          const double residual[2], double weight)
+static void accumulate(double A[36], double g[6], const double rows[12], const double residual[2],
+                       double weight)
 {
     for (int a = 0; a < 6; a++) {
         double u = weight * rows[a], v = weight * rows[6 + a];
@@ -164,18 +162,18 @@ static void fv_accumulate(double A[36], double g[6], const double rows[12],
     }
 }
 
-static bool fv_refine_step(const struct fv_sight *sights, uint32_t count, struct fv_se3 *T,
-                           double *moved)
+static bool refine_step(const struct fv_sight *sights, uint32_t count, struct fv_se3 *T,
+                        double *moved)
 {
     double A[36] = {0}, g[6] = {0};
     for (uint32_t i = 0; i < count; i++) {
         double residual[2], rows[12];
         if (!sights[i].inlier) continue;
-        double error2 = fv_pixel_error(T, &sights[i], residual, rows);
+        double error2 = pixel_error(T, &sights[i], residual, rows);
         if (error2 < 0) continue;
-        double robust =
-            error2 > chi_square_95_2 ? __builtin_sqrt(chi_square_95_2 / error2) : 1; /* Huber */
-        fv_accumulate(A, g, rows, residual, robust * sights[i].weight);
+        double robust = error2 > FV_CHI_SQUARE_95_2 ? __builtin_sqrt(FV_CHI_SQUARE_95_2 / error2)
+                                                    : 1; /* Huber */
+        accumulate(A, g, rows, residual, robust * sights[i].weight);
     }
     for (int a = 0; a < 6; a++)
         A[7 * a] *= 1 + 1e-9;
@@ -186,28 +184,28 @@ static bool fv_refine_step(const struct fv_sight *sights, uint32_t count, struct
 }
 
 /* Inliers are sights with weighted squared errors below `limit2`. */
-static void fv_sort_sights(struct fv_sight *sights, uint32_t count, const struct fv_se3 *T,
-                           double limit2)
+static void sort_sights(struct fv_sight *sights, uint32_t count, const struct fv_se3 *T,
+                        double limit2)
 {
     double residual[2];
     for (uint32_t i = 0; i < count; i++) {
-        double error2 = fv_pixel_error(T, &sights[i], residual, 0);
+        double error2 = pixel_error(T, &sights[i], residual, 0);
         sights[i].inlier = error2 >= 0 && error2 < limit2;
     }
 }
 
-static void fv_fit_of(const struct fv_sight *sights, uint32_t count, struct fv_se3 *T,
-                      struct fv_pose_fit *fit)
+static void fit_of(const struct fv_sight *sights, uint32_t count, struct fv_se3 *T,
+                   struct fv_pose_fit *fit)
 {
     double residual[2], rows[12], unused[6] = {0};
     fv_so3_orthonormalise(T->R);
     memset(fit, 0, sizeof *fit);
     for (uint32_t i = 0; i < count; i++) {
-        double error2 = sights[i].inlier ? fv_pixel_error(T, &sights[i], residual, rows) : -1;
+        double error2 = sights[i].inlier ? pixel_error(T, &sights[i], residual, rows) : -1;
         if (error2 < 0) continue;
         fit->inliers++;
         fit->cost += error2;
-        fv_accumulate(fit->information, unused, rows, residual, sights[i].weight);
+        accumulate(fit->information, unused, rows, residual, sights[i].weight);
     }
     for (int a = 0; a < 6; a++)
         for (int c = a + 1; c < 6; c++)
@@ -226,10 +224,10 @@ bool fv_pose_refine(struct fv_sight *sights, uint32_t count, int rounds, int ste
     for (int round = 0; round < rounds; round++) {
         double moved = 1;
         for (int step = 0; step < steps && moved > 1e-14; step++)
-            if (!fv_refine_step(sights, count, &T, &moved)) return false;
-        fv_sort_sights(sights, count, &T, chi_square_95_2);
+            if (!refine_step(sights, count, &T, &moved)) return false;
+        sort_sights(sights, count, &T, FV_CHI_SQUARE_95_2);
     }
-    fv_fit_of(sights, count, &T, fit);
+    fit_of(sights, count, &T, fit);
     *T_cam_world = T;
     return true;
 }
@@ -240,14 +238,14 @@ bool fv_pose_settle(struct fv_sight *sights, uint32_t count, struct fv_se3 *T_ca
     struct fv_se3 T = *T_cam_world;
     double variance = fv_pose_variance(fit), moved;
     if (variance < settled_variance_min) variance = settled_variance_min;
-    const double limit2 = variance * chi_square_99_2;
-    if (limit2 >= chi_square_95_2) return true;
+    const double limit2 = variance * FV_CHI_SQUARE_99_2;
+    if (limit2 >= FV_CHI_SQUARE_95_2) return true;
     for (int step = 0; step < 2; step++) {
-        fv_sort_sights(sights, count, &T, limit2);
-        if (!fv_refine_step(sights, count, &T, &moved)) return false;
+        sort_sights(sights, count, &T, limit2);
+        if (!refine_step(sights, count, &T, &moved)) return false;
     }
-    fv_sort_sights(sights, count, &T, limit2);
-    fv_fit_of(sights, count, &T, fit);
+    sort_sights(sights, count, &T, limit2);
+    fit_of(sights, count, &T, fit);
     *T_cam_world = T;
     return true;
 }

@@ -51,7 +51,7 @@ uint32_t fv_pose_sample(struct fv_sight *sights, uint32_t count, const struct fv
                         struct fovea_random *random, struct fv_se3 *T_cam_world);
 
 struct fv_pose_fit {
-    uint32_t inliers; /* sights with weighted squared error below the chi-square bound 5.991 (95 %,
+    uint32_t inliers; /* sights with weighted squared error below the chi-square bound (95 %,
                          2 dof) */
     double cost;      /* sum of their weighted squared errors, px^2 */
     /* of the inliers, row-major, order as in fv_se3_move (camera side, translation

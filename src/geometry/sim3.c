@@ -66,13 +66,12 @@ void fv_sim3_move_pose(const struct fv_sim3 *S, struct fv_se3 *T_cam)
     *T_cam = moved;
 }
 
-/* ---- exponential
- * ----------------------------------------------------------------------------------- */
+/* ---- exponential ----------------------------------------------------------------------------- */
 
 /* Coefficients of W = A [w]x + B [w]x^2 + C I, the integral of exp(tau (sigma I + [w]x)) over tau
  * in [0, 1]. With z = sigma + i theta and f = (exp z - 1) / z: C = f at theta = 0, A = Im f /
  * theta, B = (C - Re f) / theta^2. Near zero by the power series of f, z^k / (k + 1)!. */
-static void fv_sim3_coefficients(double sigma, double theta2, double *A, double *B, double *C)
+static void sim3_coefficients(double sigma, double theta2, double *A, double *B, double *C)
 {
     double theta = __builtin_sqrt(theta2), factor = 1;
     *A = *B = *C = 0;
@@ -103,10 +102,10 @@ static void fv_sim3_coefficients(double sigma, double theta2, double *A, double 
     *B = (*C - f_re) / theta2;
 }
 
-static void fv_sim3_matrix(const double w[3], double sigma, double W[9])
+static void sim3_matrix(const double w[3], double sigma, double W[9])
 {
     double A, B, C, theta2 = fv_dot3(w, w);
-    fv_sim3_coefficients(sigma, theta2, &A, &B, &C);
+    sim3_coefficients(sigma, theta2, &A, &B, &C);
     const double X[9] = {0, -w[2], w[1], w[2], 0, -w[0], -w[1], w[0], 0};
     double XX[9];
     fv_multiply33(X, X, XX);
@@ -117,7 +116,7 @@ static void fv_sim3_matrix(const double w[3], double sigma, double W[9])
 void fv_sim3_exp(const double x[7], struct fv_sim3 *S)
 {
     double W[9];
-    fv_sim3_matrix(x + 3, x[6], W);
+    sim3_matrix(x + 3, x[6], W);
     fv_so3_exp(x + 3, S->R);
     fv_rotate3(W, x, S->t);
     S->s = fovea_exp(x[6]);
@@ -128,7 +127,7 @@ void fv_sim3_log(const struct fv_sim3 *S, double x[7])
     double W[9], cofactor[9];
     fv_so3_log(S->R, x + 3);
     x[6] = fovea_log(S->s);
-    fv_sim3_matrix(x + 3, x[6], W);
+    sim3_matrix(x + 3, x[6], W);
     for (int r = 0; r < 3; r++) {
         const double *a = W + 3 * ((r + 1) % 3), *b = W + 3 * ((r + 2) % 3);
         fv_cross3(a, b, cofactor + 3 * r);

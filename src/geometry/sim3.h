@@ -42,8 +42,7 @@ void fv_sim3_log(const struct fv_sim3 *S, double x[7]);
  * by S's scale. */
 void fv_sim3_move_pose(const struct fv_sim3 *S_new_old, struct fv_se3 *T_cam);
 
-/* ---- alignment
- * ------------------------------------------------------------------------------------- */
+/* ---- alignment ------------------------------------------------------------------------------- */
 
 /* Best S_a_b for pairs of points, in the sense of least squares on a. At least 3; false when they
  * lie on a line. */

@@ -6,13 +6,11 @@
 #include "geometry/sample.h"
 #include "geometry/sim3.h"
 #include "geometry/vec.h"
+#include "geometry/chi_square.h"
 
-static const double huber_square =
-    5.991; /* 95 % of chi-square with 2 degrees of freedom, those of the pixels */
 static const double distance_ratio_max = 1.5;
 
-/* ---- closed form
- * ----------------------------------------------------------------------------------- */
+/* ---- closed form ----------------------------------------------------------------------------- */
 
 bool fv_sim3_align(const double (*a)[3], const double (*b)[3], uint32_t count, struct fv_sim3 *S)
 {
@@ -54,10 +52,9 @@ bool fv_sim3_align(const double (*a)[3], const double (*b)[3], uint32_t count, s
     return true;
 }
 
-/* ---- errors and sampling
- * --------------------------------------------------------------------------- */
+/* ---- errors and sampling --------------------------------------------------------------------- */
 
-static bool fv_distances_agree(const double q[3], const double p[3])
+static bool distances_agree(const double q[3], const double p[3])
 {
     double ratio2 = fv_dot3(q, q) / fv_dot3(p, p), bound = distance_ratio_max * distance_ratio_max;
     return ratio2 < bound && ratio2 * bound > 1;
@@ -65,8 +62,8 @@ static bool fv_distances_agree(const double q[3], const double p[3])
 
 /* Squared error of a point q of the camera's frame, whose own error along its ray is `along`, over
  * the variance of both. */
-static bool fv_square_error(const double bearing[3], const double A[6], double weight,
-                            const double q[3], const double along[3], double *square)
+static bool square_error(const double bearing[3], const double A[6], double weight,
+                         const double q[3], const double along[3], double *square)
 {
     double e[2], J[6];
     *square = 0;
@@ -79,8 +76,8 @@ static bool fv_square_error(const double bearing[3], const double A[6], double w
 }
 
 /* A point of one camera in the other's frame, and its error along its ray there. */
-static void fv_move_point(const struct fv_sim3 *S, const double point[3], double sigma, double q[3],
-                          double along[3])
+static void move_point(const struct fv_sim3 *S, const double point[3], double sigma, double q[3],
+                       double along[3])
 {
     fv_sim3_apply(S, point, q);
     for (int k = 0; k < 3; k++)
@@ -92,17 +89,17 @@ bool fv_sim3_errors(const struct fv_meeting *m, const struct fv_sim3 *S_a_b,
 {
     double q[3], along[3];
     square[1] = 0;
-    fv_move_point(S_a_b, m->point_b, m->sigma_b, q, along);
-    if (!fv_distances_agree(q, m->point_a) ||
-        !fv_square_error(m->bearing_a, m->A_a, m->weight_a, q, along, &square[0]))
+    move_point(S_a_b, m->point_b, m->sigma_b, q, along);
+    if (!distances_agree(q, m->point_a) ||
+        !square_error(m->bearing_a, m->A_a, m->weight_a, q, along, &square[0]))
         return false;
     if (m->weight_b == 0) return true;
-    fv_move_point(S_b_a, m->point_a, m->sigma_a, q, along);
-    return fv_square_error(m->bearing_b, m->A_b, m->weight_b, q, along, &square[1]);
+    move_point(S_b_a, m->point_a, m->sigma_a, q, along);
+    return square_error(m->bearing_b, m->A_b, m->weight_b, q, along, &square[1]);
 }
 
-static bool fv_meeting_agrees(const struct fv_meeting *m, const struct fv_sim3 *S_a_b,
-                              const struct fv_sim3 *S_b_a, double limit)
+static bool meeting_agrees(const struct fv_meeting *m, const struct fv_sim3 *S_a_b,
+                           const struct fv_sim3 *S_b_a, double limit)
 {
     double square[2];
     return fv_sim3_errors(m, S_a_b, S_b_a, square) && square[0] < limit && square[1] < limit;
@@ -132,7 +129,7 @@ bool fv_sim3_search_more(struct fv_sim3_search *search, const struct fv_meeting 
         if (!fv_sim3_align((const double(*)[3])a, (const double(*)[3])b, 3, &S)) continue;
         fv_sim3_invert(&S, &inverse);
         for (uint32_t i = 0; i < count; i++) {
-            inliers += fv_meeting_agrees(&meetings[i], &S, &inverse, limit);
+            inliers += meeting_agrees(&meetings[i], &S, &inverse, limit);
             if (inliers + (count - 1 - i) <= search->best_inliers) break;
         }
         if (inliers <= search->best_inliers) continue;
@@ -144,10 +141,9 @@ bool fv_sim3_search_more(struct fv_sim3_search *search, const struct fv_meeting 
     return search->done < search->bound;
 }
 
-/* ---- refinement
- * ------------------------------------------------------------------------------------ */
+/* ---- refinement ------------------------------------------------------------------------------ */
 
-static void fv_add_row(double e, double weight, const double row[7], double H[49], double g[7])
+static void add_row(double e, double weight, const double row[7], double H[49], double g[7])
 {
     for (int a = 0; a < 7; a++) {
         double u = weight * row[a];
@@ -166,7 +162,7 @@ struct camera_rows {
 
 /* Their sum into the system: the inverse of diag(1 / weight) + u u^T by Sherman and Morrison, under
  * a Huber weight. */
-static void fv_add_rows(const struct camera_rows *r, double H[49], double g[7])
+static void add_rows(const struct camera_rows *r, double H[49], double g[7])
 {
     double together[7] = {0}, by_u = 0, of_u = 1, square = 0;
     for (int i = 0; i < r->count; i++) {
@@ -178,16 +174,17 @@ static void fv_add_rows(const struct camera_rows *r, double H[49], double g[7])
         square += r->weight[i] * r->e[i] * r->e[i];
     }
     square -= by_u * by_u / of_u;
-    const double robust = square > huber_square ? __builtin_sqrt(huber_square / square) : 1;
+    const double robust =
+        square > FV_CHI_SQUARE_95_2 ? __builtin_sqrt(FV_CHI_SQUARE_95_2 / square) : 1;
     for (int i = 0; i < r->count; i++)
-        fv_add_row(r->e[i], robust * r->weight[i], r->row[i], H, g);
-    fv_add_row(by_u, -robust / of_u, together, H, g);
+        add_row(r->e[i], robust * r->weight[i], r->row[i], H, g);
+    add_row(by_u, -robust / of_u, together, H, g);
 }
 
 /* The row of an error whose derivative by q is J. A step moves `place` by u + w x place + sigma
  * place; q goes with it, or, with `back`, against it through the inverse transform. */
-static void fv_step_row(const double J[3], const double place[3], const struct fv_sim3 *back,
-                        double row[7])
+static void step_row(const double J[3], const double place[3], const struct fv_sim3 *back,
+                     double row[7])
 {
     double by_place[3];
     if (back) {
@@ -204,12 +201,12 @@ static void fv_step_row(const double J[3], const double place[3], const struct f
 
 /* The step x moves S_a_b to (u, exp w, exp sigma) applied after it: q' = exp(sigma) exp(w) q + u.
  * Seen from b, it moves the points of a by its inverse. */
-static void fv_meeting_system(const struct fv_meeting *m, const struct fv_sim3 *S_a_b,
-                              const struct fv_sim3 *S_b_a, double H[49], double g[7])
+static void meeting_system(const struct fv_meeting *m, const struct fv_sim3 *S_a_b,
+                           const struct fv_sim3 *S_b_a, double H[49], double g[7])
 {
     struct camera_rows r = {.weight = {m->weight_a, m->weight_a, 1}, .count = 3};
     double q[3], along[3], J[9];
-    fv_move_point(S_a_b, m->point_b, m->sigma_b, q, along);
+    move_point(S_a_b, m->point_b, m->sigma_b, q, along);
     if (!fv_sight_error(m->bearing_a, m->A_a, q, r.e, J)) return;
     /* Pixels alone leave the scale open when both cameras stand in one place: the distances are
      * held against each other. */
@@ -219,40 +216,40 @@ static void fv_meeting_system(const struct fv_meeting *m, const struct fv_sim3 *
         J[6 + k] = m->bearing_a[k] / length * per_sigma;
     for (int i = 0; i < 3; i++) {
         r.u[i] = fv_dot3(J + 3 * i, along);
-        fv_step_row(J + 3 * i, q, 0, r.row[i]);
+        step_row(J + 3 * i, q, 0, r.row[i]);
     }
-    fv_add_rows(&r, H, g);
+    add_rows(&r, H, g);
     if (m->weight_b == 0) return;
     r.count = 2;
     r.weight[0] = r.weight[1] = m->weight_b;
-    fv_move_point(S_b_a, m->point_a, m->sigma_a, q, along);
+    move_point(S_b_a, m->point_a, m->sigma_a, q, along);
     if (!fv_sight_error(m->bearing_b, m->A_b, q, r.e, J)) return;
     for (int i = 0; i < 2; i++) {
         r.u[i] = fv_dot3(J + 3 * i, along);
-        fv_step_row(J + 3 * i, m->point_a, S_b_a, r.row[i]);
+        step_row(J + 3 * i, m->point_a, S_b_a, r.row[i]);
     }
-    fv_add_rows(&r, H, g);
+    add_rows(&r, H, g);
 }
 
 /* Over the inliers; H is filled below its diagonal, and damped by next to nothing. */
-static void fv_meetings_system(const struct fv_meeting *meetings, uint32_t count,
-                               const struct fv_sim3 *S_a_b, double H[49], double g[7])
+static void meetings_system(const struct fv_meeting *meetings, uint32_t count,
+                            const struct fv_sim3 *S_a_b, double H[49], double g[7])
 {
     struct fv_sim3 S_b_a;
     memset(H, 0, 49 * sizeof *H);
     memset(g, 0, 7 * sizeof *g);
     fv_sim3_invert(S_a_b, &S_b_a);
     for (uint32_t i = 0; i < count; i++)
-        if (meetings[i].inlier) fv_meeting_system(&meetings[i], S_a_b, &S_b_a, H, g);
+        if (meetings[i].inlier) meeting_system(&meetings[i], S_a_b, &S_b_a, H, g);
     for (int a = 0; a < 7; a++)
         H[8 * a] *= 1 + 1e-9;
 }
 
-static bool fv_sim3_step(const struct fv_meeting *meetings, uint32_t count, struct fv_sim3 *S_a_b)
+static bool sim3_step(const struct fv_meeting *meetings, uint32_t count, struct fv_sim3 *S_a_b)
 {
     double H[49], g[7];
     struct fv_sim3 step, moved;
-    fv_meetings_system(meetings, count, S_a_b, H, g);
+    meetings_system(meetings, count, S_a_b, H, g);
     if (!fv_ldlt_solve(H, 7, g)) return false;
     fv_so3_exp(g + 3, step.R);
     fv_copy3(g, step.t);
@@ -268,11 +265,11 @@ uint32_t fv_sim3_refine(struct fv_meeting *meetings, uint32_t count, double limi
 {
     struct fv_sim3 S = *S_a_b, inverse;
     for (int step = 0; step < steps; step++)
-        if (!fv_sim3_step(meetings, count, &S)) return 0;
+        if (!sim3_step(meetings, count, &S)) return 0;
     uint32_t inliers = 0;
     fv_sim3_invert(&S, &inverse);
     for (uint32_t i = 0; i < count; i++) {
-        meetings[i].inlier = fv_meeting_agrees(&meetings[i], &S, &inverse, limit);
+        meetings[i].inlier = meeting_agrees(&meetings[i], &S, &inverse, limit);
         inliers += meetings[i].inlier;
     }
     *S_a_b = S;
@@ -283,7 +280,7 @@ double fv_sim3_turn_sigma(const struct fv_meeting *meetings, uint32_t count,
                           const struct fv_sim3 *S_a_b)
 {
     double H[49], g[7], variance = 0;
-    fv_meetings_system(meetings, count, S_a_b, H, g);
+    meetings_system(meetings, count, S_a_b, H, g);
     if (!fv_ldlt_factor(H, 7)) return FOVEA_PI;
     for (int axis = 3; axis < 6; axis++) {
         double column[7] = {0};

@@ -12,14 +12,14 @@ static void convert_bayer_row(uint8_t *grey, const struct fv_kernels *kernels,
                            image->data + (ptrdiff_t)below * image->stride_bytes, image->width);
 }
 
-void fv_grey_convert(uint8_t *grey, int32_t stride_bytes, const struct fv_kernels *kernels,
+void fv_grey_convert(const struct fv_plane *grey, const struct fv_kernels *kernels,
                      const struct fovea_image *image)
 {
     enum { RED = 9798, BLUE = 3735 };
     const int32_t width = image->width;
     for (int32_t y = 0; y < image->height; y++) {
         const uint8_t *row = image->data + (ptrdiff_t)y * image->stride_bytes;
-        uint8_t *out = grey + (ptrdiff_t)y * stride_bytes;
+        uint8_t *out = fv_plane_row(grey, y);
         switch (image->format) {
         case FOVEA_PIXEL_GREY8:
         case FOVEA_PIXEL_NV12:

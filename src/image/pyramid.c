@@ -28,31 +28,30 @@ void fv_pyramid_carve(struct fv_pyramid *pyramid, int32_t width, int32_t height,
     const int32_t line = FV_CACHE_LINE_BYTES;
     pyramid->levels = levels;
     for (uint32_t i = 0; i < levels; i++) {
-        struct fv_level *level = &pyramid->level[i];
+        struct fv_plane *level = &pyramid->level[i];
         level->width = i == 0 ? width : fv_pyramid_next(level[-1].width);
         level->height = i == 0 ? height : fv_pyramid_next(level[-1].height);
-        level->stride_bytes = (level->width + FV_LEVEL_SLACK_BYTES + line - 1) / line * line;
-        level->pixels = fv_arena_take(frame, (size_t)level->height, (size_t)level->stride_bytes);
+        level->stride = (level->width + FV_LEVEL_SLACK_BYTES + line - 1) / line * line;
+        level->pixels = fv_arena_take(frame, (size_t)level->height, (size_t)level->stride);
     }
-    pyramid->row =
-        fv_arena_take(frame, 1, (size_t)pyramid->level[0].stride_bytes + FV_LEVEL_SLACK_BYTES);
+    pyramid->row = fv_arena_take(frame, 1, (size_t)pyramid->level[0].stride + FV_LEVEL_SLACK_BYTES);
 }
 
-static void shrink(const struct fv_kernels *kernels, const struct fv_level *from,
-                   const struct fv_level *to, uint8_t *row)
+static void shrink(const struct fv_kernels *kernels, const struct fv_plane *from,
+                   const struct fv_plane *to, uint8_t *row)
 {
     static const uint8_t weight[5] = {13, 38, 64, 90, 115};
     for (int32_t y = 0; y < to->height; y++) {
-        const uint8_t *above = from->pixels + (ptrdiff_t)(y + y / 5) * from->stride_bytes;
-        kernels->blend_rows_u8(row, above, above + from->stride_bytes, from->width, weight[y % 5]);
-        kernels->shrink_row_u8(to->pixels + (ptrdiff_t)y * to->stride_bytes, row, to->width);
+        const uint8_t *above = from->pixels + (ptrdiff_t)(y + y / 5) * from->stride;
+        kernels->blend_rows_u8(row, above, above + from->stride, from->width, weight[y % 5]);
+        kernels->shrink_row_u8(to->pixels + (ptrdiff_t)y * to->stride, row, to->width);
     }
 }
 
 void fv_pyramid_build(struct fv_pyramid *pyramid, const struct fv_kernels *kernels,
                       const struct fovea_image *frame)
 {
-    fv_grey_convert(pyramid->level[0].pixels, pyramid->level[0].stride_bytes, kernels, frame);
+    fv_grey_convert(&pyramid->level[0], kernels, frame);
     for (uint32_t i = 1; i < pyramid->levels; i++)
         shrink(kernels, &pyramid->level[i - 1], &pyramid->level[i], pyramid->row);
 }

@@ -15,6 +15,7 @@
 #include "base/arena.h"
 #include "fovea/features.h"
 #include "fovea/image.h"
+#include "image/plane.h"
 #include "kernels/kernels.h"
 
 #ifdef __cplusplus
@@ -25,16 +26,17 @@ extern "C" {
  * hold undefined values. */
 enum { FV_LEVEL_SLACK_BYTES = 64 };
 
-struct fv_level {
-    uint8_t *pixels; /* NULL while counting */
-    int32_t width, height, stride_bytes;
-};
-
 struct fv_pyramid {
     uint32_t levels;
-    struct fv_level level[FOVEA_PYRAMID_LEVELS_MAX];
+    struct fv_plane level[FOVEA_PYRAMID_LEVELS_MAX];
     uint8_t *row; /* one blended row */
 };
+
+static inline const struct fv_plane *fv_pyramid_level(const struct fv_pyramid *pyramid,
+                                                      uint32_t level)
+{
+    return &pyramid->level[level];
+}
 
 /* 1.2^level: level-0 pixels per pixel of a level. */
 float fv_pyramid_scale(uint32_t level);

@@ -3,10 +3,13 @@
  * Layout, all little-endian, numbers as IEEE 754 and two's complement:
  *
  *     header     FV_ARCHIVE_HEADER_BYTES: magic, version, byte order mark, size, calibration,
- * counts landmarks  each FV_ARCHIVE_LANDMARK_BYTES and 4 bytes per observer (keyframe slot,
- * feature) keyframes  each FV_ARCHIVE_KEYFRAME_BYTES and FV_ARCHIVE_FEATURE_BYTES per feature, cell
- * by cell of the grid edges      of closed loops, 16 bytes each scales     of maps whose unit is
- * known in metres, FV_ARCHIVE_SCALE_BYTES each checksum   8 bytes, FNV-1a of all before
+ *                counts
+ *     landmarks  each FV_ARCHIVE_LANDMARK_BYTES and 4 bytes per observer (keyframe slot, feature)
+ *     keyframes  each FV_ARCHIVE_KEYFRAME_BYTES and FV_ARCHIVE_FEATURE_BYTES per feature, cell by
+ *                cell of the grid
+ *     edges      of closed loops, 16 bytes each
+ *     scales     of maps whose unit is known in metres, FV_ARCHIVE_SCALE_BYTES each
+ *     checksum   8 bytes, FNV-1a of all before
  *
  * Bearings, grids, redundancy and the place index are not stored: they follow from the rest.
  *
@@ -48,8 +51,7 @@ enum {
 /* Most bytes that a map within these limits takes. */
 size_t fv_archive_bytes_max(const struct fv_map_limits *limits);
 
-/* ---- writing
- * ----------------------------------------------------------------------------------------- */
+/* ---- writing --------------------------------------------------------------------------------- */
 
 enum fv_archive_phase {
     FV_ARCHIVE_IDLE = 0,
@@ -85,8 +87,7 @@ size_t fv_archive_take(struct fv_archive_state *archive);
 /* Put the checksum at the end of a written file. A pass over all bytes: not for the loop. */
 void fv_archive_seal(uint8_t *data, size_t bytes);
 
-/* ---- reading
- * ----------------------------------------------------------------------------------------- */
+/* ---- reading --------------------------------------------------------------------------------- */
 
 /* What a file says of itself. */
 struct fv_archive_info {
@@ -96,6 +97,10 @@ struct fv_archive_info {
     uint32_t map_id, map_next;
     uint64_t keyframe_number, frame_number;
 };
+
+/* The count that the first bytes of a file of `bytes` bytes state, at least FV_ARCHIVE_HEADER_BYTES
+ * of them. False: it is no map of this version, or it is cut. */
+bool fv_archive_landmarks(const uint8_t *header, uint64_t bytes, uint32_t *landmarks);
 
 /* Check size, magic, version, byte order and checksum, and read the header. `name` is for errors,
  * which are FOVEA_ERROR_INPUT and name the byte. Init-only. */

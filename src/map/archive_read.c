@@ -5,8 +5,7 @@
 #include "geometry/vec.h"
 #include "map/archive.h"
 
-/* ---- bytes
- * ------------------------------------------------------------------------------------------- */
+/* ---- bytes ----------------------------------------------------------------------------------- */
 
 /* Where reading stands. After the first error nothing is read any more, and values are 0. */
 struct reader {
@@ -101,8 +100,9 @@ static void get_bytes(struct reader *r, uint8_t *to, uint32_t bytes)
     r->at += bytes;
 }
 
-/* ---- header
- * ------------------------------------------------------------------------------------------ */
+/* ---- header ---------------------------------------------------------------------------------- */
+
+enum { SIZE_AT = 16, LANDMARKS_AT = 136 };
 
 static void read_envelope(struct reader *r)
 {
@@ -167,11 +167,22 @@ static void read_header(struct reader *r, struct fv_archive_info *info)
     info->frame_number = get_number(r, "frames");
     (void)get(r, 8);
     if (info->landmarks > info->landmark_slots)
-        refuse(r, 136, "landmarks", info->landmarks, "at most the slots");
+        refuse(r, LANDMARKS_AT, "landmarks", info->landmarks, "at most the slots");
     if (info->keyframes > info->keyframe_slots)
         refuse(r, 140, "keyframes", info->keyframes, "at most the slots");
     if (info->edges > FV_MAP_EDGES_MAX) refuse(r, 144, "edges", info->edges, "at most 128");
     if (info->scales > FV_ARCHIVE_SCALES_MAX) refuse(r, 164, "scales", info->scales, "at most 9");
+}
+
+bool fv_archive_landmarks(const uint8_t *header, uint64_t bytes, uint32_t *landmarks)
+{
+    struct reader r = {.data = header, .bytes = FV_ARCHIVE_HEADER_BYTES, .at = 8};
+    if (memcmp(header, "FOVEAMAP", 8) != 0 || get_u32(&r) != FV_ARCHIVE_VERSION) return false;
+    r.at = SIZE_AT;
+    if (get(&r, 8) != bytes) return false;
+    r.at = LANDMARKS_AT;
+    *landmarks = get_u32(&r);
+    return true;
 }
 
 enum fovea_status fv_archive_info(const uint8_t *data, size_t bytes, const char *name,
@@ -184,8 +195,7 @@ enum fovea_status fv_archive_info(const uint8_t *data, size_t bytes, const char 
     return r.status;
 }
 
-/* ---- records
- * ----------------------------------------------------------------------------------------- */
+/* ---- records --------------------------------------------------------------------------------- */
 
 static void read_landmark(struct reader *r, struct fv_map *map)
 {
@@ -360,8 +370,7 @@ static void read_scale(struct reader *r, struct fv_map *map)
         s->left[s->left_count++] = odom;
 }
 
-/* ---- making it whole
- * --------------------------------------------------------------------------------- */
+/* ---- making it whole ------------------------------------------------------------------------- */
 
 /* Observers whose keyframes link back, each keyframe once. */
 static void mend_landmark(struct fv_map *map, uint32_t slot)
@@ -448,9 +457,7 @@ enum fovea_status fv_archive_read(const uint8_t *data, size_t bytes, const char 
     if (!same_camera(&info->camera, camera))
         return fovea_error_set(
             error, FOVEA_ERROR_INPUT,
-            "%.200s: byte 24: camera: found %d x %d with f %.6g %.6g c %.6g %.6g, "
-            "expected this run's %d x %d "
-            "with f %.6g %.6g c %.6g %.6g and its distortion",
+            "%.200s: byte 24: camera: found %d x %d with f %.6g %.6g c %.6g %.6g, expected this run's %d x %d with f %.6g %.6g c %.6g %.6g and its distortion",
             name, info->camera.width, info->camera.height, info->camera.fx, info->camera.fy,
             info->camera.cx, info->camera.cy, camera->width, camera->height, camera->fx, camera->fy,
             camera->cx, camera->cy);

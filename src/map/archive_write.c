@@ -16,8 +16,7 @@ size_t fv_archive_bytes_max(const struct fv_map_limits *limits)
            FV_ARCHIVE_SCALES_MAX * FV_ARCHIVE_SCALE_BYTES + FV_ARCHIVE_CHECKSUM_BYTES;
 }
 
-/* ---- bytes
- * ------------------------------------------------------------------------------------------- */
+/* ---- bytes ----------------------------------------------------------------------------------- */
 
 /* A place in the file; `at` goes on where there is no room, so that sizes do not depend on the
  * buffer. */
@@ -62,8 +61,7 @@ static void put_doubles(struct pen *pen, const double *values, int count)
         put_double(pen, values[i]);
 }
 
-/* ---- records
- * ----------------------------------------------------------------------------------------- */
+/* ---- records --------------------------------------------------------------------------------- */
 
 static void write_landmark(struct pen *pen, const struct fv_landmark *l, uint32_t slot)
 {
@@ -145,8 +143,7 @@ static void write_header(struct pen *pen, const struct fv_archive_state *archive
     put(pen, 0, 8);
 }
 
-/* ---- units
- * ------------------------------------------------------------------------------------------- */
+/* ---- units ----------------------------------------------------------------------------------- */
 
 void fv_archive_begin(struct fv_archive_state *archive, uint64_t frame_number)
 {

@@ -6,8 +6,7 @@
 
 enum { RATE_AGAIN_MAX = 8 }; /* candidates rated anew before one goes: ratings may be stale */
 
-/* ---- covisibility
- * ---------------------------------------------------------------------------------- */
+/* ---- covisibility ---------------------------------------------------------------------------- */
 
 void fv_map_count_shared(const struct fv_map *map, uint32_t slot, uint16_t *shared)
 {
@@ -29,12 +28,7 @@ uint32_t fv_map_neighbours(const struct fv_map *map, uint32_t slot, uint32_t sha
     fv_map_count_shared(map, slot, shared);
     if (slot < map->limits.keyframes) shared[slot] = 0;
     for (; count < max; count++) {
-        uint32_t best = 0;
-        for (uint32_t k = 1; k < map->limits.keyframes; k++)
-            if (shared[k] > shared[best] ||
-                (shared[k] == shared[best] &&
-                 map->keyframes[k].number > map->keyframes[best].number))
-                best = k;
+        const uint32_t best = fv_map_best_shared_newest(map, shared);
         if (shared[best] == 0 || shared[best] < shared_min) break;
         neighbours[count] =
             (struct fv_neighbour){best, map->keyframes[best].generation, shared[best]};
@@ -43,8 +37,7 @@ uint32_t fv_map_neighbours(const struct fv_map *map, uint32_t slot, uint32_t sha
     return count;
 }
 
-/* ---- keyframes
- * ------------------------------------------------------------------------------------- */
+/* ---- keyframes ------------------------------------------------------------------------------- */
 
 void fv_map_rate_keyframe(struct fv_map *map, uint32_t slot)
 {
@@ -59,7 +52,7 @@ void fv_map_rate_keyframe(struct fv_map *map, uint32_t slot)
 }
 
 /* Highest rated keyframe that may go; held ones only when `held`. Of equals the older. */
-static int32_t fv_highest_rated(const struct fv_map *map, bool held)
+static int32_t highest_rated(const struct fv_map *map, bool held)
 {
     int32_t best = FV_MAP_NONE;
     for (uint32_t i = 0; i < map->limits.keyframes; i++) {
@@ -75,7 +68,7 @@ static int32_t fv_highest_rated(const struct fv_map *map, bool held)
     return best;
 }
 
-static uint32_t fv_oldest(const struct fv_map *map)
+static uint32_t oldest_of(const struct fv_map *map)
 {
     int32_t oldest = FV_MAP_NONE;
     for (uint32_t i = 0; i < map->limits.keyframes; i++)
@@ -88,28 +81,27 @@ static uint32_t fv_oldest(const struct fv_map *map)
 uint32_t fv_map_most_redundant(struct fv_map *map)
 {
     if (map->state->keyframe_count <= FV_MAP_KEEP_NEWEST)
-        return fv_oldest(map); /* small pools: as they come */
-    int32_t best = fv_highest_rated(map, false);
-    if (best == FV_MAP_NONE) best = fv_highest_rated(map, true);
-    if (best == FV_MAP_NONE) return fv_oldest(map);
+        return oldest_of(map); /* small pools: as they come */
+    int32_t best = highest_rated(map, false);
+    if (best == FV_MAP_NONE) best = highest_rated(map, true);
+    if (best == FV_MAP_NONE) return oldest_of(map);
     for (int attempt = 0; attempt < RATE_AGAIN_MAX; attempt++) {
         uint16_t before = map->keyframes[best].redundancy;
         fv_map_rate_keyframe(map, (uint32_t)best);
         if (map->keyframes[best].redundancy >= before) break;
-        int32_t next = fv_highest_rated(map, map->keyframes[best].held);
+        int32_t next = highest_rated(map, map->keyframes[best].held);
         if (next == best) break;
         best = next;
     }
     return (uint32_t)best;
 }
 
-/* ---- landmarks
- * ------------------------------------------------------------------------------------- */
+/* ---- landmarks ------------------------------------------------------------------------------- */
 
 /* One round of the hand: landmarks not seen lately go, when they have at most `observers_max`
  * observers. */
-static void fv_sweep(struct fv_map *map, uint32_t wanted, uint32_t observers_max,
-                     uint64_t frame_number)
+static void sweep(struct fv_map *map, uint32_t wanted, uint32_t observers_max,
+                  uint64_t frame_number)
 {
     struct fv_map_state *s = map->state;
     for (uint32_t n = 0; n < map->limits.landmarks && s->free_count < wanted; n++) {
@@ -126,13 +118,12 @@ void fv_map_make_room(struct fv_map *map, uint32_t wanted, uint64_t frame_number
 {
     static const uint32_t observers_max[] = {2, 3, FV_MAP_OBSERVERS_MAX};
     for (int round = 0; round < 3 && map->state->free_count < wanted; round++)
-        fv_sweep(map, wanted, observers_max[round], frame_number);
+        sweep(map, wanted, observers_max[round], frame_number);
     while (map->state->free_count < wanted && map->state->keyframe_count > 2)
         fv_map_remove_keyframe(map, fv_map_most_redundant(map));
 }
 
-/* ---- edges and maps
- * -------------------------------------------------------------------------------- */
+/* ---- edges and maps -------------------------------------------------------------------------- */
 
 void fv_map_add_edge(struct fv_map *map, uint32_t a, uint32_t b)
 {
@@ -148,7 +139,7 @@ void fv_map_add_edge(struct fv_map *map, uint32_t a, uint32_t b)
     }
 }
 
-static void fv_leave(struct fv_map_state *s)
+static void leave(struct fv_map_state *s)
 {
     for (uint32_t i = 0; i < FV_MAP_WORLDS_MAX; i++) /* at most one entry per map */
         if (s->left[i].map_id == s->map_id) s->left[i].odom_id = s->left[i].map_id = UINT32_MAX;
@@ -157,7 +148,7 @@ static void fv_leave(struct fv_map_state *s)
 }
 
 /* An `odom` frame of its own, of which nothing is known. */
-static void fv_begin_odom(struct fv_map_state *s, uint32_t odom_id)
+static void begin_odom(struct fv_map_state *s, uint32_t odom_id)
 {
     s->odom_id = odom_id;
     fv_sim3_identity(&s->S_map_odom);
@@ -166,16 +157,16 @@ static void fv_begin_odom(struct fv_map_state *s, uint32_t odom_id)
 
 void fv_map_begin_another(struct fv_map *map)
 {
-    fv_leave(map->state);
+    leave(map->state);
     map->state->map_id = map->state->map_next++;
-    fv_begin_odom(map->state, map->state->map_id);
+    begin_odom(map->state, map->state->map_id);
 }
 
 void fv_map_enter(struct fv_map *map, uint32_t map_id)
 {
     struct fv_map_state *s = map->state;
     if (s->map_id == map_id) return;
-    fv_leave(s);
+    leave(s);
     s->map_id = map_id;
     for (uint32_t i = 0; i < FV_MAP_WORLDS_MAX && i < s->left_count; i++) {
         if (s->left[i].map_id != map_id) continue;
@@ -184,7 +175,7 @@ void fv_map_enter(struct fv_map *map, uint32_t map_id)
         s->scale = s->left[i].scale;
         return;
     }
-    fv_begin_odom(s, s->map_next++);
+    begin_odom(s, s->map_next++);
 }
 
 void fv_map_drop(struct fv_map *map, uint32_t map_id)

@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "geometry/vec.h"
+#include "geometry/chi_square.h"
 
 enum {
     RECENT_KEYFRAMES = 8, /* too near in time to be a loop */
@@ -27,9 +28,8 @@ static const double ratio_max = 0.85;
 static const double least_score = 0.1 * FV_PLACE_ONE;
 static const double score_share =
     0.6; /* of the worst neighbour's score, that a candidate must reach */
-static const double chi_square_99_2 = 9.21; /* 99 % of chi-square with 2 degrees of freedom */
-static const double found_share_min = 0.3;  /* of the group's landmarks in view */
-static const double scale_log_max = 0.7;    /* within one map: drift does not double lengths */
+static const double found_share_min = 0.3; /* of the group's landmarks in view */
+static const double scale_log_max = 0.7;   /* within one map: drift does not double lengths */
 static const double turn_max_rad = 0.6;
 /* A relation less certain corrects nothing: a wall seen from afar is as tilted in the map as its
  * few degrees allow. */
@@ -38,8 +38,7 @@ static const double distance_sigma_least = 0.01;
 static const double drift_share_max = 0.1; /* of the path since the candidate */
 static const double drift_slack = 0.3;     /* of the median depth */
 
-/* ---- memory
- * ---------------------------------------------------------------------------------------- */
+/* ---- memory ---------------------------------------------------------------------------------- */
 
 void fv_loop_carve(struct fv_loop_closer *loop, const struct fv_map_limits *limits,
                    const struct fovea_camera *camera, struct fv_arena *persistent,
@@ -78,7 +77,7 @@ bool fv_loop_named(const struct fv_map *map, struct fv_loop_name name)
     return fv_map_holds(map, name.slot, name.generation);
 }
 
-static struct fv_loop_name fv_name(const struct fv_map *map, uint32_t slot)
+static struct fv_loop_name name_of(const struct fv_map *map, uint32_t slot)
 {
     return (struct fv_loop_name){slot, map->keyframes[slot].generation};
 }
@@ -88,11 +87,10 @@ bool fv_loop_waiting(const struct fv_loop_closer *loop)
     return loop->state->phase != FV_LOOP_IDLE;
 }
 
-/* ---- candidates
- * ------------------------------------------------------------------------------------ */
+/* ---- candidates ------------------------------------------------------------------------------ */
 
 /* Score below which a keyframe is less like the offered one than its own neighbours are. */
-static uint32_t fv_least_score(struct fv_loop_closer *loop, const struct fv_map *map,
+static uint32_t least_score_of(struct fv_loop_closer *loop, const struct fv_map *map,
                                const struct fv_place *place, const struct fv_place_words *words,
                                uint32_t slot)
 {
@@ -111,8 +109,7 @@ static uint32_t fv_least_score(struct fv_loop_closer *loop, const struct fv_map 
     return least > (uint32_t)least_score ? least : (uint32_t)least_score;
 }
 
-static void fv_pick_candidates(struct fv_loop_closer *loop, const struct fv_map *map,
-                               uint32_t least)
+static void pick_candidates(struct fv_loop_closer *loop, const struct fv_map *map, uint32_t least)
 {
     struct fv_loop_state *s = loop->state;
     s->candidate_count = 0;
@@ -120,7 +117,7 @@ static void fv_pick_candidates(struct fv_loop_closer *loop, const struct fv_map 
         struct fv_place_candidate best;
         struct fv_neighbour same[SAME_PLACE_MAX];
         if (fv_place_best(loop->scores, map->limits.keyframes, least, &best, 1) == 0) return;
-        s->candidates[s->candidate_count++] = fv_name(map, best.slot);
+        s->candidates[s->candidate_count++] = name_of(map, best.slot);
         loop->scores[best.slot] = 0;
         uint32_t count = fv_map_neighbours(map, best.slot, SHARED_KNOWN, same, SAME_PLACE_MAX);
         for (uint32_t i = 0; i < count; i++)
@@ -136,7 +133,7 @@ void fv_loop_offer(struct fv_loop_closer *loop, const struct fv_map *map,
     uint16_t shared[FV_MAP_KEYFRAMES_MAX];
     struct fv_place_set among = {{0}};
     const struct fv_keyframe *keyframe = &map->keyframes[slot];
-    uint32_t least = fv_least_score(loop, map, place, words, slot);
+    uint32_t least = least_score_of(loop, map, place, words, slot);
     fv_map_count_shared(map, slot, shared);
     for (uint32_t k = 0; k < map->limits.keyframes; k++) {
         const struct fv_keyframe *other = &map->keyframes[k];
@@ -150,18 +147,17 @@ void fv_loop_offer(struct fv_loop_closer *loop, const struct fv_map *map,
     }
     fv_place_scores(place, words, &among, loop->scores);
     s->counts.offered++;
-    s->keyframe = fv_name(map, slot);
-    fv_pick_candidates(loop, map, least);
+    s->keyframe = name_of(map, slot);
+    pick_candidates(loop, map, least);
     s->candidate = s->next = 0;
     if (s->candidate_count > 0) s->phase = FV_LOOP_MATCH;
 }
 
-/* ---- matches without prediction
- * -------------------------------------------------------------------- */
+/* ---- matches without prediction -------------------------------------------------------------- */
 
 /* Features of a keyframe that have landmarks, with their descriptors. */
-static uint32_t fv_gather_features(const struct fv_map *map, uint32_t slot, uint16_t *features,
-                                   uint8_t *descriptors)
+static uint32_t gather_features(const struct fv_map *map, uint32_t slot, uint16_t *features,
+                                uint8_t *descriptors)
 {
     struct fv_view view = fv_map_view(map, slot);
     uint32_t count = 0;
@@ -186,8 +182,8 @@ double fv_loop_distance_sigma(const struct fv_landmark *l, const double A[6], do
     return __builtin_sqrt(variance);
 }
 
-static void fv_side(const struct fv_map *map, const struct fv_view *view, uint32_t feature,
-                    double point[3], double *sigma, double bearing[3], double A[6], double *weight)
+static void side(const struct fv_map *map, const struct fv_view *view, uint32_t feature,
+                 double point[3], double *sigma, double bearing[3], double A[6], double *weight)
 {
     const struct fv_landmark *l = &map->landmarks[view->landmark[feature]];
     struct fv_keypoint p;
@@ -204,17 +200,17 @@ static void fv_side(const struct fv_map *map, const struct fv_view *view, uint32
 void fv_loop_side_a(const struct fv_map *map, const struct fv_view *view, uint32_t feature,
                     struct fv_meeting *m)
 {
-    fv_side(map, view, feature, m->point_a, &m->sigma_a, m->bearing_a, m->A_a, &m->weight_a);
+    side(map, view, feature, m->point_a, &m->sigma_a, m->bearing_a, m->A_a, &m->weight_a);
 }
 
 void fv_loop_side_b(const struct fv_map *map, const struct fv_view *view, uint32_t feature,
                     struct fv_meeting *m)
 {
-    fv_side(map, view, feature, m->point_b, &m->sigma_b, m->bearing_b, m->A_b, &m->weight_b);
+    side(map, view, feature, m->point_b, &m->sigma_b, m->bearing_b, m->A_b, &m->weight_b);
 }
 
 /* Meetings of the matches that are near, clearly nearer than the second, and one to one. */
-static void fv_make_meetings(struct fv_loop_closer *loop, const struct fv_map *map)
+static void make_meetings(struct fv_loop_closer *loop, const struct fv_map *map)
 {
     struct fv_loop_state *s = loop->state;
     struct fv_view a = fv_map_view(map, s->keyframe.slot),
@@ -245,21 +241,20 @@ static void fv_make_meetings(struct fv_loop_closer *loop, const struct fv_map *m
     }
 }
 
-static void fv_next_candidate(struct fv_loop_state *s)
+static void next_candidate(struct fv_loop_state *s)
 {
     s->next = 0;
     s->phase = ++s->candidate < s->candidate_count ? FV_LOOP_MATCH : FV_LOOP_IDLE;
 }
 
-static void fv_match_unit(struct fv_loop_closer *loop, const struct fv_map *map,
-                          const struct fv_kernels *kernels)
+static void match_unit(struct fv_loop_closer *loop, const struct fv_map *map,
+                       const struct fv_kernels *kernels)
 {
     struct fv_loop_state *s = loop->state;
     if (s->next == 0) {
-        s->query_count =
-            fv_gather_features(map, s->keyframe.slot, loop->query_feature, loop->queries);
-        s->train_count = fv_gather_features(map, s->candidates[s->candidate].slot,
-                                            loop->train_feature, loop->trains);
+        s->query_count = gather_features(map, s->keyframe.slot, loop->query_feature, loop->queries);
+        s->train_count = gather_features(map, s->candidates[s->candidate].slot, loop->train_feature,
+                                         loop->trains);
         s->counts.tried++;
     }
     uint32_t left = s->query_count - s->next,
@@ -269,20 +264,19 @@ static void fv_match_unit(struct fv_loop_closer *loop, const struct fv_map *map,
                             (int32_t)some, loop->trains, (int32_t)s->train_count);
     s->next += some;
     if (s->next < s->query_count) return;
-    fv_make_meetings(loop, map);
+    make_meetings(loop, map);
     if (s->meeting_count < MATCHES_MIN) {
-        fv_next_candidate(s);
+        next_candidate(s);
         return;
     }
     fv_sim3_search_begin(&s->search, SAMPLES_MAX);
     s->phase = FV_LOOP_SAMPLE;
 }
 
-/* ---- the similarity
- * -------------------------------------------------------------------------------- */
+/* ---- the similarity -------------------------------------------------------------------------- */
 
 /* Landmarks that the candidate and its neighbours see. */
-static void fv_gather_group(struct fv_loop_closer *loop, struct fv_map *map)
+static void gather_group(struct fv_loop_closer *loop, struct fv_map *map)
 {
     struct fv_loop_state *s = loop->state;
     struct fv_neighbour near[FV_LOOP_NEIGHBOURS + 1];
@@ -303,12 +297,12 @@ static void fv_gather_group(struct fv_loop_closer *loop, struct fv_map *map)
     }
 }
 
-static void fv_sample_unit(struct fv_loop_closer *loop)
+static void sample_unit(struct fv_loop_closer *loop)
 {
     struct fv_loop_state *s = loop->state;
     uint32_t samples = SAMPLE_TESTS_PER_UNIT / (s->meeting_count + SAMPLE_SOLVED_TESTS) + 1;
-    if (fv_sim3_search_more(&s->search, loop->meetings, s->meeting_count, samples, chi_square_99_2,
-                            &s->random))
+    if (fv_sim3_search_more(&s->search, loop->meetings, s->meeting_count, samples,
+                            FV_CHI_SQUARE_99_2, &s->random))
         return;
     struct fv_sim3 inverse;
     fv_sim3_invert(&s->search.best, &inverse);
@@ -316,7 +310,7 @@ static void fv_sample_unit(struct fv_loop_closer *loop)
         double square[2];
         struct fv_meeting *m = &loop->meetings[i];
         m->inlier = fv_sim3_errors(m, &s->search.best, &inverse, square) &&
-                    square[0] < chi_square_99_2 && square[1] < chi_square_99_2;
+                    square[0] < FV_CHI_SQUARE_99_2 && square[1] < FV_CHI_SQUARE_99_2;
     }
     s->S_keyframe_candidate = s->search.best;
     s->inliers = s->search.best_inliers;
@@ -324,38 +318,36 @@ static void fv_sample_unit(struct fv_loop_closer *loop)
     s->phase = FV_LOOP_REFINE;
 }
 
-static uint32_t fv_refine(struct fv_loop_closer *loop)
+static uint32_t refine(struct fv_loop_closer *loop)
 {
     struct fv_loop_state *s = loop->state;
-    return fv_sim3_refine(loop->meetings, s->meeting_count, chi_square_99_2, 3,
+    return fv_sim3_refine(loop->meetings, s->meeting_count, FV_CHI_SQUARE_99_2, 3,
                           &s->S_keyframe_candidate);
 }
 
-static void fv_refine_unit(struct fv_loop_closer *loop, struct fv_map *map)
+static void refine_unit(struct fv_loop_closer *loop, struct fv_map *map)
 {
     struct fv_loop_state *s = loop->state;
     if (s->next < REFINEMENTS && s->inliers >= SAMPLED_MIN) {
-        s->inliers = fv_refine(loop);
+        s->inliers = refine(loop);
         s->next++;
         return;
     }
     if (s->inliers < SAMPLED_MIN) {
-        fv_next_candidate(s);
+        next_candidate(s);
         return;
     }
     s->counts.sampled++;
-    fv_gather_group(loop, map);
+    gather_group(loop, map);
     s->next = 0;
     s->phase = FV_LOOP_GUIDED;
 }
 
-/* ---- plausibility
- * ---------------------------------------------------------------------------------- */
+/* ---- plausibility ---------------------------------------------------------------------------- */
 
 /* Correction of the keyframe's world that makes S_keyframe_candidate true. */
-static void fv_loop_correction(const struct fv_map *map, uint32_t keyframe, uint32_t candidate,
-                               const struct fv_sim3 *S_keyframe_candidate,
-                               struct fv_sim3 *correction)
+static void loop_correction(const struct fv_map *map, uint32_t keyframe, uint32_t candidate,
+                            const struct fv_sim3 *S_keyframe_candidate, struct fv_sim3 *correction)
 {
     struct fv_sim3 T, wanted; /* S_keyframe_newworld */
     fv_sim3_from_se3(&map->keyframes[candidate].T_cam_world, 1, &T);
@@ -365,14 +357,14 @@ static void fv_loop_correction(const struct fv_map *map, uint32_t keyframe, uint
     fv_sim3_compose(&wanted, &T, correction);
 }
 
-static void fv_centre(const struct fv_keyframe *keyframe, double centre[3])
+static void centre_of(const struct fv_keyframe *keyframe, double centre[3])
 {
     const double origin[3] = {0, 0, 0};
     fv_se3_apply_inverse(&keyframe->T_cam_world, origin, centre);
 }
 
 /* How far the keyframes came since the candidate was made, from parent to parent. */
-static double fv_path_since(const struct fv_map *map, uint32_t keyframe, uint64_t number)
+static double path_since(const struct fv_map *map, uint32_t keyframe, uint64_t number)
 {
     double length = 0;
     uint32_t at = keyframe;
@@ -380,8 +372,8 @@ static double fv_path_since(const struct fv_map *map, uint32_t keyframe, uint64_
         int32_t parent = map->keyframes[at].parent;
         if (parent == FV_MAP_NONE || !map->keyframes[parent].used) break;
         double here[3], there[3], between[3];
-        fv_centre(&map->keyframes[at], here);
-        fv_centre(&map->keyframes[parent], there);
+        centre_of(&map->keyframes[at], here);
+        centre_of(&map->keyframes[parent], there);
         fv_subtract3(here, there, between);
         length += fv_norm3(between);
         at = (uint32_t)parent;
@@ -390,8 +382,8 @@ static double fv_path_since(const struct fv_map *map, uint32_t keyframe, uint64_
 }
 
 /* What a similarity does at a place: how far it moves it, turns, and scales (as a logarithm). */
-static void fv_effect(const struct fv_sim3 *S, const double place[3], double *shift, double *turn,
-                      double *scale)
+static void effect(const struct fv_sim3 *S, const double place[3], double *shift, double *turn,
+                   double *scale)
 {
     double moved[3], between[3], rotation[3];
     fv_sim3_apply(S, place, moved);
@@ -408,23 +400,21 @@ bool fv_loop_plausible(const struct fv_map *map, uint32_t keyframe, uint32_t can
     const struct fv_keyframe *k = &map->keyframes[keyframe], *c = &map->keyframes[candidate];
     double centre[3], shift, turn, scale;
     if (k->map_id != c->map_id) return correction->s > 0.02 && correction->s < 50;
-    fv_centre(k, centre);
-    fv_effect(correction, centre, &shift, &turn, &scale);
+    centre_of(k, centre);
+    effect(correction, centre, &shift, &turn, &scale);
     return turn < turn_max_rad && scale < scale_log_max &&
-           shift <
-               drift_share_max * fv_path_since(map, keyframe, c->number) + drift_slack * k->depth;
+           shift < drift_share_max * path_since(map, keyframe, c->number) + drift_slack * k->depth;
 }
 
-/* ---- sightings
- * ------------------------------------------------------------------------------------- */
+/* ---- sightings ------------------------------------------------------------------------------- */
 
-static bool fv_enough_found(const struct fv_loop_state *s, uint32_t least)
+static bool enough_found(const struct fv_loop_state *s, uint32_t least)
 {
     return s->found >= least && s->found >= found_share_min * s->visible;
 }
 
 /* Whether a correction says the same as what is believed, at the offered keyframe. */
-static bool fv_same_correction(const struct fv_map *map, const struct fv_loop_state *s)
+static bool same_correction(const struct fv_map *map, const struct fv_loop_state *s)
 {
     const struct fv_loop_belief *belief = &s->belief;
     const struct fv_keyframe *k = &map->keyframes[s->keyframe.slot];
@@ -437,23 +427,23 @@ static bool fv_same_correction(const struct fv_map *map, const struct fv_loop_st
     double centre[3], shift, turn, scale;
     fv_sim3_invert(&belief->correction, &inverse);
     fv_sim3_compose(&inverse, &s->correction, &off);
-    fv_centre(k, centre);
-    fv_effect(&off, centre, &shift, &turn, &scale);
+    centre_of(k, centre);
+    effect(&off, centre, &shift, &turn, &scale);
     return shift < 0.1 * k->depth && turn < 0.05 && scale < 0.1;
 }
 
 /* The keyframe has been sighted, and what came before it was asked: believe, or wait for more. */
-static void fv_judge_sighting(struct fv_loop_closer *loop, const struct fv_map *map)
+static void judge_sighting(struct fv_loop_closer *loop, const struct fv_map *map)
 {
     struct fv_loop_state *s = loop->state;
     uint32_t sightings = 1 + s->seen_before;
-    if (fv_same_correction(map, s)) sightings += s->belief.sightings;
+    if (same_correction(map, s)) sightings += s->belief.sightings;
     s->belief = (struct fv_loop_belief){.candidate = s->candidates[s->candidate],
                                         .correction = s->correction,
                                         .number = map->keyframes[s->keyframe.slot].number,
                                         .sightings = sightings};
     if (sightings < FV_LOOP_SIGHTINGS) {
-        fv_next_candidate(s);
+        next_candidate(s);
         return;
     }
     s->belief.sightings = 0;
@@ -467,23 +457,23 @@ static void fv_judge_sighting(struct fv_loop_closer *loop, const struct fv_map *
     }
 }
 
-static void fv_guided_done(struct fv_loop_closer *loop, const struct fv_map *map)
+static void guided_done(struct fv_loop_closer *loop, const struct fv_map *map)
 {
     struct fv_loop_state *s = loop->state;
     uint32_t candidate = s->candidates[s->candidate].slot, inliers = s->meeting_count;
     for (int round = 0; round < REFINEMENTS && inliers >= MEETINGS_MIN; round++)
-        inliers = fv_refine(loop);
-    if (inliers < MEETINGS_MIN || !fv_enough_found(s, FOUND_MIN)) {
-        fv_next_candidate(s);
+        inliers = refine(loop);
+    if (inliers < MEETINGS_MIN || !enough_found(s, FOUND_MIN)) {
+        next_candidate(s);
         return;
     }
     s->counts.sighted++;
-    fv_loop_correction(map, s->keyframe.slot, candidate, &s->S_keyframe_candidate, &s->correction);
+    loop_correction(map, s->keyframe.slot, candidate, &s->S_keyframe_candidate, &s->correction);
     if (!fv_loop_plausible(map, s->keyframe.slot, candidate, &s->correction) ||
         fv_sim3_turn_sigma(loop->meetings, s->meeting_count, &s->S_keyframe_candidate) >
             turn_sigma_max_rad) {
         s->counts.implausible++;
-        fv_next_candidate(s);
+        next_candidate(s);
         return;
     }
     s->next = s->asked = s->seen_before = 0;
@@ -493,8 +483,8 @@ static void fv_guided_done(struct fv_loop_closer *loop, const struct fv_map *map
 
 /* Ask the next keyframe before the offered one; when there is none, or enough have been asked,
  * judge. */
-static void fv_before_unit(struct fv_loop_closer *loop, const struct fv_map *map,
-                           const struct fv_kernels *kernels)
+static void before_unit(struct fv_loop_closer *loop, const struct fv_map *map,
+                        const struct fv_kernels *kernels)
 {
     struct fv_loop_state *s = loop->state;
     if (s->next == 0) {
@@ -503,10 +493,10 @@ static void fv_before_unit(struct fv_loop_closer *loop, const struct fv_map *map
         bool enough = s->asked == ASKED_BEFORE_MAX || 1 + s->seen_before >= FV_LOOP_SIGHTINGS;
         if (enough || parent == FV_MAP_NONE || !map->keyframes[parent].used ||
             map->keyframes[parent].map_id != map->keyframes[s->keyframe.slot].map_id) {
-            fv_judge_sighting(loop, map);
+            judge_sighting(loop, map);
             return;
         }
-        s->before = fv_name(map, (uint32_t)parent);
+        s->before = name_of(map, (uint32_t)parent);
         s->asked++;
     } else if (!fv_loop_named(map, s->before)) {
         s->next = 0;
@@ -519,15 +509,14 @@ static void fv_before_unit(struct fv_loop_closer *loop, const struct fv_map *map
     fv_sim3_compose(&of_before, &of_keyframe, &between);
     fv_sim3_compose(&between, &s->S_keyframe_candidate, &between);
     if (!fv_loop_search_group(loop, map, kernels, s->before.slot, &between)) return;
-    s->seen_before += fv_enough_found(s, FOUND_BEFORE_MIN);
+    s->seen_before += enough_found(s, FOUND_BEFORE_MIN);
     s->next = 0;
 }
 
-/* ---- the job
- * --------------------------------------------------------------------------------------- */
+/* ---- the job --------------------------------------------------------------------------------- */
 
 /* While a sighting is made, the two keyframes must stay what they were. */
-static bool fv_still_there(const struct fv_loop_state *s, const struct fv_map *map)
+static bool still_there(const struct fv_loop_state *s, const struct fv_map *map)
 {
     return fv_loop_named(map, s->keyframe) && fv_loop_named(map, s->candidates[s->candidate]);
 }
@@ -537,29 +526,29 @@ bool fv_loop_unit(struct fv_loop_closer *loop, struct fv_map *map, const struct 
 {
     struct fv_loop_state *s = loop->state;
     memset(outcome, 0, sizeof *outcome);
-    if (s->phase != FV_LOOP_IDLE && s->phase != FV_LOOP_FUSE && !fv_still_there(s, map)) {
+    if (s->phase != FV_LOOP_IDLE && s->phase != FV_LOOP_FUSE && !still_there(s, map)) {
         if (s->phase <= FV_LOOP_BEFORE)
-            fv_next_candidate(s);
+            next_candidate(s);
         else
             s->phase = FV_LOOP_IDLE;
         return fv_loop_waiting(loop);
     }
     switch (s->phase) {
     case FV_LOOP_MATCH:
-        fv_match_unit(loop, map, kernels);
+        match_unit(loop, map, kernels);
         break;
     case FV_LOOP_SAMPLE:
-        fv_sample_unit(loop);
+        sample_unit(loop);
         break;
     case FV_LOOP_REFINE:
-        fv_refine_unit(loop, map);
+        refine_unit(loop, map);
         break;
     case FV_LOOP_GUIDED:
         if (fv_loop_search_group(loop, map, kernels, s->keyframe.slot, &s->S_keyframe_candidate))
-            fv_guided_done(loop, map);
+            guided_done(loop, map);
         break;
     case FV_LOOP_BEFORE:
-        fv_before_unit(loop, map, kernels);
+        before_unit(loop, map, kernels);
         break;
     case FV_LOOP_GRAPH:
         if (!fv_loop_graph_unit(loop, map)) break;

@@ -138,8 +138,7 @@ struct fv_loop_outcome {
 bool fv_loop_unit(struct fv_loop_closer *loop, struct fv_map *map, const struct fv_kernels *kernels,
                   struct fv_loop_outcome *outcome);
 
-/* ---- between the files of the job
- * ------------------------------------------------------------------ */
+/* ---- between the files of the job ------------------------------------------------------------ */
 
 bool fv_loop_named(const struct fv_map *map, struct fv_loop_name name);
 /* Camera a's side of a meeting, or camera b's: the landmark of a feature in its frame, and what the

@@ -11,15 +11,14 @@ enum { GRAPH_PER_UNIT = 8, GRAPH_NEIGHBOURS = FV_LOOP_HELD_BY_KEYFRAME - 1, GRAP
 static const double weight_turn = 4, weight_scale = 0.25;
 static const double weight_loop = 4;
 
-static void fv_edge_weight(const struct fv_keyframe *a, double factor, double weight[3])
+static void edge_weight(const struct fv_keyframe *a, double factor, double weight[3])
 {
     weight[0] = factor / (a->depth > 0 ? a->depth * a->depth : 1);
     weight[1] = factor * weight_turn;
     weight[2] = factor * weight_scale;
 }
 
-/* ---- the essential graph
- * --------------------------------------------------------------------------- */
+/* ---- the essential graph --------------------------------------------------------------------- */
 
 void fv_loop_graph_begin(struct fv_loop_closer *loop, const struct fv_map *map)
 {
@@ -44,47 +43,47 @@ void fv_loop_graph_begin(struct fv_loop_closer *loop, const struct fv_map *map)
     s->next = 0;
 }
 
-static bool fv_in_graph(const struct fv_loop_closer *loop, const struct fv_map *map, int32_t slot)
+static bool in_graph(const struct fv_loop_closer *loop, const struct fv_map *map, int32_t slot)
 {
     return slot >= 0 && (uint32_t)slot < map->limits.keyframes && loop->node_of[slot] >= 0 &&
            fv_loop_named(map, loop->nodes[loop->node_of[slot]]);
 }
 
 /* An edge that holds two keyframes as they were to each other. */
-static void fv_hold(struct fv_loop_closer *loop, const struct fv_map *map, uint32_t a, uint32_t b,
-                    double factor)
+static void hold(struct fv_loop_closer *loop, const struct fv_map *map, uint32_t a, uint32_t b,
+                 double factor)
 {
     struct fv_sim3 S;
     double weight[3];
     const uint32_t i = (uint32_t)loop->node_of[a], j = (uint32_t)loop->node_of[b];
     fv_pose_graph_between(&loop->graph, i, j, &S);
-    fv_edge_weight(&map->keyframes[a], factor, weight);
+    edge_weight(&map->keyframes[a], factor, weight);
     (void)fv_pose_graph_add_edge(&loop->graph, i, j, &S, weight);
 }
 
-static void fv_hold_keyframe(struct fv_loop_closer *loop, const struct fv_map *map, uint32_t slot)
+static void hold_keyframe(struct fv_loop_closer *loop, const struct fv_map *map, uint32_t slot)
 {
     const struct fv_keyframe *k = &map->keyframes[slot];
     struct fv_neighbour near[GRAPH_NEIGHBOURS];
-    if (fv_in_graph(loop, map, k->parent)) fv_hold(loop, map, slot, (uint32_t)k->parent, 1);
+    if (in_graph(loop, map, k->parent)) hold(loop, map, slot, (uint32_t)k->parent, 1);
     uint32_t count = fv_map_neighbours(map, slot, GRAPH_SHARED_MIN, near, GRAPH_NEIGHBOURS);
     for (uint32_t i = 0; i < count; i++) {
         const struct fv_keyframe *other = &map->keyframes[near[i].slot];
         if ((int32_t)near[i].slot == k->parent || (int32_t)slot == other->parent ||
-            other->number > k->number || !fv_in_graph(loop, map, (int32_t)near[i].slot))
+            other->number > k->number || !in_graph(loop, map, (int32_t)near[i].slot))
             continue;
-        fv_hold(loop, map, slot, near[i].slot, near[i].shared < 200 ? near[i].shared / 100.0 : 2);
+        hold(loop, map, slot, near[i].slot, near[i].shared < 200 ? near[i].shared / 100.0 : 2);
     }
 }
 
-static void fv_hold_loops(struct fv_loop_closer *loop, const struct fv_map *map)
+static void hold_loops(struct fv_loop_closer *loop, const struct fv_map *map)
 {
     for (uint32_t e = 0; e < FV_MAP_EDGES_MAX && e < map->state->edge_count; e++) {
         const struct fv_map_edge *edge = &map->edges[e];
         if (fv_map_holds(map, edge->a, edge->generation_a) &&
             fv_map_holds(map, edge->b, edge->generation_b) &&
-            fv_in_graph(loop, map, (int32_t)edge->a) && fv_in_graph(loop, map, (int32_t)edge->b))
-            fv_hold(loop, map, edge->a, edge->b, 2);
+            in_graph(loop, map, (int32_t)edge->a) && in_graph(loop, map, (int32_t)edge->b))
+            hold(loop, map, edge->a, edge->b, 2);
     }
 }
 
@@ -95,26 +94,25 @@ bool fv_loop_graph_unit(struct fv_loop_closer *loop, const struct fv_map *map)
     if (s->next == 0) { /* first, for want of room */
         double weight[3];
         const uint32_t candidate = s->candidates[s->candidate].slot;
-        fv_edge_weight(&map->keyframes[s->keyframe.slot], weight_loop, weight);
+        edge_weight(&map->keyframes[s->keyframe.slot], weight_loop, weight);
         (void)fv_pose_graph_add_edge(&loop->graph, (uint32_t)loop->node_of[s->keyframe.slot],
                                      (uint32_t)loop->node_of[candidate], &s->S_keyframe_candidate,
                                      weight);
-        fv_hold_loops(loop, map);
+        hold_loops(loop, map);
     }
     for (uint32_t done = 0; done < GRAPH_PER_UNIT && s->next < nodes; done++, s->next++)
         if (fv_loop_named(map, loop->nodes[s->next]))
-            fv_hold_keyframe(loop, map, loop->nodes[s->next].slot);
+            hold_keyframe(loop, map, loop->nodes[s->next].slot);
     return s->next >= nodes;
 }
 
-/* ---- the commit
- * ------------------------------------------------------------------------------------ */
+/* ---- the commit ------------------------------------------------------------------------------ */
 
 /* Corrections of the keyframes that were in the graph. */
-static void fv_correct_nodes(struct fv_loop_closer *loop, const struct fv_map *map)
+static void correct_nodes(struct fv_loop_closer *loop, const struct fv_map *map)
 {
     for (uint32_t k = 0; k < map->limits.keyframes; k++) {
-        loop->corrected[k] = fv_in_graph(loop, map, (int32_t)k);
+        loop->corrected[k] = in_graph(loop, map, (int32_t)k);
         if (!loop->corrected[k]) continue;
         struct fv_sim3 inverse;
         fv_sim3_invert(&loop->graph.nodes[loop->node_of[k]].S, &inverse);
@@ -124,8 +122,8 @@ static void fv_correct_nodes(struct fv_loop_closer *loop, const struct fv_map *m
 
 /* Keyframes made since, and the frame in work, get the correction of the nearest ancestor that has
  * one. Parents are older than their children, so each step up comes nearer to the graph. */
-static void fv_correct_born_since(struct fv_loop_closer *loop, const struct fv_map *map,
-                                  uint32_t map_id)
+static void correct_born_since(struct fv_loop_closer *loop, const struct fv_map *map,
+                               uint32_t map_id)
 {
     for (uint32_t k = 0; k <= map->limits.keyframes; k++) {
         const struct fv_keyframe *keyframe = &map->keyframes[k];
@@ -136,17 +134,17 @@ static void fv_correct_born_since(struct fv_loop_closer *loop, const struct fv_m
             continue;
         int32_t at = keyframe->parent;
         for (uint32_t n = 0;
-             n < map->limits.keyframes && at != FV_MAP_NONE && !fv_in_graph(loop, map, at); n++)
+             n < map->limits.keyframes && at != FV_MAP_NONE && !in_graph(loop, map, at); n++)
             at = map->keyframes[at].parent;
-        if (at == FV_MAP_NONE || !fv_in_graph(loop, map, at)) continue;
+        if (at == FV_MAP_NONE || !in_graph(loop, map, at)) continue;
         loop->corrections[k] = loop->corrections[at];
         loop->corrected[k] = true;
     }
 }
 
 /* One correction for all of a map. */
-static void fv_correct_map(struct fv_loop_closer *loop, const struct fv_map *map, uint32_t map_id,
-                           const struct fv_sim3 *S)
+static void correct_map(struct fv_loop_closer *loop, const struct fv_map *map, uint32_t map_id,
+                        const struct fv_sim3 *S)
 {
     for (uint32_t k = 0; k <= map->limits.keyframes; k++) {
         const struct fv_keyframe *keyframe = &map->keyframes[k];
@@ -157,7 +155,7 @@ static void fv_correct_map(struct fv_loop_closer *loop, const struct fv_map *map
     }
 }
 
-static void fv_apply_corrections(const struct fv_loop_closer *loop, struct fv_map *map)
+static void apply_corrections(const struct fv_loop_closer *loop, struct fv_map *map)
 {
     for (uint32_t i = 0; i < map->state->landmark_top; i++) {
         struct fv_landmark *l = &map->landmarks[i];
@@ -182,7 +180,7 @@ static void fv_apply_corrections(const struct fv_loop_closer *loop, struct fv_ma
 }
 
 /* The map `from` becomes part of `to`, hanging on keyframe `on`. */
-static void fv_join_maps(struct fv_map *map, uint32_t from, uint32_t to, uint32_t on)
+static void join_maps(struct fv_map *map, uint32_t from, uint32_t to, uint32_t on)
 {
     for (uint32_t k = 0; k < map->limits.keyframes; k++) {
         struct fv_keyframe *keyframe = &map->keyframes[k];
@@ -196,7 +194,7 @@ static void fv_join_maps(struct fv_map *map, uint32_t from, uint32_t to, uint32_
 }
 
 /* The group's landmarks go into the keyframe and its neighbours. */
-static void fv_list_fusing(struct fv_loop_state *s, const struct fv_map *map)
+static void list_fusing(struct fv_loop_state *s, const struct fv_map *map)
 {
     struct fv_neighbour near[FV_LOOP_FUSED_INTO - 1];
     uint32_t count = fv_map_neighbours(map, s->keyframe.slot, 1, near, FV_LOOP_FUSED_INTO - 1);
@@ -213,22 +211,22 @@ void fv_loop_commit(struct fv_loop_closer *loop, struct fv_map *map,
     struct fv_loop_state *s = loop->state;
     const uint32_t keyframe = s->keyframe.slot, candidate = s->candidates[s->candidate].slot;
     const uint32_t own = map->keyframes[keyframe].map_id, others = map->keyframes[candidate].map_id;
-    fv_list_fusing(s, map);
+    list_fusing(s, map);
     if (own == others) {
-        fv_correct_nodes(loop, map);
-        fv_correct_born_since(loop, map, own);
+        correct_nodes(loop, map);
+        correct_born_since(loop, map, own);
         s->counts.closed++;
     } else {
         struct fv_sim3 S = s->correction;
         const bool is_younger = own > others; /* the younger map goes to the world of the older */
         if (!is_younger) fv_sim3_invert(&S, &S);
-        fv_correct_map(loop, map, is_younger ? own : others, &S);
+        correct_map(loop, map, is_younger ? own : others, &S);
         s->counts.merged++;
     }
-    fv_apply_corrections(loop, map);
+    apply_corrections(loop, map);
     if (own != others)
-        fv_join_maps(map, own > others ? own : others, own > others ? others : own,
-                     own > others ? candidate : keyframe);
+        join_maps(map, own > others ? own : others, own > others ? others : own,
+                  own > others ? candidate : keyframe);
     fv_map_add_edge(map, keyframe, candidate);
     const uint32_t current = fv_map_current(map);
     outcome->committed = true;

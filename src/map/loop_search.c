@@ -6,6 +6,7 @@
 #include "geometry/pose.h"
 #include "geometry/vec.h"
 #include "map/loop.h"
+#include "geometry/chi_square.h"
 
 enum {
     GROUP_PER_UNIT = 300,
@@ -15,46 +16,24 @@ enum {
 };
 
 static const double radius_guided_px = 7, radius_fuse_px = 4; /* times the level's scale */
-static const double chi_square_99_2 = 9.21, chi_square_95_2 = 5.991;
 static const double distance_ratio_max =
     1.3; /* of two landmarks that are the same thing, from the camera */
 
-static double fv_scale_of(int level)
-{
-    static const double scales[] = {1, 1.2, 1.44, 1.728, 2.0736, 2.48832, 2.985984, 3.5831808};
-    return scales[level & 7];
-}
-
-/* Level at which a landmark should appear at this distance, in the landmark's own unit; -1: none.
- */
-static int fv_level_at(const struct fv_landmark *l, double distance)
-{
-    double ratio = (double)l->distance / distance;
-    int level = l->level;
-    for (; ratio > 1.0954 && level < FOVEA_PYRAMID_LEVELS_MAX; ratio /= 1.2)
-        level++;
-    for (; ratio < 0.9129 && level > -1; ratio *= 1.2)
-        level--;
-    return level < FOVEA_PYRAMID_LEVELS_MAX ? level : -1;
-}
-
-static bool fv_in_image(const struct fv_loop_closer *loop, const struct fv_map *map,
-                        const double q[3], double pixel[2])
+static bool in_image(const struct fv_loop_closer *loop, const struct fv_map *map, const double q[3],
+                     double pixel[2])
 {
     return fovea_camera_project(loop->camera, q, pixel, 0) == FOVEA_OK && pixel[0] >= 0 &&
            pixel[1] >= 0 && pixel[0] < map->limits.width && pixel[1] < map->limits.height;
 }
 
-/* ---- before the correction
- * ------------------------------------------------------------------------- */
+/* ---- before the correction ------------------------------------------------------------------- */
 
 /* A landmark found at a feature that has a landmark of its own: the two meet. The candidate need
  * not see the landmark, so its side says only how far it is. False when the two are not at one
  * distance. */
-static bool fv_add_meeting(struct fv_loop_closer *loop, const struct fv_map *map,
-                           const struct fv_view *view, uint32_t feature,
-                           const struct fv_landmark *l, const double q[3],
-                           const double in_candidate[3])
+static bool add_meeting(struct fv_loop_closer *loop, const struct fv_map *map,
+                        const struct fv_view *view, uint32_t feature, const struct fv_landmark *l,
+                        const double q[3], const double in_candidate[3])
 {
     struct fv_meeting *m = &loop->meetings[loop->state->meeting_count];
     memset(m, 0, sizeof *m);
@@ -77,31 +56,30 @@ struct outlook {
     uint32_t slot;
 };
 
-static void fv_look_for(struct fv_loop_closer *loop, const struct fv_map *map,
-                        const struct fv_kernels *kernels, const struct outlook *look,
-                        const struct fv_landmark *l)
+static void look_for(struct fv_loop_closer *loop, const struct fv_map *map,
+                     const struct fv_kernels *kernels, const struct outlook *look,
+                     const struct fv_landmark *l)
 {
     struct fv_loop_state *s = loop->state;
     double in_candidate[3], q[3], ray[3], pixel[2];
     fv_se3_apply(&look->T_candidate_world, l->point, in_candidate);
     fv_sim3_apply(&look->S_keyframe_candidate, in_candidate, q);
-    if (!fv_in_image(loop, map, q, pixel)) return;
+    if (!in_image(loop, map, q, pixel)) return;
     fv_subtract3(l->point, look->centre, ray);
     double distance = fv_norm3(ray);
     double cosine = fv_map_cosine(l, ray, distance);
-    int level = fv_level_at(l, distance);
+    int level = fv_map_predict_level(l, distance);
     if (cosine < 0.6 || level < 0) return;
     s->visible++;
     struct fv_found found = fv_map_search(map, kernels, look->slot, pixel[0], pixel[1],
-                                          radius_guided_px * fv_scale_of(level), level - 1,
-                                          level + 1, fv_map_descriptor(map, l), false);
-    if (found.feature == FV_MAP_NONE || found.distance > DISTANCE_GUIDED_MAX ||
-        found.distance > 0.9 * found.second || loop->nearest[found.feature] != 0 ||
-        fv_map_error2(map, &look->view.points[found.feature], q) > 2 * chi_square_99_2)
+                                          radius_guided_px * fv_level_scale((uint32_t)level),
+                                          level - 1, level + 1, fv_map_descriptor(map, l), false);
+    if (!fv_map_found_one(&found, DISTANCE_GUIDED_MAX) || loop->nearest[found.feature] != 0 ||
+        fv_map_error2(map, &look->view.points[found.feature], q) > 2 * FV_CHI_SQUARE_99_2)
         return;
     uint32_t feature = (uint32_t)found.feature;
     if (look->view.landmark[feature] != FV_MAP_NONE &&
-        !fv_add_meeting(loop, map, &look->view, feature, l, q, in_candidate))
+        !add_meeting(loop, map, &look->view, feature, l, q, in_candidate))
         return;
     loop->nearest[feature] = 1;
     s->found++;
@@ -126,18 +104,17 @@ bool fv_loop_search_group(struct fv_loop_closer *loop, const struct fv_map *map,
     for (uint32_t done = 0; done < GROUP_PER_UNIT && s->next < s->group_count; done++) {
         struct fv_loop_name name = loop->group[s->next++];
         const struct fv_landmark *l = &map->landmarks[name.slot];
-        if (l->used && l->generation == name.generation) fv_look_for(loop, map, kernels, &look, l);
+        if (l->used && l->generation == name.generation) look_for(loop, map, kernels, &look, l);
     }
     return s->next >= s->group_count;
 }
 
-/* ---- after it: fusing
- * ------------------------------------------------------------------------------ */
+/* ---- after it: fusing ------------------------------------------------------------------------ */
 
 /* Look for a landmark of the group in a keyframe; link it there, or make one of it and what is
  * there. */
-static void fv_fuse_into(struct fv_loop_closer *loop, struct fv_map *map,
-                         const struct fv_kernels *kernels, uint32_t landmark, uint32_t keyframe)
+static void fuse_into(struct fv_loop_closer *loop, struct fv_map *map,
+                      const struct fv_kernels *kernels, uint32_t landmark, uint32_t keyframe)
 {
     struct fv_landmark *l = &map->landmarks[landmark];
     struct fv_view view = fv_map_view(map, keyframe);
@@ -145,14 +122,14 @@ static void fv_fuse_into(struct fv_loop_closer *loop, struct fv_map *map,
     for (uint32_t k = 0; k < l->observer_count; k++)
         if (l->observers[k].keyframe == keyframe) return;
     fv_se3_apply(&view.frame->T_cam_world, l->point, q);
-    if (!fv_in_image(loop, map, q, pixel)) return;
-    int level = fv_level_at(l, fv_norm3(q));
+    if (!in_image(loop, map, q, pixel)) return;
+    int level = fv_map_predict_level(l, fv_norm3(q));
     if (level < 0) return;
     struct fv_found found = fv_map_search(map, kernels, keyframe, pixel[0], pixel[1],
-                                          radius_fuse_px * fv_scale_of(level), level - 1, level + 1,
-                                          fv_map_descriptor(map, l), false);
+                                          radius_fuse_px * fv_level_scale((uint32_t)level),
+                                          level - 1, level + 1, fv_map_descriptor(map, l), false);
     if (found.feature == FV_MAP_NONE || found.distance > DISTANCE_FUSE_MAX ||
-        fv_map_error2(map, &view.points[found.feature], q) > chi_square_95_2)
+        fv_map_error2(map, &view.points[found.feature], q) > FV_CHI_SQUARE_95_2)
         return;
     int32_t other = view.landmark[found.feature];
     loop->state->counts.fused++;
@@ -177,7 +154,7 @@ bool fv_loop_fuse_unit(struct fv_loop_closer *loop, struct fv_map *map,
         struct fv_loop_name name = loop->group[s->next++];
         const struct fv_landmark *l = &map->landmarks[name.slot];
         if (l->used && l->generation == name.generation)
-            fv_fuse_into(loop, map, kernels, name.slot, into.slot);
+            fuse_into(loop, map, kernels, name.slot, into.slot);
     }
     if (s->next < s->group_count && fv_loop_named(map, into)) return false;
     s->next = 0;

@@ -58,8 +58,7 @@ void fv_map_reset(struct fv_map *map)
     fv_sim3_identity(&map->state->S_map_odom);
 }
 
-/* ---- keyframes
- * --------------------------------------------------------------------------------------- */
+/* ---- keyframes ------------------------------------------------------------------------------- */
 
 uint32_t fv_map_add_keyframe(struct fv_map *map, uint32_t from)
 {
@@ -97,8 +96,7 @@ void fv_map_remove_keyframe(struct fv_map *map, uint32_t slot)
     map->state->keyframe_count--;
 }
 
-/* ---- landmarks
- * --------------------------------------------------------------------------------------- */
+/* ---- landmarks ------------------------------------------------------------------------------- */
 
 int32_t fv_map_add_landmark(struct fv_map *map, const double point[3], uint64_t frame_number)
 {
@@ -177,7 +175,7 @@ void fv_map_fuse_landmarks(struct fv_map *map, uint32_t keep, uint32_t drop)
     fv_map_refresh_landmark(map, keep);
 }
 
-static uint32_t fv_hamming(const uint8_t *a, const uint8_t *b)
+static uint32_t hamming(const uint8_t *a, const uint8_t *b)
 {
     uint32_t distance = 0;
     for (int i = 0; i < FV_MAP_DESCRIPTOR_BYTES; i += 8) {
@@ -193,7 +191,7 @@ static uint32_t fv_hamming(const uint8_t *a, const uint8_t *b)
     return distance;
 }
 
-static const uint8_t *fv_observed_descriptor(const struct fv_map *map, struct fv_observer o)
+static const uint8_t *observed_descriptor(const struct fv_map *map, struct fv_observer o)
 {
     return map->descriptors +
            ((size_t)o.keyframe * map->limits.features + o.feature) * FV_MAP_DESCRIPTOR_BYTES;
@@ -218,8 +216,8 @@ void fv_map_refresh_landmark(struct fv_map *map, uint32_t landmark)
             mean[k] += ray[k] / (distance > 1e-12 ? distance : 1e-12);
         uint32_t sum = 0;
         for (uint32_t j = 0; j < l->observer_count; j++)
-            sum += fv_hamming(fv_observed_descriptor(map, l->observers[i]),
-                              fv_observed_descriptor(map, l->observers[j]));
+            sum += hamming(observed_descriptor(map, l->observers[i]),
+                           observed_descriptor(map, l->observers[j]));
         if (sum < best_sum) {
             best_sum = sum;
             best = i;
@@ -233,4 +231,25 @@ void fv_map_refresh_landmark(struct fv_map *map, uint32_t landmark)
     for (int k = 0; k < 3; k++)
         l->direction[k] = fv_map_direction(mean[k]);
     l->best = (uint8_t)best;
+}
+
+/* ---- for those who show a map ---------------------------------------------------------------- */
+
+bool fv_map_landmark_at(const struct fv_map *map, uint32_t slot, uint32_t *map_id,
+                        double position[3])
+{
+    const struct fv_landmark *l = &map->landmarks[slot];
+    if (!l->used || l->observer_count == 0) return false;
+    *map_id = map->keyframes[l->observers[0].keyframe].map_id;
+    fv_copy3(l->point, position);
+    return true;
+}
+
+const struct fv_keyframe *fv_map_keyframe_at(const struct fv_map *map, uint32_t slot,
+                                             struct fv_se3 *T_world_cam)
+{
+    const struct fv_keyframe *keyframe = &map->keyframes[slot];
+    if (!keyframe->used) return NULL;
+    if (T_world_cam != NULL) fv_se3_invert(&keyframe->T_cam_world, T_world_cam);
+    return keyframe;
 }

@@ -226,8 +226,20 @@ static inline double fv_level_scale(uint32_t level)
     return scales[level & 7];
 }
 
-/* ---- views (view.c)
- * ------------------------------------------------------------------------------------------ */
+/* Level at which a landmark should appear at this distance, in the landmark's own unit; -1: none. A
+ * camera that is nearer than the reference sees it larger, so on a coarser level. */
+static inline int fv_map_predict_level(const struct fv_landmark *l, double distance)
+{
+    double ratio = (double)l->distance / distance;
+    int level = l->level;
+    for (; ratio > 1.0954 && level < FOVEA_PYRAMID_LEVELS_MAX; ratio /= 1.2) /* half a level */
+        level++;
+    for (; ratio < 0.9129 && level > -1; ratio *= 1.2)
+        level--;
+    return level < FOVEA_PYRAMID_LEVELS_MAX ? level : -1;
+}
+
+/* ---- views (view.c) -------------------------------------------------------------------------- */
 
 /* Fill the current or a waiting view: features go cell by cell, those of a cell in their order;
  * those to which the lens model knows no bearing are left out. `from`, unless NULL, gets the number
@@ -292,8 +304,7 @@ static inline double fv_map_cosine(const struct fv_landmark *l, const double ray
  * room and keyframes do not see both; `drop` goes. */
 void fv_map_fuse_landmarks(struct fv_map *map, uint32_t keep, uint32_t drop);
 
-/* ---- covisibility, redundancy and maps (keep.c)
- * ---------------------------------------------------------- */
+/* ---- covisibility, redundancy and maps (keep.c) ---------------------------------------------- */
 
 /* A keyframe that shares landmarks with another. */
 struct fv_neighbour {
@@ -307,6 +318,23 @@ void fv_map_count_shared(const struct fv_map *map, uint32_t slot, uint16_t *shar
  * the newer), at most `max` (itself left out). Returns their number. */
 uint32_t fv_map_neighbours(const struct fv_map *map, uint32_t slot, uint32_t shared_min,
                            struct fv_neighbour *neighbours, uint32_t max);
+/* The slot with most in `shared`; of equals the lowest, or the newest keyframe. */
+static inline uint32_t fv_map_best_shared(const struct fv_map *map, const uint16_t *shared)
+{
+    uint32_t best = 0;
+    for (uint32_t k = 1; k < map->limits.keyframes; k++)
+        if (shared[k] > shared[best]) best = k;
+    return best;
+}
+static inline uint32_t fv_map_best_shared_newest(const struct fv_map *map, const uint16_t *shared)
+{
+    uint32_t best = 0;
+    for (uint32_t k = 1; k < map->limits.keyframes; k++)
+        if (shared[k] > shared[best] ||
+            (shared[k] == shared[best] && map->keyframes[k].number > map->keyframes[best].number))
+            best = k;
+    return best;
+}
 static inline bool fv_map_holds(const struct fv_map *map, uint32_t slot, uint32_t generation)
 {
     return map->keyframes[slot].used && map->keyframes[slot].generation == generation;
@@ -329,14 +357,42 @@ void fv_map_enter(struct fv_map *map, uint32_t map_id);
 void fv_map_drop(struct fv_map *map, uint32_t map_id);
 uint32_t fv_map_count_keyframes(const struct fv_map *map, uint32_t map_id);
 
-/* ---- guided search
- * ----------------------------------------------------------------------------------- */
+/* ---- for those who show a map ---------------------------------------------------------------- */
+
+/* Map and position (its world) of the landmark in a slot below limits.landmarks. False: none. */
+bool fv_map_landmark_at(const struct fv_map *map, uint32_t slot, uint32_t *map_id,
+                        double position[3]);
+/* The keyframe in a slot below limits.keyframes; its pose, unless NULL, in the world of its map.
+ * NULL: none. */
+const struct fv_keyframe *fv_map_keyframe_at(const struct fv_map *map, uint32_t slot,
+                                             struct fv_se3 *T_world_cam);
+struct fv_map_slots {
+    uint32_t keyframes, landmarks;
+};
+static inline struct fv_map_slots fv_map_slot_counts(const struct fv_map *map)
+{
+    return (struct fv_map_slots){map->limits.keyframes, map->limits.landmarks};
+}
+static inline uint32_t fv_map_current_id(const struct fv_map *map)
+{
+    return map->state->map_id;
+}
+
+/* ---- guided search --------------------------------------------------------------------------- */
 
 struct fv_found {
     int32_t feature; /* FV_MAP_NONE: none */
     /* Hamming distances; second nearest of a similar level, 256 when there is none */
     uint32_t distance, second;
 };
+
+/* Whether a search found one feature: within the distance, and clearly nearer than the second. */
+static inline bool fv_map_found_one(const struct fv_found *found, uint32_t distance_max)
+{
+    const double ratio_max = 0.9; /* D. Lowe, 2004 */
+    return found->feature != FV_MAP_NONE && found->distance <= distance_max &&
+           !(found->distance > ratio_max * found->second);
+}
 
 /* The feature of a view nearest to `descriptor` within radius_px of (x, y), of levels [level_min,
  * level_max]. When `only_free`, features that have a landmark are left out. */

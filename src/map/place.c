@@ -41,7 +41,7 @@ void fv_place_words_add(struct fv_place_words *words, const struct fv_kernels *k
 }
 
 /* Take the lowest bit out of `bits`. */
-static uint32_t fv_next_bit(uint64_t *bits)
+static uint32_t next_bit(uint64_t *bits)
 {
     const uint32_t bit = (uint32_t)__builtin_ctzll(*bits);
     *bits &= *bits - 1;
@@ -66,7 +66,7 @@ void fv_place_insert(struct fv_place *place, uint32_t slot, uint32_t generation,
     place->slots[slot] = (struct fv_place_slot){generation, words->weight > 0 ? words->weight : 1};
     for (uint32_t k = 0; k < sizeof words->present / sizeof *words->present; k++)
         for (uint64_t bits = words->present[k]; bits != 0;) {
-            const uint32_t word = 64 * k + fv_next_bit(&bits);
+            const uint32_t word = 64 * k + next_bit(&bits);
             place->rows[(size_t)word * place->lanes + (slot >> 6)] |= UINT64_C(1) << (slot & 63);
         }
 }
@@ -77,11 +77,11 @@ void fv_place_scores(const struct fv_place *place, const struct fv_place_words *
     memset(scores, 0, place->keyframes * sizeof *scores);
     for (uint32_t k = 0; k < sizeof words->present / sizeof *words->present; k++)
         for (uint64_t bits = words->present[k]; bits != 0;) {
-            const uint32_t word = 64 * k + fv_next_bit(&bits), weight = fv_vocabulary_weight(word);
+            const uint32_t word = 64 * k + next_bit(&bits), weight = fv_vocabulary_weight(word);
             const uint64_t *row = place->rows + (size_t)word * place->lanes;
             for (uint32_t lane = 0; lane < place->lanes; lane++)
                 for (uint64_t who = row[lane] & among->lane[lane]; who != 0;)
-                    scores[64 * lane + fv_next_bit(&who)] += weight;
+                    scores[64 * lane + next_bit(&who)] += weight;
         }
     for (uint32_t slot = 0; slot < place->keyframes; slot++) {
         if (scores[slot] == 0) continue;

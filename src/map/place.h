@@ -73,16 +73,14 @@ void fv_place_carve(struct fv_place *place, uint32_t keyframes, struct fv_arena 
 /* Empty the index. */
 void fv_place_clear(struct fv_place *place);
 
-/* ---- words of a view
- * ----------------------------------------------------------------------------------- */
+/* ---- words of a view ------------------------------------------------------------------------- */
 
 void fv_place_words_begin(struct fv_place_words *words);
 /* Take in descriptors; at most FV_PLACE_UNIT of them make a unit of work. */
 void fv_place_words_add(struct fv_place_words *words, const struct fv_kernels *kernels,
                         const uint8_t *descriptors, uint32_t count);
 
-/* ---- the index
- * ----------------------------------------------------------------------------------------- */
+/* ---- the index ------------------------------------------------------------------------------- */
 
 /* Make the entry of a keyframe, in place of any other of the slot. One unit: a bit in each of the
  * words' rows. */

@@ -19,8 +19,7 @@ void fv_pose_graph_carve(struct fv_pose_graph *g, const struct fv_pose_graph_lim
     g->order = fv_arena_take(job, limits->nodes, sizeof *g->order);
 }
 
-/* ---- building
- * -------------------------------------------------------------------------------------- */
+/* ---- building -------------------------------------------------------------------------------- */
 
 void fv_pose_graph_begin(struct fv_pose_graph *g)
 {
@@ -60,7 +59,7 @@ void fv_pose_graph_between(const struct fv_pose_graph *g, uint32_t a, uint32_t b
 }
 
 /* Lists of the edges of each node, one after the other. */
-static void fv_list_neighbours(struct fv_pose_graph *g)
+static void list_neighbours(struct fv_pose_graph *g)
 {
     const struct fv_pose_graph_state *s = g->state;
     for (uint32_t e = 0; e < s->edge_count; e++) {
@@ -77,16 +76,16 @@ static void fv_list_neighbours(struct fv_pose_graph *g)
     }
 }
 
-static uint32_t fv_neighbours_end(const struct fv_pose_graph *g, uint32_t node)
+static uint32_t neighbours_end(const struct fv_pose_graph *g, uint32_t node)
 {
     return node + 1 < g->state->node_count ? g->nodes[node + 1].first : 2 * g->state->edge_count;
 }
 
 /* Breadth first from a node: moving ones join the order with their parents before them. A fixed
  * node gives no parent's block, so its children are roots of the elimination. */
-static void fv_reach(struct fv_pose_graph *g, uint32_t from)
+static void reach(struct fv_pose_graph *g, uint32_t from)
 {
-    for (uint32_t k = g->nodes[from].first; k < fv_neighbours_end(g, from); k++) {
+    for (uint32_t k = g->nodes[from].first; k < neighbours_end(g, from); k++) {
         const struct fv_graph_edge *edge = &g->edges[g->neighbours[k]];
         struct fv_graph_node *other = &g->nodes[edge->a == from ? edge->b : edge->a];
         if (other->fixed || other->tree_edge != UINT32_MAX) continue;
@@ -99,14 +98,14 @@ static void fv_reach(struct fv_pose_graph *g, uint32_t from)
 bool fv_pose_graph_start(struct fv_pose_graph *g)
 {
     struct fv_pose_graph_state *s = g->state;
-    fv_list_neighbours(g);
+    list_neighbours(g);
     s->ordered = 0;
     for (uint32_t n = 0; n < s->node_count; n++)
         g->nodes[n].tree_edge = UINT32_MAX;
     for (uint32_t n = 0; n < s->node_count; n++)
-        if (g->nodes[n].fixed) fv_reach(g, n);
+        if (g->nodes[n].fixed) reach(g, n);
     for (uint32_t k = 0; k < s->ordered; k++)
-        fv_reach(g, g->order[k]);
+        reach(g, g->order[k]);
     for (uint32_t n = 0; n < s->node_count; n++)
         if (g->nodes[n].tree_edge == UINT32_MAX) g->nodes[n].fixed = 1;
     if (s->ordered == 0) return false;
@@ -116,11 +115,9 @@ bool fv_pose_graph_start(struct fv_pose_graph *g)
     return true;
 }
 
-/* ---- errors
- * ---------------------------------------------------------------------------------------- */
+/* ---- errors ---------------------------------------------------------------------------------- */
 
-static void fv_edge_error(const struct fv_pose_graph *g, const struct fv_graph_edge *edge,
-                          double e[7])
+static void edge_error(const struct fv_pose_graph *g, const struct fv_graph_edge *edge, double e[7])
 {
     struct fv_sim3 inverse, E;
     fv_sim3_invert(&g->nodes[edge->a].S, &inverse);
@@ -129,21 +126,21 @@ static void fv_edge_error(const struct fv_pose_graph *g, const struct fv_graph_e
     fv_sim3_log(&E, e);
 }
 
-static double fv_weight_of(const struct fv_graph_edge *edge, int row)
+static double weight_of(const struct fv_graph_edge *edge, int row)
 {
     return edge->weight[row < 3 ? 0 : row < 6 ? 1 : 2];
 }
 
-static double fv_edge_cost(const struct fv_graph_edge *edge, const double e[7])
+static double edge_cost(const struct fv_graph_edge *edge, const double e[7])
 {
     double cost = 0;
     for (int i = 0; i < 7; i++)
-        cost += fv_weight_of(edge, i) * e[i] * e[i];
+        cost += weight_of(edge, i) * e[i] * e[i];
     return cost / 2;
 }
 
 /* Columns of [x] and of R's adjoint: 7x7 matrices over (translation, rotation, log scale). */
-static void fv_small_adjoint(const double e[7], double ad[49])
+static void small_adjoint(const double e[7], double ad[49])
 {
     const double *u = e, *w = e + 3;
     const double W[9] = {0, -w[2], w[1], w[2], 0, -w[0], -w[1], w[0], 0},
@@ -159,7 +156,7 @@ static void fv_small_adjoint(const double e[7], double ad[49])
     }
 }
 
-static void fv_adjoint(const struct fv_sim3 *S, double Ad[49])
+static void adjoint(const struct fv_sim3 *S, double Ad[49])
 {
     const double *t = S->t, T[9] = {0, -t[2], t[1], t[2], 0, -t[0], -t[1], t[0], 0};
     double TR[9];
@@ -176,7 +173,7 @@ static void fv_adjoint(const struct fv_sim3 *S, double Ad[49])
     Ad[48] = 1;
 }
 
-static void fv_multiply77(const double A[49], const double B[49], double out[49])
+static void multiply77(const double A[49], const double B[49], double out[49])
 {
     for (int r = 0; r < 7; r++) {
         double row[7] = {0};
@@ -189,13 +186,13 @@ static void fv_multiply77(const double A[49], const double B[49], double out[49]
 
 /* Derivative of log(exp(x) exp(e)) by x at 0 (left) and of log(exp(e) exp(x)) (right): 1 -+ ad/2 +
  * ad^2/12 - ad^4/720 + ad^6/30240, Bernoulli's numbers over factorials. */
-static void fv_log_derivatives(const double e[7], double left[49], double right[49])
+static void log_derivatives(const double e[7], double left[49], double right[49])
 {
     double ad[49], square[49], fourth[49], sixth[49];
-    fv_small_adjoint(e, ad);
-    fv_multiply77(ad, ad, square);
-    fv_multiply77(square, square, fourth);
-    fv_multiply77(fourth, square, sixth);
+    small_adjoint(e, ad);
+    multiply77(ad, ad, square);
+    multiply77(square, square, fourth);
+    multiply77(fourth, square, sixth);
     for (int i = 0; i < 49; i++) {
         double even = square[i] / 12 - fourth[i] / 720 + sixth[i] / 30240 + (i % 8 == 0 ? 1 : 0);
         left[i] = even - ad[i] / 2;
@@ -203,17 +200,16 @@ static void fv_log_derivatives(const double e[7], double left[49], double right[
     }
 }
 
-/* ---- linearising
- * ----------------------------------------------------------------------------------- */
+/* ---- linearising ----------------------------------------------------------------------------- */
 
 /* A^T W B of one edge. */
-static void fv_normal_block(const struct fv_graph_edge *edge, const double A[49],
-                            const double B[49], double out[49])
+static void normal_block(const struct fv_graph_edge *edge, const double A[49], const double B[49],
+                         double out[49])
 {
     for (int r = 0; r < 7; r++) {
         double row[7] = {0};
         for (int k = 0; k < 7; k++) {
-            double v = A[7 * k + r] * fv_weight_of(edge, k);
+            double v = A[7 * k + r] * weight_of(edge, k);
             for (int c = 0; c < 7; c++)
                 row[c] += v * B[7 * k + c];
         }
@@ -223,14 +219,14 @@ static void fv_normal_block(const struct fv_graph_edge *edge, const double A[49]
 
 /* What the edge adds to the gradient and the diagonal of a node; the latter is kept in `tree`
  * unless NULL. */
-static void fv_add_to_node(const struct fv_graph_edge *edge, const double A[49], const double e[7],
-                           struct fv_graph_node *node, double *tree)
+static void add_to_node(const struct fv_graph_edge *edge, const double A[49], const double e[7],
+                        struct fv_graph_node *node, double *tree)
 {
     double own[49];
-    fv_normal_block(edge, A, A, own);
+    normal_block(edge, A, A, own);
     for (int k = 0; k < 7; k++)
         for (int c = 0; c < 7; c++)
-            node->gradient[c] -= A[7 * k + c] * fv_weight_of(edge, k) * e[k];
+            node->gradient[c] -= A[7 * k + c] * weight_of(edge, k) * e[k];
     for (int i = 0; i < 49; i++)
         node->diagonal[i] += own[i];
     for (int r = 0, i = 0; r < 7 && tree != NULL; r++)
@@ -239,32 +235,32 @@ static void fv_add_to_node(const struct fv_graph_edge *edge, const double A[49],
 }
 
 /* Steps multiply on the left: S <- exp(x) S. */
-static void fv_linearise_edge(struct fv_pose_graph *g, uint32_t number)
+static void linearise_edge(struct fv_pose_graph *g, uint32_t number)
 {
     struct fv_graph_edge *edge = &g->edges[number];
     struct fv_graph_node *a = &g->nodes[edge->a], *b = &g->nodes[edge->b];
     double e[7], left[49], by_a[49], by_b[49], Ad[49], block[49];
-    fv_edge_error(g, edge, e);
-    g->state->cost += fv_edge_cost(edge, e);
-    fv_log_derivatives(e, left, by_a);
+    edge_error(g, edge, e);
+    g->state->cost += edge_cost(edge, e);
+    log_derivatives(e, left, by_a);
     for (int i = 0; i < 49; i++)
         by_a[i] = -by_a[i];
-    fv_adjoint(&edge->S_a_b, Ad);
-    fv_multiply77(left, Ad, by_b);
-    fv_normal_block(edge, by_a, by_b, block);
+    adjoint(&edge->S_a_b, Ad);
+    multiply77(left, Ad, by_b);
+    normal_block(edge, by_a, by_b, block);
     for (int i = 0; i < 49; i++)
         edge->block[i] = (float)block[i];
-    fv_add_to_node(edge, by_a, e, a,
-                   a->tree_edge == number   ? a->own
-                   : b->tree_edge == number ? b->parents
-                                            : NULL);
-    fv_add_to_node(edge, by_b, e, b,
-                   b->tree_edge == number   ? b->own
-                   : a->tree_edge == number ? a->parents
-                                            : NULL);
+    add_to_node(edge, by_a, e, a,
+                a->tree_edge == number   ? a->own
+                : b->tree_edge == number ? b->parents
+                                         : NULL);
+    add_to_node(edge, by_b, e, b,
+                b->tree_edge == number   ? b->own
+                : a->tree_edge == number ? a->parents
+                                         : NULL);
 }
 
-static void fv_linearise_unit(struct fv_pose_graph *g)
+static void linearise_unit(struct fv_pose_graph *g)
 {
     struct fv_pose_graph_state *s = g->state;
     if (s->next == 0) {
@@ -275,17 +271,16 @@ static void fv_linearise_unit(struct fv_pose_graph *g)
         }
     }
     for (uint32_t done = 0; done < UNIT_LINEARISE && s->next < s->edge_count; done++)
-        fv_linearise_edge(g, s->next++);
+        linearise_edge(g, s->next++);
     if (s->next < s->edge_count) return;
     s->cost_before = s->cost;
     if (s->step == 0) s->cost_at_start = s->cost;
     s->phase = FV_GRAPH_FACTOR;
 }
 
-/* ---- judging a step
- * -------------------------------------------------------------------------------- */
+/* ---- judging a step -------------------------------------------------------------------------- */
 
-static void fv_take_steps(struct fv_pose_graph *g)
+static void take_steps(struct fv_pose_graph *g)
 {
     for (uint32_t k = 0; k < g->state->ordered; k++) {
         struct fv_graph_node *node = &g->nodes[g->order[k]];
@@ -297,7 +292,7 @@ static void fv_take_steps(struct fv_pose_graph *g)
     }
 }
 
-static void fv_judge(struct fv_pose_graph *g)
+static void judge(struct fv_pose_graph *g)
 {
     struct fv_pose_graph_state *s = g->state;
     s->step++;
@@ -317,19 +312,19 @@ static void fv_judge(struct fv_pose_graph *g)
     s->phase = last || settled || s->damping > 1e6 ? FV_GRAPH_DONE : FV_GRAPH_FACTOR;
 }
 
-static void fv_judge_unit(struct fv_pose_graph *g)
+static void judge_unit(struct fv_pose_graph *g)
 {
     struct fv_pose_graph_state *s = g->state;
     if (s->next == 0) {
-        fv_take_steps(g);
+        take_steps(g);
         s->cost = 0;
     }
     for (uint32_t done = 0; done < UNIT_JUDGE && s->next < s->edge_count; done++) {
         double e[7];
-        fv_edge_error(g, &g->edges[s->next], e);
-        s->cost += fv_edge_cost(&g->edges[s->next++], e);
+        edge_error(g, &g->edges[s->next], e);
+        s->cost += edge_cost(&g->edges[s->next++], e);
     }
-    if (s->next == s->edge_count) fv_judge(g);
+    if (s->next == s->edge_count) judge(g);
 }
 
 bool fv_pose_graph_unit(struct fv_pose_graph *g)
@@ -337,7 +332,7 @@ bool fv_pose_graph_unit(struct fv_pose_graph *g)
     struct fv_pose_graph_state *s = g->state;
     switch (s->phase) {
     case FV_GRAPH_LINEARISE:
-        fv_linearise_unit(g);
+        linearise_unit(g);
         break;
     case FV_GRAPH_FACTOR:
         s->phase = fv_graph_factor(g) ? FV_GRAPH_SOLVE : FV_GRAPH_DONE;
@@ -349,7 +344,7 @@ bool fv_pose_graph_unit(struct fv_pose_graph *g)
         s->next = 0;
         break;
     case FV_GRAPH_JUDGE:
-        fv_judge_unit(g);
+        judge_unit(g);
         break;
     case FV_GRAPH_IDLE:
     case FV_GRAPH_DONE:

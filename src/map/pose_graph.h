@@ -100,8 +100,7 @@ bool fv_pose_graph_start(struct fv_pose_graph *graph);
  * result. */
 bool fv_pose_graph_unit(struct fv_pose_graph *graph);
 
-/* ---- between the files of the job
- * ------------------------------------------------------------------ */
+/* ---- between the files of the job ------------------------------------------------------------ */
 
 /* Factor the tree with the damping. False when a block is not positive definite. */
 bool fv_graph_factor(struct fv_pose_graph *graph);

@@ -8,7 +8,7 @@
 static const double residual_share = 1e-8; /* of the first squared residual, where iterating ends */
 
 /* out += M x, or M^T x. */
-static void fv_add_product(const double M[49], bool transposed, const double x[7], double out[7])
+static void add_product(const double M[49], bool transposed, const double x[7], double out[7])
 {
     for (int r = 0; r < 7; r++) {
         double sum = 0;
@@ -19,7 +19,7 @@ static void fv_add_product(const double M[49], bool transposed, const double x[7
 }
 
 /* The same for an edge's block. */
-static void fv_add_block(const float M[49], bool transposed, const double x[7], double out[7])
+static void add_block(const float M[49], bool transposed, const double x[7], double out[7])
 {
     for (int r = 0; r < 7; r++) {
         double sum = 0;
@@ -30,17 +30,16 @@ static void fv_add_block(const float M[49], bool transposed, const double x[7], 
 }
 
 /* Add a lower triangle by rows. */
-static void fv_add_triangle(const double triangle[28], double M[49])
+static void add_triangle(const double triangle[28], double M[49])
 {
     for (int r = 0, i = 0; r < 7; r++)
         for (int c = 0; c <= r; c++)
             M[7 * r + c] += triangle[i++];
 }
 
-/* ---- the tree
- * -------------------------------------------------------------------------------------- */
+/* ---- the tree -------------------------------------------------------------------------------- */
 
-static void fv_damp(const struct fv_graph_node *node, double damping, double D[49])
+static void damp(const struct fv_graph_node *node, double damping, double D[49])
 {
     for (int a = 0; a < 7; a++)
         D[8 * a] += damping * node->diagonal[8 * a] + 1e-12;
@@ -48,21 +47,21 @@ static void fv_damp(const struct fv_graph_node *node, double damping, double D[4
 
 /* Diagonal blocks of the tree alone: a node has the share of the edge to its parent, and of those
  * to its children. */
-static void fv_tree_blocks(struct fv_pose_graph *g)
+static void tree_blocks(struct fv_pose_graph *g)
 {
     for (uint32_t k = 0; k < g->state->ordered; k++) {
         struct fv_graph_node *node = &g->nodes[g->order[k]];
         memset(node->factor, 0, sizeof node->factor);
-        fv_damp(node, g->state->damping, node->factor);
+        damp(node, g->state->damping, node->factor);
     }
     for (uint32_t k = 0; k < g->state->ordered; k++) {
         uint32_t at = g->order[k];
         struct fv_graph_node *node = &g->nodes[at];
         const struct fv_graph_edge *edge = &g->edges[node->tree_edge];
         bool is_a = edge->a == at;
-        fv_add_triangle(node->own, node->factor);
+        add_triangle(node->own, node->factor);
         if (node->parent < 0) continue;
-        fv_add_triangle(node->parents, g->nodes[node->parent].factor);
+        add_triangle(node->parents, g->nodes[node->parent].factor);
         for (int r = 0; r < 7; r++)
             for (int c = 0; c < 7; c++)
                 node->to_parent[7 * r + c] = (double)edge->block[is_a ? 7 * r + c : 7 * c + r];
@@ -71,7 +70,7 @@ static void fv_tree_blocks(struct fv_pose_graph *g)
 
 bool fv_graph_factor(struct fv_pose_graph *g)
 {
-    fv_tree_blocks(g);
+    tree_blocks(g);
     for (uint32_t k = g->state->ordered; k-- > 0;) {
         struct fv_graph_node *node = &g->nodes[g->order[k]];
         if (!fv_ldlt_factor(node->factor, 7)) return false;
@@ -95,7 +94,7 @@ bool fv_graph_factor(struct fv_pose_graph *g)
 }
 
 /* preconditioned = tree^-1 residual. */
-static void fv_apply_tree(struct fv_pose_graph *g)
+static void apply_tree(struct fv_pose_graph *g)
 {
     const struct fv_pose_graph_state *s = g->state;
     for (uint32_t k = 0; k < s->ordered; k++)
@@ -105,7 +104,7 @@ static void fv_apply_tree(struct fv_pose_graph *g)
         struct fv_graph_node *node = &g->nodes[g->order[k]];
         if (node->parent < 0) continue;
         double taken[7] = {0}, *above = g->nodes[node->parent].preconditioned;
-        fv_add_product(node->to_parent, true, node->preconditioned, taken);
+        add_product(node->to_parent, true, node->preconditioned, taken);
         for (int i = 0; i < 7; i++)
             above[i] -= taken[i];
     }
@@ -114,33 +113,32 @@ static void fv_apply_tree(struct fv_pose_graph *g)
         fv_ldlt_back(node->factor, 7, node->preconditioned);
         if (node->parent < 0) continue;
         double taken[7] = {0};
-        fv_add_product(node->to_parent, false, g->nodes[node->parent].preconditioned, taken);
+        add_product(node->to_parent, false, g->nodes[node->parent].preconditioned, taken);
         for (int i = 0; i < 7; i++)
             node->preconditioned[i] -= taken[i];
     }
 }
 
-/* ---- conjugate gradients
- * --------------------------------------------------------------------------- */
+/* ---- conjugate gradients --------------------------------------------------------------------- */
 
 /* image = H direction. Fixed nodes have direction zero, and their image is not read. */
-static void fv_apply_system(struct fv_pose_graph *g)
+static void apply_system(struct fv_pose_graph *g)
 {
     const struct fv_pose_graph_state *s = g->state;
     for (uint32_t k = 0; k < s->ordered; k++) {
         struct fv_graph_node *node = &g->nodes[g->order[k]];
         double D[49];
         memcpy(D, node->diagonal, sizeof D);
-        fv_damp(node, s->damping, D);
+        damp(node, s->damping, D);
         memset(node->image, 0, sizeof node->image);
-        fv_add_product(D, false, node->direction, node->image);
+        add_product(D, false, node->direction, node->image);
     }
     for (uint32_t e = 0; e < s->edge_count; e++) {
         const struct fv_graph_edge *edge = &g->edges[e];
         struct fv_graph_node *a = &g->nodes[edge->a], *b = &g->nodes[edge->b];
         if (a->fixed || b->fixed) continue;
-        fv_add_block(edge->block, false, b->direction, a->image);
-        fv_add_block(edge->block, true, a->direction, b->image);
+        add_block(edge->block, false, b->direction, a->image);
+        add_block(edge->block, true, a->direction, b->image);
     }
 }
 
@@ -152,7 +150,7 @@ void fv_graph_solve_begin(struct fv_pose_graph *g)
         memset(node->step, 0, sizeof node->step);
         memcpy(node->residual, node->gradient, sizeof node->residual);
     }
-    fv_apply_tree(g);
+    apply_tree(g);
     s->rho = 0;
     s->iteration = 0;
     for (uint32_t k = 0; k < s->ordered; k++) {
@@ -168,7 +166,7 @@ bool fv_graph_solve_more(struct fv_pose_graph *g)
 {
     struct fv_pose_graph_state *s = g->state;
     if (!(s->rho > 0) || s->iteration++ >= g->limits.iterations) return false;
-    fv_apply_system(g);
+    apply_system(g);
     double curvature = 0, rho = 0;
     for (uint32_t k = 0; k < s->ordered; k++)
         for (int i = 0; i < 7; i++)
@@ -182,7 +180,7 @@ bool fv_graph_solve_more(struct fv_pose_graph *g)
             node->residual[i] -= along * node->image[i];
         }
     }
-    fv_apply_tree(g);
+    apply_tree(g);
     for (uint32_t k = 0; k < s->ordered; k++)
         for (int i = 0; i < 7; i++)
             rho += g->nodes[g->order[k]].residual[i] * g->nodes[g->order[k]].preconditioned[i];

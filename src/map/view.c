@@ -24,24 +24,22 @@ struct fv_view fv_map_view(const struct fv_map *map, uint32_t slot)
     return view;
 }
 
-/* ---- the grid
- * ---------------------------------------------------------------------------------------- */
+/* ---- the grid -------------------------------------------------------------------------------- */
 
-static int32_t fv_clamp(int32_t v, int32_t low, int32_t high)
+static int32_t clamp(int32_t v, int32_t low, int32_t high)
 {
     return v < low ? low : v > high ? high : v;
 }
 
-static int32_t fv_cell_of(const struct fv_map *map, const struct fv_pixel *p)
+static int32_t cell_of(const struct fv_map *map, const struct fv_pixel *p)
 {
-    const int32_t column = fv_clamp((int32_t)(p->x * map->pixel_px) / FV_MAP_CELL_PX, 0,
-                                    map->columns - 1),
-                  row =
-                      fv_clamp((int32_t)(p->y * map->pixel_px) / FV_MAP_CELL_PX, 0, map->rows - 1);
+    const int32_t column =
+                      clamp((int32_t)(p->x * map->pixel_px) / FV_MAP_CELL_PX, 0, map->columns - 1),
+                  row = clamp((int32_t)(p->y * map->pixel_px) / FV_MAP_CELL_PX, 0, map->rows - 1);
     return row * map->columns + column;
 }
 
-static uint16_t fv_fixed(const struct fv_map *map, float px)
+static uint16_t fixed(const struct fv_map *map, float px)
 {
     const double value = (double)px / map->pixel_px + 0.5;
     return value < 0 ? 0 : value > UINT16_MAX ? UINT16_MAX : (uint16_t)value;
@@ -53,7 +51,7 @@ bool fv_map_index_view(const struct fv_map *map, uint32_t slot)
     const int32_t cells = map->columns * map->rows;
     int32_t cell = 0;
     for (uint32_t f = 0; f < view.frame->features; f++) {
-        const int32_t next = fv_cell_of(map, &view.points[f]);
+        const int32_t next = cell_of(map, &view.points[f]);
         if (next < cell - 1) return false;
         for (; cell <= next; cell++)
             view.cells[cell] = (uint16_t)f;
@@ -63,11 +61,10 @@ bool fv_map_index_view(const struct fv_map *map, uint32_t slot)
     return true;
 }
 
-/* ---- geometry of features
- * ---------------------------------------------------------------------------- */
+/* ---- geometry of features -------------------------------------------------------------------- */
 
-static void fv_set_keypoint(const double bearing[3], const double A[6], uint32_t level,
-                            struct fv_keypoint *k)
+static void set_keypoint(const double bearing[3], const double A[6], uint32_t level,
+                         struct fv_keypoint *k)
 {
     const double sigma = sigma_px * fv_level_scale(level);
     for (int i = 0; i < 3; i++)
@@ -84,13 +81,13 @@ bool fv_map_keypoint(const struct fv_map *map, const struct fv_pixel *point,
     if (!fv_bearing_of(map->bearings, map->camera, point->x * map->pixel_px,
                        point->y * map->pixel_px, bearing, A))
         return false;
-    fv_set_keypoint(bearing, A, point->level, keypoint);
+    set_keypoint(bearing, A, point->level, keypoint);
     return true;
 }
 
 /* Rays of some of a view's features. */
-static void fv_some_rays(const struct fv_map *map, const struct fv_pixel *points, uint32_t count,
-                         struct fv_ray *rays)
+static void some_rays(const struct fv_map *map, const struct fv_pixel *points, uint32_t count,
+                      struct fv_ray *rays)
 {
     float pixels[RAYS_PER_TURN][2];
     for (uint32_t i = 0; i < count; i++) {
@@ -107,7 +104,7 @@ void fv_map_bearings(const struct fv_map *map, uint32_t slot, float (*bearings)[
     for (uint32_t f = 0; f < view.frame->features;) {
         const uint32_t left = view.frame->features - f,
                        some = left < RAYS_PER_TURN ? left : RAYS_PER_TURN;
-        fv_some_rays(map, view.points + f, some, rays);
+        some_rays(map, view.points + f, some, rays);
         for (uint32_t i = 0; i < some; i++, f++)
             for (int k = 0; k < 3; k++)
                 bearings[f][k] = (float)rays[i].bearing[k];
@@ -125,21 +122,20 @@ double fv_map_error2(const struct fv_map *map, const struct fv_pixel *point, con
     return (e[0] * e[0] + e[1] * e[1]) / (sigma * sigma);
 }
 
-/* ---- filling
- * ----------------------------------------------------------------------------------------- */
+/* ---- filling --------------------------------------------------------------------------------- */
 
 /* Features of the frame into the view, cell by cell. Links are scratch: the cell of each, as they
  * come. */
-static void fv_sort_in(const struct fv_map *map, const struct fv_view *view,
-                       const struct fovea_feature *features, const uint8_t *descriptors,
-                       uint32_t count, uint16_t *from)
+static void sort_in(const struct fv_map *map, const struct fv_view *view,
+                    const struct fovea_feature *features, const uint8_t *descriptors,
+                    uint32_t count, uint16_t *from)
 {
     const int32_t cells = map->columns * map->rows;
     memset(view->cells, 0, (size_t)(cells + 1) * sizeof *view->cells);
     for (uint32_t i = 0; i < count; i++) {
-        const struct fv_pixel p = {fv_fixed(map, features[i].x_px), fv_fixed(map, features[i].y_px),
-                                   0, 0};
-        view->landmark[i] = (int16_t)fv_cell_of(map, &p);
+        const struct fv_pixel p = {fixed(map, features[i].x_px), fixed(map, features[i].y_px), 0,
+                                   0};
+        view->landmark[i] = (int16_t)cell_of(map, &p);
         view->cells[view->landmark[i] + 1]++;
     }
     for (int32_t c = 0; c < cells; c++)
@@ -147,7 +143,7 @@ static void fv_sort_in(const struct fv_map *map, const struct fv_view *view,
     for (uint32_t i = 0; i < count; i++) { /* cells move on to their ends, which index_view mends */
         const uint32_t at = view->cells[view->landmark[i]]++;
         view->points[at] =
-            (struct fv_pixel){fv_fixed(map, features[i].x_px), fv_fixed(map, features[i].y_px),
+            (struct fv_pixel){fixed(map, features[i].x_px), fixed(map, features[i].y_px),
                               (uint8_t)features[i].level, 0};
         memcpy(view->descriptors + (size_t)at * FV_MAP_DESCRIPTOR_BYTES,
                descriptors + (size_t)i * FV_MAP_DESCRIPTOR_BYTES, FV_MAP_DESCRIPTOR_BYTES);
@@ -162,14 +158,13 @@ void fv_map_fill_view(const struct fv_map *map, uint32_t slot, const struct fove
     struct fv_ray rays[RAYS_PER_TURN];
     uint32_t kept = 0;
     if (count > map->limits.features) count = map->limits.features;
-    fv_sort_in(map, &view, features, descriptors, count, from);
+    sort_in(map, &view, features, descriptors, count, from);
     for (uint32_t f = 0; f < count;) {
         const uint32_t some = count - f < RAYS_PER_TURN ? count - f : RAYS_PER_TURN;
-        fv_some_rays(map, view.points + f, some, rays);
+        some_rays(map, view.points + f, some, rays);
         for (uint32_t i = 0; i < some; i++, f++) {
             if (!rays[i].seen) continue;
-            fv_set_keypoint(rays[i].bearing, rays[i].A, view.points[f].level,
-                            &view.keypoints[kept]);
+            set_keypoint(rays[i].bearing, rays[i].A, view.points[f].level, &view.keypoints[kept]);
             if (kept != f) {
                 view.points[kept] = view.points[f];
                 memcpy(view.descriptors + (size_t)kept * FV_MAP_DESCRIPTOR_BYTES,
@@ -202,18 +197,17 @@ void fv_map_copy_view(struct fv_map *map, uint32_t from, uint32_t to)
         b.landmark[i] = FV_MAP_NONE;
 }
 
-/* ---- guided search
- * ----------------------------------------------------------------------------------- */
+/* ---- guided search --------------------------------------------------------------------------- */
 
 /* Features of the view within the square around (x, y); cut at CANDIDATES_MAX. */
-static int32_t fv_gather(const struct fv_map *map, const struct fv_view *view, double x, double y,
-                         double radius, int level_min, int level_max, bool only_free,
-                         uint16_t *candidates)
+static int32_t gather(const struct fv_map *map, const struct fv_view *view, double x, double y,
+                      double radius, int level_min, int level_max, bool only_free,
+                      uint16_t *candidates)
 {
-    const int32_t c0 = fv_clamp((int32_t)(x - radius) / FV_MAP_CELL_PX, 0, map->columns - 1),
-                  c1 = fv_clamp((int32_t)(x + radius) / FV_MAP_CELL_PX, 0, map->columns - 1),
-                  r0 = fv_clamp((int32_t)(y - radius) / FV_MAP_CELL_PX, 0, map->rows - 1),
-                  r1 = fv_clamp((int32_t)(y + radius) / FV_MAP_CELL_PX, 0, map->rows - 1);
+    const int32_t c0 = clamp((int32_t)(x - radius) / FV_MAP_CELL_PX, 0, map->columns - 1),
+                  c1 = clamp((int32_t)(x + radius) / FV_MAP_CELL_PX, 0, map->columns - 1),
+                  r0 = clamp((int32_t)(y - radius) / FV_MAP_CELL_PX, 0, map->rows - 1),
+                  r1 = clamp((int32_t)(y + radius) / FV_MAP_CELL_PX, 0, map->rows - 1);
     const double square = radius * radius;
     int32_t count = 0;
     for (int32_t r = r0; r <= r1; r++) {
@@ -233,9 +227,8 @@ static int32_t fv_gather(const struct fv_map *map, const struct fv_view *view, d
     return count;
 }
 
-static struct fv_found fv_nearest(const struct fv_kernels *kernels, const struct fv_view *view,
-                                  const uint16_t *candidates, int32_t count,
-                                  const uint8_t *descriptor)
+static struct fv_found nearest(const struct fv_kernels *kernels, const struct fv_view *view,
+                               const uint16_t *candidates, int32_t count, const uint8_t *descriptor)
 {
     struct fv_found found = {FV_MAP_NONE, 256, 256};
     uint16_t distances[CANDIDATES_MAX];
@@ -263,8 +256,8 @@ struct fv_found fv_map_search(const struct fv_map *map, const struct fv_kernels 
     if (!(x_px > -1e4 && x_px < 1e5 && y_px > -1e4 && y_px < 1e5)) return none;
     const struct fv_view view = fv_map_view(map, slot);
     const int32_t count =
-        fv_gather(map, &view, x_px, y_px, radius_px, level_min, level_max, only_free, candidates);
-    return fv_nearest(kernels, &view, candidates, count, descriptor);
+        gather(map, &view, x_px, y_px, radius_px, level_min, level_max, only_free, candidates);
+    return nearest(kernels, &view, candidates, count, descriptor);
 }
 
 struct fv_found fv_map_search_line(const struct fv_map *map, const struct fv_kernels *kernels,
@@ -295,5 +288,5 @@ struct fv_found fv_map_search_line(const struct fv_map *map, const struct fv_ker
             candidates[count++] = (uint16_t)f;
         }
     }
-    return fv_nearest(kernels, &view, candidates, count, descriptor);
+    return nearest(kernels, &view, candidates, count, descriptor);
 }

@@ -6,10 +6,9 @@
 #include "geometry/linear.h"
 #include "geometry/pose.h"
 #include "geometry/vec.h"
+#include "geometry/chi_square.h"
 
 enum { UNIT_OBSERVATIONS = 350 };
-
-static const double huber_square = 5.991; /* 95 % of chi-square with 2 degrees of freedom */
 
 void fv_window_carve(struct fv_window *window, const struct fv_window_limits *limits,
                      const struct fv_map *map, struct fv_arena *job)
@@ -26,11 +25,10 @@ void fv_window_abort(struct fv_window *window)
     window->state->phase = FV_WINDOW_IDLE;
 }
 
-/* ---- a pass: apply the pending step, linearise, eliminate
- * -------------------------------------------- */
+/* ---- a pass: apply the pending step, linearise, eliminate ------------------------------------ */
 
 /* Point moved by what the poses' step leaves for it. */
-static void fv_move_point(struct fv_window *w, struct fv_window_landmark *l)
+static void move_point(struct fv_window *w, struct fv_window_landmark *l)
 {
     const struct fv_window_state *s = w->state;
     double g[3], d[3];
@@ -52,8 +50,8 @@ static void fv_move_point(struct fv_window *w, struct fv_window_landmark *l)
 }
 
 /* Add one observation to the system and to its landmark's block. Returns its robust cost. */
-static double fv_linearise(struct fv_window_state *s, int n, struct fv_window_observation *o,
-                           const double point[3], double H[6], double g[3])
+static double linearise(struct fv_window_state *s, int n, struct fv_window_observation *o,
+                        const double point[3], double H[6], double g[3])
 {
     const struct fv_window_pose *pose = &s->poses[o->pose];
     double q[3], e[2], J[6], b[3], A[6], rows[12], by_point[6];
@@ -64,13 +62,13 @@ static double fv_linearise(struct fv_window_state *s, int n, struct fv_window_ob
     fv_se3_apply(&pose->T_cam_world, point, q);
     if (!fv_sight_error(b, A, q, e, J)) {
         memset(o->cross, 0, sizeof o->cross);
-        return 1e3 *
-               huber_square; /* behind the camera: as bad as a far outlier, without a direction */
+        return 1e3 * FV_CHI_SQUARE_95_2; /* behind the camera: as bad as a far outlier, without a
+                                            direction */
     }
     double weight = o->weight, square = weight * (e[0] * e[0] + e[1] * e[1]), cost = square;
-    if (square > huber_square) {
-        double ratio = __builtin_sqrt(huber_square / square);
-        cost = 2 * huber_square / ratio - huber_square;
+    if (square > FV_CHI_SQUARE_95_2) {
+        double ratio = __builtin_sqrt(FV_CHI_SQUARE_95_2 / square);
+        cost = 2 * FV_CHI_SQUARE_95_2 / ratio - FV_CHI_SQUARE_95_2;
         weight *= ratio;
     }
     for (int r = 0; r < 2; r++)
@@ -99,7 +97,7 @@ static double fv_linearise(struct fv_window_state *s, int n, struct fv_window_ob
 }
 
 /* Subtract what the landmark's elimination takes from the poses' system. */
-static void fv_eliminate_landmark(struct fv_window *w, const struct fv_window_landmark *l, int n)
+static void eliminate_landmark(struct fv_window *w, const struct fv_window_landmark *l, int n)
 {
     struct fv_window_state *s = w->state;
     const double *v = l->inverse;
@@ -132,7 +130,7 @@ static void fv_eliminate_landmark(struct fv_window *w, const struct fv_window_la
 }
 
 /* Pixels become bearings in the first pass, so that copying the window stays one unit. */
-static void fv_unpack(struct fv_window *w, const struct fv_window_landmark *l)
+static void unpack(struct fv_window *w, const struct fv_window_landmark *l)
 {
     for (uint32_t k = 0; k < l->count; k++) {
         struct fv_window_observation *o = &w->observations[l->first + k];
@@ -144,15 +142,15 @@ static void fv_unpack(struct fv_window *w, const struct fv_window_landmark *l)
     }
 }
 
-static void fv_pass_landmark(struct fv_window *w, struct fv_window_landmark *l)
+static void pass_landmark(struct fv_window *w, struct fv_window_landmark *l)
 {
     struct fv_window_state *s = w->state;
     int n = 6 * (int)s->moved_count;
-    if (s->packed) fv_unpack(w, l);
-    if (s->step_pending) fv_move_point(w, l);
+    if (s->packed) unpack(w, l);
+    if (s->step_pending) move_point(w, l);
     double H[6] = {0}, g[3] = {0};
     for (uint32_t k = 0; k < l->count; k++)
-        s->cost += fv_linearise(s, n, &w->observations[l->first + k], l->point, H, g);
+        s->cost += linearise(s, n, &w->observations[l->first + k], l->point, H, g);
     H[0] += s->damping * H[0] + 1e-12;
     H[3] += s->damping * H[3] + 1e-12;
     H[5] += s->damping * H[5] + 1e-12;
@@ -161,10 +159,10 @@ static void fv_pass_landmark(struct fv_window *w, struct fv_window_landmark *l)
         memset(l->inverse, 0,
                sizeof l->inverse); /* depth not determined: the point stays, and says nothing */
     else
-        fv_eliminate_landmark(w, l, n);
+        eliminate_landmark(w, l, n);
 }
 
-static void fv_begin_pass(struct fv_window_state *s)
+static void begin_pass(struct fv_window_state *s)
 {
     int n = 6 * (int)s->moved_count;
     memset(s->gradient, 0, (size_t)n * sizeof *s->gradient);
@@ -176,7 +174,7 @@ static void fv_begin_pass(struct fv_window_state *s)
 
 /* Solve for the next step and start the pass that applies it; false when the system cannot be
  * solved. */
-static bool fv_take_step(struct fv_window_state *s)
+static bool take_step(struct fv_window_state *s)
 {
     int n = 6 * (int)s->moved_count;
     if (!fv_ldlt_factor(s->system, n)) return false;
@@ -186,11 +184,11 @@ static bool fv_take_step(struct fv_window_state *s)
         if (s->poses[i].column >= 0)
             fv_se3_move(&s->poses[i].T_cam_world, s->step + s->poses[i].column);
     s->step_pending = true;
-    fv_begin_pass(s);
+    begin_pass(s);
     return true;
 }
 
-static void fv_keep(struct fv_window *w, bool accept)
+static void keep(struct fv_window *w, bool accept)
 {
     struct fv_window_state *s = w->state;
     for (uint32_t i = 0; i < s->pose_count; i++) {
@@ -209,7 +207,7 @@ static void fv_keep(struct fv_window *w, bool accept)
 }
 
 /* All landmarks are through: judge the step that led here, and take the next. */
-static void fv_end_pass(struct fv_window *w)
+static void end_pass(struct fv_window *w)
 {
     struct fv_window_state *s = w->state;
     bool first = s->pass == 0, better = first || s->cost < s->cost_before || !s->step_pending;
@@ -223,17 +221,17 @@ static void fv_end_pass(struct fv_window *w)
         s->accepted_any = s->accepted_any || (!first && s->step_pending);
         if (s->step_pending) s->damping = s->damping * 0.2 > 1e-9 ? s->damping * 0.2 : 1e-9;
         s->cost_before = s->cost;
-        fv_keep(w, true);
-        if (last || converged || !fv_take_step(s)) s->phase = FV_WINDOW_DONE;
+        keep(w, true);
+        if (last || converged || !take_step(s)) s->phase = FV_WINDOW_DONE;
         return;
     }
-    fv_keep(w, false);
+    keep(w, false);
     s->damping *= 10;
     s->step_pending = false;
     if (last)
         s->phase = FV_WINDOW_DONE;
     else
-        fv_begin_pass(s); /* at the old place, with more damping */
+        begin_pass(s); /* at the old place, with more damping */
 }
 
 bool fv_window_unit(struct fv_window *w)
@@ -243,14 +241,13 @@ bool fv_window_unit(struct fv_window *w)
     uint32_t done = 0;
     while (s->next < s->landmark_count && done < UNIT_OBSERVATIONS) {
         done += w->landmarks[s->next].count;
-        fv_pass_landmark(w, &w->landmarks[s->next++]);
+        pass_landmark(w, &w->landmarks[s->next++]);
     }
-    if (s->next == s->landmark_count) fv_end_pass(w);
+    if (s->next == s->landmark_count) end_pass(w);
     return s->phase == FV_WINDOW_PASS;
 }
 
-/* ---- filled by hand
- * ---------------------------------------------------------------------------------- */
+/* ---- filled by hand -------------------------------------------------------------------------- */
 
 void fv_window_clear(struct fv_window *w)
 {
@@ -290,5 +287,5 @@ void fv_window_put_observation(struct fv_window *w, const struct fv_keypoint *p,
 void fv_window_begin(struct fv_window *w, uint32_t passes)
 {
     w->state->passes = passes;
-    fv_begin_pass(w->state);
+    begin_pass(w->state);
 }

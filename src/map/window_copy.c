@@ -4,16 +4,16 @@
 #include "geometry/pose.h"
 #include "geometry/vec.h"
 #include "map/window.h"
+#include "geometry/chi_square.h"
 
-/* ---- start
- * ------------------------------------------------------------------------------------------- */
+/* ---- start ----------------------------------------------------------------------------------- */
 
-static int32_t fv_pose_of(const struct fv_window_state *s, uint32_t slot)
+static int32_t pose_of(const struct fv_window_state *s, uint32_t slot)
 {
     return s->pose_of[slot];
 }
 
-static uint32_t fv_add_pose(struct fv_window_state *s, const struct fv_map *map, uint32_t slot)
+static uint32_t add_pose(struct fv_window_state *s, const struct fv_map *map, uint32_t slot)
 {
     struct fv_window_pose *p = &s->poses[s->pose_count];
     p->T_cam_world = p->before = p->at_start = map->keyframes[slot].T_cam_world;
@@ -26,10 +26,10 @@ static uint32_t fv_add_pose(struct fv_window_state *s, const struct fv_map *map,
 }
 
 /* Keyframes of the window: the newest one, then those that share most landmarks with it. */
-static void fv_pick_keyframes(struct fv_window *w, const struct fv_map *map, uint32_t newest)
+static void pick_keyframes(struct fv_window *w, const struct fv_map *map, uint32_t newest)
 {
     struct fv_window_state *s = w->state;
-    (void)fv_add_pose(s, map, newest);
+    (void)add_pose(s, map, newest);
     struct fv_view view = fv_map_view(map, newest);
     uint16_t shared[256] = {0};
     for (uint32_t i = 0; i < view.frame->features; i++) {
@@ -40,22 +40,16 @@ static void fv_pick_keyframes(struct fv_window *w, const struct fv_map *map, uin
     }
     shared[newest] = 0;
     while (s->pose_count < w->limits.keyframes) {
-        uint32_t best = 0;
-        for (uint32_t k = 1; k < map->limits.keyframes; k++)
-            if (shared[k] > shared[best] ||
-                (shared[k] == shared[best] &&
-                 map->keyframes[k].number > map->keyframes[best].number))
-                best = k;
+        const uint32_t best = fv_map_best_shared_newest(map, shared);
         if (shared[best] < 15 && s->pose_count >= 2) break;
         if (shared[best] == 0) break;
         shared[best] = 0;
-        (void)fv_add_pose(s, map, best);
+        (void)add_pose(s, map, best);
     }
 }
 
 /* The oldest of the window stays where it is, unless keyframes outside hold the window in place. */
-static void fv_number_columns(struct fv_window_state *s, const struct fv_map *map,
-                              uint32_t in_window)
+static void number_columns(struct fv_window_state *s, const struct fv_map *map, uint32_t in_window)
 {
     uint32_t oldest = 0;
     for (uint32_t i = 1; i < in_window; i++)
@@ -67,15 +61,14 @@ static void fv_number_columns(struct fv_window_state *s, const struct fv_map *ma
         if (held || i != oldest) s->poses[i].column = 6 * (int32_t)s->moved_count++;
 }
 
-static void fv_add_observations(struct fv_window *w, const struct fv_map *map,
-                                const struct fv_landmark *l)
+static void add_observations(struct fv_window *w, const struct fv_map *map,
+                             const struct fv_landmark *l)
 {
     struct fv_window_state *s = w->state;
     for (uint32_t k = 0; k < l->observer_count; k++) {
         uint32_t slot = l->observers[k].keyframe;
-        int32_t pose = fv_pose_of(s, slot);
-        if (pose < 0 && s->pose_count < FV_WINDOW_POSES_MAX)
-            pose = (int32_t)fv_add_pose(s, map, slot);
+        int32_t pose = pose_of(s, slot);
+        if (pose < 0 && s->pose_count < FV_WINDOW_POSES_MAX) pose = (int32_t)add_pose(s, map, slot);
         if (pose < 0) continue;
         struct fv_window_observation *o = &w->observations[s->observation_count++];
         o->seen = fv_map_view(map, slot).points[l->observers[k].feature];
@@ -84,8 +77,8 @@ static void fv_add_observations(struct fv_window *w, const struct fv_map *map,
     }
 }
 
-static void fv_copy_landmarks(struct fv_window *w, struct fv_map *map, uint32_t in_window,
-                              uint32_t observers_min)
+static void copy_landmarks(struct fv_window *w, struct fv_map *map, uint32_t in_window,
+                           uint32_t observers_min)
 {
     struct fv_window_state *s = w->state;
     for (uint32_t i = 0; i < in_window; i++) {
@@ -100,7 +93,7 @@ static void fv_copy_landmarks(struct fv_window *w, struct fv_map *map, uint32_t 
             fv_window_put_landmark(w, l->point);
             w->landmarks[s->landmark_count - 1].slot = (uint32_t)view.landmark[f];
             w->landmarks[s->landmark_count - 1].generation = l->generation;
-            fv_add_observations(w, map, l);
+            add_observations(w, map, l);
         }
     }
 }
@@ -109,14 +102,14 @@ bool fv_window_start(struct fv_window *w, struct fv_map *map, uint32_t newest)
 {
     struct fv_window_state *s = w->state;
     fv_window_clear(w);
-    fv_pick_keyframes(w, map, newest);
+    pick_keyframes(w, map, newest);
     uint32_t in_window = s->pose_count;
     if (in_window < 2) return false;
     /* Well-seen landmarks first: they bind the window; the rest fills the room that is left. */
     map->state->mark++;
-    fv_copy_landmarks(w, map, in_window, 3);
-    fv_copy_landmarks(w, map, in_window, 2);
-    fv_number_columns(s, map, in_window);
+    copy_landmarks(w, map, in_window, 3);
+    copy_landmarks(w, map, in_window, 2);
+    number_columns(s, map, in_window);
     if (s->moved_count == 0 || s->landmark_count < 10) return false;
     s->packed = true;
     s->keyframe_number = map->keyframes[newest].number;
@@ -124,24 +117,21 @@ bool fv_window_start(struct fv_window *w, struct fv_map *map, uint32_t newest)
     return true;
 }
 
-/* ---- commit
- * ------------------------------------------------------------------------------------------ */
-
-static const double misfit_square = 5.991; /* 95 % of chi-square with 2 degrees of freedom */
+/* ---- commit ---------------------------------------------------------------------------------- */
 
 /* T_world_world of a moved keyframe: takes world points that hung on it to where they belong now.
  */
-static void fv_correction(const struct fv_window_pose *p, struct fv_se3 *C)
+static void correction(const struct fv_window_pose *p, struct fv_se3 *C)
 {
     struct fv_se3 inverse;
     fv_se3_invert(&p->T_cam_world, &inverse);
     fv_se3_compose(&inverse, &p->at_start, C);
 }
 
-static const struct fv_window_pose *fv_moved(const struct fv_window_state *s,
+static const struct fv_window_pose *moved_by(const struct fv_window_state *s,
                                              const struct fv_map *map, int32_t slot)
 {
-    int32_t i = slot < 0 ? -1 : fv_pose_of(s, (uint32_t)slot);
+    int32_t i = slot < 0 ? -1 : pose_of(s, (uint32_t)slot);
     if (i < 0 || s->poses[i].column < 0 ||
         map->keyframes[slot].generation != s->poses[i].generation)
         return 0;
@@ -149,8 +139,8 @@ static const struct fv_window_pose *fv_moved(const struct fv_window_state *s,
 }
 
 /* Unlink the landmark's observations that do not fit; true when it still has two observers. */
-static bool fv_drop_misfits(struct fv_window *w, struct fv_map *map,
-                            const struct fv_window_landmark *l, uint32_t *dropped)
+static bool drop_misfits(struct fv_window *w, struct fv_map *map,
+                         const struct fv_window_landmark *l, uint32_t *dropped)
 {
     const struct fv_window_state *s = w->state;
     for (uint32_t k = 0; k < l->count; k++) {
@@ -163,7 +153,7 @@ static bool fv_drop_misfits(struct fv_window *w, struct fv_map *map,
             A[i] = o->A[i];
         fv_se3_apply(&pose->T_cam_world, l->point, q);
         if (fv_sight_error(b, A, q, e, 0) &&
-            o->weight * (e[0] * e[0] + e[1] * e[1]) < misfit_square)
+            o->weight * (e[0] * e[0] + e[1] * e[1]) < FV_CHI_SQUARE_95_2)
             continue;
         if (map->keyframes[pose->slot].generation == pose->generation) {
             fv_map_unlink(map, l->slot, pose->slot);
@@ -174,33 +164,33 @@ static bool fv_drop_misfits(struct fv_window *w, struct fv_map *map,
 }
 
 /* Keyframes and landmarks that were not in the window but hang on a keyframe that was. */
-static void fv_move_dependants(const struct fv_window_state *s, struct fv_map *map)
+static void move_dependants(const struct fv_window_state *s, struct fv_map *map)
 {
     struct fv_se3 C, inverse;
     for (uint32_t slot = 0; slot < map->limits.keyframes + 1;
          slot++) { /* the current frame as well */
         struct fv_keyframe *k = &map->keyframes[slot];
         bool current = slot == fv_map_current(map);
-        if ((!k->used && !current) || fv_pose_of(s, slot) >= 0) continue;
+        if ((!k->used && !current) || pose_of(s, slot) >= 0) continue;
         if (!current && k->number <= s->keyframe_number) continue;
-        const struct fv_window_pose *parent = fv_moved(s, map, k->parent);
+        const struct fv_window_pose *parent = moved_by(s, map, k->parent);
         if (!parent) continue;
-        fv_correction(parent, &C);
+        correction(parent, &C);
         fv_se3_invert(&C, &inverse);
         fv_se3_compose(&k->T_cam_world, &inverse, &k->T_cam_world);
         fv_so3_orthonormalise(k->T_cam_world.R);
     }
 }
 
-static void fv_move_landmarks(const struct fv_window_state *s, struct fv_map *map)
+static void move_landmarks(const struct fv_window_state *s, struct fv_map *map)
 {
     struct fv_se3 corrections[FV_WINDOW_POSES_MAX];
     for (uint32_t i = 0; i < s->pose_count; i++)
-        fv_correction(&s->poses[i], &corrections[i]);
+        correction(&s->poses[i], &corrections[i]);
     for (uint32_t slot = 0; slot < map->state->landmark_top; slot++) {
         struct fv_landmark *l = &map->landmarks[slot];
         if (!l->used || l->mark == map->state->mark || l->observer_count == 0) continue;
-        int32_t i = fv_pose_of(s, l->observers[0].keyframe);
+        int32_t i = pose_of(s, l->observers[0].keyframe);
         if (i < 0 || s->poses[i].column < 0 ||
             map->keyframes[s->poses[i].slot].generation != s->poses[i].generation)
             continue;
@@ -229,17 +219,17 @@ struct fv_window_result fv_window_commit(struct fv_window *w, struct fv_map *map
         s->poses[i].T_cam_world = s->poses[i].before;
         fv_so3_orthonormalise(s->poses[i].T_cam_world.R);
     }
-    fv_move_dependants(s, map);
-    fv_move_landmarks(s, map);
+    move_dependants(s, map);
+    move_landmarks(s, map);
     for (uint32_t i = 0; i < s->pose_count; i++) {
-        if (!fv_moved(s, map, (int32_t)s->poses[i].slot)) continue;
+        if (!moved_by(s, map, (int32_t)s->poses[i].slot)) continue;
         map->keyframes[s->poses[i].slot].T_cam_world = s->poses[i].T_cam_world;
         result.moved_keyframes++;
     }
     for (uint32_t i = 0; i < s->landmark_count; i++) {
         struct fv_landmark *target = &map->landmarks[w->landmarks[i].slot];
         if (target->used && target->generation == w->landmarks[i].generation &&
-            !fv_drop_misfits(w, map, &w->landmarks[i], &result.dropped_observations))
+            !drop_misfits(w, map, &w->landmarks[i], &result.dropped_observations))
             fv_map_remove_landmark(map, w->landmarks[i].slot);
     }
     return result;

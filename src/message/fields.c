@@ -45,8 +45,7 @@ const struct fv_type *fv_message_type_of(const uint8_t *data, size_t bytes)
     return NULL;
 }
 
-/* ---- walking
- * ----------------------------------------------------------------------------------------- */
+/* ---- walking --------------------------------------------------------------------------------- */
 
 void fv_message_walk(struct fv_walk *walk, const struct fv_type *type, const uint8_t *data,
                      size_t bytes)
@@ -179,8 +178,7 @@ bool fv_message_check(const char *type, const uint8_t *data, size_t bytes, const
     return status == FOVEA_END;
 }
 
-/* ---- comparing
- * --------------------------------------------------------------------------------------- */
+/* ---- comparing ------------------------------------------------------------------------------- */
 
 bool fv_message_field_is_volatile(const struct fv_type *type, const char *path)
 {

@@ -15,6 +15,7 @@
 #include "fovea_map_t.h"
 #include "fovea_pose_t.h"
 #include "fovea_preview_t.h"
+#include "fovea_run_t.h"
 #include "fovea_recording_end_t.h"
 #include "fovea_recording_t.h"
 #include "fovea_statistics_t.h"
@@ -25,6 +26,7 @@ void fv_message_prepare(void)
     (void)__bot_core_pose_t_get_hash();
     (void)__fovea_camera_status_t_get_hash();
     (void)__fovea_command_t_get_hash();
+    (void)__fovea_run_t_get_hash();
     (void)__fovea_detections_t_get_hash();
     (void)__fovea_features_t_get_hash();
     (void)__fovea_frame_t_get_hash();
@@ -49,6 +51,7 @@ void fv_message_channel(const char *prefix, enum fv_message_kind kind, char *nam
         [FV_MESSAGE_PREVIEW] = "PREVIEW",
         [FV_MESSAGE_CAMERA_STATUS] = "CAMERA_STATUS",
         [FV_MESSAGE_COMMAND] = "COMMAND",
+        [FV_MESSAGE_RUN] = "RUN",
         [FV_MESSAGE_FRAME] = "FRAME",
         [FV_MESSAGE_RECORDING] = "RECORDING",
         [FV_MESSAGE_INPUTS] = "INPUTS",
@@ -79,8 +82,7 @@ fovea_stamp_t fv_message_stamp(const struct fovea_frame *frame, int64_t utc_offs
     return stamp;
 }
 
-/* ---- features
- * ---------------------------------------------------------------------------------------- */
+/* ---- features -------------------------------------------------------------------------------- */
 
 size_t fv_message_features_size_max(uint32_t count_max)
 {
@@ -124,8 +126,7 @@ uint32_t fv_message_features_encode(const struct fv_message_features *in, void *
         fovea_features_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
 }
 
-/* ---- statistics
- * -------------------------------------------------------------------------------------- */
+/* ---- statistics ------------------------------------------------------------------------------ */
 
 size_t fv_message_statistics_size_max(void)
 {
@@ -211,8 +212,7 @@ uint32_t fv_message_statistics_encode(const struct fv_message_statistics *in, ui
         fovea_statistics_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
 }
 
-/* ---- camera status and preview
- * ----------------------------------------------------------------------- */
+/* ---- camera status and preview --------------------------------------------------------------- */
 
 size_t fv_message_camera_status_size_max(void)
 {

@@ -31,6 +31,7 @@ enum fv_message_kind {
     FV_MESSAGE_MAP,
     FV_MESSAGE_TRACKS,
     FV_MESSAGE_COMMAND, /* in */
+    FV_MESSAGE_RUN,     /* of the application */
     FV_MESSAGE_FRAME,   /* this and the next four: in recordings only */
     FV_MESSAGE_RECORDING,
     FV_MESSAGE_RECORDING_END,
@@ -38,6 +39,9 @@ enum fv_message_kind {
     FV_MESSAGE_GRANTS,
     FV_MESSAGE_KIND_COUNT
 };
+
+/* LCM's header, channel and message of one packet: what is longer is sent in fragments. */
+enum { FV_MESSAGE_PACKET_BYTES = 60000 };
 
 enum { FV_MESSAGE_CHANNEL_BYTES = 64, FV_MESSAGE_NAME_BYTES_MAX = 24 };
 
@@ -56,8 +60,9 @@ struct fv_message_pose {
     fovea_stamp_t stamp;
     const char *parent_frame, *child_frame; /* at most FV_MESSAGE_NAME_BYTES_MAX with the zero */
     const struct fovea_pose *pose;          /* state, scale and counts */
-    double position[3], orientation[4];     /* T_parent_child; looked at only when pose->posed */
-    double covariance[21];                  /* of the child; likewise */
+    bool paused; /* the frame was not looked at: state `paused`, no pose and no counts */
+    double position[3], orientation[4]; /* T_parent_child; looked at only when pose->posed */
+    double covariance[21];              /* of the child; likewise */
     double map_position[3], map_orientation[4]; /* T_map_parent; likewise */
     int64_t reference_keyframe;                 /* -1: none */
     int64_t latency_ns;

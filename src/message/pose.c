@@ -27,30 +27,31 @@ static char *name_of(const char *name)
 uint32_t fv_message_pose_encode(const struct fv_message_pose *in, uint8_t *buffer, size_t capacity)
 {
     const struct fovea_pose *pose = in->pose;
+    const bool posed = pose->posed && !in->paused;
     fovea_pose_t message;
     memset(&message, 0, sizeof message);
     message.stamp = in->stamp;
-    message.state = (int8_t)pose->state;
+    message.state = in->paused ? FOVEA_POSE_T_STATE_PAUSED : (int8_t)pose->state;
     message.reset_counter = (int32_t)pose->reset_counter;
     message.parent_frame = name_of(in->parent_frame);
     message.child_frame = name_of(in->child_frame);
     for (int i = 0; i < 3; i++)
-        message.position[i] = pose->posed ? in->position[i] : (double)NAN;
+        message.position[i] = posed ? in->position[i] : (double)NAN;
     for (int i = 0; i < 4; i++)
-        message.orientation[i] = pose->posed ? in->orientation[i] : (double)NAN;
+        message.orientation[i] = posed ? in->orientation[i] : (double)NAN;
     for (int i = 0; i < 21; i++)
-        message.covariance[i] = pose->posed ? in->covariance[i] : (double)NAN;
-    message.reference_keyframe = in->reference_keyframe;
-    message.quality = pose->quality;
-    message.inliers = (int32_t)pose->inliers;
+        message.covariance[i] = posed ? in->covariance[i] : (double)NAN;
+    message.reference_keyframe = posed ? in->reference_keyframe : -1;
+    message.quality = in->paused ? 0 : pose->quality;
+    message.inliers = in->paused ? 0 : (int32_t)pose->inliers;
     message.scale = pose->scale;
     message.scale_sigma = pose->scale_source == FOVEA_SCALE_FREE ? (double)NAN : pose->scale_sigma;
     message.scale_source = (int8_t)pose->scale_source;
     for (int i = 0; i < 3; i++)
-        message.map_position[i] = pose->posed ? in->map_position[i] : (double)NAN;
+        message.map_position[i] = posed ? in->map_position[i] : (double)NAN;
     for (int i = 0; i < 4; i++)
-        message.map_orientation[i] = pose->posed ? in->map_orientation[i] : (double)NAN;
-    message.map_scale = pose->posed ? pose->map_scale : (double)NAN;
+        message.map_orientation[i] = posed ? in->map_orientation[i] : (double)NAN;
+    message.map_scale = posed ? pose->map_scale : (double)NAN;
     message.latency_ns = in->latency_ns;
     return fv_wire_encoded(fovea_pose_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
 }

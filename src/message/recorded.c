@@ -131,8 +131,7 @@ uint32_t fv_message_grants_encode(int64_t now_ns, const struct fovea_grants *gra
     return fv_wire_encoded(fovea_grants_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
 }
 
-/* ---- back
- * -------------------------------------------------------------------------------------------- */
+/* ---- back ------------------------------------------------------------------------------------ */
 
 /* Reads the numbers of a checked message in the order of its fields. */
 struct reader {

@@ -1,14 +1,14 @@
-#include "detect/preprocess.h"
+#include "nn/input.h"
 
 #include <string.h>
 
-#include "detect/pixel.h"
+#include "nn/pixel.h"
 #include "nn/run.h"
 
 enum { WEIGHT_BITS = 15, WEIGHT_ONE = 1 << WEIGHT_BITS };
 
-enum fovea_status fv_detect_view(const struct fv_model *model, const struct fovea_image *image,
-                                 struct fv_detect_view *view)
+enum fovea_status fv_nn_view(const struct fv_model *model, const struct fovea_image *image,
+                             struct fv_nn_view *view)
 {
     const struct fv_model_preprocess *p = &model->header->preprocess;
     const struct fv_model_tensor *t = &model->tensors[model->inputs[0]];
@@ -20,10 +20,10 @@ enum fovea_status fv_detect_view(const struct fv_model *model, const struct fove
     if (!colours || !fits || !fv_pixel_known(image->format) || image->width < 1 ||
         image->height < 1)
         return FOVEA_ERROR_UNSUPPORTED;
-    *view = (struct fv_detect_view){.image_width = image->width,
-                                    .image_height = image->height,
-                                    .width = p->width,
-                                    .height = p->height};
+    *view = (struct fv_nn_view){.image_width = image->width,
+                                .image_height = image->height,
+                                .width = p->width,
+                                .height = p->height};
     if (p->fit == FV_FIT_LETTERBOX) {
         if ((int64_t)p->width * image->height < (int64_t)p->height * image->width) {
             view->height = (int32_t)(((int64_t)image->height * p->width * 2 + image->width) /
@@ -40,6 +40,13 @@ enum fovea_status fv_detect_view(const struct fv_model *model, const struct fove
     view->scale_x = (float)view->width / (float)image->width;
     view->scale_y = (float)view->height / (float)image->height;
     return FOVEA_OK;
+}
+
+bool fv_nn_takes_images(const struct fv_model *model)
+{
+    const struct fovea_image image = {.width = 1, .height = 1, .format = FOVEA_PIXEL_GREY8};
+    struct fv_nn_view view;
+    return fv_nn_view(model, &image, &view) == FOVEA_OK;
 }
 
 /* Lower neighbour and weight of the upper one for target `at` of `count` over `size` source pixels.
@@ -146,7 +153,7 @@ struct block {
     int32_t shown[BLOCK_ROWS], up[BLOCK_ROWS], down[BLOCK_ROWS], wy[BLOCK_ROWS];
 };
 
-static void block_begin(const struct fovea_image *image, const struct fv_detect_view *view,
+static void block_begin(const struct fovea_image *image, const struct fv_nn_view *view,
                         int32_t begin, int32_t end, struct block *b)
 {
     b->begin = begin;
@@ -160,7 +167,7 @@ static void block_begin(const struct fovea_image *image, const struct fv_detect_
 }
 
 static void fill_column(const struct fv_model *model, const struct tables *tables,
-                        const struct fovea_image *image, const struct fv_detect_view *view,
+                        const struct fovea_image *image, const struct fv_nn_view *view,
                         const struct block *b, int32_t x, uint8_t *input)
 {
     const struct fv_model_preprocess *p = &model->header->preprocess;
@@ -186,15 +193,15 @@ static void fill_column(const struct fv_model *model, const struct tables *table
 /* A grey frame of the network's own size needs no interpolation: most cameras' case, and thirty
  * times faster. */
 static bool is_direct(const struct fv_model *model, const struct fovea_image *image,
-                      const struct fv_detect_view *view)
+                      const struct fv_nn_view *view)
 {
     return image->format == FOVEA_PIXEL_GREY8 && model->header->preprocess.channels == 1 &&
            view->width == image->width && view->height == image->height &&
            model->tensors[model->inputs[0]].type == FV_TYPE_U8;
 }
 
-int32_t fv_detect_rows_per_unit(const struct fv_model *model, const struct fovea_image *image,
-                                const struct fv_detect_view *view)
+int32_t fv_nn_rows_per_unit(const struct fv_model *model, const struct fovea_image *image,
+                            const struct fv_nn_view *view)
 {
     enum { PIXELS = 9600, PIXELS_DIRECT = 96000 };
     const int32_t pixels = is_direct(model, image, view) ? PIXELS_DIRECT : PIXELS,
@@ -203,8 +210,8 @@ int32_t fv_detect_rows_per_unit(const struct fv_model *model, const struct fovea
 }
 
 static void fill_direct(const struct fv_model *model, const uint8_t table[256],
-                        const struct fovea_image *image, const struct fv_detect_view *view,
-                        int32_t y, uint8_t *input)
+                        const struct fovea_image *image, const struct fv_nn_view *view, int32_t y,
+                        uint8_t *input)
 {
     const int32_t width = model->header->preprocess.width, iy = y - view->top;
     const uint8_t pad = table[(uint8_t)model->header->preprocess.pad];
@@ -216,8 +223,8 @@ static void fill_direct(const struct fv_model *model, const uint8_t table[256],
         to[view->left + x] = table[from[x]];
 }
 
-void fv_detect_fill(const struct fv_model *model, const struct fovea_image *image,
-                    const struct fv_detect_view *view, uint8_t *arena, int32_t begin, int32_t end)
+void fv_nn_fill(const struct fv_model *model, const struct fovea_image *image,
+                const struct fv_nn_view *view, uint8_t *arena, int32_t begin, int32_t end)
 {
     uint8_t *input = fv_nn_tensor(model, arena, model->inputs[0]);
     struct tables tables;

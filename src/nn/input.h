@@ -5,8 +5,10 @@
  * fills the rest. Colours are reordered; a grey image gives three equal channels, a colour image
  * gives a grey one by BT.601. Values go through a table of 256 made from the model's mean and scale
  * and the input's quantisation. */
-#ifndef FOVEA_DETECT_PREPROCESS_H
-#define FOVEA_DETECT_PREPROCESS_H
+#ifndef FOVEA_NN_INPUT_H
+#define FOVEA_NN_INPUT_H
+
+#include <stdbool.h>
 
 #include "fovea/image.h"
 #include "nn/model.h"
@@ -17,26 +19,29 @@ extern "C" {
 
 /* How the image lies in the input: input = image * scale + offset, per axis, in pixel-corner
  * coordinates. */
-struct fv_detect_view {
+struct fv_nn_view {
     int32_t image_width, image_height;
     int32_t left, top, width, height; /* part of the input that holds the image */
     float scale_x, scale_y;           /* input pixels per image pixel */
 };
 
+/* Whether the model takes images at all: one of 8-bit grey tells. Init-only. */
+bool fv_nn_takes_images(const struct fv_model *model);
+
 /* Whether the model takes images at all (a first input of 8-bit or float [1, h, w, 1 or 3]) and
- * `image` has a format that can be read: all but the compressed ones (detect/pixel.h). Fills
+ * `image` has a format that can be read: all but the compressed ones (nn/pixel.h). Fills
  * `view`. Real-time safe. FOVEA_ERROR_UNSUPPORTED: it does not. */
-enum fovea_status fv_detect_view(const struct fv_model *model, const struct fovea_image *image,
-                                 struct fv_detect_view *view);
+enum fovea_status fv_nn_view(const struct fv_model *model, const struct fovea_image *image,
+                             struct fv_nn_view *view);
 
 /* Rows of the input that are filled in about 0.1 ms here, 0.25 ms on a slow board. Real-time safe.
  */
-int32_t fv_detect_rows_per_unit(const struct fv_model *model, const struct fovea_image *image,
-                                const struct fv_detect_view *view);
+int32_t fv_nn_rows_per_unit(const struct fv_model *model, const struct fovea_image *image,
+                            const struct fv_nn_view *view);
 
 /* Fill rows [begin, end) of the input tensor (its height is preprocess.height). Real-time safe. */
-void fv_detect_fill(const struct fv_model *model, const struct fovea_image *image,
-                    const struct fv_detect_view *view, uint8_t *arena, int32_t begin, int32_t end);
+void fv_nn_fill(const struct fv_model *model, const struct fovea_image *image,
+                const struct fv_nn_view *view, uint8_t *arena, int32_t begin, int32_t end);
 
 #ifdef __cplusplus
 }

@@ -229,7 +229,7 @@ struct fv_model_op {
 };
 
 /* How an image becomes the input: value = pixel (0..255) through `table_*`, see
- * src/detect/preprocess.h. */
+ * src/nn/input.h. */
 enum fv_model_fit { FV_FIT_STRETCH = 0, FV_FIT_LETTERBOX = 1 };
 struct fv_model_preprocess {
     int32_t fit;
@@ -304,6 +304,14 @@ enum fovea_status fv_model_open(const void *data, size_t bytes, const char *name
 
 /* Label of a class, or NULL. Any thread. */
 const char *fv_model_label(const struct fv_model *model, int32_t index);
+static inline uint32_t fv_model_label_count(const struct fv_model *model)
+{
+    return model->header->label_count;
+}
+static inline const char *fv_model_name(const struct fv_model *model)
+{
+    return model->header->name;
+}
 
 /* Name of an operator kind for people. Any thread, never NULL. */
 const char *fv_model_kind_name(int32_t kind);

@@ -140,8 +140,7 @@ static int32_t next_class(const struct state *s, int32_t anchor, int32_t after)
     return best;
 }
 
-/* ---- steps: each row of the operator is one
- * ------------------------------------------------------------ */
+/* ---- steps: each row of the operator is one -------------------------------------------------- */
 
 /* Selections of a class that one step makes. */
 static int32_t share(const struct fv_op_detection *p)

@@ -1,4 +1,4 @@
-#include "detect/pixel.h"
+#include "nn/pixel.h"
 
 #include <string.h>
 

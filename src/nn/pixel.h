@@ -4,8 +4,9 @@
  *   Y10, Y12, Y14, Y16       the 8 high bits of the significant ones, three equal values
  *   RGB24, BGR24             as they are
  *   YUYV, UYVY, NV12, YU12   BT.601 with luma from 16 to 235 (what cameras send and OpenCV takes
- * for granted); a network that takes grey gets the luma as it is Bayer                    of the
- * cell of 2 x 2 that the pixel is in: red, the mean of the greens, blue */
+ *                            for granted); a network that takes grey gets the luma as it is
+ *   Bayer                    of the cell of 2 x 2 that the pixel is in: red, the mean of the
+ *                            greens, blue */
 #ifndef FOVEA_DETECT_PIXEL_H
 #define FOVEA_DETECT_PIXEL_H
 

@@ -41,7 +41,7 @@ enum fovea_status fv_nn_run(const struct fv_model *model, const struct fv_kernel
  */
 uint8_t *fv_nn_tensor(const struct fv_model *model, uint8_t *arena, int32_t tensor);
 
-/* ---- operators, one file each; they compute rows [begin, end) of op->rows ---- */
+/* ---- operators, one file each; they compute rows [begin, end) of op->rows -------------------- */
 struct fv_nn_call {
     const struct fv_model *model;
     const struct fv_kernels *kernels;

@@ -5,6 +5,7 @@
 
 #include "geometry/linear.h"
 #include "geometry/vec.h"
+#include "geometry/chi_square.h"
 
 enum {
     SAMPLE = 48,                        /* landmarks that take part */
@@ -16,7 +17,6 @@ enum {
 };
 
 static const double variance_min = 0.05; /* px^2 of level 0: matches are not better than that */
-static const double chi_square_95_2 = 5.991;
 static const double scale_sigma =
     0.01; /* of the window's unit of length against that of the whole path */
 static const double nearly = 1e-6,
@@ -47,7 +47,7 @@ struct fv_joint {
 };
 
 /* Some of the inliers, spread as they lie in the image: features are kept cell by cell. */
-static void fv_sample_inliers(const struct fv_view *view, uint32_t inliers, struct fv_joint *j)
+static void sample_inliers(const struct fv_view *view, uint32_t inliers, struct fv_joint *j)
 {
     const uint32_t wanted = inliers < SAMPLE ? inliers : SAMPLE;
     uint32_t met = 0;
@@ -61,8 +61,7 @@ static void fv_sample_inliers(const struct fv_view *view, uint32_t inliers, stru
 }
 
 /* The keyframes that see most of the sample. */
-static void fv_pick_poses(const struct fv_odometry *o, const struct fv_view *view,
-                          struct fv_joint *j)
+static void pick_poses(const struct fv_odometry *o, const struct fv_view *view, struct fv_joint *j)
 {
     uint16_t shared[FOVEA_ODOMETRY_KEYFRAMES_MAX] = {0};
     for (uint32_t i = 0; i < j->sample_count; i++) {
@@ -74,9 +73,7 @@ static void fv_pick_poses(const struct fv_odometry *o, const struct fv_view *vie
     j->block_of[o->state->newest] = REFERENCE;
     shared[o->state->newest] = 0;
     for (j->poses = 0; j->poses < FREE; j->poses++) {
-        uint32_t best = 0;
-        for (uint32_t k = 1; k < o->map.limits.keyframes; k++)
-            if (shared[k] > shared[best]) best = k;
+        const uint32_t best = fv_map_best_shared(&o->map, shared);
         if (shared[best] < SHARED_MIN) break;
         shared[best] = 0;
         j->slots[j->poses] = best;
@@ -88,15 +85,15 @@ static void fv_pick_poses(const struct fv_odometry *o, const struct fv_view *vie
 }
 
 /* False: behind the camera, or a misfit that robust estimates leave out. */
-static bool fv_linear_sight_of(const struct fv_se3 *T, const struct fv_keypoint *p,
-                               const double point[3], int pose, struct fv_linear_sight *s)
+static bool linear_sight_of(const struct fv_se3 *T, const struct fv_keypoint *p,
+                            const double point[3], int pose, struct fv_linear_sight *s)
 {
     double q[3], e[2], J[6];
     struct fv_sight sight;
     fv_sight_from(p, point, &sight);
     fv_se3_apply(T, point, q);
     if (!fv_sight_error(sight.bearing, sight.A, q, e, J) ||
-        sight.weight * (e[0] * e[0] + e[1] * e[1]) > chi_square_95_2)
+        sight.weight * (e[0] * e[0] + e[1] * e[1]) > FV_CHI_SQUARE_95_2)
         return false;
     s->pose = pose;
     s->weight = sight.weight;
@@ -109,28 +106,28 @@ static bool fv_linear_sight_of(const struct fv_se3 *T, const struct fv_keypoint 
 }
 
 /* All sights of a landmark by views that take part; returns their number. */
-static int fv_find_sights(const struct fv_odometry *o, const struct fv_view *view, uint32_t feature,
-                          const struct fv_joint *j,
-                          struct fv_linear_sight sights[FV_MAP_OBSERVERS_MAX + 1])
+static int find_sights(const struct fv_odometry *o, const struct fv_view *view, uint32_t feature,
+                       const struct fv_joint *j,
+                       struct fv_linear_sight sights[FV_MAP_OBSERVERS_MAX + 1])
 {
     const struct fv_landmark *l = &o->map.landmarks[view->landmark[feature]];
-    int count = fv_linear_sight_of(&view->frame->T_cam_world, &view->keypoints[feature], l->point,
-                                   j->poses - 1, sights);
+    int count = linear_sight_of(&view->frame->T_cam_world, &view->keypoints[feature], l->point,
+                                j->poses - 1, sights);
     for (uint32_t k = 0; k < l->observer_count; k++) {
         const uint32_t slot = l->observers[k].keyframe;
         const struct fv_view from = fv_map_view(&o->map, slot);
         struct fv_keypoint p;
         if (j->block_of[slot] != OUTSIDE &&
             fv_map_keypoint(&o->map, &from.points[l->observers[k].feature], &p))
-            count += fv_linear_sight_of(&from.frame->T_cam_world, &p, l->point, j->block_of[slot],
-                                        &sights[count]);
+            count += linear_sight_of(&from.frame->T_cam_world, &p, l->point, j->block_of[slot],
+                                     &sights[count]);
     }
     return count;
 }
 
 /* S += sign * left (6xn) right^T, rows of n apart. */
-static void fv_add_block(struct fv_joint *j, int row, int column, const double *left,
-                         const double *right, int n, double factor)
+static void add_block(struct fv_joint *j, int row, int column, const double *left,
+                      const double *right, int n, double factor)
 {
     double *block = j->S + 6 * row * j->size + 6 * column;
     for (int r = 0; r < 6; r++)
@@ -143,7 +140,7 @@ static void fv_add_block(struct fv_joint *j, int row, int column, const double *
 }
 
 /* A landmark's sights, the landmark itself eliminated. */
-static void fv_add_landmark(struct fv_joint *j, const struct fv_linear_sight *sights, int count)
+static void add_landmark(struct fv_joint *j, const struct fv_linear_sight *sights, int count)
 {
     double H[6] = {0}, V[6], cross[FV_MAP_OBSERVERS_MAX + 1][18];
     for (int i = 0; i < count; i++) {
@@ -171,17 +168,16 @@ static void fv_add_landmark(struct fv_joint *j, const struct fv_linear_sight *si
             rows[2 * r] = sights[i].rows[r];
             rows[2 * r + 1] = sights[i].rows[6 + r];
         }
-        fv_add_block(j, sights[i].pose, sights[i].pose, rows, rows, 2, sights[i].weight);
+        add_block(j, sights[i].pose, sights[i].pose, rows, rows, 2, sights[i].weight);
         for (int k = 0; k < count; k++)
             if (sights[k].pose != REFERENCE && sights[k].pose <= sights[i].pose)
-                fv_add_block(j, sights[i].pose, sights[k].pose, Y, cross[k], 3, -1);
+                add_block(j, sights[i].pose, sights[k].pose, Y, cross[k], 3, -1);
     }
 }
 
 /* The unit of length is free: hold it, so that the path of the poses keeps its size about the
  * reference. */
-static void fv_hold_scale(const struct fv_odometry *o, const struct fv_view *view,
-                          struct fv_joint *j)
+static void hold_scale(const struct fv_odometry *o, const struct fv_view *view, struct fv_joint *j)
 {
     const double origin[3] = {0, 0, 0};
     double centre[3], way[6 * FV_COVARIANCE_POSES_MAX] = {0}, square = 0;
@@ -202,8 +198,8 @@ static void fv_hold_scale(const struct fv_odometry *o, const struct fv_view *vie
 /* Variance of an error as the parts of the image show it: the mean square of what they pull at the
  * pose with, each on its own, in sigmas of the pose. Equal to that of the errors where these are
  * independent. */
-static double fv_parts_variance(const struct fv_odometry *o, const struct fv_view *view,
-                                const struct fv_pose_fit *fit)
+static double parts_variance(const struct fv_odometry *o, const struct fv_view *view,
+                             const struct fv_pose_fit *fit)
 {
     double pull[FV_MAP_PARTS][6] = {{0}}, A[36], square = 0;
     const struct fv_se3 *T = &view->frame->T_cam_world;
@@ -238,7 +234,7 @@ static double fv_parts_variance(const struct fv_odometry *o, const struct fv_vie
 /* What the map in sight is bent by: noise over the mean parallax of its landmarks. Those with more
  * of it hold the rest in place; where none has much, as in a young map, their errors have much in
  * common. */
-static double fv_map_bend(const struct fv_odometry *o, const struct fv_view *view, double noise_px)
+static double map_bend(const struct fv_odometry *o, const struct fv_view *view, double noise_px)
 {
     double sum = 0;
     uint32_t count = 0;
@@ -254,21 +250,21 @@ static double fv_map_bend(const struct fv_odometry *o, const struct fv_view *vie
 }
 
 /* The joint problem's covariance upper triangle by rows. False: not determined. */
-static bool fv_solve_joint(struct fv_odometry *o, const struct fv_view *view, uint32_t inliers,
-                           double variance, double covariance[21])
+static bool solve_joint(struct fv_odometry *o, const struct fv_view *view, uint32_t inliers,
+                        double variance, double covariance[21])
 {
     struct fv_joint j;
     j.S = o->joint;
-    fv_sample_inliers(view, inliers, &j);
-    fv_pick_poses(o, view, &j);
+    sample_inliers(view, inliers, &j);
+    pick_poses(o, view, &j);
     for (uint32_t i = 0; i < j.sample_count; i++) {
         struct fv_linear_sight sights[FV_MAP_OBSERVERS_MAX + 1];
-        fv_add_landmark(&j, sights, fv_find_sights(o, view, j.sample[i], &j, sights));
+        add_landmark(&j, sights, find_sights(o, view, j.sample[i], &j, sights));
     }
     const double information = (double)inliers / (double)j.sample_count / variance;
     for (int k = 0; k < j.size * j.size; k++)
         j.S[k] *= information;
-    fv_hold_scale(o, view, &j);
+    hold_scale(o, view, &j);
     for (int k = 0; k < j.size; k++)
         j.S[k * j.size + k] *= 1 + nearly_zero;
     if (!fv_ldlt_factor(j.S, j.size)) return false;
@@ -284,7 +280,7 @@ static bool fv_solve_joint(struct fv_odometry *o, const struct fv_view *view, ui
 }
 
 /* From the frame's own information alone, the map held. */
-static void fv_solve_alone(const struct fv_pose_fit *fit, double variance, double covariance[21])
+static void solve_alone(const struct fv_pose_fit *fit, double variance, double covariance[21])
 {
     for (int row = 0, k = 0; row < 6; row++) {
         double A[36], solved[6] = {0};
@@ -297,7 +293,7 @@ static void fv_solve_alone(const struct fv_pose_fit *fit, double variance, doubl
 }
 
 /* Way from the reference keyframe. */
-static double fv_way(const struct fv_keyframe *reference, const struct fv_view *view)
+static double way_of(const struct fv_keyframe *reference, const struct fv_view *view)
 {
     struct fv_se3 T_world_ref, T;
     fv_se3_invert(&reference->T_cam_world, &T_world_ref);
@@ -311,12 +307,12 @@ bool fv_covariance_write(struct fv_odometry *o, const struct fv_view *view,
     const struct fv_keyframe *reference = &o->map.keyframes[o->state->newest];
     double *covariance = o->state->pose.covariance, variance = fv_pose_variance(fit);
     if (variance < variance_min) variance = variance_min;
-    const double together = fv_parts_variance(o, view, fit) / variance,
+    const double together = parts_variance(o, view, fit) / variance,
                  factor = own_share * (together > 1 ? together : 1),
-                 bend = fv_map_bend(o, view, __builtin_sqrt(variance));
+                 bend = map_bend(o, view, __builtin_sqrt(variance));
     bool sound = together < together_max;
-    if (!fv_solve_joint(o, view, fit->inliers, variance, covariance)) {
-        fv_solve_alone(fit, variance, covariance);
+    if (!solve_joint(o, view, fit->inliers, variance, covariance)) {
+        solve_alone(fit, variance, covariance);
         sound = false;
     }
     for (int k = 0; k < 21; k++)
@@ -324,7 +320,7 @@ bool fv_covariance_write(struct fv_odometry *o, const struct fv_view *view,
     if (bend < bend_max ||
         o->map.state->keyframe_number - o->state->first_keyframe >= YOUNG_KEYFRAMES)
         return sound;
-    const double drift = bend_share * bend * fv_way(reference, view),
+    const double drift = bend_share * bend * way_of(reference, view),
                  turn = drift / (reference->depth > 0 ? reference->depth : 1);
     for (int row = 0, k = 0; row < 6; k += 6 - row, row++)
         covariance[k] += row < 3 ? drift * drift : turn * turn;

@@ -5,20 +5,19 @@
 #include "geometry/triangulate.h"
 #include "geometry/vec.h"
 #include "odometry/odometry.h"
+#include "geometry/chi_square.h"
 
 enum { UNIT_FEATURES = 96, DISTANCE_GROW_MAX = 50, DISTANCE_FUSE_MAX = 50, CULL_EXPECTED_MIN = 8 };
 
 static const double cos_parallax_max = 0.99996; /* half a degree */
-static const double chi_square_95_2 = 5.991;
 static const double baseline_share_min =
     0.03; /* of the median depth: nearer neighbours give no depth */
 static const double depth_near =
     0.15; /* of the median depth: where the search along the line starts */
 
-/* ---- neighbours
- * -------------------------------------------------------------------------------------- */
+/* ---- neighbours ------------------------------------------------------------------------------ */
 
-static bool fv_baseline_serves(const struct fv_odometry *o, uint32_t a, uint32_t b)
+static bool baseline_serves(const struct fv_odometry *o, uint32_t a, uint32_t b)
 {
     struct fv_se3 T_world_b, T;
     fv_se3_invert(&o->map.keyframes[b].T_cam_world, &T_world_b);
@@ -26,7 +25,7 @@ static bool fv_baseline_serves(const struct fv_odometry *o, uint32_t a, uint32_t
     return fv_norm3(T.t) > baseline_share_min * o->map.keyframes[a].depth;
 }
 
-static void fv_begin_grow(struct fv_odometry *o, uint32_t keyframe)
+static void begin_grow(struct fv_odometry *o, uint32_t keyframe)
 {
     struct fv_grow_state *g = &o->state->grow;
     memset(g, 0, sizeof *g);
@@ -34,12 +33,10 @@ static void fv_begin_grow(struct fv_odometry *o, uint32_t keyframe)
     fv_map_count_shared(&o->map, keyframe, shared);
     shared[keyframe] = 0;
     while (g->neighbour_count < FV_GROW_NEIGHBOURS_MAX) {
-        uint32_t best = 0;
-        for (uint32_t k = 1; k < o->map.limits.keyframes; k++)
-            if (shared[k] > shared[best]) best = k;
+        const uint32_t best = fv_map_best_shared(&o->map, shared);
         if (shared[best] == 0) break;
         shared[best] = 0;
-        if (!fv_baseline_serves(o, keyframe, best)) continue;
+        if (!baseline_serves(o, keyframe, best)) continue;
         g->neighbour_generations[g->neighbour_count] = o->map.keyframes[best].generation;
         g->neighbours[g->neighbour_count++] = best;
     }
@@ -48,8 +45,7 @@ static void fv_begin_grow(struct fv_odometry *o, uint32_t keyframe)
     g->phase = FV_GROW_TRIANGULATE;
 }
 
-/* ---- matching along the epipolar line
- * ---------------------------------------------------------------- */
+/* ---- matching along the epipolar line -------------------------------------------------------- */
 
 /* From keyframe a to neighbour b. */
 struct line_search {
@@ -58,8 +54,8 @@ struct line_search {
     double depth;
 };
 
-static void fv_line_begin(const struct fv_odometry *o, uint32_t a, uint32_t b,
-                          struct line_search *search)
+static void line_begin(const struct fv_odometry *o, uint32_t a, uint32_t b,
+                       struct line_search *search)
 {
     struct fv_se3 T_world_a;
     search->a = fv_map_view(&o->map, a);
@@ -72,8 +68,8 @@ static void fv_line_begin(const struct fv_odometry *o, uint32_t a, uint32_t b,
 
 /* Box of the part of the line between the nearest plausible depth and infinity; false when it is
  * out of sight. */
-static bool fv_line_box(const struct fv_odometry *o, const struct line_search *search,
-                        const double bearing[3], double box[4])
+static bool line_box(const struct fv_odometry *o, const struct line_search *search,
+                     const double bearing[3], double box[4])
 {
     double q[3], far[2], near[2];
     fv_rotate3(search->T_b_a.R, bearing, q);
@@ -96,9 +92,8 @@ static bool fv_line_box(const struct fv_odometry *o, const struct line_search *s
 
 /* Triangulate and check: parallax, errors in both views, and sizes that agree with the levels.
  * `point` in a's frame. */
-static bool fv_new_point(const struct fv_odometry *o, const struct line_search *search,
-                         const double x1[3], uint32_t feature_a, uint32_t feature_b,
-                         double point[3])
+static bool new_point(const struct fv_odometry *o, const struct line_search *search,
+                      const double x1[3], uint32_t feature_a, uint32_t feature_b, double point[3])
 {
     const struct fv_pixel *p = &search->a.points[feature_a], *r = &search->b.points[feature_b];
     double x2[3], q[3], cosine;
@@ -107,8 +102,8 @@ static bool fv_new_point(const struct fv_odometry *o, const struct line_search *
     if (!fv_triangulate(&search->T_b_a, x1, x2, point, &cosine) || cosine > cos_parallax_max)
         return false;
     fv_se3_apply(&search->T_b_a, point, q);
-    if (fv_map_error2(&o->map, p, point) > chi_square_95_2 ||
-        fv_map_error2(&o->map, r, q) > chi_square_95_2)
+    if (fv_map_error2(&o->map, p, point) > FV_CHI_SQUARE_95_2 ||
+        fv_map_error2(&o->map, r, q) > FV_CHI_SQUARE_95_2)
         return false;
     double distances = fv_norm3(q) / fv_norm3(point),
            levels = fv_level_scale(r->level) / fv_level_scale(p->level);
@@ -116,8 +111,8 @@ static bool fv_new_point(const struct fv_odometry *o, const struct line_search *
     return agreement < 1.8 && agreement > 1 / 1.8;
 }
 
-static void fv_grow_feature(struct fv_odometry *o, const struct fv_kernels *kernels,
-                            const struct line_search *search, uint32_t neighbour, uint32_t feature)
+static void grow_feature(struct fv_odometry *o, const struct fv_kernels *kernels,
+                         const struct line_search *search, uint32_t neighbour, uint32_t feature)
 {
     const int level = search->a.points[feature].level;
     struct fv_keypoint p;
@@ -125,17 +120,15 @@ static void fv_grow_feature(struct fv_odometry *o, const struct fv_kernels *kern
     if (!fv_map_keypoint(&o->map, &search->a.points[feature], &p)) return;
     for (int i = 0; i < 3; i++)
         bearing[i] = (double)p.bearing[i];
-    if (!fv_line_box(o, search, bearing, box)) return;
+    if (!line_box(o, search, bearing, box)) return;
     fv_rotate3(search->T_b_a.R, bearing, q);
     fv_cross3(search->T_b_a.t, q, normal);
     if (!fv_normalise3(normal)) return;
     struct fv_found found = fv_map_search_line(
         &o->map, kernels, neighbour, (const float(*)[3])o->line, box, normal, 2.0 / o->focal_px,
         level - 2, level + 2, search->a.descriptors + (size_t)feature * FV_MAP_DESCRIPTOR_BYTES);
-    if (found.feature == FV_MAP_NONE || found.distance > DISTANCE_GROW_MAX ||
-        found.distance > 0.9 * found.second)
-        return;
-    if (!fv_new_point(o, search, bearing, feature, (uint32_t)found.feature, point)) return;
+    if (!fv_map_found_one(&found, DISTANCE_GROW_MAX)) return;
+    if (!new_point(o, search, bearing, feature, (uint32_t)found.feature, point)) return;
     fv_se3_apply_inverse(&search->a.frame->T_cam_world, point, world);
     int32_t landmark = fv_map_add_landmark(&o->map, world, o->state->frame_number);
     if (landmark == FV_MAP_NONE) return;
@@ -144,14 +137,14 @@ static void fv_grow_feature(struct fv_odometry *o, const struct fv_kernels *kern
     fv_map_refresh_landmark(&o->map, (uint32_t)landmark);
 }
 
-static bool fv_neighbour_holds(const struct fv_odometry *o, uint32_t i)
+static bool neighbour_holds(const struct fv_odometry *o, uint32_t i)
 {
     const struct fv_grow_state *g = &o->state->grow;
     const struct fv_keyframe *k = &o->map.keyframes[g->neighbours[i]];
     return k->used && k->generation == g->neighbour_generations[i];
 }
 
-static void fv_triangulate_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
+static void triangulate_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
     struct fv_grow_state *g = &o->state->grow;
     if (g->neighbour == g->neighbour_count) {
@@ -160,13 +153,13 @@ static void fv_triangulate_unit(struct fv_odometry *o, const struct fv_kernels *
         return;
     }
     struct fv_view view = fv_map_view(&o->map, g->keyframe);
-    if (fv_neighbour_holds(o, g->neighbour)) {
+    if (neighbour_holds(o, g->neighbour)) {
         struct line_search search;
-        fv_line_begin(o, g->keyframe, g->neighbours[g->neighbour], &search);
+        line_begin(o, g->keyframe, g->neighbours[g->neighbour], &search);
         if (g->next == 0) fv_map_bearings(&o->map, g->neighbours[g->neighbour], o->line);
         for (uint32_t done = 0; done < UNIT_FEATURES && g->next < view.frame->features; g->next++) {
             if (view.landmark[g->next] != FV_MAP_NONE) continue;
-            fv_grow_feature(o, kernels, &search, g->neighbours[g->neighbour], g->next);
+            grow_feature(o, kernels, &search, g->neighbours[g->neighbour], g->next);
             done++;
         }
     } else {
@@ -179,7 +172,7 @@ static void fv_triangulate_unit(struct fv_odometry *o, const struct fv_kernels *
 }
 
 /* The keyframe is finished: it, and those that now share its landmarks, have another redundancy. */
-static void fv_end_grow(struct fv_odometry *o)
+static void end_grow(struct fv_odometry *o)
 {
     struct fv_neighbour neighbours[FV_LOCAL_KEYFRAMES_MAX];
     uint32_t keyframe = o->state->grow.keyframe,
@@ -192,12 +185,11 @@ static void fv_end_grow(struct fv_odometry *o)
     o->state->grow.phase = FV_GROW_IDLE;
 }
 
-/* ---- fusing
- * ------------------------------------------------------------------------------------------ */
+/* ---- fusing ---------------------------------------------------------------------------------- */
 
 /* Look for a landmark in a keyframe that does not see it yet. */
-static void fv_fuse(struct fv_odometry *o, const struct fv_kernels *kernels, uint32_t landmark,
-                    uint32_t keyframe)
+static void fuse(struct fv_odometry *o, const struct fv_kernels *kernels, uint32_t landmark,
+                 uint32_t keyframe)
 {
     struct fv_landmark *l = &o->map.landmarks[landmark];
     struct fv_view view = fv_map_view(&o->map, keyframe);
@@ -208,24 +200,19 @@ static void fv_fuse(struct fv_odometry *o, const struct fv_kernels *kernels, uin
     if (fovea_camera_project(&o->camera, q, pixel, 0) != FOVEA_OK || pixel[0] < 0 || pixel[1] < 0 ||
         pixel[0] >= o->map.limits.width || pixel[1] >= o->map.limits.height)
         return;
-    double ratio = (double)l->distance / fv_norm3(q);
-    int level = l->level;
-    for (; ratio > 1.0954 && level < FOVEA_PYRAMID_LEVELS_MAX; ratio /= 1.2)
-        level++;
-    for (; ratio < 0.9129 && level > -1; ratio *= 1.2)
-        level--;
-    if (level < 0 || level >= FOVEA_PYRAMID_LEVELS_MAX) return;
+    const int level = fv_map_predict_level(l, fv_norm3(q));
+    if (level < 0) return;
     struct fv_found found = fv_map_search(&o->map, kernels, keyframe, pixel[0], pixel[1],
                                           3 * fv_level_scale((uint32_t)level), level - 1, level + 1,
                                           fv_map_descriptor(&o->map, l), true);
     if (found.feature == FV_MAP_NONE || found.distance > DISTANCE_FUSE_MAX ||
-        fv_map_error2(&o->map, &view.points[found.feature], q) > chi_square_95_2)
+        fv_map_error2(&o->map, &view.points[found.feature], q) > FV_CHI_SQUARE_95_2)
         return;
     if (fv_map_link(&o->map, landmark, keyframe, (uint32_t)found.feature))
         fv_map_refresh_landmark(&o->map, landmark);
 }
 
-static void fv_fuse_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
+static void fuse_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
     struct fv_grow_state *g = &o->state->grow;
     struct fv_view view = fv_map_view(&o->map, g->keyframe);
@@ -233,14 +220,13 @@ static void fv_fuse_unit(struct fv_odometry *o, const struct fv_kernels *kernels
         int32_t landmark = view.landmark[g->next];
         if (landmark == FV_MAP_NONE || o->map.landmarks[landmark].observer_count >= 4) continue;
         for (uint32_t i = 0; i < g->neighbour_count; i++)
-            if (fv_neighbour_holds(o, i)) fv_fuse(o, kernels, (uint32_t)landmark, g->neighbours[i]);
+            if (neighbour_holds(o, i)) fuse(o, kernels, (uint32_t)landmark, g->neighbours[i]);
         done++;
     }
-    if (g->next == view.frame->features) fv_end_grow(o);
+    if (g->next == view.frame->features) end_grow(o);
 }
 
-/* ---- the job's part
- * ---------------------------------------------------------------------------------- */
+/* ---- the job's part -------------------------------------------------------------------------- */
 
 bool fv_odometry_grow_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
@@ -252,16 +238,16 @@ bool fv_odometry_grow_unit(struct fv_odometry *o, const struct fv_kernels *kerne
         s->pending_count--;
         for (uint32_t i = 0; i < s->pending_count; i++)
             s->pending[i] = s->pending[i + 1];
-        if (o->map.keyframes[keyframe].used) fv_begin_grow(o, keyframe);
+        if (o->map.keyframes[keyframe].used) begin_grow(o, keyframe);
         return true;
     }
     if (!o->map.keyframes[g->keyframe].used ||
         o->map.keyframes[g->keyframe].generation != g->generation)
         g->phase = FV_GROW_IDLE;
     else if (g->phase == FV_GROW_TRIANGULATE)
-        fv_triangulate_unit(o, kernels);
+        triangulate_unit(o, kernels);
     else
-        fv_fuse_unit(o, kernels);
+        fuse_unit(o, kernels);
     return g->phase != FV_GROW_IDLE || s->pending_count > 0;
 }
 

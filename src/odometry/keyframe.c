@@ -20,7 +20,7 @@ static const double parallax_least_rad =
 static const double still_move_rad = 0.002; /* above the noise of a standing camera's pose */
 
 /* Median depth of the current sights, by halving. */
-static double fv_current_depth(const struct fv_odometry *o)
+static double current_depth(const struct fv_odometry *o)
 {
     const struct fv_keyframe *frame = &o->map.keyframes[fv_map_current(&o->map)];
     double low = 1e-4, high = 1e5;
@@ -37,7 +37,7 @@ static double fv_current_depth(const struct fv_odometry *o)
     return __builtin_sqrt(low * high);
 }
 
-static double fv_distance_to(const struct fv_odometry *o, uint32_t keyframe)
+static double distance_to(const struct fv_odometry *o, uint32_t keyframe)
 {
     struct fv_se3 T_world_cam, T;
     fv_se3_invert(&o->map.keyframes[fv_map_current(&o->map)].T_cam_world, &T_world_cam);
@@ -48,7 +48,7 @@ static double fv_distance_to(const struct fv_odometry *o, uint32_t keyframe)
 /* Count the frames for which the camera has stayed within `still_move_rad` of one place, seen from
  * the scene.
  */
-static void fv_note_stillness(struct fv_odometry *o, double depth)
+static void note_stillness(struct fv_odometry *o, double depth)
 {
     struct fv_odometry_state *s = o->state;
     const struct fv_se3 *T = &o->map.keyframes[fv_map_current(&o->map)].T_cam_world;
@@ -69,9 +69,9 @@ bool fv_odometry_keyframe_needed(struct fv_odometry *o, uint32_t inliers)
     const struct fv_odometry_state *s = o->state;
     uint64_t apart = s->frame_number - s->keyframe_frame;
     double share = (double)inliers / (s->keyframe_matches > 0 ? s->keyframe_matches : 1);
-    double depth = fv_current_depth(o);
-    double parallax = fv_distance_to(o, s->newest) / depth;
-    fv_note_stillness(o, depth);
+    double depth = current_depth(o);
+    double parallax = distance_to(o, s->newest) / depth;
+    note_stillness(o, depth);
     if (s->still_frames >= STILL_FRAMES) return false;
     if (s->pending_count == FV_GROW_PENDING_MAX || parallax < parallax_least_rad) return false;
     if (share < kept_share_urgent || inliers < MATCHES_LOW / 2) return true;
@@ -93,7 +93,7 @@ void fv_odometry_make_keyframe(struct fv_odometry *o)
                                                                   : o->map.limits.landmarks / 4,
                      s->frame_number);
     struct fv_view current = fv_map_view(&o->map, fv_map_current(&o->map));
-    double depth = fv_current_depth(o);
+    double depth = current_depth(o);
     uint32_t slot = fv_map_add_keyframe(&o->map, fv_map_current(&o->map));
     struct fv_keyframe *keyframe = &o->map.keyframes[slot];
     keyframe->depth = depth;

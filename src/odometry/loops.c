@@ -9,7 +9,7 @@ bool fv_odometry_loop_waiting(const struct fv_odometry *o)
 }
 
 /* Lengths of the current frame's world have another unit, and its points other places. */
-static void fv_follow_correction(struct fv_odometry *o, const struct fv_sim3 *S_new_old)
+static void follow_correction(struct fv_odometry *o, const struct fv_sim3 *S_new_old)
 {
     struct fv_odometry_state *s = o->state;
     for (int k = 0; k < 3; k++)
@@ -24,7 +24,7 @@ bool fv_odometry_loop_unit(struct fv_odometry *o, const struct fv_kernels *kerne
 {
     struct fv_loop_outcome outcome;
     const bool left = fv_loop_unit(&o->loop, &o->map, kernels, &outcome);
-    if (outcome.committed) fv_follow_correction(o, &outcome.S_new_current);
+    if (outcome.committed) follow_correction(o, &outcome.S_new_current);
     if (outcome.fused) o->state->job_wanted = true;
     return left;
 }

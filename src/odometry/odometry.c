@@ -54,7 +54,7 @@ void fv_odometry_carve(struct fv_odometry *o, const struct fovea_odometry_config
     o->gathered = fv_arena_take_raw(frame, LOCAL_MAX, FV_MAP_DESCRIPTOR_BYTES);
 }
 
-static void fv_begin(struct fv_odometry *o)
+static void begin(struct fv_odometry *o)
 {
     struct fv_odometry_state *s = o->state;
     fv_map_reset(&o->map);
@@ -73,24 +73,19 @@ void fv_odometry_init(struct fv_odometry *o, uint64_t seed)
 {
     fv_bearing_init(&o->bearings, &o->camera);
     fovea_random_seed(&o->state->random, seed);
-    fv_begin(o);
+    begin(o);
 }
 
 void fv_odometry_reset(struct fv_odometry *o)
 {
     o->state->reset_counter++;
     if (!o->config.localise_only) {
-        fv_begin(o);
+        begin(o);
         return;
     }
     o->state->state = FOVEA_TRACKING_LOST; /* what is known was known at the start */
     o->state->moving_known = false;
     o->state->recent_count = o->state->lost_frames = 0;
-}
-
-void fv_odometry_save_begin(struct fv_odometry *o)
-{
-    fv_archive_begin(o->archive, o->state->frame_number);
 }
 
 enum fovea_status fv_odometry_load(struct fv_odometry *o, const struct fv_kernels *kernels,
@@ -115,7 +110,7 @@ enum fovea_status fv_odometry_load(struct fv_odometry *o, const struct fv_kernel
 }
 
 /* Fill the current view from the frame's features. */
-static void fv_odometry_fill_view(struct fv_odometry *o, const struct fv_odometry_input *input)
+static void odometry_fill_view(struct fv_odometry *o, const struct fv_odometry_input *input)
 {
     const uint32_t current = fv_map_current(&o->map);
     fv_map_fill_view(&o->map, current, input->features, input->descriptors, input->count, NULL);
@@ -134,10 +129,9 @@ bool fv_odometry_interrupt(struct fv_odometry *o)
     return true;
 }
 
-/* ---- the step
- * ---------------------------------------------------------------------------------------- */
+/* ---- the step -------------------------------------------------------------------------------- */
 
-static void fv_write_rows(const double R[9], const double t[3], double rows[12])
+static void write_rows(const double R[9], const double t[3], double rows[12])
 {
     for (int r = 0; r < 3; r++) {
         for (int c = 0; c < 3; c++)
@@ -147,15 +141,15 @@ static void fv_write_rows(const double R[9], const double t[3], double rows[12])
 }
 
 /* Few landmarks, or a covariance that is not to be relied on: weak. */
-static enum fovea_tracking_state fv_confidence(const struct fv_odometry *o, uint32_t inliers)
+static enum fovea_tracking_state confidence(const struct fv_odometry *o, uint32_t inliers)
 {
     const bool good = inliers >= o->config.inliers_good && o->state->sound;
     return good ? FOVEA_TRACKING_OK : FOVEA_TRACKING_WEAK;
 }
 
 /* Pose of a view in the world that poses are published in. */
-static void fv_published_pose(const struct fv_odometry *o, const struct fv_sim3 *S_odom_map,
-                              uint32_t view, struct fv_se3 *T_odom_cam)
+static void published_pose(const struct fv_odometry *o, const struct fv_sim3 *S_odom_map,
+                           uint32_t view, struct fv_se3 *T_odom_cam)
 {
     struct fv_sim3 S_odom_cam;
     struct fv_se3 T_map_cam;
@@ -168,14 +162,14 @@ static void fv_published_pose(const struct fv_odometry *o, const struct fv_sim3 
 
 /* Optimisation has moved the reference keyframe since its own frame's pose was published: by so
  * much the two published poses disagree with the map, and that is added to the covariance. */
-static void fv_add_correction(struct fv_odometry *o, const struct fv_sim3 *S_odom_map,
-                              const struct fv_se3 *T_odom_cam)
+static void add_correction(struct fv_odometry *o, const struct fv_sim3 *S_odom_map,
+                           const struct fv_se3 *T_odom_cam)
 {
     struct fv_odometry_state *s = o->state;
     const uint32_t slot = s->newest, generation = o->map.keyframes[slot].generation;
     struct fv_se3 T_odom_ref, inverse, now, published;
     double between[3], turned[9], e[6];
-    fv_published_pose(o, S_odom_map, slot, &T_odom_ref);
+    published_pose(o, S_odom_map, slot, &T_odom_ref);
     if (s->reference != slot || s->reference_generation != generation) {
         s->reference = slot;
         s->reference_generation = generation;
@@ -197,27 +191,27 @@ static void fv_add_correction(struct fv_odometry *o, const struct fv_sim3 *S_odo
             s->pose.covariance[k] += e[row] * e[column];
 }
 
-static void fv_write_pose(struct fv_odometry *o)
+static void write_pose(struct fv_odometry *o)
 {
     struct fovea_pose *pose = &o->state->pose;
     const struct fv_sim3 *S_map_odom = &o->map.state->S_map_odom;
     struct fv_sim3 S_odom_map;
     struct fv_se3 T_odom_cam;
     fv_sim3_invert(S_map_odom, &S_odom_map);
-    fv_published_pose(o, &S_odom_map, fv_map_current(&o->map), &T_odom_cam);
-    fv_write_rows(T_odom_cam.R, T_odom_cam.t, pose->T_world_cam);
-    fv_write_rows(S_map_odom->R, S_map_odom->t, pose->T_map_odom);
+    published_pose(o, &S_odom_map, fv_map_current(&o->map), &T_odom_cam);
+    write_rows(T_odom_cam.R, T_odom_cam.t, pose->T_world_cam);
+    write_rows(S_map_odom->R, S_map_odom->t, pose->T_map_odom);
     pose->map_scale = S_map_odom->s;
     for (int row = 0, k = 0; row < 6; row++) /* lengths are the map's so far */
         for (int column = row; column < 6; column++, k++)
             pose->covariance[k] *= (row < 3 ? S_odom_map.s : 1) * (column < 3 ? S_odom_map.s : 1);
-    fv_add_correction(o, &S_odom_map, &T_odom_cam);
+    add_correction(o, &S_odom_map, &T_odom_cam);
     pose->posed = true;
 }
 
 /* Lost for long: try to make another map beside those that are kept. A map too small to be met
  * again goes. */
-static void fv_start_another(struct fv_odometry *o, const struct fv_kernels *kernels)
+static void start_another(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
     struct fv_odometry_state *s = o->state;
     const uint32_t map_id = o->map.state->map_id;
@@ -226,11 +220,11 @@ static void fv_start_another(struct fv_odometry *o, const struct fv_kernels *ker
     s->lost_frames = 0;
     s->reset_counter++;
     fv_odometry_confirm(o);
-    s->state = fv_confidence(o, s->pose.inliers);
-    fv_write_pose(o);
+    s->state = confidence(o, s->pose.inliers);
+    write_pose(o);
 }
 
-static void fv_track_step(struct fv_odometry *o, const struct fv_kernels *kernels)
+static void track_step(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
     struct fv_odometry_state *s = o->state;
     uint32_t inliers = fv_odometry_track(o, kernels);
@@ -238,15 +232,15 @@ static void fv_track_step(struct fv_odometry *o, const struct fv_kernels *kernel
         s->state = FOVEA_TRACKING_LOST;
         s->moving_known = false;
         if (++s->lost_frames > o->config.lost_frames_reset && !o->config.localise_only)
-            fv_start_another(o, kernels);
+            start_another(o, kernels);
         return;
     }
     s->lost_frames = 0;
     s->start.count = 0;
-    s->state = fv_confidence(o, inliers);
+    s->state = confidence(o, inliers);
     if (!o->config.localise_only && fv_odometry_keyframe_needed(o, inliers))
         fv_odometry_make_keyframe(o);
-    fv_write_pose(o);
+    write_pose(o);
 }
 
 void fv_odometry_step(struct fv_odometry *o, const struct fv_kernels *kernels,
@@ -255,13 +249,13 @@ void fv_odometry_step(struct fv_odometry *o, const struct fv_kernels *kernels,
     struct fv_odometry_state *s = o->state;
     memset(&s->pose, 0, sizeof s->pose);
     s->frame_number++;
-    fv_odometry_fill_view(o, input);
+    odometry_fill_view(o, input);
     if (s->state != FOVEA_TRACKING_STARTING) {
-        fv_track_step(o, kernels);
+        track_step(o, kernels);
     } else if (fv_odometry_start(o, kernels)) {
         fv_odometry_confirm(o);
-        s->state = fv_confidence(o, s->pose.inliers);
-        fv_write_pose(o);
+        s->state = confidence(o, s->pose.inliers);
+        write_pose(o);
     }
     s->pose.state = s->state;
     s->pose.reset_counter = s->reset_counter;
@@ -270,8 +264,7 @@ void fv_odometry_step(struct fv_odometry *o, const struct fv_kernels *kernels,
     s->pose.landmarks = o->map.state->landmark_count;
 }
 
-/* ---- the job
- * ----------------------------------------------------------------------------------------- */
+/* ---- the job --------------------------------------------------------------------------------- */
 
 bool fv_odometry_job_waiting(const struct fv_odometry *o)
 {
@@ -282,7 +275,7 @@ bool fv_odometry_job_waiting(const struct fv_odometry *o)
 }
 
 /* The window of the newest keyframe: started, advanced, or committed. */
-static void fv_window_job(struct fv_odometry *o)
+static void window_job(struct fv_odometry *o)
 {
     struct fv_odometry_state *s = o->state;
     struct fv_window_state *w = o->window.state;
@@ -313,7 +306,7 @@ bool fv_odometry_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
     if (s->pending_count > 0 || s->grow.phase != FV_GROW_IDLE)
         (void)fv_odometry_grow_unit(o, kernels);
     else if (s->job_wanted || o->window.state->phase != FV_WINDOW_IDLE)
-        fv_window_job(o);
+        window_job(o);
     else if (fv_odometry_index_waiting(o))
         fv_odometry_index_unit(o, kernels);
     return fv_odometry_job_waiting(o);

@@ -144,17 +144,41 @@ bool fv_odometry_job_waiting(const struct fv_odometry *odometry);
 bool fv_odometry_loop_unit(struct fv_odometry *odometry, const struct fv_kernels *kernels);
 bool fv_odometry_loop_waiting(const struct fv_odometry *odometry);
 
-/* Begin to save the map: the job does it first, in units; fv_archive_take(o->archive) tells when
- * all is written. */
+/* Where a save writes: the caller's buffer, which is outside the state, or NULL. */
+void fv_odometry_save_to(struct fv_odometry *odometry, uint8_t *buffer, size_t bytes);
+/* Begin to save the map, unless a save is under way: the job does it first, in units. */
 void fv_odometry_save_begin(struct fv_odometry *odometry);
+/* Give up a save that is under way. */
+void fv_odometry_save_drop(struct fv_odometry *odometry);
+bool fv_odometry_saving(const struct fv_odometry *odometry);
+/* Bytes of a save that is complete, once; 0: none, or not yet. */
+size_t fv_odometry_save_take(struct fv_odometry *odometry);
 /* Take a saved map instead of an empty one; the state is `lost` until the camera is found in it.
  * Errors as fv_archive_read. Init-only. */
 enum fovea_status fv_odometry_load(struct fv_odometry *odometry, const struct fv_kernels *kernels,
                                    const uint8_t *data, size_t bytes, const char *name,
                                    struct fovea_error *error);
 
-/* ---- between the stage's own files
- * ------------------------------------------------------------------- */
+/* ---- for other rooms; all real-time safe ----------------------------------------------------- */
+
+/* Of the last frame: in `odom`, in the unit of the map that began it. The members of the scale and
+ * of the reference keyframe are not filled in. */
+const struct fovea_pose *fv_odometry_pose(const struct fv_odometry *odometry);
+/* How often a new world was started. */
+uint32_t fv_odometry_reset_counter(const struct fv_odometry *odometry);
+/* The last frame's pose in the world of the map. */
+void fv_odometry_map_pose(const struct fv_odometry *odometry, struct fv_se3 *T_map_cam);
+/* The same relative to its reference keyframe, whose number is returned. */
+uint64_t fv_odometry_keyframe_pose(const struct fv_odometry *odometry,
+                                   struct fv_se3 *T_keyframe_cam);
+const struct fv_map *fv_odometry_map(const struct fv_odometry *odometry);
+double fv_odometry_focal_px(const struct fv_odometry *odometry);
+/* Loops closed and maps merged since the last reset. */
+struct fv_loop_closer_counts fv_odometry_loop_counts(const struct fv_odometry *odometry);
+/* Keep with the map what is known of its unit. */
+void fv_odometry_keep_scale(struct fv_odometry *odometry, const struct fv_map_scale *scale);
+
+/* ---- between the stage's own files ----------------------------------------------------------- */
 
 /* A key point that sees a point of the world. */
 static inline void fv_sight_from(const struct fv_keypoint *p, const double point[3],

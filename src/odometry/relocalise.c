@@ -39,11 +39,10 @@ void fv_relocaliser_reset(struct fv_relocaliser *r)
     memset(r->index, 0, sizeof *r->index);
 }
 
-/* ---- the index
- * --------------------------------------------------------------------------------------- */
+/* ---- the index ------------------------------------------------------------------------------- */
 
 /* A keyframe without an entry; FV_MAP_NONE: all have one. */
-static int32_t fv_unindexed(const struct fv_odometry *o)
+static int32_t unindexed(const struct fv_odometry *o)
 {
     for (uint32_t k = 0; k < o->map.limits.keyframes; k++)
         if (o->map.keyframes[k].used &&
@@ -54,14 +53,14 @@ static int32_t fv_unindexed(const struct fv_odometry *o)
 
 bool fv_odometry_index_waiting(const struct fv_odometry *o)
 {
-    return fv_unindexed(o) != FV_MAP_NONE;
+    return unindexed(o) != FV_MAP_NONE;
 }
 
 void fv_odometry_index_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
     struct fv_index_state *index = o->relocaliser.index;
     if (!index->busy || !fv_map_holds(&o->map, index->slot, index->generation)) {
-        const int32_t slot = fv_unindexed(o);
+        const int32_t slot = unindexed(o);
         index->busy = slot != FV_MAP_NONE;
         if (!index->busy) return;
         index->slot = (uint32_t)slot;
@@ -83,12 +82,10 @@ void fv_odometry_index_unit(struct fv_odometry *o, const struct fv_kernels *kern
         fv_loop_offer(&o->loop, &o->map, &o->relocaliser.place, &index->words, index->slot);
 }
 
-/* ---- one candidate
- * ----------------------------------------------------------------------------------- */
+/* ---- one candidate --------------------------------------------------------------------------- */
 
 /* Landmarks that a keyframe sees, into o->local from `count` on; returns the new count. */
-static uint32_t fv_gather_keyframe(struct fv_odometry *o, uint32_t slot, uint32_t mark,
-                                   uint32_t count)
+static uint32_t gather_keyframe(struct fv_odometry *o, uint32_t slot, uint32_t mark, uint32_t count)
 {
     const struct fv_view view = fv_map_view(&o->map, slot);
     for (uint32_t f = 0; f < view.frame->features && count < FV_RELOCALISE_LANDMARKS; f++) {
@@ -105,15 +102,15 @@ static uint32_t fv_gather_keyframe(struct fv_odometry *o, uint32_t slot, uint32_
 
 /* Match the view's descriptors with those of the landmarks around a keyframe; each landmark is
  * given to the nearest. */
-static uint32_t fv_match_keyframe(struct fv_odometry *o, const struct fv_kernels *kernels,
-                                  const struct fv_view *view, uint32_t slot)
+static uint32_t match_keyframe(struct fv_odometry *o, const struct fv_kernels *kernels,
+                               const struct fv_view *view, uint32_t slot)
 {
     struct fv_neighbour neighbours[FV_RELOCALISE_NEIGHBOURS];
     const uint32_t mark = ++o->map.state->mark;
     uint32_t near = fv_map_neighbours(&o->map, slot, 1, neighbours, FV_RELOCALISE_NEIGHBOURS);
-    uint32_t count = fv_gather_keyframe(o, slot, mark, 0), matches = 0;
+    uint32_t count = gather_keyframe(o, slot, mark, 0), matches = 0;
     for (uint32_t i = 0; i < near; i++)
-        count = fv_gather_keyframe(o, neighbours[i].slot, mark, count);
+        count = gather_keyframe(o, neighbours[i].slot, mark, count);
     kernels->hamming_two_u8(o->nearest, o->second, view->descriptors,
                             (int32_t)view->frame->features, o->gathered, (int32_t)count);
     fv_odometry_clear_matches(o, view);
@@ -129,7 +126,7 @@ static uint32_t fv_match_keyframe(struct fv_odometry *o, const struct fv_kernels
 }
 
 /* Inliers that make a place: one feature in twenty, within bounds. */
-static uint32_t fv_inliers_wanted(uint32_t features)
+static uint32_t inliers_wanted(uint32_t features)
 {
     const uint32_t wanted = features / 20;
     return wanted < FV_RELOCALISED_INLIERS_MIN   ? FV_RELOCALISED_INLIERS_MIN
@@ -141,7 +138,7 @@ bool fv_odometry_try_keyframe(struct fv_odometry *o, const struct fv_kernels *ke
                               uint32_t slot, struct fv_se3 *T, struct fv_pose_fit *fit)
 {
     const struct fv_view view = fv_map_view(&o->map, fv_map_current(&o->map));
-    if (fv_match_keyframe(o, kernels, &view, slot) < MATCHES_MIN) return false;
+    if (match_keyframe(o, kernels, &view, slot) < MATCHES_MIN) return false;
     const uint32_t sights = fv_odometry_collect_sights(o, &view);
     const struct fv_sampling sampling = {4.0 / o->focal_px, 0.99, SAMPLES_MAX};
     if (fv_pose_sample(o->sights, sights, &sampling, &o->state->random, T) < SAMPLED_INLIERS_MIN)
@@ -151,18 +148,17 @@ bool fv_odometry_try_keyframe(struct fv_odometry *o, const struct fv_kernels *ke
     if (fv_odometry_refine(o, &view, 3, 5, T, fit) < SAMPLED_INLIERS_MIN) return false;
     const uint32_t visible = fit->inliers + fv_odometry_match_local(o, kernels, &view, T, 2);
     const uint32_t matches = fv_odometry_collect_sights(o, &view);
-    if (fv_odometry_refine(o, &view, 3, 5, T, fit) < fv_inliers_wanted(view.frame->features))
+    if (fv_odometry_refine(o, &view, 3, 5, T, fit) < inliers_wanted(view.frame->features))
         return false;
     return fit->inliers > inlier_share_min * matches &&
            (fit->inliers > found_share_min * visible ||
             fit->inliers > view_share_min * view.frame->features);
 }
 
-/* ---- all candidates
- * ---------------------------------------------------------------------------------- */
+/* ---- all candidates -------------------------------------------------------------------------- */
 
 /* The frame hangs on this keyframe from now on, in its map. */
-static void fv_enter(struct fv_odometry *o, uint32_t slot)
+static void enter(struct fv_odometry *o, uint32_t slot)
 {
     struct fv_odometry_state *s = o->state;
     s->newest = slot;
@@ -191,7 +187,7 @@ bool fv_odometry_relocalise(struct fv_odometry *o, const struct fv_kernels *kern
         if (fv_place_best(r->scores, o->map.limits.keyframes, (uint32_t)least_score, &best, 1) == 0)
             break;
         if (fv_odometry_try_keyframe(o, kernels, best.slot, T, fit)) {
-            fv_enter(o, best.slot);
+            enter(o, best.slot);
             return true;
         }
         r->scores[best.slot] = 0; /* and its neighbours: the next try is another place */

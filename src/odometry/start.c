@@ -29,10 +29,9 @@ static const double turn_cost_min =
 static const double rival_cost_min =
     1.15; /* times the best one's: less, and it is too early to choose */
 
-/* ---- waiting views
- * ----------------------------------------------------------------------------------- */
+/* ---- waiting views --------------------------------------------------------------------------- */
 
-static void fv_drop_first(struct fv_start_state *s)
+static void drop_first(struct fv_start_state *s)
 {
     const uint32_t slot = s->slots[0];
     s->count--;
@@ -45,7 +44,7 @@ static void fv_drop_first(struct fv_start_state *s)
 }
 
 /* Every second one goes, the first stays. */
-static void fv_thin_out(struct fv_start_state *s)
+static void thin_out(struct fv_start_state *s)
 {
     for (uint32_t i = 1; 2 * i < s->count; i++) {
         const uint32_t slot = s->slots[i];
@@ -58,13 +57,12 @@ static void fv_thin_out(struct fv_start_state *s)
     s->stride *= 2;
 }
 
-/* ---- matching
- * ---------------------------------------------------------------------------------------- */
+/* ---- matching -------------------------------------------------------------------------------- */
 
 /* Matches of one view's features in another: nearest, clearly nearer than the second, one to one.
  * nearest[k] and second[k] are rewritten to the features of match k; returns their number. */
-static uint32_t fv_match_views(struct fv_odometry *o, const struct fv_kernels *kernels,
-                               uint32_t from, uint32_t to)
+static uint32_t match_views(struct fv_odometry *o, const struct fv_kernels *kernels, uint32_t from,
+                            uint32_t to)
 {
     const struct fv_view a = fv_map_view(&o->map, from), b = fv_map_view(&o->map, to);
     uint32_t count_a = a.frame->features, count_b = b.frame->features, count = 0;
@@ -93,8 +91,7 @@ static uint32_t fv_match_views(struct fv_odometry *o, const struct fv_kernels *k
 
 /* Matches to pairs of bearings and tracks of the first and the last view, in an order that spreads
  * any number of the first ones evenly over all of them. */
-static uint32_t fv_take_pairs(struct fv_odometry *o, uint32_t count,
-                              const struct fv_start_bundle *b)
+static uint32_t take_pairs(struct fv_odometry *o, uint32_t count, const struct fv_start_bundle *b)
 {
     const uint32_t last = b->view_count - 1, limit = TRACKS_MAX < o->window.limits.landmarks
                                                          ? TRACKS_MAX
@@ -118,7 +115,7 @@ static uint32_t fv_take_pairs(struct fv_odometry *o, uint32_t count,
 
 /* Links of a view's features to those of the first view: nearest[] and second[] hold the matches.
  */
-static void fv_note_matches(struct fv_odometry *o, uint32_t held, uint32_t count)
+static void note_matches(struct fv_odometry *o, uint32_t held, uint32_t count)
 {
     struct fv_start_state *s = &o->state->start;
     const struct fv_view view = fv_map_view(&o->map, s->slots[held]);
@@ -130,19 +127,18 @@ static void fv_note_matches(struct fv_odometry *o, uint32_t held, uint32_t count
 }
 
 /* When the first view has changed, those in between are matched with it anew, one in a frame. */
-static void fv_match_stale(struct fv_odometry *o, const struct fv_kernels *kernels)
+static void match_stale(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
     const struct fv_start_state *s = &o->state->start;
     for (uint32_t i = s->count; i-- > 1;)
         if (s->matched[i] != s->frames[0]) {
-            fv_note_matches(o, i, fv_match_views(o, kernels, s->slots[0], s->slots[i]));
+            note_matches(o, i, match_views(o, kernels, s->slots[0], s->slots[i]));
             return;
         }
 }
 
 /* Find the tracks in the views in between. */
-static void fv_extend_tracks(struct fv_odometry *o, uint32_t tracks,
-                             const struct fv_start_bundle *b)
+static void extend_tracks(struct fv_odometry *o, uint32_t tracks, const struct fv_start_bundle *b)
 {
     const struct fv_view first = fv_map_view(&o->map, b->slots[0]);
     for (uint32_t f = 0; f < first.frame->features; f++)
@@ -159,12 +155,11 @@ static void fv_extend_tracks(struct fv_odometry *o, uint32_t tracks,
     }
 }
 
-/* ---- waiting for more
- * -------------------------------------------------------------------------------- */
+/* ---- waiting for more ------------------------------------------------------------------------ */
 
 /* Hold the current view, which has `matches` with the first, unless it follows the last one too
  * closely. */
-static void fv_hold(struct fv_odometry *o, uint32_t matches, uint64_t first)
+static void hold(struct fv_odometry *o, uint32_t matches, uint64_t first)
 {
     struct fv_start_state *s = &o->state->start;
     if (s->count == 0) {
@@ -173,21 +168,20 @@ static void fv_hold(struct fv_odometry *o, uint32_t matches, uint64_t first)
             s->slots[i] = fv_map_waiting(&o->map, i);
     }
     if (s->count > 0 && o->state->frame_number - s->frames[s->count - 1] < s->stride) return;
-    if (s->count == FV_MAP_WAITING_MAX) fv_thin_out(s);
+    if (s->count == FV_MAP_WAITING_MAX) thin_out(s);
     const uint32_t held = s->count++;
     s->frames[held] = o->state->frame_number;
     s->matched[held] = 0;
     fv_map_copy_view(&o->map, fv_map_current(&o->map), s->slots[held]);
     o->map.keyframes[s->slots[held]].T_cam_world =
         s->guess; /* as long as the first view stays the same */
-    if (held > 0 && s->frames[0] == first) fv_note_matches(o, held, matches);
+    if (held > 0 && s->frames[0] == first) note_matches(o, held, matches);
 }
 
-/* ---- choosing
- * ---------------------------------------------------------------------------------------- */
+/* ---- choosing -------------------------------------------------------------------------------- */
 
 /* The first view held, some of those in between that are matched with it, and the current one. */
-static void fv_choose_views(const struct fv_odometry *o, struct fv_start_bundle *b)
+static void choose_views(const struct fv_odometry *o, struct fv_start_bundle *b)
 {
     const struct fv_start_state *s = &o->state->start;
     const double span = (double)(o->state->frame_number - s->frames[0]);
@@ -208,8 +202,7 @@ static void fv_choose_views(const struct fv_odometry *o, struct fv_start_bundle 
 }
 
 /* Whether a bundle of so many tracks is good enough to start on. */
-static bool fv_serves(const struct fv_start_bundle *b, uint32_t tracks,
-                      uint32_t parallax_points_min)
+static bool serves(const struct fv_start_bundle *b, uint32_t tracks, uint32_t parallax_points_min)
 {
     return b->points >= points_share_min * tracks && b->parallax_points >= parallax_points_min &&
            b->parallax_points >= parallax_share_min * b->points &&
@@ -218,9 +211,9 @@ static bool fv_serves(const struct fv_start_bundle *b, uint32_t tracks,
 
 /* Keep the better of two bundles in `best`, and the cost of the best one that ended at another
  * motion in `rival`. */
-static void fv_compare(struct fv_odometry *o, uint32_t tried, uint32_t tracks,
-                       const struct fv_start_bundle *candidate, struct fv_start_bundle *best,
-                       double *rival)
+static void compare(struct fv_odometry *o, uint32_t tried, uint32_t tracks,
+                    const struct fv_start_bundle *candidate, struct fv_start_bundle *best,
+                    double *rival)
 {
     const bool same = best->cost < 1e300 && fv_start_same(best, candidate);
     if (candidate->cost < best->cost) {
@@ -234,7 +227,7 @@ static void fv_compare(struct fv_odometry *o, uint32_t tried, uint32_t tracks,
 
 /* Bundle the last guess, on some of the tracks, and when that serves, or has not served for some
  * frames, every motion that two views allow as well. True when one is clearly the best. */
-static bool fv_choose(struct fv_odometry *o, uint32_t tracks, struct fv_start_bundle *best)
+static bool choose(struct fv_odometry *o, uint32_t tracks, struct fv_start_bundle *best)
 {
     struct fv_start_state *s = &o->state->start;
     struct fv_se3 motions[FV_START_MOTIONS_MAX];
@@ -243,12 +236,12 @@ static bool fv_choose(struct fv_odometry *o, uint32_t tracks, struct fv_start_bu
                    parallax_points_min = FV_START_POINTS_MIN * tried / tracks / 2;
     double rival = 1e300;
     best->cost = 1e300;
-    fv_extend_tracks(o, tracks, best);
+    extend_tracks(o, tracks, best);
     if (fv_start_guess_again(o, tried, &candidate)) {
         fv_start_adjust(o, tried, FV_START_FAIR, &candidate);
-        fv_compare(o, tried, tracks, &candidate, best, &rival);
+        compare(o, tried, tracks, &candidate, best, &rival);
     }
-    if (!(best->cost < 1e300 && fv_serves(best, tried, parallax_points_min)) &&
+    if (!(best->cost < 1e300 && serves(best, tried, parallax_points_min)) &&
         o->state->frame_number - s->sampled < SAMPLING_FRAMES)
         return false;
     s->sampled = o->state->frame_number;
@@ -259,32 +252,31 @@ static bool fv_choose(struct fv_odometry *o, uint32_t tracks, struct fv_start_bu
     for (uint32_t k = 0; k < 2 * count; k++) {
         if (!fv_start_guess_motion(o, tried, &motions[k / 2], &candidate)) continue;
         fv_start_adjust(o, tried, trusts[k % 2], &candidate);
-        fv_compare(o, tried, tracks, &candidate, best, &rival);
+        compare(o, tried, tracks, &candidate, best, &rival);
     }
     candidate = *best;
     if (best->cost < 1e300 && fv_start_guess_reversed(o, tried, &candidate)) {
         fv_start_adjust(o, tried, FV_START_ROUGH, &candidate);
-        fv_compare(o, tried, tracks, &candidate, best, &rival);
+        compare(o, tried, tracks, &candidate, best, &rival);
     }
     return best->cost < 1e300 && rival >= rival_cost_min * best->cost &&
-           fv_serves(best, tried, parallax_points_min);
+           serves(best, tried, parallax_points_min);
 }
 
 /* The chosen motion, adjusted on all tracks, must hold as well, and explain them far better than
  * turning alone. */
-static bool fv_settle(struct fv_odometry *o, uint32_t tracks, struct fv_start_bundle *b)
+static bool settle(struct fv_odometry *o, uint32_t tracks, struct fv_start_bundle *b)
 {
     const double turn_cost = fv_start_turn_cost(o, tracks, b);
     if (!fv_start_guess_again(o, tracks, b)) return false;
     fv_start_adjust(o, tracks, FV_START_FINE, b);
-    return fv_serves(b, tracks, FV_START_POINTS_MIN) && turn_cost >= turn_cost_min * b->cost;
+    return serves(b, tracks, FV_START_POINTS_MIN) && turn_cost >= turn_cost_min * b->cost;
 }
 
-/* ---- the map
- * ----------------------------------------------------------------------------------------- */
+/* ---- the map --------------------------------------------------------------------------------- */
 
 /* What makes the median depth of the points that will be landmarks 1. */
-static double fv_unit_scale(const struct fv_odometry *o, uint32_t tracks)
+static double unit_scale(const struct fv_odometry *o, uint32_t tracks)
 {
     double low = 1e-4, high = 1e3;
     for (int step = 0; step < 30; step++) {
@@ -300,8 +292,8 @@ static double fv_unit_scale(const struct fv_odometry *o, uint32_t tracks)
     return __builtin_sqrt(low * high);
 }
 
-static void fv_add_track(struct fv_odometry *o, const struct fv_start_bundle *b,
-                         const uint32_t *keyframes, uint32_t track, double scale)
+static void add_track(struct fv_odometry *o, const struct fv_start_bundle *b,
+                      const uint32_t *keyframes, uint32_t track, double scale)
 {
     const uint32_t last = b->view_count - 1;
     const struct fv_view current = fv_map_view(&o->map, fv_map_current(&o->map));
@@ -322,14 +314,13 @@ static void fv_add_track(struct fv_odometry *o, const struct fv_start_bundle *b,
     o->recent[o->state->recent_count++] = recent;
 }
 
-static void fv_make_first_map(struct fv_odometry *o, uint32_t tracks,
-                              const struct fv_start_bundle *b)
+static void make_first_map(struct fv_odometry *o, uint32_t tracks, const struct fv_start_bundle *b)
 {
     struct fv_odometry_state *s = o->state;
     uint32_t keyframes[FV_START_VIEWS_MAX];
     for (uint32_t i = 0; i < tracks; i++)
         o->inlier[i] = fv_start_point_serves(o, b, i);
-    const double scale = fv_unit_scale(o, tracks);
+    const double scale = unit_scale(o, tracks);
     if (o->map.state->keyframe_count > 0) fv_map_begin_another(&o->map);
     fv_map_make_room(&o->map, tracks, s->frame_number);
     s->first_keyframe = o->map.state->keyframe_number;
@@ -346,7 +337,7 @@ static void fv_make_first_map(struct fv_odometry *o, uint32_t tracks,
     o->map.keyframes[fv_map_current(&o->map)].parent = (int32_t)s->newest;
     s->recent_count = 0;
     for (uint32_t i = 0; i < tracks; i++)
-        if (o->inlier[i]) fv_add_track(o, b, keyframes, i, scale);
+        if (o->inlier[i]) add_track(o, b, keyframes, i, scale);
     s->keyframe_frame = s->frame_number;
     s->keyframe_matches = s->recent_count;
     s->job_wanted = true;
@@ -356,14 +347,14 @@ static void fv_make_first_map(struct fv_odometry *o, uint32_t tracks,
 
 /* Matches of the first view that serves; those that do not are dropped, at most half of them in one
  * frame. */
-static uint32_t fv_match_first(struct fv_odometry *o, const struct fv_kernels *kernels)
+static uint32_t match_first(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
     struct fv_start_state *s = &o->state->start;
     for (int attempt = 0; attempt < 2 && s->count > 0; attempt++) {
-        uint32_t count = fv_match_views(o, kernels, s->slots[0], fv_map_current(&o->map));
+        uint32_t count = match_views(o, kernels, s->slots[0], fv_map_current(&o->map));
         if (count >= MATCHES_MIN) return count;
         for (uint32_t drop = (s->count + 1) / 2; drop > 0; drop--)
-            fv_drop_first(s);
+            drop_first(s);
     }
     s->count = 0;
     return 0;
@@ -372,17 +363,17 @@ static uint32_t fv_match_first(struct fv_odometry *o, const struct fv_kernels *k
 bool fv_odometry_start(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
     struct fv_start_state *s = &o->state->start;
-    if (s->count > 0) fv_match_stale(o, kernels);
-    const uint32_t matches = s->count > 0 ? fv_match_first(o, kernels) : 0;
+    if (s->count > 0) match_stale(o, kernels);
+    const uint32_t matches = s->count > 0 ? match_first(o, kernels) : 0;
     const uint64_t first = s->frames[0];
     if (s->count >= 2) {
         struct fv_start_bundle bundle;
         memset(&bundle, 0, sizeof bundle);
-        fv_choose_views(o, &bundle);
-        const uint32_t tracks = fv_take_pairs(o, matches, &bundle);
-        if (tracks > 0 && fv_choose(o, tracks, &bundle) && fv_settle(o, tracks, &bundle)) {
+        choose_views(o, &bundle);
+        const uint32_t tracks = take_pairs(o, matches, &bundle);
+        if (tracks > 0 && choose(o, tracks, &bundle) && settle(o, tracks, &bundle)) {
             fv_window_abort(&o->window);
-            fv_make_first_map(o, tracks, &bundle);
+            make_first_map(o, tracks, &bundle);
             s->count = 0;
             o->state->pose.matches = tracks;
             o->state->pose.inliers = o->state->recent_count;
@@ -391,7 +382,7 @@ bool fv_odometry_start(struct fv_odometry *o, const struct fv_kernels *kernels)
     }
     if (s->count > 1 &&
         (matches < MATCHES_WANTED || o->state->frame_number - s->frames[0] > WAITING_FRAMES_MAX))
-        fv_drop_first(s);
-    fv_hold(o, matches, first);
+        drop_first(s);
+    hold(o, matches, first);
     return false;
 }

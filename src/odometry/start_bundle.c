@@ -8,6 +8,7 @@
 #include "geometry/linear.h"
 #include "geometry/vec.h"
 #include "odometry/odometry.h"
+#include "geometry/chi_square.h"
 
 enum {
     MOVED_MAX = FV_START_VIEWS_MAX - 1,
@@ -17,9 +18,8 @@ enum {
     ALIGN_TRACKS = 120 /* on which a view in between is placed at first */
 };
 
-static const double gain_min = 1e-3; /* of the cost: smaller, and the minimum is reached */
-static const double chi_square_95_2 = 5.991,
-                    error_max = 9;       /* px^2 of level 0: a mismatch says no more than that */
+static const double gain_min = 1e-3;     /* of the cost: smaller, and the minimum is reached */
+static const double error_max = 9;       /* px^2 of level 0: a mismatch says no more than that */
 static const double good_error = 0.05;   /* px^2 of level 0 */
 static const double variance_min = 0.05; /* px^2 of level 0: matches are not better than that */
 static const double parallax_some_px =
@@ -49,7 +49,7 @@ struct fv_start_row {
 };
 
 /* A small motion on the left of R, translation first; t is not turned. */
-static void fv_move(struct fv_se3 *T, const double step[6])
+static void move(struct fv_se3 *T, const double step[6])
 {
     double turn[9], R[9];
     fv_so3_exp(step + 3, turn);
@@ -60,18 +60,18 @@ static void fv_move(struct fv_se3 *T, const double step[6])
         T->t[k] += step[k];
 }
 
-static const struct fv_keypoint *fv_keypoint_of(const struct fv_view *view,
-                                                const struct fv_track *track, uint32_t v)
+static const struct fv_keypoint *keypoint_of(const struct fv_view *view,
+                                             const struct fv_track *track, uint32_t v)
 {
     return &view->keypoints[track->feature[v]];
 }
 
-static bool fv_row(const struct fv_start_bundle *b, const struct fv_view views[FV_START_VIEWS_MAX],
+static bool row_of(const struct fv_start_bundle *b, const struct fv_view views[FV_START_VIEWS_MAX],
                    const struct fv_pair *pair, const struct fv_track *track, double inverse_depth,
                    uint32_t v, struct fv_start_row *row)
 {
-    const struct fv_keypoint *p = fv_keypoint_of(&views[v], track, v),
-                             *first = fv_keypoint_of(&views[0], track, 0);
+    const struct fv_keypoint *p = keypoint_of(&views[v], track, v),
+                             *first = keypoint_of(&views[0], track, 0);
     const struct fv_se3 *T = &b->T_view_first[v];
     double ray[3], q[3], J[6], A[6];
     const double bearing[3] = {(double)p->bearing[0], (double)p->bearing[1], (double)p->bearing[2]};
@@ -92,7 +92,7 @@ static bool fv_row(const struct fv_start_bundle *b, const struct fv_view views[F
 }
 
 /* Geman's and McClure's weight: errors beyond the limit count less and less. Returns the cost. */
-static double fv_robust(struct fv_start_row *row, double limit2)
+static double robust(struct fv_start_row *row, double limit2)
 {
     const double square =
         row->weight * (row->error[0] * row->error[0] + row->error[1] * row->error[1]);
@@ -101,13 +101,12 @@ static double fv_robust(struct fv_start_row *row, double limit2)
     return square * trust;
 }
 
-/* ---- first guess
- * ------------------------------------------------------------------------------------- */
+/* ---- first guess ----------------------------------------------------------------------------- */
 
 /* Move view v until it fits the points. False: too few are seen. */
-static bool fv_place_view(struct fv_odometry *o, uint32_t count,
-                          const struct fv_view views[FV_START_VIEWS_MAX], struct fv_start_bundle *b,
-                          uint32_t v)
+static bool place_view(struct fv_odometry *o, uint32_t count,
+                       const struct fv_view views[FV_START_VIEWS_MAX], struct fv_start_bundle *b,
+                       uint32_t v)
 {
     double limit2 = align_limit2;
     for (int step = 0; step < ALIGN_STEPS; step++, limit2 /= 4) {
@@ -116,9 +115,9 @@ static bool fv_place_view(struct fv_odometry *o, uint32_t count,
         for (uint32_t i = 0; i < count && sights < ALIGN_TRACKS; i++) {
             struct fv_start_row row;
             if (o->tracks[i].feature[v] == FV_MAP_NONE ||
-                !fv_row(b, views, &o->pairs[i], &o->tracks[i], o->depths[i].value, v, &row))
+                !row_of(b, views, &o->pairs[i], &o->tracks[i], o->depths[i].value, v, &row))
                 continue;
-            (void)fv_robust(&row, limit2);
+            (void)robust(&row, limit2);
             sights++;
             for (int r = 0; r < 2; r++)
                 for (int k = 0; k < 6; k++) {
@@ -131,20 +130,20 @@ static bool fv_place_view(struct fv_odometry *o, uint32_t count,
         for (int k = 0; k < 6; k++)
             A[7 * k] = A[7 * k] * (1 + 1e-6) + 1e-9;
         if (sights < FOVEA_POSED_INLIERS_MIN || !fv_ldlt_solve(A, 6, g)) return false;
-        fv_move(&b->T_view_first[v], g);
+        move(&b->T_view_first[v], g);
     }
     return true;
 }
 
-static void fv_find_views(const struct fv_odometry *o, const struct fv_start_bundle *b,
-                          struct fv_view views[FV_START_VIEWS_MAX])
+static void find_views(const struct fv_odometry *o, const struct fv_start_bundle *b,
+                       struct fv_view views[FV_START_VIEWS_MAX])
 {
     for (uint32_t v = 0; v < b->view_count; v++)
         views[v] = fv_map_view(&o->map, b->slots[v]);
 }
 
 /* Part of the way from the first to the last view. */
-static void fv_go_part(const struct fv_se3 *whole, double share, struct fv_se3 *T)
+static void go_part(const struct fv_se3 *whole, double share, struct fv_se3 *T)
 {
     double turn[3];
     fv_so3_log(whole->R, turn);
@@ -161,15 +160,15 @@ bool fv_start_guess_motion(struct fv_odometry *o, uint32_t count, const struct f
     struct fv_view views[FV_START_VIEWS_MAX];
     const uint32_t last = b->view_count - 1;
     uint32_t placed = 0;
-    fv_find_views(o, b, views);
+    find_views(o, b, views);
     fv_se3_identity(&b->T_view_first[0]);
     b->T_view_first[last] = *T_last_first;
     for (uint32_t i = 0; i < count; i++)
         placed += fv_start_inverse_depth(o, &o->pairs[i], T_last_first, &o->depths[i].value);
     if (placed < point_share_min * count) return false;
     for (uint32_t v = 1; v < last; v++) {
-        fv_go_part(T_last_first, b->share[v], &b->T_view_first[v]);
-        if (!fv_place_view(o, count, views, b, v)) return false;
+        go_part(T_last_first, b->share[v], &b->T_view_first[v]);
+        if (!place_view(o, count, views, b, v)) return false;
     }
     return true;
 }
@@ -180,13 +179,13 @@ bool fv_start_guess_again(struct fv_odometry *o, uint32_t count, struct fv_start
     struct fv_view views[FV_START_VIEWS_MAX];
     const uint32_t last = b->view_count - 1;
     if (s->guessed != s->frames[0]) return false;
-    fv_find_views(o, b, views);
+    find_views(o, b, views);
     fv_se3_identity(&b->T_view_first[0]);
     for (uint32_t i = 0; i < count; i++)
         o->depths[i].value = (double)o->start_depth[o->tracks[i].feature[0]];
     for (uint32_t v = 1; v <= last; v++) {
         b->T_view_first[v] = v == last ? s->guess : views[v].frame->T_cam_world;
-        if (!fv_place_view(o, count, views, b, v)) return false;
+        if (!place_view(o, count, views, b, v)) return false;
     }
     return true;
 }
@@ -195,7 +194,7 @@ bool fv_start_guess_reversed(struct fv_odometry *o, uint32_t count, struct fv_st
 {
     struct fv_view views[FV_START_VIEWS_MAX];
     double sum = 0;
-    fv_find_views(o, b, views);
+    find_views(o, b, views);
     for (uint32_t i = 0; i < count; i++)
         sum += (double)o->start_depth[o->tracks[i].feature[0]];
     for (uint32_t i = 0; i < count; i++)
@@ -203,7 +202,7 @@ bool fv_start_guess_reversed(struct fv_odometry *o, uint32_t count, struct fv_st
     for (uint32_t v = 1; v < b->view_count; v++) {
         for (int k = 0; k < 3; k++)
             b->T_view_first[v].t[k] = -b->T_view_first[v].t[k];
-        if (!fv_place_view(o, count, views, b, v)) return false;
+        if (!place_view(o, count, views, b, v)) return false;
     }
     return true;
 }
@@ -227,19 +226,18 @@ void fv_start_note_guess(struct fv_odometry *o, uint32_t count, uint32_t all,
         o->start_depth[o->tracks[i].feature[0]] = (float)depth;
     }
     for (uint32_t i = 1; i < s->count; i++)
-        fv_go_part(&s->guess, (double)(s->frames[i] - s->frames[0]) / (double)(now - s->frames[0]),
-                   &o->map.keyframes[s->slots[i]].T_cam_world);
+        go_part(&s->guess, (double)(s->frames[i] - s->frames[0]) / (double)(now - s->frames[0]),
+                &o->map.keyframes[s->slots[i]].T_cam_world);
     for (uint32_t v = 1; v + 1 < b->view_count; v++)
         o->map.keyframes[b->slots[v]].T_cam_world = b->T_view_first[v];
 }
 
-/* ---- adjustment
- * -------------------------------------------------------------------------------------- */
+/* ---- adjustment ------------------------------------------------------------------------------ */
 
 /* Add a track: its blocks, with its inverse depth eliminated. Returns its cost. */
-static double fv_add_rows(struct fv_odometry *o, const struct fv_start_bundle *b,
-                          const struct fv_view views[FV_START_VIEWS_MAX], uint32_t track,
-                          double damping, double limit2, struct fv_start_system *s)
+static double add_rows(struct fv_odometry *o, const struct fv_start_bundle *b,
+                       const struct fv_view views[FV_START_VIEWS_MAX], uint32_t track,
+                       double damping, double limit2, struct fv_start_system *s)
 {
     struct fv_start_depth *d = &o->depths[track];
     double cost = 0, h = 0;
@@ -249,11 +247,11 @@ static double fv_add_rows(struct fv_odometry *o, const struct fv_start_bundle *b
         struct fv_start_row row;
         double *cross = d->cross + 6 * (v - 1);
         if (o->tracks[track].feature[v] == FV_MAP_NONE) continue;
-        if (!fv_row(b, views, &o->pairs[track], &o->tracks[track], d->value, v, &row)) {
+        if (!row_of(b, views, &o->pairs[track], &o->tracks[track], d->value, v, &row)) {
             cost += limit2;
             continue;
         }
-        cost += fv_robust(&row, limit2);
+        cost += robust(&row, limit2);
         for (int r = 0; r < 2; r++) {
             const double scaled_depth = row.weight * row.by_depth[r];
             h += scaled_depth * row.by_depth[r];
@@ -272,7 +270,7 @@ static double fv_add_rows(struct fv_odometry *o, const struct fv_start_bundle *b
     return cost;
 }
 
-static void fv_eliminate_depth(const struct fv_start_depth *d, struct fv_start_system *s)
+static void eliminate_depth(const struct fv_start_depth *d, struct fv_start_system *s)
 {
     for (int a = 0; a < s->size; a++) {
         const double scaled = d->cross[a] * d->inverse;
@@ -284,33 +282,33 @@ static void fv_eliminate_depth(const struct fv_start_depth *d, struct fv_start_s
 }
 
 /* Normal equations at the present poses and depths; returns the cost. */
-static double fv_build(struct fv_odometry *o, uint32_t count, const struct fv_start_bundle *b,
-                       const struct fv_view views[FV_START_VIEWS_MAX], double damping,
-                       double limit2, struct fv_start_system *s)
+static double build(struct fv_odometry *o, uint32_t count, const struct fv_start_bundle *b,
+                    const struct fv_view views[FV_START_VIEWS_MAX], double damping, double limit2,
+                    struct fv_start_system *s)
 {
     double cost = 0;
     s->size = 6 * ((int)b->view_count - 1);
     memset(s->A, 0, sizeof s->A);
     memset(s->g, 0, sizeof s->g);
     for (uint32_t i = 0; i < count; i++)
-        cost += fv_add_rows(o, b, views, i, damping, limit2, s);
+        cost += add_rows(o, b, views, i, damping, limit2, s);
     for (int k = 0; k < s->size; k++)
         s->A[(s->size + 1) * k] *= 1 + damping;
     for (uint32_t i = 0; i < count; i++)
-        fv_eliminate_depth(&o->depths[i], s);
+        eliminate_depth(&o->depths[i], s);
     return cost;
 }
 
 /* Move by the solution of the system; what was is kept in `before`. */
-static bool fv_step(struct fv_odometry *o, uint32_t count, struct fv_start_bundle *b,
-                    struct fv_start_system *s, struct fv_se3 before[FV_START_VIEWS_MAX])
+static bool take_step(struct fv_odometry *o, uint32_t count, struct fv_start_bundle *b,
+                      struct fv_start_system *s, struct fv_se3 before[FV_START_VIEWS_MAX])
 {
     memcpy(before, b->T_view_first, sizeof b->T_view_first);
     if (!fv_ldlt_solve(s->A, s->size, s->g)) return false;
     for (int k = 0; k < s->size; k++)
         s->g[k] = -s->g[k];
     for (uint32_t v = 1; v < b->view_count; v++)
-        fv_move(&b->T_view_first[v], s->g + 6 * (v - 1));
+        move(&b->T_view_first[v], s->g + 6 * (v - 1));
     const double near = inverse_depth_max / fv_norm3(b->T_view_first[b->view_count - 1].t);
     for (uint32_t i = 0; i < count; i++) {
         struct fv_start_depth *d = &o->depths[i];
@@ -327,14 +325,14 @@ static bool fv_step(struct fv_odometry *o, uint32_t count, struct fv_start_bundl
 }
 
 /* Levenberg's and Marquardt's steps until nothing is gained. */
-static void fv_minimise(struct fv_odometry *o, uint32_t count,
-                        const struct fv_view views[FV_START_VIEWS_MAX], struct fv_start_bundle *b,
-                        double limit2, struct fv_start_system *s)
+static void minimise(struct fv_odometry *o, uint32_t count,
+                     const struct fv_view views[FV_START_VIEWS_MAX], struct fv_start_bundle *b,
+                     double limit2, struct fv_start_system *s)
 {
     struct fv_se3 before[FV_START_VIEWS_MAX];
-    double damping = 1e-3, cost = fv_build(o, count, b, views, damping, limit2, s);
-    for (int step = 0; step < STEPS_MAX && fv_step(o, count, b, s, before); step++) {
-        const double now = fv_build(o, count, b, views, damping, limit2, s);
+    double damping = 1e-3, cost = build(o, count, b, views, damping, limit2, s);
+    for (int step = 0; step < STEPS_MAX && take_step(o, count, b, s, before); step++) {
+        const double now = build(o, count, b, views, damping, limit2, s);
         if (now <= cost) {
             const bool there = cost - now < gain_min * cost;
             cost = now;
@@ -347,12 +345,12 @@ static void fv_minimise(struct fv_odometry *o, uint32_t count,
             o->depths[i].value = o->depths[i].before;
         damping = damping * 20 + 1e-6;
         if (damping > 1e3) return;
-        (void)fv_build(o, count, b, views, damping, limit2, s);
+        (void)build(o, count, b, views, damping, limit2, s);
     }
 }
 
 /* Points before the cameras, and the last view at distance 1. */
-static void fv_normalise(struct fv_odometry *o, uint32_t count, struct fv_start_bundle *b)
+static void normalise(struct fv_odometry *o, uint32_t count, struct fv_start_bundle *b)
 {
     const uint32_t last = b->view_count - 1;
     double length = fv_norm3(b->T_view_first[last].t);
@@ -372,7 +370,7 @@ static void fv_normalise(struct fv_odometry *o, uint32_t count, struct fv_start_
 
 /* What each part of the image pulls at the poses with, the inverse depths eliminated; at the
  * minimum all of it adds up to nothing. */
-static void fv_pull(const struct fv_odometry *o, uint32_t count, const struct fv_start_bundle *b,
+static void pull_of(const struct fv_odometry *o, uint32_t count, const struct fv_start_bundle *b,
                     const struct fv_view views[FV_START_VIEWS_MAX], double limit2,
                     double pull[FV_MAP_PARTS][SYSTEM_MAX])
 {
@@ -384,9 +382,9 @@ static void fv_pull(const struct fv_odometry *o, uint32_t count, const struct fv
         for (uint32_t v = 1; v < b->view_count; v++) {
             struct fv_start_row row;
             if (o->tracks[i].feature[v] == FV_MAP_NONE ||
-                !fv_row(b, views, &o->pairs[i], &o->tracks[i], d->value, v, &row))
+                !row_of(b, views, &o->pairs[i], &o->tracks[i], d->value, v, &row))
                 continue;
-            (void)fv_robust(&row, limit2);
+            (void)robust(&row, limit2);
             for (int k = 0; k < 6; k++)
                 sum[6 * (v - 1) + k] += row.weight * (row.by_pose[0][k] * row.error[0] +
                                                       row.by_pose[1][k] * row.error[1]);
@@ -401,15 +399,15 @@ static void fv_pull(const struct fv_odometry *o, uint32_t count, const struct fv
  * and by what the parts of the image pull to either side, whose errors may be one (K.-Y. Liang and
  * S. Zeger, "Longitudinal data analysis using generalized linear models", 1986): where a thing that
  * moves bends the bundle, it pulls against all the rest. FOVEA_PI: not determined. */
-static double fv_direction_sigma(struct fv_odometry *o, uint32_t count,
-                                 const struct fv_start_bundle *b,
-                                 const struct fv_view views[FV_START_VIEWS_MAX], double limit2,
-                                 struct fv_start_system *s)
+static double direction_sigma(struct fv_odometry *o, uint32_t count,
+                              const struct fv_start_bundle *b,
+                              const struct fv_view views[FV_START_VIEWS_MAX], double limit2,
+                              struct fv_start_system *s)
 {
     const double *t = b->T_view_first[b->view_count - 1].t;
     double variance = 0, variance_parts = 0, pull[FV_MAP_PARTS][SYSTEM_MAX];
-    (void)fv_build(o, count, b, views, 1e-9, limit2, s);
-    fv_pull(o, count, b, views, limit2, pull);
+    (void)build(o, count, b, views, 1e-9, limit2, s);
+    pull_of(o, count, b, views, limit2, pull);
     const int n = s->size, at = n - 6;
     for (int a = 0; a < 3; a++)
         for (int c = 0; c <= a; c++)
@@ -433,15 +431,14 @@ static double fv_direction_sigma(struct fv_odometry *o, uint32_t count,
     return __builtin_sqrt(variance > variance_parts ? variance : variance_parts);
 }
 
-/* ---- judgement
- * --------------------------------------------------------------------------------------- */
+/* ---- judgement ------------------------------------------------------------------------------- */
 
 /* How badly a track is explained; `fits` tells whether all its errors are small. The logarithm
  * (Cauchy's weights) at the scale of a good match lets a slightly bent geometry, which explains a
  * moving thing as well, lose to the right one. */
-static double fv_track_cost(const struct fv_odometry *o, const struct fv_start_bundle *b,
-                            const struct fv_view views[FV_START_VIEWS_MAX], uint32_t track,
-                            bool *fits, double *square)
+static double track_cost(const struct fv_odometry *o, const struct fv_start_bundle *b,
+                         const struct fv_view views[FV_START_VIEWS_MAX], uint32_t track, bool *fits,
+                         double *square)
 {
     double cost = 0;
     *square = 0;
@@ -450,19 +447,19 @@ static double fv_track_cost(const struct fv_odometry *o, const struct fv_start_b
         struct fv_start_row row;
         double error = error_max;
         if (o->tracks[track].feature[v] == FV_MAP_NONE) continue;
-        if (fv_row(b, views, &o->pairs[track], &o->tracks[track], o->depths[track].value, v, &row))
+        if (row_of(b, views, &o->pairs[track], &o->tracks[track], o->depths[track].value, v, &row))
             error = row.weight * (row.error[0] * row.error[0] + row.error[1] * row.error[1]);
         if (!(error < error_max)) error = error_max;
         cost += fovea_log(1 + error / good_error);
         *square += error;
-        *fits = *fits && error < chi_square_95_2;
+        *fits = *fits && error < FV_CHI_SQUARE_95_2;
     }
     return cost;
 }
 
 /* Cost, points and noise of the bundle. */
-static void fv_judge(struct fv_odometry *o, uint32_t count,
-                     const struct fv_view views[FV_START_VIEWS_MAX], struct fv_start_bundle *b)
+static void judge(struct fv_odometry *o, uint32_t count,
+                  const struct fv_view views[FV_START_VIEWS_MAX], struct fv_start_bundle *b)
 {
     const struct fv_se3 *last = &b->T_view_first[b->view_count - 1];
     double squares = 0, freedom = -6.0 * (b->view_count - 1);
@@ -471,7 +468,7 @@ static void fv_judge(struct fv_odometry *o, uint32_t count,
     for (uint32_t i = 0; i < count; i++) {
         bool fits;
         double square;
-        b->cost += fv_track_cost(o, b, views, i, &fits, &square);
+        b->cost += track_cost(o, b, views, i, &fits, &square);
         o->inlier[i] = fits;
         if (!fits) continue;
         squares += square;
@@ -491,18 +488,18 @@ void fv_start_adjust(struct fv_odometry *o, uint32_t count, enum fv_start_trust 
 {
     struct fv_start_system system;
     struct fv_view views[FV_START_VIEWS_MAX];
-    fv_find_views(o, b, views);
+    find_views(o, b, views);
     for (int stage = (int)trust; stage < STAGES; stage++)
-        fv_minimise(o, count, views, b, stage_limit2[stage], &system);
-    double limit2 = chi_square_95_2;
+        minimise(o, count, views, b, stage_limit2[stage], &system);
+    double limit2 = FV_CHI_SQUARE_95_2;
     for (int round = 0; round < TIGHT_ROUNDS; round++) {
-        fv_judge(o, count, views, b);
-        limit2 = chi_square_95_2 * (b->noise < 1 ? b->noise * b->noise : 1);
-        fv_minimise(o, count, views, b, limit2, &system);
+        judge(o, count, views, b);
+        limit2 = FV_CHI_SQUARE_95_2 * (b->noise < 1 ? b->noise * b->noise : 1);
+        minimise(o, count, views, b, limit2, &system);
     }
-    fv_normalise(o, count, b);
-    fv_judge(o, count, views, b);
-    b->direction_sigma = fv_direction_sigma(o, count, b, views, limit2, &system);
+    normalise(o, count, b);
+    judge(o, count, views, b);
+    b->direction_sigma = direction_sigma(o, count, b, views, limit2, &system);
 }
 
 double fv_start_turn_cost(struct fv_odometry *o, uint32_t count, const struct fv_start_bundle *b)
@@ -511,13 +508,13 @@ double fv_start_turn_cost(struct fv_odometry *o, uint32_t count, const struct fv
     struct fv_start_bundle turn = *b;
     double cost = 0, square;
     bool fits;
-    fv_find_views(o, b, views);
+    find_views(o, b, views);
     for (uint32_t i = 0; i < count; i++)
         o->depths[i].value = 0;
     for (uint32_t v = 1; v < b->view_count; v++)
-        (void)fv_place_view(o, count, views, &turn, v);
+        (void)place_view(o, count, views, &turn, v);
     for (uint32_t i = 0; i < count; i++)
-        cost += fv_track_cost(o, &turn, views, i, &fits, &square);
+        cost += track_cost(o, &turn, views, i, &fits, &square);
     return cost;
 }
 

@@ -46,8 +46,8 @@ double fv_start_parallax_px(const struct fv_odometry *o, const struct fv_pair *p
 
 /* Truncated squares of the residuals; a point that cannot be placed counts as a mismatch.
  * `parallax`: points with enough of it to start on. */
-static double fv_motion_cost(const struct fv_odometry *o, uint32_t count, const struct fv_se3 *T,
-                             uint32_t *parallax)
+static double motion_cost(const struct fv_odometry *o, uint32_t count, const struct fv_se3 *T,
+                          uint32_t *parallax)
 {
     double E[9], cost = 0, limit = threshold_px / o->focal_px, limit2 = limit * limit;
     fv_essential_from_motion(T, E);
@@ -62,7 +62,7 @@ static double fv_motion_cost(const struct fv_odometry *o, uint32_t count, const 
     return cost / limit2;
 }
 
-static bool fv_same_motion(const struct fv_se3 *A, const struct fv_se3 *B)
+static bool same_motion(const struct fv_se3 *A, const struct fv_se3 *B)
 {
     double R[9], turn[3], Bt[9];
     for (int i = 0; i < 9; i++)
@@ -75,19 +75,19 @@ static bool fv_same_motion(const struct fv_se3 *A, const struct fv_se3 *B)
 bool fv_start_same(const struct fv_start_bundle *a, const struct fv_start_bundle *b)
 {
     struct fv_se3 A = a->T_view_first[a->view_count - 1], B = b->T_view_first[b->view_count - 1];
-    return fv_normalise3(A.t) && fv_normalise3(B.t) && fv_same_motion(&A, &B);
+    return fv_normalise3(A.t) && fv_normalise3(B.t) && same_motion(&A, &B);
 }
 
 /* Keep the list sorted by cost and free of repetitions. */
-static uint32_t fv_add_motion(struct fv_odometry *o, uint32_t pairs, const struct fv_se3 *T,
-                              uint32_t count, struct fv_se3 *list, double *costs)
+static uint32_t add_motion(struct fv_odometry *o, uint32_t pairs, const struct fv_se3 *T,
+                           uint32_t count, struct fv_se3 *list, double *costs)
 {
     uint32_t parallax;
-    double cost = fv_motion_cost(o, pairs, T, &parallax);
+    double cost = motion_cost(o, pairs, T, &parallax);
     if (cost > mismatch_share_max * pairs || parallax < FV_START_POINTS_MIN / 2) return count;
     if (count == FV_START_MOTIONS_MAX && cost < costs[count - 1]) count--; /* the worst gives way */
     for (uint32_t i = 0; i < count; i++)
-        if (fv_same_motion(&list[i], T)) {
+        if (same_motion(&list[i], T)) {
             if (cost < costs[i]) {
                 costs[i] = cost;
                 list[i] = *T;
@@ -106,7 +106,7 @@ static uint32_t fv_add_motion(struct fv_odometry *o, uint32_t pairs, const struc
 }
 
 /* Of a motion and its opposite, which fit alike, the one that has more points before it. */
-static void fv_face_points(const struct fv_pair *pairs, uint32_t count, struct fv_se3 *T)
+static void face_points(const struct fv_pair *pairs, uint32_t count, struct fv_se3 *T)
 {
     int32_t before = 0;
     for (uint32_t i = 0; i < count; i++) {
@@ -122,13 +122,13 @@ static void fv_face_points(const struct fv_pair *pairs, uint32_t count, struct f
 }
 
 /* Follow a motion to its own minimum over some of the pairs, then look at it on all. */
-static uint32_t fv_try_motion(struct fv_odometry *o, uint32_t pairs, struct fv_se3 *T,
-                              uint32_t found, struct fv_se3 *list, double *costs)
+static uint32_t try_motion(struct fv_odometry *o, uint32_t pairs, struct fv_se3 *T, uint32_t found,
+                           struct fv_se3 *list, double *costs)
 {
     const uint32_t some = pairs < PAIRS_FOLLOWED ? pairs : PAIRS_FOLLOWED;
     fv_essential_refine(o->pairs, some, 2 * threshold_px / o->focal_px, REFINE_STEPS, T);
-    fv_face_points(o->pairs, some, T);
-    return fv_add_motion(o, pairs, T, found, list, costs);
+    face_points(o->pairs, some, T);
+    return add_motion(o, pairs, T, found, list, costs);
 }
 
 uint32_t fv_start_motions(struct fv_odometry *o, uint32_t count,
@@ -143,21 +143,21 @@ uint32_t fv_start_motions(struct fv_odometry *o, uint32_t count,
         fv_essential_estimate(o->pairs, count, &sampling, &o->state->random, &motion, o->inlier);
     if (fit < FIT_MIN) return 0;
     fv_essential_refine(o->pairs, count, refine_px / o->focal_px, REFINE_STEPS, &motion);
-    found = fv_add_motion(o, count, &motion, found, T, costs);
+    found = add_motion(o, count, &motion, found, T, costs);
     if (found == 0) return 0; /* no parallax to speak of */
     int plane_count = fit_plane >= FIT_MIN ? fv_homography_motions(H, planes, &ratio) : 0;
     for (int k = 0; k < plane_count; k++)
-        found = fv_try_motion(o, count, &planes[k], found, T, costs);
+        found = try_motion(o, count, &planes[k], found, T, costs);
     /* A little turn and a little translation look much alike: every direction is followed to where
      * it leads.
      */
-    for (int k = 14; k < 27; k++) { /* its opposite comes by itself: see fv_try_motion */
+    for (int k = 14; k < 27; k++) { /* its opposite comes by itself: see try_motion */
         struct fv_se3 other = motion;
         const int across = k % 3 - 1, down = k / 3 % 3 - 1, along = k / 9 - 1;
         other.t[0] = across;
         other.t[1] = down;
         other.t[2] = along;
-        if (fv_normalise3(other.t)) found = fv_try_motion(o, count, &other, found, T, costs);
+        if (fv_normalise3(other.t)) found = try_motion(o, count, &other, found, T, costs);
     }
     uint32_t kept = 0;
     while (kept < found && costs[kept] <= cost_share_max * costs[0] + 10)

@@ -17,8 +17,8 @@ static const double found_share_low =
     0.2; /* of the landmarks in view: less, and the search is widened */
 
 /* Take feature `f` for a landmark, unless a nearer one has it. */
-static void fv_take(struct fv_odometry *o, const struct fv_view *view, uint32_t f,
-                    uint32_t landmark, uint32_t distance)
+static void take(struct fv_odometry *o, const struct fv_view *view, uint32_t f, uint32_t landmark,
+                 uint32_t distance)
 {
     if (view->landmark[f] != FV_MAP_NONE && o->match_distance[f] <= distance) return;
     view->landmark[f] = (int16_t)landmark;
@@ -33,8 +33,8 @@ void fv_odometry_clear_matches(struct fv_odometry *o, const struct fv_view *view
     }
 }
 
-static bool fv_project_landmark(const struct fv_odometry *o, const struct fv_se3 *T,
-                                const struct fv_landmark *l, double q[3], double pixel[2])
+static bool project_landmark(const struct fv_odometry *o, const struct fv_se3 *T,
+                             const struct fv_landmark *l, double q[3], double pixel[2])
 {
     fv_se3_apply(T, l->point, q);
     if (fovea_camera_project(&o->camera, q, pixel, 0) != FOVEA_OK) return false;
@@ -43,9 +43,8 @@ static bool fv_project_landmark(const struct fv_odometry *o, const struct fv_se3
 }
 
 /* First stage: the landmarks of the last frame around where `T` predicts them. */
-static uint32_t fv_match_recent(struct fv_odometry *o, const struct fv_kernels *kernels,
-                                const struct fv_view *view, const struct fv_se3 *T,
-                                double radius_px)
+static uint32_t match_recent(struct fv_odometry *o, const struct fv_kernels *kernels,
+                             const struct fv_view *view, const struct fv_se3 *T, double radius_px)
 {
     uint32_t matches = 0;
     fv_odometry_clear_matches(o, view);
@@ -53,16 +52,14 @@ static uint32_t fv_match_recent(struct fv_odometry *o, const struct fv_kernels *
         const struct fv_recent *r = &o->recent[i];
         const struct fv_landmark *l = &o->map.landmarks[r->landmark];
         double q[3], pixel[2];
-        if (!l->used || l->generation != r->generation || !fv_project_landmark(o, T, l, q, pixel))
+        if (!l->used || l->generation != r->generation || !project_landmark(o, T, l, q, pixel))
             continue;
         struct fv_found found =
             fv_map_search(&o->map, kernels, fv_map_current(&o->map), pixel[0], pixel[1],
                           radius_px * fv_level_scale(r->level), (int)r->level - 1,
                           (int)r->level + 1, fv_map_descriptor(&o->map, l), false);
-        if (found.feature == FV_MAP_NONE || found.distance > DISTANCE_TRACK_MAX ||
-            found.distance > 0.9 * found.second)
-            continue;
-        fv_take(o, view, (uint32_t)found.feature, r->landmark, found.distance);
+        if (!fv_map_found_one(&found, DISTANCE_TRACK_MAX)) continue;
+        take(o, view, (uint32_t)found.feature, r->landmark, found.distance);
         matches++;
     }
     return matches;
@@ -82,8 +79,8 @@ uint32_t fv_odometry_collect_sights(struct fv_odometry *o, const struct fv_view 
 }
 
 /* Refine over all matches, forget those that do not fit; `settle`: by the noise found. */
-static uint32_t fv_refine(struct fv_odometry *o, const struct fv_view *view, int rounds, int steps,
-                          bool settle, struct fv_se3 *T, struct fv_pose_fit *fit)
+static uint32_t refine(struct fv_odometry *o, const struct fv_view *view, int rounds, int steps,
+                       bool settle, struct fv_se3 *T, struct fv_pose_fit *fit)
 {
     uint32_t count = fv_odometry_collect_sights(o, view);
     if (count < 6 || !fv_pose_refine(o->sights, count, rounds, steps, T, fit)) return 0;
@@ -96,24 +93,21 @@ static uint32_t fv_refine(struct fv_odometry *o, const struct fv_view *view, int
 uint32_t fv_odometry_refine(struct fv_odometry *o, const struct fv_view *view, int rounds,
                             int steps, struct fv_se3 *T, struct fv_pose_fit *fit)
 {
-    return fv_refine(o, view, rounds, steps, false, T, fit);
+    return refine(o, view, rounds, steps, false, T, fit);
 }
 
-/* ---- local map
- * --------------------------------------------------------------------------------------- */
+/* ---- local map ------------------------------------------------------------------------------- */
 
 /* Landmarks of the keyframes with most votes in `shared` (which is used up), except those matched
  * already. */
-static uint32_t fv_gather_local(struct fv_odometry *o, const struct fv_view *view, uint16_t *shared)
+static uint32_t gather_local(struct fv_odometry *o, const struct fv_view *view, uint16_t *shared)
 {
     uint32_t count = 0, mark = ++o->map.state->mark;
     shared[o->state->newest] = UINT16_MAX; /* always */
     for (uint32_t f = 0; f < view->frame->features; f++)
         if (view->landmark[f] != FV_MAP_NONE) o->map.landmarks[view->landmark[f]].mark = mark;
     for (int round = 0; round < FV_LOCAL_KEYFRAMES_MAX; round++) {
-        uint32_t best = 0;
-        for (uint32_t k = 1; k < o->map.limits.keyframes; k++)
-            if (shared[k] > shared[best]) best = k;
+        const uint32_t best = fv_map_best_shared(&o->map, shared);
         if (shared[best] == 0) break;
         shared[best] = 0;
         struct fv_view from = fv_map_view(&o->map, best);
@@ -127,19 +121,6 @@ static uint32_t fv_gather_local(struct fv_odometry *o, const struct fv_view *vie
     return count;
 }
 
-/* Level at which a landmark should appear at this distance. */
-static int fv_predict_level(const struct fv_landmark *l, double distance)
-{
-    double ratio =
-        (double)l->distance / distance; /* nearer than the reference: larger, so a coarser level */
-    int level = l->level;
-    for (; ratio > 1.0954 && level < FOVEA_PYRAMID_LEVELS_MAX; ratio /= 1.2)
-        level++;
-    for (; ratio < 0.9129 && level > -1; ratio *= 1.2)
-        level--;
-    return level;
-}
-
 /* Second stage: the rest of the local map, close to where the refined pose sees it. Returns how
  * many are in view. */
 uint32_t fv_odometry_match_local(struct fv_odometry *o, const struct fv_kernels *kernels,
@@ -147,35 +128,32 @@ uint32_t fv_odometry_match_local(struct fv_odometry *o, const struct fv_kernels 
 {
     uint16_t shared[FOVEA_ODOMETRY_KEYFRAMES_MAX];
     fv_map_count_shared(&o->map, fv_map_current(&o->map), shared);
-    uint32_t count = fv_gather_local(o, view, shared), visible = 0;
+    uint32_t count = gather_local(o, view, shared), visible = 0;
     for (uint32_t i = 0; i < count; i++) {
         struct fv_landmark *l = &o->map.landmarks[o->local[i]];
         double q[3], pixel[2], ray[3];
-        if (!fv_project_landmark(o, T, l, q, pixel)) continue;
+        if (!project_landmark(o, T, l, q, pixel)) continue;
         double distance = fv_norm3(q);
         fv_rotate_back3(T->R, q, ray);
         double cosine = fv_map_cosine(l, ray, distance);
-        int level = fv_predict_level(l, distance);
-        if (cosine < 0.5 || level < 0 || level >= FOVEA_PYRAMID_LEVELS_MAX) continue;
+        int level = fv_map_predict_level(l, distance);
+        if (cosine < 0.5 || level < 0) continue;
         visible++;
         l->expected++;
         double radius = widen * (cosine > 0.998 ? 3 : 5) * fv_level_scale((uint32_t)level);
         struct fv_found found =
             fv_map_search(&o->map, kernels, fv_map_current(&o->map), pixel[0], pixel[1], radius,
                           level - 1, level + 1, fv_map_descriptor(&o->map, l), true);
-        if (found.feature == FV_MAP_NONE || found.distance > DISTANCE_TRACK_MAX ||
-            found.distance > 0.9 * found.second)
-            continue;
-        fv_take(o, view, (uint32_t)found.feature, o->local[i], found.distance);
+        if (!fv_map_found_one(&found, DISTANCE_TRACK_MAX)) continue;
+        take(o, view, (uint32_t)found.feature, o->local[i], found.distance);
     }
     return visible;
 }
 
-/* ---- the whole
- * --------------------------------------------------------------------------------------- */
+/* ---- the whole ------------------------------------------------------------------------------- */
 
 /* Remember what this frame saw, for the next one and for the landmarks' records. */
-static void fv_remember(struct fv_odometry *o, const struct fv_view *view)
+static void remember(struct fv_odometry *o, const struct fv_view *view)
 {
     o->state->recent_count = 0;
     for (uint32_t f = 0; f < view->frame->features; f++) {
@@ -195,20 +173,20 @@ static void fv_remember(struct fv_odometry *o, const struct fv_view *view)
 }
 
 /* First stage: a rough pose with matches to build on. */
-static bool fv_rough_pose(struct fv_odometry *o, const struct fv_kernels *kernels,
-                          const struct fv_view *view, const struct fv_se3 *last, struct fv_se3 *T,
-                          struct fv_pose_fit *fit)
+static bool rough_pose(struct fv_odometry *o, const struct fv_kernels *kernels,
+                       const struct fv_view *view, const struct fv_se3 *last, struct fv_se3 *T,
+                       struct fv_pose_fit *fit)
 {
     if (o->state->state != FOVEA_TRACKING_LOST) {
         *T = *last;
         if (o->state->moving_known) fv_se3_compose(&o->state->motion, last, T);
         struct fv_se3 predicted = *T;
-        uint32_t matches = fv_match_recent(o, kernels, view, T, radius_first_px);
+        uint32_t matches = match_recent(o, kernels, view, T, radius_first_px);
         if (matches >= INLIERS_FIRST_MIN &&
-            fv_refine(o, view, 2, 4, true, T, fit) >= INLIERS_FIRST_MIN)
+            refine(o, view, 2, 4, true, T, fit) >= INLIERS_FIRST_MIN)
             return true;
         *T = predicted;
-        matches = fv_match_recent(o, kernels, view, T, radius_wide_px);
+        matches = match_recent(o, kernels, view, T, radius_wide_px);
         if (matches >= INLIERS_FIRST_MIN &&
             fv_odometry_refine(o, view, 3, 5, T, fit) >= INLIERS_FIRST_MIN)
             return true;
@@ -238,10 +216,10 @@ uint32_t fv_odometry_track(struct fv_odometry *o, const struct fv_kernels *kerne
     struct fv_view view = fv_map_view(&o->map, fv_map_current(&o->map));
     struct fv_se3 last = view.frame->T_cam_world, T, inverse;
     struct fv_pose_fit fit;
-    if (!fv_rough_pose(o, kernels, &view, &last, &T, &fit)) return 0;
+    if (!rough_pose(o, kernels, &view, &last, &T, &fit)) return 0;
     uint32_t known = fit.inliers, visible = fv_odometry_match_local(o, kernels, &view, &T, 1);
     o->state->pose.matches = fv_odometry_collect_sights(o, &view);
-    uint32_t inliers = fv_refine(o, &view, 2, 4, true, &T, &fit);
+    uint32_t inliers = refine(o, &view, 2, 4, true, &T, &fit);
     if (inliers <
         found_share_low * (visible + known)) { /* a wrong rough pose finds what agrees with it */
         (void)fv_odometry_match_local(o, kernels, &view, &T, local_widen);
@@ -257,6 +235,6 @@ uint32_t fv_odometry_track(struct fv_odometry *o, const struct fv_kernels *kerne
     o->state->pose.quality = (float)inliers / (float)(visible + known);
     if (o->state->pose.quality > 1) o->state->pose.quality = 1;
     o->state->sound = fv_covariance_write(o, &view, &fit);
-    fv_remember(o, &view);
+    remember(o, &view);
     return inliers;
 }

@@ -98,8 +98,7 @@ static enum fovea_status check_transform(const double T[12], struct fovea_error 
             if (off > 1e-3 || off < -1e-3) {
                 return fovea_error_set(
                     error, FOVEA_ERROR_ARGUMENT,
-                    "T_base_cam: found %g as product of rows %d and %d of its rotation, "
-                    "expected %d: orthonormal rows",
+                    "T_base_cam: found %g as product of rows %d and %d of its rotation, expected %d: orthonormal rows",
                     dot, a, b, a == b);
             }
         }

@@ -8,22 +8,11 @@ enum {
     PIXEL_BYTES_MAX = 3  /* of the formats that the detector reads */
 };
 
-/* ---- set-up
- * ------------------------------------------------------------------------------------------------
- */
+/* ---- set-up ---------------------------------------------------------------------------------- */
 
 static enum fovea_status check_use(const struct fv_model *model, struct fovea_error *error)
 {
-    const struct fv_model_decode *decode = &model->header->decode;
-    const uint8_t pixel = 0;
-    const struct fovea_image image = {.data = &pixel,
-                                      .width = 1,
-                                      .height = 1,
-                                      .stride_bytes = 1,
-                                      .format = FOVEA_PIXEL_GREY8,
-                                      .size_bytes = 1};
-    struct fv_detect_view view;
-    if (fv_detect_view(model, &image, &view) != FOVEA_OK) {
+    if (!fv_nn_takes_images(model)) {
         return fovea_error_set(
             error, FOVEA_ERROR_ARGUMENT,
             "detect.model: expected a first input that is an image of 1 or 3 channels");
@@ -31,7 +20,7 @@ static enum fovea_status check_use(const struct fv_model *model, struct fovea_er
     if (!fv_detect_gives_boxes(model)) {
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
                                "detect.model: found decoder %d, expected one that gives boxes",
-                               decode->kind);
+                               model->header->decode.kind);
     }
     return FOVEA_OK;
 }
@@ -80,17 +69,10 @@ void fv_detection_carve(struct fv_detection *detection, const struct fovea_confi
         fv_arena_take(frame, fv_message_detections_scratch_bytes(config->detect.count_max), 1);
 }
 
-/* A label as messages carry it. */
-static const char *label_of(const struct fv_model *model, int32_t class_id)
-{
-    const char *label = fv_model_label(model, class_id + model->header->decode.first_label);
-    return label != NULL ? label : "";
-}
-
 size_t fv_detection_label_bytes(const struct fv_detection *detection)
 {
     size_t longest = 0;
-    for (uint32_t i = 0; i < detection->model.header->label_count; i++) {
+    for (uint32_t i = 0; i < fv_model_label_count(&detection->model); i++) {
         const size_t bytes = strlen(fv_model_label(&detection->model, (int32_t)i));
         longest = bytes > longest ? bytes : longest;
     }
@@ -105,40 +87,36 @@ size_t fv_detection_message_bytes(const struct fv_detection *detection,
                                           fv_detection_label_bytes(detection));
 }
 
-/* ---- the job
- * -----------------------------------------------------------------------------------------------
- */
+/* ---- the job --------------------------------------------------------------------------------- */
 
 void fv_detection_reset(struct fv_detection *detection)
 {
     if (!detection->enabled) return;
-    detection->memory.job->phase = FV_DETECT_IDLE;
+    fv_detect_stop(&detection->memory);
     detection->state->mapping = 0;
 }
 
 bool fv_detection_waiting(const struct fv_detection *detection)
 {
     return detection->enabled &&
-           (detection->memory.job->phase != FV_DETECT_IDLE || detection->state->mapping != 0);
+           (!fv_detect_idle(&detection->memory) || detection->state->mapping != 0);
 }
 
 bool fv_detection_offer(struct fv_detection *detection, const struct fovea_frame *frame,
                         const struct fv_frame_id *id, const struct fv_pyramid *pyramid)
 {
     if (!detection->enabled || fv_detection_waiting(detection)) return false;
-    const struct fv_level *level = &pyramid->level[0];
+    const struct fv_plane *level = fv_pyramid_level(pyramid, 0);
     const struct fovea_image grey = {.data = level->pixels,
                                      .width = level->width,
                                      .height = level->height,
-                                     .stride_bytes = level->stride_bytes,
+                                     .stride_bytes = level->stride,
                                      .format = FOVEA_PIXEL_GREY8,
-                                     .size_bytes =
-                                         (size_t)level->stride_bytes * (size_t)level->height};
-    enum fovea_status status = fv_detect_start(&detection->memory, &detection->model, &frame->image,
-                                               id->stamp_ns, id->sequence);
+                                     .size_bytes = (size_t)level->stride * (size_t)level->height};
+    enum fovea_status status =
+        fv_detect_start(&detection->memory, &frame->image, id->stamp_ns, id->sequence);
     if (status == FOVEA_ERROR_UNSUPPORTED)
-        status = fv_detect_start(&detection->memory, &detection->model, &grey, id->stamp_ns,
-                                 id->sequence);
+        status = fv_detect_start(&detection->memory, &grey, id->stamp_ns, id->sequence);
     if (status == FOVEA_OK) detection->state->frame = *id;
     return status == FOVEA_OK;
 }
@@ -174,14 +152,14 @@ static void rectify_box(const struct fv_detection *detection, const struct fovea
 static bool map_some(struct fv_detection *detection, const struct fovea_camera *camera)
 {
     struct fv_detection_state *state = detection->state;
-    const struct fv_detect_job *job = detection->memory.job;
-    const uint32_t count = (uint32_t)job->count;
+    uint32_t count, uncertain;
+    const struct fovea_detection *found = fv_detect_found(&detection->memory, &count, &uncertain);
     const uint32_t end =
         count - state->mapped > BOXES_PER_UNIT ? state->mapped + BOXES_PER_UNIT : count;
     for (; state->mapped < end; state->mapped++) {
         float *box = state->rectified[state->mapped];
         memset(box, 0, 4 * sizeof *box);
-        if (detection->has_view) rectify_box(detection, camera, &job->found[state->mapped], box);
+        if (detection->has_view) rectify_box(detection, camera, &found[state->mapped], box);
     }
     return state->mapped == count;
 }
@@ -193,9 +171,7 @@ bool fv_detection_advance(struct fv_detection *detection, const struct fovea_con
     *done = 0;
     if (!fv_detection_waiting(detection) || units == 0) return false;
     if (!state->mapping) {
-        if (fv_detect_advance(&detection->memory, &detection->model, kernels, units, done) !=
-            FOVEA_OK)
-            return false;
+        if (fv_detect_advance(&detection->memory, kernels, units, done) != FOVEA_OK) return false;
         state->mapping = 1;
         state->mapped = 0;
     }
@@ -210,28 +186,28 @@ bool fv_detection_advance(struct fv_detection *detection, const struct fovea_con
     return false;
 }
 
-/* ---- what was found
- * ---------------------------------------------------------------------------------------- */
+/* ---- what was found -------------------------------------------------------------------------- */
 
 uint32_t fv_detection_encode(const struct fv_detection *detection,
                              const struct fovea_config *config, uint32_t reset_counter,
                              uint8_t *buffer, size_t capacity)
 {
-    const struct fv_detect_job *job = detection->memory.job;
+    uint32_t count, uncertain;
+    const struct fovea_detection *found = fv_detect_found(&detection->memory, &count, &uncertain);
     const char *names[FOVEA_DETECTIONS_MAX];
-    for (int32_t i = 0; i < job->count; i++)
-        names[i] = label_of(&detection->model, job->found[i].class_id);
+    for (uint32_t i = 0; i < count; i++)
+        names[i] = fv_detect_label(&detection->model, found[i].class_id);
     const struct fv_message_detections message = {
         .stamp = fv_frame_id_stamp(&detection->state->found_frame),
         .reset_counter = reset_counter,
-        .model = detection->model.header->name,
+        .model = fv_model_name(&detection->model),
         .width = config->camera.width,
         .height = config->camera.height,
         .rectified_shape = detection->has_view ? (int8_t)detection->view.shape : -1,
         .rectified = {detection->view.fx, detection->view.fy, detection->view.cx,
                       detection->view.cy},
-        .count = (uint32_t)job->count,
-        .detections = job->found,
+        .count = count,
+        .detections = found,
         .names = names,
         .rectified_boxes = detection->state->rectified,
     };
@@ -242,18 +218,19 @@ void fv_detection_get(const struct fv_detection *detection, struct fovea_detecti
 {
     memset(detections, 0, sizeof *detections);
     if (!detection->enabled || detection->state->looks == 0) return;
-    const struct fv_detect_job *job = detection->memory.job;
+    uint32_t count, uncertain;
+    const struct fovea_detection *found = fv_detect_found(&detection->memory, &count, &uncertain);
     *detections = (struct fovea_detections){
         .looks = detection->state->looks,
         .stamp_ns = detection->state->found_frame.stamp_ns,
         .sequence = detection->state->found_frame.sequence,
-        .count = (uint32_t)job->count,
-        .uncertain = (uint32_t)job->uncertain,
-        .list = job->found,
+        .count = count,
+        .uncertain = uncertain,
+        .list = found,
     };
 }
 
 const char *fv_detection_label(const struct fv_detection *detection, int32_t class_id)
 {
-    return detection->enabled ? label_of(&detection->model, class_id) : "";
+    return detection->enabled ? fv_detect_label(&detection->model, class_id) : "";
 }

@@ -82,10 +82,13 @@ void fv_encode(struct fovea *rt, const struct fovea_inputs *inputs, bool process
 {
     const struct fovea_config *config = &rt->config;
     const uint64_t steps = rt->state->steps;
+    const bool paused = rt->state->paused && inputs->frame != NULL && config->odometry.enabled;
     const bool pose_due =
-        processed && fv_every(rt->state->frames_processed - 1, config->pose_every);
-    if (config->odometry.enabled && (processed || interrupted))
-        fv_encode_poses(rt, inputs, pose_due || (interrupted && config->pose_every > 0), outputs);
+        interrupted ? config->pose_every > 0
+                    : processed && fv_every(rt->state->frames_processed - 1, config->pose_every);
+    if (config->odometry.enabled && pose_due) fv_encode_poses(rt, inputs, outputs);
+    if (paused && fv_every(rt->state->refused_paused - 1, config->pose_every))
+        fv_encode_paused(rt, inputs, outputs);
     if (processed && fv_every(rt->state->frames_processed - 1, config->features_every)) {
         encode_features(rt, inputs->grants.features, outputs);
     }

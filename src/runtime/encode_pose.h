@@ -4,9 +4,12 @@
 
 #include "runtime/state.h"
 
-/* After each processed frame; `due`: the messages are to be sent, and not only the velocity to be
- * kept up. */
-void fv_encode_poses(struct fovea *rt, const struct fovea_inputs *inputs, bool due,
+/* Of the last published pose. Real-time safe. */
+void fv_encode_poses(struct fovea *rt, const struct fovea_inputs *inputs,
                      struct fovea_outputs *outputs);
+
+/* For a frame that came during a pause. */
+void fv_encode_paused(struct fovea *rt, const struct fovea_inputs *inputs,
+                      struct fovea_outputs *outputs);
 
 #endif

@@ -4,8 +4,7 @@
 #include "runtime/jobs.h"
 #include "runtime/state.h"
 
-/* ---- stage clock
- * -------------------------------------------------------------------------------------------- */
+/* ---- stage clock ----------------------------------------------------------------------------- */
 
 /* Clock readings around a stage; nothing where the configuration has no clock. */
 struct instant {
@@ -27,8 +26,7 @@ static void stage_end(struct fovea *rt, enum fovea_stage stage, struct instant b
     rt->times.cpu_ns[stage] = end.cpu_ns - begin.cpu_ns;
 }
 
-/* ---- taking inputs
- * ------------------------------------------------------------------------------------------ */
+/* ---- taking inputs --------------------------------------------------------------------------- */
 
 /* Forget what was learnt; counters of frames go on. */
 static void reset(struct fovea *rt)
@@ -83,9 +81,7 @@ static void remember(struct fv_state *state, const struct fovea_frame *frame, in
     state->frames_processed++;
 }
 
-/* ---- the loop
- * -----------------------------------------------------------------------------------------------
- */
+/* ---- the loop -------------------------------------------------------------------------------- */
 
 static void ask_preview(struct fovea *rt)
 {
@@ -100,6 +96,13 @@ static void offer_detection(struct fovea *rt, const struct fovea_frame *frame)
     struct fovea_pose pose;
     fovea_pose_get(rt, &pose);
     fv_tracking_note(&rt->tracking, &pose);
+}
+
+/* After odometry has the pose of a frame, or knows that it has none. */
+static void publish_pose(struct fovea *rt)
+{
+    fv_scale_step(&rt->scale, &rt->odometry);
+    fv_publish_step(&rt->publish, &rt->odometry, &rt->scale, rt->state->frame.stamp_ns);
 }
 
 static void process(struct fovea *rt, const struct fovea_inputs *inputs)
@@ -125,7 +128,7 @@ static void process(struct fovea *rt, const struct fovea_inputs *inputs)
                                             .features = rt->features.list,
                                             .descriptors = rt->orb.descriptors};
     fv_odometry_step(&rt->odometry, &rt->kernels, &input);
-    fv_scale_step(&rt->scale, &rt->odometry);
+    publish_pose(rt);
     stage_end(rt, FOVEA_STAGE_ODOMETRY, begin);
 }
 
@@ -138,7 +141,7 @@ static bool interrupt(struct fovea *rt, const struct fovea_inputs *inputs)
                       inputs->source_state == FOVEA_SOURCE_RETURNING;
     if (inputs->frame != NULL || !away || !rt->config.odometry.enabled) return false;
     if (!fv_odometry_interrupt(&rt->odometry)) return false;
-    fv_scale_step(&rt->scale, &rt->odometry); /* which publishes the pose */
+    publish_pose(rt);
     return true;
 }
 
@@ -169,12 +172,6 @@ enum fovea_status fovea_step(struct fovea *rt, const struct fovea_inputs *inputs
     return processed ? FOVEA_OK : FOVEA_AGAIN;
 }
 
-static const enum fovea_stage stage_of_job[FOVEA_JOB_COUNT] = {
-    [FOVEA_JOB_MAP] = FOVEA_STAGE_MAP,
-    [FOVEA_JOB_DETECT] = FOVEA_STAGE_DETECT,
-    [FOVEA_JOB_LOOP] = FOVEA_STAGE_LOOP,
-    [FOVEA_JOB_PREVIEW] = FOVEA_STAGE_PREVIEW};
-
 enum fovea_status fovea_work(struct fovea *rt, const struct fovea_grants *grants,
                              struct fovea_outputs *outputs)
 {
@@ -182,16 +179,15 @@ enum fovea_status fovea_work(struct fovea *rt, const struct fovea_grants *grants
     rt->work_grants = *grants;
     for (int job = 0; job < FOVEA_JOB_COUNT; job++) {
         const struct instant begin = stage_begin(rt);
-        rt->units_done[job] = fv_job_advance(rt, (enum fovea_job)job, grants->units[job], outputs);
+        rt->units_done[job] = fv_jobs[job].advance(rt, grants->units[job], outputs);
         outputs->units_done[job] = rt->units_done[job];
-        stage_end(rt, stage_of_job[job], begin);
+        stage_end(rt, (enum fovea_stage)(FOVEA_STAGE_JOBS + job), begin);
     }
     outputs->jobs_waiting = fv_jobs_waiting(rt);
     return outputs->jobs_waiting ? FOVEA_AGAIN : FOVEA_OK;
 }
 
-/* ---- looking inside
- * ----------------------------------------------------------------------------------------- */
+/* ---- looking inside -------------------------------------------------------------------------- */
 
 const struct fovea_feature *fovea_features_get(const struct fovea *rt, uint32_t *count)
 {
@@ -202,7 +198,7 @@ const struct fovea_feature *fovea_features_get(const struct fovea *rt, uint32_t 
 void fovea_pose_get(const struct fovea *rt, struct fovea_pose *pose)
 {
     if (rt->config.odometry.enabled) {
-        *pose = rt->scale.state->pose;
+        *pose = *fv_publish_pose(&rt->publish);
     } else {
         memset(pose, 0, sizeof *pose);
     }
@@ -227,31 +223,20 @@ void fovea_tracks_get(const struct fovea *rt, struct fovea_tracks *tracks)
 uint32_t fovea_keyframes_get(const struct fovea *rt, struct fovea_keyframe *list,
                              uint32_t count_max)
 {
-    const struct fv_map *map = &rt->odometry.map;
     if (!rt->config.odometry.enabled) return 0;
-    const uint32_t count = count_max < map->limits.keyframes ? count_max : map->limits.keyframes;
+    const struct fv_map *map = fv_odometry_map(&rt->odometry);
+    const uint32_t slots = fv_map_slot_counts(map).keyframes,
+                   count = count_max < slots ? count_max : slots;
     for (uint32_t i = 0; i < count; i++) {
         struct fv_se3 T_world_cam;
-        fv_se3_invert(&map->keyframes[i].T_cam_world, &T_world_cam);
-        list[i].used = map->keyframes[i].used;
-        list[i].map_id = map->keyframes[i].map_id;
-        list[i].number = map->keyframes[i].number;
+        const struct fv_keyframe *keyframe = fv_map_keyframe_at(map, i, &T_world_cam);
+        list[i] = (struct fovea_keyframe){.used = keyframe != NULL};
+        if (keyframe == NULL) continue;
+        list[i].map_id = keyframe->map_id;
+        list[i].number = keyframe->number;
         fv_se3_to_rows(&T_world_cam, list[i].T_world_cam);
     }
     return count;
-}
-
-const char *fovea_stage_name(enum fovea_stage stage)
-{
-    static const char *const names[FOVEA_STAGE_COUNT] = {
-        "pyramid", "features", "odometry", "encode", "map", "detect", "loop", "preview"};
-    return stage >= 0 && stage < FOVEA_STAGE_COUNT ? names[stage] : "unknown";
-}
-
-const char *fovea_job_name(enum fovea_job job)
-{
-    static const char *const names[FOVEA_JOB_COUNT] = {"map", "detect", "loop", "preview"};
-    return job >= 0 && job < FOVEA_JOB_COUNT ? names[job] : "unknown";
 }
 
 void fovea_stats_get(const struct fovea *rt, struct fovea_stats *stats)
@@ -268,10 +253,10 @@ void fovea_stats_get(const struct fovea *rt, struct fovea_stats *stats)
         .reset_counter = fv_reset_counter(rt),
         .features = state->features,
     };
-    if (rt->config.odometry.enabled && rt->config.odometry.loops) {
-        const struct fv_loop_closer_counts *loops = &rt->odometry.loop.state->counts;
-        stats->loops_closed = loops->closed;
-        stats->maps_merged = loops->merged;
+    if (rt->config.odometry.enabled) {
+        const struct fv_loop_closer_counts loops = fv_odometry_loop_counts(&rt->odometry);
+        stats->loops_closed = loops.closed;
+        stats->maps_merged = loops.merged;
     }
     memcpy(stats->stage_cpu_ns, rt->times.cpu_ns, sizeof stats->stage_cpu_ns);
     memcpy(stats->stage_wall_ns, rt->times.wall_ns, sizeof stats->stage_wall_ns);

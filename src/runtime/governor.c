@@ -1,22 +1,12 @@
 /* The governor: turns measured time into grants. It stands outside the state, so that a replay,
  * which is given the recorded grants, needs no clock.
  *
- * A job's guaranteed minimum is what finishes it in bounded frames even on a board that is always
+ * A job's guaranteed minimum (jobs.c) finishes it in bounded frames even on a board that is always
  * short of time; the rest of the period is shared by priority. Sustained shortage lowers the
  * features asked for, by a tenth at a time. */
-#include "fovea/fovea.h"
+#include "runtime/jobs.h"
 
 enum {
-    MAP_UNITS_MIN = 24,   /* a window of five iterations within six frames, when keyframes are not
-                             close together: growing them goes first */
-    MAP_UNITS_FIXED = 56, /* keyframes of a car follow each other by two frames */
-    DETECT_UNITS_MIN = 4, /* a millisecond: 300 million multiply-accumulates within 20 frames */
-    DETECT_UNITS_FIXED =
-        56, /* the shipped detector within two frames, ssd_mobilenet_v1 at 300 x 300 within 7 */
-    LOOP_UNITS_MIN = 4, /* the largest map corrected within 20 s */
-    LOOP_UNITS_FIXED = 24,
-    PREVIEW_UNITS_MIN = 4, /* a preview of 376x240 in 6 frames */
-    PREVIEW_UNITS_FIXED = 8,
     SHORT_FRAMES_TO_ACT = 15,  /* half a second at 30 Hz: a single slow frame changes nothing */
     AMPLE_FRAMES_TO_ACT = 150, /* slower up than down, so that it does not oscillate */
     UNITS_MAX = 4096,
@@ -24,20 +14,11 @@ enum {
     UNIT_FIRST_GUESS_NS = 250000 /* the bound that units are built to */
 };
 
-static const uint32_t units_min[FOVEA_JOB_COUNT] = {[FOVEA_JOB_MAP] = MAP_UNITS_MIN,
-                                                    [FOVEA_JOB_DETECT] = DETECT_UNITS_MIN,
-                                                    [FOVEA_JOB_LOOP] = LOOP_UNITS_MIN,
-                                                    [FOVEA_JOB_PREVIEW] = PREVIEW_UNITS_MIN};
-static const uint32_t units_fixed[FOVEA_JOB_COUNT] = {[FOVEA_JOB_MAP] = MAP_UNITS_FIXED,
-                                                      [FOVEA_JOB_DETECT] = DETECT_UNITS_FIXED,
-                                                      [FOVEA_JOB_LOOP] = LOOP_UNITS_FIXED,
-                                                      [FOVEA_JOB_PREVIEW] = PREVIEW_UNITS_FIXED};
-
 void fovea_grants_fixed(const struct fovea_config *config, struct fovea_grants *grants)
 {
     grants->features = config->features.count_max;
     for (int job = 0; job < FOVEA_JOB_COUNT; job++)
-        grants->units[job] = units_fixed[job];
+        grants->units[job] = fv_jobs[job].units_fixed;
 }
 
 void fovea_governor_init(struct fovea_governor *governor, const struct fovea_config *config,
@@ -79,8 +60,8 @@ void fovea_governor_work(struct fovea_governor *governor, int64_t step_ns, uint3
 {
     int64_t left_ns = usable_ns(governor) - step_ns;
     for (int job = 0; job < FOVEA_JOB_COUNT; job++) {
-        grants->units[job] = units_min[job];
-        left_ns -= (jobs_waiting >> job & 1) ? units_min[job] * governor->unit_ns[job] : 0;
+        grants->units[job] = fv_jobs[job].units_min;
+        left_ns -= (jobs_waiting >> job & 1) ? fv_jobs[job].units_min * governor->unit_ns[job] : 0;
     }
     for (int job = 0; job < FOVEA_JOB_COUNT && left_ns > 0; job++) {
         if (!(jobs_waiting >> job & 1)) continue;

@@ -1,6 +1,20 @@
 #include "runtime/jobs.h"
 
-#include "runtime/config.h"
+/* To add a job: its member of enum fovea_job, a row here, and its file. */
+const struct fv_job fv_jobs[FOVEA_JOB_COUNT] = {
+    /* A window of five iterations within six frames, when keyframes are not close together, since
+     * new landmarks go first; keyframes of a car follow each other by two frames. */
+    [FOVEA_JOB_MAP] = {"map", "odometry.enabled", 24, 56, fv_job_map_waiting, fv_job_map_advance},
+    /* A millisecond: 300 million multiply-accumulates within 20 frames. Fixed: the shipped detector
+     * within two frames, ssd_mobilenet_v1 at 300 x 300 within 7. */
+    [FOVEA_JOB_DETECT] = {"detect", "detect.model", 4, 56, fv_job_detect_waiting,
+                          fv_job_detect_advance},
+    /* The largest map corrected within 20 s. */
+    [FOVEA_JOB_LOOP] = {"loop", "map.loops", 4, 24, fv_job_loop_waiting, fv_job_loop_advance},
+    /* A preview of 376x240 in 6 frames. */
+    [FOVEA_JOB_PREVIEW] = {"preview", "preview.period_frames", 4, 8, fv_job_preview_waiting,
+                           fv_job_preview_advance},
+};
 
 void fv_output_add(struct fovea *rt, enum fv_message_kind kind, uint32_t bytes,
                    struct fovea_outputs *outputs)
@@ -14,122 +28,28 @@ void fv_output_add(struct fovea *rt, enum fv_message_kind kind, uint32_t bytes,
     };
 }
 
-static bool map_waiting(const struct fovea *rt)
-{
-    return fv_odometry_job_waiting(&rt->odometry) || fv_scale_waiting(&rt->scale, &rt->odometry);
-}
-
 uint32_t fv_jobs_waiting(const struct fovea *rt)
 {
-    uint32_t waiting = fv_preview_waiting(&rt->preview) ? 1u << FOVEA_JOB_PREVIEW : 0;
-    if (rt->config.odometry.enabled && map_waiting(rt)) waiting |= 1u << FOVEA_JOB_MAP;
-    if (rt->config.odometry.enabled && fv_odometry_loop_waiting(&rt->odometry))
-        waiting |= 1u << FOVEA_JOB_LOOP;
-    if (fv_detection_waiting(&rt->detection)) waiting |= 1u << FOVEA_JOB_DETECT;
+    uint32_t waiting = 0;
+    for (int job = 0; job < FOVEA_JOB_COUNT; job++)
+        waiting |= fv_jobs[job].waiting(rt) ? 1u << job : 0;
     return waiting;
 }
 
-static void send_preview(struct fovea *rt, struct fovea_outputs *outputs)
+const char *fovea_job_name(enum fovea_job job)
 {
-    const struct fv_preview *preview = &rt->preview;
-    const struct fv_message_preview message = {
-        .stamp = fv_frame_id_stamp(&preview->state->frame),
-        .width = preview->width,
-        .height = preview->height,
-        .scale = (double)fv_pyramid_scale(rt->config.preview.level),
-        .jpeg = preview->jpeg,
-        .jpeg_bytes = (uint32_t)preview->state->jpeg.used,
-    };
-    fv_output_add(rt, FV_MESSAGE_PREVIEW,
-                  fv_message_preview_encode(&message, rt->outbox.buffer[FV_MESSAGE_PREVIEW],
-                                            rt->outbox.capacity[FV_MESSAGE_PREVIEW]),
-                  outputs);
+    return (unsigned)job < FOVEA_JOB_COUNT ? fv_jobs[job].name : "unknown";
 }
 
-static uint32_t advance_preview(struct fovea *rt, uint32_t units, struct fovea_outputs *outputs)
+const char *fovea_job_key(enum fovea_job job)
 {
-    const struct fv_level *level = &rt->pyramid.level[rt->config.preview.level];
-    uint32_t done = 0;
-    while (done < units && fv_preview_waiting(&rt->preview)) {
-        done++;
-        if (fv_preview_unit(&rt->preview, level->pixels, level->stride_bytes,
-                            rt->config.preview.quality)) {
-            send_preview(rt, outputs);
-            break; /* one message per work call: its buffer is in use until the next */
-        }
-    }
-    return done;
+    return (unsigned)job < FOVEA_JOB_COUNT ? fv_jobs[job].key : "";
 }
 
-static uint32_t advance_map(struct fovea *rt, uint32_t units, struct fovea_outputs *outputs)
+const char *fovea_stage_name(enum fovea_stage stage)
 {
-    uint32_t done = 0;
-    if (!rt->config.odometry.enabled) return 0;
-    for (; done < units && map_waiting(rt); done++) {
-        if (fv_scale_waiting(&rt->scale, &rt->odometry))
-            fv_scale_unit(&rt->scale, &rt->odometry);
-        else
-            fv_odometry_unit(&rt->odometry, &rt->kernels);
-    }
-    outputs->map_bytes = fv_archive_take(rt->odometry.archive);
-    return done;
-}
-
-/* What a look found goes to the tracker; what moves on its own is kept out of the map from now on.
- */
-static void track(struct fovea *rt, struct fovea_outputs *outputs)
-{
-    struct fovea_detections detections;
-    struct fovea_box movable[FOVEA_INPUT_BOXES_MAX];
-    fv_detection_get(&rt->detection, &detections);
-    fv_tracking_update(&rt->tracking, &detections);
-    fv_output_add(rt, FV_MESSAGE_TRACKS,
-                  fv_tracking_encode(&rt->tracking, &rt->config, &rt->detection,
-                                     fv_reset_counter(rt), rt->outbox.buffer[FV_MESSAGE_TRACKS],
-                                     rt->outbox.capacity[FV_MESSAGE_TRACKS]),
-                  outputs);
-    if (!rt->config.odometry.enabled || !fv_config_movable(&rt->config)) return;
-    fv_boxes_take(&rt->boxes, detections.stamp_ns, movable,
-                  fv_tracking_movable(&rt->tracking, movable));
-}
-
-/* One message per work call: its buffer is in use until the next. */
-static uint32_t advance_detection(struct fovea *rt, uint32_t units, struct fovea_outputs *outputs)
-{
-    uint32_t done = 0;
-    if (!fv_detection_advance(&rt->detection, &rt->config, &rt->kernels, units, &done)) return done;
-    fv_output_add(rt, FV_MESSAGE_DETECTIONS,
-                  fv_detection_encode(&rt->detection, &rt->config, fv_reset_counter(rt),
-                                      rt->outbox.buffer[FV_MESSAGE_DETECTIONS],
-                                      rt->outbox.capacity[FV_MESSAGE_DETECTIONS]),
-                  outputs);
-    if (rt->tracking.enabled) track(rt, outputs);
-    return done;
-}
-
-static uint32_t advance_loop(struct fovea *rt, uint32_t units)
-{
-    uint32_t done = 0;
-    if (!rt->config.odometry.enabled) return 0;
-    for (; done < units && fv_odometry_loop_waiting(&rt->odometry); done++)
-        fv_odometry_loop_unit(&rt->odometry, &rt->kernels);
-    return done;
-}
-
-uint32_t fv_job_advance(struct fovea *rt, enum fovea_job job, uint32_t units,
-                        struct fovea_outputs *outputs)
-{
-    switch (job) {
-    case FOVEA_JOB_MAP:
-        return advance_map(rt, units, outputs);
-    case FOVEA_JOB_DETECT:
-        return advance_detection(rt, units, outputs);
-    case FOVEA_JOB_LOOP:
-        return advance_loop(rt, units);
-    case FOVEA_JOB_PREVIEW:
-        return advance_preview(rt, units, outputs);
-    case FOVEA_JOB_COUNT:
-        break;
-    }
-    return 0;
+    static const char *const names[FOVEA_STAGE_JOBS] = {"pyramid", "features", "odometry",
+                                                        "encode"};
+    if ((unsigned)stage >= FOVEA_STAGE_COUNT) return "unknown";
+    return stage < FOVEA_STAGE_JOBS ? names[stage] : fv_jobs[stage - FOVEA_STAGE_JOBS].name;
 }

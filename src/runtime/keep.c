@@ -11,8 +11,7 @@ size_t fovea_map_bytes_max(const struct fovea_config *config)
 
 void fovea_map_save_to(struct fovea *rt, uint8_t *buffer, size_t bytes)
 {
-    rt->odometry.save_to = buffer;
-    rt->odometry.save_capacity = buffer == NULL ? 0 : bytes;
+    fv_odometry_save_to(&rt->odometry, buffer, bytes);
 }
 
 void fovea_map_seal(uint8_t *data, size_t bytes)
@@ -23,12 +22,12 @@ void fovea_map_seal(uint8_t *data, size_t bytes)
 size_t fovea_map_save(struct fovea *rt, uint8_t *buffer, size_t bytes)
 {
     if (!rt->config.odometry.enabled) return 0;
-    *rt->odometry.archive = (struct fv_archive_state){0}; /* one that was going on gives way */
+    fv_odometry_save_drop(&rt->odometry);
     fovea_map_save_to(rt, buffer, bytes);
     fv_odometry_save_begin(&rt->odometry);
-    while (fv_archive_busy(rt->odometry.archive))
+    while (fv_odometry_saving(&rt->odometry))
         (void)fv_odometry_unit(&rt->odometry, &rt->kernels);
-    const size_t saved = fv_archive_take(rt->odometry.archive);
+    const size_t saved = fv_odometry_save_take(&rt->odometry);
     fovea_map_save_to(rt, NULL, 0);
     if (saved > bytes) return 0;
     fovea_map_seal(buffer, saved);

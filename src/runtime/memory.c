@@ -85,6 +85,8 @@ static void carve(struct fovea *rt, struct fv_arena arenas[FOVEA_MEMORY_PART_COU
         fv_scale_carve(&rt->scale, &config->scale, config->T_base_cam, &arenas[PERSISTENT],
                        &arenas[FRAME]);
         book(table, "scale", arenas, before);
+        fv_publish_carve(&rt->publish, config->T_base_cam, &arenas[PERSISTENT]);
+        book(table, "publish", arenas, before);
         fv_boxes_carve(&rt->boxes, width, height, &arenas[PERSISTENT], &arenas[FRAME]);
         book(table, "boxes", arenas, before);
     }
@@ -93,7 +95,7 @@ static void carve(struct fovea *rt, struct fv_arena arenas[FOVEA_MEMORY_PART_COU
     fv_tracking_carve(&rt->tracking, config, rt->detection.enabled, &arenas[PERSISTENT],
                       &arenas[FRAME]);
     book(table, "tracking", arenas, before);
-    const struct fv_level *level = &rt->pyramid.level[config->preview.level];
+    const struct fv_plane *level = fv_pyramid_level(&rt->pyramid, config->preview.level);
     fv_preview_carve(&rt->preview, level->width, level->height, &arenas[PERSISTENT], &arenas[JOB]);
     book(table, "preview", arenas, before);
     carve_outbox(rt, &arenas[FRAME]);

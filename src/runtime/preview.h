@@ -1,6 +1,6 @@
-/* The preview job: a JPEG of one pyramid level, for people. Copies its level when it starts,
- * encodes a few blocks per unit, and yields one message, which carries the stamp of the image that
- * it shows. */
+/* The preview job: a JPEG of one pyramid level, for people, whose message is one packet. Copies its
+ * level when it starts, encodes a few blocks per unit, and yields one message, which carries the
+ * stamp of the image that it shows. */
 #ifndef FOVEA_RUNTIME_PREVIEW_H
 #define FOVEA_RUNTIME_PREVIEW_H
 
@@ -17,7 +17,7 @@ struct fv_preview_state {
     struct fv_jpeg jpeg;
     uint32_t due;    /* a frame asked for a preview */
     uint32_t active; /* pixels are copied and being encoded */
-    /* of this one: less than asked where a picture of so much noise did not fit its buffer */
+    /* of this one: less than configured where the picture did not fit the packet */
     uint32_t quality;
     uint32_t reserved;
 };

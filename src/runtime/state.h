@@ -12,11 +12,12 @@
 #include "message/message.h"
 #include "odometry/odometry.h"
 #include "runtime/detection.h"
-#include "odometry/scale.h"
 #include "runtime/boxes.h"
 #include "runtime/frame_id.h"
 #include "runtime/preview.h"
+#include "runtime/publish.h"
 #include "runtime/tracking.h"
+#include "scale/scale.h"
 
 /* What the runtime itself remembers from frame to frame. No addresses and no padding: copied and
  * hashed as bytes. */
@@ -31,11 +32,6 @@ struct fv_state {
     uint32_t map_landmark, map_keyframe; /* from where the next piece of the map is sent */
     uint32_t any_frame; /* a frame was processed since the start or the last reset */
     uint32_t paused;
-    /* For the velocity of the base: its pose when last posed (odom), when, and in which world and
-     * unit. */
-    double base[12];
-    int64_t base_ns;
-    uint32_t base_known, base_world;
 };
 
 /* Clock readings: kept apart from the state, since they must not be hashed. */
@@ -67,6 +63,7 @@ struct fovea {
     struct fv_detection detection;
     struct fv_tracking tracking;
     struct fv_scale scale;
+    struct fv_publish publish;
     struct fv_boxes boxes;
     struct fv_preview preview;
     struct fv_outbox outbox;
@@ -82,7 +79,7 @@ struct fovea {
 /* How often a new world was started: by command, or since tracking was lost for long. */
 static inline uint32_t fv_reset_counter(const struct fovea *rt)
 {
-    return rt->config.odometry.enabled ? rt->odometry.state->reset_counter
+    return rt->config.odometry.enabled ? fv_odometry_reset_counter(&rt->odometry)
                                        : rt->state->reset_counter;
 }
 

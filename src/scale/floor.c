@@ -1,6 +1,6 @@
 /* The floor under the camera, from the landmarks of the map. */
 #include "geometry/vec.h"
-#include "odometry/scale.h"
+#include "scale/scale.h"
 
 enum { SAMPLES = 96, INLIERS_MIN = 20 };
 
@@ -13,13 +13,12 @@ static const double prior_sigma_rad = 0.05,
                     prior_off_max_rad = 0.2; /* robots nod, and ramps begin */
 
 /* Largest squared sine of the parallax between the first observer of a landmark and the others. */
-static double fv_floor_parallax2(const struct fv_odometry *o, const struct fv_landmark *l)
+static double landmark_parallax2(const struct fv_map *map, const struct fv_landmark *l)
 {
     static const double origin[3] = {0, 0, 0};
     double first[3], ray[3], centre[3], across[3], best = 0;
     for (uint32_t k = 0; k < l->observer_count; k++) {
-        fv_se3_apply_inverse(&o->map.keyframes[l->observers[k].keyframe].T_cam_world, origin,
-                             centre);
+        fv_se3_apply_inverse(&map->keyframes[l->observers[k].keyframe].T_cam_world, origin, centre);
         fv_subtract3(l->point, centre, k == 0 ? first : ray);
         if (k == 0) continue;
         fv_cross3(first, ray, across);
@@ -31,14 +30,15 @@ static double fv_floor_parallax2(const struct fv_odometry *o, const struct fv_la
 
 /* A landmark as a point of the floor; false when it is none, or says nothing. Its height errs along
  * the ray by what triangulation leaves open, and across by what the floor's shape does. */
-static bool fv_floor_point(const struct fv_scale *scale, const struct fv_odometry *o,
-                           const struct fv_se3 *T_cam_world, const struct fv_landmark *l,
-                           struct fv_plane_point *point)
+static bool landmark_as_point(const struct fv_scale *scale, const struct fv_odometry *odometry,
+                              const struct fv_se3 *T_cam_world, const struct fv_landmark *l,
+                              struct fv_floor_point *point)
 {
     fv_se3_apply(T_cam_world, l->point, point->p);
     double distance = fv_norm3(point->p), depth = fv_dot3(scale->down, point->p);
     if (!(depth > depression_least * distance)) return false;
-    double pixel_rad = fv_level_scale(l->level) / o->focal_px, parallax2 = fv_floor_parallax2(o, l);
+    double pixel_rad = fv_level_scale(l->level) / fv_odometry_focal_px(odometry),
+           parallax2 = landmark_parallax2(fv_odometry_map(odometry), l);
     double along2 = 2 * pixel_rad * pixel_rad / (parallax2 + 1e-12);
     if (along2 > sigma_most * sigma_most) return false;
     double across = slope_sigma_rad * distance / depth;
@@ -46,27 +46,28 @@ static bool fv_floor_point(const struct fv_scale *scale, const struct fv_odometr
     return true;
 }
 
-bool fv_scale_find_floor(struct fv_scale *scale, const struct fv_odometry *o,
-                         struct fv_plane *floor)
+bool fv_scale_find_floor(struct fv_scale *scale, const struct fv_odometry *odometry,
+                         struct fv_floor *floor)
 {
-    const struct fv_se3 *T_cam_world = &o->map.keyframes[fv_map_current(&o->map)].T_cam_world;
+    const struct fv_map *map = fv_odometry_map(odometry);
+    const struct fv_se3 *T_cam_world = &map->keyframes[fv_map_current(map)].T_cam_world;
     uint32_t met = 0;
-    for (uint32_t i = 0; i < o->map.state->landmark_top; i++) {
-        struct fv_plane_point point;
-        const struct fv_landmark *l = &o->map.landmarks[i];
+    for (uint32_t i = 0; i < map->state->landmark_top; i++) {
+        struct fv_floor_point point;
+        const struct fv_landmark *l = &map->landmarks[i];
         if (!l->used || l->observer_count < 2 ||
-            o->map.keyframes[l->observers[0].keyframe].map_id != o->map.state->map_id)
+            map->keyframes[l->observers[0].keyframe].map_id != map->state->map_id)
             continue;
-        if (!fv_floor_point(scale, o, T_cam_world, l, &point)) continue;
+        if (!landmark_as_point(scale, odometry, T_cam_world, l, &point)) continue;
         /* Reservoir: every point is kept with the same probability (J. Vitter, 1985). */
         uint32_t at =
-            met < FV_PLANE_POINTS_MAX ? met : fovea_random_below(&scale->state->random, met + 1);
+            met < FV_FLOOR_POINTS_MAX ? met : fovea_random_below(&scale->state->random, met + 1);
         met++;
-        if (at < FV_PLANE_POINTS_MAX) scale->points[at] = point;
+        if (at < FV_FLOOR_POINTS_MAX) scale->points[at] = point;
     }
-    const uint32_t count = met < FV_PLANE_POINTS_MAX ? met : FV_PLANE_POINTS_MAX;
-    struct fv_plane_prior prior = {.sigma_rad = prior_sigma_rad, .off_max_rad = prior_off_max_rad};
+    const uint32_t count = met < FV_FLOOR_POINTS_MAX ? met : FV_FLOOR_POINTS_MAX;
+    struct fv_floor_prior prior = {.sigma_rad = prior_sigma_rad, .off_max_rad = prior_off_max_rad};
     fv_copy3(scale->down, prior.down);
-    return fv_plane_estimate(scale->points, count, &prior, SAMPLES, INLIERS_MIN,
+    return fv_floor_estimate(scale->points, count, &prior, SAMPLES, INLIERS_MIN,
                              &scale->state->random, floor);
 }

@@ -3,7 +3,7 @@
 #include <string.h>
 
 #include "geometry/vec.h"
-#include "odometry/scale.h"
+#include "scale/scale.h"
 
 static const double leg_least_m = 0.2; /* shorter ones measure noise */
 static const double inner_least =
@@ -15,7 +15,7 @@ static const uint64_t gap_most_ns = 500000000; /* between samples */
 enum { LEGS_FEW = 6 };
 
 /* Stamps may be anything. */
-static uint64_t fv_apart_ns(int64_t earlier, int64_t later)
+static uint64_t apart_ns(int64_t earlier, int64_t later)
 {
     return (uint64_t)later - (uint64_t)earlier;
 }
@@ -30,7 +30,7 @@ void fv_scale_observe(struct fv_scale *scale, const struct fovea_odometry_sample
         /* Far back: a clock was set, or the last stamp was wrong. What came before has another
          * time. */
         if (s->place_count > 0 && last > samples[i].stamp_ns &&
-            fv_apart_ns(samples[i].stamp_ns, last) > gap_most_ns)
+            apart_ns(samples[i].stamp_ns, last) > gap_most_ns)
             s->place_count = 0;
         if (s->place_count > 0 && samples[i].stamp_ns <= last) continue;
         struct fv_se3 T_odom_base;
@@ -43,7 +43,7 @@ void fv_scale_observe(struct fv_scale *scale, const struct fovea_odometry_sample
 }
 
 /* -1: odometry has not come so far yet; 0: it begins later or has a gap there; 1: found. */
-static int fv_scale_place_at(const struct fv_scale_state *s, int64_t stamp_ns, double at[3])
+static int scale_place_at(const struct fv_scale_state *s, int64_t stamp_ns, double at[3])
 {
     uint64_t oldest =
         s->place_count > FV_SCALE_PLACES_MAX ? s->place_count - FV_SCALE_PLACES_MAX : 0;
@@ -62,14 +62,14 @@ static int fv_scale_place_at(const struct fv_scale_state *s, int64_t stamp_ns, d
     if (b->stamp_ns == stamp_ns) return (fv_copy3(b->at, at), 1);
     if (low == oldest) return 0;
     const struct fv_scale_place *a = &s->places[(low - 1) % FV_SCALE_PLACES_MAX];
-    if (fv_apart_ns(a->stamp_ns, b->stamp_ns) > gap_most_ns) return 0;
+    if (apart_ns(a->stamp_ns, b->stamp_ns) > gap_most_ns) return 0;
     double share = (double)(stamp_ns - a->stamp_ns) / (double)(b->stamp_ns - a->stamp_ns);
     for (int i = 0; i < 3; i++)
         at[i] = a->at[i] + share * (b->at[i] - a->at[i]);
     return 1;
 }
 
-static void fv_scale_sort(double *values, uint32_t count)
+static void scale_sort(double *values, uint32_t count)
 {
     for (uint32_t i = 1; i < count; i++) {
         double value = values[i];
@@ -82,16 +82,16 @@ static void fv_scale_sort(double *values, uint32_t count)
 
 /* Mean of the legs within three deviations of their median; the deviation is that of their middle
  * (1.4826 times the median of distances, for normal errors). */
-static void fv_scale_settle(struct fv_scale_state *s, double *legs, uint32_t count)
+static void scale_settle(struct fv_scale_state *s, double *legs, uint32_t count)
 {
     double off[FV_SCALE_STATIONS_MAX], sum = 0;
     uint32_t used = 0;
     if (count == 0) return;
-    fv_scale_sort(legs, count);
+    scale_sort(legs, count);
     double middle = 0.5 * (legs[(count - 1) / 2] + legs[count / 2]);
     for (uint32_t i = 0; i < count; i++)
         off[i] = fv_abs(legs[i] - middle);
-    fv_scale_sort(off, count);
+    scale_sort(off, count);
     double sigma = 1.4826 * off[count / 2];
     if (sigma < sigma_leg_least) sigma = sigma_leg_least;
     for (uint32_t i = 0; i < count; i++) {
@@ -112,12 +112,12 @@ static void fv_scale_settle(struct fv_scale_state *s, double *legs, uint32_t cou
 }
 
 /* Keyframes of this map become stations in order of their numbers; the oldest give way. */
-static void fv_scale_note_keyframes(struct fv_scale_state *s, const struct fv_odometry *o)
+static void scale_note_keyframes(struct fv_scale_state *s, const struct fv_map *map)
 {
     for (int added = 0; added < FV_SCALE_STATIONS_MAX; added++) {
         const struct fv_keyframe *next = NULL;
-        for (uint32_t k = 0; k < o->map.limits.keyframes; k++) {
-            const struct fv_keyframe *f = &o->map.keyframes[k];
+        for (uint32_t k = 0; k < map->limits.keyframes; k++) {
+            const struct fv_keyframe *f = &map->keyframes[k];
             if (f->used && f->map_id == s->map && f->number >= s->station_next &&
                 (next == NULL || f->number < next->number))
                 next = f;
@@ -127,7 +127,7 @@ static void fv_scale_note_keyframes(struct fv_scale_state *s, const struct fv_od
             memmove(s->stations, s->stations + 1, --s->station_count * sizeof s->stations[0]);
         struct fv_scale_station *station = &s->stations[s->station_count++];
         memset(station, 0, sizeof *station);
-        station->slot = (uint32_t)(next - o->map.keyframes);
+        station->slot = (uint32_t)(next - map->keyframes);
         station->generation = next->generation;
         station->place.stamp_ns = next->stamp_ns;
         s->station_next = next->number + 1;
@@ -136,17 +136,17 @@ static void fv_scale_note_keyframes(struct fv_scale_state *s, const struct fv_od
 
 /* Ask odometry for the places of stations; forget those that it does not know or the map no longer
  * holds. */
-static void fv_scale_place_stations(struct fv_scale_state *s, const struct fv_odometry *o)
+static void scale_place_stations(struct fv_scale_state *s, const struct fv_map *map)
 {
     uint32_t kept = 0;
     for (uint32_t i = 0; i < s->station_count; i++) {
         struct fv_scale_station station = s->stations[i];
-        const struct fv_keyframe *keyframe = &o->map.keyframes[station.slot];
+        const struct fv_keyframe *keyframe = &map->keyframes[station.slot];
         if (!keyframe->used || keyframe->generation != station.generation ||
             keyframe->map_id != s->map)
             continue;
         if (!station.placed) {
-            int found = fv_scale_place_at(s, station.place.stamp_ns, station.place.at);
+            int found = scale_place_at(s, station.place.stamp_ns, station.place.at);
             if (found == 0) continue;
             station.placed = found > 0;
         }
@@ -155,18 +155,19 @@ static void fv_scale_place_stations(struct fv_scale_state *s, const struct fv_od
     s->station_count = kept;
 }
 
-void fv_scale_walk(struct fv_scale *scale, const struct fv_odometry *o)
+void fv_scale_walk(struct fv_scale *scale, const struct fv_odometry *odometry)
 {
+    const struct fv_map *map = fv_odometry_map(odometry);
     static const double origin[3] = {0, 0, 0};
     struct fv_scale_state *s = scale->state;
     double legs[FV_SCALE_STATIONS_MAX], from_inner[3] = {0}, from_outer[3] = {0};
     uint32_t count = 0;
     bool begun = false;
-    fv_scale_note_keyframes(s, o);
-    fv_scale_place_stations(s, o);
+    scale_note_keyframes(s, map);
+    scale_place_stations(s, map);
     for (uint32_t i = 0; i < s->station_count && s->stations[i].placed; i++) {
         double inner[3], by_map[3], by_odometry[3];
-        fv_se3_apply_inverse(&o->map.keyframes[s->stations[i].slot].T_cam_world, origin, inner);
+        fv_se3_apply_inverse(&map->keyframes[s->stations[i].slot].T_cam_world, origin, inner);
         fv_subtract3(inner, from_inner, by_map);
         fv_subtract3(s->stations[i].place.at, from_outer, by_odometry);
         double moved = fv_norm3(by_odometry), seen = fv_norm3(by_map);
@@ -176,5 +177,5 @@ void fv_scale_walk(struct fv_scale *scale, const struct fv_odometry *o)
         fv_copy3(inner, from_inner);
         fv_copy3(s->stations[i].place.at, from_outer);
     }
-    fv_scale_settle(s, legs, count);
+    scale_settle(s, legs, count);
 }

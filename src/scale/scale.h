@@ -1,27 +1,25 @@
 /* Metric scale of a monocular map, from the height of the camera over the floor or from wheel or
- * leg odometry, and the pose that is published with it.
+ * leg odometry.
  *
  * The map keeps the unit that it was started with. What is estimated is one number, metres per unit
- * of the map, and it acts on what is published alone: the published position moves by `scale` times
- * what the inner one moves, so that a better estimate bends the path but does not tear it. Only
- * when the scale becomes known the unit changes, and all that was published before is to be
- * multiplied (the message says so by its scale_source).
+ * of the map; runtime/publish.c applies it to the pose that is published. Odometry does not know
+ * it.
  *
  * camera_height: a unit of work after each keyframe fits the floor to the landmarks below the
- * camera (geometry/plane.h); the logarithm of the scale is then filtered (Kalman, one state,
+ * camera (geometry/floor.h); the logarithm of the scale is then filtered (Kalman, one state,
  * drifting with every keyframe since the scale of a monocular map does). odometry: between the last
  * keyframes, the camera's displacement by odometry is divided by that in the map; the middle of
  * these legs counts, and their spread gives the uncertainty. A new map starts with the scale
  * unknown; one that was left or loaded with the scale that it had, which new measurements add to.
  *
  * State holds no addresses. Real-time safe: every function is bounded; no heap. */
-#ifndef FOVEA_ODOMETRY_SCALE_H
-#define FOVEA_ODOMETRY_SCALE_H
+#ifndef FOVEA_SCALE_SCALE_H
+#define FOVEA_SCALE_SCALE_H
 
 #include "base/arena.h"
 #include "fovea/elementary.h"
 #include "fovea/odometry.h"
-#include "geometry/plane.h"
+#include "geometry/floor.h"
 #include "geometry/se3.h"
 #include "odometry/odometry.h"
 
@@ -45,17 +43,13 @@ struct fv_scale_station {
 };
 
 struct fv_scale_state {
-    struct fovea_pose pose;       /* as published */
-    bool started;                 /* the map has given a pose */
-    bool known, metric;           /* the scale is known; it has been published */
+    bool started; /* the map has given a pose */
+    bool known;
     uint32_t source;              /* that it is known from */
     double log_scale, variance;   /* natural logarithm of metres per unit, and its variance */
     double prior, prior_variance; /* the same, as the map brought it; a variance of 0: nothing */
     double map_scale; /* units of the map per unit of the continuous world, when last looked at */
     uint32_t map;     /* that all this belongs to */
-
-    /* What was published last: its position goes on from here. */
-    double inner[3], outer[3];
 
     /* camera_height */
     struct fovea_random random;
@@ -75,7 +69,7 @@ struct fv_scale {
     double down[3]; /* of the floor, camera frame: base -z, or camera y where T_base_cam turns
                        nothing */
     struct fv_scale_state *state;
-    struct fv_plane_point *points; /* FV_PLANE_POINTS_MAX */
+    struct fv_floor_point *points; /* FV_FLOOR_POINTS_MAX */
 };
 
 void fv_scale_carve(struct fv_scale *scale, const struct fovea_scale_config *config,
@@ -87,9 +81,17 @@ void fv_scale_init(struct fv_scale *scale, uint64_t seed);
 void fv_scale_observe(struct fv_scale *scale, const struct fovea_odometry_sample *samples,
                       uint32_t count);
 
-/* After a frame's pose is known: state->pose becomes what is published, and the map remembers its
- * scale. */
+/* After each frame, when its pose is known. Odometry keeps what is known with its map. */
 void fv_scale_step(struct fv_scale *scale, struct fv_odometry *odometry);
+
+/* What is known of the scale of the map that the last frame was posed in. */
+struct fv_scale_value {
+    bool known;
+    enum fovea_scale_source source; /* FOVEA_SCALE_FREE while it is not known */
+    double metres;                  /* per unit of the map; 1 while it is not known */
+    double sigma;                   /* one standard deviation, relative */
+};
+struct fv_scale_value fv_scale_get(const struct fv_scale *scale);
 
 /* The floor's turn to be fitted, and one unit that does it. */
 bool fv_scale_waiting(const struct fv_scale *scale, const struct fv_odometry *odometry);
@@ -99,7 +101,7 @@ void fv_scale_unit(struct fv_scale *scale, const struct fv_odometry *odometry);
 
 /* Fit the floor to the map as the current frame sees it; false when none is found. */
 bool fv_scale_find_floor(struct fv_scale *scale, const struct fv_odometry *odometry,
-                         struct fv_plane *floor);
+                         struct fv_floor *floor);
 /* Hold the keyframes against odometry. */
 void fv_scale_walk(struct fv_scale *scale, const struct fv_odometry *odometry);
 

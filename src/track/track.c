@@ -14,9 +14,7 @@ static double larger(double a, double b)
     return a > b ? a : b;
 }
 
-/* ---- memory
- * ------------------------------------------------------------------------------------------------
- */
+/* ---- memory ---------------------------------------------------------------------------------- */
 
 void fv_track_carve(struct fv_tracker *tracker, const struct fovea_track_config *config,
                     const struct fovea_camera *camera, const double T_base_cam[12],
@@ -46,8 +44,7 @@ void fv_track_reset(struct fv_tracker *tracker)
         .next_id = before.next_id, .updates = before.updates, .confirmed = before.confirmed};
 }
 
-/* ---- prediction
- * -------------------------------------------------------------------------------------------- */
+/* ---- prediction ------------------------------------------------------------------------------ */
 
 static double size_of(const struct fv_track_slot *slot)
 {
@@ -115,8 +112,7 @@ static void predict_all(struct fv_tracker *tracker, const struct fv_track_look *
     }
 }
 
-/* ---- what a detection does
- * --------------------------------------------------------------------------------- */
+/* ---- what a detection does ------------------------------------------------------------------- */
 
 struct measured {
     double number[FV_TRACK_NUMBERS], sigma[FV_TRACK_NUMBERS];
@@ -170,8 +166,7 @@ static void begin(struct fv_tracker *tracker, struct fv_track_slot *slot,
     tracker->taken[detection] = 1;
 }
 
-/* ---- the pool
- * ---------------------------------------------------------------------------------------------- */
+/* ---- the pool -------------------------------------------------------------------------------- */
 
 /* Whether `a` is given up before `b`; neither was seen in this look. */
 static bool weaker(const struct fv_track_slot *a, const struct fv_track_slot *b)
@@ -209,9 +204,7 @@ static void begin_new(struct fv_tracker *tracker, const struct fv_track_look *lo
     }
 }
 
-/* ---- life
- * --------------------------------------------------------------------------------------------------
- */
+/* ---- life ------------------------------------------------------------------------------------ */
 
 static bool is_over(const struct fv_tracker *tracker, const struct fv_track_slot *slot,
                     int64_t stamp_ns)
@@ -304,8 +297,7 @@ void fv_track_update(struct fv_tracker *tracker, const struct fv_track_look *loo
         state->R_world_cam[i] = look->T_world_cam[i / 3 * 4 + i % 3];
 }
 
-/* ---- what is told
- * ------------------------------------------------------------------------------------------ */
+/* ---- what is told ---------------------------------------------------------------------------- */
 
 void fv_track_get(const struct fv_tracker *tracker, struct fovea_tracks *tracks)
 {

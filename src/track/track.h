@@ -88,7 +88,7 @@ void fv_track_get(const struct fv_tracker *tracker, struct fovea_tracks *tracks)
  * `capacity`; returns how many. */
 uint32_t fv_track_movable(const struct fv_tracker *tracker, float (*boxes)[4], uint32_t capacity);
 
-/* ---- parts, one file each ---- */
+/* ---- parts, one file each -------------------------------------------------------------------- */
 
 /* locate.c: where a track that was just seen is. */
 void fv_track_locate(const struct fv_tracker *tracker, struct fv_track_slot *slot,

@@ -1,0 +1,10 @@
+/* Quantiles of the chi-square distribution with 2 degrees of freedom, those of an error in the
+ * image: squared errors, in units of their variance, that 95 % and 99 % of good matches stay below.
+ */
+#ifndef FOVEA_GEOMETRY_CHI_SQUARE_H
+#define FOVEA_GEOMETRY_CHI_SQUARE_H
+
+#define FV_CHI_SQUARE_95_2 5.991
+#define FV_CHI_SQUARE_99_2 9.21
+
+#endif

@@ -1,0 +1,18 @@
+/* A grey picture, as stages pass it to one another: no ownership, no allocation. */
+#ifndef FOVEA_IMAGE_PLANE_H
+#define FOVEA_IMAGE_PLANE_H
+
+#include <stdint.h>
+
+struct fv_plane {
+    uint8_t *pixels; /* row by row, 8 bits each; NULL while memory is counted */
+    int32_t width, height;
+    int32_t stride; /* bytes from row to row, at least width */
+};
+
+static inline uint8_t *fv_plane_row(const struct fv_plane *plane, int32_t y)
+{
+    return plane->pixels + (int64_t)y * plane->stride;
+}
+
+#endif

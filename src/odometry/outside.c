@@ -1,0 +1,76 @@
+/* What other rooms ask of odometry: its results, and saving the map. */
+#include "odometry/odometry.h"
+
+const struct fovea_pose *fv_odometry_pose(const struct fv_odometry *o)
+{
+    return &o->state->pose;
+}
+
+uint32_t fv_odometry_reset_counter(const struct fv_odometry *o)
+{
+    return o->state->reset_counter;
+}
+
+void fv_odometry_map_pose(const struct fv_odometry *o, struct fv_se3 *T_map_cam)
+{
+    fv_se3_invert(&o->map.keyframes[fv_map_current(&o->map)].T_cam_world, T_map_cam);
+}
+
+/* By way of the world of the map, which corrections move against that of the pose. */
+uint64_t fv_odometry_keyframe_pose(const struct fv_odometry *o, struct fv_se3 *T_keyframe_cam)
+{
+    const struct fv_keyframe *keyframe = &o->map.keyframes[o->state->newest];
+    struct fv_se3 T_map_cam;
+    fv_odometry_map_pose(o, &T_map_cam);
+    fv_se3_compose(&keyframe->T_cam_world, &T_map_cam, T_keyframe_cam);
+    return keyframe->number;
+}
+
+const struct fv_map *fv_odometry_map(const struct fv_odometry *o)
+{
+    return &o->map;
+}
+
+double fv_odometry_focal_px(const struct fv_odometry *o)
+{
+    return o->focal_px;
+}
+
+struct fv_loop_closer_counts fv_odometry_loop_counts(const struct fv_odometry *o)
+{
+    if (!o->config.loops) return (struct fv_loop_closer_counts){0};
+    return o->loop.state->counts;
+}
+
+void fv_odometry_keep_scale(struct fv_odometry *o, const struct fv_map_scale *scale)
+{
+    o->map.state->scale = *scale;
+}
+
+/* ---- saving the map -------------------------------------------------------------------------- */
+
+void fv_odometry_save_to(struct fv_odometry *o, uint8_t *buffer, size_t bytes)
+{
+    o->save_to = buffer;
+    o->save_capacity = buffer == NULL ? 0 : bytes;
+}
+
+void fv_odometry_save_begin(struct fv_odometry *o)
+{
+    fv_archive_begin(o->archive, o->state->frame_number);
+}
+
+void fv_odometry_save_drop(struct fv_odometry *o)
+{
+    *o->archive = (struct fv_archive_state){0};
+}
+
+bool fv_odometry_saving(const struct fv_odometry *o)
+{
+    return fv_archive_busy(o->archive);
+}
+
+size_t fv_odometry_save_take(struct fv_odometry *o)
+{
+    return fv_archive_take(o->archive);
+}

@@ -1,0 +1,203 @@
+#include "runtime/publish.h"
+
+#include <string.h>
+
+#include "geometry/vec.h"
+
+/* Between frames; over a longer pause there is no velocity. */
+static const int64_t pause_max_ns = 500000000;
+
+void fv_publish_carve(struct fv_publish *publish, const double T_body_cam[12],
+                      struct fv_arena *persistent)
+{
+    fv_se3_from_rows(T_body_cam, &publish->T_body_cam);
+    publish->state = fv_arena_take(persistent, 1, sizeof *publish->state);
+}
+
+const struct fovea_pose *fv_publish_pose(const struct fv_publish *publish)
+{
+    return &publish->state->pose;
+}
+
+/* ---- the camera ------------------------------------------------------------------------------ */
+
+static void from_the_origin(struct fv_publish_state *s)
+{
+    memset(s->inner, 0, sizeof s->inner);
+    memset(s->outer, 0, sizeof s->outer);
+}
+
+/* Lengths of a covariance (upper triangle by rows, translation first) in another unit. */
+static void scale_covariance(double covariance[21], double factor)
+{
+    for (int row = 0, k = 0; row < 6; row++)
+        for (int column = row; column < 6; column++, k++)
+            covariance[k] *= (row < 3 ? factor : 1) * (column < 3 ? factor : 1);
+}
+
+/* `metres` per unit of the map. The continuous world has a unit of its own, which loops leave
+ * alone. */
+static void scale_pose(struct fv_publish_state *s, double metres)
+{
+    struct fovea_pose *pose = &s->pose;
+    const double factor = metres * pose->map_scale;
+    for (int i = 0; i < 3; i++) {
+        double inner = pose->T_world_cam[4 * i + 3];
+        s->outer[i] += factor * (inner - s->inner[i]);
+        s->inner[i] = inner;
+        pose->T_world_cam[4 * i + 3] = s->outer[i];
+    }
+    scale_covariance(pose->covariance, factor);
+}
+
+/* T_map_odom in metres, where the path has bent as well: what takes the published pose to the
+ * map's. */
+static void scale_map(struct fovea_pose *pose, const struct fv_odometry *odometry, double metres)
+{
+    struct fv_se3 T_map_cam, T_odom_cam, T;
+    fv_odometry_map_pose(odometry, &T_map_cam);
+    for (int i = 0; i < 3; i++)
+        T_map_cam.t[i] *= metres;
+    fv_se3_from_rows(pose->T_world_cam, &T_odom_cam);
+    fv_se3_invert(&T_odom_cam, &T);
+    fv_se3_compose(&T_map_cam, &T, &T);
+    fv_se3_to_rows(&T, pose->T_map_odom);
+    pose->map_scale = 1;
+}
+
+static void publish_camera(struct fv_publish_state *s, const struct fv_odometry *odometry,
+                           const struct fv_scale *scale)
+{
+    struct fovea_pose *pose = &s->pose;
+    const uint32_t map_id = pose->map_id;
+    *pose = *fv_odometry_pose(odometry);
+    pose->scale = 1;
+    if (pose->map_id != map_id) s->metric = false;
+    if (!pose->posed) return;
+    struct fv_se3 T_keyframe_cam;
+    pose->reference_keyframe = fv_odometry_keyframe_pose(odometry, &T_keyframe_cam);
+    fv_se3_to_rows(&T_keyframe_cam, pose->T_keyframe_cam);
+    const struct fv_scale_value value = fv_scale_get(scale);
+    if (!value.known) return;
+    if (!s->metric) from_the_origin(s); /* from now on in metres, from the world's origin */
+    s->metric = true;
+    scale_pose(s, value.metres);
+    scale_map(pose, odometry, value.metres);
+    pose->scale = value.metres;
+    pose->scale_sigma = value.sigma;
+    pose->scale_source = value.source;
+}
+
+/* ---- the body -------------------------------------------------------------------------------- */
+
+/* T_body_cam as far as it can be used: while the scale is free, its metres mean nothing beside the
+ * map's units, and the body is taken to sit where the camera does. */
+static struct fv_se3 usable_T_body_cam(const struct fv_publish *publish)
+{
+    struct fv_se3 T_body_cam = publish->T_body_cam;
+    if (publish->state->pose.scale_source == FOVEA_SCALE_FREE)
+        memset(T_body_cam.t, 0, sizeof T_body_cam.t);
+    return T_body_cam;
+}
+
+/* The body's frame at the start is `odom`, the first camera's is `world`: T_odom_body = B
+ * T_world_cam B^-1 with B = T_body_cam. */
+struct fv_se3 fv_publish_body_pose(const struct fv_publish *publish)
+{
+    const struct fv_se3 B = usable_T_body_cam(publish);
+    struct fv_se3 T, inverse;
+    fv_se3_from_rows(publish->state->pose.T_world_cam, &T);
+    fv_se3_invert(&B, &inverse);
+    fv_se3_compose(&B, &T, &T);
+    fv_se3_compose(&T, &inverse, &T);
+    return T;
+}
+
+const struct fv_rates *fv_publish_body_rates(const struct fv_publish *publish)
+{
+    return &publish->rates;
+}
+
+static void find_rates(const struct fv_se3 *before, const struct fv_se3 *now, int64_t step_ns,
+                       struct fv_rates *rates)
+{
+    struct fv_se3 inverse, turn;
+    fv_se3_invert(before, &inverse);
+    fv_se3_compose(&inverse, now, &turn);
+    fv_so3_log(turn.R, rates->rotation_rate);
+    for (int i = 0; i < 3; i++) {
+        rates->rotation_rate[i] *= 1e9 / (double)step_ns;
+        rates->velocity[i] = (now->t[i] - before->t[i]) * 1e9 / (double)step_ns;
+    }
+}
+
+void fv_publish_step(struct fv_publish *publish, const struct fv_odometry *odometry,
+                     const struct fv_scale *scale, int64_t stamp_ns)
+{
+    struct fv_publish_state *s = publish->state;
+    const struct fv_se3 T_before = fv_publish_body_pose(publish);
+    const bool posed_before = s->pose.posed;
+    const uint32_t map_id = s->pose.map_id;
+    const enum fovea_scale_source source = s->pose.scale_source;
+    const int64_t step_ns = stamp_ns - s->stamp_ns;
+    publish_camera(s, odometry, scale);
+    s->stamp_ns = stamp_ns;
+    publish->rates = (struct fv_rates){0};
+    if (!posed_before || !s->pose.posed || s->pose.map_id != map_id ||
+        s->pose.scale_source != source || step_ns <= 0 || step_ns > pause_max_ns)
+        return;
+    const struct fv_se3 T = fv_publish_body_pose(publish);
+    find_rates(&T_before, &T, step_ns, &publish->rates);
+}
+
+/* Covariance of a small motion of the camera, as one of the body: by the adjoint of T_body_cam.
+ * Upper triangles by rows, translation first. */
+static void move_covariance(const struct fv_se3 *B, const double camera[21], double body[21])
+{
+    double A[36] = {0}, C[36], AC[36] = {0};
+    const double *t = B->t, cross[9] = {0, -t[2], t[1], t[2], 0, -t[0], -t[1], t[0], 0};
+    double shifted[9];
+    fv_multiply33(cross, B->R, shifted);
+    for (int r = 0; r < 3; r++) {
+        for (int c = 0; c < 3; c++) {
+            A[6 * r + c] = A[6 * (r + 3) + c + 3] = B->R[3 * r + c];
+            A[6 * r + c + 3] = shifted[3 * r + c];
+        }
+    }
+    for (int r = 0, k = 0; r < 6; r++)
+        for (int c = r; c < 6; c++, k++)
+            C[6 * r + c] = C[6 * c + r] = camera[k];
+    for (int r = 0; r < 6; r++)
+        for (int c = 0; c < 6; c++)
+            for (int i = 0; i < 6; i++)
+                AC[6 * r + c] += A[6 * r + i] * C[6 * i + c];
+    for (int r = 0, k = 0; r < 6; r++) {
+        for (int c = r; c < 6; c++, k++) {
+            body[k] = 0;
+            for (int i = 0; i < 6; i++)
+                body[k] += AC[6 * r + i] * A[6 * c + i];
+        }
+    }
+}
+
+void fv_publish_body_covariance(const struct fv_publish *publish, double covariance[21])
+{
+    const struct fv_se3 B = usable_T_body_cam(publish);
+    move_covariance(&B, publish->state->pose.covariance, covariance);
+}
+
+void fv_publish_map(const struct fv_publish *publish, bool of_body, struct fv_sim3 *S_map_odom)
+{
+    const struct fovea_pose *pose = &publish->state->pose;
+    struct fv_se3 T;
+    fv_se3_from_rows(pose->T_map_odom, &T);
+    fv_sim3_from_se3(&T, pose->map_scale, S_map_odom);
+    if (!of_body) return;
+    const struct fv_se3 B = usable_T_body_cam(publish);
+    struct fv_sim3 left, right;
+    fv_se3_invert(&B, &T);
+    fv_sim3_from_se3(&B, 1, &left);
+    fv_sim3_from_se3(&T, 1, &right);
+    fv_sim3_compose(&left, S_map_odom, S_map_odom);
+    fv_sim3_compose(S_map_odom, &right, S_map_odom);
+}
