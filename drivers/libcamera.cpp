@@ -61,8 +61,7 @@ Device::~Device()
     if (bell_ >= 0) close(bell_);
 }
 
-// ---- finding
-// ---------------------------------------------------------------------------------------------
+// ---- finding ------------------------------------------------------------------------------------
 
 enum fovea_status Device::failed(const char *what, int reason, fovea_error *error) const
 {
@@ -100,8 +99,7 @@ enum fovea_status Device::find(fovea_error *error)
     return FOVEA_OK;
 }
 
-// ---- configuration
-// ---------------------------------------------------------------------------------------
+// ---- configuration ------------------------------------------------------------------------------
 
 namespace
 {
@@ -209,8 +207,7 @@ enum fovea_status Device::configure(fovea_error *told, fovea_error *error)
     return FOVEA_OK;
 }
 
-// ---- buffers
-// ---------------------------------------------------------------------------------------------
+// ---- buffers ------------------------------------------------------------------------------------
 
 // All planes of a buffer in one piece where they are; else the first alone.
 void Device::survey(const FrameBuffer &buffer, fv_libcamera_buffer *size)
@@ -253,8 +250,7 @@ enum fovea_status Device::allocate(fovea_error *error)
     return FOVEA_OK;
 }
 
-// ---- life
-// ------------------------------------------------------------------------------------------------
+// ---- life ---------------------------------------------------------------------------------------
 
 enum fovea_status Device::learn(const fovea_libcamera_options &options,
                                 fovea_libcamera_agreed *agreed, fovea_error *told,
@@ -360,8 +356,7 @@ void Device::tear_down()
     acquired_ = false;
 }
 
-// ---- frames
-// ----------------------------------------------------------------------------------------------
+// ---- frames -------------------------------------------------------------------------------------
 
 void Device::ring()
 {

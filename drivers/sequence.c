@@ -11,7 +11,7 @@
 #include <string.h>
 
 #include "fovea/source.h"
-#include "fovea/text.h"
+#include "support/text.h"
 #include "sequence.h"
 
 enum {
@@ -53,8 +53,7 @@ struct fovea_source { /* NOLINT(clang-analyzer-optin.performance.Padding): in or
     bool any, begun;            /* a frame came; the part that plays has given one */
 };
 
-/* ---- reading the address
- * ------------------------------------------------------------------------------- */
+/* ---- reading the address --------------------------------------------------------------------- */
 
 static enum fovea_status read_option(const char *option, struct fovea_source_selection *selection,
                                      struct fovea_error *error)
@@ -130,8 +129,7 @@ static enum fovea_status open_part(struct fovea_source *source, char *text,
     return FOVEA_OK;
 }
 
-/* ---- one camera for all
- * -------------------------------------------------------------------------------- */
+/* ---- one camera for all ---------------------------------------------------------------------- */
 
 static bool same_camera(const struct fovea_source_info *a, const struct fovea_source_info *b)
 {
@@ -159,8 +157,7 @@ static enum fovea_status make_map(const struct fovea_source_info *to, struct par
         from->format != FOVEA_PIXEL_GREY8 || from->width > PLACE_MAX || from->height > PLACE_MAX)
         return fovea_error_set(
             error, FOVEA_ERROR_INPUT,
-            "sequence: found a part of %d x %d pixels after one of %d x %d, expected the same "
-            "or grey pictures of known cameras, at most %d each way",
+            "sequence: found a part of %d x %d pixels after one of %d x %d, expected the same or grey pictures of known cameras, at most %d each way",
             from->width, from->height, to->width, to->height, PLACE_MAX);
     part->map = malloc((size_t)to->width * (size_t)to->height * sizeof *part->map);
     if (part->map == NULL)
@@ -197,8 +194,7 @@ static void resample(const struct fovea_source_info *info, const struct from *ma
     }
 }
 
-/* ---- open and close
- * ------------------------------------------------------------------------------------ */
+/* ---- open and close -------------------------------------------------------------------------- */
 
 static void sequence_close(struct fovea_source *source)
 {
@@ -299,8 +295,7 @@ static enum fovea_status sequence_open(const char *address,
     return status;
 }
 
-/* ---- playing
- * ------------------------------------------------------------------------------------------- */
+/* ---- playing --------------------------------------------------------------------------------- */
 
 static const struct fovea_source_info *sequence_info(const struct fovea_source *source)
 {
@@ -409,8 +404,7 @@ static void sequence_requeue(struct fovea_source *source, const struct fovea_fra
     held->used = false;
 }
 
-/* ---- the rest of the table
- * ----------------------------------------------------------------------------- */
+/* ---- the rest of the table ------------------------------------------------------------------- */
 
 static enum fovea_status sequence_truth(struct fovea_source *source,
                                         const struct fovea_frame *frame, struct fovea_truth *truth)
@@ -464,10 +458,18 @@ static enum fovea_status sequence_complaint(struct fovea_source *source, struct 
     return FOVEA_AGAIN;
 }
 
+static void sequence_reads(const struct fovea_source *source,
+                           void (*visit)(void *context, const char *path), void *context)
+{
+    for (uint32_t i = 0; i < source->count; i++)
+        if (source->parts[i].ops->reads != NULL)
+            source->parts[i].ops->reads(source->parts[i].source, visit, context);
+}
+
 const struct fovea_source_ops fovea_source_sequence = {
     .name = "sequence",
-    .help = "URI[SELECTION] then URI[SELECTION]...  recordings one after the other; a selection is "
-            "start=N,step=K,frames=N,reverse",
+    .help =
+        "URI[SELECTION] then URI[SELECTION]...  recordings one after the other; a selection is start=N,step=K,frames=N,reverse",
     .open = sequence_open,
     .info = sequence_info,
     .start = sequence_start,
@@ -480,4 +482,5 @@ const struct fovea_source_ops fovea_source_sequence = {
     .counts = sequence_counts,
     .state = sequence_state,
     .complaint = sequence_complaint,
+    .reads = sequence_reads,
 };

@@ -4,7 +4,7 @@
 #include <string.h>
 
 #include "fovea/source.h"
-#include "fovea/text.h"
+#include "support/text.h"
 #include "live/live.h"
 #include "recorded/player.h"
 #include "sequence.h"

@@ -59,8 +59,7 @@ static struct timespec left_until(int64_t deadline_ns)
     return fv_clock_timespec(left_ns > 0 ? left_ns : 0);
 }
 
-/* ---- the process
- * ------------------------------------------------------------------------------------- */
+/* ---- the process ----------------------------------------------------------------------------- */
 
 /* Signals of the terminal are for the runtime; everything else is as in a program just started. */
 static void set_attributes(posix_spawnattr_t *attributes)
@@ -110,6 +109,7 @@ static enum fovea_status start_process(struct fv_libcamera_client *client,
     while (place < FV_PLUGIN_PLACES && !fv_plugin_path(name.file, place, path))
         place++;
     if (place == FV_PLUGIN_PLACES) return fv_plugin_missing(&name, "", error);
+    if (fv_plugin_trusted(path, error) != FOVEA_OK) return FOVEA_ERROR_UNSUPPORTED;
     if (socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends) != 0)
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: no socket: %s", client->uri,
                                strerror(errno));
@@ -189,16 +189,14 @@ static enum fovea_status died(struct fv_libcamera_client *client, struct fovea_e
                            "%s: libcamera's process %s: another is started", client->uri, text);
 }
 
-/* ---- messages
- * ---------------------------------------------------------------------------------------- */
+/* ---- messages -------------------------------------------------------------------------------- */
 
 static enum fovea_status no_sense(struct fv_libcamera_client *client, struct fovea_error *error)
 {
     end_process(client, 0);
     return fovea_error_set(
         error, FOVEA_ERROR_SYSTEM,
-        "%s: found a message of libcamera's process that makes no sense, expected one of "
-        "version %d",
+        "%s: found a message of libcamera's process that makes no sense, expected one of version %d",
         client->uri, FV_LIBCAMERA_VERSION);
 }
 
@@ -329,8 +327,7 @@ static enum fovea_status await_answer(struct fv_libcamera_client *client, int qu
     return client->event.error.status;
 }
 
-/* ---- buffers
- * ----------------------------------------------------------------------------------------- */
+/* ---- buffers --------------------------------------------------------------------------------- */
 
 static void unmap(struct fv_libcamera_client *client)
 {
@@ -382,8 +379,7 @@ static void let_read(const struct mapping *mapping, uint64_t when)
     }
 }
 
-/* ---- the device
- * -------------------------------------------------------------------------------------- */
+/* ---- the device ------------------------------------------------------------------------------ */
 
 static enum fovea_status find(void *of, int quit_fd, struct fovea_error *error)
 {
@@ -492,8 +488,7 @@ const struct fv_live_ops fv_libcamera_live = {
     .close = close_client,
 };
 
-/* ---- opening
- * ----------------------------------------------------------------------------------------- */
+/* ---- opening --------------------------------------------------------------------------------- */
 
 size_t fv_libcamera_heap_bytes(void)
 {

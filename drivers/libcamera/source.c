@@ -2,8 +2,8 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "../text/uri_options.h"
-#include "fovea/text.h"
+#include "support/uri_options.h"
+#include "support/text.h"
 #include "client.h"
 
 #define NAME_ROW(name, theirs, format) name,

@@ -12,7 +12,7 @@
 #include <unistd.h>
 
 #include "../clock.h"
-#include "../recorded/decode.h"
+#include "support/decode.h"
 #include "../slot_ring.h"
 #include "../thread.h"
 #include "complaints.h"
@@ -88,8 +88,7 @@ enum fovea_status fv_live_complaint(struct fovea_source *source, struct fovea_er
     return fv_complaints_take(&source->complaints, error);
 }
 
-/* ---- camera thread: recovery
- * --------------------------------------------------------------------------- */
+/* ---- camera thread: recovery ----------------------------------------------------------------- */
 
 static bool quitting(const struct fovea_source *source)
 {
@@ -190,8 +189,7 @@ static void try_set_up(struct fovea_source *source)
     show(source);
 }
 
-/* ---- camera thread: frames
- * ----------------------------------------------------------------------------- */
+/* ---- camera thread: frames ------------------------------------------------------------------- */
 
 static void read_clocks(struct fv_order_now *now)
 {
@@ -250,8 +248,7 @@ static enum fovea_status fill_order(struct fovea_source *source,
     if (source->order.replaced > replaced) {
         fovea_error_set(
             error, FOVEA_OK,
-            "%s: found stamps that are not of the last 10 s on any clock; the time of arrival "
-            "takes their place",
+            "%s: found stamps that are not of the last 10 s on any clock; the time of arrival takes their place",
             source->uri);
         fv_complaints_add(&source->complaints, STAMPS, error);
     }
@@ -352,8 +349,7 @@ static void *run(void *argument)
     return NULL;
 }
 
-/* ---- open and close
- * ------------------------------------------------------------------------------------ */
+/* ---- open and close -------------------------------------------------------------------------- */
 
 enum fovea_status fv_live_selection(const char *scheme,
                                     const struct fovea_source_selection *selection,
@@ -465,8 +461,7 @@ const struct fovea_source_info *fv_live_info(const struct fovea_source *source)
     return &source->info;
 }
 
-/* ---- start and stop
- * ------------------------------------------------------------------------------------ */
+/* ---- start and stop -------------------------------------------------------------------------- */
 
 enum fovea_status fv_live_start(struct fovea_source *source, struct fovea_error *error)
 {
@@ -516,8 +511,7 @@ void fv_live_stop(struct fovea_source *source)
     source->started = false;
 }
 
-/* ---- loop thread
- * --------------------------------------------------------------------------------------- */
+/* ---- loop thread ----------------------------------------------------------------------------- */
 
 /* The camera thread is worth as much as the one that waits for it. */
 static void take_over_scheduling(struct fovea_source *source)

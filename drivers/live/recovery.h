@@ -7,8 +7,7 @@
  *    │                 │     ▼                ▼                              ▼             │
  *    │                 └─ STALLED ◄───────────┴──────────────── STALLED ◄── LATE ──────────┘
  *    │                     │ back-off, then find                 │ stalled_ns
- *    └─ unplugged: from anywhere                                 └ restart_ns without a frame: set
- * up again
+ *    └─ unplugged: from anywhere                                 └ restart_ns: set up again
  *
  * States as in enum fovea_source_state and camera_status_t: `ok` frames come; `late` one is
  * overdue; `stalled` the camera is there but gives no frame (or refuses to be set up); `gone` it is

@@ -3,7 +3,8 @@
  * datasets", IJRR 2016. */
 #include <string.h>
 
-#include "fovea/text.h"
+#include "support/text.h"
+#include "kind.h"
 #include "lines.h"
 #include "listing.h"
 #include "player.h"
@@ -18,11 +19,13 @@ static enum fovea_status read_extras(struct fv_listing *listing, const char *cam
     bool has_T_body_cam = false;
     enum fovea_status status = fv_path_join(path, cam, "sensor.yaml", error);
     if (status != FOVEA_OK) return status;
+    fv_listing_reads(listing, path);
     status = fv_info_set_calibration(info, path, selection, T_body_cam, &has_T_body_cam, error);
     if (status != FOVEA_OK || !has_T_body_cam) return status;
     status = fv_path_join(path, mav, "state_groundtruth_estimate0/data.csv", error);
     if (status != FOVEA_OK || !fv_path_exists(path)) return status;
     struct fv_poses poses;
+    fv_listing_reads(listing, path);
     status = fv_poses_read(path, FV_POSES_EUROC, T_body_cam, &poses, error);
     if (status == FOVEA_OK) fv_listing_set_poses(listing, &poses);
     return status;
@@ -47,11 +50,13 @@ static enum fovea_status open_euroc(const char *address,
     struct fv_listing *listing = fv_listing_new(data);
     if (listing == NULL)
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", address);
+    fv_listing_reads(listing, list);
+    fv_listing_reads(listing, data);
     status = fv_listing_read(listing, list, ",", fovea_text_integer, "whole nanoseconds", error);
     if (status == FOVEA_OK) status = read_extras(listing, cam, mav, selection, &info, error);
     if (status != FOVEA_OK) {
         fv_listing_free(listing);
-        return status;
+        return fv_kind_hint("euroc", address, status, error);
     }
     return fv_listing_open(listing, list, selection, &info, source, error);
 }

@@ -5,6 +5,7 @@
 #include <string.h>
 #include <sys/stat.h>
 
+#include "kind.h"
 #include "listing.h"
 #include "player.h"
 
@@ -98,7 +99,7 @@ static enum fovea_status add_files(struct fv_listing *listing, const glob_t *fou
     return status;
 }
 
-static enum fovea_status find_calibration(const char *first,
+static enum fovea_status find_calibration(struct fv_listing *listing, const char *first,
                                           const struct fovea_source_selection *selection,
                                           struct fovea_source_info *info, struct fovea_error *error)
 {
@@ -109,13 +110,14 @@ static enum fovea_status find_calibration(const char *first,
     memcpy(folder, first, length);
     folder[length] = '\0';
     const enum fovea_status status = fv_path_join(path, folder, "camera.yaml", error);
-    return status != FOVEA_OK ? status
-                              : fv_info_set_calibration(info, path, selection, NULL, NULL, error);
+    if (status != FOVEA_OK) return status;
+    fv_listing_reads(listing, path);
+    return fv_info_set_calibration(info, path, selection, NULL, NULL, error);
 }
 
-static enum fovea_status open_images(const char *address,
-                                     const struct fovea_source_selection *selection,
-                                     struct fovea_source **source, struct fovea_error *error)
+static enum fovea_status open_files(const char *address,
+                                    const struct fovea_source_selection *selection,
+                                    struct fovea_source **source, struct fovea_error *error)
 {
     struct fovea_source_info info = {.rate_hz = 0.0};
     glob_t found;
@@ -131,7 +133,9 @@ static enum fovea_status open_images(const char *address,
                      ? fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", address)
                      : add_files(listing, &found, error);
     }
-    if (status == FOVEA_OK) status = find_calibration(found.gl_pathv[0], selection, &info, error);
+    if (status == FOVEA_OK)
+        status = find_calibration(listing, found.gl_pathv[0], selection, &info, error);
+    if (status == FOVEA_OK && is_folder(address)) fv_listing_reads(listing, address);
     globfree(&found);
     if (status != FOVEA_OK) {
         fv_listing_free(listing);
@@ -139,6 +143,13 @@ static enum fovea_status open_images(const char *address,
     }
     info.rate_hz = RATE_HZ;
     return fv_listing_open(listing, address, selection, &info, source, error);
+}
+
+static enum fovea_status open_images(const char *address,
+                                     const struct fovea_source_selection *selection,
+                                     struct fovea_source **source, struct fovea_error *error)
+{
+    return fv_kind_hint("images", address, open_files(address, selection, source, error), error);
 }
 
 const struct fovea_source_ops fovea_source_images =

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "kind.h"
 #include "lines.h"
 #include "listing.h"
 #include "player.h"
@@ -113,11 +114,13 @@ static enum fovea_status read_extras(struct fv_listing *listing, const char *fol
 {
     char path[FV_PATH_BYTES];
     enum fovea_status status = fv_path_join(path, folder, "calib.txt", error);
+    if (status == FOVEA_OK) fv_listing_reads(listing, path);
     if (status == FOVEA_OK && fv_path_exists(path))
         status = read_calibration(path, key, info, error);
     if (status != FOVEA_OK && selection->camera_given)
         status = FOVEA_OK; /* its own is not needed */
     if (status != FOVEA_OK || (status = find_poses(folder, path, error)) != FOVEA_OK) return status;
+    fv_listing_reads(listing, path);
     if (!fv_path_exists(path)) return FOVEA_OK;
     struct fv_poses poses;
     status = fv_poses_read_kitti(path, &poses, error);
@@ -142,11 +145,13 @@ static enum fovea_status open_kitti(const char *address,
     struct fv_listing *listing = fv_listing_new(images);
     if (listing == NULL)
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", address);
+    fv_listing_reads(listing, times);
+    fv_listing_reads(listing, images);
     status = read_list(listing, times, images, error);
     if (status == FOVEA_OK) status = read_extras(listing, address, key, selection, &info, error);
     if (status != FOVEA_OK) {
         fv_listing_free(listing);
-        return status;
+        return fv_kind_hint("kitti", address, status, error);
     }
     return fv_listing_open(listing, times, selection, &info, source, error);
 }

@@ -6,8 +6,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "decode.h"
-#include "fovea/log.h"
+#include "support/decode.h"
+#include "support/log.h"
+#include "kind.h"
 #include "listing.h"
 #include "log_calibration.h"
 #include "player.h"
@@ -48,8 +49,7 @@ static void close_recording(void *argument)
     free(recording);
 }
 
-/* ---- index
- * ------------------------------------------------------------------------------------------- */
+/* ---- index ----------------------------------------------------------------------------------- */
 
 static enum fovea_status add_entry(struct recording *recording, const struct entry *entry,
                                    struct fovea_error *error)
@@ -150,8 +150,7 @@ static enum fovea_status make_index(struct recording *recording, struct heads *h
                            recording->path);
 }
 
-/* ---- frames
- * ------------------------------------------------------------------------------------------ */
+/* ---- frames ---------------------------------------------------------------------------------- */
 
 static enum fovea_status read_frame(struct recording *recording, uint64_t index,
                                     struct fovea_frame *frame, struct fovea_error *error)
@@ -221,11 +220,16 @@ static enum fovea_status stamp(void *argument, uint64_t index, int64_t *stamp_ns
     return FOVEA_OK;
 }
 
-static const struct fv_recording_ops lcmlog_ops = {
-    .fetch = fetch, .stamp = stamp, .close = close_recording};
+static void visit_file(const void *recording, void (*visit)(void *context, const char *path),
+                       void *context)
+{
+    visit(context, ((const struct recording *)recording)->path);
+}
 
-/* ---- opening
- * ----------------------------------------------------------------------------------------- */
+static const struct fv_recording_ops lcmlog_ops = {
+    .fetch = fetch, .stamp = stamp, .close = close_recording, .reads = visit_file};
+
+/* ---- opening --------------------------------------------------------------------------------- */
 
 /* Size and format from the first frame that can be read, rate from the stamps. */
 static enum fovea_status describe(struct recording *recording,
@@ -282,7 +286,7 @@ static enum fovea_status open_lcmlog(const char *address,
     if (status == FOVEA_OK) status = describe(recording, selection, &info, &frame_bytes, error);
     if (status != FOVEA_OK) {
         close_recording(recording);
-        return status;
+        return fv_kind_hint("lcmlog", address, status, error);
     }
     return fv_player_open(&lcmlog_ops, recording, recording->count, frame_bytes, address, selection,
                           &info, source, error);

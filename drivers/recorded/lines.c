@@ -4,14 +4,15 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "fovea/text.h"
+#include "support/input.h"
+#include "support/text.h"
 
 enum fovea_status fv_lines_open(struct fv_lines *lines, const char *path, struct fovea_error *error)
 {
     char *text;
     size_t bytes;
     const enum fovea_status status =
-        fovea_text_read(path, FV_LINES_BYTES_MAX, &text, &bytes, error);
+        fovea_text_read(path, FV_INPUT_LIST_BYTES_MAX, &text, &bytes, error);
     if (status != FOVEA_OK) return status;
     static const char mark[] = "\xef\xbb\xbf"; /* with which some editors begin UTF-8 */
     const bool marked = bytes >= sizeof mark - 1 && memcmp(text, mark, sizeof mark - 1) == 0;

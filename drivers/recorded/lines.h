@@ -9,7 +9,7 @@
 
 #include "fovea/status.h"
 
-enum { FV_LINE_BYTES_MAX = 4096, FV_LINES_BYTES_MAX = 1 << 28, FV_LINE_FIELDS_MAX = 32 };
+enum { FV_LINE_BYTES_MAX = 4096, FV_LINE_FIELDS_MAX = 32 };
 
 struct fv_lines {
     const char *file; /* as named in errors; kept by address */

@@ -5,8 +5,8 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "decode.h"
-#include "fovea/calibration.h"
+#include "support/decode.h"
+#include "support/calibration.h"
 #include "lines.h"
 #include "player.h"
 
@@ -23,10 +23,11 @@ struct fv_listing {
     size_t names_bytes, names_capacity;
     struct fv_poses poses;
     struct fv_file_buffer file;
+    size_t reads_count;
+    char reads[FV_LISTING_READS_MAX][FV_PATH_BYTES];
 };
 
-/* ---- paths
- * ------------------------------------------------------------------------------------------- */
+/* ---- paths ----------------------------------------------------------------------------------- */
 
 enum fovea_status fv_path_join(char path[FV_PATH_BYTES], const char *folder, const char *name,
                                struct fovea_error *error)
@@ -64,8 +65,7 @@ enum fovea_status fv_info_set_calibration(struct fovea_source_info *info, const 
     return FOVEA_OK;
 }
 
-/* ---- the list
- * ---------------------------------------------------------------------------------------- */
+/* ---- the list -------------------------------------------------------------------------------- */
 
 struct fv_listing *fv_listing_new(const char *folder)
 {
@@ -152,13 +152,18 @@ size_t fv_listing_count(const struct fv_listing *listing)
     return listing->count;
 }
 
+void fv_listing_reads(struct fv_listing *listing, const char *path)
+{
+    if (listing->reads_count < FV_LISTING_READS_MAX)
+        snprintf(listing->reads[listing->reads_count++], FV_PATH_BYTES, "%s", path);
+}
+
 void fv_listing_set_poses(struct fv_listing *listing, const struct fv_poses *poses)
 {
     listing->poses = *poses;
 }
 
-/* ---- for the player
- * ---------------------------------------------------------------------------------- */
+/* ---- for the player -------------------------------------------------------------------------- */
 
 static enum fovea_status frame_path(const struct fv_listing *listing, uint64_t index,
                                     char path[FV_PATH_BYTES], struct fovea_error *error)
@@ -210,16 +215,26 @@ static enum fovea_status truth(const void *recording, const struct fovea_frame *
     return FOVEA_OK;
 }
 
+static void visit_all(const void *recording, void (*visit)(void *context, const char *path),
+                      void *context)
+{
+    const struct fv_listing *listing = recording;
+    char path[FV_PATH_BYTES];
+    for (size_t i = 0; i < listing->reads_count; i++)
+        visit(context, listing->reads[i]);
+    for (size_t i = 0; i < listing->count; i++)
+        if (frame_path(listing, i, path, NULL) == FOVEA_OK) visit(context, path);
+}
+
 static void close_listing(void *recording)
 {
     fv_listing_free(recording);
 }
 
 static const struct fv_recording_ops listing_ops = {
-    .fetch = fetch, .stamp = stamp, .truth = truth, .close = close_listing};
+    .fetch = fetch, .stamp = stamp, .truth = truth, .close = close_listing, .reads = visit_all};
 
-/* ---- opening
- * ----------------------------------------------------------------------------------------- */
+/* ---- opening --------------------------------------------------------------------------------- */
 
 enum { PROBES = 5 };
 

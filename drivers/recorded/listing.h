@@ -6,7 +6,7 @@
 #include "fovea/source.h"
 #include "poses.h"
 
-enum { FV_LISTING_FRAMES_MAX = 1 << 22, FV_PATH_BYTES = 4096 };
+enum { FV_LISTING_FRAMES_MAX = 1 << 22, FV_LISTING_READS_MAX = 6, FV_PATH_BYTES = 4096 };
 
 struct fv_listing; /* owns the list, the poses and the reader's buffer */
 
@@ -23,6 +23,9 @@ enum fovea_status fv_listing_read(struct fv_listing *listing, const char *path,
                                   bool (*stamp_of)(const char *text, int64_t *stamp_ns),
                                   const char *expected, struct fovea_error *error);
 size_t fv_listing_count(const struct fv_listing *listing);
+/* Note a file or folder that is read beside the frames, for fovea_source_ops.reads; at most
+ * FV_LISTING_READS_MAX of them. */
+void fv_listing_reads(struct fv_listing *listing, const char *path);
 
 /* Poses become the listing's own. */
 void fv_listing_set_poses(struct fv_listing *listing, const struct fv_poses *poses);
@@ -42,7 +45,7 @@ enum fovea_status fv_path_join(char path[FV_PATH_BYTES], const char *folder, con
 bool fv_path_exists(const char *path);
 
 /* A data set's own calibration file into `info`, where it is there; T_body_cam too when it states
- * one. A file that cannot be read is as none where the selection says that a camera is given. */
+ * one. An unreadable file is ignored where the selection says that a camera is given. */
 enum fovea_status fv_info_set_calibration(struct fovea_source_info *info, const char *path,
                                           const struct fovea_source_selection *selection,
                                           double T_body_cam[12], bool *has_T_body_cam,

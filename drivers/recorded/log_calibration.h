@@ -2,8 +2,8 @@
 #ifndef FOVEA_RECORDED_LOG_CALIBRATION_H
 #define FOVEA_RECORDED_LOG_CALIBRATION_H
 
-#include "fovea/calibration.h"
-#include "fovea/log.h"
+#include "support/calibration.h"
+#include "support/log.h"
 
 /* Find the part "calibration" of an event that holds a fovea.recording_t and read it. Every length
  * is held against the event. FOVEA_AGAIN: there is none. FOVEA_ERROR_INPUT: `error` names the file

@@ -78,8 +78,7 @@ static bool stamp_at(const struct fovea_source *source, uint64_t position, int64
     return true;
 }
 
-/* ---- reader thread
- * ----------------------------------------------------------------------------------- */
+/* ---- reader thread --------------------------------------------------------------------------- */
 
 /* Every frame that is skipped is named. When many are missing at once the reader, which only skips,
  * waits a while for the lines to be fetched; it stops doing so where nobody fetches them. */
@@ -193,8 +192,7 @@ static void *read_frames(void *argument)
     return NULL;
 }
 
-/* ---- open and close
- * ---------------------------------------------------------------------------------- */
+/* ---- open and close -------------------------------------------------------------------------- */
 
 /* Between the first and the last frame that has a stamp. */
 static enum fovea_status set_mirror(struct fovea_source *source, const char *origin,
@@ -346,8 +344,13 @@ const struct fovea_source_info *fv_player_info(const struct fovea_source *source
     return &source->info;
 }
 
-/* ---- start and stop
- * ---------------------------------------------------------------------------------- */
+void fv_player_reads(const struct fovea_source *source,
+                     void (*visit)(void *context, const char *path), void *context)
+{
+    if (source->ops->reads != NULL) source->ops->reads(source->recording, visit, context);
+}
+
+/* ---- start and stop -------------------------------------------------------------------------- */
 
 enum fovea_status fv_player_start(struct fovea_source *source, struct fovea_error *error)
 {
@@ -393,8 +396,7 @@ void fv_player_stop(struct fovea_source *source)
     source->started = false;
 }
 
-/* ---- loop thread
- * ------------------------------------------------------------------------------------- */
+/* ---- loop thread ----------------------------------------------------------------------------- */
 
 enum fovea_status fv_player_dequeue(struct fovea_source *source, int64_t deadline_ns,
                                     struct fovea_frame *frame)

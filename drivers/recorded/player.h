@@ -43,6 +43,9 @@ struct fv_recording_ops {
     enum fovea_status (*truth)(const void *recording, const struct fovea_frame *frame,
                                struct fovea_truth *truth);
     void (*close)(void *recording);
+    /* As fovea_source_ops.reads; NULL: no files. */
+    void (*reads)(const void *recording, void (*visit)(void *context, const char *path),
+                  void *context);
 };
 
 /* Make a source of an open recording of `count` frames (0: not known, played to the end), each in
@@ -75,6 +78,8 @@ enum fovea_status fv_player_truth_pose(struct fovea_source *source, const struct
 void fv_player_counts(const struct fovea_source *source, struct fovea_source_counts *counts);
 enum fovea_source_state fv_player_state(const struct fovea_source *source);
 enum fovea_status fv_player_complaint(struct fovea_source *source, struct fovea_error *error);
+void fv_player_reads(const struct fovea_source *source,
+                     void (*visit)(void *context, const char *path), void *context);
 
 /* An operations table with all of them. */
 #define FV_PLAYER_OPS(name_, help_, open_)                                                         \
@@ -83,7 +88,7 @@ enum fovea_status fv_player_complaint(struct fovea_source *source, struct fovea_
         .start = fv_player_start, .dequeue = fv_player_dequeue, .requeue = fv_player_requeue,      \
         .stop = fv_player_stop, .close = fv_player_close, .truth = fv_player_truth,                \
         .truth_pose = fv_player_truth_pose, .counts = fv_player_counts, .state = fv_player_state,  \
-        .complaint = fv_player_complaint                                                           \
+        .complaint = fv_player_complaint, .reads = fv_player_reads                                 \
     }
 
 extern const struct fovea_source_ops fovea_source_euroc, fovea_source_tum, fovea_source_kitti,

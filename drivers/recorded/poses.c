@@ -3,11 +3,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "fovea/text.h"
+#include "support/text.h"
 #include "lines.h"
 
-/* ---- reading
- * ----------------------------------------------------------------------------------------- */
+/* ---- reading --------------------------------------------------------------------------------- */
 
 static enum fovea_status parse_pose(const struct fv_lines *lines, enum fv_poses_layout layout,
                                     struct fv_pose *pose, struct fovea_error *error)
@@ -129,8 +128,7 @@ void fv_poses_free(struct fv_poses *poses)
     *poses = (struct fv_poses){0};
 }
 
-/* ---- asking
- * ------------------------------------------------------------------------------------------ */
+/* ---- asking ---------------------------------------------------------------------------------- */
 
 static void to_matrix(const double q[4], const double t[3], double T[12])
 {

@@ -3,6 +3,7 @@
  * 2012. */
 #include <string.h>
 
+#include "kind.h"
 #include "lines.h"
 #include "listing.h"
 #include "player.h"
@@ -15,11 +16,13 @@ static enum fovea_status read_extras(struct fv_listing *listing, const char *fol
                                         0, 0, 0, 0, 1, 0}; /* its poses are the camera's */
     char path[FV_PATH_BYTES];
     enum fovea_status status = fv_path_join(path, folder, "camera.yaml", error);
+    if (status == FOVEA_OK) fv_listing_reads(listing, path);
     if (status == FOVEA_OK)
         status = fv_info_set_calibration(info, path, selection, NULL, NULL, error);
     if (status != FOVEA_OK ||
         (status = fv_path_join(path, folder, "groundtruth.txt", error)) != FOVEA_OK)
         return status;
+    fv_listing_reads(listing, path);
     if (!fv_path_exists(path)) return FOVEA_OK;
     struct fv_poses poses;
     status = fv_poses_read(path, FV_POSES_TUM, identity, &poses, error);
@@ -38,11 +41,12 @@ static enum fovea_status open_tum(const char *address,
     struct fv_listing *listing = fv_listing_new(address);
     if (listing == NULL)
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", address);
+    fv_listing_reads(listing, list);
     status = fv_listing_read(listing, list, "", fv_stamp_from_seconds, "seconds", error);
     if (status == FOVEA_OK) status = read_extras(listing, address, selection, &info, error);
     if (status != FOVEA_OK) {
         fv_listing_free(listing);
-        return status;
+        return fv_kind_hint("tum", address, status, error);
     }
     return fv_listing_open(listing, list, selection, &info, source, error);
 }

@@ -8,8 +8,9 @@
 #include <string.h>
 #include <sys/stat.h>
 
+#include "kind.h"
 #include "../plugin.h"
-#include "decode.h"
+#include "support/decode.h"
 #include "listing.h"
 #include "player.h"
 #include "video_plugin.h"
@@ -63,8 +64,7 @@ static enum fovea_status load(struct recording *recording, struct fovea_error *e
     return status;
 }
 
-/* ---- frames
- * ------------------------------------------------------------------------------------------ */
+/* ---- frames ---------------------------------------------------------------------------------- */
 
 static enum fovea_status open_video_file(struct recording *recording,
                                          struct fovea_source_info *info, struct fovea_error *error)
@@ -118,10 +118,16 @@ static enum fovea_status fetch(void *argument, uint64_t index, struct fv_slot *s
                                    &slot->frame.stamp_ns, error);
 }
 
-static const struct fv_recording_ops video_ops = {.fetch = fetch, .close = close_recording};
+static void visit_file(const void *recording, void (*visit)(void *context, const char *path),
+                       void *context)
+{
+    visit(context, ((const struct recording *)recording)->path);
+}
 
-/* ---- in reverse
- * -------------------------------------------------------------------------------------- */
+static const struct fv_recording_ops video_ops = {
+    .fetch = fetch, .close = close_recording, .reads = visit_file};
+
+/* ---- in reverse ------------------------------------------------------------------------------ */
 
 /* Stamps of the first `most` frames (0: of all), and how many there are. */
 static enum fovea_status find_stamps(struct recording *recording, uint64_t most,
@@ -226,10 +232,9 @@ static enum fovea_status stamp(void *argument, uint64_t index, int64_t *stamp_ns
 }
 
 static const struct fv_recording_ops reverse_ops = {
-    .fetch = fetch_reverse, .stamp = stamp, .close = close_recording};
+    .fetch = fetch_reverse, .stamp = stamp, .close = close_recording, .reads = visit_file};
 
-/* ---- opening
- * ----------------------------------------------------------------------------------------- */
+/* ---- opening --------------------------------------------------------------------------------- */
 
 /* Skip what comes before the start now: where there is nothing left, that is said. */
 static enum fovea_status go_to_start(struct recording *recording, uint64_t start,
@@ -280,7 +285,7 @@ static enum fovea_status open_video(const char *address,
                                     : go_to_start(recording, selection->start, error);
     if (status != FOVEA_OK) {
         close_recording(recording);
-        return status;
+        return fv_kind_hint("video", address, status, error);
     }
     if (selection->step > 1) info.rate_hz /= (double)selection->step;
     return fv_player_open(selection->reverse ? &reverse_ops : &video_ops, recording,

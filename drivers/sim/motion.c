@@ -12,8 +12,7 @@ struct pose {
 
 static const double kidnap_leave_s = 14.0, kidnap_return_s = 17.0, kidnap_back_s = 12.0;
 
-/* ---- orientation
- * ------------------------------------------------------------------------------------- */
+/* ---- orientation ----------------------------------------------------------------------------- */
 
 static void pose_matrix(const struct pose *pose, double T[12])
 {
@@ -37,8 +36,7 @@ static void look_at(struct pose *pose, double x, double y, double z)
     pose->pitch = fovea_atan2(dz, __builtin_sqrt(dx * dx + dy * dy));
 }
 
-/* ---- a hand's tremble
- * -------------------------------------------------------------------------------- */
+/* ---- a hand's tremble ------------------------------------------------------------------------ */
 
 static double tremble(const double *phase, double t)
 {
@@ -55,8 +53,7 @@ static void hand(const struct fv_sim_motion *m, double t, double amount, struct 
     pose->roll += 0.022 * amount * tremble(m->phase + 15, t * 1.03);
 }
 
-/* ---- splines
- * ----------------------------------------------------------------------------------------- */
+/* ---- splines --------------------------------------------------------------------------------- */
 
 static void spline_add(struct fv_sim_motion *m, double x, double y, double z, double yaw,
                        double pitch)
@@ -149,8 +146,7 @@ static void spline_tour(struct fv_sim_motion *m)
     spline_add(m, -0.2, -1.3, 1.45, 14.2 * half, -0.1);
 }
 
-/* ---- trajectories
- * ------------------------------------------------------------------------------------ */
+/* ---- trajectories ---------------------------------------------------------------------------- */
 
 static void orbit(const struct fv_sim_motion *m, double t, struct pose *pose)
 {
@@ -242,8 +238,7 @@ static void kidnap(const struct fv_sim_motion *m, double t, struct pose *pose)
     }
 }
 
-/* ---- outside
- * ----------------------------------------------------------------------------------------- */
+/* ---- outside --------------------------------------------------------------------------------- */
 
 void fv_sim_motion_create(struct fv_sim_motion *motion, const struct fv_sim_options *options,
                           const struct fv_sim_world *world)

@@ -14,8 +14,7 @@ static const double head_radius_m = 0.115, head_base_m = 1.485; /* top at 1.715 
 enum { VARIANTS = 3 };
 static const double ring_corner_m = 0.9;
 
-/* ---- lanes
- * ------------------------------------------------------------------------------------------- */
+/* ---- lanes ----------------------------------------------------------------------------------- */
 
 double fv_sim_ring_length(const double half[2], double corner)
 {
@@ -69,8 +68,7 @@ void fv_sim_object_pose(const struct fv_sim_object *o, double time_s, double pos
                            o->radius[0] * (slope * c - wobble * s * o->rate));
 }
 
-/* ---- creation
- * ---------------------------------------------------------------------------------------- */
+/* ---- creation -------------------------------------------------------------------------------- */
 
 static double draw(struct fovea_random *random, double low, double high)
 {
@@ -163,8 +161,8 @@ static double clearance(const struct fv_sim_object *o, const struct fv_sim_motio
                         double begin_s, double end_s)
 {
     double least = 1e9;
-    /* NOLINTNEXTLINE(clang-analyzer-security.FloatLoopCounter): some tenths of a second more or
-     * less are no matter */
+    /* A step more or less is no matter.
+     * NOLINTNEXTLINE(clang-analyzer-security.FloatLoopCounter) */
     for (double t = begin_s; t < end_s; t += 0.1) {
         double position[2], heading, T_world_cam[12];
         fv_sim_object_pose(o, t, position, &heading);
@@ -197,8 +195,7 @@ void fv_sim_objects_clear(struct fv_sim_world *world, const struct fv_sim_motion
     }
 }
 
-/* ---- placing
- * ----------------------------------------------------------------------------------------- */
+/* ---- placing --------------------------------------------------------------------------------- */
 
 static struct fv_sim_round *put_round(struct fv_sim_world *world, const double position[2],
                                       double z, double height, uint16_t texture, double heading,

@@ -2,10 +2,9 @@
 
 #include <string.h>
 
-#include "../text/uri_options.h"
+#include "support/uri_options.h"
 
-/* ---- the table of options
- * ---------------------------------------------------------------------------- */
+/* ---- the table of options -------------------------------------------------------------------- */
 
 static const char *const lens_name[] = {"radtan", "equidistant", "pinhole", NULL};
 static const char *const textures_name[] = {"natural", "repeated", NULL};
@@ -44,8 +43,7 @@ static bool was_given(uint64_t given, size_t offset)
     return false;
 }
 
-/* ---- values
- * ------------------------------------------------------------------------------------------ */
+/* ---- values ---------------------------------------------------------------------------------- */
 
 static enum fovea_status check_together(const struct fv_sim_options *options,
                                         struct fovea_error *error)

@@ -2,8 +2,7 @@
 
 #include <string.h>
 
-/* ---- brushes
- * ----------------------------------------------------------------------------------------- */
+/* ---- brushes --------------------------------------------------------------------------------- */
 
 void fv_sim_brush_open(struct fv_sim_brush *brush, struct fv_sim_texture *texture,
                        double texels_per_m, uint64_t seed)
@@ -145,8 +144,7 @@ void fv_sim_noise(struct fv_sim_brush *brush, int32_t x0, int32_t y0, int32_t x1
     }
 }
 
-/* ---- materials
- * --------------------------------------------------------------------------------------- */
+/* ---- materials ------------------------------------------------------------------------------- */
 
 /* Courses of stones with joints: bricks, blocks, tiles, boards. Sizes in texels; `shift` moves
  * every other course by half a stone, or by a random amount. */

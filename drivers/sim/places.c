@@ -115,8 +115,7 @@ static void box(struct builder *b, double x, double y, double z, double sx, doub
     fv_sim_world_box(b->world, center, z, size, yaw, side, top, faces, detail_per_m);
 }
 
-/* ---- furniture
- * --------------------------------------------------------------------------------------- */
+/* ---- furniture ------------------------------------------------------------------------------- */
 
 /* Against a wall: (x, y) on the wall, (ax, ay) the direction along it, (nx, ny) out of it. Sizes:
  * along, out, up. */

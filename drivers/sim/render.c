@@ -9,8 +9,7 @@
 
 enum { SAMPLES = FV_SIM_TILE_PIXELS };
 
-/* ---- which surface
- * ----------------------------------------------------------------------------------- */
+/* ---- which surface --------------------------------------------------------------------------- */
 
 FV_IN_WIDE void trace_face(const struct fv_sim_surface *s, const float *restrict x,
                            const float *restrict y, int32_t count, float *restrict best,
@@ -88,8 +87,7 @@ void fv_sim_trace(const struct fv_sim_view *view, const uint16_t *list, int32_t 
     trace(view, list, list_count, x, y, count, inverse_z, hit);
 }
 
-/* ---- what it looks like
- * ------------------------------------------------------------------------------ */
+/* ---- what it looks like ---------------------------------------------------------------------- */
 
 /* Floats and their bits. */
 union punned {
@@ -360,8 +358,7 @@ FV_WIDE static void see(const struct fv_sim_view *view, const uint16_t *list, in
     }
 }
 
-/* ---- tiles
- * ------------------------------------------------------------------------------------------- */
+/* ---- tiles ----------------------------------------------------------------------------------- */
 
 struct job {
     const struct fv_sim_view *view;

@@ -4,11 +4,13 @@
  * World: metres, z up, a closed box (the enclosure) with solids in it. Two kinds of surface are
  * enough:
  *  - face: a rectangle, origin + u U + v V with u, v in [0, 1] (walls, furniture), or the disc
- * inscribed in it;
+ *    inscribed in
+ * it;
  *  - round: a surface of revolution, radius^2 = q0 + q1 s + q2 s^2 at height s in [0, height] over
- * its base (ball, cone, cylinder, ellipsoid). Rays are (x, y, 1) in the camera frame, so the ray
- * parameter is the depth z, and on a face 1/z, u/z and v/z are affine in (x, y): no division
- * decides what is seen.
+ *    its base
+ * (ball, cone, cylinder, ellipsoid). Rays are (x, y, 1) in the camera frame, so the ray parameter
+ * is the depth z, and on a face 1/z, u/z and v/z are affine in (x, y): no division decides what is
+ * seen.
  *
  * Everything is a pure function of (options, frame index). Float arithmetic is plain IEEE with sqrt
  * and division only; elementary functions come from fovea/elementary.h. */
@@ -23,8 +25,7 @@
 #include "fovea/elementary.h"
 #include "fovea/source.h"
 
-/* ---- options (options.c)
- * ----------------------------------------------------------------------------- */
+/* ---- options (options.c) --------------------------------------------------------------------- */
 
 enum fv_sim_trajectory {
     FV_SIM_TOUR,
@@ -79,8 +80,7 @@ enum fovea_status fv_sim_options_parse(const char *address, struct fv_sim_option
 #define FV_IN_WIDE                                                                                 \
     static inline __attribute__((always_inline)) /* compiled with its caller's vectors */
 
-/* ---- textures (texture.c, paint.c)
- * ------------------------------------------------------------------- */
+/* ---- textures (texture.c, paint.c) ----------------------------------------------------------- */
 
 enum { FV_SIM_LEVELS_MAX = 24, FV_SIM_TEXTURES_MAX = 64 };
 
@@ -146,8 +146,7 @@ void fv_sim_paint_shade(struct fv_sim_texture *texture, int32_t x0, int32_t y0, 
 /* Darken towards the edges and by large soft pools, as lamps light a room. */
 void fv_sim_paint_light(struct fv_sim_texture *texture, double texels_per_m, uint64_t seed);
 
-/* ---- world (world.c, places.c, objects.c)
- * ------------------------------------------------------------ */
+/* ---- world (world.c, places.c, objects.c) ---------------------------------------------------- */
 
 enum { FV_SIM_FACES_MAX = 1408, FV_SIM_ROUNDS_MAX = 192, FV_SIM_OBJECTS_MAX = 48 };
 
@@ -227,8 +226,7 @@ void fv_sim_ring(const double half[2], double corner, double along, double posit
                  double *heading);
 double fv_sim_ring_length(const double half[2], double corner);
 
-/* ---- motion (motion.c)
- * ------------------------------------------------------------------------------- */
+/* ---- motion (motion.c) ----------------------------------------------------------------------- */
 
 enum { FV_SIM_SPLINE_MAX = 160, FV_SIM_PHASES = 32 };
 
@@ -251,8 +249,7 @@ void fv_sim_motion_pose(const struct fv_sim_motion *motion, double time_s, doubl
 void fv_sim_objects_clear(struct fv_sim_world *world, const struct fv_sim_motion *motion,
                           double begin_s, double end_s);
 
-/* ---- view and rendering (view.c, render.c, sensor.c)
- * ------------------------------------------------- */
+/* ---- view and rendering (view.c, render.c, sensor.c) ----------------------------------------- */
 
 enum {
     FV_SIM_TILE = 16,
@@ -340,8 +337,7 @@ void fv_sim_sensor_begin(struct fv_sim_sensor *sensor, double light, double nois
 void fv_sim_sensor_expose(struct fv_sim_sensor *sensor, const uint16_t *linear, int32_t count,
                           uint8_t *grey);
 
-/* ---- the source (source.c, truth.c)
- * ------------------------------------------------------------------ */
+/* ---- the source (source.c, truth.c) ---------------------------------------------------------- */
 
 /* Where odometry stands. */
 struct fv_sim_odometry {

@@ -6,8 +6,7 @@
 
 enum { BLUR_STEPS = 8, ROLLING_ROWS = 4 };
 
-/* ---- the camera
- * -------------------------------------------------------------------------------------- */
+/* ---- the camera ------------------------------------------------------------------------------ */
 
 /* Calibration with the asked field of view across; coefficients like those of a common
  * machine-vision lens, scaled so that they bend equally at the edge of any field. */
@@ -50,8 +49,7 @@ double fv_sim_frame_time(const struct fovea_source *source, uint64_t index)
            (0.5 * source->options.exposure_ms + delay) * 1e-3;
 }
 
-/* ---- opening
- * ----------------------------------------------------------------------------------------- */
+/* ---- opening --------------------------------------------------------------------------------- */
 
 static void sim_close(struct fovea_source *source)
 {
@@ -212,8 +210,7 @@ static enum fovea_status sim_open(const char *address,
     return FOVEA_OK;
 }
 
-/* ---- frames
- * ------------------------------------------------------------------------------------------ */
+/* ---- frames ---------------------------------------------------------------------------------- */
 
 static const struct fovea_source_info *sim_info(const struct fovea_source *source)
 {
@@ -357,11 +354,7 @@ static enum fovea_source_state sim_state(const struct fovea_source *source)
 const struct fovea_source_ops fovea_source_sim = {
     .name = "sim",
     .help =
-        "[TRAJECTORY][?OPTION=VALUE&...]  simulated camera: tour (default), orbit, corridor, rotate, "
-        "stopgo, fast, "
-        "kidnap, wander, still, stand; options seed width height rate frames lens fov noise blur rolling "
-        "exposure "
-        "readout objects textures light odometry odometry_noise time",
+        "[TRAJECTORY][?OPTION=VALUE&...]  simulated camera: tour (default), orbit, corridor, rotate, stopgo, fast, kidnap, wander, still, stand; options seed width height rate frames lens fov noise blur rolling exposure readout objects textures light odometry odometry_noise time",
     .open = sim_open,
     .info = sim_info,
     .start = sim_start,

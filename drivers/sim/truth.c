@@ -14,8 +14,7 @@ struct tally {
     int32_t visible, x_min, y_min, x_max, y_max;
 };
 
-/* ---- maps
- * -------------------------------------------------------------------------------------------- */
+/* ---- maps ------------------------------------------------------------------------------------ */
 
 static void trace_tile(struct fovea_source *source, int32_t tile, const uint16_t *list,
                        int32_t count, int32_t y_begin, int32_t y_end)
@@ -77,8 +76,7 @@ static void tally_objects(const struct fovea_source *source, struct tally *tally
     }
 }
 
-/* ---- size of an object if nothing hid it and the image were larger
- * ----------------------------------- */
+/* ---- size of an object if nothing hid it and the image were larger --------------------------- */
 
 struct alone {
     uint16_t list[16];
@@ -166,8 +164,7 @@ static float visible_share(const struct fovea_source *source, int32_t object, in
     return visible >= whole ? 1.0f : (float)(visible / whole);
 }
 
-/* ---- all of it
- * --------------------------------------------------------------------------------------- */
+/* ---- all of it ------------------------------------------------------------------------------- */
 
 enum fovea_status fv_sim_truth(struct fovea_source *source, const struct fovea_frame *frame,
                                struct fovea_truth *truth)

@@ -2,8 +2,7 @@
 
 #include <stdlib.h>
 
-/* ---- raster: a bearing for every pixel
- * --------------------------------------------------------------- */
+/* ---- raster: a bearing for every pixel ------------------------------------------------------- */
 
 /* Normalised coordinates (x, y) = (X/Z, Y/Z) of a pixel. */
 static bool normalised(const struct fovea_camera *camera, double px, double py, double *x,
@@ -96,8 +95,7 @@ void fv_sim_raster_free(struct fv_sim_raster *raster)
     *raster = (struct fv_sim_raster){0};
 }
 
-/* ---- surfaces in the camera frame
- * -------------------------------------------------------------------- */
+/* ---- surfaces in the camera frame ------------------------------------------------------------ */
 
 static const double near_m = 0.05;
 
@@ -291,8 +289,7 @@ void fv_sim_view_set(struct fv_sim_view *view, const struct fv_sim_world *world,
     view->surface_count = count;
 }
 
-/* ---- what may be seen in a rectangle of bearings
- * ----------------------------------------------------- */
+/* ---- what may be seen in a rectangle of bearings --------------------------------------------- */
 
 /* Smallest and largest value of an affine function over a rectangle. */
 static inline float affine_max(const float f[3], const struct fv_sim_rect *r)

@@ -2,8 +2,7 @@
 
 #include <string.h>
 
-/* ---- building blocks
- * --------------------------------------------------------------------------------- */
+/* ---- building blocks ------------------------------------------------------------------------- */
 
 /* A seed of its own for the n-th thing made (SplitMix64's finaliser). */
 static uint64_t seed_for(uint64_t seed, uint64_t n)
@@ -145,8 +144,7 @@ struct fv_sim_round *fv_sim_world_round(struct fv_sim_world *world, double x, do
     return round;
 }
 
-/* ---- whole worlds
- * ------------------------------------------------------------------------------------ */
+/* ---- whole worlds ---------------------------------------------------------------------------- */
 
 bool fv_sim_world_build(struct fv_sim_world *world, const struct fv_sim_options *options)
 {

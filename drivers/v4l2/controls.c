@@ -4,8 +4,8 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "../text/uri_options.h"
-#include "fovea/text.h"
+#include "support/uri_options.h"
+#include "support/text.h"
 #include "v4l2.h"
 
 enum { CONTROLS_MAX = 96 };
@@ -58,8 +58,7 @@ static enum fovea_status find_by_name(const struct fv_v4l2_device *device, const
     return unknown(device, name, names, count, error);
 }
 
-/* ---- values
- * ------------------------------------------------------------------------------------------ */
+/* ---- values ---------------------------------------------------------------------------------- */
 
 /* A row of a menu by its name, in the form of option_name. */
 static bool menu_row(const struct fv_v4l2_device *device, const control_info *info,
@@ -174,8 +173,7 @@ static enum fovea_status set_wish(const struct fv_v4l2_device *device,
     return status;
 }
 
-/* ---- exposure and gain
- * ------------------------------------------------------------------------------- */
+/* ---- exposure and gain ----------------------------------------------------------------------- */
 
 /* Automatic exposure on or off. "Off" is the manual mode, "on" aperture priority (the lens is what
  * it is) or full. */
@@ -213,8 +211,7 @@ static enum fovea_status set_exposure(const struct fv_v4l2_device *device, struc
     if (!query(device, V4L2_CID_EXPOSURE_ABSOLUTE, &info))
         return fovea_error_set(
             error, FOVEA_ERROR_INPUT,
-            "%s: exposure: this driver knows no exposure in units of time, expected "
-            "control.exposure=N in its own unit",
+            "%s: exposure: this driver knows no exposure in units of time, expected control.exposure=N in its own unit",
             device->uri);
     const int64_t step = info.step > 0 ? (int64_t)info.step : 1;
     const int64_t asked = (int64_t)(device->options.exposure_ms / unit_ms + 0.5);

@@ -44,8 +44,7 @@ static void pack(const struct fv_v4l2_device *device, const struct picture *pict
     }
 }
 
-/* ---- what it is
- * -------------------------------------------------------------------------------------- */
+/* ---- what it is ------------------------------------------------------------------------------ */
 
 static enum fovea_status check_kind(struct fv_v4l2_device *device, struct fovea_error *error)
 {
@@ -63,8 +62,7 @@ static enum fovea_status check_kind(struct fv_v4l2_device *device, struct fovea_
     if ((can & V4L2_CAP_VIDEO_CAPTURE) == 0 && !device->planes)
         return fovea_error_set(
             error, FOVEA_ERROR_INPUT,
-            "%s: found a node of '%.32s' that gives no pictures, expected a capture device "
-            "(a camera's other node?)",
+            "%s: found a node of '%.32s' that gives no pictures, expected a capture device (a camera's other node?)",
             device->uri, (const char *)capability.card);
     if ((can & V4L2_CAP_STREAMING) == 0)
         return fovea_error_set(error, FOVEA_ERROR_UNSUPPORTED,
@@ -73,8 +71,7 @@ static enum fovea_status check_kind(struct fv_v4l2_device *device, struct fovea_
     return FOVEA_OK;
 }
 
-/* ---- format
- * ------------------------------------------------------------------------------------------ */
+/* ---- format ---------------------------------------------------------------------------------- */
 
 /* The driver's formats, as a list for people; the row of the best one that we take, or NULL. */
 static const struct fv_v4l2_format *list_formats(const struct fv_v4l2_device *device, char *list,
@@ -216,8 +213,7 @@ static enum fovea_status set_format(struct fv_v4l2_device *device, struct fovea_
     return FOVEA_OK;
 }
 
-/* ---- rate
- * -------------------------------------------------------------------------------------------- */
+/* ---- rate ------------------------------------------------------------------------------------ */
 
 static enum fovea_status set_rate(struct fv_v4l2_device *device, struct fovea_error *told,
                                   struct fovea_error *error)

@@ -1,7 +1,7 @@
 #include <string.h>
 
-#include "../text/uri_options.h"
-#include "fovea/text.h"
+#include "support/uri_options.h"
+#include "support/text.h"
 #include "v4l2.h"
 
 #define AT(member) offsetof(struct fv_v4l2_options, member)

@@ -124,8 +124,7 @@ enum fovea_status fv_v4l2_give(void *to, uint32_t index, struct fovea_error *err
     return FOVEA_OK;
 }
 
-/* ---- frames
- * ------------------------------------------------------------------------------------------ */
+/* ---- frames ---------------------------------------------------------------------------------- */
 
 static void read_stamp(const struct fv_v4l2_device *device, const struct v4l2_buffer *from,
                        struct fv_order_stamp *stamp)

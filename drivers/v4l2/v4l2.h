@@ -9,8 +9,7 @@
 
 enum { FV_V4L2_WISHES_MAX = 16, FV_V4L2_WORD_BYTES = 64 };
 
-/* ---- options (options.c)
- * ----------------------------------------------------------------------------- */
+/* ---- options (options.c) --------------------------------------------------------------------- */
 
 /* A control by its name, as v4l2-ctl writes it ("exposure_time_absolute"), and the value as given.
  */
@@ -38,8 +37,7 @@ struct fv_v4l2_options {
 enum fovea_status fv_v4l2_options_parse(const char *address, struct fv_v4l2_options *options,
                                         struct fovea_error *error);
 
-/* ---- formats (formats.c)
- * ----------------------------------------------------------------------------- */
+/* ---- formats (formats.c) --------------------------------------------------------------------- */
 
 struct fv_v4l2_format {
     const char *name; /* in options */
@@ -57,8 +55,7 @@ const struct fv_v4l2_format *fv_v4l2_format_by_fourcc(uint32_t fourcc);
 /* "YUYV"; characters that cannot be shown become '?'. Returns `text`. */
 const char *fv_v4l2_fourcc(uint32_t fourcc, char text[5]);
 
-/* ---- the device
- * -------------------------------------------------------------------------------------- */
+/* ---- the device ------------------------------------------------------------------------------ */
 
 /* Which camera it is, apart from the node it is found under. */
 struct fv_v4l2_identity {

@@ -1,8 +1,8 @@
 /* Memory from the heap at the start of a cache line, in whole lines: for models, arenas, and
  * structs whose members have lines of their own. NULL: none is left. To be given to free().
  * Init-only. */
-#ifndef FOVEA_APP_ALIGNED_H
-#define FOVEA_APP_ALIGNED_H
+#ifndef FOVEA_SUPPORT_ALIGNED_H
+#define FOVEA_SUPPORT_ALIGNED_H
 
 #include <stdlib.h>
 #include <string.h>

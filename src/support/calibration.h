@@ -1,10 +1,11 @@
 /* Calibration files: reading and writing the formats that the field uses.
  *
  *  - ROS camera_info YAML, as camera_calibration writes it (camera_matrix, distortion_coefficients,
- * ...) and as `ros2 topic echo` prints it (K, D or k, d); also the camera.yaml beside recordings in
- * TUM layout;
+ *    ...) and as `ros2 topic echo` prints it (K, D or k, d); also the camera.yaml beside recordings
+ *    in TUM layout;
  *  - OpenCV FileStorage YAML, as its calibration programs write it (camera_matrix or cameraMatrix
- * or K with distortion_coefficients or distCoeffs or D; image_width, image_height; fisheye_model);
+ *    or K with distortion_coefficients or distCoeffs or D; image_width, image_height;
+ *    fisheye_model);
  *  - Kalibr camchain (cam0, cam1, ...) with pinhole projection;
  *  - EuRoC/ASL sensor.yaml.
  * The format is found from the keys; keys that are not needed are ignored. Lens models:
@@ -13,8 +14,8 @@
  * (skew, thin prism and tilt terms, omnidirectional models, binning) is refused unless it is zero.
  * Every error is one line with file, line, key, found and expected. Of the drivers and the command,
  * which need libyaml: not in the library, and not installed. */
-#ifndef FOVEA_CALIBRATION_H
-#define FOVEA_CALIBRATION_H
+#ifndef FOVEA_SUPPORT_CALIBRATION_H
+#define FOVEA_SUPPORT_CALIBRATION_H
 
 #include <stdbool.h>
 #include <stddef.h>

@@ -1,4 +1,4 @@
-#include "fovea/calibration.h"
+#include "support/calibration.h"
 
 #include <stdlib.h>
 

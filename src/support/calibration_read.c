@@ -1,10 +1,10 @@
-#include "fovea/calibration.h"
+#include "support/calibration.h"
 
 #include <stdio.h>
 #include <string.h>
 
 #include "fovea/image.h"
-#include "fovea/yaml_tree.h"
+#include "support/yaml_tree.h"
 
 struct reader {
     const struct fovea_yaml_tree *tree;
@@ -31,8 +31,7 @@ static enum fovea_status unsupported(const struct reader *r, node *where, const 
     return FOVEA_ERROR_UNSUPPORTED;
 }
 
-/* ---- lists and matrices
- * ------------------------------------------------------------------------------ */
+/* ---- lists and matrices ---------------------------------------------------------------------- */
 
 /* A list of numbers, bare or as the `data` of a mapping with `rows` and `cols`, which must agree
  * with it. */
@@ -172,8 +171,7 @@ static void invert(const double T[12], double inverse[12])
     }
 }
 
-/* ---- size, name, model
- * ------------------------------------------------------------------------------- */
+/* ---- size, name, model ----------------------------------------------------------------------- */
 
 static enum fovea_status read_size(const struct reader *r, node *width_node, node *height_node)
 {
@@ -244,8 +242,7 @@ static enum fovea_status read_name(const struct reader *r, node *name)
     return status;
 }
 
-/* ---- the formats
- * ------------------------------------------------------------------------------------- */
+/* ---- the formats ----------------------------------------------------------------------------- */
 
 static const char *const matrix_keys[] = {
     "camera_matrix", "Camera_Matrix", "cameraMatrix", "K", "k", "M1", NULL};
@@ -371,8 +368,7 @@ static enum fovea_status read_kalibr(const struct reader *r, node *camera)
     return FOVEA_OK;
 }
 
-/* ---- choosing
- * ---------------------------------------------------------------------------------------- */
+/* ---- choosing -------------------------------------------------------------------------------- */
 
 /* The camera of a camchain: a mapping below a key "camN". */
 static node *find_camchain(node *root, const char *which)

@@ -1,12 +1,12 @@
-#include "fovea/calibration.h"
+#include "support/calibration.h"
 
 #include <errno.h>
 #include <locale.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
-#include <sys/stat.h>
-#include <unistd.h>
+
+#include "support/output.h"
 
 static const char *const format_names[FOVEA_CALIBRATION_FORMAT_COUNT] = {
     "ros", "ros-message", "opencv", "kalibr", "euroc"};
@@ -16,8 +16,7 @@ const char *fovea_calibration_format_name(enum fovea_calibration_format format)
     return (unsigned)format < FOVEA_CALIBRATION_FORMAT_COUNT ? format_names[format] : NULL;
 }
 
-/* ---- text
- * -------------------------------------------------------------------------------------------- */
+/* ---- text ------------------------------------------------------------------------------------ */
 
 struct writer {
     char *text;
@@ -80,8 +79,7 @@ static void put_list(struct writer *w, const char *key, const double *values, si
     put(w, "]\n");
 }
 
-/* ---- the formats
- * ------------------------------------------------------------------------------------- */
+/* ---- the formats ----------------------------------------------------------------------------- */
 
 /* Coefficients that the file lists: 4 for equidistant, 4, 5 or 8 for radial-tangential, as few as
  * say everything. */
@@ -185,8 +183,7 @@ static void write_euroc(struct writer *w, const struct fovea_calibration *c)
     put_list(w, "distortion_coefficients", m->k, 4);
 }
 
-/* ---- what a format cannot hold
- * ----------------------------------------------------------------------- */
+/* ---- what a format cannot hold --------------------------------------------------------------- */
 
 static enum fovea_status refuse_lossy(enum fovea_calibration_format format,
                                       const struct fovea_camera *camera, struct fovea_error *error)
@@ -231,8 +228,7 @@ static void name_lost(enum fovea_calibration_format format, const struct fovea_c
                     rate ? " rate_hz" : "", name ? " name" : "");
 }
 
-/* ---- writing
- * ----------------------------------------------------------------------------------------- */
+/* ---- writing --------------------------------------------------------------------------------- */
 
 enum fovea_status fovea_calibration_format_text(enum fovea_calibration_format format,
                                                 const struct fovea_calibration *calibration,
@@ -269,40 +265,22 @@ enum fovea_status fovea_calibration_format_text(enum fovea_calibration_format fo
     return FOVEA_OK;
 }
 
-/* 0, or the reason why it cannot be; half of a file is removed. */
-static int write_text(const char *path, const char *text, bool is_file)
-{
-    FILE *file = fopen(path, "we");
-    if (file == NULL) return errno;
-    errno = EIO;
-    int reason = fputs(text, file) < 0 || fflush(file) != 0 ? errno : 0;
-    /* What cannot be synced, as a pipe, says EINVAL. */
-    if (reason == 0 && fsync(fileno(file)) != 0 && errno != EINVAL) reason = errno;
-    if (fclose(file) != 0 && reason == 0) reason = errno;
-    if (reason != 0 && is_file) remove(path);
-    return reason;
-}
-
 enum fovea_status fovea_calibration_write(const char *path, enum fovea_calibration_format format,
                                           const struct fovea_calibration *calibration,
                                           struct fovea_error *lost, struct fovea_error *error)
 {
-    char text[FOVEA_CALIBRATION_BYTES_MAX], temporary[4096];
-    struct stat there;
-    const enum fovea_status status =
+    char text[FOVEA_CALIBRATION_BYTES_MAX];
+    struct fv_output output;
+    enum fovea_status status =
         fovea_calibration_format_text(format, calibration, text, lost, error);
     if (status != FOVEA_OK) return status;
-    if (snprintf(temporary, sizeof temporary, "%s.new", path) >= (int)sizeof temporary)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%.64s...: found a path that is too long",
-                               path);
-    /* Another file would take a device's place. */
-    const bool device = stat(path, &there) == 0 && !S_ISREG(there.st_mode);
-    int reason = write_text(device ? path : temporary, text, !device);
-    if (!device && reason == 0 && rename(temporary, path) != 0) {
-        reason = errno;
-        remove(temporary);
-    }
-    if (reason == 0) return FOVEA_OK;
-    return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: cannot be written: %s", path,
-                           strerror(reason));
+    status = fv_output_open(&output, path, FV_OUTPUT_WHOLE, error);
+    if (status != FOVEA_OK)
+        return strlen(path) < FV_OUTPUT_PATH_BYTES ? FOVEA_ERROR_SYSTEM : status;
+    FILE *stream = fv_output_stream(&output);
+    if (stream != NULL) (void)fputs(text, stream); /* a failure shows when it is closed */
+    if (stream != NULL) return fv_output_close(&output, error);
+    fv_output_discard(&output);
+    return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.300s: cannot be written: out of memory",
+                           path);
 }

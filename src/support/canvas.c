@@ -1,10 +1,10 @@
-#include "app/canvas.h"
+#include "support/canvas.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-#include "app/font.h"
-#include "app/picture.h"
+#include "support/font.h"
+#include "support/picture.h"
 
 enum { SIDE_MAX = 16384 };
 

@@ -4,8 +4,8 @@
  * Pixel (0, 0) is the centre of the top left pixel, as in images. Colours are 0xRRGGBB. Everything
  * may reach beyond the border and is cut there. Lines, circles and discs are anti-aliased (coverage
  * from the distance to the shape). */
-#ifndef FOVEA_APP_CANVAS_H
-#define FOVEA_APP_CANVAS_H
+#ifndef FOVEA_SUPPORT_CANVAS_H
+#define FOVEA_SUPPORT_CANVAS_H
 
 #include <stdint.h>
 

@@ -1,4 +1,4 @@
-#include "app/colour.h"
+#include "support/colour.h"
 
 #include <setjmp.h>
 #include <stdio.h>
@@ -8,9 +8,14 @@
 #include <jpeglib.h>
 #include <png.h>
 
-#include "fovea/text.h"
+#include "support/input.h"
+#include "support/text.h"
 
-enum { SIDE_MAX = 16384, FILE_BYTES_MAX = 1 << 28 };
+#ifdef FUZZING_BUILD_MODE_UNSAFE_FOR_PRODUCTION
+enum { SIDE_MAX = 512 }; /* a picture of 800 MB takes a fuzzer a second */
+#else
+enum { SIDE_MAX = 16384 };
+#endif
 
 static enum fovea_status new_image(const char *path, int64_t width, int64_t height,
                                    struct fovea_image *image, struct fovea_error *error)
@@ -145,7 +150,8 @@ enum fovea_status fv_colour_read(const char *path, struct fovea_image *image,
 {
     char *text;
     size_t bytes;
-    enum fovea_status status = fovea_text_read(path, FILE_BYTES_MAX, &text, &bytes, error);
+    enum fovea_status status =
+        fovea_text_read(path, FV_INPUT_PICTURE_BYTES_MAX, &text, &bytes, error);
     if (status != FOVEA_OK) return status;
     const uint8_t *data = (const uint8_t *)text;
     static const uint8_t png[4] = {0x89, 'P', 'N', 'G'};

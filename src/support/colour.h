@@ -1,7 +1,7 @@
 /* Pictures in colour for commands: PNG, JPEG and uncompressed 24-bit BMP as rgb24, of any size up
  * to 16384. The heap is used. */
-#ifndef FOVEA_APP_COLOUR_H
-#define FOVEA_APP_COLOUR_H
+#ifndef FOVEA_SUPPORT_COLOUR_H
+#define FOVEA_SUPPORT_COLOUR_H
 
 #include "fovea/image.h"
 #include "fovea/status.h"

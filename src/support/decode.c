@@ -1,14 +1,13 @@
-#include "decode.h"
+#include "support/decode.h"
 
 #include <errno.h>
-#include <fcntl.h>
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include "fovea/image.h"
+#include "support/input.h"
 
 static const uint8_t png_signature[8] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1A, '\n'};
 
@@ -106,22 +105,11 @@ void fv_decode_rgb_row(const uint8_t *rgb, uint8_t *grey, int32_t width)
         grey[x] = (uint8_t)((9798u * rgb[0] + 19235u * rgb[1] + 3735u * rgb[2] + 16384u) >> 15);
 }
 
-/* ---- files
- * ------------------------------------------------------------------------------------------- */
+/* ---- files ----------------------------------------------------------------------------------- */
 
-static enum fovea_status read_whole(struct fv_file_buffer *buffer, int descriptor,
+static enum fovea_status read_whole(struct fv_file_buffer *buffer, int descriptor, size_t wanted,
                                     struct fovea_error *reason)
 {
-    struct stat about;
-    if (fstat(descriptor, &about) != 0)
-        return fovea_error_set(reason, FOVEA_ERROR_INPUT, "cannot be read: %s", strerror(errno));
-    if (!S_ISREG(about.st_mode))
-        return fovea_error_set(reason, FOVEA_ERROR_INPUT, "found %s, expected a file",
-                               S_ISDIR(about.st_mode) ? "a directory" : "a device or pipe");
-    if (about.st_size > FV_DECODE_FILE_BYTES_MAX)
-        return fovea_error_set(reason, FOVEA_ERROR_INPUT, "found %lld bytes, expected at most %d",
-                               (long long)about.st_size, (int)FV_DECODE_FILE_BYTES_MAX);
-    const size_t wanted = (size_t)about.st_size;
     if (wanted > buffer->capacity || buffer->data == NULL) {
         fv_file_free(buffer);
         buffer->data = malloc(wanted + wanted / 4 + 1);
@@ -144,13 +132,11 @@ static enum fovea_status read_whole(struct fv_file_buffer *buffer, int descripto
 enum fovea_status fv_file_read(struct fv_file_buffer *buffer, const char *path,
                                struct fovea_error *reason)
 {
-    /* O_NONBLOCK: a pipe among the frames must not stop the reader. */
-    const int descriptor = open(path, O_RDONLY | O_CLOEXEC | O_NONBLOCK);
-    if (descriptor < 0)
-        return fovea_error_set(reason,
-                               errno == ENOENT || errno == ENOTDIR ? FOVEA_GONE : FOVEA_ERROR_INPUT,
-                               "cannot be opened: %s", strerror(errno));
-    const enum fovea_status status = read_whole(buffer, descriptor, reason);
+    struct fovea_error why = {.status = FOVEA_OK};
+    int64_t bytes = 0;
+    const int descriptor = fv_input_open(path, FV_INPUT_PICTURE_BYTES_MAX, &bytes, &why);
+    if (descriptor < 0) return fovea_error_set(reason, why.status, "%s", why.text);
+    const enum fovea_status status = read_whole(buffer, descriptor, (size_t)bytes, reason);
     close(descriptor);
     return status;
 }

@@ -9,16 +9,14 @@
  * Images are hostile: sizes are held against FOVEA_IMAGE_*, memory is bounded, truncated or corrupt
  * data is an error and never a half-filled frame. Allocates; for the reader thread, any number of
  * threads. */
-#ifndef FOVEA_RECORDED_DECODE_H
-#define FOVEA_RECORDED_DECODE_H
+#ifndef FOVEA_SUPPORT_DECODE_H
+#define FOVEA_SUPPORT_DECODE_H
 
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
 #include "fovea/status.h"
-
-enum { FV_DECODE_FILE_BYTES_MAX = 1 << 26 };
 
 struct fv_decode_image {
     uint8_t *pixels; /* stride_bytes x height, owned by the caller; undefined after an error */
@@ -58,7 +56,7 @@ struct fv_file_buffer {
     size_t bytes, capacity;
 };
 
-/* Read a regular file of at most FV_DECODE_FILE_BYTES_MAX. FOVEA_GONE: there is none.
+/* Read a regular file of at most FV_INPUT_PICTURE_BYTES_MAX. FOVEA_GONE: there is none.
  * FOVEA_ERROR_INPUT: it cannot be read; `reason` does not name the file. */
 enum fovea_status fv_file_read(struct fv_file_buffer *buffer, const char *path,
                                struct fovea_error *reason);

@@ -1,4 +1,4 @@
-#include "decode.h"
+#include "support/decode.h"
 
 #include <setjmp.h>
 #include <stdbool.h>
@@ -164,8 +164,7 @@ enum fovea_status fv_decode_jpeg(const uint8_t *data, size_t bytes,
     return status;
 }
 
-/* ---- with memory of its own
- * ---------------------------------------------------------------------------- */
+/* ---- with memory of its own ------------------------------------------------------------------ */
 
 /* What one baseline picture needs of libjpeg is bounded by a few rows of blocks; the rest are
  * tables. */

@@ -1,4 +1,4 @@
-#include "decode.h"
+#include "support/decode.h"
 
 #include <png.h>
 #include <setjmp.h>

@@ -1,4 +1,4 @@
-#include "app/font.h"
+#include "support/font.h"
 
 enum { FIRST = ' ', LAST = '~' };
 

@@ -1,6 +1,6 @@
 /* A bitmap font of 5 x 8 pixels for pictures that the program draws. */
-#ifndef FOVEA_APP_FONT_H
-#define FOVEA_APP_FONT_H
+#ifndef FOVEA_SUPPORT_FONT_H
+#define FOVEA_SUPPORT_FONT_H
 
 #include <stdint.h>
 

@@ -1,6 +1,6 @@
-#include "app/json.h"
+#include "support/json.h"
 
-#include "app/utf8.h"
+#include "support/utf8.h"
 
 void fv_json_text(FILE *file, const char *text)
 {

@@ -1,6 +1,6 @@
 /* Texts in JSON. Off the loop thread. */
-#ifndef FOVEA_APP_JSON_H
-#define FOVEA_APP_JSON_H
+#ifndef FOVEA_SUPPORT_JSON_H
+#define FOVEA_SUPPORT_JSON_H
 
 #include <stdio.h>
 

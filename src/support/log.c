@@ -1,13 +1,14 @@
-#include "fovea/log.h"
+#include "support/log.h"
 
 #include <errno.h>
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
+#include <unistd.h>
 
 #include "fovea_frame_t.h"
+#include "support/input.h"
 
 struct fovea_log {
     FILE *file;
@@ -20,16 +21,15 @@ struct fovea_log {
 enum fovea_status fovea_log_open(const char *path, struct fovea_log **log,
                                  struct fovea_error *error)
 {
-    struct stat info; /* looked at first: opening a pipe would wait for somebody to write into it */
-    if (stat(path, &info) == 0 && !S_ISREG(info.st_mode))
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: found a %s, expected a log file",
-                               path, S_ISDIR(info.st_mode) ? "directory" : "device or pipe");
-    FILE *file = fopen(path, "rb");
-    if (file == NULL || fstat(fileno(file), &info) != 0) {
-        const int reason = errno;
-        if (file != NULL) fclose(file);
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: cannot be opened: %s", path,
-                               strerror(reason));
+    struct fovea_error reason;
+    int64_t size = 0;
+    const int descriptor = fv_input_open(path, FV_INPUT_ANY_BYTES, &size, &reason);
+    if (descriptor < 0)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%.300s: %.200s", path, reason.text);
+    FILE *file = fdopen(descriptor, "rb");
+    if (file == NULL) {
+        close(descriptor);
+        return fovea_error_set(error, FOVEA_ERROR_MEMORY, "%s: no memory to open it", path);
     }
     struct fovea_log *opened = calloc(1, sizeof *opened);
     char *name = strdup(path);
@@ -41,7 +41,7 @@ enum fovea_status fovea_log_open(const char *path, struct fovea_log **log,
     }
     opened->file = file;
     opened->path = name;
-    opened->size = info.st_size;
+    opened->size = size;
     *log = opened;
     return FOVEA_OK;
 }
@@ -70,8 +70,7 @@ static enum fovea_status cut_off(const struct fovea_log *log, int64_t needed,
 {
     return fovea_error_set(error, FOVEA_ERROR_INPUT,
                            "%s: byte %" PRId64 ": the event is cut off: found %" PRId64
-                           " bytes to the end of the file, "
-                           "expected %" PRId64,
+                           " bytes to the end of the file, expected %" PRId64,
                            log->path, log->offset, log->size - log->offset, needed);
 }
 
@@ -188,8 +187,7 @@ bool fovea_log_channel_is(const char *channel, const char *suffix)
     return length == tail || channel[length - tail - 1] == '_';
 }
 
-/* ---- frames
- * ------------------------------------------------------------------------------------------ */
+/* ---- frames ---------------------------------------------------------------------------------- */
 
 /* Where the members of an encoded fovea.frame_t lie: fixed, since only the last has a variable
  * length. */
@@ -254,8 +252,7 @@ enum fovea_status fovea_log_frame(const char *name, const struct fovea_log_event
         return fovea_error_set(
             error, FOVEA_ERROR_INPUT,
             "%s: byte %" PRId64
-            ": clock and meaning of the stamp: found %d and %d, expected at most %d "
-            "and %d",
+            ": clock and meaning of the stamp: found %d and %d, expected at most %d and %d",
             name, start + AT_CLOCK, data[AT_CLOCK], data[AT_MEANING], FOVEA_CLOCK_SIMULATED,
             FOVEA_STAMP_EXPOSURE_END);
     if (fovea_image_check(&found.image) != FOVEA_OK)

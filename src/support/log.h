@@ -8,8 +8,8 @@
  *
  * Memory: one buffer on the heap, as large as the largest event read. Not real-time safe; one
  * thread per log. Of the drivers and the command: not in the library, and not installed. */
-#ifndef FOVEA_LOG_H
-#define FOVEA_LOG_H
+#ifndef FOVEA_SUPPORT_LOG_H
+#define FOVEA_SUPPORT_LOG_H
 
 #include <stdbool.h>
 #include <stdint.h>

@@ -1,14 +1,13 @@
-#include "app/picture.h"
+#include "support/picture.h"
 
 #include <errno.h>
 #include <png.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
-#include <unistd.h>
 
-#include "drivers/recorded/decode.h"
+#include "support/decode.h"
+#include "support/output.h"
 
 static enum fovea_status decode(const struct fv_file_buffer *file, struct fovea_image *image,
                                 struct fovea_error *reason)
@@ -50,13 +49,6 @@ enum fovea_status fv_picture_read(const char *path, struct fovea_image *image,
                               : fovea_error_set(error, status, "%.300s: %.200s", path, reason.text);
 }
 
-/* Half a picture is none; but only a file is ours to remove, not a device. */
-static void remove_half(const char *path)
-{
-    struct stat there;
-    if (lstat(path, &there) == 0 && S_ISREG(there.st_mode)) unlink(path);
-}
-
 enum fovea_status fv_picture_write(const char *path, const struct fovea_image *image,
                                    struct fovea_error *error)
 {
@@ -65,20 +57,16 @@ enum fovea_status fv_picture_write(const char *path, const struct fovea_image *i
                      .format = colour ? PNG_FORMAT_RGB : PNG_FORMAT_GRAY};
     png.width = (png_uint_32)image->width;
     png.height = (png_uint_32)image->height;
-    FILE *file = fopen(path, "wbe");
-    int reason = errno;
-    bool fine = false;
-    if (file != NULL) {
-        errno = 0;
-        fine = png_image_write_to_stdio(&png, file, 0, image->data, image->stride_bytes, NULL) != 0;
-        reason = errno;
-        if (fclose(file) != 0 && fine) {
-            fine = false;
-            reason = errno;
-        }
-        if (!fine) remove_half(path);
-    }
-    return fine ? FOVEA_OK
-                : fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.300s: cannot be written: %s", path,
-                                  reason != 0 ? strerror(reason) : png.message);
+    struct fv_output output;
+    if (fv_output_open(&output, path, FV_OUTPUT_WHOLE, error) != FOVEA_OK)
+        return FOVEA_ERROR_SYSTEM;
+    FILE *stream = fv_output_stream(&output);
+    errno = stream != NULL ? 0 : ENOMEM;
+    if (stream != NULL &&
+        png_image_write_to_stdio(&png, stream, 0, image->data, image->stride_bytes, NULL) != 0)
+        return fv_output_close(&output, error);
+    const int reason = errno;
+    fv_output_discard(&output);
+    return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.300s: cannot be written: %s", path,
+                           reason != 0 ? strerror(reason) : png.message);
 }

@@ -1,7 +1,7 @@
 /* Pictures as files: PNG and JPEG read as grey levels, grey levels and colours written as PNG. For
  * commands; the heap is used. */
-#ifndef FOVEA_APP_PICTURE_H
-#define FOVEA_APP_PICTURE_H
+#ifndef FOVEA_SUPPORT_PICTURE_H
+#define FOVEA_SUPPORT_PICTURE_H
 
 #include "fovea/image.h"
 #include "fovea/status.h"

@@ -1,9 +1,14 @@
 /* One line to a person on stderr. Whatever the text quotes from files or arguments, it stays one
  * line: control bytes are shown as '?' and the line is cut at 1023 bytes. Off the loop thread. */
-#ifndef FOVEA_APP_SAY_H
-#define FOVEA_APP_SAY_H
+#ifndef FOVEA_SUPPORT_SAY_H
+#define FOVEA_SUPPORT_SAY_H
 
-#include "app/command.h"
+/* Exit statuses of every command. */
+enum fv_exit {
+    FV_EXIT_OK = 0,
+    FV_EXIT_FAILED = 1, /* failed while running: the machine, a full disk, a difference found */
+    FV_EXIT_WRONG = 2   /* wrong input: arguments, configuration, calibration, recording */
+};
 
 #if defined(__GNUC__)
 #define FV_SAY_FORMAT __attribute__((format(printf, 1, 2)))

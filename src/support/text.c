@@ -1,16 +1,16 @@
-#include "fovea/text.h"
+#include "support/text.h"
 
 #include <errno.h>
-#include <fcntl.h>
 #include <locale.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
-/* ---- whole files
- * ------------------------------------------------------------------------------------- */
+#include "support/input.h"
+#include "support/utf8.h"
+
+/* ---- whole files ----------------------------------------------------------------------------- */
 
 /* Read until the end or one byte past the limit, so that the caller sees that there was more. */
 static enum fovea_status read_all(int descriptor, const char *path, size_t max_bytes, char **text,
@@ -53,23 +53,16 @@ static enum fovea_status read_all(int descriptor, const char *path, size_t max_b
 enum fovea_status fovea_text_read(const char *path, size_t max_bytes, char **text, size_t *bytes,
                                   struct fovea_error *error)
 {
-    const int descriptor = open(path, O_RDONLY | O_CLOEXEC);
+    struct fovea_error reason;
+    const int descriptor = fv_input_open(path, (int64_t)max_bytes, NULL, &reason);
     if (descriptor < 0)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: cannot be opened: %s", path,
-                               strerror(errno));
-    struct stat about;
-    enum fovea_status status;
-    if (fstat(descriptor, &about) == 0 && S_ISDIR(about.st_mode))
-        status = fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: found a directory, expected a file",
-                                 path);
-    else
-        status = read_all(descriptor, path, max_bytes, text, bytes, error);
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%.300s: %.200s", path, reason.text);
+    const enum fovea_status status = read_all(descriptor, path, max_bytes, text, bytes, error);
     close(descriptor);
     return status;
 }
 
-/* ---- numbers
- * ----------------------------------------------------------------------------------------- */
+/* ---- numbers --------------------------------------------------------------------------------- */
 
 /* Shape of a decimal number, checked by hand since strtod also takes blanks, hexadecimal, "nan" and
  * "infinity". */
@@ -116,8 +109,14 @@ bool fovea_text_integer(const char *text, int64_t *value)
     return true;
 }
 
-/* ---- error lines
- * ------------------------------------------------------------------------------------- */
+/* ---- error lines ----------------------------------------------------------------------------- */
+
+bool fv_text_shown(uint32_t code)
+{
+    return code >= 0x20 && code != 0x7f && !(code >= 0x80 && code < 0xa0) &&
+           !(code >= 0x200e && code <= 0x200f) && !(code >= 0x2028 && code <= 0x202e) &&
+           !(code >= 0x2066 && code <= 0x2069);
+}
 
 const char *fovea_text_quote(const char *text, char *quoted, size_t bytes)
 {
@@ -129,17 +128,27 @@ const char *fovea_text_quote(const char *text, char *quoted, size_t bytes)
     }
     quoted[used++] = '\'';
     size_t i = 0;
-    for (; text[i] != '\0' && i < SHOWN; ++i) {
-        const unsigned char c = (unsigned char)text[i];
-        const bool plain = c >= 32 && c < 127;
-        if (used + (plain ? 1 : 4) + TAIL > bytes) break;
-        if (plain)
-            quoted[used++] = (char)c;
+    while (text[i] != '\0' && i < SHOWN) {
+        uint32_t code;
+        const int length = fv_utf8_decode(text + i, &code);
+        const size_t shown = length > 0 && fv_text_shown(code) ? (size_t)length : 0;
+        if (used + (shown > 0 ? shown : 4) + TAIL > bytes) break;
+        if (shown > 0)
+            memcpy(quoted + used, text + i, shown);
         else
-            used += (size_t)snprintf(quoted + used, 5, "\\x%02X", c);
+            snprintf(quoted + used, 5, "\\x%02X", (unsigned char)text[i]);
+        used += shown > 0 ? shown : 4;
+        i += shown > 0 ? shown : 1;
     }
     snprintf(quoted + used, bytes - used, text[i] != '\0' ? "...'" : "'");
     return quoted;
+}
+
+const char *fv_text_count(uint64_t count, const char *noun, char text[FV_TEXT_COUNT_BYTES])
+{
+    snprintf(text, FV_TEXT_COUNT_BYTES, "%llu %.20s%s", (unsigned long long)count, noun,
+             count == 1 ? "" : "s");
+    return text;
 }
 
 static unsigned char lower(char c)

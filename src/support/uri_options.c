@@ -1,10 +1,10 @@
-#include "uri_options.h"
+#include "support/uri_options.h"
 
 #include <stdbool.h>
 #include <stdio.h>
 #include <string.h>
 
-#include "fovea/text.h"
+#include "support/text.h"
 
 enum { OPTIONS_MAX = 64 };
 

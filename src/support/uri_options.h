@@ -1,6 +1,6 @@
 /* Options in the address of a source, "name=value&name=value", described by a table. Init-only. */
-#ifndef FOVEA_DRIVERS_URI_OPTIONS_H
-#define FOVEA_DRIVERS_URI_OPTIONS_H
+#ifndef FOVEA_SUPPORT_URI_OPTIONS_H
+#define FOVEA_SUPPORT_URI_OPTIONS_H
 
 #include <stddef.h>
 #include <stdint.h>

@@ -1,4 +1,4 @@
-#include "app/utf8.h"
+#include "support/utf8.h"
 
 int fv_utf8_decode(const char *text, uint32_t *code)
 {

@@ -1,6 +1,6 @@
 /* UTF-8, as RFC 3629 has it. Init-only. */
-#ifndef FOVEA_APP_UTF8_H
-#define FOVEA_APP_UTF8_H
+#ifndef FOVEA_SUPPORT_UTF8_H
+#define FOVEA_SUPPORT_UTF8_H
 
 #include <stdbool.h>
 #include <stdint.h>

@@ -1,4 +1,5 @@
-#include "fovea/yaml_tree.h"
+#include "support/yaml_tree.h"
+#include "support/input.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -270,7 +271,7 @@ enum fovea_status fovea_yaml_read(const char *path, struct fovea_yaml_tree **tre
 {
     char *text;
     size_t bytes;
-    enum fovea_status status = fovea_text_read(path, FOVEA_YAML_BYTES_MAX, &text, &bytes, error);
+    enum fovea_status status = fovea_text_read(path, FV_INPUT_YAML_BYTES_MAX, &text, &bytes, error);
     if (status != FOVEA_OK) return status;
     status = fovea_yaml_parse(path, text, bytes, tree, error);
     free(text);

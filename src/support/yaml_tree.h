@@ -8,15 +8,15 @@
  * line reads "file:line: key: found
  * ..., expected ...". Init-only, any thread. Of the drivers and the command, which need libyaml:
  * not in the library, and not installed. */
-#ifndef FOVEA_YAML_TREE_H
-#define FOVEA_YAML_TREE_H
+#ifndef FOVEA_SUPPORT_YAML_TREE_H
+#define FOVEA_SUPPORT_YAML_TREE_H
 
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
 #include "fovea/status.h"
-#include "fovea/text.h"
+#include "support/text.h"
 
 #ifdef __cplusplus
 extern "C" {

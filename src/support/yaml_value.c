@@ -1,5 +1,5 @@
 /* Typed values out of a YAML tree, and the error lines when they do not fit. */
-#include "fovea/yaml_tree.h"
+#include "support/yaml_tree.h"
 
 #include <stdio.h>
 #include <string.h>

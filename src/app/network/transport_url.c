@@ -1,16 +1,19 @@
-#include "app/transport_url.h"
+#include "app/network/transport_url.h"
 
 #include <arpa/inet.h>
 #include <errno.h>
-#include <fcntl.h>
 #include <inttypes.h>
 #include <netdb.h>
+#include <poll.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include "fovea/text.h"
+#include "support/text.h"
+
+enum { ANSWER_MS = 2000 }; /* that a server has, when a connection is asked for */
 
 static const char *const schemes[] = {
     [FV_TRANSPORT_UDPM] = "udpm://",
@@ -27,8 +30,7 @@ enum fv_transport_kind fv_transport_kind_of(const char *url)
     return FV_TRANSPORT_UNKNOWN;
 }
 
-/* ---- parts
- * --------------------------------------------------------------------------------------------- */
+/* ---- parts ----------------------------------------------------------------------------------- */
 
 struct parts {
     char host[256]; /* or the path of a file */
@@ -138,6 +140,17 @@ bool fv_transport_file(const char *url, char path[FV_TRANSPORT_URL_BYTES])
     return true;
 }
 
+int fv_transport_ttl(const char *url)
+{
+    const char *found = strstr(url, "ttl=");
+    return found != NULL ? (int)strtol(found + 4, NULL, 10) : 0;
+}
+
+bool fv_transport_appends(const char *url)
+{
+    return strstr(url, "?mode=a") != NULL;
+}
+
 void fv_transport_url_complete(const char *url, uint32_t ttl, char complete[FV_TRANSPORT_URL_BYTES])
 {
     bool add = fv_transport_kind_of(url) == FV_TRANSPORT_UDPM && strstr(url, "ttl=") == NULL;
@@ -150,8 +163,7 @@ void fv_transport_url_complete(const char *url, uint32_t ttl, char complete[FV_T
         snprintf(complete, FV_TRANSPORT_URL_BYTES, "%s", url);
 }
 
-/* ---- is there anything at the other end?
- * ------------------------------------------------------------------- */
+/* ---- is there anything at the other end? ----------------------------------------------------- */
 
 /* LCM's own test of the route prints several lines and gives no reason, so ask first. */
 static enum fovea_status check_route(const char *url, struct fovea_error *error)
@@ -169,19 +181,43 @@ static enum fovea_status check_route(const char *url, struct fovea_error *error)
                            strerror(failed), FV_TRANSPORT_MEND);
 }
 
-static enum fovea_status check_server(const char *url, const struct parts *parts,
+enum fovea_status fv_transport_server(const char *url, struct sockaddr_in *address,
                                       struct fovea_error *error)
 {
+    struct parts parts;
     const struct addrinfo wanted = {.ai_family = AF_INET, .ai_socktype = SOCK_STREAM};
     struct addrinfo *found = NULL;
-    int failed = getaddrinfo(parts->host[0] != '\0' ? parts->host : "localhost",
-                             parts->port[0] != '\0' ? parts->port : "7700", &wanted, &found);
+    if (!split(url, FV_TRANSPORT_TCPQ, &parts)) return FOVEA_ERROR_INPUT;
+    const int failed = getaddrinfo(parts.host[0] != '\0' ? parts.host : "localhost",
+                                   parts.port[0] != '\0' ? parts.port : "7700", &wanted, &found);
     if (failed != 0)
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: %s", url, gai_strerror(failed));
-    int probe = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    failed = probe < 0 || connect(probe, found->ai_addr, found->ai_addrlen) != 0 ? errno : 0;
-    if (probe >= 0) close(probe);
+    memcpy(address, found->ai_addr, sizeof *address);
     freeaddrinfo(found);
+    return FOVEA_OK;
+}
+
+/* 0, or why not; ETIMEDOUT after ANSWER_MS, where nothing answers at all. */
+static int connect_within(int probe, const struct sockaddr_in *address)
+{
+    struct pollfd ready = {.fd = probe, .events = POLLOUT};
+    int failed = 0;
+    socklen_t size = sizeof failed;
+    if (connect(probe, (const struct sockaddr *)address, sizeof *address) == 0) return 0;
+    if (errno != EINPROGRESS) return errno;
+    const int came = poll(&ready, 1, ANSWER_MS);
+    if (came <= 0) return came == 0 ? ETIMEDOUT : errno;
+    return getsockopt(probe, SOL_SOCKET, SO_ERROR, &failed, &size) == 0 ? failed : errno;
+}
+
+static enum fovea_status check_server(const char *url, struct fovea_error *error)
+{
+    struct sockaddr_in address;
+    enum fovea_status status = fv_transport_server(url, &address, error);
+    if (status != FOVEA_OK) return status;
+    const int probe = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+    const int failed = probe < 0 ? errno : connect_within(probe, &address);
+    if (probe >= 0) close(probe);
     if (failed == 0) return FOVEA_OK;
     return fovea_error_set(
         error, FOVEA_ERROR_SYSTEM,
@@ -189,23 +225,9 @@ static enum fovea_status check_server(const char *url, const struct parts *parts
         url, strerror(failed));
 }
 
-static enum fovea_status check_file(const char *url, const struct parts *parts,
-                                    struct fovea_error *error)
-{
-    int file = open(parts->host, O_WRONLY | O_CREAT | O_CLOEXEC, 0644);
-    if (file < 0)
-        return fovea_error_set(error, FOVEA_ERROR_INPUT, "lcm_url: %s: cannot be written: %s", url,
-                               strerror(errno));
-    close(file);
-    return FOVEA_OK;
-}
-
 enum fovea_status fv_transport_reachable(const char *url, struct fovea_error *error)
 {
-    struct parts parts;
     const enum fv_transport_kind kind = fv_transport_kind_of(url);
     if (kind == FV_TRANSPORT_UDPM) return check_route(url, error);
-    if (kind == FV_TRANSPORT_UNKNOWN || !split(url, kind, &parts)) return FOVEA_ERROR_INPUT;
-    if (kind == FV_TRANSPORT_TCPQ) return check_server(url, &parts, error);
-    return kind == FV_TRANSPORT_FILE ? check_file(url, &parts, error) : FOVEA_OK;
+    return kind == FV_TRANSPORT_TCPQ ? check_server(url, error) : FOVEA_OK;
 }

@@ -1,12 +1,12 @@
 /* LCM URLs: what is accepted, and what can be told before LCM is asked, which prints lines of its
  * own. Init-only. */
-#ifndef FOVEA_APP_TRANSPORT_URL_H
-#define FOVEA_APP_TRANSPORT_URL_H
+#ifndef FOVEA_APP_NETWORK_TRANSPORT_URL_H
+#define FOVEA_APP_NETWORK_TRANSPORT_URL_H
 
 #include <netinet/in.h>
 #include <stdint.h>
 
-#include "app/transport.h"
+#include "app/network/transport.h"
 
 enum fv_transport_kind {
     FV_TRANSPORT_UDPM, /* udpm://[GROUP[:PORT]][?ttl=N&recv_buf_size=N] */
@@ -24,7 +24,18 @@ enum fovea_status fv_transport_url_check(const char *url, struct fovea_error *er
 /* Group and port of a well-formed udpm URL. */
 void fv_transport_udpm(const char *url, struct sockaddr_in *address);
 
-/* Is there a route to the group, a server that answers, a file that can be written?
+/* Time-to-live of a complete udpm URL. */
+int fv_transport_ttl(const char *url);
+
+/* Whether a well-formed file URL appends to the log (mode=a) instead of beginning it anew. */
+bool fv_transport_appends(const char *url);
+
+/* Address of the server that a well-formed tcpq URL names. FOVEA_ERROR_SYSTEM: its name is not
+ * known. */
+enum fovea_status fv_transport_server(const char *url, struct sockaddr_in *address,
+                                      struct fovea_error *error);
+
+/* Is there a route to the group, a server that answers within 2 s? Opening a log tells the rest.
  * FOVEA_ERROR_SYSTEM: no, and `error` holds what mends it. */
 enum fovea_status fv_transport_reachable(const char *url, struct fovea_error *error);
 

@@ -1,0 +1,107 @@
+#include "app/network/command_gate.h"
+
+#include <string.h>
+
+#include "message/fields.h"
+
+#include "fovea_command_t.h"
+
+enum { MAC_BYTES = 8, BYTES_MAX = 256 };
+
+const char *fv_command_verdict_name(enum fv_command_verdict verdict)
+{
+    static const char *const names[FV_COMMAND_VERDICTS] = {
+        [FV_COMMAND_TAKEN] = "taken",         [FV_COMMAND_MALFORMED] = "malformed",
+        [FV_COMMAND_UNKNOWN] = "unknown",     [FV_COMMAND_FORBIDDEN] = "not allowed",
+        [FV_COMMAND_FORGED] = "forged",       [FV_COMMAND_OTHER_RUN] = "for another run",
+        [FV_COMMAND_REPEATED] = "repeated",   [FV_COMMAND_SENDERS] = "too many senders",
+        [FV_COMMAND_TOO_OFTEN] = "too often", [FV_COMMAND_BUSY] = "loop busy",
+    };
+    return names[verdict];
+}
+
+void fv_command_gate_init(struct fv_command_gate *gate, const struct fv_command_rules *rules)
+{
+    memset(gate, 0, sizeof *gate);
+    gate->rules = *rules;
+    if (rules->from_network & FV_COMMAND_AUTO)
+        gate->rules.from_network = rules->keyed ? FV_COMMAND_ALL : 0;
+    if (gate->rules.from_network & FOVEA_COMMAND_T_SAVE)
+        gate->rules.from_network |= FOVEA_COMMAND_T_OVERWRITE;
+}
+
+/* Whether the code at the end of the message is right. */
+static bool is_genuine(const struct fv_command_gate *gate, const uint8_t *data, size_t bytes,
+                       int64_t mac)
+{
+    uint8_t text[BYTES_MAX];
+    if (bytes > sizeof text || bytes < MAC_BYTES) return false;
+    memcpy(text, data, bytes);
+    memset(text + bytes - MAC_BYTES, 0, MAC_BYTES);
+    return (fv_siphash(gate->rules.key, text, bytes) ^ (uint64_t)mac) == 0;
+}
+
+/* Only for genuine commands: nobody else may move a counter. */
+static enum fv_command_verdict pass_counter(struct fv_command_gate *gate,
+                                            const fovea_command_t *command)
+{
+    uint32_t i = 0;
+    if (command->counter <= 0) return FV_COMMAND_REPEATED;
+    while (i < gate->sender_count && gate->senders[i].sender != command->sender)
+        i++;
+    if (i == FV_COMMAND_SENDERS_MAX) return FV_COMMAND_SENDERS;
+    if (i == gate->sender_count) {
+        gate->senders[gate->sender_count++].sender = command->sender;
+        gate->senders[i].counter = 0;
+    }
+    if (command->counter <= gate->senders[i].counter) return FV_COMMAND_REPEATED;
+    gate->senders[i].counter = command->counter;
+    return FV_COMMAND_TAKEN;
+}
+
+static enum fv_command_verdict judge(struct fv_command_gate *gate, const uint8_t *data,
+                                     size_t bytes, bool from_host, int64_t now_ns, uint32_t *bits)
+{
+    const struct fv_command_rules *rules = &gate->rules;
+    const char *problem;
+    size_t at;
+    fovea_command_t command;
+    if (!fv_message_check("fovea.command_t", data, bytes, &problem, &at) ||
+        fovea_command_t_decode(data, 0, (int)bytes, &command) < 0)
+        return FV_COMMAND_MALFORMED;
+    *bits = (uint32_t)command.commands;
+    if ((*bits & ~(uint32_t)FOVEA_COMMAND_T_OVERWRITE) == 0 || (*bits & ~(uint32_t)FV_COMMAND_ALL))
+        return FV_COMMAND_UNKNOWN;
+    if (!from_host && (*bits & ~rules->from_network)) return FV_COMMAND_FORBIDDEN;
+    if (rules->keyed && !is_genuine(gate, data, bytes, command.mac)) return FV_COMMAND_FORGED;
+    if (command.run_id != rules->run_id && (rules->keyed || command.run_id != 0))
+        return FV_COMMAND_OTHER_RUN;
+    if (rules->keyed) {
+        const enum fv_command_verdict verdict = pass_counter(gate, &command);
+        if (verdict != FV_COMMAND_TAKEN) return verdict;
+    }
+    if (*bits & FOVEA_COMMAND_T_SAVE) {
+        if (gate->saved && now_ns - gate->saved_ns < FV_COMMAND_SAVE_NS)
+            return FV_COMMAND_TOO_OFTEN;
+        gate->saved = true;
+        gate->saved_ns = now_ns;
+    }
+    return FV_COMMAND_TAKEN;
+}
+
+void fv_command_gate_count(struct fv_command_gate *gate, enum fv_command_verdict verdict)
+{
+    atomic_fetch_add_explicit(&gate->counts[verdict], 1, memory_order_relaxed);
+}
+
+enum fv_command_verdict fv_command_gate_judge(struct fv_command_gate *gate, const uint8_t *data,
+                                              size_t bytes, bool from_host, int64_t now_ns,
+                                              uint32_t *bits)
+{
+    const enum fv_command_verdict verdict = judge(gate, data, bytes, from_host, now_ns, bits);
+    if (verdict != FV_COMMAND_TAKEN) {
+        *bits = 0;
+        fv_command_gate_count(gate, verdict);
+    }
+    return verdict;
+}

@@ -1,0 +1,176 @@
+#include "app/network/listener.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "drivers/clock.h"
+#include "drivers/thread.h"
+#include "support/say.h"
+
+#include "bot_core_pose_t.h"
+
+enum {
+    COMMANDS_PER_CALL = 32,
+    COMMAND_BYTES_MAX = 128,
+    ODOMETRY_BYTES_MAX = 256,
+};
+
+void fv_listener_init(struct fv_listener *listener)
+{
+    fv_ring_init(&listener->commands, listener->commands_memory, sizeof listener->commands_memory);
+    fv_ring_init(&listener->odometry, listener->odometry_memory, sizeof listener->odometry_memory);
+}
+
+static void take_command(void *context, const struct fv_received *received)
+{
+    struct fv_listener *listener = context;
+    const int64_t now_ns = fv_clock_ns(CLOCK_MONOTONIC);
+    uint32_t bits;
+    if (fv_command_gate_judge(&listener->gate, received->data, received->bytes, received->from_host,
+                              now_ns, &bits) != FV_COMMAND_TAKEN)
+        return;
+    uint8_t *room = fv_ring_reserve(&listener->commands, sizeof bits);
+    if (room != NULL) {
+        memcpy(room, &bits, sizeof bits);
+        fv_ring_commit(&listener->commands, sizeof bits);
+    }
+    fv_command_gate_count(&listener->gate, room != NULL ? FV_COMMAND_TAKEN : FV_COMMAND_BUSY);
+}
+
+/* A robot that is faster than its limits is a wrong limit more often than an attack. */
+static void say_too_fast(struct fv_listener *listener)
+{
+    const struct fv_odometry_limits *limits = &listener->odometry_gate.limits;
+    if (listener->said_too_fast) return;
+    listener->said_too_fast = true;
+    fv_say("odometry: a sample is farther from the last one than scale.odometry_max_m_s (%g) and "
+           "scale.odometry_max_rad_s (%g) allow; such samples are left out",
+           limits->speed_m_s, limits->turn_rad_s);
+}
+
+static void take_odometry(void *context, const struct fv_received *received)
+{
+    struct fv_listener *listener = context;
+    bot_core_pose_t pose;
+    struct fovea_odometry_sample sample;
+    if (bot_core_pose_t_decode(received->data, 0, (int)received->bytes, &pose) < 0) return;
+    const enum fv_odometry_verdict verdict =
+        fv_odometry_gate_judge(&listener->odometry_gate, &pose, &sample);
+    if (verdict == FV_ODOMETRY_TOO_FAST) say_too_fast(listener);
+    if (verdict != FV_ODOMETRY_TAKEN) return;
+    uint8_t *room = fv_ring_reserve(&listener->odometry, sizeof sample);
+    if (room != NULL) {
+        memcpy(room, &sample, sizeof sample);
+        fv_ring_commit(&listener->odometry, sizeof sample);
+    }
+    fv_odometry_gate_count(&listener->odometry_gate,
+                           room != NULL ? FV_ODOMETRY_TAKEN : FV_ODOMETRY_BUSY);
+}
+
+static void *run(void *context)
+{
+    struct fv_listener *listener = context;
+    while (!atomic_load(&listener->stop))
+        fv_receiver_handle(listener->receiver, -1);
+    return NULL;
+}
+
+/* The table of channels; returns their number. */
+static uint32_t fill_table(struct fv_listener *listener, const struct fv_transport_ears *ears,
+                           struct fv_receiver_channel rows[FV_RECEIVER_CHANNELS_MAX])
+{
+    uint32_t count = 1;
+    memset(rows, 0, FV_RECEIVER_CHANNELS_MAX * sizeof rows[0]);
+    rows[0] = (struct fv_receiver_channel){.type = "fovea.command_t",
+                                           .bytes_max = COMMAND_BYTES_MAX,
+                                           .take = take_command,
+                                           .context = listener};
+    fv_message_channel(ears->prefix, FV_MESSAGE_COMMAND, rows[0].name);
+    if (ears->odometry_channel != NULL && ears->odometry_channel[0] != '\0') {
+        rows[count] = (struct fv_receiver_channel){.type = "bot_core.pose_t",
+                                                   .bytes_max = ODOMETRY_BYTES_MAX,
+                                                   .take = take_odometry,
+                                                   .context = listener};
+        snprintf(rows[count].name, sizeof rows[count].name, "%s", ears->odometry_channel);
+        count++;
+    }
+    for (uint32_t i = 0; i < ears->more_count && count < FV_RECEIVER_CHANNELS_MAX; i++)
+        rows[count++] = ears->more[i];
+    return count;
+}
+
+enum fovea_status fv_listener_start(struct fv_listener *listener, const char *url,
+                                    const struct fv_transport_ears *ears, struct fovea_error *error)
+{
+    struct fv_receiver_channel rows[FV_RECEIVER_CHANNELS_MAX];
+    if (listener->receiver != NULL) return FOVEA_OK;
+    fv_command_gate_init(&listener->gate, &ears->rules);
+    fv_odometry_gate_init(&listener->odometry_gate, &ears->odometry_limits);
+    const struct fv_receiver_setup setup = {url, ears->listen, rows,
+                                            fill_table(listener, ears, rows)};
+    enum fovea_status status = fv_receiver_open(&setup, &listener->receiver, error);
+    if (status != FOVEA_OK || listener->receiver == NULL) return status;
+    const int failed = fv_thread_start(&listener->thread, run, listener);
+    if (failed == 0) return FOVEA_OK;
+    fv_receiver_close(listener->receiver);
+    listener->receiver = NULL;
+    return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "no thread to listen for commands: %s",
+                           strerror(failed));
+}
+
+uint32_t fv_listener_commands(struct fv_listener *listener)
+{
+    uint32_t all = 0;
+    for (int i = 0; i < COMMANDS_PER_CALL; i++) {
+        size_t bytes;
+        uint32_t bits;
+        const uint8_t *data = fv_ring_peek(&listener->commands, &bytes);
+        if (data == NULL) break;
+        memcpy(&bits, data, sizeof bits);
+        fv_ring_release(&listener->commands, sizeof bits);
+        if (bits & (FOVEA_COMMAND_PAUSE | FOVEA_COMMAND_RESUME))
+            all &= ~(uint32_t)(FOVEA_COMMAND_PAUSE | FOVEA_COMMAND_RESUME);
+        all |= bits;
+    }
+    return all;
+}
+
+uint32_t fv_listener_odometry(struct fv_listener *listener, struct fovea_odometry_sample *samples,
+                              uint32_t count_max)
+{
+    uint32_t count = 0;
+    for (; count < count_max; count++) {
+        size_t bytes;
+        const uint8_t *data = fv_ring_peek(&listener->odometry, &bytes);
+        if (data == NULL) break;
+        memcpy(&samples[count], data, sizeof samples[count]);
+        fv_ring_release(&listener->odometry, sizeof samples[count]);
+    }
+    return count;
+}
+
+void fv_listener_counts(const struct fv_listener *listener, struct fv_transport_counts *counts)
+{
+    for (int i = 0; i < FV_COMMAND_VERDICTS; i++) {
+        counts->command_verdicts[i] = atomic_load(&listener->gate.counts[i]);
+        counts->commands_refused += i != FV_COMMAND_TAKEN ? counts->command_verdicts[i] : 0;
+    }
+    for (int i = 0; i < FV_ODOMETRY_VERDICTS; i++) {
+        counts->odometry_verdicts[i] = atomic_load(&listener->odometry_gate.counts[i]);
+        counts->odometry_refused += i != FV_ODOMETRY_TAKEN ? counts->odometry_verdicts[i] : 0;
+    }
+    counts->commands = counts->command_verdicts[FV_COMMAND_TAKEN];
+    counts->odometry = counts->odometry_verdicts[FV_ODOMETRY_TAKEN];
+    fv_receiver_counts(listener->receiver, &counts->received);
+}
+
+void fv_listener_stop(struct fv_listener *listener)
+{
+    if (listener->receiver == NULL) return;
+    atomic_store(&listener->stop, true);
+    fv_receiver_wake(listener->receiver);
+    pthread_join(listener->thread, NULL);
+    fv_receiver_close(listener->receiver);
+    listener->receiver = NULL;
+}
