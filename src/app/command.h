@@ -4,12 +4,7 @@
 #ifndef FOVEA_APP_COMMAND_H
 #define FOVEA_APP_COMMAND_H
 
-/* Exit statuses of every command. */
-enum fv_exit {
-    FV_EXIT_OK = 0,
-    FV_EXIT_FAILED = 1, /* failed while running: the machine, a full disk, a difference found */
-    FV_EXIT_WRONG = 2   /* wrong input: arguments, configuration, calibration, recording */
-};
+#include "support/say.h"
 
 struct fv_command {
     const char *name;

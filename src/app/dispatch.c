@@ -1,11 +1,14 @@
 /* Finding the command that was asked for. */
+#include <fcntl.h>
+#include <signal.h>
+#include <stdbool.h>
 #include <stdio.h>
 #include <string.h>
 
 #include "app/command.h"
-#include "app/say.h"
+#include "support/say.h"
 #include "fovea/fovea.h"
-#include "fovea/text.h"
+#include "support/text.h"
 
 static void help_print(void)
 {
@@ -59,8 +62,19 @@ static int dispatch(int argc, char **argv)
     return command->run(argc - 1, argv + 1);
 }
 
+/* Where the caller closed a standard stream, the next file opened would get its number, and what is
+ * printed would go into a recording. */
+static bool open_standard_streams(void)
+{
+    for (int stream = 0; stream <= 2; stream++)
+        if (fcntl(stream, F_GETFD) < 0 && open("/dev/null", O_RDWR) != stream) return false;
+    return true;
+}
+
 int fv_dispatch(int argc, char **argv)
 {
+    if (!open_standard_streams()) return FV_EXIT_FAILED;
+    signal(SIGXFSZ, SIG_IGN); /* a limit on file sizes is an error of that file, not the end */
     const int status = dispatch(argc, argv);
     return status == FV_EXIT_OK ? (int)fv_say_unwritten() : status;
 }

@@ -1,8 +1,8 @@
-#include "app/classes.h"
+#include "app/config/classes.h"
 
 #include <string.h>
 
-#include "fovea/text.h"
+#include "support/text.h"
 
 enum { ENTRY_BYTES = 64 };
 

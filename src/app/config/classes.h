@@ -1,10 +1,10 @@
 /* Lists of a network's classes in the configuration, by label or number: "person car", "person:1.7
  * 0:0.22". Among the movable classes `auto` stands for those of the network's that are known to
  * move (people, animals, vehicles, balls ...). Init-only. */
-#ifndef FOVEA_APP_CLASSES_H
-#define FOVEA_APP_CLASSES_H
+#ifndef FOVEA_APP_CONFIG_CLASSES_H
+#define FOVEA_APP_CONFIG_CLASSES_H
 
-#include "app/settings.h"
+#include "app/config/settings.h"
 #include "nn/model.h"
 
 /* Fill settings->runtime.track's heights and movable classes from settings->heights and

@@ -2,9 +2,10 @@
 #include <stddef.h>
 
 #include "app/command.h"
-#include "app/settings.h"
-#include "app/options.h"
-#include "app/say.h"
+#include "app/config/settings.h"
+#include "app/config/options.h"
+#include "app/config/setup.h"
+#include "support/say.h"
 #include "fovea/source.h"
 
 int fv_command_config(int argc, char **argv)
@@ -13,7 +14,7 @@ int fv_command_config(int argc, char **argv)
     struct fv_option_list sets = {0};
     const struct fv_option options[] = {
         {"check", "FILE", FV_OPTION_TEXT, &file,
-         "read FILE and tell what is wrong with it, or that nothing is"},
+         "read FILE and the files that it names, and say what is wrong with them"},
         {"set", "KEY=VALUE", FV_OPTION_LIST, &sets, "override a key"},
         {0},
     };
@@ -32,10 +33,13 @@ int fv_command_config(int argc, char **argv)
     if (fv_settings_check(&settings, &error) != FOVEA_OK) return fv_say_wrong("%s", error.text);
     const struct fovea_source_ops *ops;
     const char *address;
-    if (fovea_source_find(settings.source, &ops, &address, &error) != FOVEA_OK) {
+    enum fovea_status status = fovea_source_find(settings.source, &ops, &address, &error);
+    if (status != FOVEA_OK) {
         fv_settings_blame(&settings, "source", &error);
         return fv_say_wrong("%s", error.text);
     }
+    if (file != NULL) status = fv_setup_check_files(&settings, &error);
+    if (status != FOVEA_OK) return (fv_say("%s", error.text), fv_setup_exit(status));
     if (file != NULL)
         printf("%s: fine\n", file);
     else

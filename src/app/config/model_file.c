@@ -1,20 +1,27 @@
-#include "app/model_file.h"
+#include "app/config/model_file.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-#include "app/aligned.h"
-#include "fovea/text.h"
-
-enum { FILE_BYTES_MAX = 1 << 28 };
+#include "support/input.h"
+#include "support/aligned.h"
+#include "support/text.h"
 
 enum fovea_status fv_model_file_read(const char *path, struct fv_model_file *file,
                                      struct fovea_error *error)
 {
     char *data;
     *file = (struct fv_model_file){.data = NULL};
-    enum fovea_status status = fovea_text_read(path, FILE_BYTES_MAX, &data, &file->bytes, error);
+    enum fovea_status status =
+        fovea_text_read(path, FV_INPUT_MODEL_BYTES_MAX, &data, &file->bytes, error);
     if (status != FOVEA_OK) return status;
+    if (file->bytes >= 8 && memcmp(data + 4, "TFL3", 4) == 0) {
+        free(data);
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT,
+            "%.300s: found a TensorFlow Lite model, expected a .fvm file: make it with 'python3 tools/import %.100s'",
+            path, path);
+    }
     file->data = fv_aligned_new(file->bytes + FV_CACHE_LINE_BYTES); /* kernels read whole lines */
     if (file->data != NULL) memcpy(file->data, data, file->bytes);
     free(data);

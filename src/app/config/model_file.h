@@ -1,7 +1,7 @@
 /* Model files of networks (.fvm, src/nn/model.h) in memory of their own. The heap is used;
  * init-only. */
-#ifndef FOVEA_APP_MODEL_FILE_H
-#define FOVEA_APP_MODEL_FILE_H
+#ifndef FOVEA_APP_CONFIG_MODEL_FILE_H
+#define FOVEA_APP_CONFIG_MODEL_FILE_H
 
 #include "fovea/status.h"
 #include "nn/model.h"

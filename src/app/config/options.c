@@ -1,4 +1,4 @@
-#include "app/options.h"
+#include "app/config/options.h"
 
 #include <errno.h>
 #include <getopt.h>
@@ -6,8 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "app/say.h"
-#include "fovea/text.h"
+#include "support/say.h"
+#include "support/text.h"
 
 static void help_print(const struct fv_option *options, const char *command, const char *operands)
 {

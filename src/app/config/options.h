@@ -2,13 +2,13 @@
  * one-line errors.
  *
  *     struct fv_option options[] = {
- *         {"frames", "N", FV_OPTION_COUNT, &frames, "stop after N frames"},
+ *         {"frames", "N", FV_OPTION_POSITIVE, &frames, "stop after N frames"},
  *         {0},
  *     };
  *
  * `--help` is understood by every command. Init-only. */
-#ifndef FOVEA_APP_OPTIONS_H
-#define FOVEA_APP_OPTIONS_H
+#ifndef FOVEA_APP_CONFIG_OPTIONS_H
+#define FOVEA_APP_CONFIG_OPTIONS_H
 
 #include <stdbool.h>
 #include <stdint.h>

@@ -1,12 +1,14 @@
-#include "app/settings.h"
+#include "app/config/settings.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-#include "app/classes.h"
-#include "app/transport_url.h"
-#include "app/utf8.h"
-#include "fovea/yaml_tree.h"
+#include "support/input.h"
+#include "app/config/classes.h"
+#include "app/network/command_gate.h"
+#include "app/network/transport_url.h"
+#include "support/utf8.h"
+#include "support/yaml_tree.h"
 #include "runtime/config.h"
 
 void fv_settings_default(struct fv_settings *settings)
@@ -15,7 +17,12 @@ void fv_settings_default(struct fv_settings *settings)
     fovea_config_default(&settings->runtime);
     snprintf(settings->source, sizeof settings->source, "sim:");
     snprintf(settings->lcm_url, sizeof settings->lcm_url, "udpm://239.255.76.67:7667");
+    snprintf(settings->listen, sizeof settings->listen, "loopback");
+    settings->commands = FV_COMMAND_AUTO;
+    settings->odometry_max_m_s = 3;
+    settings->odometry_max_rad_s = 6;
     settings->record_buffer = 10;
+    settings->map_keep = 3;
     snprintf(settings->movable, sizeof settings->movable, "auto");
     snprintf(settings->odometry_channel, sizeof settings->odometry_channel, "POSE_BODY");
     settings->priority = 40;
@@ -23,8 +30,7 @@ void fv_settings_default(struct fv_settings *settings)
     settings->lock_memory = true;
 }
 
-/* ---- reading
- * ----------------------------------------------------------------------------------------- */
+/* ---- reading --------------------------------------------------------------------------------- */
 
 struct reading {
     struct fv_settings *settings;
@@ -50,6 +56,31 @@ static enum fovea_status take_transform(const struct reading *r, const struct fo
         all[13] != 0 || all[14] != 0 || all[15] != 1)
         return fovea_yaml_numbers(r->tree, node, 12, 12, T, NULL, r->error);
     memcpy(T, all, 12 * sizeof T[0]);
+    return FOVEA_OK;
+}
+
+/* A list of words, or one word; `auto` alone. */
+static enum fovea_status take_flags(const struct reading *r, const struct fv_settings_key *key,
+                                    const struct fovea_yaml_node *node, uint32_t *flags)
+{
+    static const char *const automatic[] = {"auto"};
+    const struct fovea_yaml_node *leaf;
+    uint32_t found = 0;
+    size_t index;
+    if (node->kind == FOVEA_YAML_SCALAR &&
+        fovea_yaml_choice(r->tree, node, automatic, 1, &index, NULL) == FOVEA_OK) {
+        *flags = (uint32_t)key->max;
+        return FOVEA_OK;
+    }
+    if (node->kind == FOVEA_YAML_MAPPING)
+        return fovea_yaml_refuse(r->tree, node, "a list like [save, pause], or auto", r->error);
+    for (size_t i = 0; (leaf = fovea_yaml_leaf(node, i)) != NULL; i++) {
+        const enum fovea_status status =
+            fovea_yaml_choice(r->tree, leaf, key->choices, choice_count(key), &index, r->error);
+        if (status != FOVEA_OK) return status;
+        found |= 1u << index;
+    }
+    *flags = found;
     return FOVEA_OK;
 }
 
@@ -86,6 +117,8 @@ static enum fovea_status take(const struct reading *r, const struct fv_settings_
             fovea_yaml_choice(r->tree, node, key->choices, choice_count(key), &index, r->error);
         if (status == FOVEA_OK) *(int *)target = (int)index;
         return status;
+    case FV_SETTINGS_FLAGS:
+        return take_flags(r, key, node, (uint32_t *)target);
     case FV_SETTINGS_TRANSFORM:
         return take_transform(r, node, (double *)target);
     }
@@ -257,15 +290,14 @@ enum fovea_status fv_settings_read(struct fv_settings *settings, const char *pat
 {
     char *text;
     size_t bytes;
-    enum fovea_status status = fovea_text_read(path, FOVEA_YAML_BYTES_MAX, &text, &bytes, error);
+    enum fovea_status status = fovea_text_read(path, FV_INPUT_YAML_BYTES_MAX, &text, &bytes, error);
     if (status != FOVEA_OK) return status;
     status = fv_settings_parse(settings, path, text, bytes, error);
     free(text);
     return status;
 }
 
-/* ---- --set
- * ------------------------------------------------------------------------------------------- */
+/* ---- --set ----------------------------------------------------------------------------------- */
 
 static enum fovea_status set_refuse(const char *key, const char *found, const char *expected,
                                     struct fovea_error *error)
@@ -349,8 +381,7 @@ enum fovea_status fv_settings_set(struct fv_settings *settings, const char *assi
     return FOVEA_OK;
 }
 
-/* ---- checks
- * ------------------------------------------------------------------------------------------ */
+/* ---- checks ---------------------------------------------------------------------------------- */
 
 void fv_settings_locate(const struct fv_settings *settings, struct fovea_error *error)
 {
@@ -402,6 +433,12 @@ enum fovea_status fv_settings_check(const struct fv_settings *settings, struct f
     enum fovea_status status = fv_config_check(&runtime, error);
     if (status == FOVEA_OK && settings->lcm_url[0] != '\0')
         status = fv_transport_url_check(settings->lcm_url, error);
+    if (status == FOVEA_OK && !fv_receiver_listen_valid(settings->listen))
+        status =
+            fovea_error_set(error, FOVEA_ERROR_INPUT,
+                            "listen: found \"%s\", expected none, loopback, any or the name of "
+                            "an interface",
+                            settings->listen);
     if (status == FOVEA_OK) status = fv_classes_check(settings, error);
     if (status == FOVEA_OK && !runtime.odometry.enabled && (load || save))
         status = fovea_error_set(

@@ -4,8 +4,8 @@
  * Defaults come from fovea_config_default and fv_settings_default, so that the library and the
  * program cannot disagree. Values are taken in this order: defaults, the file, `--set`. All of it
  * is init-only. */
-#ifndef FOVEA_APP_SETTINGS_H
-#define FOVEA_APP_SETTINGS_H
+#ifndef FOVEA_APP_CONFIG_SETTINGS_H
+#define FOVEA_APP_CONFIG_SETTINGS_H
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -38,14 +38,21 @@ struct fv_settings {
     bool camera_scale;                   /* fit a calibration of another size by scaling it */
     char mask[FV_SETTINGS_PATH_BYTES];   /* picture; "": none */
     char map_load[FV_SETTINGS_PATH_BYTES], map_save[FV_SETTINGS_PATH_BYTES]; /* "": none */
-    int rate;                                                                /* enum fv_rate */
-    char lcm_url[256]; /* "": nothing is sent */
+    uint32_t map_keep;                                                       /* saved maps */
+    bool map_overwrite; /* also by one with under half of the landmarks */
+    int rate;           /* enum fv_rate */
+    char lcm_url[256];  /* "": nothing is sent */
     uint32_t lcm_ttl;
+    char listen[16];                          /* who is heard: network/receiver.h */
+    uint32_t commands;                        /* struct fv_command_rules: from_network */
+    char command_key[FV_SETTINGS_PATH_BYTES]; /* file; "": none */
     char odometry_channel[64]; /* of bot_core.pose_t, for scale.source: odometry; "": none */
-    int movable_boxes;         /* enum fv_movable_boxes */
-    char record[FV_SETTINGS_PATH_BYTES]; /* "": none */
-    uint32_t record_buffer;              /* frames that may wait for the disk in real time */
-    char movable[256], heights[512];     /* lists of classes (app/classes.h) */
+    double odometry_max_m_s, odometry_max_rad_s; /* faster samples are left out; 0: no limit */
+    int movable_boxes;                           /* enum fv_movable_boxes */
+    char record[FV_SETTINGS_PATH_BYTES];         /* "": none */
+    uint32_t record_keep;                        /* of numbered recordings; 0: all */
+    uint32_t record_buffer;          /* frames that may wait for the disk in real time */
+    char movable[256], heights[512]; /* lists of classes (app/classes.h) */
     /* "": no detection; the runtime gets its bytes when the source is open */
     char model[FV_SETTINGS_PATH_BYTES];
     uint32_t priority; /* SCHED_FIFO; 0: ordinary scheduling */
@@ -91,8 +98,7 @@ void fv_settings_blame(const struct fv_settings *settings, const char *key,
  * `commented`. */
 void fv_settings_print(FILE *file, const struct fv_settings *settings, bool commented);
 
-/* ---- the table
- * --------------------------------------------------------------------------------------- */
+/* ---- the table ------------------------------------------------------------------------------- */
 
 enum fv_settings_kind {
     FV_SETTINGS_U32,
@@ -102,6 +108,7 @@ enum fv_settings_kind {
     FV_SETTINGS_BOOL,
     FV_SETTINGS_TEXT,     /* char[max + 1] */
     FV_SETTINGS_CHOICE,   /* int: index into choices */
+    FV_SETTINGS_FLAGS,    /* uint32_t: bit i for choice i, or `max` alone for the word auto */
     FV_SETTINGS_TRANSFORM /* double[12], row-major 3x4 */
 };
 
@@ -111,7 +118,7 @@ struct fv_settings_key {
     size_t offset;              /* in struct fv_settings */
     int64_t min, max;           /* of numbers; texts: bytes */
     const char *unit;           /* "" where it has none */
-    const char *const *choices; /* ended by NULL; CHOICE only */
+    const char *const *choices; /* ended by NULL; CHOICE and FLAGS only */
     const char *help;           /* what it does */
     const char *cost;           /* of raising it; NULL where there is none */
 };

@@ -2,9 +2,9 @@
 #include <inttypes.h>
 #include <string.h>
 
-#include "app/settings.h"
-#include "app/utf8.h"
-#include "fovea/text.h"
+#include "app/config/settings.h"
+#include "support/utf8.h"
+#include "support/text.h"
 
 enum { COMMENT_COLUMNS = 110 };
 
@@ -42,6 +42,13 @@ static void range_write(const struct fv_settings_key *key, char *range, size_t b
     case FV_SETTINGS_CHOICE:
         for (size_t i = 0; key->choices[i] != NULL && used < bytes; i++)
             used += (size_t)snprintf(range + used, bytes - used, "%s%s", i > 0 ? " | " : "[",
+                                     key->choices[i]);
+        if (used < bytes) snprintf(range + used, bytes - used, "]");
+        return;
+    case FV_SETTINGS_FLAGS:
+        used = (size_t)snprintf(range, bytes, "[auto | a list of");
+        for (size_t i = 0; key->choices[i] != NULL && used < bytes; i++)
+            used += (size_t)snprintf(range + used, bytes - used, "%s %s", i > 0 ? "," : "",
                                      key->choices[i]);
         if (used < bytes) snprintf(range + used, bytes - used, "]");
         return;
@@ -107,6 +114,22 @@ static void quoted(FILE *file, const char *text)
     fputc('"', file);
 }
 
+static void flags_print(FILE *file, const struct fv_settings_key *key, uint32_t flags)
+{
+    const char *before = "";
+    if (flags == (uint32_t)key->max) {
+        fputs("auto", file);
+        return;
+    }
+    fputc('[', file);
+    for (int i = 0; key->choices[i] != NULL; i++) {
+        if (!(flags >> i & 1)) continue;
+        fprintf(file, "%s%s", before, key->choices[i]);
+        before = ", ";
+    }
+    fputc(']', file);
+}
+
 static void value_print(FILE *file, const struct fv_settings *settings,
                         const struct fv_settings_key *key)
 {
@@ -133,6 +156,9 @@ static void value_print(FILE *file, const struct fv_settings *settings,
     case FV_SETTINGS_CHOICE:
         fputs(key->choices[*(const int *)at], file);
         return;
+    case FV_SETTINGS_FLAGS:
+        flags_print(file, key, *(const uint32_t *)at);
+        return;
     case FV_SETTINGS_TRANSFORM:
         for (int i = 0; i < 12; i++) {
             fputs(i == 0 ? "[[" : i % 4 == 0 ? "], [" : ", ", file);
@@ -149,8 +175,7 @@ void fv_settings_print(FILE *file, const struct fv_settings *settings, bool comm
     if (commented)
         fprintf(
             file,
-            "# Configuration of Fovea %s. Any key may be left out; 'fovea run --set key=value' overrides "
-            "one.\n",
+            "# Configuration of Fovea %s. Any key may be left out; 'fovea run --set key=value' overrides one.\n",
             FOVEA_VERSION);
     for (size_t i = 0; i < fv_settings_key_count; i++) {
         const struct fv_settings_key *key = &fv_settings_keys[i];

@@ -1,33 +1,32 @@
-#include "app/setup.h"
+#include "app/config/setup.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-#include "app/map_file.h"
-#include "app/classes.h"
-#include "app/mask.h"
-#include "fovea/calibration.h"
+#include "app/config/map_file.h"
+#include "app/config/classes.h"
+#include "app/config/mask.h"
+#include "map/archive.h"
+#include "support/calibration.h"
 
-/* `key` may stand in a section, of which the option's name has nothing. */
-static enum fovea_status set(struct fv_settings *settings, const char *key, const char *value,
-                             struct fovea_error *error)
+/* A key that has an option of its own, which errors name: "--set: map.save: found" would name one
+ * that nobody gave. */
+static enum fovea_status set(struct fv_settings *settings, const char *key, const char *option,
+                             const char *value, struct fovea_error *error)
 {
-    const char *dot = strchr(key, '.');
-    const size_t section = dot != NULL ? (size_t)(dot + 1 - key) : 0;
-    char assignment[FV_SETTINGS_PATH_BYTES + 64];
+    char assignment[FV_SETTINGS_PATH_BYTES + 64], given[64], text[FOVEA_ERROR_TEXT_BYTES];
     if (value == NULL) return FOVEA_OK;
-    int length = snprintf(assignment, sizeof assignment, "%s=%s", key, value);
-    if (length >= (int)sizeof assignment)
+    if (strlen(value) >= FV_SETTINGS_PATH_BYTES)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "--%s: found %d bytes, expected at most %d", key + section, length,
+                               "--%s: found %zu bytes, expected at most %d", option, strlen(value),
                                FV_SETTINGS_PATH_BYTES - 1);
-    enum fovea_status status = fv_settings_set(settings, assignment, error);
-    /* "--set: rate: found" would name an option that nobody gave. */
-    if (status != FOVEA_OK && error != NULL && strncmp(error->text, "--set: ", 7) == 0) {
-        char *text = error->text;
-        memmove(text + 2, text + 7 + section, strlen(text + 7 + section) + 1);
-    }
-    return status;
+    snprintf(assignment, sizeof assignment, "%s=%s", key, value);
+    const enum fovea_status status = fv_settings_set(settings, assignment, error);
+    const int length = snprintf(given, sizeof given, "--set: %s:", key);
+    if (status == FOVEA_OK || error == NULL || strncmp(error->text, given, (size_t)length) != 0)
+        return status;
+    memcpy(text, error->text, sizeof text);
+    return fovea_error_set(error, status, "--%s:%s", option, text + length);
 }
 
 void fv_setup_sources_print(void)
@@ -47,13 +46,14 @@ enum fovea_status fv_setup_settings(const struct fv_setup_options *options,
     if (options->config != NULL) status = fv_settings_read(settings, options->config, error);
     for (int i = 0; i < options->sets.count && status == FOVEA_OK; i++)
         status = fv_settings_set(settings, options->sets.values[i], error);
-    if (status == FOVEA_OK) status = set(settings, "source", options->source, error);
-    if (status == FOVEA_OK) status = set(settings, "camera", options->camera, error);
-    if (status == FOVEA_OK) status = set(settings, "rate", options->rate, error);
-    if (status == FOVEA_OK) status = set(settings, "record", options->record, error);
-    if (status == FOVEA_OK) status = set(settings, "map.load", options->map, error);
-    if (status == FOVEA_OK) status = set(settings, "map.save", options->save_map, error);
-    if (status == FOVEA_OK) status = set(settings, "detect.model", options->model, error);
+    if (status == FOVEA_OK) status = set(settings, "source", "source", options->source, error);
+    if (status == FOVEA_OK) status = set(settings, "camera", "camera", options->camera, error);
+    if (status == FOVEA_OK) status = set(settings, "rate", "rate", options->rate, error);
+    if (status == FOVEA_OK) status = set(settings, "record", "record", options->record, error);
+    if (status == FOVEA_OK) status = set(settings, "map.load", "map", options->map, error);
+    if (status == FOVEA_OK)
+        status = set(settings, "map.save", "save-map", options->save_map, error);
+    if (status == FOVEA_OK) status = set(settings, "detect.model", "model", options->model, error);
     return status == FOVEA_OK ? fv_settings_check(settings, error) : status;
 }
 
@@ -158,6 +158,40 @@ enum fovea_status fv_setup_open(struct fv_settings *settings,
     }
     status = camera_fit(settings, setup->ops->info(setup->source), error);
     return status == FOVEA_OK ? fv_setup_read(settings, setup, error) : status;
+}
+
+/* Cameras are for `fovea check`: opening one would take it from who uses it. */
+static bool is_camera(const struct fovea_source_ops *ops)
+{
+    return strcmp(ops->name, "v4l2") == 0 || strcmp(ops->name, "libcamera") == 0;
+}
+
+enum fovea_status fv_setup_check_files(struct fv_settings *settings, struct fovea_error *error)
+{
+    const struct fovea_source_selection all = {.step = 1};
+    struct fv_setup setup = {0};
+    struct fv_archive_info info;
+    const char *address;
+    enum fovea_status status = fovea_source_find(settings->source, &setup.ops, &address, error);
+    if (status != FOVEA_OK) {
+        fv_settings_blame(settings, "source", error);
+        return status;
+    }
+    if (!is_camera(setup.ops)) {
+        status = fv_setup_open(settings, &all, &setup, error);
+    } else {
+        status = camera_read(settings, error);
+        if (status == FOVEA_OK) status = model_read(settings, &setup, error);
+        if (status == FOVEA_OK && settings->runtime.camera.width > 0)
+            status = fv_setup_read(settings, &setup, error);
+    }
+    if (status == FOVEA_OK && setup.map != NULL) {
+        status = fv_archive_info(setup.map, settings->runtime.map_bytes, settings->map_load, &info,
+                                 error);
+        if (status != FOVEA_OK) fv_settings_blame(settings, "map.load", error);
+    }
+    fv_setup_close(&setup);
+    return status;
 }
 
 void fv_setup_close_source(struct fv_setup *setup)

@@ -1,12 +1,12 @@
 /* From settings to something that runs: the source opened, the camera and the mask found and
  * fitted. What `fovea run` and `fovea check` share. Init-only. */
-#ifndef FOVEA_APP_SETUP_H
-#define FOVEA_APP_SETUP_H
+#ifndef FOVEA_APP_CONFIG_SETUP_H
+#define FOVEA_APP_CONFIG_SETUP_H
 
-#include "app/command.h"
-#include "app/model_file.h"
-#include "app/options.h"
-#include "app/settings.h"
+#include "support/say.h"
+#include "app/config/model_file.h"
+#include "app/config/options.h"
+#include "app/config/settings.h"
 #include "fovea/source.h"
 
 /* Options that every command with a configuration has. */
@@ -41,6 +41,9 @@ enum fovea_status fv_setup_open(struct fv_settings *settings,
  * camera's calibration states. */
 enum fovea_status fv_setup_read(struct fv_settings *settings, struct fv_setup *setup,
                                 struct fovea_error *error);
+/* Open and read all files that the settings name, and close them again: calibration, network,
+ * mask, map, and the source where it is no camera. */
+enum fovea_status fv_setup_check_files(struct fv_settings *settings, struct fovea_error *error);
 /* The source alone, with its memory; the rest stays. */
 void fv_setup_close_source(struct fv_setup *setup);
 void fv_setup_close(struct fv_setup *setup);

@@ -5,14 +5,15 @@
 #include <string.h>
 #include <sys/stat.h>
 
-#include "app/aligned.h"
-#include "app/canvas.h"
-#include "app/colour.h"
-#include "app/files.h"
-#include "app/json.h"
-#include "app/model_file.h"
-#include "app/options.h"
-#include "app/say.h"
+#include "app/command.h"
+#include "support/aligned.h"
+#include "support/canvas.h"
+#include "support/colour.h"
+#include "support/files.h"
+#include "support/json.h"
+#include "app/config/model_file.h"
+#include "app/config/options.h"
+#include "support/say.h"
 #include "detect/decode.h"
 #include "nn/run.h"
 
@@ -51,10 +52,10 @@ static void engine_close(struct engine *engine)
 static enum fovea_status look_at(struct engine *engine, const struct fovea_image *image)
 {
     const struct fv_model *model = &engine->file.model;
-    struct fv_detect_view view;
-    const enum fovea_status status = fv_detect_view(model, image, &view);
+    struct fv_nn_view view;
+    const enum fovea_status status = fv_nn_view(model, image, &view);
     if (status != FOVEA_OK) return status;
-    fv_detect_fill(model, image, &view, engine->arena, 0, model->header->preprocess.height);
+    fv_nn_fill(model, image, &view, engine->arena, 0, model->header->preprocess.height);
     struct fv_nn_progress progress = {0, 0};
     const uint32_t units =
         engine->units == 0 || engine->units > 1u << 30 ? 1u << 30 : (uint32_t)engine->units;
@@ -123,8 +124,7 @@ static enum fovea_status check_stems(char **paths, int count, const char *folder
         if (by_stem(&sorted[i - 1], &sorted[i]) == 0 && strcmp(sorted[i - 1], sorted[i]) != 0)
             status = fovea_error_set(
                 error, FOVEA_ERROR_INPUT,
-                "--draw %.200s: found %.200s and %.200s, both to be drawn into "
-                "%.*s.png; expected different names",
+                "--draw %.200s: found %.200s and %.200s, both to be drawn into %.*s.png; expected different names",
                 folder, sorted[i - 1], sorted[i], length < 200 ? length : 200, name);
     }
     free(sorted);

@@ -12,10 +12,11 @@
 #include <sys/stat.h>
 
 #include "app/command.h"
-#include "app/options.h"
-#include "app/picture.h"
-#include "app/say.h"
-#include "app/setup.h"
+#include "app/config/options.h"
+#include "support/picture.h"
+#include "support/say.h"
+#include "support/output.h"
+#include "app/config/setup.h"
 #include "fovea/source.h"
 
 static const char *const class_names[FOVEA_OBJECT_CLASS_COUNT] = {"background", "ball", "cone",
@@ -55,8 +56,7 @@ static enum fovea_status write_truth(struct export_run *export, const struct fov
         fprintf(
             export->annotations,
             "%s\n  {\"id\": %" PRIu64 ", \"image_id\": %" PRIu64
-            ", \"category_id\": %d, \"track_id\": %u, "
-            "\"bbox\": [%.2f, %.2f, %.2f, %.2f], \"area\": %.2f, \"iscrowd\": 0, \"visible\": %.4f}",
+            ", \"category_id\": %d, \"track_id\": %u, \"bbox\": [%.2f, %.2f, %.2f, %.2f], \"area\": %.2f, \"iscrowd\": 0, \"visible\": %.4f}",
             export->boxes == 0 ? "" : ",", export->boxes + 1, export->frames, (int)b->object_class,
             b->id, (double)b->x_min_px, (double)b->y_min_px, w, h, w * h, (double)b->visible_share);
         export->boxes++;
@@ -78,8 +78,7 @@ static enum fovea_status write_frame(struct export_run *export, const struct fov
                                "export: found frames in colour, expected grey ones");
     fprintf(export->images,
             "%s\n  {\"id\": %" PRIu64 ", \"file_name\": \"%06" PRIu64
-            ".png\", \"width\": %d, \"height\": %d, "
-            "\"stamp_ns\": %" PRId64 "}",
+            ".png\", \"width\": %d, \"height\": %d, \"stamp_ns\": %" PRId64 "}",
             export->frames == 0 ? "" : ",", export->frames, export->frames, frame->image.width,
             frame->image.height, frame->stamp_ns);
     enum fovea_status status = write_picture(export, "", &frame->image, error);
@@ -116,9 +115,14 @@ static enum fovea_status write_json(const struct export_run *export, struct fove
 {
     char path[PATH_BYTES];
     snprintf(path, sizeof path, "%.900s/truth.json", export->folder);
-    FILE *file = fopen(path, "w");
-    if (file == NULL)
-        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: %s", path, strerror(errno));
+    struct fv_output output;
+    if (fv_output_open(&output, path, FV_OUTPUT_WHOLE, error) != FOVEA_OK)
+        return FOVEA_ERROR_SYSTEM;
+    FILE *file = fv_output_stream(&output);
+    if (file == NULL) {
+        fv_output_discard(&output);
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", path);
+    }
     fprintf(file, "{\"images\": [");
     append(file, export->images);
     fprintf(file, "\n], \"annotations\": [");
@@ -127,10 +131,7 @@ static enum fovea_status write_json(const struct export_run *export, struct fove
     for (int c = 1; c < FOVEA_OBJECT_CLASS_COUNT; c++)
         fprintf(file, "%s\n  {\"id\": %d, \"name\": \"%s\"}", c == 1 ? "" : ",", c, class_names[c]);
     fprintf(file, "\n]}\n");
-    const bool failed = ferror(file) != 0;
-    if (fclose(file) != 0 || failed)
-        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: %s", path, strerror(errno));
-    return FOVEA_OK;
+    return fv_output_close(&output, error);
 }
 
 static enum fovea_status run(struct export_run *export, struct fovea_error *error)
@@ -160,7 +161,7 @@ int fv_command_export(int argc, char **argv)
     const char *uri = "sim:", *address;
     const struct fv_option options[] = {
         {"source", "URI", FV_OPTION_TEXT, &uri, FV_SETUP_SOURCE_HELP},
-        {"frames", "N", FV_OPTION_COUNT, &selection.frames, "end after N frames"},
+        {"frames", "N", FV_OPTION_POSITIVE, &selection.frames, "end after N frames"},
         {"start", "N", FV_OPTION_COUNT, &selection.start, "begin with frame N, from 0"},
         {"step", "K", FV_OPTION_POSITIVE, &selection.step, "take every K-th frame"},
         {"reverse", NULL, FV_OPTION_FLAG, &selection.reverse, "last frame first"},

@@ -1,13 +1,13 @@
-#include "app/extract.h"
+#include "app/lab/extract.h"
 
 #include <inttypes.h>
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "app/aligned.h"
-#include "app/mask.h"
-#include "app/picture.h"
+#include "support/aligned.h"
+#include "app/config/mask.h"
+#include "support/picture.h"
 #include "fovea/fovea.h"
 
 enum fovea_status fv_extract_config(uint64_t max, struct fovea_features_config *config,

@@ -1,7 +1,7 @@
 /* Features and descriptors of one picture, for the commands that look at pictures: the stages of
  * the loop on memory of their own. The heap is used. */
-#ifndef FOVEA_APP_EXTRACT_H
-#define FOVEA_APP_EXTRACT_H
+#ifndef FOVEA_APP_LAB_EXTRACT_H
+#define FOVEA_APP_LAB_EXTRACT_H
 
 #include "features/features.h"
 #include "features/mask.h"

@@ -2,14 +2,14 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "app/canvas.h"
+#include "support/canvas.h"
 #include "app/command.h"
-#include "app/extract.h"
-#include "app/files.h"
-#include "app/options.h"
-#include "app/say.h"
+#include "app/lab/extract.h"
+#include "support/files.h"
+#include "app/config/options.h"
+#include "support/say.h"
 #include "fovea/elementary.h"
-#include "fovea/text.h"
+#include "support/text.h"
 
 /* From fine (warm) to coarse (cold) levels. */
 static const uint32_t level_colour[FOVEA_PYRAMID_LEVELS_MAX] = {
@@ -44,9 +44,7 @@ static void print_json(const struct fv_extract *extract)
     for (uint32_t i = 0; i < extract->features.count; i++) {
         const struct fovea_feature *f = &extract->features.list[i];
         printf(
-            "%s\n  {\"x_px\": %.4f, \"y_px\": %.4f, \"size_px\": %.3f, \"level\": %d, \"score\": %d, "
-            "\"angle_rad\": %.6f, "
-            "\"descriptor\": \"",
+            "%s\n  {\"x_px\": %.4f, \"y_px\": %.4f, \"size_px\": %.3f, \"level\": %d, \"score\": %d, \"angle_rad\": %.6f, \"descriptor\": \"",
             i == 0 ? "" : ",", (double)f->x_px, (double)f->y_px, (double)f->size_px, f->level,
             f->score, (double)extract->orb.angle_rad[i]);
         for (int k = 0; k < FV_DESCRIPTOR_BYTES; k++)

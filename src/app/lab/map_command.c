@@ -5,13 +5,14 @@
 #include <string.h>
 
 #include "app/command.h"
-#include "app/files.h"
-#include "app/map_open.h"
-#include "app/options.h"
-#include "app/say.h"
+#include "support/files.h"
+#include "app/lab/map_open.h"
+#include "app/config/options.h"
+#include "support/say.h"
+#include "support/output.h"
 #include "fovea/elementary.h"
 #include "fovea/odometry.h"
-#include "fovea/text.h"
+#include "support/text.h"
 
 /* The unit of a map: "of 0.413 m (known by odometry to 0.6 %)", or that it is arbitrary. */
 static void unit_print(const struct fv_map_state *s, uint32_t map_id)
@@ -76,16 +77,25 @@ static void info_print(const struct fv_map_open *open, const char *path)
     }
 }
 
-/* ---- export
- * ------------------------------------------------------------------------------------------ */
+/* ---- export ---------------------------------------------------------------------------------- */
 
-static enum fv_exit finish(FILE *file, const char *path)
+static FILE *begin(struct fv_output *output, const char *option, const char *path)
 {
-    errno = EIO; /* where an earlier write failed, its reason is gone */
-    int reason = fflush(file) != 0 || ferror(file) != 0 ? errno : 0;
-    if (fclose(file) != 0 && reason == 0) reason = errno;
-    return reason != 0 ? fv_say_failed("%s: cannot be written: %s", path, strerror(reason))
-                       : FV_EXIT_OK;
+    struct fovea_error error;
+    FILE *file = NULL;
+    if (fv_output_open(output, path, FV_OUTPUT_WHOLE, &error) != FOVEA_OK)
+        fv_say("fovea map: %s: %s", option, error.text);
+    else if ((file = fv_output_stream(output)) == NULL)
+        fv_say("fovea map: %s: %s: out of memory", option, path);
+    if (file == NULL) fv_output_discard(output);
+    return file;
+}
+
+static enum fv_exit finish(struct fv_output *output)
+{
+    struct fovea_error error;
+    return fv_output_close(output, &error) == FOVEA_OK ? FV_EXIT_OK
+                                                       : fv_say_failed("%s", error.text);
 }
 
 /* Landmarks grey by their observers, keyframes blue; coordinates are the map's own. */
@@ -94,9 +104,9 @@ static enum fv_exit ply_write(const struct fv_map_open *open, uint32_t map_id, c
     const struct fv_map *map = &open->map;
     uint32_t slots[FV_MAP_KEYFRAMES_MAX], landmarks = 0;
     const uint32_t keyframes = fv_map_open_order(open, map_id, slots);
-    FILE *file = fopen(path, "we");
-    if (file == NULL)
-        return fv_say_wrong("fovea map: --ply: %s: cannot be written: %s", path, strerror(errno));
+    struct fv_output output;
+    FILE *file = begin(&output, "--ply", path);
+    if (file == NULL) return FV_EXIT_WRONG;
     for (uint32_t i = 0; i < map->limits.landmarks; i++)
         landmarks +=
             map->landmarks[i].used && fv_map_open_map_of(open, &map->landmarks[i]) == map_id;
@@ -118,7 +128,7 @@ static enum fv_exit ply_write(const struct fv_map_open *open, uint32_t map_id, c
         fv_map_open_centre(open, slots[i], centre);
         fprintf(file, "%.9g %.9g %.9g 31 95 168\n", centre[0], centre[1], centre[2]);
     }
-    return finish(file, path);
+    return finish(&output);
 }
 
 /* "time x y z qx qy qz qw" of every keyframe, T_world_cam. */
@@ -126,9 +136,9 @@ static enum fv_exit tum_write(const struct fv_map_open *open, uint32_t map_id, c
 {
     uint32_t slots[FV_MAP_KEYFRAMES_MAX];
     const uint32_t keyframes = fv_map_open_order(open, map_id, slots);
-    FILE *file = fopen(path, "we");
-    if (file == NULL)
-        return fv_say_wrong("fovea map: --tum: %s: cannot be written: %s", path, strerror(errno));
+    struct fv_output output;
+    FILE *file = begin(&output, "--tum", path);
+    if (file == NULL) return FV_EXIT_WRONG;
     for (uint32_t i = 0; i < keyframes; i++) {
         const struct fv_keyframe *k = &open->map.keyframes[slots[i]];
         struct fv_se3 T;
@@ -140,11 +150,10 @@ static enum fv_exit tum_write(const struct fv_map_open *open, uint32_t map_id, c
                 k->stamp_ns / second - (rest < 0), rest + (rest < 0 ? second : 0), T.t[0], T.t[1],
                 T.t[2], q[1], q[2], q[3], q[0]);
     }
-    return finish(file, path);
+    return finish(&output);
 }
 
-/* ---- the command
- * ------------------------------------------------------------------------------------- */
+/* ---- the command ----------------------------------------------------------------------------- */
 
 struct asked {
     const char *action, *file, *picture, *ply, *tum, *world;

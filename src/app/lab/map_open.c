@@ -1,10 +1,10 @@
-#include "app/map_open.h"
+#include "app/lab/map_open.h"
 
 #include <stdlib.h>
 #include <string.h>
 
-#include "app/aligned.h"
-#include "app/map_file.h"
+#include "support/aligned.h"
+#include "app/config/map_file.h"
 #include "base/hash.h"
 
 static void carve(struct fv_map_open *open, struct fv_arena *arena)

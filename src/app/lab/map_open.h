@@ -1,9 +1,9 @@
 /* A map file opened for looking at: its pools in memory of its own. For commands; the heap is used.
  */
-#ifndef FOVEA_APP_MAP_OPEN_H
-#define FOVEA_APP_MAP_OPEN_H
+#ifndef FOVEA_APP_LAB_MAP_OPEN_H
+#define FOVEA_APP_LAB_MAP_OPEN_H
 
-#include "app/canvas.h"
+#include "support/canvas.h"
 #include "fovea/image.h"
 #include "fovea/odometry.h"
 #include "map/archive.h"

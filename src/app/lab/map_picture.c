@@ -4,8 +4,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "app/canvas.h"
-#include "app/map_open.h"
+#include "support/canvas.h"
+#include "app/lab/map_open.h"
 
 #define INK 0x222222
 #define GREY 0xe4e4e4

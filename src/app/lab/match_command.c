@@ -3,13 +3,13 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-#include "app/aligned.h"
-#include "app/canvas.h"
+#include "support/aligned.h"
+#include "support/canvas.h"
 #include "app/command.h"
-#include "app/extract.h"
-#include "app/files.h"
-#include "app/options.h"
-#include "app/say.h"
+#include "app/lab/extract.h"
+#include "support/files.h"
+#include "app/config/options.h"
+#include "support/say.h"
 #include "features/match.h"
 
 /* The pictures side by side, a line for every match, its colour by the direction of the line. */

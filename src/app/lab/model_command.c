@@ -3,10 +3,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "app/aligned.h"
-#include "app/model_file.h"
-#include "app/options.h"
-#include "app/say.h"
+#include "app/command.h"
+#include "support/aligned.h"
+#include "app/config/model_file.h"
+#include "app/config/options.h"
+#include "support/say.h"
 #include "detect/decode.h"
 #include "drivers/clock.h"
 #include "nn/run.h"

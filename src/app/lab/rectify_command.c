@@ -3,14 +3,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "app/aligned.h"
+#include "support/aligned.h"
 #include "app/command.h"
-#include "app/files.h"
-#include "app/options.h"
-#include "app/picture.h"
-#include "app/say.h"
-#include "fovea/calibration.h"
-#include "fovea/text.h"
+#include "support/files.h"
+#include "app/config/options.h"
+#include "support/picture.h"
+#include "support/say.h"
+#include "support/calibration.h"
+#include "support/text.h"
 #include "image/rectify.h"
 
 struct request {

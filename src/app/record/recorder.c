@@ -1,4 +1,4 @@
-#include "app/recorder.h"
+#include "app/record/recorder.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -12,13 +12,15 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "app/aligned.h"
-#include "app/recording_header.h"
-#include "app/say.h"
+#include "support/aligned.h"
+#include "app/record/recording_file.h"
+#include "app/record/recording_header.h"
+#include "support/say.h"
+#include "support/stall.h"
 #include "base/hash.h"
 #include "base/ring.h"
 #include "drivers/thread.h"
-#include "fovea/log.h"
+#include "support/log.h"
 #include "message/jpeg.h"
 #include "message/message.h"
 #include "message/recorded.h"
@@ -31,7 +33,8 @@ enum {
     FEATURE_BYTES = 16,
     OBJECTS_BYTES = 256 << 10, /* detections and tracks, as many as there may be */
     WRITE_BYTES_MAX = 1 << 20,
-    POLL_NS = 4000000
+    POLL_NS = 4000000,
+    LOOK_POLLS = 64 /* between looks whether the file is still there: 0.3 s */
 };
 
 enum ending { RUNNING = 0, ENDED_SLOW = 1, ENDED_FAILED = 2 };
@@ -45,8 +48,8 @@ struct extent {
 struct fv_recorder {
     struct fv_ring ring;
     void *ring_memory;
-    size_t turn_bytes; /* room that pace waits for */
-    char path[FV_SETTINGS_PATH_BYTES];
+    size_t turn_bytes;               /* room that pace waits for */
+    char path[FV_OUTPUT_PATH_BYTES]; /* of the file that is written */
     char channels[FV_MESSAGE_KIND_COUNT][FV_MESSAGE_CHANNEL_BYTES];
 
     /* The loop thread's. */
@@ -62,15 +65,16 @@ struct fv_recorder {
 
     /* The writer's. */
     pthread_t thread;
-    int file;
+    struct fv_recording_file place;
+    int file;              /* of `place` */
+    int looks;             /* since the file was looked for */
     struct extent written; /* whole events */
     struct extent turn;    /* those before the last turn that has begun */
     bool after_frame;      /* the last event was one: the inputs that follow belong to it */
     char reason[FV_RECORDING_END_REASON_BYTES];
 };
 
-/* ---- the loop's side
- * --------------------------------------------------------------------------------- */
+/* ---- the loop's side ------------------------------------------------------------------------- */
 
 /* Room for an event with at most `bytes_max` of data; NULL ends the recording. */
 static uint8_t *event_begin(struct fv_recorder *recorder, const char *channel, size_t bytes_max)
@@ -84,8 +88,7 @@ static uint8_t *event_begin(struct fv_recorder *recorder, const char *channel, s
         atomic_compare_exchange_strong(&recorder->ending, &running, ENDED_SLOW);
         return NULL;
     }
-    /* NOLINTNEXTLINE(bugprone-not-null-terminated-result): the format of logs wants the bytes alone
-     */
+    /* A log holds the bytes alone. NOLINTNEXTLINE(bugprone-not-null-terminated-result) */
     memcpy(event + FOVEA_LOG_HEADER_BYTES, channel, channel_bytes);
     return event;
 }
@@ -181,16 +184,19 @@ static void sleep_a_little(void)
     nanosleep(&pause, NULL);
 }
 
+bool fv_recorder_room(struct fv_recorder *recorder)
+{
+    return recorder == NULL || fv_ring_room(&recorder->ring) >= recorder->turn_bytes ||
+           atomic_load(&recorder->ending) != RUNNING;
+}
+
 void fv_recorder_pace(struct fv_recorder *recorder)
 {
-    if (recorder == NULL) return;
-    while (fv_ring_room(&recorder->ring) < recorder->turn_bytes &&
-           atomic_load(&recorder->ending) == RUNNING)
+    while (!fv_recorder_room(recorder))
         sleep_a_little();
 }
 
-/* ---- the writer
- * -------------------------------------------------------------------------------------- */
+/* ---- the writer ------------------------------------------------------------------------------ */
 
 /* Lengths as an event's header states them. */
 static uint32_t channel_bytes_of(const uint8_t *event)
@@ -248,16 +254,21 @@ static void count_event(struct fv_recorder *recorder, const uint8_t *event)
 }
 
 /* How many bytes were written; fewer than asked: errno says why. */
-static size_t write_bytes(int file, const uint8_t *data, size_t bytes)
+static size_t write_bytes(int file, const char *path, const uint8_t *data, size_t bytes)
 {
     size_t done = 0;
+    const int call = fv_stall_enter(path);
     while (done < bytes) {
         ssize_t wrote = write(file, data + done, bytes - done);
         if (wrote < 0 && errno == EINTR) continue;
         if (wrote == 0) errno = ENOSPC;
         if (wrote <= 0) break;
         done += (size_t)wrote;
+        fv_stall_move(call);
     }
+    const int reason = errno;
+    fv_stall_leave(call);
+    errno = reason;
     return done;
 }
 
@@ -276,10 +287,10 @@ static bool write_end(struct fv_recorder *recorder)
     const uint32_t bytes =
         fv_recording_end_encode(&end, event + head_bytes, FV_RECORDING_END_BYTES_MAX);
     fv_recording_event_head(event, (int64_t)at->events, at->time_us, channel_bytes, bytes);
-    /* NOLINTNEXTLINE(bugprone-not-null-terminated-result): the format of logs wants the bytes alone
-     */
+    /* A log holds the bytes alone. NOLINTNEXTLINE(bugprone-not-null-terminated-result) */
     memcpy(event + FOVEA_LOG_HEADER_BYTES, channel, channel_bytes);
-    if (write_bytes(recorder->file, event, head_bytes + bytes) < head_bytes + bytes) return false;
+    if (write_bytes(recorder->file, recorder->path, event, head_bytes + bytes) < head_bytes + bytes)
+        return false;
     recorder->written.events++;
     recorder->written.bytes += head_bytes + bytes;
     return true;
@@ -316,7 +327,7 @@ static bool write_some(struct fv_recorder *recorder)
     const uint8_t *data = fv_ring_peek(&recorder->ring, &bytes);
     if (data == NULL) return false;
     bytes = whole_events(data, bytes, WRITE_BYTES_MAX);
-    const size_t done = write_bytes(recorder->file, data, bytes);
+    const size_t done = write_bytes(recorder->file, recorder->path, data, bytes);
     const char *problem = done < bytes ? strerrordesc_np(errno) : NULL;
     size_t at = 0;
     for (; at < bytes && at + event_bytes(data + at) <= done; at += event_bytes(data + at))
@@ -339,10 +350,22 @@ static void end_slow(struct fv_recorder *recorder)
     char reason[FV_RECORDING_END_REASON_BYTES];
     snprintf(
         reason, sizeof reason,
-        "the disk is too slow: %zu MiB waited to be written; record to a faster disk, fewer frames, or "
-        "raise record_buffer",
+        "the disk is too slow: %zu MiB waited to be written; record to a faster disk, fewer frames, or raise record_buffer",
         recorder->ring.capacity >> 20);
     end_early(recorder, ENDED_SLOW, reason, false);
+}
+
+/* A few times a second: whoever deletes the file shall not believe that it is being written. */
+static void look_for_file(struct fv_recorder *recorder)
+{
+    if (recorder->looks < 0 || ++recorder->looks < LOOK_POLLS) return;
+    const int call = fv_stall_enter(recorder->path);
+    recorder->looks = fv_output_there(&recorder->place.output) ? 0 : -1;
+    fv_stall_leave(call);
+    if (recorder->looks < 0)
+        fv_say(
+            "%s: the recording was deleted or moved while the run writes it; it goes on, and what a deleted file holds is lost with the run's end",
+            recorder->path);
 }
 
 static void *write_all(void *context)
@@ -364,18 +387,18 @@ static void *write_all(void *context)
             end_early(recorder, ENDED_FAILED, strerrordesc_np(errno), true);
             break;
         }
+        look_for_file(recorder);
         sleep_a_little();
     }
     say_ended(recorder);
     return NULL;
 }
 
-/* ---- opening and closing
- * ----------------------------------------------------------------------------- */
+/* ---- opening and closing --------------------------------------------------------------------- */
 
 static void release(struct fv_recorder *recorder)
 {
-    if (recorder->file >= 0) close(recorder->file);
+    fv_output_discard(&recorder->place.output);
     free(recorder->header);
     free(recorder->ring_memory);
     free(recorder);
@@ -423,6 +446,24 @@ static enum fovea_status make_ring(struct fv_recorder *recorder,
     return FOVEA_OK;
 }
 
+/* Last: by then nothing but the thread can fail, and an earlier recording is not replaced in vain.
+ */
+static enum fovea_status open_place(struct fv_recorder *recorder,
+                                    const struct fv_recorder_setup *setup,
+                                    struct fovea_error *error)
+{
+    const enum fovea_status status =
+        fv_recording_file_open(&recorder->place, setup->path, setup->settings->record_keep, error);
+    recorder->file = recorder->place.output.file;
+    if (status == FOVEA_OK) strcpy(recorder->path, recorder->place.output.path);
+    return status;
+}
+
+const char *fv_recorder_path(const struct fv_recorder *recorder)
+{
+    return recorder->path;
+}
+
 enum fovea_status fv_recorder_open(const struct fv_recorder_setup *setup,
                                    struct fv_recorder **recorder, struct fovea_error *error)
 {
@@ -437,14 +478,12 @@ enum fovea_status fv_recorder_open(const struct fv_recorder_setup *setup,
                            opened->channels[kind]);
     signal(SIGXFSZ, SIG_IGN); /* a file size limit shall end the recording, not the run */
     enum fovea_status status = FOVEA_OK;
-    opened->file = open(setup->path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
-    if (opened->file < 0)
-        status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: cannot be written: %s",
-                                 setup->path, strerror(errno));
-    if (status == FOVEA_OK)
-        status = fv_recording_header_encode(setup->settings, setup->kernel_set, setup->real_time,
-                                            &opened->header, &opened->header_bytes, error);
+    opened->place.output = FV_OUTPUT_CLOSED;
+    status =
+        fv_recording_header_encode(setup->settings, setup->identity, setup->kernel_set,
+                                   setup->real_time, &opened->header, &opened->header_bytes, error);
     if (status == FOVEA_OK) status = make_ring(opened, setup, error);
+    if (status == FOVEA_OK) status = open_place(opened, setup, error);
     if (status == FOVEA_OK) status = start_thread(opened, error);
     if (status != FOVEA_OK) {
         release(opened);
@@ -459,12 +498,22 @@ size_t fv_recorder_bytes(const struct fv_recorder_setup *setup)
     struct fovea_error error;
     uint8_t *header = NULL;
     uint32_t header_bytes = 0;
-    if (fv_recording_header_encode(setup->settings, setup->kernel_set, setup->real_time, &header,
-                                   &header_bytes, &error) != FOVEA_OK)
+    if (fv_recording_header_encode(setup->settings, setup->identity, setup->kernel_set,
+                                   setup->real_time, &header, &header_bytes, &error) != FOVEA_OK)
         return 0;
     free(header);
     return sizeof(struct fv_recorder) + ring_bytes(setup, header_bytes) + header_bytes +
            FV_THREAD_STACK_BYTES;
+}
+
+/* Of a run whose recording ended early: one without a turn is of no use. */
+static enum fv_recording_holds part_held(struct fv_recorder *recorder)
+{
+    if (recorder->written.turns > 0 || !recorder->place.numbered) return FV_RECORDING_PART;
+    const size_t length = strlen(recorder->reason);
+    snprintf(recorder->reason + length, sizeof recorder->reason - length,
+             "; it held no turn and is removed");
+    return FV_RECORDING_NONE;
 }
 
 enum fovea_status fv_recorder_close(struct fv_recorder *recorder,
@@ -475,11 +524,17 @@ enum fovea_status fv_recorder_close(struct fv_recorder *recorder,
         atomic_store_explicit(&recorder->stop, true, memory_order_release);
         pthread_join(recorder->thread, NULL);
         told.complete = atomic_load(&recorder->ending) == RUNNING;
-        if (told.complete && fdatasync(recorder->file) != 0 && errno != EINVAL && errno != EROFS) {
-            snprintf(recorder->reason, sizeof recorder->reason, "%s", strerrordesc_np(errno));
+        const int call = fv_stall_enter(recorder->path);
+        struct fovea_error why;
+        const enum fv_recording_holds holds =
+            told.complete ? FV_RECORDING_ALL : part_held(recorder);
+        if (fv_recording_file_close(&recorder->place, holds, &why) != FOVEA_OK && told.complete) {
+            snprintf(recorder->reason, sizeof recorder->reason, "%.180s", why.text);
             say_ended(recorder);
             told.complete = false;
         }
+        memcpy(told.path, recorder->place.output.path, sizeof told.path);
+        fv_stall_leave(call);
         told.events = recorder->written.events;
         told.bytes = recorder->written.bytes;
         told.turns_lost = recorder->turns_lost;

@@ -5,33 +5,36 @@
  * a thread of its own writes. When the disk is full or the ring overflows because the disk is slow,
  * the recording ends at a whole turn, the log's last message and one line on stderr say why, what
  * came later is counted, and the run goes on. For recorded input at full speed fv_recorder_pace
- * lets the loop wait for the disk instead.
+ * lets the loop wait for the disk instead. A write that stalls is in the table of support/stall.h.
  *
  *     fv_recorder_open(&setup, &recorder, &error);          // before the loop
  *     for each turn:
- *         fv_recorder_pace(recorder);                        // only with --rate max, before the
- * turn fovea_step(...);  fv_recorder_step(recorder, &inputs, &outputs); fovea_work(...);
- * fv_recorder_work(recorder, &inputs, &grants, &outputs); fv_recorder_close(recorder, &summary); //
- * after the loop
+ *         fv_recorder_pace(recorder);                   // only with --rate max, before the turn
+ *         fovea_step(...);  fv_recorder_step(recorder, &inputs, &outputs);
+ *         fovea_work(...);  fv_recorder_work(recorder, &inputs, &grants, &outputs);
+ *     fv_recorder_close(recorder, &summary);                 // after the loop
  *
  * Every function takes NULL for "not recording". */
-#ifndef FOVEA_APP_RECORDER_H
-#define FOVEA_APP_RECORDER_H
+#ifndef FOVEA_APP_RECORD_RECORDER_H
+#define FOVEA_APP_RECORD_RECORDER_H
 
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
-#include "app/recording_end.h"
-#include "app/settings.h"
+#include "app/network/identity.h"
+#include "app/record/recording_end.h"
+#include "support/output.h"
+#include "app/config/settings.h"
 #include "fovea/fovea.h"
 
 struct fv_recorder;
 
 struct fv_recorder_setup {
-    const char *path; /* replaced if it exists */
+    const char *path; /* FILE or DIR/, as recording_file.h says */
     const struct fv_settings
         *settings; /* as the runtime was initialised: camera fitted, mask loaded */
+    const struct fv_identity *identity; /* NULL: none */
     const char *kernel_set;
     bool real_time;
     size_t frame_bytes; /* of the largest frame */
@@ -43,6 +46,9 @@ struct fv_recorder_setup {
 enum fovea_status fv_recorder_open(const struct fv_recorder_setup *setup,
                                    struct fv_recorder **recorder, struct fovea_error *error);
 
+/* The file that is written; valid until closed. */
+const char *fv_recorder_path(const struct fv_recorder *recorder);
+
 /* Record what a step was given and what it gave. After fovea_step, while frame and outputs are
  * valid. Loop thread, real-time safe. */
 void fv_recorder_step(struct fv_recorder *recorder, const struct fovea_inputs *inputs,
@@ -52,7 +58,9 @@ void fv_recorder_step(struct fv_recorder *recorder, const struct fovea_inputs *i
 void fv_recorder_work(struct fv_recorder *recorder, const struct fovea_inputs *inputs,
                       const struct fovea_grants *grants, const struct fovea_outputs *outputs);
 
-/* Wait until the ring has room for a whole turn. Not for frames that come by the clock. */
+/* Whether the ring has room for a whole turn, or the recording has ended; and waiting until it is
+ * so. Not for frames that come by the clock. */
+bool fv_recorder_room(struct fv_recorder *recorder);
 void fv_recorder_pace(struct fv_recorder *recorder);
 
 struct fv_recorder_summary {
@@ -60,6 +68,7 @@ struct fv_recorder_summary {
     uint64_t turns_lost;    /* steps that came after the recording had ended */
     bool complete;          /* everything was written */
     char reason[FV_RECORDING_END_REASON_BYTES]; /* why not, "" when complete */
+    char path[FV_OUTPUT_PATH_BYTES];            /* of the file, as it is called now */
 };
 
 /* Bytes that a recorder so set up takes outside the runtime's block, for the memory table; its path

@@ -1,4 +1,4 @@
-#include "app/recording_end.h"
+#include "app/record/recording_end.h"
 
 #include <stdio.h>
 #include <string.h>

@@ -1,14 +1,14 @@
 /* The last message of a recording, which tells that the log is whole: how many turns and events
  * came before it, the hash of all their bytes, and whether the recording ended with the run.
  * Real-time safe but for the decoder. */
-#ifndef FOVEA_APP_RECORDING_END_H
-#define FOVEA_APP_RECORDING_END_H
+#ifndef FOVEA_APP_RECORD_RECORDING_END_H
+#define FOVEA_APP_RECORD_RECORDING_END_H
 
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
-#include "fovea/log.h"
+#include "support/log.h"
 
 enum { FV_RECORDING_END_REASON_BYTES = 192, FV_RECORDING_END_BYTES_MAX = 256 };
 

@@ -1,15 +1,15 @@
-#include "app/recording_header.h"
+#include "app/record/recording_header.h"
 
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "app/aligned.h"
-#include "app/classes.h"
-#include "app/model_file.h"
+#include "support/aligned.h"
+#include "app/config/classes.h"
+#include "app/config/model_file.h"
 #include "base/hash.h"
-#include "fovea/calibration.h"
+#include "support/calibration.h"
 #include "message/fields.h"
 #include "message/recorded.h"
 
@@ -30,7 +30,7 @@
 #define PROCESSOR "unknown processor"
 #endif
 
-enum { PARTS_MAX = 5 };
+enum { PARTS_MAX = 6 };
 
 static void add_part(fovea_recording_t *message, const char *name, const char *origin,
                      const void *data, size_t bytes)
@@ -72,6 +72,7 @@ static enum fovea_status encode(const fovea_recording_t *message, uint8_t **data
 }
 
 enum fovea_status fv_recording_header_encode(const struct fv_settings *settings,
+                                             const struct fv_identity *identity,
                                              const char *kernel_set, bool real_time, uint8_t **data,
                                              uint32_t *bytes, struct fovea_error *error)
 {
@@ -108,13 +109,14 @@ enum fovea_status fv_recording_header_encode(const struct fv_settings *settings,
     if (settings->runtime.detect.model != NULL)
         add_part(&message, "model", settings->model, settings->runtime.detect.model,
                  settings->runtime.detect.model_bytes);
+    if (identity != NULL && identity->bytes > 0)
+        add_part(&message, "run", identity->channel, identity->data, identity->bytes);
     status = encode(&message, data, bytes, error);
     free(text);
     return status;
 }
 
-/* ---- back
- * -------------------------------------------------------------------------------------------- */
+/* ---- back ------------------------------------------------------------------------------------ */
 
 struct source {
     const char *name;
@@ -200,10 +202,16 @@ static enum fovea_status read_parts(const struct source *from, const fovea_recor
     const fovea_recording_part_t *mask = find_part(message, "mask");
     const fovea_recording_part_t *model = find_part(message, "model");
     const fovea_recording_part_t *map = find_part(message, "map");
+    const fovea_recording_part_t *run = find_part(message, "run");
     if (configuration == NULL || calibration == NULL)
         return fovea_error_set(
             error, FOVEA_ERROR_INPUT, "%s: byte %" PRId64 ": found no %s, expected one", from->name,
             from->offset, configuration == NULL ? "configuration" : "calibration");
+    if (run != NULL && !fv_identity_read(&header->identity, run->data, (uint32_t)run->size_bytes))
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%s: byte %" PRId64 ": run: found %" PRId32
+                               " bytes that are no fovea.run_t, expected one",
+                               from->name, from->offset, run->size_bytes);
     char label[160];
     snprintf(label, sizeof label, "%.128s: configuration", from->name);
     status = fv_settings_parse(&header->settings, label, (const char *)configuration->data,

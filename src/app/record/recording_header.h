@@ -1,19 +1,21 @@
 /* The first message of a recording: configuration, calibration, mask, loaded map and model as bytes
  * with their hashes, so that a replay needs no other file. */
-#ifndef FOVEA_APP_RECORDING_HEADER_H
-#define FOVEA_APP_RECORDING_HEADER_H
+#ifndef FOVEA_APP_RECORD_RECORDING_HEADER_H
+#define FOVEA_APP_RECORD_RECORDING_HEADER_H
 
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
-#include "app/settings.h"
+#include "app/config/settings.h"
+#include "app/network/identity.h"
 #include "fovea/source.h"
 #include "fovea/status.h"
 
-/* Encode the header of a run whose settings are complete (camera fitted, mask loaded). `*data` is
- * the caller's to free. Init-only. */
+/* Encode the header of a run whose settings are complete (camera fitted, mask loaded). `identity`
+ * may be NULL. `*data` is the caller's to free. Init-only. */
 enum fovea_status fv_recording_header_encode(const struct fv_settings *settings,
+                                             const struct fv_identity *identity,
                                              const char *kernel_set, bool real_time, uint8_t **data,
                                              uint32_t *bytes, struct fovea_error *error);
 
@@ -26,6 +28,7 @@ struct fv_recording_header {
     bool real_time;
     bool ends_marked; /* the last message of a whole recording is a recording_end_t */
     char version[32], machine[96], kernel_set[32];
+    struct fv_identity identity; /* run_id 0: the recording has none */
 };
 
 /* Read a header back into complete settings. `name` and `offset` (the message's first byte in the

@@ -1,15 +1,15 @@
-#include "app/replay.h"
+#include "app/record/replay.h"
 
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "app/aligned.h"
-#include "app/recording_header.h"
-#include "app/say.h"
+#include "support/aligned.h"
+#include "app/record/recording_header.h"
+#include "support/say.h"
 #include "base/hash.h"
-#include "fovea/log.h"
+#include "support/log.h"
 #include "message/fields.h"
 #include "message/message.h"
 #include "message/recorded.h"
@@ -65,8 +65,7 @@ static void count_event(struct replay *replay)
     replay->events++;
 }
 
-/* ---- building
- * ---------------------------------------------------------------------------------------- */
+/* ---- building -------------------------------------------------------------------------------- */
 
 static enum fovea_status read_header(struct replay *replay, struct fovea_error *error)
 {
@@ -78,8 +77,7 @@ static enum fovea_status read_header(struct replay *replay, struct fovea_error *
     if (!fovea_log_channel_is(replay->event.channel, "RECORDING"))
         return fovea_error_set(
             error, FOVEA_ERROR_INPUT,
-            "%s: byte 0: found a log that begins with channel %s, expected a recording of fovea run "
-            "(..._RECORDING)",
+            "%s: byte 0: found a log that begins with channel %s, expected a recording of fovea run (..._RECORDING)",
             replay->path, replay->event.channel);
     status =
         fv_recording_header_decode(replay->path, data_offset(&replay->event), replay->event.data,
@@ -93,6 +91,7 @@ static enum fovea_status read_header(struct replay *replay, struct fovea_error *
              "Fovea %s on %s, kernels %s", replay->header.version, replay->header.machine,
              replay->header.kernel_set);
     fv_say_clean(replay->result->recorded_by);
+    replay->result->identity = replay->header.identity;
     return FOVEA_OK;
 }
 
@@ -116,8 +115,7 @@ static enum fovea_status build(struct replay *replay, struct fovea_error *error)
     return FOVEA_OK;
 }
 
-/* ---- comparing
- * --------------------------------------------------------------------------------------- */
+/* ---- comparing ------------------------------------------------------------------------------- */
 
 static void note_difference(struct replay *replay, const char *channel, const char *field,
                             const char *found, const char *expected)
@@ -176,8 +174,7 @@ static void compare_pixels(struct replay *replay, uint64_t expected)
                     texts[1]);
 }
 
-/* ---- feeding
- * ----------------------------------------------------------------------------------------- */
+/* ---- feeding --------------------------------------------------------------------------------- */
 
 static enum fovea_status take_frame(struct replay *replay, struct fovea_error *error)
 {

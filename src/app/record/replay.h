@@ -5,13 +5,14 @@
  * Of messages with clock readings (fovea_message.volatile_values) all but those is compared. A log
  * comes from outside: whatever is in it, the outcome is a replay or one line that names file and
  * byte. Memory: the runtime's block, one frame, one event. Init-only (not for the loop). */
-#ifndef FOVEA_APP_REPLAY_H
-#define FOVEA_APP_REPLAY_H
+#ifndef FOVEA_APP_RECORD_REPLAY_H
+#define FOVEA_APP_RECORD_REPLAY_H
 
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "app/recording_end.h"
+#include "app/network/identity.h"
+#include "app/record/recording_end.h"
 #include "fovea/fovea.h"
 
 /* How a recording ends. */
@@ -30,9 +31,10 @@ struct fv_replay_result {
     enum fv_replay_end end;               /* where the replay came to the end of the log */
     char reason[FV_RECORDING_END_REASON_BYTES]; /* printable, as recorded_by is */
     bool different;
-    char difference[512];   /* one line: frame, channel, field, both values */
-    char recorded_by[192];  /* version, machine and kernel set of the recording */
-    const char *kernel_set; /* of this replay */
+    char difference[512];        /* one line: frame, channel, field, both values */
+    char recorded_by[192];       /* version, machine and kernel set of the recording */
+    const char *kernel_set;      /* of this replay */
+    struct fv_identity identity; /* of the recorded run, before the first call; run_id 0: none */
 };
 
 /* Called with what every step and work sends; may be NULL. */

@@ -9,15 +9,15 @@
 #include <unistd.h>
 
 #include "app/command.h"
-#include "app/loop.h"
-#include "app/realtime.h"
-#include "app/report.h"
-#include "app/results.h"
-#include "app/say.h"
-#include "app/setup.h"
-#include "app/trajectory.h"
-#include "app/recorder.h"
-#include "app/transport_url.h"
+#include "app/run/loop.h"
+#include "app/run/realtime.h"
+#include "app/run/report.h"
+#include "app/run/results.h"
+#include "support/say.h"
+#include "app/config/setup.h"
+#include "app/run/trajectory.h"
+#include "app/record/recorder.h"
+#include "app/network/transport_url.h"
 #include "kernels/cpu.h"
 
 struct check {
@@ -52,8 +52,7 @@ static void line(struct check *check, enum verdict verdict, const char *what, co
     if (verdict == FAILED) check->failed = true;
 }
 
-/* ---- memory
- * ------------------------------------------------------------------------------------------ */
+/* ---- memory ---------------------------------------------------------------------------------- */
 
 /* Bytes in use on the C library's heap, mapped pieces included. */
 static size_t heap_bytes(void)
@@ -110,14 +109,13 @@ static enum fovea_status memory_print(struct check *check, size_t lcm_bytes,
     if (check->setup.map != NULL)
         memory_row("map, until started", "outside", check->settings.runtime.map_bytes);
     if (check->settings.map_save[0] != '\0')
-        memory_row("map, while saved", "outside", fovea_map_bytes_max(&check->settings.runtime));
+        memory_row("map to be saved", "outside", fovea_map_bytes_max(&check->settings.runtime));
     if (check->setup.model.data != NULL)
         memory_row("results, if written", "outside", fv_results_bytes());
     return FOVEA_OK;
 }
 
-/* ---- the machine
- * ------------------------------------------------------------------------------------- */
+/* ---- the machine ----------------------------------------------------------------------------- */
 
 static enum fovea_status kernels_check(struct check *check, struct fovea_error *error)
 {
@@ -191,6 +189,37 @@ static void governor_check(struct check *check)
     fclose(file);
 }
 
+static void commands_check(struct check *check)
+{
+    const struct fv_settings *settings = &check->settings;
+    const bool network =
+        strcmp(settings->listen, "none") != 0 && strcmp(settings->listen, "loopback") != 0;
+    uint8_t key[FV_SIPHASH_KEY_BYTES];
+    struct fovea_error error = {0};
+    const enum fv_transport_kind kind = fv_transport_kind_of(settings->lcm_url);
+    if (kind != FV_TRANSPORT_UDPM && kind != FV_TRANSPORT_TCPQ)
+        line(check, WARNING, "commands", "nobody is heard: lcm_url only sends, or is empty");
+    else if (strcmp(settings->listen, "none") == 0)
+        line(check, WARNING, "commands", "nobody is heard: listen is none");
+    else if (settings->command_key[0] != '\0' &&
+             fv_command_key_read(settings->command_key, key, &error) != FOVEA_OK) {
+        line(check, FAILED, "commands", "%s", error.text);
+        check->wrong = true;
+    } else if (settings->command_key[0] != '\0')
+        line(check, OK, "commands", "are taken from who knows the key in %s",
+             settings->command_key);
+    else if (network && settings->commands != FV_COMMAND_AUTO && settings->commands != 0)
+        line(check, WARNING, "commands",
+             "are taken from everybody who reaches %s: a command_key would ask for a proof",
+             strcmp(settings->listen, "any") == 0 ? "this host" : settings->listen);
+    else if (kind == FV_TRANSPORT_TCPQ && settings->commands == FV_COMMAND_AUTO)
+        line(check, WARNING, "commands",
+             "none is taken: those of a server count as sent from a network (set commands or "
+             "command_key)");
+    else
+        line(check, OK, "commands", "are taken from programs on this host");
+}
+
 static void lcm_check(struct check *check)
 {
     const char *url = check->settings.lcm_url;
@@ -210,7 +239,7 @@ static void lcm_check(struct check *check)
         return;
     case FV_TRANSPORT_TCPQ:
         line(check, WARNING, "LCM",
-             "the server at %s answers, but the loop waits for it: udpm:// never waits", url);
+             "the server at %s answers; when it stops reading, messages are dropped", url);
         return;
     default:
         line(check, WARNING, "LCM", "%s has no subscribers: udpm:// has", url);
@@ -233,8 +262,7 @@ static size_t lcm_bytes(const struct check *check)
     return bytes;
 }
 
-/* ---- the camera
- * -------------------------------------------------------------------------------------- */
+/* ---- the camera ------------------------------------------------------------------------------ */
 
 static void camera_check(struct check *check)
 {
@@ -271,8 +299,7 @@ static void camera_check(struct check *check)
         line(check, WARNING, "frames", "%s", error.text);
 }
 
-/* ---- bench
- * ------------------------------------------------------------------------------------------- */
+/* ---- bench ----------------------------------------------------------------------------------- */
 
 static void *loop_body(void *argument)
 {
@@ -310,8 +337,8 @@ static enum fovea_status bench(struct check *check, struct fovea_error *error)
     double p99_ms = (double)fv_histogram_percentile(&timings.frame.cpu, 0.99) * 1e-6;
     double mean_ms = (double)fv_histogram_mean(&timings.frame.cpu) * 1e-6;
     line(check, OK, "frame rate",
-         "this board can hold %.0f Hz: of %" PRIu64 " frames at %d x %d 99 %% took at most %.2f ms "
-         "(mean %.2f), 85 %% of a period is used",
+         "this board can hold %.0f Hz: of %" PRIu64
+         " frames at %d x %d 99 %% took at most %.2f ms (mean %.2f), 85 %% of a period is used",
          850.0 / p99_ms, loop.counts.processed, check->settings.runtime.camera.width,
          check->settings.runtime.camera.height, p99_ms, mean_ms);
     double rate_hz = loop.ops->info(loop.source)->rate_hz;
@@ -321,8 +348,7 @@ static enum fovea_status bench(struct check *check, struct fovea_error *error)
     return FOVEA_OK;
 }
 
-/* ---- the command
- * ------------------------------------------------------------------------------------- */
+/* ---- the command ----------------------------------------------------------------------------- */
 
 static enum fovea_status machine_check(struct check *check, const struct fovea_error *lock,
                                        struct fovea_error *error)
@@ -334,6 +360,7 @@ static enum fovea_status machine_check(struct check *check, const struct fovea_e
     if (check->memory != NULL) lock_check(check, check->locked, lock->text);
     governor_check(check);
     lcm_check(check);
+    commands_check(check);
     return FOVEA_OK;
 }
 

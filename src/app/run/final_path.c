@@ -1,4 +1,4 @@
-#include "app/final_path.h"
+#include "app/run/final_path.h"
 
 #include <errno.h>
 #include <math.h>
@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "app/aligned.h"
+#include "support/aligned.h"
 #include "base/ring.h"
 #include "geometry/se3.h"
 

@@ -6,12 +6,12 @@
  * corrections still reach it; at the end all are put in place, last left first. Each map (worlds
  * differ after a reset) gets the scale that was known when it ended. Memory beside the ring: 128
  * bytes per keyframe that ever was. */
-#ifndef FOVEA_APP_FINAL_PATH_H
-#define FOVEA_APP_FINAL_PATH_H
+#ifndef FOVEA_APP_RUN_FINAL_PATH_H
+#define FOVEA_APP_RUN_FINAL_PATH_H
 
 #include <stdbool.h>
 
-#include "app/trajectory.h"
+#include "app/run/trajectory.h"
 #include "fovea/fovea.h"
 
 struct fv_final;

@@ -1,4 +1,4 @@
-#include "app/heap.h"
+#include "app/run/heap.h"
 
 #include <errno.h>
 #include <stddef.h>

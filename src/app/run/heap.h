@@ -2,8 +2,8 @@
  * posix_memalign, aligned_alloc and memalign before the C library's and passes every call on; while
  * a thread is armed they are counted. Sanitizer builds have an allocator of their own in that
  * place: there nothing is counted. */
-#ifndef FOVEA_APP_HEAP_H
-#define FOVEA_APP_HEAP_H
+#ifndef FOVEA_APP_RUN_HEAP_H
+#define FOVEA_APP_RUN_HEAP_H
 
 #include <stdbool.h>
 #include <stdint.h>

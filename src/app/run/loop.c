@@ -1,7 +1,7 @@
-#include "app/loop.h"
+#include "app/run/loop.h"
 
-#include "app/heap.h"
-#include "app/realtime.h"
+#include "app/run/heap.h"
+#include "app/run/realtime.h"
 #include "drivers/clock.h"
 
 static const int64_t poll_ns = 100000000;      /* how long to wait before looking at `stop` again */
@@ -26,8 +26,7 @@ static void sleep_until(const struct fv_loop *loop, int64_t due_ns)
     }
 }
 
-/* ---- pace
- * -------------------------------------------------------------------------------------------- */
+/* ---- pace ------------------------------------------------------------------------------------ */
 
 /* When a frame of a source that is not live is due. `asked_ns`: when the loop began to ask for it.
  */
@@ -68,8 +67,7 @@ static bool too_late(struct fv_loop *loop, int64_t late_ns)
     return true;
 }
 
-/* ---- taking a frame
- * ---------------------------------------------------------------------------------- */
+/* ---- taking a frame -------------------------------------------------------------------------- */
 
 enum taken { TAKEN_FRAME, TAKEN_NONE, TAKEN_END };
 
@@ -148,8 +146,7 @@ static void fill_inputs(struct fv_loop *loop, const struct fovea_frame *frame, i
     if (loop->hooks.sense != NULL) loop->hooks.sense(loop->hooks.context, inputs);
 }
 
-/* ---- one turn
- * ---------------------------------------------------------------------------------------- */
+/* ---- one turn -------------------------------------------------------------------------------- */
 
 struct span {
     int64_t wall_ns, cpu_ns;
@@ -199,7 +196,6 @@ static void turn(struct fv_loop *loop, const struct fovea_frame *frame, int64_t 
     struct fovea_inputs inputs;
     struct fovea_outputs outputs;
     struct fovea_pose pose;
-    if (hooks->pace != NULL && !loop->real_time) hooks->pace(hooks->context);
     fill_inputs(loop, frame, late_ns, &inputs);
     struct fovea_grants grants = inputs.grants;
 
@@ -251,6 +247,7 @@ void fv_loop_run(struct fv_loop *loop)
     loop->mark_cpu_ns = begin.cpu_ns;
     fv_heap_arm();
     for (;;) {
+        if (loop->hooks.pace != NULL && !loop->real_time) loop->hooks.pace(loop->hooks.context);
         enum taken taken = take_frame(loop, &frame, &late_ns);
         if (taken == TAKEN_END) break;
         turn(loop, taken == TAKEN_FRAME ? &frame : NULL, late_ns);

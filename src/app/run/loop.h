@@ -1,23 +1,24 @@
 /* The real-time loop: dequeue, step, publish, work, publish, requeue.
  *
  * Runs on a thread of its own, which from the first frame to the last makes no heap call and only
- * these system calls: clock_gettime, clock_nanosleep, what the source's dequeue needs, and LCM's
- * send. The thread that started it watches signals, the terminal and /proc meanwhile, and talks to
- * it through struct fv_loop_shared only.
+ * these system calls: clock_gettime, clock_nanosleep and what the source's dequeue needs. Messages
+ * are copied into rings, from which a thread of its own sends. The thread that started the loop
+ * watches signals, the terminal and /proc meanwhile, and talks to it through struct fv_loop_shared
+ * only.
  *
  * Frames of a source that is not live are paced by their stamps when `real_time` is set. A frame is
  * late by the time since it was due, or since it was asked for when the source itself was slow; one
  * that is late by more than FV_LOOP_QUEUE frame periods is dropped and counted, as a camera's
  * driver with that many buffers would. Until then the loop catches up, so that no frame is dropped
  * for which there was processor time. */
-#ifndef FOVEA_APP_LOOP_H
-#define FOVEA_APP_LOOP_H
+#ifndef FOVEA_APP_RUN_LOOP_H
+#define FOVEA_APP_RUN_LOOP_H
 
 #include <stdatomic.h>
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "app/timing.h"
+#include "app/run/timing.h"
 #include "fovea/fovea.h"
 #include "fovea/source.h"
 
@@ -36,7 +37,8 @@ struct fv_loop_shared {
  * and no waiting but in `pace`. Outputs are valid during the call. */
 struct fv_loop_hooks {
     void *context;
-    void (*pace)(void *context);         /* before a turn, when frames do not come by the clock */
+    void (*pace)(void *context); /* before a frame is taken, when none comes by the clock; returns
+                                    soon after `stop` */
     uint32_t (*commands)(void *context); /* enum fovea_command bits that came since the last call */
     /* Fill in the odometry and boxes that have come; the rest of `inputs` is set. */
     void (*sense)(void *context, struct fovea_inputs *inputs);

@@ -1,4 +1,4 @@
-#include "app/run_picture.h"
+#include "app/run/run_picture.h"
 
 #include <inttypes.h>
 #include <math.h>

@@ -1,4 +1,4 @@
-#include "app/process.h"
+#include "app/run/process.h"
 
 #include <math.h>
 #include <stdbool.h>

@@ -1,7 +1,7 @@
 /* What the process and its machine look like from outside. Each call reads a file under /proc or
  * /sys: off the loop thread. */
-#ifndef FOVEA_APP_PROCESS_H
-#define FOVEA_APP_PROCESS_H
+#ifndef FOVEA_APP_RUN_PROCESS_H
+#define FOVEA_APP_RUN_PROCESS_H
 
 #include <stdint.h>
 

@@ -1,4 +1,4 @@
-#include "app/realtime.h"
+#include "app/run/realtime.h"
 
 #include <errno.h>
 #include <sched.h>

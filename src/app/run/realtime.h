@@ -1,7 +1,7 @@
 /* Real-time means of the system: memory that stays, and a thread that runs first. Init-only. What
  * the system does not permit is no error: it is told, with what would mend it. */
-#ifndef FOVEA_APP_REALTIME_H
-#define FOVEA_APP_REALTIME_H
+#ifndef FOVEA_APP_RUN_REALTIME_H
+#define FOVEA_APP_RUN_REALTIME_H
 
 #include <pthread.h>
 #include <stdbool.h>

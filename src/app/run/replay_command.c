@@ -4,16 +4,17 @@
 #include <string.h>
 
 #include "app/command.h"
-#include "app/files.h"
-#include "app/options.h"
-#include "app/replay.h"
-#include "app/say.h"
-#include "app/setup.h"
-#include "app/transport.h"
+#include "support/files.h"
+#include "app/config/options.h"
+#include "app/record/replay.h"
+#include "support/say.h"
+#include "app/config/setup.h"
+#include "app/network/transport.h"
 #include "drivers/clock.h"
 
 struct sending {
     struct fv_transport *transport;
+    const struct fv_replay_result *result;
     bool paced, started;
     int64_t first_ns, begin_ns; /* stamp of the first turn, and when it was sent */
 };
@@ -25,6 +26,10 @@ static void send(void *context, int64_t now_ns, const struct fovea_outputs *outp
         sending->first_ns = now_ns;
         sending->begin_ns = fv_clock_ns(CLOCK_MONOTONIC);
         sending->started = true;
+        const struct fv_identity *identity = &sending->result->identity;
+        if (identity->run_id != 0)
+            fv_transport_repeat(sending->transport, identity->channel, identity->data,
+                                identity->bytes);
     }
     int64_t wait_ns;
     if (sending->paced && !__builtin_sub_overflow(now_ns, sending->first_ns, &wait_ns)) {
@@ -32,6 +37,8 @@ static void send(void *context, int64_t now_ns, const struct fovea_outputs *outp
         const struct timespec wait = fv_clock_timespec(wait_ns);
         if (wait_ns > 0 && wait_ns < 10 * FV_SECOND_NS) nanosleep(&wait, NULL);
     }
+    while (!fv_transport_room(sending->transport))
+        nanosleep(&(struct timespec){.tv_nsec = 1000000}, NULL);
     fv_transport_publish(sending->transport, outputs);
 }
 
@@ -103,11 +110,18 @@ int fv_command_replay(int argc, char **argv)
                          recording[] = {{"the recording", argv[first]}, {0}};
     if (fv_files_apart(written, recording, &error) != FOVEA_OK)
         return fv_say_wrong("%s", error.text);
+    sending.result = &result;
     sending.paced = strcmp(rate, "real") == 0;
     enum fovea_status status = fv_transport_open(url, 0, &sending.transport, &error);
     if (status != FOVEA_OK) return (fv_say("%s", error.text), fv_setup_exit(status));
     status = fv_replay(argv[first], verify, sending.transport != NULL ? send : NULL, &sending,
                        &result, &error);
+    fv_transport_finish(sending.transport);
+    uint64_t offered;
+    const uint64_t lost = fv_transport_lost(sending.transport, &offered);
     fv_transport_close(sending.transport);
-    return tell(argv[first], verify, status, &result, &error);
+    const enum fv_exit end = tell(argv[first], verify, status, &result, &error);
+    if (lost == 0) return end;
+    return fv_say_failed("%s: %" PRIu64 " of %" PRIu64 " messages could not be written", log, lost,
+                         offered);
 }

@@ -1,9 +1,9 @@
-#include "app/report.h"
+#include "app/run/report.h"
 
 #include <inttypes.h>
 
-#include "app/heap.h"
-#include "app/json.h"
+#include "app/run/heap.h"
+#include "support/json.h"
 
 void fv_report_parts(const struct fovea_memory_table *table,
                      size_t part_bytes[FOVEA_MEMORY_PART_COUNT])
@@ -20,8 +20,7 @@ const char *fv_report_part_name(enum fovea_memory_part part)
     return part >= 0 && part < FOVEA_MEMORY_PART_COUNT ? names[part] : "unknown";
 }
 
-/* ---- JSON
- * -------------------------------------------------------------------------------------------- */
+/* ---- JSON ------------------------------------------------------------------------------------ */
 
 static void histogram_json(FILE *file, const char *prefix, const struct fv_histogram *histogram)
 {
@@ -61,6 +60,24 @@ static void frames_json(FILE *file, const struct fv_loop *loop)
             source->missing, source->damaged, source->dropped, source->recovered);
 }
 
+static void sent_json(FILE *file, const struct fv_transport_sent *sent)
+{
+    fprintf(file, "  \"lcm\": {");
+    for (uint32_t i = 0; i < sent->count; i++) {
+        const struct fv_transport_channel *channel = &sent->channels[i];
+        fprintf(file, "%s\n    ", i > 0 ? "," : "");
+        fv_json_text(file, channel->name);
+        fprintf(file, ": {\"offered\": %" PRIu64 ", \"sent\": %" PRIu64 ", \"dropped\": {",
+                channel->offered, channel->sent);
+        for (int reason = 0; reason < FV_TRANSPORT_DROPS; reason++)
+            fprintf(file, "%s\"%s\": %" PRIu64, reason > 0 ? ", " : "",
+                    fv_transport_drop_name((enum fv_transport_drop)reason),
+                    channel->dropped[reason]);
+        fprintf(file, "}}");
+    }
+    fprintf(file, "},\n");
+}
+
 void fv_report_json(FILE *file, const struct fv_report *report)
 {
     const struct fv_loop *loop = report->loop;
@@ -91,6 +108,7 @@ void fv_report_json(FILE *file, const struct fv_report *report)
             "\"block\": %zu, \"resident_bytes\": %" PRIu64 ", \"resident_max_bytes\": %" PRIu64
             "},\n",
             report->block_bytes, report->resident_bytes, report->resident_max_bytes);
+    if (report->sent != NULL) sent_json(file, report->sent);
     fprintf(file, "  \"resident_bytes\": %" PRIu64 ",\n", report->resident_bytes);
     if (fv_heap_counted())
         fprintf(file, "  \"heap_calls_after_init\": %" PRIu64 "\n}\n", loop->heap_calls);
@@ -98,8 +116,7 @@ void fv_report_json(FILE *file, const struct fv_report *report)
         fprintf(file, "  \"heap_calls_after_init\": null\n}\n");
 }
 
-/* ---- summary
- * ----------------------------------------------------------------------------------------- */
+/* ---- summary --------------------------------------------------------------------------------- */
 
 static void row(FILE *file, const char *name, const struct fv_histogram *histogram)
 {

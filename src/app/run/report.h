@@ -1,10 +1,11 @@
 /* What a run was like: a short summary and JSON. Off the loop thread. */
-#ifndef FOVEA_APP_REPORT_H
-#define FOVEA_APP_REPORT_H
+#ifndef FOVEA_APP_RUN_REPORT_H
+#define FOVEA_APP_RUN_REPORT_H
 
 #include <stdio.h>
 
-#include "app/loop.h"
+#include "app/network/transport.h"
+#include "app/run/loop.h"
 
 struct fv_report {
     const char *source; /* URI */
@@ -14,6 +15,7 @@ struct fv_report {
     size_t part_bytes[FOVEA_MEMORY_PART_COUNT];
     size_t block_bytes;
     uint64_t resident_bytes, resident_max_bytes;
+    const struct fv_transport_sent *sent; /* after fv_transport_finish */
 };
 
 /* Bytes per part of the block. */
@@ -25,7 +27,8 @@ void fv_report_summary(FILE *file, const struct fv_report *report);
 
 /* JSON: frames {in processed dropped tracked lost ...}; stages by name, step, work, frame, each
  * with mean_ns p50_ns p99_ns max_ns of the loop thread's CPU time and the same of wall time as
- * wall_*; memory; heap_calls_after_init (null where this build cannot count). Frames that were
+ * wall_*; memory; lcm: per channel the messages offered, sent and dropped by reason;
+ * heap_calls_after_init (null where this build cannot count). Frames that were
  * dropped came too late or were lost by the source; tracked and lost count frames with and without
  * a pose, of those for which one was sought. */
 void fv_report_json(FILE *file, const struct fv_report *report);

@@ -1,7 +1,7 @@
 /* The timings of a run: CPU time over the run, and where it goes. */
 #include <inttypes.h>
 
-#include "app/run_picture.h"
+#include "app/run/run_picture.h"
 
 enum {
     WIDTH = FV_REPORT_PANEL_WIDTH,

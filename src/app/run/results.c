@@ -1,20 +1,21 @@
-#include "app/results.h"
+#include "app/run/results.h"
 
-#include <errno.h>
 #include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "app/aligned.h"
+#include "support/aligned.h"
 #include "base/ring.h"
+#include "support/output.h"
 
 enum { RING_BYTES = 1 << 20 }; /* a second of full lists at 30 Hz */
 
 enum kind { DETECTIONS, TRACKS, KINDS };
 
 struct output {
-    FILE *file;
+    struct fv_output output;
+    FILE *file; /* its stream; NULL: no file */
     const char *path;
     uint64_t written; /* rows */
 };
@@ -43,7 +44,7 @@ size_t fv_results_bytes(void)
 static void close_files(struct fv_results *results)
 {
     for (int kind = 0; kind < KINDS; kind++)
-        if (results->outputs[kind].file != NULL) fclose(results->outputs[kind].file);
+        fv_output_discard(&results->outputs[kind].output);
 }
 
 enum fovea_status fv_results_open(const char *detections_path, const char *tracks_path,
@@ -57,21 +58,29 @@ enum fovea_status fv_results_open(const char *detections_path, const char *track
         return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory for the results");
     fv_ring_init(&opened->ring, opened->memory, sizeof opened->memory);
     for (int kind = 0; kind < KINDS; kind++) {
-        opened->outputs[kind].path = paths[kind];
-        if (paths[kind] == NULL || (opened->outputs[kind].file = fopen(paths[kind], "we")) != NULL)
-            continue;
-        fovea_error_set(error, FOVEA_ERROR_INPUT, "%.200s: cannot be written: %s", paths[kind],
-                        strerror(errno));
+        struct output *output = &opened->outputs[kind];
+        output->path = paths[kind];
+        output->output = FV_OUTPUT_CLOSED;
+    }
+    enum fovea_status status = FOVEA_OK;
+    for (int kind = 0; kind < KINDS && status == FOVEA_OK; kind++) {
+        struct output *output = &opened->outputs[kind];
+        if (paths[kind] == NULL) continue;
+        status = fv_output_open(&output->output, paths[kind], FV_OUTPUT_STREAM, error);
+        if (status == FOVEA_OK && (output->file = fv_output_stream(&output->output)) == NULL)
+            status =
+                fovea_error_set(error, FOVEA_ERROR_MEMORY, "%.200s: out of memory", paths[kind]);
+    }
+    if (status != FOVEA_OK) {
         close_files(opened);
         free(opened);
-        return FOVEA_ERROR_INPUT;
+        return status;
     }
     *results = opened;
     return FOVEA_OK;
 }
 
-/* ---- loop thread
- * ------------------------------------------------------------------------------------------- */
+/* ---- loop thread ----------------------------------------------------------------------------- */
 
 static size_t record_bytes(enum kind kind, uint32_t count)
 {
@@ -108,8 +117,7 @@ void fv_results_add(struct fv_results *results, const struct fovea_detections *d
     if (tracks->updates > 0) add(results, TRACKS, tracks->sequence, tracks->list, tracks->count);
 }
 
-/* ---- the other side
- * ---------------------------------------------------------------------------------------- */
+/* ---- the other side -------------------------------------------------------------------------- */
 
 /* Pixels count from the corner of the first one in COCO's files, from 1 at its middle in
  * MOTChallenge's. */
@@ -175,9 +183,9 @@ enum fovea_status fv_results_close(struct fv_results *results, struct fovea_erro
     for (int kind = 0; kind < KINDS; kind++) {
         struct output *output = &results->outputs[kind];
         if (output->file == NULL) continue;
-        bool failed = ferror(output->file) != 0;
-        failed = fclose(output->file) != 0 || failed || results->failed;
-        if (failed)
+        if (fv_output_close(&output->output, error) != FOVEA_OK)
+            status = FOVEA_ERROR_SYSTEM;
+        else if (results->failed)
             status = fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.200s: cannot be written",
                                      output->path);
     }

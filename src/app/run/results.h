@@ -8,8 +8,8 @@
  *
  * Tracks are written as MOTChallenge text: one line "frame,id,left,top,width,height,score,-1,-1,-1"
  * per track that was seen in the image; frames and pixels count from 1. */
-#ifndef FOVEA_APP_RESULTS_H
-#define FOVEA_APP_RESULTS_H
+#ifndef FOVEA_APP_RUN_RESULTS_H
+#define FOVEA_APP_RUN_RESULTS_H
 
 #include <stdbool.h>
 #include <stddef.h>

@@ -1,23 +1,39 @@
 /* One run of `fovea run`, shared by the files of the command: run_command.c opens and runs it,
  * run_end.c tells and writes what came of it. */
-#ifndef FOVEA_APP_RUN_H
-#define FOVEA_APP_RUN_H
+#ifndef FOVEA_APP_RUN_RUN_H
+#define FOVEA_APP_RUN_RUN_H
 
-#include <pthread.h>
+#include <semaphore.h>
+#include <stdatomic.h>
 #include <stdio.h>
 
 #include "app/command.h"
-#include "app/final_path.h"
-#include "app/keeper.h"
-#include "app/loop.h"
-#include "app/recorder.h"
-#include "app/results.h"
-#include "app/setup.h"
-#include "app/trails.h"
-#include "app/trajectory.h"
-#include "app/transport.h"
+#include "app/run/final_path.h"
+#include "app/run/keeper.h"
+#include "app/run/loop.h"
+#include "app/record/recorder.h"
+#include "app/run/results.h"
+#include "app/config/setup.h"
+#include "app/run/trails.h"
+#include "app/run/trajectory.h"
+#include "app/network/identity.h"
+#include "app/network/transport.h"
+#include "support/output.h"
 
 #define FV_RUN_PICTURE_FILE "fovea-run.png" /* drawn where nothing else is asked for */
+
+/* What a run writes, by kind. */
+enum fv_run_output {
+    FV_RUN_MAP,
+    FV_RUN_RECORDING,
+    FV_RUN_STATS,
+    FV_RUN_TRAJECTORY,
+    FV_RUN_FINAL,
+    FV_RUN_PICTURE,
+    FV_RUN_DETECTIONS,
+    FV_RUN_TRACKS,
+    FV_RUN_OUTPUT_COUNT
+};
 
 struct fv_run {
     struct fv_setup_options options;
@@ -28,12 +44,16 @@ struct fv_run {
 
     struct fv_settings settings;
     struct fv_setup setup;
-    FILE *stats;
+    struct fv_output stats;
     void *memory;
     size_t bytes;
     struct fovea_error unlocked; /* why the memory is not, though it was to be */
+    int64_t run_id;              /* network/run_id.h */
+    struct fv_identity identity; /* says so */
+    struct fv_identity_watch others;
     struct fv_transport *transport;
     struct fv_recorder *recorder;
+    char recording[FV_OUTPUT_PATH_BYTES]; /* the file that it writes */
     struct fv_trajectory *trajectory;
     struct fv_results *results;
     uint64_t looks;           /* of the detector, whose results were handed on */
@@ -44,14 +64,30 @@ struct fv_run {
     struct fv_loop_shared shared;
     struct fv_timings timings;
     struct fv_loop loop;
-    pthread_t watcher;
+    sem_t ended;                              /* posted by the loop */
+    const char *outputs[FV_RUN_OUTPUT_COUNT]; /* paths, NULL or "" for none */
+    atomic_uint unwritten; /* bits 1 << enum fv_run_output: what is not whole yet */
 };
+
+/* run_files.c, in this order. Before the source is opened: no output is another's, or one of the
+ * files that the settings name, and the map can be saved. FOVEA_ERROR_INPUT says which. */
+enum fovea_status fv_run_files_apart(const struct fv_run *run, struct fovea_error *error);
+/* Whether all outputs can be written; said before an hour's run, and before any file is replaced.
+ * Complaints go to stderr. */
+enum fv_exit fv_run_files_check(const struct fv_run *run);
+/* With the source open, before any file is replaced: no output is a file that the source reads. */
+enum fovea_status fv_run_files_source(struct fv_run *run, struct fovea_error *error);
 
 /* After the loop's last call: the summary on stdout, the statistics, the ends of trajectories and
  * results, and the picture, for whose memory the source is closed. What could not be written is
  * told on stderr. */
 enum fv_exit fv_run_report(struct fv_run *run);
-/* Close the recording, if there is one, and tell what is in it. */
-void fv_run_end_recording(struct fv_run *run);
+/* An output is whole, or it has been said that it is not: a run that ends at once loses it no more.
+ */
+void fv_run_written(struct fv_run *run, enum fv_run_output output);
+/* The outputs that are not whole, as text, for struct fv_signals; `run` is a struct fv_run. */
+void fv_run_lost(const void *run, char *text, size_t bytes);
+/* Close the recording, if there is one, and tell what is in it. FV_EXIT_FAILED: it is not whole. */
+enum fv_exit fv_run_end_recording(struct fv_run *run);
 
 #endif

@@ -2,30 +2,31 @@
 #include <errno.h>
 #include <inttypes.h>
 #include <math.h>
-#include <signal.h>
+#include <semaphore.h>
 #include <stdlib.h>
 #include <string.h>
 #include <time.h>
 #include <unistd.h>
 
-#include "app/files.h"
-#include "app/map_file.h"
-#include "app/process.h"
-#include "app/realtime.h"
-#include "app/run.h"
-#include "app/say.h"
-#include "app/signals.h"
-#include "app/transport_url.h"
+#include "app/run/process.h"
+#include "app/run/realtime.h"
+#include "app/run/run.h"
+#include "support/say.h"
+#include "app/run/signals.h"
+#include "support/stall.h"
+#include "drivers/clock.h"
+#include "drivers/thread.h"
+#include "app/network/run_id.h"
 
-/* ---- around the loop: called on its thread
- * ----------------------------------------------------------- */
+/* ---- around the loop: called on its thread --------------------------------------------------- */
 
 static void pace(void *context)
 {
     struct fv_run *run = context;
-    fv_recorder_pace(run->recorder);
-    while (!fv_trajectory_room(run->trajectory) || !fv_final_room(run->final) ||
-           !fv_results_room(run->results))
+    while (!atomic_load_explicit(&run->shared.stop, memory_order_relaxed) &&
+           (!fv_recorder_room(run->recorder) || !fv_transport_room(run->transport) ||
+            !fv_trajectory_room(run->trajectory) || !fv_final_room(run->final) ||
+            !fv_results_room(run->results)))
         nanosleep(&(struct timespec){.tv_nsec = 1000000}, NULL);
 }
 
@@ -122,12 +123,11 @@ static void *loop_body(void *argument)
 {
     struct fv_run *run = argument;
     fv_loop_run(&run->loop);
-    pthread_kill(run->watcher, SIGUSR1);
+    sem_post(&run->ended);
     return NULL;
 }
 
-/* ---- set-up
- * ------------------------------------------------------------------------------------------ */
+/* ---- set-up ---------------------------------------------------------------------------------- */
 
 static enum fv_options_result options_read(struct fv_run *run, int argc, char **argv)
 {
@@ -139,7 +139,7 @@ static enum fv_options_result options_read(struct fv_run *run, int argc, char **
          "calibration, instead of the source's own"},
         {"rate", "max|real", FV_OPTION_TEXT, &run->options.rate,
          "every frame, or by the clock with late ones dropped"},
-        {"frames", "N", FV_OPTION_COUNT, &run->selection.frames, "end after N frames"},
+        {"frames", "N", FV_OPTION_POSITIVE, &run->selection.frames, "end after N frames"},
         {"start", "N", FV_OPTION_COUNT, &run->selection.start,
          "begin with frame N of the recording, from 0"},
         {"step", "K", FV_OPTION_POSITIVE, &run->selection.step,
@@ -162,8 +162,8 @@ static enum fv_options_result options_read(struct fv_run *run, int argc, char **
          "with what is below its threshold and was kept for the tracker"},
         {"tracks", "FILE", FV_OPTION_TEXT, &run->tracks_path,
          "write the tracks of it as MOTChallenge text"},
-        {"record", "FILE", FV_OPTION_TEXT, &run->options.record,
-         "record the run for 'fovea replay'"},
+        {"record", "FILE|DIR/", FV_OPTION_TEXT, &run->options.record,
+         "record the run for 'fovea replay'; into DIR/ under a new number each time"},
         {"map", "FILE", FV_OPTION_TEXT, &run->options.map, "begin with a map that was saved"},
         {"save-map", "FILE", FV_OPTION_TEXT, &run->options.save_map,
          "save the map at the end, and on the command `save`"},
@@ -177,79 +177,11 @@ static enum fv_options_result options_read(struct fv_run *run, int argc, char **
     return fv_options_parse(options, "", 0, 0, argc, argv, &first);
 }
 
-enum { WRITTEN_MAX = 10, WRITTEN_LOG = 8 };
-
-/* The saved map, which is written beside its place and then put there, and what is opened anew. */
-static void files_written(const struct fv_run *run, struct fv_file written[WRITTEN_MAX])
-{
-    const bool drawn = run->picture_path != NULL && strcmp(run->picture_path, "none") != 0;
-    const struct fv_file files[WRITTEN_MAX] = {
-        {"--save-map", run->settings.map_save},
-        {"--record", run->settings.record},
-        {"--stats", run->stats_path},
-        {"--trajectory", run->trajectory_path},
-        {"--trajectory-final", run->final_path},
-        {"--picture", drawn ? run->picture_path : NULL},
-        {"--detections", run->detections_path},
-        {"--tracks", run->tracks_path},
-    };
-    memcpy(written, files, sizeof files);
-}
-
 /* Settings, and that nothing that is read would be written over. */
 static enum fovea_status settings_read(struct fv_run *run, struct fovea_error *error)
 {
-    enum fovea_status status = fv_setup_settings(&run->options, &run->settings, error);
-    if (status != FOVEA_OK) return status;
-    const char *address = strchr(run->settings.source, ':');
-    char log[FV_TRANSPORT_URL_BYTES];
-    struct fv_file written[WRITTEN_MAX];
-    files_written(run, written);
-    if (fv_transport_file(run->settings.lcm_url, log))
-        written[WRITTEN_LOG] = (struct fv_file){"lcm_url", log};
-    const struct fv_file read[] = {
-        {"--source", address != NULL ? address + 1 : NULL},
-        {"--config", run->options.config},
-        {"--camera", run->settings.camera},
-        {"mask", run->settings.mask},
-        {"--model", run->settings.model},
-        {0},
-    };
-    const struct fv_file map[] = {{"--map", run->settings.map_load}, {0}};
-    status = fv_files_apart(written, read, error);
-    if (status == FOVEA_OK)
-        status = fv_files_apart(written + 1, map, error); /* a map may be saved again */
-    if (status != FOVEA_OK || run->settings.map_save[0] == '\0') return status;
-    status = fv_map_file_probe(run->settings.map_save, error);
-    if (status != FOVEA_OK) fv_settings_blame(&run->settings, "map.save", error);
-    return status;
-}
-
-/* Better said now than after an hour, and before any result of an earlier run is cut. */
-static enum fv_exit outputs_check(struct fv_run *run)
-{
-    struct fovea_error error;
-    struct fv_file written[WRITTEN_MAX];
-    const char *blame;
-    if (run->detections_path != NULL && run->settings.model[0] == '\0')
-        return fv_say_wrong("fovea run: --detections: found no network, expected --model FILE");
-    if (run->tracks_path != NULL && run->settings.model[0] == '\0')
-        return fv_say_wrong("fovea run: --tracks: found no network, expected --model FILE");
-    if (!run->settings.runtime.odometry.enabled &&
-        (run->trajectory_path != NULL || run->final_path != NULL))
-        return fv_say_wrong(
-            "fovea run: --trajectory%s: found no odometry, expected odometry.enabled true",
-            run->trajectory_path != NULL ? "" : "-final");
-    files_written(run, written);
-    for (const struct fv_file *file = written + 2; file->option != NULL; file++)
-        if (file->path != NULL && file->path[0] == '\0')
-            return fv_say_wrong("fovea run: %s: found '', expected a file", file->option);
-    if (fv_files_writable(written + 1, &blame, &error) == FOVEA_OK) return FV_EXIT_OK;
-    if (run->options.record == NULL && strcmp(blame, "--record") == 0) {
-        fv_settings_blame(&run->settings, "record", &error);
-        return fv_say_wrong("%s", error.text);
-    }
-    return fv_say_wrong("fovea run: %s: %s", blame, error.text);
+    const enum fovea_status status = fv_setup_settings(&run->options, &run->settings, error);
+    return status == FOVEA_OK ? fv_run_files_apart(run, error) : status;
 }
 
 static enum fovea_status runtime_open(struct fv_run *run, struct fovea_error *error)
@@ -270,17 +202,33 @@ static enum fovea_status runtime_open(struct fv_run *run, struct fovea_error *er
  * still of use. A malformed URL is. */
 static enum fovea_status transport_open(struct fv_run *run, struct fovea_error *error)
 {
-    const char *prefix = run->settings.runtime.channel_prefix;
+    const struct fv_settings *settings = &run->settings;
     enum fovea_status status =
-        fv_transport_open(run->settings.lcm_url, run->settings.lcm_ttl, &run->transport, error);
-    bool odometry = run->settings.runtime.scale.source == FOVEA_SCALE_ODOMETRY;
-    if (status == FOVEA_OK)
-        status = fv_transport_listen(run->transport, prefix,
-                                     odometry ? run->settings.odometry_channel : NULL, error);
+        fv_transport_open_early(settings->lcm_url, settings->lcm_ttl, &run->transport, error);
+    const bool odometry = settings->runtime.scale.source == FOVEA_SCALE_ODOMETRY;
+    const struct fv_receiver_channel others =
+        fv_identity_row(settings->runtime.channel_prefix, &run->others);
+    struct fv_transport_ears ears = {
+        .listen = settings->listen,
+        .more = &others,
+        .more_count = 1,
+        .rules = {.from_network = settings->commands, .run_id = run->run_id},
+        .odometry_limits = {settings->odometry_max_m_s, settings->odometry_max_rad_s},
+        .prefix = settings->runtime.channel_prefix,
+        .odometry_channel = odometry ? settings->odometry_channel : NULL,
+    };
+    const char *without = "no LCM messages";
+    ears.rules.keyed = settings->command_key[0] != '\0';
+    if (ears.rules.keyed && status == FOVEA_OK)
+        status = fv_command_key_read(settings->command_key, ears.rules.key, error);
+    if (status == FOVEA_OK) {
+        without = "no commands";
+        status = fv_transport_listen(run->transport, &ears, error);
+    }
     if (status == FOVEA_OK) return FOVEA_OK;
     fv_settings_locate(&run->settings, error);
     if (status == FOVEA_ERROR_INPUT) return status;
-    fv_say("fovea run: no LCM messages: %s", error->text);
+    fv_say("fovea run: %s: %s", without, error->text);
     return FOVEA_OK;
 }
 
@@ -290,12 +238,16 @@ static enum fovea_status recorder_open(struct fv_run *run, struct fovea_error *e
     struct fv_recorder_setup setup = {
         .path = run->settings.record,
         .settings = &run->settings,
+        .identity = &run->identity,
         .kernel_set = fovea_cpu_name(run->loop.rt),
         .real_time = run->loop.real_time,
         .frame_bytes = fv_setup_frame_bytes(&run->setup),
     };
     /* A file that cannot be made is a wrong name; later troubles with it are the machine's. */
-    if (fv_recorder_open(&setup, &run->recorder, error) == FOVEA_OK) return FOVEA_OK;
+    if (fv_recorder_open(&setup, &run->recorder, error) == FOVEA_OK) {
+        snprintf(run->recording, sizeof run->recording, "%s", fv_recorder_path(run->recorder));
+        return FOVEA_OK;
+    }
     fv_settings_blame(&run->settings, "record", error);
     return FOVEA_ERROR_INPUT;
 }
@@ -303,10 +255,11 @@ static enum fovea_status recorder_open(struct fv_run *run, struct fovea_error *e
 /* Kept as it is until there is something to write. */
 static enum fovea_status stats_open(struct fv_run *run, struct fovea_error *error)
 {
-    if (run->stats_path == NULL || (run->stats = fopen(run->stats_path, "ae")) != NULL)
+    struct fovea_error why;
+    if (run->stats_path == NULL ||
+        fv_output_open(&run->stats, run->stats_path, FV_OUTPUT_WHOLE, &why) == FOVEA_OK)
         return FOVEA_OK;
-    return fovea_error_set(error, FOVEA_ERROR_INPUT, "--stats: %.200s: cannot be written: %s",
-                           run->stats_path, strerror(errno));
+    return fovea_error_set(error, FOVEA_ERROR_INPUT, "--stats: %.400s", why.text);
 }
 
 /* What is as good as it can be here. Not before all the rest is known to be right: wrong input is
@@ -317,18 +270,26 @@ static void remarks(const struct fv_run *run)
     if (fv_setup_wants_colour(&run->setup) &&
         run->setup.ops->info(run->setup.source)->format == FOVEA_PIXEL_GREY8)
         fv_say(
-            "fovea run: the network takes colour and this source gives grey levels: all its channels get "
-            "these");
+            "fovea run: the network takes colour and this source gives grey levels: all its channels get these");
 }
 
 /* Last what cuts files: by then all that can be wrong with the input has been said. */
 static enum fovea_status open_all(struct fv_run *run, struct fovea_error *error)
 {
     enum fovea_status status = fv_setup_open(&run->settings, &run->selection, &run->setup, error);
+    if (status == FOVEA_OK) status = fv_run_files_source(run, error);
     if (status != FOVEA_OK) return status;
     run->loop.real_time = fv_setup_real_time(&run->settings, &run->setup);
     status = runtime_open(run, error);
-    if (status == FOVEA_OK) status = transport_open(run, error);
+    if (status == FOVEA_OK) status = fv_run_id_make(&run->run_id, error);
+    if (status == FOVEA_OK) {
+        fv_message_prepare();
+        fv_identity_make(&run->identity, run->settings.runtime.channel_prefix, run->run_id);
+        run->others.own = run->run_id;
+        status = transport_open(run, error);
+    }
+    if (status == FOVEA_OK)
+        status = fv_keeper_open(&run->keeper, run->loop.rt, &run->settings, error);
     if (status == FOVEA_OK) remarks(run);
     if (status == FOVEA_OK) status = stats_open(run, error);
     if (status == FOVEA_OK) status = recorder_open(run, error);
@@ -338,10 +299,28 @@ static enum fovea_status open_all(struct fv_run *run, struct fovea_error *error)
         status = fv_results_open(run->detections_path, run->tracks_path, &run->results, error);
     if (status == FOVEA_OK && run->final_path != NULL)
         status = fv_final_open(run->final_path, &run->final, error);
+    if (status == FOVEA_OK) /* the first message: a log takes its place with it */
+        fv_transport_repeat(run->transport, run->identity.channel, run->identity.data,
+                            run->identity.bytes);
     free(run->setup.map); /* read, and recorded */
     run->setup.map = NULL;
     run->settings.runtime.map = NULL;
     return status;
+}
+
+/* What a run that ends at once would lose. */
+static void outputs_open(struct fv_run *run)
+{
+    const char *const paths[FV_RUN_OUTPUT_COUNT] = {
+        [FV_RUN_MAP] = run->settings.map_save,      [FV_RUN_RECORDING] = run->recording,
+        [FV_RUN_STATS] = run->stats_path,           [FV_RUN_TRAJECTORY] = run->trajectory_path,
+        [FV_RUN_FINAL] = run->final_path,           [FV_RUN_PICTURE] = run->picture_path,
+        [FV_RUN_DETECTIONS] = run->detections_path, [FV_RUN_TRACKS] = run->tracks_path,
+    };
+    for (int i = 0; i < FV_RUN_OUTPUT_COUNT; i++) {
+        run->outputs[i] = paths[i];
+        if (paths[i] != NULL && paths[i][0] != '\0') atomic_fetch_or(&run->unwritten, 1u << i);
+    }
 }
 
 static void close_all(struct fv_run *run)
@@ -351,13 +330,13 @@ static void close_all(struct fv_run *run)
     fv_trajectory_close(run->trajectory);
     fv_results_close(run->results, NULL);
     fv_final_close(run->final);
+    fv_keeper_close(&run->keeper);
     fv_setup_close(&run->setup);
     if (run->memory != NULL) fv_realtime_unmap(run->memory, run->bytes);
-    if (run->stats != NULL) fclose(run->stats);
+    fv_output_discard(&run->stats);
 }
 
-/* ---- watching
- * ---------------------------------------------------------------------------------------- */
+/* ---- watching -------------------------------------------------------------------------------- */
 
 static void complaints(struct fv_run *run)
 {
@@ -378,10 +357,27 @@ static void status_line(struct fv_run *run, uint64_t frames_before, double secon
                   (double)atomic_load(&run->shared.resident_bytes) / 1048576.0);
 }
 
-/* Until the loop has ended: signals, the terminal, what the process looks like. */
-static void watch(struct fv_run *run, const sigset_t *signals)
+/* Into the files, each of which may stall. */
+static void drain(struct fv_run *run)
 {
-    const struct timespec wait = {.tv_nsec = 250000000};
+    int call = fv_stall_enter(run->trajectory_path != NULL ? run->trajectory_path : "a path");
+    fv_trajectory_drain(run->trajectory);
+    fv_stall_leave(call);
+    call = fv_stall_enter(run->settings.map_save);
+    fv_keeper_tend(&run->keeper);
+    fv_stall_leave(call);
+    call = fv_stall_enter(run->detections_path != NULL ? run->detections_path
+                          : run->tracks_path != NULL   ? run->tracks_path
+                                                       : "results");
+    fv_results_drain(run->results);
+    fv_stall_leave(call);
+    fv_final_drain(run->final);
+}
+
+/* Until the loop has ended: the terminal, what the process looks like. */
+static void watch(struct fv_run *run)
+{
+    const int64_t wait_ns = 250000000;
     bool terminal = !run->quiet && isatty(STDERR_FILENO);
     uint64_t frames_before = 0;
     int64_t wall_before = 0, wall, cpu;
@@ -390,13 +386,8 @@ static void watch(struct fv_run *run, const sigset_t *signals)
         atomic_store(&run->shared.resident_bytes, fv_process_resident_bytes());
         atomic_store(&run->shared.temperature_c, fv_process_temperature_c());
         complaints(run);
-        fv_trajectory_drain(run->trajectory);
-        fv_keeper_tend(&run->keeper);
-        fv_results_drain(run->results);
-        fv_final_drain(run->final);
-        int got = sigtimedwait(signals, NULL, &wait);
-        if (got == SIGUSR1) break;
-        if (got == SIGINT || got == SIGTERM) atomic_store(&run->shared.stop, true);
+        drain(run);
+        if (fv_thread_take(&run->ended, fv_clock_ns(CLOCK_MONOTONIC) + wait_ns)) break;
         fv_timing_clock(NULL, &wall, &cpu);
         if (!terminal || wall - wall_before < 200000000) continue;
         status_line(run, frames_before, (double)(wall - wall_before) * 1e-9);
@@ -407,8 +398,7 @@ static void watch(struct fv_run *run, const sigset_t *signals)
     complaints(run);
 }
 
-static enum fovea_status run_loop(struct fv_run *run, const sigset_t *signals,
-                                  struct fovea_error *error)
+static enum fovea_status run_loop(struct fv_run *run, struct fovea_error *error)
 {
     struct fv_realtime_rights rights;
     pthread_t thread;
@@ -421,11 +411,8 @@ static enum fovea_status run_loop(struct fv_run *run, const sigset_t *signals,
     loop->shared = &run->shared;
     loop->hooks = (struct fv_loop_hooks){run, pace, commands, sense, step_done, work_done};
     fv_timings_init(&run->timings);
-    run->keeper.path = run->settings.map_save;
-    run->keeper.rt = loop->rt;
-    run->keeper.config = loop->config;
     atomic_store(&run->shared.temperature_c, NAN);
-    run->watcher = pthread_self();
+    sem_init(&run->ended, 0, 0);
 
     enum fovea_status status = loop->ops->start(loop->source, error);
     if (status != FOVEA_OK) return status;
@@ -433,7 +420,7 @@ static enum fovea_status run_loop(struct fv_run *run, const sigset_t *signals,
                                &rights, error);
     if (status != FOVEA_OK) return status;
     if (rights.why.text[0] != '\0') fv_say("fovea run: %s", rights.why.text);
-    watch(run, signals);
+    watch(run);
     pthread_join(thread, NULL);
     if (loop->status < 0)
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.200s: the source failed (%s)",
@@ -441,37 +428,49 @@ static enum fovea_status run_loop(struct fv_run *run, const sigset_t *signals,
     return FOVEA_OK;
 }
 
-/* ---- the command
- * ------------------------------------------------------------------------------------- */
+static enum fovea_status map_end(struct fv_run *run, struct fovea_error *error)
+{
+    const int call = fv_stall_enter(run->settings.map_save);
+    const enum fovea_status status = fv_keeper_end(&run->keeper, error);
+    fv_stall_leave(call);
+    fv_run_written(run, FV_RUN_MAP);
+    return status;
+}
+
+/* ---- the command ----------------------------------------------------------------------------- */
 
 int fv_command_run(int argc, char **argv)
 {
     static struct fv_run run; /* large, and zeroed */
     struct fovea_error error = {0};
-    sigset_t signals;
+    run.stats = FV_OUTPUT_CLOSED;
     enum fv_options_result result = options_read(&run, argc, argv);
     if (result == FV_OPTIONS_HELP) fv_setup_sources_print();
     if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
     enum fovea_status status = settings_read(&run, &error);
     if (status != FOVEA_OK) return (fv_say("%s", error.text), fv_setup_exit(status));
-    enum fv_exit end = outputs_check(&run);
+    enum fv_exit end = fv_run_files_check(&run);
     if (end != FV_EXIT_OK) return end;
-    fv_signals_prepare(&run.shared.stop);
-
-    status = open_all(&run, &error);
-    fv_signals_block(&signals);
+    const struct fv_signals signals = {&run.shared.stop, fv_run_lost, &run};
+    status = fv_signals_watch(&signals, &error);
+    if (status == FOVEA_OK) status = open_all(&run, &error);
+    fv_signals_opened();
     if (status == FOVEA_OK) {
-        status = run_loop(&run, &signals, &error);
+        outputs_open(&run);
+        status = run_loop(&run, &error);
+        const int call = fv_stall_enter(run.settings.source);
         if (run.setup.ops != NULL) run.setup.ops->stop(run.setup.source);
+        fv_stall_leave(call);
     }
     /* Ended before the first frame, there is no map: one of an earlier run is kept. */
     const bool no_map = atomic_load(&run.shared.stop) && run.loop.counts.processed == 0;
-    if (status == FOVEA_OK && !no_map) status = fv_keeper_end(&run.keeper, &error);
+    if (status == FOVEA_OK && !no_map) status = map_end(&run, &error);
     if (status == FOVEA_OK)
         end = fv_run_report(&run);
     else
         end = (fv_say("%s", error.text), fv_setup_exit(status));
-    fv_run_end_recording(&run);
+    const enum fv_exit recorded = fv_run_end_recording(&run);
+    if (end == FV_EXIT_OK) end = recorded;
     close_all(&run);
     return end;
 }

@@ -1,5 +1,5 @@
 /* How a run ends: what came of it is told, and written to the files that were asked for. */
-#include "app/run.h"
+#include "app/run/run.h"
 
 #include <errno.h>
 #include <inttypes.h>
@@ -7,21 +7,22 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "app/process.h"
-#include "app/report.h"
-#include "app/run_picture.h"
-#include "app/say.h"
+#include "app/run/process.h"
+#include "app/run/report.h"
+#include "app/run/run_picture.h"
+#include "support/say.h"
+#include "support/stall.h"
+#include "support/text.h"
 
 static enum fv_exit stats_write(struct fv_run *run, const struct fv_report *report)
 {
-    if (run->stats == NULL) return FV_EXIT_OK;
-    bool failed = ftruncate(fileno(run->stats), 0) != 0 &&
-                  errno != EINVAL; /* EINVAL: not a file of its own */
-    fv_report_json(run->stats, report);
-    failed = failed || ferror(run->stats) != 0;
-    failed = fclose(run->stats) != 0 || failed;
-    run->stats = NULL;
-    return failed ? fv_say_failed("%s: cannot be written", run->stats_path) : FV_EXIT_OK;
+    struct fovea_error error;
+    if (run->stats.file < 0) return FV_EXIT_OK;
+    FILE *stream = fv_output_stream(&run->stats);
+    if (stream == NULL) return fv_say_failed("%s: cannot be written: no memory", run->stats_path);
+    fv_report_json(stream, report);
+    return fv_output_close(&run->stats, &error) == FOVEA_OK ? FV_EXIT_OK
+                                                            : fv_say_failed("%s", error.text);
 }
 
 /* A picture that was asked for must be there; the one that is drawn unasked may fail. */
@@ -31,7 +32,7 @@ static enum fv_exit picture_draw(const struct fv_run *run, const struct fv_repor
     struct fovea_error error;
     const struct fv_run_picture picture = {report, path, &run->trails};
     const char *file = run->picture_path != NULL ? run->picture_path : FV_RUN_PICTURE_FILE;
-    if (strcmp(file, "none") == 0) return FV_EXIT_OK;
+    if (strcmp(file, "none") == 0 || (run->quiet && run->picture_path == NULL)) return FV_EXIT_OK;
     enum fovea_status status =
         fv_run_picture(file, &picture, run->loop.rt, &run->settings.runtime, &error);
     if (status != FOVEA_OK) fv_say("%s", error.text);
@@ -58,9 +59,12 @@ static void path_tell(const struct fv_run *run, const struct fv_trajectory_summa
     printf("  posed %" PRIu64 " of %" PRIu64 " frames, lost %" PRIu64, counts->tracked,
            counts->processed, counts->lost);
     struct fovea_stats stats;
+    char count[FV_TEXT_COUNT_BYTES];
     fovea_stats_get(run->loop.rt, &stats);
-    if (stats.loops_closed > 0) printf(", %" PRIu32 " loops closed", stats.loops_closed);
-    if (stats.maps_merged > 0) printf(", %" PRIu32 " maps merged", stats.maps_merged);
+    if (stats.loops_closed > 0)
+        printf(", %s closed", fv_text_count(stats.loops_closed, "loop", count));
+    if (stats.maps_merged > 0)
+        printf(", %s merged", fv_text_count(stats.maps_merged, "map", count));
     error_tell("", path);
     error_tell("after all optimisation ", final);
     printf("\n");
@@ -83,12 +87,91 @@ static enum fv_exit path_failed(const char *file, const struct fv_trajectory_sum
                          summary->lost);
 }
 
+void fv_run_written(struct fv_run *run, enum fv_run_output output)
+{
+    atomic_fetch_and(&run->unwritten, ~(1u << output));
+    fv_stall_move(-1);
+}
+
+void fv_run_lost(const void *context, char *text, size_t bytes)
+{
+    static const char *const what[FV_RUN_OUTPUT_COUNT] = {
+        [FV_RUN_MAP] = "the map",
+        [FV_RUN_RECORDING] = "the end of the recording",
+        [FV_RUN_STATS] = "the statistics",
+        [FV_RUN_TRAJECTORY] = "the end of the trajectory",
+        [FV_RUN_FINAL] = "the final trajectory",
+        [FV_RUN_PICTURE] = "the picture",
+        [FV_RUN_DETECTIONS] = "the end of the detections",
+        [FV_RUN_TRACKS] = "the end of the tracks",
+    };
+    const struct fv_run *run = context;
+    const unsigned unwritten = atomic_load(&run->unwritten);
+    size_t length = 0;
+    text[0] = '\0';
+    for (int i = 0; i < FV_RUN_OUTPUT_COUNT && length < bytes; i++)
+        if (unwritten & 1u << i)
+            length += (size_t)snprintf(text + length, bytes - length, "%s%s %s",
+                                       length > 0 ? ", " : "", what[i], run->outputs[i]);
+}
+
+static const char *name_of(const struct fv_run *run, enum fv_run_output output)
+{
+    return run->outputs[output] != NULL ? run->outputs[output] : "an output";
+}
+
+/* Parts of the report as calls that may stall. */
+static void summary_print(struct fv_run *run, const struct fv_report *report,
+                          const struct fv_trajectory_summary *path,
+                          const struct fv_trajectory_summary *final)
+{
+    const int call = fv_stall_enter("standard output");
+    fv_report_summary(stdout, report);
+    path_tell(run, path, final);
+    found_tell(run);
+    fv_transport_tell(stdout, run->transport);
+    fflush(stdout);
+    fv_stall_leave(call);
+}
+
+static enum fv_exit recording_close(struct fv_run *run, struct fv_recorder_summary *summary)
+{
+    if (run->recorder == NULL) return FV_EXIT_OK;
+    const enum fovea_status status = fv_recorder_close(run->recorder, summary);
+    run->recorder = NULL;
+    fv_run_written(run, FV_RUN_RECORDING);
+    return status == FOVEA_OK ? FV_EXIT_OK : FV_EXIT_FAILED;
+}
+
+static void recording_print(const struct fv_recorder_summary *summary)
+{
+    const int call = fv_stall_enter("standard output");
+    printf("  recorded %" PRIu64 " events, %.1f MB, in %s%s%s\n", summary->events,
+           (double)summary->bytes * 1e-6, summary->path, summary->complete ? "" : ": incomplete, ",
+           summary->complete ? "" : summary->reason);
+    fflush(stdout);
+    fv_stall_leave(call);
+}
+
+static enum fv_exit log_end(const struct fv_run *run)
+{
+    uint64_t offered;
+    const uint64_t lost = fv_transport_lost(run->transport, &offered);
+    if (lost == 0) return FV_EXIT_OK;
+    return fv_say_failed("%s: %" PRIu64 " of %" PRIu64 " messages could not be written",
+                         run->settings.lcm_url, lost, offered);
+}
+
 enum fv_exit fv_run_report(struct fv_run *run)
 {
     struct fovea_memory_table table;
     struct fovea_error error;
     struct fv_trajectory_summary path, final;
+    struct fv_transport_sent sent;
+    fv_transport_finish(run->transport);
+    fv_transport_sent(run->transport, &sent);
     struct fv_report report = {
+        .sent = &sent,
         .source = run->settings.source,
         .kernel_set = fovea_cpu_name(run->loop.rt),
         .width = run->settings.runtime.camera.width,
@@ -100,30 +183,50 @@ enum fv_exit fv_run_report(struct fv_run *run)
     };
     if (fovea_memory(&run->settings.runtime, &table, &error) == FOVEA_OK)
         fv_report_parts(&table, report.part_bytes);
+    int call = fv_stall_enter(name_of(run, FV_RUN_TRAJECTORY));
     fv_trajectory_finish(run->trajectory, &path);
+    fv_run_written(run, FV_RUN_TRAJECTORY);
+    fv_stall_leave(call);
+    call = fv_stall_enter(name_of(run, FV_RUN_FINAL));
     fv_final_finish(run->final, run->loop.rt, &final);
-    if (!run->quiet) fv_report_summary(stdout, &report);
-    if (!run->quiet) path_tell(run, &path, &final);
-    if (!run->quiet) found_tell(run);
-    if (!run->quiet) fv_transport_tell(stdout, run->transport);
+    fv_run_written(run, FV_RUN_FINAL);
+    fv_stall_leave(call);
+    call =
+        fv_stall_enter(name_of(run, run->tracks_path != NULL ? FV_RUN_TRACKS : FV_RUN_DETECTIONS));
     enum fovea_status results = fv_results_close(run->results, &error);
     run->results = NULL;
+    fv_run_written(run, FV_RUN_DETECTIONS);
+    fv_run_written(run, FV_RUN_TRACKS);
+    fv_stall_leave(call);
     fv_setup_close_source(&run->setup); /* its memory is the picture's */
-    enum fv_exit end = stats_write(run, &report), picture = picture_draw(run, &report, &path);
+    call = fv_stall_enter(name_of(run, FV_RUN_STATS));
+    enum fv_exit end = stats_write(run, &report);
+    fv_run_written(run, FV_RUN_STATS);
+    fv_stall_leave(call);
+    call = fv_stall_enter(name_of(run, FV_RUN_PICTURE));
+    enum fv_exit picture = picture_draw(run, &report, &path);
+    fv_run_written(run, FV_RUN_PICTURE);
+    fv_stall_leave(call);
+    struct fv_recorder_summary recording;
+    const bool recorded = run->recorder != NULL;
+    const enum fv_exit recorded_end = recording_close(run, &recording);
+    if (!run->quiet) { /* when all files are written: the terminal may be stopped */
+        summary_print(run, &report, &path, &final);
+        if (recorded) recording_print(&recording);
+    }
     if (path.failed != 0 || path.lost > 0) return path_failed(run->trajectory_path, &path);
     if (results != FOVEA_OK) return fv_say_failed("%s", error.text);
     if (final.failed != 0 || final.lost > 0) return path_failed(run->final_path, &final);
-    return end != FV_EXIT_OK ? end : picture;
+    if (end == FV_EXIT_OK) end = picture;
+    if (end == FV_EXIT_OK) end = log_end(run);
+    return end != FV_EXIT_OK ? end : recorded_end;
 }
 
-void fv_run_end_recording(struct fv_run *run)
+enum fv_exit fv_run_end_recording(struct fv_run *run)
 {
     struct fv_recorder_summary summary;
-    if (run->recorder == NULL) return;
-    fv_recorder_close(run->recorder, &summary);
-    run->recorder = NULL;
-    if (run->quiet) return;
-    printf("  recorded %" PRIu64 " events, %.1f MB, in %s%s%s\n", summary.events,
-           (double)summary.bytes * 1e-6, run->settings.record,
-           summary.complete ? "" : ": incomplete, ", summary.complete ? "" : summary.reason);
+    if (run->recorder == NULL) return FV_EXIT_OK;
+    const enum fv_exit end = recording_close(run, &summary);
+    if (!run->quiet) recording_print(&summary);
+    return end;
 }

@@ -1,10 +1,10 @@
-#include "app/run_picture.h"
+#include "app/run/run_picture.h"
 
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "app/map_open.h"
+#include "app/lab/map_open.h"
 
 #define INK 0x222222
 #define GREY 0xe4e4e4
@@ -23,8 +23,7 @@ enum {
 static const uint32_t colours[COLOURS] = {0xd62728, 0x2ca02c, 0x1f77b4,
                                           0xbf9000, 0x9467bd, 0x17a2a2};
 
-/* ---- tracks
- * -------------------------------------------------------------------------------------------- */
+/* ---- tracks ---------------------------------------------------------------------------------- */
 
 struct time_axis {
     double seconds;
@@ -104,9 +103,7 @@ static enum fovea_status tracks_panel(struct fv_canvas *canvas, const struct fv_
     return FOVEA_OK;
 }
 
-/* ---- map
- * -----------------------------------------------------------------------------------------------
- */
+/* ---- map ------------------------------------------------------------------------------------- */
 
 /* No panel (no pixels) when there is no map yet. */
 static enum fovea_status map_panel(struct fv_canvas *canvas, struct fovea *rt,
@@ -128,8 +125,7 @@ static enum fovea_status map_panel(struct fv_canvas *canvas, struct fovea *rt,
     return status;
 }
 
-/* ---- the sheet
- * ----------------------------------------------------------------------------------------- */
+/* ---- the sheet ------------------------------------------------------------------------------- */
 
 enum { PATH, TIMINGS, MAP, TRACKS, PANELS };
 

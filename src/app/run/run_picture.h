@@ -4,13 +4,13 @@
  * The path is seen along the direction in which it extends least; the tracks are drawn as where
  * across the image each was, over time, one colour per class; the map is the one with most
  * keyframes. What a run does not have is left out. */
-#ifndef FOVEA_APP_RUN_PICTURE_H
-#define FOVEA_APP_RUN_PICTURE_H
+#ifndef FOVEA_APP_RUN_RUN_PICTURE_H
+#define FOVEA_APP_RUN_RUN_PICTURE_H
 
-#include "app/canvas.h"
-#include "app/report.h"
-#include "app/trails.h"
-#include "app/trajectory.h"
+#include "support/canvas.h"
+#include "app/run/report.h"
+#include "app/run/trails.h"
+#include "app/run/trajectory.h"
 
 struct fv_run_picture {
     const struct fv_report *report;

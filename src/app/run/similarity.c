@@ -1,7 +1,7 @@
 /* Best similarity transform between two point sets, from sums (Umeyama, PAMI 1991). */
 #include <string.h>
 
-#include "app/trajectory.h"
+#include "app/run/trajectory.h"
 #include "geometry/linear.h"
 #include "geometry/vec.h"
 

@@ -1,4 +1,4 @@
-#include "app/timing.h"
+#include "app/run/timing.h"
 
 #include <string.h>
 

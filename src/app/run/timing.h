@@ -5,8 +5,8 @@
  * percentile is off by at most 0.4 % (mean and maximum are exact). Adding is a handful of
  * instructions and real-time safe.
  */
-#ifndef FOVEA_APP_TIMING_H
-#define FOVEA_APP_TIMING_H
+#ifndef FOVEA_APP_RUN_TIMING_H
+#define FOVEA_APP_RUN_TIMING_H
 
 #include <stdint.h>
 

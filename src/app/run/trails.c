@@ -1,4 +1,4 @@
-#include "app/trails.h"
+#include "app/run/trails.h"
 
 /* Every other look goes; those that stay are numbered anew. */
 static void thin(struct fv_trails *trails)

@@ -1,7 +1,7 @@
 /* Where confirmed tracks were across the image over a whole run, for its picture. Fixed memory:
  * when it is full, every other look is forgotten and from then on only so many are kept. */
-#ifndef FOVEA_APP_TRAILS_H
-#define FOVEA_APP_TRAILS_H
+#ifndef FOVEA_APP_RUN_TRAILS_H
+#define FOVEA_APP_RUN_TRAILS_H
 
 #include "fovea/track.h"
 

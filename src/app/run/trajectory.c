@@ -1,4 +1,4 @@
-#include "app/trajectory.h"
+#include "app/run/trajectory.h"
 
 #include <errno.h>
 #include <inttypes.h>
@@ -8,8 +8,9 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "app/aligned.h"
+#include "support/aligned.h"
 #include "base/ring.h"
+#include "support/output.h"
 #include "geometry/se3.h"
 
 enum { RING_BYTES = 1 << 17 }; /* 0.8 s at 1 kHz; it is emptied four times a second */
@@ -23,7 +24,8 @@ struct map {
 
 struct fv_trajectory {
     struct fv_ring ring;
-    FILE *file;
+    struct fv_output output;
+    FILE *file;    /* its stream; NULL: no file */
     uint64_t lost; /* the loop's */
 
     uint64_t samples, with_truth;
@@ -55,18 +57,21 @@ enum fovea_status fv_trajectory_open(const char *path, struct fv_trajectory **tr
     memset(opened, 0, offsetof(struct fv_trajectory, map_of));
     fv_ring_init(&opened->ring, opened->memory, sizeof opened->memory);
     opened->stride = 1;
-    if (path != NULL && (opened->file = fopen(path, "we")) == NULL) {
-        fovea_error_set(error, FOVEA_ERROR_INPUT, "%.200s: cannot be written: %s", path,
-                        strerror(errno));
-        free(opened);
-        return FOVEA_ERROR_INPUT;
+    opened->output = FV_OUTPUT_CLOSED;
+    enum fovea_status status = FOVEA_OK;
+    if (path != NULL) status = fv_output_open(&opened->output, path, FV_OUTPUT_STREAM, error);
+    if (status == FOVEA_OK && path != NULL &&
+        (opened->file = fv_output_stream(&opened->output)) == NULL)
+        status = fovea_error_set(error, FOVEA_ERROR_MEMORY, "%.200s: out of memory", path);
+    if (status != FOVEA_OK) {
+        fv_trajectory_close(opened);
+        return status;
     }
     *trajectory = opened;
     return FOVEA_OK;
 }
 
-/* ---- loop thread
- * ------------------------------------------------------------------------------------- */
+/* ---- loop thread ----------------------------------------------------------------------------- */
 
 bool fv_trajectory_room(struct fv_trajectory *trajectory)
 {
@@ -87,8 +92,7 @@ bool fv_trajectory_add(struct fv_trajectory *trajectory, const struct fv_traject
     return true;
 }
 
-/* ---- the other side
- * ---------------------------------------------------------------------------------- */
+/* ---- the other side -------------------------------------------------------------------------- */
 
 static void line_write(struct fv_trajectory *trajectory, const struct fv_trajectory_sample *sample)
 {
@@ -256,7 +260,9 @@ void fv_trajectory_finish(struct fv_trajectory *trajectory, struct fv_trajectory
     if (trajectory == NULL) return;
     fv_trajectory_drain(trajectory);
     if (trajectory->file != NULL) {
-        if (fclose(trajectory->file) != 0 && trajectory->failed == 0) trajectory->failed = errno;
+        errno = 0;
+        if (fv_output_close(&trajectory->output, NULL) != FOVEA_OK && trajectory->failed == 0)
+            trajectory->failed = errno != 0 ? errno : EIO;
         trajectory->file = NULL;
     }
     summary->samples = trajectory->samples;
@@ -276,6 +282,6 @@ void fv_trajectory_finish(struct fv_trajectory *trajectory, struct fv_trajectory
 void fv_trajectory_close(struct fv_trajectory *trajectory)
 {
     if (trajectory == NULL) return;
-    if (trajectory->file != NULL) fclose(trajectory->file);
+    fv_output_discard(&trajectory->output);
     free(trajectory);
 }

@@ -6,8 +6,8 @@
  * the camera centres to the truth after the best similarity transform (Umeyama, PAMI 1991), from
  * running sums. Maps that were started anew after a loss are each aligned by themselves: the first
  * FV_TRAJECTORY_MAPS_MAX of them, later ones are not judged. */
-#ifndef FOVEA_APP_TRAJECTORY_H
-#define FOVEA_APP_TRAJECTORY_H
+#ifndef FOVEA_APP_RUN_TRAJECTORY_H
+#define FOVEA_APP_RUN_TRAJECTORY_H
 
 #include <stdbool.h>
 #include <stddef.h>

@@ -1,0 +1,110 @@
+#include "app/run/keeper.h"
+
+#include <stdlib.h>
+
+#include "app/config/map_file.h"
+#include "support/aligned.h"
+#include "support/say.h"
+
+static bool keeps(const struct fv_keeper *keeper)
+{
+    return keeper->settings->map_save[0] != '\0' && keeper->settings->runtime.odometry.enabled;
+}
+
+enum fovea_status fv_keeper_open(struct fv_keeper *keeper, struct fovea *rt,
+                                 const struct fv_settings *settings, struct fovea_error *error)
+{
+    keeper->rt = rt;
+    keeper->settings = settings;
+    if (!keeps(keeper)) return FOVEA_OK;
+    keeper->capacity = fovea_map_bytes_max(&settings->runtime);
+    keeper->buffer = fv_aligned_zeroed(keeper->capacity);
+    if (keeper->buffer != NULL) return FOVEA_OK;
+    return fovea_error_set(error, FOVEA_ERROR_MEMORY,
+                           "%.200s: no memory to save the map (%zu bytes)", settings->map_save,
+                           keeper->capacity);
+}
+
+void fv_keeper_close(struct fv_keeper *keeper)
+{
+    free(keeper->buffer);
+    keeper->buffer = NULL;
+}
+
+/* ---- loop thread ----------------------------------------------------------------------------- */
+
+uint32_t fv_keeper_commands(struct fv_keeper *keeper, uint32_t commands)
+{
+    const uint32_t ours = FOVEA_COMMAND_SAVE | FOVEA_COMMAND_OVERWRITE;
+    if (commands & FOVEA_COMMAND_SAVE) {
+        keeper->asked = true;
+        keeper->overwrite = (commands & FOVEA_COMMAND_OVERWRITE) != 0;
+    }
+    commands &= ~ours;
+    if (!keeper->asked || atomic_load(&keeper->stage) != FV_KEEPER_IDLE) return commands;
+    keeper->asked = false;
+    if (keeper->buffer == NULL) {
+        atomic_store(&keeper->unnamed, true);
+        return commands;
+    }
+    keeper->overwrites = keeper->overwrite;
+    fovea_map_save_to(keeper->rt, keeper->buffer, keeper->capacity);
+    atomic_store(&keeper->stage, FV_KEEPER_FILLING);
+    return commands | FOVEA_COMMAND_SAVE;
+}
+
+void fv_keeper_work(struct fv_keeper *keeper, const struct fovea_outputs *outputs)
+{
+    if (outputs->map_bytes == 0 || atomic_load(&keeper->stage) != FV_KEEPER_FILLING) return;
+    fovea_map_save_to(keeper->rt, NULL, 0);
+    keeper->bytes = outputs->map_bytes;
+    atomic_store(&keeper->stage, FV_KEEPER_FULL);
+}
+
+/* ---- watching thread ------------------------------------------------------------------------- */
+
+static enum fovea_status save(const struct fv_keeper *keeper, bool overwrite, size_t bytes,
+                              struct fovea_error *error)
+{
+    const struct fv_settings *settings = keeper->settings;
+    const struct fv_map_file_rules rules = {settings->map_keep,
+                                            overwrite || settings->map_overwrite};
+    struct fv_map_file_saved saved;
+    const enum fovea_status status =
+        fv_map_file_save(settings->map_save, &rules, keeper->buffer, bytes, &saved, error);
+    if (status == FOVEA_OK && saved.beside)
+        fv_say(
+            "%s: found %u landmarks in the map there and %u in the new one, less than half: the new one is saved as %s" FV_MAP_FILE_SMALL
+            "; map.overwrite: true replaces the other",
+            settings->map_save, (unsigned)saved.landmarks_there, (unsigned)saved.landmarks,
+            settings->map_save);
+    return status;
+}
+
+static enum fovea_status write_full(struct fv_keeper *keeper, struct fovea_error *error)
+{
+    fovea_map_seal(keeper->buffer, keeper->bytes);
+    const enum fovea_status status = save(keeper, keeper->overwrites, keeper->bytes, error);
+    if (status != FOVEA_OK) fv_say("%s", error->text);
+    atomic_store(&keeper->stage, FV_KEEPER_IDLE);
+    return status;
+}
+
+void fv_keeper_tend(struct fv_keeper *keeper)
+{
+    struct fovea_error error;
+    if (atomic_load(&keeper->stage) == FV_KEEPER_FULL) (void)write_full(keeper, &error);
+    if (atomic_exchange(&keeper->unnamed, false))
+        fv_say("fovea run: asked to save the map, but map.save names no file");
+}
+
+enum fovea_status fv_keeper_end(struct fv_keeper *keeper, struct fovea_error *error)
+{
+    if (!keeps(keeper)) return FOVEA_OK;
+    if (keeper->stage == FV_KEEPER_FULL) (void)write_full(keeper, error);
+    const size_t bytes = fovea_map_save(keeper->rt, keeper->buffer, keeper->capacity);
+    if (bytes == 0)
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%.200s: found no map to save",
+                               keeper->settings->map_save);
+    return save(keeper, false, bytes, error);
+}
