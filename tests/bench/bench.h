@@ -4,14 +4,13 @@
  * A room adds rows in its own tests/bench/bench_<room>.cpp:
  *
  *     static const bench::Stage pyramid("pyramid, 8 levels", "752x480", "resize x7",
- *                                       [](const bench::Input &input, const struct fv_kernels
- * &kernels) -> bench::Run {
- *                                           ... set up with kernels ...
- *                                           return [=] { what is timed };
- *                                       },
- *                                       [](const bench::Input &input) -> bench::Run { ... });
- *     static const bench::Peer mix("grey_mix_u8", "cvtColor RGB2GRAY", [](const bench::Input
- * &input) -> bench::Run { ... });
+ *         [](const bench::Input &input, const struct fv_kernels &kernels) -> bench::Run {
+ *             ... set up with kernels ...
+ *             return [=] { what is timed };
+ *         },
+ *         [](const bench::Input &input) -> bench::Run { ... });
+ *     static const bench::Peer mix("grey_mix_u8", "cvtColor RGB2GRAY",
+ *         [](const bench::Input &input) -> bench::Run { ... });
  *
  * A Stage is timed with the best kernel set of this processor, with sse4 (or neon) and with plain
  * C. A Peer stands beside a kernel of kernels.def, whose own work is bench_<name> of tests/kernels;

@@ -22,11 +22,10 @@ static Run fast(const Input &input, const struct fv_kernels &kernels, int thresh
     fv_pyramid_build(&made->pyramid, &kernels, &made->frame);
     return [=] {
         (void)block; /* kept alive with the run */
-        const struct fv_level &level = made->pyramid.level[0];
+        const struct fv_plane &level = made->pyramid.level[0];
         struct fv_fast scan;
         size_t count = 0;
-        fv_fast_begin(&scan, &kernels, level.pixels, level.stride_bytes, level.width, level.height,
-                      3, threshold, scratch.get());
+        fv_fast_begin(&scan, &kernels, &level, 3, threshold, scratch.get());
         while (fv_fast_next(&scan))
             for (int32_t i = 0; i < scan.count; i++)
                 (*corners)[count++] = {scan.columns[i], static_cast<uint16_t>(scan.y), 0,

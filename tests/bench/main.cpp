@@ -1,7 +1,7 @@
 /* make bench: every stage and kernel beside OpenCV's function. See bench.h.
  *
  *   bench [--program FOVEA] [--json FILE] [--readme FILE] [--commit TEXT] [--compiler TEXT]
- * [--flags TEXT] [NAME...]
+ *         [--flags TEXT] [NAME...]
  *
  * With NAMEs only rows whose name contains one of them are run, and the README is left alone. */
 #include "bench/bench.h"

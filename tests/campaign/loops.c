@@ -10,7 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "app/trajectory.h"
+#include "app/run/trajectory.h"
 #include "fovea/fovea.h"
 #include "fovea/source.h"
 #include "geometry/vec.h"
@@ -172,9 +172,7 @@ static void run_seed(unsigned seed, const char *options, struct verdict *verdict
         (struct verdict){true, run.closed, run.false_ones, map_fit(&run, &scale) / run.path_m};
     const struct fv_loop_closer_counts *c = &run.rt->odometry.loop.state->counts;
     printf(
-        "seed %u: %u of %u posed, loops %u (false %u), map off %.4f %% of %.1f m; offered %u tried %u "
-        "sampled %u sighted %u "
-        "implausible %u fused %u\n",
+        "seed %u: %u of %u posed, loops %u (false %u), map off %.4f %% of %.1f m; offered %u tried %u sampled %u sighted %u implausible %u fused %u\n",
         seed, run.posed, run.frames, run.closed, run.false_ones, 100 * verdict->share, run.path_m,
         c->offered, c->tried, c->sampled, c->sighted, c->implausible, c->fused);
     fflush(stdout);

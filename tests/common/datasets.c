@@ -18,8 +18,7 @@ static void need(bool holds, const char *what, const char *where)
     abort();
 }
 
-/* ---- files
- * ------------------------------------------------------------------------------------------- */
+/* ---- files ----------------------------------------------------------------------------------- */
 
 const char *fv_test_folder(char path[FV_TEST_PATH_BYTES])
 {
@@ -105,8 +104,7 @@ void *fv_test_read(const char *path, size_t *bytes)
     return memory;
 }
 
-/* ---- pictures
- * ---------------------------------------------------------------------------------------- */
+/* ---- pictures -------------------------------------------------------------------------------- */
 
 void fv_test_picture(uint32_t index, int32_t width, int32_t height, int32_t channels,
                      uint8_t *pixels)
@@ -171,8 +169,7 @@ void fv_test_write_jpeg(const char *path, int32_t width, int32_t height, int32_t
     need(fclose(file) == 0, "not written", path);
 }
 
-/* ---- recordings
- * -------------------------------------------------------------------------------------- */
+/* ---- recordings ------------------------------------------------------------------------------ */
 
 static void write_frame(const char *path, uint32_t index, bool as_jpeg)
 {
@@ -291,8 +288,7 @@ const char *fv_test_images(const char *folder)
     return fv_test_path(folder, "images");
 }
 
-/* ---- containers
- * -------------------------------------------------------------------------------------- */
+/* ---- containers ------------------------------------------------------------------------------ */
 
 static void put_bytes(FILE *file, const void *bytes, size_t count)
 {

@@ -22,8 +22,7 @@ bool fake_alive(const struct fake_camera *camera)
     return camera->plugged && camera->open_now > 0 && !camera->dead;
 }
 
-/* ---- pictures
- * ---------------------------------------------------------------------------------------- */
+/* ---- pictures -------------------------------------------------------------------------------- */
 
 static size_t bytes_per_2_pixels(uint32_t format)
 {
@@ -104,8 +103,7 @@ static bool every(uint32_t made, uint32_t period)
     return period > 0 && made % period == period - 1;
 }
 
-/* ---- buffers
- * ----------------------------------------------------------------------------------------- */
+/* ---- buffers --------------------------------------------------------------------------------- */
 
 bool fake_frame_ready(const struct fake_camera *camera)
 {
@@ -198,8 +196,7 @@ int fake_stream(struct fake_camera *camera, bool on)
     return 0;
 }
 
-/* ---- formats and controls
- * ---------------------------------------------------------------------------- */
+/* ---- formats and controls -------------------------------------------------------------------- */
 
 static void describe(const struct fake_camera *camera, struct v4l2_format *format)
 {

@@ -41,8 +41,7 @@ static struct fake_stage *map_stage(const char *path)
     return stage;
 }
 
-/* ---- in the test
- * --------------------------------------------------------------------------------------- */
+/* ---- in the test ----------------------------------------------------------------------------- */
 
 static void name_in(const struct fake_stage *stage, const char *file, char path[128])
 {
@@ -137,8 +136,7 @@ struct fake_holdings fake_holdings(void)
     return holdings;
 }
 
-/* ---- in the process
- * ------------------------------------------------------------------------------------ */
+/* ---- in the process -------------------------------------------------------------------------- */
 
 static struct {
     struct fake_stage *stage;

@@ -35,8 +35,7 @@ void fake_unlock(void)
     pthread_mutex_unlock(&lock);
 }
 
-/* ---- which camera
- * ------------------------------------------------------------------------------------ */
+/* ---- which camera ---------------------------------------------------------------------------- */
 
 /* Under the lock, as all from here on. The camera is found while its descriptor is open, plugged in
  * or not.
@@ -55,8 +54,7 @@ static struct fake_camera *by_node(const char *node)
     return NULL;
 }
 
-/* ---- the system calls
- * -------------------------------------------------------------------------------- */
+/* ---- the system calls ------------------------------------------------------------------------ */
 
 static int fake_open(const char *path)
 {
@@ -217,8 +215,7 @@ static const struct fv_v4l2_system fake_system = {
     .attribute = fake_attribute,
 };
 
-/* ---- for tests
- * --------------------------------------------------------------------------------------- */
+/* ---- for tests ------------------------------------------------------------------------------- */
 
 void fake_begin(void)
 {

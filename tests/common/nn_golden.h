@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "fovea/text.h"
+#include "support/text.h"
 
 enum { NN_GOLDEN_MAX = 128 };
 

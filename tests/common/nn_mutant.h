@@ -21,7 +21,7 @@ static inline void nn_mutant_seal(uint8_t *data, size_t bytes)
 }
 
 /* The outputs read by every decoder, whatever the file's own. */
-static inline void nn_mutant_decode(const struct fv_model *model, const struct fv_detect_view *view,
+static inline void nn_mutant_decode(const struct fv_model *model, const struct fv_nn_view *view,
                                     uint8_t *arena)
 {
     struct fv_detect_scratch *scratch = malloc(sizeof *scratch);
@@ -74,16 +74,16 @@ static inline int nn_mutant_run(const uint8_t *data, size_t bytes)
                                       .stride_bytes = 48,
                                       .format = FOVEA_PIXEL_RGB24,
                                       .size_bytes = sizeof pixels};
-    struct fv_detect_view view;
-    if (fv_detect_view(&model, &image, &view) == FOVEA_OK) {
-        fv_detect_fill(&model, &image, &view, arena, 0, model.header->preprocess.height);
+    struct fv_nn_view view;
+    if (fv_nn_view(&model, &image, &view) == FOVEA_OK) {
+        fv_nn_fill(&model, &image, &view, arena, 0, model.header->preprocess.height);
     } else {
-        view = (struct fv_detect_view){.image_width = 16,
-                                       .image_height = 16,
-                                       .width = 16,
-                                       .height = 16,
-                                       .scale_x = 1,
-                                       .scale_y = 1};
+        view = (struct fv_nn_view){.image_width = 16,
+                                   .image_height = 16,
+                                   .width = 16,
+                                   .height = 16,
+                                   .scale_x = 1,
+                                   .scale_y = 1};
     }
     nn_mutant_decode(&model, &view, arena);
     free(arena);

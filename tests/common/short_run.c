@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "app/recorder.h"
+#include "app/record/recorder.h"
 #include "common/detector.h"
 
 static void expect(enum fovea_status status, const struct fovea_error *error)

@@ -9,7 +9,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "app/trajectory.h"
+#include "app/run/trajectory.h"
 
 void sim_rig_open(struct sim_rig *rig, const char *uri, int start, int frames)
 {

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "../../drivers/recorded/decode.h"
+#include "support/decode.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t bytes);
 

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "fovea/calibration.h"
+#include "support/calibration.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t bytes);
 

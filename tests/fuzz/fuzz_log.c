@@ -8,11 +8,11 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-#include "app/replay.h"
+#include "app/record/replay.h"
 #include "base/hash.h"
 #include "common/short_run.h"
 #include "fovea/source.h"
-#include "fovea/text.h"
+#include "support/text.h"
 #include "message/fields.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t bytes);

@@ -6,7 +6,11 @@
 
 #include "common/datasets.h"
 #include "common/small_map.h"
-#include "fovea/calibration.h"
+#include "app/network/siphash.h"
+#include "support/calibration.h"
+
+#include "bot_core_pose_t.h"
+#include "fovea_command_t.h"
 
 static void write_pictures(const char *corpus)
 {
@@ -74,6 +78,54 @@ static void write_maps(const char *corpus)
     small_map_free(&small);
 }
 
+static size_t put(uint8_t *at, const void *data, size_t bytes)
+{
+    memcpy(at, data, bytes);
+    return bytes;
+}
+
+static void write_seed(const char *corpus, const char *name, const uint8_t *data, size_t bytes)
+{
+    char path[96];
+    snprintf(path, sizeof path, "fuzz_receiver/%s", name);
+    fv_test_write(fv_test_path(corpus, path), data, bytes);
+}
+
+/* A packet, a server's stream, and commands with and without their proof. */
+static void write_received(const char *corpus)
+{
+    static const uint8_t key[FV_SIPHASH_KEY_BYTES] = "sixteen letters.";
+    static const uint8_t greeting[] = {0x28, 0x76, 0x17, 0xfa, 0, 0, 1, 0};
+    uint8_t text[512], out[512], pose[256];
+    fovea_command_t command = {.commands = 2, .run_id = 77, .sender = 5, .counter = 10};
+    const bot_core_pose_t odometry = {.utime = 1000000, .pos = {1, 2, 3}, .orientation = {1}};
+    fv_test_make_folder(fv_test_path(corpus, "fuzz_receiver"));
+    const size_t bytes = (size_t)fovea_command_t_encode(text, 0, sizeof text, &command);
+    const size_t pose_bytes = (size_t)bot_core_pose_t_encode(pose, 0, sizeof pose, &odometry);
+    command.mac = (int64_t)fv_siphash(key, text, bytes);
+    fovea_command_t_encode(text, 0, sizeof text, &command);
+    for (uint8_t kind = 2; kind < 4; kind++) {
+        size_t used = put(out, &kind, 1);
+        used += put(out + used, text, bytes);
+        write_seed(corpus, kind == 2 ? "keyed" : "command", out, used);
+    }
+    size_t used = put(out, "\0LC02\0\0\0\1C", 11);
+    used += put(out + used, text, bytes);
+    write_seed(corpus, "packet", out, used);
+    used = put(out, "\0LC02\0\0\0\1O", 11);
+    used += put(out + used, pose, pose_bytes);
+    write_seed(corpus, "odometry", out, used);
+    used = put(out, "\0LC03\0\0\0\1\0\0\0\x64\xff\xff\xff\xc0\0\0\0\2C", 24);
+    write_seed(corpus, "fragment", out, used);
+    used = put(out, "\1\7", 2);
+    used += put(out + used, greeting, sizeof greeting);
+    used += put(out + used, "\0\0\0\1\0\0\0\1O\0\0\0", 12);
+    out[used++] = (uint8_t)pose_bytes;
+    used += put(out + used, pose, pose_bytes);
+    used += put(out + used, "\0\0\0\1\0\0\0\1R\xff\xff\xff\xff", 13);
+    write_seed(corpus, "stream", out, used);
+}
+
 static void write_rest(const char *corpus)
 {
     size_t bytes;
@@ -102,6 +154,7 @@ int main(int argc, char **argv)
     write_pictures(argv[1]);
     write_calibrations(argv[1]);
     write_maps(argv[1]);
+    write_received(argv[1]);
     write_rest(argv[1]);
     return 0;
 }

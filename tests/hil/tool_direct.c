@@ -13,7 +13,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "fovea/log.h"
+#include "support/log.h"
 #include "fovea_frame_t.h"
 
 /* The rows of the recorded frame are those of the picture. */

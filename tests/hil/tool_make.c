@@ -1,7 +1,8 @@
 /* hil-tool make FORMAT WIDTH HEIGHT COUNT FILE
  *     Frames in which every byte value occurs and no two are alike; MJPG also writes FILE.grey,
- * what the pictures decode to. hil-tool make sim URI COUNT FILE Grey frames of the simulated
- * camera. */
+ *     what the pictures decode to.
+ * hil-tool make sim URI COUNT FILE
+ *     Grey frames of the simulated camera. */
 #include "tool.h"
 
 #include <errno.h>
@@ -11,7 +12,7 @@
 
 #include <jpeglib.h>
 
-#include "../../drivers/recorded/decode.h"
+#include "support/decode.h"
 #include "fovea/source.h"
 
 static void put(FILE *file, const void *data, size_t bytes)

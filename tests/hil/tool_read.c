@@ -33,8 +33,7 @@
 #include "common/heap_calls.h"
 #include "fovea/source.h"
 
-/* ---- heap calls, of this thread and of all
- * ----------------------------------------------------------- */
+/* ---- heap calls, of this thread and of all --------------------------------------------------- */
 
 static atomic_ulong heap_calls;
 static _Thread_local unsigned long heap_calls_here;
@@ -49,8 +48,7 @@ static void on_heap_free(void)
 {
 }
 
-/* ---- what is read
- * ------------------------------------------------------------------------------------ */
+/* ---- what is read ---------------------------------------------------------------------------- */
 
 static const char *const state_names[] = {"ok", "late", "stalled", "gone", "returning", "ended"};
 
@@ -89,8 +87,7 @@ static void look(void)
     }
 }
 
-/* ---- comparing
- * --------------------------------------------------------------------------------------- */
+/* ---- comparing ------------------------------------------------------------------------------- */
 
 static void copy_rows(uint8_t **to, const uint8_t *from, size_t row_bytes, ptrdiff_t stride,
                       int32_t rows)
@@ -221,8 +218,7 @@ static bool reach(enum fovea_source_state state)
     return reading.state == state;
 }
 
-/* ---- what the process holds
- * -------------------------------------------------------------------------- */
+/* ---- what the process holds ------------------------------------------------------------------ */
 
 struct holdings {
     long descriptors, mappings, processes;
@@ -323,8 +319,7 @@ static bool unplug_times(void)
            before.processes == after.processes && before.heap_bytes == after.heap_bytes;
 }
 
-/* ---- the command
- * ------------------------------------------------------------------------------------- */
+/* ---- the command ----------------------------------------------------------------------------- */
 
 static void read_option(const char *text)
 {
@@ -400,9 +395,7 @@ int tool_read(int argc, char **argv)
     struct fovea_source_counts counts;
     reading.ops->counts(reading.source, &counts);
     printf(
-        "%.3f end: state %s, delivered %llu, damaged %llu, dropped %llu, recovered %llu, exact %ld, "
-        "longest wait "
-        "past a deadline %.1f ms\n",
+        "%.3f end: state %s, delivered %llu, damaged %llu, dropped %llu, recovered %llu, exact %ld, longest wait past a deadline %.1f ms\n",
         since(), state_names[reading.state], (unsigned long long)counts.delivered,
         (unsigned long long)counts.damaged, (unsigned long long)counts.dropped,
         (unsigned long long)counts.recovered, reading.exact,

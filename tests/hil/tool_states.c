@@ -12,16 +12,16 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "fovea/log.h"
+#include "support/log.h"
 #include "fovea_camera_status_t.h"
 #include "fovea_pose_t.h"
 
-static const char *const pose_names[] = {"starting", "tracking", "weak", "lost"};
+static const char *const pose_names[] = {"starting", "tracking", "weak", "lost", "paused"};
 static const char *const names[] = {"ok", "late", "stalled", "gone", "returning", "ended"};
 
 static struct told {
     int last_state;
-    long frames, poses, pose_state[4], gone_steps;
+    long frames, poses, pose_state[5], gone_steps;
     int64_t gone_ns, gone_since_ns;
     uint64_t delivered, damaged, dropped, recovered;
 } told = {.last_state = -1};
@@ -54,7 +54,7 @@ static void take_status(const fovea_camera_status_t *status)
 
 static void take_pose(int state)
 {
-    if (state < 0 || state > 3) tool_fail("unknown state %d of the pose", state);
+    if (state < 0 || state > 4) tool_fail("unknown state %d of the pose", state);
     if (state != last_pose) printf("pose %s after %ld poses\n", pose_names[state], told.poses);
     if (next_pose < pose_count && wanted_poses[next_pose] == state) {
         next_pose++;
@@ -107,9 +107,7 @@ int tool_states(int argc, char **argv)
         take_event(&event);
     fovea_log_close(log);
     printf(
-        "%ld frames, %ld poses (%ld starting, %ld tracking, %ld weak, %ld lost); delivered %llu, damaged "
-        "%llu, "
-        "dropped %llu, recovered %llu; %ld steps in %.2f s while gone\n",
+        "%ld frames, %ld poses (%ld starting, %ld tracking, %ld weak, %ld lost); delivered %llu, damaged %llu, dropped %llu, recovered %llu; %ld steps in %.2f s while gone\n",
         told.frames, told.poses, told.pose_state[0], told.pose_state[1], told.pose_state[2],
         told.pose_state[3], (unsigned long long)told.delivered, (unsigned long long)told.damaged,
         (unsigned long long)told.dropped, (unsigned long long)told.recovered, told.gone_steps,

@@ -8,12 +8,13 @@
  *   2  half of every fourth     3  every fourth has the error bit
  *   4  bytes in the middle of every third are overwritten
  *   5  the gain is refused      6  every request for a format is refused, as where the bus has no
- * room
+ *      room
  *
  *   port=N          of the emulated bus
  *   serial=TEXT     serial number
  *   after=FILE      a frame goes out when FILE has grown by one since the last, or after ten
- * seconds, whatever RATE says leaves=N        the camera is unplugged when N frames have gone out
+ *                   seconds, whatever RATE says
+ *   leaves=N        the camera is unplugged when N frames have gone out
  *   waits=MS        so long it streams before its first frame
  *
  * After the USB Video Class specification 1.0 (descriptors and requests) and
@@ -126,8 +127,7 @@ static const struct offer *offer(const uint8_t block[26])
     return &camera.offers[block[2] - 1];
 }
 
-/* ---- the socket
- * -------------------------------------------------------------------------------------- */
+/* ---- the socket ------------------------------------------------------------------------------ */
 
 static void receive(void *to, size_t bytes)
 {
@@ -168,8 +168,7 @@ static void reply_unlink(uint32_t number, int32_t status)
     deliver(&packet, sizeof packet);
 }
 
-/* ---- descriptors
- * ------------------------------------------------------------------------------------- */
+/* ---- descriptors ----------------------------------------------------------------------------- */
 
 /* One descriptor, its length filled in. */
 static void add(const uint8_t *bytes, size_t count)
@@ -226,8 +225,7 @@ static void describe(void)
     store_word(2, camera.descriptor_bytes);
 }
 
-/* ---- requests
- * ---------------------------------------------------------------------------------------- */
+/* ---- requests -------------------------------------------------------------------------------- */
 
 static void fix_probe(uint8_t probe[26])
 {
@@ -385,8 +383,7 @@ static void answer_request(uint32_t number, const uint8_t setup[8], const uint8_
     if (!done) reply(number, -EPIPE, NULL, 0, 0);
 }
 
-/* ---- transfers
- * --------------------------------------------------------------------------------------- */
+/* ---- transfers ------------------------------------------------------------------------------- */
 
 static void forget(struct pending *list, size_t *count, size_t i)
 {
@@ -500,8 +497,7 @@ static void serve(void)
     }
 }
 
-/* ---- set-up
- * ------------------------------------------------------------------------------------------ */
+/* ---- set-up ---------------------------------------------------------------------------------- */
 
 static void read_option(const char *text)
 {

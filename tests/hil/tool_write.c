@@ -2,8 +2,9 @@
  * Frames of FILE, over and over, COUNT of them (0: until killed), into a video output.
  *
  *   mmap=N      through N mapped buffers, not by write(); with more of them than FILE has frames,
- * the output always has frames waiting after=FILE  a frame goes out when FILE has grown by one
- * since the last, or after ten seconds, whatever RATE says */
+ *               the output always has frames waiting
+ *   after=FILE  a frame goes out when FILE has grown by one since the last, or after ten seconds,
+ *              whatever RATE says */
 #include "tool.h"
 
 #include <errno.h>

@@ -189,8 +189,7 @@ int main()
     std::printf("projected corners: median %.3f px from those found, %zu corners of %zu images\n",
                 error, errors.size(), found);
     std::printf(
-        "worst line of a board off straight by %.3f px RMS, median of %zu images (largest %.3f); raw "
-        "%.2f px\n",
+        "worst line of a board off straight by %.3f px RMS, median of %zu images (largest %.3f); raw %.2f px\n",
         median(straight), straight.size(), worst, median(raw));
     return error < 0.25 && worst < 0.3 ? 0 : 1;
 }

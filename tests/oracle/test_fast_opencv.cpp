@@ -2,7 +2,7 @@
  * (or of opencv-doc), over thresholds 5 to 60, with every kernel set of this processor.
  *
  *   test_fast_opencv [FOLDER [LIMIT]]     default: up to 60 images of $FOVEA_DATA; LIMIT 0: all of
- * them */
+ *                                         them */
 #include "oracle/images.h"
 
 #include <cstdio>
@@ -44,8 +44,9 @@ std::vector<Corner> ours(const struct fv_kernels &kernels, const cv::Mat &image,
 
     std::vector<Corner> corners;
     struct fv_fast fast;
-    fv_fast_begin(&fast, &kernels, pixels.data(), stride, image.cols, image.rows,
-                  FV_FAST_BORDER_MIN_PX, threshold, &scratch);
+    const struct fv_plane plane = {const_cast<uint8_t *>(pixels.data()), image.cols, image.rows,
+                                   stride};
+    fv_fast_begin(&fast, &kernels, &plane, FV_FAST_BORDER_MIN_PX, threshold, &scratch);
     while (fv_fast_next(&fast))
         for (int i = 0; i < fast.count; i++)
             corners.push_back({fast.columns[i], fast.y, fast.scores[fast.columns[i]]});

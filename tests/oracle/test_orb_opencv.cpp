@@ -1,11 +1,11 @@
 /* ORB against OpenCV's, on real images with every kernel set of this processor:
  *  - smoothing equals cv::GaussianBlur(7x7, 2, 2) bit for bit;
  *  - descriptors equal, bit for bit, OpenCV's formula written out here over cv::GaussianBlur's
- * image;
+ *    image;
  *  - orientation is the nearest of our directions, within the error of OpenCV's approximate arc
- * tangent;
+ *    tangent;
  *  - cv::ORB::compute itself, whose blur of a sub-image is floating point, gives nearly the same
- * bits.
+ *    bits.
  *
  *   test_orb_opencv [FOLDER [LIMIT]]     default: up to 24 images of $FOVEA_DATA */
 #include "oracle/images.h"
@@ -198,9 +198,9 @@ bool check_image(const cv::Mat &image, const std::vector<struct fv_kernels> &set
         for (end = start;
              end < found.corners.size() && found.corners[end].level == found.corners[start].level;)
             end++;
-        const struct fv_level &level = made.pyramid.level[found.corners[start].level];
+        const struct fv_plane &level = made.pyramid.level[found.corners[start].level];
         const cv::Mat view(level.height, level.width, CV_8U, level.pixels,
-                           static_cast<size_t>(level.stride_bytes));
+                           static_cast<size_t>(level.stride));
         if (!check_level(view.clone(), found, start, end - start, totals)) return false;
     }
     totals.images++;
@@ -245,8 +245,7 @@ int main(int argc, char **argv)
                                                (256.0 * static_cast<double>(totals.cv_points))
                                          : 0;
     std::printf(
-        "%zu images, %zu descriptors, all equal to the formula on cv::GaussianBlur; angles within "
-        "%.3f degrees\n",
+        "%zu images, %zu descriptors, all equal to the formula on cv::GaussianBlur; angles within %.3f degrees\n",
         totals.images, totals.points, totals.angle_worst / degree);
     std::printf("cv::ORB::compute: %.3f %% of bits differ, %.1f %% of descriptors are the same\n",
                 100 * bits,

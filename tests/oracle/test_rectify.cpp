@@ -154,8 +154,7 @@ bool check_remap(const struct fv_kernels &kernels)
     const double error = cv::norm(ours(inner), exact(inner), cv::NORM_L1) / inner.area();
     const double cv_error = cv::norm(fixed(inner), exact(inner), cv::NORM_L1) / inner.area();
     std::printf(
-        "EuRoC image: mean difference to exact resampling %.3f grey levels, OpenCV's fixed-point "
-        "remap %.3f\n",
+        "EuRoC image: mean difference to exact resampling %.3f grey levels, OpenCV's fixed-point remap %.3f\n",
         error, cv_error);
     return error < 0.26; /* rounding to whole grey levels alone makes 0.25 */
 }

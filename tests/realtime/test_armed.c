@@ -48,9 +48,7 @@ enum {
     SAVE_AT = 300
 };
 
-/* ---- traps
- * ---------------------------------------------------------------------------------------------------
- */
+/* ---- traps ----------------------------------------------------------------------------------- */
 
 static volatile int armed;
 void *volatile planted_piece; /* seen from outside, so that a planted call is not optimised away */
@@ -120,9 +118,7 @@ static int forbid_system_calls(void)
            prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &program) == 0;
 }
 
-/* ---- the steps
- * -----------------------------------------------------------------------------------------------
- */
+/* ---- the steps ------------------------------------------------------------------------------- */
 
 static uint8_t pictures[PICTURES][WIDTH * HEIGHT], dark[WIDTH * HEIGHT];
 static uint8_t (*corridor)[WIDTH * HEIGHT];

@@ -12,8 +12,8 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "app/colour.h"
-#include "app/model_file.h"
+#include "support/colour.h"
+#include "app/config/model_file.h"
 #include "common/data_folder.h"
 #include "detect/job.h"
 #include "fovea/fovea.h"
@@ -62,8 +62,7 @@ static bool read_picture(const char *name, struct fovea_image *image)
     return fv_colour_read(path, image, &error) == FOVEA_OK;
 }
 
-/* ---- in the loop
- * --------------------------------------------------------------------------------------------- */
+/* ---- in the loop ----------------------------------------------------------------------------- */
 
 struct made {
     void *memory;
@@ -145,9 +144,7 @@ static void slices_of_a_millisecond_find_the_same(void **state)
     }
 }
 
-/* ---- units
- * -----------------------------------------------------------------------------------------------------
- */
+/* ---- units ----------------------------------------------------------------------------------- */
 
 static void no_unit_takes_more_than_a_quarter_of_a_millisecond(void **state)
 {
@@ -174,13 +171,13 @@ static void no_unit_takes_more_than_a_quarter_of_a_millisecond(void **state)
     fv_detect_carve(&memory, &arena, &model.model, image.size_bytes);
     int units = 0, longest = 0;
     for (int run = 0; run < RUNS || (run < RUNS_MAX && best[longest] > 250000); run++) {
-        assert_int_equal(fv_detect_start(&memory, &model.model, &image, 1, 1), FOVEA_OK);
+        assert_int_equal(fv_detect_start(&memory, &image, 1, 1), FOVEA_OK);
         enum fovea_status status = FOVEA_AGAIN;
         for (units = 0; status == FOVEA_AGAIN; units++) {
             uint32_t done;
             assert_true(units < UNITS_MAX);
             const int64_t begin = cpu_ns();
-            status = fv_detect_advance(&memory, &model.model, &kernels, 1, &done);
+            status = fv_detect_advance(&memory, &kernels, 1, &done);
             const int64_t took = cpu_ns() - begin;
             if (run == 0 || took < best[units]) best[units] = took;
         }

@@ -10,7 +10,7 @@
 
 #include <cmocka.h>
 
-#include "app/timing.h"
+#include "app/run/timing.h"
 #include "common/detector.h"
 #include "fovea/fovea.h"
 #include "fovea/source.h"

@@ -64,7 +64,7 @@ fi
 record_loop() {
     build/fovea run --source 'sim:corridor?seed=1&width=240&height=180&rate=8' --record "$folder/loop.lcm" --picture none \
         --set preview.period_frames=0 --set lcm_url= | tee "$folder/loop.txt"
-    grep -q ' 1 loops closed' "$folder/loop.txt"
+    grep -q ' 1 loop closed' "$folder/loop.txt"
 }
 run "record a loop on x86" record_loop
 for set in $sets; do

@@ -11,10 +11,10 @@
 
 #include <cmocka.h>
 
-#include "app/replay.h"
+#include "app/record/replay.h"
 #include "common/short_run.h"
-#include "fovea/log.h"
-#include "fovea/text.h"
+#include "support/log.h"
+#include "support/text.h"
 #include "message/fields.h"
 
 enum { WIDTH = 160, HEIGHT = 120, TURNS = 40 };
@@ -35,8 +35,7 @@ static void make_recording(void)
     whole = (uint8_t *)text;
 }
 
-/* ---- changing it
- * ------------------------------------------------------------------------------------- */
+/* ---- changing it ----------------------------------------------------------------------------- */
 
 static void write_changed(const uint8_t *bytes, size_t count)
 {
@@ -105,8 +104,7 @@ static void expect_difference(const char *channel, int n, size_t offset, const c
         fail_msg("%s: %s", field, result.difference);
 }
 
-/* ---- tests
- * ------------------------------------------------------------------------------------------- */
+/* ---- tests ----------------------------------------------------------------------------------- */
 
 static void test_equal(void **state)
 {

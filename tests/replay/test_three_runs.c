@@ -15,7 +15,7 @@
 
 #include "app/command.h"
 #include "common/data_folder.h"
-#include "fovea/log.h"
+#include "support/log.h"
 
 enum { RUNS = 3 };
 

@@ -18,10 +18,7 @@ static void poses_are_as_libbot2_lays_them_out(void **state)
     char command[2048];
     snprintf(
         command, sizeof command,
-        "%s/fovea run --source 'sim:orbit?width=320&height=240&frames=60' --quiet --picture none "
-        "--set lcm_url= --set scale.allow_unscaled=true --set loop.priority=0 --record "
-        "%s/bot_core_pose.lcm && "
-        "python3 tests/transport/bot_core_pose.py %s/bot_core_pose.lcm",
+        "%s/fovea run --source 'sim:orbit?width=320&height=240&frames=60' --quiet --picture none --set lcm_url= --set scale.allow_unscaled=true --set loop.priority=0 --record %s/bot_core_pose.lcm && python3 tests/transport/bot_core_pose.py %s/bot_core_pose.lcm",
         build, build, build);
     assert_int_equal(system(command), 0);
 }

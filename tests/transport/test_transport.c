@@ -4,6 +4,8 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <fcntl.h>
+#include <libgen.h>
 #include <math.h>
 #include <pthread.h>
 #include <stdio.h>
@@ -15,8 +17,8 @@
 #include <cmocka.h>
 #include <lcm/lcm.h>
 
-#include "app/heap.h"
-#include "app/transport.h"
+#include "app/run/heap.h"
+#include "app/network/transport.h"
 #include "common/own_network.h"
 
 #include "bot_core_pose_t.h"
@@ -27,6 +29,7 @@
     "T.\xc3\xa4" /* a mark and a letter beyond ASCII, as channels of other programs may have */
 
 static bool own_network;
+static char build[512]; /* folder that this program was built into */
 
 static void sleep_ms(long ms)
 {
@@ -49,6 +52,58 @@ static void mend_as_told(void)
     if (system(command) != 0) fail_msg("%s: failed", command);
 }
 
+static void send_on(lcm_t *lcm, const char *channel, int32_t bits)
+{
+    uint8_t data[64];
+    fovea_command_t command = {.utime = 1, .commands = bits};
+    int bytes = fovea_command_t_encode(data, 0, sizeof data, &command);
+    assert_int_equal(lcm_publish(lcm, channel, data, (unsigned)bytes), 0);
+}
+
+static void send_command(lcm_t *lcm, int32_t bits)
+{
+    send_on(lcm, PREFIX "_COMMAND", bits);
+}
+
+/* A transport that opens where there is no route counts what it cannot send. */
+static struct fv_transport *open_without_route(const struct fovea_outputs *outputs)
+{
+    struct fv_transport *transport = NULL;
+    struct fovea_error error;
+    struct fv_transport_sent sent = {0};
+    const struct fv_transport_ears ears = {.listen = "loopback", .prefix = PREFIX};
+    if (fv_transport_open_early(URL, 0, &transport, &error) != FOVEA_OK ||
+        fv_transport_listen(transport, &ears, &error) != FOVEA_OK)
+        fail_msg("%s", error.text);
+    fv_transport_publish(transport, outputs);
+    for (int i = 0; i < 200 && sent.channels[0].dropped[FV_TRANSPORT_DROP_ROUTE] == 0; i++) {
+        sleep_ms(10);
+        fv_transport_sent(transport, &sent);
+    }
+    assert_int_equal(sent.channels[0].dropped[FV_TRANSPORT_DROP_ROUTE], 1);
+    assert_int_equal(sent.channels[0].sent, 0);
+    return transport;
+}
+
+/* The route has come meanwhile: it sends and hears. */
+static void expect_sent_and_heard(struct fv_transport *transport,
+                                  const struct fovea_outputs *outputs)
+{
+    struct fv_transport_counts counts = {0};
+    fv_transport_publish(transport, outputs);
+    lcm_t *lcm = lcm_create(URL "?ttl=0");
+    assert_non_null(lcm);
+    for (int i = 0; i < 200 && (counts.sent == 0 || counts.commands == 0); i++) {
+        if (i % 50 == 0) send_command(lcm, FOVEA_COMMAND_PAUSE);
+        sleep_ms(10);
+        fv_transport_counts(transport, &counts);
+    }
+    assert_int_equal(counts.sent, 1);
+    assert_true(counts.commands > 0);
+    lcm_destroy(lcm);
+    fv_transport_close(transport);
+}
+
 static void test_missing_route(void **state)
 {
     (void)state;
@@ -60,6 +115,11 @@ static void test_missing_route(void **state)
     assert_int_equal(fv_transport_check(URL, 0, &error), FOVEA_ERROR_SYSTEM);
     assert_non_null(strstr(error.text, FV_TRANSPORT_MEND));
     assert_non_null(strstr(error.text, "no route"));
+    static uint8_t data[10];
+    const struct fovea_outputs outputs = {
+        .message_count = 1,
+        .messages[0] = {.channel = "T_EARLY", .data = data, .bytes = sizeof data}};
+    struct fv_transport *transport = open_without_route(&outputs);
     if (geteuid() != 0 || system("command -v ip >/dev/null") != 0) {
         print_message("SKIPPED the command that mends it: not root, or no program ip\n");
         assert_true(own_network_mend());
@@ -71,6 +131,7 @@ static void test_missing_route(void **state)
         mend_as_told();
     }
     if (fv_transport_check(URL, 0, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    expect_sent_and_heard(transport, &outputs);
 }
 
 static void test_urls(void **state)
@@ -110,6 +171,8 @@ static void *send_many(void *context)
     struct sender *sender = context;
     fv_heap_arm();
     for (int i = 0; i < 1000; i++) {
+        while (!fv_transport_room(sender->transport))
+            sleep_ms(1);
         fv_transport_publish(sender->transport, sender->outputs);
         (void)fv_transport_commands(sender->transport);
     }
@@ -143,23 +206,67 @@ static void test_no_heap_call(void **state)
     pthread_join(thread, NULL);
     assert_int_equal(sender.heap_calls, 0);
     assert_int_equal(sender.planted, 2);
+    fv_transport_finish(transport);
     fv_transport_counts(transport, &counts);
     assert_int_equal(counts.sent, 2000);
-    assert_int_equal(counts.failed, 0);
+    assert_int_equal(counts.dropped, 0);
     fv_transport_close(transport);
 }
 
-static void send_on(lcm_t *lcm, const char *channel, int32_t bits)
+/* What liblcm, which other programs receive with, makes of ours: whole messages, long ones too, and
+ * the repeated one. */
+struct got {
+    uint32_t large, repeated, wrong;
+};
+
+static const uint8_t repeated[] = {1, 2, 3, 4, 5};
+
+static void take_large(const lcm_recv_buf_t *received, const char *channel, void *context)
 {
-    uint8_t data[64];
-    fovea_command_t command = {.utime = 1, .commands = bits};
-    int bytes = fovea_command_t_encode(data, 0, sizeof data, &command);
-    assert_int_equal(lcm_publish(lcm, channel, data, (unsigned)bytes), 0);
+    struct got *got = context;
+    (void)channel;
+    got->large++;
+    if (received->data_size != 150000) got->wrong++;
+    for (uint32_t i = 0; i < received->data_size; i++)
+        if (((const uint8_t *)received->data)[i] != (uint8_t)(i * 7 >> 3)) got->wrong++;
 }
 
-static void send_command(lcm_t *lcm, int32_t bits)
+static void take_repeated(const lcm_recv_buf_t *received, const char *channel, void *context)
 {
-    send_on(lcm, PREFIX "_COMMAND", bits);
+    struct got *got = context;
+    (void)channel;
+    got->repeated++;
+    if (received->data_size != sizeof repeated ||
+        memcmp(received->data, repeated, sizeof repeated) != 0)
+        got->wrong++;
+}
+
+static void test_liblcm_receives(void **state)
+{
+    (void)state;
+    static uint8_t data[150000];
+    struct fv_transport *transport = NULL;
+    struct fovea_error error;
+    struct got got = {0};
+    for (uint32_t i = 0; i < sizeof data; i++)
+        data[i] = (uint8_t)(i * 7 >> 3);
+    lcm_t *lcm = lcm_create(URL "?ttl=0");
+    assert_non_null(lcm_subscribe(lcm, "T_LARGE", take_large, &got));
+    assert_non_null(lcm_subscribe(lcm, "T_RUN", take_repeated, &got));
+    if (fv_transport_open(URL, 0, &transport, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    fv_transport_repeat(transport, "T_RUN", repeated, sizeof repeated);
+    struct fovea_outputs outputs = {.message_count = 1};
+    outputs.messages[0] =
+        (struct fovea_message){.channel = "T_LARGE", .data = data, .bytes = sizeof data};
+    for (int i = 0; i < 100 && (got.large < 5 || got.repeated < 3); i++) {
+        if (i % 10 == 0) fv_transport_publish(transport, &outputs);
+        (void)lcm_handle_timeout(lcm, 50);
+    }
+    assert_in_range(got.large, 5, 10);
+    assert_in_range(got.repeated, 3, 10);
+    assert_int_equal(got.wrong, 0);
+    lcm_destroy(lcm);
+    fv_transport_close(transport);
 }
 
 /* Wait until nothing more comes; returns what has. */
@@ -193,20 +300,16 @@ static void test_commands(void **state)
     (void)state;
     struct fv_transport *transport = NULL;
     struct fovea_error error;
+    const struct fv_transport_ears ears = {.listen = "loopback", .prefix = PREFIX};
     if (fv_transport_open(URL, 0, &transport, &error) != FOVEA_OK ||
-        fv_transport_listen(transport, PREFIX, NULL, &error) != FOVEA_OK)
+        fv_transport_listen(transport, &ears, &error) != FOVEA_OK)
         fail_msg("%s", error.text);
     lcm_t *lcm = lcm_create(URL "?ttl=0");
     assert_non_null(lcm);
-    struct fv_transport_counts counts = {0};
-    for (int i = 0; i < 100 && counts.commands == 0; i++) { /* until the listener is there */
-        send_command(lcm, FOVEA_COMMAND_SAVE);
-        sleep_ms(50);
-        fv_transport_counts(transport, &counts);
-    }
-    counts = settled(transport);
-    assert_true(counts.commands > 0);
-    uint64_t base = counts.commands;
+    struct fv_transport_counts counts;
+    const uint64_t base = 1;
+    send_command(lcm, FOVEA_COMMAND_SAVE); /* the listener is there from the start */
+    expect_counts(transport, base, 0);
     assert_int_equal(fv_transport_commands(transport), FOVEA_COMMAND_SAVE);
     assert_int_equal(fv_transport_commands(transport), 0);
 
@@ -222,27 +325,33 @@ static void test_commands(void **state)
                                          "X" PREFIX "_COMMAND", "T.B_COMMAND", "_COMMAND"};
     for (size_t i = 0; i < sizeof others / sizeof others[0]; i++)
         send_on(lcm, others[i], FOVEA_COMMAND_RESET);
-    send_command(lcm, FOVEA_COMMAND_SAVE);
+    send_command(lcm, FOVEA_COMMAND_PAUSE);
     expect_counts(transport, base + 4, 0);
-    assert_int_equal(fv_transport_commands(transport), FOVEA_COMMAND_SAVE);
+    assert_int_equal(fv_transport_commands(transport), FOVEA_COMMAND_PAUSE);
 
     uint8_t hostile[24] = {0};
     lcm_publish(lcm, PREFIX "_COMMAND", hostile, sizeof hostile);
     lcm_publish(lcm, PREFIX "_COMMAND", hostile, 3);
     send_command(lcm, 0);
     send_command(lcm, 1 << 20);
-    expect_counts(transport, base + 4, 4);
+    expect_counts(transport, base + 4, 2);
+    fv_transport_counts(transport, &counts);
+    assert_int_equal(counts.received.dropped[FV_DROP_TYPE], 2);
+    assert_int_equal(counts.received.dropped[FV_DROP_CHANNEL], 0); /* the kernel's */
     assert_int_equal(fv_transport_commands(transport), 0);
 
+    send_command(lcm, FOVEA_COMMAND_SAVE); /* so soon after the first */
+    expect_counts(transport, base + 4, 3);
     for (int i = 0; i < 100;
-         i++) { /* more than the ring holds, slower than LCM's own queue overflows */
-        send_command(lcm, FOVEA_COMMAND_SAVE);
-        sleep_ms(2);
+         i++) { /* more than the ring holds, at a pace that the socket can hold */
+        send_command(lcm, FOVEA_COMMAND_PAUSE);
+        sleep_ms(1);
     }
     counts = settled(transport);
     for (int i = 0; i < 10; i++)
         (void)fv_transport_commands(transport);
-    assert_true(counts.commands_refused > 4);
+    assert_true(counts.commands_refused > 3);
+    assert_int_equal(counts.commands + counts.commands_refused, base + 4 + 3 + 100);
     send_command(lcm, FOVEA_COMMAND_RESET);
     expect_counts(transport, counts.commands + 1, counts.commands_refused);
     assert_int_equal(fv_transport_commands(transport), FOVEA_COMMAND_RESET);
@@ -253,10 +362,10 @@ static void test_commands(void **state)
     fv_transport_tell(out, transport);
     fclose(out);
     fv_transport_counts(transport, &counts);
-    snprintf(
-        expected, sizeof expected,
-        "  LCM: 0 messages could not be sent, %d commands and 0 messages of odometry were refused\n",
-        (int)counts.commands_refused);
+    snprintf(expected, sizeof expected,
+             "  LCM: packets dropped: 2 (type)\n"
+             "  LCM: commands refused: 2 (unknown), 1 (too often), %d (loop busy)\n",
+             (int)counts.commands_refused - 3);
     assert_string_equal(told, expected);
     free(told);
     fv_transport_close(transport);
@@ -269,24 +378,6 @@ static void send_pose(lcm_t *lcm, const char *channel, const bot_core_pose_t *po
     assert_int_equal(lcm_publish(lcm, channel, data, (unsigned)bytes), 0);
 }
 
-/* Until the listener is there, and then until nothing more comes; returns how many came. */
-static uint64_t await_odometry(struct fv_transport *transport, lcm_t *lcm,
-                               const bot_core_pose_t *pose)
-{
-    struct fv_transport_counts counts = {0};
-    struct fovea_odometry_sample samples[64];
-    for (int i = 0; i < 100 && counts.odometry == 0; i++) {
-        send_pose(lcm, "ODOM.1", pose);
-        sleep_ms(50);
-        fv_transport_counts(transport, &counts);
-    }
-    counts = settled(transport);
-    while (fv_transport_odometry(transport, samples, 64) > 0)
-        continue;
-    assert_true(counts.odometry > 0);
-    return counts.odometry;
-}
-
 /* Poses of the robot's odometry come in order, on their very channel alone; what is no pose is
  * refused. */
 static void test_odometry(void **state)
@@ -297,14 +388,16 @@ static void test_odometry(void **state)
     struct fovea_odometry_sample samples[8];
     const bot_core_pose_t good = {
         .utime = 1000002, .pos = {1, -2, 3}, .orientation = {0.603, 0, 0.804, 0}};
-    bot_core_pose_t wrong[5] = {good, good, good, good, good}, next = good;
+    const struct fv_transport_ears ears = {.listen = "loopback",
+                                           .prefix = "T",
+                                           .odometry_channel = "ODOM.1",
+                                           .odometry_limits = {3, 6}};
+    bot_core_pose_t wrong[7] = {good, good, good, good, good, good, good}, next = good;
     if (fv_transport_open(URL, 0, &transport, &error) != FOVEA_OK ||
-        fv_transport_listen(transport, "T", "ODOM.1", &error) != FOVEA_OK)
+        fv_transport_listen(transport, &ears, &error) != FOVEA_OK)
         fail_msg("%s", error.text);
     lcm_t *lcm = lcm_create(URL "?ttl=0");
     assert_non_null(lcm);
-    const uint64_t base = await_odometry(transport, lcm, &good);
-
     send_pose(lcm, "ODOM.1", &good);
     send_pose(lcm, "ODOMx1", &good);
     send_pose(lcm, "ODOM.12", &good);
@@ -313,7 +406,10 @@ static void test_odometry(void **state)
     wrong[2].pos[1] = (double)NAN;
     wrong[3].orientation[2] = 0; /* no rotation */
     wrong[4].orientation[0] = (double)NAN;
-    for (int i = 0; i < 5; i++)
+    wrong[5].utime -= 1; /* older */
+    wrong[6].utime += 1000000;
+    wrong[6].pos[2] = 30; /* at 27 m/s */
+    for (int i = 0; i < 7; i++)
         send_pose(lcm, "ODOM.1", &wrong[i]);
     lcm_publish(lcm, "ODOM.1", "abc", 3);
     next.utime++;
@@ -322,11 +418,15 @@ static void test_odometry(void **state)
     struct fv_transport_counts counts;
     for (int i = 0; i < 500; i++) {
         fv_transport_counts(transport, &counts);
-        if (counts.odometry >= base + 2 && counts.odometry_refused >= 6) break;
+        if (counts.odometry >= 2 && counts.odometry_refused >= 7) break;
         sleep_ms(10);
     }
-    assert_int_equal(counts.odometry, base + 2);
-    assert_int_equal(counts.odometry_refused, 6);
+    assert_int_equal(counts.odometry, 2);
+    assert_int_equal(counts.odometry_verdicts[FV_ODOMETRY_MALFORMED], 5);
+    assert_int_equal(counts.odometry_verdicts[FV_ODOMETRY_OLD], 1);
+    assert_int_equal(counts.odometry_verdicts[FV_ODOMETRY_TOO_FAST], 1);
+    assert_int_equal(counts.odometry_refused, 7);
+    assert_int_equal(counts.received.dropped[FV_DROP_TYPE], 1);
     assert_int_equal(fv_transport_odometry(transport, samples, 1), 1);
     assert_int_equal(fv_transport_odometry(transport, samples + 1, 7), 1);
     assert_int_equal(samples[0].stamp_ns, 1000002000);
@@ -339,8 +439,69 @@ static void test_odometry(void **state)
     fv_transport_close(transport);
 }
 
-int main(void)
+/* The programs that send commands, in C and in Python, prove that they know the key; without it,
+ * with another or for another run they are refused. */
+static void test_tools_send_what_is_taken(void **state)
 {
+    static const char *const digits[] = {"000102030405060708090a0b0c0d0e0f",
+                                         "000102030405060708090a0b0c0d0e00"};
+    struct fv_transport *transport = NULL;
+    struct fovea_error error;
+    struct fv_transport_ears ears = {.listen = "loopback", .prefix = "K", .rules = {.run_id = -99}};
+    char folder[] = "/tmp/fovea-key-XXXXXX", key[2][64], tools[2][1200];
+    uint64_t taken = 0;
+    (void)state;
+    if (getenv("FOVEA_EMULATED") != NULL) {
+        print_message("SKIPPED test_tools: programs cannot be started from an emulator\n");
+        skip();
+    }
+    assert_non_null(mkdtemp(folder));
+    for (int i = 0; i < 2; i++) {
+        snprintf(key[i], sizeof key[i], "%s/%d", folder, i);
+        const int file = open(key[i], O_WRONLY | O_CREAT, 0600);
+        assert_int_equal(write(file, digits[i], 32), 32);
+        close(file);
+    }
+    assert_int_equal(fv_command_key_read(key[0], ears.rules.key, &error), FOVEA_OK);
+    ears.rules.keyed = true;
+    if (fv_transport_open(URL, 0, &transport, &error) != FOVEA_OK ||
+        fv_transport_listen(transport, &ears, &error) != FOVEA_OK)
+        fail_msg("%s", error.text);
+    snprintf(tools[0], sizeof tools[0], "%s/command", build);
+    snprintf(tools[1], sizeof tools[1], "python3 tools/subscribers/command.py --types %s/python",
+             build);
+    for (int i = 0; i < 2; i++) {
+        char command[3000];
+        struct fv_transport_counts counts;
+        for (int k = 0; k < 4; k++) { /* without a key, with another, for another run, right */
+            char with[256] = "";
+            const char *run_id = k == 2 ? "-98" : "-99";
+            if (k > 0)
+                snprintf(with, sizeof with,
+                         i == 0 ? "--run-id %s --key %s" : "--run-id=%s --key %s", run_id,
+                         key[k == 1]);
+            snprintf(command, sizeof command, "%s --prefix K --sender %d %s pause resume", tools[i],
+                     i + 1, with);
+            if (system(command) != 0) fail_msg("%s: failed", command);
+        }
+        taken++;
+        expect_counts(transport, taken, 3 * taken);
+        fv_transport_counts(transport, &counts);
+        assert_int_equal(counts.command_verdicts[FV_COMMAND_FORGED], 2 * taken);
+        assert_int_equal(counts.command_verdicts[FV_COMMAND_OTHER_RUN], taken);
+        assert_int_equal(fv_transport_commands(transport),
+                         FOVEA_COMMAND_PAUSE | FOVEA_COMMAND_RESUME);
+    }
+    fv_transport_close(transport);
+    for (int i = 0; i < 2; i++)
+        unlink(key[i]);
+    rmdir(folder);
+}
+
+int main(int argc, char **argv)
+{
+    (void)argc;
+    snprintf(build, sizeof build, "%s/../..", dirname(argv[0]));
     own_network = own_network_enter();
     struct fovea_error error;
     if (!own_network && fv_transport_check(URL, 0, &error) != FOVEA_OK) {
@@ -348,9 +509,13 @@ int main(void)
         return 0;
     }
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_missing_route), cmocka_unit_test(test_urls),
-        cmocka_unit_test(test_no_heap_call),  cmocka_unit_test(test_commands),
+        cmocka_unit_test(test_missing_route),
+        cmocka_unit_test(test_urls),
+        cmocka_unit_test(test_no_heap_call),
+        cmocka_unit_test(test_liblcm_receives),
+        cmocka_unit_test(test_commands),
         cmocka_unit_test(test_odometry),
+        cmocka_unit_test(test_tools_send_what_is_taken),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

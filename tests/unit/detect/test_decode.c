@@ -41,7 +41,7 @@ static void describe(int32_t kind, int32_t width, int32_t height)
     tensors[1] = (struct fv_model_tensor){.storage = 1};
 }
 
-static struct fv_detect_view view_of(int32_t width, int32_t height)
+static struct fv_nn_view view_of(int32_t width, int32_t height)
 {
     const uint8_t pixel = 0;
     const struct fovea_image image = {.data = &pixel,
@@ -49,13 +49,12 @@ static struct fv_detect_view view_of(int32_t width, int32_t height)
                                       .height = height,
                                       .stride_bytes = width,
                                       .format = FOVEA_PIXEL_GREY8};
-    struct fv_detect_view view;
-    assert_int_equal(fv_detect_view(&model, &image, &view), FOVEA_OK);
+    struct fv_nn_view view;
+    assert_int_equal(fv_nn_view(&model, &image, &view), FOVEA_OK);
     return view;
 }
 
-/* ---- against the other computation
- * ---------------------------------------------------------------------------- */
+/* ---- against the other computation ----------------------------------------------------------- */
 
 /* "head NAME d0 d1 d2 [d3] scale zero classes normalised agnostic score iou anchors..." */
 static void read_head(void)
@@ -115,7 +114,7 @@ static void heads_give_what_they_stand_for(void **state)
             read_head();
             assert_non_null(fgets(line, sizeof line, file));
             read_bytes();
-            const struct fv_detect_view view = view_of(WIDTH, HEIGHT);
+            const struct fv_nn_view view = view_of(WIDTH, HEIGHT);
             count = fv_detect_decode(&model, arena, &view, &scratch, found, FOVEA_DETECTIONS_MAX);
             at = 0;
             cases++;
@@ -143,8 +142,7 @@ static void heads_give_what_they_stand_for(void **state)
     assert_true(boxes > 200);
 }
 
-/* ---- thresholds, and too many candidates
- * ------------------------------------------------------------------------ */
+/* ---- thresholds, and too many candidates ----------------------------------------------------- */
 
 /* A YOLOv5 output of n rows of two classes: boxes side by side on a grid, scores by `score`. */
 static void make_rows(int32_t n, uint8_t (*score)(int32_t row, int32_t class_id))
@@ -182,7 +180,7 @@ static void the_best_of_too_many_are_kept(void **state)
     static struct fovea_detection found[FOVEA_DETECTIONS_MAX];
     make_rows(ROWS, rising);
     header.decode.score_threshold = 0.001f;
-    const struct fv_detect_view view = view_of(256, 256);
+    const struct fv_nn_view view = view_of(256, 256);
     assert_int_equal(fv_detect_decode(&model, arena, &view, &scratch, found, FOVEA_DETECTIONS_MAX),
                      FOVEA_DETECTIONS_MAX);
     for (int i = 0; i < FOVEA_DETECTIONS_MAX; i++) {
@@ -209,7 +207,7 @@ static void units_go_on_where_the_last_one_ended(void **state)
     int units = 1;
     make_rows(12000, at_the_seam); /* of 7 values: a unit reads 9362 rows */
     header.decode.score_threshold = 0.2f;
-    const struct fv_detect_view view = view_of(256, 256);
+    const struct fv_nn_view view = view_of(256, 256);
     fv_detect_decode_start(&scratch);
     for (; fv_detect_decode_unit(&model, arena, &view, &none, &scratch) == FOVEA_AGAIN; units++)
         assert_true(units < 10);
@@ -222,7 +220,7 @@ static void thresholds_by_class_hold(void **state)
     (void)state;
     struct fovea_detection found[4];
     make_rows(8, both);
-    const struct fv_detect_view view = view_of(256, 256);
+    const struct fv_nn_view view = view_of(256, 256);
     header.decode.score_threshold = 0.2f;
     header.decode.class_agnostic = 0;
     assert_int_equal(fv_detect_decode(&model, arena, &view, &scratch, found, 4), 2);
@@ -242,7 +240,7 @@ static void thresholds_by_class_hold(void **state)
 static int32_t decode_down_to(float floor, struct fovea_detection *found, int32_t *uncertain)
 {
     const struct fv_detect_limits limits = {.floor = floor};
-    const struct fv_detect_view view = view_of(256, 256);
+    const struct fv_nn_view view = view_of(256, 256);
     fv_detect_decode_start(&scratch);
     while (fv_detect_decode_unit(&model, arena, &view, &limits, &scratch) == FOVEA_AGAIN)
         continue;
@@ -275,8 +273,7 @@ static void uncertain_boxes_come_last_and_suppress_no_others(void **state)
     assert_int_equal(found[0].class_id, 1);
 }
 
-/* ---- the outputs of TFLite_Detection_PostProcess
- * ------------------------------------------------------------------ */
+/* ---- the outputs of TFLite_Detection_PostProcess --------------------------------------------- */
 
 /* Two boxes: the whole image, of class 3, and its upper left quarter, of class 1. The model lists
  * boxes, classes, scores and their number as `order` says. */
@@ -306,7 +303,7 @@ static int32_t decode_ssd(const int32_t order[4], struct fovea_detection found[4
                                  .ops = &op,
                                  .inputs = inputs,
                                  .outputs = listed};
-    const struct fv_detect_view view = view_of(WIDTH, HEIGHT);
+    const struct fv_nn_view view = view_of(WIDTH, HEIGHT);
     return fv_detect_decode(&ssd, arena, &view, &scratch, found, 4);
 }
 
@@ -327,8 +324,7 @@ static void ssd_outputs_are_known_in_any_order(void **state)
     }
 }
 
-/* ---- boxes and scores before it
- * ---------------------------------------------------------------------------------- */
+/* ---- boxes and scores before it -------------------------------------------------------------- */
 
 /* Three anchors; the second box is moved and widened against its own, the third is below the
  * threshold. */
@@ -368,7 +364,7 @@ static void ssd_before_its_post_processing(void **state)
             header.decode.box_scales[i] = i < 2 ? 10 : 5;
         memcpy(arena, boxes, sizeof boxes);
         memcpy(arena + sizeof boxes, scores, sizeof scores);
-        const struct fv_detect_view view = view_of(WIDTH, HEIGHT);
+        const struct fv_nn_view view = view_of(WIDTH, HEIGHT);
         assert_int_equal(fv_detect_decode(&raw, arena, &view, &scratch, found, 4), 2);
         assert_int_equal(found[0].class_id, 0);
         near_to((double)found[0].x_min_px + 0.5, 0.375 * WIDTH, WIDTH);
@@ -408,7 +404,7 @@ static void foreign_shapes_give_nothing(void **state)
             header.decode.anchor_data = FV_MODEL_HEADER_BYTES;
             header.decode.score_threshold = 0.5f;
             memset(arena, 0, 64);
-            const struct fv_detect_view view = view_of(WIDTH, HEIGHT);
+            const struct fv_nn_view view = view_of(WIDTH, HEIGHT);
             const int32_t count = fv_detect_decode(&odd, arena, &view, &scratch, found, 4);
             if (count != 0) fail_msg("decoder %d, %d axes: found %d boxes", kind, rank, count);
         }

@@ -1,5 +1,5 @@
 /* The detection job: the same boxes however it is sliced, with the stamp of the image that was
- * looked at; suppression. */
+ * looked at. */
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -63,13 +63,13 @@ static void slices_give_the_same(void **state)
     void *a = carved(carve, &whole), *b = carved(carve, &sliced);
     uint32_t done;
     fv_kernels_init(&kernels, FV_CPU_C);
-    assert_int_equal(fv_detect_start(&whole, &model, &image, 77, 5), FOVEA_OK);
-    assert_int_equal(fv_detect_start(&whole, &model, &image, 78, 6), FOVEA_AGAIN);
-    assert_int_equal(fv_detect_advance(&whole, &model, &kernels, UINT32_MAX, &done), FOVEA_OK);
+    assert_int_equal(fv_detect_start(&whole, &image, 77, 5), FOVEA_OK);
+    assert_int_equal(fv_detect_start(&whole, &image, 78, 6), FOVEA_AGAIN);
+    assert_int_equal(fv_detect_advance(&whole, &kernels, UINT32_MAX, &done), FOVEA_OK);
     const uint32_t units = done;
-    assert_int_equal(fv_detect_start(&sliced, &model, &image, 77, 5), FOVEA_OK);
+    assert_int_equal(fv_detect_start(&sliced, &image, 77, 5), FOVEA_OK);
     uint32_t steps = 0;
-    while (fv_detect_advance(&sliced, &model, &kernels, 1, &done) == FOVEA_AGAIN) {
+    while (fv_detect_advance(&sliced, &kernels, 1, &done) == FOVEA_AGAIN) {
         assert_int_equal(done, 1);
         assert_int_equal(sliced.job->found_sequence, 0);
         ++steps;
@@ -99,42 +99,23 @@ static void what_does_not_fit_is_refused(void **state)
     void *block = carved(carve, &memory);
     struct fovea_image wrong = image;
     wrong.format = FOVEA_PIXEL_YUYV;
-    assert_int_equal(fv_detect_start(&memory, &model, &wrong, 1, 1), FOVEA_ERROR_UNSUPPORTED);
+    assert_int_equal(fv_detect_start(&memory, &wrong, 1, 1), FOVEA_ERROR_UNSUPPORTED);
     wrong = image;
     wrong.height = HEIGHT * 2;
-    assert_int_equal(fv_detect_start(&memory, &model, &wrong, 1, 1), FOVEA_ERROR_UNSUPPORTED);
+    assert_int_equal(fv_detect_start(&memory, &wrong, 1, 1), FOVEA_ERROR_UNSUPPORTED);
     free(block);
-}
-
-static void suppression_by_class_or_across(void **state)
-{
-    (void)state;
-    const struct fovea_detection list[4] = {{0, 0, 10, 10, 0.9f, 1},
-                                            {1, 1, 11, 11, 0.8f, 1},
-                                            {1, 1, 11, 11, 0.7f, 2},
-                                            {20, 20, 30, 30, 0.6f, 1}};
-    struct fovea_detection work[4];
-    uint8_t dropped[4];
-    memcpy(work, list, sizeof list);
-    assert_int_equal(fv_detect_suppress(work, 4, 0.5f, 0, dropped), 3);
-    assert_int_equal(work[1].class_id, 2);
-    memcpy(work, list, sizeof list);
-    assert_int_equal(fv_detect_suppress(work, 4, 0.5f, 1, dropped), 2);
-    assert_true(work[1].score == 0.6f);
-    memcpy(work, list, sizeof list);
-    assert_int_equal(fv_detect_suppress(work, 4, 0.9f, 1, dropped), 3);
 }
 
 /* A letterboxed view maps the input back to the image. */
 static void letterbox_keeps_the_shape(void **state)
 {
     (void)state;
-    struct fv_detect_view view;
+    struct fv_nn_view view;
     struct fv_model_header header = *model.header;
     struct fv_model boxed = model;
     header.preprocess.fit = FV_FIT_LETTERBOX;
     boxed.header = &header;
-    assert_int_equal(fv_detect_view(&boxed, &image, &view), FOVEA_OK);
+    assert_int_equal(fv_nn_view(&boxed, &image, &view), FOVEA_OK);
     assert_int_equal(view.width, 64);
     assert_int_equal(view.height, 36);
     assert_int_equal(view.left, 0);
@@ -171,12 +152,12 @@ static void grey_of_the_right_size_is_filled_alike(void **state)
     uint8_t *filled[2];
     const size_t bytes = fv_nn_arena_bytes(&model);
     for (int i = 0; i < 2; i++) {
-        struct fv_detect_view view;
+        struct fv_nn_view view;
         filled[i] = calloc(1, bytes);
-        assert_int_equal(fv_detect_view(&boxed, &images[i], &view), FOVEA_OK);
+        assert_int_equal(fv_nn_view(&boxed, &images[i], &view), FOVEA_OK);
         assert_int_equal(view.top, (IN_HEIGHT - SHOWN) / 2);
-        fv_detect_fill(&boxed, &images[i], &view, filled[i], 0, 7);
-        fv_detect_fill(&boxed, &images[i], &view, filled[i], 7, IN_HEIGHT);
+        fv_nn_fill(&boxed, &images[i], &view, filled[i], 0, 7);
+        fv_nn_fill(&boxed, &images[i], &view, filled[i], 7, IN_HEIGHT);
     }
     assert_memory_equal(filled[0], filled[1], bytes);
     for (int i = 0; i < 2; i++)
@@ -188,7 +169,6 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(slices_give_the_same),
         cmocka_unit_test(what_does_not_fit_is_refused),
-        cmocka_unit_test(suppression_by_class_or_across),
         cmocka_unit_test(letterbox_keeps_the_shape),
         cmocka_unit_test(grey_of_the_right_size_is_filled_alike),
     };

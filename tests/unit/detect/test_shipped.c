@@ -8,7 +8,7 @@
 
 #include <cmocka.h>
 
-#include "app/model_file.h"
+#include "app/config/model_file.h"
 #include "detect/job.h"
 #include "fovea/source.h"
 
@@ -58,13 +58,13 @@ static void judge(const struct fv_detect_job *job, const struct fovea_truth *tru
     }
 }
 
-static void look(const struct fv_detect_memory *memory, const struct fv_model *model,
-                 const struct fv_kernels *kernels, const struct fovea_frame *frame)
+static void look(const struct fv_detect_memory *memory, const struct fv_kernels *kernels,
+                 const struct fovea_frame *frame)
 {
     uint32_t done;
-    assert_int_equal(
-        fv_detect_start(memory, model, &frame->image, frame->stamp_ns, frame->sequence), FOVEA_OK);
-    assert_int_equal(fv_detect_advance(memory, model, kernels, UNITS_MAX, &done), FOVEA_OK);
+    assert_int_equal(fv_detect_start(memory, &frame->image, frame->stamp_ns, frame->sequence),
+                     FOVEA_OK);
+    assert_int_equal(fv_detect_advance(memory, kernels, UNITS_MAX, &done), FOVEA_OK);
 }
 
 /* A seed and a place that training never saw: most of what shows well is found, and most of what is
@@ -100,7 +100,7 @@ static void finds_rendered_objects(void **state)
     for (int i = 0; i < FRAMES; i++) {
         assert_int_equal(ops->dequeue(source, INT64_MAX, &frame), FOVEA_OK);
         assert_int_equal(ops->truth(source, &frame, &truth), FOVEA_OK);
-        look(&memory, &file.model, &kernels, &frame);
+        look(&memory, &kernels, &frame);
         judge(memory.job, &truth, &score);
         ops->requeue(source, &frame);
     }

@@ -10,7 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "../../../drivers/recorded/decode.h"
+#include "support/decode.h"
 #include "common/datasets.h"
 #include "fovea/source.h"
 

@@ -93,8 +93,7 @@ static void wait_for_frame_of_life(struct fovea_source *source, uint32_t life)
     wait_for_frame_of_set_up(source, life);
 }
 
-/* ---- frames
- * ------------------------------------------------------------------------------------------ */
+/* ---- frames ---------------------------------------------------------------------------------- */
 
 static struct fovea_frame take(struct fovea_source *source)
 {
@@ -168,8 +167,7 @@ static void test_frames_held_outlive_the_process(void **state)
     fv_test_finish(source);
 }
 
-/* ---- faults
- * ------------------------------------------------------------------------------------------ */
+/* ---- faults ---------------------------------------------------------------------------------- */
 
 static void test_faults_while_streaming(void **state)
 {
@@ -411,8 +409,7 @@ static void test_fault_while_opening(void **state)
     fv_libcamera_answer_ns = usual_ns;
 }
 
-/* ---- over and over
- * ----------------------------------------------------------------------------------- */
+/* ---- over and over --------------------------------------------------------------------------- */
 
 static void test_ends_over_and_over(void **state)
 {

@@ -12,8 +12,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "../../../drivers/recorded/decode.h"
-#include "app/heap.h"
+#include "support/decode.h"
+#include "app/run/heap.h"
 #include "common/datasets.h"
 #include "common/fake_camera.h"
 #include "common/live_source.h"
@@ -22,8 +22,7 @@ enum { W = 320, H = 240, PICTURES = 4, STRIDE = 320, DAMAGED = 300 };
 
 static uint32_t damaged_frames = DAMAGED;
 
-/* ---- pictures
- * ---------------------------------------------------------------------------------------- */
+/* ---- pictures -------------------------------------------------------------------------------- */
 
 static char folder[FV_TEST_PATH_BYTES];
 static struct {
@@ -112,8 +111,7 @@ static size_t damage(const uint8_t *data, size_t bytes, uint8_t *out)
     }
 }
 
-/* ---- tests
- * ------------------------------------------------------------------------------------------- */
+/* ---- tests ----------------------------------------------------------------------------------- */
 
 static void test_same_bits(void **state)
 {

@@ -81,8 +81,7 @@ static void play_fine(const char *scheme, const char *address, struct played *pl
         fail_msg("%s", error.text);
 }
 
-/* ---- stamps
- * ------------------------------------------------------------------------------------------ */
+/* ---- stamps ---------------------------------------------------------------------------------- */
 
 /* Stamps of a recording, ended by END. */
 enum { END = -1, FAR = 1000000 };
@@ -219,8 +218,7 @@ static void test_leaps_as_they_are_played(void **state)
     assert_int_equal(played.counts.damaged, 1);
 }
 
-/* ---- logs
- * -------------------------------------------------------------------------------------------- */
+/* ---- logs ------------------------------------------------------------------------------------ */
 
 /* The header of one event is spoilt: that frame is lost, all others come. */
 static void test_log_goes_on_after_damage(void **state)
@@ -298,8 +296,7 @@ static void put_head(FILE *file, const char *channel, int focal)
     uint8_t bytes[1024];
     snprintf(
         text, sizeof text,
-        "image_width: 96\nimage_height: 64\ndistortion_model: plumb_bob\nD: []\nK: [%d, 0, 48, 0, %d, "
-        "32, 0, 0, 1]\n",
+        "image_width: 96\nimage_height: 64\ndistortion_model: plumb_bob\nD: []\nK: [%d, 0, 48, 0, %d, 32, 0, 0, 1]\n",
         focal, focal);
     fovea_recording_part_t part = {
         .name = name, .origin = none, .size_bytes = (int32_t)strlen(text), .data = (uint8_t *)text};
@@ -370,8 +367,7 @@ static void test_log_of_nothing(void **state)
     assert_memory_equal(error.text + strlen(path), ": byte 20: channel length", 25);
 }
 
-/* ---- names
- * ------------------------------------------------------------------------------------------- */
+/* ---- names ----------------------------------------------------------------------------------- */
 
 /* Folders and files are themselves, whatever is in their names and whatever else those would fit.
  */
@@ -457,8 +453,7 @@ static void test_kitti_poses_beside_the_sequences(void **state)
     fv_test_folder_remove(top);
 }
 
-/* ---- videos
- * ------------------------------------------------------------------------------------------- */
+/* ---- videos ---------------------------------------------------------------------------------- */
 
 /* In reverse a video is read in stretches, of which this one has several; the same frames come, to
  * the last bit. */
@@ -502,8 +497,7 @@ static void test_video_in_reverse(void **state)
     assert_int_equal(play_uri("video", path, &late_reverse, &played, &error), FOVEA_ERROR_ARGUMENT);
 }
 
-/* ---- text
- * -------------------------------------------------------------------------------------------- */
+/* ---- text ------------------------------------------------------------------------------------ */
 
 /* The mark with which some editors begin UTF-8 stands before a comment, or before the first stamp.
  */

@@ -16,7 +16,7 @@
 #include <time.h>
 #include <unistd.h>
 
-#include "../../../drivers/recorded/decode.h"
+#include "support/decode.h"
 #include "../../../drivers/recorded/lines.h"
 #include "../../../drivers/recorded/player.h"
 #include "../../../drivers/recorded/poses.h"
@@ -27,8 +27,7 @@
 static char *const folder = fv_test_place;
 static const struct fovea_source_selection everything = {.step = 1};
 
-/* ---- pictures
- * ---------------------------------------------------------------------------------------- */
+/* ---- pictures -------------------------------------------------------------------------------- */
 
 enum { W = FV_TEST_WIDTH, H = FV_TEST_HEIGHT, STRIDE = 128 };
 
@@ -162,8 +161,7 @@ static void test_size_limits(void **state)
     free(file);
 }
 
-/* ---- playing
- * ----------------------------------------------------------------------------------------- */
+/* ---- playing --------------------------------------------------------------------------------- */
 
 static struct fovea_source *open_uri(const char *uri,
                                      const struct fovea_source_selection *selection,
@@ -430,8 +428,7 @@ static void test_natural_order(void **state)
     ops->close(source);
 }
 
-/* ---- text files
- * -------------------------------------------------------------------------------------- */
+/* ---- text files ------------------------------------------------------------------------------ */
 
 static void test_stamps(void **state)
 {
@@ -497,8 +494,7 @@ static void test_poses(void **state)
     }
 }
 
-/* ---- the head of a recording
- * ------------------------------------------------------------------------- */
+/* ---- the head of a recording ----------------------------------------------------------------- */
 
 static void test_log_calibration(void **state)
 {

@@ -31,9 +31,7 @@ static void test_values(void **state)
     struct fv_sim_options o;
     struct fovea_error error;
     const char *uri =
-        "orbit?seed=7&width=752&height=480&rate=20&frames=11&lens=equidistant&fov=100.5&noise="
-        "0.5&blur=1&rolling=1"
-        "&exposure=12.5&readout=30&objects=3&textures=repeated&light=1.5&time=4.25";
+        "orbit?seed=7&width=752&height=480&rate=20&frames=11&lens=equidistant&fov=100.5&noise=0.5&blur=1&rolling=1&exposure=12.5&readout=30&objects=3&textures=repeated&light=1.5&time=4.25";
     assert_int_equal(fv_sim_options_parse(uri, &o, &error), FOVEA_OK);
     assert_int_equal(o.seed, 7);
     assert_int_equal(o.width, 752);

@@ -31,8 +31,7 @@ static void close_source(struct fovea_source *source)
     fovea_source_sim.close(source);
 }
 
-/* ---- rays by brute force
- * ------------------------------------------------------------------------------ */
+/* ---- rays by brute force --------------------------------------------------------------------- */
 
 /* First meeting of the ray o + t d with a face, or infinity: plane, then the two coordinates. */
 static double meet_face(const struct fv_sim_face *f, const double o[3], const double d[3])
@@ -162,8 +161,7 @@ static void test_depth_and_classes(void **state)
     check_rays("wander?lens=equidistant&objects=24&seed=4", 900);
 }
 
-/* ---- boxes by the sizes in the documentation
- * ---------------------------------------------------------- */
+/* ---- boxes by the sizes in the documentation ------------------------------------------------- */
 
 struct extent {
     double x_min, x_max, y_min, y_max;
@@ -309,8 +307,7 @@ static void test_visible_share(void **state)
     assert_true(compared >= 5);
 }
 
-/* ---- pictures
- * ----------------------------------------------------------------------------------------- */
+/* ---- pictures -------------------------------------------------------------------------------- */
 
 struct fit {
     double xx, xy, yy, xe, ye;
@@ -430,8 +427,7 @@ static void check_pictures(const char *address, uint64_t start, uint64_t later)
     qsort(differences, (size_t)count, sizeof *differences, compare_doubles);
     const double median = differences[count / 2], high = differences[count * 9 / 10];
     print_message(
-        "%s frames %d and %d: %d %% of pixels compared, difference median %.1f, 90 %% %.1f grey "
-        "levels; shift of %d tiles median %.3f, rms %.3f px\n",
+        "%s frames %d and %d: %d %% of pixels compared, difference median %.1f, 90 %% %.1f grey levels; shift of %d tiles median %.3f, rms %.3f px\n",
         address, (int)start, (int)later, count * 100 / (width * height), median, high, tiles,
         shifts[tiles / 2], rms);
     assert_true(count > width * height / 2);

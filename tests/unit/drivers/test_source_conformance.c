@@ -19,8 +19,7 @@
 #include "common/fake_camera.h"
 #include "fovea/source.h"
 
-/* ---- heap calls of one thread, and pieces not given back
- * --------------------------------------------- */
+/* ---- heap calls of one thread, and pieces not given back ------------------------------------- */
 
 static _Thread_local volatile unsigned long *watched_calls;
 
@@ -86,8 +85,7 @@ static long pieces_now(void)
 }
 #endif
 
-/* ---- the drivers
- * ------------------------------------------------------------------------------------- */
+/* ---- the drivers ----------------------------------------------------------------------------- */
 
 static char folder[FV_TEST_PATH_BYTES];
 
@@ -118,8 +116,8 @@ static struct row rows[] = {
      .length_unknown = true,
      .wrong = {"/nonexistent", "/", "", "/dev/null"}},
     {.name = "sequence",
-     .address = "sim:orbit?width=96&height=64&frames=5 then "
-                "sim:orbit?width=96&height=64&fov=70&frames=40[start=9,step=2,frames=16,reverse]",
+     .address =
+         "sim:orbit?width=96&height=64&frames=5 then sim:orbit?width=96&height=64&fov=70&frames=40[start=9,step=2,frames=16,reverse]",
      .in_order_only = true,
      .length_unknown = true,
      .wrong = {"", "sim:orbit then ", "sim:orbit[steps=2]", "sequence:sim:"}},
@@ -268,8 +266,7 @@ static void play_again(const struct fovea_source_ops *ops,
             played->frames[i].stamp_ns = 0; /* another time each time */
 }
 
-/* ---- tests
- * ------------------------------------------------------------------------------------------- */
+/* ---- tests ----------------------------------------------------------------------------------- */
 
 static void test_table(void **state)
 {

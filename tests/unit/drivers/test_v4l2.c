@@ -17,8 +17,7 @@
 static const struct fovea_source_selection everything = {.step = 1};
 static const struct fovea_source_ops *const ops = &fovea_source_v4l2;
 
-/* ---- opening
- * ----------------------------------------------------------------------------------------- */
+/* ---- opening --------------------------------------------------------------------------------- */
 
 static void test_wrong_options(void **state)
 {
@@ -124,8 +123,7 @@ static void test_controls_that_differ_are_told(void **state)
     assert_told("/dev/video0?gain=1.4", "gain: asked 1.4, the camera gives 1");
     assert_told(
         "/dev/video0?exposure=0.56&gain=1.4&width=640&height=480",
-        "width: asked 640, the camera gives 96; height: asked 480, the camera gives 64; "
-        "exposure (ms): asked 0.56, the camera gives 0.6; gain: asked 1.4, the camera gives 1");
+        "width: asked 640, the camera gives 96; height: asked 480, the camera gives 64; exposure (ms): asked 0.56, the camera gives 0.6; gain: asked 1.4, the camera gives 1");
     camera->grain = 16;
     assert_told(
         "/dev/video0?exposure=5&gain=40",
@@ -215,8 +213,7 @@ static void test_selection(void **state)
     fv_test_finish(source);
 }
 
-/* ---- pictures
- * ---------------------------------------------------------------------------------------- */
+/* ---- pictures -------------------------------------------------------------------------------- */
 
 static void check_format(struct fake_camera *camera, const char *name,
                          enum fovea_pixel_format expected)

@@ -15,8 +15,7 @@
 
 static const struct fovea_source_ops *const ops = &fovea_source_v4l2;
 
-/* ---- faults
- * ------------------------------------------------------------------------------------------ */
+/* ---- faults ---------------------------------------------------------------------------------- */
 
 static void test_damaged_frames(void **state)
 {

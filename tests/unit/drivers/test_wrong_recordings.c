@@ -14,7 +14,7 @@
 #include <unistd.h>
 
 #include "common/datasets.h"
-#include "fovea/calibration.h"
+#include "support/calibration.h"
 #include "fovea/elementary.h"
 
 static char *const folder = fv_test_place;
@@ -58,8 +58,7 @@ static enum fovea_status try_source(const char *scheme, const char *address,
     return FOVEA_OK;
 }
 
-/* ---- by hand
- * ----------------------------------------------------------------------------------------- */
+/* ---- by hand --------------------------------------------------------------------------------- */
 
 struct wrong {
     const char *scheme, *file; /* below the recording; NULL text: removed */
@@ -107,8 +106,7 @@ static const struct wrong wrong[] = {
     {"tum", "rgb.txt", "0.0\n",
      "/rgb.txt:1: filename: found nothing, expected the file of the frame"},
     {"tum", "camera.yaml", "image_width: 96\n",
-     "/camera.yaml:1: found the key 'image_width' first, expected one of camera_matrix, K, intrinsics, cam0 "
-     "in the file"},
+     "/camera.yaml:1: found the key 'image_width' first, expected one of camera_matrix, K, intrinsics, cam0 in the file"},
     {"tum", "groundtruth.txt", "0 0 0 0 0 0 0 x\n",
      "/groundtruth.txt:1: pose: found 'x', expected a finite number"},
     {"kitti", "times.txt", NULL, "/times.txt: cannot be opened: No such file or directory"},
@@ -202,15 +200,13 @@ static void test_stamps_out_of_order(void **state)
     make_recording("tum", top);
     fv_test_write_text(
         fv_test_path(top, "rgb.txt"),
-        "5 rgb/0000.jpg\n5 rgb/0001.jpg\n3 rgb/0002.jpg\n-9000000000 rgb/0003.jpg\n9000000000 "
-        "rgb/0004.jpg\n");
+        "5 rgb/0000.jpg\n5 rgb/0001.jpg\n3 rgb/0002.jpg\n-9000000000 rgb/0003.jpg\n9000000000 rgb/0004.jpg\n");
     assert_int_equal(try_source("tum", top, &error, &frames), FOVEA_OK);
     assert_int_equal(frames, 5);
     fv_test_folder_remove(top);
 }
 
-/* ---- by mutation
- * ------------------------------------------------------------------------------------- */
+/* ---- by mutation ----------------------------------------------------------------------------- */
 
 static void mutate(struct fovea_random *random, uint8_t *bytes, size_t *count)
 {

@@ -70,7 +70,7 @@ static void features_lie_where_their_corners_are(void **state)
     for (uint32_t i = 0; i < count; i++) {
         const struct fovea_feature *f = &stage.features.list[i];
         const struct fv_corner *c = &stage.features.corners[i];
-        const struct fv_level *level = &stage.pyramid.level[c->level];
+        const struct fv_plane *level = &stage.pyramid.level[c->level];
         assert_int_equal(f->level, c->level);
         assert_int_equal(f->score, c->score);
         assert_int_equal(f->reserved, 0);

@@ -12,14 +12,12 @@
 #include "features/match.h"
 #include "fovea/elementary.h"
 
-enum { COUNT = 300, WIDTH = 640, HEIGHT = 480 };
+enum { COUNT = 300 };
 
 struct world {
     struct fv_kernels kernels;
     struct fv_matcher matcher;
-    struct fv_grid grid;
     void *memory;
-    struct fv_grid_point points[COUNT];
     _Alignas(8) uint8_t queries[COUNT][FV_DESCRIPTOR_BYTES];
     _Alignas(8) uint8_t trains[COUNT][FV_DESCRIPTOR_BYTES];
     struct fv_match matches[COUNT];
@@ -29,7 +27,6 @@ static void carve(void *context, struct fv_arena *arena)
 {
     struct world *world = context;
     fv_matcher_carve(&world->matcher, COUNT, arena);
-    fv_grid_carve(&world->grid, WIDTH, HEIGHT, COUNT, arena);
 }
 
 /* Trains: random points; queries: the trains in reverse order with some bits turned over, two of
@@ -43,9 +40,6 @@ static int set_up(void **state)
     fv_kernels_init(&world->kernels, fv_cpu_best(fv_cpu_detect()));
     world->memory = carved(carve, world);
     for (int t = 0; t < COUNT; t++) {
-        world->points[t] = (struct fv_grid_point){
-            (float)fovea_random_below(&random, WIDTH), (float)fovea_random_below(&random, HEIGHT),
-            (uint16_t)t, (uint8_t)fovea_random_below(&random, 8), 0};
         for (int i = 0; i < FV_DESCRIPTOR_BYTES; i++)
             world->trains[t][i] = (uint8_t)fovea_random_u32(&random);
         if (t % 50 == 49) memcpy(world->trains[t], world->trains[t - 1], FV_DESCRIPTOR_BYTES);
@@ -56,7 +50,6 @@ static int set_up(void **state)
             world->queries[q][fovea_random_below(&random, 32)] ^=
                 (uint8_t)(1u << fovea_random_below(&random, 8));
     }
-    fv_grid_build(&world->grid, world->points, COUNT);
     *state = world;
     return 0;
 }
@@ -77,13 +70,11 @@ static int distance(const uint8_t *a, const uint8_t *b)
     return sum;
 }
 
-/* Nearest and second among the rows for which `allowed` holds; the lower index wins ties. */
-static struct fv_match nearest(const uint8_t *query, uint8_t (*rows)[FV_DESCRIPTOR_BYTES],
-                               const bool *allowed)
+/* Nearest and second of the rows; the lower index wins ties. */
+static struct fv_match nearest(const uint8_t *query, uint8_t (*rows)[FV_DESCRIPTOR_BYTES])
 {
     struct fv_match match = {0, 0xffff, 257, 257};
     for (int t = 0; t < COUNT; t++) {
-        if (allowed != NULL && !allowed[t]) continue;
         const int d = distance(query, rows[t]);
         if (d < match.distance) {
             match.second = match.distance;
@@ -116,14 +107,14 @@ static void all_follow_the_rules(void **state)
                          world->trains[0], COUNT, &rules[r], world->matches);
         uint32_t k = 0;
         for (int q = 0; q < COUNT; q++) {
-            struct fv_match expected = nearest(world->queries[q], world->trains, NULL);
+            struct fv_match expected = nearest(world->queries[q], world->trains);
             expected.query = (uint16_t)q;
             if (expected.distance > rules[r].distance_max) continue;
             if (rules[r].ratio_q8 < 256 &&
                 256 * expected.distance >= rules[r].ratio_q8 * expected.second)
                 continue;
             if (rules[r].mutual &&
-                nearest(world->trains[expected.train], world->queries, NULL).train != q)
+                nearest(world->trains[expected.train], world->queries).train != q)
                 continue;
             assert_true(k < count);
             same(&world->matches[k++], &expected);
@@ -155,84 +146,11 @@ static void empty_sets_match_nothing(void **state)
     assert_int_equal(world->matches[0].second, 257);
 }
 
-static struct fv_match_window window_of(const struct fv_grid_point *point, int q)
-{
-    const float off = (float)(q % 7 - 3);
-    return (struct fv_match_window){point->x_px + off, point->y_px - off, 30,
-                                    (uint8_t)(point->level > 0 ? point->level - 1 : 0),
-                                    (uint8_t)(point->level + 1)};
-}
-
-static void windows_restrict_the_search(void **state)
-{
-    struct world *world = *state;
-    const struct fv_match_rules rules = {256, 256, false};
-    int fewer = 0;
-    for (int q = 0; q < COUNT; q++) {
-        const struct fv_match_window window = window_of(&world->points[COUNT - 1 - q], q);
-        bool allowed[COUNT];
-        for (int t = 0; t < COUNT; t++) {
-            const struct fv_grid_point *p = &world->points[t];
-            const float dx = p->x_px - window.x_px, dy = p->y_px - window.y_px;
-            allowed[t] = dx <= 30 && dx >= -30 && dy <= 30 && dy >= -30 &&
-                         p->level >= window.level_min && p->level <= window.level_max;
-        }
-        struct fv_match expected = nearest(world->queries[q], world->trains, allowed),
-                        found = {(uint16_t)q, 0, 0, 0};
-        expected.query = (uint16_t)q;
-        assert_true(fv_match_window(&world->kernels, &world->grid, world->trains[0],
-                                    world->queries[q], &window, &rules, &found));
-        same(&found, &expected);
-        fewer += found.second > nearest(world->queries[q], world->trains, NULL).second;
-    }
-    assert_true(fewer > COUNT / 2);
-    const struct fv_match_window nowhere = {-500, -500, 10, 0, 7};
-    struct fv_match untouched = {1, 2, 3, 4};
-    assert_false(fv_match_window(&world->kernels, &world->grid, world->trains[0], world->queries[0],
-                                 &nowhere, &rules, &untouched));
-    assert_int_equal(untouched.distance, 3);
-}
-
-static void guided_gives_a_train_once(void **state)
-{
-    struct world *world = *state;
-    struct fv_match_window windows[COUNT];
-    /* All queries look everywhere: trains that are nearest to several queries go to one of them. */
-    for (int q = 0; q < COUNT; q++)
-        windows[q] = (struct fv_match_window){WIDTH / 2, HEIGHT / 2, 60, 0, 7};
-    struct fv_match_rules rules = {256, 256, false};
-    const uint32_t loose =
-        fv_match_guided(&world->matcher, &world->kernels, &world->grid, world->trains[0], COUNT,
-                        world->queries[0], COUNT, windows, &rules, world->matches);
-    assert_int_equal(loose, COUNT);
-    uint16_t best[COUNT];
-    memset(best, 0xff, sizeof best);
-    for (uint32_t i = 0; i < loose; i++)
-        if (world->matches[i].distance < best[world->matches[i].train])
-            best[world->matches[i].train] = world->matches[i].distance;
-    rules.mutual = true;
-    const uint32_t count =
-        fv_match_guided(&world->matcher, &world->kernels, &world->grid, world->trains[0], COUNT,
-                        world->queries[0], COUNT, windows, &rules, world->matches);
-    bool taken[COUNT] = {false};
-    uint32_t claimed = 0;
-    for (int t = 0; t < COUNT; t++)
-        claimed += best[t] != 0xffff;
-    assert_int_equal(count, claimed);
-    for (uint32_t i = 0; i < count; i++) {
-        assert_false(taken[world->matches[i].train]);
-        taken[world->matches[i].train] = true;
-        assert_int_equal(world->matches[i].distance, best[world->matches[i].train]);
-    }
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(all_follow_the_rules, set_up, tear_down),
         cmocka_unit_test_setup_teardown(empty_sets_match_nothing, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(windows_restrict_the_search, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(guided_gives_a_train_once, set_up, tear_down),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -69,7 +69,7 @@ static void disc_is_found_between_pixels(void **state)
                 image[p] = (uint8_t)lround(40 + 180 * exp(-(x * x + y * y) / 8));
             }
             struct fv_pyramid pyramid = {.levels = 1};
-            pyramid.level[0] = (struct fv_level){image, SIZE, SIZE, SIZE};
+            pyramid.level[0] = (struct fv_plane){image, SIZE, SIZE, SIZE};
             const struct fv_corner corner = {20, 20, 0, 30};
             struct fovea_feature feature = {0};
             fv_refine_corners(&kernels, &pyramid, &corner, 1, &feature);

@@ -196,8 +196,7 @@ static void faster_and_no_worse_than_opencv(void **)
     std::sort(error_ours.begin(), error_ours.end());
     std::sort(error_magsac.begin(), error_magsac.end());
     printf(
-        "ours %.3f ms, RANSAC %.3f ms (ratio %.3f), MAGSAC %.3f ms; median rotation error %.4f, MAGSAC "
-        "%.4f deg\n",
+        "ours %.3f ms, RANSAC %.3f ms (ratio %.3f), MAGSAC %.3f ms; median rotation error %.4f, MAGSAC %.4f deg\n",
         1e3 * ours / 40, 1e3 * ransac / 40, ours / ransac, 1e3 * magsac / 40, error_ours[20],
         error_magsac[20]);
     if (getenv("FOVEA_TIMED") != NULL) assert_true(ours <= 0.3 * ransac);

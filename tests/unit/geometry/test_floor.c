@@ -9,12 +9,12 @@
 #include <math.h>
 #include <stdio.h>
 
-#include "geometry/plane.h"
+#include "geometry/floor.h"
 #include "geometry/vec.h"
 
 enum { COUNT = 300, SAMPLES = 96 };
 
-static const struct fv_plane_prior prior = {{0, 1, 0}, 0.05, 0.2};
+static const struct fv_floor_prior prior = {{0, 1, 0}, 0.05, 0.2};
 
 static double uniform(struct fovea_random *random, double low, double high)
 {
@@ -24,7 +24,7 @@ static double uniform(struct fovea_random *random, double low, double high)
 /* A point on the plane down p = height, ahead of the camera, its distance wrong by about `sigma`,
  * relative. */
 static void floor_point(struct fovea_random *random, const double down[3], double height,
-                        double sigma, struct fv_plane_point *point)
+                        double sigma, struct fv_floor_point *point)
 {
     double ray[3];
     do {
@@ -40,7 +40,7 @@ static void floor_point(struct fovea_random *random, const double down[3], doubl
 
 /* Above the floor: on walls and furniture, `low` to `high` of the height below the camera. */
 static void other_point(struct fovea_random *random, double height, double low, double high,
-                        struct fv_plane_point *point)
+                        struct fv_floor_point *point)
 {
     point->p[2] = height * uniform(random, 1.5, 9);
     point->p[0] = point->p[2] * uniform(random, -.7, .7);
@@ -56,8 +56,8 @@ static void floors_are_found_among_outliers(void **state)
         double worst_height = 0, worst_angle = 0, squares = 0;
         for (uint64_t seed = 1; seed <= 50; seed++) {
             struct fovea_random random;
-            struct fv_plane_point points[COUNT];
-            struct fv_plane plane;
+            struct fv_floor_point points[COUNT];
+            struct fv_floor plane;
             fovea_random_seed(&random, seed);
             double down[3] = {uniform(&random, -.06, .06), 1, uniform(&random, -.06, .06)};
             double height = uniform(&random, 0.2, 2);
@@ -68,7 +68,7 @@ static void floors_are_found_among_outliers(void **state)
                 else
                     floor_point(&random, down, height, 0.03, &points[i]);
             }
-            assert_true(fv_plane_estimate(points, COUNT, &prior, SAMPLES, 20, &random, &plane));
+            assert_true(fv_floor_estimate(points, COUNT, &prior, SAMPLES, 20, &random, &plane));
             double off = plane.height / height - 1;
             worst_height = fmax(worst_height, fabs(off));
             worst_angle = fmax(worst_angle, acos(fmin(1, fv_dot3(down, plane.down))));
@@ -87,12 +87,12 @@ static void a_table_is_no_floor(void **state)
     (void)state;
     for (uint64_t seed = 1; seed <= 50; seed++) {
         struct fovea_random random;
-        struct fv_plane_point points[COUNT];
-        struct fv_plane plane;
+        struct fv_floor_point points[COUNT];
+        struct fv_floor plane;
         fovea_random_seed(&random, seed);
         for (int i = 0; i < COUNT; i++)
             floor_point(&random, prior.down, i % 5 < 3 ? 0.9 : 1.6, 0.02, &points[i]);
-        assert_true(fv_plane_estimate(points, COUNT, &prior, SAMPLES, 20, &random, &plane));
+        assert_true(fv_floor_estimate(points, COUNT, &prior, SAMPLES, 20, &random, &plane));
         assert_true(fabs(plane.height / 1.6 - 1) < 0.03);
     }
 }
@@ -103,14 +103,14 @@ static void no_floor_is_made_up(void **state)
     int found = 0;
     for (uint64_t seed = 1; seed <= 50; seed++) {
         struct fovea_random random;
-        struct fv_plane_point points[COUNT];
-        struct fv_plane plane = {.height = -1};
+        struct fv_floor_point points[COUNT];
+        struct fv_floor plane = {.height = -1};
         fovea_random_seed(&random, seed);
         for (int i = 0; i < COUNT; i++)
             other_point(&random, 1.5, .2, 4, &points[i]); /* a cloud below, of no shape */
-        found += fv_plane_estimate(points, COUNT, &prior, SAMPLES, 20, &random, &plane);
+        found += fv_floor_estimate(points, COUNT, &prior, SAMPLES, 20, &random, &plane);
         assert_true(
-            !fv_plane_estimate(points, 19, &prior, SAMPLES, 20, &random, &plane)); /* too few */
+            !fv_floor_estimate(points, 19, &prior, SAMPLES, 20, &random, &plane)); /* too few */
     }
     printf("floors found in clouds: %d of 50\n", found);
     assert_true(found <= 5);

@@ -124,8 +124,7 @@ static void test_group(void **context)
     }
 }
 
-/* ---- alignment
- * ------------------------------------------------------------------------------------- */
+/* ---- alignment ------------------------------------------------------------------------------- */
 
 static void look(const double p[3], struct fovea_random *random, double noise_px, double bearing[3],
                  double A[6])

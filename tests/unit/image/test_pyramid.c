@@ -70,12 +70,12 @@ static void a_ramp_stays_a_ramp(void **state)
     fv_kernels_init(&kernels, FV_CPU_C);
     fv_pyramid_build(&pyramid, &kernels, &frame);
     for (uint32_t i = 0; i < LEVELS; i++) {
-        const struct fv_level *level = &pyramid.level[i];
+        const struct fv_plane *level = &pyramid.level[i];
         for (int32_t y = 0; y < level->height; y++)
             for (int32_t x = 0; x < level->width; x++) {
                 const float expected =
                     fv_pyramid_to_raw(i, (float)x) / 2 + fv_pyramid_to_raw(i, (float)y) - 0.25f;
-                assert_float_equal(level->pixels[y * level->stride_bytes + x], expected,
+                assert_float_equal(level->pixels[y * level->stride + x], expected,
                                    0.75f + 0.55f * (float)i);
             }
     }
@@ -97,7 +97,7 @@ static void every_kernel_set_gives_the_same_levels(void **state)
         fv_pyramid_build(&found, &kernels, &frame);
         for (uint32_t i = 0; i < LEVELS; i++)
             for (int32_t y = 0; y < expected.level[i].height; y++) {
-                const ptrdiff_t row = (ptrdiff_t)y * expected.level[i].stride_bytes;
+                const ptrdiff_t row = (ptrdiff_t)y * expected.level[i].stride;
                 assert_memory_equal(expected.level[i].pixels + row, found.level[i].pixels + row,
                                     (size_t)expected.level[i].width);
             }
@@ -170,11 +170,11 @@ static void every_format_becomes_grey_as_documented(void **state)
             fv_pyramid_build(&pyramid, &kernels, &frame);
             for (int32_t y = 0; y < H; y++)
                 for (int32_t x = 0; x < W; x++)
-                    if (pyramid.level[0].pixels[y * pyramid.level[0].stride_bytes + x] !=
+                    if (pyramid.level[0].pixels[y * pyramid.level[0].stride + x] !=
                         grey_of(f, stride, x, y))
                         fail_msg("%s, kernels %s: (%d, %d) is %d, expected %d",
                                  fovea_pixel_format_name(f), fv_cpu_set_name(kernels.set), x, y,
-                                 pyramid.level[0].pixels[y * pyramid.level[0].stride_bytes + x],
+                                 pyramid.level[0].pixels[y * pyramid.level[0].stride + x],
                                  grey_of(f, stride, x, y));
         }
     }

@@ -10,7 +10,7 @@
 /* cmocka needs the above */
 #include <cmocka.h>
 
-#include "app/extract.h"
+#include "app/lab/extract.h"
 #include "common/carved.h"
 #include "fovea/elementary.h"
 #include "fovea/source.h"

@@ -28,6 +28,7 @@
 #include "fovea_recording_end_t.h"
 #include "fovea_recording_part_t.h"
 #include "fovea_recording_t.h"
+#include "fovea_run_t.h"
 #include "fovea_stamp_t.h"
 #include "fovea_statistics_t.h"
 #include "fovea_tracks_t.h"
@@ -62,6 +63,7 @@
     X(fovea, recording_end_t)                                                                      \
     X(fovea, recording_part_t)                                                                     \
     X(fovea, recording_t)                                                                          \
+    X(fovea, run_t)                                                                                \
     X(fovea, stamp_t)                                                                              \
     X(fovea, statistics_t)                                                                         \
     X(fovea, tracks_t)

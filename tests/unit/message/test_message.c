@@ -9,7 +9,7 @@
 
 #include <cmocka.h>
 
-#include "fovea/log.h"
+#include "support/log.h"
 #include "message/fields.h"
 #include "message/message.h"
 #include "message/recorded.h"

@@ -252,8 +252,7 @@ static void confidence_is_earned(void **state)
         }
     }
     printf(
-        "%d poses, %d of them called good: normalised squared error %.2f per dimension, falsely confident "
-        "%d\n",
+        "%d poses, %d of them called good: normalised squared error %.2f per dimension, falsely confident %d\n",
         count, good, sum / count / 6, false_confidence);
     assert_true(sum / count / 6 > 0.1 && sum / count / 6 < 2);
     assert_true(good > count / 2 && false_confidence <= good / 50);

@@ -245,8 +245,7 @@ static void the_covariance_is_honest(void **state)
         run("orbit", seed, 0, all ? 900 : 110);
         const struct confidence c = rate_confidence();
         printf(
-            "orbit, seed %d: %d frames posed, %d of them weak, squared error %.2f per degree of freedom, "
-            "worst %.1f, falsely confident %d\n",
+            "orbit, seed %d: %d frames posed, %d of them weak, squared error %.2f per degree of freedom, worst %.1f, falsely confident %d\n",
             seed, c.posed, c.weak, c.sum / c.posed, c.worst, c.falsely);
         assert_true(c.posed > rig.frames * 3 / 4);
         all_seeds.posed += c.posed;

@@ -11,7 +11,9 @@
 #include "fovea/elementary.h"
 #include "fovea/fovea.h"
 #include "message/fields.h"
+#include "message/message.h"
 
+#include "fovea_pose_t.h"
 #include "fovea_preview_t.h"
 
 enum { WIDTH = 321, HEIGHT = 243 };
@@ -208,6 +210,27 @@ static void frames_are_processed_and_odd_ones_refused(void **state)
     free(made.memory);
 }
 
+/* Both poses, of that frame, in a state that is none of the tracker's, without numbers. */
+static void assert_paused(const struct fovea_outputs *outputs, const struct fovea_frame *frame)
+{
+    static const char *const channels[] = {"FOVEA_POSE", "FOVEA_CAMERA_POSE"};
+    for (int i = 0; i < 2; i++) {
+        const struct fovea_message *message = find(outputs, channels[i]);
+        fovea_pose_t pose;
+        assert_non_null(message);
+        assert_true(fovea_pose_t_decode(message->data, 0, (int)message->bytes, &pose) > 0);
+        assert_int_equal(pose.state, FOVEA_POSE_T_STATE_PAUSED);
+        assert_int_equal(pose.stamp.time_ns, frame->stamp_ns);
+        assert_true(isnan(pose.position[0]) && isnan(pose.orientation[0]) &&
+                    isnan(pose.covariance[0]));
+        assert_int_equal(pose.reference_keyframe, -1);
+        assert_int_equal(pose.inliers, 0);
+        fovea_pose_t_decode_cleanup(&pose);
+    }
+    assert_null(find(outputs, "FOVEA_BOT_CORE_POSE"));
+    assert_null(find(outputs, "FOVEA_FEATURES"));
+}
+
 static void commands_pause_resume_and_reset(void **state)
 {
     (void)state;
@@ -217,6 +240,15 @@ static void commands_pause_resume_and_reset(void **state)
     struct fovea_inputs inputs = {.frame = &frame, .commands = FOVEA_COMMAND_PAUSE};
     fovea_grants_fixed(&config, &inputs.grants);
     assert_int_equal(fovea_step(made.rt, &inputs, &outputs), FOVEA_AGAIN);
+    assert_paused(&outputs, &frame);
+    inputs.commands = 0;
+    frame.stamp_ns += 1000;
+    assert_int_equal(fovea_step(made.rt, &inputs, &outputs), FOVEA_AGAIN);
+    assert_paused(&outputs, &frame);
+    inputs.frame = NULL;
+    assert_int_equal(fovea_step(made.rt, &inputs, &outputs), FOVEA_AGAIN);
+    assert_null(find(&outputs, "FOVEA_POSE"));
+    inputs.frame = &frame;
     inputs.commands = FOVEA_COMMAND_RESUME | FOVEA_COMMAND_SAVE;
     assert_int_equal(fovea_step(made.rt, &inputs, &outputs), FOVEA_OK);
     assert_true(outputs.jobs_waiting & 1u << FOVEA_JOB_MAP); /* the map is being saved */
@@ -226,7 +258,7 @@ static void commands_pause_resume_and_reset(void **state)
     struct fovea_stats stats;
     fovea_stats_get(made.rt, &stats);
     assert_int_equal(stats.reset_counter, 1);
-    assert_int_equal(stats.refused_paused, 1);
+    assert_int_equal(stats.refused_paused, 2);
     free(made.memory);
 }
 
@@ -289,7 +321,7 @@ static void a_copy_goes_on_alone(void **state)
     free(twin.memory);
 }
 
-/* Noise at the best quality takes more bytes than there is room for: it comes at a lower one, not
+/* Noise at the best quality takes more bytes than a packet holds: it comes at a lower one, not
  * never. */
 static void preview_of_noise_comes_too(void **state)
 {
@@ -298,7 +330,7 @@ static void preview_of_noise_comes_too(void **state)
     struct fovea_random random;
     struct fovea_outputs outputs;
     const struct fovea_preview_config usual = config.preview;
-    int previews = 0;
+    uint32_t previews = 0, bytes_max = 0;
     memcpy(before, picture, sizeof picture);
     fovea_random_seed(&random, 5);
     for (size_t i = 0; i < sizeof picture; i++)
@@ -311,8 +343,12 @@ static void preview_of_noise_comes_too(void **state)
         step(made.rt, &frame, &outputs);
         fovea_grants_fixed(&config, &grants);
         fovea_work(made.rt, &grants, &outputs);
-        previews += find(&outputs, "FOVEA_PREVIEW") != NULL;
+        const struct fovea_message *message = find(&outputs, "FOVEA_PREVIEW");
+        if (message == NULL) continue;
+        previews++;
+        if (message->bytes > bytes_max) bytes_max = message->bytes;
     }
+    assert_in_range(bytes_max + sizeof "FOVEA_PREVIEW" + 8, 40000, FV_MESSAGE_PACKET_BYTES);
     free(made.memory);
     config.preview = usual;
     memcpy(picture, before, sizeof picture);

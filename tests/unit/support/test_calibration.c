@@ -17,7 +17,7 @@
 
 #include "common/data_folder.h"
 #include "common/datasets.h"
-#include "fovea/calibration.h"
+#include "support/calibration.h"
 #include "fovea/elementary.h"
 
 static struct fovea_calibration parse(const char *text)
@@ -40,8 +40,7 @@ static void refused(enum fovea_status status, const char *text, const char *line
     assert_int_equal(error.status, status);
 }
 
-/* ---- formats
- * ----------------------------------------------------------------------------------------- */
+/* ---- formats --------------------------------------------------------------------------------- */
 
 static void test_ros(void **state)
 {
@@ -102,8 +101,7 @@ static const char camchain[] =
     "  - [0.0, 0.0, 0.0, 1.0]\n  cam_overlaps: [1]\n  camera_model: pinhole\n"
     "  distortion_coeffs: [0.01, 0.02, 0.03, 0.04]\n  distortion_model: equidistant\n"
     "  intrinsics: [190.9, 190.8, 254.9, 256.8]\n  resolution: [512, 513]\n  rostopic: /cam0/image_raw\n"
-    "cam1:\n  camera_model: pinhole\n  distortion_coeffs: [0.1, 0.2, 0.001, 0.002]\n  distortion_model: "
-    "radtan\n"
+    "cam1:\n  camera_model: pinhole\n  distortion_coeffs: [0.1, 0.2, 0.001, 0.002]\n  distortion_model: radtan\n"
     "  intrinsics: [200, 201, 250, 251]\n  resolution: [512, 512]\n";
 
 static void test_kalibr(void **state)
@@ -138,16 +136,14 @@ static void test_euroc(void **state)
         "         0.999557249008, 0.0149672133247, 0.025715529948, -0.064676986768,\n"
         "        -0.0257744366974, 0.00375618835797, 0.999660727178, 0.00981073058949,\n"
         "         0.0, 0.0, 0.0, 1.0]\nrate_hz: 20\nresolution: [752, 480]\ncamera_model: pinhole\n"
-        "intrinsics: [458.654, 457.296, 367.215, 248.375] #fu, fv, cu, cv\ndistortion_model: "
-        "radial-tangential\n"
+        "intrinsics: [458.654, 457.296, 367.215, 248.375] #fu, fv, cu, cv\ndistortion_model: radial-tangential\n"
         "distortion_coefficients: [-0.28340811, 0.07395907, 0.00019359, 1.76187114e-05]\n");
     assert_int_equal(c.format, FOVEA_CALIBRATION_EUROC);
     assert_true(c.rate_hz == 20 && c.camera.k[3] == 1.76187114e-05 &&
                 c.T_body_cam[7] == -0.064676986768);
 }
 
-/* ---- round trip
- * -------------------------------------------------------------------------------------- */
+/* ---- round trip ------------------------------------------------------------------------------ */
 
 static void random_camera(struct fovea_random *random, enum fovea_lens lens, int coefficients,
                           struct fovea_calibration *c)
@@ -272,8 +268,7 @@ static void test_write_file_and_lost(void **state)
     fv_test_folder_remove(folder);
 }
 
-/* ---- fitting
- * ----------------------------------------------------------------------------------------- */
+/* ---- fitting --------------------------------------------------------------------------------- */
 
 static void test_fit(void **state)
 {
@@ -298,8 +293,7 @@ static void test_fit(void **state)
     assert_non_null(strstr(error.text, "expected the shape of the frames"));
 }
 
-/* ---- wrong files
- * ------------------------------------------------------------------------------------- */
+/* ---- wrong files ----------------------------------------------------------------------------- */
 
 #define MATRIX "camera_matrix: {rows: 3, cols: 3, data: [500, 0, 320, 0, 500, 240, 0, 0, 1]}\n"
 #define SIZE "image_width: 640\nimage_height: 480\n"
@@ -351,17 +345,14 @@ static void test_refused(void **state)
         "c.yaml:3: camera_matrix.data[1]: found '2', expected 0 (a camera with skew is not supported)");
     refused(
         input, SIZE MATRIX "distortion_coefficients: {data: [0, 0, 0]}\n",
-        "c.yaml:4: distortion_coefficients.data: found a list of 3, expected a list of 4, 5, 8, 12 or 14 "
-        "numbers");
+        "c.yaml:4: distortion_coefficients.data: found a list of 3, expected a list of 4, 5, 8, 12 or 14 numbers");
     refused(
         unsupported,
         SIZE MATRIX "distortion_coefficients: {data: [0, 0, 0, 0, 0, 0, 0, 0, 0.5, 0, 0, 0]}\n",
-        "c.yaml:4: distortion_coefficients.data[8]: found '0.5', expected 0 (this term is not in the "
-        "lens model)");
+        "c.yaml:4: distortion_coefficients.data[8]: found '0.5', expected 0 (this term is not in the lens model)");
     refused(
         unsupported, SIZE MATRIX COEFFICIENTS "distortion_model: fov\n",
-        "c.yaml:5: distortion_model: found 'fov', expected one of plumb_bob, rational_polynomial, radtan, "
-        "radial-tangential, equidistant, equi, fisheye, none");
+        "c.yaml:5: distortion_model: found 'fov', expected one of plumb_bob, rational_polynomial, radtan, radial-tangential, equidistant, equi, fisheye, none");
     refused(unsupported, SIZE MATRIX COEFFICIENTS "binning_x: 2\n",
             "c.yaml:5: binning_x: found '2', expected 0 or 1 (calibrate the images as they come)");
     refused(unsupported, CHAIN("omni", "[1, 2, 3, 4]", ""),
@@ -376,8 +367,7 @@ static void test_refused(void **state)
         input,
         CHAIN("pinhole", "[100, 100, 320, 240]",
               "  distortion_model: none\n  T_cam_imu: [[1,0,0,0],[0,2,0,0],[0,0,1,0],[0,0,0,1]]\n"),
-        "c.yaml:6: cam0.T_cam_imu: found a list of 4, expected a rigid transform: rows of a rotation and a "
-        "translation, then 0 0 0 1");
+        "c.yaml:6: cam0.T_cam_imu: found a list of 4, expected a rigid transform: rows of a rotation and a translation, then 0 0 0 1");
     refused(input, "cam0: [1\n", "c.yaml:2: column 1: not YAML: did not find expected ',' or ']'");
 }
 

@@ -4,7 +4,7 @@
 
 #include "common/cmocka_cpp.h"
 #include "common/datasets.h"
-#include "fovea/calibration.h"
+#include "support/calibration.h"
 
 static void test_opencv_reads_and_writes(void **state)
 {

@@ -16,8 +16,8 @@
 #include <cmocka.h>
 #include <png.h>
 
-#include "app/canvas.h"
-#include "app/font.h"
+#include "support/canvas.h"
+#include "support/font.h"
 
 static uint32_t colour_at(const struct fv_canvas *canvas, int x, int y)
 {

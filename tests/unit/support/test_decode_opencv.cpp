@@ -12,7 +12,7 @@
 #include "common/datasets.h"
 
 extern "C" {
-#include "../../../drivers/recorded/decode.h"
+#include "support/decode.h"
 }
 
 static void compare(const std::string &path)

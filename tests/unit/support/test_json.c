@@ -7,7 +7,7 @@
 #include <cmocka.h>
 #include <stdlib.h>
 
-#include "app/json.h"
+#include "support/json.h"
 
 static void test_texts(void **state)
 {

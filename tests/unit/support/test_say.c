@@ -10,7 +10,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "app/say.h"
+#include "support/say.h"
 
 static char text[4096];
 
@@ -37,12 +37,15 @@ static void lines(void)
     fv_say("a %d", 1);
     assert_int_equal(fv_say_wrong("b\nc\x1b[2J"), FV_EXIT_WRONG);
     assert_int_equal(fv_say_failed("%s", "d"), FV_EXIT_FAILED);
+    fv_say("M\u00fcller \u65e5"); /* as typed */
+    fv_say("\xc2\x9b"
+           "31m \u202e \xff"); /* CSI in one character, right to left, no UTF-8 */
 }
 
 static void test_lines(void **state)
 {
     (void)state;
-    assert_string_equal(said(lines), "a 1\nb?c?[2J\nd\n");
+    assert_string_equal(said(lines), "a 1\nb?c?[2J\nd\nM\u00fcller \u65e5\n??31m ??? ?\n");
 }
 
 static void over_status(void)

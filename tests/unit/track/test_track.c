@@ -31,9 +31,7 @@ static uint64_t id_at(const struct fovea_tracks *tracks, const struct fovea_dete
     return 0;
 }
 
-/* ---- life
- * ----------------------------------------------------------------------------------------------------
- */
+/* ---- life ------------------------------------------------------------------------------------ */
 
 static void tracks_live_and_end(void **state)
 {
@@ -183,9 +181,7 @@ static void a_full_pool_gives_up_its_weakest(void **state)
     free(block);
 }
 
-/* ---- identity
- * ------------------------------------------------------------------------------------------------
- */
+/* ---- identity -------------------------------------------------------------------------------- */
 
 /* Scenes of objects of one class that cross each other's ways; behind a pillar none is seen. True
  * boxes, shaken by a pixel. */
@@ -462,9 +458,7 @@ static void boxes_of_movable_classes_are_told(void **state)
     free(block);
 }
 
-/* ---- time
- * ----------------------------------------------------------------------------------------------------
- */
+/* ---- time ------------------------------------------------------------------------------------ */
 
 static int64_t cpu_ns(void)
 {

@@ -11,7 +11,7 @@
 #include <cmocka.h>
 #include <png.h>
 
-#include "app/mask.h"
+#include "app/config/mask.h"
 
 enum { WIDTH = 96, HEIGHT = 80, BYTES = WIDTH * HEIGHT };
 

@@ -10,9 +10,9 @@
 
 #include <cmocka.h>
 
-#include "app/classes.h"
-#include "app/model_file.h"
-#include "app/settings.h"
+#include "app/config/classes.h"
+#include "app/config/model_file.h"
+#include "app/config/settings.h"
 
 static struct fv_settings settings, back;
 static struct fovea_error error;
@@ -78,6 +78,10 @@ static void test_changed_values_read_back(void **state)
         "seed=9223372036854775807",
         "lcm_url=",
         "lcm_ttl=3",
+        "listen=eth0",
+        "commands=[save, reset]",
+        "command_key=k",
+        "scale.odometry_max_m_s=0.5",
         "channel_prefix=LEFT/cam-1.a_b",
         "features.count_max=321",
         "features.threshold=30",
@@ -92,6 +96,7 @@ static void test_changed_values_read_back(void **state)
     assert_string_equal(settings.source, "images:/a \"b\"\\c/*.png");
     assert_int_equal(settings.runtime.features.count_max, 321);
     assert_int_equal(settings.cpu, 1);
+    assert_int_equal(settings.commands, FOVEA_COMMAND_SAVE | FOVEA_COMMAND_RESET);
     assert_true(settings.runtime.T_base_cam[7] == 1e-17);
     char *text = printed(&settings, true);
     fv_settings_default(&back);
@@ -157,6 +162,8 @@ static void test_wrong_files(void **state)
         {"T_base_cam: [1, 2, 3]\n", {"robot.yaml:1:", "T_base_cam", "a list of 3", "12 numbers"}},
         {"T_base_cam: [1,0,0,0,0,1,0,0,0,0,1,.nan]\n",
          {"robot.yaml:1:", "T_base_cam[11]", "'.nan'", "finite"}},
+        {"commands: [reset, fly]\n", {"robot.yaml:1:", "commands[1]", "'fly'", "reset, pause"}},
+        {"commands: {save: true}\n", {"robot.yaml:1:", "commands", "mapping", "a list like"}},
         {"lcm_ttl: -1\n", {"robot.yaml:1:", "lcm_ttl", "'-1'", "[0, 255]"}},
         {"lcm_url:\n", {"robot.yaml:1:", "lcm_url"}},
         {"channel_prefix: aaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaaa\n",

@@ -11,7 +11,7 @@
 #include <cmocka.h>
 
 #include "app/command.h"
-#include "app/picture.h"
+#include "support/picture.h"
 #include "fovea/source.h"
 
 static char folder[] = "/tmp/fovea-export-XXXXXX";

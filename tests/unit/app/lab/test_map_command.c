@@ -12,7 +12,7 @@
 #include <cmocka.h>
 
 #include "app/command.h"
-#include "app/map_file.h"
+#include "app/config/map_file.h"
 #include "common/datasets.h"
 #include "common/small_map.h"
 

@@ -12,7 +12,7 @@
 #include <cmocka.h>
 
 #include "app/command.h"
-#include "app/picture.h"
+#include "support/picture.h"
 #include "common/nn_mutant.h"
 #include "fovea/elementary.h"
 

@@ -16,10 +16,10 @@
 #include <cmocka.h>
 #include <lcm/lcm.h>
 
-#include "app/recorder.h"
-#include "app/recording_end.h"
-#include "app/recording_header.h"
-#include "fovea/log.h"
+#include "app/record/recorder.h"
+#include "app/record/recording_end.h"
+#include "app/record/recording_header.h"
+#include "support/log.h"
 #include "message/recorded.h"
 
 enum { WIDTH = 640, HEIGHT = 480, IMAGE_BYTES = WIDTH * HEIGHT };
@@ -314,6 +314,34 @@ static void test_limited_file(void **state)
             record_below((rlim_t)(ends[i] + (more == 2 ? 200 : 40 * more)));
 }
 
+/* Ended early, a numbered recording does not get the name of those that ended in order; without a
+ * turn it goes. */
+static void test_limited_numbered(void **state)
+{
+    struct rlimit before, limit;
+    struct fv_recorder_summary summary;
+    (void)state;
+    snprintf(path, sizeof path, "%s/box/", folder);
+    getrlimit(RLIMIT_FSIZE, &before);
+    limit = before;
+    for (int turns = 0; turns <= 2; turns++) { /* that there is room for, of two */
+        struct fv_recorder *recorder = open_recorder(0);
+        limit.rlim_cur = (rlim_t)(turns * 2 + 1) * IMAGE_BYTES; /* with the mask in the header */
+        setrlimit(RLIMIT_FSIZE, &limit);
+        record_turn(recorder, 1);
+        record_turn(recorder, 2);
+        const enum fovea_status status = fv_recorder_close(recorder, &summary);
+        setrlimit(RLIMIT_FSIZE, &before);
+        assert_int_equal(status, turns < 2 ? FOVEA_ERROR_SYSTEM : FOVEA_OK);
+        assert_int_equal(strstr(summary.path, ".open.lcm") != NULL, turns < 2);
+        assert_int_equal(access(summary.path, F_OK), turns > 0 ? 0 : -1);
+        assert_int_equal(strstr(summary.reason, "it held no turn") != NULL, turns == 0);
+        if (turns > 0) unlink(summary.path);
+    }
+    rmdir(path);
+    snprintf(path, sizeof path, "%s/log", folder);
+}
+
 static void test_full_disk(void **state)
 {
     (void)state;
@@ -347,8 +375,11 @@ static void test_slow_disk(void **state)
     int reader =
         open(pipe_path, O_RDONLY | O_NONBLOCK); /* takes nothing until the recording has ended */
     assert_true(reader >= 0);
-    snprintf(path, sizeof path, "%s", pipe_path);
+    const int writer = open(pipe_path, O_WRONLY); /* only an open pipe is taken */
+    assert_true(writer >= 0);
+    snprintf(path, sizeof path, "/dev/fd/%d", writer);
     struct fv_recorder *recorder = open_recorder(24 * IMAGE_BYTES);
+    close(writer);
     for (uint32_t n = 0; n < 100; n++)
         record_turn(recorder, n);
     fcntl(reader, F_SETFL, 0);
@@ -385,9 +416,12 @@ static void test_paced_by_a_slow_disk(void **state)
     snprintf(pipe_path, sizeof pipe_path, "%s/slow", folder);
     assert_int_equal(mkfifo(pipe_path, 0600), 0);
     int reader = open(pipe_path, O_RDONLY | O_NONBLOCK);
-    snprintf(path, sizeof path, "%s", pipe_path);
+    const int writer = open(pipe_path, O_WRONLY); /* only an open pipe is taken */
+    assert_true(writer >= 0);
+    snprintf(path, sizeof path, "/dev/fd/%d", writer);
     masked = false; /* the header of the log is small then, and so is the ring */
     struct fv_recorder *recorder = open_recorder(0);
+    close(writer);
     masked = true;
     fcntl(reader, F_SETFL, 0);
     pthread_t thread;
@@ -417,7 +451,7 @@ static void test_cannot_open(void **state)
         .path = "/nonexistent/log", .settings = settings, .kernel_set = "c"};
     struct fv_recorder *recorder = NULL;
     struct fovea_error error;
-    assert_int_equal(fv_recorder_open(&setup, &recorder, &error), FOVEA_ERROR_SYSTEM);
+    assert_int_equal(fv_recorder_open(&setup, &recorder, &error), FOVEA_ERROR_INPUT);
     assert_string_equal(error.text,
                         "/nonexistent/log: cannot be written: No such file or directory");
     assert_null(recorder);
@@ -429,11 +463,9 @@ int main(void)
     if (mkdtemp(folder) == NULL) return 1;
     snprintf(path, sizeof path, "%s/log", folder);
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_round_trip),
-        cmocka_unit_test(test_limited_file),
-        cmocka_unit_test(test_full_disk),
-        cmocka_unit_test(test_slow_disk),
-        cmocka_unit_test(test_paced_by_a_slow_disk),
+        cmocka_unit_test(test_round_trip),       cmocka_unit_test(test_limited_file),
+        cmocka_unit_test(test_limited_numbered), cmocka_unit_test(test_full_disk),
+        cmocka_unit_test(test_slow_disk),        cmocka_unit_test(test_paced_by_a_slow_disk),
         cmocka_unit_test(test_cannot_open),
     };
     int failed = cmocka_run_group_tests(tests, NULL, NULL);

@@ -89,6 +89,7 @@ static void assert_machine_told(void)
     assert_answers("kernels");
     assert_answers("scheduling");
     assert_answers("LCM");
+    assert_answers("commands");
 }
 
 static void test_everything_is_told(void **state)
@@ -102,7 +103,7 @@ static void test_everything_is_told(void **state)
                                          "LCM",
                                          "stack of the loop",
                                          "recorder, if recording",
-                                         "map, while saved"};
+                                         "map to be saved"};
     (void)state;
     assert_int_equal(
         check(
@@ -117,6 +118,28 @@ static void test_everything_is_told(void **state)
     assert_tells(out, "\nok       camera       sim:still answers: 640 x 480 grey8");
 }
 
+static void test_who_may_command_is_said(void **state)
+{
+    static const struct {
+        const char *sets, *line;
+        int status;
+    } cases[] = {
+        {"lcm_url=memq://", "\nwarning  commands     nobody is heard", 0},
+        {"listen=none", "\nwarning  commands     nobody is heard", 0},
+        {"listen=loopback", "\nok       commands     are taken from programs on this host", 0},
+        {"command_key=/tmp", "\nfailed   commands     command_key: /tmp: found no ordinary file",
+         2},
+    };
+    char command[256];
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        snprintf(command, sizeof command, "fovea check --source sim:still --set %s", cases[i].sets);
+        const int status = check(command);
+        if (cases[i].status != 0) assert_int_equal(status, cases[i].status);
+        assert_tells(out, cases[i].line);
+    }
+}
+
 static void test_frame_rate(void **state)
 {
     (void)state;
@@ -129,16 +152,15 @@ static void test_frame_rate(void **state)
 static void test_without_the_camera(void **state)
 {
     static const char absent[] =
-        "failed   camera       v4l2:/dev/fovea_none: found no such device, expected "
-        "a camera: is it plugged in?\n";
+        "failed   camera       v4l2:/dev/fovea_none: found no such device, expected a camera: is it plugged in?\n";
     char command[256];
     (void)state;
     assert_int_equal(check("fovea check --source v4l2:/dev/fovea_none --set lcm_url="), 2);
     assert_string_equal(err, absent);
     assert_machine_told();
     assert_tells(
-        out, "memory of v4l2:/dev/fovea_none: known when it answers, or with a calibration that "
-             "states the size of its frames");
+        out,
+        "memory of v4l2:/dev/fovea_none: known when it answers, or with a calibration that states the size of its frames");
     snprintf(command, sizeof command,
              "fovea check --source v4l2:/dev/fovea_none --set lcm_url= --camera %s", camera);
     assert_int_equal(check(command), 2);
@@ -184,10 +206,10 @@ static void test_without_the_camera_with_a_network(void **state)
 {
     char command[256];
     (void)state;
-    snprintf(command, sizeof command,
-             "fovea check --source v4l2:/dev/fovea_none --set lcm_url= --camera %s --set "
-             "detect.model=src/detect/shipped.fvm",
-             camera);
+    snprintf(
+        command, sizeof command,
+        "fovea check --source v4l2:/dev/fovea_none --set lcm_url= --camera %s --set detect.model=src/detect/shipped.fvm",
+        camera);
     assert_int_equal(check(command), 2);
     assert_tells(out, "  detection ");
     assert_tells(out, "  model ");
@@ -211,8 +233,8 @@ static void test_without_rights(void **state)
     as_nobody = true;
     assert_int_equal(check("fovea check --source sim:still --set lcm_url="), 0);
     assert_tells(
-        out, "\nwarning  scheduling   no SCHED_FIFO: not permitted; 'ulimit -r 40' or CAP_SYS_NICE "
-             "would permit it");
+        out,
+        "\nwarning  scheduling   no SCHED_FIFO: not permitted; 'ulimit -r 40' or CAP_SYS_NICE would permit it");
 #ifndef FOVEA_SANITIZED /* sanitizers have mlock do nothing and succeed */
     assert_tells(out, "\nwarning  memory lock  memory is not locked: ");
 #endif
@@ -222,8 +244,8 @@ static void test_without_rights(void **state)
     assert_tells(out, "no SCHED_FIFO: not permitted");
     assert_tells(out, "not bound to processor 1000");
     assert_int_equal(
-        check("fovea run --source sim:still --set lcm_url= --set loop.cpu=1000 --frames 1 "
-              "--picture none --quiet"),
+        check(
+            "fovea run --source sim:still --set lcm_url= --set loop.cpu=1000 --frames 1 --picture none --quiet"),
         0);
     assert_tells(err, "no SCHED_FIFO: not permitted");
     assert_tells(err, "not bound to processor 1000");
@@ -240,8 +262,7 @@ static void test_without_rights(void **state)
 static int camera_make(void **state)
 {
     static const char text[] =
-        "image_width: 752\nimage_height: 480\nK: [458, 0, 367, 0, 457, 248, 0, 0, "
-        "1]\nD: [-0.28, 0.07, 0, 0]\n";
+        "image_width: 752\nimage_height: 480\nK: [458, 0, 367, 0, 457, 248, 0, 0, 1]\nD: [-0.28, 0.07, 0, 0]\n";
     const int file = mkstemp(camera);
     (void)state;
     if (file < 0) return -1;
@@ -260,6 +281,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_everything_is_told),
+        cmocka_unit_test(test_who_may_command_is_said),
         cmocka_unit_test(test_frame_rate),
         cmocka_unit_test(test_without_the_camera),
         cmocka_unit_test(test_without_the_camera_with_a_mask),

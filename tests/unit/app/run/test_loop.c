@@ -12,15 +12,14 @@
 
 #include <cmocka.h>
 
-#include "app/heap.h"
-#include "app/loop.h"
-#include "app/report.h"
-#include "fovea/yaml_tree.h"
+#include "app/run/heap.h"
+#include "app/run/loop.h"
+#include "app/run/report.h"
+#include "support/yaml_tree.h"
 
 enum { SIDE = 64, FRAMES_MAX = 400 };
 
-/* ---- a source
- * ---------------------------------------------------------------------------------------- */
+/* ---- a source -------------------------------------------------------------------------------- */
 
 struct fovea_source {
     struct fovea_source_info info;
@@ -78,8 +77,7 @@ static void requeue(struct fovea_source *from, const struct fovea_frame *frame)
 static const struct fovea_source_ops ops = {
     .name = "made", .info = info, .dequeue = dequeue, .requeue = requeue};
 
-/* ---- a loop around it
- * -------------------------------------------------------------------------------- */
+/* ---- a loop around it ------------------------------------------------------------------------ */
 
 static struct fovea_config config;
 static struct fv_timings timings;
@@ -264,8 +262,7 @@ static void test_planted_heap_call_is_counted(void **state)
     assert_int_equal(loop.heap_calls, 200);
 }
 
-/* ---- JSON, which is YAML too
- * ------------------------------------------------------------------------- */
+/* ---- JSON, which is YAML too ----------------------------------------------------------------- */
 
 static int64_t whole(const struct fovea_yaml_tree *tree, const struct fovea_yaml_node *node,
                      const char *key)

@@ -11,7 +11,7 @@
 
 #include <cmocka.h>
 
-#include "app/results.h"
+#include "app/run/results.h"
 
 static char folder[] = "/tmp/fovea-results-XXXXXX";
 static char detections_path[64], tracks_path[64];
@@ -71,12 +71,11 @@ static void what_is_handed_over_is_written(void **state)
     fv_results_add(results, &none, &no_tracks);
     fv_results_add(results, &two, &tracks);
     assert_int_equal(fv_results_close(results, &error), FOVEA_OK); /* which drains */
-    holds(detections_path,
-          "[\n"
-          "{\"image_id\": 7, \"category_id\": 1, \"bbox\": [10.000, 20.000, 20.000, "
-          "40.000], \"score\": 0.750000},\n"
-          "{\"image_id\": 7, \"category_id\": 4, \"bbox\": [0.000, 0.000, 2.000, 3.000], "
-          "\"score\": 0.500000}\n]\n");
+    holds(
+        detections_path,
+        "[\n"
+        "{\"image_id\": 7, \"category_id\": 1, \"bbox\": [10.000, 20.000, 20.000, 40.000], \"score\": 0.750000},\n"
+        "{\"image_id\": 7, \"category_id\": 4, \"bbox\": [0.000, 0.000, 2.000, 3.000], \"score\": 0.500000}\n]\n");
     holds(tracks_path, "8,4,10.00,20.00,20.00,40.00,0.7500,-1,-1,-1\n");
 }
 

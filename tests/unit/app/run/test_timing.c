@@ -9,8 +9,8 @@
 
 #include <cmocka.h>
 
-#include "app/heap.h"
-#include "app/timing.h"
+#include "app/run/heap.h"
+#include "app/run/timing.h"
 #include "fovea/elementary.h"
 
 static struct fv_histogram histogram;

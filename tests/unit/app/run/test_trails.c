@@ -6,7 +6,7 @@
 #include <stdint.h>
 #include <cmocka.h>
 
-#include "app/trails.h"
+#include "app/run/trails.h"
 
 static void a_long_run_is_thinned_evenly(void **state)
 {

@@ -12,7 +12,7 @@
 
 #include <cmocka.h>
 
-#include "app/trajectory.h"
+#include "app/run/trajectory.h"
 #include "fovea/elementary.h"
 
 /* Rotation by `angle` about a unit axis (Rodrigues), row-major 3x4 with zero translation. */

@@ -4,11 +4,13 @@
  * shows as another status. */
 #include <setjmp.h>
 #include <stdarg.h>
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -16,7 +18,7 @@
 
 #include "app/command.h"
 #include "common/datasets.h"
-#include "app/settings.h"
+#include "app/config/settings.h"
 #include "fovea/elementary.h"
 
 enum { TEXT_MAX = 1 << 15, ARGUMENTS_MAX = 24, SECONDS_MAX = 60 };
@@ -24,8 +26,7 @@ enum { TEXT_MAX = 1 << 15, ARGUMENTS_MAX = 24, SECONDS_MAX = 60 };
 static char folder[] = "/tmp/fovea_wrong_XXXXXX";
 static int cases;
 
-/* ---- running one case
- * -------------------------------------------------------------------------------- */
+/* ---- running one case ------------------------------------------------------------------------ */
 
 static size_t read_all(int fd, char *text)
 {
@@ -117,8 +118,7 @@ static void file_write(const char *name, const char *text, size_t bytes)
     fclose(file);
 }
 
-/* ---- arguments
- * --------------------------------------------------------------------------------------- */
+/* ---- arguments ------------------------------------------------------------------------------- */
 
 static const char *const wrong_arguments[][2] = {
     {"fovea", "no command"},
@@ -129,6 +129,9 @@ static const char *const wrong_arguments[][2] = {
     {"fovea run --sorce sim:", "--sorce|--source"},
     {"fovea run --frames", "--frames|value missing"},
     {"fovea run --frames -1", "--frames|'-1'"},
+    {"fovea run --frames 0", "--frames|'0'|from 1"},
+    {"fovea export --frames 0 @/none", "--frames|'0'|from 1"},
+    {"fovea run --source siim:\xc3\xa4", "source|'siim:\xc3\xa4'"},
     {"fovea run --frames ten", "--frames|'ten'"},
     {"fovea run --frames 1e3", "--frames|'1e3'"},
     {"fovea run --frames 99999999999999999999", "--frames|'99999999999999999999'"},
@@ -238,6 +241,130 @@ static const char *const wrong_arguments[][2] = {
     {"fovea run --config=", "--config|''"},
 };
 
+/* Where a file is read: none of these is opened, so none can hang. */
+static const char *const readers[][2] = {
+    {"fovea run --config %s", "%s"},
+    {"fovea config --check %s", "%s"},
+    {"fovea run --camera %s", "%s"},
+    {"fovea run --map %s", "%s"},
+    {"fovea run --model %s", "%s"},
+    {"fovea run --set mask=%s", "%s: mask"},
+    {"fovea run --source lcmlog:%s", "%s"},
+    {"fovea run --source video:%s", "%s|expected a video"},
+    {"fovea run --source images:%s", "%s"},
+    {"fovea replay %s", "%s"},
+    {"fovea features %s", "%s"},
+    {"fovea detect --model src/detect/shipped.fvm %s", "%s"},
+    {"fovea map info %s", "%s"},
+    {"fovea model info %s", "%s"},
+};
+
+static void test_pipes_and_devices_as_files(void **state)
+{
+    static const char *const files[][2] = {{"@/sub/pipe", "a pipe"}, {"/dev/zero", "a device"}};
+    char pipe[256];
+    (void)state;
+    snprintf(pipe, sizeof pipe, "%s/sub", folder);
+    assert_int_equal(mkdir(pipe, 0700), 0);
+    snprintf(pipe, sizeof pipe, "%s/sub/pipe", folder);
+    assert_int_equal(mkfifo(pipe, 0600), 0);
+    for (size_t i = 0; i < sizeof readers / sizeof readers[0]; i++)
+        for (int k = 0; k < 2; k++) {
+            char command[256], names[256];
+            const bool video = strstr(readers[i][0], "video") != NULL;
+            snprintf(command, sizeof command, readers[i][0], files[k][0]);
+            size_t used = (size_t)snprintf(names, sizeof names, readers[i][1], files[k][0]);
+            if (!video) snprintf(names + used, sizeof names - used, "|found %s", files[k][1]);
+            assert_refused(command, names);
+        }
+    unlink(pipe);
+    *strrchr(pipe, '/') = '\0';
+    rmdir(pipe);
+}
+
+/* An option's error names that option, not the key's. */
+static void test_paths_that_are_too_long(void **state)
+{
+    static const char *const options[] = {"--save-map", "--map", "--model", "--record", "--camera"};
+    char command[2048], names[64];
+    (void)state;
+    for (size_t i = 0; i < sizeof options / sizeof options[0]; i++) {
+        size_t used = (size_t)snprintf(command, sizeof command, "fovea run %s /", options[i]);
+        memset(command + used, 'a', 1200);
+        command[used + 1200] = '\0';
+        snprintf(names, sizeof names, "%s: found 1201 bytes, expected at most 1023", options[i]);
+        assert_refused(command, names);
+    }
+    assert_refused("fovea run --rate fast", "--rate: found");
+}
+
+/* What the path looks like is named. */
+static void test_a_data_set_of_another_kind(void **state)
+{
+    static const char *const commands[][2] = {
+        {"fovea run --source tum:@/set", "; this looks like euroc:@/set"},
+        {"fovea export --source kitti:@/set @/out", "; this looks like euroc:@/set"},
+        {"fovea run --source lcmlog:@/set", "; this looks like euroc:@/set"},
+        {"fovea run --source euroc:@/set/log", "; this looks like lcmlog:@/set/log"},
+        {"fovea run --source images:@/set", "; this looks like euroc:@/set"},
+        {"fovea run --source images:@/set/log", "; this looks like lcmlog:@/set/log"},
+        {"fovea run --source video:@/set", "; this looks like euroc:@/set"},
+        {"fovea run --source tum:@/set/mav0/cam0/data",
+         "; this looks like images:@/set/mav0/cam0/data"},
+    };
+    char path[256];
+    (void)state;
+    static const char *const folders[] = {"set", "set/mav0", "set/mav0/cam0", "set/mav0/cam0/data"};
+    for (int i = 0; i < 4; i++) {
+        snprintf(path, sizeof path, "%s/%s", folder, folders[i]);
+        assert_int_equal(mkdir(path, 0700), 0);
+    }
+    file_write("set/mav0/cam0/data.csv", "#\n", 2);
+    file_write("set/mav0/cam0/data/1.PNG", "", 0);
+    file_write("set/log", "\xED\xA1\xDA\x01", 4);
+    for (size_t i = 0; i < sizeof commands / sizeof commands[0]; i++)
+        assert_refused(commands[i][0], commands[i][1]);
+    snprintf(path, sizeof path, "%s/set", folder);
+    fv_test_folder_remove(path);
+}
+
+/* `config --check` opens what a configuration names. */
+static void test_the_files_of_a_configuration(void **state)
+{
+    static const char *const files[][2] = {
+        {"camera: /none.yaml\n", "@/files.yaml:1: camera: /none.yaml"},
+        {"mask: /none.png\n", "@/files.yaml:1: mask: /none.png"},
+        {"map: {load: /none.map}\n", "@/files.yaml:1: map.load: /none.map"},
+        {"map: {load: tests/golden/decoders.txt}\n", "@/files.yaml:1: map.load:"},
+        {"detect: {model: /none.fvm}\n", "@/files.yaml:1: detect.model: /none.fvm"},
+        {"source: 'tum:/none'\n", "@/files.yaml:1: source: /none"},
+    };
+    (void)state;
+    for (size_t i = 0; i < sizeof files / sizeof files[0]; i++) {
+        file_write("files.yaml", files[i][0], strlen(files[i][0]));
+        assert_refused("fovea config --check @/files.yaml", files[i][1]);
+    }
+    file_write("lite.tflite", "\x1c\0\0\0TFL3....", 12);
+    assert_refused("fovea run --model @/lite.tflite",
+                   "@/lite.tflite: found a TensorFlow Lite model|tools/import @/lite.tflite");
+}
+
+/* A file that is too large is refused before it is read. */
+static void test_files_over_their_limit(void **state)
+{
+    static const char *const commands[] = {
+        "fovea run --config @/large", "fovea run --camera @/large",   "fovea run --map @/large",
+        "fovea run --model @/large",  "fovea run --set mask=@/large", "fovea features @/large"};
+    char path[256];
+    (void)state;
+    snprintf(path, sizeof path, "%s/large", folder);
+    file_write("large", "", 0);
+    assert_int_equal(truncate(path, (off_t)1 << 40), 0);
+    for (size_t i = 0; i < sizeof commands / sizeof commands[0]; i++)
+        assert_refused(commands[i], "@/large|found 1099511627776 bytes, expected at most");
+    unlink(path);
+}
+
 static void test_arguments(void **state)
 {
     (void)state;
@@ -257,8 +384,7 @@ static void test_arguments(void **state)
         assert_refused(wrong_arguments[i][0], wrong_arguments[i][1]);
 }
 
-/* ---- configurations
- * ---------------------------------------------------------------------------------- */
+/* ---- configurations -------------------------------------------------------------------------- */
 
 static const char *const wrong_values[] = {"",          "~",     "[1, 2]", "{a: 1}",
                                            "\"\\x01\"", "1e400", "0x10",   "12 apples"};
@@ -376,8 +502,7 @@ static void test_mutated_configurations(void **state)
     free(valid);
 }
 
-/* ---- calibrations
- * ------------------------------------------------------------------------------------ */
+/* ---- calibrations ---------------------------------------------------------------------------- */
 
 static const char calibration[] = "image_width: 640\n"
                                   "image_height: 480\n"
@@ -444,8 +569,7 @@ static void test_calibrations(void **state)
     }
 }
 
-/* ---- what an earlier run has left
- * ----------------------------------------------------------------------- */
+/* ---- what an earlier run has left ------------------------------------------------------------ */
 
 static void assert_kept(const char *name)
 {
@@ -494,8 +618,7 @@ static void test_results_are_kept(void **state)
             for (int k = 0; k < 3; k++) {
                 snprintf(
                     command, sizeof command,
-                    "fovea run --source images:@/images --camera @/cam.yaml --frames 1 --model "
-                    "src/detect/shipped.fvm --picture none --%s @/%s %s",
+                    "fovea run --source images:@/images --camera @/cam.yaml --frames 1 --model src/detect/shipped.fvm --picture none --%s @/%s %s",
                     results[i], names[k], wrong[j][0]);
                 assert_refused(command, wrong[j][1]);
             }
@@ -544,26 +667,27 @@ static int folder_make(void **state)
 
 static int folder_remove(void **state)
 {
-    const char *const names[] = {"text.yaml", "camera.yaml",  "record.yaml", "value.yaml",
-                                 "key.yaml",  "mutated.yaml", "cam.yaml",    "kept",
-                                 "link",      "source.yaml",  "save.yaml",   "only.yaml",
-                                 "cam0.yaml"};
     (void)state;
-    for (size_t i = 0; i < sizeof names / sizeof names[0]; i++) {
-        char path[256];
-        snprintf(path, sizeof path, "%s/%s", folder, names[i]);
-        unlink(path);
-    }
-    return rmdir(folder);
+    fv_test_folder_remove(folder);
+    return access(folder, F_OK) == 0;
 }
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_arguments),           cmocka_unit_test(test_wrong_values),
-        cmocka_unit_test(test_wrong_keys),          cmocka_unit_test(test_mutated_configurations),
-        cmocka_unit_test(test_calibrations),        cmocka_unit_test(test_results_are_kept),
-        cmocka_unit_test(test_check_keeps_the_log), cmocka_unit_test(test_there_were_enough),
+        cmocka_unit_test(test_arguments),
+        cmocka_unit_test(test_pipes_and_devices_as_files),
+        cmocka_unit_test(test_files_over_their_limit),
+        cmocka_unit_test(test_paths_that_are_too_long),
+        cmocka_unit_test(test_a_data_set_of_another_kind),
+        cmocka_unit_test(test_the_files_of_a_configuration),
+        cmocka_unit_test(test_wrong_values),
+        cmocka_unit_test(test_wrong_keys),
+        cmocka_unit_test(test_mutated_configurations),
+        cmocka_unit_test(test_calibrations),
+        cmocka_unit_test(test_results_are_kept),
+        cmocka_unit_test(test_check_keeps_the_log),
+        cmocka_unit_test(test_there_were_enough),
     };
     return cmocka_run_group_tests(tests, folder_make, folder_remove);
 }

@@ -1,0 +1,419 @@
+/* Every end of a run is an end: signals end it in order, a stray one changes nothing, and a disk or
+ * pipe that stalls holds neither the run nor its end. Each run is a process of its own. */
+#include <fcntl.h>
+#include <linux/audit.h>
+#include <linux/filter.h>
+#include <linux/seccomp.h>
+#include <setjmp.h>
+#include <signal.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
+
+#include <cmocka.h>
+
+#include "app/command.h"
+#include "common/datasets.h"
+
+enum { WORDS_MAX = 24, PATIENCE_S = 120, TEXT_BYTES = 1 << 14 };
+
+static char folder[] = "/tmp/fovea_ends_XXXXXX";
+static char recording[64], map[64], errors[64];
+
+/* What a child does before its command. */
+struct setting {
+    int output;          /* becomes stdout; -1: /dev/null */
+    bool fsync_stalls;   /* fsync and fdatasync never return */
+    bool hangup_ignored; /* as nohup does */
+    int descriptors;     /* at most so many; 0: as it is */
+    bool closed;         /* the standard streams, but for stderr */
+    rlim_t file_bytes;   /* no file may be larger; 0: as it is */
+};
+
+static const struct setting ordinary = {.output = -1};
+
+/* The calls are handed to a listener that never answers. False: not permitted here. */
+static bool stall_fsync(void)
+{
+    struct sock_filter rules[] = {
+        BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(struct seccomp_data, nr)),
+        BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_fsync, 2, 0),
+        BPF_JUMP(BPF_JMP | BPF_JEQ | BPF_K, SYS_fdatasync, 1, 0),
+        BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_ALLOW),
+        BPF_STMT(BPF_RET | BPF_K, SECCOMP_RET_USER_NOTIF),
+    };
+    const struct sock_fprog filter = {sizeof rules / sizeof *rules, rules};
+    return prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0 &&
+           syscall(SYS_seccomp, SECCOMP_SET_MODE_FILTER, SECCOMP_FILTER_FLAG_NEW_LISTENER,
+                   &filter) >= 0;
+}
+
+static bool fsync_can_stall(void)
+{
+    int status = 1;
+    if (getenv("FOVEA_EMULATED") != NULL) return false;
+    const pid_t child = fork();
+    if (child == 0) _exit(stall_fsync() ? 0 : 1);
+    waitpid(child, &status, 0);
+    return status == 0;
+}
+
+static pid_t begin(const struct setting *setting, const char *const words[])
+{
+    fflush(NULL);
+    unlink(errors);
+    const pid_t child = fork();
+    if (child != 0) return child;
+    char *argv[WORDS_MAX + 1] = {(char[]){"fovea"}};
+    int argc = 1;
+    for (; words[argc - 1] != NULL; argc++)
+        argv[argc] = strdup(words[argc - 1]);
+    const int say = open(errors, O_WRONLY | O_CREAT | O_TRUNC | O_APPEND, 0600);
+    const int output = setting->output >= 0 ? setting->output : open("/dev/null", O_WRONLY);
+    dup2(say, STDERR_FILENO);
+    dup2(output, STDOUT_FILENO);
+    const struct rlimit few = {(rlim_t)setting->descriptors, (rlim_t)setting->descriptors};
+    if (setting->descriptors > 0) {
+        close_range(3, ~0U, 0);
+        setrlimit(RLIMIT_NOFILE, &few);
+    }
+    const struct rlimit small = {setting->file_bytes, setting->file_bytes};
+    if (setting->file_bytes > 0) setrlimit(RLIMIT_FSIZE, &small);
+    if (setting->closed) {
+        close(STDIN_FILENO);
+        close(STDOUT_FILENO);
+    }
+    if (setting->hangup_ignored) signal(SIGHUP, SIG_IGN);
+    if (setting->fsync_stalls && !stall_fsync()) _exit(99);
+    exit(fv_dispatch(argc, argv));
+}
+
+static int end(pid_t child)
+{
+    int status = -1;
+    for (int tenths = 0; tenths < 10 * PATIENCE_S; tenths++) {
+        if (waitpid(child, &status, WNOHANG) == child)
+            return WIFEXITED(status) ? WEXITSTATUS(status) : 1000 + WTERMSIG(status);
+        usleep(100000);
+    }
+    kill(child, SIGKILL);
+    waitpid(child, &status, 0);
+    fail_msg("the program did not end in %d s", PATIENCE_S);
+    return -1;
+}
+
+static const char *said(void)
+{
+    static char text[TEXT_BYTES];
+    FILE *file = fopen(errors, "r");
+    const size_t bytes = file != NULL ? fread(text, 1, sizeof text - 1, file) : 0;
+    if (file != NULL) fclose(file);
+    text[bytes] = '\0';
+    return text;
+}
+
+static void expect_said(const char *words)
+{
+    if (strstr(said(), words) == NULL) fail_msg("found \"%s\", expected \"%s\"", said(), words);
+}
+
+static void wait_until_said(const char *words)
+{
+    for (int tenths = 0; tenths < 10 * PATIENCE_S && strstr(said(), words) == NULL; tenths++)
+        usleep(100000);
+    expect_said(words);
+}
+
+static off_t size_of(const char *path)
+{
+    struct stat about;
+    return stat(path, &about) == 0 ? about.st_size : 0;
+}
+
+/* Until a file has so many bytes: what writes it works. */
+static void wait_until_grown(const char *path, off_t bytes)
+{
+    for (int tenths = 0; tenths < 10 * PATIENCE_S && size_of(path) < bytes; tenths++)
+        usleep(100000);
+    assert_true(size_of(path) >= bytes);
+}
+
+#define RUN(source) "run", "--quiet", "--set", "lcm_url=", "--source", source
+
+/* ---- in order ----------------------------------------------------------------------------------
+ */
+
+/* Ended in order: the map is there, and the recording has its end. */
+static void expect_whole(void)
+{
+    const char *const verify[] = {"replay", "--verify", recording, NULL};
+    assert_true(size_of(map) > 0);
+    assert_int_equal(end(begin(&ordinary, verify)), FV_EXIT_OK);
+    unlink(map);
+    unlink(recording);
+}
+
+static void test_a_signal_ends_a_run_in_order(void **state)
+{
+    const int signals[] = {SIGINT, SIGTERM, SIGHUP, SIGXCPU};
+    const char *const words[] = {RUN("sim:wander"), "--rate",     "real", "--record",
+                                 recording,         "--save-map", map,    NULL};
+    (void)state;
+    for (int i = 0; i < 4; i++) {
+        const pid_t child = begin(&ordinary, words);
+        wait_until_grown(recording, 1 << 20);
+        kill(child, signals[i]);
+        assert_int_equal(end(child), FV_EXIT_OK);
+        expect_whole();
+    }
+}
+
+/* What is printed would else go into the file that was opened in place of the stream. */
+static void test_closed_streams_harm_no_recording(void **state)
+{
+    const struct setting closed = {.output = -1, .closed = true};
+    const char *const words[] = {"run",      "--set",      "lcm_url=", "--source", "sim:wander",
+                                 "--frames", "20",         "--record", recording,  "--picture",
+                                 "none",     "--save-map", map,        NULL};
+    (void)state;
+    assert_int_equal(end(begin(&closed, words)), FV_EXIT_OK);
+    expect_whole();
+}
+
+/* A map that a limit on file sizes does not let be saved is an error, with one line and no rest. */
+static void test_a_limit_on_file_sizes_is_an_error(void **state)
+{
+    const struct setting small = {.output = -1, .file_bytes = 4096};
+    const char *const words[] = {RUN("sim:wander"), "--frames", "60", "--save-map", map, NULL};
+    char part[80];
+    (void)state;
+    snprintf(part, sizeof part, "%s.part", map);
+    assert_int_equal(end(begin(&small, words)), FV_EXIT_FAILED);
+    expect_said("File too large");
+    assert_int_equal(access(map, F_OK), -1);
+    assert_int_equal(access(part, F_OK), -1);
+}
+
+static void test_a_stray_signal_changes_nothing(void **state)
+{
+    const int strays[] = {SIGUSR1, SIGUSR2, SIGPIPE, SIGHUP};
+    const struct setting nohup = {.output = -1, .hangup_ignored = true};
+    const char *const words[] = {RUN("sim:wander"), "--rate",     "real", "--record",
+                                 recording,         "--save-map", map,    NULL};
+    (void)state;
+    const pid_t child = begin(&nohup, words);
+    wait_until_grown(recording, 1 << 20);
+    for (int i = 0; i < 4; i++) {
+        const off_t before = size_of(recording);
+        kill(child, strays[i]);
+        wait_until_grown(recording, before + (1 << 19));
+        assert_int_equal(waitpid(child, NULL, WNOHANG), 0);
+    }
+    kill(child, SIGTERM);
+    assert_int_equal(end(child), FV_EXIT_OK);
+    expect_whole();
+}
+
+/* ---- what stalls -------------------------------------------------------------------------------
+ */
+
+/* A run whose output nobody reads: it says so, and the signal ends it. */
+static void stalled_run(const char *const words[], const char *line, const char *lost)
+{
+    int ends[2];
+    assert_int_equal(pipe(ends), 0);
+    assert_true(fcntl(ends[1], F_SETPIPE_SZ, 4096) > 0);
+    const struct setting unread = {.output = ends[1]};
+    struct timespec before, after;
+    const pid_t child = begin(&unread, words);
+    wait_until_said(line);
+    clock_gettime(CLOCK_MONOTONIC, &before);
+    kill(child, SIGTERM);
+    assert_int_equal(end(child), FV_EXIT_FAILED);
+    clock_gettime(CLOCK_MONOTONIC, &after);
+    expect_said("after Terminated");
+    expect_said(lost);
+    print_message("ended %.1f s after the signal\n",
+                  (double)(after.tv_sec - before.tv_sec) +
+                      1e-9 * (double)(after.tv_nsec - before.tv_nsec));
+    close(ends[0]);
+    close(ends[1]);
+}
+
+static void test_a_stalled_recording_ends(void **state)
+{
+    const char *const real[] = {RUN("sim:still"), "--rate",      "real",
+                                "--record",       "/dev/stdout", NULL};
+    const char *const fast[] = {RUN("sim:still"), "--rate", "max", "--record", "/dev/stdout", NULL};
+    const char line[] = "/dev/stdout: has taken nothing for ",
+               lost[] = "lost: the end of the recording /dev/stdout";
+    (void)state;
+    stalled_run(real, line, lost);
+    stalled_run(fast, line, lost);
+}
+
+static void test_a_stalled_trajectory_ends(void **state)
+{
+    const char *const words[] = {RUN("sim:wander"),        "--rate",       "max",         "--set",
+                                 "features.count_max=400", "--trajectory", "/dev/stdout", NULL};
+    (void)state;
+    stalled_run(words, "/dev/stdout: has taken nothing for ", "the end of the trajectory");
+}
+
+/* A pipe that is read again after a while loses nothing. */
+static void test_what_stalls_for_a_while_goes_on(void **state)
+{
+    const char *const words[] = {RUN("sim:still"), "--frames",    "40",
+                                 "--record",       "/dev/stdout", NULL};
+    static char bytes[1 << 16];
+    int ends[2];
+    ssize_t got;
+    (void)state;
+    assert_int_equal(pipe(ends), 0);
+    const struct setting unread = {.output = ends[1]};
+    const pid_t child = begin(&unread, words);
+    wait_until_said("has taken nothing");
+    close(ends[1]);
+    FILE *file = fopen(recording, "w");
+    while ((got = read(ends[0], bytes, sizeof bytes)) > 0)
+        fwrite(bytes, 1, (size_t)got, file);
+    fclose(file);
+    close(ends[0]);
+    assert_int_equal(end(child), FV_EXIT_OK);
+    expect_said("/dev/stdout: goes on after");
+    const char *const verify[] = {"replay", "--verify", recording, NULL};
+    assert_int_equal(end(begin(&ordinary, verify)), FV_EXIT_OK);
+    unlink(recording);
+}
+
+static void test_a_stalled_disk_ends(void **state)
+{
+    const struct setting stalled = {.output = -1, .fsync_stalls = true};
+    const char *const words[] = {RUN("sim:wander"), "--rate",     "real", "--record",
+                                 recording,         "--save-map", map,    NULL};
+    (void)state;
+    if (!fsync_can_stall()) {
+        print_message("SKIPPED a stalled disk: no seccomp listener here\n");
+        skip();
+    }
+    pid_t child = begin(&stalled, words);
+    wait_until_grown(recording, 1 << 20);
+    kill(child, SIGHUP);
+    assert_int_equal(end(child), FV_EXIT_FAILED);
+    expect_said("after Hangup");
+    expect_said(map);
+
+    /* A second SIGINT does not wait for that. */
+    unlink(recording);
+    child = begin(&stalled, words);
+    wait_until_grown(recording, 1 << 20);
+    int status = 0;
+    while (waitpid(child, &status, WNOHANG) == 0) {
+        kill(child, SIGINT);
+        usleep(50000);
+    }
+    assert_true(WIFSIGNALED(status) && WTERMSIG(status) == SIGINT);
+    expect_said("a second signal ended it at once: lost: the map");
+    unlink(recording);
+}
+
+/* Too few descriptors are no fault of the network. */
+static void test_too_few_descriptors_are_named(void **state)
+{
+    const char *const words[] = {"check", "--source", "sim:still", NULL};
+    char text[TEXT_BYTES];
+    (void)state;
+    for (int limit = 5; limit < 8; limit++) {
+        char path[64];
+        snprintf(path, sizeof path, "%s/checked", folder);
+        const int file = open(path, O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
+        const struct setting few = {.output = file, .descriptors = limit};
+        end(begin(&few, words));
+        const ssize_t got = pread(file, text, sizeof text - 1, 0);
+        close(file);
+        assert_true(got > 0);
+        text[got] = '\0';
+        assert_null(strstr(text, "multicast on"));
+        assert_non_null(strstr(text, "LCM"));
+    }
+}
+
+/* The picture that is drawn unasked is not drawn with --quiet. */
+static void test_a_quiet_run_leaves_no_picture(void **state)
+{
+    char before[4096];
+    const char *const words[] = {RUN("sim:still"), "--frames", "2", NULL};
+    (void)state;
+    assert_non_null(getcwd(before, sizeof before));
+    assert_int_equal(chdir(folder), 0);
+    assert_int_equal(end(begin(&ordinary, words)), FV_EXIT_OK);
+    assert_int_equal(access("fovea-run.png", F_OK), -1);
+    assert_int_equal(chdir(before), 0);
+}
+
+/* ---- other commands ----------------------------------------------------------------------------
+ */
+
+static void test_other_commands_end_by_signals(void **state)
+{
+    const int signals[] = {SIGINT, SIGTERM, SIGHUP};
+    char made[80], sent[96], log[80];
+    snprintf(made, sizeof made, "%s/made", folder);
+    snprintf(log, sizeof log, "%s/sent.lcm", folder);
+    snprintf(sent, sizeof sent, "file://%s?mode=w", log);
+    const char *const record[] = {RUN("sim:still"), "--frames", "90", "--record", recording, NULL};
+    const char *const replay[] = {"replay", "--rate", "real", "--lcm-url", sent, recording, NULL};
+    const char *const export[] = {"export", "--source", "sim:still", "--frames",
+                                  "100000", made,       NULL};
+    (void)state;
+    assert_int_equal(end(begin(&ordinary, record)), FV_EXIT_OK);
+    for (int i = 0; i < 3; i++) {
+        pid_t child = begin(&ordinary, replay);
+        wait_until_grown(log, 1);
+        kill(child, signals[i]);
+        assert_int_equal(end(child), 1000 + signals[i]);
+        unlink(log);
+        child = begin(&ordinary, export);
+        wait_until_grown(made, 1);
+        usleep(200000);
+        kill(child, signals[i]);
+        assert_int_equal(end(child), 1000 + signals[i]);
+        fv_test_folder_remove(made);
+    }
+    unlink(recording);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_a_signal_ends_a_run_in_order),
+        cmocka_unit_test(test_closed_streams_harm_no_recording),
+        cmocka_unit_test(test_a_limit_on_file_sizes_is_an_error),
+        cmocka_unit_test(test_a_stray_signal_changes_nothing),
+        cmocka_unit_test(test_a_stalled_recording_ends),
+        cmocka_unit_test(test_a_stalled_trajectory_ends),
+        cmocka_unit_test(test_what_stalls_for_a_while_goes_on),
+        cmocka_unit_test(test_a_stalled_disk_ends),
+        cmocka_unit_test(test_too_few_descriptors_are_named),
+        cmocka_unit_test(test_a_quiet_run_leaves_no_picture),
+        cmocka_unit_test(test_other_commands_end_by_signals),
+    };
+    if (mkdtemp(folder) == NULL) return 1;
+    snprintf(recording, sizeof recording, "%s/run.lcm", folder);
+    snprintf(map, sizeof map, "%s/run.map", folder);
+    snprintf(errors, sizeof errors, "%s/errors", folder);
+    const int failed = cmocka_run_group_tests_name("realtime/test_ends", tests, NULL, NULL);
+    fv_test_folder_remove(folder);
+    return failed;
+}

@@ -1,0 +1,85 @@
+/* Calls that wait are found; calls whose thread computes are not taken for them. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <string.h>
+#include <time.h>
+
+#include "support/stall.h"
+
+static int64_t clock_ns(clockid_t clock)
+{
+    struct timespec now;
+    clock_gettime(clock, &now);
+    return (int64_t)now.tv_sec * 1000000000 + now.tv_nsec;
+}
+
+static void test_a_call_that_waits_grows_old(void **state)
+{
+    struct fv_stall first, later;
+    int64_t moved_ns;
+    (void)state;
+    assert_false(fv_stall_longest(&first, &moved_ns));
+    const int call = fv_stall_enter("a.lcm");
+    assert_true(fv_stall_longest(&first, &moved_ns));
+    assert_string_equal(first.name, "a.lcm");
+    nanosleep(&(struct timespec){.tv_nsec = 100000000}, NULL);
+    assert_true(fv_stall_longest(&later, &moved_ns));
+    assert_int_equal(later.since_ns, first.since_ns);
+    fv_stall_move(call);
+    assert_true(fv_stall_longest(&later, &moved_ns));
+    assert_true(later.since_ns >= first.since_ns + 100000000);
+    assert_true(moved_ns <= later.since_ns && moved_ns >= first.since_ns + 100000000);
+    fv_stall_move(-1); /* the calls of this thread, whichever they are */
+    first = later;
+    assert_true(fv_stall_longest(&later, &moved_ns));
+    assert_true(later.since_ns > first.since_ns);
+    fv_stall_leave(call);
+    assert_false(fv_stall_longest(&later, &moved_ns));
+}
+
+static void test_a_call_that_computes_stays_young(void **state)
+{
+    struct fv_stall first, later;
+    int64_t moved_ns;
+    (void)state;
+    const int call = fv_stall_enter("picture.png");
+    assert_true(fv_stall_longest(&first, &moved_ns));
+    const int64_t begin_ns = clock_ns(CLOCK_THREAD_CPUTIME_ID);
+    while (clock_ns(CLOCK_THREAD_CPUTIME_ID) - begin_ns < 2 * FV_STALL_COMPUTES_NS)
+        ;
+    assert_true(fv_stall_longest(&later, &moved_ns));
+    assert_true(later.id == first.id);
+    assert_true(later.since_ns >= first.since_ns + FV_STALL_COMPUTES_NS);
+    fv_stall_leave(call);
+}
+
+/* More calls than the table holds: those beyond are not watched, and harm nothing. */
+static void test_a_full_table_takes_no_more(void **state)
+{
+    int calls[FV_STALL_CALLS_MAX + 2];
+    struct fv_stall longest;
+    int64_t moved_ns;
+    (void)state;
+    for (int i = 0; i < FV_STALL_CALLS_MAX + 2; i++)
+        calls[i] = fv_stall_enter("x");
+    assert_int_equal(calls[FV_STALL_CALLS_MAX - 1], FV_STALL_CALLS_MAX - 1);
+    assert_int_equal(calls[FV_STALL_CALLS_MAX], -1);
+    for (int i = 0; i < FV_STALL_CALLS_MAX + 2; i++)
+        fv_stall_leave(calls[i]);
+    assert_false(fv_stall_longest(&longest, &moved_ns));
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_a_call_that_waits_grows_old),
+        cmocka_unit_test(test_a_call_that_computes_stays_young),
+        cmocka_unit_test(test_a_full_table_takes_no_more),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
