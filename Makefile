@@ -9,11 +9,12 @@
 BUILD    ?= build
 Q        := $(if $(V),,@)
 CROSS    ?=
+# asan, ubsan and the fuzzers are clang's: so one sanitized build is the other compiler's too.
 ifeq ($(origin CC),default)
-CC       := $(CROSS)gcc
+CC       := $(if $(filter asan fuzz,$(SAN)),clang,$(CROSS)gcc)
 endif
 ifeq ($(origin CXX),default)
-CXX      := $(CROSS)g++
+CXX      := $(if $(filter asan fuzz,$(SAN)),clang++,$(CROSS)g++)
 endif
 AR       := $(CROSS)ar
 EMULATOR ?=
@@ -33,6 +34,11 @@ endif
 WARN     := -Wall -Wextra -Wshadow -Wundef -Wvla -Wpointer-arith -Wwrite-strings -Werror
 FP       := -ffp-contract=off -fno-math-errno -fsigned-char
 OPT      := -O3 -g
+# What the compiler and the linker put in the way of an attacker; tools/check_hardening.sh finds it in what was built. Sanitizers
+# do the same checks and more, and know nothing of the fortified functions. FORTIFY is 3 where compiler and C library have it.
+FORTIFY  := $(shell printf '\043include <features.h>\n__USE_FORTIFY_LEVEL\n' | $(CC) -O2 -U_FORTIFY_SOURCE -D_FORTIFY_SOURCE=3 -w -E -P - 2>/dev/null | tail -n 1)
+HARDEN   := $(if $(SAN),,-fstack-protector-strong -U_FORTIFY_SOURCE -D_FORTIFY_SOURCE=$(or $(FORTIFY),2))
+HARDLINK := -Wl,-z,relro,-z,now,-z,noexecstack
 ifeq ($(SAN),asan)
 OPT      := -O1 -g -fno-omit-frame-pointer -fsanitize=address,undefined -fno-sanitize-recover=all -DFOVEA_SANITIZED=1
 endif
@@ -44,10 +50,10 @@ ifeq ($(SAN),tsan)
 OPT      := -O1 -g -fno-omit-frame-pointer -fsanitize=thread -DFOVEA_SANITIZED=1
 endif
 INCLUDES := -Iinclude -Isrc -I$(BUILD)/generated $(SYSFLAGS)
-COMMON   := $(OPT) $(FP) $(WARN) $(INCLUDES) -fPIC -fstack-usage -pthread -MMD -MP -D_GNU_SOURCE
+COMMON   := $(OPT) $(HARDEN) $(FP) $(WARN) $(INCLUDES) -fPIC -fstack-usage -pthread -MMD -MP -D_GNU_SOURCE
 CFLAGS   += -std=c11 $(COMMON) -Wstrict-prototypes -Wmissing-prototypes
 CXXFLAGS += -std=c++17 $(COMMON)
-LDFLAGS  += $(if $(SAN),$(filter -fsanitize% -fno-sanitize%,$(OPT)),) -pthread
+LDFLAGS  += $(if $(SAN),$(filter -fsanitize% -fno-sanitize%,$(OPT)),) $(HARDLINK) -pthread
 ifneq (,$(findstring clang,$(CC)))
 COMMON   := $(filter-out -fstack-usage,$(COMMON))
 endif
@@ -62,10 +68,10 @@ endif
 ifneq (,$(findstring aarch64,$(MACHINE)))
 KERNELS   += $(wildcard src/kernels/neon/*.c)
 endif
-ROOMS     := base image features geometry odometry map nn detect track message runtime
+ROOMS     := base image features geometry odometry scale map nn detect track message runtime
 CORE_C    := $(KERNELS) $(foreach r,$(ROOMS),$(wildcard src/$(r)/*.c))
 DRIVERS_C := $(wildcard drivers/*.c drivers/*/*.c)
-APP_C     := $(wildcard src/app/*.c)
+APP_C     := $(wildcard src/app/*.c src/app/*/*.c src/support/*.c)
 
 # The video plug-in is built where OpenCV's videoio is installed; nothing else here needs it.
 VIDEO_PLUGIN := $(if $(SAN)$(CROSS),,$(if $(wildcard /usr/include/opencv4/opencv2/videoio.hpp),$(BUILD)/fovea-video.so))
@@ -106,26 +112,33 @@ test:  ## install what is missing, build, and run the tests
 
 # Everything else that must hold: other compiler, layers, symbols, style, sanitizers. Under tsan, which is some ten times
 # slower, run the tests of code with more than one thread: the loop, the readers, live cameras, the recorder, LCM.
-THREADED := unit/base/test_ring unit/app/test_loop unit/app/test_recorder unit/drivers/test_recorded unit/drivers/test_wrong_recordings \
+THREADED := unit/base/test_ring unit/app/run/test_loop unit/app/record/test_recorder unit/drivers/test_recorded unit/drivers/test_wrong_recordings \
             unit/drivers/test_odd_recordings unit/drivers/test_recovery unit/drivers/test_v4l2 unit/drivers/test_v4l2_faults \
             unit/drivers/test_v4l2_gain unit/drivers/test_v4l2_unplug unit/drivers/test_libcamera \
-            replay/test_replay realtime/test_run transport/test_transport
-check:  ## layers, format, symbols, stack, headers, clang build, clang-tidy, tests under asan+ubsan and tsan, a trial installation
+            replay/test_replay realtime/test_run transport/test_transport transport/test_receiver
+check:  ## layers, format, symbols, stack, hardening, headers, clang build, clang-tidy, tests under asan+ubsan and tsan, a trial installation
 	@tools/install.sh build test check
 	@$(MAKE) --no-print-directory -j$(JOBS) all
 	@tools/check_layers.sh
 	@tools/check_format.sh
 	@tools/check_symbols.sh $(BUILD)
 	@tools/check_stack.sh $(BUILD)
+	@tools/check_hardening.sh $(BUILD)
 	@tools/check_headers.sh
 	@$(MAKE) --no-print-directory -j$(JOBS) BUILD=build-clang CC=clang CXX=clang++ all tests
+	@tools/check_hardening.sh build-clang
 	@tools/run_tests.sh build-clang
 	@tools/check_tidy.sh
 	@$(MAKE) --no-print-directory -j$(JOBS) BUILD=build-asan SAN=asan all tests
 	@tools/run_tests.sh build-asan
-	@$(MAKE) --no-print-directory -j$(JOBS) BUILD=build-tsan SAN=tsan all $(THREADED:%=build-tsan/tests/%) build-tsan/subscribe build-tsan/python/fovea/__init__.py
-	@FOVEA_TESTS="$(THREADED)" tools/run_tests.sh build-tsan
+	@$(MAKE) --no-print-directory tsan
 	@tools/try_install.sh
+
+TSANMAKE = $(MAKE) --no-print-directory -j$(JOBS) BUILD=build-tsan SAN=tsan
+.PHONY: tsan
+tsan:  ## the tests of code with threads, under tsan
+	@$(TSANMAKE) all $(THREADED:%=build-tsan/tests/%) build-tsan/subscribe build-tsan/command build-tsan/python/fovea/__init__.py
+	@FOVEA_TESTS="$(THREADED)" tools/run_tests.sh build-tsan
 
 # Real kernel drivers in a virtual machine: no camera is needed. Results in build-hil/results; cached between runs.
 hil:  ## test the camera drivers on real kernel drivers in a virtual machine
@@ -139,7 +152,19 @@ cross:  ## build for aarch64 and run the tests under qemu-user
 	@tools/install.sh build test cross
 	@tools/make_sysroot.sh build-aarch64/sysroot
 	@$(CROSSMAKE) all tests
+	@tools/check_hardening.sh build-aarch64
 	@tools/run_tests.sh build-aarch64 tools/emulate.sh
+
+# What CI runs of them: the runtime's rooms, whose results must be the same on ARM. The application's tests are of files, processes
+# and sockets, where an emulator tells nothing new; its program is run on ARM by tests/replay/everywhere.sh.
+CORE_TESTS = $(filter-out unit/app/% unit/drivers/% transport/% realtime/%,$(TESTS_C:tests/%.c=%))
+.PHONY: cross-core
+cross-core:  ## build for aarch64 and run the tests of the runtime's rooms under qemu-user
+	@tools/install.sh build test cross
+	@tools/make_sysroot.sh build-aarch64/sysroot
+	@$(CROSSMAKE) all $(CORE_TESTS:%=build-aarch64/tests/%)
+	@tools/check_hardening.sh build-aarch64
+	@FOVEA_TESTS="$(CORE_TESTS)" tools/run_tests.sh build-aarch64 tools/emulate.sh
 
 # Every tests/fuzz/fuzz_*.c is a libFuzzer target; its corpus of past findings and seeds is tests/fuzz/corpus/NAME.
 FUZZ_SECONDS ?= 60
@@ -155,7 +180,7 @@ fuzzers: $(FUZZERS)
 $(BUILD)/fuzz/%: $(BUILD)/obj/tests/fuzz/%.o $(FUZZ_HELP) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 	@mkdir -p $(@D)
 	@echo "  link $@"
-	$(Q)$(CXX) $(LDFLAGS) -fsanitize=fuzzer -o $@ $< $(FUZZ_HELP) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group $(LIBS_APP)
+	$(Q)$(CXX) $(LDFLAGS) -pie -fsanitize=fuzzer -o $@ $< $(FUZZ_HELP) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group $(LIBS_APP)
 
 bench:  ## install what is missing, then time every stage and kernel beside OpenCV: build/bench.json, the tables of README.md and src/kernels/MEASURED.md
 	@tools/install.sh build bench
@@ -180,8 +205,8 @@ CAMPAIGN := $(patsubst tests/%.c,$(BUILD)/tests/%,$(wildcard tests/campaign/*.c)
 campaign: all $(CAMPAIGN)  ## the long proofs, resumable: hours
 	@tools/campaign.sh
 
-sample: all $(CAMPAIGN)  ## five minutes of the campaign: real time at 60 Hz, a long run in fixed memory, every fuzz target, replays everywhere
-	@tools/campaign.sh --sample
+sample: all $(CAMPAIGN)  ## five minutes of the campaign: real time at 60 Hz, a long run in fixed memory, every fuzz target, replays everywhere; PARTS="..." only these
+	@tools/campaign.sh --sample $(PARTS)
 
 clean:  ## remove everything that was built
 	rm -rf $(BUILD) build-*
@@ -210,17 +235,18 @@ $(BUILD)/python/fovea/__init__.py: $(LCMTYPES)
 	$(Q)lcm-gen -p --ppath $(BUILD)/python $(LCMTYPES)
 $(BUILD)/subscribe: $(BUILD)/obj/tools/subscribers/subscribe.o $(GEN_O)
 	@echo "  link $@"
-	$(Q)$(CC) $(LDFLAGS) -o $@ $^ -llcm
+	$(Q)$(CC) $(LDFLAGS) -pie -o $@ $^ -llcm
+$(BUILD)/command: $(BUILD)/obj/tools/subscribers/command.o $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
+	@echo "  link $@"
+	$(Q)$(CC) $(LDFLAGS) -pie -o $@ $^ $(LIBS_APP)
 .PHONY: jar python-types
 
 # ---- the visual vocabulary: trained once, committed; tools/vocabulary/train.sh trains it again --------------------
 $(BUILD)/obj/src/map/vocabulary.o: src/map/vocabulary.bin
 $(BUILD)/train-vocabulary: $(BUILD)/obj/tools/vocabulary/train.o $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 	@echo "  link $@"
-	$(Q)$(CXX) $(LDFLAGS) -o $@ $< -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group $(LIBS_APP)
+	$(Q)$(CXX) $(LDFLAGS) -pie -o $@ $< -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group $(LIBS_APP)
 
-# Of the drivers and the command, which alone need libyaml: not in the library.
-PRIVATE_H := $(patsubst %,include/fovea/%.h,calibration log text yaml_tree)
 install: all  ## install program, libraries, headers and message types under PREFIX
 	install -d $(DESTDIR)$(PREFIX)/bin $(DESTDIR)$(PREFIX)/lib/pkgconfig $(DESTDIR)$(PREFIX)/include/fovea \
 	           $(DESTDIR)$(PREFIX)/share/fovea/lcmtypes
@@ -229,7 +255,7 @@ install: all  ## install program, libraries, headers and message types under PRE
 	$(if $(LIBCAMERA_PLUGIN),install -D -m 755 $(LIBCAMERA_PLUGIN) $(DESTDIR)$(PREFIX)/lib/fovea/fovea-libcamera)
 	$(if $(VIDEO_PLUGIN),install -D -m 755 $(VIDEO_PLUGIN) $(DESTDIR)$(PREFIX)/lib/fovea/fovea-video.so)
 	install -m 755 $(BUILD)/libfovea.so $(DESTDIR)$(PREFIX)/lib/libfovea.so
-	install -m 644 $(filter-out $(PRIVATE_H),$(wildcard include/fovea/*.h)) $(DESTDIR)$(PREFIX)/include/fovea/
+	install -m 644 include/fovea/*.h $(DESTDIR)$(PREFIX)/include/fovea/
 	install -m 644 src/detect/shipped.fvm $(DESTDIR)$(PREFIX)/share/fovea/
 	install -m 644 include/lcmtypes/*.lcm $(DESTDIR)$(PREFIX)/share/fovea/lcmtypes/
 	sed 's|@PREFIX@|$(PREFIX)|' tools/fovea.pc.in >$(DESTDIR)$(PREFIX)/lib/pkgconfig/fovea.pc
@@ -282,15 +308,15 @@ $(BUILD)/libfovea-app.a: $(APP_O) $(DRIVERS_O)
 	$(Q)$(AR) rcs $@ $^
 $(BUILD)/fovea: $(MAIN_O) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 	@echo "  link $@"
-	$(Q)$(CC) $(LDFLAGS) -rdynamic -o $@ $(MAIN_O) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group $(LIBS_APP)
+	$(Q)$(CC) $(LDFLAGS) -pie -rdynamic -o $@ $(MAIN_O) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group $(LIBS_APP)
 $(BUILD)/fovea-video.so: drivers/video.cpp drivers/recorded/video_plugin.h $(BUILD)/obj/src/base/status.o Makefile
-	$(Q)$(CXX) $(filter-out -fstack-usage,$(CXXFLAGS)) -isystem /usr/include/opencv4 -fvisibility=hidden -shared -Wl,-Bsymbolic \
+	$(Q)$(CXX) $(filter-out -fstack-usage,$(CXXFLAGS)) -isystem /usr/include/opencv4 $(HARDLINK) -fvisibility=hidden -shared -Wl,-Bsymbolic \
 	    -o $@ $< $(BUILD)/obj/src/base/status.o -lopencv_videoio -lopencv_core
 LIBCAMERA_O := $(call objs,drivers/libcamera.cpp $(wildcard drivers/libcamera/*.cpp))
 $(LIBCAMERA_O): CXXFLAGS += $(patsubst -I%,-isystem %,$(shell pkg-config --cflags-only-I libcamera))
 $(BUILD)/fovea-libcamera: $(LIBCAMERA_O) $(BUILD)/obj/src/base/status.o $(BUILD)/obj/src/image/image.o Makefile
 	@echo "  link $@"
-	$(Q)$(CXX) $(LDFLAGS) -o $@ $(filter %.o,$^) $(shell pkg-config --libs libcamera)
+	$(Q)$(CXX) $(LDFLAGS) -pie -o $@ $(filter %.o,$^) $(shell pkg-config --libs libcamera)
 $(BUILD)/fovea.pc: tools/fovea.pc.in
 	$(Q)sed 's|@PREFIX@|$(PREFIX)|' $< >$@
 
@@ -302,7 +328,7 @@ TEST_HELP := $(call objs,$(wildcard tests/common/*.c))
 # The jar is tested where there is a Java to build it: 200 MB that no other test needs.
 JAR       := $(if $(and $(wildcard /usr/share/java/lcm.jar),$(shell command -v javac)),$(BUILD)/fovea-types.jar)
 .PHONY: tests
-tests: $(TESTS) $(BUILD)/subscribe $(BUILD)/python/fovea/__init__.py $(if $(CROSS)$(SAN),,$(BUILD)/venv-lcm/ready $(BUILD)/venv-import/ready $(JAR))
+tests: $(TESTS) $(BUILD)/subscribe $(BUILD)/command $(BUILD)/python/fovea/__init__.py $(if $(CROSS)$(SAN),,$(BUILD)/venv-lcm/ready $(BUILD)/venv-import/ready $(JAR))
 
 # LCM for the Python subscriber comes from PyPI; where that cannot be reached its test says so and is skipped.
 $(BUILD)/venv-lcm/ready:
@@ -317,7 +343,7 @@ $(BUILD)/venv-import/ready:
 $(BUILD)/tests/%: $(BUILD)/obj/tests/%.o $(TEST_HELP) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 	@mkdir -p $(@D)
 	@echo "  link $@"
-	$(Q)$(CXX) $(LDFLAGS) -o $@ $< $(TEST_MORE) $(TEST_HELP) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group \
+	$(Q)$(CXX) $(LDFLAGS) -pie -o $@ $< $(TEST_MORE) $(TEST_HELP) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group \
 	    -lcmocka $(LIBS_APP) $(if $(filter tests/%.cpp,$(wildcard tests/$*.cpp)),$(OPENCV_LIBS)) $(ORACLE_LIBS) -lm
 # The checks and benchmarks of kernels, one file per family, make up one program.
 KERNEL_CHECKS := $(call objs,$(filter-out tests/kernels/test_%,$(wildcard tests/kernels/*.c)))
@@ -327,17 +353,17 @@ $(BUILD)/tests/kernels/test_kernels: TEST_MORE := $(KERNEL_CHECKS)
 BENCH_O := $(call objs,$(wildcard tests/bench/*.cpp)) $(KERNEL_CHECKS)
 $(BUILD)/bench: $(BENCH_O) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 	@echo "  link $@"
-	$(Q)$(CXX) $(LDFLAGS) -o $@ $(BENCH_O) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group \
+	$(Q)$(CXX) $(LDFLAGS) -pie -o $@ $(BENCH_O) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group \
 	    $(OPENCV_LIBS) $(LIBS_APP) -lm
 # The armed proof brings its own malloc, so of the rest it takes the simulated camera only.
 $(BUILD)/tests/realtime/test_armed: $(BUILD)/obj/tests/realtime/test_armed.o $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 	@mkdir -p $(@D)
 	@echo "  link $@"
-	$(Q)$(CXX) $(LDFLAGS) -o $@ $< -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group -lcmocka $(LIBS_APP) -lm
+	$(Q)$(CXX) $(LDFLAGS) -pie -o $@ $< -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group -lcmocka $(LIBS_APP) -lm
 # What the tests on kernel drivers run inside the virtual machine.
 $(BUILD)/hil-tool: $(call objs,$(wildcard tests/hil/tool*.c)) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 	@echo "  link $@"
-	$(Q)$(CXX) $(LDFLAGS) -rdynamic -o $@ $(filter %.o,$^) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group $(LIBS_APP)
+	$(Q)$(CXX) $(LDFLAGS) -pie -rdynamic -o $@ $(filter %.o,$^) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group $(LIBS_APP)
 # It is preloaded into the process of libcamera there.
 $(BUILD)/hil-count.so: tests/hil/count_heap.c tests/common/heap_calls.h
 	@echo "  link $@"

@@ -1,19 +1,21 @@
 #!/bin/sh
 # The long proofs, each with a verdict line; goes on after a failure and fails at the end. Finished parts are remembered in
 # BUILD/campaign, so that an interrupted campaign goes on where it stopped (remove the folder to begin anew).
-# Usage: tools/campaign.sh [--sample]     --sample: about five minutes, nothing remembered
+# Usage: tools/campaign.sh [--sample] [PART...]     --sample: about five minutes, nothing remembered; PARTs: only these
 set -u
 cd "$(dirname "$0")/.."
 build=build
 done_folder=$build/campaign
 sample=
-[ "${1:-}" = --sample ] && sample=1
+[ "${1:-}" = --sample ] && sample=1 && shift
+parts=" $* "
 mkdir -p "$done_folder"
 failed=
 
 part() { # part NAME COMMAND...
     name=$1
     shift
+    case $parts in "  " | *" $name "*) ;; *) return ;; esac
     [ -z "$sample" ] && [ -f "$done_folder/$name" ] && { echo "done before  $name"; return; }
     if "$@" >"$done_folder/$name.log" 2>&1; then
         echo "ok           $name"
@@ -54,9 +56,11 @@ corridor() { # corridor SEEDS NEEDED OPTIONS NAME
     $build/tests/campaign/loops "$1" "$2" "$3" ${4:+"$done_folder/$4.seeds"}
 }
 
-# A process that saves one map after another is killed at random moments: the old map or the new one is there, whole.
+# Processes that save maps and record to numbered files are killed at random moments: nothing that was kept is lost.
 kills() {
-    make --no-print-directory "$build/tests/unit/app/test_map_file" && FOVEA_KILLS=$1 "$build/tests/unit/app/test_map_file"
+    make --no-print-directory "$build/tests/unit/app/config/test_map_file" && FOVEA_KILLS=$1 "$build/tests/unit/app/config/test_map_file" || return 1
+    make --no-print-directory "$build/tests/unit/app/run/test_black_box" &&
+        FOVEA_KILLS=$(($1 < 200 ? $1 : 200)) "$build/tests/unit/app/run/test_black_box"
 }
 
 # Cameras on the fake device: unplugged over and over, and damaged motion JPEG under asan.
@@ -65,6 +69,11 @@ cameras() { # cameras UNPLUGGED DAMAGED
     $build/tests/unit/drivers/test_v4l2_unplug "$1" || return 1
     make --no-print-directory BUILD=build-asan SAN=asan build-asan/tests/unit/drivers/test_mjpeg || return 1
     build-asan/tests/unit/drivers/test_mjpeg "$2"
+}
+
+# A million mutated packets on every input from a network, under asan+ubsan.
+packets() {
+    make --no-print-directory BUILD=build-asan SAN=asan build-asan/tests/campaign/packets && build-asan/tests/campaign/packets "$1"
 }
 
 # Honest on the simulated camera: five minutes of standing, turning, being carried off; orbits followed to 0.5 % of their
@@ -85,6 +94,11 @@ honest() {
     done
 }
 
+# A minute on each slow link: every pose in time in the other network, a preview every 5 s.
+slow_links() {
+    make --no-print-directory "$build/tests/transport/test_sending" && FOVEA_LONG=60 "$build/tests/transport/test_sending"
+}
+
 if [ -n "$sample" ]; then
     part realtime realtime 3600
     part wander wander 3000
@@ -93,6 +107,7 @@ if [ -n "$sample" ]; then
     part everywhere tests/replay/everywhere.sh 100
     part kills kills 200
     part kidnap tools/evaluate/kidnap.sh 2
+    part packets packets 50000
     part fuzz make --no-print-directory fuzz FUZZ_SECONDS="${FUZZ_SECONDS:-8}"
     part networks tools/check_networks.sh "$build" 1 best
 else
@@ -105,8 +120,11 @@ else
     part hil make --no-print-directory hil
     part everywhere tests/replay/everywhere.sh --all 200
     part kills kills 1000
+    part slow-links slow_links
     part kidnap tools/evaluate/kidnap.sh 100
     part revisits tools/evaluate/revisits.sh
+    part packets packets 1000000
+    part commands $build/tests/campaign/commands $build/fovea 1800
     part fuzz make --no-print-directory fuzz FUZZ_SECONDS=1200
     part networks tools/check_networks.sh "$build" 40
     part honest honest 10

@@ -5,6 +5,7 @@ set -eu
 cd "$(dirname "$0")/.."
 
 allowed() { # rooms that a room may include besides itself
+    core="base kernels image geometry nn features odometry scale map detect track"
     case $1 in
     base)     echo "" ;;
     kernels)  echo "base" ;;
@@ -14,33 +15,55 @@ allowed() { # rooms that a room may include besides itself
     features) echo "base kernels image geometry" ;;
     map)      echo "base kernels image geometry features" ;;
     odometry) echo "base kernels image geometry features map" ;;
+    scale)    echo "base kernels geometry map odometry" ;;
     detect)   echo "base kernels nn" ;;
     track)    echo "base geometry" ;;
     message)  echo "" ;;
-    runtime)  echo "base kernels image geometry nn features odometry map detect track message" ;;
-    app)      echo "base kernels image geometry nn features odometry map detect track message runtime drivers" ;;
+    runtime)  echo "$core message" ;;
+    support)  echo "base" ;;
+    app/network) echo "base message support drivers" ;;
+    app/config)  echo "$core runtime message support drivers app/network" ;;
+    app/record)  echo "$core runtime message support drivers app/network app/config" ;;
+    app/lab)     echo "$core runtime message support drivers app/network app/config app/record" ;;
+    app/run)     echo "$core runtime message support drivers app/network app/config app/record app/lab" ;;
+    app)         echo "$core runtime message support drivers app/network app/config app/record app/lab app/run" ;;
     *)        echo "unknown" ;;
+    esac
+}
+
+# The room of a path below src/: its first folder; of the application, whose rooms are folders too, the first two.
+room_of() {
+    case $1 in
+    app/*/*) echo "$1" | cut -d/ -f1,2 ;;
+    */*) echo "${1%%/*}" ;;
     esac
 }
 
 offences=$(mktemp)
 trap 'rm -f "$offences"' EXIT
 
-for room in src/*/; do
-    room=$(basename "$room")
+check_room() { # ROOM DEPTH
+    room=$1
     may=$(allowed "$room")
     if [ "$may" = unknown ]; then
         echo "src/$room: a room that the plan does not name" >>"$offences"
-        continue
+        return
     fi
-    grep -rnoE --include='*.[ch]' --include='*.cpp' --include='*.def' '^ *# *include "[^"]+"' "src/$room" |
+    # shellcheck disable=SC2086
+    find "src/$room" $2 -type f \( -name '*.[ch]' -o -name '*.cpp' -o -name '*.def' \) -print0 |
+        xargs -0 -r grep -HnoE '^ *# *include "[^"]+"' |
         sed -E 's/ *# *include "([^"]+)"/\1/' |
         while IFS=: read -r file line header; do
             case $header in
             fovea/*) continue ;;
-            fovea_*_t.h | bot_core_*_t.h | fovea_fields.h) [ "$room" = message ] || [ "$room" = app ] || echo "$file:$line: only message/ and app/ see LCM types" ;;
+            app/command.h) case $room in app/*) continue ;; esac ;; # the table of commands, for every room of the application
+            fovea_*_t.h | bot_core_*_t.h | fovea_fields.h)
+                case $room in message | support | app/*) ;; *) echo "$file:$line: only message/, support/ and app/ see LCM types" ;; esac
+                continue ;;
+            esac
+            case $header in
             */*)
-                below=${header%%/*}
+                below=$(room_of "$header")
                 [ "$below" = "$room" ] && continue
                 case " $may " in
                 *" $below "*) ;;
@@ -49,16 +72,25 @@ for room in src/*/; do
             *) [ -f "$(dirname "$file")/$header" ] || echo "$file:$line: $header is not a path from src/" ;;
             esac
         done >>"$offences"
+}
+
+for room in src/*/; do
+    room=$(basename "$room")
+    [ "$room" = app ] || check_room "$room" ""
+done
+check_room app "-maxdepth 1"
+for room in src/app/*/; do
+    check_room "app/$(basename "$room")" ""
 done
 
 grep -rnoE --include='*.[ch]' --include='*.cpp' '^ *# *include "[^"]+"' drivers |
     sed -E 's/ *# *include "([^"]+)"/\1/' |
     while IFS=: read -r file line header; do
         case $header in
-        fovea/*) ;;
+        fovea/* | support/*) ;;
         fovea_*_t.h) case $file in drivers/recorded/*) ;; *) echo "$file:$line: LCM types are for recordings" ;; esac ;;
         *) [ -f "$(dirname "$file")/$header" ] || [ -f "drivers/${header#drivers/}" ] ||
-               echo "$file:$line: drivers include only include/fovea/, found $header" ;;
+               echo "$file:$line: drivers include only include/fovea/ and src/support/, found $header" ;;
         esac
     done >>"$offences"
 

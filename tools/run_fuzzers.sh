@@ -5,10 +5,12 @@
 set -u
 
 if [ "$1" = --one ]; then # --one BUILD SECONDS FUZZER
-    build=$2 name=$(basename "$4") corpus=$2/corpus/$(basename "$4")
+    build=$2 name=$(basename "$4") corpus=$2/corpus/$(basename "$4") seconds=$3
+    # What any host can send is fuzzed for a minute at least.
+    [ "$name" != fuzz_receiver ] || [ "$seconds" -ge 60 ] || seconds=60
     mkdir -p "$corpus"
     [ -d "tests/fuzz/corpus/$name" ] && cp "tests/fuzz/corpus/$name"/* "$corpus"
-    if "$4" -max_total_time="$3" -timeout=10 -rss_limit_mb=2048 -close_fd_mask=3 \
+    if "$4" -max_total_time="$seconds" -timeout=10 -rss_limit_mb=2048 -close_fd_mask=3 \
             -artifact_prefix="$build/crash-$name-" "$corpus" 2>"$build/$name.log"; then
         runs=$(sed -n 's/^Done \([0-9]*\) runs.*/\1/p' "$build/$name.log")
         [ "${runs:-0}" -gt 0 ] && echo "$name: ok, $runs runs, $(find "$corpus" -type f | wc -l) inputs" && exit 0

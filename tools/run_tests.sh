@@ -34,7 +34,7 @@ fi
 for name in ${FOVEA_TESTS_WITHOUT:-}; do tests=$(echo "$tests" | grep -vxF "$build/tests/$name"); done
 alone=$(for test in $tests; do
     name=${test#"$build"/}
-    case $name in */realtime/* | */transport/* | */app/test_loop) echo "$test"; continue ;; esac
+    case $name in */realtime/test_units | */transport/* | */app/run/test_loop) echo "$test"; continue ;; esac
     [ -n "${FOVEA_TIMED:-}" ] && grep -qs FOVEA_TIMED "$name.c" "$name.cpp" && echo "$test"
 done)
 together=$(echo "$tests" | grep -vxF "${alone:-none}")

@@ -1,9 +1,16 @@
 #!/bin/sh
 # tools/train in a Python environment of its own, made at the first call (TensorFlow: about 1.5 GB under build/).
-# Usage: tools/train.sh own DIR -o MODEL.fvm | tools/train.sh shipped        (--help tells more)
+# Usage: tools/train.sh own DIR -o MODEL.fvm | tools/train.sh shipped        (--help: the options)
 set -eu
 here=$(cd "$(dirname "$0")/.." && pwd)
 venv=$here/build/train-venv
+case " $* " in
+"  " | *" --help "* | *" -h "*)
+    sed -n '2,3s/^# //p' "$0"
+    sed -n '/^"""/,/"""$/{s/"""//g;p}' "$here/tools/train/__main__.py"
+    exit 0
+    ;;
+esac
 if [ ! -e "$venv/ready" ]; then
     "$here/tools/install.sh" test
     python3 -m venv "$venv"

@@ -71,6 +71,7 @@ ${CC:-cc} -Wall -Wextra -Werror -o "$place/static" "$place/user.c" -L"$place/sta
     $(pkg-config --static --cflags --libs fovea | sed "s|-L$place/lib||")
 "$place/static"
 ldd "$place/static" | grep -q libfovea && { echo "the static trial is linked with the shared library"; exit 1; }
-"$place/bin/fovea" config | "$place/bin/fovea" config --check /dev/stdin
+"$place/bin/fovea" config >"$place/fovea.yaml"
+"$place/bin/fovea" config --check "$place/fovea.yaml"
 [ -f "$place/share/fovea/lcmtypes/fovea_pose_t.lcm" ]
 echo "install: ok"

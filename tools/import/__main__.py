@@ -11,6 +11,12 @@ import sys
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 
+for package in ("numpy", "tflite", "flatbuffers"):
+    try:
+        __import__(package)
+    except ImportError:
+        sys.exit(f"tools/import: found no Python package {package}, expected it: pip install tflite numpy flatbuffers")
+
 import graph as graph_module  # noqa: E402
 import plan as plan_module  # noqa: E402
 import use  # noqa: E402

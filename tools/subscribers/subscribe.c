@@ -9,10 +9,15 @@
  *
  * Nothing may be lost between the network and this program, so two buffers must be large enough:
  *  - the socket's: recv_buf_size in the URL; the kernel allows net.core.rmem_max (sysctl), often
- * only 208 KiB, which holds about ten messages of 1,000 features;
+ *    only 208
+ * KiB, which holds about ten messages of 1,000 features;
  *  - LCM's queue of each subscription: 30 messages unless set.
  * The decoders that lcm-gen makes hold lengths against the message, but a count above 2^28
- * overflows in them: listen where you trust those who send. */
+ * overflows in them: listen where you trust those who send.
+ *
+ * This program receives through liblcm, whose check of fragments overflows in 32 bits (Debian's
+ * 1.3.1, and 1.4.0 to 1.5.2): two packets of 100 bytes from anybody who reaches the port end it. On
+ * a robot's network keep it behind the firewall rule of docs/security.md. */
 #include <inttypes.h>
 #include <signal.h>
 #include <stdbool.h>
@@ -30,10 +35,11 @@
 #include "fovea_map_t.h"
 #include "fovea_pose_t.h"
 #include "fovea_preview_t.h"
+#include "fovea_run_t.h"
 #include "fovea_statistics_t.h"
 #include "fovea_tracks_t.h"
 
-enum { QUEUE_MESSAGES = 1000, KINDS = 10 };
+enum { QUEUE_MESSAGES = 1000, KINDS = 11 };
 
 static volatile sig_atomic_t stop;
 
@@ -44,11 +50,11 @@ struct channel {
     uint64_t messages, bytes, gaps, malformed;
     int64_t first, last; /* frame numbers */
 };
-static struct channel channels[KINDS] = {{.suffix = "POSE"},          {.suffix = "FEATURES"},
-                                         {.suffix = "CAMERA_STATUS"}, {.suffix = "STATISTICS"},
-                                         {.suffix = "PREVIEW"},       {.suffix = "CAMERA_POSE"},
-                                         {.suffix = "BOT_CORE_POSE"}, {.suffix = "MAP"},
-                                         {.suffix = "DETECTIONS"},    {.suffix = "TRACKS"}};
+static struct channel channels[KINDS] = {
+    {.suffix = "POSE"},          {.suffix = "FEATURES"}, {.suffix = "CAMERA_STATUS"},
+    {.suffix = "STATISTICS"},    {.suffix = "PREVIEW"},  {.suffix = "CAMERA_POSE"},
+    {.suffix = "BOT_CORE_POSE"}, {.suffix = "MAP"},      {.suffix = "DETECTIONS"},
+    {.suffix = "TRACKS"},        {.suffix = "RUN"}};
 static bool quiet;
 
 static void on_signal(int number)
@@ -96,12 +102,12 @@ static const char *name_of(const char *const *names, int count, int value)
 {
     return value >= 0 && value < count ? names[value] : "unknown";
 }
-static const char *const states[] = {"starting", "tracking", "weak", "lost"};
+static const char *const states[] = {"starting", "tracking", "weak", "lost", "paused"};
 static const char *const scales[] = {"free", "camera_height", "odometry"};
 HANDLER(
     pose_t,
     "%s, %s in %s: position %.3f %.3f %.3f %s, scale %s to %.1f %%, quality %.2f, %d inliers, reset %d\n",
-    name_of(states, 4, message.state), message.child_frame, message.parent_frame,
+    name_of(states, 5, message.state), message.child_frame, message.parent_frame,
     message.position[0], message.position[1], message.position[2],
     message.scale_source == FOVEA_POSE_T_SCALE_FREE ? "units" : "m",
     name_of(scales, 3, message.scale_source), 100 * message.scale_sigma, (double)message.quality,
@@ -121,6 +127,25 @@ HANDLER(detections_t, "%" PRId32 " objects found by %s, the best %s with %.2f\n"
         message.count > 0 ? (double)message.score[0] : 0)
 HANDLER(tracks_t, "%" PRId32 " tracks, the newest %" PRId64 "\n", message.count,
         message.count > 0 ? message.id[message.count - 1] : 0)
+
+/* Who sends: printed when it changes, which is a restart or a second sender. */
+static void on_run(const lcm_recv_buf_t *received, const char *name, void *context)
+{
+    static int64_t last_id;
+    fovea_run_t message;
+    struct channel *channel = context;
+    if (fovea_run_t_decode(received->data, 0, (int)received->data_size, &message) < 0) {
+        channel->malformed++;
+        return;
+    }
+    count(channel, received, channel->last + 1);
+    if (message.run_id != last_id)
+        printf("%s: run %016" PRIx64 " of process %" PRId64 " on %s, Fovea %s%s\n", name,
+               (uint64_t)message.run_id, message.process, message.host, message.version,
+               last_id != 0 ? ": a restart, or another sender" : "");
+    last_id = message.run_id;
+    fovea_run_t_decode_cleanup(&message);
+}
 
 /* This one knows its time, but not the number of its frame. */
 static void on_bot_core_pose(const lcm_recv_buf_t *received, const char *name, void *context)
@@ -184,7 +209,8 @@ int main(int argc, char **argv)
     const char *url = "udpm://239.255.76.67:7667?ttl=0&recv_buf_size=8388608", *prefix = "FOVEA";
     static const lcm_msg_handler_t handlers[KINDS] = {
         on_pose_t, on_features_t,    on_camera_status_t, on_statistics_t, on_preview_t,
-        on_pose_t, on_bot_core_pose, on_map_t,           on_detections_t, on_tracks_t};
+        on_pose_t, on_bot_core_pose, on_map_t,           on_detections_t, on_tracks_t,
+        on_run};
     double idle_s = 0;
     for (int i = 1; i < argc; i++) {
         if (strcmp(argv[i], "--quiet") == 0)

@@ -3,7 +3,7 @@
 
 Needs the Python package `lcm` (pip install lcm) and the types, made by `make python-types` (lcm-gen -p); their folder is
 build/python unless --types names another. About buffers see subscribe.c: what holds there holds here, and Python is
-slower, so both are large.
+slower, so both are large. Like subscribe.c it receives through liblcm, which a forged fragment ends (docs/security.md).
 """
 import argparse
 import os
@@ -34,7 +34,7 @@ except ImportError:
     sys.exit(f"subscribe.py: found no types in {options.types}, expected them from: make python-types")
 
 
-STATES = ("starting", "tracking", "weak", "lost")
+STATES = ("starting", "tracking", "weak", "lost", "paused")
 SCALES = ("free", "camera_height", "odometry")
 
 
@@ -67,7 +67,20 @@ TELL = {
     "DETECTIONS": (fovea.detections_t, lambda m: "%d objects found by %s, the best %s with %.2f" % (
         m.count, m.model, m.class_name[0] if m.count else "none", m.score[0] if m.count else 0)),
     "TRACKS": (fovea.tracks_t, lambda m: f"{m.count} tracks, the newest {m.id[-1] if m.count else 0}"),
+    "RUN": (fovea.run_t, None),
 }
+
+
+last_run = None
+
+
+def on_run(name, message):
+    """Who sends: printed when it changes, which is a restart or a second sender."""
+    global last_run
+    if message.run_id != last_run:
+        print(f"{name}: run {message.run_id & (1 << 64) - 1:016x} of process {message.process} on {message.host}, "
+              f"Fovea {message.version}{': a restart, or another sender' if last_run is not None else ''}")
+    last_run = message.run_id
 
 
 class Channel:
@@ -98,6 +111,10 @@ def on_message(name, data):
     except (ValueError, TypeError, IndexError, OverflowError, MemoryError, struct.error) as problem:
         channels[suffix].malformed += 1
         print(f"{name}: {problem}", file=sys.stderr)
+        return
+    if suffix == "RUN":
+        channels[suffix].count(data, channels[suffix].last + 1)
+        on_run(name, message)
         return
     if suffix == "BOT_CORE_POSE":  # which knows its time, but not the number of its frame
         channels[suffix].count(data, channels[suffix].last + 1)

@@ -11,7 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "app/extract.h"
+#include "app/lab/extract.h"
 #include "fovea/elementary.h"
 #include "fovea/source.h"
 #include "map/vocabulary.h"
@@ -42,8 +42,7 @@ static uint32_t distance(const descriptor a, const descriptor b)
     return sum;
 }
 
-/* ---- descriptors
- * --------------------------------------------------------------------------------------- */
+/* ---- descriptors ----------------------------------------------------------------------------- */
 
 static void take(struct set *set, const struct fv_extract *extract)
 {
@@ -118,8 +117,7 @@ static void read_list(struct set *set, const char *path)
     fclose(list);
 }
 
-/* ---- the tree
- * ------------------------------------------------------------------------------------------ */
+/* ---- the tree -------------------------------------------------------------------------------- */
 
 /* Centres far apart: each next one with a probability that grows with the square of the distance to
  * the nearest. */

@@ -1,0 +1,115 @@
+#!/usr/bin/env python3
+"""Send a command to a run of Fovea: reset, pause, resume, save, overwrite (with save: over a larger map, too).
+
+Needs the message types (make python-types), and no package: a command is one UDP packet, made here. With --key the
+command proves that its sender knows the key of the run (command_key), is meant for this run alone and cannot be
+repeated: the run's number is heard on PREFIX_RUN, or given by --run-id.
+"""
+import argparse
+import os
+import socket
+import struct
+import sys
+import time
+
+here = os.path.dirname(os.path.abspath(__file__))
+MASK = (1 << 64) - 1
+
+
+def siphash(key, data):
+    """SipHash-2-4 (J.-P. Aumasson and D. J. Bernstein, 2012)."""
+    k0, k1 = struct.unpack("<QQ", key)
+    v = [k0 ^ 0x736F6D6570736575, k1 ^ 0x646F72616E646F6D, k0 ^ 0x6C7967656E657261, k1 ^ 0x7465646279746573]
+
+    def rotate(value, bits):
+        return (value << bits | value >> (64 - bits)) & MASK
+
+    def rounds(count):
+        for _ in range(count):
+            v[0] = (v[0] + v[1]) & MASK
+            v[2] = (v[2] + v[3]) & MASK
+            v[1] = rotate(v[1], 13) ^ v[0]
+            v[3] = rotate(v[3], 16) ^ v[2]
+            v[0] = rotate(v[0], 32)
+            v[2] = (v[2] + v[1]) & MASK
+            v[0] = (v[0] + v[3]) & MASK
+            v[1] = rotate(v[1], 17) ^ v[2]
+            v[3] = rotate(v[3], 21) ^ v[0]
+            v[2] = rotate(v[2], 32)
+
+    padded = data + bytes(7 - len(data) % 8) + bytes([len(data) & 0xFF])
+    for (word,) in struct.iter_unpack("<Q", padded):
+        v[3] ^= word
+        rounds(2)
+        v[0] ^= word
+    v[2] ^= 0xFF
+    rounds(4)
+    return v[0] ^ v[1] ^ v[2] ^ v[3]
+
+
+def hear_run(fovea, group, port, channel):
+    """The number of the run that sends on the channel, within 3 seconds."""
+    if not hasattr(fovea, "run_t"):
+        sys.exit("command.py: these types have no run_t: expected --run-id")
+    hearing = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    hearing.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    hearing.bind((group, port))
+    hearing.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, socket.inet_aton(group) + bytes(4))
+    end = time.monotonic() + 3
+    name = channel.encode() + b"\0"
+    while time.monotonic() < end:
+        hearing.settimeout(max(end - time.monotonic(), 0.001))
+        try:
+            packet = hearing.recv(65536)
+        except socket.timeout:
+            break
+        if packet[:4] == b"LC02" and packet[8:8 + len(name)] == name:
+            return fovea.run_t.decode(packet[8 + len(name):]).run_id
+    sys.exit(f"command.py: found no run on {channel} within 3 s, expected one, or --run-id")
+
+
+def read_key(path):
+    with open(path, encoding="ascii") as file:
+        key = bytes.fromhex(file.read().strip())
+    if len(key) != 16:
+        sys.exit(f"command.py: {path}: found {len(key)} bytes, expected 32 hexadecimal digits")
+    return key
+
+
+def main():
+    words = ("reset", "pause", "resume", "save", "overwrite")
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("command", nargs="+", choices=words)
+    parser.add_argument("--group", default="239.255.76.67", help="multicast group of the run's lcm_url")
+    parser.add_argument("--port", type=int, default=7667)
+    parser.add_argument("--ttl", type=int, default=0, help="0: this host; 1: this network")
+    parser.add_argument("--prefix", default="FOVEA", help="channel_prefix of the run")
+    parser.add_argument("--key", help="file of the key (command_key)")
+    parser.add_argument("--run-id", type=int, help="run that is meant; heard where it is not given and --key is")
+    parser.add_argument("--sender", type=int, default=1, help="own number of every machine that shares the key")
+    parser.add_argument("--types", default=os.path.join(here, "..", "..", "build", "python"), help="folder of the types")
+    options = parser.parse_args()
+    sys.path.insert(0, options.types)
+    try:
+        import fovea
+    except ImportError:
+        sys.exit(f"command.py: found no types in {options.types}, expected them from: make python-types")
+    message = fovea.command_t()
+    message.utime = time.time_ns() // 1000
+    message.counter = time.time_ns()  # rises, as long as this clock does
+    message.id = message.counter
+    message.sender = options.sender
+    message.commands = sum(1 << words.index(word) for word in set(options.command))
+    message.run_id = options.run_id or 0
+    if options.key is not None:
+        if not options.run_id:
+            message.run_id = hear_run(fovea, options.group, options.port, options.prefix + "_RUN")
+        code = siphash(read_key(options.key), message.encode())  # mac is 0 so far
+        message.mac = code - (1 << 64) if code >> 63 else code
+    packet = b"LC02" + bytes(4) + f"{options.prefix}_COMMAND".encode() + b"\0" + message.encode()
+    sending = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    sending.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_TTL, options.ttl)
+    sending.sendto(packet, (options.group, options.port))
+
+
+main()
