@@ -26,7 +26,7 @@ struct fovea_features_config {
                                 linearly */
     uint32_t pyramid_levels; /* [1, 8], default 8 */
     uint32_t threshold;      /* [2, 100] grey levels, default 20: tried first in every cell */
-    uint32_t threshold_min;  /* [2, threshold], default 7: where a cell would stay empty */
+    uint32_t threshold_min; /* [2, 100], default 7, at most threshold: where a cell has no corner */
     /* [1, 8], default 2: features that a cell of the grid may give. High takes the
      * strongest, which match best between two pictures (8: matching score up by half on
      * the Oxford sets); low spreads evenly, which ties poses down (2: no run of odometry

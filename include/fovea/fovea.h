@@ -44,16 +44,18 @@ extern "C" {
 
 enum { FOVEA_BLOCK_ALIGNMENT = 64 };
 
-/* ---- configuration --------------------------------------------------------------------------- */
+/* ---- configuration -----------------------------------------------------------------------------
+ * Ranges and defaults stand here for the reader; they are those of docs/configuration.md. */
 
 /* Wall and thread-CPU clock for stage times; called twice per stage. Never influences results. */
 typedef void (*fovea_clock_function)(void *context, int64_t *wall_ns, int64_t *cpu_ns);
 
 struct fovea_preview_config {
-    uint32_t
-        period_frames; /* [0, 1000000], default 10: one preview every so many frames; 0: none */
-    uint32_t quality;  /* [1, 100], default 70: JPEG quality in libjpeg's scale */
-    uint32_t level;    /* [0, 7], default 2: pyramid level that is shown */
+    /* [0, 1000000], default 10: one preview every n-th frame; 0: none */
+    uint32_t period_frames;
+    uint32_t quality; /* [1, 100], default 70: JPEG quality in libjpeg's scale */
+    /* [0, 7], default 2: pyramid level that is shown, less than features.pyramid_levels */
+    uint32_t level;
 };
 
 struct fovea_config {
@@ -80,12 +82,15 @@ struct fovea_config {
     /* row-major 3x4: camera points to the robot's base frame, metres; default identity */
     double T_base_cam[12];
 
-    /* Put before channel names, at most 31 bytes of [A-Za-z0-9_/.-]; default "FOVEA". */
+    /* [1, 31] bytes of letters, digits and _ / . -, default "FOVEA": put before channel names. */
     char channel_prefix[32];
 
-    /* Publish every n-th message of a kind, [0, 1000000]; 0: never. Defaults 1, statistics 30,
-     * map 5. */
-    uint32_t pose_every, features_every, statistics_every, camera_status_every, map_every;
+    /* Publish every n-th message of a kind; 0: never. */
+    uint32_t pose_every;          /* [0, 1000000], default 1 */
+    uint32_t features_every;      /* [0, 1000000], default 1 */
+    uint32_t statistics_every;    /* [0, 1000000], default 30 */
+    uint32_t camera_status_every; /* [0, 1000000], default 1 */
+    uint32_t map_every;           /* [0, 1000000], default 5 */
 
     /* Stage clock, or NULL for no stage times. */
     fovea_clock_function clock;

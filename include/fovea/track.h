@@ -26,7 +26,7 @@
 extern "C" {
 #endif
 
-enum { FOVEA_TRACKS_MAX = 256, FOVEA_TRACK_CLASSES_MAX = 128 };
+enum { FOVEA_TRACKS_MAX = 256, FOVEA_TRACK_CLASSES_MAX = 128, FOVEA_TRACK_HEIGHT_MAX_M = 100 };
 
 enum fovea_track_mode { FOVEA_TRACK_SORT = 0, FOVEA_TRACK_CENTROID = 1, FOVEA_TRACK_OFF = 2 };
 
@@ -54,8 +54,8 @@ struct fovea_track_config {
     /* objects stand on the floor, which is z = 0 of the base frame (T_base_cam says how high the
      * camera is); default false */
     bool ground;
-    /* Height of an object of each class, metres; 0: not known. One standard deviation is taken to
-     * be a tenth. */
+    /* Height of an object of each class, metres, at most FOVEA_TRACK_HEIGHT_MAX_M; 0: not known.
+     * One standard deviation is taken to be a tenth. */
     float height_m[FOVEA_TRACK_CLASSES_MAX];
     /* Classes that move on their own, as bits: their boxes are masked out of the map. Default none;
      * the command takes those that its network names and that are known to move (track.movable:

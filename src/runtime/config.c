@@ -1,71 +1,105 @@
 #include "runtime/config.h"
 
+#include <stddef.h>
 #include <string.h>
 
 #include "fovea/elementary.h"
 
+static const double identity[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
+
 void fovea_config_default(struct fovea_config *config)
 {
     memset(config, 0, sizeof *config);
-    config->features = (struct fovea_features_config){
-        .count_max = 1000, .pyramid_levels = 8, .threshold = 20, .threshold_min = 7, .per_cell = 2};
-    config->odometry = (struct fovea_odometry_config){.enabled = true,
-                                                      .keyframes = 128,
-                                                      .landmarks = 16000,
-                                                      .window = 8,
-                                                      .inliers_good = 40,
-                                                      .lost_frames_reset = 15,
-                                                      .loops = true};
-    config->detect = (struct fovea_detect_config){.period_frames = 1, .count_max = 100};
-    config->scale.camera_height_m = 1;
-    config->track = (struct fovea_track_config){.mode = FOVEA_TRACK_SORT,
-                                                .tracks_max = 128,
-                                                .confirm_hits = 2,
-                                                .score_confirm = 0.5,
-                                                .score_high = 0.4,
-                                                .score_low = 0.2,
-                                                .score_new = 0.4,
-                                                .coast_s = 2.0,
-                                                .max_distance_px = 60,
-                                                .max_disappeared = 20};
-    config->preview = (struct fovea_preview_config){.period_frames = 10, .quality = 70, .level = 2};
-    config->seed = 1;
-    config->T_base_cam[0] = config->T_base_cam[5] = config->T_base_cam[10] = 1.0;
-    memcpy(config->channel_prefix, "FOVEA", sizeof "FOVEA");
-    config->pose_every = 1;
-    config->features_every = 1;
-    config->statistics_every = 30;
-    config->camera_status_every = 1;
-    config->map_every = 5;
+#define FV_KEY(name, kind, member, min, max, value, unit, words, cost, help)                       \
+    FV_CONFIG_SET_##kind(config->member, max, value);
+#include "runtime/config.def"
 }
 
-struct range {
+/* ---- single keys ----------------------------------------------------------------------------- */
+
+struct key {
     const char *name;
-    uint64_t value, low, high;
+    enum fv_config_kind kind;
+    size_t offset;
+    int64_t min, max;
+    double real_min, real_max;
 };
 
-static enum fovea_status check_ranges(const struct range *ranges, size_t count,
-                                      struct fovea_error *error)
+static const struct key keys[] = {
+#define FV_KEY(name, kind, member, min, max, value, unit, words, cost, help)                       \
+    {name,           FV_CONFIG_##kind, offsetof(struct fovea_config, member),                      \
+     (int64_t)(min), (int64_t)(max),   (double)(min),                                              \
+     (double)(max)},
+#include "runtime/config.def"
+};
+
+static enum fovea_status check_whole(const char *name, int64_t value, int64_t min, int64_t max,
+                                     struct fovea_error *error)
 {
-    for (size_t i = 0; i < count; i++) {
-        if (ranges[i].value < ranges[i].low || ranges[i].value > ranges[i].high) {
-            return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                                   "%s: found %lld, expected %llu to %llu", ranges[i].name,
-                                   (long long)ranges[i].value,
-                                   /* of signed members too */ (unsigned long long)ranges[i].low,
-                                   (unsigned long long)ranges[i].high);
-        }
+    if (value >= min && value <= max) return FOVEA_OK;
+    return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "%s: found %lld, expected %lld to %lld",
+                           name, (long long)value, (long long)min, (long long)max);
+}
+
+static enum fovea_status check_real(const char *name, double value, double min, double max,
+                                    struct fovea_error *error)
+{
+    if (value >= min && value <= max) return FOVEA_OK;
+    return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "%s: found %g, expected %g to %g", name,
+                           value, min, max);
+}
+
+static enum fovea_status check_text(const struct key *key, const char *text,
+                                    struct fovea_error *error)
+{
+    const int max = (int)key->max;
+    const bool ends = memchr(text, 0, (size_t)max + 1) != NULL;
+    if (ends && (int64_t)strlen(text) >= key->min) return FOVEA_OK;
+    return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                           "%s: found '%.*s'%s, expected %d to %d bytes", key->name, max, text,
+                           ends ? "" : " and more", (int)key->min, max);
+}
+
+static enum fovea_status check_elements(const struct key *key, const double T[12],
+                                        struct fovea_error *error)
+{
+    for (int i = 0; i < 12; i++) {
+        if (T[i] >= key->real_min && T[i] <= key->real_max) continue;
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                               "%s: found %g as element %d, expected %g to %g", key->name, T[i], i,
+                               key->real_min, key->real_max);
     }
     return FOVEA_OK;
 }
 
+static enum fovea_status check_key(const struct key *key, const struct fovea_config *config,
+                                   struct fovea_error *error)
+{
+    const char *at = (const char *)config + key->offset;
+    switch (key->kind) {
+    case FV_CONFIG_U32:
+    case FV_CONFIG_FLAGS:
+        return check_whole(key->name, *(const uint32_t *)at, key->min, key->max, error);
+    case FV_CONFIG_I32:
+    case FV_CONFIG_CHOICE:
+        return check_whole(key->name, *(const int32_t *)at, key->min, key->max, error);
+    case FV_CONFIG_REAL:
+        return check_real(key->name, *(const double *)at, key->real_min, key->real_max, error);
+    case FV_CONFIG_TEXT:
+        return check_text(key, at, error);
+    case FV_CONFIG_TRANSFORM:
+        return check_elements(key, (const double *)at, error);
+    case FV_CONFIG_U64: /* the seed: every value is one, though files hold 63 bits */
+    case FV_CONFIG_BOOL:
+        return FOVEA_OK;
+    }
+    return FOVEA_OK;
+}
+
+/* ---- what a range cannot say ----------------------------------------------------------------- */
+
 static enum fovea_status check_prefix(const char prefix[32], struct fovea_error *error)
 {
-    if (memchr(prefix, 0, 32) == NULL || prefix[0] == 0) {
-        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                               "channel_prefix: found '%.31s'%s, expected 1 to 31 bytes", prefix,
-                               prefix[0] != 0 ? " and more" : "");
-    }
     for (const char *c = prefix; *c != 0; c++) {
         const bool alphanumeric =
             (*c >= 'a' && *c <= 'z') || (*c >= 'A' && *c <= 'Z') || (*c >= '0' && *c <= '9');
@@ -81,15 +115,8 @@ static enum fovea_status check_prefix(const char prefix[32], struct fovea_error 
 
 /* A rotation must be orthonormal to 1e-3: figures typed with four digits pass, a transposed scale
  * does not. */
-static enum fovea_status check_transform(const double T[12], struct fovea_error *error)
+static enum fovea_status check_rotation(const double T[12], struct fovea_error *error)
 {
-    for (int i = 0; i < 12; i++) {
-        if (!(T[i] > -1e6 && T[i] < 1e6)) {
-            return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                                   "T_base_cam: found %g as element %d, expected -1e+06 to 1e+06",
-                                   T[i], i);
-        }
-    }
     for (int a = 0; a < 3; a++) {
         for (int b = a; b < 3; b++) {
             const double dot =
@@ -113,35 +140,16 @@ static enum fovea_status check_transform(const double T[12], struct fovea_error 
     return FOVEA_OK;
 }
 
-static enum fovea_status check_real(const char *name, double value, double low, double high,
-                                    struct fovea_error *error)
-{
-    if (value >= low && value <= high) return FOVEA_OK;
-    return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "%s: found %g, expected %g to %g", name,
-                           value, low, high);
-}
-
-static enum fovea_status check_track(const struct fovea_track_config *track,
-                                     struct fovea_error *error)
-{
-    enum fovea_status status = check_real("track.score_high", track->score_high, 0, 1, error);
-    if (status == FOVEA_OK)
-        status = check_real("track.score_confirm", track->score_confirm, 0, 1, error);
-    if (status == FOVEA_OK) status = check_real("track.score_low", track->score_low, 0, 1, error);
-    if (status == FOVEA_OK) status = check_real("track.score_new", track->score_new, 0, 1, error);
-    if (status == FOVEA_OK) status = check_real("track.coast_s", track->coast_s, 0, 60, error);
-    if (status == FOVEA_OK)
-        status = check_real("track.max_distance_px", track->max_distance_px, 1, 10000, error);
-    for (int i = 0; i < FOVEA_TRACK_CLASSES_MAX && status == FOVEA_OK; i++)
-        status = check_real("track.heights", (double)track->height_m[i], 0, 100, error);
-    return status;
-}
-
 /* Of what fovea_camera_prepare has looked at, what would be silently wrong had it never seen the
  * camera. */
 static enum fovea_status check_camera(const struct fovea_camera *camera, struct fovea_error *error)
 {
-    enum fovea_status status = check_real("camera fx", camera->fx, 0.001, 1e6, error);
+    enum fovea_status status = check_whole("camera width", camera->width, FOVEA_IMAGE_WIDTH_MIN,
+                                           FOVEA_IMAGE_WIDTH_MAX, error);
+    if (status == FOVEA_OK)
+        status = check_whole("camera height", camera->height, FOVEA_IMAGE_HEIGHT_MIN,
+                             FOVEA_IMAGE_HEIGHT_MAX, error);
+    if (status == FOVEA_OK) status = check_real("camera fx", camera->fx, 0.001, 1e6, error);
     if (status == FOVEA_OK) status = check_real("camera fy", camera->fy, 0.001, 1e6, error);
     if (status == FOVEA_OK) status = check_real("camera cx", camera->cx, -1e5, 1e5, error);
     if (status == FOVEA_OK) status = check_real("camera cy", camera->cy, -1e5, 1e5, error);
@@ -161,65 +169,43 @@ bool fv_config_movable(const struct fovea_config *config)
     return any != 0;
 }
 
-static enum fovea_status check_scale(const struct fovea_scale_config *scale,
-                                     struct fovea_error *error)
+/* Limits that depend on another key. */
+static enum fovea_status check_pairs(const struct fovea_config *config, struct fovea_error *error)
 {
-    if ((unsigned)scale->source > FOVEA_SCALE_ODOMETRY) {
-        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                               "scale.source: found %d, expected 0 to 2", (int)scale->source);
-    }
-    if (!(scale->camera_height_m >= 0.01 && scale->camera_height_m <= 1000)) {
-        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                               "scale.camera_height_m: found %g, expected 0.01 to 1000",
-                               scale->camera_height_m);
-    }
+    const struct fovea_features_config *features = &config->features;
+    if (features->threshold_min > features->threshold)
+        return fovea_error_set(
+            error, FOVEA_ERROR_ARGUMENT,
+            "features.threshold_min: found %u, expected at most features.threshold, which is %u",
+            features->threshold_min, features->threshold);
+    if (config->preview.level >= features->pyramid_levels)
+        return fovea_error_set(
+            error, FOVEA_ERROR_ARGUMENT,
+            "preview.level: found %u, expected less than features.pyramid_levels, which is %u",
+            config->preview.level, features->pyramid_levels);
     return FOVEA_OK;
+}
+
+static enum fovea_status check_heights(const struct fovea_track_config *track,
+                                       struct fovea_error *error)
+{
+    enum fovea_status status = FOVEA_OK;
+    for (int i = 0; i < FOVEA_TRACK_CLASSES_MAX && status == FOVEA_OK; i++)
+        status = check_real("track.heights", (double)track->height_m[i], 0,
+                            FOVEA_TRACK_HEIGHT_MAX_M, error);
+    return status;
 }
 
 enum fovea_status fv_config_check(const struct fovea_config *config, struct fovea_error *error)
 {
     if (config == NULL)
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT, "config: found NULL, expected one");
-    const struct fovea_features_config *f = &config->features;
-    const struct range ranges[] = {
-        {"camera width", (uint64_t)(int64_t)config->camera.width, FOVEA_IMAGE_WIDTH_MIN,
-         FOVEA_IMAGE_WIDTH_MAX},
-        {"camera height", (uint64_t)(int64_t)config->camera.height, FOVEA_IMAGE_HEIGHT_MIN,
-         FOVEA_IMAGE_HEIGHT_MAX},
-        {"features.count_max", f->count_max, FOVEA_FEATURES_MIN, FOVEA_FEATURES_MAX},
-        {"features.pyramid_levels", f->pyramid_levels, 1, FOVEA_PYRAMID_LEVELS_MAX},
-        {"features.threshold", f->threshold, 2, 100},
-        {"features.threshold_min", f->threshold_min, 2, f->threshold},
-        {"features.per_cell", f->per_cell, 1, 8},
-        {"odometry.keyframes", config->odometry.keyframes, 8, FOVEA_ODOMETRY_KEYFRAMES_MAX},
-        {"odometry.landmarks", config->odometry.landmarks, 1000, FOVEA_ODOMETRY_LANDMARKS_MAX},
-        {"odometry.window", config->odometry.window, 3, 12},
-        {"odometry.inliers_good", config->odometry.inliers_good, 20, 200},
-        {"odometry.lost_frames_reset", config->odometry.lost_frames_reset, 1, 10000},
-        {"detect.period_frames", config->detect.period_frames, 1, 1000000},
-        {"detect.count_max", config->detect.count_max, 1, FOVEA_DETECTIONS_MAX},
-        {"track.mode", (uint64_t)(int64_t)config->track.mode, FOVEA_TRACK_SORT, FOVEA_TRACK_OFF},
-        {"track.tracks_max", config->track.tracks_max, 1, FOVEA_TRACKS_MAX},
-        {"track.confirm_hits", config->track.confirm_hits, 1, 100},
-        {"track.max_disappeared", config->track.max_disappeared, 0, 10000},
-        {"preview.period_frames", config->preview.period_frames, 0, 1000000},
-        {"preview.quality", config->preview.quality, 1, 100},
-        {"preview.level", config->preview.level, 0, f->pyramid_levels - 1},
-        {"pose_every", config->pose_every, 0, 1000000},
-        {"features_every", config->features_every, 0, 1000000},
-        {"statistics_every", config->statistics_every, 0, 1000000},
-        {"camera_status_every", config->camera_status_every, 0, 1000000},
-        {"map_every", config->map_every, 0, 1000000},
-    };
-    enum fovea_status status = check_ranges(ranges, sizeof ranges / sizeof ranges[0], error);
-    if (status == FOVEA_OK) status = check_camera(&config->camera, error);
-    if (status == FOVEA_OK)
-        status = check_real("detect.score_threshold", config->detect.score_threshold, 0, 1, error);
-    if (status == FOVEA_OK)
-        status = check_real("detect.iou_threshold", config->detect.iou_threshold, 0, 1, error);
-    if (status == FOVEA_OK) status = check_track(&config->track, error);
+    enum fovea_status status = check_camera(&config->camera, error);
+    for (size_t i = 0; i < sizeof keys / sizeof keys[0] && status == FOVEA_OK; i++)
+        status = check_key(&keys[i], config, error);
+    if (status == FOVEA_OK) status = check_pairs(config, error);
+    if (status == FOVEA_OK) status = check_heights(&config->track, error);
     if (status == FOVEA_OK) status = check_prefix(config->channel_prefix, error);
-    if (status == FOVEA_OK) status = check_scale(&config->scale, error);
-    if (status == FOVEA_OK) status = check_transform(config->T_base_cam, error);
+    if (status == FOVEA_OK) status = check_rotation(config->T_base_cam, error);
     return status;
 }

@@ -65,14 +65,27 @@ static enum fovea_status refuse(const char *key, const char *entry, const char *
                            fovea_text_quote(entry, quoted, sizeof quoted), expected);
 }
 
-static const char height_expected[] = "class:metres, up to 100";
+static enum fovea_status refuse_height(const char *entry, struct fovea_error *error)
+{
+    char expected[64];
+    snprintf(expected, sizeof expected, "class:metres, up to %d", FOVEA_TRACK_HEIGHT_MAX_M);
+    return refuse("track.heights", entry, expected, error);
+}
+
+static enum fovea_status refuse_number(const char *entry, struct fovea_error *error)
+{
+    char expected[64];
+    snprintf(expected, sizeof expected, "auto, labels or numbers from 0 to %d",
+             FOVEA_TRACK_CLASSES_MAX - 1);
+    return refuse("track.movable", entry, expected, error);
+}
 
 /* "class:metres", of which the class stays in `entry`. */
 static bool take_height(char *entry, double *height)
 {
     char *colon = strrchr(entry, ':');
     if (colon == NULL || colon == entry || !fovea_text_number(colon + 1, height) ||
-        !(*height > 0 && *height <= 100))
+        !(*height > 0 && *height <= FOVEA_TRACK_HEIGHT_MAX_M))
         return false;
     *colon = '\0';
     return true;
@@ -85,10 +98,9 @@ enum fovea_status fv_classes_check(const struct fv_settings *settings, struct fo
     for (const char *list = settings->movable; next(&list, entry);)
         if (fovea_text_number(entry, &number) &&
             !(number >= 0 && number < FOVEA_TRACK_CLASSES_MAX && number == (double)(int32_t)number))
-            return refuse("track.movable", entry, "auto, labels or numbers from 0 to 127", error);
+            return refuse_number(entry, error);
     for (const char *list = settings->heights; next(&list, entry);)
-        if (!take_height(entry, &number))
-            return refuse("track.heights", entry, height_expected, error);
+        if (!take_height(entry, &number)) return refuse_height(entry, error);
     return FOVEA_OK;
 }
 
@@ -109,8 +121,7 @@ enum fovea_status fv_classes_resolve(struct fv_settings *settings, const struct 
     }
     for (const char *list = settings->heights; next(&list, entry);) {
         double height;
-        if (!take_height(entry, &height))
-            return refuse("track.heights", entry, height_expected, error);
+        if (!take_height(entry, &height)) return refuse_height(entry, error);
         const int32_t c = class_of(model, entry);
         if (c < 0)
             return refuse("track.heights", entry, "a label or number of the network's classes",

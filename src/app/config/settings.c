@@ -11,25 +11,6 @@
 #include "support/yaml_tree.h"
 #include "runtime/config.h"
 
-void fv_settings_default(struct fv_settings *settings)
-{
-    memset(settings, 0, sizeof *settings);
-    fovea_config_default(&settings->runtime);
-    snprintf(settings->source, sizeof settings->source, "sim:");
-    snprintf(settings->lcm_url, sizeof settings->lcm_url, "udpm://239.255.76.67:7667");
-    snprintf(settings->listen, sizeof settings->listen, "loopback");
-    settings->commands = FV_COMMAND_AUTO;
-    settings->odometry_max_m_s = 3;
-    settings->odometry_max_rad_s = 6;
-    settings->record_buffer = 10;
-    settings->map_keep = 3;
-    snprintf(settings->movable, sizeof settings->movable, "auto");
-    snprintf(settings->odometry_channel, sizeof settings->odometry_channel, "POSE_BODY");
-    settings->priority = 40;
-    settings->cpu = -1;
-    settings->lock_memory = true;
-}
-
 /* ---- reading --------------------------------------------------------------------------------- */
 
 struct reading {
@@ -93,33 +74,31 @@ static enum fovea_status take(const struct reading *r, const struct fv_settings_
     const char *text = NULL;
     enum fovea_status status = FOVEA_OK;
     switch (key->kind) {
-    case FV_SETTINGS_U32:
-    case FV_SETTINGS_U64:
-    case FV_SETTINGS_I32:
+    case FV_CONFIG_U32:
+    case FV_CONFIG_U64:
+    case FV_CONFIG_I32:
         status = fovea_yaml_integer(r->tree, node, key->min, key->max, &whole, r->error);
-        if (status == FOVEA_OK && key->kind == FV_SETTINGS_U32)
-            *(uint32_t *)target = (uint32_t)whole;
-        if (status == FOVEA_OK && key->kind == FV_SETTINGS_U64)
-            *(uint64_t *)target = (uint64_t)whole;
-        if (status == FOVEA_OK && key->kind == FV_SETTINGS_I32) *(int32_t *)target = (int32_t)whole;
+        if (status == FOVEA_OK && key->kind == FV_CONFIG_U32) *(uint32_t *)target = (uint32_t)whole;
+        if (status == FOVEA_OK && key->kind == FV_CONFIG_U64) *(uint64_t *)target = (uint64_t)whole;
+        if (status == FOVEA_OK && key->kind == FV_CONFIG_I32) *(int32_t *)target = (int32_t)whole;
         return status;
-    case FV_SETTINGS_REAL:
-        return fovea_yaml_number(r->tree, node, (double)key->min, (double)key->max,
-                                 (double *)target, r->error);
-    case FV_SETTINGS_BOOL:
+    case FV_CONFIG_REAL:
+        return fovea_yaml_number(r->tree, node, key->real_min, key->real_max, (double *)target,
+                                 r->error);
+    case FV_CONFIG_BOOL:
         return fovea_yaml_bool(r->tree, node, (bool *)target, r->error);
-    case FV_SETTINGS_TEXT:
+    case FV_CONFIG_TEXT:
         status = fovea_yaml_string(r->tree, node, (size_t)key->max, &text, r->error);
         if (status == FOVEA_OK) strcpy(target, text);
         return status;
-    case FV_SETTINGS_CHOICE:
+    case FV_CONFIG_CHOICE:
         status =
             fovea_yaml_choice(r->tree, node, key->choices, choice_count(key), &index, r->error);
         if (status == FOVEA_OK) *(int *)target = (int)index;
         return status;
-    case FV_SETTINGS_FLAGS:
+    case FV_CONFIG_FLAGS:
         return take_flags(r, key, node, (uint32_t *)target);
-    case FV_SETTINGS_TRANSFORM:
+    case FV_CONFIG_TRANSFORM:
         return take_transform(r, node, (double *)target);
     }
     return FOVEA_ERROR_UNSUPPORTED;
@@ -372,7 +351,7 @@ enum fovea_status fv_settings_set(struct fv_settings *settings, const char *assi
             fovea_text_quote(name, quoted, sizeof quoted), nearest ? ", nearest is '" : "",
             nearest ? nearest : "", nearest ? "'" : "");
     }
-    if (key->kind != FV_SETTINGS_TEXT) return set_parsed(settings, name, value, error);
+    if (key->kind != FV_CONFIG_TEXT) return set_parsed(settings, name, value, error);
     /* Texts are taken as they stand: "sim:" would otherwise need quotes within the shell's. */
     if (!fv_utf8_check(value)) return set_refuse(name, value, "UTF-8 text", error);
     if (strlen(value) > (size_t)key->max) return set_refuse(name, value, "a shorter text", error);

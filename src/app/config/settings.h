@@ -1,8 +1,8 @@
-/* Configuration: one YAML file, one table of keys (settings_keys.c), one struct.
+/* Configuration: one YAML file, one table of keys (runtime/config.def), one struct.
  *
- * A key is a row of the table: name, type, unit, range, what it does and what raising it costs.
- * Defaults come from fovea_config_default and fv_settings_default, so that the library and the
- * program cannot disagree. Values are taken in this order: defaults, the file, `--set`. All of it
+ * A key is a row of the table: name, type, range, default, unit, what it does and what raising it
+ * costs. The library checks its own keys from the same rows, so that it and the program cannot
+ * disagree. Values are taken in this order: defaults, the file, `--set`. All of it
  * is init-only. */
 #ifndef FOVEA_APP_CONFIG_SETTINGS_H
 #define FOVEA_APP_CONFIG_SETTINGS_H
@@ -13,6 +13,7 @@
 #include <stdio.h>
 
 #include "fovea/fovea.h"
+#include "runtime/config.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -98,25 +99,14 @@ void fv_settings_blame(const struct fv_settings *settings, const char *key,
  * `commented`. */
 void fv_settings_print(FILE *file, const struct fv_settings *settings, bool commented);
 
-/* ---- the table ------------------------------------------------------------------------------- */
-
-enum fv_settings_kind {
-    FV_SETTINGS_U32,
-    FV_SETTINGS_U64,
-    FV_SETTINGS_I32,
-    FV_SETTINGS_REAL, /* double */
-    FV_SETTINGS_BOOL,
-    FV_SETTINGS_TEXT,     /* char[max + 1] */
-    FV_SETTINGS_CHOICE,   /* int: index into choices */
-    FV_SETTINGS_FLAGS,    /* uint32_t: bit i for choice i, or `max` alone for the word auto */
-    FV_SETTINGS_TRANSFORM /* double[12], row-major 3x4 */
-};
+/* ---- the table, of the rows of runtime/config.def -------------------------------------------- */
 
 struct fv_settings_key {
     const char *name; /* "key" or "section.key"; keys of a section stand together */
-    enum fv_settings_kind kind;
-    size_t offset;              /* in struct fv_settings */
-    int64_t min, max;           /* of numbers; texts: bytes */
+    enum fv_config_kind kind;
+    size_t offset;    /* in struct fv_settings */
+    int64_t min, max; /* of numbers; texts: bytes */
+    double real_min, real_max;
     const char *unit;           /* "" where it has none */
     const char *const *choices; /* ended by NULL; CHOICE and FLAGS only */
     const char *help;           /* what it does */

@@ -30,33 +30,35 @@ static void range_write(const struct fv_settings_key *key, char *range, size_t b
     const char *unit = key->unit, *space = unit[0] != '\0' ? " " : "";
     size_t used = 0;
     switch (key->kind) {
-    case FV_SETTINGS_U32:
-    case FV_SETTINGS_U64:
-    case FV_SETTINGS_I32:
-    case FV_SETTINGS_REAL:
+    case FV_CONFIG_U32:
+    case FV_CONFIG_U64:
+    case FV_CONFIG_I32:
         snprintf(range, bytes, "[%" PRId64 " to %" PRId64 "%s%s]", key->min, key->max, space, unit);
         return;
-    case FV_SETTINGS_BOOL:
+    case FV_CONFIG_REAL:
+        snprintf(range, bytes, "[%g to %g%s%s]", key->real_min, key->real_max, space, unit);
+        return;
+    case FV_CONFIG_BOOL:
         snprintf(range, bytes, "[true | false]");
         return;
-    case FV_SETTINGS_CHOICE:
+    case FV_CONFIG_CHOICE:
         for (size_t i = 0; key->choices[i] != NULL && used < bytes; i++)
             used += (size_t)snprintf(range + used, bytes - used, "%s%s", i > 0 ? " | " : "[",
                                      key->choices[i]);
         if (used < bytes) snprintf(range + used, bytes - used, "]");
         return;
-    case FV_SETTINGS_FLAGS:
+    case FV_CONFIG_FLAGS:
         used = (size_t)snprintf(range, bytes, "[auto | a list of");
         for (size_t i = 0; key->choices[i] != NULL && used < bytes; i++)
             used += (size_t)snprintf(range + used, bytes - used, "%s %s", i > 0 ? "," : "",
                                      key->choices[i]);
         if (used < bytes) snprintf(range + used, bytes - used, "]");
         return;
-    case FV_SETTINGS_TEXT:
+    case FV_CONFIG_TEXT:
         snprintf(range, bytes, "[%s, at most %" PRId64 " bytes]", unit[0] != '\0' ? unit : "text",
                  key->max);
         return;
-    case FV_SETTINGS_TRANSFORM:
+    case FV_CONFIG_TRANSFORM:
         snprintf(range, bytes, "[R: a rotation; t: %" PRId64 " to %" PRId64 "%s%s]", key->min,
                  key->max, space, unit);
         return;
@@ -135,31 +137,31 @@ static void value_print(FILE *file, const struct fv_settings *settings,
 {
     const char *at = (const char *)settings + key->offset;
     switch (key->kind) {
-    case FV_SETTINGS_U32:
+    case FV_CONFIG_U32:
         fprintf(file, "%" PRIu32, *(const uint32_t *)at);
         return;
-    case FV_SETTINGS_U64:
+    case FV_CONFIG_U64:
         fprintf(file, "%" PRIu64, *(const uint64_t *)at);
         return;
-    case FV_SETTINGS_I32:
+    case FV_CONFIG_I32:
         fprintf(file, "%" PRId32, *(const int32_t *)at);
         return;
-    case FV_SETTINGS_BOOL:
+    case FV_CONFIG_BOOL:
         fputs(*(const bool *)at ? "true" : "false", file);
         return;
-    case FV_SETTINGS_REAL:
+    case FV_CONFIG_REAL:
         number(file, *(const double *)at);
         return;
-    case FV_SETTINGS_TEXT:
+    case FV_CONFIG_TEXT:
         quoted(file, at);
         return;
-    case FV_SETTINGS_CHOICE:
+    case FV_CONFIG_CHOICE:
         fputs(key->choices[*(const int *)at], file);
         return;
-    case FV_SETTINGS_FLAGS:
+    case FV_CONFIG_FLAGS:
         flags_print(file, key, *(const uint32_t *)at);
         return;
-    case FV_SETTINGS_TRANSFORM:
+    case FV_CONFIG_TRANSFORM:
         for (int i = 0; i < 12; i++) {
             fputs(i == 0 ? "[[" : i % 4 == 0 ? "], [" : ", ", file);
             number(file, ((const double *)at)[i]);

@@ -89,7 +89,7 @@ static void switch_off(const char *key)
     fv_settings_default(&settings);
     settings.runtime = rig.config;
     snprintf(assignment, sizeof assignment, "%s=%s", key,
-             row->kind == FV_SETTINGS_BOOL ? "false" : (row->kind == FV_SETTINGS_U32 ? "0" : ""));
+             row->kind == FV_CONFIG_BOOL ? "false" : (row->kind == FV_CONFIG_U32 ? "0" : ""));
     if (fv_settings_set(&settings, assignment, &error) != FOVEA_OK) fail_msg("%s", error.text);
     rig.config = settings.runtime;
     if (settings.model[0] == 0 && strcmp(key, "detect.model") == 0)

@@ -190,7 +190,8 @@ static void test_wrong_together(void **state)
         {"features:\n  threshold: 10\n  threshold_min: 11\n",
          {"robot.yaml:3:", "features.threshold_min", "11", "10"}},
         {"features:\n  threshold: 5\n",
-         {"robot.yaml:", "features.threshold_min (default)", "found 7", "2 to 5"}},
+         {"robot.yaml:", "features.threshold_min (default)", "found 7",
+          "at most features.threshold, which is 5"}},
         {"features:\n  pyramid_levels: 3\npreview:\n  level: 3\n",
          {"robot.yaml:4:", "preview.level", "found 3"}},
         {"channel_prefix: \"a b\"\n", {"robot.yaml:1:", "channel_prefix"}},
@@ -259,7 +260,7 @@ static void test_every_key_is_ranged(void **state)
     (void)state;
     for (size_t i = 0; i < fv_settings_key_count; i++) {
         const struct fv_settings_key *key = &fv_settings_keys[i];
-        if (key->kind != FV_SETTINGS_U32 && key->kind != FV_SETTINGS_I32) continue;
+        if (key->kind != FV_CONFIG_U32 && key->kind != FV_CONFIG_I32) continue;
         char assignment[128];
         fv_settings_default(&settings);
         snprintf(assignment, sizeof assignment, "%s=%lld", key->name, (long long)key->max + 1);

@@ -398,7 +398,7 @@ static void test_wrong_values(void **state)
         const char *dot = strchr(key->name, '.');
         for (size_t v = 0; v < sizeof wrong_values / sizeof wrong_values[0]; v++) {
             char text[512], names[256];
-            if (key->kind == FV_SETTINGS_TEXT && (v < 2 ? v == 99 : v > 3))
+            if (key->kind == FV_CONFIG_TEXT && (v < 2 ? v == 99 : v > 3))
                 continue; /* other scalars are texts */
             int bytes = dot != NULL
                             ? snprintf(text, sizeof text, "# a comment\n%.*s:\n  %s: %s\n",
