@@ -91,7 +91,7 @@ LIBS_APP  := -llcm -lyaml -lpng -ljpeg -lz -ldl -lm
 
 # ---- what can be asked for -------------------------------------------------------------------------------------
 .DEFAULT_GOAL := all
-.PHONY: all help run test check hil bench fuzz campaign sample cross size fmt install clean evaluate
+.PHONY: all help run test check hil bench fuzz campaign sample cross docs size fmt install clean evaluate
 .DELETE_ON_ERROR:
 .SECONDARY:
 
@@ -214,6 +214,10 @@ clean:  ## remove everything that was built
 fmt:  ## install what is missing and format the sources
 	@tools/install.sh fmt
 	clang-format -i $$(git ls-files '*.c' '*.h' '*.cpp')
+
+docs: $(BUILD)/fovea  ## write docs/configuration.md from the table of keys
+	$(BUILD)/fovea config --markdown >$(BUILD)/configuration.md
+	@cmp -s $(BUILD)/configuration.md docs/configuration.md || cp $(BUILD)/configuration.md docs/configuration.md
 
 size: all  ## memory of the block by stage, and code size
 	@$(BUILD)/fovea check --memory-only

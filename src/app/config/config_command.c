@@ -1,4 +1,5 @@
-/* fovea config: print the commented configuration, or check a file. */
+/* fovea config: print the commented configuration or its reference, or check a file. */
+#include <stdbool.h>
 #include <stddef.h>
 
 #include "app/command.h"
@@ -11,11 +12,14 @@
 int fv_command_config(int argc, char **argv)
 {
     const char *file = NULL;
+    bool markdown = false;
     struct fv_option_list sets = {0};
     const struct fv_option options[] = {
         {"check", "FILE", FV_OPTION_TEXT, &file,
-         "read FILE and the files that it names, and say what is wrong with them"},
+         "check FILE and the files that it names instead of printing"},
         {"set", "KEY=VALUE", FV_OPTION_LIST, &sets, "override a key"},
+        {"markdown", NULL, FV_OPTION_FLAG, &markdown,
+         "print the reference of all keys as Markdown (docs/configuration.md)"},
         {0},
     };
     int first;
@@ -42,6 +46,8 @@ int fv_command_config(int argc, char **argv)
     if (status != FOVEA_OK) return (fv_say("%s", error.text), fv_setup_exit(status));
     if (file != NULL)
         printf("%s: fine\n", file);
+    else if (markdown)
+        fv_settings_markdown(stdout, &settings);
     else
         fv_settings_print(stdout, &settings, true);
     return FV_EXIT_OK;

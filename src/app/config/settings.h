@@ -99,6 +99,9 @@ void fv_settings_blame(const struct fv_settings *settings, const char *key,
  * `commented`. */
 void fv_settings_print(FILE *file, const struct fv_settings *settings, bool commented);
 
+/* Write the reference of all keys as Markdown, with the values of `settings` as the defaults. */
+void fv_settings_markdown(FILE *file, const struct fv_settings *settings);
+
 /* ---- the table, of the rows of runtime/config.def -------------------------------------------- */
 
 struct fv_settings_key {
@@ -112,6 +115,15 @@ struct fv_settings_key {
     const char *help;           /* what it does */
     const char *cost;           /* of raising it; NULL where there is none */
 };
+
+enum { FV_SETTINGS_RANGE_BYTES = 128 };
+
+/* What the key accepts, in words: "1 to 8 levels", "auto | max | real". */
+void fv_settings_range_print(const struct fv_settings_key *key, char *range, size_t bytes);
+
+/* Its value, as YAML. */
+void fv_settings_value_print(FILE *file, const struct fv_settings *settings,
+                             const struct fv_settings_key *key);
 
 extern const struct fv_settings_key fv_settings_keys[];
 extern const size_t fv_settings_key_count;

@@ -25,7 +25,7 @@ static int wrap(FILE *file, int indent, int column, const char *text)
     return column;
 }
 
-static void range_write(const struct fv_settings_key *key, char *range, size_t bytes)
+void fv_settings_range_print(const struct fv_settings_key *key, char *range, size_t bytes)
 {
     const char *unit = key->unit, *space = unit[0] != '\0' ? " " : "";
     size_t used = 0;
@@ -33,33 +33,31 @@ static void range_write(const struct fv_settings_key *key, char *range, size_t b
     case FV_CONFIG_U32:
     case FV_CONFIG_U64:
     case FV_CONFIG_I32:
-        snprintf(range, bytes, "[%" PRId64 " to %" PRId64 "%s%s]", key->min, key->max, space, unit);
+        snprintf(range, bytes, "%" PRId64 " to %" PRId64 "%s%s", key->min, key->max, space, unit);
         return;
     case FV_CONFIG_REAL:
-        snprintf(range, bytes, "[%g to %g%s%s]", key->real_min, key->real_max, space, unit);
+        snprintf(range, bytes, "%g to %g%s%s", key->real_min, key->real_max, space, unit);
         return;
     case FV_CONFIG_BOOL:
-        snprintf(range, bytes, "[true | false]");
+        snprintf(range, bytes, "true | false");
         return;
     case FV_CONFIG_CHOICE:
         for (size_t i = 0; key->choices[i] != NULL && used < bytes; i++)
-            used += (size_t)snprintf(range + used, bytes - used, "%s%s", i > 0 ? " | " : "[",
+            used += (size_t)snprintf(range + used, bytes - used, "%s%s", i > 0 ? " | " : "",
                                      key->choices[i]);
-        if (used < bytes) snprintf(range + used, bytes - used, "]");
         return;
     case FV_CONFIG_FLAGS:
-        used = (size_t)snprintf(range, bytes, "[auto | a list of");
+        used = (size_t)snprintf(range, bytes, "auto | a list of");
         for (size_t i = 0; key->choices[i] != NULL && used < bytes; i++)
             used += (size_t)snprintf(range + used, bytes - used, "%s %s", i > 0 ? "," : "",
                                      key->choices[i]);
-        if (used < bytes) snprintf(range + used, bytes - used, "]");
         return;
     case FV_CONFIG_TEXT:
-        snprintf(range, bytes, "[%s, at most %" PRId64 " bytes]", unit[0] != '\0' ? unit : "text",
+        snprintf(range, bytes, "%s, at most %" PRId64 " bytes", unit[0] != '\0' ? unit : "text",
                  key->max);
         return;
     case FV_CONFIG_TRANSFORM:
-        snprintf(range, bytes, "[R: a rotation; t: %" PRId64 " to %" PRId64 "%s%s]", key->min,
+        snprintf(range, bytes, "R: a rotation; t: %" PRId64 " to %" PRId64 "%s%s", key->min,
                  key->max, space, unit);
         return;
     }
@@ -67,14 +65,16 @@ static void range_write(const struct fv_settings_key *key, char *range, size_t b
 
 static void comment(FILE *file, const struct fv_settings_key *key, int indent)
 {
-    char range[128] = "";
+    char range[FV_SETTINGS_RANGE_BYTES];
     int column = fprintf(file, "%*s#", indent, "");
-    range_write(key, range, sizeof range);
+    char bracketed[FV_SETTINGS_RANGE_BYTES + 2];
+    fv_settings_range_print(key, range, sizeof range);
+    snprintf(bracketed, sizeof bracketed, "[%s]", range);
     wrap(file, indent, column, key->help);
     column = fprintf(file, "\n%*s#", indent, "") - 1;
-    column = wrap(file, indent, column, range);
+    column = wrap(file, indent, column, bracketed);
     if (key->cost != NULL) {
-        column = wrap(file, indent, column, "raising it costs:");
+        column = wrap(file, indent, column, "cost:");
         wrap(file, indent, column, key->cost);
     }
     fprintf(file, "\n");
@@ -132,8 +132,8 @@ static void flags_print(FILE *file, const struct fv_settings_key *key, uint32_t 
     fputc(']', file);
 }
 
-static void value_print(FILE *file, const struct fv_settings *settings,
-                        const struct fv_settings_key *key)
+void fv_settings_value_print(FILE *file, const struct fv_settings *settings,
+                             const struct fv_settings_key *key)
 {
     const char *at = (const char *)settings + key->offset;
     switch (key->kind) {
@@ -192,7 +192,7 @@ void fv_settings_print(FILE *file, const struct fv_settings *settings, bool comm
         }
         if (commented) comment(file, key, indent);
         fprintf(file, "%*s%s: ", indent, "", dot != NULL ? dot + 1 : key->name);
-        value_print(file, settings, key);
+        fv_settings_value_print(file, settings, key);
         fprintf(file, "\n");
     }
 }

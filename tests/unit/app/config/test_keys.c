@@ -223,12 +223,31 @@ static void a_choice_has_a_word_for_each_of_its_values(void **state)
     assert_true(choices > 0);
 }
 
+static void the_manual_is_that_of_the_table(void **state)
+{
+    (void)state;
+    char *made = NULL, *committed;
+    size_t made_bytes = 0, committed_bytes;
+    FILE *file = open_memstream(&made, &made_bytes);
+    fv_settings_default(&settings);
+    fv_settings_markdown(file, &settings);
+    fclose(file);
+    assert_int_equal(
+        fovea_text_read("docs/configuration.md", 1 << 20, &committed, &committed_bytes, &error),
+        FOVEA_OK);
+    if (made_bytes != committed_bytes || memcmp(made, committed, made_bytes) != 0)
+        fail_msg("docs/configuration.md is not of this table of keys: run make docs");
+    free(made);
+    free(committed);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(headers_name_range_and_default_of_every_key),
         cmocka_unit_test(library_checks_the_range_of_every_key),
         cmocka_unit_test(a_choice_has_a_word_for_each_of_its_values),
+        cmocka_unit_test(the_manual_is_that_of_the_table),
     };
     return cmocka_run_group_tests(tests, headers_read, headers_free);
 }

@@ -1,0 +1,73 @@
+/* docs/configuration.md, of the table of keys. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "app/config/settings.h"
+
+static const char head[] =
+    "# Configuration\n"
+    "\n"
+    "Made from `src/runtime/config.def` by `make docs`: edit that file, not this one.\n"
+    "\n"
+    "`fovea run` and `fovea check` read one YAML file, given as `--config FILE`. Any key may be left out. A value comes from the\n"
+    "last of these that names the key: the default, the file, an option of the command such as `--source`, `--set key=value`.\n"
+    "`fovea config` prints a file with every key, its default and its explanation; `fovea config --check FILE` checks a file and\n"
+    "those that it names. A wrong value is refused in one line with the file, the line, the key, the value and what was expected.\n"
+    "Programs that use the library set members of the same names in `struct fovea_config` (`include/fovea/fovea.h`), which\n"
+    "`fovea_size` and `fovea_init` check against the same ranges; keys of files, messages and the loop belong to the command alone.\n"
+    "The configuration is read once, before the first frame.\n";
+
+/* A bar would end the cell of the table. */
+static void cell(FILE *file, const char *text)
+{
+    for (; *text != '\0'; text++) {
+        if (*text == '|') fputc('\\', file);
+        fputc(*text, file);
+    }
+}
+
+static void row(FILE *file, const struct fv_settings *settings, const struct fv_settings_key *key)
+{
+    char *value = NULL, range[FV_SETTINGS_RANGE_BYTES];
+    size_t bytes = 0;
+    FILE *memory = open_memstream(&value, &bytes);
+    if (memory == NULL) return;
+    fv_settings_value_print(memory, settings, key);
+    fclose(memory);
+    fv_settings_range_print(key, range, sizeof range);
+    fprintf(file, "| `%s` | ", key->name);
+    cell(file, range);
+    fprintf(file, " | `");
+    cell(file, value);
+    fprintf(file, "` | ");
+    cell(file, key->help);
+    if (key->cost != NULL) {
+        fprintf(file, ". Cost: ");
+        cell(file, key->cost);
+    }
+    fprintf(file, " |\n");
+    free(value);
+}
+
+void fv_settings_markdown(FILE *file, const struct fv_settings *settings)
+{
+    const char *section = NULL;
+    size_t section_length = 0;
+    fputs(head, file);
+    for (size_t i = 0; i < fv_settings_key_count; i++) {
+        const struct fv_settings_key *key = &fv_settings_keys[i];
+        const char *dot = strchr(key->name, '.');
+        const size_t length = dot != NULL ? (size_t)(dot - key->name) : 0;
+        if (section == NULL || length != section_length ||
+            strncmp(section, key->name, length) != 0) {
+            if (length == 0)
+                fprintf(file, "\n## Source, messages and recording\n\n");
+            else
+                fprintf(file, "\n## %.*s\n\n", (int)length, key->name);
+            fprintf(file, "| key | values | default | meaning |\n| --- | --- | --- | --- |\n");
+        }
+        section = key->name;
+        section_length = length;
+        row(file, settings, key);
+    }
+}
