@@ -86,7 +86,9 @@ struct fovea_pose {
      * noise that the frame shows; what moved the reference since its own pose was told is added.
      * What is uncertain about the scale is not in it. */
     double covariance[21];
-    uint32_t matches, inliers; /* landmarks matched, and of them those that agree */
+    /* Landmarks matched, and of them those that agree. While starting, matches are those of
+     * features with the oldest image held. */
+    uint32_t matches, inliers;
     float quality; /* share of the landmarks predicted to be visible that are inliers, [0, 1] */
     uint32_t reset_counter; /* rises whenever a new map is started after the first */
     /* of the map that began this world; 0: the first. A map that it was merged into

@@ -384,5 +384,6 @@ bool fv_odometry_start(struct fv_odometry *o, const struct fv_kernels *kernels)
         (matches < MATCHES_WANTED || o->state->frame_number - s->frames[0] > WAITING_FRAMES_MAX))
         drop_first(s);
     hold(o, matches, first);
+    o->state->pose.matches = matches;
     return false;
 }

@@ -6,6 +6,7 @@
 #include <stdatomic.h>
 #include <stdbool.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/ioctl.h>
 #include <unistd.h>
@@ -36,47 +37,117 @@ void fv_say_clean(char *text)
 }
 
 /* A stopped terminal, or a pipe that nobody reads, must not hold what says something: files are
- * still to be written. False: stderr has taken nothing for so long; the line is left out. */
+ * still to be written. False: stderr took nothing for `wait_ms`; the line is left out. */
 static bool takes_lines(int wait_ms)
 {
     struct pollfd out = {.fd = STDERR_FILENO, .events = POLLOUT};
     return poll(&out, 1, wait_ms) != 0;
 }
 
-static void say(const char *format, va_list arguments)
+enum { LINE_BYTES = 1024 };
+
+static bool coloured(void)
+{
+    const char *no = getenv("NO_COLOR"), *term = getenv("TERM");
+    return fv_say_terminal() && (no == NULL || no[0] == '\0') && term != NULL && term[0] != '\0' &&
+           strcmp(term, "dumb") != 0;
+}
+
+/* What switches a colour on, "" for none. */
+static const char *escape(enum fv_say_colour colour)
+{
+    static const char *const escapes[] = {
+        [FV_SAY_PLAIN] = "",
+        [FV_SAY_GREEN] = "\033[32m",
+        [FV_SAY_YELLOW] = "\033[33m",
+        [FV_SAY_RED] = "\033[31m",
+    };
+    return colour != FV_SAY_PLAIN && coloured() ? escapes[colour] : "";
+}
+
+/* Write a line whose first `word_bytes` bytes are in colour. */
+static void put(const char *before, enum fv_say_colour colour, int word_bytes, const char *line,
+                const char *after)
+{
+    const char *on = escape(colour);
+    const int call = fv_stall_enter("standard error");
+    fprintf(stderr, "%s%s%.*s%s%s%s", before, on, word_bytes, line, on[0] != '\0' ? "\033[0m" : "",
+            line + word_bytes, after);
+    fv_stall_leave(call);
+}
+
+static void say(enum fv_say_colour colour, const char *word, const char *format, va_list arguments)
 {
     enum { WAIT_MS = 200 };
-    char line[1024];
-    vsnprintf(line, sizeof line, format, arguments);
+    char line[LINE_BYTES];
+    int bytes = snprintf(line, sizeof line, "%.100s", word);
+    vsnprintf(line + bytes, sizeof line - (size_t)bytes, format, arguments);
     fv_say_clean(line);
-    if (!takes_lines(WAIT_MS)) return;
-    const int call = fv_stall_enter("standard error");
-    fprintf(stderr, "%s%s\n", clear(false), line);
-    fv_stall_leave(call);
+    if (takes_lines(WAIT_MS)) put(clear(false), colour, bytes, line, "\n");
+}
+
+/* Leave out the fields that do not fit before the last column; a first one that does not is cut. */
+static void fit(char *line)
+{
+    struct winsize size;
+    const size_t columns =
+        ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80;
+    if (strlen(line) < columns) return;
+    line[columns - 1] = '\0';
+    const size_t margin = strspn(line, " ");
+    for (size_t i = strlen(line); i-- > margin + 1;)
+        if (line[i] == ' ' && line[i - 1] == ' ') {
+            line[i - 1] = '\0';
+            return;
+        }
+}
+
+static void status(enum fv_say_colour colour, const char *word, const char *format,
+                   va_list arguments)
+{
+    char line[LINE_BYTES];
+    int bytes = snprintf(line, sizeof line, "%.100s", word);
+    vsnprintf(line + bytes, sizeof line - (size_t)bytes, format, arguments);
+    fv_say_clean(line);
+    fit(line);
+    if ((size_t)bytes > strlen(line)) bytes = (int)strlen(line);
+    if (takes_lines(0)) put(clear(line[0] != '\0'), colour, bytes, line, "");
+}
+
+bool fv_say_terminal(void)
+{
+    return isatty(STDERR_FILENO) == 1;
 }
 
 void fv_say_status(const char *format, ...)
 {
-    char line[1024];
-    struct winsize size;
     va_list arguments;
     va_start(arguments, format);
-    vsnprintf(line, sizeof line, format, arguments);
+    status(FV_SAY_PLAIN, "", format, arguments);
     va_end(arguments);
-    size_t columns =
-        ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0 && size.ws_col > 0 ? size.ws_col : 80;
-    if (strlen(line) >= columns && columns < sizeof line) line[columns - 1] = '\0';
-    if (!takes_lines(0)) return;
-    const int call = fv_stall_enter("standard error");
-    fprintf(stderr, "%s%s", clear(line[0] != '\0'), line);
-    fv_stall_leave(call);
+}
+
+void fv_say_status_word(enum fv_say_colour colour, const char *word, const char *format, ...)
+{
+    va_list arguments;
+    va_start(arguments, format);
+    status(colour, word, format, arguments);
+    va_end(arguments);
+}
+
+void fv_say_word(enum fv_say_colour colour, const char *word, const char *format, ...)
+{
+    va_list arguments;
+    va_start(arguments, format);
+    say(colour, word, format, arguments);
+    va_end(arguments);
 }
 
 void fv_say(const char *format, ...)
 {
     va_list arguments;
     va_start(arguments, format);
-    say(format, arguments);
+    say(FV_SAY_PLAIN, "", format, arguments);
     va_end(arguments);
 }
 
@@ -84,7 +155,7 @@ enum fv_exit fv_say_wrong(const char *format, ...)
 {
     va_list arguments;
     va_start(arguments, format);
-    say(format, arguments);
+    say(FV_SAY_PLAIN, "", format, arguments);
     va_end(arguments);
     return FV_EXIT_WRONG;
 }
@@ -93,7 +164,7 @@ enum fv_exit fv_say_failed(const char *format, ...)
 {
     va_list arguments;
     va_start(arguments, format);
-    say(format, arguments);
+    say(FV_SAY_PLAIN, "", format, arguments);
     va_end(arguments);
     return FV_EXIT_FAILED;
 }

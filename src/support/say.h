@@ -3,6 +3,8 @@
 #ifndef FOVEA_SUPPORT_SAY_H
 #define FOVEA_SUPPORT_SAY_H
 
+#include <stdbool.h>
+
 /* Exit statuses of every command. */
 enum fv_exit {
     FV_EXIT_OK = 0,
@@ -11,23 +13,36 @@ enum fv_exit {
 };
 
 #if defined(__GNUC__)
-#define FV_SAY_FORMAT __attribute__((format(printf, 1, 2)))
+#define FV_SAY_FORMAT_AT(text, first) __attribute__((format(printf, text, first)))
 #else
-#define FV_SAY_FORMAT
+#define FV_SAY_FORMAT_AT(text, first)
 #endif
+#define FV_SAY_FORMAT FV_SAY_FORMAT_AT(1, 2)
 
 void fv_say(const char *format, ...) FV_SAY_FORMAT;
 /* The same, returning the exit status to leave with. */
 enum fv_exit fv_say_wrong(const char *format, ...) FV_SAY_FORMAT;  /* FV_EXIT_WRONG */
 enum fv_exit fv_say_failed(const char *format, ...) FV_SAY_FORMAT; /* FV_EXIT_FAILED */
-/* What a terminal shows while a command works: written over by the next one, and gone when a line
- * is said or the text is empty. Cut to the terminal's width. */
+
+/* Whether stderr is a terminal: only there a status is shown. */
+bool fv_say_terminal(void);
+/* What a terminal shows while a command works: overwritten by the next one, and removed when a line
+ * is said or the text is empty. Fields are separated by two spaces; those that do not fit into the
+ * terminal's width are left out. */
 void fv_say_status(const char *format, ...) FV_SAY_FORMAT;
+
+/* The same line and status behind a word in colour. Colours are shown on a terminal only, and not
+ * when the environment has NO_COLOR (https://no-color.org) or TERM is "dumb" or missing. */
+enum fv_say_colour { FV_SAY_PLAIN, FV_SAY_GREEN, FV_SAY_YELLOW, FV_SAY_RED };
+void fv_say_word(enum fv_say_colour colour, const char *word, const char *format, ...)
+    FV_SAY_FORMAT_AT(3, 4);
+void fv_say_status_word(enum fv_say_colour colour, const char *word, const char *format, ...)
+    FV_SAY_FORMAT_AT(3, 4);
 /* Show control bytes of a text from elsewhere as '?', so that printing it cannot steer the
  * terminal. */
 void fv_say_clean(char *text);
-/* For the end of a command: FV_EXIT_OK when all that it printed on stdout could be written, else
- * told and FV_EXIT_FAILED. */
+/* For the end of a command: FV_EXIT_OK when all that it printed on stdout could be written, else a
+ * line that says so, and FV_EXIT_FAILED. */
 enum fv_exit fv_say_unwritten(void);
 
 #endif

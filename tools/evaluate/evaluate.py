@@ -3,7 +3,7 @@
 Usage: evaluate.py [--fovea build/fovea] [--data DIR] [--seeds N] [--starts 0,7,15] [--output FILE] [--only NAME]
 A row: frames posed, ATE (RMSE after Sim(3) alignment) of the live poses and after all optimisation, RPE over one second, CPU
 time, memory. Per figure the median over all runs, and the worst. Where the camera's height over the floor is known, a second
-table tells how far the length of the path is off when scale.source is camera_height.
+table says how far the length of the path is off when scale.source is camera_height.
 """
 import argparse
 import json
@@ -17,6 +17,10 @@ from evo.core import metrics, sync
 from evo.tools import file_interface
 
 import truth
+
+sys.path.append(os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
+
+import progress  # noqa: E402
 
 # name, kind, frames, frames per second, largest difference of stamps to the truth in seconds
 RECORDINGS = [
@@ -74,6 +78,7 @@ def evaluate(arguments, name, kind, frames, rate_hz, tolerance_s):
     with tempfile.TemporaryDirectory() as scratch:
         for start in arguments.starts:
             for seed in range(1, arguments.seeds + 1):
+                progress.show(f"evaluate {name}", len(rows), arguments.seeds * len(arguments.starts), f"start {start}, seed {seed}")
                 path, final, stats = run_once(arguments.fovea, f"{kind}:{folder}", seed, start, scratch, arguments.extra)
                 row = measure(reference, path, rate_hz, tolerance_s)
                 row["ate_final"] = measure(reference, final, rate_hz, tolerance_s)["ate"]
@@ -82,6 +87,7 @@ def evaluate(arguments, name, kind, frames, rate_hz, tolerance_s):
                 row["p99_ms"] = stats["frame"]["p99_ns"] / 1e6
                 row["resident_mib"] = stats["memory"]["resident_bytes"] / 2**20
                 rows.append(row)
+    progress.clear()
     column = lambda key: np.array([row[key] for row in rows], dtype=float)
     return {
         "name": name, "runs": len(rows), "frames": frames,
@@ -115,9 +121,11 @@ def evaluate_scale(arguments, name, kind, frames, rate_hz, tolerance_s):
     with tempfile.TemporaryDirectory() as scratch:
         for start in arguments.starts:
             for seed in range(1, arguments.seeds + 1):
+                progress.show(f"evaluate scale of {name}", len(live), arguments.seeds * len(arguments.starts), f"start {start}, seed {seed}")
                 paths = run_once(arguments.fovea, f"{kind}:{folder}", seed, start, scratch, arguments.extra + height)
                 live.append(measure(reference, paths[0], rate_hz, tolerance_s)["scale_off"])
                 final.append(measure(reference, paths[1], rate_hz, tolerance_s)["scale_off"])
+    progress.clear()
     worst = lambda values: values[int(np.argmax(np.abs(values)))]
     return (f"| {name} | {len(live)} | {CAMERA_HEIGHT_M[name]} | {np.median(live):+.1f} ({worst(live):+.1f}) | "
             f"{np.median(final):+.1f} ({worst(final):+.1f}) |")

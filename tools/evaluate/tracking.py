@@ -15,6 +15,7 @@ import os
 import re
 import shutil
 import subprocess
+import sys
 import tempfile
 
 import numpy as np
@@ -23,6 +24,10 @@ import trackers
 from trackeval.metrics import CLEAR, HOTA, Identity
 
 import detector
+
+sys.path.append(os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
+
+import progress  # noqa: E402
 
 FIRST_SEED = 7_000_000  # neither trained on nor in detector.py; the tracker's settings were chosen on 20 seeds from 7,500,000 on
 WAYS = ["orbit", "wander", "still", "wander"]
@@ -182,6 +187,7 @@ def main():
     arguments = parser.parse_args()
     sequences, rows, totals, threshold = {}, [], [0] * len(NAMES), threshold_of(arguments)
     for index in range(arguments.scenes):
+        progress.show("evaluate tracking", index, arguments.scenes, address(index, arguments.first_seed))
         folder = tempfile.mkdtemp()
         all_boxes, tracks, truth, looks = run(arguments, index, folder)
         shutil.rmtree(folder)
@@ -193,6 +199,7 @@ def main():
             rows += detector.judge(detections.get(frame, []), boxes)
             for box in boxes:
                 totals[box[0]] += bool(box[5])
+        progress.clear()
         print(f"{address(index, arguments.first_seed)}: " + ", ".join(f"{n} IDF1 {judge(s[-1:])['IDF1']:.3f}" for n, s in sequences.items()), flush=True)
     report(arguments, sequences, rows, totals)
 

@@ -1,5 +1,7 @@
 """The training loop."""
 import multiprocessing
+import os
+import sys
 import time
 
 import cv2
@@ -9,6 +11,10 @@ import tensorflow as tf
 
 import augment
 import network
+
+sys.path.append(os.path.join(os.path.dirname(os.path.abspath(__file__)), ".."))
+
+import progress  # noqa: E402
 
 _worker = {}
 
@@ -53,15 +59,19 @@ def fit(model, scenes, backgrounds, classes, steps, batch=16, rate=2e-3, seed=1,
         for step in range(steps):
             done = max(step / steps, (time.monotonic() - entered) / limit)
             if done >= 1:
+                progress.clear()
                 return step
             optimizer.learning_rate.assign(rate * min((step + 1) / rise, 0.01 + 0.99 * (0.5 + 0.5 * np.cos(np.pi * done))))
             images, grid = pending.pop(0).get()
             pending.append(pool.apply_async(_batch, (batch,)))
             recent.append(float(train(images, grid)))
             now = time.monotonic()
+            progress.show("train", step + 1, steps, f"loss {np.mean(recent):.3f}  {now - begun:.0f} s")
             if (step + 1) % 100 == 0 or now - told > 60:
+                progress.clear()
                 report(f"step {step + 1} of {steps}, loss {np.mean(recent):.3f}, {now - begun:.0f} s")
                 recent, told = [], now
             if keep is not None and (step + 1) % 500 == 0:
                 keep(step + 1)
+    progress.clear()
     return steps

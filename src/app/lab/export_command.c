@@ -14,6 +14,7 @@
 #include "app/command.h"
 #include "app/config/options.h"
 #include "support/picture.h"
+#include "support/progress.h"
 #include "support/say.h"
 #include "support/output.h"
 #include "app/config/setup.h"
@@ -31,6 +32,8 @@ struct export_run {
     struct fovea_source *source;
     FILE *images, *annotations; /* the two lists of the JSON, joined at the end */
     uint64_t frames, boxes;
+    uint64_t expected; /* frames; 0: not known */
+    struct fv_progress progress;
 };
 
 static enum fovea_status write_picture(const struct export_run *export, const char *suffix,
@@ -98,6 +101,9 @@ static enum fovea_status write_frames(struct export_run *export, struct fovea_er
         const enum fovea_status written = write_frame(export, &frame, error);
         export->ops->requeue(export->source, &frame);
         if (written != FOVEA_OK) return written;
+        fv_progress_show(&export->progress, export->frames,
+                         export->expected > 0 ? (double)export->frames / (double)export->expected
+                                              : -1.0);
     }
     export->ops->stop(export->source);
     return FOVEA_OK;
@@ -183,7 +189,11 @@ int fv_command_export(int argc, char **argv)
     if (selection.frames == 0 && export.ops->info(export.source)->frame_count == 0)
         status = fovea_error_set(&error, FOVEA_ERROR_INPUT,
                                  "export: the source is endless: --frames N is missing");
+    const uint64_t count = export.ops->info(export.source)->frame_count, limit = selection.frames;
+    export.expected = count == 0 || (limit > 0 && limit < count) ? limit : count;
+    fv_progress_begin(&export.progress, "export");
     if (status == FOVEA_OK) status = run(&export, &error);
+    fv_progress_end(&export.progress);
     export.ops->close(export.source);
     if (status != FOVEA_OK)
         return status == FOVEA_ERROR_SYSTEM ? fv_say_failed("%s", error.text)

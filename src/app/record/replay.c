@@ -300,6 +300,7 @@ static enum fovea_status feed(struct replay *replay, struct fovea_error *error)
     replay->result->end = marked ? FV_REPLAY_CUT_OFF : FV_REPLAY_UNMARKED;
     while ((status = fovea_log_next(replay->log, &replay->event, error)) == FOVEA_OK) {
         const char *channel = replay->event.channel;
+        replay->result->offset = replay->event.offset;
         if (marked && replay->result->end != FV_REPLAY_CUT_OFF)
             return refuse(replay, 0, "found an event after the end of the recording, expected none",
                           error);

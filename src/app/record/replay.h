@@ -26,6 +26,7 @@ enum fv_replay_end {
 
 struct fv_replay_result {
     uint64_t frames, steps, works;
+    int64_t offset;                       /* of the event read last, bytes into the recording */
     uint64_t messages_equal, bytes_equal; /* compared and found equal */
     uint64_t messages_with_readings;      /* of clocks, among them: all but those was compared */
     enum fv_replay_end end;               /* where the replay came to the end of the log */

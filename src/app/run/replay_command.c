@@ -2,26 +2,35 @@
 #include <inttypes.h>
 #include <stdio.h>
 #include <string.h>
+#include <sys/stat.h>
 
 #include "app/command.h"
 #include "support/files.h"
 #include "app/config/options.h"
 #include "app/record/replay.h"
+#include "support/progress.h"
 #include "support/say.h"
 #include "app/config/setup.h"
 #include "app/network/transport.h"
 #include "drivers/clock.h"
 
 struct sending {
-    struct fv_transport *transport;
+    struct fv_transport *transport; /* NULL: nothing is sent */
+    struct fv_progress progress;
+    double recording_bytes; /* 0: not known */
     const struct fv_replay_result *result;
     bool paced, started;
-    int64_t first_ns, begin_ns; /* stamp of the first turn, and when it was sent */
+    int64_t first_ns, begin_ns; /* stamp of the first step, and when its messages were sent */
 };
 
 static void send(void *context, int64_t now_ns, const struct fovea_outputs *outputs)
 {
     struct sending *sending = context;
+    fv_progress_show(&sending->progress, sending->result->frames,
+                     sending->recording_bytes > 0.0
+                         ? (double)sending->result->offset / sending->recording_bytes
+                         : -1.0);
+    if (sending->transport == NULL) return;
     if (!sending->started) {
         sending->first_ns = now_ns;
         sending->begin_ns = fv_clock_ns(CLOCK_MONOTONIC);
@@ -42,20 +51,19 @@ static void send(void *context, int64_t now_ns, const struct fovea_outputs *outp
     fv_transport_publish(sending->transport, outputs);
 }
 
-static void tell_end(const struct fv_replay_result *result)
+static void print_end(const struct fv_replay_result *result)
 {
     static const char *const ends[] = {
         [FV_REPLAY_CUT_OFF] = "; the recording is cut off here",
-        [FV_REPLAY_UNMARKED] =
-            "; whether more is missing cannot be told of a recording of this format",
+        [FV_REPLAY_UNMARKED] = "; a recording of this format does not show whether more is missing",
         [FV_REPLAY_ENDED_EARLY] = "; the recording ended before its run: ",
         [FV_REPLAY_WHOLE] = ""};
     printf("%s%s\n", result->different ? "" : ends[result->end],
            !result->different && result->end == FV_REPLAY_ENDED_EARLY ? result->reason : "");
 }
 
-static enum fv_exit tell(const char *path, bool verify, enum fovea_status status,
-                         const struct fv_replay_result *result, const struct fovea_error *error)
+static enum fv_exit report(const char *path, bool verify, enum fovea_status status,
+                           const struct fv_replay_result *result, const struct fovea_error *error)
 {
     if (status != FOVEA_OK && result->steps == 0)
         return (fv_say("%s", error->text), fv_setup_exit(status));
@@ -64,7 +72,7 @@ static enum fv_exit tell(const char *path, bool verify, enum fovea_status status
                result->kernel_set != NULL ? result->kernel_set : "none");
     printf("  %" PRIu64 " frames, %" PRIu64 " steps, %" PRIu64 " works", result->frames,
            result->steps, result->works);
-    tell_end(result);
+    print_end(result);
     if (verify)
         printf("  %" PRIu64 " messages (%" PRIu64
                " bytes) equal bit for bit, clock readings in %" PRIu64 " of them left out\n",
@@ -114,13 +122,16 @@ int fv_command_replay(int argc, char **argv)
     sending.paced = strcmp(rate, "real") == 0;
     enum fovea_status status = fv_transport_open(url, 0, &sending.transport, &error);
     if (status != FOVEA_OK) return (fv_say("%s", error.text), fv_setup_exit(status));
-    status = fv_replay(argv[first], verify, sending.transport != NULL ? send : NULL, &sending,
-                       &result, &error);
+    struct stat recorded;
+    if (stat(argv[first], &recorded) == 0) sending.recording_bytes = (double)recorded.st_size;
+    fv_progress_begin(&sending.progress, "replay");
+    status = fv_replay(argv[first], verify, send, &sending, &result, &error);
+    fv_progress_end(&sending.progress);
     fv_transport_finish(sending.transport);
     uint64_t offered;
     const uint64_t lost = fv_transport_lost(sending.transport, &offered);
     fv_transport_close(sending.transport);
-    const enum fv_exit end = tell(argv[first], verify, status, &result, &error);
+    const enum fv_exit end = report(argv[first], verify, status, &result, &error);
     if (lost == 0) return end;
     return fv_say_failed("%s: %" PRIu64 " of %" PRIu64 " messages could not be written", log, lost,
                          offered);

@@ -1,5 +1,5 @@
 /* One run of `fovea run`, shared by the files of the command: run_command.c opens and runs it,
- * run_end.c tells and writes what came of it. */
+ * run_status.c keeps the terminal meanwhile, run_end.c reports and writes its results. */
 #ifndef FOVEA_APP_RUN_RUN_H
 #define FOVEA_APP_RUN_RUN_H
 
@@ -11,6 +11,7 @@
 #include "app/run/final_path.h"
 #include "app/run/keeper.h"
 #include "app/run/loop.h"
+#include "app/run/pose_watch.h"
 #include "app/record/recorder.h"
 #include "app/run/results.h"
 #include "app/config/setup.h"
@@ -59,6 +60,7 @@ struct fv_run {
     uint64_t looks;           /* of the detector, whose results were handed on */
     uint64_t objects, tracks; /* found in them; confirmed */
     struct fv_trails trails;
+    struct fv_watch watch;
     struct fv_final *final;
     struct fv_keeper keeper;
     struct fv_loop_shared shared;
@@ -78,16 +80,25 @@ enum fv_exit fv_run_files_check(const struct fv_run *run);
 /* With the source open, before any file is replaced: no output is a file that the source reads. */
 enum fovea_status fv_run_files_source(struct fv_run *run, struct fovea_error *error);
 
+/* run_status.c, on the thread that watches the loop: one line per change of the pose's state, and
+ * the status that a terminal shows. */
+struct fv_run_pace {
+    int64_t wall_ns; /* when the status was last shown */
+    uint64_t frames; /* taken by then */
+};
+void fv_run_changes_say(struct fv_run *run);
+void fv_run_status_show(struct fv_run *run, struct fv_run_pace *pace);
+
 /* After the loop's last call: the summary on stdout, the statistics, the ends of trajectories and
- * results, and the picture, for whose memory the source is closed. What could not be written is
- * told on stderr. */
+ * results, and the picture, for whose memory the source is closed. A file that could not be written
+ * is named on stderr. */
 enum fv_exit fv_run_report(struct fv_run *run);
 /* An output is whole, or it has been said that it is not: a run that ends at once loses it no more.
  */
 void fv_run_written(struct fv_run *run, enum fv_run_output output);
 /* The outputs that are not whole, as text, for struct fv_signals; `run` is a struct fv_run. */
 void fv_run_lost(const void *run, char *text, size_t bytes);
-/* Close the recording, if there is one, and tell what is in it. FV_EXIT_FAILED: it is not whole. */
+/* Close the recording, if there is one, and say what is in it. FV_EXIT_FAILED: it is not whole. */
 enum fv_exit fv_run_end_recording(struct fv_run *run);
 
 #endif

@@ -82,6 +82,7 @@ static void step_done(void *context, const struct fovea_inputs *inputs,
     struct fv_run *run = context;
     fv_transport_publish(run->transport, outputs);
     fv_recorder_step(run->recorder, inputs, outputs);
+    fv_watch_step(&run->watch, run->loop.rt, inputs, pose != NULL);
     fv_final_look(run->final, run->loop.rt);
     if (pose == NULL || !pose->posed) return;
     struct fv_trajectory_sample sample = {.stamp_ns = inputs->frame->stamp_ns,
@@ -113,6 +114,7 @@ static void work_done(void *context, const struct fovea_inputs *inputs,
     struct fovea_tracks tracks;
     fovea_tracks_get(run->loop.rt, &tracks);
     run->objects += detections.count;
+    atomic_store_explicit(&run->watch.objects, detections.count, memory_order_relaxed);
     run->tracks = tracks.confirmed;
     if (run->all_boxes) detections.count += detections.uncertain;
     fv_results_add(run->results, &detections, &tracks);
@@ -169,7 +171,8 @@ static enum fv_options_result options_read(struct fv_run *run, int argc, char **
          "save the map at the end, and on the command `save`"},
         {"set", "KEY=VALUE", FV_OPTION_LIST, &run->options.sets,
          "override a key of the configuration"},
-        {"quiet", NULL, FV_OPTION_FLAG, &run->quiet, "no status line and no summary"},
+        {"quiet", NULL, FV_OPTION_FLAG, &run->quiet,
+         "no status line, no lines about the pose and no summary"},
         {0},
     };
     int first;
@@ -346,17 +349,6 @@ static void complaints(struct fv_run *run)
         fv_say("%s", error.text);
 }
 
-static void status_line(struct fv_run *run, uint64_t frames_before, double seconds)
-{
-    uint64_t frames = atomic_load(&run->shared.frames), dropped = atomic_load(&run->shared.dropped);
-    fv_say_status("  frame %" PRIu64 "  %.1f Hz  step %.2f ms  %" PRIu64 " corners  %" PRIu64
-                  " dropped  %.1f MiB ",
-                  frames, (double)(frames - frames_before) / seconds,
-                  (double)atomic_load(&run->shared.step_ns) * 1e-6,
-                  atomic_load(&run->shared.features), dropped,
-                  (double)atomic_load(&run->shared.resident_bytes) / 1048576.0);
-}
-
 /* Into the files, each of which may stall. */
 static void drain(struct fv_run *run)
 {
@@ -378,24 +370,23 @@ static void drain(struct fv_run *run)
 static void watch(struct fv_run *run)
 {
     const int64_t wait_ns = 250000000;
-    bool terminal = !run->quiet && isatty(STDERR_FILENO);
-    uint64_t frames_before = 0;
-    int64_t wall_before = 0, wall, cpu;
-    fv_timing_clock(NULL, &wall_before, &cpu);
+    const bool terminal = !run->quiet && fv_say_terminal();
+    struct fv_run_pace pace = {0};
+    int64_t cpu_ns;
+    fv_timing_clock(NULL, &pace.wall_ns, &cpu_ns);
     for (;;) {
         atomic_store(&run->shared.resident_bytes, fv_process_resident_bytes());
         atomic_store(&run->shared.temperature_c, fv_process_temperature_c());
         complaints(run);
+        fv_run_changes_say(run);
         drain(run);
         if (fv_thread_take(&run->ended, fv_clock_ns(CLOCK_MONOTONIC) + wait_ns)) break;
-        fv_timing_clock(NULL, &wall, &cpu);
-        if (!terminal || wall - wall_before < 200000000) continue;
-        status_line(run, frames_before, (double)(wall - wall_before) * 1e-9);
-        frames_before = atomic_load(&run->shared.frames);
-        wall_before = wall;
+        if (terminal) fv_run_status_show(run, &pace);
     }
     if (terminal) fv_say_status("%s", "");
     complaints(run);
+    fv_run_changes_say(run);
+    fv_watch_close(&run->watch);
 }
 
 static enum fovea_status run_loop(struct fv_run *run, struct fovea_error *error)
@@ -411,6 +402,7 @@ static enum fovea_status run_loop(struct fv_run *run, struct fovea_error *error)
     loop->shared = &run->shared;
     loop->hooks = (struct fv_loop_hooks){run, pace, commands, sense, step_done, work_done};
     fv_timings_init(&run->timings);
+    fv_watch_open(&run->watch, run->settings.runtime.odometry.enabled, loop->real_time);
     atomic_store(&run->shared.temperature_c, NAN);
     sem_init(&run->ended, 0, 0);
 

@@ -1,4 +1,4 @@
-/* How a run ends: what came of it is told, and written to the files that were asked for. */
+/* How a run ends: its summary, and the files that were asked for. */
 #include "app/run/run.h"
 
 #include <errno.h>
@@ -42,7 +42,7 @@ static enum fv_exit picture_draw(const struct fv_run *run, const struct fv_repor
     return FV_EXIT_OK;
 }
 
-static void error_tell(const char *of, const struct fv_trajectory_summary *path)
+static void error_print(const char *of, const struct fv_trajectory_summary *path)
 {
     if (!isfinite(path->error_m)) return;
     printf("; %sRMS error %.4g m (%.2f %%) of a path of %.4g m, %s", of, path->error_m,
@@ -51,8 +51,43 @@ static void error_tell(const char *of, const struct fv_trajectory_summary *path)
     if (path->metric) printf(", scale off by %+.2f %%", 100.0 * (1.0 / path->scale - 1.0));
 }
 
-static void path_tell(const struct fv_run *run, const struct fv_trajectory_summary *path,
-                      const struct fv_trajectory_summary *final)
+/* How long the pose was in which state. */
+static void states_print(const struct fv_watch *watch)
+{
+    const char *before = "  states: ";
+    for (int i = FV_WATCH_STARTING; i < FV_WATCH_STATES; i++) {
+        if (watch->total_ns[i] == 0) continue;
+        printf("%s%s %.1f s", before, fv_watch_name((enum fv_watch_state)i),
+               (double)watch->total_ns[i] * 1e-9);
+        before = ", ";
+    }
+    if (before[0] == ',') printf("\n");
+}
+
+/* Whether lengths are in metres, and how well that is known. */
+static void scale_print(const struct fv_run *run)
+{
+    static const char *const sources[] = {
+        [FOVEA_SCALE_FREE] = "",
+        [FOVEA_SCALE_CAMERA_HEIGHT] = "the camera's height over the floor",
+        [FOVEA_SCALE_ODOMETRY] = "wheel or leg odometry",
+    };
+    struct fovea_pose pose;
+    fovea_pose_get(run->loop.rt, &pose);
+    const enum fovea_scale_source wanted = run->settings.runtime.scale.source;
+    if (run->loop.counts.tracked == 0) return;
+    if (pose.scale_source != FOVEA_SCALE_FREE)
+        printf("  scale: metres, from %s, to %.2g %% (1 sigma)\n", sources[pose.scale_source],
+               100.0 * pose.scale_sigma);
+    else if (wanted != FOVEA_SCALE_FREE)
+        printf("  scale: not known at the end, though scale.source names %s\n", sources[wanted]);
+    else
+        printf("  scale: unknown; the unit is the median depth of the first map (scale.source "
+               "gives metres)\n");
+}
+
+static void path_print(const struct fv_run *run, const struct fv_trajectory_summary *path,
+                       const struct fv_trajectory_summary *final)
 {
     const struct fv_loop_counts *counts = &run->loop.counts;
     if (!run->settings.runtime.odometry.enabled) return;
@@ -65,12 +100,17 @@ static void path_tell(const struct fv_run *run, const struct fv_trajectory_summa
         printf(", %s closed", fv_text_count(stats.loops_closed, "loop", count));
     if (stats.maps_merged > 0)
         printf(", %s merged", fv_text_count(stats.maps_merged, "map", count));
-    error_tell("", path);
-    error_tell("after all optimisation ", final);
+    error_print("", path);
+    error_print("after all optimisation ", final);
     printf("\n");
+    if (counts->tracked == 0)
+        printf("  why no pose: %s\n",
+               fv_watch_why_no_pose(&run->watch, run->settings.runtime.odometry.localise_only));
+    states_print(&run->watch);
+    scale_print(run);
 }
 
-static void found_tell(const struct fv_run *run)
+static void found_print(const struct fv_run *run)
 {
     if (run->settings.model[0] == '\0') return;
     printf("  found %" PRIu64 " objects in %" PRIu64 " images", run->objects, run->looks);
@@ -127,8 +167,8 @@ static void summary_print(struct fv_run *run, const struct fv_report *report,
 {
     const int call = fv_stall_enter("standard output");
     fv_report_summary(stdout, report);
-    path_tell(run, path, final);
-    found_tell(run);
+    path_print(run, path, final);
+    found_print(run);
     fv_transport_tell(stdout, run->transport);
     fflush(stdout);
     fv_stall_leave(call);
