@@ -20,6 +20,9 @@ AR       := $(CROSS)ar
 EMULATOR ?=
 JOBS     ?= $(shell nproc)
 PREFIX   ?= /usr/local
+VERSION  := $(shell sed -n 's/^\#define FOVEA_VERSION "\(.*\)"/\1/p' include/fovea/fovea.h)
+# Programs that are linked with the library ask for this name: before 1.0 a minor version may change the interface (CHANGELOG.md).
+SONAME   := libfovea.so.$(if $(filter 0.%,$(VERSION)),$(basename $(VERSION)),$(firstword $(subst ., ,$(VERSION))))
 MACHINE  := $(shell $(CC) -dumpmachine 2>/dev/null)
 
 ifneq (,$(findstring aarch64,$(CROSS)))
@@ -258,11 +261,13 @@ install: all  ## install program, libraries, headers and message types under PRE
 	install -m 644 $(BUILD)/libfovea.a $(DESTDIR)$(PREFIX)/lib/
 	$(if $(LIBCAMERA_PLUGIN),install -D -m 755 $(LIBCAMERA_PLUGIN) $(DESTDIR)$(PREFIX)/lib/fovea/fovea-libcamera)
 	$(if $(VIDEO_PLUGIN),install -D -m 755 $(VIDEO_PLUGIN) $(DESTDIR)$(PREFIX)/lib/fovea/fovea-video.so)
-	install -m 755 $(BUILD)/libfovea.so $(DESTDIR)$(PREFIX)/lib/libfovea.so
+	install -m 755 $(BUILD)/libfovea.so.$(VERSION) $(DESTDIR)$(PREFIX)/lib/
+	ln -sf libfovea.so.$(VERSION) $(DESTDIR)$(PREFIX)/lib/$(SONAME)
+	ln -sf $(SONAME) $(DESTDIR)$(PREFIX)/lib/libfovea.so
 	install -m 644 include/fovea/*.h $(DESTDIR)$(PREFIX)/include/fovea/
 	install -m 644 src/detect/shipped.fvm $(DESTDIR)$(PREFIX)/share/fovea/
 	install -m 644 include/lcmtypes/*.lcm $(DESTDIR)$(PREFIX)/share/fovea/lcmtypes/
-	sed 's|@PREFIX@|$(PREFIX)|' tools/fovea.pc.in >$(DESTDIR)$(PREFIX)/lib/pkgconfig/fovea.pc
+	sed 's|@PREFIX@|$(PREFIX)|; s|@VERSION@|$(VERSION)|' tools/fovea.pc.in >$(DESTDIR)$(PREFIX)/lib/pkgconfig/fovea.pc
 	@# Programs find the shared library at once, where it lies in a folder that the system's linker looks through.
 	@[ -n "$(DESTDIR)" ] || [ "$$(id -u)" != 0 ] || ! /sbin/ldconfig -N -v 2>/dev/null | grep -q '^$(PREFIX)/lib:' || /sbin/ldconfig
 
@@ -304,9 +309,16 @@ $(BUILD)/libfovea.a: $(CORE_O)
 	@rm -f $@
 	$(Q)$(AR) rcs $@ $^
 # Library and program by the C compiler: nothing of C++ is in them, and the C++ runtime would take a megabyte.
-$(BUILD)/libfovea.so: $(CORE_O)
+$(BUILD)/libfovea.so.$(VERSION): $(CORE_O) $(BUILD)/libfovea.map
 	@echo "  link $@"
-	$(Q)$(CC) $(LDFLAGS) -shared -Wl,-soname,libfovea.so -Wl,--version-script=tools/libfovea.map -o $@ $^ $(LIBS_CORE)
+	$(Q)$(CC) $(LDFLAGS) -shared -Wl,-soname,$(SONAME) -Wl,--version-script=$(BUILD)/libfovea.map -o $@ $(CORE_O) $(LIBS_CORE)
+$(BUILD)/libfovea.so: $(BUILD)/libfovea.so.$(VERSION)
+	@ln -sf $(<F) $(BUILD)/$(SONAME)
+	@ln -sf $(SONAME) $@
+# It offers the functions of the public headers alone: tools/libfovea.symbols, which tools/check_symbols.sh holds against both.
+$(BUILD)/libfovea.map: tools/libfovea.symbols
+	@mkdir -p $(@D)
+	@{ echo '{ global:'; sed 's/$$/;/' $<; echo 'local: *; };'; } >$@
 $(BUILD)/libfovea-app.a: $(APP_O) $(DRIVERS_O)
 	@rm -f $@
 	$(Q)$(AR) rcs $@ $^
@@ -321,8 +333,8 @@ $(LIBCAMERA_O): CXXFLAGS += $(patsubst -I%,-isystem %,$(shell pkg-config --cflag
 $(BUILD)/fovea-libcamera: $(LIBCAMERA_O) $(BUILD)/obj/src/base/status.o $(BUILD)/obj/src/image/image.o Makefile
 	@echo "  link $@"
 	$(Q)$(CXX) $(LDFLAGS) -pie -o $@ $(filter %.o,$^) $(shell pkg-config --libs libcamera)
-$(BUILD)/fovea.pc: tools/fovea.pc.in
-	$(Q)sed 's|@PREFIX@|$(PREFIX)|' $< >$@
+$(BUILD)/fovea.pc: tools/fovea.pc.in include/fovea/fovea.h
+	$(Q)sed 's|@PREFIX@|$(PREFIX)|; s|@VERSION@|$(VERSION)|' $< >$@
 
 # ---- tests: every tests/**/test_*.c(pp) is one program ------------------------------------------------------------
 TESTS_C   := $(shell find tests -name 'test_*.c' 2>/dev/null | sort)

@@ -40,7 +40,8 @@
 extern "C" {
 #endif
 
-#define FOVEA_VERSION "0.1.0"
+/* The one place of the version: the Makefile reads it for the soname, pkg-config and man pages. */
+#define FOVEA_VERSION "0.2.0"
 
 enum { FOVEA_BLOCK_ALIGNMENT = 64 };
 
