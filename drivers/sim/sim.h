@@ -13,7 +13,7 @@
  * seen.
  *
  * Everything is a pure function of (options, frame index). Float arithmetic is plain IEEE with sqrt
- * and division only; elementary functions come from fovea/elementary.h. */
+ * and division only; elementary functions come from base/elementary.h. */
 #ifndef FOVEA_DRIVERS_SIM_H
 #define FOVEA_DRIVERS_SIM_H
 
@@ -22,7 +22,7 @@
 #include <stdint.h>
 
 #include "fovea/camera.h"
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 #include "fovea/source.h"
 
 /* ---- options (options.c) --------------------------------------------------------------------- */

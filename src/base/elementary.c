@@ -5,7 +5,7 @@
  * added last. Reductions follow W. J. Cody and W. Waite, "Software Manual for the Elementary
  * Functions" (1980): constants are split so that the products with the small whole number are
  * exact. */
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 
 #include <string.h>
 

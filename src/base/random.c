@@ -1,6 +1,6 @@
 /* xoshiro128++ 1.0 (Blackman and Vigna, "Scrambled linear pseudorandom number generators", ACM TOMS
  * 2021), its state filled by splitmix64 (Steele, Lea and Flood, OOPSLA 2014). */
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 
 static uint64_t splitmix(uint64_t *state)
 {

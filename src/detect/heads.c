@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 #include "nn/run.h"
 
 static int64_t count_of(const struct fv_head_output *o)

@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 
 enum {
     REACH_PX = 18, /* of the samples: 13 sqrt(2), rounded */

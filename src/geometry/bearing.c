@@ -1,6 +1,6 @@
 #include "geometry/bearing.h"
 
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 #include "geometry/vec.h"
 
 void fv_bearing_carve(struct fv_bearing_table *table, int32_t width, int32_t height,

@@ -7,7 +7,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 
 enum {
     SCAN_STEPS = 2048,

@@ -10,7 +10,7 @@
 
 #include <stdint.h>
 
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 #include "geometry/se3.h"
 
 #ifdef __cplusplus

@@ -13,7 +13,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 
 #ifdef __cplusplus
 extern "C" {

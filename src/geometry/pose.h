@@ -12,7 +12,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 #include "geometry/essential.h"
 #include "geometry/se3.h"
 

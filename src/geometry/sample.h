@@ -5,7 +5,7 @@
 
 #include <stdint.h>
 
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 
 #ifdef __cplusplus
 extern "C" {

@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 #include "geometry/vec.h"
 
 void fv_se3_from_rows(const double rows[12], struct fv_se3 *T)

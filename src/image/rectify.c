@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 
 enum { FRACTION = 64, COLUMN_MAX = 14, ROW_MAX = 2 };
 

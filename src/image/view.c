@@ -1,5 +1,5 @@
 /* Choice of the virtual camera: what the rays along the raw image's border allow. */
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 #include "fovea/image.h"
 #include "image/rectify.h"
 

@@ -1,7 +1,7 @@
 #include <string.h>
 
 #include "base/hash.h"
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 #include "fovea/odometry.h"
 #include "map/archive.h"
 

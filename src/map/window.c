@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 #include "geometry/linear.h"
 #include "geometry/pose.h"
 #include "geometry/vec.h"
@@ -247,22 +247,13 @@ bool fv_window_unit(struct fv_window *w)
     return s->phase == FV_WINDOW_PASS;
 }
 
-/* ---- filled by hand -------------------------------------------------------------------------- */
+/* ---- filling --------------------------------------------------------------------------------- */
 
 void fv_window_clear(struct fv_window *w)
 {
     memset(w->state, 0, sizeof *w->state);
     memset(w->state->pose_of, -1, sizeof w->state->pose_of);
     w->state->damping = 1e-4;
-}
-
-uint32_t fv_window_put_pose(struct fv_window *w, const struct fv_se3 *T_cam_world, bool moved)
-{
-    struct fv_window_state *s = w->state;
-    struct fv_window_pose *p = &s->poses[s->pose_count];
-    p->T_cam_world = p->before = p->at_start = *T_cam_world;
-    p->column = moved ? 6 * (int32_t)s->moved_count++ : -1;
-    return s->pose_count++;
 }
 
 void fv_window_put_landmark(struct fv_window *w, const double point[3])
@@ -272,16 +263,6 @@ void fv_window_put_landmark(struct fv_window *w, const double point[3])
     fv_copy3(point, l->point);
     fv_copy3(point, l->before);
     l->first = w->state->observation_count;
-}
-
-void fv_window_put_observation(struct fv_window *w, const struct fv_keypoint *p, uint32_t pose)
-{
-    struct fv_window_observation *o = &w->observations[w->state->observation_count++];
-    memcpy(o->bearing, p->bearing, sizeof o->bearing);
-    memcpy(o->A, p->A, sizeof o->A);
-    o->weight = p->weight;
-    o->pose = (uint16_t)pose; /* `cross` is written by the first pass, before it is read */
-    w->landmarks[w->state->landmark_count - 1].count++;
 }
 
 void fv_window_begin(struct fv_window *w, uint32_t passes)

@@ -95,15 +95,11 @@ void fv_window_carve(struct fv_window *window, const struct fv_window_limits *li
  * stays idle). */
 bool fv_window_start(struct fv_window *window, struct fv_map *map, uint32_t newest);
 
-/* A window filled by hand, for views that are not keyframes of a map: clear, put poses (returns the
- * index), then each landmark followed by its observations, then begin. The caller keeps to the
- * limits; FV_WINDOW_POSES_MAX poses, of which FV_WINDOW_KEYFRAMES_MAX move. Results are
- * poses[].before and landmarks[].before; there is nothing to commit. */
+/* The pieces of fv_window_start: an empty window, then landmarks, each followed by its
+ * observations, then the first pass. tests/common/window_by_hand.h fills windows with them without
+ * a map. */
 void fv_window_clear(struct fv_window *window);
-uint32_t fv_window_put_pose(struct fv_window *window, const struct fv_se3 *T_cam_world, bool moved);
 void fv_window_put_landmark(struct fv_window *window, const double point[3]);
-void fv_window_put_observation(struct fv_window *window, const struct fv_keypoint *keypoint,
-                               uint32_t pose);
 void fv_window_begin(struct fv_window *window, uint32_t passes);
 
 /* One unit of work; true when units are left. */

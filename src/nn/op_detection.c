@@ -4,7 +4,7 @@
  * Outputs: boxes [n][ymin xmin ymax xmax], classes, scores, count; unused entries are zero. */
 #include <string.h>
 
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 #include "nn/run.h"
 
 enum {

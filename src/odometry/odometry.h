@@ -13,7 +13,7 @@
 
 #include "base/arena.h"
 #include "fovea/camera.h"
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 #include "fovea/features.h"
 #include "fovea/odometry.h"
 #include "geometry/bearing.h"

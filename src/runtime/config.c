@@ -3,7 +3,7 @@
 #include <stddef.h>
 #include <string.h>
 
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 
 static const double identity[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
 

@@ -4,7 +4,7 @@
 
 #include "base/arena.h"
 #include "features/features.h"
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 #include "fovea/fovea.h"
 #include "image/pyramid.h"
 #include "features/orb.h"

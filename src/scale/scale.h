@@ -17,7 +17,7 @@
 #define FOVEA_SCALE_SCALE_H
 
 #include "base/arena.h"
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 #include "fovea/odometry.h"
 #include "geometry/floor.h"
 #include "geometry/se3.h"

@@ -2,7 +2,7 @@
 #ifndef FOVEA_TESTS_COMMON_SMALL_MAP_H
 #define FOVEA_TESTS_COMMON_SMALL_MAP_H
 
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 #include "map/archive.h"
 
 struct small_map {

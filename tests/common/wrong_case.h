@@ -6,7 +6,7 @@
 
 #include <stddef.h>
 
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 
 /* Run a command; its wait status. `text`: what it wrote to stderr, valid until the next case. */
 int fv_test_command(const char *command, const char **text);

@@ -15,7 +15,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 #include "kernels/kernels.h"
 
 #ifdef __cplusplus

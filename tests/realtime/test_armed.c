@@ -31,7 +31,7 @@ int main(void)
 
 #include "common/detector.h"
 #include "common/heap_calls.h"
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 #include "fovea/fovea.h"
 #include "fovea/source.h"
 

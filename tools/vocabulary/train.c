@@ -12,7 +12,7 @@
 #include <string.h>
 
 #include "app/lab/extract.h"
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 #include "fovea/source.h"
 #include "map/vocabulary.h"
 

@@ -8,7 +8,7 @@
 #include "support/files.h"
 #include "app/config/options.h"
 #include "support/say.h"
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 #include "support/text.h"
 
 /* From fine (warm) to coarse (cold) levels. */

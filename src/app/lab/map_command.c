@@ -10,7 +10,7 @@
 #include "app/config/options.h"
 #include "support/say.h"
 #include "support/output.h"
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 #include "fovea/odometry.h"
 #include "support/text.h"
 

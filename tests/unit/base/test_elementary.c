@@ -9,7 +9,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 
 enum { SAMPLES = 200000 };
 static const uint64_t GOLDEN = 0xa11bd294576f5c3b;

@@ -15,7 +15,7 @@
 
 #include "common/datasets.h"
 #include "support/calibration.h"
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 
 static char *const folder = fv_test_place;
 static const struct fovea_source_selection everything = {.step = 1};

@@ -9,7 +9,7 @@
 
 #include "common/carved.h"
 #include "features/features.h"
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 
 enum { WIDTH = 320, HEIGHT = 240 };
 

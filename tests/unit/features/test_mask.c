@@ -13,7 +13,7 @@
 #include "common/carved.h"
 #include "features/features.h"
 #include "features/mask.h"
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 #include "fovea/fovea.h"
 
 enum { WIDTH = 320, HEIGHT = 240 };

@@ -10,7 +10,7 @@
 
 #include "common/carved.h"
 #include "features/match.h"
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 
 enum { COUNT = 300 };
 

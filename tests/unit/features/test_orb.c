@@ -9,7 +9,7 @@
 #include <cmocka.h>
 
 #include "features/orb.h"
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 
 static void direction_is_the_nearest(void **state)
 {

@@ -9,7 +9,7 @@
 
 #include "common/carved.h"
 #include "features/spread.h"
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 #include "image/pyramid.h"
 
 enum { LEVELS = 3, COUNT_MAX = 600 };

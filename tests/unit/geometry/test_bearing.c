@@ -12,7 +12,7 @@
 #include <string.h>
 
 #include "common/carved.h"
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 #include "geometry/bearing.h"
 
 enum { CAMERAS = 5, POINTS = 4001 };

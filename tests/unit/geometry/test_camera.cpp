@@ -8,7 +8,7 @@
 #include <string.h>
 
 #include "fovea/camera.h"
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 
 static fovea_camera camera_of(fovea_lens lens, int width, int height, double fx, double fy,
                               double cx, double cy, const double *k, int count)

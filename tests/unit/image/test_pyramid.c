@@ -9,7 +9,7 @@
 #include <string.h>
 
 #include "common/carved.h"
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 #include "image/pyramid.h"
 
 enum { WIDTH = 203, HEIGHT = 149, LEVELS = 8 };

@@ -12,7 +12,7 @@
 
 #include "app/lab/extract.h"
 #include "common/carved.h"
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 #include "fovea/source.h"
 #include "map/place.h"
 

@@ -10,7 +10,7 @@
 #include <cmocka.h>
 
 #include "common/carved.h"
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 #include "geometry/vec.h"
 #include "map/map.h"
 

@@ -13,7 +13,7 @@
 
 #include "common/carved.h"
 #include "fovea/camera.h"
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 #include "geometry/vec.h"
 #include "map/window.h"
 

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "common/carved.h"
+#include "common/window_by_hand.h"
 #include "geometry/vec.h"
 #include "map/window.h"
 
@@ -73,7 +74,7 @@ static void fill(fv_window *w, fovea_random *random, const scene *scene)
         for (int i = 0; i < 6; i++)
             step[i] = moved ? (i < 3 ? 0.02 : 0.005) * fovea_random_normal(random) : 0;
         fv_se3_move(&T, step);
-        (void)fv_window_put_pose(w, &T, moved);
+        (void)window_put_pose(w, &T, moved);
     }
     for (int i = 0; i < scene->landmarks; i++) {
         const double point[3] = {spread(random, 5) + 2, spread(random, 2), 5 + spread(random, 2.5)};
@@ -90,7 +91,7 @@ static void fill(fv_window *w, fovea_random *random, const scene *scene)
             start[k] = point[k] + 0.05 * fovea_random_normal(random);
         fv_window_put_landmark(w, start);
         for (uint32_t k = 0; k < count; k++)
-            fv_window_put_observation(w, &seen[k], by[k]);
+            window_put_observation(w, &seen[k], by[k]);
     }
 }
 

@@ -12,7 +12,7 @@
 
 #include <jpeglib.h>
 
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 #include "message/jpeg.h"
 
 static uint8_t *picture(int width, int height, int kind)

@@ -10,7 +10,7 @@
 
 #include "common/nn_golden.h"
 #include "common/nn_mutant.h"
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 
 static uint8_t *copy_of(const struct nn_golden_model *g)
 {

@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 #include "fovea/fovea.h"
 #include "message/fields.h"
 #include "message/message.h"

@@ -18,7 +18,7 @@
 #include "common/data_folder.h"
 #include "common/datasets.h"
 #include "support/calibration.h"
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 
 static struct fovea_calibration parse(const char *text)
 {

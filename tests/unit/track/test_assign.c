@@ -7,7 +7,7 @@
 #include <cmocka.h>
 #include <string.h>
 
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 #include "track/assign.h"
 
 enum { SIDE_MAX = 7 };

@@ -12,7 +12,7 @@
 
 #include "common/data_folder.h"
 #include "common/track_rig.h"
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 #include "geometry/se3.h"
 
 /* The track in the list that overlaps a box by half and more; 0: none. */

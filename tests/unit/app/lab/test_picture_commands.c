@@ -14,7 +14,7 @@
 #include "app/command.h"
 #include "support/picture.h"
 #include "common/nn_mutant.h"
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 
 enum { WIDTH = 400, HEIGHT = 300 };
 

@@ -25,7 +25,7 @@
 #include "app/record/recording_file.h"
 #include "app/record/replay.h"
 #include "base/hash.h"
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 #include "common/datasets.h"
 #include "map/archive.h"
 #include "support/log.h"

@@ -11,7 +11,7 @@
 
 #include "app/run/heap.h"
 #include "app/run/timing.h"
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 
 static struct fv_histogram histogram;
 static struct fv_curve curve;

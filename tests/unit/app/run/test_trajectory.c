@@ -13,7 +13,7 @@
 #include <cmocka.h>
 
 #include "app/run/trajectory.h"
-#include "fovea/elementary.h"
+#include "base/elementary.h"
 
 /* Rotation by `angle` about a unit axis (Rodrigues), row-major 3x4 with zero translation. */
 static void rotation_about(const double axis[3], double angle, double T[12])

@@ -6,8 +6,8 @@
  * only, compiled without contraction. Accuracy against the exact value, over the whole stated
  * domain: at most 4e-16 relative (absolute near zeros of sin, cos and log). All are real-time safe
  * on any thread. */
-#ifndef FOVEA_ELEMENTARY_H
-#define FOVEA_ELEMENTARY_H
+#ifndef FOVEA_BASE_ELEMENTARY_H
+#define FOVEA_BASE_ELEMENTARY_H
 
 #include <stdint.h>
 
