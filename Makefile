@@ -185,10 +185,10 @@ $(BUILD)/fuzz/%: $(BUILD)/obj/tests/fuzz/%.o $(FUZZ_HELP) $(BUILD)/libfovea-app.
 	@echo "  link $@"
 	$(Q)$(CXX) $(LDFLAGS) -pie -fsanitize=fuzzer -o $@ $< $(FUZZ_HELP) -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group $(LIBS_APP)
 
-bench:  ## install what is missing, then time every stage and kernel beside OpenCV: build/bench.json, the tables of README.md and src/kernels/MEASURED.md
+bench:  ## install what is missing, then time every stage and kernel beside OpenCV: build/bench.json, the tables of docs/measured.md and src/kernels/MEASURED.md
 	@tools/install.sh build bench
 	@$(MAKE) --no-print-directory $(BUILD)/bench $(BUILD)/fovea
-	$(BUILD)/bench --program $(BUILD)/fovea --json $(BUILD)/bench.json --readme README.md --kernels src/kernels/MEASURED.md --commit "$$(git describe --always --dirty 2>/dev/null)" \
+	$(BUILD)/bench --program $(BUILD)/fovea --json $(BUILD)/bench.json --tables docs/measured.md --kernels src/kernels/MEASURED.md --commit "$$(git describe --always --dirty 2>/dev/null)" \
 	    --compiler "$$($(CC) --version | head -n 1)" --flags "$(OPT) $(FP)"
 	@tools/bench_networks.sh $(BUILD)
 

@@ -72,7 +72,7 @@ std::vector<double> measure(const std::vector<Run> &runs);
 void run_odometry(std::vector<Result> &results);
 
 /* Writes of the results: build/bench.json, and tables between the markers of pages: of stages and
- * the whole program in README.md, of kernels in src/kernels/MEASURED.md. */
+ * the whole program in docs/measured.md, of kernels in src/kernels/MEASURED.md. */
 struct Facts {
     std::string machine, compiler, flags, commit, opencv, image;
 };

@@ -1,9 +1,9 @@
 /* make bench: every stage and kernel beside OpenCV's function. See bench.h.
  *
- *   bench [--program FOVEA] [--json FILE] [--readme FILE] [--commit TEXT] [--compiler TEXT]
+ *   bench [--program FOVEA] [--json FILE] [--tables FILE] [--commit TEXT] [--compiler TEXT]
  *         [--flags TEXT] [NAME...]
  *
- * With NAMEs only rows whose name contains one of them are run, and the README is left alone. */
+ * With NAMEs only rows whose name contains one of them are run, and no tables are written. */
 #include "bench/bench.h"
 
 #include <algorithm>
@@ -288,8 +288,8 @@ int main(int argc, char **argv)
         return 1;
     }
     if (options.count("json") && !bench::write_json(options["json"], facts, results)) return 1;
-    if (options.count("readme") && filter.empty() &&
-        !bench::write_page(options["readme"], facts, results, false))
+    if (options.count("tables") && filter.empty() &&
+        !bench::write_page(options["tables"], facts, results, false))
         return 1;
     if (options.count("kernels") && filter.empty() &&
         !bench::write_page(options["kernels"], facts, results, true))

@@ -85,7 +85,7 @@ static std::string arm_line()
             cells.push_back(cell.substr(0, cell.find_last_not_of(' ') + 1));
         if (cells.size() < 3) break;
         return "\nOn aarch64, counted instructions of a " + cells[0] + ":" + cells[2] +
-               ", in plain C" + cells[1] + " ([" + page + "](" + page + ")).\n";
+               ", in plain C" + cells[1] + " ([" + page + "](../" + page + ")).\n";
     }
     return "";
 }
