@@ -2,11 +2,11 @@
  *
  *     sequence:PART then PART ...       PART: URI, or URI[start=N,step=N,frames=N,reverse]
  *
- * All parts are open from the start; each goes on one period after the last frame of the one
- * before. Frames come as the first part's camera would have seen them: a part with another
- * calibration is resampled (bilinear, edge pixels repeated beyond its border). Truth goes with the
- * picture, so parts of different recordings have different worlds. `sequence` of a frame counts all
- * frames played. Live sources cannot be parts. */
+ * Of each part the first camera is played. All parts are open from the start; each goes on one
+ * period after the last frame of the one before. Frames come as the first part's camera would have
+ * seen them: a part with another calibration is resampled (bilinear, edge pixels repeated beyond
+ * its border). Truth goes with the picture, so parts of different recordings have different worlds.
+ * `sequence` of a frame counts all frames played. Live sources cannot be parts. */
 #include <stdlib.h>
 #include <string.h>
 
@@ -133,9 +133,9 @@ static enum fovea_status open_part(struct fovea_source *source, char *text,
 
 static bool same_camera(const struct fovea_source_info *a, const struct fovea_source_info *b)
 {
-    const struct fovea_camera *p = &a->camera, *q = &b->camera;
+    const struct fovea_camera *p = &a->rig.cameras[0].camera, *q = &b->rig.cameras[0].camera;
     if (a->width != b->width || a->height != b->height || a->format != b->format) return false;
-    if (!a->has_camera || !b->has_camera) return true;
+    if (!a->rig.cameras[0].calibrated || !b->rig.cameras[0].calibrated) return true;
     for (size_t i = 0; i < sizeof p->k / sizeof p->k[0]; i++)
         if (p->k[i] != q->k[i]) return false;
     return p->lens == q->lens && p->fx == q->fx && p->fy == q->fy && p->cx == q->cx &&
@@ -153,8 +153,9 @@ static enum fovea_status make_map(const struct fovea_source_info *to, struct par
 {
     const struct fovea_source_info *from = part->ops->info(part->source);
     if (same_camera(to, from)) return FOVEA_OK;
-    if (!to->has_camera || !from->has_camera || to->format != FOVEA_PIXEL_GREY8 ||
-        from->format != FOVEA_PIXEL_GREY8 || from->width > PLACE_MAX || from->height > PLACE_MAX)
+    if (!to->rig.cameras[0].calibrated || !from->rig.cameras[0].calibrated ||
+        to->format != FOVEA_PIXEL_GREY8 || from->format != FOVEA_PIXEL_GREY8 ||
+        from->width > PLACE_MAX || from->height > PLACE_MAX)
         return fovea_error_set(
             error, FOVEA_ERROR_INPUT,
             "sequence: found a part of %d x %d pixels after one of %d x %d, expected the same or grey pictures of known cameras, at most %d each way",
@@ -162,14 +163,16 @@ static enum fovea_status make_map(const struct fovea_source_info *to, struct par
     part->map = malloc((size_t)to->width * (size_t)to->height * sizeof *part->map);
     if (part->map == NULL)
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "sequence: out of memory");
+    const struct fovea_camera *seen = &to->rig.cameras[0].camera,
+                              *taken = &from->rig.cameras[0].camera;
     struct from *at = part->map;
     for (int32_t y = 0; y < to->height; y++)
         for (int32_t x = 0; x < to->width; x++, at++) {
             const double pixel[2] = {x, y};
             double bearing[3], place[2] = {0, 0};
             *at = (struct from){0, 0}; /* where the lens sees nothing: the corner */
-            if (fovea_camera_unproject(&to->camera, pixel, bearing, NULL) != FOVEA_OK ||
-                fovea_camera_project(&from->camera, bearing, place, NULL) != FOVEA_OK)
+            if (fovea_camera_unproject(seen, pixel, bearing, NULL) != FOVEA_OK ||
+                fovea_camera_project(taken, bearing, place, NULL) != FOVEA_OK)
                 continue;
             *at = (struct from){fixed(place[0], from->width), fixed(place[1], from->height)};
         }
@@ -234,6 +237,8 @@ static enum fovea_status unite(struct fovea_source *source, struct fovea_error *
 {
     struct fovea_source_info *info = &source->info;
     *info = *source->parts[0].ops->info(source->parts[0].source);
+    info->rig.camera_count = 1;
+    info->rig.has_imu = false;
     const size_t bytes = (size_t)info->width * (size_t)info->height;
     uint64_t frames = 0;
     bool known = true, maps = false;
@@ -351,15 +356,18 @@ static void hand_out(struct fovea_source *source, uint32_t slot, struct fovea_fr
     frame->clock = FOVEA_CLOCK_RECORDED;
     frame->sequence = source->position - 1;
     frame->slot = slot;
+    for (uint32_t i = 1; i < frame->image_count; i++)
+        frame->images[i] = (struct fovea_image){0};
+    frame->image_count = 1;
     if (part->map == NULL) return;
-    resample(&source->info, part->map, &held->own.image, held->pixels);
-    frame->image = (struct fovea_image){.data = held->pixels,
-                                        .width = source->info.width,
-                                        .height = source->info.height,
-                                        .stride_bytes = source->info.width,
-                                        .format = FOVEA_PIXEL_GREY8,
-                                        .size_bytes = (size_t)source->info.width *
-                                                      (size_t)source->info.height};
+    resample(&source->info, part->map, &held->own.images[0], held->pixels);
+    frame->images[0] = (struct fovea_image){.data = held->pixels,
+                                            .width = source->info.width,
+                                            .height = source->info.height,
+                                            .stride_bytes = source->info.width,
+                                            .format = FOVEA_PIXEL_GREY8,
+                                            .size_bytes = (size_t)source->info.width *
+                                                          (size_t)source->info.height};
 }
 
 static enum fovea_status sequence_dequeue(struct fovea_source *source, int64_t deadline_ns,

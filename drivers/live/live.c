@@ -203,7 +203,7 @@ static enum fovea_status fill_image(struct fovea_source *source,
                                     const struct fv_live_buffer *buffer, struct slot *slot,
                                     struct fovea_error *error)
 {
-    struct fovea_image *image = &slot->frame.image;
+    struct fovea_image *image = &slot->frame.images[0];
     if (buffer->damaged)
         return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: the driver marks frames as damaged",
                                source->uri);
@@ -290,7 +290,8 @@ static enum fovea_status use_buffer(struct fovea_source *source,
     if (status == FOVEA_OK) status = fill_order(source, buffer, slot, error);
     const bool good = status == FOVEA_OK;
     slot->buffer = buffer->index;
-    if (good && source->ops->seen != NULL) source->ops->seen(source->device, &slot->frame.image);
+    if (good && source->ops->seen != NULL)
+        source->ops->seen(source->device, &slot->frame.images[0]);
     if (good) hand_over(source, free);
     if (good && source->jpeg == NULL) return FOVEA_OK;
     if (!good) {
@@ -380,7 +381,7 @@ static enum fovea_status make_decoder(struct fovea_source *source, struct fovea_
     source->slot_count = FV_LIVE_DECODED;
     for (uint32_t i = 0; i < FV_LIVE_DECODED; ++i) {
         source->slots[i].decoded = source->decoded + i * slot_bytes;
-        source->slots[i].frame.image =
+        source->slots[i].frame.images[0] =
             (struct fovea_image){.data = source->slots[i].decoded,
                                  .stride_bytes = stride,
                                  .size_bytes = (size_t)stride * (size_t)source->info.height};
@@ -417,6 +418,7 @@ enum fovea_status fv_live_open(const struct fv_live_ops *ops, void *device,
     source->device = device;
     source->info = setup->info;
     source->info.live = true;
+    source->info.rig.camera_count = 1;
     source->info.frame_count = selection->frames;
     source->info.heap_bytes += sizeof *source;
     source->frames_max = selection->frames;
@@ -442,9 +444,10 @@ enum fovea_status fv_live_open(const struct fv_live_ops *ops, void *device,
         return status;
     }
     for (uint32_t i = 0; i < source->slot_count; ++i) {
-        source->slots[i].frame.image.width = source->info.width;
-        source->slots[i].frame.image.height = source->info.height;
-        source->slots[i].frame.image.format = source->info.format;
+        source->slots[i].frame.image_count = 1;
+        source->slots[i].frame.images[0].width = source->info.width;
+        source->slots[i].frame.images[0].height = source->info.height;
+        source->slots[i].frame.images[0].format = source->info.format;
     }
     *out = source;
     return FOVEA_OK;

@@ -65,9 +65,9 @@ static enum fovea_status take_projection(const struct fv_lines *lines,
     if (!projection)
         return fv_lines_refuse(lines, lines->fields[0], lines->fields[1],
                                "a projection fx 0 cx tx 0 fy cy ty 0 0 1 tz", error);
-    info->camera = (struct fovea_camera){
+    info->rig.cameras[0].camera = (struct fovea_camera){
         .lens = FOVEA_LENS_RADTAN, .fx = P[0], .fy = P[5], .cx = P[2], .cy = P[6]};
-    info->has_camera = true;
+    info->rig.cameras[0].calibrated = true;
     snprintf(info->camera_origin, sizeof info->camera_origin, "%s", lines->file);
     return FOVEA_OK;
 }
@@ -78,7 +78,8 @@ static enum fovea_status read_calibration(const char *path, const char *key,
     struct fv_lines lines;
     enum fovea_status status = fv_lines_open(&lines, path, error);
     if (status != FOVEA_OK) return status;
-    while (!info->has_camera && (status = fv_lines_next(&lines, "", error)) == FOVEA_OK)
+    while (!info->rig.cameras[0].calibrated &&
+           (status = fv_lines_next(&lines, "", error)) == FOVEA_OK)
         if (strcmp(lines.fields[0], key) == 0 &&
             (status = take_projection(&lines, info, error)) != FOVEA_OK)
             break;

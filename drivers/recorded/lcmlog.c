@@ -166,9 +166,9 @@ static enum fovea_status read_frame(struct recording *recording, uint64_t index,
 static enum fovea_status fill(const struct fovea_image *from, struct fv_slot *slot,
                               const char *path, uint64_t index, struct fovea_error *error)
 {
-    struct fovea_image *to = &slot->frame.image;
+    struct fovea_image *to = &slot->frame.images[0];
     if (from->format == FOVEA_PIXEL_MJPEG && to->format == FOVEA_PIXEL_GREY8) {
-        const struct fv_decode_image target = {.pixels = slot->pixels,
+        const struct fv_decode_image target = {.pixels = slot->pixels[0],
                                                .width = to->width,
                                                .height = to->height,
                                                .stride_bytes = to->stride_bytes};
@@ -190,7 +190,7 @@ static enum fovea_status fill(const struct fovea_image *from, struct fv_slot *sl
             error, FOVEA_ERROR_INPUT,
             "%s: frame %llu: found a stride of %d bytes, expected that of the first", path,
             (unsigned long long)index, from->stride_bytes);
-    memcpy(slot->pixels, from->data, bytes);
+    memcpy(slot->pixels[0], from->data, bytes);
     to->stride_bytes = from->stride_bytes;
     to->size_bytes = bytes;
     return FOVEA_OK;
@@ -202,7 +202,7 @@ static enum fovea_status fetch(void *argument, uint64_t index, struct fv_slot *s
     struct recording *recording = argument;
     struct fovea_frame frame;
     enum fovea_status status = read_frame(recording, index, &frame, error);
-    if (status == FOVEA_OK) status = fill(&frame.image, slot, recording->path, index, error);
+    if (status == FOVEA_OK) status = fill(&frame.images[0], slot, recording->path, index, error);
     if (status != FOVEA_OK) return status == FOVEA_END ? FOVEA_ERROR_INPUT : status;
     slot->frame.stamp_ns = frame.stamp_ns;
     slot->frame.exposure_ns = frame.exposure_ns;
@@ -243,13 +243,14 @@ static enum fovea_status describe(struct recording *recording,
     for (uint64_t i = 0; i < recording->count && status != FOVEA_OK; ++i) {
         status = read_frame(recording, i, &frame, i == 0 ? &why : NULL);
         if (status != FOVEA_OK) continue;
-        *info = (struct fovea_source_info){
-            .width = frame.image.width, .height = frame.image.height, .format = frame.image.format};
-        *frame_bytes = frame.image.size_bytes;
-        if (frame.image.format != FOVEA_PIXEL_MJPEG) continue;
+        *info = (struct fovea_source_info){.width = frame.images[0].width,
+                                           .height = frame.images[0].height,
+                                           .format = frame.images[0].format};
+        *frame_bytes = frame.images[0].size_bytes;
+        if (frame.images[0].format != FOVEA_PIXEL_MJPEG) continue;
         info->format = FOVEA_PIXEL_GREY8;
         *frame_bytes = 0;
-        status = fv_decode_probe(frame.image.data, frame.image.size_bytes, &info->width,
+        status = fv_decode_probe(frame.images[0].data, frame.images[0].size_bytes, &info->width,
                                  &info->height, i == 0 ? &why : NULL);
     }
     if (status != FOVEA_OK)
@@ -257,14 +258,14 @@ static enum fovea_status describe(struct recording *recording,
                                "%s: found no frame that can be read among %zu; the first: %.256s",
                                recording->path, recording->count, why.text);
     if (recording->has_calibration) {
-        info->has_camera = true;
-        info->camera = recording->calibration.camera;
+        info->rig.cameras[0].calibrated = true;
+        info->rig.cameras[0].camera = recording->calibration.camera;
         snprintf(info->camera_origin, sizeof info->camera_origin, "%.240s", recording->path);
     }
     info->rate_hz =
         fv_player_rate(&lcmlog_ops, recording, recording->count) / (double)selection->step;
     info->heap_bytes = sizeof *recording + recording->capacity * sizeof recording->entries[0] +
-                       frame.image.size_bytes;
+                       frame.images[0].size_bytes;
     return FOVEA_OK;
 }
 

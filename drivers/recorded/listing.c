@@ -54,8 +54,10 @@ enum fovea_status fv_info_set_calibration(struct fovea_source_info *info, const 
     if (!fv_path_exists(path)) return FOVEA_OK;
     const enum fovea_status status = fovea_calibration_read(path, NULL, &calibration, error);
     if (status != FOVEA_OK) return selection->camera_given ? FOVEA_OK : status;
-    info->camera = calibration.camera;
-    info->has_camera = true;
+    info->rig.cameras[0].camera = calibration.camera;
+    info->rig.cameras[0].calibrated = true;
+    info->rig.cameras[0].has_T_body_cam = calibration.has_T_body_cam;
+    memcpy(info->rig.cameras[0].T_body_cam, calibration.T_body_cam, sizeof calibration.T_body_cam);
     info->rate_hz = calibration.rate_hz;
     snprintf(info->camera_origin, sizeof info->camera_origin, "%s", path);
     if (T_body_cam != NULL) {
@@ -175,8 +177,8 @@ static enum fovea_status fetch(void *recording, uint64_t index, struct fv_slot *
                                struct fovea_error *error)
 {
     struct fv_listing *listing = recording;
-    const struct fovea_image *image = &slot->frame.image;
-    const struct fv_decode_image target = {.pixels = slot->pixels,
+    const struct fovea_image *image = &slot->frame.images[0];
+    const struct fv_decode_image target = {.pixels = slot->pixels[0],
                                            .width = image->width,
                                            .height = image->height,
                                            .stride_bytes = image->stride_bytes,
@@ -301,10 +303,11 @@ enum fovea_status fv_listing_open(struct fv_listing *listing, const char *list_f
         status = fovea_error_set(error, FOVEA_ERROR_INPUT,
                                  "%s: found no frames, expected at least one", list_file);
     if (status == FOVEA_OK) status = find_size(listing, list_file, selection->colour, info, error);
-    if (status == FOVEA_OK && info->has_camera && info->camera.width == 0) {
-        status = fovea_calibration_fit(&info->camera, info->width, info->height, false,
-                                       info->camera_origin, error);
-        info->has_camera = status == FOVEA_OK;
+    if (status == FOVEA_OK && info->rig.cameras[0].calibrated &&
+        info->rig.cameras[0].camera.width == 0) {
+        status = fovea_calibration_fit(&info->rig.cameras[0].camera, info->width, info->height,
+                                       false, info->camera_origin, error);
+        info->rig.cameras[0].calibrated = status == FOVEA_OK;
         if (selection->camera_given) status = FOVEA_OK; /* its own is not needed */
     }
     if (status != FOVEA_OK) {

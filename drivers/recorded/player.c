@@ -155,6 +155,8 @@ static enum fovea_status fetch_next(struct fovea_source *source, struct reading 
     while (reading->position < source->count &&
            !atomic_load_explicit(&source->quit, memory_order_relaxed)) {
         struct fovea_error error = {.text = ""};
+        for (uint32_t i = 0; i < slot->frame.image_count; ++i)
+            slot->frame.images[i].data = slot->pixels[i]; /* that were absent in the last frame */
         const enum fovea_status status = fetch_at(source, reading, slot, &error);
         if (status == FOVEA_END) break;
         ++reading->position;
@@ -252,28 +254,33 @@ static enum fovea_status make_slots(struct fovea_source *source, size_t frame_by
     const int32_t stride = (row_bytes + 63) / 64 * 64;
     const size_t image_bytes = fovea_image_bytes(info->format, info->height, stride);
     const size_t needed = image_bytes > frame_bytes ? image_bytes : frame_bytes;
-    const size_t slot_bytes =
+    const size_t image_slot_bytes =
         (needed + 127) / 64 * 64; /* a line more, for kernels that read past the end */
-    if (posix_memalign((void **)&source->pixels, 64, slot_bytes * FV_PLAYER_SLOTS) != 0) {
+    const uint32_t cameras = info->rig.camera_count;
+    const size_t all_bytes = image_slot_bytes * FV_PLAYER_SLOTS * cameras;
+    if (posix_memalign((void **)&source->pixels, 64, all_bytes) != 0) {
         source->pixels = NULL;
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM,
                                "out of memory for %d frames of %zu bytes", FV_PLAYER_SLOTS,
-                               slot_bytes);
+                               image_slot_bytes * cameras);
     }
-    memset(source->pixels, 0, slot_bytes * FV_PLAYER_SLOTS);
+    memset(source->pixels, 0, all_bytes);
     for (uint32_t i = 0; i < FV_PLAYER_SLOTS; ++i) {
         struct fv_slot *slot = &source->slots[i];
-        slot->pixels = source->pixels + i * slot_bytes;
         slot->capacity_bytes = needed;
         slot->frame.slot = i;
-        slot->frame.image = (struct fovea_image){.data = slot->pixels,
-                                                 .width = info->width,
-                                                 .height = info->height,
-                                                 .stride_bytes = stride,
-                                                 .format = info->format,
-                                                 .size_bytes = image_bytes};
+        slot->frame.image_count = cameras;
+        for (uint32_t k = 0; k < cameras; ++k) {
+            slot->pixels[k] = source->pixels + (i * cameras + k) * image_slot_bytes;
+            slot->frame.images[k] = (struct fovea_image){.data = slot->pixels[k],
+                                                         .width = info->width,
+                                                         .height = info->height,
+                                                         .stride_bytes = stride,
+                                                         .format = info->format,
+                                                         .size_bytes = image_bytes};
+        }
     }
-    source->info.heap_bytes += slot_bytes * FV_PLAYER_SLOTS + sizeof *source;
+    source->info.heap_bytes += all_bytes + sizeof *source;
     return FOVEA_OK;
 }
 
@@ -312,6 +319,7 @@ enum fovea_status fv_player_open(const struct fv_recording_ops *ops, void *recor
     made->ops = ops;
     made->recording = recording;
     made->info = *info;
+    if (made->info.rig.camera_count == 0) made->info.rig.camera_count = 1;
     made->origin = strdup(origin);
     pthread_mutex_init(&made->complaints.lock, NULL);
     pthread_cond_init(&made->complaints.room, NULL);
@@ -417,6 +425,8 @@ enum fovea_status fv_player_dequeue(struct fovea_source *source, int64_t deadlin
     source->held_count++;
     source->counts = source->slots[slot].counts;
     *frame = source->slots[slot].frame;
+    for (uint32_t i = 0; i < frame->image_count; ++i)
+        if (frame->images[i].data == NULL) frame->images[i] = (struct fovea_image){0};
     return FOVEA_OK;
 }
 

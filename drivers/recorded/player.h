@@ -19,18 +19,19 @@
 
 enum { FV_PLAYER_SLOTS = 6 };
 
-/* Where the reader puts a frame: `frame->image` describes the buffer (size, stride, format as in
- * the info) and `pixels` is its memory. */
+/* Where the reader puts a frame: `frame.images[i]` describes the buffer of camera i (size, stride,
+ * format as in the info) and `pixels[i]` is its memory. */
 struct fv_slot {
     struct fovea_frame frame;
     struct fovea_source_counts counts;
-    uint8_t *pixels;
-    size_t capacity_bytes; /* at pixels */
+    uint8_t *pixels[FOVEA_CAMERAS_MAX]; /* of as many cameras as the rig has */
+    size_t capacity_bytes;              /* at each of them */
 };
 
 /* A recording as the player sees it. `fetch` and `stamp` are called by one thread at a time. */
 struct fv_recording_ops {
-    /* Fetch frame `index` (into pixels, stamp_ns, exposure_ns, clock, stamp_meaning, sequence).
+    /* Fetch frame `index` (into pixels, stamp_ns, exposure_ns, clock, stamp_meaning, sequence). Of
+     * an image that is absent only `images[i].data` is set, to NULL; the player restores it.
      * FOVEA_GONE: missing; FOVEA_ERROR_INPUT: damaged; `error` names file and reason. FOVEA_END:
      * the recording is over before its count. */
     enum fovea_status (*fetch)(void *recording, uint64_t index, struct fv_slot *slot,
@@ -48,11 +49,11 @@ struct fv_recording_ops {
                   void *context);
 };
 
-/* Make a source of an open recording of `count` frames (0: not known, played to the end), each in
- * at least `frame_bytes` (0: as size and format need; `fetch` may set the image's stride and
- * size_bytes within capacity_bytes). `info` is complete but for frame_count; heap_bytes is what the
- * recording itself holds. The recording is closed with the source, and also on error. `origin`
- * names the recording in errors. */
+/* Make a source of an open recording of `count` frames (0: not known, played to the end), with
+ * images of at least `frame_bytes` (0: as size and format need; `fetch` may set the image's stride
+ * and size_bytes within capacity_bytes). `info` is complete but for frame_count (a camera_count of
+ * 0 becomes 1); heap_bytes is what the recording itself holds. The recording is closed with the
+ * source, and also on error. `origin` names the recording in errors. */
 enum fovea_status fv_player_open(const struct fv_recording_ops *ops, void *recording,
                                  uint64_t count, size_t frame_bytes, const char *origin,
                                  const struct fovea_source_selection *selection,

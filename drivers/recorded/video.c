@@ -114,8 +114,9 @@ static enum fovea_status fetch(void *argument, uint64_t index, struct fv_slot *s
     if (go_to(recording, index, error) != FOVEA_OK) return FOVEA_END;
     recording->position++;
     describe_frame(&slot->frame, index);
-    return recording->plugin->read(recording->video, slot->pixels, slot->frame.image.stride_bytes,
-                                   &slot->frame.stamp_ns, error);
+    return recording->plugin->read(recording->video, slot->pixels[0],
+                                   slot->frame.images[0].stride_bytes, &slot->frame.stamp_ns,
+                                   error);
 }
 
 static void visit_file(const void *recording, void (*visit)(void *context, const char *path),
@@ -218,7 +219,7 @@ static enum fovea_status fetch_reverse(void *argument, uint64_t index, struct fv
         return kept->status;
     }
     for (int32_t y = 0; y < recording->height; ++y)
-        memcpy(slot->pixels + (size_t)y * (size_t)slot->frame.image.stride_bytes,
+        memcpy(slot->pixels[0] + (size_t)y * (size_t)slot->frame.images[0].stride_bytes,
                kept->pixels + (size_t)y * (size_t)recording->width, (size_t)recording->width);
     describe_frame(&slot->frame, index);
     slot->frame.stamp_ns = recording->stamps_ns[index];

@@ -177,8 +177,10 @@ static enum fovea_status sim_open(const char *address,
     source->options = options;
     source->selection = selection != NULL ? *selection : (struct fovea_source_selection){.step = 1};
     status = select_frames(source, error);
-    if (status == FOVEA_OK) status = make_camera(&options, &source->info.camera, error);
-    if (status == FOVEA_OK && !fv_sim_raster_create(&source->raster, &source->info.camera))
+    if (status == FOVEA_OK)
+        status = make_camera(&options, &source->info.rig.cameras[0].camera, error);
+    if (status == FOVEA_OK &&
+        !fv_sim_raster_create(&source->raster, &source->info.rig.cameras[0].camera))
         status = fovea_error_set(
             error, FOVEA_ERROR_INPUT,
             "sim: fov: found %g, but the corners of a %d x %d image look too far aside; expected less",
@@ -203,7 +205,8 @@ static enum fovea_status sim_open(const char *address,
     info->format = FOVEA_PIXEL_GREY8;
     info->rate_hz = options.rate_hz / (double)source->selection.step;
     info->frame_count = source->deliverable;
-    info->has_camera = true;
+    info->rig.camera_count = 1;
+    info->rig.cameras[0].calibrated = true;
     info->has_truth = true;
     snprintf(info->camera_origin, sizeof info->camera_origin, "built in");
     *out = source;
@@ -323,8 +326,9 @@ static enum fovea_status sim_dequeue(struct fovea_source *source, int64_t deadli
     source->held[slot] = true;
     source->delivered++;
     *frame = (struct fovea_frame){
-        .image = {source->image[slot], o->width, o->height, o->width, FOVEA_PIXEL_GREY8,
-                  (size_t)pixels},
+        .image_count = 1,
+        .images[0] = {source->image[slot], o->width, o->height, o->width, FOVEA_PIXEL_GREY8,
+                      (size_t)pixels},
         .stamp_ns = frame_stamp(source, n),
         .exposure_ns = (int64_t)(o->exposure_ms * 1e6 + 0.5),
         .clock = FOVEA_CLOCK_SIMULATED,

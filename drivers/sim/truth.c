@@ -128,7 +128,7 @@ static int32_t pixels_inside(const struct fovea_source *source, const struct alo
 /* Pixels beside the image that it would fill, by sampling its bounds in the normalised plane. */
 static double pixels_outside(const struct fovea_source *source, const struct alone *alone)
 {
-    const struct fovea_camera *camera = &source->info.camera;
+    const struct fovea_camera *camera = &source->info.rig.cameras[0].camera;
     const double step_x = ((double)alone->bound.x_max - (double)alone->bound.x_min) / GRID;
     const double step_y = ((double)alone->bound.y_max - (double)alone->bound.y_min) / GRID;
     float x[GRID], y[GRID], inverse_z[GRID];

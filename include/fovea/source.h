@@ -11,9 +11,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "fovea/camera.h"
 #include "fovea/image.h"
 #include "fovea/odometry.h"
+#include "fovea/rig.h"
 #include "fovea/status.h"
 
 #ifdef __cplusplus
@@ -49,14 +49,18 @@ enum fovea_source_state {
     FOVEA_SOURCE_ENDED = 5      /* recording finished */
 };
 
+/* What the cameras of a rig saw at one stamp: an image per camera, in the rig's order. A camera
+ * that gave none has an empty image (`data` NULL, all else 0). Images of a source all have the size
+ * and the format of its info. */
 struct fovea_frame {
-    struct fovea_image image;
+    struct fovea_image images[FOVEA_CAMERAS_MAX];
     int64_t stamp_ns;
     int64_t exposure_ns; /* 0: not known */
     enum fovea_clock clock;
     enum fovea_stamp_meaning stamp_meaning;
     uint64_t sequence; /* index in the recording, or the driver's counter; gaps mean lost frames */
     uint32_t slot;     /* the driver's own: which buffer to requeue */
+    uint32_t image_count; /* cameras of the rig, absent images among them; at least 1 */
 };
 
 /* Object classes that the simulated camera shows. */
@@ -118,15 +122,14 @@ struct fovea_source_counts {
 };
 
 struct fovea_source_info {
-    int32_t width, height;
+    int32_t width, height; /* of every image */
     enum fovea_pixel_format format;
-    double rate_hz;       /* nominal; 0: not known */
-    uint64_t frame_count; /* frames that will be delivered; 0: endless or not known */
-    bool live;            /* frames come by the clock and are lost when not taken */
-    bool has_camera;      /* `camera` is the source's own calibration */
-    bool has_truth;
-    struct fovea_camera camera;
-    char camera_origin[256]; /* file that the calibration came from, or "built in" */
+    double rate_hz;          /* nominal; 0: not known */
+    uint64_t frame_count;    /* frames that will be delivered; 0: endless or not known */
+    bool live;               /* frames come by the clock and are lost when not taken */
+    bool has_truth;          /* of the first camera */
+    struct fovea_rig rig;    /* the source's own calibration, as far as it has one */
+    char camera_origin[256]; /* file that the first camera's came from, or "built in" */
     size_t heap_bytes; /* what open allocated outside the runtime's block, for the memory table */
 };
 

@@ -35,7 +35,7 @@ size_t fv_message_grants_size_max(void)
 
 size_t fv_message_frame_image_bytes(const struct fovea_frame *frame)
 {
-    const struct fovea_image *image = &frame->image;
+    const struct fovea_image *image = &frame->images[0];
     if (image->format == FOVEA_PIXEL_MJPEG) return image->size_bytes;
     size_t bytes = fovea_image_bytes(image->format, image->height, image->stride_bytes);
     return bytes < image->size_bytes ? bytes : image->size_bytes;
@@ -47,12 +47,12 @@ uint32_t fv_message_frame_encode(const struct fovea_frame *frame, int64_t utc_of
     const fovea_frame_t message = {
         .stamp = fv_message_stamp(frame, utc_offset_ns),
         .exposure_ns = frame->exposure_ns,
-        .width = frame->image.width,
-        .height = frame->image.height,
-        .stride_bytes = frame->image.stride_bytes,
-        .pixel_format = (int8_t)frame->image.format,
+        .width = frame->images[0].width,
+        .height = frame->images[0].height,
+        .stride_bytes = frame->images[0].stride_bytes,
+        .pixel_format = (int8_t)frame->images[0].format,
         .size_bytes = (int32_t)fv_message_frame_image_bytes(frame),
-        .data = (uint8_t *)frame->image.data, /* lcm-gen knows no const; it only reads */
+        .data = (uint8_t *)frame->images[0].data, /* lcm-gen knows no const; it only reads */
     };
     return fv_wire_encoded(fovea_frame_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
 }

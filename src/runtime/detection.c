@@ -114,7 +114,7 @@ bool fv_detection_offer(struct fv_detection *detection, const struct fovea_frame
                                      .format = FOVEA_PIXEL_GREY8,
                                      .size_bytes = (size_t)level->stride * (size_t)level->height};
     enum fovea_status status =
-        fv_detect_start(&detection->memory, &frame->image, id->stamp_ns, id->sequence);
+        fv_detect_start(&detection->memory, &frame->images[0], id->stamp_ns, id->sequence);
     if (status == FOVEA_ERROR_UNSUPPORTED)
         status = fv_detect_start(&detection->memory, &grey, id->stamp_ns, id->sequence);
     if (status == FOVEA_OK) detection->state->frame = *id;

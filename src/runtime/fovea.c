@@ -60,7 +60,7 @@ static bool admit(struct fovea *rt, const struct fovea_frame *frame)
         return false;
     }
     state->frames_in++;
-    const struct fovea_image *image = &frame->image;
+    const struct fovea_image *image = &frame->images[0];
     if (state->paused) {
         state->refused_paused++;
     } else if (fovea_image_check(image) != FOVEA_OK || image->width != rt->config.camera.width ||
@@ -108,7 +108,7 @@ static void publish_pose(struct fovea *rt)
 static void process(struct fovea *rt, const struct fovea_inputs *inputs)
 {
     struct instant begin = stage_begin(rt);
-    fv_pyramid_build(&rt->pyramid, &rt->kernels, &inputs->frame->image);
+    fv_pyramid_build(&rt->pyramid, &rt->kernels, &inputs->frame->images[0]);
     stage_end(rt, FOVEA_STAGE_PYRAMID, begin);
 
     begin = stage_begin(rt);

@@ -9,7 +9,7 @@ struct fv_frame_id fv_frame_id(const struct fovea_frame *frame, int64_t utc_offs
         .sequence = frame->sequence,
         .clock = (uint32_t)frame->clock,
         .stamp_meaning = (uint32_t)frame->stamp_meaning,
-        .pixel_format = (uint32_t)frame->image.format,
+        .pixel_format = (uint32_t)frame->images[0].format,
     };
 }
 

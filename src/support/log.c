@@ -236,12 +236,13 @@ enum fovea_status fovea_log_frame(const char *name, const struct fovea_log_event
             "%s: byte %" PRId64 ": size_bytes: found %" PRIu32 ", expected %" PRIu32, name,
             start + AT_SIZE, read_u32(data + AT_SIZE), event->bytes - AT_DATA);
     struct fovea_frame found = {
-        .image = {.data = data + AT_DATA,
-                  .width = (int32_t)read_u32(data + AT_WIDTH),
-                  .height = (int32_t)read_u32(data + AT_HEIGHT),
-                  .stride_bytes = (int32_t)read_u32(data + AT_STRIDE),
-                  .format = (enum fovea_pixel_format)data[AT_FORMAT],
-                  .size_bytes = event->bytes - AT_DATA},
+        .image_count = 1,
+        .images[0] = {.data = data + AT_DATA,
+                      .width = (int32_t)read_u32(data + AT_WIDTH),
+                      .height = (int32_t)read_u32(data + AT_HEIGHT),
+                      .stride_bytes = (int32_t)read_u32(data + AT_STRIDE),
+                      .format = (enum fovea_pixel_format)data[AT_FORMAT],
+                      .size_bytes = event->bytes - AT_DATA},
         .stamp_ns = read_i64(data + AT_STAMP),
         .exposure_ns = read_i64(data + AT_EXPOSURE),
         .clock = (enum fovea_clock)data[AT_CLOCK],
@@ -255,13 +256,13 @@ enum fovea_status fovea_log_frame(const char *name, const struct fovea_log_event
             ": clock and meaning of the stamp: found %d and %d, expected at most %d and %d",
             name, start + AT_CLOCK, data[AT_CLOCK], data[AT_MEANING], FOVEA_CLOCK_SIMULATED,
             FOVEA_STAMP_EXPOSURE_END);
-    if (fovea_image_check(&found.image) != FOVEA_OK)
+    if (fovea_image_check(&found.images[0]) != FOVEA_OK)
         return fovea_error_set(
             error, FOVEA_ERROR_INPUT,
             "%s: byte %" PRId64 ": found an image of %" PRId32 " x %" PRId32 ", stride %" PRId32
             ", format %d in %zu bytes, expected a consistent one",
-            name, start + AT_WIDTH, found.image.width, found.image.height, found.image.stride_bytes,
-            (int)found.image.format, found.image.size_bytes);
+            name, start + AT_WIDTH, found.images[0].width, found.images[0].height,
+            found.images[0].stride_bytes, (int)found.images[0].format, found.images[0].size_bytes);
     *frame = found;
     return FOVEA_OK;
 }

@@ -110,7 +110,7 @@ void run_recording(const char *title, const std::string &uri, uint32_t features,
     }
     struct fovea_config config;
     fovea_config_default(&config);
-    config.camera = ops->info(source)->camera;
+    config.camera = ops->info(source)->rig.cameras[0].camera;
     config.features.count_max = features;
     std::vector<Contender> all;
     for (const char *set : {"", "sse4", "neon"}) {
@@ -124,9 +124,9 @@ void run_recording(const char *title, const std::string &uri, uint32_t features,
          ops->requeue(source, &frame)) {
         for (Contender &c : all)
             process(config, frame, c);
-        const cv::Mat image(frame.image.height, frame.image.width, CV_8U,
-                            const_cast<uint8_t *>(frame.image.data),
-                            static_cast<size_t>(frame.image.stride_bytes));
+        const cv::Mat image(frame.images[0].height, frame.images[0].width, CV_8U,
+                            const_cast<uint8_t *>(frame.images[0].data),
+                            static_cast<size_t>(frame.images[0].stride_bytes));
         std::vector<cv::KeyPoint> points;
         cv::Mat descriptors;
         const double start = cpu_us();

@@ -111,7 +111,7 @@ static void open_run(struct run *run, const char *uri)
         die(error.text);
     struct fovea_config config;
     fovea_config_default(&config);
-    config.camera = run->ops->info(run->source)->camera;
+    config.camera = run->ops->info(run->source)->rig.cameras[0].camera;
     config.preview.period_frames = 0;
     size_t bytes;
     if (fovea_camera_prepare(&config.camera, &error) || fovea_size(&config, &bytes, &error))

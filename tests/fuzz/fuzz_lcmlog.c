@@ -24,10 +24,10 @@ static void play(const char *uri, bool reverse)
     }
     if (ops->start(source, &error) == FOVEA_OK) {
         while (ops->dequeue(source, INT64_MAX, &frame) == FOVEA_OK) {
-            if (fovea_image_check(&frame.image) != FOVEA_OK) abort();
+            if (fovea_image_check(&frame.images[0]) != FOVEA_OK) abort();
             unsigned sum = 0;
-            for (size_t i = 0; i < frame.image.size_bytes; i += 61)
-                sum += frame.image.data[i];
+            for (size_t i = 0; i < frame.images[0].size_bytes; i += 61)
+                sum += frame.images[0].data[i];
             volatile unsigned kept = sum;
             (void)kept;
             ops->requeue(source, &frame);

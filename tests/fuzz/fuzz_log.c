@@ -103,8 +103,8 @@ static void play(void)
     if (ops->start(source, &error) == FOVEA_OK) {
         volatile uint32_t sum = 0;
         while (ops->dequeue(source, INT64_MAX, &frame) == FOVEA_OK) {
-            for (size_t i = 0; i < frame.image.size_bytes; i += 61)
-                sum = sum + frame.image.data[i];
+            for (size_t i = 0; i < frame.images[0].size_bytes; i += 61)
+                sum = sum + frame.images[0].data[i];
             ops->requeue(source, &frame);
         }
         ops->stop(source);

@@ -73,9 +73,9 @@ static int make_sim(const char *uri, int count, FILE *file)
         ops->start(source, &error) != FOVEA_OK)
         tool_fail("%s", error.text);
     while (ops->dequeue(source, INT64_MAX, &frame) == FOVEA_OK) {
-        for (int32_t y = 0; y < frame.image.height; ++y)
-            put(file, frame.image.data + (ptrdiff_t)y * frame.image.stride_bytes,
-                (size_t)frame.image.width);
+        for (int32_t y = 0; y < frame.images[0].height; ++y)
+            put(file, frame.images[0].data + (ptrdiff_t)y * frame.images[0].stride_bytes,
+                (size_t)frame.images[0].width);
         ops->requeue(source, &frame);
     }
     ops->stop(source);

@@ -134,8 +134,8 @@ static bool take(int64_t deadline_ns)
     if (reading.taken == 0)
         printf(
             "%.3f first frame: %d x %d %s, clock %d, meaning %d, exposure %.4f ms, age %.1f ms\n",
-            since(), frame.image.width, frame.image.height,
-            fovea_pixel_format_name(frame.image.format), frame.clock, frame.stamp_meaning,
+            since(), frame.images[0].width, frame.images[0].height,
+            fovea_pixel_format_name(frame.images[0].format), frame.clock, frame.stamp_meaning,
             (double)frame.exposure_ns * 1e-6, (double)(tool_now_ns() - frame.stamp_ns) * 1e-6);
     if (reading.taken > 0 &&
         (frame.stamp_ns <= reading.last_stamp_ns || frame.sequence <= reading.last_sequence))
@@ -144,7 +144,7 @@ static bool take(int64_t deadline_ns)
     reading.last_sequence = frame.sequence;
     reading.taken++;
     if (reading.held != 0) tool_sleep_until(tool_now_ns() + reading.held * 1000000);
-    if (reading.expect != NULL) compare(&frame.image);
+    if (reading.expect != NULL) compare(&frame.images[0]);
     reading.ops->requeue(reading.source, &frame);
     if (reading.pace != NULL) tool_pace_on(reading.pace);
     return true;

@@ -168,12 +168,12 @@ static bool film(struct fovea_camera *camera)
         ops->open(address, &selection, &source, &error) != FOVEA_OK ||
         ops->start(source, &error) != FOVEA_OK)
         return false;
-    *camera = ops->info(source)->camera;
+    *camera = ops->info(source)->rig.cameras[0].camera;
     for (int i = 0; i < CORRIDOR; i++) {
         if (ops->dequeue(source, INT64_MAX, &frame) != FOVEA_OK ||
-            frame.image.stride_bytes != WIDTH)
+            frame.images[0].stride_bytes != WIDTH)
             return false;
-        memcpy(corridor[i], frame.image.data, sizeof corridor[i]);
+        memcpy(corridor[i], frame.images[0].data, sizeof corridor[i]);
         ops->requeue(source, &frame);
     }
     ops->stop(source);
@@ -227,12 +227,13 @@ static void take_step(const struct fovea_inputs *inputs)
 static struct fovea_frame frame_of(const uint8_t *pixels, int i)
 {
     return (struct fovea_frame){
-        .image = {.data = pixels,
-                  .width = WIDTH,
-                  .height = HEIGHT,
-                  .stride_bytes = WIDTH,
-                  .format = FOVEA_PIXEL_GREY8,
-                  .size_bytes = sizeof pictures[0]},
+        .image_count = 1,
+        .images[0] = {.data = pixels,
+                      .width = WIDTH,
+                      .height = HEIGHT,
+                      .stride_bytes = WIDTH,
+                      .format = FOVEA_PIXEL_GREY8,
+                      .size_bytes = sizeof pictures[0]},
         .stamp_ns = (int64_t)i * 133333333,
         .sequence = (uint64_t)i,
     };

@@ -100,7 +100,7 @@ static int frames_until_found(struct made *made, const struct fovea_image *image
     struct fovea_outputs outputs;
     for (int i = 0; i < 5000; i++) {
         const struct fovea_frame frame = {
-            .image = *image, .stamp_ns = 1000 + i, .sequence = (uint64_t)i};
+            .image_count = 1, .images[0] = *image, .stamp_ns = 1000 + i, .sequence = (uint64_t)i};
         struct fovea_inputs inputs = {.frame = &frame, .now_ns = frame.stamp_ns};
         fovea_grants_fixed(&made->config, &inputs.grants);
         fovea_step(made->rt, &inputs, &outputs);

@@ -114,12 +114,13 @@ static void run(struct fovea *rt, const struct fovea_config *config, struct fv_t
     for (int i = 0; i < WIDTH * HEIGHT; i++)
         pixels[i] = (uint8_t)((noise = noise * 1664525u + 1013904223u) >> 24);
     for (uint32_t n = 0; n < FRAMES; n++) {
-        struct fovea_frame frame = {.image = {.data = pixels,
-                                              .width = WIDTH,
-                                              .height = HEIGHT,
-                                              .stride_bytes = WIDTH,
-                                              .format = FOVEA_PIXEL_GREY8,
-                                              .size_bytes = sizeof pixels},
+        struct fovea_frame frame = {.image_count = 1,
+                                    .images[0] = {.data = pixels,
+                                                  .width = WIDTH,
+                                                  .height = HEIGHT,
+                                                  .stride_bytes = WIDTH,
+                                                  .format = FOVEA_PIXEL_GREY8,
+                                                  .size_bytes = sizeof pixels},
                                     .stamp_ns = 1 + (int64_t)n * PERIOD_NS,
                                     .sequence = n};
         struct fovea_inputs inputs = {.frame = &frame, .now_ns = frame.stamp_ns};

@@ -87,7 +87,7 @@ static void take_frames(struct set *set, const char *uri, uint64_t step,
         die(error.text);
     while (ops->dequeue(source, INT64_MAX, &frame) == FOVEA_OK) {
         struct fv_extract extract;
-        if (fv_extract_image(&frame.image, NULL, config, &extract, &error) != FOVEA_OK)
+        if (fv_extract_image(&frame.images[0], NULL, config, &extract, &error) != FOVEA_OK)
             die(error.text);
         take(set, &extract);
         fv_extract_free(&extract);

@@ -93,12 +93,12 @@ static enum fovea_status camera_fit(struct fv_settings *settings,
     struct fovea_camera *camera = &settings->runtime.camera;
     const char *origin = settings->camera[0] != '\0' ? settings->camera : info->camera_origin;
     if (settings->camera[0] == '\0') {
-        if (!info->has_camera)
+        if (!info->rig.cameras[0].calibrated)
             return fovea_error_set(
                 error, FOVEA_ERROR_INPUT,
                 "%.200s: camera: found no calibration with this source, expected --camera FILE",
                 settings->source);
-        *camera = info->camera;
+        *camera = info->rig.cameras[0].camera;
     }
     return fovea_calibration_fit(camera, info->width, info->height, settings->camera_scale, origin,
                                  error);

@@ -66,9 +66,9 @@ static enum fovea_status write_truth(struct export_run *export, const struct fov
     }
     if (!export->masks || truth.class_mask == NULL) return FOVEA_OK;
     const struct fovea_image mask = {.data = truth.class_mask,
-                                     .width = frame->image.width,
-                                     .height = frame->image.height,
-                                     .stride_bytes = frame->image.width,
+                                     .width = frame->images[0].width,
+                                     .height = frame->images[0].height,
+                                     .stride_bytes = frame->images[0].width,
                                      .format = FOVEA_PIXEL_GREY8};
     return write_picture(export, ".mask", &mask, error);
 }
@@ -76,15 +76,15 @@ static enum fovea_status write_truth(struct export_run *export, const struct fov
 static enum fovea_status write_frame(struct export_run *export, const struct fovea_frame *frame,
                                      struct fovea_error *error)
 {
-    if (frame->image.format != FOVEA_PIXEL_GREY8)
+    if (frame->images[0].format != FOVEA_PIXEL_GREY8)
         return fovea_error_set(error, FOVEA_ERROR_UNSUPPORTED,
                                "export: found frames in colour, expected grey ones");
     fprintf(export->images,
             "%s\n  {\"id\": %" PRIu64 ", \"file_name\": \"%06" PRIu64
             ".png\", \"width\": %d, \"height\": %d, \"stamp_ns\": %" PRId64 "}",
-            export->frames == 0 ? "" : ",", export->frames, export->frames, frame->image.width,
-            frame->image.height, frame->stamp_ns);
-    enum fovea_status status = write_picture(export, "", &frame->image, error);
+            export->frames == 0 ? "" : ",", export->frames, export->frames, frame->images[0].width,
+            frame->images[0].height, frame->stamp_ns);
+    enum fovea_status status = write_picture(export, "", &frame->images[0], error);
     if (status == FOVEA_OK) status = write_truth(export, frame, error);
     export->frames++;
     return status;

@@ -278,5 +278,5 @@ enum fovea_status fv_recording_header_decode(const char *name, int64_t offset, c
 uint64_t fv_recording_frame_hash(const struct fovea_frame *frame)
 {
     if (frame == NULL) return 0;
-    return fv_hash_bulk(FV_HASH_START, frame->image.data, fv_message_frame_image_bytes(frame));
+    return fv_hash_bulk(FV_HASH_START, frame->images[0].data, fv_message_frame_image_bytes(frame));
 }

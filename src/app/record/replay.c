@@ -183,17 +183,17 @@ static enum fovea_status take_frame(struct replay *replay, struct fovea_error *e
     if (status != FOVEA_OK) return status;
     if (replay->frame_waits)
         return refuse(replay, 0, "found a second frame for one step, expected inputs", error);
-    if (frame.image.size_bytes > replay->pixels_capacity) {
-        uint8_t *larger = realloc(replay->pixels, frame.image.size_bytes);
+    if (frame.images[0].size_bytes > replay->pixels_capacity) {
+        uint8_t *larger = realloc(replay->pixels, frame.images[0].size_bytes);
         if (larger == NULL)
             return fovea_error_set(error, FOVEA_ERROR_MEMORY,
                                    "%s: no memory for a frame of %zu bytes", replay->path,
-                                   frame.image.size_bytes);
+                                   frame.images[0].size_bytes);
         replay->pixels = larger;
-        replay->pixels_capacity = frame.image.size_bytes;
+        replay->pixels_capacity = frame.images[0].size_bytes;
     }
-    memcpy(replay->pixels, frame.image.data, frame.image.size_bytes);
-    frame.image.data = replay->pixels;
+    memcpy(replay->pixels, frame.images[0].data, frame.images[0].size_bytes);
+    frame.images[0].data = replay->pixels;
     replay->frame = frame;
     replay->frame_waits = true;
     return FOVEA_OK;

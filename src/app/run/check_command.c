@@ -286,8 +286,8 @@ static void camera_check(struct check *check)
     }
     if (status == FOVEA_OK) {
         line(check, OK, "camera", "%s answers: %d x %d %s after %.0f ms", check->settings.source,
-             frame.image.width, frame.image.height, fovea_pixel_format_name(frame.image.format),
-             (double)(now_ns - begin_ns) * 1e-6);
+             frame.images[0].width, frame.images[0].height,
+             fovea_pixel_format_name(frame.images[0].format), (double)(now_ns - begin_ns) * 1e-6);
         ops->requeue(source, &frame);
     } else {
         line(check, FAILED, "camera",

@@ -62,7 +62,7 @@ static void look(const struct fv_detect_memory *memory, const struct fv_kernels 
                  const struct fovea_frame *frame)
 {
     uint32_t done;
-    assert_int_equal(fv_detect_start(memory, &frame->image, frame->stamp_ns, frame->sequence),
+    assert_int_equal(fv_detect_start(memory, &frame->images[0], frame->stamp_ns, frame->sequence),
                      FOVEA_OK);
     assert_int_equal(fv_detect_advance(memory, kernels, UNITS_MAX, &done), FOVEA_OK);
 }

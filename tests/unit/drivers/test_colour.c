@@ -119,9 +119,10 @@ static void test_source(void **state)
                 ops->dequeue(source, INT64_MAX, &frame) != FOVEA_OK)
                 fail_msg("%s", error.text);
             const bool colour = wanted == 1 && channels == 3;
-            assert_int_equal(frame.image.format, colour ? FOVEA_PIXEL_RGB24 : FOVEA_PIXEL_GREY8);
+            assert_int_equal(frame.images[0].format,
+                             colour ? FOVEA_PIXEL_RGB24 : FOVEA_PIXEL_GREY8);
             if (colour)
-                assert_memory_equal(frame.image.data + frame.image.stride_bytes,
+                assert_memory_equal(frame.images[0].data + frame.images[0].stride_bytes,
                                     picture + (size_t)3 * W, 3 * W);
             ops->requeue(source, &frame);
             ops->close(source);

@@ -121,12 +121,12 @@ static void test_frames_bit_for_bit(void **state)
     for (int i = 0; i < FRAMES; ++i) {
         const struct fovea_frame frame = take(source);
         took_ns[i] = fv_test_now_ns() - frame.stamp_ns;
-        assert_int_equal(frame.image.stride_bytes, FAKE_STRIDE);
+        assert_int_equal(frame.images[0].stride_bytes, FAKE_STRIDE);
         assert_int_equal(frame.stamp_meaning, FOVEA_STAMP_EXPOSURE_START);
         assert_int_equal(frame.clock, FOVEA_CLOCK_MONOTONIC);
         for (int32_t y = 0; y < FAKE_HEIGHT; ++y)
             for (int32_t x = 0; x < FAKE_WIDTH; ++x)
-                if (frame.image.data[y * FAKE_STRIDE + x] != fake_pixel(frame.sequence, x, y))
+                if (frame.images[0].data[y * FAKE_STRIDE + x] != fake_pixel(frame.sequence, x, y))
                     fail_msg("frame %llu differs at %d, %d", (unsigned long long)frame.sequence, x,
                              y);
         ops->requeue(source, &frame);
@@ -144,11 +144,11 @@ static void test_frames_are_not_copied(void **state)
     (void)state;
     struct fovea_source *source = start_source();
     const struct fovea_frame frame = take(source);
-    const uint8_t before = frame.image.data[0];
+    const uint8_t before = frame.images[0].data[0];
     atomic_store(&stage->scribble, 1 + (before ^ 0xff));
     while (atomic_load(&stage->scribble) != 0)
         usleep(1000);
-    assert_int_equal(frame.image.data[0], before ^ 0xff);
+    assert_int_equal(frame.images[0].data[0], before ^ 0xff);
     ops->requeue(source, &frame);
     fv_test_finish(source);
 }
@@ -161,7 +161,8 @@ static void test_frames_held_outlive_the_process(void **state)
     kill(atomic_load(&stage->pid), SIGKILL);
     assert_told(source, "signal 9");
     for (int32_t y = 0; y < FAKE_HEIGHT; ++y)
-        assert_int_equal(frame.image.data[y * FAKE_STRIDE + 7], fake_pixel(frame.sequence, 7, y));
+        assert_int_equal(frame.images[0].data[y * FAKE_STRIDE + 7],
+                         fake_pixel(frame.sequence, 7, y));
     ops->requeue(source, &frame);
     wait_for_frame_of_life(source, 2);
     fv_test_finish(source);

@@ -217,10 +217,10 @@ static void test_source(void **state)
     struct fovea_source *source = fv_test_start("/dev/video0?format=MJPG");
     for (uint32_t i = 0; i < frames; ++i) {
         const struct fovea_frame frame = fv_test_next_frame(source);
-        assert_int_equal(frame.image.format, FOVEA_PIXEL_GREY8);
+        assert_int_equal(frame.images[0].format, FOVEA_PIXEL_GREY8);
         assert_true(frame.sequence % 2 == 0);
         for (int32_t y = 0; y < H && i < 20; ++y)
-            assert_memory_equal(frame.image.data + (ptrdiff_t)y * frame.image.stride_bytes,
+            assert_memory_equal(frame.images[0].data + (ptrdiff_t)y * frame.images[0].stride_bytes,
                                 expected + y * STRIDE, W);
     }
     const struct fovea_source_counts counts = fv_test_counts(source);

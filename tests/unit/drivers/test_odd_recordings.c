@@ -41,14 +41,14 @@ static void play(const struct fovea_source_ops *ops, struct fovea_source *source
     enum fovea_status status;
     memset(played, 0, sizeof *played);
     played->rate_hz = ops->info(source)->rate_hz;
-    played->has_camera = ops->info(source)->has_camera;
-    played->camera = ops->info(source)->camera;
+    played->has_camera = ops->info(source)->rig.cameras[0].calibrated;
+    played->camera = ops->info(source)->rig.cameras[0].camera;
     assert_int_equal(ops->start(source, &error), FOVEA_OK);
     while ((status = ops->dequeue(source, INT64_MAX, &frame)) == FOVEA_OK && played->count < MANY) {
         played->sequence[played->count] = frame.sequence;
-        for (int32_t i = 0; i < frame.image.width; ++i)
+        for (int32_t i = 0; i < frame.images[0].width; ++i)
             played->picture[played->count] =
-                played->picture[played->count] * 31 + frame.image.data[i];
+                played->picture[played->count] * 31 + frame.images[0].data[i];
         played->stamp_ns[played->count++] = frame.stamp_ns;
         ops->requeue(source, &frame);
     }
@@ -90,7 +90,7 @@ static enum fovea_status fetch_stamp(void *recording, uint64_t index, struct fv_
                                      struct fovea_error *error)
 {
     (void)error;
-    memset(slot->pixels, 0, W);
+    memset(slot->pixels[0], 0, W);
     slot->frame.stamp_ns = ((const int64_t *)recording)[index];
     slot->frame.sequence = index;
     return FOVEA_OK;
@@ -340,8 +340,8 @@ static void test_log_head_among_others(void **state)
         assert_int_equal(fclose(file), 0);
         assert_int_equal(fovea_source_lcmlog.open(path, &everything, &source, &error), FOVEA_OK);
         const struct fovea_source_info *info = fovea_source_lcmlog.info(source);
-        assert_int_equal(info->has_camera, ours);
-        if (ours) assert_true(info->camera.fx == 90);
+        assert_int_equal(info->rig.cameras[0].calibrated, ours);
+        if (ours) assert_true(info->rig.cameras[0].camera.fx == 90);
         fovea_source_lcmlog.close(source);
     }
     free(frames);

@@ -202,7 +202,7 @@ static void test_pictures_and_truth(void **state)
         struct fovea_source *source =
             open_uri(uri_of(sets[s].scheme, sets[s].make(folder)), &everything, &ops);
         struct fovea_frame frame;
-        assert_true(ops->info(source)->has_truth && ops->info(source)->has_camera);
+        assert_true(ops->info(source)->has_truth && ops->info(source)->rig.cameras[0].calibrated);
         assert_true(fabs(ops->info(source)->rate_hz - 20) < 0.01);
         for (uint32_t i = 0; i < FV_TEST_FRAMES; ++i) {
             assert_int_equal(ops->dequeue(source, INT64_MAX, &frame), FOVEA_OK);
@@ -211,7 +211,7 @@ static void test_pictures_and_truth(void **state)
             assert_int_equal(frame.stamp_ns, sets[s].first_ns + (int64_t)i * 50000000);
             fv_test_picture(i, W, H, 1, picture);
             for (int y = 0; y < H && sets[s].make != fv_test_tum; ++y)
-                assert_memory_equal(frame.image.data + y * frame.image.stride_bytes,
+                assert_memory_equal(frame.images[0].data + y * frame.images[0].stride_bytes,
                                     picture + y * W, W);
             assert_int_equal(ops->truth(source, &frame, &truth), FOVEA_OK);
             assert_true(truth.has_pose);
@@ -346,7 +346,7 @@ static enum fovea_status fetch_when_let(void *recording, uint64_t index, struct 
     (void)error;
     while (sem_wait(&let_come) != 0)
         continue;
-    memset(slot->pixels, (int)index, W);
+    memset(slot->pixels[0], (int)index, W);
     slot->frame.stamp_ns = (int64_t)index;
     slot->frame.sequence = index;
     return FOVEA_OK;
@@ -355,6 +355,52 @@ static enum fovea_status fetch_when_let(void *recording, uint64_t index, struct 
 static void close_nothing(void *recording)
 {
     (void)recording;
+}
+
+/* The second camera's images are absent in odd frames, and of the first camera's none. */
+static enum fovea_status fetch_two(void *recording, uint64_t index, struct fv_slot *slot,
+                                   struct fovea_error *error)
+{
+    (void)recording;
+    (void)error;
+    for (int i = 0; i < 2; i++)
+        memset(slot->pixels[i], (int)(10 * index) + i, W * H);
+    if (index % 2 == 1) slot->frame.images[1].data = NULL;
+    slot->frame.stamp_ns = (int64_t)index;
+    slot->frame.sequence = index;
+    return FOVEA_OK;
+}
+
+/* Each frame carries the images of its rig; an absent one is empty, and the next is whole again. */
+static void test_two_cameras(void **state)
+{
+    (void)state;
+    static const struct fv_recording_ops two = {.fetch = fetch_two, .close = close_nothing};
+    enum { FRAMES = 3 * FV_PLAYER_SLOTS };
+    const struct fovea_source_info info = {
+        .width = W, .height = H, .format = FOVEA_PIXEL_GREY8, .rig.camera_count = 2};
+    struct fovea_source *source = NULL;
+    struct fovea_error error = {.text = ""};
+    assert_int_equal(
+        fv_player_open(&two, NULL, FRAMES, 0, "two", &everything, &info, &source, &error),
+        FOVEA_OK);
+    assert_int_equal(fv_player_start(source, &error), FOVEA_OK);
+    for (int n = 0; n < FRAMES; n++) {
+        struct fovea_frame frame;
+        assert_int_equal(fv_player_dequeue(source, INT64_MAX, &frame), FOVEA_OK);
+        assert_int_equal(frame.image_count, 2);
+        assert_int_equal(frame.images[0].data[0], 10 * n);
+        assert_int_equal(fovea_image_check(&frame.images[0]), FOVEA_OK);
+        if (n % 2 == 1) {
+            assert_null(frame.images[1].data);
+            assert_true(frame.images[1].width == 0 && frame.images[1].size_bytes == 0);
+        } else {
+            assert_int_equal(fovea_image_check(&frame.images[1]), FOVEA_OK);
+            assert_int_equal(frame.images[1].data[0], 10 * n + 1);
+        }
+        fv_player_requeue(source, &frame);
+    }
+    fv_player_close(source);
 }
 
 /* The loop is not kept past its deadline by a reader that is busy, and gets the frame when it is
@@ -382,7 +428,7 @@ static void test_deadline_passes_while_decoding(void **state)
     sem_post(&let_come);
     assert_int_equal(fv_player_dequeue(source, now_ns() + 60000000000, &frame), FOVEA_OK);
     assert_int_equal(frame.sequence, 1);
-    assert_int_equal(frame.image.data[0], 1);
+    assert_int_equal(frame.images[0].data[0], 1);
     sem_post(&let_come); /* the reader waits in fetch: let it see that it is to stop */
     fv_player_close(source);
     sem_destroy(&let_come);
@@ -422,7 +468,8 @@ static void test_natural_order(void **state)
         assert_int_equal(ops->dequeue(source, INT64_MAX, &frame), FOVEA_OK);
         fv_test_picture(i, W, H, 1, picture);
         if (i % 2 == 0)
-            assert_memory_equal(frame.image.data + frame.image.stride_bytes, picture + W, W);
+            assert_memory_equal(frame.images[0].data + frame.images[0].stride_bytes, picture + W,
+                                W);
         ops->requeue(source, &frame);
     }
     ops->close(source);
@@ -561,6 +608,7 @@ int main(void)
         cmocka_unit_test(test_pictures_and_truth),
         cmocka_unit_test(test_damage_is_counted_and_named),
         cmocka_unit_test(test_many_missing),
+        cmocka_unit_test(test_two_cameras),
         cmocka_unit_test(test_deadline_passes_while_decoding),
         cmocka_unit_test(test_start_again),
         cmocka_unit_test(test_natural_order),

@@ -55,8 +55,8 @@ static const uint64_t hash_start = 0xCBF29CE484222325u;
 
 static uint64_t hash_frame(const struct fovea_frame *frame)
 {
-    return hash_bytes(hash_start, frame->image.data,
-                      (size_t)frame->image.width * (size_t)frame->image.height);
+    return hash_bytes(hash_start, frame->images[0].data,
+                      (size_t)frame->images[0].width * (size_t)frame->images[0].height);
 }
 
 static uint64_t hash_at(const char *address, uint64_t start, uint64_t *truth_hash)
@@ -68,7 +68,7 @@ static uint64_t hash_at(const char *address, uint64_t start, uint64_t *truth_has
     assert_int_equal(sim_ops()->dequeue(source, 0, &frame), FOVEA_OK);
     const uint64_t hash = hash_frame(&frame);
     if (truth_hash != NULL) {
-        const size_t pixels = (size_t)frame.image.width * (size_t)frame.image.height;
+        const size_t pixels = (size_t)frame.images[0].width * (size_t)frame.images[0].height;
         assert_int_equal(sim_ops()->truth(source, &frame, &truth), FOVEA_OK);
         *truth_hash = hash_bytes(hash_start, truth.T_world_cam, sizeof truth.T_world_cam);
         *truth_hash = hash_bytes(*truth_hash, truth.depth_m, pixels * sizeof(float));
@@ -186,16 +186,16 @@ static void test_frames_say_what_they_are(void **state)
     struct fovea_source *source =
         open_source("still?width=96&height=80&rate=20&exposure=4&noise=3", NULL);
     const struct fovea_source_info *info = sim_ops()->info(source);
-    assert_true(info->has_camera && info->has_truth && !info->live);
+    assert_true(info->rig.cameras[0].calibrated && info->has_truth && !info->live);
     assert_int_equal(info->width, 96);
-    assert_int_equal(info->camera.width, 96);
-    assert_true(info->camera.field_max_rad > 0.5);
+    assert_int_equal(info->rig.cameras[0].camera.width, 96);
+    assert_true(info->rig.cameras[0].camera.field_max_rad > 0.5);
     assert_int_equal(info->frame_count, 600);
     assert_true(info->heap_bytes > 1000000);
     assert_int_equal(sim_ops()->dequeue(source, 0, &a), FOVEA_OK);
     assert_int_equal(sim_ops()->dequeue(source, 0, &b), FOVEA_OK);
     assert_int_equal(sim_ops()->dequeue(source, 0, &c), FOVEA_AGAIN); /* two may be held */
-    assert_int_equal(fovea_image_check(&a.image), FOVEA_OK);
+    assert_int_equal(fovea_image_check(&a.images[0]), FOVEA_OK);
     assert_int_equal(a.stamp_ns, 0);
     assert_int_equal(b.stamp_ns, 50000000);
     assert_int_equal(b.exposure_ns, 4000000);
@@ -221,8 +221,8 @@ static void test_noise(void **state)
     double sum = 0, square = 0;
     int count = 0;
     for (int32_t i = 0; i < 640 * 480; i++) {
-        if (a.image.data[i] < 30 || a.image.data[i] > 225) continue; /* not clipped */
-        const double d = (double)a.image.data[i] - b.image.data[i];
+        if (a.images[0].data[i] < 30 || a.images[0].data[i] > 225) continue; /* not clipped */
+        const double d = (double)a.images[0].data[i] - b.images[0].data[i];
         sum += d;
         square += d * d;
         count++;
@@ -237,7 +237,7 @@ static void test_noise(void **state)
     source = open_source("still?objects=0&noise=0", NULL);
     assert_int_equal(sim_ops()->dequeue(source, 0, &a), FOVEA_OK);
     assert_int_equal(sim_ops()->dequeue(source, 0, &b), FOVEA_OK);
-    assert_memory_equal(a.image.data, b.image.data, 640 * 480);
+    assert_memory_equal(a.images[0].data, b.images[0].data, 640 * 480);
     close_source(source);
 }
 

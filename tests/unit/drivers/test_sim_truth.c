@@ -112,13 +112,13 @@ static void check_rays(const char *address, uint64_t start)
     const double *T = truth.T_world_cam, o[3] = {T[3], T[7], T[11]};
     int wrong = 0, count = 0, rounds = 0;
     double worst = 0;
-    for (int32_t y = 3; y < frame.image.height; y += 7) {
-        for (int32_t x = 2; x < frame.image.width; x += 7) {
+    for (int32_t y = 3; y < frame.images[0].height; y += 7) {
+        for (int32_t x = 2; x < frame.images[0].width; x += 7) {
             double b[3], d[3], t = INFINITY;
             int object = 0;
-            assert_int_equal(
-                fovea_camera_unproject(&source->info.camera, (const double[2]){x, y}, b, NULL),
-                FOVEA_OK);
+            assert_int_equal(fovea_camera_unproject(&source->info.rig.cameras[0].camera,
+                                                    (const double[2]){x, y}, b, NULL),
+                             FOVEA_OK);
             for (int i = 0; i < 3; i++) /* scaled so that t is the depth */
                 d[i] = (T[4 * i] * b[0] + T[4 * i + 1] * b[1] + T[4 * i + 2] * b[2]) / b[2];
             for (int32_t i = 0; i < w->face_count; i++) {
@@ -136,7 +136,7 @@ static void check_rays(const char *address, uint64_t start)
                     rounds++;
                 }
             }
-            const int32_t at = y * frame.image.width + x;
+            const int32_t at = y * frame.images[0].width + x;
             const double error = fabs((double)truth.depth_m[at] / t - 1.0);
             const int expected = object == 0 ? 0 : (int)w->object[object - 1].object_class;
             count++;
@@ -175,7 +175,7 @@ static void extend(struct extent *e, const struct fovea_source *source, const do
     double c[3], pixel[2];
     for (int i = 0; i < 3; i++)
         c[i] = T[i] * d[0] + T[4 + i] * d[1] + T[8 + i] * d[2];
-    if (fovea_camera_project(&source->info.camera, c, pixel, NULL) != FOVEA_OK) {
+    if (fovea_camera_project(&source->info.rig.cameras[0].camera, c, pixel, NULL) != FOVEA_OK) {
         e->whole = false;
         return;
     }
@@ -342,10 +342,12 @@ static bool seen_again(const struct sight *a, const struct sight *b, int32_t x, 
                        double pixel[2])
 {
     double bearing[3], world[3], c[3];
-    const int32_t width = a->frame.image.width, height = a->frame.image.height;
+    const int32_t width = a->frame.images[0].width, height = a->frame.images[0].height;
     const double *A = a->truth.T_world_cam, *B = b->truth.T_world_cam;
     const double z = (double)a->truth.depth_m[y * width + x], at[2] = {x, y};
-    assert_int_equal(fovea_camera_unproject(&a->source->info.camera, at, bearing, NULL), FOVEA_OK);
+    assert_int_equal(
+        fovea_camera_unproject(&a->source->info.rig.cameras[0].camera, at, bearing, NULL),
+        FOVEA_OK);
     for (int i = 0; i < 3; i++)
         world[i] = A[4 * i + 3] + z / bearing[2] *
                                       (A[4 * i] * bearing[0] + A[4 * i + 1] * bearing[1] +
@@ -353,7 +355,8 @@ static bool seen_again(const struct sight *a, const struct sight *b, int32_t x, 
     for (int i = 0; i < 3; i++)
         c[i] =
             B[i] * (world[0] - B[3]) + B[4 + i] * (world[1] - B[7]) + B[8 + i] * (world[2] - B[11]);
-    if (fovea_camera_project(&b->source->info.camera, c, pixel, NULL) != FOVEA_OK) return false;
+    if (fovea_camera_project(&b->source->info.rig.cameras[0].camera, c, pixel, NULL) != FOVEA_OK)
+        return false;
     if (pixel[0] < 2 || pixel[1] < 2 || pixel[0] > width - 4 || pixel[1] > height - 4) return false;
     const int32_t nearest = (int32_t)(pixel[1] + 0.5) * width + (int32_t)(pixel[0] + 0.5);
     return fabs((double)b->truth.depth_m[nearest] / c[2] - 1.0) <= 0.01;
@@ -411,14 +414,14 @@ static void check_pictures(const char *address, uint64_t start, uint64_t later)
     b.source = open_at(address, later, &b.frame);
     assert_int_equal(fovea_source_sim.truth(a.source, &a.frame, &a.truth), FOVEA_OK);
     assert_int_equal(fovea_source_sim.truth(b.source, &b.frame, &b.truth), FOVEA_OK);
-    const int32_t width = a.frame.image.width, height = a.frame.image.height;
+    const int32_t width = a.frame.images[0].width, height = a.frame.images[0].height;
     for (int32_t y = 2; y < height - 2; y++) {
         for (int32_t x = 2; x < width - 2; x++) {
             double pixel[2];
             if (!seen_again(&a, &b, x, y, pixel)) continue;
-            const double e = sample(b.frame.image.data, width, pixel[0], pixel[1]) -
-                             a.frame.image.data[y * width + x];
-            fit_add(&fits[(y / TILE) * 16 + x / TILE], &b.frame.image, pixel, e);
+            const double e = sample(b.frame.images[0].data, width, pixel[0], pixel[1]) -
+                             a.frame.images[0].data[y * width + x];
+            fit_add(&fits[(y / TILE) * 16 + x / TILE], &b.frame.images[0], pixel, e);
             differences[count++] = fabs(e);
         }
     }

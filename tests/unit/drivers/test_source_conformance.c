@@ -234,12 +234,12 @@ static void play(const struct fovea_source_ops *ops, struct fovea_source *source
         if (status != FOVEA_OK) break;
         assert_int_equal(has_pose_alone, has_pose);
         if (has_pose) assert_memory_equal(pose_alone, truth.T_world_cam, sizeof pose_alone);
-        assert_int_equal(fovea_image_check(&frame.image), FOVEA_OK);
-        assert_int_equal(frame.image.width, ops->info(source)->width);
-        assert_int_equal(frame.image.height, ops->info(source)->height);
-        assert_int_equal(frame.image.format, ops->info(source)->format);
+        assert_int_equal(fovea_image_check(&frame.images[0]), FOVEA_OK);
+        assert_int_equal(frame.images[0].width, ops->info(source)->width);
+        assert_int_equal(frame.images[0].height, ops->info(source)->height);
+        assert_int_equal(frame.images[0].format, ops->info(source)->format);
         const size_t i = played->count++;
-        played->frames[i].hash = hash_image(&frame.image);
+        played->frames[i].hash = hash_image(&frame.images[0]);
         played->frames[i].sequence = frame.sequence;
         played->frames[i].stamp_ns = frame.stamp_ns;
         played->frames[i].has_pose = has_pose;
@@ -326,10 +326,11 @@ static void test_info(void **state)
         assert_true(info->rate_hz > 0 && info->rate_hz < 1000);
         assert_true(info->heap_bytes > 0);
         if (!row_of(ops)->length_unknown) assert_int_equal(info->frame_count, FV_TEST_FRAMES);
-        if (info->has_camera) {
-            assert_int_equal(info->camera.width, info->width);
-            assert_int_equal(info->camera.height, info->height);
-            assert_true(info->camera.fx > 0 && info->camera.field_max_rad > 0);
+        if (info->rig.cameras[0].calibrated) {
+            assert_int_equal(info->rig.cameras[0].camera.width, info->width);
+            assert_int_equal(info->rig.cameras[0].camera.height, info->height);
+            assert_true(info->rig.cameras[0].camera.fx > 0 &&
+                        info->rig.cameras[0].camera.field_max_rad > 0);
             assert_true(info->camera_origin[0] != '\0');
         }
         ops->close(source);
@@ -392,13 +393,13 @@ static void test_hold_limit(void **state)
         assert_int_equal(ops->dequeue(source, INT64_MAX, &more),
                          FOVEA_AGAIN); /* at once, whatever the deadline */
         assert_true(now_ns() - before_ns < 5000000000);
-        const uint64_t hash = hash_image(&held[0].image);
+        const uint64_t hash = hash_image(&held[0].images[0]);
         for (int j = 0; j < FV_TEST_FRAMES - FOVEA_SOURCE_FRAMES_HELD;
              ++j) { /* the rest goes through the second place */
             ops->requeue(source, &held[1]);
             assert_int_equal(ops->dequeue(source, INT64_MAX, &held[1]), FOVEA_OK);
         }
-        assert_true(hash == hash_image(&held[0].image)); /* untouched while held */
+        assert_true(hash == hash_image(&held[0].images[0])); /* untouched while held */
         ops->requeue(source, &held[0]);
         ops->requeue(source, &held[1]);
         assert_int_equal(ops->dequeue(source, INT64_MAX, &more), FOVEA_END);
@@ -551,8 +552,9 @@ static void test_real_recordings(void **state)
         assert_int_equal(info->width, real[i].width);
         assert_int_equal(info->height, real[i].height);
         assert_int_equal(info->frame_count, (real[i].count + 9) / 10);
-        assert_int_equal(info->has_camera, real[i].fx > 0);
-        if (info->has_camera) assert_true(info->camera.fx == real[i].fx);
+        assert_int_equal(info->rig.cameras[0].calibrated, real[i].fx > 0);
+        if (info->rig.cameras[0].calibrated)
+            assert_true(info->rig.cameras[0].camera.fx == real[i].fx);
         start(ops, source);
         static struct fovea_truth truth;
         size_t frames = 0, poses = 0;

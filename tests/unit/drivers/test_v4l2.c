@@ -77,7 +77,7 @@ static void test_negotiation_is_told(void **state)
     assert_int_equal(info->width, 96);
     assert_int_equal(info->height, 64);
     assert_int_equal(info->format, FOVEA_PIXEL_YUYV);
-    assert_true(info->rate_hz == 25.0 && info->live && !info->has_camera);
+    assert_true(info->rate_hz == 25.0 && info->live && !info->rig.cameras[0].calibrated);
     struct fovea_error error;
     assert_int_equal(ops->complaint(source, &error), FOVEA_OK);
     assert_non_null(strstr(error.text, "width: asked 640, the camera gives 96"));
@@ -227,14 +227,14 @@ static void check_format(struct fake_camera *camera, const char *name,
         struct fovea_frame frame;
         assert_int_equal(ops->dequeue(source, fv_test_now_ns() + 5000000000, &frame), FOVEA_OK);
         if (i == 0) first = camera->made - 1 - (camera->made - 1 - frame.sequence);
-        assert_int_equal(fovea_image_check(&frame.image), FOVEA_OK);
-        assert_int_equal(frame.image.format, expected);
-        assert_int_equal(frame.image.width, 96);
-        assert_int_equal(frame.image.stride_bytes,
+        assert_int_equal(fovea_image_check(&frame.images[0]), FOVEA_OK);
+        assert_int_equal(frame.images[0].format, expected);
+        assert_int_equal(frame.images[0].width, 96);
+        assert_int_equal(frame.images[0].stride_bytes,
                          fovea_image_stride_min(expected, 96) + camera->stride_padding);
-        const size_t bytes = fovea_image_bytes(expected, 64, frame.image.stride_bytes);
+        const size_t bytes = fovea_image_bytes(expected, 64, frame.images[0].stride_bytes);
         for (size_t k = 0; k < bytes; ++k)
-            if (frame.image.data[k] != (uint8_t)(k + 37 * (size_t)frame.sequence))
+            if (frame.images[0].data[k] != (uint8_t)(k + 37 * (size_t)frame.sequence))
                 fail_msg("%s: frame %d differs at byte %zu", name, i, k);
         ops->requeue(source, &frame);
     }

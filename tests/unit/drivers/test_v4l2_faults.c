@@ -340,8 +340,8 @@ static void test_held_over_unplug(void **state)
     while (ops->dequeue(source, fv_test_now_ns() + 100000000, &more) ==
            FOVEA_OK) /* what was under way */
         ops->requeue(source, &more);
-    for (size_t k = 0; k < held.image.size_bytes; ++k)
-        assert_int_equal(held.image.data[k], (uint8_t)(k + 37 * (size_t)held.sequence));
+    for (size_t k = 0; k < held.images[0].size_bytes; ++k)
+        assert_int_equal(held.images[0].data[k], (uint8_t)(k + 37 * (size_t)held.sequence));
     ops->requeue(source, &held); /* only now is the camera set up again */
     fv_test_next_frame(source);
     assert_true(fv_test_counts(source).recovered == 1);

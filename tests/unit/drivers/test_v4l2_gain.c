@@ -68,7 +68,7 @@ static int level_now(struct fovea_source *source)
     const char *address;
     assert_int_equal(fovea_source_find("v4l2:/dev/video0", &ops, &address, NULL), FOVEA_OK);
     assert_int_equal(ops->dequeue(source, fv_test_now_ns() + 5000000000, &frame), FOVEA_OK);
-    const int level = frame.image.data[0];
+    const int level = frame.images[0].data[0];
     ops->requeue(source, &frame);
     return level;
 }

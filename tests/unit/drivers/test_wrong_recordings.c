@@ -40,7 +40,7 @@ static enum fovea_status try_source(const char *scheme, const char *address,
     if (status != FOVEA_OK) return status;
     assert_int_equal(ops->start(source, error), FOVEA_OK);
     while ((status = ops->dequeue(source, INT64_MAX, &frame)) == FOVEA_OK) {
-        assert_int_equal(fovea_image_check(&frame.image), FOVEA_OK);
+        assert_int_equal(fovea_image_check(&frame.images[0]), FOVEA_OK);
         ops->requeue(source, &frame);
         ++*frames;
     }

@@ -178,7 +178,8 @@ static void words_of_world(uint32_t world, struct fv_place_words words[2])
     for (int i = 0; i < 2; i++) {
         struct fv_extract extract;
         assert_int_equal(ops->dequeue(source, INT64_MAX, &frame), FOVEA_OK);
-        assert_int_equal(fv_extract_image(&frame.image, NULL, &config, &extract, &error), FOVEA_OK);
+        assert_int_equal(fv_extract_image(&frame.images[0], NULL, &config, &extract, &error),
+                         FOVEA_OK);
         fv_place_words_begin(&words[i]);
         fv_place_words_add(&words[i], &extract.kernels, extract.orb.descriptors,
                            extract.features.count);

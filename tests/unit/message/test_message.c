@@ -248,13 +248,13 @@ static void test_frames_without_loss(void **state)
         const size_t whole = compressed ? 777 : fovea_image_bytes(format, H, stride);
         struct fovea_frame in = frame, out;
         in.exposure_ns = 12345678901;
-        in.image =
+        in.images[0] =
             (struct fovea_image){pixels, W, H, stride, format, whole + (n % 2 == 0 ? 10 : 0)};
         if (n % 2 == 1 && !compressed)
-            in.image.size_bytes = whole - (format == FOVEA_PIXEL_YU12 ? PADDING / 2 : PADDING);
-        if (compressed) in.image.size_bytes = whole;
-        assert_int_equal(fovea_image_check(&in.image), FOVEA_OK);
-        const size_t kept = in.image.size_bytes < whole ? in.image.size_bytes : whole;
+            in.images[0].size_bytes = whole - (format == FOVEA_PIXEL_YU12 ? PADDING / 2 : PADDING);
+        if (compressed) in.images[0].size_bytes = whole;
+        assert_int_equal(fovea_image_check(&in.images[0]), FOVEA_OK);
+        const size_t kept = in.images[0].size_bytes < whole ? in.images[0].size_bytes : whole;
         const uint32_t bytes =
             fv_message_frame_encode(&in, -5, buffer, fv_message_frame_size_max(kept));
         assert_int_equal(bytes, fv_message_frame_size_max(kept));
@@ -263,11 +263,11 @@ static void test_frames_without_loss(void **state)
             .channel = "FOVEA_FRAME", .bytes = bytes, .data = buffer};
         struct fovea_error error;
         if (fovea_log_frame("log", &event, &out, &error) != FOVEA_OK) fail_msg("%s", error.text);
-        assert_int_equal(out.image.size_bytes, kept);
-        assert_memory_equal(out.image.data, pixels, kept);
-        assert_true(out.image.width == W && out.image.height == H &&
-                    out.image.stride_bytes == stride);
-        assert_true(out.image.format == format && out.stamp_ns == in.stamp_ns &&
+        assert_int_equal(out.images[0].size_bytes, kept);
+        assert_memory_equal(out.images[0].data, pixels, kept);
+        assert_true(out.images[0].width == W && out.images[0].height == H &&
+                    out.images[0].stride_bytes == stride);
+        assert_true(out.images[0].format == format && out.stamp_ns == in.stamp_ns &&
                     out.exposure_ns == in.exposure_ns);
         assert_true(out.sequence == 77 && out.clock == in.clock &&
                     out.stamp_meaning == in.stamp_meaning);

@@ -114,7 +114,7 @@ static void run(const char *uri, int start, int frames, enum fv_cpu_set set, str
     if (fovea_source_find(uri, &ops, &address, &error) ||
         ops->open(address, &all, &source, &error) || ops->start(source, &error))
         fail_msg("%s", error.text);
-    struct fovea_camera camera = ops->info(source)->camera;
+    struct fovea_camera camera = ops->info(source)->rig.cameras[0].camera;
     assert_int_equal(fovea_camera_prepare(&camera, &error), FOVEA_OK);
     static struct rig rig;
     build_rig(&rig, &camera, set);
@@ -124,7 +124,7 @@ static void run(const char *uri, int start, int frames, enum fv_cpu_set set, str
     static struct fovea_truth truth;
     uint64_t keyframes = 0;
     while (record->frames < frames && ops->dequeue(source, INT64_MAX, &frame) == FOVEA_OK) {
-        fv_pyramid_build(&rig.pyramid, &rig.kernels, &frame.image);
+        fv_pyramid_build(&rig.pyramid, &rig.kernels, &frame.images[0]);
         uint32_t count =
             fv_features_find(&rig.features, &rig.kernels, &rig.pyramid, NULL, FEATURES);
         fv_orb_describe(&rig.orb, &rig.kernels, &rig.pyramid, rig.features.corners, count);

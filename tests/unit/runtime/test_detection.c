@@ -61,12 +61,13 @@ static const struct fovea_message *turn(struct fovea *rt, int i, uint32_t units)
 {
     static struct fovea_outputs outputs;
     const struct fovea_frame frame = {
-        .image = {.data = picture,
-                  .width = WIDTH,
-                  .height = HEIGHT,
-                  .stride_bytes = WIDTH,
-                  .format = FOVEA_PIXEL_GREY8,
-                  .size_bytes = sizeof picture},
+        .image_count = 1,
+        .images[0] = {.data = picture,
+                      .width = WIDTH,
+                      .height = HEIGHT,
+                      .stride_bytes = WIDTH,
+                      .format = FOVEA_PIXEL_GREY8,
+                      .size_bytes = sizeof picture},
         .stamp_ns = (i + 1) * 1000,
         .sequence = (uint64_t)i + 100,
     };
@@ -135,12 +136,13 @@ static void tracks_follow_the_looks(void **state)
     for (int i = 0; i < 5; i++) {
         static struct fovea_outputs outputs;
         const struct fovea_frame frame = {
-            .image = {.data = picture,
-                      .width = WIDTH,
-                      .height = HEIGHT,
-                      .stride_bytes = WIDTH,
-                      .format = FOVEA_PIXEL_GREY8,
-                      .size_bytes = sizeof picture},
+            .image_count = 1,
+            .images[0] = {.data = picture,
+                          .width = WIDTH,
+                          .height = HEIGHT,
+                          .stride_bytes = WIDTH,
+                          .format = FOVEA_PIXEL_GREY8,
+                          .size_bytes = sizeof picture},
             .stamp_ns = (i + 1) * 33333333,
             .sequence = (uint64_t)i + 100,
         };

@@ -61,12 +61,13 @@ static struct made make(uint8_t fill)
 static struct fovea_frame frame_at(int64_t stamp_ns)
 {
     return (struct fovea_frame){
-        .image = {.data = picture,
-                  .width = WIDTH,
-                  .height = HEIGHT,
-                  .stride_bytes = WIDTH,
-                  .format = FOVEA_PIXEL_GREY8,
-                  .size_bytes = sizeof picture},
+        .image_count = 1,
+        .images[0] = {.data = picture,
+                      .width = WIDTH,
+                      .height = HEIGHT,
+                      .stride_bytes = WIDTH,
+                      .format = FOVEA_PIXEL_GREY8,
+                      .size_bytes = sizeof picture},
         .stamp_ns = stamp_ns,
         .sequence = (uint64_t)(stamp_ns / 1000),
     };
@@ -188,10 +189,15 @@ static void frames_are_processed_and_odd_ones_refused(void **state)
     frame = frame_at(500000);
     assert_int_equal(step(made.rt, &frame, &outputs), FOVEA_AGAIN); /* back in time */
     frame = frame_at(2000000);
-    frame.image.width--;
+    frame.images[0].width--;
     assert_int_equal(step(made.rt, &frame, &outputs), FOVEA_AGAIN);
     frame = frame_at(2000000);
-    frame.image.size_bytes--;
+    frame.images[0].size_bytes--;
+    assert_int_equal(step(made.rt, &frame, &outputs), FOVEA_AGAIN);
+    frame = frame_at(2000000);
+    frame.images[1] = frame.images[0]; /* the second camera's, while the first has none */
+    frame.images[0] = (struct fovea_image){.data = NULL};
+    frame.image_count = 2;
     assert_int_equal(step(made.rt, &frame, &outputs), FOVEA_AGAIN);
     assert_int_equal(step(made.rt, NULL, &outputs), FOVEA_AGAIN);
     assert_non_null(find(&outputs, "FOVEA_CAMERA_STATUS"));
@@ -201,11 +207,11 @@ static void frames_are_processed_and_odd_ones_refused(void **state)
 
     struct fovea_stats stats;
     fovea_stats_get(made.rt, &stats);
-    assert_int_equal(stats.frames_in, 6);
+    assert_int_equal(stats.frames_in, 7);
     assert_int_equal(stats.frames_processed, 2);
     assert_int_equal(stats.refused_stamp, 2);
-    assert_int_equal(stats.refused_format, 2);
-    assert_int_equal(stats.frames_refused, 4);
+    assert_int_equal(stats.refused_format, 3);
+    assert_int_equal(stats.frames_refused, 5);
     assert_int_equal(stats.steps_without_frame, 1);
     free(made.memory);
 }

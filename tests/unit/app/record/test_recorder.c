@@ -71,12 +71,13 @@ static struct fv_recorder *open_recorder(size_t ring_bytes)
 /* Turn n: every fourth has no frame; each has one message in the step and one in the work. */
 static void record_turn(struct fv_recorder *recorder, uint32_t n)
 {
-    struct fovea_frame frame = {.image = {.data = pixels,
-                                          .width = WIDTH,
-                                          .height = HEIGHT,
-                                          .stride_bytes = WIDTH,
-                                          .format = FOVEA_PIXEL_GREY8,
-                                          .size_bytes = IMAGE_BYTES},
+    struct fovea_frame frame = {.image_count = 1,
+                                .images[0] = {.data = pixels,
+                                              .width = WIDTH,
+                                              .height = HEIGHT,
+                                              .stride_bytes = WIDTH,
+                                              .format = FOVEA_PIXEL_GREY8,
+                                              .size_bytes = IMAGE_BYTES},
                                 .stamp_ns = 1000000000LL + n * 10000000LL,
                                 .exposure_ns = 777,
                                 .clock = FOVEA_CLOCK_SIMULATED,
@@ -157,10 +158,10 @@ static void check_turn(struct fovea_log *log, uint32_t n)
                     frame.exposure_ns == 777);
         assert_true(frame.clock == FOVEA_CLOCK_SIMULATED &&
                     frame.stamp_meaning == FOVEA_STAMP_EXPOSURE_MIDDLE);
-        assert_true(frame.image.width == WIDTH && frame.image.height == HEIGHT &&
-                    frame.image.stride_bytes == WIDTH);
+        assert_true(frame.images[0].width == WIDTH && frame.images[0].height == HEIGHT &&
+                    frame.images[0].stride_bytes == WIDTH);
         for (int i = 0; i < IMAGE_BYTES; i += 997)
-            assert_int_equal(frame.image.data[i], n & 255);
+            assert_int_equal(frame.images[0].data[i], n & 255);
     }
     struct fovea_inputs inputs;
     bool has_frame;
@@ -170,7 +171,8 @@ static void check_turn(struct fovea_log *log, uint32_t n)
         fv_message_inputs_decode(event.data, event.bytes, &inputs, &has_frame, &hash, &why, &at));
     memset(pixels, n & 255, sizeof pixels);
     const struct fovea_frame same = {
-        .image = {pixels, WIDTH, HEIGHT, WIDTH, FOVEA_PIXEL_GREY8, IMAGE_BYTES}};
+        .image_count = 1,
+        .images[0] = {pixels, WIDTH, HEIGHT, WIDTH, FOVEA_PIXEL_GREY8, IMAGE_BYTES}};
     assert_true(hash == (has_frame ? fv_recording_frame_hash(&same) : 0));
     pixels[IMAGE_BYTES - 7] ^= 1;
     assert_true(hash != fv_recording_frame_hash(&same));

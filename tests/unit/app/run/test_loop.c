@@ -59,7 +59,8 @@ static enum fovea_status dequeue(struct fovea_source *from, int64_t deadline_ns,
     assert_true(from->held < FOVEA_SOURCE_FRAMES_HELD);
     from->held++;
     *frame = (struct fovea_frame){
-        .image = {from->pixels, SIDE, SIDE, SIDE, FOVEA_PIXEL_GREY8, sizeof from->pixels},
+        .image_count = 1,
+        .images[0] = {from->pixels, SIDE, SIDE, SIDE, FOVEA_PIXEL_GREY8, sizeof from->pixels},
         .stamp_ns = from->stamps[from->next],
         .clock = FOVEA_CLOCK_RECORDED,
         .sequence = (uint64_t)from->next,

@@ -1,0 +1,55 @@
+/* A rig: the cameras and the inertial sensor that are fixed to one body.
+ *
+ * A source describes its rig; one camera alone is the rig with one. Frames hold one image per
+ * camera, in the rig's order, taken at one stamp (fovea/source.h). Odometry uses the first camera.
+ *
+ * T_body_cam takes points of a camera's frame to the body's frame. Body frames follow REP-103
+ * (x forward, y left, z up), unless the source's documentation says otherwise: `euroc:` applies no
+ * rotation, so that its body is that of the data set, the frame of the inertial sensor (x up). */
+#ifndef FOVEA_RIG_H
+#define FOVEA_RIG_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "fovea/camera.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum { FOVEA_CAMERAS_MAX = 4 };
+
+struct fovea_rig_camera {
+    bool calibrated; /* `camera` is known, prepared by fovea_camera_prepare */
+    bool has_T_body_cam;
+    struct fovea_camera camera;
+    double T_body_cam[12]; /* row-major 3x4, metres; where has_T_body_cam */
+    /* Pixels that this camera never sees the world in: width x height bytes, 0 where features are
+     * ignored; NULL: none. Owned by whoever made the rig. */
+    const uint8_t *mask;
+};
+
+/* Noise as datasheets and Kalibr state it: densities of white noise on the samples, and of the
+ * random walk of their biases. 0: not stated. */
+struct fovea_rig_imu {
+    double T_body_imu[12]; /* row-major 3x4: points of the sensor's frame to the body's, metres */
+    double rate_hz;        /* nominal; 0: not known */
+    double gyro_noise;     /* rad/s/sqrt(Hz) */
+    double gyro_walk;      /* rad/s^2/sqrt(Hz) */
+    double acceleration_noise; /* m/s^2/sqrt(Hz) */
+    double acceleration_walk;  /* m/s^3/sqrt(Hz) */
+    int64_t time_offset_ns;    /* add to a sample's stamp for the cameras' clock */
+};
+
+struct fovea_rig {
+    uint32_t camera_count; /* 1 to FOVEA_CAMERAS_MAX */
+    bool has_imu;
+    struct fovea_rig_camera cameras[FOVEA_CAMERAS_MAX];
+    struct fovea_rig_imu imu; /* of a rig that has one */
+};
+
+#ifdef __cplusplus
+}
+#endif
+#endif
