@@ -96,11 +96,11 @@ static float overlap(const struct fovea_detection *a, const struct fovea_detecti
 static int suppress_some(struct fovea_detection *list, int32_t count, float iou, int class_agnostic,
                          uint8_t *dropped, struct fv_detect_progress *progress, int32_t pairs)
 {
-    for (; progress->at < count && pairs > 0; ++progress->at) {
+    for (; progress->at < count && pairs > 0; progress->at++) {
         const int32_t i = (int32_t)progress->at;
         if (dropped[i]) continue;
         const struct fovea_detection best = list[i];
-        for (int32_t k = i + 1; k < count; ++k) {
+        for (int32_t k = i + 1; k < count; k++) {
             if (dropped[k] || (!class_agnostic && list[k].class_id != best.class_id)) continue;
             if (overlap(&best, &list[k]) > iou) dropped[k] = 1;
         }
@@ -124,7 +124,7 @@ void fv_detect_decode_start(struct fv_detect_scratch *scratch)
 static int32_t sure_left(const struct fv_detect_scratch *s)
 {
     int32_t left = 0;
-    for (int32_t i = 0; i < s->sure; ++i)
+    for (int32_t i = 0; i < s->sure; i++)
         left += !s->dropped[i];
     return left;
 }
@@ -146,7 +146,7 @@ static void open_outputs(const struct fv_model *model, uint8_t *arena, struct fv
     if (j->d->thresholds != 0)
         j->thresholds = (const float *)(const void *)(model->base + j->d->thresholds);
     const int32_t *from = sources(model, &j->out_count);
-    for (int32_t i = 0; i < j->out_count; ++i) {
+    for (int32_t i = 0; i < j->out_count; i++) {
         j->out[i] = (struct fv_head_output){.t = &model->tensors[from[i]],
                                             .data = fv_nn_tensor(model, arena, from[i])};
     }

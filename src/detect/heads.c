@@ -8,7 +8,7 @@
 static int64_t count_of(const struct fv_head_output *o)
 {
     int64_t count = 1;
-    for (int32_t i = 0; i < o->t->rank; ++i)
+    for (int32_t i = 0; i < o->t->rank; i++)
         count *= o->t->dims[i];
     return count;
 }
@@ -90,7 +90,7 @@ static void classifier_scan(struct fv_head_job *j, int64_t begin, int64_t end)
 {
     const struct fv_model_preprocess *p = &j->model->header->preprocess;
     const int32_t background = j->d->background ? 1 : 0;
-    for (int64_t i = begin > background ? begin : background; i < end; ++i) {
+    for (int64_t i = begin > background ? begin : background; i < end; i++) {
         const float score = value_at(&j->out[0], i);
         const int32_t class_id = (int32_t)i - background;
         if (score >= least_of(j, class_id))
@@ -115,7 +115,7 @@ static void ssd_scan(struct fv_head_job *j, int64_t begin, int64_t end)
     const struct fv_model_preprocess *p = &j->model->header->preprocess;
     const struct fv_head_output *b = &j->out[0];
     const float w = (float)p->width, h = (float)p->height;
-    for (int64_t i = begin; i < end; ++i) {
+    for (int64_t i = begin; i < end; i++) {
         const float score = value_at(&j->out[2], i), class_value = value_at(&j->out[1], i);
         const int32_t class_id =
             class_value >= 0.0f && class_value < 4096.0f ? (int32_t)class_value : 0;
@@ -176,8 +176,8 @@ static void ssd_raw_scan(struct fv_head_job *j, int64_t begin, int64_t end)
 {
     const struct fv_head_output *scores = ssd_raw_scores(j);
     const int64_t columns = ssd_raw_columns(j);
-    for (int64_t i = begin; i < end; ++i) {
-        for (int64_t c = 1; c < columns; ++c) {
+    for (int64_t i = begin; i < end; i++) {
+        for (int64_t c = 1; c < columns; c++) {
             const float score = value_at(scores, i * columns + c);
             if (score >= least_of(j, (int32_t)c - 1)) ssd_raw_box(j, i, score, (int32_t)c - 1);
         }
@@ -197,10 +197,10 @@ static void yolov5_scan(struct fv_head_job *j, int64_t begin, int64_t end)
 {
     const struct fv_head_output *o = &j->out[0];
     const int32_t columns = last_dim(&j->out[0]);
-    for (int64_t r = begin; r < end; ++r) {
+    for (int64_t r = begin; r < end; r++) {
         const int64_t at = r * columns;
         const float object = value_at(o, at + 4);
-        for (int32_t c = 0; c < columns - 5; ++c) {
+        for (int32_t c = 0; c < columns - 5; c++) {
             const float score = object * value_at(o, at + 5 + c);
             if (score >= least_of(j, c))
                 add_centred(j, value_at(o, at), value_at(o, at + 1), value_at(o, at + 2),
@@ -224,10 +224,10 @@ static void yolov8_scan(struct fv_head_job *j, int64_t begin, int64_t end)
 {
     const struct fv_head_output *o = &j->out[0];
     const int64_t n = o->t->dims[o->t->rank - 1], rows = count_of(o) / n;
-    for (int64_t i = begin; i < end; ++i) {
+    for (int64_t i = begin; i < end; i++) {
         int32_t best = 0;
         float score = value_at(o, 4 * n + i);
-        for (int32_t c = 1; c < rows - 4; ++c) {
+        for (int32_t c = 1; c < rows - 4; c++) {
             const float other = value_at(o, (4 + c) * n + i);
             if (other > score) {
                 score = other;
@@ -276,16 +276,16 @@ static void yolov2_scan(struct fv_head_job *j, int64_t begin, int64_t end)
 {
     const struct fv_head_output *o = &j->out[0];
     const int32_t columns = o->t->dims[3] / j->d->anchor_count, classes = columns - 5;
-    for (int64_t i = begin; i < end; ++i) {
+    for (int64_t i = begin; i < end; i++) {
         const int64_t at = i * columns;
         const float object = sigmoid(value_at(o, at + 4));
         double sum = 0, largest = (double)value_at(o, at + 5);
-        for (int32_t c = 1; c < classes; ++c)
+        for (int32_t c = 1; c < classes; c++)
             largest = (double)value_at(o, at + 5 + c) > largest ? (double)value_at(o, at + 5 + c)
                                                                 : largest;
-        for (int32_t c = 0; c < classes; ++c)
+        for (int32_t c = 0; c < classes; c++)
             sum += fovea_exp((double)value_at(o, at + 5 + c) - largest);
-        for (int32_t c = 0; c < classes; ++c) {
+        for (int32_t c = 0; c < classes; c++) {
             const float score =
                 object * (float)(fovea_exp((double)value_at(o, at + 5 + c) - largest) / sum);
             if (score >= least_of(j, c)) yolov2_box(j, i, at, score, c);
@@ -329,7 +329,7 @@ static struct cells grow(const struct grid *g, int32_t start, uint8_t *seen, int
         c.x1 = x > c.x1 ? x : c.x1;
         c.y0 = y < c.y0 ? y : c.y0;
         c.y1 = y > c.y1 ? y : c.y1;
-        for (int32_t k = 0; k < 9; ++k) {
+        for (int32_t k = 0; k < 9; k++) {
             const int32_t nx = x + k % 3 - 1, ny = y + k / 3 - 1, next = ny * g->w + nx;
             if (nx < 0 || nx >= g->w || ny < 0 || ny >= g->h || seen[next] || !is_object(g, next))
                 continue;
@@ -355,10 +355,10 @@ static void fomo_scan(struct fv_head_job *j, int64_t begin, int64_t end)
     struct grid g = {.o = o, .h = o->t->dims[1], .w = o->t->dims[2], .classes = o->t->dims[3]};
     const int32_t cells = g.h * g.w;
     const float cell_w = (float)p->width / (float)g.w, cell_h = (float)p->height / (float)g.h;
-    for (g.class_id = (int32_t)begin; g.class_id < (int32_t)end; ++g.class_id) {
+    for (g.class_id = (int32_t)begin; g.class_id < (int32_t)end; g.class_id++) {
         g.threshold = threshold_of(j, g.class_id);
         memset(j->s->seen, 0, (size_t)cells);
-        for (int32_t start = 0; start < cells; ++start) {
+        for (int32_t start = 0; start < cells; start++) {
             if (j->s->seen[start] || !is_object(&g, start)) continue;
             const struct cells c = grow(&g, start, j->s->seen, j->s->stack);
             add_box(j, (float)c.x0 * cell_w, (float)c.y0 * cell_h, (float)(c.x1 + 1) * cell_w,

@@ -29,7 +29,7 @@ static inline int32_t fv_nn_one_over_one_plus(int32_t x)
     const int64_t sum = (int64_t)x + INT32_MAX;
     const int32_t half = (int32_t)((sum + (sum >= 0 ? 1 : -1)) / 2);
     int32_t y = (int32_t)(INT64_C(1515870810) + fv_nn_high_product(half, -1010580540)); /* Q2.29 */
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         const int32_t product = fv_nn_high_product(half, y);
         const int32_t error = (int32_t)((INT64_C(1) << 29) - product);
         y = (int32_t)((uint32_t)y +

@@ -71,7 +71,7 @@ static void sample(const struct fovea_image *image, const uint8_t *upper, const 
                    int32_t wy, int32_t left, int32_t right, int32_t wx, uint8_t rgb[3])
 {
     const int32_t channels = image->format == FOVEA_PIXEL_GREY8 ? 1 : 3;
-    for (int32_t c = 0; c < channels; ++c) {
+    for (int32_t c = 0; c < channels; c++) {
         const int32_t a =
             upper[left * channels + c] * (WEIGHT_ONE - wx) + upper[right * channels + c] * wx;
         const int32_t b =
@@ -98,8 +98,8 @@ static void make_tables(const struct fv_model *model, struct tables *t)
 {
     const struct fv_model_preprocess *p = &model->header->preprocess;
     const struct fv_model_tensor *in = &model->tensors[model->inputs[0]];
-    for (int32_t c = 0; c < p->channels; ++c) {
-        for (int32_t v = 0; v < 256; ++v) {
+    for (int32_t c = 0; c < p->channels; c++) {
+        for (int32_t v = 0; v < 256; v++) {
             const float real = ((float)v - p->mean[c]) * p->scale[c];
             const float quantised = real / in->scale + (float)in->zero + 0.5f;
             t->real[c][v] = real;
@@ -113,9 +113,9 @@ static void sample_made(const struct fovea_image *image, const int32_t rows[2], 
                         const int32_t columns[2], int32_t wx, bool luma, uint8_t rgb[3])
 {
     uint8_t p[4][3];
-    for (int k = 0; k < 4; ++k)
+    for (int k = 0; k < 4; k++)
         fv_pixel_fetch(image, columns[k & 1], rows[k >> 1], luma, p[k]);
-    for (int c = 0; c < 3; ++c) {
+    for (int c = 0; c < 3; c++) {
         const int32_t a = p[0][c] * (WEIGHT_ONE - wx) + p[1][c] * wx,
                       b = p[2][c] * (WEIGHT_ONE - wx) + p[3][c] * wx;
         const int64_t sum = (int64_t)a * (WEIGHT_ONE - wy) + (int64_t)b * wy;
@@ -135,7 +135,7 @@ static void put(const struct fv_model *model, const struct tables *t, uint8_t *i
         value[0] = rgb[2];
         value[2] = rgb[0];
     }
-    for (int32_t c = 0; c < p->channels; ++c) {
+    for (int32_t c = 0; c < p->channels; c++) {
         if (real)
             memcpy(input + (at * p->channels + c) * 4, &t->real[c][value[c]], 4);
         else
@@ -158,7 +158,7 @@ static void block_begin(const struct fovea_image *image, const struct fv_nn_view
 {
     b->begin = begin;
     b->count = end - begin < BLOCK_ROWS ? end - begin : BLOCK_ROWS;
-    for (int32_t i = 0; i < b->count; ++i) {
+    for (int32_t i = 0; i < b->count; i++) {
         const int32_t iy = begin + i - view->top;
         b->shown[i] = iy >= 0 && iy < view->height;
         if (b->shown[i])
@@ -176,7 +176,7 @@ static void fill_column(const struct fv_model *model, const struct tables *table
     const int32_t ix = x - view->left, is_shown = ix >= 0 && ix < view->width;
     int32_t columns[2] = {0, 0}, wx = 0;
     if (is_shown) source_of(ix, view->width, image->width, &columns[0], &columns[1], &wx);
-    for (int32_t i = 0; i < b->count; ++i) {
+    for (int32_t i = 0; i < b->count; i++) {
         uint8_t rgb[3] = {(uint8_t)p->pad, (uint8_t)p->pad, (uint8_t)p->pad};
         const int32_t rows[2] = {b->up[i], b->down[i]};
         if (is_shown && b->shown[i] && plain) {
@@ -219,7 +219,7 @@ static void fill_direct(const struct fv_model *model, const uint8_t table[256],
     memset(to, pad, (size_t)width);
     if (iy < 0 || iy >= view->height) return;
     const uint8_t *from = image->data + (ptrdiff_t)iy * image->stride_bytes;
-    for (int32_t x = 0; x < view->width; ++x)
+    for (int32_t x = 0; x < view->width; x++)
         to[view->left + x] = table[from[x]];
 }
 
@@ -231,13 +231,13 @@ void fv_nn_fill(const struct fv_model *model, const struct fovea_image *image,
     struct block block = {.count = 0};
     make_tables(model, &tables);
     if (is_direct(model, image, view)) {
-        for (int32_t y = begin; y < end; ++y)
+        for (int32_t y = begin; y < end; y++)
             fill_direct(model, tables.byte[0], image, view, y, input);
         return;
     }
     for (int32_t y = begin; y < end; y += block.count) {
         block_begin(image, view, y, end, &block);
-        for (int32_t x = 0; x < model->header->preprocess.width; ++x)
+        for (int32_t x = 0; x < model->header->preprocess.width; x++)
             fill_column(model, &tables, image, view, &block, x, input);
     }
 }

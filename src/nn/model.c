@@ -7,14 +7,14 @@
 uint32_t fv_model_checksum(const uint8_t *data, size_t bytes)
 {
     uint32_t table[8][256];
-    for (uint32_t i = 0; i < 256; ++i) {
+    for (uint32_t i = 0; i < 256; i++) {
         uint32_t value = i;
-        for (int bit = 0; bit < 8; ++bit)
+        for (int bit = 0; bit < 8; bit++)
             value = (value >> 1) ^ ((value & 1u) != 0 ? 0xEDB88320u : 0u);
         table[0][i] = value;
     }
-    for (uint32_t i = 0; i < 256; ++i) {
-        for (int k = 1; k < 8; ++k)
+    for (uint32_t i = 0; i < 256; i++) {
+        for (int k = 1; k < 8; k++)
             table[k][i] = (table[k - 1][i] >> 8) ^ table[0][table[k - 1][i] & 0xFF];
     }
     uint32_t crc = 0xFFFFFFFFu;
@@ -28,7 +28,7 @@ uint32_t fv_model_checksum(const uint8_t *data, size_t bytes)
               table[4][low >> 24] ^ table[3][high & 0xFF] ^ table[2][high >> 8 & 0xFF] ^
               table[1][high >> 16 & 0xFF] ^ table[0][high >> 24];
     }
-    for (; i < bytes; ++i)
+    for (; i < bytes; i++)
         crc = (crc >> 8) ^ table[0][(crc ^ data[i]) & 0xFF];
     return ~crc;
 }
@@ -105,7 +105,7 @@ static enum fovea_status check_labels(const struct fv_model_header *h, const uin
                                       const char *name, struct fovea_error *error)
 {
     uint32_t zeros = 0;
-    for (uint32_t i = 0; i < h->label_bytes; ++i)
+    for (uint32_t i = 0; i < h->label_bytes; i++)
         zeros += base[h->labels + i] == 0;
     const int ended = h->label_bytes == 0 || base[h->labels + h->label_bytes - 1] == 0;
     if (zeros != h->label_count || !ended)
@@ -116,7 +116,7 @@ static enum fovea_status check_labels(const struct fv_model_header *h, const uin
 static int64_t elements(const struct fv_model_tensor *t)
 {
     int64_t count = 1;
-    for (int32_t i = 0; i < t->rank; ++i) {
+    for (int32_t i = 0; i < t->rank; i++) {
         if (t->dims[i] < 1 || count > (INT64_C(1) << 31) / t->dims[i]) return -1;
         count *= t->dims[i];
     }
@@ -162,7 +162,7 @@ static enum fovea_status check_tensors(const struct fv_model *m, const char *nam
     static const char *const words[16] = {
         "type",  "flags", "rank",   "shape", "shape",      "shape",  "shape",   "shape",
         "shape", "size",  "offset", "scale", "zero point", "source", "storage", "pixel stride"};
-    for (uint32_t i = 0; i < m->header->tensor_count; ++i) {
+    for (uint32_t i = 0; i < m->header->tensor_count; i++) {
         const int32_t fault = tensor_fault(m, &m->tensors[i]);
         if (fault < 0) continue;
         int32_t found;
@@ -181,7 +181,7 @@ static enum fovea_status check_tensors(const struct fv_model *m, const char *nam
 static int scratch_is_shared(const struct fv_model *m, const struct fv_model_op *op)
 {
     const struct fv_model_tensor *s = &m->tensors[op->scratch];
-    for (int32_t i = 0; i < op->input_count + op->output_count; ++i) {
+    for (int32_t i = 0; i < op->input_count + op->output_count; i++) {
         const struct fv_model_tensor *t =
             &m->tensors[i < op->input_count ? op->inputs[i] : op->outputs[i - op->input_count]];
         if ((t->flags & FV_TENSOR_CONST) != 0) continue;
@@ -200,7 +200,7 @@ static const char *order_fault(const struct fv_model *m, const struct fv_model_o
     *word = 3;
     if (op->input_count < 0 || op->input_count > 4 || op->output_count < 1 || op->output_count > 4)
         return "operand count out of range";
-    for (int32_t i = 0; i < op->input_count; ++i) {
+    for (int32_t i = 0; i < op->input_count; i++) {
         *word = 5 + i;
         if (op->inputs[i] < 0 || op->inputs[i] >= count) return "no such tensor";
         const struct fv_model_tensor *t = &m->tensors[op->inputs[i]];
@@ -209,7 +209,7 @@ static const char *order_fault(const struct fv_model *m, const struct fv_model_o
             return "reads a tensor that nothing wrote before (a cycle or a gap)";
         }
     }
-    for (int32_t i = 0; i < op->output_count; ++i) {
+    for (int32_t i = 0; i < op->output_count; i++) {
         *word = 9 + i;
         if (op->outputs[i] < 0 || op->outputs[i] >= count) return "no such tensor";
         const struct fv_model_tensor *t = &m->tensors[op->outputs[i]];
@@ -234,7 +234,7 @@ static enum fovea_status check_io(const struct fv_model *m, uint8_t *written, in
     const int32_t *list = outputs ? m->outputs : m->inputs;
     const uint32_t count = outputs ? h->output_count : h->input_count;
     const size_t at = outputs ? h->outputs : h->inputs;
-    for (uint32_t i = 0; i < count; ++i) {
+    for (uint32_t i = 0; i < count; i++) {
         if (list[i] < 0 || (uint32_t)list[i] >= h->tensor_count)
             return fail(error, name, at + 4 * i, "the tensor", list[i], "one that exists");
         const struct fv_model_tensor *t = &m->tensors[list[i]];
@@ -256,7 +256,7 @@ static enum fovea_status check_ops(const struct fv_model *m, const char *name,
     memset(written, 0, sizeof written);
     enum fovea_status status = check_io(m, written, 0, name, error);
     if (status != FOVEA_OK) return status;
-    for (uint32_t i = 0; i < m->header->op_count; ++i) {
+    for (uint32_t i = 0; i < m->header->op_count; i++) {
         const struct fv_model_op *op = &m->ops[i];
         int32_t word = 0;
         const char *fault = op->kind <= FV_OP_NONE || op->kind >= FV_OP_KIND_COUNT
@@ -292,7 +292,7 @@ static enum fovea_status check_use(const struct fv_model *m, const char *name,
         return fail(error, name, at + 4, "the image size", p->width, "0 to 8192");
     if (p->channels < 0 || p->channels > 4 || p->order < 0 || p->order > 2)
         return fail(error, name, at + 12, "the channels", p->channels, "0 to 4");
-    for (int i = 0; i < 3; ++i) {
+    for (int i = 0; i < 3; i++) {
         if (!finite_between(p->mean[i], -1e6f, 1e6f) || !finite_between(p->scale[i], -1e6f, 1e6f)) {
             return fail(error, name, at + 20 + 4 * (size_t)i, "the mean or scale", i,
                         "a number up to 1e6");
@@ -311,7 +311,7 @@ static enum fovea_status check_use(const struct fv_model *m, const char *name,
                     "0 to 4096");
     if (d->anchor_count < 0 || d->anchor_count > 8)
         return fail(error, name, to + 28, "the number of anchors", d->anchor_count, "0 to 8");
-    for (int i = 0; i < 16; ++i) {
+    for (int i = 0; i < 16; i++) {
         if (!finite_between(d->anchors[i], 0, 1e6f))
             return fail(error, name, to + 32, "an anchor", i, "0 to 1e6");
     }
@@ -354,7 +354,7 @@ const char *fv_model_label(const struct fv_model *model, int32_t index)
     const struct fv_model_header *h = model->header;
     if (index < 0 || (uint32_t)index >= h->label_count) return NULL;
     const char *label = (const char *)model->base + h->labels;
-    for (int32_t i = 0; i < index; ++i)
+    for (int32_t i = 0; i < index; i++)
         label += strlen(label) + 1;
     return label;
 }

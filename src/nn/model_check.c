@@ -62,7 +62,7 @@ static int shifts_fit(const struct check *c, int32_t offset, int32_t count)
 {
     const int32_t *shift = words_at(c, offset);
     int good = 1;
-    for (int32_t i = 0; i < count; ++i)
+    for (int32_t i = 0; i < count; i++)
         good &= shift[i] >= -31 && shift[i] <= 30;
     return good;
 }
@@ -127,7 +127,7 @@ static const char *check_image(const struct check *c, const struct fv_op_image *
 static const char *check_window(const struct check *c, const struct fv_op_window *w)
 {
     const int32_t *v = &w->kh;
-    for (int32_t i = 0; i < 8; ++i) {
+    for (int32_t i = 0; i < 8; i++) {
         *c->word = 25 + i;
         if (!between(v[i], i < 6 ? 1 : 0, i < 4 ? 1024 : 4096)) return "the window is out of range";
     }
@@ -141,7 +141,7 @@ static int reach(const int32_t *dims, const int32_t *strides, int32_t axes, int6
                  int64_t *high)
 {
     int64_t count = 1;
-    for (int32_t i = 0; i < axes; ++i) {
+    for (int32_t i = 0; i < axes; i++) {
         if (dims[i] < 1 || count > (INT64_C(1) << 30) / dims[i]) return 0;
         count *= dims[i];
         const int64_t far = (int64_t)(dims[i] - 1) * strides[i];
@@ -153,7 +153,7 @@ static int reach(const int32_t *dims, const int32_t *strides, int32_t axes, int6
 static int64_t product(const int32_t *dims, int32_t axes)
 {
     int64_t count = 1;
-    for (int32_t i = 0; i < axes; ++i)
+    for (int32_t i = 0; i < axes; i++)
         count *= dims[i];
     return count;
 }
@@ -347,7 +347,7 @@ static int entries_fit(const struct check *c, int32_t offset, int32_t count, int
     if (!constant(c, offset, (int64_t)count * 12, 4)) return 0;
     const int32_t *entry = words_at(c, offset);
     int good = 1;
-    for (int32_t i = 0; i < count; ++i, entry += 3)
+    for (int32_t i = 0; i < count; i++, entry += 3)
         good &= between(entry[0], 0, size - 1) && between(entry[1], 0, size - 1);
     return good;
 }
@@ -356,7 +356,7 @@ static int weights_fit(const struct check *c, int32_t offset, int32_t count, int
 {
     const int32_t *entry = words_at(c, offset);
     int good = 1;
-    for (int32_t i = 0; i < count; ++i, entry += 3)
+    for (int32_t i = 0; i < count; i++, entry += 3)
         good &= between(entry[2], 0, high);
     return good;
 }
@@ -385,7 +385,7 @@ static const char *check_resize(const struct check *c)
 static int exps_fit(const int32_t *exps)
 {
     int good = exps[0] == INT32_MAX;
-    for (int32_t i = 1; i < 256; ++i)
+    for (int32_t i = 1; i < 256; i++)
         good &= exps[i] >= -1 && exps[i] <= exps[i - 1];
     return good;
 }
@@ -518,7 +518,7 @@ static int floats_fit(const struct check *c, int32_t offset, int64_t count)
     if (!constant(c, offset, count * 4, 4)) return 0;
     const float *value = (const float *)(const void *)(c->m->base + offset);
     int good = 1;
-    for (int64_t i = 0; i < count; ++i)
+    for (int64_t i = 0; i < count; i++)
         good &= value[i] > -1e6f && value[i] < 1e6f;
     return good;
 }
@@ -554,7 +554,7 @@ static const char *check_detection(const struct check *c)
         return "scores do not fit their tensor";
     const int64_t slots = (int64_t)p->max_detections * p->max_per_anchor;
     const int64_t need[4] = {slots * 16, slots * 4, slots * 4, 4};
-    for (int32_t i = 0; i < 4; ++i) {
+    for (int32_t i = 0; i < 4; i++) {
         *c->word = 9 + i;
         if (output(c, i)->type != FV_TYPE_F32 || output(c, i)->bytes < need[i])
             return "the output does not fit its tensor";

@@ -39,7 +39,7 @@ static inline void copy_run(uint8_t *to, const uint8_t *from, int32_t bytes)
 static void gather_run(const struct fv_op_conv *c, const uint8_t *line, int32_t ix, uint8_t *to)
 {
     const struct fv_op_image *im = &c->image;
-    for (int32_t kx = 0; kx < c->window.kw; ++kx, ix += c->window.dilation_x, to += im->in_c) {
+    for (int32_t kx = 0; kx < c->window.kw; kx++, ix += c->window.dilation_x, to += im->in_c) {
         if (line == NULL || ix < 0 || ix >= im->in_w)
             memset(to, c->zero_in, (size_t)im->in_c);
         else
@@ -86,7 +86,7 @@ static void gather(const struct fv_nn_call *call, int32_t first, int32_t count, 
     while (count > 0) {
         const int32_t part = im->out_w - x < count ? im->out_w - x : count;
         const uint8_t *image = call->in[0] + (ptrdiff_t)n * im->in_h * im->in_w * im->in_stride;
-        for (int32_t ky = 0; ky < c->window.kh; ++ky)
+        for (int32_t ky = 0; ky < c->window.kh; ky++)
             gather_line(call, image, y, x, ky, part, rows, pitch);
         rows += part * pitch;
         count -= part;
@@ -119,8 +119,8 @@ static void fully_connected(const struct fv_nn_call *call, const struct fv_nn_ge
     int32_t *acc = (int32_t *)(void *)call->scratch;
     const int32_t n16 = (gemm->n + 15) / 16 * 16;
     call->kernels->nn_gemm_i32(gemm, rows, pitch, acc, n16, count);
-    for (int32_t i = 0; i < count; ++i, acc += n16, out += c->image.out_stride) {
-        for (int32_t o = 0; o < gemm->n; ++o) {
+    for (int32_t i = 0; i < count; i++, acc += n16, out += c->image.out_stride) {
+        for (int32_t o = 0; o < gemm->n; o++) {
             const int32_t scaled = fv_nn_scale_once(acc[o], gemm->multiplier[o], gemm->shift[o]);
             const uint8_t value =
                 (uint8_t)fv_nn_clamp(scaled + c->zero_out, c->act_min, c->act_max);

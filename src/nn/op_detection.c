@@ -39,7 +39,7 @@ static void decode_boxes(const struct fv_nn_call *call, const struct state *s, i
         (const float *)(const void *)(call->model->base + p->anchor_data) + 4 * (ptrdiff_t)begin;
     const float *table = (const float *)(const void *)(call->model->base + p->box_table);
     const uint8_t *code = call->in[0] + 4 * (ptrdiff_t)begin;
-    for (int32_t i = begin; i < end; ++i, anchor += 4, code += 4) {
+    for (int32_t i = begin; i < end; i++, anchor += 4, code += 4) {
         const double y = (double)table[code[0]] / p->y_scale,
                      x = (double)table[code[1]] / p->x_scale;
         const double h = (double)table[code[2]] / p->h_scale,
@@ -74,7 +74,7 @@ static float overlap(const float *a, const float *b)
 static int32_t sort_by_score(const struct state *s)
 {
     int32_t count[257] = {0}, total = 0;
-    for (int32_t i = 0; i < s->p->anchors; ++i) {
+    for (int32_t i = 0; i < s->p->anchors; i++) {
         if (s->table[s->score[i]] >= s->p->score_threshold) ++count[s->score[i]];
     }
     for (int v = 255; v >= 0; --v) {
@@ -82,7 +82,7 @@ static int32_t sort_by_score(const struct state *s)
         count[v] = total;
         total += n;
     }
-    for (int32_t i = 0; i < s->p->anchors; ++i) {
+    for (int32_t i = 0; i < s->p->anchors; i++) {
         if (s->table[s->score[i]] >= s->p->score_threshold) s->order[count[s->score[i]]++] = i;
     }
     return total;
@@ -102,10 +102,10 @@ static void suppress_begin(const struct state *s)
 static void suppress_some(const struct state *s, int32_t count, int32_t limit)
 {
     struct run *run = s->run;
-    for (; run->next < run->total && count > 0 && run->selected < limit; ++run->next) {
+    for (; run->next < run->total && count > 0 && run->selected < limit; run->next++) {
         if (!s->active[run->next]) continue;
         const int32_t chosen = s->order[run->next];
-        for (int32_t j = run->next + 1; j < run->total; ++j) {
+        for (int32_t j = run->next + 1; j < run->total; j++) {
             if (!s->active[j]) continue;
             const float iou =
                 overlap(s->boxes + (ptrdiff_t)chosen * 4, s->boxes + (ptrdiff_t)s->order[j] * 4);
@@ -132,7 +132,7 @@ static int32_t next_class(const struct state *s, int32_t anchor, int32_t after)
 {
     const uint8_t *score = s->scores + (ptrdiff_t)anchor * s->columns + s->p->class_offset;
     int32_t best = -1;
-    for (int32_t c = 0; c < s->p->classes; ++c) {
+    for (int32_t c = 0; c < s->p->classes; c++) {
         if (after >= 0 && (score[c] > score[after] || (score[c] == score[after] && c <= after)))
             continue;
         if (best < 0 || score[c] > score[best]) best = c;
@@ -167,10 +167,10 @@ int32_t fv_nn_detection_rows(const struct fv_op_detection *p)
 
 static void best_scores(const struct state *s, int32_t begin, int32_t end)
 {
-    for (int32_t i = begin; i < end; ++i) {
+    for (int32_t i = begin; i < end; i++) {
         const uint8_t *score = s->scores + (ptrdiff_t)i * s->columns + s->p->class_offset;
         uint8_t best = 0;
-        for (int32_t c = 0; c < s->p->classes; ++c)
+        for (int32_t c = 0; c < s->p->classes; c++)
             best = score[c] > best ? score[c] : best;
         s->score[i] = best;
     }
@@ -180,9 +180,9 @@ static void write_fast(const struct fv_nn_call *call, const struct state *s)
 {
     const struct fv_op_detection *p = s->p;
     const int32_t per = p->max_per_anchor < p->classes ? p->max_per_anchor : p->classes;
-    for (int32_t i = 0; i < s->run->selected; ++i) {
+    for (int32_t i = 0; i < s->run->selected; i++) {
         int32_t class_ = -1;
-        for (int32_t k = 0; k < per; ++k) {
+        for (int32_t k = 0; k < per; k++) {
             class_ = next_class(s, s->order[i], class_);
             write_detection(call, s, i * per + k, s->order[i], class_);
         }
@@ -195,7 +195,7 @@ static void merge_class(const struct state *s, int32_t c)
 {
     const struct fv_op_detection *p = s->p;
     int32_t *found = s->found, total = s->run->found;
-    for (int32_t i = 0; i < s->run->selected; ++i) {
+    for (int32_t i = 0; i < s->run->selected; i++) {
         const uint8_t score = s->score[s->order[i]];
         int32_t at = total;
         while (at > 0 && s->scores[(ptrdiff_t)found[2 * at - 2] * s->columns + p->class_offset +
@@ -215,7 +215,7 @@ static void regular_step(const struct state *s, int32_t step)
     const struct fv_op_detection *p = s->p;
     const int32_t steps = steps_per_class(p), c = step / steps;
     if (step % steps == 0) {
-        for (int32_t i = 0; i < p->anchors; ++i)
+        for (int32_t i = 0; i < p->anchors; i++)
             s->score[i] = s->scores[(ptrdiff_t)i * s->columns + p->class_offset + c];
         suppress_begin(s);
     }
@@ -225,7 +225,7 @@ static void regular_step(const struct state *s, int32_t step)
 
 static void write_regular(const struct fv_nn_call *call, const struct state *s)
 {
-    for (int32_t i = 0; i < s->run->found; ++i)
+    for (int32_t i = 0; i < s->run->found; i++)
         write_detection(call, s, i, s->found[2 * i], s->found[2 * i + 1]);
     *(float *)(void *)call->out[3] = (float)s->run->found;
 }
@@ -281,6 +281,6 @@ void fv_nn_op_detection(const struct fv_nn_call *call, int32_t begin, int32_t en
         .run = (struct run *)(void *)(scratch + 32 * n + 16 * slots),
         .columns = p->classes + p->class_offset,
     };
-    for (int32_t row = begin; row < end; ++row)
+    for (int32_t row = begin; row < end; row++)
         step(call, &s, row);
 }

@@ -12,12 +12,12 @@ enum { CHUNK = 4096, FILL_CHUNK = 16384 };
 static void row_offsets(const int32_t dims[6], int32_t row, const int32_t *const *strides,
                         ptrdiff_t *offsets, int count)
 {
-    for (int i = 0; i < count; ++i)
+    for (int i = 0; i < count; i++)
         offsets[i] = 0;
     for (int axis = 4; axis >= 0; --axis) {
         const int32_t at = row % dims[axis];
         row /= dims[axis];
-        for (int i = 0; i < count; ++i)
+        for (int i = 0; i < count; i++)
             offsets[i] += (ptrdiff_t)at * strides[i][axis];
     }
 }
@@ -79,7 +79,7 @@ void fv_nn_op_binary(const struct fv_nn_call *call, int32_t begin, int32_t end)
             call->kernels->nn_add_u8(&add, a, p->a[4], b, p->b[4], out, p->out[4], rows, count);
             continue;
         }
-        for (int32_t i = 0; i < count; ++i) {
+        for (int32_t i = 0; i < count; i++) {
             const int32_t v = binary_value(p, a[(ptrdiff_t)i * p->a[5]], b[(ptrdiff_t)i * p->b[5]]);
             out[(ptrdiff_t)i * p->out[5]] = table == NULL ? (uint8_t)v : table[v];
         }
@@ -96,10 +96,10 @@ static void copy_row(const struct fv_op_copy *p, const uint8_t *table,
     } else if (packed) {
         kernels->nn_table_u8(table, src, dst, count);
     } else if (size == 1) {
-        for (int32_t i = 0; i < count; ++i, src += p->src[5], dst += p->dst[5])
+        for (int32_t i = 0; i < count; i++, src += p->src[5], dst += p->dst[5])
             *dst = table == NULL ? *src : table[*src];
     } else {
-        for (int32_t i = 0; i < count; ++i, src += p->src[5], dst += p->dst[5])
+        for (int32_t i = 0; i < count; i++, src += p->src[5], dst += p->dst[5])
             memmove(dst, src, (size_t)size);
     }
 }
@@ -130,7 +130,7 @@ void fv_nn_op_copy(const struct fv_nn_call *call, int32_t begin, int32_t end)
             call->kernels->nn_transpose_u8(src, p->src[5], dst, p->dst[4], p->dims[5], rows);
             continue;
         }
-        for (int32_t i = 0; i < rows; ++i, src += p->src[4], dst += p->dst[4])
+        for (int32_t i = 0; i < rows; i++, src += p->src[4], dst += p->dst[4])
             copy_row(p, table, call->kernels, src, dst);
     }
 }
@@ -154,7 +154,7 @@ void fv_nn_op_dequantize(const struct fv_nn_call *call, int32_t begin, int32_t e
     const float *table = (const float *)(const void *)(call->model->base + p->table);
     float *out = (float *)(void *)call->out[0];
     const int32_t last = chunk_end(end, p->count);
-    for (int32_t i = begin * CHUNK; i < last; ++i)
+    for (int32_t i = begin * CHUNK; i < last; i++)
         out[i] = table[call->in[0][i]];
 }
 
@@ -182,7 +182,7 @@ void fv_nn_op_quantize(const struct fv_nn_call *call, int32_t begin, int32_t end
     uint8_t *restrict out = call->out[0];
     const float scale = p->scale;
     const int32_t last = chunk_end(end, p->count), zero = p->zero;
-    for (int32_t i = begin * CHUNK; i < last; ++i) {
+    for (int32_t i = begin * CHUNK; i < last; i++) {
         const int32_t value = round_away(in[i] / scale) + zero;
         out[i] = (uint8_t)(value < 0 ? 0 : value > 255 ? 255 : value);
     }
@@ -203,7 +203,7 @@ void fv_nn_op_cast(const struct fv_nn_call *call, int32_t begin, int32_t end)
     const struct fv_model_tensor *from = &call->model->tensors[call->op->inputs[0]];
     const struct fv_model_tensor *to = &call->model->tensors[call->op->outputs[0]];
     const int32_t last = chunk_end(end, call->op->u.cast.count);
-    for (int32_t i = begin * CHUNK; i < last; ++i) {
+    for (int32_t i = begin * CHUNK; i < last; i++) {
         const int64_t value = load_integer(from, call->in[0], i);
         if (to->type == FV_TYPE_I32)
             ((int32_t *)(void *)call->out[0])[i] = (int32_t)value;

@@ -20,7 +20,7 @@ static void arg_max_rows(const struct fv_nn_call *call, int32_t begin, int32_t e
     for (int32_t row = begin, count; row < end; row += count) {
         count = end - row < 64 ? end - row : 64;
         call->kernels->nn_argmax_u8(call->in[0] + (ptrdiff_t)row * p->axis, p->axis, best, count);
-        for (int32_t i = 0; i < count; ++i) {
+        for (int32_t i = 0; i < count; i++) {
             if (p->element_bytes == 8)
                 ((int64_t *)(void *)call->out[0])[row + i] = best[i];
             else
@@ -36,11 +36,11 @@ void fv_nn_op_arg_max(const struct fv_nn_call *call, int32_t begin, int32_t end)
         arg_max_rows(call, begin, end);
         return;
     }
-    for (int32_t row = begin; row < end; ++row) {
-        for (int32_t i = 0; i < p->inner; ++i) {
+    for (int32_t row = begin; row < end; row++) {
+        for (int32_t i = 0; i < p->inner; i++) {
             const uint8_t *in = call->in[0] + (ptrdiff_t)row * p->axis * p->inner + i;
             int32_t best = 0, value = in[0];
-            for (int32_t k = 1; k < p->axis; ++k) {
+            for (int32_t k = 1; k < p->axis; k++) {
                 const int32_t v = in[(ptrdiff_t)k * p->inner];
                 if (p->minimum ? v < value : v > value) {
                     best = k;
@@ -89,9 +89,9 @@ static void pack_columns(const struct fv_nn_call *call, const uint8_t *b, int32_
     int8_t *weights = (int8_t *)scratch + (ptrdiff_t)block * k4 * 64;
     int32_t *words = (int32_t *)(void *)(scratch + (ptrdiff_t)n16 * k4 * 4) + first;
     memset(weights, 0, (size_t)k4 * 64);
-    for (int32_t j = 0; j < 16; ++j) {
+    for (int32_t j = 0; j < 16; j++) {
         int32_t sum = 0;
-        for (int32_t k = 0; k < p->k && j < columns; ++k) {
+        for (int32_t k = 0; k < p->k && j < columns; k++) {
             const int32_t value = b[(ptrdiff_t)k * p->b_row + (ptrdiff_t)(first + j) * p->b_column];
             weights[(ptrdiff_t)(k / 4) * 64 + j * 4 + k % 4] = (int8_t)(value - 128);
             sum += value - p->zero_b;
@@ -115,9 +115,9 @@ static void multiply_once(const struct fv_nn_call *call, const struct fv_nn_gemm
         some = count - first < FV_MODEL_CONV_PIXELS ? count - first : FV_MODEL_CONV_PIXELS;
         call->kernels->nn_gemm_i32(gemm, a + (ptrdiff_t)first * p->a_row, p->a_row, sums, n16,
                                    some);
-        for (int32_t i = 0; i < some; ++i) {
+        for (int32_t i = 0; i < some; i++) {
             uint8_t *to = out + (ptrdiff_t)(first + i) * p->n;
-            for (int32_t j = 0; j < p->n; ++j) {
+            for (int32_t j = 0; j < p->n; j++) {
                 const int32_t scaled =
                     fv_nn_scale_once(sums[(ptrdiff_t)i * n16 + j], p->multiplier, p->shift);
                 to[j] = (uint8_t)fv_nn_clamp(scaled + p->zero_out, 0, 255);

@@ -19,14 +19,14 @@ static void max_pixel(const struct fv_nn_call *call, const uint8_t *corner, int3
     const struct fv_op_image *im = &p->image;
     const ptrdiff_t line = (ptrdiff_t)im->in_w * im->in_stride;
     memset(out, 0, (size_t)im->in_c);
-    for (int32_t y = ky; y < ky_end; ++y) {
-        for (int32_t x = kx; x < kx_end; ++x) {
+    for (int32_t y = ky; y < ky_end; y++) {
+        for (int32_t x = kx; x < kx_end; x++) {
             call->kernels->nn_max_u8(out, corner + y * line + (ptrdiff_t)x * im->in_stride, out,
                                      im->in_c);
         }
     }
     if (p->act_min == 0 && p->act_max == 255) return;
-    for (int32_t c = 0; c < im->in_c; ++c)
+    for (int32_t c = 0; c < im->in_c; c++)
         out[c] = (uint8_t)fv_nn_clamp(out[c], p->act_min, p->act_max);
 }
 
@@ -34,7 +34,7 @@ enum { MAX_LANES = 64, MAX_COLUMNS = 16 };
 
 static inline void max_lanes(uint8_t *to, const uint8_t *from)
 {
-    for (int32_t i = 0; i < MAX_LANES; ++i)
+    for (int32_t i = 0; i < MAX_LANES; i++)
         to[i] = to[i] > from[i] ? to[i] : from[i];
 }
 
@@ -50,20 +50,20 @@ static void max_row(const struct fv_op_pool *p, const uint8_t *line, int32_t iy,
     window_part(iy, im->in_h, p->window.kh, &ky, &ky_end);
     for (int32_t c = 0; c < im->in_c; c += MAX_LANES) {
         const int32_t lanes = im->in_c - c < MAX_LANES ? im->in_c - c : MAX_LANES;
-        for (int32_t x = 0, next = 0; x < im->out_w; ++x) {
+        for (int32_t x = 0, next = 0; x < im->out_w; x++) {
             const int32_t start = x - p->window.pad_left, past = start + p->window.kw;
             const int32_t first = start > 0 ? start : 0, end = past < im->in_w ? past : im->in_w;
-            for (; next < end; ++next) {
+            for (; next < end; next++) {
                 uint8_t *column = columns[next % MAX_COLUMNS];
                 memset(column, 0, MAX_LANES);
-                for (int32_t y = ky; y < ky_end; ++y)
+                for (int32_t y = ky; y < ky_end; y++)
                     max_lanes(column, line + y * pitch + (ptrdiff_t)next * im->in_stride + c);
             }
             memset(best, p->act_min, sizeof best);
-            for (int32_t i = first; i < end; ++i)
+            for (int32_t i = first; i < end; i++)
                 max_lanes(best, columns[i % MAX_COLUMNS]);
             uint8_t *to = out + (ptrdiff_t)x * im->out_stride + c;
-            for (int32_t i = 0; i < lanes; ++i)
+            for (int32_t i = 0; i < lanes; i++)
                 to[i] = best[i] < p->act_max ? best[i] : (uint8_t)p->act_max;
         }
     }
@@ -87,14 +87,14 @@ static void average_pixel(const struct fv_op_pool *p, const uint8_t *corner, int
     for (int32_t c0 = 0; c0 < im->in_c; c0 += 64) {
         const int32_t n = im->in_c - c0 < 64 ? im->in_c - c0 : 64;
         int32_t sum[64] = {0};
-        for (int32_t y = ky; y < ky_end; ++y) {
-            for (int32_t x = kx; x < kx_end; ++x) {
+        for (int32_t y = ky; y < ky_end; y++) {
+            for (int32_t x = kx; x < kx_end; x++) {
                 const uint8_t *in = corner + y * line + (ptrdiff_t)x * im->in_stride + c0;
-                for (int32_t c = 0; c < n; ++c)
+                for (int32_t c = 0; c < n; c++)
                     sum[c] += in[c];
             }
         }
-        for (int32_t c = 0; c < n; ++c) {
+        for (int32_t c = 0; c < n; c++) {
             out[c0 + c] = (uint8_t)fv_nn_clamp(average_of(sum[c], count, p->is_signed), p->act_min,
                                                p->act_max);
         }
@@ -107,7 +107,7 @@ void fv_nn_op_pool(const struct fv_nn_call *call, int32_t begin, int32_t end)
     const struct fv_op_image *im = &p->image;
     const struct fv_op_window *w = &p->window;
     const int by_column = !p->average && w->stride_x == 1 && w->kw <= MAX_COLUMNS;
-    for (int32_t row = begin; row < end; ++row) {
+    for (int32_t row = begin; row < end; row++) {
         const ptrdiff_t image = (ptrdiff_t)(row / im->out_h) * im->in_h;
         const int32_t iy = row % im->out_h * w->stride_y - w->pad_top;
         uint8_t *out = call->out[0] + (ptrdiff_t)row * im->out_w * im->out_stride;
@@ -117,7 +117,7 @@ void fv_nn_op_pool(const struct fv_nn_call *call, int32_t begin, int32_t end)
             continue;
         }
         window_part(iy, im->in_h, w->kh, &ky, &ky_end);
-        for (int32_t x = 0; x < im->out_w; ++x, out += im->out_stride) {
+        for (int32_t x = 0; x < im->out_w; x++, out += im->out_stride) {
             const int32_t ix = x * w->stride_x - w->pad_left;
             window_part(ix, im->in_w, w->kw, &kx, &kx_end);
             const uint8_t *corner = call->in[0] + ((image + iy) * im->in_w + ix) * im->in_stride;
@@ -135,22 +135,22 @@ enum { REDUCE_LANES = 64 };
 static void reduce_lanes(const struct fv_op_reduce *p, const uint8_t *in, int32_t lanes,
                          int32_t *result)
 {
-    for (int32_t c = 0; c < lanes; ++c)
+    for (int32_t c = 0; c < lanes; c++)
         result[c] = p->function == FV_REDUCE_MEAN ? 0 : in[c];
-    for (int32_t i = 0; i < p->count[0] * p->count[1] * p->count[2]; ++i) {
+    for (int32_t i = 0; i < p->count[0] * p->count[1] * p->count[2]; i++) {
         const int32_t i2 = i % p->count[2], i1 = i / p->count[2] % p->count[1],
                       i0 = i / p->count[2] / p->count[1];
         const uint8_t *at = in + (ptrdiff_t)i0 * p->inner[0] + (ptrdiff_t)i1 * p->inner[1] +
                             (ptrdiff_t)i2 * p->inner[2];
-        for (int32_t l = 0; l < p->count[3]; ++l, at += p->inner[3]) {
+        for (int32_t l = 0; l < p->count[3]; l++, at += p->inner[3]) {
             if (p->function == FV_REDUCE_MEAN) {
-                for (int32_t c = 0; c < lanes; ++c)
+                for (int32_t c = 0; c < lanes; c++)
                     result[c] += at[c];
             } else if (p->function == FV_REDUCE_MAX) {
-                for (int32_t c = 0; c < lanes; ++c)
+                for (int32_t c = 0; c < lanes; c++)
                     result[c] = at[c] > result[c] ? at[c] : result[c];
             } else {
-                for (int32_t c = 0; c < lanes; ++c)
+                for (int32_t c = 0; c < lanes; c++)
                     result[c] = at[c] < result[c] ? at[c] : result[c];
             }
         }
@@ -162,7 +162,7 @@ void fv_nn_op_reduce(const struct fv_nn_call *call, int32_t begin, int32_t end)
     const struct fv_op_reduce *p = &call->op->u.reduce;
     const int32_t most = p->outer[3] == 1 ? REDUCE_LANES : 1;
     int32_t result[REDUCE_LANES];
-    for (int32_t row = begin; row < end; ++row) {
+    for (int32_t row = begin; row < end; row++) {
         const int32_t k = row % p->dims[2], j = row / p->dims[2] % p->dims[1],
                       i = row / p->dims[2] / p->dims[1];
         const uint8_t *in = call->in[0] + (ptrdiff_t)i * p->outer[0] + (ptrdiff_t)j * p->outer[1] +
@@ -171,7 +171,7 @@ void fv_nn_op_reduce(const struct fv_nn_call *call, int32_t begin, int32_t end)
         for (int32_t first = 0; first < p->dims[3]; first += most) {
             const int32_t lanes = p->dims[3] - first < most ? p->dims[3] - first : most;
             reduce_lanes(p, in + (ptrdiff_t)first * p->outer[3], lanes, result);
-            for (int32_t c = 0; c < lanes; ++c) {
+            for (int32_t c = 0; c < lanes; c++) {
                 int32_t value = result[c];
                 if (p->function == FV_REDUCE_MEAN) {
                     value = fv_nn_sum(
@@ -199,7 +199,7 @@ static float weight_of(const struct entry *entry)
 static void blend_float(const uint8_t *const corner[4], float dy, float dx, uint8_t *out,
                         int32_t count)
 {
-    for (int32_t c = 0; c < count; ++c) {
+    for (int32_t c = 0; c < count; c++) {
         const float top = (float)corner[0][c] * (1.0f - dy) * (1.0f - dx);
         const float bottom = (float)corner[1][c] * dy * (1.0f - dx);
         const float top_right = (float)corner[2][c] * (1.0f - dy) * dx;
@@ -224,7 +224,7 @@ void fv_nn_op_resize(const struct fv_nn_call *call, int32_t begin, int32_t end)
                                       .bits = p->bits,
                                       .middle = p->mode == FV_RESIZE_SIGNED ? 128 : 0,
                                       .columns = &columns->low};
-    for (int32_t row = begin; row < end; ++row) {
+    for (int32_t row = begin; row < end; row++) {
         const uint8_t *image = call->in[0] + (ptrdiff_t)(row / im->out_h) * im->in_h * line;
         const struct entry *y = &rows[row % im->out_h];
         uint8_t *out = call->out[0] + (ptrdiff_t)row * im->out_w * im->out_stride;
@@ -233,7 +233,7 @@ void fv_nn_op_resize(const struct fv_nn_call *call, int32_t begin, int32_t end)
                                        y->weight, out);
             continue;
         }
-        for (int32_t i = 0; i < im->out_w; ++i, out += im->out_stride) {
+        for (int32_t i = 0; i < im->out_w; i++, out += im->out_stride) {
             const struct entry *x = &columns[i];
             const uint8_t *left = image + (ptrdiff_t)x->low * im->in_stride,
                           *right = image + (ptrdiff_t)x->high * im->in_stride;

@@ -132,7 +132,7 @@ void fv_pixel_fetch(const struct fovea_image *image, int32_t x, int32_t y, bool 
 static void copy_rows(const uint8_t *from, int32_t from_stride, uint8_t *to, int32_t to_stride,
                       int32_t rows)
 {
-    for (int32_t y = 0; y < rows; ++y)
+    for (int32_t y = 0; y < rows; y++)
         memcpy(to + (ptrdiff_t)y * to_stride, from + (ptrdiff_t)y * from_stride, (size_t)to_stride);
 }
 

@@ -32,7 +32,7 @@ static int32_t unit_rows(const struct fv_model_op *op)
 uint32_t fv_nn_units(const struct fv_model *model)
 {
     uint32_t units = 0;
-    for (uint32_t i = 0; i < model->header->op_count; ++i) {
+    for (uint32_t i = 0; i < model->header->op_count; i++) {
         const int32_t rows = unit_rows(&model->ops[i]);
         units += (uint32_t)((model->ops[i].rows - 1) / rows + 1);
     }
@@ -51,9 +51,9 @@ static void prepare(const struct fv_model *model, const struct fv_kernels *kerne
                     const struct fv_model_op *op, struct fv_nn_call *call)
 {
     *call = (struct fv_nn_call){.model = model, .kernels = kernels, .op = op};
-    for (int32_t i = 0; i < op->input_count; ++i)
+    for (int32_t i = 0; i < op->input_count; i++)
         call->in[i] = fv_nn_tensor(model, arena, op->inputs[i]);
-    for (int32_t i = 0; i < op->output_count; ++i)
+    for (int32_t i = 0; i < op->output_count; i++)
         call->out[i] = fv_nn_tensor(model, arena, op->outputs[i]);
     if (op->scratch >= 0) call->scratch = fv_nn_tensor(model, arena, op->scratch);
 }
@@ -64,7 +64,7 @@ enum fovea_status fv_nn_run(const struct fv_model *model, const struct fv_kernel
 {
     const int32_t op_count = (int32_t)model->header->op_count;
     uint32_t count = 0;
-    for (; count < units && progress->op < op_count; ++count) {
+    for (; count < units && progress->op < op_count; count++) {
         const struct fv_model_op *op = &model->ops[progress->op];
         struct fv_nn_call call;
         prepare(model, kernels, arena, op, &call);

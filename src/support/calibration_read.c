@@ -17,7 +17,7 @@ typedef const struct fovea_yaml_node node;
 /* The first of several spellings that is there, or NULL. */
 static node *any_of(node *parent, const char *const *keys)
 {
-    for (; *keys != NULL; ++keys) {
+    for (; *keys != NULL; keys++) {
         node *child = fovea_yaml_child(parent, *keys);
         if (child != NULL) return child;
     }
@@ -67,7 +67,7 @@ static enum fovea_status set_pinhole(const struct reader *r, node *data, const d
     static const char *const expected[4] = {
         "a focal length in [0.001, 1e6] pixels", "a focal length in [0.001, 1e6] pixels",
         "an image centre in [-1e5, 1e5] pixels", "an image centre in [-1e5, 1e5] pixels"};
-    for (size_t i = 0; i < 4; ++i) {
+    for (size_t i = 0; i < 4; i++) {
         const double value = values[index[i]];
         if (i < 2 ? value >= 0.001 && value <= 1e6 : value >= -1e5 && value <= 1e5) continue;
         return fovea_yaml_refuse(r->tree, fovea_yaml_leaf(data, index[i]), expected[i], r->error);
@@ -91,7 +91,7 @@ static enum fovea_status read_camera_matrix(const struct reader *r, node *matrix
     node *data;
     const enum fovea_status status = read_list(r, matrix, 9, 9, K, &count, &data);
     if (status != FOVEA_OK) return status;
-    for (size_t i = 0; i < 5; ++i)
+    for (size_t i = 0; i < 5; i++)
         if (K[fixed[i]] != fixed_value[i])
             return unsupported(r, fovea_yaml_leaf(data, fixed[i]),
                                i == 0   ? "0 (a camera with skew is not supported)"
@@ -121,7 +121,7 @@ static enum fovea_status read_distortion(const struct reader *r, node *list)
                                      ? "a list of 4 numbers: k1 k2 k3 k4"
                                      : "a list of 4, 5, 8, 12 or 14 numbers",
                                  r->error);
-    for (size_t i = 0; i < count; ++i) {
+    for (size_t i = 0; i < count; i++) {
         if (i >= held && k[i] != 0.0)
             return unsupported(r, fovea_yaml_leaf(data, i),
                                "0 (this term is not in the lens model)");
@@ -143,8 +143,8 @@ static enum fovea_status read_transform(const struct reader *r, node *list, doub
     if (status != FOVEA_OK) return status;
     bool rigid = count == 12 || (count == 16 && values[12] == 0 && values[13] == 0 &&
                                  values[14] == 0 && values[15] == 1);
-    for (int i = 0; i < 3 && rigid; ++i) {
-        for (int j = i; j < 3; ++j) {
+    for (int i = 0; i < 3 && rigid; i++) {
+        for (int j = i; j < 3; j++) {
             const double *a = values + 4 * i, *b = values + 4 * j;
             const double dot = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] - (i == j ? 1.0 : 0.0);
             rigid = rigid && dot > -1e-3 && dot < 1e-3;
@@ -164,8 +164,8 @@ static enum fovea_status read_transform(const struct reader *r, node *list, doub
 
 static void invert(const double T[12], double inverse[12])
 {
-    for (int i = 0; i < 3; ++i) {
-        for (int j = 0; j < 3; ++j)
+    for (int i = 0; i < 3; i++) {
+        for (int j = 0; j < 3; j++)
             inverse[4 * i + j] = T[4 * j + i];
         inverse[4 * i + 3] = -(T[i] * T[3] + T[4 + i] * T[7] + T[8 + i] * T[11]);
     }
@@ -221,7 +221,7 @@ static const struct model {
 
 static enum fovea_status read_model(const struct reader *r, node *name)
 {
-    for (size_t i = 0; i < sizeof models / sizeof models[0]; ++i) {
+    for (size_t i = 0; i < sizeof models / sizeof models[0]; i++) {
         if (name->kind != FOVEA_YAML_SCALAR || strcmp(name->value, models[i].name) != 0) continue;
         r->calibration->camera.lens = models[i].lens;
         return FOVEA_OK;
@@ -264,7 +264,7 @@ static enum fovea_status refuse_binning(const struct reader *r)
 {
     static const char *const keys[] = {"binning_x", "binning_y"};
     static const char *const offsets[] = {"x_offset", "y_offset"};
-    for (int i = 0; i < 2; ++i) {
+    for (int i = 0; i < 2; i++) {
         node *binning = fovea_yaml_child(r->tree->root, keys[i]);
         if (binning != NULL && strcmp(binning->value, "0") != 0 && strcmp(binning->value, "1") != 0)
             return unsupported(r, binning, "0 or 1 (calibrate the images as they come)");
@@ -401,7 +401,7 @@ static enum fovea_status read_any(const struct reader *r, const char *which)
     /* One of the keys misspelt is named as such. */
     static const char *const heads[] = {"camera_matrix", "cameraMatrix", "intrinsics", "cam0",
                                         NULL};
-    for (size_t i = 0; heads[i] != NULL; ++i)
+    for (size_t i = 0; heads[i] != NULL; i++)
         for (node *each = root->first; each != NULL; each = each->next)
             if (strcmp(each->key, heads[i]) == 0)
                 return fovea_yaml_refuse(r->tree, each, "a mapping with the keys of a camera",

@@ -40,7 +40,7 @@ __attribute__((format(printf, 2, 3))) static void put(struct writer *w, const ch
  */
 static void put_numbers(struct writer *w, const double *values, size_t count)
 {
-    for (size_t i = 0; i < count; ++i) {
+    for (size_t i = 0; i < count; i++) {
         char number[40];
         snprintf(number, sizeof number, "%.17g", values[i]);
         put(w, "%s%s%s", i > 0 ? ", " : "", number, strpbrk(number, ".e") == NULL ? ".0" : "");
@@ -51,7 +51,7 @@ static void put_numbers(struct writer *w, const double *values, size_t count)
 static void put_text(struct writer *w, const char *key, const char *text)
 {
     put(w, "%s: \"", key);
-    for (; *text != '\0'; ++text) {
+    for (; *text != '\0'; text++) {
         const unsigned char c = (unsigned char)*text;
         if (c < 32 || c == 127)
             put(w, "\\x%02X", c);
@@ -145,7 +145,7 @@ static void write_kalibr(struct writer *w, const struct fovea_calibration *c)
     if (c->has_T_body_cam) {
         const double *T = c->T_body_cam;
         put(w, "  T_cam_imu:\n");
-        for (int i = 0; i < 3; ++i) {
+        for (int i = 0; i < 3; i++) {
             const double row[4] = {T[i], T[4 + i], T[8 + i],
                                    -(T[i] * T[3] + T[4 + i] * T[7] + T[8 + i] * T[11])};
             put(w, "  - [");
@@ -201,7 +201,7 @@ static enum fovea_status refuse_lossy(enum fovea_calibration_format format,
     if (camera->lens == FOVEA_LENS_EQUIDISTANT ||
         (format != FOVEA_CALIBRATION_KALIBR && format != FOVEA_CALIBRATION_EUROC))
         return FOVEA_OK;
-    for (int i = 0; i < 4; ++i)
+    for (int i = 0; i < 4; i++)
         if (camera->k[4 + i] != 0)
             return fovea_error_set(
                 error, FOVEA_ERROR_UNSUPPORTED,

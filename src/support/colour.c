@@ -133,10 +133,10 @@ static enum fovea_status read_bmp(const char *path, const uint8_t *data, size_t 
                                (long long)width, (long long)height);
     }
     const enum fovea_status status = new_image(path, width, height, image, error);
-    for (int64_t y = 0; y < height && status == FOVEA_OK; ++y) {
+    for (int64_t y = 0; y < height && status == FOVEA_OK; y++) {
         const uint8_t *from = data + start + (signed_height < 0 ? y : height - 1 - y) * stride;
         uint8_t *to = (uint8_t *)(uintptr_t)image->data + y * image->stride_bytes;
-        for (int64_t x = 0; x < width; ++x, from += 3, to += 3) {
+        for (int64_t x = 0; x < width; x++, from += 3, to += 3) {
             to[0] = from[2];
             to[1] = from[1];
             to[2] = from[0];

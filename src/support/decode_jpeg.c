@@ -102,7 +102,7 @@ static enum fovea_status decode(struct job *job, const uint8_t *data, size_t byt
         rgb = job->jpeg.mem->alloc_large((j_common_ptr)&job->jpeg, JPOOL_IMAGE,
                                          3 * (size_t)image->width);
     jpeg_start_decompress(&job->jpeg);
-    for (int32_t y = 0; y < image->height; ++y) {
+    for (int32_t y = 0; y < image->height; y++) {
         uint8_t *to = image->pixels + (size_t)y * (size_t)image->stride_bytes;
         JSAMPROW row = weigh ? rgb : to;
         if (jpeg_read_scanlines(&job->jpeg, &row, 1) != 1)
@@ -210,7 +210,7 @@ static JSAMPARRAY arena_samples(j_common_ptr jpeg, int pool, JDIMENSION samples,
         ((size_t)samples + 2 * ARENA_ALIGNMENT - 1) / (2 * ARENA_ALIGNMENT) * (2 * ARENA_ALIGNMENT);
     JSAMPARRAY array = arena_take(jpeg, pool, rows * sizeof *array);
     JSAMPLE *all = arena_take(jpeg, pool, rows * row_bytes);
-    for (JDIMENSION i = 0; i < rows; ++i)
+    for (JDIMENSION i = 0; i < rows; i++)
         array[i] = all + i * row_bytes;
     return array;
 }
@@ -219,7 +219,7 @@ static JBLOCKARRAY arena_blocks(j_common_ptr jpeg, int pool, JDIMENSION blocks, 
 {
     JBLOCKARRAY array = arena_take(jpeg, pool, rows * sizeof(JBLOCKROW));
     JBLOCK *all = arena_take(jpeg, pool, (size_t)rows * blocks * sizeof *all);
-    for (JDIMENSION i = 0; i < rows; ++i)
+    for (JDIMENSION i = 0; i < rows; i++)
         array[i] = all + (size_t)i * blocks;
     return array;
 }

@@ -56,8 +56,8 @@ static int set_transforms(struct job *job)
 static void read_as_is(struct job *job, int passes)
 {
     const struct fv_decode_image *image = job->image;
-    for (int pass = 0; pass < passes; ++pass)
-        for (int32_t y = 0; y < image->height; ++y)
+    for (int pass = 0; pass < passes; pass++)
+        for (int32_t y = 0; y < image->height; y++)
             png_read_row(job->png, image->pixels + (size_t)y * (size_t)image->stride_bytes, NULL);
 }
 
@@ -68,8 +68,8 @@ static void read_weighted(struct job *job, int passes)
                  kept = passes > 1 ? (size_t)image->height : 1;
     job->rows = calloc(kept, row_bytes);
     if (job->rows == NULL) png_error(job->png, "out of memory");
-    for (int pass = 0; pass < passes; ++pass) {
-        for (int32_t y = 0; y < image->height; ++y) {
+    for (int pass = 0; pass < passes; pass++) {
+        for (int32_t y = 0; y < image->height; y++) {
             uint8_t *row = job->rows + (passes > 1 ? (size_t)y * row_bytes : 0);
             png_read_row(job->png, row, NULL);
             if (pass == passes - 1)

@@ -162,13 +162,13 @@ enum { COMPARED = 64 };
 static int distance(const char *a, size_t m, const char *b, size_t n)
 {
     int rows[3][COMPARED + 1];
-    for (size_t j = 0; j <= n; ++j)
+    for (size_t j = 0; j <= n; j++)
         rows[0][j] = (int)j;
-    for (size_t i = 1; i <= m; ++i) {
+    for (size_t i = 1; i <= m; i++) {
         int *now = rows[i % 3];
         const int *last = rows[(i + 2) % 3], *before = rows[(i + 1) % 3];
         now[0] = (int)i;
-        for (size_t j = 1; j <= n; ++j) {
+        for (size_t j = 1; j <= n; j++) {
             const int cost = lower(a[i - 1]) != lower(b[j - 1]);
             int best = last[j - 1] + cost;
             if (last[j] + 1 < best) best = last[j] + 1;
@@ -187,7 +187,7 @@ const char *fovea_text_nearest(const char *word, const char *const *names, size_
     const size_t length = strnlen(word, COMPARED);
     const char *nearest = NULL;
     int least = COMPARED + 1;
-    for (size_t i = 0; i < name_count; ++i) {
+    for (size_t i = 0; i < name_count; i++) {
         const size_t name_length = strnlen(names[i], COMPARED);
         const size_t longer = length > name_length ? length : name_length;
         const int allowed = longer < 3 ? 0 : longer < 8 ? 1 : (int)(longer / 4);

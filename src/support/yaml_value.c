@@ -115,7 +115,7 @@ enum fovea_status fovea_yaml_bool(const struct fovea_yaml_tree *tree,
 {
     static const char *const words[] = {"false", "true", "no", "yes", "off", "on"};
     if (node->kind == FOVEA_YAML_SCALAR && !node->quoted) {
-        for (size_t i = 0; i < sizeof words / sizeof words[0]; ++i) {
+        for (size_t i = 0; i < sizeof words / sizeof words[0]; i++) {
             if (strcasecmp(node->value, words[i]) != 0) continue;
             *value = i % 2 == 1;
             return FOVEA_OK;
@@ -144,7 +144,7 @@ enum fovea_status fovea_yaml_choice(const struct fovea_yaml_tree *tree,
                                     size_t choice_count, size_t *index, struct fovea_error *error)
 {
     char expected[FOVEA_ERROR_TEXT_BYTES] = "one of";
-    for (size_t i = 0; i < choice_count; ++i) {
+    for (size_t i = 0; i < choice_count; i++) {
         if (node->kind == FOVEA_YAML_SCALAR && strcmp(node->value, choices[i]) == 0) {
             *index = i;
             return FOVEA_OK;

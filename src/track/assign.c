@@ -24,7 +24,7 @@ static int32_t widen(const struct problem *p, int32_t column)
     double delta = 1e9;
     int32_t next = 0;
     s->used[column] = 1;
-    for (int32_t j = 1; j <= p->columns; ++j) {
+    for (int32_t j = 1; j <= p->columns; j++) {
         if (s->used[j]) continue;
         const double length = reduced(p, row, j);
         if (length < s->least[j]) {
@@ -36,7 +36,7 @@ static int32_t widen(const struct problem *p, int32_t column)
             next = j;
         }
     }
-    for (int32_t j = 0; j <= p->columns; ++j) {
+    for (int32_t j = 0; j <= p->columns; j++) {
         if (s->used[j]) {
             s->row_potential[s->row_of[j]] += delta;
             s->column_potential[j] -= delta;
@@ -52,7 +52,7 @@ static void add_row(const struct problem *p, int32_t row)
     struct fv_assign_scratch *s = p->s;
     int32_t column = 0;
     s->row_of[0] = row;
-    for (int32_t j = 0; j <= p->columns; ++j) {
+    for (int32_t j = 0; j <= p->columns; j++) {
         s->least[j] = 1e9;
         s->used[j] = 0;
     }
@@ -76,17 +76,17 @@ void fv_assign(const float *cost, int32_t stride, int32_t rows, int32_t columns,
                               .rows = turned ? columns : rows,
                               .columns = turned ? rows : columns,
                               .s = s};
-    for (int32_t r = 0; r < rows; ++r)
+    for (int32_t r = 0; r < rows; r++)
         column_of[r] = -1;
-    for (int32_t j = 0; j <= p.columns; ++j) {
+    for (int32_t j = 0; j <= p.columns; j++) {
         s->column_potential[j] = 0;
         s->row_of[j] = 0;
     }
-    for (int32_t i = 0; i <= p.rows; ++i)
+    for (int32_t i = 0; i <= p.rows; i++)
         s->row_potential[i] = 0;
-    for (int32_t i = 1; i <= p.rows; ++i)
+    for (int32_t i = 1; i <= p.rows; i++)
         add_row(&p, i);
-    for (int32_t j = 1; j <= p.columns; ++j) {
+    for (int32_t j = 1; j <= p.columns; j++) {
         const int32_t i = s->row_of[j];
         if (i == 0) continue;
         const int32_t r = turned ? j - 1 : i - 1, c = turned ? i - 1 : j - 1;

@@ -70,7 +70,7 @@ const char *fv_test_path(const char *folder, const char *name)
 void fv_test_make_folder(const char *path)
 {
     char part[FV_TEST_PATH_BYTES];
-    for (size_t i = 1; path[i - 1] != '\0'; ++i) {
+    for (size_t i = 1; path[i - 1] != '\0'; i++) {
         if (path[i] != '/' && path[i] != '\0') continue;
         snprintf(part, sizeof part, "%.*s", (int)i, path);
         mkdir(part, 0755);
@@ -109,9 +109,9 @@ void *fv_test_read(const char *path, size_t *bytes)
 void fv_test_picture(uint32_t index, int32_t width, int32_t height, int32_t channels,
                      uint8_t *pixels)
 {
-    for (int32_t y = 0; y < height; ++y)
-        for (int32_t x = 0; x < width; ++x)
-            for (int32_t c = 0; c < channels; ++c)
+    for (int32_t y = 0; y < height; y++)
+        for (int32_t x = 0; x < width; x++)
+            for (int32_t c = 0; c < channels; c++)
                 *pixels++ = (uint8_t)(((x / 8 + y / 8 + (int32_t)index) % 2) * 120 +
                                       (x * (c + 1)) % 64 + y % 32 + (int32_t)index);
 }
@@ -127,7 +127,7 @@ void fv_test_write_png(const char *path, const struct fv_test_png *form, const u
     const size_t row_bytes = (size_t)form->width * (size_t)form->channels * (size_t)form->depth / 8;
     png_bytep *rows = calloc((size_t)form->height, sizeof *rows);
     need(rows != NULL, "out of memory", path);
-    for (int32_t y = 0; y < form->height; ++y)
+    for (int32_t y = 0; y < form->height; y++)
         rows[y] = (png_bytep)(uintptr_t)(samples + (size_t)y * row_bytes);
     png_init_io(png, file);
     png_set_IHDR(png, info, (png_uint_32)form->width, (png_uint_32)form->height, form->depth,
@@ -159,7 +159,7 @@ void fv_test_write_jpeg(const char *path, int32_t width, int32_t height, int32_t
     jpeg_set_quality(&jpeg, 90, TRUE);
     if (progressive) jpeg_simple_progression(&jpeg);
     jpeg_start_compress(&jpeg, TRUE);
-    for (int32_t y = 0; y < height; ++y) {
+    for (int32_t y = 0; y < height; y++) {
         JSAMPROW row =
             (JSAMPROW)(uintptr_t)(samples + (size_t)y * (size_t)width * (size_t)channels);
         jpeg_write_scanlines(&jpeg, &row, 1);
@@ -208,7 +208,7 @@ const char *fv_test_euroc(const char *folder)
     fv_test_make_folder(fv_test_path(top, "mav0/state_groundtruth_estimate0"));
     say(&list, "#timestamp [ns],filename\r\n");
     say(&truth, "#timestamp, p_RS_R_x [m], ...\n");
-    for (uint32_t i = 0; i < FV_TEST_FRAMES; ++i) {
+    for (uint32_t i = 0; i < FV_TEST_FRAMES; i++) {
         const long long stamp_ns = 1403638538577829376LL + (long long)i * 50000000;
         char name[64];
         snprintf(name, sizeof name, "mav0/cam0/data/%lld.png", stamp_ns);
@@ -238,7 +238,7 @@ const char *fv_test_tum(const char *folder)
     snprintf(top, sizeof top, "%s/tum", folder);
     fv_test_make_folder(fv_test_path(top, "rgb"));
     say(&list, "# color images\n# timestamp filename\n");
-    for (uint32_t i = 0; i < FV_TEST_FRAMES; ++i) {
+    for (uint32_t i = 0; i < FV_TEST_FRAMES; i++) {
         char name[64];
         snprintf(name, sizeof name, "rgb/%04u.jpg", i);
         write_frame(fv_test_path(top, name), i, true);
@@ -262,7 +262,7 @@ const char *fv_test_kitti(const char *folder)
     char top[FV_TEST_PATH_BYTES];
     snprintf(top, sizeof top, "%s/kitti", folder);
     fv_test_make_folder(fv_test_path(top, "image_0"));
-    for (uint32_t i = 0; i < FV_TEST_FRAMES; ++i) {
+    for (uint32_t i = 0; i < FV_TEST_FRAMES; i++) {
         char name[64];
         snprintf(name, sizeof name, "image_0/%06u.png", i);
         write_frame(fv_test_path(top, name), i, false);
@@ -280,7 +280,7 @@ const char *fv_test_images(const char *folder)
     char top[FV_TEST_PATH_BYTES];
     snprintf(top, sizeof top, "%s/images", folder);
     fv_test_make_folder(top);
-    for (uint32_t i = 0; i < FV_TEST_FRAMES; ++i) {
+    for (uint32_t i = 0; i < FV_TEST_FRAMES; i++) {
         char name[64];
         snprintf(name, sizeof name, "img%u.%s", i, i % 2 == 0 ? "png" : "jpg");
         write_frame(fv_test_path(top, name), i, i % 2 == 1);
@@ -297,7 +297,7 @@ static void put_bytes(FILE *file, const void *bytes, size_t count)
 
 static void put_number(FILE *file, uint64_t number, int bytes, bool big_endian)
 {
-    for (int i = 0; i < bytes; ++i)
+    for (int i = 0; i < bytes; i++)
         fputc((int)(number >> 8 * (big_endian ? bytes - 1 - i : i) & 255), file);
 }
 
@@ -309,7 +309,7 @@ const char *fv_test_lcmlog(const char *folder)
     FILE *file = fopen(path, "wb");
     need(file != NULL, "not opened", path);
     uint8_t pixels[FV_TEST_WIDTH * FV_TEST_HEIGHT];
-    for (uint32_t i = 0; i < FV_TEST_FRAMES; ++i) {
+    for (uint32_t i = 0; i < FV_TEST_FRAMES; i++) {
         static const char channel[] = "FOVEA_FRAME";
         fv_test_picture(i, FV_TEST_WIDTH, FV_TEST_HEIGHT, 1, pixels);
         put_number(file, 0xEDA1DA01, 4, true);
@@ -351,7 +351,7 @@ static void put_list(FILE *file, const char *name, uint32_t bytes)
 
 static void put_words(FILE *file, const uint32_t *words, size_t count)
 {
-    for (size_t i = 0; i < count; ++i)
+    for (size_t i = 0; i < count; i++)
         put_number(file, words[i], 4, false);
 }
 
@@ -365,7 +365,7 @@ const char *fv_test_long_video(const char *folder, uint32_t frames)
     void **pictures = calloc(frames, sizeof *pictures);
     size_t *bytes = calloc(frames, sizeof *bytes), movie = 0;
     need(pictures != NULL && bytes != NULL, "out of memory", path);
-    for (uint32_t i = 0; i < frames; ++i) {
+    for (uint32_t i = 0; i < frames; i++) {
         write_frame(still, i, true);
         pictures[i] = fv_test_read(still, &bytes[i]);
         movie += 8 + (bytes[i] + 1) / 2 * 2;
@@ -397,7 +397,7 @@ const char *fv_test_long_video(const char *folder, uint32_t frames)
     put_chunk(file, "strf", STRF);
     put_words(file, strf, 10);
     put_list(file, "movi", (uint32_t)movie);
-    for (uint32_t i = 0; i < frames; ++i) {
+    for (uint32_t i = 0; i < frames; i++) {
         put_chunk(file, "00dc", (uint32_t)bytes[i]);
         put_bytes(file, pictures[i], bytes[i]);
         if (bytes[i] % 2 != 0) put_number(file, 0, 1, false);

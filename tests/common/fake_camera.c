@@ -60,7 +60,7 @@ static size_t fill_frame(const struct fake_camera *camera, uint32_t index, uint8
 {
     if (camera->fill != NULL) return camera->fill(index, data, camera->buffer_bytes);
     const size_t bytes = size_of(camera);
-    for (size_t i = 0; i < bytes; ++i)
+    for (size_t i = 0; i < bytes; i++)
         data[i] = (uint8_t)(i + 37 * (size_t)index);
     return bytes;
 }
@@ -222,7 +222,7 @@ static int set_format(struct fake_camera *camera, struct v4l2_format *format)
     const uint32_t width = camera->planes ? format->fmt.pix_mp.width : format->fmt.pix.width;
     const uint32_t height = camera->planes ? format->fmt.pix_mp.height : format->fmt.pix.height;
     camera->format = camera->formats[0];
-    for (int i = 0; i < FAKE_FORMATS_MAX; ++i)
+    for (int i = 0; i < FAKE_FORMATS_MAX; i++)
         if (camera->formats[i] == wanted) camera->format = wanted;
     camera->set_width = camera->any_size ? (int32_t)width : camera->width;
     camera->set_height = camera->any_size ? (int32_t)height : camera->height;
@@ -236,7 +236,7 @@ static struct fake_control *control_of(struct fake_camera *camera, uint32_t id)
     struct fake_control *found = NULL;
     const bool next = (id & V4L2_CTRL_FLAG_NEXT_CTRL) != 0;
     id &= ~V4L2_CTRL_FLAG_NEXT_CTRL;
-    for (int i = 0; i < FAKE_CONTROLS_MAX; ++i) {
+    for (int i = 0; i < FAKE_CONTROLS_MAX; i++) {
         struct fake_control *each = &camera->controls[i];
         if (each->name == NULL || (next ? each->id <= id : each->id != id)) continue;
         if (found == NULL || each->id < found->id) found = each;

@@ -234,8 +234,8 @@ static void send_frame(void)
     if (index == BUFFERS) return;
     me.with_camera[index] = false;
     me.sequence++;
-    for (int32_t y = 0; y < FAKE_HEIGHT; ++y)
-        for (int32_t x = 0; x < FAKE_WIDTH; ++x)
+    for (int32_t y = 0; y < FAKE_HEIGHT; y++)
+        for (int32_t x = 0; x < FAKE_WIDTH; x++)
             me.buffers[index][y * FAKE_STRIDE + x] = fake_pixel(me.sequence - 1, x, y);
     struct fv_libcamera_event event = {.kind = FV_LIBCAMERA_FRAME,
                                        .frame = {.index = (uint32_t)index,
@@ -263,9 +263,9 @@ static void set_up(struct fv_libcamera_event *event)
 {
     event->buffer_count = BUFFERS;
     event->stride_bytes = FAKE_STRIDE;
-    for (int i = 0; i < BUFFERS; ++i)
+    for (int i = 0; i < BUFFERS; i++)
         event->buffers[i] = (struct fv_libcamera_buffer){.bytes = BUFFER_BYTES};
-    for (int i = 0; i < BUFFERS; ++i)
+    for (int i = 0; i < BUFFERS; i++)
         me.with_camera[i] = true;
     me.streams = true;
 }
@@ -302,7 +302,7 @@ static void serve(const struct fv_libcamera_request *request)
 static void act(void)
 {
     const int scribble = atomic_load(&me.stage->scribble);
-    for (int i = 0; i < BUFFERS && scribble > 0; ++i)
+    for (int i = 0; i < BUFFERS && scribble > 0; i++)
         me.buffers[i][0] = (uint8_t)(scribble - 1);
     atomic_store(&me.stage->scribble, 0);
     if (!me.streams || do_wrong(&me.stage->fault, FV_LIBCAMERA_BROKEN)) return;
@@ -323,7 +323,7 @@ int fake_libcamera_run(void)
     me.stage = map_stage(getenv(STAGE) != NULL ? getenv(STAGE) : "");
     atomic_store(&me.stage->pid, (int)getpid());
     atomic_fetch_add(&me.stage->lives, 1);
-    for (int i = 0; i < BUFFERS; ++i) {
+    for (int i = 0; i < BUFFERS; i++) {
         me.descriptors[i] = memfd_create("fake-buffer", MFD_CLOEXEC);
         if (me.descriptors[i] < 0 || ftruncate(me.descriptors[i], BUFFER_BYTES) != 0) die("memfd");
         me.buffers[i] =

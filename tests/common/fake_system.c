@@ -42,14 +42,14 @@ void fake_unlock(void)
  */
 static struct fake_camera *by_fd(int fd)
 {
-    for (size_t i = 0; i < camera_count; ++i)
+    for (size_t i = 0; i < camera_count; i++)
         if (cameras[i].fd == fd && fd >= FAKE_FD_FIRST) return &cameras[i];
     return NULL;
 }
 
 static struct fake_camera *by_node(const char *node)
 {
-    for (size_t i = 0; i < camera_count; ++i)
+    for (size_t i = 0; i < camera_count; i++)
         if (cameras[i].plugged && strcmp(cameras[i].node, node) == 0) return &cameras[i];
     return NULL;
 }
@@ -66,7 +66,7 @@ static int fake_open(const char *path)
     } else if (camera != NULL) {
         const struct fake_failure *f = camera->failures;
         int reason = 0;
-        for (int i = 0; i < FAKE_FAILURES_MAX; ++i)
+        for (int i = 0; i < FAKE_FAILURES_MAX; i++)
             if (f[i].request == 0 && f[i].reason != 0 && f[i].times != 0) reason = f[i].reason;
         camera->open_now += reason == 0;
         camera->opens++;
@@ -101,7 +101,7 @@ static int fake_ioctl(int fd, unsigned long request, void *argument)
         result = fake_refuse(ENODEV);
         goto done;
     }
-    for (int i = 0; i < FAKE_FAILURES_MAX; ++i) {
+    for (int i = 0; i < FAKE_FAILURES_MAX; i++) {
         struct fake_failure *f = &camera->failures[i];
         if (f->request != request || f->times == 0) continue;
         f->times -= f->times > 0;
@@ -159,7 +159,7 @@ static int fake_unmap(void *memory, size_t bytes)
 {
     (void)bytes;
     fake_lock();
-    for (size_t i = 0; i < camera_count; ++i) {
+    for (size_t i = 0; i < camera_count; i++) {
         const uint8_t *begin = cameras[i].memory, *at = memory;
         if (begin != NULL && at >= begin && at < begin + 32 * (size_t)FAKE_FRAME_BYTES_MAX)
             cameras[i].mapped_now--;
@@ -172,7 +172,7 @@ static size_t fake_nodes(char paths[FV_V4L2_NODES_MAX][FV_V4L2_PATH_BYTES])
 {
     size_t count = 0;
     fake_lock();
-    for (size_t i = 0; i < camera_count; ++i)
+    for (size_t i = 0; i < camera_count; i++)
         if (cameras[i].plugged) snprintf(paths[count++], FV_V4L2_PATH_BYTES, "%s", cameras[i].node);
     fake_unlock();
     return count;
@@ -182,7 +182,7 @@ static bool fake_resolve(const char *path, char node[FV_V4L2_PATH_BYTES])
 {
     fake_lock();
     const struct fake_camera *camera = by_node(path);
-    for (size_t i = 0; i < link_count && i < LINKS_MAX; ++i)
+    for (size_t i = 0; i < link_count && i < LINKS_MAX; i++)
         if (strcmp(links[i].path, path) == 0 && links[i].camera->plugged) camera = links[i].camera;
     if (camera != NULL) snprintf(node, FV_V4L2_PATH_BYTES, "%s", camera->node);
     fake_unlock();
@@ -226,7 +226,7 @@ void fake_begin(void)
 
 void fake_end(void)
 {
-    for (size_t i = 0; i < camera_count; ++i) {
+    for (size_t i = 0; i < camera_count; i++) {
         assert_int_equal(cameras[i].open_now, 0);
         assert_int_equal(cameras[i].mapped_now, 0);
         free(cameras[i].memory);
@@ -329,7 +329,7 @@ void fake_link(const char *path, const struct fake_camera *camera)
 
 void fake_fail(struct fake_camera *camera, unsigned long request, int reason, int times)
 {
-    for (int i = 0; i < FAKE_FAILURES_MAX; ++i) {
+    for (int i = 0; i < FAKE_FAILURES_MAX; i++) {
         struct fake_failure *f = &camera->failures[i];
         if (f->times != 0 && f->request != request) continue;
         *f = (struct fake_failure){request, reason, times};

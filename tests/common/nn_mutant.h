@@ -32,7 +32,7 @@ static inline void nn_mutant_decode(const struct fv_model *model, const struct f
     read.header = &header;
     if (header.decode.anchor_data == 0) header.decode.anchor_data = FV_MODEL_HEADER_BYTES;
     if (header.decode.anchor_count == 0) header.decode.anchor_count = 2;
-    for (header.decode.kind = 0; header.decode.kind < FV_DECODER_COUNT; ++header.decode.kind) {
+    for (header.decode.kind = 0; header.decode.kind < FV_DECODER_COUNT; header.decode.kind++) {
         fv_detect_decode(&read, arena, view, scratch, found, FOVEA_DETECTIONS_MAX);
     }
     free(scratch);
@@ -61,7 +61,7 @@ static inline int nn_mutant_run(const uint8_t *data, size_t bytes)
                           lower[2] = {FV_CPU_C, best >= FV_CPU_NEON ? FV_CPU_NEON : FV_CPU_AVX2};
     const uint32_t choice = model.header->checksum % 4;
     fv_kernels_init(&kernels, choice < 2 ? best : lower[choice - 2]);
-    for (int i = 0; i < NN_MUTANT_UNITS_MAX; ++i) {
+    for (int i = 0; i < NN_MUTANT_UNITS_MAX; i++) {
         if (progress.op < (int32_t)model.header->op_count &&
             model.ops[progress.op].row_cost > 1 << 26)
             break;

@@ -24,7 +24,7 @@ static inline int decode_one(const uint8_t *data, size_t bytes)
     const enum fovea_status decoded = fv_decode(data, bytes, &image, &reason);
     if (decoded == FOVEA_OK && probed != FOVEA_OK) abort();
     unsigned sum = 0; /* every pixel of a whole picture was written */
-    for (size_t i = 0; decoded == FOVEA_OK && i < (size_t)width * (size_t)height; ++i)
+    for (size_t i = 0; decoded == FOVEA_OK && i < (size_t)width * (size_t)height; i++)
         sum += pixels[i];
     volatile unsigned kept = sum;
     (void)kept;

@@ -22,7 +22,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t bytes)
         check_line(&error);
         return 0;
     }
-    for (int format = 0; format < FOVEA_CALIBRATION_FORMAT_COUNT; ++format) {
+    for (int format = 0; format < FOVEA_CALIBRATION_FORMAT_COUNT; format++) {
         char text[FOVEA_CALIBRATION_BYTES_MAX];
         if (fovea_calibration_format_text((enum fovea_calibration_format)format, &found, text,
                                           &lost, &error) != FOVEA_OK) {
@@ -34,7 +34,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t bytes)
         if (again.camera.fx != found.camera.fx || again.camera.cy != found.camera.cy ||
             again.camera.lens != found.camera.lens || again.camera.width != found.camera.width)
             abort();
-        for (int i = 0; i < FOVEA_LENS_COEFFICIENTS; ++i)
+        for (int i = 0; i < FOVEA_LENS_COEFFICIENTS; i++)
             if (again.camera.k[i] != found.camera.k[i]) abort();
     }
     return 0;

@@ -12,7 +12,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t bytes);
 static void ask(struct fv_poses *poses)
 {
     double T[12];
-    for (size_t i = 0; i < poses->count; ++i) {
+    for (size_t i = 0; i < poses->count; i++) {
         const int64_t stamp_ns = poses->by_stamp != NULL ? poses->by_stamp[i].stamp_ns : 0;
         if (!fv_poses_at(poses, stamp_ns, i, T)) abort();
         fv_poses_at(poses, (int64_t)((uint64_t)stamp_ns + 1000), i + 1, T);

@@ -18,7 +18,7 @@ static void write_pictures(const char *corpus)
     char name[64];
     fv_test_make_folder(fv_test_path(corpus, "fuzz_png"));
     fv_test_make_folder(fv_test_path(corpus, "fuzz_jpeg"));
-    for (int kind = 0; kind < 8; ++kind) {
+    for (int kind = 0; kind < 8; kind++) {
         const struct fv_test_png form = {.width = 64,
                                          .height = 64,
                                          .channels = 1 + kind % 4,
@@ -43,7 +43,7 @@ static void write_calibrations(const char *corpus)
         .T_body_cam = {1, 0, 0, 0.1, 0, 1, 0, 0.2, 0, 0, 1, 0.3},
         .rate_hz = 20};
     fv_test_make_folder(fv_test_path(corpus, "fuzz_calibration"));
-    for (int format = 0; format < FOVEA_CALIBRATION_FORMAT_COUNT; ++format) {
+    for (int format = 0; format < FOVEA_CALIBRATION_FORMAT_COUNT; format++) {
         char name[64], text[FOVEA_CALIBRATION_BYTES_MAX];
         struct fovea_error error;
         c.camera.lens = format % 2 == 0 ? FOVEA_LENS_RADTAN : FOVEA_LENS_EQUIDISTANT;

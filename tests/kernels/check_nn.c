@@ -10,7 +10,7 @@ static void fill_scaling(struct check *check, int32_t *bias, int32_t *multiplier
                          int32_t count)
 {
     const int32_t extreme = check_between(check, 0, 3) == 0;
-    for (int32_t i = 0; i < count; ++i) {
+    for (int32_t i = 0; i < count; i++) {
         bias[i] = check_between(check, -200000, 200000);
         multiplier[i] = (int32_t)(0x40000000u + check_random(check) % 0x40000000u);
         shift[i] = extreme ? check_between(check, -20, 2) : check_between(check, -12, -4);
@@ -31,7 +31,7 @@ static void fill_weights(struct check *check, int8_t *weights, int32_t count)
 {
     check_fill(check, weights, (size_t)count);
     if (check_between(check, 0, 2) == 0) return;
-    for (int32_t i = 0; i < count; ++i) {
+    for (int32_t i = 0; i < count; i++) {
         const int32_t size = check_between(check, 60, 64), kind = check_between(check, 0, 200);
         if (kind != 0)
             weights[i] = (int8_t)(kind == 1         ? 65
@@ -46,8 +46,8 @@ static struct fv_nn_gemm draw_gemm(struct check *check, int32_t k, int32_t n)
     const int32_t k4 = (k + 3) / 4, n16 = (n + 15) / 16 * 16;
     int8_t *weights = check_buffer(check, (size_t)(n16 * k4 * 4), 64, SLACK);
     fill_weights(check, weights, n16 * k4 * 4);
-    for (int32_t c = 0; c < n16; ++c) { /* padding is zero by contract */
-        for (int32_t i = 0; i < k4 * 4; ++i) {
+    for (int32_t c = 0; c < n16; c++) { /* padding is zero by contract */
+        for (int32_t i = 0; i < k4 * 4; i++) {
             if (c >= n || i >= k) weights[((c / 16 * k4 + i / 4) * 16 + c % 16) * 4 + i % 4] = 0;
         }
     }
@@ -216,7 +216,7 @@ void bench_nn_depthwise_u8(struct check *check, fv_k_nn_depthwise_u8_fn *variant
         d->channels = d->c16 = d->in_stride = d->out_stride = CHANNELS;
         d->weights = check_buffer(check, 9 * CHANNELS, 64, SLACK);
         int32_t *scaling[3];
-        for (int i = 0; i < 3; ++i)
+        for (int i = 0; i < 3; i++)
             scaling[i] = check_buffer(check, CHANNELS * 4, 64, SLACK);
         fill_scaling(check, scaling[0], scaling[1], scaling[2], CHANNELS);
         d->bias = scaling[0];
@@ -363,7 +363,7 @@ void check_nn_blend_u8(struct check *check, fv_k_nn_blend_u8_fn *reference,
     p.in_stride = p.channels + check_between(check, 0, 5);
     p.out_stride = p.channels + check_between(check, 0, 5);
     int32_t *columns = check_buffer(check, (size_t)out_w * 12, 4, 0);
-    for (int32_t x = 0; x < out_w; ++x) {
+    for (int32_t x = 0; x < out_w; x++) {
         columns[3 * x] = check_between(check, 0, in_w - 1);
         columns[3 * x + 1] = check_between(check, 0, in_w - 1);
         columns[3 * x + 2] = check_between(check, 0, 1 << bits);
@@ -388,7 +388,7 @@ void bench_nn_blend_u8(struct check *check, fv_k_nn_blend_u8_fn *variant)
     if (p == NULL) {
         p = check_buffer(check, sizeof *p, 8, 0);
         int32_t *columns = check_buffer(check, 513 * 12, 4, 0);
-        for (int32_t x = 0; x < 513; ++x) {
+        for (int32_t x = 0; x < 513; x++) {
             columns[3 * x] = x / 16;
             columns[3 * x + 1] = x / 16 + (x < 512);
             columns[3 * x + 2] = x % 16;
@@ -430,7 +430,7 @@ static const int32_t *draw_exps(struct check *check)
     int32_t *exps = check_buffer(check, 1024, 4, 0);
     const int32_t base = check_between(check, 400, 999), end = check_between(check, 1, 256);
     int64_t value = INT32_MAX;
-    for (int32_t i = 0; i < 256; ++i, value = value * base / 1000)
+    for (int32_t i = 0; i < 256; i++, value = value * base / 1000)
         exps[i] = i < end ? (int32_t)value : -1;
     return exps;
 }
@@ -470,7 +470,7 @@ void check_nn_gather_u8(struct check *check, fv_k_nn_gather_u8_fn *reference,
     check_fill(check, in, in_bytes);
     reference(in, step, expected, pitch, run, count);
     variant(in, step, found, pitch, run, count);
-    for (int32_t i = 0; i < count; ++i)
+    for (int32_t i = 0; i < count; i++)
         check_equal(check, "run", expected + i * pitch, found + i * pitch, (size_t)run);
 }
 

@@ -81,7 +81,7 @@ static void print_line(const struct engine *engine, const char *path,
     printf("{\"image\": ");
     fv_json_text(stdout, path);
     printf(", \"width\": %d, \"height\": %d, \"detections\": [", image->width, image->height);
-    for (int32_t i = 0; i < engine->count; ++i) {
+    for (int32_t i = 0; i < engine->count; i++) {
         const struct fovea_detection *d = &engine->found[i];
         printf("%s{\"class\": %d, \"label\": ", i == 0 ? "" : ", ", d->class_id);
         fv_json_text(stdout, label_of(engine, d->class_id));
@@ -118,7 +118,7 @@ static enum fovea_status check_stems(char **paths, int count, const char *folder
     if (sorted == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "detect: out of memory");
     memcpy(sorted, paths, (size_t)count * sizeof *sorted);
     qsort(sorted, (size_t)count, sizeof *sorted, by_stem);
-    for (int i = 1; i < count && status == FOVEA_OK; ++i) {
+    for (int i = 1; i < count && status == FOVEA_OK; i++) {
         int length;
         const char *name = stem(sorted[i], &length);
         if (by_stem(&sorted[i - 1], &sorted[i]) == 0 && strcmp(sorted[i - 1], sorted[i]) != 0)
@@ -197,7 +197,7 @@ int fv_command_detect(int argc, char **argv)
             fv_say_wrong("--draw %.300s: the folder cannot be made: %s", folder, strerror(errno));
     if (!fv_detect_gives_boxes(&engine.file.model))
         fv_say("%s: its decoder gives no boxes: the lists stay empty", model);
-    for (int i = first; i < argc && status == FV_EXIT_OK; ++i) {
+    for (int i = first; i < argc && status == FV_EXIT_OK; i++) {
         struct fovea_image image;
         if (fv_colour_read(argv[i], &image, &error) != FOVEA_OK) {
             status = fv_say_wrong("%s", error.text);

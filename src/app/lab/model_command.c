@@ -21,11 +21,11 @@ static void print_shape(const struct fv_model *model, const char *what, const in
                         uint32_t count)
 {
     static const char *const types[FV_TYPE_COUNT] = {"uint8", "int32", "int64", "float32"};
-    for (uint32_t i = 0; i < count; ++i) {
+    for (uint32_t i = 0; i < count; i++) {
         const struct fv_model_tensor *t = &model->tensors[list[i]];
         const int is_signed = t->type == FV_TYPE_U8 && (t->flags & FV_TENSOR_SIGNED) != 0;
         printf("%-10s%s", what, is_signed ? "int8" : types[t->type]);
-        for (int32_t k = 0; k < t->rank; ++k)
+        for (int32_t k = 0; k < t->rank; k++)
             printf("%s%d", k == 0 ? " " : " x ", t->dims[k]);
         if (t->type == FV_TYPE_U8)
             printf(", scale %g, zero point %d", (double)t->scale, t->zero - (is_signed ? 128 : 0));
@@ -36,10 +36,10 @@ static void print_shape(const struct fv_model *model, const char *what, const in
 static void print_operators(const struct fv_model *model)
 {
     int32_t counts[FV_OP_KIND_COUNT] = {0};
-    for (uint32_t i = 0; i < model->header->op_count; ++i)
+    for (uint32_t i = 0; i < model->header->op_count; i++)
         ++counts[model->ops[i].kind];
     printf("operators ");
-    for (int32_t kind = 0, first = 1; kind < FV_OP_KIND_COUNT; ++kind) {
+    for (int32_t kind = 0, first = 1; kind < FV_OP_KIND_COUNT; kind++) {
         if (counts[kind] == 0) continue;
         printf("%s%d %s", first ? "" : ", ", counts[kind], fv_model_kind_name(kind));
         first = 0;
@@ -56,7 +56,7 @@ static enum fovea_status time_model(const struct fv_model *model, const struct f
     *best_ms = 1e9;
     *unit_ms = 1e9;
     const int64_t start = cpu_ns();
-    for (int run = 0; run < 200 && (run < 3 || cpu_ns() - start < 1000000000); ++run) {
+    for (int run = 0; run < 200 && (run < 3 || cpu_ns() - start < 1000000000); run++) {
         struct fv_nn_progress progress = {0, 0};
         uint32_t done;
         double total = 0, longest = 0;
@@ -94,12 +94,12 @@ static double peak_gmacs(const struct fv_kernels *kernels)
                                  .zero_out = 0,
                                  .act_min = 0,
                                  .act_max = 255};
-    for (int i = 0; i < 64; ++i)
+    for (int i = 0; i < 64; i++)
         words[64 + i] = -10;
     double best = 0;
-    for (int round = 0; round < 20; ++round) {
+    for (int round = 0; round < 20; round++) {
         const int64_t before = cpu_ns();
-        for (int i = 0; i < LOOPS; ++i)
+        for (int i = 0; i < LOOPS; i++)
             kernels->nn_gemm_u8(&g, memory, K, memory + M * K + N * K + 4096, N, M);
         const double rate = (double)M * K * N * LOOPS / (double)(cpu_ns() - before);
         best = rate > best ? rate : best;

@@ -5,14 +5,14 @@
 
 void fv_k_nn_table_u8__c(const uint8_t *table, const uint8_t *in, uint8_t *out, int32_t count)
 {
-    for (int32_t i = 0; i < count; ++i)
+    for (int32_t i = 0; i < count; i++)
         out[i] = table[in[i]];
 }
 
 static void add_row(const struct fv_nn_add *p, const uint8_t *a, const uint8_t *b, uint8_t *out,
                     int32_t count)
 {
-    for (int32_t i = 0; i < count; ++i) {
+    for (int32_t i = 0; i < count; i++) {
         const int32_t x = fv_nn_requantize((a[i] - p->zero_a) * (1 << 20), p->m_a, p->s_a);
         const int32_t y = fv_nn_requantize((b[i] - p->zero_b) * (1 << 20), p->m_b, p->s_b);
         const int32_t sum = fv_nn_requantize(fv_nn_sum(x, y), p->m_out, p->s_out);
@@ -23,21 +23,21 @@ static void add_row(const struct fv_nn_add *p, const uint8_t *a, const uint8_t *
 void fv_k_nn_add_u8__c(const struct fv_nn_add *p, const uint8_t *a, ptrdiff_t lda, const uint8_t *b,
                        ptrdiff_t ldb, uint8_t *out, ptrdiff_t ldo, int32_t rows, int32_t count)
 {
-    for (int32_t r = 0; r < rows; ++r)
+    for (int32_t r = 0; r < rows; r++)
         add_row(p, a + r * lda, b + r * ldb, out + r * ldo, count);
 }
 
 void fv_k_nn_max_u8__c(const uint8_t *a, const uint8_t *b, uint8_t *out, int32_t count)
 {
-    for (int32_t i = 0; i < count; ++i)
+    for (int32_t i = 0; i < count; i++)
         out[i] = a[i] > b[i] ? a[i] : b[i];
 }
 
 void fv_k_nn_transpose_u8__c(const uint8_t *in, ptrdiff_t ldi, uint8_t *out, ptrdiff_t ldo,
                              int32_t rows, int32_t columns)
 {
-    for (int32_t c = 0; c < columns; ++c) {
-        for (int32_t r = 0; r < rows; ++r)
+    for (int32_t c = 0; c < columns; c++) {
+        for (int32_t r = 0; r < rows; r++)
             out[c * ldo + r] = in[r * ldi + c];
     }
 }
@@ -47,11 +47,11 @@ void fv_k_nn_blend_u8__c(const struct fv_nn_blend *p, const uint8_t *top, const 
 {
     const int32_t one = 1 << p->bits, half = (1 << 2 * p->bits) >> 1;
     const int32_t middle = half == 0 ? 0 : p->middle << 2 * p->bits;
-    for (int32_t x = 0; x < p->out_w; ++x, out += p->out_stride) {
+    for (int32_t x = 0; x < p->out_w; x++, out += p->out_stride) {
         const int32_t *entry = p->columns + (ptrdiff_t)3 * x;
         const ptrdiff_t low = (ptrdiff_t)entry[0] * p->in_stride,
                         high = (ptrdiff_t)entry[1] * p->in_stride;
-        for (int32_t c = 0; c < p->channels; ++c) {
+        for (int32_t c = 0; c < p->channels; c++) {
             const int32_t left = top[low + c] * (one - weight) + bottom[low + c] * weight;
             const int32_t right = top[high + c] * (one - weight) + bottom[high + c] * weight;
             const int32_t sum = left * (one - entry[2]) + right * entry[2];
@@ -62,9 +62,9 @@ void fv_k_nn_blend_u8__c(const struct fv_nn_blend *p, const uint8_t *top, const 
 
 void fv_k_nn_argmax_u8__c(const uint8_t *in, int32_t axis, int32_t *out, int32_t count)
 {
-    for (int32_t i = 0; i < count; ++i, in += axis) {
+    for (int32_t i = 0; i < count; i++, in += axis) {
         out[i] = 0;
-        for (int32_t k = 1; k < axis; ++k) {
+        for (int32_t k = 1; k < axis; k++) {
             if (in[k] > in[out[i]]) out[i] = k;
         }
     }
@@ -75,7 +75,7 @@ void fv_k_nn_argmax_u8__c(const uint8_t *in, int32_t axis, int32_t *out, int32_t
 void fv_k_nn_gather_u8__c(const uint8_t *in, ptrdiff_t step, uint8_t *out, ptrdiff_t pitch,
                           int32_t run, int32_t count)
 {
-    for (int32_t i = 0; i < count; ++i, in += step, out += pitch) {
+    for (int32_t i = 0; i < count; i++, in += step, out += pitch) {
         for (int32_t at = 0; at < run; at += 16)
             memcpy(out + at, in + at, 16);
     }

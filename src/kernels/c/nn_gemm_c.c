@@ -6,7 +6,7 @@ static int32_t accumulate(const struct fv_nn_gemm *g, const uint8_t *row, int32_
 {
     const int8_t *w = g->weights + ((ptrdiff_t)(channel / 16) * g->k4 * 16 + channel % 16) * 4;
     uint32_t sum = (uint32_t)g->bias[channel] + (uint32_t)g->row_sum_factor * (uint32_t)row_sum;
-    for (int32_t k = 0; k < g->k; ++k)
+    for (int32_t k = 0; k < g->k; k++)
         sum += (uint32_t)(row[k] * w[(ptrdiff_t)(k / 4) * 64 + k % 4]);
     return (int32_t)sum;
 }
@@ -15,7 +15,7 @@ static int32_t sum_of(const struct fv_nn_gemm *g, const uint8_t *row)
 {
     int32_t sum = 0;
     if (g->row_sum_factor == 0) return 0;
-    for (int32_t k = 0; k < g->k; ++k)
+    for (int32_t k = 0; k < g->k; k++)
         sum += row[k];
     return sum;
 }
@@ -23,9 +23,9 @@ static int32_t sum_of(const struct fv_nn_gemm *g, const uint8_t *row)
 void fv_k_nn_gemm_u8__c(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, uint8_t *out,
                         ptrdiff_t ldo, int32_t m)
 {
-    for (int32_t i = 0; i < m; ++i) {
+    for (int32_t i = 0; i < m; i++) {
         const int32_t row_sum = sum_of(g, a + i * lda);
-        for (int32_t c = 0; c < g->n; ++c) {
+        for (int32_t c = 0; c < g->n; c++) {
             const int32_t acc = accumulate(g, a + i * lda, row_sum, c);
             const int32_t scaled = fv_nn_requantize(acc, g->multiplier[c], g->shift[c]);
             const uint8_t value = fv_nn_output(scaled, g->zero_out, g->act_min, g->act_max);
@@ -37,9 +37,9 @@ void fv_k_nn_gemm_u8__c(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t 
 void fv_k_nn_gemm_i32__c(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda, int32_t *out,
                          ptrdiff_t ldo, int32_t m)
 {
-    for (int32_t i = 0; i < m; ++i) {
+    for (int32_t i = 0; i < m; i++) {
         const int32_t row_sum = sum_of(g, a + i * lda);
-        for (int32_t c = 0; c < (g->n + 15) / 16 * 16; ++c)
+        for (int32_t c = 0; c < (g->n + 15) / 16 * 16; c++)
             out[i * ldo + c] = accumulate(g, a + i * lda, row_sum, c);
     }
 }

@@ -45,17 +45,17 @@ void fv_k_nn_add_u8__neon(const struct fv_nn_add *p, const uint8_t *a, ptrdiff_t
     const struct factor fo = factor_of(0, p->m_out, p->s_out);
     struct output o;
     init_output(&o, p->zero_out, p->act_min, p->act_max, NULL);
-    for (int32_t r = 0; r < rows; ++r, a += lda, b += ldb, out += ldo) {
+    for (int32_t r = 0; r < rows; r++, a += lda, b += ldb, out += ldo) {
         for (int32_t i = 0; i < count; i += 16) {
             const int32_t width = count - i < 16 ? count - i : 16;
             uint8_t rest[2][16] = {{0}};
             const uint8_t *from[2] = {a + i, b + i};
-            for (int k = 0; k < 2 && width < 16; ++k)
+            for (int k = 0; k < 2 && width < 16; k++)
                 from[k] = memcpy(rest[k], from[k], (size_t)width);
             int32x4_t x[4], y[4];
             widen(from[0], x);
             widen(from[1], y);
-            for (int k = 0; k < 4; ++k) {
+            for (int k = 0; k < 4; k++) {
                 const int32x4_t sum = vaddq_s32(term(x[k], &fa), term(y[k], &fb));
                 x[k] = requantize(sum, fo.multiplier, fo.left, fo.right);
             }

@@ -11,13 +11,13 @@ FV_INLINE int8x8_t four_inputs(const uint8_t *bytes)
 
 FV_INLINE void start_of(const int8_t *w, int32_t k4, int32x4_t start[4])
 {
-    for (int i = 0; i < 4; ++i)
+    for (int i = 0; i < 4; i++)
         start[i] = vdupq_n_s32(0);
-    for (int32_t k = 0; k < k4; ++k, w += 64) {
-        for (int i = 0; i < 4; ++i)
+    for (int32_t k = 0; k < k4; k++, w += 64) {
+        for (int i = 0; i < 4; i++)
             start[i] = vpadalq_s16(start[i], vpaddlq_s8(vld1q_s8(w + 16 * i)));
     }
-    for (int i = 0; i < 4; ++i)
+    for (int i = 0; i < 4; i++)
         start[i] = vshlq_n_s32(start[i], 7);
 }
 
@@ -26,18 +26,18 @@ FV_INLINE void two_rows(const uint8_t *const row[2], const int8_t *w, int32_t k4
                         int32x4_t acc[2][4])
 {
     int32x4_t pair[2][8];
-    for (int i = 0; i < 8; ++i)
+    for (int i = 0; i < 8; i++)
         pair[0][i] = pair[1][i] = vdupq_n_s32(0);
-    for (int32_t k = 0; k < k4; ++k, w += 64) {
+    for (int32_t k = 0; k < k4; k++, w += 64) {
         const int8x8_t x = four_inputs(row[0] + 4 * k), y = four_inputs(row[1] + 4 * k);
-        for (int i = 0; i < 8; ++i) {
+        for (int i = 0; i < 8; i++) {
             const int8x8_t v = vld1_s8(w + 8 * i);
             pair[0][i] = vpadalq_s16(pair[0][i], vmull_s8(v, x));
             pair[1][i] = vpadalq_s16(pair[1][i], vmull_s8(v, y));
         }
     }
-    for (int r = 0; r < 2; ++r) {
-        for (int i = 0; i < 4; ++i)
+    for (int r = 0; r < 2; r++) {
+        for (int i = 0; i < 4; i++)
             acc[r][i] = vaddq_s32(acc[r][i], vpaddq_s32(pair[r][2 * i], pair[r][2 * i + 1]));
     }
 }

@@ -19,7 +19,7 @@ struct scale16 {
 FV_INLINE void load_scale(struct scale16 *s, const int32_t *multiplier, const int32_t *shift)
 {
     const int32x4_t zero = vdupq_n_s32(0);
-    for (int i = 0; i < 4; ++i) {
+    for (int i = 0; i < 4; i++) {
         const int32x4_t h = vld1q_s32(shift + 4 * i);
         s->multiplier[i] = vld1q_s32(multiplier + 4 * i);
         s->left[i] = vmaxq_s32(h, zero);
@@ -49,7 +49,7 @@ FV_INLINE void init_output(struct output *o, int32_t zero, int32_t low, int32_t 
     o->low = vdupq_n_u8((uint8_t)low);
     o->high = vdupq_n_u8((uint8_t)high);
     o->table = table;
-    for (int i = 0; i < 4 && table != NULL; ++i)
+    for (int i = 0; i < 4 && table != NULL; i++)
         o->part[i] = vld1q_u8_x4(table + 64 * i);
 }
 

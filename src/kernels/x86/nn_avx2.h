@@ -90,7 +90,7 @@ FV_INLINE __m256i table_row(const uint8_t *table, int i)
 
 static inline void load_table(struct table32 *t, const uint8_t *table)
 {
-    for (int i = 0; i < 16; ++i) {
+    for (int i = 0; i < 16; i++) {
         t->row[i] = _mm256_xor_si256(table_row(table, i), table_row(table, i - 1));
         if (i >= 8) { /* of the first eight rows' differences those up to i - 8 no longer answer */
             t->row[i] = _mm256_xor_si256(
@@ -104,7 +104,7 @@ FV_INLINE __m256i look_up(const struct table32 *t, __m256i x)
     const __m256i step = _mm256_set1_epi8(16);
     __m256i high = _mm256_xor_si256(x, _mm256_set1_epi8((char)0x80)), low = x;
     __m256i a = _mm256_shuffle_epi8(t->row[0], low), b = _mm256_shuffle_epi8(t->row[8], high);
-    for (int i = 1; i < 8; ++i) {
+    for (int i = 1; i < 8; i++) {
         low = _mm256_sub_epi8(low, step);
         high = _mm256_subs_epi8(high, step);
         a = _mm256_xor_si256(a, _mm256_shuffle_epi8(t->row[i], low));
@@ -148,7 +148,7 @@ FV_INLINE void store_some(uint8_t *to, __m128i v, int32_t width)
         memcpy(to + width - 4, &last, 4);
     } else {
         const int32_t all = _mm_cvtsi128_si32(v);
-        for (int32_t i = 0; i < width; ++i)
+        for (int32_t i = 0; i < width; i++)
             to[i] = (uint8_t)(all >> 8 * i);
     }
 }

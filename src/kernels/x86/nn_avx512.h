@@ -77,7 +77,7 @@ struct table64 {
 
 FV_INLINE void load_table(struct table64 *t, const uint8_t *table)
 {
-    for (int i = 0; i < 4; ++i)
+    for (int i = 0; i < 4; i++)
         t->part[i] = table == NULL ? _mm512_setzero_si512() : _mm512_loadu_si512(table + 64 * i);
 }
 
@@ -92,7 +92,7 @@ FV_INLINE __m512i look_up(__m512i index, const struct table64 *t, const uint8_t 
     (void)t;
     uint8_t bytes[64];
     _mm512_storeu_si512(bytes, index);
-    for (int i = 0; i < 64; ++i)
+    for (int i = 0; i < 64; i++)
         bytes[i] = table[bytes[i]];
     return _mm512_loadu_si512(bytes);
 #endif

@@ -24,7 +24,7 @@ static __m256i tap_weights(const struct fv_nn_depthwise *d, int32_t channel, int
 {
     __m256i sum = _mm256_setzero_si256();
     const int32_t taps = d->kh * d->kw, tap = ky * d->kw + kx;
-    for (int32_t p = 0; p < d->planes && ky < d->kh && kx < d->kw; ++p) {
+    for (int32_t p = 0; p < d->planes && ky < d->kh && kx < d->kw; p++) {
         const int8_t *w = d->weights + ((ptrdiff_t)p * taps + tap) * d->c16 + channel;
         sum = _mm256_add_epi16(
             sum, _mm256_cvtepi8_epi16(_mm_load_si128((const __m128i *)(const void *)w)));
@@ -57,11 +57,11 @@ static void load_block(struct block *b, const struct fv_nn_depthwise *d, int32_t
     b->pairs = (d->kh + 1) / 2;
     b->column_bytes = (ptrdiff_t)b->pairs * PAIR_BYTES;
     b->width = d->channels - channel < 16 ? d->channels - channel : 16;
-    for (int32_t pair = 0; pair < b->pairs; ++pair) {
+    for (int32_t pair = 0; pair < b->pairs; pair++) {
         for (int32_t kx = 0; kx < d->kw; kx += 2 * pair + 1 == d->kh ? 2 : 1)
             add_step(b, d, channel, pair, kx);
     }
-    for (int32_t h = 0; h < 2; ++h) {
+    for (int32_t h = 0; h < 2; h++) {
         const int32_t at = channel + 8 * h;
         b->bias[h] = _mm256_load_si256((const __m256i *)(const void *)(d->bias + at));
         load_scale(&b->scale[h],
@@ -103,7 +103,7 @@ static void interleave_lines(const struct fv_nn_depthwise *d, struct line a, str
         if (x >= 0 && x < inner_end) {
             const uint8_t *from_a = a.pixels + x * a.step,
                           *from_b = b.pixels + (x + shift) * b.step;
-            for (; x < inner_end; ++x, from_a += a.step, from_b += b.step, to += pitch)
+            for (; x < inner_end; x++, from_a += a.step, from_b += b.step, to += pitch)
                 interleave(from_a, from_b, to);
         } else {
             const uint8_t *from_a = x < 0 || x >= d->in_w ? border : a.pixels + x * a.step;
@@ -120,7 +120,7 @@ static void interleave_columns(const struct block *b, const struct fv_nn_depthwi
                                const uint8_t *in, int32_t y, int32_t x, int32_t count,
                                const uint8_t *border, uint8_t *scratch)
 {
-    for (int32_t pair = 0; pair < b->pairs; ++pair) {
+    for (int32_t pair = 0; pair < b->pairs; pair++) {
         const int beside = 2 * pair + 1 == d->kh;
         const struct line first = line_of(d, in, border, y, 2 * pair);
         const struct line second = beside ? first : line_of(d, in, border, y, 2 * pair + 1);
@@ -136,12 +136,12 @@ FV_INLINE void tile(const struct block *b, const uint8_t *columns, ptrdiff_t ste
 {
     __m256i acc[TILE][2];
 #pragma GCC unroll 4
-    for (int i = 0; i < N; ++i) {
+    for (int i = 0; i < N; i++) {
         acc[i][0] = b->bias[0];
         acc[i][1] = b->bias[1];
     }
 #pragma GCC unroll 1
-    for (int s = 0; s < steps; ++s) {
+    for (int s = 0; s < steps; s++) {
         const __m256i *x = (const __m256i *)(const void *)(columns + b->from[s]);
         const __m256i w0 = b->weights[s][0], w1 = b->weights[s][1];
 #pragma GCC unroll 4
@@ -160,7 +160,7 @@ FV_INLINE void outputs(const struct block *b, const struct fv_nn_depthwise *d,
 {
     const ptrdiff_t step = d->stride_x * b->column_bytes;
     if (count < TILE) {
-        for (int32_t i = 0; i < count; ++i) {
+        for (int32_t i = 0; i < count; i++) {
             tile(b, columns + i * step, step, 1, o, out + (ptrdiff_t)i * d->out_stride,
                  d->out_stride, steps, above);
         }
@@ -209,7 +209,7 @@ void fv_k_nn_depthwise_u8__avx2(const struct fv_nn_depthwise *d, const uint8_t *
     for (int32_t c = 0; c < d->channels; c += 16) {
         struct block b;
         load_block(&b, d, c);
-        for (int32_t y = begin; y < end; ++y) {
+        for (int32_t y = begin; y < end; y++) {
             row(&b, d, in + c, y, &o, border,
                 out + c + (ptrdiff_t)(y - begin) * d->out_w * d->out_stride, scratch);
         }

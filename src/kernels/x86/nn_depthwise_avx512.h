@@ -61,7 +61,7 @@ static inline void spread(void *to, const void *from, size_t size, int32_t first
 static inline void transpose_words(const int32_t *words, __m512i out[4])
 {
     __m512i in[4];
-    for (int i = 0; i < 4; ++i)
+    for (int i = 0; i < 4; i++)
         in[i] = _mm512_loadu_si512(words + 16 * i);
     const __m512i a = _mm512_shuffle_i32x4(in[0], in[1], 0x44),
                   b = _mm512_shuffle_i32x4(in[2], in[3], 0x44);
@@ -87,13 +87,13 @@ static inline void load_lanes(struct lanes *l, const struct fv_nn_depthwise *d, 
     transpose_words(words, multiplier);
     spread(words, d->shift, 4, first, period, d->c16);
     transpose_words(words, shift);
-    for (int32_t q = 0; q < 4; ++q)
+    for (int32_t q = 0; q < 4; q++)
         load_scale_of(&l->scale[q], multiplier[q], shift[q]);
-    for (int32_t step = 0; step < d->planes * groups * d->kw; ++step) {
+    for (int32_t step = 0; step < d->planes * groups * d->kw; step++) {
         const int32_t kx = step % d->kw, group = step / d->kw % groups,
                       plane = step / d->kw / groups;
         int8_t column[4][64] = {{0}};
-        for (int32_t r = 0; r < 4 && 4 * group + r < d->kh; ++r) {
+        for (int32_t r = 0; r < 4 && 4 * group + r < d->kh; r++) {
             const int8_t *w =
                 d->weights + ((ptrdiff_t)(plane * d->kh + 4 * group + r) * d->kw + kx) * d->c16;
             spread(column[r], w, 1, first, period, d->c16);
@@ -135,21 +135,21 @@ static inline void interleave_columns(const struct fv_nn_depthwise *d, const uin
 {
     const __m512i border = _mm512_set1_epi8((char)d->zero_in);
     const int32_t groups = (d->kh + 3) / 4;
-    for (int32_t g = 0; g < groups; ++g) {
+    for (int32_t g = 0; g < groups; g++) {
         const uint8_t *row[4];
-        for (int32_t r = 0; r < 4; ++r)
+        for (int32_t r = 0; r < 4; r++)
             row[r] = input_row(d, in, y, 4 * g + r);
         uint8_t *to = scratch + (ptrdiff_t)g * count * 256;
-        for (int32_t i = 0; i < count; ++i, to += 256) {
+        for (int32_t i = 0; i < count; i++, to += 256) {
             const int32_t x = first + i;
             const int inside = x >= 0 && x < d->in_w;
             const ptrdiff_t at = (ptrdiff_t)x * d->in_stride;
             __m512i v[4], out[4];
-            for (int r = 0; r < 4; ++r)
+            for (int r = 0; r < 4; r++)
                 v[r] =
                     inside && row[r] != NULL ? _mm512_maskz_loadu_epi8(mask, row[r] + at) : border;
             interleave(v[0], v[1], v[2], v[3], out);
-            for (int q = 0; q < 4; ++q)
+            for (int q = 0; q < 4; q++)
                 _mm512_store_si512(to + 64 * q, out[q]);
         }
     }
@@ -159,14 +159,14 @@ FV_INLINE void block_outputs(const struct lanes *l, const struct fv_nn_depthwise
                              const uint8_t *scratch, int32_t columns, int32_t outputs, uint8_t *out,
                              const int KW, const int GROUPS, const int PLANES, const int above)
 {
-    for (int32_t x = 0; x < outputs; ++x, out += d->out_stride) {
+    for (int32_t x = 0; x < outputs; x++, out += d->out_stride) {
         __m512i acc[4] = {l->bias[0], l->bias[1], l->bias[2], l->bias[3]};
-        for (int s = 0; s < PLANES * GROUPS * KW; ++s) {
+        for (int s = 0; s < PLANES * GROUPS * KW; s++) {
             const int kx = s % KW, g = s / KW % GROUPS;
             const uint8_t *from =
                 scratch + ((ptrdiff_t)g * columns + x * d->stride_x + kx * d->dilation_x) * 256;
 #pragma GCC unroll 4
-            for (int q = 0; q < 4; ++q)
+            for (int q = 0; q < 4; q++)
                 acc[q] =
                     _mm512_dpbusd_epi32(acc[q], _mm512_load_si512(from + 64 * q), l->weights[s][q]);
         }
@@ -204,7 +204,7 @@ static inline void by_blocks(const struct fv_nn_depthwise *d, const uint8_t *in,
     for (int32_t c = 0; c < d->channels; c += 64) {
         load_lanes(&l, d, c, 0);
         l.mask = d->channels - c >= 64 ? ~UINT64_C(0) : ~UINT64_C(0) >> (64 - (d->channels - c));
-        for (int32_t y = begin; y < end; ++y) {
+        for (int32_t y = begin; y < end; y++) {
             block_row(&l, d, in + c, out + c + (ptrdiff_t)(y - begin) * d->out_w * d->out_stride, y,
                       scratch, above);
         }
@@ -260,7 +260,7 @@ static inline void copy_flat(const struct fv_nn_depthwise *d, const uint8_t *row
                (size_t)((all - left - middle) * d->channels));
         return;
     }
-    for (int32_t i = 0; i < all; ++i) {
+    for (int32_t i = 0; i < all; i++) {
         uint8_t *at = to + i % d->stride_x * part + (ptrdiff_t)(i / d->stride_x) * d->channels;
         const int32_t x = i - d->pad_left;
         if (x < 0 || x >= d->in_w)
@@ -282,7 +282,7 @@ FV_INLINE void flat_outputs(const struct lanes *l, const struct fv_nn_depthwise 
     const __m512i none = _mm512_setzero_si512();
     for (; j < total; j += step) {
         __m512i acc[4] = {l->bias[0], l->bias[1], l->bias[2], l->bias[3]};
-        for (int kx = 0; kx < KW; ++kx) {
+        for (int kx = 0; kx < KW; kx++) {
             const int32_t column = kx * d->dilation_x;
             const uint8_t *from = rows + column % d->stride_x * part +
                                   (ptrdiff_t)(column / d->stride_x) * d->channels + j;
@@ -290,9 +290,9 @@ FV_INLINE void flat_outputs(const struct lanes *l, const struct fv_nn_depthwise 
             interleave(_mm512_loadu_si512(from), KH > 1 ? _mm512_loadu_si512(from + pitch) : none,
                        KH > 2 ? _mm512_loadu_si512(from + 2 * pitch) : none,
                        KH > 3 ? _mm512_loadu_si512(from + 3 * pitch) : none, v);
-            for (int p = 0; p < PLANES; ++p) {
+            for (int p = 0; p < PLANES; p++) {
 #pragma GCC unroll 4
-                for (int q = 0; q < 4; ++q)
+                for (int q = 0; q < 4; q++)
                     acc[q] = _mm512_dpbusd_epi32(acc[q], v[q], l->weights[p * KW + kx][q]);
             }
         }
@@ -309,12 +309,12 @@ static inline void by_flat_rows(const struct fv_nn_depthwise *d, const uint8_t *
     const ptrdiff_t part = flat_part(d), pitch = part * d->stride_x;
     const int small = d->kh == 3 && d->kw == 3;
     struct lanes lanes[PHASES_MAX];
-    for (int32_t p = 0; p < phases; ++p)
+    for (int32_t p = 0; p < phases; p++)
         load_lanes(&lanes[p], d, p * 64 % d->channels, d->channels);
-    for (int32_t y = begin; y < end; ++y, out += total) {
-        for (int32_t ky = 0; ky < d->kh; ++ky)
+    for (int32_t y = begin; y < end; y++, out += total) {
+        for (int32_t ky = 0; ky < d->kh; ky++)
             copy_flat(d, input_row(d, in, y, ky), scratch + ky * pitch, part);
-        for (int32_t p = 0; p < phases && p * 64 < total; ++p) {
+        for (int32_t p = 0; p < phases && p * 64 < total; p++) {
             const struct lanes *l = &lanes[p];
             const int32_t step = phases * 64;
             if (small && d->planes == 1 && above)

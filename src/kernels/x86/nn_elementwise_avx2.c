@@ -12,7 +12,7 @@ void fv_k_nn_table_u8__avx2(const uint8_t *table, const uint8_t *in, uint8_t *ou
             _mm256_storeu_si256((__m256i *)(void *)(out + i), look_up(&t, v));
         }
     }
-    for (; i < count; ++i)
+    for (; i < count; i++)
         out[i] = table[in[i]];
 }
 
@@ -24,7 +24,7 @@ void fv_k_nn_max_u8__avx2(const uint8_t *a, const uint8_t *b, uint8_t *out, int3
         const __m256i y = _mm256_loadu_si256((const __m256i *)(const void *)(b + i));
         _mm256_storeu_si256((__m256i *)(void *)(out + i), _mm256_max_epu8(x, y));
     }
-    for (; i < count; ++i)
+    for (; i < count; i++)
         out[i] = a[i] > b[i] ? a[i] : b[i];
 }
 
@@ -70,7 +70,7 @@ FV_INLINE __m128i blend16(const uint8_t *const corner[4], ptrdiff_t c, const str
 FV_INLINE __m128i blend16_wide(const uint8_t *const corner[4], ptrdiff_t c, const struct blend *b)
 {
     __m256i v[4];
-    for (int i = 0; i < 4; ++i)
+    for (int i = 0; i < 4; i++)
         v[i] = load16(corner[i] + c);
     const __m256i low_left = _mm256_madd_epi16(_mm256_unpacklo_epi16(v[0], v[1]), b->rows);
     const __m256i low_right = _mm256_madd_epi16(_mm256_unpacklo_epi16(v[2], v[3]), b->rows);
@@ -99,7 +99,7 @@ void fv_k_nn_blend_u8__avx2(const struct fv_nn_blend *p, const uint8_t *top, con
                       .shift = _mm_cvtsi32_si128(2 * p->bits),
                       .middle = _mm256_set1_epi32(p->bits == 0 ? 0 : p->middle << 2 * p->bits),
                       .rows = pair_of(one - weight, weight)};
-    for (int32_t x = 0; x < p->out_w; ++x, out += p->out_stride) {
+    for (int32_t x = 0; x < p->out_w; x++, out += p->out_stride) {
         const int32_t *entry = p->columns + (ptrdiff_t)3 * x;
         const ptrdiff_t left = (ptrdiff_t)entry[0] * p->in_stride,
                         right = (ptrdiff_t)entry[1] * p->in_stride;

@@ -21,7 +21,7 @@ FV_INLINE __m512i sum64(const struct sum_job *j, __m512i a, __m512i b, const int
     const __m512i order = _mm512_setr_epi32(0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15);
     __m512i r[4];
 #pragma GCC unroll 4
-    for (int i = 0; i < 4; ++i) {
+    for (int i = 0; i < 4; i++) {
         const __m128i ai = i == 0   ? _mm512_castsi512_si128(a)
                            : i == 1 ? _mm512_extracti32x4_epi32(a, 1)
                            : i == 2 ? _mm512_extracti32x4_epi32(a, 2)
@@ -91,7 +91,7 @@ FV_INLINE void sums(const struct sum_job *j, const struct operands *o, const int
                       vb = load_rows(o->b + r * o->ldb, o->ldb, o->count, 0);
         store_rows(o->out + r * o->ldo, o->ldo, o->count, 0, sum64(j, va, vb, half_a, half_b));
     }
-    for (; r < o->rows; ++r) {
+    for (; r < o->rows; r++) {
         for (int32_t i = 0; i < o->count; i += 64) {
             const __mmask64 mask =
                 o->count - i >= 64 ? ~UINT64_C(0) : ~UINT64_C(0) >> (64 - (o->count - i));
@@ -184,7 +184,7 @@ FV_INLINE __m256i blend32_wide(const uint8_t *const corner[4], ptrdiff_t c, cons
 {
     __m512i v[4];
 #pragma GCC unroll 4
-    for (int i = 0; i < 4; ++i)
+    for (int i = 0; i < 4; i++)
         v[i] = load32(corner[i] + c);
     const __m512i low_left = _mm512_madd_epi16(_mm512_unpacklo_epi16(v[0], v[1]), b->rows);
     const __m512i low_right = _mm512_madd_epi16(_mm512_unpacklo_epi16(v[2], v[3]), b->rows);
@@ -213,7 +213,7 @@ void fv_k_nn_blend_u8__avx512(const struct fv_nn_blend *p, const uint8_t *top,
                       .shift = _mm_cvtsi32_si128(2 * p->bits),
                       .middle = _mm512_set1_epi32(p->bits == 0 ? 0 : p->middle << 2 * p->bits),
                       .rows = pair_of(one - weight, weight)};
-    for (int32_t x = 0; x < p->out_w; ++x, out += p->out_stride) {
+    for (int32_t x = 0; x < p->out_w; x++, out += p->out_stride) {
         const int32_t *entry = p->columns + (ptrdiff_t)3 * x;
         const ptrdiff_t left = (ptrdiff_t)entry[0] * p->in_stride,
                         right = (ptrdiff_t)entry[1] * p->in_stride;
@@ -235,7 +235,7 @@ void fv_k_nn_gather_u8__avx512(const uint8_t *in, ptrdiff_t step, uint8_t *out, 
 {
     const int32_t whole = run / 64 * 64;
     const __mmask64 rest = run == whole ? 0 : ~UINT64_C(0) >> (64 - (run - whole));
-    for (int32_t i = 0; i < count; ++i, in += step, out += pitch) {
+    for (int32_t i = 0; i < count; i++, in += step, out += pitch) {
         for (int32_t at = 0; at < whole; at += 64)
             _mm512_storeu_si512(out + at, _mm512_loadu_si512(in + at));
         if (rest != 0)

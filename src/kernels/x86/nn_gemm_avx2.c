@@ -41,7 +41,7 @@ static void init_maxima(struct maxima *most, int32_t k, const uint8_t *a, ptrdif
     for (int32_t i = 0; i < k; i += 32) {
         const uint8_t *from = a + i;
         __m256i v = _mm256_setzero_si256();
-        for (int32_t r = 0; r < rows; ++r, from += lda) {
+        for (int32_t r = 0; r < rows; r++, from += lda) {
             v = _mm256_max_epu8(v, _mm256_loadu_si256((const __m256i *)(const void *)from));
         }
         _mm256_storeu_si256((__m256i *)(void *)(most->of + i), v);
@@ -61,7 +61,7 @@ static void init_panel(struct panel *p, const int8_t *weights, int32_t k4,
     const __m256i limit = _mm256_set1_epi16(INT16_MAX);
     p->weights = weights;
     p->narrow_count = p->wide_count = 0;
-    for (int32_t i = 0; i < k4; ++i, weights += 64) {
+    for (int32_t i = 0; i < k4; i++, weights += 64) {
         const __m256i x = four_inputs(most->of + 4 * (ptrdiff_t)i);
         const __m256i top =
             _mm256_max_epi16(reach(x, load32(weights)), reach(x, load32(weights + 32)));
@@ -79,7 +79,7 @@ FV_INLINE void add_narrow(const uint8_t *a, ptrdiff_t lda, const int N, const in
 {
     const __m256i ones = _mm256_set1_epi16(1), w0 = load32(w), w1 = load32(w + 32);
 #pragma GCC unroll 4
-    for (int r = 0; r < N; ++r) {
+    for (int r = 0; r < N; r++) {
         const __m256i x = four_inputs(a + r * lda);
         acc[r][0] =
             _mm256_add_epi32(acc[r][0], _mm256_madd_epi16(_mm256_maddubs_epi16(x, w0), ones));
@@ -98,7 +98,7 @@ FV_INLINE void add_wide(const uint8_t *a, ptrdiff_t lda, const int N, const int8
     const __m256i even1 = _mm256_srai_epi16(_mm256_slli_epi16(w1, 8), 8),
                   odd1 = _mm256_srai_epi16(w1, 8);
 #pragma GCC unroll 4
-    for (int r = 0; r < N; ++r) {
+    for (int r = 0; r < N; r++) {
         const __m256i x = four_inputs(a + r * lda);
         const __m256i even = _mm256_and_si256(x, _mm256_set1_epi16(255)),
                       odd = _mm256_srli_epi16(x, 8);
@@ -112,7 +112,7 @@ FV_INLINE void add_wide(const uint8_t *a, ptrdiff_t lda, const int N, const int8
 FV_INLINE void start(const int32_t *bias, const int32_t *sums, const int N, __m256i acc[][2])
 {
 #pragma GCC unroll 4
-    for (int r = 0; r < N; ++r) {
+    for (int r = 0; r < N; r++) {
         const __m256i sum = _mm256_set1_epi32(sums[r]);
         acc[r][0] = _mm256_add_epi32(_mm256_load_si256((const __m256i *)(const void *)bias), sum);
         acc[r][1] =
@@ -123,11 +123,11 @@ FV_INLINE void start(const int32_t *bias, const int32_t *sums, const int N, __m2
 FV_INLINE void accumulate(const struct panel *p, const uint8_t *a, ptrdiff_t lda,
                           __m256i acc[ROWS][2])
 {
-    for (int32_t i = 0; i < p->narrow_count; ++i) {
+    for (int32_t i = 0; i < p->narrow_count; i++) {
         const ptrdiff_t group = p->narrow[i];
         add_narrow(a + 4 * group, lda, ROWS, p->weights + 64 * group, acc);
     }
-    for (int32_t i = 0; i < p->wide_count; ++i) {
+    for (int32_t i = 0; i < p->wide_count; i++) {
         const ptrdiff_t group = p->wide[i];
         add_wide(a + 4 * group, lda, ROWS, p->weights + 64 * group, acc);
     }
@@ -137,7 +137,7 @@ FV_INLINE void accumulate(const struct panel *p, const uint8_t *a, ptrdiff_t lda
 FV_INLINE void accumulate_one(const int8_t *weights, int32_t k4, const uint8_t *row,
                               __m256i acc[1][2])
 {
-    for (int32_t i = 0; i < k4; ++i)
+    for (int32_t i = 0; i < k4; i++)
         add_wide(row + 4 * (ptrdiff_t)i, 0, 1, weights + 64 * (ptrdiff_t)i, acc);
 }
 
@@ -150,7 +150,7 @@ static void sum_rows(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff_t lda
                                      255, 255, 255, 255, 255, 255, 255, 255, 255, 255};
     const __m256i zero = _mm256_setzero_si256();
     const __m256i rest = _mm256_loadu_si256((const __m256i *)(const void *)(ends + 32 - g->k % 32));
-    for (int32_t i = 0; i < rows; ++i, a += lda) {
+    for (int32_t i = 0; i < rows; i++, a += lda) {
         __m256i sum = zero;
         int32_t k = 0;
         if (g->row_sum_factor == 0) {
@@ -189,7 +189,7 @@ FV_INLINE void strip_u8(const struct panel *p, const struct strip *s, const stru
 {
     __m256i acc[ROWS][2];
     if (s->rows < ROWS) {
-        for (int32_t i = 0; i < s->rows; ++i) {
+        for (int32_t i = 0; i < s->rows; i++) {
             start(s->bias, s->sums + i, 1, acc);
             accumulate_one(p->weights, k4, s->a + i * s->lda, acc);
             store_tile(o, s->scale, acc, 1, s->out + i * s->ldo, s->ldo, s->width, above);
@@ -207,7 +207,7 @@ FV_INLINE void strip_u8(const struct panel *p, const struct strip *s, const stru
 
 static void load_scales(struct scale8 scale[2], const int32_t *multiplier, const int32_t *shift)
 {
-    for (int h = 0; h < 2; ++h) {
+    for (int h = 0; h < 2; h++) {
         load_scale(&scale[h],
                    _mm256_load_si256((const __m256i *)(const void *)(multiplier + 8 * h)),
                    _mm256_load_si256((const __m256i *)(const void *)(shift + 8 * h)));
@@ -258,7 +258,7 @@ void fv_k_nn_gemm_u8__avx2(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff
 
 FV_INLINE void store_words(__m256i acc[][2], const int N, int32_t *out, ptrdiff_t ldo)
 {
-    for (int r = 0; r < N; ++r) {
+    for (int r = 0; r < N; r++) {
         _mm256_storeu_si256((__m256i *)(void *)(out + r * ldo), acc[r][0]);
         _mm256_storeu_si256((__m256i *)(void *)(out + r * ldo + 8), acc[r][1]);
     }

@@ -30,12 +30,12 @@ FV_INLINE void accumulate(const struct tile_job *j, const int ROWS, const int BL
     const uint8_t *row[TILE_ROWS_MAX];
     const ptrdiff_t block = (ptrdiff_t)j->g->k4 * 64;
 #pragma GCC unroll 12
-    for (int i = 0; i < ROWS; ++i) {
+    for (int i = 0; i < ROWS; i++) {
         const int at = i < j->rows ? i : j->rows - 1;
         row[i] = j->a + at * j->lda;
         const __m512i sum = _mm512_set1_epi32(j->row_sums == NULL ? 0 : j->row_sums[at]);
 #pragma GCC unroll 4
-        for (int b = 0; b < BLOCKS; ++b)
+        for (int b = 0; b < BLOCKS; b++)
             acc[i * BLOCKS + b] = _mm512_add_epi32(_mm512_load_si512(j->bias + 16 * b), sum);
     }
     const int8_t *w = j->weights;
@@ -43,13 +43,13 @@ FV_INLINE void accumulate(const struct tile_job *j, const int ROWS, const int BL
     for (ptrdiff_t k = 0; k < bytes; k += 4, w += 64) {
         __m512i v[4];
 #pragma GCC unroll 4
-        for (int b = 0; b < BLOCKS; ++b)
+        for (int b = 0; b < BLOCKS; b++)
             v[b] = _mm512_load_si512(w + b * block);
 #pragma GCC unroll 12
-        for (int i = 0; i < ROWS; ++i) {
+        for (int i = 0; i < ROWS; i++) {
             const __m512i x = broadcast4(row[i] + k);
 #pragma GCC unroll 4
-            for (int b = 0; b < BLOCKS; ++b)
+            for (int b = 0; b < BLOCKS; b++)
                 acc[i * BLOCKS + b] = _mm512_dpbusd_epi32(acc[i * BLOCKS + b], x, v[b]);
         }
     }
@@ -102,7 +102,7 @@ FV_INLINE void tile_u8(const struct tile_job *j, const struct store_job *s, cons
         if (i >= j->rows) break;
         __m512i r[4];
 #pragma GCC unroll 4
-        for (int b = 0; b < 4; ++b) {
+        for (int b = 0; b < 4; b++) {
             const int row = i + b / BLOCKS;
             const int used = BLOCKS == 3 ? b < 3 : row < ROWS;
             r[b] = used ? requantize(acc[row * BLOCKS + b % BLOCKS], &s->scale[b % BLOCKS], above)
@@ -119,7 +119,7 @@ static inline void sum_rows(const struct fv_nn_gemm *g, const uint8_t *a, ptrdif
                             int32_t rows, int32_t *sums)
 {
     const __m512i ones = _mm512_set1_epi8(1);
-    for (int32_t i = 0; i < rows; ++i, a += lda) {
+    for (int32_t i = 0; i < rows; i++, a += lda) {
         __m512i sum = _mm512_setzero_si512();
         int32_t k = 0;
         for (; k + 64 <= g->k; k += 64)
@@ -207,7 +207,7 @@ static inline void gemm_u8(const struct fv_nn_gemm *g, const uint8_t *a, ptrdiff
         for (int32_t b = 0, count; b < blocks; b += count) {
             count = next_blocks(blocks - b);
             const int32_t width = g->n - 16 * b < 16 * count ? g->n - 16 * b : 16 * count;
-            for (int32_t c = 0; c < count; ++c)
+            for (int32_t c = 0; c < count; c++)
                 load_scale(&s.scale[c], g->multiplier + 16 * (b + c), g->shift + 16 * (b + c));
             s.mask = ~UINT64_C(0) >> (64 - width);
             j.weights = g->weights + (ptrdiff_t)b * g->k4 * 64;

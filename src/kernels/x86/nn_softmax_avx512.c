@@ -65,6 +65,6 @@ static void row(const int32_t *exps, const uint8_t *in, uint8_t *out, int32_t de
 void fv_k_nn_softmax_u8__avx512(const int32_t *exps, const uint8_t *in, uint8_t *out, int32_t depth,
                                 int32_t rows)
 {
-    for (int32_t r = 0; r < rows; ++r)
+    for (int32_t r = 0; r < rows; r++)
         row(exps, in + (ptrdiff_t)r * depth, out + (ptrdiff_t)r * depth, depth);
 }

@@ -8,9 +8,9 @@ static inline void transpose16(__m128i v[16])
 {
     __m128i t[16];
 #pragma GCC unroll 4
-    for (int step = 0; step < 4; ++step) {
+    for (int step = 0; step < 4; step++) {
 #pragma GCC unroll 8
-        for (int i = 0; i < 8; ++i) {
+        for (int i = 0; i < 8; i++) {
             t[2 * i] = _mm_unpacklo_epi8(v[i], v[i + 8]);
             t[2 * i + 1] = _mm_unpackhi_epi8(v[i], v[i + 8]);
         }
@@ -21,10 +21,10 @@ static inline void transpose16(__m128i v[16])
 static void block(const uint8_t *in, ptrdiff_t ldi, uint8_t *out, ptrdiff_t ldo)
 {
     __m128i v[16];
-    for (int i = 0; i < 16; ++i)
+    for (int i = 0; i < 16; i++)
         v[i] = _mm_loadu_si128((const __m128i *)(const void *)(in + i * ldi));
     transpose16(v);
-    for (int i = 0; i < 16; ++i)
+    for (int i = 0; i < 16; i++)
         _mm_storeu_si128((__m128i *)(void *)(out + i * ldo), v[i]);
 }
 

@@ -31,7 +31,7 @@ static int set_up(void **state)
     const int good = file != NULL && fread(file, 1, bytes, in) == bytes;
     fclose(in);
     struct fovea_error error;
-    for (int i = 0; i < WIDTH * HEIGHT; ++i)
+    for (int i = 0; i < WIDTH * HEIGHT; i++)
         pixels[i] = (uint8_t)((i % WIDTH / 20 * 37 + i / WIDTH / 15 * 91) ^ (i * 7 & 15));
     return good && fv_model_open(file, bytes, "detector", &model, &error) == FOVEA_OK ? 0 : -1;
 }
@@ -80,7 +80,7 @@ static void slices_give_the_same(void **state)
     assert_memory_equal(whole.job->found, sliced.job->found, sizeof whole.job->found);
     assert_int_equal(sliced.job->found_sequence, 5);
     assert_int_equal(sliced.job->found_stamp_ns, 77);
-    for (int32_t i = 0; i < whole.job->count; ++i) {
+    for (int32_t i = 0; i < whole.job->count; i++) {
         const struct fovea_detection *d = &whole.job->found[i];
         assert_true(d->x_min_px >= -0.5f && d->x_max_px <= WIDTH - 0.5f &&
                     d->x_min_px < d->x_max_px);

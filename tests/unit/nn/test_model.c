@@ -58,7 +58,7 @@ static int32_t *op_words(uint8_t *data, int32_t op)
 
 static const struct nn_golden_model *named(const char *start)
 {
-    for (int i = 0; i < golden.count; ++i) {
+    for (int i = 0; i < golden.count; i++) {
         if (strstr(golden.models[i].name, start) == golden.models[i].name) return &golden.models[i];
     }
     fail_msg("no golden model %s", start);
@@ -84,7 +84,7 @@ static void hostile_words(void **state)
         {42, 4, "biases lie outside"},  {45, 1 << 28, "table lies outside"},
     };
     const struct nn_golden_model *g = named("CONV_2D int8");
-    for (size_t i = 0; i < sizeof cases / sizeof *cases; ++i) {
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         uint8_t *data = copy_of(g);
         op_words(data, 0)[cases[i].word] = cases[i].value;
         if (cases[i].word == 20) op_words(data, 0)[19] = 2; /* two channels at a distance of one */
@@ -106,7 +106,7 @@ static void hostile_products(void **state)
                  {33, 2, "not 0 or 1"},
                  {34, 1 << 28, "biases lie outside"}};
     const struct nn_golden_model *g = named("BATCH_MATMUL int8");
-    for (size_t i = 0; i < sizeof cases / sizeof *cases; ++i) {
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         uint8_t *data = copy_of(g);
         int32_t op = 0;
         while (op_words(data, op)[0] != FV_OP_BATCH_MATMUL)
@@ -124,7 +124,7 @@ static void more_work_than_data(void **state)
     (void)state;
     const int32_t copy = FV_OP_COPY, reduce = FV_OP_REDUCE;
     int copies = 0, sums = 0;
-    for (int i = 0; i < golden.count; ++i) {
+    for (int i = 0; i < golden.count; i++) {
         const struct nn_golden_model *g = &golden.models[i];
         uint8_t *data = copy_of(g);
         int32_t *word = op_words(data, 0);
@@ -201,7 +201,7 @@ static void ten_thousand_mutants(void **state)
     struct fovea_random random;
     int taken = 0;
     fovea_random_seed(&random, 20);
-    for (int i = 0; i < 10000; ++i) {
+    for (int i = 0; i < 10000; i++) {
         const struct nn_golden_model *g = &golden.models[i % golden.count];
         uint8_t *data = copy_of(g);
         mutate(&random, data, g->model_bytes);

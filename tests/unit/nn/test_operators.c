@@ -15,7 +15,7 @@ static uint8_t *new_arena(const struct fv_model *model, const struct nn_golden_m
     assert_non_null(arena);
     memset(arena, 0xA5, nn_golden_padded(fv_nn_arena_bytes(model)));
     const uint8_t *from = g->inputs;
-    for (uint32_t i = 0; i < model->header->input_count; ++i) {
+    for (uint32_t i = 0; i < model->header->input_count; i++) {
         const size_t bytes = (size_t)model->tensors[model->inputs[i]].bytes;
         memcpy(fv_nn_tensor(model, arena, model->inputs[i]), from, bytes);
         from += bytes;
@@ -28,11 +28,11 @@ static void compare(const struct fv_model *model, const struct nn_golden_model *
                     const char *how)
 {
     const uint8_t *expected = g->outputs;
-    for (uint32_t i = 0; i < model->header->output_count; ++i) {
+    for (uint32_t i = 0; i < model->header->output_count; i++) {
         const struct fv_model_tensor *t = &model->tensors[model->outputs[i]];
         const uint8_t *found = fv_nn_tensor(model, arena, model->outputs[i]);
         if (t->type == FV_TYPE_F32) {
-            for (int32_t k = 0; k < t->bytes / 4; ++k) {
+            for (int32_t k = 0; k < t->bytes / 4; k++) {
                 float a, b;
                 memcpy(&a, found + 4 * k, 4);
                 memcpy(&b, expected + 4 * k, 4);
@@ -41,7 +41,7 @@ static void compare(const struct fv_model *model, const struct nn_golden_model *
                              (double)a, (double)b);
             }
         } else {
-            for (int32_t k = 0; k < t->bytes; ++k) {
+            for (int32_t k = 0; k < t->bytes; k++) {
                 if (found[k] != expected[k])
                     fail_msg("%s, %s: output %u byte %d is %d, expected %d", g->name, how, i, k,
                              found[k], expected[k]);
@@ -62,10 +62,10 @@ static void open_model(const struct nn_golden_model *g, struct fv_model *model)
 static void with_every_kernel_set(void **state)
 {
     (void)state;
-    for (int set = 0; set < FV_CPU_SET_COUNT; ++set) {
+    for (int set = 0; set < FV_CPU_SET_COUNT; set++) {
         struct fv_kernels kernels;
         fv_kernels_init(&kernels, (enum fv_cpu_set)set);
-        for (int i = 0; i < golden.count; ++i) {
+        for (int i = 0; i < golden.count; i++) {
             struct fv_model model;
             struct fv_nn_progress progress = {0, 0};
             uint32_t done;
@@ -86,7 +86,7 @@ static void unit_by_unit_while_moving(void **state)
     (void)state;
     struct fv_kernels kernels;
     fv_kernels_init(&kernels, FV_CPU_C);
-    for (int i = 0; i < golden.count; ++i) {
+    for (int i = 0; i < golden.count; i++) {
         struct fv_model model;
         struct fv_nn_progress progress = {0, 0};
         enum fovea_status status = FOVEA_AGAIN;

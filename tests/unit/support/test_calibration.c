@@ -157,7 +157,7 @@ static void random_camera(struct fovea_random *random, enum fovea_lens lens, int
     m->fy = 400 + 100 * fovea_random_unit(random);
     m->cx = 370 + 10 * fovea_random_unit(random);
     m->cy = 235 + 10 * fovea_random_unit(random);
-    for (int i = 0; i < coefficients; ++i)
+    for (int i = 0; i < coefficients; i++)
         m->k[i] = (fovea_random_unit(random) - 0.5) * (i == 2 || i == 3 ? 0.01 : 0.2);
     snprintf(c->name, sizeof c->name, "cam0");
     struct fovea_error error = {.text = ""};
@@ -167,14 +167,14 @@ static void random_camera(struct fovea_random *random, enum fovea_lens lens, int
 static double worst_projection(const struct fovea_camera *a, const struct fovea_camera *b)
 {
     double worst = 0.0;
-    for (int y = -5; y <= 5; ++y) {
-        for (int x = -5; x <= 5; ++x) {
+    for (int y = -5; y <= 5; y++) {
+        for (int x = -5; x <= 5; x++) {
             const double point[3] = {0.15 * x, 0.1 * y, 1.0};
             double p[2], q[2];
             const enum fovea_status one = fovea_camera_project(a, point, p, NULL);
             assert_int_equal(one, fovea_camera_project(b, point, q, NULL));
             if (one != FOVEA_OK) continue;
-            for (int i = 0; i < 2; ++i)
+            for (int i = 0; i < 2; i++)
                 worst = fmax(worst, fabs(p[i] - q[i]));
         }
     }
@@ -190,8 +190,8 @@ static void test_round_trip(void **state)
     double worst = 0.0;
     int written = 0, told = 0;
     setlocale(LC_ALL, "de_DE.UTF-8"); /* where installed: a comma must not get in */
-    for (int round = 0; round < 40; ++round) {
-        for (int format = 0; format < FOVEA_CALIBRATION_FORMAT_COUNT; ++format) {
+    for (int round = 0; round < 40; round++) {
+        for (int format = 0; format < FOVEA_CALIBRATION_FORMAT_COUNT; format++) {
             struct fovea_calibration c, again;
             char text[FOVEA_CALIBRATION_BYTES_MAX];
             struct fovea_error error = {.text = ""}, lost;
@@ -236,7 +236,7 @@ static void test_write_file_and_lost(void **state)
                      FOVEA_OK);
     assert_string_equal(lost.text, "");
     assert_int_equal(fovea_calibration_read(path, NULL, &again, &error), FOVEA_OK);
-    for (int i = 0; i < 12; ++i)
+    for (int i = 0; i < 12; i++)
         assert_true(fabs(again.T_body_cam[i] - c.T_body_cam[i]) < 1e-15);
     assert_int_equal(fovea_calibration_write(path, FOVEA_CALIBRATION_OPENCV, &c, &lost, &error),
                      FOVEA_OK);
@@ -394,7 +394,7 @@ static void test_published_files(void **state)
     } files[] = {{"euroc_mh05_a/mav0/cam0/sensor.yaml", 458.654},
                  {"handheld_7scenes_a/camera.yaml", 585.0},
                  {"calib_stereo_pinhole/left_intrinsics_published.yml", 535.91573396163199}};
-    for (size_t i = 0; i < sizeof files / sizeof files[0]; ++i) {
+    for (size_t i = 0; i < sizeof files / sizeof files[0]; i++) {
         const char *path = fv_test_path(fv_data_folder(), files[i].file);
         struct fovea_calibration calibration;
         struct fovea_error error;

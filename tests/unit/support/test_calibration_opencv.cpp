@@ -33,7 +33,7 @@ static void test_opencv_reads_and_writes(void **state)
         fail_msg("%s", error.text);
     assert_int_equal(found.camera.width, 752);
     assert_true(found.camera.fx == K.at<double>(0, 0) && found.camera.cy == K.at<double>(1, 2));
-    for (int i = 0; i < 8; ++i)
+    for (int i = 0; i < 8; i++)
         assert_true(found.camera.k[i] == D.at<double>(i));
 
     const char *ours = fv_test_path(folder, "ours.yml");

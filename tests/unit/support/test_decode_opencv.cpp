@@ -43,7 +43,7 @@ static void test_own_pictures(void **state)
     char folder[FV_TEST_PATH_BYTES];
     static uint8_t samples[200 * 150 * 4];
     fv_test_folder(folder);
-    for (int kind = 0; kind < 12; ++kind) {
+    for (int kind = 0; kind < 12; kind++) {
         const char *path = fv_test_path(folder, kind < 8 ? "p.png" : "p.jpg");
         const fv_test_png form = {200, 150, 1 + kind % 4, 8, kind >= 4};
         fv_test_picture(static_cast<uint32_t>(kind), form.width, form.height,

@@ -120,7 +120,7 @@ static void test_limits(void **state)
     text[used++] = ']';
     refused(text, used, "f.yaml:1: found more values than a file may have, expected at most 65536");
     used = 0;
-    for (int i = 0; i < 2000; ++i)
+    for (int i = 0; i < 2000; i++)
         used += (size_t)sprintf(text + used, "k%d: 1\n", i);
     refused(text, used,
             "f.yaml:1025: found more keys than one mapping may have, expected at most 1024");
@@ -147,7 +147,7 @@ static void test_values(void **state)
                      FOVEA_ERROR_INPUT);
     assert_string_equal(error.text, "f.yaml:1: n: found '2.5', expected a number in [0, 2]");
     const char *const no_numbers[] = {"q", "nan", "inf", "hex", "m", "s"};
-    for (size_t i = 0; i < 6; ++i) {
+    for (size_t i = 0; i < 6; i++) {
         const struct fovea_yaml_node *node = fovea_yaml_child(root, no_numbers[i]);
         assert_int_equal(fovea_yaml_number(tree, node, -1e300, 1e300, &number, &error),
                          FOVEA_ERROR_INPUT);
@@ -225,7 +225,7 @@ static void test_text(void **state)
     int64_t integer = 7;
     const char *const bad[] = {"",   " 1", "1 ", "nan",   "inf", "0x1", "1e",
                                "e5", ".",  "-",  "1e400", "1,5", "--1"};
-    for (size_t i = 0; i < sizeof bad / sizeof bad[0]; ++i) {
+    for (size_t i = 0; i < sizeof bad / sizeof bad[0]; i++) {
         assert_false(fovea_text_number(bad[i], &number));
         assert_false(fovea_text_integer(bad[i], &integer));
     }
