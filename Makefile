@@ -254,9 +254,21 @@ $(BUILD)/train-vocabulary: $(BUILD)/obj/tools/vocabulary/train.o $(BUILD)/libfov
 	@echo "  link $@"
 	$(Q)$(CXX) $(LDFLAGS) -pie -o $@ $< -Wl,--start-group $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a -Wl,--end-group $(LIBS_APP)
 
-install: all  ## install program, libraries, headers and message types under PREFIX
+# Manual pages: one of the program and one of each command, from the tables that --help prints.
+MAN := $(BUILD)/man/fovea.1 $(patsubst %,$(BUILD)/man/fovea-%.1,$(shell sed -n 's/^    {"\([a-z]*\)", .*/\1/p' src/app/commands.c))
+RUN_HERE = $(if $(CROSS),$(or $(EMULATOR),tools/emulate.sh)) $(BUILD)/fovea
+.PHONY: man
+man: $(MAN)  ## make the manual pages: man -l build/man/fovea.1
+$(BUILD)/man/fovea.1: $(BUILD)/fovea
+	@mkdir -p $(@D)
+	$(Q)$(RUN_HERE) --man >$@
+$(BUILD)/man/fovea-%.1: $(BUILD)/fovea
+	@mkdir -p $(@D)
+	$(Q)$(RUN_HERE) $* --man >$@
+
+install: all man  ## install program, manual pages, libraries, headers and message types under PREFIX
 	install -d $(DESTDIR)$(PREFIX)/bin $(DESTDIR)$(PREFIX)/lib/pkgconfig $(DESTDIR)$(PREFIX)/include/fovea \
-	           $(DESTDIR)$(PREFIX)/share/fovea/lcmtypes
+	           $(DESTDIR)$(PREFIX)/share/fovea/lcmtypes $(DESTDIR)$(PREFIX)/share/man/man1
 	install -m 755 $(BUILD)/fovea $(DESTDIR)$(PREFIX)/bin/
 	install -m 644 $(BUILD)/libfovea.a $(DESTDIR)$(PREFIX)/lib/
 	$(if $(LIBCAMERA_PLUGIN),install -D -m 755 $(LIBCAMERA_PLUGIN) $(DESTDIR)$(PREFIX)/lib/fovea/fovea-libcamera)
@@ -265,6 +277,7 @@ install: all  ## install program, libraries, headers and message types under PRE
 	ln -sf libfovea.so.$(VERSION) $(DESTDIR)$(PREFIX)/lib/$(SONAME)
 	ln -sf $(SONAME) $(DESTDIR)$(PREFIX)/lib/libfovea.so
 	install -m 644 include/fovea/*.h $(DESTDIR)$(PREFIX)/include/fovea/
+	install -m 644 $(MAN) $(DESTDIR)$(PREFIX)/share/man/man1/
 	install -m 644 src/detect/shipped.fvm $(DESTDIR)$(PREFIX)/share/fovea/
 	install -m 644 include/lcmtypes/*.lcm $(DESTDIR)$(PREFIX)/share/fovea/lcmtypes/
 	sed 's|@PREFIX@|$(PREFIX)|; s|@VERSION@|$(VERSION)|' tools/fovea.pc.in >$(DESTDIR)$(PREFIX)/lib/pkgconfig/fovea.pc

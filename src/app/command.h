@@ -1,6 +1,6 @@
 /* Commands of the `fovea` program. A command is one row of the table in commands.c: its name, one
- * line of help and the function that does it, in NAME_command.c. A row is added when the command
- * works, not before. */
+ * line of help, the text of its manual page and the function that does it, in NAME_command.c. A row
+ * is added when the command works, not before. */
 #ifndef FOVEA_APP_COMMAND_H
 #define FOVEA_APP_COMMAND_H
 
@@ -10,6 +10,8 @@ struct fv_command {
     const char *name;
     const char *help;                  /* one line, no full stop */
     int (*run)(int argc, char **argv); /* argv[0] is the command's name; returns enum fv_exit */
+    const char *description;           /* sentences for the manual page */
+    const char *examples;              /* command lines, one per line */
 };
 
 /* All commands, ended by a row whose name is NULL. */

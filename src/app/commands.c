@@ -4,17 +4,46 @@
 #include <stddef.h>
 
 const struct fv_command fv_commands[] = {
-    {"run", "run the loop on a camera, a recording or the simulated camera", fv_command_run},
-    {"check", "tell whether a configuration will run on this machine, and its memory",
-     fv_command_check},
-    {"config", "print the commented configuration, or check a file", fv_command_config},
-    {"replay", "run a recording again and compare every message", fv_command_replay},
-    {"features", "find, describe and draw the features of a picture", fv_command_features},
-    {"match", "match the features of two pictures", fv_command_match},
-    {"rectify", "take the lens's distortion out of a picture", fv_command_rectify},
-    {"detect", "find objects in pictures with an int8 network", fv_command_detect},
-    {"model", "tell what a model file holds, needs and how fast it runs here", fv_command_model},
-    {"export", "write the frames of a source, and their truth, as files", fv_command_export},
-    {"map", "tell what a saved map holds, export it, draw it", fv_command_map},
-    {NULL, NULL, NULL},
+    {"run", "run the loop on a camera, a recording or the simulated camera", fv_command_run,
+     "Frames of the source are processed by the runtime, and messages are sent by LCM after each. "
+     "Cameras run in real time: late frames are dropped and long work is cut to what is left of the "
+     "frame period. Recordings and the simulated camera run as fast as the machine allows, with "
+     "every frame, and give the same results on every machine. The run ends with the source, after "
+     "--frames, or on SIGINT and SIGTERM; then a summary is printed and a picture is drawn.",
+     "fovea run --source sim:orbit\n"
+     "fovea run --source v4l2:/dev/video0 --camera camera.yaml --record box/\n"
+     "fovea run --source kitti:DIR --trajectory live.tum --trajectory-final final.tum"},
+    {"check", "check whether a configuration will run on this machine, and its memory",
+     fv_command_check,
+     "Each line names a part - memory, kernels, real-time rights, LCM, camera, calibration, model - "
+     "and says that it is ok, or what is missing and what remedies it.",
+     "fovea check --config robot.yaml\nfovea check --source v4l2:/dev/video0 --bench"},
+    {"config", "print the commented configuration, or check a file", fv_command_config,
+     "Without options every key is printed as YAML with its meaning, range, unit and default. Any "
+     "key may be left out of a file.",
+     "fovea config >robot.yaml\nfovea config --check robot.yaml"},
+    {"replay", "run a recording again and compare every message", fv_command_replay,
+     "FILE was written by 'fovea run --record'. The runtime gets the recorded frames, samples, "
+     "commands and grants again, and makes the same messages on every machine.",
+     "fovea replay run.lcm --verify\nfovea replay run.lcm --lcm-url udpm://239.255.76.67:7667"},
+    {"features", "find, describe and draw the features of a picture", fv_command_features,
+     "IMAGE is a PNG or JPEG file.", "fovea features photo.png --draw out.png"},
+    {"match", "match the features of two pictures", fv_command_match,
+     "A and B are PNG or JPEG files.", "fovea match a.png b.png --draw matches.png"},
+    {"rectify", "remove the lens distortion of a picture", fv_command_rectify,
+     "IN is a PNG or JPEG file; OUT is written as PNG.",
+     "fovea rectify --camera camera.yaml in.png out.png --write-camera out.yaml"},
+    {"detect", "find objects in pictures with an int8 network", fv_command_detect,
+     "One line of JSON is printed for each picture.",
+     "fovea detect --model src/detect/shipped.fvm photo.png --draw boxes"},
+    {"model", "print what a model file holds and needs, and its speed here", fv_command_model,
+     "FILE is a network made by tools/import.", "fovea model info src/detect/shipped.fvm"},
+    {"export", "write the frames of a source, and their truth, as files", fv_command_export,
+     "DIR gets one PNG per frame and, where the source knows the truth, COCO annotations.",
+     "fovea export --source sim: --frames 100 frames"},
+    {"map", "print what a saved map holds, export it, draw it", fv_command_map,
+     "FILE was written by 'fovea run --save-map'. info prints its keyframes, landmarks and camera; "
+     "export writes files; draw writes a picture of it from above and from the side.",
+     "fovea map info a.map\nfovea map export a.map --ply a.ply\nfovea map draw a.map a.png"},
+    {NULL, NULL, NULL, NULL, NULL},
 };

@@ -6,6 +6,8 @@
 #include <string.h>
 
 #include "app/command.h"
+#include "app/config/man.h"
+#include "app/config/options.h"
 #include "support/say.h"
 #include "fovea/fovea.h"
 #include "support/text.h"
@@ -15,8 +17,8 @@ static void help_print(void)
     printf("usage: fovea COMMAND [OPTION]...\n\n");
     for (const struct fv_command *command = fv_commands; command->name != NULL; command++)
         printf("  %-10s %s\n", command->name, command->help);
-    printf("  %-10s %s\n", "help", "this list; 'fovea COMMAND --help' tells the options of one");
-    printf("\n  --version  print the version\n");
+    printf("  %-10s %s\n", "help", "this list; 'fovea COMMAND --help' lists its options");
+    printf("\n  --version  print the version\n  --man      print the manual page\n");
 }
 
 static int unknown(const char *name)
@@ -47,6 +49,10 @@ static int dispatch(int argc, char **argv)
         printf("fovea %s\n", FOVEA_VERSION);
         return FV_EXIT_OK;
     }
+    if (strcmp(argv[1], "--man") == 0) {
+        fv_man_program();
+        return FV_EXIT_OK;
+    }
     bool help = strcmp(argv[1], "help") == 0 || strcmp(argv[1], "--help") == 0 ||
                 strcmp(argv[1], "-h") == 0;
     if (help && argc == 2) {
@@ -59,7 +65,13 @@ static int dispatch(int argc, char **argv)
         char *arguments[] = {argv[2], (char[]){"--help"}, NULL};
         return command->run(2, arguments);
     }
-    return command->run(argc - 1, argv + 1);
+    const int status = command->run(argc - 1, argv + 1);
+    if (fv_options_man_printed()) {
+        fv_man_section("EXAMPLES");
+        fv_man_example(command->examples);
+        fv_man_see_also(command->name);
+    }
+    return status;
 }
 
 /* Where the caller closed a standard stream, the next file opened would get its number, and what is

@@ -24,11 +24,12 @@ int fv_command_config(int argc, char **argv)
     };
     int first;
     enum fv_options_result result = fv_options_parse(options, "", 0, 0, argc, argv, &first);
-    if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
-
     static struct fv_settings settings;
     struct fovea_error error;
     fv_settings_default(&settings);
+    if (result == FV_OPTIONS_HELP && fv_options_man_printed()) fv_settings_man(&settings);
+    if (result != FV_OPTIONS_READ) return result == FV_OPTIONS_HELP ? FV_EXIT_OK : FV_EXIT_WRONG;
+
     if (file != NULL && fv_settings_read(&settings, file, &error) != FOVEA_OK)
         return fv_say_wrong("%s", error.text);
     for (int i = 0; i < sets.count; i++)

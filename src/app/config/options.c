@@ -6,6 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "app/command.h"
+#include "app/config/man.h"
 #include "support/say.h"
 #include "support/text.h"
 
@@ -17,8 +19,50 @@ static void help_print(const struct fv_option *options, const char *command, con
                            option->value ? option->value : "");
         printf("%*s %s\n", width < 26 ? 26 - width : 0, "", option->help);
     }
-    printf("  --help                   this text\n");
+    printf("  --help                   this text\n"
+           "  --man                    the manual page, for 'man -l'\n");
 }
+
+/* ---- the manual page ------------------------------------------------------------------------- */
+
+static bool man_printed;
+
+bool fv_options_man_printed(void)
+{
+    return man_printed;
+}
+
+static const struct fv_command *command_of(const char *name)
+{
+    const struct fv_command *command = fv_commands;
+    while (command->name != NULL && strcmp(command->name, name) != 0)
+        command++;
+    return command;
+}
+
+static void man_print(const struct fv_option *options, const char *name, const char *operands)
+{
+    const struct fv_command *command = command_of(name);
+    char rest[128];
+    snprintf(rest, sizeof rest, "[OPTION]...%s%s", *operands ? " " : "", operands);
+    fv_man_begin(name, command->help != NULL ? command->help : "");
+    fv_man_synopsis(name, rest);
+    if (command->name != NULL) {
+        fv_man_section("DESCRIPTION");
+        fv_man_text(command->description);
+    }
+    fv_man_section("OPTIONS");
+    for (const struct fv_option *option = options; option->name != NULL; option++) {
+        char term[64];
+        snprintf(term, sizeof term, "--%s", option->name);
+        fv_man_item(term, option->value, option->help);
+    }
+    fv_man_item("--help", NULL, "list the options");
+    fv_man_item("--man", NULL, "print this page");
+    man_printed = true;
+}
+
+/* ---- reading --------------------------------------------------------------------------------- */
 
 static enum fv_options_result unknown(const struct fv_option *options, const char *command,
                                       const char *argument)
@@ -80,7 +124,7 @@ static enum fv_options_result store(const struct fv_option *option, const char *
     return FV_OPTIONS_WRONG;
 }
 
-enum { CODE_HELP = 1000, CODE_FIRST = 1001 };
+enum { CODE_HELP = 1000, CODE_MAN = 1001, CODE_FIRST = 1002 };
 
 static void table_fill(const struct fv_option *options, struct option *table)
 {
@@ -90,7 +134,8 @@ static void table_fill(const struct fv_option *options, struct option *table)
         table[count] = (struct option){options[count].name, argument, NULL, CODE_FIRST + count};
     }
     table[count] = (struct option){"help", no_argument, NULL, CODE_HELP};
-    table[count + 1] = (struct option){0};
+    table[count + 1] = (struct option){"man", no_argument, NULL, CODE_MAN};
+    table[count + 2] = (struct option){0};
 }
 
 static enum fv_options_result operands_check(const char *command, const char *operands, int minimum,
@@ -113,9 +158,10 @@ enum fv_options_result fv_options_parse(const struct fv_option *options, const c
                                         int operands_min, int operands_max, int argc, char **argv,
                                         int *first)
 {
-    struct option table[FV_OPTIONS_MAX + 2];
+    struct option table[FV_OPTIONS_MAX + 3];
     const char *command = argv[0];
     table_fill(options, table);
+    man_printed = false;
     opterr = 0;
     optind = 0; /* glibc: start afresh, so that one process may parse many times */
     for (;;) {
@@ -128,6 +174,10 @@ enum fv_options_result fv_options_parse(const struct fv_option *options, const c
             argument = argv[optind];
         if (code == CODE_HELP || (single && strcmp(argument, "-h") == 0)) {
             help_print(options, command, operands);
+            return FV_OPTIONS_HELP;
+        }
+        if (code == CODE_MAN) {
+            man_print(options, command, operands);
             return FV_OPTIONS_HELP;
         }
         if (code == ':') {

@@ -6,7 +6,8 @@
  *         {0},
  *     };
  *
- * `--help` is understood by every command. Init-only. */
+ * Every command has `--help`, and `--man`, which prints its manual page from the same table.
+ * Init-only. */
 #ifndef FOVEA_APP_CONFIG_OPTIONS_H
 #define FOVEA_APP_CONFIG_OPTIONS_H
 
@@ -38,16 +39,20 @@ struct fv_option_list {
 
 enum fv_options_result {
     FV_OPTIONS_READ, /* go on */
-    FV_OPTIONS_HELP, /* help was printed: leave with FV_EXIT_OK */
+    FV_OPTIONS_HELP, /* help or manual page was printed: leave with FV_EXIT_OK */
     FV_OPTIONS_WRONG /* one line was printed to stderr: leave with FV_EXIT_WRONG */
 };
 
-/* Parse argv[1...]. `operands` tells what may stand beside the options, for the help ("FILE", ""
+/* Parse argv[1...]. `operands` says what may stand beside the options, for the help ("FILE", ""
  * for nothing); their number must be within [operands_min, operands_max]. After FV_OPTIONS_READ,
  * `*first` is the index in argv of the first operand (getopt_long moves operands behind the
  * options). */
 enum fv_options_result fv_options_parse(const struct fv_option *options, const char *operands,
                                         int operands_min, int operands_max, int argc, char **argv,
                                         int *first);
+
+/* Whether the last FV_OPTIONS_HELP printed a manual page. The command may add sections to it
+ * (app/config/man.h); fv_dispatch ends it with examples and references. */
+bool fv_options_man_printed(void);
 
 #endif

@@ -101,6 +101,8 @@ void fv_settings_print(FILE *file, const struct fv_settings *settings, bool comm
 
 /* Write the reference of all keys as Markdown, with the values of `settings` as the defaults. */
 void fv_settings_markdown(FILE *file, const struct fv_settings *settings);
+/* The same as the section KEYS of a manual page, on stdout. */
+void fv_settings_man(const struct fv_settings *settings);
 
 /* ---- the table, of the rows of runtime/config.def -------------------------------------------- */
 

@@ -1,7 +1,9 @@
-/* docs/configuration.md, of the table of keys. */
+/* The manual of the configuration, of the table of keys: docs/configuration.md and a section of
+ * fovea-config(1). */
 #include <stdlib.h>
 #include <string.h>
 
+#include "app/config/man.h"
 #include "app/config/settings.h"
 
 static const char head[] =
@@ -26,19 +28,26 @@ static void cell(FILE *file, const char *text)
     }
 }
 
-static void row(FILE *file, const struct fv_settings *settings, const struct fv_settings_key *key)
+/* The value as YAML; the caller frees it. NULL: no memory. */
+static char *value_text(const struct fv_settings *settings, const struct fv_settings_key *key)
 {
-    char *value = NULL, range[FV_SETTINGS_RANGE_BYTES];
+    char *value = NULL;
     size_t bytes = 0;
     FILE *memory = open_memstream(&value, &bytes);
-    if (memory == NULL) return;
+    if (memory == NULL) return NULL;
     fv_settings_value_print(memory, settings, key);
     fclose(memory);
+    return value;
+}
+
+static void row(FILE *file, const struct fv_settings *settings, const struct fv_settings_key *key)
+{
+    char range[FV_SETTINGS_RANGE_BYTES], *value = value_text(settings, key);
     fv_settings_range_print(key, range, sizeof range);
     fprintf(file, "| `%s` | ", key->name);
     cell(file, range);
     fprintf(file, " | `");
-    cell(file, value);
+    cell(file, value != NULL ? value : "");
     fprintf(file, "` | ");
     cell(file, key->help);
     if (key->cost != NULL) {
@@ -69,5 +78,21 @@ void fv_settings_markdown(FILE *file, const struct fv_settings *settings)
         section = key->name;
         section_length = length;
         row(file, settings, key);
+    }
+}
+
+void fv_settings_man(const struct fv_settings *settings)
+{
+    fv_man_section("KEYS");
+    for (size_t i = 0; i < fv_settings_key_count; i++) {
+        const struct fv_settings_key *key = &fv_settings_keys[i];
+        char range[FV_SETTINGS_RANGE_BYTES];
+        fv_settings_range_print(key, range, sizeof range);
+        fv_man_item(key->name, range, key->help);
+        if (key->cost != NULL) fv_man_line("Cost: ", key->cost);
+        if (key->kind == FV_CONFIG_TRANSFORM) continue; /* a line of brackets says nothing here */
+        char *value = value_text(settings, key);
+        fv_man_line("Default: ", value != NULL ? value : "");
+        free(value);
     }
 }

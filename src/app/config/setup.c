@@ -1,8 +1,10 @@
 #include "app/config/setup.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "app/config/man.h"
 #include "app/config/map_file.h"
 #include "app/config/classes.h"
 #include "app/config/mask.h"
@@ -29,11 +31,29 @@ static enum fovea_status set(struct fv_settings *settings, const char *key, cons
     return fovea_error_set(error, status, "--%s:%s", option, text + length);
 }
 
+/* "DIR  EuRoC data set": the address, and what it is. */
+static void source_man(const struct fovea_source_ops *ops)
+{
+    char term[32], address[256];
+    const char *gap = strstr(ops->help, "  ");
+    snprintf(term, sizeof term, "%s:", ops->name);
+    snprintf(address, sizeof address, "%.*s", gap != NULL ? (int)(gap - ops->help) : 0, ops->help);
+    fv_man_item(term, address, gap != NULL ? gap + 2 : ops->help);
+}
+
 void fv_setup_sources_print(void)
 {
-    printf("\nsources:\n");
-    for (const struct fovea_source_ops *const *ops = fovea_source_table; *ops != NULL; ops++)
-        printf("  %s:%s\n", (*ops)->name, (*ops)->help);
+    const bool man = fv_options_man_printed();
+    if (man)
+        fv_man_section("SOURCES");
+    else
+        printf("\nsources:\n");
+    for (const struct fovea_source_ops *const *ops = fovea_source_table; *ops != NULL; ops++) {
+        if (man)
+            source_man(*ops);
+        else
+            printf("  %s:%s\n", (*ops)->name, (*ops)->help);
+    }
 }
 
 enum fovea_status fv_setup_settings(const struct fv_setup_options *options,

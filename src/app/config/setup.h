@@ -15,7 +15,8 @@ struct fv_setup_options {
     struct fv_option_list sets;
 };
 
-/* Help of the option --source, and the list of sources that follows a command's help. */
+/* Help of the option --source, and the list of sources that follows a command's help
+ * or manual page. */
 #define FV_SETUP_SOURCE_HELP "where frames come from (default sim:), one of the sources below"
 void fv_setup_sources_print(void);
 
