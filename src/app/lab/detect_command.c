@@ -174,9 +174,9 @@ int fv_command_detect(int argc, char **argv)
     const struct fv_option options[] = {
         {"model", "FILE", FV_OPTION_TEXT, &model, "model file (.fvm) made by tools/import"},
         {"draw", "DIR", FV_OPTION_TEXT, &folder,
-         "write each picture with its boxes as PNG into this folder, which is made if need be"},
+         "write each picture with its boxes as PNG into DIR, which is created if it does not exist"},
         {"units", "N", FV_OPTION_COUNT, &engine.units,
-         "run so many units at a time, as in the loop (same results)"},
+         "run N units at a time, as the loop does (same results)"},
         {0},
     };
     int first;

@@ -168,10 +168,10 @@ int fv_command_export(int argc, char **argv)
     const struct fv_option options[] = {
         {"source", "URI", FV_OPTION_TEXT, &uri, FV_SETUP_SOURCE_HELP},
         {"frames", "N", FV_OPTION_POSITIVE, &selection.frames, "end after N frames"},
-        {"start", "N", FV_OPTION_COUNT, &selection.start, "begin with frame N, from 0"},
+        {"start", "N", FV_OPTION_COUNT, &selection.start, "start with frame N, counted from 0"},
         {"step", "K", FV_OPTION_POSITIVE, &selection.step, "take every K-th frame"},
-        {"reverse", NULL, FV_OPTION_FLAG, &selection.reverse, "last frame first"},
-        {"masks", NULL, FV_OPTION_FLAG, &export.masks, "also write the class of every pixel"},
+        {"reverse", NULL, FV_OPTION_FLAG, &selection.reverse, "play the recording backwards"},
+        {"masks", NULL, FV_OPTION_FLAG, &export.masks, "write the class of every pixel too"},
         {0},
     };
     int first;

@@ -90,11 +90,11 @@ int fv_command_features(int argc, char **argv)
     bool json = false;
     struct fv_option_list ignored = {0};
     const struct fv_option options[] = {
-        {"max", "N", FV_OPTION_COUNT, &max, "features asked for (default 500)"},
+        {"max", "N", FV_OPTION_COUNT, &max, "most features to find (default 500)"},
         {"mask", "FILE", FV_OPTION_TEXT, &mask,
-         "PNG of the picture's size, black where features are ignored"},
+         "PNG of the size of the picture, black where features are ignored"},
         {"ignore", "X,Y,X,Y", FV_OPTION_LIST, &ignored,
-         "box without features, in pixels: its min, then its max; may be repeated"},
+         "box in pixels, minimum then maximum, in which features are ignored; may be repeated"},
         {"draw", "FILE", FV_OPTION_TEXT, &picture, "write the picture with its features as PNG"},
         {"json", NULL, FV_OPTION_FLAG, &json, "print every feature with its descriptor"},
         {0},

@@ -207,11 +207,11 @@ int fv_command_map(int argc, char **argv)
     struct asked asked = {0};
     const struct fv_option options[] = {
         {"ply", "FILE", FV_OPTION_TEXT, &asked.ply,
-         "export: landmarks and keyframes as a point cloud"},
+         "export: write landmarks and keyframes as a point cloud"},
         {"tum", "FILE", FV_OPTION_TEXT, &asked.tum,
-         "export: T_world_cam of the keyframes in TUM format"},
+         "export: write T_world_cam of the keyframes in TUM format"},
         {"world", "N", FV_OPTION_TEXT, &asked.world,
-         "which of several maps (the one with most keyframes)"},
+         "number of the map, where the file holds several (default the one with most keyframes)"},
         {0},
     };
     int first;

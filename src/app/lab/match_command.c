@@ -103,9 +103,9 @@ int fv_command_match(int argc, char **argv)
     const char *picture = NULL;
     bool json = false;
     const struct fv_option options[] = {
-        {"max", "N", FV_OPTION_COUNT, &max, "features asked of each picture (default 1000)"},
+        {"max", "N", FV_OPTION_COUNT, &max, "most features to find in each picture (default 1000)"},
         {"ratio", "PERCENT", FV_OPTION_COUNT, &ratio,
-         "keep matches nearer than this part of the second nearest (default 80; 100 keeps all)"},
+         "keep matches nearer than PERCENT of the second nearest (default 80; 100 keeps all)"},
         {"draw", "FILE", FV_OPTION_TEXT, &picture, "write both pictures with the matches as PNG"},
         {"json", NULL, FV_OPTION_FLAG, &json, "print every match"},
         {0},

@@ -427,18 +427,18 @@ int fv_command_check(int argc, char **argv)
     static struct check check;
     struct fovea_error error = {0};
     const struct fv_option options[] = {
-        {"config", "FILE", FV_OPTION_TEXT, &check.options.config, "configuration to check"},
+        {"config", "FILE", FV_OPTION_TEXT, &check.options.config, "configuration file to check"},
         {"source", "URI", FV_OPTION_TEXT, &check.options.source, FV_SETUP_SOURCE_HELP},
         {"camera", "FILE", FV_OPTION_TEXT, &check.options.camera,
-         "calibration, instead of the source's own"},
+         "calibration file; default: the source's own"},
         {"rate", "max|real", FV_OPTION_TEXT, &check.options.rate,
-         "as for run: memory of the recorder depends on it"},
+         "as for run; the memory of the recorder depends on it"},
         {"set", "KEY=VALUE", FV_OPTION_LIST, &check.options.sets,
          "override a key of the configuration"},
         {"memory-only", NULL, FV_OPTION_FLAG, &check.memory_only,
          "print the memory table and nothing else"},
         {"bench", NULL, FV_OPTION_FLAG, &check.bench,
-         "measure the frame rate that this board can hold"},
+         "measure the frame rate that this machine can sustain"},
         {0},
     };
     int first;

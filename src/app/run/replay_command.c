@@ -100,8 +100,8 @@ int fv_command_replay(int argc, char **argv)
         {"verify", NULL, FV_OPTION_FLAG, &verify,
          "compare every message and name the first difference"},
         {"lcm-url", "URL", FV_OPTION_TEXT, &url,
-         "send the messages to this LCM address, on this host"},
-        {"rate", "max|real", FV_OPTION_TEXT, &rate, "pace of sending (real)"},
+         "send the messages to this LCM URL, within this host"},
+        {"rate", "max|real", FV_OPTION_TEXT, &rate, "pace of sending (default real)"},
         {0},
     };
     int first;
