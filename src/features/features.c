@@ -25,16 +25,16 @@ static int32_t raw_pixel(uint32_t level, int32_t level_px)
 }
 
 static void find_in_level(struct fv_features *features, const struct fv_kernels *kernels,
-                          const struct fv_pyramid *pyramid, uint32_t level, const uint8_t *mask)
+                          const struct fv_pyramid *pyramid, uint32_t level,
+                          const struct fv_plane *mask)
 {
     const struct fv_plane *from = &pyramid->level[level];
-    const int32_t mask_width = pyramid->level[0].width;
     struct fv_fast fast;
     fv_fast_begin(&fast, kernels, from, FV_FEATURES_BORDER_PX,
                   (int32_t)features->config.threshold_min, &features->fast);
     while (fv_fast_next(&fast)) {
         const uint8_t *mask_row =
-            mask == NULL ? NULL : mask + (ptrdiff_t)raw_pixel(level, fast.y) * mask_width;
+            mask == NULL ? NULL : fv_plane_row(mask, raw_pixel(level, fast.y));
         for (int32_t i = 0; i < fast.count; i++) {
             const int32_t x = fast.columns[i];
             if (mask_row != NULL && mask_row[raw_pixel(level, x)] == 0) continue;
@@ -58,7 +58,7 @@ static void fill_list(struct fv_features *features)
 }
 
 uint32_t fv_features_find(struct fv_features *features, const struct fv_kernels *kernels,
-                          const struct fv_pyramid *pyramid, const uint8_t *mask,
+                          const struct fv_pyramid *pyramid, const struct fv_plane *mask,
                           uint32_t count_asked)
 {
     const uint32_t asked =

@@ -38,11 +38,11 @@ struct fv_features {
 void fv_features_carve(struct fv_features *features, const struct fovea_features_config *config,
                        const struct fv_pyramid *pyramid, struct fv_arena *frame);
 
-/* Find at most `count_asked` features (cut to config.count_max). `mask`, when not NULL, is level-0
- * width x height bytes without padding: no feature where it is 0. Fills features->list, ->corners
+/* Find at most `count_asked` features (cut to config.count_max). `mask`, when not NULL, has the
+ * size of level 0: no feature where it is 0. Fills features->list, ->corners
  * and ->count; returns the count. Real-time safe; cost bounded by the number of pixels. */
 uint32_t fv_features_find(struct fv_features *features, const struct fv_kernels *kernels,
-                          const struct fv_pyramid *pyramid, const uint8_t *mask,
+                          const struct fv_pyramid *pyramid, const struct fv_plane *mask,
                           uint32_t count_asked);
 
 #ifdef __cplusplus

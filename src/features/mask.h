@@ -5,6 +5,8 @@
 
 #include <stdint.h>
 
+#include "image/plane.h"
+
 #ifdef __cplusplus
 extern "C" {
 #endif
@@ -15,10 +17,10 @@ struct fv_mask_box {
     float x_min, y_min, x_max, y_max;
 };
 
-/* Write width x height bytes without padding: those of `fixed` (NULL: 255 everywhere), and 0 in
+/* Write `mask`: the pixels of `fixed`, which has the same size (NULL: 255 everywhere), and 0 in
  * every pixel that a box touches. `mask` may be `fixed` itself. Real-time safe: cost proportional
  * to the pixels of the image and of the boxes. */
-void fv_mask_compose(uint8_t *mask, const uint8_t *fixed, int32_t width, int32_t height,
+void fv_mask_compose(const struct fv_plane *mask, const struct fv_plane *fixed,
                      const struct fv_mask_box *boxes, uint32_t count);
 
 #ifdef __cplusplus

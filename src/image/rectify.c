@@ -131,11 +131,10 @@ void fv_rectify_carve(struct fv_rectify *rectify, const struct fovea_camera *cam
 }
 
 void fv_rectify_run(const struct fv_rectify *rectify, const struct fv_kernels *kernels,
-                    const uint8_t *source, int32_t source_stride_bytes, uint8_t *out)
+                    const struct fv_plane *source, const struct fv_plane *out)
 {
     for (int32_t y = 0; y < rectify->view.height; y++)
-        kernels->remap_row_u8(out + (ptrdiff_t)y * rectify->stride_bytes, source,
-                              source_stride_bytes,
+        kernels->remap_row_u8(fv_plane_row(out, y), source->pixels, source->stride,
                               rectify->blocks + (ptrdiff_t)y * rectify->blocks_per_row,
                               rectify->blocks_per_row, rectify->scattered);
 }

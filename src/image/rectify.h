@@ -17,6 +17,7 @@
 #include "base/arena.h"
 #include "fovea/camera.h"
 #include "fovea/status.h"
+#include "image/plane.h"
 #include "kernels/kernels.h"
 
 #ifdef __cplusplus
@@ -71,11 +72,11 @@ bool fv_view_from_raw(const struct fv_rectified *view, const struct fovea_camera
 void fv_rectify_carve(struct fv_rectify *rectify, const struct fovea_camera *camera,
                       const struct fv_rectified *view, struct fv_arena *persistent);
 
-/* Resample a grey image of the camera's size into `out`: view.height rows of rectify->stride_bytes.
- * Pixels that the camera does not see are 0. Real-time safe: cost proportional to the output's
- * pixels. */
+/* Resample a grey image of the camera's size into `out`, which has the view's size and rows of
+ * rectify->stride_bytes. Pixels that the camera does not see are 0. Real-time safe: cost
+ * proportional to the output's pixels. */
 void fv_rectify_run(const struct fv_rectify *rectify, const struct fv_kernels *kernels,
-                    const uint8_t *source, int32_t source_stride_bytes, uint8_t *out);
+                    const struct fv_plane *source, const struct fv_plane *out);
 
 #ifdef __cplusplus
 }

@@ -10,10 +10,9 @@ static const float heights_per_s = 1; /* how far a walker gets */
 void fv_boxes_carve(struct fv_boxes *boxes, int32_t width, int32_t height,
                     struct fv_arena *persistent, struct fv_arena *frame)
 {
-    boxes->width = width;
-    boxes->height = height;
     boxes->state = fv_arena_take(persistent, 1, sizeof *boxes->state);
-    boxes->mask = fv_arena_take_raw(frame, (size_t)width * (size_t)height, 1);
+    boxes->mask = (struct fv_plane){fv_arena_take_raw(frame, (size_t)width * (size_t)height, 1),
+                                    width, height, width};
 }
 
 void fv_boxes_take(struct fv_boxes *boxes, int64_t stamp_ns, const struct fovea_box *list,
@@ -25,7 +24,8 @@ void fv_boxes_take(struct fv_boxes *boxes, int64_t stamp_ns, const struct fovea_
     memcpy(state->boxes, list, state->count * sizeof list[0]);
 }
 
-const uint8_t *fv_boxes_mask(struct fv_boxes *boxes, const uint8_t *fixed, int64_t stamp_ns)
+const struct fv_plane *fv_boxes_mask(struct fv_boxes *boxes, const struct fv_plane *fixed,
+                                     int64_t stamp_ns)
 {
     const struct fv_boxes_state *state = boxes->state;
     struct fv_mask_box grown[FOVEA_INPUT_BOXES_MAX];
@@ -41,6 +41,6 @@ const uint8_t *fv_boxes_mask(struct fv_boxes *boxes, const uint8_t *fixed, int64
         grown[i] = (struct fv_mask_box){b->x_min_px - by, b->y_min_px - by, b->x_max_px + by,
                                         b->y_max_px + by};
     }
-    fv_mask_compose(boxes->mask, fixed, boxes->width, boxes->height, grown, state->count);
-    return boxes->mask;
+    fv_mask_compose(&boxes->mask, fixed, grown, state->count);
+    return &boxes->mask;
 }

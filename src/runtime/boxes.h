@@ -10,6 +10,7 @@
 
 #include "base/arena.h"
 #include "fovea/fovea.h"
+#include "image/plane.h"
 
 enum { FV_BOXES_AGE_MAX_NS = 1000000000 };
 
@@ -20,9 +21,8 @@ struct fv_boxes_state {
 };
 
 struct fv_boxes {
-    int32_t width, height;
     struct fv_boxes_state *state;
-    uint8_t *mask; /* of this frame: width x height */
+    struct fv_plane mask; /* of this frame */
 };
 
 void fv_boxes_carve(struct fv_boxes *boxes, int32_t width, int32_t height,
@@ -31,6 +31,7 @@ void fv_boxes_carve(struct fv_boxes *boxes, int32_t width, int32_t height,
 void fv_boxes_take(struct fv_boxes *boxes, int64_t stamp_ns, const struct fovea_box *list,
                    uint32_t count);
 /* The mask of a frame with this stamp: `fixed` (which may be NULL) itself where no box counts. */
-const uint8_t *fv_boxes_mask(struct fv_boxes *boxes, const uint8_t *fixed, int64_t stamp_ns);
+const struct fv_plane *fv_boxes_mask(struct fv_boxes *boxes, const struct fv_plane *fixed,
+                                     int64_t stamp_ns);
 
 #endif

@@ -112,7 +112,8 @@ static void process(struct fovea *rt, const struct fovea_inputs *inputs)
     stage_end(rt, FOVEA_STAGE_PYRAMID, begin);
 
     begin = stage_begin(rt);
-    const uint8_t *mask = fv_boxes_mask(&rt->boxes, rt->mask, inputs->frame->stamp_ns);
+    const struct fv_plane *mask = fv_boxes_mask(
+        &rt->boxes, rt->mask.pixels != NULL ? &rt->mask : NULL, inputs->frame->stamp_ns);
     rt->state->features =
         fv_features_find(&rt->features, &rt->kernels, &rt->pyramid, mask, inputs->grants.features);
     if (rt->config.odometry.enabled) {

@@ -11,8 +11,8 @@ static void send_preview(struct fovea *rt, struct fovea_outputs *outputs)
     const struct fv_preview *preview = &rt->preview;
     const struct fv_message_preview message = {
         .stamp = fv_frame_id_stamp(&preview->state->frame),
-        .width = preview->width,
-        .height = preview->height,
+        .width = preview->picture.width,
+        .height = preview->picture.height,
         .scale = (double)fv_pyramid_scale(rt->config.preview.level),
         .jpeg = preview->jpeg,
         .jpeg_bytes = (uint32_t)preview->state->jpeg.used,
@@ -29,8 +29,7 @@ uint32_t fv_job_preview_advance(struct fovea *rt, uint32_t units, struct fovea_o
     uint32_t done = 0;
     while (done < units && fv_preview_waiting(&rt->preview)) {
         done++;
-        if (fv_preview_unit(&rt->preview, level->pixels, level->stride,
-                            rt->config.preview.quality)) {
+        if (fv_preview_unit(&rt->preview, level, rt->config.preview.quality)) {
             send_preview(rt, outputs);
             break; /* one message per work call: its buffer is in use until the next */
         }

@@ -67,9 +67,9 @@ static void carve(struct fovea *rt, struct fv_arena arenas[FOVEA_MEMORY_PART_COU
 
     rt->state = fv_arena_take(&arenas[PERSISTENT], 1, sizeof *rt->state);
     book(table, "runtime", arenas, before);
-    rt->mask = config->mask == NULL
-                   ? NULL
-                   : fv_arena_take(&arenas[PERSISTENT], (size_t)width * (size_t)height, 1);
+    rt->mask = (struct fv_plane){.width = width, .height = height, .stride = width};
+    if (config->mask != NULL)
+        rt->mask.pixels = fv_arena_take(&arenas[PERSISTENT], (size_t)width * (size_t)height, 1);
     book(table, "mask", arenas, before);
     fv_pyramid_carve(&rt->pyramid, width, height, config->features.pyramid_levels, &arenas[FRAME]);
     book(table, "pyramid", arenas, before);
@@ -170,7 +170,7 @@ static void place(struct fovea *rt, bool keep)
         arenas[part].keep = keep;
     }
     carve(rt, arenas, NULL);
-    if (rt->mask != NULL && keep) rt->config.mask = rt->mask;
+    if (rt->mask.pixels != NULL && keep) rt->config.mask = rt->mask.pixels;
 }
 
 static enum fovea_status check_block(const void *memory, size_t bytes, size_t needed,
@@ -206,10 +206,10 @@ enum fovea_status fovea_init(void *memory, size_t bytes, const struct fovea_conf
     *built = measured;
     place(built, false);
     fv_kernels_init(&built->kernels, cpu);
-    if (built->mask != NULL) {
-        memcpy(built->mask, config->mask,
+    if (built->mask.pixels != NULL) {
+        memcpy(built->mask.pixels, config->mask,
                (size_t)config->camera.width * (size_t)config->camera.height);
-        built->config.mask = built->mask;
+        built->config.mask = built->mask.pixels;
     }
     if (config->odometry.enabled) {
         fv_odometry_init(&built->odometry, config->seed);

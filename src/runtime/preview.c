@@ -18,11 +18,10 @@ static size_t jpeg_capacity(int32_t width, int32_t height)
 void fv_preview_carve(struct fv_preview *preview, int32_t width, int32_t height,
                       struct fv_arena *persistent, struct fv_arena *job)
 {
-    preview->width = width;
-    preview->height = height;
     preview->jpeg_capacity = jpeg_capacity(width, height);
     preview->state = fv_arena_take(persistent, 1, sizeof *preview->state);
-    preview->pixels = fv_arena_take(job, (size_t)width * (size_t)height, 1);
+    preview->picture = (struct fv_plane){fv_arena_take(job, (size_t)width * (size_t)height, 1),
+                                         width, height, width};
     preview->jpeg = fv_arena_take(job, preview->jpeg_capacity, 1);
 }
 
@@ -42,26 +41,23 @@ bool fv_preview_waiting(const struct fv_preview *preview)
 static void begin(struct fv_preview *preview, uint32_t quality)
 {
     preview->state->quality = quality;
-    fv_jpeg_start(&preview->state->jpeg, preview->width, preview->height, quality, preview->jpeg,
-                  preview->jpeg_capacity);
+    fv_jpeg_start(&preview->state->jpeg, preview->picture.width, preview->picture.height, quality,
+                  preview->jpeg, preview->jpeg_capacity);
 }
 
-bool fv_preview_unit(struct fv_preview *preview, const uint8_t *pixels, int32_t stride_bytes,
-                     uint32_t quality)
+bool fv_preview_unit(struct fv_preview *preview, const struct fv_plane *level, uint32_t quality)
 {
     struct fv_preview_state *state = preview->state;
     if (!state->active) {
-        for (int32_t y = 0; y < preview->height; y++) {
-            memcpy(preview->pixels + (size_t)y * (size_t)preview->width,
-                   pixels + (ptrdiff_t)y * stride_bytes, (size_t)preview->width);
-        }
+        for (int32_t y = 0; y < preview->picture.height; y++)
+            memcpy(fv_plane_row(&preview->picture, y), fv_plane_row(level, y),
+                   (size_t)preview->picture.width);
         begin(preview, quality);
         state->due = 0;
         state->active = 1;
         return false;
     }
-    if (!fv_jpeg_encode(&state->jpeg, preview->pixels, preview->width, BLOCKS_PER_UNIT,
-                        preview->jpeg))
+    if (!fv_jpeg_encode(&state->jpeg, &preview->picture, BLOCKS_PER_UNIT, preview->jpeg))
         return false;
     if (state->jpeg.overflow && state->quality > 1) {
         begin(preview, state->quality - (state->quality + 3) / 4);

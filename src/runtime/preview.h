@@ -9,7 +9,8 @@
 
 #include "base/arena.h"
 #include "fovea/fovea.h"
-#include "message/jpeg.h"
+#include "image/jpeg.h"
+#include "image/plane.h"
 #include "runtime/frame_id.h"
 
 struct fv_preview_state {
@@ -24,9 +25,8 @@ struct fv_preview_state {
 
 struct fv_preview {
     struct fv_preview_state *state;
-    uint8_t *pixels; /* width x height, no padding */
+    struct fv_plane picture; /* the level that is encoded, no padding */
     uint8_t *jpeg;
-    int32_t width, height;
     size_t jpeg_capacity;
 };
 
@@ -41,9 +41,8 @@ void fv_preview_ask(struct fv_preview *preview, const struct fv_frame_id *frame)
 
 bool fv_preview_waiting(const struct fv_preview *preview);
 
-/* Do one unit. `pixels` is the level of the last processed frame: the job looks at it in its first
+/* Do one unit. `level` is that of the last processed frame: the job looks at it in its first
  * unit only. Returns true when the picture is complete in preview->jpeg, state->jpeg.used bytes. */
-bool fv_preview_unit(struct fv_preview *preview, const uint8_t *pixels, int32_t stride_bytes,
-                     uint32_t quality);
+bool fv_preview_unit(struct fv_preview *preview, const struct fv_plane *level, uint32_t quality);
 
 #endif

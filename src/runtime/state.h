@@ -55,7 +55,7 @@ struct fovea {
     size_t block_bytes;
 
     struct fv_state *state;
-    uint8_t *mask; /* NULL: none */
+    struct fv_plane mask; /* pixels NULL: none */
     struct fv_pyramid pyramid;
     struct fv_features features;
     struct fv_orb orb;

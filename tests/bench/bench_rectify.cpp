@@ -69,8 +69,10 @@ const bench::Stage rectify(
         const cv::Mat image = input.image;
         return [=] {
             (void)block;
-            fv_rectify_run(map.get(), &kernels, image.data, static_cast<int32_t>(image.step),
-                           out->data());
+            const struct fv_plane source = bench::plane(image),
+                                  result = {out->data(), view.width, view.height,
+                                            map->stride_bytes};
+            fv_rectify_run(map.get(), &kernels, &source, &result);
         };
     },
     remap_opencv);

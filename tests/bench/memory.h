@@ -33,6 +33,11 @@ class Block
     std::vector<uint8_t> memory;
 };
 
+inline struct fv_plane plane(const cv::Mat &grey)
+{
+    return fv_plane_of(grey.data, grey.cols, grey.rows, static_cast<int32_t>(grey.step));
+}
+
 struct Pyramid {
     cv::Mat image;
     struct fovea_image frame;

@@ -142,7 +142,8 @@ struct Rectifier {
     cv::Mat run(const cv::Mat &image) const
     {
         cv::Mat out(view.height, map.stride_bytes, CV_8U);
-        fv_rectify_run(&map, &kernels, image.data, static_cast<int32_t>(image.step), out.data);
+        const struct fv_plane source = bench::plane(image), result = bench::plane(out);
+        fv_rectify_run(&map, &kernels, &source, &result);
         return out.colRange(0, view.width).clone();
     }
 };

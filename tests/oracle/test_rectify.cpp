@@ -39,7 +39,8 @@ cv::Mat rectified(const struct fovea_camera &camera, const struct fv_rectified &
     bench::Block block(
         [&](struct fv_arena *arena) { fv_rectify_carve(&rectify, &camera, &view, arena); });
     cv::Mat out(view.height, rectify.stride_bytes, CV_8U);
-    fv_rectify_run(&rectify, &kernels, image.data, static_cast<int32_t>(image.step), out.data);
+    const struct fv_plane source = bench::plane(image), result = bench::plane(out);
+    fv_rectify_run(&rectify, &kernels, &source, &result);
     return out.colRange(0, view.width).clone();
 }
 

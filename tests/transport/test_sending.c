@@ -29,7 +29,7 @@
 #include "app/network/transport.h"
 #include "common/own_network.h"
 #include "../../drivers/clock.h"
-#include "message/jpeg.h"
+#include "image/jpeg.h"
 #include "message/message.h"
 
 #include "fovea_preview_t.h"
@@ -179,12 +179,13 @@ static uint32_t preview_bytes;
 static void make_preview(void)
 {
     static uint8_t pixels[WIDTH * HEIGHT], jpeg[2 * WIDTH * HEIGHT];
+    const struct fv_plane plane = {pixels, WIDTH, HEIGHT, WIDTH};
     struct fv_jpeg encoder;
     uint32_t noise = 1;
     for (int i = 0; i < WIDTH * HEIGHT; i++)
         pixels[i] = (uint8_t)(((noise = noise * 1664525u + 1013904223u) >> 27) + (uint32_t)i % 97);
     fv_jpeg_start(&encoder, WIDTH, HEIGHT, 70, jpeg, sizeof jpeg);
-    while (!fv_jpeg_encode(&encoder, pixels, WIDTH, 64, jpeg))
+    while (!fv_jpeg_encode(&encoder, &plane, 64, jpeg))
         ;
     const struct fv_message_preview message = {.width = WIDTH,
                                                .height = HEIGHT,

@@ -52,21 +52,22 @@ static enum fovea_status take_memory(struct fv_extract *extract,
 }
 
 static enum fovea_status make_mask(const struct fovea_image *image,
-                                   const struct fv_extract_ignore *ignore, uint8_t **mask,
+                                   const struct fv_extract_ignore *ignore, struct fv_plane *mask,
                                    struct fovea_error *error)
 {
     const bool fixed = ignore->mask_path != NULL;
+    *mask = (struct fv_plane){NULL, image->width, image->height, image->width};
     if (fixed) {
         const enum fovea_status status =
-            fv_mask_read(ignore->mask_path, image->width, image->height, mask, error);
+            fv_mask_read(ignore->mask_path, image->width, image->height, &mask->pixels, error);
         if (status != FOVEA_OK) return status;
     } else if (ignore->box_count > 0) {
-        *mask = malloc((size_t)image->width * (size_t)image->height);
-        if (*mask == NULL) return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "out of memory");
+        mask->pixels = malloc((size_t)image->width * (size_t)image->height);
+        if (mask->pixels == NULL)
+            return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "out of memory");
     }
-    if (*mask != NULL)
-        fv_mask_compose(*mask, fixed ? *mask : NULL, image->width, image->height, ignore->boxes,
-                        ignore->box_count);
+    if (mask->pixels != NULL)
+        fv_mask_compose(mask, fixed ? mask : NULL, ignore->boxes, ignore->box_count);
     return FOVEA_OK;
 }
 
@@ -76,7 +77,7 @@ static enum fovea_status run(const struct fv_extract_ignore *ignore,
                              struct fovea_error *error)
 {
     enum fv_cpu_set cpu;
-    uint8_t *mask = NULL;
+    struct fv_plane mask = {0};
     enum fovea_status status = fv_cpu_from_environment(&cpu, error);
     if (status == FOVEA_OK && ignore != NULL)
         status = make_mask(&extract->image, ignore, &mask, error);
@@ -84,12 +85,13 @@ static enum fovea_status run(const struct fv_extract_ignore *ignore,
     if (status == FOVEA_OK) {
         fv_kernels_init(&extract->kernels, cpu);
         fv_pyramid_build(&extract->pyramid, &extract->kernels, &extract->image);
-        const uint32_t count = fv_features_find(&extract->features, &extract->kernels,
-                                                &extract->pyramid, mask, config->count_max);
+        const uint32_t count =
+            fv_features_find(&extract->features, &extract->kernels, &extract->pyramid,
+                             mask.pixels != NULL ? &mask : NULL, config->count_max);
         fv_orb_describe(&extract->orb, &extract->kernels, &extract->pyramid,
                         extract->features.corners, count);
     }
-    free(mask);
+    free(mask.pixels);
     return status;
 }
 

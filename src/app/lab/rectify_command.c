@@ -98,10 +98,13 @@ static enum fovea_status resample(const struct fovea_camera *camera,
         return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "out of memory: %zu bytes", bytes);
     fv_arena_init(&arena, memory, bytes);
     fv_rectify_carve(&rectify, camera, view, &arena);
-    uint8_t *out = fv_arena_take_raw(&arena, out_bytes, 1);
-    fv_rectify_run(&rectify, &kernels, image->data, image->stride_bytes, out);
-    const struct fovea_image result = {
-        out, view->width, view->height, rectify.stride_bytes, FOVEA_PIXEL_GREY8, out_bytes};
+    const struct fv_plane source =
+        fv_plane_of(image->data, image->width, image->height, image->stride_bytes);
+    const struct fv_plane out = {fv_arena_take_raw(&arena, out_bytes, 1), view->width, view->height,
+                                 rectify.stride_bytes};
+    fv_rectify_run(&rectify, &kernels, &source, &out);
+    const struct fovea_image result = {out.pixels,           view->width,       view->height,
+                                       rectify.stride_bytes, FOVEA_PIXEL_GREY8, out_bytes};
     status = fv_picture_write(path, &result, error);
     free(memory);
     return status;

@@ -21,7 +21,7 @@
 #include "base/ring.h"
 #include "drivers/thread.h"
 #include "support/log.h"
-#include "message/jpeg.h"
+#include "image/jpeg.h"
 #include "message/message.h"
 #include "message/recorded.h"
 #include "message/wire.h"

@@ -48,14 +48,15 @@ static void draw_rectangles(void)
     }
 }
 
-static uint32_t find(struct stage *stage, enum fv_cpu_set set, const uint8_t *with_mask,
-                     uint32_t asked)
+static uint32_t find(struct stage *stage, enum fv_cpu_set set, bool masked, uint32_t asked)
 {
     const struct fovea_image frame = {pixels,       WIDTH, HEIGHT, WIDTH, FOVEA_PIXEL_GREY8,
                                       sizeof pixels};
     fv_kernels_init(&stage->kernels, set);
     fv_pyramid_build(&stage->pyramid, &stage->kernels, &frame);
-    return fv_features_find(&stage->features, &stage->kernels, &stage->pyramid, with_mask, asked);
+    const struct fv_plane plane = {mask, WIDTH, HEIGHT, WIDTH};
+    return fv_features_find(&stage->features, &stage->kernels, &stage->pyramid,
+                            masked ? &plane : NULL, asked);
 }
 
 static void features_lie_where_their_corners_are(void **state)
@@ -64,7 +65,7 @@ static void features_lie_where_their_corners_are(void **state)
     struct stage stage;
     void *memory = carved(carve, &stage);
     draw_rectangles();
-    const uint32_t count = find(&stage, FV_CPU_C, NULL, 500);
+    const uint32_t count = find(&stage, FV_CPU_C, false, 500);
     assert_int_equal(count, 500);
     assert_int_equal(count, stage.features.count);
     for (uint32_t i = 0; i < count; i++) {
@@ -92,9 +93,9 @@ static void every_kernel_set_finds_the_same(void **state)
     struct stage expected, found;
     void *memory = carved(carve, &expected), *other = carved(carve, &found);
     draw_rectangles();
-    const uint32_t count = find(&expected, FV_CPU_C, NULL, 500);
+    const uint32_t count = find(&expected, FV_CPU_C, false, 500);
     for (int set = 1; set < FV_CPU_SET_COUNT; set++) {
-        assert_int_equal(find(&found, (enum fv_cpu_set)set, NULL, 500), count);
+        assert_int_equal(find(&found, (enum fv_cpu_set)set, false, 500), count);
         assert_memory_equal(expected.features.list, found.features.list,
                             count * sizeof *found.features.list);
     }
@@ -110,14 +111,14 @@ static void masked_places_have_no_features(void **state)
     draw_rectangles();
     for (int i = 0; i < WIDTH * HEIGHT; i++)
         mask[i] = i % WIDTH < WIDTH / 2 ? 0 : 255;
-    const uint32_t count = find(&stage, FV_CPU_C, mask, 500);
+    const uint32_t count = find(&stage, FV_CPU_C, true, 500);
     assert_true(count > 100);
     for (uint32_t i = 0; i < count; i++) {
         const struct fv_corner *c = &stage.features.corners[i];
         assert_true(fv_pyramid_to_raw(c->level, c->x) >= WIDTH / 2 - 0.5f);
     }
     memset(mask, 0, sizeof mask);
-    assert_int_equal(find(&stage, FV_CPU_C, mask, 500), 0);
+    assert_int_equal(find(&stage, FV_CPU_C, true, 500), 0);
     free(memory);
 }
 
@@ -127,9 +128,9 @@ static void a_grant_lowers_the_count(void **state)
     struct stage stage;
     void *memory = carved(carve, &stage);
     draw_rectangles();
-    assert_int_equal(find(&stage, FV_CPU_C, NULL, 130), 130);
-    assert_int_equal(find(&stage, FV_CPU_C, NULL, 100000), 500);
-    assert_int_equal(find(&stage, FV_CPU_C, NULL, 0), 0);
+    assert_int_equal(find(&stage, FV_CPU_C, false, 130), 130);
+    assert_int_equal(find(&stage, FV_CPU_C, false, 100000), 500);
+    assert_int_equal(find(&stage, FV_CPU_C, false, 0), 0);
     free(memory);
 }
 
@@ -139,7 +140,7 @@ static void a_flat_image_has_none(void **state)
     struct stage stage;
     void *memory = carved(carve, &stage);
     memset(pixels, 128, sizeof pixels);
-    assert_int_equal(find(&stage, fv_cpu_best(fv_cpu_detect()), NULL, 500), 0);
+    assert_int_equal(find(&stage, fv_cpu_best(fv_cpu_detect()), false, 500), 0);
     free(memory);
 }
 

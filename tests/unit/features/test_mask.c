@@ -35,8 +35,10 @@ static void boxes_are_drawn_to_the_pixel(void **state)
     const uint32_t count = sizeof boxes / sizeof *boxes;
     for (int i = 0; i < WIDTH * HEIGHT; i++)
         fixed[i] = i % 7 == 0 ? 0 : 200;
+    const struct fv_plane fixed_plane = {fixed, WIDTH, HEIGHT, WIDTH},
+                          plane = {mask, WIDTH, HEIGHT, WIDTH};
     for (int with_fixed = 0; with_fixed < 2; with_fixed++) {
-        fv_mask_compose(mask, with_fixed ? fixed : NULL, WIDTH, HEIGHT, boxes, count);
+        fv_mask_compose(&plane, with_fixed ? &fixed_plane : NULL, boxes, count);
         for (int y = 0; y < HEIGHT; y++)
             for (int x = 0; x < WIDTH; x++) {
                 uint8_t expected = with_fixed ? fixed[y * WIDTH + x] : 255;
@@ -47,7 +49,7 @@ static void boxes_are_drawn_to_the_pixel(void **state)
                 assert_int_equal(mask[y * WIDTH + x], expected);
             }
     }
-    fv_mask_compose(fixed, fixed, WIDTH, HEIGHT, NULL, 0);
+    fv_mask_compose(&fixed_plane, &fixed_plane, NULL, 0);
     assert_int_equal(fixed[7], 0);
     assert_int_equal(fixed[8], 200);
 }
@@ -93,11 +95,12 @@ static void features_keep_out_of_masks(void **state)
     fv_pyramid_build(&stage.pyramid, &kernels, &image);
 
     const struct fv_mask_box boxes[] = {{60, 50, 140, 190}, {200, 0, 260, 90}};
-    fv_mask_compose(mask, NULL, WIDTH, HEIGHT, boxes, 2);
+    const struct fv_plane plane = {mask, WIDTH, HEIGHT, WIDTH};
+    fv_mask_compose(&plane, NULL, boxes, 2);
     int inside[2] = {0, 0};
     for (int masked = 0; masked < 2; masked++) {
-        const uint32_t count =
-            fv_features_find(&stage.features, &kernels, &stage.pyramid, masked ? mask : NULL, 500);
+        const uint32_t count = fv_features_find(&stage.features, &kernels, &stage.pyramid,
+                                                masked ? &plane : NULL, 500);
         assert_true(count > 200);
         for (uint32_t i = 0; i < count; i++) {
             /* The mask is asked for the whole pixel of the level; refinement moves less than a

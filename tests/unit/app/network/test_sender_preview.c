@@ -8,7 +8,7 @@
 #include <string.h>
 
 #include "app/network/sender_preview.h"
-#include "message/jpeg.h"
+#include "image/jpeg.h"
 #include "message/message.h"
 
 #include "fovea_preview_t.h"
@@ -23,6 +23,7 @@ static int setup(void **state)
 {
     (void)state;
     static uint8_t pixels[WIDTH * HEIGHT], jpeg[WIDTH * HEIGHT];
+    const struct fv_plane plane = {pixels, WIDTH, HEIGHT, WIDTH};
     struct fv_jpeg encoder;
     uint32_t noise = 1;
     for (int i = 0; i < WIDTH * HEIGHT; i++)
@@ -30,7 +31,7 @@ static int setup(void **state)
                               (uint32_t)(i % WIDTH < WIDTH / 2 ? 10 : 110));
     fv_message_prepare();
     fv_jpeg_start(&encoder, WIDTH, HEIGHT, 70, jpeg, sizeof jpeg);
-    while (!fv_jpeg_encode(&encoder, pixels, WIDTH, 64, jpeg))
+    while (!fv_jpeg_encode(&encoder, &plane, 64, jpeg))
         ;
     const struct fv_message_preview preview = {.stamp = {.time_ns = 77},
                                                .width = WIDTH,

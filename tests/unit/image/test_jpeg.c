@@ -13,7 +13,7 @@
 #include <jpeglib.h>
 
 #include "base/elementary.h"
-#include "message/jpeg.h"
+#include "image/jpeg.h"
 
 static uint8_t *picture(int width, int height, int kind)
 {
@@ -35,10 +35,11 @@ static size_t encode(const uint8_t *pixels, int width, int height, unsigned qual
                      uint8_t **output)
 {
     struct fv_jpeg jpeg;
+    const struct fv_plane plane = fv_plane_of(pixels, width, height, width);
     const size_t capacity = 4 * fv_jpeg_capacity(width, height);
     *output = malloc(capacity);
     fv_jpeg_start(&jpeg, width, height, quality, *output, capacity);
-    while (!fv_jpeg_encode(&jpeg, pixels, width, slice, *output)) {
+    while (!fv_jpeg_encode(&jpeg, &plane, slice, *output)) {
     }
     assert_false(jpeg.overflow);
     return jpeg.used;
@@ -145,8 +146,9 @@ static void small_buffer_overflows_honestly(void **state)
     uint8_t output[1200];
     memset(output, 0x5a, sizeof output);
     struct fv_jpeg jpeg;
+    const struct fv_plane plane = fv_plane_of(pixels, 130, 90, 130);
     fv_jpeg_start(&jpeg, 130, 90, 100, output, 1000);
-    assert_true(fv_jpeg_encode(&jpeg, pixels, 130, 100000, output));
+    assert_true(fv_jpeg_encode(&jpeg, &plane, 100000, output));
     assert_true(jpeg.overflow);
     for (size_t i = 1000; i < sizeof output; i++)
         assert_int_equal(output[i], 0x5a);

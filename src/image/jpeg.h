@@ -6,12 +6,14 @@
  * markers.
  *
  * Memory: the caller's struct and output buffer. Real-time safe. */
-#ifndef FOVEA_MESSAGE_JPEG_H
-#define FOVEA_MESSAGE_JPEG_H
+#ifndef FOVEA_IMAGE_JPEG_H
+#define FOVEA_IMAGE_JPEG_H
 
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
+
+#include "image/plane.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -36,11 +38,11 @@ size_t fv_jpeg_capacity(int32_t width, int32_t height);
 void fv_jpeg_start(struct fv_jpeg *jpeg, int32_t width, int32_t height, uint32_t quality,
                    uint8_t *output, size_t capacity);
 
-/* Encode up to `block_count` more blocks of `pixels` (8-bit grey, width x height, rows stride_bytes
- * apart); edges are repeated to whole blocks. Returns true when the picture is complete (end marker
+/* Encode up to `block_count` more blocks of the picture, which has the size given at the start;
+ * edges are repeated to whole blocks. Returns true when the picture is complete (end marker
  * written) or has overflowed. */
-bool fv_jpeg_encode(struct fv_jpeg *jpeg, const uint8_t *pixels, int32_t stride_bytes,
-                    uint32_t block_count, uint8_t *output);
+bool fv_jpeg_encode(struct fv_jpeg *jpeg, const struct fv_plane *picture, uint32_t block_count,
+                    uint8_t *output);
 
 #ifdef __cplusplus
 }

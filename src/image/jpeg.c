@@ -1,4 +1,4 @@
-#include "message/jpeg.h"
+#include "image/jpeg.h"
 
 #include <string.h>
 
@@ -164,17 +164,18 @@ static void dct_8(int32_t *v, int step, int shift)
     v[7 * step] = (C7 * d07 - C5 * d16 + C3 * d25 - C1 * d34 + round) >> shift;
 }
 
-static void load_block(const struct fv_jpeg *jpeg, const uint8_t *pixels, int32_t stride_bytes,
+static void load_block(const struct fv_jpeg *jpeg, const struct fv_plane *picture,
                        int32_t values[64])
 {
     const int32_t blocks_per_row = (jpeg->width + 7) / 8;
     const int32_t x0 = (int32_t)jpeg->block % blocks_per_row * 8;
     const int32_t y0 = (int32_t)jpeg->block / blocks_per_row * 8;
     for (int32_t y = 0; y < 8; y++) {
-        const int32_t row = y0 + y < jpeg->height ? y0 + y : jpeg->height - 1;
+        const uint8_t *row =
+            fv_plane_row(picture, y0 + y < jpeg->height ? y0 + y : jpeg->height - 1);
         for (int32_t x = 0; x < 8; x++) {
             const int32_t column = x0 + x < jpeg->width ? x0 + x : jpeg->width - 1;
-            values[8 * y + x] = pixels[(ptrdiff_t)row * stride_bytes + column] - 128;
+            values[8 * y + x] = row[column] - 128;
         }
     }
 }
@@ -195,11 +196,10 @@ static void put_coefficient(struct fv_jpeg *jpeg, uint8_t *output, uint32_t zero
     if (size > 0) put_bits(jpeg, output, (uint32_t)(value < 0 ? value - 1 : value), size);
 }
 
-static void encode_block(struct fv_jpeg *jpeg, const uint8_t *pixels, int32_t stride_bytes,
-                         uint8_t *output)
+static void encode_block(struct fv_jpeg *jpeg, const struct fv_plane *picture, uint8_t *output)
 {
     int32_t values[64];
-    load_block(jpeg, pixels, stride_bytes, values);
+    load_block(jpeg, picture, values);
     for (int i = 0; i < 8; i++)
         dct_8(values + 8 * i, 1, 11); /* rows: 2^3 kept as guard bits */
     for (int i = 0; i < 8; i++)
@@ -226,11 +226,11 @@ static void encode_block(struct fv_jpeg *jpeg, const uint8_t *pixels, int32_t st
     if (zeros > 0) put_symbol(jpeg, output, ac_counts, ac_values, END_OF_BLOCK);
 }
 
-bool fv_jpeg_encode(struct fv_jpeg *jpeg, const uint8_t *pixels, int32_t stride_bytes,
-                    uint32_t block_count, uint8_t *output)
+bool fv_jpeg_encode(struct fv_jpeg *jpeg, const struct fv_plane *picture, uint32_t block_count,
+                    uint8_t *output)
 {
     for (uint32_t i = 0; i < block_count && jpeg->block < jpeg->blocks && !jpeg->overflow; i++) {
-        encode_block(jpeg, pixels, stride_bytes, output);
+        encode_block(jpeg, picture, output);
         jpeg->block++;
     }
     if (jpeg->overflow) return true;
