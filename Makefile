@@ -218,16 +218,18 @@ fmt:  ## install what is missing and format the sources
 	@tools/install.sh fmt
 	clang-format -i $$(git ls-files '*.c' '*.h' '*.cpp')
 
-docs: $(BUILD)/fovea  ## write docs/configuration.md from the table of keys
+docs: $(BUILD)/fovea  ## write docs/configuration.md from the table of keys, and the types of docs/messages.md
 	$(BUILD)/fovea config --markdown >$(BUILD)/configuration.md
 	@cmp -s $(BUILD)/configuration.md docs/configuration.md || cp $(BUILD)/configuration.md docs/configuration.md
+	tools/messages_md.sh >$(BUILD)/messages.md
+	@cmp -s $(BUILD)/messages.md docs/messages.md || cp $(BUILD)/messages.md docs/messages.md
 
 size: all  ## memory of the block by stage, and code size
 	@$(BUILD)/fovea check --memory-only
 	@size $(BUILD)/fovea $(BUILD)/libfovea.so
 
 # ---- message types for other languages, and examples of their use ------------------------------------------------
-# lcm-spy shows messages in full with: CLASSPATH=build/fovea-types.jar lcm-spy
+# docs/messages.md says how lcm-spy shows messages with it.
 jar:  ## install what is missing and build the jar of message types for lcm-spy and Java
 	@tools/install.sh build jar
 	@$(MAKE) --no-print-directory $(BUILD)/fovea-types.jar

@@ -1,6 +1,7 @@
 # Turn .lcm type definitions into a C table of their fields (see src/message/fields.h), on standard output.
 # Usage: awk -f tools/lcm_fields.awk include/lcmtypes/*.lcm
-# Understands what our types use: one struct per file, scalars, one-dimensional arrays, nested types of the same package.
+# Understands what our types use: one struct per file, scalars, arrays, arrays of rows of constant length (p[count][3]), nested types of
+# the same package.
 
 function fail(text) { print FILENAME ":" FNR ": " text >"/dev/stderr"; failed = 1; exit 1 }
 
@@ -19,15 +20,16 @@ FNR == 1 { in_comment = 0; pkg = "" }
     types[++type_count] = type; index_of[type] = type_count - 1; full[type] = pkg "." $2
     next
 }
-/^ *[a-z0-9_.]+ +[a-z0-9_]+(\[[a-z0-9_]+\])? *; *$/ {
+/^ *[a-z0-9_.]+ +[a-z0-9_]+(\[[a-z0-9_]+\](\[[0-9]+\])?)? *; *$/ {
     sub(/;.*/, "")
     kind = $1
     sub(/\./, "_", kind)
     name = $2
-    size = ""
+    size = ""; row = 0
+    if (match(name, /\]\[.*\]/)) { row = substr(name, RSTART + 2, RLENGTH - 3); name = substr(name, 1, RSTART) }
     if (match(name, /\[.*\]/)) { size = substr(name, RSTART + 1, RLENGTH - 2); name = substr(name, 1, RSTART - 1) }
     n = ++field_count[type]
-    names[type, n] = name; kinds[type, n] = kind; sizes[type, n] = size; position[type, name] = n - 1
+    names[type, n] = name; kinds[type, n] = kind; sizes[type, n] = size; rows[type, n] = row; position[type, name] = n - 1
     next
 }
 { fail("found \"" $0 "\", expected one field per line") }
@@ -47,7 +49,8 @@ END {
             if (wire == "STRUCT" && !(kind in index_of)) { print type ": unknown type " kind >"/dev/stderr"; exit 1 }
             fixed = size == "" ? 1 : (size ~ /^[0-9]+$/ ? size : 0)
             if (!fixed && !((type, size) in position)) { print type ": unknown count " size >"/dev/stderr"; exit 1 }
-            printf "    {\"%s\", FV_WIRE_%s, %d, %d, %d, %d},\n", names[type, n], wire, size != "", fixed, \
+            if (rows[type, n] && !(kind in primitive && kind != "string")) { print type ": rows of " kind >"/dev/stderr"; exit 1 }
+            printf "    {\"%s\", FV_WIRE_%s, %d, %d, %d, %d, %d},\n", names[type, n], wire, size != "", fixed, rows[type, n], \
                    fixed ? -1 : position[type, size], wire == "STRUCT" ? index_of[kind] : -1
         }
         print "};"

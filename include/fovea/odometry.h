@@ -102,6 +102,7 @@ struct fovea_pose {
     /* The same pose relative to a keyframe, which later optimisation may move: row-major 3x4, unit
      * of the map. */
     uint64_t reference_keyframe; /* its number; holds when posed */
+    int64_t keyframe_stamp_ns;   /* of its frame; likewise */
     double T_keyframe_cam[12];
 };
 

@@ -91,6 +91,7 @@ static enum fovea_status read_string(struct fv_walk *walk, struct fv_leaf *leaf)
     leaf->offset = walk->at + 4;
     leaf->bytes = (uint32_t)length;
     leaf->count = 1;
+    leaf->row = 0;
     walk->at += 4 + length;
     walk->level[walk->depth].element++;
     return FOVEA_OK;
@@ -99,13 +100,15 @@ static enum fovea_status read_string(struct fv_walk *walk, struct fv_leaf *leaf)
 static enum fovea_status read_numbers(struct fv_walk *walk, const struct fv_field *field,
                                       int32_t count, struct fv_leaf *leaf)
 {
-    uint64_t bytes = (uint64_t)count * wire_bytes[field->wire];
+    const uint64_t numbers = (uint64_t)count * (field->row > 0 ? (uint64_t)field->row : 1);
+    const uint64_t bytes = numbers * wire_bytes[field->wire];
     if (bytes > walk->bytes - walk->at)
         return problem(walk, "a field reaches past the end of the message");
     leaf->data = walk->data + walk->at;
     leaf->offset = walk->at;
     leaf->bytes = (uint32_t)bytes;
-    leaf->count = (uint32_t)count;
+    leaf->count = (uint32_t)numbers;
+    leaf->row = (uint32_t)field->row;
     if (!field->array && field->wire < FV_WIRE_FLOAT) {
         int64_t value = read_integer(field->wire, leaf->data);
         bool fits = value >= 0 && value <= INT32_MAX;
@@ -182,11 +185,11 @@ bool fv_message_check(const char *type, const uint8_t *data, size_t bytes, const
 
 bool fv_message_field_is_volatile(const struct fv_type *type, const char *path)
 {
-    static const char *const paths[] = {"version", "kernel_set", "stage_cpu_ns", "stage_wall_ns"};
     if (strcmp(type->name, "fovea.statistics_t") != 0) return false;
-    for (size_t i = 0; i < sizeof paths / sizeof paths[0]; i++)
-        if (strcmp(path, paths[i]) == 0) return true;
-    return false;
+    const char *of_stage = strncmp(path, "stages[", 7) == 0 ? strchr(path, '.') : NULL;
+    if (of_stage != NULL)
+        return strcmp(of_stage, ".cpu_ns") == 0 || strcmp(of_stage, ".wall_ns") == 0;
+    return strcmp(path, "version") == 0 || strcmp(path, "kernel_set") == 0;
 }
 
 static void write_value(const struct fv_leaf *leaf, uint32_t element, char *text)
@@ -233,7 +236,10 @@ static bool leaves_differ(const struct fv_leaf *expected, const struct fv_leaf *
     while (step > 0 &&
            memcmp(expected->data + element * step, found->data + element * step, step) == 0)
         element++;
-    if (expected->count > 1)
+    if (expected->row > 0)
+        snprintf(difference->field, FV_FIELD_PATH_BYTES, "%.70s[%" PRIu32 "][%" PRIu32 "]",
+                 expected->path, element / expected->row, element % expected->row);
+    else if (expected->count > 1)
         snprintf(difference->field, FV_FIELD_PATH_BYTES, "%.80s[%" PRIu32 "]", expected->path,
                  element);
     else

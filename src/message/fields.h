@@ -38,8 +38,9 @@ struct fv_field {
     const char *name;
     enum fv_wire wire;
     bool array;
-    int32_t count;       /* elements; 0: told by another field */
-    int32_t count_field; /* which field of the same struct that is, -1: none */
+    int32_t count;       /* elements; 0: another field holds the count */
+    int32_t row;         /* numbers in each element, as in p[count][3]; 0: one */
+    int32_t count_field; /* the field of the same struct that holds the count, -1: none */
     int32_t nested;      /* number of the nested type, -1: none */
 };
 
@@ -67,7 +68,8 @@ const struct fv_type *fv_message_type_of(const uint8_t *data, size_t bytes);
 struct fv_leaf {
     char path[FV_FIELD_PATH_BYTES]; /* "stamp.time_ns", "parts[2].name" */
     enum fv_wire wire;
-    uint32_t count;      /* elements: 1 for a string */
+    uint32_t count;      /* numbers, row after row; 1 for a string */
+    uint32_t row;        /* numbers in each row; 0: the array has no rows */
     const uint8_t *data; /* big-endian; strings: without the length */
     uint32_t bytes;
     size_t offset; /* of `data` in the message */
@@ -100,12 +102,12 @@ bool fv_message_check(const char *type, const uint8_t *data, size_t bytes, const
                       size_t *at);
 
 struct fv_difference {
-    char field[FV_FIELD_PATH_BYTES]; /* "x_px[17]", or "" where the types differ */
+    char field[FV_FIELD_PATH_BYTES]; /* "p_px[17][1]", or "" where the types differ */
     char expected[FV_FIELD_VALUE_BYTES], found[FV_FIELD_VALUE_BYTES];
 };
 
-/* Whether a field tells of the moment or the machine, not of the run, so that another run of the
- * same inputs fills it otherwise: the readings of clocks in fovea.statistics_t, its version and its
+/* Whether a field describes the moment or the machine, not the run, so that another run of the same
+ * inputs fills it otherwise: the readings of clocks in fovea.statistics_t, its version and its
  * kernel set. `path` as in struct fv_leaf. */
 bool fv_message_field_is_volatile(const struct fv_type *type, const char *path);
 

@@ -19,7 +19,7 @@
 #include "fovea_recording_end_t.h"
 #include "fovea_recording_t.h"
 #include "fovea_statistics_t.h"
-#include "fovea_tracks_t.h"
+#include "fovea_objects_t.h"
 
 void fv_message_prepare(void)
 {
@@ -38,7 +38,7 @@ void fv_message_prepare(void)
     (void)__fovea_recording_end_t_get_hash();
     (void)__fovea_recording_t_get_hash();
     (void)__fovea_statistics_t_get_hash();
-    (void)__fovea_tracks_t_get_hash();
+    (void)__fovea_objects_t_get_hash();
 }
 
 void fv_message_channel(const char *prefix, enum fv_message_kind kind, char *name)
@@ -59,7 +59,7 @@ void fv_message_channel(const char *prefix, enum fv_message_kind kind, char *nam
         [FV_MESSAGE_DETECTIONS] = "DETECTIONS",
         [FV_MESSAGE_MAP] = "MAP",
         [FV_MESSAGE_RECORDING_END] = "RECORDING_END",
-        [FV_MESSAGE_TRACKS] = "TRACKS",
+        [FV_MESSAGE_OBJECTS] = "OBJECTS",
         [FV_MESSAGE_BOT_CORE_POSE] = "BOT_CORE_POSE",
     };
     const char *parts[3] = {prefix, prefix[0] != '\0' ? "_" : "", suffixes[kind]};
@@ -82,6 +82,18 @@ fovea_stamp_t fv_message_stamp(const struct fovea_frame *frame, int64_t utc_offs
     return stamp;
 }
 
+void fv_message_label(const char *label, char cut[FV_MESSAGE_LABEL_BYTES_MAX])
+{
+    size_t length = strlen(label);
+    if (length >= FV_MESSAGE_LABEL_BYTES_MAX) {
+        length = FV_MESSAGE_LABEL_BYTES_MAX - 1;
+        while (length > 0 && ((uint8_t)label[length] & 0xc0) == 0x80) /* within a letter */
+            length--;
+    }
+    memcpy(cut, label, length);
+    cut[length] = '\0';
+}
+
 /* ---- features -------------------------------------------------------------------------------- */
 
 size_t fv_message_features_size_max(uint32_t count_max)
@@ -89,22 +101,24 @@ size_t fv_message_features_size_max(uint32_t count_max)
     fovea_features_t empty;
     memset(&empty, 0, sizeof empty);
     return (size_t)fovea_features_t_encoded_size(&empty) +
-           fv_message_features_scratch_bytes(count_max);
+           (size_t)count_max * (3 * sizeof(float) + 2);
 }
 
 size_t fv_message_features_scratch_bytes(uint32_t count_max)
 {
-    return (size_t)count_max * (3 * sizeof(float) + 2);
+    return (size_t)count_max * (sizeof(float *) + 3 * sizeof(float) + 2);
 }
 
 uint32_t fv_message_features_encode(const struct fv_message_features *in, void *scratch,
                                     uint8_t *buffer, size_t capacity)
 {
-    float *x_px = scratch, *y_px = x_px + in->count, *size_px = y_px + in->count;
+    float **p_px = scratch, *position = (float *)(void *)(p_px + in->count),
+          *size_px = position + 2 * (size_t)in->count;
     uint8_t *level = (uint8_t *)(size_px + in->count), *score = level + in->count;
     for (uint32_t i = 0; i < in->count; i++) {
-        x_px[i] = in->features[i].x_px;
-        y_px[i] = in->features[i].y_px;
+        p_px[i] = position + 2 * (size_t)i;
+        p_px[i][0] = in->features[i].x_px;
+        p_px[i][1] = in->features[i].y_px;
         size_px[i] = in->features[i].size_px;
         level[i] = in->features[i].level;
         score[i] = in->features[i].score;
@@ -116,8 +130,7 @@ uint32_t fv_message_features_encode(const struct fv_message_features *in, void *
         .height = in->height,
         .asked = (int32_t)in->asked,
         .count = (int32_t)in->count,
-        .x_px = x_px,
-        .y_px = y_px,
+        .p_px = p_px,
         .size_px = size_px,
         .level = level,
         .score = score,
@@ -131,21 +144,23 @@ uint32_t fv_message_features_encode(const struct fv_message_features *in, void *
 size_t fv_message_statistics_size_max(void)
 {
     /* The longest names that fit the documented limit. */
-    char name[FV_MESSAGE_NAME_BYTES_MAX], *stages[FOVEA_STAGE_COUNT], *jobs[FOVEA_JOB_COUNT];
+    char name[FV_MESSAGE_NAME_BYTES_MAX];
+    fovea_stage_t stages[FOVEA_STAGE_COUNT];
+    fovea_job_t jobs[FOVEA_JOB_COUNT];
     memset(name, 'x', sizeof name - 1);
     name[sizeof name - 1] = '\0';
     for (int i = 0; i < FOVEA_STAGE_COUNT; i++)
-        stages[i] = name;
+        stages[i] = (fovea_stage_t){.name = name};
     for (int i = 0; i < FOVEA_JOB_COUNT; i++)
-        jobs[i] = name;
+        jobs[i] = (fovea_job_t){.name = name};
     fovea_statistics_t message;
     memset(&message, 0, sizeof message);
     message.version = name;
     message.kernel_set = name;
     message.stage_count = FOVEA_STAGE_COUNT;
-    message.stage_name = stages;
+    message.stages = stages;
     message.job_count = FOVEA_JOB_COUNT;
-    message.job_name = jobs;
+    message.jobs = jobs;
     return (size_t)fovea_statistics_t_encoded_size(&message);
 }
 
@@ -175,34 +190,29 @@ static void fill_counters(fovea_statistics_t *message, const struct fovea_stats 
 uint32_t fv_message_statistics_encode(const struct fv_message_statistics *in, uint8_t *buffer,
                                       size_t capacity)
 {
-    char *stage_names[FOVEA_STAGE_COUNT], *job_names[FOVEA_JOB_COUNT];
-    int64_t stage_cpu_ns[FOVEA_STAGE_COUNT], stage_wall_ns[FOVEA_STAGE_COUNT];
-    int32_t granted[FOVEA_JOB_COUNT], done[FOVEA_JOB_COUNT];
-    int8_t waiting[FOVEA_JOB_COUNT];
-    for (int i = 0; i < FOVEA_STAGE_COUNT; i++) {
-        stage_names[i] = (char *)in->stage_names[i]; /* lcm-gen knows no const; it only reads */
-        stage_cpu_ns[i] = in->stats->stage_cpu_ns[i];
-        stage_wall_ns[i] = in->stats->stage_wall_ns[i];
-    }
-    for (int i = 0; i < FOVEA_JOB_COUNT; i++) {
-        job_names[i] = (char *)in->job_names[i];
-        granted[i] = (int32_t)in->work_grants->units[i];
-        done[i] = (int32_t)in->units_done[i];
-        waiting[i] = (int8_t)((in->jobs_waiting >> i) & 1);
-    }
+    fovea_stage_t stages[FOVEA_STAGE_COUNT];
+    fovea_job_t jobs[FOVEA_JOB_COUNT];
+    for (int i = 0; i < FOVEA_STAGE_COUNT; i++)
+        stages[i] = (fovea_stage_t){
+            .name = (char *)in->stage_names[i], /* lcm-gen knows no const; it only reads */
+            .cpu_ns = in->stats->stage_cpu_ns[i],
+            .wall_ns = in->stats->stage_wall_ns[i],
+        };
+    for (int i = 0; i < FOVEA_JOB_COUNT; i++)
+        jobs[i] = (fovea_job_t){
+            .name = (char *)in->job_names[i],
+            .units_granted = (int32_t)in->work_grants->units[i],
+            .units_done = (int32_t)in->units_done[i],
+            .waiting = (int8_t)((in->jobs_waiting >> i) & 1),
+        };
     fovea_statistics_t message = {
         .stamp = in->stamp,
         .version = (char *)FOVEA_VERSION,
         .kernel_set = (char *)in->kernel_set,
         .stage_count = FOVEA_STAGE_COUNT,
-        .stage_name = stage_names,
-        .stage_cpu_ns = stage_cpu_ns,
-        .stage_wall_ns = stage_wall_ns,
+        .stages = stages,
         .job_count = FOVEA_JOB_COUNT,
-        .job_name = job_names,
-        .job_units_granted = granted,
-        .job_units_done = done,
-        .job_waiting = waiting,
+        .jobs = jobs,
         .memory_persistent_bytes = (int64_t)in->memory_bytes[FOVEA_MEMORY_PERSISTENT],
         .memory_job_bytes = (int64_t)in->memory_bytes[FOVEA_MEMORY_JOB],
         .memory_frame_bytes = (int64_t)in->memory_bytes[FOVEA_MEMORY_FRAME],

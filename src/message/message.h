@@ -20,16 +20,16 @@ extern "C" {
 
 /* Kinds of message; each has one channel, named <prefix>_<suffix>. */
 enum fv_message_kind {
-    FV_MESSAGE_POSE = 0,      /* of the base in `odom` */
-    FV_MESSAGE_CAMERA_POSE,   /* of the camera in `world` */
-    FV_MESSAGE_BOT_CORE_POSE, /* of the base in `odom`, as bot_core.pose_t */
+    FV_MESSAGE_POSE = 0,      /* of the body in `odom` */
+    FV_MESSAGE_CAMERA_POSE,   /* of the first camera in `odom` */
+    FV_MESSAGE_BOT_CORE_POSE, /* of the body in `odom`, as bot_core.pose_t */
     FV_MESSAGE_FEATURES,
     FV_MESSAGE_STATISTICS,
     FV_MESSAGE_CAMERA_STATUS,
     FV_MESSAGE_PREVIEW,
     FV_MESSAGE_DETECTIONS,
     FV_MESSAGE_MAP,
-    FV_MESSAGE_TRACKS,
+    FV_MESSAGE_OBJECTS,
     FV_MESSAGE_COMMAND, /* in */
     FV_MESSAGE_RUN,     /* of the application */
     FV_MESSAGE_FRAME,   /* this and the next four: in recordings only */
@@ -43,7 +43,14 @@ enum fv_message_kind {
 /* LCM's header, channel and message of one packet: what is longer is sent in fragments. */
 enum { FV_MESSAGE_PACKET_BYTES = 60000 };
 
-enum { FV_MESSAGE_CHANNEL_BYTES = 64, FV_MESSAGE_NAME_BYTES_MAX = 24 };
+enum {
+    FV_MESSAGE_CHANNEL_BYTES = 64,
+    FV_MESSAGE_NAME_BYTES_MAX = 24, /* of a frame, stage, job or kernel set, with the zero */
+    FV_MESSAGE_LABEL_BYTES_MAX = 64 /* of a class, with the zero; longer labels are cut */
+};
+
+/* Cut a label, at the start of a letter of UTF-8, to what a message holds. */
+void fv_message_label(const char *label, char cut[FV_MESSAGE_LABEL_BYTES_MAX]);
 
 /* Compute lcm-gen's type hashes, which it stores in unguarded statics when first used. Init-only.
  */
@@ -56,15 +63,28 @@ void fv_message_channel(const char *prefix, enum fv_message_kind kind, char *nam
 /* The stamp of a frame as messages carry it; NULL: no frame yet (time 0, sequence -1). */
 fovea_stamp_t fv_message_stamp(const struct fovea_frame *frame, int64_t utc_offset_ns);
 
+/* A rotation and translation, as messages carry them. */
+struct fv_message_transform {
+    double position[3], orientation[4]; /* unit quaternion w x y z */
+};
+
+/* One of the two pose messages; fields and units as in pose_t. What is about a pose is used only
+ * when pose->posed. */
 struct fv_message_pose {
     fovea_stamp_t stamp;
     const char *parent_frame, *child_frame; /* at most FV_MESSAGE_NAME_BYTES_MAX with the zero */
     const struct fovea_pose *pose;          /* state, scale and counts */
-    bool paused; /* the frame was not looked at: state `paused`, no pose and no counts */
-    double position[3], orientation[4]; /* T_parent_child; looked at only when pose->posed */
-    double covariance[21];              /* of the child; likewise */
-    double map_position[3], map_orientation[4]; /* T_map_parent; likewise */
-    int64_t reference_keyframe;                 /* -1: none */
+    bool paused;           /* the frame was not processed: state `paused`, no pose and no counts */
+    bool scale_configured; /* a source of the scale is configured */
+    struct fv_message_transform T_parent_child;
+    double covariance[21]; /* of the child */
+    bool moving;           /* the next two are known */
+    double velocity[3], angular_rate[3];
+    struct fv_message_transform T_keyframe_child;
+    uint32_t change_count; /* how often the unit of length changed in this map */
+    double change_scale;
+    struct fv_message_transform change;
+    struct fv_message_transform T_map_parent;
     int64_t latency_ns;
 };
 size_t fv_message_pose_size_max(void);
@@ -88,7 +108,7 @@ struct fv_message_features {
     const struct fovea_feature *features;
 };
 size_t fv_message_features_size_max(uint32_t count_max);
-/* Scratch that encoding needs, 4-byte aligned: the message holds one array per member. */
+/* Scratch that encoding needs, 8-byte aligned: the message holds one array per member. */
 size_t fv_message_features_scratch_bytes(uint32_t count_max);
 uint32_t fv_message_features_encode(const struct fv_message_features *in, void *scratch,
                                     uint8_t *buffer, size_t capacity);
@@ -138,7 +158,7 @@ uint32_t fv_message_preview_encode(const struct fv_message_preview *in, uint8_t 
 struct fv_message_detections {
     fovea_stamp_t stamp; /* of the image looked at */
     uint32_t reset_counter;
-    const char *model;
+    const char *model;      /* cut as labels are */
     int32_t width, height;  /* of the raw image */
     int8_t rectified_shape; /* enum fv_view_shape; -1: none */
     double rectified[4];    /* fx fy cx cy */
@@ -147,11 +167,10 @@ struct fv_message_detections {
     const char *const *names;          /* of the classes, one per detection */
     const float (*rectified_boxes)[4]; /* x_min y_min x_max y_max per detection */
 };
-/* For labels of at most `label_bytes` bytes and a model's name of at most `name_bytes`, zeros not
- * counted. */
-size_t fv_message_detections_size_max(uint32_t count_max, size_t name_bytes, size_t label_bytes);
+/* For labels of at most `label_bytes` bytes, zero not counted. */
+size_t fv_message_detections_size_max(uint32_t count_max, size_t label_bytes);
 /* Scratch that encoding needs, 8-byte aligned. */
-size_t fv_message_detections_scratch_bytes(uint32_t count_max);
+size_t fv_message_detections_scratch_bytes(uint32_t count_max, size_t label_bytes);
 uint32_t fv_message_detections_encode(const struct fv_message_detections *in, void *scratch,
                                       uint8_t *buffer, size_t capacity);
 
@@ -163,11 +182,14 @@ struct fv_message_landmark {
 };
 struct fv_message_keyframe {
     int32_t slot, map_id, parent;
-    float pose[7]; /* T_world_cam: x y z, quaternion w x y z */
+    int64_t number, stamp_ns;
+    float position[3], orientation[4]; /* T_own_cam, quaternion w x y z */
 };
 struct fv_message_map {
     fovea_stamp_t stamp;
     int32_t map_id;
+    double own_scale;                /* S_map_own */
+    struct fv_message_transform own; /* likewise */
     int32_t landmark_slots, landmark_first, landmark_last;
     int32_t keyframe_slots, keyframe_first, keyframe_last;
     uint32_t landmark_count, keyframe_count;
@@ -177,19 +199,20 @@ struct fv_message_map {
 size_t fv_message_map_size_max(void);
 uint32_t fv_message_map_encode(const struct fv_message_map *in, uint8_t *buffer, size_t capacity);
 
-struct fv_message_tracks {
+struct fv_message_objects {
     fovea_stamp_t stamp; /* of the image looked at */
     uint32_t reset_counter;
-    int32_t width, height; /* of the raw image */
+    int32_t width, height;   /* of the raw image */
+    double T_odom_world[12]; /* row-major 3x4: from the frame that located tracks are in */
     uint32_t count;
     const struct fovea_track *tracks;
     const char *const *names; /* of the classes, one per track */
 };
-size_t fv_message_tracks_size_max(uint32_t count_max, size_t label_bytes);
+size_t fv_message_objects_size_max(uint32_t count_max, size_t label_bytes);
 /* Scratch that encoding needs, 8-byte aligned. */
-size_t fv_message_tracks_scratch_bytes(uint32_t count_max);
-uint32_t fv_message_tracks_encode(const struct fv_message_tracks *in, void *scratch,
-                                  uint8_t *buffer, size_t capacity);
+size_t fv_message_objects_scratch_bytes(uint32_t count_max, size_t label_bytes);
+uint32_t fv_message_objects_encode(const struct fv_message_objects *in, void *scratch,
+                                   uint8_t *buffer, size_t capacity);
 
 #ifdef __cplusplus
 }

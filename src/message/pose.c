@@ -24,6 +24,48 @@ static char *name_of(const char *name)
     return (char *)(uintptr_t)name;
 }
 
+/* Copy numbers, or say that they are not known. */
+static void fill(double *out, const double *values, int count, bool known)
+{
+    for (int i = 0; i < count; i++)
+        out[i] = known ? values[i] : (double)NAN;
+}
+
+static void fill_transform(double position[3], double orientation[4],
+                           const struct fv_message_transform *T, bool known)
+{
+    fill(position, T->position, 3, known);
+    fill(orientation, T->orientation, 4, known);
+}
+
+static void fill_motion(fovea_pose_t *out, const struct fv_message_pose *in, bool posed)
+{
+    const bool moving = posed && in->moving;
+    fill(out->velocity, in->velocity, 3, moving);
+    fill(out->angular_rate, in->angular_rate, 3, moving);
+    fill(out->velocity_covariance, NULL, 21, false); /* these are an IMU's */
+    fill(out->gyro_bias, NULL, 3, false);
+    fill(out->acceleration_bias, NULL, 3, false);
+    fill(out->bias_covariance, NULL, 21, false);
+    fill(out->gravity, NULL, 3, false);
+    out->gravity_sigma = (double)NAN;
+}
+
+static void fill_scale(fovea_pose_t *out, const struct fv_message_pose *in)
+{
+    const struct fovea_pose *pose = in->pose;
+    const bool metric = pose->scale_source != FOVEA_SCALE_FREE;
+    out->scale_state = metric                 ? FOVEA_POSE_T_SCALE_METRIC
+                       : in->scale_configured ? FOVEA_POSE_T_SCALE_INITIALISING
+                                              : FOVEA_POSE_T_SCALE_FREE;
+    out->scale_source = (int8_t)pose->scale_source; /* the numbers of SOURCE_* are the same */
+    out->scale = pose->scale;
+    out->scale_sigma = metric ? pose->scale_sigma : (double)NAN;
+    out->change_count = (int32_t)in->change_count;
+    out->change_scale = in->change_scale;
+    fill_transform(out->change_position, out->change_orientation, &in->change, true);
+}
+
 uint32_t fv_message_pose_encode(const struct fv_message_pose *in, uint8_t *buffer, size_t capacity)
 {
     const struct fovea_pose *pose = in->pose;
@@ -33,25 +75,21 @@ uint32_t fv_message_pose_encode(const struct fv_message_pose *in, uint8_t *buffe
     message.stamp = in->stamp;
     message.state = in->paused ? FOVEA_POSE_T_STATE_PAUSED : (int8_t)pose->state;
     message.reset_counter = (int32_t)pose->reset_counter;
+    message.map_id = posed ? (int32_t)pose->map_id : -1;
     message.parent_frame = name_of(in->parent_frame);
     message.child_frame = name_of(in->child_frame);
-    for (int i = 0; i < 3; i++)
-        message.position[i] = posed ? in->position[i] : (double)NAN;
-    for (int i = 0; i < 4; i++)
-        message.orientation[i] = posed ? in->orientation[i] : (double)NAN;
-    for (int i = 0; i < 21; i++)
-        message.covariance[i] = posed ? in->covariance[i] : (double)NAN;
-    message.reference_keyframe = posed ? in->reference_keyframe : -1;
+    fill_transform(message.position, message.orientation, &in->T_parent_child, posed);
+    fill(message.covariance, in->covariance, 21, posed);
     message.quality = in->paused ? 0 : pose->quality;
     message.inliers = in->paused ? 0 : (int32_t)pose->inliers;
-    message.scale = pose->scale;
-    message.scale_sigma = pose->scale_source == FOVEA_SCALE_FREE ? (double)NAN : pose->scale_sigma;
-    message.scale_source = (int8_t)pose->scale_source;
-    for (int i = 0; i < 3; i++)
-        message.map_position[i] = posed ? in->map_position[i] : (double)NAN;
-    for (int i = 0; i < 4; i++)
-        message.map_orientation[i] = posed ? in->map_orientation[i] : (double)NAN;
+    fill_motion(&message, in, posed);
+    message.reference_keyframe = posed ? (int64_t)pose->reference_keyframe : -1;
+    message.keyframe_stamp_ns = posed ? pose->keyframe_stamp_ns : 0;
+    fill_transform(message.keyframe_position, message.keyframe_orientation, &in->T_keyframe_child,
+                   posed);
+    fill_scale(&message, in);
     message.map_scale = posed ? pose->map_scale : (double)NAN;
+    fill_transform(message.map_position, message.map_orientation, &in->T_map_parent, posed);
     message.latency_ns = in->latency_ns;
     return fv_wire_encoded(fovea_pose_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
 }

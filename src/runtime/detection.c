@@ -66,7 +66,10 @@ void fv_detection_carve(struct fv_detection *detection, const struct fovea_confi
                                   .count = (int32_t)config->detect.count_max,
                                   .floor = floor_of(&config->track)};
     detection->message_scratch =
-        fv_arena_take(frame, fv_message_detections_scratch_bytes(config->detect.count_max), 1);
+        fv_arena_take(frame,
+                      fv_message_detections_scratch_bytes(config->detect.count_max,
+                                                          fv_detection_label_bytes(detection)),
+                      1);
 }
 
 size_t fv_detection_label_bytes(const struct fv_detection *detection)
@@ -83,7 +86,6 @@ size_t fv_detection_message_bytes(const struct fv_detection *detection,
                                   const struct fovea_config *config)
 {
     return fv_message_detections_size_max(config->detect.count_max,
-                                          sizeof detection->model.header->name,
                                           fv_detection_label_bytes(detection));
 }
 

@@ -1,5 +1,7 @@
 #include "runtime/encode_map.h"
 
+#include <string.h>
+
 #include "runtime/jobs.h"
 
 static uint32_t least(uint32_t a, uint32_t b)
@@ -33,10 +35,12 @@ static void add_keyframes(const struct fv_map *map, struct fv_message_map *messa
         out->slot = slot;
         out->map_id = (int32_t)keyframe->map_id;
         out->parent = keyframe->parent;
+        out->number = (int64_t)keyframe->number;
+        out->stamp_ns = keyframe->stamp_ns;
         for (int k = 0; k < 3; k++)
-            out->pose[k] = (float)T.t[k];
+            out->position[k] = (float)T.t[k];
         for (int k = 0; k < 4; k++)
-            out->pose[3 + k] = (float)q[k];
+            out->orientation[k] = (float)q[k];
     }
 }
 
@@ -59,6 +63,10 @@ void fv_encode_map(struct fovea *rt, struct fovea_outputs *outputs)
         .keyframe_first = (int32_t)state->map_keyframe,
         .keyframe_last = (int32_t)keyframe_last,
     };
+    const struct fv_sim3 S_map_own = fv_publish_own_map(&rt->publish);
+    message.own_scale = S_map_own.s;
+    memcpy(message.own.position, S_map_own.t, sizeof message.own.position);
+    fv_so3_to_quaternion(S_map_own.R, message.own.orientation);
     add_landmarks(map, &message);
     add_keyframes(map, &message);
     state->map_landmark = landmark_last < slots.landmarks ? landmark_last : 0;

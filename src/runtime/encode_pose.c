@@ -1,36 +1,56 @@
-/* Pose messages: of the camera in `world`, and of the robot's base in `odom`. */
+/* Pose messages: of the robot's body and of its first camera, in `odom`. */
 #include "runtime/encode_pose.h"
 
 #include <string.h>
 
 #include "runtime/jobs.h"
 
+static struct fv_message_transform transform_of(const struct fv_se3 *T)
+{
+    struct fv_message_transform out;
+    memcpy(out.position, T->t, sizeof out.position);
+    fv_so3_to_quaternion(T->R, out.orientation);
+    return out;
+}
+
+static void fill_change(const struct fv_publish *publish, struct fv_message_pose *message)
+{
+    const struct fv_publish_change change = fv_publish_last_change(publish);
+    message->change_count = change.count;
+    message->change_scale = change.scale;
+    memcpy(message->change.position, change.position, sizeof change.position);
+    message->change.orientation[0] = 1; /* the axes stay */
+}
+
 static void encode_pose(struct fovea *rt, const struct fovea_inputs *inputs,
                         enum fv_message_kind kind, bool paused, struct fovea_outputs *outputs)
 {
-    const struct fovea_pose *pose = fv_publish_pose(&rt->publish);
-    const bool of_base = kind == FV_MESSAGE_POSE;
-    struct fv_sim3 S_map_odom;
-    struct fv_se3 T;
-    fv_se3_from_rows(pose->T_world_cam, &T);
-    if (of_base) T = fv_publish_body_pose(&rt->publish);
+    const struct fv_publish *publish = &rt->publish;
+    const enum fv_publish_child child =
+        kind == FV_MESSAGE_POSE ? FV_PUBLISH_BODY : FV_PUBLISH_CAMERA;
+    const struct fv_rates *rates = fv_publish_rates(publish, child);
+    const struct fv_se3 T_odom_child = fv_publish_child_pose(publish, child),
+                        T_keyframe_child = fv_publish_keyframe_pose(publish, child);
+    const struct fv_sim3 S_map_odom = fv_publish_map(publish);
     struct fv_message_pose message = {
         .stamp = paused ? fv_message_stamp(inputs->frame, inputs->utc_offset_ns)
                         : fv_frame_id_stamp(&rt->state->frame),
-        .parent_frame = of_base ? "odom" : "world",
-        .child_frame = of_base ? "base" : "camera",
-        .pose = pose,
+        .parent_frame = "odom",
+        .child_frame = child == FV_PUBLISH_BODY ? "body" : "cam0",
+        .pose = fv_publish_pose(publish),
         .paused = paused,
-        .reference_keyframe = pose->posed ? (int64_t)pose->reference_keyframe : -1,
+        .scale_configured = rt->config.scale.source != FOVEA_SCALE_FREE,
+        .T_parent_child = transform_of(&T_odom_child),
+        .moving = rates->known,
+        .T_keyframe_child = transform_of(&T_keyframe_child),
         .latency_ns = inputs->latency_ns,
     };
-    memcpy(message.position, T.t, sizeof message.position);
-    fv_so3_to_quaternion(T.R, message.orientation);
-    memcpy(message.covariance, pose->covariance, sizeof message.covariance);
-    if (of_base) fv_publish_body_covariance(&rt->publish, message.covariance);
-    fv_publish_map(&rt->publish, of_base, &S_map_odom);
-    memcpy(message.map_position, S_map_odom.t, sizeof message.map_position);
-    fv_so3_to_quaternion(S_map_odom.R, message.map_orientation);
+    memcpy(message.velocity, rates->velocity, sizeof message.velocity);
+    memcpy(message.angular_rate, rates->rotation_rate, sizeof message.angular_rate);
+    memcpy(message.T_map_parent.position, S_map_odom.t, sizeof message.T_map_parent.position);
+    fv_so3_to_quaternion(S_map_odom.R, message.T_map_parent.orientation);
+    fv_publish_covariance(publish, child, message.covariance);
+    fill_change(publish, &message);
     fv_output_add(
         rt, kind,
         fv_message_pose_encode(&message, rt->outbox.buffer[kind], rt->outbox.capacity[kind]),
@@ -41,8 +61,8 @@ static void encode_bot_core_pose(struct fovea *rt, struct fovea_outputs *outputs
 {
     const enum fv_message_kind kind = FV_MESSAGE_BOT_CORE_POSE;
     const struct fovea_pose *pose = fv_publish_pose(&rt->publish);
-    const struct fv_rates *rates = fv_publish_body_rates(&rt->publish);
-    const struct fv_se3 T_odom_body = fv_publish_body_pose(&rt->publish);
+    const struct fv_rates *rates = fv_publish_rates(&rt->publish, FV_PUBLISH_BODY);
+    const struct fv_se3 T_odom_body = fv_publish_child_pose(&rt->publish, FV_PUBLISH_BODY);
     const struct fv_frame_id *frame = &rt->state->frame;
     if (!pose->posed ||
         (pose->scale_source == FOVEA_SCALE_FREE && !rt->config.scale.allow_unscaled))

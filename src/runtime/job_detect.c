@@ -15,10 +15,10 @@ static void track(struct fovea *rt, struct fovea_outputs *outputs)
     struct fovea_box movable[FOVEA_INPUT_BOXES_MAX];
     fv_detection_get(&rt->detection, &detections);
     fv_tracking_update(&rt->tracking, &detections);
-    fv_output_add(rt, FV_MESSAGE_TRACKS,
+    fv_output_add(rt, FV_MESSAGE_OBJECTS,
                   fv_tracking_encode(&rt->tracking, &rt->config, &rt->detection,
-                                     fv_reset_counter(rt), rt->outbox.buffer[FV_MESSAGE_TRACKS],
-                                     rt->outbox.capacity[FV_MESSAGE_TRACKS]),
+                                     fv_reset_counter(rt), rt->outbox.buffer[FV_MESSAGE_OBJECTS],
+                                     rt->outbox.capacity[FV_MESSAGE_OBJECTS]),
                   outputs);
     if (!rt->config.odometry.enabled || !fv_config_movable(&rt->config)) return;
     fv_boxes_take(&rt->boxes, detections.stamp_ns, movable,

@@ -45,9 +45,9 @@ static void carve_outbox(struct fovea *rt, struct fv_arena *arena)
     if (rt->detection.enabled) {
         carve_buffer(outbox, FV_MESSAGE_DETECTIONS,
                      fv_detection_message_bytes(&rt->detection, &rt->config), arena);
-        carve_buffer(outbox, FV_MESSAGE_TRACKS,
-                     fv_message_tracks_size_max(rt->config.track.tracks_max,
-                                                fv_detection_label_bytes(&rt->detection)),
+        carve_buffer(outbox, FV_MESSAGE_OBJECTS,
+                     fv_message_objects_size_max(rt->config.track.tracks_max,
+                                                 fv_detection_label_bytes(&rt->detection)),
                      arena);
     }
     carve_buffer(outbox, FV_MESSAGE_MAP,
@@ -92,8 +92,7 @@ static void carve(struct fovea *rt, struct fv_arena arenas[FOVEA_MEMORY_PART_COU
     }
     fv_detection_carve(&rt->detection, config, &arenas[PERSISTENT], &arenas[JOB], &arenas[FRAME]);
     book(table, "detection", arenas, before);
-    fv_tracking_carve(&rt->tracking, config, rt->detection.enabled, &arenas[PERSISTENT],
-                      &arenas[FRAME]);
+    fv_tracking_carve(&rt->tracking, config, &rt->detection, &arenas[PERSISTENT], &arenas[FRAME]);
     book(table, "tracking", arenas, before);
     const struct fv_plane *level = fv_pyramid_level(&rt->pyramid, config->preview.level);
     fv_preview_carve(&rt->preview, level->width, level->height, &arenas[PERSISTENT], &arenas[JOB]);

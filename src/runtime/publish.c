@@ -65,22 +65,47 @@ static void scale_map(struct fovea_pose *pose, const struct fv_odometry *odometr
     pose->map_scale = 1;
 }
 
+/* From now on in metres, from the world's origin. */
+static void begin_metres(struct fv_publish_state *s, double change_scale)
+{
+    from_the_origin(s);
+    s->metric = 1;
+    if (!s->unscaled) return;
+    s->changes++;
+    s->change_scale = change_scale;
+}
+
+/* The map is still in metres while the camera is lost in it. */
+static void keep_scale(struct fovea_pose *pose, const struct fovea_pose *before)
+{
+    pose->scale = before->scale;
+    pose->scale_sigma = before->scale_sigma;
+    pose->scale_source = before->scale_source;
+}
+
 static void publish_camera(struct fv_publish_state *s, const struct fv_odometry *odometry,
                            const struct fv_scale *scale)
 {
     struct fovea_pose *pose = &s->pose;
-    const uint32_t map_id = pose->map_id;
+    const struct fovea_pose before = *pose;
     *pose = *fv_odometry_pose(odometry);
     pose->scale = 1;
-    if (pose->map_id != map_id) s->metric = false;
-    if (!pose->posed) return;
+    if (pose->map_id != before.map_id) s->metric = s->unscaled = s->changes = 0;
+    if (!pose->posed) {
+        if (s->metric) keep_scale(pose, &before);
+        return;
+    }
     struct fv_se3 T_keyframe_cam;
-    pose->reference_keyframe = fv_odometry_keyframe_pose(odometry, &T_keyframe_cam);
+    const struct fv_keyframe *keyframe = fv_odometry_keyframe_pose(odometry, &T_keyframe_cam);
+    pose->reference_keyframe = keyframe->number;
+    pose->keyframe_stamp_ns = keyframe->stamp_ns;
     fv_se3_to_rows(&T_keyframe_cam, pose->T_keyframe_cam);
     const struct fv_scale_value value = fv_scale_get(scale);
-    if (!value.known) return;
-    if (!s->metric) from_the_origin(s); /* from now on in metres, from the world's origin */
-    s->metric = true;
+    if (!value.known) {
+        s->unscaled = 1;
+        return;
+    }
+    if (!s->metric) begin_metres(s, value.metres * pose->map_scale);
     scale_pose(s, value.metres);
     scale_map(pose, odometry, value.metres);
     pose->scale = value.metres;
@@ -100,22 +125,28 @@ static struct fv_se3 usable_T_body_cam(const struct fv_publish *publish)
     return T_body_cam;
 }
 
-/* The body's frame at the start is `odom`, the first camera's is `world`: T_odom_body = B
- * T_world_cam B^-1 with B = T_body_cam. */
-struct fv_se3 fv_publish_body_pose(const struct fv_publish *publish)
+struct fv_se3 fv_publish_T_odom_world(const struct fv_publish *publish)
+{
+    return usable_T_body_cam(publish);
+}
+
+/* T_odom_cam = B T_world_cam and T_odom_body = B T_world_cam B^-1 with B = T_body_cam. */
+struct fv_se3 fv_publish_child_pose(const struct fv_publish *publish, enum fv_publish_child child)
 {
     const struct fv_se3 B = usable_T_body_cam(publish);
     struct fv_se3 T, inverse;
     fv_se3_from_rows(publish->state->pose.T_world_cam, &T);
-    fv_se3_invert(&B, &inverse);
     fv_se3_compose(&B, &T, &T);
+    if (child == FV_PUBLISH_CAMERA) return T;
+    fv_se3_invert(&B, &inverse);
     fv_se3_compose(&T, &inverse, &T);
     return T;
 }
 
-const struct fv_rates *fv_publish_body_rates(const struct fv_publish *publish)
+const struct fv_rates *fv_publish_rates(const struct fv_publish *publish,
+                                        enum fv_publish_child child)
 {
-    return &publish->rates;
+    return &publish->rates[child];
 }
 
 static void find_rates(const struct fv_se3 *before, const struct fv_se3 *now, int64_t step_ns,
@@ -129,25 +160,29 @@ static void find_rates(const struct fv_se3 *before, const struct fv_se3 *now, in
         rates->rotation_rate[i] *= 1e9 / (double)step_ns;
         rates->velocity[i] = (now->t[i] - before->t[i]) * 1e9 / (double)step_ns;
     }
+    rates->known = true;
 }
 
 void fv_publish_step(struct fv_publish *publish, const struct fv_odometry *odometry,
                      const struct fv_scale *scale, int64_t stamp_ns)
 {
     struct fv_publish_state *s = publish->state;
-    const struct fv_se3 T_before = fv_publish_body_pose(publish);
+    const struct fv_se3 before[] = {fv_publish_child_pose(publish, FV_PUBLISH_BODY),
+                                    fv_publish_child_pose(publish, FV_PUBLISH_CAMERA)};
     const bool posed_before = s->pose.posed;
     const uint32_t map_id = s->pose.map_id;
     const enum fovea_scale_source source = s->pose.scale_source;
     const int64_t step_ns = stamp_ns - s->stamp_ns;
     publish_camera(s, odometry, scale);
     s->stamp_ns = stamp_ns;
-    publish->rates = (struct fv_rates){0};
+    memset(publish->rates, 0, sizeof publish->rates);
     if (!posed_before || !s->pose.posed || s->pose.map_id != map_id ||
         s->pose.scale_source != source || step_ns <= 0 || step_ns > pause_max_ns)
         return;
-    const struct fv_se3 T = fv_publish_body_pose(publish);
-    find_rates(&T_before, &T, step_ns, &publish->rates);
+    for (int child = 0; child < FV_PUBLISH_CHILDREN; child++) {
+        const struct fv_se3 T = fv_publish_child_pose(publish, (enum fv_publish_child)child);
+        find_rates(&before[child], &T, step_ns, &publish->rates[child]);
+    }
 }
 
 /* Covariance of a small motion of the camera, as one of the body: by the adjoint of T_body_cam.
@@ -180,24 +215,65 @@ static void move_covariance(const struct fv_se3 *B, const double camera[21], dou
     }
 }
 
-void fv_publish_body_covariance(const struct fv_publish *publish, double covariance[21])
+void fv_publish_covariance(const struct fv_publish *publish, enum fv_publish_child child,
+                           double covariance[21])
 {
     const struct fv_se3 B = usable_T_body_cam(publish);
-    move_covariance(&B, publish->state->pose.covariance, covariance);
+    if (child == FV_PUBLISH_CAMERA)
+        memcpy(covariance, publish->state->pose.covariance, 21 * sizeof *covariance);
+    else
+        move_covariance(&B, publish->state->pose.covariance, covariance);
 }
 
-void fv_publish_map(const struct fv_publish *publish, bool of_body, struct fv_sim3 *S_map_odom)
+struct fv_se3 fv_publish_keyframe_pose(const struct fv_publish *publish,
+                                       enum fv_publish_child child)
 {
     const struct fovea_pose *pose = &publish->state->pose;
-    struct fv_se3 T;
-    fv_se3_from_rows(pose->T_map_odom, &T);
-    fv_sim3_from_se3(&T, pose->map_scale, S_map_odom);
-    if (!of_body) return;
     const struct fv_se3 B = usable_T_body_cam(publish);
-    struct fv_sim3 left, right;
+    /* Metres, or the unit of the continuous world, per unit of the map. */
+    const double factor =
+        pose->scale_source != FOVEA_SCALE_FREE ? pose->scale : 1 / pose->map_scale;
+    struct fv_se3 T, inverse;
+    fv_se3_from_rows(pose->T_keyframe_cam, &T);
+    for (int i = 0; i < 3; i++)
+        T.t[i] *= factor;
+    if (child == FV_PUBLISH_CAMERA) return T;
+    fv_se3_invert(&B, &inverse);
+    fv_se3_compose(&B, &T, &T);
+    fv_se3_compose(&T, &inverse, &T);
+    return T;
+}
+
+struct fv_publish_change fv_publish_last_change(const struct fv_publish *publish)
+{
+    const struct fv_publish_state *s = publish->state;
+    struct fv_publish_change change = {.count = s->changes, .scale = 1};
+    if (s->changes == 0) return change;
+    change.scale = s->change_scale;
+    memcpy(change.position, publish->T_body_cam.t, sizeof change.position);
+    return change;
+}
+
+struct fv_sim3 fv_publish_map(const struct fv_publish *publish)
+{
+    const struct fovea_pose *pose = &publish->state->pose;
+    const struct fv_se3 B = usable_T_body_cam(publish);
+    struct fv_se3 T;
+    struct fv_sim3 S, left, right;
+    fv_se3_from_rows(pose->T_map_odom, &T);
+    fv_sim3_from_se3(&T, pose->map_scale, &S);
     fv_se3_invert(&B, &T);
     fv_sim3_from_se3(&B, 1, &left);
     fv_sim3_from_se3(&T, 1, &right);
-    fv_sim3_compose(&left, S_map_odom, S_map_odom);
-    fv_sim3_compose(S_map_odom, &right, S_map_odom);
+    fv_sim3_compose(&left, &S, &S);
+    fv_sim3_compose(&S, &right, &S);
+    return S;
+}
+
+struct fv_sim3 fv_publish_own_map(const struct fv_publish *publish)
+{
+    const struct fv_se3 B = usable_T_body_cam(publish);
+    struct fv_sim3 S;
+    fv_sim3_from_se3(&B, publish->state->pose.scale, &S);
+    return S;
 }

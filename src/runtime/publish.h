@@ -1,11 +1,15 @@
-/* What goes out about a frame's pose: of the camera in `world` and of the robot's body (`base` in
- * messages) in `odom`, with velocity, covariance and the transform to the map, in metres as soon as
- * the scale is known. Odometry gives the pose in a unit of its own and does not know of this.
+/* What goes out about a frame's pose: of the robot's body and of the camera, both in `odom`, with
+ * velocity, covariance and the transforms to keyframe and map, in metres as soon as the scale is
+ * known. Odometry gives the pose in a unit of its own and does not know of this.
+ *
+ * Frames: `world` is the camera's frame at the start of the map, `odom` the body's at the same
+ * instant: p_odom = T_body_cam p_world. The C interface gives the camera in `world`
+ * (struct fovea_pose), messages give both in `odom`.
  *
  * The published position moves by `scale` times what odometry's moves, so that a better estimate of
  * the scale bends the path but does not tear it. Only when the scale becomes known the unit
- * changes, and all that was published before is to be multiplied (the message shows it by its
- * scale_source). State holds no addresses. Real-time safe: no heap, all bounded. */
+ * changes; struct fv_publish_change says how. State holds no addresses. Real-time safe: no heap,
+ * all bounded. */
 #ifndef FOVEA_RUNTIME_PUBLISH_H
 #define FOVEA_RUNTIME_PUBLISH_H
 
@@ -20,21 +24,36 @@ struct fv_publish_state {
     struct fovea_pose pose; /* of the last frame */
     /* Camera position as odometry has it and as published, when the frame was last posed. */
     double inner[3], outer[3];
-    int64_t stamp_ns; /* of the last frame */
-    uint32_t metric;  /* inner and outer are in metres */
+    int64_t stamp_ns;  /* of the last frame */
+    uint32_t metric;   /* inner and outer are in metres */
+    uint32_t unscaled; /* a pose of this map went out in the map's unit */
+    uint32_t changes;  /* of the unit, since this map began */
     uint32_t reserved;
+    double change_scale; /* of the last change */
 };
 
-/* Of the robot's body: metres per second in odom, rad/s in the body's frame. 0 where the last two
- * frames are not both posed, in one world and unit. */
+/* The child whose pose in `odom` is meant. */
+enum fv_publish_child { FV_PUBLISH_BODY = 0, FV_PUBLISH_CAMERA, FV_PUBLISH_CHILDREN };
+
+/* Of a child: unit of length per second in odom, rad/s in the child's frame. Not known, and 0,
+ * unless the last two frames are both posed, in one map and unit. */
 struct fv_rates {
+    bool known;
     double velocity[3], rotation_rate[3];
+};
+
+/* The last change of the unit: p_new = scale p_old + position takes points of `odom` as it was to
+ * `odom` as it is. */
+struct fv_publish_change {
+    uint32_t count; /* since the map began; 0: none, scale 1 and position 0 */
+    double scale, position[3];
 };
 
 struct fv_publish {
     struct fv_se3 T_body_cam;
     struct fv_publish_state *state;
-    struct fv_rates rates; /* of the last frame: follows from the state before and after */
+    /* of the last frame: follow from the state before and after */
+    struct fv_rates rates[FV_PUBLISH_CHILDREN];
 };
 
 /* Take memory and the configured transform. Init-only. */
@@ -46,11 +65,21 @@ void fv_publish_step(struct fv_publish *publish, const struct fv_odometry *odome
                      const struct fv_scale *scale, int64_t stamp_ns);
 
 const struct fovea_pose *fv_publish_pose(const struct fv_publish *publish);
-struct fv_se3 fv_publish_body_pose(const struct fv_publish *publish); /* T_odom_body */
-const struct fv_rates *fv_publish_body_rates(const struct fv_publish *publish);
-/* Covariance of the body's pose, as that of struct fovea_pose, in the body's frame. */
-void fv_publish_body_covariance(const struct fv_publish *publish, double covariance[21]);
-/* S_map_odom in the published unit: between the camera's frames at the start, or the body's. */
-void fv_publish_map(const struct fv_publish *publish, bool of_body, struct fv_sim3 *S_map_odom);
+struct fv_se3 fv_publish_child_pose(const struct fv_publish *publish,
+                                    enum fv_publish_child child); /* T_odom_child */
+const struct fv_rates *fv_publish_rates(const struct fv_publish *publish,
+                                        enum fv_publish_child child);
+/* Covariance as that of struct fovea_pose, in the child's frame. */
+void fv_publish_covariance(const struct fv_publish *publish, enum fv_publish_child child,
+                           double covariance[21]);
+/* T_keyframe_child in the published unit: from the child now to the child at the keyframe. */
+struct fv_se3 fv_publish_keyframe_pose(const struct fv_publish *publish,
+                                       enum fv_publish_child child);
+struct fv_publish_change fv_publish_last_change(const struct fv_publish *publish);
+struct fv_se3 fv_publish_T_odom_world(const struct fv_publish *publish);
+/* S_map_odom in the published unit. */
+struct fv_sim3 fv_publish_map(const struct fv_publish *publish);
+/* S_map_own: from the own frame and unit of the current map to `map`. */
+struct fv_sim3 fv_publish_own_map(const struct fv_publish *publish);
 
 #endif

@@ -3,15 +3,19 @@
 #include <string.h>
 
 void fv_tracking_carve(struct fv_tracking *tracking, const struct fovea_config *config,
-                       bool detecting, struct fv_arena *persistent, struct fv_arena *frame)
+                       const struct fv_detection *detection, struct fv_arena *persistent,
+                       struct fv_arena *frame)
 {
-    tracking->enabled = detecting && config->track.mode != FOVEA_TRACK_OFF;
+    tracking->enabled = detection->enabled && config->track.mode != FOVEA_TRACK_OFF;
     if (!tracking->enabled) return;
     fv_track_carve(&tracking->tracker, &config->track, &config->camera, config->T_base_cam,
                    persistent, frame);
     tracking->state = fv_arena_take(persistent, 1, sizeof *tracking->state);
     tracking->message_scratch =
-        fv_arena_take(frame, fv_message_tracks_scratch_bytes(config->track.tracks_max), 1);
+        fv_arena_take(frame,
+                      fv_message_objects_scratch_bytes(config->track.tracks_max,
+                                                       fv_detection_label_bytes(detection)),
+                      1);
 }
 
 void fv_tracking_reset(struct fv_tracking *tracking)
@@ -56,7 +60,7 @@ uint32_t fv_tracking_encode(const struct fv_tracking *tracking, const struct fov
     fv_track_get(&tracking->tracker, &tracks);
     for (uint32_t i = 0; i < tracks.count; i++)
         names[i] = fv_detection_label(detection, tracks.list[i].class_id);
-    const struct fv_message_tracks message = {
+    struct fv_message_objects message = {
         .stamp = fv_frame_id_stamp(&detection->state->found_frame),
         .reset_counter = reset_counter,
         .width = config->camera.width,
@@ -65,7 +69,9 @@ uint32_t fv_tracking_encode(const struct fv_tracking *tracking, const struct fov
         .tracks = tracks.list,
         .names = names,
     };
-    return fv_message_tracks_encode(&message, tracking->message_scratch, buffer, capacity);
+    /* What is located in the world is so in metres, where T_base_cam holds with its lever arm. */
+    memcpy(message.T_odom_world, config->T_base_cam, sizeof message.T_odom_world);
+    return fv_message_objects_encode(&message, tracking->message_scratch, buffer, capacity);
 }
 
 uint32_t fv_tracking_movable(const struct fv_tracking *tracking,

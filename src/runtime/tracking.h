@@ -25,7 +25,8 @@ struct fv_tracking {
 
 /* With a detector, unless the mode is off. `config` must stay where it is. */
 void fv_tracking_carve(struct fv_tracking *tracking, const struct fovea_config *config,
-                       bool detecting, struct fv_arena *persistent, struct fv_arena *frame);
+                       const struct fv_detection *detection, struct fv_arena *persistent,
+                       struct fv_arena *frame);
 
 /* Forget all tracks. Real-time safe, as all that follows. */
 void fv_tracking_reset(struct fv_tracking *tracking);
@@ -34,7 +35,8 @@ void fv_tracking_note(struct fv_tracking *tracking, const struct fovea_pose *pos
 /* The look is complete. */
 void fv_tracking_update(struct fv_tracking *tracking, const struct fovea_detections *detections);
 
-/* Encode the tracks as of the last look, with the stamp of its frame. Returns the bytes. */
+/* Encode the tracks as of the last look, with the stamp of its frame, located in `odom`. Returns
+ * the bytes. */
 uint32_t fv_tracking_encode(const struct fv_tracking *tracking, const struct fovea_config *config,
                             const struct fv_detection *detection, uint32_t reset_counter,
                             uint8_t *buffer, size_t capacity);

@@ -64,8 +64,8 @@ def fovea_pose(data):
     """time_ns, state, position and orientation of a fovea.pose_t, by its .lcm file."""
     time_ns, _, _, utc_ns, _ = struct.unpack_from(">qbbqq", data, 8)
     at = 8 + 26
-    state, _ = struct.unpack_from(">bi", data, at)
-    at += 5
+    state, _, _, _ = struct.unpack_from(">bbii", data, at)  # state, uncalibrated, reset_counter, map_id
+    at += 10
     for _ in range(2):  # the names of the frames
         at += 4 + struct.unpack_from(">i", data, at)[0]
     values = struct.unpack_from(">7d", data, at)

@@ -22,7 +22,7 @@ static void every_message_is_read_by_java(void **state)
     snprintf(
         command, sizeof command,
         "%s/fovea run --source 'sim:?width=320&height=240' --frames 60 --model src/detect/shipped.fvm --quiet --picture none --set lcm_url= --set scale.allow_unscaled=true --set loop.priority=0 --record %s/jar.lcm && java -Xshare:auto -cp " LCM_JAR
-        ":%s/fovea-types.jar tests/transport/ReadRecording.java %s/jar.lcm FOVEA_POSE FOVEA_CAMERA_POSE FOVEA_BOT_CORE_POSE FOVEA_FEATURES FOVEA_STATISTICS FOVEA_CAMERA_STATUS FOVEA_PREVIEW FOVEA_MAP FOVEA_DETECTIONS FOVEA_TRACKS FOVEA_FRAME FOVEA_INPUTS FOVEA_GRANTS FOVEA_RECORDING FOVEA_RECORDING_END; status=$?; rm -f %s/jar.lcm; exit $status",
+        ":%s/fovea-types.jar tests/transport/ReadRecording.java %s/jar.lcm FOVEA_POSE FOVEA_CAMERA_POSE FOVEA_BOT_CORE_POSE FOVEA_FEATURES FOVEA_STATISTICS FOVEA_CAMERA_STATUS FOVEA_PREVIEW FOVEA_MAP FOVEA_DETECTIONS FOVEA_OBJECTS FOVEA_FRAME FOVEA_INPUTS FOVEA_GRANTS FOVEA_RECORDING FOVEA_RECORDING_END; status=$?; rm -f %s/jar.lcm; exit $status",
         build, build, build, build, build);
     assert_int_equal(system(command), 0);
 }

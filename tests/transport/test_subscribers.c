@@ -30,7 +30,7 @@ enum { FRAMES = 1000, PERIOD_NS = 5000000, WIDTH = 320, HEIGHT = 240 };
 enum { CHANNELS = 9 };
 static const char *const suffixes[CHANNELS] = {"FEATURES", "CAMERA_STATUS", "STATISTICS",
                                                "PREVIEW",  "POSE",          "CAMERA_POSE",
-                                               "MAP",      "DETECTIONS",    "TRACKS"};
+                                               "MAP",      "DETECTIONS",    "OBJECTS"};
 
 static char build[512]; /* folder that this program was built into */
 

@@ -33,11 +33,11 @@
 #include "fovea_detections_t.h"
 #include "fovea_features_t.h"
 #include "fovea_map_t.h"
+#include "fovea_objects_t.h"
 #include "fovea_pose_t.h"
 #include "fovea_preview_t.h"
 #include "fovea_run_t.h"
 #include "fovea_statistics_t.h"
-#include "fovea_tracks_t.h"
 
 enum { QUEUE_MESSAGES = 1000, KINDS = 11 };
 
@@ -54,7 +54,7 @@ static struct channel channels[KINDS] = {
     {.suffix = "POSE"},          {.suffix = "FEATURES"}, {.suffix = "CAMERA_STATUS"},
     {.suffix = "STATISTICS"},    {.suffix = "PREVIEW"},  {.suffix = "CAMERA_POSE"},
     {.suffix = "BOT_CORE_POSE"}, {.suffix = "MAP"},      {.suffix = "DETECTIONS"},
-    {.suffix = "TRACKS"},        {.suffix = "RUN"}};
+    {.suffix = "OBJECTS"},       {.suffix = "RUN"}};
 static bool quiet;
 
 static void on_signal(int number)
@@ -102,16 +102,16 @@ static const char *name_of(const char *const *names, int count, int value)
 {
     return value >= 0 && value < count ? names[value] : "unknown";
 }
-static const char *const states[] = {"starting", "tracking", "weak", "lost", "paused"};
-static const char *const scales[] = {"free", "camera_height", "odometry"};
+static const char *const states[] = {"starting", "tracking", "weak", "lost", "paused", "coasting"};
+static const char *const scales[] = {"free", "initialising", "metric"};
 HANDLER(
     pose_t,
-    "%s, %s in %s: position %.3f %.3f %.3f %s, scale %s to %.1f %%, quality %.2f, %d inliers, reset %d\n",
-    name_of(states, 5, message.state), message.child_frame, message.parent_frame,
+    "%s, %s in %s: position %.3f %.3f %.3f %s, scale %s to %.1f %%, quality %.2f, %d inliers, map %d, reset %d\n",
+    name_of(states, 6, message.state), message.child_frame, message.parent_frame,
     message.position[0], message.position[1], message.position[2],
-    message.scale_source == FOVEA_POSE_T_SCALE_FREE ? "units" : "m",
-    name_of(scales, 3, message.scale_source), 100 * message.scale_sigma, (double)message.quality,
-    (int)message.inliers, (int)message.reset_counter)
+    message.scale_state == FOVEA_POSE_T_SCALE_METRIC ? "m" : "units",
+    name_of(scales, 3, message.scale_state), 100 * message.scale_sigma, (double)message.quality,
+    (int)message.inliers, (int)message.map_id, (int)message.reset_counter)
 HANDLER(features_t, "%" PRId32 " of %" PRId32 " features\n", message.count, message.asked)
 HANDLER(camera_status_t, "state %d, %" PRId32 " x %" PRId32 " %s, %" PRId64 " dropped\n",
         message.state, message.width, message.height, message.pixel_format, message.dropped)
@@ -120,13 +120,13 @@ HANDLER(statistics_t, "%" PRId64 " frames in, %" PRId64 " processed, latency %.2
         message.kernel_set)
 HANDLER(preview_t, "%" PRId32 " x %" PRId32 ", %" PRId32 " bytes of JPEG\n", message.width,
         message.height, message.size_bytes)
-HANDLER(map_t, "map %" PRId32 ", %" PRId32 " landmarks and %" PRId32 " keyframes told of\n",
+HANDLER(map_t, "map %" PRId32 ", %" PRId32 " landmarks and %" PRId32 " keyframes listed\n",
         message.map_id, message.landmark_count, message.keyframe_count)
 HANDLER(detections_t, "%" PRId32 " objects found by %s, the best %s with %.2f\n", message.count,
-        message.model, message.count > 0 ? message.class_name[0] : "none",
-        message.count > 0 ? (double)message.score[0] : 0)
-HANDLER(tracks_t, "%" PRId32 " tracks, the newest %" PRId64 "\n", message.count,
-        message.count > 0 ? message.id[message.count - 1] : 0)
+        message.model, message.count > 0 ? message.detections[0].class_name : "none",
+        message.count > 0 ? (double)message.detections[0].score : 0)
+HANDLER(objects_t, "%" PRId32 " objects, the newest %" PRId64 "\n", message.count,
+        message.count > 0 ? message.objects[message.count - 1].id : 0)
 
 /* Who sends: printed when it changes, which is a restart or a second sender. */
 static void on_run(const lcm_recv_buf_t *received, const char *name, void *context)
@@ -182,7 +182,7 @@ static double now_s(void)
     return (double)now.tv_sec + 1e-9 * (double)now.tv_nsec;
 }
 
-/* Until told to stop, or nothing has come for `idle_s` (0: for ever). */
+/* Until asked to stop, or nothing has come for `idle_s` (0: for ever). */
 static void listen_to(lcm_t *lcm, double idle_s)
 {
     double last_s = now_s();
@@ -209,7 +209,7 @@ int main(int argc, char **argv)
     const char *url = "udpm://239.255.76.67:7667?ttl=0&recv_buf_size=8388608", *prefix = "FOVEA";
     static const lcm_msg_handler_t handlers[KINDS] = {
         on_pose_t, on_features_t,    on_camera_status_t, on_statistics_t, on_preview_t,
-        on_pose_t, on_bot_core_pose, on_map_t,           on_detections_t, on_tracks_t,
+        on_pose_t, on_bot_core_pose, on_map_t,           on_detections_t, on_objects_t,
         on_run};
     double idle_s = 0;
     for (int i = 1; i < argc; i++) {
@@ -235,7 +235,7 @@ int main(int argc, char **argv)
         lcm_subscription_t *subscription = lcm_subscribe(lcm, pattern, handlers[i], &channels[i]);
         if (subscription == NULL)
             return fprintf(stderr,
-                           "subscribe: %s: cannot listen; 'fovea check' tells what is missing\n",
+                           "subscribe: %s: cannot listen; 'fovea check' says what is missing\n",
                            url),
                    1;
         lcm_subscription_set_queue_capacity(subscription, QUEUE_MESSAGES);

@@ -34,8 +34,8 @@ except ImportError:
     sys.exit(f"subscribe.py: found no types in {options.types}, expected them from: make python-types")
 
 
-STATES = ("starting", "tracking", "weak", "lost", "paused")
-SCALES = ("free", "camera_height", "odometry")
+STATES = ("starting", "tracking", "weak", "lost", "paused", "coasting")
+SCALES = ("free", "initialising", "metric")
 
 
 def name_of(names, value):
@@ -43,12 +43,12 @@ def name_of(names, value):
 
 
 def tell_pose(m):
-    unit = "units" if m.scale_source == m.SCALE_FREE else "m"
+    unit = "m" if m.scale_state == m.SCALE_METRIC else "units"
     text = "%s, %s in %s: position %.3f %.3f %.3f %s, scale %s" % (name_of(STATES, m.state), m.child_frame, m.parent_frame,
-                                                                 *m.position, unit, name_of(SCALES, m.scale_source))
-    if m.scale_source != m.SCALE_FREE:
+                                                                 *m.position, unit, name_of(SCALES, m.scale_state))
+    if m.scale_state == m.SCALE_METRIC:
         text += " to %.1f %%" % (100 * m.scale_sigma)
-    return text + ", quality %.2f, %d inliers, reset %d" % (m.quality, m.inliers, m.reset_counter)
+    return text + ", quality %.2f, %d inliers, map %d, reset %d" % (m.quality, m.inliers, m.map_id, m.reset_counter)
 
 
 def tell_bot_core(m):
@@ -63,10 +63,10 @@ TELL = {
     "CAMERA_STATUS": (fovea.camera_status_t, lambda m: f"state {m.state}, {m.width} x {m.height} {m.pixel_format}"),
     "STATISTICS": (fovea.statistics_t, lambda m: f"{m.frames_in} frames in, {m.frames_processed} processed"),
     "PREVIEW": (fovea.preview_t, lambda m: f"{m.width} x {m.height}, {m.size_bytes} bytes of JPEG"),
-    "MAP": (fovea.map_t, lambda m: f"map {m.map_id}, {m.landmark_count} landmarks and {m.keyframe_count} keyframes told of"),
+    "MAP": (fovea.map_t, lambda m: f"map {m.map_id}, {m.landmark_count} landmarks and {m.keyframe_count} keyframes listed"),
     "DETECTIONS": (fovea.detections_t, lambda m: "%d objects found by %s, the best %s with %.2f" % (
-        m.count, m.model, m.class_name[0] if m.count else "none", m.score[0] if m.count else 0)),
-    "TRACKS": (fovea.tracks_t, lambda m: f"{m.count} tracks, the newest {m.id[-1] if m.count else 0}"),
+        m.count, m.model, m.detections[0].class_name if m.count else "none", m.detections[0].score if m.count else 0)),
+    "OBJECTS": (fovea.objects_t, lambda m: f"{m.count} objects, the newest {m.objects[-1].id if m.count else 0}"),
     "RUN": (fovea.run_t, None),
 }
 

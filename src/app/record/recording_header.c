@@ -249,18 +249,17 @@ enum fovea_status fv_recording_header_decode(const char *name, int64_t offset, c
         status =
             fovea_error_set(error, FOVEA_ERROR_INPUT,
                             "%s: byte %" PRId64 ": the header cannot be decoded", name, offset);
-    else if (message.format != FOVEA_RECORDING_T_FORMAT &&
-             message.format != FOVEA_RECORDING_T_FORMAT_WITHOUT_END)
-        status = fovea_error_set(error, FOVEA_ERROR_UNSUPPORTED,
-                                 "%s: byte %" PRId64 ": found recording format %" PRId32
-                                 ", expected %d or %d",
-                                 name, offset + 8, message.format,
-                                 FOVEA_RECORDING_T_FORMAT_WITHOUT_END, FOVEA_RECORDING_T_FORMAT);
+    else if (message.format != FOVEA_RECORDING_T_FORMAT)
+        status = fovea_error_set(
+            error, FOVEA_ERROR_UNSUPPORTED,
+            "%s: byte %" PRId64 ": found recording format %" PRId32 "%s, expected %d", name,
+            offset + 8, message.format,
+            message.format == 2 || message.format == 3 ? ", which Fovea 0.1 reads" : "",
+            FOVEA_RECORDING_T_FORMAT);
     else
         status = read_parts(&from, &message, header, error);
     if (status == FOVEA_OK) {
         header->real_time = message.real_time;
-        header->ends_marked = message.format >= FOVEA_RECORDING_T_FORMAT;
         snprintf(header->version, sizeof header->version, "%s", message.version);
         snprintf(header->machine, sizeof header->machine, "%s", message.machine);
         snprintf(header->kernel_set, sizeof header->kernel_set, "%s", message.kernel_set);

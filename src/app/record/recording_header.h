@@ -26,7 +26,6 @@ struct fv_recording_header {
     uint8_t *map; /* the caller's to free; settings.runtime.map points to it */
     void *model;  /* the caller's to free, too; settings.runtime.detect.model points to it */
     bool real_time;
-    bool ends_marked; /* the last message of a whole recording is a recording_end_t */
     char version[32], machine[96], kernel_set[32];
     struct fv_identity identity; /* run_id 0: the recording has none */
 };

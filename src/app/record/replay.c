@@ -296,15 +296,14 @@ static enum fovea_status end(struct replay *replay, struct fovea_error *error)
 static enum fovea_status feed(struct replay *replay, struct fovea_error *error)
 {
     enum fovea_status status;
-    const bool marked = replay->header.ends_marked;
-    replay->result->end = marked ? FV_REPLAY_CUT_OFF : FV_REPLAY_UNMARKED;
+    replay->result->end = FV_REPLAY_CUT_OFF;
     while ((status = fovea_log_next(replay->log, &replay->event, error)) == FOVEA_OK) {
         const char *channel = replay->event.channel;
         replay->result->offset = replay->event.offset;
-        if (marked && replay->result->end != FV_REPLAY_CUT_OFF)
+        if (replay->result->end != FV_REPLAY_CUT_OFF)
             return refuse(replay, 0, "found an event after the end of the recording, expected none",
                           error);
-        if (marked && strcmp(channel, replay->channels[FV_MESSAGE_RECORDING_END]) == 0)
+        if (strcmp(channel, replay->channels[FV_MESSAGE_RECORDING_END]) == 0)
             status = end(replay, error);
         else if (strcmp(channel, replay->channels[FV_MESSAGE_FRAME]) == 0)
             status = take_frame(replay, error);

@@ -18,8 +18,6 @@
 /* How a recording ends. */
 enum fv_replay_end {
     FV_REPLAY_CUT_OFF = 0, /* within a turn or without its last message: the rest is missing */
-    FV_REPLAY_UNMARKED, /* with a turn, and of a format that had no mark at its end: nobody can tell
-                         */
     FV_REPLAY_ENDED_EARLY, /* the recording ended before the run, as `reason` says */
     FV_REPLAY_WHOLE
 };

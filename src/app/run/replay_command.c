@@ -53,11 +53,10 @@ static void send(void *context, int64_t now_ns, const struct fovea_outputs *outp
 
 static void print_end(const struct fv_replay_result *result)
 {
-    static const char *const ends[] = {
-        [FV_REPLAY_CUT_OFF] = "; the recording is cut off here",
-        [FV_REPLAY_UNMARKED] = "; a recording of this format does not show whether more is missing",
-        [FV_REPLAY_ENDED_EARLY] = "; the recording ended before its run: ",
-        [FV_REPLAY_WHOLE] = ""};
+    static const char *const ends[] = {[FV_REPLAY_CUT_OFF] = "; the recording is cut off here",
+                                       [FV_REPLAY_ENDED_EARLY] =
+                                           "; the recording ended before its run: ",
+                                       [FV_REPLAY_WHOLE] = ""};
     printf("%s%s\n", result->different ? "" : ends[result->end],
            !result->different && result->end == FV_REPLAY_ENDED_EARLY ? result->reason : "");
 }

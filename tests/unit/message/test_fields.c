@@ -16,12 +16,17 @@
 #include "fovea_box_t.h"
 #include "fovea_camera_status_t.h"
 #include "fovea_command_t.h"
+#include "fovea_detection_t.h"
 #include "fovea_detections_t.h"
 #include "fovea_features_t.h"
 #include "fovea_frame_t.h"
 #include "fovea_grants_t.h"
 #include "fovea_inputs_t.h"
+#include "fovea_job_t.h"
+#include "fovea_keyframe_t.h"
 #include "fovea_map_t.h"
+#include "fovea_object_t.h"
+#include "fovea_objects_t.h"
 #include "fovea_odometry_sample_t.h"
 #include "fovea_pose_t.h"
 #include "fovea_preview_t.h"
@@ -29,9 +34,9 @@
 #include "fovea_recording_part_t.h"
 #include "fovea_recording_t.h"
 #include "fovea_run_t.h"
+#include "fovea_stage_t.h"
 #include "fovea_stamp_t.h"
 #include "fovea_statistics_t.h"
-#include "fovea_tracks_t.h"
 
 /* Decode with the generated code, encode again: the bytes written, or -1. */
 #define ROUND_TRIP(P, T)                                                                           \
@@ -51,12 +56,17 @@
     X(fovea, box_t)                                                                                \
     X(fovea, camera_status_t)                                                                      \
     X(fovea, command_t)                                                                            \
+    X(fovea, detection_t)                                                                          \
     X(fovea, detections_t)                                                                         \
     X(fovea, features_t)                                                                           \
     X(fovea, frame_t)                                                                              \
     X(fovea, grants_t)                                                                             \
     X(fovea, inputs_t)                                                                             \
+    X(fovea, job_t)                                                                                \
+    X(fovea, keyframe_t)                                                                           \
     X(fovea, map_t)                                                                                \
+    X(fovea, object_t)                                                                             \
+    X(fovea, objects_t)                                                                            \
     X(fovea, odometry_sample_t)                                                                    \
     X(fovea, pose_t)                                                                               \
     X(fovea, preview_t)                                                                            \
@@ -64,9 +74,9 @@
     X(fovea, recording_part_t)                                                                     \
     X(fovea, recording_t)                                                                          \
     X(fovea, run_t)                                                                                \
+    X(fovea, stage_t)                                                                              \
     X(fovea, stamp_t)                                                                              \
-    X(fovea, statistics_t)                                                                         \
-    X(fovea, tracks_t)
+    X(fovea, statistics_t)
 EVERY_TYPE(ROUND_TRIP)
 
 static const struct {
@@ -109,13 +119,17 @@ static uint64_t hash_of(const struct fv_type *types, const struct fv_type *type)
             nested += hash_of(types, &types[field->nested]);
         else
             own = update_text(own, names[field->wire]);
-        own = update(own, field->array);
+        own = update(own, field->row > 0 ? 2 : field->array);
+        char count[16];
         if (field->array) {
-            char count[16];
             snprintf(count, sizeof count, "%d", (int)field->count);
             own = update(own, field->count_field >= 0);
             own = update_text(own, field->count_field >= 0 ? type->fields[field->count_field].name
                                                            : count);
+        }
+        if (field->row > 0) {
+            snprintf(count, sizeof count, "%d", (int)field->row);
+            own = update_text(update(own, 0), count);
         }
     }
     uint64_t sum = (uint64_t)own + nested;
@@ -150,6 +164,7 @@ static void make(const struct fv_type *types, const struct fv_type *type, uint8_
         for (int j = 0; j < type->field_count; j++)
             counts_others |= type->fields[j].count_field == i;
         int32_t count = field->count_field >= 0 ? counts[field->count_field] : field->count;
+        if (field->row > 0) count *= field->row;
         for (int32_t element = 0; element < count; element++) {
             if (field->wire == FV_WIRE_STRUCT) {
                 make(types, &types[field->nested], out, at);
@@ -235,19 +250,20 @@ static void test_damage(void **state)
 static void test_first_difference(void **state)
 {
     (void)state;
-    float x[3] = {1.0f, 2.0f, 3.0f}, y[3] = {4.0f, 5.0f, 6.0f}, size[3] = {7.0f, 7.0f, 7.0f};
+    float p[3][2] = {{1.0f, 4.0f}, {2.0f, 5.0f}, {3.0f, 6.0f}}, size[3] = {7.0f, 7.0f, 7.0f};
+    float *rows[3] = {p[0], p[1], p[2]};
     uint8_t level[3] = {0, 1, 2}, score[3] = {20, 30, 40}, a[512], b[512];
     fovea_features_t message = {
-        .count = 3, .x_px = x, .y_px = y, .size_px = size, .level = level, .score = score};
+        .count = 3, .p_px = rows, .size_px = size, .level = level, .score = score};
     message.stamp.sequence = 41;
     int bytes = fovea_features_t_encode(a, 0, sizeof a, &message);
     struct fv_difference difference;
 
-    y[1] = 5.5f;
+    p[1][1] = 5.5f;
     score[2] = 41;
     assert_int_equal(fovea_features_t_encode(b, 0, sizeof b, &message), bytes);
     assert_false(fv_message_compare(a, (size_t)bytes, b, (size_t)bytes, &difference));
-    assert_string_equal(difference.field, "y_px[1]");
+    assert_string_equal(difference.field, "p_px[1][1]");
     assert_string_equal(difference.expected, "5 (40a00000)");
     assert_string_equal(difference.found, "5.5 (40b00000)");
 
@@ -289,34 +305,32 @@ static void test_first_difference(void **state)
 static void test_volatile_fields(void **state)
 {
     (void)state;
-    char *stage[2] = {(char *)"one", (char *)"two"};
-    int64_t cpu_ns[2] = {1, 2}, wall_ns[2] = {3, 4};
+    fovea_stage_t stages[2] = {{.name = (char *)"one", .cpu_ns = 1, .wall_ns = 3},
+                               {.name = (char *)"two", .cpu_ns = 2, .wall_ns = 4}};
     uint8_t a[512], b[512];
     fovea_statistics_t message = {.version = (char *)"1",
                                   .kernel_set = (char *)"c",
                                   .stage_count = 2,
-                                  .stage_name = stage,
-                                  .stage_cpu_ns = cpu_ns,
-                                  .stage_wall_ns = wall_ns,
+                                  .stages = stages,
                                   .features = 5};
     struct fv_difference difference;
     const int bytes = fovea_statistics_t_encode(a, 0, sizeof a, &message);
     assert_true(bytes > 0);
     message.version = (char *)"1.1";
     message.kernel_set = (char *)"avx2";
-    cpu_ns[0] = wall_ns[1] = 9;
+    stages[0].cpu_ns = stages[1].wall_ns = 9;
     const int longer = fovea_statistics_t_encode(b, 0, sizeof b, &message);
     assert_true(fv_message_compare(a, (size_t)bytes, b, (size_t)longer, &difference));
-    stage[1] = (char *)"too";
+    stages[1].name = (char *)"too";
     assert_int_equal(fovea_statistics_t_encode(b, 0, sizeof b, &message), longer);
     assert_false(fv_message_compare(a, (size_t)bytes, b, (size_t)longer, &difference));
-    assert_string_equal(difference.field, "stage_name[1]");
+    assert_string_equal(difference.field, "stages[1].name");
     message.features = 6;
     assert_int_equal(fovea_statistics_t_encode(b, 0, sizeof b, &message), longer);
     assert_false(fv_message_compare(a, (size_t)bytes, b, (size_t)longer, &difference));
     assert_string_equal(difference.field, "features");
     message.features = 5;
-    stage[1] = (char *)"two";
+    stages[1].name = (char *)"two";
     message.version = (char *)"2";
     message.kernel_set = (char *)"c";
     assert_int_equal(fovea_statistics_t_encode(b, 0, sizeof b, &message), bytes);

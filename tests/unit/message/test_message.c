@@ -84,7 +84,7 @@ static void test_features(void **state)
                     out.asked == 1000);
         assert_int_equal(out.count, count);
         for (uint32_t i = 0; i < count; i++)
-            assert_true(out.x_px[i] == features[i].x_px && out.y_px[i] == features[i].y_px &&
+            assert_true(out.p_px[i][0] == features[i].x_px && out.p_px[i][1] == features[i].y_px &&
                         out.size_px[i] == 31.0f && out.level[i] == features[i].level &&
                         out.score[i] == features[i].score);
         fovea_features_t_decode_cleanup(&out);
@@ -113,10 +113,10 @@ static void assert_statistics(const fovea_statistics_t *out)
     assert_true(out->memory_persistent_bytes == 1000 && out->memory_job_bytes == 2000 &&
                 out->memory_frame_bytes == 3000);
     assert_true(out->stage_count == FOVEA_STAGE_COUNT && out->job_count == FOVEA_JOB_COUNT);
-    assert_true(out->stage_cpu_ns[1] == 1001 && out->stage_wall_ns[1] == 2001 &&
-                strcmp(out->stage_name[1], longest_name) == 0);
-    assert_true(out->job_units_granted[0] == 20 && out->job_units_done[0] == 10 &&
-                out->job_waiting[0] == 1);
+    assert_true(out->stages[1].cpu_ns == 1001 && out->stages[1].wall_ns == 2001 &&
+                strcmp(out->stages[1].name, longest_name) == 0);
+    assert_true(out->jobs[0].units_granted == 20 && out->jobs[0].units_done == 10 &&
+                out->jobs[0].waiting == 1 && out->jobs[1].waiting == 0);
 }
 
 static void test_statistics(void **state)

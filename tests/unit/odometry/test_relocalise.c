@@ -90,7 +90,7 @@ static void view(const struct fovea_outputs *outputs)
         for (int32_t k = 0; k < piece.landmark_count; k++)
             viewer.landmark[piece.landmark_slot[k]] = true;
         for (int32_t k = 0; k < piece.keyframe_count; k++)
-            viewer.keyframe[piece.keyframe_slot[k]] = true;
+            viewer.keyframe[piece.keyframes[k].slot] = true;
         viewer.pieces++;
         fovea_map_t_decode_cleanup(&piece);
     }

@@ -14,7 +14,7 @@
 #include "nn/model.h"
 
 #include "fovea_detections_t.h"
-#include "fovea_tracks_t.h"
+#include "fovea_objects_t.h"
 
 enum { WIDTH = 320, HEIGHT = 240, FRAMES = 60 };
 
@@ -112,10 +112,10 @@ static void slices_give_the_same_with_the_stamp_of_the_image(void **state)
         assert_memory_equal(some.list, all.list, all.count * sizeof *all.list);
         assert_int_equal(decoded.count, all.count);
         for (uint32_t d = 0; d < all.count; d++) {
-            assert_true(decoded.score[d] == all.list[d].score &&
-                        decoded.x_max_px[d] == all.list[d].x_max_px);
-            assert_string_equal(decoded.class_name[d],
-                                fovea_detect_label(sliced.rt, decoded.class_id[d]));
+            const fovea_detection_t *one = &decoded.detections[d];
+            assert_true(one->score == all.list[d].score &&
+                        one->box.x_max_px == all.list[d].x_max_px);
+            assert_string_equal(one->class_name, fovea_detect_label(sliced.rt, one->class_id));
         }
         fovea_detections_t_decode_cleanup(&decoded);
         looked_at = i + 1;
@@ -153,32 +153,29 @@ static void tracks_follow_the_looks(void **state)
         fovea_work(made.rt, &inputs.grants, &outputs);
         const struct fovea_message *message = NULL;
         for (uint32_t m = 0; m < outputs.message_count; m++)
-            if (strcmp(outputs.messages[m].channel, "FOVEA_TRACKS") == 0)
+            if (strcmp(outputs.messages[m].channel, "FOVEA_OBJECTS") == 0)
                 message = &outputs.messages[m];
         assert_non_null(message);
-        fovea_tracks_t out;
-        assert_int_equal(fovea_tracks_t_decode(message->data, 0, (int)message->bytes, &out),
+        fovea_objects_t out;
+        assert_int_equal(fovea_objects_t_decode(message->data, 0, (int)message->bytes, &out),
                          message->bytes);
         fovea_tracks_get(made.rt, &tracks);
         assert_int_equal(tracks.updates, i + 1);
         assert_int_equal(tracks.sequence, 100 + i);
         assert_int_equal(out.stamp.time_ns, frame.stamp_ns);
         assert_int_equal(out.count, tracks.count);
-        assert_true(out.count > 0 && out.vector_count == 3 * out.count &&
-                    out.matrix_count == 6 * out.count);
+        assert_true(out.count > 0);
         confirmed = 0;
         for (uint32_t t = 0; t < tracks.count; t++) {
             const struct fovea_track *track = &tracks.list[t];
-            assert_true(out.id[t] == (int64_t)track->id && out.state[t] == track->state &&
-                        out.x_max_px[t] == track->x_max_px);
-            assert_memory_equal(&out.velocity_covariance_m2_s2[6 * t],
-                                track->velocity_covariance_m2_s2,
-                                sizeof track->velocity_covariance_m2_s2);
-            assert_true(out.age_ns[t] == tracks.stamp_ns - track->first_ns &&
-                        out.unseen_ns[t] == tracks.stamp_ns - track->seen_ns);
+            const fovea_object_t *object = &out.objects[t];
+            assert_true(object->id == (int64_t)track->id && object->state == track->state &&
+                        object->box.x_max_px == track->x_max_px);
+            assert_true(object->age_ns == tracks.stamp_ns - track->first_ns &&
+                        object->unseen_ns == tracks.stamp_ns - track->seen_ns);
             confirmed += track->state == FOVEA_TRACK_CONFIRMED;
         }
-        fovea_tracks_t_decode_cleanup(&out);
+        fovea_objects_t_decode_cleanup(&out);
     }
     assert_true(confirmed > 0); /* nothing moves: what is found again and again is believed */
     config.track.score_high = config.track.score_new = config.track.score_confirm = 0.5;
@@ -229,14 +226,15 @@ static void rectified_boxes_hold_the_raw_ones(void **state)
     assert_int_equal(out.rectified_shape, FV_VIEW_PINHOLE);
     assert_true(out.rectified_fx == view.fx && out.rectified_cy == view.cy);
     for (int d = 0; d < out.count; d++) {
+        const fovea_box_t *box = &out.detections[d].box, *around = &out.detections[d].rectified_box;
         double low[2] = {1e9, 1e9}, high[2] = {-1e9, -1e9};
         for (int i = 0; i < 4 * 2; i++) { /* corners and middles of the sides, by the way back */
             const double share[8][2] = {{0, 0}, {.5, 0}, {1, 0}, {1, .5},
                                         {1, 1}, {.5, 1}, {0, 1}, {0, .5}};
             const double x =
-                (double)out.x_min_px[d] + share[i][0] * (double)(out.x_max_px[d] - out.x_min_px[d]);
+                (double)box->x_min_px + share[i][0] * (double)(box->x_max_px - box->x_min_px);
             const double y =
-                (double)out.y_min_px[d] + share[i][1] * (double)(out.y_max_px[d] - out.y_min_px[d]);
+                (double)box->y_min_px + share[i][1] * (double)(box->y_max_px - box->y_min_px);
             double at[2], raw[2];
             assert_true(fv_view_from_raw(&view, &config.camera, x, y, at));
             assert_true(fv_view_to_raw(&view, &config.camera, at[0], at[1], raw));
@@ -246,10 +244,10 @@ static void rectified_boxes_hold_the_raw_ones(void **state)
                 high[k] = at[k] > high[k] ? at[k] : high[k];
             }
         }
-        assert_true(__builtin_fabs((double)out.rectified_x_min_px[d] - low[0]) < 1e-3);
-        assert_true(__builtin_fabs((double)out.rectified_y_min_px[d] - low[1]) < 1e-3);
-        assert_true(__builtin_fabs((double)out.rectified_x_max_px[d] - high[0]) < 1e-3);
-        assert_true(__builtin_fabs((double)out.rectified_y_max_px[d] - high[1]) < 1e-3);
+        assert_true(__builtin_fabs((double)around->x_min_px - low[0]) < 1e-3);
+        assert_true(__builtin_fabs((double)around->y_min_px - low[1]) < 1e-3);
+        assert_true(__builtin_fabs((double)around->x_max_px - high[0]) < 1e-3);
+        assert_true(__builtin_fabs((double)around->y_max_px - high[1]) < 1e-3);
     }
     fovea_detections_t_decode_cleanup(&out);
     free(made.memory);

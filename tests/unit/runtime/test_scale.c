@@ -187,24 +187,83 @@ static void the_maps_unit_is_minded(void **state)
         assert_true(fabs(grown->covariance[k] / plain.covariance[k] - 1) < 0.1);
 }
 
-/* The pose message of the last step. */
-static fovea_pose_t pose_message(void)
+/* A pose message of the last step. */
+static fovea_pose_t pose_message(const char *channel)
 {
     fovea_pose_t pose;
     memset(&pose, 0, sizeof pose);
     for (uint32_t i = 0; i < rig.outputs.message_count; i++)
-        if (strcmp(rig.outputs.messages[i].channel, "FOVEA_POSE") == 0)
+        if (strcmp(rig.outputs.messages[i].channel, channel) == 0)
             assert_true(fovea_pose_t_decode(rig.outputs.messages[i].data, 0,
                                             (int)rig.outputs.messages[i].bytes, &pose) > 0);
     return pose;
 }
 
-/* The message's pose of the base must be that of the camera with the lever arm, to the last digits.
+static struct fv_se3 transform_of(const double position[3], const double orientation[4])
+{
+    struct fv_se3 T;
+    fv_so3_from_quaternion(orientation, T.R);
+    memcpy(T.t, position, sizeof T.t);
+    return T;
+}
+
+static double origin_distance(const double a[3], const double b[3])
+{
+    return sqrt((a[0] - b[0]) * (a[0] - b[0]) + (a[1] - b[1]) * (a[1] - b[1]) +
+                (a[2] - b[2]) * (a[2] - b[2]));
+}
+
+/* Both messages speak of one frame: T_odom_cam = T_odom_body T_body_cam, now and since the
+ * keyframe; and each moves as its velocity says. */
+static void check_children(const struct fv_se3 *B)
+{
+    static fovea_pose_t before;
+    fovea_pose_t body = pose_message("FOVEA_POSE"), camera = pose_message("FOVEA_CAMERA_POSE");
+    struct fv_se3 T = transform_of(body.position, body.orientation), inverse;
+    fv_se3_compose(&T, B, &T);
+    assert_true(origin_distance(T.t, camera.position) < 1e-9);
+    assert_string_equal(camera.parent_frame, body.parent_frame);
+    assert_string_equal(camera.child_frame, "cam0");
+    assert_true(body.scale_state == FOVEA_POSE_T_SCALE_METRIC && body.map_id == camera.map_id);
+    assert_true(body.keyframe_stamp_ns > 0 && body.keyframe_stamp_ns <= body.stamp.time_ns);
+    T = transform_of(body.keyframe_position, body.keyframe_orientation);
+    fv_se3_invert(B, &inverse);
+    fv_se3_compose(&inverse, &T, &T);
+    fv_se3_compose(&T, B, &T);
+    assert_true(origin_distance(T.t, camera.keyframe_position) < 1e-9);
+    if (before.stamp.sequence + 1 == body.stamp.sequence && !isnan(body.velocity[0])) {
+        const double step_s = 1e-9 * (double)(body.stamp.time_ns - before.stamp.time_ns);
+        for (int i = 0; i < 3; i++)
+            assert_true(fabs(body.position[i] - before.position[i] - step_s * body.velocity[i]) <
+                        1e-9);
+    }
+    before = body;
+    fovea_pose_t_decode_cleanup(&body);
+    fovea_pose_t_decode_cleanup(&camera);
+}
+
+/* The last pose before metres, taken over by the announced change, is where the first one in metres
+ * is, up to what the camera moves between two frames. */
+static void check_change(const fovea_pose_t *unscaled)
+{
+    fovea_pose_t first = pose_message("FOVEA_CAMERA_POSE");
+    double moved[3];
+    for (int i = 0; i < 3; i++)
+        moved[i] = first.change_scale * unscaled->position[i] + first.change_position[i];
+    assert_true(unscaled->scale_state == FOVEA_POSE_T_SCALE_INITIALISING &&
+                unscaled->change_count == 0 && unscaled->change_scale == 1);
+    assert_true(first.change_count == 1 && first.change_orientation[0] == 1);
+    assert_true(origin_distance(moved, first.position) < 0.1);
+    assert_true(origin_distance(unscaled->position, first.position) > 0.3);
+    fovea_pose_t_decode_cleanup(&first);
+}
+
+/* The message's pose of the body must be that of the camera with the lever arm, to the last digits.
  */
-static void check_base(const struct fv_se3 *B)
+static void check_body(const struct fv_se3 *B)
 {
     struct fv_se3 expected, inverse;
-    fovea_pose_t pose = pose_message();
+    fovea_pose_t pose = pose_message("FOVEA_POSE");
     const struct fovea_pose *camera = &rig.pose[rig.frames - 1];
     fv_se3_from_rows(camera->T_world_cam, &expected);
     fv_se3_invert(B, &inverse);
@@ -213,12 +272,12 @@ static void check_base(const struct fv_se3 *B)
     for (int i = 0; i < 3; i++)
         assert_true(fabs(pose.position[i] - expected.t[i]) < 1e-9);
     assert_string_equal(pose.parent_frame, "odom");
-    assert_string_equal(pose.child_frame, "base");
+    assert_string_equal(pose.child_frame, "body");
     assert_true(pose.scale == camera->scale && pose.scale_sigma == camera->scale_sigma);
-    /* Turning is as uncertain for the base as for the camera, whatever the axes. */
-    double of_base = pose.covariance[15] + pose.covariance[18] + pose.covariance[20];
+    /* Turning is as uncertain for the body as for the camera, whatever the axes. */
+    double of_body = pose.covariance[15] + pose.covariance[18] + pose.covariance[20];
     double of_camera = camera->covariance[15] + camera->covariance[18] + camera->covariance[20];
-    assert_true(fabs(of_base / of_camera - 1) < 1e-9);
+    assert_true(fabs(of_body / of_camera - 1) < 1e-9);
     fovea_pose_t_decode_cleanup(&pose);
 }
 
@@ -229,6 +288,7 @@ static void a_lever_arm_is_minded(void **state)
     static const double T_base_cam[12] = {0, 0, 1, 0.4, -1, 0, 0, 0.1, 0, -1, 0, 0.3};
     struct fv_se3 B, inverse, T, start = {{0}, {0}}, start_inverse;
     int checked = 0;
+    fovea_pose_t unscaled = {.change_count = -1}; /* the last pose of the camera before metres */
     fv_se3_from_rows(T_base_cam, &B);
     fv_se3_invert(&B, &inverse);
     sim_rig_open(&rig, "sim:orbit?width=320&height=240", 30, 200);
@@ -247,12 +307,19 @@ static void a_lever_arm_is_minded(void **state)
         memcpy(sample->position_m, T.t, sizeof T.t);
         fv_so3_to_quaternion(T.R, sample->orientation);
         sim_rig_process(&rig);
-        if (rig.pose[rig.frames - 1].scale_source == FOVEA_SCALE_FREE) continue;
-        check_base(&B);
+        if (rig.pose[rig.frames - 1].scale_source == FOVEA_SCALE_FREE) {
+            fovea_pose_t_decode_cleanup(&unscaled);
+            unscaled = pose_message("FOVEA_CAMERA_POSE");
+            continue;
+        }
+        if (checked == 0) check_change(&unscaled);
+        check_body(&B);
+        check_children(&B);
         checked++;
     }
     double scale = sim_rig_scale(&rig, 120, rig.frames);
-    printf("lever arm: %d poses of the base checked, scale off by %+.2f %%\n", checked,
+    fovea_pose_t_decode_cleanup(&unscaled);
+    printf("lever arm: %d poses of the body checked, scale off by %+.2f %%\n", checked,
            100 * (scale - 1));
     assert_true(checked > 100 && fabs(scale - 1) < 0.02);
     sim_rig_close(&rig);
