@@ -10,7 +10,7 @@
 #include "support/log.h"
 #include "kind.h"
 #include "listing.h"
-#include "log_calibration.h"
+#include "log_rig.h"
 #include "player.h"
 
 struct entry {
@@ -35,8 +35,7 @@ struct recording {
     size_t count, capacity;
     char channel[FOVEA_LOG_CHANNEL_BYTES]; /* of the first frame; frames on others are another
                                               camera's */
-    struct fovea_calibration calibration;  /* from the head of our own recordings */
-    bool has_calibration;
+    struct fovea_rig rig; /* from the head of our own recordings; without one a camera_count of 0 */
 };
 
 static void close_recording(void *argument)
@@ -90,11 +89,9 @@ static enum fovea_status read_head(struct recording *recording, const struct hea
     if (i == heads->count || fovea_log_seek(recording->log, heads->offset[i], NULL) != FOVEA_OK ||
         fovea_log_next(recording->log, &event, NULL) != FOVEA_OK)
         return FOVEA_OK;
-    const enum fovea_status status =
-        fv_log_calibration(recording->path, &event, &recording->calibration, error);
-    if (status < 0 && !selection->camera_given) return status;
-    recording->has_calibration = status == FOVEA_OK;
-    return FOVEA_OK;
+    const enum fovea_status status = fv_log_rig(recording->path, &event, &recording->rig, error);
+    const bool needed = !selection->camera_given || status == FOVEA_ERROR_UNSUPPORTED;
+    return status < 0 && needed ? status : FOVEA_OK;
 }
 
 static void note_head(struct heads *heads, const struct fovea_log_event *event)
@@ -163,12 +160,17 @@ static enum fovea_status read_frame(struct recording *recording, uint64_t index,
     return status;
 }
 
-static enum fovea_status fill(const struct fovea_image *from, struct fv_slot *slot,
+/* One image into its buffer; an absent one stays absent. */
+static enum fovea_status fill(const struct fovea_image *from, struct fv_slot *slot, uint32_t camera,
                               const char *path, uint64_t index, struct fovea_error *error)
 {
-    struct fovea_image *to = &slot->frame.images[0];
+    struct fovea_image *to = &slot->frame.images[camera];
+    if (from->data == NULL) {
+        to->data = NULL;
+        return FOVEA_OK;
+    }
     if (from->format == FOVEA_PIXEL_MJPEG && to->format == FOVEA_PIXEL_GREY8) {
-        const struct fv_decode_image target = {.pixels = slot->pixels[0],
+        const struct fv_decode_image target = {.pixels = slot->pixels[camera],
                                                .width = to->width,
                                                .height = to->height,
                                                .stride_bytes = to->stride_bytes};
@@ -190,7 +192,7 @@ static enum fovea_status fill(const struct fovea_image *from, struct fv_slot *sl
             error, FOVEA_ERROR_INPUT,
             "%s: frame %llu: found a stride of %d bytes, expected that of the first", path,
             (unsigned long long)index, from->stride_bytes);
-    memcpy(slot->pixels[0], from->data, bytes);
+    memcpy(slot->pixels[camera], from->data, bytes);
     to->stride_bytes = from->stride_bytes;
     to->size_bytes = bytes;
     return FOVEA_OK;
@@ -202,7 +204,12 @@ static enum fovea_status fetch(void *argument, uint64_t index, struct fv_slot *s
     struct recording *recording = argument;
     struct fovea_frame frame;
     enum fovea_status status = read_frame(recording, index, &frame, error);
-    if (status == FOVEA_OK) status = fill(&frame.images[0], slot, recording->path, index, error);
+    if (status == FOVEA_OK && frame.image_count != slot->frame.image_count)
+        status = fovea_error_set(
+            error, FOVEA_ERROR_INPUT, "%s: frame %llu: image_count: found %u, expected %u",
+            recording->path, (unsigned long long)index, frame.image_count, slot->frame.image_count);
+    for (uint32_t i = 0; status == FOVEA_OK && i < frame.image_count; ++i)
+        status = fill(&frame.images[i], slot, i, recording->path, index, error);
     if (status != FOVEA_OK) return status == FOVEA_END ? FOVEA_ERROR_INPUT : status;
     slot->frame.stamp_ns = frame.stamp_ns;
     slot->frame.exposure_ns = frame.exposure_ns;
@@ -231,7 +238,37 @@ static const struct fv_recording_ops lcmlog_ops = {
 
 /* ---- opening --------------------------------------------------------------------------------- */
 
-/* Size and format from the first frame that can be read, rate from the stamps. */
+/* The first image that is there; NULL: all are absent. */
+static const struct fovea_image *first_image(const struct fovea_frame *frame)
+{
+    for (uint32_t i = 0; i < frame->image_count; ++i)
+        if (frame->images[i].data != NULL) return &frame->images[i];
+    return NULL;
+}
+
+/* Size and format from the first frame that can be read. */
+static enum fovea_status describe_frame(struct recording *recording, uint64_t index,
+                                        struct fovea_source_info *info, size_t *frame_bytes,
+                                        struct fovea_error *error)
+{
+    struct fovea_frame frame;
+    const enum fovea_status status = read_frame(recording, index, &frame, error);
+    if (status != FOVEA_OK) return status;
+    const struct fovea_image *image = first_image(&frame);
+    if (image == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "all its images are absent");
+    *info = (struct fovea_source_info){.width = image->width,
+                                       .height = image->height,
+                                       .format = image->format,
+                                       .rig.camera_count = frame.image_count,
+                                       .heap_bytes = image->size_bytes};
+    *frame_bytes = image->size_bytes;
+    if (image->format != FOVEA_PIXEL_MJPEG) return FOVEA_OK;
+    info->format = FOVEA_PIXEL_GREY8;
+    *frame_bytes = 0;
+    return fv_decode_probe(image->data, image->size_bytes, &info->width, &info->height, error);
+}
+
 static enum fovea_status describe(struct recording *recording,
                                   const struct fovea_source_selection *selection,
                                   struct fovea_source_info *info, size_t *frame_bytes,
@@ -239,33 +276,19 @@ static enum fovea_status describe(struct recording *recording,
 {
     struct fovea_error why = {.text = ""};
     enum fovea_status status = FOVEA_ERROR_INPUT;
-    struct fovea_frame frame;
-    for (uint64_t i = 0; i < recording->count && status != FOVEA_OK; ++i) {
-        status = read_frame(recording, i, &frame, i == 0 ? &why : NULL);
-        if (status != FOVEA_OK) continue;
-        *info = (struct fovea_source_info){.width = frame.images[0].width,
-                                           .height = frame.images[0].height,
-                                           .format = frame.images[0].format};
-        *frame_bytes = frame.images[0].size_bytes;
-        if (frame.images[0].format != FOVEA_PIXEL_MJPEG) continue;
-        info->format = FOVEA_PIXEL_GREY8;
-        *frame_bytes = 0;
-        status = fv_decode_probe(frame.images[0].data, frame.images[0].size_bytes, &info->width,
-                                 &info->height, i == 0 ? &why : NULL);
-    }
+    for (uint64_t i = 0; i < recording->count && status != FOVEA_OK; ++i)
+        status = describe_frame(recording, i, info, frame_bytes, i == 0 ? &why : NULL);
     if (status != FOVEA_OK)
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "%s: found no frame that can be read among %zu; the first: %.256s",
                                recording->path, recording->count, why.text);
-    if (recording->has_calibration) {
-        info->rig.cameras[0].calibrated = true;
-        info->rig.cameras[0].camera = recording->calibration.camera;
+    if (recording->rig.camera_count > 0) {
+        info->rig = recording->rig;
         snprintf(info->camera_origin, sizeof info->camera_origin, "%.240s", recording->path);
     }
     info->rate_hz =
         fv_player_rate(&lcmlog_ops, recording, recording->count) / (double)selection->step;
-    info->heap_bytes = sizeof *recording + recording->capacity * sizeof recording->entries[0] +
-                       frame.images[0].size_bytes;
+    info->heap_bytes += sizeof *recording + recording->capacity * sizeof recording->entries[0];
     return FOVEA_OK;
 }
 

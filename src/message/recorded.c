@@ -9,12 +9,25 @@
 #include "fovea_frame_t.h"
 #include "fovea_grants_t.h"
 #include "fovea_inputs_t.h"
+#include "fovea_rig_t.h"
 
-size_t fv_message_frame_size_max(size_t image_bytes)
+size_t fv_message_frame_size_max(const struct fovea_frame *frame)
 {
+    enum { IMAGE_BYTES = 4 + 4 + 4 + 1 + 4 };
     fovea_frame_t empty;
     memset(&empty, 0, sizeof empty);
-    return (size_t)fovea_frame_t_encoded_size(&empty) + image_bytes;
+    size_t bytes = (size_t)fovea_frame_t_encoded_size(&empty);
+    for (uint32_t i = 0; i < frame->image_count; i++)
+        bytes += IMAGE_BYTES + fv_message_image_bytes(&frame->images[i]);
+    return bytes;
+}
+
+size_t fv_message_rig_size_max(void)
+{
+    enum { CAMERA_BYTES = 2 * 1 + 2 * 4 + 1 + (4 + 8 + 12) * 8 };
+    fovea_rig_t empty;
+    memset(&empty, 0, sizeof empty);
+    return (size_t)fovea_rig_t_encoded_size(&empty) + FOVEA_CAMERAS_MAX * CAMERA_BYTES;
 }
 
 size_t fv_message_inputs_size_max(void)
@@ -33,9 +46,9 @@ size_t fv_message_grants_size_max(void)
     return (size_t)fovea_grants_t_encoded_size(&empty) + FOVEA_JOB_COUNT * sizeof(int32_t);
 }
 
-size_t fv_message_frame_image_bytes(const struct fovea_frame *frame)
+size_t fv_message_image_bytes(const struct fovea_image *image)
 {
-    const struct fovea_image *image = &frame->images[0];
+    if (image->data == NULL) return 0;
     if (image->format == FOVEA_PIXEL_MJPEG) return image->size_bytes;
     size_t bytes = fovea_image_bytes(image->format, image->height, image->stride_bytes);
     return bytes < image->size_bytes ? bytes : image->size_bytes;
@@ -44,17 +57,65 @@ size_t fv_message_frame_image_bytes(const struct fovea_frame *frame)
 uint32_t fv_message_frame_encode(const struct fovea_frame *frame, int64_t utc_offset_ns,
                                  uint8_t *buffer, size_t capacity)
 {
+    fovea_image_t images[FOVEA_CAMERAS_MAX];
+    if (frame->image_count > FOVEA_CAMERAS_MAX) return 0;
+    for (uint32_t i = 0; i < frame->image_count; i++) {
+        const struct fovea_image *image = &frame->images[i];
+        images[i] = (fovea_image_t){
+            .width = image->width,
+            .height = image->height,
+            .stride_bytes = image->stride_bytes,
+            .pixel_format = (int8_t)image->format,
+            .size_bytes = (int32_t)fv_message_image_bytes(image),
+            .data = (uint8_t *)image->data, /* lcm-gen knows no const; it only reads */
+        };
+    }
     const fovea_frame_t message = {
         .stamp = fv_message_stamp(frame, utc_offset_ns),
         .exposure_ns = frame->exposure_ns,
-        .width = frame->images[0].width,
-        .height = frame->images[0].height,
-        .stride_bytes = frame->images[0].stride_bytes,
-        .pixel_format = (int8_t)frame->images[0].format,
-        .size_bytes = (int32_t)fv_message_frame_image_bytes(frame),
-        .data = (uint8_t *)frame->images[0].data, /* lcm-gen knows no const; it only reads */
+        .image_count = (int32_t)frame->image_count,
+        .images = images,
     };
     return fv_wire_encoded(fovea_frame_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
+}
+
+static void fill_camera(const struct fovea_rig_camera *from, fovea_rig_camera_t *to)
+{
+    const struct fovea_camera *camera = &from->camera;
+    *to =
+        (fovea_rig_camera_t){.calibrated = from->calibrated, .has_body_cam = from->has_T_body_cam};
+    if (from->calibrated) {
+        to->width = camera->width;
+        to->height = camera->height;
+        to->lens = (int8_t)camera->lens;
+        to->fx = camera->fx;
+        to->fy = camera->fy;
+        to->cx = camera->cx;
+        to->cy = camera->cy;
+        memcpy(to->k, camera->k, sizeof to->k);
+    }
+    if (from->has_T_body_cam) memcpy(to->body_cam, from->T_body_cam, sizeof to->body_cam);
+}
+
+uint32_t fv_message_rig_encode(const struct fovea_rig *rig, uint8_t *buffer, size_t capacity)
+{
+    fovea_rig_camera_t cameras[FOVEA_CAMERAS_MAX];
+    const struct fovea_rig_imu *imu = &rig->imu;
+    fovea_rig_t message = {
+        .camera_count = (int32_t)rig->camera_count, .cameras = cameras, .has_imu = rig->has_imu};
+    if (rig->camera_count > FOVEA_CAMERAS_MAX) return 0;
+    for (uint32_t i = 0; i < rig->camera_count; i++)
+        fill_camera(&rig->cameras[i], &cameras[i]);
+    if (rig->has_imu) {
+        memcpy(message.body_imu, imu->T_body_imu, sizeof message.body_imu);
+        message.imu_rate_hz = imu->rate_hz;
+        message.gyro_noise = imu->gyro_noise;
+        message.gyro_walk = imu->gyro_walk;
+        message.acceleration_noise = imu->acceleration_noise;
+        message.acceleration_walk = imu->acceleration_walk;
+        message.imu_time_offset_ns = imu->time_offset_ns;
+    }
+    return fv_wire_encoded(fovea_rig_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
 }
 
 /* What a step was told of the robot's motion and of things that move; false: more than there is

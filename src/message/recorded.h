@@ -18,15 +18,19 @@
 extern "C" {
 #endif
 
-size_t fv_message_frame_size_max(size_t image_bytes);
+/* Exact for frames. */
+size_t fv_message_frame_size_max(const struct fovea_frame *frame);
+size_t fv_message_rig_size_max(void);
 size_t fv_message_inputs_size_max(void);
 size_t fv_message_grants_size_max(void);
 
-/* The pixels that count: all planes at the frame's stride, or all of a compressed picture. */
-size_t fv_message_frame_image_bytes(const struct fovea_frame *frame);
+/* The pixels that count: all planes at the image's stride, or all of a compressed picture; 0: the
+ * image is absent. */
+size_t fv_message_image_bytes(const struct fovea_image *image);
 
 uint32_t fv_message_frame_encode(const struct fovea_frame *frame, int64_t utc_offset_ns,
                                  uint8_t *buffer, size_t capacity);
+uint32_t fv_message_rig_encode(const struct fovea_rig *rig, uint8_t *buffer, size_t capacity);
 uint32_t fv_message_inputs_encode(const struct fovea_inputs *inputs, uint64_t frame_hash,
                                   uint8_t *buffer, size_t capacity);
 uint32_t fv_message_grants_encode(int64_t now_ns, const struct fovea_grants *grants,

@@ -189,20 +189,22 @@ bool fovea_log_channel_is(const char *channel, const char *suffix)
 
 /* ---- frames ---------------------------------------------------------------------------------- */
 
-/* Where the members of an encoded fovea.frame_t lie: fixed, since only the last has a variable
- * length. */
+/* Where the members of an encoded fovea.frame_t lie, and those of each fovea.image_t in it. */
 enum {
     AT_STAMP = 8,
     AT_CLOCK = 16,
     AT_MEANING = 17,
     AT_SEQUENCE = 26,
     AT_EXPOSURE = 34,
-    AT_WIDTH = 42,
-    AT_HEIGHT = 46,
-    AT_STRIDE = 50,
-    AT_FORMAT = 54,
-    AT_SIZE = 55,
-    AT_DATA = 59
+    AT_COUNT = 42,
+    AT_IMAGES = 46,
+
+    AT_WIDTH = 0,
+    AT_HEIGHT = 4,
+    AT_STRIDE = 8,
+    AT_FORMAT = 12,
+    AT_SIZE = 13,
+    AT_DATA = 17
 };
 
 enum fovea_status fovea_log_frame_stamp(struct fovea_log *log, const struct fovea_log_event *event,
@@ -221,34 +223,67 @@ enum fovea_status fovea_log_frame_stamp(struct fovea_log *log, const struct fove
     return FOVEA_OK;
 }
 
+/* An image that ends before `bytes`; `*at` moves behind it. One whose numbers are all 0 is absent.
+ */
+static enum fovea_status take_image(const struct fovea_log_event *event, size_t *at,
+                                    struct fovea_image *image, struct fovea_error *reason)
+{
+    const uint8_t *data = event->data + *at;
+    const size_t left = event->bytes - *at;
+    if (left < AT_DATA || read_u32(data + AT_SIZE) > left - AT_DATA)
+        return fovea_error_set(reason, FOVEA_ERROR_INPUT,
+                               "found an image past the end of the message, expected less");
+    const size_t size_bytes = read_u32(data + AT_SIZE);
+    *at += AT_DATA + size_bytes;
+    *image = (struct fovea_image){0};
+    if (size_bytes == 0 && read_u32(data + AT_WIDTH) == 0 && read_u32(data + AT_HEIGHT) == 0)
+        return FOVEA_OK;
+    *image = (struct fovea_image){.data = data + AT_DATA,
+                                  .width = (int32_t)read_u32(data + AT_WIDTH),
+                                  .height = (int32_t)read_u32(data + AT_HEIGHT),
+                                  .stride_bytes = (int32_t)read_u32(data + AT_STRIDE),
+                                  .format = (enum fovea_pixel_format)data[AT_FORMAT],
+                                  .size_bytes = size_bytes};
+    if (fovea_image_check(image) == FOVEA_OK) return FOVEA_OK;
+    return fovea_error_set(reason, FOVEA_ERROR_INPUT,
+                           "found an image of %" PRId32 " x %" PRId32 ", stride %" PRId32
+                           ", format %d in %zu bytes, expected a consistent one",
+                           image->width, image->height, image->stride_bytes, (int)image->format,
+                           size_bytes);
+}
+
+static enum fovea_status take_images(const struct fovea_log_event *event, struct fovea_frame *frame,
+                                     size_t *at, struct fovea_error *reason)
+{
+    *at = AT_COUNT;
+    frame->image_count = read_u32(event->data + AT_COUNT);
+    if (frame->image_count < 1 || frame->image_count > FOVEA_CAMERAS_MAX)
+        return fovea_error_set(reason, FOVEA_ERROR_INPUT,
+                               "image_count: found %" PRId32 ", expected 1 to %d",
+                               (int32_t)frame->image_count, FOVEA_CAMERAS_MAX);
+    *at = AT_IMAGES;
+    for (uint32_t i = 0; i < frame->image_count; i++) {
+        const size_t begin = *at;
+        if (take_image(event, at, &frame->images[i], reason) == FOVEA_OK) continue;
+        *at = begin;
+        return FOVEA_ERROR_INPUT;
+    }
+    if (*at == event->bytes) return FOVEA_OK;
+    return fovea_error_set(reason, FOVEA_ERROR_INPUT,
+                           "found %zu bytes after the last image, expected none",
+                           event->bytes - *at);
+}
+
 enum fovea_status fovea_log_frame(const char *name, const struct fovea_log_event *event,
                                   struct fovea_frame *frame, struct fovea_error *error)
 {
-    int64_t start = event->offset + FOVEA_LOG_HEADER_BYTES + (int64_t)strlen(event->channel);
+    const int64_t start = event->offset + FOVEA_LOG_HEADER_BYTES + (int64_t)strlen(event->channel);
     const uint8_t *data = event->data;
-    if (event->bytes < AT_DATA || read_i64(data) != __fovea_frame_t_get_hash())
+    if (event->bytes < AT_IMAGES || read_i64(data) != __fovea_frame_t_get_hash())
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
-                               "%s: byte %" PRId64 ": found another type, expected fovea.frame_t",
+                               "%s: byte %" PRId64
+                               ": found another type, expected fovea.frame_t of recording format 4",
                                name, start);
-    if (read_u32(data + AT_SIZE) != event->bytes - AT_DATA)
-        return fovea_error_set(
-            error, FOVEA_ERROR_INPUT,
-            "%s: byte %" PRId64 ": size_bytes: found %" PRIu32 ", expected %" PRIu32, name,
-            start + AT_SIZE, read_u32(data + AT_SIZE), event->bytes - AT_DATA);
-    struct fovea_frame found = {
-        .image_count = 1,
-        .images[0] = {.data = data + AT_DATA,
-                      .width = (int32_t)read_u32(data + AT_WIDTH),
-                      .height = (int32_t)read_u32(data + AT_HEIGHT),
-                      .stride_bytes = (int32_t)read_u32(data + AT_STRIDE),
-                      .format = (enum fovea_pixel_format)data[AT_FORMAT],
-                      .size_bytes = event->bytes - AT_DATA},
-        .stamp_ns = read_i64(data + AT_STAMP),
-        .exposure_ns = read_i64(data + AT_EXPOSURE),
-        .clock = (enum fovea_clock)data[AT_CLOCK],
-        .stamp_meaning = (enum fovea_stamp_meaning)data[AT_MEANING],
-        .sequence = (uint64_t)read_i64(data + AT_SEQUENCE),
-    };
     if (data[AT_CLOCK] > FOVEA_CLOCK_SIMULATED || data[AT_MEANING] > FOVEA_STAMP_EXPOSURE_END)
         return fovea_error_set(
             error, FOVEA_ERROR_INPUT,
@@ -256,13 +291,18 @@ enum fovea_status fovea_log_frame(const char *name, const struct fovea_log_event
             ": clock and meaning of the stamp: found %d and %d, expected at most %d and %d",
             name, start + AT_CLOCK, data[AT_CLOCK], data[AT_MEANING], FOVEA_CLOCK_SIMULATED,
             FOVEA_STAMP_EXPOSURE_END);
-    if (fovea_image_check(&found.images[0]) != FOVEA_OK)
-        return fovea_error_set(
-            error, FOVEA_ERROR_INPUT,
-            "%s: byte %" PRId64 ": found an image of %" PRId32 " x %" PRId32 ", stride %" PRId32
-            ", format %d in %zu bytes, expected a consistent one",
-            name, start + AT_WIDTH, found.images[0].width, found.images[0].height,
-            found.images[0].stride_bytes, (int)found.images[0].format, found.images[0].size_bytes);
+    struct fovea_frame found = {
+        .stamp_ns = read_i64(data + AT_STAMP),
+        .exposure_ns = read_i64(data + AT_EXPOSURE),
+        .clock = (enum fovea_clock)data[AT_CLOCK],
+        .stamp_meaning = (enum fovea_stamp_meaning)data[AT_MEANING],
+        .sequence = (uint64_t)read_i64(data + AT_SEQUENCE),
+    };
+    struct fovea_error reason = {.text = ""};
+    size_t at;
+    if (take_images(event, &found, &at, &reason) != FOVEA_OK)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: byte %" PRId64 ": %.300s", name,
+                               start + (int64_t)at, reason.text);
     *frame = found;
     return FOVEA_OK;
 }

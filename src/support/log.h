@@ -67,9 +67,9 @@ enum fovea_status fovea_log_resync(struct fovea_log *log);
  */
 bool fovea_log_channel_is(const char *channel, const char *suffix);
 
-/* Read an event that holds a fovea.frame_t. `frame` points into the event's data; its clock is that
- * of the recording and its sequence that of the recorded frame. FOVEA_ERROR_INPUT: other type, or
- * sizes that do not fit; `name` (the file) and the byte stand in `error`. */
+/* Read an event that holds a fovea.frame_t. Its images point into the event's data; its clock is
+ * that of the recording and its sequence that of the recorded frame. FOVEA_ERROR_INPUT: other type,
+ * or sizes that do not fit; `name` (the file) and the byte stand in `error`. */
 enum fovea_status fovea_log_frame(const char *name, const struct fovea_log_event *event,
                                   struct fovea_frame *frame, struct fovea_error *error);
 

@@ -51,7 +51,7 @@ static void record_turns(const struct short_run *run, struct fovea *rt,
                          const struct fovea_config *config, struct fv_recorder *recorder)
 {
     size_t bytes = (size_t)run->width * (size_t)run->height;
-    uint8_t *pixels = malloc(bytes);
+    uint8_t *pixels = malloc(bytes), *second = malloc(bytes);
     for (uint32_t n = 0; n < run->turns; n++) {
         struct fovea_frame frame = {.image_count = 1,
                                     .images[0] = {.data = pixels,
@@ -70,6 +70,12 @@ static void record_turns(const struct short_run *run, struct fovea *rt,
                                       .utc_offset_ns = 77};
         struct fovea_outputs outputs;
         paint(pixels, (uint32_t)run->width, (uint32_t)run->height, n);
+        paint(second, (uint32_t)run->width, (uint32_t)run->height, n + 4);
+        if (run->two_cameras) frame.image_count = 2;
+        if (run->two_cameras && n % 3 != 2) {
+            frame.images[1] = frame.images[0];
+            frame.images[1].data = second;
+        }
         fovea_grants_fixed(config, &inputs.grants);
         uint32_t granted = run->features - 50 + n;
         inputs.grants.features = granted < run->features ? granted : run->features;
@@ -83,6 +89,7 @@ static void record_turns(const struct short_run *run, struct fovea *rt,
         fv_recorder_work(recorder, &inputs, &grants, &outputs);
     }
     free(pixels);
+    free(second);
 }
 
 void short_run_record(const char *path, const struct short_run *run)
@@ -96,10 +103,13 @@ void short_run_record(const char *path, const struct short_run *run)
     expect(fovea_size(&settings->runtime, &bytes, &error), &error);
     void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, (bytes + 63) / 64 * 64);
     expect(fovea_init(memory, bytes, &settings->runtime, &rt, &error), &error);
+    const struct fovea_rig rig = {.camera_count = run->two_cameras ? 2 : 1};
     struct fv_recorder_setup setup = {.path = path,
                                       .settings = settings,
                                       .kernel_set = fovea_cpu_name(rt),
-                                      .frame_bytes = (size_t)run->width * (size_t)run->height};
+                                      .rig = &rig,
+                                      .frame_bytes = rig.camera_count * (size_t)run->width *
+                                                     (size_t)run->height};
     expect(fv_recorder_open(&setup, &recorder, &error), &error);
     record_turns(run, rt, &settings->runtime, recorder);
     snprintf(error.text, sizeof error.text, "%s: not complete", path);

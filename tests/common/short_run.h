@@ -10,6 +10,7 @@ struct short_run {
     int32_t width, height;
     uint32_t turns;    /* every eleventh has no frame; the 20th resets */
     bool detect;       /* with the detector of the tests */
+    bool two_cameras;  /* the second is absent in every third frame */
     uint32_t features; /* most per frame; granted are 50 fewer at first, one more each turn */
 };
 

@@ -17,11 +17,11 @@
 #include "fovea_frame_t.h"
 
 /* The rows of the recorded frame are those of the picture. */
-static bool same(const fovea_frame_t *frame, const uint8_t *data, const uint8_t *picture)
+static bool same(const fovea_image_t *image, const uint8_t *data, const uint8_t *picture)
 {
-    for (int32_t y = 0; y < frame->height; ++y)
-        if (memcmp(data + (ptrdiff_t)y * frame->stride_bytes, picture + (ptrdiff_t)y * frame->width,
-                   (size_t)frame->width) != 0)
+    for (int32_t y = 0; y < image->height; ++y)
+        if (memcmp(data + (ptrdiff_t)y * image->stride_bytes, picture + (ptrdiff_t)y * image->width,
+                   (size_t)image->width) != 0)
             return false;
     return true;
 }
@@ -59,14 +59,15 @@ int tool_direct(int argc, char **argv)
             fovea_frame_t frame;
             if (fovea_frame_t_decode(data, 0, (int)event.bytes, &frame) < 0)
                 tool_fail("a frame cannot be decoded");
-            const size_t picture_bytes = (size_t)frame.width * (size_t)frame.height;
+            const fovea_image_t *image = &frame.images[0]; /* of one camera */
+            const size_t picture_bytes = (size_t)image->width * (size_t)image->height;
             if (frames.data == NULL) tool_frames_read(&frames, argv[2], picture_bytes);
-            uint8_t *pixels = data + event.bytes - frame.size_bytes;
+            uint8_t *pixels = data + event.bytes - image->size_bytes;
             /* The camera begins anywhere in the circle of frames, and may lose some; the order
              * stays. */
             size_t k = 0;
             for (; k < frames.count; ++k)
-                if (same(&frame, pixels, frames.data + frames.at[(next + k) % frames.count])) break;
+                if (same(image, pixels, frames.data + frames.at[(next + k) % frames.count])) break;
             if (k == frames.count) tool_fail("frame %zu is none of those fed", replaced);
             const size_t lost = (size_t)(frame.stamp.sequence - last_number - 1);
             /* v4l2loopback forgets the number of a frame that was there before the reader. */
@@ -76,10 +77,10 @@ int tool_direct(int argc, char **argv)
             last_number = frame.stamp.sequence;
             if (replaced > 1) skipped += lost;
             next = (next + k) % frames.count;
-            for (int32_t y = 0; y < frame.height; ++y)
-                memcpy(pixels + (ptrdiff_t)y * frame.stride_bytes,
-                       frames.data + frames.at[next] + (ptrdiff_t)y * frame.width,
-                       (size_t)frame.width);
+            for (int32_t y = 0; y < image->height; ++y)
+                memcpy(pixels + (ptrdiff_t)y * image->stride_bytes,
+                       frames.data + frames.at[next] + (ptrdiff_t)y * image->width,
+                       (size_t)image->width);
             next = (next + 1) % frames.count;
             replaced++;
             fovea_frame_t_decode_cleanup(&frame);

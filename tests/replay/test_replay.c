@@ -380,6 +380,50 @@ static void test_other_formats(void **state)
     whole[format] = 4;
 }
 
+/* Two cameras, the second absent in every third frame: all is fed back, and a pixel of the second,
+ * which no message shows, is missed by its hash. */
+static void test_two_cameras(void **state)
+{
+    (void)state;
+    const struct short_run run = {
+        .width = WIDTH, .height = HEIGHT, .turns = TURNS, .features = 200, .two_cameras = true};
+    struct fv_replay_result result;
+    struct fovea_error error;
+    char *bytes;
+    size_t count;
+    short_run_record(changed, &run);
+    if (fv_replay(changed, true, NULL, NULL, &result, &error) != FOVEA_OK)
+        fail_msg("%s", error.text);
+    if (result.different) fail_msg("%s", result.difference);
+    assert_true(result.end == FV_REPLAY_WHOLE && result.frames == TURNS - 3);
+
+    struct fovea_log *log;
+    struct fovea_log_event event;
+    struct fovea_frame frame;
+    assert_int_equal(fovea_log_open(changed, &log, &error), FOVEA_OK);
+    for (int frames = 0; frames < 3;) {
+        assert_int_equal(fovea_log_next(log, &event, &error), FOVEA_OK);
+        if (strcmp(event.channel, "FOVEA_FRAME") != 0) continue;
+        assert_int_equal(fovea_log_frame(changed, &event, &frame, &error), FOVEA_OK);
+        assert_int_equal(frame.image_count, 2);
+        assert_int_equal(frame.images[1].data == NULL, frames++ == 2);
+    }
+    const size_t third = (size_t)event.offset;
+    fovea_log_close(log);
+    assert_int_equal(fovea_text_read(changed, 1 << 28, &bytes, &count, &error), FOVEA_OK);
+    const size_t turn = WIDTH * HEIGHT; /* back into the second image of the second frame */
+    size_t at = third;
+    while (memcmp(bytes + at, "FOVEA_INPUTS", 12) != 0)
+        at--;
+    bytes[at - turn / 2] ^= 1;
+    write_changed((uint8_t *)bytes, count);
+    free(bytes);
+    assert_int_equal(fv_replay(changed, true, NULL, NULL, &result, &error), FOVEA_OK);
+    assert_true(result.different);
+    assert_non_null(strstr(result.difference, "frame 1 ("));
+    assert_non_null(strstr(result.difference, "hash of the pixels"));
+}
+
 static void test_mutated(void **state)
 {
     (void)state;
@@ -423,6 +467,7 @@ int main(void)
         cmocka_unit_test(test_missing_message),
         cmocka_unit_test(test_changed_statistics),
         cmocka_unit_test(test_every_edit),
+        cmocka_unit_test(test_two_cameras),
         cmocka_unit_test(test_other_formats),
         cmocka_unit_test(test_more_after_the_end),
         cmocka_unit_test(test_texts_are_printable),

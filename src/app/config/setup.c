@@ -238,7 +238,8 @@ bool fv_setup_real_time(const struct fv_settings *settings, const struct fv_setu
 size_t fv_setup_frame_bytes(const struct fv_setup *setup)
 {
     const struct fovea_source_info *info = setup->ops->info(setup->source);
-    return fovea_image_bytes(info->format, info->height,
+    return info->rig.camera_count *
+           fovea_image_bytes(info->format, info->height,
                              fovea_image_stride_min(info->format, info->width));
 }
 

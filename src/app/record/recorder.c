@@ -127,7 +127,7 @@ static void record_frame(struct fv_recorder *recorder, int64_t time_us,
                          const struct fovea_inputs *inputs)
 {
     const char *channel = recorder->channels[FV_MESSAGE_FRAME];
-    size_t size = fv_message_frame_size_max(fv_message_frame_image_bytes(inputs->frame));
+    size_t size = fv_message_frame_size_max(inputs->frame);
     uint8_t *event = event_begin(recorder, channel, size);
     if (event != NULL)
         event_end(recorder, event, channel, time_us,
@@ -480,7 +480,7 @@ enum fovea_status fv_recorder_open(const struct fv_recorder_setup *setup,
     enum fovea_status status = FOVEA_OK;
     opened->place.output = FV_OUTPUT_CLOSED;
     status =
-        fv_recording_header_encode(setup->settings, setup->identity, setup->kernel_set,
+        fv_recording_header_encode(setup->settings, setup->rig, setup->identity, setup->kernel_set,
                                    setup->real_time, &opened->header, &opened->header_bytes, error);
     if (status == FOVEA_OK) status = make_ring(opened, setup, error);
     if (status == FOVEA_OK) status = open_place(opened, setup, error);
@@ -498,7 +498,7 @@ size_t fv_recorder_bytes(const struct fv_recorder_setup *setup)
     struct fovea_error error;
     uint8_t *header = NULL;
     uint32_t header_bytes = 0;
-    if (fv_recording_header_encode(setup->settings, setup->identity, setup->kernel_set,
+    if (fv_recording_header_encode(setup->settings, setup->rig, setup->identity, setup->kernel_set,
                                    setup->real_time, &header, &header_bytes, &error) != FOVEA_OK)
         return 0;
     free(header);

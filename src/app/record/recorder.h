@@ -33,11 +33,12 @@ struct fv_recorder;
 struct fv_recorder_setup {
     const char *path; /* FILE or DIR/, as recording_file.h says */
     const struct fv_settings
-        *settings; /* as the runtime was initialised: camera fitted, mask loaded */
+        *settings;               /* as the runtime was initialised: camera fitted, mask loaded */
+    const struct fovea_rig *rig; /* of the source; NULL: the camera of `settings` alone */
     const struct fv_identity *identity; /* NULL: none */
     const char *kernel_set;
     bool real_time;
-    size_t frame_bytes; /* of the largest frame */
+    size_t frame_bytes; /* of the largest frame, all its images */
     /* 0: settings->record_buffer frames when real_time, else a few, as the loop waits then */
     size_t ring_bytes;
 };

@@ -30,7 +30,7 @@
 #define PROCESSOR "unknown processor"
 #endif
 
-enum { PARTS_MAX = 6 };
+enum { PARTS_MAX = 7 };
 
 static void add_part(fovea_recording_t *message, const char *name, const char *origin,
                      const void *data, size_t bytes)
@@ -71,7 +71,23 @@ static enum fovea_status encode(const fovea_recording_t *message, uint8_t **data
     return FOVEA_OK;
 }
 
+/* The rig of the run: the source's, with the first camera as the settings have it. The caller frees
+ * it. */
+static uint8_t *rig_bytes(const struct fovea_camera *camera, const struct fovea_rig *rig,
+                          uint32_t *bytes)
+{
+    struct fovea_rig used = {.camera_count = 1};
+    const size_t capacity = fv_message_rig_size_max();
+    uint8_t *data = malloc(capacity);
+    if (rig != NULL) used = *rig;
+    used.cameras[0].calibrated = true;
+    used.cameras[0].camera = *camera;
+    if (data != NULL) *bytes = fv_message_rig_encode(&used, data, capacity);
+    return data;
+}
+
 enum fovea_status fv_recording_header_encode(const struct fv_settings *settings,
+                                             const struct fovea_rig *rig,
                                              const struct fv_identity *identity,
                                              const char *kernel_set, bool real_time, uint8_t **data,
                                              uint32_t *bytes, struct fovea_error *error)
@@ -83,10 +99,15 @@ enum fovea_status fv_recording_header_encode(const struct fv_settings *settings,
                                                              calibration_text, NULL, error);
     if (status != FOVEA_OK) return status;
     size_t text_bytes = 0;
+    uint32_t rig_size = 0;
     char *text = settings_text(settings, &text_bytes);
-    if (text == NULL)
+    uint8_t *rig_data = rig_bytes(camera, rig, &rig_size);
+    if (text == NULL || rig_data == NULL) {
+        free(text);
+        free(rig_data);
         return fovea_error_set(error, FOVEA_ERROR_MEMORY,
                                "no memory for the header of a recording");
+    }
     fovea_recording_part_t parts[PARTS_MAX];
     fovea_recording_t message = {
         .format = FOVEA_RECORDING_T_FORMAT,
@@ -100,6 +121,7 @@ enum fovea_status fv_recording_header_encode(const struct fv_settings *settings,
     };
     add_part(&message, "configuration", settings->file, text, text_bytes);
     add_part(&message, "calibration", settings->camera, calibration_text, strlen(calibration_text));
+    add_part(&message, "rig", "", rig_data, rig_size);
     if (settings->runtime.mask != NULL)
         add_part(&message, "mask", settings->mask, settings->runtime.mask,
                  (size_t)camera->width * (size_t)camera->height);
@@ -113,6 +135,7 @@ enum fovea_status fv_recording_header_encode(const struct fv_settings *settings,
         add_part(&message, "run", identity->channel, identity->data, identity->bytes);
     status = encode(&message, data, bytes, error);
     free(text);
+    free(rig_data);
     return status;
 }
 
@@ -276,6 +299,11 @@ enum fovea_status fv_recording_header_decode(const char *name, int64_t offset, c
 
 uint64_t fv_recording_frame_hash(const struct fovea_frame *frame)
 {
+    uint64_t hash = FV_HASH_START;
     if (frame == NULL) return 0;
-    return fv_hash_bulk(FV_HASH_START, frame->images[0].data, fv_message_frame_image_bytes(frame));
+    for (uint32_t i = 0; i < frame->image_count; i++)
+        if (frame->images[i].data != NULL)
+            hash = fv_hash_bulk(hash, frame->images[i].data,
+                                fv_message_image_bytes(&frame->images[i]));
+    return hash;
 }

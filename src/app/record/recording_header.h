@@ -12,9 +12,11 @@
 #include "fovea/source.h"
 #include "fovea/status.h"
 
-/* Encode the header of a run whose settings are complete (camera fitted, mask loaded). `identity`
- * may be NULL. `*data` is the caller's to free. Init-only. */
+/* Encode the header of a run whose settings are complete (camera fitted, mask loaded). `rig` is
+ * that of the source, its first camera calibrated as the settings say; NULL: their camera alone.
+ * `identity` may be NULL. `*data` is the caller's to free. Init-only. */
 enum fovea_status fv_recording_header_encode(const struct fv_settings *settings,
+                                             const struct fovea_rig *rig,
                                              const struct fv_identity *identity,
                                              const char *kernel_set, bool real_time, uint8_t **data,
                                              uint32_t *bytes, struct fovea_error *error);
@@ -36,7 +38,8 @@ enum fovea_status fv_recording_header_decode(const char *name, int64_t offset, c
                                              size_t bytes, struct fv_recording_header *header,
                                              struct fovea_error *error);
 
-/* Hash of a frame's pixels as a recording holds them; 0 for NULL. Real-time safe. */
+/* Hash of the pixels of a frame's images as a recording holds them, one after the other; 0 for
+ * NULL. Real-time safe. */
 uint64_t fv_recording_frame_hash(const struct fovea_frame *frame);
 
 #endif

@@ -183,17 +183,25 @@ static enum fovea_status take_frame(struct replay *replay, struct fovea_error *e
     if (status != FOVEA_OK) return status;
     if (replay->frame_waits)
         return refuse(replay, 0, "found a second frame for one step, expected inputs", error);
-    if (frame.images[0].size_bytes > replay->pixels_capacity) {
-        uint8_t *larger = realloc(replay->pixels, frame.images[0].size_bytes);
+    size_t bytes = 0;
+    for (uint32_t i = 0; i < frame.image_count; i++)
+        bytes += frame.images[i].size_bytes;
+    if (bytes > replay->pixels_capacity) {
+        uint8_t *larger = realloc(replay->pixels, bytes);
         if (larger == NULL)
             return fovea_error_set(error, FOVEA_ERROR_MEMORY,
-                                   "%s: no memory for a frame of %zu bytes", replay->path,
-                                   frame.images[0].size_bytes);
+                                   "%s: no memory for a frame of %zu bytes", replay->path, bytes);
         replay->pixels = larger;
-        replay->pixels_capacity = frame.images[0].size_bytes;
+        replay->pixels_capacity = bytes;
     }
-    memcpy(replay->pixels, frame.images[0].data, frame.images[0].size_bytes);
-    frame.images[0].data = replay->pixels;
+    bytes = 0;
+    for (uint32_t i = 0; i < frame.image_count; i++) {
+        struct fovea_image *image = &frame.images[i];
+        if (image->data == NULL) continue;
+        memcpy(replay->pixels + bytes, image->data, image->size_bytes);
+        image->data = replay->pixels + bytes;
+        bytes += image->size_bytes;
+    }
     replay->frame = frame;
     replay->frame_waits = true;
     return FOVEA_OK;

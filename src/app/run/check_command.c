@@ -71,6 +71,7 @@ static size_t recorder_bytes(const struct check *check)
 {
     const struct fv_recorder_setup setup = {
         .settings = &check->settings,
+        .rig = &check->setup.ops->info(check->setup.source)->rig,
         .kernel_set = "",
         .real_time = fv_setup_real_time(&check->settings, &check->setup),
         .frame_bytes = fv_setup_frame_bytes(&check->setup),

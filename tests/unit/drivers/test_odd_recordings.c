@@ -15,6 +15,8 @@
 #include "../../../drivers/recorded/player.h"
 #include "common/datasets.h"
 #include "fovea_recording_t.h"
+#include "message/message.h"
+#include "message/recorded.h"
 
 enum { W = FV_TEST_WIDTH, H = FV_TEST_HEIGHT, MANY = 256 };
 
@@ -291,16 +293,19 @@ static void put_event(FILE *file, const char *channel, const void *data, size_t 
 /* The head of a recording of ours, with a focal length. */
 static void put_head(FILE *file, const char *channel, int focal)
 {
-    static char none[] = "", name[] = "calibration";
-    char text[256];
-    uint8_t bytes[1024];
-    snprintf(
-        text, sizeof text,
-        "image_width: 96\nimage_height: 64\ndistortion_model: plumb_bob\nD: []\nK: [%d, 0, 48, 0, %d, 32, 0, 0, 1]\n",
-        focal, focal);
+    static char none[] = "", name[] = "rig";
+    uint8_t bytes[2048], rig_bytes[2048];
+    const struct fovea_rig rig = {
+        .camera_count = 1,
+        .cameras[0] = {
+            .calibrated = true,
+            .camera = {.width = W, .height = H, .fx = focal, .fy = focal, .cx = 48, .cy = 32}}};
     fovea_recording_part_t part = {
-        .name = name, .origin = none, .size_bytes = (int32_t)strlen(text), .data = (uint8_t *)text};
-    fovea_recording_t head = {.format = 1,
+        .name = name,
+        .origin = none,
+        .size_bytes = (int32_t)fv_message_rig_encode(&rig, rig_bytes, sizeof rig_bytes),
+        .data = rig_bytes};
+    fovea_recording_t head = {.format = FOVEA_RECORDING_T_FORMAT,
                               .version = none,
                               .machine = none,
                               .kernel_set = none,
@@ -345,6 +350,48 @@ static void test_log_head_among_others(void **state)
         fovea_source_lcmlog.close(source);
     }
     free(frames);
+}
+
+/* Two cameras: an absent image stays absent, and a frame with another number of images is damaged.
+ */
+static void test_log_of_two_cameras(void **state)
+{
+    const struct fovea_source_selection everything = {.step = 1};
+    static const uint32_t counts[] = {2, 2, 1, 2};
+    const char *path = fv_test_path(folder, "two.lcmlog");
+    static uint8_t pixels[W * H], bytes[3 * W * H];
+    struct fovea_source *source;
+    struct fovea_frame frame;
+    struct fovea_error error;
+    (void)state;
+    FILE *file = fopen(path, "wb");
+    assert_non_null(file);
+    fv_message_prepare();
+    for (uint32_t i = 0; i < 4; i++) {
+        const struct fovea_image image = {pixels, W, H, W, FOVEA_PIXEL_GREY8, sizeof pixels};
+        frame = (struct fovea_frame){.image_count = counts[i], .stamp_ns = i, .sequence = i};
+        frame.images[i == 0 ? 1 : 0] = image; /* of the first frame the first camera's is absent */
+        if (i == 3) frame.images[1] = image;
+        put_event(file, "FOVEA_FRAME", bytes,
+                  fv_message_frame_encode(&frame, 0, bytes, sizeof bytes));
+    }
+    assert_int_equal(fclose(file), 0);
+    assert_int_equal(fovea_source_lcmlog.open(path, &everything, &source, &error), FOVEA_OK);
+    assert_int_equal(fovea_source_lcmlog.info(source)->rig.camera_count, 2);
+    assert_int_equal(fovea_source_lcmlog.start(source, &error), FOVEA_OK);
+    for (uint32_t i = 0; i < 4; i++) {
+        if (counts[i] != 2) continue;
+        assert_int_equal(fovea_source_lcmlog.dequeue(source, INT64_MAX, &frame), FOVEA_OK);
+        assert_int_equal(frame.sequence, i);
+        assert_int_equal(frame.image_count, 2);
+        assert_int_equal(frame.images[0].data == NULL, i == 0);
+        assert_int_equal(frame.images[1].data == NULL, i == 1);
+        fovea_source_lcmlog.requeue(source, &frame);
+    }
+    assert_int_equal(fovea_source_lcmlog.dequeue(source, INT64_MAX, &frame), FOVEA_END);
+    assert_int_equal(fovea_source_lcmlog.complaint(source, &error), FOVEA_OK);
+    assert_non_null(strstr(error.text, "frame 2: image_count: found 1, expected 2"));
+    fovea_source_lcmlog.close(source);
 }
 
 /* A log in which no frame can be read is refused by its first damage. */
@@ -589,6 +636,7 @@ int main(void)
         cmocka_unit_test(test_leaps_as_they_are_played),
         cmocka_unit_test(test_log_goes_on_after_damage),
         cmocka_unit_test(test_log_head_among_others),
+        cmocka_unit_test(test_log_of_two_cameras),
         cmocka_unit_test(test_log_of_nothing),
         cmocka_unit_test(test_names_that_look_like_patterns),
         cmocka_unit_test(test_first_frame_missing),

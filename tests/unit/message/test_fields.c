@@ -20,6 +20,9 @@
 #include "fovea_detections_t.h"
 #include "fovea_features_t.h"
 #include "fovea_frame_t.h"
+#include "fovea_image_t.h"
+#include "fovea_rig_camera_t.h"
+#include "fovea_rig_t.h"
 #include "fovea_grants_t.h"
 #include "fovea_inputs_t.h"
 #include "fovea_job_t.h"
@@ -61,6 +64,7 @@
     X(fovea, features_t)                                                                           \
     X(fovea, frame_t)                                                                              \
     X(fovea, grants_t)                                                                             \
+    X(fovea, image_t)                                                                              \
     X(fovea, inputs_t)                                                                             \
     X(fovea, job_t)                                                                                \
     X(fovea, keyframe_t)                                                                           \
@@ -73,6 +77,8 @@
     X(fovea, recording_end_t)                                                                      \
     X(fovea, recording_part_t)                                                                     \
     X(fovea, recording_t)                                                                          \
+    X(fovea, rig_camera_t)                                                                         \
+    X(fovea, rig_t)                                                                                \
     X(fovea, run_t)                                                                                \
     X(fovea, stage_t)                                                                              \
     X(fovea, stamp_t)                                                                              \

@@ -238,7 +238,7 @@ static void test_frames_without_loss(void **state)
 {
     (void)state;
     enum { W = 70, H = 66, PADDING = 6, BYTES_MAX = (3 * W + PADDING) * H };
-    static uint8_t pixels[BYTES_MAX], buffer[BYTES_MAX + 256];
+    static uint8_t pixels[BYTES_MAX], buffer[2 * BYTES_MAX + 256];
     for (int i = 0; i < BYTES_MAX; i++)
         pixels[i] = (uint8_t)(i * 31 + i / 256);
     for (int n = 0; n < 2 * FOVEA_PIXEL_FORMAT_COUNT; n++) {
@@ -255,14 +255,21 @@ static void test_frames_without_loss(void **state)
         if (compressed) in.images[0].size_bytes = whole;
         assert_int_equal(fovea_image_check(&in.images[0]), FOVEA_OK);
         const size_t kept = in.images[0].size_bytes < whole ? in.images[0].size_bytes : whole;
+        in.image_count = FOVEA_CAMERAS_MAX; /* the second and the fourth are absent */
+        in.images[2] = in.images[0];
+        in.images[2].size_bytes = compressed ? 333 : whole;
         const uint32_t bytes =
-            fv_message_frame_encode(&in, -5, buffer, fv_message_frame_size_max(kept));
-        assert_int_equal(bytes, fv_message_frame_size_max(kept));
+            fv_message_frame_encode(&in, -5, buffer, fv_message_frame_size_max(&in));
+        assert_int_equal(bytes, fv_message_frame_size_max(&in));
         assert_well_formed("fovea.frame_t", buffer, bytes);
         const struct fovea_log_event event = {
             .channel = "FOVEA_FRAME", .bytes = bytes, .data = buffer};
         struct fovea_error error;
         if (fovea_log_frame("log", &event, &out, &error) != FOVEA_OK) fail_msg("%s", error.text);
+        assert_int_equal(out.image_count, FOVEA_CAMERAS_MAX);
+        assert_true(out.images[1].data == NULL && out.images[3].data == NULL);
+        assert_int_equal(out.images[2].size_bytes, compressed ? 333 : whole);
+        assert_memory_equal(out.images[2].data, pixels, out.images[2].size_bytes);
         assert_int_equal(out.images[0].size_bytes, kept);
         assert_memory_equal(out.images[0].data, pixels, kept);
         assert_true(out.images[0].width == W && out.images[0].height == H &&
