@@ -408,7 +408,7 @@ OPENCV_LIBS = -lopencv_calib3d -lopencv_features2d -lopencv_imgcodecs -lopencv_i
 # Optimisers are held against Ceres.
 BESIDE_CERES := map/test_pose_graph map/test_window_ceres
 $(BESIDE_CERES:%=$(BUILD)/tests/unit/%): ORACLE_LIBS := -lceres -lglog
-$(BESIDE_CERES:%=$(BUILD)/obj/tests/unit/%.o): CXXFLAGS += -isystem /usr/include/eigen3
+$(BESIDE_CERES:%=$(BUILD)/obj/tests/unit/%.o) $(BUILD)/obj/tests/unit/geometry/test_normal_equations.o: CXXFLAGS += -isystem /usr/include/eigen3
 $(BUILD)/obj/tests/%.o: CFLAGS += -Itests
 $(BUILD)/obj/tests/%.o: CXXFLAGS += -Itests -isystem /usr/include/opencv4
 

@@ -4,10 +4,10 @@
 
 #include "geometry/vec.h"
 
-bool fv_ldlt_factor(double *A, int n)
+bool fv_ldlt_columns(double *A, int n, int first, int end)
 {
     double scaled[FV_LDLT_SIZE_MAX];
-    for (int j = 0; j < n; j++) {
+    for (int j = first; j < end; j++) {
         double *row = A + j * n;
         double before = row[j], d = before;
         for (int k = 0; k < j; k++) {
@@ -25,6 +25,11 @@ bool fv_ldlt_factor(double *A, int n)
         }
     }
     return true;
+}
+
+bool fv_ldlt_factor(double *A, int n)
+{
+    return fv_ldlt_columns(A, n, 0, n);
 }
 
 void fv_ldlt_back(const double *A, int n, double *b)

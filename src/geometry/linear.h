@@ -9,11 +9,14 @@
 extern "C" {
 #endif
 
-enum { FV_LDLT_SIZE_MAX = 128, FV_EIGEN_SIZE_MAX = 4 };
+enum { FV_LDLT_SIZE_MAX = 192, FV_EIGEN_SIZE_MAX = 4 };
 
 /* Factor the symmetric positive definite n x n matrix A (row-major, lower triangle read) in place:
  * unit lower triangle L below the diagonal, D on it. False where a pivot is not safely positive. */
 bool fv_ldlt_factor(double *A, int n);
+/* The same for columns [first, end) after those before them, so that a factorisation can be cut
+ * into units: column j costs (j + 1) (n - j) multiplications. */
+bool fv_ldlt_columns(double *A, int n, int first, int end);
 /* Solve with the factors, in place. */
 void fv_ldlt_back(const double *A, int n, double *b);
 /* Both: b becomes A^-1 b; A is overwritten. */

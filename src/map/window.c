@@ -4,11 +4,14 @@
 
 #include "base/elementary.h"
 #include "geometry/linear.h"
+#include "geometry/normal_equations.h"
 #include "geometry/pose.h"
 #include "geometry/vec.h"
 #include "geometry/chi_square.h"
 
 enum { UNIT_OBSERVATIONS = 350 };
+
+static const struct fv_damping damping_rule = {.fall = 0.2, .floor = 1e-9, .rise = 10};
 
 void fv_window_carve(struct fv_window *window, const struct fv_window_limits *limits,
                      const struct fv_map *map, struct fv_arena *job)
@@ -27,34 +30,49 @@ void fv_window_abort(struct fv_window *window)
 
 /* ---- a pass: apply the pending step, linearise, eliminate ------------------------------------ */
 
-/* Point moved by what the poses' step leaves for it. */
+/* Blocks between a landmark and the poses that move. */
+struct couplings {
+    struct fv_coupling list[FV_WINDOW_KEYFRAMES_MAX];
+    double cross[FV_WINDOW_KEYFRAMES_MAX][18];
+    int count;
+};
+
+static struct fv_normal normal_of(struct fv_window_state *s)
+{
+    return (struct fv_normal){s->system, s->gradient, 6 * (int)s->moved_count};
+}
+
+static void add_coupling(struct couplings *c, const float cross[18], int32_t column)
+{
+    double *kept = c->cross[c->count];
+    for (int i = 0; i < 18; i++)
+        kept[i] = (double)cross[i];
+    c->list[c->count++] = (struct fv_coupling){kept, column, 6};
+}
+
+/* The landmark's own step after that of the poses. */
 static void move_point(struct fv_window *w, struct fv_window_landmark *l)
 {
-    const struct fv_window_state *s = w->state;
-    double g[3], d[3];
-    fv_copy3(l->gradient, g);
+    struct couplings c;
+    double d[3];
+    c.count = 0;
     for (uint32_t k = 0; k < l->count; k++) {
         const struct fv_window_observation *o = &w->observations[l->first + k];
-        int32_t column = s->poses[o->pose].column;
-        if (column < 0) continue;
-        for (int r = 0; r < 6; r++)
-            for (int c = 0; c < 3; c++)
-                g[c] -= (double)o->cross[3 * r + c] * s->step[column + r];
+        const int32_t column = w->state->poses[o->pose].column;
+        if (column >= 0) add_coupling(&c, o->cross, column);
     }
-    const double *v = l->inverse;
-    d[0] = v[0] * g[0] + v[1] * g[1] + v[2] * g[2];
-    d[1] = v[1] * g[0] + v[3] * g[1] + v[4] * g[2];
-    d[2] = v[2] * g[0] + v[4] * g[1] + v[5] * g[2];
+    fv_landmark_step(3, l->inverse, l->gradient, c.list, c.count, w->state->step, d);
     for (int i = 0; i < 3; i++)
         l->point[i] += d[i];
 }
 
 /* Add one observation to the system and to its landmark's block. Returns its robust cost. */
-static double linearise(struct fv_window_state *s, int n, struct fv_window_observation *o,
-                        const double point[3], double H[6], double g[3])
+static double linearise(const struct fv_window_state *s, const struct fv_normal *normal,
+                        struct fv_window_observation *o, const double point[3], double H[6],
+                        double g[3], struct couplings *couplings)
 {
     const struct fv_window_pose *pose = &s->poses[o->pose];
-    double q[3], e[2], J[6], b[3], A[6], rows[12], by_point[6];
+    double q[3], e[2], J[6], b[3], A[6], rows[12], weighted[12], by_point[6];
     for (int i = 0; i < 3; i++)
         b[i] = o->bearing[i];
     for (int i = 0; i < 6; i++)
@@ -83,50 +101,14 @@ static double linearise(struct fv_window_state *s, int n, struct fv_window_obser
         fv_copy3(J + 3 * r, rows + 6 * r);
         fv_cross3(q, J + 3 * r, rows + 6 * r + 3);
     }
-    double *S = s->system + (size_t)pose->column * (size_t)(n + 1);
-    for (int a = 0; a < 6; a++) {
-        double u = weight * rows[a], v = weight * rows[6 + a];
-        s->gradient[pose->column + a] -= u * e[0] + v * e[1];
-        for (int c = 0; c <= a; c++)
-            S[a * n + c] += u * rows[c] + v * rows[6 + c];
-        S[a * n + a] += s->damping * (u * rows[a] + v * rows[6 + a]);
-        for (int c = 0; c < 3; c++)
-            o->cross[3 * a + c] = (float)(u * by_point[c] + v * by_point[3 + c]);
-    }
+    fv_block_weigh(rows, 12, weight, weighted);
+    fv_normal_add_one(normal, pose->column, 6, rows, weighted, e, 2, &s->damping);
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 6; c++)
+            o->cross[6 * r + c] =
+                (float)(by_point[r] * weighted[c] + by_point[3 + r] * weighted[6 + c]);
+    add_coupling(couplings, o->cross, pose->column);
     return cost;
-}
-
-/* Subtract what the landmark's elimination takes from the poses' system. */
-static void eliminate_landmark(struct fv_window *w, const struct fv_window_landmark *l, int n)
-{
-    struct fv_window_state *s = w->state;
-    const double *v = l->inverse;
-    for (uint32_t i = 0; i < l->count; i++) {
-        const struct fv_window_observation *oi = &w->observations[l->first + i];
-        int32_t ci = s->poses[oi->pose].column;
-        if (ci < 0) continue;
-        double Y[18];
-        for (int r = 0; r < 6; r++) {
-            const double x[3] = {(double)oi->cross[3 * r], (double)oi->cross[3 * r + 1],
-                                 (double)oi->cross[3 * r + 2]};
-            Y[3 * r] = x[0] * v[0] + x[1] * v[1] + x[2] * v[2];
-            Y[3 * r + 1] = x[0] * v[1] + x[1] * v[3] + x[2] * v[4];
-            Y[3 * r + 2] = x[0] * v[2] + x[1] * v[4] + x[2] * v[5];
-            s->gradient[ci + r] -= fv_dot3(Y + 3 * r, l->gradient);
-        }
-        for (uint32_t j = 0; j < l->count; j++) {
-            const struct fv_window_observation *oj = &w->observations[l->first + j];
-            int32_t cj = s->poses[oj->pose].column;
-            if (cj < 0 || cj > ci) /* lower triangle */
-                continue;
-            double *S = s->system + ci * n + cj;
-            for (int r = 0; r < 6; r++)
-                for (int c = 0; c < 6; c++)
-                    S[r * n + c] -= Y[3 * r] * (double)oj->cross[3 * c] +
-                                    Y[3 * r + 1] * (double)oj->cross[3 * c + 1] +
-                                    Y[3 * r + 2] * (double)oj->cross[3 * c + 2];
-        }
-    }
 }
 
 /* Pixels become bearings in the first pass, so that copying the window stays one unit. */
@@ -145,12 +127,15 @@ static void unpack(struct fv_window *w, const struct fv_window_landmark *l)
 static void pass_landmark(struct fv_window *w, struct fv_window_landmark *l)
 {
     struct fv_window_state *s = w->state;
-    int n = 6 * (int)s->moved_count;
+    const struct fv_normal normal = normal_of(s);
     if (s->packed) unpack(w, l);
     if (s->step_pending) move_point(w, l);
     double H[6] = {0}, g[3] = {0};
+    struct couplings couplings;
+    couplings.count = 0;
     for (uint32_t k = 0; k < l->count; k++)
-        s->cost += linearise(s, n, &w->observations[l->first + k], l->point, H, g);
+        s->cost +=
+            linearise(s, &normal, &w->observations[l->first + k], l->point, H, g, &couplings);
     H[0] += s->damping * H[0] + 1e-12;
     H[3] += s->damping * H[3] + 1e-12;
     H[5] += s->damping * H[5] + 1e-12;
@@ -159,14 +144,13 @@ static void pass_landmark(struct fv_window *w, struct fv_window_landmark *l)
         memset(l->inverse, 0,
                sizeof l->inverse); /* depth not determined: the point stays, and says nothing */
     else
-        eliminate_landmark(w, l, n);
+        fv_normal_eliminate(&normal, 3, l->inverse, l->gradient, couplings.list, couplings.count);
 }
 
 static void begin_pass(struct fv_window_state *s)
 {
-    int n = 6 * (int)s->moved_count;
-    memset(s->gradient, 0, (size_t)n * sizeof *s->gradient);
-    memset(s->system, 0, (size_t)n * (size_t)n * sizeof *s->system);
+    const struct fv_normal normal = normal_of(s);
+    fv_normal_clear(&normal);
     s->cost = 0;
     s->next = 0;
     s->phase = FV_WINDOW_PASS;
@@ -176,10 +160,8 @@ static void begin_pass(struct fv_window_state *s)
  * solved. */
 static bool take_step(struct fv_window_state *s)
 {
-    int n = 6 * (int)s->moved_count;
-    if (!fv_ldlt_factor(s->system, n)) return false;
-    memcpy(s->step, s->gradient, (size_t)n * sizeof *s->step);
-    fv_ldlt_back(s->system, n, s->step);
+    const struct fv_normal normal = normal_of(s);
+    if (!fv_normal_solve(&normal, s->step)) return false;
     for (uint32_t i = 0; i < s->pose_count; i++)
         if (s->poses[i].column >= 0)
             fv_se3_move(&s->poses[i].T_cam_world, s->step + s->poses[i].column);
@@ -219,14 +201,14 @@ static void end_pass(struct fv_window *w)
         bool converged = s->pass > FV_WINDOW_STEPS_MIN && s->step_pending &&
                          s->cost > s->cost_before * (1 - w->limits.settled);
         s->accepted_any = s->accepted_any || (!first && s->step_pending);
-        if (s->step_pending) s->damping = s->damping * 0.2 > 1e-9 ? s->damping * 0.2 : 1e-9;
+        if (s->step_pending) s->damping = fv_damping_lower(&damping_rule, s->damping);
         s->cost_before = s->cost;
         keep(w, true);
         if (last || converged || !take_step(s)) s->phase = FV_WINDOW_DONE;
         return;
     }
     keep(w, false);
-    s->damping *= 10;
+    s->damping = fv_damping_raise(&damping_rule, s->damping);
     s->step_pending = false;
     if (last)
         s->phase = FV_WINDOW_DONE;

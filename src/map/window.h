@@ -54,7 +54,7 @@ struct fv_window_observation {
     float bearing[3], A[6], weight;
     struct fv_pixel seen; /* until the first pass makes the above of it */
     uint16_t pose;
-    /* 6x3 block between pose and landmark. It multiplies what vanishes at the optimum, which floats
+    /* 3x6 block between landmark and pose. It multiplies what vanishes at the optimum, which floats
      * leave where it is. */
     float cross[18];
 };
