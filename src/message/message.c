@@ -2,43 +2,20 @@
 
 #include <string.h>
 
+#include "message/fields.h"
 #include "message/wire.h"
 
-#include "bot_core_pose_t.h"
 #include "fovea_camera_status_t.h"
-#include "fovea_command_t.h"
-#include "fovea_detections_t.h"
 #include "fovea_features_t.h"
-#include "fovea_frame_t.h"
-#include "fovea_grants_t.h"
-#include "fovea_inputs_t.h"
-#include "fovea_map_t.h"
-#include "fovea_pose_t.h"
 #include "fovea_preview_t.h"
-#include "fovea_run_t.h"
-#include "fovea_recording_end_t.h"
-#include "fovea_recording_t.h"
 #include "fovea_statistics_t.h"
-#include "fovea_objects_t.h"
 
 void fv_message_prepare(void)
 {
-    (void)__bot_core_pose_t_get_hash();
-    (void)__fovea_camera_status_t_get_hash();
-    (void)__fovea_command_t_get_hash();
-    (void)__fovea_run_t_get_hash();
-    (void)__fovea_detections_t_get_hash();
-    (void)__fovea_features_t_get_hash();
-    (void)__fovea_frame_t_get_hash();
-    (void)__fovea_grants_t_get_hash();
-    (void)__fovea_inputs_t_get_hash();
-    (void)__fovea_map_t_get_hash();
-    (void)__fovea_pose_t_get_hash();
-    (void)__fovea_preview_t_get_hash();
-    (void)__fovea_recording_end_t_get_hash();
-    (void)__fovea_recording_t_get_hash();
-    (void)__fovea_statistics_t_get_hash();
-    (void)__fovea_objects_t_get_hash();
+    int32_t count;
+    const struct fv_type *types = fv_message_types(&count);
+    for (int32_t i = 0; i < count; i++)
+        (void)types[i].hash();
 }
 
 void fv_message_channel(const char *prefix, enum fv_message_kind kind, char *name)

@@ -14,32 +14,51 @@
 
 #include "bot_core_pose_t.h"
 #include "fovea_box_t.h"
+#include "fovea_calibration_warning_t.h"
 #include "fovea_camera_status_t.h"
+#include "fovea_class_score_t.h"
+#include "fovea_classes_t.h"
+#include "fovea_command_result_t.h"
 #include "fovea_command_t.h"
 #include "fovea_detection_t.h"
 #include "fovea_detections_t.h"
+#include "fovea_edges_t.h"
 #include "fovea_features_t.h"
 #include "fovea_frame_t.h"
-#include "fovea_image_t.h"
-#include "fovea_rig_camera_t.h"
-#include "fovea_rig_t.h"
 #include "fovea_grants_t.h"
+#include "fovea_grid_t.h"
+#include "fovea_health_part_t.h"
+#include "fovea_health_t.h"
+#include "fovea_image_t.h"
 #include "fovea_inputs_t.h"
 #include "fovea_job_t.h"
 #include "fovea_keyframe_t.h"
+#include "fovea_keypoint_set_t.h"
+#include "fovea_keypoints_t.h"
+#include "fovea_lockstep_t.h"
 #include "fovea_map_t.h"
+#include "fovea_named_hash_t.h"
 #include "fovea_object_t.h"
 #include "fovea_objects_t.h"
 #include "fovea_odometry_sample_t.h"
+#include "fovea_parameter_result_t.h"
 #include "fovea_pose_t.h"
 #include "fovea_preview_t.h"
 #include "fovea_recording_end_t.h"
 #include "fovea_recording_part_t.h"
 #include "fovea_recording_t.h"
+#include "fovea_rig_camera_t.h"
+#include "fovea_rig_t.h"
 #include "fovea_run_t.h"
+#include "fovea_scan_t.h"
+#include "fovea_segment_class_t.h"
+#include "fovea_segmentation_t.h"
 #include "fovea_stage_t.h"
 #include "fovea_stamp_t.h"
 #include "fovea_statistics_t.h"
+#include "fovea_tensor_t.h"
+#include "fovea_tensors_t.h"
+#include "fovea_velocity_command_t.h"
 
 /* Decode with the generated code, encode again: the bytes written, or -1. */
 #define ROUND_TRIP(P, T)                                                                           \
@@ -57,21 +76,34 @@
 #define EVERY_TYPE(X)                                                                              \
     X(bot_core, pose_t)                                                                            \
     X(fovea, box_t)                                                                                \
+    X(fovea, calibration_warning_t)                                                                \
     X(fovea, camera_status_t)                                                                      \
+    X(fovea, class_score_t)                                                                        \
+    X(fovea, classes_t)                                                                            \
+    X(fovea, command_result_t)                                                                     \
     X(fovea, command_t)                                                                            \
     X(fovea, detection_t)                                                                          \
     X(fovea, detections_t)                                                                         \
+    X(fovea, edges_t)                                                                              \
     X(fovea, features_t)                                                                           \
     X(fovea, frame_t)                                                                              \
     X(fovea, grants_t)                                                                             \
+    X(fovea, grid_t)                                                                               \
+    X(fovea, health_part_t)                                                                        \
+    X(fovea, health_t)                                                                             \
     X(fovea, image_t)                                                                              \
     X(fovea, inputs_t)                                                                             \
     X(fovea, job_t)                                                                                \
     X(fovea, keyframe_t)                                                                           \
+    X(fovea, keypoint_set_t)                                                                       \
+    X(fovea, keypoints_t)                                                                          \
+    X(fovea, lockstep_t)                                                                           \
     X(fovea, map_t)                                                                                \
+    X(fovea, named_hash_t)                                                                         \
     X(fovea, object_t)                                                                             \
     X(fovea, objects_t)                                                                            \
     X(fovea, odometry_sample_t)                                                                    \
+    X(fovea, parameter_result_t)                                                                   \
     X(fovea, pose_t)                                                                               \
     X(fovea, preview_t)                                                                            \
     X(fovea, recording_end_t)                                                                      \
@@ -80,9 +112,15 @@
     X(fovea, rig_camera_t)                                                                         \
     X(fovea, rig_t)                                                                                \
     X(fovea, run_t)                                                                                \
+    X(fovea, scan_t)                                                                               \
+    X(fovea, segment_class_t)                                                                      \
+    X(fovea, segmentation_t)                                                                       \
     X(fovea, stage_t)                                                                              \
     X(fovea, stamp_t)                                                                              \
-    X(fovea, statistics_t)
+    X(fovea, statistics_t)                                                                         \
+    X(fovea, tensor_t)                                                                             \
+    X(fovea, tensors_t)                                                                            \
+    X(fovea, velocity_command_t)
 EVERY_TYPE(ROUND_TRIP)
 
 static const struct {
