@@ -65,6 +65,9 @@ struct fovea_config {
     struct fovea_features_config features;
     struct fovea_odometry_config odometry;
     struct fovea_detect_config detect;
+    /* Of a second network beside the first, which must then have a model too. Both share the units
+     * of FOVEA_JOB_DETECT. Tracks follow from the first alone. */
+    struct fovea_detect_config detect2;
     struct fovea_scale_config scale;
     struct fovea_track_config track; /* of what is detected */
     struct fovea_preview_config preview;
@@ -147,7 +150,7 @@ enum fovea_status fovea_memory(const struct fovea_config *config, struct fovea_m
 /* Jobs that fovea_work advances, in order of priority. */
 enum fovea_job {
     FOVEA_JOB_MAP = 0,     /* new landmarks, then window optimisation */
-    FOVEA_JOB_DETECT = 1,  /* a network that looks for objects */
+    FOVEA_JOB_DETECT = 1,  /* one or two networks that find objects */
     FOVEA_JOB_LOOP = 2,    /* loops closed, maps merged */
     FOVEA_JOB_PREVIEW = 3, /* JPEG of a pyramid level */
     FOVEA_JOB_COUNT
@@ -253,6 +256,10 @@ void fovea_tracks_get(const struct fovea *rt, struct fovea_tracks *tracks);
 
 /* Name of a class of the configured model, "" where it has none. Any thread. */
 const char *fovea_detect_label(const struct fovea *rt, int32_t class_id);
+
+/* The same of the second network, detect2. */
+void fovea_detections2_get(const struct fovea *rt, struct fovea_detections *detections);
+const char *fovea_detect2_label(const struct fovea *rt, int32_t class_id);
 
 /* Keyframes of the map by slot, the first `count_max` of odometry.keyframes slots; returns how many
  * were written. A slot whose number has changed holds another keyframe. Bounded. Loop thread. */

@@ -34,6 +34,7 @@ void fv_message_channel(const char *prefix, enum fv_message_kind kind, char *nam
         [FV_MESSAGE_INPUTS] = "INPUTS",
         [FV_MESSAGE_GRANTS] = "GRANTS",
         [FV_MESSAGE_DETECTIONS] = "DETECTIONS",
+        [FV_MESSAGE_DETECTIONS2] = "DETECTIONS2",
         [FV_MESSAGE_MAP] = "MAP",
         [FV_MESSAGE_RECORDING_END] = "RECORDING_END",
         [FV_MESSAGE_OBJECTS] = "OBJECTS",

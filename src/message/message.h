@@ -28,6 +28,7 @@ enum fv_message_kind {
     FV_MESSAGE_CAMERA_STATUS,
     FV_MESSAGE_PREVIEW,
     FV_MESSAGE_DETECTIONS,
+    FV_MESSAGE_DETECTIONS2, /* of the second network */
     FV_MESSAGE_MAP,
     FV_MESSAGE_OBJECTS,
     FV_MESSAGE_COMMAND, /* in */

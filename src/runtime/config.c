@@ -183,6 +183,10 @@ static enum fovea_status check_pairs(const struct fovea_config *config, struct f
             error, FOVEA_ERROR_ARGUMENT,
             "preview.level: found %u, expected less than features.pyramid_levels, which is %u",
             config->preview.level, features->pyramid_levels);
+    if (config->detect2.model != NULL && config->detect.model == NULL)
+        return fovea_error_set(
+            error, FOVEA_ERROR_ARGUMENT,
+            "detect2.model: found a network, expected detect.model to be set too");
     return FOVEA_OK;
 }
 

@@ -10,64 +10,66 @@ enum {
 
 /* ---- set-up ---------------------------------------------------------------------------------- */
 
-static enum fovea_status check_use(const struct fv_model *model, struct fovea_error *error)
+static enum fovea_status check_use(const struct fv_model *model, const char *key,
+                                   struct fovea_error *error)
 {
     if (!fv_nn_takes_images(model)) {
-        return fovea_error_set(
-            error, FOVEA_ERROR_ARGUMENT,
-            "detect.model: expected a first input that is an image of 1 or 3 channels");
+        return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
+                               "%s: expected a first input that is an image of 1 or 3 channels",
+                               key);
     }
     if (!fv_detect_gives_boxes(model)) {
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                               "detect.model: found decoder %d, expected one that gives boxes",
+                               "%s: found decoder %d, expected one that gives boxes", key,
                                model->header->decode.kind);
     }
     return FOVEA_OK;
 }
 
-enum fovea_status fv_detection_prepare(struct fv_detection *detection,
-                                       const struct fovea_config *config, struct fovea_error *error)
+enum fovea_status fv_detection_prepare(struct fv_detection *detection, const char *key,
+                                       const struct fovea_detect_config *settings,
+                                       const struct fovea_camera *camera, struct fovea_error *error)
 {
-    *detection = (struct fv_detection){.enabled = false};
-    if (config->detect.model == NULL) return FOVEA_OK;
-    enum fovea_status status = fv_model_open(config->detect.model, config->detect.model_bytes,
-                                             "detect.model", &detection->model, error);
-    if (status == FOVEA_OK) status = check_use(&detection->model, error);
+    *detection = (struct fv_detection){.settings = *settings};
+    if (settings->model == NULL) return FOVEA_OK;
+    enum fovea_status status =
+        fv_model_open(settings->model, settings->model_bytes, key, &detection->model, error);
+    if (status == FOVEA_OK) status = check_use(&detection->model, key, error);
     if (status != FOVEA_OK) return status;
     /* As `fovea rectify` does unasked; a lens too wide for a pinhole gets a cylinder. */
     for (int shape = FV_VIEW_PINHOLE; shape <= FV_VIEW_CYLINDER && !detection->has_view; shape++) {
         detection->has_view =
-            fv_view_choose(&config->camera, (enum fv_view_shape)shape, FV_VIEW_CROP,
-                           config->camera.width, config->camera.height, &detection->view,
-                           NULL) == FOVEA_OK;
+            fv_view_choose(camera, (enum fv_view_shape)shape, FV_VIEW_CROP, camera->width,
+                           camera->height, &detection->view, NULL) == FOVEA_OK;
     }
     detection->enabled = true;
     return FOVEA_OK;
 }
 
 /* What the tracker's second stage takes of what is below the threshold. */
-static float floor_of(const struct fovea_track_config *track)
+float fv_detection_floor(const struct fovea_track_config *track)
 {
     const float least = 0.01f;
     if (track->mode != FOVEA_TRACK_SORT) return 0.0f;
     return (float)track->score_low > least ? (float)track->score_low : least;
 }
 
-void fv_detection_carve(struct fv_detection *detection, const struct fovea_config *config,
-                        struct fv_arena *persistent, struct fv_arena *job, struct fv_arena *frame)
+void fv_detection_carve(struct fv_detection *detection, const struct fovea_camera *camera,
+                        float floor, struct fv_arena *persistent, struct fv_arena *job,
+                        struct fv_arena *frame)
 {
     if (!detection->enabled) return;
-    const size_t pixels = (size_t)config->camera.width * (size_t)config->camera.height;
+    const size_t pixels = (size_t)camera->width * (size_t)camera->height;
     detection->state = fv_arena_take(persistent, 1, sizeof *detection->state);
     fv_detect_carve(&detection->memory, job, &detection->model, pixels * PIXEL_BYTES_MAX);
     detection->memory.limits =
-        (struct fv_detect_limits){.score = (float)config->detect.score_threshold,
-                                  .iou = (float)config->detect.iou_threshold,
-                                  .count = (int32_t)config->detect.count_max,
-                                  .floor = floor_of(&config->track)};
+        (struct fv_detect_limits){.score = (float)detection->settings.score_threshold,
+                                  .iou = (float)detection->settings.iou_threshold,
+                                  .count = (int32_t)detection->settings.count_max,
+                                  .floor = floor};
     detection->message_scratch =
         fv_arena_take(frame,
-                      fv_message_detections_scratch_bytes(config->detect.count_max,
+                      fv_message_detections_scratch_bytes(detection->settings.count_max,
                                                           fv_detection_label_bytes(detection)),
                       1);
 }
@@ -82,10 +84,9 @@ size_t fv_detection_label_bytes(const struct fv_detection *detection)
     return longest;
 }
 
-size_t fv_detection_message_bytes(const struct fv_detection *detection,
-                                  const struct fovea_config *config)
+size_t fv_detection_message_bytes(const struct fv_detection *detection)
 {
-    return fv_message_detections_size_max(config->detect.count_max,
+    return fv_message_detections_size_max(detection->settings.count_max,
                                           fv_detection_label_bytes(detection));
 }
 

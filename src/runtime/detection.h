@@ -22,7 +22,8 @@ struct fv_detection_state {
 
 struct fv_detection {
     bool enabled;
-    struct fv_model model; /* in the caller's bytes */
+    struct fovea_detect_config settings; /* of this detector */
+    struct fv_model model;               /* in the caller's bytes */
     struct fv_detect_memory memory;
     struct fv_detection_state *state;
     void *message_scratch;
@@ -30,20 +31,24 @@ struct fv_detection {
     struct fv_rectified view; /* the rectified image */
 };
 
-/* Check the configured model, which must take images and give boxes; choose the rectified view.
- * Init-only. FOVEA_ERROR_*: `error` begins with the configuration's key. Nothing is enabled without
- * a model. */
-enum fovea_status fv_detection_prepare(struct fv_detection *detection,
-                                       const struct fovea_config *config,
+/* Check the model of `settings`, which must take images and give boxes; choose the rectified view.
+ * Init-only. FOVEA_ERROR_*: `error` begins with `key`, that of the model. Nothing is enabled
+ * without a model. */
+enum fovea_status fv_detection_prepare(struct fv_detection *detection, const char *key,
+                                       const struct fovea_detect_config *settings,
+                                       const struct fovea_camera *camera,
                                        struct fovea_error *error);
 
-void fv_detection_carve(struct fv_detection *detection, const struct fovea_config *config,
-                        struct fv_arena *persistent, struct fv_arena *job, struct fv_arena *frame);
+/* `floor`: detections down to this score are kept behind the others, for the tracker; 0: none. */
+void fv_detection_carve(struct fv_detection *detection, const struct fovea_camera *camera,
+                        float floor, struct fv_arena *persistent, struct fv_arena *job,
+                        struct fv_arena *frame);
+/* The floor of a tracker with this configuration. */
+float fv_detection_floor(const struct fovea_track_config *track);
 
 /* Bytes that a message takes at most. */
 size_t fv_detection_label_bytes(const struct fv_detection *detection); /* of the longest label */
-size_t fv_detection_message_bytes(const struct fv_detection *detection,
-                                  const struct fovea_config *config);
+size_t fv_detection_message_bytes(const struct fv_detection *detection);
 
 /* Forget the look under way. Real-time safe, as all that follows. */
 void fv_detection_reset(struct fv_detection *detection);

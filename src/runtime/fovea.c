@@ -39,6 +39,7 @@ static void reset(struct fovea *rt)
     fovea_random_seed(&state->random, rt->config.seed);
     if (rt->config.odometry.enabled) fv_odometry_reset(&rt->odometry);
     fv_detection_reset(&rt->detection);
+    fv_detection_reset(&rt->detection2);
     fv_tracking_reset(&rt->tracking);
 }
 
@@ -91,7 +92,10 @@ static void ask_preview(struct fovea *rt)
 
 static void offer_detection(struct fovea *rt, const struct fovea_frame *frame)
 {
-    if (!fv_every(rt->state->frames_processed - 1, rt->config.detect.period_frames)) return;
+    const uint64_t number = rt->state->frames_processed - 1;
+    if (fv_every(number, rt->config.detect2.period_frames))
+        (void)fv_detection_offer(&rt->detection2, frame, &rt->state->frame, &rt->pyramid);
+    if (!fv_every(number, rt->config.detect.period_frames)) return;
     if (!fv_detection_offer(&rt->detection, frame, &rt->state->frame, &rt->pyramid)) return;
     struct fovea_pose pose;
     fovea_pose_get(rt, &pose);
@@ -210,9 +214,19 @@ void fovea_detections_get(const struct fovea *rt, struct fovea_detections *detec
     fv_detection_get(&rt->detection, detections);
 }
 
+void fovea_detections2_get(const struct fovea *rt, struct fovea_detections *detections)
+{
+    fv_detection_get(&rt->detection2, detections);
+}
+
 const char *fovea_detect_label(const struct fovea *rt, int32_t class_id)
 {
     return fv_detection_label(&rt->detection, class_id);
+}
+
+const char *fovea_detect2_label(const struct fovea *rt, int32_t class_id)
+{
+    return fv_detection_label(&rt->detection2, class_id);
 }
 
 void fovea_tracks_get(const struct fovea *rt, struct fovea_tracks *tracks)

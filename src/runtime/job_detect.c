@@ -1,10 +1,11 @@
-/* The detector's job, and the tracks that follow from what it finds. */
+/* The job of the one or two networks that find objects, and the tracks that follow from what the
+ * first finds. */
 #include "runtime/config.h"
 #include "runtime/jobs.h"
 
 bool fv_job_detect_waiting(const struct fovea *rt)
 {
-    return fv_detection_waiting(&rt->detection);
+    return fv_detection_waiting(&rt->detection) || fv_detection_waiting(&rt->detection2);
 }
 
 /* What a look found goes to the tracker; what moves on its own is kept out of the map from now on.
@@ -25,16 +26,38 @@ static void track(struct fovea *rt, struct fovea_outputs *outputs)
                   fv_tracking_movable(&rt->tracking, movable));
 }
 
-/* One message per work call: its buffer is in use until the next. */
-uint32_t fv_job_detect_advance(struct fovea *rt, uint32_t units, struct fovea_outputs *outputs)
+/* Returns the units done; `*complete`: a message went to the outputs. */
+static uint32_t advance(struct fovea *rt, struct fv_detection *detection, enum fv_message_kind kind,
+                        uint32_t units, bool *complete, struct fovea_outputs *outputs)
 {
     uint32_t done = 0;
-    if (!fv_detection_advance(&rt->detection, &rt->config, &rt->kernels, units, &done)) return done;
-    fv_output_add(rt, FV_MESSAGE_DETECTIONS,
-                  fv_detection_encode(&rt->detection, &rt->config, fv_reset_counter(rt),
-                                      rt->outbox.buffer[FV_MESSAGE_DETECTIONS],
-                                      rt->outbox.capacity[FV_MESSAGE_DETECTIONS]),
-                  outputs);
-    if (rt->tracking.enabled) track(rt, outputs);
+    *complete = fv_detection_advance(detection, &rt->config, &rt->kernels, units, &done);
+    if (*complete)
+        fv_output_add(rt, kind,
+                      fv_detection_encode(detection, &rt->config, fv_reset_counter(rt),
+                                          rt->outbox.buffer[kind], rt->outbox.capacity[kind]),
+                      outputs);
     return done;
+}
+
+static uint32_t advance_first(struct fovea *rt, uint32_t units, struct fovea_outputs *outputs)
+{
+    bool complete;
+    const uint32_t done =
+        advance(rt, &rt->detection, FV_MESSAGE_DETECTIONS, units, &complete, outputs);
+    if (complete && rt->tracking.enabled) track(rt, outputs);
+    return done;
+}
+
+/* Two networks that have work share the grant: half each, and what one leaves is for the other.
+ * Each completes at most one look per work call: its message's buffer is in use until the next, and
+ * it gets its next image from the next step. */
+uint32_t fv_job_detect_advance(struct fovea *rt, uint32_t units, struct fovea_outputs *outputs)
+{
+    bool complete;
+    if (!fv_detection_waiting(&rt->detection2)) return advance_first(rt, units, outputs);
+    uint32_t done =
+        fv_detection_waiting(&rt->detection) ? advance_first(rt, units - units / 2, outputs) : 0;
+    done += advance(rt, &rt->detection2, FV_MESSAGE_DETECTIONS2, units - done, &complete, outputs);
+    return done + advance_first(rt, units - done, outputs);
 }

@@ -42,9 +42,12 @@ static void carve_outbox(struct fovea *rt, struct fv_arena *arena)
     carve_buffer(outbox, FV_MESSAGE_CAMERA_STATUS, fv_message_camera_status_size_max(), arena);
     carve_buffer(outbox, FV_MESSAGE_PREVIEW, fv_message_preview_size_max(rt->preview.jpeg_capacity),
                  arena);
+    if (rt->detection2.enabled)
+        carve_buffer(outbox, FV_MESSAGE_DETECTIONS2, fv_detection_message_bytes(&rt->detection2),
+                     arena);
     if (rt->detection.enabled) {
-        carve_buffer(outbox, FV_MESSAGE_DETECTIONS,
-                     fv_detection_message_bytes(&rt->detection, &rt->config), arena);
+        carve_buffer(outbox, FV_MESSAGE_DETECTIONS, fv_detection_message_bytes(&rt->detection),
+                     arena);
         carve_buffer(outbox, FV_MESSAGE_OBJECTS,
                      fv_message_objects_size_max(rt->config.track.tracks_max,
                                                  fv_detection_label_bytes(&rt->detection)),
@@ -90,8 +93,12 @@ static void carve(struct fovea *rt, struct fv_arena arenas[FOVEA_MEMORY_PART_COU
         fv_boxes_carve(&rt->boxes, width, height, &arenas[PERSISTENT], &arenas[FRAME]);
         book(table, "boxes", arenas, before);
     }
-    fv_detection_carve(&rt->detection, config, &arenas[PERSISTENT], &arenas[JOB], &arenas[FRAME]);
+    fv_detection_carve(&rt->detection, &config->camera, fv_detection_floor(&config->track),
+                       &arenas[PERSISTENT], &arenas[JOB], &arenas[FRAME]);
     book(table, "detection", arenas, before);
+    fv_detection_carve(&rt->detection2, &config->camera, 0, &arenas[PERSISTENT], &arenas[JOB],
+                       &arenas[FRAME]);
+    book(table, "detection2", arenas, before);
     fv_tracking_carve(&rt->tracking, config, &rt->detection, &arenas[PERSISTENT], &arenas[FRAME]);
     book(table, "tracking", arenas, before);
     const struct fv_plane *level = fv_pyramid_level(&rt->pyramid, config->preview.level);
@@ -109,7 +116,11 @@ static enum fovea_status measure(struct fovea *rt, const struct fovea_config *co
     if (status != FOVEA_OK) return status;
     memset(rt, 0, sizeof *rt);
     rt->config = *config;
-    status = fv_detection_prepare(&rt->detection, config, error);
+    status = fv_detection_prepare(&rt->detection, "detect.model", &config->detect, &config->camera,
+                                  error);
+    if (status == FOVEA_OK)
+        status = fv_detection_prepare(&rt->detection2, "detect2.model", &config->detect2,
+                                      &config->camera, error);
     if (status != FOVEA_OK) return status;
     struct fv_arena arenas[FOVEA_MEMORY_PART_COUNT], head;
     for (int part = 0; part < FOVEA_MEMORY_PART_COUNT; part++)

@@ -419,6 +419,10 @@ enum fovea_status fv_settings_check(const struct fv_settings *settings, struct f
                             "an interface",
                             settings->listen);
     if (status == FOVEA_OK) status = fv_classes_check(settings, error);
+    if (status == FOVEA_OK && settings->model2[0] != '\0' && settings->model[0] == '\0')
+        status = fovea_error_set(
+            error, FOVEA_ERROR_INPUT,
+            "detect2.model: found '%.200s' without detect.model, expected both", settings->model2);
     if (status == FOVEA_OK && !runtime.odometry.enabled && (load || save))
         status = fovea_error_set(
             error, FOVEA_ERROR_INPUT,

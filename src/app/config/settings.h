@@ -55,7 +55,7 @@ struct fv_settings {
     uint32_t record_buffer;          /* frames that may wait for the disk in real time */
     char movable[256], heights[512]; /* lists of classes (app/classes.h) */
     /* "": no detection; the runtime gets its bytes when the source is open */
-    char model[FV_SETTINGS_PATH_BYTES];
+    char model[FV_SETTINGS_PATH_BYTES], model2[FV_SETTINGS_PATH_BYTES];
     uint32_t priority; /* SCHED_FIFO; 0: ordinary scheduling */
     int32_t cpu;       /* -1: any */
     bool lock_memory;

@@ -88,10 +88,20 @@ static enum fovea_status camera_read(struct fv_settings *settings, struct fovea_
     return status;
 }
 
+static enum fovea_status model2_read(struct fv_settings *settings, struct fv_setup *setup,
+                                     struct fovea_error *error)
+{
+    const enum fovea_status status = fv_model_file_read(settings->model2, &setup->model2, error);
+    settings->runtime.detect2.model = setup->model2.data;
+    settings->runtime.detect2.model_bytes = setup->model2.bytes;
+    if (status != FOVEA_OK) fv_settings_blame(settings, "detect2.model", error);
+    return status;
+}
+
 static enum fovea_status model_read(struct fv_settings *settings, struct fv_setup *setup,
                                     struct fovea_error *error)
 {
-    if (settings->model[0] == '\0') return FOVEA_OK;
+    if (settings->model[0] == '\0') return FOVEA_OK; /* there is no second one without it */
     enum fovea_status status = fv_model_file_read(settings->model, &setup->model, error);
     settings->runtime.detect.model = setup->model.data;
     settings->runtime.detect.model_bytes = setup->model.bytes;
@@ -99,12 +109,18 @@ static enum fovea_status model_read(struct fv_settings *settings, struct fv_setu
     if (status == FOVEA_OK &&
         (status = fv_classes_resolve(settings, &setup->model.model, error)) != FOVEA_OK)
         fv_settings_locate(settings, error);
-    return status;
+    if (status != FOVEA_OK || settings->model2[0] == '\0') return status;
+    return model2_read(settings, setup, error);
+}
+
+static bool takes_colour(const struct fv_model_file *file)
+{
+    return file->data != NULL && file->model.header->preprocess.channels == 3;
 }
 
 bool fv_setup_wants_colour(const struct fv_setup *setup)
 {
-    return setup->model.data != NULL && setup->model.model.header->preprocess.channels == 3;
+    return takes_colour(&setup->model) || takes_colour(&setup->model2);
 }
 
 static enum fovea_status camera_fit(struct fv_settings *settings,
@@ -226,6 +242,7 @@ void fv_setup_close(struct fv_setup *setup)
     free(setup->mask);
     free(setup->map);
     fv_model_file_free(&setup->model);
+    fv_model_file_free(&setup->model2);
     *setup = (struct fv_setup){0};
 }
 

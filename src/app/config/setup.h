@@ -26,12 +26,13 @@ enum fovea_status fv_setup_settings(const struct fv_setup_options *options,
 
 struct fv_setup {
     const struct fovea_source_ops *ops;
-    struct fovea_source *source; /* open, not started */
-    uint8_t *mask, *map;         /* NULL: none */
-    struct fv_model_file model;  /* data NULL: none */
+    struct fovea_source *source;        /* open, not started */
+    uint8_t *mask, *map;                /* NULL: none */
+    struct fv_model_file model, model2; /* data NULL: none */
 };
 
-/* Open settings->source, and fill in settings->runtime.camera, .mask, .map and .detect.model.
+/* Open settings->source, and fill in settings->runtime.camera, .mask, .map, .detect.model and
+ * .detect2.model.
  * FOVEA_ERROR_SYSTEM: the machine's fault; other errors are wrong input. On an error with `ops` but
  * no `source`, it is the source that does not open. What else is there is for fv_setup_close in any
  * case. */

@@ -422,7 +422,8 @@ static size_t turn_bytes(const struct fv_recorder_setup *setup)
         pixels = pixels * 10 / 14;
     return setup->frame_bytes + fv_jpeg_capacity((int32_t)pixels, 1) + SMALL_BYTES +
            (size_t)config->features.count_max * FEATURE_BYTES +
-           (config->detect.model != NULL ? OBJECTS_BYTES : 0);
+           (config->detect.model != NULL ? OBJECTS_BYTES : 0) +
+           (config->detect2.model != NULL ? OBJECTS_BYTES : 0);
 }
 
 static size_t ring_bytes(const struct fv_recorder_setup *setup, size_t header_bytes)

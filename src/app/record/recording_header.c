@@ -131,6 +131,9 @@ enum fovea_status fv_recording_header_encode(const struct fv_settings *settings,
     if (settings->runtime.detect.model != NULL)
         add_part(&message, "model", settings->model, settings->runtime.detect.model,
                  settings->runtime.detect.model_bytes);
+    if (settings->runtime.detect2.model != NULL)
+        add_part(&message, "model2", settings->model2, settings->runtime.detect2.model,
+                 settings->runtime.detect2.model_bytes);
     if (identity != NULL && identity->bytes > 0)
         add_part(&message, "run", identity->channel, identity->data, identity->bytes);
     status = encode(&message, data, bytes, error);
@@ -199,20 +202,37 @@ static enum fovea_status read_map(const struct source *from, const fovea_recordi
     return FOVEA_OK;
 }
 
+/* `part` NULL: there is none. */
 static enum fovea_status read_model(const struct source *from, const fovea_recording_part_t *part,
-                                    struct fv_recording_header *header, struct fovea_error *error)
+                                    void **data, struct fovea_detect_config *detect,
+                                    struct fv_model *model, struct fovea_error *error)
 {
+    if (part == NULL) return FOVEA_OK;
     const size_t bytes = (size_t)part->size_bytes;
-    header->model = fv_aligned_new(bytes + FV_CACHE_LINE_BYTES);
-    if (header->model == NULL)
+    *data = fv_aligned_new(bytes + FV_CACHE_LINE_BYTES);
+    if (*data == NULL)
         return fovea_error_set(error, FOVEA_ERROR_MEMORY, "%s: no memory for the model",
                                from->name);
-    memcpy(header->model, part->data, bytes);
-    header->settings.runtime.detect.model = header->model;
-    header->settings.runtime.detect.model_bytes = bytes;
+    memcpy(*data, part->data, bytes);
+    detect->model = *data;
+    detect->model_bytes = bytes;
+    return fv_model_open(*data, bytes, from->name, model, error);
+}
+
+static enum fovea_status read_models(const struct source *from, const fovea_recording_t *message,
+                                     struct fv_recording_header *header, struct fovea_error *error)
+{
+    const fovea_recording_part_t *part = find_part(message, "model");
+    struct fovea_config *config = &header->settings.runtime;
     struct fv_model model;
-    enum fovea_status status = fv_model_open(header->model, bytes, from->name, &model, error);
-    return status == FOVEA_OK ? fv_classes_resolve(&header->settings, &model, error) : status;
+    enum fovea_status status =
+        read_model(from, part, &header->model, &config->detect, &model, error);
+    if (status == FOVEA_OK && part != NULL)
+        status = fv_classes_resolve(&header->settings, &model, error);
+    if (status == FOVEA_OK)
+        status = read_model(from, find_part(message, "model2"), &header->model2, &config->detect2,
+                            &model, error);
+    return status;
 }
 
 static enum fovea_status read_parts(const struct source *from, const fovea_recording_t *message,
@@ -223,7 +243,6 @@ static enum fovea_status read_parts(const struct source *from, const fovea_recor
     const fovea_recording_part_t *configuration = find_part(message, "configuration");
     const fovea_recording_part_t *calibration = find_part(message, "calibration");
     const fovea_recording_part_t *mask = find_part(message, "mask");
-    const fovea_recording_part_t *model = find_part(message, "model");
     const fovea_recording_part_t *map = find_part(message, "map");
     const fovea_recording_part_t *run = find_part(message, "run");
     if (configuration == NULL || calibration == NULL)
@@ -249,7 +268,7 @@ static enum fovea_status read_parts(const struct source *from, const fovea_recor
     header->settings.runtime.camera = read.camera;
     if (mask != NULL) status = read_mask(from, mask, header, error);
     if (map != NULL && status == FOVEA_OK) status = read_map(from, map, header, error);
-    return model != NULL && status == FOVEA_OK ? read_model(from, model, header, error) : status;
+    return status == FOVEA_OK ? read_models(from, message, header, error) : status;
 }
 
 enum fovea_status fv_recording_header_decode(const char *name, int64_t offset, const uint8_t *data,
@@ -289,9 +308,10 @@ enum fovea_status fv_recording_header_decode(const char *name, int64_t offset, c
     } else {
         free(header->mask);
         free(header->model);
+        free(header->model2);
         free(header->map);
         header->mask = header->map = NULL;
-        header->model = NULL;
+        header->model = header->model2 = NULL;
     }
     fovea_recording_t_decode_cleanup(&message);
     return status;

@@ -26,7 +26,8 @@ struct fv_recording_header {
     struct fv_settings settings;
     uint8_t *mask;
     uint8_t *map; /* the caller's to free; settings.runtime.map points to it */
-    void *model;  /* the caller's to free, too; settings.runtime.detect.model points to it */
+    /* the caller's to free, too; settings.runtime.detect.model and .detect2.model point to them */
+    void *model, *model2;
     bool real_time;
     char version[32], machine[96], kernel_set[32];
     struct fv_identity identity; /* run_id 0: the recording has none */

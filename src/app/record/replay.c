@@ -353,6 +353,7 @@ enum fovea_status fv_replay(const char *path, bool stop_at_difference, fv_replay
     fovea_log_close(replay->log);
     free(replay->header.mask);
     free(replay->header.model);
+    free(replay->header.model2);
     free(replay->header.map);
     free(replay->memory);
     free(replay->pixels);

@@ -100,6 +100,8 @@ static enum fovea_status memory_print(struct check *check, size_t lcm_bytes,
     memory_row("timings", "outside", sizeof(struct fv_timings));
     memory_row("trajectory", "outside", fv_trajectory_bytes());
     if (check->setup.model.data != NULL) memory_row("model", "outside", check->setup.model.bytes);
+    if (check->setup.model2.data != NULL)
+        memory_row("second model", "outside", check->setup.model2.bytes);
     memory_row("stack of the loop", "outside", FV_THREAD_STACK_BYTES);
     if (check->setup.source != NULL)
         memory_row("recorder, if recording", "outside", recorder_bytes(check));

@@ -103,6 +103,7 @@ enum fovea_status fv_run_files_apart(const struct fv_run *run, struct fovea_erro
         {"--camera", run->settings.camera},
         {"mask", run->settings.mask},
         {"--model", run->settings.model},
+        {"detect2.model", run->settings.model2},
         {"command_key", run->settings.command_key},
         {0},
     };

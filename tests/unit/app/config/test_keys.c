@@ -129,9 +129,10 @@ static void headers_name_range_and_default_of_every_key(void **state)
         const struct member *member = &members[i];
         const char *dot = strchr(member->path, '.'), *name = dot != NULL ? dot + 1 : member->path;
         char structure[64] = "fovea_config", comment[1024], range[64];
+        /* "detect2.count_max" is of the second struct fovea_detect_config */
         if (dot != NULL)
-            snprintf(structure, sizeof structure, "fovea_%.*s_config", (int)(dot - member->path),
-                     member->path);
+            snprintf(structure, sizeof structure, "fovea_%.*s_config",
+                     (int)strcspn(member->path, ".2"), member->path);
         const size_t at = declaration(structure, name);
         if (at == 0) fail_msg("struct %s: no member %s", structure, name);
         comment_of(at, comment, sizeof comment);
