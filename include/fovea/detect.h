@@ -1,12 +1,11 @@
-/* Detections: what an int8 network found in an image.
+/* Detections: objects that an int8 network finds in an image.
  *
  * A network reads an image resized to its input (stretched, or letterboxed with its shape kept);
- * boxes are given in pixels of the image it looked at, (0, 0) the centre of the top left pixel, max
- * exclusive.
+ * boxes are given in pixels of that image, (0, 0) the centre of the top left pixel, max exclusive.
  *
  * In the runtime detection is a job: an image is copied when the job is free, the network runs in
- * units of at most 0.25 ms over as many frames as it takes, and its boxes come out with the stamp
- * of the image that they belong to. */
+ * units of at most 0.25 ms over as many frames as it takes, and its boxes are published with the
+ * stamp of the image that they belong to. */
 #ifndef FOVEA_DETECT_H
 #define FOVEA_DETECT_H
 
@@ -33,7 +32,7 @@ struct fovea_detect_config {
     const void *model;
     size_t model_bytes;
 
-    /* [1, 1000000], default 1: look at every so-manieth frame, if the network is free then */
+    /* [1, 1000000], default 1: run on every n-th frame, if the network is free then */
     uint32_t period_frames;
     uint32_t count_max; /* [1, 300], default 100: detections of one image, best first; costs message
                            size */
@@ -43,13 +42,14 @@ struct fovea_detect_config {
                                goes */
 };
 
-/* What the last look that completed found, in memory of the runtime's block. */
+/* Detections of the last completed inference, in memory of the runtime's block. */
 struct fovea_detections {
-    uint64_t looks;    /* completed since fovea_init; nothing below holds while 0 */
-    int64_t stamp_ns;  /* of the image that was looked at */
-    uint64_t sequence; /* its frame's number */
+    uint64_t inferences; /* completed since fovea_init; nothing below is valid while 0 */
+    int64_t stamp_ns;    /* of the image */
+    uint64_t sequence;   /* its frame's number */
     uint32_t count;
-    /* behind the `count` in the list: below the threshold, for the tracker (track.score_low) */
+    /* detections after the first `count` of the list: below the threshold, for the tracker
+     * (track.score_low) */
     uint32_t uncertain;
     const struct fovea_detection *list; /* by falling score */
 };

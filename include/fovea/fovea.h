@@ -16,10 +16,10 @@
  *     }
  *
  * The caller owns the block; there is nothing to destroy. After fovea_init no function here calls
- * the heap, takes a lock, logs or makes a system call (other than through the clock that the caller
- * may hand in). fovea_step and fovea_work are functions of (state, inputs, grants): same bits in,
- * same bits out, on every processor. The block may be moved or copied only through fovea_copy,
- * since it holds addresses of itself. */
+ * the heap, takes a lock, logs or makes a system call (other than through the clock of the
+ * configuration, if it has one). fovea_step and fovea_work are functions of (state, inputs,
+ * grants): same bits in, same bits out, on every processor. The block may be moved or copied only
+ * through fovea_copy, since it holds addresses of itself. */
 #ifndef FOVEA_FOVEA_H
 #define FOVEA_FOVEA_H
 
@@ -60,8 +60,8 @@ struct fovea_preview_config {
 };
 
 struct fovea_config {
-    struct fovea_camera
-        camera; /* prepared (fovea_camera_prepare); width x height is the frame size */
+    /* prepared by fovea_camera_prepare; width x height is the frame size */
+    struct fovea_camera camera;
     struct fovea_features_config features;
     struct fovea_odometry_config odometry;
     struct fovea_detect_config detect;
@@ -69,16 +69,16 @@ struct fovea_config {
      * of FOVEA_JOB_DETECT. Tracks follow from the first alone. */
     struct fovea_detect_config detect2;
     struct fovea_scale_config scale;
-    struct fovea_track_config track; /* of what is detected */
+    struct fovea_track_config track; /* of detected objects */
     struct fovea_preview_config preview;
-    uint64_t seed; /* of the generator in the state, default 1 */
+    uint64_t seed; /* of the random generator in the state, default 1 */
 
     /* Static mask: width x height bytes, 0 where features are ignored; NULL: none. Copied by
      * fovea_init. */
     const uint8_t *mask;
 
-    /* A map saved earlier with the same camera, to begin with; NULL: none. Read by fovea_init only.
-     * The name is for errors, for example the file's path. */
+    /* A map to start with, saved with the same camera; NULL: none. Read by fovea_init only. Errors
+     * contain the name, for example the file's path. */
     const uint8_t *map;
     size_t map_bytes;
     const char *map_name;
@@ -123,7 +123,7 @@ enum fovea_status fovea_init(void *memory, size_t bytes, const struct fovea_conf
 /* The three parts of the block. */
 enum fovea_memory_part {
     FOVEA_MEMORY_PERSISTENT = 0, /* state that lives from frame to frame */
-    FOVEA_MEMORY_JOB = 1,        /* what jobs under way work on */
+    FOVEA_MEMORY_JOB = 1,        /* data of jobs in progress */
     FOVEA_MEMORY_FRAME = 2,      /* scratch, rewritten by each step */
     FOVEA_MEMORY_PART_COUNT
 };
@@ -136,8 +136,8 @@ struct fovea_memory_row {
 
 enum { FOVEA_MEMORY_ROWS_MAX = 48 };
 
-/* The memory table: who takes how much of the block. Rows sum up to the block, padding included.
- * Any thread. */
+/* The memory table: how much of the block each stage and job takes. Rows add up to the block,
+ * padding included. Any thread. */
 struct fovea_memory_table {
     uint32_t count;
     struct fovea_memory_row rows[FOVEA_MEMORY_ROWS_MAX];
@@ -159,24 +159,25 @@ enum fovea_job {
 /* What the governor allows: the only way in which time influences results. Recorded with every
  * frame. */
 struct fovea_grants {
-    uint32_t features; /* features asked of this step, at most config.features.count_max */
+    uint32_t features; /* most features of this step, up to config.features.count_max */
     uint32_t units[FOVEA_JOB_COUNT]; /* units of at most 0.25 ms each, by job */
 };
 
 /* Commands, as bits, taken at the start of a step. */
 enum fovea_command {
-    FOVEA_COMMAND_RESET =
-        1, /* forget everything learnt since fovea_init; the reset counter rises */
+    /* discard everything learnt since fovea_init; the reset counter rises */
+    FOVEA_COMMAND_RESET = 1,
     FOVEA_COMMAND_PAUSE = 2, /* frames are counted but not processed until resumed */
     FOVEA_COMMAND_RESUME = 4,
-    FOVEA_COMMAND_SAVE =
-        8, /* save the map: in units of the map's job, to where fovea_map_save_to said */
-    FOVEA_COMMAND_OVERWRITE = 16, /* for who writes the saved map to a file; a step ignores it */
+    /* save the map, in units of the map's job, to the buffer of fovea_map_save_to */
+    FOVEA_COMMAND_SAVE = 8,
+    /* for the application that writes the saved map to a file; a step ignores it */
+    FOVEA_COMMAND_OVERWRITE = 16,
 };
 
 enum { FOVEA_INPUT_ODOMETRY_MAX = 64, FOVEA_INPUT_BOXES_MAX = 64 };
 
-/* Around something that may move on its own: raw-image pixels, max exclusive. */
+/* Box around an object that may move on its own: raw-image pixels, max exclusive. */
 struct fovea_box {
     float x_min_px, y_min_px, x_max_px, y_max_px;
 };
@@ -190,20 +191,19 @@ struct fovea_inputs {
     int64_t utc_offset_ns; /* add to a stamp to get UTC; 0 where not known; copied into messages */
     struct fovea_grants grants;
 
-    /* Wheel or leg odometry that has come since the last step, in order of time. */
+    /* Wheel or leg odometry received since the last step, in order of time. */
     uint32_t odometry_count;
     struct fovea_odometry_sample odometry[FOVEA_INPUT_ODOMETRY_MAX];
 
-    /* What moves in an image: features in it never enter the map. The boxes of the image with this
-     * stamp, which may be an earlier one (a detector takes its time; boxes then grow with their
-     * age) or that of this frame. */
-    bool has_boxes; /* false: nothing new */
+    /* Moving objects of an image: features in their boxes never enter the map. The image may be
+     * this frame's or an earlier one, whose boxes grow with their age. */
+    bool has_boxes; /* false: no new boxes */
     int64_t boxes_stamp_ns;
     uint32_t box_count;
     struct fovea_box boxes[FOVEA_INPUT_BOXES_MAX];
 
-    /* Measured by the application, told on in the statistics message only, never used for results.
-     */
+    /* Measured by the application, published in the statistics message only, never used for
+     * results. */
     int64_t latency_ns;  /* from the stamp to the call of fovea_step; 0: unknown */
     float temperature_c; /* of the processor; NaN where unknown */
     uint64_t resident_bytes;
@@ -226,7 +226,7 @@ struct fovea_outputs {
     struct fovea_message messages[FOVEA_MESSAGES_MAX];
     uint32_t units_done[FOVEA_JOB_COUNT];
     uint32_t jobs_waiting; /* bit per job: has units left to do */
-    size_t map_bytes;      /* of a work: the map was saved, in so many bytes; 0: not in this one */
+    size_t map_bytes;      /* bytes of the map that this work finished saving; 0: none */
 };
 
 /* Process one frame, or note that there is none. FOVEA_OK: processed. FOVEA_AGAIN: nothing to
@@ -246,11 +246,11 @@ const struct fovea_feature *fovea_features_get(const struct fovea *rt, uint32_t 
 /* Pose of the last processed frame, as published. */
 void fovea_pose_get(const struct fovea *rt, struct fovea_pose *pose);
 
-/* What the last completed look of the detector found; `looks` is 0 without one. Valid until the
- * next fovea_work. */
+/* Detections of the last completed inference of the network; `inferences` is 0 without one. Valid
+ * until the next fovea_work. */
 void fovea_detections_get(const struct fovea *rt, struct fovea_detections *detections);
 
-/* The tracks as of the last completed look; `updates` is 0 without one. Valid until the next
+/* The tracks as of the last completed inference; `updates` is 0 without one. Valid until the next
  * fovea_work. */
 void fovea_tracks_get(const struct fovea *rt, struct fovea_tracks *tracks);
 
@@ -268,8 +268,8 @@ uint32_t fovea_keyframes_get(const struct fovea *rt, struct fovea_keyframe *list
 
 /* ---- the governor ---------------------------------------------------------------------------- */
 
-/* Grants of the fixed schedule: all features, and per job the guaranteed minimum. For recorded
- * input at full speed. */
+/* Grants of the fixed schedule, for recorded input at full speed: all features, and for each job a
+ * constant number of units. */
 void fovea_grants_fixed(const struct fovea_config *config, struct fovea_grants *grants);
 
 /* Grants from measured time, for frames that come by the clock. A plain struct owned by the
@@ -284,50 +284,50 @@ struct fovea_governor {
 
 void fovea_governor_init(struct fovea_governor *governor, const struct fovea_config *config,
                          int64_t period_ns);
-/* Grants for the next step and work: features lowered after sustained shortage, raised again after
- * sustained ease. */
+/* Grants for the next step and work. Features are lowered when frames stay too slow, and raised
+ * when they stay fast. */
 void fovea_governor_next(struct fovea_governor *governor, const struct fovea_config *config,
                          struct fovea_grants *grants);
 /* Lower `grants->units` to what is left of the period after the step took `step_ns`; minimum kept.
  */
 void fovea_governor_work(struct fovea_governor *governor, int64_t step_ns, uint32_t jobs_waiting,
                          struct fovea_grants *grants);
-/* Learn from what the work took. */
+/* Update the estimates from the measured times of a step and its work. */
 void fovea_governor_learn(struct fovea_governor *governor, int64_t step_ns, int64_t work_ns,
                           const struct fovea_outputs *work_outputs);
 
-/* ---- maps kept ------------------------------------------------------------------------------- */
+/* ---- saving maps ----------------------------------------------------------------------------- */
 
 /* Most bytes that a saved map of this configuration takes. Any thread. */
 size_t fovea_map_bytes_max(const struct fovea_config *config);
 
-/* Where FOVEA_COMMAND_SAVE writes: a buffer of the caller's, to be left alone until
- * outputs.map_bytes tells that all is there; NULL: nowhere. Outside the state: with or without a
- * buffer, runs are equal. A buffer that is too small gets what fits: outputs.map_bytes tells. Loop
- * thread, real-time safe. */
+/* The caller's buffer for FOVEA_COMMAND_SAVE, not to be touched until outputs.map_bytes is not 0;
+ * NULL: do not save. It is outside the state: runs with and without a buffer are equal. A buffer
+ * that is too small gets what fits, and outputs.map_bytes is larger than `bytes`. Loop thread,
+ * real-time safe. */
 void fovea_map_save_to(struct fovea *rt, uint8_t *buffer, size_t bytes);
 
-/* Put in the checksum that makes saved bytes a file; fewer than a checksum has are left alone. Any
- * thread; not for the loop, as it reads them all. */
+/* Write the checksum that turns saved bytes into a map file; fewer bytes than a checksum stay
+ * unchanged. Any thread; not for the loop, since it reads all bytes. */
 void fovea_map_seal(uint8_t *data, size_t bytes);
 
-/* Save in one go, when no loop runs: returns the bytes of the sealed file, 0 when the buffer is too
- * small or there is no odometry. */
+/* Save at once, while no loop runs. Returns the bytes of the sealed file, 0 when the buffer is too
+ * small or odometry is off. */
 size_t fovea_map_save(struct fovea *rt, uint8_t *buffer, size_t bytes);
 
-/* ---- looking inside -------------------------------------------------------------------------- */
+/* ---- inspection ------------------------------------------------------------------------------ */
 
 enum fovea_stage {
     FOVEA_STAGE_PYRAMID = 0,
     FOVEA_STAGE_FEATURES = 1,
     FOVEA_STAGE_ODOMETRY = 2,
     FOVEA_STAGE_ENCODE = 3,
-    FOVEA_STAGE_JOBS = 4, /* then the jobs' shares of work: one stage per job, in their order */
+    FOVEA_STAGE_JOBS = 4, /* then one stage per job, in the order of the jobs */
     FOVEA_STAGE_COUNT = FOVEA_STAGE_JOBS + FOVEA_JOB_COUNT
 };
 const char *fovea_stage_name(enum fovea_stage stage);
 const char *fovea_job_name(enum fovea_job job);
-/* The configuration key that gives the job work: with its value off, empty or 0 there is none. */
+/* The configuration key that gives the job work: with the value off, empty or 0 it has none. */
 const char *fovea_job_key(enum fovea_job job);
 
 struct fovea_stats {
@@ -341,9 +341,9 @@ struct fovea_stats {
 };
 void fovea_stats_get(const struct fovea *rt, struct fovea_stats *stats);
 
-/* 64-bit FNV-1a hash of everything in the state that may influence later results: equal after equal
- * histories on any processor of the same word size and byte order. Bounded; not for every frame.
- * Loop thread. */
+/* 64-bit FNV-1a hash of everything in the state that may influence later results. Equal histories
+ * give equal hashes on all processors of the same word size and byte order. Bounded time; not for
+ * every frame. Loop thread. */
 uint64_t fovea_state_hash(const struct fovea *rt);
 
 /* Copy a runtime into another block of at least the same size, which may then be stepped on its

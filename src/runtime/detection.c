@@ -183,7 +183,7 @@ bool fv_detection_advance(struct fv_detection *detection, const struct fovea_con
         if (!map_some(detection, &config->camera)) continue;
         state->mapping = 0;
         state->found_frame = state->frame;
-        state->looks++;
+        state->inferences++;
         return true;
     }
     return false;
@@ -220,11 +220,11 @@ uint32_t fv_detection_encode(const struct fv_detection *detection,
 void fv_detection_get(const struct fv_detection *detection, struct fovea_detections *detections)
 {
     memset(detections, 0, sizeof *detections);
-    if (!detection->enabled || detection->state->looks == 0) return;
+    if (!detection->enabled || detection->state->inferences == 0) return;
     uint32_t count, uncertain;
     const struct fovea_detection *found = fv_detect_found(&detection->memory, &count, &uncertain);
     *detections = (struct fovea_detections){
-        .looks = detection->state->looks,
+        .inferences = detection->state->inferences,
         .stamp_ns = detection->state->found_frame.stamp_ns,
         .sequence = detection->state->found_frame.sequence,
         .count = count,

@@ -1,5 +1,6 @@
-/* The detector within the runtime: looks at a frame when it is free, and hands out what it found as
- * one message, with the stamp of that frame and boxes in the raw and the rectified image. */
+/* A detector within the runtime: it takes a frame when it is free, runs its network on it (an
+ * inference) and encodes the detections as one message, with the stamp of that frame and boxes in
+ * the raw and the rectified image. */
 #ifndef FOVEA_RUNTIME_DETECTION_H
 #define FOVEA_RUNTIME_DETECTION_H
 
@@ -14,9 +15,9 @@
 
 /* No addresses and no padding: copied and hashed as bytes. */
 struct fv_detection_state {
-    struct fv_frame_id frame, found_frame; /* under way; of the last look that completed */
-    uint64_t looks;
-    uint32_t mapping, mapped; /* boxes are being taken to the rectified image; how many have been */
+    struct fv_frame_id frame, found_frame; /* under way; of the last completed inference */
+    uint64_t inferences;                   /* completed */
+    uint32_t mapping, mapped; /* boxes are being mapped to the rectified image; how many are */
     float rectified[FOVEA_DETECTIONS_MAX][4];
 };
 
@@ -50,22 +51,22 @@ float fv_detection_floor(const struct fovea_track_config *track);
 size_t fv_detection_label_bytes(const struct fv_detection *detection); /* of the longest label */
 size_t fv_detection_message_bytes(const struct fv_detection *detection);
 
-/* Forget the look under way. Real-time safe, as all that follows. */
+/* Give up the inference under way. Real-time safe, as all that follows. */
 void fv_detection_reset(struct fv_detection *detection);
 
-/* Look at this frame, unless an earlier look goes on: its pixels are copied. Formats that the
- * detector does not read are looked at in grey, from the pyramid. True: the look begins. */
+/* Take this frame, unless an inference is under way: its pixels are copied. For formats that the
+ * detector does not read, the grey image of the pyramid is taken. True: the inference begins. */
 bool fv_detection_offer(struct fv_detection *detection, const struct fovea_frame *frame,
                         const struct fv_frame_id *id, const struct fv_pyramid *pyramid);
 
 bool fv_detection_waiting(const struct fv_detection *detection);
 
-/* Do at most `units` units, `*done` of them. True: a look is complete, and what it found is in
- * job->found. */
+/* Do at most `units` units, `*done` of them. True: an inference is complete, and its detections are
+ * in job->found. */
 bool fv_detection_advance(struct fv_detection *detection, const struct fovea_config *config,
                           const struct fv_kernels *kernels, uint32_t units, uint32_t *done);
 
-/* Encode what the last look found. Returns the bytes. */
+/* Encode the detections of the last inference. Returns the bytes. */
 uint32_t fv_detection_encode(const struct fv_detection *detection,
                              const struct fovea_config *config, uint32_t reset_counter,
                              uint8_t *buffer, size_t capacity);

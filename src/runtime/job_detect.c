@@ -1,5 +1,5 @@
-/* The job of the one or two networks that find objects, and the tracks that follow from what the
- * first finds. */
+/* The job of the one or two networks that find objects, and the tracks that follow from the
+ * detections of the first. */
 #include "runtime/config.h"
 #include "runtime/jobs.h"
 
@@ -8,8 +8,7 @@ bool fv_job_detect_waiting(const struct fovea *rt)
     return fv_detection_waiting(&rt->detection) || fv_detection_waiting(&rt->detection2);
 }
 
-/* What a look found goes to the tracker; what moves on its own is kept out of the map from now on.
- */
+/* The tracker takes the detections; what moves on its own is kept out of the map from now on. */
 static void track(struct fovea *rt, struct fovea_outputs *outputs)
 {
     struct fovea_detections detections;
@@ -50,8 +49,8 @@ static uint32_t advance_first(struct fovea *rt, uint32_t units, struct fovea_out
 }
 
 /* Two networks that have work share the grant: half each, and what one leaves is for the other.
- * Each completes at most one look per work call: its message's buffer is in use until the next, and
- * it gets its next image from the next step. */
+ * Each completes at most one inference per work call: its message's buffer is in use until the
+ * next, and it gets its next image from the next step. */
 uint32_t fv_job_detect_advance(struct fovea *rt, uint32_t units, struct fovea_outputs *outputs)
 {
     bool complete;

@@ -60,7 +60,7 @@ struct fovea {
     struct fv_features features;
     struct fv_orb orb;
     struct fv_odometry odometry;
-    struct fv_detection detection, detection2; /* the tracker takes what the first finds */
+    struct fv_detection detection, detection2; /* the tracker uses the first */
     struct fv_tracking tracking;
     struct fv_scale scale;
     struct fv_publish publish;

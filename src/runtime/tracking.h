@@ -32,16 +32,16 @@ void fv_tracking_carve(struct fv_tracking *tracking, const struct fovea_config *
 void fv_tracking_reset(struct fv_tracking *tracking);
 /* The detector took the frame with this pose. */
 void fv_tracking_note(struct fv_tracking *tracking, const struct fovea_pose *pose);
-/* The look is complete. */
+/* The inference is complete. */
 void fv_tracking_update(struct fv_tracking *tracking, const struct fovea_detections *detections);
 
-/* Encode the tracks as of the last look, with the stamp of its frame, located in `odom`. Returns
- * the bytes. */
+/* Encode the tracks as of the last inference, with the stamp of its frame, located in `odom`.
+ * Returns the bytes. */
 uint32_t fv_tracking_encode(const struct fv_tracking *tracking, const struct fovea_config *config,
                             const struct fv_detection *detection, uint32_t reset_counter,
                             uint8_t *buffer, size_t capacity);
 
-/* Boxes of movable classes in the last look; returns how many. */
+/* Boxes of movable classes in the last inference; returns how many. */
 uint32_t fv_tracking_movable(const struct fv_tracking *tracking,
                              struct fovea_box boxes[FOVEA_INPUT_BOXES_MAX]);
 

@@ -109,8 +109,8 @@ static void work_done(void *context, const struct fovea_inputs *inputs,
     fv_final_look(run->final, run->loop.rt);
     struct fovea_detections detections;
     fovea_detections_get(run->loop.rt, &detections);
-    if (detections.looks == run->looks) return;
-    run->looks = detections.looks;
+    if (detections.inferences == run->inferences) return;
+    run->inferences = detections.inferences;
     struct fovea_tracks tracks;
     fovea_tracks_get(run->loop.rt, &tracks);
     run->objects += detections.count;

@@ -113,7 +113,7 @@ static void path_print(const struct fv_run *run, const struct fv_trajectory_summ
 static void found_print(const struct fv_run *run)
 {
     if (run->settings.model[0] == '\0') return;
-    printf("  found %" PRIu64 " objects in %" PRIu64 " images", run->objects, run->looks);
+    printf("  found %" PRIu64 " objects in %" PRIu64 " images", run->objects, run->inferences);
     if (run->settings.runtime.track.mode != FOVEA_TRACK_OFF)
         printf(", %" PRIu64 " tracks", run->tracks);
     printf("\n");

@@ -91,12 +91,12 @@ static void slices_give_the_same_with_the_stamp_of_the_image(void **state)
     struct made whole = make(), sliced = make();
     struct fovea_detections all, some;
     fovea_detections_get(whole.rt, &all);
-    assert_int_equal(all.looks, 0);
+    assert_int_equal(all.inferences, 0);
     assert_non_null(turn(whole.rt, 0, 100000));
     fovea_detections_get(whole.rt, &all);
-    assert_int_equal(all.looks, 1);
+    assert_int_equal(all.inferences, 1);
     assert_in_range(all.count, 1, 100);
-    int looked_at = 0, looks = 0;
+    int looked_at = 0, inferences = 0;
     for (int i = 0; i < FRAMES; i++) {
         const struct fovea_message *message = turn(sliced.rt, i, 2);
         if (message == NULL) continue;
@@ -104,7 +104,7 @@ static void slices_give_the_same_with_the_stamp_of_the_image(void **state)
         assert_int_equal(fovea_detections_t_decode(message->data, 0, (int)message->bytes, &decoded),
                          message->bytes);
         fovea_detections_get(sliced.rt, &some);
-        assert_int_equal(some.looks, ++looks);
+        assert_int_equal(some.inferences, ++inferences);
         assert_int_equal(some.sequence, 100 + looked_at);
         assert_int_equal(decoded.stamp.time_ns, (looked_at + 1) * 1000);
         assert_true(i > looked_at + 2); /* over several frames */
@@ -120,7 +120,7 @@ static void slices_give_the_same_with_the_stamp_of_the_image(void **state)
         fovea_detections_t_decode_cleanup(&decoded);
         looked_at = i + 1;
     }
-    assert_true(looks > 2);
+    assert_true(inferences > 2);
     free(whole.memory);
     free(sliced.memory);
 }
@@ -266,7 +266,7 @@ static void a_reset_forgets_the_look_under_way(void **state)
     assert_non_null(turn(made.rt, 7, 100000));
     fovea_detections_get(made.rt, &found);
     assert_int_equal(found.sequence, 107);
-    assert_int_equal(found.looks, 1);
+    assert_int_equal(found.inferences, 1);
     free(made.memory);
 }
 

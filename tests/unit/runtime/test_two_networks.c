@@ -180,8 +180,8 @@ static void a_small_grant_is_shared_and_changes_no_box(void **state)
         fovea_detections2_get(made.rt, &found[1]);
         for (int m = 0; m < 2; m++) {
             since[m]++;
-            if (found[m].looks == looks[m]) continue;
-            assert_int_equal(found[m].looks, ++looks[m]);
+            if (found[m].inferences == looks[m]) continue;
+            assert_int_equal(found[m].inferences, ++looks[m]);
             assert_as_alone(&found[m], alone[m]);
             longest[m] = since[m] > longest[m] ? since[m] : longest[m];
             since[m] = 0;
@@ -214,7 +214,7 @@ static void a_copy_goes_on_with_both(void **state)
     assert_true(fovea_state_hash(copy) == hash);
     struct fovea_detections second;
     fovea_detections2_get(copy, &second);
-    assert_true(second.looks > 0);
+    assert_true(second.inferences > 0);
     assert_string_not_equal(fovea_detect_label(copy, 0), fovea_detect2_label(copy, 0));
     free(memory);
     free(made.memory);

@@ -61,8 +61,8 @@ static void what_is_handed_over_is_written(void **state)
          .y_max_px = 59},
         {.id = 5, .state = FOVEA_TRACK_COASTING, .score = 0.5f, .x_max_px = 7, .y_max_px = 8},
         {.id = 6, .state = FOVEA_TRACK_TENTATIVE, .score = 0.5f, .x_max_px = 7, .y_max_px = 8}};
-    const struct fovea_detections none = {.looks = 1, .sequence = 6},
-                                  two = {.looks = 2, .sequence = 7, .count = 2, .list = found};
+    const struct fovea_detections none = {.inferences = 1, .sequence = 6},
+                                  two = {.inferences = 2, .sequence = 7, .count = 2, .list = found};
     const struct fovea_tracks no_tracks = {.updates = 0},
                               tracks = {.updates = 2, .sequence = 7, .count = 3, .list = list};
     struct fv_results *results;
@@ -100,7 +100,7 @@ static void what_finds_no_room_is_told(void **state)
 {
     (void)state;
     static struct fovea_detection many[FOVEA_DETECTIONS_MAX];
-    const struct fovea_detections full = {.looks = 1, .count = FOVEA_DETECTIONS_MAX, .list = many};
+    const struct fovea_detections full = {.inferences = 1, .count = FOVEA_DETECTIONS_MAX, .list = many};
     const struct fovea_tracks no_tracks = {.updates = 0};
     struct fv_results *results;
     struct fovea_error error;
