@@ -100,7 +100,8 @@ static void what_finds_no_room_is_told(void **state)
 {
     (void)state;
     static struct fovea_detection many[FOVEA_DETECTIONS_MAX];
-    const struct fovea_detections full = {.inferences = 1, .count = FOVEA_DETECTIONS_MAX, .list = many};
+    const struct fovea_detections full = {
+        .inferences = 1, .count = FOVEA_DETECTIONS_MAX, .list = many};
     const struct fovea_tracks no_tracks = {.updates = 0};
     struct fv_results *results;
     struct fovea_error error;
