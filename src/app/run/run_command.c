@@ -99,6 +99,15 @@ static void step_done(void *context, const struct fovea_inputs *inputs,
     fv_final_frame(run->final, pose, &sample);
 }
 
+static void count_second(struct fv_run *run)
+{
+    struct fovea_detections detections;
+    fovea_detections2_get(run->loop.rt, &detections);
+    if (detections.inferences == run->inferences2) return;
+    run->inferences2 = detections.inferences;
+    run->objects2 += detections.count;
+}
+
 static void work_done(void *context, const struct fovea_inputs *inputs,
                       const struct fovea_grants *grants, const struct fovea_outputs *outputs)
 {
@@ -109,6 +118,7 @@ static void work_done(void *context, const struct fovea_inputs *inputs,
     fv_final_look(run->final, run->loop.rt);
     struct fovea_detections detections;
     fovea_detections_get(run->loop.rt, &detections);
+    count_second(run);
     if (detections.inferences == run->inferences) return;
     run->inferences = detections.inferences;
     struct fovea_tracks tracks;

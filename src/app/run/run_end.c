@@ -117,6 +117,9 @@ static void found_print(const struct fv_run *run)
     if (run->settings.runtime.track.mode != FOVEA_TRACK_OFF)
         printf(", %" PRIu64 " tracks", run->tracks);
     printf("\n");
+    if (run->settings.model2[0] != '\0')
+        printf("  the second network found %" PRIu64 " objects in %" PRIu64 " images\n",
+               run->objects2, run->inferences2);
 }
 
 static enum fv_exit path_failed(const char *file, const struct fv_trajectory_summary *summary)
