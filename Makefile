@@ -63,7 +63,7 @@ endif
 
 # ---- sources ---------------------------------------------------------------------------------------------------
 LCMTYPES  := $(wildcard include/lcmtypes/*.lcm)
-LCMGEN    := $(patsubst include/lcmtypes/%.lcm,$(BUILD)/generated/%.c,$(LCMTYPES)) $(BUILD)/generated/fovea_fields.h
+LCMGEN    := $(patsubst include/lcmtypes/%.lcm,$(BUILD)/generated/%.c,$(LCMTYPES)) $(BUILD)/generated/fovea_fields.h $(BUILD)/generated/fovea_type_texts.h
 KERNELS   := $(wildcard src/kernels/*.c src/kernels/c/*.c)
 ifneq (,$(findstring x86_64,$(MACHINE)))
 KERNELS   += $(wildcard src/kernels/x86/*.c)
@@ -292,6 +292,9 @@ $(BUILD)/generated/%.c: include/lcmtypes/%.lcm
 	$(Q)lcm-gen -c --c-cpath $(@D) --c-hpath $(@D) $<
 $(BUILD)/generated/%.h: $(BUILD)/generated/%.c ;
 $(BUILD)/generated/fovea_fields.h: tools/lcm_fields.awk $(LCMTYPES)
+	@mkdir -p $(@D)
+	$(Q)awk -f $< $(LCMTYPES) >$@
+$(BUILD)/generated/fovea_type_texts.h: tools/lcm_text.awk $(LCMTYPES)
 	@mkdir -p $(@D)
 	$(Q)awk -f $< $(LCMTYPES) >$@
 $(GEN_O): %.o: %.c | $(LCMGEN)

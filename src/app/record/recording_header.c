@@ -8,6 +8,7 @@
 #include "support/aligned.h"
 #include "app/config/classes.h"
 #include "app/config/model_file.h"
+#include "app/record/recording_types.h"
 #include "base/hash.h"
 #include "support/calibration.h"
 #include "message/fields.h"
@@ -30,7 +31,7 @@
 #define PROCESSOR "unknown processor"
 #endif
 
-enum { PARTS_MAX = 7 };
+enum { PARTS_MAX = 9 };
 
 static void add_part(fovea_recording_t *message, const char *name, const char *origin,
                      const void *data, size_t bytes)
@@ -98,12 +99,14 @@ enum fovea_status fv_recording_header_encode(const struct fv_settings *settings,
     enum fovea_status status = fovea_calibration_format_text(FOVEA_CALIBRATION_ROS, &calibration,
                                                              calibration_text, NULL, error);
     if (status != FOVEA_OK) return status;
-    size_t text_bytes = 0;
+    size_t text_bytes = 0, types_bytes = 0;
     uint32_t rig_size = 0;
     char *text = settings_text(settings, &text_bytes);
+    char *types = fv_recording_types_text(&types_bytes);
     uint8_t *rig_data = rig_bytes(camera, rig, &rig_size);
-    if (text == NULL || rig_data == NULL) {
+    if (text == NULL || types == NULL || rig_data == NULL) {
         free(text);
+        free(types);
         free(rig_data);
         return fovea_error_set(error, FOVEA_ERROR_MEMORY,
                                "no memory for the header of a recording");
@@ -122,6 +125,7 @@ enum fovea_status fv_recording_header_encode(const struct fv_settings *settings,
     add_part(&message, "configuration", settings->file, text, text_bytes);
     add_part(&message, "calibration", settings->camera, calibration_text, strlen(calibration_text));
     add_part(&message, "rig", "", rig_data, rig_size);
+    add_part(&message, "types", "", types, types_bytes);
     if (settings->runtime.mask != NULL)
         add_part(&message, "mask", settings->mask, settings->runtime.mask,
                  (size_t)camera->width * (size_t)camera->height);
@@ -138,6 +142,7 @@ enum fovea_status fv_recording_header_encode(const struct fv_settings *settings,
         add_part(&message, "run", identity->channel, identity->data, identity->bytes);
     status = encode(&message, data, bytes, error);
     free(text);
+    free(types);
     free(rig_data);
     return status;
 }
@@ -245,10 +250,17 @@ static enum fovea_status read_parts(const struct source *from, const fovea_recor
     const fovea_recording_part_t *mask = find_part(message, "mask");
     const fovea_recording_part_t *map = find_part(message, "map");
     const fovea_recording_part_t *run = find_part(message, "run");
-    if (configuration == NULL || calibration == NULL)
-        return fovea_error_set(
-            error, FOVEA_ERROR_INPUT, "%s: byte %" PRId64 ": found no %s, expected one", from->name,
-            from->offset, configuration == NULL ? "configuration" : "calibration");
+    const fovea_recording_part_t *types = find_part(message, "types");
+    if (configuration == NULL || calibration == NULL || types == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%s: byte %" PRId64 ": found no %s, expected one", from->name,
+                               from->offset,
+                               configuration == NULL ? "configuration"
+                               : calibration == NULL ? "calibration"
+                                                     : "description of the types");
+    status = fv_recording_types_check(from->name, from->offset, (const char *)types->data,
+                                      (size_t)types->size_bytes, error);
+    if (status != FOVEA_OK) return status;
     if (run != NULL && !fv_identity_read(&header->identity, run->data, (uint32_t)run->size_bytes))
         return fovea_error_set(error, FOVEA_ERROR_INPUT,
                                "%s: byte %" PRId64 ": run: found %" PRId32

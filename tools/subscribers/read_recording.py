@@ -1,0 +1,124 @@
+#!/usr/bin/env python3
+"""Print a recording as JSON, one message per line, with nothing but what the recording says about its types.
+
+Usage: read_recording.py FILE [SUFFIX ...]   only the channels PREFIX_SUFFIX, for example POSE
+
+Every recording begins with a message (fovea.recording_t) whose part `types` holds the definition of every message type. So this
+program needs no package, no generated code and no knowledge of the version of Fovea that recorded. Data of images and models is shown
+as its size.
+"""
+import json
+import math
+import re
+import struct
+import sys
+
+NUMBERS = {"int8_t": "b", "byte": "B", "boolean": "?", "int16_t": "h", "int32_t": "i", "int64_t": "q", "float": "f",
+           "double": "d"}
+# The two types that the descriptions are read with; they never change.
+RECORDING = """
+//! type fovea.recording_part_t 0000000000000000
+struct recording_part_t { string name; string origin; int64_t hash; int32_t size_bytes; byte data[size_bytes]; }
+//! type fovea.recording_t 0000000000000000
+struct recording_t { int32_t format; string version; string machine; string kernel_set; string source; boolean real_time;
+  string channel_prefix; int32_t part_count; fovea.recording_part_t parts[part_count]; }
+"""
+
+
+def read_types(text):
+    """{"fovea.pose_t": (hash, [(kind, name, [dimensions])])} of the definitions in a text."""
+    types = {}
+    for name, code, body in re.findall(r"^//! type (\S+) ([0-9a-f]{16})$(.*?)(?=^//! type |\Z)", text, re.M | re.S):
+        body = re.sub(r"/\*.*?\*/", "", re.sub(r"//.*", "", body), flags=re.S)  # comments
+        members = re.findall(r"([\w.]+)\s+(\w+)((?:\[\w+\])*)\s*;", body.partition("{")[2])
+        types[name] = (int(code, 16), [(kind, field, re.findall(r"\w+", dimensions)) for kind, field, dimensions in members])
+    return types
+
+
+class Reader:
+    """Takes values from the bytes of one message; LCM's numbers are big-endian."""
+
+    def __init__(self, types, data):
+        self.types, self.data, self.at = types, data, 8
+
+    def number(self, code):
+        value, = struct.unpack_from(">" + code, self.data, self.at)
+        self.at += struct.calcsize(code)
+        return value
+
+    def value(self, kind):
+        if kind == "string":
+            length = self.number("i")
+            self.at += length
+            return self.data[self.at - length:self.at - 1].decode()
+        if kind in NUMBERS:
+            return self.number(NUMBERS[kind])
+        return self.struct(kind)
+
+    def array(self, kind, counts):
+        if not counts:
+            return self.value(kind)
+        if kind == "byte" and len(counts) == 1:
+            self.at += counts[0]
+            return self.data[self.at - counts[0]:self.at]
+        return [self.array(kind, counts[1:]) for _ in range(counts[0])]
+
+    def struct(self, name):
+        found = {}
+        for kind, field, dimensions in self.types[name][1]:
+            counts = [int(d) if d.isdigit() else found[d] for d in dimensions]
+            found[field] = self.array(kind, counts)
+        return found
+
+
+def events(path):
+    """Number, channel and data of each event of an LCM log."""
+    with open(path, "rb") as file:
+        while True:
+            head = file.read(28)
+            if len(head) < 28:
+                return
+            sync, number, _, channel_bytes, data_bytes = struct.unpack(">IQQII", head)
+            if sync != 0xEDA1DA01:
+                sys.exit(f"{path}: byte {file.tell() - 28}: found no event, expected one")
+            channel = file.read(channel_bytes).decode()
+            yield number, channel, file.read(data_bytes)
+
+
+def plain(value):
+    """What JSON can say: bytes as their number, unknown numbers as null."""
+    if isinstance(value, dict):
+        return {key: plain(inner) for key, inner in value.items()}
+    if isinstance(value, list):
+        return [plain(inner) for inner in value]
+    if isinstance(value, bytes):
+        return f"{len(value)} bytes"
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def main():
+    if len(sys.argv) < 2:
+        sys.exit(__doc__)
+    types, by_hash, prefix = {}, {}, ""
+    for number, channel, data in events(sys.argv[1]):
+        if number == 0:
+            header = Reader(read_types(RECORDING), data).struct("fovea.recording_t")
+            prefix = header["channel_prefix"] + "_" if header["channel_prefix"] else ""
+            text = [part["data"] for part in header["parts"] if part["name"] == "types"]
+            if not text:
+                sys.exit(f"{sys.argv[1]}: found no part `types`, expected a recording of format 4 or later")
+            types = read_types(text[0].decode())
+            by_hash = {code: name for name, (code, _) in types.items()}
+        if len(sys.argv) > 2 and channel not in [prefix + suffix for suffix in sys.argv[2:]]:
+            continue
+        name = by_hash.get(struct.unpack_from(">Q", data)[0])
+        if name is None:
+            sys.exit(f"{sys.argv[1]}: event {number}, {channel}: found a type without description, expected one")
+        reader = Reader(types, data)
+        message = reader.struct(name)
+        if reader.at != len(data):
+            sys.exit(f"{sys.argv[1]}: event {number}, {channel}: found {len(data)} bytes, expected {reader.at}")
+        print(json.dumps({"channel": channel, "type": name, "message": plain(message)}))
+
+
+main()
