@@ -42,14 +42,9 @@ static bool only_poses(const struct fv_coupling *couplings, int count)
 }
 
 /* Y = inverse cross. */
-FV_BLOCK_INLINE void times_inverse(const double *cross, int size, int landmark_size,
-                                   const double *v, double *Y)
+FV_BLOCK_INLINE void times_inverse(const double *cross, int size, const double *v, double *Y)
 {
     for (int c = 0; c < size; c++) {
-        if (landmark_size == 1) {
-            Y[c] = cross[c] * v[0];
-            continue;
-        }
         const double x[3] = {cross[c], cross[size + c], cross[2 * size + c]};
         Y[c] = x[0] * v[0] + x[1] * v[1] + x[2] * v[2];
         Y[size + c] = x[0] * v[1] + x[1] * v[3] + x[2] * v[4];
@@ -57,28 +52,51 @@ FV_BLOCK_INLINE void times_inverse(const double *cross, int size, int landmark_s
     }
 }
 
-/* One coupling against those whose rows are not below it. `size`: that of all couplings, or 0 when
- * they differ. */
-FV_BLOCK_INLINE void eliminate(const struct fv_normal *n, int landmark_size, int size,
-                               const double *inverse, const double *gradient,
-                               const struct fv_coupling *couplings, int count)
+/* Landmarks of three values: one coupling against those whose rows are not below it. `size`: that
+ * of all couplings, or 0 when they differ. */
+FV_BLOCK_INLINE void eliminate_three(const struct fv_normal *n, int size, const double *inverse,
+                                     const double *gradient, const struct fv_coupling *couplings,
+                                     int count)
 {
     for (int i = 0; i < count; i++) {
         double Y[FV_COUPLING_VALUES_MAX];
         const struct fv_coupling *a = &couplings[i];
         const int rows = size ? size : a->size;
-        times_inverse(a->cross, rows, landmark_size, inverse, Y);
-        if (n->g) fv_block_add_vector(n->g + a->first, Y, rows, gradient, landmark_size, -1);
+        times_inverse(a->cross, rows, inverse, Y);
+        if (n->g) fv_block_add_vector(n->g + a->first, Y, rows, gradient, 3, -1);
         for (int k = 0; k < count; k++) {
             const struct fv_coupling *b = &couplings[k];
             if (b->first > a->first) continue;
             double *H = n->H + a->first * n->size + b->first;
             if (k == i)
-                fv_block_add_inner(H, n->size, Y, rows, b->cross, rows, landmark_size, -1, true);
+                fv_block_add_inner(H, n->size, Y, rows, b->cross, rows, 3, -1, true);
             else
-                fv_block_add_inner(H, n->size, Y, rows, b->cross, size ? size : b->size,
-                                   landmark_size, -1, false);
+                fv_block_add_inner(H, n->size, Y, rows, b->cross, size ? size : b->size, 3, -1,
+                                   false);
         }
+    }
+}
+
+/* Landmarks of one value: every coupling is a column. */
+static void eliminate_one(const struct fv_normal *n, double inverse, const double *gradient,
+                          const struct fv_coupling *couplings, int count)
+{
+    for (int i = 0; i < count; i++) {
+        const struct fv_coupling *a = &couplings[i];
+        const double *__restrict cross = a->cross;
+        double *__restrict H = n->H + a->first * (n->size + 1);
+        for (int r = 0; r < a->size; r++) {
+            const double y = cross[r] * inverse;
+            if (n->g) n->g[a->first + r] -= y * gradient[0];
+            for (int c = 0; c <= r; c++)
+                H[r * n->size + c] -= y * cross[c];
+        }
+        for (int k = 0; k < count; k++)
+            if (couplings[k].first < a->first)
+                for (int r = 0; r < a->size; r++)
+                    fv_block_add_inner(H + r * n->size + couplings[k].first - a->first, 0,
+                                       &(const double){cross[r] * inverse}, 1, couplings[k].cross,
+                                       couplings[k].size, 1, -1, false);
     }
 }
 
@@ -86,11 +104,11 @@ void fv_normal_eliminate(const struct fv_normal *n, int landmark_size, const dou
                          const double *gradient, const struct fv_coupling *couplings, int count)
 {
     if (landmark_size == 3 && only_poses(couplings, count))
-        eliminate(n, 3, 6, inverse, gradient, couplings, count);
+        eliminate_three(n, 6, inverse, gradient, couplings, count);
     else if (landmark_size == 3)
-        eliminate(n, 3, 0, inverse, gradient, couplings, count);
+        eliminate_three(n, 0, inverse, gradient, couplings, count);
     else
-        eliminate(n, 1, 0, inverse, gradient, couplings, count);
+        eliminate_one(n, inverse[0], gradient, couplings, count);
 }
 
 /* gradient - cross x; `size` as above. */
@@ -110,8 +128,7 @@ FV_BLOCK_INLINE void landmark_rest(int landmark_size, int size, const double *gr
 }
 
 void fv_landmark_step(int landmark_size, const double *v, const double *gradient,
-                      const struct fv_coupling *couplings, int count, const double *x,
-                      double step[FV_LANDMARK_SIZE_MAX])
+                      const struct fv_coupling *couplings, int count, const double *x, double *step)
 {
     double g[FV_LANDMARK_SIZE_MAX];
     if (landmark_size == 1) {

@@ -115,6 +115,25 @@ FV_BLOCK_INLINE void fv_normal_add_one(const struct fv_normal *normal, int first
         }
 }
 
+/* The same, each row's product added on its own instead of their sum: rounds differently. */
+FV_BLOCK_INLINE void fv_normal_add_rows(const struct fv_normal *normal, int first, int size,
+                                        const double *J, const double *WJ, const double *error,
+                                        int m)
+{
+    for (int r = 0; r < size; r++) {
+        double *row = normal->H + (first + r) * normal->size + first, g = normal->g[first + r];
+        for (int k = 0; k < m; k++)
+            g -= WJ[k * size + r] * error[k];
+        normal->g[first + r] = g;
+        for (int c = 0; c <= r; c++) {
+            double sum = row[c];
+            for (int k = 0; k < m; k++)
+                sum += WJ[k * size + r] * J[k * size + c];
+            row[c] = sum;
+        }
+    }
+}
+
 /* diagonal = (1 + share) diagonal + extra. */
 void fv_normal_damp(const struct fv_normal *normal, double share, double extra);
 
@@ -132,10 +151,11 @@ struct fv_coupling {
 void fv_normal_eliminate(const struct fv_normal *normal, int landmark_size, const double *inverse,
                          const double *gradient, const struct fv_coupling *couplings, int count);
 
-/* Step of an eliminated landmark after `x`, the solution of the reduced system. */
+/* Step of an eliminated landmark (`landmark_size` values) after `x`, the solution of the reduced
+ * system. */
 void fv_landmark_step(int landmark_size, const double *inverse, const double *gradient,
                       const struct fv_coupling *couplings, int count, const double *x,
-                      double step[FV_LANDMARK_SIZE_MAX]);
+                      double *step);
 
 /* ---- solution -------------------------------------------------------------------------------- */
 

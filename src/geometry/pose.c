@@ -2,7 +2,7 @@
 
 #include <string.h>
 
-#include "geometry/linear.h"
+#include "geometry/normal_equations.h"
 #include "geometry/sample.h"
 #include "geometry/vec.h"
 #include "geometry/chi_square.h"
@@ -38,7 +38,8 @@ static void angular_refine(const struct fv_sight *sights, uint32_t count, double
                            struct fv_se3 *T)
 {
     for (int step = 0; step < steps; step++) {
-        double A[36] = {0}, g[6] = {0};
+        double H[36] = {0}, g[6] = {0};
+        const struct fv_normal normal = {H, g, 6};
         for (uint32_t i = 0; i < count; i++) {
             if (angle2(T, &sights[i]) >= limit2) continue;
             /* Residual b x q / |q|, whose length is the sine; its derivative by q, the length held,
@@ -54,16 +55,11 @@ static void angular_refine(const struct fv_sight *sights, uint32_t count, double
                 for (int c = 0; c < 3; c++)
                     row[c] = S[3 * k + c] * inverse;
                 fv_cross3(q, row, row + 3); /* s . (w x q) = w . (q x s) */
-                for (int a = 0; a < 6; a++) {
-                    g[a] -= row[a] * residual;
-                    for (int c = 0; c <= a; c++)
-                        A[6 * a + c] += row[a] * row[c];
-                }
+                fv_normal_add_one(&normal, 0, 6, row, row, &residual, 1, NULL);
             }
         }
-        for (int a = 0; a < 6; a++)
-            A[7 * a] *= 1 + 1e-9;
-        if (!fv_ldlt_solve(A, 6, g)) return;
+        fv_normal_damp(&normal, 1e-9, 0);
+        if (!fv_normal_solve(&normal, g)) return;
         fv_se3_move(T, g);
     }
 }
@@ -151,21 +147,19 @@ static double pixel_error(const struct fv_se3 *T, const struct fv_sight *s, doub
     return s->weight * (residual[0] * residual[0] + residual[1] * residual[1]);
 }
 
-static void accumulate(double A[36], double g[6], const double rows[12], const double residual[2],
-                       double weight)
+static void accumulate(const struct fv_normal *normal, const double rows[12],
+                       const double residual[2], double weight)
 {
-    for (int a = 0; a < 6; a++) {
-        double u = weight * rows[a], v = weight * rows[6 + a];
-        g[a] -= u * residual[0] + v * residual[1];
-        for (int c = 0; c <= a; c++)
-            A[6 * a + c] += u * rows[c] + v * rows[6 + c];
-    }
+    double weighted[12];
+    fv_block_weigh(rows, 12, weight, weighted);
+    fv_normal_add_one(normal, 0, 6, rows, weighted, residual, 2, NULL);
 }
 
 static bool refine_step(const struct fv_sight *sights, uint32_t count, struct fv_se3 *T,
                         double *moved)
 {
-    double A[36] = {0}, g[6] = {0};
+    double H[36] = {0}, g[6] = {0};
+    const struct fv_normal normal = {H, g, 6};
     for (uint32_t i = 0; i < count; i++) {
         double residual[2], rows[12];
         if (!sights[i].inlier) continue;
@@ -173,11 +167,10 @@ static bool refine_step(const struct fv_sight *sights, uint32_t count, struct fv
         if (error2 < 0) continue;
         double robust = error2 > FV_CHI_SQUARE_95_2 ? __builtin_sqrt(FV_CHI_SQUARE_95_2 / error2)
                                                     : 1; /* Huber */
-        accumulate(A, g, rows, residual, robust * sights[i].weight);
+        accumulate(&normal, rows, residual, robust * sights[i].weight);
     }
-    for (int a = 0; a < 6; a++)
-        A[7 * a] *= 1 + 1e-9;
-    if (!fv_ldlt_solve(A, 6, g)) return false;
+    fv_normal_damp(&normal, 1e-9, 0);
+    if (!fv_normal_solve(&normal, g)) return false;
     fv_se3_move(T, g);
     *moved = fv_dot3(g + 3, g + 3) + fv_dot3(g, g) / (fv_dot3(T->t, T->t) + 1);
     return true;
@@ -197,7 +190,8 @@ static void sort_sights(struct fv_sight *sights, uint32_t count, const struct fv
 static void fit_of(const struct fv_sight *sights, uint32_t count, struct fv_se3 *T,
                    struct fv_pose_fit *fit)
 {
-    double residual[2], rows[12], unused[6] = {0};
+    double residual[2], rows[12];
+    const struct fv_normal normal = {fit->information, NULL, 6};
     fv_so3_orthonormalise(T->R);
     memset(fit, 0, sizeof *fit);
     for (uint32_t i = 0; i < count; i++) {
@@ -205,7 +199,7 @@ static void fit_of(const struct fv_sight *sights, uint32_t count, struct fv_se3 
         if (error2 < 0) continue;
         fit->inliers++;
         fit->cost += error2;
-        accumulate(fit->information, unused, rows, residual, sights[i].weight);
+        accumulate(&normal, rows, residual, sights[i].weight);
     }
     for (int a = 0; a < 6; a++)
         for (int c = a + 1; c < 6; c++)

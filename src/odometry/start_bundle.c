@@ -5,7 +5,7 @@
  * accidental motion", 2014): a point far away is no special case. */
 #include <string.h>
 
-#include "geometry/linear.h"
+#include "geometry/normal_equations.h"
 #include "geometry/vec.h"
 #include "odometry/odometry.h"
 #include "geometry/chi_square.h"
@@ -28,18 +28,24 @@ static const double point_share_min =
     0.5; /* of the tracks, that fit the motion before both cameras */
 static const double stage_limit2[] = {100, 25, 6}; /* px^2 of level 0 */
 enum { STAGES = sizeof stage_limit2 / sizeof stage_limit2[0], TIGHT_ROUNDS = 2 };
+static const struct fv_damping damping_rule = {.fall = 0.2, .rise = 20, .extra = 1e-6};
 static const double inverse_depth_max =
     0.7; /* of the way to the last view: nearer ones would only tell where that lies */
 static const double behind_max = 0.1;
+static const double scale_weight = 1e6; /* of the prior that holds the scale */
 static const double align_limit2 =
     1e4; /* px^2: what an error says no more beyond, a quarter in each step */
 
 /* Normal equations of the views moved, the inverse depths eliminated. */
 struct fv_start_system {
-    double A[SYSTEM_MAX * SYSTEM_MAX]; /* row-major with `size` columns; lower triangle */
-    double g[SYSTEM_MAX];
+    double H[SYSTEM_MAX * SYSTEM_MAX], g[SYSTEM_MAX];
     int size;
 };
+
+static struct fv_normal normal_of(struct fv_start_system *s)
+{
+    return (struct fv_normal){s->H, s->g, s->size};
+}
 
 /* Error of a track in view v (px), its weight, and derivatives by the view's motion (translation
  * first, then rotation, on the left of R) and by the inverse depth. False: behind the camera. */
@@ -91,6 +97,14 @@ static bool row_of(const struct fv_start_bundle *b, const struct fv_view views[F
     return true;
 }
 
+/* Add both rows to the system, at the block of their view. */
+static void add_row(const struct fv_normal *normal, int first, const struct fv_start_row *row)
+{
+    double weighted[12];
+    fv_block_weigh(row->by_pose[0], 12, row->weight, weighted);
+    fv_normal_add_rows(normal, first, 6, row->by_pose[0], weighted, row->error, 2);
+}
+
 /* Geman's and McClure's weight: errors beyond the limit count less and less. Returns the cost. */
 static double robust(struct fv_start_row *row, double limit2)
 {
@@ -110,7 +124,8 @@ static bool place_view(struct fv_odometry *o, uint32_t count,
 {
     double limit2 = align_limit2;
     for (int step = 0; step < ALIGN_STEPS; step++, limit2 /= 4) {
-        double A[36] = {0}, g[6] = {0};
+        double H[36] = {0}, g[6] = {0};
+        const struct fv_normal normal = {H, g, 6};
         uint32_t sights = 0;
         for (uint32_t i = 0; i < count && sights < ALIGN_TRACKS; i++) {
             struct fv_start_row row;
@@ -119,17 +134,10 @@ static bool place_view(struct fv_odometry *o, uint32_t count,
                 continue;
             (void)robust(&row, limit2);
             sights++;
-            for (int r = 0; r < 2; r++)
-                for (int k = 0; k < 6; k++) {
-                    const double scaled = row.weight * row.by_pose[r][k];
-                    g[k] -= scaled * row.error[r];
-                    for (int j = 0; j <= k; j++)
-                        A[6 * k + j] += scaled * row.by_pose[r][j];
-                }
+            add_row(&normal, 0, &row);
         }
-        for (int k = 0; k < 6; k++)
-            A[7 * k] = A[7 * k] * (1 + 1e-6) + 1e-9;
-        if (sights < FOVEA_POSED_INLIERS_MIN || !fv_ldlt_solve(A, 6, g)) return false;
+        fv_normal_damp(&normal, 1e-6, 1e-9);
+        if (sights < FOVEA_POSED_INLIERS_MIN || !fv_normal_solve(&normal, g)) return false;
         move(&b->T_view_first[v], g);
     }
     return true;
@@ -237,7 +245,7 @@ void fv_start_note_guess(struct fv_odometry *o, uint32_t count, uint32_t all,
 /* Add a track: its blocks, with its inverse depth eliminated. Returns its cost. */
 static double add_rows(struct fv_odometry *o, const struct fv_start_bundle *b,
                        const struct fv_view views[FV_START_VIEWS_MAX], uint32_t track,
-                       double damping, double limit2, struct fv_start_system *s)
+                       double damping, double limit2, const struct fv_normal *normal)
 {
     struct fv_start_depth *d = &o->depths[track];
     double cost = 0, h = 0;
@@ -252,33 +260,17 @@ static double add_rows(struct fv_odometry *o, const struct fv_start_bundle *b,
             continue;
         }
         cost += robust(&row, limit2);
+        add_row(normal, 6 * ((int)v - 1), &row);
         for (int r = 0; r < 2; r++) {
             const double scaled_depth = row.weight * row.by_depth[r];
             h += scaled_depth * row.by_depth[r];
-            d->gradient += scaled_depth * row.error[r];
-            for (int k = 0; k < 6; k++) {
-                const double scaled = row.weight * row.by_pose[r][k];
-                const int at = 6 * ((int)v - 1) + k;
+            d->gradient -= scaled_depth * row.error[r];
+            for (int k = 0; k < 6; k++)
                 cross[k] += scaled_depth * row.by_pose[r][k];
-                s->g[at] += scaled * row.error[r];
-                for (int j = 0; j <= k; j++)
-                    s->A[s->size * at + 6 * ((int)v - 1) + j] += scaled * row.by_pose[r][j];
-            }
         }
     }
     d->inverse = 1 / (h * (1 + damping) + 1e-9);
     return cost;
-}
-
-static void eliminate_depth(const struct fv_start_depth *d, struct fv_start_system *s)
-{
-    for (int a = 0; a < s->size; a++) {
-        const double scaled = d->cross[a] * d->inverse;
-        double *row = s->A + s->size * a;
-        s->g[a] -= scaled * d->gradient;
-        for (int c = 0; c <= a; c++)
-            row[c] -= scaled * d->cross[c];
-    }
 }
 
 /* Normal equations at the present poses and depths; returns the cost. */
@@ -288,14 +280,16 @@ static double build(struct fv_odometry *o, uint32_t count, const struct fv_start
 {
     double cost = 0;
     s->size = 6 * ((int)b->view_count - 1);
-    memset(s->A, 0, sizeof s->A);
-    memset(s->g, 0, sizeof s->g);
+    const struct fv_normal normal = normal_of(s);
+    fv_normal_clear(&normal);
     for (uint32_t i = 0; i < count; i++)
-        cost += add_rows(o, b, views, i, damping, limit2, s);
-    for (int k = 0; k < s->size; k++)
-        s->A[(s->size + 1) * k] *= 1 + damping;
-    for (uint32_t i = 0; i < count; i++)
-        eliminate_depth(&o->depths[i], s);
+        cost += add_rows(o, b, views, i, damping, limit2, &normal);
+    fv_normal_damp(&normal, damping, 0);
+    for (uint32_t i = 0; i < count; i++) {
+        const struct fv_start_depth *d = &o->depths[i];
+        const struct fv_coupling coupling = {d->cross, 0, s->size};
+        fv_normal_eliminate(&normal, 1, &d->inverse, &d->gradient, &coupling, 1);
+    }
     return cost;
 }
 
@@ -304,19 +298,18 @@ static bool take_step(struct fv_odometry *o, uint32_t count, struct fv_start_bun
                       struct fv_start_system *s, struct fv_se3 before[FV_START_VIEWS_MAX])
 {
     memcpy(before, b->T_view_first, sizeof b->T_view_first);
-    if (!fv_ldlt_solve(s->A, s->size, s->g)) return false;
-    for (int k = 0; k < s->size; k++)
-        s->g[k] = -s->g[k];
+    const struct fv_normal normal = normal_of(s);
+    if (!fv_normal_solve(&normal, s->g)) return false;
     for (uint32_t v = 1; v < b->view_count; v++)
         move(&b->T_view_first[v], s->g + 6 * (v - 1));
     const double near = inverse_depth_max / fv_norm3(b->T_view_first[b->view_count - 1].t);
     for (uint32_t i = 0; i < count; i++) {
         struct fv_start_depth *d = &o->depths[i];
-        double change = d->gradient;
+        const struct fv_coupling coupling = {d->cross, 0, s->size};
+        double change;
+        fv_landmark_step(1, &d->inverse, &d->gradient, &coupling, 1, s->g, &change);
         d->before = d->value;
-        for (int k = 0; k < s->size; k++)
-            change += d->cross[k] * s->g[k];
-        d->value -= d->inverse * change;
+        d->value += change;
         d->value = d->value > near                 ? near
                    : d->value < -near * behind_max ? -near * behind_max
                                                    : d->value;
@@ -336,14 +329,14 @@ static void minimise(struct fv_odometry *o, uint32_t count,
         if (now <= cost) {
             const bool there = cost - now < gain_min * cost;
             cost = now;
-            damping *= 0.2;
+            damping = fv_damping_lower(&damping_rule, damping);
             if (there) return;
             continue;
         }
         memcpy(b->T_view_first, before, sizeof before);
         for (uint32_t i = 0; i < count; i++)
             o->depths[i].value = o->depths[i].before;
-        damping = damping * 20 + 1e-6;
+        damping = fv_damping_raise(&damping_rule, damping);
         if (damping > 1e3) return;
         (void)build(o, count, b, views, damping, limit2, s);
     }
@@ -390,7 +383,7 @@ static void pull_of(const struct fv_odometry *o, uint32_t count, const struct fv
                                                       row.by_pose[1][k] * row.error[1]);
         }
         for (uint32_t k = 0; k < 6 * (b->view_count - 1); k++)
-            sum[k] -= d->cross[k] * d->inverse * d->gradient;
+            sum[k] += d->cross[k] * d->inverse * d->gradient;
     }
 }
 
@@ -409,16 +402,17 @@ static double direction_sigma(struct fv_odometry *o, uint32_t count,
     (void)build(o, count, b, views, 1e-9, limit2, s);
     pull_of(o, count, b, views, limit2, pull);
     const int n = s->size, at = n - 6;
-    for (int a = 0; a < 3; a++)
-        for (int c = 0; c <= a; c++)
-            s->A[n * (at + a) + at + c] += 1e6 * t[a] * t[c];
-    if (!fv_ldlt_factor(s->A, n)) return FOVEA_PI;
+    const struct fv_normal fixed = {s->H, NULL, n};
+    double along[3];
+    fv_block_weigh(t, 3, scale_weight, along);
+    fv_normal_add_one(&fixed, at, 3, t, along, NULL, 1, NULL);
+    if (!fv_ldlt_factor(s->H, n)) return FOVEA_PI;
     for (int axis = 0; axis < 3; axis++) {
         memset(s->g, 0, sizeof s->g);
         for (int k = 0; k < 3; k++)
             s->g[at + k] = (k == axis) - t[axis] * t[k];
         const double across[3] = {s->g[at], s->g[at + 1], s->g[at + 2]};
-        fv_ldlt_back(s->A, n, s->g);
+        fv_ldlt_back(s->H, n, s->g);
         variance += fv_dot3(across, s->g + at);
         for (int part = 0; part < FV_MAP_PARTS; part++) {
             double moved = 0;

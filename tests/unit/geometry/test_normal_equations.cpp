@@ -247,6 +247,23 @@ static void test_damping_is_a_share_of_the_diagonal(void **)
     assert_true(fv_damping_raise(&rule, 2) == 8.5);
 }
 
+/* Row by row or all rows at once: the same but for rounding. */
+static void test_rows_may_be_added_one_by_one(void **)
+{
+    fovea_random random;
+    fovea_random_seed(&random, 9);
+    problem p({9, 6}, 0), q({9, 6}, 0);
+    const fv_normal at_once = p.normal(), one_by_one = q.normal();
+    for (int i = 0; i < 5; i++) {
+        const Rows J = random_matrix(&random, 3, 6), WJ = 1.5 * J;
+        const VectorXd e = random_matrix(&random, 3, 1);
+        fv_normal_add_one(&at_once, 9, 6, J.data(), WJ.data(), e.data(), 3, NULL);
+        fv_normal_add_rows(&one_by_one, 9, 6, J.data(), WJ.data(), e.data(), 3);
+    }
+    assert_near(q.reduced_matrix().reshaped(), p.reduced_matrix().reshaped(), 1e-14);
+    assert_near(Eigen::Map<VectorXd>(q.g.data(), 15), Eigen::Map<VectorXd>(p.g.data(), 15), 1e-14);
+}
+
 static std::vector<double> random_system(fovea_random *random, int n)
 {
     const Rows root = random_matrix(random, n, n);
@@ -348,6 +365,7 @@ int main(void)
         cmocka_unit_test(test_order_of_couplings_does_not_matter),
         cmocka_unit_test(test_gradient_may_be_left_out),
         cmocka_unit_test(test_damping_is_a_share_of_the_diagonal),
+        cmocka_unit_test(test_rows_may_be_added_one_by_one),
         cmocka_unit_test(test_units_give_the_same_bits_as_one_go),
         cmocka_unit_test(test_badly_scaled_systems_are_solved),
         cmocka_unit_test(test_singular_systems_are_refused),
