@@ -3,7 +3,7 @@
 
 #include <string.h>
 
-#include "geometry/linear.h"
+#include "geometry/normal_equations.h"
 #include "geometry/vec.h"
 #include "geometry/chi_square.h"
 
@@ -125,54 +125,35 @@ static int find_sights(const struct fv_odometry *o, const struct fv_view *view, 
     return count;
 }
 
-/* S += sign * left (6xn) right^T, rows of n apart. */
-static void add_block(struct fv_joint *j, int row, int column, const double *left,
-                      const double *right, int n, double factor)
-{
-    double *block = j->S + 6 * row * j->size + 6 * column;
-    for (int r = 0; r < 6; r++)
-        for (int c = 0; c < 6; c++) {
-            double sum = 0;
-            for (int k = 0; k < n; k++)
-                sum += left[n * r + k] * right[n * c + k];
-            block[r * j->size + c] += factor * sum;
-        }
-}
-
 /* A landmark's sights, the landmark itself eliminated. */
 static void add_landmark(struct fv_joint *j, const struct fv_linear_sight *sights, int count)
 {
     double H[6] = {0}, V[6], cross[FV_MAP_OBSERVERS_MAX + 1][18];
+    struct fv_coupling couplings[FV_MAP_OBSERVERS_MAX + 1];
+    int coupled = 0;
     for (int i = 0; i < count; i++) {
         const double *b = sights[i].by_point, w = sights[i].weight;
         for (int r = 0, k = 0; r < 3; r++)
             for (int c = r; c < 3; c++, k++)
                 H[k] += w * (b[r] * b[c] + b[3 + r] * b[3 + c]);
-        for (int r = 0; r < 6; r++)
-            for (int c = 0; c < 3; c++)
-                cross[i][3 * r + c] =
-                    w * (sights[i].rows[r] * b[c] + sights[i].rows[6 + r] * b[3 + c]);
+        for (int r = 0; r < 3; r++)
+            for (int c = 0; c < 6; c++)
+                cross[i][6 * r + c] =
+                    w * (sights[i].rows[c] * b[r] + sights[i].rows[6 + c] * b[3 + r]);
     }
     H[0] *= 1 + nearly;
     H[3] *= 1 + nearly;
     H[5] *= 1 + nearly;
     if (count < 2 || !fv_invert_symmetric3(H, V)) return;
     for (int i = 0; i < count; i++) {
+        const int first = 6 * sights[i].pose;
         if (sights[i].pose == REFERENCE) continue;
-        double Y[18], rows[12];
-        for (int r = 0; r < 6; r++) {
-            const double *x = cross[i] + 3 * r;
-            Y[3 * r] = x[0] * V[0] + x[1] * V[1] + x[2] * V[2];
-            Y[3 * r + 1] = x[0] * V[1] + x[1] * V[3] + x[2] * V[4];
-            Y[3 * r + 2] = x[0] * V[2] + x[1] * V[4] + x[2] * V[5];
-            rows[2 * r] = sights[i].rows[r];
-            rows[2 * r + 1] = sights[i].rows[6 + r];
-        }
-        add_block(j, sights[i].pose, sights[i].pose, rows, rows, 2, sights[i].weight);
-        for (int k = 0; k < count; k++)
-            if (sights[k].pose != REFERENCE && sights[k].pose <= sights[i].pose)
-                add_block(j, sights[i].pose, sights[k].pose, Y, cross[k], 3, -1);
+        couplings[coupled++] = (struct fv_coupling){cross[i], first, 6};
+        fv_block_add_inner(j->S + first * (j->size + 1), j->size, sights[i].rows, 6, sights[i].rows,
+                           6, 2, sights[i].weight, true);
     }
+    const struct fv_normal normal = {j->S, NULL, j->size};
+    fv_normal_eliminate(&normal, 3, V, NULL, couplings, coupled);
 }
 
 /* The unit of length is free: hold it, so that the path of the poses keeps its size about the
@@ -181,6 +162,7 @@ static void hold_scale(const struct fv_odometry *o, const struct fv_view *view, 
 {
     const double origin[3] = {0, 0, 0};
     double centre[3], way[6 * FV_COVARIANCE_POSES_MAX] = {0}, square = 0;
+    double weighted[6 * FV_COVARIANCE_POSES_MAX];
     fv_se3_apply_inverse(&o->map.keyframes[o->state->newest].T_cam_world, origin, centre);
     for (int k = 0; k < j->poses; k++) {
         const struct fv_keyframe *frame =
@@ -190,9 +172,9 @@ static void hold_scale(const struct fv_odometry *o, const struct fv_view *view, 
     }
     if (!(square > 0)) return;
     const double prior = 1 / (scale_sigma * scale_sigma * square * square);
-    for (int r = 0; r < j->size; r++)
-        for (int c = 0; c <= r; c++)
-            j->S[r * j->size + c] += prior * way[r] * way[c];
+    const struct fv_normal normal = {j->S, NULL, j->size};
+    fv_block_weigh(way, j->size, prior, weighted);
+    fv_normal_add_one(&normal, 0, j->size, way, weighted, NULL, 1, NULL);
 }
 
 /* Variance of an error as the parts of the image show it: the mean square of what they pull at the
@@ -265,8 +247,8 @@ static bool solve_joint(struct fv_odometry *o, const struct fv_view *view, uint3
     for (int k = 0; k < j.size * j.size; k++)
         j.S[k] *= information;
     hold_scale(o, view, &j);
-    for (int k = 0; k < j.size; k++)
-        j.S[k * j.size + k] *= 1 + nearly_zero;
+    const struct fv_normal normal = {j.S, NULL, j.size};
+    fv_normal_damp(&normal, nearly_zero, 0);
     if (!fv_ldlt_factor(j.S, j.size)) return false;
     const int at = j.size - 6;
     for (int row = 0, k = 0; row < 6; row++) {
