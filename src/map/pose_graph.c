@@ -2,10 +2,12 @@
 
 #include <string.h>
 
+#include "geometry/normal_equations.h"
 #include "geometry/vec.h"
 
 enum { UNIT_LINEARISE = 40, UNIT_JUDGE = 150 /* edges */, UNIT_ITERATIONS = 2 };
 
+static const struct fv_damping damping_rule = {.fall = 0.1, .floor = 1e-12, .rise = 30};
 static const double converged_share = 1e-8; /* of the cost: a step that saves less is the last */
 
 void fv_pose_graph_carve(struct fv_pose_graph *g, const struct fv_pose_graph_limits *limits,
@@ -202,31 +204,22 @@ static void log_derivatives(const double e[7], double left[49], double right[49]
 
 /* ---- linearising ----------------------------------------------------------------------------- */
 
-/* A^T W B of one edge. */
-static void normal_block(const struct fv_graph_edge *edge, const double A[49], const double B[49],
-                         double out[49])
+/* W A of one edge. */
+static void weigh(const struct fv_graph_edge *edge, const double A[49], double WA[49])
 {
-    for (int r = 0; r < 7; r++) {
-        double row[7] = {0};
-        for (int k = 0; k < 7; k++) {
-            double v = A[7 * k + r] * weight_of(edge, k);
-            for (int c = 0; c < 7; c++)
-                row[c] += v * B[7 * k + c];
-        }
-        memcpy(out + 7 * r, row, sizeof row);
-    }
+    for (int k = 0; k < 7; k++)
+        fv_block_weigh(A + 7 * k, 7, weight_of(edge, k), WA + 7 * k);
 }
 
 /* What the edge adds to the gradient and the diagonal of a node; the latter is kept in `tree`
  * unless NULL. */
-static void add_to_node(const struct fv_graph_edge *edge, const double A[49], const double e[7],
+static void add_to_node(const double A[49], const double WA[49], const double e[7],
                         struct fv_graph_node *node, double *tree)
 {
-    double own[49];
-    normal_block(edge, A, A, own);
+    double own[49] = {0};
+    fv_block_add_inner(own, 7, WA, 7, A, 7, 7, 1, false);
     for (int k = 0; k < 7; k++)
-        for (int c = 0; c < 7; c++)
-            node->gradient[c] -= A[7 * k + c] * weight_of(edge, k) * e[k];
+        fv_block_add_vector(node->gradient, WA + 7 * k, 7, e + k, 1, -1);
     for (int i = 0; i < 49; i++)
         node->diagonal[i] += own[i];
     for (int r = 0, i = 0; r < 7 && tree != NULL; r++)
@@ -239,7 +232,7 @@ static void linearise_edge(struct fv_pose_graph *g, uint32_t number)
 {
     struct fv_graph_edge *edge = &g->edges[number];
     struct fv_graph_node *a = &g->nodes[edge->a], *b = &g->nodes[edge->b];
-    double e[7], left[49], by_a[49], by_b[49], Ad[49], block[49];
+    double e[7], left[49], by_a[49], by_b[49], weighted[49], Ad[49], block[49] = {0};
     edge_error(g, edge, e);
     g->state->cost += edge_cost(edge, e);
     log_derivatives(e, left, by_a);
@@ -247,14 +240,16 @@ static void linearise_edge(struct fv_pose_graph *g, uint32_t number)
         by_a[i] = -by_a[i];
     adjoint(&edge->S_a_b, Ad);
     multiply77(left, Ad, by_b);
-    normal_block(edge, by_a, by_b, block);
+    weigh(edge, by_a, weighted);
+    fv_block_add_inner(block, 7, weighted, 7, by_b, 7, 7, 1, false);
     for (int i = 0; i < 49; i++)
         edge->block[i] = (float)block[i];
-    add_to_node(edge, by_a, e, a,
+    add_to_node(by_a, weighted, e, a,
                 a->tree_edge == number   ? a->own
                 : b->tree_edge == number ? b->parents
                                          : NULL);
-    add_to_node(edge, by_b, e, b,
+    weigh(edge, by_b, weighted);
+    add_to_node(by_b, weighted, e, b,
                 b->tree_edge == number   ? b->own
                 : a->tree_edge == number ? a->parents
                                          : NULL);
@@ -300,7 +295,7 @@ static void judge(struct fv_pose_graph *g)
     bool last = s->step >= g->limits.steps;
     if (s->cost <= s->cost_before) {
         bool converged = s->cost_before - s->cost <= converged_share * s->cost_before;
-        s->damping = s->damping * 0.1 > 1e-12 ? s->damping * 0.1 : 1e-12;
+        s->damping = fv_damping_lower(&damping_rule, s->damping);
         s->phase = last || converged ? FV_GRAPH_DONE : FV_GRAPH_LINEARISE;
         return;
     }
@@ -308,7 +303,7 @@ static void judge(struct fv_pose_graph *g)
         g->nodes[g->order[k]].S = g->nodes[g->order[k]].before;
     bool settled = s->cost - s->cost_before <= converged_share * s->cost_before;
     s->cost = s->cost_before;
-    s->damping *= 30;
+    s->damping = fv_damping_raise(&damping_rule, s->damping);
     s->phase = last || settled || s->damping > 1e6 ? FV_GRAPH_DONE : FV_GRAPH_FACTOR;
 }
 

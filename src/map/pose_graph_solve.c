@@ -2,7 +2,7 @@
  * exactly. */
 #include <string.h>
 
-#include "geometry/linear.h"
+#include "geometry/normal_equations.h"
 #include "map/pose_graph.h"
 
 static const double residual_share = 1e-8; /* of the first squared residual, where iterating ends */
@@ -84,10 +84,9 @@ bool fv_graph_factor(struct fv_pose_graph *g)
                 solved[7 * r + c] = column[r];
         }
         double *above = g->nodes[node->parent].factor;
-        for (int r = 0; r < 7; r++)
-            for (int q = 0; q < 7; q++)
-                for (int c = 0; c <= r; c++)
-                    above[7 * r + c] -= node->to_parent[7 * q + r] * solved[7 * q + c];
+        for (int q = 0; q < 7; q++)
+            fv_block_add_inner(above, 7, node->to_parent + 7 * q, 7, solved + 7 * q, 7, 1, -1,
+                               true);
         memcpy(node->to_parent, solved, sizeof solved);
     }
     return true;
