@@ -79,6 +79,9 @@ APP_C     := $(wildcard src/app/*.c src/app/*/*.c src/support/*.c)
 # The video plug-in is built where OpenCV's videoio is installed; nothing else here needs it.
 VIDEO_PLUGIN := $(if $(SAN)$(CROSS),,$(if $(wildcard /usr/include/opencv4/opencv2/videoio.hpp),$(BUILD)/fovea-video.so))
 
+# So is the plug-in that draws letters, where FreeType is installed.
+TEXT_PLUGIN := $(if $(SAN)$(CROSS),,$(if $(wildcard /usr/include/freetype2/ft2build.h),$(BUILD)/fovea-text.so))
+
 # So is the program that keeps libcamera in a process of its own, where libcamera is installed.
 LIBCAMERA_PLUGIN := $(if $(SAN)$(CROSS),,$(if $(wildcard /usr/include/libcamera/libcamera/libcamera.h /usr/local/include/libcamera/libcamera/libcamera.h),$(BUILD)/fovea-libcamera))
 
@@ -94,11 +97,11 @@ LIBS_APP  := -llcm -lyaml -lpng -ljpeg -lz -ldl -lm
 
 # ---- what can be asked for -------------------------------------------------------------------------------------
 .DEFAULT_GOAL := all
-.PHONY: all help run test check hil bench fuzz campaign sample cross docs size fmt install clean evaluate
+.PHONY: all help pictures run test check hil bench fuzz campaign sample cross docs size fmt install clean evaluate
 .DELETE_ON_ERROR:
 .SECONDARY:
 
-all: $(VIDEO_PLUGIN) $(LIBCAMERA_PLUGIN) $(BUILD)/fovea $(BUILD)/libfovea.a $(BUILD)/libfovea.so $(BUILD)/fovea.pc  ## build the program and the libraries
+all: $(VIDEO_PLUGIN) $(TEXT_PLUGIN) $(LIBCAMERA_PLUGIN) $(BUILD)/fovea $(BUILD)/libfovea.a $(BUILD)/libfovea.so $(BUILD)/fovea.pc  ## build the program and the libraries
 
 help:  ## this list
 	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -200,6 +203,11 @@ $(BUILD)/venv-tracking/ready:
 	python3 -m venv $(BUILD)/venv-tracking
 	$(BUILD)/venv-tracking/bin/pip install -q trackers==2.6.1 trackeval==1.3.0 numpy
 	@touch $@
+PICTURE := $(BUILD)/run-picture.png
+pictures: all  ## renew the picture of README.md: a simulated run
+	@tools/install.sh pictures
+	$(BUILD)/fovea run --quiet --source sim:tour --frames 900 --set lcm_url= --model src/detect/shipped.fvm --picture $(PICTURE)
+	convert $(PICTURE) -strip -filter Lanczos -resize 1280x -dither None -colors 128 -define png:compression-level=9 docs/run.png
 evaluate: all $(BUILD)/venv/evo $(BUILD)/venv-tracking/ready  ## the recordings with truth over seeds and starts, the tracker beside SORT and ByteTrack: rewrites the committed tables
 	$(BUILD)/venv/bin/python tools/evaluate/evaluate.py --fovea $(BUILD)/fovea --output tools/evaluate/odometry.md
 	$(BUILD)/venv-tracking/bin/python tools/evaluate/tracking.py --fovea $(BUILD)/fovea --output tools/evaluate/tracking.md
@@ -275,6 +283,7 @@ install: all man  ## install program, manual pages, libraries, headers and messa
 	install -m 644 $(BUILD)/libfovea.a $(DESTDIR)$(PREFIX)/lib/
 	$(if $(LIBCAMERA_PLUGIN),install -D -m 755 $(LIBCAMERA_PLUGIN) $(DESTDIR)$(PREFIX)/lib/fovea/fovea-libcamera)
 	$(if $(VIDEO_PLUGIN),install -D -m 755 $(VIDEO_PLUGIN) $(DESTDIR)$(PREFIX)/lib/fovea/fovea-video.so)
+	$(if $(TEXT_PLUGIN),install -D -m 755 $(TEXT_PLUGIN) $(DESTDIR)$(PREFIX)/lib/fovea/fovea-text.so)
 	install -m 755 $(BUILD)/libfovea.so.$(VERSION) $(DESTDIR)$(PREFIX)/lib/
 	ln -sf libfovea.so.$(VERSION) $(DESTDIR)$(PREFIX)/lib/$(SONAME)
 	ln -sf $(SONAME) $(DESTDIR)$(PREFIX)/lib/libfovea.so
@@ -346,6 +355,8 @@ $(BUILD)/fovea: $(MAIN_O) $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
 $(BUILD)/fovea-video.so: drivers/video.cpp drivers/recorded/video_plugin.h $(BUILD)/obj/src/base/status.o Makefile
 	$(Q)$(CXX) $(filter-out -fstack-usage,$(CXXFLAGS)) -isystem /usr/include/opencv4 $(HARDLINK) -fvisibility=hidden -shared -Wl,-Bsymbolic \
 	    -o $@ $< $(BUILD)/obj/src/base/status.o -lopencv_videoio -lopencv_core
+$(BUILD)/fovea-text.so: src/support/plugin/freetype.c src/support/lettering.h Makefile
+	$(Q)$(CC) $(filter-out -fstack-usage,$(CFLAGS)) -isystem /usr/include/freetype2 $(HARDLINK) -fvisibility=hidden -shared -Wl,-Bsymbolic -o $@ $< -lfreetype
 LIBCAMERA_O := $(call objs,drivers/libcamera.cpp $(wildcard drivers/libcamera/*.cpp))
 $(LIBCAMERA_O): CXXFLAGS += $(patsubst -I%,-isystem %,$(shell pkg-config --cflags-only-I libcamera))
 $(BUILD)/fovea-libcamera: $(LIBCAMERA_O) $(BUILD)/obj/src/base/status.o $(BUILD)/obj/src/image/image.o Makefile

@@ -4,7 +4,7 @@
 # preprocessed text is the same are not looked at again (build/tidy). Needs the generated headers of a build.
 # Usage: tools/check_tidy.sh [FILE...]
 set -eu
-flags="-std=c11 -D_GNU_SOURCE -Iinclude -Isrc -Ibuild/generated -Itests -fsigned-char -I."
+flags="-std=c11 -D_GNU_SOURCE -Iinclude -Isrc -Ibuild/generated -Itests -fsigned-char -I. -isystem /usr/include/freetype2"
 mkdir -p build/tidy
 
 if [ $# -eq 1 ]; then

@@ -6,13 +6,14 @@ set -eu
 packages() {
     case $1 in
     build) echo gcc g++ make pkg-config liblcm-dev liblcm-bin libyaml-dev libpng-dev libjpeg62-turbo-dev \
-                zlib1g-dev ;;
+                zlib1g-dev libfreetype-dev fonts-dejavu-core ;;
     test)  echo libcmocka-dev libopencv-core-dev libopencv-imgproc-dev libopencv-features2d-dev \
                 libopencv-calib3d-dev libopencv-imgcodecs-dev libceres-dev python3 python3-venv iproute2 iptables ;;
     bench) echo libopencv-core-dev libopencv-imgproc-dev libopencv-features2d-dev libopencv-calib3d-dev \
                 libopencv-imgcodecs-dev opencv-doc python3 python3-venv ;;
     check) echo ccache clang clang-format clang-tidy libclang-rt-14-dev python3 ;;
     cross) echo gcc-aarch64-linux-gnu g++-aarch64-linux-gnu qemu-user llvm-19 ;;
+    pictures) echo imagemagick ;;
     jar)   echo default-jdk-headless liblcm-java ;;
     hil)   echo qemu-system-x86 busybox-static v4l-utils libcamera-dev libcamera-tools xz-utils procps ;;
     fmt)   echo clang-format ;;

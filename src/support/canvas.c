@@ -4,7 +4,9 @@
 #include <string.h>
 
 #include "support/font.h"
+#include "support/lettering.h"
 #include "support/picture.h"
+#include "support/utf8.h"
 
 enum { SIDE_MAX = 16384 };
 
@@ -139,22 +141,84 @@ void fv_canvas_box(struct fv_canvas *canvas, float x_min, float y_min, float x_m
     fv_canvas_line(canvas, x_min, bottom, x_min, y_min, thickness, colour);
 }
 
-int fv_canvas_text(struct fv_canvas *canvas, int left, int top, int scale, uint32_t colour,
-                   const char *text)
+/* ---- text ------------------------------------------------------------------------------------ */
+
+static const struct fv_lettering *letters; /* NULL: the bitmap font */
+
+void fv_canvas_use_lettering(const struct fv_lettering *lettering)
 {
-    for (; *text != '\0'; text++, left += FV_FONT_ADVANCE * scale) {
-        const uint8_t *glyph = fv_font_glyph(*text);
-        for (int y = 0; y < FV_FONT_ROWS; y++)
-            for (int x = 0; x < FV_FONT_COLUMNS; x++)
-                if ((glyph[y] >> (FV_FONT_COLUMNS - 1 - x)) & 1)
-                    fv_canvas_fill(canvas, left + x * scale, top + y * scale, scale, scale, colour);
+    letters = lettering;
+}
+
+static int bitmap_scale(int size)
+{
+    return size >= 18 ? size / 9 : 1;
+}
+
+static int bitmap_letter(struct fv_canvas *canvas, int left, int base, int scale, uint32_t colour,
+                         uint32_t code)
+{
+    const uint8_t *glyph = fv_font_glyph(code < 127 ? (char)code : '?');
+    const int top = base - (FV_FONT_ROWS - 1) * scale;
+    for (int y = 0; canvas != NULL && y < FV_FONT_ROWS; y++)
+        for (int x = 0; x < FV_FONT_COLUMNS; x++)
+            if ((glyph[y] >> (FV_FONT_COLUMNS - 1 - x)) & 1)
+                fv_canvas_fill(canvas, left + x * scale, top + y * scale, scale, scale, colour);
+    return FV_FONT_ADVANCE * scale;
+}
+
+/* Draw one letter, or measure it where `canvas` is NULL; returns how far the pen moves. */
+static int letter_draw(struct fv_canvas *canvas, int left, int base, int size, uint32_t colour,
+                       uint32_t code)
+{
+    struct fv_letter letter;
+    if (letters == NULL || !letters->letter(size, code, &letter))
+        return bitmap_letter(canvas, left, base, bitmap_scale(size), colour, code);
+    for (int y = 0; canvas != NULL && y < letter.height; y++)
+        for (int x = 0; x < letter.width; x++)
+            blend(canvas, left + letter.left + x, base - letter.top + y, colour,
+                  (float)letter.coverage[y * letter.stride + x] / 255.0F);
+    return letter.advance;
+}
+
+static int text_draw(struct fv_canvas *canvas, int left, int base, int size, uint32_t colour,
+                     const char *text)
+{
+    while (*text != '\0') {
+        uint32_t code;
+        const int bytes = fv_utf8_decode(text, &code);
+        left += letter_draw(canvas, left, base, size, colour, bytes > 0 ? code : '?');
+        text += bytes > 0 ? bytes : 1;
     }
     return left;
 }
 
+int fv_canvas_letters(struct fv_canvas *canvas, int left, int base, int size, uint32_t colour,
+                      const char *text)
+{
+    return text_draw(canvas, left, base, size, colour, text);
+}
+
+int fv_canvas_letters_width(int size, const char *text)
+{
+    return text_draw(NULL, 0, 0, size, 0, text);
+}
+
+static int size_of(int scale)
+{
+    return letters == NULL ? 9 * scale : scale == 1 ? 12 : 10 * scale + 1;
+}
+
+int fv_canvas_text(struct fv_canvas *canvas, int left, int top, int scale, uint32_t colour,
+                   const char *text)
+{
+    const int base = top + (letters == NULL ? FV_FONT_ROWS - 1 : FV_FONT_ROWS + 1) * scale;
+    return text_draw(canvas, left, base, size_of(scale), colour, text);
+}
+
 int fv_canvas_text_width(int scale, const char *text)
 {
-    return (int)strlen(text) * FV_FONT_ADVANCE * scale;
+    return text_draw(NULL, 0, 0, size_of(scale), 0, text);
 }
 
 enum fovea_status fv_canvas_write(const struct fv_canvas *canvas, const char *path,

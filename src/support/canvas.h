@@ -43,8 +43,13 @@ void fv_canvas_disc(struct fv_canvas *canvas, float x, float y, float radius, ui
 void fv_canvas_box(struct fv_canvas *canvas, float x_min, float y_min, float x_max, float y_max,
                    float thickness, uint32_t colour);
 
-/* Text in a bitmap font of 6 x 9 pixels per character times `scale`; printable ASCII, others show
- * as '?'. (left, top) is the corner of the first character. Returns the x where the text ends. */
+/* Text, UTF-8, with the pen at (left, base) on the base line, `size` pixels per em: in a font of
+ * the system (lettering.h), else in a bitmap font of 6 x 9 pixels times size / 9, in which only
+ * printable ASCII shows. Returns the x where the text ends. */
+int fv_canvas_letters(struct fv_canvas *canvas, int left, int base, int size, uint32_t colour,
+                      const char *text);
+int fv_canvas_letters_width(int size, const char *text);
+/* The same below (left, top), in lines of 9 pixels times `scale`. */
 int fv_canvas_text(struct fv_canvas *canvas, int left, int top, int scale, uint32_t colour,
                    const char *text);
 int fv_canvas_text_width(int scale, const char *text);

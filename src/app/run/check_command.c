@@ -13,6 +13,7 @@
 #include "app/run/realtime.h"
 #include "app/run/report.h"
 #include "app/run/results.h"
+#include "app/run/snapshot.h"
 #include "support/say.h"
 #include "app/config/setup.h"
 #include "app/run/trajectory.h"
@@ -99,6 +100,11 @@ static enum fovea_status memory_print(struct check *check, size_t lcm_bytes,
     if (lcm_bytes > 0) memory_row("LCM", "outside", lcm_bytes);
     memory_row("timings", "outside", sizeof(struct fv_timings));
     memory_row("trajectory", "outside", fv_trajectory_bytes());
+    if (check->setup.source != NULL)
+        memory_row("frame for the picture", "outside",
+                   fv_snapshot_bytes(check->setup.ops->info(check->setup.source)->live
+                                         ? fv_setup_frame_bytes(&check->setup)
+                                         : 0));
     if (check->setup.model.data != NULL) memory_row("model", "outside", check->setup.model.bytes);
     if (check->setup.model2.data != NULL)
         memory_row("second model", "outside", check->setup.model2.bytes);

@@ -37,6 +37,15 @@ void fv_realtime_unmap(void *memory, size_t bytes)
     munmap(memory, bytes);
 }
 
+void fv_realtime_release(void *memory, size_t bytes, size_t tail)
+{
+    const size_t page = (size_t)sysconf(_SC_PAGESIZE),
+                 from = (bytes - tail + page - 1) / page * page;
+    if (from >= bytes) return;
+    munlock((uint8_t *)memory + from, bytes - from);
+    madvise((uint8_t *)memory + from, bytes - from, MADV_DONTNEED);
+}
+
 static enum fovea_status start(pthread_t *thread, uint32_t priority, int32_t cpu,
                                void *(*body)(void *), void *argument, int *failure)
 {

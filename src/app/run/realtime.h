@@ -17,6 +17,9 @@
 enum fovea_status fv_realtime_map(size_t bytes, bool lock, void **memory, bool *locked,
                                   struct fovea_error *why);
 void fv_realtime_unmap(void *memory, size_t bytes);
+/* Give the pages of the last `tail` of `bytes` mapped bytes back to the system: they read as zero.
+ */
+void fv_realtime_release(void *memory, size_t bytes, size_t tail);
 
 struct fv_realtime_rights {
     bool fifo;  /* runs under SCHED_FIFO */

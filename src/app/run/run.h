@@ -15,6 +15,7 @@
 #include "app/record/recorder.h"
 #include "app/run/results.h"
 #include "app/config/setup.h"
+#include "app/run/snapshot.h"
 #include "app/run/trails.h"
 #include "app/run/trajectory.h"
 #include "app/network/identity.h"
@@ -62,6 +63,7 @@ struct fv_run {
     uint64_t inferences2, objects2; /* of the second network */
     struct fv_trails trails;
     struct fv_watch watch;
+    struct fv_snapshot snapshot;
     struct fv_final *final;
     struct fv_keeper keeper;
     struct fv_loop_shared shared;
@@ -94,6 +96,8 @@ void fv_run_status_show(struct fv_run *run, struct fv_run_pace *pace);
  * results, and the picture, for whose memory the source is closed. A file that could not be written
  * is named on stderr. */
 enum fv_exit fv_run_report(struct fv_run *run);
+/* Whether a picture is to be drawn at the end. */
+bool fv_run_draws(const struct fv_run *run);
 /* An output is whole, or it has been said that it is not: a run that ends at once loses it no more.
  */
 void fv_run_written(struct fv_run *run, enum fv_run_output output);

@@ -84,6 +84,7 @@ static void step_done(void *context, const struct fovea_inputs *inputs,
     fv_recorder_step(run->recorder, inputs, outputs);
     fv_watch_step(&run->watch, run->loop.rt, inputs, pose != NULL);
     fv_final_look(run->final, run->loop.rt);
+    if (pose != NULL) fv_snapshot_step(&run->snapshot, run->loop.rt, inputs->frame, pose);
     if (pose == NULL || !pose->posed) return;
     struct fv_trajectory_sample sample = {.stamp_ns = inputs->frame->stamp_ns,
                                           .map = pose->map_id,
@@ -128,6 +129,7 @@ static void work_done(void *context, const struct fovea_inputs *inputs,
     run->tracks = tracks.confirmed;
     if (run->all_boxes) detections.count += detections.uncertain;
     fv_results_add(run->results, &detections, &tracks);
+    fv_snapshot_work(&run->snapshot, &detections, &tracks);
     if (tracks.updates > 0) fv_trails_look(&run->trails, &tracks);
 }
 
@@ -164,7 +166,7 @@ static enum fv_options_result options_read(struct fv_run *run, int argc, char **
         {"trajectory-final", "FILE", FV_OPTION_TEXT, &run->final_path,
          "write the same poses after all optimisation, at the end of the run"},
         {"picture", "FILE", FV_OPTION_TEXT, &run->picture_path,
-         "draw path, map, tracks and timings into FILE (default " FV_RUN_PICTURE_FILE
+         "draw states, a frame, map, objects and timings into FILE (default " FV_RUN_PICTURE_FILE
          "; none: do not draw)"},
         {"model", "FILE", FV_OPTION_TEXT, &run->options.model,
          "network that finds objects (.fvm, made by tools/import)"},
@@ -345,6 +347,7 @@ static void close_all(struct fv_run *run)
     fv_results_close(run->results, NULL);
     fv_final_close(run->final);
     fv_keeper_close(&run->keeper);
+    fv_snapshot_close(&run->snapshot);
     fv_setup_close(&run->setup);
     if (run->memory != NULL) fv_realtime_unmap(run->memory, run->bytes);
     fv_output_discard(&run->stats);
@@ -413,6 +416,11 @@ static enum fovea_status run_loop(struct fv_run *run, struct fovea_error *error)
     loop->shared = &run->shared;
     loop->hooks = (struct fv_loop_hooks){run, pace, commands, sense, step_done, work_done};
     fv_timings_init(&run->timings);
+    if (fv_run_draws(run))
+        (void)fv_snapshot_open(
+            &run->snapshot,
+            loop->ops->info(loop->source)->live ? fv_setup_frame_bytes(&run->setup) : 0,
+            run->settings.model[0] != '\0');
     fv_watch_open(&run->watch, run->settings.runtime.odometry.enabled, loop->real_time);
     atomic_store(&run->shared.temperature_c, NAN);
     sem_init(&run->ended, 0, 0);

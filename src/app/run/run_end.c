@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "app/run/process.h"
+#include "app/run/realtime.h"
 #include "app/run/report.h"
 #include "app/run/run_picture.h"
 #include "support/say.h"
@@ -25,20 +26,30 @@ static enum fv_exit stats_write(struct fv_run *run, const struct fv_report *repo
                                                             : fv_say_failed("%s", error.text);
 }
 
+bool fv_run_draws(const struct fv_run *run)
+{
+    return run->picture_path != NULL ? strcmp(run->picture_path, "none") != 0 : !run->quiet;
+}
+
 /* A picture that was asked for must be there; the one that is drawn unasked may fail. */
-static enum fv_exit picture_draw(const struct fv_run *run, const struct fv_report *report,
+static enum fv_exit picture_draw(struct fv_run *run, const struct fv_report *report,
                                  const struct fv_trajectory_summary *path)
 {
     struct fovea_error error;
-    const struct fv_run_picture picture = {report, path, &run->trails};
+    if (!fv_run_draws(run)) return FV_EXIT_OK;
+    /* No step comes any more: its scratch makes room for the frame that is read again. */
+    fv_realtime_release(run->memory, run->bytes, report->part_bytes[FOVEA_MEMORY_FRAME]);
+    (void)fv_snapshot_fetch(&run->snapshot, run->settings.source,
+                            fv_setup_wants_colour(&run->setup));
+    const struct fv_run_picture picture = {report, path, &run->trails, &run->watch,
+                                           fv_snapshot_best(&run->snapshot)};
     const char *file = run->picture_path != NULL ? run->picture_path : FV_RUN_PICTURE_FILE;
-    if (strcmp(file, "none") == 0 || (run->quiet && run->picture_path == NULL)) return FV_EXIT_OK;
     enum fovea_status status =
         fv_run_picture(file, &picture, run->loop.rt, &run->settings.runtime, &error);
     if (status != FOVEA_OK) fv_say("%s", error.text);
     if (status != FOVEA_OK && run->picture_path != NULL) return FV_EXIT_FAILED;
     if (status == FOVEA_OK && !run->quiet)
-        printf("  path, map, tracks and timings are drawn in %s\n", file);
+        printf("  states, a frame, map, objects and timings are drawn in %s\n", file);
     return FV_EXIT_OK;
 }
 

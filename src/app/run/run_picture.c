@@ -1,224 +1,228 @@
 #include "app/run/run_picture.h"
 
+#include <inttypes.h>
+#include <malloc.h>
+#include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
-#include "app/lab/map_open.h"
-
-#define INK 0x222222
-#define GREY 0xe4e4e4
+#include "app/lab/lettering.h"
 
 enum {
-    TRACKS_WIDTH = 900,
-    TRACKS_HEIGHT = 700,
-    LEFT = 50,
-    RIGHT = 880,
-    TOP = 64,
-    BOTTOM = 660,
-    GAP = 20,
-    COLOURS = 6
+    WIDTH = 1600,
+    MARGIN = 28,
+    GAP = 32,
+    HEAD = 76,
+    RIBBON = 74,
+    COLUMN = (WIDTH - 2 * MARGIN - GAP) / 2,
+    UPPER = 620, /* height of the row with frame and map */
+    LOWER = 400, /* of that with objects and times */
+    TITLE = 30   /* of a part's head */
 };
 
-static const uint32_t colours[COLOURS] = {0xd62728, 0x2ca02c, 0x1f77b4,
-                                          0xbf9000, 0x9467bd, 0x17a2a2};
+/* ---- what the parts share -------------------------------------------------------------------- */
 
-/* ---- tracks ---------------------------------------------------------------------------------- */
-
-struct time_axis {
-    double seconds;
-    int32_t width_px; /* of the camera's image */
-};
-
-static void to_pixel(const struct time_axis *axis, const struct fv_trail_point *point,
-                     float pixel[2])
+struct fv_area fv_picture_title(struct fv_canvas *canvas, const struct fv_area *area,
+                                const char *title)
 {
-    pixel[0] = (float)(LEFT + (double)point->time_s / axis->seconds * (RIGHT - LEFT));
-    pixel[1] = (float)(TOP + (double)point->x_px / axis->width_px * (BOTTOM - TOP));
+    fv_canvas_letters(canvas, area->left, area->top + 18, FV_PICTURE_TITLE_PX, FV_PICTURE_INK,
+                      title);
+    return (struct fv_area){area->left, area->top + TITLE, area->width, area->height - TITLE};
 }
 
-static void tracks_grid(struct fv_canvas *canvas, const struct time_axis *axis)
+int fv_picture_legend(struct fv_canvas *canvas, int left, int base, uint32_t colour,
+                      const char *text)
 {
-    char label[64];
-    double tick = 1e-3;
-    for (int i = 0; tick * 8.0 < axis->seconds && i < 40; i++)
+    fv_canvas_fill(canvas, left, base - 10, 11, 11, colour);
+    return fv_canvas_letters(canvas, left + 16, base, FV_PICTURE_TEXT_PX, FV_PICTURE_INK, text) +
+           18;
+}
+
+double fv_picture_tick(double range, int lines)
+{
+    double tick = 1e-6;
+    for (int i = 0; tick * lines < range && i < 48; i++)
         tick *= i % 3 == 1 ? 2.5 : 2.0;
-    for (int i = 0; i * tick <= axis->seconds && i < 20; i++) {
-        const float x = (float)(LEFT + i * tick / axis->seconds * (RIGHT - LEFT));
-        fv_canvas_line(canvas, x, TOP, x, BOTTOM, 1.0F, GREY);
+    return tick;
+}
+
+uint32_t fv_picture_class_colour(int32_t class_id)
+{
+    static const uint32_t colours[] = {0xd62728, 0x1b9e4b, 0x1f77b4, 0xd08a00, 0x9467bd, 0x17a2a2};
+    return colours[(uint32_t)class_id % (sizeof colours / sizeof *colours)];
+}
+
+/* ---- head ------------------------------------------------------------------------------------ */
+
+/* How long the run was, by the clock of the states. */
+static double seconds_of(const struct fv_watch *watch)
+{
+    int64_t sum_ns = 0;
+    for (int i = 0; i < FV_WATCH_STATES; i++)
+        sum_ns += watch->total_ns[i];
+    return (double)sum_ns * 1e-9;
+}
+
+static void head(struct fv_canvas *canvas, const struct fv_run_picture *picture)
+{
+    const struct fv_report *report = picture->report;
+    const struct fv_trajectory_summary *path = picture->path;
+    const struct fv_loop_counts *counts = &report->loop->counts;
+    char line[320];
+    snprintf(line, sizeof line, "Fovea   %.100s", report->source);
+    fv_canvas_letters(canvas, MARGIN, 34, 24, FV_PICTURE_INK, line);
+    int length =
+        snprintf(line, sizeof line,
+                 "%d x %d, %" PRIu64 " frames in %.1f s, kernel set %s; posed %" PRIu64 " frames",
+                 report->width, report->height, counts->processed, seconds_of(picture->watch),
+                 report->kernel_set, counts->tracked);
+    if (isfinite(path->error_m))
+        snprintf(line + length, sizeof line - (size_t)length,
+                 "; RMS error %.4g m (%.2f %%) over %.4g m", path->error_m,
+                 100.0 * path->error_m / path->truth_length_m, path->truth_length_m);
+    fv_canvas_letters(canvas, MARGIN, 60, 15, FV_PICTURE_PALE, line);
+}
+
+/* ---- states over time ------------------------------------------------------------------------ */
+
+static uint32_t state_colour(int state)
+{
+    static const uint32_t colours[FV_WATCH_STATES] = {
+        [FV_WATCH_WAITING] = 0xe6e6e6,  [FV_WATCH_RUNNING] = 0xb8c7d9,
+        [FV_WATCH_STARTING] = 0xf2d16b, [FV_WATCH_TRACKING] = 0x4caf6d,
+        [FV_WATCH_WEAK] = 0xe9963e,     [FV_WATCH_LOST] = 0xd64545,
+        [FV_WATCH_PAUSED] = 0x9a9a9a,
+    };
+    return colours[state >= 0 && state < FV_WATCH_STATES ? state : 0];
+}
+
+void fv_picture_ribbon(struct fv_canvas *canvas, const struct fv_area *area,
+                       const struct fv_run_picture *picture)
+{
+    const struct fv_watch_ribbon *ribbon = &picture->watch->ribbon;
+    const double seconds = seconds_of(picture->watch), tick = fv_picture_tick(seconds, 12);
+    char label[48];
+    int x = fv_canvas_letters(canvas, area->left, area->top + 14, FV_PICTURE_TEXT_PX,
+                              FV_PICTURE_INK, "state of the pose     ");
+    for (int i = FV_WATCH_RUNNING; i < FV_WATCH_STATES; i++) {
+        if (picture->watch->total_ns[i] == 0) continue;
+        snprintf(label, sizeof label, "%s %.1f s", fv_watch_name((enum fv_watch_state)i),
+                 (double)picture->watch->total_ns[i] * 1e-9);
+        x = fv_picture_legend(canvas, x, area->top + 14, state_colour(i), label);
+    }
+    for (uint32_t i = 0; i < ribbon->bins; i++) {
+        const int from = area->left + (int)((int64_t)i * area->width / ribbon->bins),
+                  to = area->left + (int)((int64_t)(i + 1) * area->width / ribbon->bins);
+        fv_canvas_fill(canvas, from, area->top + 24, to - from, 22, state_colour(ribbon->state[i]));
+    }
+    for (int i = 0; seconds > 0.0 && i * tick <= seconds; i++) {
+        const int at = area->left + (int)(i * tick / seconds * area->width);
+        fv_canvas_fill(canvas, at, area->top + 46, 1, 5, FV_PICTURE_PALE);
         snprintf(label, sizeof label, "%.4g s", i * tick);
-        fv_canvas_text(canvas, (int)x - 8, BOTTOM + 8, 1, INK, label);
+        const int width = fv_canvas_letters_width(FV_PICTURE_TEXT_PX, label),
+                  limit = area->left + area->width - width;
+        fv_canvas_letters(canvas, at < limit ? at : limit, area->top + 64, FV_PICTURE_TEXT_PX,
+                          FV_PICTURE_PALE, label);
     }
-    for (int i = 0; i <= 4; i++) {
-        const float y = TOP + (float)i / 4 * (BOTTOM - TOP);
-        fv_canvas_line(canvas, LEFT, y, RIGHT, y, 1.0F, GREY);
-        snprintf(label, sizeof label, "%d", i * axis->width_px / 4);
-        fv_canvas_text(canvas, LEFT - 8 - fv_canvas_text_width(1, label), (int)y - 4, 1, INK,
-                       label);
-    }
-}
-
-/* A line where a track was seen in the look before too, thin over a gap; its id where it begins. */
-static void trail_draw(struct fv_canvas *canvas, const struct fv_trails *trails,
-                       const struct time_axis *axis, uint32_t i)
-{
-    const struct fv_trail_point *point = &trails->points[i];
-    const uint32_t colour = colours[point->class_id % COLOURS];
-    float from[2], to[2];
-    char label[16];
-    to_pixel(axis, point, to);
-    for (uint32_t k = i; k-- > 0;) {
-        if (trails->points[k].id != point->id) continue;
-        to_pixel(axis, &trails->points[k], from);
-        fv_canvas_line(canvas, from[0], from[1], to[0], to[1],
-                       trails->points[k].look + 1 == point->look ? 2.0F : 0.5F, colour);
-        return;
-    }
-    snprintf(label, sizeof label, "%u", point->id);
-    fv_canvas_text(canvas, (int)to[0], (int)to[1] - 12, 1, colour, label);
-}
-
-static enum fovea_status tracks_panel(struct fv_canvas *canvas, const struct fv_trails *trails,
-                                      const struct fovea *rt, int32_t width_px)
-{
-    const struct time_axis axis = {(double)(trails->last_ns - trails->first_ns) * 1e-9 + 1e-3,
-                                   width_px};
-    enum fovea_status status = fv_canvas_create(canvas, TRACKS_WIDTH, TRACKS_HEIGHT, 0xffffff);
-    if (status != FOVEA_OK) return status;
-    fv_canvas_text(canvas, LEFT - 26, 10, 2, INK, "tracks: column of the image over time");
-    int x = fv_canvas_text(canvas, LEFT - 26, 38, 1, INK,
-                           "one line and number per id, thin while not seen   ");
-    bool named[COLOURS] = {false};
-    tracks_grid(canvas, &axis);
-    for (uint32_t i = 0; i < trails->count; i++) {
-        const int32_t class_id = trails->points[i].class_id;
-        const char *label = fovea_detect_label(rt, class_id);
-        if (label != NULL && !named[class_id % COLOURS]) {
-            x = fv_canvas_text(canvas, x, 38, 1, colours[class_id % COLOURS], label);
-            x = fv_canvas_text(canvas, x, 38, 1, INK, "  ");
-        }
-        named[class_id % COLOURS] = true;
-        trail_draw(canvas, trails, &axis, i);
-    }
-    return FOVEA_OK;
-}
-
-/* ---- map ------------------------------------------------------------------------------------- */
-
-/* No panel (no pixels) when there is no map yet. */
-static enum fovea_status map_panel(struct fv_canvas *canvas, struct fovea *rt,
-                                   const struct fovea_config *config)
-{
-    static struct fv_map_open open; /* large */
-    struct fovea_error error;
-    uint32_t map_id;
-    const size_t capacity = fovea_map_bytes_max(config);
-    uint8_t *buffer = malloc(capacity);
-    if (buffer == NULL) return FOVEA_ERROR_SYSTEM;
-    const size_t bytes = fovea_map_save(rt, buffer, capacity);
-    enum fovea_status status =
-        bytes > 0 ? fv_map_open_bytes(buffer, bytes, "map", &open, &error) : FOVEA_ERROR_SYSTEM;
-    free(buffer);
-    if (status != FOVEA_OK) return status;
-    if (fv_map_open_largest(&open, &map_id)) status = fv_map_panel(canvas, &open, "map", map_id, 1);
-    fv_map_open_free(&open);
-    return status;
 }
 
 /* ---- the sheet ------------------------------------------------------------------------------- */
 
-enum { PATH, TIMINGS, MAP, TRACKS, PANELS };
+enum part { FRAME, MAP, OBJECTS, TIMES, PARTS };
 
-static const struct {
-    int width, height;
-} sizes[PANELS] = {
-    [PATH] = {FV_PATH_PANEL_WIDTH, FV_PATH_PANEL_HEIGHT},
-    [TIMINGS] = {FV_REPORT_PANEL_WIDTH, FV_REPORT_PANEL_HEIGHT},
-    [MAP] = {FV_MAP_PANEL_WIDTH, FV_MAP_PANEL_HEIGHT},
-    [TRACKS] = {TRACKS_WIDTH, TRACKS_HEIGHT},
-};
-
-struct sheet {
-    struct fv_canvas canvas;
-    bool has[PANELS];
-    int right; /* where the second column begins */
-};
-
-static int larger(int a, int b)
+static void part_draw(enum part part, struct fv_canvas *canvas, const struct fv_area *area,
+                      const struct fv_run_picture *picture, const struct fovea *rt)
 {
-    return a > b ? a : b;
+    switch (part) {
+    case FRAME:
+        fv_picture_frame(canvas, area, picture, rt);
+        break;
+    case OBJECTS:
+        fv_picture_objects(canvas, area, picture, rt);
+        break;
+    default:
+        fv_picture_times(canvas, area, picture);
+        break;
+    }
 }
 
-/* Two columns: path over timings, map over tracks. */
-static enum fovea_status sheet_create(struct sheet *sheet)
+/* The areas of the parts that there are; returns the height of the sheet. A part alone in its row
+ * takes the whole width, but for the frame, which keeps its shape. */
+static int layout(const bool has[PARTS], struct fv_area area[PARTS])
 {
-    int width[PANELS] = {0}, height[PANELS] = {0};
-    for (int i = 0; i < PANELS; i++)
-        if (sheet->has[i]) width[i] = sizes[i].width, height[i] = sizes[i].height;
-    const int second = larger(width[MAP], width[TRACKS]);
-    sheet->right = larger(width[PATH], width[TIMINGS]) + GAP;
-    return fv_canvas_create(&sheet->canvas, second > 0 ? sheet->right + second : sheet->right - GAP,
-                            larger(height[PATH] + height[TIMINGS], height[MAP] + height[TRACKS]),
-                            0xffffff);
+    int top = HEAD + RIBBON + 12;
+    for (int row = 0; row < 2; row++) {
+        const int left = 2 * row, right = left + 1, height = row == 0 ? UPPER : LOWER;
+        if (!has[left] && !has[right]) continue;
+        const int whole = WIDTH - 2 * MARGIN;
+        area[left] = (struct fv_area){MARGIN, top, has[right] ? COLUMN : whole, height};
+        area[right] = has[left] ? (struct fv_area){MARGIN + COLUMN + GAP, top, COLUMN, height}
+                                : (struct fv_area){MARGIN, top, whole, height};
+        top += height + GAP / 2;
+    }
+    return top + MARGIN / 2;
 }
 
-/* Copy a panel to its place and free it. */
-static void panel_place(struct sheet *sheet, int i, struct fv_canvas *panel)
+/* The map's part on a canvas of its own, before there is a sheet: both the map, which is opened in
+ * memory of its own, and the sheet are large. */
+static enum fovea_status map_draw(struct fv_canvas *panel, const struct fv_area *area,
+                                  const struct fv_run_picture *picture, struct fovea *rt,
+                                  const struct fovea_config *config)
+{
+    const struct fv_area whole = {0, 0, area->width, area->height};
+    enum fovea_status status = fv_canvas_create(panel, area->width, area->height, 0xffffff);
+    if (status == FOVEA_OK) status = fv_picture_map(panel, &whole, picture, rt, config);
+    malloc_trim(0);
+    return status;
+}
+
+static void panel_place(struct fv_canvas *canvas, const struct fv_area *area,
+                        const struct fv_canvas *panel)
 {
     const size_t bytes = (size_t)panel->width * (size_t)panel->height * 3;
     const struct fovea_image image = {panel->rgb,       panel->width,      panel->height,
                                       3 * panel->width, FOVEA_PIXEL_RGB24, bytes};
-    const int top = i % 2 == 1 && sheet->has[i - 1] ? sizes[i - 1].height : 0;
-    fv_canvas_image(&sheet->canvas, i >= MAP ? sheet->right : 0, top, &image);
-    fv_canvas_free(panel);
+    fv_canvas_image(canvas, area->left, area->top, &image);
 }
 
-static enum fovea_status panel_draw(int i, struct fv_canvas *panel,
-                                    const struct fv_run_picture *picture, const struct fovea *rt)
-{
-    const struct fv_report *report = picture->report;
-    if (i == PATH) return fv_path_panel(panel, report->source, picture->path);
-    if (i == TIMINGS) return fv_report_panel(panel, report);
-    return tracks_panel(panel, picture->trails, rt, report->width);
-}
-
-/* The map comes first, by itself, as it is opened in memory of its own; the others one after the
- * other. */
-static enum fovea_status sheet_draw(struct sheet *sheet, const struct fv_run_picture *picture,
+static enum fovea_status sheet_draw(struct fv_canvas *canvas, const struct fv_run_picture *picture,
                                     struct fovea *rt, const struct fovea_config *config)
 {
+    const bool has[PARTS] = {
+        [FRAME] = picture->snapshot != NULL,
+        [MAP] = config->odometry.enabled && picture->path->points > 0,
+        [OBJECTS] = picture->trails->count > 0,
+        [TIMES] = true,
+    };
+    struct fv_area area[PARTS];
     struct fv_canvas panel = {0};
-    enum fovea_status status = config->odometry.enabled ? map_panel(&panel, rt, config) : FOVEA_OK;
-    if (status != FOVEA_OK) return status;
-    sheet->has[PATH] = picture->path->samples > 0;
-    sheet->has[TIMINGS] = true;
-    sheet->has[MAP] = panel.rgb != NULL;
-    sheet->has[TRACKS] = picture->trails->count > 0;
-    status = sheet_create(sheet);
-    if (status != FOVEA_OK) {
-        fv_canvas_free(&panel);
-        return status;
+    const int height = layout(has, area);
+    enum fovea_status status = FOVEA_OK;
+    fv_lettering_open();
+    if (has[MAP]) status = map_draw(&panel, &area[MAP], picture, rt, config);
+    if (status == FOVEA_OK) status = fv_canvas_create(canvas, WIDTH, height, 0xffffff);
+    if (status == FOVEA_OK) {
+        const struct fv_area ribbon = {MARGIN, HEAD, WIDTH - 2 * MARGIN, RIBBON};
+        head(canvas, picture);
+        fv_picture_ribbon(canvas, &ribbon, picture);
+        for (int i = 0; i < PARTS; i++)
+            if (has[i] && i != MAP) part_draw((enum part)i, canvas, &area[i], picture, rt);
+        if (has[MAP]) panel_place(canvas, &area[MAP], &panel);
     }
-    if (sheet->has[MAP]) panel_place(sheet, MAP, &panel);
-    for (int i = 0; i < PANELS; i++) {
-        if (i == MAP || !sheet->has[i]) continue;
-        status = panel_draw(i, &panel, picture, rt);
-        if (status != FOVEA_OK) return status;
-        panel_place(sheet, i, &panel);
-    }
-    return FOVEA_OK;
+    fv_canvas_free(&panel);
+    return status;
 }
 
 enum fovea_status fv_run_picture(const char *path, const struct fv_run_picture *picture,
                                  struct fovea *rt, const struct fovea_config *config,
                                  struct fovea_error *error)
 {
-    struct sheet sheet = {0};
-    enum fovea_status status = sheet_draw(&sheet, picture, rt, config);
+    struct fv_canvas canvas = {0};
+    enum fovea_status status = sheet_draw(&canvas, picture, rt, config);
     if (status == FOVEA_OK)
-        status = fv_canvas_write(&sheet.canvas, path, error);
+        status = fv_canvas_write(&canvas, path, error);
     else
         fovea_error_set(error, status, "%.200s: no memory for the picture", path);
-    fv_canvas_free(&sheet.canvas);
+    fv_canvas_free(&canvas);
     return status;
 }

@@ -30,6 +30,7 @@ void fv_trails_look(struct fv_trails *trails, const struct fovea_tracks *tracks)
         trails->points[trails->count++] = (struct fv_trail_point){
             .time_s = (float)((double)(tracks->stamp_ns - trails->first_ns) * 1e-9),
             .x_px = 0.5F * (t->x_min_px + t->x_max_px),
+            .y_px = 0.5F * (t->y_min_px + t->y_max_px),
             .id = (uint32_t)t->id,
             .look = look / trails->stride,
             .class_id = t->class_id};

@@ -1,5 +1,5 @@
-/* Where confirmed tracks were across the image over a whole run, for its picture. Fixed memory:
- * when it is full, every other look is forgotten and from then on only so many are kept. */
+/* Where confirmed tracks were in the image over a whole run, for its picture. Fixed memory: when it
+ * is full, every second inference is removed, and of later ones every stride-th is kept. */
 #ifndef FOVEA_APP_RUN_TRAILS_H
 #define FOVEA_APP_RUN_TRAILS_H
 
@@ -8,7 +8,7 @@
 enum { FV_TRAILS_MAX = 8192 };
 
 struct fv_trail_point {
-    float time_s, x_px;
+    float time_s, x_px, y_px;
     uint32_t id, look; /* look: its number, of those kept */
     int32_t class_id;
 };

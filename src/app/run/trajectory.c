@@ -40,6 +40,7 @@ struct fv_trajectory {
 
     /* Never the loop's, so their pages may wait until they are needed: short runs stay smaller. */
     uint8_t map_of[FV_TRAJECTORY_POINTS_MAX];
+    int64_t stamps_ns[FV_TRAJECTORY_POINTS_MAX];
     double centres[FV_TRAJECTORY_POINTS_MAX][3], truths[FV_TRAJECTORY_POINTS_MAX][3];
 };
 
@@ -163,7 +164,7 @@ static void map_enter(struct fv_trajectory *trajectory, uint32_t id)
     trajectory->maps++;
 }
 
-static void point_keep(struct fv_trajectory *trajectory, const double centre[3],
+static void point_keep(struct fv_trajectory *trajectory, int64_t stamp_ns, const double centre[3],
                        const double truth[3])
 {
     if (trajectory->samples % trajectory->stride != 0) return;
@@ -173,6 +174,7 @@ static void point_keep(struct fv_trajectory *trajectory, const double centre[3],
                    sizeof trajectory->centres[i]);
             memcpy(trajectory->truths[i], trajectory->truths[2 * i], sizeof trajectory->truths[i]);
             trajectory->map_of[i] = trajectory->map_of[2 * i];
+            trajectory->stamps_ns[i] = trajectory->stamps_ns[2 * i];
         }
         trajectory->points /= 2;
         trajectory->stride *= 2;
@@ -180,6 +182,7 @@ static void point_keep(struct fv_trajectory *trajectory, const double centre[3],
     memcpy(trajectory->centres[trajectory->points], centre, sizeof trajectory->centres[0]);
     memcpy(trajectory->truths[trajectory->points], truth, sizeof trajectory->truths[0]);
     trajectory->map_of[trajectory->points] = (uint8_t)trajectory->last;
+    trajectory->stamps_ns[trajectory->points] = stamp_ns;
     trajectory->points++;
 }
 
@@ -190,7 +193,7 @@ static void take(struct fv_trajectory *trajectory, const struct fv_trajectory_sa
     map_enter(trajectory, sample->map);
     trajectory->metric = sample->metric;
     line_write(trajectory, sample);
-    point_keep(trajectory, centre, truth);
+    point_keep(trajectory, sample->stamp_ns, centre, truth);
     if (sample->has_truth) length_add(trajectory, truth);
     if (sample->has_truth && trajectory->last < FV_TRAJECTORY_MAPS_MAX)
         sums_add(&trajectory->map[trajectory->last], centre, truth);
@@ -274,6 +277,7 @@ void fv_trajectory_finish(struct fv_trajectory *trajectory, struct fv_trajectory
     summary->points = trajectory->points;
     summary->centres = (const double(*)[3])trajectory->centres;
     summary->map_of = trajectory->map_of;
+    summary->stamps_ns = trajectory->stamps_ns;
     if (trajectory->with_truth == trajectory->samples)
         summary->truths = (const double(*)[3])trajectory->truths;
     judge(trajectory, summary);

@@ -60,6 +60,7 @@ struct fv_trajectory_summary {
      * `map_of` counts maps from 0. */
     uint32_t points;
     const double (*centres)[3], (*truths)[3]; /* truths is NULL unless every sample had truth */
+    const int64_t *stamps_ns;
     const uint8_t *map_of;
 };
 

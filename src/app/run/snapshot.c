@@ -1,0 +1,178 @@
+#include "app/run/snapshot.h"
+
+#include <malloc.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum {
+    FRAMES_APART = 7,  /* between copies; odd, as detections often come every second frame */
+    OBJECT_SCORE = 500 /* an object counts as this number of landmarks */
+};
+
+size_t fv_snapshot_bytes(size_t frame_bytes)
+{
+    return 2 * (frame_bytes + sizeof(struct fv_snapshot_view));
+}
+
+bool fv_snapshot_open(struct fv_snapshot *snapshot, size_t frame_bytes, bool detecting)
+{
+    *snapshot = (struct fv_snapshot){.detecting = detecting, .frame_bytes = frame_bytes};
+    if (frame_bytes > 0) snapshot->memory = malloc(2 * frame_bytes);
+    snapshot->views = calloc(2, sizeof *snapshot->views);
+    if (snapshot->views != NULL && (snapshot->memory != NULL || frame_bytes == 0)) return true;
+    fv_snapshot_close(snapshot);
+    return false;
+}
+
+void fv_snapshot_close(struct fv_snapshot *snapshot)
+{
+    free(snapshot->memory);
+    free(snapshot->views);
+    *snapshot = (struct fv_snapshot){0};
+}
+
+static struct fv_snapshot_view *other(struct fv_snapshot *snapshot)
+{
+    return &snapshot->views[1 - snapshot->best];
+}
+
+/* The other view is whole: keep it when it is the better one. */
+static void judge(struct fv_snapshot *snapshot)
+{
+    struct fv_snapshot_view *made = other(snapshot), *kept = &snapshot->views[snapshot->best];
+    made->whole = true;
+    snapshot->pending = false;
+    if (!kept->whole || made->score >= kept->score) snapshot->best = 1 - snapshot->best;
+}
+
+static void pixels_copy(struct fv_snapshot *snapshot, struct fv_snapshot_view *view,
+                        const struct fovea_frame *frame)
+{
+    uint8_t *pixels = snapshot->memory + (view == snapshot->views ? 0 : snapshot->frame_bytes);
+    memcpy(pixels, frame->images[0].data, frame->images[0].size_bytes);
+    view->image.data = pixels;
+}
+
+void fv_snapshot_step(struct fv_snapshot *snapshot, const struct fovea *rt,
+                      const struct fovea_frame *frame, const struct fovea_pose *pose)
+{
+    const uint64_t step = snapshot->steps++;
+    if (snapshot->views == NULL ||
+        (snapshot->memory != NULL && frame->images[0].size_bytes > snapshot->frame_bytes) ||
+        (snapshot->copied > 0 && step - snapshot->copied < FRAMES_APART))
+        return;
+    struct fv_snapshot_view *view = other(snapshot);
+    view->image = frame->images[0];
+    view->image.data = NULL;
+    if (snapshot->memory != NULL) pixels_copy(snapshot, view, frame);
+    view->stamp_ns = frame->stamp_ns;
+    view->sequence = frame->sequence;
+    view->score = pose->posed ? pose->inliers : 0;
+    view->box_count = 0;
+    view->whole = false;
+    const struct fovea_feature *features = fovea_features_get(rt, &view->feature_count);
+    if (view->feature_count > FV_SNAPSHOT_FEATURES_MAX)
+        view->feature_count = FV_SNAPSHOT_FEATURES_MAX;
+    memcpy(view->features, features, view->feature_count * sizeof *features);
+    snapshot->copied = step;
+    snapshot->pending = snapshot->detecting;
+    if (!snapshot->detecting) judge(snapshot);
+}
+
+static void boxes_of_tracks(struct fv_snapshot_view *view, const struct fovea_tracks *tracks)
+{
+    for (uint32_t i = 0; i < tracks->count && view->box_count < FV_SNAPSHOT_BOXES_MAX; i++) {
+        const struct fovea_track *t = &tracks->list[i];
+        if (t->state != FOVEA_TRACK_CONFIRMED && t->state != FOVEA_TRACK_COASTING) continue;
+        const bool coasting = t->state == FOVEA_TRACK_COASTING;
+        view->boxes[view->box_count++] =
+            (struct fv_snapshot_box){t->x_min_px, t->y_min_px, t->x_max_px,     t->y_max_px,
+                                     t->score,    t->class_id, (uint32_t)t->id, coasting};
+        view->score += coasting ? 0 : OBJECT_SCORE;
+    }
+}
+
+static void boxes_of_detections(struct fv_snapshot_view *view,
+                                const struct fovea_detections *detections)
+{
+    for (uint32_t i = 0; i < detections->count && view->box_count < FV_SNAPSHOT_BOXES_MAX; i++) {
+        const struct fovea_detection *d = &detections->list[i];
+        view->boxes[view->box_count++] = (struct fv_snapshot_box){
+            d->x_min_px, d->y_min_px, d->x_max_px, d->y_max_px, d->score, d->class_id, 0, false};
+        view->score += OBJECT_SCORE;
+    }
+}
+
+void fv_snapshot_work(struct fv_snapshot *snapshot, const struct fovea_detections *detections,
+                      const struct fovea_tracks *tracks)
+{
+    if (!snapshot->pending || detections->inferences == 0) return;
+    struct fv_snapshot_view *view = other(snapshot);
+    if (detections->stamp_ns > view->stamp_ns) { /* this image was passed over: take the next */
+        snapshot->pending = false;
+        snapshot->copied = 0;
+    }
+    if (detections->stamp_ns != view->stamp_ns) return;
+    if (tracks->updates > 0 && tracks->stamp_ns == view->stamp_ns)
+        boxes_of_tracks(view, tracks);
+    else
+        boxes_of_detections(view, detections);
+    judge(snapshot);
+}
+
+const struct fv_snapshot_view *fv_snapshot_best(const struct fv_snapshot *snapshot)
+{
+    return snapshot->views != NULL && snapshot->views[snapshot->best].whole
+               ? &snapshot->views[snapshot->best]
+               : NULL;
+}
+
+/* ---- reading a frame again ------------------------------------------------------------------- */
+
+/* The first frame of an open source, into memory of the snapshot. */
+static bool frame_take(struct fv_snapshot *snapshot, const struct fovea_source_ops *ops,
+                       struct fovea_source *source)
+{
+    struct fv_snapshot_view *view = &snapshot->views[snapshot->best];
+    struct fovea_error error;
+    struct fovea_frame frame;
+    enum fovea_status status = ops->start(source, &error);
+    if (status != FOVEA_OK) return false;
+    do
+        status = ops->dequeue(source, INT64_MAX, &frame);
+    while (status == FOVEA_AGAIN);
+    if (status == FOVEA_OK) {
+        const struct fovea_image *image = &frame.images[0];
+        if (frame.sequence == view->sequence && image->size_bytes == view->image.size_bytes)
+            snapshot->memory = malloc(image->size_bytes);
+        if (snapshot->memory != NULL) {
+            memcpy(snapshot->memory, image->data, image->size_bytes);
+            view->image = *image;
+            view->image.data = snapshot->memory;
+        }
+        ops->requeue(source, &frame);
+    }
+    ops->stop(source);
+    return view->image.data != NULL;
+}
+
+bool fv_snapshot_fetch(struct fv_snapshot *snapshot, const char *uri, bool colour)
+{
+    const struct fv_snapshot_view *best = fv_snapshot_best(snapshot);
+    if (best == NULL || best->image.data != NULL) return best != NULL;
+    const struct fovea_source_selection selection = {
+        .start = best->sequence, .step = 1, .frames = 1, .colour = colour, .camera_given = true};
+    const struct fovea_source_ops *ops;
+    const char *address;
+    struct fovea_source *source;
+    struct fovea_error error;
+    bool taken = false;
+    if (fovea_source_find(uri, &ops, &address, &error) == FOVEA_OK &&
+        ops->open(address, &selection, &source, &error) == FOVEA_OK) {
+        taken = frame_take(snapshot, ops, source);
+        ops->close(source);
+    }
+    malloc_trim(0); /* what the source had goes back to the system before the picture is drawn */
+    if (!taken) fv_snapshot_close(snapshot);
+    return taken;
+}
