@@ -90,7 +90,7 @@ static inline bool fv_every(uint64_t n, uint32_t period)
 }
 
 /* Messages of a step that processed a frame, or of one that had none. `interrupted`: the pose
- * became `lost` without a frame, which is told at once, with the stamp of the last frame. */
+ * became `lost` without a frame, which is published at once, with the stamp of the last frame. */
 void fv_encode(struct fovea *rt, const struct fovea_inputs *inputs, bool processed,
                bool interrupted, struct fovea_outputs *outputs);
 

@@ -65,7 +65,7 @@ enum fovea_status fovea_calibration_parse(const char *name, const char *text, si
 /* Write a calibration. Numbers keep all their bits, so reading the file again gives the same
  * camera. A camera that the format cannot hold (k3 to k6 in Kalibr and EuRoC files; a size that is
  * not stated) is refused with FOVEA_ERROR_UNSUPPORTED and a line that names what would be lost.
- * What else the format has no place for (T_body_cam, rate, name) is told in `lost` (which may be
+ * What else the format has no place for (T_body_cam, rate, name) is named in `lost` (which may be
  * NULL): "" when nothing is. A file is replaced as a whole or not at all; a device or pipe is
  * written to. Init-only. */
 enum fovea_status fovea_calibration_write(const char *path, enum fovea_calibration_format format,

@@ -46,7 +46,7 @@ int fv_command_config(int argc, char **argv)
     if (file != NULL) status = fv_setup_check_files(&settings, &error);
     if (status != FOVEA_OK) return (fv_say("%s", error.text), fv_setup_exit(status));
     if (file != NULL)
-        printf("%s: fine\n", file);
+        printf("%s: ok\n", file);
     else if (markdown)
         fv_settings_markdown(stdout, &settings);
     else

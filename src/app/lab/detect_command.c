@@ -24,7 +24,7 @@ struct engine {
     struct fv_detect_scratch *scratch;
     struct fovea_detection found[FOVEA_DETECTIONS_MAX];
     int32_t count;
-    uint64_t units; /* run so many at a time; 0: all */
+    uint64_t units; /* run this many at a time; 0: all */
 };
 
 static enum fovea_status engine_open(struct engine *engine, const char *path,

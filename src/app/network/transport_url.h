@@ -1,5 +1,5 @@
-/* LCM URLs: what is accepted, and what can be told before LCM is asked, which prints lines of its
- * own. Init-only. */
+/* LCM URLs: what is accepted, and what can be refused before LCM is asked, which prints lines of
+ * its own. Init-only. */
 #ifndef FOVEA_APP_NETWORK_TRANSPORT_URL_H
 #define FOVEA_APP_NETWORK_TRANSPORT_URL_H
 

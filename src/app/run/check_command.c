@@ -387,7 +387,7 @@ static enum fovea_status memory_check(struct check *check, struct fovea_error *l
     return status == FOVEA_OK ? status : fovea_error_set(error, status, "%s", lock->text);
 }
 
-/* The camera does not answer, as `error` says: all the rest is told. */
+/* The camera does not answer, as `error` says: everything else is checked and printed. */
 static enum fovea_status check_without_source(struct check *check, enum fovea_status why,
                                               struct fovea_error *error)
 {

@@ -1,5 +1,5 @@
 /* Real-time means of the system: memory that stays, and a thread that runs first. Init-only. What
- * the system does not permit is no error: it is told, with what would mend it. */
+ * the system does not permit is no error: it is a warning that names the remedy. */
 #ifndef FOVEA_APP_RUN_REALTIME_H
 #define FOVEA_APP_RUN_REALTIME_H
 
@@ -29,7 +29,7 @@ struct fv_realtime_rights {
 };
 
 /* Start a thread with a stack of FV_THREAD_STACK_BYTES under SCHED_FIFO `priority` (0:
- * ordinary) on processor `cpu` (-1: any). What is not permitted is left out and told in `rights`.
+ * ordinary) on processor `cpu` (-1: any). What is not permitted is left out and stated in `rights`.
  */
 enum fovea_status fv_realtime_start(pthread_t *thread, uint32_t priority, int32_t cpu,
                                     void *(*body)(void *), void *argument,

@@ -26,7 +26,7 @@ static volatile sig_atomic_t strayed; /* came to a thread of a library that bloc
 struct watch {
     int first; /* the signal that ends the run; 0: none came */
     int64_t first_ns;
-    struct fv_stall told; /* the stalled call of the last line; id 0: it has gone on */
+    struct fv_stall reported; /* the stalled call of the last line; id 0: it has gone on */
 };
 
 static void handle(int number)
@@ -92,15 +92,15 @@ static void tell(struct watch *watch, const struct fv_stall *call, int64_t now)
 {
     char text[LINE_BYTES];
     const bool stalls = call->id != 0 && now - call->since_ns >= FV_SIGNALS_STALL_MS * 1000000LL;
-    if (watch->told.id != 0 &&
-        (watch->told.id != call->id || watch->told.since_ns != call->since_ns)) {
-        snprintf(text, sizeof text, "%s: goes on after %.1f s", watch->told.name,
-                 seconds(now - watch->told.since_ns));
+    if (watch->reported.id != 0 &&
+        (watch->reported.id != call->id || watch->reported.since_ns != call->since_ns)) {
+        snprintf(text, sizeof text, "%s: goes on after %.1f s", watch->reported.name,
+                 seconds(now - watch->reported.since_ns));
         line(text);
-        watch->told.id = 0;
+        watch->reported.id = 0;
     }
-    if (!stalls || watch->told.id != 0) return;
-    watch->told = *call;
+    if (!stalls || watch->reported.id != 0) return;
+    watch->reported = *call;
     snprintf(text, sizeof text, "%s: has taken nothing for %.1f s: its disk or pipe stalls",
              call->name, seconds(now - call->since_ns));
     line(text);
