@@ -8,6 +8,9 @@
 /* Resident set, and the largest it ever was; 0 where not known. */
 uint64_t fv_process_resident_bytes(void);
 uint64_t fv_process_resident_max_bytes(void);
+/* Of it, what is in no file: counted page by page, and the same whatever other programs do, where
+ * the resident set also counts pages of libraries that happen to be cached. */
+uint64_t fv_process_anonymous_bytes(void);
 
 /* The hottest thermal zone that names the processor, or else the hottest of all, degrees Celsius;
  * NaN where none. */

@@ -106,8 +106,9 @@ void fv_report_json(FILE *file, const struct fv_report *report)
                 report->part_bytes[part]);
     fprintf(file,
             "\"block\": %zu, \"resident_bytes\": %" PRIu64 ", \"resident_max_bytes\": %" PRIu64
-            "},\n",
-            report->block_bytes, report->resident_bytes, report->resident_max_bytes);
+            ", \"anonymous_bytes\": %" PRIu64 "},\n",
+            report->block_bytes, report->resident_bytes, report->resident_max_bytes,
+            report->anonymous_bytes);
     if (report->sent != NULL) sent_json(file, report->sent);
     fprintf(file, "  \"resident_bytes\": %" PRIu64 ",\n", report->resident_bytes);
     if (fv_heap_counted())

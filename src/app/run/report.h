@@ -14,7 +14,7 @@ struct fv_report {
     const struct fv_loop *loop; /* after it has ended */
     size_t part_bytes[FOVEA_MEMORY_PART_COUNT];
     size_t block_bytes;
-    uint64_t resident_bytes, resident_max_bytes;
+    uint64_t resident_bytes, resident_max_bytes, anonymous_bytes;
     const struct fv_transport_sent *sent; /* after fv_transport_finish */
 };
 

@@ -234,6 +234,7 @@ enum fv_exit fv_run_report(struct fv_run *run)
         .block_bytes = run->bytes,
         .resident_bytes = fv_process_resident_bytes(),
         .resident_max_bytes = fv_process_resident_max_bytes(),
+        .anonymous_bytes = fv_process_anonymous_bytes(),
     };
     if (fovea_memory(&run->settings.runtime, &table, &error) == FOVEA_OK)
         fv_report_parts(&table, report.part_bytes);

@@ -310,7 +310,8 @@ static void test_json(void **state)
                                .loop = &loop,
                                .part_bytes = {1, 2, 3},
                                .block_bytes = 6,
-                               .resident_bytes = 7};
+                               .resident_bytes = 7,
+                               .anonymous_bytes = 5};
     FILE *file = open_memstream(&text, &text_bytes);
     fv_report_json(file, &report);
     fclose(file);
@@ -333,6 +334,7 @@ static void test_json(void **state)
     assert_int_equal(whole(tree, parts, "job"), 2);
     assert_int_equal(whole(tree, parts, "frame"), 3);
     assert_int_equal(whole(tree, parts, "resident_bytes"), 7);
+    assert_int_equal(whole(tree, parts, "anonymous_bytes"), 5);
     if (fv_heap_counted()) assert_int_equal(whole(tree, tree->root, "heap_calls_after_init"), 0);
     assert_string_equal(fovea_yaml_child(tree->root, "source")->value, report.source);
     fovea_yaml_free(tree);
