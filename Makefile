@@ -71,7 +71,7 @@ endif
 ifneq (,$(findstring aarch64,$(MACHINE)))
 KERNELS   += $(wildcard src/kernels/neon/*.c)
 endif
-ROOMS     := base image features geometry odometry scale map nn detect track message runtime
+ROOMS     := base image features geometry odometry scale map nn detect objects message runtime
 CORE_C    := $(KERNELS) $(foreach r,$(ROOMS),$(wildcard src/$(r)/*.c))
 DRIVERS_C := $(wildcard drivers/*.c drivers/*/*.c)
 APP_C     := $(wildcard src/app/*.c src/app/*/*.c src/support/*.c)

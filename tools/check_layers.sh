@@ -5,7 +5,7 @@ set -eu
 cd "$(dirname "$0")/.."
 
 allowed() { # rooms that a room may include besides itself
-    core="base kernels image geometry nn features odometry scale map detect track"
+    core="base kernels image geometry nn features odometry scale map detect objects"
     case $1 in
     base)     echo "" ;;
     kernels)  echo "base" ;;
@@ -17,7 +17,7 @@ allowed() { # rooms that a room may include besides itself
     odometry) echo "base kernels image geometry features map" ;;
     scale)    echo "base kernels geometry map odometry" ;;
     detect)   echo "base kernels nn" ;;
-    track)    echo "base geometry" ;;
+    objects)    echo "base geometry" ;;
     message)  echo "" ;;
     runtime)  echo "$core message" ;;
     support)  echo "base" ;;

@@ -82,12 +82,10 @@ static void choose_ellipse(struct fv_sim_object *o, const struct fv_sim_world *w
     double x = world->room[0], y = world->room[1], speed = draw(random, 0.2, 0.6);
     o->wobble = draw(random, 0.0, 0.04);
     if (world->lane[0] <= 0.0 && x > 10.0) { /* the hall: the middle is the camera's */
-        x = o->object_class == FOVEA_OBJECT_PERSON ? draw(random, 8.6, 9.2)
-                                                   : draw(random, 1.5, 8.5);
-        y = o->object_class == FOVEA_OBJECT_PERSON ? draw(random, 6.1, 6.6)
-                                                   : draw(random, 1.0, 6.0);
+        x = o->object_class == FOVEA_TRUTH_PERSON ? draw(random, 8.6, 9.2) : draw(random, 1.5, 8.5);
+        y = o->object_class == FOVEA_TRUTH_PERSON ? draw(random, 6.1, 6.6) : draw(random, 1.0, 6.0);
         o->wobble *= 0.5;
-    } else if (o->object_class == FOVEA_OBJECT_PERSON) {
+    } else if (o->object_class == FOVEA_TRUTH_PERSON) {
         /* Persons of one lane keep their distance: same speed, spread over the lane. */
         const int32_t lane = number & 1, place = number / 2;
         x -= 1.05 + 0.45 * lane;
@@ -117,7 +115,7 @@ static void choose_ring(struct fv_sim_object *o, const struct fv_sim_world *worl
                         struct fovea_random *random)
 {
     /* Persons keep to the side; low things may be nearer to the middle. */
-    const double aside = (o->object_class == FOVEA_OBJECT_PERSON ? 0.80 : draw(random, 0.45, 0.8)) *
+    const double aside = (o->object_class == FOVEA_TRUTH_PERSON ? 0.80 : draw(random, 0.45, 0.8)) *
                          ((number & 1) ? 1.0 : -1.0);
     o->on_ring = true;
     o->radius[0] = world->lane[0] + aside;
@@ -129,14 +127,14 @@ static void choose_ring(struct fv_sim_object *o, const struct fv_sim_world *worl
 
 void fv_sim_objects_create(struct fv_sim_world *world, const struct fv_sim_options *options)
 {
-    static const enum fovea_object_class order[4] = {FOVEA_OBJECT_PERSON, FOVEA_OBJECT_BALL,
-                                                     FOVEA_OBJECT_BOX, FOVEA_OBJECT_CONE};
+    static const enum fovea_truth_class order[4] = {FOVEA_TRUTH_PERSON, FOVEA_TRUTH_BALL,
+                                                    FOVEA_TRUTH_BOX, FOVEA_TRUTH_CONE};
     static const enum fv_sim_material material[5] = {FV_SIM_CLOTHES, FV_SIM_BALL, FV_SIM_CONE,
                                                      FV_SIM_PARCEL, FV_SIM_CLOTHES};
-    uint16_t variant[FOVEA_OBJECT_CLASS_COUNT][VARIANTS] = {{0}}, head[VARIANTS] = {0};
+    uint16_t variant[FOVEA_TRUTH_CLASS_COUNT][VARIANTS] = {{0}}, head[VARIANTS] = {0};
     struct fovea_random random;
     fovea_random_seed(&random, world->seed ^ 0x0B7EC75u);
-    for (int32_t c = 1; c < FOVEA_OBJECT_CLASS_COUNT; c++) {
+    for (int32_t c = 1; c < FOVEA_TRUTH_CLASS_COUNT; c++) {
         for (int32_t k = 0; k < VARIANTS && k * 4 < options->objects; k++)
             variant[c][k] = fv_sim_world_texture(world, material[c], 1.0, 1.0, 128.0, false);
     }
@@ -181,7 +179,7 @@ void fv_sim_objects_clear(struct fv_sim_world *world, const struct fv_sim_motion
     enum { TRIES = 24 };
     for (int32_t i = 0; i < world->object_count; i++) {
         struct fv_sim_object *o = &world->object[i];
-        if (o->object_class != FOVEA_OBJECT_PERSON) continue;
+        if (o->object_class != FOVEA_TRUTH_PERSON) continue;
         double best = -1.0, best_phase = o->phase;
         for (int32_t k = 0; k < TRIES && best < enough_m; k++) {
             const double least = clearance(o, motion, begin_s, end_s);
@@ -281,10 +279,10 @@ void fv_sim_world_place(struct fv_sim_world *world, double time_s)
         double position[2], heading;
         fv_sim_object_pose(o, time_s, position, &heading);
         const int32_t id = i + 1;
-        if (o->object_class == FOVEA_OBJECT_BALL) put_ball(world, o, position, heading, time_s, id);
-        if (o->object_class == FOVEA_OBJECT_CONE) put_cone(world, o, position, heading, id);
-        if (o->object_class == FOVEA_OBJECT_PERSON) put_person(world, o, position, heading, id);
-        if (o->object_class == FOVEA_OBJECT_BOX) {
+        if (o->object_class == FOVEA_TRUTH_BALL) put_ball(world, o, position, heading, time_s, id);
+        if (o->object_class == FOVEA_TRUTH_CONE) put_cone(world, o, position, heading, id);
+        if (o->object_class == FOVEA_TRUTH_PERSON) put_person(world, o, position, heading, id);
+        if (o->object_class == FOVEA_TRUTH_BOX) {
             const int32_t first = world->face_count;
             fv_sim_world_box(world, position, 0.0, box_size_m, heading, o->texture, o->texture, 31,
                              0.0);

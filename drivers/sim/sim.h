@@ -168,7 +168,7 @@ struct fv_sim_round {
 
 /* A moving object. Sizes are constants of its class (README.md). */
 struct fv_sim_object {
-    enum fovea_object_class object_class;
+    enum fovea_truth_class object_class;
     bool on_ring;                /* round the corridor, else on an ellipse */
     double center[2], radius[2]; /* ellipse, or half-extents of the ring's lane */
     double rate, phase;          /* radians, or metres along the lane, per second */

@@ -49,7 +49,7 @@ struct fovea_detections {
     uint64_t sequence;   /* its frame's number */
     uint32_t count;
     /* detections after the first `count` of the list: below the threshold, for the tracker
-     * (track.score_low) */
+     * (objects.score_low) */
     uint32_t uncertain;
     const struct fovea_detection *list; /* by falling score */
 };

@@ -34,7 +34,7 @@
 #include "fovea/odometry.h"
 #include "fovea/source.h"
 #include "fovea/status.h"
-#include "fovea/track.h"
+#include "fovea/objects.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -69,7 +69,7 @@ struct fovea_config {
      * of FOVEA_JOB_DETECT. Tracks follow from the first alone. */
     struct fovea_detect_config detect2;
     struct fovea_scale_config scale;
-    struct fovea_track_config track; /* of detected objects */
+    struct fovea_objects_config objects; /* of detected objects */
     struct fovea_preview_config preview;
     uint64_t seed; /* of the random generator in the state, default 1 */
 
@@ -252,7 +252,7 @@ void fovea_detections_get(const struct fovea *rt, struct fovea_detections *detec
 
 /* The tracks as of the last completed inference; `updates` is 0 without one. Valid until the next
  * fovea_work. */
-void fovea_tracks_get(const struct fovea *rt, struct fovea_tracks *tracks);
+void fovea_objects_get(const struct fovea *rt, struct fovea_objects *tracks);
 
 /* Name of a class of the configured model, "" where it has none. Any thread. */
 const char *fovea_detect_label(const struct fovea *rt, int32_t class_id);

@@ -64,13 +64,13 @@ struct fovea_frame {
 };
 
 /* Object classes that the simulated camera shows. */
-enum fovea_object_class {
-    FOVEA_OBJECT_BACKGROUND = 0,
-    FOVEA_OBJECT_BALL = 1,
-    FOVEA_OBJECT_CONE = 2,
-    FOVEA_OBJECT_BOX = 3,
-    FOVEA_OBJECT_PERSON = 4, /* a person-sized post */
-    FOVEA_OBJECT_CLASS_COUNT
+enum fovea_truth_class {
+    FOVEA_TRUTH_BACKGROUND = 0,
+    FOVEA_TRUTH_BALL = 1,
+    FOVEA_TRUTH_CONE = 2,
+    FOVEA_TRUTH_BOX = 3,
+    FOVEA_TRUTH_PERSON = 4, /* a person-sized post */
+    FOVEA_TRUTH_CLASS_COUNT
 };
 
 enum { FOVEA_TRUTH_BOXES_MAX = 128 };
@@ -78,7 +78,7 @@ enum { FOVEA_TRUTH_BOXES_MAX = 128 };
 /* Axis-aligned bounds of the visible part of one object, raw-image pixels, max exclusive. */
 struct fovea_truth_box {
     uint32_t id; /* constant over the run, from 1 */
-    enum fovea_object_class object_class;
+    enum fovea_truth_class object_class;
     float x_min_px, y_min_px, x_max_px, y_max_px;
     float visible_share; /* visible pixels / pixels if nothing occluded it and the image were larger
                           */
@@ -94,7 +94,7 @@ struct fovea_truth {
     uint32_t box_count;
     struct fovea_truth_box boxes[FOVEA_TRUTH_BOXES_MAX];
     const float *depth_m;      /* width x height, z of the camera frame; 0: unknown */
-    const uint8_t *class_mask; /* width x height, enum fovea_object_class */
+    const uint8_t *class_mask; /* width x height, enum fovea_truth_class */
 };
 
 /* How frames of a recording are chosen: start, start + step, start + 2 step, ..., at most `frames`

@@ -206,7 +206,7 @@ struct fv_message_objects {
     int32_t width, height;   /* of the raw image */
     double T_odom_world[12]; /* row-major 3x4: from the frame that located tracks are in */
     uint32_t count;
-    const struct fovea_track *tracks;
+    const struct fovea_object *tracks;
     const char *const *names; /* of the classes, one per track */
 };
 size_t fv_message_objects_size_max(uint32_t count_max, size_t label_bytes);

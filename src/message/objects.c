@@ -48,7 +48,7 @@ static void move_covariance(const double T[12], const double c[6], float moved[6
 }
 
 /* Where the object is, in `odom` or in the camera's frame. */
-static void fill_location(fovea_object_t *out, const struct fovea_track *track,
+static void fill_location(fovea_object_t *out, const struct fovea_object *track,
                           const double T_odom_world[12])
 {
     static const double unmoved[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
@@ -67,7 +67,7 @@ uint32_t fv_message_objects_encode(const struct fv_message_objects *in, void *sc
     fovea_object_t *list = scratch;
     char(*cut)[FV_MESSAGE_LABEL_BYTES_MAX] = (void *)(list + in->count);
     for (uint32_t i = 0; i < in->count; i++) {
-        const struct fovea_track *track = &in->tracks[i];
+        const struct fovea_object *track = &in->tracks[i];
         const bool whole = strlen(in->names[i]) < FV_MESSAGE_LABEL_BYTES_MAX;
         if (!whole) fv_message_label(in->names[i], cut[i]);
         list[i] = (fovea_object_t){

@@ -164,8 +164,8 @@ static enum fovea_status check_camera(const struct fovea_camera *camera, struct 
 bool fv_config_movable(const struct fovea_config *config)
 {
     uint32_t any = 0;
-    for (int i = 0; i < FOVEA_TRACK_CLASSES_MAX / 32; i++)
-        any |= config->track.movable[i];
+    for (int i = 0; i < FOVEA_OBJECT_CLASSES_MAX / 32; i++)
+        any |= config->objects.movable[i];
     return any != 0;
 }
 
@@ -190,13 +190,13 @@ static enum fovea_status check_pairs(const struct fovea_config *config, struct f
     return FOVEA_OK;
 }
 
-static enum fovea_status check_heights(const struct fovea_track_config *track,
+static enum fovea_status check_heights(const struct fovea_objects_config *track,
                                        struct fovea_error *error)
 {
     enum fovea_status status = FOVEA_OK;
-    for (int i = 0; i < FOVEA_TRACK_CLASSES_MAX && status == FOVEA_OK; i++)
-        status = check_real("track.heights", (double)track->height_m[i], 0,
-                            FOVEA_TRACK_HEIGHT_MAX_M, error);
+    for (int i = 0; i < FOVEA_OBJECT_CLASSES_MAX && status == FOVEA_OK; i++)
+        status = check_real("objects.heights", (double)track->height_m[i], 0,
+                            FOVEA_OBJECT_HEIGHT_MAX_M, error);
     return status;
 }
 
@@ -208,7 +208,7 @@ enum fovea_status fv_config_check(const struct fovea_config *config, struct fove
     for (size_t i = 0; i < sizeof keys / sizeof keys[0] && status == FOVEA_OK; i++)
         status = check_key(&keys[i], config, error);
     if (status == FOVEA_OK) status = check_pairs(config, error);
-    if (status == FOVEA_OK) status = check_heights(&config->track, error);
+    if (status == FOVEA_OK) status = check_heights(&config->objects, error);
     if (status == FOVEA_OK) status = check_prefix(config->channel_prefix, error);
     if (status == FOVEA_OK) status = check_rotation(config->T_base_cam, error);
     return status;

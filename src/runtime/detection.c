@@ -47,10 +47,10 @@ enum fovea_status fv_detection_prepare(struct fv_detection *detection, const cha
 }
 
 /* What the tracker's second stage takes of what is below the threshold. */
-float fv_detection_floor(const struct fovea_track_config *track)
+float fv_detection_floor(const struct fovea_objects_config *track)
 {
     const float least = 0.01f;
-    if (track->mode != FOVEA_TRACK_SORT) return 0.0f;
+    if (track->mode != FOVEA_OBJECTS_SORT) return 0.0f;
     return (float)track->score_low > least ? (float)track->score_low : least;
 }
 

@@ -40,7 +40,7 @@ static void reset(struct fovea *rt)
     if (rt->config.odometry.enabled) fv_odometry_reset(&rt->odometry);
     fv_detection_reset(&rt->detection);
     fv_detection_reset(&rt->detection2);
-    fv_tracking_reset(&rt->tracking);
+    fv_object_stage_reset(&rt->objects);
 }
 
 static void take_commands(struct fovea *rt, uint32_t commands)
@@ -99,7 +99,7 @@ static void offer_detection(struct fovea *rt, const struct fovea_frame *frame)
     if (!fv_detection_offer(&rt->detection, frame, &rt->state->frame, &rt->pyramid)) return;
     struct fovea_pose pose;
     fovea_pose_get(rt, &pose);
-    fv_tracking_note(&rt->tracking, &pose);
+    fv_object_stage_note(&rt->objects, &pose);
 }
 
 /* After odometry has the pose of a frame, or knows that it has none. */
@@ -229,10 +229,10 @@ const char *fovea_detect2_label(const struct fovea *rt, int32_t class_id)
     return fv_detection_label(&rt->detection2, class_id);
 }
 
-void fovea_tracks_get(const struct fovea *rt, struct fovea_tracks *tracks)
+void fovea_objects_get(const struct fovea *rt, struct fovea_objects *tracks)
 {
     memset(tracks, 0, sizeof *tracks);
-    if (rt->tracking.enabled) fv_track_get(&rt->tracking.tracker, tracks);
+    if (rt->objects.enabled) fv_objects_get(&rt->objects.tracker, tracks);
 }
 
 uint32_t fovea_keyframes_get(const struct fovea *rt, struct fovea_keyframe *list,

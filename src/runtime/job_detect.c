@@ -14,15 +14,16 @@ static void track(struct fovea *rt, struct fovea_outputs *outputs)
     struct fovea_detections detections;
     struct fovea_box movable[FOVEA_INPUT_BOXES_MAX];
     fv_detection_get(&rt->detection, &detections);
-    fv_tracking_update(&rt->tracking, &detections);
+    fv_object_stage_update(&rt->objects, &detections);
     fv_output_add(rt, FV_MESSAGE_OBJECTS,
-                  fv_tracking_encode(&rt->tracking, &rt->config, &rt->detection,
-                                     fv_reset_counter(rt), rt->outbox.buffer[FV_MESSAGE_OBJECTS],
-                                     rt->outbox.capacity[FV_MESSAGE_OBJECTS]),
+                  fv_object_stage_encode(&rt->objects, &rt->config, &rt->detection,
+                                         fv_reset_counter(rt),
+                                         rt->outbox.buffer[FV_MESSAGE_OBJECTS],
+                                         rt->outbox.capacity[FV_MESSAGE_OBJECTS]),
                   outputs);
     if (!rt->config.odometry.enabled || !fv_config_movable(&rt->config)) return;
     fv_boxes_take(&rt->boxes, detections.stamp_ns, movable,
-                  fv_tracking_movable(&rt->tracking, movable));
+                  fv_object_stage_movable(&rt->objects, movable));
 }
 
 /* Returns the units done; `*complete`: a message went to the outputs. */
@@ -44,7 +45,7 @@ static uint32_t advance_first(struct fovea *rt, uint32_t units, struct fovea_out
     bool complete;
     const uint32_t done =
         advance(rt, &rt->detection, FV_MESSAGE_DETECTIONS, units, &complete, outputs);
-    if (complete && rt->tracking.enabled) track(rt, outputs);
+    if (complete && rt->objects.enabled) track(rt, outputs);
     return done;
 }
 

@@ -49,7 +49,7 @@ static void carve_outbox(struct fovea *rt, struct fv_arena *arena)
         carve_buffer(outbox, FV_MESSAGE_DETECTIONS, fv_detection_message_bytes(&rt->detection),
                      arena);
         carve_buffer(outbox, FV_MESSAGE_OBJECTS,
-                     fv_message_objects_size_max(rt->config.track.tracks_max,
+                     fv_message_objects_size_max(rt->config.objects.count_max,
                                                  fv_detection_label_bytes(&rt->detection)),
                      arena);
     }
@@ -93,13 +93,14 @@ static void carve(struct fovea *rt, struct fv_arena arenas[FOVEA_MEMORY_PART_COU
         fv_boxes_carve(&rt->boxes, width, height, &arenas[PERSISTENT], &arenas[FRAME]);
         book(table, "boxes", arenas, before);
     }
-    fv_detection_carve(&rt->detection, &config->camera, fv_detection_floor(&config->track),
+    fv_detection_carve(&rt->detection, &config->camera, fv_detection_floor(&config->objects),
                        &arenas[PERSISTENT], &arenas[JOB], &arenas[FRAME]);
     book(table, "detection", arenas, before);
     fv_detection_carve(&rt->detection2, &config->camera, 0, &arenas[PERSISTENT], &arenas[JOB],
                        &arenas[FRAME]);
     book(table, "detection2", arenas, before);
-    fv_tracking_carve(&rt->tracking, config, &rt->detection, &arenas[PERSISTENT], &arenas[FRAME]);
+    fv_object_stage_carve(&rt->objects, config, &rt->detection, &arenas[PERSISTENT],
+                          &arenas[FRAME]);
     book(table, "tracking", arenas, before);
     const struct fv_plane *level = fv_pyramid_level(&rt->pyramid, config->preview.level);
     fv_preview_carve(&rt->preview, level->width, level->height, &arenas[PERSISTENT], &arenas[JOB]);

@@ -16,7 +16,7 @@
 #include "runtime/frame_id.h"
 #include "runtime/preview.h"
 #include "runtime/publish.h"
-#include "runtime/tracking.h"
+#include "runtime/objects.h"
 #include "scale/scale.h"
 
 /* What the runtime itself remembers from frame to frame. No addresses and no padding: copied and
@@ -61,7 +61,7 @@ struct fovea {
     struct fv_orb orb;
     struct fv_odometry odometry;
     struct fv_detection detection, detection2; /* the tracker uses the first */
-    struct fv_tracking tracking;
+    struct fv_object_stage objects;
     struct fv_scale scale;
     struct fv_publish publish;
     struct fv_boxes boxes;

@@ -161,7 +161,7 @@ def run(arguments, index, folder):
     """Detections, tracks, truth and the frames looked at."""
     uri, paths = address(index, arguments.first_seed), [os.path.join(folder, name) for name in ("found.json", "tracks.txt")]
     subprocess.run([arguments.fovea, "run", "--quiet", "--source", uri, "--frames", str(arguments.frames), "--model", arguments.model,
-                    "--detections", paths[0], "--all-boxes", "--tracks", paths[1], "--picture", "none", "--set", "lcm_url=", *arguments.extra], check=True)
+                    "--detections", paths[0], "--all-boxes", "--objects", paths[1], "--picture", "none", "--set", "lcm_url=", *arguments.extra], check=True)
     detections = read_detections(paths[0])
     step, looks = looked_at(arguments.frames, detections)
     truth = os.path.join(arguments.work or folder, f"truth-{arguments.first_seed + index}-{step}-{arguments.frames}")

@@ -22,9 +22,9 @@ static int32_t class_of(const struct fv_model *model, const char *name)
     double number;
     for (int32_t i = first; i < (int32_t)model->header->label_count; i++) {
         const char *label = fv_model_label(model, i);
-        if (strcmp(label, name) == 0) return i - first < FOVEA_TRACK_CLASSES_MAX ? i - first : -1;
+        if (strcmp(label, name) == 0) return i - first < FOVEA_OBJECT_CLASSES_MAX ? i - first : -1;
     }
-    if (!fovea_text_number(name, &number) || !(number >= 0 && number < FOVEA_TRACK_CLASSES_MAX))
+    if (!fovea_text_number(name, &number) || !(number >= 0 && number < FOVEA_OBJECT_CLASSES_MAX))
         return -1;
     return number == (double)(int32_t)number ? (int32_t)number : -1;
 }
@@ -43,13 +43,13 @@ static bool next(const char **list, char entry[ENTRY_BYTES])
     return length > 0;
 }
 
-static void take_movable(struct fovea_track_config *track, int32_t c)
+static void take_movable(struct fovea_objects_config *track, int32_t c)
 {
     track->movable[c / 32] |= 1u << c % 32;
 }
 
 /* The network's classes that are known to move. */
-static void take_moving(struct fovea_track_config *track, const struct fv_model *model)
+static void take_moving(struct fovea_objects_config *track, const struct fv_model *model)
 {
     for (size_t i = 0; i < sizeof moves / sizeof moves[0]; i++) {
         const int32_t c = class_of(model, moves[i]);
@@ -68,16 +68,16 @@ static enum fovea_status refuse(const char *key, const char *entry, const char *
 static enum fovea_status refuse_height(const char *entry, struct fovea_error *error)
 {
     char expected[64];
-    snprintf(expected, sizeof expected, "class:metres, up to %d", FOVEA_TRACK_HEIGHT_MAX_M);
-    return refuse("track.heights", entry, expected, error);
+    snprintf(expected, sizeof expected, "class:metres, up to %d", FOVEA_OBJECT_HEIGHT_MAX_M);
+    return refuse("objects.heights", entry, expected, error);
 }
 
 static enum fovea_status refuse_number(const char *entry, struct fovea_error *error)
 {
     char expected[64];
     snprintf(expected, sizeof expected, "auto, labels or numbers from 0 to %d",
-             FOVEA_TRACK_CLASSES_MAX - 1);
-    return refuse("track.movable", entry, expected, error);
+             FOVEA_OBJECT_CLASSES_MAX - 1);
+    return refuse("objects.movable", entry, expected, error);
 }
 
 /* "class:metres", of which the class stays in `entry`. */
@@ -85,7 +85,7 @@ static bool take_height(char *entry, double *height)
 {
     char *colon = strrchr(entry, ':');
     if (colon == NULL || colon == entry || !fovea_text_number(colon + 1, height) ||
-        !(*height > 0 && *height <= FOVEA_TRACK_HEIGHT_MAX_M))
+        !(*height > 0 && *height <= FOVEA_OBJECT_HEIGHT_MAX_M))
         return false;
     *colon = '\0';
     return true;
@@ -97,7 +97,8 @@ enum fovea_status fv_classes_check(const struct fv_settings *settings, struct fo
     double number;
     for (const char *list = settings->movable; next(&list, entry);)
         if (fovea_text_number(entry, &number) &&
-            !(number >= 0 && number < FOVEA_TRACK_CLASSES_MAX && number == (double)(int32_t)number))
+            !(number >= 0 && number < FOVEA_OBJECT_CLASSES_MAX &&
+              number == (double)(int32_t)number))
             return refuse_number(entry, error);
     for (const char *list = settings->heights; next(&list, entry);)
         if (!take_height(entry, &number)) return refuse_height(entry, error);
@@ -107,7 +108,7 @@ enum fovea_status fv_classes_check(const struct fv_settings *settings, struct fo
 enum fovea_status fv_classes_resolve(struct fv_settings *settings, const struct fv_model *model,
                                      struct fovea_error *error)
 {
-    struct fovea_track_config *track = &settings->runtime.track;
+    struct fovea_objects_config *track = &settings->runtime.objects;
     char entry[ENTRY_BYTES];
     for (const char *list = settings->movable; next(&list, entry);) {
         const int32_t c = class_of(model, entry);
@@ -116,7 +117,7 @@ enum fovea_status fv_classes_resolve(struct fv_settings *settings, const struct 
         else if (strcmp(entry, "auto") == 0)
             take_moving(track, model);
         else
-            return refuse("track.movable", entry,
+            return refuse("objects.movable", entry,
                           "auto, labels or numbers of the network's classes", error);
     }
     for (const char *list = settings->heights; next(&list, entry);) {
@@ -124,7 +125,7 @@ enum fovea_status fv_classes_resolve(struct fv_settings *settings, const struct 
         if (!take_height(entry, &height)) return refuse_height(entry, error);
         const int32_t c = class_of(model, entry);
         if (c < 0)
-            return refuse("track.heights", entry, "a label or number of the network's classes",
+            return refuse("objects.heights", entry, "a label or number of the network's classes",
                           error);
         track->height_m[c] = (float)height;
     }

@@ -7,7 +7,7 @@
 #include "app/config/settings.h"
 #include "nn/model.h"
 
-/* Fill settings->runtime.track's heights and movable classes from settings->heights and
+/* Fill settings->runtime.objects's heights and movable classes from settings->heights and
  * settings->movable. FOVEA_ERROR_INPUT: `error` begins with the key and names the entry. */
 enum fovea_status fv_classes_resolve(struct fv_settings *settings, const struct fv_model *model,
                                      struct fovea_error *error);

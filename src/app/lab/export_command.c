@@ -20,8 +20,8 @@
 #include "app/config/setup.h"
 #include "fovea/source.h"
 
-static const char *const class_names[FOVEA_OBJECT_CLASS_COUNT] = {"background", "ball", "cone",
-                                                                  "box", "person"};
+static const char *const class_names[FOVEA_TRUTH_CLASS_COUNT] = {"background", "ball", "cone",
+                                                                 "box", "person"};
 
 enum { PATH_BYTES = 1024 };
 
@@ -134,7 +134,7 @@ static enum fovea_status write_json(const struct export_run *export, struct fove
     fprintf(file, "\n], \"annotations\": [");
     append(file, export->annotations);
     fprintf(file, "\n], \"categories\": [");
-    for (int c = 1; c < FOVEA_OBJECT_CLASS_COUNT; c++)
+    for (int c = 1; c < FOVEA_TRUTH_CLASS_COUNT; c++)
         fprintf(file, "%s\n  {\"id\": %d, \"name\": \"%s\"}", c == 1 ? "" : ",", c, class_names[c]);
     fprintf(file, "\n]}\n");
     return fv_output_close(&output, error);

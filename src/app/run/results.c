@@ -34,7 +34,8 @@ struct record {
     uint32_t kind, count, bytes, reserved; /* bytes of the whole record, a multiple of 8 */
 };
 
-static const size_t row_bytes[KINDS] = {sizeof(struct fovea_detection), sizeof(struct fovea_track)};
+static const size_t row_bytes[KINDS] = {sizeof(struct fovea_detection),
+                                        sizeof(struct fovea_object)};
 
 size_t fv_results_bytes(void)
 {
@@ -47,12 +48,12 @@ static void close_files(struct fv_results *results)
         fv_output_discard(&results->outputs[kind].output);
 }
 
-enum fovea_status fv_results_open(const char *detections_path, const char *tracks_path,
+enum fovea_status fv_results_open(const char *detections_path, const char *objects_path,
                                   struct fv_results **results, struct fovea_error *error)
 {
-    const char *const paths[KINDS] = {detections_path, tracks_path};
+    const char *const paths[KINDS] = {detections_path, objects_path};
     *results = NULL;
-    if (detections_path == NULL && tracks_path == NULL) return FOVEA_OK;
+    if (detections_path == NULL && objects_path == NULL) return FOVEA_OK;
     struct fv_results *opened = fv_aligned_zeroed(sizeof *opened);
     if (opened == NULL)
         return fovea_error_set(error, FOVEA_ERROR_MEMORY, "no memory for the results");
@@ -90,7 +91,7 @@ static size_t record_bytes(enum kind kind, uint32_t count)
 bool fv_results_room(struct fv_results *results)
 {
     const size_t most =
-        record_bytes(DETECTIONS, FOVEA_DETECTIONS_MAX) + record_bytes(TRACKS, FOVEA_TRACKS_MAX);
+        record_bytes(DETECTIONS, FOVEA_DETECTIONS_MAX) + record_bytes(TRACKS, FOVEA_OBJECTS_MAX);
     return results == NULL || fv_ring_room(&results->ring) >= most;
 }
 
@@ -110,7 +111,7 @@ static void add(struct fv_results *results, enum kind kind, uint64_t sequence, c
 }
 
 void fv_results_add(struct fv_results *results, const struct fovea_detections *detections,
-                    const struct fovea_tracks *tracks)
+                    const struct fovea_objects *tracks)
 {
     if (results == NULL) return;
     add(results, DETECTIONS, detections->sequence, detections->list, detections->count);
@@ -140,10 +141,10 @@ static void write_detection(struct fv_results *results, uint64_t sequence, const
 
 static void write_track(struct fv_results *results, uint64_t sequence, const void *row)
 {
-    struct fovea_track track;
+    struct fovea_object track;
     struct output *output = &results->outputs[TRACKS];
     memcpy(&track, row, sizeof track);
-    if (track.state != FOVEA_TRACK_CONFIRMED) return;
+    if (track.state != FOVEA_OBJECT_CONFIRMED) return;
     const int bytes =
         fprintf(output->file, "%" PRIu64 ",%" PRIu64 ",%.2f,%.2f,%.2f,%.2f,%.4f,-1,-1,-1\n",
                 sequence + 1, track.id, (double)track.x_min_px + 1, (double)track.y_min_px + 1,

@@ -17,13 +17,13 @@
 
 #include "fovea/detect.h"
 #include "fovea/status.h"
-#include "fovea/track.h"
+#include "fovea/objects.h"
 
 struct fv_results;
 
 /* NULL paths: nothing is written, `*results` is NULL, which every function takes.
  * FOVEA_ERROR_INPUT: a file cannot be made. Init-only. */
-enum fovea_status fv_results_open(const char *detections_path, const char *tracks_path,
+enum fovea_status fv_results_open(const char *detections_path, const char *objects_path,
                                   struct fv_results **results, struct fovea_error *error);
 
 /* Bytes that open results take. */
@@ -32,7 +32,7 @@ size_t fv_results_bytes(void);
 /* Hand over what a look found, and the tracks as of it. When the ring is full they are counted as
  * lost. Loop thread, real-time safe. */
 void fv_results_add(struct fv_results *results, const struct fovea_detections *detections,
-                    const struct fovea_tracks *tracks);
+                    const struct fovea_objects *tracks);
 /* Whether there is room for more; for a loop that may wait. Loop thread. */
 bool fv_results_room(struct fv_results *results);
 

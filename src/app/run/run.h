@@ -33,7 +33,7 @@ enum fv_run_output {
     FV_RUN_FINAL,
     FV_RUN_PICTURE,
     FV_RUN_DETECTIONS,
-    FV_RUN_TRACKS,
+    FV_RUN_OBJECTS,
     FV_RUN_OUTPUT_COUNT
 };
 
@@ -41,7 +41,7 @@ struct fv_run {
     struct fv_setup_options options;
     struct fovea_source_selection selection;
     const char *stats_path, *trajectory_path, *final_path, *picture_path, *detections_path,
-        *tracks_path;
+        *objects_path;
     bool quiet, all_boxes;
 
     struct fv_settings settings;

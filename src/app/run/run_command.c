@@ -122,8 +122,8 @@ static void work_done(void *context, const struct fovea_inputs *inputs,
     count_second(run);
     if (detections.inferences == run->inferences) return;
     run->inferences = detections.inferences;
-    struct fovea_tracks tracks;
-    fovea_tracks_get(run->loop.rt, &tracks);
+    struct fovea_objects tracks;
+    fovea_objects_get(run->loop.rt, &tracks);
     run->objects += detections.count;
     atomic_store_explicit(&run->watch.objects, detections.count, memory_order_relaxed);
     run->tracks = tracks.confirmed;
@@ -174,8 +174,8 @@ static enum fv_options_result options_read(struct fv_run *run, int argc, char **
          "write the detections of the network as COCO results JSON"},
         {"all-boxes", NULL, FV_OPTION_FLAG, &run->all_boxes,
          "add to --detections those below the threshold, which the tracker uses"},
-        {"tracks", "FILE", FV_OPTION_TEXT, &run->tracks_path,
-         "write the tracks of the detections as MOTChallenge text"},
+        {"objects", "FILE", FV_OPTION_TEXT, &run->objects_path,
+         "write the objects as MOTChallenge text"},
         {"record", "FILE|DIR/", FV_OPTION_TEXT, &run->options.record,
          "record the run for 'fovea replay'; in DIR/ each run makes a new numbered file"},
         {"map", "FILE", FV_OPTION_TEXT, &run->options.map, "start with a saved map"},
@@ -312,7 +312,7 @@ static enum fovea_status open_all(struct fv_run *run, struct fovea_error *error)
     if (status == FOVEA_OK)
         status = fv_trajectory_open(run->trajectory_path, &run->trajectory, error);
     if (status == FOVEA_OK)
-        status = fv_results_open(run->detections_path, run->tracks_path, &run->results, error);
+        status = fv_results_open(run->detections_path, run->objects_path, &run->results, error);
     if (status == FOVEA_OK && run->final_path != NULL)
         status = fv_final_open(run->final_path, &run->final, error);
     if (status == FOVEA_OK) /* the first message: a log takes its place with it */
@@ -331,7 +331,7 @@ static void outputs_open(struct fv_run *run)
         [FV_RUN_MAP] = run->settings.map_save,      [FV_RUN_RECORDING] = run->recording,
         [FV_RUN_STATS] = run->stats_path,           [FV_RUN_TRAJECTORY] = run->trajectory_path,
         [FV_RUN_FINAL] = run->final_path,           [FV_RUN_PICTURE] = run->picture_path,
-        [FV_RUN_DETECTIONS] = run->detections_path, [FV_RUN_TRACKS] = run->tracks_path,
+        [FV_RUN_DETECTIONS] = run->detections_path, [FV_RUN_OBJECTS] = run->objects_path,
     };
     for (int i = 0; i < FV_RUN_OUTPUT_COUNT; i++) {
         run->outputs[i] = paths[i];
@@ -373,7 +373,7 @@ static void drain(struct fv_run *run)
     fv_keeper_tend(&run->keeper);
     fv_stall_leave(call);
     call = fv_stall_enter(run->detections_path != NULL ? run->detections_path
-                          : run->tracks_path != NULL   ? run->tracks_path
+                          : run->objects_path != NULL  ? run->objects_path
                                                        : "results");
     fv_results_drain(run->results);
     fv_stall_leave(call);

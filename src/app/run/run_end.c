@@ -125,7 +125,7 @@ static void found_print(const struct fv_run *run)
 {
     if (run->settings.model[0] == '\0') return;
     printf("  found %" PRIu64 " objects in %" PRIu64 " images", run->objects, run->inferences);
-    if (run->settings.runtime.track.mode != FOVEA_TRACK_OFF)
+    if (run->settings.runtime.objects.mode != FOVEA_OBJECTS_OFF)
         printf(", %" PRIu64 " tracks", run->tracks);
     printf("\n");
     if (run->settings.model2[0] != '\0')
@@ -157,7 +157,7 @@ void fv_run_lost(const void *context, char *text, size_t bytes)
         [FV_RUN_FINAL] = "the final trajectory",
         [FV_RUN_PICTURE] = "the picture",
         [FV_RUN_DETECTIONS] = "the end of the detections",
-        [FV_RUN_TRACKS] = "the end of the tracks",
+        [FV_RUN_OBJECTS] = "the end of the objects",
     };
     const struct fv_run *run = context;
     const unsigned unwritten = atomic_load(&run->unwritten);
@@ -246,12 +246,12 @@ enum fv_exit fv_run_report(struct fv_run *run)
     fv_final_finish(run->final, run->loop.rt, &final);
     fv_run_written(run, FV_RUN_FINAL);
     fv_stall_leave(call);
-    call =
-        fv_stall_enter(name_of(run, run->tracks_path != NULL ? FV_RUN_TRACKS : FV_RUN_DETECTIONS));
+    call = fv_stall_enter(
+        name_of(run, run->objects_path != NULL ? FV_RUN_OBJECTS : FV_RUN_DETECTIONS));
     enum fovea_status results = fv_results_close(run->results, &error);
     run->results = NULL;
     fv_run_written(run, FV_RUN_DETECTIONS);
-    fv_run_written(run, FV_RUN_TRACKS);
+    fv_run_written(run, FV_RUN_OBJECTS);
     fv_stall_leave(call);
     fv_setup_close_source(&run->setup); /* its memory is the picture's */
     call = fv_stall_enter(name_of(run, FV_RUN_STATS));

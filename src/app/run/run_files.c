@@ -37,7 +37,7 @@ static int list_written(const struct fv_run *run, struct written *written)
         {"--trajectory-final", run->final_path},
         {"--picture", drawn ? run->picture_path : NULL},
         {"--detections", run->detections_path},
-        {"--tracks", run->tracks_path},
+        {"--objects", run->objects_path},
     };
     int count = sizeof files / sizeof files[0];
     memset(written->files, 0, sizeof written->files);
@@ -159,8 +159,8 @@ enum fv_exit fv_run_files_check(const struct fv_run *run)
     const char *blame;
     if (run->detections_path != NULL && run->settings.model[0] == '\0')
         return fv_say_wrong("fovea run: --detections: found no network, expected --model FILE");
-    if (run->tracks_path != NULL && run->settings.model[0] == '\0')
-        return fv_say_wrong("fovea run: --tracks: found no network, expected --model FILE");
+    if (run->objects_path != NULL && run->settings.model[0] == '\0')
+        return fv_say_wrong("fovea run: --objects: found no network, expected --model FILE");
     if (!run->settings.runtime.odometry.enabled &&
         (run->trajectory_path != NULL || run->final_path != NULL))
         return fv_say_wrong(

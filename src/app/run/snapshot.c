@@ -79,12 +79,12 @@ void fv_snapshot_step(struct fv_snapshot *snapshot, const struct fovea *rt,
     if (!snapshot->detecting) judge(snapshot);
 }
 
-static void boxes_of_tracks(struct fv_snapshot_view *view, const struct fovea_tracks *tracks)
+static void boxes_of_tracks(struct fv_snapshot_view *view, const struct fovea_objects *tracks)
 {
     for (uint32_t i = 0; i < tracks->count && view->box_count < FV_SNAPSHOT_BOXES_MAX; i++) {
-        const struct fovea_track *t = &tracks->list[i];
-        if (t->state != FOVEA_TRACK_CONFIRMED && t->state != FOVEA_TRACK_COASTING) continue;
-        const bool coasting = t->state == FOVEA_TRACK_COASTING;
+        const struct fovea_object *t = &tracks->list[i];
+        if (t->state != FOVEA_OBJECT_CONFIRMED && t->state != FOVEA_OBJECT_COASTING) continue;
+        const bool coasting = t->state == FOVEA_OBJECT_COASTING;
         view->boxes[view->box_count++] =
             (struct fv_snapshot_box){t->x_min_px, t->y_min_px, t->x_max_px,     t->y_max_px,
                                      t->score,    t->class_id, (uint32_t)t->id, coasting};
@@ -104,7 +104,7 @@ static void boxes_of_detections(struct fv_snapshot_view *view,
 }
 
 void fv_snapshot_work(struct fv_snapshot *snapshot, const struct fovea_detections *detections,
-                      const struct fovea_tracks *tracks)
+                      const struct fovea_objects *tracks)
 {
     if (!snapshot->pending || detections->inferences == 0) return;
     struct fv_snapshot_view *view = other(snapshot);

@@ -14,19 +14,19 @@ static void thin(struct fv_trails *trails)
     if (trails->stride <= UINT32_MAX / 2) trails->stride *= 2;
 }
 
-void fv_trails_look(struct fv_trails *trails, const struct fovea_tracks *tracks)
+void fv_trails_look(struct fv_trails *trails, const struct fovea_objects *tracks)
 {
     if (trails->stride == 0) {
         trails->stride = 1;
         trails->first_ns = tracks->stamp_ns;
     }
     trails->last_ns = tracks->stamp_ns;
-    if (trails->count + FOVEA_TRACKS_MAX > FV_TRAILS_MAX) thin(trails);
+    if (trails->count + FOVEA_OBJECTS_MAX > FV_TRAILS_MAX) thin(trails);
     const uint32_t look = trails->looks++;
     if (look % trails->stride != 0) return;
     for (uint32_t i = 0; i < tracks->count && trails->count < FV_TRAILS_MAX; i++) {
-        const struct fovea_track *t = &tracks->list[i];
-        if (t->state != FOVEA_TRACK_CONFIRMED) continue;
+        const struct fovea_object *t = &tracks->list[i];
+        if (t->state != FOVEA_OBJECT_CONFIRMED) continue;
         trails->points[trails->count++] = (struct fv_trail_point){
             .time_s = (float)((double)(tracks->stamp_ns - trails->first_ns) * 1e-9),
             .x_px = 0.5F * (t->x_min_px + t->x_max_px),

@@ -3,7 +3,7 @@
 #ifndef FOVEA_APP_RUN_TRAILS_H
 #define FOVEA_APP_RUN_TRAILS_H
 
-#include "fovea/track.h"
+#include "fovea/objects.h"
 
 enum { FV_TRAILS_MAX = 8192 };
 
@@ -20,6 +20,6 @@ struct fv_trails {
 };
 
 /* Zeroed memory is empty trails. Loop thread, real-time safe. */
-void fv_trails_look(struct fv_trails *trails, const struct fovea_tracks *tracks);
+void fv_trails_look(struct fv_trails *trails, const struct fovea_objects *tracks);
 
 #endif

@@ -187,20 +187,20 @@ static void extend(struct extent *e, const struct fovea_source *source, const do
 
 /* Circles of points at heights, as drivers/sim/README.md gives the sizes. */
 static void outline(struct extent *e, const struct fovea_source *source, const double T[12],
-                    enum fovea_object_class kind, const double p[2], double heading)
+                    enum fovea_truth_class kind, const double p[2], double heading)
 {
     const double c = cos(heading), s = sin(heading);
     for (int k = 0; k < 256; k++) {
         const double a = 2 * M_PI * k / 256, ca = cos(a), sa = sin(a);
         for (int h = 0; h <= 64; h++) {
             const double f = h / 64.0;
-            if (kind == FOVEA_OBJECT_BALL) {
+            if (kind == FOVEA_TRUTH_BALL) {
                 const double z = 0.15 * cos(M_PI * f), r = 0.15 * sin(M_PI * f);
                 extend(e, source, T, p[0] + r * ca, p[1] + r * sa, 0.15 + z);
-            } else if (kind == FOVEA_OBJECT_CONE) {
+            } else if (kind == FOVEA_TRUTH_CONE) {
                 extend(e, source, T, p[0] + 0.18 * (1 - f) * ca, p[1] + 0.18 * (1 - f) * sa,
                        0.03 + fmax(0.0, f * 0.5 - 0.03));
-            } else if (kind == FOVEA_OBJECT_PERSON) {
+            } else if (kind == FOVEA_TRUTH_PERSON) {
                 const double z = 0.115 * cos(M_PI * f), r = 0.115 * sin(M_PI * f); /* head */
                 extend(e, source, T, p[0] + r * ca, p[1] + r * sa, 1.6 + z);
                 extend(e, source, T, p[0] + 0.14 * ca, p[1] + 0.14 * sa, 0.6 * f); /* legs */
@@ -209,9 +209,9 @@ static void outline(struct extent *e, const struct fovea_source *source, const d
             }
         }
     }
-    const double length = 0.4, width = kind == FOVEA_OBJECT_CONE ? 0.4 : 0.3;
-    const double height = kind == FOVEA_OBJECT_CONE ? 0.03 : 0.3;
-    for (int k = 0; k < 8 && (kind == FOVEA_OBJECT_BOX || kind == FOVEA_OBJECT_CONE); k++) {
+    const double length = 0.4, width = kind == FOVEA_TRUTH_CONE ? 0.4 : 0.3;
+    const double height = kind == FOVEA_TRUTH_CONE ? 0.03 : 0.3;
+    for (int k = 0; k < 8 && (kind == FOVEA_TRUTH_BOX || kind == FOVEA_TRUTH_CONE); k++) {
         const double x = ((k & 1) - 0.5) * length, y = (((k >> 1) & 1) - 0.5) * width;
         extend(e, source, T, p[0] + c * x - s * y, p[1] + s * x + c * y, (k >> 2) * height);
     }
@@ -220,7 +220,7 @@ static void outline(struct extent *e, const struct fovea_source *source, const d
 static void test_boxes(void **state)
 {
     (void)state;
-    int checked[FOVEA_OBJECT_CLASS_COUNT] = {0};
+    int checked[FOVEA_TRUTH_CLASS_COUNT] = {0};
     double worst = 0.0;
     for (uint64_t start = 0; start < 800; start += 80) {
         struct fovea_frame frame;
@@ -250,7 +250,7 @@ static void test_boxes(void **state)
             for (int k = 0; k < 4; k++) {
                 worst = fmax(worst, fabs(off[k]));
                 /* The tip of a cone is thinner than a pixel for a while. */
-                const double most = o->object_class == FOVEA_OBJECT_CONE && k == 2 ? 5.0 : 1.6;
+                const double most = o->object_class == FOVEA_TRUTH_CONE && k == 2 ? 5.0 : 1.6;
                 if (off[k] < -0.2 || off[k] > most)
                     print_error("start %d id %u class %d side %d: %.2f\n", (int)start, box->id,
                                 o->object_class, k, off[k]);
@@ -262,7 +262,7 @@ static void test_boxes(void **state)
     }
     print_message("boxes checked: ball %d cone %d box %d person %d, sides within %.2f px\n",
                   checked[1], checked[2], checked[3], checked[4], worst);
-    for (int c = 1; c < FOVEA_OBJECT_CLASS_COUNT; c++)
+    for (int c = 1; c < FOVEA_TRUTH_CLASS_COUNT; c++)
         assert_true(checked[c] >= 5);
 }
 

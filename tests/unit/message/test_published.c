@@ -280,28 +280,28 @@ static void the_most_detections_fit_a_packet(void **state)
 static void the_most_objects_fit_a_packet(void **state)
 {
     (void)state;
-    static struct fovea_track tracks[FOVEA_TRACKS_MAX];
-    static const char *names[FOVEA_TRACKS_MAX];
+    static struct fovea_object tracks[FOVEA_OBJECTS_MAX];
+    static const char *names[FOVEA_OBJECTS_MAX];
     char label[200];
     memset(label, 'x', sizeof label);
     label[199] = '\0';
-    for (int i = 0; i < FOVEA_TRACKS_MAX; i++) {
-        tracks[i] = (struct fovea_track){.id = (uint64_t)i + 1,
-                                         .class_id = i,
-                                         .state = FOVEA_TRACK_CONFIRMED,
-                                         .score = 0.5F,
-                                         .x_min_px = 1,
-                                         .y_max_px = 2,
-                                         .x_px_s = 3,
-                                         .y_px_s = 4,
-                                         .hits = 7,
-                                         .located = (uint32_t)(i % 3),
-                                         .first_ns = stamp.time_ns - 1000,
-                                         .seen_ns = stamp.time_ns - 10,
-                                         .position_m = {1, 2, 3},
-                                         .velocity_m_s = {4, 5, 6},
-                                         .covariance_m2 = {1, 0.5, 0.25, 2, 0.125, 3},
-                                         .velocity_covariance_m2_s2 = {4, 0, 0, 5, 0, 6}};
+    for (int i = 0; i < FOVEA_OBJECTS_MAX; i++) {
+        tracks[i] = (struct fovea_object){.id = (uint64_t)i + 1,
+                                          .class_id = i,
+                                          .state = FOVEA_OBJECT_CONFIRMED,
+                                          .score = 0.5F,
+                                          .x_min_px = 1,
+                                          .y_max_px = 2,
+                                          .x_px_s = 3,
+                                          .y_px_s = 4,
+                                          .hits = 7,
+                                          .located = (uint32_t)(i % 3),
+                                          .first_ns = stamp.time_ns - 1000,
+                                          .seen_ns = stamp.time_ns - 10,
+                                          .position_m = {1, 2, 3},
+                                          .velocity_m_s = {4, 5, 6},
+                                          .covariance_m2 = {1, 0.5, 0.25, 2, 0.125, 3},
+                                          .velocity_covariance_m2_s2 = {4, 0, 0, 5, 0, 6}};
         names[i] = label;
     }
     const struct fv_message_objects in = {.stamp = stamp,
@@ -309,11 +309,11 @@ static void the_most_objects_fit_a_packet(void **state)
                                           .width = 752,
                                           .height = 480,
                                           .T_odom_world = {0, -1, 0, 10, 1, 0, 0, 20, 0, 0, 1, 30},
-                                          .count = FOVEA_TRACKS_MAX,
+                                          .count = FOVEA_OBJECTS_MAX,
                                           .tracks = tracks,
                                           .names = names};
-    const size_t bound = fv_message_objects_size_max(FOVEA_TRACKS_MAX, 199);
-    void *scratch = malloc(fv_message_objects_scratch_bytes(FOVEA_TRACKS_MAX, 199));
+    const size_t bound = fv_message_objects_size_max(FOVEA_OBJECTS_MAX, 199);
+    void *scratch = malloc(fv_message_objects_scratch_bytes(FOVEA_OBJECTS_MAX, 199));
     uint8_t *data = malloc(bound);
     const uint32_t bytes = fv_message_objects_encode(&in, scratch, data, bound);
     assert_int_equal(bytes, bound);
@@ -321,7 +321,7 @@ static void the_most_objects_fit_a_packet(void **state)
     fovea_objects_t out;
     assert_int_equal(fovea_objects_t_decode(data, 0, (int)bytes, &out), bytes);
     const fovea_object_t *not = &out.objects[0], *camera = &out.objects[1], *odom = &out.objects[2];
-    assert_true(out.count == FOVEA_TRACKS_MAX && odom->id == 3 && odom->hits == 7 &&
+    assert_true(out.count == FOVEA_OBJECTS_MAX && odom->id == 3 && odom->hits == 7 &&
                 odom->age_ns == 1000 && odom->unseen_ns == 10 && odom->velocity_px_s[1] == 4);
     assert_true(not ->located == 0 && not ->position_m[0] == 0 && not ->covariance_m2[0] == 0);
     assert_int_equal(camera->located, FOVEA_OBJECT_T_LOCATED_CAMERA);
@@ -391,7 +391,7 @@ static void every_kind_fits_a_packet(void **state)
                             fv_message_camera_status_size_max(),
                             fv_message_map_size_max(),
                             fv_message_features_size_max(FOVEA_FEATURES_MAX),
-                            fv_message_objects_size_max(FOVEA_TRACKS_MAX, 1000),
+                            fv_message_objects_size_max(FOVEA_OBJECTS_MAX, 1000),
                             fv_message_detections_size_max(FOVEA_DETECTIONS_MAX, 1000)};
     for (size_t i = 0; i < sizeof sizes / sizeof sizes[0]; i++)
         assert_in_range(sizes[i], 1, FV_MESSAGE_PACKET_BYTES - 8 - FV_MESSAGE_CHANNEL_BYTES);

@@ -125,13 +125,14 @@ static void slices_give_the_same_with_the_stamp_of_the_image(void **state)
     free(sliced.memory);
 }
 
-/* Tracks come with each look, carry the stamp of its image, and are what fovea_tracks_get gives. */
+/* Tracks come with each look, carry the stamp of its image, and are what fovea_objects_get gives.
+ */
 static void tracks_follow_the_looks(void **state)
 {
     (void)state;
-    config.track.score_high = config.track.score_new = config.track.score_confirm = 0.3;
+    config.objects.score_high = config.objects.score_new = config.objects.score_confirm = 0.3;
     struct made made = make();
-    struct fovea_tracks tracks;
+    struct fovea_objects tracks;
     uint32_t confirmed = 0;
     for (int i = 0; i < 5; i++) {
         static struct fovea_outputs outputs;
@@ -159,7 +160,7 @@ static void tracks_follow_the_looks(void **state)
         fovea_objects_t out;
         assert_int_equal(fovea_objects_t_decode(message->data, 0, (int)message->bytes, &out),
                          message->bytes);
-        fovea_tracks_get(made.rt, &tracks);
+        fovea_objects_get(made.rt, &tracks);
         assert_int_equal(tracks.updates, i + 1);
         assert_int_equal(tracks.sequence, 100 + i);
         assert_int_equal(out.stamp.time_ns, frame.stamp_ns);
@@ -167,18 +168,18 @@ static void tracks_follow_the_looks(void **state)
         assert_true(out.count > 0);
         confirmed = 0;
         for (uint32_t t = 0; t < tracks.count; t++) {
-            const struct fovea_track *track = &tracks.list[t];
+            const struct fovea_object *track = &tracks.list[t];
             const fovea_object_t *object = &out.objects[t];
             assert_true(object->id == (int64_t)track->id && object->state == track->state &&
                         object->box.x_max_px == track->x_max_px);
             assert_true(object->age_ns == tracks.stamp_ns - track->first_ns &&
                         object->unseen_ns == tracks.stamp_ns - track->seen_ns);
-            confirmed += track->state == FOVEA_TRACK_CONFIRMED;
+            confirmed += track->state == FOVEA_OBJECT_CONFIRMED;
         }
         fovea_objects_t_decode_cleanup(&out);
     }
     assert_true(confirmed > 0); /* nothing moves: what is found again and again is believed */
-    config.track.score_high = config.track.score_new = config.track.score_confirm = 0.5;
+    config.objects.score_high = config.objects.score_new = config.objects.score_confirm = 0.5;
     free(made.memory);
 }
 

@@ -143,7 +143,8 @@ static void test_wrong_files(void **state)
         {"features:\n  num_features: 500\n",
          {"robot.yaml:2:", "features.num_features", "'features.count_max'"}},
         {"lcm:\n  url: udpm://\n", {"robot.yaml:1:", "lcm", "'lcm_url'"}},
-        {"track:\n  max_tracks: 5\n", {"robot.yaml:2:", "track.max_tracks", "'track.tracks_max'"}},
+        {"objects:\n  max_tracks: 5\n",
+         {"robot.yaml:2:", "objects.max_tracks", "'objects.count_max'"}},
         {"camera_calibration: a.yaml\n", {"robot.yaml:1:", "camera_calibration", "'camera'"}},
         {"frame_rate: real\n", {"robot.yaml:1:", "frame_rate", "'rate'"}},
         {"features:\n  count_max: many\n",
@@ -201,11 +202,11 @@ static void test_wrong_together(void **state)
          {"robot.yaml:1:", "T_base_cam", "found 1e+07", "-1e+06 to 1e+06"}},
         {"channel_prefix: ''\n", {"robot.yaml:1:", "channel_prefix", "found ''", "1 to 31 bytes"}},
         {"lcm_url: http://here\n", {"robot.yaml:1:", "lcm_url", "http://here", "udpm://"}},
-        {"seed: 1\ntrack:\n  heights: person\n",
-         {"robot.yaml:3:", "track.heights", "'person'", "class:metres"}},
-        {"track:\n  heights: person:1.7 ball:0\n",
-         {"robot.yaml:2:", "track.heights", "'ball:0'", "class:metres"}},
-        {"track:\n  movable: 128\n", {"robot.yaml:2:", "track.movable", "'128'", "127"}},
+        {"seed: 1\nobjects:\n  heights: person\n",
+         {"robot.yaml:3:", "objects.heights", "'person'", "class:metres"}},
+        {"objects:\n  heights: person:1.7 ball:0\n",
+         {"robot.yaml:2:", "objects.heights", "'ball:0'", "class:metres"}},
+        {"objects:\n  movable: 128\n", {"robot.yaml:2:", "objects.movable", "'128'", "127"}},
     };
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
         assert_int_equal(parse(cases[i].text), FOVEA_OK);
@@ -286,7 +287,7 @@ static void test_movable_classes(void **state)
         assert_string_equal(settings.movable, "auto");
         snprintf(settings.movable, sizeof settings.movable, "%s", lists[i]);
         assert_int_equal(fv_classes_resolve(&settings, &file.model, &error), FOVEA_OK);
-        found[i] = settings.runtime.track.movable[0];
+        found[i] = settings.runtime.objects.movable[0];
     }
     assert_int_equal(found[0],
                      15); /* the shipped network knows four things, and all of them move */

@@ -36,18 +36,18 @@ static void assert_kept(const char *name)
 /* One wrong word costs nobody the results of yesterday, and leaves no empty file behind. */
 static void test_results_are_kept(void **state)
 {
-    static const char *const results[] = {"record", "trajectory", "trajectory-final", "detections",
-                                          "tracks", "stats",      "picture"};
+    static const char *const results[] = {"record",  "trajectory", "trajectory-final", "detections",
+                                          "objects", "stats",      "picture"};
     static const char *const wrong[][2] = {
         {"--trajectory @/none/x", "@/none/x"},
         {"--trajectory-final @/none/x", "@/none/x"},
-        {"--tracks @/none/x", "@/none/x"},
+        {"--objects @/none/x", "@/none/x"},
         {"--record @/none/x", "@/none/x"},
         {"--set lcm_url=udpm://239.255.76.67:0", "lcm_url"},
         {"--set lcm_url=file://@/none/x?mode=w", "lcm_url|@/none/x"},
         {"--trajectory=", "--trajectory|''"},
         {"--trajectory-final=", "--trajectory-final|''"},
-        {"--tracks=", "--tracks|''"},
+        {"--objects=", "--objects|''"},
         {"--stats=", "--stats|''"},
     };
     static const char small[] =

@@ -14,14 +14,14 @@
 #include "app/run/results.h"
 
 static char folder[] = "/tmp/fovea-results-XXXXXX";
-static char detections_path[64], tracks_path[64];
+static char detections_path[64], objects_path[64];
 
 static int set_up(void **state)
 {
     (void)state;
     if (mkdtemp(folder) == NULL) return -1;
     snprintf(detections_path, sizeof detections_path, "%s/found.json", folder);
-    snprintf(tracks_path, sizeof tracks_path, "%s/tracks.txt", folder);
+    snprintf(objects_path, sizeof objects_path, "%s/objects.txt", folder);
     return 0;
 }
 
@@ -29,7 +29,7 @@ static int tear_down(void **state)
 {
     (void)state;
     unlink(detections_path);
-    unlink(tracks_path);
+    unlink(objects_path);
     return rmdir(folder);
 }
 
@@ -51,23 +51,23 @@ static const struct fovea_detection found[2] = {{9.5f, 19.5f, 29.5f, 59.5f, 0.75
 static void what_is_handed_over_is_written(void **state)
 {
     (void)state;
-    const struct fovea_track list[3] = {
+    const struct fovea_object list[3] = {
         {.id = 4,
-         .state = FOVEA_TRACK_CONFIRMED,
+         .state = FOVEA_OBJECT_CONFIRMED,
          .score = 0.75f,
          .x_min_px = 9,
          .y_min_px = 19,
          .x_max_px = 29,
          .y_max_px = 59},
-        {.id = 5, .state = FOVEA_TRACK_COASTING, .score = 0.5f, .x_max_px = 7, .y_max_px = 8},
-        {.id = 6, .state = FOVEA_TRACK_TENTATIVE, .score = 0.5f, .x_max_px = 7, .y_max_px = 8}};
+        {.id = 5, .state = FOVEA_OBJECT_COASTING, .score = 0.5f, .x_max_px = 7, .y_max_px = 8},
+        {.id = 6, .state = FOVEA_OBJECT_TENTATIVE, .score = 0.5f, .x_max_px = 7, .y_max_px = 8}};
     const struct fovea_detections none = {.inferences = 1, .sequence = 6},
                                   two = {.inferences = 2, .sequence = 7, .count = 2, .list = found};
-    const struct fovea_tracks no_tracks = {.updates = 0},
-                              tracks = {.updates = 2, .sequence = 7, .count = 3, .list = list};
+    const struct fovea_objects no_tracks = {.updates = 0},
+                               tracks = {.updates = 2, .sequence = 7, .count = 3, .list = list};
     struct fv_results *results;
     struct fovea_error error;
-    assert_int_equal(fv_results_open(detections_path, tracks_path, &results, &error), FOVEA_OK);
+    assert_int_equal(fv_results_open(detections_path, objects_path, &results, &error), FOVEA_OK);
     fv_results_add(results, &none, &no_tracks);
     fv_results_add(results, &two, &tracks);
     assert_int_equal(fv_results_close(results, &error), FOVEA_OK); /* which drains */
@@ -76,7 +76,7 @@ static void what_is_handed_over_is_written(void **state)
         "[\n"
         "{\"image_id\": 7, \"category_id\": 1, \"bbox\": [10.000, 20.000, 20.000, 40.000], \"score\": 0.750000},\n"
         "{\"image_id\": 7, \"category_id\": 4, \"bbox\": [0.000, 0.000, 2.000, 3.000], \"score\": 0.500000}\n]\n");
-    holds(tracks_path, "8,4,10.00,20.00,20.00,40.00,0.7500,-1,-1,-1\n");
+    holds(objects_path, "8,4,10.00,20.00,20.00,40.00,0.7500,-1,-1,-1\n");
 }
 
 static void nothing_found_is_an_empty_list(void **state)
@@ -102,7 +102,7 @@ static void what_finds_no_room_is_told(void **state)
     static struct fovea_detection many[FOVEA_DETECTIONS_MAX];
     const struct fovea_detections full = {
         .inferences = 1, .count = FOVEA_DETECTIONS_MAX, .list = many};
-    const struct fovea_tracks no_tracks = {.updates = 0};
+    const struct fovea_objects no_tracks = {.updates = 0};
     struct fv_results *results;
     struct fovea_error error;
     assert_int_equal(fv_results_open(detections_path, NULL, &results, &error), FOVEA_OK);

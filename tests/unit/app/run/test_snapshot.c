@@ -34,14 +34,14 @@ static void detected(int64_t stamp_ns, uint32_t count)
     static const struct fovea_detection list[3];
     const struct fovea_detections detections = {
         .inferences = 1, .stamp_ns = stamp_ns, .count = count, .list = list};
-    const struct fovea_tracks tracks = {.updates = 0};
+    const struct fovea_objects tracks = {.updates = 0};
     fv_snapshot_work(&snapshot, &detections, &tracks);
 }
 
-static void tracked(int64_t stamp_ns, const struct fovea_track *list, uint32_t count)
+static void tracked(int64_t stamp_ns, const struct fovea_object *list, uint32_t count)
 {
     const struct fovea_detections detections = {.inferences = 1, .stamp_ns = stamp_ns};
-    const struct fovea_tracks tracks = {
+    const struct fovea_objects tracks = {
         .updates = 1, .stamp_ns = stamp_ns, .count = count, .list = list};
     fv_snapshot_work(&snapshot, &detections, &tracks);
 }
@@ -76,10 +76,10 @@ static void test_boxes_go_to_the_image_of_their_stamp(void **state)
 static void test_the_frame_with_most_objects_stays(void **state)
 {
     (void)state;
-    static const struct fovea_track list[3] = {
-        {.id = 7, .state = FOVEA_TRACK_CONFIRMED, .score = 0.5F},
-        {.id = 8, .state = FOVEA_TRACK_TENTATIVE},
-        {.id = 9, .state = FOVEA_TRACK_COASTING},
+    static const struct fovea_object list[3] = {
+        {.id = 7, .state = FOVEA_OBJECT_CONFIRMED, .score = 0.5F},
+        {.id = 8, .state = FOVEA_OBJECT_TENTATIVE},
+        {.id = 9, .state = FOVEA_OBJECT_COASTING},
     };
     assert_true(fv_snapshot_open(&snapshot, 320 * 240, true));
     const int64_t first_ns = offer();

@@ -14,19 +14,19 @@ static void a_long_run_is_thinned_evenly(void **state)
     static struct fv_trails trails;
     enum { LOOKS = 100000, TRACKS = 7 };
     for (int look = 0; look < LOOKS; look++) {
-        struct fovea_track list[TRACKS + 1];
+        struct fovea_object list[TRACKS + 1];
         for (int i = 0; i <= TRACKS; i++) {
-            list[i] = (struct fovea_track){.id = (uint64_t)i + 1,
-                                           .class_id = i,
-                                           .state = i < TRACKS ? FOVEA_TRACK_CONFIRMED
-                                                               : FOVEA_TRACK_COASTING,
-                                           .x_min_px = (float)(10 * i),
-                                           .x_max_px = (float)(10 * i + 4)};
+            list[i] = (struct fovea_object){.id = (uint64_t)i + 1,
+                                            .class_id = i,
+                                            .state = i < TRACKS ? FOVEA_OBJECT_CONFIRMED
+                                                                : FOVEA_OBJECT_COASTING,
+                                            .x_min_px = (float)(10 * i),
+                                            .x_max_px = (float)(10 * i + 4)};
         }
-        const struct fovea_tracks tracks = {.updates = 1,
-                                            .stamp_ns = 5000000000 + look * INT64_C(100000000),
-                                            .count = TRACKS + 1,
-                                            .list = list};
+        const struct fovea_objects tracks = {.updates = 1,
+                                             .stamp_ns = 5000000000 + look * INT64_C(100000000),
+                                             .count = TRACKS + 1,
+                                             .list = list};
         fv_trails_look(&trails, &tracks);
         assert_true(trails.count <= FV_TRAILS_MAX);
     }

@@ -1,4 +1,4 @@
-#include "track/assign.h"
+#include "objects/assign.h"
 
 /* The problem with at least as many columns as rows; entries count from 1, column 0 is where a new
  * row starts from. */

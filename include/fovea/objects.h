@@ -16,8 +16,8 @@
  *
  * Time is that of the images (their stamps), so results do not depend on when they were computed.
  */
-#ifndef FOVEA_TRACK_H
-#define FOVEA_TRACK_H
+#ifndef FOVEA_OBJECTS_H
+#define FOVEA_OBJECTS_H
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -26,21 +26,25 @@
 extern "C" {
 #endif
 
-enum { FOVEA_TRACKS_MAX = 256, FOVEA_TRACK_CLASSES_MAX = 128, FOVEA_TRACK_HEIGHT_MAX_M = 100 };
+enum { FOVEA_OBJECTS_MAX = 256, FOVEA_OBJECT_CLASSES_MAX = 128, FOVEA_OBJECT_HEIGHT_MAX_M = 100 };
 
-enum fovea_track_mode { FOVEA_TRACK_SORT = 0, FOVEA_TRACK_CENTROID = 1, FOVEA_TRACK_OFF = 2 };
-
-enum fovea_track_state {
-    FOVEA_TRACK_TENTATIVE = 0, /* seen, but not often enough to be believed */
-    FOVEA_TRACK_CONFIRMED = 1, /* seen in the image that the list belongs to */
-    FOVEA_TRACK_COASTING = 2,  /* confirmed before, not seen in this image: its box is predicted */
-    FOVEA_TRACK_ENDED = 3      /* given up with this image; listed once, for the last time */
+enum fovea_objects_mode {
+    FOVEA_OBJECTS_SORT = 0,
+    FOVEA_OBJECTS_CENTROID = 1,
+    FOVEA_OBJECTS_OFF = 2
 };
 
-struct fovea_track_config {
-    int mode;               /* enum fovea_track_mode, default FOVEA_TRACK_SORT */
-    uint32_t tracks_max;    /* [1, 256], default 128; memory: 2.2 kB each, with the costs of 300
-                               detections */
+enum fovea_object_state {
+    FOVEA_OBJECT_TENTATIVE = 0, /* seen, but not often enough to be believed */
+    FOVEA_OBJECT_CONFIRMED = 1, /* seen in the image that the list belongs to */
+    FOVEA_OBJECT_COASTING = 2,  /* confirmed before, not seen in this image: its box is predicted */
+    FOVEA_OBJECT_ENDED = 3      /* given up with this image; listed once, for the last time */
+};
+
+struct fovea_objects_config {
+    int mode;               /* enum fovea_objects_mode, default FOVEA_OBJECTS_SORT */
+    uint32_t count_max;     /* [1, 256], default 128; memory: 2.2 kB each, with the costs of 300
+                                detections */
     uint32_t confirm_hits;  /* sort: [1, 100], default 2 sightings confirm a track, */
     double score_confirm;   /* sort: [0, 1], default 0.5: when their mean score is at least this */
     double score_high;      /* sort: [0, 1], default 0.4: detections of the first stage */
@@ -54,19 +58,19 @@ struct fovea_track_config {
     /* objects stand on the floor, which is z = 0 of the base frame (T_base_cam says how high the
      * camera is); default false */
     bool ground;
-    /* Height of an object of each class, metres, at most FOVEA_TRACK_HEIGHT_MAX_M; 0: not known.
+    /* Height of an object of each class, metres, at most FOVEA_OBJECT_HEIGHT_MAX_M; 0: not known.
      * One standard deviation is taken to be a tenth. */
-    float height_m[FOVEA_TRACK_CLASSES_MAX];
+    float height_m[FOVEA_OBJECT_CLASSES_MAX];
     /* Classes that move on their own, as bits: their boxes are masked out of the map. Default none;
-     * the command takes those that its network names and that are known to move (track.movable:
+     * the command takes those that its network names and that are known to move (objects.movable:
      * auto). */
-    uint32_t movable[FOVEA_TRACK_CLASSES_MAX / 32];
+    uint32_t movable[FOVEA_OBJECT_CLASSES_MAX / 32];
 };
 
-struct fovea_track {
+struct fovea_object {
     uint64_t id; /* from 1 */
     int32_t class_id;
-    int32_t state; /* enum fovea_track_state */
+    int32_t state; /* enum fovea_object_state */
     float score;   /* of the last detection */
     float x_min_px, y_min_px, x_max_px,
         y_max_px;          /* estimated box, raw image, as of the list's stamp */
@@ -84,13 +88,13 @@ struct fovea_track {
 };
 
 /* The tracks as of the last image that was looked at, in memory of the runtime's block. */
-struct fovea_tracks {
+struct fovea_objects {
     uint64_t updates;   /* since fovea_init; nothing below holds while 0 */
     int64_t stamp_ns;   /* of the image */
     uint64_t sequence;  /* its frame's number */
     uint64_t confirmed; /* tracks that were, since fovea_init */
     uint32_t count;
-    const struct fovea_track *list; /* by rising id */
+    const struct fovea_object *list; /* by rising id */
 };
 
 #ifdef __cplusplus

@@ -1,7 +1,7 @@
 /* A tracker behind a pinhole camera, and looks at 30 Hz that are given to it. For one file of a
  * program. */
-#ifndef FOVEA_TESTS_TRACK_RIG_H
-#define FOVEA_TESTS_TRACK_RIG_H
+#ifndef FOVEA_TESTS_OBJECT_RIG_H
+#define FOVEA_TESTS_OBJECT_RIG_H
 
 #include <cmocka.h>
 #include <stdlib.h>
@@ -9,14 +9,14 @@
 
 #include "common/carved.h"
 #include "fovea/fovea.h"
-#include "track/track.h"
+#include "objects/objects.h"
 
 enum { WIDTH = 640, HEIGHT = 480 };
 
 static struct fovea_camera camera;
-static struct fovea_track_config config;
+static struct fovea_objects_config config;
 static double T_base_cam[12];
-static struct fv_tracker tracker;
+static struct fv_objects tracker;
 static void *block;
 
 static inline int setup(void **state)
@@ -25,7 +25,7 @@ static inline int setup(void **state)
     struct fovea_error error;
     struct fovea_config all;
     fovea_config_default(&all);
-    config = all.track;
+    config = all.objects;
     memcpy(T_base_cam, all.T_base_cam, sizeof T_base_cam);
     camera = (struct fovea_camera){
         .width = WIDTH, .height = HEIGHT, .fx = 400, .fy = 400, .cx = 319.5, .cy = 239.5};
@@ -35,7 +35,7 @@ static inline int setup(void **state)
 static inline void carve(void *context, struct fv_arena *arena)
 {
     (void)context;
-    fv_track_carve(&tracker, &config, &camera, T_base_cam, arena, arena);
+    fv_objects_carve(&tracker, &config, &camera, T_base_cam, arena, arena);
 }
 
 static inline void make(void)
@@ -51,22 +51,22 @@ static inline struct fovea_detection box(double x, double y, double w, double h,
 
 /* A look at 30 Hz, that found so many and so many more below the model's threshold; the tracks
  * after it. */
-static inline struct fovea_tracks look_unsure(int frame, const struct fovea_detection *found,
-                                              uint32_t count, uint32_t uncertain)
+static inline struct fovea_objects look_unsure(int frame, const struct fovea_detection *found,
+                                               uint32_t count, uint32_t uncertain)
 {
-    const struct fv_track_look l = {.stamp_ns = (int64_t)(frame + 1) * 33333333,
-                                    .sequence = (uint64_t)frame,
-                                    .detections = found,
-                                    .count = count,
-                                    .uncertain = uncertain};
-    struct fovea_tracks tracks;
-    fv_track_update(&tracker, &l);
-    fv_track_get(&tracker, &tracks);
+    const struct fv_objects_inference l = {.stamp_ns = (int64_t)(frame + 1) * 33333333,
+                                           .sequence = (uint64_t)frame,
+                                           .detections = found,
+                                           .count = count,
+                                           .uncertain = uncertain};
+    struct fovea_objects tracks;
+    fv_objects_update(&tracker, &l);
+    fv_objects_get(&tracker, &tracks);
     return tracks;
 }
 
-static inline struct fovea_tracks look(int frame, const struct fovea_detection *found,
-                                       uint32_t count)
+static inline struct fovea_objects look(int frame, const struct fovea_detection *found,
+                                        uint32_t count)
 {
     return look_unsure(frame, found, count, 0);
 }

@@ -5,8 +5,8 @@
  * Computing 38, 1987, without their starting heuristics): O(rows^2 columns) at most, near rows x
  * columns when most rows have a column of their own. A pair of cost 1 or more is as good as none,
  * so the result maximises the sum of (1 - cost) over the pairs that it makes. */
-#ifndef FOVEA_TRACK_ASSIGN_H
-#define FOVEA_TRACK_ASSIGN_H
+#ifndef FOVEA_OBJECTS_ASSIGN_H
+#define FOVEA_OBJECTS_ASSIGN_H
 
 #include <stdint.h>
 

@@ -8,7 +8,7 @@
 #include <string.h>
 
 #include "base/elementary.h"
-#include "track/assign.h"
+#include "objects/assign.h"
 
 enum { SIDE_MAX = 7 };
 

@@ -1,5 +1,5 @@
 /* Matching by optimal assignment, certain detections first. */
-#include "track/track.h"
+#include "objects/objects.h"
 
 /* Gates: 99.7 % of a four-dimensional normal distribution for centre and size; overlap that lets
  * pairs pass which are farther, as boxes are that something cuts off. Sizes deviate by a tenth
@@ -8,29 +8,29 @@ static const double distance_gate = 16.0, overlap_gate = 0.3, overlap_gate_low =
                     far_gate = 40.0, size_share = 0.1;
 
 /* What the cost needs of a prediction and of a detection, worked out once for all their pairs. */
-static void row_of(const struct fv_track_slot *slot, struct fv_track_side *side)
+static void row_of(const struct fv_object_slot *slot, struct fv_object_side *side)
 {
     const struct fv_filter *b = slot->box;
-    *side = (struct fv_track_side){.x = b[FV_TRACK_X].x,
-                                   .y = b[FV_TRACK_Y].x,
-                                   .half_w = 0.5 * b[FV_TRACK_W].x,
-                                   .half_h = 0.5 * b[FV_TRACK_H].x,
-                                   .x_variance = b[FV_TRACK_X].xx,
-                                   .y_variance = b[FV_TRACK_Y].xx,
-                                   .x_reach = __builtin_sqrt(distance_gate * b[FV_TRACK_X].xx),
-                                   .y_reach = __builtin_sqrt(distance_gate * b[FV_TRACK_Y].xx),
-                                   .w_variance = b[FV_TRACK_W].xx,
-                                   .h_variance = b[FV_TRACK_H].xx,
-                                   .class_id = slot->track.class_id};
+    *side = (struct fv_object_side){.x = b[FV_OBJECT_X].x,
+                                    .y = b[FV_OBJECT_Y].x,
+                                    .half_w = 0.5 * b[FV_OBJECT_W].x,
+                                    .half_h = 0.5 * b[FV_OBJECT_H].x,
+                                    .x_variance = b[FV_OBJECT_X].xx,
+                                    .y_variance = b[FV_OBJECT_Y].xx,
+                                    .x_reach = __builtin_sqrt(distance_gate * b[FV_OBJECT_X].xx),
+                                    .y_reach = __builtin_sqrt(distance_gate * b[FV_OBJECT_Y].xx),
+                                    .w_variance = b[FV_OBJECT_W].xx,
+                                    .h_variance = b[FV_OBJECT_H].xx,
+                                    .class_id = slot->track.class_id};
 }
 
-static void column_of(const struct fovea_detection *d, struct fv_track_side *side)
+static void column_of(const struct fovea_detection *d, struct fv_object_side *side)
 {
     const double x0 = (double)d->x_min_px, y0 = (double)d->y_min_px, x1 = (double)d->x_max_px,
                  y1 = (double)d->y_max_px;
     const double sigma = 0.025 * (x1 - x0 + y1 - y0) + 0.5,
                  reach = __builtin_sqrt(distance_gate) * sigma;
-    *side = (struct fv_track_side){
+    *side = (struct fv_object_side){
         .x = 0.5 * (x0 + x1),
         .y = 0.5 * (y0 + y1),
         .half_w = 0.5 * (x1 - x0),
@@ -49,7 +49,7 @@ static double least(double a, double b)
     return a < b ? a : b;
 }
 
-static double overlap(const struct fv_track_side *a, const struct fv_track_side *b)
+static double overlap(const struct fv_object_side *a, const struct fv_object_side *b)
 {
     const double w =
         least(a->x + a->half_w, b->x + b->half_w) + least(a->half_w - a->x, b->half_w - b->x);
@@ -68,7 +68,7 @@ static bool is_far(double off, double half, double reach)
 
 /* In [0, 1); 1: not the same object. Overlap and squared Mahalanobis distance of centre and size
  * share the cost. */
-static float cost_of(const struct fv_track_side *a, const struct fv_track_side *b,
+static float cost_of(const struct fv_object_side *a, const struct fv_object_side *b,
                      bool only_overlap)
 {
     const double dx = b->x - a->x, dy = b->y - a->y;
@@ -87,11 +87,11 @@ static float cost_of(const struct fv_track_side *a, const struct fv_track_side *
 }
 
 /* One assignment of the slots in tracker->rows to the detections in tracker->columns. */
-static void assign(struct fv_tracker *tracker, const struct fv_track_look *look, int32_t rows,
-                   int32_t columns, bool only_overlap)
+static void assign(struct fv_objects *tracker, const struct fv_objects_inference *look,
+                   int32_t rows, int32_t columns, bool only_overlap)
 {
     if (rows == 0 || columns == 0) return;
-    struct fv_track_side *columns_of = tracker->sides, row;
+    struct fv_object_side *columns_of = tracker->sides, row;
     for (int32_t c = 0; c < columns; c++)
         column_of(&look->detections[tracker->columns[c]], &columns_of[c]);
     for (int32_t r = 0; r < rows; r++) {
@@ -102,16 +102,16 @@ static void assign(struct fv_tracker *tracker, const struct fv_track_look *look,
     fv_assign(tracker->cost, columns, rows, columns, tracker->assign, tracker->column_of);
     for (int32_t r = 0; r < rows; r++) {
         if (tracker->column_of[r] < 0) continue;
-        fv_track_take(tracker, &tracker->slots[tracker->rows[r]], look,
-                      (uint32_t)tracker->columns[tracker->column_of[r]]);
+        fv_objects_take(tracker, &tracker->slots[tracker->rows[r]], look,
+                        (uint32_t)tracker->columns[tracker->column_of[r]]);
     }
 }
 
 /* Detections of the first stage, or those of the second. */
-static int32_t gather_detections(const struct fv_tracker *tracker, const struct fv_track_look *look,
-                                 bool first)
+static int32_t gather_detections(const struct fv_objects *tracker,
+                                 const struct fv_objects_inference *look, bool first)
 {
-    const struct fovea_track_config *config = tracker->config;
+    const struct fovea_objects_config *config = tracker->config;
     int32_t count = 0;
     for (uint32_t d = 0; d < look->count + look->uncertain; d++) {
         const double score = (double)look->detections[d].score;
@@ -123,11 +123,11 @@ static int32_t gather_detections(const struct fv_tracker *tracker, const struct 
 }
 
 /* Slots that were not matched yet; `fresh`: only those that were seen in the look before. */
-static int32_t gather_slots(const struct fv_tracker *tracker, bool fresh)
+static int32_t gather_slots(const struct fv_objects *tracker, bool fresh)
 {
     int32_t count = 0;
-    for (uint32_t i = 0; i < tracker->config->tracks_max; i++) {
-        const struct fv_track_slot *slot = &tracker->slots[i];
+    for (uint32_t i = 0; i < tracker->config->count_max; i++) {
+        const struct fv_object_slot *slot = &tracker->slots[i];
         const bool fits = !fresh || slot->track.unseen == 0;
         if (slot->used && !slot->matched && fits) tracker->rows[count++] = (int32_t)i;
     }
@@ -136,7 +136,7 @@ static int32_t gather_slots(const struct fv_tracker *tracker, bool fresh)
 
 /* Tentative tracks take part in the first stage: else a track whose object has just gone behind
  * something would take the detections of the one that comes out there. */
-void fv_track_match_sort(struct fv_tracker *tracker, const struct fv_track_look *look)
+void fv_objects_match_sort(struct fv_objects *tracker, const struct fv_objects_inference *look)
 {
     assign(tracker, look, gather_slots(tracker, false), gather_detections(tracker, look, true),
            false);

@@ -1,31 +1,31 @@
-#include "runtime/tracking.h"
+#include "runtime/objects.h"
 
 #include <string.h>
 
-void fv_tracking_carve(struct fv_tracking *tracking, const struct fovea_config *config,
-                       const struct fv_detection *detection, struct fv_arena *persistent,
-                       struct fv_arena *frame)
+void fv_object_stage_carve(struct fv_object_stage *tracking, const struct fovea_config *config,
+                           const struct fv_detection *detection, struct fv_arena *persistent,
+                           struct fv_arena *frame)
 {
-    tracking->enabled = detection->enabled && config->track.mode != FOVEA_TRACK_OFF;
+    tracking->enabled = detection->enabled && config->objects.mode != FOVEA_OBJECTS_OFF;
     if (!tracking->enabled) return;
-    fv_track_carve(&tracking->tracker, &config->track, &config->camera, config->T_base_cam,
-                   persistent, frame);
+    fv_objects_carve(&tracking->tracker, &config->objects, &config->camera, config->T_base_cam,
+                     persistent, frame);
     tracking->state = fv_arena_take(persistent, 1, sizeof *tracking->state);
     tracking->message_scratch =
         fv_arena_take(frame,
-                      fv_message_objects_scratch_bytes(config->track.tracks_max,
+                      fv_message_objects_scratch_bytes(config->objects.count_max,
                                                        fv_detection_label_bytes(detection)),
                       1);
 }
 
-void fv_tracking_reset(struct fv_tracking *tracking)
+void fv_object_stage_reset(struct fv_object_stage *tracking)
 {
-    if (tracking->enabled) fv_track_reset(&tracking->tracker);
+    if (tracking->enabled) fv_objects_reset(&tracking->tracker);
 }
 
-void fv_tracking_note(struct fv_tracking *tracking, const struct fovea_pose *pose)
+void fv_object_stage_note(struct fv_object_stage *tracking, const struct fovea_pose *pose)
 {
-    struct fv_tracking_state *state = tracking->state;
+    struct fv_object_stage_state *state = tracking->state;
     if (!tracking->enabled) return;
     memcpy(state->T_world_cam, pose->T_world_cam, sizeof state->T_world_cam);
     state->world = (uint64_t)pose->reset_counter << 32 | pose->map_id;
@@ -33,11 +33,12 @@ void fv_tracking_note(struct fv_tracking *tracking, const struct fovea_pose *pos
     state->metric = pose->scale_source != FOVEA_SCALE_FREE;
 }
 
-void fv_tracking_update(struct fv_tracking *tracking, const struct fovea_detections *detections)
+void fv_object_stage_update(struct fv_object_stage *tracking,
+                            const struct fovea_detections *detections)
 {
-    const struct fv_tracking_state *state = tracking->state;
+    const struct fv_object_stage_state *state = tracking->state;
     if (!tracking->enabled) return;
-    struct fv_track_look look = {
+    struct fv_objects_inference look = {
         .stamp_ns = detections->stamp_ns,
         .sequence = detections->sequence,
         .detections = detections->list,
@@ -48,16 +49,17 @@ void fv_tracking_update(struct fv_tracking *tracking, const struct fovea_detecti
         .world = state->world,
     };
     memcpy(look.T_world_cam, state->T_world_cam, sizeof look.T_world_cam);
-    fv_track_update(&tracking->tracker, &look);
+    fv_objects_update(&tracking->tracker, &look);
 }
 
-uint32_t fv_tracking_encode(const struct fv_tracking *tracking, const struct fovea_config *config,
-                            const struct fv_detection *detection, uint32_t reset_counter,
-                            uint8_t *buffer, size_t capacity)
+uint32_t fv_object_stage_encode(const struct fv_object_stage *tracking,
+                                const struct fovea_config *config,
+                                const struct fv_detection *detection, uint32_t reset_counter,
+                                uint8_t *buffer, size_t capacity)
 {
-    const char *names[FOVEA_TRACKS_MAX];
-    struct fovea_tracks tracks;
-    fv_track_get(&tracking->tracker, &tracks);
+    const char *names[FOVEA_OBJECTS_MAX];
+    struct fovea_objects tracks;
+    fv_objects_get(&tracking->tracker, &tracks);
     for (uint32_t i = 0; i < tracks.count; i++)
         names[i] = fv_detection_label(detection, tracks.list[i].class_id);
     struct fv_message_objects message = {
@@ -74,12 +76,12 @@ uint32_t fv_tracking_encode(const struct fv_tracking *tracking, const struct fov
     return fv_message_objects_encode(&message, tracking->message_scratch, buffer, capacity);
 }
 
-uint32_t fv_tracking_movable(const struct fv_tracking *tracking,
-                             struct fovea_box boxes[FOVEA_INPUT_BOXES_MAX])
+uint32_t fv_object_stage_movable(const struct fv_object_stage *tracking,
+                                 struct fovea_box boxes[FOVEA_INPUT_BOXES_MAX])
 {
     float found[FOVEA_INPUT_BOXES_MAX][4];
     if (!tracking->enabled) return 0;
-    const uint32_t count = fv_track_movable(&tracking->tracker, found, FOVEA_INPUT_BOXES_MAX);
+    const uint32_t count = fv_objects_movable(&tracking->tracker, found, FOVEA_INPUT_BOXES_MAX);
     for (uint32_t i = 0; i < count; i++)
         boxes[i] = (struct fovea_box){found[i][0], found[i][1], found[i][2], found[i][3]};
     return count;

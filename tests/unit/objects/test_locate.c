@@ -6,7 +6,7 @@
 #include <cmocka.h>
 #include <string.h>
 
-#include "common/track_rig.h"
+#include "common/object_rig.h"
 
 /* A ball 0.5 m high flies past a camera that moves; its place, velocity and covariance must hold
  * the truth. */
@@ -15,13 +15,14 @@ static void places_are_in_metres(void **state)
     (void)state;
     config.height_m[0] = 0.5f;
     make();
-    struct fovea_tracks t = {0};
+    struct fovea_objects t = {0};
     double truth[3] = {0};
     for (int f = 0; f < 60; f++) {
-        struct fv_track_look l = {.stamp_ns = (int64_t)(f + 1) * 33333333,
-                                  .posed = true,
-                                  .metric = true,
-                                  .T_world_cam = {1, 0, 0, 0.01 * f, 0, 1, 0, 0, 0, 0, 1, 0}};
+        struct fv_objects_inference l = {
+            .stamp_ns = (int64_t)(f + 1) * 33333333,
+            .posed = true,
+            .metric = true,
+            .T_world_cam = {1, 0, 0, 0.01 * f, 0, 1, 0, 0, 0, 0, 1, 0}};
         truth[0] = -1 + 0.03 * f;
         truth[1] = 0.3;
         truth[2] = 5 - 0.02 * f;
@@ -34,8 +35,8 @@ static void places_are_in_metres(void **state)
             box(a[0], 0.5 * (a[1] + b[1]), b[1] - a[1], b[1] - a[1], 0.9);
         l.detections = &d;
         l.count = 1;
-        fv_track_update(&tracker, &l);
-        fv_track_get(&tracker, &t);
+        fv_objects_update(&tracker, &l);
+        fv_objects_get(&tracker, &t);
     }
     assert_int_equal(t.list[0].located, 2);
     static const int diagonal[3] = {0, 3, 5};
@@ -70,7 +71,7 @@ static void the_floor_gives_a_place(void **state)
     double pixel[2];
     fovea_camera_project(&camera, foot, pixel, NULL);
     const struct fovea_detection d = box(pixel[0], pixel[1] - 40, 30, 80, 0.9);
-    const struct fovea_tracks t = look(0, &d, 1);
+    const struct fovea_objects t = look(0, &d, 1);
     assert_int_equal(t.list[0].located, 1);
     for (int i = 0; i < 3; i++)
         assert_true(__builtin_fabs(t.list[0].position_m[i] - foot[i]) < 0.01);

@@ -1,8 +1,8 @@
 /* A number that moves at nearly constant velocity, estimated by a Kalman filter: position, velocity
  * and their covariance. White noise of the velocity's change drives it (Bar-Shalom, Li and
  * Kirubarajan, 2001, section 6.2.2). Real-time safe. */
-#ifndef FOVEA_TRACK_FILTER_H
-#define FOVEA_TRACK_FILTER_H
+#ifndef FOVEA_OBJECTS_FILTER_H
+#define FOVEA_OBJECTS_FILTER_H
 
 struct fv_filter {
     double x, v, xx, xv, vv;

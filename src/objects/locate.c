@@ -1,6 +1,6 @@
 /* Where a track is in metres: from the height of its class, which gives the range, or from the
  * floor, which its foot stands on. */
-#include "track/track.h"
+#include "objects/objects.h"
 
 #include <string.h>
 
@@ -18,7 +18,7 @@ struct place {
     double range_variance, across_variance;
 };
 
-static bool bearing(const struct fv_tracker *tracker, double x, double y, double b[3])
+static bool bearing(const struct fv_objects *tracker, double x, double y, double b[3])
 {
     const double pixel[2] = {x, y};
     return fovea_camera_unproject(tracker->camera, pixel, b, NULL) == FOVEA_OK;
@@ -29,27 +29,27 @@ static double dot(const double a[3], const double b[3])
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-static double edge_sigma_px(const struct fv_track_slot *slot)
+static double edge_sigma_px(const struct fv_object_slot *slot)
 {
-    const double sigma = edge_share * slot->box[FV_TRACK_H].x;
+    const double sigma = edge_share * slot->box[FV_OBJECT_H].x;
     return sigma > 0.5 ? sigma : 0.5;
 }
 
 /* Box cut by the image's border: its height and its foot are not to be trusted. */
-static bool is_cut(const struct fv_tracker *tracker, const struct fv_track_slot *slot)
+static bool is_cut(const struct fv_objects *tracker, const struct fv_object_slot *slot)
 {
-    const struct fovea_track *t = &slot->track;
+    const struct fovea_object *t = &slot->track;
     return t->x_min_px < 1.0f || t->y_min_px < 1.0f ||
            t->x_max_px > (float)tracker->camera->width - 2.0f ||
            t->y_max_px > (float)tracker->camera->height - 2.0f;
 }
 
-static bool by_size(const struct fv_tracker *tracker, const struct fv_track_slot *slot,
+static bool by_size(const struct fv_objects *tracker, const struct fv_object_slot *slot,
                     double height_m, struct place *place)
 {
     double top[3], bottom[3], middle[3];
-    const double x = slot->box[FV_TRACK_X].x, y = slot->box[FV_TRACK_Y].x,
-                 half = 0.5 * slot->box[FV_TRACK_H].x;
+    const double x = slot->box[FV_OBJECT_X].x, y = slot->box[FV_OBJECT_Y].x,
+                 half = 0.5 * slot->box[FV_OBJECT_H].x;
     if (!bearing(tracker, x, y - half, top) || !bearing(tracker, x, y + half, bottom) ||
         !bearing(tracker, x, y, middle))
         return false;
@@ -59,7 +59,7 @@ static bool by_size(const struct fv_tracker *tracker, const struct fv_track_slot
     if (!(chord > 1e-6)) return false;
     const double half_sine = 0.5 * chord, half_cosine = __builtin_sqrt(1.0 - half_sine * half_sine);
     const double range = 0.5 * height_m * half_cosine / half_sine;
-    const double share = 1.4 * edge_sigma_px(slot) / slot->box[FV_TRACK_H].x;
+    const double share = 1.4 * edge_sigma_px(slot) / slot->box[FV_OBJECT_H].x;
     if (!(range < range_max_m)) return false;
     const double across = edge_sigma_px(slot) / tracker->camera->fy * range;
     memcpy(place->along, middle, sizeof middle);
@@ -70,13 +70,13 @@ static bool by_size(const struct fv_tracker *tracker, const struct fv_track_slot
     return true;
 }
 
-static bool by_floor(const struct fv_tracker *tracker, const struct fv_track_slot *slot,
+static bool by_floor(const struct fv_objects *tracker, const struct fv_object_slot *slot,
                      struct place *place)
 {
     double foot[3];
     const double *T = tracker->T_base_cam;
-    if (!bearing(tracker, slot->box[FV_TRACK_X].x,
-                 slot->box[FV_TRACK_Y].x + 0.5 * slot->box[FV_TRACK_H].x, foot))
+    if (!bearing(tracker, slot->box[FV_OBJECT_X].x,
+                 slot->box[FV_OBJECT_Y].x + 0.5 * slot->box[FV_OBJECT_H].x, foot))
         return false;
     const double down = -(T[8] * foot[0] + T[9] * foot[1] +
                           T[10] * foot[2]); /* sine of the angle below the horizon */
@@ -129,8 +129,8 @@ static void scale_to(double full[9], const double variance[3])
         full[i] *= scale[i / 3] * scale[i % 3];
 }
 
-static void filter_place(struct fv_track_slot *slot, const struct place *place,
-                         const struct fv_track_look *look)
+static void filter_place(struct fv_object_slot *slot, const struct place *place,
+                         const struct fv_objects_inference *look)
 {
     struct fv_se3 T;
     double at[3], full[9];
@@ -162,13 +162,13 @@ static void filter_place(struct fv_track_slot *slot, const struct place *place,
     slot->track.located = 2;
 }
 
-void fv_track_locate(const struct fv_tracker *tracker, struct fv_track_slot *slot,
-                     const struct fv_track_look *look)
+void fv_objects_locate(const struct fv_objects *tracker, struct fv_object_slot *slot,
+                       const struct fv_objects_inference *look)
 {
-    const struct fovea_track_config *config = tracker->config;
+    const struct fovea_objects_config *config = tracker->config;
     const int32_t c = slot->track.class_id;
     const double height_m =
-        c >= 0 && c < FOVEA_TRACK_CLASSES_MAX ? (double)config->height_m[c] : 0.0;
+        c >= 0 && c < FOVEA_OBJECT_CLASSES_MAX ? (double)config->height_m[c] : 0.0;
     struct place place;
     slot->track.located = 0;
     if (!slot->matched || (height_m <= 0.0 && !config->ground) || is_cut(tracker, slot)) return;

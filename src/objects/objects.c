@@ -1,4 +1,4 @@
-#include "track/track.h"
+#include "objects/objects.h"
 
 #include <string.h>
 
@@ -16,11 +16,11 @@ static double larger(double a, double b)
 
 /* ---- memory ---------------------------------------------------------------------------------- */
 
-void fv_track_carve(struct fv_tracker *tracker, const struct fovea_track_config *config,
-                    const struct fovea_camera *camera, const double T_base_cam[12],
-                    struct fv_arena *persistent, struct fv_arena *frame)
+void fv_objects_carve(struct fv_objects *tracker, const struct fovea_objects_config *config,
+                      const struct fovea_camera *camera, const double T_base_cam[12],
+                      struct fv_arena *persistent, struct fv_arena *frame)
 {
-    const size_t tracks = config->tracks_max;
+    const size_t tracks = config->count_max;
     tracker->config = config;
     tracker->camera = camera;
     tracker->T_base_cam = T_base_cam;
@@ -36,54 +36,54 @@ void fv_track_carve(struct fv_tracker *tracker, const struct fovea_track_config 
     tracker->assign = fv_arena_take(frame, 1, sizeof *tracker->assign);
 }
 
-void fv_track_reset(struct fv_tracker *tracker)
+void fv_objects_reset(struct fv_objects *tracker)
 {
-    const struct fv_track_state before = *tracker->state;
-    memset(tracker->slots, 0, tracker->config->tracks_max * sizeof *tracker->slots);
-    *tracker->state = (struct fv_track_state){
+    const struct fv_objects_state before = *tracker->state;
+    memset(tracker->slots, 0, tracker->config->count_max * sizeof *tracker->slots);
+    *tracker->state = (struct fv_objects_state){
         .next_id = before.next_id, .updates = before.updates, .confirmed = before.confirmed};
 }
 
 /* ---- prediction ------------------------------------------------------------------------------ */
 
-static double size_of(const struct fv_track_slot *slot)
+static double size_of(const struct fv_object_slot *slot)
 {
-    return larger(0.5 * (slot->box[FV_TRACK_W].x + slot->box[FV_TRACK_H].x), 1.0);
+    return larger(0.5 * (slot->box[FV_OBJECT_W].x + slot->box[FV_OBJECT_H].x), 1.0);
 }
 
 /* Shift of a box's centre when the camera has turned: R takes bearings of the image before to this
  * one's. */
-static void turn(const struct fv_tracker *tracker, struct fv_track_slot *slot, const double R[9])
+static void turn(const struct fv_objects *tracker, struct fv_object_slot *slot, const double R[9])
 {
-    const double before[2] = {slot->box[FV_TRACK_X].x, slot->box[FV_TRACK_Y].x};
+    const double before[2] = {slot->box[FV_OBJECT_X].x, slot->box[FV_OBJECT_Y].x};
     double b[3], turned[3], now[2];
     if (fovea_camera_unproject(tracker->camera, before, b, NULL) != FOVEA_OK) return;
     for (int i = 0; i < 3; i++)
         turned[i] = R[3 * i] * b[0] + R[3 * i + 1] * b[1] + R[3 * i + 2] * b[2];
     if (fovea_camera_project(tracker->camera, turned, now, NULL) != FOVEA_OK) return;
-    slot->box[FV_TRACK_X].x = now[0];
-    slot->box[FV_TRACK_Y].x = now[1];
+    slot->box[FV_OBJECT_X].x = now[0];
+    slot->box[FV_OBJECT_Y].x = now[1];
 }
 
-static void predict(struct fv_track_slot *slot, double dt_s)
+static void predict(struct fv_object_slot *slot, double dt_s)
 {
     const double size = size_of(slot), drift = drift_share * size,
                  size_drift = size_drift_share * size;
-    for (int k = 0; k < FV_TRACK_NUMBERS; k++) {
-        const bool is_place = k < FV_TRACK_W;
+    for (int k = 0; k < FV_OBJECT_NUMBERS; k++) {
+        const bool is_place = k < FV_OBJECT_W;
         /* Unseen, a size is better left as it was: a box that shrank behind an edge would go on
          * shrinking. */
         if (!is_place && slot->track.unseen > 0)
             slot->box[k].v = slot->box[k].vv = slot->box[k].xv = 0;
         fv_filter_predict(&slot->box[k], dt_s, is_place ? drift * drift : size_drift * size_drift);
     }
-    slot->box[FV_TRACK_W].x = larger(slot->box[FV_TRACK_W].x, 1.0);
-    slot->box[FV_TRACK_H].x = larger(slot->box[FV_TRACK_H].x, 1.0);
+    slot->box[FV_OBJECT_W].x = larger(slot->box[FV_OBJECT_W].x, 1.0);
+    slot->box[FV_OBJECT_H].x = larger(slot->box[FV_OBJECT_H].x, 1.0);
 }
 
 /* R_now_before, and whether it is known. */
-static bool rotation_since(const struct fv_track_state *state, const struct fv_track_look *look,
-                           double R[9])
+static bool rotation_since(const struct fv_objects_state *state,
+                           const struct fv_objects_inference *look, double R[9])
 {
     if (!look->posed || !state->posed || look->world != state->world) return false;
     for (int i = 0; i < 3; i++) {
@@ -97,14 +97,14 @@ static bool rotation_since(const struct fv_track_state *state, const struct fv_t
     return true;
 }
 
-static void predict_all(struct fv_tracker *tracker, const struct fv_track_look *look)
+static void predict_all(struct fv_objects *tracker, const struct fv_objects_inference *look)
 {
     double R[9];
-    const struct fv_track_state *state = tracker->state;
+    const struct fv_objects_state *state = tracker->state;
     const double dt_s = state->started ? (double)(look->stamp_ns - state->stamp_ns) * 1e-9 : 0.0;
     const bool turned = rotation_since(state, look, R);
-    for (uint32_t i = 0; i < tracker->config->tracks_max; i++) {
-        struct fv_track_slot *slot = &tracker->slots[i];
+    for (uint32_t i = 0; i < tracker->config->count_max; i++) {
+        struct fv_object_slot *slot = &tracker->slots[i];
         slot->matched = 0;
         if (!slot->used) continue;
         if (turned) turn(tracker, slot, R);
@@ -115,7 +115,7 @@ static void predict_all(struct fv_tracker *tracker, const struct fv_track_look *
 /* ---- what a detection does ------------------------------------------------------------------- */
 
 struct measured {
-    double number[FV_TRACK_NUMBERS], sigma[FV_TRACK_NUMBERS];
+    double number[FV_OBJECT_NUMBERS], sigma[FV_OBJECT_NUMBERS];
 };
 
 static struct measured measure(const struct fovea_detection *d)
@@ -127,12 +127,12 @@ static struct measured measure(const struct fovea_detection *d)
                              {sigma, sigma, 1.4 * sigma, 1.4 * sigma}};
 }
 
-void fv_track_take(struct fv_tracker *tracker, struct fv_track_slot *slot,
-                   const struct fv_track_look *look, uint32_t detection)
+void fv_objects_take(struct fv_objects *tracker, struct fv_object_slot *slot,
+                     const struct fv_objects_inference *look, uint32_t detection)
 {
     const struct fovea_detection *d = &look->detections[detection];
     const struct measured m = measure(d);
-    for (int k = 0; k < FV_TRACK_NUMBERS; k++)
+    for (int k = 0; k < FV_OBJECT_NUMBERS; k++)
         fv_filter_update(&slot->box[k], m.number[k], m.sigma[k] * m.sigma[k]);
     slot->track.score = d->score;
     slot->score_sum += (double)d->score;
@@ -144,24 +144,24 @@ void fv_track_take(struct fv_tracker *tracker, struct fv_track_slot *slot,
     tracker->taken[detection] = 1;
 }
 
-static void begin(struct fv_tracker *tracker, struct fv_track_slot *slot,
-                  const struct fv_track_look *look, uint32_t detection)
+static void begin(struct fv_objects *tracker, struct fv_object_slot *slot,
+                  const struct fv_objects_inference *look, uint32_t detection)
 {
     const struct fovea_detection *d = &look->detections[detection];
     const struct measured m = measure(d);
     memset(slot, 0, sizeof *slot);
     slot->used = slot->matched = 1;
     slot->score_sum = (double)d->score;
-    slot->track = (struct fovea_track){.id = ++tracker->state->next_id,
-                                       .class_id = d->class_id,
-                                       .score = d->score,
-                                       .first_ns = look->stamp_ns,
-                                       .seen_ns = look->stamp_ns,
-                                       .hits = 1};
-    const double size = 0.5 * (m.number[FV_TRACK_W] + m.number[FV_TRACK_H]);
-    for (int k = 0; k < FV_TRACK_NUMBERS; k++) {
+    slot->track = (struct fovea_object){.id = ++tracker->state->next_id,
+                                        .class_id = d->class_id,
+                                        .score = d->score,
+                                        .first_ns = look->stamp_ns,
+                                        .seen_ns = look->stamp_ns,
+                                        .hits = 1};
+    const double size = 0.5 * (m.number[FV_OBJECT_W] + m.number[FV_OBJECT_H]);
+    for (int k = 0; k < FV_OBJECT_NUMBERS; k++) {
         fv_filter_start(&slot->box[k], m.number[k], m.sigma[k],
-                        (k < FV_TRACK_W ? velocity_share : size_velocity_share) * size);
+                        (k < FV_OBJECT_W ? velocity_share : size_velocity_share) * size);
     }
     tracker->taken[detection] = 1;
 }
@@ -169,10 +169,10 @@ static void begin(struct fv_tracker *tracker, struct fv_track_slot *slot,
 /* ---- the pool -------------------------------------------------------------------------------- */
 
 /* Whether `a` is given up before `b`; neither was seen in this look. */
-static bool weaker(const struct fv_track_slot *a, const struct fv_track_slot *b)
+static bool weaker(const struct fv_object_slot *a, const struct fv_object_slot *b)
 {
-    const bool tentative_a = a->track.state == FOVEA_TRACK_TENTATIVE,
-               tentative_b = b->track.state == FOVEA_TRACK_TENTATIVE;
+    const bool tentative_a = a->track.state == FOVEA_OBJECT_TENTATIVE,
+               tentative_b = b->track.state == FOVEA_OBJECT_TENTATIVE;
     if (tentative_a != tentative_b) return tentative_a;
     if (a->track.unseen != b->track.unseen) return a->track.unseen > b->track.unseen;
     if (a->track.hits != b->track.hits) return a->track.hits < b->track.hits;
@@ -180,24 +180,24 @@ static bool weaker(const struct fv_track_slot *a, const struct fv_track_slot *b)
 }
 
 /* A free slot, or that of the weakest track; NULL when all were seen just now. */
-static struct fv_track_slot *room(struct fv_tracker *tracker)
+static struct fv_object_slot *room(struct fv_objects *tracker)
 {
-    struct fv_track_slot *weakest = NULL;
-    for (uint32_t i = 0; i < tracker->config->tracks_max; i++) {
-        struct fv_track_slot *slot = &tracker->slots[i];
+    struct fv_object_slot *weakest = NULL;
+    for (uint32_t i = 0; i < tracker->config->count_max; i++) {
+        struct fv_object_slot *slot = &tracker->slots[i];
         if (!slot->used) return slot;
         if (!slot->matched && (weakest == NULL || weaker(slot, weakest))) weakest = slot;
     }
     return weakest;
 }
 
-static void begin_new(struct fv_tracker *tracker, const struct fv_track_look *look)
+static void begin_new(struct fv_objects *tracker, const struct fv_objects_inference *look)
 {
-    const struct fovea_track_config *config = tracker->config;
-    const double least = config->mode == FOVEA_TRACK_SORT ? config->score_new : 0.0;
+    const struct fovea_objects_config *config = tracker->config;
+    const double least = config->mode == FOVEA_OBJECTS_SORT ? config->score_new : 0.0;
     for (uint32_t d = 0; d < look->count; d++) {
         if (tracker->taken[d] || (double)look->detections[d].score < least) continue;
-        struct fv_track_slot *slot = room(tracker);
+        struct fv_object_slot *slot = room(tracker);
         if (slot == NULL)
             return; /* detections come by falling score: none of the others has more right */
         begin(tracker, slot, look, d);
@@ -206,14 +206,14 @@ static void begin_new(struct fv_tracker *tracker, const struct fv_track_look *lo
 
 /* ---- life ------------------------------------------------------------------------------------ */
 
-static bool is_over(const struct fv_tracker *tracker, const struct fv_track_slot *slot,
+static bool is_over(const struct fv_objects *tracker, const struct fv_object_slot *slot,
                     int64_t stamp_ns)
 {
-    const struct fovea_track_config *config = tracker->config;
+    const struct fovea_objects_config *config = tracker->config;
     if (slot->matched) return false;
-    if (config->mode == FOVEA_TRACK_CENTROID) return slot->track.unseen > config->max_disappeared;
-    if (slot->track.state == FOVEA_TRACK_TENTATIVE) return true;
-    const double x = slot->box[FV_TRACK_X].x, y = slot->box[FV_TRACK_Y].x, size = size_of(slot);
+    if (config->mode == FOVEA_OBJECTS_CENTROID) return slot->track.unseen > config->max_disappeared;
+    if (slot->track.state == FOVEA_OBJECT_TENTATIVE) return true;
+    const double x = slot->box[FV_OBJECT_X].x, y = slot->box[FV_OBJECT_Y].x, size = size_of(slot);
     const bool gone = x < -size || y < -size || x > tracker->camera->width + size ||
                       y > tracker->camera->height + size;
     return gone || (double)(stamp_ns - slot->track.seen_ns) * 1e-9 > config->coast_s;
@@ -222,43 +222,43 @@ static bool is_over(const struct fv_tracker *tracker, const struct fv_track_slot
 /* Whether the object of a track that was seen just now is believed to be there. A detector that
  * errs often does so again in the next image, with a score as low: repetition alone proves little.
  */
-static bool is_believed(const struct fv_tracker *tracker, const struct fv_track_slot *slot)
+static bool is_believed(const struct fv_objects *tracker, const struct fv_object_slot *slot)
 {
-    const struct fovea_track_config *config = tracker->config;
-    if (config->mode == FOVEA_TRACK_CENTROID || slot->track.state != FOVEA_TRACK_TENTATIVE)
+    const struct fovea_objects_config *config = tracker->config;
+    if (config->mode == FOVEA_OBJECTS_CENTROID || slot->track.state != FOVEA_OBJECT_TENTATIVE)
         return true;
     return slot->track.hits >= config->confirm_hits &&
            slot->score_sum >= config->score_confirm * slot->track.hits;
 }
 
-static void age(struct fv_tracker *tracker, struct fv_track_slot *slot, int64_t stamp_ns)
+static void age(struct fv_objects *tracker, struct fv_object_slot *slot, int64_t stamp_ns)
 {
     if (!slot->matched) slot->track.unseen++;
     if (is_over(tracker, slot, stamp_ns)) {
         slot->used = 0;
-        slot->track.state = FOVEA_TRACK_ENDED;
+        slot->track.state = FOVEA_OBJECT_ENDED;
     } else if (slot->matched && is_believed(tracker, slot)) {
-        tracker->state->confirmed += slot->track.state == FOVEA_TRACK_TENTATIVE;
-        slot->track.state = FOVEA_TRACK_CONFIRMED;
-    } else if (slot->track.state == FOVEA_TRACK_CONFIRMED) {
-        slot->track.state = FOVEA_TRACK_COASTING;
+        tracker->state->confirmed += slot->track.state == FOVEA_OBJECT_TENTATIVE;
+        slot->track.state = FOVEA_OBJECT_CONFIRMED;
+    } else if (slot->track.state == FOVEA_OBJECT_CONFIRMED) {
+        slot->track.state = FOVEA_OBJECT_COASTING;
     }
 }
 
-static void describe(struct fv_track_slot *slot)
+static void describe(struct fv_object_slot *slot)
 {
     const struct fv_filter *box = slot->box;
-    const double w = 0.5 * box[FV_TRACK_W].x, h = 0.5 * box[FV_TRACK_H].x;
-    slot->track.x_min_px = (float)(box[FV_TRACK_X].x - w);
-    slot->track.x_max_px = (float)(box[FV_TRACK_X].x + w);
-    slot->track.y_min_px = (float)(box[FV_TRACK_Y].x - h);
-    slot->track.y_max_px = (float)(box[FV_TRACK_Y].x + h);
-    slot->track.x_px_s = (float)box[FV_TRACK_X].v;
-    slot->track.y_px_s = (float)box[FV_TRACK_Y].v;
+    const double w = 0.5 * box[FV_OBJECT_W].x, h = 0.5 * box[FV_OBJECT_H].x;
+    slot->track.x_min_px = (float)(box[FV_OBJECT_X].x - w);
+    slot->track.x_max_px = (float)(box[FV_OBJECT_X].x + w);
+    slot->track.y_min_px = (float)(box[FV_OBJECT_Y].x - h);
+    slot->track.y_max_px = (float)(box[FV_OBJECT_Y].x + h);
+    slot->track.x_px_s = (float)box[FV_OBJECT_X].v;
+    slot->track.y_px_s = (float)box[FV_OBJECT_Y].v;
 }
 
 /* Into the list, which is kept by rising id. */
-static void tell(struct fv_tracker *tracker, const struct fovea_track *track)
+static void tell(struct fv_objects *tracker, const struct fovea_object *track)
 {
     uint32_t at = tracker->state->listed++;
     for (; at > 0 && tracker->list[at - 1].id > track->id; at--)
@@ -266,26 +266,26 @@ static void tell(struct fv_tracker *tracker, const struct fovea_track *track)
     tracker->list[at] = *track;
 }
 
-void fv_track_update(struct fv_tracker *tracker, const struct fv_track_look *look)
+void fv_objects_update(struct fv_objects *tracker, const struct fv_objects_inference *look)
 {
-    struct fv_track_state *state = tracker->state;
+    struct fv_objects_state *state = tracker->state;
     if (state->started && state->stamp_ns >= look->stamp_ns) return;
     memset(tracker->taken, 0, look->count + look->uncertain);
     predict_all(tracker, look);
-    if (tracker->config->mode == FOVEA_TRACK_SORT)
-        fv_track_match_sort(tracker, look);
+    if (tracker->config->mode == FOVEA_OBJECTS_SORT)
+        fv_objects_match_sort(tracker, look);
     else
-        fv_track_match_centroid(tracker, look);
+        fv_objects_match_centroid(tracker, look);
     begin_new(tracker, look);
     state->listed = 0;
-    for (uint32_t i = 0; i < tracker->config->tracks_max; i++) {
-        struct fv_track_slot *slot = &tracker->slots[i];
+    for (uint32_t i = 0; i < tracker->config->count_max; i++) {
+        struct fv_object_slot *slot = &tracker->slots[i];
         if (!slot->used) continue;
-        const bool was_believed = slot->track.state != FOVEA_TRACK_TENTATIVE;
+        const bool was_believed = slot->track.state != FOVEA_OBJECT_TENTATIVE;
         age(tracker, slot, look->stamp_ns);
         describe(slot);
-        fv_track_locate(tracker, slot, look);
-        if (slot->track.state != FOVEA_TRACK_ENDED || was_believed) tell(tracker, &slot->track);
+        fv_objects_locate(tracker, slot, look);
+        if (slot->track.state != FOVEA_OBJECT_ENDED || was_believed) tell(tracker, &slot->track);
     }
     state->updates++;
     state->started = 1;
@@ -299,24 +299,24 @@ void fv_track_update(struct fv_tracker *tracker, const struct fv_track_look *loo
 
 /* ---- what is told ---------------------------------------------------------------------------- */
 
-void fv_track_get(const struct fv_tracker *tracker, struct fovea_tracks *tracks)
+void fv_objects_get(const struct fv_objects *tracker, struct fovea_objects *tracks)
 {
-    const struct fv_track_state *state = tracker->state;
-    *tracks = (struct fovea_tracks){.updates = state->updates,
-                                    .confirmed = state->confirmed,
-                                    .stamp_ns = state->stamp_ns,
-                                    .sequence = state->sequence,
-                                    .count = state->listed,
-                                    .list = tracker->list};
+    const struct fv_objects_state *state = tracker->state;
+    *tracks = (struct fovea_objects){.updates = state->updates,
+                                     .confirmed = state->confirmed,
+                                     .stamp_ns = state->stamp_ns,
+                                     .sequence = state->sequence,
+                                     .count = state->listed,
+                                     .list = tracker->list};
 }
 
-uint32_t fv_track_movable(const struct fv_tracker *tracker, float (*boxes)[4], uint32_t capacity)
+uint32_t fv_objects_movable(const struct fv_objects *tracker, float (*boxes)[4], uint32_t capacity)
 {
     uint32_t count = 0;
-    for (uint32_t i = 0; i < tracker->config->tracks_max && count < capacity; i++) {
-        const struct fovea_track *t = &tracker->slots[i].track;
+    for (uint32_t i = 0; i < tracker->config->count_max && count < capacity; i++) {
+        const struct fovea_object *t = &tracker->slots[i].track;
         const int32_t c = t->class_id;
-        if (!tracker->slots[i].used || c < 0 || c >= FOVEA_TRACK_CLASSES_MAX ||
+        if (!tracker->slots[i].used || c < 0 || c >= FOVEA_OBJECT_CLASSES_MAX ||
             (tracker->config->movable[c / 32] >> c % 32 & 1) == 0)
             continue;
         const float box[4] = {t->x_min_px, t->y_min_px, t->x_max_px, t->y_max_px};

@@ -11,21 +11,21 @@
 #include <time.h>
 
 #include "common/data_folder.h"
-#include "common/track_rig.h"
+#include "common/object_rig.h"
 #include "base/elementary.h"
 #include "geometry/se3.h"
 
 /* The track in the list that overlaps a box by half and more; 0: none. */
-static uint64_t id_at(const struct fovea_tracks *tracks, const struct fovea_detection *d)
+static uint64_t id_at(const struct fovea_objects *tracks, const struct fovea_detection *d)
 {
     for (uint32_t i = 0; i < tracks->count; i++) {
-        const struct fovea_track *t = &tracks->list[i];
+        const struct fovea_object *t = &tracks->list[i];
         const float w = (t->x_max_px < d->x_max_px ? t->x_max_px : d->x_max_px) -
                         (t->x_min_px > d->x_min_px ? t->x_min_px : d->x_min_px);
         const float h = (t->y_max_px < d->y_max_px ? t->y_max_px : d->y_max_px) -
                         (t->y_min_px > d->y_min_px ? t->y_min_px : d->y_min_px);
         const float area = (d->x_max_px - d->x_min_px) * (d->y_max_px - d->y_min_px);
-        if (t->state == FOVEA_TRACK_CONFIRMED && w > 0 && h > 0 && w * h > 0.5f * area)
+        if (t->state == FOVEA_OBJECT_CONFIRMED && w > 0 && h > 0 && w * h > 0.5f * area)
             return t->id;
     }
     return 0;
@@ -37,13 +37,13 @@ static void tracks_live_and_end(void **state)
 {
     (void)state;
     make();
-    struct fovea_tracks t;
+    struct fovea_objects t;
     for (int f = 0; f < 5; f++) {
         const struct fovea_detection d = box(100 + 4 * f, 100, 40, 60, 0.9);
         t = look(f, &d, 1);
         assert_int_equal(t.count, 1);
         assert_int_equal(t.list[0].id, 1);
-        assert_int_equal(t.list[0].state, f < 1 ? FOVEA_TRACK_TENTATIVE : FOVEA_TRACK_CONFIRMED);
+        assert_int_equal(t.list[0].state, f < 1 ? FOVEA_OBJECT_TENTATIVE : FOVEA_OBJECT_CONFIRMED);
     }
     assert_int_equal(t.confirmed, 1);
     assert_in_range((int)t.list[0].x_px_s, 80, 140);
@@ -52,8 +52,8 @@ static void tracks_live_and_end(void **state)
     for (; f < 80; f++) {
         t = look(f, NULL, 0);
         assert_int_equal(t.count, 1);
-        if (t.list[0].state == FOVEA_TRACK_ENDED) break;
-        assert_int_equal(t.list[0].state, FOVEA_TRACK_COASTING);
+        if (t.list[0].state == FOVEA_OBJECT_ENDED) break;
+        assert_int_equal(t.list[0].state, FOVEA_OBJECT_COASTING);
         assert_int_equal(t.list[0].unseen, f - 4);
     }
     assert_in_range(f, 64, 66); /* two seconds after frame 4 */
@@ -65,7 +65,7 @@ static void tracks_live_and_end(void **state)
     assert_int_equal(t.list[0].id, 2);
     t = look(f + 3, NULL, 0);
     assert_int_equal(t.count, 0);
-    fv_track_reset(&tracker);
+    fv_objects_reset(&tracker);
     t = look(0, &d, 1); /* time may start anew, ids do not */
     assert_int_equal(t.list[0].id, 3);
     free(block);
@@ -74,14 +74,14 @@ static void tracks_live_and_end(void **state)
 /* State after so many equal sightings. */
 static int state_after(int sightings, double score)
 {
-    struct fovea_tracks t = {0};
+    struct fovea_objects t = {0};
     const struct fovea_detection d = box(100, 100, 40, 60, score);
     make();
     for (int f = 0; f < sightings; f++)
         t = look(f, &d, 1);
     assert_int_equal(t.count, 1);
     const int state = t.list[0].state;
-    assert_int_equal(t.confirmed, state == FOVEA_TRACK_CONFIRMED);
+    assert_int_equal(t.confirmed, state == FOVEA_OBJECT_CONFIRMED);
     free(block);
     return state;
 }
@@ -89,9 +89,9 @@ static int state_after(int sightings, double score)
 static void good_scores_confirm_and_poor_ones_never(void **state)
 {
     (void)state;
-    assert_int_equal(state_after(1, 0.9), FOVEA_TRACK_TENTATIVE);
-    assert_int_equal(state_after(2, 0.55), FOVEA_TRACK_CONFIRMED);
-    assert_int_equal(state_after(30, 0.45), FOVEA_TRACK_TENTATIVE);
+    assert_int_equal(state_after(1, 0.9), FOVEA_OBJECT_TENTATIVE);
+    assert_int_equal(state_after(2, 0.55), FOVEA_OBJECT_CONFIRMED);
+    assert_int_equal(state_after(30, 0.45), FOVEA_OBJECT_TENTATIVE);
 }
 
 /* What is below the model's threshold goes on a track, seen just before, whatever the scores of the
@@ -100,14 +100,14 @@ static void what_is_below_the_threshold_starts_no_track(void **state)
 {
     (void)state;
     make();
-    struct fovea_tracks t;
+    struct fovea_objects t;
     for (int f = 0; f < 20; f++) {
         const struct fovea_detection d[2] = {box(100 + 2 * f, 100, 40, 60, 0.7),
                                              box(400, 300, 50, 50, 0.7)};
         t = f < 5 ? look_unsure(f, d, 1, 1) : look_unsure(f, d, 0, 2);
         assert_int_equal(t.count, 1);
     }
-    assert_int_equal(t.list[0].state, FOVEA_TRACK_CONFIRMED);
+    assert_int_equal(t.list[0].state, FOVEA_OBJECT_CONFIRMED);
     assert_int_equal(t.list[0].hits, 20);
     free(block);
 }
@@ -117,12 +117,12 @@ static void what_is_below_the_threshold_ends_no_coasting(void **state)
 {
     (void)state;
     make();
-    struct fovea_tracks t;
+    struct fovea_objects t;
     const struct fovea_detection d = box(100, 100, 40, 60, 0.7);
     for (int f = 0; f < 12; f++)
         t = look_unsure(f, &d, f < 5, f >= 8);
     assert_int_equal(t.count, 1);
-    assert_int_equal(t.list[0].state, FOVEA_TRACK_COASTING);
+    assert_int_equal(t.list[0].state, FOVEA_OBJECT_COASTING);
     assert_int_equal(t.list[0].hits, 5);
     free(block);
 }
@@ -131,14 +131,14 @@ static void uncertain_detections_hold_a_track_but_start_none(void **state)
 {
     (void)state;
     make();
-    struct fovea_tracks t;
+    struct fovea_objects t;
     for (int f = 0; f < 20; f++) {
         const struct fovea_detection d[2] = {box(100 + 2 * f, 100, 40, 60, f < 5 ? 0.9 : 0.2),
                                              box(400, 300, 50, 50, 0.3)};
         t = look(f, d, 2);
         assert_int_equal(t.count, 1);
     }
-    assert_int_equal(t.list[0].state, FOVEA_TRACK_CONFIRMED);
+    assert_int_equal(t.list[0].state, FOVEA_OBJECT_CONFIRMED);
     assert_int_equal(t.list[0].hits, 20);
     free(block);
 }
@@ -147,26 +147,26 @@ static void classes_do_not_mix(void **state)
 {
     (void)state;
     make();
-    struct fovea_tracks t;
+    struct fovea_objects t;
     for (int f = 0; f < 10; f++) {
         struct fovea_detection d = box(100, 100, 40, 60, 0.9);
         d.class_id = f < 5 ? 1 : 2;
         t = look(f, &d, 1);
     }
     assert_int_equal(t.count, 2);
-    assert_true(t.list[0].class_id == 1 && t.list[0].state == FOVEA_TRACK_COASTING);
-    assert_true(t.list[1].class_id == 2 && t.list[1].state == FOVEA_TRACK_CONFIRMED);
+    assert_true(t.list[0].class_id == 1 && t.list[0].state == FOVEA_OBJECT_COASTING);
+    assert_true(t.list[1].class_id == 2 && t.list[1].state == FOVEA_OBJECT_CONFIRMED);
     free(block);
 }
 
 static void a_full_pool_gives_up_its_weakest(void **state)
 {
     (void)state;
-    config.tracks_max = 3;
+    config.count_max = 3;
     make();
     const struct fovea_detection first[4] = {box(50, 50, 30, 30, 0.9), box(150, 50, 30, 30, 0.9),
                                              box(250, 50, 30, 30, 0.9), box(350, 50, 30, 30, 0.8)};
-    struct fovea_tracks t;
+    struct fovea_objects t;
     for (int f = 0; f < 4; f++)
         t = look(f, first, 4);
     assert_int_equal(t.count, 3); /* all seen just now: none goes */
@@ -177,7 +177,7 @@ static void a_full_pool_gives_up_its_weakest(void **state)
     assert_int_equal(id_at(&t, &first[1]), 2);
     assert_int_equal(id_at(&t, &first[2]), 3);
     assert_int_equal(id_at(&t, &first[3]), 4);
-    config.tracks_max = 128;
+    config.count_max = 128;
     free(block);
 }
 
@@ -247,11 +247,11 @@ static void move_and_bounce(struct object *o, int frame)
 }
 
 /* A detection's score tells which one a track took. */
-static uint64_t id_of(const struct fovea_tracks *tracks, const struct fovea_detection *d)
+static uint64_t id_of(const struct fovea_objects *tracks, const struct fovea_detection *d)
 {
     uint64_t id = 0;
     for (uint32_t k = 0; k < tracks->count; k++) {
-        if (tracks->list[k].state == FOVEA_TRACK_CONFIRMED && tracks->list[k].score == d->score)
+        if (tracks->list[k].state == FOVEA_OBJECT_CONFIRMED && tracks->list[k].score == d->score)
             id = tracks->list[k].id;
     }
     return id;
@@ -279,7 +279,7 @@ static void play_frame(const struct motion *motion, int frame, struct object *o,
                                   __builtin_fabs(o[i].at[1] - o[j].at[1]) < 5;
         }
     }
-    const struct fovea_tracks t = look(frame, seen, count);
+    const struct fovea_objects t = look(frame, seen, count);
     for (uint32_t d = 0; d < count; d++) {
         const uint64_t id = id_of(&t, &seen[d]), before = o[who[d]].id;
         if (id == 0) continue; /* tentative */
@@ -342,7 +342,7 @@ static uint64_t swing(bool posed)
     uint64_t id = 0;
     for (int f = 0; f < 60; f++) {
         const double angle = 0.3 * fovea_sin(0.35 * f), rotation[3] = {0, angle, 0};
-        struct fv_track_look l = {.stamp_ns = (int64_t)(f + 1) * 33333333, .posed = posed};
+        struct fv_objects_inference l = {.stamp_ns = (int64_t)(f + 1) * 33333333, .posed = posed};
         double R[9], pixel[2];
         const double world[3] = {0.05, 0, 2};
         fv_so3_exp(rotation, R);
@@ -356,9 +356,9 @@ static uint64_t swing(bool posed)
         const struct fovea_detection d = box(pixel[0], pixel[1], 20, 20, 0.9);
         l.detections = &d;
         l.count = 1;
-        fv_track_update(&tracker, &l);
-        struct fovea_tracks t;
-        fv_track_get(&tracker, &t);
+        fv_objects_update(&tracker, &l);
+        struct fovea_objects t;
+        fv_objects_get(&tracker, &t);
         id = t.list[t.count - 1].id;
         if (posed && f > 10) assert_true(__builtin_fabs((double)t.list[0].x_px_s) < 60);
     }
@@ -398,26 +398,26 @@ static void one_pedestrian_seen_every_third_frame_is_one_track(void **state)
         return;
     }
     assert_int_equal(count, 120);
-    for (int mode = FOVEA_TRACK_SORT; mode <= FOVEA_TRACK_CENTROID; mode++) {
+    for (int mode = FOVEA_OBJECTS_SORT; mode <= FOVEA_OBJECTS_CENTROID; mode++) {
         config.mode = mode;
         make();
         for (int f = 0; f < count; f += 3) {
             const struct fovea_detection d =
                 box(boxes[f][0] + boxes[f][2] / 2, boxes[f][1] + boxes[f][3] / 2, boxes[f][2],
                     boxes[f][3], 0.9);
-            const struct fovea_tracks t = look(f, &d, 1);
+            const struct fovea_objects t = look(f, &d, 1);
             assert_int_equal(t.count, 1);
             assert_int_equal(t.list[0].id, 1);
         }
         free(block);
     }
-    config.mode = FOVEA_TRACK_SORT;
+    config.mode = FOVEA_OBJECTS_SORT;
 }
 
 static void centroids_match_up_to_a_distance(void **state)
 {
     (void)state;
-    config.mode = FOVEA_TRACK_CENTROID;
+    config.mode = FOVEA_OBJECTS_CENTROID;
     config.max_distance_px = 30;
     config.max_disappeared = 3;
     make();
@@ -425,19 +425,19 @@ static void centroids_match_up_to_a_distance(void **state)
     const struct fovea_detection b[2] = {
         box(125, 100, 20, 20, 0.9),
         box(160, 100, 20, 20, 0.9)}; /* nearest pairs first: 15, then 25 is too far from... */
-    struct fovea_tracks t = look(0, a, 2);
+    struct fovea_objects t = look(0, a, 2);
     assert_int_equal(t.count, 2);
-    assert_int_equal(t.list[0].state, FOVEA_TRACK_CONFIRMED);
+    assert_int_equal(t.list[0].state, FOVEA_OBJECT_CONFIRMED);
     t = look(1, b, 2);
     assert_int_equal(id_at(&t, &b[0]), 2); /* 15 px from the second, 25 from the first */
     assert_int_equal(id_at(&t, &b[1]), 3); /* 60 px from the first: another */
     for (int f = 2; f < 5; f++)
         t = look(f, b, 2);
     assert_int_equal(t.list[0].id, 1);
-    assert_int_equal(t.list[0].state, FOVEA_TRACK_ENDED); /* the fourth look without it */
+    assert_int_equal(t.list[0].state, FOVEA_OBJECT_ENDED); /* the fourth look without it */
     t = look(5, b, 2);
     assert_int_equal(t.count, 2);
-    config.mode = FOVEA_TRACK_SORT;
+    config.mode = FOVEA_OBJECTS_SORT;
     config.max_distance_px = 60;
     config.max_disappeared = 20;
     free(block);
@@ -452,7 +452,7 @@ static void boxes_of_movable_classes_are_told(void **state)
     struct fovea_detection d[2] = {box(100, 100, 40, 60, 0.9), box(300, 200, 40, 60, 0.9)};
     d[1].class_id = 2;
     look(0, d, 2);
-    assert_int_equal(fv_track_movable(&tracker, boxes, 4), 1);
+    assert_int_equal(fv_objects_movable(&tracker, boxes, 4), 1);
     assert_true(boxes[0][0] == 280.0f && boxes[0][3] == 230.0f);
     config.movable[0] = 0;
     free(block);
@@ -482,15 +482,15 @@ static void a_hundred_objects_take_a_fifth_of_a_millisecond(void **state)
         for (int k = 0; k < 2; k++)
             v[i][k] = (double)fovea_random_below(&random, 80) / 20.0 - 2.0;
     }
-    struct fovea_tracks t = {0};
+    struct fovea_objects t = {0};
     for (int f = 0; f < FRAMES; f++) {
         struct fovea_detection d[OBJECTS];
         const double rotation[3] = {0, 0.002 * f, 0};
         double R[9];
-        struct fv_track_look l = {.stamp_ns = (int64_t)(f + 1) * 33333333,
-                                  .detections = d,
-                                  .count = OBJECTS,
-                                  .posed = true};
+        struct fv_objects_inference l = {.stamp_ns = (int64_t)(f + 1) * 33333333,
+                                         .detections = d,
+                                         .count = OBJECTS,
+                                         .posed = true};
         fv_so3_exp(rotation, R);
         for (int i = 0; i < 9; i++)
             l.T_world_cam[i / 3 * 4 + i % 3] = R[i];
@@ -502,9 +502,9 @@ static void a_hundred_objects_take_a_fifth_of_a_millisecond(void **state)
             d[i] = box(at[i][0] - 0.8 * f, at[i][1], 30, 40, 0.9);
         }
         const int64_t begin = cpu_ns();
-        fv_track_update(&tracker, &l);
+        fv_objects_update(&tracker, &l);
         took[f] = cpu_ns() - begin;
-        fv_track_get(&tracker, &t);
+        fv_objects_get(&tracker, &t);
     }
     assert_in_range(t.count, 90, 128);
     for (int i = 1; i < FRAMES; i++)

@@ -1,8 +1,8 @@
 /* Matching by nearest centroids: of all pairs the nearest is matched, then the nearest of what is
  * left, up to max_distance. */
-#include "track/track.h"
+#include "objects/objects.h"
 
-static double distance2(const struct fv_track_slot *slot, const struct fovea_detection *d)
+static double distance2(const struct fv_object_slot *slot, const struct fovea_detection *d)
 {
     /* Of where it was seen last: textbooks' centroid trackers do not predict. */
     const double dx = 0.5 * ((double)d->x_min_px + (double)d->x_max_px) -
@@ -13,8 +13,8 @@ static double distance2(const struct fv_track_slot *slot, const struct fovea_det
 }
 
 /* Nearest detection of the slot's class that is free, or -1. */
-static int32_t nearest(const struct fv_tracker *tracker, const struct fv_track_slot *slot,
-                       const struct fv_track_look *look, double *best)
+static int32_t nearest(const struct fv_objects *tracker, const struct fv_object_slot *slot,
+                       const struct fv_objects_inference *look, double *best)
 {
     int32_t found = -1;
     for (uint32_t d = 0; d < look->count; d++) {
@@ -28,30 +28,30 @@ static int32_t nearest(const struct fv_tracker *tracker, const struct fv_track_s
 }
 
 /* A centroid tracker holds what it saw: no filter. */
-static void hold(struct fv_track_slot *slot, double x0, double y0, double x1, double y1)
+static void hold(struct fv_object_slot *slot, double x0, double y0, double x1, double y1)
 {
-    const double held[FV_TRACK_NUMBERS] = {0.5 * (x0 + x1), 0.5 * (y0 + y1), x1 - x0, y1 - y0};
-    for (int k = 0; k < FV_TRACK_NUMBERS; k++) {
+    const double held[FV_OBJECT_NUMBERS] = {0.5 * (x0 + x1), 0.5 * (y0 + y1), x1 - x0, y1 - y0};
+    for (int k = 0; k < FV_OBJECT_NUMBERS; k++) {
         slot->box[k].x = held[k];
         slot->box[k].v = 0;
     }
 }
 
-static void restore(struct fv_track_slot *slot)
+static void restore(struct fv_object_slot *slot)
 {
-    const struct fovea_track *t = &slot->track;
+    const struct fovea_object *t = &slot->track;
     hold(slot, (double)t->x_min_px, (double)t->y_min_px, (double)t->x_max_px, (double)t->y_max_px);
 }
 
-static void place_at(struct fv_track_slot *slot, const struct fovea_detection *d)
+static void place_at(struct fv_object_slot *slot, const struct fovea_detection *d)
 {
     hold(slot, (double)d->x_min_px, (double)d->y_min_px, (double)d->x_max_px, (double)d->y_max_px);
 }
 
-void fv_track_match_centroid(struct fv_tracker *tracker, const struct fv_track_look *look)
+void fv_objects_match_centroid(struct fv_objects *tracker, const struct fv_objects_inference *look)
 {
     const double limit = tracker->config->max_distance_px * tracker->config->max_distance_px;
-    const uint32_t slots = tracker->config->tracks_max;
+    const uint32_t slots = tracker->config->count_max;
     for (uint32_t i = 0; i < slots; i++) {
         if (tracker->slots[i].used) restore(&tracker->slots[i]);
         tracker->column_of[i] = -2; /* nearest not known */
@@ -60,7 +60,7 @@ void fv_track_match_centroid(struct fv_tracker *tracker, const struct fv_track_l
         double least = limit;
         int32_t slot = -1;
         for (uint32_t i = 0; i < slots; i++) {
-            struct fv_track_slot *s = &tracker->slots[i];
+            struct fv_object_slot *s = &tracker->slots[i];
             if (!s->used || s->matched) continue;
             double distance = 0;
             int32_t *near = &tracker->column_of[i];
@@ -74,7 +74,7 @@ void fv_track_match_centroid(struct fv_tracker *tracker, const struct fv_track_l
         }
         if (slot < 0) return;
         const int32_t d = tracker->column_of[slot];
-        fv_track_take(tracker, &tracker->slots[slot], look, (uint32_t)d);
+        fv_objects_take(tracker, &tracker->slots[slot], look, (uint32_t)d);
         place_at(&tracker->slots[slot], &look->detections[d]);
     }
 }

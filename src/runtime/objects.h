@@ -1,0 +1,50 @@
+/* The tracker within the runtime: it takes what the detector found, with the pose of the image that
+ * was looked at, and hands out one message per look. */
+#ifndef FOVEA_RUNTIME_OBJECTS_H
+#define FOVEA_RUNTIME_OBJECTS_H
+
+#include "fovea/fovea.h"
+#include "message/message.h"
+#include "runtime/detection.h"
+#include "objects/objects.h"
+
+/* Pose of the image that the detector looks at. No addresses and no padding: copied and hashed as
+ * bytes. */
+struct fv_object_stage_state {
+    double T_world_cam[12];
+    uint64_t world; /* poses of equal `world` share a frame */
+    uint32_t posed, metric;
+};
+
+struct fv_object_stage {
+    bool enabled;
+    struct fv_objects tracker;
+    struct fv_object_stage_state *state;
+    void *message_scratch;
+};
+
+/* With a detector, unless the mode is off. `config` must stay where it is. */
+void fv_object_stage_carve(struct fv_object_stage *tracking, const struct fovea_config *config,
+                           const struct fv_detection *detection, struct fv_arena *persistent,
+                           struct fv_arena *frame);
+
+/* Forget all tracks. Real-time safe, as all that follows. */
+void fv_object_stage_reset(struct fv_object_stage *tracking);
+/* The detector took the frame with this pose. */
+void fv_object_stage_note(struct fv_object_stage *tracking, const struct fovea_pose *pose);
+/* The inference is complete. */
+void fv_object_stage_update(struct fv_object_stage *tracking,
+                            const struct fovea_detections *detections);
+
+/* Encode the tracks as of the last inference, with the stamp of its frame, located in `odom`.
+ * Returns the bytes. */
+uint32_t fv_object_stage_encode(const struct fv_object_stage *tracking,
+                                const struct fovea_config *config,
+                                const struct fv_detection *detection, uint32_t reset_counter,
+                                uint8_t *buffer, size_t capacity);
+
+/* Boxes of movable classes in the last inference; returns how many. */
+uint32_t fv_object_stage_movable(const struct fv_object_stage *tracking,
+                                 struct fovea_box boxes[FOVEA_INPUT_BOXES_MAX]);
+
+#endif
