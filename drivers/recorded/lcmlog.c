@@ -12,6 +12,7 @@
 #include "listing.h"
 #include "log_rig.h"
 #include "player.h"
+#include "samples.h"
 
 struct entry {
     int64_t offset; /* of the frame's event, or of what could not be read */
@@ -35,6 +36,8 @@ struct recording {
     size_t count, capacity;
     char channel[FOVEA_LOG_CHANNEL_BYTES]; /* of the first frame; frames on others are another
                                               camera's */
+    struct fv_samples samples;             /* of the same recorder as the frames */
+    bool sampled;                          /* the log holds some */
     struct fovea_rig rig; /* from the head of our own recordings; without one a camera_count of 0 */
 };
 
@@ -43,6 +46,7 @@ static void close_recording(void *argument)
     struct recording *recording = argument;
     if (recording == NULL) return;
     if (recording->log != NULL) fovea_log_close(recording->log);
+    fv_samples_free(&recording->samples);
     free(recording->entries);
     free(recording->path);
     free(recording);
@@ -69,11 +73,31 @@ static enum fovea_status add_entry(struct recording *recording, const struct ent
     return FOVEA_OK;
 }
 
-/* Whether two channels differ in their last parts only, which are these. */
-static bool of_one_prefix(const char *frame, const char *head)
+/* Whether two channels differ in their last parts only: that of the first is FRAME, the other's is
+ * `last`, which it is known to end in. */
+static bool of_one_prefix(const char *frame, const char *other, const char *last)
 {
     const size_t length = strlen(frame) - strlen("FRAME");
-    return length == strlen(head) - strlen("RECORDING") && memcmp(frame, head, length) == 0;
+    return length == strlen(other) - strlen(last) && memcmp(frame, other, length) == 0;
+}
+
+static const char *const sample_channels[FOVEA_SAMPLE_KIND_COUNT] = {
+    [FOVEA_SAMPLE_IMU] = "IMU", [FOVEA_SAMPLE_WHEEL_ODOMETRY] = "WHEEL_ODOMETRY"};
+
+static bool is_sample(const char *channel)
+{
+    for (int kind = 0; kind < FOVEA_SAMPLE_KIND_COUNT; kind++)
+        if (fovea_log_channel_is(channel, sample_channels[kind])) return true;
+    return false;
+}
+
+static bool is_own_sample(const struct recording *recording, const char *channel)
+{
+    for (int kind = 0; kind < FOVEA_SAMPLE_KIND_COUNT; kind++)
+        if (fovea_log_channel_is(channel, sample_channels[kind]) &&
+            of_one_prefix(recording->channel, channel, sample_channels[kind]))
+            return true;
+    return false;
 }
 
 /* The head of a recording of ours: first of all in it, or somewhere in a log that heard others too.
@@ -84,7 +108,7 @@ static enum fovea_status read_head(struct recording *recording, const struct hea
 {
     struct fovea_log_event event;
     uint32_t i = 0;
-    while (i < heads->count && !of_one_prefix(recording->channel, heads->channel[i]))
+    while (i < heads->count && !of_one_prefix(recording->channel, heads->channel[i], "RECORDING"))
         ++i;
     if (i == heads->count || fovea_log_seek(recording->log, heads->offset[i], NULL) != FOVEA_OK ||
         fovea_log_next(recording->log, &event, NULL) != FOVEA_OK)
@@ -135,6 +159,7 @@ static enum fovea_status make_index(struct recording *recording, struct heads *h
         } else {
             in_damage = false;
             if (fovea_log_channel_is(event.channel, "RECORDING")) note_head(heads, &event);
+            recording->sampled = recording->sampled || is_sample(event.channel);
             if (fovea_log_channel_is(event.channel, "FRAME"))
                 status = add_frame(recording, &event, error);
         }
@@ -145,6 +170,31 @@ static enum fovea_status make_index(struct recording *recording, struct heads *h
     return fovea_error_set(error, FOVEA_ERROR_INPUT,
                            "%s: found no frames, expected fovea.frame_t on a channel ...FRAME",
                            recording->path);
+}
+
+/* The samples beside the frames, whose channel is known by now. Damage is passed over as in the
+ * index, which has counted it; a sample that cannot be read is refused. */
+static enum fovea_status read_samples(struct recording *recording, struct fovea_error *error)
+{
+    struct fovea_log_event event;
+    struct fovea_sample sample;
+    enum fovea_status status = fovea_log_seek(recording->log, 0, error);
+    if (!recording->sampled || status != FOVEA_OK) return status;
+    while ((status = fovea_log_skim(recording->log, &event, NULL)) != FOVEA_END) {
+        if (status != FOVEA_OK) {
+            if (fovea_log_resync(recording->log) == FOVEA_END) break;
+            continue;
+        }
+        if (!is_own_sample(recording, event.channel)) continue;
+        status = fovea_log_seek(recording->log, event.offset, error);
+        if (status == FOVEA_OK) status = fovea_log_next(recording->log, &event, error);
+        if (status == FOVEA_OK) status = fovea_log_sample(recording->path, &event, &sample, error);
+        if (status == FOVEA_OK)
+            status = fv_samples_add(&recording->samples, &sample, recording->path, error);
+        if (status != FOVEA_OK) return status;
+    }
+    fv_samples_sort(&recording->samples);
+    return FOVEA_OK;
 }
 
 /* ---- frames ---------------------------------------------------------------------------------- */
@@ -233,8 +283,18 @@ static void visit_file(const void *recording, void (*visit)(void *context, const
     visit(context, ((const struct recording *)recording)->path);
 }
 
-static const struct fv_recording_ops lcmlog_ops = {
-    .fetch = fetch, .stamp = stamp, .close = close_recording, .reads = visit_file};
+static const struct fovea_sample *samples(const void *argument, size_t *count)
+{
+    const struct recording *recording = argument;
+    *count = recording->samples.count;
+    return recording->samples.list;
+}
+
+static const struct fv_recording_ops lcmlog_ops = {.fetch = fetch,
+                                                   .stamp = stamp,
+                                                   .samples = samples,
+                                                   .close = close_recording,
+                                                   .reads = visit_file};
 
 /* ---- opening --------------------------------------------------------------------------------- */
 
@@ -286,9 +346,13 @@ static enum fovea_status describe(struct recording *recording,
         info->rig = recording->rig;
         snprintf(info->camera_origin, sizeof info->camera_origin, "%.240s", recording->path);
     }
+    for (size_t i = 0; i < recording->samples.count; i++)
+        info->has_wheel_odometry = info->has_wheel_odometry ||
+                                   recording->samples.list[i].kind == FOVEA_SAMPLE_WHEEL_ODOMETRY;
     info->rate_hz =
         fv_player_rate(&lcmlog_ops, recording, recording->count) / (double)selection->step;
-    info->heap_bytes += sizeof *recording + recording->capacity * sizeof recording->entries[0];
+    info->heap_bytes += sizeof *recording + recording->capacity * sizeof recording->entries[0] +
+                        recording->samples.capacity * sizeof recording->samples.list[0];
     return FOVEA_OK;
 }
 
@@ -307,6 +371,7 @@ static enum fovea_status open_lcmlog(const char *address,
     enum fovea_status status = fovea_log_open(address, &recording->log, error);
     if (status == FOVEA_OK) status = make_index(recording, &heads, error);
     if (status == FOVEA_OK) status = read_head(recording, &heads, selection, error);
+    if (status == FOVEA_OK) status = read_samples(recording, error);
     if (status == FOVEA_OK) status = describe(recording, selection, &info, &frame_bytes, error);
     if (status != FOVEA_OK) {
         close_recording(recording);

@@ -45,6 +45,8 @@ struct fovea_source {
     uint32_t held_count;
     struct fovea_source_counts counts;
     bool seen_end;
+    bool sensed;        /* samples were asked for */
+    size_t next_sample; /* of the recording's */
 
     /* Between the reader and whoever asks for complaints; never the loop. */
     struct complaints {
@@ -370,7 +372,7 @@ enum fovea_status fv_player_start(struct fovea_source *source, struct fovea_erro
     memset(source->held, 0, sizeof source->held);
     source->held_count = 0;
     source->counts = (struct fovea_source_counts){0};
-    source->seen_end = false;
+    source->seen_end = source->sensed = false;
     source->complaints.nobody_asks = false;
     atomic_store(&source->quit, false);
     atomic_store(&source->ended, false);
@@ -457,6 +459,40 @@ enum fovea_status fv_player_truth_pose(struct fovea_source *source, const struct
     if (!truth.has_pose) return FOVEA_ERROR_UNSUPPORTED;
     memcpy(T_world_cam, truth.T_world_cam, sizeof truth.T_world_cam);
     return FOVEA_OK;
+}
+
+/* The first sample that is later than `after_ns`. */
+static size_t sample_after(const struct fovea_sample *list, size_t count, int64_t after_ns)
+{
+    size_t low = 0, high = count;
+    while (low < high) {
+        const size_t middle = low + (high - low) / 2;
+        if (fovea_sample_stamp(&list[middle]) > after_ns)
+            high = middle;
+        else
+            low = middle + 1;
+    }
+    return low;
+}
+
+/* None in reverse: a sensor's motion does not turn round with the pictures. */
+uint32_t fv_player_samples(struct fovea_source *source, const struct fovea_frame *frame,
+                           struct fovea_sample *samples, uint32_t count_max)
+{
+    const double rate_hz = source->info.rate_hz;
+    const int64_t period_ns = rate_hz > 0.1 ? (int64_t)(1e9 / rate_hz) : INT64_C(1000000000);
+    size_t count = 0;
+    uint32_t taken = 0;
+    if (source->ops->samples == NULL || source->reverse) return 0;
+    const struct fovea_sample *list = source->ops->samples(source->recording, &count);
+    int64_t from_ns;
+    if (__builtin_sub_overflow(frame->stamp_ns, period_ns, &from_ns)) from_ns = INT64_MIN;
+    if (!source->sensed) source->next_sample = sample_after(list, count, from_ns);
+    source->sensed = true;
+    while (taken < count_max && source->next_sample < count &&
+           fovea_sample_stamp(&list[source->next_sample]) <= frame->stamp_ns)
+        samples[taken++] = list[source->next_sample++];
+    return taken;
 }
 
 void fv_player_counts(const struct fovea_source *source, struct fovea_source_counts *counts)

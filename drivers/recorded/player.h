@@ -43,6 +43,9 @@ struct fv_recording_ops {
     /* Loop thread, no heap; NULL where there is none. */
     enum fovea_status (*truth)(const void *recording, const struct fovea_frame *frame,
                                struct fovea_truth *truth);
+    /* All samples of its sensors in the order of their stamps, in memory of the recording; NULL: it
+     * has none. */
+    const struct fovea_sample *(*samples)(const void *recording, size_t *count);
     void (*close)(void *recording);
     /* As fovea_source_ops.reads; NULL: no files. */
     void (*reads)(const void *recording, void (*visit)(void *context, const char *path),
@@ -76,6 +79,8 @@ enum fovea_status fv_player_truth(struct fovea_source *source, const struct fove
                                   struct fovea_truth *truth);
 enum fovea_status fv_player_truth_pose(struct fovea_source *source, const struct fovea_frame *frame,
                                        double T_world_cam[12]);
+uint32_t fv_player_samples(struct fovea_source *source, const struct fovea_frame *frame,
+                           struct fovea_sample *samples, uint32_t count_max);
 void fv_player_counts(const struct fovea_source *source, struct fovea_source_counts *counts);
 enum fovea_source_state fv_player_state(const struct fovea_source *source);
 enum fovea_status fv_player_complaint(struct fovea_source *source, struct fovea_error *error);
@@ -88,8 +93,9 @@ void fv_player_reads(const struct fovea_source *source,
         .name = (name_), .help = (help_), .open = (open_), .info = fv_player_info,                 \
         .start = fv_player_start, .dequeue = fv_player_dequeue, .requeue = fv_player_requeue,      \
         .stop = fv_player_stop, .close = fv_player_close, .truth = fv_player_truth,                \
-        .truth_pose = fv_player_truth_pose, .counts = fv_player_counts, .state = fv_player_state,  \
-        .complaint = fv_player_complaint, .reads = fv_player_reads                                 \
+        .truth_pose = fv_player_truth_pose, .samples = fv_player_samples,                          \
+        .counts = fv_player_counts, .state = fv_player_state, .complaint = fv_player_complaint,    \
+        .reads = fv_player_reads                                                                   \
     }
 
 extern const struct fovea_source_ops fovea_source_euroc, fovea_source_tum, fovea_source_kitti,

@@ -82,8 +82,8 @@ static void step(struct fovea_source *source, double time_s, double step_s)
     turn(o->R, R);
 }
 
-uint32_t fv_sim_odometry(struct fovea_source *source, const struct fovea_frame *frame,
-                         struct fovea_odometry_sample *samples, uint32_t count_max)
+uint32_t fv_sim_samples(struct fovea_source *source, const struct fovea_frame *frame,
+                        struct fovea_sample *samples, uint32_t count_max)
 {
     const struct fv_sim_options *options = &source->options;
     struct fv_sim_odometry *o = &source->odometry;
@@ -93,7 +93,8 @@ uint32_t fv_sim_odometry(struct fovea_source *source, const struct fovea_frame *
     if (o->count == 0) memcpy(o->R, (const double[9]){1, 0, 0, 0, 1, 0, 0, 0, 1}, sizeof o->R);
     while (count < count_max) {
         const double stamp_s = begin_s + (double)o->count / options->odometry_hz;
-        struct fovea_odometry_sample *sample = &samples[count];
+        struct fovea_wheel_odometry_sample *sample = &samples[count].wheel_odometry;
+        samples[count].kind = FOVEA_SAMPLE_WHEEL_ODOMETRY;
         sample->stamp_ns = (int64_t)(stamp_s * 1e9 + 0.5);
         if (sample->stamp_ns > frame->stamp_ns) break;
         step(source, fv_sim_frame_time(source, 0) + stamp_s, 1 / options->odometry_hz);

@@ -383,8 +383,8 @@ enum fovea_status fv_sim_truth(struct fovea_source *source, const struct fovea_f
 enum fovea_status fv_sim_truth_pose(struct fovea_source *source, const struct fovea_frame *frame,
                                     double T_world_cam[12]);
 
-uint32_t fv_sim_odometry(struct fovea_source *source, const struct fovea_frame *frame,
-                         struct fovea_odometry_sample *samples, uint32_t count_max);
+uint32_t fv_sim_samples(struct fovea_source *source, const struct fovea_frame *frame,
+                        struct fovea_sample *samples, uint32_t count_max);
 
 extern const struct fovea_source_ops fovea_source_sim;
 

@@ -205,6 +205,7 @@ static enum fovea_status sim_open(const char *address,
     info->format = FOVEA_PIXEL_GREY8;
     info->rate_hz = options.rate_hz / (double)source->selection.step;
     info->frame_count = source->deliverable;
+    info->has_wheel_odometry = true;
     info->rig.camera_count = 1;
     info->rig.cameras[0].calibrated = true;
     info->has_truth = true;
@@ -368,7 +369,7 @@ const struct fovea_source_ops fovea_source_sim = {
     .close = sim_close,
     .truth = fv_sim_truth,
     .truth_pose = fv_sim_truth_pose,
-    .odometry = fv_sim_odometry,
+    .samples = fv_sim_samples,
     .counts = sim_counts,
     .state = sim_state,
 };

@@ -32,6 +32,7 @@
 #include "fovea/features.h"
 #include "fovea/image.h"
 #include "fovea/odometry.h"
+#include "fovea/sensor.h"
 #include "fovea/source.h"
 #include "fovea/status.h"
 #include "fovea/objects.h"
@@ -175,7 +176,7 @@ enum fovea_command {
     FOVEA_COMMAND_OVERWRITE = 16,
 };
 
-enum { FOVEA_INPUT_ODOMETRY_MAX = 64, FOVEA_INPUT_BOXES_MAX = 64 };
+enum { FOVEA_INPUT_BOXES_MAX = 64 };
 
 /* Box around an object that may move on its own: raw-image pixels, max exclusive. */
 struct fovea_box {
@@ -191,9 +192,10 @@ struct fovea_inputs {
     int64_t utc_offset_ns; /* add to a stamp to get UTC; 0 where not known; copied into messages */
     struct fovea_grants grants;
 
-    /* Wheel or leg odometry received since the last step, in order of time. */
-    uint32_t odometry_count;
-    struct fovea_odometry_sample odometry[FOVEA_INPUT_ODOMETRY_MAX];
+    /* Samples of sensors that have come since the last step, in the order of their stamps, at most
+     * FOVEA_INPUT_SAMPLES_MAX. The caller's; not looked at after the step. */
+    uint32_t sample_count;
+    const struct fovea_sample *samples;
 
     /* Moving objects of an image: features in their boxes never enter the map. The image may be
      * this frame's or an earlier one, whose boxes grow with their age. */

@@ -44,13 +44,6 @@ struct fovea_scale_config {
                           */
 };
 
-/* Where the robot is by its wheels or legs: T_odom_base, in a frame of odometry's own. */
-struct fovea_odometry_sample {
-    int64_t stamp_ns; /* on the frames' clock */
-    double position_m[3];
-    double orientation[4]; /* unit quaternion w x y z */
-};
-
 enum { FOVEA_ODOMETRY_KEYFRAMES_MAX = 256, FOVEA_ODOMETRY_LANDMARKS_MAX = 20000 };
 
 struct fovea_odometry_config {

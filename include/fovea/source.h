@@ -12,8 +12,8 @@
 #include <stdint.h>
 
 #include "fovea/image.h"
-#include "fovea/odometry.h"
 #include "fovea/rig.h"
+#include "fovea/sensor.h"
 #include "fovea/status.h"
 
 #ifdef __cplusplus
@@ -128,6 +128,7 @@ struct fovea_source_info {
     uint64_t frame_count;    /* frames that will be delivered; 0: endless or not known */
     bool live;               /* frames come by the clock and are lost when not taken */
     bool has_truth;          /* of the first camera */
+    bool has_wheel_odometry; /* among its samples */
     struct fovea_rig rig;    /* the source's own calibration, as far as it has one */
     char camera_origin[256]; /* file that the first camera's came from, or "built in" */
     size_t heap_bytes; /* what open allocated outside the runtime's block, for the memory table */
@@ -164,11 +165,12 @@ struct fovea_source_ops {
      * FOVEA_ERROR_UNSUPPORTED: the pose of this frame is not known. */
     enum fovea_status (*truth_pose)(struct fovea_source *source, const struct fovea_frame *frame,
                                     double T_world_cam[12]);
-    /* Wheel or leg odometry of the robot that carries the camera, of the time after the last call
-     * up to this frame's stamp: at most `count_max` samples, the rest comes with the next call.
-     * Returns their number. */
-    uint32_t (*odometry)(struct fovea_source *source, const struct fovea_frame *frame,
-                         struct fovea_odometry_sample *samples, uint32_t count_max);
+    /* Samples of the sensors that go with the cameras, of any kind, in the order of their stamps:
+     * of the time after the last call up to this frame's stamp (before the first frame: of one
+     * frame period), at most `count_max`; the rest comes with the next call. Returns their number.
+     * Loop thread. */
+    uint32_t (*samples)(struct fovea_source *source, const struct fovea_frame *frame,
+                        struct fovea_sample *samples, uint32_t count_max);
     void (*counts)(const struct fovea_source *source, struct fovea_source_counts *counts);
     enum fovea_source_state (*state)(const struct fovea_source *source);
     /* One line about the next frame that was skipped (file and reason), FOVEA_AGAIN when there is

@@ -33,7 +33,9 @@ enum fv_message_kind {
     FV_MESSAGE_OBJECTS,
     FV_MESSAGE_COMMAND, /* in */
     FV_MESSAGE_RUN,     /* of the application */
-    FV_MESSAGE_FRAME,   /* this and the next four: in recordings only */
+    FV_MESSAGE_IMU,     /* this and all that follow: in recordings only */
+    FV_MESSAGE_WHEEL_ODOMETRY,
+    FV_MESSAGE_FRAME,
     FV_MESSAGE_RECORDING,
     FV_MESSAGE_RECORDING_END,
     FV_MESSAGE_INPUTS,

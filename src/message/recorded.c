@@ -8,8 +8,10 @@
 
 #include "fovea_frame_t.h"
 #include "fovea_grants_t.h"
+#include "fovea_imu_t.h"
 #include "fovea_inputs_t.h"
 #include "fovea_rig_t.h"
+#include "fovea_wheel_odometry_t.h"
 
 size_t fv_message_frame_size_max(const struct fovea_frame *frame)
 {
@@ -32,11 +34,11 @@ size_t fv_message_rig_size_max(void)
 
 size_t fv_message_inputs_size_max(void)
 {
-    enum { SAMPLE_BYTES = 8 * 8, BOX_BYTES = 4 * 4 };
+    enum { BOX_BYTES = 4 * 4 };
     fovea_inputs_t empty;
     memset(&empty, 0, sizeof empty);
     return (size_t)fovea_inputs_t_encoded_size(&empty) + FOVEA_JOB_COUNT * sizeof(int32_t) +
-           FOVEA_INPUT_ODOMETRY_MAX * SAMPLE_BYTES + FOVEA_INPUT_BOXES_MAX * BOX_BYTES;
+           FOVEA_INPUT_BOXES_MAX * BOX_BYTES;
 }
 
 size_t fv_message_grants_size_max(void)
@@ -118,20 +120,36 @@ uint32_t fv_message_rig_encode(const struct fovea_rig *rig, uint8_t *buffer, siz
     return fv_wire_encoded(fovea_rig_t_encode(buffer, 0, fv_wire_capacity(capacity), &message));
 }
 
-/* What a step was told of the robot's motion and of things that move; false: more than there is
- * room for. */
-static bool fill_lists(const struct fovea_inputs *inputs, fovea_odometry_sample_t *samples,
-                       fovea_box_t *boxes)
+/* Both sample types have the same length. */
+size_t fv_message_sample_size_max(void)
 {
-    if (inputs->odometry_count > FOVEA_INPUT_ODOMETRY_MAX ||
-        inputs->box_count > FOVEA_INPUT_BOXES_MAX)
-        return false;
-    for (uint32_t i = 0; i < inputs->odometry_count; i++) {
-        samples[i].stamp_ns = inputs->odometry[i].stamp_ns;
-        memcpy(samples[i].position, inputs->odometry[i].position_m, sizeof samples[i].position);
-        memcpy(samples[i].orientation, inputs->odometry[i].orientation,
-               sizeof samples[i].orientation);
+    fovea_wheel_odometry_t empty;
+    memset(&empty, 0, sizeof empty);
+    return (size_t)fovea_wheel_odometry_t_encoded_size(&empty);
+}
+
+uint32_t fv_message_sample_encode(const struct fovea_sample *sample, const fovea_stamp_t *stamp,
+                                  uint8_t *buffer, size_t capacity)
+{
+    const int32_t room = fv_wire_capacity(capacity);
+    if (sample->kind == FOVEA_SAMPLE_IMU) {
+        fovea_imu_t message = {.stamp = *stamp};
+        memcpy(message.gyro, sample->imu.gyro, sizeof message.gyro);
+        memcpy(message.acceleration, sample->imu.acceleration, sizeof message.acceleration);
+        message.stamp.time_ns = sample->imu.stamp_ns;
+        return fv_wire_encoded(fovea_imu_t_encode(buffer, 0, room, &message));
     }
+    fovea_wheel_odometry_t message = {.stamp = *stamp};
+    memcpy(message.position, sample->wheel_odometry.position_m, sizeof message.position);
+    memcpy(message.orientation, sample->wheel_odometry.orientation, sizeof message.orientation);
+    message.stamp.time_ns = sample->wheel_odometry.stamp_ns;
+    return fv_wire_encoded(fovea_wheel_odometry_t_encode(buffer, 0, room, &message));
+}
+
+/* What a step was given of things that move; false: more than there is room for. */
+static bool fill_boxes(const struct fovea_inputs *inputs, fovea_box_t *boxes)
+{
+    if (inputs->box_count > FOVEA_INPUT_BOXES_MAX) return false;
     for (uint32_t i = 0; i < inputs->box_count; i++) {
         const struct fovea_box *b = &inputs->boxes[i];
         boxes[i] = (fovea_box_t){b->x_min_px, b->y_min_px, b->x_max_px, b->y_max_px};
@@ -143,11 +161,10 @@ uint32_t fv_message_inputs_encode(const struct fovea_inputs *inputs, uint64_t fr
                                   uint8_t *buffer, size_t capacity)
 {
     int32_t units[FOVEA_JOB_COUNT];
-    fovea_odometry_sample_t samples[FOVEA_INPUT_ODOMETRY_MAX];
     fovea_box_t boxes[FOVEA_INPUT_BOXES_MAX];
     for (int job = 0; job < FOVEA_JOB_COUNT; job++)
         units[job] = (int32_t)inputs->grants.units[job];
-    if (!fill_lists(inputs, samples, boxes)) return 0;
+    if (!fill_boxes(inputs, boxes)) return 0;
     const fovea_inputs_t message = {
         .has_frame = inputs->frame != NULL,
         .frame_hash = (int64_t)frame_hash,
@@ -164,8 +181,7 @@ uint32_t fv_message_inputs_encode(const struct fovea_inputs *inputs, uint64_t fr
         .frames_late = (int64_t)inputs->frames_late,
         .resident_bytes = (int64_t)inputs->resident_bytes,
         .temperature_c = inputs->temperature_c,
-        .odometry_count = (int32_t)inputs->odometry_count,
-        .odometry = samples,
+        .sample_count = (int32_t)inputs->sample_count,
         .has_boxes = inputs->has_boxes,
         .boxes_stamp_ns = inputs->boxes_stamp_ns,
         .box_count = (int32_t)inputs->box_count,
@@ -246,15 +262,6 @@ static bool begin(struct reader *reader, const char *type, const uint8_t *data, 
     return true;
 }
 
-static void next_doubles(struct reader *reader, double *values, int count)
-{
-    if (fv_message_leaf(&reader->walk, &reader->leaf) != FOVEA_OK) return;
-    for (int i = 0; i < count; i++) {
-        uint64_t bits = fv_wire_read(reader->leaf.data + 8 * i, 8);
-        memcpy(&values[i], &bits, sizeof bits);
-    }
-}
-
 /* The next field as a number of elements, at most `most`. */
 static bool next_count(struct reader *reader, uint32_t most, uint32_t *count, const char **problem,
                        size_t *at)
@@ -265,19 +272,6 @@ static bool next_count(struct reader *reader, uint32_t most, uint32_t *count, co
     *problem = "there are more elements than a step can take";
     *at = reader->leaf.offset;
     return false;
-}
-
-static bool next_odometry(struct reader *reader, struct fovea_inputs *found, const char **problem,
-                          size_t *at)
-{
-    if (!next_count(reader, FOVEA_INPUT_ODOMETRY_MAX, &found->odometry_count, problem, at))
-        return false;
-    for (uint32_t i = 0; i < found->odometry_count; i++) {
-        found->odometry[i].stamp_ns = next_i64(reader);
-        next_doubles(reader, found->odometry[i].position_m, 3);
-        next_doubles(reader, found->odometry[i].orientation, 4);
-    }
-    return true;
 }
 
 static bool next_boxes(struct reader *reader, struct fovea_inputs *found, const char **problem,
@@ -327,7 +321,8 @@ bool fv_message_inputs_decode(const uint8_t *data, size_t bytes, struct fovea_in
     found.resident_bytes = next_bits(&reader);
     uint32_t temperature = (uint32_t)next_bits(&reader);
     memcpy(&found.temperature_c, &temperature, sizeof temperature);
-    if (!next_odometry(&reader, &found, problem, at) || !next_boxes(&reader, &found, problem, at) ||
+    if (!next_count(&reader, FOVEA_INPUT_SAMPLES_MAX, &found.sample_count, problem, at) ||
+        !next_boxes(&reader, &found, problem, at) ||
         !next_grants(&reader, &found.grants, problem, at))
         return false;
     *inputs = found;

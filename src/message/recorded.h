@@ -13,6 +13,7 @@
 #include <stdint.h>
 
 #include "fovea/fovea.h"
+#include "fovea_stamp_t.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -21,6 +22,7 @@ extern "C" {
 /* Exact for frames. */
 size_t fv_message_frame_size_max(const struct fovea_frame *frame);
 size_t fv_message_rig_size_max(void);
+size_t fv_message_sample_size_max(void);
 size_t fv_message_inputs_size_max(void);
 size_t fv_message_grants_size_max(void);
 
@@ -30,15 +32,18 @@ size_t fv_message_image_bytes(const struct fovea_image *image);
 
 uint32_t fv_message_frame_encode(const struct fovea_frame *frame, int64_t utc_offset_ns,
                                  uint8_t *buffer, size_t capacity);
+/* An imu_t or a wheel_odometry_t; its stamp is `stamp` at the sample's own time. */
+uint32_t fv_message_sample_encode(const struct fovea_sample *sample, const fovea_stamp_t *stamp,
+                                  uint8_t *buffer, size_t capacity);
 uint32_t fv_message_rig_encode(const struct fovea_rig *rig, uint8_t *buffer, size_t capacity);
 uint32_t fv_message_inputs_encode(const struct fovea_inputs *inputs, uint64_t frame_hash,
                                   uint8_t *buffer, size_t capacity);
 uint32_t fv_message_grants_encode(int64_t now_ns, const struct fovea_grants *grants,
                                   uint8_t *buffer, size_t capacity);
 
-/* `has_frame` and `frame_hash` tell of the frame that went with these inputs; inputs->frame is
- * NULL. Jobs that this build does not have are refused, jobs that the recording did not have get no
- * units. On refusal
+/* `has_frame` and `frame_hash` tell of the frame that went with these inputs; inputs->frame and
+ * inputs->samples are NULL. Jobs that this build does not have are refused, jobs that the recording
+ * did not have get no units. On refusal
  * `*problem` and `*at` (byte within the message) say why and where. */
 bool fv_message_inputs_decode(const uint8_t *data, size_t bytes, struct fovea_inputs *inputs,
                               bool *has_frame, uint64_t *frame_hash, const char **problem,

@@ -157,7 +157,7 @@ enum fovea_status fovea_step(struct fovea *rt, const struct fovea_inputs *inputs
     rt->inputs = *inputs;
     take_commands(rt, inputs->commands);
     if (rt->config.odometry.enabled) {
-        fv_scale_observe(&rt->scale, inputs->odometry, inputs->odometry_count);
+        fv_scale_observe(&rt->scale, inputs->samples, inputs->sample_count);
         if (inputs->has_boxes)
             fv_boxes_take(&rt->boxes, inputs->boxes_stamp_ns, inputs->boxes, inputs->box_count);
     }
@@ -171,7 +171,8 @@ enum fovea_status fovea_step(struct fovea *rt, const struct fovea_inputs *inputs
     const struct instant begin = stage_begin(rt);
     fv_encode(rt, inputs, processed, interrupted, outputs);
     stage_end(rt, FOVEA_STAGE_ENCODE, begin);
-    rt->inputs.frame = NULL; /* the caller's, and gone after this */
+    rt->inputs.frame = NULL; /* the caller's, and gone after this; likewise the samples */
+    rt->inputs.samples = NULL;
     rt->state->steps++;
     outputs->jobs_waiting = fv_jobs_waiting(rt);
     return processed ? FOVEA_OK : FOVEA_AGAIN;

@@ -20,26 +20,29 @@ static uint64_t apart_ns(int64_t earlier, int64_t later)
     return (uint64_t)later - (uint64_t)earlier;
 }
 
-void fv_scale_observe(struct fv_scale *scale, const struct fovea_odometry_sample *samples,
-                      uint32_t count)
+static void observe(struct fv_scale *scale, const struct fovea_wheel_odometry_sample *sample)
 {
     struct fv_scale_state *s = scale->state;
+    int64_t last = s->places[(s->place_count - 1) % FV_SCALE_PLACES_MAX].stamp_ns;
+    /* Far back: a clock was set, or the last stamp was wrong. What came before has another time. */
+    if (s->place_count > 0 && last > sample->stamp_ns &&
+        apart_ns(sample->stamp_ns, last) > gap_most_ns)
+        s->place_count = 0;
+    if (s->place_count > 0 && sample->stamp_ns <= last) return;
+    struct fv_se3 T_odom_base;
+    fv_so3_from_quaternion(sample->orientation, T_odom_base.R);
+    fv_copy3(sample->position_m, T_odom_base.t);
+    struct fv_scale_place *place = &s->places[s->place_count++ % FV_SCALE_PLACES_MAX];
+    place->stamp_ns = sample->stamp_ns;
+    fv_se3_apply(&T_odom_base, scale->T_base_cam.t, place->at);
+}
+
+void fv_scale_observe(struct fv_scale *scale, const struct fovea_sample *samples, uint32_t count)
+{
     if (scale->config.source != FOVEA_SCALE_ODOMETRY) return;
-    for (uint32_t i = 0; i < count && i < FV_SCALE_PLACES_MAX; i++) {
-        int64_t last = s->places[(s->place_count - 1) % FV_SCALE_PLACES_MAX].stamp_ns;
-        /* Far back: a clock was set, or the last stamp was wrong. What came before has another
-         * time. */
-        if (s->place_count > 0 && last > samples[i].stamp_ns &&
-            apart_ns(samples[i].stamp_ns, last) > gap_most_ns)
-            s->place_count = 0;
-        if (s->place_count > 0 && samples[i].stamp_ns <= last) continue;
-        struct fv_se3 T_odom_base;
-        fv_so3_from_quaternion(samples[i].orientation, T_odom_base.R);
-        fv_copy3(samples[i].position_m, T_odom_base.t);
-        struct fv_scale_place *place = &s->places[s->place_count++ % FV_SCALE_PLACES_MAX];
-        place->stamp_ns = samples[i].stamp_ns;
-        fv_se3_apply(&T_odom_base, scale->T_base_cam.t, place->at);
-    }
+    for (uint32_t i = 0; i < count && i < FOVEA_INPUT_SAMPLES_MAX; i++)
+        if (samples[i].kind == FOVEA_SAMPLE_WHEEL_ODOMETRY)
+            observe(scale, &samples[i].wheel_odometry);
 }
 
 /* -1: odometry has not come so far yet; 0: it begins later or has a gap there; 1: found. */

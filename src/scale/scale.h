@@ -19,6 +19,7 @@
 #include "base/arena.h"
 #include "base/elementary.h"
 #include "fovea/odometry.h"
+#include "fovea/sensor.h"
 #include "geometry/floor.h"
 #include "geometry/se3.h"
 #include "odometry/odometry.h"
@@ -77,9 +78,9 @@ void fv_scale_carve(struct fv_scale *scale, const struct fovea_scale_config *con
                     struct fv_arena *frame);
 void fv_scale_init(struct fv_scale *scale, uint64_t seed);
 
-/* Odometry that has come, in order of time. Samples not after the last one are passed over. */
-void fv_scale_observe(struct fv_scale *scale, const struct fovea_odometry_sample *samples,
-                      uint32_t count);
+/* Wheel odometry among the samples that have come, in order of time; the rest of them is ignored,
+ * as are samples not after the last one. */
+void fv_scale_observe(struct fv_scale *scale, const struct fovea_sample *samples, uint32_t count);
 
 /* After each frame, when its pose is known. Odometry keeps what is known with its map. */
 void fv_scale_step(struct fv_scale *scale, struct fv_odometry *odometry);

@@ -8,6 +8,8 @@
 #include <unistd.h>
 
 #include "fovea_frame_t.h"
+#include "fovea_imu_t.h"
+#include "fovea_wheel_odometry_t.h"
 #include "support/input.h"
 
 struct fovea_log {
@@ -304,5 +306,54 @@ enum fovea_status fovea_log_frame(const char *name, const struct fovea_log_event
         return fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: byte %" PRId64 ": %.300s", name,
                                start + (int64_t)at, reason.text);
     *frame = found;
+    return FOVEA_OK;
+}
+
+/* ---- samples --------------------------------------------------------------------------------- */
+
+static bool take_doubles(const uint8_t *data, double *values, int count)
+{
+    bool finite = true;
+    for (int i = 0; i < count; i++) {
+        const int64_t bits = read_i64(data + 8 * i);
+        memcpy(&values[i], &bits, sizeof bits);
+        finite = finite && values[i] - values[i] == 0;
+    }
+    return finite;
+}
+
+enum fovea_status fovea_log_sample(const char *name, const struct fovea_log_event *event,
+                                   struct fovea_sample *sample, struct fovea_error *error)
+{
+    enum { AT_VALUES = 34, IMU_BYTES = AT_VALUES + 6 * 8, WHEEL_BYTES = AT_VALUES + 7 * 8 };
+    const int64_t start = event->offset + FOVEA_LOG_HEADER_BYTES + (int64_t)strlen(event->channel);
+    const uint8_t *data = event->data;
+    const int64_t hash = event->bytes >= AT_VALUES ? read_i64(data) : 0;
+    struct fovea_sample found;
+    bool finite;
+    memset(&found, 0, sizeof found);
+    if (hash == __fovea_imu_t_get_hash() && event->bytes == IMU_BYTES) {
+        found.kind = FOVEA_SAMPLE_IMU;
+        found.imu.stamp_ns = read_i64(data + AT_STAMP);
+        finite = take_doubles(data + AT_VALUES, found.imu.gyro, 3);
+        finite = take_doubles(data + AT_VALUES + 24, found.imu.acceleration, 3) && finite;
+    } else if (hash == __fovea_wheel_odometry_t_get_hash() && event->bytes == WHEEL_BYTES) {
+        found.kind = FOVEA_SAMPLE_WHEEL_ODOMETRY;
+        found.wheel_odometry.stamp_ns = read_i64(data + AT_STAMP);
+        finite = take_doubles(data + AT_VALUES, found.wheel_odometry.position_m, 3);
+        finite = take_doubles(data + AT_VALUES + 24, found.wheel_odometry.orientation, 4) && finite;
+    } else {
+        return fovea_error_set(
+            error, FOVEA_ERROR_INPUT,
+            "%s: byte %" PRId64
+            ": found another type or length, expected fovea.imu_t or fovea.wheel_odometry_t",
+            name, start);
+    }
+    if (!finite)
+        return fovea_error_set(error, FOVEA_ERROR_INPUT,
+                               "%s: byte %" PRId64
+                               ": found a sample with a number that is not finite, expected none",
+                               name, start + AT_VALUES);
+    *sample = found;
     return FOVEA_OK;
 }

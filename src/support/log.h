@@ -73,6 +73,11 @@ bool fovea_log_channel_is(const char *channel, const char *suffix);
 enum fovea_status fovea_log_frame(const char *name, const struct fovea_log_event *event,
                                   struct fovea_frame *frame, struct fovea_error *error);
 
+/* Read an event that holds a fovea.imu_t or a fovea.wheel_odometry_t. FOVEA_ERROR_INPUT: of another
+ * type or length, or with a number that is not finite; as fovea_log_frame. */
+enum fovea_status fovea_log_sample(const char *name, const struct fovea_log_event *event,
+                                   struct fovea_sample *sample, struct fovea_error *error);
+
 /* Stamp of a frame that was skimmed, without reading its picture; the log stays where it is.
  * FOVEA_ERROR_INPUT: it holds no fovea.frame_t. */
 enum fovea_status fovea_log_frame_stamp(struct fovea_log *log, const struct fovea_log_event *event,

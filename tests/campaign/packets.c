@@ -133,7 +133,7 @@ static uint64_t resident_kb(void)
 
 static void drain(struct fv_transport *transport, struct fv_receiver *viewer)
 {
-    struct fovea_odometry_sample samples[64];
+    struct fovea_wheel_odometry_sample samples[64];
     while (fv_receiver_handle(viewer, 0) > 0)
         continue;
     (void)fv_transport_commands(transport);

@@ -47,6 +47,25 @@ static void make_settings(const struct short_run *run, struct fv_settings *setti
     config->statistics_every = 4;
 }
 
+void short_run_samples(uint32_t n, struct fovea_sample *samples)
+{
+    const int64_t first_ns = 1000 + ((int64_t)n - 1) * 50000000 + 1;
+    for (uint32_t i = 0; i <= SHORT_RUN_SAMPLES; i++) {
+        const double value = 0.1 * (double)(n * 100 + i) / 3;
+        struct fovea_sample *sample = &samples[i];
+        *sample = (struct fovea_sample){.kind = FOVEA_SAMPLE_IMU};
+        sample->imu = (struct fovea_imu_sample){.stamp_ns = first_ns + (int64_t)i * 4000000,
+                                                .gyro = {value, -value, 1 / (value + 1)},
+                                                .acceleration = {9.8, value * value, 0}};
+    }
+    struct fovea_sample *last = &samples[SHORT_RUN_SAMPLES];
+    last->kind = FOVEA_SAMPLE_WHEEL_ODOMETRY;
+    last->wheel_odometry =
+        (struct fovea_wheel_odometry_sample){.stamp_ns = first_ns + 45000000,
+                                             .position_m = {0.01 * n, 1.0 / (n + 3), 0},
+                                             .orientation = {1, 0, 0, 0}};
+}
+
 static void record_turns(const struct short_run *run, struct fovea *rt,
                          const struct fovea_config *config, struct fv_recorder *recorder)
 {
@@ -69,10 +88,16 @@ static void record_turns(const struct short_run *run, struct fovea *rt,
                                       .commands = n == 20 ? FOVEA_COMMAND_RESET : 0,
                                       .utc_offset_ns = 77};
         struct fovea_outputs outputs;
+        struct fovea_sample samples[SHORT_RUN_SAMPLES + 1];
+        if (run->rig) {
+            short_run_samples(n, samples);
+            inputs.samples = samples;
+            inputs.sample_count = SHORT_RUN_SAMPLES + 1;
+        }
         paint(pixels, (uint32_t)run->width, (uint32_t)run->height, n);
         paint(second, (uint32_t)run->width, (uint32_t)run->height, n + 4);
-        if (run->two_cameras) frame.image_count = 2;
-        if (run->two_cameras && n % 3 != 2) {
+        if (run->rig) frame.image_count = 2;
+        if (run->rig && n % 3 != 2) {
             frame.images[1] = frame.images[0];
             frame.images[1].data = second;
         }
@@ -103,7 +128,7 @@ void short_run_record(const char *path, const struct short_run *run)
     expect(fovea_size(&settings->runtime, &bytes, &error), &error);
     void *memory = aligned_alloc(FOVEA_BLOCK_ALIGNMENT, (bytes + 63) / 64 * 64);
     expect(fovea_init(memory, bytes, &settings->runtime, &rt, &error), &error);
-    const struct fovea_rig rig = {.camera_count = run->two_cameras ? 2 : 1};
+    const struct fovea_rig rig = {.camera_count = run->rig ? 2 : 1, .has_imu = run->rig};
     struct fv_recorder_setup setup = {.path = path,
                                       .settings = settings,
                                       .kernel_set = fovea_cpu_name(rt),

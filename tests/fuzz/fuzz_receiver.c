@@ -41,7 +41,7 @@ static void take_command(void *context, const struct fv_received *received)
 static void take_odometry(void *context, const struct fv_received *received)
 {
     bot_core_pose_t pose;
-    struct fovea_odometry_sample sample;
+    struct fovea_wheel_odometry_sample sample;
     expect(bot_core_pose_t_decode(received->data, 0, (int)received->bytes, &pose) >= 0);
     if (fv_odometry_gate_judge(context, &pose, &sample) != FV_ODOMETRY_TAKEN) return;
     for (int i = 0; i < 3; i++)

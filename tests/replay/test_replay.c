@@ -13,6 +13,7 @@
 
 #include "app/record/replay.h"
 #include "common/short_run.h"
+#include "../../drivers/recorded/player.h"
 #include "support/log.h"
 #include "support/text.h"
 #include "message/fields.h"
@@ -380,13 +381,75 @@ static void test_other_formats(void **state)
     whole[format] = 4;
 }
 
-/* Two cameras, the second absent in every third frame: all is fed back, and a pixel of the second,
- * which no message shows, is missed by its hash. */
-static void test_two_cameras(void **state)
+/* What a source of the recorded log gives: samples bit by bit as they were recorded. A turn without
+ * a frame has its samples with the next frame. */
+static void check_fed_again(const char *path)
+{
+    static const struct fovea_source_selection everything = {.step = 1};
+    const struct fovea_source_ops *ops = &fovea_source_lcmlog;
+    struct fovea_sample found[FOVEA_INPUT_SAMPLES_MAX], expected[SHORT_RUN_SAMPLES + 1];
+    struct fovea_source *source;
+    struct fovea_frame frame;
+    struct fovea_error error;
+    uint32_t turn = 0;
+    assert_int_equal(ops->open(path, &everything, &source, &error), FOVEA_OK);
+    const struct fovea_source_info *info = ops->info(source);
+    assert_true(info->rig.camera_count == 2 && info->rig.has_imu && info->has_wheel_odometry);
+    assert_int_equal(ops->start(source, &error), FOVEA_OK);
+    while (ops->dequeue(source, INT64_MAX, &frame) == FOVEA_OK) {
+        const uint32_t count = ops->samples(source, &frame, found, FOVEA_INPUT_SAMPLES_MAX);
+        uint32_t at = 0;
+        for (; turn <= frame.sequence; turn++) {
+            short_run_samples(turn, expected);
+            assert_true(count >= at + SHORT_RUN_SAMPLES + 1);
+            for (int i = 0; i <= SHORT_RUN_SAMPLES; i++, at++) {
+                assert_int_equal(found[at].kind, expected[i].kind);
+                if (found[at].kind == FOVEA_SAMPLE_IMU)
+                    assert_memory_equal(&found[at].imu, &expected[i].imu, sizeof expected[i].imu);
+                else
+                    assert_memory_equal(&found[at].wheel_odometry, &expected[i].wheel_odometry,
+                                        sizeof expected[i].wheel_odometry);
+            }
+        }
+        assert_int_equal(count, at);
+        ops->requeue(source, &frame);
+    }
+    assert_true(turn >= TURNS - 1);
+    ops->close(source);
+}
+
+/* One of the samples is taken out of the log. */
+static void check_missing_sample(const uint8_t *bytes, size_t count)
+{
+    struct fv_replay_result result;
+    struct fovea_log *log;
+    struct fovea_log_event event;
+    struct fovea_error error;
+    uint8_t *less = malloc(count);
+    assert_non_null(less);
+    assert_int_equal(fovea_log_open(changed, &log, &error), FOVEA_OK);
+    do
+        assert_int_equal(fovea_log_next(log, &event, &error), FOVEA_OK);
+    while (strcmp(event.channel, "FOVEA_IMU") != 0);
+    fovea_log_close(log);
+    const size_t at = (size_t)event.offset,
+                 behind = at + FOVEA_LOG_HEADER_BYTES + strlen("FOVEA_IMU") + event.bytes;
+    memcpy(less, bytes, at);
+    memcpy(less + at, bytes + behind, count - behind);
+    write_changed(less, count - (behind - at));
+    free(less);
+    assert_int_equal(fv_replay(changed, true, NULL, NULL, &result, &error), FOVEA_ERROR_INPUT);
+    assert_non_null(strstr(error.text, "found another number of samples before them"));
+    write_changed(bytes, count);
+}
+
+/* Two cameras, the second absent in every third frame, and other sensors: all is fed back, and a
+ * pixel of the second camera, which no message shows, is missed by its hash. */
+static void test_rig(void **state)
 {
     (void)state;
     const struct short_run run = {
-        .width = WIDTH, .height = HEIGHT, .turns = TURNS, .features = 200, .two_cameras = true};
+        .width = WIDTH, .height = HEIGHT, .turns = TURNS, .features = 200, .rig = true};
     struct fv_replay_result result;
     struct fovea_error error;
     char *bytes;
@@ -396,6 +459,7 @@ static void test_two_cameras(void **state)
         fail_msg("%s", error.text);
     if (result.different) fail_msg("%s", result.difference);
     assert_true(result.end == FV_REPLAY_WHOLE && result.frames == TURNS - 3);
+    check_fed_again(changed);
 
     struct fovea_log *log;
     struct fovea_log_event event;
@@ -411,6 +475,7 @@ static void test_two_cameras(void **state)
     const size_t third = (size_t)event.offset;
     fovea_log_close(log);
     assert_int_equal(fovea_text_read(changed, 1 << 28, &bytes, &count, &error), FOVEA_OK);
+    check_missing_sample((uint8_t *)bytes, count);
     const size_t turn = WIDTH * HEIGHT; /* back into the second image of the second frame */
     size_t at = third;
     while (memcmp(bytes + at, "FOVEA_INPUTS", 12) != 0)
@@ -467,7 +532,7 @@ int main(void)
         cmocka_unit_test(test_missing_message),
         cmocka_unit_test(test_changed_statistics),
         cmocka_unit_test(test_every_edit),
-        cmocka_unit_test(test_two_cameras),
+        cmocka_unit_test(test_rig),
         cmocka_unit_test(test_other_formats),
         cmocka_unit_test(test_more_after_the_end),
         cmocka_unit_test(test_texts_are_printable),

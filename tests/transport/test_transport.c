@@ -385,7 +385,7 @@ static void test_odometry(void **state)
     (void)state;
     struct fv_transport *transport = NULL;
     struct fovea_error error;
-    struct fovea_odometry_sample samples[8];
+    struct fovea_wheel_odometry_sample samples[8];
     const bot_core_pose_t good = {
         .utime = 1000002, .pos = {1, -2, 3}, .orientation = {0.603, 0, 0.804, 0}};
     const struct fv_transport_ears ears = {.listen = "loopback",

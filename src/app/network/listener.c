@@ -53,7 +53,7 @@ static void take_odometry(void *context, const struct fv_received *received)
 {
     struct fv_listener *listener = context;
     bot_core_pose_t pose;
-    struct fovea_odometry_sample sample;
+    struct fovea_wheel_odometry_sample sample;
     if (bot_core_pose_t_decode(received->data, 0, (int)received->bytes, &pose) < 0) return;
     const enum fv_odometry_verdict verdict =
         fv_odometry_gate_judge(&listener->odometry_gate, &pose, &sample);
@@ -136,8 +136,8 @@ uint32_t fv_listener_commands(struct fv_listener *listener)
     return all;
 }
 
-uint32_t fv_listener_odometry(struct fv_listener *listener, struct fovea_odometry_sample *samples,
-                              uint32_t count_max)
+uint32_t fv_listener_odometry(struct fv_listener *listener,
+                              struct fovea_wheel_odometry_sample *samples, uint32_t count_max)
 {
     uint32_t count = 0;
     for (; count < count_max; count++) {

@@ -21,7 +21,7 @@ enum {
 struct fv_listener {
     struct fv_ring commands; /* of uint32_t, from the listener to the loop */
     uint8_t commands_memory[FV_LISTENER_COMMAND_BYTES];
-    struct fv_ring odometry; /* of struct fovea_odometry_sample, likewise */
+    struct fv_ring odometry; /* of struct fovea_wheel_odometry_sample, likewise */
     uint8_t odometry_memory[FV_LISTENER_ODOMETRY_BYTES];
     struct fv_receiver *receiver; /* NULL: nothing is heard */
     pthread_t thread;
@@ -41,8 +41,8 @@ enum fovea_status fv_listener_start(struct fv_listener *listener, const char *ur
 
 /* As fv_transport_commands and fv_transport_odometry. */
 uint32_t fv_listener_commands(struct fv_listener *listener);
-uint32_t fv_listener_odometry(struct fv_listener *listener, struct fovea_odometry_sample *samples,
-                              uint32_t count_max);
+uint32_t fv_listener_odometry(struct fv_listener *listener,
+                              struct fovea_wheel_odometry_sample *samples, uint32_t count_max);
 
 /* Adds to the numbers of what came in. */
 void fv_listener_counts(const struct fv_listener *listener, struct fv_transport_counts *counts);

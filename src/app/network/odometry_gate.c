@@ -25,7 +25,7 @@ void fv_odometry_gate_init(struct fv_odometry_gate *gate, const struct fv_odomet
 
 /* A pose as odometry: finite, with a quaternion that is one, at a time that nanoseconds can tell.
  */
-static bool sample_from(const bot_core_pose_t *pose, struct fovea_odometry_sample *sample)
+static bool sample_from(const bot_core_pose_t *pose, struct fovea_wheel_odometry_sample *sample)
 {
     const double *q = pose->orientation;
     const double norm2 = q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3];
@@ -41,8 +41,8 @@ static bool sample_from(const bot_core_pose_t *pose, struct fovea_odometry_sampl
     return true;
 }
 
-static double distance_m(const struct fovea_odometry_sample *a,
-                         const struct fovea_odometry_sample *b)
+static double distance_m(const struct fovea_wheel_odometry_sample *a,
+                         const struct fovea_wheel_odometry_sample *b)
 {
     double sum = 0;
     for (int i = 0; i < 3; i++)
@@ -70,7 +70,7 @@ static double use_room(double room, double limit, double dt_s, double moved)
 }
 
 static enum fv_odometry_verdict judge(struct fv_odometry_gate *gate, const bot_core_pose_t *pose,
-                                      struct fovea_odometry_sample *sample)
+                                      struct fovea_wheel_odometry_sample *sample)
 {
     const struct fv_odometry_limits *limits = &gate->limits;
     if (!sample_from(pose, sample)) return FV_ODOMETRY_MALFORMED;
@@ -100,7 +100,7 @@ void fv_odometry_gate_count(struct fv_odometry_gate *gate, enum fv_odometry_verd
 
 enum fv_odometry_verdict fv_odometry_gate_judge(struct fv_odometry_gate *gate,
                                                 const bot_core_pose_t *pose,
-                                                struct fovea_odometry_sample *sample)
+                                                struct fovea_wheel_odometry_sample *sample)
 {
     const enum fv_odometry_verdict verdict = judge(gate, pose, sample);
     if (verdict != FV_ODOMETRY_TAKEN) fv_odometry_gate_count(gate, verdict);

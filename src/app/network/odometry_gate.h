@@ -34,8 +34,8 @@ const char *fv_odometry_verdict_name(enum fv_odometry_verdict verdict);
 struct fv_odometry_gate {
     struct fv_odometry_limits limits;
     bool any;
-    struct fovea_odometry_sample last; /* that was taken */
-    double room_m, room_rad;           /* motion that may still come at once */
+    struct fovea_wheel_odometry_sample last; /* that was taken */
+    double room_m, room_rad;                 /* motion that may still come at once */
     atomic_uint_fast64_t counts[FV_ODOMETRY_VERDICTS];
 };
 
@@ -45,7 +45,7 @@ void fv_odometry_gate_init(struct fv_odometry_gate *gate, const struct fv_odomet
  * the message in nanoseconds; what was taken must be counted by the caller. */
 enum fv_odometry_verdict fv_odometry_gate_judge(struct fv_odometry_gate *gate,
                                                 const bot_core_pose_t *pose,
-                                                struct fovea_odometry_sample *sample);
+                                                struct fovea_wheel_odometry_sample *sample);
 
 void fv_odometry_gate_count(struct fv_odometry_gate *gate, enum fv_odometry_verdict verdict);
 

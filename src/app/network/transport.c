@@ -83,7 +83,7 @@ uint32_t fv_transport_commands(struct fv_transport *transport)
 }
 
 uint32_t fv_transport_odometry(struct fv_transport *transport,
-                               struct fovea_odometry_sample *samples, uint32_t count_max)
+                               struct fovea_wheel_odometry_sample *samples, uint32_t count_max)
 {
     return transport != NULL ? fv_listener_odometry(&transport->listener, samples, count_max) : 0;
 }

@@ -75,7 +75,7 @@ uint32_t fv_transport_commands(struct fv_transport *transport);
  * room for waits. Stamps are those of the messages in nanoseconds. Returns the number. Loop thread,
  * wait-free. */
 uint32_t fv_transport_odometry(struct fv_transport *transport,
-                               struct fovea_odometry_sample *samples, uint32_t count_max);
+                               struct fovea_wheel_odometry_sample *samples, uint32_t count_max);
 
 /* Why a message was not sent. */
 enum fv_transport_drop {

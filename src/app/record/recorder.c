@@ -31,6 +31,7 @@ enum {
     SMALL_BYTES =
         32 << 10, /* inputs, grants and the messages of one turn that are not named below */
     FEATURE_BYTES = 16,
+    SAMPLE_BYTES = 256,        /* with the event's header and channel */
     OBJECTS_BYTES = 256 << 10, /* detections and tracks, as many as there may be */
     WRITE_BYTES_MAX = 1 << 20,
     POLL_NS = 4000000,
@@ -58,6 +59,8 @@ struct fv_recorder {
     bool started;
     int64_t event_number;
     uint64_t turns_lost;
+    int64_t samples[FOVEA_SAMPLE_KIND_COUNT]; /* so far */
+    enum fovea_clock clock;                   /* of the frames, of which the last said so */
 
     /* Shared. */
     atomic_int ending; /* enum ending; set by either thread, once */
@@ -70,7 +73,7 @@ struct fv_recorder {
     int looks;             /* since the file was looked for */
     struct extent written; /* whole events */
     struct extent turn;    /* those before the last turn that has begun */
-    bool after_frame;      /* the last event was one: the inputs that follow belong to it */
+    bool turn_begun;       /* by samples or a frame: the inputs that follow belong to it */
     char reason[FV_RECORDING_END_REASON_BYTES];
 };
 
@@ -135,6 +138,30 @@ static void record_frame(struct fv_recorder *recorder, int64_t time_us,
                                           data_of(event, channel), size));
 }
 
+static enum fv_message_kind kind_of(const struct fovea_sample *sample)
+{
+    return sample->kind == FOVEA_SAMPLE_IMU ? FV_MESSAGE_IMU : FV_MESSAGE_WHEEL_ODOMETRY;
+}
+
+/* Each at its own time. */
+static void record_samples(struct fv_recorder *recorder, const struct fovea_inputs *inputs)
+{
+    const size_t size = fv_message_sample_size_max();
+    if (inputs->frame != NULL) recorder->clock = inputs->frame->clock;
+    for (uint32_t i = 0; i < inputs->sample_count; i++) {
+        const struct fovea_sample *sample = &inputs->samples[i];
+        const char *channel = recorder->channels[kind_of(sample)];
+        const fovea_stamp_t stamp = {.clock = (int8_t)recorder->clock,
+                                     .utc_offset_ns = inputs->utc_offset_ns,
+                                     .sequence = recorder->samples[sample->kind]++};
+        uint8_t *event = event_begin(recorder, channel, size);
+        if (event != NULL)
+            event_end(recorder, event, channel,
+                      (fovea_sample_stamp(sample) + inputs->utc_offset_ns) / 1000,
+                      fv_message_sample_encode(sample, &stamp, data_of(event, channel), size));
+    }
+}
+
 static int64_t event_time_us(const struct fovea_inputs *inputs)
 {
     return (inputs->now_ns + inputs->utc_offset_ns) / 1000;
@@ -153,6 +180,7 @@ void fv_recorder_step(struct fv_recorder *recorder, const struct fovea_inputs *i
         record_copy(recorder, recorder->channels[FV_MESSAGE_RECORDING], time_us, recorder->header,
                     recorder->header_bytes);
     recorder->started = true;
+    record_samples(recorder, inputs);
     if (inputs->frame != NULL) record_frame(recorder, time_us, inputs);
     const char *channel = recorder->channels[FV_MESSAGE_INPUTS];
     size_t size = fv_message_inputs_size_max();
@@ -231,10 +259,17 @@ static bool is_on(const struct fv_recorder *recorder, const uint8_t *event,
            memcmp(event + FOVEA_LOG_HEADER_BYTES, channel, strlen(channel)) == 0;
 }
 
+/* Whether inputs are still to come in the turn that begins with it. */
+static bool before_inputs(const struct fv_recorder *recorder, const uint8_t *event)
+{
+    return is_on(recorder, event, FV_MESSAGE_FRAME) || is_on(recorder, event, FV_MESSAGE_IMU) ||
+           is_on(recorder, event, FV_MESSAGE_WHEEL_ODOMETRY);
+}
+
 static bool begins_turn(const struct fv_recorder *recorder, const uint8_t *event)
 {
-    return is_on(recorder, event, FV_MESSAGE_FRAME) ||
-           (is_on(recorder, event, FV_MESSAGE_INPUTS) && !recorder->after_frame);
+    return !recorder->turn_begun &&
+           (before_inputs(recorder, event) || is_on(recorder, event, FV_MESSAGE_INPUTS));
 }
 
 static void count_event(struct fv_recorder *recorder, const uint8_t *event)
@@ -245,7 +280,7 @@ static void count_event(struct fv_recorder *recorder, const uint8_t *event)
         recorder->turn = *written;
         written->turns++;
     }
-    recorder->after_frame = is_on(recorder, event, FV_MESSAGE_FRAME);
+    recorder->turn_begun = before_inputs(recorder, event);
     written->hash = fv_recording_hash_event(written->hash, event, head_bytes, event + head_bytes,
                                             data_bytes_of(event));
     written->time_us = (int64_t)fv_wire_read(event + 12, 8);
@@ -420,7 +455,10 @@ static size_t turn_bytes(const struct fv_recorder_setup *setup)
     size_t pixels = (size_t)config->camera.width * (size_t)config->camera.height;
     for (uint32_t level = 0; level < config->preview.level; level++)
         pixels = pixels * 10 / 14;
+    const bool sensed =
+        (setup->rig != NULL && setup->rig->has_imu) || config->scale.source == FOVEA_SCALE_ODOMETRY;
     return setup->frame_bytes + fv_jpeg_capacity((int32_t)pixels, 1) + SMALL_BYTES +
+           (sensed ? FOVEA_INPUT_SAMPLES_MAX * SAMPLE_BYTES : 0) +
            (size_t)config->features.count_max * FEATURE_BYTES +
            (config->detect.model != NULL ? OBJECTS_BYTES : 0) +
            (config->detect2.model != NULL ? OBJECTS_BYTES : 0);

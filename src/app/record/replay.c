@@ -23,8 +23,10 @@ struct replay {
     void *memory;
     struct fovea *rt;
 
-    struct fovea_frame frame; /* the last one, its pixels in `pixels` */
-    bool frame_waits;         /* read, but no inputs yet */
+    struct fovea_frame frame;                             /* the last one, its pixels in `pixels` */
+    bool frame_waits;                                     /* read, but no inputs yet */
+    struct fovea_sample samples[FOVEA_INPUT_SAMPLES_MAX]; /* likewise */
+    uint32_t sample_count;
     uint8_t *pixels;
     size_t pixels_capacity;
 
@@ -207,6 +209,17 @@ static enum fovea_status take_frame(struct replay *replay, struct fovea_error *e
     return FOVEA_OK;
 }
 
+static enum fovea_status take_sample(struct replay *replay, struct fovea_error *error)
+{
+    if (replay->frame_waits)
+        return refuse(replay, 0, "found a sample after the frame of its step, expected inputs",
+                      error);
+    if (replay->sample_count == FOVEA_INPUT_SAMPLES_MAX)
+        return refuse(replay, 0, "found more samples than one step takes, expected inputs", error);
+    return fovea_log_sample(replay->path, &replay->event, &replay->samples[replay->sample_count++],
+                            error);
+}
+
 static enum fovea_status check_grants(const struct replay *replay,
                                       const struct fovea_grants *grants, struct fovea_error *error)
 {
@@ -234,9 +247,14 @@ static enum fovea_status step(struct replay *replay, struct fovea_error *error)
                           ? "found inputs that had a frame, expected the frame before them"
                           : "found inputs without a frame, expected those of the frame before",
                       error);
+    if (inputs.sample_count != replay->sample_count)
+        return refuse(replay, 8,
+                      "found another number of samples before them, expected sample_count", error);
     enum fovea_status status = check_grants(replay, &inputs.grants, error);
     if (status != FOVEA_OK) return status;
     expect_none_left(replay);
+    inputs.samples = replay->samples;
+    replay->sample_count = 0;
     if (has_frame) {
         inputs.frame = &replay->frame;
         replay->stamp_ns = replay->frame.stamp_ns;
@@ -315,6 +333,9 @@ static enum fovea_status feed(struct replay *replay, struct fovea_error *error)
             status = end(replay, error);
         else if (strcmp(channel, replay->channels[FV_MESSAGE_FRAME]) == 0)
             status = take_frame(replay, error);
+        else if (strcmp(channel, replay->channels[FV_MESSAGE_IMU]) == 0 ||
+                 strcmp(channel, replay->channels[FV_MESSAGE_WHEEL_ODOMETRY]) == 0)
+            status = take_sample(replay, error);
         else if (strcmp(channel, replay->channels[FV_MESSAGE_INPUTS]) == 0)
             status = step(replay, error);
         else if (strcmp(channel, replay->channels[FV_MESSAGE_GRANTS]) == 0)
@@ -325,7 +346,8 @@ static enum fovea_status feed(struct replay *replay, struct fovea_error *error)
         if (replay->result->different && replay->stop_at_difference) return FOVEA_OK;
         count_event(replay);
     }
-    if (replay->frame_waits || replay->compared < replay->outputs.message_count ||
+    if (replay->frame_waits || replay->sample_count > 0 ||
+        replay->compared < replay->outputs.message_count ||
         replay->result->works < replay->result->steps)
         replay->result->end = FV_REPLAY_CUT_OFF;
     return status == FOVEA_END ? FOVEA_OK : status;

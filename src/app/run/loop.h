@@ -40,7 +40,7 @@ struct fv_loop_hooks {
     void (*pace)(void *context); /* before a frame is taken, when none comes by the clock; returns
                                     soon after `stop` */
     uint32_t (*commands)(void *context); /* enum fovea_command bits that came since the last call */
-    /* Fill in the odometry and boxes that have come; the rest of `inputs` is set. */
+    /* Fill in the samples and boxes that have come; the rest of `inputs` is set. */
     void (*sense)(void *context, struct fovea_inputs *inputs);
     /* `pose` is that of this frame; NULL when none was processed. */
     void (*step_done)(void *context, const struct fovea_inputs *inputs,

@@ -69,8 +69,9 @@ struct fv_run {
     struct fv_loop_shared shared;
     struct fv_timings timings;
     struct fv_loop loop;
-    sem_t ended;                              /* posted by the loop */
-    const char *outputs[FV_RUN_OUTPUT_COUNT]; /* paths, NULL or "" for none */
+    struct fovea_sample samples[FOVEA_INPUT_SAMPLES_MAX]; /* of the step under way; the loop's */
+    sem_t ended;                                          /* posted by the loop */
+    const char *outputs[FV_RUN_OUTPUT_COUNT];             /* paths, NULL or "" for none */
     atomic_uint unwritten; /* bits 1 << enum fv_run_output: what is not whole yet */
 };
 

@@ -36,14 +36,36 @@ static uint32_t commands(void *context)
     return fv_keeper_commands(&run->keeper, fv_transport_commands(run->transport));
 }
 
-/* On the frames' clock; the messages' is UTC. */
-static uint32_t odometry_heard(struct fv_run *run, const struct fovea_inputs *inputs,
-                               struct fovea_odometry_sample *samples)
+/* Put wheel odometry that the network brought among the samples, in the order of stamps: on the
+ * frames' clock, while the messages' is UTC. */
+static void add_heard(struct fv_run *run, struct fovea_inputs *inputs)
 {
-    uint32_t count = fv_transport_odometry(run->transport, samples, FOVEA_INPUT_ODOMETRY_MAX);
-    for (uint32_t i = 0; i < count; i++)
-        samples[i].stamp_ns -= inputs->utc_offset_ns;
-    return count;
+    enum { HEARD_MAX = 64 };
+    struct fovea_wheel_odometry_sample heard[HEARD_MAX];
+    const uint32_t room = FOVEA_INPUT_SAMPLES_MAX - inputs->sample_count,
+                   count = fv_transport_odometry(run->transport, heard,
+                                                 room < HEARD_MAX ? room : HEARD_MAX);
+    for (uint32_t i = 0; i < count; i++) {
+        uint32_t at = inputs->sample_count++;
+        heard[i].stamp_ns -= inputs->utc_offset_ns;
+        for (; at > 0 && fovea_sample_stamp(&run->samples[at - 1]) > heard[i].stamp_ns; at--)
+            run->samples[at] = run->samples[at - 1];
+        run->samples[at] =
+            (struct fovea_sample){.kind = FOVEA_SAMPLE_WHEEL_ODOMETRY, .wheel_odometry = heard[i]};
+    }
+}
+
+static void take_samples(struct fv_run *run, struct fovea_inputs *inputs)
+{
+    const struct fovea_source_ops *ops = run->setup.ops;
+    const struct fovea_source_info *info = ops->info(run->setup.source);
+    const bool wheels = run->settings.runtime.scale.source == FOVEA_SCALE_ODOMETRY;
+    inputs->samples = run->samples;
+    if (ops->samples != NULL && inputs->frame != NULL &&
+        (info->rig.has_imu || (wheels && info->has_wheel_odometry)))
+        inputs->sample_count =
+            ops->samples(run->setup.source, inputs->frame, run->samples, FOVEA_INPUT_SAMPLES_MAX);
+    if (wheels && !info->has_wheel_odometry) add_heard(run, inputs);
 }
 
 static void boxes_from_truth(struct fv_run *run, struct fovea_inputs *inputs)
@@ -64,14 +86,7 @@ static void boxes_from_truth(struct fv_run *run, struct fovea_inputs *inputs)
 static void sense(void *context, struct fovea_inputs *inputs)
 {
     struct fv_run *run = context;
-    const struct fovea_source_ops *ops = run->setup.ops;
-    if (run->settings.runtime.scale.source == FOVEA_SCALE_ODOMETRY) {
-        if (ops->odometry == NULL)
-            inputs->odometry_count = odometry_heard(run, inputs, inputs->odometry);
-        else if (inputs->frame != NULL)
-            inputs->odometry_count = ops->odometry(run->setup.source, inputs->frame,
-                                                   inputs->odometry, FOVEA_INPUT_ODOMETRY_MAX);
-    }
+    take_samples(run, inputs);
     if (run->settings.movable_boxes == FV_MOVABLE_TRUTH && inputs->frame != NULL)
         boxes_from_truth(run, inputs);
 }

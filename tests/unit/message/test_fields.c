@@ -40,7 +40,7 @@
 #include "fovea_named_hash_t.h"
 #include "fovea_object_t.h"
 #include "fovea_objects_t.h"
-#include "fovea_odometry_sample_t.h"
+#include "fovea_imu_t.h"
 #include "fovea_parameter_result_t.h"
 #include "fovea_pose_t.h"
 #include "fovea_preview_t.h"
@@ -55,6 +55,7 @@
 #include "fovea_segmentation_t.h"
 #include "fovea_stage_t.h"
 #include "fovea_stamp_t.h"
+#include "fovea_wheel_odometry_t.h"
 #include "fovea_statistics_t.h"
 #include "fovea_tensor_t.h"
 #include "fovea_tensors_t.h"
@@ -92,6 +93,7 @@
     X(fovea, health_part_t)                                                                        \
     X(fovea, health_t)                                                                             \
     X(fovea, image_t)                                                                              \
+    X(fovea, imu_t)                                                                                \
     X(fovea, inputs_t)                                                                             \
     X(fovea, job_t)                                                                                \
     X(fovea, keyframe_t)                                                                           \
@@ -102,7 +104,6 @@
     X(fovea, named_hash_t)                                                                         \
     X(fovea, object_t)                                                                             \
     X(fovea, objects_t)                                                                            \
-    X(fovea, odometry_sample_t)                                                                    \
     X(fovea, parameter_result_t)                                                                   \
     X(fovea, pose_t)                                                                               \
     X(fovea, preview_t)                                                                            \
@@ -120,7 +121,8 @@
     X(fovea, statistics_t)                                                                         \
     X(fovea, tensor_t)                                                                             \
     X(fovea, tensors_t)                                                                            \
-    X(fovea, velocity_command_t)
+    X(fovea, velocity_command_t)                                                                   \
+    X(fovea, wheel_odometry_t)
 EVERY_TYPE(ROUND_TRIP)
 
 static const struct {

@@ -18,9 +18,17 @@
 #include "fovea_pose_t.h"
 
 static struct sim_rig rig;
+static struct fovea_sample samples[FOVEA_INPUT_SAMPLES_MAX];
 static uint8_t *saved; /* the map of the first test */
 static size_t saved_bytes;
 static double saved_scale;
+
+static void take_samples(void)
+{
+    rig.inputs.samples = samples;
+    rig.inputs.sample_count =
+        rig.ops->samples(rig.source, &rig.frame, samples, FOVEA_INPUT_SAMPLES_MAX);
+}
 
 static void odometry_gives_metres(void **state)
 {
@@ -29,11 +37,10 @@ static void odometry_gives_metres(void **state)
     rig.config.scale.source = FOVEA_SCALE_ODOMETRY;
     sim_rig_build(&rig);
     while (sim_rig_next(&rig)) {
-        rig.inputs.odometry_count = rig.ops->odometry(rig.source, &rig.frame, rig.inputs.odometry,
-                                                      FOVEA_INPUT_ODOMETRY_MAX);
+        take_samples();
         /* Every 2.5 s a wheel slips: 40 cm that nothing moved by. */
-        for (uint32_t i = 0; i < rig.inputs.odometry_count; i++)
-            rig.inputs.odometry[i].position_m[0] += 0.4 * (double)(rig.frames / 75);
+        for (uint32_t i = 0; i < rig.inputs.sample_count; i++)
+            samples[i].wheel_odometry.position_m[0] += 0.4 * (double)(rig.frames / 75);
         sim_rig_process(&rig);
     }
     const struct fovea_pose *last = &rig.pose[rig.frames - 1];
@@ -58,10 +65,9 @@ static void a_wrong_stamp_does_not_end_odometry(void **state)
     rig.config.scale.source = FOVEA_SCALE_ODOMETRY;
     sim_rig_build(&rig);
     while (sim_rig_next(&rig)) {
-        rig.inputs.odometry_count = rig.ops->odometry(rig.source, &rig.frame, rig.inputs.odometry,
-                                                      FOVEA_INPUT_ODOMETRY_MAX);
-        assert_true(rig.inputs.odometry_count > 0);
-        if (rig.frames == 2) rig.inputs.odometry[0].stamp_ns += INT64_C(86400000000000);
+        take_samples();
+        assert_true(rig.inputs.sample_count > 0);
+        if (rig.frames == 2) samples[0].wheel_odometry.stamp_ns += INT64_C(86400000000000);
         sim_rig_process(&rig);
     }
     double scale = sim_rig_scale(&rig, 100, rig.frames);
@@ -302,7 +308,10 @@ static void a_lever_arm_is_minded(void **state)
         fv_se3_compose(&start_inverse, &T, &T);
         fv_se3_compose(&B, &T, &T);
         fv_se3_compose(&T, &inverse, &T); /* T_odom_base by odometry */
-        struct fovea_odometry_sample *sample = &rig.inputs.odometry[rig.inputs.odometry_count++];
+        struct fovea_wheel_odometry_sample *sample = &samples[0].wheel_odometry;
+        samples[0].kind = FOVEA_SAMPLE_WHEEL_ODOMETRY;
+        rig.inputs.samples = samples;
+        rig.inputs.sample_count = 1;
         sample->stamp_ns = rig.frame.stamp_ns;
         memcpy(sample->position_m, T.t, sizeof T.t);
         fv_so3_to_quaternion(T.R, sample->orientation);

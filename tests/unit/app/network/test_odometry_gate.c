@@ -19,7 +19,7 @@ static bot_core_pose_t pose_at(double t_s, double x_m, double yaw_rad)
 static enum fv_odometry_verdict judge(struct fv_odometry_gate *gate, double t_s, double x_m,
                                       double yaw_rad)
 {
-    struct fovea_odometry_sample sample;
+    struct fovea_wheel_odometry_sample sample;
     const bot_core_pose_t pose = pose_at(t_s, x_m, yaw_rad);
     return fv_odometry_gate_judge(gate, &pose, &sample);
 }
