@@ -31,7 +31,7 @@ void fv_odometry_carve(struct fv_odometry *o, const struct fovea_odometry_config
     fv_map_carve(&o->map, &limits, &o->camera, &o->bearings, persistent);
     o->state = fv_arena_take(persistent, 1, sizeof *o->state);
     o->recent = fv_arena_take(persistent, features_max, sizeof *o->recent);
-    o->start_depth = fv_arena_take(persistent, features_max, sizeof *o->start_depth);
+    o->guessed_depth = fv_arena_take(persistent, features_max, sizeof *o->guessed_depth);
     const struct fv_window_limits window = {config->window, WINDOW_LANDMARKS, WINDOW_OBSERVATIONS,
                                             WINDOW_PASSES, window_settled};
     fv_window_carve(&o->window, &window, &o->map, job);
@@ -63,7 +63,7 @@ static void begin(struct fv_odometry *o)
     if (o->config.loops) fv_loop_reset(&o->loop, o->state->random.s[0]);
     s->state = FOVEA_TRACKING_STARTING;
     s->moving_known = s->job_wanted = false;
-    s->lost_frames = s->recent_count = s->pending_count = s->start.count = 0;
+    s->lost_frames = s->recent_count = s->pending_count = s->initialise.count = 0;
     s->keyframe_matches = 0;
     memset(&s->grow, 0, sizeof s->grow);
     if (o->config.localise_only) s->state = FOVEA_TRACKING_LOST;
@@ -215,7 +215,7 @@ static void start_another(struct fv_odometry *o, const struct fv_kernels *kernel
 {
     struct fv_odometry_state *s = o->state;
     const uint32_t map_id = o->map.state->map_id;
-    if (!fv_odometry_start(o, kernels)) return;
+    if (!fv_odometry_initialise(o, kernels)) return;
     if (fv_map_count_keyframes(&o->map, map_id) < MAP_KEYFRAMES_MIN) fv_map_drop(&o->map, map_id);
     s->lost_frames = 0;
     s->reset_counter++;
@@ -236,7 +236,7 @@ static void track_step(struct fv_odometry *o, const struct fv_kernels *kernels)
         return;
     }
     s->lost_frames = 0;
-    s->start.count = 0;
+    s->initialise.count = 0;
     s->state = confidence(o, inliers);
     if (!o->config.localise_only && fv_odometry_keyframe_needed(o, inliers))
         fv_odometry_make_keyframe(o);
@@ -252,7 +252,7 @@ void fv_odometry_step(struct fv_odometry *o, const struct fv_kernels *kernels,
     odometry_fill_view(o, input);
     if (s->state != FOVEA_TRACKING_STARTING) {
         track_step(o, kernels);
-    } else if (fv_odometry_start(o, kernels)) {
+    } else if (fv_odometry_initialise(o, kernels)) {
         fv_odometry_confirm(o);
         s->state = confidence(o, s->pose.inliers);
         write_pose(o);

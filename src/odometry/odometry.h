@@ -1,8 +1,8 @@
 /* Visual odometry: the stage behind include/fovea/odometry.h.
  *
- * A step (fv_odometry_step) gives the pose of a frame: start.c finds the first keyframes, track.c
- * the pose against the local map, keyframe.c decides whether the frame becomes a keyframe. A job
- * (fv_odometry_unit) does the rest in units: grow.c triangulates and fuses new landmarks of a
+ * A step (fv_odometry_step) gives the pose of a frame: initialise.c finds the first keyframes,
+ * track.c the pose against the local map, keyframe.c decides whether the frame becomes a keyframe.
+ * A job (fv_odometry_unit) does the rest in units: grow.c triangulates and fuses new landmarks of a
  * keyframe, then the window is optimised and committed. Between frames the pose is carried along
  * when a commit moves the keyframe that it hangs on.
  *
@@ -24,7 +24,7 @@
 #include "map/map.h"
 #include "map/window.h"
 #include "odometry/relocalise.h"
-#include "odometry/start.h"
+#include "odometry/initialise.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -62,7 +62,7 @@ struct fv_odometry_state {
     uint64_t frame_number;
     uint64_t keyframe_frame; /* number of the frame that became the last keyframe */
     uint32_t lost_frames, reset_counter;
-    struct fv_start_state start;
+    struct fv_initialise_state initialise;
     uint32_t still_frames; /* for which the camera has stayed at still_place */
     double still_place[3]; /* world */
     uint32_t recent_count;
@@ -93,18 +93,18 @@ struct fv_odometry {
     struct fv_loop_closer loop;
     struct fv_odometry_state *state;
     struct fv_recent *recent; /* features_max */
-    float *start_depth;       /* inverse depths guessed, by feature of the first view */
+    float *guessed_depth;     /* inverse depths guessed, by feature of the first view */
     float (
         *line)[3]; /* job part: bearings of the neighbour in which new landmarks are looked for */
     /* Frame part. */
-    struct fv_sight *sights;       /* of the matched features */
-    uint32_t *sight_feature;       /* feature of each sight */
-    uint16_t *match_distance;      /* by feature */
-    double *joint;                 /* normal equations of covariance.c */
-    uint32_t *local;               /* landmarks of the local map */
-    struct fv_pair *pairs;         /* start */
-    struct fv_track *tracks;       /* start: of each pair */
-    struct fv_start_depth *depths; /* start: of each track */
+    struct fv_sight *sights;            /* of the matched features */
+    uint32_t *sight_feature;            /* feature of each sight */
+    uint16_t *match_distance;           /* by feature */
+    double *joint;                      /* normal equations of covariance.c */
+    uint32_t *local;                    /* landmarks of the local map */
+    struct fv_pair *pairs;              /* initialisation */
+    struct fv_feature_track *tracks;    /* initialisation: of each pair */
+    struct fv_initialise_depth *depths; /* initialisation: of each track */
     uint8_t *inlier;
     uint32_t *nearest, *second;
     uint8_t *gathered; /* descriptors of landmarks, for search without prediction */
@@ -195,7 +195,7 @@ static inline void fv_sight_from(const struct fv_keypoint *p, const double point
 }
 
 /* Try to make the first map from the waiting frames and the current one; true when done. */
-bool fv_odometry_start(struct fv_odometry *odometry, const struct fv_kernels *kernels);
+bool fv_odometry_initialise(struct fv_odometry *odometry, const struct fv_kernels *kernels);
 /* Pose of the current view against the local map; number of inliers (0: failed). */
 uint32_t fv_odometry_track(struct fv_odometry *odometry, const struct fv_kernels *kernels);
 /* Pieces of tracking that relocalisation shares: forget the view's matches; make sights of them,

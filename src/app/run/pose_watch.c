@@ -4,7 +4,7 @@
 
 #include "app/run/timing.h"
 
-/* The start needs this many matches between two images (src/odometry/start.c): fewer, and
+/* Initialisation needs this many matches between two images (src/odometry/initialise.c): fewer, and
  * the view waited on is given up. */
 enum { START_MATCHES_MIN = 80 };
 

@@ -1,7 +1,7 @@
-/* Bundle adjustment of a start: the first view fixed, the poses of the others and the inverse
- * depths of all tracks along the first view's bearings moved. Little parallax is the rule here, and
- * inverse depths are nearly linear in it (J. Civera, A. Davison, J. Montiel, "Inverse depth
- * parametrization for monocular SLAM", 2008; F. Yu and D. Gallup, "3D reconstruction from
+/* Bundle adjustment of an initialisation: the first view fixed, the poses of the others and the
+ * inverse depths of all tracks along the first view's bearings moved. Little parallax is the rule
+ * here, and inverse depths are nearly linear in it (J. Civera, A. Davison, J. Montiel, "Inverse
+ * depth parametrization for monocular SLAM", 2008; F. Yu and D. Gallup, "3D reconstruction from
  * accidental motion", 2014): a point far away is no special case. */
 #include <string.h>
 
@@ -11,7 +11,7 @@
 #include "geometry/chi_square.h"
 
 enum {
-    MOVED_MAX = FV_START_VIEWS_MAX - 1,
+    MOVED_MAX = FV_INITIALISE_VIEWS_MAX - 1,
     SYSTEM_MAX = 6 * MOVED_MAX,
     STEPS_MAX = 16,
     ALIGN_STEPS = 6,
@@ -37,19 +37,19 @@ static const double align_limit2 =
     1e4; /* px^2: what an error says no more beyond, a quarter in each step */
 
 /* Normal equations of the views moved, the inverse depths eliminated. */
-struct fv_start_system {
+struct fv_initialise_system {
     double H[SYSTEM_MAX * SYSTEM_MAX], g[SYSTEM_MAX];
     int size;
 };
 
-static struct fv_normal normal_of(struct fv_start_system *s)
+static struct fv_normal normal_of(struct fv_initialise_system *s)
 {
     return (struct fv_normal){s->H, s->g, s->size};
 }
 
 /* Error of a track in view v (px), its weight, and derivatives by the view's motion (translation
  * first, then rotation, on the left of R) and by the inverse depth. False: behind the camera. */
-struct fv_start_row {
+struct fv_initialise_row {
     double error[2], weight;
     double by_pose[2][6], by_depth[2];
 };
@@ -67,14 +67,15 @@ static void move(struct fv_se3 *T, const double step[6])
 }
 
 static const struct fv_keypoint *keypoint_of(const struct fv_view *view,
-                                             const struct fv_track *track, uint32_t v)
+                                             const struct fv_feature_track *track, uint32_t v)
 {
     return &view->keypoints[track->feature[v]];
 }
 
-static bool row_of(const struct fv_start_bundle *b, const struct fv_view views[FV_START_VIEWS_MAX],
-                   const struct fv_pair *pair, const struct fv_track *track, double inverse_depth,
-                   uint32_t v, struct fv_start_row *row)
+static bool row_of(const struct fv_initialise_bundle *b,
+                   const struct fv_view views[FV_INITIALISE_VIEWS_MAX], const struct fv_pair *pair,
+                   const struct fv_feature_track *track, double inverse_depth, uint32_t v,
+                   struct fv_initialise_row *row)
 {
     const struct fv_keypoint *p = keypoint_of(&views[v], track, v),
                              *first = keypoint_of(&views[0], track, 0);
@@ -98,7 +99,7 @@ static bool row_of(const struct fv_start_bundle *b, const struct fv_view views[F
 }
 
 /* Add both rows to the system, at the block of their view. */
-static void add_row(const struct fv_normal *normal, int first, const struct fv_start_row *row)
+static void add_row(const struct fv_normal *normal, int first, const struct fv_initialise_row *row)
 {
     double weighted[12];
     fv_block_weigh(row->by_pose[0], 12, row->weight, weighted);
@@ -106,7 +107,7 @@ static void add_row(const struct fv_normal *normal, int first, const struct fv_s
 }
 
 /* Geman's and McClure's weight: errors beyond the limit count less and less. Returns the cost. */
-static double robust(struct fv_start_row *row, double limit2)
+static double robust(struct fv_initialise_row *row, double limit2)
 {
     const double square =
         row->weight * (row->error[0] * row->error[0] + row->error[1] * row->error[1]);
@@ -119,8 +120,8 @@ static double robust(struct fv_start_row *row, double limit2)
 
 /* Move view v until it fits the points. False: too few are seen. */
 static bool place_view(struct fv_odometry *o, uint32_t count,
-                       const struct fv_view views[FV_START_VIEWS_MAX], struct fv_start_bundle *b,
-                       uint32_t v)
+                       const struct fv_view views[FV_INITIALISE_VIEWS_MAX],
+                       struct fv_initialise_bundle *b, uint32_t v)
 {
     double limit2 = align_limit2;
     for (int step = 0; step < ALIGN_STEPS; step++, limit2 /= 4) {
@@ -128,7 +129,7 @@ static bool place_view(struct fv_odometry *o, uint32_t count,
         const struct fv_normal normal = {H, g, 6};
         uint32_t sights = 0;
         for (uint32_t i = 0; i < count && sights < ALIGN_TRACKS; i++) {
-            struct fv_start_row row;
+            struct fv_initialise_row row;
             if (o->tracks[i].feature[v] == FV_MAP_NONE ||
                 !row_of(b, views, &o->pairs[i], &o->tracks[i], o->depths[i].value, v, &row))
                 continue;
@@ -143,8 +144,8 @@ static bool place_view(struct fv_odometry *o, uint32_t count,
     return true;
 }
 
-static void find_views(const struct fv_odometry *o, const struct fv_start_bundle *b,
-                       struct fv_view views[FV_START_VIEWS_MAX])
+static void find_views(const struct fv_odometry *o, const struct fv_initialise_bundle *b,
+                       struct fv_view views[FV_INITIALISE_VIEWS_MAX])
 {
     for (uint32_t v = 0; v < b->view_count; v++)
         views[v] = fv_map_view(&o->map, b->slots[v]);
@@ -162,17 +163,17 @@ static void go_part(const struct fv_se3 *whole, double share, struct fv_se3 *T)
     fv_so3_exp(turn, T->R);
 }
 
-bool fv_start_guess_motion(struct fv_odometry *o, uint32_t count, const struct fv_se3 *T_last_first,
-                           struct fv_start_bundle *b)
+bool fv_initialise_guess_motion(struct fv_odometry *o, uint32_t count,
+                                const struct fv_se3 *T_last_first, struct fv_initialise_bundle *b)
 {
-    struct fv_view views[FV_START_VIEWS_MAX];
+    struct fv_view views[FV_INITIALISE_VIEWS_MAX];
     const uint32_t last = b->view_count - 1;
     uint32_t placed = 0;
     find_views(o, b, views);
     fv_se3_identity(&b->T_view_first[0]);
     b->T_view_first[last] = *T_last_first;
     for (uint32_t i = 0; i < count; i++)
-        placed += fv_start_inverse_depth(o, &o->pairs[i], T_last_first, &o->depths[i].value);
+        placed += fv_initialise_inverse_depth(o, &o->pairs[i], T_last_first, &o->depths[i].value);
     if (placed < point_share_min * count) return false;
     for (uint32_t v = 1; v < last; v++) {
         go_part(T_last_first, b->share[v], &b->T_view_first[v]);
@@ -181,16 +182,17 @@ bool fv_start_guess_motion(struct fv_odometry *o, uint32_t count, const struct f
     return true;
 }
 
-bool fv_start_guess_again(struct fv_odometry *o, uint32_t count, struct fv_start_bundle *b)
+bool fv_initialise_guess_again(struct fv_odometry *o, uint32_t count,
+                               struct fv_initialise_bundle *b)
 {
-    const struct fv_start_state *s = &o->state->start;
-    struct fv_view views[FV_START_VIEWS_MAX];
+    const struct fv_initialise_state *s = &o->state->initialise;
+    struct fv_view views[FV_INITIALISE_VIEWS_MAX];
     const uint32_t last = b->view_count - 1;
     if (s->guessed != s->frames[0]) return false;
     find_views(o, b, views);
     fv_se3_identity(&b->T_view_first[0]);
     for (uint32_t i = 0; i < count; i++)
-        o->depths[i].value = (double)o->start_depth[o->tracks[i].feature[0]];
+        o->depths[i].value = (double)o->guessed_depth[o->tracks[i].feature[0]];
     for (uint32_t v = 1; v <= last; v++) {
         b->T_view_first[v] = v == last ? s->guess : views[v].frame->T_cam_world;
         if (!place_view(o, count, views, b, v)) return false;
@@ -198,15 +200,16 @@ bool fv_start_guess_again(struct fv_odometry *o, uint32_t count, struct fv_start
     return true;
 }
 
-bool fv_start_guess_reversed(struct fv_odometry *o, uint32_t count, struct fv_start_bundle *b)
+bool fv_initialise_guess_reversed(struct fv_odometry *o, uint32_t count,
+                                  struct fv_initialise_bundle *b)
 {
-    struct fv_view views[FV_START_VIEWS_MAX];
+    struct fv_view views[FV_INITIALISE_VIEWS_MAX];
     double sum = 0;
     find_views(o, b, views);
     for (uint32_t i = 0; i < count; i++)
-        sum += (double)o->start_depth[o->tracks[i].feature[0]];
+        sum += (double)o->guessed_depth[o->tracks[i].feature[0]];
     for (uint32_t i = 0; i < count; i++)
-        o->depths[i].value = 2 * sum / count - (double)o->start_depth[o->tracks[i].feature[0]];
+        o->depths[i].value = 2 * sum / count - (double)o->guessed_depth[o->tracks[i].feature[0]];
     for (uint32_t v = 1; v < b->view_count; v++) {
         for (int k = 0; k < 3; k++)
             b->T_view_first[v].t[k] = -b->T_view_first[v].t[k];
@@ -215,10 +218,10 @@ bool fv_start_guess_reversed(struct fv_odometry *o, uint32_t count, struct fv_st
     return true;
 }
 
-void fv_start_note_guess(struct fv_odometry *o, uint32_t count, uint32_t all,
-                         const struct fv_start_bundle *b)
+void fv_initialise_note_guess(struct fv_odometry *o, uint32_t count, uint32_t all,
+                              const struct fv_initialise_bundle *b)
 {
-    struct fv_start_state *s = &o->state->start;
+    struct fv_initialise_state *s = &o->state->initialise;
     const struct fv_view first = fv_map_view(&o->map, b->slots[0]);
     const uint64_t now = o->state->frame_number;
     double sum = 0;
@@ -227,11 +230,11 @@ void fv_start_note_guess(struct fv_odometry *o, uint32_t count, uint32_t all,
     for (uint32_t i = 0; i < count; i++)
         sum += o->depths[i].value;
     for (uint32_t f = 0; f < first.frame->features; f++)
-        o->start_depth[f] = (float)(sum / count);
+        o->guessed_depth[f] = (float)(sum / count);
     for (uint32_t i = 0; i < all; i++) {
         double depth = o->depths[i].value;
-        if (i >= count) (void)fv_start_inverse_depth(o, &o->pairs[i], &s->guess, &depth);
-        o->start_depth[o->tracks[i].feature[0]] = (float)depth;
+        if (i >= count) (void)fv_initialise_inverse_depth(o, &o->pairs[i], &s->guess, &depth);
+        o->guessed_depth[o->tracks[i].feature[0]] = (float)depth;
     }
     for (uint32_t i = 1; i < s->count; i++)
         go_part(&s->guess, (double)(s->frames[i] - s->frames[0]) / (double)(now - s->frames[0]),
@@ -243,16 +246,16 @@ void fv_start_note_guess(struct fv_odometry *o, uint32_t count, uint32_t all,
 /* ---- adjustment ------------------------------------------------------------------------------ */
 
 /* Add a track: its blocks, with its inverse depth eliminated. Returns its cost. */
-static double add_rows(struct fv_odometry *o, const struct fv_start_bundle *b,
-                       const struct fv_view views[FV_START_VIEWS_MAX], uint32_t track,
+static double add_rows(struct fv_odometry *o, const struct fv_initialise_bundle *b,
+                       const struct fv_view views[FV_INITIALISE_VIEWS_MAX], uint32_t track,
                        double damping, double limit2, const struct fv_normal *normal)
 {
-    struct fv_start_depth *d = &o->depths[track];
+    struct fv_initialise_depth *d = &o->depths[track];
     double cost = 0, h = 0;
     d->gradient = 0;
     memset(d->cross, 0, sizeof d->cross);
     for (uint32_t v = 1; v < b->view_count; v++) {
-        struct fv_start_row row;
+        struct fv_initialise_row row;
         double *cross = d->cross + 6 * (v - 1);
         if (o->tracks[track].feature[v] == FV_MAP_NONE) continue;
         if (!row_of(b, views, &o->pairs[track], &o->tracks[track], d->value, v, &row)) {
@@ -274,9 +277,9 @@ static double add_rows(struct fv_odometry *o, const struct fv_start_bundle *b,
 }
 
 /* Normal equations at the present poses and depths; returns the cost. */
-static double build(struct fv_odometry *o, uint32_t count, const struct fv_start_bundle *b,
-                    const struct fv_view views[FV_START_VIEWS_MAX], double damping, double limit2,
-                    struct fv_start_system *s)
+static double build(struct fv_odometry *o, uint32_t count, const struct fv_initialise_bundle *b,
+                    const struct fv_view views[FV_INITIALISE_VIEWS_MAX], double damping,
+                    double limit2, struct fv_initialise_system *s)
 {
     double cost = 0;
     s->size = 6 * ((int)b->view_count - 1);
@@ -286,7 +289,7 @@ static double build(struct fv_odometry *o, uint32_t count, const struct fv_start
         cost += add_rows(o, b, views, i, damping, limit2, &normal);
     fv_normal_damp(&normal, damping, 0);
     for (uint32_t i = 0; i < count; i++) {
-        const struct fv_start_depth *d = &o->depths[i];
+        const struct fv_initialise_depth *d = &o->depths[i];
         const struct fv_coupling coupling = {d->cross, 0, s->size};
         fv_normal_eliminate(&normal, 1, &d->inverse, &d->gradient, &coupling, 1);
     }
@@ -294,8 +297,8 @@ static double build(struct fv_odometry *o, uint32_t count, const struct fv_start
 }
 
 /* Move by the solution of the system; what was is kept in `before`. */
-static bool take_step(struct fv_odometry *o, uint32_t count, struct fv_start_bundle *b,
-                      struct fv_start_system *s, struct fv_se3 before[FV_START_VIEWS_MAX])
+static bool take_step(struct fv_odometry *o, uint32_t count, struct fv_initialise_bundle *b,
+                      struct fv_initialise_system *s, struct fv_se3 before[FV_INITIALISE_VIEWS_MAX])
 {
     memcpy(before, b->T_view_first, sizeof b->T_view_first);
     const struct fv_normal normal = normal_of(s);
@@ -304,7 +307,7 @@ static bool take_step(struct fv_odometry *o, uint32_t count, struct fv_start_bun
         move(&b->T_view_first[v], s->g + 6 * (v - 1));
     const double near = inverse_depth_max / fv_norm3(b->T_view_first[b->view_count - 1].t);
     for (uint32_t i = 0; i < count; i++) {
-        struct fv_start_depth *d = &o->depths[i];
+        struct fv_initialise_depth *d = &o->depths[i];
         const struct fv_coupling coupling = {d->cross, 0, s->size};
         double change;
         fv_landmark_step(1, &d->inverse, &d->gradient, &coupling, 1, s->g, &change);
@@ -319,10 +322,10 @@ static bool take_step(struct fv_odometry *o, uint32_t count, struct fv_start_bun
 
 /* Levenberg's and Marquardt's steps until nothing is gained. */
 static void minimise(struct fv_odometry *o, uint32_t count,
-                     const struct fv_view views[FV_START_VIEWS_MAX], struct fv_start_bundle *b,
-                     double limit2, struct fv_start_system *s)
+                     const struct fv_view views[FV_INITIALISE_VIEWS_MAX],
+                     struct fv_initialise_bundle *b, double limit2, struct fv_initialise_system *s)
 {
-    struct fv_se3 before[FV_START_VIEWS_MAX];
+    struct fv_se3 before[FV_INITIALISE_VIEWS_MAX];
     double damping = 1e-3, cost = build(o, count, b, views, damping, limit2, s);
     for (int step = 0; step < STEPS_MAX && take_step(o, count, b, s, before); step++) {
         const double now = build(o, count, b, views, damping, limit2, s);
@@ -343,7 +346,7 @@ static void minimise(struct fv_odometry *o, uint32_t count,
 }
 
 /* Points before the cameras, and the last view at distance 1. */
-static void normalise(struct fv_odometry *o, uint32_t count, struct fv_start_bundle *b)
+static void normalise(struct fv_odometry *o, uint32_t count, struct fv_initialise_bundle *b)
 {
     const uint32_t last = b->view_count - 1;
     double length = fv_norm3(b->T_view_first[last].t);
@@ -363,17 +366,18 @@ static void normalise(struct fv_odometry *o, uint32_t count, struct fv_start_bun
 
 /* What each part of the image pulls at the poses with, the inverse depths eliminated; at the
  * minimum all of it adds up to nothing. */
-static void pull_of(const struct fv_odometry *o, uint32_t count, const struct fv_start_bundle *b,
-                    const struct fv_view views[FV_START_VIEWS_MAX], double limit2,
+static void pull_of(const struct fv_odometry *o, uint32_t count,
+                    const struct fv_initialise_bundle *b,
+                    const struct fv_view views[FV_INITIALISE_VIEWS_MAX], double limit2,
                     double pull[FV_MAP_PARTS][SYSTEM_MAX])
 {
     memset(pull, 0, FV_MAP_PARTS * sizeof pull[0]);
     for (uint32_t i = 0; i < count; i++) {
-        const struct fv_start_depth *d = &o->depths[i];
+        const struct fv_initialise_depth *d = &o->depths[i];
         const struct fv_pixel *p = &views[0].points[o->tracks[i].feature[0]];
         double *sum = pull[fv_map_part(&o->map, p)];
         for (uint32_t v = 1; v < b->view_count; v++) {
-            struct fv_start_row row;
+            struct fv_initialise_row row;
             if (o->tracks[i].feature[v] == FV_MAP_NONE ||
                 !row_of(b, views, &o->pairs[i], &o->tracks[i], d->value, v, &row))
                 continue;
@@ -393,9 +397,9 @@ static void pull_of(const struct fv_odometry *o, uint32_t count, const struct fv
  * S. Zeger, "Longitudinal data analysis using generalized linear models", 1986): where a thing that
  * moves bends the bundle, it pulls against all the rest. FOVEA_PI: not determined. */
 static double direction_sigma(struct fv_odometry *o, uint32_t count,
-                              const struct fv_start_bundle *b,
-                              const struct fv_view views[FV_START_VIEWS_MAX], double limit2,
-                              struct fv_start_system *s)
+                              const struct fv_initialise_bundle *b,
+                              const struct fv_view views[FV_INITIALISE_VIEWS_MAX], double limit2,
+                              struct fv_initialise_system *s)
 {
     const double *t = b->T_view_first[b->view_count - 1].t;
     double variance = 0, variance_parts = 0, pull[FV_MAP_PARTS][SYSTEM_MAX];
@@ -430,15 +434,15 @@ static double direction_sigma(struct fv_odometry *o, uint32_t count,
 /* How badly a track is explained; `fits` tells whether all its errors are small. The logarithm
  * (Cauchy's weights) at the scale of a good match lets a slightly bent geometry, which explains a
  * moving thing as well, lose to the right one. */
-static double track_cost(const struct fv_odometry *o, const struct fv_start_bundle *b,
-                         const struct fv_view views[FV_START_VIEWS_MAX], uint32_t track, bool *fits,
-                         double *square)
+static double track_cost(const struct fv_odometry *o, const struct fv_initialise_bundle *b,
+                         const struct fv_view views[FV_INITIALISE_VIEWS_MAX], uint32_t track,
+                         bool *fits, double *square)
 {
     double cost = 0;
     *square = 0;
     *fits = o->depths[track].value > 0;
     for (uint32_t v = 1; v < b->view_count; v++) {
-        struct fv_start_row row;
+        struct fv_initialise_row row;
         double error = error_max;
         if (o->tracks[track].feature[v] == FV_MAP_NONE) continue;
         if (row_of(b, views, &o->pairs[track], &o->tracks[track], o->depths[track].value, v, &row))
@@ -453,7 +457,8 @@ static double track_cost(const struct fv_odometry *o, const struct fv_start_bund
 
 /* Cost, points and noise of the bundle. */
 static void judge(struct fv_odometry *o, uint32_t count,
-                  const struct fv_view views[FV_START_VIEWS_MAX], struct fv_start_bundle *b)
+                  const struct fv_view views[FV_INITIALISE_VIEWS_MAX],
+                  struct fv_initialise_bundle *b)
 {
     const struct fv_se3 *last = &b->T_view_first[b->view_count - 1];
     double squares = 0, freedom = -6.0 * (b->view_count - 1);
@@ -471,17 +476,18 @@ static void judge(struct fv_odometry *o, uint32_t count,
             freedom += o->tracks[i].feature[v] == FV_MAP_NONE ? 0 : 2;
         b->points++;
         b->parallax_points +=
-            fv_start_parallax_px(o, &o->pairs[i], last, o->depths[i].value) >= FV_START_PARALLAX_PX;
+            fv_initialise_parallax_px(o, &o->pairs[i], last, o->depths[i].value) >=
+            FV_INITIALISE_PARALLAX_PX;
     }
     const double variance = freedom > 0 ? squares / freedom : 1;
     b->noise = __builtin_sqrt(variance > variance_min ? variance : variance_min);
 }
 
-void fv_start_adjust(struct fv_odometry *o, uint32_t count, enum fv_start_trust trust,
-                     struct fv_start_bundle *b)
+void fv_initialise_adjust(struct fv_odometry *o, uint32_t count, enum fv_initialise_trust trust,
+                          struct fv_initialise_bundle *b)
 {
-    struct fv_start_system system;
-    struct fv_view views[FV_START_VIEWS_MAX];
+    struct fv_initialise_system system;
+    struct fv_view views[FV_INITIALISE_VIEWS_MAX];
     find_views(o, b, views);
     for (int stage = (int)trust; stage < STAGES; stage++)
         minimise(o, count, views, b, stage_limit2[stage], &system);
@@ -496,10 +502,11 @@ void fv_start_adjust(struct fv_odometry *o, uint32_t count, enum fv_start_trust 
     b->direction_sigma = direction_sigma(o, count, b, views, limit2, &system);
 }
 
-double fv_start_turn_cost(struct fv_odometry *o, uint32_t count, const struct fv_start_bundle *b)
+double fv_initialise_turn_cost(struct fv_odometry *o, uint32_t count,
+                               const struct fv_initialise_bundle *b)
 {
-    struct fv_view views[FV_START_VIEWS_MAX];
-    struct fv_start_bundle turn = *b;
+    struct fv_view views[FV_INITIALISE_VIEWS_MAX];
+    struct fv_initialise_bundle turn = *b;
     double cost = 0, square;
     bool fits;
     find_views(o, b, views);
@@ -512,10 +519,10 @@ double fv_start_turn_cost(struct fv_odometry *o, uint32_t count, const struct fv
     return cost;
 }
 
-bool fv_start_point_serves(const struct fv_odometry *o, const struct fv_start_bundle *b,
-                           uint32_t track)
+bool fv_initialise_point_serves(const struct fv_odometry *o, const struct fv_initialise_bundle *b,
+                                uint32_t track)
 {
     return o->inlier[track] &&
-           fv_start_parallax_px(o, &o->pairs[track], &b->T_view_first[b->view_count - 1],
-                                o->depths[track].value) >= parallax_some_px;
+           fv_initialise_parallax_px(o, &o->pairs[track], &b->T_view_first[b->view_count - 1],
+                                     o->depths[track].value) >= parallax_some_px;
 }

@@ -16,8 +16,8 @@ static const double mismatch_share_max = 0.5;
 static const double cost_share_max =
     1.5; /* of the best one's cost, above which a motion is out of the question */
 
-bool fv_start_inverse_depth(const struct fv_odometry *o, const struct fv_pair *pair,
-                            const struct fv_se3 *T, double *inverse_depth)
+bool fv_initialise_inverse_depth(const struct fv_odometry *o, const struct fv_pair *pair,
+                                 const struct fv_se3 *T, double *inverse_depth)
 {
     const double limit = place_limit_px / o->focal_px;
     double ray[3], q[3], off[3], across[3];
@@ -33,8 +33,8 @@ bool fv_start_inverse_depth(const struct fv_odometry *o, const struct fv_pair *p
     return fv_dot3(q, pair->x2) > 0 && fv_dot3(off, off) <= limit * limit * fv_dot3(q, q);
 }
 
-double fv_start_parallax_px(const struct fv_odometry *o, const struct fv_pair *pair,
-                            const struct fv_se3 *T, double inverse_depth)
+double fv_initialise_parallax_px(const struct fv_odometry *o, const struct fv_pair *pair,
+                                 const struct fv_se3 *T, double inverse_depth)
 {
     double ray[3], q[3], cross[3];
     fv_rotate3(T->R, pair->x1, ray);
@@ -45,7 +45,7 @@ double fv_start_parallax_px(const struct fv_odometry *o, const struct fv_pair *p
 }
 
 /* Truncated squares of the residuals; a point that cannot be placed counts as a mismatch.
- * `parallax`: points with enough of it to start on. */
+ * `parallax`: points with enough of it to be landmarks. */
 static double motion_cost(const struct fv_odometry *o, uint32_t count, const struct fv_se3 *T,
                           uint32_t *parallax)
 {
@@ -54,10 +54,11 @@ static double motion_cost(const struct fv_odometry *o, uint32_t count, const str
     *parallax = 0;
     for (uint32_t i = 0; i < count; i++) {
         double inverse_depth = 0, r2 = fv_essential_residual2(E, &o->pairs[i]);
-        if (r2 > limit2 || !fv_start_inverse_depth(o, &o->pairs[i], T, &inverse_depth)) r2 = limit2;
+        if (r2 > limit2 || !fv_initialise_inverse_depth(o, &o->pairs[i], T, &inverse_depth))
+            r2 = limit2;
         cost += r2;
-        *parallax += r2 < limit2 && fv_start_parallax_px(o, &o->pairs[i], T, inverse_depth) >=
-                                        FV_START_PARALLAX_PX;
+        *parallax += r2 < limit2 && fv_initialise_parallax_px(o, &o->pairs[i], T, inverse_depth) >=
+                                        FV_INITIALISE_PARALLAX_PX;
     }
     return cost / limit2;
 }
@@ -72,7 +73,7 @@ static bool same_motion(const struct fv_se3 *A, const struct fv_se3 *B)
     return fv_norm3(turn) < same_rotation_rad && fv_dot3(A->t, B->t) > same_direction_cosine;
 }
 
-bool fv_start_same(const struct fv_start_bundle *a, const struct fv_start_bundle *b)
+bool fv_initialise_same(const struct fv_initialise_bundle *a, const struct fv_initialise_bundle *b)
 {
     struct fv_se3 A = a->T_view_first[a->view_count - 1], B = b->T_view_first[b->view_count - 1];
     return fv_normalise3(A.t) && fv_normalise3(B.t) && same_motion(&A, &B);
@@ -84,8 +85,9 @@ static uint32_t add_motion(struct fv_odometry *o, uint32_t pairs, const struct f
 {
     uint32_t parallax;
     double cost = motion_cost(o, pairs, T, &parallax);
-    if (cost > mismatch_share_max * pairs || parallax < FV_START_POINTS_MIN / 2) return count;
-    if (count == FV_START_MOTIONS_MAX && cost < costs[count - 1]) count--; /* the worst gives way */
+    if (cost > mismatch_share_max * pairs || parallax < FV_INITIALISE_POINTS_MIN / 2) return count;
+    if (count == FV_INITIALISE_MOTIONS_MAX && cost < costs[count - 1])
+        count--; /* the worst gives way */
     for (uint32_t i = 0; i < count; i++)
         if (same_motion(&list[i], T)) {
             if (cost < costs[i]) {
@@ -94,7 +96,7 @@ static uint32_t add_motion(struct fv_odometry *o, uint32_t pairs, const struct f
             }
             return count;
         }
-    if (count == FV_START_MOTIONS_MAX) return count;
+    if (count == FV_INITIALISE_MOTIONS_MAX) return count;
     uint32_t at = count;
     for (; at > 0 && costs[at - 1] > cost; at--) {
         list[at] = list[at - 1];
@@ -131,11 +133,11 @@ static uint32_t try_motion(struct fv_odometry *o, uint32_t pairs, struct fv_se3 
     return add_motion(o, pairs, T, found, list, costs);
 }
 
-uint32_t fv_start_motions(struct fv_odometry *o, uint32_t count,
-                          struct fv_se3 T[FV_START_MOTIONS_MAX])
+uint32_t fv_initialise_motions(struct fv_odometry *o, uint32_t count,
+                               struct fv_se3 T[FV_INITIALISE_MOTIONS_MAX])
 {
     const struct fv_sampling sampling = {threshold_px / o->focal_px, 0.999, 300};
-    double H[9], ratio, costs[FV_START_MOTIONS_MAX];
+    double H[9], ratio, costs[FV_INITIALISE_MOTIONS_MAX];
     struct fv_se3 motion, planes[4];
     uint32_t found = 0, fit_plane = fv_homography_estimate(o->pairs, count, &sampling,
                                                            &o->state->random, H, o->inlier);

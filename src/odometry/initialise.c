@@ -1,5 +1,5 @@
 /* The first map: which views to look at, and whether to believe what they say. */
-#include "odometry/start.h"
+#include "odometry/initialise.h"
 
 #include <string.h>
 
@@ -31,7 +31,7 @@ static const double rival_cost_min =
 
 /* ---- waiting views --------------------------------------------------------------------------- */
 
-static void drop_first(struct fv_start_state *s)
+static void drop_first(struct fv_initialise_state *s)
 {
     const uint32_t slot = s->slots[0];
     s->count--;
@@ -44,7 +44,7 @@ static void drop_first(struct fv_start_state *s)
 }
 
 /* Every second one goes, the first stays. */
-static void thin_out(struct fv_start_state *s)
+static void thin_out(struct fv_initialise_state *s)
 {
     for (uint32_t i = 1; 2 * i < s->count; i++) {
         const uint32_t slot = s->slots[i];
@@ -91,7 +91,8 @@ static uint32_t match_views(struct fv_odometry *o, const struct fv_kernels *kern
 
 /* Matches to pairs of bearings and tracks of the first and the last view, in an order that spreads
  * any number of the first ones evenly over all of them. */
-static uint32_t take_pairs(struct fv_odometry *o, uint32_t count, const struct fv_start_bundle *b)
+static uint32_t take_pairs(struct fv_odometry *o, uint32_t count,
+                           const struct fv_initialise_bundle *b)
 {
     const uint32_t last = b->view_count - 1, limit = TRACKS_MAX < o->window.limits.landmarks
                                                          ? TRACKS_MAX
@@ -105,7 +106,7 @@ static uint32_t take_pairs(struct fv_odometry *o, uint32_t count, const struct f
             o->pairs[n].x1[axis] = (double)from.keypoints[i].bearing[axis];
             o->pairs[n].x2[axis] = (double)to.keypoints[feature].bearing[axis];
         }
-        for (int v = 0; v < FV_START_VIEWS_MAX; v++)
+        for (int v = 0; v < FV_INITIALISE_VIEWS_MAX; v++)
             o->tracks[n].feature[v] = FV_MAP_NONE;
         o->tracks[n].feature[0] = (int32_t)i;
         o->tracks[n].feature[last] = (int32_t)feature;
@@ -117,7 +118,7 @@ static uint32_t take_pairs(struct fv_odometry *o, uint32_t count, const struct f
  */
 static void note_matches(struct fv_odometry *o, uint32_t held, uint32_t count)
 {
-    struct fv_start_state *s = &o->state->start;
+    struct fv_initialise_state *s = &o->state->initialise;
     const struct fv_view view = fv_map_view(&o->map, s->slots[held]);
     for (uint32_t f = 0; f < view.frame->features; f++)
         view.landmark[f] = FV_MAP_NONE;
@@ -129,7 +130,7 @@ static void note_matches(struct fv_odometry *o, uint32_t held, uint32_t count)
 /* When the first view has changed, those in between are matched with it anew, one in a frame. */
 static void match_stale(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
-    const struct fv_start_state *s = &o->state->start;
+    const struct fv_initialise_state *s = &o->state->initialise;
     for (uint32_t i = s->count; i-- > 1;)
         if (s->matched[i] != s->frames[0]) {
             note_matches(o, i, match_views(o, kernels, s->slots[0], s->slots[i]));
@@ -138,7 +139,8 @@ static void match_stale(struct fv_odometry *o, const struct fv_kernels *kernels)
 }
 
 /* Find the tracks in the views in between. */
-static void extend_tracks(struct fv_odometry *o, uint32_t tracks, const struct fv_start_bundle *b)
+static void extend_tracks(struct fv_odometry *o, uint32_t tracks,
+                          const struct fv_initialise_bundle *b)
 {
     const struct fv_view first = fv_map_view(&o->map, b->slots[0]);
     for (uint32_t f = 0; f < first.frame->features; f++)
@@ -161,7 +163,7 @@ static void extend_tracks(struct fv_odometry *o, uint32_t tracks, const struct f
  * closely. */
 static void hold(struct fv_odometry *o, uint32_t matches, uint64_t first)
 {
-    struct fv_start_state *s = &o->state->start;
+    struct fv_initialise_state *s = &o->state->initialise;
     if (s->count == 0) {
         s->stride = 1;
         for (uint32_t i = 0; i < FV_MAP_WAITING_MAX; i++)
@@ -181,14 +183,14 @@ static void hold(struct fv_odometry *o, uint32_t matches, uint64_t first)
 /* ---- choosing -------------------------------------------------------------------------------- */
 
 /* The first view held, some of those in between that are matched with it, and the current one. */
-static void choose_views(const struct fv_odometry *o, struct fv_start_bundle *b)
+static void choose_views(const struct fv_odometry *o, struct fv_initialise_bundle *b)
 {
-    const struct fv_start_state *s = &o->state->start;
+    const struct fv_initialise_state *s = &o->state->initialise;
     const double span = (double)(o->state->frame_number - s->frames[0]);
     uint32_t ready[FV_MAP_WAITING_MAX], between = 0;
     for (uint32_t i = 1; i < s->count; i++)
         if (s->matched[i] == s->frames[0]) ready[between++] = i;
-    const uint32_t middle = between < FV_START_MIDDLE_MAX ? between : FV_START_MIDDLE_MAX;
+    const uint32_t middle = between < FV_INITIALISE_MIDDLE_MAX ? between : FV_INITIALISE_MIDDLE_MAX;
     b->view_count = middle + 2;
     b->slots[0] = s->slots[0];
     b->share[0] = 0;
@@ -201,8 +203,9 @@ static void choose_views(const struct fv_odometry *o, struct fv_start_bundle *b)
     b->share[middle + 1] = 1;
 }
 
-/* Whether a bundle of so many tracks is good enough to start on. */
-static bool serves(const struct fv_start_bundle *b, uint32_t tracks, uint32_t parallax_points_min)
+/* Whether a bundle of this number of tracks is good enough for the first map. */
+static bool serves(const struct fv_initialise_bundle *b, uint32_t tracks,
+                   uint32_t parallax_points_min)
 {
     return b->points >= points_share_min * tracks && b->parallax_points >= parallax_points_min &&
            b->parallax_points >= parallax_share_min * b->points &&
@@ -212,14 +215,14 @@ static bool serves(const struct fv_start_bundle *b, uint32_t tracks, uint32_t pa
 /* Keep the better of two bundles in `best`, and the cost of the best one that ended at another
  * motion in `rival`. */
 static void compare(struct fv_odometry *o, uint32_t tried, uint32_t tracks,
-                    const struct fv_start_bundle *candidate, struct fv_start_bundle *best,
+                    const struct fv_initialise_bundle *candidate, struct fv_initialise_bundle *best,
                     double *rival)
 {
-    const bool same = best->cost < 1e300 && fv_start_same(best, candidate);
+    const bool same = best->cost < 1e300 && fv_initialise_same(best, candidate);
     if (candidate->cost < best->cost) {
         if (!same) *rival = best->cost;
         *best = *candidate;
-        fv_start_note_guess(o, tried, tracks, best);
+        fv_initialise_note_guess(o, tried, tracks, best);
     } else if (!same && candidate->cost < *rival) {
         *rival = candidate->cost;
     }
@@ -227,36 +230,36 @@ static void compare(struct fv_odometry *o, uint32_t tried, uint32_t tracks,
 
 /* Bundle the last guess, on some of the tracks, and when that serves, or has not served for some
  * frames, every motion that two views allow as well. True when one is clearly the best. */
-static bool choose(struct fv_odometry *o, uint32_t tracks, struct fv_start_bundle *best)
+static bool choose(struct fv_odometry *o, uint32_t tracks, struct fv_initialise_bundle *best)
 {
-    struct fv_start_state *s = &o->state->start;
-    struct fv_se3 motions[FV_START_MOTIONS_MAX];
-    struct fv_start_bundle candidate = *best;
+    struct fv_initialise_state *s = &o->state->initialise;
+    struct fv_se3 motions[FV_INITIALISE_MOTIONS_MAX];
+    struct fv_initialise_bundle candidate = *best;
     const uint32_t tried = tracks < TRACKS_TRIED ? tracks : TRACKS_TRIED,
-                   parallax_points_min = FV_START_POINTS_MIN * tried / tracks / 2;
+                   parallax_points_min = FV_INITIALISE_POINTS_MIN * tried / tracks / 2;
     double rival = 1e300;
     best->cost = 1e300;
     extend_tracks(o, tracks, best);
-    if (fv_start_guess_again(o, tried, &candidate)) {
-        fv_start_adjust(o, tried, FV_START_FAIR, &candidate);
+    if (fv_initialise_guess_again(o, tried, &candidate)) {
+        fv_initialise_adjust(o, tried, FV_INITIALISE_FAIR, &candidate);
         compare(o, tried, tracks, &candidate, best, &rival);
     }
     if (!(best->cost < 1e300 && serves(best, tried, parallax_points_min)) &&
         o->state->frame_number - s->sampled < SAMPLING_FRAMES)
         return false;
     s->sampled = o->state->frame_number;
-    const uint32_t count = fv_start_motions(o, tracks, motions);
+    const uint32_t count = fv_initialise_motions(o, tracks, motions);
     /* A rough guess may lead past what moves into the wrong minimum, a sure one cannot go far: both
      * are tried. */
-    static const enum fv_start_trust trusts[] = {FV_START_ROUGH, FV_START_SURE};
+    static const enum fv_initialise_trust trusts[] = {FV_INITIALISE_ROUGH, FV_INITIALISE_SURE};
     for (uint32_t k = 0; k < 2 * count; k++) {
-        if (!fv_start_guess_motion(o, tried, &motions[k / 2], &candidate)) continue;
-        fv_start_adjust(o, tried, trusts[k % 2], &candidate);
+        if (!fv_initialise_guess_motion(o, tried, &motions[k / 2], &candidate)) continue;
+        fv_initialise_adjust(o, tried, trusts[k % 2], &candidate);
         compare(o, tried, tracks, &candidate, best, &rival);
     }
     candidate = *best;
-    if (best->cost < 1e300 && fv_start_guess_reversed(o, tried, &candidate)) {
-        fv_start_adjust(o, tried, FV_START_ROUGH, &candidate);
+    if (best->cost < 1e300 && fv_initialise_guess_reversed(o, tried, &candidate)) {
+        fv_initialise_adjust(o, tried, FV_INITIALISE_ROUGH, &candidate);
         compare(o, tried, tracks, &candidate, best, &rival);
     }
     return best->cost < 1e300 && rival >= rival_cost_min * best->cost &&
@@ -265,12 +268,12 @@ static bool choose(struct fv_odometry *o, uint32_t tracks, struct fv_start_bundl
 
 /* The chosen motion, adjusted on all tracks, must hold as well, and explain them far better than
  * turning alone. */
-static bool settle(struct fv_odometry *o, uint32_t tracks, struct fv_start_bundle *b)
+static bool settle(struct fv_odometry *o, uint32_t tracks, struct fv_initialise_bundle *b)
 {
-    const double turn_cost = fv_start_turn_cost(o, tracks, b);
-    if (!fv_start_guess_again(o, tracks, b)) return false;
-    fv_start_adjust(o, tracks, FV_START_FINE, b);
-    return serves(b, tracks, FV_START_POINTS_MIN) && turn_cost >= turn_cost_min * b->cost;
+    const double turn_cost = fv_initialise_turn_cost(o, tracks, b);
+    if (!fv_initialise_guess_again(o, tracks, b)) return false;
+    fv_initialise_adjust(o, tracks, FV_INITIALISE_FINE, b);
+    return serves(b, tracks, FV_INITIALISE_POINTS_MIN) && turn_cost >= turn_cost_min * b->cost;
 }
 
 /* ---- the map --------------------------------------------------------------------------------- */
@@ -292,7 +295,7 @@ static double unit_scale(const struct fv_odometry *o, uint32_t tracks)
     return __builtin_sqrt(low * high);
 }
 
-static void add_track(struct fv_odometry *o, const struct fv_start_bundle *b,
+static void add_track(struct fv_odometry *o, const struct fv_initialise_bundle *b,
                       const uint32_t *keyframes, uint32_t track, double scale)
 {
     const uint32_t last = b->view_count - 1;
@@ -314,12 +317,13 @@ static void add_track(struct fv_odometry *o, const struct fv_start_bundle *b,
     o->recent[o->state->recent_count++] = recent;
 }
 
-static void make_first_map(struct fv_odometry *o, uint32_t tracks, const struct fv_start_bundle *b)
+static void make_first_map(struct fv_odometry *o, uint32_t tracks,
+                           const struct fv_initialise_bundle *b)
 {
     struct fv_odometry_state *s = o->state;
-    uint32_t keyframes[FV_START_VIEWS_MAX];
+    uint32_t keyframes[FV_INITIALISE_VIEWS_MAX];
     for (uint32_t i = 0; i < tracks; i++)
-        o->inlier[i] = fv_start_point_serves(o, b, i);
+        o->inlier[i] = fv_initialise_point_serves(o, b, i);
     const double scale = unit_scale(o, tracks);
     if (o->map.state->keyframe_count > 0) fv_map_begin_another(&o->map);
     fv_map_make_room(&o->map, tracks, s->frame_number);
@@ -349,7 +353,7 @@ static void make_first_map(struct fv_odometry *o, uint32_t tracks, const struct 
  * frame. */
 static uint32_t match_first(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
-    struct fv_start_state *s = &o->state->start;
+    struct fv_initialise_state *s = &o->state->initialise;
     for (int attempt = 0; attempt < 2 && s->count > 0; attempt++) {
         uint32_t count = match_views(o, kernels, s->slots[0], fv_map_current(&o->map));
         if (count >= MATCHES_MIN) return count;
@@ -360,14 +364,14 @@ static uint32_t match_first(struct fv_odometry *o, const struct fv_kernels *kern
     return 0;
 }
 
-bool fv_odometry_start(struct fv_odometry *o, const struct fv_kernels *kernels)
+bool fv_odometry_initialise(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
-    struct fv_start_state *s = &o->state->start;
+    struct fv_initialise_state *s = &o->state->initialise;
     if (s->count > 0) match_stale(o, kernels);
     const uint32_t matches = s->count > 0 ? match_first(o, kernels) : 0;
     const uint64_t first = s->frames[0];
     if (s->count >= 2) {
-        struct fv_start_bundle bundle;
+        struct fv_initialise_bundle bundle;
         memset(&bundle, 0, sizeof bundle);
         choose_views(o, &bundle);
         const uint32_t tracks = take_pairs(o, matches, &bundle);
