@@ -224,10 +224,10 @@ static void start_another(struct fv_odometry *o, const struct fv_kernels *kernel
     write_pose(o);
 }
 
-static void track_step(struct fv_odometry *o, const struct fv_kernels *kernels)
+static void localise_step(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
     struct fv_odometry_state *s = o->state;
-    uint32_t inliers = fv_odometry_track(o, kernels);
+    uint32_t inliers = fv_odometry_localise(o, kernels);
     if (inliers == 0) {
         s->state = FOVEA_TRACKING_LOST;
         s->moving_known = false;
@@ -251,7 +251,7 @@ void fv_odometry_step(struct fv_odometry *o, const struct fv_kernels *kernels,
     s->frame_number++;
     odometry_fill_view(o, input);
     if (s->state != FOVEA_TRACKING_STARTING) {
-        track_step(o, kernels);
+        localise_step(o, kernels);
     } else if (fv_odometry_initialise(o, kernels)) {
         fv_odometry_confirm(o);
         s->state = confidence(o, s->pose.inliers);

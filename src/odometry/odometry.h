@@ -1,10 +1,10 @@
 /* Visual odometry: the stage behind include/fovea/odometry.h.
  *
  * A step (fv_odometry_step) gives the pose of a frame: initialise.c finds the first keyframes,
- * track.c the pose against the local map, keyframe.c decides whether the frame becomes a keyframe.
- * A job (fv_odometry_unit) does the rest in units: grow.c triangulates and fuses new landmarks of a
- * keyframe, then the window is optimised and committed. Between frames the pose is carried along
- * when a commit moves the keyframe that it hangs on.
+ * localise.c the pose against the local map, keyframe.c decides whether the frame becomes a
+ * keyframe. A job (fv_odometry_unit) does the rest in units: grow.c triangulates and fuses new
+ * landmarks of a keyframe, then the window is optimised and committed. Between frames the pose is
+ * carried along when a commit moves the keyframe that it hangs on.
  *
  * struct fv_odometry holds sizes and addresses only; everything else is in the three arenas,
  * without addresses. */
@@ -197,7 +197,7 @@ static inline void fv_sight_from(const struct fv_keypoint *p, const double point
 /* Try to make the first map from the waiting frames and the current one; true when done. */
 bool fv_odometry_initialise(struct fv_odometry *odometry, const struct fv_kernels *kernels);
 /* Pose of the current view against the local map; number of inliers (0: failed). */
-uint32_t fv_odometry_track(struct fv_odometry *odometry, const struct fv_kernels *kernels);
+uint32_t fv_odometry_localise(struct fv_odometry *odometry, const struct fv_kernels *kernels);
 /* Pieces of tracking that relocalisation shares: forget the view's matches; make sights of them,
  * returning their number; refine over them and forget those that do not fit; match the local map
  * around them (`widen` times the usual radius), returning how many landmarks are in view. */

@@ -6,8 +6,8 @@
 #include "odometry/odometry.h"
 
 enum {
-    DISTANCE_TRACK_MAX = 80, /* Hamming, where the place is predicted */
-    INLIERS_FIRST_MIN = 12   /* of the first stage, to go on */
+    DISTANCE_PREDICTED_MAX = 80, /* Hamming, where the place is predicted */
+    INLIERS_FIRST_MIN = 12       /* of the first stage, to go on */
 };
 
 static const double radius_first_px = 12, radius_wide_px = 30; /* times the level's scale */
@@ -58,7 +58,7 @@ static uint32_t match_recent(struct fv_odometry *o, const struct fv_kernels *ker
             fv_map_search(&o->map, kernels, fv_map_current(&o->map), pixel[0], pixel[1],
                           radius_px * fv_level_scale(r->level), (int)r->level - 1,
                           (int)r->level + 1, fv_map_descriptor(&o->map, l), false);
-        if (!fv_map_found_one(&found, DISTANCE_TRACK_MAX)) continue;
+        if (!fv_map_found_one(&found, DISTANCE_PREDICTED_MAX)) continue;
         take(o, view, (uint32_t)found.feature, r->landmark, found.distance);
         matches++;
     }
@@ -144,7 +144,7 @@ uint32_t fv_odometry_match_local(struct fv_odometry *o, const struct fv_kernels 
         struct fv_found found =
             fv_map_search(&o->map, kernels, fv_map_current(&o->map), pixel[0], pixel[1], radius,
                           level - 1, level + 1, fv_map_descriptor(&o->map, l), true);
-        if (!fv_map_found_one(&found, DISTANCE_TRACK_MAX)) continue;
+        if (!fv_map_found_one(&found, DISTANCE_PREDICTED_MAX)) continue;
         take(o, view, (uint32_t)found.feature, o->local[i], found.distance);
     }
     return visible;
@@ -211,7 +211,7 @@ void fv_odometry_confirm(struct fv_odometry *o)
     o->state->sound = fv_covariance_write(o, &view, &fit);
 }
 
-uint32_t fv_odometry_track(struct fv_odometry *o, const struct fv_kernels *kernels)
+uint32_t fv_odometry_localise(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
     struct fv_view view = fv_map_view(&o->map, fv_map_current(&o->map));
     struct fv_se3 last = view.frame->T_cam_world, T, inverse;
