@@ -4,7 +4,7 @@
 
 enum {
     FRAMES_APART_MIN = 2,  /* between keyframes, unless matches run out */
-    LANDMARKS_ROOM = 1000, /* free slots that growing should find */
+    LANDMARKS_ROOM = 1000, /* free slots that landmark creation should find */
     STILL_FRAMES = 8,      /* in one place: standing, and a keyframe would only repeat the last */
     MATCHES_LOW = 100      /* fewer, and any change of view is worth a keyframe */
 };
@@ -73,7 +73,7 @@ bool fv_odometry_keyframe_needed(struct fv_odometry *o, uint32_t inliers)
     double parallax = distance_to(o, s->newest) / depth;
     note_stillness(o, depth);
     if (s->still_frames >= STILL_FRAMES) return false;
-    if (s->pending_count == FV_GROW_PENDING_MAX || parallax < parallax_least_rad) return false;
+    if (s->pending_count == FV_CREATION_PENDING_MAX || parallax < parallax_least_rad) return false;
     if (share < kept_share_urgent || inliers < MATCHES_LOW / 2) return true;
     if (apart < FRAMES_APART_MIN) return false;
     return share < kept_share || parallax > parallax_wanted_rad || inliers < MATCHES_LOW;
@@ -81,7 +81,7 @@ bool fv_odometry_keyframe_needed(struct fv_odometry *o, uint32_t inliers)
 
 void fv_odometry_queue(struct fv_odometry *o, uint32_t keyframe)
 {
-    if (o->state->pending_count < FV_GROW_PENDING_MAX)
+    if (o->state->pending_count < FV_CREATION_PENDING_MAX)
         o->state->pending[o->state->pending_count++] = (int32_t)keyframe;
 }
 

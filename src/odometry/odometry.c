@@ -65,7 +65,7 @@ static void begin(struct fv_odometry *o)
     s->moving_known = s->job_wanted = false;
     s->lost_frames = s->recent_count = s->pending_count = s->initialise.count = 0;
     s->keyframe_matches = 0;
-    memset(&s->grow, 0, sizeof s->grow);
+    memset(&s->creation, 0, sizeof s->creation);
     if (o->config.localise_only) s->state = FOVEA_TRACKING_LOST;
 }
 
@@ -269,9 +269,9 @@ void fv_odometry_step(struct fv_odometry *o, const struct fv_kernels *kernels,
 bool fv_odometry_job_waiting(const struct fv_odometry *o)
 {
     const struct fv_odometry_state *s = o->state;
-    return fv_archive_busy(o->archive) || s->pending_count > 0 || s->grow.phase != FV_GROW_IDLE ||
-           s->job_wanted || o->window.state->phase != FV_WINDOW_IDLE ||
-           fv_odometry_index_waiting(o);
+    return fv_archive_busy(o->archive) || s->pending_count > 0 ||
+           s->creation.phase != FV_CREATION_IDLE || s->job_wanted ||
+           o->window.state->phase != FV_WINDOW_IDLE || fv_odometry_index_waiting(o);
 }
 
 /* The window of the newest keyframe: started, advanced, or committed. */
@@ -302,9 +302,9 @@ bool fv_odometry_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
         fv_archive_unit(o->archive, &o->map, &o->camera, o->save_to, o->save_capacity);
         return true;
     }
-    /* New landmarks come first: tracking needs them, and the window works on its own copy. */
-    if (s->pending_count > 0 || s->grow.phase != FV_GROW_IDLE)
-        (void)fv_odometry_grow_unit(o, kernels);
+    /* New landmarks come first: localisation needs them, and the window works on its own copy. */
+    if (s->pending_count > 0 || s->creation.phase != FV_CREATION_IDLE)
+        (void)fv_odometry_creation_unit(o, kernels);
     else if (s->job_wanted || o->window.state->phase != FV_WINDOW_IDLE)
         window_job(o);
     else if (fv_odometry_index_waiting(o))

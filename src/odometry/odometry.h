@@ -2,9 +2,9 @@
  *
  * A step (fv_odometry_step) gives the pose of a frame: initialise.c finds the first keyframes,
  * localise.c the pose against the local map, keyframe.c decides whether the frame becomes a
- * keyframe. A job (fv_odometry_unit) does the rest in units: grow.c triangulates and fuses new
- * landmarks of a keyframe, then the window is optimised and committed. Between frames the pose is
- * carried along when a commit moves the keyframe that it hangs on.
+ * keyframe. A job (fv_odometry_unit) does the rest in units: landmark_creation.c triangulates and
+ * fuses new landmarks of a keyframe, then the window is optimised and committed. Between frames the
+ * pose is carried along when a commit moves the keyframe that it hangs on.
  *
  * struct fv_odometry holds sizes and addresses only; everything else is in the three arenas,
  * without addresses. */
@@ -31,20 +31,21 @@ extern "C" {
 #endif
 
 enum {
-    FV_GROW_NEIGHBOURS_MAX = 5,
-    FV_GROW_PENDING_MAX = 4,
+    FV_CREATION_NEIGHBOURS_MAX = 5,
+    FV_CREATION_PENDING_MAX = 4,
     FV_LOCAL_KEYFRAMES_MAX = 12,
     FV_COVARIANCE_POSES_MAX = 8
 };
 
-/* Where the growing of a keyframe stands. */
-enum fv_grow_phase { FV_GROW_IDLE = 0, FV_GROW_TRIANGULATE = 1, FV_GROW_FUSE = 2 };
+/* Where landmark creation for a keyframe stands. */
+enum fv_creation_phase { FV_CREATION_IDLE = 0, FV_CREATION_TRIANGULATE = 1, FV_CREATION_FUSE = 2 };
 
-struct fv_grow_state {
-    enum fv_grow_phase phase;
+struct fv_creation_state {
+    enum fv_creation_phase phase;
     uint32_t keyframe, generation;
     uint32_t neighbour_count, neighbour, next; /* in work */
-    uint32_t neighbours[FV_GROW_NEIGHBOURS_MAX], neighbour_generations[FV_GROW_NEIGHBOURS_MAX];
+    uint32_t neighbours[FV_CREATION_NEIGHBOURS_MAX],
+        neighbour_generations[FV_CREATION_NEIGHBOURS_MAX];
 };
 
 /* A landmark as the last frame saw it. */
@@ -68,9 +69,9 @@ struct fv_odometry_state {
     uint32_t recent_count;
     uint32_t newest;           /* slot of the newest keyframe */
     uint32_t keyframe_matches; /* landmarks that the newest keyframe was tracked on */
-    int32_t pending[FV_GROW_PENDING_MAX];
+    int32_t pending[FV_CREATION_PENDING_MAX];
     uint32_t pending_count;
-    struct fv_grow_state grow;
+    struct fv_creation_state creation;
     bool sound;              /* the last covariance is to be relied on (covariance.h) */
     uint64_t first_keyframe; /* number of that with which the last map was started */
     uint32_t reference, reference_generation; /* keyframe that the last pose hangs on, */
@@ -198,9 +199,9 @@ static inline void fv_sight_from(const struct fv_keypoint *p, const double point
 bool fv_odometry_initialise(struct fv_odometry *odometry, const struct fv_kernels *kernels);
 /* Pose of the current view against the local map; number of inliers (0: failed). */
 uint32_t fv_odometry_localise(struct fv_odometry *odometry, const struct fv_kernels *kernels);
-/* Pieces of tracking that relocalisation shares: forget the view's matches; make sights of them,
- * returning their number; refine over them and forget those that do not fit; match the local map
- * around them (`widen` times the usual radius), returning how many landmarks are in view. */
+/* Pieces of localisation that relocalisation shares: forget the view's matches; make sights of
+ * them, returning their number; refine over them and forget those that do not fit; match the local
+ * map around them (`widen` times the usual radius), returning how many landmarks are in view. */
 void fv_odometry_clear_matches(struct fv_odometry *odometry, const struct fv_view *view);
 uint32_t fv_odometry_collect_sights(struct fv_odometry *odometry, const struct fv_view *view);
 uint32_t fv_odometry_refine(struct fv_odometry *odometry, const struct fv_view *view, int rounds,
@@ -212,10 +213,10 @@ void fv_odometry_confirm(struct fv_odometry *odometry);
 /* Whether the current view should become a keyframe, and making it one. */
 bool fv_odometry_keyframe_needed(struct fv_odometry *odometry, uint32_t inliers);
 void fv_odometry_make_keyframe(struct fv_odometry *odometry);
-/* Queue a keyframe for growing. */
+/* Queue a keyframe for landmark creation. */
 void fv_odometry_queue(struct fv_odometry *odometry, uint32_t keyframe);
-/* One unit of growing; true when units are left. */
-bool fv_odometry_grow_unit(struct fv_odometry *odometry, const struct fv_kernels *kernels);
+/* One unit of landmark creation; true when units are left. */
+bool fv_odometry_creation_unit(struct fv_odometry *odometry, const struct fv_kernels *kernels);
 /* Drop landmarks that are not found again. */
 void fv_odometry_cull(struct fv_odometry *odometry);
 

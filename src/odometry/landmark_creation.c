@@ -7,7 +7,12 @@
 #include "odometry/odometry.h"
 #include "geometry/chi_square.h"
 
-enum { UNIT_FEATURES = 96, DISTANCE_GROW_MAX = 50, DISTANCE_FUSE_MAX = 50, CULL_EXPECTED_MIN = 8 };
+enum {
+    UNIT_FEATURES = 96,
+    DISTANCE_CREATE_MAX = 50,
+    DISTANCE_FUSE_MAX = 50,
+    CULL_EXPECTED_MIN = 8
+};
 
 static const double cos_parallax_max = 0.99996; /* half a degree */
 static const double baseline_share_min =
@@ -25,14 +30,14 @@ static bool baseline_serves(const struct fv_odometry *o, uint32_t a, uint32_t b)
     return fv_norm3(T.t) > baseline_share_min * o->map.keyframes[a].depth;
 }
 
-static void begin_grow(struct fv_odometry *o, uint32_t keyframe)
+static void begin_creation(struct fv_odometry *o, uint32_t keyframe)
 {
-    struct fv_grow_state *g = &o->state->grow;
+    struct fv_creation_state *g = &o->state->creation;
     memset(g, 0, sizeof *g);
     uint16_t shared[FOVEA_ODOMETRY_KEYFRAMES_MAX];
     fv_map_count_shared(&o->map, keyframe, shared);
     shared[keyframe] = 0;
-    while (g->neighbour_count < FV_GROW_NEIGHBOURS_MAX) {
+    while (g->neighbour_count < FV_CREATION_NEIGHBOURS_MAX) {
         const uint32_t best = fv_map_best_shared(&o->map, shared);
         if (shared[best] == 0) break;
         shared[best] = 0;
@@ -42,7 +47,7 @@ static void begin_grow(struct fv_odometry *o, uint32_t keyframe)
     }
     g->keyframe = keyframe;
     g->generation = o->map.keyframes[keyframe].generation;
-    g->phase = FV_GROW_TRIANGULATE;
+    g->phase = FV_CREATION_TRIANGULATE;
 }
 
 /* ---- matching along the epipolar line -------------------------------------------------------- */
@@ -111,8 +116,9 @@ static bool new_point(const struct fv_odometry *o, const struct line_search *sea
     return agreement < 1.8 && agreement > 1 / 1.8;
 }
 
-static void grow_feature(struct fv_odometry *o, const struct fv_kernels *kernels,
-                         const struct line_search *search, uint32_t neighbour, uint32_t feature)
+static void create_from_feature(struct fv_odometry *o, const struct fv_kernels *kernels,
+                                const struct line_search *search, uint32_t neighbour,
+                                uint32_t feature)
 {
     const int level = search->a.points[feature].level;
     struct fv_keypoint p;
@@ -127,28 +133,28 @@ static void grow_feature(struct fv_odometry *o, const struct fv_kernels *kernels
     struct fv_found found = fv_map_search_line(
         &o->map, kernels, neighbour, (const float(*)[3])o->line, box, normal, 2.0 / o->focal_px,
         level - 2, level + 2, search->a.descriptors + (size_t)feature * FV_MAP_DESCRIPTOR_BYTES);
-    if (!fv_map_found_one(&found, DISTANCE_GROW_MAX)) return;
+    if (!fv_map_found_one(&found, DISTANCE_CREATE_MAX)) return;
     if (!new_point(o, search, bearing, feature, (uint32_t)found.feature, point)) return;
     fv_se3_apply_inverse(&search->a.frame->T_cam_world, point, world);
     int32_t landmark = fv_map_add_landmark(&o->map, world, o->state->frame_number);
     if (landmark == FV_MAP_NONE) return;
-    (void)fv_map_link(&o->map, (uint32_t)landmark, o->state->grow.keyframe, feature);
+    (void)fv_map_link(&o->map, (uint32_t)landmark, o->state->creation.keyframe, feature);
     (void)fv_map_link(&o->map, (uint32_t)landmark, neighbour, (uint32_t)found.feature);
     fv_map_refresh_landmark(&o->map, (uint32_t)landmark);
 }
 
 static bool neighbour_holds(const struct fv_odometry *o, uint32_t i)
 {
-    const struct fv_grow_state *g = &o->state->grow;
+    const struct fv_creation_state *g = &o->state->creation;
     const struct fv_keyframe *k = &o->map.keyframes[g->neighbours[i]];
     return k->used && k->generation == g->neighbour_generations[i];
 }
 
 static void triangulate_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
-    struct fv_grow_state *g = &o->state->grow;
+    struct fv_creation_state *g = &o->state->creation;
     if (g->neighbour == g->neighbour_count) {
-        g->phase = FV_GROW_FUSE;
+        g->phase = FV_CREATION_FUSE;
         g->next = 0;
         return;
     }
@@ -159,7 +165,7 @@ static void triangulate_unit(struct fv_odometry *o, const struct fv_kernels *ker
         if (g->next == 0) fv_map_bearings(&o->map, g->neighbours[g->neighbour], o->line);
         for (uint32_t done = 0; done < UNIT_FEATURES && g->next < view.frame->features; g->next++) {
             if (view.landmark[g->next] != FV_MAP_NONE) continue;
-            grow_feature(o, kernels, &search, g->neighbours[g->neighbour], g->next);
+            create_from_feature(o, kernels, &search, g->neighbours[g->neighbour], g->next);
             done++;
         }
     } else {
@@ -172,17 +178,17 @@ static void triangulate_unit(struct fv_odometry *o, const struct fv_kernels *ker
 }
 
 /* The keyframe is finished: it, and those that now share its landmarks, have another redundancy. */
-static void end_grow(struct fv_odometry *o)
+static void end_creation(struct fv_odometry *o)
 {
     struct fv_neighbour neighbours[FV_LOCAL_KEYFRAMES_MAX];
-    uint32_t keyframe = o->state->grow.keyframe,
+    uint32_t keyframe = o->state->creation.keyframe,
              count = fv_map_neighbours(&o->map, keyframe, 1, neighbours, FV_LOCAL_KEYFRAMES_MAX);
     fv_map_rate_keyframe(&o->map, keyframe);
     for (uint32_t i = 0; i < count; i++)
         fv_map_rate_keyframe(&o->map, neighbours[i].slot);
     if (keyframe == o->state->newest)
         o->state->keyframe_matches = o->map.keyframes[keyframe].landmarks;
-    o->state->grow.phase = FV_GROW_IDLE;
+    o->state->creation.phase = FV_CREATION_IDLE;
 }
 
 /* ---- fusing ---------------------------------------------------------------------------------- */
@@ -214,7 +220,7 @@ static void fuse(struct fv_odometry *o, const struct fv_kernels *kernels, uint32
 
 static void fuse_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
-    struct fv_grow_state *g = &o->state->grow;
+    struct fv_creation_state *g = &o->state->creation;
     struct fv_view view = fv_map_view(&o->map, g->keyframe);
     for (uint32_t done = 0; done < UNIT_FEATURES && g->next < view.frame->features; g->next++) {
         int32_t landmark = view.landmark[g->next];
@@ -223,32 +229,32 @@ static void fuse_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
             if (neighbour_holds(o, i)) fuse(o, kernels, (uint32_t)landmark, g->neighbours[i]);
         done++;
     }
-    if (g->next == view.frame->features) end_grow(o);
+    if (g->next == view.frame->features) end_creation(o);
 }
 
 /* ---- the job's part -------------------------------------------------------------------------- */
 
-bool fv_odometry_grow_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
+bool fv_odometry_creation_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
     struct fv_odometry_state *s = o->state;
-    struct fv_grow_state *g = &s->grow;
-    if (g->phase == FV_GROW_IDLE) {
+    struct fv_creation_state *g = &s->creation;
+    if (g->phase == FV_CREATION_IDLE) {
         if (s->pending_count == 0) return false;
         uint32_t keyframe = (uint32_t)s->pending[0];
         s->pending_count--;
         for (uint32_t i = 0; i < s->pending_count; i++)
             s->pending[i] = s->pending[i + 1];
-        if (o->map.keyframes[keyframe].used) begin_grow(o, keyframe);
+        if (o->map.keyframes[keyframe].used) begin_creation(o, keyframe);
         return true;
     }
     if (!o->map.keyframes[g->keyframe].used ||
         o->map.keyframes[g->keyframe].generation != g->generation)
-        g->phase = FV_GROW_IDLE;
-    else if (g->phase == FV_GROW_TRIANGULATE)
+        g->phase = FV_CREATION_IDLE;
+    else if (g->phase == FV_CREATION_TRIANGULATE)
         triangulate_unit(o, kernels);
     else
         fuse_unit(o, kernels);
-    return g->phase != FV_GROW_IDLE || s->pending_count > 0;
+    return g->phase != FV_CREATION_IDLE || s->pending_count > 0;
 }
 
 void fv_odometry_cull(struct fv_odometry *o)
