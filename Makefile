@@ -258,6 +258,25 @@ $(BUILD)/command: $(BUILD)/obj/tools/subscribers/command.o $(BUILD)/libfovea-app
 	$(Q)$(CC) $(LDFLAGS) -pie -o $@ $^ $(LIBS_APP)
 .PHONY: jar python-types
 
+# ---- programs to start from: built as strangers build them, against the library and the headers ------------------
+EXAMPLES := $(patsubst tools/examples/%.c,$(BUILD)/examples/%,$(wildcard tools/examples/*.c)) \
+            $(if $(SAN)$(CROSS),,$(if $(wildcard /usr/include/eigen3/Eigen/Geometry),$(BUILD)/examples/loop_eigen))
+.PHONY: examples
+examples: $(EXAMPLES)  ## build the programs of tools/examples
+$(BUILD)/examples/loop: $(BUILD)/obj/tools/examples/loop.o $(BUILD)/libfovea.a
+	@mkdir -p $(@D)
+	@echo "  link $@"
+	$(Q)$(CC) $(LDFLAGS) -pie -o $@ $^ $(LIBS_CORE)
+$(BUILD)/obj/tools/examples/loop_eigen.o: CXXFLAGS += -isystem /usr/include/eigen3
+$(BUILD)/examples/loop_eigen: $(BUILD)/obj/tools/examples/loop_eigen.o $(BUILD)/libfovea.a
+	@mkdir -p $(@D)
+	@echo "  link $@"
+	$(Q)$(CXX) $(LDFLAGS) -pie -o $@ $^ $(LIBS_CORE)
+$(BUILD)/examples/subscriber: $(BUILD)/obj/tools/examples/subscriber.o $(GEN_O)
+	@mkdir -p $(@D)
+	@echo "  link $@"
+	$(Q)$(CC) $(LDFLAGS) -pie -o $@ $^ -llcm
+
 # ---- the visual vocabulary: trained once, committed; tools/vocabulary/train.sh trains it again --------------------
 $(BUILD)/obj/src/map/vocabulary.o: src/map/vocabulary.bin
 $(BUILD)/train-vocabulary: $(BUILD)/obj/tools/vocabulary/train.o $(BUILD)/libfovea-app.a $(BUILD)/libfovea.a
@@ -373,7 +392,7 @@ TEST_HELP := $(call objs,$(filter-out tests/common/wrong_case.c,$(wildcard tests
 # The jar is tested where there is a Java to build it: 200 MB that no other test needs.
 JAR       := $(if $(and $(wildcard /usr/share/java/lcm.jar),$(shell command -v javac)),$(BUILD)/fovea-types.jar)
 .PHONY: tests
-tests: $(TESTS) $(BUILD)/subscribe $(BUILD)/command $(BUILD)/python/fovea/__init__.py $(if $(CROSS)$(SAN),,$(BUILD)/venv-lcm/ready $(BUILD)/venv-import/ready $(JAR))
+tests: $(TESTS) $(EXAMPLES) $(BUILD)/subscribe $(BUILD)/command $(BUILD)/python/fovea/__init__.py $(if $(CROSS)$(SAN),,$(BUILD)/venv-lcm/ready $(BUILD)/venv-import/ready $(JAR))
 
 # LCM for the Python subscriber comes from PyPI; where that cannot be reached its test says so and is skipped.
 $(BUILD)/venv-lcm/ready:
