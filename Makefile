@@ -23,6 +23,7 @@ PREFIX   ?= /usr/local
 VERSION  := $(shell sed -n 's/^\#define FOVEA_VERSION "\(.*\)"/\1/p' include/fovea/fovea.h)
 # Programs that are linked with the library ask for this name: before 1.0 a minor version may change the interface (CHANGELOG.md).
 SONAME   := libfovea.so.$(if $(filter 0.%,$(VERSION)),$(basename $(VERSION)),$(firstword $(subst ., ,$(VERSION))))
+MESSAGES_SONAME := $(subst libfovea,libfovea-messages,$(SONAME))
 MACHINE  := $(shell $(CC) -dumpmachine 2>/dev/null)
 
 ifneq (,$(findstring aarch64,$(CROSS)))
@@ -101,7 +102,7 @@ LIBS_APP  := -llcm -lyaml -lpng -ljpeg -lz -ldl -lm
 .DELETE_ON_ERROR:
 .SECONDARY:
 
-all: $(VIDEO_PLUGIN) $(TEXT_PLUGIN) $(LIBCAMERA_PLUGIN) $(BUILD)/fovea $(BUILD)/libfovea.a $(BUILD)/libfovea.so $(BUILD)/fovea.pc  ## build the program and the libraries
+all: $(VIDEO_PLUGIN) $(TEXT_PLUGIN) $(LIBCAMERA_PLUGIN) $(BUILD)/fovea $(BUILD)/libfovea.a $(BUILD)/libfovea.so $(BUILD)/libfovea-messages.so $(BUILD)/fovea.pc  ## build the program and the libraries
 
 help:  ## this list
 	@awk -F':.*## ' '/^[a-z-]+:.*## /{printf "  make %-12s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -306,11 +307,15 @@ install: all man  ## install program, manual pages, libraries, headers and messa
 	install -m 755 $(BUILD)/libfovea.so.$(VERSION) $(DESTDIR)$(PREFIX)/lib/
 	ln -sf libfovea.so.$(VERSION) $(DESTDIR)$(PREFIX)/lib/$(SONAME)
 	ln -sf $(SONAME) $(DESTDIR)$(PREFIX)/lib/libfovea.so
+	install -m 755 $(BUILD)/libfovea-messages.so.$(VERSION) $(DESTDIR)$(PREFIX)/lib/
+	ln -sf libfovea-messages.so.$(VERSION) $(DESTDIR)$(PREFIX)/lib/$(MESSAGES_SONAME)
+	ln -sf $(MESSAGES_SONAME) $(DESTDIR)$(PREFIX)/lib/libfovea-messages.so
 	install -m 644 include/fovea/*.h $(DESTDIR)$(PREFIX)/include/fovea/
 	install -m 644 $(MAN) $(DESTDIR)$(PREFIX)/share/man/man1/
 	install -m 644 src/detect/shipped.fvm $(DESTDIR)$(PREFIX)/share/fovea/
 	install -m 644 include/lcmtypes/*.lcm $(DESTDIR)$(PREFIX)/share/fovea/lcmtypes/
 	sed 's|@PREFIX@|$(PREFIX)|; s|@VERSION@|$(VERSION)|' tools/fovea.pc.in >$(DESTDIR)$(PREFIX)/lib/pkgconfig/fovea.pc
+	sed 's|@PREFIX@|$(PREFIX)|; s|@VERSION@|$(VERSION)|' tools/fovea-messages.pc.in >$(DESTDIR)$(PREFIX)/lib/pkgconfig/fovea-messages.pc
 	@# Programs find the shared library at once, where it lies in a folder that the system's linker looks through.
 	@[ -n "$(DESTDIR)" ] || [ "$$(id -u)" != 0 ] || ! /sbin/ldconfig -N -v 2>/dev/null | grep -q '^$(PREFIX)/lib:' || /sbin/ldconfig
 
@@ -361,8 +366,16 @@ $(BUILD)/libfovea.so.$(VERSION): $(CORE_O) $(BUILD)/libfovea.map
 $(BUILD)/libfovea.so: $(BUILD)/libfovea.so.$(VERSION)
 	@ln -sf $(<F) $(BUILD)/$(SONAME)
 	@ln -sf $(SONAME) $@
-# It offers the functions of the public headers alone: tools/libfovea.symbols, which tools/check_symbols.sh holds against both.
-$(BUILD)/libfovea.map: tools/libfovea.symbols
+# Messages as JSON, for programs that have no use for the runtime.
+MESSAGES_O := $(call objs,src/message/json.c src/message/fields.c src/base/status.c) $(GEN_O)
+$(BUILD)/libfovea-messages.so.$(VERSION): $(MESSAGES_O) $(BUILD)/libfovea-messages.map
+	@echo "  link $@"
+	$(Q)$(CC) $(LDFLAGS) -shared -Wl,-soname,$(MESSAGES_SONAME) -Wl,--version-script=$(BUILD)/libfovea-messages.map -o $@ $(MESSAGES_O) $(LIBS_CORE)
+$(BUILD)/libfovea-messages.so: $(BUILD)/libfovea-messages.so.$(VERSION)
+	@ln -sf $(<F) $(BUILD)/$(MESSAGES_SONAME)
+	@ln -sf $(MESSAGES_SONAME) $@
+# They offer the functions of the public headers alone: tools/*.symbols, which tools/check_symbols.sh holds against both.
+$(BUILD)/libfovea%.map: tools/libfovea%.symbols
 	@mkdir -p $(@D)
 	@{ echo '{ global:'; sed 's/$$/;/' $<; echo 'local: *; };'; } >$@
 $(BUILD)/libfovea-app.a: $(APP_O) $(DRIVERS_O)

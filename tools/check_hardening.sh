@@ -61,12 +61,12 @@ trial fortified-functions -U_FORTIFY_SOURCE
 # ---- what was built ------------------------------------------------------------------------------------------------
 bad=0
 held=
-for file in fovea libfovea.so fovea-video.so fovea-libcamera; do
+for file in fovea libfovea.so libfovea-messages.so fovea-video.so fovea-libcamera; do
     [ -e "$build/$file" ] || continue
     held="$held $file"
     found=$(lacking "$build/$file" | tr '\n' ' ')
     [ -z "$found" ] || { echo "$build/$file: found no $found"; bad=1; }
 done
-case $held in *" fovea libfovea.so"*) ;; *) echo "$build: found no program and library to check" && bad=1 ;; esac
+case $held in *" fovea libfovea.so libfovea-messages.so"*) ;; *) echo "$build: found no program and library to check" && bad=1 ;; esac
 [ $bad -eq 0 ] && echo "hardening: ok:$held"
 exit $bad

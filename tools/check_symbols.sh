@@ -1,7 +1,7 @@
 #!/bin/sh
 # What the runtime library may ask of the world: no libm (results would differ between machines), no qsort, no heap, no printing, no
 # clock. LCM's generated code is the only part that names more.
-# And what the shared library offers: the symbols of tools/libfovea.symbols, which are the functions that the public headers declare.
+# And what the shared libraries offer: the symbols of tools/LIBRARY.symbols, which are the functions that their public headers declare.
 # A change of that list is a change of the interface: it is committed with its reason.
 # Usage: tools/check_symbols.sh BUILD [NM]
 set -eu
@@ -25,28 +25,37 @@ for object in $(find "$build/obj/src" -name '*.o' ! -path '*/app/*' ! -path '*/s
 done
 # vsnprintf and getenv are for set-up only.
 
-list=tools/libfovea.symbols
 offered=$(mktemp)
 trap 'rm -f "$offered" "$offered.headers"' EXIT
-$nm -D --defined-only "$build/libfovea.so" | awk '{ print $NF }' | LC_ALL=C sort >"$offered"
-# fovea_source_find is of the command, as source.h says; comments name functions of other places.
-sed 's|/\*.*\*/||; /^ *\*/d; /^ *\/\*/d' include/fovea/*.h | grep -oE '\bfovea_[a-z0-9_]+\(' | tr -d '(' | grep -vx fovea_source_find |
-    LC_ALL=C sort -u >"$offered.headers"
-for name in $(LC_ALL=C comm -13 $list "$offered.headers"); do
-    echo "$name: declared in include/fovea/, not in $list"
-    bad=1
-done
-for name in $(LC_ALL=C comm -23 $list "$offered.headers"); do
-    echo "$name: in $list, not declared in include/fovea/"
-    bad=1
-done
-for name in $(LC_ALL=C comm -23 $list "$offered"); do
-    echo "$name: in $list, not defined in $build/libfovea.so"
-    bad=1
-done
-for name in $(LC_ALL=C comm -13 $list "$offered"); do
-    echo "$name: in $build/libfovea.so, not in $list"
-    bad=1
-done
+
+# Usage: compare LIBRARY HEADER...: its list, what it offers, and what the headers declare are the same.
+compare() {
+    library=$build/$1.so
+    list=tools/$1.symbols
+    shift
+    $nm -D --defined-only "$library" | awk '{ print $NF }' | LC_ALL=C sort >"$offered"
+    # fovea_source_find is of the command, as source.h says; what is inline is in no library; comments name functions of other places.
+    sed 's|/\*.*\*/||; /static inline/d; /^ *\*/d; /^ *\/\*/d' "$@" | grep -oE '\bfovea_[a-z0-9_]+\(' | tr -d '(' | grep -vx fovea_source_find |
+        LC_ALL=C sort -u >"$offered.headers"
+    for name in $(LC_ALL=C comm -13 "$list" "$offered.headers"); do
+        echo "$name: declared in include/fovea/, not in $list"
+        bad=1
+    done
+    for name in $(LC_ALL=C comm -23 "$list" "$offered.headers"); do
+        echo "$name: in $list, not declared in include/fovea/"
+        bad=1
+    done
+    for name in $(LC_ALL=C comm -23 "$list" "$offered"); do
+        echo "$name: in $list, not defined in $library"
+        bad=1
+    done
+    for name in $(LC_ALL=C comm -13 "$list" "$offered"); do
+        echo "$name: in $library, not in $list"
+        bad=1
+    done
+}
+# shellcheck disable=SC2046
+compare libfovea $(ls include/fovea/*.h | grep -v /messages.h)
+compare libfovea-messages include/fovea/messages.h
 [ $bad -eq 0 ] && echo "symbols: ok"
 exit $bad

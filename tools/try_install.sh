@@ -74,6 +74,27 @@ C
 # shellcheck disable=SC2046
 ${CXX:-c++} -Wall -Wextra -Werror -o "$place/from-c++" "$place/user.cpp" $(pkg-config --cflags --libs fovea)
 LD_LIBRARY_PATH="$place/lib" "$place/from-c++"
+# Messages as JSON, by the library that needs nothing of the runtime.
+cat >"$place/json.c" <<'C'
+#include <stdio.h>
+#include <string.h>
+#include <fovea/messages.h>
+
+int main(void)
+{
+    uint8_t data[8 + 26] = {0};
+    char text[256];
+    size_t length;
+    struct fovea_error error;
+    if (fovea_message_json(data, sizeof data, text, sizeof text, &length, &error) != FOVEA_ERROR_INPUT) return 1;
+    if (fovea_message_type(data, sizeof data) != NULL) return 1;
+    return strstr(error.text, "no known type") != NULL ? 0 : 1;
+}
+C
+# shellcheck disable=SC2046
+${CC:-cc} -Wall -Wextra -Werror -o "$place/json" "$place/json.c" $(pkg-config --cflags --libs fovea-messages)
+LD_LIBRARY_PATH="$place/lib" "$place/json"
+LD_LIBRARY_PATH="$place/lib" ldd "$place/json" | grep -q 'libfovea\.so' && { echo "libfovea-messages needs libfovea"; exit 1; }
 mkdir "$place/static-only" && cp "$place/lib/libfovea.a" "$place/static-only"
 # shellcheck disable=SC2046
 ${CC:-cc} -Wall -Wextra -Werror -o "$place/static" "$place/user.c" -L"$place/static-only" \

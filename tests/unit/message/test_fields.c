@@ -10,6 +10,7 @@
 
 #include <cmocka.h>
 
+#include "fovea/messages.h"
 #include "message/fields.h"
 
 #include "bot_core_pose_t.h"
@@ -266,6 +267,7 @@ static void test_damage(void **state)
 {
     (void)state;
     static uint8_t whole[1 << 16], out[1 << 16];
+    static char text[1 << 12];
     int32_t count;
     const struct fv_type *types = fv_message_types(&count);
     uint32_t refused = 0, passed = 0;
@@ -278,7 +280,11 @@ static void test_damage(void **state)
         uint8_t *exact = malloc(cut > 0 ? cut : 1); /* so that sanitizers see an over-read */
         memcpy(exact, whole, cut);
         const char *why = NULL;
-        if (fv_message_check(types[which].name, exact, cut, &why, &at)) {
+        size_t length;
+        const bool whole_message = fv_message_check(types[which].name, exact, cut, &why, &at);
+        assert_int_equal(fovea_message_json(exact, cut, text, sizeof text, &length, NULL),
+                         whole_message ? FOVEA_OK : FOVEA_ERROR_INPUT);
+        if (whole_message) {
             for (int32_t t = 0; t < count; t++)
                 if (strcmp(trips[t].name, types[which].name) == 0)
                     assert_int_equal(trips[t].round_trip(exact, cut, out, sizeof out), cut);
