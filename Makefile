@@ -375,7 +375,7 @@ $(BUILD)/libfovea-messages.so: $(BUILD)/libfovea-messages.so.$(VERSION)
 	@ln -sf $(<F) $(BUILD)/$(MESSAGES_SONAME)
 	@ln -sf $(MESSAGES_SONAME) $@
 # They offer the functions of the public headers alone: tools/*.symbols, which tools/check_symbols.sh holds against both.
-$(BUILD)/libfovea%.map: tools/libfovea%.symbols
+$(BUILD)/lib%.map: tools/lib%.symbols
 	@mkdir -p $(@D)
 	@{ echo '{ global:'; sed 's/$$/;/' $<; echo 'local: *; };'; } >$@
 $(BUILD)/libfovea-app.a: $(APP_O) $(DRIVERS_O)
