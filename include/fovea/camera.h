@@ -27,6 +27,11 @@ enum fovea_lens {
 
 enum { FOVEA_LENS_COEFFICIENTS = 8 };
 
+/* Limits of fx and fy, and of the size of cx and cy. */
+#define FOVEA_CAMERA_FOCAL_MIN_PX 0.001
+#define FOVEA_CAMERA_FOCAL_MAX_PX 1e6
+#define FOVEA_CAMERA_CENTRE_MAX_PX 1e5
+
 struct fovea_camera {
     /* pixels of the image that the parameters belong to; 0 x 0: not stated (TUM, KITTI) */
     int32_t width, height;

@@ -22,8 +22,8 @@ struct fovea_feature {
 };
 
 struct fovea_features_config {
-    uint32_t count_max;      /* [100, 4000], default 1000: features asked per frame; step time grows
-                                linearly */
+    /* [100, 4000], default 1000: features per frame; step time grows linearly */
+    uint32_t count_max;
     uint32_t pyramid_levels; /* [1, 8], default 8 */
     uint32_t threshold;      /* [2, 100] grey levels, default 20: tried first in every cell */
     uint32_t threshold_min; /* [2, 100], default 7, at most threshold: where a cell has no corner */

@@ -3,12 +3,11 @@
  * Two modes. `sort`: a Kalman filter of constant velocity for the centre and size of each box; the
  * camera's rotation between two images, known from the odometry, moves the prediction; detections
  * are assigned to predictions at least total cost (overlap and Mahalanobis distance, gated, by
- * class), first the certain detections, then the uncertain ones, those below the model's threshold
- * among them, to what was seen just before. After Bewley et al., "Simple online and realtime
- * tracking", ICIP 2016 (filter and assignment); Zhang et al., "ByteTrack", ECCV 2022 (two stages by
- * score); Aharon et al., "BoT-SORT", 2022 (camera motion, noise in proportion to the box).
- * `centroid`: the nearest centroids are matched up to a distance, what has not been seen for too
- * long is deregistered.
+ * class), first the certain detections, then the uncertain ones (also below the model's threshold)
+ * to tracks that were seen just before. After Bewley et al., "Simple online and realtime tracking",
+ * ICIP 2016 (filter and assignment); Zhang et al., "ByteTrack", ECCV 2022 (two stages by score);
+ * Aharon et al., "BoT-SORT", 2022 (camera motion, noise in proportion to the box). `centroid`: the
+ * nearest centroids are matched up to a distance; a track that is unseen for too long ends.
  *
  * An id is given once per run, also across resets. A full pool gives up its weakest track: a
  * tentative one first, then one that coasts, then the one of the fewest sightings; a detection that
@@ -42,19 +41,21 @@ enum fovea_object_state {
 };
 
 struct fovea_objects_config {
-    int mode;               /* enum fovea_objects_mode, default FOVEA_OBJECTS_SORT */
-    uint32_t count_max;     /* [1, 256], default 128; memory: 2.2 kB each, with the costs of 300
-                                detections */
-    uint32_t confirm_hits;  /* sort: [1, 100], default 2 sightings confirm a track, */
-    double score_confirm;   /* sort: [0, 1], default 0.5: when their mean score is at least this */
-    double score_high;      /* sort: [0, 1], default 0.4: detections of the first stage */
-    double score_low;       /* sort: [0, 1], default 0.2: less certain ones are left out */
-    double score_new;       /* sort: [0, 1], default 0.4: a new track needs so much */
-    double coast_s;         /* sort: [0, 60], default 2: a confirmed track unseen for longer ends */
-    double max_distance_px; /* centroid: [1, 10000], default 60: farther detections are other
-                               objects */
-    uint32_t
-        max_disappeared; /* centroid: [0, 10000], default 20: images unseen before a track ends */
+    int mode; /* enum fovea_objects_mode, default FOVEA_OBJECTS_SORT */
+    /* [1, 256], default 128; memory: 2.2 kB each, with the costs of 300 detections */
+    uint32_t count_max;
+    /* Of `sort`. */
+    /* [1, 100], default 2: detections in a row that confirm a track, */
+    uint32_t confirm_hits;
+    double score_confirm; /* [0, 1], default 0.5: when their mean score is at least this */
+    double score_high;    /* [0, 1], default 0.4: least score of the first stage */
+    double score_low;     /* [0, 1], default 0.2: least score of the second stage */
+    double score_new;     /* [0, 1], default 0.4: least score of a detection that starts a track */
+    double coast_s;       /* [0, 60], default 2: a confirmed track unseen for longer ends */
+    /* Of `centroid`. */
+    /* [1, 10000], default 60: a detection farther from a track is another object */
+    double max_distance_px;
+    uint32_t max_disappeared; /* [0, 10000], default 20: a track unseen in more images ends */
     /* objects stand on the floor, which is z = 0 of the base frame (T_base_cam says how high the
      * camera is); default false */
     bool ground;

@@ -1,4 +1,4 @@
-/* Monocular visual odometry: where the camera is, from its images alone.
+/* Monocular visual odometry: the pose of the camera, from its images alone.
  *
  * Features are matched against landmarks of the local map, predicted by a motion model; the pose
  * minimises the robust pixel error of the matches. Keyframes are kept when the view has changed;
@@ -19,15 +19,15 @@ extern "C" {
 
 enum fovea_tracking_state {
     FOVEA_TRACKING_STARTING = 0, /* no map yet: waiting for enough parallax between two views */
-    FOVEA_TRACKING_OK =
-        1, /* pose from at least inliers_good landmarks, its covariance to be relied on */
-    /* pose from at least FOVEA_POSED_INLIERS_MIN: too few, or landmarks of a young map, or parts of
-     * the image contradict one another, as where something moves */
+    /* pose from at least inliers_good landmarks, with a reliable covariance */
+    FOVEA_TRACKING_OK = 1,
+    /* pose from at least FOVEA_POSED_INLIERS_MIN landmarks: fewer than inliers_good, or of a young
+     * map, or parts of the image contradict one another, for example where something moves */
     FOVEA_TRACKING_WEAK = 2,
     FOVEA_TRACKING_LOST = 3 /* no pose */
 };
 
-/* A frame counts as posed only with at least so many landmarks that agree with the pose. */
+/* A frame has a pose only with at least this number of landmarks that agree with it. */
 enum { FOVEA_POSED_INLIERS_MIN = 20 };
 
 enum fovea_scale_source {
@@ -38,33 +38,34 @@ enum fovea_scale_source {
 
 struct fovea_scale_config {
     enum fovea_scale_source source; /* default FOVEA_SCALE_FREE */
-    double camera_height_m;         /* [0.01, 1000], default 1: of the camera over the floor; for
-                                       camera_height */
-    bool allow_unscaled; /* default false: send the bot_core pose also while the scale is not known
-                          */
+    /* [0.01, 1000], default 1: of the camera over the floor; used by camera_height */
+    double camera_height_m;
+    /* default false; true: send the bot_core pose also while the scale is unknown */
+    bool allow_unscaled;
 };
 
 enum { FOVEA_ODOMETRY_KEYFRAMES_MAX = 256, FOVEA_ODOMETRY_LANDMARKS_MAX = 20000 };
 
 struct fovea_odometry_config {
-    bool enabled;       /* default true */
-    uint32_t keyframes; /* [8, 256], default 128: keyframes kept; memory about 46 kB each at 1000
-                           features */
-    uint32_t landmarks; /* [1000, 20000], default 16000: landmarks kept; memory about 120 B each */
-    uint32_t
-        window; /* [3, 12], default 8: keyframes optimised together; time grows with the square */
+    bool enabled; /* default true */
+    /* [8, 256], default 128: keyframes of the map; memory about 46 kB each at 1000 features */
+    uint32_t keyframes;
+    /* [1000, 20000], default 16000: landmarks of the map; memory about 120 B each */
+    uint32_t landmarks;
+    /* [3, 12], default 8: keyframes optimised together; time grows with the square */
+    uint32_t window;
     uint32_t inliers_good; /* [20, 200], default 40: fewer inliers make the state `weak` */
     bool loops;            /* default true: close loops and merge maps */
-    uint32_t
-        lost_frames_reset; /* [1, 10000], default 15: frames lost before a new map is started */
-    bool localise_only; /* default false: the map that is loaded stays as it is; no other is started
-                         */
+    /* [1, 10000], default 15: a new map is started after this number of lost frames */
+    uint32_t lost_frames_reset;
+    /* default false; true: the loaded map stays as it is, and no other map is started */
+    bool localise_only;
 };
 
-/* What is known about the last processed frame. */
+/* Result for the last processed frame. */
 struct fovea_pose {
     enum fovea_tracking_state state;
-    bool posed; /* T_world_cam holds */
+    bool posed; /* T_world_cam is valid */
     /* Row-major 3x4; the world is `odom` of REP-105, continuous where loops correct the map; its
      * unit is the metre unless the scale is free. */
     double T_world_cam[12];
@@ -76,8 +77,8 @@ struct fovea_pose {
     /* Covariance of the pose relative to its reference keyframe: upper triangle by rows of the 6x6
      * matrix over (x y z, rotation x y z) in the camera frame; lengths in the world's unit, angles
      * in rad. From the joint information of the frame, its landmarks and their keyframes, at the
-     * noise that the frame shows; what moved the reference since its own pose was told is added.
-     * What is uncertain about the scale is not in it. */
+     * noise that the frame shows, plus what moved the reference since its own pose was published.
+     * The uncertainty of the scale is not included. */
     double covariance[21];
     /* Landmarks matched, and of them those that agree. While starting, matches are those of
      * features with the oldest image held. */
@@ -85,7 +86,7 @@ struct fovea_pose {
     float quality; /* share of the landmarks predicted to be visible that are inliers, [0, 1] */
     uint32_t reset_counter; /* rises whenever a new map is started after the first */
     /* of the map that began this world; 0: the first. A map that it was merged into
-     * is told by T_map_odom alone */
+     * shows in T_map_odom alone */
     uint32_t map_id;
     uint32_t keyframes, landmarks;        /* in all maps */
     enum fovea_scale_source scale_source; /* FOVEA_SCALE_FREE until a scale is known */
@@ -94,7 +95,7 @@ struct fovea_pose {
 
     /* The same pose relative to a keyframe, which later optimisation may move: row-major 3x4, unit
      * of the map. */
-    uint64_t reference_keyframe; /* its number; holds when posed */
+    uint64_t reference_keyframe; /* its number; valid when posed */
     int64_t keyframe_stamp_ns;   /* of its frame; likewise */
     double T_keyframe_cam[12];
 };

@@ -140,8 +140,8 @@ static enum fovea_status check_rotation(const double T[12], struct fovea_error *
     return FOVEA_OK;
 }
 
-/* Of what fovea_camera_prepare has looked at, what would be silently wrong had it never seen the
- * camera. */
+/* The checks of fovea_camera_prepare without which a camera that was not prepared would give wrong
+ * results unnoticed. */
 static enum fovea_status check_camera(const struct fovea_camera *camera, struct fovea_error *error)
 {
     enum fovea_status status = check_whole("camera width", camera->width, FOVEA_IMAGE_WIDTH_MIN,
@@ -149,10 +149,16 @@ static enum fovea_status check_camera(const struct fovea_camera *camera, struct 
     if (status == FOVEA_OK)
         status = check_whole("camera height", camera->height, FOVEA_IMAGE_HEIGHT_MIN,
                              FOVEA_IMAGE_HEIGHT_MAX, error);
-    if (status == FOVEA_OK) status = check_real("camera fx", camera->fx, 0.001, 1e6, error);
-    if (status == FOVEA_OK) status = check_real("camera fy", camera->fy, 0.001, 1e6, error);
-    if (status == FOVEA_OK) status = check_real("camera cx", camera->cx, -1e5, 1e5, error);
-    if (status == FOVEA_OK) status = check_real("camera cy", camera->cy, -1e5, 1e5, error);
+    const double focal_min = FOVEA_CAMERA_FOCAL_MIN_PX, focal_max = FOVEA_CAMERA_FOCAL_MAX_PX,
+                 centre_max = FOVEA_CAMERA_CENTRE_MAX_PX;
+    if (status == FOVEA_OK)
+        status = check_real("camera fx", camera->fx, focal_min, focal_max, error);
+    if (status == FOVEA_OK)
+        status = check_real("camera fy", camera->fy, focal_min, focal_max, error);
+    if (status == FOVEA_OK)
+        status = check_real("camera cx", camera->cx, -centre_max, centre_max, error);
+    if (status == FOVEA_OK)
+        status = check_real("camera cy", camera->cy, -centre_max, centre_max, error);
     if (status != FOVEA_OK || (camera->field_max_rad > 0 && camera->field_max_rad <= FOVEA_PI))
         return status;
     return fovea_error_set(

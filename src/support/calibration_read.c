@@ -61,16 +61,24 @@ static enum fovea_status read_list(const struct reader *r, node *list, size_t co
     return fovea_yaml_refuse(r->tree, *data, expected, r->error);
 }
 
+#define TEXT_OF(number) #number
+#define TEXT(number) TEXT_OF(number)
+#define FOCAL_RANGE "[" TEXT(FOVEA_CAMERA_FOCAL_MIN_PX) ", " TEXT(FOVEA_CAMERA_FOCAL_MAX_PX) "]"
+#define CENTRE_RANGE "[-" TEXT(FOVEA_CAMERA_CENTRE_MAX_PX) ", " TEXT(FOVEA_CAMERA_CENTRE_MAX_PX) "]"
+
 static enum fovea_status set_pinhole(const struct reader *r, node *data, const double *values,
                                      const size_t index[4])
 {
-    static const char *const expected[4] = {
-        "a focal length in [0.001, 1e6] pixels", "a focal length in [0.001, 1e6] pixels",
-        "an image centre in [-1e5, 1e5] pixels", "an image centre in [-1e5, 1e5] pixels"};
     for (size_t i = 0; i < 4; i++) {
         const double value = values[index[i]];
-        if (i < 2 ? value >= 0.001 && value <= 1e6 : value >= -1e5 && value <= 1e5) continue;
-        return fovea_yaml_refuse(r->tree, fovea_yaml_leaf(data, index[i]), expected[i], r->error);
+        const bool fits =
+            i < 2 ? value >= FOVEA_CAMERA_FOCAL_MIN_PX && value <= FOVEA_CAMERA_FOCAL_MAX_PX
+                  : value >= -FOVEA_CAMERA_CENTRE_MAX_PX && value <= FOVEA_CAMERA_CENTRE_MAX_PX;
+        if (fits) continue;
+        return fovea_yaml_refuse(r->tree, fovea_yaml_leaf(data, index[i]),
+                                 i < 2 ? "a focal length in " FOCAL_RANGE " pixels"
+                                       : "an image centre in " CENTRE_RANGE " pixels",
+                                 r->error);
     }
     struct fovea_camera *camera = &r->calibration->camera;
     camera->fx = values[index[0]];
