@@ -5,6 +5,7 @@
 
 #include "geometry/normal_equations.h"
 #include "geometry/vec.h"
+#include "odometry/odometry.h"
 #include "geometry/chi_square.h"
 
 enum {
@@ -28,6 +29,12 @@ static const double together_max =
 static const double young_spread_px =
     20; /* below it, landmarks' errors have much in common; above, less and less */
 static const double bend_max = 0.05, bend_share = 0.2;
+
+void fv_covariance_carve(struct fv_covariance *c, struct fv_arena *frame)
+{
+    c->joint = fv_arena_take_raw(frame, 36 * FV_COVARIANCE_POSES_MAX * FV_COVARIANCE_POSES_MAX,
+                                 sizeof *c->joint);
+}
 
 /* A sight of a landmark, linearised: by the view's small motion (left of T_cam_world) and by the
  * point. */
@@ -236,7 +243,7 @@ static bool solve_joint(struct fv_odometry *o, const struct fv_view *view, uint3
                         double variance, double covariance[21])
 {
     struct fv_joint j;
-    j.S = o->joint;
+    j.S = o->covariance.joint;
     sample_inliers(view, inliers, &j);
     pick_poses(o, view, &j);
     for (uint32_t i = 0; i < j.sample_count; i++) {

@@ -24,11 +24,23 @@
 #ifndef FOVEA_ODOMETRY_COVARIANCE_H
 #define FOVEA_ODOMETRY_COVARIANCE_H
 
-#include "odometry/odometry.h"
+#include "base/arena.h"
+#include "geometry/pose.h"
+#include "map/map.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
+
+enum { FV_COVARIANCE_POSES_MAX = 8 };
+
+struct fv_covariance {
+    double *joint; /* frame part: normal equations of at most FV_COVARIANCE_POSES_MAX poses */
+};
+
+struct fv_odometry;
+
+void fv_covariance_carve(struct fv_covariance *covariance, struct fv_arena *frame);
 
 /* Write the covariance to state->pose, lengths in the map's unit. False: it is not to be relied on.
  * Real-time safe. */

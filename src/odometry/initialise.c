@@ -29,6 +29,20 @@ static const double turn_cost_min =
 static const double rival_cost_min =
     1.15; /* times the best one's: less, and it is too early to choose */
 
+void fv_initialiser_carve(struct fv_initialiser *in, struct fv_map *map, double focal_px,
+                          uint32_t features_max, struct fv_arena *persistent,
+                          struct fv_arena *frame)
+{
+    in->map = map;
+    in->focal_px = focal_px;
+    in->state = fv_arena_take(persistent, 1, sizeof *in->state);
+    in->guessed_depth = fv_arena_take(persistent, features_max, sizeof *in->guessed_depth);
+    in->pairs = fv_arena_take_raw(frame, features_max, sizeof *in->pairs);
+    in->tracks = fv_arena_take_raw(frame, features_max, sizeof *in->tracks);
+    in->depths = fv_arena_take_raw(frame, features_max, sizeof *in->depths);
+    in->inlier = fv_arena_take_raw(frame, features_max, sizeof *in->inlier);
+}
+
 /* ---- waiting views --------------------------------------------------------------------------- */
 
 static void drop_first(struct fv_initialise_state *s)
@@ -66,25 +80,27 @@ static uint32_t match_views(struct fv_odometry *o, const struct fv_kernels *kern
 {
     const struct fv_view a = fv_map_view(&o->map, from), b = fv_map_view(&o->map, to);
     uint32_t count_a = a.frame->features, count_b = b.frame->features, count = 0;
-    kernels->hamming_two_u8(o->nearest, o->second, a.descriptors, (int32_t)count_a, b.descriptors,
-                            (int32_t)count_b);
+    kernels->hamming_two_u8(o->matches.nearest, o->matches.second, a.descriptors, (int32_t)count_a,
+                            b.descriptors, (int32_t)count_b);
     for (uint32_t i = 0; i < count_b; i++)
-        o->match_distance[i] = UINT16_MAX;
+        o->matches.distance[i] = UINT16_MAX;
     for (uint32_t i = 0; i < count_a; i++) {
-        uint32_t distance = o->nearest[i] >> FV_MATCH_INDEX_BITS, feature = o->nearest[i] & 0xffff;
-        if (o->nearest[i] != FV_MATCH_NONE && distance < o->match_distance[feature])
-            o->match_distance[feature] = (uint16_t)distance;
+        uint32_t distance = o->matches.nearest[i] >> FV_MATCH_INDEX_BITS,
+                 feature = o->matches.nearest[i] & 0xffff;
+        if (o->matches.nearest[i] != FV_MATCH_NONE && distance < o->matches.distance[feature])
+            o->matches.distance[feature] = (uint16_t)distance;
     }
     for (uint32_t i = 0; i < count_a; i++) {
-        uint32_t distance = o->nearest[i] >> FV_MATCH_INDEX_BITS, feature = o->nearest[i] & 0xffff;
-        if (o->nearest[i] == FV_MATCH_NONE || distance > DISTANCE_MAX ||
-            distance != o->match_distance[feature] ||
-            distance > ratio_max * (o->second[i] >> FV_MATCH_INDEX_BITS))
+        uint32_t distance = o->matches.nearest[i] >> FV_MATCH_INDEX_BITS,
+                 feature = o->matches.nearest[i] & 0xffff;
+        if (o->matches.nearest[i] == FV_MATCH_NONE || distance > DISTANCE_MAX ||
+            distance != o->matches.distance[feature] ||
+            distance > ratio_max * (o->matches.second[i] >> FV_MATCH_INDEX_BITS))
             continue;
-        o->match_distance[feature] =
+        o->matches.distance[feature] =
             0; /* taken: an equal one later is left out, unless it is a perfect match */
-        o->nearest[count] = i;
-        o->second[count++] = feature;
+        o->matches.nearest[count] = i;
+        o->matches.second[count++] = feature;
     }
     return count;
 }
@@ -101,15 +117,16 @@ static uint32_t take_pairs(struct fv_odometry *o, uint32_t count,
     const struct fv_view from = fv_map_view(&o->map, b->slots[0]),
                          to = fv_map_view(&o->map, b->slots[last]);
     for (uint32_t n = 0; n < taken; n++) {
-        const uint32_t k = n * SPREAD_STEP % count, i = o->nearest[k], feature = o->second[k];
+        const uint32_t k = n * SPREAD_STEP % count, i = o->matches.nearest[k],
+                       feature = o->matches.second[k];
         for (int axis = 0; axis < 3; axis++) {
-            o->pairs[n].x1[axis] = (double)from.keypoints[i].bearing[axis];
-            o->pairs[n].x2[axis] = (double)to.keypoints[feature].bearing[axis];
+            o->initialiser.pairs[n].x1[axis] = (double)from.keypoints[i].bearing[axis];
+            o->initialiser.pairs[n].x2[axis] = (double)to.keypoints[feature].bearing[axis];
         }
         for (int v = 0; v < FV_INITIALISE_VIEWS_MAX; v++)
-            o->tracks[n].feature[v] = FV_MAP_NONE;
-        o->tracks[n].feature[0] = (int32_t)i;
-        o->tracks[n].feature[last] = (int32_t)feature;
+            o->initialiser.tracks[n].feature[v] = FV_MAP_NONE;
+        o->initialiser.tracks[n].feature[0] = (int32_t)i;
+        o->initialiser.tracks[n].feature[last] = (int32_t)feature;
     }
     return taken;
 }
@@ -118,19 +135,19 @@ static uint32_t take_pairs(struct fv_odometry *o, uint32_t count,
  */
 static void note_matches(struct fv_odometry *o, uint32_t held, uint32_t count)
 {
-    struct fv_initialise_state *s = &o->state->initialise;
+    struct fv_initialise_state *s = o->initialiser.state;
     const struct fv_view view = fv_map_view(&o->map, s->slots[held]);
     for (uint32_t f = 0; f < view.frame->features; f++)
         view.landmark[f] = FV_MAP_NONE;
     for (uint32_t k = 0; k < count; k++)
-        view.landmark[o->second[k]] = (int16_t)o->nearest[k];
+        view.landmark[o->matches.second[k]] = (int16_t)o->matches.nearest[k];
     s->matched[held] = s->frames[0];
 }
 
 /* When the first view has changed, those in between are matched with it anew, one in a frame. */
 static void match_stale(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
-    const struct fv_initialise_state *s = &o->state->initialise;
+    const struct fv_initialise_state *s = o->initialiser.state;
     for (uint32_t i = s->count; i-- > 1;)
         if (s->matched[i] != s->frames[0]) {
             note_matches(o, i, match_views(o, kernels, s->slots[0], s->slots[i]));
@@ -146,13 +163,13 @@ static void extend_tracks(struct fv_odometry *o, uint32_t tracks,
     for (uint32_t f = 0; f < first.frame->features; f++)
         first.landmark[f] = FV_MAP_NONE;
     for (uint32_t n = 0; n < tracks; n++)
-        first.landmark[o->tracks[n].feature[0]] = (int16_t)n;
+        first.landmark[o->initialiser.tracks[n].feature[0]] = (int16_t)n;
     for (uint32_t v = 1; v + 1 < b->view_count; v++) {
         const struct fv_view view = fv_map_view(&o->map, b->slots[v]);
         for (uint32_t f = 0; f < view.frame->features; f++) {
             const int32_t track =
                 view.landmark[f] == FV_MAP_NONE ? FV_MAP_NONE : first.landmark[view.landmark[f]];
-            if (track != FV_MAP_NONE) o->tracks[track].feature[v] = (int32_t)f;
+            if (track != FV_MAP_NONE) o->initialiser.tracks[track].feature[v] = (int32_t)f;
         }
     }
 }
@@ -163,7 +180,7 @@ static void extend_tracks(struct fv_odometry *o, uint32_t tracks,
  * closely. */
 static void hold(struct fv_odometry *o, uint32_t matches, uint64_t first)
 {
-    struct fv_initialise_state *s = &o->state->initialise;
+    struct fv_initialise_state *s = o->initialiser.state;
     if (s->count == 0) {
         s->stride = 1;
         for (uint32_t i = 0; i < FV_MAP_WAITING_MAX; i++)
@@ -185,7 +202,7 @@ static void hold(struct fv_odometry *o, uint32_t matches, uint64_t first)
 /* The first view held, some of those in between that are matched with it, and the current one. */
 static void choose_views(const struct fv_odometry *o, struct fv_initialise_bundle *b)
 {
-    const struct fv_initialise_state *s = &o->state->initialise;
+    const struct fv_initialise_state *s = o->initialiser.state;
     const double span = (double)(o->state->frame_number - s->frames[0]);
     uint32_t ready[FV_MAP_WAITING_MAX], between = 0;
     for (uint32_t i = 1; i < s->count; i++)
@@ -222,7 +239,7 @@ static void compare(struct fv_odometry *o, uint32_t tried, uint32_t tracks,
     if (candidate->cost < best->cost) {
         if (!same) *rival = best->cost;
         *best = *candidate;
-        fv_initialise_note_guess(o, tried, tracks, best);
+        fv_initialise_note_guess(&o->initialiser, o->state->frame_number, tried, tracks, best);
     } else if (!same && candidate->cost < *rival) {
         *rival = candidate->cost;
     }
@@ -232,7 +249,7 @@ static void compare(struct fv_odometry *o, uint32_t tried, uint32_t tracks,
  * frames, every motion that two views allow as well. True when one is clearly the best. */
 static bool choose(struct fv_odometry *o, uint32_t tracks, struct fv_initialise_bundle *best)
 {
-    struct fv_initialise_state *s = &o->state->initialise;
+    struct fv_initialise_state *s = o->initialiser.state;
     struct fv_se3 motions[FV_INITIALISE_MOTIONS_MAX];
     struct fv_initialise_bundle candidate = *best;
     const uint32_t tried = tracks < TRACKS_TRIED ? tracks : TRACKS_TRIED,
@@ -240,26 +257,28 @@ static bool choose(struct fv_odometry *o, uint32_t tracks, struct fv_initialise_
     double rival = 1e300;
     best->cost = 1e300;
     extend_tracks(o, tracks, best);
-    if (fv_initialise_guess_again(o, tried, &candidate)) {
-        fv_initialise_adjust(o, tried, FV_INITIALISE_FAIR, &candidate);
+    if (fv_initialise_guess_again(&o->initialiser, tried, &candidate)) {
+        fv_initialise_adjust(&o->initialiser, tried, FV_INITIALISE_FAIR, &candidate);
         compare(o, tried, tracks, &candidate, best, &rival);
     }
     if (!(best->cost < 1e300 && serves(best, tried, parallax_points_min)) &&
         o->state->frame_number - s->sampled < SAMPLING_FRAMES)
         return false;
     s->sampled = o->state->frame_number;
-    const uint32_t count = fv_initialise_motions(o, tracks, motions);
+    const uint32_t count =
+        fv_initialise_motions(&o->initialiser, &o->state->random, tracks, motions);
     /* A rough guess may lead past what moves into the wrong minimum, a sure one cannot go far: both
      * are tried. */
     static const enum fv_initialise_trust trusts[] = {FV_INITIALISE_ROUGH, FV_INITIALISE_SURE};
     for (uint32_t k = 0; k < 2 * count; k++) {
-        if (!fv_initialise_guess_motion(o, tried, &motions[k / 2], &candidate)) continue;
-        fv_initialise_adjust(o, tried, trusts[k % 2], &candidate);
+        if (!fv_initialise_guess_motion(&o->initialiser, tried, &motions[k / 2], &candidate))
+            continue;
+        fv_initialise_adjust(&o->initialiser, tried, trusts[k % 2], &candidate);
         compare(o, tried, tracks, &candidate, best, &rival);
     }
     candidate = *best;
-    if (best->cost < 1e300 && fv_initialise_guess_reversed(o, tried, &candidate)) {
-        fv_initialise_adjust(o, tried, FV_INITIALISE_ROUGH, &candidate);
+    if (best->cost < 1e300 && fv_initialise_guess_reversed(&o->initialiser, tried, &candidate)) {
+        fv_initialise_adjust(&o->initialiser, tried, FV_INITIALISE_ROUGH, &candidate);
         compare(o, tried, tracks, &candidate, best, &rival);
     }
     return best->cost < 1e300 && rival >= rival_cost_min * best->cost &&
@@ -270,25 +289,25 @@ static bool choose(struct fv_odometry *o, uint32_t tracks, struct fv_initialise_
  * turning alone. */
 static bool settle(struct fv_odometry *o, uint32_t tracks, struct fv_initialise_bundle *b)
 {
-    const double turn_cost = fv_initialise_turn_cost(o, tracks, b);
-    if (!fv_initialise_guess_again(o, tracks, b)) return false;
-    fv_initialise_adjust(o, tracks, FV_INITIALISE_FINE, b);
+    const double turn_cost = fv_initialise_turn_cost(&o->initialiser, tracks, b);
+    if (!fv_initialise_guess_again(&o->initialiser, tracks, b)) return false;
+    fv_initialise_adjust(&o->initialiser, tracks, FV_INITIALISE_FINE, b);
     return serves(b, tracks, FV_INITIALISE_POINTS_MIN) && turn_cost >= turn_cost_min * b->cost;
 }
 
 /* ---- the map --------------------------------------------------------------------------------- */
 
 /* What makes the median depth of the points that will be landmarks 1. */
-static double unit_scale(const struct fv_odometry *o, uint32_t tracks)
+static double unit_scale(const struct fv_initialiser *in, uint32_t tracks)
 {
     double low = 1e-4, high = 1e3;
     for (int step = 0; step < 30; step++) {
         double middle = __builtin_sqrt(low * high);
         uint32_t below = 0, all = 0;
         for (uint32_t i = 0; i < tracks; i++) {
-            if (!o->inlier[i]) continue;
+            if (!in->inlier[i]) continue;
             all++;
-            below += o->depths[i].value < middle * o->pairs[i].x1[2];
+            below += in->depths[i].value < middle * in->pairs[i].x1[2];
         }
         *(2 * below > all ? &high : &low) = middle;
     }
@@ -302,19 +321,19 @@ static void add_track(struct fv_odometry *o, const struct fv_initialise_bundle *
     const struct fv_view current = fv_map_view(&o->map, fv_map_current(&o->map));
     double point[3];
     for (int k = 0; k < 3; k++)
-        point[k] = scale / o->depths[track].value * o->pairs[track].x1[k];
+        point[k] = scale / o->initialiser.depths[track].value * o->initialiser.pairs[track].x1[k];
     int32_t landmark = fv_map_add_landmark(&o->map, point, o->state->frame_number);
     if (landmark == FV_MAP_NONE) return;
     for (uint32_t v = 0; v <= last; v++)
-        if (o->tracks[track].feature[v] != FV_MAP_NONE)
+        if (o->initialiser.tracks[track].feature[v] != FV_MAP_NONE)
             (void)fv_map_link(&o->map, (uint32_t)landmark, keyframes[v],
-                              (uint32_t)o->tracks[track].feature[v]);
+                              (uint32_t)o->initialiser.tracks[track].feature[v]);
     fv_map_refresh_landmark(&o->map, (uint32_t)landmark);
-    const uint32_t feature = (uint32_t)o->tracks[track].feature[last];
+    const uint32_t feature = (uint32_t)o->initialiser.tracks[track].feature[last];
     current.landmark[feature] = (int16_t)landmark;
     const struct fv_recent recent = {(uint32_t)landmark, o->map.landmarks[landmark].generation,
                                      current.points[feature].level};
-    o->recent[o->state->recent_count++] = recent;
+    o->localiser.recent[o->state->localise.recent_count++] = recent;
 }
 
 static void make_first_map(struct fv_odometry *o, uint32_t tracks,
@@ -323,8 +342,8 @@ static void make_first_map(struct fv_odometry *o, uint32_t tracks,
     struct fv_odometry_state *s = o->state;
     uint32_t keyframes[FV_INITIALISE_VIEWS_MAX];
     for (uint32_t i = 0; i < tracks; i++)
-        o->inlier[i] = fv_initialise_point_serves(o, b, i);
-    const double scale = unit_scale(o, tracks);
+        o->initialiser.inlier[i] = fv_initialise_point_serves(&o->initialiser, b, i);
+    const double scale = unit_scale(&o->initialiser, tracks);
     if (o->map.state->keyframe_count > 0) fv_map_begin_another(&o->map);
     fv_map_make_room(&o->map, tracks, s->frame_number);
     s->first_keyframe = o->map.state->keyframe_number;
@@ -339,13 +358,13 @@ static void make_first_map(struct fv_odometry *o, uint32_t tracks,
     }
     s->newest = keyframes[b->view_count - 1];
     o->map.keyframes[fv_map_current(&o->map)].parent = (int32_t)s->newest;
-    s->recent_count = 0;
+    s->localise.recent_count = 0;
     for (uint32_t i = 0; i < tracks; i++)
-        if (o->inlier[i]) add_track(o, b, keyframes, i, scale);
+        if (o->initialiser.inlier[i]) add_track(o, b, keyframes, i, scale);
     s->keyframe_frame = s->frame_number;
-    s->keyframe_matches = s->recent_count;
+    s->keyframe_matches = s->localise.recent_count;
     s->job_wanted = true;
-    s->moving_known = false;
+    s->localise.moving_known = false;
     fv_odometry_queue(o, s->newest);
 }
 
@@ -353,7 +372,7 @@ static void make_first_map(struct fv_odometry *o, uint32_t tracks,
  * frame. */
 static uint32_t match_first(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
-    struct fv_initialise_state *s = &o->state->initialise;
+    struct fv_initialise_state *s = o->initialiser.state;
     for (int attempt = 0; attempt < 2 && s->count > 0; attempt++) {
         uint32_t count = match_views(o, kernels, s->slots[0], fv_map_current(&o->map));
         if (count >= MATCHES_MIN) return count;
@@ -366,7 +385,7 @@ static uint32_t match_first(struct fv_odometry *o, const struct fv_kernels *kern
 
 bool fv_odometry_initialise(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
-    struct fv_initialise_state *s = &o->state->initialise;
+    struct fv_initialise_state *s = o->initialiser.state;
     if (s->count > 0) match_stale(o, kernels);
     const uint32_t matches = s->count > 0 ? match_first(o, kernels) : 0;
     const uint64_t first = s->frames[0];
@@ -380,7 +399,7 @@ bool fv_odometry_initialise(struct fv_odometry *o, const struct fv_kernels *kern
             make_first_map(o, tracks, &bundle);
             s->count = 0;
             o->state->pose.matches = tracks;
-            o->state->pose.inliers = o->state->recent_count;
+            o->state->pose.inliers = o->state->localise.recent_count;
             return true;
         }
     }

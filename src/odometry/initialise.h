@@ -14,6 +14,8 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "base/arena.h"
+#include "base/elementary.h"
 #include "geometry/essential.h"
 #include "geometry/se3.h"
 #include "geometry/vec.h"
@@ -32,8 +34,6 @@ enum {
                                  is  good to half a pixel */
 };
 
-struct fv_odometry;
-
 struct fv_initialise_state {
     uint32_t count;  /* views held, oldest first */
     uint32_t stride; /* frames between them */
@@ -41,7 +41,7 @@ struct fv_initialise_state {
     uint64_t frames[FV_MAP_WAITING_MAX]; /* their numbers */
     uint64_t sampled; /* number of the frame in which motions were last sampled */
     uint64_t
-        guessed; /* number of the first view that `guess` and odometry->guessed_depth hold for */
+        guessed; /* number of the first view that `guess` and initialiser->guessed_depth hold for */
     struct fv_se3 guess; /* of the newest view */
     /* number of the first view that the links of a view's features lead
      * to; 0: none */
@@ -77,39 +77,57 @@ struct fv_initialise_depth {
     double cross[6 * (FV_INITIALISE_VIEWS_MAX - 1)]; /* blocks between it and the views */
 };
 
+/* Addresses of what initialisation works on; the caller keeps the map. */
+struct fv_initialiser {
+    struct fv_map *map;
+    double focal_px;
+    struct fv_initialise_state *state; /* persistent */
+    float *guessed_depth;            /* persistent: inverse depths, by feature of the first view */
+    struct fv_pair *pairs;           /* frame part */
+    struct fv_feature_track *tracks; /* frame part: of each pair */
+    struct fv_initialise_depth *depths; /* frame part: of each track */
+    uint8_t *inlier;                    /* frame part: of each pair or track */
+};
+
+void fv_initialiser_carve(struct fv_initialiser *initialiser, struct fv_map *map, double focal_px,
+                          uint32_t features_max, struct fv_arena *persistent,
+                          struct fv_arena *frame);
+
 /* Inverse depth (of |t|) at which a motion sees the first ray of a pair nearest the second; 0, far
  * away, where noise has turned nearly parallel rays apart. False: the pair does not fit the motion.
  */
-bool fv_initialise_inverse_depth(const struct fv_odometry *odometry, const struct fv_pair *pair,
-                                 const struct fv_se3 *T_last_first, double *inverse_depth);
+bool fv_initialise_inverse_depth(const struct fv_initialiser *initialiser,
+                                 const struct fv_pair *pair, const struct fv_se3 *T_last_first,
+                                 double *inverse_depth);
 /* Angle between the rays of the first and the last view to a point, times the focal length. */
-double fv_initialise_parallax_px(const struct fv_odometry *odometry, const struct fv_pair *pair,
-                                 const struct fv_se3 *T_last_first, double inverse_depth);
+double fv_initialise_parallax_px(const struct fv_initialiser *initialiser,
+                                 const struct fv_pair *pair, const struct fv_se3 *T_last_first,
+                                 double inverse_depth);
 
-/* Motions (T_last_first, |t| = 1) that may explain odometry->pairs, best first; returns their
+/* Motions (T_last_first, |t| = 1) that may explain initialiser->pairs, best first; returns their
  * number. */
-uint32_t fv_initialise_motions(struct fv_odometry *odometry, uint32_t count,
-                               struct fv_se3 T[FV_INITIALISE_MOTIONS_MAX]);
+uint32_t fv_initialise_motions(struct fv_initialiser *initialiser, struct fovea_random *random,
+                               uint32_t count, struct fv_se3 T[FV_INITIALISE_MOTIONS_MAX]);
 
 /* Whether two bundles ended at the same motion. */
 bool fv_initialise_same(const struct fv_initialise_bundle *a, const struct fv_initialise_bundle *b);
 
-/* First guesses of the bundle's poses and of odometry->depths. False: too little fits.
+/* First guesses of the bundle's poses and of initialiser->depths. False: too little fits.
  * From a motion of the last view: */
-bool fv_initialise_guess_motion(struct fv_odometry *odometry, uint32_t count,
+bool fv_initialise_guess_motion(struct fv_initialiser *initialiser, uint32_t count,
                                 const struct fv_se3 *T_last_first,
                                 struct fv_initialise_bundle *bundle);
 /* From what was noted for the same first view a few frames ago: */
-bool fv_initialise_guess_again(struct fv_odometry *odometry, uint32_t count,
+bool fv_initialise_guess_again(struct fv_initialiser *initialiser, uint32_t count,
                                struct fv_initialise_bundle *bundle);
 /* From a bundle that was noted, its reversal: what is near becomes far, the way turns round, and a
  * turn makes up for it. Of a shallow scene both are seen almost alike (J. Koenderink and A. van
  * Doorn, "Affine structure from motion", 1991). */
-bool fv_initialise_guess_reversed(struct fv_odometry *odometry, uint32_t count,
+bool fv_initialise_guess_reversed(struct fv_initialiser *initialiser, uint32_t count,
                                   struct fv_initialise_bundle *bundle);
-/* Note a bundle of the first `count` of `all` tracks. */
-void fv_initialise_note_guess(struct fv_odometry *odometry, uint32_t count, uint32_t all,
-                              const struct fv_initialise_bundle *bundle);
+/* Note a bundle of the first `count` of `all` tracks; `now`: number of the current frame. */
+void fv_initialise_note_guess(struct fv_initialiser *initialiser, uint64_t now, uint32_t count,
+                              uint32_t all, const struct fv_initialise_bundle *bundle);
 
 /* How far off a first guess may be. */
 enum fv_initialise_trust {
@@ -122,18 +140,18 @@ enum fv_initialise_trust {
 /* Adjust poses and points of the tracks together, from a first guess. Errors count less and less
  * beyond a limit, which in the end is that of the noise found: a thing that moves along its
  * epipolar lines nearly fits, and would bend a bundle of little parallax. Afterwards the last view
- * is at distance 1, odometry->depths holds the points by track, and ->inlier tells which fit in all
- * their views. */
-void fv_initialise_adjust(struct fv_odometry *odometry, uint32_t count,
+ * is at distance 1, initialiser->depths holds the points by track, and ->inlier tells which fit in
+ * all their views. */
+void fv_initialise_adjust(struct fv_initialiser *initialiser, uint32_t count,
                           enum fv_initialise_trust trust, struct fv_initialise_bundle *bundle);
 /* Cost of the tracks when the views do no more than turn: what a bundle must beat. Uses up
- * odometry->depths.
+ * initialiser->depths.
  */
-double fv_initialise_turn_cost(struct fv_odometry *odometry, uint32_t count,
+double fv_initialise_turn_cost(struct fv_initialiser *initialiser, uint32_t count,
                                const struct fv_initialise_bundle *bundle);
 
 /* Whether a track's point is fit to be a landmark: it fits in all its views, and has parallax. */
-bool fv_initialise_point_serves(const struct fv_odometry *odometry,
+bool fv_initialise_point_serves(const struct fv_initialiser *initialiser,
                                 const struct fv_initialise_bundle *bundle, uint32_t track);
 
 #ifdef __cplusplus

@@ -5,9 +5,11 @@
  * accidental motion", 2014): a point far away is no special case. */
 #include <string.h>
 
+#include "fovea/odometry.h"
 #include "geometry/normal_equations.h"
+#include "geometry/pose.h"
 #include "geometry/vec.h"
-#include "odometry/odometry.h"
+#include "odometry/initialise.h"
 #include "geometry/chi_square.h"
 
 enum {
@@ -119,7 +121,7 @@ static double robust(struct fv_initialise_row *row, double limit2)
 /* ---- first guess ----------------------------------------------------------------------------- */
 
 /* Move view v until it fits the points. False: too few are seen. */
-static bool place_view(struct fv_odometry *o, uint32_t count,
+static bool place_view(struct fv_initialiser *in, uint32_t count,
                        const struct fv_view views[FV_INITIALISE_VIEWS_MAX],
                        struct fv_initialise_bundle *b, uint32_t v)
 {
@@ -130,8 +132,8 @@ static bool place_view(struct fv_odometry *o, uint32_t count,
         uint32_t sights = 0;
         for (uint32_t i = 0; i < count && sights < ALIGN_TRACKS; i++) {
             struct fv_initialise_row row;
-            if (o->tracks[i].feature[v] == FV_MAP_NONE ||
-                !row_of(b, views, &o->pairs[i], &o->tracks[i], o->depths[i].value, v, &row))
+            if (in->tracks[i].feature[v] == FV_MAP_NONE ||
+                !row_of(b, views, &in->pairs[i], &in->tracks[i], in->depths[i].value, v, &row))
                 continue;
             (void)robust(&row, limit2);
             sights++;
@@ -144,11 +146,11 @@ static bool place_view(struct fv_odometry *o, uint32_t count,
     return true;
 }
 
-static void find_views(const struct fv_odometry *o, const struct fv_initialise_bundle *b,
+static void find_views(const struct fv_initialiser *in, const struct fv_initialise_bundle *b,
                        struct fv_view views[FV_INITIALISE_VIEWS_MAX])
 {
     for (uint32_t v = 0; v < b->view_count; v++)
-        views[v] = fv_map_view(&o->map, b->slots[v]);
+        views[v] = fv_map_view(in->map, b->slots[v]);
 }
 
 /* Part of the way from the first to the last view. */
@@ -163,102 +165,102 @@ static void go_part(const struct fv_se3 *whole, double share, struct fv_se3 *T)
     fv_so3_exp(turn, T->R);
 }
 
-bool fv_initialise_guess_motion(struct fv_odometry *o, uint32_t count,
+bool fv_initialise_guess_motion(struct fv_initialiser *in, uint32_t count,
                                 const struct fv_se3 *T_last_first, struct fv_initialise_bundle *b)
 {
     struct fv_view views[FV_INITIALISE_VIEWS_MAX];
     const uint32_t last = b->view_count - 1;
     uint32_t placed = 0;
-    find_views(o, b, views);
+    find_views(in, b, views);
     fv_se3_identity(&b->T_view_first[0]);
     b->T_view_first[last] = *T_last_first;
     for (uint32_t i = 0; i < count; i++)
-        placed += fv_initialise_inverse_depth(o, &o->pairs[i], T_last_first, &o->depths[i].value);
+        placed +=
+            fv_initialise_inverse_depth(in, &in->pairs[i], T_last_first, &in->depths[i].value);
     if (placed < point_share_min * count) return false;
     for (uint32_t v = 1; v < last; v++) {
         go_part(T_last_first, b->share[v], &b->T_view_first[v]);
-        if (!place_view(o, count, views, b, v)) return false;
+        if (!place_view(in, count, views, b, v)) return false;
     }
     return true;
 }
 
-bool fv_initialise_guess_again(struct fv_odometry *o, uint32_t count,
+bool fv_initialise_guess_again(struct fv_initialiser *in, uint32_t count,
                                struct fv_initialise_bundle *b)
 {
-    const struct fv_initialise_state *s = &o->state->initialise;
+    const struct fv_initialise_state *s = in->state;
     struct fv_view views[FV_INITIALISE_VIEWS_MAX];
     const uint32_t last = b->view_count - 1;
     if (s->guessed != s->frames[0]) return false;
-    find_views(o, b, views);
+    find_views(in, b, views);
     fv_se3_identity(&b->T_view_first[0]);
     for (uint32_t i = 0; i < count; i++)
-        o->depths[i].value = (double)o->guessed_depth[o->tracks[i].feature[0]];
+        in->depths[i].value = (double)in->guessed_depth[in->tracks[i].feature[0]];
     for (uint32_t v = 1; v <= last; v++) {
         b->T_view_first[v] = v == last ? s->guess : views[v].frame->T_cam_world;
-        if (!place_view(o, count, views, b, v)) return false;
+        if (!place_view(in, count, views, b, v)) return false;
     }
     return true;
 }
 
-bool fv_initialise_guess_reversed(struct fv_odometry *o, uint32_t count,
+bool fv_initialise_guess_reversed(struct fv_initialiser *in, uint32_t count,
                                   struct fv_initialise_bundle *b)
 {
     struct fv_view views[FV_INITIALISE_VIEWS_MAX];
     double sum = 0;
-    find_views(o, b, views);
+    find_views(in, b, views);
     for (uint32_t i = 0; i < count; i++)
-        sum += (double)o->guessed_depth[o->tracks[i].feature[0]];
+        sum += (double)in->guessed_depth[in->tracks[i].feature[0]];
     for (uint32_t i = 0; i < count; i++)
-        o->depths[i].value = 2 * sum / count - (double)o->guessed_depth[o->tracks[i].feature[0]];
+        in->depths[i].value = 2 * sum / count - (double)in->guessed_depth[in->tracks[i].feature[0]];
     for (uint32_t v = 1; v < b->view_count; v++) {
         for (int k = 0; k < 3; k++)
             b->T_view_first[v].t[k] = -b->T_view_first[v].t[k];
-        if (!place_view(o, count, views, b, v)) return false;
+        if (!place_view(in, count, views, b, v)) return false;
     }
     return true;
 }
 
-void fv_initialise_note_guess(struct fv_odometry *o, uint32_t count, uint32_t all,
+void fv_initialise_note_guess(struct fv_initialiser *in, uint64_t now, uint32_t count, uint32_t all,
                               const struct fv_initialise_bundle *b)
 {
-    struct fv_initialise_state *s = &o->state->initialise;
-    const struct fv_view first = fv_map_view(&o->map, b->slots[0]);
-    const uint64_t now = o->state->frame_number;
+    struct fv_initialise_state *s = in->state;
+    const struct fv_view first = fv_map_view(in->map, b->slots[0]);
     double sum = 0;
     s->guess = b->T_view_first[b->view_count - 1];
     s->guessed = s->frames[0];
     for (uint32_t i = 0; i < count; i++)
-        sum += o->depths[i].value;
+        sum += in->depths[i].value;
     for (uint32_t f = 0; f < first.frame->features; f++)
-        o->guessed_depth[f] = (float)(sum / count);
+        in->guessed_depth[f] = (float)(sum / count);
     for (uint32_t i = 0; i < all; i++) {
-        double depth = o->depths[i].value;
-        if (i >= count) (void)fv_initialise_inverse_depth(o, &o->pairs[i], &s->guess, &depth);
-        o->guessed_depth[o->tracks[i].feature[0]] = (float)depth;
+        double depth = in->depths[i].value;
+        if (i >= count) (void)fv_initialise_inverse_depth(in, &in->pairs[i], &s->guess, &depth);
+        in->guessed_depth[in->tracks[i].feature[0]] = (float)depth;
     }
     for (uint32_t i = 1; i < s->count; i++)
         go_part(&s->guess, (double)(s->frames[i] - s->frames[0]) / (double)(now - s->frames[0]),
-                &o->map.keyframes[s->slots[i]].T_cam_world);
+                &in->map->keyframes[s->slots[i]].T_cam_world);
     for (uint32_t v = 1; v + 1 < b->view_count; v++)
-        o->map.keyframes[b->slots[v]].T_cam_world = b->T_view_first[v];
+        in->map->keyframes[b->slots[v]].T_cam_world = b->T_view_first[v];
 }
 
 /* ---- adjustment ------------------------------------------------------------------------------ */
 
 /* Add a track: its blocks, with its inverse depth eliminated. Returns its cost. */
-static double add_rows(struct fv_odometry *o, const struct fv_initialise_bundle *b,
+static double add_rows(struct fv_initialiser *in, const struct fv_initialise_bundle *b,
                        const struct fv_view views[FV_INITIALISE_VIEWS_MAX], uint32_t track,
                        double damping, double limit2, const struct fv_normal *normal)
 {
-    struct fv_initialise_depth *d = &o->depths[track];
+    struct fv_initialise_depth *d = &in->depths[track];
     double cost = 0, h = 0;
     d->gradient = 0;
     memset(d->cross, 0, sizeof d->cross);
     for (uint32_t v = 1; v < b->view_count; v++) {
         struct fv_initialise_row row;
         double *cross = d->cross + 6 * (v - 1);
-        if (o->tracks[track].feature[v] == FV_MAP_NONE) continue;
-        if (!row_of(b, views, &o->pairs[track], &o->tracks[track], d->value, v, &row)) {
+        if (in->tracks[track].feature[v] == FV_MAP_NONE) continue;
+        if (!row_of(b, views, &in->pairs[track], &in->tracks[track], d->value, v, &row)) {
             cost += limit2;
             continue;
         }
@@ -277,7 +279,7 @@ static double add_rows(struct fv_odometry *o, const struct fv_initialise_bundle 
 }
 
 /* Normal equations at the present poses and depths; returns the cost. */
-static double build(struct fv_odometry *o, uint32_t count, const struct fv_initialise_bundle *b,
+static double build(struct fv_initialiser *in, uint32_t count, const struct fv_initialise_bundle *b,
                     const struct fv_view views[FV_INITIALISE_VIEWS_MAX], double damping,
                     double limit2, struct fv_initialise_system *s)
 {
@@ -286,10 +288,10 @@ static double build(struct fv_odometry *o, uint32_t count, const struct fv_initi
     const struct fv_normal normal = normal_of(s);
     fv_normal_clear(&normal);
     for (uint32_t i = 0; i < count; i++)
-        cost += add_rows(o, b, views, i, damping, limit2, &normal);
+        cost += add_rows(in, b, views, i, damping, limit2, &normal);
     fv_normal_damp(&normal, damping, 0);
     for (uint32_t i = 0; i < count; i++) {
-        const struct fv_initialise_depth *d = &o->depths[i];
+        const struct fv_initialise_depth *d = &in->depths[i];
         const struct fv_coupling coupling = {d->cross, 0, s->size};
         fv_normal_eliminate(&normal, 1, &d->inverse, &d->gradient, &coupling, 1);
     }
@@ -297,7 +299,7 @@ static double build(struct fv_odometry *o, uint32_t count, const struct fv_initi
 }
 
 /* Move by the solution of the system; what was is kept in `before`. */
-static bool take_step(struct fv_odometry *o, uint32_t count, struct fv_initialise_bundle *b,
+static bool take_step(struct fv_initialiser *in, uint32_t count, struct fv_initialise_bundle *b,
                       struct fv_initialise_system *s, struct fv_se3 before[FV_INITIALISE_VIEWS_MAX])
 {
     memcpy(before, b->T_view_first, sizeof b->T_view_first);
@@ -307,7 +309,7 @@ static bool take_step(struct fv_odometry *o, uint32_t count, struct fv_initialis
         move(&b->T_view_first[v], s->g + 6 * (v - 1));
     const double near = inverse_depth_max / fv_norm3(b->T_view_first[b->view_count - 1].t);
     for (uint32_t i = 0; i < count; i++) {
-        struct fv_initialise_depth *d = &o->depths[i];
+        struct fv_initialise_depth *d = &in->depths[i];
         const struct fv_coupling coupling = {d->cross, 0, s->size};
         double change;
         fv_landmark_step(1, &d->inverse, &d->gradient, &coupling, 1, s->g, &change);
@@ -321,14 +323,14 @@ static bool take_step(struct fv_odometry *o, uint32_t count, struct fv_initialis
 }
 
 /* Levenberg's and Marquardt's steps until nothing is gained. */
-static void minimise(struct fv_odometry *o, uint32_t count,
+static void minimise(struct fv_initialiser *in, uint32_t count,
                      const struct fv_view views[FV_INITIALISE_VIEWS_MAX],
                      struct fv_initialise_bundle *b, double limit2, struct fv_initialise_system *s)
 {
     struct fv_se3 before[FV_INITIALISE_VIEWS_MAX];
-    double damping = 1e-3, cost = build(o, count, b, views, damping, limit2, s);
-    for (int step = 0; step < STEPS_MAX && take_step(o, count, b, s, before); step++) {
-        const double now = build(o, count, b, views, damping, limit2, s);
+    double damping = 1e-3, cost = build(in, count, b, views, damping, limit2, s);
+    for (int step = 0; step < STEPS_MAX && take_step(in, count, b, s, before); step++) {
+        const double now = build(in, count, b, views, damping, limit2, s);
         if (now <= cost) {
             const bool there = cost - now < gain_min * cost;
             cost = now;
@@ -338,21 +340,21 @@ static void minimise(struct fv_odometry *o, uint32_t count,
         }
         memcpy(b->T_view_first, before, sizeof before);
         for (uint32_t i = 0; i < count; i++)
-            o->depths[i].value = o->depths[i].before;
+            in->depths[i].value = in->depths[i].before;
         damping = fv_damping_raise(&damping_rule, damping);
         if (damping > 1e3) return;
-        (void)build(o, count, b, views, damping, limit2, s);
+        (void)build(in, count, b, views, damping, limit2, s);
     }
 }
 
 /* Points before the cameras, and the last view at distance 1. */
-static void normalise(struct fv_odometry *o, uint32_t count, struct fv_initialise_bundle *b)
+static void normalise(struct fv_initialiser *in, uint32_t count, struct fv_initialise_bundle *b)
 {
     const uint32_t last = b->view_count - 1;
     double length = fv_norm3(b->T_view_first[last].t);
     uint32_t behind = 0;
     for (uint32_t i = 0; i < count; i++)
-        behind += o->depths[i].value < 0;
+        behind += in->depths[i].value < 0;
     if (!(length > 1e-12)) length = 1;
     const double scale = (2 * behind > count ? -1 : 1) / length;
     for (uint32_t v = 1; v <= last; v++) {
@@ -361,25 +363,25 @@ static void normalise(struct fv_odometry *o, uint32_t count, struct fv_initialis
             b->T_view_first[v].t[k] *= scale;
     }
     for (uint32_t i = 0; i < count; i++)
-        o->depths[i].value /= scale;
+        in->depths[i].value /= scale;
 }
 
 /* What each part of the image pulls at the poses with, the inverse depths eliminated; at the
  * minimum all of it adds up to nothing. */
-static void pull_of(const struct fv_odometry *o, uint32_t count,
+static void pull_of(const struct fv_initialiser *in, uint32_t count,
                     const struct fv_initialise_bundle *b,
                     const struct fv_view views[FV_INITIALISE_VIEWS_MAX], double limit2,
                     double pull[FV_MAP_PARTS][SYSTEM_MAX])
 {
     memset(pull, 0, FV_MAP_PARTS * sizeof pull[0]);
     for (uint32_t i = 0; i < count; i++) {
-        const struct fv_initialise_depth *d = &o->depths[i];
-        const struct fv_pixel *p = &views[0].points[o->tracks[i].feature[0]];
-        double *sum = pull[fv_map_part(&o->map, p)];
+        const struct fv_initialise_depth *d = &in->depths[i];
+        const struct fv_pixel *p = &views[0].points[in->tracks[i].feature[0]];
+        double *sum = pull[fv_map_part(in->map, p)];
         for (uint32_t v = 1; v < b->view_count; v++) {
             struct fv_initialise_row row;
-            if (o->tracks[i].feature[v] == FV_MAP_NONE ||
-                !row_of(b, views, &o->pairs[i], &o->tracks[i], d->value, v, &row))
+            if (in->tracks[i].feature[v] == FV_MAP_NONE ||
+                !row_of(b, views, &in->pairs[i], &in->tracks[i], d->value, v, &row))
                 continue;
             (void)robust(&row, limit2);
             for (int k = 0; k < 6; k++)
@@ -396,15 +398,15 @@ static void pull_of(const struct fv_odometry *o, uint32_t count,
  * and by what the parts of the image pull to either side, whose errors may be one (K.-Y. Liang and
  * S. Zeger, "Longitudinal data analysis using generalized linear models", 1986): where a thing that
  * moves bends the bundle, it pulls against all the rest. FOVEA_PI: not determined. */
-static double direction_sigma(struct fv_odometry *o, uint32_t count,
+static double direction_sigma(struct fv_initialiser *in, uint32_t count,
                               const struct fv_initialise_bundle *b,
                               const struct fv_view views[FV_INITIALISE_VIEWS_MAX], double limit2,
                               struct fv_initialise_system *s)
 {
     const double *t = b->T_view_first[b->view_count - 1].t;
     double variance = 0, variance_parts = 0, pull[FV_MAP_PARTS][SYSTEM_MAX];
-    (void)build(o, count, b, views, 1e-9, limit2, s);
-    pull_of(o, count, b, views, limit2, pull);
+    (void)build(in, count, b, views, 1e-9, limit2, s);
+    pull_of(in, count, b, views, limit2, pull);
     const int n = s->size, at = n - 6;
     const struct fv_normal fixed = {s->H, NULL, n};
     double along[3];
@@ -434,18 +436,19 @@ static double direction_sigma(struct fv_odometry *o, uint32_t count,
 /* How badly a track is explained; `fits` tells whether all its errors are small. The logarithm
  * (Cauchy's weights) at the scale of a good match lets a slightly bent geometry, which explains a
  * moving thing as well, lose to the right one. */
-static double track_cost(const struct fv_odometry *o, const struct fv_initialise_bundle *b,
+static double track_cost(const struct fv_initialiser *in, const struct fv_initialise_bundle *b,
                          const struct fv_view views[FV_INITIALISE_VIEWS_MAX], uint32_t track,
                          bool *fits, double *square)
 {
     double cost = 0;
     *square = 0;
-    *fits = o->depths[track].value > 0;
+    *fits = in->depths[track].value > 0;
     for (uint32_t v = 1; v < b->view_count; v++) {
         struct fv_initialise_row row;
         double error = error_max;
-        if (o->tracks[track].feature[v] == FV_MAP_NONE) continue;
-        if (row_of(b, views, &o->pairs[track], &o->tracks[track], o->depths[track].value, v, &row))
+        if (in->tracks[track].feature[v] == FV_MAP_NONE) continue;
+        if (row_of(b, views, &in->pairs[track], &in->tracks[track], in->depths[track].value, v,
+                   &row))
             error = row.weight * (row.error[0] * row.error[0] + row.error[1] * row.error[1]);
         if (!(error < error_max)) error = error_max;
         cost += fovea_log(1 + error / good_error);
@@ -456,7 +459,7 @@ static double track_cost(const struct fv_odometry *o, const struct fv_initialise
 }
 
 /* Cost, points and noise of the bundle. */
-static void judge(struct fv_odometry *o, uint32_t count,
+static void judge(struct fv_initialiser *in, uint32_t count,
                   const struct fv_view views[FV_INITIALISE_VIEWS_MAX],
                   struct fv_initialise_bundle *b)
 {
@@ -467,62 +470,62 @@ static void judge(struct fv_odometry *o, uint32_t count,
     for (uint32_t i = 0; i < count; i++) {
         bool fits;
         double square;
-        b->cost += track_cost(o, b, views, i, &fits, &square);
-        o->inlier[i] = fits;
+        b->cost += track_cost(in, b, views, i, &fits, &square);
+        in->inlier[i] = fits;
         if (!fits) continue;
         squares += square;
         freedom -= 1;
         for (uint32_t v = 1; v < b->view_count; v++)
-            freedom += o->tracks[i].feature[v] == FV_MAP_NONE ? 0 : 2;
+            freedom += in->tracks[i].feature[v] == FV_MAP_NONE ? 0 : 2;
         b->points++;
         b->parallax_points +=
-            fv_initialise_parallax_px(o, &o->pairs[i], last, o->depths[i].value) >=
+            fv_initialise_parallax_px(in, &in->pairs[i], last, in->depths[i].value) >=
             FV_INITIALISE_PARALLAX_PX;
     }
     const double variance = freedom > 0 ? squares / freedom : 1;
     b->noise = __builtin_sqrt(variance > variance_min ? variance : variance_min);
 }
 
-void fv_initialise_adjust(struct fv_odometry *o, uint32_t count, enum fv_initialise_trust trust,
+void fv_initialise_adjust(struct fv_initialiser *in, uint32_t count, enum fv_initialise_trust trust,
                           struct fv_initialise_bundle *b)
 {
     struct fv_initialise_system system;
     struct fv_view views[FV_INITIALISE_VIEWS_MAX];
-    find_views(o, b, views);
+    find_views(in, b, views);
     for (int stage = (int)trust; stage < STAGES; stage++)
-        minimise(o, count, views, b, stage_limit2[stage], &system);
+        minimise(in, count, views, b, stage_limit2[stage], &system);
     double limit2 = FV_CHI_SQUARE_95_2;
     for (int round = 0; round < TIGHT_ROUNDS; round++) {
-        judge(o, count, views, b);
+        judge(in, count, views, b);
         limit2 = FV_CHI_SQUARE_95_2 * (b->noise < 1 ? b->noise * b->noise : 1);
-        minimise(o, count, views, b, limit2, &system);
+        minimise(in, count, views, b, limit2, &system);
     }
-    normalise(o, count, b);
-    judge(o, count, views, b);
-    b->direction_sigma = direction_sigma(o, count, b, views, limit2, &system);
+    normalise(in, count, b);
+    judge(in, count, views, b);
+    b->direction_sigma = direction_sigma(in, count, b, views, limit2, &system);
 }
 
-double fv_initialise_turn_cost(struct fv_odometry *o, uint32_t count,
+double fv_initialise_turn_cost(struct fv_initialiser *in, uint32_t count,
                                const struct fv_initialise_bundle *b)
 {
     struct fv_view views[FV_INITIALISE_VIEWS_MAX];
     struct fv_initialise_bundle turn = *b;
     double cost = 0, square;
     bool fits;
-    find_views(o, b, views);
+    find_views(in, b, views);
     for (uint32_t i = 0; i < count; i++)
-        o->depths[i].value = 0;
+        in->depths[i].value = 0;
     for (uint32_t v = 1; v < b->view_count; v++)
-        (void)place_view(o, count, views, &turn, v);
+        (void)place_view(in, count, views, &turn, v);
     for (uint32_t i = 0; i < count; i++)
-        cost += track_cost(o, &turn, views, i, &fits, &square);
+        cost += track_cost(in, &turn, views, i, &fits, &square);
     return cost;
 }
 
-bool fv_initialise_point_serves(const struct fv_odometry *o, const struct fv_initialise_bundle *b,
-                                uint32_t track)
+bool fv_initialise_point_serves(const struct fv_initialiser *in,
+                                const struct fv_initialise_bundle *b, uint32_t track)
 {
-    return o->inlier[track] &&
-           fv_initialise_parallax_px(o, &o->pairs[track], &b->T_view_first[b->view_count - 1],
-                                     o->depths[track].value) >= parallax_some_px;
+    return in->inlier[track] &&
+           fv_initialise_parallax_px(in, &in->pairs[track], &b->T_view_first[b->view_count - 1],
+                                     in->depths[track].value) >= parallax_some_px;
 }

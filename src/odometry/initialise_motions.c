@@ -4,7 +4,7 @@
 #include "geometry/essential.h"
 #include "geometry/homography.h"
 #include "geometry/vec.h"
-#include "odometry/odometry.h"
+#include "odometry/initialise.h"
 
 enum { FIT_MIN = 40, REFINE_STEPS = 6, PAIRS_FOLLOWED = 150 };
 
@@ -16,10 +16,10 @@ static const double mismatch_share_max = 0.5;
 static const double cost_share_max =
     1.5; /* of the best one's cost, above which a motion is out of the question */
 
-bool fv_initialise_inverse_depth(const struct fv_odometry *o, const struct fv_pair *pair,
+bool fv_initialise_inverse_depth(const struct fv_initialiser *in, const struct fv_pair *pair,
                                  const struct fv_se3 *T, double *inverse_depth)
 {
-    const double limit = place_limit_px / o->focal_px;
+    const double limit = place_limit_px / in->focal_px;
     double ray[3], q[3], off[3], across[3];
     fv_rotate3(T->R, pair->x1, ray);
     fv_cross3(pair->x2, ray, off);
@@ -33,7 +33,7 @@ bool fv_initialise_inverse_depth(const struct fv_odometry *o, const struct fv_pa
     return fv_dot3(q, pair->x2) > 0 && fv_dot3(off, off) <= limit * limit * fv_dot3(q, q);
 }
 
-double fv_initialise_parallax_px(const struct fv_odometry *o, const struct fv_pair *pair,
+double fv_initialise_parallax_px(const struct fv_initialiser *in, const struct fv_pair *pair,
                                  const struct fv_se3 *T, double inverse_depth)
 {
     double ray[3], q[3], cross[3];
@@ -41,24 +41,25 @@ double fv_initialise_parallax_px(const struct fv_odometry *o, const struct fv_pa
     for (int k = 0; k < 3; k++)
         q[k] = ray[k] + inverse_depth * T->t[k];
     fv_cross3(ray, q, cross);
-    return o->focal_px * fv_norm3(cross) / (fv_norm3(q) + 1e-12);
+    return in->focal_px * fv_norm3(cross) / (fv_norm3(q) + 1e-12);
 }
 
 /* Truncated squares of the residuals; a point that cannot be placed counts as a mismatch.
  * `parallax`: points with enough of it to be landmarks. */
-static double motion_cost(const struct fv_odometry *o, uint32_t count, const struct fv_se3 *T,
+static double motion_cost(const struct fv_initialiser *in, uint32_t count, const struct fv_se3 *T,
                           uint32_t *parallax)
 {
-    double E[9], cost = 0, limit = threshold_px / o->focal_px, limit2 = limit * limit;
+    double E[9], cost = 0, limit = threshold_px / in->focal_px, limit2 = limit * limit;
     fv_essential_from_motion(T, E);
     *parallax = 0;
     for (uint32_t i = 0; i < count; i++) {
-        double inverse_depth = 0, r2 = fv_essential_residual2(E, &o->pairs[i]);
-        if (r2 > limit2 || !fv_initialise_inverse_depth(o, &o->pairs[i], T, &inverse_depth))
+        double inverse_depth = 0, r2 = fv_essential_residual2(E, &in->pairs[i]);
+        if (r2 > limit2 || !fv_initialise_inverse_depth(in, &in->pairs[i], T, &inverse_depth))
             r2 = limit2;
         cost += r2;
-        *parallax += r2 < limit2 && fv_initialise_parallax_px(o, &o->pairs[i], T, inverse_depth) >=
-                                        FV_INITIALISE_PARALLAX_PX;
+        *parallax +=
+            r2 < limit2 && fv_initialise_parallax_px(in, &in->pairs[i], T, inverse_depth) >=
+                               FV_INITIALISE_PARALLAX_PX;
     }
     return cost / limit2;
 }
@@ -80,11 +81,11 @@ bool fv_initialise_same(const struct fv_initialise_bundle *a, const struct fv_in
 }
 
 /* Keep the list sorted by cost and free of repetitions. */
-static uint32_t add_motion(struct fv_odometry *o, uint32_t pairs, const struct fv_se3 *T,
+static uint32_t add_motion(struct fv_initialiser *in, uint32_t pairs, const struct fv_se3 *T,
                            uint32_t count, struct fv_se3 *list, double *costs)
 {
     uint32_t parallax;
-    double cost = motion_cost(o, pairs, T, &parallax);
+    double cost = motion_cost(in, pairs, T, &parallax);
     if (cost > mismatch_share_max * pairs || parallax < FV_INITIALISE_POINTS_MIN / 2) return count;
     if (count == FV_INITIALISE_MOTIONS_MAX && cost < costs[count - 1])
         count--; /* the worst gives way */
@@ -124,32 +125,31 @@ static void face_points(const struct fv_pair *pairs, uint32_t count, struct fv_s
 }
 
 /* Follow a motion to its own minimum over some of the pairs, then look at it on all. */
-static uint32_t try_motion(struct fv_odometry *o, uint32_t pairs, struct fv_se3 *T, uint32_t found,
-                           struct fv_se3 *list, double *costs)
+static uint32_t try_motion(struct fv_initialiser *in, uint32_t pairs, struct fv_se3 *T,
+                           uint32_t found, struct fv_se3 *list, double *costs)
 {
     const uint32_t some = pairs < PAIRS_FOLLOWED ? pairs : PAIRS_FOLLOWED;
-    fv_essential_refine(o->pairs, some, 2 * threshold_px / o->focal_px, REFINE_STEPS, T);
-    face_points(o->pairs, some, T);
-    return add_motion(o, pairs, T, found, list, costs);
+    fv_essential_refine(in->pairs, some, 2 * threshold_px / in->focal_px, REFINE_STEPS, T);
+    face_points(in->pairs, some, T);
+    return add_motion(in, pairs, T, found, list, costs);
 }
 
-uint32_t fv_initialise_motions(struct fv_odometry *o, uint32_t count,
-                               struct fv_se3 T[FV_INITIALISE_MOTIONS_MAX])
+uint32_t fv_initialise_motions(struct fv_initialiser *in, struct fovea_random *random,
+                               uint32_t count, struct fv_se3 T[FV_INITIALISE_MOTIONS_MAX])
 {
-    const struct fv_sampling sampling = {threshold_px / o->focal_px, 0.999, 300};
+    const struct fv_sampling sampling = {threshold_px / in->focal_px, 0.999, 300};
     double H[9], ratio, costs[FV_INITIALISE_MOTIONS_MAX];
     struct fv_se3 motion, planes[4];
-    uint32_t found = 0, fit_plane = fv_homography_estimate(o->pairs, count, &sampling,
-                                                           &o->state->random, H, o->inlier);
-    uint32_t fit =
-        fv_essential_estimate(o->pairs, count, &sampling, &o->state->random, &motion, o->inlier);
+    uint32_t found = 0,
+             fit_plane = fv_homography_estimate(in->pairs, count, &sampling, random, H, in->inlier);
+    uint32_t fit = fv_essential_estimate(in->pairs, count, &sampling, random, &motion, in->inlier);
     if (fit < FIT_MIN) return 0;
-    fv_essential_refine(o->pairs, count, refine_px / o->focal_px, REFINE_STEPS, &motion);
-    found = add_motion(o, count, &motion, found, T, costs);
+    fv_essential_refine(in->pairs, count, refine_px / in->focal_px, REFINE_STEPS, &motion);
+    found = add_motion(in, count, &motion, found, T, costs);
     if (found == 0) return 0; /* no parallax to speak of */
     int plane_count = fit_plane >= FIT_MIN ? fv_homography_motions(H, planes, &ratio) : 0;
     for (int k = 0; k < plane_count; k++)
-        found = try_motion(o, count, &planes[k], found, T, costs);
+        found = try_motion(in, count, &planes[k], found, T, costs);
     /* A little turn and a little translation look much alike: every direction is followed to where
      * it leads.
      */
@@ -159,7 +159,7 @@ uint32_t fv_initialise_motions(struct fv_odometry *o, uint32_t count,
         other.t[0] = across;
         other.t[1] = down;
         other.t[2] = along;
-        if (fv_normalise3(other.t)) found = try_motion(o, count, &other, found, T, costs);
+        if (fv_normalise3(other.t)) found = try_motion(in, count, &other, found, T, costs);
     }
     uint32_t kept = 0;
     while (kept < found && costs[kept] <= cost_share_max * costs[0] + 10)

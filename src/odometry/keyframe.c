@@ -27,12 +27,13 @@ static double current_depth(const struct fv_odometry *o)
     for (int step = 0; step < 24; step++) {
         double middle = __builtin_sqrt(low * high);
         uint32_t below = 0;
-        for (uint32_t i = 0; i < o->state->recent_count; i++) {
+        for (uint32_t i = 0; i < o->state->localise.recent_count; i++) {
             double q[3];
-            fv_se3_apply(&frame->T_cam_world, o->map.landmarks[o->recent[i].landmark].point, q);
+            fv_se3_apply(&frame->T_cam_world,
+                         o->map.landmarks[o->localiser.recent[i].landmark].point, q);
             below += q[2] < middle;
         }
-        *(2 * below > o->state->recent_count ? &high : &low) = middle;
+        *(2 * below > o->state->localise.recent_count ? &high : &low) = middle;
     }
     return __builtin_sqrt(low * high);
 }
@@ -55,12 +56,12 @@ static void note_stillness(struct fv_odometry *o, double depth)
     const double origin[3] = {0, 0, 0};
     double place[3], between[3];
     fv_se3_apply_inverse(T, origin, place);
-    fv_subtract3(place, s->still_place, between);
+    fv_subtract3(place, s->still.place, between);
     if (fv_norm3(between) < still_move_rad * depth) {
-        s->still_frames++;
+        s->still.frames++;
     } else {
-        s->still_frames = 0;
-        fv_copy3(place, s->still_place);
+        s->still.frames = 0;
+        fv_copy3(place, s->still.place);
     }
 }
 
@@ -72,8 +73,9 @@ bool fv_odometry_keyframe_needed(struct fv_odometry *o, uint32_t inliers)
     double depth = current_depth(o);
     double parallax = distance_to(o, s->newest) / depth;
     note_stillness(o, depth);
-    if (s->still_frames >= STILL_FRAMES) return false;
-    if (s->pending_count == FV_CREATION_PENDING_MAX || parallax < parallax_least_rad) return false;
+    if (s->still.frames >= STILL_FRAMES) return false;
+    if (s->creation.pending_count == FV_CREATION_PENDING_MAX || parallax < parallax_least_rad)
+        return false;
     if (share < kept_share_urgent || inliers < MATCHES_LOW / 2) return true;
     if (apart < FRAMES_APART_MIN) return false;
     return share < kept_share || parallax > parallax_wanted_rad || inliers < MATCHES_LOW;
@@ -81,8 +83,8 @@ bool fv_odometry_keyframe_needed(struct fv_odometry *o, uint32_t inliers)
 
 void fv_odometry_queue(struct fv_odometry *o, uint32_t keyframe)
 {
-    if (o->state->pending_count < FV_CREATION_PENDING_MAX)
-        o->state->pending[o->state->pending_count++] = (int32_t)keyframe;
+    if (o->state->creation.pending_count < FV_CREATION_PENDING_MAX)
+        o->state->creation.pending[o->state->creation.pending_count++] = (int32_t)keyframe;
 }
 
 void fv_odometry_make_keyframe(struct fv_odometry *o)

@@ -20,6 +20,11 @@ static const double baseline_share_min =
 static const double depth_near =
     0.15; /* of the median depth: where the search along the line starts */
 
+void fv_creator_carve(struct fv_creator *c, uint32_t features_max, struct fv_arena *job)
+{
+    c->line = fv_arena_take(job, features_max, sizeof *c->line);
+}
+
 /* ---- neighbours ------------------------------------------------------------------------------ */
 
 static bool baseline_serves(const struct fv_odometry *o, uint32_t a, uint32_t b)
@@ -33,7 +38,7 @@ static bool baseline_serves(const struct fv_odometry *o, uint32_t a, uint32_t b)
 static void begin_creation(struct fv_odometry *o, uint32_t keyframe)
 {
     struct fv_creation_state *g = &o->state->creation;
-    memset(g, 0, sizeof *g);
+    g->neighbour_count = g->neighbour = g->next = 0;
     uint16_t shared[FOVEA_ODOMETRY_KEYFRAMES_MAX];
     fv_map_count_shared(&o->map, keyframe, shared);
     shared[keyframe] = 0;
@@ -103,7 +108,7 @@ static bool new_point(const struct fv_odometry *o, const struct line_search *sea
     const struct fv_pixel *p = &search->a.points[feature_a], *r = &search->b.points[feature_b];
     double x2[3], q[3], cosine;
     for (int i = 0; i < 3; i++)
-        x2[i] = (double)o->line[feature_b][i];
+        x2[i] = (double)o->creator.line[feature_b][i];
     if (!fv_triangulate(&search->T_b_a, x1, x2, point, &cosine) || cosine > cos_parallax_max)
         return false;
     fv_se3_apply(&search->T_b_a, point, q);
@@ -130,9 +135,10 @@ static void create_from_feature(struct fv_odometry *o, const struct fv_kernels *
     fv_rotate3(search->T_b_a.R, bearing, q);
     fv_cross3(search->T_b_a.t, q, normal);
     if (!fv_normalise3(normal)) return;
-    struct fv_found found = fv_map_search_line(
-        &o->map, kernels, neighbour, (const float(*)[3])o->line, box, normal, 2.0 / o->focal_px,
-        level - 2, level + 2, search->a.descriptors + (size_t)feature * FV_MAP_DESCRIPTOR_BYTES);
+    struct fv_found found =
+        fv_map_search_line(&o->map, kernels, neighbour, (const float(*)[3])o->creator.line, box,
+                           normal, 2.0 / o->focal_px, level - 2, level + 2,
+                           search->a.descriptors + (size_t)feature * FV_MAP_DESCRIPTOR_BYTES);
     if (!fv_map_found_one(&found, DISTANCE_CREATE_MAX)) return;
     if (!new_point(o, search, bearing, feature, (uint32_t)found.feature, point)) return;
     fv_se3_apply_inverse(&search->a.frame->T_cam_world, point, world);
@@ -162,7 +168,7 @@ static void triangulate_unit(struct fv_odometry *o, const struct fv_kernels *ker
     if (neighbour_holds(o, g->neighbour)) {
         struct line_search search;
         line_begin(o, g->keyframe, g->neighbours[g->neighbour], &search);
-        if (g->next == 0) fv_map_bearings(&o->map, g->neighbours[g->neighbour], o->line);
+        if (g->next == 0) fv_map_bearings(&o->map, g->neighbours[g->neighbour], o->creator.line);
         for (uint32_t done = 0; done < UNIT_FEATURES && g->next < view.frame->features; g->next++) {
             if (view.landmark[g->next] != FV_MAP_NONE) continue;
             create_from_feature(o, kernels, &search, g->neighbours[g->neighbour], g->next);
@@ -236,14 +242,13 @@ static void fuse_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
 
 bool fv_odometry_creation_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
-    struct fv_odometry_state *s = o->state;
-    struct fv_creation_state *g = &s->creation;
+    struct fv_creation_state *g = &o->state->creation;
     if (g->phase == FV_CREATION_IDLE) {
-        if (s->pending_count == 0) return false;
-        uint32_t keyframe = (uint32_t)s->pending[0];
-        s->pending_count--;
-        for (uint32_t i = 0; i < s->pending_count; i++)
-            s->pending[i] = s->pending[i + 1];
+        if (g->pending_count == 0) return false;
+        uint32_t keyframe = (uint32_t)g->pending[0];
+        g->pending_count--;
+        for (uint32_t i = 0; i < g->pending_count; i++)
+            g->pending[i] = g->pending[i + 1];
         if (o->map.keyframes[keyframe].used) begin_creation(o, keyframe);
         return true;
     }
@@ -254,7 +259,7 @@ bool fv_odometry_creation_unit(struct fv_odometry *o, const struct fv_kernels *k
         triangulate_unit(o, kernels);
     else
         fuse_unit(o, kernels);
-    return g->phase != FV_CREATION_IDLE || s->pending_count > 0;
+    return g->phase != FV_CREATION_IDLE || g->pending_count > 0;
 }
 
 void fv_odometry_cull(struct fv_odometry *o)

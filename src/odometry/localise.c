@@ -16,21 +16,37 @@ static const double local_widen =
 static const double found_share_low =
     0.2; /* of the landmarks in view: less, and the search is widened */
 
-/* Take feature `f` for a landmark, unless a nearer one has it. */
-static void take(struct fv_odometry *o, const struct fv_view *view, uint32_t f, uint32_t landmark,
-                 uint32_t distance)
+void fv_localiser_carve(struct fv_localiser *l, uint32_t features_max, struct fv_arena *persistent,
+                        struct fv_arena *frame)
 {
-    if (view->landmark[f] != FV_MAP_NONE && o->match_distance[f] <= distance) return;
-    view->landmark[f] = (int16_t)landmark;
-    o->match_distance[f] = (uint16_t)distance;
+    l->recent = fv_arena_take(persistent, features_max, sizeof *l->recent);
+    l->sights = fv_arena_take_raw(frame, features_max, sizeof *l->sights);
+    l->sight_feature = fv_arena_take_raw(frame, features_max, sizeof *l->sight_feature);
+    l->local = fv_arena_take_raw(frame, FV_LOCAL_LANDMARKS_MAX, sizeof *l->local);
 }
 
-void fv_odometry_clear_matches(struct fv_odometry *o, const struct fv_view *view)
+void fv_matches_carve(struct fv_matches *m, uint32_t features_max, struct fv_arena *frame)
+{
+    m->distance = fv_arena_take_raw(frame, features_max, sizeof *m->distance);
+    m->nearest = fv_arena_take_raw(frame, features_max, sizeof *m->nearest);
+    m->second = fv_arena_take_raw(frame, features_max, sizeof *m->second);
+}
+
+void fv_matches_clear(const struct fv_matches *m, const struct fv_view *view)
 {
     for (uint32_t f = 0; f < view->frame->features; f++) {
         view->landmark[f] = FV_MAP_NONE;
-        o->match_distance[f] = UINT16_MAX;
+        m->distance[f] = UINT16_MAX;
     }
+}
+
+/* Take feature `f` for a landmark, unless a nearer one has it. */
+static void take(const struct fv_matches *m, const struct fv_view *view, uint32_t f,
+                 uint32_t landmark, uint32_t distance)
+{
+    if (view->landmark[f] != FV_MAP_NONE && m->distance[f] <= distance) return;
+    view->landmark[f] = (int16_t)landmark;
+    m->distance[f] = (uint16_t)distance;
 }
 
 static bool project_landmark(const struct fv_odometry *o, const struct fv_se3 *T,
@@ -47,9 +63,9 @@ static uint32_t match_recent(struct fv_odometry *o, const struct fv_kernels *ker
                              const struct fv_view *view, const struct fv_se3 *T, double radius_px)
 {
     uint32_t matches = 0;
-    fv_odometry_clear_matches(o, view);
-    for (uint32_t i = 0; i < o->state->recent_count; i++) {
-        const struct fv_recent *r = &o->recent[i];
+    fv_matches_clear(&o->matches, view);
+    for (uint32_t i = 0; i < o->state->localise.recent_count; i++) {
+        const struct fv_recent *r = &o->localiser.recent[i];
         const struct fv_landmark *l = &o->map.landmarks[r->landmark];
         double q[3], pixel[2];
         if (!l->used || l->generation != r->generation || !project_landmark(o, T, l, q, pixel))
@@ -59,7 +75,7 @@ static uint32_t match_recent(struct fv_odometry *o, const struct fv_kernels *ker
                           radius_px * fv_level_scale(r->level), (int)r->level - 1,
                           (int)r->level + 1, fv_map_descriptor(&o->map, l), false);
         if (!fv_map_found_one(&found, DISTANCE_PREDICTED_MAX)) continue;
-        take(o, view, (uint32_t)found.feature, r->landmark, found.distance);
+        take(&o->matches, view, (uint32_t)found.feature, r->landmark, found.distance);
         matches++;
     }
     return matches;
@@ -72,8 +88,8 @@ uint32_t fv_odometry_collect_sights(struct fv_odometry *o, const struct fv_view 
     for (uint32_t f = 0; f < view->frame->features; f++) {
         if (view->landmark[f] == FV_MAP_NONE) continue;
         fv_sight_from(&view->keypoints[f], o->map.landmarks[view->landmark[f]].point,
-                      &o->sights[count]);
-        o->sight_feature[count++] = f;
+                      &o->localiser.sights[count]);
+        o->localiser.sight_feature[count++] = f;
     }
     return count;
 }
@@ -83,10 +99,11 @@ static uint32_t refine(struct fv_odometry *o, const struct fv_view *view, int ro
                        bool settle, struct fv_se3 *T, struct fv_pose_fit *fit)
 {
     uint32_t count = fv_odometry_collect_sights(o, view);
-    if (count < 6 || !fv_pose_refine(o->sights, count, rounds, steps, T, fit)) return 0;
-    if (settle && !fv_pose_settle(o->sights, count, T, fit)) return 0;
+    if (count < 6 || !fv_pose_refine(o->localiser.sights, count, rounds, steps, T, fit)) return 0;
+    if (settle && !fv_pose_settle(o->localiser.sights, count, T, fit)) return 0;
     for (uint32_t i = 0; i < count; i++)
-        if (!o->sights[i].inlier) view->landmark[o->sight_feature[i]] = FV_MAP_NONE;
+        if (!o->localiser.sights[i].inlier)
+            view->landmark[o->localiser.sight_feature[i]] = FV_MAP_NONE;
     return fit->inliers;
 }
 
@@ -111,11 +128,11 @@ static uint32_t gather_local(struct fv_odometry *o, const struct fv_view *view, 
         if (shared[best] == 0) break;
         shared[best] = 0;
         struct fv_view from = fv_map_view(&o->map, best);
-        for (uint32_t f = 0; f < from.frame->features && count < o->local_max; f++) {
+        for (uint32_t f = 0; f < from.frame->features && count < FV_LOCAL_LANDMARKS_MAX; f++) {
             if (from.landmark[f] == FV_MAP_NONE || o->map.landmarks[from.landmark[f]].mark == mark)
                 continue;
             o->map.landmarks[from.landmark[f]].mark = mark;
-            o->local[count++] = (uint32_t)from.landmark[f];
+            o->localiser.local[count++] = (uint32_t)from.landmark[f];
         }
     }
     return count;
@@ -130,7 +147,7 @@ uint32_t fv_odometry_match_local(struct fv_odometry *o, const struct fv_kernels 
     fv_map_count_shared(&o->map, fv_map_current(&o->map), shared);
     uint32_t count = gather_local(o, view, shared), visible = 0;
     for (uint32_t i = 0; i < count; i++) {
-        struct fv_landmark *l = &o->map.landmarks[o->local[i]];
+        struct fv_landmark *l = &o->map.landmarks[o->localiser.local[i]];
         double q[3], pixel[2], ray[3];
         if (!project_landmark(o, T, l, q, pixel)) continue;
         double distance = fv_norm3(q);
@@ -145,7 +162,7 @@ uint32_t fv_odometry_match_local(struct fv_odometry *o, const struct fv_kernels 
             fv_map_search(&o->map, kernels, fv_map_current(&o->map), pixel[0], pixel[1], radius,
                           level - 1, level + 1, fv_map_descriptor(&o->map, l), true);
         if (!fv_map_found_one(&found, DISTANCE_PREDICTED_MAX)) continue;
-        take(o, view, (uint32_t)found.feature, o->local[i], found.distance);
+        take(&o->matches, view, (uint32_t)found.feature, o->localiser.local[i], found.distance);
     }
     return visible;
 }
@@ -155,7 +172,7 @@ uint32_t fv_odometry_match_local(struct fv_odometry *o, const struct fv_kernels 
 /* Remember what this frame saw, for the next one and for the landmarks' records. */
 static void remember(struct fv_odometry *o, const struct fv_view *view)
 {
-    o->state->recent_count = 0;
+    o->state->localise.recent_count = 0;
     for (uint32_t f = 0; f < view->frame->features; f++) {
         if (view->landmark[f] == FV_MAP_NONE) continue;
         struct fv_landmark *l = &o->map.landmarks[view->landmark[f]];
@@ -168,7 +185,7 @@ static void remember(struct fv_odometry *o, const struct fv_view *view)
         }
         struct fv_recent recent = {(uint32_t)view->landmark[f], l->generation,
                                    view->points[f].level};
-        o->recent[o->state->recent_count++] = recent;
+        o->localiser.recent[o->state->localise.recent_count++] = recent;
     }
 }
 
@@ -179,7 +196,7 @@ static bool rough_pose(struct fv_odometry *o, const struct fv_kernels *kernels,
 {
     if (o->state->state != FOVEA_TRACKING_LOST) {
         *T = *last;
-        if (o->state->moving_known) fv_se3_compose(&o->state->motion, last, T);
+        if (o->state->localise.moving_known) fv_se3_compose(&o->state->localise.motion, last, T);
         struct fv_se3 predicted = *T;
         uint32_t matches = match_recent(o, kernels, view, T, radius_first_px);
         if (matches >= INLIERS_FIRST_MIN &&
@@ -228,8 +245,8 @@ uint32_t fv_odometry_localise(struct fv_odometry *o, const struct fv_kernels *ke
     }
     if (inliers < FOVEA_POSED_INLIERS_MIN) return 0;
     fv_se3_invert(&last, &inverse);
-    fv_se3_compose(&T, &inverse, &o->state->motion);
-    o->state->moving_known = o->state->state != FOVEA_TRACKING_LOST;
+    fv_se3_compose(&T, &inverse, &o->state->localise.motion);
+    o->state->localise.moving_known = o->state->state != FOVEA_TRACKING_LOST;
     view.frame->T_cam_world = T;
     o->state->pose.inliers = inliers;
     o->state->pose.quality = (float)inliers / (float)(visible + known);

@@ -5,7 +5,7 @@
 bool fv_odometry_loop_waiting(const struct fv_odometry *o)
 {
     /* While the map is saved it stays as it is. */
-    return o->config.loops && fv_loop_waiting(&o->loop) && !fv_archive_busy(o->archive);
+    return o->config.loops && fv_loop_waiting(&o->loop) && !fv_archive_busy(o->saver.archive);
 }
 
 /* Lengths of the current frame's world have another unit, and its points other places. */
@@ -13,8 +13,8 @@ static void follow_correction(struct fv_odometry *o, const struct fv_sim3 *S_new
 {
     struct fv_odometry_state *s = o->state;
     for (int k = 0; k < 3; k++)
-        s->motion.t[k] *= S_new_old->s;
-    fv_sim3_apply(S_new_old, s->still_place, s->still_place);
+        s->localise.motion.t[k] *= S_new_old->s;
+    fv_sim3_apply(S_new_old, s->still.place, s->still.place);
     if (o->window.state->phase == FV_WINDOW_IDLE) return;
     fv_window_abort(&o->window); /* its copy is of the map before */
     s->job_wanted = true;

@@ -8,7 +8,6 @@ enum {
     WINDOW_LANDMARKS = 1200,
     WINDOW_OBSERVATIONS = 9000,
     WINDOW_PASSES = 6,
-    LOCAL_MAX = 3000,
     DROP_AFTER_KEYFRAMES = 10,
     MAP_KEYFRAMES_MIN = 5
 };
@@ -24,34 +23,22 @@ void fv_odometry_carve(struct fv_odometry *o, const struct fovea_odometry_config
     o->config = *config;
     o->camera = *camera;
     o->focal_px = __builtin_sqrt(camera->fx * camera->fy);
-    o->local_max = LOCAL_MAX;
     fv_bearing_carve(&o->bearings, camera->width, camera->height, persistent);
     const struct fv_map_limits limits = {config->keyframes, config->landmarks, features_max,
                                          camera->width, camera->height};
     fv_map_carve(&o->map, &limits, &o->camera, &o->bearings, persistent);
     o->state = fv_arena_take(persistent, 1, sizeof *o->state);
-    o->recent = fv_arena_take(persistent, features_max, sizeof *o->recent);
-    o->guessed_depth = fv_arena_take(persistent, features_max, sizeof *o->guessed_depth);
+    fv_localiser_carve(&o->localiser, features_max, persistent, frame);
+    fv_initialiser_carve(&o->initialiser, &o->map, o->focal_px, features_max, persistent, frame);
+    fv_matches_carve(&o->matches, features_max, frame);
+    fv_covariance_carve(&o->covariance, frame);
     const struct fv_window_limits window = {config->window, WINDOW_LANDMARKS, WINDOW_OBSERVATIONS,
                                             WINDOW_PASSES, window_settled};
     fv_window_carve(&o->window, &window, &o->map, job);
-    o->line = fv_arena_take(job, features_max, sizeof *o->line);
+    fv_creator_carve(&o->creator, features_max, job);
     if (config->loops) fv_loop_carve(&o->loop, &limits, &o->camera, persistent, job);
     fv_relocaliser_carve(&o->relocaliser, config->keyframes, persistent, frame);
-    o->archive = fv_arena_take(persistent, 1, sizeof *o->archive);
-    o->sights = fv_arena_take_raw(frame, features_max, sizeof *o->sights);
-    o->sight_feature = fv_arena_take_raw(frame, features_max, sizeof *o->sight_feature);
-    o->match_distance = fv_arena_take_raw(frame, features_max, sizeof *o->match_distance);
-    o->joint = fv_arena_take_raw(frame, 36 * FV_COVARIANCE_POSES_MAX * FV_COVARIANCE_POSES_MAX,
-                                 sizeof *o->joint);
-    o->local = fv_arena_take_raw(frame, LOCAL_MAX, sizeof *o->local);
-    o->pairs = fv_arena_take_raw(frame, features_max, sizeof *o->pairs);
-    o->tracks = fv_arena_take_raw(frame, features_max, sizeof *o->tracks);
-    o->depths = fv_arena_take_raw(frame, features_max, sizeof *o->depths);
-    o->inlier = fv_arena_take_raw(frame, features_max, sizeof *o->inlier);
-    o->nearest = fv_arena_take_raw(frame, features_max, sizeof *o->nearest);
-    o->second = fv_arena_take_raw(frame, features_max, sizeof *o->second);
-    o->gathered = fv_arena_take_raw(frame, LOCAL_MAX, FV_MAP_DESCRIPTOR_BYTES);
+    o->saver.archive = fv_arena_take(persistent, 1, sizeof *o->saver.archive);
 }
 
 static void begin(struct fv_odometry *o)
@@ -62,8 +49,8 @@ static void begin(struct fv_odometry *o)
     fv_relocaliser_reset(&o->relocaliser);
     if (o->config.loops) fv_loop_reset(&o->loop, o->state->random.s[0]);
     s->state = FOVEA_TRACKING_STARTING;
-    s->moving_known = s->job_wanted = false;
-    s->lost_frames = s->recent_count = s->pending_count = s->initialise.count = 0;
+    s->localise.moving_known = s->job_wanted = false;
+    s->lost_frames = s->localise.recent_count = o->initialiser.state->count = 0;
     s->keyframe_matches = 0;
     memset(&s->creation, 0, sizeof s->creation);
     if (o->config.localise_only) s->state = FOVEA_TRACKING_LOST;
@@ -84,8 +71,8 @@ void fv_odometry_reset(struct fv_odometry *o)
         return;
     }
     o->state->state = FOVEA_TRACKING_LOST; /* what is known was known at the start */
-    o->state->moving_known = false;
-    o->state->recent_count = o->state->lost_frames = 0;
+    o->state->localise.moving_known = false;
+    o->state->localise.recent_count = o->state->lost_frames = 0;
 }
 
 enum fovea_status fv_odometry_load(struct fv_odometry *o, const struct fv_kernels *kernels,
@@ -122,7 +109,7 @@ bool fv_odometry_interrupt(struct fv_odometry *o)
     struct fv_odometry_state *s = o->state;
     if (s->state != FOVEA_TRACKING_OK && s->state != FOVEA_TRACKING_WEAK) return false;
     s->state = s->pose.state = FOVEA_TRACKING_LOST;
-    s->moving_known = false;
+    s->localise.moving_known = false;
     s->pose.posed = false;
     s->pose.matches = s->pose.inliers = 0;
     s->pose.quality = 0;
@@ -170,14 +157,11 @@ static void add_correction(struct fv_odometry *o, const struct fv_sim3 *S_odom_m
     struct fv_se3 T_odom_ref, inverse, now, published;
     double between[3], turned[9], e[6];
     published_pose(o, S_odom_map, slot, &T_odom_ref);
-    if (s->reference != slot || s->reference_generation != generation) {
-        s->reference = slot;
-        s->reference_generation = generation;
-        s->reference_published = T_odom_ref;
-    }
+    if (s->reference.slot != slot || s->reference.generation != generation)
+        s->reference = (struct fv_reference_state){slot, generation, T_odom_ref};
     fv_se3_invert(&T_odom_ref, &inverse);
     fv_se3_compose(&inverse, T_odom_cam, &now);
-    fv_se3_invert(&s->reference_published, &inverse);
+    fv_se3_invert(&s->reference.published, &inverse);
     fv_se3_compose(&inverse, T_odom_cam, &published);
     fv_subtract3(now.t, published.t, between);
     fv_rotate_back3(published.R, between, e);
@@ -230,13 +214,13 @@ static void localise_step(struct fv_odometry *o, const struct fv_kernels *kernel
     uint32_t inliers = fv_odometry_localise(o, kernels);
     if (inliers == 0) {
         s->state = FOVEA_TRACKING_LOST;
-        s->moving_known = false;
+        s->localise.moving_known = false;
         if (++s->lost_frames > o->config.lost_frames_reset && !o->config.localise_only)
             start_another(o, kernels);
         return;
     }
     s->lost_frames = 0;
-    s->initialise.count = 0;
+    o->initialiser.state->count = 0;
     s->state = confidence(o, inliers);
     if (!o->config.localise_only && fv_odometry_keyframe_needed(o, inliers))
         fv_odometry_make_keyframe(o);
@@ -269,7 +253,7 @@ void fv_odometry_step(struct fv_odometry *o, const struct fv_kernels *kernels,
 bool fv_odometry_job_waiting(const struct fv_odometry *o)
 {
     const struct fv_odometry_state *s = o->state;
-    return fv_archive_busy(o->archive) || s->pending_count > 0 ||
+    return fv_archive_busy(o->saver.archive) || s->creation.pending_count > 0 ||
            s->creation.phase != FV_CREATION_IDLE || s->job_wanted ||
            o->window.state->phase != FV_WINDOW_IDLE || fv_odometry_index_waiting(o);
 }
@@ -298,12 +282,12 @@ static void window_job(struct fv_odometry *o)
 bool fv_odometry_unit(struct fv_odometry *o, const struct fv_kernels *kernels)
 {
     struct fv_odometry_state *s = o->state;
-    if (fv_archive_busy(o->archive)) { /* the rest waits, so that the map stays as it is */
-        fv_archive_unit(o->archive, &o->map, &o->camera, o->save_to, o->save_capacity);
+    if (fv_archive_busy(o->saver.archive)) { /* the rest waits, so that the map stays as it is */
+        fv_archive_unit(o->saver.archive, &o->map, &o->camera, o->saver.buffer, o->saver.capacity);
         return true;
     }
     /* New landmarks come first: localisation needs them, and the window works on its own copy. */
-    if (s->pending_count > 0 || s->creation.phase != FV_CREATION_IDLE)
+    if (s->creation.pending_count > 0 || s->creation.phase != FV_CREATION_IDLE)
         (void)fv_odometry_creation_unit(o, kernels);
     else if (s->job_wanted || o->window.state->phase != FV_WINDOW_IDLE)
         window_job(o);

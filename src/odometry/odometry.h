@@ -23,60 +23,51 @@
 #include "map/loop.h"
 #include "map/map.h"
 #include "map/window.h"
-#include "odometry/relocalise.h"
+#include "odometry/covariance.h"
 #include "odometry/initialise.h"
+#include "odometry/landmark_creation.h"
+#include "odometry/localise.h"
+#include "odometry/relocalise.h"
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
-enum {
-    FV_CREATION_NEIGHBOURS_MAX = 5,
-    FV_CREATION_PENDING_MAX = 4,
-    FV_LOCAL_KEYFRAMES_MAX = 12,
-    FV_COVARIANCE_POSES_MAX = 8
+/* For how long the camera has stayed in one place. */
+struct fv_still_state {
+    uint32_t frames;
+    double place[3]; /* world */
 };
 
-/* Where landmark creation for a keyframe stands. */
-enum fv_creation_phase { FV_CREATION_IDLE = 0, FV_CREATION_TRIANGULATE = 1, FV_CREATION_FUSE = 2 };
-
-struct fv_creation_state {
-    enum fv_creation_phase phase;
-    uint32_t keyframe, generation;
-    uint32_t neighbour_count, neighbour, next; /* in work */
-    uint32_t neighbours[FV_CREATION_NEIGHBOURS_MAX],
-        neighbour_generations[FV_CREATION_NEIGHBOURS_MAX];
-};
-
-/* A landmark as the last frame saw it. */
-struct fv_recent {
-    uint32_t landmark, generation;
-    uint32_t level;
+/* Keyframe that the last pose hangs on, and T_world_cam as published with its own frame. */
+struct fv_reference_state {
+    uint32_t slot, generation;
+    struct fv_se3 published;
 };
 
 struct fv_odometry_state {
     enum fovea_tracking_state state;
-    bool moving_known;    /* `motion` holds */
-    bool job_wanted;      /* a keyframe was made since the last window */
-    struct fv_se3 motion; /* T_camera_lastcamera of the last two frames */
+    bool job_wanted; /* a keyframe was made since the last window */
+    bool sound;      /* the last covariance is to be relied on (covariance.h) */
     struct fovea_random random;
     uint64_t frame_number;
     uint64_t keyframe_frame; /* number of the frame that became the last keyframe */
+    uint64_t first_keyframe; /* number of that with which the last map was initialised */
     uint32_t lost_frames, reset_counter;
-    struct fv_initialise_state initialise;
-    uint32_t still_frames; /* for which the camera has stayed at still_place */
-    double still_place[3]; /* world */
-    uint32_t recent_count;
     uint32_t newest;           /* slot of the newest keyframe */
-    uint32_t keyframe_matches; /* landmarks that the newest keyframe was tracked on */
-    int32_t pending[FV_CREATION_PENDING_MAX];
-    uint32_t pending_count;
+    uint32_t keyframe_matches; /* landmarks that the newest keyframe was localised on */
+    struct fv_localise_state localise;
+    struct fv_still_state still;
     struct fv_creation_state creation;
-    bool sound;              /* the last covariance is to be relied on (covariance.h) */
-    uint64_t first_keyframe; /* number of that with which the last map was started */
-    uint32_t reference, reference_generation; /* keyframe that the last pose hangs on, */
-    struct fv_se3 reference_published;        /* and T_world_cam as it was told at its own frame */
-    struct fovea_pose pose;                   /* of the last frame */
+    struct fv_reference_state reference;
+    struct fovea_pose pose; /* of the last frame */
+};
+
+/* Saving the map. What becomes of the bytes is outside the state. */
+struct fv_saver {
+    struct fv_archive_state *archive; /* persistent: of the map that is being saved */
+    uint8_t *buffer;                  /* the caller's; NULL: do not save */
+    size_t capacity;
 };
 
 struct fv_odometry {
@@ -85,31 +76,18 @@ struct fv_odometry {
     double focal_px; /* mean, for thresholds in pixels */
     struct fv_bearing_table bearings;
     struct fv_map map;
-    struct fv_window window;
-    struct fv_relocaliser relocaliser;
-    struct fv_archive_state *archive; /* of the map that is being saved */
-    uint8_t
-        *save_to; /* the caller's buffer, or NULL: what becomes of the bytes is outside the state */
-    size_t save_capacity;
-    struct fv_loop_closer loop;
     struct fv_odometry_state *state;
-    struct fv_recent *recent; /* features_max */
-    float *guessed_depth;     /* inverse depths guessed, by feature of the first view */
-    float (
-        *line)[3]; /* job part: bearings of the neighbour in which new landmarks are looked for */
-    /* Frame part. */
-    struct fv_sight *sights;            /* of the matched features */
-    uint32_t *sight_feature;            /* feature of each sight */
-    uint16_t *match_distance;           /* by feature */
-    double *joint;                      /* normal equations of covariance.c */
-    uint32_t *local;                    /* landmarks of the local map */
-    struct fv_pair *pairs;              /* initialisation */
-    struct fv_feature_track *tracks;    /* initialisation: of each pair */
-    struct fv_initialise_depth *depths; /* initialisation: of each track */
-    uint8_t *inlier;
-    uint32_t *nearest, *second;
-    uint8_t *gathered; /* descriptors of landmarks, for search without prediction */
-    uint32_t local_max;
+    /* The step: the first map, the pose of a frame, finding it again, its covariance. */
+    struct fv_matches matches;
+    struct fv_initialiser initialiser;
+    struct fv_localiser localiser;
+    struct fv_relocaliser relocaliser;
+    struct fv_covariance covariance;
+    /* The jobs: new landmarks, window optimisation, closures, saving. */
+    struct fv_creator creator;
+    struct fv_window window;
+    struct fv_loop_closer loop;
+    struct fv_saver saver;
 };
 
 /* What a step is given: the frame's features, in any order. */
@@ -181,45 +159,13 @@ void fv_odometry_keep_scale(struct fv_odometry *odometry, const struct fv_map_sc
 
 /* ---- between the stage's own files ----------------------------------------------------------- */
 
-/* A key point that sees a point of the world. */
-static inline void fv_sight_from(const struct fv_keypoint *p, const double point[3],
-                                 struct fv_sight *s)
-{
-    for (int k = 0; k < 3; k++) {
-        s->point[k] = point[k];
-        s->bearing[k] = (double)p->bearing[k];
-    }
-    for (int k = 0; k < 6; k++)
-        s->A[k] = (double)p->A[k];
-    s->weight = (double)p->weight;
-    s->inlier = true;
-}
-
 /* Try to make the first map from the waiting frames and the current one; true when done. */
 bool fv_odometry_initialise(struct fv_odometry *odometry, const struct fv_kernels *kernels);
-/* Pose of the current view against the local map; number of inliers (0: failed). */
-uint32_t fv_odometry_localise(struct fv_odometry *odometry, const struct fv_kernels *kernels);
-/* Pieces of localisation that relocalisation shares: forget the view's matches; make sights of
- * them, returning their number; refine over them and forget those that do not fit; match the local
- * map around them (`widen` times the usual radius), returning how many landmarks are in view. */
-void fv_odometry_clear_matches(struct fv_odometry *odometry, const struct fv_view *view);
-uint32_t fv_odometry_collect_sights(struct fv_odometry *odometry, const struct fv_view *view);
-uint32_t fv_odometry_refine(struct fv_odometry *odometry, const struct fv_view *view, int rounds,
-                            int steps, struct fv_se3 *T, struct fv_pose_fit *fit);
-uint32_t fv_odometry_match_local(struct fv_odometry *odometry, const struct fv_kernels *kernels,
-                                 const struct fv_view *view, const struct fv_se3 *T, double widen);
 /* Inliers and covariance of the first pose, from the first map. */
 void fv_odometry_confirm(struct fv_odometry *odometry);
 /* Whether the current view should become a keyframe, and making it one. */
 bool fv_odometry_keyframe_needed(struct fv_odometry *odometry, uint32_t inliers);
 void fv_odometry_make_keyframe(struct fv_odometry *odometry);
-/* Queue a keyframe for landmark creation. */
-void fv_odometry_queue(struct fv_odometry *odometry, uint32_t keyframe);
-/* One unit of landmark creation; true when units are left. */
-bool fv_odometry_creation_unit(struct fv_odometry *odometry, const struct fv_kernels *kernels);
-/* Drop landmarks that are not found again. */
-void fv_odometry_cull(struct fv_odometry *odometry);
-
 #ifdef __cplusplus
 }
 #endif

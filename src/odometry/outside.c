@@ -52,26 +52,26 @@ void fv_odometry_keep_scale(struct fv_odometry *o, const struct fv_map_scale *sc
 
 void fv_odometry_save_to(struct fv_odometry *o, uint8_t *buffer, size_t bytes)
 {
-    o->save_to = buffer;
-    o->save_capacity = buffer == NULL ? 0 : bytes;
+    o->saver.buffer = buffer;
+    o->saver.capacity = buffer == NULL ? 0 : bytes;
 }
 
 void fv_odometry_save_begin(struct fv_odometry *o)
 {
-    fv_archive_begin(o->archive, o->state->frame_number);
+    fv_archive_begin(o->saver.archive, o->state->frame_number);
 }
 
 void fv_odometry_save_drop(struct fv_odometry *o)
 {
-    *o->archive = (struct fv_archive_state){0};
+    *o->saver.archive = (struct fv_archive_state){0};
 }
 
 bool fv_odometry_saving(const struct fv_odometry *o)
 {
-    return fv_archive_busy(o->archive);
+    return fv_archive_busy(o->saver.archive);
 }
 
 size_t fv_odometry_save_take(struct fv_odometry *o)
 {
-    return fv_archive_take(o->archive);
+    return fv_archive_take(o->saver.archive);
 }

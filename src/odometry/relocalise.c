@@ -31,6 +31,7 @@ void fv_relocaliser_carve(struct fv_relocaliser *r, uint32_t keyframes, struct f
     r->index = fv_arena_take(persistent, 1, sizeof *r->index);
     r->words = fv_arena_take_raw(frame, 1, sizeof *r->words);
     r->scores = fv_arena_take_raw(frame, keyframes, sizeof *r->scores);
+    r->gathered = fv_arena_take_raw(frame, FV_RELOCALISE_LANDMARKS, FV_MAP_DESCRIPTOR_BYTES);
 }
 
 void fv_relocaliser_reset(struct fv_relocaliser *r)
@@ -84,7 +85,8 @@ void fv_odometry_index_unit(struct fv_odometry *o, const struct fv_kernels *kern
 
 /* ---- one candidate --------------------------------------------------------------------------- */
 
-/* Landmarks that a keyframe sees, into o->local from `count` on; returns the new count. */
+/* Landmarks that a keyframe sees, into o->localiser.local from `count` on; returns the new count.
+ */
 static uint32_t gather_keyframe(struct fv_odometry *o, uint32_t slot, uint32_t mark, uint32_t count)
 {
     const struct fv_view view = fv_map_view(&o->map, slot);
@@ -93,9 +95,9 @@ static uint32_t gather_keyframe(struct fv_odometry *o, uint32_t slot, uint32_t m
             continue;
         struct fv_landmark *l = &o->map.landmarks[view.landmark[f]];
         l->mark = mark;
-        memcpy(o->gathered + (size_t)count * FV_MAP_DESCRIPTOR_BYTES, fv_map_descriptor(&o->map, l),
-               FV_MAP_DESCRIPTOR_BYTES);
-        o->local[count++] = (uint32_t)view.landmark[f];
+        memcpy(o->relocaliser.gathered + (size_t)count * FV_MAP_DESCRIPTOR_BYTES,
+               fv_map_descriptor(&o->map, l), FV_MAP_DESCRIPTOR_BYTES);
+        o->localiser.local[count++] = (uint32_t)view.landmark[f];
     }
     return count;
 }
@@ -111,15 +113,16 @@ static uint32_t match_keyframe(struct fv_odometry *o, const struct fv_kernels *k
     uint32_t count = gather_keyframe(o, slot, mark, 0), matches = 0;
     for (uint32_t i = 0; i < near; i++)
         count = gather_keyframe(o, neighbours[i].slot, mark, count);
-    kernels->hamming_two_u8(o->nearest, o->second, view->descriptors,
-                            (int32_t)view->frame->features, o->gathered, (int32_t)count);
-    fv_odometry_clear_matches(o, view);
+    kernels->hamming_two_u8(o->matches.nearest, o->matches.second, view->descriptors,
+                            (int32_t)view->frame->features, o->relocaliser.gathered,
+                            (int32_t)count);
+    fv_matches_clear(&o->matches, view);
     for (uint32_t f = 0; f < view->frame->features; f++) {
-        const uint32_t distance = o->nearest[f] >> FV_MATCH_INDEX_BITS;
-        if (o->nearest[f] == FV_MATCH_NONE || distance > DISTANCE_MAX ||
-            distance > ratio_max * (o->second[f] >> FV_MATCH_INDEX_BITS))
+        const uint32_t distance = o->matches.nearest[f] >> FV_MATCH_INDEX_BITS;
+        if (o->matches.nearest[f] == FV_MATCH_NONE || distance > DISTANCE_MAX ||
+            distance > ratio_max * (o->matches.second[f] >> FV_MATCH_INDEX_BITS))
             continue;
-        view->landmark[f] = (int16_t)o->local[o->nearest[f] & 0xffff];
+        view->landmark[f] = (int16_t)o->localiser.local[o->matches.nearest[f] & 0xffff];
         matches++;
     }
     return matches;
@@ -141,10 +144,12 @@ bool fv_odometry_try_keyframe(struct fv_odometry *o, const struct fv_kernels *ke
     if (match_keyframe(o, kernels, &view, slot) < MATCHES_MIN) return false;
     const uint32_t sights = fv_odometry_collect_sights(o, &view);
     const struct fv_sampling sampling = {4.0 / o->focal_px, 0.99, SAMPLES_MAX};
-    if (fv_pose_sample(o->sights, sights, &sampling, &o->state->random, T) < SAMPLED_INLIERS_MIN)
+    if (fv_pose_sample(o->localiser.sights, sights, &sampling, &o->state->random, T) <
+        SAMPLED_INLIERS_MIN)
         return false;
     for (uint32_t i = 0; i < sights; i++)
-        if (!o->sights[i].inlier) view.landmark[o->sight_feature[i]] = FV_MAP_NONE;
+        if (!o->localiser.sights[i].inlier)
+            view.landmark[o->localiser.sight_feature[i]] = FV_MAP_NONE;
     if (fv_odometry_refine(o, &view, 3, 5, T, fit) < SAMPLED_INLIERS_MIN) return false;
     const uint32_t visible = fit->inliers + fv_odometry_match_local(o, kernels, &view, T, 2);
     const uint32_t matches = fv_odometry_collect_sights(o, &view);
@@ -196,6 +201,6 @@ bool fv_odometry_relocalise(struct fv_odometry *o, const struct fv_kernels *kern
         for (uint32_t i = 0; i < count; i++)
             r->scores[same[i].slot] = 0;
     }
-    fv_odometry_clear_matches(o, &view);
+    fv_matches_clear(&o->matches, &view);
     return false;
 }

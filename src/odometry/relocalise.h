@@ -41,6 +41,7 @@ struct fv_relocaliser {
     struct fv_index_state *index; /* persistent */
     struct fv_place_words *words; /* frame part: of the current view */
     uint32_t *scores;             /* frame part */
+    uint8_t *gathered;            /* frame part: descriptors of landmarks around a candidate */
 };
 
 struct fv_odometry;

@@ -147,8 +147,8 @@ static void grow_map(double factor)
         o->map.keyframes[v].depth *= factor;
     }
     for (int k = 0; k < 3; k++) {
-        o->state->motion.t[k] *= factor;
-        o->state->still_place[k] *= factor;
+        o->state->localise.motion.t[k] *= factor;
+        o->state->still.place[k] *= factor;
         o->map.state->S_map_odom.t[k] *= factor;
     }
     o->map.state->S_map_odom.s *= factor;
