@@ -3,7 +3,7 @@
 #include <string.h>
 
 /* Odometry of the body that carries the camera, at a rate of its own and with errors of each step:
- * what wheels or legs would tell. The body's frame is the camera's, so T_base_cam is the identity.
+ * what wheels or legs would tell. The body's frame is the camera's, so T_body_cam is the identity.
  * A body that is carried off does not turn its wheels: such steps are left out. */
 
 static const double carried_off_m_s = 20.0;

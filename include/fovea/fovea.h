@@ -84,8 +84,8 @@ struct fovea_config {
     size_t map_bytes;
     const char *map_name;
 
-    /* row-major 3x4: camera points to the robot's base frame, metres; default identity */
-    double T_base_cam[12];
+    /* row-major 3x4: camera points to the robot's body frame, metres; default identity */
+    double T_body_cam[12];
 
     /* [1, 31] bytes of letters, digits and _ / . -, default "FOVEA": put before channel names. */
     char channel_prefix[32];

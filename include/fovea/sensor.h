@@ -18,7 +18,7 @@ struct fovea_imu_sample {
     double acceleration[3]; /* specific force, m/s^2: at rest it points up, against gravity */
 };
 
-/* Where the robot is by its wheels or legs: T_odom_base, in a frame of odometry's own. */
+/* Where the robot is by its wheels or legs: T_odom_body, in a frame of odometry's own. */
 struct fovea_wheel_odometry_sample {
     int64_t stamp_ns;
     double position_m[3];

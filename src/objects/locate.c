@@ -74,7 +74,7 @@ static bool by_floor(const struct fv_objects *tracker, const struct fv_object_sl
                      struct place *place)
 {
     double foot[3];
-    const double *T = tracker->T_base_cam;
+    const double *T = tracker->T_body_cam;
     if (!bearing(tracker, slot->box[FV_OBJECT_X].x,
                  slot->box[FV_OBJECT_Y].x + 0.5 * slot->box[FV_OBJECT_H].x, foot))
         return false;

@@ -17,13 +17,13 @@ static double larger(double a, double b)
 /* ---- memory ---------------------------------------------------------------------------------- */
 
 void fv_objects_carve(struct fv_objects *tracker, const struct fovea_objects_config *config,
-                      const struct fovea_camera *camera, const double T_base_cam[12],
+                      const struct fovea_camera *camera, const double T_body_cam[12],
                       struct fv_arena *persistent, struct fv_arena *frame)
 {
     const size_t tracks = config->count_max;
     tracker->config = config;
     tracker->camera = camera;
-    tracker->T_base_cam = T_base_cam;
+    tracker->T_body_cam = T_body_cam;
     tracker->state = fv_arena_take(persistent, 1, sizeof *tracker->state);
     tracker->slots = fv_arena_take(persistent, tracks, sizeof *tracker->slots);
     tracker->list = fv_arena_take(persistent, tracks, sizeof *tracker->list);

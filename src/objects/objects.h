@@ -57,7 +57,7 @@ struct fv_object_side {
 struct fv_objects {
     const struct fovea_objects_config *config; /* these two are the caller's */
     const struct fovea_camera *camera;
-    const double *T_base_cam; /* 3x4 */
+    const double *T_body_cam; /* 3x4 */
     struct fv_objects_state *state;
     struct fv_object_slot *slots; /* count_max */
     struct fovea_object *list;    /* count_max, what is told */
@@ -69,10 +69,10 @@ struct fv_objects {
     struct fv_assign_scratch *assign;
 };
 
-/* `config`, `camera` and `T_base_cam` must stay where they are. Works in counting mode. Init-only.
+/* `config`, `camera` and `T_body_cam` must stay where they are. Works in counting mode. Init-only.
  */
 void fv_objects_carve(struct fv_objects *tracker, const struct fovea_objects_config *config,
-                      const struct fovea_camera *camera, const double T_base_cam[12],
+                      const struct fovea_camera *camera, const double T_body_cam[12],
                       struct fv_arena *persistent, struct fv_arena *frame);
 
 /* Forget all tracks; ids go on. */

@@ -125,7 +125,7 @@ static enum fovea_status check_rotation(const double T[12], struct fovea_error *
             if (off > 1e-3 || off < -1e-3) {
                 return fovea_error_set(
                     error, FOVEA_ERROR_ARGUMENT,
-                    "T_base_cam: found %g as product of rows %d and %d of its rotation, expected %d: orthonormal rows",
+                    "T_body_cam: found %g as product of rows %d and %d of its rotation, expected %d: orthonormal rows",
                     dot, a, b, a == b);
             }
         }
@@ -135,7 +135,7 @@ static enum fovea_status check_rotation(const double T[12], struct fovea_error *
                                T[2] * (T[4] * T[9] - T[5] * T[8]);
     if (determinant < 0) {
         return fovea_error_set(error, FOVEA_ERROR_ARGUMENT,
-                               "T_base_cam: found a reflection, expected a rotation");
+                               "T_body_cam: found a reflection, expected a rotation");
     }
     return FOVEA_OK;
 }
@@ -216,6 +216,6 @@ enum fovea_status fv_config_check(const struct fovea_config *config, struct fove
     if (status == FOVEA_OK) status = check_pairs(config, error);
     if (status == FOVEA_OK) status = check_heights(&config->objects, error);
     if (status == FOVEA_OK) status = check_prefix(config->channel_prefix, error);
-    if (status == FOVEA_OK) status = check_rotation(config->T_base_cam, error);
+    if (status == FOVEA_OK) status = check_rotation(config->T_body_cam, error);
     return status;
 }

@@ -85,10 +85,10 @@ static void carve(struct fovea *rt, struct fv_arena arenas[FOVEA_MEMORY_PART_COU
         fv_odometry_carve(&rt->odometry, &config->odometry, &rt->config.camera, count_max,
                           &arenas[PERSISTENT], &arenas[JOB], &arenas[FRAME]);
         book(table, "odometry", arenas, before);
-        fv_scale_carve(&rt->scale, &config->scale, config->T_base_cam, &arenas[PERSISTENT],
+        fv_scale_carve(&rt->scale, &config->scale, config->T_body_cam, &arenas[PERSISTENT],
                        &arenas[FRAME]);
         book(table, "scale", arenas, before);
-        fv_publish_carve(&rt->publish, config->T_base_cam, &arenas[PERSISTENT]);
+        fv_publish_carve(&rt->publish, config->T_body_cam, &arenas[PERSISTENT]);
         book(table, "publish", arenas, before);
         fv_boxes_carve(&rt->boxes, width, height, &arenas[PERSISTENT], &arenas[FRAME]);
         book(table, "boxes", arenas, before);

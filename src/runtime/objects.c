@@ -8,7 +8,7 @@ void fv_object_stage_carve(struct fv_object_stage *tracking, const struct fovea_
 {
     tracking->enabled = detection->enabled && config->objects.mode != FOVEA_OBJECTS_OFF;
     if (!tracking->enabled) return;
-    fv_objects_carve(&tracking->tracker, &config->objects, &config->camera, config->T_base_cam,
+    fv_objects_carve(&tracking->tracker, &config->objects, &config->camera, config->T_body_cam,
                      persistent, frame);
     tracking->state = fv_arena_take(persistent, 1, sizeof *tracking->state);
     tracking->message_scratch =
@@ -71,8 +71,8 @@ uint32_t fv_object_stage_encode(const struct fv_object_stage *tracking,
         .tracks = tracks.list,
         .names = names,
     };
-    /* What is located in the world is so in metres, where T_base_cam holds with its lever arm. */
-    memcpy(message.T_odom_world, config->T_base_cam, sizeof message.T_odom_world);
+    /* What is located in the world is so in metres, where T_body_cam holds with its lever arm. */
+    memcpy(message.T_odom_world, config->T_body_cam, sizeof message.T_odom_world);
     return fv_message_objects_encode(&message, tracking->message_scratch, buffer, capacity);
 }
 

@@ -13,14 +13,14 @@ static const double floor_sigma_least = 0.03;
 static const double surprise = 3; /* standard deviations; measurements further off count for less */
 
 void fv_scale_carve(struct fv_scale *scale, const struct fovea_scale_config *config,
-                    const double T_base_cam[12], struct fv_arena *persistent,
+                    const double T_body_cam[12], struct fv_arena *persistent,
                     struct fv_arena *frame)
 {
     memset(scale, 0, sizeof *scale);
     scale->config = *config;
-    fv_se3_from_rows(T_base_cam, &scale->T_base_cam);
-    const double *R = scale->T_base_cam.R;
-    /* An identity is what stands there unless configured; base and camera axes never agree on a
+    fv_se3_from_rows(T_body_cam, &scale->T_body_cam);
+    const double *R = scale->T_body_cam.R;
+    /* An identity is what stands there unless configured; body and camera axes never agree on a
      * robot. */
     bool turned = R[0] < 0.999 || R[4] < 0.999;
     for (int i = 0; i < 3; i++)

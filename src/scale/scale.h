@@ -66,15 +66,15 @@ struct fv_scale_state {
 
 struct fv_scale {
     struct fovea_scale_config config;
-    struct fv_se3 T_base_cam;
-    double down[3]; /* of the floor, camera frame: base -z, or camera y where T_base_cam turns
+    struct fv_se3 T_body_cam;
+    double down[3]; /* of the floor, camera frame: body -z, or camera y where T_body_cam turns
                        nothing */
     struct fv_scale_state *state;
     struct fv_floor_point *points; /* FV_FLOOR_POINTS_MAX */
 };
 
 void fv_scale_carve(struct fv_scale *scale, const struct fovea_scale_config *config,
-                    const double T_base_cam[12], struct fv_arena *persistent,
+                    const double T_body_cam[12], struct fv_arena *persistent,
                     struct fv_arena *frame);
 void fv_scale_init(struct fv_scale *scale, uint64_t seed);
 

@@ -15,7 +15,7 @@ enum { WIDTH = 640, HEIGHT = 480 };
 
 static struct fovea_camera camera;
 static struct fovea_objects_config config;
-static double T_base_cam[12];
+static double T_body_cam[12];
 static struct fv_objects tracker;
 static void *block;
 
@@ -26,7 +26,7 @@ static inline int setup(void **state)
     struct fovea_config all;
     fovea_config_default(&all);
     config = all.objects;
-    memcpy(T_base_cam, all.T_base_cam, sizeof T_base_cam);
+    memcpy(T_body_cam, all.T_body_cam, sizeof T_body_cam);
     camera = (struct fovea_camera){
         .width = WIDTH, .height = HEIGHT, .fx = 400, .fy = 400, .cx = 319.5, .cy = 239.5};
     return fovea_camera_prepare(&camera, &error) == FOVEA_OK ? 0 : -1;
@@ -35,7 +35,7 @@ static inline int setup(void **state)
 static inline void carve(void *context, struct fv_arena *arena)
 {
     (void)context;
-    fv_objects_carve(&tracker, &config, &camera, T_base_cam, arena, arena);
+    fv_objects_carve(&tracker, &config, &camera, T_body_cam, arena, arena);
 }
 
 static inline void make(void)

@@ -64,7 +64,7 @@ static void the_floor_gives_a_place(void **state)
     (void)state;
     /* Base: x forward, y left, z up; the camera one metre over the floor, level. */
     const double level[12] = {0, 0, 1, 0, -1, 0, 0, 0, 0, -1, 0, 1.0};
-    memcpy(T_base_cam, level, sizeof level);
+    memcpy(T_body_cam, level, sizeof level);
     config.ground = true;
     make();
     const double foot[3] = {0.5, 1.0, 4.0}; /* camera frame: on the floor, 4 m ahead */
@@ -79,7 +79,7 @@ static void the_floor_gives_a_place(void **state)
                 t.list[0].covariance_m2[0]); /* depth is less certain */
     config.ground = false;
     const double still[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
-    memcpy(T_base_cam, still, sizeof still);
+    memcpy(T_body_cam, still, sizeof still);
     free(block);
 }
 

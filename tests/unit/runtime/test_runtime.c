@@ -143,10 +143,10 @@ static void bad_configurations_are_refused(void **state)
         assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
     }
     config = good;
-    config.T_base_cam[0] = 2;
+    config.T_body_cam[0] = 2;
     assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
     config = good;
-    config.T_base_cam[0] = -1;
+    config.T_body_cam[0] = -1;
     assert_int_equal(fovea_size(&config, &bytes, &error), FOVEA_ERROR_ARGUMENT);
     config = good;
     memcpy(config.channel_prefix, "a b", 4);

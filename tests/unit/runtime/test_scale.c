@@ -291,14 +291,14 @@ static void check_body(const struct fv_se3 *B)
 static void a_lever_arm_is_minded(void **state)
 {
     (void)state;
-    static const double T_base_cam[12] = {0, 0, 1, 0.4, -1, 0, 0, 0.1, 0, -1, 0, 0.3};
+    static const double T_body_cam[12] = {0, 0, 1, 0.4, -1, 0, 0, 0.1, 0, -1, 0, 0.3};
     struct fv_se3 B, inverse, T, start = {{0}, {0}}, start_inverse;
     int checked = 0;
     fovea_pose_t unscaled = {.change_count = -1}; /* the last pose of the camera before metres */
-    fv_se3_from_rows(T_base_cam, &B);
+    fv_se3_from_rows(T_body_cam, &B);
     fv_se3_invert(&B, &inverse);
     sim_rig_open(&rig, "sim:orbit?width=320&height=240", 30, 200);
-    memcpy(rig.config.T_base_cam, T_base_cam, sizeof T_base_cam);
+    memcpy(rig.config.T_body_cam, T_body_cam, sizeof T_body_cam);
     rig.config.scale.source = FOVEA_SCALE_ODOMETRY;
     sim_rig_build(&rig);
     while (sim_rig_next(&rig)) {
@@ -307,7 +307,7 @@ static void a_lever_arm_is_minded(void **state)
         fv_se3_invert(&start, &start_inverse);
         fv_se3_compose(&start_inverse, &T, &T);
         fv_se3_compose(&B, &T, &T);
-        fv_se3_compose(&T, &inverse, &T); /* T_odom_base by odometry */
+        fv_se3_compose(&T, &inverse, &T); /* T_odom_body by odometry */
         struct fovea_wheel_odometry_sample *sample = &samples[0].wheel_odometry;
         samples[0].kind = FOVEA_SAMPLE_WHEEL_ODOMETRY;
         rig.inputs.samples = samples;

@@ -73,7 +73,7 @@ static void test_changed_values_read_back(void **state)
     const char *const changes[] = {
         "source=images:/a \"b\"\\c/*.png",
         "camera=\xc3\xa9t\xc3\xa9\xc2\x85\xe2\x80\xa8\xf0\x9f\x93\xb7.yaml",
-        "T_base_cam=[[0, 0, 1, 0.1], [-1, 0, 0, 1e-17], [0, -1, 0, 0.333333333333333314]]",
+        "T_body_cam=[[0, 0, 1, 0.1], [-1, 0, 0, 1e-17], [0, -1, 0, 0.333333333333333314]]",
         "rate=real",
         "seed=9223372036854775807",
         "lcm_url=",
@@ -97,7 +97,7 @@ static void test_changed_values_read_back(void **state)
     assert_int_equal(settings.runtime.features.count_max, 321);
     assert_int_equal(settings.cpu, 1);
     assert_int_equal(settings.commands, FOVEA_COMMAND_SAVE | FOVEA_COMMAND_RESET);
-    assert_true(settings.runtime.T_base_cam[7] == 1e-17);
+    assert_true(settings.runtime.T_body_cam[7] == 1e-17);
     char *text = printed(&settings, true);
     fv_settings_default(&back);
     assert_int_equal(fv_settings_parse(&back, "printed", text, strlen(text), &error), FOVEA_OK);
@@ -113,13 +113,13 @@ static void test_transform_with_its_last_row(void **state)
     (void)state;
     assert_int_equal(
         parse(
-            "T_base_cam:\n  - [0, 0, 1, 0.1]\n  - [-1, 0, 0, 0.2]\n  - [0, -1, 0, 0.3]\n  - [0, 0, 0, 1]\n"),
+            "T_body_cam:\n  - [0, 0, 1, 0.1]\n  - [-1, 0, 0, 0.2]\n  - [0, -1, 0, 0.3]\n  - [0, 0, 0, 1]\n"),
         FOVEA_OK);
-    assert_true(settings.runtime.T_base_cam[3] == 0.1 && settings.runtime.T_base_cam[11] == 0.3);
+    assert_true(settings.runtime.T_body_cam[3] == 0.1 && settings.runtime.T_body_cam[11] == 0.3);
     assert_int_equal(fv_settings_check(&settings, &error), FOVEA_OK);
-    assert_int_equal(parse("T_base_cam: [1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,2]\n"), FOVEA_ERROR_INPUT);
+    assert_int_equal(parse("T_body_cam: [1,0,0,0,0,1,0,0,0,0,1,0,0,0,0,2]\n"), FOVEA_ERROR_INPUT);
     assert_non_null(strstr(
-        error.text, "robot.yaml:1: T_base_cam: found a list of 16, expected a list of 12 numbers"));
+        error.text, "robot.yaml:1: T_body_cam: found a list of 16, expected a list of 12 numbers"));
 }
 
 struct wrong {
@@ -160,9 +160,9 @@ static void test_wrong_files(void **state)
         {"rate: fast\n", {"robot.yaml:1:", "rate", "'fast'", "auto, max, real"}},
         {"loop:\n  lock_memory: perhaps\n",
          {"robot.yaml:2:", "loop.lock_memory", "'perhaps'", "true or false"}},
-        {"T_base_cam: [1, 2, 3]\n", {"robot.yaml:1:", "T_base_cam", "a list of 3", "12 numbers"}},
-        {"T_base_cam: [1,0,0,0,0,1,0,0,0,0,1,.nan]\n",
-         {"robot.yaml:1:", "T_base_cam[11]", "'.nan'", "finite"}},
+        {"T_body_cam: [1, 2, 3]\n", {"robot.yaml:1:", "T_body_cam", "a list of 3", "12 numbers"}},
+        {"T_body_cam: [1,0,0,0,0,1,0,0,0,0,1,.nan]\n",
+         {"robot.yaml:1:", "T_body_cam[11]", "'.nan'", "finite"}},
         {"commands: [reset, fly]\n", {"robot.yaml:1:", "commands[1]", "'fly'", "reset, pause"}},
         {"commands: {save: true}\n", {"robot.yaml:1:", "commands", "mapping", "a list like"}},
         {"lcm_ttl: -1\n", {"robot.yaml:1:", "lcm_ttl", "'-1'", "[0, 255]"}},
@@ -196,10 +196,10 @@ static void test_wrong_together(void **state)
         {"features:\n  pyramid_levels: 3\npreview:\n  level: 3\n",
          {"robot.yaml:4:", "preview.level", "found 3"}},
         {"channel_prefix: \"a b\"\n", {"robot.yaml:1:", "channel_prefix"}},
-        {"T_base_cam: [2,0,0,0,0,1,0,0,0,0,1,0]\n", {"robot.yaml:1:", "T_base_cam", "orthonormal"}},
-        {"T_base_cam: [-1,0,0,0,0,1,0,0,0,0,1,0]\n", {"robot.yaml:1:", "T_base_cam", "reflection"}},
-        {"T_base_cam: [1,0,0,1e7,0,1,0,0,0,0,1,0]\n",
-         {"robot.yaml:1:", "T_base_cam", "found 1e+07", "-1e+06 to 1e+06"}},
+        {"T_body_cam: [2,0,0,0,0,1,0,0,0,0,1,0]\n", {"robot.yaml:1:", "T_body_cam", "orthonormal"}},
+        {"T_body_cam: [-1,0,0,0,0,1,0,0,0,0,1,0]\n", {"robot.yaml:1:", "T_body_cam", "reflection"}},
+        {"T_body_cam: [1,0,0,1e7,0,1,0,0,0,0,1,0]\n",
+         {"robot.yaml:1:", "T_body_cam", "found 1e+07", "-1e+06 to 1e+06"}},
         {"channel_prefix: ''\n", {"robot.yaml:1:", "channel_prefix", "found ''", "1 to 31 bytes"}},
         {"lcm_url: http://here\n", {"robot.yaml:1:", "lcm_url", "http://here", "udpm://"}},
         {"seed: 1\nobjects:\n  heights: person\n",
@@ -235,7 +235,7 @@ static void test_wrong_assignments(void **state)
         {"features.count_max=500, threshold: 30", {"--set: features.count_max", "one value"}},
         {"features.count_max=500}, seed: 3, loop: {cpu: 1",
          {"--set: features.count_max", "one value"}},
-        {"T_base_cam=[1, 2", {"--set: T_base_cam", "'[1, 2'", "one value"}},
+        {"T_body_cam=[1, 2", {"--set: T_body_cam", "'[1, 2'", "one value"}},
         {"source=\xff\xfe", {"--set: source", "UTF-8"}},
         {"mask=\xc0\x80", {"--set: mask", "UTF-8"}},
         {"loop.cpu=0x1", {"--set: loop.cpu", "'0x1'"}},

@@ -44,7 +44,7 @@ static void make_settings(struct fv_settings *settings)
     settings->runtime.camera = camera;
     settings->runtime.mask = masked ? mask : NULL;
     settings->runtime.seed = 1234567890123456789u;
-    settings->runtime.T_base_cam[3] = 0.1;
+    settings->runtime.T_body_cam[3] = 0.1;
     settings->runtime.preview.level = 0;
     snprintf(settings->runtime.channel_prefix, sizeof settings->runtime.channel_prefix,
              "ROBOT/LEFT");
@@ -125,7 +125,7 @@ static void check_header(const struct fovea_log_event *event)
         fail_msg("%s", error.text);
     const struct fovea_config *found = &header->settings.runtime, *expected = &settings->runtime;
     assert_memory_equal(&found->camera, &expected->camera, sizeof found->camera);
-    assert_memory_equal(found->T_base_cam, expected->T_base_cam, sizeof found->T_base_cam);
+    assert_memory_equal(found->T_body_cam, expected->T_body_cam, sizeof found->T_body_cam);
     assert_true(found->seed == expected->seed);
     assert_string_equal(found->channel_prefix, "ROBOT/LEFT");
     assert_memory_equal(header->mask, mask, sizeof mask);

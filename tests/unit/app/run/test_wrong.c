@@ -118,7 +118,7 @@ static const char *const wrong_arguments[][2] = {
     {"fovea run --config @/save.yaml", "@/save.yaml:2: map.save: |/none/run.map"},
     {"fovea run --config @/only.yaml --picture none",
      "@/only.yaml:2: map.localise_only: |map.load"},
-    {"fovea config --set T_base_cam=[1,2]", "T_base_cam|12 numbers"},
+    {"fovea config --set T_body_cam=[1,2]", "T_body_cam|12 numbers"},
     {"fovea run --source sim: --set odometry.enabled=false --save-map @/no.map",
      "map.save|@/no.map|odometry.enabled"},
     {"fovea run --source sim: --set odometry.enabled=false --map @/no.map",
