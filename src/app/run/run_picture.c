@@ -15,7 +15,8 @@ enum {
     HEAD = 76,
     RIBBON = 74,
     COLUMN = (WIDTH - 2 * MARGIN - GAP) / 2,
-    UPPER = 620, /* height of the row with frame and map */
+    UPPER_MIN = 460, /* height of the row with frame and map, as the frame's shape needs it */
+    UPPER_MAX = 640,
     LOWER = 400, /* of that with objects and times */
     TITLE = 30   /* of a part's head */
 };
@@ -146,13 +147,21 @@ static void part_draw(enum part part, struct fv_canvas *canvas, const struct fv_
     }
 }
 
+/* Height of the row in which the frame has the width of a column. */
+static int upper_height(const struct fv_snapshot_view *snapshot)
+{
+    if (snapshot == NULL) return UPPER_MAX;
+    const int wanted = TITLE + COLUMN * snapshot->image.height / snapshot->image.width + 8;
+    return wanted < UPPER_MIN ? UPPER_MIN : wanted < UPPER_MAX ? wanted : UPPER_MAX;
+}
+
 /* The areas of the parts that there are; returns the height of the sheet. A part alone in its row
  * takes the whole width, but for the frame, which keeps its shape. */
-static int layout(const bool has[PARTS], struct fv_area area[PARTS])
+static int layout(const bool has[PARTS], int upper, struct fv_area area[PARTS])
 {
     int top = HEAD + RIBBON + 12;
     for (int row = 0; row < 2; row++) {
-        const int left = 2 * row, right = left + 1, height = row == 0 ? UPPER : LOWER;
+        const int left = 2 * row, right = left + 1, height = row == 0 ? upper : LOWER;
         if (!has[left] && !has[right]) continue;
         const int whole = WIDTH - 2 * MARGIN;
         area[left] = (struct fv_area){MARGIN, top, has[right] ? COLUMN : whole, height};
@@ -196,7 +205,7 @@ static enum fovea_status sheet_draw(struct fv_canvas *canvas, const struct fv_ru
     };
     struct fv_area area[PARTS];
     struct fv_canvas panel = {0};
-    const int height = layout(has, area);
+    const int height = layout(has, upper_height(picture->snapshot), area);
     enum fovea_status status = FOVEA_OK;
     fv_lettering_open();
     if (has[MAP]) status = map_draw(&panel, &area[MAP], picture, rt, config);
