@@ -10,6 +10,7 @@
 #include "lines.h"
 #include "listing.h"
 #include "player.h"
+#include "rig_options.h"
 
 /* "png" or "jpg", by the first frame that is there. */
 static enum fovea_status find_extension(const char *images, const char **extension,
@@ -52,8 +53,9 @@ static enum fovea_status read_list(struct fv_listing *listing, const char *times
     return status == FOVEA_END ? FOVEA_OK : status;
 }
 
-/* The row "P0: fx 0 cx tx 0 fy cy ty 0 0 1 tz". */
-static enum fovea_status take_projection(const struct fv_lines *lines,
+/* The row "P0: fx 0 cx tx 0 fy cy ty 0 0 1 tz": K [I | t] in the frame of the first grey camera,
+ * which is the body's here (x right, y down, z forward). */
+static enum fovea_status take_projection(const struct fv_lines *lines, uint32_t at,
                                          struct fovea_source_info *info, struct fovea_error *error)
 {
     double P[12];
@@ -65,23 +67,28 @@ static enum fovea_status take_projection(const struct fv_lines *lines,
     if (!projection)
         return fv_lines_refuse(lines, lines->fields[0], lines->fields[1],
                                "a projection fx 0 cx tx 0 fy cy ty 0 0 1 tz", error);
-    info->rig.cameras[0].camera = (struct fovea_camera){
-        .lens = FOVEA_LENS_RADTAN, .fx = P[0], .fy = P[5], .cx = P[2], .cy = P[6]};
-    info->rig.cameras[0].calibrated = true;
+    struct fovea_rig_camera *camera = &info->rig.cameras[at];
+    *camera = (struct fovea_rig_camera){
+        .calibrated = true,
+        .has_T_body_cam = true,
+        .camera = {.lens = FOVEA_LENS_RADTAN, .fx = P[0], .fy = P[5], .cx = P[2], .cy = P[6]},
+        .T_body_cam = {1, 0, 0, (P[11] * P[2] - P[3]) / P[0], 0, 1, 0, (P[11] * P[6] - P[7]) / P[5],
+                       0, 0, 1, -P[11]}};
     snprintf(info->camera_origin, sizeof info->camera_origin, "%s", lines->file);
     return FOVEA_OK;
 }
 
-static enum fovea_status read_calibration(const char *path, const char *key,
+/* Of camera `at` of the rig. */
+static enum fovea_status read_calibration(const char *path, const char *key, uint32_t at,
                                           struct fovea_source_info *info, struct fovea_error *error)
 {
     struct fv_lines lines;
     enum fovea_status status = fv_lines_open(&lines, path, error);
     if (status != FOVEA_OK) return status;
-    while (!info->rig.cameras[0].calibrated &&
+    while (!info->rig.cameras[at].calibrated &&
            (status = fv_lines_next(&lines, "", error)) == FOVEA_OK)
         if (strcmp(lines.fields[0], key) == 0 &&
-            (status = take_projection(&lines, info, error)) != FOVEA_OK)
+            (status = take_projection(&lines, at, info, error)) != FOVEA_OK)
             break;
     if (status == FOVEA_END)
         status = fovea_error_set(error, FOVEA_ERROR_INPUT, "%s: found no line '%s', expected it",
@@ -117,7 +124,9 @@ static enum fovea_status read_extras(struct fv_listing *listing, const char *fol
     enum fovea_status status = fv_path_join(path, folder, "calib.txt", error);
     if (status == FOVEA_OK) fv_listing_reads(listing, path);
     if (status == FOVEA_OK && fv_path_exists(path))
-        status = read_calibration(path, key, info, error);
+        status = read_calibration(path, key, 0, info, error);
+    if (status == FOVEA_OK && fv_path_exists(path) && info->rig.camera_count == 2)
+        status = read_calibration(path, "P1:", 1, info, error);
     if (status != FOVEA_OK && selection->camera_given)
         status = FOVEA_OK; /* its own is not needed */
     if (status != FOVEA_OK || (status = find_poses(folder, path, error)) != FOVEA_OK) return status;
@@ -129,33 +138,61 @@ static enum fovea_status read_extras(struct fv_listing *listing, const char *fol
     return status;
 }
 
+/* The same stamps, other images. */
+static enum fovea_status read_second(struct fv_listing *listing, const char *folder,
+                                     const char *times, struct fovea_error *error)
+{
+    char images[FV_PATH_BYTES];
+    enum fovea_status status = fv_path_join(images, folder, "image_1", error);
+    if (status == FOVEA_OK && !fv_path_exists(images))
+        status = fovea_error_set(error, FOVEA_ERROR_INPUT,
+                                 "%s: found no such folder, expected the second camera's images",
+                                 images);
+    if (status != FOVEA_OK) return status;
+    struct fv_listing *second = fv_listing_new(images);
+    if (second == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", images);
+    fv_listing_reads(second, images);
+    status = read_list(second, times, images, error);
+    if (status == FOVEA_OK) return fv_listing_pair(listing, second, error);
+    fv_listing_free(second);
+    return status;
+}
+
 static enum fovea_status open_kitti(const char *address,
                                     const struct fovea_source_selection *selection,
                                     struct fovea_source **source, struct fovea_error *error)
 {
-    char times[FV_PATH_BYTES], images[FV_PATH_BYTES];
+    char folder[FV_PATH_BYTES], times[FV_PATH_BYTES], images[FV_PATH_BYTES];
+    struct fv_rig_options options;
     struct fovea_source_info info = {.rate_hz = 0.0};
     const char *key = "P0:";
-    enum fovea_status status = fv_path_join(times, address, "times.txt", error);
-    if (status == FOVEA_OK) status = fv_path_join(images, address, "image_0", error);
+    enum fovea_status status = fv_rig_options("kitti", address, false, folder, &options, error);
+    if (status == FOVEA_OK) status = fv_path_join(times, folder, "times.txt", error);
+    if (status == FOVEA_OK) status = fv_path_join(images, folder, "image_0", error);
     if (status == FOVEA_OK && !fv_path_exists(images)) {
         key = "P2:";
-        status = fv_path_join(images, address, "image_2", error);
+        status = fv_path_join(images, folder, "image_2", error);
     }
     if (status != FOVEA_OK) return status;
     struct fv_listing *listing = fv_listing_new(images);
     if (listing == NULL)
-        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", address);
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory", folder);
+    info.rig.camera_count = (uint32_t)options.cameras;
     fv_listing_reads(listing, times);
     fv_listing_reads(listing, images);
     status = read_list(listing, times, images, error);
-    if (status == FOVEA_OK) status = read_extras(listing, address, key, selection, &info, error);
+    if (status == FOVEA_OK) status = read_extras(listing, folder, key, selection, &info, error);
+    if (status == FOVEA_OK && options.cameras == 2)
+        status = read_second(listing, folder, times, error);
     if (status != FOVEA_OK) {
         fv_listing_free(listing);
-        return fv_kind_hint("kitti", address, status, error);
+        return fv_kind_hint("kitti", folder, status, error);
     }
     return fv_listing_open(listing, times, selection, &info, source, error);
 }
 
-const struct fovea_source_ops fovea_source_kitti =
-    FV_PLAYER_OPS("kitti", "DIR  KITTI odometry sequence (DIR/image_0, DIR/times.txt)", open_kitti);
+const struct fovea_source_ops fovea_source_kitti = FV_PLAYER_OPS(
+    "kitti",
+    "DIR[?cameras=2]  KITTI odometry sequence (DIR/image_0, DIR/times.txt); with two cameras DIR/image_1 too",
+    open_kitti);

@@ -10,6 +10,8 @@
 #include "lines.h"
 #include "player.h"
 
+#define NO_PARTNER UINT32_MAX
+
 struct listed {
     int64_t stamp_ns;
     size_t name; /* offset into `names` */
@@ -22,6 +24,9 @@ struct fv_listing {
     char *names;
     size_t names_bytes, names_capacity;
     struct fv_poses poses;
+    struct fv_samples samples;
+    struct fv_listing *second; /* the second camera's frames; NULL: there is one camera */
+    uint32_t *partner;         /* of each frame, in `second`; NO_PARTNER: none */
     struct fv_file_buffer file;
     size_t reads_count;
     char reads[FV_LISTING_READS_MAX][FV_PATH_BYTES];
@@ -79,15 +84,23 @@ struct fv_listing *fv_listing_new(const char *folder)
     return listing;
 }
 
-void fv_listing_free(struct fv_listing *listing)
+static void free_one(struct fv_listing *listing)
 {
-    if (listing == NULL) return;
     free(listing->folder);
     free(listing->frames);
     free(listing->names);
     fv_poses_free(&listing->poses);
+    fv_samples_free(&listing->samples);
+    free(listing->partner);
     fv_file_free(&listing->file);
     free(listing);
+}
+
+void fv_listing_free(struct fv_listing *listing)
+{
+    if (listing == NULL) return;
+    if (listing->second != NULL) free_one(listing->second);
+    free_one(listing);
 }
 
 static bool grow(void **memory, size_t needed, size_t *capacity, size_t size)
@@ -165,6 +178,30 @@ void fv_listing_set_poses(struct fv_listing *listing, const struct fv_poses *pos
     listing->poses = *poses;
 }
 
+void fv_listing_set_samples(struct fv_listing *listing, const struct fv_samples *samples)
+{
+    listing->samples = *samples;
+}
+
+enum fovea_status fv_listing_pair(struct fv_listing *listing, struct fv_listing *second,
+                                  struct fovea_error *error)
+{
+    size_t other = 0;
+    listing->second = second;
+    listing->partner = malloc((listing->count + 1) * sizeof listing->partner[0]);
+    if (listing->partner == NULL)
+        return fovea_error_set(error, FOVEA_ERROR_SYSTEM, "%s: out of memory for a second camera",
+                               second->folder);
+    for (size_t i = 0; i < listing->count; i++) {
+        const int64_t stamp_ns = listing->frames[i].stamp_ns;
+        while (other < second->count && second->frames[other].stamp_ns < stamp_ns)
+            other++;
+        const bool same = other < second->count && second->frames[other].stamp_ns == stamp_ns;
+        listing->partner[i] = same ? (uint32_t)other++ : NO_PARTNER;
+    }
+    return FOVEA_OK;
+}
+
 /* ---- for the player -------------------------------------------------------------------------- */
 
 static enum fovea_status frame_path(const struct fv_listing *listing, uint64_t index,
@@ -173,12 +210,12 @@ static enum fovea_status frame_path(const struct fv_listing *listing, uint64_t i
     return fv_path_join(path, listing->folder, listing->names + listing->frames[index].name, error);
 }
 
-static enum fovea_status fetch(void *recording, uint64_t index, struct fv_slot *slot,
-                               struct fovea_error *error)
+/* One camera's image of a frame. */
+static enum fovea_status fetch_image(struct fv_listing *listing, uint64_t index,
+                                     const struct fovea_image *image, uint8_t *pixels,
+                                     struct fovea_error *error)
 {
-    struct fv_listing *listing = recording;
-    const struct fovea_image *image = &slot->frame.images[0];
-    const struct fv_decode_image target = {.pixels = slot->pixels[0],
+    const struct fv_decode_image target = {.pixels = pixels,
                                            .width = image->width,
                                            .height = image->height,
                                            .stride_bytes = image->stride_bytes,
@@ -190,7 +227,30 @@ static enum fovea_status fetch(void *recording, uint64_t index, struct fv_slot *
     status = fv_file_read(&listing->file, path, &reason);
     if (status == FOVEA_OK)
         status = fv_decode(listing->file.data, listing->file.bytes, &target, &reason);
-    if (status != FOVEA_OK) return fovea_error_set(error, status, "%s: %.256s", path, reason.text);
+    return status == FOVEA_OK ? FOVEA_OK
+                              : fovea_error_set(error, status, "%s: %.256s", path, reason.text);
+}
+
+/* The second camera's image; when there is none it is absent, and `error` names a file that was
+ * listed.
+ */
+static void fetch_second(struct fv_listing *listing, uint64_t index, struct fv_slot *slot,
+                         struct fovea_error *error)
+{
+    const uint32_t partner = listing->partner[index];
+    if (partner == NO_PARTNER || fetch_image(listing->second, partner, &slot->frame.images[1],
+                                             slot->pixels[1], error) != FOVEA_OK)
+        slot->frame.images[1].data = NULL;
+}
+
+static enum fovea_status fetch(void *recording, uint64_t index, struct fv_slot *slot,
+                               struct fovea_error *error)
+{
+    struct fv_listing *listing = recording;
+    const enum fovea_status status =
+        fetch_image(listing, index, &slot->frame.images[0], slot->pixels[0], error);
+    if (status != FOVEA_OK) return status;
+    if (listing->second != NULL) fetch_second(listing, index, slot, error);
     slot->frame.stamp_ns = listing->frames[index].stamp_ns;
     slot->frame.exposure_ns = 0;
     slot->frame.clock = FOVEA_CLOCK_RECORDED;
@@ -217,10 +277,9 @@ static enum fovea_status truth(const void *recording, const struct fovea_frame *
     return FOVEA_OK;
 }
 
-static void visit_all(const void *recording, void (*visit)(void *context, const char *path),
-                      void *context)
+static void visit_one(const struct fv_listing *listing,
+                      void (*visit)(void *context, const char *path), void *context)
 {
-    const struct fv_listing *listing = recording;
     char path[FV_PATH_BYTES];
     for (size_t i = 0; i < listing->reads_count; i++)
         visit(context, listing->reads[i]);
@@ -228,13 +287,32 @@ static void visit_all(const void *recording, void (*visit)(void *context, const 
         if (frame_path(listing, i, path, NULL) == FOVEA_OK) visit(context, path);
 }
 
+static void visit_all(const void *recording, void (*visit)(void *context, const char *path),
+                      void *context)
+{
+    const struct fv_listing *listing = recording;
+    visit_one(listing, visit, context);
+    if (listing->second != NULL) visit_one(listing->second, visit, context);
+}
+
 static void close_listing(void *recording)
 {
     fv_listing_free(recording);
 }
 
-static const struct fv_recording_ops listing_ops = {
-    .fetch = fetch, .stamp = stamp, .truth = truth, .close = close_listing, .reads = visit_all};
+static const struct fovea_sample *samples(const void *recording, size_t *count)
+{
+    const struct fv_listing *listing = recording;
+    *count = listing->samples.count;
+    return listing->samples.list;
+}
+
+static const struct fv_recording_ops listing_ops = {.samples = samples,
+                                                    .fetch = fetch,
+                                                    .stamp = stamp,
+                                                    .truth = truth,
+                                                    .close = close_listing,
+                                                    .reads = visit_all};
 
 /* ---- opening --------------------------------------------------------------------------------- */
 
@@ -293,6 +371,22 @@ static enum fovea_status find_size(struct fv_listing *listing, const char *list_
     return FOVEA_OK;
 }
 
+/* Cameras whose calibration states no size have that of the images. */
+static enum fovea_status fit_cameras(struct fovea_source_info *info,
+                                     const struct fovea_source_selection *selection,
+                                     struct fovea_error *error)
+{
+    for (uint32_t i = 0; i < FOVEA_CAMERAS_MAX; i++) {
+        struct fovea_rig_camera *camera = &info->rig.cameras[i];
+        if (!camera->calibrated || camera->camera.width != 0) continue;
+        const enum fovea_status status = fovea_calibration_fit(
+            &camera->camera, info->width, info->height, false, info->camera_origin, error);
+        camera->calibrated = status == FOVEA_OK;
+        if (status != FOVEA_OK && !selection->camera_given) return status; /* its own is needed */
+    }
+    return FOVEA_OK;
+}
+
 enum fovea_status fv_listing_open(struct fv_listing *listing, const char *list_file,
                                   const struct fovea_source_selection *selection,
                                   struct fovea_source_info *info, struct fovea_source **source,
@@ -303,13 +397,7 @@ enum fovea_status fv_listing_open(struct fv_listing *listing, const char *list_f
         status = fovea_error_set(error, FOVEA_ERROR_INPUT,
                                  "%s: found no frames, expected at least one", list_file);
     if (status == FOVEA_OK) status = find_size(listing, list_file, selection->colour, info, error);
-    if (status == FOVEA_OK && info->rig.cameras[0].calibrated &&
-        info->rig.cameras[0].camera.width == 0) {
-        status = fovea_calibration_fit(&info->rig.cameras[0].camera, info->width, info->height,
-                                       false, info->camera_origin, error);
-        info->rig.cameras[0].calibrated = status == FOVEA_OK;
-        if (selection->camera_given) status = FOVEA_OK; /* its own is not needed */
-    }
+    if (status == FOVEA_OK) status = fit_cameras(info, selection, error);
     if (status != FOVEA_OK) {
         fv_listing_free(listing);
         return status;
@@ -318,7 +406,13 @@ enum fovea_status fv_listing_open(struct fv_listing *listing, const char *list_f
     if (selection->step > 1) info->rate_hz /= (double)selection->step;
     info->has_truth = listing->poses.count > 0;
     info->heap_bytes = sizeof *listing + listing->capacity * sizeof listing->frames[0] +
-                       listing->names_capacity + listing->poses.heap_bytes + listing->file.capacity;
+                       listing->names_capacity + listing->poses.heap_bytes +
+                       listing->file.capacity +
+                       listing->samples.capacity * sizeof listing->samples.list[0];
+    if (listing->second != NULL)
+        info->heap_bytes += sizeof *listing + listing->count * sizeof listing->partner[0] +
+                            listing->second->capacity * sizeof listing->frames[0] +
+                            listing->second->names_capacity;
     return fv_player_open(&listing_ops, listing, listing->count, 0, list_file, selection, info,
                           source, error);
 }

@@ -5,8 +5,9 @@
 
 #include "fovea/source.h"
 #include "poses.h"
+#include "samples.h"
 
-enum { FV_LISTING_FRAMES_MAX = 1 << 22, FV_LISTING_READS_MAX = 6, FV_PATH_BYTES = 4096 };
+enum { FV_LISTING_FRAMES_MAX = 1 << 22, FV_LISTING_READS_MAX = 8, FV_PATH_BYTES = 4096 };
 
 struct fv_listing; /* owns the list, the poses and the reader's buffer */
 
@@ -30,8 +31,16 @@ void fv_listing_reads(struct fv_listing *listing, const char *path);
 /* Poses become the listing's own. */
 void fv_listing_set_poses(struct fv_listing *listing, const struct fv_poses *poses);
 
+/* The second camera's frames: of each frame the one of `second` with the same stamp; where there is
+ * none, or it cannot be read, the image is absent. Of two lists in the order of time; `second`
+ * becomes the listing's own, also on error. */
+enum fovea_status fv_listing_pair(struct fv_listing *listing, struct fv_listing *second,
+                                  struct fovea_error *error);
+/* Samples become the listing's own. */
+void fv_listing_set_samples(struct fv_listing *listing, const struct fv_samples *samples);
+
 /* Make a source of a finished list. The frame size is the one that most of five frames, spread over
- * the list, state. `info` holds what the data set says of itself: camera (0 x 0 becomes the frame
+ * the list, state. `info` holds what the data set says of itself: cameras (0 x 0 becomes the frame
  * size), camera_origin, rate_hz (0: taken from the stamps). `list_file` names the list in errors.
  * The listing is owned by the source, and freed on error. */
 enum fovea_status fv_listing_open(struct fv_listing *listing, const char *list_file,

@@ -163,6 +163,7 @@ static enum fovea_status fetch_next(struct fovea_source *source, struct reading 
         if (status == FOVEA_END) break;
         ++reading->position;
         if (status == FOVEA_OK) {
+            if (error.text[0] != '\0') complain(&source->complaints, &error);
             if (!reading->any || slot->frame.stamp_ns > reading->newest_ns)
                 reading->newest_ns = slot->frame.stamp_ns;
             reading->any = true;

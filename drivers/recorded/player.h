@@ -32,8 +32,9 @@ struct fv_slot {
 struct fv_recording_ops {
     /* Fetch frame `index` (into pixels, stamp_ns, exposure_ns, clock, stamp_meaning, sequence). Of
      * an image that is absent only `images[i].data` is set, to NULL; the player restores it.
-     * FOVEA_GONE: missing; FOVEA_ERROR_INPUT: damaged; `error` names file and reason. FOVEA_END:
-     * the recording is over before its count. */
+     * FOVEA_OK with a text in `error`: the frame is
+     * good, and the line is said. FOVEA_GONE: missing; FOVEA_ERROR_INPUT: damaged; `error` names
+     * file and reason. FOVEA_END: the recording is over before its count. */
     enum fovea_status (*fetch)(void *recording, uint64_t index, struct fv_slot *slot,
                                struct fovea_error *error);
     /* Stamp of frame `index`, quickly: with each frame the stamps of the next few are asked for.

@@ -5,7 +5,8 @@
  *
  * T_body_cam takes points of a camera's frame to the body's frame. Body frames follow REP-103
  * (x forward, y left, z up), unless the source's documentation says otherwise: `euroc:` applies no
- * rotation, so that its body is that of the data set, the frame of the inertial sensor (x up). */
+ * rotation, so that its body is that of the data set, the frame of the inertial sensor (x up); that
+ * of `kitti:` is the frame of the first grey camera. */
 #ifndef FOVEA_RIG_H
 #define FOVEA_RIG_H
 

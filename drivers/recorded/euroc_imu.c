@@ -1,0 +1,80 @@
+#include "euroc_imu.h"
+
+#include <string.h>
+
+#include "lines.h"
+#include "support/text.h"
+#include "support/yaml_tree.h"
+
+static enum fovea_status read_sensor(const struct fovea_yaml_tree *tree, struct fovea_rig_imu *imu,
+                                     struct fovea_error *error)
+{
+    const struct {
+        const char *key;
+        double *value;
+    } rows[] = {{"rate_hz", &imu->rate_hz},
+                {"gyroscope_noise_density", &imu->gyro_noise},
+                {"gyroscope_random_walk", &imu->gyro_walk},
+                {"accelerometer_noise_density", &imu->acceleration_noise},
+                {"accelerometer_random_walk", &imu->acceleration_walk}};
+    const struct fovea_yaml_node *node = NULL, *data = NULL;
+    double T[16];
+    enum fovea_status status = fovea_yaml_require(tree, tree->root, "T_BS", &node, error);
+    if (status == FOVEA_OK) status = fovea_yaml_require(tree, node, "data", &data, error);
+    if (status == FOVEA_OK) status = fovea_yaml_numbers(tree, data, 16, 16, T, NULL, error);
+    for (size_t i = 0; i < sizeof rows / sizeof rows[0] && status == FOVEA_OK; i++) {
+        status = fovea_yaml_require(tree, tree->root, rows[i].key, &node, error);
+        if (status == FOVEA_OK)
+            status = fovea_yaml_number(tree, node, 0, 1e6, rows[i].value, error);
+    }
+    if (status == FOVEA_OK) memcpy(imu->T_body_imu, T, sizeof imu->T_body_imu);
+    return status;
+}
+
+enum fovea_status fv_euroc_imu_sensor(const char *path, struct fovea_rig_imu *imu,
+                                      struct fovea_error *error)
+{
+    struct fovea_yaml_tree *tree;
+    enum fovea_status status = fovea_yaml_read(path, &tree, error);
+    if (status != FOVEA_OK) return status;
+    *imu = (struct fovea_rig_imu){.rate_hz = 0};
+    status = read_sensor(tree, imu, error);
+    fovea_yaml_free(tree);
+    return status;
+}
+
+/* "stamp_ns,wx,wy,wz,ax,ay,az" in rad/s and m/s^2. */
+static enum fovea_status read_sample(const struct fv_lines *lines, const struct fv_samples *samples,
+                                     struct fovea_sample *sample, struct fovea_error *error)
+{
+    double values[6];
+    int64_t stamp_ns;
+    if (!fovea_text_integer(lines->fields[0], &stamp_ns))
+        return fv_lines_refuse(lines, "timestamp", lines->fields[0], "whole nanoseconds", error);
+    if (samples->count > 0 && stamp_ns <= samples->list[samples->count - 1].imu.stamp_ns)
+        return fv_lines_refuse(lines, "timestamp", lines->fields[0], "one after the line before",
+                               error);
+    const enum fovea_status status =
+        fv_lines_numbers(lines, "angular rate and acceleration", 1, 6, values, error);
+    if (status != FOVEA_OK) return status;
+    *sample = (struct fovea_sample){.kind = FOVEA_SAMPLE_IMU, .imu.stamp_ns = stamp_ns};
+    memcpy(sample->imu.gyro, values, sizeof sample->imu.gyro);
+    memcpy(sample->imu.acceleration, values + 3, sizeof sample->imu.acceleration);
+    return FOVEA_OK;
+}
+
+enum fovea_status fv_euroc_imu_samples(const char *path, struct fv_samples *samples,
+                                       struct fovea_error *error)
+{
+    struct fv_lines lines;
+    struct fovea_sample sample;
+    enum fovea_status status = fv_lines_open(&lines, path, error);
+    if (status != FOVEA_OK) return status;
+    while ((status = fv_lines_next(&lines, ",", error)) == FOVEA_OK) {
+        status = read_sample(&lines, samples, &sample, error);
+        if (status == FOVEA_OK) status = fv_samples_add(samples, &sample, path, error);
+        if (status != FOVEA_OK) break;
+    }
+    fv_lines_close(&lines);
+    return status == FOVEA_END ? FOVEA_OK : status;
+}

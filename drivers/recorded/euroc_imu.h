@@ -1,0 +1,16 @@
+/* The inertial sensor of EuRoC data sets in ASL layout: imu0/{sensor.yaml,data.csv}. */
+#ifndef FOVEA_RECORDED_EUROC_IMU_H
+#define FOVEA_RECORDED_EUROC_IMU_H
+
+#include "fovea/rig.h"
+#include "fovea/status.h"
+#include "samples.h"
+
+/* Place (T_BS), rate and noise densities. Init-only. */
+enum fovea_status fv_euroc_imu_sensor(const char *path, struct fovea_rig_imu *imu,
+                                      struct fovea_error *error);
+/* The samples, whose stamps must rise; errors name the line. Init-only. */
+enum fovea_status fv_euroc_imu_samples(const char *path, struct fv_samples *samples,
+                                       struct fovea_error *error);
+
+#endif

@@ -1,0 +1,253 @@
+/* Data sets with more than one camera and an inertial sensor: what plays, what is absent, what is
+ * refused. */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "../../../drivers/recorded/player.h"
+#include "common/datasets.h"
+
+enum { W = FV_TEST_WIDTH, H = FV_TEST_HEIGHT, IMU_PER_FRAME = 10 };
+
+static char *const folder = fv_test_place;
+static const long long first_ns = 1403638538577829376LL;
+static const struct fovea_source_selection everything = {.step = 1};
+
+/* Of the second camera frame 1 is not listed, and the file of frame 2 is not there. */
+static void write_second_camera(const char *top)
+{
+    char list[4096];
+    size_t used = 0;
+    fv_test_make_folder(fv_test_path(top, "mav0/cam1"));
+    assert_int_equal(symlink("../cam0/data", fv_test_path(top, "mav0/cam1/data")), 0);
+    for (int i = 0; i < FV_TEST_FRAMES; i++) {
+        const long long stamp_ns = first_ns + i * 50000000LL;
+        if (i == 1) continue;
+        used += (size_t)snprintf(list + used, sizeof list - used, "%lld,%lld%s.png\n", stamp_ns,
+                                 stamp_ns, i == 2 ? "-gone" : "");
+    }
+    fv_test_write_text(fv_test_path(top, "mav0/cam1/data.csv"), list);
+    fv_test_write_text(
+        fv_test_path(top, "mav0/cam1/sensor.yaml"),
+        "sensor_type: camera\nT_BS:\n  cols: 4\n  rows: 4\n"
+        "  data: [0, 0, 1, 0.5,  -1, 0, 0, -0.11,  0, -1, 0, 0,  0, 0, 0, 1]\n"
+        "rate_hz: 20\nresolution: [96, 64]\ncamera_model: pinhole\nintrinsics: [82, 83, 47.5, 31.5]\n"
+        "distortion_model: radial-tangential\ndistortion_coefficients: [-0.2, 0.05, 0.001, -0.001]\n");
+}
+
+/* Sample k is 5 ms after sample k - 1 and has the rate k / 7; `odd` replaces a line, from 1. */
+static void write_imu(const char *top, int line, const char *odd)
+{
+    char *text = malloc(1 << 16);
+    size_t used = 0;
+    assert_non_null(text);
+    fv_test_make_folder(fv_test_path(top, "mav0/imu0"));
+    for (int k = 0; k < FV_TEST_FRAMES * IMU_PER_FRAME; k++) {
+        if (k + 1 == line)
+            used += (size_t)snprintf(text + used, (1 << 16) - used, "%s\n", odd);
+        else
+            used += (size_t)snprintf(text + used, (1 << 16) - used, "%lld,%.17g,0,-1,9.5,0,%d\n",
+                                     first_ns + k * 5000000LL, k / 7.0, k);
+    }
+    fv_test_write_text(fv_test_path(top, "mav0/imu0/data.csv"), text);
+    free(text);
+    fv_test_write_text(fv_test_path(top, "mav0/imu0/sensor.yaml"),
+                       "T_BS:\n  data: [1, 0, 0, 0.25,  0, 1, 0, 0,  0, 0, 1, 0,  0, 0, 0, 1]\n"
+                       "rate_hz: 200\ngyroscope_noise_density: 1e-4\ngyroscope_random_walk: 2e-5\n"
+                       "accelerometer_noise_density: 2e-3\naccelerometer_random_walk: 3e-3\n");
+}
+
+static const char *make_euroc(char uri[FV_TEST_PATH_BYTES])
+{
+    static char top[FV_TEST_PATH_BYTES];
+    snprintf(top, sizeof top, "%s", fv_test_euroc(folder));
+    write_second_camera(top);
+    write_imu(top, 0, "");
+    snprintf(uri, FV_TEST_PATH_BYTES, "%.200s?cameras=2&imu=1", top);
+    return top;
+}
+
+static void check_rig(const struct fovea_source_info *info)
+{
+    const struct fovea_rig *rig = &info->rig;
+    assert_int_equal(rig->camera_count, 2);
+    assert_true(rig->cameras[0].calibrated && rig->cameras[0].camera.fx == 80);
+    assert_true(rig->cameras[1].calibrated && rig->cameras[1].camera.fx == 82);
+    assert_true(rig->cameras[0].has_T_body_cam && rig->cameras[0].T_body_cam[7] == 0);
+    assert_true(rig->cameras[1].has_T_body_cam && rig->cameras[1].T_body_cam[7] == -0.11);
+    assert_true(rig->has_imu && rig->imu.rate_hz == 200 && rig->imu.T_body_imu[3] == 0.25);
+    assert_true(rig->imu.gyro_noise == 1e-4 && rig->imu.gyro_walk == 2e-5 &&
+                rig->imu.acceleration_noise == 2e-3 && rig->imu.acceleration_walk == 3e-3);
+}
+
+/* Every image and every sample comes, at its place; what is absent is empty, and a file that was
+ * listed and is missing is named. */
+static void test_euroc_rig(void **state)
+{
+    char uri[FV_TEST_PATH_BYTES];
+    const struct fovea_source_ops *ops = &fovea_source_euroc;
+    struct fovea_source *source;
+    struct fovea_sample samples[64];
+    struct fovea_frame frame;
+    struct fovea_error error;
+    int k = 0;
+    (void)state;
+    const char *top = make_euroc(uri);
+    if (ops->open(uri, &everything, &source, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    check_rig(ops->info(source));
+    assert_int_equal(ops->start(source, &error), FOVEA_OK);
+    for (int n = 0; n < FV_TEST_FRAMES; n++) {
+        assert_int_equal(ops->dequeue(source, INT64_MAX, &frame), FOVEA_OK);
+        assert_int_equal(frame.image_count, 2);
+        assert_int_equal(frame.images[1].data == NULL, n == 1 || n == 2);
+        for (int y = 0; y < H && n != 1 && n != 2; y++)
+            assert_memory_equal(frame.images[0].data + y * frame.images[0].stride_bytes,
+                                frame.images[1].data + y * frame.images[1].stride_bytes, W);
+        const uint32_t count = ops->samples(source, &frame, samples, 64);
+        assert_int_equal(count, n == 0 ? 1 : IMU_PER_FRAME);
+        for (uint32_t i = 0; i < count; i++, k++) {
+            assert_int_equal(samples[i].kind, FOVEA_SAMPLE_IMU);
+            assert_true(samples[i].imu.stamp_ns == first_ns + k * 5000000LL);
+            assert_true(samples[i].imu.gyro[0] == k / 7.0 && samples[i].imu.gyro[2] == -1);
+            assert_true(samples[i].imu.acceleration[0] == 9.5 &&
+                        samples[i].imu.acceleration[2] == k);
+        }
+        ops->requeue(source, &frame);
+    }
+    assert_int_equal(ops->dequeue(source, INT64_MAX, &frame), FOVEA_END);
+    assert_int_equal(ops->complaint(source, &error), FOVEA_OK);
+    assert_non_null(strstr(error.text, "mav0/cam1/data/1403638538677829376-gone.png"));
+    assert_int_equal(ops->complaint(source, &error), FOVEA_AGAIN);
+    ops->close(source);
+
+    /* Without options it is the data set of one camera. */
+    assert_int_equal(ops->open(top, &everything, &source, &error), FOVEA_OK);
+    assert_true(ops->info(source)->rig.camera_count == 1 && !ops->info(source)->rig.has_imu);
+    ops->close(source);
+    fv_test_folder_remove(top);
+}
+
+/* After a jump to frame 5 only the samples of the period before it come, not all since the start.
+ */
+static void test_samples_after_a_start(void **state)
+{
+    const struct fovea_source_selection later = {.start = 5, .step = 2};
+    char uri[FV_TEST_PATH_BYTES];
+    struct fovea_source *source;
+    struct fovea_sample samples[64];
+    struct fovea_frame frame;
+    struct fovea_error error;
+    (void)state;
+    const char *top = make_euroc(uri);
+    assert_int_equal(fovea_source_euroc.open(uri, &later, &source, &error), FOVEA_OK);
+    assert_int_equal(fovea_source_euroc.start(source, &error), FOVEA_OK);
+    for (int n = 5; n < 9; n += 2) {
+        assert_int_equal(fovea_source_euroc.dequeue(source, INT64_MAX, &frame), FOVEA_OK);
+        assert_int_equal(fovea_source_euroc.samples(source, &frame, samples, 64),
+                         2 * IMU_PER_FRAME); /* a period of this run is two frames */
+        assert_true(samples[2 * IMU_PER_FRAME - 1].imu.stamp_ns == frame.stamp_ns);
+        fovea_source_euroc.requeue(source, &frame);
+    }
+    fovea_source_euroc.close(source);
+    fv_test_folder_remove(top);
+}
+
+static void expect_refused(const struct fovea_source_ops *ops, const char *uri, const char *line)
+{
+    struct fovea_source *source;
+    struct fovea_error error;
+    assert_true(ops->open(uri, &everything, &source, &error) < 0);
+    if (strstr(error.text, line) == NULL || strchr(error.text, '\n') != NULL)
+        fail_msg("%s", error.text);
+}
+
+/* One line with file and line. */
+static void test_damaged_imu(void **state)
+{
+    static const struct {
+        int line;
+        const char *odd, *said;
+    } cases[] = {
+        {3, "1403638538587829376,1,2,abc,4,5,6",
+         "imu0/data.csv:3: angular rate and acceleration: found 'abc', expected a finite number"},
+        {4, "1403638538592829376,1,2,3,4,5",
+         "imu0/data.csv:4: angular rate and acceleration: found 5 numbers, expected 6"},
+        {5, "x,1,2,3,4,5,6", "imu0/data.csv:5: timestamp: found 'x', expected whole nanoseconds"},
+        {6, "1403638538577829376,1,2,3,4,5,6",
+         "imu0/data.csv:6: timestamp: found '1403638538577829376', expected one after the line before"},
+    };
+    char uri[FV_TEST_PATH_BYTES];
+    (void)state;
+    const char *top = make_euroc(uri);
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        write_imu(top, cases[i].line, cases[i].odd);
+        expect_refused(&fovea_source_euroc, uri, cases[i].said);
+    }
+    write_imu(top, 0, "");
+    fv_test_write_text(fv_test_path(top, "mav0/imu0/sensor.yaml"), "rate_hz: 200\n");
+    expect_refused(&fovea_source_euroc, uri, "imu0/sensor.yaml:1: ");
+    fv_test_folder_remove(top);
+}
+
+/* The baseline comes from the second projection: P1 = K [I | t], t = (-0.5, 0, 0). */
+static void test_kitti_rig(void **state)
+{
+    const struct fovea_source_ops *ops = &fovea_source_kitti;
+    char top[FV_TEST_PATH_BYTES], uri[FV_TEST_PATH_BYTES];
+    struct fovea_source *source;
+    struct fovea_frame frame;
+    struct fovea_error error;
+    (void)state;
+    snprintf(top, sizeof top, "%s", fv_test_kitti(folder));
+    snprintf(uri, sizeof uri, "%.200s?cameras=2", top);
+    expect_refused(ops, uri, "calib.txt: found no line 'P1:', expected it");
+    fv_test_write_text(fv_test_path(top, "calib.txt"), "P0: 90 0 48 0 0 90 32 0 0 0 1 0\n"
+                                                       "P1: 90 0 48 -45 0 90 32 0 0 0 1 0\n");
+    expect_refused(ops, uri, "image_1: found no such folder");
+    assert_int_equal(symlink("image_0", fv_test_path(top, "image_1")), 0);
+    if (ops->open(uri, &everything, &source, &error) != FOVEA_OK) fail_msg("%s", error.text);
+    const struct fovea_rig *rig = &ops->info(source)->rig;
+    assert_int_equal(rig->camera_count, 2);
+    assert_true(rig->cameras[0].T_body_cam[3] == 0 && rig->cameras[1].T_body_cam[3] == 0.5);
+    assert_true(rig->cameras[1].calibrated && rig->cameras[1].camera.width == W);
+    assert_int_equal(ops->start(source, &error), FOVEA_OK);
+    assert_int_equal(ops->dequeue(source, INT64_MAX, &frame), FOVEA_OK);
+    assert_true(frame.image_count == 2 && frame.images[1].data != NULL);
+    assert_memory_equal(frame.images[0].data, frame.images[1].data, W);
+    ops->close(source);
+    fv_test_folder_remove(top);
+}
+
+static void test_wrong_options(void **state)
+{
+    char uri[FV_TEST_PATH_BYTES];
+    (void)state;
+    const char *top = make_euroc(uri);
+    snprintf(uri, sizeof uri, "%.200s?cameras=3", top);
+    expect_refused(&fovea_source_euroc, uri,
+                   "euroc: cameras: found '3', expected a whole number in [1, 2]");
+    snprintf(uri, sizeof uri, "%.200s?gyro=1", top);
+    expect_refused(&fovea_source_euroc, uri, "gyro");
+    snprintf(uri, sizeof uri, "%.200s?imu=1", top);
+    expect_refused(&fovea_source_kitti, uri, "imu");
+    fv_test_folder_remove(top);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_euroc_rig),     cmocka_unit_test(test_samples_after_a_start),
+        cmocka_unit_test(test_damaged_imu),   cmocka_unit_test(test_kitti_rig),
+        cmocka_unit_test(test_wrong_options),
+    };
+    return cmocka_run_group_tests(tests, fv_test_place_set_up, fv_test_place_tear_down);
+}
