@@ -76,14 +76,17 @@ static void put(const char *before, enum fv_say_colour colour, int word_bytes, c
     fv_stall_leave(call);
 }
 
-static void say(enum fv_say_colour colour, const char *word, const char *format, va_list arguments)
+/* False: stderr took nothing, and the line is left out. */
+static bool say(enum fv_say_colour colour, const char *word, const char *format, va_list arguments)
 {
     enum { WAIT_MS = 200 };
     char line[LINE_BYTES];
     int bytes = snprintf(line, sizeof line, "%.100s", word);
     vsnprintf(line + bytes, sizeof line - (size_t)bytes, format, arguments);
     fv_say_clean(line);
-    if (takes_lines(WAIT_MS)) put(clear(false), colour, bytes, line, "\n");
+    if (!takes_lines(WAIT_MS)) return false;
+    put(clear(false), colour, bytes, line, "\n");
+    return true;
 }
 
 /* Leave out the fields that do not fit before the last column; a first one that does not is cut. */
@@ -135,19 +138,20 @@ void fv_say_status_word(enum fv_say_colour colour, const char *word, const char 
     va_end(arguments);
 }
 
-void fv_say_word(enum fv_say_colour colour, const char *word, const char *format, ...)
+bool fv_say_word(enum fv_say_colour colour, const char *word, const char *format, ...)
 {
     va_list arguments;
     va_start(arguments, format);
-    say(colour, word, format, arguments);
+    const bool taken = say(colour, word, format, arguments);
     va_end(arguments);
+    return taken;
 }
 
 void fv_say(const char *format, ...)
 {
     va_list arguments;
     va_start(arguments, format);
-    say(FV_SAY_PLAIN, "", format, arguments);
+    (void)say(FV_SAY_PLAIN, "", format, arguments);
     va_end(arguments);
 }
 
@@ -155,7 +159,7 @@ enum fv_exit fv_say_wrong(const char *format, ...)
 {
     va_list arguments;
     va_start(arguments, format);
-    say(FV_SAY_PLAIN, "", format, arguments);
+    (void)say(FV_SAY_PLAIN, "", format, arguments);
     va_end(arguments);
     return FV_EXIT_WRONG;
 }
@@ -164,7 +168,7 @@ enum fv_exit fv_say_failed(const char *format, ...)
 {
     va_list arguments;
     va_start(arguments, format);
-    say(FV_SAY_PLAIN, "", format, arguments);
+    (void)say(FV_SAY_PLAIN, "", format, arguments);
     va_end(arguments);
     return FV_EXIT_FAILED;
 }

@@ -32,9 +32,11 @@ bool fv_say_terminal(void);
 void fv_say_status(const char *format, ...) FV_SAY_FORMAT;
 
 /* The same line and status behind a word in colour. Colours are shown on a terminal only, and not
- * when the environment has NO_COLOR (https://no-color.org) or TERM is "dumb" or missing. */
+ * when the environment has NO_COLOR (https://no-color.org) or TERM is "dumb" or missing.
+ * fv_say_word returns false when stderr took nothing for a while, as a stopped terminal does: the
+ * line is left out. */
 enum fv_say_colour { FV_SAY_PLAIN, FV_SAY_GREEN, FV_SAY_YELLOW, FV_SAY_RED };
-void fv_say_word(enum fv_say_colour colour, const char *word, const char *format, ...)
+bool fv_say_word(enum fv_say_colour colour, const char *word, const char *format, ...)
     FV_SAY_FORMAT_AT(3, 4);
 void fv_say_status_word(enum fv_say_colour colour, const char *word, const char *format, ...)
     FV_SAY_FORMAT_AT(3, 4);

@@ -22,21 +22,26 @@ static enum fv_say_colour colour_of(enum fv_watch_state state)
     }
 }
 
+static bool change_say(const struct fv_watch_change *change)
+{
+    char before[64] = "";
+    if (change->from != FV_WATCH_WAITING)
+        snprintf(before, sizeof before, ", after %.3f s %s", (double)change->lasted_ns * 1e-9,
+                 fv_watch_name(change->from));
+    return fv_say_word(colour_of(change->to), fv_watch_name(change->to),
+                       " from frame %" PRIu64 " on, at %.3f s%s", change->frame,
+                       (double)change->at_ns * 1e-9, before);
+}
+
+/* A terminal that takes nothing costs one wait per call, since files are written meanwhile. */
 void fv_run_changes_say(struct fv_run *run)
 {
     struct fv_watch_change change;
-    while (fv_watch_take(&run->watch, &change)) {
-        if (run->quiet) continue;
-        char before[64] = "";
-        if (change.from != FV_WATCH_WAITING)
-            snprintf(before, sizeof before, ", after %.3f s %s", (double)change.lasted_ns * 1e-9,
-                     fv_watch_name(change.from));
-        fv_say_word(colour_of(change.to), fv_watch_name(change.to),
-                    " from frame %" PRIu64 " on, at %.3f s%s", change.frame,
-                    (double)change.at_ns * 1e-9, before);
-    }
+    bool taken = !run->quiet;
+    while (fv_watch_take(&run->watch, &change))
+        if (taken) taken = change_say(&change);
     const uint64_t lost = atomic_exchange(&run->watch.changes_lost, 0);
-    if (lost > 0 && !run->quiet)
+    if (lost > 0 && taken)
         fv_say("%" PRIu64 " more changes of state: they came too fast to be listed", lost);
 }
 

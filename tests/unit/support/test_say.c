@@ -6,6 +6,7 @@
 
 #include <cmocka.h>
 
+#include <fcntl.h>
 #include <stdio.h>
 #include <string.h>
 #include <unistd.h>
@@ -82,12 +83,46 @@ static void test_status_is_cut(void **state)
     assert_int_equal(strlen(said(long_status)), strlen("\r\033[K") + 79);
 }
 
+static void words(void)
+{
+    assert_true(fv_say_word(FV_SAY_GREEN, "tracking", " from frame %d on", 7));
+    fv_say_status_word(FV_SAY_RED, "lost", "  %s", "frame 8");
+}
+
+static void test_a_word_has_no_colour_where_there_is_no_terminal(void **state)
+{
+    (void)state;
+    assert_string_equal(said(words), "tracking from frame 7 on\n\r\033[Klost  frame 8");
+}
+
+/* Nobody reads, and the pipe is full: the line is left out, and who says it is not held up. */
+static void test_a_word_that_nobody_takes_is_refused(void **state)
+{
+    (void)state;
+    int ends[2];
+    char full[4096] = "";
+    assert_int_equal(pipe2(ends, O_NONBLOCK), 0);
+    while (write(ends[1], full, sizeof full) > 0) {
+    }
+    fflush(stderr);
+    const int kept = dup(STDERR_FILENO);
+    dup2(ends[1], STDERR_FILENO);
+    const bool taken = fv_say_word(FV_SAY_PLAIN, "lost", " from frame %d on", 9);
+    dup2(kept, STDERR_FILENO);
+    close(kept);
+    close(ends[0]);
+    close(ends[1]);
+    assert_false(taken);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_lines),
         cmocka_unit_test(test_no_line_on_the_status),
         cmocka_unit_test(test_status_is_cut),
+        cmocka_unit_test(test_a_word_has_no_colour_where_there_is_no_terminal),
+        cmocka_unit_test(test_a_word_that_nobody_takes_is_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
