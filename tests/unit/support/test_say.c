@@ -83,6 +83,11 @@ static void test_status_is_cut(void **state)
     assert_int_equal(strlen(said(long_status)), strlen("\r\033[K") + 79);
 }
 
+static void no_status(void)
+{
+    fv_say_status("%s", "");
+}
+
 static void words(void)
 {
     assert_true(fv_say_word(FV_SAY_GREEN, "tracking", " from frame %d on", 7));
@@ -92,6 +97,7 @@ static void words(void)
 static void test_a_word_has_no_colour_where_there_is_no_terminal(void **state)
 {
     (void)state;
+    (void)said(no_status);
     assert_string_equal(said(words), "tracking from frame 7 on\n\r\033[Klost  frame 8");
 }
 
