@@ -28,6 +28,7 @@ static const struct fv_uri_option option_table[] = {
     {"light", FV_URI_REAL, AT(light), 0.1, 4, "factor of brightness", NULL},
     {"odometry", FV_URI_REAL, AT(odometry_hz), 0, 1000, "Hz", NULL},
     {"odometry_noise", FV_URI_REAL, AT(odometry_noise), 0, 1, "of a step, relative", NULL},
+    {"baseline", FV_URI_REAL, AT(baseline_m), 0, 0.4, "metres, 0: one camera", NULL},
     {"time", FV_URI_REAL, AT(time_s), 0, 100000, "seconds", NULL},
 };
 static const struct fv_uri_table options_table = {

@@ -59,7 +59,8 @@ struct fv_sim_options {
     int32_t objects;
     enum fv_sim_textures textures;
     double light;
-    double time_s; /* of frame 0 on the trajectory */
+    double time_s;     /* of frame 0 on the trajectory */
+    double baseline_m; /* of a second camera to the right of the first; 0: there is none */
     double odometry_hz,
         odometry_noise; /* samples per second; deviation of each step's length, relative */
 };
@@ -356,7 +357,8 @@ struct fovea_source {
     struct fv_sim_sensor sensor;
     struct fv_sim_world world;
     struct fv_sim_view view;
-    uint8_t *image[FOVEA_SOURCE_FRAMES_HELD];
+    double aside_m; /* of the camera that is rendered, to the right of the first */
+    uint8_t *image[FOVEA_SOURCE_FRAMES_HELD][2];    /* by camera */
     uint64_t image_index[FOVEA_SOURCE_FRAMES_HELD]; /* trajectory frame shown in it */
     bool held[FOVEA_SOURCE_FRAMES_HELD];
     uint64_t deliverable; /* frames that the selection leaves; 0: endless */

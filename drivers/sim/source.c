@@ -60,7 +60,8 @@ static void sim_close(struct fovea_source *source)
     free(source->canvas.surface);
     free(source->exposed);
     for (int32_t i = 0; i < FOVEA_SOURCE_FRAMES_HELD; i++)
-        free(source->image[i]);
+        for (int k = 0; k < 2; k++)
+            free(source->image[i][k]);
     free(source->depth_m);
     free(source->class_mask);
     free(source->object_map);
@@ -94,6 +95,7 @@ static bool allocate(struct fovea_source *source)
         source->options.height < FV_SIM_CANVAS_ROWS ? source->options.height : FV_SIM_CANVAS_ROWS;
     const size_t in_canvas = (size_t)source->options.width * (size_t)rows;
     const bool whole = source->options.blur || source->options.rolling;
+    const uint32_t cameras = source->options.baseline_m > 0 ? 2 : 1;
     const size_t tiles = pixels / FV_SIM_TILE_PIXELS + 1;
     source->canvas = (struct fv_sim_canvas){.linear = calloc(in_canvas, sizeof(uint16_t)),
                                             .surface = calloc(in_canvas, sizeof(uint16_t)),
@@ -110,11 +112,13 @@ static bool allocate(struct fovea_source *source)
         fine = fine && source->exposed != NULL;
     }
     for (int32_t i = 0; i < FOVEA_SOURCE_FRAMES_HELD; i++) {
-        source->image[i] = calloc(pixels, 1);
-        fine = fine && source->image[i] != NULL;
+        for (uint32_t k = 0; k < cameras; k++) {
+            source->image[i][k] = calloc(pixels, 1);
+            fine = fine && source->image[i][k] != NULL;
+        }
     }
     size_t bytes = sizeof *source + in_canvas * 2 * sizeof(uint16_t) +
-                   pixels * (sizeof(float) + 2 + FOVEA_SOURCE_FRAMES_HELD) +
+                   pixels * (sizeof(float) + 2 + FOVEA_SOURCE_FRAMES_HELD * (size_t)cameras) +
                    tiles * (FV_SIM_TILE_PIXELS * 2 * sizeof(float) + sizeof(struct fv_sim_rect) +
                             sizeof(float)) +
                    (whole ? pixels * sizeof(uint16_t) : 0);
@@ -165,6 +169,17 @@ static enum fovea_status select_frames(struct fovea_source *source, struct fovea
     return check_time(source, error);
 }
 
+/* The same camera again, to the right of the first, whose frame is the body's. */
+static void add_second(struct fovea_rig *rig, double baseline_m)
+{
+    static const double identity[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
+    rig->camera_count = 2;
+    rig->cameras[0].has_T_body_cam = true;
+    memcpy(rig->cameras[0].T_body_cam, identity, sizeof identity);
+    rig->cameras[1] = rig->cameras[0];
+    rig->cameras[1].T_body_cam[3] = baseline_m;
+}
+
 static enum fovea_status sim_open(const char *address,
                                   const struct fovea_source_selection *selection,
                                   struct fovea_source **out, struct fovea_error *error)
@@ -208,6 +223,7 @@ static enum fovea_status sim_open(const char *address,
     info->has_wheel_odometry = true;
     info->rig.camera_count = 1;
     info->rig.cameras[0].calibrated = true;
+    if (options.baseline_m > 0) add_second(&info->rig, options.baseline_m);
     info->has_truth = true;
     snprintf(info->camera_origin, sizeof info->camera_origin, "built in");
     *out = source;
@@ -256,6 +272,8 @@ void fv_sim_look(struct fovea_source *source, double time_s, int32_t y_begin, in
     const struct fv_sim_rect bound = rows_bound(&source->raster, y_begin, y_end);
     fv_sim_world_place(&source->world, time_s);
     fv_sim_motion_pose(&source->motion, time_s, T_world_cam);
+    for (int i = 0; i < 3 && source->aside_m > 0; i++)
+        T_world_cam[4 * i + 3] += T_world_cam[4 * i] * source->aside_m;
     fv_sim_view_set(&source->view, &source->world, T_world_cam, &bound);
 }
 
@@ -321,15 +339,19 @@ static enum fovea_status sim_dequeue(struct fovea_source *source, int64_t deadli
     const struct fv_sim_options *o = &source->options;
     const int32_t pixels = o->width * o->height;
     const uint64_t n = source->delivered, index = frame_index(source, n);
-    render_frame(source, fv_sim_frame_time(source, index),
-                 o->seed ^ (index + 1) * 0x9E3779B97F4A7C15u, source->image[slot]);
+    const uint64_t seed = o->seed ^ (index + 1) * 0x9E3779B97F4A7C15u;
+    const uint32_t cameras = source->info.rig.camera_count;
+    for (uint32_t k = 0; k < cameras; k++) {
+        source->aside_m = k * o->baseline_m;
+        render_frame(source, fv_sim_frame_time(source, index), seed + k * 0xC2B2AE3D27D4EB4Fu,
+                     source->image[slot][k]);
+    }
+    source->aside_m = 0; /* truth is that of the first camera */
     source->image_index[slot] = index;
     source->held[slot] = true;
     source->delivered++;
     *frame = (struct fovea_frame){
-        .image_count = 1,
-        .images[0] = {source->image[slot], o->width, o->height, o->width, FOVEA_PIXEL_GREY8,
-                      (size_t)pixels},
+        .image_count = cameras,
         .stamp_ns = frame_stamp(source, n),
         .exposure_ns = (int64_t)(o->exposure_ms * 1e6 + 0.5),
         .clock = FOVEA_CLOCK_SIMULATED,
@@ -337,6 +359,10 @@ static enum fovea_status sim_dequeue(struct fovea_source *source, int64_t deadli
         .sequence = index,
         .slot = slot,
     };
+    for (uint32_t k = 0; k < cameras; k++)
+        frame->images[k] =
+            (struct fovea_image){source->image[slot][k], o->width,      o->height, o->width,
+                                 FOVEA_PIXEL_GREY8,      (size_t)pixels};
     return FOVEA_OK;
 }
 
@@ -359,7 +385,7 @@ static enum fovea_source_state sim_state(const struct fovea_source *source)
 const struct fovea_source_ops fovea_source_sim = {
     .name = "sim",
     .help =
-        "[TRAJECTORY][?OPTION=VALUE&...]  simulated camera: tour (default), orbit, corridor, rotate, stopgo, fast, kidnap, wander, still, stand; options seed width height rate frames lens fov noise blur rolling exposure readout objects textures light odometry odometry_noise time",
+        "[TRAJECTORY][?OPTION=VALUE&...]  simulated camera: tour (default), orbit, corridor, rotate, stopgo, fast, kidnap, wander, still, stand; options seed width height rate frames lens fov noise blur rolling exposure readout objects textures light odometry odometry_noise baseline time",
     .open = sim_open,
     .info = sim_info,
     .start = sim_start,

@@ -5,6 +5,7 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <time.h>
 
@@ -179,6 +180,43 @@ static void test_order_does_not_matter(void **state)
     }
 }
 
+/* The second camera sees what the first does, moved by the disparity of its depth; the first sees
+ * what it does alone. */
+static void test_second_camera(void **state)
+{
+    (void)state;
+    static const char alone[] = "orbit?width=320&height=240&noise=0&lens=pinhole&objects=0";
+    static const char pair[] =
+        "orbit?width=320&height=240&noise=0&lens=pinhole&objects=0&baseline=0.2";
+    static struct fovea_truth truth;
+    struct fovea_frame frame;
+    struct fovea_source *source = open_source(pair, NULL);
+    const struct fovea_rig *rig = &sim_ops()->info(source)->rig;
+    const double fx = rig->cameras[0].camera.fx;
+    int64_t moved_sum = 0, same_sum = 0, count = 0;
+    assert_int_equal(rig->camera_count, 2);
+    assert_true(rig->cameras[0].T_body_cam[3] == 0 && rig->cameras[1].T_body_cam[3] == 0.2);
+    assert_true(rig->cameras[1].calibrated && rig->cameras[1].camera.fx == fx);
+    assert_int_equal(sim_ops()->dequeue(source, 0, &frame), FOVEA_OK);
+    assert_int_equal(frame.image_count, 2);
+    assert_int_equal(fovea_image_check(&frame.images[1]), FOVEA_OK);
+    assert_int_equal(hash_frame(&frame), hash_at(alone, 0, NULL));
+    assert_int_equal(sim_ops()->truth(source, &frame, &truth), FOVEA_OK);
+    for (int y = 10; y < 230; y++)
+        for (int x = 60; x < 310; x++) {
+            const float depth_m = truth.depth_m[y * 320 + x];
+            const int to = depth_m > 0 ? x - (int)(fx * 0.2 / (double)depth_m + 0.5) : -1;
+            if (to < 0) continue;
+            const int value = frame.images[0].data[y * 320 + x];
+            moved_sum += abs(value - frame.images[1].data[y * 320 + to]);
+            same_sum += abs(value - frame.images[1].data[y * 320 + x]);
+            count++;
+        }
+    assert_true(count > 40000);
+    assert_true(3 * moved_sum < same_sum);
+    close_source(source);
+}
+
 static void test_frames_say_what_they_are(void **state)
 {
     (void)state;
@@ -292,6 +330,7 @@ int main(void)
         cmocka_unit_test(test_order_does_not_matter),
         cmocka_unit_test(test_frames_say_what_they_are),
         cmocka_unit_test(test_noise),
+        cmocka_unit_test(test_second_camera),
         cmocka_unit_test(test_timing),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
