@@ -13,7 +13,7 @@ static const double settled_variance_min =
 /* ---- sampling -------------------------------------------------------------------------------- */
 
 /* Squared sine of the angle between bearing and point (1 when behind): what MSAC adds up. */
-static double angle2(const struct fv_se3 *T, const struct fv_sight *s)
+static double angle2(const struct fv_se3 *T, const struct fv_observation *s)
 {
     double q[3];
     fv_se3_apply(T, s->point, q);
@@ -21,32 +21,32 @@ static double angle2(const struct fv_se3 *T, const struct fv_sight *s)
     return along > 0 ? 1 - along * along / square : 1;
 }
 
-static double sample_cost(const struct fv_se3 *T, const struct fv_sight *sights, uint32_t count,
-                          double limit2, double best)
+static double sample_cost(const struct fv_se3 *T, const struct fv_observation *observations,
+                          uint32_t count, double limit2, double best)
 {
     double cost = 0;
     for (uint32_t i = 0; i < count; i++) {
-        double r2 = angle2(T, &sights[i]);
+        double r2 = angle2(T, &observations[i]);
         cost += r2 < limit2 ? r2 : limit2;
         if ((i & 15) == 15 && cost >= best) return cost;
     }
     return cost;
 }
 
-/* Angular Gauss-Newton over the sights below the threshold: the local optimisation. */
-static void angular_refine(const struct fv_sight *sights, uint32_t count, double limit2, int steps,
-                           struct fv_se3 *T)
+/* Angular Gauss-Newton over the observations below the threshold: the local optimisation. */
+static void angular_refine(const struct fv_observation *observations, uint32_t count, double limit2,
+                           int steps, struct fv_se3 *T)
 {
     for (int step = 0; step < steps; step++) {
         double H[36] = {0}, g[6] = {0};
         const struct fv_normal normal = {H, g, 6};
         for (uint32_t i = 0; i < count; i++) {
-            if (angle2(T, &sights[i]) >= limit2) continue;
+            if (angle2(T, &observations[i]) >= limit2) continue;
             /* Residual b x q / |q|, whose length is the sine; its derivative by q, the length held,
              * is [b]x / |q|. */
             double q[3], r[3];
-            const double *b = sights[i].bearing;
-            fv_se3_apply(T, sights[i].point, q);
+            const double *b = observations[i].bearing;
+            fv_se3_apply(T, observations[i].point, q);
             double inverse = 1 / fv_norm3(q);
             fv_cross3(b, q, r);
             const double S[9] = {0, -b[2], b[1], b[2], 0, -b[0], -b[1], b[0], 0};
@@ -64,8 +64,9 @@ static void angular_refine(const struct fv_sight *sights, uint32_t count, double
     }
 }
 
-uint32_t fv_pose_sample(struct fv_sight *sights, uint32_t count, const struct fv_sampling *sampling,
-                        struct fovea_random *random, struct fv_se3 *T_cam_world)
+uint32_t fv_pose_sample(struct fv_observation *observations, uint32_t count,
+                        const struct fv_sampling *sampling, struct fovea_random *random,
+                        struct fv_se3 *T_cam_world)
 {
     if (count < 4) return 0;
     double limit2 = sampling->threshold_rad * sampling->threshold_rad, whole = limit2 * count,
@@ -79,12 +80,12 @@ uint32_t fv_pose_sample(struct fv_sight *sights, uint32_t count, const struct fv
         struct fv_se3 T[FV_P3P_SOLUTIONS_MAX];
         fv_sample_distinct(random, count, 3, index);
         for (int k = 0; k < 3; k++) {
-            fv_copy3(sights[index[k]].bearing, bearings[k]);
-            fv_copy3(sights[index[k]].point, points[k]);
+            fv_copy3(observations[index[k]].bearing, bearings[k]);
+            fv_copy3(observations[index[k]].point, points[k]);
         }
         int solutions = fv_p3p(bearings, points, T), improved = -1;
         for (int k = 0; k < solutions; k++) {
-            double now = sample_cost(&T[k], sights, count, limit2, cost);
+            double now = sample_cost(&T[k], observations, count, limit2, cost);
             if (now < cost) {
                 cost = now;
                 best = T[k];
@@ -93,9 +94,9 @@ uint32_t fv_pose_sample(struct fv_sight *sights, uint32_t count, const struct fv
         }
         if (improved < 0) continue;
         struct fv_se3 moved = best;
-        angular_refine(sights, count, 4 * limit2, 1, &moved);
-        angular_refine(sights, count, limit2, 1, &moved);
-        double now = sample_cost(&moved, sights, count, limit2, cost);
+        angular_refine(observations, count, 4 * limit2, 1, &moved);
+        angular_refine(observations, count, limit2, 1, &moved);
+        double now = sample_cost(&moved, observations, count, limit2, cost);
         if (now < cost) {
             cost = now;
             best = moved;
@@ -105,18 +106,18 @@ uint32_t fv_pose_sample(struct fv_sight *sights, uint32_t count, const struct fv
     }
     uint32_t inliers = 0;
     for (uint32_t i = 0; i < count; i++)
-        inliers += angle2(&best, &sights[i]) < limit2;
+        inliers += angle2(&best, &observations[i]) < limit2;
     if (inliers < 4) return 0;
     for (uint32_t i = 0; i < count; i++)
-        sights[i].inlier = angle2(&best, &sights[i]) < limit2;
+        observations[i].inlier = angle2(&best, &observations[i]) < limit2;
     *T_cam_world = best;
     return inliers;
 }
 
 /* ---- refinement ------------------------------------------------------------------------------ */
 
-bool fv_sight_error(const double bearing[3], const double A[6], const double q[3], double error[2],
-                    double J[6])
+bool fv_observation_error(const double bearing[3], const double A[6], const double q[3],
+                          double error[2], double J[6])
 {
     double along = fv_dot3(bearing, q);
     if (!(along > 1e-9)) return false;
@@ -133,12 +134,12 @@ bool fv_sight_error(const double bearing[3], const double A[6], const double q[3
 
 /* Weighted squared pixel error; derivative rows by the small motion when `rows` is not NULL.
  * Negative: behind. */
-static double pixel_error(const struct fv_se3 *T, const struct fv_sight *s, double residual[2],
-                          double rows[12])
+static double pixel_error(const struct fv_se3 *T, const struct fv_observation *s,
+                          double residual[2], double rows[12])
 {
     double q[3], J[6];
     fv_se3_apply(T, s->point, q);
-    if (!fv_sight_error(s->bearing, s->A, q, residual, rows ? J : 0)) return -1;
+    if (!fv_observation_error(s->bearing, s->A, q, residual, rows ? J : 0)) return -1;
     if (rows)
         for (int r = 0; r < 2; r++) {
             fv_copy3(J + 3 * r, rows + 6 * r);
@@ -155,19 +156,19 @@ static void accumulate(const struct fv_normal *normal, const double rows[12],
     fv_normal_add_one(normal, 0, 6, rows, weighted, residual, 2, NULL);
 }
 
-static bool refine_step(const struct fv_sight *sights, uint32_t count, struct fv_se3 *T,
+static bool refine_step(const struct fv_observation *observations, uint32_t count, struct fv_se3 *T,
                         double *moved)
 {
     double H[36] = {0}, g[6] = {0};
     const struct fv_normal normal = {H, g, 6};
     for (uint32_t i = 0; i < count; i++) {
         double residual[2], rows[12];
-        if (!sights[i].inlier) continue;
-        double error2 = pixel_error(T, &sights[i], residual, rows);
+        if (!observations[i].inlier) continue;
+        double error2 = pixel_error(T, &observations[i], residual, rows);
         if (error2 < 0) continue;
         double robust = error2 > FV_CHI_SQUARE_95_2 ? __builtin_sqrt(FV_CHI_SQUARE_95_2 / error2)
                                                     : 1; /* Huber */
-        accumulate(&normal, rows, residual, robust * sights[i].weight);
+        accumulate(&normal, rows, residual, robust * observations[i].weight);
     }
     fv_normal_damp(&normal, 1e-9, 0);
     if (!fv_normal_solve(&normal, g)) return false;
@@ -176,18 +177,18 @@ static bool refine_step(const struct fv_sight *sights, uint32_t count, struct fv
     return true;
 }
 
-/* Inliers are sights with weighted squared errors below `limit2`. */
-static void sort_sights(struct fv_sight *sights, uint32_t count, const struct fv_se3 *T,
-                        double limit2)
+/* Inliers are observations with weighted squared errors below `limit2`. */
+static void sort_observations(struct fv_observation *observations, uint32_t count,
+                              const struct fv_se3 *T, double limit2)
 {
     double residual[2];
     for (uint32_t i = 0; i < count; i++) {
-        double error2 = pixel_error(T, &sights[i], residual, 0);
-        sights[i].inlier = error2 >= 0 && error2 < limit2;
+        double error2 = pixel_error(T, &observations[i], residual, 0);
+        observations[i].inlier = error2 >= 0 && error2 < limit2;
     }
 }
 
-static void fit_of(const struct fv_sight *sights, uint32_t count, struct fv_se3 *T,
+static void fit_of(const struct fv_observation *observations, uint32_t count, struct fv_se3 *T,
                    struct fv_pose_fit *fit)
 {
     double residual[2], rows[12];
@@ -195,11 +196,12 @@ static void fit_of(const struct fv_sight *sights, uint32_t count, struct fv_se3 
     fv_so3_orthonormalise(T->R);
     memset(fit, 0, sizeof *fit);
     for (uint32_t i = 0; i < count; i++) {
-        double error2 = sights[i].inlier ? pixel_error(T, &sights[i], residual, rows) : -1;
+        double error2 =
+            observations[i].inlier ? pixel_error(T, &observations[i], residual, rows) : -1;
         if (error2 < 0) continue;
         fit->inliers++;
         fit->cost += error2;
-        accumulate(&normal, rows, residual, sights[i].weight);
+        accumulate(&normal, rows, residual, observations[i].weight);
     }
     for (int a = 0; a < 6; a++)
         for (int c = a + 1; c < 6; c++)
@@ -211,22 +213,22 @@ double fv_pose_variance(const struct fv_pose_fit *fit)
     return fit->inliers > 3 ? fit->cost / (2 * (double)fit->inliers - 6) : 1;
 }
 
-bool fv_pose_refine(struct fv_sight *sights, uint32_t count, int rounds, int steps,
+bool fv_pose_refine(struct fv_observation *observations, uint32_t count, int rounds, int steps,
                     struct fv_se3 *T_cam_world, struct fv_pose_fit *fit)
 {
     struct fv_se3 T = *T_cam_world;
     for (int round = 0; round < rounds; round++) {
         double moved = 1;
         for (int step = 0; step < steps && moved > 1e-14; step++)
-            if (!refine_step(sights, count, &T, &moved)) return false;
-        sort_sights(sights, count, &T, FV_CHI_SQUARE_95_2);
+            if (!refine_step(observations, count, &T, &moved)) return false;
+        sort_observations(observations, count, &T, FV_CHI_SQUARE_95_2);
     }
-    fit_of(sights, count, &T, fit);
+    fit_of(observations, count, &T, fit);
     *T_cam_world = T;
     return true;
 }
 
-bool fv_pose_settle(struct fv_sight *sights, uint32_t count, struct fv_se3 *T_cam_world,
+bool fv_pose_settle(struct fv_observation *observations, uint32_t count, struct fv_se3 *T_cam_world,
                     struct fv_pose_fit *fit)
 {
     struct fv_se3 T = *T_cam_world;
@@ -235,11 +237,11 @@ bool fv_pose_settle(struct fv_sight *sights, uint32_t count, struct fv_se3 *T_ca
     const double limit2 = variance * FV_CHI_SQUARE_99_2;
     if (limit2 >= FV_CHI_SQUARE_95_2) return true;
     for (int step = 0; step < 2; step++) {
-        sort_sights(sights, count, &T, limit2);
-        if (!refine_step(sights, count, &T, &moved)) return false;
+        sort_observations(observations, count, &T, limit2);
+        if (!refine_step(observations, count, &T, &moved)) return false;
     }
-    sort_sights(sights, count, &T, limit2);
-    fit_of(sights, count, &T, fit);
+    sort_observations(observations, count, &T, limit2);
+    fit_of(observations, count, &T, fit);
     *T_cam_world = T;
     return true;
 }

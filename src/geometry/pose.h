@@ -26,7 +26,7 @@ enum { FV_P3P_SOLUTIONS_MAX = 4 };
  * through the lens: near the bearing b, a point q of the camera frame lies e = A q / (b q) pixels
  * from the key point, A = d(pixel)/d(point) at b, A b = 0. That is exact to first order, and
  * outliers need no more. */
-struct fv_sight {
+struct fv_observation {
     double point[3];   /* world */
     double bearing[3]; /* unit, camera */
     double A[6];       /* 2x3 row-major, px */
@@ -36,22 +36,23 @@ struct fv_sight {
 
 /* Pixel error of a point q of the camera frame, and, when `J` is not NULL, its 2x3 derivative by q.
  * False: behind. */
-bool fv_sight_error(const double bearing[3], const double A[6], const double q[3], double error[2],
-                    double J[6]);
+bool fv_observation_error(const double bearing[3], const double A[6], const double q[3],
+                          double error[2], double J[6]);
 
-/* Poses from three sights (bearings only); returns their number, at most 4. */
+/* Poses from three observations (bearings only); returns their number, at most 4. */
 int fv_p3p(const double bearings[3][3], const double points[3][3],
            struct fv_se3 T_cam_world[FV_P3P_SOLUTIONS_MAX]);
 
 /* Robust pose by P3P samples on bearings. Residual: angle between bearing and point. Sets `inlier`
- * of every sight and `T_cam_world` on success; returns the number of inliers, 0 (all untouched)
- * when none was found.
+ * of every observation and `T_cam_world` on success; returns the number of inliers, 0 (all
+ * untouched) when none was found.
  */
-uint32_t fv_pose_sample(struct fv_sight *sights, uint32_t count, const struct fv_sampling *sampling,
-                        struct fovea_random *random, struct fv_se3 *T_cam_world);
+uint32_t fv_pose_sample(struct fv_observation *observations, uint32_t count,
+                        const struct fv_sampling *sampling, struct fovea_random *random,
+                        struct fv_se3 *T_cam_world);
 
 struct fv_pose_fit {
-    uint32_t inliers; /* sights with weighted squared error below the chi-square bound (95 %,
+    uint32_t inliers; /* observations with weighted squared error below the chi-square bound (95 %,
                          2 dof) */
     double cost;      /* sum of their weighted squared errors, px^2 */
     /* of the inliers, row-major, order as in fv_se3_move (camera side, translation
@@ -59,22 +60,22 @@ struct fv_pose_fit {
     double information[36];
 };
 
-/* Refine T_cam_world over all sights by Gauss-Newton with Huber weights, in `rounds` of `steps`;
- * after each round sights are sorted anew into inliers and outliers, so that none is lost for good.
- * Sights behind the camera or past the field are outliers. False when the system is singular (pose
- * untouched). */
-bool fv_pose_refine(struct fv_sight *sights, uint32_t count, int rounds, int steps,
+/* Refine T_cam_world over all observations by Gauss-Newton with Huber weights, in `rounds` of
+ * `steps`; after each round observations are sorted anew into inliers and outliers, so that none is
+ * lost for good. Observations behind the camera or past the field are outliers. False when the
+ * system is singular (pose untouched). */
+bool fv_pose_refine(struct fv_observation *observations, uint32_t count, int rounds, int steps,
                     struct fv_se3 *T_cam_world, struct fv_pose_fit *fit);
 
-/* Variance of a sight's error by what a fit leaves (a posteriori), weighted px^2; 1 where nothing
- * is left to tell. */
+/* Variance of an observation's error by what a fit leaves (a posteriori), weighted px^2; 1 where
+ * nothing is left to tell. */
 double fv_pose_variance(const struct fv_pose_fit *fit);
 
 /* Go on from fv_pose_refine's pose and fit, with the limit that the noise found allows: 9.21
  * (chi-square, 99 %, 2 dof) times its variance, and never more than before. Where matches are good
  * to a third of a pixel, what is a pixel off is a thing that moves. Two steps. False when the
  * system is singular (pose untouched). */
-bool fv_pose_settle(struct fv_sight *sights, uint32_t count, struct fv_se3 *T_cam_world,
+bool fv_pose_settle(struct fv_observation *observations, uint32_t count, struct fv_se3 *T_cam_world,
                     struct fv_pose_fit *fit);
 
 #ifdef __cplusplus

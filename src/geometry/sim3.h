@@ -62,8 +62,8 @@ struct fv_meeting {
     bool inlier;
 };
 
-/* Squared pixel errors of a meeting in camera a and in camera b, over their variances (sights and
- * distances); false when a point lies behind. */
+/* Squared pixel errors of a meeting in camera a and in camera b, over their variances (observations
+ * and distances); false when a point lies behind. */
 bool fv_sim3_errors(const struct fv_meeting *m, const struct fv_sim3 *S_a_b,
                     const struct fv_sim3 *S_b_a, double square[2]);
 

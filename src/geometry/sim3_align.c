@@ -67,7 +67,7 @@ static bool square_error(const double bearing[3], const double A[6], double weig
 {
     double e[2], J[6];
     *square = 0;
-    if (!fv_sight_error(bearing, A, q, e, J)) return false;
+    if (!fv_observation_error(bearing, A, q, e, J)) return false;
     const double u[2] = {fv_dot3(J, along), fv_dot3(J + 3, along)},
                  by_u = weight * (u[0] * e[0] + u[1] * e[1]);
     *square = weight * (e[0] * e[0] + e[1] * e[1]) -
@@ -207,7 +207,7 @@ static void meeting_system(const struct fv_meeting *m, const struct fv_sim3 *S_a
     struct camera_rows r = {.weight = {m->weight_a, m->weight_a, 1}, .count = 3};
     double q[3], along[3], J[9];
     move_point(S_a_b, m->point_b, m->sigma_b, q, along);
-    if (!fv_sight_error(m->bearing_a, m->A_a, q, r.e, J)) return;
+    if (!fv_observation_error(m->bearing_a, m->A_a, q, r.e, J)) return;
     /* Pixels alone leave the scale open when both cameras stand in one place: the distances are
      * held against each other. */
     const double per_sigma = 1 / m->sigma_a, length = fv_norm3(m->point_a);
@@ -223,7 +223,7 @@ static void meeting_system(const struct fv_meeting *m, const struct fv_sim3 *S_a
     r.count = 2;
     r.weight[0] = r.weight[1] = m->weight_b;
     move_point(S_b_a, m->point_a, m->sigma_a, q, along);
-    if (!fv_sight_error(m->bearing_b, m->A_b, q, r.e, J)) return;
+    if (!fv_observation_error(m->bearing_b, m->A_b, q, r.e, J)) return;
     for (int i = 0; i < 2; i++) {
         r.u[i] = fv_dot3(J + 3 * i, along);
         step_row(J + 3 * i, m->point_a, S_b_a, r.row[i]);

@@ -147,8 +147,8 @@ void fv_loop_side_a(const struct fv_map *map, const struct fv_view *view, uint32
                     struct fv_meeting *m);
 void fv_loop_side_b(const struct fv_map *map, const struct fv_view *view, uint32_t feature,
                     struct fv_meeting *m);
-/* Standard deviation of a landmark's distance, relative, by its parallax; A and weight: of a sight
- * of it. */
+/* Standard deviation of a landmark's distance, relative, by its parallax; A and weight: of an
+ * observation of it. */
 double fv_loop_distance_sigma(const struct fv_landmark *l, const double A[6], double weight);
 /* Search the group's landmarks in a keyframe that S_keyframe_candidate is said to hold for, from
  * state->next on, in one unit; counts into visible and found, and fills meetings where the feature

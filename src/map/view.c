@@ -116,7 +116,7 @@ double fv_map_error2(const struct fv_map *map, const struct fv_pixel *point, con
     double b[3], A[6], e[2];
     if (!fv_bearing_of(map->bearings, map->camera, point->x * map->pixel_px,
                        point->y * map->pixel_px, b, A) ||
-        !fv_sight_error(b, A, q, e, 0))
+        !fv_observation_error(b, A, q, e, 0))
         return 1e9;
     const double sigma = sigma_px * fv_level_scale(point->level);
     return (e[0] * e[0] + e[1] * e[1]) / (sigma * sigma);

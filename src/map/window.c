@@ -78,7 +78,7 @@ static double linearise(const struct fv_window_state *s, const struct fv_normal 
     for (int i = 0; i < 6; i++)
         A[i] = o->A[i];
     fv_se3_apply(&pose->T_cam_world, point, q);
-    if (!fv_sight_error(b, A, q, e, J)) {
+    if (!fv_observation_error(b, A, q, e, J)) {
         memset(o->cross, 0, sizeof o->cross);
         return 1e3 * FV_CHI_SQUARE_95_2; /* behind the camera: as bad as a far outlier, without a
                                             direction */

@@ -152,7 +152,7 @@ static bool drop_misfits(struct fv_window *w, struct fv_map *map,
         for (int i = 0; i < 6; i++)
             A[i] = o->A[i];
         fv_se3_apply(&pose->T_cam_world, l->point, q);
-        if (fv_sight_error(b, A, q, e, 0) &&
+        if (fv_observation_error(b, A, q, e, 0) &&
             o->weight * (e[0] * e[0] + e[1] * e[1]) < FV_CHI_SQUARE_95_2)
             continue;
         if (map->keyframes[pose->slot].generation == pose->generation) {

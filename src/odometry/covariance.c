@@ -36,9 +36,9 @@ void fv_covariance_carve(struct fv_covariance *c, struct fv_arena *frame)
                                  sizeof *c->joint);
 }
 
-/* A sight of a landmark, linearised: by the view's small motion (left of T_cam_world) and by the
- * point. */
-struct fv_linear_sight {
+/* An observation of a landmark, linearised: by the view's small motion (left of T_cam_world) and by
+ * the point. */
+struct fv_linear_observation {
     int pose; /* block of the system, or REFERENCE */
     double weight, rows[12], by_point[6];
 };
@@ -92,18 +92,18 @@ static void pick_poses(const struct fv_odometry *o, const struct fv_view *view, 
 }
 
 /* False: behind the camera, or a misfit that robust estimates leave out. */
-static bool linear_sight_of(const struct fv_se3 *T, const struct fv_keypoint *p,
-                            const double point[3], int pose, struct fv_linear_sight *s)
+static bool linear_observation_of(const struct fv_se3 *T, const struct fv_keypoint *p,
+                                  const double point[3], int pose, struct fv_linear_observation *s)
 {
     double q[3], e[2], J[6];
-    struct fv_sight sight;
-    fv_sight_from(p, point, &sight);
+    struct fv_observation observation;
+    fv_observation_from(p, point, &observation);
     fv_se3_apply(T, point, q);
-    if (!fv_sight_error(sight.bearing, sight.A, q, e, J) ||
-        sight.weight * (e[0] * e[0] + e[1] * e[1]) > FV_CHI_SQUARE_95_2)
+    if (!fv_observation_error(observation.bearing, observation.A, q, e, J) ||
+        observation.weight * (e[0] * e[0] + e[1] * e[1]) > FV_CHI_SQUARE_95_2)
         return false;
     s->pose = pose;
-    s->weight = sight.weight;
+    s->weight = observation.weight;
     for (int r = 0; r < 2; r++) {
         fv_copy3(J + 3 * r, s->rows + 6 * r);
         fv_cross3(q, J + 3 * r, s->rows + 6 * r + 3);
@@ -112,52 +112,53 @@ static bool linear_sight_of(const struct fv_se3 *T, const struct fv_keypoint *p,
     return true;
 }
 
-/* All sights of a landmark by views that take part; returns their number. */
-static int find_sights(const struct fv_odometry *o, const struct fv_view *view, uint32_t feature,
-                       const struct fv_joint *j,
-                       struct fv_linear_sight sights[FV_MAP_OBSERVERS_MAX + 1])
+/* All observations of a landmark by views that take part; returns their number. */
+static int find_observations(const struct fv_odometry *o, const struct fv_view *view,
+                             uint32_t feature, const struct fv_joint *j,
+                             struct fv_linear_observation observations[FV_MAP_OBSERVERS_MAX + 1])
 {
     const struct fv_landmark *l = &o->map.landmarks[view->landmark[feature]];
-    int count = linear_sight_of(&view->frame->T_cam_world, &view->keypoints[feature], l->point,
-                                j->poses - 1, sights);
+    int count = linear_observation_of(&view->frame->T_cam_world, &view->keypoints[feature],
+                                      l->point, j->poses - 1, observations);
     for (uint32_t k = 0; k < l->observer_count; k++) {
         const uint32_t slot = l->observers[k].keyframe;
         const struct fv_view from = fv_map_view(&o->map, slot);
         struct fv_keypoint p;
         if (j->block_of[slot] != OUTSIDE &&
             fv_map_keypoint(&o->map, &from.points[l->observers[k].feature], &p))
-            count += linear_sight_of(&from.frame->T_cam_world, &p, l->point, j->block_of[slot],
-                                     &sights[count]);
+            count += linear_observation_of(&from.frame->T_cam_world, &p, l->point,
+                                           j->block_of[slot], &observations[count]);
     }
     return count;
 }
 
-/* A landmark's sights, the landmark itself eliminated. */
-static void add_landmark(struct fv_joint *j, const struct fv_linear_sight *sights, int count)
+/* A landmark's observations, the landmark itself eliminated. */
+static void add_landmark(struct fv_joint *j, const struct fv_linear_observation *observations,
+                         int count)
 {
     double H[6] = {0}, V[6], cross[FV_MAP_OBSERVERS_MAX + 1][18];
     struct fv_coupling couplings[FV_MAP_OBSERVERS_MAX + 1];
     int coupled = 0;
     for (int i = 0; i < count; i++) {
-        const double *b = sights[i].by_point, w = sights[i].weight;
+        const double *b = observations[i].by_point, w = observations[i].weight;
         for (int r = 0, k = 0; r < 3; r++)
             for (int c = r; c < 3; c++, k++)
                 H[k] += w * (b[r] * b[c] + b[3 + r] * b[3 + c]);
         for (int r = 0; r < 3; r++)
             for (int c = 0; c < 6; c++)
                 cross[i][6 * r + c] =
-                    w * (sights[i].rows[c] * b[r] + sights[i].rows[6 + c] * b[3 + r]);
+                    w * (observations[i].rows[c] * b[r] + observations[i].rows[6 + c] * b[3 + r]);
     }
     H[0] *= 1 + nearly;
     H[3] *= 1 + nearly;
     H[5] *= 1 + nearly;
     if (count < 2 || !fv_invert_symmetric3(H, V)) return;
     for (int i = 0; i < count; i++) {
-        const int first = 6 * sights[i].pose;
-        if (sights[i].pose == REFERENCE) continue;
+        const int first = 6 * observations[i].pose;
+        if (observations[i].pose == REFERENCE) continue;
         couplings[coupled++] = (struct fv_coupling){cross[i], first, 6};
-        fv_block_add_inner(j->S + first * (j->size + 1), j->size, sights[i].rows, 6, sights[i].rows,
-                           6, 2, sights[i].weight, true);
+        fv_block_add_inner(j->S + first * (j->size + 1), j->size, observations[i].rows, 6,
+                           observations[i].rows, 6, 2, observations[i].weight, true);
     }
     const struct fv_normal normal = {j->S, NULL, j->size};
     fv_normal_eliminate(&normal, 3, V, NULL, couplings, coupled);
@@ -194,11 +195,11 @@ static double parts_variance(const struct fv_odometry *o, const struct fv_view *
     const struct fv_se3 *T = &view->frame->T_cam_world;
     for (uint32_t f = 0; f < view->frame->features; f++) {
         double q[3], e[2], J[6], turn[3];
-        struct fv_sight s;
+        struct fv_observation s;
         if (view->landmark[f] == FV_MAP_NONE) continue;
-        fv_sight_from(&view->keypoints[f], o->map.landmarks[view->landmark[f]].point, &s);
+        fv_observation_from(&view->keypoints[f], o->map.landmarks[view->landmark[f]].point, &s);
         fv_se3_apply(T, s.point, q);
-        if (!fv_sight_error(s.bearing, s.A, q, e, J)) continue;
+        if (!fv_observation_error(s.bearing, s.A, q, e, J)) continue;
         double *sum = pull[fv_map_part(&o->map, &view->points[f])];
         for (int r = 0; r < 2; r++) {
             fv_cross3(q, J + 3 * r, turn);
@@ -247,8 +248,8 @@ static bool solve_joint(struct fv_odometry *o, const struct fv_view *view, uint3
     sample_inliers(view, inliers, &j);
     pick_poses(o, view, &j);
     for (uint32_t i = 0; i < j.sample_count; i++) {
-        struct fv_linear_sight sights[FV_MAP_OBSERVERS_MAX + 1];
-        add_landmark(&j, sights, find_sights(o, view, j.sample[i], &j, sights));
+        struct fv_linear_observation observations[FV_MAP_OBSERVERS_MAX + 1];
+        add_landmark(&j, observations, find_observations(o, view, j.sample[i], &j, observations));
     }
     const double information = (double)inliers / (double)j.sample_count / variance;
     for (int k = 0; k < j.size * j.size; k++)

@@ -89,7 +89,7 @@ static bool row_of(const struct fv_initialise_bundle *b,
     fv_rotate3(T->R, pair->x1, ray);
     for (int k = 0; k < 3; k++)
         q[k] = ray[k] + inverse_depth * T->t[k];
-    if (!fv_sight_error(bearing, A, q, row->error, J)) return false;
+    if (!fv_observation_error(bearing, A, q, row->error, J)) return false;
     row->weight = 1 / (1 / (double)p->weight + 1 / (double)first->weight);
     for (int r = 0; r < 2; r++) {
         for (int k = 0; k < 3; k++)
@@ -129,18 +129,18 @@ static bool place_view(struct fv_initialiser *in, uint32_t count,
     for (int step = 0; step < ALIGN_STEPS; step++, limit2 /= 4) {
         double H[36] = {0}, g[6] = {0};
         const struct fv_normal normal = {H, g, 6};
-        uint32_t sights = 0;
-        for (uint32_t i = 0; i < count && sights < ALIGN_TRACKS; i++) {
+        uint32_t observations = 0;
+        for (uint32_t i = 0; i < count && observations < ALIGN_TRACKS; i++) {
             struct fv_initialise_row row;
             if (in->tracks[i].feature[v] == FV_MAP_NONE ||
                 !row_of(b, views, &in->pairs[i], &in->tracks[i], in->depths[i].value, v, &row))
                 continue;
             (void)robust(&row, limit2);
-            sights++;
+            observations++;
             add_row(&normal, 0, &row);
         }
         fv_normal_damp(&normal, 1e-6, 1e-9);
-        if (sights < FOVEA_POSED_INLIERS_MIN || !fv_normal_solve(&normal, g)) return false;
+        if (observations < FOVEA_POSED_INLIERS_MIN || !fv_normal_solve(&normal, g)) return false;
         move(&b->T_view_first[v], g);
     }
     return true;

@@ -19,7 +19,7 @@ static const double parallax_least_rad =
 
 static const double still_move_rad = 0.002; /* above the noise of a standing camera's pose */
 
-/* Median depth of the current sights, by halving. */
+/* Median depth of the current observations, by halving. */
 static double current_depth(const struct fv_odometry *o)
 {
     const struct fv_keyframe *frame = &o->map.keyframes[fv_map_current(&o->map)];

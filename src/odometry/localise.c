@@ -20,8 +20,8 @@ void fv_localiser_carve(struct fv_localiser *l, uint32_t features_max, struct fv
                         struct fv_arena *frame)
 {
     l->recent = fv_arena_take(persistent, features_max, sizeof *l->recent);
-    l->sights = fv_arena_take_raw(frame, features_max, sizeof *l->sights);
-    l->sight_feature = fv_arena_take_raw(frame, features_max, sizeof *l->sight_feature);
+    l->observations = fv_arena_take_raw(frame, features_max, sizeof *l->observations);
+    l->observed_feature = fv_arena_take_raw(frame, features_max, sizeof *l->observed_feature);
     l->local = fv_arena_take_raw(frame, FV_LOCAL_LANDMARKS_MAX, sizeof *l->local);
 }
 
@@ -81,15 +81,15 @@ static uint32_t match_recent(struct fv_odometry *o, const struct fv_kernels *ker
     return matches;
 }
 
-/* Sights of all matched features; returns their number. */
-uint32_t fv_odometry_collect_sights(struct fv_odometry *o, const struct fv_view *view)
+/* Observations of all matched features; returns their number. */
+uint32_t fv_odometry_collect_observations(struct fv_odometry *o, const struct fv_view *view)
 {
     uint32_t count = 0;
     for (uint32_t f = 0; f < view->frame->features; f++) {
         if (view->landmark[f] == FV_MAP_NONE) continue;
-        fv_sight_from(&view->keypoints[f], o->map.landmarks[view->landmark[f]].point,
-                      &o->localiser.sights[count]);
-        o->localiser.sight_feature[count++] = f;
+        fv_observation_from(&view->keypoints[f], o->map.landmarks[view->landmark[f]].point,
+                            &o->localiser.observations[count]);
+        o->localiser.observed_feature[count++] = f;
     }
     return count;
 }
@@ -98,12 +98,13 @@ uint32_t fv_odometry_collect_sights(struct fv_odometry *o, const struct fv_view 
 static uint32_t refine(struct fv_odometry *o, const struct fv_view *view, int rounds, int steps,
                        bool settle, struct fv_se3 *T, struct fv_pose_fit *fit)
 {
-    uint32_t count = fv_odometry_collect_sights(o, view);
-    if (count < 6 || !fv_pose_refine(o->localiser.sights, count, rounds, steps, T, fit)) return 0;
-    if (settle && !fv_pose_settle(o->localiser.sights, count, T, fit)) return 0;
+    uint32_t count = fv_odometry_collect_observations(o, view);
+    if (count < 6 || !fv_pose_refine(o->localiser.observations, count, rounds, steps, T, fit))
+        return 0;
+    if (settle && !fv_pose_settle(o->localiser.observations, count, T, fit)) return 0;
     for (uint32_t i = 0; i < count; i++)
-        if (!o->localiser.sights[i].inlier)
-            view->landmark[o->localiser.sight_feature[i]] = FV_MAP_NONE;
+        if (!o->localiser.observations[i].inlier)
+            view->landmark[o->localiser.observed_feature[i]] = FV_MAP_NONE;
     return fit->inliers;
 }
 
@@ -235,12 +236,12 @@ uint32_t fv_odometry_localise(struct fv_odometry *o, const struct fv_kernels *ke
     struct fv_pose_fit fit;
     if (!rough_pose(o, kernels, &view, &last, &T, &fit)) return 0;
     uint32_t known = fit.inliers, visible = fv_odometry_match_local(o, kernels, &view, &T, 1);
-    o->state->pose.matches = fv_odometry_collect_sights(o, &view);
+    o->state->pose.matches = fv_odometry_collect_observations(o, &view);
     uint32_t inliers = refine(o, &view, 2, 4, true, &T, &fit);
     if (inliers <
         found_share_low * (visible + known)) { /* a wrong rough pose finds what agrees with it */
         (void)fv_odometry_match_local(o, kernels, &view, &T, local_widen);
-        o->state->pose.matches = fv_odometry_collect_sights(o, &view);
+        o->state->pose.matches = fv_odometry_collect_observations(o, &view);
         inliers = fv_odometry_refine(o, &view, 3, 5, &T, &fit);
     }
     if (inliers < FOVEA_POSED_INLIERS_MIN) return 0;

@@ -37,10 +37,10 @@ struct fv_matches {
 };
 
 struct fv_localiser {
-    struct fv_recent *recent; /* persistent: localise.recent_count of them */
-    struct fv_sight *sights;  /* frame part: of the matched features */
-    uint32_t *sight_feature;  /* frame part: feature of each sight */
-    uint32_t *local;          /* frame part: landmarks of the local map */
+    struct fv_recent *recent;            /* persistent: localise.recent_count of them */
+    struct fv_observation *observations; /* frame part: of the matched features */
+    uint32_t *observed_feature;          /* frame part: feature of each observation */
+    uint32_t *local;                     /* frame part: landmarks of the local map */
 };
 
 struct fv_odometry;
@@ -52,8 +52,8 @@ void fv_matches_carve(struct fv_matches *matches, uint32_t features_max, struct 
 void fv_matches_clear(const struct fv_matches *matches, const struct fv_view *view);
 
 /* A key point that sees a point of the world. */
-static inline void fv_sight_from(const struct fv_keypoint *p, const double point[3],
-                                 struct fv_sight *s)
+static inline void fv_observation_from(const struct fv_keypoint *p, const double point[3],
+                                       struct fv_observation *s)
 {
     for (int k = 0; k < 3; k++) {
         s->point[k] = point[k];
@@ -67,10 +67,10 @@ static inline void fv_sight_from(const struct fv_keypoint *p, const double point
 
 /* Pose of the current view against the local map; number of inliers (0: failed). */
 uint32_t fv_odometry_localise(struct fv_odometry *odometry, const struct fv_kernels *kernels);
-/* Pieces that relocalisation shares: make sights of the matches, returning their number; refine
- * over them and forget those that do not fit; match the local map around them (`widen` times the
- * usual radius), returning how many landmarks are in view. */
-uint32_t fv_odometry_collect_sights(struct fv_odometry *odometry, const struct fv_view *view);
+/* Pieces that relocalisation shares: make observations of the matches, returning their number;
+ * refine over them and forget those that do not fit; match the local map around them (`widen` times
+ * the usual radius), returning how many landmarks are in view. */
+uint32_t fv_odometry_collect_observations(struct fv_odometry *odometry, const struct fv_view *view);
 uint32_t fv_odometry_refine(struct fv_odometry *odometry, const struct fv_view *view, int rounds,
                             int steps, struct fv_se3 *T, struct fv_pose_fit *fit);
 uint32_t fv_odometry_match_local(struct fv_odometry *odometry, const struct fv_kernels *kernels,

@@ -142,17 +142,17 @@ bool fv_odometry_try_keyframe(struct fv_odometry *o, const struct fv_kernels *ke
 {
     const struct fv_view view = fv_map_view(&o->map, fv_map_current(&o->map));
     if (match_keyframe(o, kernels, &view, slot) < MATCHES_MIN) return false;
-    const uint32_t sights = fv_odometry_collect_sights(o, &view);
+    const uint32_t observations = fv_odometry_collect_observations(o, &view);
     const struct fv_sampling sampling = {4.0 / o->focal_px, 0.99, SAMPLES_MAX};
-    if (fv_pose_sample(o->localiser.sights, sights, &sampling, &o->state->random, T) <
+    if (fv_pose_sample(o->localiser.observations, observations, &sampling, &o->state->random, T) <
         SAMPLED_INLIERS_MIN)
         return false;
-    for (uint32_t i = 0; i < sights; i++)
-        if (!o->localiser.sights[i].inlier)
-            view.landmark[o->localiser.sight_feature[i]] = FV_MAP_NONE;
+    for (uint32_t i = 0; i < observations; i++)
+        if (!o->localiser.observations[i].inlier)
+            view.landmark[o->localiser.observed_feature[i]] = FV_MAP_NONE;
     if (fv_odometry_refine(o, &view, 3, 5, T, fit) < SAMPLED_INLIERS_MIN) return false;
     const uint32_t visible = fit->inliers + fv_odometry_match_local(o, kernels, &view, T, 2);
-    const uint32_t matches = fv_odometry_collect_sights(o, &view);
+    const uint32_t matches = fv_odometry_collect_observations(o, &view);
     if (fv_odometry_refine(o, &view, 3, 5, T, fit) < inliers_wanted(view.frame->features))
         return false;
     return fit->inliers > inlier_share_min * matches &&

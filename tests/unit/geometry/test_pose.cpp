@@ -52,11 +52,11 @@ static double motion_error(const fv_se3 &A, const fv_se3 &B)
     return fv_norm3(w) + fv_norm3(D.t) / 5;
 }
 
-static void make_sights(const fovea_camera &camera, fovea_random *random, const fv_se3 &T,
-                        double outliers, double noise, fv_sight sights[COUNT])
+static void make_observations(const fovea_camera &camera, fovea_random *random, const fv_se3 &T,
+                              double outliers, double noise, fv_observation observations[COUNT])
 {
     for (int i = 0; i < COUNT; i++) {
-        fv_sight &s = sights[i];
+        fv_observation &s = observations[i];
         double pixel[2] = {uniform(random, 5, 745), uniform(random, 5, 475)}, b[3], p[3];
         assert_int_equal(fovea_camera_unproject(&camera, pixel, b, NULL), FOVEA_OK);
         double depth = uniform(random, 2, 12);
@@ -112,20 +112,20 @@ static void sampling_and_refinement_find_the_pose(void **)
         double worst_sample = 0, worst = 0, mean_chi = 0;
         for (int trial = 0; trial < 100; trial++) {
             fv_se3 T, found;
-            fv_sight sights[COUNT];
+            fv_observation observations[COUNT];
             fv_pose_fit fit;
             random_motion(&random, &T);
-            make_sights(camera, &random, T, share, 1, sights);
+            make_observations(camera, &random, T, share, 1, observations);
             fv_sampling sampling = {3.0 / 458, 0.999, 300};
-            uint32_t inliers = fv_pose_sample(sights, COUNT, &sampling, &random, &found);
+            uint32_t inliers = fv_pose_sample(observations, COUNT, &sampling, &random, &found);
             assert_true(inliers > 0.85 * (1 - share) * COUNT);
             worst_sample = fmax(worst_sample, motion_error(found, T));
-            assert_true(fv_pose_refine(sights, COUNT, 3, 5, &found, &fit));
+            assert_true(fv_pose_refine(observations, COUNT, 3, 5, &found, &fit));
             worst = fmax(worst, motion_error(found, T));
             mean_chi += fit.cost / fit.inliers / 100;
         }
         printf(
-            "outliers %.0f %%: worst pose error sampled %.4f, refined %.4f; chi-square per sight %.3f\n",
+            "outliers %.0f %%: worst pose error sampled %.4f, refined %.4f; chi-square per observation %.3f\n",
             100 * share, worst_sample, worst, mean_chi);
         assert_true(worst_sample < 0.03 && worst < 0.003);
         assert_true(mean_chi > 1.4 &&
@@ -145,12 +145,12 @@ static void information_is_consistent(void **)
     enum { TRIALS = 300 };
     for (int trial = 0; trial < TRIALS; trial++) {
         fv_se3 T, found, inverse, D;
-        fv_sight sights[COUNT];
+        fv_observation observations[COUNT];
         fv_pose_fit fit;
         random_motion(&random, &T);
-        make_sights(camera, &random, T, 0, 1, sights);
+        make_observations(camera, &random, T, 0, 1, observations);
         found = T;
-        assert_true(fv_pose_refine(sights, COUNT, 2, 5, &found, &fit));
+        assert_true(fv_pose_refine(observations, COUNT, 2, 5, &found, &fit));
         fv_se3_invert(&found, &inverse);
         fv_se3_compose(&T, &inverse, &D); /* truth = D found */
         double e[6], q = 0;
@@ -189,19 +189,19 @@ static void faster_than_opencv(void **)
         double ours = 0, theirs = 0, error_ours = 0, error_theirs = 0;
         for (int trial = 0; trial < 60; trial++) {
             fv_se3 T, found;
-            fv_sight sights[COUNT];
+            fv_observation observations[COUNT];
             random_motion(&random, &T);
-            make_sights(camera, &random, T, share, 0.5, sights);
+            make_observations(camera, &random, T, share, 0.5, observations);
             std::vector<cv::Point3d> points;
             std::vector<cv::Point2d> pixels;
-            for (const fv_sight &s : sights) {
+            for (const fv_observation &s : observations) {
                 points.emplace_back(s.point[0], s.point[1], s.point[2]);
                 pixels.emplace_back(camera.fx * s.bearing[0] / s.bearing[2] + camera.cx,
                                     camera.fy * s.bearing[1] / s.bearing[2] + camera.cy);
             }
             fv_sampling sampling = {3.0 / 458, 0.99, 100};
             double start = cpu_seconds();
-            assert_true(fv_pose_sample(sights, COUNT, &sampling, &random, &found) > 0);
+            assert_true(fv_pose_sample(observations, COUNT, &sampling, &random, &found) > 0);
             ours += cpu_seconds() - start;
             error_ours += motion_error(found, T) / 60;
             cv::Mat r, t, R, in;
