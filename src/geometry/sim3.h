@@ -53,7 +53,7 @@ bool fv_sim3_align(const double (*a)[3], const double (*b)[3], uint32_t count,
  * map), and where each saw it (bearing and d(pixel)/d(point), weight 1 / sigma_px^2; 0: that camera
  * did not see it). How far off a point is, is less certain than where it was seen: its error along
  * its ray shows as pixels from elsewhere. */
-struct fv_meeting {
+struct fv_correspondence {
     double point_a[3], point_b[3];
     double sigma_a, sigma_b; /* of their distances, relative, above 0 */
     double bearing_a[3], bearing_b[3];
@@ -62,13 +62,14 @@ struct fv_meeting {
     bool inlier;
 };
 
-/* Squared pixel errors of a meeting in camera a and in camera b, over their variances (observations
- * and distances); false when a point lies behind. */
-bool fv_sim3_errors(const struct fv_meeting *m, const struct fv_sim3 *S_a_b,
+/* Squared pixel errors of a correspondence in camera a and in camera b, over their variances
+ * (observations and distances); false when a point lies behind. */
+bool fv_sim3_errors(const struct fv_correspondence *m, const struct fv_sim3 *S_a_b,
                     const struct fv_sim3 *S_b_a, double square[2]);
 
 /* Robust sampling, resumable: call with `samples` more until *done reaches the bound; keeps the
- * best in `best`. Marks nothing. A meeting agrees when both errors are below `limit` (chi-square).
+ * best in `best`. Marks nothing. A correspondence agrees when both errors are below `limit`
+ * (chi-square).
  */
 struct fv_sim3_search {
     struct fv_sim3 best; /* S_a_b */
@@ -76,22 +77,22 @@ struct fv_sim3_search {
 };
 void fv_sim3_search_begin(struct fv_sim3_search *search, uint32_t samples_max);
 /* True when more samples are needed. */
-bool fv_sim3_search_more(struct fv_sim3_search *search, const struct fv_meeting *meetings,
-                         uint32_t count, uint32_t samples, double limit,
-                         struct fovea_random *random);
+bool fv_sim3_search_more(struct fv_sim3_search *search,
+                         const struct fv_correspondence *correspondences, uint32_t count,
+                         uint32_t samples, double limit, struct fovea_random *random);
 
 /* Refine S_a_b on the errors of both cameras, pixels and (they alone give the scale, where both
  * stand in one place) distances, by Gauss-Newton with Huber weights, `steps` times, over those
  * marked as inliers; afterwards all are sorted anew with `limit`. Returns the number of inliers, 0
  * when the system is singular.
  */
-uint32_t fv_sim3_refine(struct fv_meeting *meetings, uint32_t count, double limit, int steps,
-                        struct fv_sim3 *S_a_b);
+uint32_t fv_sim3_refine(struct fv_correspondence *correspondences, uint32_t count, double limit,
+                        int steps, struct fv_sim3 *S_a_b);
 
 /* Standard deviation (rad, all axes together) of the rotation of S_a_b by the weights of the
  * inliers' pixels and distances; pi when they do not fix it. Large where all that meets lies far
  * off in one direction. */
-double fv_sim3_turn_sigma(const struct fv_meeting *meetings, uint32_t count,
+double fv_sim3_turn_sigma(const struct fv_correspondence *correspondences, uint32_t count,
                           const struct fv_sim3 *S_a_b);
 
 #ifdef __cplusplus

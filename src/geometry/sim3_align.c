@@ -84,7 +84,7 @@ static void move_point(const struct fv_sim3 *S, const double point[3], double si
         along[k] = sigma * (q[k] - S->t[k]);
 }
 
-bool fv_sim3_errors(const struct fv_meeting *m, const struct fv_sim3 *S_a_b,
+bool fv_sim3_errors(const struct fv_correspondence *m, const struct fv_sim3 *S_a_b,
                     const struct fv_sim3 *S_b_a, double square[2])
 {
     double q[3], along[3];
@@ -98,8 +98,8 @@ bool fv_sim3_errors(const struct fv_meeting *m, const struct fv_sim3 *S_a_b,
     return square_error(m->bearing_b, m->A_b, m->weight_b, q, along, &square[1]);
 }
 
-static bool meeting_agrees(const struct fv_meeting *m, const struct fv_sim3 *S_a_b,
-                           const struct fv_sim3 *S_b_a, double limit)
+static bool correspondence_agrees(const struct fv_correspondence *m, const struct fv_sim3 *S_a_b,
+                                  const struct fv_sim3 *S_b_a, double limit)
 {
     double square[2];
     return fv_sim3_errors(m, S_a_b, S_b_a, square) && square[0] < limit && square[1] < limit;
@@ -112,9 +112,9 @@ void fv_sim3_search_begin(struct fv_sim3_search *search, uint32_t samples_max)
     search->bound = samples_max;
 }
 
-bool fv_sim3_search_more(struct fv_sim3_search *search, const struct fv_meeting *meetings,
-                         uint32_t count, uint32_t samples, double limit,
-                         struct fovea_random *random)
+bool fv_sim3_search_more(struct fv_sim3_search *search,
+                         const struct fv_correspondence *correspondences, uint32_t count,
+                         uint32_t samples, double limit, struct fovea_random *random)
 {
     if (count < 3) return false;
     for (uint32_t n = 0; n < samples && search->done < search->bound; n++, search->done++) {
@@ -123,13 +123,13 @@ bool fv_sim3_search_more(struct fv_sim3_search *search, const struct fv_meeting 
         struct fv_sim3 S, inverse;
         fv_sample_distinct(random, count, 3, index);
         for (int k = 0; k < 3; k++) {
-            fv_copy3(meetings[index[k]].point_a, a[k]);
-            fv_copy3(meetings[index[k]].point_b, b[k]);
+            fv_copy3(correspondences[index[k]].point_a, a[k]);
+            fv_copy3(correspondences[index[k]].point_b, b[k]);
         }
         if (!fv_sim3_align((const double(*)[3])a, (const double(*)[3])b, 3, &S)) continue;
         fv_sim3_invert(&S, &inverse);
         for (uint32_t i = 0; i < count; i++) {
-            inliers += meeting_agrees(&meetings[i], &S, &inverse, limit);
+            inliers += correspondence_agrees(&correspondences[i], &S, &inverse, limit);
             if (inliers + (count - 1 - i) <= search->best_inliers) break;
         }
         if (inliers <= search->best_inliers) continue;
@@ -201,8 +201,8 @@ static void step_row(const double J[3], const double place[3], const struct fv_s
 
 /* The step x moves S_a_b to (u, exp w, exp sigma) applied after it: q' = exp(sigma) exp(w) q + u.
  * Seen from b, it moves the points of a by its inverse. */
-static void meeting_system(const struct fv_meeting *m, const struct fv_sim3 *S_a_b,
-                           const struct fv_sim3 *S_b_a, double H[49], double g[7])
+static void correspondence_system(const struct fv_correspondence *m, const struct fv_sim3 *S_a_b,
+                                  const struct fv_sim3 *S_b_a, double H[49], double g[7])
 {
     struct camera_rows r = {.weight = {m->weight_a, m->weight_a, 1}, .count = 3};
     double q[3], along[3], J[9];
@@ -232,24 +232,26 @@ static void meeting_system(const struct fv_meeting *m, const struct fv_sim3 *S_a
 }
 
 /* Over the inliers; H is filled below its diagonal, and damped by next to nothing. */
-static void meetings_system(const struct fv_meeting *meetings, uint32_t count,
-                            const struct fv_sim3 *S_a_b, double H[49], double g[7])
+static void correspondences_system(const struct fv_correspondence *correspondences, uint32_t count,
+                                   const struct fv_sim3 *S_a_b, double H[49], double g[7])
 {
     struct fv_sim3 S_b_a;
     memset(H, 0, 49 * sizeof *H);
     memset(g, 0, 7 * sizeof *g);
     fv_sim3_invert(S_a_b, &S_b_a);
     for (uint32_t i = 0; i < count; i++)
-        if (meetings[i].inlier) meeting_system(&meetings[i], S_a_b, &S_b_a, H, g);
+        if (correspondences[i].inlier)
+            correspondence_system(&correspondences[i], S_a_b, &S_b_a, H, g);
     for (int a = 0; a < 7; a++)
         H[8 * a] *= 1 + 1e-9;
 }
 
-static bool sim3_step(const struct fv_meeting *meetings, uint32_t count, struct fv_sim3 *S_a_b)
+static bool sim3_step(const struct fv_correspondence *correspondences, uint32_t count,
+                      struct fv_sim3 *S_a_b)
 {
     double H[49], g[7];
     struct fv_sim3 step, moved;
-    meetings_system(meetings, count, S_a_b, H, g);
+    correspondences_system(correspondences, count, S_a_b, H, g);
     if (!fv_ldlt_solve(H, 7, g)) return false;
     fv_so3_exp(g + 3, step.R);
     fv_copy3(g, step.t);
@@ -260,27 +262,27 @@ static bool sim3_step(const struct fv_meeting *meetings, uint32_t count, struct 
     return true;
 }
 
-uint32_t fv_sim3_refine(struct fv_meeting *meetings, uint32_t count, double limit, int steps,
-                        struct fv_sim3 *S_a_b)
+uint32_t fv_sim3_refine(struct fv_correspondence *correspondences, uint32_t count, double limit,
+                        int steps, struct fv_sim3 *S_a_b)
 {
     struct fv_sim3 S = *S_a_b, inverse;
     for (int step = 0; step < steps; step++)
-        if (!sim3_step(meetings, count, &S)) return 0;
+        if (!sim3_step(correspondences, count, &S)) return 0;
     uint32_t inliers = 0;
     fv_sim3_invert(&S, &inverse);
     for (uint32_t i = 0; i < count; i++) {
-        meetings[i].inlier = meeting_agrees(&meetings[i], &S, &inverse, limit);
-        inliers += meetings[i].inlier;
+        correspondences[i].inlier = correspondence_agrees(&correspondences[i], &S, &inverse, limit);
+        inliers += correspondences[i].inlier;
     }
     *S_a_b = S;
     return inliers;
 }
 
-double fv_sim3_turn_sigma(const struct fv_meeting *meetings, uint32_t count,
+double fv_sim3_turn_sigma(const struct fv_correspondence *correspondences, uint32_t count,
                           const struct fv_sim3 *S_a_b)
 {
     double H[49], g[7], variance = 0;
-    meetings_system(meetings, count, S_a_b, H, g);
+    correspondences_system(correspondences, count, S_a_b, H, g);
     if (!fv_ldlt_factor(H, 7)) return FOVEA_PI;
     for (int axis = 3; axis < 6; axis++) {
         double column[7] = {0};

@@ -13,13 +13,13 @@ enum {
     DISTANCE_MAX = 60, /* Hamming, without prediction */
     MATCHES_MIN = 15,
     SAMPLES_MAX = 300,
-    SAMPLE_TESTS_PER_UNIT = 1500, /* meetings tested, all samples together */
+    SAMPLE_TESTS_PER_UNIT = 1500, /* correspondences tested, all samples together */
     SAMPLE_SOLVED_TESTS = 50,     /* so many tests take as long as the closed form of a sample */
     REFINEMENTS = 2,
-    SAMPLED_MIN = 12,      /* meetings that agree with the best sample */
-    MEETINGS_MIN = 25,     /* that agree after the guided search */
-    FOUND_MIN = 40,        /* landmarks of the group found in the keyframe */
-    FOUND_BEFORE_MIN = 30, /* in one before it */
+    SAMPLED_MIN = 12,         /* correspondences that agree with the best sample */
+    CORRESPONDENCES_MIN = 25, /* that agree after the guided search */
+    FOUND_MIN = 40,           /* landmarks of the group found in the keyframe */
+    FOUND_BEFORE_MIN = 30,    /* in one before it */
     ASKED_BEFORE_MAX = 4,
     BELIEF_KEYFRAMES = 6 /* keyframes for which a sighting waits for the next */
 };
@@ -57,7 +57,7 @@ void fv_loop_carve(struct fv_loop_closer *loop, const struct fv_map_limits *limi
     loop->nearest = fv_arena_take(job, limits->features, sizeof *loop->nearest);
     loop->second = fv_arena_take(job, limits->features, sizeof *loop->second);
     loop->best_of_train = fv_arena_take(job, limits->features, sizeof *loop->best_of_train);
-    loop->meetings = fv_arena_take(job, limits->features, sizeof *loop->meetings);
+    loop->correspondences = fv_arena_take(job, limits->features, sizeof *loop->correspondences);
     loop->group = fv_arena_take(job, FV_LOOP_GROUP_MAX, sizeof *loop->group);
     loop->node_of = fv_arena_take(job, limits->keyframes, sizeof *loop->node_of);
     loop->nodes = fv_arena_take(job, limits->keyframes, sizeof *loop->nodes);
@@ -198,19 +198,19 @@ static void side(const struct fv_map *map, const struct fv_view *view, uint32_t 
 }
 
 void fv_loop_side_a(const struct fv_map *map, const struct fv_view *view, uint32_t feature,
-                    struct fv_meeting *m)
+                    struct fv_correspondence *m)
 {
     side(map, view, feature, m->point_a, &m->sigma_a, m->bearing_a, m->A_a, &m->weight_a);
 }
 
 void fv_loop_side_b(const struct fv_map *map, const struct fv_view *view, uint32_t feature,
-                    struct fv_meeting *m)
+                    struct fv_correspondence *m)
 {
     side(map, view, feature, m->point_b, &m->sigma_b, m->bearing_b, m->A_b, &m->weight_b);
 }
 
-/* Meetings of the matches that are near, clearly nearer than the second, and one to one. */
-static void make_meetings(struct fv_loop_closer *loop, const struct fv_map *map)
+/* Correspondences of the matches that are near, clearly nearer than the second, and one to one. */
+static void make_correspondences(struct fv_loop_closer *loop, const struct fv_map *map)
 {
     struct fv_loop_state *s = loop->state;
     struct fv_view a = fv_map_view(map, s->keyframe.slot),
@@ -224,7 +224,7 @@ static void make_meetings(struct fv_loop_closer *loop, const struct fv_map *map)
         if (*best == FV_MATCH_NONE || distance < *best >> FV_MATCH_INDEX_BITS)
             *best = distance << FV_MATCH_INDEX_BITS | q;
     }
-    s->meeting_count = 0;
+    s->correspondence_count = 0;
     for (uint32_t q = 0; q < s->query_count; q++) {
         uint32_t distance = loop->nearest[q] >> FV_MATCH_INDEX_BITS,
                  train = loop->nearest[q] & 0xffff;
@@ -234,7 +234,7 @@ static void make_meetings(struct fv_loop_closer *loop, const struct fv_map *map)
             continue;
         uint32_t f = loop->query_feature[q], g = loop->train_feature[train];
         if (a.landmark[f] == FV_MAP_NONE || b.landmark[g] == FV_MAP_NONE) continue; /* gone since */
-        struct fv_meeting *m = &loop->meetings[s->meeting_count++];
+        struct fv_correspondence *m = &loop->correspondences[s->correspondence_count++];
         memset(m, 0, sizeof *m);
         fv_loop_side_a(map, &a, f, m);
         fv_loop_side_b(map, &b, g, m);
@@ -264,8 +264,8 @@ static void match_unit(struct fv_loop_closer *loop, const struct fv_map *map,
                             (int32_t)some, loop->trains, (int32_t)s->train_count);
     s->next += some;
     if (s->next < s->query_count) return;
-    make_meetings(loop, map);
-    if (s->meeting_count < MATCHES_MIN) {
+    make_correspondences(loop, map);
+    if (s->correspondence_count < MATCHES_MIN) {
         next_candidate(s);
         return;
     }
@@ -300,15 +300,15 @@ static void gather_group(struct fv_loop_closer *loop, struct fv_map *map)
 static void sample_unit(struct fv_loop_closer *loop)
 {
     struct fv_loop_state *s = loop->state;
-    uint32_t samples = SAMPLE_TESTS_PER_UNIT / (s->meeting_count + SAMPLE_SOLVED_TESTS) + 1;
-    if (fv_sim3_search_more(&s->search, loop->meetings, s->meeting_count, samples,
+    uint32_t samples = SAMPLE_TESTS_PER_UNIT / (s->correspondence_count + SAMPLE_SOLVED_TESTS) + 1;
+    if (fv_sim3_search_more(&s->search, loop->correspondences, s->correspondence_count, samples,
                             FV_CHI_SQUARE_99_2, &s->random))
         return;
     struct fv_sim3 inverse;
     fv_sim3_invert(&s->search.best, &inverse);
-    for (uint32_t i = 0; i < s->meeting_count; i++) {
+    for (uint32_t i = 0; i < s->correspondence_count; i++) {
         double square[2];
-        struct fv_meeting *m = &loop->meetings[i];
+        struct fv_correspondence *m = &loop->correspondences[i];
         m->inlier = fv_sim3_errors(m, &s->search.best, &inverse, square) &&
                     square[0] < FV_CHI_SQUARE_99_2 && square[1] < FV_CHI_SQUARE_99_2;
     }
@@ -321,7 +321,7 @@ static void sample_unit(struct fv_loop_closer *loop)
 static uint32_t refine(struct fv_loop_closer *loop)
 {
     struct fv_loop_state *s = loop->state;
-    return fv_sim3_refine(loop->meetings, s->meeting_count, FV_CHI_SQUARE_99_2, 3,
+    return fv_sim3_refine(loop->correspondences, s->correspondence_count, FV_CHI_SQUARE_99_2, 3,
                           &s->S_keyframe_candidate);
 }
 
@@ -460,18 +460,18 @@ static void judge_sighting(struct fv_loop_closer *loop, const struct fv_map *map
 static void guided_done(struct fv_loop_closer *loop, const struct fv_map *map)
 {
     struct fv_loop_state *s = loop->state;
-    uint32_t candidate = s->candidates[s->candidate].slot, inliers = s->meeting_count;
-    for (int round = 0; round < REFINEMENTS && inliers >= MEETINGS_MIN; round++)
+    uint32_t candidate = s->candidates[s->candidate].slot, inliers = s->correspondence_count;
+    for (int round = 0; round < REFINEMENTS && inliers >= CORRESPONDENCES_MIN; round++)
         inliers = refine(loop);
-    if (inliers < MEETINGS_MIN || !enough_found(s, FOUND_MIN)) {
+    if (inliers < CORRESPONDENCES_MIN || !enough_found(s, FOUND_MIN)) {
         next_candidate(s);
         return;
     }
     s->counts.sighted++;
     loop_correction(map, s->keyframe.slot, candidate, &s->S_keyframe_candidate, &s->correction);
     if (!fv_loop_plausible(map, s->keyframe.slot, candidate, &s->correction) ||
-        fv_sim3_turn_sigma(loop->meetings, s->meeting_count, &s->S_keyframe_candidate) >
-            turn_sigma_max_rad) {
+        fv_sim3_turn_sigma(loop->correspondences, s->correspondence_count,
+                           &s->S_keyframe_candidate) > turn_sigma_max_rad) {
         s->counts.implausible++;
         next_candidate(s);
         return;

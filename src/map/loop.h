@@ -84,7 +84,7 @@ struct fv_loop_state {
     struct fv_sim3_search search;
     struct fovea_random random;
     uint32_t next; /* item of the phase */
-    uint32_t query_count, train_count, meeting_count, group_count;
+    uint32_t query_count, train_count, correspondence_count, group_count;
     uint32_t inliers;           /* of the similarity as it is refined */
     uint32_t visible, found;    /* of the guided search */
     struct fv_loop_name before; /* keyframe that is asked after the offered one */
@@ -102,7 +102,7 @@ struct fv_loop_closer {
     uint16_t *query_feature, *train_feature;
     uint8_t *queries, *trains; /* descriptors */
     uint32_t *nearest, *second, *best_of_train;
-    struct fv_meeting *meetings;
+    struct fv_correspondence *correspondences;
     struct fv_loop_name *group;  /* landmarks around the candidate */
     int16_t *node_of;            /* node of the graph, by keyframe slot */
     struct fv_loop_name *nodes;  /* keyframes of the graph's nodes */
@@ -141,18 +141,18 @@ bool fv_loop_unit(struct fv_loop_closer *loop, struct fv_map *map, const struct 
 /* ---- between the files of the job ------------------------------------------------------------ */
 
 bool fv_loop_named(const struct fv_map *map, struct fv_loop_name name);
-/* Camera a's side of a meeting, or camera b's: the landmark of a feature in its frame, and what the
- * feature says of it. */
+/* Camera a's side of a correspondence, or camera b's: the landmark of a feature in its frame, and
+ * what the feature says of it. */
 void fv_loop_side_a(const struct fv_map *map, const struct fv_view *view, uint32_t feature,
-                    struct fv_meeting *m);
+                    struct fv_correspondence *m);
 void fv_loop_side_b(const struct fv_map *map, const struct fv_view *view, uint32_t feature,
-                    struct fv_meeting *m);
+                    struct fv_correspondence *m);
 /* Standard deviation of a landmark's distance, relative, by its parallax; A and weight: of an
  * observation of it. */
 double fv_loop_distance_sigma(const struct fv_landmark *l, const double A[6], double weight);
 /* Search the group's landmarks in a keyframe that S_keyframe_candidate is said to hold for, from
- * state->next on, in one unit; counts into visible and found, and fills meetings where the feature
- * has a landmark itself. True when done. */
+ * state->next on, in one unit; counts into visible and found, and fills correspondences where the
+ * feature has a landmark itself. True when done. */
 bool fv_loop_search_group(struct fv_loop_closer *loop, const struct fv_map *map,
                           const struct fv_kernels *kernels, uint32_t slot,
                           const struct fv_sim3 *S_keyframe_candidate);

@@ -31,11 +31,12 @@ static bool in_image(const struct fv_loop_closer *loop, const struct fv_map *map
 /* A landmark found at a feature that has a landmark of its own: the two meet. The candidate need
  * not see the landmark, so its side says only how far it is. False when the two are not at one
  * distance. */
-static bool add_meeting(struct fv_loop_closer *loop, const struct fv_map *map,
-                        const struct fv_view *view, uint32_t feature, const struct fv_landmark *l,
-                        const double q[3], const double in_candidate[3])
+static bool add_correspondence(struct fv_loop_closer *loop, const struct fv_map *map,
+                               const struct fv_view *view, uint32_t feature,
+                               const struct fv_landmark *l, const double q[3],
+                               const double in_candidate[3])
 {
-    struct fv_meeting *m = &loop->meetings[loop->state->meeting_count];
+    struct fv_correspondence *m = &loop->correspondences[loop->state->correspondence_count];
     memset(m, 0, sizeof *m);
     fv_loop_side_a(map, view, feature, m);
     double ratio = fv_norm3(q) / fv_norm3(m->point_a);
@@ -43,7 +44,7 @@ static bool add_meeting(struct fv_loop_closer *loop, const struct fv_map *map,
     fv_copy3(in_candidate, m->point_b);
     m->sigma_b = fv_loop_distance_sigma(l, m->A_a, m->weight_a);
     m->inlier = true;
-    loop->state->meeting_count++;
+    loop->state->correspondence_count++;
     return true;
 }
 
@@ -79,7 +80,7 @@ static void look_for(struct fv_loop_closer *loop, const struct fv_map *map,
         return;
     uint32_t feature = (uint32_t)found.feature;
     if (look->view.landmark[feature] != FV_MAP_NONE &&
-        !add_meeting(loop, map, &look->view, feature, l, q, in_candidate))
+        !add_correspondence(loop, map, &look->view, feature, l, q, in_candidate))
         return;
     loop->nearest[feature] = 1;
     s->found++;
@@ -99,7 +100,7 @@ bool fv_loop_search_group(struct fv_loop_closer *loop, const struct fv_map *map,
     fv_se3_apply_inverse(&look.T_candidate_world, inverse.t, look.centre);
     if (s->next == 0) {
         memset(loop->nearest, 0, map->limits.features * sizeof *loop->nearest); /* features taken */
-        s->visible = s->found = s->meeting_count = 0;
+        s->visible = s->found = s->correspondence_count = 0;
     }
     for (uint32_t done = 0; done < GROUP_PER_UNIT && s->next < s->group_count; done++) {
         struct fv_loop_name name = loop->group[s->next++];

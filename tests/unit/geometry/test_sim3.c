@@ -12,7 +12,7 @@
 #include "geometry/sim3.h"
 #include "geometry/vec.h"
 
-enum { MEETINGS = 120 };
+enum { CORRESPONDENCES = 120 };
 static const double focal_px = 450, limit = 9.21;
 
 static double uniform(struct fovea_random *random, double low, double high)
@@ -137,14 +137,14 @@ static void look(const double p[3], struct fovea_random *random, double noise_px
     memcpy(A, J, sizeof J);
 }
 
-static void make_meetings(struct fovea_random *random, double outliers, double noise_px,
-                          double distance_sigma, const struct fv_sim3 *S_a_b,
-                          struct fv_meeting *meetings)
+static void make_correspondences(struct fovea_random *random, double outliers, double noise_px,
+                                 double distance_sigma, const struct fv_sim3 *S_a_b,
+                                 struct fv_correspondence *correspondences)
 {
     struct fv_sim3 S_b_a;
     fv_sim3_invert(S_a_b, &S_b_a);
-    for (int i = 0; i < MEETINGS; i++) {
-        struct fv_meeting *m = &meetings[i];
+    for (int i = 0; i < CORRESPONDENCES; i++) {
+        struct fv_correspondence *m = &correspondences[i];
         memset(m, 0, sizeof *m);
         double depth = uniform(random, 2, 8);
         const double p[3] = {depth * uniform(random, -0.5, 0.5), depth * uniform(random, -0.4, 0.4),
@@ -161,7 +161,7 @@ static void make_meetings(struct fovea_random *random, double outliers, double n
             m->point_a[k] *= longer_a;
             m->point_b[k] *= longer_b;
         }
-        if (i < outliers * MEETINGS) {
+        if (i < outliers * CORRESPONDENCES) {
             const double other[3] = {uniform(random, -3, 3), uniform(random, -3, 3),
                                      uniform(random, 2, 8)};
             fv_copy3(other, m->point_b);
@@ -208,31 +208,32 @@ static void test_search_and_refinement(void **context)
     const double shares[] = {0, 0.3, 0.5};
     struct fovea_random random;
     fovea_random_seed(&random, 3);
-    static struct fv_meeting meetings[MEETINGS];
+    static struct fv_correspondence correspondences[CORRESPONDENCES];
     for (int n = 0; n < 90; n++) {
         struct fv_sim3 truth, found, off, inverse;
         double share = shares[n % 3], x[7];
         random_similarity(&random, &truth);
-        make_meetings(&random, share, 0.7, 0.005, &truth, meetings);
+        make_correspondences(&random, share, 0.7, 0.005, &truth, correspondences);
         struct fv_sim3_search search;
         fv_sim3_search_begin(&search, 300);
-        while (fv_sim3_search_more(&search, meetings, MEETINGS, 7, limit, &random))
+        while (fv_sim3_search_more(&search, correspondences, CORRESPONDENCES, 7, limit, &random))
             ;
-        assert_true(search.best_inliers > 0.5 * (1 - share) * MEETINGS);
+        assert_true(search.best_inliers > 0.5 * (1 - share) * CORRESPONDENCES);
         found = search.best;
-        for (int i = 0; i < MEETINGS; i++) {
+        for (int i = 0; i < CORRESPONDENCES; i++) {
             double square[2];
             fv_sim3_invert(&found, &inverse);
-            meetings[i].inlier = fv_sim3_errors(&meetings[i], &found, &inverse, square) &&
-                                 square[0] < limit && square[1] < limit;
+            correspondences[i].inlier =
+                fv_sim3_errors(&correspondences[i], &found, &inverse, square) &&
+                square[0] < limit && square[1] < limit;
         }
         uint32_t inliers = 0;
         for (int round = 0; round < 3; round++)
-            inliers = fv_sim3_refine(meetings, MEETINGS, limit, 4, &found);
-        assert_true(inliers >= 0.85 * (1 - share) * MEETINGS);
-        for (int i = 0; i < share * MEETINGS; i++)
-            if (meetings[i].inlier) inliers--;
-        assert_true(inliers >= 0.85 * (1 - share) * MEETINGS); /* few outliers among them */
+            inliers = fv_sim3_refine(correspondences, CORRESPONDENCES, limit, 4, &found);
+        assert_true(inliers >= 0.85 * (1 - share) * CORRESPONDENCES);
+        for (int i = 0; i < share * CORRESPONDENCES; i++)
+            if (correspondences[i].inlier) inliers--;
+        assert_true(inliers >= 0.85 * (1 - share) * CORRESPONDENCES); /* few outliers among them */
         fv_sim3_invert(&truth, &inverse);
         fv_sim3_compose(&inverse, &found, &off);
         fv_sim3_log(&off, x);
@@ -251,7 +252,11 @@ static void test_errors_along_the_ray(void **context)
     const double in_a[3] = {1, 0, 4}, in_b[3] = {0, 0, 4}, further = 1.1, aside_b[3] = {0, 0.1, 4};
     struct fovea_random random;
     struct fv_sim3 S_a_b, S_b_a;
-    struct fv_meeting exact = {.sigma_a = 0.05, .sigma_b = 0.05, .weight_a = 1, .weight_b = 1}, m;
+    struct fv_correspondence exact = {.sigma_a = 0.05,
+                                      .sigma_b = 0.05,
+                                      .weight_a = 1,
+                                      .weight_b = 1},
+                             m;
     double square[2];
     fv_sim3_identity(&S_a_b);
     S_a_b.t[0] = 1;
@@ -292,19 +297,19 @@ static void test_certainty_of_turn(void **context)
     enum { ROUNDS = 100 };
     static const double distance_sigmas[] = {0.005, 0.03, 0.05};
     struct fovea_random random;
-    static struct fv_meeting meetings[MEETINGS];
+    static struct fv_correspondence correspondences[CORRESPONDENCES];
     struct fv_sim3 truth, found, off;
     double said = 0, made = 0, x[7];
     fovea_random_seed(&random, 17);
     for (int n = 0; n < 3 * ROUNDS; n++) {
         if (n % ROUNDS == 0) said = made = 0;
         random_similarity(&random, &truth);
-        make_meetings(&random, 0, 1, distance_sigmas[n / ROUNDS], &truth, meetings);
-        for (int i = 0; i < MEETINGS; i++)
-            meetings[i].inlier = true;
+        make_correspondences(&random, 0, 1, distance_sigmas[n / ROUNDS], &truth, correspondences);
+        for (int i = 0; i < CORRESPONDENCES; i++)
+            correspondences[i].inlier = true;
         found = truth;
-        (void)fv_sim3_refine(meetings, MEETINGS, limit, 6, &found);
-        const double sigma = fv_sim3_turn_sigma(meetings, MEETINGS, &found);
+        (void)fv_sim3_refine(correspondences, CORRESPONDENCES, limit, 6, &found);
+        const double sigma = fv_sim3_turn_sigma(correspondences, CORRESPONDENCES, &found);
         said += sigma * sigma / ROUNDS;
         fv_sim3_invert(&truth, &truth);
         fv_sim3_compose(&truth, &found, &off);
@@ -314,13 +319,14 @@ static void test_certainty_of_turn(void **context)
         print_message("turn off by %.5f rad, %.5f said\n", sqrt(made), sqrt(said));
         assert_true(made < 2.25 * said && said < 2.25 * made);
     }
-    for (int i = 0; i < MEETINGS; i++) /* in one direction alone */
-        meetings[i].inlier = fabs(meetings[i].point_a[0]) < 0.1 * meetings[i].point_a[2];
-    assert_true(fv_sim3_turn_sigma(meetings, MEETINGS, &found) > 2 * sqrt(said));
-    for (int i = 3; i < MEETINGS; i++)
-        meetings[i].inlier = false;
-    meetings[0].inlier = meetings[1].inlier = false;
-    assert_true(fv_sim3_turn_sigma(meetings, MEETINGS, &found) > 1);
+    for (int i = 0; i < CORRESPONDENCES; i++) /* in one direction alone */
+        correspondences[i].inlier =
+            fabs(correspondences[i].point_a[0]) < 0.1 * correspondences[i].point_a[2];
+    assert_true(fv_sim3_turn_sigma(correspondences, CORRESPONDENCES, &found) > 2 * sqrt(said));
+    for (int i = 3; i < CORRESPONDENCES; i++)
+        correspondences[i].inlier = false;
+    correspondences[0].inlier = correspondences[1].inlier = false;
+    assert_true(fv_sim3_turn_sigma(correspondences, CORRESPONDENCES, &found) > 1);
 }
 
 /* Chance alone does not make a similarity. */
@@ -329,14 +335,14 @@ static void test_search_without_truth(void **context)
     (void)context;
     struct fovea_random random;
     struct fv_sim3 truth;
-    static struct fv_meeting meetings[MEETINGS];
+    static struct fv_correspondence correspondences[CORRESPONDENCES];
     fovea_random_seed(&random, 8);
     fv_sim3_identity(&truth);
     for (int n = 0; n < 20; n++) {
-        make_meetings(&random, 1, 0.7, 0.02, &truth, meetings);
+        make_correspondences(&random, 1, 0.7, 0.02, &truth, correspondences);
         struct fv_sim3_search search;
         fv_sim3_search_begin(&search, 300);
-        while (fv_sim3_search_more(&search, meetings, MEETINGS, 40, limit, &random))
+        while (fv_sim3_search_more(&search, correspondences, CORRESPONDENCES, 40, limit, &random))
             ;
         assert_int_equal(search.done, 300);
         assert_true(search.best_inliers < 12);

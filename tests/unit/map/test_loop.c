@@ -430,7 +430,7 @@ static void test_certainty_of_distances(void **state)
     add_keyframe();
     add_keyframe();
     const struct fv_view view = fv_map_view(&w.map, w.slot[0]);
-    struct fv_meeting m;
+    struct fv_correspondence m;
     uint32_t feature = 0;
     memset(&m, 0, sizeof m);
     while (view.landmark[feature] == FV_MAP_NONE)
