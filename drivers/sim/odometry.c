@@ -8,7 +8,7 @@
 
 static const double carried_off_m_s = 20.0;
 
-static void relative(const double a[12], const double b[12], double R[9], double t[3])
+void fv_sim_relative(const double a[12], const double b[12], double R[9], double t[3])
 {
     for (int r = 0; r < 3; r++) {
         t[r] = 0;
@@ -21,7 +21,7 @@ static void relative(const double a[12], const double b[12], double R[9], double
 
 /* Unit quaternion of a rotation whose trace may have any sign: the largest of its four parts comes
  * first. */
-static void quaternion(const double R[9], double q[4])
+void fv_sim_quaternion(const double R[9], double q[4])
 {
     double t = R[0] + R[4] + R[8], squares[4] = {t, R[0], R[4], R[8]};
     int best = 0;
@@ -69,7 +69,7 @@ static void step(struct fovea_source *source, double time_s, double step_s)
     double T[12], R[9], t[3], moved2 = 0;
     fv_sim_motion_pose(&source->motion, time_s, T);
     if (o->count == 0) memcpy(o->last, T, sizeof T);
-    relative(o->last, T, R, t);
+    fv_sim_relative(o->last, T, R, t);
     memcpy(o->last, T, sizeof T);
     for (int i = 0; i < 3; i++)
         moved2 += t[i] * t[i];
@@ -82,26 +82,39 @@ static void step(struct fovea_source *source, double time_s, double step_s)
     turn(o->R, R);
 }
 
+static int64_t stamp_of(double begin_s, uint64_t count, double hz)
+{
+    return hz > 0 ? (int64_t)((begin_s + (double)count / hz) * 1e9 + 0.5) : INT64_MAX;
+}
+
 uint32_t fv_sim_samples(struct fovea_source *source, const struct fovea_frame *frame,
                         struct fovea_sample *samples, uint32_t count_max)
 {
     const struct fv_sim_options *options = &source->options;
     struct fv_sim_odometry *o = &source->odometry;
-    uint32_t count = 0;
-    if (options->odometry_hz == 0 || source->selection.reverse) return 0;
     const double begin_s = (double)source->selection.start / options->rate_hz;
+    uint32_t count = 0;
+    if (source->selection.reverse) return 0;
     if (o->count == 0) memcpy(o->R, (const double[9]){1, 0, 0, 0, 1, 0, 0, 0, 1}, sizeof o->R);
-    while (count < count_max) {
-        const double stamp_s = begin_s + (double)o->count / options->odometry_hz;
-        struct fovea_wheel_odometry_sample *sample = &samples[count].wheel_odometry;
-        samples[count].kind = FOVEA_SAMPLE_WHEEL_ODOMETRY;
-        sample->stamp_ns = (int64_t)(stamp_s * 1e9 + 0.5);
-        if (sample->stamp_ns > frame->stamp_ns) break;
-        step(source, fv_sim_frame_time(source, 0) + stamp_s, 1 / options->odometry_hz);
+    for (; count < count_max; count++) {
+        const int64_t odometry_ns = stamp_of(begin_s, o->count, options->odometry_hz),
+                      imu_ns = stamp_of(begin_s, source->imu.count, options->imu_hz);
+        struct fovea_sample *sample = &samples[count];
+        if ((odometry_ns < imu_ns ? odometry_ns : imu_ns) > frame->stamp_ns) break;
+        if (imu_ns <= odometry_ns) {
+            sample->kind = FOVEA_SAMPLE_IMU;
+            sample->imu.stamp_ns = imu_ns;
+            fv_sim_imu_sample(source, fv_sim_frame_time(source, 0) + begin_s, &sample->imu);
+            continue;
+        }
+        sample->kind = FOVEA_SAMPLE_WHEEL_ODOMETRY;
+        sample->wheel_odometry.stamp_ns = odometry_ns;
+        step(source,
+             fv_sim_frame_time(source, 0) + (begin_s + (double)o->count / options->odometry_hz),
+             1 / options->odometry_hz);
         o->count++;
-        memcpy(sample->position_m, o->position, sizeof o->position);
-        quaternion(o->R, sample->orientation);
-        count++;
+        memcpy(sample->wheel_odometry.position_m, o->position, sizeof o->position);
+        fv_sim_quaternion(o->R, sample->wheel_odometry.orientation);
     }
     return count;
 }

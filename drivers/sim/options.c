@@ -28,6 +28,8 @@ static const struct fv_uri_option option_table[] = {
     {"light", FV_URI_REAL, AT(light), 0.1, 4, "factor of brightness", NULL},
     {"odometry", FV_URI_REAL, AT(odometry_hz), 0, 1000, "Hz", NULL},
     {"odometry_noise", FV_URI_REAL, AT(odometry_noise), 0, 1, "of a step, relative", NULL},
+    {"imu", FV_URI_REAL, AT(imu_hz), 0, 1000, "Hz", NULL},
+    {"imu_noise", FV_URI_REAL, AT(imu_noise), 0, 100, "of EuRoC's densities, factor", NULL},
     {"baseline", FV_URI_REAL, AT(baseline_m), 0, 0.4, "metres, 0: one camera", NULL},
     {"time", FV_URI_REAL, AT(time_s), 0, 100000, "seconds", NULL},
 };
@@ -95,7 +97,8 @@ enum fovea_status fv_sim_options_parse(const char *address, struct fv_sim_option
                                .readout_ms = 20.0,
                                .light = 1.0,
                                .odometry_hz = 100.0,
-                               .odometry_noise = 0.05};
+                               .odometry_noise = 0.05,
+                               .imu_noise = 1.0};
     char word[FV_URI_WORD_BYTES];
     uint64_t given;
     fv_uri_next_word(&address, "?", word);

@@ -59,8 +59,9 @@ struct fv_sim_options {
     int32_t objects;
     enum fv_sim_textures textures;
     double light;
-    double time_s;     /* of frame 0 on the trajectory */
-    double baseline_m; /* of a second camera to the right of the first; 0: there is none */
+    double time_s;            /* of frame 0 on the trajectory */
+    double imu_hz, imu_noise; /* samples per second; 0: none. Factor of the noise densities */
+    double baseline_m;        /* of a second camera to the right of the first; 0: there is none */
     double odometry_hz,
         odometry_noise; /* samples per second; deviation of each step's length, relative */
 };
@@ -347,6 +348,12 @@ struct fv_sim_odometry {
     double R[9], position[3]; /* what it told: T_odom_body */
 };
 
+/* The inertial sensor so far (imu.c). */
+struct fv_sim_imu {
+    uint64_t count; /* samples that came */
+    double gyro_bias[3], acceleration_bias[3];
+};
+
 struct fovea_source {
     struct fovea_source_info info;
     struct fovea_source_selection selection;
@@ -365,6 +372,7 @@ struct fovea_source {
     uint64_t delivered;
     bool started;
     struct fv_sim_odometry odometry;
+    struct fv_sim_imu imu;
     uint8_t *grey;     /* the image that is rendered */
     uint16_t *exposed; /* light of the whole frame, only with blur (the mean of instants) or a
                           rolling shutter */
@@ -385,6 +393,13 @@ enum fovea_status fv_sim_truth(struct fovea_source *source, const struct fovea_f
 enum fovea_status fv_sim_truth_pose(struct fovea_source *source, const struct fovea_frame *frame,
                                     double T_world_cam[12]);
 
+/* From a to b: R = Ra^T Rb, t = Ra^T (tb - ta); and a rotation as a unit quaternion with w >= 0. */
+void fv_sim_relative(const double a[12], const double b[12], double R[9], double t[3]);
+void fv_sim_quaternion(const double R[9], double q[4]);
+/* Describe the sensor in a rig; the next sample, of a run that begins at `begin_s` (imu.c). */
+void fv_sim_imu_describe(const struct fv_sim_options *options, struct fovea_rig *rig);
+void fv_sim_imu_sample(struct fovea_source *source, double begin_s,
+                       struct fovea_imu_sample *sample);
 uint32_t fv_sim_samples(struct fovea_source *source, const struct fovea_frame *frame,
                         struct fovea_sample *samples, uint32_t count_max);
 

@@ -223,6 +223,7 @@ static enum fovea_status sim_open(const char *address,
     info->has_wheel_odometry = true;
     info->rig.camera_count = 1;
     info->rig.cameras[0].calibrated = true;
+    if (options.imu_hz > 0) fv_sim_imu_describe(&options, &info->rig);
     if (options.baseline_m > 0) add_second(&info->rig, options.baseline_m);
     info->has_truth = true;
     snprintf(info->camera_origin, sizeof info->camera_origin, "built in");
@@ -385,7 +386,7 @@ static enum fovea_source_state sim_state(const struct fovea_source *source)
 const struct fovea_source_ops fovea_source_sim = {
     .name = "sim",
     .help =
-        "[TRAJECTORY][?OPTION=VALUE&...]  simulated camera: tour (default), orbit, corridor, rotate, stopgo, fast, kidnap, wander, still, stand; options seed width height rate frames lens fov noise blur rolling exposure readout objects textures light odometry odometry_noise baseline time",
+        "[TRAJECTORY][?OPTION=VALUE&...]  simulated camera: tour (default), orbit, corridor, rotate, stopgo, fast, kidnap, wander, still, stand; options seed width height rate frames lens fov noise blur rolling exposure readout objects textures light odometry odometry_noise imu imu_noise baseline time",
     .open = sim_open,
     .info = sim_info,
     .start = sim_start,

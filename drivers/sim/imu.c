@@ -1,0 +1,104 @@
+#include "sim.h"
+
+#include <string.h>
+
+/* A simulated inertial sensor in the frame of the first camera, which is the body's. A sample
+ * stands for the interval that ends at its stamp: the mean angular rate turns the attitude at its
+ * begin exactly into that at its end, and the mean specific force, in the attitude half-way,
+ * changes the velocity by what it changes. So samples without noise, integrated in this way, give
+ * the motion back. A body that is carried off in an instant (`kidnap`) reads rest there. */
+
+static const double gravity_m_s2 = 9.80665;
+static const double carried_off_m_s = 20.0;
+static const double half_step_s = 1e-3; /* of the velocity's difference quotient */
+
+/* Of EuRoC's sensor (ADIS16448), times options.imu_noise. */
+static const double gyro_noise = 1.6968e-4, gyro_walk = 1.9393e-5;
+static const double acceleration_noise = 2e-3, acceleration_walk = 3e-3;
+
+void fv_sim_imu_describe(const struct fv_sim_options *options, struct fovea_rig *rig)
+{
+    static const double identity[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
+    rig->has_imu = true;
+    memcpy(rig->imu.T_body_imu, identity, sizeof identity);
+    rig->imu.rate_hz = options->imu_hz;
+    rig->imu.gyro_noise = options->imu_noise * gyro_noise;
+    rig->imu.gyro_walk = options->imu_noise * gyro_walk;
+    rig->imu.acceleration_noise = options->imu_noise * acceleration_noise;
+    rig->imu.acceleration_walk = options->imu_noise * acceleration_walk;
+    rig->cameras[0].has_T_body_cam = true;
+    memcpy(rig->cameras[0].T_body_cam, identity, sizeof identity);
+}
+
+/* Velocity in the world; false: the body is carried off about this time. */
+static bool velocity(const struct fv_sim_motion *motion, double time_s, double v[3])
+{
+    double before[12], after[12], moved2 = 0;
+    fv_sim_motion_pose(motion, time_s - half_step_s, before);
+    fv_sim_motion_pose(motion, time_s + half_step_s, after);
+    for (int i = 0; i < 3; i++) {
+        v[i] = (after[4 * i + 3] - before[4 * i + 3]) / (2 * half_step_s);
+        moved2 += v[i] * v[i];
+    }
+    return moved2 < carried_off_m_s * carried_off_m_s;
+}
+
+/* v <- v turned back by the unit quaternion q. */
+static void turn_back(const double q[4], double v[3])
+{
+    const double u[3] = {-q[1], -q[2], -q[3]};
+    double t[3], c[3];
+    for (int i = 0; i < 3; i++)
+        t[i] = 2 * (u[(i + 1) % 3] * v[(i + 2) % 3] - u[(i + 2) % 3] * v[(i + 1) % 3]);
+    for (int i = 0; i < 3; i++)
+        c[i] = u[(i + 1) % 3] * t[(i + 2) % 3] - u[(i + 2) % 3] * t[(i + 1) % 3];
+    for (int i = 0; i < 3; i++)
+        v[i] += q[0] * t[i] + c[i];
+}
+
+/* What an ideal sensor reads over [end_s - step_s, end_s]. */
+static void ideal(const struct fv_sim_motion *motion, double end_s, double step_s,
+                  struct fovea_imu_sample *sample)
+{
+    double a[12], b[12], R[9], t[3], q[4], v0[3], v1[3], force[3] = {0, 0, gravity_m_s2};
+    double moved2 = 0;
+    fv_sim_motion_pose(motion, end_s - step_s, a);
+    fv_sim_motion_pose(motion, end_s, b);
+    fv_sim_relative(a, b, R, t);
+    for (int i = 0; i < 3; i++)
+        moved2 += t[i] * t[i];
+    bool rest = !velocity(motion, end_s - step_s, v0);
+    rest = !velocity(motion, end_s, v1) || rest;
+    rest = rest || moved2 > carried_off_m_s * carried_off_m_s * step_s * step_s;
+    fv_sim_quaternion(R, q);
+    const double s = __builtin_sqrt(q[1] * q[1] + q[2] * q[2] + q[3] * q[3]);
+    const double rate = s > 0 && !rest ? 2 * fovea_atan2(s, q[0]) / (s * step_s) : 0;
+    for (int i = 0; i < 3; i++)
+        sample->gyro[i] = rate * q[i + 1];
+    for (int i = 0; i < 3 && !rest; i++)
+        force[i] += (v1[i] - v0[i]) / step_s;
+    const double n = 1 / __builtin_sqrt(2 * (1 + q[0]));
+    const double half[4] = {(1 + q[0]) * n, q[1] * n, q[2] * n, q[3] * n};
+    for (int i = 0; i < 3; i++)
+        sample->acceleration[i] = a[i] * force[0] + a[4 + i] * force[1] + a[8 + i] * force[2];
+    if (!rest) turn_back(half, sample->acceleration);
+}
+
+void fv_sim_imu_sample(struct fovea_source *source, double begin_s, struct fovea_imu_sample *sample)
+{
+    const struct fv_sim_options *options = &source->options;
+    struct fv_sim_imu *imu = &source->imu;
+    const double step_s = 1 / options->imu_hz, factor = options->imu_noise,
+                 white = factor / __builtin_sqrt(step_s), walk = factor * __builtin_sqrt(step_s);
+    struct fovea_random random;
+    ideal(&source->motion, begin_s + (double)imu->count * step_s, step_s, sample);
+    fovea_random_seed(&random, options->seed ^ (imu->count + 1) * 0xA24BAED4963EE407u);
+    for (int i = 0; i < 3; i++) {
+        imu->gyro_bias[i] += walk * gyro_walk * fovea_random_normal(&random);
+        imu->acceleration_bias[i] += walk * acceleration_walk * fovea_random_normal(&random);
+        sample->gyro[i] += imu->gyro_bias[i] + white * gyro_noise * fovea_random_normal(&random);
+        sample->acceleration[i] +=
+            imu->acceleration_bias[i] + white * acceleration_noise * fovea_random_normal(&random);
+    }
+    imu->count++;
+}
